@@ -1,0 +1,341 @@
+/* dmkcl: the cut locus of a point on a triangulated surface, by optimal transport, on OpenCL.
+ *
+ * Public interface of libdmkcl (C11, callable from C99 and C++).
+ *
+ * Conventions
+ *   - Every call that can fail returns a dmk_status: DMK_OK (0) or a negative code; the reason, in
+ *     words, is then dmk_context_message(context). Outputs are set only on success.
+ *   - A context belongs to one thread at a time. There is no other state: no globals, no printing.
+ *   - *_create/_read/_open give an object to the caller, who hands it back to *_destroy(&object);
+ *     destroying NULL is fine and the pointer is set to NULL. `const` pointers returned by accessors
+ *     are borrowed and live as long as the object they come from.
+ *   - Option structs are filled by their _init function first, then changed at will.
+ *   - Indices count from 0; lengths are in the unit of the mesh's coordinates.
+ *
+ * The problem (method: Facca, Berti, Fasso, Putti, "Computing the cut locus of a Riemannian manifold
+ * via optimal transport"): f+ = |M| delta_p, f- = area measure of the surface M;
+ *     -div(mu grad u) = f+ - f-,   |grad u| <= 1,   |grad u| = 1 where mu > 0.
+ * Then u = -dist(., p) + const, and the zero set of the density mu is the cut locus of p.
+ */
+#ifndef DMKCL_H
+#define DMKCL_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define DMK_VERSION_MAJOR 0
+#define DMK_VERSION_MINOR 1
+#define DMK_VERSION_PATCH 0
+
+typedef enum dmk_status {
+    DMK_OK = 0,
+    DMK_E_ARG = -1,       /* an argument is out of its range */
+    DMK_E_NOMEM = -2,     /* out of memory on the host or the device */
+    DMK_E_IO = -3,        /* a file cannot be opened, read or written */
+    DMK_E_FORMAT = -4,    /* a file is not what it says it is */
+    DMK_E_MESH = -5,      /* the mesh is not a surface this method can treat */
+    DMK_E_DEVICE = -6,    /* no OpenCL device, or it failed */
+    DMK_E_BUILD = -7,     /* a kernel did not compile */
+    DMK_E_DIVERGED = -8,  /* the iteration diverged; there is no result */
+    DMK_E_LIMIT = -9,     /* a step or iteration limit was reached before the tolerance */
+    DMK_E_CANCELLED = -10 /* the progress callback asked to stop */
+} dmk_status;
+
+/* "x.y.z" of the library that is linked. */
+const char *dmk_version(void);
+
+/* A few words on a status code, for instance "out of memory". Never NULL. */
+const char *dmk_status_text(int status);
+
+/* ---- context: message and progress --------------------------------------------------------- */
+
+typedef struct dmk_context dmk_context;
+
+/* One report of progress. `stage` is a static string ("read", "levels", "solve", "locus", ...);
+ * within "solve", `step` counts outer steps from 1, `change` is the relative change of mu per unit
+ * time and `gap` the relative gap of the certificate, or NaN when not computed at this step. */
+typedef struct dmk_progress {
+    const char *stage;
+    int step;
+    int max_steps;
+    int cg_iterations; /* of this step */
+    double change;
+    double gap;
+    double seconds; /* since the call began */
+} dmk_progress;
+
+/* Return 0 to go on; anything else ends the running call with DMK_E_CANCELLED. */
+typedef int (*dmk_progress_fn)(const dmk_progress *progress, void *user);
+
+int dmk_context_create(dmk_context **context);
+void dmk_context_destroy(dmk_context **context);
+/* Why the last failing call on this context failed; "" if none did. Valid until the next call. */
+const char *dmk_context_message(const dmk_context *context);
+/* fn may be NULL: no reports. */
+void dmk_context_set_progress(dmk_context *context, dmk_progress_fn fn, void *user);
+
+/* ---- mesh ------------------------------------------------------------------------------------ */
+
+typedef struct dmk_mesh dmk_mesh;
+
+/* A point on a surface: barycentric weights (sum 1, >= 0) on the corners of a triangle. */
+typedef struct dmk_point {
+    int64_t triangle;
+    double weight[3];
+} dmk_point;
+
+/* Copy xyz (3 per vertex) and triangles (3 vertex indices each) and check the topology.
+ * Accepted: borders, unused vertices, several components. Refused with DMK_E_MESH, naming the first
+ * offender: non-manifold edges or vertices, inconsistent orientation, degenerate triangles, NaN. */
+int dmk_mesh_create(dmk_context *context, size_t n_vertices, const double *xyz, size_t n_triangles,
+                    const int32_t *triangles, dmk_mesh **mesh);
+/* Read a mesh file; the format is recognised by its content, then its suffix. */
+int dmk_mesh_read(dmk_context *context, const char *path, dmk_mesh **mesh);
+/* Write the bare mesh; the suffix chooses the format (see dmk_mesh_formats). */
+int dmk_mesh_write(dmk_context *context, const dmk_mesh *mesh, const char *path);
+void dmk_mesh_destroy(dmk_mesh **mesh);
+
+typedef struct dmk_mesh_info {
+    size_t n_vertices, n_triangles, n_edges;
+    size_t n_unused_vertices;  /* in no triangle */
+    size_t n_border_edges;     /* in one triangle only */
+    size_t n_border_loops;     /* closed border curves */
+    size_t n_components;       /* connected through edges */
+    int64_t euler;             /* V - E + F over used vertices */
+    double area;               /* sum of the triangles' areas */
+    double mean_edge, min_edge, max_edge;
+    double min_angle, max_angle; /* degrees, over all triangle corners */
+    double box_min[3], box_max[3];
+} dmk_mesh_info;
+
+void dmk_mesh_get_info(const dmk_mesh *mesh, dmk_mesh_info *info);
+/* Borrowed: 3*n_vertices coordinates, 3*n_triangles indices, in the input's order. */
+const double *dmk_mesh_vertices(const dmk_mesh *mesh);
+const int32_t *dmk_mesh_triangles(const dmk_mesh *mesh);
+/* Borrowed: 2*n_edges vertex indices, the smaller first; the edges' order is that of the results'
+ * midpoint arrays. */
+const int32_t *dmk_mesh_edges(const dmk_mesh *mesh);
+
+/* The point of the surface nearest to xyz (in space). DMK_E_ARG for NaN or infinite xyz. */
+int dmk_mesh_project(dmk_context *context, const dmk_mesh *mesh, const double xyz[3],
+                     dmk_point *point);
+/* The place of vertex i as a point. DMK_E_ARG if i is out of range or in no triangle. */
+int dmk_mesh_vertex_point(dmk_context *context, const dmk_mesh *mesh, int64_t vertex,
+                          dmk_point *point);
+/* xyz of a point. */
+int dmk_mesh_point_xyz(dmk_context *context, const dmk_mesh *mesh, const dmk_point *point,
+                       double xyz[3]);
+
+/* ---- the built-in surfaces -------------------------------------------------------------------- */
+
+/* Parameters of a built-in surface. `name` is one of dmk_surface_name(0..): "torus" (a: distance of
+ * the tube's centre from the axis, b: tube radius), "ellipsoid" (semi-axes a, b, c), "quartic"
+ * ((x/a)^4+(y/b)^4+(z/c)^4=1), "sphere" (radius a). A size left 0 takes the surface's default. */
+typedef struct dmk_surface_options {
+    const char *name;
+    double size[3];      /* a, b, c */
+    size_t n_triangles;  /* of the coarse mesh, about; 0 = the surface's default */
+    int refine;          /* midpoint subdivisions, each new point lifted to the surface */
+    int has_source;      /* 1: `source` is lifted to the surface and made an exact vertex, number 0 */
+    double source[3];
+} dmk_surface_options;
+
+void dmk_surface_options_init(dmk_surface_options *options);
+/* NULL past the last one. */
+const char *dmk_surface_name(size_t index);
+int dmk_mesh_surface(dmk_context *context, const dmk_surface_options *options, dmk_mesh **mesh);
+
+/* ---- devices ---------------------------------------------------------------------------------- */
+
+typedef struct dmk_device_info {
+    char name[128];
+    char platform[128];
+    char driver[64];
+    char type[16];      /* "CPU", "GPU", "accelerator" */
+    int compute_units;
+    int fp64;           /* 1 if double precision is there */
+    uint64_t memory;    /* bytes */
+} dmk_device_info;
+
+/* What hwloc tells of the machine; zero where unknown. */
+typedef struct dmk_machine_info {
+    int packages, numa_nodes, cores, threads;
+    uint64_t l1, l2, l3;  /* bytes, of one cache each */
+    uint64_t memory;      /* bytes */
+} dmk_machine_info;
+
+/* Fill up to `capacity` entries; *count is the number there are. */
+int dmk_device_list(dmk_context *context, dmk_device_info *infos, size_t capacity, size_t *count);
+int dmk_machine_get_info(dmk_context *context, dmk_machine_info *info);
+
+typedef struct dmk_device dmk_device;
+
+typedef struct dmk_device_options {
+    const char *select;   /* NULL: the best; "N": number N of the list; else part of a name */
+    int single_precision; /* 1: use no double precision on the device even where it is there */
+    int threads;          /* compute units to use on a CPU device; 0 = one per core */
+    const char *cache;    /* folder for kernel binaries; NULL = the user's cache folder, "" = none */
+} dmk_device_options;
+
+void dmk_device_options_init(dmk_device_options *options);
+int dmk_device_open(dmk_context *context, const dmk_device_options *options, dmk_device **device);
+void dmk_device_get_info(const dmk_device *device, dmk_device_info *info);
+void dmk_device_destroy(dmk_device **device);
+
+/* ---- solver ----------------------------------------------------------------------------------- */
+
+typedef enum dmk_method {
+    DMK_NEWTON = 0,   /* inexact Newton in (u, log mu): the default */
+    DMK_INERTIAL = 1, /* explicit steps in log mu with inertia */
+    DMK_EULER = 2     /* explicit Euler with step dt: the paper's method */
+} dmk_method;
+
+typedef enum dmk_start {
+    DMK_START_DISTANCE = 0, /* mu and u from a geodesic distance estimate */
+    DMK_START_UNIFORM = 1   /* mu = 1 */
+} dmk_start;
+
+typedef struct dmk_solve_options {
+    dmk_method method;
+    dmk_start start;
+    double dt;            /* time step of DMK_EULER, in (0, 1]; 0 = 0.5 */
+    double inertia;       /* beta of DMK_INERTIAL, in [0, 1); negative = 0.8, reached gradually */
+    double tolerance;     /* on the relative change of mu per unit time; 0 = the method's default */
+    double gap_tolerance; /* also stop when the certificate's relative gap is below; 0 = not used */
+    double cg_tolerance;  /* relative energy residual of the inner solves; 0 = the method's default */
+    int max_steps;        /* 0 = the method's default */
+    double threshold;     /* absolute bound of the approximate cut locus {mu <= eps}; 0 = relative to
+                             the local element size */
+} dmk_solve_options;
+
+void dmk_solve_options_init(dmk_solve_options *options);
+
+typedef struct dmk_solver dmk_solver;
+
+/* Pack `mesh` for `device` and set up its multigrid hierarchy, once for many sources. Both must
+ * outlive the solver. */
+int dmk_solver_create(dmk_context *context, dmk_device *device, const dmk_mesh *mesh,
+                      dmk_solver **solver);
+void dmk_solver_destroy(dmk_solver **solver);
+
+typedef struct dmk_result dmk_result;
+
+/* Solve for one source. Only the component that holds the source takes part; elsewhere mu is 0 and
+ * the distance infinite. DMK_E_DIVERGED, DMK_E_LIMIT and DMK_E_CANCELLED give no result. */
+int dmk_solve(dmk_context *context, dmk_solver *solver, const dmk_point *source,
+              const dmk_solve_options *options, dmk_result **result);
+void dmk_result_destroy(dmk_result **result);
+
+/* Stages of dmk_stats.seconds. */
+typedef enum dmk_stage {
+    DMK_STAGE_READ = 0, /* file to mesh with topology */
+    DMK_STAGE_DEVICE,   /* context, kernels */
+    DMK_STAGE_SETUP,    /* ordering, hierarchy, packing */
+    DMK_STAGE_START,    /* distance and density to start from */
+    DMK_STAGE_SOLVE,    /* outer iteration */
+    DMK_STAGE_CERTIFY,  /* bounds of the cost */
+    DMK_STAGE_LOCUS,
+    DMK_N_STAGES
+} dmk_stage;
+
+typedef struct dmk_stats {
+    int steps;            /* outer steps */
+    int cg_iterations;    /* summed over all inner solves */
+    int v_cycles;
+    double change;        /* last relative change of mu per unit time */
+    double cost_upper;    /* upper bound of the optimal cost, the integral of the distance */
+    double cost_lower;    /* lower bound: f.u of a feasible potential */
+    double gap;           /* (upper - lower) / upper */
+    double area;          /* of the source's component */
+    int levels;           /* of the multigrid hierarchy */
+    int double_precision; /* 1 if the outer iteration ran in double precision */
+    double seconds[DMK_N_STAGES];
+} dmk_stats;
+
+void dmk_result_get_stats(const dmk_result *result, dmk_stats *stats);
+/* Borrowed arrays; each also gives its length through n when n is not NULL. */
+const double *dmk_result_density(const dmk_result *result, size_t *n);       /* mu per triangle */
+const uint8_t *dmk_result_acl(const dmk_result *result, size_t *n);          /* mu <= bound, per triangle */
+const double *dmk_result_potential(const dmk_result *result, size_t *n);     /* u per vertex, u(p) = 0 */
+const double *dmk_result_potential_mid(const dmk_result *result, size_t *n); /* u per edge midpoint */
+const double *dmk_result_distance(const dmk_result *result, size_t *n);      /* -u per vertex */
+const double *dmk_result_distance_mid(const dmk_result *result, size_t *n);  /* -u per midpoint */
+void dmk_result_source(const dmk_result *result, dmk_point *source);
+
+/* ---- cut locus -------------------------------------------------------------------------------- */
+
+typedef struct dmk_locus dmk_locus;
+
+typedef struct dmk_locus_options {
+    double strength; /* prune branches weaker than this many times the mesh's noise; 0 = 0.75 */
+} dmk_locus_options;
+
+typedef enum dmk_locus_kind {
+    DMK_LOCUS_ORDINARY = 0,
+    DMK_LOCUS_END = 1,
+    DMK_LOCUS_BRANCH = 2,
+    DMK_LOCUS_POINT = 3 /* the whole locus is this point */
+} dmk_locus_kind;
+
+/* A vertex of the cut locus' graph. */
+typedef struct dmk_locus_vertex {
+    double xyz[3];
+    dmk_point place;    /* on the input mesh */
+    double distance;    /* to the source */
+    double mu;          /* density of the triangle it lies in */
+    double strength;    /* angle at p between the minimal geodesics that meet here, radians */
+    double angle[2];    /* directions at p of the two outermost of them, radians */
+    int32_t kind;       /* dmk_locus_kind */
+    int32_t degree;
+} dmk_locus_vertex;
+
+typedef struct dmk_locus_edge {
+    int32_t vertex[2];
+    double strength;
+} dmk_locus_edge;
+
+typedef struct dmk_locus_info {
+    double length;
+    size_t n_vertices, n_edges, n_polylines;
+    int64_t loops; /* first Betti number */
+    size_t components;
+    size_t endpoints, branch_points;
+} dmk_locus_info;
+
+/* The cut locus as a graph on the surface, from a result's distance and density. */
+int dmk_locus_compute(dmk_context *context, const dmk_mesh *mesh, const dmk_result *result,
+                      const dmk_locus_options *options, dmk_locus **locus);
+void dmk_locus_options_init(dmk_locus_options *options);
+void dmk_locus_destroy(dmk_locus **locus);
+void dmk_locus_get_info(const dmk_locus *locus, dmk_locus_info *info);
+const dmk_locus_vertex *dmk_locus_vertices(const dmk_locus *locus, size_t *n);
+const dmk_locus_edge *dmk_locus_edges(const dmk_locus *locus, size_t *n);
+/* Polylines between branch and end points: polyline k is vertices index[offset[k]..offset[k+1]). */
+const int32_t *dmk_locus_polylines(const dmk_locus *locus, const int32_t **offset, size_t *n);
+/* OBJ with l lines (p for a single point), VTP lines with point data, or CSV, by the suffix. */
+int dmk_locus_write(dmk_context *context, const dmk_locus *locus, const char *path);
+
+/* ---- files ------------------------------------------------------------------------------------ */
+
+/* Write mesh, mu, acl, u, distance: VTP or VTU by the suffix. Written under a temporary name, then
+ * renamed: the file is whole or not there. */
+int dmk_result_write(dmk_context *context, const dmk_mesh *mesh, const dmk_result *result,
+                     const char *path);
+
+typedef struct dmk_format_info {
+    const char *name;      /* "OFF" */
+    const char *suffixes;  /* ".off" or several, blank-separated */
+    int reads_mesh, writes_mesh, writes_result, writes_locus;
+} dmk_format_info;
+
+/* 0 and *info for index 0, 1, ...; DMK_E_ARG past the last. */
+int dmk_format_get(size_t index, dmk_format_info *info);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

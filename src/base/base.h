@@ -1,0 +1,45 @@
+/* What every room needs: the error record, checked allocation, the clock, progress. */
+#ifndef DMK_BASE_H
+#define DMK_BASE_H
+
+#include "dmkcl.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+struct dmk_context {
+    char message[1024];
+    dmk_progress_fn progress;
+    void *progress_user;
+};
+
+/* Put a message in the record and return `status`; the printf-like text says what is wrong and what
+ * to do. An earlier message is replaced. */
+int dmk_fail(dmk_context *context, int status, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+/* The only macro that jumps: needs `int rc` and a label `done` in the function. */
+#define DMK_TRY(call)                                                                              \
+    do {                                                                                           \
+        rc = (call);                                                                               \
+        if (rc != DMK_OK) goto done;                                                               \
+    } while (0)
+
+/* DMK_OK and *memory = count * size zeroed bytes (never NULL, even for 0), or DMK_E_NOMEM with the
+ * message naming `what`. Freed with free(). */
+int dmk_alloc(dmk_context *context, const char *what, size_t count, size_t size, void **memory);
+/* Typed form: int32_t *a; DMK_TRY(DMK_NEW(ctx, a, n)); */
+#define DMK_NEW(context, pointer, count)                                                           \
+    dmk_alloc((context), #pointer, (count), sizeof *(pointer), (void **)&(pointer))
+
+/* Seconds of a monotonic clock. */
+double dmk_seconds(void);
+
+/* Call the progress callback, if any; DMK_E_CANCELLED if it asks to stop. */
+int dmk_report(dmk_context *context, const dmk_progress *progress);
+
+static inline int32_t dmk_min_i(int32_t a, int32_t b) { return a < b ? a : b; }
+static inline int32_t dmk_max_i(int32_t a, int32_t b) { return a > b ? a : b; }
+
+#endif

@@ -1,0 +1,265 @@
+#include "mesh/mesh.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Fill rows so that row[key] .. row[key+1] spans the items of each key, by counting. */
+static void count_to_rows(int32_t n, int32_t *row)
+{
+    int32_t sum = 0;
+    for (int32_t i = 0; i <= n; i++) {
+        int32_t count = row[i];
+        row[i] = sum;
+        sum += count;
+    }
+}
+
+/* A half-edge run by triangle t opposite corner k goes from corner k+1 to k+2. */
+static void half_edge(const int32_t *tri, int32_t half, int32_t *from, int32_t *to)
+{
+    const int32_t *c = tri + 3 * (half / 3);
+    int k = half % 3;
+    *from = c[(k + 1) % 3];
+    *to = c[(k + 2) % 3];
+}
+
+/* Group the half-edges by their smaller end vertex, then match equal larger ends within each small
+ * group: linear in the mesh's size. Edges are numbered by (smaller end, first half-edge). */
+static int build_edges(dmk_context *ctx, struct dmk_mesh *m)
+{
+    int rc;
+    int32_t n_half = 3 * m->n_triangles, n_edges = 0;
+    int32_t *row = NULL, *half = NULL, *fill = NULL;
+    DMK_TRY(DMK_NEW(ctx, row, (size_t)m->n_vertices + 1));
+    DMK_TRY(DMK_NEW(ctx, fill, (size_t)m->n_vertices));
+    DMK_TRY(DMK_NEW(ctx, half, (size_t)n_half));
+    DMK_TRY(DMK_NEW(ctx, m->triangle_edge, (size_t)n_half));
+    DMK_TRY(DMK_NEW(ctx, m->edge_vertex, 2 * (size_t)n_half));
+    DMK_TRY(DMK_NEW(ctx, m->edge_triangle, 2 * (size_t)n_half));
+    for (int32_t h = 0; h < n_half; h++) {
+        int32_t a, b;
+        half_edge(m->triangle, h, &a, &b);
+        row[dmk_min_i(a, b)]++;
+    }
+    count_to_rows(m->n_vertices, row);
+    for (int32_t v = 0; v < m->n_vertices; v++) fill[v] = row[v];
+    for (int32_t h = 0; h < n_half; h++) {
+        int32_t a, b;
+        half_edge(m->triangle, h, &a, &b);
+        half[fill[dmk_min_i(a, b)]++] = h;
+    }
+    for (int32_t v = 0; v < m->n_vertices; v++) {
+        int32_t first = n_edges;
+        for (int32_t i = row[v]; i < row[v + 1]; i++) {
+            int32_t a, b, h = half[i];
+            half_edge(m->triangle, h, &a, &b);
+            int32_t other = dmk_max_i(a, b), side = a < b ? 0 : 1, e = first;
+            while (e < n_edges && m->edge_vertex[2 * e + 1] != other) e++;
+            if (e == n_edges) {
+                m->edge_vertex[2 * e] = v;
+                m->edge_vertex[2 * e + 1] = other;
+                m->edge_triangle[2 * e] = m->edge_triangle[2 * e + 1] = -1;
+                n_edges++;
+            }
+            int32_t *slot = &m->edge_triangle[2 * e + side];
+            if (*slot >= 0) {
+                int32_t t0 = *slot, t1 = m->edge_triangle[2 * e + !side];
+                rc = t1 >= 0
+                         ? dmk_fail(ctx, DMK_E_MESH,
+                                    "non-manifold edge %d-%d: triangles %d, %d and %d share it; "
+                                    "remove or separate the extra sheets",
+                                    v, other, t0, t1, h / 3)
+                         : dmk_fail(ctx, DMK_E_MESH,
+                                    "triangles %d and %d run edge %d-%d in the same direction: "
+                                    "inconsistent orientation (or more than two triangles on the "
+                                    "edge); reorient the triangles consistently",
+                                    t0, h / 3, v, other);
+                goto done;
+            }
+            *slot = h / 3;
+            m->triangle_edge[h] = e;
+        }
+    }
+    /* A border edge keeps its only triangle in slot 0. */
+    for (int32_t e = 0; e < n_edges; e++) {
+        int32_t *t = m->edge_triangle + 2 * e;
+        if (t[0] < 0) {
+            t[0] = t[1];
+            t[1] = -1;
+        }
+    }
+    m->n_edges = n_edges;
+    m->edge_vertex = realloc(m->edge_vertex, 2 * (size_t)n_edges * sizeof *m->edge_vertex);
+    m->edge_triangle = realloc(m->edge_triangle, 2 * (size_t)n_edges * sizeof *m->edge_triangle);
+    rc = DMK_OK;
+done:
+    free(row);
+    free(fill);
+    free(half);
+    return rc;
+}
+
+/* Number the components by flooding over edges. */
+static int build_components(dmk_context *ctx, struct dmk_mesh *m)
+{
+    int rc;
+    int32_t *stack = NULL;
+    DMK_TRY(DMK_NEW(ctx, m->component, (size_t)m->n_triangles));
+    DMK_TRY(DMK_NEW(ctx, stack, (size_t)m->n_triangles));
+    for (int32_t t = 0; t < m->n_triangles; t++) m->component[t] = -1;
+    for (int32_t seed = 0; seed < m->n_triangles; seed++) {
+        if (m->component[seed] >= 0) continue;
+        int32_t top = 0;
+        stack[top++] = seed;
+        m->component[seed] = m->n_components;
+        while (top > 0) {
+            int32_t t = stack[--top];
+            for (int k = 0; k < 3; k++) {
+                const int32_t *pair = m->edge_triangle + 2 * m->triangle_edge[3 * t + k];
+                int32_t other = pair[0] == t ? pair[1] : pair[0];
+                if (other >= 0 && m->component[other] < 0) {
+                    m->component[other] = m->n_components;
+                    stack[top++] = other;
+                }
+            }
+        }
+        m->n_components++;
+    }
+    rc = DMK_OK;
+done:
+    free(stack);
+    return rc;
+}
+
+/* Lengths, areas and cotangents, from edge lengths alone (Kahan's stable form of Heron's formula),
+ * so that an intrinsic metric would do as well: cot at corner k = (b^2 + c^2 - a^2) / (4 area). */
+static int build_geometry(dmk_context *ctx, struct dmk_mesh *m)
+{
+    int rc;
+    DMK_TRY(DMK_NEW(ctx, m->length, (size_t)m->n_edges));
+    DMK_TRY(DMK_NEW(ctx, m->area, (size_t)m->n_triangles));
+    DMK_TRY(DMK_NEW(ctx, m->cot, 3 * (size_t)m->n_triangles));
+    for (int32_t e = 0; e < m->n_edges; e++) {
+        const double *a = m->xyz + 3 * (size_t)m->edge_vertex[2 * e];
+        const double *b = m->xyz + 3 * (size_t)m->edge_vertex[2 * e + 1];
+        double x = b[0] - a[0], y = b[1] - a[1], z = b[2] - a[2];
+        m->length[e] = sqrt(x * x + y * y + z * z);
+    }
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        const int32_t *e = m->triangle_edge + 3 * t;
+        double l[3] = {m->length[e[0]], m->length[e[1]], m->length[e[2]]};
+        double a = l[0], b = l[1], c = l[2], s;
+        if (a < b) s = a, a = b, b = s;
+        if (b < c) s = b, b = c, c = s;
+        if (a < b) s = a, a = b, b = s;
+        double heron = (a + (b + c)) * (c - (a - b)) * (c + (a - b)) * (a + (b - c));
+        m->area[t] = 0.25 * sqrt(heron > 0 ? heron : 0);
+        if (!(m->area[t] > 0)) {
+            const int32_t *v = m->triangle + 3 * t;
+            rc = dmk_fail(ctx, DMK_E_MESH,
+                          "triangle %d (vertices %d %d %d) is degenerate: its area is zero; remove "
+                          "it or merge its corners",
+                          t, v[0], v[1], v[2]);
+            goto done;
+        }
+        for (int k = 0; k < 3; k++) {
+            double o = l[k], p = l[(k + 1) % 3], q = l[(k + 2) % 3];
+            m->cot[3 * t + k] = (p * p + q * q - o * o) / (4 * m->area[t]);
+        }
+    }
+    rc = DMK_OK;
+done:
+    return rc;
+}
+
+int dmk_mesh_adopt(dmk_context *ctx, size_t n_vertices, double *xyz, size_t n_triangles,
+                   int32_t *triangle, dmk_mesh **mesh)
+{
+    int rc;
+    struct dmk_mesh *m = NULL;
+    DMK_TRY(DMK_NEW(ctx, m, 1));
+    m->xyz = xyz;
+    m->triangle = triangle;
+    xyz = NULL;
+    triangle = NULL;
+    if (n_triangles == 0 || n_triangles > INT32_MAX / 16 || n_vertices > INT32_MAX / 16) {
+        rc = dmk_fail(ctx, DMK_E_MESH, "%zu vertices and %zu triangles: %s", n_vertices,
+                      n_triangles, n_triangles ? "too many for 32-bit indices" : "nothing to solve");
+        goto done;
+    }
+    m->n_vertices = (int32_t)n_vertices;
+    m->n_triangles = (int32_t)n_triangles;
+    DMK_TRY(build_edges(ctx, m));
+    DMK_TRY(build_components(ctx, m));
+    DMK_TRY(build_geometry(ctx, m));
+    *mesh = m;
+    m = NULL;
+done:
+    free(xyz);
+    free(triangle);
+    dmk_mesh_destroy(&m);
+    return rc;
+}
+
+int dmk_mesh_create(dmk_context *ctx, size_t n_vertices, const double *xyz, size_t n_triangles,
+                    const int32_t *triangles, dmk_mesh **mesh)
+{
+    int rc;
+    double *x = NULL;
+    int32_t *t = NULL;
+    DMK_TRY(DMK_NEW(ctx, x, 3 * n_vertices));
+    DMK_TRY(DMK_NEW(ctx, t, 3 * n_triangles));
+    memcpy(x, xyz, 3 * n_vertices * sizeof *x);
+    memcpy(t, triangles, 3 * n_triangles * sizeof *t);
+    return dmk_mesh_adopt(ctx, n_vertices, x, n_triangles, t, mesh);
+done:
+    free(x);
+    free(t);
+    return rc;
+}
+
+void dmk_mesh_destroy(dmk_mesh **mesh)
+{
+    struct dmk_mesh *m = *mesh;
+    if (!m) return;
+    free(m->xyz);
+    free(m->triangle);
+    free(m->triangle_edge);
+    free(m->edge_vertex);
+    free(m->edge_triangle);
+    free(m->component);
+    free(m->length);
+    free(m->area);
+    free(m->cot);
+    free(m);
+    *mesh = NULL;
+}
+
+int dmk_fan_create(dmk_context *ctx, const dmk_mesh *m, dmk_fan *fan)
+{
+    int rc;
+    int32_t *fill = NULL;
+    memset(fan, 0, sizeof *fan);
+    DMK_TRY(DMK_NEW(ctx, fan->row, (size_t)m->n_vertices + 1));
+    DMK_TRY(DMK_NEW(ctx, fan->triangle, 3 * (size_t)m->n_triangles));
+    DMK_TRY(DMK_NEW(ctx, fill, (size_t)m->n_vertices));
+    for (int32_t h = 0; h < 3 * m->n_triangles; h++) fan->row[m->triangle[h]]++;
+    count_to_rows(m->n_vertices, fan->row);
+    for (int32_t v = 0; v < m->n_vertices; v++) fill[v] = fan->row[v];
+    for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
+        fan->triangle[fill[m->triangle[h]]++] = 4 * (h / 3) + h % 3;
+    }
+    rc = DMK_OK;
+done:
+    free(fill);
+    if (rc != DMK_OK) dmk_fan_free(fan);
+    return rc;
+}
+
+void dmk_fan_free(dmk_fan *fan)
+{
+    free(fan->row);
+    free(fan->triangle);
+    memset(fan, 0, sizeof *fan);
+}

@@ -1,0 +1,53 @@
+/* The flat triangle mesh: vertices, triangles, the edges between them, and the intrinsic geometry.
+ *
+ * Corners are numbered 0, 1, 2 counterclockwise; edge k of a triangle lies opposite corner k, so it
+ * joins corners (k+1)%3 and (k+2)%3. */
+#ifndef DMK_MESH_H
+#define DMK_MESH_H
+
+#include "base/base.h"
+
+struct dmk_mesh {
+    int32_t n_vertices, n_triangles, n_edges;
+    double *xyz;            /* 3*n_vertices, in the input's order */
+    int32_t *triangle;      /* 3*n_triangles: corner vertices, consistently oriented */
+    int32_t *triangle_edge; /* 3*n_triangles: edge opposite corner k */
+    int32_t *edge_vertex;   /* 2*n_edges: end vertices, the smaller first */
+    int32_t *edge_triangle; /* 2*n_edges: the triangles on it, the one that runs it from
+                               edge_vertex[2e] to [2e+1] first if it exists; -1 on a border
+                               (always in slot 1) */
+    int32_t *component;     /* n_triangles: connected component, numbered by first triangle */
+    int32_t n_components;
+    double *length;         /* n_edges */
+    double *area;           /* n_triangles */
+    double *cot;            /* 3*n_triangles: cotangent of the angle at corner k */
+};
+
+/* Vertex -> incident triangles, as compressed rows. */
+typedef struct dmk_fan {
+    int32_t *row;      /* n_vertices + 1 */
+    int32_t *triangle; /* 3*n_triangles: triangle * 4 + corner; within a row in increasing order */
+} dmk_fan;
+
+int dmk_fan_create(dmk_context *context, const dmk_mesh *mesh, dmk_fan *fan);
+void dmk_fan_free(dmk_fan *fan);
+
+/* mesh.c: take ownership of malloc'ed xyz and triangle (freed also on failure), build topology and
+ * geometry, check (see dmk_mesh_create for what is refused). */
+int dmk_mesh_adopt(dmk_context *context, size_t n_vertices, double *xyz, size_t n_triangles,
+                   int32_t *triangle, dmk_mesh **mesh);
+
+/* order.c: the component `component` of `mesh` as a mesh of its own, in an order that keeps
+ * neighbours near in memory: triangles along a space-filling (Morton) curve of their centroids,
+ * vertices and edges by first touch. New index -> old index maps are the caller's to free. */
+typedef struct dmk_order {
+    dmk_mesh *mesh;
+    int32_t *vertex_old;   /* mesh->n_vertices */
+    int32_t *triangle_old; /* mesh->n_triangles; corner k of the new triangle is corner k of the old */
+    int32_t *edge_old;     /* mesh->n_edges */
+} dmk_order;
+int dmk_order_create(dmk_context *context, const dmk_mesh *mesh, int32_t component,
+                     dmk_order *order);
+void dmk_order_free(dmk_order *order);
+
+#endif
