@@ -1,57 +1,192 @@
-# dmkcl: `make` builds, `make test` tests, `make demo` shows, `make install` installs.
-# CONFIG=release|debug|sanitize|coverage chooses the flags and the folder build/$(CONFIG); V=1 shows commands.
+# dmkcl. `make help` lists the targets and variables. Needs GNU make; builds without git.
+
+MAKEFLAGS += --no-builtin-rules
+
 CONFIG ?= release
 PREFIX ?= /usr/local
 DESTDIR ?=
+# The processor to build for, as gcc's -march: `native` is for this machine only.
+ARCH ?= native
 CC = gcc
-B := build/$(CONFIG)
-Q := $(if $(V),,@)
-VERSION := $(shell awk '/define DMK_VERSION_(MAJOR|MINOR|PATCH)/ { printf "%s%s", s, $$3; s = "." }' include/dmkcl.h)
-SOVERSION := $(firstword $(subst ., ,$(VERSION)))
+V ?=
 
-WARN := -Wall -Wextra -Wpedantic -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wpointer-arith -Wvla -Werror
-OPT_release := -O3 -march=native -fno-math-errno
+bindir ?= $(PREFIX)/bin
+libdir ?= $(PREFIX)/lib
+includedir ?= $(PREFIX)/include
+mandir ?= $(PREFIX)/share/man
+completionsdir ?= $(PREFIX)/share/bash-completion/completions
+
+B := build/$(CONFIG)
+# V=1 shows the commands instead of one word each.
+Q := $(if $(V),,@)
+say = $(if $(V),,@printf '  %-7s %s\n' $(1) $(2))
+
+VERSION := $(shell awk '/define DMK_VERSION_(MAJOR|MINOR|PATCH)/ { printf "%s%s", s, $$3; s = "." }' \
+    include/dmkcl.h)
+SONAME := libdmkcl.so.$(firstword $(subst ., ,$(VERSION)))
+
+# ---- flags -----------------------------------------------------------------------------------
+
+MARCH := $(if $(ARCH),-march=$(ARCH))
+OPT_release := -O3 $(MARCH) -fno-math-errno
 OPT_debug := -O0 -g
 OPT_sanitize := -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
 OPT_coverage := -O0 -g --coverage
-CFLAGS := -std=c11 -D_GNU_SOURCE -DCL_TARGET_OPENCL_VERSION=120 $(WARN) $(OPT_$(CONFIG)) -fPIC -fvisibility=hidden -Iinclude -Isrc -Ikernels
+ifeq ($(OPT_$(CONFIG)),)
+$(error CONFIG=$(CONFIG): expected release, debug, sanitize or coverage)
+endif
+
+WARN := -Wall -Wextra -Wpedantic -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wpointer-arith \
+    -Wvla -Werror
+CFLAGS ?=
+LDFLAGS ?=
+# No semantic interposition: calls inside the shared library are then as cheap as in the static one.
+FLAGS := -std=c11 -D_GNU_SOURCE -DCL_TARGET_OPENCL_VERSION=120 $(WARN) $(OPT_$(CONFIG)) -fPIC \
+    -fno-semantic-interposition -Iinclude -Isrc -Ikernels $(CFLAGS)
+LINK := $(OPT_$(CONFIG)) $(LDFLAGS)
 LDLIBS := -lOpenCL -lhwloc -lpthread -lm
 
-LIB_SRC := $(wildcard src/base/*.c src/mesh/*.c src/io/*.c src/device/*.c src/solver/*.c src/locus/*.c) $(wildcard src/api.c)
-CLI_SRC := $(wildcard src/cli/*.c)
+# ---- files -----------------------------------------------------------------------------------
+
+ROOMS := base mesh io device solver locus
+LIB_SRC := $(sort $(foreach room,$(ROOMS),$(wildcard src/$(room)/*.c))) $(wildcard src/api.c)
+CLI_SRC := $(sort $(wildcard src/cli/*.c))
+# The parameter structures of host and device come before every kernel.
+KERNELS := kernels/dmk_shared.h $(sort $(wildcard kernels/*.cl))
+TEST_SRC := $(sort $(wildcard tests/test_*.c))
+# What tests share: any other C file beside them.
+TEST_LIB_SRC := $(filter-out $(TEST_SRC),$(sort $(wildcard tests/*.c)))
+TEST_SCRIPTS := $(sort $(wildcard tests/test_*.sh))
+
 LIB_OBJ := $(LIB_SRC:%.c=$B/%.o) $B/kernels.o
 CLI_OBJ := $(CLI_SRC:%.c=$B/%.o)
-KERNELS := kernels/dmk_shared.h $(sort $(wildcard kernels/*.cl))
-TEST_SRC := $(wildcard tests/test_*.c)
-TESTS := $(TEST_SRC:tests/%.c=$B/tests/%)
+TEST_OBJ := $(TEST_SRC:%.c=$B/%.o)
+TEST_LIB_OBJ := $(TEST_LIB_SRC:%.c=$B/%.o)
+TESTS := $(TEST_SRC:%.c=$B/%)
+STATIC := $B/libdmkcl.a
+SHARED := $B/libdmkcl.so.$(VERSION)
+TOOL := $(if $(CLI_SRC),$B/dmkcl)
+PC := $B/dmkcl.pc
+MAN := $(if $(CLI_SRC),$B/dmkcl.1)
 
-.PHONY: all clean test
-all: $B/libdmkcl.a $(if $(CLI_SRC),$B/dmkcl) $(TESTS)
+.PHONY: all tests test demo install uninstall clean help deps FORCE
+.SECONDARY:
+.DELETE_ON_ERROR:
 
-$B/%.o: %.c Makefile
+all: $(STATIC) $(SHARED) $(TOOL) $(TESTS)
+tests: $(TESTS)
+
+# ---- what the build stands on ----------------------------------------------------------------
+
+# Looked at once for each list. Only `deps`, `demo` and `test` install; the others name what is missing.
+PACKAGES := build/packages.ok
+deps: $(PACKAGES)
+$(PACKAGES): .ci/packages .ci/deps.sh
 	@mkdir -p $(@D)
-	$(if $(V),,@echo "  CC    $<")
-	$(Q)$(CC) $(CFLAGS) -MMD -MP -c $< -o $@
+	@sh .ci/deps.sh $(if $(filter deps demo test,$(MAKECMDGOALS)),install,check) $<
+	@touch $@
 
-# Each kernel file becomes an array of strings, one per line, with a #line that names it in build logs.
+# Changes only when the compiler or its flags do, and then everything is built anew.
+$B/flags: FORCE
+	@mkdir -p $(@D)
+	@echo '$(CC) $(FLAGS) $(LINK) $(LDLIBS)' | cmp -s - $@ || echo '$(CC) $(FLAGS) $(LINK) $(LDLIBS)' > $@
+
+# ---- library and tool ------------------------------------------------------------------------
+
+$B/%.o: %.c $B/flags | $(PACKAGES)
+	@mkdir -p $(@D)
+	$(call say,CC,$<)
+	$(Q)$(CC) $(FLAGS) -MMD -MP -c $< -o $@
+
 $B/kernels.c: $(KERNELS) kernels/embed.sh
 	@mkdir -p $(@D)
+	$(call say,EMBED,$@)
 	$(Q)sh kernels/embed.sh $(KERNELS) > $@.tmp && mv $@.tmp $@
-$B/kernels.o: $B/kernels.c
-	$(Q)$(CC) $(CFLAGS) -c $< -o $@
+$B/kernels.o: $B/kernels.c $B/flags | $(PACKAGES)
+	$(call say,CC,$<)
+	$(Q)$(CC) $(FLAGS) -c $< -o $@
 
-$B/libdmkcl.a: $(LIB_OBJ)
-	$(if $(V),,@echo "  AR    $@")
+$(STATIC): $(LIB_OBJ)
+	$(call say,AR,$@)
 	$(Q)rm -f $@ && $(AR) rcs $@ $^
-$B/dmkcl: $(CLI_OBJ) $B/libdmkcl.a
-	$(if $(V),,@echo "  LD    $@")
-	$(Q)$(CC) $(CFLAGS) $^ -o $@ $(LDLIBS)
-$B/tests/%: tests/%.c $B/libdmkcl.a
+
+# The shared library exports the functions that the public header declares, and nothing else.
+$B/exports.map: include/dmkcl.h
 	@mkdir -p $(@D)
-	$(if $(V),,@echo "  TEST  $<")
-	$(Q)$(CC) $(CFLAGS) -MMD -MP $< $B/libdmkcl.a -o $@ -lcmocka $(LDLIBS)
+	$(Q)sed -e 's,/\*.*\*/,,' -e '/^ \*/d' $< | grep -o 'dmk_[a-z0-9_]*(' | sort -u | \
+	    awk 'BEGIN { print "{ global:" } { sub(/\(/, ";"); print "  " $$0 } END { print "local: *; };" }' > $@
+$(SHARED): $(LIB_OBJ) $B/exports.map
+	$(call say,LD,$@)
+	$(Q)$(CC) -shared $(LINK) -Wl,-soname,$(SONAME) -Wl,-Bsymbolic-functions \
+	    -Wl,--version-script=$B/exports.map $(LIB_OBJ) -o $@ $(LDLIBS)
+	$(Q)ln -sf $(@F) $B/$(SONAME) && ln -sf $(@F) $B/libdmkcl.so
+
+$B/dmkcl: $(CLI_OBJ) $(STATIC)
+	$(call say,LD,$@)
+	$(Q)$(CC) $(LINK) $^ -o $@ $(LDLIBS)
+
+# ---- tests -----------------------------------------------------------------------------------
+
+$B/tests/%: $B/tests/%.o $(TEST_LIB_OBJ) $(STATIC)
+	$(call say,LD,$@)
+	$(Q)$(CC) $(LINK) $^ -o $@ -lcmocka $(LDLIBS)
+
+test: $(TESTS) $(STATIC) $(SHARED) $(TOOL)
+	@sh tests/run.sh $B $(TESTS) $(TEST_SCRIPTS)
+
+# ---- demo ------------------------------------------------------------------------------------
+
+# The paper's first example: the torus of radii 2 and 1, seen from the point (3, 0, 0).
+demo: $(TOOL)
+	@mkdir -p build/demo
+	$(Q)$(TOOL) mesh torus --refine 2 --source 3,0,0 --out build/demo/torus.off
+	$(Q)$(TOOL) solve build/demo/torus.off --source 3,0,0 --out build/demo/torus.vtp \
+	    --locus build/demo/torus_locus.obj --report build/demo/torus.json
+
+# ---- install ---------------------------------------------------------------------------------
+
+$(PC): $B/flags include/dmkcl.h FORCE
+	$(Q)printf '%s\n' 'prefix=$(PREFIX)' 'libdir=$(libdir)' 'includedir=$(includedir)' '' 'Name: dmkcl' \
+	    'Description: Cut locus of a point on a triangulated surface, by optimal transport' \
+	    'Version: $(VERSION)' 'Cflags: -I$${includedir}' 'Libs: -L$${libdir} -ldmkcl' \
+	    'Libs.private: $(LDLIBS)' > $@
+
+$B/dmkcl.1: $(TOOL) src/cli/man.sh
+	$(Q)sh src/cli/man.sh $(TOOL) > $@
+
+D := $(DESTDIR)
+install: $(STATIC) $(SHARED) $(TOOL) $(PC) $(MAN)
+	$(call say,INSTALL,$D$(PREFIX))
+	$(Q)install -d $D$(bindir) $D$(libdir)/pkgconfig $D$(includedir) $D$(mandir)/man1 $D$(completionsdir)
+	$(Q)install -m 755 $(TOOL) $D$(bindir)/
+	$(Q)install -m 644 include/dmkcl.h $D$(includedir)/
+	$(Q)install -m 644 $(STATIC) $D$(libdir)/
+	$(Q)install -m 755 $(SHARED) $D$(libdir)/
+	$(Q)ln -sf $(notdir $(SHARED)) $D$(libdir)/$(SONAME)
+	$(Q)ln -sf $(SONAME) $D$(libdir)/libdmkcl.so
+	$(Q)install -m 644 $(PC) $D$(libdir)/pkgconfig/
+	$(Q)install -m 644 $(MAN) $D$(mandir)/man1/
+	$(Q)install -m 644 src/cli/completion.bash $D$(completionsdir)/dmkcl
+
+uninstall:
+	rm -f $D$(bindir)/dmkcl $D$(includedir)/dmkcl.h $D$(libdir)/libdmkcl.a $D$(libdir)/libdmkcl.so \
+	    $D$(libdir)/$(SONAME) $D$(libdir)/$(notdir $(SHARED)) $D$(libdir)/pkgconfig/dmkcl.pc \
+	    $D$(mandir)/man1/dmkcl.1 $D$(completionsdir)/dmkcl
 
 clean:
 	rm -rf build
 
--include $(LIB_OBJ:.o=.d) $(CLI_OBJ:.o=.d)
+help:
+	@echo 'make            library, tool and test programs, in build/$$(CONFIG)'
+	@echo 'make test       run all tests; the last line counts them'
+	@echo 'make demo       solve the torus of the paper; files in build/demo'
+	@echo 'make deps       install missing Debian packages (demo and test do this too)'
+	@echo 'make install    tool, libraries, header, dmkcl.pc, manual; uninstall takes them away'
+	@echo 'make clean      remove build/'
+	@echo
+	@echo 'CONFIG=release|debug|sanitize|coverage   flags, and the folder build/$$(CONFIG)'
+	@echo 'PREFIX=/usr/local  DESTDIR=              where to install'
+	@echo 'ARCH=native        the -march of gcc; for other machines ARCH=x86-64-v3, or ARCH= for any'
+	@echo 'CC=gcc  CFLAGS=  LDFLAGS=  V=1           compiler, flags to add, show commands'
+
+-include $(LIB_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_OBJ:.o=.d) $(TEST_LIB_OBJ:.o=.d)

@@ -1,0 +1,37 @@
+#!/bin/sh
+# Run test programs (cmocka) and test scripts from the repository root, print what failed, count.
+# usage: run.sh BUILD_FOLDER TEST...
+# Every test speaks TAP: a plan "1..N", then "ok K - name" or "not ok K - name" for each. A program
+# that ends badly, ends before its plan is fulfilled, or plans nothing counts as one failure more.
+set -u
+build=$1
+shift
+
+# Nothing outside the build folder is touched: kernel caches live here while tests run.
+scratch=$PWD/$build/scratch
+rm -rf "$scratch" && mkdir -p "$scratch/tmp" "$scratch/cache/pocl" || exit 1
+export TMPDIR="$scratch/tmp" XDG_CACHE_HOME="$scratch/cache" POCL_CACHE_DIR="$scratch/cache/pocl"
+export DMKCL_BUILD="$build" CMOCKA_MESSAGE_OUTPUT=TAP
+export LSAN_OPTIONS="suppressions=$PWD/tests/lsan.supp:print_suppressions=0"
+
+passed=0 failed=0 skipped=0
+for test; do
+    log=$scratch/$(basename "$test").log
+    case $test in
+    *.sh) timeout "${TEST_TIMEOUT:-900}" bash "$test" > "$log" 2>&1 < /dev/null ;;
+    *) timeout "${TEST_TIMEOUT:-900}" "$test" > "$log" 2>&1 < /dev/null ;;
+    esac
+    status=$?
+    counts=$(awk -v name="$(basename "$test" .sh)" -v status="$status" -f tests/tap.awk "$log")
+    printf '%s\n' "$counts" | sed '$d'
+    read -r p f s << EOF
+$(printf '%s\n' "$counts" | tail -n 1)
+EOF
+    passed=$((passed + p)) failed=$((failed + f)) skipped=$((skipped + s))
+done
+
+[ "$passed" -gt 0 ] || failed=$((failed + 1))
+line="$passed passed, $failed failed"
+[ "$skipped" -eq 0 ] || line="$line, $skipped skipped"
+echo "$line"
+[ "$failed" -eq 0 ]
