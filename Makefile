@@ -51,8 +51,8 @@ LDLIBS := -lOpenCL -lhwloc -lpthread -lm
 ROOMS := base mesh io device solver locus
 LIB_SRC := $(sort $(foreach room,$(ROOMS),$(wildcard src/$(room)/*.c))) $(wildcard src/api.c)
 CLI_SRC := $(sort $(wildcard src/cli/*.c))
-# The parameter structures of host and device come before every kernel.
-KERNELS := kernels/dmk_shared.h $(sort $(wildcard kernels/*.cl))
+# One program source, in this order: what a file uses stands before it.
+KERNELS := $(addprefix kernels/,dmk_shared.h base.cl operator.cl vector.cl multigrid.cl density.cl)
 TEST_SRC := $(sort $(wildcard tests/test_*.c))
 # What tests share: any other C file beside them.
 TEST_LIB_SRC := $(filter-out $(TEST_SRC),$(sort $(wildcard tests/*.c)))

@@ -174,11 +174,15 @@ int dmk_machine_get_info(dmk_context *context, dmk_machine_info *info);
 
 typedef struct dmk_device dmk_device;
 
+/* How kernels split their work: long chunks per work-item, or one element per work-item. */
+typedef enum dmk_shape { DMK_SHAPE_AUTO = 0, DMK_SHAPE_CPU = 1, DMK_SHAPE_GPU = 2 } dmk_shape;
+
 typedef struct dmk_device_options {
     const char *select;   /* NULL: the best; "N": number N of the list; else part of a name */
     int single_precision; /* 1: use no double precision on the device even where it is there */
     int threads;          /* compute units to use on a CPU device; 0 = one per core */
     const char *cache;    /* folder for kernel binaries; NULL = the user's cache folder, "" = none */
+    dmk_shape shape;      /* DMK_SHAPE_AUTO: by the device's type */
 } dmk_device_options;
 
 void dmk_device_options_init(dmk_device_options *options);

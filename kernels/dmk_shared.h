@@ -1,4 +1,8 @@
-/* Types of both sides, host and device. */
+/* Constants of both sides, host and device. */
 #ifndef DMK_SHARED_H
 #define DMK_SHARED_H
+
+#define DMK_WIDTH 8   /* elements per block of the interleaved arrays */
+#define DMK_GROUP 256 /* work-items per group in the GPU shape */
+
 #endif

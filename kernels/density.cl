@@ -1,0 +1,297 @@
+/* The density's side: gradient energies, Newton's coefficients, density updates, certificate.
+ * Element arrays are padded to blocks of 8 with elements of no weight (mu = 0, cot = 0, area = 1).
+ *   index 6, cot 3, area 1, mu 1, q 1, g 6 per element; see operator.cl. */
+
+/* g = K u (without mu) and q = u.g / area, the mean of |grad u|^2; partial sums of mu u.g = u.Au. */
+KERNEL element_energy(int n, global const int *index, global const real *cot,
+                      global const real *area, global const real *mu, GATHERED real *u,
+                      global real *g, global real *q, global sum_t *partial)
+{
+    SCRATCH
+    sumv sum = 0;
+    FOR_BLOCKS(b, n)
+    {
+        X6(u, index, b)
+        const realv w0 = LOAD(cot, AT_K(b, 0, 3)), w1 = LOAD(cot, AT_K(b, 1, 3)),
+                    w2 = LOAD(cot, AT_K(b, 2, 3));
+        STIFFNESS(w0, w1, w2)
+        STORE6(g, b)
+        const realv e = y0 * (v0 - m0) + y1 * (v1 - m0) + y2 * (v2 - m0) + y4 * (m1 - m0) +
+                        y5 * (m2 - m0);
+        STORE(fmax(e, (realv)0) / LOAD(area, AT(b)), q, AT(b));
+        sum += TO_SUM(LOAD(mu, AT(b)) * e);
+    }
+    REDUCE(partial, 0, sum)
+    ;
+}
+
+/* L = 1/2 log(alpha^2 q), kept in [-1, 1]. */
+static realv log_slope(realv q) { return clamp((real)0.5 * log(fmax(q, (realv)1e-30f)), (realv)-1, (realv)1); }
+
+/* Partial sums of area mu L^2 and area mu, and the largest q where mu counts. */
+KERNEL element_measure(int n, float alpha, global const real *area, global const real *mu,
+                       global const real *q, global sum_t *partial)
+{
+    SCRATCH
+    sumv sum = 0, mass = 0, top = 0;
+    const real a2 = (real)alpha * (real)alpha;
+    FOR_BLOCKS(b, n)
+    {
+        const realv m = LOAD(area, AT(b)) * LOAD(mu, AT(b)), e = a2 * LOAD(q, AT(b)),
+                    l = log_slope(e);
+        sum += TO_SUM(m * l * l);
+        mass += TO_SUM(m);
+        top = fmax(top, TO_SUM(e));
+    }
+    REDUCE(partial, 0, sum)
+    ;
+    REDUCE(partial, 1, mass)
+    ;
+    REDUCE_MAX(partial, 2, top)
+    ;
+}
+
+/* The largest ratio of x'K_T x to x'D_T x of a stiffness element, D its diagonal: the sum of squared
+ * sines over the three angles is 2 minus 2 times the product of cosines; the bound below is its exact
+ * larger eigenvalue, 1.5 for the equilateral, 2 for the right-angled, below 3 always. */
+static floatv stiffness_bound(floatv c0, floatv c1, floatv c2)
+{
+    const floatv s = 1 / (1 + c0 * c0) + 1 / (1 + c1 * c1) + 1 / (1 + c2 * c2);
+    return 1.5f + sqrt(fmax(2.25f - s, (floatv)0));
+}
+
+/* Larger eigenvalue of D^-1 A for the 3x3 Laplacian with link weights w (A positive semidefinite). */
+static floatv link_bound(floatv w0, floatv w1, floatv w2, floatv d0, floatv d1, floatv d2)
+{
+    const floatv minor = w0 * w1 + w1 * w2 + w0 * w2;
+    const floatv p = minor * (d0 + d1 + d2) / fmax(d0 * d1 * d2, (floatv)1e-37f);
+    return 1.5f + sqrt(fmax(2.25f - p, (floatv)0));
+}
+
+#define STORE3(a0, a1, a2, p, b)                                                                   \
+    STORE(a0, p, AT_K(b, 0, 3));                                                                   \
+    STORE(a1, p, AT_K(b, 1, 3));                                                                   \
+    STORE(a2, p, AT_K(b, 2, 3));
+
+/* Coefficients of A(mu) in single precision for the V-cycle: weight = mu cot (3), the elements'
+ * weighted diagonals on T/2 (6) and T (3), and the link weights on T (3). With an element's diagonal
+ * weighted by its own bound lambda_T, sum lambda_T D_T >= A whatever mu is. */
+KERNEL element_prepare(int n, global const real *cot, global const real *mu, global real *weight_real,
+                       global float *weight, global float *diag, global float *link,
+                       global float *diag_coarse)
+{
+    FOR_BLOCKS(b, n)
+    {
+        const realv m = LOAD(mu, AT(b));
+        const realv r0 = m * LOAD(cot, AT_K(b, 0, 3)), r1 = m * LOAD(cot, AT_K(b, 1, 3)),
+                    r2 = m * LOAD(cot, AT_K(b, 2, 3));
+        STORE3(r0, r1, r2, weight_real, b)
+        const floatv w0 = TO_FLOAT(r0), w1 = TO_FLOAT(r1), w2 = TO_FLOAT(r2);
+        STORE3(w0, w1, w2, weight, b)
+        const floatv l = stiffness_bound(TO_FLOAT(LOAD(cot, AT_K(b, 0, 3))),
+                                         TO_FLOAT(LOAD(cot, AT_K(b, 1, 3))),
+                                         TO_FLOAT(LOAD(cot, AT_K(b, 2, 3))));
+        const floatv d0 = 0.5f * l * (w1 + w2), d1 = 0.5f * l * (w0 + w2), d2 = 0.5f * l * (w0 + w1),
+                     dm = l * (w0 + w1 + w2);
+        STORE3(d0, d1, d2, diag_coarse, b)
+        STORE3(0.5f * w0, 0.5f * w1, 0.5f * w2, link, b)
+        STORE(d0, diag, AT_K(b, 0, 6));
+        STORE(d1, diag, AT_K(b, 1, 6));
+        STORE(d2, diag, AT_K(b, 2, 6));
+        STORE(dm, diag, AT_K(b, 3, 6));
+        STORE(dm, diag, AT_K(b, 4, 6));
+        STORE(dm, diag, AT_K(b, 5, 6));
+    }
+}
+
+/* Newton's coefficients at pseudo time D (implicit Euler in y = log mu):
+ *     M = A + sum_T c_T g_T g_T',  c_T = D mu_T / (|T| s_T),  s_T = max(q_T, 1/4),
+ *     right-hand side  f - sum_T mu_T (1 + D L_T) g_T,
+ * with u, hence g and sqrt(q), scaled by alpha. The rank-one part is bounded by |g_i| sum |g_j| on the
+ * diagonal; on T the exact bound of the summed 3x3 element is used. */
+KERNEL newton_prepare(int n, float alpha, float D, global const real *cot, global const real *area,
+                      global const real *mu, global const real *q, global const real *g,
+                      global float *weight, global float *rank_one, global real *rhs_out,
+                      global float *diag, global float *link, global float *diag_coarse)
+{
+    FOR_BLOCKS(b, n)
+    {
+        const realv m = LOAD(mu, AT(b)), e = (real)alpha * (real)alpha * LOAD(q, AT(b));
+        const realv g0 = (real)alpha * LOAD(g, AT_K(b, 0, 6)), g1 = (real)alpha * LOAD(g, AT_K(b, 1, 6)),
+                    g2 = (real)alpha * LOAD(g, AT_K(b, 2, 6)), g3 = (real)alpha * LOAD(g, AT_K(b, 3, 6)),
+                    g4 = (real)alpha * LOAD(g, AT_K(b, 4, 6)), g5 = (real)alpha * LOAD(g, AT_K(b, 5, 6));
+        const realv k = -m * (1 + (real)D * log_slope(e));
+        STORE(k * g0, rhs_out, AT_K(b, 0, 6));
+        STORE(k * g1, rhs_out, AT_K(b, 1, 6));
+        STORE(k * g2, rhs_out, AT_K(b, 2, 6));
+        STORE(k * g3, rhs_out, AT_K(b, 3, 6));
+        STORE(k * g4, rhs_out, AT_K(b, 4, 6));
+        STORE(k * g5, rhs_out, AT_K(b, 5, 6));
+
+        const floatv c0 = TO_FLOAT(LOAD(cot, AT_K(b, 0, 3))), c1 = TO_FLOAT(LOAD(cot, AT_K(b, 1, 3))),
+                     c2 = TO_FLOAT(LOAD(cot, AT_K(b, 2, 3))), mf = TO_FLOAT(m);
+        const floatv w0 = mf * c0, w1 = mf * c1, w2 = mf * c2;
+        STORE3(w0, w1, w2, weight, b)
+        const floatv root = TO_FLOAT(sqrt((real)D * m / (LOAD(area, AT(b)) * fmax(e, (realv)0.25f))));
+        const floatv s0 = root * TO_FLOAT(g0), s1 = root * TO_FLOAT(g1), s2 = root * TO_FLOAT(g2),
+                     s3 = root * TO_FLOAT(g3), s4 = root * TO_FLOAT(g4), s5 = root * TO_FLOAT(g5);
+        STORE(s0, rank_one, AT_K(b, 0, 6));
+        STORE(s1, rank_one, AT_K(b, 1, 6));
+        STORE(s2, rank_one, AT_K(b, 2, 6));
+        STORE(s3, rank_one, AT_K(b, 3, 6));
+        STORE(s4, rank_one, AT_K(b, 4, 6));
+        STORE(s5, rank_one, AT_K(b, 5, 6));
+
+        const floatv l = stiffness_bound(c0, c1, c2), dm = l * (w0 + w1 + w2);
+        const floatv size = fabs(s0) + fabs(s1) + fabs(s2) + fabs(s3) + fabs(s4) + fabs(s5);
+        STORE(0.5f * l * (w1 + w2) + size * fabs(s0), diag, AT_K(b, 0, 6));
+        STORE(0.5f * l * (w0 + w2) + size * fabs(s1), diag, AT_K(b, 1, 6));
+        STORE(0.5f * l * (w0 + w1) + size * fabs(s2), diag, AT_K(b, 2, 6));
+        STORE(dm + size * fabs(s3), diag, AT_K(b, 3, 6));
+        STORE(dm + size * fabs(s4), diag, AT_K(b, 4, 6));
+        STORE(dm + size * fabs(s5), diag, AT_K(b, 5, 6));
+
+        /* On T: P'g takes half of each adjacent midpoint. */
+        const floatv t0 = s0 + 0.5f * (s4 + s5), t1 = s1 + 0.5f * (s3 + s5), t2 = s2 + 0.5f * (s3 + s4);
+        const floatv k0 = 0.5f * w0 - t1 * t2, k1 = 0.5f * w1 - t0 * t2, k2 = 0.5f * w2 - t0 * t1;
+        const floatv d0 = k1 + k2, d1 = k0 + k2, d2 = k0 + k1;
+        const floatv bound = link_bound(k0, k1, k2, d0, d1, d2);
+        STORE3(k0, k1, k2, link, b)
+        STORE3(bound * d0, bound * d1, bound * d2, diag_coarse, b)
+    }
+}
+
+/* rhs = f + sum of the elements' parts, in single precision for the inner solve. */
+KERNEL rows_rhs(int n, global const int *slice, global const int *slot, GATHERED real *out,
+                global const real *f, global float *rhs)
+{
+    FOR_BLOCKS(b, n)
+    {
+        ROW_SUM(a, b)
+        STORE(TO_FLOAT(LOAD(f, AT(b)) + a), rhs, AT(b));
+    }
+}
+
+/* r = f - A u of the outer system from its elements' parts, both precisions. */
+KERNEL rows_outer_residual(int n, global const int *slice, global const int *slot,
+                           GATHERED real *out, global const real *f, global real *r,
+                           global float *narrow)
+{
+    FOR_BLOCKS(b, n)
+    {
+        ROW_SUM(a, b)
+        const realv d = LOAD(f, AT(b)) - a;
+        STORE(d, r, AT(b));
+        STORE(TO_FLOAT(d), narrow, AT(b));
+    }
+}
+
+/* dy = D (L + g.w / (area s)), kept in [-1, 1]; mu <- max(mu exp(dy), floor sqrt(area)).
+ * Partial sums of area |change of mu| and area mu. */
+KERNEL newton_update(int n, float alpha, float D, float lowest, global const int *index,
+                     global const real *area, global const real *q, global const real *g,
+                     GATHERED float *w, global real *mu, global sum_t *partial)
+{
+    SCRATCH
+    sumv change = 0, mass = 0;
+    FOR_BLOCKS(b, n)
+    {
+        const intv i0 = LOAD(index, AT_K(b, 0, 6)), i1 = LOAD(index, AT_K(b, 1, 6)),
+                   i2 = LOAD(index, AT_K(b, 2, 6)), i3 = LOAD(index, AT_K(b, 3, 6)),
+                   i4 = LOAD(index, AT_K(b, 4, 6)), i5 = LOAD(index, AT_K(b, 5, 6));
+        const floatv w0 = (floatv)(GATHER(w, i0)), w1 = (floatv)(GATHER(w, i1)),
+                     w2 = (floatv)(GATHER(w, i2)), w3 = (floatv)(GATHER(w, i3)),
+                     w4 = (floatv)(GATHER(w, i4)), w5 = (floatv)(GATHER(w, i5));
+        const realv s = LOAD(g, AT_K(b, 0, 6)) * TO_REAL(w0 - w3) + LOAD(g, AT_K(b, 1, 6)) * TO_REAL(w1 - w3) +
+                        LOAD(g, AT_K(b, 2, 6)) * TO_REAL(w2 - w3) + LOAD(g, AT_K(b, 4, 6)) * TO_REAL(w4 - w3) +
+                        LOAD(g, AT_K(b, 5, 6)) * TO_REAL(w5 - w3);
+        const realv a = LOAD(area, AT(b)), e = (real)alpha * (real)alpha * LOAD(q, AT(b)),
+                    old = LOAD(mu, AT(b));
+        const realv dy = (real)D * (log_slope(e) + (real)alpha * s / (a * fmax(e, (realv)0.25f)));
+        const realv grown = old * exp(clamp(dy, (realv)-1, (realv)1));
+        const realv next = LOAD(mu, AT(b)) > 0 ? fmax(grown, (real)lowest * sqrt(a)) : grown;
+        STORE(next, mu, AT(b));
+        change += TO_SUM(a * fabs(next - old));
+        mass += TO_SUM(a * next);
+    }
+    REDUCE(partial, 0, change)
+    ;
+    REDUCE(partial, 1, mass)
+    ;
+}
+
+/* The paper's explicit Euler step mu <- mu (1 + dt (sqrt(q) - 1)), or, with inertial != 0, a step in
+ * y = log mu with inertia: y <- y + 1/2 log q + beta (y - y_before). */
+KERNEL explicit_update(int n, int inertial, float alpha, float dt, float beta, float lowest,
+                       global const real *area, global const real *q, global real *mu,
+                       global real *before, global sum_t *partial)
+{
+    SCRATCH
+    sumv change = 0, mass = 0;
+    FOR_BLOCKS(b, n)
+    {
+        const realv a = LOAD(area, AT(b)), old = LOAD(mu, AT(b)),
+                    slope = (real)alpha * sqrt(LOAD(q, AT(b)));
+        realv grown = old * (1 + (real)dt * (slope - 1));
+        if (inertial) {
+            const realv ratio = old / fmax(LOAD(before, AT(b)), (realv)1e-37f);
+            grown = old * slope * exp((real)beta * log(fmax(ratio, (realv)1e-30f)));
+        }
+        const realv next = old > 0 ? fmax(grown, (real)lowest * sqrt(a)) : grown;
+        STORE(old, before, AT(b));
+        STORE(next, mu, AT(b));
+        change += TO_SUM(a * fabs(next - old));
+        mass += TO_SUM(a * next);
+    }
+    REDUCE(partial, 0, change)
+    ;
+    REDUCE(partial, 1, mass)
+    ;
+}
+
+/* out = mu g: the elements' parts of A u (in place over g). */
+KERNEL element_scale(int n, global const real *mu, global real *g)
+{
+    FOR_BLOCKS(b, n)
+    {
+        const realv m = LOAD(mu, AT(b));
+        for (int k = 0; k < 6; k++) STORE(m * LOAD(g, AT_K(b, k, 6)), g, AT_K(b, k, 6));
+    }
+}
+
+/* ---- certificate ------------------------------------------------------------------------------ */
+
+/* For the band bound: slope_max[l] = the largest sqrt(q) of the elements that meet level band l, as the
+ * bits of a float (ordered like integers as it is >= 0). */
+KERNEL band_slopes(int n, int n_bands, float u_low, float inv_band, global const int *index,
+                   global const real *u, global const real *q, volatile global int *slope_max)
+{
+    FOR_ROWS(t, n)
+    {
+        const int base = DMK_WIDTH * 6 * (t / DMK_WIDTH) + t % DMK_WIDTH;
+        real low = u[index[base]], high = low;
+        for (int k = 1; k < 6; k++) {
+            const real x = u[index[base + DMK_WIDTH * k]];
+            low = fmin(low, x);
+            high = fmax(high, x);
+        }
+        const int first = clamp((int)floor(((float)low - u_low) * inv_band) - 1, 0, n_bands - 1);
+        const int last = clamp((int)floor(((float)high - u_low) * inv_band) + 1, 0, n_bands - 1);
+        const int bits = as_int((float)sqrt(q[t]) * (1 + 1e-6f));
+        for (int l = first; l <= last; l++) {
+            if (slope_max[l] < bits) atomic_max(&slope_max[l], bits);
+        }
+    }
+}
+
+/* v = phi(u), phi piecewise linear with knots phi[0..n_bands] at u_low + l / inv_band. */
+KERNEL band_map(int n, int n_bands, float u_low, float inv_band, global const real *phi,
+                global const real *u, global real *v)
+{
+    FOR_ROWS(i, n)
+    {
+        const real s = (u[i] - (real)u_low) * (real)inv_band;
+        const int l = clamp((int)floor((float)s), 0, n_bands - 1);
+        v[i] = phi[l] + (s - (real)l) * (phi[l + 1] - phi[l]);
+    }
+}

@@ -1,0 +1,187 @@
+/* The V-cycle, in single precision: transfers, smoothing on the graph levels, refresh of the coarse
+ * operators. Level 0 is T/2 (operator.cl); level 1 is T, its links the mesh's edges; deeper levels
+ * are graphs. A graph operator is y_i = sum_j w_ij (x_i - x_j): zero row sums also in rounding.
+ * Rows lie in slices of 8: columns slice[s]..slice[s+1] hold neighbours (short rows: the row itself
+ * with weight 0) and the numbers of their links. */
+#if !DMK_DOUBLE
+
+/* x = step D^-1 b: the first Chebyshev step from 0. */
+KERNEL smooth_first(int n, float step, global const float *inv_diag, global const float *rhs,
+                    global float *x)
+{
+    FOR_BLOCKS(b, n) { STORE(step * LOAD(inv_diag, AT(b)) * LOAD(rhs, AT(b)), x, AT(b)); }
+}
+
+#define GRAPH_SUM(y, now, b)                                                                       \
+    const floatv now = LOAD(x, AT(b));                                                             \
+    floatv y = 0;                                                                                  \
+    for (int j_ = slice[SLICE(b)], e_ = slice[SLICE(b) + 1]; j_ < e_; j_++) {                      \
+        const intv i_ = LOAD(neighbour, COLUMN(b, j_));                                            \
+        y += LOAD(weight, COLUMN(b, j_)) * (now - (floatv)(GATHER(x_read, i_)));                   \
+    }
+
+KERNEL graph_residual(int n, global const int *slice, global const int *neighbour,
+                      global const float *weight, global const float *x, global const float *rhs,
+                      global float *r)
+{
+    GATHERED float *x_read = x;
+    FOR_BLOCKS(b, n)
+    {
+        GRAPH_SUM(a, now, b)
+        STORE(LOAD(rhs, AT(b)) - a, r, AT(b));
+    }
+}
+
+KERNEL graph_chebyshev(int n, global const int *slice, global const int *neighbour,
+                       global const float *weight, global const float *rhs,
+                       global const float *inv_diag, global const float *x, global float *x_old,
+                       float momentum, float step)
+{
+    GATHERED float *x_read = x;
+    FOR_BLOCKS(b, n)
+    {
+        GRAPH_SUM(a, now, b)
+        STORE(now + momentum * (now - LOAD(x_old, AT(b))) +
+                  step * LOAD(inv_diag, AT(b)) * (LOAD(rhs, AT(b)) - a),
+              x_old, AT(b));
+    }
+}
+
+/* Restriction from T/2 to T: b_v = r_v + 1/2 sum of r over the midpoints of v's edges, and the first
+ * smoothing step there. */
+KERNEL restrict_midpoints(int n, int vertex_row, global const int *slice, global const int *link,
+                          GATHERED float *r, float step, global const float *inv_diag,
+                          global float *rhs, global float *x)
+{
+    global const float *at_vertex = (global const float *)(r + vertex_row);
+    FOR_BLOCKS(b, n)
+    {
+        floatv sum = 0;
+        for (int j = slice[SLICE(b)], e = slice[SLICE(b) + 1]; j < e; j++) {
+            const intv i = LOAD(link, COLUMN(b, j));
+            sum += (floatv)(GATHER(r, i));
+        }
+        sum = LOAD(at_vertex, AT(b)) + 0.5f * sum;
+        STORE(sum, rhs, AT(b));
+        STORE(step * LOAD(inv_diag, AT(b)) * sum, x, AT(b));
+    }
+}
+
+/* Restriction with general weights (the transposed prolongation), and the first smoothing step. */
+KERNEL restrict_rows(int n, global const int *slice, global const int *fine,
+                     global const float *weight, GATHERED float *r, float step,
+                     global const float *inv_diag, global float *rhs, global float *x)
+{
+    FOR_BLOCKS(b, n)
+    {
+        floatv sum = 0;
+        for (int j = slice[SLICE(b)], e = slice[SLICE(b) + 1]; j < e; j++) {
+            const intv i = LOAD(fine, COLUMN(b, j));
+            sum += LOAD(weight, COLUMN(b, j)) * (floatv)(GATHER(r, i));
+        }
+        STORE(sum, rhs, AT(b));
+        STORE(step * LOAD(inv_diag, AT(b)) * sum, x, AT(b));
+    }
+}
+
+/* Prolongation from T to T/2: a midpoint takes the mean of its edge's ends, a vertex its own value
+ * (both ends are itself). */
+KERNEL prolong_midpoints(int n, global const int *ends, GATHERED float *coarse, global float *x)
+{
+    FOR_BLOCKS(b, n)
+    {
+        const intv i = LOAD(ends, AT_K(b, 0, 2)), j = LOAD(ends, AT_K(b, 1, 2));
+        STORE(LOAD(x, AT(b)) +
+                  0.5f * ((floatv)(GATHER(coarse, i)) + (floatv)(GATHER(coarse, j))),
+              x, AT(b));
+    }
+}
+
+KERNEL prolong_rows(int n, global const int *index, global const float *weight,
+                    GATHERED float *coarse, global float *x)
+{
+    FOR_BLOCKS(b, n)
+    {
+        const intv i = LOAD(index, AT_K(b, 0, 3)), j = LOAD(index, AT_K(b, 1, 3)),
+                   k = LOAD(index, AT_K(b, 2, 3));
+        STORE(LOAD(x, AT(b)) + LOAD(weight, AT_K(b, 0, 3)) * (floatv)(GATHER(coarse, i)) +
+                  LOAD(weight, AT_K(b, 1, 3)) * (floatv)(GATHER(coarse, j)) +
+                  LOAD(weight, AT_K(b, 2, 3)) * (floatv)(GATHER(coarse, k)),
+              x, AT(b));
+    }
+}
+
+/* Coarsest level: x = inverse * b, the symmetric pseudo-inverse stored by columns of n_pad. */
+KERNEL coarse_solve(int n, int n_pad, global const float *inverse, global const float *rhs,
+                    global float *x)
+{
+    FOR_BLOCKS(b, n_pad)
+    {
+        floatv sum = 0;
+        for (int j = 0; j < n; j++) sum += LOAD(inverse, j * n_pad + AT(b)) * rhs[j];
+        STORE(sum, x, AT(b));
+    }
+}
+
+/* ---- refresh --------------------------------------------------------------------------------- */
+
+/* Level 1: an edge's link weight is the sum over its two triangles. place: 2 per edge, into the
+ * triangles' link weights (3 per triangle); a border edge's second place stays 0. */
+KERNEL links_from_triangles(int n, global const int *place, GATHERED float *triangle_link,
+                            global float *link)
+{
+    FOR_BLOCKS(b, n)
+    {
+        const intv i = LOAD(place, AT_K(b, 0, 2)), j = LOAD(place, AT_K(b, 1, 2));
+        STORE((floatv)(GATHER(triangle_link, i)) + (floatv)(GATHER(triangle_link, j)), link, AT(b));
+    }
+}
+
+/* Deeper levels: w_coarse = R w_fine, the Galerkin product as a mesh-only table. */
+KERNEL links_from_links(int n, global const int *row, global const int *fine,
+                        global const float *coef, global const float *fine_link,
+                        global float *link)
+{
+    FOR_ROWS(i, n)
+    {
+        float sum = 0;
+        for (int j = row[i]; j < row[i + 1]; j++) sum += coef[j] * fine_link[fine[j]];
+        link[i] = sum;
+    }
+}
+
+/* Copy link weights to rows; D = a_ii + sum |a_ij| bounds A by 1 (row sums of magnitudes), so the
+ * smoother needs no eigenvalue estimate. number: links by row, a short row's filler has weight 0. */
+KERNEL graph_weights(int n, global const int *slice, global const int *number,
+                     GATHERED float *link, global float *weight, global float *inv_diag)
+{
+    FOR_BLOCKS(b, n)
+    {
+        floatv diag = 0, size = 0;
+        for (int j = slice[SLICE(b)], e = slice[SLICE(b) + 1]; j < e; j++) {
+            const intv i = LOAD(number, COLUMN(b, j));
+            const floatv w = (floatv)(GATHER(link, i));
+            STORE(w, weight, COLUMN(b, j));
+            diag += w;
+            size += fabs(w);
+        }
+        size += fabs(diag);
+        STORE(size > 0 ? 1 / size : 0 * size, inv_diag, AT(b));
+    }
+}
+
+/* 1 / (sum of the elements' weighted diagonals): see elements_prepare. */
+KERNEL inverse_diagonal(int n, global const int *slice, global const int *slot,
+                        GATHERED float *out, global float *inv_diag)
+{
+    FOR_BLOCKS(b, n)
+    {
+        floatv sum = 0;
+        for (int j = slice[SLICE(b)], e = slice[SLICE(b) + 1]; j < e; j++) {
+            const intv s = LOAD(slot, COLUMN(b, j));
+            sum += (floatv)(GATHER(out, s));
+        }
+        STORE(sum > 0 ? 1 / sum : 0 * sum, inv_diag, AT(b));
+    }
+}
+#endif

@@ -1,0 +1,95 @@
+/* Vectors and the scalars of conjugate gradients. `state` holds, on the device:
+ * [0] r.z  [1] p.Ap  [2] alpha  [3] beta  [4] r.z at the start. */
+
+/* Partial sums of a.b. */
+KERNEL dot_real(int n, global const real *a, global const real *b, global sum_t *partial)
+{
+    SCRATCH
+    sumv sum = 0;
+    FOR_BLOCKS(i, n) { sum += TO_SUM(LOAD(a, AT(i))) * TO_SUM(LOAD(b, AT(i))); }
+    REDUCE(partial, 0, sum)
+    ;
+}
+
+/* Partial sums of r.z, z in single precision. */
+KERNEL dot_mixed(int n, global const real *r, global const float *z, global sum_t *partial)
+{
+    SCRATCH
+    sumv sum = 0;
+    FOR_BLOCKS(i, n) { sum += TO_SUM(LOAD(r, AT(i))) * TO_SUM(LOAD(z, AT(i))); }
+    REDUCE(partial, 0, sum)
+    ;
+}
+
+/* out[at + k] = sum of quantity k's partial sums, k < count; where maximum != 0 the last one is a maximum. */
+KERNEL sum_partials(int groups, int count, int maximum, global const sum_t *partial,
+                    global sum_t *out, int at)
+{
+    SCRATCH
+    for (int k = 0; k < count; k++) {
+        if (maximum && k == count - 1) {
+            GATHER_MAX(m, partial, k, groups)
+            if (FIRST_ITEM) out[at + k] = m;
+        } else {
+            GATHER_SUM(s, partial, k, groups)
+            if (FIRST_ITEM) out[at + k] = s;
+        }
+    }
+}
+
+/* r.z has been summed into `partial`: beta = new / old, or 0 at the first iteration. */
+KERNEL cg_beta(int groups, int first, global const sum_t *partial, global sum_t *state)
+{
+    SCRATCH
+    GATHER_SUM(rz, partial, 0, groups)
+    if (FIRST_ITEM) {
+        state[3] = first || !(state[0] > 0) ? 0 : rz / state[0];
+        state[0] = rz;
+        if (first) state[4] = rz;
+    }
+}
+
+/* p = z + beta p. */
+KERNEL cg_direction(int n, global const sum_t *state, global const float *z, global real *p)
+{
+    const real beta = (real)state[3];
+    FOR_BLOCKS(i, n) { STORE(TO_REAL(LOAD(z, AT(i))) + beta * LOAD(p, AT(i)), p, AT(i)); }
+}
+
+/* p.Ap has been summed: alpha = r.z / p.Ap; a direction without energy is not followed. */
+KERNEL cg_alpha(int groups, global const sum_t *partial, global sum_t *state)
+{
+    SCRATCH
+    GATHER_SUM(pap, partial, 0, groups)
+    if (FIRST_ITEM) {
+        state[1] = pap;
+        state[2] = pap > 0 ? state[0] / pap : 0;
+    }
+}
+
+/* x += alpha p, r -= alpha Ap; `narrow` is r for the preconditioner (r itself in single precision). */
+KERNEL cg_step(int n, global const sum_t *state, global const real *p, global const real *ap,
+               global real *x, global real *r, global float *narrow)
+{
+    const real alpha = (real)state[2];
+    FOR_BLOCKS(i, n)
+    {
+        STORE(LOAD(x, AT(i)) + alpha * LOAD(p, AT(i)), x, AT(i));
+        const realv next = LOAD(r, AT(i)) - alpha * LOAD(ap, AT(i));
+        STORE(next, r, AT(i));
+#if DMK_DOUBLE
+        STORE(TO_FLOAT(next), narrow, AT(i));
+#endif
+    }
+}
+
+KERNEL narrow_copy(int n, global const real *from, global float *to)
+{
+    FOR_BLOCKS(i, n) { STORE(TO_FLOAT(LOAD(from, AT(i))), to, AT(i)); }
+}
+
+/* x <- alpha x + add. */
+KERNEL scale_add(int n, float alpha, global real *x, global const float *add)
+{
+    FOR_BLOCKS(i, n) { STORE((real)alpha * LOAD(x, AT(i)) + TO_REAL(LOAD(add, AT(i))), x, AT(i)); }
+}

@@ -1,0 +1,84 @@
+/* Device memory, as opaque buffers. */
+#include "device/internal.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* A dmk_buffer* is a cl_mem in disguise. */
+static cl_mem mem_of(const dmk_buffer *b) { return (cl_mem)(uintptr_t)b; }
+
+int dmk_buffer_create(dmk_context *ctx, dmk_device *dev, size_t bytes, const void *init,
+                      dmk_buffer **buffer)
+{
+    int rc;
+    cl_int error;
+    void *zero = NULL;
+    if (bytes == 0) bytes = 8;
+    if (!init) {
+        DMK_TRY(dmk_alloc(ctx, "a device buffer's zeros", bytes, 1, &zero));
+        init = zero;
+    }
+    cl_mem mem = clCreateBuffer(dev->cl, CL_MEM_READ_WRITE | CL_MEM_COPY_HOST_PTR, bytes,
+                                (void *)(uintptr_t)init, &error);
+    DMK_TRY(dmk_cl_check(ctx, error, "clCreateBuffer"));
+    *buffer = (dmk_buffer *)mem;
+done:
+    free(zero);
+    return rc;
+}
+
+void dmk_buffer_destroy(dmk_buffer **buffer)
+{
+    if (*buffer) clReleaseMemObject(mem_of(*buffer));
+    *buffer = NULL;
+}
+
+int dmk_buffer_write(dmk_context *ctx, dmk_device *dev, dmk_buffer *buffer, size_t offset,
+                     size_t bytes, const void *from)
+{
+    return dmk_cl_check(ctx,
+                        clEnqueueWriteBuffer(dev->queue, mem_of(buffer), CL_TRUE, offset, bytes,
+                                             from, 0, NULL, NULL),
+                        "clEnqueueWriteBuffer");
+}
+
+int dmk_buffer_read(dmk_context *ctx, dmk_device *dev, const dmk_buffer *buffer, size_t offset,
+                    size_t bytes, void *to)
+{
+    return dmk_cl_check(ctx,
+                        clEnqueueReadBuffer(dev->queue, mem_of(buffer), CL_TRUE, offset, bytes, to,
+                                            0, NULL, NULL),
+                        "clEnqueueReadBuffer");
+}
+
+int dmk_buffer_write_real(dmk_context *ctx, dmk_device *dev, dmk_program program,
+                          dmk_buffer *buffer, size_t n, const double *from)
+{
+    int rc;
+    float *narrow = NULL;
+    if (dmk_device_real(dev, program) == sizeof(double)) {
+        return dmk_buffer_write(ctx, dev, buffer, 0, n * sizeof(double), from);
+    }
+    DMK_TRY(DMK_NEW(ctx, narrow, n));
+    for (size_t i = 0; i < n; i++) narrow[i] = (float)from[i];
+    DMK_TRY(dmk_buffer_write(ctx, dev, buffer, 0, n * sizeof(float), narrow));
+done:
+    free(narrow);
+    return rc;
+}
+
+int dmk_buffer_read_real(dmk_context *ctx, dmk_device *dev, dmk_program program,
+                         const dmk_buffer *buffer, size_t n, double *to)
+{
+    int rc;
+    float *narrow = NULL;
+    if (dmk_device_real(dev, program) == sizeof(double)) {
+        return dmk_buffer_read(ctx, dev, buffer, 0, n * sizeof(double), to);
+    }
+    DMK_TRY(DMK_NEW(ctx, narrow, n));
+    DMK_TRY(dmk_buffer_read(ctx, dev, buffer, 0, n * sizeof(float), narrow));
+    for (size_t i = 0; i < n; i++) to[i] = narrow[i];
+done:
+    free(narrow);
+    return rc;
+}

@@ -1,0 +1,163 @@
+/* Kernel binaries on disk. The file's name is a digest of all that the binary depends on (source,
+ * options, device, drivers, our format), and the whole key text stands at the file's head and is
+ * compared, so a chance collision or a foreign file is never used. Any failure here means building
+ * from source; it is never an error. */
+#include "device/internal.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+extern const char *const dmk_kernel_lines[];
+extern const size_t dmk_kernel_n_lines;
+
+enum { KEY_SIZE = 2048, MAX_BINARY = 64 << 20 };
+
+static uint64_t fnv(uint64_t hash, const char *text)
+{
+    for (; *text; text++) hash = (hash ^ (unsigned char)*text) * 0x100000001b3ULL;
+    return hash;
+}
+
+static void make_key(const dmk_device *dev, const char *options, char *key)
+{
+    uint64_t a = 0xcbf29ce484222325ULL, b = 0x9e3779b97f4a7c15ULL;
+    for (size_t i = 0; i < dmk_kernel_n_lines; i++) {
+        a = fnv(a, dmk_kernel_lines[i]);
+        b = fnv(b ^ i, dmk_kernel_lines[i]);
+    }
+    char version[256] = "", platform[256] = "";
+    clGetDeviceInfo(dev->id, CL_DEVICE_VERSION, sizeof version - 1, version, NULL);
+    clGetPlatformInfo(dev->platform, CL_PLATFORM_VERSION, sizeof platform - 1, platform, NULL);
+    snprintf(key, KEY_SIZE, "dmkcl-binary-1\n%s\n%s\n%s\n%s\n%s\n%s\n%016llx%016llx\n",
+             dev->info.platform, platform, dev->info.name, version, dev->info.driver, options,
+             (unsigned long long)a, (unsigned long long)b);
+}
+
+static void make_path(const dmk_device *dev, const char *key, char *path, size_t size)
+{
+    snprintf(path, size, "%s/%016llx%016llx.bin", dev->cache,
+             (unsigned long long)fnv(0xcbf29ce484222325ULL, key),
+             (unsigned long long)fnv(0x84222325cbf29ce4ULL, key));
+}
+
+/* mkdir -p */
+static int make_folders(char *path)
+{
+    for (char *p = path + 1; *p; p++) {
+        if (*p != '/') continue;
+        *p = 0;
+        int failed = mkdir(path, 0700) != 0 && errno != EEXIST;
+        *p = '/';
+        if (failed) return -1;
+    }
+    return mkdir(path, 0700) != 0 && errno != EEXIST ? -1 : 0;
+}
+
+int dmk_cache_folder(dmk_context *ctx, const char *wanted, char *folder, size_t size)
+{
+    const char *base = getenv("XDG_CACHE_HOME"), *home = getenv("HOME");
+    int n;
+    if (wanted) n = snprintf(folder, size, "%s", wanted);
+    else if (base && base[0] == '/') n = snprintf(folder, size, "%s/dmkcl", base);
+    else if (home && home[0] == '/') n = snprintf(folder, size, "%s/.cache/dmkcl", home);
+    else n = snprintf(folder, size, "%s", "");
+    if (n < 0 || (size_t)n + 64 > size) {
+        return dmk_fail(ctx, DMK_E_ARG, "the cache folder's name is too long");
+    }
+    return DMK_OK;
+}
+
+static char *read_all(const char *path, size_t *size)
+{
+    FILE *f = fopen(path, "rb");
+    if (!f) return NULL;
+    char *data = NULL;
+    long end;
+    if (fseek(f, 0, SEEK_END) == 0 && (end = ftell(f)) > 0 && end <= MAX_BINARY &&
+        fseek(f, 0, SEEK_SET) == 0 && (data = malloc((size_t)end)) != NULL) {
+        *size = (size_t)end;
+        if (fread(data, 1, *size, f) != *size) {
+            free(data);
+            data = NULL;
+        }
+    }
+    fclose(f);
+    return data;
+}
+
+int dmk_cache_load(dmk_context *ctx, dmk_device *dev, const char *options, cl_program *program)
+{
+    char key[KEY_SIZE], path[640];
+    size_t size = 0;
+    (void)ctx;
+    if (!dev->cache[0]) return DMK_E_IO;
+    make_key(dev, options, key);
+    make_path(dev, key, path, sizeof path);
+    char *data = read_all(path, &size);
+    size_t head = strlen(key) + sizeof(uint64_t);
+    int rc = DMK_E_IO;
+    uint64_t sum;
+    if (data && size > head && memcmp(data, key, strlen(key)) == 0) {
+        memcpy(&sum, data + strlen(key), sizeof sum);
+        uint64_t hash = 0xcbf29ce484222325ULL;
+        for (size_t i = head; i < size; i++) hash = (hash ^ (unsigned char)data[i]) * 0x100000001b3ULL;
+        const unsigned char *binary = (unsigned char *)data + head;
+        size_t length = size - head;
+        cl_int error = CL_INVALID_BINARY, status = CL_INVALID_BINARY;
+        cl_program p = hash != sum ? NULL
+                                   : clCreateProgramWithBinary(dev->cl, 1, &dev->id, &length,
+                                                               &binary, &status, &error);
+        if (p && error == CL_SUCCESS && status == CL_SUCCESS &&
+            clBuildProgram(p, 1, &dev->id, options, NULL, NULL) == CL_SUCCESS) {
+            *program = p;
+            rc = DMK_OK;
+        } else if (p) {
+            clReleaseProgram(p);
+        }
+    }
+    free(data);
+    return rc;
+}
+
+static int write_all(const char *path, const char *key, const char *binary, size_t size)
+{
+    char temporary[700];
+    snprintf(temporary, sizeof temporary, "%s.%ld.tmp", path, (long)getpid());
+    FILE *f = fopen(temporary, "wb");
+    if (!f) return -1;
+    uint64_t hash = 0xcbf29ce484222325ULL;
+    for (size_t i = 0; i < size; i++) hash = (hash ^ (unsigned char)binary[i]) * 0x100000001b3ULL;
+    int bad = fwrite(key, 1, strlen(key), f) != strlen(key) ||
+              fwrite(&hash, 1, sizeof hash, f) != sizeof hash || fwrite(binary, 1, size, f) != size;
+    bad |= fclose(f) != 0;
+    if (bad || rename(temporary, path) != 0) {
+        remove(temporary);
+        return -1;
+    }
+    return 0;
+}
+
+void dmk_cache_store(dmk_device *dev, const char *options, cl_program program)
+{
+    char key[KEY_SIZE], path[640], folder[512];
+    size_t size = 0;
+    if (!dev->cache[0]) return;
+    snprintf(folder, sizeof folder, "%s", dev->cache);
+    if (make_folders(folder) != 0) return;
+    if (clGetProgramInfo(program, CL_PROGRAM_BINARY_SIZES, sizeof size, &size, NULL) != CL_SUCCESS ||
+        size == 0 || size > MAX_BINARY) {
+        return;
+    }
+    char *binary = malloc(size);
+    if (!binary) return;
+    if (clGetProgramInfo(program, CL_PROGRAM_BINARIES, sizeof binary, &binary, NULL) == CL_SUCCESS) {
+        make_key(dev, options, key);
+        make_path(dev, key, path, sizeof path);
+        write_all(path, key, binary, size);
+    }
+    free(binary);
+}

@@ -1,0 +1,55 @@
+/* The OpenCL device: choice, programs and their cache, buffers, launches. The only room that sees
+ * CL/cl.h; above it a device is opaque and work is queued in order on its one queue. */
+#ifndef DMK_DEVICE_H
+#define DMK_DEVICE_H
+
+#include "base/base.h"
+
+/* Kernels come in two programs made from the same source: the inner one works in single precision
+ * (preconditioner, Newton's inner solves), the outer one in the precision of the result. */
+typedef enum dmk_program { DMK_INNER = 0, DMK_OUTER = 1, DMK_N_PROGRAMS } dmk_program;
+
+typedef struct dmk_buffer dmk_buffer; /* device memory */
+typedef struct dmk_kernel dmk_kernel;
+
+/* Bytes of one number of the program's working type: 4, or 8 for a double-precision outer one. */
+size_t dmk_device_real(const dmk_device *device, dmk_program program);
+
+/* Zeroed if `init` is NULL, else a copy of it. */
+int dmk_buffer_create(dmk_context *context, dmk_device *device, size_t bytes, const void *init,
+                      dmk_buffer **buffer);
+void dmk_buffer_destroy(dmk_buffer **buffer);
+/* Blocking: all queued work is done when these return. */
+int dmk_buffer_write(dmk_context *context, dmk_device *device, dmk_buffer *buffer, size_t offset,
+                     size_t bytes, const void *from);
+int dmk_buffer_read(dmk_context *context, dmk_device *device, const dmk_buffer *buffer,
+                    size_t offset, size_t bytes, void *to);
+/* n numbers of the program's working type from offset 0, given and taken as double. */
+int dmk_buffer_write_real(dmk_context *context, dmk_device *device, dmk_program program,
+                          dmk_buffer *buffer, size_t n, const double *from);
+int dmk_buffer_read_real(dmk_context *context, dmk_device *device, dmk_program program,
+                         const dmk_buffer *buffer, size_t n, double *to);
+
+/* The kernel `name` of a program. Kernels live as long as the device. */
+int dmk_kernel_get(dmk_context *context, dmk_device *device, dmk_program program, const char *name,
+                   dmk_kernel **kernel);
+
+/* One kernel argument: a buffer, or `bytes` of a value. */
+typedef struct dmk_arg {
+    size_t bytes; /* 0: `value` is a const dmk_buffer* */
+    const void *value;
+} dmk_arg;
+#define DMK_BUF(buffer) ((dmk_arg){0, (buffer)})
+#define DMK_INT(x) ((dmk_arg){sizeof(int32_t), &(const int32_t){(int32_t)(x)}})
+#define DMK_FLOAT(x) ((dmk_arg){sizeof(float), &(const float){(float)(x)}})
+
+/* Queue a kernel over `items` items; kernels see items in blocks of DMK_WIDTH. */
+int dmk_launch(dmk_context *context, dmk_device *device, const dmk_kernel *kernel, size_t items,
+               size_t n_args, const dmk_arg *args);
+#define DMK_LAUNCH(context, device, kernel, items, ...)                                            \
+    dmk_launch((context), (device), (kernel), (size_t)(items),                                     \
+               sizeof((dmk_arg[]){__VA_ARGS__}) / sizeof(dmk_arg), (dmk_arg[]){__VA_ARGS__})
+/* Work-groups of a launch over `items` items: the number of partial sums a reduction leaves. */
+size_t dmk_launch_groups(const dmk_device *device, size_t items);
+
+#endif

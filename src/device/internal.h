@@ -1,0 +1,48 @@
+/* Inside the device room. */
+#ifndef DMK_DEVICE_INTERNAL_H
+#define DMK_DEVICE_INTERNAL_H
+
+#include "device/device.h"
+
+#include <CL/cl.h>
+
+struct dmk_kernel {
+    cl_kernel cl;
+    dmk_program program;
+    const char *name;
+};
+
+enum { DMK_MAX_KERNELS = 128 };
+
+struct dmk_device {
+    cl_platform_id platform;
+    cl_device_id id;      /* what the queue runs on: the root device or a sub-device of it */
+    int is_sub_device;
+    cl_context cl;
+    cl_command_queue queue;
+    cl_program program[DMK_N_PROGRAMS]; /* the same one twice when both are in single precision */
+    dmk_kernel kernel[DMK_MAX_KERNELS];
+    int n_kernels;
+    dmk_device_info info;
+    int cpu_shape;        /* 1: one work-item per chunk of blocks; 0: one per item, groups of 256 */
+    size_t chunk;         /* blocks per work-item in the CPU shape */
+    int double_precision;
+    char cache[512];      /* folder for binaries, "" = none */
+};
+
+/* "CL_OUT_OF_RESOURCES" and the like. */
+const char *dmk_cl_text(cl_int error);
+/* DMK_OK, or a failure that names the call. */
+int dmk_cl_check(dmk_context *context, cl_int error, const char *call);
+#define DMK_CL(call) DMK_TRY(dmk_cl_check(ctx, (call), #call))
+
+/* program.c: build or load both programs. */
+int dmk_programs_build(dmk_context *context, dmk_device *device);
+/* cache.c: the binary kept under a key made of everything it depends on. */
+int dmk_cache_load(dmk_context *context, dmk_device *device, const char *options,
+                   cl_program *program);
+void dmk_cache_store(dmk_device *device, const char *options, cl_program program);
+/* The folder to use: `wanted`, or the user's cache folder if it is NULL; "" means no cache. */
+int dmk_cache_folder(dmk_context *context, const char *wanted, char *folder, size_t size);
+
+#endif

@@ -1,0 +1,216 @@
+/* Finding, opening and closing OpenCL devices. */
+#include "device/internal.h"
+
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { MAX_PLATFORMS = 16, MAX_DEVICES = 64 };
+
+typedef struct found {
+    cl_platform_id platform;
+    cl_device_id id;
+} found;
+
+static void device_text(cl_device_id id, cl_device_info what, char *text, size_t size)
+{
+    text[0] = 0;
+    char long_text[1024] = "";
+    if (clGetDeviceInfo(id, what, sizeof long_text - 1, long_text, NULL) == CL_SUCCESS) {
+        snprintf(text, size, "%.*s", (int)size - 1, long_text);
+    }
+}
+
+static void describe(const found *f, dmk_device_info *info)
+{
+    cl_device_type type = 0;
+    cl_uint units = 0;
+    cl_ulong memory = 0;
+    cl_device_fp_config fp64 = 0;
+    memset(info, 0, sizeof *info);
+    device_text(f->id, CL_DEVICE_NAME, info->name, sizeof info->name);
+    device_text(f->id, CL_DRIVER_VERSION, info->driver, sizeof info->driver);
+    clGetPlatformInfo(f->platform, CL_PLATFORM_NAME, sizeof info->platform - 1, info->platform,
+                      NULL);
+    clGetDeviceInfo(f->id, CL_DEVICE_TYPE, sizeof type, &type, NULL);
+    clGetDeviceInfo(f->id, CL_DEVICE_MAX_COMPUTE_UNITS, sizeof units, &units, NULL);
+    clGetDeviceInfo(f->id, CL_DEVICE_GLOBAL_MEM_SIZE, sizeof memory, &memory, NULL);
+    clGetDeviceInfo(f->id, CL_DEVICE_DOUBLE_FP_CONFIG, sizeof fp64, &fp64, NULL);
+    snprintf(info->type, sizeof info->type, "%s",
+             type & CL_DEVICE_TYPE_CPU   ? "CPU"
+             : type & CL_DEVICE_TYPE_GPU ? "GPU"
+                                         : "accelerator");
+    info->compute_units = (int)units;
+    info->memory = memory;
+    info->fp64 = fp64 != 0;
+}
+
+/* All devices of all platforms, in the order the loader gives them. */
+static int find_all(dmk_context *ctx, found *all, size_t *count)
+{
+    cl_platform_id platforms[MAX_PLATFORMS];
+    cl_uint n_platforms = 0;
+    *count = 0;
+    cl_int error = clGetPlatformIDs(MAX_PLATFORMS, platforms, &n_platforms);
+    if (error != CL_SUCCESS || n_platforms == 0) {
+        return dmk_fail(ctx, DMK_E_DEVICE,
+                        "no OpenCL platform (%s); install one, for instance the package "
+                        "pocl-opencl-icd",
+                        dmk_cl_text(error));
+    }
+    if (n_platforms > MAX_PLATFORMS) n_platforms = MAX_PLATFORMS;
+    for (cl_uint p = 0; p < n_platforms; p++) {
+        cl_device_id ids[MAX_DEVICES];
+        cl_uint n = 0;
+        if (clGetDeviceIDs(platforms[p], CL_DEVICE_TYPE_ALL, MAX_DEVICES, ids, &n) != CL_SUCCESS) {
+            continue;
+        }
+        for (cl_uint i = 0; i < n && i < MAX_DEVICES && *count < MAX_DEVICES; i++) {
+            all[(*count)++] = (found){platforms[p], ids[i]};
+        }
+    }
+    if (*count == 0) {
+        return dmk_fail(ctx, DMK_E_DEVICE, "%u OpenCL platforms, but none has a device",
+                        n_platforms);
+    }
+    return DMK_OK;
+}
+
+int dmk_device_list(dmk_context *ctx, dmk_device_info *infos, size_t capacity, size_t *count)
+{
+    found all[MAX_DEVICES];
+    size_t n;
+    int rc = find_all(ctx, all, &n);
+    if (rc != DMK_OK) return rc;
+    for (size_t i = 0; i < n && i < capacity; i++) describe(&all[i], &infos[i]);
+    *count = n;
+    return DMK_OK;
+}
+
+/* Without a choice: the first CPU device, which PoCL always offers; else the first device. */
+static size_t default_choice(const found *all, size_t n)
+{
+    for (size_t i = 0; i < n; i++) {
+        dmk_device_info info;
+        describe(&all[i], &info);
+        if (strcmp(info.type, "CPU") == 0) return i;
+    }
+    return 0;
+}
+
+static int choose(dmk_context *ctx, const char *select, const found *all, size_t n, size_t *chosen)
+{
+    if (!select || !*select) {
+        *chosen = default_choice(all, n);
+        return DMK_OK;
+    }
+    char *end;
+    unsigned long number = strtoul(select, &end, 10);
+    if (*end == 0) {
+        if (number < n) {
+            *chosen = number;
+            return DMK_OK;
+        }
+        return dmk_fail(ctx, DMK_E_DEVICE, "no device %s: there are %zu, numbered from 0", select,
+                        n);
+    }
+    for (size_t i = 0; i < n; i++) {
+        dmk_device_info info;
+        describe(&all[i], &info);
+        if (strcasestr(info.name, select) || strcasestr(info.platform, select)) {
+            *chosen = i;
+            return DMK_OK;
+        }
+    }
+    return dmk_fail(ctx, DMK_E_DEVICE,
+                    "no OpenCL device or platform has '%s' in its name; the list of devices shows "
+                    "what there is",
+                    select);
+}
+
+/* A sub-device of `threads` compute units, where fewer than all are wanted. */
+static int take_units(dmk_context *ctx, dmk_device *dev, int threads)
+{
+    if (threads <= 0 || threads >= dev->info.compute_units) return DMK_OK;
+    cl_device_partition_property by_counts[] = {CL_DEVICE_PARTITION_BY_COUNTS, threads,
+                                                CL_DEVICE_PARTITION_BY_COUNTS_LIST_END, 0};
+    cl_device_id sub;
+    cl_int error = clCreateSubDevices(dev->id, by_counts, 1, &sub, NULL);
+    if (error != CL_SUCCESS) {
+        return dmk_fail(ctx, DMK_E_DEVICE, "%s (%d): this device cannot be limited to %d threads",
+                        dmk_cl_text(error), error, threads);
+    }
+    dev->id = sub;
+    dev->is_sub_device = 1;
+    dev->info.compute_units = threads;
+    return DMK_OK;
+}
+
+/* Blocks of 8 elements per work-item on a CPU: what one work-item streams (about 64 bytes an element)
+ * should fit the first-level cache, and a reduction leaves one partial sum per work-item. */
+static size_t cpu_chunk(dmk_context *ctx)
+{
+    dmk_machine_info machine;
+    if (dmk_machine_get_info(ctx, &machine) != DMK_OK || machine.l1 == 0) return 64;
+    size_t chunk = machine.l1 / (8 * 64);
+    return chunk < 16 ? 16 : chunk > 256 ? 256 : chunk;
+}
+
+void dmk_device_options_init(dmk_device_options *options)
+{
+    memset(options, 0, sizeof *options);
+}
+
+int dmk_device_open(dmk_context *ctx, const dmk_device_options *options, dmk_device **device)
+{
+    int rc;
+    cl_int error;
+    found all[MAX_DEVICES];
+    size_t n, chosen;
+    dmk_device *dev = NULL;
+    DMK_TRY(DMK_NEW(ctx, dev, 1));
+    DMK_TRY(find_all(ctx, all, &n));
+    DMK_TRY(choose(ctx, options->select, all, n, &chosen));
+    describe(&all[chosen], &dev->info);
+    dev->platform = all[chosen].platform;
+    dev->id = all[chosen].id;
+    DMK_TRY(take_units(ctx, dev, options->threads));
+    dev->double_precision = dev->info.fp64 && !options->single_precision;
+    dev->cpu_shape = options->shape ? options->shape == DMK_SHAPE_CPU
+                                    : strcmp(dev->info.type, "CPU") == 0;
+    dev->chunk = cpu_chunk(ctx);
+    DMK_TRY(dmk_cache_folder(ctx, options->cache, dev->cache, sizeof dev->cache));
+    dev->cl = clCreateContext(NULL, 1, &dev->id, NULL, NULL, &error);
+    DMK_TRY(dmk_cl_check(ctx, error, "clCreateContext"));
+    dev->queue = clCreateCommandQueue(dev->cl, dev->id, 0, &error);
+    DMK_TRY(dmk_cl_check(ctx, error, "clCreateCommandQueue"));
+    DMK_TRY(dmk_programs_build(ctx, dev));
+    *device = dev;
+    dev = NULL;
+done:
+    dmk_device_destroy(&dev);
+    return rc;
+}
+
+void dmk_device_get_info(const dmk_device *device, dmk_device_info *info) { *info = device->info; }
+
+size_t dmk_device_real(const dmk_device *dev, dmk_program program)
+{
+    return program == DMK_OUTER && dev->double_precision ? sizeof(double) : sizeof(float);
+}
+
+void dmk_device_destroy(dmk_device **device)
+{
+    dmk_device *dev = *device;
+    if (!dev) return;
+    for (int i = 0; i < dev->n_kernels; i++) clReleaseKernel(dev->kernel[i].cl);
+    for (int p = 0; p < DMK_N_PROGRAMS; p++) {
+        if (dev->program[p]) clReleaseProgram(dev->program[p]);
+    }
+    if (dev->queue) clReleaseCommandQueue(dev->queue);
+    if (dev->cl) clReleaseContext(dev->cl);
+    if (dev->is_sub_device) clReleaseDevice(dev->id);
+    free(dev);
+    *device = NULL;
+}

@@ -1,0 +1,77 @@
+/* The two programs: options, build, build log. */
+#include "device/internal.h"
+
+#include "dmk_shared.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+extern const char *const dmk_kernel_lines[];
+extern const size_t dmk_kernel_n_lines;
+
+static void build_options(const dmk_device *dev, dmk_program program, char *text, size_t size)
+{
+    int real_double = dmk_device_real(dev, program) == sizeof(double);
+    snprintf(text, size, "-cl-std=CL1.2 -DDMK_CPU=%d -DDMK_CHUNK=%d -DDMK_DOUBLE=%d -DDMK_FP64=%d",
+             dev->cpu_shape, (int)dev->chunk, real_double, dev->double_precision);
+}
+
+/* The build log goes into the message whole, as far as it fits. */
+static int build_failure(dmk_context *ctx, dmk_device *dev, cl_program program, cl_int error)
+{
+    char log[800] = "";
+    size_t size = 0;
+    clGetProgramBuildInfo(program, dev->id, CL_PROGRAM_BUILD_LOG, 0, NULL, &size);
+    char *whole = size ? calloc(size + 1, 1) : NULL;
+    if (whole) {
+        clGetProgramBuildInfo(program, dev->id, CL_PROGRAM_BUILD_LOG, size, whole, NULL);
+        const char *first = strstr(whole, "error:");
+        while (first && first > whole && first[-1] != '\n') first--;
+        snprintf(log, sizeof log, "%s", first ? first : whole);
+        free(whole);
+    }
+    return dmk_fail(ctx, DMK_E_BUILD, "%s (%d) for %s; the build log says: %s", dmk_cl_text(error),
+                    error, dev->info.name, log);
+}
+
+static int build_from_source(dmk_context *ctx, dmk_device *dev, const char *options,
+                             cl_program *program)
+{
+    int rc;
+    cl_int error;
+    cl_program p = clCreateProgramWithSource(dev->cl, (cl_uint)dmk_kernel_n_lines,
+                                             (const char **)(uintptr_t)dmk_kernel_lines, NULL,
+                                             &error);
+    DMK_TRY(dmk_cl_check(ctx, error, "clCreateProgramWithSource"));
+    error = clBuildProgram(p, 1, &dev->id, options, NULL, NULL);
+    if (error != CL_SUCCESS) {
+        rc = build_failure(ctx, dev, p, error);
+        goto done;
+    }
+    *program = p;
+    p = NULL;
+done:
+    if (p) clReleaseProgram(p);
+    return rc;
+}
+
+static int build_one(dmk_context *ctx, dmk_device *dev, const char *options, cl_program *program)
+{
+    if (dmk_cache_load(ctx, dev, options, program) == DMK_OK) return DMK_OK;
+    int rc = build_from_source(ctx, dev, options, program);
+    if (rc == DMK_OK) dmk_cache_store(dev, options, *program);
+    return rc;
+}
+
+int dmk_programs_build(dmk_context *ctx, dmk_device *dev)
+{
+    int rc;
+    char inner[256], outer[256];
+    build_options(dev, DMK_INNER, inner, sizeof inner);
+    build_options(dev, DMK_OUTER, outer, sizeof outer);
+    DMK_TRY(build_one(ctx, dev, inner, &dev->program[DMK_INNER]));
+    DMK_TRY(build_one(ctx, dev, outer, &dev->program[DMK_OUTER]));
+done:
+    return rc;
+}
