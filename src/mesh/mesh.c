@@ -1,5 +1,7 @@
 #include "mesh/mesh.h"
+#include "mesh/check.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -64,17 +66,7 @@ static int build_edges(dmk_context *ctx, struct dmk_mesh *m)
             }
             int32_t *slot = &m->edge_triangle[2 * e + side];
             if (*slot >= 0) {
-                int32_t t0 = *slot, t1 = m->edge_triangle[2 * e + !side];
-                rc = t1 >= 0
-                         ? dmk_fail(ctx, DMK_E_MESH,
-                                    "non-manifold edge %d-%d: triangles %d, %d and %d share it; "
-                                    "remove or separate the extra sheets",
-                                    v, other, t0, t1, h / 3)
-                         : dmk_fail(ctx, DMK_E_MESH,
-                                    "triangles %d and %d run edge %d-%d in the same direction: "
-                                    "inconsistent orientation (or more than two triangles on the "
-                                    "edge); reorient the triangles consistently",
-                                    t0, h / 3, v, other);
+                rc = dmk_check_explain_edges(ctx, m);
                 goto done;
             }
             *slot = h / 3;
@@ -132,6 +124,15 @@ done:
     return rc;
 }
 
+/* The longest side is the sum of the two others as far as rounded lengths can tell. */
+static int fail_degenerate(dmk_context *ctx, const dmk_mesh *m, int32_t t)
+{
+    const int32_t *v = m->triangle + 3 * (size_t)t;
+    return dmk_fail(ctx, DMK_E_MESH,
+                    "triangle %d (vertices %d %d %d) is degenerate: its area is zero; remove it or "
+                    "merge its corners", t, v[0], v[1], v[2]);
+}
+
 /* Lengths, areas and cotangents, from edge lengths alone (Kahan's stable form of Heron's formula),
  * so that an intrinsic metric would do as well: cot at corner k = (b^2 + c^2 - a^2) / (4 area). */
 static int build_geometry(dmk_context *ctx, struct dmk_mesh *m)
@@ -153,14 +154,16 @@ static int build_geometry(dmk_context *ctx, struct dmk_mesh *m)
         if (a < b) s = a, a = b, b = s;
         if (b < c) s = b, b = c, c = s;
         if (a < b) s = a, a = b, b = s;
+        if (!(c - (a - b) > 4 * DBL_EPSILON * a)) {
+            rc = fail_degenerate(ctx, m, t);
+            goto done;
+        }
         double heron = (a + (b + c)) * (c - (a - b)) * (c + (a - b)) * (a + (b - c));
-        m->area[t] = 0.25 * sqrt(heron > 0 ? heron : 0);
-        if (!(m->area[t] > 0)) {
-            const int32_t *v = m->triangle + 3 * t;
+        m->area[t] = 0.25 * sqrt(heron);
+        if (!(heron >= DBL_MIN && heron <= DBL_MAX)) {
             rc = dmk_fail(ctx, DMK_E_MESH,
-                          "triangle %d (vertices %d %d %d) is degenerate: its area is zero; remove "
-                          "it or merge its corners",
-                          t, v[0], v[1], v[2]);
+                          "triangle %d has sides of %g, %g and %g: too small or large for its area "
+                          "in double precision; scale the mesh", t, a, b, c);
             goto done;
         }
         for (int k = 0; k < 3; k++) {
@@ -173,6 +176,16 @@ done:
     return rc;
 }
 
+/* Up to 12 numbers per triangle must be counted in 32 bits. */
+static int check_counts(dmk_context *ctx, size_t n_vertices, size_t n_triangles)
+{
+    if (n_triangles > 0 && n_triangles <= INT32_MAX / 16 && n_vertices <= INT32_MAX / 16) {
+        return DMK_OK;
+    }
+    return dmk_fail(ctx, DMK_E_MESH, "%zu vertices and %zu triangles: %s", n_vertices, n_triangles,
+                    n_triangles ? "too many for 32-bit indices" : "nothing to solve");
+}
+
 int dmk_mesh_adopt(dmk_context *ctx, size_t n_vertices, double *xyz, size_t n_triangles,
                    int32_t *triangle, dmk_mesh **mesh)
 {
@@ -183,14 +196,13 @@ int dmk_mesh_adopt(dmk_context *ctx, size_t n_vertices, double *xyz, size_t n_tr
     m->triangle = triangle;
     xyz = NULL;
     triangle = NULL;
-    if (n_triangles == 0 || n_triangles > INT32_MAX / 16 || n_vertices > INT32_MAX / 16) {
-        rc = dmk_fail(ctx, DMK_E_MESH, "%zu vertices and %zu triangles: %s", n_vertices,
-                      n_triangles, n_triangles ? "too many for 32-bit indices" : "nothing to solve");
-        goto done;
-    }
+    DMK_TRY(check_counts(ctx, n_vertices, n_triangles));
     m->n_vertices = (int32_t)n_vertices;
     m->n_triangles = (int32_t)n_triangles;
+    DMK_TRY(dmk_check_input(ctx, m));
     DMK_TRY(build_edges(ctx, m));
+    DMK_TRY(dmk_check_fans(ctx, m));
+    DMK_TRY(dmk_mesh_count(ctx, m));
     DMK_TRY(build_components(ctx, m));
     DMK_TRY(build_geometry(ctx, m));
     *mesh = m;
@@ -208,6 +220,8 @@ int dmk_mesh_create(dmk_context *ctx, size_t n_vertices, const double *xyz, size
     int rc;
     double *x = NULL;
     int32_t *t = NULL;
+    if (!xyz || !triangles || !mesh) return dmk_fail(ctx, DMK_E_ARG, "no arrays or no mesh");
+    DMK_TRY(check_counts(ctx, n_vertices, n_triangles));
     DMK_TRY(DMK_NEW(ctx, x, 3 * n_vertices));
     DMK_TRY(DMK_NEW(ctx, t, 3 * n_triangles));
     memcpy(x, xyz, 3 * n_vertices * sizeof *x);

@@ -21,6 +21,7 @@ struct dmk_mesh {
     double *length;         /* n_edges */
     double *area;           /* n_triangles */
     double *cot;            /* 3*n_triangles: cotangent of the angle at corner k */
+    int32_t n_used_vertices, n_border_edges, n_border_loops;
 };
 
 /* Vertex -> incident triangles, as compressed rows. */
@@ -36,6 +37,9 @@ void dmk_fan_free(dmk_fan *fan);
  * geometry, check (see dmk_mesh_create for what is refused). */
 int dmk_mesh_adopt(dmk_context *context, size_t n_vertices, double *xyz, size_t n_triangles,
                    int32_t *triangle, dmk_mesh **mesh);
+
+/* info.c: fill in n_used_vertices, n_border_edges, n_border_loops of a mesh with edges. */
+int dmk_mesh_count(dmk_context *context, dmk_mesh *mesh);
 
 /* order.c: the component `component` of `mesh` as a mesh of its own, in an order that keeps
  * neighbours near in memory: triangles along a space-filling (Morton) curve of their centroids,

@@ -1,0 +1,266 @@
+#include "mesh/check.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+int dmk_check_input(dmk_context *ctx, const dmk_mesh *m)
+{
+    for (int32_t v = 0; v < m->n_vertices; v++) {
+        const double *x = m->xyz + 3 * (size_t)v;
+        if (!isfinite(x[0]) || !isfinite(x[1]) || !isfinite(x[2])) {
+            return dmk_fail(ctx, DMK_E_MESH,
+                            "vertex %d lies at (%g, %g, %g): coordinates must be finite; give it a "
+                            "place or remove it", v, x[0], x[1], x[2]);
+        }
+    }
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        const int32_t *c = m->triangle + 3 * (size_t)t;
+        for (int k = 0; k < 3; k++) {
+            if (c[k] >= 0 && c[k] < m->n_vertices) continue;
+            return dmk_fail(ctx, DMK_E_MESH,
+                            "triangle %d names vertex %d, but the %d vertices count from 0 to %d",
+                            t, c[k], m->n_vertices, m->n_vertices - 1);
+        }
+        if (c[0] == c[1] || c[1] == c[2] || c[2] == c[0]) {
+            return dmk_fail(ctx, DMK_E_MESH,
+                            "triangle %d (vertices %d %d %d) is degenerate: a vertex is repeated; "
+                            "remove it", t, c[0], c[1], c[2]);
+        }
+    }
+    return DMK_OK;
+}
+
+/* ---- why edges could not be built: slow and thorough ---- */
+
+/* One side of a triangle: its ends a < b, the vertex opposite, the half-edge. */
+typedef struct side {
+    int32_t a, b, opposite, half;
+} side;
+
+static int compare_sides(const void *left, const void *right)
+{
+    const side *p = left, *q = right;
+    if (p->a != q->a) return p->a < q->a ? -1 : 1;
+    if (p->b != q->b) return p->b < q->b ? -1 : 1;
+    if (p->opposite != q->opposite) return p->opposite < q->opposite ? -1 : 1;
+    return p->half < q->half ? -1 : p->half > q->half;
+}
+
+static bool same_edge(const side *p, const side *q)
+{
+    return p->a == q->a && p->b == q->b;
+}
+
+/* Does the half-edge run from the smaller end to the larger? */
+static bool runs_up(const dmk_mesh *m, int32_t half)
+{
+    const int32_t *c = m->triangle + 3 * (size_t)(half / 3);
+    return c[(half % 3 + 1) % 3] < c[(half % 3 + 2) % 3];
+}
+
+static side *sorted_sides(dmk_context *ctx, const dmk_mesh *m)
+{
+    side *s = NULL;
+    size_t n = 3 * (size_t)m->n_triangles;
+    if (DMK_NEW(ctx, s, n) != DMK_OK) return NULL;
+    for (int32_t h = 0; h < (int32_t)n; h++) {
+        const int32_t *c = m->triangle + 3 * (size_t)(h / 3);
+        int32_t p = c[(h % 3 + 1) % 3], q = c[(h % 3 + 2) % 3];
+        s[h] = (side){dmk_min_i(p, q), dmk_max_i(p, q), c[h % 3], h};
+    }
+    qsort(s, n, sizeof *s, compare_sides);
+    return s;
+}
+
+static int explain_duplicate(dmk_context *ctx, const side *s, size_t n)
+{
+    for (size_t i = 1; i < n; i++) {
+        if (!same_edge(&s[i - 1], &s[i]) || s[i - 1].opposite != s[i].opposite) continue;
+        return dmk_fail(ctx, DMK_E_MESH,
+                        "triangles %d and %d are duplicates: both have the vertices %d %d %d; "
+                        "remove one of them",
+                        s[i - 1].half / 3, s[i].half / 3, s[i].a, s[i].b, s[i].opposite);
+    }
+    return DMK_OK;
+}
+
+static int explain_third_triangle(dmk_context *ctx, const side *s, size_t n)
+{
+    for (size_t i = 2; i < n; i++) {
+        if (!same_edge(&s[i - 2], &s[i])) continue;
+        return dmk_fail(ctx, DMK_E_MESH,
+                        "non-manifold edge %d-%d: triangles %d, %d and %d share it; remove or "
+                        "separate the extra sheets",
+                        s[i].a, s[i].b, s[i - 2].half / 3, s[i - 1].half / 3, s[i].half / 3);
+    }
+    return DMK_OK;
+}
+
+/* Turn triangles over, from neighbour to neighbour, until they agree. mate[h] is the half-edge that
+ * shares the edge of h, or -1; turned[t] becomes 0 or 1. Gives a half-edge over which no agreement
+ * is possible, or -1; *n_turned is the number to turn over in all (the fewer, in each part). */
+static int32_t try_to_orient(const dmk_mesh *m, const int32_t *mate, int8_t *turned, int32_t *stack,
+                             int32_t *n_turned)
+{
+    *n_turned = 0;
+    for (int32_t t = 0; t < m->n_triangles; t++) turned[t] = -1;
+    for (int32_t seed = 0; seed < m->n_triangles; seed++) {
+        if (turned[seed] >= 0) continue;
+        int32_t top = 0, size = 0, turns = 0;
+        turned[seed] = 0;
+        stack[top++] = seed;
+        while (top > 0) {
+            int32_t t = stack[--top];
+            size++;
+            turns += turned[t];
+            for (int32_t h = 3 * t; h < 3 * t + 3; h++) {
+                if (mate[h] < 0) continue;
+                int32_t other = mate[h] / 3;
+                int8_t wanted = turned[t] ^ (runs_up(m, h) == runs_up(m, mate[h]));
+                if (turned[other] < 0) {
+                    turned[other] = wanted;
+                    stack[top++] = other;
+                } else if (turned[other] != wanted) {
+                    return h;
+                }
+            }
+        }
+        *n_turned += dmk_min_i(turns, size - turns);
+    }
+    return -1;
+}
+
+/* At most two triangles at each edge, but some of the same direction. */
+static int explain_orientation(dmk_context *ctx, const dmk_mesh *m, const side *s)
+{
+    int rc;
+    int32_t *mate = NULL, *stack = NULL, n_turned;
+    int8_t *turned = NULL;
+    size_t n = 3 * (size_t)m->n_triangles, bad = 0;
+    DMK_TRY(DMK_NEW(ctx, mate, n));
+    DMK_TRY(DMK_NEW(ctx, stack, (size_t)m->n_triangles));
+    DMK_TRY(DMK_NEW(ctx, turned, (size_t)m->n_triangles));
+    for (size_t i = 0; i < n; i++) mate[i] = -1;
+    for (size_t i = 1; i < n; i++) {
+        if (!same_edge(&s[i - 1], &s[i])) continue;
+        mate[s[i - 1].half] = s[i].half;
+        mate[s[i].half] = s[i - 1].half;
+        if (!bad && runs_up(m, s[i - 1].half) == runs_up(m, s[i].half)) bad = i;
+    }
+    int32_t stuck = try_to_orient(m, mate, turned, stack, &n_turned);
+    if (stuck >= 0) {
+        rc = dmk_fail(ctx, DMK_E_MESH,
+                      "the surface is not orientable (it has one side only, like a Moebius strip or "
+                      "a Klein bottle; noticed between triangles %d and %d), which is not treated; "
+                      "cut it open or use its two-sided double cover", stuck / 3, mate[stuck] / 3);
+    } else {
+        rc = dmk_fail(ctx, DMK_E_MESH,
+                      "inconsistent orientation: triangles %d and %d run edge %d-%d in the same "
+                      "direction; turning over %d of the %d triangles (swapping two of their "
+                      "corners) makes all agree",
+                      s[bad - 1].half / 3, s[bad].half / 3, s[bad].a, s[bad].b, n_turned,
+                      m->n_triangles);
+    }
+done:
+    free(mate);
+    free(stack);
+    free(turned);
+    return rc;
+}
+
+int dmk_check_explain_edges(dmk_context *ctx, const dmk_mesh *m)
+{
+    size_t n = 3 * (size_t)m->n_triangles;
+    side *s = sorted_sides(ctx, m);
+    if (!s) return DMK_E_NOMEM;
+    int rc = explain_duplicate(ctx, s, n);
+    if (rc == DMK_OK) rc = explain_third_triangle(ctx, s, n);
+    if (rc == DMK_OK) rc = explain_orientation(ctx, m, s);
+    free(s);
+    return rc;
+}
+
+/* ---- fans ---- */
+
+/* Corner (3*triangle + k) of vertex v in triangle t. */
+static int32_t corner_of(const dmk_mesh *m, int32_t t, int32_t v)
+{
+    const int32_t *c = m->triangle + 3 * (size_t)t;
+    return 3 * t + (c[0] == v ? 0 : c[1] == v ? 1 : 2);
+}
+
+/* The next corner counterclockwise around the same vertex, or -1 behind the last one of a chain:
+ * the side that follows corner k counterclockwise lies opposite corner k+1. */
+static int32_t next_corner(const dmk_mesh *m, int32_t corner)
+{
+    int32_t t = corner / 3, e = m->triangle_edge[3 * t + (corner % 3 + 1) % 3];
+    const int32_t *pair = m->edge_triangle + 2 * (size_t)e;
+    int32_t other = pair[0] == t ? pair[1] : pair[0];
+    return other < 0 ? -1 : corner_of(m, other, m->triangle[corner]);
+}
+
+/* Two triangles back to back share an edge and the vertex opposite to it. */
+static int check_pillows(dmk_context *ctx, const dmk_mesh *m)
+{
+    for (int32_t e = 0; e < m->n_edges; e++) {
+        const int32_t *t = m->edge_triangle + 2 * (size_t)e, *ends = m->edge_vertex + 2 * (size_t)e;
+        if (t[1] < 0) continue;
+        const int32_t *p = m->triangle + 3 * (size_t)t[0], *q = m->triangle + 3 * (size_t)t[1];
+        /* the third vertex, without a search */
+        int32_t third = p[0] ^ p[1] ^ p[2] ^ ends[0] ^ ends[1];
+        if (third != (q[0] ^ q[1] ^ q[2] ^ ends[0] ^ ends[1])) continue;
+        return dmk_fail(ctx, DMK_E_MESH,
+                        "triangles %d and %d are duplicates, back to back: both have the vertices "
+                        "%d %d %d; remove one of them or both",
+                        t[0], t[1], ends[0], ends[1], third);
+    }
+    return DMK_OK;
+}
+
+/* Name a triangle of the fan that starts at `first` and one outside of it. */
+static int fail_fan(dmk_context *ctx, const dmk_mesh *m, int32_t first)
+{
+    int32_t v = m->triangle[first], outside = -1;
+    for (int32_t h = 0; h < 3 * m->n_triangles && outside < 0; h++) {
+        if (m->triangle[h] != v) continue;
+        int32_t c = first;
+        do {
+            if (c == h) break;
+            c = next_corner(m, c);
+        } while (c >= 0 && c != first);
+        if (c != h) outside = h / 3;
+    }
+    return dmk_fail(ctx, DMK_E_MESH,
+                    "non-manifold vertex %d: triangles %d and %d meet there, but not through "
+                    "shared edges; give each part of the surface its own copy of the vertex",
+                    v, first / 3, outside);
+}
+
+int dmk_check_fans(dmk_context *ctx, const dmk_mesh *m)
+{
+    int rc;
+    int32_t *first = NULL; /* corner from which to walk: where the chain begins if there is one */
+    int32_t *count = NULL; /* corners at the vertex */
+    DMK_TRY(check_pillows(ctx, m));
+    DMK_TRY(DMK_NEW(ctx, first, (size_t)m->n_vertices));
+    DMK_TRY(DMK_NEW(ctx, count, (size_t)m->n_vertices));
+    for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
+        int32_t v = m->triangle[h], before = m->triangle_edge[3 * (h / 3) + (h % 3 + 2) % 3];
+        if (count[v]++ == 0 || m->edge_triangle[2 * (size_t)before + 1] < 0) first[v] = h;
+    }
+    for (int32_t v = 0; v < m->n_vertices; v++) {
+        if (count[v] == 0) continue;
+        int32_t seen = 0, c = first[v];
+        do {
+            seen++;
+            c = next_corner(m, c);
+        } while (c >= 0 && c != first[v]);
+        if (seen == count[v]) continue;
+        rc = fail_fan(ctx, m, first[v]);
+        goto done;
+    }
+done:
+    free(first);
+    free(count);
+    return rc;
+}

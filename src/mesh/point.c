@@ -1,0 +1,171 @@
+/* Points on the surface: the nearest one, a vertex's, and their places in space. */
+#include "mesh/mesh.h"
+
+#include <math.h>
+
+/* Weights below this are rounding and become exactly 0: the point then lies on an edge or at a
+ * vertex. */
+#define SNAP 1e-9
+
+static double dot(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static void subtract(const double a[3], const double b[3], double c[3])
+{
+    for (int k = 0; k < 3; k++) c[k] = a[k] - b[k];
+}
+
+static double distance2(const double *const corner[3], const double w[3], const double x[3])
+{
+    double sum = 0;
+    for (int k = 0; k < 3; k++) {
+        double d = w[0] * (corner[0][k] - x[k]) + w[1] * (corner[1][k] - x[k]) +
+                   w[2] * (corner[2][k] - x[k]);
+        sum += d * d;
+    }
+    return sum;
+}
+
+/* The nearest point of the side from corner i to j. */
+static void project_side(const double *const corner[3], int i, int j, const double x[3],
+                         double w[3])
+{
+    double side[3], to[3];
+    subtract(corner[j], corner[i], side);
+    subtract(x, corner[i], to);
+    double s = dot(side, to) / dot(side, side);
+    s = s < 0 ? 0 : s > 1 ? 1 : s;
+    w[0] = w[1] = w[2] = 0;
+    w[i] = 1 - s;
+    w[j] = s;
+}
+
+/* The foot of the perpendicular in barycentric weights: (p, q) solves the normal equations of
+ * x - a = p (b-a) + q (c-a). */
+static void project_plane(const double *const corner[3], const double x[3], double w[3])
+{
+    double p[3], q[3], r[3];
+    subtract(corner[1], corner[0], p);
+    subtract(corner[2], corner[0], q);
+    subtract(x, corner[0], r);
+    double pp = dot(p, p), pq = dot(p, q), qq = dot(q, q), pr = dot(p, r), qr = dot(q, r);
+    double det = pp * qq - pq * pq;
+    w[1] = (qq * pr - pq * qr) / det;
+    w[2] = (pp * qr - pq * pr) / det;
+    w[0] = 1 - w[1] - w[2];
+}
+
+/* The nearest point of a triangle: the foot if it lies inside, else the nearest one of the sides.
+ * Gives the squared distance. */
+static double project_triangle(const double *const corner[3], const double x[3], double w[3])
+{
+    project_plane(corner, x, w);
+    if (w[0] >= 0 && w[1] >= 0 && w[2] >= 0) return distance2(corner, w, x);
+    double best = INFINITY;
+    for (int k = 0; k < 3; k++) {
+        double side[3];
+        project_side(corner, k, (k + 1) % 3, x, side);
+        double d = distance2(corner, side, x);
+        if (!(d < best)) continue;
+        best = d;
+        for (int i = 0; i < 3; i++) w[i] = side[i];
+    }
+    return best;
+}
+
+/* Squared distance from x to the box around a triangle: never more than that to the triangle. */
+static double box_distance2(const double *const corner[3], const double x[3])
+{
+    double sum = 0;
+    for (int k = 0; k < 3; k++) {
+        double a = corner[0][k], b = corner[1][k], c = corner[2][k];
+        double lo = a < b ? a : b, hi = a < b ? b : a;
+        lo = lo < c ? lo : c;
+        hi = hi > c ? hi : c;
+        double d = x[k] < lo ? lo - x[k] : x[k] > hi ? x[k] - hi : 0;
+        sum += d * d;
+    }
+    return sum;
+}
+
+static void snap(double w[3])
+{
+    double sum = 0;
+    for (int k = 0; k < 3; k++) {
+        if (w[k] < SNAP) w[k] = 0;
+        sum += w[k];
+    }
+    for (int k = 0; k < 3; k++) w[k] /= sum;
+}
+
+static void get_corners(const dmk_mesh *m, int64_t t, const double *corner[3])
+{
+    for (int k = 0; k < 3; k++) corner[k] = m->xyz + 3 * (size_t)m->triangle[3 * t + k];
+}
+
+int dmk_mesh_project(dmk_context *ctx, const dmk_mesh *m, const double xyz[3], dmk_point *point)
+{
+    if (!m || !xyz || !point) return dmk_fail(ctx, DMK_E_ARG, "no mesh, no place or no point");
+    if (!isfinite(xyz[0]) || !isfinite(xyz[1]) || !isfinite(xyz[2])) {
+        return dmk_fail(ctx, DMK_E_ARG, "the place (%g, %g, %g) is not finite", xyz[0], xyz[1],
+                        xyz[2]);
+    }
+    double best = INFINITY, w[3];
+    dmk_point nearest = {-1, {0, 0, 0}};
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        const double *corner[3];
+        get_corners(m, t, corner);
+        if (box_distance2(corner, xyz) >= best) continue;
+        double d = project_triangle(corner, xyz, w);
+        if (!(d < best)) continue;
+        best = d;
+        nearest = (dmk_point){t, {w[0], w[1], w[2]}};
+    }
+    if (nearest.triangle < 0) {
+        return dmk_fail(ctx, DMK_E_ARG,
+                        "the place (%g, %g, %g) is too far from the mesh for double precision",
+                        xyz[0], xyz[1], xyz[2]);
+    }
+    snap(nearest.weight);
+    *point = nearest;
+    return DMK_OK;
+}
+
+int dmk_mesh_vertex_point(dmk_context *ctx, const dmk_mesh *m, int64_t vertex, dmk_point *point)
+{
+    if (!m || !point) return dmk_fail(ctx, DMK_E_ARG, "no mesh or no point");
+    if (vertex < 0 || vertex >= m->n_vertices) {
+        return dmk_fail(ctx, DMK_E_ARG, "vertex %lld is not among the mesh's 0..%d",
+                        (long long)vertex, m->n_vertices - 1);
+    }
+    for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
+        if (m->triangle[h] != vertex) continue;
+        *point = (dmk_point){h / 3, {0, 0, 0}};
+        point->weight[h % 3] = 1;
+        return DMK_OK;
+    }
+    return dmk_fail(ctx, DMK_E_ARG, "vertex %lld is in no triangle: choose one that is",
+                    (long long)vertex);
+}
+
+int dmk_mesh_point_xyz(dmk_context *ctx, const dmk_mesh *m, const dmk_point *point, double xyz[3])
+{
+    if (!m || !point || !xyz) return dmk_fail(ctx, DMK_E_ARG, "no mesh, no point or no place");
+    if (point->triangle < 0 || point->triangle >= m->n_triangles) {
+        return dmk_fail(ctx, DMK_E_ARG, "triangle %lld is not among the mesh's 0..%d",
+                        (long long)point->triangle, m->n_triangles - 1);
+    }
+    const double *w = point->weight, *corner[3];
+    if (!(w[0] >= 0 && w[1] >= 0 && w[2] >= 0 && fabs(w[0] + w[1] + w[2] - 1) <= SNAP)) {
+        return dmk_fail(ctx, DMK_E_ARG,
+                        "weights %g %g %g: they must not be negative and their sum must be 1", w[0],
+                        w[1], w[2]);
+    }
+    get_corners(m, point->triangle, corner);
+    for (int k = 0; k < 3; k++) {
+        xyz[k] = w[0] * corner[0][k] + w[1] * corner[1][k] + w[2] * corner[2][k];
+    }
+    return DMK_OK;
+}
