@@ -1,0 +1,68 @@
+/* Reading a whole file into memory. */
+#include "io/io.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+static int fail_errno(dmk_context *ctx, const char *path, const char *what)
+{
+    int code = errno == ENOMEM ? DMK_E_NOMEM : DMK_E_IO;
+    return dmk_fail(ctx, code, "%s: %s: %s", path, what, strerror(errno));
+}
+
+/* Read to the end of fd. A size known beforehand is one read; a pipe makes the buffer grow. */
+static int read_all(dmk_context *ctx, int fd, size_t expected, dmk_file *file)
+{
+    size_t room = expected + 1;
+    for (;;) {
+        if (file->size + 1 > room || !file->data) {
+            if (file->data) room *= 2;
+            char *bigger = realloc(file->data, room + 1);
+            if (!bigger) {
+                return dmk_fail(ctx, DMK_E_NOMEM, "%s: out of memory: %zu bytes for the file",
+                                file->path, room);
+            }
+            file->data = bigger;
+        }
+        ssize_t n = read(fd, file->data + file->size, room - file->size);
+        if (n < 0 && errno == EINTR) continue;
+        if (n < 0) return fail_errno(ctx, file->path, "cannot read");
+        if (n == 0) break;
+        file->size += (size_t)n;
+    }
+    file->data[file->size] = '\0';
+    return DMK_OK;
+}
+
+int dmk_file_load(dmk_context *ctx, const char *path, dmk_file *file)
+{
+    int rc;
+    struct stat st;
+    *file = (dmk_file){.path = path};
+    int fd = open(path, O_RDONLY | O_CLOEXEC);
+    if (fd < 0) return fail_errno(ctx, path, "cannot open");
+    if (fstat(fd, &st) != 0) {
+        rc = fail_errno(ctx, path, "cannot open");
+    } else if (S_ISDIR(st.st_mode)) {
+        rc = dmk_fail(ctx, DMK_E_IO, "%s: is a folder; name a mesh file in it", path);
+    } else {
+        rc = read_all(ctx, fd, S_ISREG(st.st_mode) ? (size_t)st.st_size : 65536, file);
+    }
+    close(fd);
+    if (rc == DMK_OK && file->size == 0) {
+        rc = dmk_fail(ctx, DMK_E_FORMAT, "%s: the file is empty", path);
+    }
+    if (rc != DMK_OK) dmk_file_free(file);
+    return rc;
+}
+
+void dmk_file_free(dmk_file *file)
+{
+    free(file->data);
+    file->data = NULL;
+    file->size = 0;
+}

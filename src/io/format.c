@@ -1,0 +1,157 @@
+/* The table of formats, and reading and writing through it. */
+#include "io/io.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+static const dmk_format formats[] = {
+    {"OFF", ".off .coff .noff", dmk_off_sniff, dmk_off_read, dmk_off_write, NULL, NULL},
+    {"OBJ", ".obj", dmk_obj_sniff, dmk_obj_read, dmk_obj_write, NULL, dmk_obj_write_locus},
+    {"VTP", ".vtp", NULL, NULL, dmk_vtp_write, dmk_vtp_write, dmk_vtp_write_locus},
+    {"VTU", ".vtu", NULL, NULL, dmk_vtu_write, dmk_vtu_write, NULL},
+    {"CSV", ".csv", NULL, NULL, NULL, NULL, dmk_csv_write_locus},
+};
+#define N_FORMATS (sizeof formats / sizeof *formats)
+
+int dmk_format_get(size_t index, dmk_format_info *info)
+{
+    if (index >= N_FORMATS) return DMK_E_ARG;
+    const dmk_format *f = &formats[index];
+    *info = (dmk_format_info){f->name, f->suffixes, f->read_mesh != NULL, f->write_mesh != NULL,
+                              f->write_result != NULL, f->write_locus != NULL};
+    return DMK_OK;
+}
+
+/* Whether path ends in one of the blank-separated suffixes, in whatever case. */
+static bool has_suffix(const char *path, const char *suffixes)
+{
+    size_t n_path = strlen(path);
+    while (*suffixes) {
+        size_t n = strcspn(suffixes, " ");
+        if (n_path > n && strncasecmp(path + n_path - n, suffixes, n) == 0) return true;
+        suffixes += n + (suffixes[n] == ' ');
+    }
+    return false;
+}
+
+/* Put the suffixes of the formats that can do something into text, for messages. */
+enum { READ_MESH, WRITE_MESH, WRITE_RESULT, WRITE_LOCUS };
+static bool can(const dmk_format *f, int what)
+{
+    switch (what) {
+    case READ_MESH: return f->read_mesh != NULL;
+    case WRITE_MESH: return f->write_mesh != NULL;
+    case WRITE_RESULT: return f->write_result != NULL;
+    default: return f->write_locus != NULL;
+    }
+}
+
+static const char *list_suffixes(int what, char *text, size_t room)
+{
+    size_t n = 0;
+    text[0] = '\0';
+    for (size_t i = 0; i < N_FORMATS; i++) {
+        if (!can(&formats[i], what)) continue;
+        int w = snprintf(text + n, room - n, "%s%s", n ? " " : "", formats[i].suffixes);
+        if (w < 0 || (size_t)w >= room - n) break;
+        n += (size_t)w;
+    }
+    return text;
+}
+
+static const dmk_format *find_by_suffix(const char *path, int what)
+{
+    for (size_t i = 0; i < N_FORMATS; i++) {
+        if (can(&formats[i], what) && has_suffix(path, formats[i].suffixes)) return &formats[i];
+    }
+    return NULL;
+}
+
+/* By content, then by suffix. */
+static int find_reader(dmk_context *ctx, const dmk_file *file, const dmk_format **format)
+{
+    char list[256];
+    for (size_t i = 0; i < N_FORMATS; i++) {
+        *format = &formats[i];
+        if (formats[i].sniff && formats[i].sniff(file)) return DMK_OK;
+    }
+    *format = find_by_suffix(file->path, READ_MESH);
+    if (*format) return DMK_OK;
+    return dmk_fail(ctx, DMK_E_FORMAT, "%s: neither its content nor its suffix is that of a mesh "
+                    "format that is read (%s)", file->path,
+                    list_suffixes(READ_MESH, list, sizeof list));
+}
+
+static int find_writer(dmk_context *ctx, const char *path, int what, const dmk_format **format)
+{
+    char list[256];
+    *format = find_by_suffix(path, what);
+    if (*format) return DMK_OK;
+    return dmk_fail(ctx, DMK_E_ARG, "%s: the suffix chooses the format; use one of %s", path,
+                    list_suffixes(what, list, sizeof list));
+}
+
+/* Put the file's name in front of what the mesh checks said. */
+static int name_file(dmk_context *ctx, const char *path, int rc)
+{
+    char what[sizeof ctx->message];
+    memcpy(what, ctx->message, sizeof what);
+    return dmk_fail(ctx, rc, "%s: %s", path, what);
+}
+
+int dmk_mesh_read(dmk_context *ctx, const char *path, dmk_mesh **mesh)
+{
+    int rc;
+    dmk_file file = {0};
+    dmk_soup soup = {0};
+    const dmk_format *format;
+    if (!path || !mesh) return dmk_fail(ctx, DMK_E_ARG, "no path or no place for the mesh");
+    DMK_TRY(dmk_file_load(ctx, path, &file));
+    DMK_TRY(find_reader(ctx, &file, &format));
+    DMK_TRY(format->read_mesh(ctx, &file, &soup));
+    dmk_file_free(&file); /* before the topology needs memory */
+    rc = dmk_mesh_adopt(ctx, soup.n_vertices, soup.xyz, soup.n_triangles, soup.triangle, mesh);
+    soup = (dmk_soup){0};
+    if (rc != DMK_OK) rc = name_file(ctx, path, rc);
+done:
+    dmk_file_free(&file);
+    dmk_soup_free(&soup);
+    return rc;
+}
+
+static int write_fields(dmk_context *ctx, const dmk_fields *fields, const char *path, int what)
+{
+    int rc;
+    dmk_sink *sink = NULL;
+    const dmk_format *f;
+    DMK_TRY(find_writer(ctx, path, what, &f));
+    DMK_TRY(dmk_sink_open(ctx, path, &sink));
+    rc = (what == WRITE_MESH ? f->write_mesh : f->write_result)(ctx, sink, fields);
+done:
+    return dmk_sink_close(&sink, rc);
+}
+
+int dmk_mesh_write(dmk_context *ctx, const dmk_mesh *mesh, const char *path)
+{
+    if (!path || !mesh) return dmk_fail(ctx, DMK_E_ARG, "no path or no mesh");
+    return write_fields(ctx, &(dmk_fields){.mesh = mesh}, path, WRITE_MESH);
+}
+
+int dmk_fields_write(dmk_context *ctx, const dmk_fields *fields, const char *path)
+{
+    return write_fields(ctx, fields, path, WRITE_RESULT);
+}
+
+int dmk_curves_write(dmk_context *ctx, const dmk_curves *curves, const char *path)
+{
+    int rc;
+    dmk_sink *sink = NULL;
+    const dmk_format *f;
+    DMK_TRY(find_writer(ctx, path, WRITE_LOCUS, &f));
+    DMK_TRY(dmk_sink_open(ctx, path, &sink));
+    rc = f->write_locus(ctx, sink, curves);
+done:
+    return dmk_sink_close(&sink, rc);
+}

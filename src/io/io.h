@@ -1,0 +1,127 @@
+/* Files of meshes, results and cut loci: one file per format, one row per format in format.c. */
+#ifndef DMK_IO_H
+#define DMK_IO_H
+
+#include "base/base.h"
+#include "base/number.h"
+#include "mesh/mesh.h"
+
+/* ---- reading ---- */
+
+/* A whole file in memory. data[size] is a NUL, so that scanning may look one character ahead. */
+typedef struct dmk_file {
+    const char *path;
+    char *data;
+    size_t size;
+} dmk_file;
+
+int dmk_file_load(dmk_context *context, const char *path, dmk_file *file);
+void dmk_file_free(dmk_file *file);
+
+/* A place in a text. Blanks are space, tab, CR, VT, FF; '#' starts a comment that runs to the end
+ * of its line. */
+typedef struct dmk_text {
+    dmk_context *context;
+    const dmk_file *file;
+    const char *at, *end;
+    dmk_numbers numbers;
+} dmk_text;
+
+int dmk_text_open(dmk_context *context, const dmk_file *file, dmk_text *text);
+void dmk_text_close(dmk_text *text);
+/* Fail with DMK_E_FORMAT and "path:line: ", the line being that of text->at. */
+int dmk_text_fail(const dmk_text *text, const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+/* Skip blanks and comments, staying in the line; true if something is left in it. */
+bool dmk_text_more(dmk_text *text);
+/* Go to the next thing that is neither blank, comment nor line end; false at the end of the text. */
+bool dmk_text_seek(dmk_text *text);
+void dmk_text_skip_line(dmk_text *text);
+/* Length of the word at text->at, up to a blank or line end. */
+size_t dmk_text_word(const dmk_text *text);
+/* Read a number that ends with its word; `what` names it in the error. */
+int dmk_text_number(dmk_text *text, const char *what, double *value);
+int dmk_text_integer(dmk_text *text, const char *what, int64_t *value);
+
+/* What a reader hands over: vertices and triangles, checked for nothing yet but the index range. */
+typedef struct dmk_soup {
+    double *xyz;       /* 3*n_vertices */
+    int32_t *triangle; /* 3*n_triangles */
+    size_t n_vertices, n_triangles;
+    size_t triangle_room; /* triangles that fit */
+} dmk_soup;
+
+void dmk_soup_free(dmk_soup *soup);
+/* Make room for one more triangle at least. */
+int dmk_soup_grow(dmk_context *context, dmk_soup *soup);
+/* Add the next corner of a polygon that began at `first` (its first two corners so far in fan[0],
+ * fan[1]): from the third corner on each one closes a triangle with the first corner and the one
+ * before it. */
+int dmk_soup_corner(dmk_context *context, dmk_soup *soup, size_t place, int32_t fan[2],
+                    int32_t vertex);
+
+/* ---- writing ---- */
+
+/* A file being written: under a temporary name beside `path` until dmk_sink_close. Failures of the
+ * put functions are kept and reported by dmk_sink_close. */
+typedef struct dmk_sink dmk_sink;
+
+int dmk_sink_open(dmk_context *context, const char *path, dmk_sink **sink);
+void dmk_sink_put(dmk_sink *sink, const void *bytes, size_t n);
+void dmk_sink_text(dmk_sink *sink, const char *text);
+void dmk_sink_number(dmk_sink *sink, double value);
+void dmk_sink_integer(dmk_sink *sink, int64_t value);
+/* With rc == DMK_OK: flush, sync, rename; else, or if any of that fails, remove the temporary.
+ * Gives rc, or the first failure. *sink may be NULL. */
+int dmk_sink_close(dmk_sink **sink, int rc);
+
+/* ---- what is written, as plain borrowed arrays ---- */
+
+typedef struct dmk_fields {
+    const dmk_mesh *mesh;
+    const double *mu;       /* n_triangles, or NULL for the bare mesh: then nothing below either */
+    const uint8_t *acl;     /* n_triangles */
+    const double *u;        /* n_vertices */
+    const double *distance; /* n_vertices */
+    dmk_point source;
+} dmk_fields;
+
+typedef struct dmk_curves {
+    const dmk_locus_vertex *vertex; /* n_vertices */
+    const dmk_locus_edge *edge;     /* n_edges */
+    const int32_t *index;           /* offset[n_polylines] */
+    const int32_t *offset;          /* n_polylines + 1 */
+    size_t n_vertices, n_edges, n_polylines;
+} dmk_curves;
+
+int dmk_fields_write(dmk_context *context, const dmk_fields *fields, const char *path);
+int dmk_curves_write(dmk_context *context, const dmk_curves *curves, const char *path);
+
+/* ---- formats ---- */
+
+/* A column is NULL where the format does not do that. */
+typedef struct dmk_format {
+    const char *name, *suffixes; /* suffixes in lower case, blank-separated */
+    bool (*sniff)(const dmk_file *file);
+    int (*read_mesh)(dmk_context *context, const dmk_file *file, dmk_soup *soup);
+    int (*write_mesh)(dmk_context *context, dmk_sink *sink, const dmk_fields *fields);
+    int (*write_result)(dmk_context *context, dmk_sink *sink, const dmk_fields *fields);
+    int (*write_locus)(dmk_context *context, dmk_sink *sink, const dmk_curves *curves);
+} dmk_format;
+
+bool dmk_off_sniff(const dmk_file *file);
+int dmk_off_read(dmk_context *context, const dmk_file *file, dmk_soup *soup);
+int dmk_off_write(dmk_context *context, dmk_sink *sink, const dmk_fields *fields);
+
+bool dmk_obj_sniff(const dmk_file *file);
+int dmk_obj_read(dmk_context *context, const dmk_file *file, dmk_soup *soup);
+int dmk_obj_write(dmk_context *context, dmk_sink *sink, const dmk_fields *fields);
+int dmk_obj_write_locus(dmk_context *context, dmk_sink *sink, const dmk_curves *curves);
+
+int dmk_vtp_write(dmk_context *context, dmk_sink *sink, const dmk_fields *fields);
+int dmk_vtp_write_locus(dmk_context *context, dmk_sink *sink, const dmk_curves *curves);
+int dmk_vtu_write(dmk_context *context, dmk_sink *sink, const dmk_fields *fields);
+
+int dmk_csv_write_locus(dmk_context *context, dmk_sink *sink, const dmk_curves *curves);
+
+#endif

@@ -1,0 +1,168 @@
+/* Wavefront OBJ: "v x y z" and "f i j k ..." with i, i/t, i//n, i/t/n and negative (relative)
+ * indices, long lines continued by a backslash; everything else is skipped. A polygon of more than
+ * three corners is split into the fan of triangles around its first corner, which is right for
+ * convex ones. Cut loci are written as "v" and "l" lines, a single point as "p". */
+#include "io/io.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static bool is_word(const dmk_text *t, const char *word)
+{
+    size_t n = strlen(word);
+    return dmk_text_word(t) == n && memcmp(t->at, word, n) == 0;
+}
+
+bool dmk_obj_sniff(const dmk_file *file)
+{
+    static const char *const words[] = {"v", "vn", "vt", "f", "o", "g", "s", "mtllib", "usemtl"};
+    dmk_text t = {.file = file, .at = file->data, .end = file->data + file->size};
+    if (!dmk_text_seek(&t)) return false;
+    for (size_t i = 0; i < sizeof words / sizeof *words; i++) {
+        if (is_word(&t, words[i])) return true;
+    }
+    return false;
+}
+
+/* Like dmk_text_more, but a backslash before the line's end joins the next line. */
+static bool more(dmk_text *t)
+{
+    while (dmk_text_more(t)) {
+        if (*t->at != '\\') return true;
+        const char *p = t->at + 1;
+        if (p < t->end && *p == '\r') p++;
+        if (p >= t->end || *p != '\n') return true;
+        t->at = p + 1;
+    }
+    return false;
+}
+
+/* Number of "v" lines: the room for vertices, and the range of the faces' indices. */
+static size_t count_vertices(dmk_text t)
+{
+    size_t n = 0;
+    while (dmk_text_seek(&t)) {
+        if (t.at[0] == 'v' && dmk_text_word(&t) == 1) n++;
+        dmk_text_skip_line(&t);
+    }
+    return n;
+}
+
+static int read_vertex(dmk_text *t, double *xyz)
+{
+    int rc = DMK_OK;
+    for (int k = 0; k < 3; k++) {
+        more(t);
+        DMK_TRY(dmk_text_number(t, "a vertex coordinate", &xyz[k]));
+    }
+done:
+    return rc;
+}
+
+/* One corner: the vertex index, then anything behind a slash up to the next blank. `seen` vertices
+ * came before this line and are what negative indices count from. */
+static int read_corner(dmk_text *t, size_t n_vertices, size_t seen, int32_t *vertex)
+{
+    int64_t i;
+    const char *p = t->at, *word_end = t->at + dmk_text_word(t);
+    if (!dmk_integer_read(&p, word_end, &i) || (p < word_end && *p != '/')) {
+        return dmk_text_fail(t, "'%.*s' where a face's vertex should stand: write i, i/t, i//n or "
+                                "i/t/n", (int)dmk_min_i((int32_t)(word_end - t->at), 40), t->at);
+    }
+    int64_t v = i > 0 ? i - 1 : (int64_t)seen + i;
+    if (i == 0 || v < 0 || v >= (int64_t)n_vertices) {
+        return dmk_text_fail(t, "vertex %lld of a face is not among the %zu of the file (OBJ "
+                                "counts from 1)", (long long)i, n_vertices);
+    }
+    *vertex = (int32_t)v;
+    t->at = word_end;
+    return DMK_OK;
+}
+
+static int read_face(dmk_text *t, dmk_soup *soup, size_t seen)
+{
+    int rc = DMK_OK;
+    int32_t fan[2] = {0, 0}, vertex = 0;
+    size_t n = 0;
+    while (more(t)) {
+        DMK_TRY(read_corner(t, soup->n_vertices, seen, &vertex));
+        DMK_TRY(dmk_soup_corner(t->context, soup, n++, fan, vertex));
+    }
+    if (n < 3) rc = dmk_text_fail(t, "a face with %zu corners; remove it", n);
+done:
+    return rc;
+}
+
+int dmk_obj_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
+{
+    int rc;
+    dmk_text t;
+    size_t seen = 0;
+    DMK_TRY(dmk_text_open(ctx, file, &t));
+    soup->n_vertices = count_vertices(t);
+    DMK_TRY(DMK_NEW(ctx, soup->xyz, 3 * soup->n_vertices));
+    while (dmk_text_seek(&t)) {
+        if (is_word(&t, "v")) {
+            t.at++;
+            DMK_TRY(read_vertex(&t, soup->xyz + 3 * seen));
+            seen++;
+        } else if (is_word(&t, "f")) {
+            t.at++;
+            DMK_TRY(read_face(&t, soup, seen));
+        }
+        dmk_text_skip_line(&t);
+    }
+    if (soup->n_triangles == 0) {
+        rc = dmk_fail(ctx, DMK_E_FORMAT, "%s: no face (\"f\" line) in it: not a mesh in OBJ format",
+                      file->path);
+    }
+done:
+    dmk_text_close(&t);
+    return rc;
+}
+
+static void put_vertex(dmk_sink *sink, const double *xyz)
+{
+    dmk_sink_text(sink, "v");
+    for (int k = 0; k < 3; k++) {
+        dmk_sink_text(sink, " ");
+        dmk_sink_number(sink, xyz[k]);
+    }
+    dmk_sink_text(sink, "\n");
+}
+
+/* One line of n vertex indices, which OBJ counts from 1. */
+static void put_indices(dmk_sink *sink, const char *word, const int32_t *index, size_t n)
+{
+    dmk_sink_text(sink, word);
+    for (size_t k = 0; k < n; k++) {
+        dmk_sink_text(sink, " ");
+        dmk_sink_integer(sink, (int64_t)index[k] + 1);
+    }
+    dmk_sink_text(sink, "\n");
+}
+
+int dmk_obj_write(dmk_context *ctx, dmk_sink *sink, const dmk_fields *fields)
+{
+    (void)ctx;
+    const dmk_mesh *m = fields->mesh;
+    for (int32_t v = 0; v < m->n_vertices; v++) put_vertex(sink, m->xyz + 3 * (size_t)v);
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        put_indices(sink, "f", m->triangle + 3 * (size_t)t, 3);
+    }
+    return DMK_OK;
+}
+
+int dmk_obj_write_locus(dmk_context *ctx, dmk_sink *sink, const dmk_curves *c)
+{
+    (void)ctx;
+    for (size_t v = 0; v < c->n_vertices; v++) put_vertex(sink, c->vertex[v].xyz);
+    for (size_t k = 0; k < c->n_polylines; k++) {
+        size_t n = (size_t)(c->offset[k + 1] - c->offset[k]);
+        put_indices(sink, n > 1 ? "l" : "p", c->index + c->offset[k], n);
+    }
+    if (c->n_polylines == 0) {
+        for (int32_t v = 0; v < (int32_t)c->n_vertices; v++) put_indices(sink, "p", &v, 1);
+    }
+    return DMK_OK;
+}

@@ -1,0 +1,159 @@
+/* OFF: [ST][C][N]OFF, counts (on the header's line or behind), one vertex x y z per entry, one
+ * polygon "n i0 ... i(n-1)" per line. The keyword may be missing; comments start with '#'. Normals,
+ * colours and texture coordinates are skipped; they need one vertex per line. Binary files and
+ * other dimensions than 3 are refused. A polygon of more than three corners is split into the fan
+ * of triangles around its first corner, which is right for convex ones. */
+#include "io/io.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* The shortest line of a vertex is "0 0 0\n", that of a face "1 0\n". */
+#define VERTEX_BYTES 6
+#define FACE_BYTES 4
+
+typedef struct off_header {
+    bool keyword;  /* there is one */
+    bool extras;   /* more numbers behind the three of a vertex */
+    bool other_dimension;
+} off_header;
+
+/* Take the keyword at the start of the text, if it is one. */
+static off_header take_keyword(dmk_text *t)
+{
+    off_header h = {0};
+    const char *p = t->at, *word_end = t->at + dmk_text_word(t);
+    size_t left = (size_t)(word_end - p);
+    if (left >= 2 && memcmp(p, "ST", 2) == 0) p += 2, h.extras = true;
+    if (p < word_end && *p == 'C') p++, h.extras = true;
+    if (p < word_end && *p == 'N') p++, h.extras = true;
+    if (p < word_end && *p == '4') p++, h.other_dimension = true;
+    if (p < word_end && *p == 'n') p++, h.other_dimension = true;
+    h.keyword = word_end - p == 3 && memcmp(p, "OFF", 3) == 0;
+    if (h.keyword) t->at = word_end;
+    return h;
+}
+
+bool dmk_off_sniff(const dmk_file *file)
+{
+    dmk_text t = {.file = file, .at = file->data, .end = file->data + file->size};
+    return dmk_text_seek(&t) && take_keyword(&t).keyword;
+}
+
+static int read_header(dmk_text *t, off_header *h)
+{
+    if (!dmk_text_seek(t)) return dmk_text_fail(t, "nothing but comments: not an OFF mesh");
+    *h = take_keyword(t);
+    if (h->other_dimension) {
+        return dmk_text_fail(t, "vertices that are not in three dimensions; export plain OFF");
+    }
+    if (dmk_text_more(t) && dmk_text_word(t) == 6 && memcmp(t->at, "BINARY", 6) == 0) {
+        return dmk_text_fail(t, "binary OFF is not read; export OFF as text");
+    }
+    return DMK_OK;
+}
+
+/* Counts that the rest of the file cannot hold are refused before anything is allocated. */
+static int read_counts(dmk_text *t, int64_t *n_vertices, int64_t *n_faces)
+{
+    int rc;
+    dmk_text_seek(t);
+    DMK_TRY(dmk_text_integer(t, "the number of vertices", n_vertices));
+    dmk_text_seek(t);
+    DMK_TRY(dmk_text_integer(t, "the number of faces", n_faces));
+    int64_t room = t->end - t->at + 1;
+    if (*n_vertices < 0 || *n_faces < 0 || *n_vertices > room / VERTEX_BYTES ||
+        *n_faces > room / FACE_BYTES ||
+        *n_vertices * VERTEX_BYTES + *n_faces * FACE_BYTES > room + 1) {
+        rc = dmk_text_fail(t, "%lld vertices and %lld faces do not fit into the %lld bytes that "
+                              "follow; the file is cut short or its counts are wrong",
+                           (long long)*n_vertices, (long long)*n_faces, (long long)room - 1);
+        goto done;
+    }
+    dmk_text_skip_line(t); /* the number of edges, which nobody needs */
+done:
+    return rc;
+}
+
+static int read_vertices(dmk_text *t, const off_header *h, dmk_soup *soup)
+{
+    int rc = DMK_OK;
+    for (size_t i = 0; i < 3 * soup->n_vertices; i++) {
+        dmk_text_seek(t);
+        DMK_TRY(dmk_text_number(t, "a vertex coordinate", &soup->xyz[i]));
+        if (h->extras && i % 3 == 2) dmk_text_skip_line(t);
+    }
+done:
+    return rc;
+}
+
+static int read_face(dmk_text *t, dmk_soup *soup)
+{
+    int rc;
+    int64_t n, v;
+    int32_t fan[2] = {0, 0};
+    dmk_text_seek(t);
+    DMK_TRY(dmk_text_integer(t, "the number of a face's corners", &n));
+    if (n < 3) {
+        rc = dmk_text_fail(t, "a face with %lld corners; remove it, or put one vertex on a line",
+                           (long long)n);
+        goto done;
+    }
+    for (int64_t k = 0; k < n; k++) {
+        dmk_text_more(t);
+        DMK_TRY(dmk_text_integer(t, "a face's vertex", &v));
+        if (v < 0 || (uint64_t)v >= soup->n_vertices) {
+            rc = dmk_text_fail(t, "vertex %lld of a face is not among 0..%zu", (long long)v,
+                               soup->n_vertices - 1);
+            goto done;
+        }
+        DMK_TRY(dmk_soup_corner(t->context, soup, (size_t)k, fan, (int32_t)v));
+    }
+    dmk_text_skip_line(t); /* a colour */
+done:
+    return rc;
+}
+
+int dmk_off_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
+{
+    int rc;
+    dmk_text t;
+    off_header h;
+    int64_t n_vertices, n_faces;
+    DMK_TRY(dmk_text_open(ctx, file, &t));
+    DMK_TRY(read_header(&t, &h));
+    DMK_TRY(read_counts(&t, &n_vertices, &n_faces));
+    DMK_TRY(DMK_NEW(ctx, soup->xyz, 3 * (size_t)n_vertices));
+    DMK_TRY(DMK_NEW(ctx, soup->triangle, 3 * (size_t)n_faces));
+    soup->n_vertices = (size_t)n_vertices;
+    soup->triangle_room = (size_t)n_faces;
+    DMK_TRY(read_vertices(&t, &h, soup));
+    for (int64_t f = 0; f < n_faces; f++) DMK_TRY(read_face(&t, soup));
+done:
+    dmk_text_close(&t);
+    return rc;
+}
+
+int dmk_off_write(dmk_context *ctx, dmk_sink *sink, const dmk_fields *fields)
+{
+    (void)ctx;
+    const dmk_mesh *m = fields->mesh;
+    dmk_sink_text(sink, "OFF\n");
+    dmk_sink_integer(sink, m->n_vertices);
+    dmk_sink_text(sink, " ");
+    dmk_sink_integer(sink, m->n_triangles);
+    dmk_sink_text(sink, " 0\n");
+    for (int32_t i = 0; i < 3 * m->n_vertices; i++) {
+        dmk_sink_number(sink, m->xyz[i]);
+        dmk_sink_text(sink, i % 3 == 2 ? "\n" : " ");
+    }
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        dmk_sink_text(sink, "3");
+        for (int k = 0; k < 3; k++) {
+            dmk_sink_text(sink, " ");
+            dmk_sink_integer(sink, m->triangle[3 * t + k]);
+        }
+        dmk_sink_text(sink, "\n");
+    }
+    return DMK_OK;
+}

@@ -1,0 +1,108 @@
+/* Scanning of text files, and their errors. */
+#include "io/io.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+int dmk_text_open(dmk_context *ctx, const dmk_file *file, dmk_text *text)
+{
+    *text = (dmk_text){.context = ctx, .file = file, .at = file->data,
+                       .end = file->data + file->size};
+    return dmk_numbers_create(ctx, &text->numbers);
+}
+
+void dmk_text_close(dmk_text *text)
+{
+    dmk_numbers_free(&text->numbers);
+}
+
+int dmk_text_fail(const dmk_text *text, const char *format, ...)
+{
+    char what[512];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(what, sizeof what, format, args);
+    va_end(args);
+    size_t line = 1; /* counted only here, so that scanning need not */
+    for (const char *p = text->file->data; p < text->at; p++) line += *p == '\n';
+    return dmk_fail(text->context, DMK_E_FORMAT, "%s:%zu: %s", text->file->path, line, what);
+}
+
+static bool is_blank(char c)
+{
+    return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f';
+}
+
+bool dmk_text_more(dmk_text *text)
+{
+    const char *p = text->at, *end = text->end;
+    while (p < end && is_blank(*p)) p++;
+    if (p < end && *p == '#') {
+        const char *line_end = memchr(p, '\n', (size_t)(end - p));
+        p = line_end ? line_end : end;
+    }
+    text->at = p;
+    return p < end && *p != '\n';
+}
+
+bool dmk_text_seek(dmk_text *text)
+{
+    while (!dmk_text_more(text)) {
+        if (text->at >= text->end) return false;
+        text->at++;
+    }
+    return true;
+}
+
+void dmk_text_skip_line(dmk_text *text)
+{
+    const char *line_end = memchr(text->at, '\n', (size_t)(text->end - text->at));
+    text->at = line_end ? line_end + 1 : text->end;
+}
+
+size_t dmk_text_word(const dmk_text *text)
+{
+    const char *p = text->at;
+    while (p < text->end && !is_blank(*p) && *p != '\n') p++;
+    return (size_t)(p - text->at);
+}
+
+/* A number ends where its word ends, or at a comment. */
+static bool at_word_end(const dmk_text *text, const char *p)
+{
+    return p >= text->end || is_blank(*p) || *p == '\n' || *p == '#';
+}
+
+/* Fail with what is at text->at instead of the number. */
+static int fail_word(const dmk_text *text, const char *what, const char *wanted)
+{
+    size_t n = dmk_text_word(text);
+    if (text->at >= text->end) {
+        return dmk_text_fail(text, "the file ends before %s; it is cut short or its counts are "
+                                   "wrong", what);
+    }
+    if (n == 0) return dmk_text_fail(text, "%s is missing", what);
+    return dmk_text_fail(text, "'%.*s' where %s should stand: write %s", n > 40 ? 40 : (int)n,
+                         text->at, what, wanted);
+}
+
+int dmk_text_number(dmk_text *text, const char *what, double *value)
+{
+    const char *p = text->at;
+    if (!dmk_number_read(&text->numbers, &p, text->end, value) || !at_word_end(text, p)) {
+        return fail_word(text, what, "a finite decimal number");
+    }
+    text->at = p;
+    return DMK_OK;
+}
+
+int dmk_text_integer(dmk_text *text, const char *what, int64_t *value)
+{
+    const char *p = text->at;
+    if (!dmk_integer_read(&p, text->end, value) || !at_word_end(text, p)) {
+        return fail_word(text, what, "an integer");
+    }
+    text->at = p;
+    return DMK_OK;
+}
