@@ -1,0 +1,43 @@
+/* A closed triangulation that can change: edges flip and split in constant time.
+ *
+ * Corner c = 3t + k is corner k of triangle t; half-edge c lies opposite it and runs from corner
+ * (k+1)%3 to (k+2)%3. twin[c] is the same edge run the other way, in the neighbour. */
+#ifndef DMK_HALFEDGE_H
+#define DMK_HALFEDGE_H
+
+#include "base/base.h"
+
+typedef struct dmk_halfedge {
+    int32_t n_vertices, n_triangles;
+    double *xyz;       /* 3 per vertex */
+    int32_t *triangle; /* 3 per triangle: corner vertices, counterclockwise */
+    int32_t *twin;     /* 3 per triangle: twin of half-edge c */
+    int32_t *corner;   /* per vertex: one of its corners */
+} dmk_halfedge;
+
+/* Copy a closed triangulation, with room to grow to max_vertices. DMK_E_MESH if it is not closed
+ * or not consistently oriented. */
+int dmk_halfedge_create(dmk_context *context, int32_t n_vertices, const double *xyz,
+                        int32_t n_triangles, const int32_t *triangle, int32_t max_vertices,
+                        dmk_halfedge *mesh);
+void dmk_halfedge_free(dmk_halfedge *mesh);
+
+static inline int32_t dmk_turn(int32_t c) { return c % 3 == 2 ? c - 2 : c + 1; }
+
+/* The next corner of the same vertex, counterclockwise. */
+static inline int32_t dmk_next_corner(const dmk_halfedge *m, int32_t c)
+{
+    return dmk_turn(m->twin[dmk_turn(c)]);
+}
+
+/* True if an edge joins a and b. */
+bool dmk_halfedge_joined(const dmk_halfedge *mesh, int32_t a, int32_t b);
+int32_t dmk_halfedge_degree(const dmk_halfedge *mesh, int32_t vertex);
+/* Turn half-edge h in the quadrangle of its two triangles. The caller has checked that the new edge
+ * does not exist yet. The two triangles keep their numbers. */
+void dmk_halfedge_flip(dmk_halfedge *mesh, int32_t h);
+/* Put a new vertex xyz on half-edge h; its number is the old n_vertices, and the two new triangles
+ * are the last ones. The caller has seen to the room. */
+void dmk_halfedge_split(dmk_halfedge *mesh, int32_t h, const double xyz[3]);
+
+#endif
