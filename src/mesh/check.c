@@ -212,7 +212,7 @@ static int check_pillows(dmk_context *ctx, const dmk_mesh *m)
         return dmk_fail(ctx, DMK_E_MESH,
                         "triangles %d and %d are duplicates, back to back: both have the vertices "
                         "%d %d %d; remove one of them or both",
-                        t[0], t[1], ends[0], ends[1], third);
+                        dmk_min_i(t[0], t[1]), dmk_max_i(t[0], t[1]), ends[0], ends[1], third);
     }
     return DMK_OK;
 }
@@ -233,7 +233,7 @@ static int fail_fan(dmk_context *ctx, const dmk_mesh *m, int32_t first)
     return dmk_fail(ctx, DMK_E_MESH,
                     "non-manifold vertex %d: triangles %d and %d meet there, but not through "
                     "shared edges; give each part of the surface its own copy of the vertex",
-                    v, first / 3, outside);
+                    v, dmk_min_i(first / 3, outside), dmk_max_i(first / 3, outside));
 }
 
 int dmk_check_fans(dmk_context *ctx, const dmk_mesh *m)

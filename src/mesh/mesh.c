@@ -124,17 +124,40 @@ done:
     return rc;
 }
 
-/* The longest side is the sum of the two others as far as rounded lengths can tell. */
-static int fail_degenerate(dmk_context *ctx, const dmk_mesh *m, int32_t t)
+/* Sides whose fourth power neither overflows nor, for the thinnest triangle, underflows. */
+#define LONGEST 1e75
+#define SHORTEST 1e-65
+
+/* Area and cotangents of a triangle from its sides alone (Kahan's stable form of Heron's formula),
+ * so that an intrinsic metric would do as well: cot at corner k = (b^2 + c^2 - a^2) / (4 area). */
+static int measure_triangle(dmk_context *ctx, struct dmk_mesh *m, int32_t t)
 {
-    const int32_t *v = m->triangle + 3 * (size_t)t;
-    return dmk_fail(ctx, DMK_E_MESH,
-                    "triangle %d (vertices %d %d %d) is degenerate: its area is zero; remove it or "
-                    "merge its corners", t, v[0], v[1], v[2]);
+    const int32_t *e = m->triangle_edge + 3 * (size_t)t, *v = m->triangle + 3 * (size_t)t;
+    const double l[3] = {m->length[e[0]], m->length[e[1]], m->length[e[2]]};
+    double a = l[0], b = l[1], c = l[2], s;
+    if (a < b) s = a, a = b, b = s;
+    if (b < c) s = b, b = c, c = s;
+    if (a < b) s = a, a = b, b = s;
+    if (a > LONGEST || (a > 0 && a < SHORTEST)) {
+        return dmk_fail(ctx, DMK_E_MESH,
+                        "triangle %d has a side of %g, too %s to compute with its powers; scale "
+                        "the mesh", t, a, a > 1 ? "long" : "short");
+    }
+    /* The longest side is the sum of the others as far as rounded lengths can tell. */
+    if (!(c - (a - b) > 4 * DBL_EPSILON * a)) {
+        return dmk_fail(ctx, DMK_E_MESH,
+                        "triangle %d (vertices %d %d %d) is degenerate: its area is zero; remove "
+                        "it or merge its corners", t, v[0], v[1], v[2]);
+    }
+    double heron = (a + (b + c)) * (c - (a - b)) * (c + (a - b)) * (a + (b - c));
+    m->area[t] = 0.25 * sqrt(heron);
+    for (int k = 0; k < 3; k++) {
+        double o = l[k], p = l[(k + 1) % 3], q = l[(k + 2) % 3];
+        m->cot[3 * (size_t)t + (size_t)k] = (p * p + q * q - o * o) / (4 * m->area[t]);
+    }
+    return DMK_OK;
 }
 
-/* Lengths, areas and cotangents, from edge lengths alone (Kahan's stable form of Heron's formula),
- * so that an intrinsic metric would do as well: cot at corner k = (b^2 + c^2 - a^2) / (4 area). */
 static int build_geometry(dmk_context *ctx, struct dmk_mesh *m)
 {
     int rc;
@@ -147,31 +170,7 @@ static int build_geometry(dmk_context *ctx, struct dmk_mesh *m)
         double x = b[0] - a[0], y = b[1] - a[1], z = b[2] - a[2];
         m->length[e] = sqrt(x * x + y * y + z * z);
     }
-    for (int32_t t = 0; t < m->n_triangles; t++) {
-        const int32_t *e = m->triangle_edge + 3 * t;
-        double l[3] = {m->length[e[0]], m->length[e[1]], m->length[e[2]]};
-        double a = l[0], b = l[1], c = l[2], s;
-        if (a < b) s = a, a = b, b = s;
-        if (b < c) s = b, b = c, c = s;
-        if (a < b) s = a, a = b, b = s;
-        if (!(c - (a - b) > 4 * DBL_EPSILON * a)) {
-            rc = fail_degenerate(ctx, m, t);
-            goto done;
-        }
-        double heron = (a + (b + c)) * (c - (a - b)) * (c + (a - b)) * (a + (b - c));
-        m->area[t] = 0.25 * sqrt(heron);
-        if (!(heron >= DBL_MIN && heron <= DBL_MAX)) {
-            rc = dmk_fail(ctx, DMK_E_MESH,
-                          "triangle %d has sides of %g, %g and %g: too small or large for its area "
-                          "in double precision; scale the mesh", t, a, b, c);
-            goto done;
-        }
-        for (int k = 0; k < 3; k++) {
-            double o = l[k], p = l[(k + 1) % 3], q = l[(k + 2) % 3];
-            m->cot[3 * t + k] = (p * p + q * q - o * o) / (4 * m->area[t]);
-        }
-    }
-    rc = DMK_OK;
+    for (int32_t t = 0; t < m->n_triangles; t++) DMK_TRY(measure_triangle(ctx, m, t));
 done:
     return rc;
 }

@@ -1,0 +1,474 @@
+/* Meshes: topology, what is refused and how it is said, counts, points on the surface. */
+#include "mesh/mesh.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#define COUNT(a) (sizeof(a) / sizeof *(a))
+
+static void assert_near(double x, double y, double tolerance)
+{
+    if (!(fabs(x - y) <= tolerance)) fail_msg("%.17g is not %.17g", x, y);
+}
+
+static int setup(void **state)
+{
+    return dmk_context_create((dmk_context **)state);
+}
+
+static int teardown(void **state)
+{
+    dmk_context_destroy((dmk_context **)state);
+    return 0;
+}
+
+/* A tetrahedron, outward; vertices 4 and up are spare ones for tests to use. */
+static const double tetra_xyz[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1,
+                                   2, 0, 0, 0, 2, 0, 0, 0, 2, -1, -1, -1};
+#define N_SPARE 8
+static const int32_t tetra[] = {0, 2, 1, 0, 1, 3, 1, 2, 3, 0, 3, 2};
+
+static dmk_mesh *create(dmk_context *ctx, size_t n_vertices, const double *xyz, size_t n_triangles,
+                        const int32_t *triangles)
+{
+    dmk_mesh *mesh = NULL;
+    if (dmk_mesh_create(ctx, n_vertices, xyz, n_triangles, triangles, &mesh) != DMK_OK) {
+        fail_msg("%s", dmk_context_message(ctx));
+    }
+    return mesh;
+}
+
+/* The mesh must be refused with a message that has all the blank-separated words of `words`, where
+ * '_' stands for a blank. */
+static void check_refused(dmk_context *ctx, size_t n_vertices, const double *xyz,
+                          size_t n_triangles, const int32_t *triangles, int status,
+                          const char *words)
+{
+    dmk_mesh *mesh = NULL;
+    int rc = dmk_mesh_create(ctx, n_vertices, xyz, n_triangles, triangles, &mesh);
+    const char *message = dmk_context_message(ctx);
+    assert_int_equal(rc, status);
+    assert_null(mesh);
+    while (*words) {
+        char word[128];
+        size_t n = strcspn(words, " ");
+        snprintf(word, sizeof word, "%.*s", (int)n, words);
+        for (char *p = word; *p; p++) *p = *p == '_' ? ' ' : *p;
+        if (!strstr(message, word)) fail_msg("'%s' is not in: %s", word, message);
+        words += n + (words[n] == ' ');
+    }
+}
+
+/* A rows x columns grid of squares, split in two triangles each, wrapped by `wrap`: bit 0 joins the
+ * columns' ends, bit 1 the rows' ends, bit 2 turns the join of the columns over. Places are those
+ * of the flat sheet, bent a little, and of no interest. */
+typedef struct grid {
+    size_t n_vertices, n_triangles;
+    double xyz[3 * 200];
+    int32_t triangle[3 * 400];
+} grid;
+
+static int32_t grid_vertex(int rows, int columns, int wrap, int i, int j)
+{
+    if (wrap & 1 && j == columns) {
+        j = 0;
+        if (wrap & 4) i = rows - i;
+    }
+    if (wrap & 2) i = i % rows;
+    return (int32_t)(i * (wrap & 1 ? columns : columns + 1) + j);
+}
+
+static void make_grid(int rows, int columns, int wrap, grid *g)
+{
+    memset(g, 0, sizeof *g);
+    int n_i = wrap & 2 ? rows : rows + 1, n_j = wrap & 1 ? columns : columns + 1;
+    g->n_vertices = (size_t)(n_i * n_j);
+    for (int v = 0; v < n_i * n_j; v++) {
+        g->xyz[3 * v] = v / n_j;
+        g->xyz[3 * v + 1] = v % n_j;
+        g->xyz[3 * v + 2] = 0.1 * sin(v);
+    }
+    for (int i = 0; i < rows; i++) {
+        for (int j = 0; j < columns; j++) {
+            int32_t a = grid_vertex(rows, columns, wrap, i, j);
+            int32_t b = grid_vertex(rows, columns, wrap, i + 1, j);
+            int32_t c = grid_vertex(rows, columns, wrap, i + 1, j + 1);
+            int32_t d = grid_vertex(rows, columns, wrap, i, j + 1);
+            const int32_t two[6] = {a, b, c, a, c, d};
+            memcpy(g->triangle + 3 * g->n_triangles, two, sizeof two);
+            g->n_triangles += 2;
+        }
+    }
+}
+
+/* ---- accepted ---- */
+
+static void test_topology_there_and_back(void **state)
+{
+    grid g;
+    make_grid(4, 5, 3, &g);
+    dmk_mesh *m = create(*state, g.n_vertices, g.xyz, g.n_triangles, g.triangle);
+    assert_int_equal(m->n_edges, 60);
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        for (int k = 0; k < 3; k++) {
+            const int32_t *c = m->triangle + 3 * t, *pair, *ends;
+            int32_t e = m->triangle_edge[3 * t + k], from = c[(k + 1) % 3], to = c[(k + 2) % 3];
+            pair = m->edge_triangle + 2 * e;
+            ends = m->edge_vertex + 2 * e;
+            assert_true(ends[0] < ends[1]);
+            assert_true((ends[0] == from && ends[1] == to) || (ends[0] == to && ends[1] == from));
+            /* the first triangle runs the edge from the smaller end to the larger */
+            assert_int_equal(pair[ends[0] == from ? 0 : 1], t);
+        }
+    }
+    assert_memory_equal(dmk_mesh_vertices(m), g.xyz, 3 * g.n_vertices * sizeof *g.xyz);
+    assert_memory_equal(dmk_mesh_triangles(m), g.triangle, 3 * g.n_triangles * sizeof *g.triangle);
+    assert_ptr_equal(dmk_mesh_edges(m), m->edge_vertex);
+    dmk_mesh_destroy(&m);
+    assert_null(m);
+    dmk_mesh_destroy(&m);
+}
+
+static void test_info_of_tetrahedron(void **state)
+{
+    dmk_mesh *m = create(*state, N_SPARE, tetra_xyz, 4, tetra);
+    dmk_mesh_info info;
+    dmk_mesh_get_info(m, &info);
+    assert_int_equal(info.n_vertices, N_SPARE);
+    assert_int_equal(info.n_triangles, 4);
+    assert_int_equal(info.n_edges, 6);
+    assert_int_equal(info.n_unused_vertices, N_SPARE - 4);
+    assert_int_equal(info.n_border_edges, 0);
+    assert_int_equal(info.n_border_loops, 0);
+    assert_int_equal(info.n_components, 1);
+    assert_int_equal(info.euler, 2);
+    assert_near(info.area, 1.5 + sqrt(3) / 2, 1e-14);
+    assert_near(info.min_edge, 1, 0);
+    assert_near(info.max_edge, sqrt(2), 1e-15);
+    assert_near(info.mean_edge, (3 + 3 * sqrt(2)) / 6, 1e-15);
+    assert_near(info.min_angle, 45, 1e-12);
+    assert_near(info.max_angle, 90, 1e-12);
+    for (int k = 0; k < 3; k++) { /* unused vertices do not count */
+        assert_near(info.box_min[k], 0, 0);
+        assert_near(info.box_max[k], 1, 0);
+    }
+    dmk_mesh_destroy(&m);
+}
+
+static void test_borders_and_components(void **state)
+{
+    static const struct {
+        int rows, columns, wrap;
+        size_t border_edges, border_loops;
+        int64_t euler;
+    } cases[] = {{3, 4, 0, 14, 1, 1}, /* sheet */
+                 {3, 5, 1, 10, 2, 0}, /* tube */
+                 {4, 5, 3, 0, 0, 0}}; /* torus */
+    for (size_t i = 0; i < COUNT(cases); i++) {
+        grid g;
+        dmk_mesh_info info;
+        make_grid(cases[i].rows, cases[i].columns, cases[i].wrap, &g);
+        dmk_mesh *m = create(*state, g.n_vertices, g.xyz, g.n_triangles, g.triangle);
+        dmk_mesh_get_info(m, &info);
+        assert_int_equal(info.n_border_edges, cases[i].border_edges);
+        assert_int_equal(info.n_border_loops, cases[i].border_loops);
+        assert_int_equal(info.euler, cases[i].euler);
+        assert_int_equal(info.n_components, 1);
+        dmk_mesh_destroy(&m);
+    }
+    int32_t two[24];
+    memcpy(two, tetra, sizeof tetra);
+    for (int k = 0; k < 12; k++) two[12 + k] = tetra[k] + 4;
+    dmk_mesh_info info;
+    dmk_mesh *m = create(*state, N_SPARE, tetra_xyz, 8, two);
+    dmk_mesh_get_info(m, &info);
+    assert_int_equal(info.n_components, 2);
+    assert_int_equal(info.euler, 4);
+    assert_int_equal(m->component[3], 0);
+    assert_int_equal(m->component[4], 1);
+    dmk_mesh_destroy(&m);
+}
+
+/* Two holes of a sheet that meet at a vertex make that vertex's fan two chains; two holes that do
+ * not meet are two loops. */
+static void test_holes(void **state)
+{
+    grid g;
+    dmk_mesh_info info;
+    make_grid(6, 6, 0, &g);
+    const int drop[] = {2 * (1 * 6 + 1), 2 * (1 * 6 + 1) + 1, 2 * (4 * 6 + 4), 2 * (4 * 6 + 4) + 1};
+    for (int i = 3; i >= 0; i--) {
+        g.n_triangles--;
+        memmove(g.triangle + 3 * drop[i], g.triangle + 3 * drop[i] + 3,
+                3 * (g.n_triangles - (size_t)drop[i]) * sizeof *g.triangle);
+    }
+    dmk_mesh *m = create(*state, g.n_vertices, g.xyz, g.n_triangles, g.triangle);
+    dmk_mesh_get_info(m, &info);
+    assert_int_equal(info.n_border_loops, 3);
+    assert_int_equal(info.n_border_edges, 24 + 8);
+    assert_int_equal(info.euler, -1);
+    dmk_mesh_destroy(&m);
+}
+
+/* ---- refused ---- */
+
+static void test_refuses_bad_places(void **state)
+{
+    double xyz[3 * N_SPARE];
+    memcpy(xyz, tetra_xyz, sizeof xyz);
+    xyz[3 * 2 + 1] = NAN;
+    check_refused(*state, N_SPARE, xyz, 4, tetra, DMK_E_MESH, "vertex_2 nan finite");
+    xyz[3 * 2 + 1] = -INFINITY;
+    check_refused(*state, N_SPARE, xyz, 4, tetra, DMK_E_MESH, "vertex_2 -inf finite");
+    memcpy(xyz, tetra_xyz, sizeof xyz);
+    for (int i = 0; i < 12; i++) xyz[i] *= 1e200;
+    check_refused(*state, N_SPARE, xyz, 4, tetra, DMK_E_MESH, "triangle_0 scale_the_mesh");
+    for (int i = 0; i < 12; i++) xyz[i] = tetra_xyz[i] * 1e-100;
+    check_refused(*state, N_SPARE, xyz, 4, tetra, DMK_E_MESH, "triangle_0 scale_the_mesh");
+}
+
+static void test_refuses_bad_indices(void **state)
+{
+    int32_t t[12];
+    memcpy(t, tetra, sizeof t);
+    t[7] = 99;
+    check_refused(*state, N_SPARE, tetra_xyz, 4, t, DMK_E_MESH, "triangle_2 vertex_99 0_to_7");
+    t[7] = -1;
+    check_refused(*state, N_SPARE, tetra_xyz, 4, t, DMK_E_MESH, "triangle_2 vertex_-1");
+    t[7] = t[6];
+    check_refused(*state, N_SPARE, tetra_xyz, 4, t, DMK_E_MESH, "triangle_2 degenerate repeated");
+    check_refused(*state, N_SPARE, tetra_xyz, 0, t, DMK_E_MESH, "nothing_to_solve");
+    check_refused(*state, N_SPARE, tetra_xyz, (size_t)1 << 40, t, DMK_E_MESH, "too_many");
+    check_refused(*state, (size_t)1 << 62, tetra_xyz, 4, t, DMK_E_MESH, "too_many");
+    check_refused(*state, N_SPARE, NULL, 4, t, DMK_E_ARG, "arrays");
+    check_refused(*state, N_SPARE, tetra_xyz, 4, NULL, DMK_E_ARG, "arrays");
+}
+
+static void test_refuses_zero_area(void **state)
+{
+    /* corners on a line whose rounded lengths do not quite add up, and two corners at the same place */
+    const double line[] = {-0.6, -0.4, 0.6, -0.3, 0.2, 0.3, 0.3, 1.4, -0.3, 5, 4, 5};
+    const double same[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 1, 0};
+    const int32_t t[] = {3, 1, 0, 0, 1, 2};
+    check_refused(*state, 4, line, 2, t, DMK_E_MESH, "triangle_1 degenerate area_is_zero 0_1_2");
+    const int32_t u[] = {0, 1, 2, 2, 1, 3};
+    check_refused(*state, 4, same, 2, u, DMK_E_MESH, "triangle_1 degenerate area_is_zero merge");
+    /* thin but sound */
+    const double thin[] = {0, 0, 0, 1, 0, 0, 0.5, 1e-6, 0};
+    dmk_mesh *m = create(*state, 3, thin, 1, (const int32_t[]){0, 1, 2});
+    assert_near(m->area[0], 0.5e-6, 1e-9);
+    dmk_mesh_destroy(&m);
+}
+
+static void test_refuses_duplicates(void **state)
+{
+    int32_t t[18];
+    memcpy(t, tetra, sizeof tetra);
+    memcpy(t + 12, (const int32_t[]){3, 1, 2}, 3 * sizeof *t); /* triangle 2 again */
+    check_refused(*state, N_SPARE, tetra_xyz, 5, t, DMK_E_MESH,
+                  "triangles_2_and_4 duplicates vertices_1_2_3");
+    memcpy(t + 12, (const int32_t[]){2, 1, 3}, 3 * sizeof *t); /* turned over */
+    check_refused(*state, N_SPARE, tetra_xyz, 5, t, DMK_E_MESH, "triangles_2_and_4 duplicates");
+    /* two alone, back to back: every edge is fine */
+    const int32_t pillow[] = {0, 1, 2, 2, 1, 0};
+    check_refused(*state, N_SPARE, tetra_xyz, 2, pillow, DMK_E_MESH,
+                  "triangles_0_and_1 duplicates vertices_0_2_1");
+}
+
+static void test_refuses_non_manifold_edges(void **state)
+{
+    const int32_t same_way[] = {0, 1, 2, 1, 0, 3, 0, 1, 4};
+    check_refused(*state, N_SPARE, tetra_xyz, 3, same_way, DMK_E_MESH,
+                  "non-manifold_edge_0-1 triangles_0,_1_and_2 separate");
+    int32_t fin[15];
+    memcpy(fin, tetra, sizeof tetra);
+    memcpy(fin + 12, (const int32_t[]){1, 2, 4}, 3 * sizeof *fin);
+    check_refused(*state, N_SPARE, tetra_xyz, 5, fin, DMK_E_MESH, "non-manifold_edge_1-2 4");
+}
+
+static void test_refuses_non_manifold_vertices(void **state)
+{
+    /* a bow-tie of two triangles, with its border */
+    const int32_t tie[] = {0, 1, 2, 0, 4, 5};
+    check_refused(*state, N_SPARE, tetra_xyz, 2, tie, DMK_E_MESH,
+                  "non-manifold_vertex_0 triangles_0_and_1 copy");
+    /* two closed tetrahedra that share vertex 3 only */
+    int32_t two[24];
+    static const int32_t place[] = {4, 5, 6, 3};
+    memcpy(two, tetra, sizeof tetra);
+    for (int k = 0; k < 12; k++) two[12 + k] = place[tetra[k]];
+    check_refused(*state, N_SPARE, tetra_xyz, 8, two, DMK_E_MESH,
+                  "non-manifold_vertex_3 triangles_1_and_5");
+    /* a closed one and a flap */
+    int32_t flap[15];
+    memcpy(flap, tetra, sizeof tetra);
+    memcpy(flap + 12, (const int32_t[]){3, 4, 5}, 3 * sizeof *flap);
+    check_refused(*state, N_SPARE, tetra_xyz, 5, flap, DMK_E_MESH, "non-manifold_vertex_3 4");
+}
+
+static void swap_corners(int32_t *t)
+{
+    int32_t a = t[0];
+    t[0] = t[1];
+    t[1] = a;
+}
+
+static void test_refuses_inconsistent_orientation(void **state)
+{
+    int32_t t[12];
+    memcpy(t, tetra, sizeof t);
+    swap_corners(t + 6);
+    check_refused(*state, N_SPARE, tetra_xyz, 4, t, DMK_E_MESH,
+                  "inconsistent_orientation triangles_0_and_2 edge_1-2 over_1_of_the_4");
+    grid g;
+    make_grid(4, 5, 3, &g);
+    for (int i = 0; i < 30; i++) swap_corners(g.triangle + 3 * i);
+    check_refused(*state, g.n_vertices, g.xyz, g.n_triangles, g.triangle, DMK_E_MESH,
+                  "inconsistent_orientation over_10_of_the_40");
+}
+
+static void test_refuses_one_sided_surfaces(void **state)
+{
+    grid g;
+    make_grid(3, 7, 1 | 4, &g);
+    check_refused(*state, g.n_vertices, g.xyz, g.n_triangles, g.triangle, DMK_E_MESH,
+                  "not_orientable Moebius cut_it_open");
+    make_grid(6, 7, 1 | 2 | 4, &g);
+    check_refused(*state, g.n_vertices, g.xyz, g.n_triangles, g.triangle, DMK_E_MESH,
+                  "not_orientable Klein cut_it_open");
+}
+
+/* ---- points ---- */
+
+static void check_point(dmk_context *ctx, const dmk_mesh *m, const double xyz[3], int64_t triangle,
+                        const double weight[3], double tolerance)
+{
+    dmk_point p = {-1, {0, 0, 0}};
+    assert_int_equal(dmk_mesh_project(ctx, m, xyz, &p), DMK_OK);
+    if (triangle >= 0) assert_int_equal(p.triangle, triangle);
+    for (int k = 0; k < 3; k++) assert_near(p.weight[k], weight[k], tolerance);
+}
+
+static void test_projects_to_inside_edge_and_vertex(void **state)
+{
+    const double xyz[] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+    dmk_mesh *m = create(*state, 3, xyz, 1, (const int32_t[]){0, 1, 2});
+    static const struct {
+        double xyz[3], weight[3];
+    } cases[] = {{{0.25, 0.25, 3}, {0.5, 0.25, 0.25}},   /* above the inside */
+                 {{0.25, -1, 1}, {0.75, 0.25, 0}},       /* beside an edge */
+                 {{1, 1, -1}, {0, 0.5, 0.5}},            /* beside the long edge */
+                 {{-1, -1, 0}, {1, 0, 0}},               /* behind a corner */
+                 {{3, 0.5, 0}, {0, 1, 0}},
+                 {{-0.5, 2, 0.1}, {0, 0, 1}},
+                 {{1, 0, 0}, {0, 1, 0}},                 /* a corner itself */
+                 {{0.5, 0, 0}, {0.5, 0.5, 0}},
+                 {{0.3, 1e-10, 0}, {0.7, 0.3, 0}},       /* nearly on an edge: snapped */
+                 {{1 - 1e-10, 1e-11, 0}, {0, 1, 0}}};    /* nearly at a corner */
+    for (size_t i = 0; i < COUNT(cases); i++) {
+        check_point(*state, m, cases[i].xyz, 0, cases[i].weight, 1e-9);
+        dmk_point p;
+        assert_int_equal(dmk_mesh_project(*state, m, cases[i].xyz, &p), DMK_OK);
+        for (int k = 0; k < 3; k++) {
+            if (cases[i].weight[k] == 0) assert_true(p.weight[k] == 0);
+            if (cases[i].weight[k] == 1) assert_true(p.weight[k] == 1);
+        }
+    }
+    dmk_mesh_destroy(&m);
+}
+
+/* Against all triangles sampled finely: nothing on the surface is nearer. */
+static void test_projects_to_the_nearest(void **state)
+{
+    grid g;
+    make_grid(6, 6, 0, &g);
+    dmk_mesh *m = create(*state, g.n_vertices, g.xyz, g.n_triangles, g.triangle);
+    for (int i = 0; i < 200; i++) {
+        const double x[3] = {3 + 5 * sin(1.7 * i), 3 + 5 * cos(2.3 * i), sin(0.9 * i)};
+        dmk_point p;
+        double y[3], best = INFINITY;
+        assert_int_equal(dmk_mesh_project(*state, m, x, &p), DMK_OK);
+        assert_int_equal(dmk_mesh_point_xyz(*state, m, &p, y), DMK_OK);
+        double found = hypot(hypot(x[0] - y[0], x[1] - y[1]), x[2] - y[2]);
+        for (int32_t t = 0; t < m->n_triangles; t++) {
+            for (int k = 0; k < 66; k++) { /* the points i/10, j/10 of the triangle */
+                int a = 0, b = k;
+                while (b > 10 - a) b -= 11 - a, a++;
+                dmk_point q = {t, {a / 10.0, b / 10.0, (10 - a - b) / 10.0}};
+                assert_int_equal(dmk_mesh_point_xyz(*state, m, &q, y), DMK_OK);
+                best = fmin(best, hypot(hypot(x[0] - y[0], x[1] - y[1]), x[2] - y[2]));
+            }
+        }
+        assert_true(found <= best + 1e-12);
+        assert_true(found >= best - 0.1);
+    }
+    dmk_mesh_destroy(&m);
+}
+
+static void test_vertex_points(void **state)
+{
+    dmk_mesh *m = create(*state, N_SPARE, tetra_xyz, 4, tetra);
+    dmk_point p;
+    double x[3];
+    for (int64_t v = 0; v < 4; v++) {
+        assert_int_equal(dmk_mesh_vertex_point(*state, m, v, &p), DMK_OK);
+        assert_int_equal(dmk_mesh_point_xyz(*state, m, &p, x), DMK_OK);
+        assert_memory_equal(x, tetra_xyz + 3 * v, sizeof x);
+        /* projecting a vertex finds it exactly */
+        assert_int_equal(dmk_mesh_project(*state, m, tetra_xyz + 3 * v, &p), DMK_OK);
+        int k = p.weight[0] == 1 ? 0 : p.weight[1] == 1 ? 1 : 2;
+        assert_true(p.weight[k] == 1);
+        assert_int_equal(tetra[3 * p.triangle + k], v);
+    }
+    dmk_mesh_destroy(&m);
+}
+
+static void test_refuses_bad_points(void **state)
+{
+    dmk_mesh *m = create(*state, N_SPARE, tetra_xyz, 4, tetra);
+    dmk_point p;
+    double x[3];
+    assert_int_equal(dmk_mesh_vertex_point(*state, m, 4, &p), DMK_E_ARG);
+    assert_non_null(strstr(dmk_context_message(*state), "vertex 4 is in no triangle"));
+    assert_int_equal(dmk_mesh_vertex_point(*state, m, 8, &p), DMK_E_ARG);
+    assert_int_equal(dmk_mesh_vertex_point(*state, m, -1, &p), DMK_E_ARG);
+    assert_int_equal(dmk_mesh_project(*state, m, (const double[]){0, NAN, 0}, &p), DMK_E_ARG);
+    assert_int_equal(dmk_mesh_project(*state, m, (const double[]){INFINITY, 0, 0}, &p), DMK_E_ARG);
+    assert_int_equal(dmk_mesh_project(*state, m, (const double[]){1e300, 0, 0}, &p), DMK_E_ARG);
+    static const dmk_point bad[] = {{-1, {1, 0, 0}},        {4, {1, 0, 0}},
+                                    {0, {0.5, 0.4, 0}},     {0, {1.5, -0.5, 0}},
+                                    {0, {NAN, 0.5, 0.5}}};
+    for (size_t i = 0; i < COUNT(bad); i++) {
+        assert_int_equal(dmk_mesh_point_xyz(*state, m, &bad[i], x), DMK_E_ARG);
+    }
+    dmk_mesh_destroy(&m);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_topology_there_and_back),
+        cmocka_unit_test(test_info_of_tetrahedron),
+        cmocka_unit_test(test_borders_and_components),
+        cmocka_unit_test(test_holes),
+        cmocka_unit_test(test_refuses_bad_places),
+        cmocka_unit_test(test_refuses_bad_indices),
+        cmocka_unit_test(test_refuses_zero_area),
+        cmocka_unit_test(test_refuses_duplicates),
+        cmocka_unit_test(test_refuses_non_manifold_edges),
+        cmocka_unit_test(test_refuses_non_manifold_vertices),
+        cmocka_unit_test(test_refuses_inconsistent_orientation),
+        cmocka_unit_test(test_refuses_one_sided_surfaces),
+        cmocka_unit_test(test_projects_to_inside_edge_and_vertex),
+        cmocka_unit_test(test_projects_to_the_nearest),
+        cmocka_unit_test(test_vertex_points),
+        cmocka_unit_test(test_refuses_bad_points),
+    };
+    return cmocka_run_group_tests(tests, setup, teardown);
+}
