@@ -1,0 +1,186 @@
+/* The hierarchy of coarse graphs; see coarsen.h. Each step: samples and their cells (cells.c), the
+ * adjacency of the cells with each cell's mean place, interpolation weights (prolong.c), tables of
+ * the Galerkin product (galerkin.c). */
+#include "mesh/coarsen.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void adjacency_free(dmk_adjacency *g)
+{
+    free(g->row);
+    free(g->to);
+    free(g->length);
+    memset(g, 0, sizeof *g);
+}
+
+static void coarsening_free(dmk_coarsening *c)
+{
+    free(c->coarse.edge);
+    free(c->coarse.xyz);
+    free(c->prolong_index);
+    free(c->prolong_weight);
+    free(c->restrict_row);
+    free(c->restrict_fine);
+    free(c->restrict_weight);
+    free(c->galerkin_row);
+    free(c->galerkin_edge);
+    free(c->galerkin_coef);
+    memset(c, 0, sizeof *c);
+}
+
+void dmk_hierarchy_free(dmk_hierarchy *h)
+{
+    for (int l = 0; l < DMK_MAX_LEVELS; l++) coarsening_free(&h->level[l]);
+    memset(h, 0, sizeof *h);
+}
+
+static int mesh_adjacency(dmk_context *ctx, const dmk_mesh *m, dmk_adjacency *g)
+{
+    int rc;
+    int32_t *fill = NULL;
+    memset(g, 0, sizeof *g);
+    g->n = m->n_vertices;
+    DMK_TRY(DMK_NEW(ctx, g->row, (size_t)g->n + 1));
+    DMK_TRY(DMK_NEW(ctx, g->to, 2 * (size_t)m->n_edges));
+    DMK_TRY(DMK_NEW(ctx, g->length, 2 * (size_t)m->n_edges));
+    DMK_TRY(DMK_NEW(ctx, fill, (size_t)g->n));
+    for (int32_t h = 0; h < 2 * m->n_edges; h++) g->row[m->edge_vertex[h] + 1]++;
+    for (int32_t v = 0; v < g->n; v++) {
+        fill[v] = g->row[v];
+        g->row[v + 1] += g->row[v];
+    }
+    for (int32_t h = 0; h < 2 * m->n_edges; h++) {
+        int32_t at = fill[m->edge_vertex[h]]++;
+        g->to[at] = m->edge_vertex[h ^ 1];
+        g->length[at] = (float)m->length[h / 2];
+    }
+done:
+    free(fill);
+    if (rc != DMK_OK) adjacency_free(g);
+    return rc;
+}
+
+static void sort_small(int32_t n, int32_t *a)
+{
+    for (int32_t i = 1; i < n; i++) {
+        int32_t x = a[i], k = i;
+        for (; k > 0 && a[k - 1] > x; k--) a[k] = a[k - 1];
+        a[k] = x;
+    }
+}
+
+/* Two cells are adjacent when a fine link joins them. Connected if the fine graph is. */
+static int cell_adjacency(dmk_context *ctx, const dmk_adjacency *fine, const dmk_cells *cells,
+                          dmk_adjacency *g)
+{
+    int rc;
+    int32_t *stamp = NULL, n_links = 0;
+    memset(g, 0, sizeof *g);
+    g->n = cells->n;
+    for (int32_t v = 0; v < fine->n; v++) {
+        for (int32_t i = fine->row[v]; i < fine->row[v + 1]; i++) {
+            n_links += cells->owner[fine->to[i]] != cells->owner[v];
+        }
+    }
+    DMK_TRY(DMK_NEW(ctx, stamp, (size_t)g->n));
+    DMK_TRY(DMK_NEW(ctx, g->row, (size_t)g->n + 1));
+    DMK_TRY(DMK_NEW(ctx, g->to, (size_t)n_links)); /* an upper bound */
+    for (int32_t a = 0; a < g->n; a++) {
+        int32_t begin = g->row[a], end = begin;
+        for (int32_t m = cells->row[a]; m < cells->row[a + 1]; m++) {
+            int32_t v = cells->member[m];
+            for (int32_t i = fine->row[v]; i < fine->row[v + 1]; i++) {
+                int32_t b = cells->owner[fine->to[i]];
+                if (b == a || stamp[b] == a + 1) continue;
+                stamp[b] = a + 1;
+                g->to[end++] = b;
+            }
+        }
+        sort_small(end - begin, g->to + begin);
+        g->row[a + 1] = end;
+    }
+done:
+    free(stamp);
+    if (rc != DMK_OK) adjacency_free(g);
+    return rc;
+}
+
+static int measure_adjacency(dmk_context *ctx, const double *xyz, dmk_adjacency *g)
+{
+    int rc;
+    DMK_TRY(DMK_NEW(ctx, g->length, (size_t)g->row[g->n]));
+    for (int32_t v = 0; v < g->n; v++) {
+        const double *p = xyz + 3 * (size_t)v;
+        for (int32_t i = g->row[v]; i < g->row[v + 1]; i++) {
+            const double *q = xyz + 3 * (size_t)g->to[i];
+            double x = q[0] - p[0], y = q[1] - p[1], z = q[2] - p[2];
+            g->length[i] = (float)sqrt(x * x + y * y + z * z);
+        }
+    }
+done:
+    return rc;
+}
+
+static int cell_places(dmk_context *ctx, const dmk_cells *cells, const double *fine_xyz,
+                       double **xyz)
+{
+    int rc;
+    DMK_TRY(DMK_NEW(ctx, *xyz, 3 * (size_t)cells->n));
+    for (int32_t a = 0; a < cells->n; a++) {
+        double *mean = *xyz + 3 * (size_t)a, n = cells->row[a + 1] - cells->row[a];
+        for (int32_t m = cells->row[a]; m < cells->row[a + 1]; m++) {
+            const double *x = fine_xyz + 3 * (size_t)cells->member[m];
+            for (int k = 0; k < 3; k++) mean[k] += x[k] / n;
+        }
+    }
+done:
+    return rc;
+}
+
+/* One level of the descent; *fine becomes the adjacency of the coarse level. Without enough gain
+ * nothing is made and *stalled set. */
+static int coarsen(dmk_context *ctx, dmk_adjacency *fine, int32_t n_edges, const int32_t *edge,
+                   const double *xyz, dmk_coarsening *c, bool *stalled)
+{
+    int rc;
+    dmk_cells cells;
+    dmk_adjacency coarse = {0};
+    DMK_TRY(dmk_cells_create(ctx, fine, &cells));
+    *stalled = cells.n > fine->n / 3 * 2;
+    if (*stalled) goto done;
+    c->coarse.n = cells.n;
+    DMK_TRY(cell_adjacency(ctx, fine, &cells, &coarse));
+    DMK_TRY(cell_places(ctx, &cells, xyz, &c->coarse.xyz));
+    DMK_TRY(measure_adjacency(ctx, c->coarse.xyz, &coarse));
+    DMK_TRY(dmk_prolong_create(ctx, &cells, &coarse, xyz, c));
+    DMK_TRY(dmk_galerkin_create(ctx, fine->n, n_edges, edge, c));
+    adjacency_free(fine);
+    *fine = coarse;
+    memset(&coarse, 0, sizeof coarse);
+done:
+    adjacency_free(&coarse);
+    dmk_cells_free(&cells);
+    return rc;
+}
+
+int dmk_hierarchy_create(dmk_context *ctx, const dmk_mesh *m, int32_t coarsest, dmk_hierarchy *h)
+{
+    int rc;
+    dmk_adjacency fine;
+    bool stalled = false;
+    memset(h, 0, sizeof *h);
+    if (coarsest <= 0) coarsest = 128;
+    DMK_TRY(mesh_adjacency(ctx, m, &fine));
+    while (fine.n > coarsest && h->n < DMK_MAX_LEVELS && !stalled) {
+        const dmk_graph *g = h->n ? &h->level[h->n - 1].coarse : NULL;
+        DMK_TRY(coarsen(ctx, &fine, g ? g->n_edges : m->n_edges, g ? g->edge : m->edge_vertex,
+                        g ? g->xyz : m->xyz, &h->level[h->n], &stalled));
+        if (!stalled) h->n++;
+    }
+done:
+    adjacency_free(&fine);
+    if (rc != DMK_OK) dmk_hierarchy_free(h);
+    return rc;
+}

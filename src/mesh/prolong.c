@@ -1,0 +1,234 @@
+/* The prolongation: each fine vertex takes the linear interpolation of the nearest triangle of
+ * mutually adjacent cells around its own cell, or of the nearest edge where there is no triangle;
+ * see coarsen.h. */
+#include "mesh/coarsen.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Weights below this are left out: they would only lengthen the Galerkin tables. */
+#define SMALLEST 1e-3f
+
+/* The surroundings of one cell c, all relative to the place of c. Arrays grow as needed. */
+typedef struct star {
+    int32_t n_spokes, n_triangles;
+    size_t spoke_room, triangle_room;
+    int32_t *cell;     /* n_spokes: adjacent cells */
+    double (*q)[3];    /* n_spokes: their places minus that of c */
+    double *qq;        /* n_spokes: q.q */
+    double *qp;        /* n_spokes: q.p of the fine vertex p at hand */
+    int32_t (*tri)[2]; /* n_triangles: spokes i < k such that c, i, k are mutually adjacent */
+    double *qiqk;      /* n_triangles: q_i.q_k */
+} star;
+
+/* A point s q_i + t q_k of the star, with its squared distance from p, less the constant p.p. */
+typedef struct nearest {
+    double distance2, s, t;
+    int32_t i, k; /* spokes */
+} nearest;
+
+static void star_free(star *st)
+{
+    free(st->cell);
+    free(st->q);
+    free(st->qq);
+    free(st->qp);
+    free(st->tri);
+    free(st->qiqk);
+}
+
+static double dot(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static int star_reserve_spokes(dmk_context *ctx, star *st, size_t n)
+{
+    int rc = DMK_OK;
+    if (n <= st->spoke_room) return DMK_OK;
+    free(st->cell);
+    free(st->q);
+    free(st->qq);
+    free(st->qp);
+    st->cell = NULL;
+    st->q = NULL;
+    st->qq = st->qp = NULL;
+    st->spoke_room = 2 * n;
+    DMK_TRY(DMK_NEW(ctx, st->cell, 2 * n));
+    DMK_TRY(DMK_NEW(ctx, st->q, 2 * n));
+    DMK_TRY(DMK_NEW(ctx, st->qq, 2 * n));
+    DMK_TRY(DMK_NEW(ctx, st->qp, 2 * n));
+done:
+    return rc;
+}
+
+static int star_add_triangle(dmk_context *ctx, star *st, int32_t i, int32_t k)
+{
+    size_t n = (size_t)st->n_triangles;
+    if (n == st->triangle_room) {
+        size_t room = 2 * n + 16;
+        void *tri = realloc(st->tri, room * sizeof *st->tri);
+        if (tri) st->tri = tri;
+        void *qiqk = realloc(st->qiqk, room * sizeof *st->qiqk);
+        if (qiqk) st->qiqk = qiqk;
+        if (!tri || !qiqk) return dmk_fail(ctx, DMK_E_NOMEM, "out of memory: prolongation");
+        st->triangle_room = room;
+    }
+    st->tri[n][0] = i;
+    st->tri[n][1] = k;
+    st->qiqk[n] = dot(st->q[i], st->q[k]);
+    st->n_triangles++;
+    return DMK_OK;
+}
+
+/* Set the star of cell c. spoke_of has an entry per cell, all -1 before and after. */
+static int star_set(dmk_context *ctx, star *st, const dmk_adjacency *g, const double *xyz,
+                    int32_t c, int32_t *spoke_of)
+{
+    int rc;
+    int32_t begin = g->row[c], n = g->row[c + 1] - begin;
+    DMK_TRY(star_reserve_spokes(ctx, st, (size_t)n));
+    st->n_spokes = n;
+    st->n_triangles = 0;
+    for (int32_t i = 0; i < n; i++) {
+        int32_t a = st->cell[i] = g->to[begin + i];
+        spoke_of[a] = i;
+        for (int x = 0; x < 3; x++) st->q[i][x] = xyz[3 * (size_t)a + x] - xyz[3 * (size_t)c + x];
+        st->qq[i] = dot(st->q[i], st->q[i]);
+    }
+    for (int32_t i = 0; i < n && rc == DMK_OK; i++) {
+        int32_t a = st->cell[i];
+        for (int32_t k = g->row[a]; k < g->row[a + 1] && rc == DMK_OK; k++) {
+            int32_t other = spoke_of[g->to[k]];
+            if (other > i) rc = star_add_triangle(ctx, st, i, other);
+        }
+    }
+    for (int32_t i = 0; i < n; i++) spoke_of[st->cell[i]] = -1;
+done:
+    return rc;
+}
+
+static double clamp01(double x)
+{
+    return x < 0 ? 0 : x > 1 ? 1 : x;
+}
+
+static void keep_nearer(nearest *best, double distance2, int32_t i, double s, int32_t k, double t)
+{
+    if (distance2 < best->distance2) *best = (nearest){distance2, s, t, i, k};
+}
+
+/* Nearest point of the triangle (0, q_i, q_k) unless it lies on a spoke: those come apart. With
+ * g = q_i.q_k: minimise s^2 q_i.q_i + 2 s t g + t^2 q_k.q_k - 2 s q_i.p - 2 t q_k.p. */
+static void try_triangle(const star *st, int32_t triangle, nearest *best)
+{
+    int32_t i = st->tri[triangle][0], k = st->tri[triangle][1];
+    double a = st->qq[i], b = st->qq[k], g = st->qiqk[triangle], x = st->qp[i], y = st->qp[k];
+    double det = a * b - g * g;
+    double s = x * b - y * g, t = y * a - x * g;
+    if (det > 1e-12 * a * b && s > 0 && t > 0 && s + t < det) {
+        s /= det;
+        t /= det;
+        keep_nearer(best, -(s * x + t * y), i, s, k, t);
+    } else { /* the edge opposite c: q_i + t (q_k - q_i) */
+        double edge2 = a + b - 2 * g;
+        t = edge2 > 0 ? clamp01((y - x + a - g) / edge2) : 0;
+        keep_nearer(best, a - 2 * x + t * (t * edge2 - 2 * (y - x + a - g)), i, 1 - t, k, t);
+    }
+}
+
+static nearest find_nearest(star *st, const double p[3])
+{
+    nearest best = {0, 0, 0, 0, 0}; /* c itself */
+    for (int32_t i = 0; i < st->n_spokes; i++) {
+        double x = st->qp[i] = dot(st->q[i], p);
+        double s = st->qq[i] > 0 ? clamp01(x / st->qq[i]) : 0;
+        keep_nearer(&best, s * (s * st->qq[i] - 2 * x), i, s, i, 0);
+    }
+    for (int32_t j = 0; j < st->n_triangles; j++) try_triangle(st, j, &best);
+    return best;
+}
+
+/* Store weights on c and two spokes, nonzero ones first, rounded so that they still sum to 1. */
+static void store_row(const star *st, int32_t c, const nearest *at, int32_t *index, float *weight)
+{
+    float s = (float)at->s, t = (float)at->t;
+    float w[3] = {(float)fmax(0, 1.0 - s - t), s, t};
+    int32_t cell[3] = {c, st->n_spokes ? st->cell[at->i] : c, st->n_spokes ? st->cell[at->k] : c};
+    int n = 0;
+    for (int k = 0; k < 3; k++) {
+        if (!(w[k] > SMALLEST)) continue;
+        index[n] = cell[k];
+        weight[n++] = w[k];
+    }
+    for (int k = n; k < 3; k++) {
+        index[k] = index[0];
+        weight[k] = 0;
+    }
+    float rest = 1;
+    for (int k = 1; k < n; k++) rest -= weight[k];
+    weight[0] = rest;
+}
+
+static void set_point_row(int32_t c, int32_t *index, float *weight)
+{
+    for (int k = 0; k < 3; k++) {
+        index[k] = c;
+        weight[k] = k == 0;
+    }
+}
+
+/* A coarse vertex without any weight would make the operator singular: its sample then takes it
+ * alone. That may empty another column, so repeat; each sample changes once at most. */
+static int fill_empty_columns(dmk_context *ctx, const dmk_cells *cells, dmk_coarsening *c)
+{
+    int rc;
+    uint8_t *used = NULL;
+    bool changed = true;
+    DMK_TRY(DMK_NEW(ctx, used, (size_t)cells->n));
+    while (changed) {
+        changed = false;
+        memset(used, 0, (size_t)cells->n);
+        for (size_t k = 0; k < 3 * (size_t)cells->n_fine; k++) {
+            if (c->prolong_weight[k] > 0) used[c->prolong_index[k]] = 1;
+        }
+        for (int32_t a = 0; a < cells->n; a++) {
+            size_t at = 3 * (size_t)cells->sample[a];
+            if (used[a]) continue;
+            set_point_row(a, c->prolong_index + at, c->prolong_weight + at);
+            changed = true;
+        }
+    }
+done:
+    free(used);
+    return rc;
+}
+
+int dmk_prolong_create(dmk_context *ctx, const dmk_cells *cells, const dmk_adjacency *coarse,
+                       const double *fine_xyz, dmk_coarsening *c)
+{
+    int rc;
+    star st = {0};
+    int32_t *spoke_of = NULL;
+    DMK_TRY(DMK_NEW(ctx, c->prolong_index, 3 * (size_t)cells->n_fine));
+    DMK_TRY(DMK_NEW(ctx, c->prolong_weight, 3 * (size_t)cells->n_fine));
+    DMK_TRY(DMK_NEW(ctx, spoke_of, (size_t)cells->n));
+    for (int32_t a = 0; a < cells->n; a++) spoke_of[a] = -1;
+    for (int32_t a = 0; a < cells->n; a++) {
+        const double *center = c->coarse.xyz + 3 * (size_t)a;
+        DMK_TRY(star_set(ctx, &st, coarse, c->coarse.xyz, a, spoke_of));
+        for (int32_t m = cells->row[a]; m < cells->row[a + 1]; m++) {
+            size_t at = 3 * (size_t)cells->member[m];
+            const double *x = fine_xyz + at;
+            double p[3] = {x[0] - center[0], x[1] - center[1], x[2] - center[2]};
+            nearest best = find_nearest(&st, p);
+            store_row(&st, a, &best, c->prolong_index + at, c->prolong_weight + at);
+        }
+    }
+    DMK_TRY(fill_empty_columns(ctx, cells, c));
+done:
+    star_free(&st);
+    free(spoke_of);
+    return rc;
+}
