@@ -37,7 +37,7 @@ bool dmk_text_more(dmk_text *text);
 /* Go to the next thing that is neither blank, comment nor line end; false at the end of the text. */
 bool dmk_text_seek(dmk_text *text);
 void dmk_text_skip_line(dmk_text *text);
-/* Length of the word at text->at, up to a blank or line end. */
+/* Length of the word at text->at: up to a blank, line end, comment or backslash. */
 size_t dmk_text_word(const dmk_text *text);
 /* Read a number that ends with its word; `what` names it in the error. */
 int dmk_text_number(dmk_text *text, const char *what, double *value);

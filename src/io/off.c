@@ -30,7 +30,8 @@ static off_header take_keyword(dmk_text *t)
     if (p < word_end && *p == '4') p++, h.other_dimension = true;
     if (p < word_end && *p == 'n') p++, h.other_dimension = true;
     h.keyword = word_end - p == 3 && memcmp(p, "OFF", 3) == 0;
-    if (h.keyword) t->at = word_end;
+    if (!h.keyword) return (off_header){0};
+    t->at = word_end;
     return h;
 }
 

@@ -61,17 +61,16 @@ void dmk_text_skip_line(dmk_text *text)
     text->at = line_end ? line_end + 1 : text->end;
 }
 
+static bool at_word_end(const dmk_text *text, const char *p)
+{
+    return p >= text->end || is_blank(*p) || *p == '\n' || *p == '#' || *p == '\\';
+}
+
 size_t dmk_text_word(const dmk_text *text)
 {
     const char *p = text->at;
-    while (p < text->end && !is_blank(*p) && *p != '\n') p++;
+    while (!at_word_end(text, p)) p++;
     return (size_t)(p - text->at);
-}
-
-/* A number ends where its word ends, or at a comment. */
-static bool at_word_end(const dmk_text *text, const char *p)
-{
-    return p >= text->end || is_blank(*p) || *p == '\n' || *p == '#';
 }
 
 /* Fail with what is at text->at instead of the number. */

@@ -51,8 +51,10 @@ void dmk_vtk_array(dmk_vtk *vtk, dmk_vtk_type type, const char *name, int compon
     dmk_sink_text(s, types[type].name);
     dmk_sink_text(s, "\" Name=\"");
     dmk_sink_text(s, name);
-    dmk_sink_text(s, "\" NumberOfComponents=\"");
-    dmk_sink_integer(s, components);
+    if (components > 1) { /* meshio makes columns of scalars that say 1 */
+        dmk_sink_text(s, "\" NumberOfComponents=\"");
+        dmk_sink_integer(s, components);
+    }
     dmk_sink_text(s, "\" NumberOfTuples=\"");
     dmk_sink_integer(s, (int64_t)n);
     dmk_sink_text(s, "\" format=\"appended\" offset=\"");

@@ -1,0 +1,633 @@
+/* Files: every format both ways with all bits of a double, what is refused and how it is said,
+ * whole files or none. */
+#include "io/io.h"
+
+#include <dirent.h>
+#include <locale.h>
+#include <math.h>
+#include <setjmp.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#define COUNT(a) (sizeof(a) / sizeof *(a))
+
+typedef struct fixture {
+    dmk_context *ctx;
+    char folder[200]; /* empty before and after each test */
+    char path[300];
+} fixture;
+
+static int setup(void **state)
+{
+    fixture *f = calloc(1, sizeof *f);
+    const char *tmp = getenv("TMPDIR");
+    *state = f;
+    snprintf(f->folder, sizeof f->folder, "%s/io-XXXXXX", tmp ? tmp : "/tmp");
+    return dmk_context_create(&f->ctx) || !mkdtemp(f->folder);
+}
+
+static int teardown(void **state)
+{
+    fixture *f = *state;
+    int rc = rmdir(f->folder); /* fails if a test left anything */
+    dmk_context_destroy(&f->ctx);
+    free(f);
+    return rc;
+}
+
+static const char *path_of(fixture *f, const char *name)
+{
+    snprintf(f->path, sizeof f->path, "%s/%s", f->folder, name);
+    return f->path;
+}
+
+static void put_file(fixture *f, const char *name, const char *content, size_t n)
+{
+    FILE *file = fopen(path_of(f, name), "wb");
+    assert_non_null(file);
+    assert_int_equal(fwrite(content, 1, n, file), n);
+    assert_int_equal(fclose(file), 0);
+}
+
+static char *get_file(fixture *f, const char *name, size_t *n)
+{
+    FILE *file = fopen(path_of(f, name), "rb");
+    assert_non_null(file);
+    char *content = calloc(1, 1 << 20);
+    *n = fread(content, 1, 1 << 20, file);
+    fclose(file);
+    return content;
+}
+
+static void remove_file(fixture *f, const char *name)
+{
+    assert_int_equal(unlink(path_of(f, name)), 0);
+}
+
+static size_t count_files(const fixture *f)
+{
+    size_t n = 0;
+    DIR *d = opendir(f->folder);
+    assert_non_null(d);
+    while (readdir(d)) n++;
+    closedir(d);
+    return n - 2;
+}
+
+/* A tetrahedron whose coordinates need all their bits, and a vertex that is in no triangle. */
+static const double xyz[15] = {1.0 / 3, -2.0 / 7, 1e-300, 1.1,      0.1,
+                               0.30000000000000004, -0.0, 1000.0 / 7, 5e-324,
+                               0.2,     -1.0 / 3, 1e5 / 3, 4.9e-320, 1.7976931348623157e308,
+                               -1e-5};
+static const int32_t triangles[12] = {0, 2, 1, 0, 1, 3, 1, 2, 3, 0, 3, 2};
+
+static dmk_mesh *make_mesh(fixture *f)
+{
+    dmk_mesh *m = NULL;
+    assert_int_equal(dmk_mesh_create(f->ctx, 5, xyz, 4, triangles, &m), DMK_OK);
+    return m;
+}
+
+static dmk_mesh *read_mesh(fixture *f, const char *name)
+{
+    dmk_mesh *m = NULL;
+    if (dmk_mesh_read(f->ctx, path_of(f, name), &m) != DMK_OK) {
+        fail_msg("%s", dmk_context_message(f->ctx));
+    }
+    return m;
+}
+
+static dmk_mesh *read_text(fixture *f, const char *name, const char *text)
+{
+    put_file(f, name, text, strlen(text));
+    dmk_mesh *m = read_mesh(f, name);
+    remove_file(f, name);
+    return m;
+}
+
+/* ---- meshes both ways ---- */
+
+static void test_meshes_keep_every_bit(void **state)
+{
+    static const char *const names[] = {"a.off", "a.obj", "A.OFF", "b.c.Obj"};
+    fixture *f = *state;
+    dmk_mesh *m = make_mesh(f);
+    for (size_t i = 0; i < COUNT(names); i++) {
+        assert_int_equal(dmk_mesh_write(f->ctx, m, path_of(f, names[i])), DMK_OK);
+        assert_int_equal(count_files(f), 1);
+        dmk_mesh *back = read_mesh(f, names[i]);
+        assert_int_equal(back->n_vertices, 5);
+        assert_int_equal(back->n_triangles, 4);
+        assert_memory_equal(back->xyz, xyz, sizeof xyz);
+        assert_memory_equal(back->triangle, triangles, sizeof triangles);
+        dmk_mesh_destroy(&back);
+        remove_file(f, names[i]);
+    }
+    dmk_mesh_destroy(&m);
+}
+
+/* Larger than every buffer; the written file is the same again after reading. */
+static void test_large_meshes(void **state)
+{
+    enum { N = 120 };
+    fixture *f = *state;
+    double *x = calloc(3 * N * N, sizeof *x);
+    int32_t *t = calloc(6 * N * N, sizeof *t);
+    size_t n = 0;
+    for (int v = 0; v < N * N; v++) {
+        x[3 * v] = v / N + sin(v) / 3;
+        x[3 * v + 1] = v % N + cos(v) / 3;
+        x[3 * v + 2] = sin(3 * v) / 7;
+    }
+    for (int v = 0; v < N * (N - 1); v++) {
+        if (v % N == N - 1) continue;
+        const int32_t two[6] = {v, v + N, v + 1, v + 1, v + N, v + N + 1};
+        memcpy(t + 3 * n, two, sizeof two);
+        n += 2;
+    }
+    dmk_mesh *m = NULL;
+    assert_int_equal(dmk_mesh_create(f->ctx, N * N, x, n, t, &m), DMK_OK);
+    static const char *const names[] = {"m.off", "m.obj"};
+    for (size_t i = 0; i < COUNT(names); i++) {
+        assert_int_equal(dmk_mesh_write(f->ctx, m, path_of(f, names[i])), DMK_OK);
+        dmk_mesh *back = read_mesh(f, names[i]);
+        assert_memory_equal(back->xyz, x, 3 * N * N * sizeof *x);
+        assert_memory_equal(back->triangle, t, 3 * n * sizeof *t);
+        dmk_mesh_destroy(&back);
+        remove_file(f, names[i]);
+    }
+    dmk_mesh_destroy(&m);
+    free(x);
+    free(t);
+}
+
+/* ---- what is accepted ---- */
+
+/* The unit square as two triangles, 0 1 2 and 0 2 3, in all the ways one may write it. */
+static void check_square(fixture *f, const char *name, const char *text)
+{
+    static const double square[] = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0};
+    static const int32_t two[] = {0, 1, 2, 0, 2, 3};
+    dmk_mesh *m = read_text(f, name, text);
+    assert_int_equal(m->n_vertices, 4);
+    assert_int_equal(m->n_triangles, 2);
+    assert_memory_equal(m->xyz, square, sizeof square);
+    assert_memory_equal(m->triangle, two, sizeof two);
+    dmk_mesh_destroy(&m);
+}
+
+static void test_off_variants(void **state)
+{
+    static const char *const texts[] = {
+        "OFF\n4 2 5\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n",
+        "OFF 4 2 5\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3", /* no last line end */
+        "# me\n\nOFF # kind\n# counts:\n4 2 0 # three\n\n0 0 0 # a\n1 0 0\n1 1 0\n\n0 1 0\n"
+        "3 0 1 2 # f\n\n3 0 2 3\n# end\n",
+        "OFF\r\n4 2 5\r\n0 0 0\r\n1 0 0\r\n1 1 0\r\n0 1 0\r\n3 0 1 2\r\n3 0 2 3\r\n",
+        "OFF\n4\t2\n  0. 0.0 0e5 1e0 0 0 +1 1 0 0 1 0\n3  0 1 2\n 3 0 2 3 \n", /* free form */
+        "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2 255 0 0\n3 0 2 3 0.5 0.5 0.5 1\n",
+        "4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n", /* no keyword */
+        "COFF\n4 2 0\n0 0 0 1 2 3 4\n1 0 0 9 9 9 9\n1 1 0 .1 .2 .3 1\n0 1 0 0 0 0\n3 0 1 2\n"
+        "3 0 2 3\n",
+        "NOFF\n4 2 0\n0 0 0 0 0 1\n1 0 0 0 0 1\n1 1 0 0 0 1\n0 1 0 0 0 1\n3 0 1 2\n3 0 2 3\n",
+        "STCNOFF\n4 2 0\n0 0 0 0 0 1 1 1 1 1 0 0\n1 0 0 0\n1 1 0 0\n0 1 0 0\n3 0 1 2\n3 0 2 3\n",
+        "OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n"}; /* a quadrilateral */
+    for (size_t i = 0; i < COUNT(texts); i++) check_square(*state, "m.off", texts[i]);
+    check_square(*state, "named.obj", texts[0]); /* the content counts, then the suffix */
+    check_square(*state, "named", texts[0]);
+}
+
+static void test_obj_variants(void **state)
+{
+    static const char *const texts[] = {
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n",
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4",
+        "# me\nmtllib a.mtl\no thing\n  v 0 0 0 1.0\nv\t1 0 0 .5 .5 .5\r\nv 1 1 0 # c\nv 0 1 0\n"
+        "vn 0 0 1\nvt 0 0\nvp 1 2\ng all\nusemtl red\ns off\nf 1/1 2/1 3/1\nf 1/1/1 3//1 4/\nl 1 2\n",
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nf -3 -2 -1\nv 0 1 0\nf -4 -2 4\n", /* relative */
+        "f 1 2 3\nf 1 3 4\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n",     /* faces first */
+        "v 0 0 \\\n0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2\\\r\n 3\nf 1 \\\n\\\n3 4\n",
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"};
+    for (size_t i = 0; i < COUNT(texts); i++) check_square(*state, "m.obj", texts[i]);
+    check_square(*state, "named.off", texts[0]);
+    check_square(*state, "named", texts[2]);
+}
+
+static void test_polygons_become_fans(void **state)
+{
+    static const int32_t fan[] = {1, 2, 3, 1, 3, 4, 1, 4, 0};
+    static const char *const texts[] = {
+        "OFF\n5 1 0\n0 0 0\n2 0 0\n3 1 0\n1 2 0\n-1 1 0\n5 1 2 3 4 0\n",
+        "v 0 0 0\nv 2 0 0\nv 3 1 0\nv 1 2 0\nv -1 1 0\nf 2 3 4 5 1\n"};
+    for (size_t i = 0; i < COUNT(texts); i++) {
+        dmk_mesh *m = read_text(*state, "m", texts[i]);
+        assert_int_equal(m->n_triangles, 3);
+        assert_memory_equal(m->triangle, fan, sizeof fan);
+        dmk_mesh_destroy(&m);
+    }
+}
+
+/* A pipe has no size to ask for. */
+static void test_reads_pipes(void **state)
+{
+    fixture *f = *state;
+    int ends[2];
+    char path[32];
+    assert_int_equal(pipe(ends), 0);
+    const char text[] = "OFF 3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+    assert_int_equal(write(ends[1], text, sizeof text - 1), sizeof text - 1);
+    close(ends[1]);
+    snprintf(path, sizeof path, "/dev/fd/%d", ends[0]);
+    dmk_mesh *m = NULL;
+    assert_int_equal(dmk_mesh_read(f->ctx, path, &m), DMK_OK);
+    assert_int_equal(m->n_triangles, 1);
+    dmk_mesh_destroy(&m);
+    close(ends[0]);
+}
+
+/* ---- what is refused ---- */
+
+typedef struct refusal {
+    const char *name, *text;
+    int status;
+    const char *message; /* part of it */
+} refusal;
+
+#define SQUARE "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
+
+static const refusal refusals[] = {
+    {"m.off", "", DMK_E_FORMAT, "m.off: the file is empty"},
+    {"m.off", "# nothing\n", DMK_E_FORMAT, "m.off:2: nothing but comments"},
+    {"m.txt", "hello\n", DMK_E_FORMAT, "m.txt: neither its content nor its suffix"},
+    {"m.txt", "hello\n", DMK_E_FORMAT, ".off .coff .noff .obj"},
+    {"m.off", "hello\n", DMK_E_FORMAT, "m.off:1: 'hello' where the number of vertices"},
+    {"m.off", "OFF BINARY\n4 2 0\n", DMK_E_FORMAT, "m.off:1: binary OFF"},
+    {"m.off", "4OFF\n4 2 0\n", DMK_E_FORMAT, "m.off:1: vertices that are not in three"},
+    {"m.off", "nOFF\n4\n4 2 0\n", DMK_E_FORMAT, "m.off:1: vertices that are not in three"},
+    {"m.off", "OFF\n", DMK_E_FORMAT, "m.off:2: the file ends before the number of vertices"},
+    {"m.off", "OFF\n4\n", DMK_E_FORMAT, "m.off:3: the file ends before the number of faces"},
+    {"m.off", "OFF\n4.5 2 0\n", DMK_E_FORMAT, "m.off:2: '4.5' where the number of vertices"},
+    {"m.off", "OFF\n-4 2 0\n0 0 0\n", DMK_E_FORMAT, "m.off:2: -4 vertices"},
+    {"m.off", "OFF\n4 -2 0\n0 0 0\n", DMK_E_FORMAT, "m.off:2: 4 vertices and -2 faces"},
+    {"m.off", "OFF\n1000000000 2 0\n0 0 0\n", DMK_E_FORMAT, "m.off:2: 1000000000 vertices"},
+    {"m.off", "OFF\n9223372036854775799 9223372036854775799 0\n0 0 0\n", DMK_E_FORMAT,
+     "do not fit into the 9 bytes"},
+    {"m.off", "OFF\n99999999999999999999 2 0\n", DMK_E_FORMAT, "m.off:2: '99999999999999999999'"},
+    {"m.off", "OFF\n4 2 0\n0 0 0\n1 0 0\n1 x 0\n0 1 0\n3 0 1 2\n3 0 2 3\n", DMK_E_FORMAT,
+     "m.off:5: 'x' where a vertex coordinate"},
+    {"m.off", "OFF\n4 2 0\n0 0 0\n1 0 0\n1 nan 0\n0 1 0\n3 0 1 2\n3 0 2 3\n", DMK_E_FORMAT,
+     "m.off:5: 'nan' where a vertex coordinate should stand: write a finite"},
+    {"m.off", "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1,5 0\n0 1 0\n3 0 1 2\n3 0 2 3\n", DMK_E_FORMAT,
+     "m.off:5: '1,5' where"},
+    {"m.off", SQUARE "3 0 1 2\n3 0 2\n\n\n", DMK_E_FORMAT, "m.off:8: a face's vertex is missing"},
+    {"m.off", SQUARE "3 0 1 2\n3 0 2 4\n", DMK_E_FORMAT, "m.off:8: vertex 4 of a face is not"},
+    {"m.off", SQUARE "3 0 1 2\n3 0 2 -1\n", DMK_E_FORMAT, "m.off:8: vertex -1 of a face is not"},
+    {"m.off", SQUARE "3 0 1 2\n2 0 2     \n", DMK_E_FORMAT, "m.off:8: a face with 2 corners"},
+    {"m.off", SQUARE "3 0 1 2\n            ", DMK_E_FORMAT, "m.off:8: the file ends before"},
+    {"m.off", SQUARE "3 0 1 2\n3 0 2 3.0\n", DMK_E_FORMAT, "m.off:8: '3.0' where a face's vertex"},
+    {"m.off", "OFF\n4 0 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n", DMK_E_MESH, "m.off: 4 vertices and 0"},
+    {"m.off", SQUARE "3 0 1 2\n3 0 1 3\n", DMK_E_MESH, "m.off: inconsistent orientation"},
+    {"m.off", "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1e999 0\n0 1 0\n3 0 1 2\n3 0 2 3\n", DMK_E_MESH,
+     "m.off: vertex 2 lies at (1, inf, 0)"},
+    {"m.obj", "", DMK_E_FORMAT, "m.obj: the file is empty"},
+    {"m.obj", "hello\n", DMK_E_FORMAT, "m.obj: no face"},
+    {"m.obj", "v 0 0 0\nv 1 0 0\n", DMK_E_FORMAT, "m.obj: no face"},
+    {"m.obj", "v 0 0 0\nv 1 0\nv 0 1 0\nf 1 2 3\n", DMK_E_FORMAT,
+     "m.obj:2: a vertex coordinate is missing"},
+    {"m.obj", "v 0 0 0\nv 1 y 0\nv 0 1 0\nf 1 2 3\n", DMK_E_FORMAT, "m.obj:2: 'y' where"},
+    {"m.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", DMK_E_FORMAT, "m.obj:4: vertex 4 of a face"},
+    {"m.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", DMK_E_FORMAT, "m.obj:4: vertex 0 of a face"},
+    {"m.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -1 -2 -4\n", DMK_E_FORMAT, "m.obj:4: vertex -4 of"},
+    {"m.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\n", DMK_E_FORMAT, "m.obj:4: a face with 2"},
+    {"m.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3x\n", DMK_E_FORMAT, "m.obj:4: '3x' where a face's"},
+    {"m.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2 3\n", DMK_E_MESH, "m.obj: triangles 0"},
+};
+
+static void test_refusals(void **state)
+{
+    fixture *f = *state;
+    for (size_t i = 0; i < COUNT(refusals); i++) {
+        const refusal *r = &refusals[i];
+        dmk_mesh *m = NULL;
+        put_file(f, r->name, r->text, strlen(r->text));
+        int rc = dmk_mesh_read(f->ctx, f->path, &m);
+        const char *message = dmk_context_message(f->ctx);
+        if (rc != r->status || !strstr(message, r->message) || m) {
+            fail_msg("%zu: status %d, '%s' without '%s'", i, rc, message, r->message);
+        }
+        remove_file(f, r->name);
+    }
+}
+
+static void test_missing_files_and_folders(void **state)
+{
+    fixture *f = *state;
+    dmk_mesh *m = NULL;
+    assert_int_equal(dmk_mesh_read(f->ctx, path_of(f, "none.off"), &m), DMK_E_IO);
+    assert_non_null(strstr(dmk_context_message(f->ctx), "none.off: cannot open: No such file"));
+    assert_int_equal(dmk_mesh_read(f->ctx, f->folder, &m), DMK_E_IO);
+    assert_non_null(strstr(dmk_context_message(f->ctx), "is a folder"));
+    assert_int_equal(dmk_mesh_read(f->ctx, NULL, &m), DMK_E_ARG);
+    assert_null(m);
+}
+
+/* Whatever stands in a file, reading ends well: whole files cut anywhere and with random bytes. */
+static void test_damaged_files(void **state)
+{
+    static const char *const texts[] = {
+        "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2 # c\n3 0 2 3\n",
+        "COFF 4 1\n0 0 0 1\n1 0 0 1\n1 1 0 1\n0 1 0 1\n4 0 1 2 3\n",
+        "v 0 0 0\nv 1 0 \\\n0\nv 1 1 0\nf -3 -2 -1\nv 0 1 0\nf 1/1 3//2 4/1/1\n"};
+    fixture *f = *state;
+    uint64_t s = 1234567;
+    for (size_t i = 0; i < COUNT(texts); i++) {
+        size_t n = strlen(texts[i]);
+        char text[256];
+        for (size_t trial = 0; trial < n + 3000; trial++) {
+            memcpy(text, texts[i], n);
+            for (size_t k = n; k < trial; k += 1000) {
+                s = s * 6364136223846793005ULL + 1442695040888963407ULL;
+                text[(s >> 33) % n] = "0123456789-/.e# \n\\fv\0\377"[(s >> 48) % 23];
+            }
+            put_file(f, "m.off", text, trial < n ? trial : n);
+            dmk_mesh *m = NULL;
+            int rc = dmk_mesh_read(f->ctx, f->path, &m);
+            assert_true((rc == DMK_OK) == (m != NULL));
+            dmk_mesh_destroy(&m);
+        }
+    }
+    remove_file(f, "m.off");
+}
+
+/* ---- results and cut loci ---- */
+
+static const double mu[4] = {1.0 / 3, 0, 1e-300, 0.30000000000000004};
+static const uint8_t acl[4] = {0, 1, 1, 0};
+static const double u[5] = {0, -1.0 / 3, -2, -1e-9, -INFINITY};
+static const double distance[5] = {0, 1.0 / 3, 2, 1e-9, INFINITY};
+
+/* Start of an array's values in a VTK XML file with raw appended data; *n becomes its bytes. */
+static const char *find_array(const char *content, const char *section, const char *name, size_t *n)
+{
+    char tag[64];
+    uint64_t bytes;
+    const char *at = strstr(content, section);
+    snprintf(tag, sizeof tag, "Name=\"%s\"", name);
+    if (!at || !(at = strstr(at, tag)) || !(at = strstr(at, "offset=\""))) {
+        fail_msg("no array %s in %s", name, section);
+        return NULL;
+    }
+    const char *data = strstr(content, "<AppendedData encoding=\"raw\">\n_") + 31;
+    data += strtoull(at + 8, NULL, 10);
+    memcpy(&bytes, data, sizeof bytes);
+    *n = bytes;
+    return data + sizeof bytes;
+}
+
+static void check_array(const char *content, const char *section, const char *name,
+                        const void *values, size_t bytes)
+{
+    size_t n;
+    const char *data = find_array(content, section, name, &n);
+    assert_int_equal(n, bytes);
+    assert_memory_equal(data, values, bytes);
+}
+
+static void test_results(void **state)
+{
+    static const int32_t ends[] = {3, 6, 9, 12};
+    static const uint8_t types[] = {5, 5, 5, 5};
+    static const char *const names[] = {"r.vtp", "r.vtu"};
+    fixture *f = *state;
+    dmk_mesh *m = make_mesh(f);
+    dmk_fields fields = {m, mu, acl, u, distance, {2, {0, 0.25, 0.75}}};
+    double source[3];
+    assert_int_equal(dmk_mesh_point_xyz(f->ctx, m, &fields.source, source), DMK_OK);
+    for (size_t i = 0; i < COUNT(names); i++) {
+        size_t n;
+        assert_int_equal(dmk_fields_write(f->ctx, &fields, path_of(f, names[i])), DMK_OK);
+        char *content = get_file(f, names[i], &n);
+        const char *cells = i == 0 ? "<Polys>" : "<Cells>";
+        assert_non_null(strstr(content, "NumberOfPoints=\"5\""));
+        assert_non_null(strstr(content, i == 0 ? "NumberOfPolys=\"4\"" : "NumberOfCells=\"4\""));
+        assert_non_null(strstr(content, "<CellData Scalars=\"mu\">"));
+        check_array(content, "<CellData", "mu", mu, sizeof mu);
+        check_array(content, "<CellData", "acl", acl, sizeof acl);
+        check_array(content, "<PointData", "u", u, sizeof u);
+        check_array(content, "<PointData", "distance", distance, sizeof distance);
+        check_array(content, "<Points>", "Points", xyz, sizeof xyz);
+        check_array(content, cells, "connectivity", triangles, sizeof triangles);
+        check_array(content, cells, "offsets", ends, sizeof ends);
+        if (i == 1) check_array(content, cells, "types", types, sizeof types);
+        check_array(content, "<FieldData>", "source", source, sizeof source);
+        check_array(content, "<FieldData>", "source_triangle", &fields.source.triangle, 8);
+        check_array(content, "<FieldData>", "source_weight", fields.source.weight, 24);
+        assert_string_equal(content + n - 28, "\n</AppendedData>\n</VTKFile>\n");
+        free(content);
+        remove_file(f, names[i]);
+        /* the bare mesh */
+        assert_int_equal(dmk_mesh_write(f->ctx, m, path_of(f, names[i])), DMK_OK);
+        content = get_file(f, names[i], &n);
+        check_array(content, "<Points>", "Points", xyz, sizeof xyz);
+        check_array(content, cells, "connectivity", triangles, sizeof triangles);
+        assert_null(strstr(content, "mu"));
+        free(content);
+        remove_file(f, names[i]);
+    }
+    dmk_mesh_destroy(&m);
+}
+
+/* A path of three vertices and one more vertex by itself. */
+static const dmk_locus_vertex vertices[4] = {
+    {{0, 1.0 / 3, 1}, {0, {0.5, 0.5, 0}}, 2.5, 1e-17, 3.1, {0.25, -1.0 / 3}, DMK_LOCUS_END, 1},
+    {{1, 0, 1e-300}, {1, {1, 0, 0}}, 2.25, 0, 2.9, {1, 2}, DMK_LOCUS_ORDINARY, 2},
+    {{2, 0, 0}, {2, {0.25, 0.25, 0.5}}, 2, 3, 0.5, {-1, -2}, DMK_LOCUS_END, 1},
+    {{7, 8, 9}, {3, {0, 0, 1}}, 4, 0, 6.25, {0, 3}, DMK_LOCUS_POINT, 0}};
+static const dmk_locus_edge edges[2] = {{{0, 1}, 2.75}, {{1, 2}, 1.0 / 7}};
+static const int32_t line_index[] = {0, 1, 2, 3};
+static const int32_t line_offset[] = {0, 3, 4};
+static const dmk_curves curves = {vertices, edges, line_index, line_offset, 4, 2, 2};
+
+static void check_text_file(fixture *f, const char *name, const char *expected)
+{
+    size_t n;
+    char *content = get_file(f, name, &n);
+    assert_string_equal(content, expected);
+    assert_int_equal(n, strlen(expected));
+    free(content);
+    remove_file(f, name);
+}
+
+static void test_locus_as_obj(void **state)
+{
+    fixture *f = *state;
+    const char *places = "v 0 0.3333333333333333 1\nv 1 0 1e-300\nv 2 0 0\nv 7 8 9\n";
+    char expected[256];
+    assert_int_equal(dmk_curves_write(f->ctx, &curves, path_of(f, "l.obj")), DMK_OK);
+    snprintf(expected, sizeof expected, "%sl 1 2 3\np 4\n", places);
+    check_text_file(f, "l.obj", expected);
+    /* one point, with no polyline for it */
+    dmk_curves point = {.vertex = vertices + 3, .n_vertices = 1};
+    assert_int_equal(dmk_curves_write(f->ctx, &point, path_of(f, "l.obj")), DMK_OK);
+    check_text_file(f, "l.obj", "v 7 8 9\np 1\n");
+}
+
+static void test_locus_as_csv(void **state)
+{
+    fixture *f = *state;
+    assert_int_equal(dmk_curves_write(f->ctx, &curves, path_of(f, "l.csv")), DMK_OK);
+    check_text_file(
+        f, "l.csv",
+        "x,y,z,triangle,w0,w1,w2,distance,mu,strength,angle0,angle1,kind,degree\n"
+        "0,0.3333333333333333,1,0,0.5,0.5,0,2.5,1e-17,3.1,0.25,-0.3333333333333333,1,1\n"
+        "1,0,1e-300,1,1,0,0,2.25,0,2.9,1,2,0,2\n"
+        "2,0,0,2,0.25,0.25,0.5,2,3,0.5,-1,-2,1,1\n"
+        "7,8,9,3,0,0,1,4,0,6.25,0,3,3,0\n");
+}
+
+static void test_locus_as_vtp(void **state)
+{
+    fixture *f = *state;
+    size_t n;
+    assert_int_equal(dmk_curves_write(f->ctx, &curves, path_of(f, "l.vtp")), DMK_OK);
+    char *content = get_file(f, "l.vtp", &n);
+    assert_non_null(strstr(content, "NumberOfPoints=\"4\" NumberOfVerts=\"1\" NumberOfLines=\"2\""));
+    check_array(content, "<Points>", "Points", (double[]){0, 1.0 / 3, 1, 1, 0, 1e-300, 2, 0, 0, 7, 8, 9},
+                96);
+    check_array(content, "<PointData>", "distance", (double[]){2.5, 2.25, 2, 4}, 32);
+    check_array(content, "<PointData>", "mu", (double[]){1e-17, 0, 3, 0}, 32);
+    check_array(content, "<PointData>", "strength", (double[]){3.1, 2.9, 0.5, 6.25}, 32);
+    check_array(content, "<PointData>", "angle0", (double[]){0.25, 1, -1, 0}, 32);
+    check_array(content, "<PointData>", "angle1", (double[]){-1.0 / 3, 2, -2, 3}, 32);
+    check_array(content, "<PointData>", "kind", (int32_t[]){1, 0, 1, 3}, 16);
+    check_array(content, "<CellData", "strength", (double[]){6.25, 2.75, 1.0 / 7}, 24);
+    check_array(content, "<Verts>", "connectivity", (int32_t[]){3}, 4);
+    check_array(content, "<Verts>", "offsets", (int32_t[]){1}, 4);
+    check_array(content, "<Lines>", "connectivity", (int32_t[]){0, 1, 1, 2}, 16);
+    check_array(content, "<Lines>", "offsets", (int32_t[]){2, 4}, 8);
+    free(content);
+    remove_file(f, "l.vtp");
+}
+
+/* ---- whole files or none ---- */
+
+static void test_refuses_to_write(void **state)
+{
+    static const struct {
+        const char *name;
+        int status;
+        const char *message;
+    } cases[] = {{"m.xyz", DMK_E_ARG, "m.xyz: the suffix chooses the format; use one of .off"},
+                 {"m", DMK_E_ARG, "suffix"},
+                 {"m.csv", DMK_E_ARG, "suffix"},
+                 {"none/m.off", DMK_E_IO, "none/m.off: cannot create: No such file"},
+                 {"folder.off", DMK_E_IO, "folder.off: is not a regular file"}};
+    fixture *f = *state;
+    dmk_mesh *m = make_mesh(f);
+    assert_int_equal(mkdir(path_of(f, "folder.off"), 0777), 0);
+    for (size_t i = 0; i < COUNT(cases); i++) {
+        assert_int_equal(dmk_mesh_write(f->ctx, m, path_of(f, cases[i].name)), cases[i].status);
+        assert_non_null(strstr(dmk_context_message(f->ctx), cases[i].message));
+        assert_int_equal(count_files(f), 1);
+    }
+    assert_int_equal(rmdir(path_of(f, "folder.off")), 0);
+    assert_int_equal(dmk_fields_write(f->ctx, &(dmk_fields){.mesh = m}, path_of(f, "r.off")),
+                     DMK_E_ARG);
+    assert_int_equal(dmk_curves_write(f->ctx, &curves, path_of(f, "l.vtu")), DMK_E_ARG);
+    assert_int_equal(dmk_mesh_write(f->ctx, m, NULL), DMK_E_ARG);
+    assert_int_equal(dmk_mesh_write(f->ctx, NULL, f->path), DMK_E_ARG);
+    dmk_mesh_destroy(&m);
+}
+
+/* The disk is full (here: a limit of file sizes): the old file stays, nothing else is left. */
+static void test_full_disk(void **state)
+{
+    fixture *f = *state;
+    dmk_mesh *m = make_mesh(f);
+    struct rlimit before, tiny;
+    put_file(f, "m.off", "old", 3);
+    assert_int_equal(getrlimit(RLIMIT_FSIZE, &before), 0);
+    tiny = (struct rlimit){20, before.rlim_max};
+    signal(SIGXFSZ, SIG_IGN);
+    assert_int_equal(setrlimit(RLIMIT_FSIZE, &tiny), 0);
+    int rc = dmk_mesh_write(f->ctx, m, f->path);
+    setrlimit(RLIMIT_FSIZE, &before);
+    signal(SIGXFSZ, SIG_DFL);
+    assert_int_equal(rc, DMK_E_IO);
+    assert_non_null(strstr(dmk_context_message(f->ctx), "m.off: cannot write: File too large"));
+    assert_int_equal(count_files(f), 1);
+    check_text_file(f, "m.off", "old");
+    dmk_mesh_destroy(&m);
+}
+
+/* Writing over a link replaces the file it names; the file's mode stays. */
+static void test_links_and_modes(void **state)
+{
+    fixture *f = *state;
+    dmk_mesh *m = make_mesh(f);
+    struct stat st;
+    put_file(f, "real.off", "old", 3);
+    assert_int_equal(chmod(f->path, 0640), 0);
+    assert_int_equal(symlink("real.off", path_of(f, "link.off")), 0);
+    assert_int_equal(dmk_mesh_write(f->ctx, m, f->path), DMK_OK);
+    assert_int_equal(lstat(f->path, &st), 0);
+    assert_true(S_ISLNK(st.st_mode));
+    assert_int_equal(stat(path_of(f, "real.off"), &st), 0);
+    assert_int_equal(st.st_mode & 0777, 0640);
+    assert_true(st.st_size > 100);
+    assert_int_equal(count_files(f), 2);
+    remove_file(f, "link.off");
+    remove_file(f, "real.off");
+    dmk_mesh_destroy(&m);
+}
+
+static void test_format_table(void **state)
+{
+    dmk_format_info info;
+    size_t n = 0, readers = 0;
+    (void)state;
+    for (; dmk_format_get(n, &info) == DMK_OK; n++) {
+        assert_true(info.name[0] && info.suffixes[0] == '.');
+        assert_true(info.reads_mesh || info.writes_mesh || info.writes_result || info.writes_locus);
+        readers += info.reads_mesh != 0;
+    }
+    assert_true(n >= 5 && readers >= 2);
+    assert_int_equal(dmk_format_get(0, &info), DMK_OK);
+    assert_string_equal(info.name, "OFF");
+    assert_true(info.reads_mesh && info.writes_mesh && !info.writes_result && !info.writes_locus);
+    assert_int_equal(dmk_format_get(n, &info), DMK_E_ARG);
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, setup, teardown)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(test_meshes_keep_every_bit),
+        TEST(test_large_meshes),
+        TEST(test_off_variants),
+        TEST(test_obj_variants),
+        TEST(test_polygons_become_fans),
+        TEST(test_reads_pipes),
+        TEST(test_refusals),
+        TEST(test_missing_files_and_folders),
+        TEST(test_damaged_files),
+        TEST(test_results),
+        TEST(test_locus_as_obj),
+        TEST(test_locus_as_csv),
+        TEST(test_locus_as_vtp),
+        TEST(test_refuses_to_write),
+        TEST(test_full_disk),
+        TEST(test_links_and_modes),
+        TEST(test_format_table),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
