@@ -1,9 +1,12 @@
 /* The mesh improver: see remesh.h.
  *
- * Vertices are tied by springs whose rest length is the side of the equilateral triangle of mean
- * area, and slide on the surface; edges flip in between, first to bring the vertex degrees near 6,
- * then to make the triangulation Delaunay. A triangle must face as the surface does: no move and no
- * flip may turn one over, and whatever mends one that is turned over is welcome. */
+ * Vertices are tied by springs and slide on the surface; edges flip in between, first to bring the
+ * vertex degrees near 6, then to make the triangulation Delaunay. A triangle must face as the
+ * surface does: no move and no flip may turn one over, and whatever mends one that is turned over
+ * is welcome.
+ *
+ * A coarse mesh of a thin body would slip off its rim. So it grows on a rounder body, and the full
+ * mesh is then squeezed with the body, axis by axis, which keeps it valid, and relaxed again. */
 #include "mesh/remesh.h"
 
 #include <math.h>
@@ -14,15 +17,23 @@
 static const double min_facing = 0.3;
 /* Moves that leave every triangle at least this good are free; worse ones must be improvements. */
 static const double free_quality = 0.1;
+/* A result with a triangle worse than this is refused. */
+static const double least_quality = 0.01;
 /* Split edges down to this part of the longest one in a round. */
 static const double split_above = 0.7;
 /* Length of the middle part of an edge in which it is split, as a part of the edge. */
 static const double split_spread = 0.4;
-static const int grow_sweeps = 4, final_sweeps = 60, max_flip_passes = 20;
+/* The rounder body has no semi-axis below this part of the longest one; a squeeze takes at most
+ * this part off an axis. */
+static const double round_above = 0.3, squeeze_by = 0.5;
+/* Rest length of the springs in sides of the equilateral triangle of mean area: slightly pressed
+ * springs spread the vertices out to the rims. */
+static const double stretch = 1.1;
+static const int grow_sweeps = 4, squeeze_sweeps = 10, final_sweeps = 60, max_flip_passes = 20;
 
 typedef struct remesher {
     dmk_context *context;
-    const dmk_body *body;
+    dmk_body body;
     dmk_halfedge *mesh;
     int32_t fixed; /* vertex that keeps its place, or -1 */
     double rest;   /* length of the springs */
@@ -84,15 +95,19 @@ static double facing(const dmk_body *body, const double a[3], const double b[3],
     return length > 0 ? dot(n, g) / length : -1;
 }
 
-/* 4 sqrt(3) area / (sum of squared sides): 1 if equilateral, 0 if flat; negative if turned, the
- * less so the nearer to being mended. */
+/* 4 sqrt(3) area / (sum of squared sides): 1 if equilateral, 0 if flat. */
+static double quality(const double a[3], const double b[3], const double c[3])
+{
+    double sides = square_distance(a, b) + square_distance(b, c) + square_distance(c, a);
+    return sides > 0 ? 2.0 * sqrt(3.0) * double_area(a, b, c) / sides : 0;
+}
+
+/* The quality; negative if turned, the less so the nearer to being mended. */
 static double score(const dmk_body *body, const double a[3], const double b[3],
                     const double c[3])
 {
-    double sides = square_distance(a, b) + square_distance(b, c) + square_distance(c, a);
     double cosine = facing(body, a, b, c);
-    if (cosine < min_facing) return cosine - min_facing;
-    return 2.0 * sqrt(3.0) * double_area(a, b, c) / sides;
+    return cosine < min_facing ? cosine - min_facing : quality(a, b, c);
 }
 
 /* Cotangent of the angle at a. */
@@ -133,28 +148,46 @@ static bool wants_degrees(const dmk_halfedge *m, quad q)
            dmk_halfedge_degree(m, q.b) + dmk_halfedge_degree(m, q.d);
 }
 
-typedef bool wants_fn(const dmk_halfedge *m, quad q);
-
-static bool should_flip(const remesher *r, wants_fn *wants, int32_t h)
+/* The flip makes no turned triangle, or a less turned one, and no second edge a-c. */
+static bool may_flip(const remesher *r, quad q)
 {
     const dmk_halfedge *m = r->mesh;
-    quad q = quad_of(m, h);
     const double *a = point(m, q.a), *b = point(m, q.b), *c = point(m, q.c), *d = point(m, q.d);
-    double now = fmin(facing(r->body, a, b, d), facing(r->body, c, d, b));
-    if (now >= min_facing && !wants(m, q)) return false;
-    double then = fmin(facing(r->body, a, b, c), facing(r->body, c, d, a));
-    return then > fmin(now, min_facing) && q.a != q.c && !dmk_halfedge_joined(m, q.a, q.c);
+    double then = fmin(facing(&r->body, a, b, c), facing(&r->body, c, d, a));
+    if (then < min_facing &&
+        then <= fmin(facing(&r->body, a, b, d), facing(&r->body, c, d, b))) {
+        return false;
+    }
+    return q.a != q.c && !dmk_halfedge_joined(m, q.a, q.c);
 }
 
-static void flip_edges(const remesher *r, wants_fn *wants)
+/* Passes over all edges until none wants to flip. */
+static void flip_edges(const remesher *r, bool (*wants)(const dmk_halfedge *m, quad q))
 {
+    dmk_halfedge *m = r->mesh;
     bool flipped = true;
     for (int pass = 0; pass < max_flip_passes && flipped; pass++) {
         flipped = false;
-        for (int32_t h = 0; h < 3 * r->mesh->n_triangles; h++) {
-            if (r->mesh->twin[h] < h || !should_flip(r, wants, h)) continue;
-            dmk_halfedge_flip(r->mesh, h);
+        for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
+            if (m->twin[h] < h) continue;
+            quad q = quad_of(m, h);
+            if (!wants(m, q) || !may_flip(r, q)) continue;
+            dmk_halfedge_flip(m, h);
             flipped = true;
+        }
+    }
+}
+
+/* Flip edges of turned triangles where that turns them back. */
+static void mend_triangles(const remesher *r)
+{
+    dmk_halfedge *m = r->mesh;
+    for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
+        int32_t c = h / 3 * 3;
+        if (facing(&r->body, at(m, c), at(m, c + 1), at(m, c + 2)) >= min_facing) {
+            h = c + 2; /* on to the next triangle */
+        } else if (may_flip(r, quad_of(m, h))) {
+            dmk_halfedge_flip(m, h);
         }
     }
 }
@@ -169,7 +202,7 @@ static double star_score(const remesher *r, int32_t v, const double x[3])
     int32_t c = m->corner[v];
     do {
         int32_t next = dmk_turn(c);
-        worst = fmin(worst, score(r->body, x, at(m, next), at(m, dmk_turn(next))));
+        worst = fmin(worst, score(&r->body, x, at(m, next), at(m, dmk_turn(next))));
         c = dmk_next_corner(m, c);
     } while (c != m->corner[v]);
     return worst;
@@ -197,7 +230,7 @@ static void move_vertices(const remesher *r)
         double x[3];
         if (v == r->fixed) continue;
         pull(r, v, x);
-        if (!dmk_body_lift(r->body, x)) continue;
+        if (!dmk_body_lift(&r->body, x)) continue;
         double then = star_score(r, v, x);
         if (then > free_quality || then > star_score(r, v, point(r->mesh, v))) {
             memcpy(r->mesh->xyz + 3 * (size_t)v, x, sizeof x);
@@ -218,7 +251,7 @@ static double mean_side(const dmk_halfedge *m)
 static int relax(remesher *r, int sweeps)
 {
     int rc = DMK_OK;
-    r->rest = mean_side(r->mesh);
+    r->rest = stretch * mean_side(r->mesh);
     for (int i = 0; i < sweeps; i++) {
         DMK_TRY(dmk_report(r->context, &(dmk_progress){.stage = "mesh",
                                                        .step = i + 1,
@@ -227,6 +260,7 @@ static int relax(remesher *r, int sweeps)
                                                        .gap = NAN,
                                                        .seconds = dmk_seconds() - r->began}));
         move_vertices(r);
+        mend_triangles(r);
         flip_edges(r, i < sweeps / 2 ? wants_degrees : wants_delaunay);
     }
 done:
@@ -274,7 +308,7 @@ static void split_edge(remesher *r, int32_t h)
     const double *from = at(m, dmk_turn(h)), *to = at(m, dmk_turn(m->twin[h]));
     double x[3], part = 0.5 + split_spread * (throw_dice(r) - 0.5);
     for (int k = 0; k < 3; k++) x[k] = from[k] + part * (to[k] - from[k]);
-    dmk_body_lift(r->body, x);
+    dmk_body_lift(&r->body, x);
     dmk_halfedge_split(m, h, x);
 }
 
@@ -328,28 +362,66 @@ static int32_t snap_source(dmk_halfedge *m, const double source[3])
     return nearest;
 }
 
-static int check_facing(const remesher *r)
+static int check_triangles(const remesher *r)
 {
     const dmk_halfedge *m = r->mesh;
     for (int32_t c = 0; c < 3 * m->n_triangles; c += 3) {
-        if (facing(r->body, at(m, c), at(m, c + 1), at(m, c + 2)) > 0) continue;
+        const double *x = at(m, c), *y = at(m, c + 1), *z = at(m, c + 2);
+        bool turned = facing(&r->body, x, y, z) <= 0;
+        if (!turned && quality(x, y, z) >= least_quality) continue;
         return dmk_fail(r->context, DMK_E_ARG,
-                        "%d triangles are too few for this %s: one looks inwards; ask "
-                        "for more",
-                        m->n_triangles, r->body->surface->name);
+                        "%d triangles are too few for this %s: one %s; ask for more",
+                        m->n_triangles, r->body.surface->name,
+                        turned ? "looks inwards" : "is a needle");
     }
     return DMK_OK;
+}
+
+/* Stretch the axes so that the body becomes one with these sizes. */
+static void become(remesher *r, const double size[3])
+{
+    for (int32_t v = 0; v < r->mesh->n_vertices; v++) {
+        for (int k = 0; k < 3; k++) r->mesh->xyz[3 * (size_t)v + k] *= size[k] / r->body.size[k];
+    }
+    memcpy(r->body.size, size, sizeof r->body.size);
+    for (int32_t v = 0; v < r->mesh->n_vertices; v++) {
+        dmk_body_lift(&r->body, r->mesh->xyz + 3 * (size_t)v);
+    }
+}
+
+static void make_round(remesher *r)
+{
+    const double *s = r->body.size, longest = fmax(fmax(s[0], s[1]), s[2]);
+    double size[3];
+    for (int k = 0; k < 3; k++) size[k] = fmax(s[k], round_above * longest);
+    become(r, size);
+}
+
+static int squeeze(remesher *r, const double target[3])
+{
+    int rc = DMK_OK;
+    while (memcmp(r->body.size, target, sizeof r->body.size) != 0) {
+        double size[3];
+        for (int k = 0; k < 3; k++) size[k] = fmax(target[k], squeeze_by * r->body.size[k]);
+        become(r, size);
+        DMK_TRY(relax(r, squeeze_sweeps));
+    }
+done:
+    return rc;
 }
 
 int dmk_remesh(dmk_context *ctx, const dmk_body *body, int32_t n_vertices, const double *source,
                dmk_halfedge *mesh, int32_t *source_vertex)
 {
     int rc;
-    remesher r = {ctx, body, mesh, -1, 0, 1, dmk_seconds()};
+    remesher r = {.context = ctx, .body = *body, .mesh = mesh, .fixed = -1, .dice = 1};
+    r.began = dmk_seconds();
+    if (body->surface->axes) make_round(&r);
     DMK_TRY(grow(&r, n_vertices));
+    if (body->surface->axes) DMK_TRY(squeeze(&r, body->size));
     if (source) r.fixed = snap_source(mesh, source);
     DMK_TRY(relax(&r, final_sweeps));
-    DMK_TRY(check_facing(&r));
+    DMK_TRY(check_triangles(&r));
     *source_vertex = r.fixed;
 done:
     return rc;

@@ -93,14 +93,14 @@ done:
 }
 
 /* A crooked grid of quadrangles, cut along a diagonal: 5 around the tube, and along it so many that
- * the sagitta of an edge, R (1 - cos(pi / n)) with R = a + b, is about b / 5. Each ring is turned
- * against the last one by 1/n of a step, which closes after n rings, and the nodes are off the grid
- * by up to a tenth of a step, so that nothing is symmetric. */
+ * they are about square (wider ones would pull the tube flat). Each ring is turned against the last
+ * one by 1/n of a step, which closes after n rings, and the nodes are off the grid by up to a tenth
+ * of a step, so that nothing is symmetric. */
 static int torus_start(dmk_context *ctx, const dmk_body *body, dmk_patch *p)
 {
     int rc;
     const double pi = acos(-1.0), a = body->size[0], b = body->size[1];
-    const int32_t n = (int32_t)fmin(ceil(5.0 * sqrt((a + b) / b)), 1e5), m = 5;
+    const int32_t n = (int32_t)fmin(ceil(6.0 * a / b), 1e5), m = 5;
     DMK_TRY(new_patch(ctx, n * m, 2 * n * m, p));
     for (int32_t i = 0; i < n; i++) {
         for (int32_t j = 0; j < m; j++) {
@@ -125,10 +125,10 @@ done:
 /* ---- the table ------------------------------------------------------------------------------- */
 
 static const dmk_surface surfaces[] = {
-    {"torus", {2, 1, 0}, 5424, 0, torus_value, torus_check, torus_start},
-    {"ellipsoid", {0.2, 0.6, 1}, 1064, 2, ellipsoid_value, NULL, octahedron_start},
-    {"quartic", {1, 1, 1}, 4272, 2, quartic_value, NULL, octahedron_start},
-    {"sphere", {1, 0, 0}, 1280, 2, sphere_value, NULL, octahedron_start},
+    {"torus", {2, 1, 0}, 5424, 0, false, torus_value, torus_check, torus_start},
+    {"ellipsoid", {0.2, 0.6, 1}, 1064, 2, true, ellipsoid_value, NULL, octahedron_start},
+    {"quartic", {1, 1, 1}, 4272, 2, true, quartic_value, NULL, octahedron_start},
+    {"sphere", {1, 0, 0}, 1280, 2, false, sphere_value, NULL, octahedron_start},
 };
 
 const dmk_surface *dmk_surface_get(size_t index)
@@ -187,12 +187,12 @@ bool dmk_body_nearest(const dmk_body *body, double x[3])
     const double target[3] = {x[0], x[1], x[2]};
     if (!dmk_body_lift(body, x)) return false;
     double best = distance_square(x, target);
-    for (int i = 0; i < 100; i++) {
+    for (int i = 0; i < 2000; i++) {
         double n[3], tangent[3], along = 0, trial[3], now = best, step = 1.0;
         dmk_body_normal(body, x, n);
         for (int k = 0; k < 3; k++) along += (target[k] - x[k]) * n[k];
         for (int k = 0; k < 3; k++) tangent[k] = target[k] - x[k] - along * n[k];
-        for (; step > 1e-3 && now >= best; step *= 0.5) {
+        for (; step > 1e-6 && now >= best; step *= 0.5) {
             for (int k = 0; k < 3; k++) trial[k] = x[k] + step * tangent[k];
             if (dmk_body_lift(body, trial)) now = distance_square(trial, target);
         }

@@ -19,6 +19,7 @@ typedef struct dmk_surface {
     double size[3];      /* defaults of a, b, c; 0: the surface has no such size */
     int32_t n_triangles; /* default size of the coarse mesh */
     int32_t euler;       /* V - E + F */
+    bool axes;           /* a, b, c are semi-axes: F depends on x/a, y/b, z/c alone */
     /* F(x) and its gradient; scaled so that F is of order 1 away from the surface. */
     double (*value)(const double size[3], const double x[3], double gradient[3]);
     /* NULL if the sizes (all positive) are fine, else what they must be. */
