@@ -1,86 +1,15 @@
 /* Files: every format both ways with all bits of a double, what is refused and how it is said,
  * whole files or none. */
-#include "io/io.h"
+#include "files.h"
 
-#include <dirent.h>
-#include <locale.h>
 #include <math.h>
-#include <setjmp.h>
 #include <signal.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
-
-#include <cmocka.h>
-
-#define COUNT(a) (sizeof(a) / sizeof *(a))
-
-typedef struct fixture {
-    dmk_context *ctx;
-    char folder[200]; /* empty before and after each test */
-    char path[300];
-} fixture;
-
-static int setup(void **state)
-{
-    fixture *f = calloc(1, sizeof *f);
-    const char *tmp = getenv("TMPDIR");
-    *state = f;
-    snprintf(f->folder, sizeof f->folder, "%s/io-XXXXXX", tmp ? tmp : "/tmp");
-    return dmk_context_create(&f->ctx) || !mkdtemp(f->folder);
-}
-
-static int teardown(void **state)
-{
-    fixture *f = *state;
-    int rc = rmdir(f->folder); /* fails if a test left anything */
-    dmk_context_destroy(&f->ctx);
-    free(f);
-    return rc;
-}
-
-static const char *path_of(fixture *f, const char *name)
-{
-    snprintf(f->path, sizeof f->path, "%s/%s", f->folder, name);
-    return f->path;
-}
-
-static void put_file(fixture *f, const char *name, const char *content, size_t n)
-{
-    FILE *file = fopen(path_of(f, name), "wb");
-    assert_non_null(file);
-    assert_int_equal(fwrite(content, 1, n, file), n);
-    assert_int_equal(fclose(file), 0);
-}
-
-static char *get_file(fixture *f, const char *name, size_t *n)
-{
-    FILE *file = fopen(path_of(f, name), "rb");
-    assert_non_null(file);
-    char *content = calloc(1, 1 << 20);
-    *n = fread(content, 1, 1 << 20, file);
-    fclose(file);
-    return content;
-}
-
-static void remove_file(fixture *f, const char *name)
-{
-    assert_int_equal(unlink(path_of(f, name)), 0);
-}
-
-static size_t count_files(const fixture *f)
-{
-    size_t n = 0;
-    DIR *d = opendir(f->folder);
-    assert_non_null(d);
-    while (readdir(d)) n++;
-    closedir(d);
-    return n - 2;
-}
 
 /* A tetrahedron whose coordinates need all their bits, and a vertex that is in no triangle. */
 static const double xyz[15] = {1.0 / 3, -2.0 / 7, 1e-300, 1.1,      0.1,
@@ -93,23 +22,6 @@ static dmk_mesh *make_mesh(fixture *f)
 {
     dmk_mesh *m = NULL;
     assert_int_equal(dmk_mesh_create(f->ctx, 5, xyz, 4, triangles, &m), DMK_OK);
-    return m;
-}
-
-static dmk_mesh *read_mesh(fixture *f, const char *name)
-{
-    dmk_mesh *m = NULL;
-    if (dmk_mesh_read(f->ctx, path_of(f, name), &m) != DMK_OK) {
-        fail_msg("%s", dmk_context_message(f->ctx));
-    }
-    return m;
-}
-
-static dmk_mesh *read_text(fixture *f, const char *name, const char *text)
-{
-    put_file(f, name, text, strlen(text));
-    dmk_mesh *m = read_mesh(f, name);
-    remove_file(f, name);
     return m;
 }
 
@@ -255,12 +167,6 @@ static void test_reads_pipes(void **state)
 
 /* ---- what is refused ---- */
 
-typedef struct refusal {
-    const char *name, *text;
-    int status;
-    const char *message; /* part of it */
-} refusal;
-
 #define SQUARE "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
 
 static const refusal refusals[] = {
@@ -313,18 +219,7 @@ static const refusal refusals[] = {
 
 static void test_refusals(void **state)
 {
-    fixture *f = *state;
-    for (size_t i = 0; i < COUNT(refusals); i++) {
-        const refusal *r = &refusals[i];
-        dmk_mesh *m = NULL;
-        put_file(f, r->name, r->text, strlen(r->text));
-        int rc = dmk_mesh_read(f->ctx, f->path, &m);
-        const char *message = dmk_context_message(f->ctx);
-        if (rc != r->status || !strstr(message, r->message) || m) {
-            fail_msg("%zu: status %d, '%s' without '%s'", i, rc, message, r->message);
-        }
-        remove_file(f, r->name);
-    }
+    check_refusals(*state, refusals, COUNT(refusals));
 }
 
 static void test_missing_files_and_folders(void **state)
@@ -605,8 +500,6 @@ static void test_format_table(void **state)
     assert_true(info.reads_mesh && info.writes_mesh && !info.writes_result && !info.writes_locus);
     assert_int_equal(dmk_format_get(n, &info), DMK_E_ARG);
 }
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, setup, teardown)
 
 int main(void)
 {

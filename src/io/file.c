@@ -1,4 +1,4 @@
-/* Reading a whole file into memory. */
+/* Reading a whole file into memory, unpacked. */
 #include "io/io.h"
 
 #include <errno.h>
@@ -56,6 +56,7 @@ int dmk_file_load(dmk_context *ctx, const char *path, dmk_file *file)
     if (rc == DMK_OK && file->size == 0) {
         rc = dmk_fail(ctx, DMK_E_FORMAT, "%s: the file is empty", path);
     }
+    if (rc == DMK_OK && dmk_gzip_sniff(file)) rc = dmk_gzip_unpack(ctx, file);
     if (rc != DMK_OK) dmk_file_free(file);
     return rc;
 }

@@ -9,6 +9,8 @@
 static const dmk_format formats[] = {
     {"OFF", ".off .coff .noff", dmk_off_sniff, dmk_off_read, dmk_off_write, NULL, NULL},
     {"OBJ", ".obj", dmk_obj_sniff, dmk_obj_read, dmk_obj_write, NULL, dmk_obj_write_locus},
+    {"PLY", ".ply", dmk_ply_sniff, dmk_ply_read, dmk_ply_write, dmk_ply_write, NULL},
+    {"STL", ".stl", dmk_stl_sniff, dmk_stl_read, NULL, NULL, NULL},
     {"VTP", ".vtp", NULL, NULL, dmk_vtp_write, dmk_vtp_write, dmk_vtp_write_locus},
     {"VTU", ".vtu", NULL, NULL, dmk_vtu_write, dmk_vtu_write, NULL},
     {"CSV", ".csv", NULL, NULL, NULL, NULL, dmk_csv_write_locus},
@@ -24,10 +26,10 @@ int dmk_format_get(size_t index, dmk_format_info *info)
     return DMK_OK;
 }
 
-/* Whether path ends in one of the blank-separated suffixes, in whatever case. */
-static bool has_suffix(const char *path, const char *suffixes)
+/* Whether the first n_path characters of path end in one of the blank-separated suffixes, in
+ * whatever case. */
+static bool has_suffix(const char *path, size_t n_path, const char *suffixes)
 {
-    size_t n_path = strlen(path);
     while (*suffixes) {
         size_t n = strcspn(suffixes, " ");
         if (n_path > n && strncasecmp(path + n_path - n, suffixes, n) == 0) return true;
@@ -61,10 +63,13 @@ static const char *list_suffixes(int what, char *text, size_t room)
     return text;
 }
 
+/* A packed file's format stands before ".gz"; nothing is written packed. */
 static const dmk_format *find_by_suffix(const char *path, int what)
 {
+    size_t n = strlen(path);
+    if (what == READ_MESH && has_suffix(path, n, ".gz")) n -= 3;
     for (size_t i = 0; i < N_FORMATS; i++) {
-        if (can(&formats[i], what) && has_suffix(path, formats[i].suffixes)) return &formats[i];
+        if (can(&formats[i], what) && has_suffix(path, n, formats[i].suffixes)) return &formats[i];
     }
     return NULL;
 }

@@ -17,6 +17,9 @@ typedef struct dmk_file {
 
 int dmk_file_load(dmk_context *context, const char *path, dmk_file *file);
 void dmk_file_free(dmk_file *file);
+/* Whether a file is packed by gzip, and replacing its content by what was packed. */
+bool dmk_gzip_sniff(const dmk_file *file);
+int dmk_gzip_unpack(dmk_context *context, dmk_file *file);
 
 /* A place in a text. Blanks are space, tab, CR, VT, FF; '#' starts a comment that runs to the end
  * of its line. */
@@ -117,6 +120,13 @@ bool dmk_obj_sniff(const dmk_file *file);
 int dmk_obj_read(dmk_context *context, const dmk_file *file, dmk_soup *soup);
 int dmk_obj_write(dmk_context *context, dmk_sink *sink, const dmk_fields *fields);
 int dmk_obj_write_locus(dmk_context *context, dmk_sink *sink, const dmk_curves *curves);
+
+bool dmk_ply_sniff(const dmk_file *file);
+int dmk_ply_read(dmk_context *context, const dmk_file *file, dmk_soup *soup);
+int dmk_ply_write(dmk_context *context, dmk_sink *sink, const dmk_fields *fields);
+
+bool dmk_stl_sniff(const dmk_file *file);
+int dmk_stl_read(dmk_context *context, const dmk_file *file, dmk_soup *soup);
 
 int dmk_vtp_write(dmk_context *context, dmk_sink *sink, const dmk_fields *fields);
 int dmk_vtp_write_locus(dmk_context *context, dmk_sink *sink, const dmk_curves *curves);

@@ -1,0 +1,396 @@
+/* PLY: text and binary of both byte orders. Read: the coordinates x y z of the element "vertex" and
+ * the list "vertex_indices" (or "vertex_index") of the element "face"; all else is skipped. A
+ * polygon of more than three corners is split into the fan of triangles around its first corner,
+ * which is right for convex ones. Written: binary in the machine's byte order, doubles as doubles;
+ * a result adds u and distance to the vertices, mu and acl to the faces.
+ *
+ * librply is not used: it parses text by the program's locale and trusts the header. */
+#include "io/io.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { INT8, UINT8, INT16, UINT16, INT32, UINT32, FLOAT32, FLOAT64, N_TYPES };
+
+static const struct {
+    const char *name, *other_name;
+    size_t bytes;
+} types[N_TYPES] = {
+    [INT8] = {"char", "int8", 1},      [UINT8] = {"uchar", "uint8", 1},
+    [INT16] = {"short", "int16", 2},   [UINT16] = {"ushort", "uint16", 2},
+    [INT32] = {"int", "int32", 4},     [UINT32] = {"uint", "uint32", 4},
+    [FLOAT32] = {"float", "float32", 4}, [FLOAT64] = {"double", "float64", 8}};
+
+/* What a property is for: 0, 1, 2 are x, y, z. */
+enum { ROLE_CORNERS = 3, ROLE_NONE = 4 };
+
+typedef struct property {
+    int type;        /* of the value, or of each item of a list */
+    int length_type; /* of a list's length, or -1: no list */
+    int role;
+} property;
+
+typedef struct element {
+    const char *name; /* within the file's text, up to a blank */
+    int64_t count;
+    int first, n; /* its properties */
+    bool is_vertex, is_face;
+} element;
+
+#define MAX_ELEMENTS 16
+#define MAX_PROPERTIES 256
+
+typedef struct ply {
+    dmk_text text;
+    bool ascii, swap;
+    int n_elements, n_properties;
+    element element[MAX_ELEMENTS];
+    property property[MAX_PROPERTIES];
+} ply;
+
+bool dmk_ply_sniff(const dmk_file *file)
+{
+    return file->size > 4 && memcmp(file->data, "ply", 3) == 0 &&
+           (file->data[3] == '\n' || file->data[3] == '\r');
+}
+
+/* ---- header ---- */
+
+static bool take_word(dmk_text *t, const char *word)
+{
+    size_t n = strlen(word);
+    if (dmk_text_word(t) != n || memcmp(t->at, word, n) != 0) return false;
+    t->at += n;
+    dmk_text_more(t);
+    return true;
+}
+
+static int take_type(dmk_text *t)
+{
+    for (int i = 0; i < N_TYPES; i++) {
+        if (take_word(t, types[i].name) || take_word(t, types[i].other_name)) return i;
+    }
+    return -1;
+}
+
+static int read_format(ply *p)
+{
+    static const int one = 1;
+    dmk_text *t = &p->text;
+    bool little_host = *(const char *)&one == 1;
+    if (take_word(t, "ascii")) {
+        p->ascii = true;
+    } else if (take_word(t, "binary_little_endian")) {
+        p->swap = !little_host;
+    } else if (take_word(t, "binary_big_endian")) {
+        p->swap = little_host;
+    } else {
+        return dmk_text_fail(t, "the format is not ascii, binary_little_endian or "
+                                "binary_big_endian");
+    }
+    return take_word(t, "1.0") ? DMK_OK : dmk_text_fail(t, "this is not version 1.0 of PLY");
+}
+
+static int read_element_line(ply *p)
+{
+    dmk_text *t = &p->text;
+    if (p->n_elements == MAX_ELEMENTS) return dmk_text_fail(t, "too many elements; remove some");
+    element *e = &p->element[p->n_elements++];
+    *e = (element){.name = t->at, .first = p->n_properties};
+    e->is_vertex = take_word(t, "vertex");
+    e->is_face = !e->is_vertex && take_word(t, "face");
+    if (!e->is_vertex && !e->is_face) {
+        t->at += dmk_text_word(t);
+        dmk_text_more(t);
+    }
+    int rc = dmk_text_integer(t, "the number of elements", &e->count);
+    if (rc == DMK_OK && e->count < 0) rc = dmk_text_fail(t, "a negative number of elements");
+    return rc;
+}
+
+static int read_property_line(ply *p)
+{
+    static const char *const names[] = {"x", "y", "z"};
+    dmk_text *t = &p->text;
+    if (p->n_elements == 0) return dmk_text_fail(t, "a property before the first element");
+    if (p->n_properties == MAX_PROPERTIES) {
+        return dmk_text_fail(t, "too many properties; remove some");
+    }
+    element *e = &p->element[p->n_elements - 1];
+    property *q = &p->property[p->n_properties++];
+    e->n++;
+    *q = (property){.length_type = -1, .role = ROLE_NONE};
+    bool list = take_word(t, "list");
+    if (list) q->length_type = take_type(t);
+    q->type = take_type(t);
+    if (q->type < 0 || (list && (q->length_type < 0 || q->length_type >= FLOAT32))) {
+        return dmk_text_fail(t, "a property of unknown type");
+    }
+    for (int k = 0; k < 3 && e->is_vertex && !list; k++) {
+        if (take_word(t, names[k])) q->role = k;
+    }
+    if (e->is_face && list && (take_word(t, "vertex_indices") || take_word(t, "vertex_index"))) {
+        q->role = ROLE_CORNERS;
+    }
+    return DMK_OK;
+}
+
+/* Behind the header's last line, whose end is that of the first line: binary data may begin with
+ * what looks like a line end. */
+static int end_header(ply *p)
+{
+    dmk_text *t = &p->text;
+    if (t->file->data[3] == '\r' && t->at < t->end && *t->at == '\r') t->at++;
+    if (t->at >= t->end || *t->at != '\n') return dmk_text_fail(t, "the header does not end well");
+    t->at++;
+    return DMK_OK;
+}
+
+static int read_header(ply *p)
+{
+    int rc = DMK_OK;
+    bool format = false;
+    dmk_text *t = &p->text;
+    for (dmk_text_skip_line(t); rc == DMK_OK && dmk_text_seek(t); dmk_text_skip_line(t)) {
+        size_t n = dmk_text_word(t);
+        if (n == 10 && memcmp(t->at, "end_header", n) == 0) {
+            t->at += n;
+            if (!format) return dmk_text_fail(t, "the header names no format");
+            return end_header(p);
+        }
+        if (take_word(t, "format")) {
+            rc = read_format(p);
+            format = true;
+        } else if (take_word(t, "element")) {
+            rc = read_element_line(p);
+        } else if (take_word(t, "property")) {
+            rc = read_property_line(p);
+        } else if (!take_word(t, "comment") && !take_word(t, "obj_info")) {
+            rc = dmk_text_fail(t, "'%.*s' is no line of a PLY header", n > 40 ? 40 : (int)n, t->at);
+        }
+        if (rc != DMK_OK) return rc;
+    }
+    return dmk_text_fail(t, "the file ends within its header");
+}
+
+/* ---- values ---- */
+
+static int fail_short(const ply *p)
+{
+    return dmk_fail(p->text.context, DMK_E_FORMAT,
+                    "%s: the file ends before its data; it is cut short or its counts are wrong",
+                    p->text.file->path);
+}
+
+static double decode(int type, const unsigned char b[8])
+{
+    union {
+        int8_t i1;
+        uint8_t u1;
+        int16_t i2;
+        uint16_t u2;
+        int32_t i4;
+        uint32_t u4;
+        float f4;
+        double f8;
+    } v;
+    memcpy(&v, b, types[type].bytes);
+    switch (type) {
+    case INT8: return v.i1;
+    case UINT8: return v.u1;
+    case INT16: return v.i2;
+    case UINT16: return v.u2;
+    case INT32: return v.i4;
+    case UINT32: return v.u4;
+    case FLOAT32: return (double)v.f4;
+    default: return v.f8;
+    }
+}
+
+static int read_value(ply *p, int type, double *value)
+{
+    dmk_text *t = &p->text;
+    size_t n = types[type].bytes;
+    if (p->ascii) {
+        dmk_text_seek(t);
+        return dmk_text_number(t, "a value", value);
+    }
+    if ((size_t)(t->end - t->at) < n) return fail_short(p);
+    unsigned char b[8];
+    for (size_t i = 0; i < n; i++) b[p->swap ? n - 1 - i : i] = (unsigned char)t->at[i];
+    *value = decode(type, b);
+    t->at += n;
+    return DMK_OK;
+}
+
+static int skip_values(ply *p, int type, int64_t count)
+{
+    dmk_text *t = &p->text;
+    if (!p->ascii) {
+        if (count > (t->end - t->at) / (int64_t)types[type].bytes) return fail_short(p);
+        t->at += count * (int64_t)types[type].bytes;
+        return DMK_OK;
+    }
+    for (int64_t i = 0; i < count; i++) {
+        if (!dmk_text_seek(t)) return fail_short(p);
+        size_t n = dmk_text_word(t);
+        t->at += n ? n : 1;
+    }
+    return DMK_OK;
+}
+
+/* A whole number within 0 .. limit-1. */
+static int read_whole(ply *p, int type, const char *what, int64_t limit, int64_t *value)
+{
+    double x;
+    int rc = read_value(p, type, &x);
+    if (rc != DMK_OK) return rc;
+    if (x >= 0 && x < (double)limit && x == (double)(int64_t)x) {
+        *value = (int64_t)x;
+        return DMK_OK;
+    }
+    if (p->ascii) {
+        return dmk_text_fail(&p->text, "%s %.17g is not among 0..%lld", what, x,
+                             (long long)limit - 1);
+    }
+    return dmk_fail(p->text.context, DMK_E_FORMAT, "%s: byte %td: %s %.17g is not among 0..%lld",
+                    p->text.file->path, p->text.at - p->text.file->data, what, x,
+                    (long long)limit - 1);
+}
+
+/* ---- elements ---- */
+
+static int read_corners(ply *p, const property *q, int64_t n, dmk_soup *soup)
+{
+    int32_t fan[2] = {0, 0};
+    if (n < 3) {
+        return dmk_fail(p->text.context, DMK_E_FORMAT, "%s: a face with %lld corners; remove it",
+                        p->text.file->path, (long long)n);
+    }
+    for (int64_t k = 0; k < n; k++) {
+        int64_t v;
+        int rc = read_whole(p, q->type, "vertex", (int64_t)soup->n_vertices, &v);
+        if (rc == DMK_OK) {
+            rc = dmk_soup_corner(p->text.context, soup, (size_t)k, fan, (int32_t)v);
+        }
+        if (rc != DMK_OK) return rc;
+    }
+    return DMK_OK;
+}
+
+static int read_property(ply *p, const property *q, int64_t i, dmk_soup *soup)
+{
+    int rc;
+    int64_t n;
+    if (q->role < 3) return read_value(p, q->type, &soup->xyz[3 * i + q->role]);
+    if (q->length_type < 0) return skip_values(p, q->type, 1);
+    DMK_TRY(read_whole(p, q->length_type, "length", INT32_MAX, &n));
+    rc = q->role == ROLE_CORNERS ? read_corners(p, q, n, soup) : skip_values(p, q->type, n);
+done:
+    return rc;
+}
+
+/* Refuse a count that the rest of the file cannot hold, each value being as short as can be. */
+static int check_room(const ply *p, const element *e)
+{
+    int64_t least = 0;
+    for (int k = e->first; k < e->first + e->n; k++) {
+        const property *q = &p->property[k];
+        int type = q->length_type < 0 ? q->type : q->length_type;
+        least += p->ascii ? 2 : (int64_t)types[type].bytes;
+    }
+    if (least == 0 || e->count <= (p->text.end - p->text.at + 1) / least) return DMK_OK;
+    return dmk_fail(p->text.context, DMK_E_FORMAT,
+                    "%s: %lld of element '%.*s' do not fit into the %td bytes that follow; the "
+                    "file is cut short or its counts are wrong",
+                    p->text.file->path, (long long)e->count, (int)strcspn(e->name, " \t\r\n"),
+                    e->name, p->text.end - p->text.at);
+}
+
+static int read_element(ply *p, const element *e, dmk_soup *soup)
+{
+    int rc;
+    DMK_TRY(check_room(p, e));
+    if (e->is_vertex) DMK_TRY(DMK_NEW(p->text.context, soup->xyz, 3 * (size_t)e->count));
+    for (int64_t i = 0; e->n > 0 && i < e->count; i++) {
+        for (int k = e->first; k < e->first + e->n; k++) {
+            DMK_TRY(read_property(p, &p->property[k], i, soup));
+        }
+    }
+done:
+    return rc;
+}
+
+/* One element "vertex" with x, y, z, and one "face" with its corners. */
+static int check_header(ply *p, dmk_soup *soup)
+{
+    int n_vertex = 0, n_face = 0, n_role[5] = {0};
+    for (int i = 0; i < p->n_elements; i++) {
+        n_vertex += p->element[i].is_vertex;
+        n_face += p->element[i].is_face;
+        if (p->element[i].is_vertex) soup->n_vertices = (size_t)p->element[i].count;
+    }
+    for (int k = 0; k < p->n_properties; k++) n_role[p->property[k].role]++;
+    if (n_vertex == 1 && n_face == 1 && n_role[0] == 1 && n_role[1] == 1 && n_role[2] == 1 &&
+        n_role[ROLE_CORNERS] == 1) {
+        return DMK_OK;
+    }
+    return dmk_fail(p->text.context, DMK_E_FORMAT,
+                    "%s: its header lacks (or doubles) an element 'vertex' with x, y and z, or an "
+                    "element 'face' with the list 'vertex_indices': not a mesh of polygons",
+                    p->text.file->path);
+}
+
+int dmk_ply_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
+{
+    int rc;
+    ply *p = NULL;
+    DMK_TRY(DMK_NEW(ctx, p, 1));
+    DMK_TRY(dmk_text_open(ctx, file, &p->text));
+    DMK_TRY(read_header(p));
+    DMK_TRY(check_header(p, soup));
+    for (int i = 0; i < p->n_elements; i++) DMK_TRY(read_element(p, &p->element[i], soup));
+done:
+    if (p) dmk_text_close(&p->text);
+    free(p);
+    return rc;
+}
+
+/* ---- writing ---- */
+
+static void put_header(dmk_sink *sink, const dmk_fields *f)
+{
+    static const int one = 1;
+    dmk_sink_text(sink, *(const char *)&one == 1 ? "ply\nformat binary_little_endian 1.0\n"
+                                                 : "ply\nformat binary_big_endian 1.0\n");
+    dmk_sink_text(sink, "element vertex ");
+    dmk_sink_integer(sink, f->mesh->n_vertices);
+    dmk_sink_text(sink, "\nproperty double x\nproperty double y\nproperty double z\n");
+    if (f->mu) dmk_sink_text(sink, "property double u\nproperty double distance\n");
+    dmk_sink_text(sink, "element face ");
+    dmk_sink_integer(sink, f->mesh->n_triangles);
+    dmk_sink_text(sink, "\nproperty list uchar int vertex_indices\n");
+    if (f->mu) dmk_sink_text(sink, "property double mu\nproperty uchar acl\n");
+    dmk_sink_text(sink, "end_header\n");
+}
+
+int dmk_ply_write(dmk_context *ctx, dmk_sink *sink, const dmk_fields *f)
+{
+    (void)ctx;
+    const dmk_mesh *m = f->mesh;
+    put_header(sink, f);
+    for (int32_t v = 0; v < m->n_vertices; v++) {
+        dmk_sink_put(sink, m->xyz + 3 * (size_t)v, 3 * sizeof *m->xyz);
+        if (!f->mu) continue;
+        dmk_sink_put(sink, &f->u[v], sizeof f->u[v]);
+        dmk_sink_put(sink, &f->distance[v], sizeof f->distance[v]);
+    }
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        dmk_sink_put(sink, "\3", 1);
+        dmk_sink_put(sink, m->triangle + 3 * (size_t)t, 3 * sizeof *m->triangle);
+        if (!f->mu) continue;
+        dmk_sink_put(sink, &f->mu[t], sizeof f->mu[t]);
+        dmk_sink_put(sink, &f->acl[t], 1);
+    }
+    return DMK_OK;
+}
