@@ -46,39 +46,45 @@ static void test_meshes_keep_every_bit(void **state)
     dmk_mesh_destroy(&m);
 }
 
-/* Larger than every buffer; the written file is the same again after reading. */
-static void test_large_meshes(void **state)
+enum { LARGE = 120 };
+
+/* A bent sheet of LARGE x LARGE vertices: each of its arrays is larger than every buffer. */
+static dmk_mesh *make_large_mesh(fixture *f)
 {
-    enum { N = 120 };
-    fixture *f = *state;
-    double *x = calloc(3 * N * N, sizeof *x);
-    int32_t *t = calloc(6 * N * N, sizeof *t);
+    double *x = calloc(3 * LARGE * LARGE, sizeof *x);
+    int32_t *t = calloc(6 * LARGE * LARGE, sizeof *t);
     size_t n = 0;
-    for (int v = 0; v < N * N; v++) {
-        x[3 * v] = v / N + sin(v) / 3;
-        x[3 * v + 1] = v % N + cos(v) / 3;
+    for (int v = 0; v < LARGE * LARGE; v++) {
+        x[3 * v] = v / LARGE + sin(v) / 3;
+        x[3 * v + 1] = v % LARGE + cos(v) / 3;
         x[3 * v + 2] = sin(3 * v) / 7;
     }
-    for (int v = 0; v < N * (N - 1); v++) {
-        if (v % N == N - 1) continue;
-        const int32_t two[6] = {v, v + N, v + 1, v + 1, v + N, v + N + 1};
+    for (int v = 0; v < LARGE * (LARGE - 1); v++) {
+        if (v % LARGE == LARGE - 1) continue;
+        const int32_t two[6] = {v, v + LARGE, v + 1, v + 1, v + LARGE, v + LARGE + 1};
         memcpy(t + 3 * n, two, sizeof two);
         n += 2;
     }
     dmk_mesh *m = NULL;
-    assert_int_equal(dmk_mesh_create(f->ctx, N * N, x, n, t, &m), DMK_OK);
+    assert_int_equal(dmk_mesh_adopt(f->ctx, LARGE * LARGE, x, n, t, &m), DMK_OK);
+    return m;
+}
+
+static void test_large_meshes(void **state)
+{
     static const char *const names[] = {"m.off", "m.obj"};
+    fixture *f = *state;
+    dmk_mesh *m = make_large_mesh(f);
+    size_t n_vertices = (size_t)m->n_vertices, n_triangles = (size_t)m->n_triangles;
     for (size_t i = 0; i < COUNT(names); i++) {
         assert_int_equal(dmk_mesh_write(f->ctx, m, path_of(f, names[i])), DMK_OK);
         dmk_mesh *back = read_mesh(f, names[i]);
-        assert_memory_equal(back->xyz, x, 3 * N * N * sizeof *x);
-        assert_memory_equal(back->triangle, t, 3 * n * sizeof *t);
+        assert_memory_equal(back->xyz, m->xyz, 3 * n_vertices * sizeof *m->xyz);
+        assert_memory_equal(back->triangle, m->triangle, 3 * n_triangles * sizeof *m->triangle);
         dmk_mesh_destroy(&back);
         remove_file(f, names[i]);
     }
     dmk_mesh_destroy(&m);
-    free(x);
-    free(t);
 }
 
 /* ---- what is accepted ---- */
@@ -122,8 +128,9 @@ static void test_obj_variants(void **state)
     static const char *const texts[] = {
         "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n",
         "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4",
-        "# me\nmtllib a.mtl\no thing\n  v 0 0 0 1.0\nv\t1 0 0 .5 .5 .5\r\nv 1 1 0 # c\nv 0 1 0\n"
-        "vn 0 0 1\nvt 0 0\nvp 1 2\ng all\nusemtl red\ns off\nf 1/1 2/1 3/1\nf 1/1/1 3//1 4/\nl 1 2\n",
+        ("# me\nmtllib a.mtl\no thing\n  v 0 0 0 1.0\nv\t1 0 0 .5 .5 .5\r\nv 1 1 0 # c\nv 0 1 0\n"
+         "vn 0 0 1\nvt 0 0\nvp 1 2\ng all\nusemtl red\ns off\nf 1/1 2/1 3/1\nf 1/1/1 3//1 4/\n"
+         "l 1 2\n"),
         "v 0 0 0\nv 1 0 0\nv 1 1 0\nf -3 -2 -1\nv 0 1 0\nf -4 -2 4\n", /* relative */
         "f 1 2 3\nf 1 3 4\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n",     /* faces first */
         "v 0 0 \\\n0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2\\\r\n 3\nf 1 \\\n\\\n3 4\n",
@@ -213,7 +220,7 @@ static const refusal refusals[] = {
     {"m.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", DMK_E_FORMAT, "m.obj:4: vertex 0 of a face"},
     {"m.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -1 -2 -4\n", DMK_E_FORMAT, "m.obj:4: vertex -4 of"},
     {"m.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\n", DMK_E_FORMAT, "m.obj:4: a face with 2"},
-    {"m.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3x\n", DMK_E_FORMAT, "m.obj:4: '3x' where a face's"},
+    {"m.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3x\n", DMK_E_FORMAT, "m.obj:4: '3x' where a"},
     {"m.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2 3\n", DMK_E_MESH, "m.obj: triangles 0"},
 };
 
@@ -340,6 +347,20 @@ static void test_results(void **state)
     dmk_mesh_destroy(&m);
 }
 
+static void test_large_vtk_files(void **state)
+{
+    fixture *f = *state;
+    size_t n;
+    dmk_mesh *m = make_large_mesh(f);
+    assert_int_equal(dmk_mesh_write(f->ctx, m, path_of(f, "m.vtp")), DMK_OK);
+    char *content = get_file(f, "m.vtp", &n);
+    check_array(content, "<Points>", "Points", m->xyz, 24 * (size_t)m->n_vertices);
+    check_array(content, "<Polys>", "connectivity", m->triangle, 12 * (size_t)m->n_triangles);
+    free(content);
+    remove_file(f, "m.vtp");
+    dmk_mesh_destroy(&m);
+}
+
 /* A path of three vertices and one more vertex by itself. */
 static const dmk_locus_vertex vertices[4] = {
     {{0, 1.0 / 3, 1}, {0, {0.5, 0.5, 0}}, 2.5, 1e-17, 3.1, {0.25, -1.0 / 3}, DMK_LOCUS_END, 1},
@@ -394,9 +415,9 @@ static void test_locus_as_vtp(void **state)
     size_t n;
     assert_int_equal(dmk_curves_write(f->ctx, &curves, path_of(f, "l.vtp")), DMK_OK);
     char *content = get_file(f, "l.vtp", &n);
-    assert_non_null(strstr(content, "NumberOfPoints=\"4\" NumberOfVerts=\"1\" NumberOfLines=\"2\""));
-    check_array(content, "<Points>", "Points", (double[]){0, 1.0 / 3, 1, 1, 0, 1e-300, 2, 0, 0, 7, 8, 9},
-                96);
+    assert_non_null(strstr(content, "NumberOfVerts=\"1\" NumberOfLines=\"2\""));
+    static const double places[] = {0, 1.0 / 3, 1, 1, 0, 1e-300, 2, 0, 0, 7, 8, 9};
+    check_array(content, "<Points>", "Points", places, sizeof places);
     check_array(content, "<PointData>", "distance", (double[]){2.5, 2.25, 2, 4}, 32);
     check_array(content, "<PointData>", "mu", (double[]){1e-17, 0, 3, 0}, 32);
     check_array(content, "<PointData>", "strength", (double[]){3.1, 2.9, 0.5, 6.25}, 32);
@@ -514,6 +535,7 @@ int main(void)
         TEST(test_missing_files_and_folders),
         TEST(test_damaged_files),
         TEST(test_results),
+        TEST(test_large_vtk_files),
         TEST(test_locus_as_obj),
         TEST(test_locus_as_csv),
         TEST(test_locus_as_vtp),

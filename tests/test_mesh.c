@@ -252,7 +252,7 @@ static void test_refuses_bad_indices(void **state)
 
 static void test_refuses_zero_area(void **state)
 {
-    /* corners on a line whose rounded lengths do not quite add up, and two corners at the same place */
+    /* corners on a line, whose rounded lengths do not quite add up; two at the same place */
     const double line[] = {-0.6, -0.4, 0.6, -0.3, 0.2, 0.3, 0.3, 1.4, -0.3, 5, 4, 5};
     const double same[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 1, 0};
     const int32_t t[] = {3, 1, 0, 0, 1, 2};

@@ -66,7 +66,7 @@ static double divide_exactly(uint64_t m, int k)
     return ldexp((double)q, shift_d - shift_m - 63 - k);
 }
 
-/* The sign, the digits as an integer (up to 19 of them) and the power of ten of a decimal number. */
+/* A decimal number: sign, digits as an integer (up to 19 of them), power of ten. */
 typedef struct decimal {
     uint64_t mantissa;
     int64_t exponent;

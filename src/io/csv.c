@@ -8,8 +8,9 @@ int dmk_csv_write_locus(dmk_context *ctx, dmk_sink *sink, const dmk_curves *c)
     for (size_t v = 0; v < c->n_vertices; v++) {
         const dmk_locus_vertex *x = &c->vertex[v];
         const double *w = x->place.weight;
-        const double value[11] = {x->xyz[0],   x->xyz[1], x->xyz[2],    w[0],        w[1],       w[2],
-                                  x->distance, x->mu,     x->strength, x->angle[0], x->angle[1]};
+        const double value[11] = {
+            x->xyz[0],   x->xyz[1], x->xyz[2],   w[0],        w[1],       w[2],
+            x->distance, x->mu,     x->strength, x->angle[0], x->angle[1]};
         for (int i = 0; i < 11; i++) {
             dmk_sink_number(sink, value[i]);
             dmk_sink_text(sink, ",");

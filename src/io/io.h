@@ -37,7 +37,7 @@ int dmk_text_fail(const dmk_text *text, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
 /* Skip blanks and comments, staying in the line; true if something is left in it. */
 bool dmk_text_more(dmk_text *text);
-/* Go to the next thing that is neither blank, comment nor line end; false at the end of the text. */
+/* Go to the next thing that is no blank, comment or line end; false at the end of the text. */
 bool dmk_text_seek(dmk_text *text);
 void dmk_text_skip_line(dmk_text *text);
 /* Length of the word at text->at: up to a blank, line end, comment or backslash. */

@@ -268,7 +268,7 @@ static int read_corners(ply *p, const property *q, int64_t n, dmk_soup *soup)
                         p->text.file->path, (long long)n);
     }
     for (int64_t k = 0; k < n; k++) {
-        int64_t v;
+        int64_t v = 0;
         int rc = read_whole(p, q->type, "vertex", (int64_t)soup->n_vertices, &v);
         if (rc == DMK_OK) {
             rc = dmk_soup_corner(p->text.context, soup, (size_t)k, fan, (int32_t)v);
@@ -281,7 +281,7 @@ static int read_corners(ply *p, const property *q, int64_t n, dmk_soup *soup)
 static int read_property(ply *p, const property *q, int64_t i, dmk_soup *soup)
 {
     int rc;
-    int64_t n;
+    int64_t n = 0;
     if (q->role < 3) return read_value(p, q->type, &soup->xyz[3 * i + q->role]);
     if (q->length_type < 0) return skip_values(p, q->type, 1);
     DMK_TRY(read_whole(p, q->length_type, "length", INT32_MAX, &n));

@@ -124,7 +124,7 @@ done:
     return rc;
 }
 
-/* Corners are counted from one "outer loop" to the next; titles, normals and brackets are skipped. */
+/* Corners are counted from one "outer loop" to the next; titles and normals are skipped. */
 static int read_text(dmk_text *t, weld *w, dmk_soup *soup)
 {
     int rc = DMK_OK;

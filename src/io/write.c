@@ -1,4 +1,4 @@
-/* Writing results and cut loci: their arrays, through the public accessors, to a format's writer. */
+/* Writing results and cut loci: what the public accessors give, to a format's writer. */
 #include "io/io.h"
 
 int dmk_result_write(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *result,

@@ -150,8 +150,8 @@ static int explain_orientation(dmk_context *ctx, const dmk_mesh *m, const side *
     int32_t stuck = try_to_orient(m, mate, turned, stack, &n_turned);
     if (stuck >= 0) {
         rc = dmk_fail(ctx, DMK_E_MESH,
-                      "the surface is not orientable (it has one side only, like a Moebius strip or "
-                      "a Klein bottle; noticed between triangles %d and %d), which is not treated; "
+                      "the surface is not orientable (it has one side only, like a Moebius strip "
+                      "or a Klein bottle; noticed between triangles %d and %d), which is not treated; "
                       "cut it open or use its two-sided double cover", stuck / 3, mate[stuck] / 3);
     } else {
         rc = dmk_fail(ctx, DMK_E_MESH,
