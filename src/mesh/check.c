@@ -151,8 +151,8 @@ static int explain_orientation(dmk_context *ctx, const dmk_mesh *m, const side *
     if (stuck >= 0) {
         rc = dmk_fail(ctx, DMK_E_MESH,
                       "the surface is not orientable (it has one side only, like a Moebius strip "
-                      "or a Klein bottle; noticed between triangles %d and %d), which is not treated; "
-                      "cut it open or use its two-sided double cover", stuck / 3, mate[stuck] / 3);
+                      "or a Klein bottle; noticed between triangles %d and %d), which is not "
+                      "treated; cut it open or use its two-sided double cover", stuck / 3, mate[stuck] / 3);
     } else {
         rc = dmk_fail(ctx, DMK_E_MESH,
                       "inconsistent orientation: triangles %d and %d run edge %d-%d in the same "
