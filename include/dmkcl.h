@@ -147,6 +147,8 @@ typedef struct dmk_surface_options {
 void dmk_surface_options_init(dmk_surface_options *options);
 /* NULL past the last one. */
 const char *dmk_surface_name(size_t index);
+/* What the sizes a, b, c mean, in a few words with the defaults. NULL past the last one. */
+const char *dmk_surface_text(size_t index);
 int dmk_mesh_surface(dmk_context *context, const dmk_surface_options *options, dmk_mesh **mesh);
 
 /* ---- devices ---------------------------------------------------------------------------------- */

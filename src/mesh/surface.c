@@ -125,10 +125,14 @@ done:
 /* ---- the table ------------------------------------------------------------------------------- */
 
 static const dmk_surface surfaces[] = {
-    {"torus", {2, 1, 0}, 5424, 0, false, torus_value, torus_check, torus_start},
-    {"ellipsoid", {0.2, 0.6, 1}, 1064, 2, true, ellipsoid_value, NULL, octahedron_start},
-    {"quartic", {1, 1, 1}, 4272, 2, true, quartic_value, NULL, octahedron_start},
-    {"sphere", {1, 0, 0}, 1280, 2, false, sphere_value, NULL, octahedron_start},
+    {"torus", "A = 2: from the axis to the middle of the tube, B = 1: radius of the tube",
+     {2, 1, 0}, 5424, 0, false, torus_value, torus_check, torus_start},
+    {"ellipsoid", "semi-axes A = 0.2, B = 0.6, C = 1",
+     {0.2, 0.6, 1}, 1064, 2, true, ellipsoid_value, NULL, octahedron_start},
+    {"quartic", "(x/A)^4 + (y/B)^4 + (z/C)^4 = 1, A = B = C = 1",
+     {1, 1, 1}, 4272, 2, true, quartic_value, NULL, octahedron_start},
+    {"sphere", "radius A = 1",
+     {1, 0, 0}, 1280, 2, false, sphere_value, NULL, octahedron_start},
 };
 
 const dmk_surface *dmk_surface_get(size_t index)
@@ -140,6 +144,12 @@ const char *dmk_surface_name(size_t index)
 {
     const dmk_surface *s = dmk_surface_get(index);
     return s ? s->name : NULL;
+}
+
+const char *dmk_surface_text(size_t index)
+{
+    const dmk_surface *s = dmk_surface_get(index);
+    return s ? s->text : NULL;
 }
 
 /* ---- to the surface -------------------------------------------------------------------------- */

@@ -16,6 +16,7 @@ typedef struct dmk_patch {
 /* One row of the table of surfaces: this is all that a new surface needs. */
 typedef struct dmk_surface {
     const char *name;
+    const char *text;    /* on the sizes and their defaults */
     double size[3];      /* defaults of a, b, c; 0: the surface has no such size */
     int32_t n_triangles; /* default size of the coarse mesh */
     int32_t euler;       /* V - E + F */
