@@ -1,0 +1,63 @@
+# For test scripts: TAP results. Source it, call `check`, `fails` or `skip` for each test, end with
+# `tap_end`.
+tap_n=0
+tool=$DMKCL_BUILD/dmkcl
+work=$(mktemp -d) || exit 1
+trap 'rm -rf "$work"' EXIT
+
+tap_result() { # ok|"not ok" NAME
+    tap_n=$((tap_n + 1))
+    printf '%s %d - %s\n' "$1" "$tap_n" "$2"
+}
+
+# check NAME COMMAND...: the command succeeds. What it prints is shown when it does not.
+check() {
+    local name=$1 status
+    shift
+    "$@" > "$work/said" 2>&1
+    status=$?
+    if [ "$status" -eq 0 ]; then
+        tap_result ok "$name"
+    else
+        tap_result 'not ok' "$name"
+        echo "# status $status of: $*"
+        sed 's/^/# /' "$work/said"
+    fi
+}
+
+# fails NAME CODE PATTERN COMMAND...: the exit status is CODE, the standard output is empty and the
+# standard error matches PATTERN.
+fails() {
+    local name=$1 code=$2 pattern=$3 status
+    shift 3
+    "$@" > "$work/out" 2> "$work/err"
+    status=$?
+    if [ "$status" -eq "$code" ] && [ ! -s "$work/out" ] && grep -qE -e "$pattern" "$work/err"; then
+        tap_result ok "$name"
+    else
+        tap_result 'not ok' "$name"
+        echo "# status $status instead of $code, expected '$pattern', of: $*"
+        sed 's/^/# /' "$work/out" "$work/err"
+    fi
+}
+
+# skip NAME REASON
+skip() {
+    echo "$2"
+    tap_n=$((tap_n + 1))
+    printf 'ok %d # SKIP %s\n' "$tap_n" "$1"
+}
+
+tap_end() { echo "1..$tap_n"; }
+
+# A JSON object and nothing else. Perl is part of every Debian.
+is_json() { # FILE
+    perl -0777 -ne '
+        exit !/\A\s*(?&object)\s*\z
+            (?(DEFINE)
+                (?<string> "(?:[^"\\\x00-\x1f]|\\(?:["\\\/bfnrt]|u[0-9a-fA-F]{4}))*")
+                (?<number> -?(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][-+]?[0-9]+)?)
+                (?<value> \s*(?:(?&string)|(?&number)|true|false|null|(?&object)|(?&list))\s*)
+                (?<object> \{(?:\s*(?&string)\s*:(?&value)(?:,\s*(?&string)\s*:(?&value))*|\s*)\})
+                (?<list> \[(?:(?&value)(?:,(?&value))*|\s*)\]))/x' "$1"
+}

@@ -1,0 +1,21 @@
+# The judge of test outputs: what must count as a failure does.
+. tests/tap.sh
+
+judge() { # STATUS TEXT: the three counts
+    printf "$2" | awk -v name=x -v status="$1" -f tests/tap.awk | tail -n 1
+}
+counts() { # NAME STATUS TEXT COUNTS
+    check "$1" test "$(judge "$2" "$3")" = "$4"
+}
+
+counts 'passes are counted' 0 '1..2\nok 1 - a\nok 2 - b\n' '2 0 0'
+counts 'several groups are added up' 0 '1..1\nok 1 - a\n1..1\nok 1 - b\n' '2 0 0'
+counts 'a failure is counted' 1 '1..2\nok 1 - a\nnot ok 2 - b\n# why\n' '1 1 0'
+counts 'a failure behind other text is seen' 1 '1..1\ntextnot ok 1 - b\n' '0 1 0'
+counts 'a skip is no pass and no failure' 0 '1..2\nok 1 - a\nwhy\nnot ok 2 # SKIP b\n' '1 0 1'
+counts 'no plan is a failure' 0 '' '0 1 0'
+counts 'an empty plan is a failure' 0 '1..0\n' '0 1 0'
+counts 'an end before the last test is a failure' 0 '1..3\nok 1 - a\nok 2 - b\n' '2 1 0'
+counts 'a crash after the last test is a failure' 139 '1..1\nok 1 - a\n' '1 1 0'
+counts 'a bad status alone is a failure' 3 '1..1\nok 1 - a\n' '1 1 0'
+tap_end
