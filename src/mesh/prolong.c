@@ -7,8 +7,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Weights below this are left out: they would only lengthen the Galerkin tables. */
-#define SMALLEST 1e-3f
+/* Weights below this are left out and the others scaled up. It shortens the Galerkin tables by a
+ * quarter and costs no CG iteration; 0.1 shortens them by half and costs one now and then. */
+#define SMALLEST 0.05f
 
 /* The surroundings of one cell c, all relative to the place of c. Arrays grow as needed. */
 typedef struct star {
@@ -150,25 +151,26 @@ static nearest find_nearest(star *st, const double p[3])
     return best;
 }
 
-/* Store weights on c and two spokes, nonzero ones first, rounded so that they still sum to 1. */
+/* Store weights on c and two spokes: those that count first, scaled and rounded so as to sum to 1. */
 static void store_row(const star *st, int32_t c, const nearest *at, int32_t *index, float *weight)
 {
     float s = (float)at->s, t = (float)at->t;
     float w[3] = {(float)fmax(0, 1.0 - s - t), s, t};
     int32_t cell[3] = {c, st->n_spokes ? st->cell[at->i] : c, st->n_spokes ? st->cell[at->k] : c};
+    float sum = 0, rest = 1;
     int n = 0;
     for (int k = 0; k < 3; k++) {
         if (!(w[k] > SMALLEST)) continue;
         index[n] = cell[k];
         weight[n++] = w[k];
+        sum += w[k];
     }
+    for (int k = 1; k < n; k++) rest -= weight[k] /= sum;
+    weight[0] = rest;
     for (int k = n; k < 3; k++) {
         index[k] = index[0];
         weight[k] = 0;
     }
-    float rest = 1;
-    for (int k = 1; k < n; k++) rest -= weight[k];
-    weight[0] = rest;
 }
 
 static void set_point_row(int32_t c, int32_t *index, float *weight)
