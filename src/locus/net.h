@@ -1,0 +1,63 @@
+/* The cut locus while it is being built: a graph whose vertices have at most three neighbours.
+ * Internal to src/locus. */
+#ifndef DMK_LOCUS_NET_H
+#define DMK_LOCUS_NET_H
+
+#include "locus/rays.h"
+
+/* What is left of the dual graph after pruning. */
+typedef struct dmk_dual {
+    float *strength; /* n_edges: width of the beam between the geodesics to the two ends of the
+                        edge, in lengths of the edge: about 1 or less where they are one family */
+    bool *kept;      /* n_edges: the edge is crossed by the graph */
+    uint8_t *degree; /* n_triangles: kept edges of the triangle */
+    int32_t n_kept;  /* edges */
+    int32_t n_loops; /* border loops of the mesh, each a node of the dual graph */
+    int64_t betti;   /* first Betti number of the graph kept */
+} dmk_dual;
+
+/* graph.c. DMK_E_MESH if the first Betti number is not 2g or the graph not connected. */
+int dmk_dual_create(dmk_context *ctx, const dmk_rays *rays, double threshold, dmk_dual *dual);
+void dmk_dual_free(dmk_dual *dual);
+
+typedef struct dmk_node {
+    dmk_locus_vertex at; /* angles as in the chart, strength not yet scaled to 2 pi */
+    double size;         /* length of a mesh edge there */
+    int32_t next[3];     /* neighbours, at.degree of them */
+    bool border;         /* an end that lies on the mesh's border */
+    bool weak;           /* on an edge too weak to be an end */
+} dmk_node;
+
+typedef struct dmk_net {
+    int32_t n, capacity;
+    dmk_node *node; /* removed ones have degree 0, unless the net is one point */
+} dmk_net;
+
+/* place.c: kept edges and triangles to points on the surface. */
+int dmk_net_create(dmk_context *ctx, const dmk_rays *rays, const dmk_dual *dual, double threshold,
+                   dmk_net *net);
+void dmk_net_free(dmk_net *net);
+void dmk_net_set_place(const dmk_mesh *mesh, dmk_point place, dmk_locus_vertex *at);
+
+/* net.c */
+int dmk_net_add(dmk_context *ctx, dmk_net *net, int32_t *node);
+void dmk_net_link(dmk_net *net, int32_t a, int32_t b);
+void dmk_net_unlink(dmk_net *net, int32_t a, int32_t b);
+/* The neighbour of b that is not a, for b of degree 2. */
+int32_t dmk_net_onward(const dmk_net *net, int32_t a, int32_t b);
+double dmk_net_distance(const dmk_net *net, int32_t a, int32_t b);
+/* Strip weak ends once more, looking some points ahead. Remove ends nearer than `twig` edges to
+ * their junction, and points nearer than `short` edges to their neighbours on a branch. */
+void dmk_net_tidy(dmk_net *net);
+
+/* tip.c: move the ends to where the two geodesics become one. */
+int dmk_net_fit_tips(dmk_context *ctx, const dmk_rays *rays, dmk_net *net);
+
+/* point.c: if the rays of all directions meet, make the net one point. */
+int dmk_net_shrink(dmk_context *ctx, const dmk_rays *rays, const dmk_dual *dual, dmk_net *net);
+
+/* A sheet at the fraction s between its values at two vertices. */
+dmk_sheet dmk_sheet_between(const dmk_chart *chart, const dmk_sheet *a, const dmk_sheet *b,
+                            double s);
+
+#endif

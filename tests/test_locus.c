@@ -1,0 +1,452 @@
+/* The cut locus as a graph: place, ends and topology against exact loci; borders; sources anywhere.
+ */
+#include "locus/locus.h"
+
+#include <math.h>
+#include <sched.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+static dmk_context *ctx;
+static const double pi = 3.14159265358979323846;
+
+typedef struct scene {
+    dmk_mesh *mesh; /* in memory order */
+    double *distance;
+    double h;
+    dmk_point source;
+} scene;
+
+/* Lengths along the mesh edges, some 10 % too long: the locus must not depend on the guide's
+ * details. */
+static double *edge_distances(const dmk_mesh *m, const dmk_point *source)
+{
+    double *d = malloc((size_t)m->n_vertices * sizeof *d);
+    assert_non_null(d);
+    double xyz[3];
+    assert_int_equal(dmk_mesh_point_xyz(ctx, m, source, xyz), DMK_OK);
+    for (int32_t v = 0; v < m->n_vertices; v++)
+        d[v] = HUGE_VAL;
+    for (int k = 0; k < 3; k++) {
+        int32_t v = m->triangle[3 * source->triangle + k];
+        const double *x = m->xyz + 3 * v;
+        d[v] = hypot(hypot(x[0] - xyz[0], x[1] - xyz[1]), x[2] - xyz[2]);
+    }
+    for (bool changed = true; changed;) {
+        changed = false;
+        for (int32_t i = 0; i < 2 * m->n_edges; i++) {
+            int32_t v = m->edge_vertex[i], w = m->edge_vertex[i ^ 1];
+            if (d[w] + m->length[i / 2] >= d[v]) continue;
+            d[v] = d[w] + m->length[i / 2];
+            changed = true;
+        }
+    }
+    return d;
+}
+
+/* Take over a mesh, the source being given by its old triangle. */
+static scene scene_of(dmk_mesh *mesh, dmk_point source)
+{
+    scene s = {0};
+    dmk_order order;
+    assert_int_equal(dmk_order_create(ctx, mesh, 0, &order), DMK_OK);
+    s.source = source;
+    for (int32_t t = 0; t < order.mesh->n_triangles; t++) {
+        if (order.triangle_old[t] == source.triangle) s.source.triangle = t;
+    }
+    s.mesh = order.mesh;
+    order.mesh = NULL;
+    dmk_order_free(&order);
+    dmk_mesh_destroy(&mesh);
+    for (int32_t e = 0; e < s.mesh->n_edges; e++)
+        s.h += s.mesh->length[e] / s.mesh->n_edges;
+    s.distance = edge_distances(s.mesh, &s.source);
+    return s;
+}
+
+static scene surface(const char *name, int refine, const double source[3])
+{
+    dmk_surface_options o;
+    dmk_mesh *mesh = NULL;
+    dmk_point p;
+    dmk_surface_options_init(&o);
+    o.name = name;
+    o.refine = refine;
+    memcpy(o.source, source, sizeof o.source);
+    o.has_source = 1;
+    if (dmk_mesh_surface(ctx, &o, &mesh) != DMK_OK) fail_msg("%s", dmk_context_message(ctx));
+    assert_int_equal(dmk_mesh_vertex_point(ctx, mesh, 0, &p), DMK_OK);
+    return scene_of(mesh, p);
+}
+
+static void free_scene(scene *s)
+{
+    dmk_mesh_destroy(&s->mesh);
+    free(s->distance);
+}
+
+static dmk_locus *trace(const scene *s)
+{
+    dmk_locus *l = NULL;
+    dmk_locus_input in = {.mesh = s->mesh, .source = s->source, .distance = s->distance};
+    if (dmk_locus_trace(ctx, &in, NULL, &l) != DMK_OK) fail_msg("%s", dmk_context_message(ctx));
+    return l;
+}
+
+/* What holds for every locus: counts agree with the arrays, polylines with the edges. */
+static dmk_locus_info check_object(const dmk_locus *l)
+{
+    dmk_locus_info info;
+    size_t n_vertices, n_edges, n_lines, used = 0;
+    const int32_t *offset, *index = dmk_locus_polylines(l, &offset, &n_lines);
+    const dmk_locus_vertex *v = dmk_locus_vertices(l, &n_vertices);
+    const dmk_locus_edge *e = dmk_locus_edges(l, &n_edges);
+    dmk_locus_get_info(l, &info);
+    assert_int_equal(n_vertices, info.n_vertices);
+    assert_int_equal(n_edges, info.n_edges);
+    assert_int_equal(n_lines, info.n_polylines);
+    int32_t *degree = calloc(n_vertices + 1, sizeof *degree);
+    for (size_t i = 0; i < n_edges; i++) {
+        degree[e[i].vertex[0]]++;
+        degree[e[i].vertex[1]]++;
+    }
+    for (size_t i = 0; i < n_vertices; i++) {
+        assert_int_equal(degree[i], v[i].degree);
+        assert_true(fabs(v[i].place.weight[0] + v[i].place.weight[1] + v[i].place.weight[2] - 1) <
+                    1e-12);
+        assert_true(isfinite(v[i].distance) && isfinite(v[i].strength));
+    }
+    for (size_t i = 0; i < n_lines; i++) {
+        used += (size_t)(offset[i + 1] - offset[i] - 1);
+        for (int32_t k = offset[i] + 1; k < offset[i + 1] - 1; k++) {
+            assert_int_equal(v[index[k]].degree, 2);
+        }
+    }
+    assert_int_equal(used, n_edges);
+    free(degree);
+    return info;
+}
+
+/* ---- places --------------------------------------------------------------------------------- */
+
+/* Distance from the exact locus of the torus R = 2, r = 1 seen from (3, 0, 0), in space. */
+static double torus_error(const double *x)
+{
+    double rho = hypot(x[0], x[1]), phi = atan2(x[1], x[0]), tip = pi / sqrt(3);
+    double inner = hypot(rho - 1, x[2]);
+    double meridian = hypot(hypot(x[0] + 2, x[2]) - 1, x[1]);
+    double outer = hypot(rho - 3, x[2]);
+    if (x[0] > 0) meridian = HUGE_VAL;
+    if (fabs(phi) < tip) {
+        outer = hypot(hypot(x[0] - 3 * cos(tip), fabs(x[1]) - 3 * sin(tip)), x[2]);
+    }
+    return fmin(inner, fmin(meridian, outer));
+}
+
+static void check_torus(const dmk_locus *l, double h)
+{
+    dmk_locus_info info = check_object(l);
+    const dmk_locus_vertex *v = dmk_locus_vertices(l, NULL);
+    double sum = 0;
+    assert_int_equal(info.loops, 2);
+    assert_int_equal(info.components, 1);
+    assert_int_equal(info.endpoints, 2);
+    assert_true(fabs(info.length / 20.5331303505 - 1) < 0.02);
+    for (size_t i = 0; i < info.n_vertices; i++) {
+        double error = torus_error(v[i].xyz) / h;
+        sum += error / (double)info.n_vertices;
+        assert_true(error < 1.5);
+        if (v[i].kind != DMK_LOCUS_END) continue;
+        double x = v[i].xyz[0] - 3 * cos(pi / sqrt(3)),
+               y = fabs(v[i].xyz[1]) - 3 * sin(pi / sqrt(3));
+        assert_true(hypot(hypot(x, y), v[i].xyz[2]) < 2 * h);
+    }
+    assert_true(sum < 0.1);
+}
+
+static void test_torus(void **state)
+{
+    (void)state;
+    scene s = surface("torus", 1, (double[3]){3, 0, 0});
+    dmk_locus *l = trace(&s);
+    check_torus(l, s.h);
+    dmk_locus_destroy(&l);
+    free_scene(&s);
+}
+
+/* The same with the source inside a triangle and on an edge next to (3, 0, 0): the exact locus
+ * moves by as little. */
+static void test_source_anywhere(void **state)
+{
+    (void)state;
+    const double weights[][3] = {{0.02, 0.03, 0.95}, {0, 0.02, 0.98}, {0.97, 0, 0.03}};
+    for (int i = 0; i < 3; i++) {
+        scene s = surface("torus", 1, (double[3]){3, 0, 0});
+        int32_t t = (int32_t)s.source.triangle, corner = 0, big = i == 2 ? 0 : 2;
+        while (s.source.weight[corner] < 0.5)
+            corner++;
+        for (int k = 0; k < 3; k++)
+            s.source.weight[(corner + k) % 3] = weights[i][(big + k) % 3];
+        s.source.triangle = t;
+        dmk_locus *l = trace(&s);
+        check_torus(l, s.h);
+        dmk_locus_destroy(&l);
+        free_scene(&s);
+    }
+}
+
+static void check_point(const char *name, int refine, const double source[3])
+{
+    scene s = surface(name, refine, source);
+    dmk_locus *l = trace(&s);
+    dmk_locus_info info = check_object(l);
+    const dmk_locus_vertex *v = dmk_locus_vertices(l, NULL);
+    assert_int_equal(info.n_vertices, 1);
+    assert_int_equal(info.n_edges, 0);
+    assert_int_equal(info.components, 1);
+    assert_int_equal(v->kind, DMK_LOCUS_POINT);
+    double x[3];
+    dmk_mesh_point_xyz(ctx, s.mesh, &s.source, x);
+    double d = hypot(hypot(v->xyz[0] + x[0], v->xyz[1] + x[1]), v->xyz[2] + x[2]);
+    assert_true(d < 0.5 * s.h);
+    dmk_locus_destroy(&l);
+    free_scene(&s);
+}
+
+static void test_point(void **state)
+{
+    (void)state;
+    check_point("sphere", 1, (double[3]){0, 0, 1});
+    check_point("sphere", 2, (double[3]){0.6, 0, 0.8});
+    check_point("ellipsoid", 2, (double[3]){-sqrt(1.0 / 75), 0, sqrt(2.0 / 3)});
+}
+
+static void test_quartic(void **state)
+{
+    (void)state;
+    scene s = surface("quartic", 1, (double[3]){0.533843, 0.800764, 0.844080});
+    dmk_locus *l = trace(&s);
+    dmk_locus_info info = check_object(l);
+    assert_int_equal(info.loops, 0);
+    assert_int_equal(info.components, 1);
+    assert_int_equal(info.endpoints, 6);
+    assert_true(fabs(info.length / 7.53604640 - 1) < 0.05);
+    dmk_locus_destroy(&l);
+    free_scene(&s);
+}
+
+/* ---- topology ------------------------------------------------------------------------------- */
+
+/* The boundary of a plate of unit cubes, some of them left out, each face cut n by n. Corners that
+ * coincide are found by their lattice place. */
+typedef struct plate {
+    int n, width, depth;
+    int32_t *number; /* lattice place -> vertex, -1 */
+    double *xyz;
+    int32_t *triangle, n_vertices, n_triangles;
+} plate;
+
+static int32_t corner_of(plate *p, int x, int y, int z)
+{
+    int32_t *slot = p->number + ((z * (p->depth * p->n + 1)) + y) * (p->width * p->n + 1) + x;
+    if (*slot < 0) {
+        *slot = p->n_vertices++;
+        double at[3] = {(double)x / p->n, (double)y / p->n, (double)z / p->n};
+        memcpy(p->xyz + 3 * *slot, at, sizeof at);
+    }
+    return *slot;
+}
+
+/* The face of the unit cube at (x, y) towards `side`: 0, 1 +-x, 2, 3 +-y, 4, 5 +-z. */
+static void add_face(plate *p, int x, int y, int side)
+{
+    int axis = side / 2, a = (axis + 1) % 3, b = (axis + 2) % 3, base[3] = {x, y, 0};
+    for (int i = 0; i < p->n * p->n; i++) {
+        int32_t c[4];
+        for (int k = 0; k < 4; k++) {
+            int at[3] = {base[0] * p->n, base[1] * p->n, 0};
+            at[axis] += side % 2 == 0 ? p->n : 0;
+            at[a] += i % p->n + (k == 1 || k == 2);
+            at[b] += i / p->n + (k > 1);
+            c[k] = corner_of(p, at[0], at[1], at[2]);
+        }
+        int32_t out[6] = {c[0], c[1], c[2], c[0], c[2], c[3]},
+                in[6] = {c[0], c[2], c[1], c[0], c[3], c[2]};
+        memcpy(p->triangle + 3 * p->n_triangles, side % 2 == 0 ? out : in, sizeof out);
+        p->n_triangles += 2;
+    }
+}
+
+/* `holes` of the cubes in the middle row are left out: a surface of that genus. */
+static scene plate_scene(int holes, int n)
+{
+    plate p = {.n = n, .width = 2 * holes + 1, .depth = 3};
+    size_t places = (size_t)((p.width * n + 1) * (p.depth * n + 1) * (n + 1));
+    p.number = malloc(places * sizeof *p.number);
+    p.xyz = malloc(3 * places * sizeof *p.xyz);
+    p.triangle = malloc((size_t)(p.width * p.depth * 6 * n * n * 2 * 3) * sizeof *p.triangle);
+    memset(p.number, -1, places * sizeof *p.number);
+    for (int y = 0; y < p.depth; y++) {
+        for (int x = 0; x < p.width; x++) {
+            if (y == 1 && x % 2 == 1) continue;
+            const int step[4][2] = {{1, 0}, {-1, 0}, {0, 1}, {0, -1}};
+            for (int side = 0; side < 6; side++) {
+                int u = side < 4 ? x + step[side][0] : -1, v = side < 4 ? y + step[side][1] : -1;
+                bool inside =
+                    u >= 0 && u < p.width && v >= 0 && v < p.depth && !(v == 1 && u % 2 == 1);
+                if (!inside) add_face(&p, x, y, side);
+            }
+        }
+    }
+    dmk_mesh *mesh = NULL;
+    int rc =
+        dmk_mesh_create(ctx, (size_t)p.n_vertices, p.xyz, (size_t)p.n_triangles, p.triangle, &mesh);
+    if (rc != DMK_OK) fail_msg("%s", dmk_context_message(ctx));
+    free(p.number);
+    free(p.xyz);
+    free(p.triangle);
+    return scene_of(mesh, (dmk_point){3, {0.3, 0.3, 0.4}});
+}
+
+static void test_genus(void **state)
+{
+    (void)state;
+    for (int genus = 0; genus < 4; genus++) {
+        scene s = plate_scene(genus, 6);
+        dmk_locus *l = trace(&s);
+        dmk_locus_info info = check_object(l);
+        assert_int_equal(info.loops, 2 * genus);
+        assert_int_equal(info.components, 1);
+        dmk_locus_destroy(&l);
+        free_scene(&s);
+    }
+}
+
+/* ---- borders -------------------------------------------------------------------------------- */
+
+/* A cylinder of radius 1 and height 2 from n by n/3 squares, or the same strip left flat. */
+static scene strip(int n, bool closed)
+{
+    int m = n / 3 + 1, columns = closed ? n : n + 1;
+    double *xyz = malloc(3 * (size_t)(columns * m) * sizeof *xyz);
+    int32_t *tri = malloc(6 * (size_t)(n * (m - 1)) * sizeof *tri), k = 0;
+    for (int i = 0; i < columns; i++) {
+        for (int j = 0; j < m; j++) {
+            double a = 2 * pi * (i + 0.3 * (j % 2)) / n, *x = xyz + 3 * (i * m + j);
+            x[0] = closed ? cos(a) : a;
+            x[1] = closed ? sin(a) : 0;
+            x[2] = 2.0 * j / (m - 1);
+        }
+    }
+    for (int i = 0; i < n; i++) {
+        for (int j = 0; j + 1 < m; j++) {
+            int32_t a = i * m + j, b = (i + 1) % columns * m + j;
+            int32_t six[6] = {a, b, b + 1, a, b + 1, a + 1};
+            memcpy(tri + 6 * k++, six, sizeof six);
+        }
+    }
+    dmk_mesh *mesh = NULL;
+    int rc = dmk_mesh_create(ctx, (size_t)(columns * m), xyz, 2 * (size_t)k, tri, &mesh);
+    if (rc != DMK_OK) fail_msg("%s", dmk_context_message(ctx));
+    free(xyz);
+    free(tri);
+    return scene_of(mesh, (dmk_point){k, {0.2, 0.3, 0.5}});
+}
+
+/* On the cylinder the locus is the opposite straight line, from border to border; on the flat strip
+ * there is none. */
+static void test_border(void **state)
+{
+    (void)state;
+    scene s = strip(90, true);
+    dmk_locus *l = trace(&s);
+    dmk_locus_info info = check_object(l);
+    const dmk_locus_vertex *v = dmk_locus_vertices(l, NULL);
+    double p[3];
+    dmk_mesh_point_xyz(ctx, s.mesh, &s.source, p);
+    assert_int_equal(info.loops, 0);
+    assert_int_equal(info.components, 1);
+    assert_int_equal(info.endpoints, 2);
+    assert_true(fabs(info.length - 2) < 0.02);
+    for (size_t i = 0; i < info.n_vertices; i++) {
+        double opposite =
+            hypot(v[i].xyz[0] + p[0] / hypot(p[0], p[1]), v[i].xyz[1] + p[1] / hypot(p[0], p[1]));
+        assert_true(opposite < 0.1 * s.h);
+        bool ends = fabs(v[i].xyz[2]) < 1e-12 || fabs(v[i].xyz[2] - 2) < 1e-12;
+        assert_int_equal(v[i].kind, ends ? DMK_LOCUS_END : DMK_LOCUS_ORDINARY);
+    }
+    dmk_locus_destroy(&l);
+    free_scene(&s);
+    s = strip(60, false);
+    l = trace(&s);
+    info = check_object(l);
+    assert_int_equal(info.n_vertices, 0);
+    dmk_locus_destroy(&l);
+    free_scene(&s);
+}
+
+/* ---- the rest ------------------------------------------------------------------------------- */
+
+static void test_guide(void **state)
+{
+    (void)state;
+    scene s = surface("torus", 1, (double[3]){3, 0, 0});
+    for (int32_t v = 0; v < s.mesh->n_vertices; v++)
+        s.distance[v] *= 1 + 0.01 * sin(1000.0 * v);
+    dmk_locus *l = trace(&s);
+    check_torus(l, s.h);
+    dmk_locus_destroy(&l);
+    free_scene(&s);
+}
+
+static void test_threads(void **state)
+{
+    (void)state;
+    scene s = surface("quartic", 1, (double[3]){0.533843, 0.800764, 0.844080});
+    cpu_set_t all, one;
+    dmk_locus *a = trace(&s);
+    assert_int_equal(sched_getaffinity(0, sizeof all, &all), 0);
+    CPU_ZERO(&one);
+    for (int i = 0; i < CPU_SETSIZE && CPU_COUNT(&one) == 0; i++) {
+        if (CPU_ISSET(i, &all)) CPU_SET(i, &one);
+    }
+    assert_int_equal(sched_setaffinity(0, sizeof one, &one), 0);
+    dmk_locus *b = trace(&s);
+    assert_int_equal(sched_setaffinity(0, sizeof all, &all), 0);
+    size_t n, m;
+    const dmk_locus_vertex *v = dmk_locus_vertices(a, &n), *w = dmk_locus_vertices(b, &m);
+    assert_int_equal(n, m);
+    for (size_t i = 0; i < n; i++)
+        assert_memory_equal(v[i].xyz, w[i].xyz, sizeof v[i].xyz);
+    dmk_locus_destroy(&a);
+    dmk_locus_destroy(&b);
+    free_scene(&s);
+}
+
+static int setup(void **state)
+{
+    (void)state;
+    return dmk_context_create(&ctx);
+}
+
+static int teardown(void **state)
+{
+    (void)state;
+    dmk_context_destroy(&ctx);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_torus), cmocka_unit_test(test_source_anywhere),
+        cmocka_unit_test(test_point), cmocka_unit_test(test_quartic),
+        cmocka_unit_test(test_genus), cmocka_unit_test(test_border),
+        cmocka_unit_test(test_guide), cmocka_unit_test(test_threads),
+    };
+    return cmocka_run_group_tests(tests, setup, teardown);
+}
