@@ -4,8 +4,8 @@
 
 #include <stdint.h>
 
-/* Call body(begin, end, data) on disjoint ranges that cover 0..n, on one thread per processor; short
- * loops stay on the calling thread. The result must not depend on how the range is cut. */
+/* Call body(begin, end, data) on disjoint ranges that cover 0..n, on one thread per processor;
+ * short loops stay on the calling thread. The result must not depend on how the range is cut. */
 void dmk_parallel(int32_t n, void (*body)(int32_t begin, int32_t end, void *data), void *data);
 
 #endif

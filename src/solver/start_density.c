@@ -1,11 +1,12 @@
 /* The density from the distance: mass flows down the distance to the source, each triangle adding
  * its area, and mu is the load per unit width across the flow.
  *
- * One flow direction per edge, the mean of its two sides, keeps the mass. Rays are straight within a
- * triangle, so a load that enters through a piece of one edge leaves through a known piece of
+ * One flow direction per edge, the mean of its two sides, keeps the mass. Rays are straight within
+ * a triangle, so a load that enters through a piece of one edge leaves through a known piece of
  * another. An edge carries the load as a linear profile, N + M (2s - 1) over its length s in 0..1:
  * a profile splits at the ray through the opposite corner, two join by projection, and a triangle's
- * own area adds a tent with its top on that ray. Constant profiles would blur mu across the rays. */
+ * own area adds a tent with its top on that ray. Constant profiles would blur mu across the rays.
+ */
 #include "solver/start.h"
 
 #include "base/parallel.h"
@@ -20,26 +21,30 @@ typedef struct profile {
 typedef struct sweep {
     const dmk_mesh *mesh;
     const double *d, *mid;
-    double *width;    /* n_edges: length times cosine of the flow to the normal, positive from the
-                         first triangle to the second; 0 on a border */
-    profile *load;    /* n_edges: along edge_vertex[2e] to [2e+1], area units */
-    double *mu;       /* n_triangles */
-    int8_t *waiting;  /* n_triangles: inflow edges not yet known; below 0: done or a sink */
-    uint8_t *sink;    /* n_triangles: holds the source */
-    int32_t *queue;   /* n_triangles */
+    double *width;   /* n_edges: length times cosine of the flow to the normal, positive from the
+                        first triangle to the second; 0 on a border */
+    profile *load;   /* n_edges: along edge_vertex[2e] to [2e+1], area units */
+    double *mu;      /* n_triangles */
+    int8_t *waiting; /* n_triangles: inflow edges not yet known; below 0: done or a sink */
+    uint8_t *sink;   /* n_triangles: holds the source */
+    int32_t *queue;  /* n_triangles */
     int32_t n_queue;
 } sweep;
 
 enum { done_mark = -1 };
 
-/* Flow of -grad d out of triangle t through its edge k, times the edge's length. */
+/* Flow of -grad d out of triangle t through its edge k, times the edge's length. The gradient is
+ * that of the quadratic through all six values, at the edge's midpoint, scaled to 1: there it is
+ * the gradient of the linear function with value -dk - 2 mk + 2 mi + 2 mj at corner k. */
 static double outflow(const sweep *s, int32_t t, int k)
 {
     const dmk_mesh *mesh = s->mesh;
     const int32_t *corner = mesh->triangle + 3 * (size_t)t;
+    const int32_t *edge = mesh->triangle_edge + 3 * (size_t)t;
     const double *cot = mesh->cot + 3 * (size_t)t;
     int i = (k + 1) % 3, j = (k + 2) % 3;
-    double dk = s->d[corner[k]], di = s->d[corner[i]], dj = s->d[corner[j]];
+    double di = s->d[corner[i]], dj = s->d[corner[j]];
+    double dk = 2 * (s->mid[edge[i]] + s->mid[edge[j]] - s->mid[edge[k]]) - s->d[corner[k]];
     double g2 = 0.5 * (cot[k] * (di - dj) * (di - dj) + cot[i] * (dj - dk) * (dj - dk) +
                        cot[j] * (dk - di) * (dk - di));
     double flow = cot[j] * (dk - di) + cot[i] * (dk - dj);
@@ -82,8 +87,8 @@ static int32_t across(const dmk_mesh *mesh, int32_t t, int32_t e)
     return two[0] == t ? two[1] : two[0];
 }
 
-/* A load that comes in must leave: a triangle with no way out (a dent of the computed distance) gets
- * one through its edge nearest the source, and so may its neighbour in turn. */
+/* A load that comes in must leave: a triangle with no way out (a dent of the computed distance)
+ * gets one through its edge nearest the source, and so may its neighbour in turn. */
 static void open_triangle(sweep *s, int32_t t)
 {
     for (int steps = 0; steps < 64; steps++) {
@@ -102,8 +107,8 @@ static void open_triangle(sweep *s, int32_t t)
     }
 }
 
-/* Profile of edge e as run counterclockwise by triangle t (which is how edge_triangle's first does),
- * and back. */
+/* Profile of edge e as run counterclockwise by triangle t (which is how edge_triangle's first
+ * does), and back. */
 static profile load_get(const sweep *s, int32_t t, int32_t e)
 {
     profile p = s->load[e];
@@ -190,7 +195,8 @@ static void sweep_triangle(sweep *s, int32_t t)
 
 static void sweep_queue(sweep *s, int32_t *head)
 {
-    while (*head < s->n_queue) sweep_triangle(s, s->queue[(*head)++]);
+    while (*head < s->n_queue)
+        sweep_triangle(s, s->queue[(*head)++]);
 }
 
 static double height(const sweep *s, int32_t t)
@@ -199,13 +205,15 @@ static double height(const sweep *s, int32_t t)
     return s->d[c[0]] + s->d[c[1]] + s->d[c[2]];
 }
 
-/* Triangles that wait for each other in a ring: begin with the farthest. Rings are few and small. */
+/* Triangles that wait for each other in a ring: begin with the farthest. Rings are few and small.
+ */
 static void sweep_rings(sweep *s, int32_t *head)
 {
     for (;;) {
         int32_t far = -1;
         for (int32_t t = 0; t < s->mesh->n_triangles; t++) {
-            if (s->waiting[t] > 0 && !s->sink[t] && (far < 0 || height(s, t) > height(s, far))) far = t;
+            if (s->waiting[t] > 0 && !s->sink[t] && (far < 0 || height(s, t) > height(s, far)))
+                far = t;
         }
         if (far < 0) return;
         sweep_triangle(s, far);
@@ -218,15 +226,16 @@ static void sweep_run(sweep *s)
     int32_t head = 0;
     for (int32_t t = 0; t < s->mesh->n_triangles; t++) {
         if (s->sink[t]) continue;
-        for (int k = 0; k < 3; k++) s->waiting[t] += width_out(s, t, k) < 0;
+        for (int k = 0; k < 3; k++)
+            s->waiting[t] += width_out(s, t, k) < 0;
         if (s->waiting[t] == 0) s->queue[s->n_queue++] = t;
     }
     sweep_queue(s, &head);
     sweep_rings(s, &head);
 }
 
-/* Where the source lies: mu = load / (r * angle), so the integral over the part of the triangle seen
- * through an edge is the load through the edge times the mean distance to it. */
+/* Where the source lies: mu = load / (r * angle), so the integral over the part of the triangle
+ * seen through an edge is the load through the edge times the mean distance to it. */
 static void sink_density(sweep *s, int32_t t)
 {
     double sum = 0;

@@ -1,10 +1,10 @@
-/* Fast marching with spherical waves: two distances at the ends of an edge place a virtual source in
- * the plane of the triangle behind it, and the third corner's distance is the straight line from
+/* Fast marching with spherical waves: two distances at the ends of an edge place a virtual source
+ * in the plane of the triangle behind it, and the third corner's distance is the straight line from
  * there. Exact wherever the surface unfolds flat between the source and the triangle.
  *
  * In an obtuse triangle the ray to the third corner may cross an edge one end of which is farther
- * from the source, hence accepted later. So an accepted vertex whose distance falls is queued again:
- * the update never grows when its inputs fall, and the repetition ends. */
+ * from the source, hence accepted later. So an accepted vertex whose distance falls is queued
+ * again: the update never grows when its inputs fall, and the repetition ends. */
 #include "solver/start.h"
 
 #include "base/parallel.h"
@@ -12,7 +12,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-enum { max_visits = 16, heap_arity = 4 };
+enum { max_visits = 12, heap_arity = 4 };
 
 typedef struct march {
     const dmk_mesh *mesh;
@@ -81,11 +81,16 @@ static double unfold(double da, double db, double a, double b, double c, double 
     return fmin(da + b, db + a);
 }
 
-/* Lower d[v] to `value`, and queue v. */
-static void march_offer(march *m, int32_t v, double value)
+/* Lower d[v] to `value`, and queue v. On a curved surface virtual sources do not quite agree, and
+ * vertices may lower each other in a ring for ever: so each visit asks for a larger fall, in parts
+ * of the way `step` to v. */
+static void march_offer(march *m, int32_t v, double value, double step)
 {
+    static const double least_fall[max_visits] = {0,    0,    0,    1e-12, 1e-9, 1e-7,
+                                                  1e-5, 1e-4, 1e-3, 1e-2,  1e-1, 1};
     if (!(value < m->d[v])) return;
-    if (m->visits[v] > 0 && (m->visits[v] >= max_visits || value > m->d[v] * (1 - 1e-13))) return;
+    int visits = m->visits[v];
+    if (visits >= max_visits || (visits > 0 && value > m->d[v] - least_fall[visits] * step)) return;
     m->d[v] = value;
     if (m->place[v] < 0) m->place[v] = m->n_heap++;
     heap_rise(m, m->place[v], v);
@@ -102,13 +107,19 @@ static void march_triangle(march *m, int32_t t, int from, int to)
     int32_t v = corner[from], x = corner[to], y = corner[third];
     double b = mesh->length[edge[third]];
     if (m->visits[y] == 0) {
-        march_offer(m, x, m->d[v] + b);
+        march_offer(m, x, m->d[v] + b, b);
         return;
     }
-    /* A corner nearer than both others is reached across their edge only at an obtuse angle. */
-    if (m->visits[x] > 0 && m->d[x] <= m->d[v] && mesh->cot[3 * (size_t)t + to] > 0.5) return;
-    march_offer(m, x, unfold(m->d[v], m->d[y], mesh->length[edge[from]], b, mesh->length[edge[to]],
-                             mesh->area[t]));
+    /* The ray to x crosses vy. If v is the farther and |Sv| >= |Sx|, the angle at x is at least
+     * acos(b / 2|Sx|): no use of sharper ones. */
+    if (m->visits[x] > 0 && m->d[x] <= m->d[v] && b < 0.4 * m->d[x] &&
+        mesh->cot[3 * (size_t)t + to] > 0.5) {
+        return;
+    }
+    march_offer(m, x,
+                unfold(m->d[v], m->d[y], mesh->length[edge[from]], b, mesh->length[edge[to]],
+                       mesh->area[t]),
+                b);
 }
 
 static void march_run(march *m)
@@ -148,11 +159,12 @@ static void march_seed(march *m, const dmk_point *source)
     source_xyz(m->mesh, source, p);
     for (int k = 0; k < 3; k++) {
         int32_t v = m->mesh->triangle[3 * source->triangle + k];
-        march_offer(m, v, distance3(p, m->mesh->xyz + 3 * (size_t)v));
+        march_offer(m, v, distance3(p, m->mesh->xyz + 3 * (size_t)v), 0);
     }
 }
 
-static int vertex_distance(dmk_context *ctx, const dmk_mesh *mesh, const dmk_point *source, double *d)
+static int vertex_distance(dmk_context *ctx, const dmk_mesh *mesh, const dmk_point *source,
+                           double *d)
 {
     int rc;
     dmk_fan fan = {0};
@@ -181,8 +193,8 @@ typedef struct mid_job {
     double *mid;
 } mid_job;
 
-/* Distance of the midpoint of edge e, over the two other edges of triangle t: ABm and the others are
- * halves of it. */
+/* Distance of the midpoint of edge e, over the two other edges of triangle t: ABm and the others
+ * are halves of it. */
 static double midpoint_through(const mid_job *job, int32_t e, int32_t t)
 {
     const dmk_mesh *mesh = job->mesh;
@@ -216,7 +228,8 @@ static void midpoint_seed(const dmk_mesh *mesh, const dmk_point *source, double 
         int32_t e = mesh->triangle_edge[3 * source->triangle + k];
         const double *a = mesh->xyz + 3 * (size_t)mesh->edge_vertex[2 * e];
         const double *b = mesh->xyz + 3 * (size_t)mesh->edge_vertex[2 * e + 1];
-        for (int i = 0; i < 3; i++) m[i] = 0.5 * (a[i] + b[i]);
+        for (int i = 0; i < 3; i++)
+            m[i] = 0.5 * (a[i] + b[i]);
         mid[e] = fmin(mid[e], distance3(p, m));
     }
 }
