@@ -13,13 +13,13 @@
 typedef struct dmk_graph {
     int32_t n, n_edges;
     int32_t *edge; /* 2*n_edges: end vertices, the smaller first; sorted lexicographically */
-    double *xyz;   /* 3*n: a place for each vertex, the mean of the cell of fine ones it stands for */
+    double *xyz;   /* 3*n: the mean place of the fine vertices in each cell */
 } dmk_graph;
 
 /* From one level, the fine one, to the next coarser. */
 typedef struct dmk_coarsening {
     dmk_graph coarse;       /* vertices in the order of the fine ones they come from */
-    int32_t *prolong_index; /* 3*n_fine: coarse vertices; unused slots repeat slot 0 */
+    int32_t *prolong_index; /* 3*n_fine: coarse vertices, increasing; unused slots repeat slot 0 */
     float *prolong_weight;  /* 3*n_fine: >= 0, 0 in unused slots only; each row sums to 1 */
     int32_t *restrict_row;  /* coarse.n + 1: the transposed prolongation, by coarse vertex */
     int32_t *restrict_fine; /* restrict_row[coarse.n]: fine vertices, increasing in each row */
@@ -44,7 +44,7 @@ int dmk_hierarchy_create(dmk_context *context, const dmk_mesh *mesh, int32_t coa
                          dmk_hierarchy *h);
 void dmk_hierarchy_free(dmk_hierarchy *h);
 
-/* ---- the steps of one coarsening, for coarsen.c only ------------------------------------------ */
+/* ---- the steps of one coarsening, for coarsen.c only --------------------------------------- */
 
 /* Who neighbours whom, as compressed rows. Below the mesh this is the adjacency of cells, with some
  * six neighbours a vertex, and not the Galerkin links, which are two to three times as many. */

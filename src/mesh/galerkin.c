@@ -27,42 +27,30 @@ static void difference_free(difference *d)
     free(d->value);
 }
 
-/* Add weight w of coarse vertex a to the sorted list of `n` entries; return the new length. */
-static int add_entry(int n, int32_t *coarse, float *value, int32_t a, float w)
+/* The number of weights in use in row i of P. */
+static int row_length(const dmk_coarsening *c, int32_t i)
 {
-    int i = n;
-    while (i > 0 && coarse[i - 1] > a) i--;
-    if (i > 0 && coarse[i - 1] == a) {
-        value[i - 1] += w;
-        return n;
-    }
-    for (int k = n; k > i; k--) {
-        coarse[k] = coarse[k - 1];
-        value[k] = value[k - 1];
-    }
-    coarse[i] = a;
-    value[i] = w;
-    return n + 1;
+    const float *w = c->prolong_weight + 3 * (size_t)i;
+    return w[1] == 0 ? 1 : w[2] == 0 ? 2 : 3;
 }
 
-/* Row i of P minus row j, without its zeros; returns the number of entries. */
+/* Row i of P minus row j, without its zeros, by merging the two; returns the number of entries. */
 static int subtract_rows(const dmk_coarsening *c, int32_t i, int32_t j, int32_t *coarse,
                          float *value)
 {
-    int n = 0, kept = 0;
-    for (int side = 0; side < 2; side++) {
-        size_t at = 3 * (size_t)(side ? j : i);
-        for (int k = 0; k < 3; k++) {
-            float w = c->prolong_weight[at + k];
-            if (w != 0) n = add_entry(n, coarse, value, c->prolong_index[at + k], side ? -w : w);
-        }
+    const int32_t *a = c->prolong_index + 3 * (size_t)i, *b = c->prolong_index + 3 * (size_t)j;
+    const float *u = c->prolong_weight + 3 * (size_t)i, *v = c->prolong_weight + 3 * (size_t)j;
+    int n_a = row_length(c, i), n_b = row_length(c, j), n = 0, k = 0, l = 0;
+    while (k < n_a || l < n_b) {
+        int32_t x = k < n_a ? a[k] : INT32_MAX, y = l < n_b ? b[l] : INT32_MAX;
+        float d = 0;
+        if (x <= y) d += u[k++];
+        if (y <= x) d -= v[l++];
+        coarse[n] = dmk_min_i(x, y);
+        value[n] = d;
+        n += fabsf(d) >= TINY;
     }
-    for (int k = 0; k < n; k++) {
-        if (fabsf(value[k]) < TINY) continue;
-        coarse[kept] = coarse[k];
-        value[kept++] = value[k];
-    }
-    return kept;
+    return n;
 }
 
 static int difference_create(dmk_context *ctx, const dmk_coarsening *c, int32_t n_links,
@@ -70,9 +58,9 @@ static int difference_create(dmk_context *ctx, const dmk_coarsening *c, int32_t 
 {
     int rc;
     DMK_TRY(DMK_NEW(ctx, d->row, (size_t)n_links + 1));
-    /* Room for the worst case; pages never touched cost nothing. */
-    DMK_TRY(DMK_NEW(ctx, d->coarse, 6 * (size_t)n_links));
-    DMK_TRY(DMK_NEW(ctx, d->value, 6 * (size_t)n_links));
+    /* Room for the worst case, and one to write a zero into; pages never touched cost nothing. */
+    DMK_TRY(DMK_NEW(ctx, d->coarse, 6 * (size_t)n_links + 1));
+    DMK_TRY(DMK_NEW(ctx, d->value, 6 * (size_t)n_links + 1));
     d->n_links = n_links;
     for (int32_t e = 0; e < n_links; e++) {
         int32_t at = d->row[e];
@@ -83,9 +71,10 @@ done:
     return rc;
 }
 
-/* By coarse vertex, the fine links in whose d it occurs and is not the largest, increasing. */
+/* By coarse vertex, the fine links in whose d it occurs and is not the largest, increasing; each as
+ * link * 8 + the place of its entry in the row of d. */
 static int bucket_create(dmk_context *ctx, const difference *d, int32_t n_coarse, int32_t **row,
-                         int32_t **link)
+                         uint32_t **bucket)
 {
     int rc;
     int32_t *fill = NULL, sum = 0;
@@ -100,9 +89,11 @@ static int bucket_create(dmk_context *ctx, const difference *d, int32_t n_coarse
         fill[a] = (*row)[a];
     }
     (*row)[n_coarse] = sum;
-    DMK_TRY(DMK_NEW(ctx, *link, (size_t)sum));
+    DMK_TRY(DMK_NEW(ctx, *bucket, (size_t)sum));
     for (int32_t e = 0; e < d->n_links; e++) {
-        for (int32_t p = d->row[e]; p + 1 < d->row[e + 1]; p++) (*link)[fill[d->coarse[p]]++] = e;
+        for (int32_t p = d->row[e]; p + 1 < d->row[e + 1]; p++) {
+            (*bucket)[fill[d->coarse[p]]++] = (uint32_t)e * 8 + (uint32_t)(p - d->row[e]);
+        }
     }
 done:
     free(fill);
@@ -118,14 +109,6 @@ static void sort_small(int32_t n, int32_t *a)
     }
 }
 
-/* Where the entry of coarse vertex a is in the row of link e. */
-static int32_t find_entry(const difference *d, int32_t e, int32_t a)
-{
-    int32_t p = d->row[e];
-    while (d->coarse[p] != a) p++;
-    return p;
-}
-
 /* Working space of emit_links. */
 typedef struct scratch {
     int32_t *other; /* n_coarse: the larger ends of the links of one coarse vertex */
@@ -133,14 +116,14 @@ typedef struct scratch {
     int32_t *fill;  /* n_coarse: number, then next free place, of the entries of that link */
 } scratch;
 
-/* Append the coarse links (a, b > a) with their table rows, from the links e of a's bucket. */
+/* Append the coarse links (a, b > a) with their table rows, from a's bucket of n_links. */
 static void emit_links(dmk_coarsening *c, const difference *d, int32_t a, int32_t n_links,
-                       const int32_t *link, scratch *s)
+                       const uint32_t *bucket, scratch *s)
 {
     int32_t n_other = 0, n_edges = c->coarse.n_edges;
     for (int32_t i = 0; i < n_links; i++) {
-        int32_t e = link[i], end = d->row[e + 1];
-        for (int32_t p = find_entry(d, e, a) + 1; p < end; p++) {
+        uint32_t e = bucket[i] / 8, place = bucket[i] % 8;
+        for (int32_t p = d->row[e] + (int32_t)place + 1; p < d->row[e + 1]; p++) {
             int32_t b = d->coarse[p];
             if (s->stamp[b] != a + 1) {
                 s->stamp[b] = a + 1;
@@ -161,11 +144,12 @@ static void emit_links(dmk_coarsening *c, const difference *d, int32_t a, int32_
     }
     c->coarse.n_edges = n_edges;
     for (int32_t i = 0; i < n_links; i++) {
-        int32_t e = link[i], end = d->row[e + 1], p = find_entry(d, e, a);
+        uint32_t e = bucket[i] / 8, place = bucket[i] % 8;
+        int32_t p = d->row[e] + (int32_t)place;
         float da = d->value[p];
-        for (p++; p < end; p++) {
+        for (p++; p < d->row[e + 1]; p++) {
             int32_t at = s->fill[d->coarse[p]]++;
-            c->galerkin_edge[at] = e;
+            c->galerkin_edge[at] = (int32_t)e;
             c->galerkin_coef[at] = -da * d->value[p];
         }
     }
@@ -194,10 +178,11 @@ static int galerkin_tables(dmk_context *ctx, int32_t n_links, const int32_t *fin
     int rc;
     size_t n = (size_t)c->coarse.n;
     difference d = {0};
-    int32_t *row = NULL, *link = NULL;
+    int32_t *row = NULL;
+    uint32_t *bucket = NULL;
     scratch s = {0};
     DMK_TRY(difference_create(ctx, c, n_links, fine_edge, &d));
-    DMK_TRY(bucket_create(ctx, &d, c->coarse.n, &row, &link));
+    DMK_TRY(bucket_create(ctx, &d, c->coarse.n, &row, &bucket));
     int64_t n_pairs = count_pairs(&d);
     if (n_pairs > INT32_MAX / 2) {
         rc = dmk_fail(ctx, DMK_E_MESH, "the mesh is too large for 32-bit tables: %lld entries",
@@ -214,14 +199,14 @@ static int galerkin_tables(dmk_context *ctx, int32_t n_links, const int32_t *fin
     DMK_TRY(DMK_NEW(ctx, c->coarse.edge, 2 * (size_t)n_pairs));
     c->coarse.n_edges = 0;
     for (int32_t a = 0; a < c->coarse.n; a++) {
-        emit_links(c, &d, a, row[a + 1] - row[a], link + row[a], &s);
+        emit_links(c, &d, a, row[a + 1] - row[a], bucket + row[a], &s);
     }
     shrink(&c->galerkin_row, (size_t)c->coarse.n_edges + 1);
     shrink(&c->coarse.edge, 2 * (size_t)c->coarse.n_edges);
 done:
     difference_free(&d);
     free(row);
-    free(link);
+    free(bucket);
     free(s.other);
     free(s.stamp);
     free(s.fill);

@@ -151,7 +151,7 @@ static nearest find_nearest(star *st, const double p[3])
     return best;
 }
 
-/* Store weights on c and two spokes: those that count first, scaled and rounded so as to sum to 1. */
+/* Store the weights on c and two spokes that count, by increasing cell, scaled to sum to 1. */
 static void store_row(const star *st, int32_t c, const nearest *at, int32_t *index, float *weight)
 {
     float s = (float)at->s, t = (float)at->t;
@@ -161,8 +161,13 @@ static void store_row(const star *st, int32_t c, const nearest *at, int32_t *ind
     int n = 0;
     for (int k = 0; k < 3; k++) {
         if (!(w[k] > SMALLEST)) continue;
-        index[n] = cell[k];
-        weight[n++] = w[k];
+        int slot = n++;
+        for (; slot > 0 && index[slot - 1] > cell[k]; slot--) {
+            index[slot] = index[slot - 1];
+            weight[slot] = weight[slot - 1];
+        }
+        index[slot] = cell[k];
+        weight[slot] = w[k];
         sum += w[k];
     }
     for (int k = 1; k < n; k++) rest -= weight[k] /= sum;
