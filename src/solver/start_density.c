@@ -174,6 +174,14 @@ static double pass_load(sweep *s, int32_t t, const double *w)
     return area * 2 / 3;
 }
 
+/* The shortest altitude: no direction sees less of the triangle. */
+static double least_width(const dmk_mesh *mesh, int32_t t)
+{
+    const int32_t *edge = mesh->triangle_edge + 3 * (size_t)t;
+    const double *length = mesh->length;
+    return 2 * mesh->area[t] / fmax(fmax(length[edge[0]], length[edge[1]]), length[edge[2]]);
+}
+
 static void sweep_triangle(sweep *s, int32_t t)
 {
     double w[3], sum = 0;
@@ -185,7 +193,7 @@ static void sweep_triangle(sweep *s, int32_t t)
         sum += fabs(w[k]);
     }
     double load = pass_load(s, t, w);
-    s->mu[t] = sum > 0 ? load / (0.5 * sum) : 0;
+    s->mu[t] = load / fmax(0.5 * sum, least_width(s->mesh, t));
     s->waiting[t] = done_mark;
     for (int k = 0; k < 3; k++) {
         int32_t other = across(s->mesh, t, s->mesh->triangle_edge[3 * (size_t)t + k]);
@@ -205,23 +213,45 @@ static double height(const sweep *s, int32_t t)
     return s->d[c[0]] + s->d[c[1]] + s->d[c[2]];
 }
 
-/* Triangles that wait for each other in a ring: begin with the farthest. Rings are few and small.
- */
-static void sweep_rings(sweep *s, int32_t *head)
+typedef struct stuck {
+    double height;
+    int32_t triangle;
+} stuck;
+
+/* Farther first; among equals the order of the mesh. */
+static int compare_stuck(const void *a, const void *b)
 {
-    for (;;) {
-        int32_t far = -1;
-        for (int32_t t = 0; t < s->mesh->n_triangles; t++) {
-            if (s->waiting[t] > 0 && !s->sink[t] && (far < 0 || height(s, t) > height(s, far)))
-                far = t;
-        }
-        if (far < 0) return;
-        sweep_triangle(s, far);
-        sweep_queue(s, head);
-    }
+    const stuck *x = a, *y = b;
+    if (x->height != y->height) return x->height > y->height ? -1 : 1;
+    return x->triangle < y->triangle ? -1 : 1;
 }
 
-static void sweep_run(sweep *s)
+/* Triangles that wait for each other in a ring, and all behind them: open the rings at their
+ * farthest triangles. */
+static int sweep_rings(dmk_context *ctx, sweep *s, int32_t *head)
+{
+    int rc;
+    stuck *list = NULL;
+    size_t n = 0;
+    for (int32_t t = 0; t < s->mesh->n_triangles; t++)
+        n += s->waiting[t] > 0 && !s->sink[t];
+    DMK_TRY(DMK_NEW(ctx, list, n));
+    n = 0;
+    for (int32_t t = 0; t < s->mesh->n_triangles; t++) {
+        if (s->waiting[t] > 0 && !s->sink[t]) list[n++] = (stuck){height(s, t), t};
+    }
+    qsort(list, n, sizeof *list, compare_stuck);
+    for (size_t i = 0; i < n; i++) {
+        if (s->waiting[list[i].triangle] <= 0) continue;
+        sweep_triangle(s, list[i].triangle);
+        sweep_queue(s, head);
+    }
+done:
+    free(list);
+    return rc;
+}
+
+static int sweep_run(dmk_context *ctx, sweep *s)
 {
     int32_t head = 0;
     for (int32_t t = 0; t < s->mesh->n_triangles; t++) {
@@ -231,7 +261,7 @@ static void sweep_run(sweep *s)
         if (s->waiting[t] == 0) s->queue[s->n_queue++] = t;
     }
     sweep_queue(s, &head);
-    sweep_rings(s, &head);
+    return sweep_rings(ctx, s, &head);
 }
 
 /* Where the source lies: mu = load / (r * angle), so the integral over the part of the triangle
@@ -280,7 +310,7 @@ int dmk_start_density(dmk_context *ctx, const dmk_mesh *mesh, const dmk_point *s
     for (int32_t t = 0; t < mesh->n_triangles; t++) {
         if (!s.sink[t]) open_triangle(&s, t);
     }
-    sweep_run(&s);
+    DMK_TRY(sweep_run(ctx, &s));
     for (int32_t t = 0; t < mesh->n_triangles; t++) {
         if (s.sink[t]) sink_density(&s, t);
         mu[t] = fmax(mu[t], 0.1 * sqrt(mesh->area[t]));
