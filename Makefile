@@ -69,7 +69,7 @@ TOOL := $(if $(CLI_SRC),$B/dmkcl)
 PC := $B/dmkcl.pc
 MAN := $(if $(CLI_SRC),$B/dmkcl.1)
 
-.PHONY: all tests test demo install uninstall clean help deps FORCE
+.PHONY: all tests test coverage demo install uninstall clean help deps FORCE
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -83,7 +83,7 @@ PACKAGES := build/packages.ok
 deps: $(PACKAGES)
 $(PACKAGES): .ci/packages .ci/deps.sh
 	@mkdir -p $(@D)
-	@sh .ci/deps.sh $(if $(filter deps demo test,$(MAKECMDGOALS)),install,check) $<
+	@sh .ci/deps.sh $(if $(filter deps demo test coverage,$(MAKECMDGOALS)),install,check) $<
 	@touch $@
 
 # Changes only when the compiler or its flags do, and then everything is built anew.
@@ -134,6 +134,13 @@ $B/tests/%: $B/tests/%.o $(TEST_LIB_OBJ) $(STATIC)
 test: $(TESTS) $(STATIC) $(SHARED) $(TOOL)
 	@sh tests/run.sh $B $(TESTS) $(TEST_SCRIPTS)
 
+# Share of the lines of src/ that the tests run, file by file, the least covered first.
+coverage:
+	$(Q)$(MAKE) -s CONFIG=coverage test
+	$(Q)find build/coverage/src -name '*.gcda' -exec gcov -n {} + 2> /dev/null | \
+	    awk -F"[':% ]+" '/^File/ { f = $$2 } /^Lines/ && f ~ /^src/ { print $$3 "% of", $$5, f; f = "" }' | \
+	    sort -n
+
 # ---- demo ------------------------------------------------------------------------------------
 
 # The paper's first example: the torus of radii 2 and 1, seen from the point (3, 0, 0).
@@ -179,6 +186,7 @@ clean:
 help:
 	@echo 'make            library, tool and test programs, in build/$$(CONFIG)'
 	@echo 'make test       run all tests; the last line counts them'
+	@echo 'make coverage   how much of the sources the tests run, by file'
 	@echo 'make demo       solve the torus of the paper; files in build/demo'
 	@echo 'make deps       install missing Debian packages (demo and test do this too)'
 	@echo 'make install    tool, libraries, header, dmkcl.pc, manual; uninstall takes them away'
