@@ -1,0 +1,155 @@
+/* The dmkcl tool: what its files share. It knows the library by the public header only. */
+#ifndef DMK_CLI_H
+#define DMK_CLI_H
+
+#include "dmkcl.h"
+
+#include <stdbool.h>
+#include <stdio.h>
+
+/* ---- main.c: the commands; each lives in a file of its own, cmd_NAME.c ---------------------- */
+
+/* argv[0] is the command's name; the result is the exit code. */
+int cmd_solve(int argc, char **argv);
+int cmd_mesh(int argc, char **argv);
+int cmd_info(int argc, char **argv);
+int cmd_devices(int argc, char **argv);
+
+/* ---- exit.c: exit codes and errors ---------------------------------------------------------- */
+
+enum { EXIT_OK = 0, EXIT_USAGE = 1, EXIT_IO = 2, EXIT_MEMORY = 8 };
+
+/* The exit code of a library status. */
+int cli_exit_code(int status);
+void cli_print_exit_codes(FILE *file);
+/* "dmkcl: text" on the standard error; the result is `code`. */
+int cli_error(int code, const char *format, ...) __attribute__((format(printf, 2, 3)));
+/* The same with the message of the context for the failed library call that gave `status`. */
+int cli_library_error(const dmk_context *context, int status);
+/* Flush the standard output; EXIT_IO with a message if anything written there was lost. */
+int cli_flush(void);
+
+/* ---- options.c: the command line as a table ------------------------------------------------- */
+
+enum { CLI_MAX_FILES = 16 };
+
+typedef struct cli_files {
+    const char *path[CLI_MAX_FILES];
+    int n;
+} cli_files;
+
+/* Up to three numbers; n = 0: not given. */
+typedef struct cli_numbers {
+    double value[3];
+    int n;
+} cli_numbers;
+
+typedef enum cli_kind {
+    CLI_FLAG,    /* bool */
+    CLI_INTEGER, /* int64_t in [lo, hi] */
+    CLI_NUMBER,  /* double in [lo, hi] */
+    CLI_POINT,   /* cli_numbers: exactly three */
+    CLI_SIZES,   /* cli_numbers: one to three above zero */
+    CLI_TEXT,    /* const char * */
+    CLI_FILES,   /* cli_files; may be given again */
+    CLI_CHOICE   /* int: index into choices */
+} cli_kind;
+
+typedef struct cli_option {
+    const char *name;  /* without the dashes */
+    const char *value; /* what stands for the value in the help; NULL for a flag */
+    const char *help;
+    cli_kind kind;
+    void *target; /* of the type that `kind` tells; untouched if the option is not given */
+    double lo, hi;
+    const char *expected;       /* of a number out of range: "a number in (0, 1]" */
+    const char *const *choices; /* NULL-terminated */
+} cli_option;
+
+typedef struct cli_syntax {
+    const char *command;
+    const char *usage;   /* what follows the command */
+    const char *summary; /* sentences */
+    const char *operand; /* name of the one operand, or NULL for none */
+    const char *notes;   /* after the options, or NULL */
+    const cli_option *options;
+    size_t n_options;
+} cli_syntax;
+
+enum { CLI_GO_ON = -1 };
+
+/* Fill the targets and *operand. CLI_GO_ON, or the exit code when there is nothing more to do. */
+int cli_parse(const cli_syntax *syntax, int argc, char **argv, const char **operand);
+/* The entry of `names` (NULL-terminated) nearest to `word`, or NULL if none is near. */
+const char *cli_nearest(const char *word, const char *const *names);
+
+/* ---- output.c: files to be written ---------------------------------------------------------- */
+
+typedef enum cli_what { CLI_MESH, CLI_RESULT, CLI_LOCUS, CLI_ANY } cli_what;
+
+/* See before the work starts that `path` of --`option` has a suffix that can hold `what` and a
+ * folder that can be written to. EXIT_OK, or the exit code with the error told. */
+int cli_check_output(const char *option, const char *path, cli_what what);
+/* Print the suffixes that hold `what`, as ".vtp .vtu", into `text`. */
+void cli_suffixes(cli_what what, char *text, size_t size);
+
+/* ---- terminal.c: colour, progress, interruption --------------------------------------------- */
+
+typedef struct cli_progress {
+    bool line;    /* one line that is rewritten, for terminals */
+    bool steps;   /* a line for each step */
+    double goal;  /* change of mu at which the iteration ends; 0: unknown */
+    double shown; /* seconds of the last update */
+    bool open;    /* the line is on the screen */
+    double gap; /* the last that was computed, or NaN */
+    /* First report with a change of mu, for the estimate of the time left. */
+    double first_change, first_seconds;
+} cli_progress;
+
+/* Bold on a terminal that can, else "". */
+const char *cli_bold(void);
+const char *cli_plain(void);
+/* From now on Ctrl-C asks the running library call to stop; a second one ends the program. */
+void cli_catch_interrupt(void);
+bool cli_interrupted(void);
+/* Reports of `context` go to the standard error as `progress` says, and Ctrl-C cancels. */
+void cli_watch(dmk_context *context, cli_progress *progress);
+/* Put `text` on the progress line, if there is one. */
+void cli_progress_say(cli_progress *progress, const char *text);
+/* Wipe the progress line. */
+void cli_progress_end(cli_progress *progress);
+
+/* ---- text.c: figures for people ------------------------------------------------------------- */
+
+enum { CLI_TEXT_SIZE = 48 };
+
+/* 86784 -> "86,784" */
+const char *cli_count(int64_t n, char text[CLI_TEXT_SIZE]);
+/* Bytes as "1.5 GiB". */
+const char *cli_bytes(uint64_t bytes, char text[CLI_TEXT_SIZE]);
+/* "3, 0, 0.5" */
+const char *cli_point(const double xyz[3], char text[CLI_TEXT_SIZE]);
+/* Bytes of the largest resident size so far. */
+uint64_t cli_peak_memory(void);
+double cli_seconds(void);
+
+/* ---- json.c --------------------------------------------------------------------------------- */
+
+typedef struct cli_json {
+    FILE *file;
+    int depth;
+    bool empty; /* nothing yet in the innermost object or list */
+} cli_json;
+
+/* `key` is NULL inside lists and for the outermost value. `bracket` is '{' or '['. */
+void json_open(cli_json *json, const char *key, char bracket);
+void json_close(cli_json *json, char bracket);
+void json_text(cli_json *json, const char *key, const char *value);
+void json_integer(cli_json *json, const char *key, int64_t value);
+void json_number(cli_json *json, const char *key, double value); /* not finite: null */
+void json_bool(cli_json *json, const char *key, bool value);
+void json_numbers(cli_json *json, const char *key, const double *values, size_t n);
+/* Mesh counts and measures, as fields of the object that is open. */
+void json_mesh(cli_json *json, const dmk_mesh_info *info);
+
+#endif

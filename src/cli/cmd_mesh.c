@@ -1,0 +1,139 @@
+/* dmkcl mesh: a built-in surface as a mesh file. */
+#include "cli.h"
+
+#include <string.h>
+
+enum { MAX_SURFACES = 32 };
+
+/* The surface of that name, or NULL with the error told. */
+static const char *find_surface(const char *word)
+{
+    const char *names[MAX_SURFACES + 1] = {NULL};
+    char list[256] = "";
+    for (size_t i = 0; i < MAX_SURFACES && (names[i] = dmk_surface_name(i)); i++) {
+        if (strcmp(word, names[i]) == 0) return names[i];
+        const size_t used = strlen(list);
+        snprintf(list + used, sizeof list - used, "%s%s", i ? ", " : "", names[i]);
+    }
+    const char *nearest = cli_nearest(word, names);
+    if (nearest) {
+        cli_error(EXIT_USAGE, "mesh: no surface '%s'; did you mean '%s'?", word, nearest);
+    } else {
+        cli_error(EXIT_USAGE, "mesh: no surface '%s'; expected one of %s", word, list);
+    }
+    return NULL;
+}
+
+static void describe_surfaces(char *text, size_t size)
+{
+    snprintf(text, size, "surfaces:");
+    for (size_t i = 0; dmk_surface_name(i); i++) {
+        const size_t used = strlen(text);
+        snprintf(text + used, size - used, "\n  %-12s %s", dmk_surface_name(i),
+                 dmk_surface_text(i));
+    }
+}
+
+static void print_made(const char *path, const dmk_surface_options *surface, const dmk_mesh *mesh)
+{
+    char a[CLI_TEXT_SIZE], b[CLI_TEXT_SIZE], p[CLI_TEXT_SIZE];
+    dmk_mesh_info info;
+    dmk_mesh_get_info(mesh, &info);
+    printf("%s: %s vertices, %s triangles, mean edge %.3g, smallest angle %.0f degrees\n", path,
+           cli_count((int64_t)info.n_vertices, a), cli_count((int64_t)info.n_triangles, b),
+           info.mean_edge, info.min_angle);
+    if (surface->has_source) {
+        printf("%s: the source is vertex 0, at %s\n", path, cli_point(dmk_mesh_vertices(mesh), p));
+    }
+}
+
+static int make(const dmk_surface_options *surface, const char *path, bool quiet)
+{
+    dmk_context *context;
+    dmk_mesh *mesh = NULL;
+    cli_progress progress = {0};
+    int rc = dmk_context_create(&context);
+    if (rc == DMK_OK) {
+        cli_catch_interrupt();
+        cli_watch(context, &progress);
+        rc = dmk_mesh_surface(context, surface, &mesh);
+    }
+    if (rc == DMK_OK && cli_interrupted()) rc = DMK_E_CANCELLED;
+    if (rc == DMK_OK) rc = dmk_mesh_write(context, mesh, path);
+    if (rc != DMK_OK) {
+        rc = cli_library_error(context, rc);
+    } else if (!quiet) {
+        print_made(path, surface, mesh);
+        rc = cli_flush();
+    }
+    dmk_mesh_destroy(&mesh);
+    dmk_context_destroy(&context);
+    return rc;
+}
+
+int cmd_mesh(int argc, char **argv)
+{
+    const char *name, *out = NULL;
+    cli_numbers size = {.n = 0}, source = {.n = 0};
+    int64_t n_triangles = 0, refine = 0;
+    bool quiet = false;
+    char formats[512], out_help[600], surfaces[2048];
+    cli_suffixes(CLI_MESH, formats, sizeof formats);
+    snprintf(out_help, sizeof out_help, "the mesh file to write: %s", formats);
+    describe_surfaces(surfaces, sizeof surfaces);
+    const cli_option options[] = {
+        {.name = "out", .value = "FILE", .help = out_help, .kind = CLI_TEXT, .target = &out},
+        {.name = "size",
+         .value = "A[,B[,C]]",
+         .help = "sizes of the surface (see below)",
+         .kind = CLI_SIZES,
+         .target = &size},
+        {.name = "triangles",
+         .value = "N",
+         .help = "of the coarse mesh, about",
+         .kind = CLI_INTEGER,
+         .target = &n_triangles,
+         .lo = 4,
+         .hi = 1e9,
+         .expected = "a whole number from 4"},
+        {.name = "refine",
+         .value = "N",
+         .help = "split every triangle in four, N times, and lift the new points\nto the surface",
+         .kind = CLI_INTEGER,
+         .target = &refine,
+         .lo = 0,
+         .hi = 15,
+         .expected = "a whole number from 0 to 15"},
+        {.name = "source",
+         .value = "X,Y,Z",
+         .help = "make the point of the surface near X,Y,Z an exact vertex, number 0",
+         .kind = CLI_POINT,
+         .target = &source},
+        {.name = "quiet", .help = "print nothing", .kind = CLI_FLAG, .target = &quiet},
+    };
+    const cli_syntax syntax = {
+        .command = "mesh",
+        .usage = "SURFACE --out FILE [OPTIONS]",
+        .summary = "Make a mesh of a built-in surface.",
+        .operand = "SURFACE",
+        .notes = surfaces,
+        .options = options,
+        .n_options = sizeof options / sizeof *options,
+    };
+    int code = cli_parse(&syntax, argc, argv, &name);
+    if (code != CLI_GO_ON) return code;
+    if (!out) return cli_error(EXIT_USAGE, "mesh: --out FILE is missing");
+
+    dmk_surface_options surface;
+    dmk_surface_options_init(&surface);
+    surface.name = find_surface(name);
+    if (!surface.name) return EXIT_USAGE;
+    memcpy(surface.size, size.value, (size_t)size.n * sizeof *size.value);
+    surface.n_triangles = (size_t)n_triangles;
+    surface.refine = (int)refine;
+    surface.has_source = source.n == 3;
+    if (surface.has_source) memcpy(surface.source, source.value, sizeof surface.source);
+
+    code = cli_check_output("out", out, CLI_MESH);
+    return code == EXIT_OK ? make(&surface, out, quiet) : code;
+}

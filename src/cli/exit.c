@@ -1,0 +1,70 @@
+/* Exit codes, one for each family of library statuses, and errors. */
+#include "cli.h"
+
+#include <errno.h>
+#include <stdarg.h>
+#include <string.h>
+#include <unistd.h>
+
+typedef struct exit_code {
+    int code;
+    int status[2]; /* of the library; 0 where there is none */
+    const char *text;
+} exit_code;
+
+static const exit_code exit_codes[] = {
+    {EXIT_OK, {DMK_OK, 0}, "success"},
+    {EXIT_USAGE, {DMK_E_ARG, 0}, "a bad option or value"},
+    {EXIT_IO, {DMK_E_IO, 0}, "a file cannot be opened, read or written"},
+    {3, {DMK_E_FORMAT, 0}, "a file is not what it says it is"},
+    {4, {DMK_E_MESH, 0}, "the mesh is not a surface this method can treat"},
+    {5, {DMK_E_DEVICE, DMK_E_BUILD}, "no OpenCL device, or it failed"},
+    {6, {DMK_E_DIVERGED, 0}, "the iteration diverged"},
+    {7, {DMK_E_LIMIT, 0}, "the step limit was reached before the tolerance"},
+    {EXIT_MEMORY, {DMK_E_NOMEM, 0}, "out of memory"},
+    {130, {DMK_E_CANCELLED, 0}, "interrupted (Ctrl-C)"},
+};
+enum { N_EXIT_CODES = sizeof exit_codes / sizeof *exit_codes };
+
+int cli_exit_code(int status)
+{
+    for (int i = 0; i < N_EXIT_CODES; i++) {
+        const int *known = exit_codes[i].status;
+        if (status == known[0] || (known[1] != 0 && status == known[1])) return exit_codes[i].code;
+    }
+    return EXIT_USAGE;
+}
+
+void cli_print_exit_codes(FILE *file)
+{
+    for (int i = 0; i < N_EXIT_CODES; i++) {
+        fprintf(file, "  %-4d %s\n", exit_codes[i].code, exit_codes[i].text);
+    }
+}
+
+int cli_error(int code, const char *format, ...)
+{
+    const bool colour = isatty(STDERR_FILENO);
+    fprintf(stderr, "%sdmkcl:%s ", colour ? "\033[1;31m" : "", colour ? "\033[0m" : "");
+    va_list args;
+    va_start(args, format);
+    vfprintf(stderr, format, args);
+    va_end(args);
+    fputc('\n', stderr);
+    return code;
+}
+
+int cli_library_error(const dmk_context *context, int status)
+{
+    const char *message = context ? dmk_context_message(context) : "";
+    if (!*message) message = dmk_status_text(status);
+    return cli_error(cli_exit_code(status), "%s", message);
+}
+
+int cli_flush(void)
+{
+    if (fflush(stdout) != 0 || ferror(stdout)) {
+        return cli_error(EXIT_IO, "cannot write to the standard output: %s", strerror(errno));
+    }
+    return EXIT_OK;
+}

@@ -1,0 +1,74 @@
+/* dmkcl: the tool. */
+#include "cli.h"
+
+#include <locale.h>
+#include <string.h>
+
+typedef struct command {
+    const char *name;
+    int (*run)(int argc, char **argv);
+    const char *summary;
+} command;
+
+static const command commands[] = {
+    {"solve", cmd_solve, "density, distance and cut locus of a point on a mesh"},
+    {"mesh", cmd_mesh, "make a mesh of a built-in surface"},
+    {"info", cmd_info, "tell what a mesh is: counts, topology, quality"},
+    {"devices", cmd_devices, "list the OpenCL devices and the machine"},
+};
+enum { N_COMMANDS = sizeof commands / sizeof *commands };
+
+static int print_help(void)
+{
+    printf("usage: dmkcl COMMAND [OPTIONS]\n"
+           "\n"
+           "The cut locus of a point on a triangulated surface, by optimal transport, on OpenCL.\n"
+           "\n"
+           "commands:\n");
+    for (int i = 0; i < N_COMMANDS; i++) {
+        printf("  %-9s %s\n", commands[i].name, commands[i].summary);
+    }
+    printf("\n"
+           "`dmkcl COMMAND --help` tells the options of a command, `dmkcl --version` the version.\n"
+           "\n"
+           "exit codes:\n");
+    cli_print_exit_codes(stdout);
+    return cli_flush();
+}
+
+static int unknown_command(const char *name)
+{
+    const char *names[N_COMMANDS + 1] = {NULL};
+    for (int i = 0; i < N_COMMANDS; i++)
+        names[i] = commands[i].name;
+    const char *nearest = cli_nearest(name, names);
+    if (nearest) {
+        return cli_error(EXIT_USAGE, "no command '%s'; did you mean '%s'?", name, nearest);
+    }
+    return cli_error(EXIT_USAGE, "no command '%s'; `dmkcl --help` lists them", name);
+}
+
+int main(int argc, char **argv)
+{
+    /* Decimal points whatever the user's language. The program never asks for another locale, but
+     * an OpenCL driver might. */
+    locale_t c = newlocale(LC_ALL_MASK, "C", (locale_t)0);
+    if (c) uselocale(c);
+
+    if (argc < 2) {
+        cli_error(EXIT_USAGE, "a command is missing; `dmkcl --help` lists them");
+        return EXIT_USAGE;
+    }
+    const char *name = argv[1];
+    if (strcmp(name, "--help") == 0 || strcmp(name, "-h") == 0 || strcmp(name, "help") == 0) {
+        return print_help();
+    }
+    if (strcmp(name, "--version") == 0) {
+        printf("dmkcl %s\n", dmk_version());
+        return cli_flush();
+    }
+    for (int i = 0; i < N_COMMANDS; i++) {
+        if (strcmp(name, commands[i].name) == 0) return commands[i].run(argc - 1, argv + 1);
+    }
+    return unknown_command(name);
+}

@@ -1,0 +1,294 @@
+/* dmkcl solve: the JSON report, and the summary for a person. */
+#include "solve.h"
+
+#include <errno.h>
+#include <limits.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+/* ---- report --------------------------------------------------------------------------------- */
+
+static void write_source(cli_json *json, const solve_run *run)
+{
+    double xyz[3] = {NAN, NAN, NAN};
+    dmk_mesh_point_xyz(run->context, run->mesh, &run->source, xyz);
+    json_open(json, "source", '{');
+    json_numbers(json, "xyz", xyz, 3);
+    json_integer(json, "triangle", run->source.triangle);
+    json_numbers(json, "weight", run->source.weight, 3);
+    json_close(json, '{');
+}
+
+static void write_device(cli_json *json, const solve_run *run)
+{
+    dmk_device_info device;
+    dmk_device_get_info(run->device, &device);
+    json_open(json, "device", '{');
+    json_text(json, "name", device.name);
+    json_text(json, "platform", device.platform);
+    json_text(json, "driver", device.driver);
+    json_text(json, "type", device.type);
+    json_integer(json, "compute_units", device.compute_units);
+    json_close(json, '{');
+}
+
+static void write_stats(cli_json *json, const dmk_stats *stats)
+{
+    json_text(json, "precision", stats->double_precision ? "double" : "single");
+    json_integer(json, "steps", stats->steps);
+    json_integer(json, "cg_iterations", stats->cg_iterations);
+    json_integer(json, "v_cycles", stats->v_cycles);
+    json_integer(json, "levels", stats->levels);
+    json_number(json, "change", stats->change);
+    json_number(json, "cost_upper", stats->cost_upper);
+    json_number(json, "cost_lower", stats->cost_lower);
+    json_number(json, "gap", stats->gap);
+}
+
+static void write_seconds(cli_json *json, const solve_times *seconds, const dmk_stats *stats)
+{
+    json_open(json, "seconds", '{');
+    json_number(json, "read", seconds->read);
+    json_number(json, "device", seconds->device);
+    json_number(json, "setup", seconds->setup);
+    json_number(json, "start", stats->seconds[DMK_STAGE_START]);
+    json_number(json, "solve", stats->seconds[DMK_STAGE_SOLVE]);
+    json_number(json, "certify", stats->seconds[DMK_STAGE_CERTIFY]);
+    json_number(json, "locus", seconds->locus);
+    json_number(json, "write", seconds->write);
+    json_number(json, "total", seconds->total);
+    json_close(json, '{');
+}
+
+static void write_locus(cli_json *json, const dmk_locus *locus)
+{
+    dmk_locus_info info;
+    dmk_locus_get_info(locus, &info);
+    json_open(json, "locus", '{');
+    json_number(json, "length", info.length);
+    json_integer(json, "loops", info.loops);
+    json_integer(json, "components", (int64_t)info.components);
+    json_integer(json, "endpoints", (int64_t)info.endpoints);
+    json_integer(json, "branch_points", (int64_t)info.branch_points);
+    json_integer(json, "n_vertices", (int64_t)info.n_vertices);
+    json_integer(json, "n_edges", (int64_t)info.n_edges);
+    json_integer(json, "n_polylines", (int64_t)info.n_polylines);
+    json_close(json, '{');
+}
+
+static void write_names(cli_json *json, const char *key, const cli_files *files)
+{
+    json_open(json, key, '[');
+    for (int i = 0; i < files->n; i++)
+        json_text(json, NULL, files->path[i]);
+    json_close(json, '[');
+}
+
+static void write_report(FILE *file, const solve_order *order, const solve_run *run)
+{
+    cli_json json = {.file = file};
+    dmk_mesh_info info;
+    dmk_stats stats;
+    dmk_mesh_get_info(run->mesh, &info);
+    dmk_result_get_stats(run->result, &stats);
+    json_open(&json, NULL, '{');
+    json_text(&json, "dmkcl", dmk_version());
+    json_open(&json, "mesh", '{');
+    json_text(&json, "file", order->mesh);
+    json_mesh(&json, &info);
+    json_close(&json, '{');
+    json_integer(&json, "euler", info.euler);
+    json_number(&json, "area", stats.area); /* of the component with the source */
+    write_source(&json, run);
+    write_device(&json, run);
+    write_stats(&json, &stats);
+    write_seconds(&json, &run->seconds, &stats);
+    json_integer(&json, "peak_memory", (int64_t)cli_peak_memory());
+    write_locus(&json, run->locus);
+    write_names(&json, "out", &order->out);
+    write_names(&json, "locus_out", &order->locus);
+    json_close(&json, '{');
+}
+
+/* A temporary file beside `path`, with the permissions that a new file would have. */
+static FILE *open_temporary(const char *path, char name[PATH_MAX])
+{
+    if (snprintf(name, PATH_MAX, "%s.XXXXXX", path) >= PATH_MAX) {
+        errno = ENAMETOOLONG;
+        return NULL;
+    }
+    const int descriptor = mkstemp(name);
+    if (descriptor < 0) return NULL;
+    const mode_t mask = umask(0);
+    umask(mask);
+    FILE *file = fchmod(descriptor, 0666 & ~mask) == 0 ? fdopen(descriptor, "w") : NULL;
+    if (!file) {
+        close(descriptor);
+        unlink(name);
+    }
+    return file;
+}
+
+int solve_report(const solve_order *order, const solve_run *run)
+{
+    char name[PATH_MAX];
+    if (strcmp(order->report, "-") == 0) {
+        write_report(stdout, order, run);
+        return cli_flush();
+    }
+    FILE *file = open_temporary(order->report, name);
+    if (file) {
+        write_report(file, order, run);
+        const bool whole = !ferror(file);
+        if (fclose(file) == 0 && whole && rename(name, order->report) == 0) return EXIT_OK;
+        unlink(name);
+    }
+    return cli_error(EXIT_IO, "--report: cannot write '%s': %s", order->report, strerror(errno));
+}
+
+/* ---- summary -------------------------------------------------------------------------------- */
+
+static void print_label(const char *label)
+{
+    printf("%s%-10s%s ", cli_bold(), label, cli_plain());
+}
+
+static const char *plural(int64_t n)
+{
+    return n == 1 ? "" : "s";
+}
+
+static void print_mesh(const solve_order *order, const dmk_mesh_info *info)
+{
+    char v[CLI_TEXT_SIZE], t[CLI_TEXT_SIZE];
+    const int64_t n_loops = (int64_t)info->n_border_loops;
+    print_label("mesh");
+    printf("%s: %s vertices, %s triangles, ", order->mesh, cli_count((int64_t)info->n_vertices, v),
+           cli_count((int64_t)info->n_triangles, t));
+    if (n_loops == 0) printf("closed");
+    if (n_loops > 0) printf("%s border loop%s", cli_count(n_loops, v), plural(n_loops));
+    if (info->n_components == 1) {
+        printf(", genus %lld\n", (long long)(2 - n_loops - info->euler) / 2);
+    } else {
+        printf(", %s components\n", cli_count((int64_t)info->n_components, v));
+    }
+    if (info->n_components > 1) {
+        print_label("");
+        printf("only the component with the source takes part\n");
+    }
+    if (info->n_unused_vertices > 0) {
+        print_label("");
+        printf("%s vertices are in no triangle\n", cli_count((int64_t)info->n_unused_vertices, v));
+    }
+}
+
+/* Where on the mesh the source sits. */
+static void print_place(const solve_run *run)
+{
+    const dmk_point *p = &run->source;
+    int corner = 0, n_corners = 0; /* with a weight */
+    for (int k = 0; k < 3; k++) {
+        if (p->weight[k] > 0) {
+            corner = k;
+            n_corners++;
+        }
+    }
+    if (n_corners == 1) {
+        printf(", vertex %ld", (long)dmk_mesh_triangles(run->mesh)[3 * p->triangle + corner]);
+    } else {
+        printf(", %s triangle %lld", n_corners == 2 ? "on an edge of" : "in",
+               (long long)p->triangle);
+    }
+}
+
+static void print_source(const solve_order *order, const solve_run *run)
+{
+    char text[CLI_TEXT_SIZE];
+    double xyz[3];
+    if (dmk_mesh_point_xyz(run->context, run->mesh, &run->source, xyz) != DMK_OK) return;
+    print_label("source");
+    printf("(%s)", cli_point(xyz, text));
+    print_place(run);
+    if (order->vertex < 0) {
+        const double *asked = order->source.value;
+        const double away = hypot(hypot(xyz[0] - asked[0], xyz[1] - asked[1]), xyz[2] - asked[2]);
+        printf(", %.2g from the point asked for", away);
+    }
+    putchar('\n');
+}
+
+static void print_cost(const dmk_stats *stats)
+{
+    print_label("solved");
+    printf("in %d step%s with %d CG iteration%s, %s precision\n", stats->steps,
+           plural(stats->steps), stats->cg_iterations, plural(stats->cg_iterations),
+           stats->double_precision ? "double" : "single");
+    print_label("cost");
+    printf("between %.8g and %.8g", stats->cost_lower, stats->cost_upper);
+    if (isfinite(stats->gap)) printf(" (gap %.2g %%)", 100 * stats->gap);
+    printf(", the integral of the distance\n");
+}
+
+static void print_locus(const dmk_locus *locus)
+{
+    char n[4][CLI_TEXT_SIZE];
+    dmk_locus_info info;
+    dmk_locus_get_info(locus, &info);
+    print_label("cut locus");
+    printf("length %.6g in %s piece%s, %s loop%s, %s end%s, %s branch point%s\n", info.length,
+           cli_count((int64_t)info.components, n[0]), plural((int64_t)info.components),
+           cli_count(info.loops, n[1]), plural(info.loops),
+           cli_count((int64_t)info.endpoints, n[2]), plural((int64_t)info.endpoints),
+           cli_count((int64_t)info.branch_points, n[3]), plural((int64_t)info.branch_points));
+}
+
+static void print_time(const solve_times *seconds, const dmk_stats *stats)
+{
+    char memory[CLI_TEXT_SIZE];
+    print_label("time");
+    printf("%.2f s: read %.2f, device %.2f, setup %.2f, start %.2f, solve %.2f, certify %.2f,\n",
+           seconds->total, seconds->read, seconds->device, seconds->setup,
+           stats->seconds[DMK_STAGE_START], stats->seconds[DMK_STAGE_SOLVE],
+           stats->seconds[DMK_STAGE_CERTIFY]);
+    print_label("");
+    printf("locus %.2f, write %.2f; memory %s\n", seconds->locus, seconds->write,
+           cli_bytes(cli_peak_memory(), memory));
+}
+
+static void print_files(const solve_order *order)
+{
+    for (int i = 0; i < order->out.n; i++) {
+        print_label("wrote");
+        printf("%s: density, distance\n", order->out.path[i]);
+    }
+    for (int i = 0; i < order->locus.n; i++) {
+        print_label("wrote");
+        printf("%s: cut locus\n", order->locus.path[i]);
+    }
+    if (order->report) {
+        print_label("wrote");
+        printf("%s: report\n", order->report);
+    }
+}
+
+void solve_summary(const solve_order *order, const solve_run *run)
+{
+    dmk_mesh_info info;
+    dmk_device_info device;
+    dmk_stats stats;
+    dmk_mesh_get_info(run->mesh, &info);
+    dmk_device_get_info(run->device, &device);
+    dmk_result_get_stats(run->result, &stats);
+    print_mesh(order, &info);
+    print_source(order, run);
+    print_label("device");
+    printf("%s (%s), %d compute unit%s\n", device.name, device.platform, device.compute_units,
+           plural(device.compute_units));
+    print_cost(&stats);
+    print_locus(run->locus);
+    print_time(&run->seconds, &stats);
+    print_files(order);
+}

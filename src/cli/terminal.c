@@ -1,0 +1,113 @@
+/* The terminal: colour, one line of progress, Ctrl-C. */
+#include "cli.h"
+
+#include <math.h>
+#include <signal.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+/* The one thing a signal handler may touch. */
+static volatile sig_atomic_t interrupted;
+
+static void on_interrupt(int signal_number)
+{
+    (void)signal_number;
+    interrupted = 1;
+}
+
+void cli_catch_interrupt(void)
+{
+    struct sigaction action = {.sa_handler = on_interrupt, .sa_flags = (int)SA_RESETHAND};
+    sigaction(SIGINT, &action, NULL);
+    sigaction(SIGTERM, &action, NULL);
+}
+
+bool cli_interrupted(void)
+{
+    return interrupted != 0;
+}
+
+static bool has_colour(void)
+{
+    const char *term = getenv("TERM");
+    return isatty(STDOUT_FILENO) && !getenv("NO_COLOR") && !(term && strcmp(term, "dumb") == 0);
+}
+
+const char *cli_bold(void)
+{
+    return has_colour() ? "\033[1m" : "";
+}
+const char *cli_plain(void)
+{
+    return has_colour() ? "\033[0m" : "";
+}
+
+/* Seconds until `change` reaches the goal, if log(change) goes on falling as it did so far; NaN
+ * when that cannot be told. */
+static double time_left(cli_progress *progress, const dmk_progress *report)
+{
+    if (!(report->change > 0) || !(progress->goal > 0)) return NAN;
+    if (!(progress->first_change > 0)) {
+        progress->first_change = report->change;
+        progress->first_seconds = report->seconds;
+        return NAN;
+    }
+    const double fallen = log(progress->first_change / report->change);
+    const double to_fall = log(report->change / progress->goal);
+    if (!(fallen > 0)) return NAN;
+    return fmax(0, to_fall) * (report->seconds - progress->first_seconds) / fallen;
+}
+
+static void print_step(const dmk_progress *report, double gap, double left)
+{
+    fprintf(stderr, "%-8s", report->stage);
+    if (report->step > 0) fprintf(stderr, " step %d", report->step);
+    if (report->cg_iterations > 0) fprintf(stderr, "  %d CG", report->cg_iterations);
+    if (report->step > 0 && isfinite(report->change)) {
+        fprintf(stderr, "  change %.1e", report->change);
+    }
+    if (report->step > 0 && isfinite(gap)) fprintf(stderr, "  gap %.1e", gap);
+    fprintf(stderr, "  %.1f s", report->seconds);
+    if (isfinite(left) && left >= 0.5) fprintf(stderr, ", about %.0f s left", left);
+}
+
+static int on_progress(const dmk_progress *report, void *user)
+{
+    cli_progress *progress = user;
+    if (interrupted) return 1;
+    if (progress->steps) {
+        print_step(report, report->gap, NAN);
+        fputc('\n', stderr);
+    } else if (progress->line) {
+        if (isfinite(report->gap)) progress->gap = report->gap;
+        const double left = time_left(progress, report);
+        const double now = cli_seconds();
+        if (progress->open && now - progress->shown < 0.1) return 0; /* the eye sees no more */
+        fputs("\r\033[K", stderr);
+        print_step(report, progress->gap, left);
+        fflush(stderr);
+        progress->shown = now;
+        progress->open = true;
+    }
+    return 0;
+}
+
+void cli_watch(dmk_context *context, cli_progress *progress)
+{
+    dmk_context_set_progress(context, on_progress, progress);
+}
+
+void cli_progress_say(cli_progress *progress, const char *text)
+{
+    if (!progress->line || progress->steps) return;
+    fprintf(stderr, "\r\033[K%s", text);
+    fflush(stderr);
+    progress->open = true;
+}
+
+void cli_progress_end(cli_progress *progress)
+{
+    if (progress->open) fputs("\r\033[K", stderr);
+    progress->open = false;
+}

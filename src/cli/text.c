@@ -1,0 +1,51 @@
+/* Figures for people, and what the operating system tells of the run. */
+#include "cli.h"
+
+#include <inttypes.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <time.h>
+
+const char *cli_count(int64_t n, char text[CLI_TEXT_SIZE])
+{
+    char digits[CLI_TEXT_SIZE];
+    const int length = snprintf(digits, sizeof digits, "%" PRId64, n);
+    int j = 0;
+    for (int i = 0; i < length; i++) {
+        if (i > 0 && (length - i) % 3 == 0 && digits[i - 1] != '-') text[j++] = ',';
+        text[j++] = digits[i];
+    }
+    text[j] = '\0';
+    return text;
+}
+
+const char *cli_bytes(uint64_t bytes, char text[CLI_TEXT_SIZE])
+{
+    static const char *const units[] = {"B", "KiB", "MiB", "GiB", "TiB"};
+    double x = (double)bytes;
+    int unit = 0;
+    for (; x >= 1024 && unit < 4; unit++)
+        x /= 1024;
+    snprintf(text, CLI_TEXT_SIZE, x < 10 && unit > 0 ? "%.1f %s" : "%.0f %s", x, units[unit]);
+    return text;
+}
+
+const char *cli_point(const double xyz[3], char text[CLI_TEXT_SIZE])
+{
+    snprintf(text, CLI_TEXT_SIZE, "%.6g, %.6g, %.6g", xyz[0], xyz[1], xyz[2]);
+    return text;
+}
+
+uint64_t cli_peak_memory(void)
+{
+    struct rusage usage;
+    if (getrusage(RUSAGE_SELF, &usage) != 0) return 0;
+    return (uint64_t)usage.ru_maxrss * 1024; /* Linux counts in KiB */
+}
+
+double cli_seconds(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
