@@ -1,0 +1,181 @@
+# The tool on the command line: exit codes, errors, files, what a terminal and a pipe see.
+. tests/tap.sh
+
+torus=$work/torus.off
+has() { grep -qE -e "$2" "$1"; }
+output_has() { # PATTERN COMMAND...: on the standard output
+    local pattern=$1
+    shift
+    "$@" > "$work/said_out" || return
+    has "$work/said_out" "$pattern" || { cat "$work/said_out"; return 1; }
+}
+# Only these files are in the folder.
+holds() { # FOLDER FILES
+    test "$(ls -A "$1" | tr '\n' ' ')" = "$2"
+}
+usage() { # NAME PATTERN ARGUMENT...: a slip that the tool explains, exit code 1
+    local name=$1 pattern=$2
+    shift 2
+    fails "$name" 1 "$pattern" "$tool" "$@"
+}
+
+# ---- help and slips ---------------------------------------------------------------------------
+
+check '--help' output_has '^usage: dmkcl' "$tool" --help
+check '--version' output_has '^dmkcl [0-9]+\.[0-9]+\.[0-9]+$' "$tool" --version
+for command in solve mesh info devices; do
+    check "$command --help" output_has "^usage: dmkcl $command" "$tool" $command --help
+    check "--help knows $command" output_has "^  $command " "$tool" --help
+done
+for code in 0 1 2 3 4 5 6 7 8 130; do
+    check "--help tells exit code $code" output_has "^  $code  " "$tool" --help
+done
+usage 'no command' 'command is missing'
+usage 'an unknown command' "did you mean 'solve'" slove
+usage 'a command like no other' 'dmkcl --help' xxxxxxxxxx
+usage 'an unknown option' "no option '--sorce'; did you mean '--source'" solve x.off --sorce 1,2,3
+usage 'an option like no other' 'solve --help' solve x.off --xxxxxxxxxxxx 1
+usage 'a single dash' 'two dashes' solve x.off -source
+usage 'a value that is missing' '--source: its value X,Y,Z is missing' solve x.off --source
+usage 'a flag with a value' '--quiet: takes no value' solve x.off --quiet=1
+usage 'no mesh' 'MESH is missing' solve --vertex 0
+usage 'two meshes' "'b.off' is one argument too many" solve a.off b.off --vertex 0
+usage 'no source' 'give --source|Give --source' solve x.off
+usage 'two sources' 'not both' solve x.off --vertex 0 --source 1,2,3
+usage 'quiet and verbose' 'not both' solve x.off --vertex 0 --quiet --verbose
+for bad in 1,2 1,2,3,4 1,2,x 1,2, '' '1, 2,3' nan,0,0 inf,0,0 "1;2;3"; do
+    usage "--source '$bad'" "--source: '.*' is not a point X,Y,Z" solve x.off "--source=$bad"
+done
+for bad in -1 x 1.5 1e3 '' 99999999999 ' 1'; do
+    usage "--vertex '$bad'" '--vertex: .* is not a vertex number' solve x.off "--vertex=$bad"
+done
+number() { # OPTION BAD...
+    local option=$1 bad
+    shift
+    for bad; do usage "--$option '$bad'" "--$option: '.*' is not a" solve x.off "--$option=$bad"; done
+}
+number threshold 0 -1 x nan 1,5
+number dt 0 1.1 -1 x
+number inertia 1 -0.1 x
+number tolerance 0 -1 2 x
+number gap 0 -1 2 x
+number max-steps 0 -1 1.5 x
+number threads 0 -1 x
+usage '--method' "'fast' is not one of newton, inertial, euler" solve x.off --method fast
+usage '--start' "'cold' is not one of distance, uniform" solve x.off --start cold
+usage '--out with a strange suffix' "expected one of .*.vtp" solve x.off --vertex 0 --out x.png
+usage '--locus with a strange suffix' "expected one of .*.obj" solve x.off --vertex 0 --locus x.png
+fails '--out in no folder' 2 'cannot write into the folder' \
+    "$tool" solve x.off --vertex 0 --out "$work/no/x.vtp"
+fails '--report in no folder' 2 'cannot write into the folder' \
+    "$tool" solve x.off --vertex 0 --report "$work/no/x.json"
+fails '--report on a device' 2 'not a regular file' \
+    "$tool" solve x.off --vertex 0 --report /dev/null
+
+usage 'mesh: no --out' '--out FILE is missing' mesh torus
+usage 'mesh: an unknown surface' "did you mean 'torus'" mesh tours --out "$work/x.off"
+usage 'mesh: a surface like no other' 'expected one of torus, ' mesh xxxxxxxx --out "$work/x.off"
+usage 'mesh: a strange suffix' 'expected one of .*.off' mesh torus --out "$work/x.png"
+for bad in 0 -1 1,2,3,4 x 1,,2; do
+    usage "mesh: --size '$bad'" '--size: .* is not one to three sizes' mesh torus "--size=$bad"
+done
+usage 'mesh: --refine' '--refine: .* whole number' mesh torus --refine 99
+usage 'mesh: --triangles' '--triangles: .* whole number' mesh torus --triangles 3
+usage 'info: no mesh' 'MESH is missing' info
+usage 'devices: an argument' 'too many' devices x
+
+# ---- meshes -----------------------------------------------------------------------------------
+
+check 'mesh makes a torus' "$tool" mesh torus --source 3,0,0 --out "$torus"
+check 'which is whole' output_has 'genus 1' "$tool" info "$torus"
+check 'mesh --quiet says nothing' test -z "$("$tool" mesh sphere --quiet --out "$work/sphere.off")"
+check 'info --json is JSON' is_json <("$tool" info --json "$torus")
+check 'devices lists one' output_has '^  0 ' "$tool" devices
+check 'devices --json is JSON' is_json <("$tool" devices --json)
+mkdir "$work/full"
+fails 'mesh: a disk that is full' 2 'x.off' \
+    bash -c 'trap "" XFSZ; ulimit -f 1; exec "$@"' - "$tool" mesh torus --out "$work/full/x.off"
+check 'leaves nothing' holds "$work/full" ''
+fails 'a pipe that is full' 2 'standard output' bash -c "'$tool' info '$torus' > /dev/full"
+
+# ---- exit codes -------------------------------------------------------------------------------
+
+fails 'exit code 1: a vertex that is not there' 1 '[0-9]' "$tool" solve "$torus" --vertex 99999999
+fails 'exit code 2: no such mesh' 2 'none.off' "$tool" solve "$work/none.off" --vertex 0
+echo 'not a mesh at all' > "$work/junk.off"
+fails 'exit code 3: not a mesh' 3 'junk' "$tool" solve "$work/junk.off" --vertex 0
+printf 'OFF\n5 3 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n0 -1 0\n3 0 1 2\n3 1 0 3\n3 0 1 4\n' > "$work/three.off"
+fails 'exit code 4: an edge of three triangles' 4 '[0-9]' "$tool" solve "$work/three.off" --vertex 0
+fails 'exit code 5: no such device' 5 'nothing-like-it' \
+    "$tool" solve "$torus" --vertex 0 --device nothing-like-it
+fails 'exit code 5: no driver' 5 '.' \
+    env OCL_ICD_VENDORS="$work/full" OPENCL_VENDOR_PATH="$work/full" "$tool" solve "$torus" --vertex 0
+fails 'exit code 7: one step is not enough' 7 '.' \
+    "$tool" solve "$torus" --vertex 0 --max-steps 1 --method euler --out "$work/full/x.vtp"
+if [ "${DMKCL_BUILD##*/}" != sanitize ]; then
+    fails 'exit code 8: too little memory' 8 'memory' \
+        bash -c 'ulimit -v 300000; exec "$@"' - "$tool" mesh torus --refine 7 --out "$work/full/x.off"
+else
+    skip 'exit code 8: too little memory' 'the address sanitizer needs all the memory there is'
+fi
+interrupt() { # as Ctrl-C does, once the first step is told
+    "$tool" solve "$torus" --vertex 0 --method euler --start uniform --tolerance 1e-300 --verbose \
+        --out "$work/full/x.vtp" 2> "$work/steps" &
+    local pid=$!
+    for _ in $(seq 600); do
+        grep -q 'step' "$work/steps" && break
+        sleep 0.1
+    done
+    kill -INT "$pid"
+    wait "$pid"
+}
+interrupt
+check 'exit code 130: Ctrl-C' test $? -eq 130
+check 'with a word about it' has "$work/steps" 'cancelled'
+check 'runs that fail leave nothing' holds "$work/full" ''
+
+# ---- a whole run ------------------------------------------------------------------------------
+
+mkdir "$work/run"
+"$tool" solve "$torus" --source 3,0,0 --out "$work/run/a.vtp" --out "$work/run/b.vtu" \
+    --locus "$work/run/c.obj" --locus "$work/run/d.csv" --report "$work/run/e.json" \
+    > "$work/summary" 2> "$work/errors"
+check 'exit code 0: a whole run' test $? -eq 0
+check 'is quiet in a pipe' test ! -s "$work/errors"
+check 'writes its files and nothing else' holds "$work/run" 'a.vtp b.vtu c.obj d.csv e.json '
+check 'VTP is whole' has "$work/run/a.vtp" '</VTKFile>'
+check 'VTU is whole' has "$work/run/b.vtu" '</VTKFile>'
+for name in mu acl u distance; do
+    check "VTP has $name" grep -qa "Name=\"$name\"" "$work/run/a.vtp"
+done
+check 'the locus has lines' has "$work/run/c.obj" '^[lp] '
+check 'the summary fits a screen' test "$(wc -l < "$work/summary")" -le 20
+for word in mesh source device solved cost 'cut locus' time wrote; do
+    check "the summary tells the $word" has "$work/summary" "^$word"
+done
+check 'the summary has no colours in a pipe' test -z "$(tr -cd '\033' < "$work/summary")"
+
+report=$work/run/e.json
+check 'the report is JSON' is_json "$report"
+for key in mesh n_vertices n_triangles n_edges euler area device precision steps cg_iterations \
+    v_cycles cost_upper cost_lower gap seconds read device setup start solve certify locus write \
+    total peak_memory length loops components endpoints branch_points; do
+    check "the report has $key" has "$report" "^ *\"$key\": [^n]"
+done
+check '--report - prints the report alone' \
+    is_json <("$tool" solve "$torus" --vertex 0 --report -)
+check '--json does so too' is_json <("$tool" solve "$torus" --vertex 0 --json)
+check '--quiet prints nothing' test -z "$("$tool" solve "$torus" --vertex 0 --quiet 2>&1)"
+check 'without files it only tells' output_has '^cost' "$tool" solve "$torus" --source=-3,0,0
+"$tool" solve "$torus" --vertex 0 --verbose > /dev/null 2> "$work/errors"
+check '--verbose tells each step' has "$work/errors" '^solve +step 1 '
+
+if command -v script > /dev/null; then
+    script -qec "'$tool' solve '$torus' --vertex 0" /dev/null > "$work/screen" < /dev/null
+    check 'a terminal shows the progress' has "$work/screen" 'solve +step'
+    check 'on one line that is wiped' has "$work/screen" $'\r\033\\[K'
+    check 'a terminal has colours' has "$work/screen" $'\033\\[1m'
+else
+    skip 'a terminal' 'there is no `script` here to make one'
+fi
+tap_end
