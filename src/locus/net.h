@@ -24,6 +24,7 @@ typedef struct dmk_node {
     dmk_locus_vertex at; /* angles as in the chart, strength not yet scaled to 2 pi */
     double size;         /* length of a mesh edge there */
     int32_t next[3];     /* neighbours, at.degree of them */
+    double width;        /* of the beam between the two geodesics, in mesh edges */
     bool border;         /* an end that lies on the mesh's border */
     bool weak;           /* on an edge too weak to be an end */
 } dmk_node;
@@ -50,6 +51,10 @@ double dmk_net_distance(const dmk_net *net, int32_t a, int32_t b);
  * their junction, and points nearer than `short` edges to their neighbours on a branch. */
 void dmk_net_tidy(dmk_net *net);
 
+/* cusp.c: from a direction and length near an end of the locus to those of the end. width: half the
+ * angle of the bundle of rays used. False if there is none. */
+bool dmk_cusp_find(const dmk_rays *rays, double size, double width, double *angle,
+                   double *distance);
 /* tip.c: move the ends to where the two geodesics become one. */
 int dmk_net_fit_tips(dmk_context *ctx, const dmk_rays *rays, dmk_net *net);
 

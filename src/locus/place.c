@@ -49,7 +49,7 @@ static void place_on_edge(const dmk_mesh *m, int32_t e, double s, dmk_locus_vert
 /* With a the family of the first vertex and b that of the second, f = a - b is <= 0 at the first
  * and
  * >= 0 at the second; its zero by linear interpolation. */
-static void cross_edge(const dmk_rays *r, int32_t e, dmk_locus_vertex *at)
+static void cross_edge(const dmk_rays *r, int32_t e, dmk_node *n)
 {
     const dmk_mesh *m = r->mesh;
     int32_t v = m->edge_vertex[2 * e], w = m->edge_vertex[2 * e + 1];
@@ -63,8 +63,10 @@ static void cross_edge(const dmk_rays *r, int32_t e, dmk_locus_vertex *at)
     }
     dmk_sheet a = dmk_sheet_between(&r->chart, av, aw, s);
     dmk_sheet b = dmk_sheet_between(&r->chart, bv, bw, s);
-    set_pair(&r->chart, &a, &b, at);
-    place_on_edge(m, e, s, at);
+    set_pair(&r->chart, &a, &b, &n->at);
+    place_on_edge(m, e, s, &n->at);
+    n->size = 0.5 * (r->size[v] + r->size[w]);
+    n->width = dmk_rays_width(r, &a, &b) / n->size;
 }
 
 /* The three families of a triangle's corners at all its corners: d[family][corner]. */
@@ -138,10 +140,9 @@ static int add_crossings(dmk_context *ctx, const dmk_rays *r, const dmk_dual *du
         int rc = dmk_net_add(ctx, net, &node_of[e]);
         if (rc != DMK_OK) return rc;
         dmk_node *n = &net->node[node_of[e]];
-        cross_edge(r, e, &n->at);
+        cross_edge(r, e, n);
         n->weak = dual->strength[e] < threshold;
         n->border = m->edge_triangle[2 * e + 1] < 0;
-        n->size = 0.5 * (r->size[m->edge_vertex[2 * e]] + r->size[m->edge_vertex[2 * e + 1]]);
     }
     return DMK_OK;
 }
@@ -166,6 +167,7 @@ static int add_links(dmk_context *ctx, const dmk_rays *r, const dmk_dual *dual,
         if (rc != DMK_OK) return rc;
         meet_in_triangle(r, t, &net->node[middle].at);
         net->node[middle].size = net->node[end[0]].size;
+        net->node[middle].width = net->node[end[0]].width;
         for (int k = 0; k < 3; k++)
             dmk_net_link(net, middle, end[k]);
     }

@@ -149,19 +149,57 @@ static void locate(const walk *k, double x, dmk_point *place)
     place->weight[(c + 2) % 3] = b / sum;
 }
 
-bool dmk_ray_point(const dmk_rays *rays, double angle, double distance, dmk_point *place)
+bool dmk_ray_points(const dmk_rays *rays, double angle, int n, const double *distance,
+                    dmk_point *place)
 {
     walk k;
     const dmk_chart_sector *s;
+    int i = 0;
     begin(rays, angle, &k, &s);
     while (k.half >= 0) {
         enter(rays, &k);
         double x = k.wy > 0 ? k.bx : k.ax, y = k.wy > 0 ? k.by : k.ay;
-        if (x + (k.wx - x) * y / (y - k.wy) >= distance) {
-            locate(&k, distance, place);
-            return true;
+        double out = x + (k.wx - x) * y / (y - k.wy);
+        for (; out >= distance[i]; i++) {
+            locate(&k, distance[i], &place[i]);
+            if (i + 1 == n) return true;
         }
         leave(rays, &k);
     }
     return false;
+}
+
+/* Barycentric weights of the point of t's plane nearest to xyz. */
+static void project(const dmk_mesh *m, int64_t t, const double *xyz, double *weight)
+{
+    const double *a = m->xyz + 3 * (size_t)m->triangle[3 * t];
+    const double *b = m->xyz + 3 * (size_t)m->triangle[3 * t + 1];
+    const double *c = m->xyz + 3 * (size_t)m->triangle[3 * t + 2];
+    double uu = 0, uv = 0, vv = 0, ux = 0, vx = 0;
+    for (int k = 0; k < 3; k++) {
+        double u = b[k] - a[k], v = c[k] - a[k], x = xyz[k] - a[k];
+        uu += u * u, uv += u * v, vv += v * v, ux += u * x, vx += v * x;
+    }
+    double det = uu * vv - uv * uv;
+    weight[1] = (vv * ux - uv * vx) / det;
+    weight[2] = (uu * vx - uv * ux) / det;
+    weight[0] = 1 - weight[1] - weight[2];
+}
+
+void dmk_rays_go_to(const dmk_rays *rays, const double xyz[3], dmk_point *place)
+{
+    double *w = place->weight;
+    for (int step = 0; step < 64; step++) {
+        int k = 0;
+        project(rays->mesh, place->triangle, xyz, w);
+        for (int i = 1; i < 3; i++) {
+            if (w[i] < w[k]) k = i;
+        }
+        int32_t over = rays->across[3 * place->triangle + k];
+        if (w[k] >= 0 || over < 0 || step == 63) break;
+        place->triangle = over / 3;
+    }
+    double sum = 0;
+    for (int k = 0; k < 3; k++) sum += w[k] = fmax(0, w[k]);
+    for (int k = 0; k < 3; k++) w[k] /= sum;
 }

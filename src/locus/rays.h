@@ -69,8 +69,12 @@ double dmk_chart_turn(const dmk_chart *chart, double a, double b);
 /* ray.c: follow one ray until it is `slack` mean edges plus 2 % longer than the guide. */
 int dmk_ray_shoot(const dmk_rays *rays, double angle, double slack, dmk_ray *ray);
 
-/* The point at a distance on a ray. False if the ray meets a border before. */
-bool dmk_ray_point(const dmk_rays *rays, double angle, double distance, dmk_point *place);
+/* The points at n increasing distances on a ray. False if the ray meets a border before. */
+bool dmk_ray_points(const dmk_rays *rays, double angle, int n, const double *distance,
+                    dmk_point *place);
+
+/* Move `place` over the mesh to the point nearest to xyz, which is near already. */
+void dmk_rays_go_to(const dmk_rays *rays, const double xyz[3], dmk_point *place);
 
 /* fan.c: every geodesic found to every vertex; *hit is the caller's to free. */
 typedef struct dmk_hit {
