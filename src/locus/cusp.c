@@ -1,9 +1,8 @@
-/* An end of the locus is where neighbouring geodesics first meet: the cusp of the envelope of the rays
- * around one direction. Near it the surface is nearly flat and each ray a straight line
- *     y = m z + b,    z along the middle ray, y across,
- * and with m and b as functions of the direction the envelope lies at z = -b' / m'; the cusp is its
- * nearest point. m and b are polynomials fitted to a bundle of rays much wider than the mesh, so that
- * the chance bends of single rays average out. */
+/* An end of the locus is where neighbouring geodesics first meet: the cusp of the envelope of the
+ * rays around one direction. Near it the surface is nearly flat and each ray a straight line y = m
+ * z + b,    z along the middle ray, y across, and with m and b as functions of the direction the
+ * envelope lies at z = -b' / m'; the cusp is its nearest point. m and b are polynomials fitted to a
+ * bundle of rays much wider than the mesh, so that the chance bends of single rays average out. */
 #include "locus/net.h"
 
 #include <math.h>
@@ -17,8 +16,8 @@ static const double line_step = 1.5;
 static const double inner = 0.5;
 
 typedef struct bundle {
-    double angle, width;             /* of the middle; half the bundle's */
-    double distance;                 /* of the frame's origin */
+    double angle, width; /* of the middle; half the bundle's */
+    double distance;     /* of the frame's origin */
     double origin[3], along[3], across[3];
     double m[max_degree], b[max_degree]; /* coefficients in (direction - angle) / width */
 } bundle;
@@ -39,14 +38,16 @@ static void cross(const double *a, const double *b, double *c)
 static void normalize(double *a)
 {
     double length = sqrt(dot(a, a));
-    for (int k = 0; k < 3; k++) a[k] /= length;
+    for (int k = 0; k < 3; k++)
+        a[k] /= length;
 }
 
 static void normal_of(const dmk_mesh *m, int64_t t, double *n)
 {
     const double *x[3];
     double u[3], v[3];
-    for (int k = 0; k < 3; k++) x[k] = m->xyz + 3 * (size_t)m->triangle[3 * t + k];
+    for (int k = 0; k < 3; k++)
+        x[k] = m->xyz + 3 * (size_t)m->triangle[3 * t + k];
     for (int k = 0; k < 3; k++) {
         u[k] = x[1][k] - x[0][k];
         v[k] = x[2][k] - x[0][k];
@@ -61,7 +62,8 @@ static bool ray_points(const dmk_rays *r, double angle, double distance, double 
 {
     double d[n_steps];
     dmk_point place[n_steps];
-    for (int i = 0; i < n_steps; i++) d[i] = distance + (i - n_steps / 2) * step;
+    for (int i = 0; i < n_steps; i++)
+        d[i] = distance + (i - n_steps / 2) * step;
     if (!dmk_ray_points(r, angle, n_steps, d, place)) return false;
     for (int i = 0; i < n_steps; i++) {
         dmk_locus_vertex at;
@@ -78,7 +80,8 @@ static bool set_frame(const dmk_rays *r, double step, bundle *u)
     dmk_point middle;
     if (!ray_points(r, u->angle, u->distance, step, x, &middle)) return false;
     memcpy(u->origin, x[n_steps / 2], sizeof u->origin);
-    for (int k = 0; k < 3; k++) u->along[k] = x[n_steps - 1][k] - x[0][k];
+    for (int k = 0; k < 3; k++)
+        u->along[k] = x[n_steps - 1][k] - x[0][k];
     normal_of(r->mesh, middle.triangle, normal);
     cross(normal, u->along, u->across);
     normalize(u->across);
@@ -113,25 +116,30 @@ static void fit_polynomial(const double *y, int degree, double *c)
     int n = degree + 1;
     for (int i = 0; i < n_rays; i++) {
         double x = 2.0 * i / (n_rays - 1) - 1, p[2 * max_degree] = {1};
-        for (int k = 1; k < 2 * max_degree; k++) p[k] = p[k - 1] * x;
+        for (int k = 1; k < 2 * max_degree; k++)
+            p[k] = p[k - 1] * x;
         for (int j = 0; j < n; j++) {
-            for (int k = 0; k < n; k++) a[j][k] += p[j + k];
+            for (int k = 0; k < n; k++)
+                a[j][k] += p[j + k];
             a[j][n] += p[j] * y[i];
         }
     }
     for (int k = 0; k < n; k++) {
         for (int j = 0; j < n; j++) {
             double f = j == k ? 0 : a[j][k] / a[k][k];
-            for (int i = k; i <= n; i++) a[j][i] -= f * a[k][i];
+            for (int i = k; i <= n; i++)
+                a[j][i] -= f * a[k][i];
         }
     }
-    for (int k = 0; k < n; k++) c[k] = a[k][n] / a[k][k];
+    for (int k = 0; k < n; k++)
+        c[k] = a[k][n] / a[k][k];
 }
 
 static double slope(const double *c, int degree, double x)
 {
     double s = 0;
-    for (int k = degree; k > 0; k--) s = s * x + k * c[k];
+    for (int k = degree; k > 0; k--)
+        s = s * x + k * c[k];
     return s;
 }
 
@@ -162,12 +170,13 @@ bool dmk_cusp_find(const dmk_rays *r, double size, double width, double *angle, 
 {
     bundle u = {.width = width};
     double start = *distance;
-    for (int round = 0; round < 6; round++) {
+    for (int round = 0; round < 10; round++) {
         u.angle = *angle;
         u.distance = *distance;
         int side = find_nearest(r, line_step * size, &u, angle, distance);
         if (side < 0 || fabs(*distance - start) > 20 * size) return false;
-        if (side == 0 && round > 0) return true;
+        double step = fabs(*distance - u.distance);
+        if (side == 0 && step < (round < 6 ? 0.02 : 0.5) * size) return true;
     }
     return false;
 }

@@ -145,6 +145,7 @@ static bool close_by(const dmk_net *net, int32_t x, int32_t y)
     return x == y;
 }
 
+/* Also those whose place is only a guess. */
 static void remove_near_points(dmk_net *net)
 {
     for (int32_t b = 0; b < net->n; b++) {
@@ -152,7 +153,7 @@ static void remove_near_points(dmk_net *net)
         if (n->at.degree != 2) continue;
         int32_t a = n->next[0], c = n->next[1];
         double least = fmin(dmk_net_distance(net, a, b), dmk_net_distance(net, b, c));
-        if (least > too_near * n->size || close_by(net, a, c)) continue;
+        if ((least > too_near * n->size && !n->guess) || close_by(net, a, c)) continue;
         dmk_net_unlink(net, a, b);
         dmk_net_unlink(net, b, c);
         dmk_net_link(net, a, c);

@@ -26,6 +26,7 @@ typedef struct dmk_node {
     int32_t next[3];     /* neighbours, at.degree of them */
     double width;        /* of the beam between the two geodesics, in mesh edges */
     bool border;         /* an end that lies on the mesh's border */
+    bool guess;          /* a family was not known at both ends of the edge: placed in the middle */
     bool weak;           /* on an edge too weak to be an end */
 } dmk_node;
 

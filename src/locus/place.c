@@ -63,6 +63,7 @@ static void cross_edge(const dmk_rays *r, int32_t e, dmk_node *n)
     }
     dmk_sheet a = dmk_sheet_between(&r->chart, av, aw, s);
     dmk_sheet b = dmk_sheet_between(&r->chart, bv, bw, s);
+    n->guess = i < 0 || j < 0;
     set_pair(&r->chart, &a, &b, &n->at);
     place_on_edge(m, e, s, &n->at);
     n->size = 0.5 * (r->size[v] + r->size[w]);

@@ -24,7 +24,8 @@ static bool shoot_all(const dmk_rays *r, double length, double x[n_rays][3], dmk
 {
     for (int i = 0; i < n_rays; i++) {
         dmk_locus_vertex at;
-        if (!dmk_ray_points(r, (i + 0.5) * r->chart.total / n_rays, 1, &length, &place[i])) return false;
+        if (!dmk_ray_points(r, (i + 0.5) * r->chart.total / n_rays, 1, &length, &place[i]))
+            return false;
         dmk_net_set_place(r->mesh, place[i], &at);
         memcpy(x[i], at.xyz, sizeof x[i]);
     }

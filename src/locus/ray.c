@@ -200,6 +200,8 @@ void dmk_rays_go_to(const dmk_rays *rays, const double xyz[3], dmk_point *place)
         place->triangle = over / 3;
     }
     double sum = 0;
-    for (int k = 0; k < 3; k++) sum += w[k] = fmax(0, w[k]);
-    for (int k = 0; k < 3; k++) w[k] /= sum;
+    for (int k = 0; k < 3; k++)
+        sum += w[k] = fmax(0, w[k]);
+    for (int k = 0; k < 3; k++)
+        w[k] /= sum;
 }

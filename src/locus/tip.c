@@ -1,15 +1,14 @@
 /* The ends of the net: led to where the two geodesics that meet on the branch become one. The last
- * points before the end are noisy, their two geodesics being too near to each other for the mesh; they
- * are replaced. */
+ * points before the end are noisy, their two geodesics being too near to each other for the mesh;
+ * they are replaced. */
 #include "locus/net.h"
 
 #include <math.h>
 #include <stdlib.h>
 
-
 /* In mesh edges: a beam this wide is resolved. Points looked at for narrower ones. */
-static const double resolved = 4;
-enum { max_unresolved = 30 };
+static const double resolved = 8;
+enum { max_unresolved = 8 };
 /* The bundle of rays for the cusp: radians times the cube root of (mesh edge / distance). */
 static const double bundle_width = 1;
 
@@ -47,8 +46,8 @@ static int32_t cut_back(dmk_net *net, int32_t end, double distance)
     return end;
 }
 
-/* Lead the branch from its end to the tip in steps of about an edge: along the ray of the tip, to which
- * it is tangent there, with the offset of the present end fading as the square of the way. */
+/* Lead the branch from its end to the tip in steps of about an edge: along the ray of the tip, to
+ * which it is tangent there, with the offset of the present end fading as the square of the way. */
 static int lead_on(dmk_context *ctx, const dmk_rays *r, dmk_net *net, int32_t end, double angle,
                    double distance)
 {
@@ -94,8 +93,10 @@ int dmk_net_fit_tips(dmk_context *ctx, const dmk_rays *r, dmk_net *net)
         double angle = v->angle[0] + 0.5 * dmk_chart_turn(&r->chart, v->angle[0], v->angle[1]);
         double distance = v->distance, width = bundle_width * cbrt(net->node[i].size / distance);
         if (!dmk_cusp_find(r, net->node[i].size, width, &angle, &distance)) continue;
-        if (distance < v->distance) cut_at(net, i, keep);
-        else keep = cut_back(net, i, distance);
+        if (distance < v->distance)
+            cut_at(net, i, keep);
+        else
+            keep = cut_back(net, i, distance);
         DMK_TRY(lead_on(ctx, r, net, keep, angle, distance));
     }
 done:
