@@ -174,7 +174,7 @@ bool dmk_cusp_find(const dmk_rays *r, double size, double width, double *angle, 
         u.angle = *angle;
         u.distance = *distance;
         int side = find_nearest(r, line_step * size, &u, angle, distance);
-        if (side < 0 || fabs(*distance - start) > 20 * size) return false;
+        if (side < 0 || !(fabs(*distance - start) < 20 * size)) return false;
         double step = fabs(*distance - u.distance);
         if (side == 0 && step < (round < 6 ? 0.02 : 0.5) * size) return true;
     }

@@ -157,6 +157,15 @@ done:
     return rc;
 }
 
+static int check_guide(dmk_context *ctx, const dmk_locus_input *in)
+{
+    for (int32_t v = 0; v < in->mesh->n_vertices; v++) {
+        if (isfinite(in->distance[v])) continue;
+        return dmk_fail(ctx, DMK_E_ARG, "the distance at vertex %d is not finite: solve first", v);
+    }
+    return DMK_OK;
+}
+
 int dmk_locus_trace(dmk_context *ctx, const dmk_locus_input *in, const dmk_locus_options *opt,
                     dmk_locus **locus)
 {
@@ -166,6 +175,7 @@ int dmk_locus_trace(dmk_context *ctx, const dmk_locus_input *in, const dmk_locus
     dmk_net net = {0};
     double strength = opt && opt->strength > 0 ? opt->strength : default_strength;
     double threshold = default_width * strength / default_strength;
+    DMK_TRY(check_guide(ctx, in));
     DMK_TRY(dmk_rays_create(ctx, in, &rays));
     DMK_TRY(dmk_dual_create(ctx, &rays, threshold, &dual));
     DMK_TRY(dmk_net_create(ctx, &rays, &dual, threshold, &net));

@@ -123,7 +123,7 @@ int dmk_ray_shoot(const dmk_rays *rays, double angle, double slack, dmk_ray *ray
     ray->n = 0;
     int rc = push(ray, k.bx, k.by, s->vertex[0], -1);
     if (rc == DMK_OK) rc = push(ray, k.ax, k.ay, s->vertex[1], -1);
-    while (rc == DMK_OK && k.half >= 0) {
+    while (rc == DMK_OK && k.half >= 0 && ray->n < rays->mesh->n_triangles) {
         enter(rays, &k);
         int32_t w = rays->mesh->triangle[k.inside];
         rc = push(ray, k.wx, k.wy, w, k.inside);
@@ -156,7 +156,7 @@ bool dmk_ray_points(const dmk_rays *rays, double angle, int n, const double *dis
     const dmk_chart_sector *s;
     int i = 0;
     begin(rays, angle, &k, &s);
-    while (k.half >= 0) {
+    for (int32_t n_left = rays->mesh->n_triangles; k.half >= 0 && n_left > 0; n_left--) {
         enter(rays, &k);
         double x = k.wy > 0 ? k.bx : k.ax, y = k.wy > 0 ? k.by : k.ay;
         double out = x + (k.wx - x) * y / (y - k.wy);
