@@ -14,10 +14,14 @@ enum { n_rays = 41, n_steps = 5, m_degree = 3, b_degree = 5, max_degree = 6 };
 static const double line_step = 1.5;
 /* The envelope is trusted in the inner part of the bundle. */
 static const double inner = 0.5;
+/* The lines are believed this far, in mesh edges; then a new frame is set up. */
+static const double far_step = 8;
+/* No cusp is looked for farther away, in mesh edges. */
+static const double farthest = 50;
 
 typedef struct bundle {
     double angle, width; /* of the middle; half the bundle's */
-    double distance;     /* of the frame's origin */
+    double distance;                 /* of the frame's origin */
     double origin[3], along[3], across[3];
     double m[max_degree], b[max_degree]; /* coefficients in (direction - angle) / width */
 } bundle;
@@ -110,12 +114,13 @@ static bool fit_line(const dmk_rays *r, double angle, double step, const bundle 
 }
 
 /* Least squares polynomial through y at n_rays equidistant points of [-1, 1]. */
-static void fit_polynomial(const double *y, int degree, double *c)
+static void fit_polynomial(const double *y, const bool *use, int degree, double *c)
 {
     double a[max_degree][max_degree + 1] = {{0}};
     int n = degree + 1;
     for (int i = 0; i < n_rays; i++) {
         double x = 2.0 * i / (n_rays - 1) - 1, p[2 * max_degree] = {1};
+        if (!use[i]) continue;
         for (int k = 1; k < 2 * max_degree; k++)
             p[k] = p[k - 1] * x;
         for (int j = 0; j < n; j++) {
@@ -135,6 +140,33 @@ static void fit_polynomial(const double *y, int degree, double *c)
         c[k] = a[k][n] / a[k][k];
 }
 
+static int by_value(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* Fit b, drop the rays that a bad triangle has thrown off their way (farther from the fit than six
+ * times the median), fit again; at most half of them. */
+static void fit_bundle(const double *m, const double *b, bundle *u)
+{
+    bool use[n_rays];
+    double error[n_rays], sorted[n_rays];
+    for (int i = 0; i < n_rays; i++) use[i] = true;
+    for (int round = 0; round < 4; round++) {
+        fit_polynomial(b, use, b_degree, u->b);
+        for (int i = 0; i < n_rays; i++) {
+            double x = 2.0 * i / (n_rays - 1) - 1, y = 0;
+            for (int k = b_degree; k >= 0; k--) y = y * x + u->b[k];
+            sorted[i] = error[i] = fabs(b[i] - y);
+        }
+        qsort(sorted, n_rays, sizeof *sorted, by_value);
+        for (int i = 0; i < n_rays; i++) use[i] = error[i] <= 6 * sorted[n_rays / 2];
+    }
+    fit_polynomial(b, use, b_degree, u->b);
+    fit_polynomial(m, use, m_degree, u->m);
+}
+
 static double slope(const double *c, int degree, double x)
 {
     double s = 0;
@@ -145,16 +177,15 @@ static double slope(const double *c, int degree, double x)
 
 /* One round: the envelope's nearest point, as a direction and a length. 0: inside the bundle, 1: at
  * its side, go on from there; -1: none. */
-static int find_nearest(const dmk_rays *r, double step, bundle *u, double *angle, double *distance)
+static int find_nearest(const dmk_rays *r, double size, bundle *u, double *angle, double *distance)
 {
     double m[n_rays], b[n_rays], least = HUGE_VAL, at = 0;
-    if (!set_frame(r, step, u)) return -1;
+    if (!set_frame(r, line_step * size, u)) return -1;
     for (int i = 0; i < n_rays; i++) {
         double a = u->angle + u->width * (2.0 * i / (n_rays - 1) - 1);
-        if (!fit_line(r, a, step, u, &m[i], &b[i])) return -1;
+        if (!fit_line(r, a, line_step * size, u, &m[i], &b[i])) return -1;
     }
-    fit_polynomial(m, m_degree, u->m);
-    fit_polynomial(b, b_degree, u->b);
+    fit_bundle(m, b, u);
     for (int i = -50; i <= 50; i++) {
         double x = inner * i / 50, dm = slope(u->m, m_degree, x), db = slope(u->b, b_degree, x);
         if (-db / dm >= least || dm * slope(u->m, m_degree, 0) <= 0) continue;
@@ -162,7 +193,7 @@ static int find_nearest(const dmk_rays *r, double step, bundle *u, double *angle
         at = x;
     }
     *angle = u->angle + u->width * at;
-    *distance = u->distance + least;
+    *distance = u->distance + fmax(-far_step * size, fmin(far_step * size, least));
     return fabs(at) < 0.99 * inner ? 0 : 1;
 }
 
@@ -170,13 +201,13 @@ bool dmk_cusp_find(const dmk_rays *r, double size, double width, double *angle, 
 {
     bundle u = {.width = width};
     double start = *distance;
-    for (int round = 0; round < 10; round++) {
+    for (int round = 0; round < 16; round++) {
         u.angle = *angle;
         u.distance = *distance;
-        int side = find_nearest(r, line_step * size, &u, angle, distance);
-        if (side < 0 || !(fabs(*distance - start) < 20 * size)) return false;
+        int side = find_nearest(r, size, &u, angle, distance);
+        if (side < 0 || !(fabs(*distance - start) < farthest * size)) return false;
         double step = fabs(*distance - u.distance);
-        if (side == 0 && step < (round < 6 ? 0.02 : 0.5) * size) return true;
+        if (side == 0 && step < (round < 10 ? 0.02 : 0.5) * size) return true;
     }
     return false;
 }

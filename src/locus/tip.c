@@ -9,8 +9,9 @@
 /* In mesh edges: a beam this wide is resolved. Points looked at for narrower ones. */
 static const double resolved = 8;
 enum { max_unresolved = 8 };
-/* The bundle of rays for the cusp: radians times the cube root of (mesh edge / distance). */
-static const double bundle_width = 1;
+/* Half the angle of the bundle of rays for the cusp, over that between the two geodesics there. */
+static const double bundle_width = 0.3;
+
 
 /* The point of the branch behind which its beam is resolved. */
 static int32_t find_resolved(const dmk_net *net, int32_t end)
@@ -91,7 +92,7 @@ int dmk_net_fit_tips(dmk_context *ctx, const dmk_rays *r, dmk_net *net)
         int32_t keep = find_resolved(net, i);
         const dmk_locus_vertex *v = &net->node[keep].at;
         double angle = v->angle[0] + 0.5 * dmk_chart_turn(&r->chart, v->angle[0], v->angle[1]);
-        double distance = v->distance, width = bundle_width * cbrt(net->node[i].size / distance);
+        double distance = v->distance, width = bundle_width * v->strength;
         if (!dmk_cusp_find(r, net->node[i].size, width, &angle, &distance)) continue;
         if (distance < v->distance)
             cut_at(net, i, keep);
