@@ -21,7 +21,7 @@ static const double farthest = 50;
 
 typedef struct bundle {
     double angle, width; /* of the middle; half the bundle's */
-    double distance;                 /* of the frame's origin */
+    double distance;     /* of the frame's origin */
     double origin[3], along[3], across[3];
     double m[max_degree], b[max_degree]; /* coefficients in (direction - angle) / width */
 } bundle;
@@ -152,16 +152,19 @@ static void fit_bundle(const double *m, const double *b, bundle *u)
 {
     bool use[n_rays];
     double error[n_rays], sorted[n_rays];
-    for (int i = 0; i < n_rays; i++) use[i] = true;
+    for (int i = 0; i < n_rays; i++)
+        use[i] = true;
     for (int round = 0; round < 4; round++) {
         fit_polynomial(b, use, b_degree, u->b);
         for (int i = 0; i < n_rays; i++) {
             double x = 2.0 * i / (n_rays - 1) - 1, y = 0;
-            for (int k = b_degree; k >= 0; k--) y = y * x + u->b[k];
+            for (int k = b_degree; k >= 0; k--)
+                y = y * x + u->b[k];
             sorted[i] = error[i] = fabs(b[i] - y);
         }
         qsort(sorted, n_rays, sizeof *sorted, by_value);
-        for (int i = 0; i < n_rays; i++) use[i] = error[i] <= 6 * sorted[n_rays / 2];
+        for (int i = 0; i < n_rays; i++)
+            use[i] = error[i] <= 6 * sorted[n_rays / 2];
     }
     fit_polynomial(b, use, b_degree, u->b);
     fit_polynomial(m, use, m_degree, u->m);

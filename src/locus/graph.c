@@ -11,7 +11,7 @@
 /* In radians times the cube root of (mesh edge / distance): the bend that the vertices of a
  * polyhedron give to neighbouring rays stays below; the cut locus of a smooth surface exceeds it
  * except near its ends, which are fitted later. */
-static const double least_turn = 0.5;
+static const double least_turn = 1.0;
 
 static int32_t find(int32_t *parent, int32_t v)
 {
@@ -43,8 +43,10 @@ static void find_strengths(const dmk_rays *r, double threshold, float *strength,
         double turn = fabs(dmk_chart_turn(&r->chart, a->angle, b->angle));
         double ratio = dmk_rays_width(r, a, b) / size;
         if (ratio > threshold) {
-            double least = least_turn * cbrt(2 * size / (a->distance + b->distance));
-            if (turn < least) ratio = threshold * turn / least;
+            double mean = 0.5 * (a->distance + b->distance);
+            double least = least_turn * cbrt(size / mean);
+            double seen = turn * fmax(1, fmin(a->spread, b->spread) / mean);
+            if (seen < least) ratio = threshold * seen / least;
         }
         strength[e] = (float)ratio;
         bool weak = ratio <= threshold;

@@ -12,7 +12,6 @@ enum { max_unresolved = 8 };
 /* Half the angle of the bundle of rays for the cusp, over that between the two geodesics there. */
 static const double bundle_width = 0.3;
 
-
 /* The point of the branch behind which its beam is resolved. */
 static int32_t find_resolved(const dmk_net *net, int32_t end)
 {
