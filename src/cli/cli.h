@@ -96,12 +96,13 @@ void cli_suffixes(cli_what what, char *text, size_t size);
 /* ---- terminal.c: colour, progress, interruption --------------------------------------------- */
 
 typedef struct cli_progress {
-    bool line;    /* one line that is rewritten, for terminals */
-    bool steps;   /* a line for each step */
-    double goal;  /* change of mu at which the iteration ends; 0: unknown */
-    double shown; /* seconds of the last update */
-    bool open;    /* the line is on the screen */
-    double gap; /* the last that was computed, or NaN */
+    bool line;         /* one line that is rewritten, for terminals */
+    bool steps;        /* a line for each step */
+    double goal;       /* change of mu at which the iteration ends; 0: unknown */
+    double shown;      /* seconds of the last update */
+    const char *stage; /* and what it told of */
+    bool open;         /* the line is on the screen */
+    double gap;        /* the last that was computed, or NaN */
     /* First report with a change of mu, for the estimate of the time left. */
     double first_change, first_seconds;
 } cli_progress;

@@ -83,11 +83,13 @@ static int on_progress(const dmk_progress *report, void *user)
         if (isfinite(report->gap)) progress->gap = report->gap;
         const double left = time_left(progress, report);
         const double now = cli_seconds();
-        if (progress->open && now - progress->shown < 0.1) return 0; /* the eye sees no more */
+        const bool new_stage = report->stage != progress->stage; /* static strings */
+        if (!new_stage && now - progress->shown < 0.1) return 0; /* the eye sees no more */
         fputs("\r\033[K", stderr);
         print_step(report, progress->gap, left);
         fflush(stderr);
         progress->shown = now;
+        progress->stage = report->stage;
         progress->open = true;
     }
     return 0;
