@@ -7,6 +7,8 @@
 
 /* In lengths of an edge: a beam between its ends wider than this is no beam. */
 static const double wide = 2.0;
+/* In mean edges at a vertex: a geodesic longer by this is nearly the shortest. */
+static const double nearly = 0.5;
 /* In lengths of the edge: how far outside a beam it is continued. */
 static const double beyond = 0.7;
 
@@ -56,7 +58,35 @@ static bool complete_end(dmk_rays *r, int32_t e, int32_t v, int32_t w)
     return false;
 }
 
-void dmk_rays_complete(dmk_rays *r)
+/* Edges whose ends belong to one family, by vertex: does v have one? */
+static void find_connected(const dmk_rays *r, bool *connected)
+{
+    const dmk_mesh *m = r->mesh;
+    for (int32_t e = 0; e < m->n_edges; e++) {
+        int32_t v = m->edge_vertex[2 * e], w = m->edge_vertex[2 * e + 1];
+        double width = dmk_rays_width(r, dmk_rays_first(r, v), dmk_rays_first(r, w));
+        if (width < wide * m->length[e]) connected[v] = connected[w] = true;
+    }
+}
+
+/* A vertex that differs from all its neighbours, but is reached by one of their families hardly
+ * farther: that one is its own. (Near the locus the order of the two is a matter of rounding.) */
+static void join_neighbours(dmk_rays *r, const bool *connected)
+{
+    const dmk_mesh *m = r->mesh;
+    for (int32_t h = 0; h < 2 * m->n_edges; h++) {
+        int32_t v = m->edge_vertex[h], w = m->edge_vertex[h ^ 1];
+        if (connected[v] || !connected[w]) continue;
+        dmk_sheet *first = r->sheet + r->row[v];
+        int32_t i = dmk_rays_continue(r, dmk_rays_first(r, w), m->length[h / 2], v);
+        if (i <= r->row[v] || r->sheet[i].distance > first->distance + nearly * r->size[v]) continue;
+        dmk_sheet other = *first;
+        *first = r->sheet[i];
+        r->sheet[i] = other;
+    }
+}
+
+static void complete_all(dmk_rays *r)
 {
     const dmk_mesh *m = r->mesh;
     bool changed = true;
@@ -70,4 +100,17 @@ void dmk_rays_complete(dmk_rays *r)
             if (complete_end(r, e, w, v)) changed = true;
         }
     }
+}
+
+int dmk_rays_complete(dmk_context *ctx, dmk_rays *r)
+{
+    int rc;
+    bool *connected = NULL;
+    complete_all(r);
+    DMK_TRY(DMK_NEW(ctx, connected, (size_t)r->mesh->n_vertices));
+    find_connected(r, connected);
+    join_neighbours(r, connected);
+done:
+    free(connected);
+    return rc;
 }

@@ -64,6 +64,7 @@ static void cross_edge(const dmk_rays *r, int32_t e, dmk_node *n)
     dmk_sheet a = dmk_sheet_between(&r->chart, av, aw, s);
     dmk_sheet b = dmk_sheet_between(&r->chart, bv, bw, s);
     n->guess = i < 0 || j < 0;
+    n->weak = i == r->row[w] || j == r->row[v]; /* one family after all */
     set_pair(&r->chart, &a, &b, &n->at);
     place_on_edge(m, e, s, &n->at);
     n->size = 0.5 * (r->size[v] + r->size[w]);
@@ -142,7 +143,7 @@ static int add_crossings(dmk_context *ctx, const dmk_rays *r, const dmk_dual *du
         if (rc != DMK_OK) return rc;
         dmk_node *n = &net->node[node_of[e]];
         cross_edge(r, e, n);
-        n->weak = dual->strength[e] < threshold;
+        n->weak |= dual->strength[e] < threshold;
         n->border = m->edge_triangle[2 * e + 1] < 0;
     }
     return DMK_OK;

@@ -96,7 +96,7 @@ static inline const dmk_sheet *dmk_rays_first(const dmk_rays *rays, int32_t v)
 int dmk_rays_repair(dmk_context *ctx, dmk_rays *rays);
 /* complete.c: where neighbours have different geodesics, let each be known at the other's vertex.
  */
-void dmk_rays_complete(dmk_rays *rays);
+int dmk_rays_complete(dmk_context *ctx, dmk_rays *rays);
 /* The geodesic to corner k of t in the beam through the geodesics a and b of corners k+1 and k+2.
  * False if it would pass the edge between them by more than `beyond` times its length. */
 bool dmk_rays_unfold(const dmk_rays *rays, int32_t t, int k, const dmk_sheet *a, const dmk_sheet *b,

@@ -165,7 +165,7 @@ int dmk_rays_create(dmk_context *ctx, const dmk_locus_input *in, dmk_rays *r)
     DMK_TRY(dmk_fan_shoot(ctx, r, &hit, &n_hits));
     DMK_TRY(collect(ctx, r, hit, n_hits));
     DMK_TRY(dmk_rays_repair(ctx, r));
-    dmk_rays_complete(r);
+    DMK_TRY(dmk_rays_complete(ctx, r));
 done:
     free(hit);
     if (rc != DMK_OK) dmk_rays_free(r);
