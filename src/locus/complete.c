@@ -79,7 +79,8 @@ static void join_neighbours(dmk_rays *r, const bool *connected)
         if (connected[v] || !connected[w]) continue;
         dmk_sheet *first = r->sheet + r->row[v];
         int32_t i = dmk_rays_continue(r, dmk_rays_first(r, w), m->length[h / 2], v);
-        if (i <= r->row[v] || r->sheet[i].distance > first->distance + nearly * r->size[v]) continue;
+        if (i <= r->row[v] || r->sheet[i].distance > first->distance + nearly * r->size[v])
+            continue;
         dmk_sheet other = *first;
         *first = r->sheet[i];
         r->sheet[i] = other;

@@ -6,7 +6,7 @@
 #include <string.h>
 
 /* In mesh edges. */
-static const double twig = 1.5, too_near = 0.15;
+static const double twig = 1.5, blunt_twig = 5, too_near = 0.15;
 /* A strong edge followed by a weak one within so many points is no end of the locus. */
 enum { lookahead = 12 };
 
@@ -59,11 +59,11 @@ double dmk_net_distance(const dmk_net *net, int32_t a, int32_t b)
 
 /* Length of the branch from the end a to its junction, or HUGE_VAL if it ends in another end;
  * counted in mesh edges. */
-static double branch_length(const dmk_net *net, int32_t a)
+static double branch_length(const dmk_net *net, int32_t a, double limit)
 {
     int32_t b = net->node[a].next[0];
     double length = dmk_net_distance(net, a, b) / net->node[a].size;
-    while (net->node[b].at.degree == 2 && length < twig) {
+    while (net->node[b].at.degree == 2 && length < limit) {
         int32_t c = dmk_net_onward(net, a, b);
         length += dmk_net_distance(net, b, c) / net->node[b].size;
         a = b;
@@ -118,14 +118,15 @@ static void strip_weak(dmk_net *net)
 }
 
 /* Shortest first, so that of two twigs at one junction the longer one may stay as the branch. */
-static void remove_twigs(dmk_net *net)
+static void remove_twigs(dmk_net *net, double limit, bool blunt_only)
 {
     for (;;) {
         int32_t shortest = -1;
-        double least = twig;
+        double least = limit;
         for (int32_t a = 0; a < net->n; a++) {
             if (net->node[a].at.degree != 1 || net->node[a].border) continue;
-            double length = branch_length(net, a);
+            if (blunt_only && !net->node[a].blunt) continue;
+            double length = branch_length(net, a, limit);
             if (length >= least) continue;
             least = length;
             shortest = a;
@@ -133,6 +134,11 @@ static void remove_twigs(dmk_net *net)
         if (shortest < 0) return;
         remove_branch(net, shortest);
     }
+}
+
+void dmk_net_remove_blunt(dmk_net *net)
+{
+    remove_twigs(net, blunt_twig, true);
 }
 
 /* Whether points x and y share a neighbour or are neighbours: joining them would double an edge. */
@@ -163,7 +169,7 @@ static void remove_near_points(dmk_net *net)
 void dmk_net_tidy(dmk_net *net)
 {
     strip_weak(net);
-    remove_twigs(net);
+    remove_twigs(net, twig, false);
     remove_near_points(net);
 }
 

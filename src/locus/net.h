@@ -27,6 +27,7 @@ typedef struct dmk_node {
     double width;        /* of the beam between the two geodesics, in mesh edges */
     bool border;         /* an end that lies on the mesh's border */
     bool guess;          /* a family was not known at both ends of the edge: placed in the middle */
+    bool blunt;          /* an end where no cusp of the rays was found */
     bool weak;           /* on an edge too weak to be an end */
 } dmk_node;
 
@@ -51,6 +52,10 @@ double dmk_net_distance(const dmk_net *net, int32_t a, int32_t b);
 /* Strip weak ends once more, looking some points ahead. Remove ends nearer than `twig` edges to
  * their junction, and points nearer than `short` edges to their neighbours on a branch. */
 void dmk_net_tidy(dmk_net *net);
+
+/* Remove short branches that end bluntly: the mesh's view of several families that meet nearly at
+ * one point. */
+void dmk_net_remove_blunt(dmk_net *net);
 
 /* cusp.c: from a direction and length near an end of the locus to those of the end. width: half the
  * angle of the bundle of rays used. False if there is none. */

@@ -92,13 +92,17 @@ int dmk_net_fit_tips(dmk_context *ctx, const dmk_rays *r, dmk_net *net)
         const dmk_locus_vertex *v = &net->node[keep].at;
         double angle = v->angle[0] + 0.5 * dmk_chart_turn(&r->chart, v->angle[0], v->angle[1]);
         double distance = v->distance, width = bundle_width * v->strength;
-        if (!dmk_cusp_find(r, net->node[i].size, width, &angle, &distance)) continue;
+        if (!dmk_cusp_find(r, net->node[i].size, width, &angle, &distance)) {
+            net->node[i].blunt = true;
+            continue;
+        }
         if (distance < v->distance)
             cut_at(net, i, keep);
         else
             keep = cut_back(net, i, distance);
         DMK_TRY(lead_on(ctx, r, net, keep, angle, distance));
     }
+    dmk_net_remove_blunt(net);
 done:
     return rc;
 }
