@@ -1,6 +1,7 @@
 /* The cut locus as a graph: place, ends and topology against exact loci; borders; sources anywhere.
  */
 #include "locus/locus.h"
+#include "locus/path.h"
 
 #include <math.h>
 #include <sched.h>
@@ -389,6 +390,49 @@ static void test_border(void **state)
     free_scene(&s);
 }
 
+/* ---- paths ---------------------------------------------------------------------------------- */
+
+static void point_xyz(const dmk_mesh *m, const dmk_point *p, double *x)
+{
+    assert_int_equal(dmk_mesh_point_xyz(ctx, m, p, x), DMK_OK);
+}
+
+/* From the source, edge by edge, to the point; as long as its pieces; no shorter than the chord; on
+ * the sphere as long as the great circle, to the second order of the mesh. */
+static void test_path(void **state)
+{
+    (void)state;
+    enum { n = 40 };
+    scene s = surface("sphere", 2, (double[3]){0, 0, 1});
+    dmk_locus_input in = {.mesh = s.mesh, .source = s.source, .distance = s.distance};
+    dmk_point to[n];
+    dmk_path path[n];
+    for (int i = 0; i < n; i++) {
+        to[i] = (dmk_point){(s.mesh->n_triangles - 1) * (int64_t)i / (n - 1), {0.2, 0.3, 0.5}};
+    }
+    to[1].weight[0] = 1, to[1].weight[1] = to[1].weight[2] = 0;
+    to[2].weight[0] = 0, to[2].weight[1] = 0.5;
+    if (dmk_path_trace(ctx, &in, n, to, path) != DMK_OK) fail_msg("%s", dmk_context_message(ctx));
+    for (int i = 0; i < n; i++) {
+        double sum = 0, x[3], y[3];
+        point_xyz(s.mesh, &path[i].point[0], x);
+        assert_true(fabs(x[2] - 1) < 1e-12);
+        for (size_t k = 1; k < path[i].n; k++) {
+            point_xyz(s.mesh, &path[i].point[k], y);
+            double piece = hypot(hypot(x[0] - y[0], x[1] - y[1]), x[2] - y[2]);
+            assert_true(piece < 3 * s.h);
+            sum += piece;
+            memcpy(x, y, sizeof x);
+        }
+        assert_int_equal(path[i].point[path[i].n - 1].triangle, to[i].triangle);
+        assert_true(fabs(sum - path[i].length) < 1e-6);
+        double circle = acos(x[2] / hypot(hypot(x[0], x[1]), x[2]));
+        assert_true(fabs(path[i].length - circle) < s.h * s.h);
+        dmk_path_free(&path[i]);
+    }
+    free_scene(&s);
+}
+
 /* ---- the rest ------------------------------------------------------------------------------- */
 
 static void test_guide(void **state)
@@ -443,10 +487,11 @@ static int teardown(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_torus), cmocka_unit_test(test_source_anywhere),
-        cmocka_unit_test(test_point), cmocka_unit_test(test_quartic),
-        cmocka_unit_test(test_genus), cmocka_unit_test(test_border),
-        cmocka_unit_test(test_guide), cmocka_unit_test(test_threads),
+        cmocka_unit_test(test_torus),   cmocka_unit_test(test_source_anywhere),
+        cmocka_unit_test(test_point),   cmocka_unit_test(test_quartic),
+        cmocka_unit_test(test_genus),   cmocka_unit_test(test_border),
+        cmocka_unit_test(test_path),    cmocka_unit_test(test_guide),
+        cmocka_unit_test(test_threads),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }

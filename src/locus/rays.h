@@ -73,6 +73,9 @@ int dmk_ray_shoot(const dmk_rays *rays, double angle, double slack, dmk_ray *ray
 bool dmk_ray_points(const dmk_rays *rays, double angle, int n, const double *distance,
                     dmk_point *place);
 
+/* Where a ray crosses edges, up to `distance` or into `triangle`. Returns how many. */
+size_t dmk_ray_crossings(const dmk_rays *rays, double angle, int64_t triangle, double distance,
+                         dmk_point *place, size_t capacity);
 /* Move `place` over the mesh to the point nearest to xyz, which is near already. */
 void dmk_rays_go_to(const dmk_rays *rays, const double xyz[3], dmk_point *place);
 
