@@ -1,5 +1,6 @@
 /* The cut locus as a graph: place, ends and topology against exact loci; borders; sources anywhere.
  */
+#include "locus/cut.h"
 #include "locus/locus.h"
 #include "locus/path.h"
 
@@ -433,6 +434,50 @@ static void test_path(void **state)
     free_scene(&s);
 }
 
+/* ---- cutting -------------------------------------------------------------------------------- */
+
+/* Cut open: a disk, of the same area, whose vertices lie where those of the mesh they stem from do.
+ */
+static void check_cut(scene *s)
+{
+    dmk_locus_input in = {.mesh = s->mesh, .source = s->source, .distance = s->distance};
+    dmk_mesh *cut = NULL;
+    int32_t *origin = NULL;
+    dmk_mesh_info before, after;
+    int rc = dmk_locus_cut(ctx, &in, NULL, &cut, &origin);
+    if (rc != DMK_OK) fail_msg("%s", dmk_context_message(ctx));
+    dmk_mesh_get_info(s->mesh, &before);
+    dmk_mesh_get_info(cut, &after);
+    assert_int_equal(after.n_components, 1);
+    assert_int_equal(after.n_border_loops, 1);
+    assert_int_equal(after.euler, 1);
+    assert_true(fabs(after.area / before.area - 1) < 1e-12);
+    for (size_t v = 0; v < after.n_vertices; v++) {
+        if (origin[v] < 0) continue;
+        assert_memory_equal(cut->xyz + 3 * v, s->mesh->xyz + 3 * origin[v], 3 * sizeof *cut->xyz);
+    }
+    free(origin);
+    dmk_mesh_destroy(&cut);
+    free_scene(s);
+}
+
+static void test_cut(void **state)
+{
+    (void)state;
+    for (int genus = 0; genus < 4; genus++) {
+        scene s = plate_scene(genus, 6);
+        check_cut(&s);
+    }
+    scene s = surface("torus", 1, (double[3]){3, 0, 0});
+    check_cut(&s);
+    s = surface("sphere", 1, (double[3]){0, 0, 1});
+    check_cut(&s);
+    s = strip(90, true);
+    check_cut(&s);
+    s = strip(60, false);
+    check_cut(&s);
+}
+
 /* ---- the rest ------------------------------------------------------------------------------- */
 
 static void test_guide(void **state)
@@ -487,11 +532,11 @@ static int teardown(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_torus),   cmocka_unit_test(test_source_anywhere),
-        cmocka_unit_test(test_point),   cmocka_unit_test(test_quartic),
-        cmocka_unit_test(test_genus),   cmocka_unit_test(test_border),
-        cmocka_unit_test(test_path),    cmocka_unit_test(test_guide),
-        cmocka_unit_test(test_threads),
+        cmocka_unit_test(test_torus), cmocka_unit_test(test_source_anywhere),
+        cmocka_unit_test(test_point), cmocka_unit_test(test_quartic),
+        cmocka_unit_test(test_genus), cmocka_unit_test(test_border),
+        cmocka_unit_test(test_path),  cmocka_unit_test(test_cut),
+        cmocka_unit_test(test_guide), cmocka_unit_test(test_threads),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }

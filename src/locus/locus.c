@@ -157,6 +157,12 @@ done:
     return rc;
 }
 
+double dmk_locus_threshold(const dmk_locus_options *opt)
+{
+    double strength = opt && opt->strength > 0 ? opt->strength : default_strength;
+    return default_width * strength / default_strength;
+}
+
 static int check_guide(dmk_context *ctx, const dmk_locus_input *in)
 {
     for (int32_t v = 0; v < in->mesh->n_vertices; v++) {
@@ -173,8 +179,7 @@ int dmk_locus_trace(dmk_context *ctx, const dmk_locus_input *in, const dmk_locus
     dmk_rays rays = {0};
     dmk_dual dual = {0};
     dmk_net net = {0};
-    double strength = opt && opt->strength > 0 ? opt->strength : default_strength;
-    double threshold = default_width * strength / default_strength;
+    double threshold = dmk_locus_threshold(opt);
     DMK_TRY(check_guide(ctx, in));
     DMK_TRY(dmk_rays_create(ctx, in, &rays));
     DMK_TRY(dmk_dual_create(ctx, &rays, threshold, &dual));

@@ -30,4 +30,7 @@ typedef struct dmk_locus_input {
 int dmk_locus_trace(dmk_context *ctx, const dmk_locus_input *in, const dmk_locus_options *opt,
                     dmk_locus **locus);
 
+/* The strength option as a width of beams, in mesh edges. */
+double dmk_locus_threshold(const dmk_locus_options *opt);
+
 #endif

@@ -20,6 +20,7 @@ int dmk_net_add(dmk_context *ctx, dmk_net *net, int32_t *node)
         net->capacity = capacity;
     }
     memset(&net->node[net->n], 0, sizeof *net->node);
+    net->node[net->n].edge = -1;
     *node = net->n++;
     return DMK_OK;
 }
@@ -166,10 +167,15 @@ static void remove_near_points(dmk_net *net)
     }
 }
 
-void dmk_net_tidy(dmk_net *net)
+void dmk_net_strip(dmk_net *net)
 {
     strip_weak(net);
     remove_twigs(net, twig, false);
+}
+
+void dmk_net_tidy(dmk_net *net)
+{
+    dmk_net_strip(net);
     remove_near_points(net);
 }
 

@@ -25,6 +25,7 @@ typedef struct dmk_node {
     double size;         /* length of a mesh edge there */
     int32_t next[3];     /* neighbours, at.degree of them */
     double width;        /* of the beam between the two geodesics, in mesh edges */
+    int32_t edge;        /* mesh edge it lies on by construction, or -1 */
     bool border;         /* an end that lies on the mesh's border */
     bool guess;          /* a family was not known at both ends of the edge: placed in the middle */
     bool blunt;          /* an end where no cusp of the rays was found */
@@ -52,6 +53,8 @@ double dmk_net_distance(const dmk_net *net, int32_t a, int32_t b);
 /* Strip weak ends once more, looking some points ahead. Remove ends nearer than `twig` edges to
  * their junction, and points nearer than `short` edges to their neighbours on a branch. */
 void dmk_net_tidy(dmk_net *net);
+/* The first part of it: only whole ends are removed, so that each link stays in one triangle. */
+void dmk_net_strip(dmk_net *net);
 
 /* Remove short branches that end bluntly: the mesh's view of several families that meet nearly at
  * one point. */

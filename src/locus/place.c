@@ -143,6 +143,7 @@ static int add_crossings(dmk_context *ctx, const dmk_rays *r, const dmk_dual *du
         if (rc != DMK_OK) return rc;
         dmk_node *n = &net->node[node_of[e]];
         cross_edge(r, e, n);
+        n->edge = e;
         n->weak |= dual->strength[e] < threshold;
         n->border = m->edge_triangle[2 * e + 1] < 0;
     }

@@ -60,7 +60,7 @@ static int lead_on(dmk_context *ctx, const dmk_rays *r, dmk_net *net, int32_t en
     dmk_net_set_place(r->mesh, place, &beside);
     for (int i = steps - 1; i >= 0; i--) {
         double part = (double)i / steps, d = distance + reach * part, goal[3];
-        dmk_node n = {.size = from.size, .width = from.width * part};
+        dmk_node n = {.edge = -1, .size = from.size, .width = from.width * part};
         int32_t next;
         if (!dmk_ray_points(r, angle, 1, &d, &place)) return DMK_OK;
         dmk_net_set_place(r->mesh, place, &n.at);
