@@ -35,13 +35,13 @@ KERNEL graph_residual(int n, global const int *slice, global const int *neighbou
 KERNEL graph_chebyshev(int n, global const int *slice, global const int *neighbour,
                        global const float *weight, global const float *rhs,
                        global const float *inv_diag, global const float *x, global float *x_old,
-                       float momentum, float step)
+                       float momentum, float keep, float step)
 {
     GATHERED float *x_read = x;
     FOR_BLOCKS(b, n)
     {
         GRAPH_SUM(a, now, b)
-        STORE(now + momentum * (now - LOAD(x_old, AT(b))) +
+        STORE(now + momentum * (now - keep * LOAD(x_old, AT(b))) +
                   step * LOAD(inv_diag, AT(b)) * (LOAD(rhs, AT(b)) - a),
               x_old, AT(b));
     }

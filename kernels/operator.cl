@@ -110,16 +110,16 @@ KERNEL rows_residual(int n, global const int *slice, global const int *slot, GAT
 }
 
 /* Second phase of a Chebyshev step in three-term form, in place over the older iterate:
- *     x_old <- x + momentum (x - x_old) + step D^-1 (b - A x). */
+ *     x_old <- x + momentum (x - keep x_old) + step D^-1 (b - A x). */
 KERNEL rows_chebyshev(int n, global const int *slice, global const int *slot, GATHERED real *out,
                       global const real *rhs, global const real *inv_diag, global const real *x,
-                      global real *x_old, float momentum, float step)
+                      global real *x_old, float momentum, float keep, float step)
 {
     FOR_BLOCKS(b, n)
     {
         ROW_SUM(a, b)
         const realv now = LOAD(x, AT(b));
-        const realv next = now + (real)momentum * (now - LOAD(x_old, AT(b))) +
+        const realv next = now + (real)momentum * (now - (real)keep * LOAD(x_old, AT(b))) +
                            (real)step * LOAD(inv_diag, AT(b)) * (LOAD(rhs, AT(b)) - a);
         STORE(next, x_old, AT(b));
     }

@@ -12,19 +12,23 @@ int dmk_buffer_create(dmk_context *ctx, dmk_device *dev, size_t bytes, const voi
 {
     int rc;
     cl_int error;
-    void *zero = NULL;
     if (bytes == 0) bytes = 8;
-    if (!init) {
-        DMK_TRY(dmk_alloc(ctx, "a device buffer's zeros", bytes, 1, &zero));
-        init = zero;
-    }
-    cl_mem mem = clCreateBuffer(dev->cl, CL_MEM_READ_WRITE | CL_MEM_COPY_HOST_PTR, bytes,
-                                (void *)(uintptr_t)init, &error);
+    cl_mem mem = clCreateBuffer(dev->cl, CL_MEM_READ_WRITE | (init ? CL_MEM_COPY_HOST_PTR : 0),
+                                bytes, (void *)(uintptr_t)init, &error);
     DMK_TRY(dmk_cl_check(ctx, error, "clCreateBuffer"));
     *buffer = (dmk_buffer *)mem;
+    if (!init) DMK_TRY(dmk_buffer_clear(ctx, dev, *buffer, bytes));
 done:
-    free(zero);
     return rc;
+}
+
+int dmk_buffer_clear(dmk_context *ctx, dmk_device *dev, dmk_buffer *buffer, size_t bytes)
+{
+    const cl_uint zero = 0;
+    return dmk_cl_check(ctx,
+                        clEnqueueFillBuffer(dev->queue, mem_of(buffer), &zero, sizeof zero, 0,
+                                            bytes, 0, NULL, NULL),
+                        "clEnqueueFillBuffer");
 }
 
 void dmk_buffer_destroy(dmk_buffer **buffer)

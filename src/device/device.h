@@ -19,6 +19,8 @@ size_t dmk_device_real(const dmk_device *device, dmk_program program);
 int dmk_buffer_create(dmk_context *context, dmk_device *device, size_t bytes, const void *init,
                       dmk_buffer **buffer);
 void dmk_buffer_destroy(dmk_buffer **buffer);
+/* Queue the filling of a buffer's first `bytes` with 0. */
+int dmk_buffer_clear(dmk_context *context, dmk_device *device, dmk_buffer *buffer, size_t bytes);
 /* Blocking: all queued work is done when these return. */
 int dmk_buffer_write(dmk_context *context, dmk_device *device, dmk_buffer *buffer, size_t offset,
                      size_t bytes, const void *from);

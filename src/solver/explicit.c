@@ -1,0 +1,52 @@
+/* Explicit time steps of d mu / dt = mu (|grad u| - 1), one CG solve each: the paper's Euler scheme,
+ * and steps in log mu with inertia. */
+#include "solver/outer.h"
+
+#include <math.h>
+
+static int update(dmk_outer *o, bool inertial, double dt, double beta, double *change)
+{
+    int rc;
+    double sums[2];
+    dmk_system *s = o->sys;
+    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, explicit_update), s->n_elements,
+                       DMK_INT(s->n_elements), DMK_INT(inertial), DMK_FLOAT(1), DMK_FLOAT(dt),
+                       DMK_FLOAT(beta), DMK_FLOAT(DMK_FLOOR), DMK_BUF(s->area), DMK_BUF(s->q),
+                       DMK_BUF(s->mu), DMK_BUF(s->before), DMK_BUF(s->partial)));
+    DMK_TRY(dmk_outer_sums(o, (size_t)s->n_elements, 2, 0, sums));
+    *change = sums[0] / sums[1] / dt;
+done:
+    return rc;
+}
+
+int dmk_explicit(dmk_outer *o)
+{
+    int rc;
+    const dmk_solve_options *opt = o->options;
+    bool inertial = opt->method == DMK_INERTIAL;
+    int max_steps = opt->max_steps ? opt->max_steps : DMK_EXPLICIT_STEPS;
+    double tolerance = opt->tolerance > 0 ? opt->tolerance : inertial ? 2e-3 : 5e-4;
+    double dt = inertial ? 1 : opt->dt > 0 ? opt->dt : 0.5;
+    double inertia = opt->inertia >= 0 ? opt->inertia : 0.8;
+    double change = 1, cg = opt->cg_tolerance > 0 ? opt->cg_tolerance : 1e-4;
+    for (int step = 1; step <= max_steps; step++) {
+        int before = o->stats->cg_iterations;
+        DMK_TRY(dmk_outer_solve(o, cg, 500, NULL));
+        DMK_TRY(dmk_outer_energies(o));
+        /* Inertia is raised over the first steps: at once it makes them rough. */
+        double beta = step == 1 ? 0 : opt->inertia >= 0 ? inertia : fmin(inertia, 0.05 * step);
+        DMK_TRY(update(o, inertial, dt, beta, &change));
+        DMK_TRY(dmk_outer_step_done(o, step, max_steps, o->stats->cg_iterations - before, change));
+        if (change <= tolerance) goto done;
+        if (opt->gap_tolerance > 0 && step % 10 == 0) {
+            DMK_TRY(dmk_certify(o));
+            if (o->stats->gap <= opt->gap_tolerance) goto done;
+        }
+    }
+    rc = dmk_fail(o->ctx, DMK_E_LIMIT,
+                  "%d steps did not reach the tolerance: relative change of mu per unit time %.2g, "
+                  "wanted %.2g; raise --max-steps or --tolerance",
+                  max_steps, change, tolerance);
+done:
+    return rc;
+}

@@ -1,0 +1,38 @@
+/* The load: a unit source at the point, a uniform sink of the same mass. */
+#include "solver/outer.h"
+
+void dmk_point_weights(const double b[3], double w[6])
+{
+    for (int k = 0; k < 6; k++) w[k] = 0;
+    for (int k = 0; k < 3; k++) {
+        if (b[k] >= 0.5) { /* the sub-triangle at corner k */
+            int i = (k + 1) % 3, j = (k + 2) % 3;
+            w[k] = 2 * b[k] - 1;
+            w[3 + j] = 2 * b[i]; /* m_j lies between corners k and i */
+            w[3 + i] = 2 * b[j];
+            return;
+        }
+    }
+    for (int k = 0; k < 3; k++) w[3 + k] = 1 - 2 * b[k]; /* the middle one */
+}
+
+int dmk_load(dmk_context *ctx, const dmk_mesh *m, const dmk_system *s, const dmk_point *p,
+             double *f)
+{
+    (void)ctx;
+    double unit2 = s->unit * s->unit, w[6];
+    for (int32_t i = 0; i < s->n_rows_pad; i++) f[i] = 0;
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        double a = m->area[t] / unit2;
+        for (int k = 0; k < 3; k++) {
+            f[s->vertex_row + m->triangle[3 * t + k]] -= a / 12;
+            f[m->triangle_edge[3 * t + k]] -= a / 4;
+        }
+    }
+    dmk_point_weights(p->weight, w);
+    for (int k = 0; k < 3; k++) {
+        f[s->vertex_row + m->triangle[3 * p->triangle + k]] += w[k];
+        f[m->triangle_edge[3 * p->triangle + k]] += w[3 + k];
+    }
+    return DMK_OK;
+}

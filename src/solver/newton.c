@@ -1,0 +1,95 @@
+/* Inexact Newton (implicit Euler in y = log mu) on (u, mu): each step solves
+ *     M w = f - sum_T mu_T (1 + D L_T) g_T,   M = A + sum_T c_T g_T g_T',  c_T = D mu_T / (|T| s_T)
+ * by a few CG iterations, then u += w and y += D (L + g.w / (|T| s)). D is the pseudo time step: it
+ * grows while the equation |grad u| = 1 gets better satisfied and shrinks when it does not. */
+#include "solver/outer.h"
+
+#include <math.h>
+
+typedef struct pace {
+    double D, longest, growth;
+    int iterations;
+    double rho_before;
+    bool shrunk;
+} pace;
+
+static void choose_pace(pace *p, double rho)
+{
+    p->shrunk = false;
+    if (p->rho_before > 0) {
+        if (rho < 0.9 * p->rho_before) {
+            p->D = fmin(p->longest, p->growth * p->D);
+        } else if (rho >= p->rho_before) {
+            p->shrunk = p->D > 5;
+            p->D = fmax(5, p->D / 2);
+        }
+    }
+    p->rho_before = rho;
+}
+
+/* Coefficients, right-hand side, inner solve: s->w. */
+static int solve_step(dmk_outer *o, double alpha, const pace *p)
+{
+    int rc, before = o->stats->cg_iterations;
+    dmk_system *s = o->sys;
+    size_t vector = (size_t)s->n_rows_pad * sizeof(float);
+    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, newton_prepare), s->n_elements,
+                       DMK_INT(s->n_elements), DMK_FLOAT(alpha), DMK_FLOAT(p->D), DMK_BUF(s->cot),
+                       DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->q), DMK_BUF(s->g),
+                       DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(s->out_real),
+                       DMK_BUF(s->out), DMK_BUF(s->link), DMK_BUF(s->diag_coarse)));
+    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, rows_rhs), s->n_rows,
+                       DMK_INT(s->n_rows), DMK_BUF(s->slice), DMK_BUF(s->slot),
+                       DMK_BUF(s->out_real), DMK_BUF(s->f), DMK_BUF(s->cg[DMK_INNER].r)));
+    DMK_TRY(dmk_multigrid_refresh(o->ctx, s));
+    DMK_TRY(dmk_buffer_clear(o->ctx, s->device, s->w, vector));
+    DMK_TRY(dmk_pcg(o->ctx, s, DMK_INNER, DMK_NEWTON_MATRIX, s->w, p->iterations, 0, 0,
+                    &o->stats->cg_iterations, NULL));
+    o->stats->v_cycles += o->stats->cg_iterations - before;
+done:
+    return rc;
+}
+
+static int update(dmk_outer *o, double alpha, const pace *p, double *change)
+{
+    int rc;
+    double sums[2];
+    dmk_system *s = o->sys;
+    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, newton_update), s->n_elements,
+                       DMK_INT(s->n_elements), DMK_FLOAT(alpha), DMK_FLOAT(p->D),
+                       DMK_FLOAT(DMK_FLOOR), DMK_BUF(s->index), DMK_BUF(s->area), DMK_BUF(s->q),
+                       DMK_BUF(s->g), DMK_BUF(s->w), DMK_BUF(s->mu), DMK_BUF(s->partial)));
+    DMK_TRY(dmk_outer_sums(o, (size_t)s->n_elements, 2, 0, sums));
+    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, scale_add), s->n_rows,
+                       DMK_INT(s->n_rows), DMK_FLOAT(alpha), DMK_BUF(s->u), DMK_BUF(s->w)));
+    *change = sums[0] / sums[1];
+done:
+    return rc;
+}
+
+int dmk_newton(dmk_outer *o, bool from_distance)
+{
+    int rc;
+    const dmk_solve_options *opt = o->options;
+    int max_steps = opt->max_steps ? opt->max_steps : DMK_NEWTON_STEPS;
+    double tolerance = opt->tolerance > 0 ? opt->tolerance : DMK_DEFAULT_TOLERANCE, change = 1;
+    pace p = {.D = from_distance ? 20 : 1, .longest = 100, .growth = from_distance ? 1.5 : 1.6,
+              .iterations = 3};
+    if (!from_distance) DMK_TRY(dmk_outer_solve(o, 1e-2, 100, NULL));
+    for (int step = 1; step <= max_steps; step++) {
+        DMK_TRY(dmk_outer_energies(o));
+        double alpha = o->uau > 0 ? o->fu / o->uau : 1;
+        DMK_TRY(dmk_outer_measure(o, alpha));
+        choose_pace(&p, o->rho);
+        DMK_TRY(solve_step(o, alpha, &p));
+        DMK_TRY(update(o, alpha, &p, &change));
+        DMK_TRY(dmk_outer_step_done(o, step, max_steps, p.iterations, change));
+        if (change <= tolerance && !p.shrunk) goto done;
+    }
+    rc = dmk_fail(o->ctx, DMK_E_LIMIT,
+                  "%d steps did not reach the tolerance: relative change of mu %.2g, wanted %.2g; "
+                  "raise --max-steps or --tolerance",
+                  max_steps, change, tolerance);
+done:
+    return rc;
+}

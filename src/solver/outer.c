@@ -1,0 +1,91 @@
+#include "solver/outer.h"
+
+#include <math.h>
+
+int dmk_outer_sums(dmk_outer *o, size_t items, int count, int maximum, double *sums)
+{
+    int rc;
+    dmk_system *s = o->sys;
+    int32_t groups = (int32_t)dmk_launch_groups(s->device, items);
+    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, sum_partials), 1,
+                       DMK_INT(groups), DMK_INT(count), DMK_INT(maximum), DMK_BUF(s->partial),
+                       DMK_BUF(s->scalars), DMK_INT(0)));
+    DMK_TRY(dmk_buffer_read_real(o->ctx, s->device, DMK_OUTER, s->scalars, (size_t)count, sums));
+done:
+    return rc;
+}
+
+int dmk_outer_energies_of(dmk_outer *o, const dmk_buffer *u, double *fu, double *uau)
+{
+    int rc;
+    dmk_system *s = o->sys;
+    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, element_energy), s->n_elements,
+                       DMK_INT(s->n_elements), DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area),
+                       DMK_BUF(s->mu), DMK_BUF(u), DMK_BUF(s->g), DMK_BUF(s->q),
+                       DMK_BUF(s->partial)));
+    DMK_TRY(dmk_outer_sums(o, (size_t)s->n_elements, 1, 0, uau));
+    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, dot_real), s->n_rows,
+                       DMK_INT(s->n_rows), DMK_BUF(s->f), DMK_BUF(u), DMK_BUF(s->partial)));
+    DMK_TRY(dmk_outer_sums(o, (size_t)s->n_rows, 1, 0, fu));
+done:
+    return rc;
+}
+
+int dmk_outer_energies(dmk_outer *o) { return dmk_outer_energies_of(o, o->sys->u, &o->fu, &o->uau); }
+
+int dmk_outer_measure(dmk_outer *o, double alpha)
+{
+    int rc;
+    double sums[3];
+    dmk_system *s = o->sys;
+    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, element_measure), s->n_elements,
+                       DMK_INT(s->n_elements), DMK_FLOAT(alpha), DMK_BUF(s->area), DMK_BUF(s->mu),
+                       DMK_BUF(s->q), DMK_BUF(s->partial)));
+    DMK_TRY(dmk_outer_sums(o, (size_t)s->n_elements, 3, 1, sums));
+    o->mass = sums[1];
+    o->rho = sqrt(sums[0] / sums[1]);
+    o->top = sums[2];
+done:
+    return rc;
+}
+
+int dmk_outer_solve(dmk_outer *o, double tolerance, int max_iterations, double *rz)
+{
+    int rc, before = o->stats->cg_iterations;
+    dmk_system *s = o->sys;
+    DMK_TRY(dmk_outer_energies(o));
+    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, element_scale), s->n_elements,
+                       DMK_INT(s->n_elements), DMK_BUF(s->mu), DMK_BUF(s->g)));
+    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, rows_outer_residual), s->n_rows,
+                       DMK_INT(s->n_rows), DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->g),
+                       DMK_BUF(s->f), DMK_BUF(s->cg[DMK_OUTER].r),
+                       DMK_BUF(s->cg[DMK_OUTER].narrow)));
+    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, element_prepare), s->n_elements,
+                       DMK_INT(s->n_elements), DMK_BUF(s->cot), DMK_BUF(s->mu),
+                       DMK_BUF(s->weight_real), DMK_BUF(s->weight), DMK_BUF(s->out),
+                       DMK_BUF(s->link), DMK_BUF(s->diag_coarse)));
+    DMK_TRY(dmk_multigrid_refresh(o->ctx, s));
+    /* The energy f.A^-1.f is 2 f.u - u.Au up to the square of the error; from u = 0 take r.z. */
+    double energy = fabs(2 * o->fu - o->uau);
+    DMK_TRY(dmk_pcg(o->ctx, s, DMK_OUTER, DMK_STIFFNESS, s->u, max_iterations, tolerance, energy,
+                    &o->stats->cg_iterations, rz));
+    o->stats->v_cycles += o->stats->cg_iterations - before + (tolerance > 0);
+done:
+    return rc;
+}
+
+int dmk_outer_step_done(dmk_outer *o, int step, int max_steps, int iterations, double change)
+{
+    o->stats->steps = step;
+    o->stats->change = change;
+    if (!(change < 1e6)) {
+        return dmk_fail(o->ctx, DMK_E_DIVERGED,
+                        "the iteration diverged at step %d (relative change of mu %g); try a "
+                        "smaller --dt, --start uniform, or improve the mesh's worst triangles",
+                        step, change);
+    }
+    dmk_progress report = {.stage = "solve", .step = step, .max_steps = max_steps,
+                           .cg_iterations = iterations, .change = change, .gap = NAN,
+                           .seconds = dmk_seconds() - o->began};
+    return dmk_report(o->ctx, &report);
+}

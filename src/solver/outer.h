@@ -1,0 +1,54 @@
+/* The outer iteration: from a density and a potential to the optimal pair. */
+#ifndef DMK_OUTER_H
+#define DMK_OUTER_H
+
+#include "solver/pcg.h"
+
+/* One solve under way. Quantities are in the packed problem's units (area 1). */
+typedef struct dmk_outer {
+    dmk_context *ctx;
+    dmk_system *sys;
+    const dmk_solve_options *options;
+    dmk_stats *stats;
+    double began;     /* dmk_seconds() */
+    double fu, uau;   /* f.u and u.Au of the last energies */
+    double mass;      /* integral of mu */
+    double rho, top;  /* weighted mean of (1/2 log q)^2, rooted; largest q */
+} dmk_outer;
+
+enum { DMK_NEWTON_STEPS = 60, DMK_EXPLICIT_STEPS = 2000 };
+
+/* Relative L1 change of mu that ends the default method: the density's error is about as large. */
+static const double DMK_DEFAULT_TOLERANCE = 4e-3;
+/* mu stays above this many square roots of the element's area, so that logarithms exist. */
+static const double DMK_FLOOR = 1e-4;
+
+/* g, q of s->u; fu and uau. */
+int dmk_outer_energies(dmk_outer *o);
+/* The same of any row vector in place of u: f.v and v.Av. */
+int dmk_outer_energies_of(dmk_outer *o, const dmk_buffer *v, double *fv, double *vav);
+/* rho, mass and top of q scaled by alpha^2. */
+int dmk_outer_measure(dmk_outer *o, double alpha);
+/* Solve A(mu) u = f from the u there is: energies, coarse operators, CG in the outer precision until
+ * the energy error is `tolerance` of the energy. *rz: the last r.z. */
+int dmk_outer_solve(dmk_outer *o, double tolerance, int max_iterations, double *rz);
+/* Sums left by a kernel over n items in system->partial. */
+int dmk_outer_sums(dmk_outer *o, size_t items, int count, int maximum, double *sums);
+/* Report a step; a change that is not a number or too large is divergence. */
+int dmk_outer_step_done(dmk_outer *o, int step, int max_steps, int iterations, double change);
+
+/* The methods: from the start in s->mu, s->u to convergence. */
+int dmk_newton(dmk_outer *o, bool from_distance);
+int dmk_explicit(dmk_outer *o);
+
+/* certificate.c: stats->cost_upper, cost_lower and gap of the present pair (units of the packed
+ * problem); s->u becomes the potential of s->mu to CG accuracy. */
+int dmk_certify(dmk_outer *o);
+
+/* load.c: f+ - f- on the rows of T/2 for a source at `point` of the packed mesh. */
+int dmk_load(dmk_context *context, const dmk_mesh *mesh, const dmk_system *system,
+             const dmk_point *point, double *f);
+/* The weights of the six macro-element nodes (v0 v1 v2 m0 m1 m2) at a point. */
+void dmk_point_weights(const double bary[3], double weight[6]);
+
+#endif

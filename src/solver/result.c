@@ -1,0 +1,104 @@
+#include "solver/result.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+dmk_shared_order *dmk_shared_order_keep(dmk_shared_order *shared)
+{
+    atomic_fetch_add(&shared->users, 1);
+    return shared;
+}
+
+void dmk_shared_order_release(dmk_shared_order **shared)
+{
+    if (*shared && atomic_fetch_sub(&(*shared)->users, 1) == 1) {
+        dmk_order_free(&(*shared)->order);
+        free(*shared);
+    }
+    *shared = NULL;
+}
+
+int dmk_result_create(dmk_context *ctx, const dmk_mesh *m, dmk_result **result)
+{
+    int rc;
+    dmk_result *r = NULL;
+    DMK_TRY(DMK_NEW(ctx, r, 1));
+    r->n_vertices = (size_t)m->n_vertices;
+    r->n_triangles = (size_t)m->n_triangles;
+    r->n_edges = (size_t)m->n_edges;
+    DMK_TRY(DMK_NEW(ctx, r->density, r->n_triangles));
+    DMK_TRY(DMK_NEW(ctx, r->acl, r->n_triangles));
+    DMK_TRY(DMK_NEW(ctx, r->potential, r->n_vertices));
+    DMK_TRY(DMK_NEW(ctx, r->distance, r->n_vertices));
+    DMK_TRY(DMK_NEW(ctx, r->potential_mid, r->n_edges));
+    DMK_TRY(DMK_NEW(ctx, r->distance_mid, r->n_edges));
+    for (size_t i = 0; i < r->n_vertices; i++) {
+        r->potential[i] = -INFINITY;
+        r->distance[i] = INFINITY;
+    }
+    for (size_t i = 0; i < r->n_edges; i++) {
+        r->potential_mid[i] = -INFINITY;
+        r->distance_mid[i] = INFINITY;
+    }
+    *result = r;
+    r = NULL;
+done:
+    dmk_result_destroy(&r);
+    return rc;
+}
+
+void dmk_result_destroy(dmk_result **result)
+{
+    dmk_result *r = *result;
+    if (!r) return;
+    free(r->density);
+    free(r->acl);
+    free(r->potential);
+    free(r->distance);
+    free(r->potential_mid);
+    free(r->distance_mid);
+    dmk_shared_order_release(&r->order);
+    free(r);
+    *result = NULL;
+}
+
+static const double *borrow(const double *array, size_t length, size_t *n)
+{
+    if (n) *n = length;
+    return array;
+}
+
+void dmk_result_get_stats(const dmk_result *r, dmk_stats *stats) { *stats = r->stats; }
+
+const double *dmk_result_density(const dmk_result *r, size_t *n)
+{
+    return borrow(r->density, r->n_triangles, n);
+}
+
+const uint8_t *dmk_result_acl(const dmk_result *r, size_t *n)
+{
+    if (n) *n = r->n_triangles;
+    return r->acl;
+}
+
+const double *dmk_result_potential(const dmk_result *r, size_t *n)
+{
+    return borrow(r->potential, r->n_vertices, n);
+}
+
+const double *dmk_result_potential_mid(const dmk_result *r, size_t *n)
+{
+    return borrow(r->potential_mid, r->n_edges, n);
+}
+
+const double *dmk_result_distance(const dmk_result *r, size_t *n)
+{
+    return borrow(r->distance, r->n_vertices, n);
+}
+
+const double *dmk_result_distance_mid(const dmk_result *r, size_t *n)
+{
+    return borrow(r->distance_mid, r->n_edges, n);
+}
+
+void dmk_result_source(const dmk_result *r, dmk_point *source) { *source = r->source; }

@@ -1,0 +1,32 @@
+#ifndef DMK_RESULT_H
+#define DMK_RESULT_H
+
+#include "mesh/mesh.h"
+
+#include <stdatomic.h>
+
+/* The ordered component, shared by the solver and its results; the last one frees it. */
+typedef struct dmk_shared_order {
+    dmk_order order;
+    atomic_int users;
+} dmk_shared_order;
+
+dmk_shared_order *dmk_shared_order_keep(dmk_shared_order *shared);
+void dmk_shared_order_release(dmk_shared_order **shared);
+
+struct dmk_result {
+    size_t n_vertices, n_triangles, n_edges; /* of the input mesh */
+    double *density;                         /* n_triangles */
+    uint8_t *acl;                            /* n_triangles */
+    double *potential, *distance;            /* n_vertices */
+    double *potential_mid, *distance_mid;    /* n_edges */
+    dmk_point source;                        /* on the input mesh */
+    dmk_stats stats;
+    dmk_shared_order *order;                 /* of the source's component */
+    int32_t source_triangle;                 /* in that order */
+};
+
+/* Arrays for the input mesh: mu = 0 and infinite distance until they are set. */
+int dmk_result_create(dmk_context *context, const dmk_mesh *mesh, dmk_result **result);
+
+#endif

@@ -1,0 +1,45 @@
+#include "solver/slices.h"
+
+#include "dmk_shared.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+int dmk_slices_create(dmk_context *ctx, int32_t n, const int32_t *row, const int32_t *entry,
+                      const float *weight, int32_t filler, dmk_slices *s)
+{
+    int rc;
+    memset(s, 0, sizeof *s);
+    s->n_slices = dmk_padded(n) / DMK_WIDTH;
+    DMK_TRY(DMK_NEW(ctx, s->slice, (size_t)s->n_slices + 1));
+    for (int32_t k = 0; k < s->n_slices; k++) {
+        int32_t longest = 1;
+        for (int32_t i = DMK_WIDTH * k; i < dmk_min_i(DMK_WIDTH * (k + 1), n); i++) {
+            longest = dmk_max_i(longest, row[i + 1] - row[i]);
+        }
+        s->slice[k + 1] = s->slice[k] + longest;
+    }
+    size_t places = (size_t)s->slice[s->n_slices] * DMK_WIDTH;
+    DMK_TRY(DMK_NEW(ctx, s->entry, places));
+    if (weight) DMK_TRY(DMK_NEW(ctx, s->weight, places));
+    for (int32_t i = 0; i < DMK_WIDTH * s->n_slices; i++) {
+        int32_t first = s->slice[i / DMK_WIDTH], columns = s->slice[i / DMK_WIDTH + 1] - first;
+        int32_t length = i < n ? row[i + 1] - row[i] : 0;
+        for (int32_t j = 0; j < columns; j++) {
+            size_t place = (size_t)(first + j) * DMK_WIDTH + (size_t)(i % DMK_WIDTH);
+            s->entry[place] = j < length ? entry[row[i] + j] : filler < 0 ? i : filler;
+            if (weight && j < length) s->weight[place] = weight[row[i] + j];
+        }
+    }
+done:
+    if (rc != DMK_OK) dmk_slices_free(s);
+    return rc;
+}
+
+void dmk_slices_free(dmk_slices *s)
+{
+    free(s->slice);
+    free(s->entry);
+    free(s->weight);
+    memset(s, 0, sizeof *s);
+}

@@ -1,0 +1,234 @@
+/* Solver: one mesh on one device, set up once; then any number of sources. */
+#include "solver/outer.h"
+#include "solver/result.h"
+#include "solver/start.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+struct dmk_solver {
+    dmk_device *device;
+    const dmk_mesh *mesh;
+    int32_t component;        /* the one that is packed, or -1 */
+    dmk_shared_order *order;
+    dmk_system *system;
+    double setup_seconds;     /* of the last packing, not yet told to a result */
+};
+
+static int pack_component(dmk_context *ctx, dmk_solver *s, int32_t component)
+{
+    int rc;
+    double began = dmk_seconds();
+    dmk_progress report = {.stage = "levels", .change = NAN, .gap = NAN};
+    if (s->component == component) return DMK_OK;
+    dmk_system_destroy(&s->system);
+    dmk_shared_order_release(&s->order);
+    s->component = -1;
+    DMK_TRY(dmk_report(ctx, &report));
+    DMK_TRY(DMK_NEW(ctx, s->order, 1));
+    atomic_init(&s->order->users, 1);
+    DMK_TRY(dmk_order_create(ctx, s->mesh, component, &s->order->order));
+    DMK_TRY(dmk_system_create(ctx, s->device, s->order->order.mesh, &s->system));
+    s->component = component;
+    s->setup_seconds = dmk_seconds() - began;
+done:
+    return rc;
+}
+
+int dmk_solver_create(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh,
+                      dmk_solver **solver)
+{
+    int rc;
+    dmk_solver *s = NULL;
+    DMK_TRY(DMK_NEW(ctx, s, 1));
+    s->device = device;
+    s->mesh = mesh;
+    s->component = -1;
+    /* With several components, the source decides which one to pack. */
+    if (mesh->n_components == 1) DMK_TRY(pack_component(ctx, s, 0));
+    *solver = s;
+    s = NULL;
+done:
+    dmk_solver_destroy(&s);
+    return rc;
+}
+
+void dmk_solver_destroy(dmk_solver **solver)
+{
+    dmk_solver *s = *solver;
+    if (!s) return;
+    dmk_system_destroy(&s->system);
+    dmk_shared_order_release(&s->order);
+    free(s);
+    *solver = NULL;
+}
+
+void dmk_solve_options_init(dmk_solve_options *options)
+{
+    memset(options, 0, sizeof *options);
+    options->inertia = -1;
+}
+
+static int check_options(dmk_context *ctx, const dmk_solver *s, const dmk_point *p,
+                         const dmk_solve_options *o)
+{
+    double sum = p->weight[0] + p->weight[1] + p->weight[2];
+    if (p->triangle < 0 || p->triangle >= s->mesh->n_triangles || !(fabs(sum - 1) < 1e-9) ||
+        !(fmin(fmin(p->weight[0], p->weight[1]), p->weight[2]) >= 0)) {
+        return dmk_fail(ctx, DMK_E_ARG,
+                        "the source (triangle %lld, weights %g %g %g) is not a point of the mesh",
+                        (long long)p->triangle, p->weight[0], p->weight[1], p->weight[2]);
+    }
+    if (!(o->dt >= 0 && o->dt <= 1)) {
+        return dmk_fail(ctx, DMK_E_ARG, "dt = %g: expected 0 < dt <= 1", o->dt);
+    }
+    if (!(o->inertia < 1)) {
+        return dmk_fail(ctx, DMK_E_ARG, "inertia = %g: expected 0 <= inertia < 1", o->inertia);
+    }
+    if (!(o->tolerance >= 0 && o->gap_tolerance >= 0 && o->cg_tolerance >= 0 && o->threshold >= 0 &&
+          o->max_steps >= 0)) {
+        return dmk_fail(ctx, DMK_E_ARG, "tolerances, threshold and max_steps must not be negative");
+    }
+    return DMK_OK;
+}
+
+static int32_t find_triangle(const dmk_order *order, int64_t old)
+{
+    for (int32_t t = 0; t < order->mesh->n_triangles; t++) {
+        if (order->triangle_old[t] == old) return t;
+    }
+    return -1;
+}
+
+/* u and mu to start from, on the device. */
+static int set_start(dmk_context *ctx, dmk_solver *s, const dmk_point *p, dmk_start start)
+{
+    int rc;
+    dmk_system *sys = s->system;
+    const dmk_mesh *m = s->order->order.mesh;
+    double *vertex = NULL, *u = NULL, *mu = NULL;
+    size_t n_rows = (size_t)sys->n_rows_pad, n_elements = (size_t)sys->n_elements_pad;
+    DMK_TRY(DMK_NEW(ctx, vertex, (size_t)m->n_vertices));
+    DMK_TRY(DMK_NEW(ctx, u, n_rows));
+    DMK_TRY(DMK_NEW(ctx, mu, n_elements));
+    if (start == DMK_START_DISTANCE) {
+        DMK_TRY(dmk_start_distance(ctx, m, p, vertex, u)); /* midpoints are the first rows */
+        DMK_TRY(dmk_start_density(ctx, m, p, vertex, u, mu));
+        for (int32_t e = 0; e < m->n_edges; e++) u[e] /= -sys->unit;
+        for (int32_t v = 0; v < m->n_vertices; v++) u[sys->vertex_row + v] = vertex[v] / -sys->unit;
+        for (int32_t t = 0; t < m->n_triangles; t++) mu[t] /= sys->unit;
+    } else {
+        for (int32_t t = 0; t < m->n_triangles; t++) mu[t] = 1;
+    }
+    DMK_TRY(dmk_buffer_write_real(ctx, s->device, DMK_OUTER, sys->u, n_rows, u));
+    DMK_TRY(dmk_buffer_write_real(ctx, s->device, DMK_OUTER, sys->mu, n_elements, mu));
+    DMK_TRY(dmk_load(ctx, m, sys, p, u));
+    DMK_TRY(dmk_buffer_write_real(ctx, s->device, DMK_OUTER, sys->f, n_rows, u));
+    size_t x_bytes = n_rows * sizeof(float);
+    /* Work arrays may hold the NaN of an earlier solve that diverged. */
+    DMK_TRY(dmk_buffer_clear(ctx, s->device, sys->x, x_bytes));
+    DMK_TRY(dmk_buffer_clear(ctx, s->device, sys->x_old, x_bytes));
+    for (int p_ = 0; p_ < DMK_N_PROGRAMS; p_++) {
+        size_t bytes = n_rows * dmk_device_real(s->device, (dmk_program)p_);
+        DMK_TRY(dmk_buffer_clear(ctx, s->device, sys->cg[p_].p, bytes));
+    }
+    DMK_TRY(dmk_buffer_clear(ctx, s->device, sys->before,
+                             n_elements * dmk_device_real(s->device, DMK_OUTER)));
+done:
+    free(vertex);
+    free(u);
+    free(mu);
+    return rc;
+}
+
+/* Triangles of the approximate cut locus {mu <= eps}; eps = 0: the square root of the area, about 0.66
+ * of an edge length: mu is the load still to be carried, so next to the locus it is of that size. */
+static void mark_acl(const dmk_mesh *m, double threshold, dmk_result *r)
+{
+    for (size_t t = 0; t < r->n_triangles; t++) {
+        double bound = threshold > 0 ? threshold : sqrt(m->area[t]);
+        r->acl[t] = r->density[t] <= bound;
+    }
+}
+
+/* Read mu and u back once and put them in the input's order and units. */
+static int collect(dmk_context *ctx, dmk_solver *s, const dmk_point *p, dmk_result *r)
+{
+    int rc;
+    dmk_system *sys = s->system;
+    const dmk_order *o = &s->order->order;
+    double *u = NULL, *mu = NULL, w[6], at_source = 0;
+    DMK_TRY(DMK_NEW(ctx, u, (size_t)sys->n_rows));
+    DMK_TRY(DMK_NEW(ctx, mu, (size_t)sys->n_elements));
+    DMK_TRY(dmk_buffer_read_real(ctx, s->device, DMK_OUTER, sys->u, (size_t)sys->n_rows, u));
+    DMK_TRY(dmk_buffer_read_real(ctx, s->device, DMK_OUTER, sys->mu, (size_t)sys->n_elements, mu));
+    dmk_point_weights(p->weight, w);
+    for (int k = 0; k < 3; k++) {
+        at_source += w[k] * u[sys->vertex_row + o->mesh->triangle[3 * p->triangle + k]];
+        at_source += w[3 + k] * u[o->mesh->triangle_edge[3 * p->triangle + k]];
+    }
+    for (int32_t t = 0; t < sys->n_elements; t++) r->density[o->triangle_old[t]] = mu[t] * sys->unit;
+    for (int32_t v = 0; v < sys->n_vertices; v++) {
+        double x = (u[sys->vertex_row + v] - at_source) * sys->unit;
+        r->potential[o->vertex_old[v]] = x;
+        r->distance[o->vertex_old[v]] = -x;
+    }
+    for (int32_t e = 0; e < sys->n_edges; e++) {
+        double x = (u[e] - at_source) * sys->unit;
+        r->potential_mid[o->edge_old[e]] = x;
+        r->distance_mid[o->edge_old[e]] = -x;
+    }
+done:
+    free(u);
+    free(mu);
+    return rc;
+}
+
+/* The stats' lengths and costs to the mesh's units. */
+static void scale_stats(const dmk_system *sys, dmk_stats *stats)
+{
+    double unit2 = sys->unit * sys->unit;
+    stats->area = unit2;
+    stats->cost_upper *= unit2 * sys->unit;
+    stats->cost_lower *= unit2 * sys->unit;
+    stats->levels = sys->n_levels + 1;
+    stats->double_precision = dmk_device_real(sys->device, DMK_OUTER) == sizeof(double);
+}
+
+int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
+              const dmk_solve_options *options, dmk_result **result)
+{
+    int rc;
+    dmk_result *r = NULL;
+    DMK_TRY(check_options(ctx, s, source, options));
+    DMK_TRY(dmk_result_create(ctx, s->mesh, &r));
+    DMK_TRY(pack_component(ctx, s, s->mesh->component[source->triangle]));
+    r->stats.seconds[DMK_STAGE_SETUP] = s->setup_seconds;
+    s->setup_seconds = 0;
+    r->source = *source;
+    r->order = dmk_shared_order_keep(s->order);
+    r->source_triangle = find_triangle(&s->order->order, source->triangle);
+    dmk_point p = *source;
+    p.triangle = r->source_triangle;
+
+    double t0 = dmk_seconds();
+    DMK_TRY(set_start(ctx, s, &p, options->start));
+    double t1 = dmk_seconds();
+    dmk_outer o = {.ctx = ctx, .sys = s->system, .options = options, .stats = &r->stats, .began = t0};
+    if (options->method == DMK_NEWTON) DMK_TRY(dmk_newton(&o, options->start == DMK_START_DISTANCE));
+    else DMK_TRY(dmk_explicit(&o));
+    double t2 = dmk_seconds();
+    DMK_TRY(dmk_certify(&o));
+    DMK_TRY(collect(ctx, s, &p, r));
+    mark_acl(s->mesh, options->threshold, r);
+    scale_stats(s->system, &r->stats);
+    r->stats.seconds[DMK_STAGE_START] = t1 - t0;
+    r->stats.seconds[DMK_STAGE_SOLVE] = t2 - t1;
+    r->stats.seconds[DMK_STAGE_CERTIFY] = dmk_seconds() - t2;
+    *result = r;
+    r = NULL;
+done:
+    dmk_result_destroy(&r);
+    return rc;
+}

@@ -1,0 +1,405 @@
+#include "solver/system.h"
+
+#include "solver/slices.h"
+
+#include "dmk_shared.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { COARSEST = 96 };
+
+/* The packer's state: shorter calls below. */
+typedef struct packer {
+    dmk_context *ctx;
+    dmk_device *dev;
+    const dmk_mesh *mesh;
+    dmk_system *sys;
+} packer;
+
+static int upload(const packer *p, size_t count, size_t size, const void *data, dmk_buffer **b)
+{
+    return dmk_buffer_create(p->ctx, p->dev, count * size, data, b);
+}
+
+/* Zeroed work arrays of n numbers. */
+static int work(const packer *p, dmk_program program, size_t n, dmk_buffer **b)
+{
+    return dmk_buffer_create(p->ctx, p->dev, n * dmk_device_real(p->dev, program), NULL, b);
+}
+
+static int upload_real(const packer *p, size_t n, const double *data, dmk_buffer **b)
+{
+    int rc = work(p, DMK_OUTER, n, b);
+    return rc ? rc : dmk_buffer_write_real(p->ctx, p->dev, DMK_OUTER, *b, n, data);
+}
+
+/* Elements: rows of corners and midpoints, cotangents, areas in units of the total. */
+static int pack_elements(const packer *p)
+{
+    int rc;
+    const dmk_mesh *m = p->mesh;
+    dmk_system *s = p->sys;
+    size_t n = (size_t)s->n_elements_pad;
+    int32_t *index = NULL;
+    double *cot = NULL, *area = NULL;
+    DMK_TRY(DMK_NEW(p->ctx, index, 6 * n));
+    DMK_TRY(DMK_NEW(p->ctx, cot, 3 * n));
+    DMK_TRY(DMK_NEW(p->ctx, area, n));
+    for (size_t i = 0; i < n; i++) area[i] = 1;
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        for (int k = 0; k < 3; k++) {
+            index[dmk_place(t, k, 6)] = s->vertex_row + m->triangle[3 * t + k];
+            index[dmk_place(t, 3 + k, 6)] = m->triangle_edge[3 * t + k];
+            cot[dmk_place(t, k, 3)] = m->cot[3 * t + k];
+        }
+        area[t] = m->area[t] / (s->unit * s->unit);
+    }
+    DMK_TRY(upload(p, 6 * n, sizeof *index, index, &s->index));
+    DMK_TRY(upload_real(p, 3 * n, cot, &s->cot));
+    DMK_TRY(upload_real(p, n, area, &s->area));
+done:
+    free(index);
+    free(cot);
+    free(area);
+    return rc;
+}
+
+static int upload_slices(const packer *p, const dmk_slices *s, dmk_buffer **slice,
+                         dmk_buffer **entry, dmk_buffer **weight)
+{
+    int rc;
+    size_t places = (size_t)s->slice[s->n_slices] * DMK_WIDTH;
+    DMK_TRY(upload(p, (size_t)s->n_slices + 1, sizeof *s->slice, s->slice, slice));
+    DMK_TRY(upload(p, places, sizeof *s->entry, s->entry, entry));
+    if (weight) DMK_TRY(upload(p, places, sizeof *s->weight, s->weight, weight));
+done:
+    return rc;
+}
+
+/* Compressed rows to sliced rows on the device. */
+static int pack_rows(const packer *p, int32_t n, const int32_t *row, const int32_t *entry,
+                     const float *value, int32_t filler, dmk_buffer **slice, dmk_buffer **entries,
+                     dmk_buffer **weight)
+{
+    dmk_slices s;
+    int rc = dmk_slices_create(p->ctx, n, row, entry, value, filler, &s);
+    if (rc != DMK_OK) return rc;
+    rc = upload_slices(p, &s, slice, entries, value ? weight : NULL);
+    dmk_slices_free(&s);
+    return rc;
+}
+
+/* Row lists by counting: row_of(h) of item h gets entry_of(h), items in increasing order. */
+static void gather_rows(int32_t n_rows, size_t n_items, const int32_t *row_of,
+                        const int32_t *entry_of, int32_t *row, int32_t *entry)
+{
+    for (size_t i = 0; i < n_items; i++) row[row_of[i] + 1]++;
+    for (int32_t r = 0; r < n_rows; r++) row[r + 1] += row[r];
+    for (size_t i = 0; i < n_items; i++) entry[row[row_of[i]]++] = entry_of[i];
+    for (int32_t r = n_rows; r > 0; r--) row[r] = row[r - 1];
+    row[0] = 0;
+}
+
+/* Rows of T/2: the places of their contributions among the elements' six. */
+static int pack_fine_rows(const packer *p)
+{
+    int rc;
+    const dmk_mesh *m = p->mesh;
+    dmk_system *s = p->sys;
+    size_t n = 6 * (size_t)m->n_triangles;
+    int32_t *row_of = NULL, *place = NULL, *row = NULL, *entry = NULL;
+    DMK_TRY(DMK_NEW(p->ctx, row_of, n));
+    DMK_TRY(DMK_NEW(p->ctx, place, n));
+    DMK_TRY(DMK_NEW(p->ctx, row, (size_t)s->n_rows + 1));
+    DMK_TRY(DMK_NEW(p->ctx, entry, n));
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        for (int k = 0; k < 6; k++) {
+            size_t i = 6 * (size_t)t + (size_t)k;
+            row_of[i] = k < 3 ? s->vertex_row + m->triangle[3 * t + k]
+                              : m->triangle_edge[3 * t + k - 3];
+            place[i] = (int32_t)dmk_place(t, k, 6);
+        }
+    }
+    gather_rows(s->n_rows, n, row_of, place, row, entry);
+    int32_t zero = (int32_t)dmk_place(s->n_elements_pad - 1, 0, 6);
+    DMK_TRY(pack_rows(p, s->n_rows, row, entry, NULL, zero, &s->slice, &s->slot, NULL));
+done:
+    free(row_of);
+    free(place);
+    free(row);
+    free(entry);
+    return rc;
+}
+
+/* Vertices and edges of T: the places of their parts among the elements' three, and the ends whose
+ * mean prolongs T to T/2. */
+static int pack_coarse_places(const packer *p)
+{
+    int rc;
+    const dmk_mesh *m = p->mesh;
+    dmk_system *s = p->sys;
+    size_t n = 3 * (size_t)m->n_triangles;
+    int32_t *place = NULL, *row = NULL, *entry = NULL, *edge_place = NULL, *ends = NULL;
+    int32_t zero = (int32_t)dmk_place(s->n_elements_pad - 1, 0, 3);
+    DMK_TRY(DMK_NEW(p->ctx, place, n));
+    DMK_TRY(DMK_NEW(p->ctx, row, (size_t)m->n_vertices + 1));
+    DMK_TRY(DMK_NEW(p->ctx, entry, n));
+    DMK_TRY(DMK_NEW(p->ctx, edge_place, 2 * (size_t)dmk_padded(m->n_edges)));
+    DMK_TRY(DMK_NEW(p->ctx, ends, 2 * (size_t)s->n_rows_pad));
+    for (int32_t h = 0; h < 3 * m->n_triangles; h++) place[h] = (int32_t)dmk_place(h / 3, h % 3, 3);
+    gather_rows(m->n_vertices, n, m->triangle, place, row, entry);
+    DMK_TRY(pack_rows(p, m->n_vertices, row, entry, NULL, zero, &s->corner_slice, &s->corner_slot,
+                      NULL));
+    for (int32_t i = 0; i < 2 * dmk_padded(m->n_edges); i++) edge_place[i] = zero;
+    for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
+        int32_t e = m->triangle_edge[h], second = m->edge_triangle[2 * e] != h / 3;
+        edge_place[dmk_place(e, second, 2)] = place[h];
+    }
+    for (int32_t i = 0; i < 2 * s->n_rows_pad; i++) ends[i] = m->n_vertices; /* stays 0 on T */
+    for (int32_t e = 0; e < m->n_edges; e++) {
+        for (int k = 0; k < 2; k++) ends[dmk_place(e, k, 2)] = m->edge_vertex[2 * e + k];
+    }
+    for (int32_t v = 0; v < m->n_vertices; v++) {
+        for (int k = 0; k < 2; k++) ends[dmk_place(s->vertex_row + v, k, 2)] = v;
+    }
+    DMK_TRY(upload(p, 2 * (size_t)dmk_padded(m->n_edges), sizeof *edge_place, edge_place,
+                   &s->edge_place));
+    DMK_TRY(upload(p, 2 * (size_t)s->n_rows_pad, sizeof *ends, ends, &s->ends));
+done:
+    free(place);
+    free(row);
+    free(entry);
+    free(edge_place);
+    free(ends);
+    return rc;
+}
+
+/* A graph's rows: neighbours with their link numbers. */
+static int pack_graph(const packer *p, int32_t n, int32_t n_links, const int32_t *link_vertex,
+                      dmk_level *l)
+{
+    int rc;
+    int32_t *row = NULL, *fill = NULL, *neighbour = NULL, *number = NULL;
+    dmk_slices s = {0};
+    l->n = n;
+    l->n_pad = dmk_padded(n);
+    l->n_links = n_links;
+    DMK_TRY(DMK_NEW(p->ctx, row, (size_t)n + 1));
+    DMK_TRY(DMK_NEW(p->ctx, fill, (size_t)n + 1));
+    DMK_TRY(DMK_NEW(p->ctx, neighbour, 2 * (size_t)n_links));
+    DMK_TRY(DMK_NEW(p->ctx, number, 2 * (size_t)n_links));
+    for (int32_t i = 0; i < 2 * n_links; i++) row[link_vertex[i] + 1]++;
+    for (int32_t i = 0; i < n; i++) row[i + 1] += row[i];
+    for (int32_t i = 0; i < n; i++) fill[i] = row[i];
+    for (int32_t k = 0; k < n_links; k++) {
+        for (int side = 0; side < 2; side++) {
+            int32_t at = fill[link_vertex[2 * k + side]]++;
+            neighbour[at] = link_vertex[2 * k + !side];
+            number[at] = k;
+        }
+    }
+    DMK_TRY(pack_rows(p, n, row, neighbour, NULL, -1, &l->slice, &l->neighbour, NULL));
+    DMK_TRY(dmk_slices_create(p->ctx, n, row, number, NULL, n_links, &s));
+    size_t places = (size_t)s.slice[s.n_slices] * DMK_WIDTH;
+    DMK_TRY(upload(p, places, sizeof *s.entry, s.entry, &l->number));
+    DMK_TRY(work(p, DMK_INNER, places, &l->weight));
+    DMK_TRY(work(p, DMK_INNER, (size_t)dmk_padded(n_links), &l->link));
+    DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->inv_diag));
+    DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->rhs));
+    DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->x));
+    DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->x_old));
+    DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->residual));
+done:
+    dmk_slices_free(&s);
+    free(row);
+    free(fill);
+    free(neighbour);
+    free(number);
+    return rc;
+}
+
+/* Prolongation, restriction and Galerkin table from a level of n_fine vertices to the next. */
+static int pack_transfer(const packer *p, int32_t n_fine, const dmk_coarsening *c, dmk_level *l)
+{
+    int rc;
+    int32_t pad = dmk_padded(n_fine), *index = NULL;
+    float *weight = NULL;
+    size_t table = (size_t)c->galerkin_row[c->coarse.n_edges];
+    DMK_TRY(DMK_NEW(p->ctx, index, 3 * (size_t)pad));
+    DMK_TRY(DMK_NEW(p->ctx, weight, 3 * (size_t)pad));
+    for (int32_t i = 0; i < n_fine; i++) {
+        for (int k = 0; k < 3; k++) {
+            index[dmk_place(i, k, 3)] = c->prolong_index[3 * i + k];
+            weight[dmk_place(i, k, 3)] = c->prolong_weight[3 * i + k];
+        }
+    }
+    DMK_TRY(upload(p, 3 * (size_t)pad, sizeof *index, index, &l->prolong_index));
+    DMK_TRY(upload(p, 3 * (size_t)pad, sizeof *weight, weight, &l->prolong_weight));
+    /* A row's filler is any fine row: its weight is 0. */
+    DMK_TRY(pack_rows(p, c->coarse.n, c->restrict_row, c->restrict_fine, c->restrict_weight, 0,
+                      &l->restrict_slice, &l->restrict_entry, &l->restrict_weight));
+    DMK_TRY(upload(p, (size_t)c->coarse.n_edges + 1, sizeof(int32_t), c->galerkin_row,
+                   &l->galerkin_row));
+    DMK_TRY(upload(p, table, sizeof(int32_t), c->galerkin_edge, &l->galerkin_link));
+    DMK_TRY(upload(p, table, sizeof(float), c->galerkin_coef, &l->galerkin_coef));
+done:
+    free(index);
+    free(weight);
+    return rc;
+}
+
+static int pack_levels(const packer *p)
+{
+    int rc;
+    dmk_system *s = p->sys;
+    dmk_hierarchy h = {0};
+    int32_t n_links = p->mesh->n_edges;
+    const int32_t *links = p->mesh->edge_vertex;
+    DMK_TRY(dmk_hierarchy_create(p->ctx, p->mesh, COARSEST, &h));
+    DMK_TRY(pack_graph(p, p->mesh->n_vertices, n_links, links, &s->level[0]));
+    s->n_levels = 1;
+    for (int32_t i = 0; i < h.n; i++) {
+        const dmk_coarsening *c = &h.level[i];
+        dmk_level *l = &s->level[s->n_levels];
+        n_links = c->coarse.n_edges;
+        links = c->coarse.edge;
+        DMK_TRY(pack_graph(p, c->coarse.n, n_links, links, l));
+        DMK_TRY(pack_transfer(p, s->level[s->n_levels - 1].n, c, l));
+        s->n_levels++;
+    }
+    const dmk_level *last = &s->level[s->n_levels - 1];
+    s->n_coarse_links = n_links;
+    DMK_TRY(DMK_NEW(p->ctx, s->coarse_link_vertex, 2 * (size_t)n_links));
+    memcpy(s->coarse_link_vertex, links, 2 * (size_t)n_links * sizeof *links);
+    DMK_TRY(work(p, DMK_INNER, (size_t)last->n * (size_t)last->n_pad, &s->coarse_inverse));
+done:
+    dmk_hierarchy_free(&h);
+    return rc;
+}
+
+static int allocate_cg(const packer *p, dmk_program program)
+{
+    int rc;
+    dmk_system *s = p->sys;
+    size_t n = (size_t)s->n_rows_pad;
+    DMK_TRY(work(p, program, n, &s->cg[program].r));
+    DMK_TRY(work(p, program, n, &s->cg[program].p));
+    DMK_TRY(work(p, program, n, &s->cg[program].ap));
+    s->cg[program].narrow = s->cg[program].r;
+    if (dmk_device_real(p->dev, program) == sizeof(double)) {
+        s->cg[program].narrow = NULL;
+        DMK_TRY(work(p, DMK_INNER, n, &s->cg[program].narrow));
+    }
+done:
+    return rc;
+}
+
+static int allocate_state(const packer *p)
+{
+    int rc;
+    dmk_system *s = p->sys;
+    size_t e = (size_t)s->n_elements_pad, n = (size_t)s->n_rows_pad;
+    size_t groups = dmk_launch_groups(p->dev, n > e ? n : e);
+    DMK_TRY(work(p, DMK_OUTER, e, &s->mu));
+    DMK_TRY(work(p, DMK_OUTER, e, &s->before));
+    DMK_TRY(work(p, DMK_OUTER, e, &s->q));
+    DMK_TRY(work(p, DMK_OUTER, n, &s->u));
+    DMK_TRY(work(p, DMK_OUTER, n, &s->f));
+    DMK_TRY(work(p, DMK_OUTER, 6 * e, &s->g));
+    DMK_TRY(work(p, DMK_OUTER, 6 * e, &s->out_real));
+    DMK_TRY(work(p, DMK_OUTER, 3 * e, &s->weight_real));
+    DMK_TRY(work(p, DMK_INNER, 3 * e, &s->weight));
+    DMK_TRY(work(p, DMK_INNER, 6 * e, &s->rank_one));
+    DMK_TRY(work(p, DMK_INNER, 6 * e, &s->out));
+    DMK_TRY(work(p, DMK_INNER, 3 * e, &s->link));
+    DMK_TRY(work(p, DMK_INNER, 3 * e, &s->diag_coarse));
+    DMK_TRY(work(p, DMK_INNER, n, &s->inv_diag));
+    DMK_TRY(work(p, DMK_INNER, n, &s->x));
+    DMK_TRY(work(p, DMK_INNER, n, &s->x_old));
+    DMK_TRY(work(p, DMK_INNER, n, &s->residual));
+    DMK_TRY(work(p, DMK_INNER, n, &s->w));
+    DMK_TRY(allocate_cg(p, DMK_INNER));
+    DMK_TRY(allocate_cg(p, DMK_OUTER));
+    DMK_TRY(work(p, DMK_OUTER, 4 * groups, &s->partial));
+    DMK_TRY(work(p, DMK_OUTER, 8, &s->state));
+    DMK_TRY(work(p, DMK_OUTER, 16, &s->scalars));
+done:
+    return rc;
+}
+
+#define DMK_KERNEL_GET(name, program)                                                              \
+    DMK_TRY(dmk_kernel_get(ctx, s->device, program, #name, &DMK_KERNEL(s, program, name)));
+
+static int get_kernels(dmk_context *ctx, dmk_system *s)
+{
+    int rc;
+    DMK_KERNEL_LIST(DMK_KERNEL_GET)
+done:
+    return rc;
+}
+
+int dmk_system_create(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh,
+                      dmk_system **system)
+{
+    int rc;
+    double area = 0;
+    dmk_system *s = NULL;
+    DMK_TRY(DMK_NEW(ctx, s, 1));
+    s->device = device;
+    for (int32_t t = 0; t < mesh->n_triangles; t++) area += mesh->area[t];
+    s->unit = sqrt(area);
+    s->n_elements = mesh->n_triangles;
+    s->n_elements_pad = dmk_padded(mesh->n_triangles);
+    s->n_edges = mesh->n_edges;
+    s->n_vertices = mesh->n_vertices;
+    s->vertex_row = (mesh->n_edges + 7) / 8 * 8;
+    s->n_rows = s->vertex_row + mesh->n_vertices;
+    s->n_rows_pad = dmk_padded(s->n_rows);
+    packer p = {ctx, device, mesh, s};
+    DMK_TRY(get_kernels(ctx, s));
+    DMK_TRY(pack_elements(&p));
+    DMK_TRY(pack_fine_rows(&p));
+    DMK_TRY(pack_coarse_places(&p));
+    DMK_TRY(pack_levels(&p));
+    DMK_TRY(allocate_state(&p));
+    *system = s;
+    s = NULL;
+done:
+    dmk_system_destroy(&s);
+    return rc;
+}
+
+static void free_level(dmk_level *l)
+{
+    dmk_buffer **all[] = {&l->slice, &l->neighbour, &l->number, &l->weight, &l->link, &l->inv_diag,
+                          &l->rhs, &l->x, &l->x_old, &l->residual, &l->restrict_slice,
+                          &l->restrict_entry, &l->restrict_weight, &l->prolong_index,
+                          &l->prolong_weight, &l->galerkin_row, &l->galerkin_link,
+                          &l->galerkin_coef};
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++) dmk_buffer_destroy(all[i]);
+}
+
+void dmk_system_destroy(dmk_system **system)
+{
+    dmk_system *s = *system;
+    if (!s) return;
+    dmk_buffer **all[] = {&s->index, &s->cot, &s->area, &s->slice, &s->slot, &s->ends,
+                          &s->edge_place, &s->corner_slice, &s->corner_slot, &s->mu, &s->u, &s->f,
+                          &s->g, &s->q, &s->out_real, &s->weight_real, &s->before, &s->weight,
+                          &s->rank_one, &s->out, &s->link, &s->diag_coarse, &s->inv_diag, &s->x,
+                          &s->x_old, &s->residual, &s->w, &s->partial, &s->state, &s->scalars,
+                          &s->coarse_inverse};
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++) dmk_buffer_destroy(all[i]);
+    for (int p = 0; p < DMK_N_PROGRAMS; p++) {
+        if (s->cg[p].narrow != s->cg[p].r) dmk_buffer_destroy(&s->cg[p].narrow);
+        dmk_buffer_destroy(&s->cg[p].r);
+        dmk_buffer_destroy(&s->cg[p].p);
+        dmk_buffer_destroy(&s->cg[p].ap);
+    }
+    for (int32_t i = 0; i < DMK_SYSTEM_LEVELS; i++) free_level(&s->level[i]);
+    free(s->coarse_link_vertex);
+    free(s);
+    *system = NULL;
+}

@@ -1,0 +1,229 @@
+/* The macro-element operators and the V-cycle against a dense assembly. */
+#include "solver/outer.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+/* One small problem: the ordered sphere_1280 mesh on the device, with an arbitrary density. */
+typedef struct fixture {
+    dmk_context *ctx;
+    dmk_device *dev;
+    dmk_mesh *input;
+    dmk_order order;
+    dmk_system *sys;
+    size_t n;      /* rows */
+    double *mu;    /* n_elements */
+    double *dense; /* n * n: A(mu), padding rows 0 */
+} fixture;
+
+static uint32_t random_state;
+static double random_unit(void)
+{
+    random_state = random_state * 1664525u + 1013904223u;
+    return (random_state >> 8) / 16777216.0;
+}
+
+static void ok(const fixture *x, int rc)
+{
+    if (rc != DMK_OK) fail_msg("%d: %s", rc, dmk_context_message(x->ctx));
+}
+
+/* The 15 entries per element straight from the four sub-triangles' P1 stiffness matrices. */
+static void assemble(fixture *x)
+{
+    const dmk_mesh *m = x->order.mesh;
+    x->dense = calloc(x->n * x->n, sizeof *x->dense);
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        size_t row[6];
+        for (int k = 0; k < 3; k++) {
+            row[k] = (size_t)(x->sys->vertex_row + m->triangle[3 * t + k]);
+            row[3 + k] = (size_t)m->triangle_edge[3 * t + k];
+        }
+        /* Corners of each sub-triangle in the order that is similar to the parent. */
+        static const int sub[4][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}, {3, 4, 5}};
+        for (int s = 0; s < 4; s++) {
+            for (int k = 0; k < 3; k++) {
+                double w = 0.5 * x->mu[t] * m->cot[3 * t + k];
+                size_t i = row[sub[s][(k + 1) % 3]], j = row[sub[s][(k + 2) % 3]];
+                x->dense[i * x->n + i] += w;
+                x->dense[j * x->n + j] += w;
+                x->dense[i * x->n + j] -= w;
+                x->dense[j * x->n + i] -= w;
+            }
+        }
+    }
+}
+
+static int setup_shape(void **state, dmk_shape shape)
+{
+    fixture *x = calloc(1, sizeof *x);
+    dmk_device_options o;
+    *state = x;
+    dmk_context_create(&x->ctx);
+    dmk_device_options_init(&o);
+    o.shape = shape;
+    ok(x, dmk_device_open(x->ctx, &o, &x->dev));
+    ok(x, dmk_mesh_read(x->ctx, "tests/data/sphere_1280.off", &x->input));
+    ok(x, dmk_order_create(x->ctx, x->input, 0, &x->order));
+    ok(x, dmk_system_create(x->ctx, x->dev, x->order.mesh, &x->sys));
+    x->n = (size_t)x->sys->n_rows_pad;
+    x->mu = calloc((size_t)x->sys->n_elements_pad, sizeof *x->mu);
+    random_state = 7;
+    for (int32_t t = 0; t < x->sys->n_elements; t++) x->mu[t] = pow(10, 3 * random_unit() - 2);
+    ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, x->sys->mu,
+                                (size_t)x->sys->n_elements_pad, x->mu));
+    assemble(x);
+    return 0;
+}
+
+static int setup(void **state) { return setup_shape(state, DMK_SHAPE_AUTO); }
+static int setup_gpu(void **state) { return setup_shape(state, DMK_SHAPE_GPU); }
+
+static int teardown(void **state)
+{
+    fixture *x = *state;
+    dmk_system_destroy(&x->sys);
+    dmk_order_free(&x->order);
+    dmk_mesh_destroy(&x->input);
+    dmk_device_destroy(&x->dev);
+    dmk_context_destroy(&x->ctx);
+    free(x->mu);
+    free(x->dense);
+    free(x);
+    return 0;
+}
+
+static double *random_rows(const fixture *x)
+{
+    double *v = calloc(x->n, sizeof *v);
+    for (int32_t i = 0; i < x->sys->n_rows; i++) {
+        if (i < x->sys->n_edges || i >= x->sys->vertex_row) v[i] = random_unit() - 0.5;
+    }
+    return v;
+}
+
+static double dot(size_t n, const double *a, const double *b)
+{
+    double sum = 0;
+    for (size_t i = 0; i < n; i++) sum += a[i] * b[i];
+    return sum;
+}
+
+static void prepare(const fixture *x)
+{
+    dmk_system *s = x->sys;
+    ok(x, DMK_LAUNCH(x->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, element_prepare), s->n_elements,
+                     DMK_INT(s->n_elements), DMK_BUF(s->cot), DMK_BUF(s->mu),
+                     DMK_BUF(s->weight_real), DMK_BUF(s->weight), DMK_BUF(s->out), DMK_BUF(s->link),
+                     DMK_BUF(s->diag_coarse)));
+    ok(x, dmk_multigrid_refresh(x->ctx, s));
+}
+
+/* y = A v by the device, in the outer precision. */
+static double *apply(const fixture *x, const double *v)
+{
+    dmk_system *s = x->sys;
+    double *y = calloc(x->n, sizeof *y);
+    ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, s->cg[DMK_OUTER].p, x->n, v));
+    ok(x, DMK_LAUNCH(x->ctx, x->dev, DMK_KERNEL(s, DMK_OUTER, element_stiffness), s->n_elements,
+                     DMK_INT(s->n_elements), DMK_BUF(s->index), DMK_BUF(s->weight_real),
+                     DMK_BUF(s->cg[DMK_OUTER].p), DMK_BUF(s->out_real)));
+    ok(x, DMK_LAUNCH(x->ctx, x->dev, DMK_KERNEL(s, DMK_OUTER, rows_apply), s->n_rows,
+                     DMK_INT(s->n_rows), DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out_real),
+                     DMK_BUF(s->cg[DMK_OUTER].p), DMK_BUF(s->cg[DMK_OUTER].ap),
+                     DMK_BUF(s->partial)));
+    ok(x, dmk_buffer_read_real(x->ctx, x->dev, DMK_OUTER, s->cg[DMK_OUTER].ap, x->n, y));
+    return y;
+}
+
+static void operator_equals_dense(void **state)
+{
+    fixture *x = *state;
+    prepare(x);
+    double *v = random_rows(x), *y = apply(x, v), worst = 0, size = 0;
+    for (size_t i = 0; i < x->n; i++) {
+        double exact = dot(x->n, x->dense + i * x->n, v);
+        worst = fmax(worst, fabs(exact - y[i]));
+        size = fmax(size, fabs(exact));
+    }
+    assert_true(worst <= 1e-13 * size);
+    free(v);
+    free(y);
+}
+
+static void operator_is_symmetric_with_constants_in_its_null_space(void **state)
+{
+    fixture *x = *state;
+    prepare(x);
+    double *v = random_rows(x), *w = random_rows(x), *av = apply(x, v), *aw = apply(x, w);
+    double wav = dot(x->n, w, av), vaw = dot(x->n, v, aw);
+    assert_true(fabs(wav - vaw) <= 1e-12 * fabs(wav));
+    for (size_t i = 0; i < x->n; i++) v[i] = 1;
+    double *zero = apply(x, v);
+    for (int32_t i = 0; i < x->sys->n_rows; i++) assert_true(fabs(zero[i]) < 1e-12);
+    free(v);
+    free(w);
+    free(av);
+    free(aw);
+    free(zero);
+}
+
+static double *v_cycle(const fixture *x, const double *rhs)
+{
+    dmk_system *s = x->sys;
+    double *z = calloc(x->n, sizeof *z);
+    ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_INNER, s->cg[DMK_INNER].r, x->n, rhs));
+    ok(x, dmk_v_cycle(x->ctx, s, DMK_STIFFNESS, s->cg[DMK_INNER].r));
+    ok(x, dmk_buffer_read_real(x->ctx, x->dev, DMK_INNER, s->x_old, x->n, z));
+    return z;
+}
+
+static void v_cycle_is_symmetric_and_contracts(void **state)
+{
+    fixture *x = *state;
+    prepare(x);
+    double *v = random_rows(x), *w = random_rows(x), *av = apply(x, v), *aw = apply(x, w);
+    double *bv = v_cycle(x, av), *bw = v_cycle(x, aw);
+    double p = dot(x->n, aw, bv), q = dot(x->n, av, bw);
+    assert_true(fabs(p - q) <= 1e-4 * fmax(fabs(p), fabs(dot(x->n, av, bv))));
+    /* Energy norm of the error after one cycle. */
+    for (size_t i = 0; i < x->n; i++) bv[i] = v[i] - bv[i];
+    double *e = apply(x, bv), ratio = sqrt(dot(x->n, bv, e) / dot(x->n, v, av));
+    if (!(ratio < 0.5)) fail_msg("one V-cycle leaves %.3f of the energy error", ratio);
+    free(v);
+    free(w);
+    free(av);
+    free(aw);
+    free(bv);
+    free(bw);
+    free(e);
+}
+
+static void two_runs_give_the_same_bits(void **state)
+{
+    fixture *x = *state;
+    prepare(x);
+    double *v = random_rows(x), *a = v_cycle(x, v), *b = v_cycle(x, v);
+    assert_memory_equal(a, b, x->n * sizeof *a);
+    free(v);
+    free(a);
+    free(b);
+}
+
+int main(void)
+{
+#define BOTH(test)                                                                                 \
+    {#test, test, setup, teardown, NULL}, { #test " (gpu shape)", test, setup_gpu, teardown, NULL }
+    const struct CMUnitTest tests[] = {
+        BOTH(operator_equals_dense),
+        BOTH(operator_is_symmetric_with_constants_in_its_null_space),
+        BOTH(v_cycle_is_symmetric_and_contracts),
+        BOTH(two_runs_give_the_same_bits),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
