@@ -57,11 +57,6 @@ TEST_SRC := $(sort $(wildcard tests/test_*.c))
 # What tests share: any other C file beside them.
 TEST_LIB_SRC := $(filter-out $(TEST_SRC),$(sort $(wildcard tests/*.c)))
 TEST_SCRIPTS := $(sort $(wildcard tests/test_*.sh))
-# The tool needs the whole library.
-WHOLE := $(wildcard src/solver/solver.c)
-ifeq ($(WHOLE),)
-TEST_SCRIPTS := $(filter-out tests/test_cli.sh tests/test_install.sh,$(TEST_SCRIPTS))
-endif
 
 LIB_OBJ := $(LIB_SRC:%.c=$B/%.o) $B/kernels.o
 CLI_OBJ := $(CLI_SRC:%.c=$B/%.o)
@@ -70,9 +65,9 @@ TEST_LIB_OBJ := $(TEST_LIB_SRC:%.c=$B/%.o)
 TESTS := $(TEST_SRC:%.c=$B/%)
 STATIC := $B/libdmkcl.a
 SHARED := $B/libdmkcl.so.$(VERSION)
-TOOL := $(if $(WHOLE),$B/dmkcl)
+TOOL := $B/dmkcl
 PC := $B/dmkcl.pc
-MAN := $(if $(WHOLE),$B/dmkcl.1)
+MAN := $B/dmkcl.1
 
 .PHONY: all tests test coverage demo install uninstall clean help deps FORCE
 .SECONDARY:
