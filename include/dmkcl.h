@@ -64,6 +64,7 @@ typedef struct dmk_progress {
     int max_steps;
     int cg_iterations; /* of this step */
     double change;
+    double tolerance; /* the change at which the iteration ends */
     double gap;
     double seconds; /* since the call began */
 } dmk_progress;

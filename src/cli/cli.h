@@ -98,7 +98,6 @@ void cli_suffixes(cli_what what, char *text, size_t size);
 typedef struct cli_progress {
     bool line;         /* one line that is rewritten, for terminals */
     bool steps;        /* a line for each step */
-    double goal;       /* change of mu at which the iteration ends; 0: unknown */
     double shown;      /* seconds of the last update */
     const char *stage; /* and what it told of */
     bool open;         /* the line is on the screen */

@@ -132,7 +132,6 @@ static int solve(const solve_order *order)
     cli_progress progress = {
         .line = isatty(STDERR_FILENO) && !order->quiet,
         .steps = order->verbose,
-        .goal = order->solve.tolerance,
         .gap = NAN,
     };
     opening device;

@@ -47,14 +47,14 @@ const char *cli_plain(void)
  * when that cannot be told. */
 static double time_left(cli_progress *progress, const dmk_progress *report)
 {
-    if (!(report->change > 0) || !(progress->goal > 0)) return NAN;
+    if (!(report->change > 0) || !(report->tolerance > 0)) return NAN;
     if (!(progress->first_change > 0)) {
         progress->first_change = report->change;
         progress->first_seconds = report->seconds;
         return NAN;
     }
     const double fallen = log(progress->first_change / report->change);
-    const double to_fall = log(report->change / progress->goal);
+    const double to_fall = log(report->change / report->tolerance);
     if (!(fallen > 0)) return NAN;
     return fmax(0, to_fall) * (report->seconds - progress->first_seconds) / fallen;
 }

@@ -25,7 +25,7 @@ int dmk_explicit(dmk_outer *o)
     const dmk_solve_options *opt = o->options;
     bool inertial = opt->method == DMK_INERTIAL;
     int max_steps = opt->max_steps ? opt->max_steps : DMK_EXPLICIT_STEPS;
-    double tolerance = opt->tolerance > 0 ? opt->tolerance : inertial ? 2e-3 : 5e-4;
+    o->tolerance = opt->tolerance > 0 ? opt->tolerance : inertial ? 2e-3 : 5e-4;
     double dt = inertial ? 1 : opt->dt > 0 ? opt->dt : 0.5;
     double inertia = opt->inertia >= 0 ? opt->inertia : 0.8;
     double change = 1, cg = opt->cg_tolerance > 0 ? opt->cg_tolerance : 1e-4;
@@ -37,7 +37,7 @@ int dmk_explicit(dmk_outer *o)
         double beta = step == 1 ? 0 : opt->inertia >= 0 ? inertia : fmin(inertia, 0.05 * step);
         DMK_TRY(update(o, inertial, dt, beta, &change));
         DMK_TRY(dmk_outer_step_done(o, step, max_steps, o->stats->cg_iterations - before, change));
-        if (change <= tolerance) goto done;
+        if (change <= o->tolerance) goto done;
         if (opt->gap_tolerance > 0 && step % 10 == 0) {
             DMK_TRY(dmk_certify(o));
             if (o->stats->gap <= opt->gap_tolerance) goto done;
@@ -46,7 +46,7 @@ int dmk_explicit(dmk_outer *o)
     rc = dmk_fail(o->ctx, DMK_E_LIMIT,
                   "%d steps did not reach the tolerance: relative change of mu per unit time %.2g, "
                   "wanted %.2g; raise --max-steps or --tolerance",
-                  max_steps, change, tolerance);
+                  max_steps, change, o->tolerance);
 done:
     return rc;
 }

@@ -72,7 +72,8 @@ int dmk_newton(dmk_outer *o, bool from_distance)
     int rc;
     const dmk_solve_options *opt = o->options;
     int max_steps = opt->max_steps ? opt->max_steps : DMK_NEWTON_STEPS;
-    double tolerance = opt->tolerance > 0 ? opt->tolerance : DMK_DEFAULT_TOLERANCE, change = 1;
+    double change = 1;
+    o->tolerance = opt->tolerance > 0 ? opt->tolerance : DMK_DEFAULT_TOLERANCE;
     pace p = {.D = from_distance ? 20 : 1, .longest = 100, .growth = from_distance ? 1.5 : 1.6,
               .iterations = 3};
     if (!from_distance) DMK_TRY(dmk_outer_solve(o, 1e-2, 100, NULL));
@@ -84,12 +85,12 @@ int dmk_newton(dmk_outer *o, bool from_distance)
         DMK_TRY(solve_step(o, alpha, &p));
         DMK_TRY(update(o, alpha, &p, &change));
         DMK_TRY(dmk_outer_step_done(o, step, max_steps, p.iterations, change));
-        if (change <= tolerance && !p.shrunk) goto done;
+        if (change <= o->tolerance && !p.shrunk) goto done;
     }
     rc = dmk_fail(o->ctx, DMK_E_LIMIT,
                   "%d steps did not reach the tolerance: relative change of mu %.2g, wanted %.2g; "
                   "raise --max-steps or --tolerance",
-                  max_steps, change, tolerance);
+                  max_steps, change, o->tolerance);
 done:
     return rc;
 }

@@ -85,7 +85,8 @@ int dmk_outer_step_done(dmk_outer *o, int step, int max_steps, int iterations, d
                         step, change);
     }
     dmk_progress report = {.stage = "solve", .step = step, .max_steps = max_steps,
-                           .cg_iterations = iterations, .change = change, .gap = NAN,
+                           .cg_iterations = iterations, .change = change,
+                           .tolerance = o->tolerance, .gap = NAN,
                            .seconds = dmk_seconds() - o->began};
     return dmk_report(o->ctx, &report);
 }

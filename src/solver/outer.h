@@ -12,6 +12,7 @@ typedef struct dmk_outer {
     dmk_stats *stats;
     double began;     /* dmk_seconds() */
     double fu, uau;   /* f.u and u.Au of the last energies */
+    double tolerance; /* relative change of mu that ends the iteration */
     double mass;      /* integral of mu */
     double rho, top;  /* weighted mean of (1/2 log q)^2, rooted; largest q */
 } dmk_outer;
