@@ -20,6 +20,10 @@ static const double fine_width = 0.6;
 /* In mean edges: how much longer than the guide a ray may become. */
 static const double slack = 3.0;
 
+/* Times the square root of the number of triangles: most rays in one wedge. Rough meshes would take
+ * any number, since rays part at their saddle vertices without end. */
+static const double most_rays = 4;
+
 typedef struct wedge_hits {
     dmk_hit *hit;
     size_t n, capacity;
@@ -37,6 +41,7 @@ typedef struct worker {
     int32_t *mark; /* n_vertices: index of the vertex in the last list marked */
     double
         *placed; /* 2*n_vertices: the last beam that was narrow enough at the vertex, as angles */
+    int32_t n_left; /* rays that may still be shot in this wedge */
     dmk_ray ray[max_depth + 2];
 } worker;
 
@@ -154,7 +159,7 @@ static int bisect(worker *w, const dmk_ray *right, const dmk_ray *left, int dept
     int rc = compare(w, right, left, &split);
     if (rc == DMK_OK) rc = pick_up(w, right, left);
     if (rc == DMK_OK) rc = pick_up(w, left, right);
-    if (rc != DMK_OK || !split || depth == max_depth) return rc;
+    if (rc != DMK_OK || !split || depth == max_depth || w->n_left-- <= 0) return rc;
     dmk_ray *mid = &w->ray[2 + depth];
     rc = dmk_ray_shoot(w->crew->rays, 0.5 * (right->angle + left->angle), slack, mid);
     if (rc == DMK_OK) rc = bisect(w, right, mid, depth + 1);
@@ -175,6 +180,7 @@ static void *work(void *data)
     crew *c = w->crew;
     for (int i; (i = atomic_fetch_add(&c->next, 1)) < n_wedges && atomic_load(&c->status) == 0;) {
         w->out = &c->wedge[i];
+        w->n_left = (int32_t)(most_rays * sqrt(c->rays->mesh->n_triangles));
         double right = wedge_side(&c->rays->chart, i), left = wedge_side(&c->rays->chart, i + 1);
         int rc = dmk_ray_shoot(c->rays, right, slack, &w->ray[0]);
         if (rc == DMK_OK) rc = dmk_ray_shoot(c->rays, left, slack, &w->ray[1]);

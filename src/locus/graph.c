@@ -12,6 +12,9 @@
  * polyhedron give to neighbouring rays stays below; the cut locus of a smooth surface exceeds it
  * except near its ends, which are fitted later. */
 static const double least_turn = 1.0;
+/* On a rough mesh the bends add up as in a random walk: so many times the roughness times the
+ * square root of (distance / mesh edge). */
+static const double noise_turn = 4.0;
 
 static int32_t find(int32_t *parent, int32_t v)
 {
@@ -36,6 +39,7 @@ static bool unite(int32_t *parent, int32_t a, int32_t b)
 static void find_strengths(const dmk_rays *r, double threshold, float *strength, uint16_t *order)
 {
     const dmk_mesh *m = r->mesh;
+    double walk = noise_turn * r->noise;
     for (int32_t e = 0; e < m->n_edges; e++) {
         int32_t v = m->edge_vertex[2 * e], w = m->edge_vertex[2 * e + 1];
         const dmk_sheet *a = dmk_rays_first(r, v), *b = dmk_rays_first(r, w);
@@ -44,7 +48,7 @@ static void find_strengths(const dmk_rays *r, double threshold, float *strength,
         double ratio = dmk_rays_width(r, a, b) / size;
         if (ratio > threshold) {
             double mean = 0.5 * (a->distance + b->distance);
-            double least = least_turn * cbrt(size / mean);
+            double least = fmax(least_turn * cbrt(size / mean), walk * sqrt(mean / size));
             double seen = turn * fmax(1, fmin(a->spread, b->spread) / mean);
             if (seen < least) ratio = threshold * seen / least;
         }

@@ -39,6 +39,7 @@ typedef struct dmk_rays {
                            which lies opposite corner k; -1 on a border */
     float *size;        /* n_vertices: mean length of the edges there */
     float *bend;        /* n_vertices: 2 pi less the angles there; 0 on a border */
+    double noise;       /* mean difference of `bend` between neighbours, corners left out */
     int32_t *row;       /* n_vertices + 1: room of each vertex in `sheet` */
     uint8_t *n_sheets;  /* n_vertices: sheets there, at least one */
     dmk_sheet *sheet;   /* the sheets at each vertex, the shortest first */

@@ -11,6 +11,9 @@ static const double same_width = 0.5, overhang = 3.0;
 /* In lengths of the way: how wide the beam between two geodesics may be if they are neighbours. */
 static const double neighbour_width = 2.0, neighbour_step = 1.3;
 
+/* Radians: a larger difference of curvature between neighbours is a corner, not noise. */
+static const double rough = 0.5;
+
 static int find_across(dmk_context *ctx, const dmk_mesh *m, int32_t **across)
 {
     int rc;
@@ -70,6 +73,21 @@ static int find_bends(dmk_context *ctx, dmk_rays *r)
     }
 done:
     return rc;
+}
+
+/* How rough the mesh is: on a smooth surface neighbouring vertices have nearly the same curvature.
+ */
+static void find_noise(dmk_rays *r)
+{
+    const dmk_mesh *m = r->mesh;
+    double sum = 0, n = 0;
+    for (int32_t e = 0; e < m->n_edges; e++) {
+        double d = fabs(r->bend[m->edge_vertex[2 * e]] - r->bend[m->edge_vertex[2 * e + 1]]);
+        if (d > rough) continue;
+        sum += d;
+        n++;
+    }
+    r->noise = n > 0 ? sum / n : 0;
 }
 
 /* One sheet per geodesic: sort the hits of one vertex by length, then average those that belong to
@@ -161,6 +179,7 @@ int dmk_rays_create(dmk_context *ctx, const dmk_locus_input *in, dmk_rays *r)
     DMK_TRY(find_across(ctx, in->mesh, &r->across));
     DMK_TRY(find_sizes(ctx, r));
     DMK_TRY(find_bends(ctx, r));
+    find_noise(r);
     DMK_TRY(dmk_chart_create(ctx, in->mesh, r->across, &in->source, &r->chart));
     DMK_TRY(dmk_fan_shoot(ctx, r, &hit, &n_hits));
     DMK_TRY(collect(ctx, r, hit, n_hits));
