@@ -2,6 +2,7 @@
 #include "cli.h"
 
 #include <locale.h>
+#include <stdlib.h>
 #include <string.h>
 
 typedef struct command {
@@ -54,6 +55,9 @@ int main(int argc, char **argv)
      * an OpenCL driver might. */
     locale_t c = newlocale(LC_ALL_MASK, "C", (locale_t)0);
     if (c) uselocale(c);
+    /* PoCL reads this once, when it starts its threads: one pinned to each core. Left to wander they
+     * share a core when the machine does other work too, and every kernel waits for the last one. */
+    setenv("POCL_AFFINITY", "1", 0);
 
     if (argc < 2) {
         cli_error(EXIT_USAGE, "a command is missing; `dmkcl --help` lists them");
