@@ -190,6 +190,9 @@ if command -v script > /dev/null; then
     script -qec "'$tool' solve '$torus' --vertex 0" /dev/null > "$work/screen" < /dev/null
     check 'a terminal shows the progress' has "$work/screen" 'solve +step'
     check 'on one line that is wiped' has "$work/screen" $'\r\033\\[K'
+    script -qec "'$tool' solve '$torus' --vertex 0 --method euler --start uniform --max-steps 400 \
+        --tolerance 1e-9" /dev/null > "$work/long" < /dev/null
+    check 'and the time left' has "$work/long" 'about [0-9]+ s left'
     check 'a terminal has colours' has "$work/screen" $'\033\\[1m'
 else
     skip 'a terminal' 'there is no `script` here to make one'

@@ -95,15 +95,19 @@ void cli_suffixes(cli_what what, char *text, size_t size);
 
 /* ---- terminal.c: colour, progress, interruption --------------------------------------------- */
 
+typedef struct cli_moment {
+    double seconds;
+    double change; /* its logarithm */
+} cli_moment;
+
 typedef struct cli_progress {
-    bool line;         /* one line that is rewritten, for terminals */
-    bool steps;        /* a line for each step */
-    double shown;      /* seconds of the last update */
-    const char *stage; /* and what it told of */
-    bool open;         /* the line is on the screen */
-    double gap;        /* the last that was computed, or NaN */
-    /* First report with a change of mu, for the estimate of the time left. */
-    double first_change, first_seconds;
+    bool line;            /* one line that is rewritten, for terminals */
+    bool steps;           /* a line for each step */
+    double shown;         /* seconds of the last update */
+    const char *stage;    /* and what it told of */
+    bool open;            /* the line is on the screen */
+    double gap;           /* the last that was computed, or NaN */
+    cli_moment moment[2]; /* earlier in the iteration: for the estimate of the time left */
 } cli_progress;
 
 /* Bold on a terminal that can, else "". */

@@ -43,20 +43,21 @@ const char *cli_plain(void)
     return has_colour() ? "\033[0m" : "";
 }
 
-/* Seconds until `change` reaches the goal, if log(change) goes on falling as it did so far; NaN
- * when that cannot be told. */
+/* Seconds until `change` reaches the tolerance; NaN when that cannot be told. The change falls
+ * exponentially (Newton) or like a power of time (explicit steps): its logarithm is continued with
+ * the slope since about half the time ago. */
 static double time_left(cli_progress *progress, const dmk_progress *report)
 {
+    cli_moment *moment = progress->moment;
+    const cli_moment now = {report->seconds, log(report->change)};
     if (!(report->change > 0) || !(report->tolerance > 0)) return NAN;
-    if (!(progress->first_change > 0)) {
-        progress->first_change = report->change;
-        progress->first_seconds = report->seconds;
-        return NAN;
+    if (moment[0].seconds <= 0 || now.seconds >= 2 * moment[1].seconds) {
+        moment[0] = moment[0].seconds > 0 ? moment[1] : now;
+        moment[1] = now;
     }
-    const double fallen = log(progress->first_change / report->change);
-    const double to_fall = log(report->change / report->tolerance);
-    if (!(fallen > 0)) return NAN;
-    return fmax(0, to_fall) * (report->seconds - progress->first_seconds) / fallen;
+    const double fallen = moment[0].change - now.change;
+    const double to_fall = fmax(0, now.change - log(report->tolerance));
+    return fallen > 0 ? to_fall * (now.seconds - moment[0].seconds) / fallen : NAN;
 }
 
 static void print_step(const dmk_progress *report, double gap, double left)
