@@ -1,5 +1,5 @@
 /* Vectors and the scalars of conjugate gradients. `state` holds, on the device:
- * [0] r.z  [1] p.Ap  [2] alpha  [3] beta  [4] r.z at the start. */
+ * [0] r.z  [1] p.Ap  [2] alpha  [3] beta  [4] r.z at the start  [5] energy gained, sum of alpha r.z. */
 
 /* Partial sums of a.b. */
 KERNEL dot_real(int n, global const real *a, global const real *b, global sum_t *partial)
@@ -45,7 +45,10 @@ KERNEL cg_beta(int groups, int first, global const sum_t *partial, global sum_t 
     if (FIRST_ITEM) {
         state[3] = first || !(state[0] > 0) ? 0 : rz / state[0];
         state[0] = rz;
-        if (first) state[4] = rz;
+        if (first) {
+            state[4] = rz;
+            state[5] = 0;
+        }
     }
 }
 
@@ -64,6 +67,7 @@ KERNEL cg_alpha(int groups, global const sum_t *partial, global sum_t *state)
     if (FIRST_ITEM) {
         state[1] = pap;
         state[2] = pap > 0 ? state[0] / pap : 0;
+        state[5] += state[2] * state[0];
     }
 }
 

@@ -31,7 +31,7 @@ int dmk_explicit(dmk_outer *o)
     double change = 1, cg = opt->cg_tolerance > 0 ? opt->cg_tolerance : 1e-4;
     for (int step = 1; step <= max_steps; step++) {
         int before = o->stats->cg_iterations;
-        DMK_TRY(dmk_outer_solve(o, cg, 500, NULL));
+        DMK_TRY(dmk_outer_solve(o, o->sys->u, cg, 500, NULL));
         DMK_TRY(dmk_outer_energies(o));
         /* Inertia is raised over the first steps: at once it makes them rough. */
         double beta = step == 1 ? 0 : opt->inertia >= 0 ? inertia : fmin(inertia, 0.05 * step);

@@ -8,8 +8,8 @@
 
 typedef struct pace {
     double D, longest, growth;
-    int iterations;
-    double rho_before;
+    int iterations;    /* of CG in each step */
+    double rho_before; /* 0: none to compare with */
     bool shrunk;
 } pace;
 
@@ -67,6 +67,13 @@ done:
     return rc;
 }
 
+/* Modes of the error that relax slowly, at a rate r per unit time, lose r D / (1 + r D) of it in a
+ * step: at the longest D the change of mu is about the error, at a shorter one it is a part only. */
+static double error_estimate(const pace *p, double change)
+{
+    return change * p->longest / p->D;
+}
+
 int dmk_newton(dmk_outer *o, bool from_distance)
 {
     int rc;
@@ -74,18 +81,20 @@ int dmk_newton(dmk_outer *o, bool from_distance)
     int max_steps = opt->max_steps ? opt->max_steps : DMK_NEWTON_STEPS;
     double change = 1;
     o->tolerance = opt->tolerance > 0 ? opt->tolerance : DMK_DEFAULT_TOLERANCE;
-    pace p = {.D = from_distance ? 20 : 1, .longest = 100, .growth = from_distance ? 1.5 : 1.6,
+    pace p = {.D = from_distance ? 50 : 1, .longest = 100, .growth = from_distance ? 1.5 : 1.6,
               .iterations = 3};
-    if (!from_distance) DMK_TRY(dmk_outer_solve(o, 1e-2, 100, NULL));
+    if (!from_distance) DMK_TRY(dmk_outer_solve(o, o->sys->u, 1e-2, 100, NULL));
     for (int step = 1; step <= max_steps; step++) {
         DMK_TRY(dmk_outer_energies(o));
         double alpha = o->uau > 0 ? o->fu / o->uau : 1;
         DMK_TRY(dmk_outer_measure(o, alpha));
         choose_pace(&p, o->rho);
+        /* A distance satisfies |grad u| = 1 whatever mu is: the first rho is no measure. */
+        if (step == 1 && from_distance) p.rho_before = 0;
         DMK_TRY(solve_step(o, alpha, &p));
         DMK_TRY(update(o, alpha, &p, &change));
         DMK_TRY(dmk_outer_step_done(o, step, max_steps, p.iterations, change));
-        if (change <= o->tolerance && !p.shrunk) goto done;
+        if (error_estimate(&p, change) <= o->tolerance && !p.shrunk) goto done;
     }
     rc = dmk_fail(o->ctx, DMK_E_LIMIT,
                   "%d steps did not reach the tolerance: relative change of mu %.2g, wanted %.2g; "

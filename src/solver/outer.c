@@ -49,9 +49,10 @@ done:
     return rc;
 }
 
-int dmk_outer_solve(dmk_outer *o, double tolerance, int max_iterations, double *rz)
+/* The outer residual f - A u for CG, and A's coefficients and coarse operators. */
+static int prepare_solve(dmk_outer *o)
 {
-    int rc, before = o->stats->cg_iterations;
+    int rc;
     dmk_system *s = o->sys;
     DMK_TRY(dmk_outer_energies(o));
     DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, element_scale), s->n_elements,
@@ -65,11 +66,22 @@ int dmk_outer_solve(dmk_outer *o, double tolerance, int max_iterations, double *
                        DMK_BUF(s->weight_real), DMK_BUF(s->weight), DMK_BUF(s->out),
                        DMK_BUF(s->link), DMK_BUF(s->diag_coarse)));
     DMK_TRY(dmk_multigrid_refresh(o->ctx, s));
-    /* The energy f.A^-1.f is 2 f.u - u.Au up to the square of the error; from u = 0 take r.z. */
-    double energy = fabs(2 * o->fu - o->uau);
-    DMK_TRY(dmk_pcg(o->ctx, s, DMK_OUTER, DMK_STIFFNESS, s->u, max_iterations, tolerance, energy,
-                    &o->stats->cg_iterations, rz));
-    o->stats->v_cycles += o->stats->cg_iterations - before + (tolerance > 0);
+done:
+    return rc;
+}
+
+int dmk_outer_solve(dmk_outer *o, dmk_buffer *x, double tolerance, int max_iterations,
+                    double *energy)
+{
+    int rc, before = o->stats->cg_iterations;
+    double gain = 0;
+    DMK_TRY(prepare_solve(o));
+    /* f.A^-1 f = 2 f.u - u.Au + r.A^-1 r; the first two are short by the square of the error only. */
+    double known = 2 * o->fu - o->uau;
+    DMK_TRY(dmk_pcg(o->ctx, o->sys, DMK_OUTER, DMK_STIFFNESS, x, max_iterations, tolerance,
+                    fabs(known), &o->stats->cg_iterations, &gain));
+    o->stats->v_cycles += o->stats->cg_iterations - before + 1;
+    if (energy) *energy = known + gain;
 done:
     return rc;
 }

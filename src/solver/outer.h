@@ -30,9 +30,10 @@ int dmk_outer_energies(dmk_outer *o);
 int dmk_outer_energies_of(dmk_outer *o, const dmk_buffer *v, double *fv, double *vav);
 /* rho, mass and top of q scaled by alpha^2. */
 int dmk_outer_measure(dmk_outer *o, double alpha);
-/* Solve A(mu) u = f from the u there is: energies, coarse operators, CG in the outer precision until
- * the energy error is `tolerance` of the energy. *rz: the last r.z. */
-int dmk_outer_solve(dmk_outer *o, double tolerance, int max_iterations, double *rz);
+/* Solve A(mu) du = f - A(mu) u to `tolerance` of the energy f.u and add du to x: to s->u, or to a
+ * scratch vector where only *energy, f.A^-1 f up to a small excess, is wanted (may be NULL). */
+int dmk_outer_solve(dmk_outer *o, dmk_buffer *x, double tolerance, int max_iterations,
+                    double *energy);
 /* Sums left by a kernel over n items in system->partial. */
 int dmk_outer_sums(dmk_outer *o, size_t items, int count, int maximum, double *sums);
 /* Report a step; a change that is not a number or too large is divergence. */
@@ -43,7 +44,7 @@ int dmk_newton(dmk_outer *o, bool from_distance);
 int dmk_explicit(dmk_outer *o);
 
 /* certificate.c: stats->cost_upper, cost_lower and gap of the present pair (units of the packed
- * problem); s->u becomes the potential of s->mu to CG accuracy. */
+ * problem), which stays as it is. */
 int dmk_certify(dmk_outer *o);
 
 /* load.c: f+ - f- on the rows of T/2 for a source at `point` of the packed mesh. */

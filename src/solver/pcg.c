@@ -56,21 +56,21 @@ done:
 }
 
 int dmk_pcg(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op, dmk_buffer *x,
-            int max_iterations, double tolerance, double energy, int *iterations, double *rz)
+            int max_iterations, double tolerance, double energy, int *iterations, double *gain)
 {
     int rc = DMK_OK;
     for (int i = 0; i < max_iterations; i++) {
         DMK_TRY(direction(ctx, s, p, op, i == 0));
         if (tolerance > 0 && i % LOOK_EVERY == 0) {
-            double state[5];
-            DMK_TRY(dmk_buffer_read_real(ctx, s->device, DMK_OUTER, s->state, 5, state));
+            double state[6];
+            DMK_TRY(dmk_buffer_read_real(ctx, s->device, DMK_OUTER, s->state, 6, state));
             if (!(state[0] < 1e300)) {
                 rc = dmk_fail(ctx, DMK_E_DIVERGED,
                               "conjugate gradients broke down after %d iterations (r.z = %g)", i,
                               state[0]);
                 goto done;
             }
-            if (rz) *rz = state[0];
+            if (gain) *gain = state[5] + 4 * state[0];
             double reference = energy > state[4] ? energy : state[4];
             if (state[0] <= tolerance * tolerance * reference) break;
         }
