@@ -157,6 +157,7 @@ static void check_torus(const dmk_locus *l, double h)
     assert_int_equal(info.loops, 2);
     assert_int_equal(info.components, 1);
     assert_int_equal(info.endpoints, 2);
+    assert_in_range(info.branch_points, 2, 4); /* four-valent ones, or pairs just beside */
     assert_true(fabs(info.length / 20.5331303505 - 1) < 0.02);
     for (size_t i = 0; i < info.n_vertices; i++) {
         double error = torus_error(v[i].xyz) / h;
@@ -176,6 +177,9 @@ static void test_torus(void **state)
     scene s = surface("torus", 1, (double[3]){3, 0, 0});
     dmk_locus *l = trace(&s);
     check_torus(l, s.h);
+    dmk_locus_info info;
+    dmk_locus_get_info(l, &info);
+    assert_int_equal(info.branch_points, 2);
     dmk_locus_destroy(&l);
     free_scene(&s);
 }

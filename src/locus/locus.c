@@ -187,6 +187,7 @@ int dmk_locus_trace(dmk_context *ctx, const dmk_locus_input *in, const dmk_locus
     dmk_net_tidy(&net);
     DMK_TRY(dmk_net_fit_tips(ctx, &rays, &net));
     DMK_TRY(dmk_net_shrink(ctx, &rays, &dual, &net));
+    dmk_net_merge_branches(&rays, &net);
     DMK_TRY(assemble(ctx, in, &rays.chart, &net, locus));
 done:
     dmk_rays_free(&rays);

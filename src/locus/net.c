@@ -6,7 +6,7 @@
 #include <string.h>
 
 /* In mesh edges. */
-static const double twig = 1.5, blunt_twig = 5, too_near = 0.15;
+static const double twig = 1.5, blunt_twig = 5, too_near = 0.15, one_branch = 0.5;
 /* A strong edge followed by a weak one within so many points is no end of the locus. */
 enum { lookahead = 12 };
 
@@ -177,6 +177,64 @@ void dmk_net_tidy(dmk_net *net)
 {
     dmk_net_strip(net);
     remove_near_points(net);
+}
+
+/* The branch point at the other end of the short branch that leaves a through its neighbour b; -1
+ * if it is long, ends, or comes back. *before: the last point on the way. */
+static int32_t follow_short(const dmk_net *net, int32_t a, int32_t b, int32_t *before)
+{
+    const double limit = one_branch * net->node[a].size;
+    int32_t from = a;
+    double length = dmk_net_distance(net, a, b);
+    while (net->node[b].at.degree == 2 && length < limit) {
+        int32_t c = dmk_net_onward(net, from, b);
+        from = b;
+        b = c;
+        length += dmk_net_distance(net, from, b);
+    }
+    *before = from;
+    return length < limit && net->node[b].at.degree > 2 && b != a ? b : -1;
+}
+
+/* Take b's other branches over to a; the short branch between them goes. */
+static void absorb(const dmk_rays *r, dmk_net *net, int32_t a, int32_t first, int32_t b,
+                   int32_t before)
+{
+    double middle[3];
+    for (int k = 0; k < 3; k++)
+        middle[k] = 0.5 * (net->node[a].at.xyz[k] + net->node[b].at.xyz[k]);
+    dmk_net_unlink(net, before, b);
+    for (int32_t i = a, next = first; before != a && i != before; i = next) {
+        next = i == a ? first : net->node[i].next[0];
+        dmk_net_unlink(net, i, next);
+    }
+    while (net->node[b].at.degree > 0) {
+        int32_t c = net->node[b].next[0];
+        dmk_net_unlink(net, b, c);
+        dmk_net_link(net, a, c);
+    }
+    dmk_point place = net->node[a].at.place;
+    dmk_rays_go_to(r, middle, &place);
+    dmk_net_set_place(r->mesh, place, &net->node[a].at);
+}
+
+void dmk_net_merge_branches(const dmk_rays *r, dmk_net *net)
+{
+    for (int32_t a = 0; a < net->n; a++) {
+        for (int32_t k = 0; net->node[a].at.degree > 2 && k < net->node[a].at.degree; k++) {
+            int32_t before, first = net->node[a].next[k], b = follow_short(net, a, first, &before);
+            if (b < 0 || net->node[a].at.degree + net->node[b].at.degree - 2 > max_branches)
+                continue;
+            bool twice = false;
+            for (int32_t i = 0; i < net->node[b].at.degree; i++) {
+                int32_t c = net->node[b].next[i];
+                twice |= c != before && close_by(net, a, c);
+            }
+            if (twice) continue;
+            absorb(r, net, a, first, b, before);
+            k = -1;
+        }
+    }
 }
 
 void dmk_net_free(dmk_net *net)

@@ -1,5 +1,5 @@
-/* The cut locus while it is being built: a graph whose vertices have at most three neighbours.
- * Internal to src/locus. */
+/* The cut locus while it is being built: a graph whose vertices have three neighbours at most, or a
+ * few more where branch points were merged. Internal to src/locus. */
 #ifndef DMK_LOCUS_NET_H
 #define DMK_LOCUS_NET_H
 
@@ -20,16 +20,18 @@ typedef struct dmk_dual {
 int dmk_dual_create(dmk_context *ctx, const dmk_rays *rays, double threshold, dmk_dual *dual);
 void dmk_dual_free(dmk_dual *dual);
 
+enum { max_branches = 8 };
+
 typedef struct dmk_node {
-    dmk_locus_vertex at; /* angles as in the chart, strength not yet scaled to 2 pi */
-    double size;         /* length of a mesh edge there */
-    int32_t next[3];     /* neighbours, at.degree of them */
-    double width;        /* of the beam between the two geodesics, in mesh edges */
-    int32_t edge;        /* mesh edge it lies on by construction, or -1 */
-    bool border;         /* an end that lies on the mesh's border */
-    bool guess;          /* a family was not known at both ends of the edge: placed in the middle */
-    bool blunt;          /* an end where no cusp of the rays was found */
-    bool weak;           /* on an edge too weak to be an end */
+    dmk_locus_vertex at;        /* angles as in the chart, strength not yet scaled to 2 pi */
+    double size;                /* length of a mesh edge there */
+    int32_t next[max_branches]; /* neighbours, at.degree of them */
+    double width;               /* of the beam between the two geodesics, in mesh edges */
+    int32_t edge;               /* mesh edge it lies on by construction, or -1 */
+    bool border;                /* an end that lies on the mesh's border */
+    bool guess; /* a family was not known at both ends of the edge: placed in the middle */
+    bool blunt; /* an end where no cusp of the rays was found */
+    bool weak;  /* on an edge too weak to be an end */
 } dmk_node;
 
 typedef struct dmk_net {
@@ -50,6 +52,9 @@ void dmk_net_unlink(dmk_net *net, int32_t a, int32_t b);
 /* The neighbour of b that is not a, for b of degree 2. */
 int32_t dmk_net_onward(const dmk_net *net, int32_t a, int32_t b);
 double dmk_net_distance(const dmk_net *net, int32_t a, int32_t b);
+/* Branch points nearer to each other than half an edge become one: on a mesh four branches that
+ * meet in a point are two pairs of three. */
+void dmk_net_merge_branches(const dmk_rays *rays, dmk_net *net);
 /* Strip weak ends once more, looking some points ahead. Remove ends nearer than `twig` edges to
  * their junction, and points nearer than `short` edges to their neighbours on a branch. */
 void dmk_net_tidy(dmk_net *net);
