@@ -19,12 +19,14 @@ static void choose_pace(pace *p, double rho)
     if (p->rho_before > 0) {
         if (rho < 0.9 * p->rho_before) {
             p->D = fmin(p->longest, p->growth * p->D);
-        } else if (rho >= p->rho_before) {
+        } else if (rho > 1.3 * p->rho_before) { /* less is noise once rho is small */
             p->shrunk = p->D > 5;
             p->D = fmax(5, p->D / 2);
         }
     }
     p->rho_before = rho;
+    /* The operator is stiffer along the rays the longer D is. */
+    p->iterations = p->D > 100 ? 4 : 3;
 }
 
 /* Coefficients, right-hand side, inner solve: s->w. */
@@ -68,10 +70,10 @@ done:
 }
 
 /* Modes of the error that relax slowly, at a rate r per unit time, lose r D / (1 + r D) of it in a
- * step: at the longest D the change of mu is about the error, at a shorter one it is a part only. */
+ * step: from D = 100 on the change of mu is about the error, below it is a part only. */
 static double error_estimate(const pace *p, double change)
 {
-    return change * p->longest / p->D;
+    return change * fmax(1, 100 / p->D);
 }
 
 int dmk_newton(dmk_outer *o, bool from_distance)
@@ -81,8 +83,7 @@ int dmk_newton(dmk_outer *o, bool from_distance)
     int max_steps = opt->max_steps ? opt->max_steps : DMK_NEWTON_STEPS;
     double change = 1;
     o->tolerance = opt->tolerance > 0 ? opt->tolerance : DMK_DEFAULT_TOLERANCE;
-    pace p = {.D = from_distance ? 50 : 1, .longest = 100, .growth = from_distance ? 1.5 : 1.6,
-              .iterations = 3};
+    pace p = {.D = from_distance ? 50 : 1, .longest = 150, .growth = from_distance ? 1.5 : 1.6};
     if (!from_distance) DMK_TRY(dmk_outer_solve(o, o->sys->u, 1e-2, 100, NULL));
     for (int step = 1; step <= max_steps; step++) {
         DMK_TRY(dmk_outer_energies(o));
