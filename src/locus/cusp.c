@@ -1,8 +1,9 @@
 /* An end of the locus is where neighbouring geodesics first meet: the cusp of the envelope of the
- * rays around one direction. Near it the surface is nearly flat and each ray a straight line y = m
- * z + b,    z along the middle ray, y across, and with m and b as functions of the direction the
- * envelope lies at z = -b' / m'; the cusp is its nearest point. m and b are polynomials fitted to a
- * bundle of rays much wider than the mesh, so that the chance bends of single rays average out. */
+ * rays around one direction. Near it the surface is nearly flat and each ray a straight line,
+ * y = m z + b with z along the middle ray and y across. With m and b as functions of the direction
+ * the envelope lies at z = -b' / m'; the cusp is its nearest point. m and b are polynomials fitted
+ * to a bundle of rays much wider than the mesh, so that the chance bends of single rays average
+ * out. */
 #include "locus/net.h"
 
 #include <math.h>

@@ -1,15 +1,23 @@
 /* From distance to the cut locus as one graph. Plain host arrays in and out; no device.
  *
  * The way, each step one file:
- *   chart.c   the directions at the source p: which edge a ray leaves the source's triangles
- * through ray.c     one straight ray from p, unfolded triangle by triangle fan.c     the fan of
- * rays; a vertex between two neighbouring rays gets the direction, the length and the spread of the
- * geodesic that hits it. A ray ends where the given distance says that it is no longer minimal (and
- * a bit later, so that both families of rays are known on both sides of the locus) sheets.c  the
- * geodesics that reach each vertex, shortest first graph.c   strength of the mesh edges, spanning
- * tree of the vertices, dual graph, pruning place.c   where on an edge two families, in a triangle
- * three, are equally long tip.c     ends: the square of the angle between the two geodesics is
- * linear in the arc length point.c   a locus that is one point locus.c   the public object */
+ * - chart.c: the directions at the source; through which edge a ray leaves its triangles.
+ * - ray.c: one straight ray from the source, unfolded triangle by triangle.
+ * - fan.c: the fan of rays. A vertex between two neighbouring rays gets direction, length and
+ * spread of the geodesic that hits it. A ray ends where the given distance says that it is no
+ * longer minimal, and some edges later, so that both families are known on both sides of the locus.
+ * - sheets.c: the geodesics that reach each vertex, the shortest first.
+ * - repair.c, complete.c: vertices the fan missed; families known at one end of an edge only.
+ * - graph.c: strength of the mesh edges, spanning tree of the vertices, dual graph, pruning.
+ * - place.c: where on an edge two families, in a triangle three, are equally long.
+ * - net.c: the graph under construction: links, weak ends, twigs, merged branch points.
+ * - cusp.c, tip.c: where neighbouring rays first meet, the place of an end; branches led there.
+ * - point.c: a locus that is one point.
+ * - locus.c: the public object.
+ * - path.c, cut.c: geodesics to any point; the surface cut open.
+ *
+ * The given distance only tells where rays may end, with a slack of 3 edges and 2 %; the places
+ * come from the rays. So it need not be accurate: the tests use one that is some 10 % too long. */
 #ifndef DMK_LOCUS_H
 #define DMK_LOCUS_H
 
