@@ -218,7 +218,7 @@ static void check_point(const char *name, int refine, const double source[3])
     double x[3];
     dmk_mesh_point_xyz(ctx, s.mesh, &s.source, x);
     double d = hypot(hypot(v->xyz[0] + x[0], v->xyz[1] + x[1]), v->xyz[2] + x[2]);
-    assert_true(d < 0.5 * s.h);
+    assert_true(d < 0.1 * s.h);
     dmk_locus_destroy(&l);
     free_scene(&s);
 }
