@@ -53,7 +53,7 @@ complete_words() { # WORD...: what the completion offers for the last word
         echo "${COMPREPLY[@]}"' "$stage/usr/share/bash-completion/completions/dmkcl" "$@"
 }
 check 'completion of a command' test "$(complete_words so)" = solve
-check 'completion of an option' test "$(complete_words solve --sou)" = --source
+check 'completion of an option' test "$(complete_words solve --ver)" = '--vertex --verbose'
 check 'completion of a surface' test "$(complete_words mesh tor)" = torus
 check 'completion of a method' test "$(complete_words solve --method ne)" = newton
 

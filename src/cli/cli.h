@@ -4,6 +4,7 @@
 
 #include "dmkcl.h"
 
+#include <limits.h>
 #include <stdbool.h>
 #include <stdio.h>
 
@@ -93,6 +94,17 @@ int cli_check_output(const char *option, const char *path, cli_what what);
 /* Print the suffixes that hold `what`, as ".vtp .vtu", into `text`. */
 void cli_suffixes(cli_what what, char *text, size_t size);
 
+/* A file that comes into being whole or not at all: under another name until it is closed. The
+ * results are exit codes, with errors told. */
+typedef struct cli_file {
+    FILE *stream;
+    const char *path;
+    char name[PATH_MAX];
+} cli_file;
+
+int cli_file_open(const char *path, cli_file *file);
+int cli_file_close(cli_file *file);
+
 /* ---- terminal.c: colour, progress, interruption --------------------------------------------- */
 
 typedef struct cli_moment {
@@ -106,6 +118,7 @@ typedef struct cli_progress {
     double shown;         /* seconds of the last update */
     const char *stage;    /* and what it told of */
     bool open;            /* the line is on the screen */
+    const char *prefix;   /* of the line, for instance the number of the source; may be NULL */
     double gap;           /* the last that was computed, or NaN */
     cli_moment moment[2]; /* earlier in the iteration: for the estimate of the time left */
 } cli_progress;

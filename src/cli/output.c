@@ -4,6 +4,7 @@
 
 #include <errno.h>
 #include <limits.h>
+#include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 #include <sys/stat.h>
@@ -73,4 +74,42 @@ int cli_check_output(const char *option, const char *path, cli_what what)
                          path, words[what], suffixes);
     }
     return check_folder(option, path);
+}
+
+/* ---- files that the tool writes itself ------------------------------------------------------ */
+
+/* A temporary file beside file->path, with the permissions that a new file would have. */
+static FILE *open_temporary(cli_file *file)
+{
+    if (snprintf(file->name, sizeof file->name, "%s.XXXXXX", file->path) >= PATH_MAX) {
+        errno = ENAMETOOLONG;
+        return NULL;
+    }
+    const int descriptor = mkstemp(file->name);
+    if (descriptor < 0) return NULL;
+    const mode_t mask = umask(0);
+    umask(mask);
+    FILE *stream = fchmod(descriptor, 0666 & ~mask) == 0 ? fdopen(descriptor, "w") : NULL;
+    if (!stream) {
+        close(descriptor);
+        unlink(file->name);
+    }
+    return stream;
+}
+
+int cli_file_open(const char *path, cli_file *file)
+{
+    file->path = path;
+    file->stream = open_temporary(file);
+    if (file->stream) return EXIT_OK;
+    return cli_error(EXIT_IO, "cannot write '%s': %s", path, strerror(errno));
+}
+
+int cli_file_close(cli_file *file)
+{
+    const bool whole = !ferror(file->stream);
+    if (fclose(file->stream) == 0 && whole && rename(file->name, file->path) == 0) return EXIT_OK;
+    const int error = errno;
+    unlink(file->name);
+    return cli_error(EXIT_IO, "cannot write '%s': %s", file->path, strerror(error));
 }

@@ -1,13 +1,8 @@
 /* dmkcl solve: the JSON report, and the summary for a person. */
 #include "solve.h"
 
-#include <errno.h>
-#include <limits.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 /* ---- report --------------------------------------------------------------------------------- */
 
@@ -110,43 +105,21 @@ static void write_report(FILE *file, const solve_order *order, const solve_run *
     write_locus(&json, run->locus);
     write_names(&json, "out", &order->out);
     write_names(&json, "locus_out", &order->locus);
+    write_names(&json, "tangent_out", &order->tangent);
     json_close(&json, '{');
-}
-
-/* A temporary file beside `path`, with the permissions that a new file would have. */
-static FILE *open_temporary(const char *path, char name[PATH_MAX])
-{
-    if (snprintf(name, PATH_MAX, "%s.XXXXXX", path) >= PATH_MAX) {
-        errno = ENAMETOOLONG;
-        return NULL;
-    }
-    const int descriptor = mkstemp(name);
-    if (descriptor < 0) return NULL;
-    const mode_t mask = umask(0);
-    umask(mask);
-    FILE *file = fchmod(descriptor, 0666 & ~mask) == 0 ? fdopen(descriptor, "w") : NULL;
-    if (!file) {
-        close(descriptor);
-        unlink(name);
-    }
-    return file;
 }
 
 int solve_report(const solve_order *order, const solve_run *run)
 {
-    char name[PATH_MAX];
     if (strcmp(order->report, "-") == 0) {
         write_report(stdout, order, run);
         return cli_flush();
     }
-    FILE *file = open_temporary(order->report, name);
-    if (file) {
-        write_report(file, order, run);
-        const bool whole = !ferror(file);
-        if (fclose(file) == 0 && whole && rename(name, order->report) == 0) return EXIT_OK;
-        unlink(name);
-    }
-    return cli_error(EXIT_IO, "--report: cannot write '%s': %s", order->report, strerror(errno));
+    cli_file file;
+    int code = cli_file_open(order->report, &file);
+    if (code != EXIT_OK) return code;
+    write_report(file.stream, order, run);
+    return cli_file_close(&file);
 }
 
 /* ---- summary -------------------------------------------------------------------------------- */
@@ -268,25 +241,42 @@ static void print_files(const solve_order *order)
         print_label("wrote");
         printf("%s: cut locus\n", order->locus.path[i]);
     }
+    for (int i = 0; i < order->tangent.n; i++) {
+        print_label("wrote");
+        printf("%s: tangent cut locus\n", order->tangent.path[i]);
+    }
     if (order->report) {
         print_label("wrote");
         printf("%s: report\n", order->report);
     }
 }
 
-void solve_summary(const solve_order *order, const solve_run *run)
+static void print_device(const solve_run *run)
 {
-    dmk_mesh_info info;
     dmk_device_info device;
-    dmk_stats stats;
-    dmk_mesh_get_info(run->mesh, &info);
     dmk_device_get_info(run->device, &device);
-    dmk_result_get_stats(run->result, &stats);
-    print_mesh(order, &info);
-    print_source(order, run);
     print_label("device");
     printf("%s (%s), %d compute unit%s\n", device.name, device.platform, device.compute_units,
            plural(device.compute_units));
+}
+
+void solve_summary_mesh(const solve_order *order, const solve_run *run)
+{
+    dmk_mesh_info info;
+    dmk_mesh_get_info(run->mesh, &info);
+    print_mesh(order, &info);
+    print_device(run);
+}
+
+void solve_summary(const solve_order *order, const solve_run *run)
+{
+    dmk_mesh_info info;
+    dmk_stats stats;
+    dmk_mesh_get_info(run->mesh, &info);
+    dmk_result_get_stats(run->result, &stats);
+    print_mesh(order, &info);
+    print_source(order, run);
+    print_device(run);
     print_cost(&stats);
     print_locus(run->locus);
     print_time(&run->seconds, &stats);

@@ -1,22 +1,29 @@
-/* dmkcl solve: the run that cmd_solve.c makes and report.c tells of. */
+/* dmkcl solve, and the commands that begin by solving: the run that run.c makes and report.c tells
+ * of. */
 #ifndef DMK_CLI_SOLVE_H
 #define DMK_CLI_SOLVE_H
 
 #include "cli.h"
 
 typedef struct solve_order {
+    const char *command; /* whose errors are told */
     const char *mesh;
     cli_numbers source;
-    int64_t vertex; /* -1: not given */
-    cli_files out, locus;
+    int64_t vertex;      /* -1: not given */
+    const char *sources; /* file of many sources, or NULL */
+    bool resume;         /* of many sources: leave out those whose files are there */
+    cli_files out, locus, tangent;
     const char *report; /* NULL: none; "-": standard output */
     dmk_solve_options solve;
     dmk_device_options device;
+    int64_t threads; /* these two go to `device` when the command line is read */
+    bool single;
     bool quiet, verbose;
 } solve_order;
 
 /* Seconds by stage; those that run inside dmk_solve are in dmk_stats. The device is opened while
- * the mesh is read, so that the sum may be above the total. */
+ * the mesh is read, so that the sum may be above the total. Of many sources on one mesh the first
+ * one solved carries what they share: read, device, setup. */
 typedef struct solve_times {
     double begin; /* of the clock */
     double read, device, setup, locus, write, total;
@@ -31,11 +38,61 @@ typedef struct solve_run {
     dmk_locus *locus;
     dmk_point source;
     solve_times seconds;
+    cli_progress progress;
+    const char *where; /* of the source, in front of errors: "FILE:LINE: ", or "" */
 } solve_run;
+
+/* ---- order.c: options that several commands share ------------------------------------------- */
+
+enum { SOLVE_MAX_OPTIONS = 40 };
+
+/* Options by the piece, for a table of SOLVE_MAX_OPTIONS rows. */
+typedef struct solve_table {
+    cli_option row[SOLVE_MAX_OPTIONS];
+    size_t n;
+} solve_table;
+
+void solve_order_init(solve_order *order, const char *command);
+void solve_add(solve_table *table, const cli_option *rows, size_t n);
+void solve_add_source(solve_table *table, solve_order *order);
+void solve_add_device(solve_table *table, solve_order *order);
+/* After parsing: what the rows of these two have in common. EXIT_OK or the code with the error
+ * told. */
+int solve_order_settle(solve_order *order);
+
+/* ---- run.c: the exit code, EXIT_OK or with the error told ----------------------------------- */
+
+/* Mesh, device and solver; and the source's place, if there is just one. */
+int solve_begin(const solve_order *order, solve_run *run);
+/* The source's place, when there are many. */
+int solve_place(const solve_order *order, solve_run *run);
+/* Density, distance and cut locus of run->source; an earlier source's are given back. */
+int solve_compute(const solve_order *order, solve_run *run);
+int solve_write(const solve_order *order, solve_run *run);
+int solve_fail(solve_run *run, int rc);
+void solve_end(solve_run *run);
+
+/* ---- sources.c, batch.c: many sources ------------------------------------------------------- */
+
+typedef struct solve_source {
+    int64_t line;   /* of the file, from 1 */
+    int64_t vertex; /* or -1: then xyz */
+    double xyz[3];
+} solve_source;
+
+/* *sources is the caller's to free. */
+int solve_read_sources(const char *path, solve_source **sources, size_t *n);
+int solve_batch(const solve_order *order);
+
+/* ---- report.c, tangent.c -------------------------------------------------------------------- */
 
 /* The JSON report, whole or not at all. The exit code. */
 int solve_report(const solve_order *order, const solve_run *run);
 /* The summary for a person, on the standard output. */
 void solve_summary(const solve_order *order, const solve_run *run);
+/* Its part that holds for all sources: mesh and device. */
+void solve_summary_mesh(const solve_order *order, const solve_run *run);
+/* The tangent cut locus as CSV, whole or not at all. The exit code. */
+int solve_tangent(const dmk_locus *locus, const char *path);
 
 #endif

@@ -87,6 +87,7 @@ static int on_progress(const dmk_progress *report, void *user)
         const bool new_stage = report->stage != progress->stage; /* static strings */
         if (!new_stage && now - progress->shown < 0.1) return 0; /* the eye sees no more */
         fputs("\r\033[K", stderr);
+        if (progress->prefix) fputs(progress->prefix, stderr);
         print_step(report, progress->gap, left);
         fflush(stderr);
         progress->shown = now;

@@ -1,0 +1,189 @@
+/* dmkcl solve --sources: one source after another on one mesh, made ready once. */
+#include "solve.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+typedef struct batch {
+    const solve_order *order;
+    const solve_source *source; /* n */
+    size_t n, n_solved, n_kept, n_failed;
+    bool summary;
+    solve_times shared; /* of mesh, device and solver; total: until they were ready */
+    int code;           /* of the first failure */
+} batch;
+
+/* ---- the files of source k ------------------------------------------------------------------ */
+
+/* "dir/name.vtp" -> "dir/name-0007.vtp"; NULL without memory. */
+static char *number_name(const char *path, size_t k)
+{
+    const size_t n = strlen(path);
+    const char *slash = strrchr(path, '/');
+    const char *dot = strrchr(slash ? slash : path, '.');
+    const int stem = (int)(dot ? (size_t)(dot - path) : n);
+    char *name = malloc(n + 32);
+    if (name) snprintf(name, n + 32, "%.*s-%04zu%s", stem, path, k, path + stem);
+    return name;
+}
+
+static bool number_files(cli_files *files, size_t k)
+{
+    bool good = true;
+    for (int i = 0; i < files->n; i++) {
+        files->path[i] = number_name(files->path[i], k);
+        good = good && files->path[i];
+    }
+    return good;
+}
+
+static void free_files(cli_files *files)
+{
+    for (int i = 0; i < files->n; i++)
+        free((char *)files->path[i]);
+}
+
+static void free_one(solve_order *one)
+{
+    free_files(&one->out);
+    free_files(&one->locus);
+    free_files(&one->tangent);
+    if (one->report && strcmp(one->report, "-") != 0) free((char *)one->report);
+}
+
+/* The order for source k alone, freed by free_one; false without memory. */
+static bool order_one(const batch *b, size_t k, solve_order *one)
+{
+    const solve_source *s = &b->source[k];
+    *one = *b->order;
+    one->vertex = s->vertex;
+    one->source.n = s->vertex < 0 ? 3 : 0;
+    memcpy(one->source.value, s->xyz, sizeof s->xyz);
+    bool good = number_files(&one->out, k);
+    good = number_files(&one->locus, k) && good;
+    good = number_files(&one->tangent, k) && good;
+    if (one->report && strcmp(one->report, "-") != 0) one->report = number_name(one->report, k);
+    return good && (one->report || !b->order->report);
+}
+
+static bool is_there(const char *path)
+{
+    struct stat file;
+    return stat(path, &file) == 0 && S_ISREG(file.st_mode);
+}
+
+static bool are_there(const cli_files *files)
+{
+    for (int i = 0; i < files->n; i++) {
+        if (!is_there(files->path[i])) return false;
+    }
+    return true;
+}
+
+/* Files are whole if they are there. */
+static bool is_done(const solve_order *one)
+{
+    return are_there(&one->out) && are_there(&one->locus) && are_there(&one->tangent) &&
+           (!one->report || strcmp(one->report, "-") == 0 || is_there(one->report));
+}
+
+/* ---- the run -------------------------------------------------------------------------------- */
+
+static void print_line(size_t k, const solve_run *run)
+{
+    char point[CLI_TEXT_SIZE];
+    double xyz[3] = {0};
+    dmk_stats stats;
+    dmk_locus_info info;
+    dmk_result_get_stats(run->result, &stats);
+    dmk_locus_get_info(run->locus, &info);
+    dmk_mesh_point_xyz(run->context, run->mesh, &run->source, xyz);
+    printf("%04zu  (%s): %d steps, cost %.8g, gap %.2g %%, cut locus %.6g, loops %lld, ends %zu, "
+           "branch points %zu, %.2f s\n",
+           k, cli_point(xyz, point), stats.steps, stats.cost_upper, 100 * stats.gap, info.length,
+           (long long)info.loops, info.endpoints, info.branch_points, run->seconds.total);
+}
+
+static int solve_one(const batch *b, size_t k, const solve_order *one, solve_run *run)
+{
+    char where[300], prefix[64];
+    snprintf(where, sizeof where, "%.250s:%lld: ", one->sources, (long long)b->source[k].line);
+    snprintf(prefix, sizeof prefix, "source %zu of %zu: ", k + 1, b->n);
+    run->where = where;
+    run->progress.prefix = prefix;
+    int code = solve_place(one, run);
+    if (code == EXIT_OK) code = solve_compute(one, run);
+    if (code == EXIT_OK) code = solve_write(one, run);
+    if (code == EXIT_OK && b->summary) {
+        print_line(k, run);
+        code = cli_flush();
+    }
+    run->where = "";
+    run->progress.prefix = NULL;
+    return code;
+}
+
+/* What is shared counts for the first source that is solved. */
+static void begin_source(const batch *b, solve_run *run)
+{
+    run->seconds = b->n_solved == 0 ? b->shared : (solve_times){0};
+    run->seconds.begin = cli_seconds() - run->seconds.total;
+}
+
+static void solve_all(batch *b, solve_run *run)
+{
+    for (size_t k = 0; k < b->n && !cli_interrupted(); k++) {
+        solve_order one;
+        int code = EXIT_OK;
+        if (!order_one(b, k, &one)) {
+            code = cli_library_error(NULL, DMK_E_NOMEM);
+            b->n_failed++;
+        } else if (one.resume && is_done(&one)) {
+            if (b->summary) printf("%04zu  kept: its files are there\n", k);
+            b->n_kept++;
+        } else {
+            begin_source(b, run);
+            code = solve_one(b, k, &one, run);
+            b->n_solved += code == EXIT_OK;
+            b->n_failed += code != EXIT_OK;
+        }
+        if (b->code == EXIT_OK) b->code = code;
+        free_one(&one);
+    }
+    if (cli_interrupted()) b->code = cli_exit_code(DMK_E_CANCELLED);
+}
+
+static void print_end(const batch *b, double begin)
+{
+    printf("of %zu source%s %zu solved, %zu kept, %zu failed, %.2f s\n", b->n, b->n == 1 ? "" : "s",
+           b->n_solved, b->n_kept, b->n_failed, cli_seconds() - begin);
+}
+
+int solve_batch(const solve_order *order)
+{
+    solve_run run;
+    solve_source *sources;
+    batch b = {
+        .order = order,
+        .summary = !order->quiet && !(order->report && strcmp(order->report, "-") == 0),
+    };
+    int code = solve_read_sources(order->sources, &sources, &b.n);
+    if (code != EXIT_OK) return code;
+    b.source = sources;
+    b.code = solve_begin(order, &run);
+    if (b.code == EXIT_OK) {
+        const double begin = run.seconds.begin;
+        b.shared = run.seconds;
+        b.shared.total = cli_seconds() - begin;
+        cli_progress_end(&run.progress);
+        if (b.summary) solve_summary_mesh(order, &run);
+        solve_all(&b, &run);
+        cli_progress_end(&run.progress);
+        if (b.summary) print_end(&b, begin);
+        code = cli_flush();
+    }
+    solve_end(&run);
+    free(sources);
+    return b.code != EXIT_OK ? b.code : code;
+}

@@ -1,0 +1,171 @@
+/* The run of dmkcl solve, and of the commands that begin by solving. */
+#include "solve.h"
+
+#include <math.h>
+#include <pthread.h>
+#include <unistd.h>
+
+/* ---- the device, opened while the mesh is read ---------------------------------------------- */
+
+typedef struct opening {
+    const dmk_device_options *options;
+    dmk_context *context; /* of its own: a context belongs to one thread */
+    dmk_device *device;
+    double seconds;
+    int rc;
+    bool threaded;
+    pthread_t thread;
+} opening;
+
+static void *open_device(void *argument)
+{
+    opening *o = argument;
+    const double begin = cli_seconds();
+    o->rc = dmk_context_create(&o->context);
+    if (o->rc == DMK_OK) o->rc = dmk_device_open(o->context, o->options, &o->device);
+    o->seconds = cli_seconds() - begin;
+    return NULL;
+}
+
+static void begin_opening(opening *o, const dmk_device_options *options)
+{
+    *o = (opening){.options = options};
+    o->threaded = pthread_create(&o->thread, NULL, open_device, o) == 0;
+}
+
+/* Hand the device over to `run`; EXIT_OK or the exit code with the error told, unless `silent`. */
+static int end_opening(opening *o, solve_run *run, bool silent)
+{
+    int code = EXIT_OK;
+    if (o->threaded) pthread_join(o->thread, NULL);
+    if (!o->threaded) open_device(o);
+    run->device = o->device;
+    run->seconds.device = o->seconds;
+    if (o->rc != DMK_OK && !silent) code = cli_library_error(o->context, o->rc);
+    dmk_context_destroy(&o->context);
+    return code;
+}
+
+/* ---- the run -------------------------------------------------------------------------------- */
+
+/* Seconds since *mark, which becomes now. */
+static double lap(double *mark)
+{
+    const double before = *mark;
+    *mark = cli_seconds();
+    return *mark - before;
+}
+
+int solve_fail(solve_run *run, int rc)
+{
+    const char *message = dmk_context_message(run->context);
+    cli_progress_end(&run->progress);
+    if (!*message) message = dmk_status_text(rc);
+    return cli_error(cli_exit_code(rc), "%s%s", run->where, message);
+}
+
+static int place(const solve_order *order, solve_run *run)
+{
+    if (order->vertex >= 0) {
+        return dmk_mesh_vertex_point(run->context, run->mesh, order->vertex, &run->source);
+    }
+    return dmk_mesh_project(run->context, run->mesh, order->source.value, &run->source);
+}
+
+int solve_place(const solve_order *order, solve_run *run)
+{
+    const int rc = place(order, run);
+    return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
+}
+
+static int read_mesh(const solve_order *order, solve_run *run)
+{
+    double mark = run->seconds.begin;
+    int rc = dmk_mesh_read(run->context, order->mesh, &run->mesh);
+    if (rc == DMK_OK && !order->sources) rc = place(order, run);
+    run->seconds.read = lap(&mark);
+    return rc;
+}
+
+int solve_begin(const solve_order *order, solve_run *run)
+{
+    *run = (solve_run){
+        .seconds.begin = cli_seconds(),
+        .progress.line = isatty(STDERR_FILENO) && !order->quiet,
+        .progress.steps = order->verbose,
+        .progress.gap = NAN,
+        .where = "",
+    };
+    opening device;
+    int rc = dmk_context_create(&run->context);
+    if (rc != DMK_OK) return cli_library_error(NULL, rc);
+    cli_catch_interrupt();
+    cli_watch(run->context, &run->progress);
+    begin_opening(&device, &order->device);
+    rc = read_mesh(order, run);
+    cli_progress_say(&run->progress, "opening the device and building its kernels");
+    const int code = end_opening(&device, run, rc != DMK_OK);
+    if (code != EXIT_OK) return code;
+    double mark = cli_seconds();
+    if (rc == DMK_OK) rc = dmk_solver_create(run->context, run->device, run->mesh, &run->solver);
+    run->seconds.setup = lap(&mark);
+    return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
+}
+
+/* With several components the solver is set up when it sees the first source. */
+static void count_setup(solve_run *run)
+{
+    dmk_stats stats;
+    dmk_result_get_stats(run->result, &stats);
+    run->seconds.setup = fmax(run->seconds.setup, stats.seconds[DMK_STAGE_SETUP]);
+}
+
+int solve_compute(const solve_order *order, solve_run *run)
+{
+    dmk_context *context = run->context;
+    dmk_locus_destroy(&run->locus);
+    dmk_result_destroy(&run->result);
+    int rc = dmk_solve(context, run->solver, &run->source, &order->solve, &run->result);
+    if (rc != DMK_OK) return solve_fail(run, rc);
+    count_setup(run);
+    double mark = cli_seconds();
+    dmk_locus_options options;
+    dmk_locus_options_init(&options);
+    rc = dmk_locus_compute(context, run->mesh, run->result, &options, &run->locus);
+    run->seconds.locus = lap(&mark);
+    if (rc == DMK_OK && cli_interrupted()) rc = DMK_E_CANCELLED;
+    return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
+}
+
+/* Each file is written under another name first, so that it is whole or not there. */
+int solve_write(const solve_order *order, solve_run *run)
+{
+    int rc = DMK_OK, code = EXIT_OK;
+    double mark = cli_seconds();
+    for (int i = 0; i < order->out.n && rc == DMK_OK; i++) {
+        rc = dmk_result_write(run->context, run->mesh, run->result, order->out.path[i]);
+    }
+    for (int i = 0; i < order->locus.n && rc == DMK_OK; i++) {
+        rc = dmk_locus_write(run->context, run->locus, order->locus.path[i]);
+    }
+    for (int i = 0; i < order->tangent.n && rc == DMK_OK && code == EXIT_OK; i++) {
+        code = solve_tangent(run->locus, order->tangent.path[i]);
+    }
+    run->seconds.write = lap(&mark);
+    run->seconds.total = mark - run->seconds.begin;
+    cli_progress_end(&run->progress);
+    if (rc != DMK_OK) return solve_fail(run, rc);
+    if (code == EXIT_OK && order->report) code = solve_report(order, run);
+    return code;
+}
+
+void solve_end(solve_run *run)
+{
+    cli_progress_end(&run->progress);
+    dmk_locus_destroy(&run->locus);
+    dmk_result_destroy(&run->result);
+    dmk_solver_destroy(&run->solver);
+    dmk_mesh_destroy(&run->mesh);
+    dmk_device_destroy(&run->device);
+    dmk_context_destroy(&run->context);
+}
