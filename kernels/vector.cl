@@ -52,11 +52,16 @@ KERNEL cg_beta(int groups, int first, global const sum_t *partial, global sum_t 
     }
 }
 
-/* p = z + beta p. */
+/* p = z + beta p; p is not read at the first iteration, when beta is 0. */
 KERNEL cg_direction(int n, global const sum_t *state, global const float *z, global real *p)
 {
     const real beta = (real)state[3];
-    FOR_BLOCKS(i, n) { STORE(TO_REAL(LOAD(z, AT(i))) + beta * LOAD(p, AT(i)), p, AT(i)); }
+    FOR_BLOCKS(i, n)
+    {
+        realv next = TO_REAL(LOAD(z, AT(i)));
+        if (beta != 0) next += beta * LOAD(p, AT(i));
+        STORE(next, p, AT(i));
+    }
 }
 
 /* p.Ap has been summed: alpha = r.z / p.Ap; a direction without energy is not followed. */

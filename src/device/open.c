@@ -181,6 +181,9 @@ int dmk_device_open(dmk_context *ctx, const dmk_device_options *options, dmk_dev
                                     : strcmp(dev->info.type, "CPU") == 0;
     dev->chunk = cpu_chunk(ctx);
     DMK_TRY(dmk_cache_folder(ctx, options->cache, dev->cache, sizeof dev->cache));
+    /* PoCL keeps every compiled kernel in a cache of its own, and asking it for a program's binary makes
+     * it compile all kernels in general forms first: 12 s instead of 5.5 s at the first run. */
+    if (strcmp(dev->info.platform, "Portable Computing Language") == 0) dev->cache[0] = 0;
     dev->cl = clCreateContext(NULL, 1, &dev->id, NULL, NULL, &error);
     DMK_TRY(dmk_cl_check(ctx, error, "clCreateContext"));
     dev->queue = clCreateCommandQueue(dev->cl, dev->id, 0, &error);

@@ -129,10 +129,6 @@ static int set_start(dmk_context *ctx, dmk_solver *s, const dmk_point *p, dmk_st
     /* Work arrays may hold the NaN of an earlier solve that diverged. */
     DMK_TRY(dmk_buffer_clear(ctx, s->device, sys->x, x_bytes));
     DMK_TRY(dmk_buffer_clear(ctx, s->device, sys->x_old, x_bytes));
-    for (int p_ = 0; p_ < DMK_N_PROGRAMS; p_++) {
-        size_t bytes = n_rows * dmk_device_real(s->device, (dmk_program)p_);
-        DMK_TRY(dmk_buffer_clear(ctx, s->device, sys->cg[p_].p, bytes));
-    }
     DMK_TRY(dmk_buffer_clear(ctx, s->device, sys->before,
                              n_elements * dmk_device_real(s->device, DMK_OUTER)));
 done:

@@ -279,19 +279,20 @@ done:
     return rc;
 }
 
-static int allocate_cg(const packer *p, dmk_program program)
+/* Inner and outer solves take turns, so the inner vectors lie in the outer ones' memory. */
+static int allocate_cg(const packer *p)
 {
     int rc;
     dmk_system *s = p->sys;
     size_t n = (size_t)s->n_rows_pad;
-    DMK_TRY(work(p, program, n, &s->cg[program].r));
-    DMK_TRY(work(p, program, n, &s->cg[program].p));
-    DMK_TRY(work(p, program, n, &s->cg[program].ap));
-    s->cg[program].narrow = s->cg[program].r;
-    if (dmk_device_real(p->dev, program) == sizeof(double)) {
-        s->cg[program].narrow = NULL;
-        DMK_TRY(work(p, DMK_INNER, n, &s->cg[program].narrow));
-    }
+    bool wide = dmk_device_real(p->dev, DMK_OUTER) == sizeof(double);
+    DMK_TRY(work(p, DMK_OUTER, n, &s->cg[DMK_OUTER].r));
+    DMK_TRY(work(p, DMK_OUTER, n, &s->cg[DMK_OUTER].p));
+    DMK_TRY(work(p, DMK_OUTER, n, &s->cg[DMK_OUTER].ap));
+    if (wide) DMK_TRY(work(p, DMK_INNER, n, &s->cg[DMK_OUTER].narrow));
+    else s->cg[DMK_OUTER].narrow = s->cg[DMK_OUTER].r;
+    s->cg[DMK_INNER] = s->cg[DMK_OUTER];
+    s->cg[DMK_INNER].r = s->cg[DMK_INNER].narrow;
 done:
     return rc;
 }
@@ -309,9 +310,9 @@ static int allocate_state(const packer *p)
     DMK_TRY(work(p, DMK_OUTER, n, &s->f));
     DMK_TRY(work(p, DMK_OUTER, 6 * e, &s->g));
     DMK_TRY(work(p, DMK_OUTER, 6 * e, &s->out_real));
-    DMK_TRY(work(p, DMK_OUTER, 3 * e, &s->weight_real));
     DMK_TRY(work(p, DMK_INNER, 3 * e, &s->weight));
     DMK_TRY(work(p, DMK_INNER, 6 * e, &s->rank_one));
+    s->weight_real = s->rank_one; /* A's operator in double, Newton's in single: in turn */
     DMK_TRY(work(p, DMK_INNER, 6 * e, &s->out));
     DMK_TRY(work(p, DMK_INNER, 3 * e, &s->link));
     DMK_TRY(work(p, DMK_INNER, 3 * e, &s->diag_coarse));
@@ -320,8 +321,7 @@ static int allocate_state(const packer *p)
     DMK_TRY(work(p, DMK_INNER, n, &s->x_old));
     DMK_TRY(work(p, DMK_INNER, n, &s->residual));
     DMK_TRY(work(p, DMK_INNER, n, &s->w));
-    DMK_TRY(allocate_cg(p, DMK_INNER));
-    DMK_TRY(allocate_cg(p, DMK_OUTER));
+    DMK_TRY(allocate_cg(p));
     DMK_TRY(work(p, DMK_OUTER, 4 * groups, &s->partial));
     DMK_TRY(work(p, DMK_OUTER, 8, &s->state));
     DMK_TRY(work(p, DMK_OUTER, 16, &s->scalars));
@@ -387,17 +387,15 @@ void dmk_system_destroy(dmk_system **system)
     if (!s) return;
     dmk_buffer **all[] = {&s->index, &s->cot, &s->area, &s->slice, &s->slot, &s->ends,
                           &s->edge_place, &s->corner_slice, &s->corner_slot, &s->mu, &s->u, &s->f,
-                          &s->g, &s->q, &s->out_real, &s->weight_real, &s->before, &s->weight,
+                          &s->g, &s->q, &s->out_real, &s->before, &s->weight,
                           &s->rank_one, &s->out, &s->link, &s->diag_coarse, &s->inv_diag, &s->x,
                           &s->x_old, &s->residual, &s->w, &s->partial, &s->state, &s->scalars,
                           &s->coarse_inverse};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) dmk_buffer_destroy(all[i]);
-    for (int p = 0; p < DMK_N_PROGRAMS; p++) {
-        if (s->cg[p].narrow != s->cg[p].r) dmk_buffer_destroy(&s->cg[p].narrow);
-        dmk_buffer_destroy(&s->cg[p].r);
-        dmk_buffer_destroy(&s->cg[p].p);
-        dmk_buffer_destroy(&s->cg[p].ap);
-    }
+    if (s->cg[DMK_OUTER].narrow != s->cg[DMK_OUTER].r) dmk_buffer_destroy(&s->cg[DMK_OUTER].narrow);
+    dmk_buffer_destroy(&s->cg[DMK_OUTER].r);
+    dmk_buffer_destroy(&s->cg[DMK_OUTER].p);
+    dmk_buffer_destroy(&s->cg[DMK_OUTER].ap);
     for (int32_t i = 0; i < DMK_SYSTEM_LEVELS; i++) free_level(&s->level[i]);
     free(s->coarse_link_vertex);
     free(s);
