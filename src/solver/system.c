@@ -5,6 +5,7 @@
 #include "dmk_shared.h"
 
 #include <math.h>
+#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -250,18 +251,32 @@ done:
     return rc;
 }
 
-static int pack_levels(const packer *p)
+/* The hierarchy, made on a thread of its own while the fine level is packed. */
+typedef struct coarsener {
+    pthread_t thread;
+    dmk_context ctx; /* a context serves one thread at a time */
+    const dmk_mesh *mesh;
+    dmk_hierarchy hierarchy;
+    int rc;
+} coarsener;
+
+static void *coarsen(void *data)
+{
+    coarsener *c = data;
+    c->rc = dmk_hierarchy_create(&c->ctx, c->mesh, COARSEST, &c->hierarchy);
+    return NULL;
+}
+
+static int pack_levels(const packer *p, const dmk_hierarchy *h)
 {
     int rc;
     dmk_system *s = p->sys;
-    dmk_hierarchy h = {0};
     int32_t n_links = p->mesh->n_edges;
     const int32_t *links = p->mesh->edge_vertex;
-    DMK_TRY(dmk_hierarchy_create(p->ctx, p->mesh, COARSEST, &h));
     DMK_TRY(pack_graph(p, p->mesh->n_vertices, n_links, links, &s->level[0]));
     s->n_levels = 1;
-    for (int32_t i = 0; i < h.n; i++) {
-        const dmk_coarsening *c = &h.level[i];
+    for (int32_t i = 0; i < h->n; i++) {
+        const dmk_coarsening *c = &h->level[i];
         dmk_level *l = &s->level[s->n_levels];
         n_links = c->coarse.n_edges;
         links = c->coarse.edge;
@@ -275,7 +290,6 @@ static int pack_levels(const packer *p)
     memcpy(s->coarse_link_vertex, links, 2 * (size_t)n_links * sizeof *links);
     DMK_TRY(work(p, DMK_INNER, (size_t)last->n * (size_t)last->n_pad, &s->coarse_inverse));
 done:
-    dmk_hierarchy_free(&h);
     return rc;
 }
 
@@ -340,6 +354,27 @@ done:
     return rc;
 }
 
+static int pack_all(const packer *p)
+{
+    int rc;
+    coarsener c = {.mesh = p->mesh};
+    bool threaded = pthread_create(&c.thread, NULL, coarsen, &c) == 0;
+    if (!threaded) coarsen(&c);
+    rc = pack_elements(p);
+    if (rc == DMK_OK) rc = pack_fine_rows(p);
+    if (rc == DMK_OK) rc = pack_coarse_places(p);
+    if (threaded) pthread_join(c.thread, NULL);
+    if (rc != DMK_OK) goto done;
+    if (c.rc != DMK_OK) {
+        rc = dmk_fail(p->ctx, c.rc, "%s", c.ctx.message);
+        goto done;
+    }
+    DMK_TRY(pack_levels(p, &c.hierarchy));
+done:
+    dmk_hierarchy_free(&c.hierarchy);
+    return rc;
+}
+
 int dmk_system_create(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh,
                       dmk_system **system)
 {
@@ -359,10 +394,7 @@ int dmk_system_create(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh
     s->n_rows_pad = dmk_padded(s->n_rows);
     packer p = {ctx, device, mesh, s};
     DMK_TRY(get_kernels(ctx, s));
-    DMK_TRY(pack_elements(&p));
-    DMK_TRY(pack_fine_rows(&p));
-    DMK_TRY(pack_coarse_places(&p));
-    DMK_TRY(pack_levels(&p));
+    DMK_TRY(pack_all(&p)); /* frees the host's hierarchy before ... */
     DMK_TRY(allocate_state(&p));
     *system = s;
     s = NULL;
