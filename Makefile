@@ -69,7 +69,7 @@ TOOL := $B/dmkcl
 PC := $B/dmkcl.pc
 MAN := $B/dmkcl.1
 
-.PHONY: all tests test coverage demo install uninstall clean help deps FORCE
+.PHONY: all tests test coverage demo bench bench-kernels bench-methods install uninstall clean help deps FORCE
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -150,6 +150,29 @@ demo: $(TOOL)
 	$(Q)$(TOOL) solve build/demo/torus.off --source 3,0,0 --out build/demo/torus.vtp \
 	    --locus build/demo/torus_locus.obj --report build/demo/torus.json
 
+# ---- benchmarks ------------------------------------------------------------------------------
+
+# BENCH=quick, usual or full: see bench/bench.py. The peers come from PyPI into a folder of their own.
+BENCH ?= usual
+PEERS := build/peers/installed-1.ok
+$(PEERS):
+	$(Q)python3 -m venv build/peers
+	$(Q)build/peers/bin/pip -q install numpy==2.4.6 scipy==1.17.1 potpourri3d==1.4.0 pygeodesic==0.1.11
+	@touch $@
+bench: $(TOOL) $(PEERS)
+	$(Q)build/peers/bin/python bench/bench.py $(BENCH) --program $(TOOL)
+
+# Kernels beside a plain copy of as many bytes.
+$B/bench-kernels: $B/bench/kernels.o $(STATIC)
+	$(call say,LD,$@)
+	$(Q)$(CC) $(LINK) $^ -o $@ $(LDLIBS)
+bench-kernels: $B/bench-kernels
+	$(Q)$<
+
+# Density error of each method against its steps and V-cycles.
+bench-methods: $(TOOL) $(PEERS)
+	$(Q)build/peers/bin/python bench/methods.py --program $(TOOL)
+
 # ---- install ---------------------------------------------------------------------------------
 
 $(PC): $B/flags include/dmkcl.h FORCE
@@ -188,6 +211,8 @@ help:
 	@echo 'make test       run all tests; the last line counts them'
 	@echo 'make coverage   how much of the sources the tests run, by file'
 	@echo 'make demo       solve the torus of the paper; files in build/demo'
+	@echo 'make bench      whole runs beside peers from PyPI; BENCH=quick|usual|full'
+	@echo 'make bench-kernels, make bench-methods   kernels beside a copy; methods by error'
 	@echo 'make deps       install missing Debian packages (demo and test do this too)'
 	@echo 'make install    tool, libraries, header, dmkcl.pc, manual; uninstall takes them away'
 	@echo 'make clean      remove build/'
@@ -197,4 +222,4 @@ help:
 	@echo 'ARCH=native        the -march of gcc; for other machines ARCH=x86-64-v3, or ARCH= for any'
 	@echo 'CC=gcc  CFLAGS=  LDFLAGS=  V=1           compiler, flags to add, show commands'
 
--include $(LIB_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_OBJ:.o=.d) $(TEST_LIB_OBJ:.o=.d)
+-include $(LIB_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_OBJ:.o=.d) $(TEST_LIB_OBJ:.o=.d) $B/bench/kernels.d

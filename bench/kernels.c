@@ -1,0 +1,260 @@
+/* Kernels beside a plain copy of as many bytes, on one device in one run.
+ *
+ * usage: bench-kernels [MESH.off]   (default: the quartic with 273,408 triangles)
+ * The modelled bytes of a kernel are its streams once and its vectors once: a gather counts as one pass
+ * over the vector it gathers from. The copy reads half of them and writes the other half. Kernel and
+ * copy take turns; the least of the rounds counts. */
+#include "solver/outer.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+enum { ROUNDS = 15, REPEAT = 8, N_CASES = 7 };
+
+typedef struct bench {
+    dmk_context *ctx;
+    dmk_device *device;
+    dmk_mesh *mesh;
+    dmk_order order;
+    dmk_system *sys;
+    dmk_buffer *from, *to; /* of the copy */
+    dmk_kernel *copy;
+    double row_places, graph_places; /* 8 * columns: entries of the row lists of T/2 and T */
+} bench;
+
+typedef struct measured {
+    const char *name;
+    int (*run)(bench *);
+    double bytes;
+    double seconds, copy_seconds;
+} measured;
+
+/* ---- the kernels ---------------------------------------------------------------------------- */
+
+static int run_newton_elements(bench *b)
+{
+    return dmk_inner_elements(b->ctx, b->sys, DMK_NEWTON_MATRIX, b->sys->x);
+}
+
+static int run_rows(bench *b)
+{
+    dmk_system *s = b->sys;
+    return DMK_LAUNCH(b->ctx, b->device, DMK_KERNEL(s, DMK_INNER, rows_apply), s->n_rows,
+                      DMK_INT(s->n_rows), DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out),
+                      DMK_BUF(s->x), DMK_BUF(s->residual), DMK_BUF(s->partial));
+}
+
+static int run_stiffness(bench *b)
+{
+    int rc;
+    DMK_TRY(dmk_inner_elements(b->ctx, b->sys, DMK_STIFFNESS, b->sys->x));
+    DMK_TRY(run_rows(b));
+done:
+    return rc;
+}
+
+static int run_newton(bench *b)
+{
+    int rc;
+    DMK_TRY(run_newton_elements(b));
+    DMK_TRY(run_rows(b));
+done:
+    return rc;
+}
+
+static int run_chebyshev(bench *b)
+{
+    int rc;
+    dmk_system *s = b->sys;
+    DMK_TRY(dmk_inner_elements(b->ctx, s, DMK_NEWTON_MATRIX, s->x));
+    DMK_TRY(DMK_LAUNCH(b->ctx, b->device, DMK_KERNEL(s, DMK_INNER, rows_chebyshev), s->n_rows,
+                       DMK_INT(s->n_rows), DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out),
+                       DMK_BUF(s->cg[DMK_INNER].r), DMK_BUF(s->inv_diag), DMK_BUF(s->x),
+                       DMK_BUF(s->x_old), DMK_FLOAT(0.2), DMK_FLOAT(1), DMK_FLOAT(1)));
+done:
+    return rc;
+}
+
+static int run_graph(bench *b)
+{
+    dmk_system *s = b->sys;
+    dmk_level *l = &s->level[0];
+    return DMK_LAUNCH(b->ctx, b->device, DMK_KERNEL(s, DMK_INNER, graph_chebyshev), l->n,
+                      DMK_INT(l->n), DMK_BUF(l->slice), DMK_BUF(l->neighbour), DMK_BUF(l->weight),
+                      DMK_BUF(l->rhs), DMK_BUF(l->inv_diag), DMK_BUF(l->x), DMK_BUF(l->x_old),
+                      DMK_FLOAT(0.2), DMK_FLOAT(1), DMK_FLOAT(1));
+}
+
+static int run_energy(bench *b)
+{
+    dmk_system *s = b->sys;
+    return DMK_LAUNCH(b->ctx, b->device, DMK_KERNEL(s, DMK_OUTER, element_energy), s->n_elements,
+                      DMK_INT(s->n_elements), DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area),
+                      DMK_BUF(s->mu), DMK_BUF(s->u), DMK_BUF(s->g), DMK_BUF(s->q),
+                      DMK_BUF(s->partial));
+}
+
+static void model(const bench *b, measured *m)
+{
+    const dmk_system *s = b->sys;
+    const double real = (double)dmk_device_real(b->device, DMK_OUTER);
+    const double t = s->n_elements, rows = s->n_rows, vertices = s->level[0].n;
+    /* Per element: 6 indices, 3 weights, 6 contributions written and read back; then the row lists. */
+    const double both = t * 4 * (6 + 3 + 6 + 6) + 4 * b->row_places;
+    m[0] = (measured){"operator A", run_stiffness, both + 4 * rows * 2, 1e9, 1e9};
+    m[1] = (measured){"Newton operator M", run_newton, both + t * 4 * 6 + 4 * rows * 2, 1e9, 1e9};
+    m[2] = (measured){"smoother step, T/2", run_chebyshev, both + t * 4 * 6 + 4 * rows * 5, 1e9, 1e9};
+    m[3] = (measured){"smoother step, T", run_graph, 8 * b->graph_places + 4 * vertices * 5, 1e9, 1e9};
+    m[4] = (measured){"energy", run_energy, t * (4 * 6 + real * (3 + 1 + 1 + 6 + 1)) + real * rows,
+                      1e9, 1e9};
+    /* The two phases of M by themselves. */
+    m[5] = (measured){"M, elements", run_newton_elements, t * 4 * (6 + 3 + 6 + 6) + 4 * rows, 1e9, 1e9};
+    m[6] = (measured){"M, rows", run_rows, t * 4 * 6 + 4 * b->row_places + 4 * rows * 2, 1e9, 1e9};
+}
+
+/* ---- the system ----------------------------------------------------------------------------- */
+
+static int quartic(bench *b)
+{
+    dmk_surface_options o;
+    dmk_surface_options_init(&o);
+    o.name = "quartic";
+    o.refine = 3;
+    return dmk_mesh_surface(b->ctx, &o, &b->mesh);
+}
+
+/* Entries of the row lists with n_pad rows. */
+static int places_of(bench *b, const dmk_buffer *slice, int32_t n_pad, double *places)
+{
+    int32_t columns = 0;
+    int rc = dmk_buffer_read(b->ctx, b->device, slice, sizeof columns * (size_t)(n_pad / 8),
+                             sizeof columns, &columns);
+    *places = 8.0 * columns;
+    return rc;
+}
+
+static int fill(bench *b, dmk_program program, dmk_buffer *buffer, int32_t n, double from, double to)
+{
+    int rc;
+    double *v = NULL;
+    DMK_TRY(DMK_NEW(b->ctx, v, (size_t)n));
+    for (int32_t i = 0; i < n; i++) v[i] = from + (to - from) * (i % 1000) / 1000;
+    DMK_TRY(dmk_buffer_write_real(b->ctx, b->device, program, buffer, (size_t)n, v));
+done:
+    free(v);
+    return rc;
+}
+
+static int prepare(bench *b, const char *path)
+{
+    int rc;
+    dmk_device_options o;
+    dmk_device_options_init(&o);
+    DMK_TRY(dmk_device_open(b->ctx, &o, &b->device));
+    DMK_TRY(path ? dmk_mesh_read(b->ctx, path, &b->mesh) : quartic(b));
+    DMK_TRY(dmk_order_create(b->ctx, b->mesh, 0, &b->order));
+    DMK_TRY(dmk_system_create(b->ctx, b->device, b->order.mesh, &b->sys));
+    dmk_system *s = b->sys;
+    DMK_TRY(places_of(b, s->slice, s->n_rows_pad, &b->row_places));
+    DMK_TRY(places_of(b, s->level[0].slice, s->level[0].n_pad, &b->graph_places));
+    DMK_TRY(fill(b, DMK_OUTER, s->mu, s->n_elements, 0.1, 1));
+    DMK_TRY(fill(b, DMK_OUTER, s->u, s->n_rows, -1, 1));
+    DMK_TRY(fill(b, DMK_INNER, s->x, s->n_rows, -1, 1));
+    DMK_TRY(fill(b, DMK_INNER, s->level[0].x, s->level[0].n, -1, 1));
+    DMK_TRY(fill(b, DMK_INNER, s->rank_one, 6 * s->n_elements, 0.1, 1));
+    DMK_TRY(DMK_LAUNCH(b->ctx, b->device, DMK_KERNEL(s, DMK_OUTER, element_prepare), s->n_elements,
+                       DMK_INT(s->n_elements), DMK_BUF(s->cot), DMK_BUF(s->mu),
+                       DMK_BUF(s->weight_real), DMK_BUF(s->weight), DMK_BUF(s->out),
+                       DMK_BUF(s->link), DMK_BUF(s->diag_coarse)));
+    DMK_TRY(dmk_multigrid_refresh(b->ctx, s));
+done:
+    return rc;
+}
+
+static int prepare_copy(bench *b, const measured *m)
+{
+    int rc;
+    double most = 0;
+    for (int i = 0; i < N_CASES; i++) most = fmax(most, m[i].bytes);
+    size_t bytes = (size_t)most / 2 + 4096;
+    DMK_TRY(dmk_buffer_create(b->ctx, b->device, bytes, NULL, &b->from));
+    DMK_TRY(dmk_buffer_create(b->ctx, b->device, bytes, NULL, &b->to));
+    /* From single to single precision in this program: a plain copy. */
+    DMK_TRY(dmk_kernel_get(b->ctx, b->device, DMK_INNER, "narrow_copy", &b->copy));
+done:
+    return rc;
+}
+
+/* ---- timing --------------------------------------------------------------------------------- */
+
+static int run_copy(bench *b, double bytes)
+{
+    int32_t n = (int32_t)(bytes / 8); /* numbers read; as many written */
+    return DMK_LAUNCH(b->ctx, b->device, b->copy, n, DMK_INT(n), DMK_BUF(b->from), DMK_BUF(b->to));
+}
+
+/* A blocking read ends when all queued work is done. */
+static int wait(bench *b)
+{
+    float one;
+    return dmk_buffer_read(b->ctx, b->device, b->to, 0, sizeof one, &one);
+}
+
+static int turn(bench *b, measured *m)
+{
+    int rc;
+    DMK_TRY(wait(b));
+    double begin = dmk_seconds();
+    for (int i = 0; i < REPEAT; i++) DMK_TRY(m->run(b));
+    DMK_TRY(wait(b));
+    m->seconds = fmin(m->seconds, (dmk_seconds() - begin) / REPEAT);
+    begin = dmk_seconds();
+    for (int i = 0; i < REPEAT; i++) DMK_TRY(run_copy(b, m->bytes));
+    DMK_TRY(wait(b));
+    m->copy_seconds = fmin(m->copy_seconds, (dmk_seconds() - begin) / REPEAT);
+done:
+    return rc;
+}
+
+static void print_table(const bench *b, const measured *m)
+{
+    dmk_device_info info;
+    dmk_device_get_info(b->device, &info);
+    printf("%s (driver %s), %d compute units, %d triangles\n\n", info.name, info.driver,
+           info.compute_units, b->order.mesh->n_triangles);
+    printf("| kernel | MB | ms | GB/s | copy, ms | ratio | at most 1.5 |\n"
+           "|---|--:|--:|--:|--:|--:|---|\n");
+    for (int i = 0; i < N_CASES; i++) {
+        double ratio = m[i].seconds / m[i].copy_seconds;
+        printf("| %s | %.1f | %.3f | %.1f | %.3f | %.2f | %s |\n", m[i].name, m[i].bytes / 1e6,
+               1e3 * m[i].seconds, 1e-9 * m[i].bytes / m[i].seconds, 1e3 * m[i].copy_seconds, ratio,
+               ratio <= 1.5 ? "ok" : "missed");
+    }
+}
+
+int main(int argc, char **argv)
+{
+    int rc;
+    bench b = {0};
+    measured m[N_CASES];
+    setenv("POCL_AFFINITY", "1", 0); /* as the tool does */
+    DMK_TRY(dmk_context_create(&b.ctx));
+    DMK_TRY(prepare(&b, argc > 1 ? argv[1] : NULL));
+    model(&b, m);
+    DMK_TRY(prepare_copy(&b, m));
+    for (int r = 0; r < ROUNDS; r++) {
+        for (int i = 0; i < N_CASES; i++) DMK_TRY(turn(&b, &m[i]));
+    }
+    print_table(&b, m);
+done:
+    if (rc != DMK_OK) fprintf(stderr, "bench-kernels: %s\n", dmk_context_message(b.ctx));
+    dmk_buffer_destroy(&b.from);
+    dmk_buffer_destroy(&b.to);
+    dmk_system_destroy(&b.sys);
+    dmk_order_free(&b.order);
+    dmk_mesh_destroy(&b.mesh);
+    dmk_device_destroy(&b.device);
+    dmk_context_destroy(&b.ctx);
+    return rc == DMK_OK ? 0 : 1;
+}
