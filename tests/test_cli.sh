@@ -110,6 +110,8 @@ fails 'exit code 5: no such device' 5 'nothing-like-it' \
     "$tool" solve "$torus" --vertex 0 --device nothing-like-it
 fails 'exit code 5: no driver' 5 '.' \
     env OCL_ICD_VENDORS="$work/full" OPENCL_VENDOR_PATH="$work/full" "$tool" solve "$torus" --vertex 0
+fails 'exit code 6: too much inertia' 6 'diverged' \
+    "$tool" solve meshes/sphere.off --vertex 0 --method inertial --inertia 0.99 --out "$work/full/x.vtp"
 fails 'exit code 7: one step is not enough' 7 '.' \
     "$tool" solve "$torus" --vertex 0 --max-steps 1 --method euler --out "$work/full/x.vtp"
 if [ "${DMKCL_BUILD##*/}" != sanitize ]; then
@@ -133,6 +135,8 @@ interrupt
 check 'exit code 130: Ctrl-C' test $? -eq 130
 check 'with a word about it' has "$work/steps" 'cancelled'
 check 'runs that fail leave nothing' holds "$work/full" ''
+
+check 'the gap alone ends a run' "$tool" solve meshes/sphere.off --vertex 0 --gap 0.01 --tolerance 1e-12
 
 # ---- a whole run ------------------------------------------------------------------------------
 

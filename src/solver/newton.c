@@ -96,6 +96,10 @@ int dmk_newton(dmk_outer *o, bool from_distance)
         DMK_TRY(update(o, alpha, &p, &change));
         DMK_TRY(dmk_outer_step_done(o, step, max_steps, p.iterations, change));
         if (error_estimate(&p, change) <= o->tolerance && !p.shrunk) goto done;
+        if (opt->gap_tolerance > 0) {
+            DMK_TRY(dmk_certify(o));
+            if (o->stats->gap <= opt->gap_tolerance) goto done;
+        }
     }
     rc = dmk_fail(o->ctx, DMK_E_LIMIT,
                   "%d steps did not reach the tolerance: relative change of mu %.2g, wanted %.2g; "

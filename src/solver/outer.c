@@ -98,7 +98,7 @@ int dmk_outer_step_done(dmk_outer *o, int step, int max_steps, int iterations, d
     }
     dmk_progress report = {.stage = "solve", .step = step, .max_steps = max_steps,
                            .cg_iterations = iterations, .change = change,
-                           .tolerance = o->tolerance, .gap = NAN,
+                           .tolerance = o->tolerance, .gap = o->stats->gap,
                            .seconds = dmk_seconds() - o->began};
     return dmk_report(o->ctx, &report);
 }

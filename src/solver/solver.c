@@ -202,6 +202,7 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     DMK_TRY(pack_component(ctx, s, s->mesh->component[source->triangle]));
     r->stats.seconds[DMK_STAGE_SETUP] = s->setup_seconds;
     s->setup_seconds = 0;
+    r->stats.gap = NAN; /* until it is computed */
     r->source = *source;
     r->order = dmk_shared_order_keep(s->order);
     r->source_triangle = find_triangle(&s->order->order, source->triangle);
