@@ -326,6 +326,37 @@ const int32_t *dmk_locus_polylines(const dmk_locus *locus, const int32_t **offse
 /* OBJ with l lines (p for a single point), VTP lines with point data, or CSV, by the suffix. */
 int dmk_locus_write(dmk_context *context, const dmk_locus *locus, const char *path);
 
+/* ---- minimal geodesics, and the surface cut open ---------------------------------------------- */
+
+/* A minimal geodesic of the polyhedron, straight in every triangle. */
+typedef struct dmk_path {
+    size_t n;
+    dmk_point *point; /* n: the source, a point on each edge crossed, the end */
+    double length;
+    double angle; /* direction at the source, radians, a full turn being 2 pi */
+} dmk_path;
+
+/* The minimal geodesics from the result's source to n_points points of its component, into
+ * paths[0..n_points), each handed back to dmk_path_free. Where several are minimal, one of them.
+ * DMK_E_MESH if no straight path reaches a point: it lies in the shadow of a border or of a sharp
+ * saddle vertex. On failure nothing is left in paths. */
+int dmk_path_compute(dmk_context *context, const dmk_mesh *mesh, const dmk_result *result,
+                     size_t n_points, const dmk_point *to, dmk_path *paths);
+/* Frees its points and clears it; a cleared path is fine. */
+void dmk_path_free(dmk_path *path);
+/* One line, by the suffix: OBJ, VTP with the distance to the source, or CSV. */
+int dmk_path_write(dmk_context *context, const dmk_mesh *mesh, const dmk_path *path,
+                   const char *file);
+
+/* The component of the source cut open along its cut locus: a disk, with one border loop and Euler
+ * characteristic 1. Triangles that the locus crosses are split, so that it runs along edges; its
+ * points are vertices once for each side. A locus that is one point becomes a slit of two edges at
+ * the farthest vertex; with a border around a disk there is nothing to cut. The mesh begins with the
+ * component's vertices in the input's order. *origin (NULL: not wanted) tells for each vertex of the
+ * cut mesh the vertex of `mesh` at the same place, or -1 for points of the locus; freed with free(). */
+int dmk_cut(dmk_context *context, const dmk_mesh *mesh, const dmk_result *result,
+            const dmk_locus_options *options, dmk_mesh **cut, int32_t **origin);
+
 /* ---- files ------------------------------------------------------------------------------------ */
 
 /* Write mesh, mu, acl, u, distance: VTP or VTU by the suffix. Written under a temporary name, then

@@ -370,7 +370,7 @@ static const dmk_locus_vertex vertices[4] = {
 static const dmk_locus_edge edges[2] = {{{0, 1}, 2.75}, {{1, 2}, 1.0 / 7}};
 static const int32_t line_index[] = {0, 1, 2, 3};
 static const int32_t line_offset[] = {0, 3, 4};
-static const dmk_curves curves = {vertices, edges, line_index, line_offset, 4, 2, 2};
+static const dmk_curves curves = {vertices, edges, line_index, line_offset, 4, 2, 2, false};
 
 static void check_text_file(fixture *f, const char *name, const char *expected)
 {

@@ -95,6 +95,7 @@ typedef struct dmk_curves {
     const int32_t *index;           /* offset[n_polylines] */
     const int32_t *offset;          /* n_polylines + 1 */
     size_t n_vertices, n_edges, n_polylines;
+    bool bare; /* a path: of the vertices only place and distance mean anything */
 } dmk_curves;
 
 int dmk_fields_write(dmk_context *context, const dmk_fields *fields, const char *path);

@@ -89,6 +89,11 @@ static void put_locus_data(dmk_vtk *vtk, const dmk_curves *c, const columns *k)
     static const char *const names[5] = {"distance", "mu", "strength", "angle0", "angle1"};
     size_t n = c->n_vertices;
     dmk_sink_text(vtk->sink, "<PointData>\n");
+    if (c->bare) {
+        dmk_vtk_array(vtk, DMK_VTK_FLOAT64, names[0], 1, k->value + 3 * n, n);
+        dmk_sink_text(vtk->sink, "</PointData>\n");
+        return;
+    }
     for (size_t i = 0; i < 5; i++) {
         dmk_vtk_array(vtk, DMK_VTK_FLOAT64, names[i], 1, k->value + (3 + i) * n, n);
     }

@@ -1,6 +1,9 @@
 /* Writing results and cut loci: what the public accessors give, to a format's writer. */
 #include "io/io.h"
 
+#include <math.h>
+#include <stdlib.h>
+
 int dmk_result_write(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *result,
                      const char *path)
 {
@@ -33,4 +36,47 @@ int dmk_locus_write(dmk_context *ctx, const dmk_locus *locus, const char *path)
     c.edge = dmk_locus_edges(locus, &c.n_edges);
     c.index = dmk_locus_polylines(locus, &c.offset, &c.n_polylines);
     return dmk_curves_write(ctx, &c, path);
+}
+
+/* The points of a path with their distances along it, joined one after the other. */
+static int fill_path(dmk_context *ctx, const dmk_mesh *mesh, const dmk_path *path,
+                     dmk_locus_vertex *vertex, dmk_locus_edge *edge, int32_t *index)
+{
+    for (size_t i = 0; i < path->n; i++) {
+        dmk_locus_vertex *v = &vertex[i];
+        v->place = path->point[i];
+        v->degree = i > 0 && i + 1 < path->n ? 2 : 1;
+        index[i] = (int32_t)i;
+        int rc = dmk_mesh_point_xyz(ctx, mesh, &v->place, v->xyz);
+        if (rc != DMK_OK) return rc;
+        if (i == 0) continue;
+        const double *a = v[-1].xyz, *b = v->xyz;
+        v->distance = v[-1].distance + hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]);
+        edge[i - 1].vertex[0] = (int32_t)i - 1;
+        edge[i - 1].vertex[1] = (int32_t)i;
+    }
+    return DMK_OK;
+}
+
+int dmk_path_write(dmk_context *ctx, const dmk_mesh *mesh, const dmk_path *path, const char *file)
+{
+    int rc;
+    dmk_locus_vertex *vertex = NULL;
+    dmk_locus_edge *edge = NULL;
+    int32_t *index = NULL;
+    if (!mesh || !path || !file || path->n < 2) {
+        return dmk_fail(ctx, DMK_E_ARG, "no mesh, no path or no file to write to");
+    }
+    const int32_t offset[2] = {0, (int32_t)path->n};
+    DMK_TRY(DMK_NEW(ctx, vertex, path->n));
+    DMK_TRY(DMK_NEW(ctx, edge, path->n));
+    DMK_TRY(DMK_NEW(ctx, index, path->n));
+    DMK_TRY(fill_path(ctx, mesh, path, vertex, edge, index));
+    const dmk_curves c = {vertex, edge, index, offset, path->n, path->n - 1, 1, true};
+    DMK_TRY(dmk_curves_write(ctx, &c, file));
+done:
+    free(vertex);
+    free(edge);
+    free(index);
+    return rc;
 }

@@ -123,7 +123,7 @@ static int split_all(dmk_context *ctx, const dmk_rays *r, const dmk_net *net, co
         const int32_t *e = m->triangle_edge + 3 * t;
         split(k, m->triangle + 3 * t, (int32_t[3]){k->point[e[0]], k->point[e[1]], k->point[e[2]]});
     }
-    if (n_points == 0 && dual->n_loops == 0) slit(k, r);
+    if (n_points == 0 && dual->n_loops == 0 && m->n_border_edges == 0) slit(k, r);
 done:
     return rc;
 }

@@ -1,0 +1,108 @@
+/* dmkcl cut: the surface cut open along the cut locus, a disk. */
+#include "solve.h"
+
+typedef struct cut_order {
+    solve_order solve;
+    cli_files out;
+} cut_order;
+
+static void print_cut(const cut_order *order, const dmk_mesh *cut, const dmk_locus *locus)
+{
+    char v[CLI_TEXT_SIZE], t[CLI_TEXT_SIZE];
+    dmk_mesh_info info;
+    dmk_locus_info line;
+    dmk_mesh_get_info(cut, &info);
+    dmk_locus_get_info(locus, &line);
+    printf("cut locus of length %.6g with %lld loop%s\n", line.length, (long long)line.loops,
+           line.loops == 1 ? "" : "s");
+    printf("cut open: %s vertices, %s triangles, Euler characteristic %lld, %zu border loop%s\n",
+           cli_count((int64_t)info.n_vertices, v), cli_count((int64_t)info.n_triangles, t),
+           (long long)info.euler, info.n_border_loops, info.n_border_loops == 1 ? "" : "s");
+    for (int i = 0; i < order->out.n; i++)
+        printf("wrote %s\n", order->out.path[i]);
+}
+
+static int cut_open(const cut_order *order, solve_run *run, dmk_mesh **cut)
+{
+    const int code = solve_compute(&order->solve, run);
+    if (code != EXIT_OK) return code;
+    dmk_locus_options options;
+    dmk_locus_options_init(&options);
+    int rc = dmk_cut(run->context, run->mesh, run->result, &options, cut, NULL);
+    for (int i = 0; i < order->out.n && rc == DMK_OK; i++) {
+        rc = dmk_mesh_write(run->context, *cut, order->out.path[i]);
+    }
+    cli_progress_end(&run->progress);
+    return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
+}
+
+static int run_cut(const cut_order *order)
+{
+    solve_run run;
+    dmk_mesh *cut = NULL;
+    int code = solve_begin(&order->solve, &run);
+    if (code == EXIT_OK) code = cut_open(order, &run, &cut);
+    if (code == EXIT_OK && !order->solve.quiet) {
+        print_cut(order, cut, run.locus);
+        code = cli_flush();
+    }
+    dmk_mesh_destroy(&cut);
+    solve_end(&run);
+    return code;
+}
+
+static int check_order(cut_order *order)
+{
+    int code = solve_order_settle(&order->solve);
+    if (code == EXIT_OK && order->out.n == 0) {
+        code = cli_error(EXIT_USAGE, "cut: --out FILE is missing");
+    }
+    for (int i = 0; i < order->out.n && code == EXIT_OK; i++) {
+        code = cli_check_output("out", order->out.path[i], CLI_MESH);
+    }
+    return code;
+}
+
+static int parse(cut_order *order, const char *out_help, int argc, char **argv)
+{
+    solve_table table = {.n = 0};
+    const cli_option out = {
+        .name = "out",
+        .value = "FILE",
+        .help = out_help,
+        .kind = CLI_FILES,
+        .target = &order->out,
+    };
+    solve_add_source(&table, &order->solve);
+    solve_add(&table, &out, 1);
+    solve_add_device(&table, &order->solve);
+    const cli_syntax syntax = {
+        .command = "cut",
+        .usage = "MESH (--source X,Y,Z | --vertex I) --out FILE [OPTIONS]",
+        .summary = "Cut the surface MESH open along the cut locus of the source: a disk, with one border\n"
+                   "loop and Euler characteristic 1.",
+        .operand = "MESH",
+        .notes =
+            "Triangles that the cut locus crosses are split, so that it runs along edges, and its\n"
+            "points become vertices once for each side. The vertices of the component with the\n"
+            "source come first, in their old order. A cut locus that is one point becomes a slit of\n"
+            "two edges at the farthest vertex. A surface with a border that is a disk already stays\n"
+            "as it is.",
+        .options = table.row,
+        .n_options = table.n,
+    };
+    return cli_parse(&syntax, argc, argv, &order->solve.mesh);
+}
+
+int cmd_cut(int argc, char **argv)
+{
+    cut_order order = {.out.n = 0};
+    char suffixes[512], help[600];
+    cli_suffixes(CLI_MESH, suffixes, sizeof suffixes);
+    snprintf(help, sizeof help, "the mesh file to write; may be given again:\n%s", suffixes);
+    solve_order_init(&order.solve, "cut");
+    int code = parse(&order, help, argc, argv);
+    if (code != CLI_GO_ON) return code;
+    code = check_order(&order);
+    return code == EXIT_OK ? run_cut(&order) : code;
+}
