@@ -1,4 +1,4 @@
-/* What tests of the solver share: a device, a mesh with its solver, and solves that must succeed. */
+/* What tests of the solver share: a device, a mesh with its solver, solves that must succeed. */
 #ifndef TEST_SOLVING_H
 #define TEST_SOLVING_H
 
@@ -39,8 +39,8 @@ problem problem_file(bench *b, const char *path);
 problem problem_create(bench *b, size_t n_vertices, const double *xyz, size_t n_triangles,
                        const int32_t *triangles);
 problem problem_surface(bench *b, const dmk_surface_options *options);
-/* Solve; a result of before is destroyed. _try gives the status, problem_solve wants DMK_OK and checks
- * what every result must satisfy. */
+/* Solve; a result of before is destroyed. problem_try gives the status; problem_solve wants DMK_OK
+ * and checks what every result must satisfy. */
 int problem_try(problem *p);
 void problem_solve(problem *p);
 void problem_free(problem *p);

@@ -5,7 +5,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* ---- the discrete optimum ---------------------------------------------------------------------- */
+/* ---- the discrete optimum -------------------------------------------------------------------- */
 
 typedef struct optimum {
     const char *mesh, *mu;
@@ -86,7 +86,7 @@ static void explicit_methods_find_the_optimum(void **state)
     check_optimum(*state, &sphere, &o, 0.05, 1e-3);
 }
 
-/* ---- smooth surfaces --------------------------------------------------------------------------- */
+/* ---- smooth surfaces ------------------------------------------------------------------------- */
 
 typedef struct smooth {
     dmk_surface_options surface;
@@ -98,7 +98,7 @@ typedef struct errors {
     double distance; /* mean over the samples, over the mean distance */
     double offset;   /* mean signed error of the distance over the mean edge */
     double spread;   /* standard deviation of the distance's error */
-    double density;  /* mean over samples farther than 5 edges from the source, over the mean density */
+    double density;  /* mean over samples 5 edges or more from the source, over their mean */
     double cost;     /* of cost_upper, absolute, over mean edge times area */
     double relative; /* of cost_upper */
 } errors;
@@ -208,7 +208,7 @@ static void large_torus_has_the_exact_cost(void **state)
     assert_true(e.distance < 2e-3);
 }
 
-/* ---- the unit sphere: cost 2 pi^2 ---------------------------------------------------------------- */
+/* ---- the unit sphere: cost 2 pi^2 ------------------------------------------------------------ */
 
 /* Sources inside a triangle, on an edge and at a vertex. The load of a point between the nodes is
  * spread over the nodes around it, and the potential is then blunt there by a part of an edge. */
@@ -216,7 +216,8 @@ static void sphere_costs_the_same_from_anywhere(void **state)
 {
     static const double weights[4][3] = {
         {1, 0, 0}, {0, 0.5, 0.5}, {0.7, 0, 0.3}, {0.2, 0.5, 0.3}};
-    problem p = problem_surface(*state, &(dmk_surface_options){.name = "sphere", .n_triangles = 5000});
+    const dmk_surface_options surface = {.name = "sphere", .n_triangles = 5000};
+    problem p = problem_surface(*state, &surface);
     dmk_mesh_info info;
     dmk_mesh_get_info(p.mesh, &info);
     for (int k = 0; k < 4; k++) {
