@@ -11,13 +11,21 @@ KERNEL dot_real(int n, global const real *a, global const real *b, global sum_t 
     ;
 }
 
-/* Partial sums of r.z, z in single precision. */
-KERNEL dot_mixed(int n, global const real *r, global const float *z, global sum_t *partial)
+/* Partial sums of r.z and Ap.z, z in single precision. */
+KERNEL cg_dots(int n, global const real *r, global const real *ap, global const float *z,
+               global sum_t *partial)
 {
     SCRATCH
-    sumv sum = 0;
-    FOR_BLOCKS(i, n) { sum += TO_SUM(LOAD(r, AT(i))) * TO_SUM(LOAD(z, AT(i))); }
-    REDUCE(partial, 0, sum)
+    sumv rz = 0, apz = 0;
+    FOR_BLOCKS(i, n)
+    {
+        const sumv zi = TO_SUM(LOAD(z, AT(i)));
+        rz += TO_SUM(LOAD(r, AT(i))) * zi;
+        apz += TO_SUM(LOAD(ap, AT(i))) * zi;
+    }
+    REDUCE(partial, 0, rz)
+    ;
+    REDUCE(partial, 1, apz)
     ;
 }
 
@@ -37,13 +45,15 @@ KERNEL sum_partials(int groups, int count, int maximum, global const sum_t *part
     }
 }
 
-/* r.z has been summed into `partial`: beta = new / old, or 0 at the first iteration. */
+/* beta = (r - r_before).z / (r.z)_before = -alpha Ap.z / (r.z)_before, or 0 at the first iteration.
+ * This form, unlike r.z / (r.z)_before, bears a preconditioner with rounding errors. */
 KERNEL cg_beta(int groups, int first, global const sum_t *partial, global sum_t *state)
 {
     SCRATCH
     GATHER_SUM(rz, partial, 0, groups)
+    GATHER_SUM(apz, partial, 1, groups)
     if (FIRST_ITEM) {
-        state[3] = first || !(state[0] > 0) ? 0 : rz / state[0];
+        state[3] = first || !(state[0] > 0) ? 0 : -state[2] * apz / state[0];
         state[0] = rz;
         if (first) {
             state[4] = rz;

@@ -2,20 +2,20 @@
 
 enum { LOOK_EVERY = 2 };
 
-/* partial sums of z.r, z = V-cycle(r), then beta and the new direction. */
+/* z = V-cycle(r), then beta and the new direction. */
 static int direction(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op, int first)
 {
     int rc;
     int32_t n = s->n_rows, groups = (int32_t)dmk_launch_groups(s->device, (size_t)n);
-    const dmk_kernel *dot = p == DMK_INNER ? DMK_KERNEL(s, DMK_INNER, dot_mixed)
-                                           : DMK_KERNEL(s, DMK_OUTER, dot_mixed);
+    const dmk_kernel *dots = p == DMK_INNER ? DMK_KERNEL(s, DMK_INNER, cg_dots)
+                                            : DMK_KERNEL(s, DMK_OUTER, cg_dots);
     const dmk_kernel *beta = p == DMK_INNER ? DMK_KERNEL(s, DMK_INNER, cg_beta)
                                             : DMK_KERNEL(s, DMK_OUTER, cg_beta);
     const dmk_kernel *turn = p == DMK_INNER ? DMK_KERNEL(s, DMK_INNER, cg_direction)
                                             : DMK_KERNEL(s, DMK_OUTER, cg_direction);
     DMK_TRY(dmk_v_cycle(ctx, s, op, s->cg[p].narrow));
-    DMK_TRY(DMK_LAUNCH(ctx, s->device, dot, n, DMK_INT(n), DMK_BUF(s->cg[p].r), DMK_BUF(s->x_old),
-                       DMK_BUF(s->partial)));
+    DMK_TRY(DMK_LAUNCH(ctx, s->device, dots, n, DMK_INT(n), DMK_BUF(s->cg[p].r),
+                       DMK_BUF(s->cg[p].ap), DMK_BUF(s->x_old), DMK_BUF(s->partial)));
     DMK_TRY(DMK_LAUNCH(ctx, s->device, beta, 1, DMK_INT(groups), DMK_INT(first),
                        DMK_BUF(s->partial), DMK_BUF(s->state)));
     DMK_TRY(DMK_LAUNCH(ctx, s->device, turn, n, DMK_INT(n), DMK_BUF(s->state), DMK_BUF(s->x_old),

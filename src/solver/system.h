@@ -18,7 +18,7 @@
     X(rows_apply, DMK_INNER)                                                                       \
     X(rows_residual, DMK_INNER)                                                                    \
     X(rows_chebyshev, DMK_INNER)                                                                   \
-    X(dot_mixed, DMK_INNER)                                                                        \
+    X(cg_dots, DMK_INNER)                                                                        \
     X(cg_beta, DMK_INNER)                                                                          \
     X(cg_direction, DMK_INNER)                                                                     \
     X(cg_alpha, DMK_INNER)                                                                         \
@@ -38,7 +38,7 @@
     X(element_stiffness, DMK_OUTER)                                                                \
     X(rows_apply, DMK_OUTER)                                                                       \
     X(dot_real, DMK_OUTER)                                                                         \
-    X(dot_mixed, DMK_OUTER)                                                                        \
+    X(cg_dots, DMK_OUTER)                                                                        \
     X(cg_beta, DMK_OUTER)                                                                          \
     X(cg_direction, DMK_OUTER)                                                                     \
     X(cg_alpha, DMK_OUTER)                                                                         \
