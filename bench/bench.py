@@ -170,7 +170,7 @@ class Bench:
             with open(listed, "w") as f:
                 f.writelines(f"vertex {k * (n // 12)}\n" for k in range(count))
             runs = [self.run([self.o.program, "solve", path, "--sources", listed, "--quiet", "--locus",
-                              f"{self.o.work}/many-%d.obj"]) for _ in range(2)]
+                              f"{self.o.work}/many.obj"]) for _ in range(2)]
             if any(r[2] for r in runs):
                 print(f"--sources failed with exit code {runs[0][2]}", flush=True)
                 return None

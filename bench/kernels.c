@@ -10,7 +10,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { ROUNDS = 15, REPEAT = 8, N_CASES = 7 };
+enum { ROUNDS = 40, REPEAT = 8, N_CASES = 7 };
 
 typedef struct bench {
     dmk_context *ctx;
