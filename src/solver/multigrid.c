@@ -3,20 +3,28 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* Chebyshev smoothing of degree 2 on [1/6, 1]: the weighted diagonals make 1 a rigorous bound of the
- * spectrum on T/2 and T (elements) and on the graph levels (row sums). Three-term recurrence:
- *     x1 = x0 + first D^-1 r0,   x2 = x1 + momentum (x1 - x0) + second D^-1 r1. */
+/* Chebyshev smoothing on [1/6, 1]: the weighted diagonals make 1 a rigorous bound of the spectrum on
+ * T/2 and T (elements) and on the graph levels (row sums). Three-term recurrence:
+ *     x1 = x0 + first D^-1 r0,   x_{k+1} = x_k + momentum_k (x_k - x_{k-1}) + step_k D^-1 r_k. */
 static const double low = 1.0 / 6, high = 1.0;
 
 typedef struct chebyshev {
-    double first, momentum, second;
+    int degree;
+    double first, momentum[3], step[3];
 } chebyshev;
 
-static chebyshev degree_two(void)
+static chebyshev polynomial(int degree)
 {
     double theta = (high + low) / 2, delta = (high - low) / 2, sigma = theta / delta;
-    double rho0 = 1 / sigma, rho1 = 1 / (2 * sigma - rho0);
-    return (chebyshev){1 / theta, rho1 * rho0, 2 * rho1 / delta};
+    double rho = 1 / sigma;
+    chebyshev c = {.degree = degree, .first = 1 / theta};
+    for (int k = 1; k < degree; k++) {
+        double next = 1 / (2 * sigma - rho);
+        c.momentum[k] = next * rho;
+        c.step[k] = 2 * next / delta;
+        rho = next;
+    }
+    return c;
 }
 
 int dmk_inner_elements(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_buffer *x)
@@ -183,23 +191,22 @@ static int restrict_to(dmk_context *ctx, dmk_system *s, int32_t i, double step)
                       DMK_FLOAT(step), DMK_BUF(l->inv_diag), DMK_BUF(l->rhs), DMK_BUF(l->x));
 }
 
-/* Add level i's correction (in its x_old) to the finer level's x_old. */
-static int prolong_from(dmk_context *ctx, dmk_system *s, int32_t i)
+/* Add level i's correction (in its x_old) to x of the finer level. */
+static int prolong_from(dmk_context *ctx, dmk_system *s, int32_t i, dmk_buffer *x)
 {
     dmk_level *l = &s->level[i];
     if (i == 0) {
         return DMK_LAUNCH(ctx, s->device, DMK_KERNEL(s, DMK_INNER, prolong_midpoints), s->n_rows,
-                          DMK_INT(s->n_rows), DMK_BUF(s->ends), DMK_BUF(l->x_old),
-                          DMK_BUF(s->x_old));
+                          DMK_INT(s->n_rows), DMK_BUF(s->ends), DMK_BUF(l->x_old), DMK_BUF(x));
     }
     dmk_level *fine = &s->level[i - 1];
     return DMK_LAUNCH(ctx, s->device, DMK_KERNEL(s, DMK_INNER, prolong_rows), fine->n,
                       DMK_INT(fine->n), DMK_BUF(l->prolong_index), DMK_BUF(l->prolong_weight),
-                      DMK_BUF(l->x_old), DMK_BUF(fine->x_old));
+                      DMK_BUF(l->x_old), DMK_BUF(x));
 }
 
-/* Levels i and below, from the residual of the level above i to its corrected x_old. */
-static int graph_cycle(dmk_context *ctx, dmk_system *s, int32_t i, const chebyshev *c)
+/* Levels i and below, from the residual of the level above i to its corrected x. */
+static int graph_cycle(dmk_context *ctx, dmk_system *s, int32_t i, const chebyshev *c, dmk_buffer *x)
 {
     int rc;
     dmk_level *l = &s->level[i];
@@ -209,16 +216,36 @@ static int graph_cycle(dmk_context *ctx, dmk_system *s, int32_t i, const chebysh
                            DMK_INT(l->n), DMK_INT(l->n_pad), DMK_BUF(s->coarse_inverse),
                            DMK_BUF(l->rhs), DMK_BUF(l->x_old)));
     } else {
-        DMK_TRY(graph_step(ctx, s, l, l->x, l->x_old, c->momentum, 0, c->second));
+        DMK_TRY(graph_step(ctx, s, l, l->x, l->x_old, c->momentum[1], 0, c->step[1]));
         DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL(s, DMK_INNER, graph_residual), l->n,
                            DMK_INT(l->n), DMK_BUF(l->slice), DMK_BUF(l->neighbour),
                            DMK_BUF(l->weight), DMK_BUF(l->x_old), DMK_BUF(l->rhs),
                            DMK_BUF(l->residual)));
-        DMK_TRY(graph_cycle(ctx, s, i + 1, c));
+        DMK_TRY(graph_cycle(ctx, s, i + 1, c, l->x_old));
         DMK_TRY(graph_step(ctx, s, l, l->x_old, l->x, 0, 1, c->first));
-        DMK_TRY(graph_step(ctx, s, l, l->x, l->x_old, c->momentum, 1, c->second));
+        DMK_TRY(graph_step(ctx, s, l, l->x, l->x_old, c->momentum[1], 1, c->step[1]));
     }
-    DMK_TRY(prolong_from(ctx, s, i));
+    DMK_TRY(prolong_from(ctx, s, i, x));
+done:
+    return rc;
+}
+
+/* Smooth on T/2 from now (its older iterate in old) to the polynomial's degree; the first step of a
+ * cycle starts from 0 and is done by smooth_first. The two take turns; *last is where x ends. */
+static int smooth_fine(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_buffer *rhs,
+                       const chebyshev *c, bool from_zero, dmk_buffer *now, dmk_buffer *old,
+                       dmk_buffer **last)
+{
+    int rc = DMK_OK;
+    for (int k = from_zero ? 1 : 0; k < c->degree; k++) {
+        double keep = from_zero && k == 1 ? 0 : 1;
+        if (k == 0) DMK_TRY(fine_step(ctx, s, op, rhs, now, old, 0, 1, c->first));
+        else DMK_TRY(fine_step(ctx, s, op, rhs, now, old, c->momentum[k], keep, c->step[k]));
+        dmk_buffer *swap = now;
+        now = old;
+        old = swap;
+    }
+    *last = now;
 done:
     return rc;
 }
@@ -226,18 +253,19 @@ done:
 int dmk_v_cycle(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_buffer *rhs)
 {
     int rc;
-    chebyshev c = degree_two();
+    dmk_buffer *x;
+    chebyshev fine = polynomial(s->fine_degree), coarse = polynomial(2);
     DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL(s, DMK_INNER, smooth_first), s->n_rows,
-                       DMK_INT(s->n_rows), DMK_FLOAT(c.first), DMK_BUF(s->inv_diag), DMK_BUF(rhs),
+                       DMK_INT(s->n_rows), DMK_FLOAT(fine.first), DMK_BUF(s->inv_diag), DMK_BUF(rhs),
                        DMK_BUF(s->x)));
-    DMK_TRY(fine_step(ctx, s, op, rhs, s->x, s->x_old, c.momentum, 0, c.second));
-    DMK_TRY(dmk_inner_elements(ctx, s, op, s->x_old));
+    DMK_TRY(smooth_fine(ctx, s, op, rhs, &fine, true, s->x, s->x_old, &x));
+    DMK_TRY(dmk_inner_elements(ctx, s, op, x));
     DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL(s, DMK_INNER, rows_residual), s->n_rows,
                        DMK_INT(s->n_rows), DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out),
                        DMK_BUF(rhs), DMK_BUF(s->residual)));
-    DMK_TRY(graph_cycle(ctx, s, 0, &c));
-    DMK_TRY(fine_step(ctx, s, op, rhs, s->x_old, s->x, 0, 1, c.first));
-    DMK_TRY(fine_step(ctx, s, op, rhs, s->x, s->x_old, c.momentum, 1, c.second));
+    DMK_TRY(graph_cycle(ctx, s, 0, &coarse, x));
+    /* As many steps again, so x ends in x_old whatever the degree. */
+    DMK_TRY(smooth_fine(ctx, s, op, rhs, &fine, false, x, x == s->x ? s->x_old : s->x, &x));
 done:
     return rc;
 }

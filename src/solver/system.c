@@ -67,6 +67,19 @@ done:
     return rc;
 }
 
+/* Share of triangles with an element bound above 2.5 (see stiffness_bound in density.cl): flatter than
+ * a right angle by far. Few do no harm, as a flat triangle damps its own nodes only. */
+static double share_of_needles(const dmk_mesh *m)
+{
+    int32_t count = 0;
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        const double *c = m->cot + 3 * t;
+        double s = 1 / (1 + c[0] * c[0]) + 1 / (1 + c[1] * c[1]) + 1 / (1 + c[2] * c[2]);
+        count += 1.5 + sqrt(fmax(2.25 - s, 0)) > 2.5;
+    }
+    return (double)count / m->n_triangles;
+}
+
 static int upload_slices(const packer *p, const dmk_slices *s, dmk_buffer **slice,
                          dmk_buffer **entry, dmk_buffer **weight)
 {
@@ -385,6 +398,7 @@ int dmk_system_create(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh
     s->device = device;
     for (int32_t t = 0; t < mesh->n_triangles; t++) area += mesh->area[t];
     s->unit = sqrt(area);
+    s->fine_degree = share_of_needles(mesh) > 0.05 ? 3 : 2;
     s->n_elements = mesh->n_triangles;
     s->n_elements_pad = dmk_padded(mesh->n_triangles);
     s->n_edges = mesh->n_edges;

@@ -80,6 +80,7 @@ typedef struct dmk_system {
     dmk_device *device;
     dmk_kernel *kernel[DMK_N_KERNELS];
     int32_t n_elements, n_elements_pad, n_edges, n_vertices, vertex_row, n_rows, n_rows_pad;
+    int fine_degree; /* of the smoother on T/2: 2, or 3 on meshes with many needles */
     double unit; /* length of one unit of the packed problem, in the mesh's unit */
 
     /* The mesh: see operator.cl. real = the outer program's type. */
