@@ -254,7 +254,8 @@ int dmk_v_cycle(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_buff
 {
     int rc;
     dmk_buffer *x;
-    chebyshev fine = polynomial(s->fine_degree), coarse = polynomial(2);
+    /* Newton's few loose iterations gain nothing from a higher degree. */
+    chebyshev fine = polynomial(op == DMK_STIFFNESS ? s->fine_degree : 2), coarse = polynomial(2);
     DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL(s, DMK_INNER, smooth_first), s->n_rows,
                        DMK_INT(s->n_rows), DMK_FLOAT(fine.first), DMK_BUF(s->inv_diag), DMK_BUF(rhs),
                        DMK_BUF(s->x)));
