@@ -295,7 +295,7 @@ def main():
         large, huge = n > 200_000, n > 800_000
         if huge and o.form != "full":
             peers = ["fast_marching"] + ["heat_robust"] * (name == "quartic_1.08M")
-        b.measure(name, peers, 3 if huge or quick else 5, 1 if huge else 2 if large or quick else 5)
+        b.measure(name, peers, 3 if huge or quick else 5, 1 if huge else 2 if large or quick else 3)
     largest = "quartic_270k"
     b.next = b.next_sources(largest)
     load.append(os.getloadavg()[0])
