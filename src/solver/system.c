@@ -403,7 +403,7 @@ int dmk_system_create(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh
     s->n_elements_pad = dmk_padded(mesh->n_triangles);
     s->n_edges = mesh->n_edges;
     s->n_vertices = mesh->n_vertices;
-    s->vertex_row = (mesh->n_edges + 7) / 8 * 8;
+    s->vertex_row = dmk_padded(mesh->n_edges); /* at least one padding row: filler links read it */
     s->n_rows = s->vertex_row + mesh->n_vertices;
     s->n_rows_pad = dmk_padded(s->n_rows);
     packer p = {ctx, device, mesh, s};
