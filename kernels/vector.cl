@@ -29,13 +29,29 @@ KERNEL cg_dots(int n, global const real *r, global const real *ap, global const 
     ;
 }
 
-/* out[at + k] = sum of quantity k's partial sums, k < count; where maximum != 0 the last one is a maximum. */
-KERNEL sum_partials(int groups, int count, int maximum, global const sum_t *partial,
+/* The largest u and the largest -u (padding rows count as 0). */
+KERNEL rows_range(int n, global const real *u, global sum_t *partial)
+{
+    SCRATCH
+    sumv top = 0, bottom = 0;
+    FOR_BLOCKS(i, n)
+    {
+        top = fmax(top, TO_SUM(LOAD(u, AT(i))));
+        bottom = fmax(bottom, -TO_SUM(LOAD(u, AT(i))));
+    }
+    REDUCE_MAX(partial, 0, top)
+    ;
+    REDUCE_MAX(partial, 1, bottom)
+    ;
+}
+
+/* out[at + k] = sum of quantity k's partial sums, k < count; the last `maxima` of them are maxima. */
+KERNEL sum_partials(int groups, int count, int maxima, global const sum_t *partial,
                     global sum_t *out, int at)
 {
     SCRATCH
     for (int k = 0; k < count; k++) {
-        if (maximum && k == count - 1) {
+        if (k >= count - maxima) {
             GATHER_MAX(m, partial, k, groups)
             if (FIRST_ITEM) out[at + k] = m;
         } else {

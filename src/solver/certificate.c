@@ -11,23 +11,18 @@
 
 enum { MAX_BANDS = 1 << 16 };
 
-/* Range of u over the rows in use. */
+/* An interval that holds all values of u, and 0. */
 static int range(dmk_outer *o, double *low, double *high)
 {
     int rc;
+    double ends[2];
     dmk_system *s = o->sys;
-    double *u = NULL;
-    DMK_TRY(DMK_NEW(o->ctx, u, (size_t)s->n_rows));
-    DMK_TRY(dmk_buffer_read_real(o->ctx, s->device, DMK_OUTER, s->u, (size_t)s->n_rows, u));
-    *low = INFINITY;
-    *high = -INFINITY;
-    for (int32_t i = 0; i < s->n_rows; i++) {
-        if (i >= s->n_edges && i < s->vertex_row) continue;
-        *low = fmin(*low, u[i]);
-        *high = fmax(*high, u[i]);
-    }
+    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, rows_range), s->n_rows,
+                       DMK_INT(s->n_rows), DMK_BUF(s->u), DMK_BUF(s->partial)));
+    DMK_TRY(dmk_outer_sums(o, (size_t)s->n_rows, 2, 2, ends));
+    *low = -ends[1];
+    *high = ends[0];
 done:
-    free(u);
     return rc;
 }
 

@@ -34,8 +34,8 @@ int dmk_outer_measure(dmk_outer *o, double alpha);
  * scratch vector where only *energy, f.A^-1 f up to a small excess, is wanted (may be NULL). */
 int dmk_outer_solve(dmk_outer *o, dmk_buffer *x, double tolerance, int max_iterations,
                     double *energy);
-/* Sums left by a kernel over n items in system->partial. */
-int dmk_outer_sums(dmk_outer *o, size_t items, int count, int maximum, double *sums);
+/* Sums (the last `maxima`: maxima) left by a kernel over n items in system->partial. */
+int dmk_outer_sums(dmk_outer *o, size_t items, int count, int maxima, double *sums);
 /* Report a step; a change that is not a number or too large is divergence. */
 int dmk_outer_step_done(dmk_outer *o, int step, int max_steps, int iterations, double change);
 

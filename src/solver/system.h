@@ -43,6 +43,7 @@
     X(cg_direction, DMK_OUTER)                                                                     \
     X(cg_alpha, DMK_OUTER)                                                                         \
     X(cg_step, DMK_OUTER)                                                                          \
+    X(rows_range, DMK_OUTER)                                                                       \
     X(sum_partials, DMK_OUTER)                                                                     \
     X(scale_add, DMK_OUTER)                                                                        \
     X(element_energy, DMK_OUTER)                                                                   \
