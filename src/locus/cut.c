@@ -1,5 +1,6 @@
 /* Cutting: split the triangles at the points of the graph, then separate the corners of each vertex
  * that are not joined by an uncut edge. */
+#include "base/sets.h"
 #include "locus/cut.h"
 #include "locus/net.h"
 
@@ -128,20 +129,6 @@ done:
     return rc;
 }
 
-static int32_t find(int32_t *parent, int32_t c)
-{
-    while (parent[c] != c)
-        c = parent[c] = parent[parent[c]];
-    return c;
-}
-
-static void join(int32_t *parent, int32_t a, int32_t b)
-{
-    a = find(parent, a);
-    b = find(parent, b);
-    parent[dmk_max_i(a, b)] = dmk_min_i(a, b);
-}
-
 /* Number the classes of corners that uncut edges join; the first class of a vertex comes in the
  * vertices' order, further ones behind. */
 static int separate(dmk_context *ctx, const dmk_mesh *whole, const knife *k, dmk_mesh **cut,
@@ -170,7 +157,7 @@ static int separate(dmk_context *ctx, const dmk_mesh *whole, const knife *k, dmk
             }
         }
         for (int i = 0; uncut && i < 2; i++)
-            join(parent, corner[0][i], corner[1][i]);
+            dmk_set_unite(parent, corner[0][i], corner[1][i]);
     }
     for (int32_t v = 0; v < k->n_vertices; v++) {
         first[v] = -1;
@@ -183,7 +170,7 @@ static int separate(dmk_context *ctx, const dmk_mesh *whole, const knife *k, dmk
             if (first[v] >= 0) from[n_new++] = v;
             first[v] = c;
         }
-        tri[c] = number[find(parent, c)];
+        tri[c] = number[dmk_set_find(parent, c)];
     }
     DMK_TRY(DMK_NEW(ctx, xyz, 3 * (size_t)n_new));
     for (int32_t v = 0; v < n_new; v++)

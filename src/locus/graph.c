@@ -2,6 +2,7 @@
  * are reached by one family of geodesics; the dual of the other edges is a graph on the triangles
  * that is connected and has first Betti number 2g, whatever the strengths; its weak ends are
  * stripped. */
+#include "base/sets.h"
 #include "locus/net.h"
 
 #include <math.h>
@@ -15,22 +16,6 @@ static const double least_turn = 1.0;
 /* On a rough mesh the bends add up as in a random walk: so many times the roughness times the
  * square root of (distance / mesh edge). */
 static const double noise_turn = 4.0;
-
-static int32_t find(int32_t *parent, int32_t v)
-{
-    while (parent[v] != v)
-        v = parent[v] = parent[parent[v]];
-    return v;
-}
-
-static bool unite(int32_t *parent, int32_t a, int32_t b)
-{
-    a = find(parent, a);
-    b = find(parent, b);
-    if (a == b) return false;
-    parent[dmk_max_i(a, b)] = dmk_min_i(a, b);
-    return true;
-}
 
 /* Strength: width of the beam between the geodesics to the ends of the edge, in mesh edges, brought
  * below 1 where the geodesics leave the source in nearly one direction. The triangles around the
@@ -98,7 +83,7 @@ static int span(dmk_context *ctx, const dmk_rays *r, double threshold, dmk_dual 
         parent[v] = v;
     for (int32_t i = 0; i < m->n_edges; i++) {
         int32_t e = sorted[i];
-        d->kept[e] = !unite(parent, m->edge_vertex[2 * e], m->edge_vertex[2 * e + 1]);
+        d->kept[e] = !dmk_set_unite(parent, m->edge_vertex[2 * e], m->edge_vertex[2 * e + 1]);
     }
 done:
     free(parent);
@@ -147,7 +132,7 @@ static int count_border_loops(dmk_context *ctx, const dmk_mesh *m, int32_t *n_lo
         parent[v] = v;
     for (int32_t e = 0; e < m->n_edges; e++) {
         if (m->edge_triangle[2 * e + 1] >= 0) continue;
-        *n_loops += 1 - unite(parent, m->edge_vertex[2 * e], m->edge_vertex[2 * e + 1]);
+        *n_loops += 1 - dmk_set_unite(parent, m->edge_vertex[2 * e], m->edge_vertex[2 * e + 1]);
     }
 done:
     free(parent);

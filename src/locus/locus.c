@@ -1,4 +1,5 @@
 /* The public object: numbering, polylines, counts. */
+#include "base/sets.h"
 #include "locus/net.h"
 
 #include <math.h>
@@ -124,14 +125,7 @@ static void count_components(const dmk_net *net, int32_t *parent, dmk_locus *l)
     l->info.components = l->info.n_vertices;
     for (int32_t i = 0; i < net->n; i++) {
         for (int32_t k = 0; k < net->node[i].at.degree; k++) {
-            int32_t a = i, b = net->node[i].next[k];
-            while (parent[a] != a)
-                a = parent[a] = parent[parent[a]];
-            while (parent[b] != b)
-                b = parent[b] = parent[parent[b]];
-            if (a == b) continue;
-            parent[dmk_max_i(a, b)] = dmk_min_i(a, b);
-            l->info.components--;
+            if (dmk_set_unite(parent, i, net->node[i].next[k])) l->info.components--;
         }
     }
     l->info.loops =

@@ -43,10 +43,7 @@ int dmk_explicit(dmk_outer *o)
             if (o->stats->gap <= opt->gap_tolerance) goto done;
         }
     }
-    rc = dmk_fail(o->ctx, DMK_E_LIMIT,
-                  "%d steps did not reach the tolerance: relative change of mu per unit time %.2g, "
-                  "wanted %.2g; raise --max-steps or --tolerance",
-                  max_steps, change, o->tolerance);
+    rc = dmk_outer_limit(o, max_steps);
 done:
     return rc;
 }

@@ -102,3 +102,11 @@ int dmk_outer_step_done(dmk_outer *o, int step, int max_steps, int iterations, d
                            .seconds = dmk_seconds() - o->began};
     return dmk_report(o->ctx, &report);
 }
+
+int dmk_outer_limit(dmk_outer *o, int max_steps)
+{
+    return dmk_fail(o->ctx, DMK_E_LIMIT,
+                    "%d steps did not reach the tolerance: relative change of mu per unit time %.2g, "
+                    "wanted %.2g; raise --max-steps or --tolerance",
+                    max_steps, o->stats->change, o->tolerance);
+}

@@ -39,6 +39,8 @@ int dmk_outer_sums(dmk_outer *o, size_t items, int count, int maxima, double *su
 /* Report a step; a change that is not a number or too large is divergence. */
 int dmk_outer_step_done(dmk_outer *o, int step, int max_steps, int iterations, double change);
 
+/* The step limit came before the tolerance: DMK_E_LIMIT with the last change. */
+int dmk_outer_limit(dmk_outer *o, int max_steps);
 /* The methods: from the start in s->mu, s->u to convergence. */
 int dmk_newton(dmk_outer *o, bool from_distance);
 int dmk_explicit(dmk_outer *o);

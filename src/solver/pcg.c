@@ -7,19 +7,14 @@ static int direction(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operato
 {
     int rc;
     int32_t n = s->n_rows, groups = (int32_t)dmk_launch_groups(s->device, (size_t)n);
-    const dmk_kernel *dots = p == DMK_INNER ? DMK_KERNEL(s, DMK_INNER, cg_dots)
-                                            : DMK_KERNEL(s, DMK_OUTER, cg_dots);
-    const dmk_kernel *beta = p == DMK_INNER ? DMK_KERNEL(s, DMK_INNER, cg_beta)
-                                            : DMK_KERNEL(s, DMK_OUTER, cg_beta);
-    const dmk_kernel *turn = p == DMK_INNER ? DMK_KERNEL(s, DMK_INNER, cg_direction)
-                                            : DMK_KERNEL(s, DMK_OUTER, cg_direction);
     DMK_TRY(dmk_v_cycle(ctx, s, op, s->cg[p].narrow));
-    DMK_TRY(DMK_LAUNCH(ctx, s->device, dots, n, DMK_INT(n), DMK_BUF(s->cg[p].r),
-                       DMK_BUF(s->cg[p].ap), DMK_BUF(s->x_old), DMK_BUF(s->partial)));
-    DMK_TRY(DMK_LAUNCH(ctx, s->device, beta, 1, DMK_INT(groups), DMK_INT(first),
-                       DMK_BUF(s->partial), DMK_BUF(s->state)));
-    DMK_TRY(DMK_LAUNCH(ctx, s->device, turn, n, DMK_INT(n), DMK_BUF(s->state), DMK_BUF(s->x_old),
-                       DMK_BUF(s->cg[p].p)));
+    DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL_OF(s, p, cg_dots), n, DMK_INT(n),
+                       DMK_BUF(s->cg[p].r), DMK_BUF(s->cg[p].ap), DMK_BUF(s->x_old),
+                       DMK_BUF(s->partial)));
+    DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL_OF(s, p, cg_beta), 1, DMK_INT(groups),
+                       DMK_INT(first), DMK_BUF(s->partial), DMK_BUF(s->state)));
+    DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL_OF(s, p, cg_direction), n, DMK_INT(n),
+                       DMK_BUF(s->state), DMK_BUF(s->x_old), DMK_BUF(s->cg[p].p)));
 done:
     return rc;
 }
@@ -30,12 +25,6 @@ static int step(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op,
     int rc;
     int32_t n = s->n_rows, groups = (int32_t)dmk_launch_groups(s->device, (size_t)n);
     dmk_buffer *out = p == DMK_INNER ? s->out : s->out_real;
-    const dmk_kernel *rows = p == DMK_INNER ? DMK_KERNEL(s, DMK_INNER, rows_apply)
-                                            : DMK_KERNEL(s, DMK_OUTER, rows_apply);
-    const dmk_kernel *alpha = p == DMK_INNER ? DMK_KERNEL(s, DMK_INNER, cg_alpha)
-                                             : DMK_KERNEL(s, DMK_OUTER, cg_alpha);
-    const dmk_kernel *move = p == DMK_INNER ? DMK_KERNEL(s, DMK_INNER, cg_step)
-                                            : DMK_KERNEL(s, DMK_OUTER, cg_step);
     if (p == DMK_INNER) {
         DMK_TRY(dmk_inner_elements(ctx, s, op, s->cg[p].p));
     } else {
@@ -43,13 +32,13 @@ static int step(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op,
                            s->n_elements, DMK_INT(s->n_elements), DMK_BUF(s->index),
                            DMK_BUF(s->weight_real), DMK_BUF(s->cg[p].p), DMK_BUF(out)));
     }
-    DMK_TRY(DMK_LAUNCH(ctx, s->device, rows, n, DMK_INT(n), DMK_BUF(s->slice), DMK_BUF(s->slot),
-                       DMK_BUF(out), DMK_BUF(s->cg[p].p), DMK_BUF(s->cg[p].ap),
-                       DMK_BUF(s->partial)));
-    DMK_TRY(DMK_LAUNCH(ctx, s->device, alpha, 1, DMK_INT(groups), DMK_BUF(s->partial),
-                       DMK_BUF(s->state)));
-    DMK_TRY(DMK_LAUNCH(ctx, s->device, move, n, DMK_INT(n), DMK_BUF(s->state),
-                       DMK_BUF(s->cg[p].p), DMK_BUF(s->cg[p].ap), DMK_BUF(x),
+    DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL_OF(s, p, rows_apply), n, DMK_INT(n),
+                       DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(out), DMK_BUF(s->cg[p].p),
+                       DMK_BUF(s->cg[p].ap), DMK_BUF(s->partial)));
+    DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL_OF(s, p, cg_alpha), 1, DMK_INT(groups),
+                       DMK_BUF(s->partial), DMK_BUF(s->state)));
+    DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL_OF(s, p, cg_step), n, DMK_INT(n),
+                       DMK_BUF(s->state), DMK_BUF(s->cg[p].p), DMK_BUF(s->cg[p].ap), DMK_BUF(x),
                        DMK_BUF(s->cg[p].r), DMK_BUF(s->cg[p].narrow)));
 done:
     return rc;

@@ -61,6 +61,9 @@
 #define DMK_KERNEL_ENUM(name, program) DMK_K_##program##_##name,
 enum { DMK_KERNEL_LIST(DMK_KERNEL_ENUM) DMK_N_KERNELS };
 #define DMK_KERNEL(sys, program, name) ((sys)->kernel[DMK_K_##program##_##name])
+/* The same where the program is a variable: for kernels that both programs have. */
+#define DMK_KERNEL_OF(sys, program, name)                                                          \
+    ((program) == DMK_INNER ? DMK_KERNEL(sys, DMK_INNER, name) : DMK_KERNEL(sys, DMK_OUTER, name))
 
 /* One graph level of the hierarchy; level 0 of the array is T. */
 typedef struct dmk_level {
