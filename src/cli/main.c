@@ -2,8 +2,10 @@
 #include "cli.h"
 
 #include <locale.h>
+#include <sched.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 typedef struct command {
     const char *name;
@@ -51,15 +53,28 @@ static int unknown_command(const char *name)
     return cli_error(EXIT_USAGE, "no command '%s'; `dmkcl --help` lists them", name);
 }
 
+/* PoCL reads POCL_AFFINITY once, when it starts its threads, and then pins thread i to processor i.
+ * Left to wander they share a core when the machine does other work too, and every kernel waits for
+ * the last one. But it gives up the whole program where processor i is not to be had, so this is for
+ * those who may use all processors and have not asked for another number of threads. */
+static void pin_device_threads(void)
+{
+    cpu_set_t allowed;
+    long n = sysconf(_SC_NPROCESSORS_ONLN);
+    if (getenv("POCL_MAX_PTHREAD_COUNT") || sched_getaffinity(0, sizeof allowed, &allowed) != 0) return;
+    for (long i = 0; i < n; i++) {
+        if (i >= CPU_SETSIZE || !CPU_ISSET((size_t)i, &allowed)) return;
+    }
+    setenv("POCL_AFFINITY", "1", 0);
+}
+
 int main(int argc, char **argv)
 {
     /* Decimal points whatever the user's language. The program never asks for another locale, but
      * an OpenCL driver might. */
     locale_t c = newlocale(LC_ALL_MASK, "C", (locale_t)0);
     if (c) uselocale(c);
-    /* PoCL reads this once, when it starts its threads: one pinned to each core. Left to wander they
-     * share a core when the machine does other work too, and every kernel waits for the last one. */
-    setenv("POCL_AFFINITY", "1", 0);
+    pin_device_threads();
 
     if (argc < 2) {
         cli_error(EXIT_USAGE, "a command is missing; `dmkcl --help` lists them");
