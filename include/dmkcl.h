@@ -328,18 +328,18 @@ int dmk_locus_write(dmk_context *context, const dmk_locus *locus, const char *pa
 
 /* ---- minimal geodesics, and the surface cut open ---------------------------------------------- */
 
-/* A minimal geodesic of the polyhedron, straight in every triangle. */
+/* A minimal geodesic of the polyhedron, straight in every triangle. It may bend at vertices with
+ * more than 2 pi around them, and at those of a border. */
 typedef struct dmk_path {
     size_t n;
-    dmk_point *point; /* n: the source, a point on each edge crossed, the end */
-    double length;
+    dmk_point *point; /* n: the source, a point on each edge crossed and at each bend, the end */
+    double length;    /* of the line through these points */
     double angle; /* direction at the source, radians, a full turn being 2 pi */
 } dmk_path;
 
 /* The minimal geodesics from the result's source to n_points points of its component, into
- * paths[0..n_points), each handed back to dmk_path_free. Where several are minimal, one of them.
- * DMK_E_MESH if no straight path reaches a point: it lies in the shadow of a border or of a sharp
- * saddle vertex. On failure nothing is left in paths. */
+ * paths[0..n_points), each handed back to dmk_path_free. Where several are minimal, one of them. On
+ * failure nothing is left in paths. */
 int dmk_path_compute(dmk_context *context, const dmk_mesh *mesh, const dmk_result *result,
                      size_t n_points, const dmk_point *to, dmk_path *paths);
 /* Frees its points and clears it; a cleared path is fine. */

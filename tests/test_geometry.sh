@@ -55,6 +55,19 @@ check 'a path to the source is short' output_has 'length 0,' \
 check '--quiet prints nothing' \
     test -z "$("$tool" path "$torus" --vertex 0 --to-vertex 9 --quiet 2>&1)"
 
+# A square of 20 x 20 unit squares with a hole from (6, 8) to (14, 12): from (1, 9) to (19, 10) the way
+# leads along two of its corners, (6, 8) and (14, 8).
+awk 'BEGIN { n = 20; print "OFF"; print (n + 1)^2, 2 * (n * n - 32), 0
+    for (j = 0; j <= n; j++) for (i = 0; i <= n; i++) print i, j, 0
+    for (j = 0; j < n; j++) for (i = 0; i < n; i++) { a = j * (n + 1) + i
+        if (i >= 6 && i < 14 && j >= 8 && j < 12) continue
+        print 3, a, a + 1, a + n + 2; print 3, a, a + n + 2, a + n + 1 } }' > "$work/hole.off"
+bent=$(awk 'BEGIN { printf "%.8f", sqrt(26) + 8 + sqrt(29) }' | sed 's/\./\\./')
+check 'a path bends around a hole' output_has "length ${bent}" \
+    "$tool" path "$work/hole.off" --source 1,9,0 --to 19,10,0 --out "$work/bent.csv"
+check 'at its corners' test "$(grep -cE '^(6|14),8,0,' "$work/bent.csv")" -eq 2
+check 'no point comes twice' test -z "$(cut -d, -f1-3 "$work/bent.csv" | uniq -d)"
+
 # Two tori in one file, the second one 10 further on; its vertices are numbered behind the first's.
 awk 'NR == 1 { print; next }
     NR == 2 { n = $1; print 2 * n, 2 * $2, 0; next }

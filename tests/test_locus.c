@@ -407,7 +407,7 @@ static void point_xyz(const dmk_mesh *m, const dmk_point *p, double *x)
 static void test_path(void **state)
 {
     (void)state;
-    enum { n = 40 };
+    enum { n = 20 };
     scene s = surface("sphere", 2, (double[3]){0, 0, 1});
     dmk_locus_input in = {.mesh = s.mesh, .source = s.source, .distance = s.distance};
     dmk_point to[n];
@@ -430,12 +430,192 @@ static void test_path(void **state)
             memcpy(x, y, sizeof x);
         }
         assert_int_equal(path[i].point[path[i].n - 1].triangle, to[i].triangle);
-        assert_true(fabs(sum - path[i].length) < 1e-6);
+        assert_true(fabs(sum - path[i].length) < 1e-13);
         double circle = acos(x[2] / hypot(hypot(x[0], x[1]), x[2]));
         assert_true(fabs(path[i].length - circle) < s.h * s.h);
         dmk_path_free(&path[i]);
     }
     free_scene(&s);
+}
+
+/* Lengths of the paths to n points. */
+static void path_lengths(const scene *s, int n, const dmk_point *to, double *length)
+{
+    dmk_locus_input in = {.mesh = s->mesh, .source = s->source, .distance = s->distance};
+    dmk_path *path = malloc((size_t)n * sizeof *path);
+    int rc = dmk_path_trace(ctx, &in, (size_t)n, to, path);
+    if (rc != DMK_OK) fail_msg("%s", dmk_context_message(ctx));
+    for (int i = 0; i < n; i++) {
+        double sum = 0, x[3], y[3];
+        for (size_t k = 0; k < path[i].n; k++, memcpy(x, y, sizeof x)) {
+            point_xyz(s->mesh, &path[i].point[k], y);
+            if (k > 0) sum += hypot(hypot(x[0] - y[0], x[1] - y[1]), x[2] - y[2]);
+        }
+        assert_true(fabs(sum - path[i].length) < 1e-13 * (1 + sum));
+        length[i] = path[i].length;
+        dmk_path_free(&path[i]);
+    }
+    free(path);
+}
+
+/* Triangles (apex, i, i + 1) of a crown of n points on the unit circle, up and down by `height`,
+ * each cut into k * k: flat but for the apex. */
+static scene crown(int n, int k, double height)
+{
+    int32_t per = (k + 1) * (k + 2) / 2, n_triangles = 0;
+    double *xyz = malloc(3 * (size_t)(n * per) * sizeof *xyz);
+    int32_t *number = malloc((size_t)(n * per) * sizeof *number), n_vertices = 0;
+    int32_t *tri = malloc(3 * (size_t)(n * k * k) * sizeof *tri);
+    for (int s = 0; s < n; s++) {
+        double a[2] = {2 * pi * s / n, 2 * pi * (s + 1) / n};
+        for (int i = 0; i <= k; i++) {
+            for (int j = 0; j <= i; j++) { /* the first of a row is the last of the side before */
+                int32_t *slot = number + s * per + i * (i + 1) / 2 + j;
+                if (i == 0 && s > 0)
+                    *slot = number[0];
+                else if (j == 0 && s > 0)
+                    *slot = number[(s - 1) * per + i * (i + 1) / 2 + i];
+                else if (i > 0 && j == i && s == n - 1)
+                    *slot = number[i * (i + 1) / 2];
+                else {
+                    double p = (double)(i - j) / k, q = (double)j / k, *x = xyz + 3 * n_vertices;
+                    x[0] = p * cos(a[0]) + q * cos(a[1]);
+                    x[1] = p * sin(a[0]) + q * sin(a[1]);
+                    x[2] = (s % 2 ? p - q : q - p) * height;
+                    *slot = n_vertices++;
+                }
+            }
+        }
+        for (int i = 0; i < k; i++) {
+            for (int j = 0; j <= i; j++) {
+                const int32_t *up = number + s * per + i * (i + 1) / 2 + j, *down = up + i + 1;
+                memcpy(tri + 3 * n_triangles++, (int32_t[3]){up[0], down[0], down[1]}, 12);
+                if (j == i) continue;
+                memcpy(tri + 3 * n_triangles++, (int32_t[3]){up[0], down[1], up[1]}, 12);
+            }
+        }
+    }
+    dmk_mesh *mesh = NULL;
+    int rc = dmk_mesh_create(ctx, (size_t)n_vertices, xyz, (size_t)n_triangles, tri, &mesh);
+    if (rc != DMK_OK) fail_msg("%s", dmk_context_message(ctx));
+    free(xyz);
+    free(number);
+    free(tri);
+    return scene_of(mesh, (dmk_point){k * k / 2, {0.2, 0.3, 0.5}});
+}
+
+/* Polar coordinates about the crown's apex, angles counting the cone's own angle. */
+static void crown_polar(const double *x, int n, double height, double *radius, double *angle)
+{
+    double sector = floor(atan2(x[1], x[0]) / (2 * pi / n) + (x[1] < 0 ? n : 0));
+    double a[2][3];
+    for (int i = 0; i < 2; i++) {
+        double at = 2 * pi * (sector + i) / n;
+        a[i][0] = cos(at);
+        a[i][1] = sin(at);
+        a[i][2] = fmod(sector + i, 2) > 0.5 ? height : -height;
+    }
+    double side = 1 + height * height, dot = 0, whole = 0;
+    for (int k = 0; k < 3; k++) {
+        dot += a[0][k] * x[k];
+        whole += a[0][k] * a[1][k];
+    }
+    *radius = sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]);
+    *angle = sector * acos(whole / side) +
+             acos(fmin(1, fmax(-1, dot / (*radius * sqrt(side)))));
+}
+
+/* Behind a vertex with far more than 2 pi around it all paths bend there. */
+static void test_path_saddle(void **state)
+{
+    (void)state;
+    enum { n = 10, n_points = 200 };
+    const double height = 0.7;
+    scene s = crown(n, 8, height);
+    dmk_point to[n_points];
+    double length[n_points], x[3], whole, r0, a0;
+    int bent = 0;
+    crown_polar((double[]){cos(-1e-12), sin(-1e-12), -height}, n, height, &r0, &whole);
+    assert_true(whole > 2.5 * pi);
+    point_xyz(s.mesh, &s.source, x);
+    crown_polar(x, n, height, &r0, &a0);
+    for (int i = 0; i < n_points; i++)
+        to[i] = (dmk_point){(s.mesh->n_triangles - 1) * (int64_t)i / (n_points - 1), {0.1, 0.7, 0.2}};
+    path_lengths(&s, n_points, to, length);
+    for (int i = 0; i < n_points; i++) {
+        double r, a;
+        point_xyz(s.mesh, &to[i], x);
+        crown_polar(x, n, height, &r, &a);
+        double turn = fabs(a - a0);
+        turn = fmin(turn, whole - turn);
+        double exact = turn < pi ? sqrt(r * r + r0 * r0 - 2 * r * r0 * cos(turn)) : r + r0;
+        bent += turn >= pi;
+        assert_true(fabs(length[i] - exact) < 1e-12);
+    }
+    assert_true(bent > 20);
+    free_scene(&s);
+}
+
+/* From corner to corner over a box of 1 x 3 x 1: the hypotenuse of an unfolding, 3 and 1 + 1. */
+static void test_path_box(void **state)
+{
+    (void)state;
+    scene s = plate_scene(0, 5);
+    dmk_point corner[2];
+    const double at[2][3] = {{0, 0, 0}, {1, 3, 1}};
+    double length;
+    for (int i = 0; i < 2; i++)
+        assert_int_equal(dmk_mesh_project(ctx, s.mesh, at[i], &corner[i]), DMK_OK);
+    s.source = corner[0];
+    free(s.distance);
+    s.distance = edge_distances(s.mesh, &s.source);
+    path_lengths(&s, 1, &corner[1], &length);
+    assert_true(fabs(length - sqrt(13)) < 1e-13);
+    free_scene(&s);
+}
+
+/* On a rough torus with and without holes: lengths to neighbouring points differ by no more than
+ * their distance. Paths that are minimal only among their neighbours, or that a vertex has
+ * diverted, break this. */
+static void test_path_rough(void **state)
+{
+    (void)state;
+    for (int holes = 0; holes < 2; holes++) {
+        scene smooth = surface("torus", 0, (double[3]){3, 0, 0}), s;
+        dmk_mesh *mesh = NULL, *m = smooth.mesh;
+        int32_t n = 0, *tri = malloc(3 * (size_t)m->n_triangles * sizeof *tri);
+        for (int32_t t = 0; t < m->n_triangles; t++) {
+            const int32_t *v = m->triangle + 3 * t;
+            if (holes && (v[0] % 150 == 99 || v[1] % 150 == 99 || v[2] % 150 == 99)) continue;
+            memcpy(tri + 3 * n++, m->triangle + 3 * t, 3 * sizeof *tri);
+        }
+        for (int32_t i = 0; i < 3 * m->n_vertices; i++)
+            m->xyz[i] += 0.15 * smooth.h * sin(1e5 * (i + 1.5) * (i + 1.5));
+        int rc = dmk_mesh_create(ctx, (size_t)m->n_vertices, m->xyz, (size_t)n, tri, &mesh);
+        if (rc != DMK_OK) fail_msg("%s", dmk_context_message(ctx));
+        s = scene_of(mesh, (dmk_point){0, {0.2, 0.3, 0.5}});
+        for (int32_t v = 0; v < s.mesh->n_vertices; v++)
+            s.distance[v] *= 0.95;
+        enum { n_triangles = 60, per = 3 };
+        dmk_point to[n_triangles * per];
+        double length[n_triangles * per], x[2][3];
+        for (int i = 0; i < n_triangles * per; i++) {
+            int k = i % per;
+            int64_t t = (s.mesh->n_triangles - 1) * (int64_t)(i / per) / (n_triangles - 1);
+            to[i] = (dmk_point){t, {k == 0 ? 0.98 : 0.01, k == 1 ? 0.98 : 0.01, k == 2 ? 0.98 : 0.01}};
+        }
+        path_lengths(&s, n_triangles * per, to, length);
+        for (int i = 0; i < n_triangles * per; i++) {
+            int j = i / per * per + (i + 1) % per;
+            point_xyz(s.mesh, &to[i], x[0]);
+            point_xyz(s.mesh, &to[j], x[1]);
+            double step = hypot(hypot(x[0][0] - x[1][0], x[0][1] - x[1][1]), x[0][2] - x[1][2]);
+            assert_true(fabs(length[i] - length[j]) < step * (1 + 1e-12));
+        }
+        free(tri);
+        free_scene(&s);
+        free_scene(&smooth);
+    }
 }
 
 /* ---- cutting -------------------------------------------------------------------------------- */
@@ -539,7 +719,9 @@ int main(void)
         cmocka_unit_test(test_torus), cmocka_unit_test(test_source_anywhere),
         cmocka_unit_test(test_point), cmocka_unit_test(test_quartic),
         cmocka_unit_test(test_genus), cmocka_unit_test(test_border),
-        cmocka_unit_test(test_path),  cmocka_unit_test(test_cut),
+        cmocka_unit_test(test_path),  cmocka_unit_test(test_path_saddle),
+        cmocka_unit_test(test_path_box), cmocka_unit_test(test_path_rough),
+        cmocka_unit_test(test_cut),
         cmocka_unit_test(test_guide), cmocka_unit_test(test_threads),
     };
     return cmocka_run_group_tests(tests, setup, teardown);

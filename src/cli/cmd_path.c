@@ -102,11 +102,12 @@ static int parse(path_order *order, const char *out_help, int argc, char **argv)
     const cli_syntax syntax = {
         .command = "path",
         .usage = "MESH (--source X,Y,Z | --vertex I) (--to X,Y,Z | --to-vertex J) [OPTIONS]",
-        .summary = "A minimal geodesic from a point of the surface MESH back to the source, straight\n"
-                   "in every triangle, and its length.",
+        .summary = "A minimal geodesic from a point of the surface MESH back to the source, exact on the\n"
+                   "polyhedron, and its length.",
         .operand = "MESH",
-        .notes = "The file begins at the source. Of several minimal geodesics (the end lies on the cut\n"
-                 "locus) it is one.",
+        .notes = "The line is straight in every triangle and over the edges; it bends at saddle vertices\n"
+                 "and at the border where they are in the way. The file begins at the source. Of\n"
+                 "several minimal geodesics (the end lies on the cut locus) it is one.",
         .options = table.row,
         .n_options = table.n,
     };

@@ -14,7 +14,8 @@
  * - cusp.c, tip.c: where neighbouring rays first meet, the place of an end; branches led there.
  * - point.c: a locus that is one point.
  * - locus.c: the public object.
- * - path.c, cut.c: geodesics to any point; the surface cut open.
+ * - window.c, spot.c, path.c: exact geodesics to any point.
+ * - cut.c: the surface cut open.
  *
  * The given distance only tells where rays may end, with a slack of 3 edges and 2 %; the places
  * come from the rays. So it need not be accurate: the tests use one that is some 10 % too long. */

@@ -1,150 +1,188 @@
-/* Minimal geodesics: see path.h. The fan tells the direction nearly; it is corrected until the
- * straight ray hits the point. */
+/* Minimal geodesics: see path.h. window.c searches from the end to the source; here the windows are
+ * followed back, from the source to the end, and become points on edges. */
 #include "locus/path.h"
 #include "locus/rays.h"
+#include "locus/window.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 static const double pi = 3.14159265358979323846;
-static const double slack = 3;
 
-typedef struct aim {
-    const dmk_rays *rays;
-    dmk_ray *ray;
-    const dmk_point *to;
-    double x, y; /* of the point in the plane of the last ray */
-} aim;
+typedef struct trail {
+    const dmk_search *search;
+    dmk_path *path;
+    size_t capacity;
+    double last[3];
+} trail;
 
-/* Shoot a ray; where it passes the corners of the point's triangle, they tell the point's place
- * beside it. False if it passes none. */
-static bool shoot(aim *a, double angle)
+/* A path through a vertex meets several edges there: one point is enough. */
+static int append(dmk_context *ctx, trail *t, dmk_point p)
 {
-    const int32_t *corner = a->rays->mesh->triangle + 3 * a->to->triangle;
-    double sum = 0;
-    if (dmk_ray_shoot(a->rays, angle, slack, a->ray) != DMK_OK) return false;
-    a->x = a->y = 0;
-    for (int k = 0; k < 3; k++) {
-        double weight = fmax(a->to->weight[k], 1e-9);
-        for (int32_t i = a->ray->n; i-- > 0;) {
-            const dmk_pass *p = a->ray->pass + i;
-            if (p->vertex != corner[k]) continue;
-            a->x += weight * p->x;
-            a->y += weight * p->y;
-            sum += weight;
-            break;
-        }
+    double x[3];
+    dmk_path *path = t->path;
+    int rc = dmk_mesh_point_xyz(ctx, t->search->mesh, &p, x);
+    if (rc != DMK_OK) return rc;
+    if (path->n > 0) {
+        double dx = x[0] - t->last[0], dy = x[1] - t->last[1], dz = x[2] - t->last[2];
+        double piece = sqrt(dx * dx + dy * dy + dz * dz);
+        path->length += piece;
+        if (path->n > 1 && piece <= t->search->eps) path->n--;
     }
-    a->x /= sum;
-    a->y /= sum;
-    return sum > 0;
+    memcpy(t->last, x, sizeof x);
+    if (path->n == t->capacity) {
+        size_t capacity = t->capacity ? 2 * t->capacity : 64;
+        dmk_point *grown = realloc(path->point, capacity * sizeof *grown);
+        if (!grown) return dmk_fail(ctx, DMK_E_NOMEM, "out of memory for the points of a path");
+        path->point = grown;
+        t->capacity = capacity;
+    }
+    path->point[path->n++] = p;
+    return DMK_OK;
 }
 
-/* Direction and step to start with: the shortest geodesic to the corner that looks shortest from
- * the point, and its continuations at the other corners. */
-static double first_angle(const dmk_rays *r, const dmk_point *to, double *step)
+/* From (x, y) above the edge of window i straight to the window's bend: the points on the edges. */
+static int follow_window(dmk_context *ctx, trail *t, int32_t i, double x, double y)
 {
-    const int32_t *corner = r->mesh->triangle + 3 * to->triangle;
-    int best = 0;
-    for (int k = 1; k < 3; k++) {
-        if (to->weight[k] > to->weight[best]) best = k;
+    const dmk_search *s = t->search;
+    const dmk_mesh *m = s->mesh;
+    for (; i >= 0; i = s->window[i].parent) {
+        const dmk_window *w = s->window + i;
+        int k = w->half % 3;
+        double length = m->length[m->triangle_edge[w->half]];
+        double at = fmin(length, fmax(0, w->x + (x - w->x) * w->y / (w->y - y)));
+        dmk_point p = {.triangle = w->half / 3};
+        p.weight[(k + 1) % 3] = 1 - at / length;
+        p.weight[(k + 2) % 3] = at / length;
+        int rc = append(ctx, t, p);
+        if (rc != DMK_OK || w->parent < 0) return rc;
+        /* The point in the parent's plane, where this edge is one of the two above. */
+        int32_t entered = s->window[w->parent].half;
+        double base = m->length[m->triangle_edge[entered]];
+        double cy = 2 * m->area[entered / 3] / base;
+        double cx = m->cot[entered / 3 * 3 + (entered % 3 + 1) % 3] * cy;
+        double part = w->shared == 0 ? at / length : 1 - at / length;
+        x = w->shared == 0 ? part * cx : base + part * (cx - base);
+        y = part * cy;
     }
-    const dmk_sheet *from = dmk_rays_first(r, corner[best]);
-    double angle = from->angle;
-    for (int k = 0; k < 3; k++) {
-        int32_t i = dmk_rays_continue(r, from, 2 * r->size[corner[best]], corner[k]);
-        if (i < 0) continue;
-        angle += to->weight[k] * dmk_chart_turn(&r->chart, from->angle, r->sheet[i].angle);
-    }
-    *step = 0.3 * r->size[corner[best]] / fmax(from->spread, 1e-3 * from->distance + 1e-300);
-    *step = fmin(*step, 0.3);
-    return angle;
+    return DMK_OK;
 }
 
-/* Two directions, the point to the left of one and to the right of the other. */
-static bool bracket(aim *a, double angle, double step, double side[2], double y[2])
+/* The corner of the window's triangle opposite its edge, or the goal inside it. */
+static void end_of_window(const dmk_search *s, int32_t i, const dmk_point *inside, double *x,
+                          double *y)
 {
-    if (!shoot(a, angle)) return false;
-    side[0] = side[1] = angle;
-    y[0] = y[1] = a->y;
-    for (int i = 0; i < 40; i++) {
-        double next = angle + (y[0] > 0 ? step : -step) * (1 + i * i * 0.1);
-        if (!shoot(a, next)) return false;
-        side[1] = next;
-        y[1] = a->y;
-        if (y[0] * y[1] <= 0) return true;
-        side[0] = side[1];
-        y[0] = y[1];
-        angle = next;
-    }
-    return false;
+    const dmk_mesh *m = s->mesh;
+    int32_t h = s->window[i].half;
+    double length = m->length[m->triangle_edge[h]];
+    *y = 2 * m->area[h / 3] / length;
+    *x = m->cot[h / 3 * 3 + (h % 3 + 1) % 3] * *y;
+    if (!inside) return;
+    *x = inside->weight[h % 3] * *x + inside->weight[(h % 3 + 2) % 3] * length;
+    *y *= inside->weight[h % 3];
 }
 
-/* Regula falsi with bisection. The offset jumps where a vertex lies between: then the nearer side.
- */
-static bool hit(aim *a, double angle, double step, double *found)
+static dmk_point vertex_place(const dmk_search *s, int32_t v)
 {
-    double side[2], y[2];
-    if (!bracket(a, angle, step, side, y)) return false;
-    for (int i = 0; i < 80; i++) {
-        double s = i % 3 == 2 ? 0.5 : y[0] / (y[0] - y[1]);
-        double next = side[0] + s * (side[1] - side[0]);
-        if (!(s > 0 && s < 1) || next == side[0] || next == side[1] || !shoot(a, next)) break;
-        int same = a->y * y[0] > 0 ? 0 : 1;
-        side[same] = next;
-        y[same] = a->y;
-        if (fabs(a->y) < 1e-13 * a->x) break;
-    }
-    *found = fabs(y[0]) < fabs(y[1]) ? side[0] : side[1];
-    return shoot(a, *found);
+    int32_t i = s->fan.triangle[s->fan.row[v]];
+    int k = i % 4;
+    return (dmk_point){i / 4, {k == 0, k == 1, k == 2}};
 }
 
-/* In the source's own triangles the path is one segment. */
-static bool is_beside(const dmk_chart *c, const dmk_point *to)
-{
-    for (int32_t i = 0; i < c->n_sectors; i++) {
-        if (c->sector[i].triangle == to->triangle) return true;
-    }
-    return false;
-}
-
-static int straight(dmk_context *ctx, const dmk_locus_input *in, const dmk_point *to,
-                    dmk_path *path)
+/* From the goal over the bends to the start. */
+static int follow(dmk_context *ctx, trail *t, const dmk_point *to)
 {
     int rc;
-    double a[3], b[3];
-    DMK_TRY(DMK_NEW(ctx, path->point, 2));
-    DMK_TRY(dmk_mesh_point_xyz(ctx, in->mesh, &in->source, a));
-    DMK_TRY(dmk_mesh_point_xyz(ctx, in->mesh, to, b));
-    path->point[0] = in->source;
-    path->point[1] = *to;
-    path->n = 2;
-    path->length = hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]);
+    const dmk_search *s = t->search;
+    dmk_reach r = s->end;
+    const dmk_point *inside = NULL;
+    for (int32_t k = 0; r.window >= 0 && s->goal.vertex < 0 && k < s->goal.n; k++) {
+        if (s->goal.in[k].triangle == s->window[r.window].half / 3) inside = s->goal.in + k;
+    }
+    DMK_TRY(append(ctx, t, s->goal.in[0]));
+    for (;;) {
+        if (r.window >= 0) {
+            double x, y;
+            end_of_window(s, r.window, inside, &x, &y);
+            DMK_TRY(follow_window(ctx, t, r.window, x, y));
+        }
+        inside = NULL;
+        if (r.bend < 0) break;
+        DMK_TRY(append(ctx, t, vertex_place(s, r.bend)));
+        r = s->reach[r.bend];
+    }
+    DMK_TRY(append(ctx, t, *to));
 done:
     return rc;
 }
 
-static int trace_one(dmk_context *ctx, const dmk_locus_input *in, const dmk_rays *r, dmk_ray *ray,
-                     const dmk_point *to, dmk_path *path)
+/* Direction from the source to the path's second point, which lies in one of its triangles: by the
+ * sector of the chart that sees it between its sides. */
+static double first_angle(const dmk_mesh *m, const dmk_chart *c, const double *from,
+                          const double *to)
+{
+    double best = -HUGE_VAL, angle = 0;
+    for (int32_t i = 0; i < c->n_sectors; i++) {
+        const dmk_chart_sector *s = c->sector + i;
+        double e[2][3], d[3], g[2][2] = {{0}}, b[2] = {0}, dd = 0;
+        for (int k = 0; k < 3; k++) {
+            d[k] = to[k] - from[k];
+            for (int j = 0; j < 2; j++) e[j][k] = m->xyz[3 * (size_t)s->vertex[j] + k] - from[k];
+            for (int j = 0; j < 2; j++) {
+                for (int l = 0; l < 2; l++) g[j][l] += e[j][k] * e[l][k];
+                b[j] += e[j][k] * d[k];
+            }
+            dd += d[k] * d[k];
+        }
+        /* d = p e0 + q e1 as nearly as may be: inside, and in the plane of the sector. */
+        double det = g[0][0] * g[1][1] - g[0][1] * g[0][1];
+        double p = (b[0] * g[1][1] - b[1] * g[0][1]) / det;
+        double q = (b[1] * g[0][0] - b[0] * g[0][1]) / det;
+        double off = dd - p * b[0] - q * b[1];
+        double good = fmin(0, fmin(p * s->radius[0], q * s->radius[1]) / sqrt(dd)) - fabs(off) / dd;
+        if (!(good > best)) continue;
+        double turn = s->angle[1] - s->angle[0];
+        best = good;
+        angle = s->angle[0] + atan2(q * s->radius[1] * sin(turn),
+                                    p * s->radius[0] + q * s->radius[1] * cos(turn));
+    }
+    return angle * (c->closed ? 2 * pi / c->total : 1);
+}
+
+/* Both ends in one triangle: a segment. */
+static bool is_beside(const dmk_search *s)
+{
+    for (int32_t i = 0; i < s->start.n; i++) {
+        for (int32_t k = 0; k < s->goal.n; k++) {
+            if (s->start.in[i].triangle == s->goal.in[k].triangle) return true;
+        }
+    }
+    return false;
+}
+
+static int trace_one(dmk_context *ctx, dmk_search *s, const dmk_chart *chart, const dmk_point *to,
+                     dmk_path *path)
 {
     int rc;
-    aim a = {.rays = r, .ray = ray, .to = to};
-    double step, angle = first_angle(r, to, &step);
-    if (is_beside(&r->chart, to)) return straight(ctx, in, to, path);
-    if (!hit(&a, angle, step, &angle)) {
-        return dmk_fail(
-            ctx, DMK_E_MESH,
-            "no straight path reaches triangle %lld: it lies in the shadow of a border or "
-            "of a saddle vertex",
-            (long long)to->triangle);
+    double from[3], next[3];
+    trail t = {.search = s, .path = path};
+    DMK_TRY(dmk_spot_set(ctx, s->mesh, s->across, &s->fan, to, &s->start));
+    if (is_beside(s)) {
+        DMK_TRY(append(ctx, &t, s->goal.in[0]));
+        DMK_TRY(append(ctx, &t, *to));
+    } else {
+        DMK_TRY(dmk_search_run(ctx, s));
+        if (s->end.distance == HUGE_VAL) {
+            rc = dmk_fail(ctx, DMK_E_MESH, "no path leads to triangle %lld",
+                          (long long)to->triangle);
+            goto done;
+        }
+        DMK_TRY(follow(ctx, &t, to));
     }
-    DMK_TRY(DMK_NEW(ctx, path->point, (size_t)ray->n + 2));
-    path->point[0] = in->source;
-    path->n = 1 + dmk_ray_crossings(r, angle, to->triangle, a.x, path->point + 1, (size_t)ray->n);
-    path->point[path->n++] = *to;
-    path->length = hypot(a.x, a.y);
-    path->angle = angle * (r->chart.closed ? 2 * pi / r->chart.total : 1);
+    DMK_TRY(dmk_mesh_point_xyz(ctx, s->mesh, &path->point[0], from));
+    DMK_TRY(dmk_mesh_point_xyz(ctx, s->mesh, &path->point[1], next));
+    if (path->length > 0) path->angle = first_angle(s->mesh, chart, from, next);
 done:
     return rc;
 }
@@ -153,20 +191,22 @@ int dmk_path_trace(dmk_context *ctx, const dmk_locus_input *in, size_t n_points,
                    const dmk_point *to, dmk_path *paths)
 {
     int rc;
-    dmk_rays rays = {0}, flat;
-    dmk_ray ray = {0};
+    int32_t *across = NULL;
+    dmk_search search = {0};
+    dmk_chart chart = {0};
     memset(paths, 0, n_points * sizeof *paths);
-    DMK_TRY(dmk_rays_create(ctx, in, &rays));
-    flat = rays;
-    flat.bend = NULL; /* the exact geodesics of the polyhedron */
+    DMK_TRY(dmk_find_across(ctx, in->mesh, &across));
+    DMK_TRY(dmk_chart_create(ctx, in->mesh, across, &in->source, &chart));
+    DMK_TRY(dmk_search_create(ctx, in, across, &search));
     for (size_t i = 0; i < n_points; i++) {
-        DMK_TRY(trace_one(ctx, in, &flat, &ray, &to[i], &paths[i]));
+        DMK_TRY(trace_one(ctx, &search, &chart, &to[i], &paths[i]));
     }
 done:
     for (size_t i = 0; rc != DMK_OK && i < n_points; i++)
         dmk_path_free(&paths[i]);
-    free(ray.pass);
-    dmk_rays_free(&rays);
+    dmk_search_free(&search);
+    dmk_chart_free(&chart);
+    free(across);
     return rc;
 }
 

@@ -1,11 +1,11 @@
-/* Minimal geodesics from the source to any points, traced exactly over the triangles. */
+/* Minimal geodesics from the source to any points: exact shortest paths of the polyhedron. */
 #ifndef DMK_LOCUS_PATH_H
 #define DMK_LOCUS_PATH_H
 
 #include "locus/locus.h"
 
-/* The paths to n_points points `to` on in->mesh; paths[i] is freed by dmk_path_free. DMK_E_MESH if
- * no straight path reaches a point (it lies in the shadow of a border or of a sharp saddle). */
+/* The paths to n_points points `to` on in->mesh; paths[i] is freed by dmk_path_free. in->distance
+ * tells where to look; as long as it is right to 2 % and 3 edges, no shorter path is overlooked. */
 int dmk_path_trace(dmk_context *ctx, const dmk_locus_input *in, size_t n_points,
                    const dmk_point *to, dmk_path *paths);
 

@@ -206,25 +206,3 @@ void dmk_rays_go_to(const dmk_rays *rays, const double xyz[3], dmk_point *place)
     for (int k = 0; k < 3; k++)
         w[k] /= sum;
 }
-
-size_t dmk_ray_crossings(const dmk_rays *rays, double angle, int64_t triangle, double distance,
-                         dmk_point *place, size_t capacity)
-{
-    walk k;
-    const dmk_chart_sector *s;
-    size_t n = 0;
-    begin(rays, angle, &k, &s);
-    while (k.half >= 0 && n < capacity) {
-        double part = k.ay / (k.ay - k.by), x = k.ax + part * (k.bx - k.ax);
-        int c = k.half % 3;
-        if (x >= distance) break;
-        place[n].triangle = k.half / 3;
-        place[n].weight[c] = 0;
-        place[n].weight[(c + 1) % 3] = 1 - part;
-        place[n].weight[(c + 2) % 3] = part;
-        if (place[n++].triangle == triangle) break;
-        enter(rays, &k);
-        leave(rays, &k);
-    }
-    return n;
-}

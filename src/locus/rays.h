@@ -74,9 +74,6 @@ int dmk_ray_shoot(const dmk_rays *rays, double angle, double slack, dmk_ray *ray
 bool dmk_ray_points(const dmk_rays *rays, double angle, int n, const double *distance,
                     dmk_point *place);
 
-/* Where a ray crosses edges, up to `distance` or into `triangle`. Returns how many. */
-size_t dmk_ray_crossings(const dmk_rays *rays, double angle, int64_t triangle, double distance,
-                         dmk_point *place, size_t capacity);
 /* Move `place` over the mesh to the point nearest to xyz, which is near already. */
 void dmk_rays_go_to(const dmk_rays *rays, const double xyz[3], dmk_point *place);
 
@@ -88,6 +85,8 @@ typedef struct dmk_hit {
 int dmk_fan_shoot(dmk_context *ctx, const dmk_rays *rays, dmk_hit **hit, size_t *n_hits);
 
 /* sheets.c */
+/* 3*n_triangles: the half-edge on the other side of each, -1 on a border; freed with free(). */
+int dmk_find_across(dmk_context *ctx, const dmk_mesh *mesh, int32_t **across);
 int dmk_rays_create(dmk_context *ctx, const dmk_locus_input *in, dmk_rays *rays);
 void dmk_rays_free(dmk_rays *rays);
 /* The shortest geodesic to v. */

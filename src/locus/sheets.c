@@ -14,7 +14,7 @@ static const double neighbour_width = 2.0, neighbour_step = 1.3;
 /* Radians: a larger difference of curvature between neighbours is a corner, not noise. */
 static const double rough = 0.5;
 
-static int find_across(dmk_context *ctx, const dmk_mesh *m, int32_t **across)
+int dmk_find_across(dmk_context *ctx, const dmk_mesh *m, int32_t **across)
 {
     int rc;
     int32_t *first = NULL;
@@ -176,7 +176,7 @@ int dmk_rays_create(dmk_context *ctx, const dmk_locus_input *in, dmk_rays *r)
     memset(r, 0, sizeof *r);
     r->mesh = in->mesh;
     r->distance = in->distance;
-    DMK_TRY(find_across(ctx, in->mesh, &r->across));
+    DMK_TRY(dmk_find_across(ctx, in->mesh, &r->across));
     DMK_TRY(find_sizes(ctx, r));
     DMK_TRY(find_bends(ctx, r));
     find_noise(r);
