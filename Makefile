@@ -69,7 +69,7 @@ TOOL := $B/dmkcl
 PC := $B/dmkcl.pc
 MAN := $B/dmkcl.1
 
-.PHONY: all tests test coverage demo bench bench-kernels bench-methods install uninstall clean help deps FORCE
+.PHONY: all tests test coverage pyenv demo bench bench-kernels bench-methods install uninstall clean help deps FORCE
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -140,6 +140,10 @@ coverage:
 	$(Q)find build/coverage/src -name '*.gcda' -exec gcov -n {} + 2> /dev/null | \
 	    awk -F"[':% ]+" '/^File/ { f = $$2 } /^Lines/ && f ~ /^src/ { print $$3 "% of", $$5, f; f = "" }' | \
 	    sort -n
+
+# The virtual environment of tests and pictures: see tests/pyenv.sh.
+pyenv: | $(PACKAGES)
+	$(Q)sh tests/pyenv.sh
 
 # ---- demo ------------------------------------------------------------------------------------
 
