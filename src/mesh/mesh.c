@@ -26,6 +26,13 @@ static void half_edge(const int32_t *tri, int32_t half, int32_t *from, int32_t *
     *to = c[(k + 2) % 3];
 }
 
+/* Give back what lies behind the first n numbers. */
+static void shrink(int32_t **array, size_t n)
+{
+    int32_t *smaller = realloc(*array, n * sizeof *smaller);
+    if (smaller) *array = smaller; /* else the longer one does as well */
+}
+
 /* Group the half-edges by their smaller end vertex, then match equal larger ends within each small
  * group: linear in the mesh's size. Edges are numbered by (smaller end, first half-edge). */
 static int build_edges(dmk_context *ctx, struct dmk_mesh *m)
@@ -82,8 +89,8 @@ static int build_edges(dmk_context *ctx, struct dmk_mesh *m)
         }
     }
     m->n_edges = n_edges;
-    m->edge_vertex = realloc(m->edge_vertex, 2 * (size_t)n_edges * sizeof *m->edge_vertex);
-    m->edge_triangle = realloc(m->edge_triangle, 2 * (size_t)n_edges * sizeof *m->edge_triangle);
+    shrink(&m->edge_vertex, 2 * (size_t)n_edges);
+    shrink(&m->edge_triangle, 2 * (size_t)n_edges);
     rc = DMK_OK;
 done:
     free(row);
