@@ -123,12 +123,19 @@ int dmk_cache_load(dmk_context *ctx, dmk_device *dev, const char *options, cl_pr
     return rc;
 }
 
+/* Under a name that nobody else has, then renamed: others see a whole file or none. */
 static int write_all(const char *path, const char *key, const char *binary, size_t size)
 {
     char temporary[700];
-    snprintf(temporary, sizeof temporary, "%s.%ld.tmp", path, (long)getpid());
-    FILE *f = fopen(temporary, "wb");
-    if (!f) return -1;
+    snprintf(temporary, sizeof temporary, "%s.XXXXXX", path);
+    int fd = mkstemp(temporary);
+    if (fd < 0) return -1;
+    FILE *f = fdopen(fd, "wb");
+    if (!f) {
+        close(fd);
+        remove(temporary);
+        return -1;
+    }
     uint64_t hash = 0xcbf29ce484222325ULL;
     for (size_t i = 0; i < size; i++) hash = (hash ^ (unsigned char)binary[i]) * 0x100000001b3ULL;
     int bad = fwrite(key, 1, strlen(key), f) != strlen(key) ||
