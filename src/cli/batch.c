@@ -151,7 +151,10 @@ static void solve_all(batch *b, solve_run *run)
         if (b->code == EXIT_OK) b->code = code;
         free_one(&one);
     }
-    if (cli_interrupted()) b->code = cli_exit_code(DMK_E_CANCELLED);
+    if (cli_interrupted()) {
+        b->code = cli_error(cli_exit_code(DMK_E_CANCELLED), "interrupted; %zu of %zu sources are left",
+                            b->n - b->n_solved - b->n_kept, b->n);
+    }
 }
 
 static void print_end(const batch *b, double begin)

@@ -30,7 +30,8 @@ static int cut_open(const cut_order *order, solve_run *run, dmk_mesh **cut)
     dmk_locus_options_init(&options);
     int rc = dmk_cut(run->context, run->mesh, run->result, &options, cut, NULL);
     for (int i = 0; i < order->out.n && rc == DMK_OK; i++) {
-        rc = dmk_mesh_write(run->context, *cut, order->out.path[i]);
+        rc = solve_go_on();
+        if (rc == DMK_OK) rc = dmk_mesh_write(run->context, *cut, order->out.path[i]);
     }
     cli_progress_end(&run->progress);
     return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);

@@ -40,7 +40,8 @@ static int trace(const path_order *order, solve_run *run, dmk_path *path)
     if (code != EXIT_OK) return code;
     rc = dmk_path_compute(run->context, run->mesh, run->result, 1, &end, path);
     for (int i = 0; i < order->out.n && rc == DMK_OK; i++) {
-        rc = dmk_path_write(run->context, run->mesh, path, order->out.path[i]);
+        rc = solve_go_on();
+        if (rc == DMK_OK) rc = dmk_path_write(run->context, run->mesh, path, order->out.path[i]);
     }
     cli_progress_end(&run->progress);
     return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);

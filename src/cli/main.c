@@ -1,8 +1,10 @@
 /* dmkcl: the tool. */
 #include "cli.h"
 
+#include <fcntl.h>
 #include <locale.h>
 #include <sched.h>
+#include <signal.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -68,8 +70,20 @@ static void pin_device_threads(void)
     setenv("POCL_AFFINITY", "1", 0);
 }
 
+/* A standard stream that the caller closed would lend its number to the next file opened, and messages
+ * would run into that. Something that cannot be used takes its place: using it fails as before. */
+static void fill_standard_streams(void)
+{
+    for (int fd = STDIN_FILENO; fd <= STDERR_FILENO; fd++) {
+        if (fcntl(fd, F_GETFD) >= 0) continue;
+        if (open("/dev/null", fd == STDIN_FILENO ? O_WRONLY : O_RDONLY) != fd) return;
+    }
+}
+
 int main(int argc, char **argv)
 {
+    fill_standard_streams();
+    signal(SIGXFSZ, SIG_IGN); /* a file that grows too long is an error of the write, told with its name */
     /* Decimal points whatever the user's language. The program never asks for another locale, but
      * an OpenCL driver might. */
     locale_t c = newlocale(LC_ALL_MASK, "C", (locale_t)0);

@@ -107,7 +107,9 @@ int cli_file_open(const char *path, cli_file *file)
 
 int cli_file_close(cli_file *file)
 {
-    const bool whole = !ferror(file->stream);
+    /* Some file systems cannot sync, and say so by these two. */
+    const bool whole = !ferror(file->stream) && fflush(file->stream) == 0 &&
+                       (fsync(fileno(file->stream)) == 0 || errno == EINVAL || errno == ENOTSUP);
     if (fclose(file->stream) == 0 && whole && rename(file->name, file->path) == 0) return EXIT_OK;
     const int error = errno;
     unlink(file->name);

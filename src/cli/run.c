@@ -61,6 +61,7 @@ int solve_fail(solve_run *run, int rc)
     const char *message = dmk_context_message(run->context);
     cli_progress_end(&run->progress);
     if (!*message) message = dmk_status_text(rc);
+    if (rc == DMK_E_CANCELLED) message = dmk_status_text(rc); /* not that of a source before */
     return cli_error(cli_exit_code(rc), "%s%s", run->where, message);
 }
 
@@ -133,23 +134,31 @@ int solve_compute(const solve_order *order, solve_run *run)
     dmk_locus_options_init(&options);
     rc = dmk_locus_compute(context, run->mesh, run->result, &options, &run->locus);
     run->seconds.locus = lap(&mark);
-    if (rc == DMK_OK && cli_interrupted()) rc = DMK_E_CANCELLED;
+    if (rc == DMK_OK) rc = solve_go_on();
     return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
+}
+
+int solve_go_on(void)
+{
+    return cli_interrupted() ? DMK_E_CANCELLED : DMK_OK;
 }
 
 /* Each file is written under another name first, so that it is whole or not there. */
 int solve_write(const solve_order *order, solve_run *run)
 {
-    int rc = DMK_OK, code = EXIT_OK;
+    int rc = solve_go_on(), code = EXIT_OK;
     double mark = cli_seconds();
     for (int i = 0; i < order->out.n && rc == DMK_OK; i++) {
         rc = dmk_result_write(run->context, run->mesh, run->result, order->out.path[i]);
+        if (rc == DMK_OK) rc = solve_go_on();
     }
     for (int i = 0; i < order->locus.n && rc == DMK_OK; i++) {
         rc = dmk_locus_write(run->context, run->locus, order->locus.path[i]);
+        if (rc == DMK_OK) rc = solve_go_on();
     }
     for (int i = 0; i < order->tangent.n && rc == DMK_OK && code == EXIT_OK; i++) {
         code = solve_tangent(run->locus, order->tangent.path[i]);
+        rc = solve_go_on();
     }
     run->seconds.write = lap(&mark);
     run->seconds.total = mark - run->seconds.begin;

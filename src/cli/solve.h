@@ -70,6 +70,8 @@ int solve_place(const solve_order *order, solve_run *run);
 int solve_compute(const solve_order *order, solve_run *run);
 int solve_write(const solve_order *order, solve_run *run);
 int solve_fail(solve_run *run, int rc);
+/* DMK_OK, or DMK_E_CANCELLED after Ctrl-C. */
+int solve_go_on(void);
 void solve_end(solve_run *run);
 
 /* ---- sources.c, batch.c: many sources ------------------------------------------------------- */

@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -12,6 +13,23 @@ static int fail_errno(dmk_context *ctx, const char *path, const char *what)
 {
     int code = errno == ENOMEM ? DMK_E_NOMEM : DMK_E_IO;
     return dmk_fail(ctx, code, "%s: %s: %s", path, what, strerror(errno));
+}
+
+/* A signal came while the system waited, for instance for the writer of a pipe: the caller may want to
+ * stop. */
+static int ask_to_go_on(dmk_context *ctx)
+{
+    return dmk_report(ctx, &(dmk_progress){.stage = "read", .change = NAN, .gap = NAN});
+}
+
+static int open_file(dmk_context *ctx, const char *path, int *fd)
+{
+    while ((*fd = open(path, O_RDONLY | O_CLOEXEC)) < 0) {
+        if (errno != EINTR) return fail_errno(ctx, path, "cannot open");
+        int rc = ask_to_go_on(ctx);
+        if (rc != DMK_OK) return rc;
+    }
+    return DMK_OK;
 }
 
 /* Read to the end of fd. A size known beforehand is one read; a pipe makes the buffer grow. */
@@ -29,7 +47,11 @@ static int read_all(dmk_context *ctx, int fd, size_t expected, dmk_file *file)
             file->data = bigger;
         }
         ssize_t n = read(fd, file->data + file->size, room - file->size);
-        if (n < 0 && errno == EINTR) continue;
+        if (n < 0 && errno == EINTR) {
+            int rc = ask_to_go_on(ctx);
+            if (rc != DMK_OK) return rc;
+            continue;
+        }
         if (n < 0) return fail_errno(ctx, file->path, "cannot read");
         if (n == 0) break;
         file->size += (size_t)n;
@@ -40,11 +62,11 @@ static int read_all(dmk_context *ctx, int fd, size_t expected, dmk_file *file)
 
 int dmk_file_load(dmk_context *ctx, const char *path, dmk_file *file)
 {
-    int rc;
+    int fd;
     struct stat st;
     *file = (dmk_file){.path = path};
-    int fd = open(path, O_RDONLY | O_CLOEXEC);
-    if (fd < 0) return fail_errno(ctx, path, "cannot open");
+    int rc = open_file(ctx, path, &fd);
+    if (rc != DMK_OK) return rc;
     if (fstat(fd, &st) != 0) {
         rc = fail_errno(ctx, path, "cannot open");
     } else if (S_ISDIR(st.st_mode)) {
