@@ -32,8 +32,11 @@ OPT_release := -O3 $(MARCH) -fno-math-errno
 OPT_debug := -O0 -g
 OPT_sanitize := -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
 OPT_coverage := -O0 -g --coverage
+# For tests/fuzz; with clang.
+OPT_fuzz := -O1 -g -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=all \
+    -fno-omit-frame-pointer
 ifeq ($(OPT_$(CONFIG)),)
-$(error CONFIG=$(CONFIG): expected release, debug, sanitize or coverage)
+$(error CONFIG=$(CONFIG): expected release, debug, sanitize, coverage or fuzz)
 endif
 
 WARN := -Wall -Wextra -Wpedantic -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wpointer-arith \
@@ -134,6 +137,43 @@ $B/tests/%: $B/tests/%.o $(TEST_LIB_OBJ) $(STATIC)
 test: $(TESTS) $(STATIC) $(SHARED) $(TOOL)
 	@sh tests/run.sh $B $(TESTS) $(TEST_SCRIPTS)
 
+# ---- fuzzing ---------------------------------------------------------------------------------
+
+FUZZERS := $(patsubst tests/fuzz/%.c,%,$(filter-out %/replay.c,$(wildcard tests/fuzz/*.c)))
+FUZZ_CLI_OBJ := $B/src/cli/sources.o $B/src/cli/exit.o
+
+# libFuzzer's main, or for any compiler the one of replay.c.
+$B/fuzz/%: $B/tests/fuzz/%.o $(FUZZ_CLI_OBJ) $(STATIC)
+	@mkdir -p $(@D)
+	$(call say,LD,$@)
+	$(Q)$(CC) $(subst fuzzer-no-link,fuzzer,$(LINK)) $^ -o $@ $(LDLIBS)
+$B/replay/%: $B/tests/fuzz/%.o $B/tests/fuzz/replay.o $(FUZZ_CLI_OBJ) $(STATIC)
+	@mkdir -p $(@D)
+	$(call say,LD,$@)
+	$(Q)$(CC) $(LINK) $^ -o $@ $(LDLIBS)
+fuzzers: $(FUZZERS:%=$B/fuzz/%)
+replayers: $(FUZZERS:%=$B/replay/%)
+
+# FUZZ_SECONDS for each driver; what is found and what was learned stays in build/fuzz/found, .../learned.
+FUZZ_SECONDS ?= 60
+fuzz:
+	$(Q)$(MAKE) --no-print-directory CONFIG=fuzz CC=clang fuzzers
+	$(Q)sh tests/fuzz/run.sh build/fuzz $(FUZZ_SECONDS) $(FUZZERS)
+
+# ---- faults ----------------------------------------------------------------------------------
+
+# The library's and the tool's calls for memory, files and OpenCL come to tests/faults/wrap.c first.
+WRAP_OBJ := $B/tests/faults/wrap.o
+WRAP = $$(nm $(WRAP_OBJ) | sed -n 's/.* T __wrap_\(.*\)/-Wl,--wrap=\1/p')
+$B/faults/library: $B/tests/faults/library.o $(WRAP_OBJ) $(STATIC)
+	@mkdir -p $(@D)
+	$(call say,LD,$@)
+	$(Q)$(CC) $(LINK) $^ $(WRAP) -o $@ $(LDLIBS)
+$B/faults/dmkcl: $(CLI_OBJ) $(WRAP_OBJ) $(STATIC)
+	@mkdir -p $(@D)
+	$(call say,LD,$@)
+	$(Q)$(CC) $(LINK) $^ $(WRAP) -o $@ $(LDLIBS)
+
 # Share of the lines of src/ that the tests run, file by file, the least covered first.
 coverage:
 	$(Q)$(MAKE) -s CONFIG=coverage test
@@ -214,6 +254,7 @@ clean:
 help:
 	@echo 'make            library, tool and test programs, in build/$$(CONFIG)'
 	@echo 'make test       run all tests; the last line counts them'
+	@echo 'make fuzz       fuzz all readers with clang; FUZZ_SECONDS=60 for each of the drivers'
 	@echo 'make coverage   how much of the sources the tests run, by file'
 	@echo 'make demo       solve the torus of the paper; files in build/demo'
 	@echo 'make bench      whole runs beside peers from PyPI; BENCH=quick|usual|full'
@@ -222,9 +263,11 @@ help:
 	@echo 'make install    tool, libraries, header, dmkcl.pc, manual; uninstall takes them away'
 	@echo 'make clean      remove build/'
 	@echo
-	@echo 'CONFIG=release|debug|sanitize|coverage   flags, and the folder build/$$(CONFIG)'
+	@echo 'CONFIG=release|debug|sanitize|coverage|fuzz   flags, and the folder build/$$(CONFIG)'
 	@echo 'PREFIX=/usr/local  DESTDIR=              where to install'
 	@echo 'ARCH=native        the -march of gcc; for other machines ARCH=x86-64-v3, or ARCH= for any'
 	@echo 'CC=gcc  CFLAGS=  LDFLAGS=  V=1           compiler, flags to add, show commands'
 
--include $(LIB_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_OBJ:.o=.d) $(TEST_LIB_OBJ:.o=.d) $B/bench/kernels.d
+-include $(LIB_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_OBJ:.o=.d) $(TEST_LIB_OBJ:.o=.d) $B/bench/kernels.d \
+    $(FUZZERS:%=$B/tests/fuzz/%.d) $B/tests/fuzz/replay.d \
+    $B/tests/faults/wrap.d $B/tests/faults/library.d

@@ -1,0 +1,38 @@
+#!/bin/sh
+# Run fuzzing drivers one after another and count: `make fuzz`.
+# usage: run.sh BUILD_FOLDER SECONDS DRIVER...
+# Inputs that reach new code are kept in BUILD_FOLDER/learned and begun with the next time; an input that
+# breaks a promise is kept in BUILD_FOLDER/found. The last line gives the number of executions and of
+# drivers that found something.
+set -u
+build=$1 seconds=$2
+shift 2
+export ASAN_OPTIONS="max_allocation_size_mb=512:allocator_may_return_null=0:detect_leaks=1"
+export UBSAN_OPTIONS=print_stacktrace=1
+mkdir -p "$build/found"
+
+tried=0 failed=0
+for name; do
+    learned=$build/learned/$name log=$build/$name.log
+    mkdir -p "$learned"
+    longest=4096 words= quiet=0
+    case $name in number) longest=400 ;; surface) longest=140 ;; esac
+    case $name in sources) quiet=2 ;; esac # its errors go to the standard error
+    if [ -e "tests/fuzz/$name.dict" ]; then words=-dict=tests/fuzz/$name.dict; fi
+    "$build/fuzz/$name" -max_total_time="$seconds" -max_len=$longest -timeout=10 -rss_limit_mb=2048 \
+        -print_final_stats=1 -close_fd_mask=$quiet -artifact_prefix="$build/found/$name-" $words \
+        "$learned" "tests/fuzz/corpus/$name" > "$log" 2>&1
+    status=$?
+    n=$(sed -n 's/^stat::number_of_executed_units: *//p' "$log")
+    tried=$((tried + ${n:-0}))
+    printf '%-10s %10s executions in %s s' "$name" "${n:-0}" "$seconds"
+    if [ "$status" -ne 0 ]; then
+        failed=$((failed + 1))
+        printf ', FAILED: see %s\n' "$log"
+        grep -E 'broken promise|SUMMARY|runtime error|Test unit written' "$log" | sed 's/^/    /'
+    else
+        echo ', nothing found'
+    fi
+done
+echo "# tried $tried: failed $failed"
+[ "$failed" -eq 0 ]
