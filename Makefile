@@ -134,11 +134,12 @@ $B/tests/%: $B/tests/%.o $(TEST_LIB_OBJ) $(STATIC)
 	$(call say,LD,$@)
 	$(Q)$(CC) $(LINK) $^ -o $@ -lcmocka $(LDLIBS)
 
-test: $(TESTS) $(STATIC) $(SHARED) $(TOOL)
+test: $(TESTS) $(STATIC) $(SHARED) $(TOOL) $B/faults/library $B/faults/dmkcl
 	@sh tests/run.sh $B $(TESTS) $(TEST_SCRIPTS)
 
 # ---- fuzzing ---------------------------------------------------------------------------------
 
+.PHONY: fuzz fuzzers replayers faults
 FUZZERS := $(patsubst tests/fuzz/%.c,%,$(filter-out %/replay.c,$(wildcard tests/fuzz/*.c)))
 FUZZ_CLI_OBJ := $B/src/cli/sources.o $B/src/cli/exit.o
 
@@ -173,6 +174,13 @@ $B/faults/dmkcl: $(CLI_OBJ) $(WRAP_OBJ) $(STATIC)
 	@mkdir -p $(@D)
 	$(call say,LD,$@)
 	$(Q)$(CC) $(LINK) $^ $(WRAP) -o $@ $(LDLIBS)
+
+# Each call of the library in turn (FAULT_STRIDE=1), and FAULT_RUNS of the tool for each command and kind.
+FAULT_STRIDE ?= 1
+FAULT_RUNS ?= 20
+faults: $B/faults/library $B/faults/dmkcl
+	$(Q)$B/faults/library $(FAULT_STRIDE)
+	$(Q)bash tests/faults/tool.sh $B $(FAULT_RUNS)
 
 # Share of the lines of src/ that the tests run, file by file, the least covered first.
 coverage:
@@ -255,6 +263,7 @@ help:
 	@echo 'make            library, tool and test programs, in build/$$(CONFIG)'
 	@echo 'make test       run all tests; the last line counts them'
 	@echo 'make fuzz       fuzz all readers with clang; FUZZ_SECONDS=60 for each of the drivers'
+	@echo 'make faults     memory, files, OpenCL and signals fail in turn; FAULT_STRIDE=1 FAULT_RUNS=20'
 	@echo 'make coverage   how much of the sources the tests run, by file'
 	@echo 'make demo       solve the torus of the paper; files in build/demo'
 	@echo 'make bench      whole runs beside peers from PyPI; BENCH=quick|usual|full'

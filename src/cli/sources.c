@@ -77,8 +77,9 @@ static int read_lines(FILE *file, const char *path, solve_source **list, size_t 
                              (long long)number, text);
         }
     }
-    if (code == EXIT_OK && ferror(file)) {
-        code = cli_error(EXIT_IO, "cannot read '%s': %s", path, strerror(errno));
+    if (code == EXIT_OK && !feof(file)) { /* out of memory for a line is no error of the file */
+        code = cli_error(errno == ENOMEM ? EXIT_MEMORY : EXIT_IO, "cannot read '%s': %s", path,
+                         strerror(errno));
     }
     free(line);
     return code;

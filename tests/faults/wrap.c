@@ -145,10 +145,6 @@ WRAP(int, hwloc_topology_init, hwloc_topology_t *t)
     if (rc == 0) got();
     return rc;
 }
-WRAP(int, hwloc_topology_load, hwloc_topology_t t)
-{
-    return fails(FAULT_MEMORY) ? -1 : __real_hwloc_topology_load(t);
-}
 WRAP(void, hwloc_topology_destroy, hwloc_topology_t t)
 {
     gave();

@@ -1,0 +1,72 @@
+# Calls that fail, signals, full disks: a sample of what `make faults` tries one by one.
+. tests/tap.sh
+
+# counted NAME COMMAND...: the last line says that nothing failed of what was tried.
+counted() {
+    local name=$1
+    shift
+    "$@" > "$work/counted" 2>&1
+    check "$name" grep -E '^# tried [1-9][0-9]*: failed 0$' "$work/counted"
+    grep -q ': failed 0$' "$work/counted" || sed 's/^/# /' "$work/counted"
+}
+counted 'the library when calls fail' "$DMKCL_BUILD/faults/library" 40
+counted 'the tool when calls fail or signals come' bash tests/faults/tool.sh "$DMKCL_BUILD" 1
+
+# No OpenCL call, and no other that can fail, goes around the wrapped ones.
+check 'every OpenCL call of the library is tried' sh -c '
+    nm "$1/libdmkcl.a" | sed -n "s/^ *U \(cl[A-Z].*\)/\1/p" | sort -u > "$2/used"
+    nm "$1/tests/faults/wrap.o" | sed -n "s/.* T __wrap_//p" | sort -u > "$2/wrapped"
+    test -s "$2/used" && test -z "$(comm -23 "$2/used" "$2/wrapped")"' - "$DMKCL_BUILD" "$work"
+
+torus=$work/torus.off
+"$tool" mesh torus --source 3,0,0 --triangles 2000 --out "$torus" > "$work/said_out"
+mkdir "$work/files"
+empty() { test -z "$(ls -A "$1")" || { ls -A "$1"; return 1; }; }
+
+# ---- no room ----------------------------------------------------------------------------------
+
+large=$work/large.off
+"$tool" mesh torus --source 3,0,0 --triangles 40000 --out "$large" > "$work/said_out"
+full() ( # a file may not grow beyond 1 MiB: enough for what PoCL writes
+    ulimit -f 1024
+    "$@"
+)
+"$tool" solve "$large" --vertex 0 --quiet
+fails 'a file that may not grow so long' 2 'a.vtp: cannot write: File too large' \
+    full "$tool" solve "$large" --vertex 0 --quiet --out "$work/files/a.vtp"
+check 'leaves nothing' empty "$work/files"
+said_full() { "$tool" "$@" > /dev/full 2> "$work/err"; test $? -eq 2 && grep -q 'No space left' "$work/err"; }
+check 'a full standard output of solve' said_full solve "$torus" --vertex 0
+check 'of its report' said_full solve "$torus" --vertex 0 --json
+check 'of devices' said_full devices
+check 'of info' said_full info "$torus"
+
+# ---- closed standard streams: their numbers are not lent to files -----------------------------
+
+"$tool" solve "$torus" --vertex 0 --quiet --out "$work/files/ref.vtp"
+"$tool" solve "$torus" --vertex 0 --verbose --out "$work/files/a.vtp" < /dev/null >&- 2>&-
+check 'closed standard output is an error' test $? -eq 2
+check 'and the files are as ever' cmp "$work/files/a.vtp" "$work/files/ref.vtp"
+"$tool" solve "$torus" --vertex 0 --quiet --out "$work/files/a.vtp" <&- >&- 2>&-
+check 'with all three closed too' cmp "$work/files/a.vtp" "$work/files/ref.vtp"
+rm "$work/files"/*
+
+# ---- waiting for the writer of a pipe ---------------------------------------------------------
+
+waits() { # SIGNAL: the tool waits at the pipe and is ended by one signal, at once
+    local pid status
+    "$tool" solve "$work/pipe" --vertex 0 2> "$work/err" &
+    pid=$!
+    sleep 0.7
+    kill "-$1" "$pid"
+    (sleep 5 && kill -9 "$pid") 2> /dev/null &
+    wait "$pid"
+    status=$?
+    kill $! 2> /dev/null
+    test "$status" -eq 130 || { echo "status $status"; cat "$work/err"; return 1; }
+}
+mkfifo "$work/pipe"
+check 'a pipe that nobody opens' waits TERM
+sleep 4 > "$work/pipe" &
+check 'a pipe that nobody writes to' waits TERM
+tap_end
