@@ -1,0 +1,35 @@
+"""What cffi is told: the declarations of the real header, and how to link the static library."""
+import os
+import re
+from pathlib import Path
+
+from cffi import FFI
+
+ROOT = Path(os.environ["DMKCL_ROOT"])
+BUILD = Path(os.environ["DMKCL_OBJECTS"])
+
+
+def declarations(text):
+    """The header as cffi reads it: no comments, no preprocessor but `#define NAME NUMBER`."""
+    text = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
+    text = re.sub(r"#ifdef __cplusplus.*?#endif", "", text, flags=re.DOTALL)
+    lines = [line for line in text.splitlines()
+             if not line.startswith("#") or re.fullmatch(r"#define \w+ \d+\s*", line)]
+    return "\n".join(lines)
+
+
+ffi = FFI()
+ffi.cdef(declarations((ROOT / "include/dmkcl.h").read_text()))
+ffi.cdef("""
+    extern "Python" int dmkcl_python_progress(const dmk_progress *progress, void *user);
+    void free(void *memory);
+""")
+ffi.set_source(
+    "dmkcl._dmkcl",
+    '#include "dmkcl.h"\n#include <stdlib.h>\n',
+    include_dirs=[str(ROOT / "include")],
+    extra_objects=[str(BUILD / "libdmkcl.a")],
+    libraries=["OpenCL", "hwloc", "z", "pthread", "m"],
+    # The library's own symbols stay inside: another libdmkcl in the process does no harm.
+    extra_link_args=["-Wl,--exclude-libs,ALL", "-Wl,--as-needed"],
+)

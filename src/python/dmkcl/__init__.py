@@ -1,0 +1,27 @@
+"""The cut locus of a point on a triangulated surface, by optimal transport, on OpenCL.
+
+>>> import dmkcl
+>>> result = dmkcl.CutLocus(dmkcl.surfaces.torus()).solve(point=(3, 0, 0))
+>>> result.density.shape, result.distance.shape, result.locus.loops
+((5424,), (2712,), 2)
+>>> result.export_html("torus.html")
+"""
+from . import surfaces
+from ._device import devices
+from ._lib import (ArgumentError, DeviceError, DivergedError, Error, FileError, FormatError, MeshError,
+                   OutOfMemoryError, StepLimitError, version)
+from ._locus import Locus
+from ._mesh import Mesh, Point
+from ._progress import Progress
+from ._read import read
+from ._result import Certificate, Cut, Path, Result, Tangent
+from ._solver import CutLocus, cut_open, distance, shortest_path
+
+__version__ = version()
+
+__all__ = [
+    "ArgumentError", "Certificate", "Cut", "CutLocus", "DeviceError", "DivergedError", "Error",
+    "FileError", "FormatError", "Locus", "Mesh", "MeshError", "OutOfMemoryError", "Path", "Point",
+    "Progress", "Result", "StepLimitError", "Tangent", "cut_open", "devices", "distance", "read",
+    "shortest_path", "surfaces", "version",
+]

@@ -1,0 +1,56 @@
+"""OpenCL devices, opened once for each choice and shared by all that ask for the same."""
+from __future__ import annotations
+
+import os
+import threading
+from functools import lru_cache
+from typing import Any, Optional, Union
+
+from ._lib import Context, Handle, copy_struct, ffi, lib, path_bytes
+
+
+def devices() -> "list[dict[str, Any]]":
+    """The OpenCL devices: name, platform, driver, type ("CPU", "GPU", ...), compute_units, fp64,
+    memory in bytes. The position in the list is the number that `device=` takes."""
+    count = ffi.new("size_t *")
+    with Context() as context:
+        context.check(lib.dmk_device_list(context.pointer, ffi.NULL, 0, count))
+        infos = ffi.new("dmk_device_info[]", max(1, count[0]))
+        context.check(lib.dmk_device_list(context.pointer, infos, count[0], count))
+    return [copy_struct(infos[i]) for i in range(count[0])]
+
+
+class Device:
+    """An open device; one thread at a time launches work on it."""
+
+    def __init__(self, select: Optional[str], single: bool, threads: int, cache: Optional[bytes]):
+        names = [ffi.NULL if name is None else ffi.new("char[]", name)
+                 for name in (None if select is None else select.encode(), cache)]
+        options = ffi.new("dmk_device_options *")
+        lib.dmk_device_options_init(options)
+        options.select, options.cache = names
+        options.single_precision = single
+        options.threads = threads
+        self.handle = Handle("dmk_device")
+        self.lock = threading.Lock()
+        with Context() as context:
+            context.check(lib.dmk_device_open(context.pointer, options, self.handle.box))
+
+    @property
+    def info(self) -> "dict[str, Any]":
+        info = ffi.new("dmk_device_info *")
+        lib.dmk_device_get_info(self.handle.pointer, info)
+        return copy_struct(info[0])
+
+
+_opening = threading.Lock()
+_open = lru_cache(maxsize=8)(Device)
+
+
+def open_device(device: Union[None, int, str], single: bool, threads: int,
+                cache: "Union[None, str, os.PathLike[str]]") -> Device:
+    """The device for these options (see CutLocus). DeviceError if there is none."""
+    select = None if device is None else str(device)
+    folder = None if cache is None else path_bytes(cache)
+    with _opening:
+        return _open(select, bool(single), int(threads), folder)

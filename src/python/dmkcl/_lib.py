@@ -1,0 +1,187 @@
+"""The C library: handles, contexts, errors, views on its arrays."""
+from __future__ import annotations
+
+import os
+from functools import partial
+from typing import Any, Callable, Optional
+
+import numpy as np
+
+from ._dmkcl import ffi, lib
+
+
+class Error(Exception):
+    """Something the library refused or could not do; the text says what and the way out.
+
+    All errors of this package that are not Python's own kinds are of this class. ``code`` is the
+    library's status (``DMK_E_...`` of dmkcl.h), 0 where Python found the error.
+    """
+
+    code: int = 0
+
+
+class ArgumentError(Error, ValueError):
+    """An argument is out of its range."""
+
+
+class FileError(Error, OSError):
+    """A file cannot be opened, read or written."""
+
+    def __str__(self) -> str:  # OSError would join the arguments in its own way
+        return str(self.args[0]) if self.args else ""
+
+
+class FormatError(Error, ValueError):
+    """A file is not what it says it is, or nothing here reads it."""
+
+
+class MeshError(Error, ValueError):
+    """The mesh is not a surface this method can treat; the text names the first offender."""
+
+
+class DeviceError(Error, RuntimeError):
+    """No OpenCL device, or it failed, or a kernel did not compile."""
+
+
+class DivergedError(Error, ArithmeticError):
+    """The iteration diverged; there is no result."""
+
+
+class StepLimitError(Error, ArithmeticError):
+    """The step limit was reached before the tolerance; there is no result."""
+
+
+class OutOfMemoryError(Error, MemoryError):
+    """Out of memory on the host or the device."""
+
+
+_CLASSES = {
+    lib.DMK_E_ARG: ArgumentError,
+    lib.DMK_E_NOMEM: OutOfMemoryError,
+    lib.DMK_E_IO: FileError,
+    lib.DMK_E_FORMAT: FormatError,
+    lib.DMK_E_MESH: MeshError,
+    lib.DMK_E_DEVICE: DeviceError,
+    lib.DMK_E_BUILD: DeviceError,
+    lib.DMK_E_DIVERGED: DivergedError,
+    lib.DMK_E_LIMIT: StepLimitError,
+}
+
+
+def text(chars: Any) -> str:
+    """A C string; names of files and devices may hold any bytes."""
+    return ffi.string(chars).decode("utf-8", "surrogateescape")
+
+
+def path_bytes(path: "os.PathLike[str] | str") -> bytes:
+    return os.fsencode(path)
+
+
+# ---- handles ----------------------------------------------------------------------------------
+
+
+def _destroy(destroy: Callable[[Any], None], keep: tuple, box: Any) -> None:
+    destroy(box)
+
+
+class Handle:
+    """An object of the library, destroyed with its last reference; ``keep`` must outlive it."""
+
+    __slots__ = ("box",)
+
+    def __init__(self, type_name: str, *keep: Any):
+        # Owned before the call that fills it: an interruption in between loses nothing.
+        destroy = getattr(lib, type_name + "_destroy")
+        self.box = ffi.gc(ffi.new(type_name + " **"), partial(_destroy, destroy, keep))
+
+    @property
+    def pointer(self) -> Any:
+        return self.box[0]
+
+
+def _hold(owner: Any, pointer: Any) -> None:
+    """Does nothing; as a destructor it makes the pointer hold its owner."""
+
+
+def view(owner: Any, pointer: Any, shape: "tuple[int, ...] | int", dtype: Any) -> np.ndarray:
+    """A read-only array on memory of the library, which lives as long as the array."""
+    dtype = np.dtype(dtype)
+    shape = shape if isinstance(shape, tuple) else (shape,)
+    count = int(np.prod(shape))
+    if count == 0:
+        return np.zeros(shape, dtype)
+    held = ffi.gc(pointer, partial(_hold, owner))
+    array = np.frombuffer(ffi.buffer(held, count * dtype.itemsize), dtype).reshape(shape)
+    array.flags.writeable = False
+    return array
+
+
+def copy_struct(struct: Any) -> "dict[str, Any]":
+    """The plain fields of a C struct by name; char arrays as text, other arrays as tuples."""
+    fields = {}
+    for name, field in ffi.typeof(struct).fields:
+        value = getattr(struct, name)
+        if field.type.kind == "array":
+            is_text = field.type.item.cname == "char"
+            value = text(value) if is_text else tuple(value)
+        fields[name] = value
+    return fields
+
+
+# ---- contexts: errors and progress ------------------------------------------------------------
+
+
+@ffi.def_extern(error=1, onerror=lambda kind, value, trace: None)
+def dmkcl_python_progress(progress: Any, user: Any) -> int:
+    """Called between steps, with the GIL: the place where Ctrl-C and exceptions end a call."""
+    context = ffi.from_handle(user)
+    try:
+        context.report(progress)
+    except BaseException as error:
+        context.error = error
+        return 1
+    return 0
+
+
+class Context:
+    """The library's error record for one call (contexts belong to one thread at a time).
+
+    ``report`` is called with each dmk_progress; what it raises ends the running call.
+    """
+
+    def __init__(self, report: Optional[Callable[[Any], None]] = None):
+        self.error: Optional[BaseException] = None
+        self.report = report or (lambda progress: None)
+        self._handle = Handle("dmk_context")
+        if lib.dmk_context_create(self._handle.box) != lib.DMK_OK:
+            raise OutOfMemoryError("out of memory")
+        self.pointer = self._handle.pointer
+        self._user = ffi.new_handle(self)
+        lib.dmk_context_set_progress(self.pointer, lib.dmkcl_python_progress, self._user)
+
+    def close(self) -> None:
+        """Break the ring of references between the context and its handle."""
+        lib.dmk_context_set_progress(self.pointer, ffi.NULL, ffi.NULL)
+        self._user = None
+
+    def __enter__(self) -> "Context":
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self.close()
+
+    def check(self, status: int) -> None:
+        """Raise what the status says, with the library's message."""
+        if status == lib.DMK_OK:
+            return
+        if status == lib.DMK_E_CANCELLED:
+            raise self.error if self.error is not None else KeyboardInterrupt()
+        message = text(lib.dmk_context_message(self.pointer)) or text(lib.dmk_status_text(status))
+        error = _CLASSES.get(status, Error)(message)
+        error.code = status
+        raise error
+
+
+def version() -> str:
+    """Version of the library, for instance "0.1.0"."""
+    return text(lib.dmk_version())

@@ -1,0 +1,125 @@
+"""The cut locus as a graph of lines."""
+from __future__ import annotations
+
+import os
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._lib import Context, Handle, copy_struct, ffi, lib, path_bytes
+from ._mesh import Mesh
+
+
+def _dtype(name: str, formats: "dict[str, Any]") -> np.dtype:
+    """Chosen fields of a C struct, at the offsets that the compiler gave them."""
+    return np.dtype({"names": list(formats), "formats": list(formats.values()),
+                     "offsets": [ffi.offsetof(name, *field.split(".")) for field in formats],
+                     "itemsize": ffi.sizeof(name)})
+
+
+_VERTEX = _dtype("dmk_locus_vertex", {
+    "xyz": ("f8", 3), "place.triangle": "i8", "place.weight": ("f8", 3), "distance": "f8",
+    "mu": "f8", "strength": "f8", "angle": ("f8", 2), "kind": "i4", "degree": "i4"})
+_EDGE = _dtype("dmk_locus_edge", {"vertex": ("i4", 2), "strength": "f8"})
+
+
+def _copy(pointer: Any, n: int, dtype: np.dtype) -> NDArray[Any]:
+    if n == 0:
+        return np.zeros(0, dtype)
+    return np.frombuffer(ffi.buffer(pointer, n * dtype.itemsize), dtype)
+
+
+class Locus:
+    """The cut locus: k vertices on the surface, joined by edges.
+
+    Attributes
+    ----------
+    vertices : (k, 3) places, in the unit of the coordinates
+    edges : (j, 2) vertices of each edge
+    edge_strength : (j,) strength of each edge, in the unit of `strength`
+    polylines : list of arrays of vertex numbers, the lines between branch points and ends
+    strength : (k,) angle at the source between the minimal geodesics that meet here, radians
+    angle : (k, 2) directions at the source of the two outermost of them, radians
+    distance : (k,) to the source
+    mu : (k,) density of the triangle the vertex lies in
+    faces, bary : (k,), (k, 3) the triangle it lies in, and the weights of its corners
+    degree : (k,) number of edges
+    kind : (k,) 0 ordinary, 1 end, 2 branch point, 3 the whole locus is this point
+    length : total length
+    loops, components, endpoints, branch_points : counts; loops is the first Betti number
+    """
+
+    def __init__(self, mesh: Mesh, result: Handle, prune: float = 0):
+        options = ffi.new("dmk_locus_options *")
+        lib.dmk_locus_options_init(options)
+        options.strength = prune
+        self._handle = Handle("dmk_locus")
+        with Context() as context:
+            context.check(lib.dmk_locus_compute(context.pointer, mesh._pointer, result.pointer,
+                                                options, self._handle.box))
+        self._read_info()
+        self._read_vertices()
+        self._read_edges()
+
+    def _read_info(self) -> None:
+        info = ffi.new("dmk_locus_info *")
+        lib.dmk_locus_get_info(self._handle.pointer, info)
+        fields = copy_struct(info[0])
+        self.length: float = fields["length"]
+        self.loops: int = fields["loops"]
+        self.components: int = fields["components"]
+        self.endpoints: int = fields["endpoints"]
+        self.branch_points: int = fields["branch_points"]
+
+    def _read_vertices(self) -> None:
+        n = ffi.new("size_t *")
+        pointer = lib.dmk_locus_vertices(self._handle.pointer, n)
+        raw = _copy(pointer, n[0], _VERTEX)
+        self.vertices: NDArray[np.float64] = raw["xyz"].copy()
+        self.faces: NDArray[np.int64] = raw["place.triangle"].copy()
+        self.bary: NDArray[np.float64] = raw["place.weight"].copy()
+        self.distance: NDArray[np.float64] = raw["distance"].copy()
+        self.mu: NDArray[np.float64] = raw["mu"].copy()
+        self.strength: NDArray[np.float64] = raw["strength"].copy()
+        self.angle: NDArray[np.float64] = raw["angle"].copy()
+        self.kind: NDArray[np.int32] = raw["kind"].copy()
+        self.degree: NDArray[np.int32] = raw["degree"].copy()
+
+    def _read_edges(self) -> None:
+        n = ffi.new("size_t *")
+        pointer = lib.dmk_locus_edges(self._handle.pointer, n)
+        raw = _copy(pointer, n[0], _EDGE)
+        self.edges: NDArray[np.int32] = raw["vertex"].copy()
+        self.edge_strength: NDArray[np.float64] = raw["strength"].copy()
+
+    @cached_property
+    def polylines(self) -> "list[NDArray[np.int32]]":
+        n, offset = ffi.new("size_t *"), ffi.new("int32_t **")
+        index = lib.dmk_locus_polylines(self._handle.pointer, offset, n)
+        if n[0] == 0:
+            return []
+        offsets = _copy(offset[0], n[0] + 1, np.dtype(np.int32))
+        indices = _copy(index, int(offsets[-1]), np.dtype(np.int32))
+        return [indices[a:b].copy() for a, b in zip(offsets[:-1], offsets[1:])]
+
+    def __repr__(self) -> str:
+        return (f"<dmkcl.Locus: length {self.length:.6g}, {self.components} components, {self.loops} "
+                f"loops, {self.endpoints} ends, {self.branch_points} branch points>")
+
+    def write(self, path: "os.PathLike[str] | str") -> None:
+        """Write as OBJ with l lines, VTP with point data, or CSV, by the suffix."""
+        with Context() as context:
+            context.check(lib.dmk_locus_write(context.pointer, self._handle.pointer, path_bytes(path)))
+
+    def to_pyvista(self) -> Any:
+        """A pyvista.PolyData of lines (one vertex for a locus that is a point), with the point
+        arrays distance, mu, strength and kind."""
+        import pyvista
+
+        lines = [np.concatenate([[len(line)], line]) for line in self.polylines if len(line) > 1]
+        data = pyvista.PolyData(self.vertices, lines=np.concatenate(lines) if lines else None)
+        for name in ("distance", "mu", "strength", "kind"):
+            data.point_data[name] = getattr(self, name)
+        return data

@@ -1,0 +1,272 @@
+"""Meshes: arrays to the library and back, and what other packages call a mesh."""
+from __future__ import annotations
+
+import os
+from functools import cached_property
+from typing import Any, Iterator, NamedTuple, Optional, Sequence, Union
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ._lib import ArgumentError, Context, Handle, MeshError, copy_struct, ffi, lib, path_bytes, view
+
+
+class Point(NamedTuple):
+    """A point of a surface: weights on the corners of a triangle.
+
+    face: number of the triangle; bary: its three weights (>= 0, sum 1); xyz: the place in space.
+    """
+
+    face: int
+    bary: "tuple[float, float, float]"
+    xyz: "tuple[float, float, float]"
+
+
+def _vertex_array(vertices: ArrayLike) -> NDArray[np.float64]:
+    xyz = np.ascontiguousarray(vertices, dtype=np.float64)
+    if xyz.ndim != 2 or xyz.shape[1] not in (2, 3):
+        raise ArgumentError(f"vertices have the shape {xyz.shape}; expected (n, 3), or (n, 2) for a "
+                            "plane surface")
+    if xyz.shape[1] == 2:
+        xyz = np.column_stack([xyz, np.zeros(len(xyz))])
+    return xyz
+
+
+def _face_array(faces: ArrayLike, n_vertices: int) -> NDArray[np.int32]:
+    index = np.asarray(faces)
+    if index.ndim != 2 or index.shape[1] != 3:
+        raise ArgumentError(f"faces have the shape {index.shape}; expected (m, 3): triangles only")
+    if index.dtype.kind not in "iu":
+        raise ArgumentError(f"faces are of type {index.dtype}; expected integers")
+    outside = np.flatnonzero(((index < 0) | (index >= n_vertices)).any(axis=1))
+    if outside.size:
+        row = outside[0]
+        raise MeshError(f"triangle {row} names the vertices {index[row].tolist()}, but there are "
+                        f"{n_vertices} vertices, counted from 0")
+    return np.ascontiguousarray(index, dtype=np.int32)
+
+
+class Mesh:
+    """A triangulated surface, checked: borders, several components and unused vertices are fine.
+
+    Parameters
+    ----------
+    vertices : (n, 3) or (n, 2) array of float
+        Coordinates. Any unit: all lengths in results are in the same one.
+    faces : (m, 3) array of int
+        Three vertices of each triangle, counted from 0, all turned the same way.
+
+    Raises
+    ------
+    MeshError
+        An edge has more than two triangles, two fans meet in a vertex, neighbours are turned
+        against each other, a triangle has no area, a coordinate is not finite. The text names the
+        first offender.
+
+    A mesh unpacks to its arrays: ``V, F = mesh``.
+    """
+
+    def __init__(self, vertices: ArrayLike, faces: ArrayLike):
+        xyz = _vertex_array(vertices)
+        index = _face_array(faces, len(xyz))
+        handle = Handle("dmk_mesh")
+        with Context() as context:
+            context.check(lib.dmk_mesh_create(
+                context.pointer, len(xyz), ffi.from_buffer("double[]", xyz), len(index),
+                ffi.from_buffer("int32_t[]", index), handle.box))
+        self._handle = handle
+
+    @classmethod
+    def _adopt(cls, handle: Handle) -> "Mesh":
+        mesh = cls.__new__(cls)
+        mesh._handle = handle
+        return mesh
+
+    @classmethod
+    def _read(cls, path: "os.PathLike[str] | str") -> "Mesh":
+        handle = Handle("dmk_mesh")
+        with Context() as context:
+            context.check(lib.dmk_mesh_read(context.pointer, path_bytes(path), handle.box))
+        return cls._adopt(handle)
+
+    @property
+    def _pointer(self) -> Any:
+        return self._handle.pointer
+
+    @cached_property
+    def info(self) -> "dict[str, Any]":
+        """Counts, Euler characteristic, area, edge lengths, angles in degrees, bounding box: the
+        fields of dmk_mesh_info."""
+        info = ffi.new("dmk_mesh_info *")
+        lib.dmk_mesh_get_info(self._pointer, info)
+        return copy_struct(info[0])
+
+    @cached_property
+    def vertices(self) -> NDArray[np.float64]:
+        """(n, 3) coordinates, read-only."""
+        n = self.info["n_vertices"]
+        return view(self._handle, lib.dmk_mesh_vertices(self._pointer), (n, 3), np.float64)
+
+    @cached_property
+    def faces(self) -> NDArray[np.int32]:
+        """(m, 3) vertices of each triangle, read-only."""
+        n = self.info["n_triangles"]
+        return view(self._handle, lib.dmk_mesh_triangles(self._pointer), (n, 3), np.int32)
+
+    @cached_property
+    def edges(self) -> NDArray[np.int32]:
+        """(e, 2) ends of each edge, the smaller first, read-only."""
+        n = self.info["n_edges"]
+        return view(self._handle, lib.dmk_mesh_edges(self._pointer), (n, 2), np.int32)
+
+    @cached_property
+    def face_edges(self) -> NDArray[np.int64]:
+        """(m, 3) edges of each triangle: edge k lies opposite corner k."""
+        n = len(self.vertices)
+        key = self.edges[:, 0].astype(np.int64) * n + self.edges[:, 1]
+        order = np.argsort(key)
+        ends = np.sort(self.faces[:, [[1, 2], [2, 0], [0, 1]]].astype(np.int64), axis=2)
+        return order[np.searchsorted(key, ends[..., 0] * n + ends[..., 1], sorter=order)]
+
+    def __iter__(self) -> Iterator[np.ndarray]:
+        yield self.vertices
+        yield self.faces
+
+    def __repr__(self) -> str:
+        info = self.info
+        closed = "closed" if info["n_border_edges"] == 0 else f"{info['n_border_loops']} border loops"
+        return (f"<dmkcl.Mesh: {info['n_vertices']} vertices, {info['n_triangles']} triangles, "
+                f"{closed}, Euler characteristic {info['euler']}>")
+
+    # ---- points -------------------------------------------------------------------------------
+
+    def nearest(self, point: ArrayLike) -> Point:
+        """The point of the surface nearest (in space) to x, y, z. ArgumentError if not finite."""
+        xyz = np.ascontiguousarray(point, dtype=np.float64)
+        if xyz.shape != (3,):
+            raise ArgumentError(f"point has the shape {xyz.shape}; expected three coordinates")
+        found = ffi.new("dmk_point *")
+        with Context() as context:
+            context.check(lib.dmk_mesh_project(context.pointer, self._pointer,
+                                               ffi.from_buffer("double[]", xyz), found))
+        return self._place(found)
+
+    def at_vertex(self, vertex: int) -> Point:
+        """Vertex number `vertex` as a point. ArgumentError if there is none or no triangle has it."""
+        found = ffi.new("dmk_point *")
+        with Context() as context:
+            context.check(lib.dmk_mesh_vertex_point(context.pointer, self._pointer, int(vertex), found))
+        return self._place(found)
+
+    def at_face(self, face: int, bary: Optional[ArrayLike] = None) -> Point:
+        """The point of triangle `face` with the weights `bary` (None: its centre).
+
+        Weights are scaled to sum 1. ArgumentError if one is negative or the triangle is not there.
+        """
+        weight = np.full(3, 1 / 3) if bary is None else np.asarray(bary, dtype=np.float64)
+        if not 0 <= int(face) < len(self.faces):
+            raise ArgumentError(f"triangle {face}: expected 0 to {len(self.faces) - 1}")
+        if weight.shape != (3,) or not (weight >= 0).all() or not 0 < weight.sum() < np.inf:
+            raise ArgumentError(f"bary = {bary}: expected three weights that are not negative")
+        found = ffi.new("dmk_point *", (int(face), (weight / weight.sum()).tolist()))
+        return self._place(found)
+
+    def place(self, *, point: Optional[ArrayLike] = None, vertex: Optional[int] = None,
+              face: Optional[int] = None, bary: Optional[ArrayLike] = None) -> Point:
+        """A point by one of: nearest to x, y, z; a vertex; a triangle with weights."""
+        given = [name for name, value in (("point", point), ("vertex", vertex), ("face", face))
+                 if value is not None]
+        if len(given) != 1 or (bary is not None and face is None):
+            raise ArgumentError("say where by one of: point=(x, y, z), vertex=i, "
+                                "face=i with bary=(a, b, c)")
+        if point is not None:
+            return self.nearest(point)
+        if vertex is not None:
+            return self.at_vertex(vertex)
+        assert face is not None
+        return self.at_face(face, bary)
+
+    def _place(self, found: Any) -> Point:
+        xyz = ffi.new("double[3]")
+        with Context() as context:
+            context.check(lib.dmk_mesh_point_xyz(context.pointer, self._pointer, found, xyz))
+        return Point(int(found.triangle), tuple(found.weight), tuple(xyz))
+
+    # ---- out ----------------------------------------------------------------------------------
+
+    def write(self, path: "os.PathLike[str] | str") -> None:
+        """Write the bare mesh; the suffix chooses the format (OFF, OBJ, PLY, VTP, VTU)."""
+        with Context() as context:
+            context.check(lib.dmk_mesh_write(context.pointer, self._pointer, path_bytes(path)))
+
+    def to_trimesh(self) -> Any:
+        """A trimesh.Trimesh with the same vertices in the same order."""
+        import trimesh
+
+        return trimesh.Trimesh(np.array(self.vertices), np.array(self.faces), process=False)
+
+    def to_pyvista(self) -> Any:
+        """A pyvista.PolyData."""
+        import pyvista
+
+        faces = np.column_stack([np.full(len(self.faces), 3), self.faces]).ravel()
+        return pyvista.PolyData(np.array(self.vertices), faces)
+
+
+MeshLike = Union[Mesh, "os.PathLike[str]", str, Sequence[Any], Any]
+
+
+def _fan(polygons: NDArray[Any]) -> NDArray[Any]:
+    """Polygons (m, k) to triangles around the first corner of each, in order."""
+    polygons = np.asarray(polygons)
+    k = polygons.shape[1]
+    corners = [[0, i, i + 1] for i in range(1, k - 1)]
+    return polygons[:, corners].reshape(-1, 3)
+
+
+# Corners of the plane cells among all their nodes (meshio puts the corners first).
+_CORNERS = {"triangle": 3, "triangle6": 3, "triangle7": 3, "quad": 4, "quad8": 4, "quad9": 4}
+
+
+def _from_meshio(mesh: Any) -> Mesh:
+    parts, others = [], set()
+    for block in mesh.cells:
+        corners = _CORNERS.get(block.type)
+        if corners:
+            parts.append(_fan(np.asarray(block.data)[:, :corners]))
+        elif block.type == "polygon":
+            parts.extend(_fan(np.asarray(row)[None]) for row in block.data)
+        else:
+            others.add(block.type)
+    if not parts:
+        raise MeshError("no triangles: the file holds " + (", ".join(sorted(others)) or "no cells")
+                        + " only; a surface is wanted")
+    return Mesh(mesh.points, np.vstack(parts))
+
+
+def _from_pyvista(data: Any) -> Mesh:
+    surface = data if hasattr(data, "n_faces_strict") else data.extract_surface()
+    faces = np.asarray(surface.triangulate().faces)
+    return Mesh(surface.points, faces.reshape(-1, 4)[:, 1:])
+
+
+def as_mesh(mesh: MeshLike, faces: Optional[ArrayLike] = None) -> Mesh:
+    """A Mesh of: a Mesh; vertices and faces; a mesh of trimesh, meshio or PyVista; a file name."""
+    if faces is not None:
+        return Mesh(mesh, faces)
+    if isinstance(mesh, Mesh):
+        return mesh
+    if isinstance(mesh, (str, os.PathLike)):
+        from ._read import read
+
+        return read(mesh)
+    if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
+        return Mesh(mesh.vertices, mesh.faces)
+    if hasattr(mesh, "points") and hasattr(mesh, "cells_dict"):
+        return _from_meshio(mesh)
+    if hasattr(mesh, "points") and hasattr(mesh, "n_cells"):
+        return _from_pyvista(mesh)
+    if isinstance(mesh, (tuple, list)) and len(mesh) == 2:
+        return Mesh(mesh[0], mesh[1])
+    raise ArgumentError(f"a mesh is wanted: vertices and faces, or one of trimesh, meshio or PyVista, "
+                        f"or a file name, not {type(mesh).__name__}")

@@ -1,0 +1,67 @@
+"""What the library tells while it works: the history, a progress bar, a caller's own function."""
+from __future__ import annotations
+
+from typing import Any, Callable, NamedTuple, Optional, Union
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._lib import text
+
+
+class Progress(NamedTuple):
+    """One report. stage: "levels" or "solve"; step: outer steps from 1; change: relative change of
+    mu per unit time, which ends the iteration when it reaches tolerance; gap: of the certificate
+    after the step before, NaN if not computed; seconds: since the call began."""
+
+    stage: str
+    step: int
+    max_steps: int
+    cg_iterations: int
+    change: float
+    tolerance: float
+    gap: float
+    seconds: float
+
+
+ProgressOption = Union[bool, Callable[[Progress], Any]]
+
+HISTORY = np.dtype([("step", np.int32), ("cg_iterations", np.int32), ("change", np.float64),
+                    ("tolerance", np.float64), ("gap", np.float64), ("seconds", np.float64)])
+
+
+class Watch:
+    """Gathers the steps of one solve and hands each report on."""
+
+    def __init__(self, progress: ProgressOption):
+        self.rows: "list[tuple[Any, ...]]" = []
+        self.tell: Optional[Callable[[Progress], Any]] = progress if callable(progress) else None
+        self.bar: Any = None
+        if progress is True:
+            from tqdm.auto import tqdm
+
+            self.bar = tqdm(desc="solve", unit=" steps")
+
+    def __call__(self, raw: Any) -> None:
+        report = Progress(text(raw.stage), raw.step, raw.max_steps, raw.cg_iterations, raw.change,
+                          raw.tolerance, raw.gap, raw.seconds)
+        if report.stage == "solve":
+            self.rows.append((report.step, report.cg_iterations, report.change, report.tolerance,
+                              report.gap, report.seconds))
+        if self.bar is not None and report.stage == "solve":
+            self.bar.update(report.step - self.bar.n)
+            self.bar.set_postfix_str(f"change {report.change:.1e}, ends at {report.tolerance:.1e}")
+        if self.tell is not None:
+            self.tell(report)
+
+    def close(self) -> None:
+        if self.bar is not None:
+            self.bar.close()
+
+    def history(self, last_gap: float) -> NDArray[np.void]:
+        """The steps; a report tells the gap after the step before, so the gaps move up by one."""
+        rows = np.array(self.rows, HISTORY)
+        if len(rows):
+            rows["gap"] = np.append(rows["gap"][1:], last_gap)
+        rows.flags.writeable = False
+        return rows

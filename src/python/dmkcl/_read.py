@@ -1,0 +1,64 @@
+"""Reading files: the library's own formats first, then what meshio and trimesh read."""
+from __future__ import annotations
+
+import os
+from typing import Any, Callable
+
+from ._lib import Error, FileError, FormatError
+from ._mesh import Mesh, _from_meshio
+
+
+def _by_meshio(path: str) -> Mesh:
+    import meshio
+
+    return _from_meshio(meshio.read(path))
+
+
+def _by_trimesh(path: str) -> Mesh:
+    import trimesh
+
+    # Formats for pictures double the vertices along seams of texture; there the surface is whole.
+    loaded = trimesh.load_mesh(path)
+    if isinstance(loaded, trimesh.Scene):
+        loaded = loaded.to_mesh()
+    loaded.merge_vertices(merge_tex=True, merge_norm=True)
+    return Mesh(loaded.vertices, loaded.faces)
+
+
+def _try(reader: Callable[[str], Mesh], name: str, path: str) -> "Mesh | str":
+    """The mesh, or why this reader has none. What is read and is no surface is an error."""
+    try:
+        return reader(path)
+    except ImportError as missing:
+        return f"{missing.name or name} is not installed"
+    except Error:
+        raise
+    except (Exception, SystemExit) as error:  # meshio ends the program on some files
+        words: Any = str(error).strip() or type(error).__name__
+        return words.splitlines()[0]
+
+
+def read(path: "os.PathLike[str] | str") -> Mesh:
+    """Read a mesh from a file.
+
+    The library reads its own formats (recognised by content, packed by gzip or not), with every
+    bit of a double; others are given to meshio, then to trimesh, where these are installed
+    (``pip install dmkcl[meshes]``).
+
+    Raises FileError if the file cannot be read, FormatError if nobody knows the format, MeshError
+    if it holds no surface that the method can treat.
+    """
+    path = os.fspath(path)
+    try:
+        return Mesh._read(path)
+    except FormatError as error:
+        own = error
+    except FileError:
+        raise
+    said = [str(own)]
+    for name, reader in (("meshio", _by_meshio), ("trimesh", _by_trimesh)):
+        found = _try(reader, name, path)
+        if isinstance(found, Mesh):
+            return found
+        said.append(f"{name}: {found}")
+    raise FormatError("; ".join(said)) from own

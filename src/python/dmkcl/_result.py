@@ -1,0 +1,276 @@
+"""Results: what a solve found, as arrays."""
+from __future__ import annotations
+
+import os
+from functools import cached_property
+from typing import Any, NamedTuple, Optional
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ._lib import Context, Handle, copy_struct, ffi, lib, path_bytes, view
+from ._locus import Locus
+from ._mesh import Mesh, Point
+from ._progress import Watch
+
+STAGES = {"setup": lib.DMK_STAGE_SETUP, "start": lib.DMK_STAGE_START, "solve": lib.DMK_STAGE_SOLVE,
+          "certify": lib.DMK_STAGE_CERTIFY}
+
+
+class Certificate(NamedTuple):
+    """Bounds of the integral of the distance over the surface, which no transport can undercut.
+
+    lower <= optimal cost on the mesh <= upper; gap = (upper - lower) / upper.
+    """
+
+    lower: float
+    upper: float
+    gap: float
+
+
+class Path(NamedTuple):
+    """A minimal geodesic, from the source on.
+
+    points: (k, 3) the source, a point on each edge crossed, the end; faces: (k,) and bary: (k, 3)
+    the same on the mesh; length in the unit of the coordinates; angle: its direction at the
+    source in radians, a full turn being 2 pi.
+    """
+
+    points: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    bary: NDArray[np.float64]
+    length: float
+    angle: float
+
+
+class Cut(NamedTuple):
+    """A surface cut open. vertices: (n, 3); faces: (m, 3); origin: (n,) the vertex of the input at
+    the same place, -1 for points of the cut locus. The input's vertices keep their order."""
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int32]
+    origin: NDArray[np.int32]
+
+
+class Tangent(NamedTuple):
+    """The tangent cut locus: in the direction angle[i] (radians, [0, 2 pi), ascending) from the
+    source, geodesics stay minimal up to the length time[i]. vertex[i]: number in `Locus.vertices`
+    of the point reached."""
+
+    angle: NDArray[np.float64]
+    time: NDArray[np.float64]
+    vertex: NDArray[np.int64]
+
+
+_POINT = np.dtype([("triangle", np.int64), ("weight", np.float64, 3)])
+
+
+class Result:
+    """What `CutLocus.solve` found for one source.
+
+    Arrays are read-only views of the library's memory; copy to change. On components of the mesh
+    without the source mu is 0, the distance infinite and the gradient NaN.
+    """
+
+    def __init__(self, mesh: Mesh, handle: Handle, source: Point, watch: Watch, prune: float):
+        self.mesh: Mesh = mesh
+        #: The source on the mesh.
+        self.source: Point = source
+        self._handle = handle
+        self._prune = prune
+        #: (steps,) with the fields step, cg_iterations, change, tolerance, gap, seconds.
+        self.history: NDArray[np.void] = watch.history(self.certificate.gap)
+
+    def __repr__(self) -> str:
+        c = self.certificate
+        return (f"<dmkcl.Result: source {self.source.xyz}, {self.stats['steps']} steps, cost between "
+                f"{c.lower:.8g} and {c.upper:.8g}>")
+
+    @property
+    def _pointer(self) -> Any:
+        return self._handle.pointer
+
+    def _array(self, name: str, dtype: Any = np.float64) -> NDArray[Any]:
+        n = ffi.new("size_t *")
+        pointer = getattr(lib, "dmk_result_" + name)(self._pointer, n)
+        return view(self._handle, pointer, n[0], dtype)
+
+    @cached_property
+    def density(self) -> NDArray[np.float64]:
+        """(m,) transport density mu of each triangle: how much mass crosses a unit of length."""
+        return self._array("density")
+
+    @cached_property
+    def acl(self) -> NDArray[np.bool_]:
+        """(m,) True in the approximate cut locus {mu <= threshold}."""
+        return self._array("acl", np.uint8).view(np.bool_)
+
+    @cached_property
+    def potential(self) -> NDArray[np.float64]:
+        """(n,) u of each vertex, 0 at the source and negative elsewhere."""
+        return self._array("potential")
+
+    @cached_property
+    def distance(self) -> NDArray[np.float64]:
+        """(n,) distance of each vertex to the source, -u."""
+        return self._array("distance")
+
+    @cached_property
+    def potential_mid(self) -> NDArray[np.float64]:
+        """(e,) u at the midpoint of each edge of `Mesh.edges`."""
+        return self._array("potential_mid")
+
+    @cached_property
+    def distance_mid(self) -> NDArray[np.float64]:
+        """(e,) distance at the midpoint of each edge of `Mesh.edges`."""
+        return self._array("distance_mid")
+
+    @cached_property
+    def gradient(self) -> NDArray[np.float64]:
+        """(m, 3) gradient of the distance, its mean over each triangle; points away from the source.
+
+        The distance d is linear on each of the four triangles that the edges' midpoints make, so
+        by the divergence theorem ``mean grad d = (1/A) sum_e (e x N) (d_a + 2 d_mid + d_b) / 4``
+        over the edges e = b - a of the triangle with area A and unit normal N. Its length is
+        nearly 1, and less on the cut locus, where gradients of two sides are averaged.
+        """
+        x = self.mesh.vertices[self.mesh.faces]
+        normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+        size = np.linalg.norm(normal, axis=1, keepdims=True)  # twice the area
+        d = self.distance[self.mesh.faces]
+        middle = self.distance_mid[self.mesh.face_edges]
+        total = np.zeros_like(normal)
+        with np.errstate(invalid="ignore"):
+            for k in range(3):
+                a, b = (k + 1) % 3, (k + 2) % 3
+                mean = (d[:, a] + 2 * middle[:, k] + d[:, b]) / 4
+                total += np.cross(x[:, b] - x[:, a], normal) * mean[:, None]
+            gradient = 2 * total / size**2
+        gradient[~np.isfinite(gradient).all(axis=1)] = np.nan
+        gradient.flags.writeable = False
+        return gradient
+
+    @cached_property
+    def stats(self) -> "dict[str, Any]":
+        """steps, cg_iterations, v_cycles, change, cost_upper, cost_lower, gap, area, levels,
+        double_precision, and seconds of setup, start, solve and certify: the fields of dmk_stats."""
+        stats = ffi.new("dmk_stats *")
+        lib.dmk_result_get_stats(self._pointer, stats)
+        fields = copy_struct(stats[0])
+        fields["seconds"] = {name: fields["seconds"][stage] for name, stage in STAGES.items()}
+        return fields
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """Bounds of the cost, the integral of the distance over the surface."""
+        stats = self.stats
+        return Certificate(stats["cost_lower"], stats["cost_upper"], stats["gap"])
+
+    # ---- geometry -----------------------------------------------------------------------------
+
+    @cached_property
+    def locus(self) -> Locus:
+        """The cut locus as a graph of lines on the surface, traced when it is first asked for."""
+        return Locus(self.mesh, self._handle, self._prune)
+
+    @cached_property
+    def tangent(self) -> Tangent:
+        """The tangent cut locus: how far geodesics stay minimal, by direction."""
+        angle = np.mod(self.locus.angle, 2 * np.pi)
+        angle[angle >= 2 * np.pi] = 0  # of -1e-17 the sum is rounded to a turn
+        order = np.argsort(angle, axis=None, kind="stable")
+        vertex = order // 2
+        return Tangent(angle.ravel()[order], self.locus.distance[vertex], vertex)
+
+    def path(self, *, point: Optional[ArrayLike] = None, vertex: Optional[int] = None,
+             face: Optional[int] = None, bary: Optional[ArrayLike] = None) -> Path:
+        """A minimal geodesic from the source to a point of its component, given as in `solve`.
+
+        Where several are minimal, one of them. MeshError if no straight path reaches the point: it
+        lies in the shadow of a border or of a sharp saddle vertex.
+        """
+        end = self.mesh.place(point=point, vertex=vertex, face=face, bary=bary)
+        place = ffi.new("dmk_point[]", [(end.face, end.bary)])
+        path = ffi.gc(ffi.new("dmk_path *"), lib.dmk_path_free)
+        with Context() as context:
+            context.check(lib.dmk_path_compute(context.pointer, self.mesh._pointer, self._pointer, 1,
+                                               place, path))
+        raw = np.frombuffer(ffi.buffer(path.point, path.n * _POINT.itemsize), _POINT).copy()
+        faces, bary_ = raw["triangle"].copy(), raw["weight"].copy()
+        points = np.einsum("ij,ijk->ik", bary_, self.mesh.vertices[self.mesh.faces[faces]])
+        return Path(points, faces, bary_, path.length, path.angle)
+
+    def cut_open(self) -> Cut:
+        """The source's component cut open along its cut locus: a disk with one border loop.
+
+        Triangles that the locus crosses are split, so that it runs along edges, and its points are
+        vertices once for each side. A locus that is one point becomes a slit of two edges.
+        MeshError if the cut surface is no disk, which a finer mesh may mend.
+        """
+        options = ffi.new("dmk_locus_options *")
+        lib.dmk_locus_options_init(options)
+        options.strength = self._prune
+        handle = Handle("dmk_mesh")
+        origin = ffi.new("int32_t **")
+        with Context() as context:
+            context.check(lib.dmk_cut(context.pointer, self.mesh._pointer, self._pointer, options,
+                                      handle.box, origin))
+        owned = ffi.gc(origin[0], lib.free)
+        vertices, faces = Mesh._adopt(handle)
+        old = np.frombuffer(ffi.buffer(owned, 4 * len(vertices)), np.int32).copy()
+        return Cut(vertices, faces, old)
+
+    # ---- out ----------------------------------------------------------------------------------
+
+    def write(self, path: "os.PathLike[str] | str") -> None:
+        """Write mesh, mu, acl, u and distance for ParaView; the suffix chooses VTP, VTU or PLY."""
+        with Context() as context:
+            context.check(lib.dmk_result_write(context.pointer, self.mesh._pointer, self._pointer,
+                                               path_bytes(path)))
+
+    def to_pyvista(self) -> Any:
+        """A pyvista.PolyData with the cell arrays mu, acl and gradient, the point arrays distance
+        and u. The locus: `Locus.to_pyvista`."""
+        data = self.mesh.to_pyvista()
+        data.cell_data["acl"] = self.acl.astype(np.uint8)
+        data.cell_data["gradient"] = self.gradient
+        data.cell_data["mu"] = self.density
+        data.point_data["u"] = self.potential
+        data.point_data["distance"] = self.distance
+        data.set_active_scalars("mu")
+        return data
+
+    def to_trimesh(self) -> Any:
+        """A trimesh.Trimesh with face_attributes mu, acl, gradient and vertex_attributes distance, u."""
+        mesh = self.mesh.to_trimesh()
+        mesh.face_attributes.update(mu=self.density, acl=self.acl, gradient=self.gradient)
+        mesh.vertex_attributes.update(distance=self.distance, u=self.potential)
+        return mesh
+
+    # ---- pictures -----------------------------------------------------------------------------
+
+    def plot(self, **options: Any) -> Any:
+        """Show the surface with PyVista: the density in colour, lines of equal distance, the cut
+        locus as tubes, the source as a ball. Options: see `dmkcl.plotting.plot`."""
+        from .plotting import plot
+
+        return plot(self, **options)
+
+    def plot_tangent(self, **options: Any) -> Any:
+        """Draw the tangent cut locus with Matplotlib. Options: see `dmkcl.plotting.plot_tangent`."""
+        from .plotting import plot_tangent
+
+        return plot_tangent(self, **options)
+
+    def plot_history(self, **options: Any) -> Any:
+        """Draw the convergence with Matplotlib. Options: see `dmkcl.plotting.plot_history`."""
+        from .plotting import plot_history
+
+        return plot_history(self, **options)
+
+    def export_html(self, path: "os.PathLike[str] | str", *, title: Optional[str] = None) -> None:
+        """Write a page that shows the surface in any browser, to be turned by the mouse; one file
+        that needs no network. Errors: OSError."""
+        from ._html import export_html
+
+        export_html(self, path, title)

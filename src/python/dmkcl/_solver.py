@@ -1,0 +1,269 @@
+"""CutLocus: a mesh with its device and hierarchy, ready for any number of sources."""
+from __future__ import annotations
+
+import os
+from typing import Any, Iterator, Optional, Sequence, Union
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ._device import open_device
+from ._lib import ArgumentError, Context, Handle, ffi, lib
+from ._mesh import Mesh, MeshLike, Point, as_mesh
+from ._progress import ProgressOption, Watch
+from ._result import Cut, Result
+
+_METHODS = {"newton": lib.DMK_NEWTON, "inertial": lib.DMK_INERTIAL, "euler": lib.DMK_EULER}
+_STARTS = {"distance": lib.DMK_START_DISTANCE, "uniform": lib.DMK_START_UNIFORM}
+
+
+def _choose(table: "dict[str, int]", name: str, value: str) -> int:
+    if value not in table:
+        raise ArgumentError(f"{name} = {value!r}: expected one of {', '.join(table)}")
+    return table[value]
+
+
+def _options(method: str = "newton", start: str = "distance", tolerance: float = 0, gap: float = 0,
+             max_steps: int = 0, threshold: float = 0, dt: float = 0,
+             inertia: Optional[float] = None, cg_tolerance: float = 0) -> Any:
+    options = ffi.new("dmk_solve_options *")
+    lib.dmk_solve_options_init(options)
+    options.method = _choose(_METHODS, "method", method)
+    options.start = _choose(_STARTS, "start", start)
+    options.tolerance, options.gap_tolerance = tolerance, gap
+    options.max_steps, options.threshold = max_steps, threshold
+    options.dt, options.cg_tolerance = dt, cg_tolerance
+    if inertia is not None:
+        options.inertia = inertia
+    return options
+
+
+class CutLocus:
+    """A surface made ready on a device: solve for one source after another.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array of float, or a mesh
+        Coordinates, in any unit; or, without `faces`, a `Mesh`, a mesh of trimesh, meshio or
+        PyVista, or a file name.
+    faces : (m, 3) array of int
+        Vertices of each triangle, counted from 0.
+    device : int or str, optional
+        Number in `dmkcl.devices()` or part of a name; None: the best there is.
+    single : bool
+        Single precision even where the device has double.
+    threads : int
+        Compute units to use on a CPU device; 0: one per core.
+    cache : path, optional
+        Folder for compiled kernels; None: the user's cache folder, "": none.
+
+    Raises
+    ------
+    MeshError
+        The mesh is not a surface the method can treat; the text names the first offender.
+    DeviceError
+        No OpenCL device is there, or it failed.
+
+    Notes
+    -----
+    Solved is ``-div(mu grad u) = |M| delta_p - 1`` with ``|grad u| <= 1``, equal to 1 where
+    ``mu > 0``; then u is minus the distance to p, and mu vanishes just on the cut locus (Facca,
+    Berti, Fasso, Putti, "Computing the cut locus of a Riemannian manifold via optimal transport").
+
+    Objects may be used from several threads; solves on one device wait for each other, and the GIL
+    is free meanwhile. After a `fork` OpenCL does not work in the child: let multiprocessing spawn.
+
+    Examples
+    --------
+    >>> import dmkcl
+    >>> result = dmkcl.CutLocus(dmkcl.surfaces.torus()).solve(point=(3, 0, 0))
+    >>> result.locus.loops
+    2
+    """
+
+    def __init__(self, vertices: Union[ArrayLike, MeshLike], faces: Optional[ArrayLike] = None, *,
+                 device: Union[None, int, str] = None, single: bool = False, threads: int = 0,
+                 cache: "Union[None, str, os.PathLike[str]]" = None):
+        self.mesh: Mesh = as_mesh(vertices, faces)
+        self._device = open_device(device, single, threads, cache)
+        self._handle = Handle("dmk_solver", self._device.handle, self.mesh._handle)
+        with self._device.lock, Context() as context:
+            context.check(lib.dmk_solver_create(context.pointer, self._device.handle.pointer,
+                                                self.mesh._pointer, self._handle.box))
+
+    def __repr__(self) -> str:
+        return f"<dmkcl.CutLocus of {self.mesh!r} on {self.device['name']}>"
+
+    @property
+    def device(self) -> "dict[str, Any]":
+        """The device in use, as in `dmkcl.devices()`."""
+        return self._device.info
+
+    # ---- solving ------------------------------------------------------------------------------
+
+    def solve(self, *, point: Optional[ArrayLike] = None, vertex: Optional[int] = None,
+              face: Optional[int] = None, bary: Optional[ArrayLike] = None,
+              progress: ProgressOption = False, prune: float = 0, **options: Any) -> Result:
+        """Density, potential, distance and cut locus of one source.
+
+        Parameters
+        ----------
+        point : (3,) array
+            The source is the point of the surface nearest (in space) to this one; or
+        vertex : int
+            it is this vertex; or
+        face, bary : int, (3,) array
+            it lies in this triangle, with these weights on its corners (None: the centre).
+        progress : bool or callable
+            True: a bar by tqdm. A function gets a `Progress` for each step; what it raises ends
+            the solve and is passed on.
+        prune : float
+            Branches of the cut locus weaker than this many times the mesh's noise are left out;
+            0: 0.75.
+        method : "newton", "inertial" or "euler"
+            Newton steps in (u, log mu); explicit steps with inertia; the explicit Euler steps of
+            the paper.
+        start : "distance" or "uniform"
+            What mu and u begin with: a distance estimate, or mu = 1.
+        tolerance : float
+            Ends when the relative change of mu per unit time is below; 0: the method's default.
+        gap : float
+            Ends also when the certificate's relative gap is below; the gap is then computed, and
+            in the history, at every step. 0: not used.
+        max_steps : int
+            0: the method's default.
+        threshold : float
+            Bound of `Result.acl`, the triangles with mu <= threshold; 0: the square root of the
+            triangle's area.
+        dt, inertia, cg_tolerance : float
+            Time step of "euler" in (0, 1], inertia of "inertial" in [0, 1), tolerance of the inner
+            solves.
+
+        Returns
+        -------
+        Result
+
+        Raises
+        ------
+        ArgumentError, DivergedError, StepLimitError, DeviceError, OutOfMemoryError
+            With the library's words. There is no partial result.
+        KeyboardInterrupt
+            Ctrl-C ends the solve after the running step; the object can be used again.
+        """
+        settings = _options(**options)
+        return self._solve(self.mesh.place(point=point, vertex=vertex, face=face, bary=bary),
+                           settings, progress, prune)
+
+    def _solve(self, source: Point, options: Any, progress: ProgressOption, prune: float) -> Result:
+        place = ffi.new("dmk_point *", (source.face, source.bary))
+        handle = Handle("dmk_result")
+        watch = Watch(progress)
+        try:
+            with self._device.lock, Context(watch) as context:
+                context.check(lib.dmk_solve(context.pointer, self._handle.pointer, place, options,
+                                            handle.box))
+        finally:
+            watch.close()
+        return Result(self.mesh, handle, source, watch, prune)
+
+    def solve_many(self, *, points: Optional[ArrayLike] = None,
+                   vertices: Optional[Sequence[int]] = None,
+                   faces: Optional[Sequence[int]] = None, bary: Optional[ArrayLike] = None,
+                   progress: bool = False, prune: float = 0, **options: Any) -> Iterator[Result]:
+        """Results for many sources, one after another, as an iterator.
+
+        Sources are given by one of: points, (k, 3); vertices, (k,); faces, (k,), with bary, (k, 3).
+        Each result is computed when it is asked for, so that memory holds one at a time;
+        ``list(...)`` keeps them all. progress=True: a bar by tqdm over the sources. Options and
+        errors are those of `solve`; the sources are checked at once.
+        """
+        settings = _options(**options)
+        if points is not None and np.ndim(points) != 2:
+            raise ArgumentError(f"points have the shape {np.shape(points)}; expected (k, 3)")
+        given = {"point": points, "vertex": vertices, "face": faces}
+        named = [(name, values) for name, values in given.items() if values is not None]
+        if len(named) != 1:
+            raise ArgumentError("say where by one of: points, vertices, faces with bary")
+        name, values = named[0]
+        weights = [None] * len(values) if bary is None else list(np.asarray(bary))
+        if len(weights) != len(values):
+            raise ArgumentError(f"{len(values)} faces, but {len(weights)} rows of bary")
+        sources = [self.mesh.place(**{name: value}, bary=weight)
+                   for value, weight in zip(values, weights)]
+        return self._solve_each(sources, settings, progress, prune)
+
+    def _solve_each(self, sources: "list[Point]", options: Any, progress: bool,
+                    prune: float) -> Iterator[Result]:
+        shown: Any = sources
+        if progress:
+            from tqdm.auto import tqdm
+
+            shown = tqdm(sources, unit=" sources")
+        for source in shown:
+            yield self._solve(source, options, False, prune)
+
+    # ---- drop-ins -----------------------------------------------------------------------------
+
+    def distance(self, source: ArrayLike, **options: Any) -> NDArray[np.float64]:
+        """Distance of every vertex to the source(s), (n,), in the unit of the coordinates.
+
+        source: a vertex number; several, (k,) of int: the distance to the nearest of them, one
+        solve for each; a point x, y, z of float, or (k, 3) of them. Infinite on components without
+        a source. Options and errors are those of `solve`.
+        """
+        best = np.full(len(self.mesh.vertices), np.inf)
+        for where in _places(source):
+            np.minimum(best, self.solve(**where, **options).distance, out=best)
+        return best
+
+    def shortest_path(self, start: ArrayLike, end: ArrayLike, **options: Any) -> NDArray[np.float64]:
+        """Points of a minimal geodesic from start to end, (k, 3), straight in every triangle.
+
+        start and end: vertex numbers, or points x, y, z of float. MeshError if no straight path
+        reaches the end (it lies in the shadow of a border). To many ends from one start, use
+        `solve` once and `Result.path` for each.
+        """
+        result = self.solve(**_one_place(start), **options)
+        return result.path(**_one_place(end)).points
+
+
+def _places(source: ArrayLike) -> "list[dict[str, Any]]":
+    """Arguments of `solve` for each of some sources: vertex numbers, or points of float."""
+    where = np.asarray(source)
+    if where.dtype.kind in "iu" and where.ndim <= 1:
+        return [{"vertex": int(v)} for v in np.atleast_1d(where)]
+    if where.dtype.kind == "f" and where.shape[-1:] == (3,) and where.ndim <= 2:
+        return [{"point": xyz} for xyz in np.atleast_2d(where)]
+    raise ArgumentError(f"a source is a vertex number, or a point of three floats; not an array of "
+                        f"{where.dtype} of the shape {where.shape}")
+
+
+def _one_place(source: ArrayLike) -> "dict[str, Any]":
+    places = _places(source)
+    if len(places) != 1:
+        raise ArgumentError(f"one vertex or point is wanted, not {len(places)}; give points as floats")
+    return places[0]
+
+
+def distance(vertices: Union[ArrayLike, MeshLike], faces: Optional[ArrayLike] = None,
+             source: ArrayLike = 0, **options: Any) -> NDArray[np.float64]:
+    """Geodesic distance of every vertex to a source: ``distance(V, F, 17)``.
+
+    source: vertex number(s) or point(s), as in `CutLocus.distance`. For more than one call on a
+    mesh make a `CutLocus` and keep it.
+    """
+    return CutLocus(vertices, faces).distance(source, **options)
+
+
+def shortest_path(vertices: Union[ArrayLike, MeshLike], faces: Optional[ArrayLike], start: ArrayLike,
+                  end: ArrayLike, **options: Any) -> NDArray[np.float64]:
+    """Points of a minimal geodesic, (k, 3): ``shortest_path(V, F, 17, 99)``; vertex numbers or
+    points of float. See `CutLocus.shortest_path`."""
+    return CutLocus(vertices, faces).shortest_path(start, end, **options)
+
+
+def cut_open(vertices: Union[ArrayLike, MeshLike], faces: Optional[ArrayLike] = None,
+             source: ArrayLike = 0, **options: Any) -> Cut:
+    """The surface cut open along the cut locus of a source (vertex number or point): a disk.
+    See `Result.cut_open`."""
+    return CutLocus(vertices, faces).solve(**_one_place(source), **options).cut_open()

@@ -1,0 +1,24 @@
+"""Each example runs as it stands and writes what it says."""
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+def test_example(example, tmp_path):
+    done = subprocess.run([sys.executable, "-W", "error::DeprecationWarning:__main__", example],
+                          cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip()
+    promised = re.findall(r'"([\w-]+\.(?:png|html|obj|vtp|vtu|ply))"', example.read_text())
+    for name in promised:
+        assert (tmp_path / name).stat().st_size > 0, name
+
+
+def test_there_are_examples():
+    assert len(EXAMPLES) >= 6

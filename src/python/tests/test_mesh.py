@@ -1,0 +1,141 @@
+"""Meshes: arrays in and out, points, errors, mesh objects of other packages."""
+import gc
+
+import numpy as np
+import pytest
+
+import dmkcl
+
+
+def test_arrays_come_back(small):
+    V, F = small
+    mesh = dmkcl.Mesh(V, F)
+    assert np.array_equal(mesh.vertices, V) and np.array_equal(mesh.faces, F)
+    assert mesh.vertices.dtype == np.float64 and mesh.faces.dtype == np.int32
+    assert mesh.info["euler"] == 2 and mesh.info["n_border_edges"] == 0
+
+
+@pytest.mark.parametrize("dtype", [np.int16, np.int64, np.uint32])
+def test_faces_of_any_integers(small, dtype):
+    assert np.array_equal(dmkcl.Mesh(small.vertices, small.faces.astype(dtype)).faces, small.faces)
+
+
+def test_lists_and_single_precision_and_order(small):
+    V = np.asfortranarray(small.vertices.astype(np.float32))
+    mesh = dmkcl.Mesh(V, small.faces.tolist())
+    assert np.array_equal(mesh.vertices, V.astype(float))
+
+
+def test_plane_coordinates():
+    mesh = dmkcl.Mesh([[0, 0], [1, 0], [0, 1]], [[0, 1, 2]])
+    assert np.array_equal(mesh.vertices[:, 2], [0, 0, 0])
+
+
+def test_arrays_are_read_only_and_outlive_the_mesh(small):
+    mesh = dmkcl.Mesh(*small)
+    vertices = mesh.vertices
+    with pytest.raises(ValueError):
+        vertices[0] = 1
+    del mesh
+    gc.collect()
+    assert np.array_equal(vertices, small.vertices)
+
+
+def test_edges_and_face_edges(small):
+    assert (small.edges[:, 0] < small.edges[:, 1]).all()
+    for k in range(3):
+        ends = np.sort(small.faces[:, [(k + 1) % 3, (k + 2) % 3]], axis=1)
+        assert np.array_equal(small.edges[small.face_edges[:, k]], ends)
+
+
+@pytest.mark.parametrize("V, F, words", [
+    (np.zeros((4, 2, 3)), [[0, 1, 2]], "shape"),
+    (np.eye(3), [[0, 1, 2, 0]], "triangles only"),
+    (np.eye(3), [[0.0, 1.0, 2.0]], "integers"),
+    (np.eye(3), [[0, 1, 3]], "triangle 0 names the vertices"),
+    (np.eye(3), [[0, 1, -1]], "triangle 0 names the vertices"),
+    (np.eye(3) * np.nan, [[0, 1, 2]], "finite|NaN|nan"),
+    (np.eye(3), [[0, 1, 1]], "triangle 0"),
+])
+def test_bad_arrays_are_named(V, F, words):
+    with pytest.raises((dmkcl.ArgumentError, dmkcl.MeshError), match=words) as told:
+        dmkcl.Mesh(V, F)
+    assert isinstance(told.value, ValueError)
+
+
+def test_library_words_and_code():
+    V = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]]
+    with pytest.raises(dmkcl.MeshError, match="edge") as told:
+        dmkcl.Mesh(V, [[0, 1, 2], [1, 0, 3], [0, 1, 4]])
+    assert told.value.code == -5
+
+
+def test_points(small):
+    at = small.nearest((2, 0, 0))
+    assert np.allclose(np.array(at.bary) @ small.vertices[small.faces[at.face]], at.xyz)
+    assert np.linalg.norm(at.xyz) <= 1 + 1e-12 and at.xyz[0] > 0.97
+    assert np.array_equal(small.at_vertex(7).xyz, small.vertices[7])
+    middle = small.at_face(5)
+    assert np.allclose(middle.xyz, small.vertices[small.faces[5]].mean(axis=0))
+    assert small.at_face(5, (2, 0, 2)).bary == (0.5, 0, 0.5)
+
+
+@pytest.mark.parametrize("where", [
+    {}, {"vertex": 0, "point": (1, 0, 0)}, {"vertex": -1}, {"vertex": 10**6}, {"face": -1},
+    {"face": 10**6}, {"face": 0, "bary": (1, -1, 1)}, {"face": 0, "bary": (0, 0, 0)},
+    {"face": 0, "bary": (1, 1)}, {"vertex": 0, "bary": (1, 0, 0)}, {"point": (np.nan, 0, 0)},
+    {"point": (1, 0)},
+])
+def test_bad_points(small, where):
+    with pytest.raises(dmkcl.ArgumentError):
+        small.place(**where)
+
+
+def test_surfaces():
+    for name in dmkcl.surfaces.__all__:
+        assert getattr(dmkcl.surfaces, name)(n_triangles=800).info["n_border_edges"] == 0
+    R = 3
+    V, _ = dmkcl.surfaces.torus(R, 0.5, n_triangles=2000, source=(0, 3.5, 0))
+    assert np.allclose(np.hypot(np.hypot(V[:, 0], V[:, 1]) - R, V[:, 2]), 0.5)
+    assert np.allclose(V[0], (0, 3.5, 0))
+    with pytest.raises(dmkcl.ArgumentError, match="tube"):
+        dmkcl.surfaces.torus(1, 2)
+
+
+def test_trimesh_and_back(small):
+    trimesh = pytest.importorskip("trimesh")
+    mesh = small.to_trimesh()
+    assert isinstance(mesh, trimesh.Trimesh) and mesh.is_watertight
+    back = dmkcl.CutLocus(mesh).mesh
+    assert np.array_equal(back.vertices, small.vertices) and np.array_equal(back.faces, small.faces)
+
+
+def test_pyvista_and_back(small):
+    pyvista = pytest.importorskip("pyvista")
+    data = small.to_pyvista()
+    assert isinstance(data, pyvista.PolyData) and data.n_cells == len(small.faces)
+    for other in (data, data.cast_to_unstructured_grid()):
+        back = dmkcl.CutLocus(other).mesh
+        assert len(back.faces) == len(small.faces) and back.info["euler"] == 2
+
+
+def test_meshio_cells(small):
+    meshio = pytest.importorskip("meshio")
+    V, F = small
+    back = dmkcl.CutLocus(meshio.Mesh(V, [("triangle", F)])).mesh
+    assert np.array_equal(back.vertices, V) and np.array_equal(back.faces, F)
+    square = meshio.Mesh([[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [2, 1]],
+                         [("vertex", [[0]]), ("quad", [[0, 1, 4, 3]]),
+                          ("triangle", [[1, 2, 5], [1, 5, 4]])])
+    assert dmkcl.CutLocus(square).mesh.info["area"] == 2
+    with pytest.raises(dmkcl.MeshError, match="tetra"):
+        dmkcl.CutLocus(meshio.Mesh(np.zeros((4, 3)), [("tetra", [[0, 1, 2, 3]])]))
+
+
+def test_no_mesh_at_all():
+    with pytest.raises(dmkcl.ArgumentError, match="a mesh is wanted"):
+        dmkcl.CutLocus(17)
+
+
+def test_printed_form(small):
+    assert "closed" in repr(small)

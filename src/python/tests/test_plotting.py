@@ -1,0 +1,83 @@
+"""Pictures by PyVista and Matplotlib."""
+import numpy as np
+import pytest
+
+import dmkcl
+from dmkcl._colour import density_map
+
+matplotlib = pytest.importorskip("matplotlib")
+pyvista = pytest.importorskip("pyvista")
+
+
+def near(picture, colour, within=60):
+    """Number of pixels whose colour is near this one."""
+    return int((np.abs(picture[..., :3].astype(int) - colour).max(axis=2) < within).sum())
+
+
+def test_colours_step_evenly():
+    colours = density_map(256)
+    assert colours.min() >= 0 and colours.max() <= 1
+    # Lightness L* of CIELAB falls by nearly equal steps.
+    linear = np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
+    lightness = 116 * np.cbrt(linear @ [0.2126, 0.7152, 0.0722]) - 16
+    steps = np.diff(lightness)
+    assert steps.max() < 0 and steps.min() > 1.6 * steps.mean()
+
+
+def test_plot(tmp_path, result):
+    result.plot(screenshot=tmp_path / "picture.png")
+    picture = pyvista.read(tmp_path / "picture.png")
+    pixels = np.asarray(picture.active_scalars).reshape(picture.dimensions[1], picture.dimensions[0], -1)
+    white = near(pixels, (255, 255, 255), 2)
+    assert 0.2 * pixels[..., 0].size < white < 0.9 * pixels[..., 0].size
+    assert near(pixels, (180, 25, 28)) > 500  # the locus
+    assert near(pixels, (240, 180, 25)) > 30  # the source
+
+
+def test_plot_options(result):
+    plotter = result.plot(show=False, log=False, contours=0, locus=False, source=False)
+    assert len(plotter.actors) <= 2
+    mine = pyvista.Plotter(off_screen=True)
+    assert result.plot(plotter=mine, show=False, scalars="distance", cmap="viridis") is mine
+    plotter.close()
+    mine.close()
+
+
+def test_plot_of_a_point_and_of_components(small):
+    V, F = small
+    both = dmkcl.CutLocus(np.vstack([V, V + [5, 0, 0]]), np.vstack([F, F + len(V)]))
+    plotter = both.solve(vertex=0).plot(show=False)
+    assert len(plotter.actors) >= 4  # surface, contours, locus, source
+    plotter.close()
+
+
+def test_plot_tangent(result):
+    from matplotlib import pyplot
+
+    axes = result.plot_tangent(linewidth=2)
+    line = axes.lines[0]
+    assert line.get_linewidth() == 2
+    angle, time = line.get_data()
+    assert angle[-1] - angle[0] == pytest.approx(2 * np.pi) and time[0] == time[-1]
+    pyplot.close("all")
+
+
+def test_plot_tangent_with_a_border():
+    from matplotlib import pyplot
+
+    V, F = dmkcl.surfaces.torus(n_triangles=4000)
+    part = F[~(V[F][:, :, 0] < -2.5).all(axis=1)]
+    axes = dmkcl.CutLocus(V, part).solve(point=(3, 0, 0)).plot_tangent()
+    assert np.isnan(axes.lines[0].get_xdata()).any()
+    pyplot.close("all")
+
+
+def test_plot_history(result):
+    from matplotlib import pyplot
+
+    axes = result.plot_history()
+    steps, change = axes.lines[0].get_data()
+    assert np.array_equal(change, result.history["change"])
+    assert str(f"{result.certificate.lower:.7g}") in axes.get_title()
+    axes.figure.canvas.draw()
+    pyplot.close("all")

@@ -1,0 +1,89 @@
+"""`dmkcl.read`: the library's formats, and files written by meshio and trimesh."""
+import gzip
+import shutil
+
+import numpy as np
+import pytest
+
+import dmkcl
+
+meshio = pytest.importorskip("meshio")
+trimesh = pytest.importorskip("trimesh")
+
+
+def same_surface(mesh, small, tolerance=1e-12):
+    assert mesh.info["n_triangles"] == small.info["n_triangles"]
+    assert mesh.info["n_border_edges"] == 0 and mesh.info["euler"] == 2
+    assert mesh.info["area"] == pytest.approx(small.info["area"], rel=max(tolerance, 1e-12))
+
+
+MESHIO = {"stl": 1e-6, "ply": 1e-12, "obj": 1e-12, "off": 1e-12, "vtk": 1e-12, "vtu": 1e-12,
+          "msh": 1e-12, "mesh": 1e-12, "inp": 1e-12, "nas": 1e-3, "wkt": 1e-6}
+
+
+@pytest.mark.parametrize("suffix", MESHIO)
+def test_written_by_meshio(tmp_path, small, suffix):
+    path = tmp_path / f"sphere.{suffix}"
+    meshio.write(path, meshio.Mesh(small.vertices, [("triangle", small.faces)]))
+    if suffix == "wkt":
+        path.write_text(path.read_text().strip())
+    same_surface(dmkcl.read(path), small, MESHIO[suffix])
+
+
+@pytest.mark.parametrize("suffix", ["stl", "ply", "obj", "off", "glb"])
+def test_written_by_trimesh(tmp_path, small, suffix):
+    path = tmp_path / f"sphere.{suffix}"
+    small.to_trimesh().export(path)
+    same_surface(dmkcl.read(path), small, 1e-6)
+
+
+def test_seams_of_pictures_are_closed(tmp_path):
+    """A box with a texture has its corners once for each side; the surface has them once."""
+    box = trimesh.creation.box()
+    box.unmerge_vertices()
+    box.visual = trimesh.visual.TextureVisuals(uv=np.random.default_rng(0).random((36, 2)))
+    box.export(tmp_path / "box.glb")
+    mesh = dmkcl.read(str(tmp_path / "box.glb"))
+    assert len(mesh.vertices) == 8 and mesh.info["n_border_edges"] == 0
+
+
+def test_packed_by_gzip(tmp_path, small):
+    small.write(tmp_path / "a.off")
+    with open(tmp_path / "a.off", "rb") as plain, gzip.open(tmp_path / "a.off.gz", "wb") as packed:
+        shutil.copyfileobj(plain, packed)
+    assert np.array_equal(dmkcl.read(tmp_path / "a.off.gz").vertices, small.vertices)
+
+
+def test_names_of_any_letters(tmp_path, small):
+    path = tmp_path / "Fläche 1.off"
+    small.write(path)
+    assert dmkcl.CutLocus(path).mesh.info["n_triangles"] == small.info["n_triangles"]
+
+
+def test_errors(tmp_path):
+    with pytest.raises(dmkcl.FileError, match="nothing.off"):
+        dmkcl.read(tmp_path / "nothing.off")
+    odd = tmp_path / "odd.xyz123"
+    odd.write_text("what is this\n")
+    with pytest.raises(dmkcl.FormatError, match="meshio.*trimesh"):
+        dmkcl.read(odd)
+    tetra = tmp_path / "tetra.inp"
+    meshio.write(tetra, meshio.Mesh(np.vstack([np.zeros(3), np.eye(3)]), [("tetra", [[0, 1, 2, 3]])]))
+    with pytest.raises(dmkcl.MeshError, match="tetra"):
+        dmkcl.read(tetra)
+    bad = tmp_path / "bad.off"
+    bad.write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n2 0 0\n3 0 1 2\n")
+    with pytest.raises(dmkcl.MeshError, match="triangle 0"):
+        dmkcl.read(bad)
+
+
+@pytest.mark.parametrize("loaded", ["trimesh", "meshio"])
+def test_five_lines(tmp_path, small, loaded):
+    small.write(tmp_path / "sphere.ply")
+    if loaded == "trimesh":
+        mesh = trimesh.load_mesh(tmp_path / "sphere.ply")
+    else:
+        mesh = meshio.read(tmp_path / "sphere.ply")
+    result = dmkcl.CutLocus(mesh).solve(point=(0, 0, 1))
+    assert len(result.density) == len(small.faces)
+    assert result.locus.vertices[0, 2] < -0.9

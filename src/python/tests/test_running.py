@@ -1,0 +1,107 @@
+"""While it runs: progress, exceptions, Ctrl-C, threads, the GIL."""
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import dmkcl
+
+# Explicit steps with a tolerance that they reach after hours.
+ENDLESS = dict(method="euler", dt=1e-3, tolerance=1e-14, max_steps=10**8)
+
+
+def test_progress_function(solver):
+    seen = []
+    found = solver.solve(vertex=0, progress=seen.append)
+    steps = [p for p in seen if p.stage == "solve"]
+    assert [p.step for p in steps] == list(range(1, found.stats["steps"] + 1))
+    assert steps[-1].change == found.stats["change"]
+
+
+def test_exceptions_end_a_solve_and_pass(solver, result):
+    class Enough(Exception):
+        pass
+
+    def stop(progress):
+        if progress.step == 3:
+            raise Enough
+
+    with pytest.raises(Enough):
+        solver.solve(vertex=0, progress=stop, **ENDLESS)
+    assert np.array_equal(solver.solve(vertex=0).density, result.density)
+
+
+def test_tqdm(solver, capsys):
+    pytest.importorskip("tqdm")
+    solver.solve(vertex=0, progress=True)
+    assert "steps" in capsys.readouterr().err
+    list(solver.solve_many(vertices=[0, 1], progress=True))
+    assert "2/2" in capsys.readouterr().err
+
+
+INTERRUPTED = """
+import dmkcl
+solver = dmkcl.CutLocus(dmkcl.surfaces.sphere(n_triangles=5000))
+try:
+    solver.solve(vertex=0, progress=lambda p: print("step", p.step, flush=True), **{options!r})
+except KeyboardInterrupt:
+    print("interrupted", flush=True)
+print("again", solver.solve(vertex=0).stats["steps"], flush=True)
+"""
+
+
+def test_ctrl_c():
+    code = INTERRUPTED.replace("{options!r}", repr(ENDLESS))
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE, text=True) as child:
+        try:
+            for line in child.stdout:
+                if line.startswith("step 2"):
+                    break
+            child.send_signal(signal.SIGINT)
+            out, err = child.communicate(timeout=60)
+        finally:
+            child.kill()
+    assert "interrupted" in out and "again" in out and err == "" and child.returncode == 0
+
+
+def test_threads_get_the_same_results(solver, small):
+    other = dmkcl.CutLocus(small)
+    jobs = [(s, v) for v in (0, 5, 9) for s in (solver, other)]
+    wanted = [s.solve(vertex=v).distance for s, v in jobs]
+    got = [None] * len(jobs)
+
+    def work(i):
+        s, v = jobs[i]
+        found = s.solve(vertex=v)
+        assert found.locus.length >= 0
+        got[i] = found.distance
+
+    threads = [threading.Thread(target=work, args=(i,)) for i in range(len(jobs))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert all(np.array_equal(a, b) for a, b in zip(got, wanted))
+
+
+def test_the_gil_is_free_during_a_call():
+    """Another thread gets on in the middle of one long call of the library."""
+    span, moments = [], []
+
+    def work():
+        span.append(time.monotonic())
+        dmkcl.surfaces.quartic(n_triangles=100000)
+        span.append(time.monotonic())
+
+    worker = threading.Thread(target=work)
+    worker.start()
+    while worker.is_alive():
+        moments.append(time.monotonic())
+        time.sleep(0.001)
+    quarter = (span[1] - span[0]) / 4
+    assert sum(span[0] + quarter < m < span[1] - quarter for m in moments) >= 3

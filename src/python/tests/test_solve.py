@@ -1,0 +1,266 @@
+"""Solving: the arrays, against known surfaces and against themselves."""
+import gc
+
+import numpy as np
+import pytest
+
+import dmkcl
+
+
+def test_certificate_holds_the_torus_cost(result):
+    c = result.certificate
+    assert c.lower <= c.upper and c.gap == pytest.approx((c.upper - c.lower) / c.upper)
+    assert c.gap < 5e-3
+    assert c.upper == pytest.approx(321.4165, rel=5e-3)  # of the smooth torus
+
+
+def test_shapes_types_and_signs(torus, result):
+    n, m, e = (torus.info[k] for k in ("n_vertices", "n_triangles", "n_edges"))
+    shapes = dict(density=(m,), acl=(m,), potential=(n,), distance=(n,), potential_mid=(e,),
+                  distance_mid=(e,), gradient=(m, 3))
+    for name, shape in shapes.items():
+        array = getattr(result, name)
+        assert array.shape == shape and not array.flags.writeable, name
+        assert array.dtype == (bool if name == "acl" else np.float64), name
+    assert (result.density >= 0).all() and np.array_equal(result.potential, -result.distance)
+    assert result.distance[0] == 0 and 0 < result.acl.sum() < m / 5
+
+
+def test_distance_on_a_sphere():
+    sphere = dmkcl.surfaces.sphere(n_triangles=5000, source=(0, 0, 1))
+    result = dmkcl.CutLocus(sphere).solve(vertex=0)
+    exact = np.arccos(np.clip(sphere.vertices[:, 2], -1, 1))
+    assert np.abs(result.distance - exact).max() < sphere.info["mean_edge"]
+    assert (result.locus.kind == 3).all() and result.locus.vertices[0, 2] < -0.99
+
+
+def test_gradient_is_the_mean_of_the_four_triangles(torus, result):
+    """On each quarter of a triangle the distance is linear: solve for its slope there."""
+    rng = np.random.default_rng(1)
+    for t in rng.integers(len(torus.faces), size=20):
+        x = torus.vertices[torus.faces[t]]
+        middle = np.array([(x[1] + x[2]) / 2, (x[2] + x[0]) / 2, (x[0] + x[1]) / 2])
+        d = result.distance[torus.faces[t]]
+        d_mid = result.distance_mid[torus.face_edges[t]]
+        quarters = [([x[0], middle[2], middle[1]], [d[0], d_mid[2], d_mid[1]]),
+                    ([x[1], middle[0], middle[2]], [d[1], d_mid[0], d_mid[2]]),
+                    ([x[2], middle[1], middle[0]], [d[2], d_mid[1], d_mid[0]]), (middle, d_mid)]
+        slopes = []
+        for corners, values in quarters:
+            side = np.array([corners[1] - corners[0], corners[2] - corners[0]])
+            rise = np.array([values[1] - values[0], values[2] - values[0]])
+            slopes.append(np.linalg.pinv(side) @ rise)
+        assert np.allclose(result.gradient[t], np.mean(slopes, axis=0), atol=1e-9)
+
+
+def test_gradient_has_length_one_away_from_the_locus(result):
+    length = np.linalg.norm(result.gradient, axis=1)
+    assert length.max() < 1.01 and abs(np.median(length) - 1) < 1e-2
+
+
+def test_the_same_source_three_ways(torus, solver, result):
+    face = int(np.flatnonzero((torus.faces == 0).any(axis=1))[0])
+    bary = (torus.faces[face] == 0).astype(float)
+    for where in ({"face": face, "bary": bary}, {"point": (3, 0, 0)}):
+        other = solver.solve(**where)
+        assert np.allclose(other.distance, result.distance, atol=1e-9)
+        assert np.allclose(other.source.xyz, (3, 0, 0))
+
+
+def test_arrays_outlive_everything():
+    solver = dmkcl.CutLocus(dmkcl.surfaces.sphere(n_triangles=1300))
+    result = solver.solve(vertex=3)
+    density, copy = result.density, result.density.copy()
+    locus = result.locus
+    del solver, result
+    gc.collect()
+    dmkcl.CutLocus(dmkcl.surfaces.sphere(n_triangles=1300)).solve(vertex=4)
+    assert np.array_equal(density, copy) and locus.length >= 0
+
+
+def test_other_components_are_told_apart(small):
+    V, F = small
+    two = dmkcl.CutLocus(np.vstack([V, V + [5, 0, 0]]), np.vstack([F, F + len(V)]))
+    first, second = two.solve(vertex=0), two.solve(vertex=len(V))
+    assert np.isfinite(first.distance[:len(V)]).all() and np.isinf(first.distance[len(V):]).all()
+    assert (first.density[len(F):] == 0).all() and np.isnan(first.gradient[len(F):]).all()
+    assert np.isfinite(first.gradient[:len(F)]).all()
+    assert np.array_equal(first.distance[:len(V)], second.distance[len(V):])
+
+
+def test_solve_many(solver, result):
+    found = list(solver.solve_many(vertices=[0, 5, 9]))
+    assert np.array_equal(found[0].density, result.density)
+    assert np.array_equal(found[2].distance, solver.solve(vertex=9).distance)
+    at = next(solver.solve_many(points=[(3, 0, 0), (0, 3, 0)]))
+    assert np.allclose(at.distance, result.distance, atol=1e-9)
+    assert len(list(solver.solve_many(faces=[3, 4], bary=np.full((2, 3), 1 / 3)))) == 2
+
+
+@pytest.mark.parametrize("sources", [{}, {"vertices": [0], "points": [(1, 0, 0)]}, {"vertices": [-1]},
+                                     {"points": (1, 0, 0)}, {"faces": [0, 1], "bary": [(1, 0, 0)]}])
+def test_solve_many_checks_at_once(solver, sources):
+    with pytest.raises(dmkcl.ArgumentError):
+        solver.solve_many(**sources)
+
+
+@pytest.mark.parametrize("method", ["newton", "inertial", "euler"])
+def test_methods_agree(small, method):
+    solver = dmkcl.CutLocus(small)
+    c = solver.solve(vertex=0, method=method, tolerance=1e-3, max_steps=5000).certificate
+    assert c.upper == pytest.approx(solver.solve(vertex=0).certificate.upper, rel=1e-2)
+
+
+def test_single_precision(small, result):
+    stats = dmkcl.CutLocus(small, single=True).solve(vertex=0).stats
+    assert stats["double_precision"] == 0 and result.stats["double_precision"] == 1
+
+
+def test_history(solver):
+    found = solver.solve(vertex=0, gap=1e-12, tolerance=1e-3)
+    history = found.history
+    assert np.array_equal(history["step"], np.arange(1, found.stats["steps"] + 1))
+    assert history["cg_iterations"].sum() <= found.stats["cg_iterations"]
+    assert history["change"][-1] == found.stats["change"] <= history["tolerance"][-1] * 1.0000001
+    assert history["gap"][-1] == found.certificate.gap and np.isfinite(history["gap"]).all()
+    assert (np.diff(history["seconds"]) > 0).all()
+    assert len(solver.solve(vertex=0).history) > 0
+
+
+def test_errors_have_their_classes(small):
+    solver = dmkcl.CutLocus(small)
+    with pytest.raises(dmkcl.StepLimitError, match="1 steps"):
+        solver.solve(vertex=0, max_steps=1)
+    with pytest.raises(dmkcl.ArgumentError, match="dt"):
+        solver.solve(vertex=0, dt=7)
+    with pytest.raises(dmkcl.ArgumentError, match="one of newton"):
+        solver.solve(vertex=0, method="magic")
+    with pytest.raises(TypeError):
+        solver.solve(vertex=0, no_such_option=1)
+    with pytest.raises(dmkcl.DeviceError):
+        dmkcl.CutLocus(small, device="no such device")
+    assert solver.solve(vertex=0).certificate.gap < 0.1
+
+
+def test_devices():
+    found = dmkcl.devices()
+    assert found and found[0]["compute_units"] > 0
+    solver = dmkcl.CutLocus(dmkcl.surfaces.sphere(n_triangles=800), device=0)
+    assert solver.device["name"] == found[0]["name"]
+
+
+# ---- locus, tangent, paths, cuts ------------------------------------------------------------
+
+
+def test_locus(torus, result):
+    locus = result.locus
+    assert (locus.loops, locus.components, locus.endpoints, locus.branch_points) == (2, 1, 2, 2)
+    assert locus.length == pytest.approx(4 * np.pi + 2 * np.pi * (3 - 3**0.5), rel=5e-3)
+    k = len(locus.vertices)
+    for name in ("faces", "distance", "mu", "strength", "kind", "degree"):
+        assert getattr(locus, name).shape == (k,), name
+    assert locus.bary.shape == (k, 3) and locus.angle.shape == (k, 2)
+    on_mesh = np.einsum("ij,ijk->ik", locus.bary, torus.vertices[torus.faces[locus.faces]])
+    assert np.allclose(on_mesh, locus.vertices)
+    ends = locus.vertices[locus.edges]
+    assert np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).sum() == pytest.approx(locus.length)
+    assert np.array_equal(np.bincount(locus.edges.ravel(), minlength=k), locus.degree)
+    assert (locus.strength > 0).all() and len(locus.edge_strength) == len(locus.edges)
+
+
+def test_polylines_are_the_edges(result):
+    locus = result.locus
+    pairs = [tuple(sorted(pair)) for line in locus.polylines for pair in zip(line[:-1], line[1:])]
+    assert sorted(pairs) == sorted(tuple(sorted(edge)) for edge in locus.edges.tolist())
+
+
+def test_prune(solver):
+    assert solver.solve(vertex=0, prune=20).locus.length <= solver.solve(vertex=0).locus.length
+
+
+def test_tangent(result):
+    angle, time, vertex = result.tangent
+    assert len(angle) == 2 * len(result.locus.vertices)
+    assert (np.diff(angle) >= 0).all() and angle[0] >= 0 and angle[-1] < 2 * np.pi
+    assert np.array_equal(time, result.locus.distance[vertex])
+    # The area of the disk: the torus with the area element of the tangent plane undone is smaller
+    # than the plane disk's, as geodesics of a torus spread on the inside and meet on the outside.
+    assert np.pi < time.min() + 1e-2 and time.max() < 10
+
+
+def test_path(torus, result):
+    path = result.path(vertex=100)
+    assert np.allclose(path.points[0], (3, 0, 0)) and np.allclose(path.points[-1], torus.vertices[100])
+    steps = np.linalg.norm(np.diff(path.points, axis=0), axis=1)
+    assert steps.sum() == pytest.approx(path.length)
+    assert path.length == pytest.approx(result.distance[100], abs=torus.info["mean_edge"])
+    assert len(path.faces) == len(path.bary) == len(path.points)
+    assert 0 <= path.angle < 2 * np.pi + 1e-9
+
+
+def test_cut_open(torus, result):
+    vertices, faces, origin = result.cut_open()
+    info = dmkcl.Mesh(vertices, faces).info
+    assert (info["euler"], info["n_border_loops"], info["n_components"]) == (1, 1, 1)
+    assert info["area"] == pytest.approx(torus.info["area"])
+    old = origin >= 0
+    assert np.array_equal(vertices[old], torus.vertices[origin[old]]) and (~old).any()
+
+
+def test_functions_like_those_of_potpourri3d(torus, result):
+    V, F = torus
+    assert np.array_equal(dmkcl.distance(V, F, 0), result.distance)
+    at = dmkcl.CutLocus(V, F)
+    both = at.distance([0, 7])
+    assert np.array_equal(both, np.minimum(result.distance, at.distance(7)))
+    assert np.allclose(at.distance([3.0, 0.0, 0.0]), result.distance, atol=1e-9)
+    path = dmkcl.shortest_path(V, F, 0, 100)
+    assert np.array_equal(path, result.path(vertex=100).points)
+    assert np.allclose(dmkcl.shortest_path(V, F, V[0], V[100])[-1], V[100])
+    assert np.array_equal(dmkcl.cut_open(V, F, 0).faces, result.cut_open().faces)
+    with pytest.raises(dmkcl.ArgumentError):
+        at.shortest_path([1, 2], 3)
+    with pytest.raises(dmkcl.ArgumentError):
+        at.distance(1.5)
+
+
+# ---- out --------------------------------------------------------------------------------------
+
+
+def test_write(tmp_path, torus, result):
+    meshio = pytest.importorskip("meshio")
+    result.write(tmp_path / "torus.vtu")
+    back = meshio.read(tmp_path / "torus.vtu")
+    assert np.array_equal(back.points, torus.vertices)
+    assert np.array_equal(back.cell_data["mu"][0], result.density)
+    assert np.array_equal(back.point_data["distance"], result.distance)
+    result.locus.write(tmp_path / "locus.obj")
+    torus.write(tmp_path / "mesh.ply")
+    assert (tmp_path / "locus.obj").stat().st_size > 0
+    again = dmkcl.read(tmp_path / "mesh.ply")
+    assert np.array_equal(again.vertices, torus.vertices) and np.array_equal(again.faces, torus.faces)
+    with pytest.raises(dmkcl.FileError, match="no-such-folder") as told:
+        result.write(tmp_path / "no-such-folder" / "x.vtp")
+    assert isinstance(told.value, OSError)
+
+
+def test_to_pyvista(result):
+    pytest.importorskip("pyvista")
+    data = result.to_pyvista()
+    assert np.array_equal(data.cell_data["mu"], result.density)
+    assert np.array_equal(data.point_data["distance"], result.distance)
+    lines = result.locus.to_pyvista()
+    assert lines.n_points == len(result.locus.vertices) and lines.n_lines == len(result.locus.polylines)
+    assert lines.length > 0 and "strength" in lines.point_data
+
+
+def test_to_trimesh(result):
+    pytest.importorskip("trimesh")
+    mesh = result.to_trimesh()
+    assert np.array_equal(mesh.face_attributes["mu"], result.density)
+    assert np.array_equal(mesh.vertex_attributes["distance"], result.distance)
+
+
+def test_printed_forms(solver, result):
+    assert "6 steps" in repr(result) or "steps" in repr(result)
+    assert "2 loops" in repr(result.locus) and "CutLocus" in repr(solver)
