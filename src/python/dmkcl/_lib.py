@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import os
+import re
 from functools import partial
 from typing import Any, Callable, Optional
 
@@ -177,6 +178,8 @@ class Context:
         if status == lib.DMK_E_CANCELLED:
             raise self.error if self.error is not None else KeyboardInterrupt()
         message = text(lib.dmk_context_message(self.pointer)) or text(lib.dmk_status_text(status))
+        # Advice names options as the tool does: --max-steps is max_steps here.
+        message = re.sub(r"--([a-z][a-z-]*)", lambda m: m[1].replace("-", "_"), message)
         error = _CLASSES.get(status, Error)(message)
         error.code = status
         raise error

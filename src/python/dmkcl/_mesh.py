@@ -245,9 +245,12 @@ def _from_meshio(mesh: Any) -> Mesh:
 
 
 def _from_pyvista(data: Any) -> Mesh:
-    surface = data if hasattr(data, "n_faces_strict") else data.extract_surface()
-    faces = np.asarray(surface.triangulate().faces)
-    return Mesh(surface.points, faces.reshape(-1, 4)[:, 1:])
+    import pyvista
+
+    if not isinstance(data, pyvista.PolyData):
+        data = data.extract_surface(algorithm=None)
+    data = data.triangulate()
+    return Mesh(data.points, np.asarray(data.faces).reshape(-1, 4)[:, 1:])
 
 
 def as_mesh(mesh: MeshLike, faces: Optional[ArrayLike] = None) -> Mesh:
@@ -262,10 +265,10 @@ def as_mesh(mesh: MeshLike, faces: Optional[ArrayLike] = None) -> Mesh:
         return read(mesh)
     if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
         return Mesh(mesh.vertices, mesh.faces)
-    if hasattr(mesh, "points") and hasattr(mesh, "cells_dict"):
-        return _from_meshio(mesh)
     if hasattr(mesh, "points") and hasattr(mesh, "n_cells"):
         return _from_pyvista(mesh)
+    if hasattr(mesh, "points") and hasattr(mesh, "cells"):
+        return _from_meshio(mesh)
     if isinstance(mesh, (tuple, list)) and len(mesh) == 2:
         return Mesh(mesh[0], mesh[1])
     raise ArgumentError(f"a mesh is wanted: vertices and faces, or one of trimesh, meshio or PyVista, "

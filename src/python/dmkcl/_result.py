@@ -243,7 +243,8 @@ class Result:
     def to_trimesh(self) -> Any:
         """A trimesh.Trimesh with face_attributes mu, acl, gradient and vertex_attributes distance, u."""
         mesh = self.mesh.to_trimesh()
-        mesh.face_attributes.update(mu=self.density, acl=self.acl, gradient=self.gradient)
+        acl = self.acl.astype(np.uint8)  # trimesh writes no truth values to PLY
+        mesh.face_attributes.update(mu=self.density, acl=acl, gradient=self.gradient)
         mesh.vertex_attributes.update(distance=self.distance, u=self.potential)
         return mesh
 

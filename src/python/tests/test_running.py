@@ -95,7 +95,7 @@ def test_the_gil_is_free_during_a_call():
 
     def work():
         span.append(time.monotonic())
-        dmkcl.surfaces.quartic(n_triangles=100000)
+        dmkcl.surfaces.quartic(n_triangles=30000)
         span.append(time.monotonic())
 
     worker = threading.Thread(target=work)

@@ -85,7 +85,7 @@ def test_other_components_are_told_apart(small):
     assert np.isfinite(first.distance[:len(V)]).all() and np.isinf(first.distance[len(V):]).all()
     assert (first.density[len(F):] == 0).all() and np.isnan(first.gradient[len(F):]).all()
     assert np.isfinite(first.gradient[:len(F)]).all()
-    assert np.array_equal(first.distance[:len(V)], second.distance[len(V):])
+    assert np.allclose(first.distance[:len(V)], second.distance[len(V):], atol=1e-9)
 
 
 def test_solve_many(solver, result):
@@ -129,7 +129,7 @@ def test_history(solver):
 
 def test_errors_have_their_classes(small):
     solver = dmkcl.CutLocus(small)
-    with pytest.raises(dmkcl.StepLimitError, match="1 steps"):
+    with pytest.raises(dmkcl.StepLimitError, match="raise max_steps or tolerance"):
         solver.solve(vertex=0, max_steps=1)
     with pytest.raises(dmkcl.ArgumentError, match="dt"):
         solver.solve(vertex=0, dt=7)
@@ -165,7 +165,7 @@ def test_locus(torus, result):
     ends = locus.vertices[locus.edges]
     assert np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).sum() == pytest.approx(locus.length)
     assert np.array_equal(np.bincount(locus.edges.ravel(), minlength=k), locus.degree)
-    assert (locus.strength > 0).all() and len(locus.edge_strength) == len(locus.edges)
+    assert (locus.strength[locus.kind != 1] > 0).all() and len(locus.edge_strength) == len(locus.edges)
 
 
 def test_polylines_are_the_edges(result):
@@ -183,9 +183,10 @@ def test_tangent(result):
     assert len(angle) == 2 * len(result.locus.vertices)
     assert (np.diff(angle) >= 0).all() and angle[0] >= 0 and angle[-1] < 2 * np.pi
     assert np.array_equal(time, result.locus.distance[vertex])
-    # The area of the disk: the torus with the area element of the tangent plane undone is smaller
-    # than the plane disk's, as geodesics of a torus spread on the inside and meet on the outside.
-    assert np.pi < time.min() + 1e-2 and time.max() < 10
+    # The nearest point of the cut locus is the end of the way around the tube; the farthest is where
+    # the opposite meridian crosses the inner equator.
+    assert time.min() == pytest.approx(np.pi, abs=2e-2)
+    assert time.max() == pytest.approx(result.locus.distance.max())
 
 
 def test_path(torus, result):
@@ -254,13 +255,14 @@ def test_to_pyvista(result):
     assert lines.length > 0 and "strength" in lines.point_data
 
 
-def test_to_trimesh(result):
+def test_to_trimesh(result, tmp_path):
     pytest.importorskip("trimesh")
     mesh = result.to_trimesh()
+    mesh.export(tmp_path / "mesh.ply")
     assert np.array_equal(mesh.face_attributes["mu"], result.density)
     assert np.array_equal(mesh.vertex_attributes["distance"], result.distance)
 
 
 def test_printed_forms(solver, result):
-    assert "6 steps" in repr(result) or "steps" in repr(result)
+    assert "steps, cost between" in repr(result)
     assert "2 loops" in repr(result.locus) and "CutLocus" in repr(solver)

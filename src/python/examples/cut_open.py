@@ -1,0 +1,17 @@
+"""Cut a surface open along a cut locus: the seam is as far from the chosen point as can be."""
+import numpy as np
+
+import dmkcl
+
+torus = dmkcl.surfaces.torus(refine=1)
+result = dmkcl.CutLocus(torus).solve(point=(3, 0, 0))
+vertices, faces, origin = result.cut_open()
+
+disk = dmkcl.Mesh(vertices, faces)
+print("before:", torus)
+print("after: ", disk)
+disk.write("disk.obj")
+
+# Values at the vertices go along; those on the seam are new.
+distance = np.where(origin >= 0, result.distance[origin], np.nan)
+print(f"{np.isnan(distance).sum()} vertices on the two sides of the seam")
