@@ -14,7 +14,7 @@ coloured = result.to_trimesh()
 print("farthest vertex:", coloured.vertex_attributes["distance"].max())
 
 # From meshio: plane cells of all kinds; quads are split.
-coloured.export("ring.ply")
+ring.export("ring.ply")
 result = dmkcl.CutLocus(meshio.read("ring.ply")).solve(vertex=0)
 print("the same of meshio:", result.locus)
 
