@@ -47,7 +47,7 @@ LDFLAGS ?=
 FLAGS := -std=c11 -D_GNU_SOURCE -DCL_TARGET_OPENCL_VERSION=120 $(WARN) $(OPT_$(CONFIG)) -fPIC \
     -fno-semantic-interposition -Iinclude -Isrc -Ikernels $(CFLAGS)
 LINK := $(OPT_$(CONFIG)) $(LDFLAGS)
-LDLIBS := -lOpenCL -lhwloc -lz -lpthread -lm
+LDLIBS := -lOpenCL -lhwloc -lz -lexpat -lpthread -lm
 
 # ---- files -----------------------------------------------------------------------------------
 

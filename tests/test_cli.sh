@@ -80,6 +80,8 @@ for bad in 0 -1 1,2,3,4 x 1,,2; do
     usage "mesh: --size '$bad'" '--size: .* is not one to three sizes' mesh torus "--size=$bad"
 done
 usage 'mesh: --refine' '--refine: .* whole number' mesh torus --refine 99
+usage 'mesh: --refine of a file' "'meshes/torus.off' is a file" \
+    mesh meshes/torus.off --refine 1 --out "$work/x.off"
 usage 'mesh: --triangles' '--triangles: .* whole number' mesh torus --triangles 3
 usage 'info: no mesh' 'MESH is missing' info
 usage 'devices: an argument' 'too many' devices x
@@ -88,6 +90,9 @@ usage 'devices: an argument' 'too many' devices x
 
 check 'mesh makes a torus' "$tool" mesh torus --source 3,0,0 --out "$torus"
 check 'which is whole' output_has 'genus 1' "$tool" info "$torus"
+check 'mesh turns a file into another format' "$tool" mesh "$torus" --out "$work/torus.vtp"
+check 'and back' "$tool" mesh "$work/torus.vtp" --out "$work/again.off"
+check 'and it is the same' cmp "$torus" "$work/again.off"
 check 'mesh --quiet says nothing' test -z "$("$tool" mesh sphere --quiet --out "$work/sphere.off")"
 check 'info --json is JSON' is_json <("$tool" info --json "$torus")
 check 'devices lists one' output_has '^  0 ' "$tool" devices
@@ -101,6 +106,7 @@ fails 'a pipe that is full' 2 'standard output' bash -c "'$tool' info '$torus' >
 # ---- exit codes -------------------------------------------------------------------------------
 
 fails 'exit code 1: a vertex that is not there' 1 '[0-9]' "$tool" solve "$torus" --vertex 99999999
+fails 'mesh: no such file' 2 'none.off' "$tool" mesh "$work/none.off" --out "$work/x.off"
 fails 'exit code 2: no such mesh' 2 'none.off' "$tool" solve "$work/none.off" --vertex 0
 echo 'not a mesh at all' > "$work/junk.off"
 fails 'exit code 3: not a mesh' 3 'junk' "$tool" solve "$work/junk.off" --vertex 0

@@ -29,7 +29,8 @@ static dmk_mesh *make_mesh(fixture *f)
 
 static void test_meshes_keep_every_bit(void **state)
 {
-    static const char *const names[] = {"a.off", "a.obj", "A.OFF", "b.c.Obj"};
+    static const char *const names[] = {"a.off", "a.obj", "A.OFF", "b.c.Obj", "a.ply", "a.vtp",
+                                        "a.vtu"};
     fixture *f = *state;
     dmk_mesh *m = make_mesh(f);
     for (size_t i = 0; i < COUNT(names); i++) {
@@ -72,7 +73,7 @@ static dmk_mesh *make_large_mesh(fixture *f)
 
 static void test_large_meshes(void **state)
 {
-    static const char *const names[] = {"m.off", "m.obj"};
+    static const char *const names[] = {"m.off", "m.obj", "m.ply", "m.vtp", "m.vtu"};
     fixture *f = *state;
     dmk_mesh *m = make_large_mesh(f);
     size_t n_vertices = (size_t)m->n_vertices, n_triangles = (size_t)m->n_triangles;
@@ -441,7 +442,7 @@ static void test_refuses_to_write(void **state)
         const char *name;
         int status;
         const char *message;
-    } cases[] = {{"m.xyz", DMK_E_ARG, "m.xyz: the suffix chooses the format; use one of .off"},
+    } cases[] = {{"m.xyz", DMK_E_ARG, "m.xyz: the suffix chooses the format; use one of .ply"},
                  {"m", DMK_E_ARG, "suffix"},
                  {"m.csv", DMK_E_ARG, "suffix"},
                  {"none/m.off", DMK_E_IO, "none/m.off: cannot create: No such file"},
@@ -517,8 +518,8 @@ static void test_format_table(void **state)
     }
     assert_true(n >= 5 && readers >= 2);
     assert_int_equal(dmk_format_get(0, &info), DMK_OK);
-    assert_string_equal(info.name, "OFF");
-    assert_true(info.reads_mesh && info.writes_mesh && !info.writes_result && !info.writes_locus);
+    assert_string_equal(info.name, "PLY");
+    assert_true(info.reads_mesh && info.writes_mesh && info.writes_result && !info.writes_locus);
     assert_int_equal(dmk_format_get(n, &info), DMK_E_ARG);
 }
 

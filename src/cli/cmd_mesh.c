@@ -1,9 +1,20 @@
-/* dmkcl mesh: a built-in surface as a mesh file. */
+/* dmkcl mesh: a built-in surface as a mesh file, or a mesh file in another format. */
 #include "cli.h"
 
 #include <string.h>
+#include <sys/stat.h>
 
 enum { MAX_SURFACES = 32 };
+
+/* Whether the operand is a file: no surface, and there, or written like one. */
+static bool is_file(const char *word)
+{
+    struct stat st;
+    for (size_t i = 0; dmk_surface_name(i); i++) {
+        if (strcmp(word, dmk_surface_name(i)) == 0) return false;
+    }
+    return strpbrk(word, "./") || stat(word, &st) == 0;
+}
 
 /* The surface of that name, or NULL with the error told. */
 static const char *find_surface(const char *word)
@@ -47,7 +58,8 @@ static void print_made(const char *path, const dmk_surface_options *surface, con
     }
 }
 
-static int make(const dmk_surface_options *surface, const char *path, bool quiet)
+/* Of a surface, or, if it has no name, of the mesh file `from`. */
+static int make(const dmk_surface_options *surface, const char *from, const char *path, bool quiet)
 {
     dmk_context *context;
     dmk_mesh *mesh = NULL;
@@ -56,7 +68,8 @@ static int make(const dmk_surface_options *surface, const char *path, bool quiet
     if (rc == DMK_OK) {
         cli_catch_interrupt();
         cli_watch(context, &progress);
-        rc = dmk_mesh_surface(context, surface, &mesh);
+        rc = surface->name ? dmk_mesh_surface(context, surface, &mesh)
+                           : dmk_mesh_read(context, from, &mesh);
     }
     if (rc == DMK_OK && cli_interrupted()) rc = DMK_E_CANCELLED;
     if (rc == DMK_OK) rc = dmk_mesh_write(context, mesh, path);
@@ -113,8 +126,8 @@ int cmd_mesh(int argc, char **argv)
     };
     const cli_syntax syntax = {
         .command = "mesh",
-        .usage = "SURFACE --out FILE [OPTIONS]",
-        .summary = "Make a mesh of a built-in surface.",
+        .usage = "SURFACE|MESH --out FILE [OPTIONS]",
+        .summary = "Make a mesh of a built-in surface, or write a mesh file in another format.",
         .operand = "SURFACE",
         .notes = surfaces,
         .options = options,
@@ -126,8 +139,14 @@ int cmd_mesh(int argc, char **argv)
 
     dmk_surface_options surface;
     dmk_surface_options_init(&surface);
-    surface.name = find_surface(name);
-    if (!surface.name) return EXIT_USAGE;
+    surface.name = NULL;
+    if (!is_file(name)) {
+        surface.name = find_surface(name);
+        if (!surface.name) return EXIT_USAGE;
+    } else if (size.n || n_triangles || refine || source.n) {
+        return cli_error(EXIT_USAGE, "mesh: '%s' is a file: --size, --triangles, --refine and "
+                         "--source are for built-in surfaces", name);
+    }
     memcpy(surface.size, size.value, (size_t)size.n * sizeof *size.value);
     surface.n_triangles = (size_t)n_triangles;
     surface.refine = (int)refine;
@@ -135,5 +154,5 @@ int cmd_mesh(int argc, char **argv)
     if (surface.has_source) memcpy(surface.source, source.value, sizeof surface.source);
 
     code = cli_check_output("out", out, CLI_MESH);
-    return code == EXIT_OK ? make(&surface, out, quiet) : code;
+    return code == EXIT_OK ? make(&surface, name, out, quiet) : code;
 }

@@ -6,13 +6,16 @@
 #include <string.h>
 #include <strings.h>
 
+/* Those that begin with words of their own come first: a title may be anything. */
 static const dmk_format formats[] = {
+    {"PLY", ".ply", dmk_ply_sniff, dmk_ply_read, dmk_ply_write, dmk_ply_write, NULL},
+    {"VTP", ".vtp", dmk_vtk_sniff, dmk_vtk_read, dmk_vtp_write, dmk_vtp_write, dmk_vtp_write_locus},
+    {"VTU", ".vtu", dmk_vtk_sniff, dmk_vtk_read, dmk_vtu_write, dmk_vtu_write, NULL},
+    {"VTK", ".vtk", dmk_vtk_legacy_sniff, dmk_vtk_legacy_read, NULL, NULL, NULL},
+    {"MSH", ".msh", dmk_msh_sniff, dmk_msh_read, NULL, NULL, NULL},
     {"OFF", ".off .coff .noff", dmk_off_sniff, dmk_off_read, dmk_off_write, NULL, NULL},
     {"OBJ", ".obj", dmk_obj_sniff, dmk_obj_read, dmk_obj_write, NULL, dmk_obj_write_locus},
-    {"PLY", ".ply", dmk_ply_sniff, dmk_ply_read, dmk_ply_write, dmk_ply_write, NULL},
     {"STL", ".stl", dmk_stl_sniff, dmk_stl_read, NULL, NULL, NULL},
-    {"VTP", ".vtp", NULL, NULL, dmk_vtp_write, dmk_vtp_write, dmk_vtp_write_locus},
-    {"VTU", ".vtu", NULL, NULL, dmk_vtu_write, dmk_vtu_write, NULL},
     {"CSV", ".csv", NULL, NULL, NULL, NULL, dmk_csv_write_locus},
 };
 #define N_FORMATS (sizeof formats / sizeof *formats)

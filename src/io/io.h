@@ -129,6 +129,15 @@ int dmk_ply_write(dmk_context *context, dmk_sink *sink, const dmk_fields *fields
 bool dmk_stl_sniff(const dmk_file *file);
 int dmk_stl_read(dmk_context *context, const dmk_file *file, dmk_soup *soup);
 
+bool dmk_msh_sniff(const dmk_file *file);
+int dmk_msh_read(dmk_context *context, const dmk_file *file, dmk_soup *soup);
+
+bool dmk_vtk_legacy_sniff(const dmk_file *file);
+int dmk_vtk_legacy_read(dmk_context *context, const dmk_file *file, dmk_soup *soup);
+
+/* VTP and VTU. */
+bool dmk_vtk_sniff(const dmk_file *file);
+int dmk_vtk_read(dmk_context *context, const dmk_file *file, dmk_soup *soup);
 int dmk_vtp_write(dmk_context *context, dmk_sink *sink, const dmk_fields *fields);
 int dmk_vtp_write_locus(dmk_context *context, dmk_sink *sink, const dmk_curves *curves);
 int dmk_vtu_write(dmk_context *context, dmk_sink *sink, const dmk_fields *fields);

@@ -5,21 +5,18 @@
  * a result adds u and distance to the vertices, mu and acl to the faces.
  *
  * librply is not used: it parses text by the program's locale and trusts the header. */
-#include "io/io.h"
+#include "io/values.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-enum { INT8, UINT8, INT16, UINT16, INT32, UINT32, FLOAT32, FLOAT64, N_TYPES };
-
 static const struct {
     const char *name, *other_name;
-    size_t bytes;
-} types[N_TYPES] = {
-    [INT8] = {"char", "int8", 1},      [UINT8] = {"uchar", "uint8", 1},
-    [INT16] = {"short", "int16", 2},   [UINT16] = {"ushort", "uint16", 2},
-    [INT32] = {"int", "int32", 4},     [UINT32] = {"uint", "uint32", 4},
-    [FLOAT32] = {"float", "float32", 4}, [FLOAT64] = {"double", "float64", 8}};
+    dmk_type type;
+} types[] = {{"char", "int8", DMK_INT8},      {"uchar", "uint8", DMK_UINT8},
+             {"short", "int16", DMK_INT16},   {"ushort", "uint16", DMK_UINT16},
+             {"int", "int32", DMK_INT32},     {"uint", "uint32", DMK_UINT32},
+             {"float", "float32", DMK_FLOAT32}, {"double", "float64", DMK_FLOAT64}};
 
 /* What a property is for: 0, 1, 2 are x, y, z. */
 enum { ROLE_CORNERS = 3, ROLE_NONE = 4 };
@@ -41,8 +38,7 @@ typedef struct element {
 #define MAX_PROPERTIES 256
 
 typedef struct ply {
-    dmk_text text;
-    bool ascii, swap;
+    dmk_values in;
     int n_elements, n_properties;
     element element[MAX_ELEMENTS];
     property property[MAX_PROPERTIES];
@@ -67,23 +63,24 @@ static bool take_word(dmk_text *t, const char *word)
 
 static int take_type(dmk_text *t)
 {
-    for (int i = 0; i < N_TYPES; i++) {
-        if (take_word(t, types[i].name) || take_word(t, types[i].other_name)) return i;
+    for (size_t i = 0; i < sizeof types / sizeof *types; i++) {
+        if (take_word(t, types[i].name) || take_word(t, types[i].other_name)) {
+            return (int)types[i].type;
+        }
     }
     return -1;
 }
 
 static int read_format(ply *p)
 {
-    static const int one = 1;
-    dmk_text *t = &p->text;
-    bool little_host = *(const char *)&one == 1;
+    dmk_text *t = &p->in.text;
+    p->in.binary = true;
     if (take_word(t, "ascii")) {
-        p->ascii = true;
+        p->in.binary = false;
     } else if (take_word(t, "binary_little_endian")) {
-        p->swap = !little_host;
+        p->in.swap = !dmk_is_little_endian();
     } else if (take_word(t, "binary_big_endian")) {
-        p->swap = little_host;
+        p->in.swap = dmk_is_little_endian();
     } else {
         return dmk_text_fail(t, "the format is not ascii, binary_little_endian or "
                                 "binary_big_endian");
@@ -93,7 +90,7 @@ static int read_format(ply *p)
 
 static int read_element_line(ply *p)
 {
-    dmk_text *t = &p->text;
+    dmk_text *t = &p->in.text;
     if (p->n_elements == MAX_ELEMENTS) return dmk_text_fail(t, "too many elements; remove some");
     element *e = &p->element[p->n_elements++];
     *e = (element){.name = t->at, .first = p->n_properties};
@@ -111,7 +108,7 @@ static int read_element_line(ply *p)
 static int read_property_line(ply *p)
 {
     static const char *const names[] = {"x", "y", "z"};
-    dmk_text *t = &p->text;
+    dmk_text *t = &p->in.text;
     if (p->n_elements == 0) return dmk_text_fail(t, "a property before the first element");
     if (p->n_properties == MAX_PROPERTIES) {
         return dmk_text_fail(t, "too many properties; remove some");
@@ -123,7 +120,8 @@ static int read_property_line(ply *p)
     bool list = take_word(t, "list");
     if (list) q->length_type = take_type(t);
     q->type = take_type(t);
-    if (q->type < 0 || (list && (q->length_type < 0 || q->length_type >= FLOAT32))) {
+    const bool bad_length = q->length_type < 0 || dmk_type_is_float((dmk_type)q->length_type);
+    if (q->type < 0 || (list && bad_length)) {
         return dmk_text_fail(t, "a property of unknown type");
     }
     for (int k = 0; k < 3 && e->is_vertex && !list; k++) {
@@ -139,7 +137,7 @@ static int read_property_line(ply *p)
  * what looks like a line end. */
 static int end_header(ply *p)
 {
-    dmk_text *t = &p->text;
+    dmk_text *t = &p->in.text;
     if (t->file->data[3] == '\r' && t->at < t->end && *t->at == '\r') t->at++;
     if (t->at >= t->end || *t->at != '\n') return dmk_text_fail(t, "the header does not end well");
     t->at++;
@@ -150,7 +148,7 @@ static int read_header(ply *p)
 {
     int rc = DMK_OK;
     bool format = false;
-    dmk_text *t = &p->text;
+    dmk_text *t = &p->in.text;
     for (dmk_text_skip_line(t); rc == DMK_OK && dmk_text_seek(t); dmk_text_skip_line(t)) {
         size_t n = dmk_text_word(t);
         if (n == 10 && memcmp(t->at, "end_header", n) == 0) {
@@ -173,89 +171,17 @@ static int read_header(ply *p)
     return dmk_text_fail(t, "the file ends within its header");
 }
 
-/* ---- values ---- */
-
-static int fail_short(const ply *p)
-{
-    return dmk_fail(p->text.context, DMK_E_FORMAT,
-                    "%s: the file ends before its data; it is cut short or its counts are wrong",
-                    p->text.file->path);
-}
-
-static double decode(int type, const unsigned char b[8])
-{
-    union {
-        int8_t i1;
-        uint8_t u1;
-        int16_t i2;
-        uint16_t u2;
-        int32_t i4;
-        uint32_t u4;
-        float f4;
-        double f8;
-    } v;
-    memcpy(&v, b, types[type].bytes);
-    switch (type) {
-    case INT8: return v.i1;
-    case UINT8: return v.u1;
-    case INT16: return v.i2;
-    case UINT16: return v.u2;
-    case INT32: return v.i4;
-    case UINT32: return v.u4;
-    case FLOAT32: return (double)v.f4;
-    default: return v.f8;
-    }
-}
-
-static int read_value(ply *p, int type, double *value)
-{
-    dmk_text *t = &p->text;
-    size_t n = types[type].bytes;
-    if (p->ascii) {
-        dmk_text_seek(t);
-        return dmk_text_number(t, "a value", value);
-    }
-    if ((size_t)(t->end - t->at) < n) return fail_short(p);
-    unsigned char b[8];
-    for (size_t i = 0; i < n; i++) b[p->swap ? n - 1 - i : i] = (unsigned char)t->at[i];
-    *value = decode(type, b);
-    t->at += n;
-    return DMK_OK;
-}
-
-static int skip_values(ply *p, int type, int64_t count)
-{
-    dmk_text *t = &p->text;
-    if (!p->ascii) {
-        if (count > (t->end - t->at) / (int64_t)types[type].bytes) return fail_short(p);
-        t->at += count * (int64_t)types[type].bytes;
-        return DMK_OK;
-    }
-    for (int64_t i = 0; i < count; i++) {
-        if (!dmk_text_seek(t)) return fail_short(p);
-        size_t n = dmk_text_word(t);
-        t->at += n ? n : 1;
-    }
-    return DMK_OK;
-}
-
 /* A whole number within 0 .. limit-1. */
 static int read_whole(ply *p, int type, const char *what, int64_t limit, int64_t *value)
 {
     double x;
-    int rc = read_value(p, type, &x);
+    int rc = dmk_values_number(&p->in, (dmk_type)type, "a value", &x);
     if (rc != DMK_OK) return rc;
     if (x >= 0 && x < (double)limit && x == (double)(int64_t)x) {
         *value = (int64_t)x;
         return DMK_OK;
     }
-    if (p->ascii) {
-        return dmk_text_fail(&p->text, "%s %.17g is not among 0..%lld", what, x,
-                             (long long)limit - 1);
-    }
-    return dmk_fail(p->text.context, DMK_E_FORMAT, "%s: byte %td: %s %.17g is not among 0..%lld",
-                    p->text.file->path, p->text.at - p->text.file->data, what, x,
-                    (long long)limit - 1);
+    return dmk_values_fail(&p->in, "%s %.17g is not among 0..%lld", what, x, (long long)limit - 1);
 }
 
 /* ---- elements ---- */
@@ -264,14 +190,14 @@ static int read_corners(ply *p, const property *q, int64_t n, dmk_soup *soup)
 {
     int32_t fan[2] = {0, 0};
     if (n < 3) {
-        return dmk_fail(p->text.context, DMK_E_FORMAT, "%s: a face with %lld corners; remove it",
-                        p->text.file->path, (long long)n);
+        return dmk_fail(p->in.text.context, DMK_E_FORMAT, "%s: a face with %lld corners; remove it",
+                        p->in.text.file->path, (long long)n);
     }
     for (int64_t k = 0; k < n; k++) {
         int64_t v = 0;
         int rc = read_whole(p, q->type, "vertex", (int64_t)soup->n_vertices, &v);
         if (rc == DMK_OK) {
-            rc = dmk_soup_corner(p->text.context, soup, (size_t)k, fan, (int32_t)v);
+            rc = dmk_soup_corner(p->in.text.context, soup, (size_t)k, fan, (int32_t)v);
         }
         if (rc != DMK_OK) return rc;
     }
@@ -282,10 +208,14 @@ static int read_property(ply *p, const property *q, int64_t i, dmk_soup *soup)
 {
     int rc;
     int64_t n = 0;
-    if (q->role < 3) return read_value(p, q->type, &soup->xyz[3 * i + q->role]);
-    if (q->length_type < 0) return skip_values(p, q->type, 1);
+    if (q->role < 3) {
+        return dmk_values_number(&p->in, (dmk_type)q->type, "a value",
+                                 &soup->xyz[3 * i + q->role]);
+    }
+    if (q->length_type < 0) return dmk_values_skip(&p->in, (dmk_type)q->type, 1);
     DMK_TRY(read_whole(p, q->length_type, "length", INT32_MAX, &n));
-    rc = q->role == ROLE_CORNERS ? read_corners(p, q, n, soup) : skip_values(p, q->type, n);
+    rc = q->role == ROLE_CORNERS ? read_corners(p, q, n, soup)
+                                 : dmk_values_skip(&p->in, (dmk_type)q->type, (size_t)n);
 done:
     return rc;
 }
@@ -297,21 +227,21 @@ static int check_room(const ply *p, const element *e)
     for (int k = e->first; k < e->first + e->n; k++) {
         const property *q = &p->property[k];
         int type = q->length_type < 0 ? q->type : q->length_type;
-        least += p->ascii ? 2 : (int64_t)types[type].bytes;
+        least += p->in.binary ? (int64_t)dmk_type_bytes((dmk_type)type) : 2;
     }
-    if (least == 0 || e->count <= (p->text.end - p->text.at + 1) / least) return DMK_OK;
-    return dmk_fail(p->text.context, DMK_E_FORMAT,
+    if (least == 0 || e->count <= (p->in.text.end - p->in.text.at + 1) / least) return DMK_OK;
+    return dmk_fail(p->in.text.context, DMK_E_FORMAT,
                     "%s: %lld of element '%.*s' do not fit into the %td bytes that follow; the "
                     "file is cut short or its counts are wrong",
-                    p->text.file->path, (long long)e->count, (int)strcspn(e->name, " \t\r\n"),
-                    e->name, p->text.end - p->text.at);
+                    p->in.text.file->path, (long long)e->count, (int)strcspn(e->name, " \t\r\n"),
+                    e->name, p->in.text.end - p->in.text.at);
 }
 
 static int read_element(ply *p, const element *e, dmk_soup *soup)
 {
     int rc;
     DMK_TRY(check_room(p, e));
-    if (e->is_vertex) DMK_TRY(DMK_NEW(p->text.context, soup->xyz, 3 * (size_t)e->count));
+    if (e->is_vertex) DMK_TRY(DMK_NEW(p->in.text.context, soup->xyz, 3 * (size_t)e->count));
     for (int64_t i = 0; e->n > 0 && i < e->count; i++) {
         for (int k = e->first; k < e->first + e->n; k++) {
             DMK_TRY(read_property(p, &p->property[k], i, soup));
@@ -335,10 +265,10 @@ static int check_header(ply *p, dmk_soup *soup)
         n_role[ROLE_CORNERS] == 1) {
         return DMK_OK;
     }
-    return dmk_fail(p->text.context, DMK_E_FORMAT,
+    return dmk_fail(p->in.text.context, DMK_E_FORMAT,
                     "%s: its header lacks (or doubles) an element 'vertex' with x, y and z, or an "
                     "element 'face' with the list 'vertex_indices': not a mesh of polygons",
-                    p->text.file->path);
+                    p->in.text.file->path);
 }
 
 int dmk_ply_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
@@ -346,12 +276,12 @@ int dmk_ply_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
     int rc;
     ply *p = NULL;
     DMK_TRY(DMK_NEW(ctx, p, 1));
-    DMK_TRY(dmk_text_open(ctx, file, &p->text));
+    DMK_TRY(dmk_text_open(ctx, file, &p->in.text));
     DMK_TRY(read_header(p));
     DMK_TRY(check_header(p, soup));
     for (int i = 0; i < p->n_elements; i++) DMK_TRY(read_element(p, &p->element[i], soup));
 done:
-    if (p) dmk_text_close(&p->text);
+    if (p) dmk_text_close(&p->in.text);
     free(p);
     return rc;
 }
@@ -360,8 +290,7 @@ done:
 
 static void put_header(dmk_sink *sink, const dmk_fields *f)
 {
-    static const int one = 1;
-    dmk_sink_text(sink, *(const char *)&one == 1 ? "ply\nformat binary_little_endian 1.0\n"
+    dmk_sink_text(sink, dmk_is_little_endian() ? "ply\nformat binary_little_endian 1.0\n"
                                                  : "ply\nformat binary_big_endian 1.0\n");
     dmk_sink_text(sink, "element vertex ");
     dmk_sink_integer(sink, f->mesh->n_vertices);

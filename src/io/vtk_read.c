@@ -1,0 +1,173 @@
+/* Reading VTK's XML files: VTP (PolyData) and VTU (UnstructuredGrid). All pieces become one mesh,
+ * in their order; faces become triangles (see cells.h), of PolyData first polygons, then strips.
+ * Data on points and cells is passed over. */
+#include "io/cells.h"
+#include "io/vtk_xml.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+typedef struct vtk {
+    dmk_context *context;
+    const dmk_file *file;
+    dmk_vtk_tags tags;
+    dmk_soup *soup;
+    size_t first, n_points; /* the piece's vertices */
+    dmk_corners corners;
+    dmk_cells cells;
+} vtk;
+
+bool dmk_vtk_sniff(const dmk_file *file)
+{
+    const size_t n = file->size < 4096 ? file->size : 4096;
+    dmk_text t = {.file = file, .at = file->data, .end = file->data + file->size};
+    if (file->size > 3 && memcmp(file->data, "\xef\xbb\xbf", 3) == 0) t.at += 3;
+    return dmk_text_seek(&t) && *t.at == '<' && memmem(file->data, n, "<VTKFile", 8);
+}
+
+static int fail(const vtk *v, const char *what)
+{
+    return dmk_fail(v->context, DMK_E_FORMAT, "%s: %s", v->file->path, what);
+}
+
+static int read_points(vtk *v, const dmk_vtk_piece *p)
+{
+    int rc = DMK_OK;
+    double *xyz = NULL;
+    v->first = v->soup->n_vertices;
+    v->n_points = (size_t)p->n_points;
+    if (p->n_points == 0) return DMK_OK;
+    if (!p->values[DMK_VTK_POINTS].there) return fail(v, "no array of points");
+    if (v->n_points > INT32_MAX - v->first) return fail(v, "more points than 32 bits count");
+    DMK_TRY(dmk_vtk_read_numbers(v->context, v->file, &v->tags.coding, &p->values[DMK_VTK_POINTS],
+                                 "points", 3 * v->n_points, &xyz));
+    if (v->first == 0) {
+        free(v->soup->xyz);
+        v->soup->xyz = xyz;
+        xyz = NULL;
+    } else {
+        double *all = realloc(v->soup->xyz, 3 * (v->first + v->n_points) * sizeof *all);
+        if (!all) {
+            rc = dmk_fail(v->context, DMK_E_NOMEM, "out of memory: points");
+            goto done;
+        }
+        memcpy(all + 3 * v->first, xyz, 3 * v->n_points * sizeof *xyz);
+        v->soup->xyz = all;
+    }
+    v->soup->n_vertices += v->n_points;
+done:
+    free(xyz);
+    return rc;
+}
+
+/* A list of cells: the corners of all, and where each cell's end. */
+typedef struct list {
+    int64_t *corner, *end, *type; /* type may be NULL */
+    size_t n;
+} list;
+
+static void list_free(list *l)
+{
+    free(l->corner);
+    free(l->end);
+    free(l->type);
+}
+
+static int read_list(vtk *v, const dmk_vtk_piece *p, dmk_vtk_role corners, dmk_vtk_role ends,
+                     int64_t n, list *l)
+{
+    int rc;
+    const dmk_vtk_values *a = &p->values[corners], *b = &p->values[ends];
+    const dmk_vtk_coding *coding = &v->tags.coding;
+    if (!a->there || !b->there) return fail(v, "cells without connectivity or without offsets");
+    l->n = (size_t)n;
+    DMK_TRY(dmk_vtk_read_integers(v->context, v->file, coding, b, "offsets", l->n, &l->end));
+    for (size_t i = 0; i < l->n; i++) {
+        if (l->end[i] < (i > 0 ? l->end[i - 1] : 0)) return fail(v, "offsets that fall");
+    }
+    DMK_TRY(dmk_vtk_read_integers(v->context, v->file, coding, a, "connectivity",
+                                  (size_t)l->end[l->n - 1], &l->corner));
+done:
+    return rc;
+}
+
+static int add_cell(vtk *v, const list *l, size_t i, dmk_cell cell)
+{
+    int rc;
+    const size_t first = i > 0 ? (size_t)l->end[i - 1] : 0, n = (size_t)l->end[i] - first;
+    const char *refusal = dmk_cell_refusal(cell, n);
+    if (refusal) {
+        return dmk_fail(v->context, DMK_E_FORMAT, "%s: cell %zu is %s", v->file->path, i, refusal);
+    }
+    DMK_TRY(dmk_corners_resize(v->context, &v->corners, n));
+    for (size_t k = 0; k < n; k++) {
+        const int64_t c = l->corner[first + k];
+        if (c < 0 || (uint64_t)c >= v->n_points) {
+            return dmk_fail(v->context, DMK_E_FORMAT,
+                            "%s: point %lld of cell %zu is not among the %zu from 0", v->file->path,
+                            (long long)c, i, v->n_points);
+        }
+        v->corners.vertex[k] = (int32_t)(v->first + (size_t)c);
+    }
+    rc = dmk_cell_add(v->context, v->soup, cell, &v->corners, &v->cells);
+done:
+    return rc;
+}
+
+static int read_faces(vtk *v, const dmk_vtk_piece *p, dmk_vtk_role corners, dmk_vtk_role ends,
+                      int64_t n, dmk_cell cell)
+{
+    int rc;
+    list l = {0};
+    if (n == 0) return DMK_OK;
+    DMK_TRY(read_list(v, p, corners, ends, n, &l));
+    for (size_t i = 0; i < l.n; i++)
+        DMK_TRY(add_cell(v, &l, i, cell));
+done:
+    list_free(&l);
+    return rc;
+}
+
+static int read_cells(vtk *v, const dmk_vtk_piece *p)
+{
+    int rc;
+    list l = {0};
+    if (p->n_cells == 0) return DMK_OK;
+    if (!p->values[DMK_VTK_CELL_TYPES].there) return fail(v, "cells without types");
+    DMK_TRY(read_list(v, p, DMK_VTK_CELL_CORNERS, DMK_VTK_CELL_ENDS, p->n_cells, &l));
+    DMK_TRY(dmk_vtk_read_integers(v->context, v->file, &v->tags.coding,
+                                  &p->values[DMK_VTK_CELL_TYPES], "types", l.n, &l.type));
+    for (size_t i = 0; i < l.n; i++)
+        DMK_TRY(add_cell(v, &l, i, dmk_cell_of_vtk(l.type[i])));
+done:
+    list_free(&l);
+    return rc;
+}
+
+static int read_piece(vtk *v, const dmk_vtk_piece *p)
+{
+    int rc;
+    DMK_TRY(read_points(v, p));
+    DMK_TRY(
+        read_faces(v, p, DMK_VTK_POLY_CORNERS, DMK_VTK_POLY_ENDS, p->n_polys, DMK_CELL_POLYGON));
+    DMK_TRY(
+        read_faces(v, p, DMK_VTK_STRIP_CORNERS, DMK_VTK_STRIP_ENDS, p->n_strips, DMK_CELL_STRIP));
+    DMK_TRY(read_cells(v, p));
+    v->cells.n_thin += (size_t)p->n_thin;
+done:
+    return rc;
+}
+
+int dmk_vtk_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
+{
+    int rc;
+    vtk v = {.context = ctx, .file = file, .soup = soup};
+    DMK_TRY(dmk_vtk_tags_read(ctx, file, &v.tags));
+    for (size_t i = 0; i < v.tags.n_pieces; i++)
+        DMK_TRY(read_piece(&v, &v.tags.piece[i]));
+    DMK_TRY(dmk_cells_end(ctx, file->path, soup, &v.cells));
+done:
+    dmk_vtk_tags_free(&v.tags);
+    free(v.corners.vertex);
+    return rc;
+}

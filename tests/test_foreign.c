@@ -1,0 +1,274 @@
+/* Gmsh MSH and the formats of VTK, made by hand: variants that are accepted, what is refused and
+ * how it is said, and files with every cut and every wrong byte. What other programs write is read
+ * in test_formats.sh. */
+#include "files.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* The unit square as two triangles, 0 1 2 and 0 2 3, in all the ways one may write it. */
+static void check_square(fixture *f, const char *text)
+{
+    static const double square[] = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0};
+    static const int32_t two[] = {0, 1, 2, 0, 2, 3};
+    dmk_mesh *m = read_text(f, "m", text);
+    assert_int_equal(m->n_vertices, 4);
+    assert_int_equal(m->n_triangles, 2);
+    assert_memory_equal(m->xyz, square, sizeof square);
+    assert_memory_equal(m->triangle, two, sizeof two);
+    dmk_mesh_destroy(&m);
+}
+
+#define MSH2 "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n"
+#define MSH40 "$MeshFormat\n4 0 8\n$EndMeshFormat\n"
+#define MSH41 "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n"
+#define LEGACY "# vtk DataFile Version 3.0\nsolid v OFF\nASCII\n"
+#define POINTS "POINTS 4 float\n0 0 0 1 0 0 1 1 0\n0 1 0\n"
+#define LEGACY5 "# vtk DataFile Version 5.1\n\nASCII\nDATASET POLYDATA\n"
+#define ARRAY(type, name, text)                                                                    \
+    "<DataArray type=\"" type "\" Name=\"" name "\" format=\"ascii\">" text "</DataArray>\n"
+#define XYZ(text)                                                                                  \
+    "<Points><DataArray type=\"Float64\" NumberOfComponents=\"3\" format=\"ascii\">" text          \
+    "</DataArray></Points>\n"
+#define VTP(piece)                                                                                 \
+    "<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\" byte_order=\"LittleEndian\">\n<PolyData>" \
+    "<Piece NumberOfPoints=\"4\" NumberOfPolys=\"2\">" piece "</Piece></PolyData></VTKFile>\n"
+#define VTU(piece)                                                                                 \
+    "<VTKFile type=\"UnstructuredGrid\"><UnstructuredGrid><Piece NumberOfPoints=\"4\" "            \
+    "NumberOfCells=\"2\">" piece "</Piece></UnstructuredGrid></VTKFile>\n"
+#define POLYS                                                                                      \
+    "<Polys>" ARRAY("Int32", "connectivity", "0 1 2 0 2 3")                                        \
+        ARRAY("Int32", "offsets", "3 6") "</Polys>"
+
+static const char *const squares[] = {
+    MSH2 "$PhysicalNames\n1\n2 1 \"all\"\n$EndPhysicalNames\n$Nodes\n4\n1 0 0 0\n2 1 0 0\n3 1 1 0\n"
+         "4 0 1 0\n$EndNodes\n$Elements\n3\n1 15 2 0 1 1\n2 2 2 1 1 1 2 3\n3 2 3 1 1 0 1 3 4\n"
+         "$EndElements\n",
+    "$Comments\nmine\n$EndComments\n" MSH2
+    "$Nodes\r\n4\r\n9 0 0 0\r\n7 1 0 0\r\n100 1 1 0\r\n3 0 1 0\r\n"
+    "$EndNodes\r\n$Elements\r\n1\r\n1 3 0 9 7 100 3\r\n$EndElements\r\n",
+    MSH40
+    "$Nodes\n2 4\n1 1 1 2\n1 0 0 0 .5\n2 1 0 0 .7\n1 2 1 2\n3 1 1 0 1 2\n4 0 1 0 1 2\n$EndNodes\n"
+    "$Elements\n2 3\n1 1 1 1\n1 1 2\n1 2 2 2\n2 1 2 3\n3 1 3 4\n$EndElements\n",
+    MSH41 "$Entities\n0 0 1 0\n1 0 0 0 1 1 0 0 0\n$EndEntities\n$Nodes\n2 4 1 8\n1 1 1 2\n5\n6\n"
+          "0 0 0 .5\n1 0 0 .7\n2 1 0 2\n8\n1\n1 1 0\n0 1 0\n$EndNodes\n$Elements\n2 3 1 3\n1 1 1 "
+          "1\n1 5 6\n"
+          "2 1 2 2\n2 5 6 8\n3 5 8 1\n$EndElements\n$NodeData\nwhat ever\n$EndNodeData\n",
+    LEGACY "DATASET POLYDATA\n" POINTS "VERTICES 1 2\n1 0\nPOLYGONS 2 8\n3 0 1 2\n3 0 2 3\n"
+           "POINT_DATA 4\nwhat ever",
+    LEGACY "DATASET POLYDATA\n" POINTS "POLYGONS 1 5\n4 0 1 2 3\n",
+    LEGACY "dataset unstructured_grid\nFIELD f 1\na 1 2 int\n1 2\n" POINTS
+           "CELLS 3 11\n2 0 1\n3 0 1 2 3 0 2 3\nCELL_TYPES 3\n3\n5 5\n",
+    LEGACY "DATASET UNSTRUCTURED_GRID\n" POINTS "CELLS 1 5\n4 0 1 3 2\nCELL_TYPES 1\n8\n",
+    LEGACY5 POINTS "METADATA\nINFORMATION 0\n\nPOLYGONS 3 6\nOFFSETS vtktypeint64\n0 3 6\n"
+                   "CONNECTIVITY vtktypeint64\n0 1 2 0 2 3\n",
+    VTP(XYZ("0 0 0 1 0 0 1 1 0 0 1 0") POLYS),
+    VTP(XYZ(
+        "0 0 0 1 0 0 1 1 0 0 1 0<InformationKey name=\"x\"><Value>7 8</Value></InformationKey>\n")
+            POLYS
+        "<PointData><DataArray type=\"what\" Name=\"connectivity\" offset=\"x\"/></PointData>"),
+    VTP(XYZ("<InformationKey name=\"x\"><Value>7 8</Value></InformationKey>0 0 0 1 0 0 1 1 0 0 1 0")
+            POLYS),
+    "\xef\xbb\xbf<!-- mine -->" VTU(XYZ("0 0 0 1 0 0 1 1 0 0 1 0") "<Cells>" ARRAY(
+        "UInt8", "types", "5 5") ARRAY("Int64", "connectivity", "0 1 2 0 2 3")
+                                        ARRAY("Int64", "offsets", "3 6") "</Cells>"),
+    /* base64, of bytes with their number before them */
+    VTP(XYZ("0 0 0 1 0 0 1 1 0 0 1 0") "<Polys><DataArray type=\"UInt8\" Name=\"connectivity\" "
+                                       "format=\"binary\">\n BgAAAAABAgAC\n Aw== "
+                                       "</DataArray><DataArray type=\"Int16\" Name=\"offsets\""
+                                       " format=\"binary\">BAAAAAMABgA=</DataArray></Polys>"),
+};
+
+static void test_accepted(void **state)
+{
+    for (size_t i = 0; i < COUNT(squares); i++)
+        check_square(*state, squares[i]);
+}
+
+static void test_strips_and_second_order(void **state)
+{
+    static const int32_t strip[] = {0, 1, 3, 3, 1, 2}, six[] = {0, 3, 5, 3, 1, 4, 5, 4, 2, 3, 4, 5};
+    dmk_mesh *m = read_text(*state, "m",
+                            LEGACY "DATASET POLYDATA\n" POINTS "TRIANGLE_STRIPS 1 5\n4 0 1 3 2\n");
+    assert_memory_equal(m->triangle, strip, sizeof strip);
+    dmk_mesh_destroy(&m);
+    m = read_text(*state, "m",
+                  MSH2
+                  "$Nodes\n6\n1 0 0 0\n2 2 0 0\n3 0 2 0\n4 1 0 0\n5 1 1 0\n6 0 1 0\n$EndNodes\n"
+                  "$Elements\n1\n1 9 0 1 2 3 4 5 6\n$EndElements\n");
+    assert_memory_equal(m->triangle, six, sizeof six);
+    dmk_mesh_destroy(&m);
+}
+
+static void test_single_precision_text(void **state)
+{
+    dmk_mesh *m = read_text(*state, "m",
+                            LEGACY "DATASET POLYDATA\nPOINTS 3 float\n0.1 0 0 1 0 0 1 1 0\n"
+                                   "POLYGONS 1 4\n3 0 1 2\n");
+    assert_true(m->xyz[0] == (double)0.1f);
+    dmk_mesh_destroy(&m);
+    m = read_text(*state, "m",
+                  LEGACY "DATASET POLYDATA\nPOINTS 3 double\n0.1 0 0 1 0 0 1 1 0\n"
+                         "POLYGONS 1 4\n3 0 1 2\n");
+    assert_true(m->xyz[0] == 0.1);
+    dmk_mesh_destroy(&m);
+}
+
+static void test_pieces_follow_each_other(void **state)
+{
+#define PIECE                                                                                      \
+    "<Piece NumberOfPoints=\"3\" NumberOfPolys=\"1\">" XYZ("0 0 0 1 0 0 0 1 0") "<Polys>" ARRAY(   \
+        "Int32", "connectivity", "0 1 2") ARRAY("Int32", "offsets", "3") "</Polys></Piece>"
+    static const int32_t both[] = {0, 1, 2, 3, 4, 5};
+    dmk_mesh *m =
+        read_text(*state, "m.vtp",
+                  "<VTKFile type=\"PolyData\"><PolyData>" PIECE PIECE "</PolyData></VTKFile>");
+    assert_int_equal(m->n_vertices, 6);
+    assert_memory_equal(m->triangle, both, sizeof both);
+    dmk_mesh_destroy(&m);
+}
+
+static void test_refusals(void **state)
+{
+#define NODES "$Nodes\n3\n1 0 0 0\n2 1 0 0\n3 1 1 0\n$EndNodes\n"
+#define GOOD XYZ("0 0 0 1 0 0 1 1 0 0 1 0")
+    static const refusal cases[] = {
+        {"m.msh", "$NOD\n1\n", DMK_E_FORMAT, "m.msh:1: version 1 of MSH; export version 2 or 4"},
+        {"m.msh", "$MeshFormat\n3 0 8\n$EndMeshFormat\n", DMK_E_FORMAT, "version 3 of MSH"},
+        {"m.msh", "$MeshFormat\n2.2 0 8\n", DMK_E_FORMAT, "no $EndMeshFormat behind it"},
+        {"m.msh", MSH2 "Nodes\n", DMK_E_FORMAT, "m.msh:4: 'Nodes' where a section"},
+        {"m.msh", MSH2 "$Nodes\n3\n1 0 0 0\n", DMK_E_FORMAT, "3 nodes do not fit into"},
+        {"m.msh", MSH2 "$Nodes\n2\n1 0 0 0\n1 1 0 0\n$EndNodes\n", DMK_E_FORMAT,
+         "node 1 stands twice"},
+        {"m.msh", MSH2 NODES "$Elements\n1\n1 2 0 1 2 4\n$EndElements\n", DMK_E_FORMAT,
+         "node 4 of an element is not among the 3 of $Nodes"},
+        {"m.msh", MSH2 NODES "$Elements\n1\n1 10 0 1 2 4\n$EndElements\n", DMK_E_FORMAT,
+         "high order"},
+        {"m.msh", MSH2 NODES "$Elements\n1\n1 99 0 1 2 4\n$EndElements\n", DMK_E_FORMAT,
+         "of type 99"},
+        {"m.msh", MSH2 NODES "$Elements\n2\n1 15 0 1\n2 4 0 1 2 3 1\n$EndElements\n", DMK_E_FORMAT,
+         "1 volume cells (tetrahedra or the like) and no face; extract the surface"},
+        {"m.msh", MSH2 NODES, DMK_E_FORMAT, "no face in it"},
+        {"m.msh", MSH41 "$Nodes\n1 3 1 3\n7 1 0 3\n", DMK_E_FORMAT, "a block of dimension 7"},
+        {"m.msh", MSH41 "$Nodes\n9999999999999 3 1 3\n", DMK_E_FORMAT, "blocks do not fit into"},
+        {"m.vtk", "# vtk DataFile Version 3.0\nx\nTEXT\n", DMK_E_FORMAT,
+         "m.vtk:3: neither ASCII nor"},
+        {"m.vtk", LEGACY "DATASET RECTILINEAR_GRID\n", DMK_E_FORMAT,
+         "'RECTILINEAR_GRID' is neither"},
+        {"m.vtk", LEGACY "DATASET POLYDATA\nPOINTS 1 bit\n0", DMK_E_FORMAT, "'bit' is no type"},
+        {"m.vtk", LEGACY "DATASET POLYDATA\nPOINTS 5 float\n0 0 0", DMK_E_FORMAT,
+         "5 points do not fit"},
+        {"m.vtk", LEGACY "DATASET POLYDATA\n" POINTS "POLYGONS 1 4\n3 0 1 4\n", DMK_E_FORMAT,
+         "m.vtk:9: a cell's point is 4, not among the 4 from 0"},
+        {"m.vtk", LEGACY "DATASET POLYDATA\n" POINTS "POLYGONS 1 4\n9 0 1 2\n", DMK_E_FORMAT,
+         "corners is 9"},
+        {"m.vtk", LEGACY "DATASET POLYDATA\n" POINTS "POLYGONS 1 3\n2 0 1\n", DMK_E_FORMAT,
+         "cell 0 is a face with too few corners"},
+        {"m.vtk",
+         LEGACY5 POINTS "POLYGONS 3 6\nOFFSETS int\n0 6 3\nCONNECTIVITY int\n0 1 2 0 2 3\n",
+         DMK_E_FORMAT, "offsets that fall"},
+        {"m.vtk",
+         LEGACY "DATASET UNSTRUCTURED_GRID\n" POINTS "CELLS 1 4\n3 0 1 2\nCELL_TYPES 1\n22\n",
+         DMK_E_FORMAT, "cell 0 is a face with too few corners"},
+        {"m.vtk",
+         LEGACY "DATASET UNSTRUCTURED_GRID\n" POINTS "CELLS 1 4\n3 0 1 2\nCELL_TYPES 2\n5 5\n",
+         DMK_E_FORMAT, "2 cell types for 1 cells"},
+        {"m.vtk",
+         LEGACY "DATASET UNSTRUCTURED_GRID\n" POINTS "CELLS 1 5\n4 0 1 2 3\nCELL_TYPES 1\n10\n",
+         DMK_E_FORMAT, "1 volume cells"},
+        {"m.vtp", "<VTKFile type=\"PolyData\"><PolyData>", DMK_E_FORMAT, "no well-formed XML"},
+        {"m.vtp", "<html><VTKFile/></html>", DMK_E_FORMAT, "m.vtp:1: 'html' where <VTKFile>"},
+        {"m.vtp", "<VTKFile type=\"ImageData\"></VTKFile>", DMK_E_FORMAT,
+         "'ImageData' is neither PolyData nor UnstructuredGrid"},
+        {"m.vtp", "<!DOCTYPE a [<!ENTITY b \"c\">]><VTKFile type=\"PolyData\"/>", DMK_E_FORMAT,
+         "DOCTYPE"},
+        {"m.vtp", VTP(POLYS), DMK_E_FORMAT, "no array of points"},
+        {"m.vtp", VTP(XYZ("0 0 0 1 0 0 1 1 0 0 1") POLYS), DMK_E_FORMAT,
+         "m.vtp:3: points: 12 numbers do not fit into the 21 bytes"},
+        {"m.vtp", VTP(XYZ("0 0 0 1 0 0 1 1 0 0  1 ") POLYS), DMK_E_FORMAT,
+         "the file ends before points"},
+        {"m.vtp",
+         VTP(GOOD "<Polys>" ARRAY("Int8", "connectivity", "0 1 2 0 2 4")
+                 ARRAY("Int8", "offsets", "3 6") "</Polys>"),
+         DMK_E_FORMAT, "point 4 of cell 1 is not among the 4 from 0"},
+        {"m.vtp",
+         VTP(GOOD "<Polys>" ARRAY("Int8", "connectivity", "0 1 2 0 2 3")
+                 ARRAY("Int8", "offsets", "3 2") "</Polys>"),
+         DMK_E_FORMAT, "offsets that fall"},
+        {"m.vtp", VTP(GOOD "<Polys>" ARRAY("Int8", "offsets", "3 6") "</Polys>"), DMK_E_FORMAT,
+         "cells without connectivity"},
+        {"m.vtp", VTP(GOOD "<Polys>" ARRAY("Int9", "offsets", "3 6") "</Polys>"), DMK_E_FORMAT,
+         "'Int9' is no type of numbers"},
+        {"m.vtp",
+         VTP(GOOD "<Polys><DataArray type=\"Int8\" Name=\"offsets\" format=\"appended\" "
+                  "offset=\"0\"/><DataArray type=\"Int8\" Name=\"connectivity\" "
+                  "format=\"appended\" offset=\"0\"/></Polys>"),
+         DMK_E_FORMAT, "offsets: appended data is told of and not there"},
+        {"m.vtp",
+         VTP(GOOD "<Polys><DataArray type=\"UInt8\" Name=\"offsets\" format=\"binary\">"
+                  "BgAAAAABAgACAw==</DataArray><DataArray type=\"Int8\" "
+                  "Name=\"connectivity\"></DataArray></Polys>"),
+         DMK_E_FORMAT, "offsets: 6 bytes where there should be 2"},
+        {"m.vtu",
+         VTU(GOOD "<Cells>" ARRAY("UInt8", "types", "5 5")
+                 ARRAY("Int64", "connectivity", "0 1 2 0 2 3 1 2")
+                     ARRAY("Int64", "offsets", "4 8") "</Cells>") "x",
+         DMK_E_FORMAT, "junk"},
+        {"m.vtu",
+         VTU(GOOD "<Cells>" ARRAY("UInt8", "types", "10 69")
+                 ARRAY("Int64", "connectivity", "0 1 2 0 2 3 1 2")
+                     ARRAY("Int64", "offsets", "4 8") "</Cells>"),
+         DMK_E_FORMAT, "cell 1 is a curved face"},
+    };
+    check_refusals(*state, cases, COUNT(cases));
+}
+
+/* Whatever is wrong with a file, it is read or refused in words; sanitizers see the rest. */
+static void read_somehow(fixture *f, const char *text, size_t n)
+{
+    dmk_mesh *m = NULL;
+    put_file(f, "m", text, n);
+    const int rc = dmk_mesh_read(f->ctx, path_of(f, "m"), &m);
+    assert_true((rc == DMK_OK) == (m != NULL));
+    if (rc != DMK_OK) assert_true(strlen(dmk_context_message(f->ctx)) > 10);
+    dmk_mesh_destroy(&m);
+    remove_file(f, "m");
+}
+
+static void test_every_cut(void **state)
+{
+    for (size_t i = 0; i < COUNT(squares); i++) {
+        for (size_t n = 1; n < strlen(squares[i]); n++)
+            read_somehow(*state, squares[i], n);
+    }
+}
+
+static void test_every_wrong_byte(void **state)
+{
+    static const char wrong[] = {'9', ' ', '<', '\0'};
+    for (size_t i = 0; i < COUNT(squares); i++) {
+        const size_t n = strlen(squares[i]);
+        char *text = strdup(squares[i]);
+        for (size_t k = 0; k < n; k++) {
+            text[k] = wrong[(i + k) % sizeof wrong];
+            read_somehow(*state, text, n);
+            text[k] = squares[i][k];
+        }
+        free(text);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(test_accepted),
+        TEST(test_strips_and_second_order),
+        TEST(test_single_precision_text),
+        TEST(test_pieces_follow_each_other),
+        TEST(test_refusals),
+        TEST(test_every_cut),
+        TEST(test_every_wrong_byte),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
