@@ -29,7 +29,7 @@ ffi.set_source(
     '#include "dmkcl.h"\n#include <stdlib.h>\n',
     include_dirs=[str(ROOT / "include")],
     extra_objects=[str(BUILD / "libdmkcl.a")],
-    libraries=["OpenCL", "hwloc", "z", "pthread", "m"],
+    libraries=["OpenCL", "hwloc", "z", "expat", "pthread", "m"],
     # The library's own symbols stay inside: another libdmkcl in the process does no harm.
     extra_link_args=["-Wl,--exclude-libs,ALL", "-Wl,--as-needed"],
 )

@@ -18,7 +18,8 @@ from setuptools.command.build_ext import build_ext
 from setuptools.command.build_py import build_py
 
 ROOT = Path(__file__).resolve().parents[2]
-NEEDED = "gcc make libc6-dev libhwloc-dev ocl-icd-opencl-dev opencl-c-headers zlib1g-dev python3-dev"
+NEEDED = ("gcc make libc6-dev libhwloc-dev ocl-icd-opencl-dev opencl-c-headers zlib1g-dev "
+          "libexpat1-dev python3-dev")
 
 
 def build_folder():
