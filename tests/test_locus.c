@@ -245,6 +245,54 @@ static void test_quartic(void **state)
     free_scene(&s);
 }
 
+/* A sphere with bumps. One branch of the locus is 8 mesh edges long and hardly wider than two. It
+ * counts, as finer meshes show, where it is wide: there are 7 ends and 5 branch points on 320,000
+ * triangles, two of the ends 3 edges apart on this mesh. */
+static const double bumps[6][5] = { /* height, phase, direction */
+    {0.082, 4.37, 5.10, -6.39, 1.05}, {0.061, 1.84, -1.42, -1.13, -0.54},
+    {0.053, 0.01, -5.05, -0.58, -2.16}, {0.074, 6.11, 8.31, 0.56, -0.88},
+    {0.022, 1.87, -0.70, -1.67, -2.64}, {0.069, 1.97, -0.98, 1.20, -0.60},
+};
+
+static void test_narrow(void **state)
+{
+    (void)state;
+    dmk_surface_options o;
+    dmk_mesh *ball = NULL, *mesh = NULL;
+    dmk_point p;
+    const double source[3] = {-0.58, -0.07, -0.81};
+    dmk_surface_options_init(&o);
+    o.name = "sphere";
+    o.refine = 2;
+    o.has_source = 1;
+    memcpy(o.source, source, sizeof o.source);
+    assert_int_equal(dmk_mesh_surface(ctx, &o, &ball), DMK_OK);
+    for (int32_t v = 0; v < ball->n_vertices; v++) {
+        double *x = ball->xyz + 3 * v;
+        double r = 1;
+        for (int k = 0; k < 6; k++) {
+            const double *b = bumps[k];
+            r += b[0] * sin(b[2] * x[0] + b[3] * x[1] + b[4] * x[2] + b[1]);
+        }
+        for (int k = 0; k < 3; k++)
+            x[k] *= r;
+    }
+    int rc = dmk_mesh_create(ctx, (size_t)ball->n_vertices, ball->xyz, (size_t)ball->n_triangles,
+                             ball->triangle, &mesh);
+    if (rc != DMK_OK) fail_msg("%s", dmk_context_message(ctx));
+    dmk_mesh_destroy(&ball);
+    assert_int_equal(dmk_mesh_vertex_point(ctx, mesh, 0, &p), DMK_OK);
+    scene s = scene_of(mesh, p);
+    dmk_locus *l = trace(&s);
+    dmk_locus_info info = check_object(l);
+    assert_int_equal(info.loops, 0);
+    assert_in_range(info.endpoints, 6, 7);
+    assert_int_equal(info.branch_points, info.endpoints - 2);
+    assert_true(info.length > 9.1 && info.length < 10);
+    dmk_locus_destroy(&l);
+    free_scene(&s);
+}
+
 /* ---- topology ------------------------------------------------------------------------------- */
 
 /* The boundary of a plate of unit cubes, some of them left out, each face cut n by n. Corners that
@@ -553,6 +601,11 @@ static void test_path_saddle(void **state)
         assert_true(fabs(length[i] - exact) < 1e-12);
     }
     assert_true(bent > 20);
+    /* They all leave in one direction, there is no cut locus. */
+    dmk_locus *l = trace(&s);
+    dmk_locus_info info = check_object(l);
+    assert_int_equal(info.n_vertices, 0);
+    dmk_locus_destroy(&l);
     free_scene(&s);
 }
 
@@ -718,7 +771,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_torus), cmocka_unit_test(test_source_anywhere),
         cmocka_unit_test(test_point), cmocka_unit_test(test_quartic),
-        cmocka_unit_test(test_genus), cmocka_unit_test(test_border),
+        cmocka_unit_test(test_narrow), cmocka_unit_test(test_genus), cmocka_unit_test(test_border),
         cmocka_unit_test(test_path),  cmocka_unit_test(test_path_saddle),
         cmocka_unit_test(test_path_box), cmocka_unit_test(test_path_rough),
         cmocka_unit_test(test_cut),

@@ -11,6 +11,8 @@
 #include <string.h>
 
 enum { n_rays = 41, n_steps = 5, m_degree = 3, b_degree = 5, max_degree = 6 };
+/* Half the angle of the bundle, over that between the two geodesics that meet near by. */
+static const double bundle_width = 0.3;
 /* Each line is fitted to points this many mesh edges apart. */
 static const double line_step = 1.5;
 /* The envelope is trusted in the inner part of the bundle. */
@@ -179,9 +181,20 @@ static double slope(const double *c, int degree, double x)
     return s;
 }
 
+static double third(const double *c, int degree, double x)
+{
+    double s = 0;
+    for (int k = degree; k > 2; k--)
+        s = s * x + k * (k - 1) * (k - 2) * c[k];
+    return s;
+}
+
 /* One round: the envelope's nearest point, as a direction and a length. 0: inside the bundle, 1: at
- * its side, go on from there; -1: none. */
-static int find_nearest(const dmk_rays *r, double size, bundle *u, double *angle, double *distance)
+ * its side, go on from there; -1: none.
+ *
+ * Around the cusp at z0, in the offset t from its direction, y is m' (z - z0) t + F t^3 / 6 with
+ * F = b''' + m''' z0, up to what all rays share; two rays meet where t^2 = -6 m' (z - z0) / F. */
+static int find_nearest(const dmk_rays *r, double size, bundle *u, dmk_cusp *cusp)
 {
     double m[n_rays], b[n_rays], least = HUGE_VAL, at = 0;
     if (!set_frame(r, line_step * size, u)) return -1;
@@ -196,21 +209,25 @@ static int find_nearest(const dmk_rays *r, double size, bundle *u, double *angle
         least = -db / dm;
         at = x;
     }
-    *angle = u->angle + u->width * at;
-    *distance = u->distance + fmax(-far_step * size, fmin(far_step * size, least));
+    double bend = third(u->b, b_degree, at) + least * third(u->m, m_degree, at);
+    cusp->angle = u->angle + u->width * at;
+    cusp->distance = u->distance + fmax(-far_step * size, fmin(far_step * size, least));
+    cusp->opening = -24 * u->width * u->width * slope(u->m, m_degree, at) / bend;
     return fabs(at) < 0.99 * inner ? 0 : 1;
 }
 
-bool dmk_cusp_find(const dmk_rays *r, double size, double width, double *angle, double *distance)
+bool dmk_cusp_find(const dmk_rays *r, const dmk_locus_vertex *v, double size, dmk_cusp *cusp)
 {
-    bundle u = {.width = width};
-    double start = *distance;
+    bundle u = {.width = bundle_width * v->strength};
+    cusp->angle = v->angle[0] + 0.5 * dmk_chart_turn(&r->chart, v->angle[0], v->angle[1]);
+    cusp->distance = v->distance;
+    double start = cusp->distance;
     for (int round = 0; round < 16; round++) {
-        u.angle = *angle;
-        u.distance = *distance;
-        int side = find_nearest(r, size, &u, angle, distance);
-        if (side < 0 || !(fabs(*distance - start) < farthest * size)) return false;
-        double step = fabs(*distance - u.distance);
+        u.angle = cusp->angle;
+        u.distance = cusp->distance;
+        int side = find_nearest(r, size, &u, cusp);
+        if (side < 0 || !(fabs(cusp->distance - start) < farthest * size)) return false;
+        double step = fabs(cusp->distance - u.distance);
         if (side == 0 && step < (round < 10 ? 0.02 : 0.5) * size) return true;
     }
     return false;

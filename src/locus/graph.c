@@ -17,6 +17,9 @@ static const double least_turn = 1.0;
  * square root of (distance / mesh edge). */
 static const double noise_turn = 4.0;
 
+/* Ends down to this part of the threshold are looked at once more. */
+static const double doubtful = 0.5;
+
 /* Strength: width of the beam between the geodesics to the ends of the edge, in mesh edges, brought
  * below 1 where the geodesics leave the source in nearly one direction. The triangles around the
  * source are of one family by definition. order: by angle among weak edges, so that the tree does
@@ -99,6 +102,7 @@ static int prune(dmk_context *ctx, const dmk_mesh *m, double threshold, dmk_dual
     int rc;
     int32_t *stack = NULL, top = 0;
     DMK_TRY(DMK_NEW(ctx, stack, (size_t)m->n_triangles));
+    memset(d->degree, 0, (size_t)m->n_triangles);
     for (int32_t h = 0; h < 3 * m->n_triangles; h++)
         d->degree[h / 3] += d->kept[m->triangle_edge[h]];
     for (int32_t t = 0; t < m->n_triangles; t++) {
@@ -110,7 +114,7 @@ static int prune(dmk_context *ctx, const dmk_mesh *m, double threshold, dmk_dual
         for (int k = 0; k < 3; k++) {
             if (d->kept[m->triangle_edge[3 * t + k]]) e = m->triangle_edge[3 * t + k];
         }
-        if (d->strength[e] >= threshold) continue;
+        if (d->strength[e] >= threshold || d->held[e]) continue;
         int32_t other =
             m->edge_triangle[2 * e] == t ? m->edge_triangle[2 * e + 1] : m->edge_triangle[2 * e];
         d->kept[e] = false;
@@ -166,9 +170,12 @@ int dmk_dual_create(dmk_context *ctx, const dmk_rays *r, double threshold, dmk_d
     memset(d, 0, sizeof *d);
     DMK_TRY(DMK_NEW(ctx, d->strength, (size_t)m->n_edges));
     DMK_TRY(DMK_NEW(ctx, d->kept, (size_t)m->n_edges));
+    DMK_TRY(DMK_NEW(ctx, d->held, (size_t)m->n_edges));
     DMK_TRY(DMK_NEW(ctx, d->degree, (size_t)m->n_triangles));
     DMK_TRY(span(ctx, r, threshold, d));
     DMK_TRY(count_border_loops(ctx, m, &d->n_loops));
+    DMK_TRY(prune(ctx, m, doubtful * threshold, d));
+    DMK_TRY(dmk_dual_hold_narrow(ctx, r, threshold, d));
     DMK_TRY(prune(ctx, m, threshold, d));
     DMK_TRY(check(ctx, m, d));
 done:
@@ -180,6 +187,7 @@ void dmk_dual_free(dmk_dual *d)
 {
     free(d->strength);
     free(d->kept);
+    free(d->held);
     free(d->degree);
     memset(d, 0, sizeof *d);
 }

@@ -9,6 +9,7 @@
  * - sheets.c: the geodesics that reach each vertex, the shortest first.
  * - repair.c, complete.c: vertices the fan missed; families known at one end of an edge only.
  * - graph.c: strength of the mesh edges, spanning tree of the vertices, dual graph, pruning.
+ * - narrow.c: branches too weak by themselves that the rays' cusp at their end confirms.
  * - place.c: where on an edge two families, in a triangle three, are equally long.
  * - net.c: the graph under construction: links, weak ends, twigs, merged branch points.
  * - cusp.c, tip.c: where neighbouring rays first meet, the place of an end; branches led there.

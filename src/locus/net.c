@@ -104,7 +104,7 @@ static void strip_weak(dmk_net *net)
         changed = false;
         for (int32_t i = 0; i < net->n; i++) {
             int32_t a = i;
-            while (net->node[a].at.degree == 1 && !net->node[a].border) {
+            while (net->node[a].at.degree == 1 && !net->node[a].border && !net->node[a].held) {
                 int weak = count_weak(net, a);
                 if (weak == 0) break;
                 changed = true;
@@ -126,7 +126,7 @@ static void remove_twigs(dmk_net *net, double limit, bool blunt_only)
         double least = limit;
         for (int32_t a = 0; a < net->n; a++) {
             if (net->node[a].at.degree != 1 || net->node[a].border) continue;
-            if (blunt_only && !net->node[a].blunt) continue;
+            if (blunt_only ? !net->node[a].blunt : net->node[a].held) continue;
             double length = branch_length(net, a, limit);
             if (length >= least) continue;
             least = length;

@@ -10,6 +10,7 @@ typedef struct dmk_dual {
     float *strength; /* n_edges: width of the beam between the geodesics to the two ends of the
                         edge, in lengths of the edge: about 1 or less where they are one family */
     bool *kept;      /* n_edges: the edge is crossed by the graph */
+    bool *held;      /* n_edges: never stripped: the cusp of the branch that crosses it is known */
     uint8_t *degree; /* n_triangles: kept edges of the triangle */
     int32_t n_kept;  /* edges */
     int32_t n_loops; /* border loops of the mesh, each a node of the dual graph */
@@ -32,6 +33,7 @@ typedef struct dmk_node {
     bool guess; /* a family was not known at both ends of the edge: placed in the middle */
     bool blunt; /* an end where no cusp of the rays was found */
     bool weak;  /* on an edge too weak to be an end */
+    bool held;  /* the end of a narrow branch, whose cusp is known: not to be stripped */
 } dmk_node;
 
 typedef struct dmk_net {
@@ -65,10 +67,18 @@ void dmk_net_strip(dmk_net *net);
  * one point. */
 void dmk_net_remove_blunt(dmk_net *net);
 
-/* cusp.c: from a direction and length near an end of the locus to those of the end. width: half the
- * angle of the bundle of rays used. False if there is none. */
-bool dmk_cusp_find(const dmk_rays *rays, double size, double width, double *angle,
-                   double *distance);
+/* cusp.c */
+typedef struct dmk_cusp {
+    double angle, distance;
+    double opening; /* behind it, the square of the angle at the source between the two rays that
+                       meet, over the distance from the cusp */
+} dmk_cusp;
+/* From a direction and length near an end of the locus to those of the end. False if there is none
+ * for the rays near by; the two geodesics at v tell how many. */
+bool dmk_cusp_find(const dmk_rays *rays, const dmk_locus_vertex *v, double size, dmk_cusp *cusp);
+
+/* narrow.c: sets dual->held, for ends of the dual graph that are weak but lead to a cusp. */
+int dmk_dual_hold_narrow(dmk_context *ctx, const dmk_rays *rays, double threshold, dmk_dual *dual);
 /* tip.c: move the ends to where the two geodesics become one. */
 int dmk_net_fit_tips(dmk_context *ctx, const dmk_rays *rays, dmk_net *net);
 

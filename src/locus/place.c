@@ -145,6 +145,7 @@ static int add_crossings(dmk_context *ctx, const dmk_rays *r, const dmk_dual *du
         cross_edge(r, e, n);
         n->edge = e;
         n->weak |= dual->strength[e] < threshold;
+        n->held = dual->held[e];
         n->border = m->edge_triangle[2 * e + 1] < 0;
     }
     return DMK_OK;

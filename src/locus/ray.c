@@ -33,9 +33,9 @@ static const dmk_chart_sector *find_sector(const dmk_chart *c, double angle)
     return c->sector + lo;
 }
 
-/* Longer than the guide by more than the slack, which counts in edges of the mesh or of the place,
- * whichever are longer: the guide may be off by the coarse ones. */
-static bool ended(const dmk_rays *rays, double slack, double x, int32_t v)
+/* The slack counts in edges of the mesh or of the place, whichever are longer: the guide may be off
+ * by the coarse ones. */
+bool dmk_ray_ended(const dmk_rays *rays, double slack, double x, int32_t v)
 {
     double excess = x - rays->distance[v] - 0.02 * x;
     return excess > slack * rays->mean && excess > slack * rays->size[v];
@@ -128,7 +128,7 @@ int dmk_ray_shoot(const dmk_rays *rays, double angle, double slack, dmk_ray *ray
         enter(rays, &k);
         int32_t w = rays->mesh->triangle[k.inside];
         rc = push(ray, k.wx, k.wy, w, k.inside);
-        if (ended(rays, slack, k.wx, w)) break;
+        if (dmk_ray_ended(rays, slack, k.wx, w)) break;
         leave(rays, &k);
     }
     return rc;

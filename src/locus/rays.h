@@ -70,6 +70,9 @@ double dmk_chart_turn(const dmk_chart *chart, double a, double b);
 /* ray.c: follow one ray until it is `slack` mean edges plus 2 % longer than the guide. */
 int dmk_ray_shoot(const dmk_rays *rays, double angle, double slack, dmk_ray *ray);
 
+/* Whether a ray of length x at v is longer than the guide by more than `slack` mean edges plus 2 %. */
+bool dmk_ray_ended(const dmk_rays *rays, double slack, double x, int32_t v);
+
 /* The points at n increasing distances on a ray. False if the ray meets a border before. */
 bool dmk_ray_points(const dmk_rays *rays, double angle, int n, const double *distance,
                     dmk_point *place);

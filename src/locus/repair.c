@@ -5,6 +5,9 @@
 #include <math.h>
 #include <stdlib.h>
 
+/* Longer than the guide by this many edges (as in dmk_ray_shoot), it is another family's. */
+static const double slack = 3.0;
+
 typedef struct repair {
     dmk_rays *rays;
     bool *missed;      /* n_vertices */
@@ -65,6 +68,7 @@ static void update_corner(repair *p, int32_t t, int k)
     const dmk_sheet *b = dmk_rays_first(p->rays, v[(k + 2) % 3]);
     dmk_sheet c;
     if (!dmk_rays_unfold(p->rays, t, k, a, b, 0.3, &c)) return;
+    if (dmk_ray_ended(p->rays, slack, c.distance, v[k])) return;
     if (c.distance < p->found[v[k]].distance) p->found[v[k]] = c;
 }
 

@@ -9,8 +9,6 @@
 /* In mesh edges: a beam this wide is resolved. Points looked at for narrower ones. */
 static const double resolved = 8;
 enum { max_unresolved = 8 };
-/* Half the angle of the bundle of rays for the cusp, over that between the two geodesics there. */
-static const double bundle_width = 0.3;
 
 /* The point of the branch behind which its beam is resolved. */
 static int32_t find_resolved(const dmk_net *net, int32_t end)
@@ -90,17 +88,16 @@ int dmk_net_fit_tips(dmk_context *ctx, const dmk_rays *r, dmk_net *net)
         if (net->node[i].at.degree != 1 || net->node[i].border) continue;
         int32_t keep = find_resolved(net, i);
         const dmk_locus_vertex *v = &net->node[keep].at;
-        double angle = v->angle[0] + 0.5 * dmk_chart_turn(&r->chart, v->angle[0], v->angle[1]);
-        double distance = v->distance, width = bundle_width * v->strength;
-        if (!dmk_cusp_find(r, net->node[i].size, width, &angle, &distance)) {
+        dmk_cusp cusp;
+        if (!dmk_cusp_find(r, v, net->node[i].size, &cusp)) {
             net->node[i].blunt = true;
             continue;
         }
-        if (distance < v->distance)
+        if (cusp.distance < v->distance)
             cut_at(net, i, keep);
         else
-            keep = cut_back(net, i, distance);
-        DMK_TRY(lead_on(ctx, r, net, keep, angle, distance));
+            keep = cut_back(net, i, cusp.distance);
+        DMK_TRY(lead_on(ctx, r, net, keep, cusp.angle, cusp.distance));
     }
     dmk_net_remove_blunt(net);
 done:
