@@ -10,6 +10,7 @@ import re
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tempfile
 from pathlib import Path
 
@@ -62,8 +63,8 @@ def make_library():
         done = subprocess.run(command, env=clean).returncode == 0
     except FileNotFoundError:
         done = False
-    if not done:
-        sys.exit(f"The C library did not build. On Debian it needs these packages: {NEEDED}")
+    if not (done and (Path(sysconfig.get_path("include")) / "Python.h").exists()):
+        sys.exit(f"The C library did not build, or Python.h is missing. On Debian that needs these packages: {NEEDED}")
 
 
 class BuildExtension(build_ext):

@@ -3,15 +3,29 @@ from __future__ import annotations
 
 import os
 import threading
+from contextlib import contextmanager
 from functools import lru_cache
-from typing import Any, Optional, Union
+from typing import Any, Iterator, Optional, Union
 
-from ._lib import Context, Handle, copy_struct, ffi, lib, path_bytes
+from ._lib import Context, DeviceError, Handle, copy_struct, ffi, lib, path_bytes
+
+# The process that first used OpenCL: its drivers have threads, which a fork does not take along.
+_first_process: "list[int]" = []
+
+
+def _check_process() -> None:
+    """DeviceError in a forked child, where the driver would wait for its lost threads for ever."""
+    if not _first_process:
+        _first_process.append(os.getpid())
+    if _first_process[0] != os.getpid():
+        raise DeviceError("OpenCL was in use before this process was forked, and does not survive that; "
+                          "start workers with multiprocessing.get_context('spawn')")
 
 
 def devices() -> "list[dict[str, Any]]":
     """The OpenCL devices: name, platform, driver, type ("CPU", "GPU", ...), compute_units, fp64,
     memory in bytes. The position in the list is the number that `device=` takes."""
+    _check_process()
     count = ffi.new("size_t *")
     with Context() as context:
         context.check(lib.dmk_device_list(context.pointer, ffi.NULL, 0, count))
@@ -32,9 +46,16 @@ class Device:
         options.single_precision = single
         options.threads = threads
         self.handle = Handle("dmk_device")
-        self.lock = threading.Lock()
+        self._lock = threading.Lock()
         with Context() as context:
             context.check(lib.dmk_device_open(context.pointer, options, self.handle.box))
+
+    @contextmanager
+    def use(self) -> Iterator[None]:
+        """Hold the device for one call."""
+        _check_process()
+        with self._lock:
+            yield
 
     @property
     def info(self) -> "dict[str, Any]":
@@ -50,6 +71,7 @@ _open = lru_cache(maxsize=8)(Device)
 def open_device(device: Union[None, int, str], single: bool, threads: int,
                 cache: "Union[None, str, os.PathLike[str]]") -> Device:
     """The device for these options (see CutLocus). DeviceError if there is none."""
+    _check_process()
     select = None if device is None else str(device)
     folder = None if cache is None else path_bytes(cache)
     with _opening:

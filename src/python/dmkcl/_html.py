@@ -5,6 +5,7 @@ import base64
 import html
 import json
 import os
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Optional
 
@@ -53,8 +54,8 @@ def _data(result: "Result") -> "dict[str, Any]":
     }
 
 
-def export_html(result: "Result", path: "os.PathLike[str] | str", title: Optional[str]) -> None:
-    """Write the page: under another name first, so that it is whole or not there."""
+def page(result: "Result", title: Optional[str]) -> str:
+    """The whole page as text."""
     folder = Path(__file__).parent
     parts = {
         "@TITLE@": html.escape(title if title is not None else "Cut locus"),
@@ -62,13 +63,27 @@ def export_html(result: "Result", path: "os.PathLike[str] | str", title: Optiona
         "@SCRIPT@": (folder / "viewer.js").read_text(encoding="utf-8"),
         "@DATA@": json.dumps(_data(result), allow_nan=False),
     }
-    page = (folder / "viewer.html").read_text(encoding="utf-8")
-    for mark, text in parts.items():
-        page = page.replace(mark, text)
+    text = (folder / "viewer.html").read_text(encoding="utf-8")
+    return re.sub("|".join(parts), lambda mark: parts[mark[0]], text)
+
+
+class View:
+    """A page inside a notebook."""
+
+    def __init__(self, text: str, height: int):
+        self._text, self._height = text, height
+
+    def _repr_html_(self) -> str:
+        return (f'<iframe srcdoc="{html.escape(self._text)}" width="100%" height="{self._height}" '
+                'style="border: 0" allowfullscreen></iframe>')
+
+
+def export_html(result: "Result", path: "os.PathLike[str] | str", title: Optional[str]) -> None:
+    """Write the page: under another name first, so that it is whole or not there."""
     path = Path(path)
     unfinished = path.with_name(path.name + ".part")
     try:
-        unfinished.write_text(page, encoding="utf-8")
+        unfinished.write_text(page(result, title), encoding="utf-8")
         os.replace(unfinished, path)
     finally:
         unfinished.unlink(missing_ok=True)

@@ -128,6 +128,9 @@ class Mesh:
         ends = np.sort(self.faces[:, [[1, 2], [2, 0], [0, 1]]].astype(np.int64), axis=2)
         return order[np.searchsorted(key, ends[..., 0] * n + ends[..., 1], sorter=order)]
 
+    def __reduce__(self) -> Any:
+        return Mesh, (np.array(self.vertices), np.array(self.faces))
+
     def __iter__(self) -> Iterator[np.ndarray]:
         yield self.vertices
         yield self.faces

@@ -269,6 +269,12 @@ class Result:
 
         return plot_history(self, **options)
 
+    def view(self, *, height: int = 500, title: Optional[str] = None) -> Any:
+        """The page of `export_html` for the output of a notebook's cell, `height` pixels high."""
+        from ._html import View, page
+
+        return View(page(self, title), height)
+
     def export_html(self, path: "os.PathLike[str] | str", *, title: Optional[str] = None) -> None:
         """Write a page that shows the surface in any browser, to be turned by the mouse; one file
         that needs no network. Errors: OSError."""

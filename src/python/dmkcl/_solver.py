@@ -71,7 +71,8 @@ class CutLocus:
     Berti, Fasso, Putti, "Computing the cut locus of a Riemannian manifold via optimal transport").
 
     Objects may be used from several threads; solves on one device wait for each other, and the GIL
-    is free meanwhile. After a `fork` OpenCL does not work in the child: let multiprocessing spawn.
+    is free meanwhile. After a fork OpenCL does not work in the child, which is told by a DeviceError:
+    let multiprocessing spawn.
 
     Examples
     --------
@@ -85,11 +86,16 @@ class CutLocus:
                  device: Union[None, int, str] = None, single: bool = False, threads: int = 0,
                  cache: "Union[None, str, os.PathLike[str]]" = None):
         self.mesh: Mesh = as_mesh(vertices, faces)
+        self._choice = (device, single, threads, cache)
         self._device = open_device(device, single, threads, cache)
         self._handle = Handle("dmk_solver", self._device.handle, self.mesh._handle)
-        with self._device.lock, Context() as context:
+        with self._device.use(), Context() as context:
             context.check(lib.dmk_solver_create(context.pointer, self._device.handle.pointer,
                                                 self.mesh._pointer, self._handle.box))
+
+    def __reduce__(self) -> Any:
+        """Pickled as its mesh and choice of device: made ready anew where it is unpickled."""
+        return _make, (self.mesh, *self._choice)
 
     def __repr__(self) -> str:
         return f"<dmkcl.CutLocus of {self.mesh!r} on {self.device['name']}>"
@@ -159,7 +165,7 @@ class CutLocus:
         handle = Handle("dmk_result")
         watch = Watch(progress)
         try:
-            with self._device.lock, Context(watch) as context:
+            with self._device.use(), Context(watch) as context:
                 context.check(lib.dmk_solve(context.pointer, self._handle.pointer, place, options,
                                             handle.box))
         finally:
@@ -225,6 +231,10 @@ class CutLocus:
         """
         result = self.solve(**_one_place(start), **options)
         return result.path(**_one_place(end)).points
+
+
+def _make(mesh: Mesh, device: Any, single: bool, threads: int, cache: Any) -> CutLocus:
+    return CutLocus(mesh, device=device, single=single, threads=threads, cache=cache)
 
 
 def _places(source: ArrayLike) -> "list[dict[str, Any]]":

@@ -12,7 +12,11 @@ if (!gl) {
 }
 
 // ---- data -----------------------------------------------------------------------------------
-const bytes = text => Uint8Array.from(atob(text), c => c.charCodeAt(0)).buffer;
+function bytes(base64) {
+    const text = atob(base64), out = new Uint8Array(text.length);
+    for (let i = 0; i < text.length; i++) out[i] = text.charCodeAt(i);
+    return out.buffer;
+}
 const xyz = new Float32Array(bytes(data.xyz)), faces = new Uint32Array(bytes(data.faces));
 const mu = new Float32Array(bytes(data.mu)), distance = new Float32Array(bytes(data.distance));
 const locus = new Float32Array(bytes(data.locus)), edges = new Uint32Array(bytes(data.edges));
@@ -22,10 +26,11 @@ const colours = new Uint8Array(bytes(data.colours));
 function normals() {
     const sum = new Float32Array(xyz.length);
     for (let i = 0; i < faces.length; i += 3) {
-        const [a, b, c] = [3 * faces[i], 3 * faces[i + 1], 3 * faces[i + 2]];
-        const e = [0, 1, 2].map(k => xyz[b + k] - xyz[a + k]), f = [0, 1, 2].map(k => xyz[c + k] - xyz[a + k]);
+        const a = 3 * faces[i], b = 3 * faces[i + 1], c = 3 * faces[i + 2];
         for (let k = 0; k < 3; k++) {
-            const n = e[(k + 1) % 3] * f[(k + 2) % 3] - e[(k + 2) % 3] * f[(k + 1) % 3];
+            const l = (k + 1) % 3, m = (k + 2) % 3;
+            const n = (xyz[b + l] - xyz[a + l]) * (xyz[c + m] - xyz[a + m])
+                - (xyz[b + m] - xyz[a + m]) * (xyz[c + l] - xyz[a + l]);
             sum[a + k] += n, sum[b + k] += n, sum[c + k] += n;
         }
     }
@@ -41,8 +46,10 @@ function corners() {
     const normal = normals(), out = new Float32Array(8 * faces.length);
     for (let i = 0; i < faces.length; i++) {
         const v = faces[i];
-        out.set(xyz.subarray(3 * v, 3 * v + 3), 8 * i);
-        out.set(normal.subarray(3 * v, 3 * v + 3), 8 * i + 3);
+        for (let k = 0; k < 3; k++) {
+            out[8 * i + k] = xyz[3 * v + k];
+            out[8 * i + 3 + k] = normal[3 * v + k];
+        }
         out[8 * i + 6] = distance[v];
         out[8 * i + 7] = mu[Math.floor(i / 3)];
     }

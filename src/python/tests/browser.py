@@ -30,7 +30,7 @@ class Browser:
         os.close(to_read)
         os.close(to_write)
         self.rest, self.number, self.session = b"", 0, None
-        self.complaints, self.requests = [], []
+        self.complaints, self.requests, self.frames = [], [], ""
         self.picture = self.folder / "picture.png"
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         self.session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
@@ -98,18 +98,21 @@ class Browser:
 
     def drawn(self, do):
         """Do something and wait until the page has drawn once more."""
-        before = int(self.value("document.documentElement.dataset.frames") or 0)
+        before = int(self.value(self.frames) or 0)
         do()
         end = time.monotonic() + PATIENCE
-        while int(self.value("document.documentElement.dataset.frames") or 0) <= before:
+        while int(self.value(self.frames) or 0) <= before:
             assert time.monotonic() < end, f"the page does not draw: {self.complaints}"
             time.sleep(0.02)
 
     # ---- a person -----------------------------------------------------------------------------
 
-    def open(self, path):
+    def open(self, path, frame=False):
+        """Show a page; frame: what draws is inside its first frame."""
         self.call("Page.navigate", url="about:blank")
         self.complaints, self.requests = [], []
+        inside = "document.querySelector('iframe')?.contentDocument" if frame else "document"
+        self.frames = f"{inside}?.documentElement.dataset.frames"
         self.drawn(lambda: self.call("Page.navigate", url=path.as_uri()))
 
     def screenshot(self):

@@ -20,5 +20,16 @@ def test_example(example, tmp_path):
         assert (tmp_path / name).stat().st_size > 0, name
 
 
+def test_the_readme_runs(tmp_path):
+    root = Path(__file__).parents[3]
+    blocks = re.findall(r"^```python\n(.*?)^```", (root / "README.md").read_text(), re.M | re.S)
+    assert blocks
+    (tmp_path / "meshes").symlink_to(root / "meshes")
+    for block in blocks:
+        done = subprocess.run([sys.executable, "-c", block], cwd=tmp_path, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    assert (tmp_path / "torus.html").stat().st_size > 0
+
+
 def test_there_are_examples():
     assert len(EXAMPLES) >= 6

@@ -85,6 +85,15 @@ def test_a_locus_that_is_a_point(browser, small, tmp_path):
 
 
 @needs_browser
+def test_view_of_a_notebook(browser, result, tmp_path):
+    cell = result.view(height=400)._repr_html_()
+    (tmp_path / "notebook.html").write_text(f"<!DOCTYPE html><title>n</title>{cell}")
+    browser.open(tmp_path / "notebook.html", frame=True)
+    assert (browser.screenshot() != 255).any(axis=2).mean() > 0.02
+    assert browser.complaints == []
+
+
+@needs_browser
 def test_huge_and_far_coordinates(browser, small, tmp_path):
     V = small.vertices * 1e30 + 1e31
     dmkcl.CutLocus(V, small.faces).solve(vertex=0).export_html(tmp_path / "huge.html")

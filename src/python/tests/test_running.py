@@ -1,9 +1,11 @@
 """While it runs: progress, exceptions, Ctrl-C, threads, the GIL."""
+import multiprocessing
 import signal
 import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 import pytest
@@ -87,6 +89,26 @@ def test_threads_get_the_same_results(solver, small):
     for thread in threads:
         thread.join()
     assert all(np.array_equal(a, b) for a, b in zip(got, wanted))
+
+
+def in_worker(solver, vertex):
+    return solver.solve(vertex=vertex).distance
+
+
+def in_fork():
+    return in_worker(dmkcl.CutLocus(dmkcl.surfaces.sphere(n_triangles=800)), 0)
+
+
+def test_workers_are_spawned_with_pickled_solvers(solver, result):
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        found = pool.submit(in_worker, solver, 0).result(timeout=120)
+    assert np.array_equal(found, result.distance)
+
+
+def test_forked_workers_are_told(solver):
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("fork")) as pool:
+        with pytest.raises(dmkcl.DeviceError, match="spawn"):
+            pool.submit(in_fork).result(timeout=120)
 
 
 def test_the_gil_is_free_during_a_call():
