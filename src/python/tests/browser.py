@@ -23,10 +23,11 @@ class Browser:
                  "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--remote-debugging-pipe",
                  "--host-resolver-rules=MAP * ~NOTFOUND", "--disable-background-networking",
                  "--no-first-run", "--hide-scrollbars", f"--user-data-dir={self.folder / 'profile'}"]
+        homes = dict.fromkeys(("HOME", "XDG_CONFIG_HOME", "XDG_CACHE_HOME"), str(self.folder))
         self.log = open(self.folder / "log", "wb")
         self.process = subprocess.Popen(
             ["bash", "-c", f'exec "$@" 3<&{to_read} 4>&{to_write}', "bash", *words],
-            pass_fds=(to_read, to_write), stdin=subprocess.DEVNULL, stdout=self.log, stderr=self.log)
+            pass_fds=(to_read, to_write), env={**os.environ, **homes}, stdin=subprocess.DEVNULL, stdout=self.log, stderr=self.log)
         os.close(to_read)
         os.close(to_write)
         self.rest, self.number, self.session = b"", 0, None
