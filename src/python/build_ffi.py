@@ -18,6 +18,11 @@ def declarations(text):
     return "\n".join(lines)
 
 
+def libraries(makefile):
+    """What the Makefile links the library with, without -l."""
+    return re.findall(r"-l(\w+)", re.search(r"^LDLIBS := (.*)$", makefile, re.M)[1])
+
+
 ffi = FFI()
 ffi.cdef(declarations((ROOT / "include/dmkcl.h").read_text()))
 ffi.cdef("""
@@ -29,7 +34,7 @@ ffi.set_source(
     '#include "dmkcl.h"\n#include <stdlib.h>\n',
     include_dirs=[str(ROOT / "include")],
     extra_objects=[str(BUILD / "libdmkcl.a")],
-    libraries=["OpenCL", "hwloc", "z", "expat", "pthread", "m"],
+    libraries=libraries((ROOT / "Makefile").read_text()),
     # The library's own symbols stay inside: another libdmkcl in the process does no harm.
     extra_link_args=["-Wl,--exclude-libs,ALL", "-Wl,--as-needed"],
 )

@@ -27,7 +27,8 @@ class Browser:
         self.log = open(self.folder / "log", "wb")
         self.process = subprocess.Popen(
             ["bash", "-c", f'exec "$@" 3<&{to_read} 4>&{to_write}', "bash", *words],
-            pass_fds=(to_read, to_write), env={**os.environ, **homes}, stdin=subprocess.DEVNULL, stdout=self.log, stderr=self.log)
+            pass_fds=(to_read, to_write), env={**os.environ, **homes}, stdin=subprocess.DEVNULL,
+            stdout=self.log, stderr=self.log)
         os.close(to_read)
         os.close(to_write)
         self.rest, self.number, self.session = b"", 0, None
