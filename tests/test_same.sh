@@ -78,7 +78,8 @@ flags=
 
 # ---- a second implementation ------------------------------------------------------------------
 
-if [ -e "$intel" ]; then
+intel=$PWD/build/pyenv/lib/libintelocl.so
+if sh tests/pyenv.sh > "$work/pyenv" 2>&1 && [ -e "$intel" ]; then
     mkdir "$work/alone" "$work/both"
     echo "$intel" | tee "$work/alone/intel.icd" > "$work/both/intel.icd"
     cp /etc/OpenCL/vendors/*.icd "$work/both"
@@ -100,6 +101,6 @@ if [ -e "$intel" ]; then
         check "the second one: --threads $n" same_bits alone
     done
 else
-    skip 'a second OpenCL implementation' 'there is none'
+    skip 'a second OpenCL implementation' "not to be had from PyPI: $(tail -n 1 "$work/pyenv")"
 fi
 tap_end
