@@ -1,0 +1,89 @@
+/* What the public header says of results, seen from outside. */
+#include "solving.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static problem solved(void **state)
+{
+    problem p = problem_file(*state, "tests/data/torus_5440.off.gz");
+    problem_solve(&p);
+    return p;
+}
+
+static void potential_is_minus_the_distance(void **state)
+{
+    problem p = solved(state);
+    size_t n_u, n_d, n_um, n_dm;
+    dmk_mesh_info info;
+    dmk_mesh_get_info(p.mesh, &info);
+    const double *u = dmk_result_potential(p.result, &n_u);
+    const double *d = dmk_result_distance(p.result, &n_d);
+    const double *um = dmk_result_potential_mid(p.result, &n_um);
+    const double *dm = dmk_result_distance_mid(p.result, &n_dm);
+    assert_int_equal(n_u, info.n_vertices);
+    assert_int_equal(n_d, info.n_vertices);
+    assert_int_equal(n_um, info.n_edges);
+    assert_int_equal(n_dm, info.n_edges);
+    for (size_t v = 0; v < n_u; v++) assert_true(u[v] == -d[v]);
+    for (size_t e = 0; e < n_um; e++) assert_true(um[e] == -dm[e]);
+    assert_true(d[0] == 0);
+    problem_free(&p);
+}
+
+/* A midpoint is half an edge from its ends, so its distance differs from theirs by no more, but for
+ * the discretisation: within one edge length. */
+static void midpoints_lie_between_their_ends(void **state)
+{
+    problem p = solved(state);
+    size_t n;
+    const double *d = problem_distance(&p), *dm = dmk_result_distance_mid(p.result, &n);
+    const double *xyz = dmk_mesh_vertices(p.mesh);
+    const int32_t *edge = dmk_mesh_edges(p.mesh);
+    for (size_t e = 0; e < n; e++) {
+        double square = 0;
+        for (int k = 0; k < 3; k++) {
+            square += pow(xyz[3 * edge[2 * e] + k] - xyz[3 * edge[2 * e + 1] + k], 2);
+        }
+        assert_true(fabs(dm[e] - 0.5 * (d[edge[2 * e]] + d[edge[2 * e + 1]])) < sqrt(square));
+    }
+    problem_free(&p);
+}
+
+static void the_source_is_given_back(void **state)
+{
+    problem p = problem_file(*state, "tests/data/torus_5440.off.gz");
+    p.source = (dmk_point){77, {0.25, 0.5, 0.25}};
+    problem_solve(&p);
+    dmk_point point;
+    double asked[3], got[3];
+    dmk_result_source(p.result, &point);
+    bench_ok(p.b, dmk_mesh_point_xyz(p.b->ctx, p.mesh, &p.source, asked));
+    bench_ok(p.b, dmk_mesh_point_xyz(p.b->ctx, p.mesh, &point, got));
+    for (int k = 0; k < 3; k++) assert_true(fabs(asked[k] - got[k]) < 1e-12);
+    problem_free(&p);
+}
+
+static void lengths_need_not_be_asked_for(void **state)
+{
+    problem p = solved(state);
+    assert_non_null(dmk_result_density(p.result, NULL));
+    assert_non_null(dmk_result_acl(p.result, NULL));
+    assert_non_null(dmk_result_potential(p.result, NULL));
+    assert_non_null(dmk_result_potential_mid(p.result, NULL));
+    assert_non_null(dmk_result_distance(p.result, NULL));
+    assert_non_null(dmk_result_distance_mid(p.result, NULL));
+    problem_free(&p);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(potential_is_minus_the_distance),
+        cmocka_unit_test(midpoints_lie_between_their_ends),
+        cmocka_unit_test(the_source_is_given_back),
+        cmocka_unit_test(lengths_need_not_be_asked_for),
+    };
+    return cmocka_run_group_tests(tests, bench_setup, bench_teardown);
+}
