@@ -31,12 +31,13 @@ MARCH := $(if $(ARCH),-march=$(ARCH))
 OPT_release := -O3 $(MARCH) -fno-math-errno
 OPT_debug := -O0 -g
 OPT_sanitize := -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
+OPT_thread := -O1 -g -fsanitize=thread -fno-omit-frame-pointer
 OPT_coverage := -O0 -g --coverage
 # For tests/fuzz; with clang.
 OPT_fuzz := -O1 -g -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=all \
     -fno-omit-frame-pointer
 ifeq ($(OPT_$(CONFIG)),)
-$(error CONFIG=$(CONFIG): expected release, debug, sanitize, coverage or fuzz)
+$(error CONFIG=$(CONFIG): expected release, debug, sanitize, thread, coverage or fuzz)
 endif
 
 WARN := -Wall -Wextra -Wpedantic -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wpointer-arith \
@@ -193,6 +194,16 @@ coverage:
 pyenv: | $(PACKAGES)
 	$(Q)sh tests/pyenv.sh
 
+# ---- checks ----------------------------------------------------------------------------------
+
+# Beyond `make test`: check-NAME for each script of tests/checks, and all with a table: check-all.
+# Seconds of check-soak, solves of check-long: SOAK_SECONDS, DMKCL_LONG.
+CHECKS := $(patsubst tests/checks/%.sh,check-%,$(filter-out %/lib.sh,$(wildcard tests/checks/*.sh)))
+.PHONY: $(CHECKS)
+$(CHECKS): check-%: $(TESTS) $(STATIC) $(SHARED) $(TOOL)
+	@sh .ci/deps.sh install .ci/check-packages
+	@DMKCL_BUILD=$B bash tests/checks/$*.sh
+
 # ---- demo ------------------------------------------------------------------------------------
 
 # The paper's first example: the torus of radii 2 and 1, seen from the point (3, 0, 0).
@@ -264,6 +275,8 @@ help:
 	@echo 'make test       run all tests; the last line counts them'
 	@echo 'make fuzz       fuzz all readers with clang; FUZZ_SECONDS=60 for each of the drivers'
 	@echo 'make faults     memory, files, OpenCL and signals fail in turn; FAULT_STRIDE=1 FAULT_RUNS=20'
+	@echo 'make check-all  all checks, with a table of what was tried; also by themselves:'
+	@echo '                $(CHECKS:check-%=%)'
 	@echo 'make coverage   how much of the sources the tests run, by file'
 	@echo 'make demo       solve the torus of the paper; files in build/demo'
 	@echo 'make bench      whole runs beside peers from PyPI; BENCH=quick|usual|full'
@@ -272,7 +285,7 @@ help:
 	@echo 'make install    tool, libraries, header, dmkcl.pc, manual; uninstall takes them away'
 	@echo 'make clean      remove build/'
 	@echo
-	@echo 'CONFIG=release|debug|sanitize|coverage|fuzz   flags, and the folder build/$$(CONFIG)'
+	@echo 'CONFIG=release|debug|sanitize|thread|coverage|fuzz   flags, and the folder build/$$(CONFIG)'
 	@echo 'PREFIX=/usr/local  DESTDIR=              where to install'
 	@echo 'ARCH=native        the -march of gcc; for other machines ARCH=x86-64-v3, or ARCH= for any'
 	@echo 'CC=gcc  CFLAGS=  LDFLAGS=  V=1           compiler, flags to add, show commands'

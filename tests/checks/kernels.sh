@@ -1,0 +1,27 @@
+# Kernels and library compiled for the processor by clang under ASan and UBSan, on an OpenCL of our
+# own (native/): every kernel in both shapes and both precisions. Buffers end where they end, so one
+# number read or written beyond is found.
+. tests/checks/lib.sh
+
+export NATIVE_BUILD=$PWD/tests/checks/native/build.sh NATIVE_FOLDER=$work
+export UBSAN_OPTIONS=print_stacktrace=1 ASAN_OPTIONS=detect_stack_use_after_return=0
+sources=$(ls src/*.c src/base/*.c src/mesh/*.c src/io/*.c src/device/*.c src/solver/*.c src/locus/*.c)
+sanitize='-g -O1 -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
+    -shared-libsan'
+"$build/dmkcl" mesh sphere --triangles 320 --source 0,0,1 --out "$work/sphere.off" --quiet || exit 1
+clang $flags $sanitize -w -rdynamic tests/checks/solve.c tests/checks/native/opencl.c $sources \
+    "$build/kernels.c" -o "$work/solve" -ldl -lhwloc -lz -lpthread -lm \
+    -Wl,-rpath,"$(dirname "$(clang -print-file-name=libclang_rt.asan-x86_64.so)")" || exit 1
+
+for shape in cpu gpu; do
+    for precision in double single; do
+        try "$shape shape, $precision precision" \
+            timeout 600 "$work/solve" "$work/sphere.off" $shape $precision
+        sed -n 's/^kernel //p' "$work/said" | sort -u > "$work/seen"
+        for kernel in $(grep -ho '^KERNEL [a-z_]\+' kernels/*.cl | cut -d' ' -f2 | sort -u); do
+            [ $kernel = narrow_copy ] && continue # the benchmark's copy
+            try "$shape shape, $precision precision: $kernel ran" grep -qx $kernel "$work/seen"
+        done
+    done
+done
+finish

@@ -1,0 +1,53 @@
+# For the checks of this folder, run from the repository root: source it, call `try` for each thing
+# tried and `finish` at the end. Prints what failed, and at last "# tried N: failed M".
+set -u
+build=${DMKCL_BUILD:-build/release}
+tried=0 failed=0
+work=$(mktemp -d) || exit 1
+trap 'rm -rf "$work"' EXIT
+
+# What the sources are compiled with, apart from warnings and optimisation.
+flags='-std=c11 -D_GNU_SOURCE -DCL_TARGET_OPENCL_VERSION=120 -Iinclude -Isrc -Ikernels'
+warnings='-Wall -Wextra -Wpedantic -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wpointer-arith
+    -Wvla -Werror'
+
+try() { # NAME COMMAND...: the command succeeds
+    local name=$1
+    shift
+    tried=$((tried + 1))
+    if ! "$@" > "$work/said" 2>&1; then
+        failed=$((failed + 1))
+        echo "FAILED: $name"
+        sed 's/^/    /' "$work/said" | head -n 60
+    fi
+}
+
+says_nothing() { # COMMAND...: prints nothing; its status does not matter
+    "$@" > "$work/words" 2>&1
+    cat "$work/words"
+    [ ! -s "$work/words" ]
+}
+
+# tested NAME COMMAND...: a run of tests whose last line counts them; its figures are added.
+tested() {
+    local name=$1 line
+    shift
+    "$@" > "$work/said" 2>&1
+    line=$(tail -n 1 "$work/said")
+    case $line in
+    *' passed, '*' failed'*)
+        set -- $line
+        tried=$((tried + $1 + $3)) failed=$((failed + $3))
+        [ "$3" -eq 0 ] || { echo "FAILED: $name"; grep -A 30 FAILED "$work/said" | head -n 100; } ;;
+    *)
+        tried=$((tried + 1)) failed=$((failed + 1))
+        echo "FAILED: $name did not come to its end"
+        tail -n 30 "$work/said" ;;
+    esac
+}
+
+finish() {
+    echo "# tried $tried: failed $failed"
+    [ "$failed" -eq 0 ] && [ "$tried" -gt 0 ]
+    exit
+}

@@ -1,0 +1,34 @@
+# Every kernel in both shapes and both precisions under Oclgrind: data races, accesses outside of
+# buffers, wrong calls of OpenCL. (Its search for uninitialised values does not know LLVM's `freeze`
+# and finds them everywhere.)
+. tests/checks/lib.sh
+
+"$build/dmkcl" mesh sphere --triangles 320 --source 0,0,1 --out "$work/sphere.off" --quiet || exit 1
+gcc $flags -O1 tests/checks/solve.c "$build/libdmkcl.a" -o "$work/solve" \
+    -lOpenCL -lhwloc -lz -lpthread -lm || exit 1
+grep -ho '^KERNEL [a-z_]\+' kernels/*.cl | cut -d' ' -f2 | sort -u > "$work/kernels"
+
+# Errors but for one kind: band_slopes looks at a maximum before it raises it by an atomic operation,
+# to spare most of these; whether it sees the old value or the new one, the maximum is the same.
+errors() { # LOG
+    awk '/^(Read-write|Write-write|Invalid|Uninit|OCLGRIND)|data race|error/ && !/Instructions/ { what = $0
+            getline; if ($0 !~ /Kernel: band_slopes/ || what !~ /^Read-write data race at global/) {
+                print what; print } }' "$1"
+}
+clean() { # SHAPE PRECISION
+    timeout 900 oclgrind --data-races --check-api --max-errors 100000 --inst-counts \
+        "$work/solve" "$work/sphere.off" "$1" "$2" > "$work/log" 2>&1 || { tail "$work/log"; return 1; }
+    says_nothing errors "$work/log"
+}
+for shape in cpu gpu; do
+    for precision in double single; do
+        try "$shape shape, $precision precision" clean $shape $precision
+        sed -n "s/^Instructions executed for kernel '\(.*\)':/\1/p" "$work/log" | sort -u \
+            > "$work/seen"
+        for kernel in $(cat "$work/kernels"); do
+            [ $kernel = narrow_copy ] && continue # the benchmark's copy
+            try "$shape shape, $precision precision: $kernel ran" grep -qx $kernel "$work/seen"
+        done
+    done
+done
+finish

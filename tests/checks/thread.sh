@@ -1,0 +1,20 @@
+# The library's and the tool's own threads under ThreadSanitizer; OpenCL's libraries are not looked at.
+. tests/checks/lib.sh
+
+make -s CONFIG=thread all || exit 1
+export TSAN_OPTIONS='ignore_noninstrumented_modules=1 halt_on_error=1 exitcode=66' DMKCL_SHORT=1
+tool=build/thread/dmkcl
+for test in api coarsen long solver start; do
+    try "test_$test" timeout 300 "build/thread/tests/test_$test"
+done
+"$tool" mesh torus --triangles 20000 --source 3,0,0 --out "$work/torus.off" --quiet || exit 1
+printf '3,0,0\n1,1,1\nvertex 7\nvertex 12345678\n' > "$work/sources"
+try 'solve' "$tool" solve "$work/torus.off" --source 1,1,1 --out "$work/x.vtp" \
+    --locus "$work/x.obj" --tangent "$work/x.csv"
+try 'solve, uniform start' "$tool" solve "$work/torus.off" --source 1,1,1 --start uniform
+try 'path' "$tool" path "$work/torus.off" --vertex 0 --to-vertex 999
+try 'cut' "$tool" cut "$work/torus.off" --vertex 0 --out "$work/cut.obj"
+# The last source is none, which the exit code tells; ThreadSanitizer's own is 66.
+try 'many sources' sh -c "'$tool' solve '$work/torus.off' --sources '$work/sources' \
+    --out '$work/m.vtp'; [ \$? -eq 1 ]"
+finish
