@@ -38,10 +38,11 @@ typedef float8 sumv;
 #define GATHERED const volatile global
 #define GATHER(p, i)                                                                               \
     (p)[i.s0], (p)[i.s1], (p)[i.s2], (p)[i.s3], (p)[i.s4], (p)[i.s5], (p)[i.s6], (p)[i.s7]
-#define FOR_BLOCKS(b, n)                                                                           \
-    for (int b = (int)get_group_id(0) * DMK_CHUNK,                                                 \
+#define FOR_PART_BLOCKS(b, n)                                                                      \
+    for (int b = part * DMK_CHUNK,                                                                 \
              b##_end = min(b + DMK_CHUNK, ((n) + DMK_WIDTH - 1) / DMK_WIDTH);                      \
          b < b##_end; b++)
+#define FOR_BLOCKS(b, n) FOR_PARTS FOR_PART_BLOCKS(b, n)
 #define AT(b) (DMK_WIDTH * (b))
 #define AT_K(b, k, K) (DMK_WIDTH * ((K) * (b) + (k)))
 #define SLICE(b) (b)
@@ -51,7 +52,7 @@ typedef float8 sumv;
 #define SELECT(no, yes, when) select((no), (yes), (when))
 /* One row at a time, for work that does not go in blocks. */
 #define FOR_ROWS(i, n)                                                                             \
-    for (int i = (int)get_group_id(0) * DMK_CHUNK * DMK_WIDTH,                                     \
+    FOR_PARTS for (int i = part * DMK_CHUNK * DMK_WIDTH,                                           \
              i##_end = min(i + DMK_CHUNK * DMK_WIDTH, (n));                                        \
          i < i##_end; i++)
 #else
@@ -65,6 +66,7 @@ typedef sum_t sumv;
 #define GATHERED const global
 #define GATHER(p, i) (p)[i]
 #define FOR_BLOCKS(b, n) for (int b = (int)get_global_id(0), b##_once = b < (n); b##_once; b##_once = 0)
+#define FOR_PART_BLOCKS FOR_BLOCKS
 #define AT(b) (b)
 #define AT_K(b, k, K) (DMK_WIDTH * ((K) * ((b) / DMK_WIDTH) + (k)) + (b) % DMK_WIDTH)
 #define SLICE(b) ((b) / DMK_WIDTH)
@@ -74,14 +76,78 @@ typedef sum_t sumv;
 #define FOR_ROWS(i, n) FOR_BLOCKS(i, n)
 #endif
 
-/* Sums: each work-group leaves one partial sum per quantity k at partial[k * groups + group]. The
- * order of additions is fixed by the launch, so the same launch gives the same bits. */
+/* Who does what in the CPU shape. Drivers hand work-groups to their threads as they come, so that what
+ * one core has written another reads in the next kernel; between cores that do not share a cache this
+ * costs more than the work. Here the work is cut into parts (DMK_CHUNK blocks each), every thread has a
+ * share of them, the same one in launch after launch, and a work-group does the parts of its thread's
+ * share one by one. Then it helps where a thread has not come at all, or is far behind. Which thread
+ * does a part changes no result: sums are kept by part.
+ *   launch  the launch's tag, threads (0: each work-group does the part of its number), parts of the
+ *           first range (see dmk_device_ranges), parts
+ *   shares  a word for each thread on a line of its own: tag << 21 | the thread has come << 20 | parts
+ *           taken; then their keys */
+#if DMK_CPU
+static int take_part(volatile global int *word, int tag, int size, int mine)
+{
+    int old = *word;
+    for (;;) {
+        const bool fresh = old >> 21 == tag;
+        const int taken = fresh ? old & 0xfffff : 0, come = mine || (fresh && (old >> 20 & 1));
+        /* Who has come will do the last quarter of its share. */
+        if (taken >= (mine || !come ? size : size - size / 4)) return -1;
+        const int seen = atomic_cmpxchg(word, old, tag << 21 | come << 20 | (taken + 1));
+        if (seen == old) return taken;
+        old = seen;
+    }
+}
+
+/* Threads are told apart by where their stacks lie; a mistake costs time only. */
+static int thread_number(volatile global int *keys, int threads)
+{
+    int here;
+    const int key = (int)((ulong)&here >> 20);
+    for (int i = 0; i < threads; i++) {
+        int seen = keys[i];
+        if (seen == 0) seen = atomic_cmpxchg(&keys[i], 0, key);
+        if (seen == 0 || seen == key) return i;
+    }
+    return (uint)key % (uint)threads;
+}
+
+/* The work-group's next part, or -1. `at`: its thread and how many shares it has been through. */
+static int next_part(volatile global int *shares, int4 launch, int *at)
+{
+    const int tag = launch.s0, threads = launch.s1, first = launch.s2, second = launch.s3 - first;
+    if (threads == 0) return at[1]++ == 0 ? (int)get_group_id(0) : -1;
+    if (at[0] < 0) at[0] = thread_number(shares + DMK_LINE * threads, threads);
+    for (; at[1] < threads; at[1]++) {
+        const int t = (at[0] + at[1]) % threads;
+        const int f = first * t / threads, n_f = first * (t + 1) / threads - f;
+        const int s = second * t / threads, n_s = second * (t + 1) / threads - s;
+        const int k = take_part(shares + DMK_LINE * t, tag, n_f + n_s, at[1] == 0);
+        if (k >= 0) return k < n_f ? f + k : first + s + k - n_f;
+    }
+    return -1;
+}
+
+#define LAUNCH , volatile global int *shares_, int4 launch_
+#define FOR_PARTS                                                                                  \
+    for (int at_[2] = {-1, 0}, part = next_part(shares_, launch_, at_); part >= 0;                 \
+         part = next_part(shares_, launch_, at_))
+#else
+#define LAUNCH
+#define FOR_PARTS
+#endif
+
+/* Sums: each part (a work-group in the GPU shape) leaves one partial sum per quantity k at
+ * partial[k * parts + part]. The order of additions is fixed by the number of items, so the same launch
+ * gives the same bits. */
 #if DMK_CPU
 #define REDUCE(partial, k, v)                                                                      \
-    (partial)[(k) * get_num_groups(0) + get_group_id(0)] =                                         \
+    (partial)[(k) * launch_.s3 + part] =                                                           \
         (((v).s0 + (v).s1) + ((v).s2 + (v).s3)) + (((v).s4 + (v).s5) + ((v).s6 + (v).s7))
 #define REDUCE_MAX(partial, k, v)                                                                  \
-    (partial)[(k) * get_num_groups(0) + get_group_id(0)] =                                         \
+    (partial)[(k) * launch_.s3 + part] =                                                           \
         fmax(fmax(fmax((v).s0, (v).s1), fmax((v).s2, (v).s3)),                                     \
              fmax(fmax((v).s4, (v).s5), fmax((v).s6, (v).s7)))
 #define SCRATCH
@@ -119,7 +185,7 @@ typedef sum_t sumv;
     sum_t sum = zero;                                                                              \
     {                                                                                              \
         int l_ = (int)get_local_id(0);                                                             \
-        for (int g_ = l_; g_ < (groups); g_ += DMK_GROUP) sum = OP(sum, (partial)[(k) * (groups) + g_]); \
+        for (int g_ = l_; g_ < (groups); g_ += DMK_GROUP) sum = OP(sum, (partial)[(k) * (groups) + g_]);\
         scratch[l_] = sum;                                                                         \
         for (int s_ = DMK_GROUP / 2; s_ > 0; s_ /= 2) {                                            \
             barrier(CLK_LOCAL_MEM_FENCE);                                                          \

@@ -5,50 +5,59 @@
 /* g = K u (without mu) and q = u.g / area, the mean of |grad u|^2; partial sums of mu u.g = u.Au. */
 KERNEL element_energy(int n, global const int *index, global const real *cot,
                       global const real *area, global const real *mu, GATHERED real *u,
-                      global real *g, global real *q, global sum_t *partial)
+                      global real *g, global real *q, global sum_t *partial LAUNCH)
 {
     SCRATCH
-    sumv sum = 0;
-    FOR_BLOCKS(b, n)
+    FOR_PARTS
     {
-        X6(u, index, b)
-        const realv w0 = LOAD(cot, AT_K(b, 0, 3)), w1 = LOAD(cot, AT_K(b, 1, 3)),
-                    w2 = LOAD(cot, AT_K(b, 2, 3));
-        STIFFNESS(w0, w1, w2)
-        STORE6(g, b)
-        const realv e = y0 * (v0 - m0) + y1 * (v1 - m0) + y2 * (v2 - m0) + y4 * (m1 - m0) +
-                        y5 * (m2 - m0);
-        STORE(fmax(e, (realv)0) / LOAD(area, AT(b)), q, AT(b));
-        sum += TO_SUM(LOAD(mu, AT(b)) * e);
+        sumv sum = 0;
+        FOR_PART_BLOCKS(b, n)
+        {
+            X6(u, index, b)
+            const realv w0 = LOAD(cot, AT_K(b, 0, 3)), w1 = LOAD(cot, AT_K(b, 1, 3)),
+                        w2 = LOAD(cot, AT_K(b, 2, 3));
+            STIFFNESS(w0, w1, w2)
+            STORE6(g, b)
+            const realv e = y0 * (v0 - m0) + y1 * (v1 - m0) + y2 * (v2 - m0) + y4 * (m1 - m0) +
+                            y5 * (m2 - m0);
+            STORE(fmax(e, (realv)0) / LOAD(area, AT(b)), q, AT(b));
+            sum += TO_SUM(LOAD(mu, AT(b)) * e);
+        }
+        REDUCE(partial, 0, sum)
+        ;
     }
-    REDUCE(partial, 0, sum)
-    ;
 }
 
 /* L = 1/2 log(alpha^2 q), kept in [-1, 1]. */
-static realv log_slope(realv q) { return clamp((real)0.5 * log(fmax(q, (realv)1e-30f)), (realv)-1, (realv)1); }
+static realv log_slope(realv q)
+{
+    return clamp((real)0.5 * log(fmax(q, (realv)1e-30f)), (realv)-1, (realv)1);
+}
 
 /* Partial sums of area mu L^2 and area mu, and the largest q where mu counts. */
 KERNEL element_measure(int n, float alpha, global const real *area, global const real *mu,
-                       global const real *q, global sum_t *partial)
+                       global const real *q, global sum_t *partial LAUNCH)
 {
     SCRATCH
-    sumv sum = 0, mass = 0, top = 0;
-    const real a2 = (real)alpha * (real)alpha;
-    FOR_BLOCKS(b, n)
+    FOR_PARTS
     {
-        const realv m = LOAD(area, AT(b)) * LOAD(mu, AT(b)), e = a2 * LOAD(q, AT(b)),
-                    l = log_slope(e);
-        sum += TO_SUM(m * l * l);
-        mass += TO_SUM(m);
-        top = fmax(top, TO_SUM(e));
+        sumv sum = 0, mass = 0, top = 0;
+        const real a2 = (real)alpha * (real)alpha;
+        FOR_PART_BLOCKS(b, n)
+        {
+            const realv m = LOAD(area, AT(b)) * LOAD(mu, AT(b)), e = a2 * LOAD(q, AT(b)),
+                        l = log_slope(e);
+            sum += TO_SUM(m * l * l);
+            mass += TO_SUM(m);
+            top = fmax(top, TO_SUM(e));
+        }
+        REDUCE(partial, 0, sum)
+        ;
+        REDUCE(partial, 1, mass)
+        ;
+        REDUCE_MAX(partial, 2, top)
+        ;
     }
-    REDUCE(partial, 0, sum)
-    ;
-    REDUCE(partial, 1, mass)
-    ;
-    REDUCE_MAX(partial, 2, top)
-    ;
 }
 
 /* The largest ratio of x'K_T x to x'D_T x of a stiffness element, D its diagonal: the sum of squared
@@ -78,7 +87,7 @@ static floatv link_bound(floatv w0, floatv w1, floatv w2, floatv d0, floatv d1, 
  * weighted by its own bound lambda_T, sum lambda_T D_T >= A whatever mu is. */
 KERNEL element_prepare(int n, global const real *cot, global const real *mu, global real *weight_real,
                        global float *weight, global float *diag, global float *link,
-                       global float *diag_coarse)
+                       global float *diag_coarse LAUNCH)
 {
     FOR_BLOCKS(b, n)
     {
@@ -112,7 +121,7 @@ KERNEL element_prepare(int n, global const real *cot, global const real *mu, glo
 KERNEL newton_prepare(int n, float alpha, float D, global const real *cot, global const real *area,
                       global const real *mu, global const real *q, global const real *g,
                       global float *weight, global float *rank_one, global real *rhs_out,
-                      global float *diag, global float *link, global float *diag_coarse)
+                      global float *diag, global float *link, global float *diag_coarse LAUNCH)
 {
     FOR_BLOCKS(b, n)
     {
@@ -163,7 +172,7 @@ KERNEL newton_prepare(int n, float alpha, float D, global const real *cot, globa
 
 /* rhs = f + sum of the elements' parts, in single precision for the inner solve. */
 KERNEL rows_rhs(int n, global const int *slice, global const int *slot, GATHERED real *out,
-                global const real *f, global float *rhs)
+                global const real *f, global float *rhs LAUNCH)
 {
     FOR_BLOCKS(b, n)
     {
@@ -175,7 +184,7 @@ KERNEL rows_rhs(int n, global const int *slice, global const int *slot, GATHERED
 /* r = f - A u of the outer system from its elements' parts, both precisions. */
 KERNEL rows_outer_residual(int n, global const int *slice, global const int *slot,
                            GATHERED real *out, global const real *f, global real *r,
-                           global float *narrow)
+                           global float *narrow LAUNCH)
 {
     FOR_BLOCKS(b, n)
     {
@@ -190,67 +199,75 @@ KERNEL rows_outer_residual(int n, global const int *slice, global const int *slo
  * Partial sums of area |change of mu| and area mu. */
 KERNEL newton_update(int n, float alpha, float D, float lowest, global const int *index,
                      global const real *area, global const real *q, global const real *g,
-                     GATHERED float *w, global real *mu, global sum_t *partial)
+                     GATHERED float *w, global real *mu, global sum_t *partial LAUNCH)
 {
     SCRATCH
-    sumv change = 0, mass = 0;
-    FOR_BLOCKS(b, n)
+    FOR_PARTS
     {
-        const intv i0 = LOAD(index, AT_K(b, 0, 6)), i1 = LOAD(index, AT_K(b, 1, 6)),
-                   i2 = LOAD(index, AT_K(b, 2, 6)), i3 = LOAD(index, AT_K(b, 3, 6)),
-                   i4 = LOAD(index, AT_K(b, 4, 6)), i5 = LOAD(index, AT_K(b, 5, 6));
-        const floatv w0 = (floatv)(GATHER(w, i0)), w1 = (floatv)(GATHER(w, i1)),
-                     w2 = (floatv)(GATHER(w, i2)), w3 = (floatv)(GATHER(w, i3)),
-                     w4 = (floatv)(GATHER(w, i4)), w5 = (floatv)(GATHER(w, i5));
-        const realv s = LOAD(g, AT_K(b, 0, 6)) * TO_REAL(w0 - w3) + LOAD(g, AT_K(b, 1, 6)) * TO_REAL(w1 - w3) +
-                        LOAD(g, AT_K(b, 2, 6)) * TO_REAL(w2 - w3) + LOAD(g, AT_K(b, 4, 6)) * TO_REAL(w4 - w3) +
-                        LOAD(g, AT_K(b, 5, 6)) * TO_REAL(w5 - w3);
-        const realv a = LOAD(area, AT(b)), e = (real)alpha * (real)alpha * LOAD(q, AT(b)),
-                    old = LOAD(mu, AT(b));
-        const realv dy = (real)D * (log_slope(e) + (real)alpha * s / (a * fmax(e, (realv)0.25f)));
-        const realv grown = old * exp(clamp(dy, (realv)-1, (realv)1));
-        const realv next = LOAD(mu, AT(b)) > 0 ? fmax(grown, (real)lowest * sqrt(a)) : grown;
-        STORE(next, mu, AT(b));
-        change += TO_SUM(a * fabs(next - old));
-        mass += TO_SUM(a * next);
+        sumv change = 0, mass = 0;
+        FOR_PART_BLOCKS(b, n)
+        {
+            const intv i0 = LOAD(index, AT_K(b, 0, 6)), i1 = LOAD(index, AT_K(b, 1, 6)),
+                       i2 = LOAD(index, AT_K(b, 2, 6)), i3 = LOAD(index, AT_K(b, 3, 6)),
+                       i4 = LOAD(index, AT_K(b, 4, 6)), i5 = LOAD(index, AT_K(b, 5, 6));
+            const floatv w0 = (floatv)(GATHER(w, i0)), w1 = (floatv)(GATHER(w, i1)),
+                         w2 = (floatv)(GATHER(w, i2)), w3 = (floatv)(GATHER(w, i3)),
+                         w4 = (floatv)(GATHER(w, i4)), w5 = (floatv)(GATHER(w, i5));
+            const realv s = LOAD(g, AT_K(b, 0, 6)) * TO_REAL(w0 - w3) +
+                            LOAD(g, AT_K(b, 1, 6)) * TO_REAL(w1 - w3) +
+                            LOAD(g, AT_K(b, 2, 6)) * TO_REAL(w2 - w3) +
+                            LOAD(g, AT_K(b, 4, 6)) * TO_REAL(w4 - w3) +
+                            LOAD(g, AT_K(b, 5, 6)) * TO_REAL(w5 - w3);
+            const realv a = LOAD(area, AT(b)), e = (real)alpha * (real)alpha * LOAD(q, AT(b)),
+                        old = LOAD(mu, AT(b));
+            const realv dy = (real)D * (log_slope(e) + (real)alpha * s / (a * fmax(e, (realv)0.25f)));
+            const realv grown = old * exp(clamp(dy, (realv)-1, (realv)1));
+            const realv next = LOAD(mu, AT(b)) > 0 ? fmax(grown, (real)lowest * sqrt(a)) : grown;
+            STORE(next, mu, AT(b));
+            change += TO_SUM(a * fabs(next - old));
+            mass += TO_SUM(a * next);
+        }
+        REDUCE(partial, 0, change)
+        ;
+        REDUCE(partial, 1, mass)
+        ;
     }
-    REDUCE(partial, 0, change)
-    ;
-    REDUCE(partial, 1, mass)
-    ;
 }
 
 /* The paper's explicit Euler step mu <- mu (1 + dt (sqrt(q) - 1)), or, with inertial != 0, a step in
  * y = log mu with inertia: y <- y + 1/2 log q + beta (y - y_before). */
 KERNEL explicit_update(int n, int inertial, float alpha, float dt, float beta, float lowest,
                        global const real *area, global const real *q, global real *mu,
-                       global real *before, global sum_t *partial)
+                       global real *before, global sum_t *partial LAUNCH)
 {
     SCRATCH
-    sumv change = 0, mass = 0;
-    FOR_BLOCKS(b, n)
+    FOR_PARTS
     {
-        const realv a = LOAD(area, AT(b)), old = LOAD(mu, AT(b)),
-                    slope = (real)alpha * sqrt(LOAD(q, AT(b)));
-        realv grown = old * (1 + (real)dt * (slope - 1));
-        if (inertial) {
-            const realv ratio = old / fmax(LOAD(before, AT(b)), (realv)1e-37f);
-            grown = old * slope * exp((real)beta * log(fmax(ratio, (realv)1e-30f)));
+        sumv change = 0, mass = 0;
+        FOR_PART_BLOCKS(b, n)
+        {
+            const realv a = LOAD(area, AT(b)), old = LOAD(mu, AT(b)),
+                        slope = (real)alpha * sqrt(LOAD(q, AT(b)));
+            realv grown = old * (1 + (real)dt * (slope - 1));
+            if (inertial) {
+                const realv ratio = old / fmax(LOAD(before, AT(b)), (realv)1e-37f);
+                grown = old * slope * exp((real)beta * log(fmax(ratio, (realv)1e-30f)));
+            }
+            const realv next = old > 0 ? fmax(grown, (real)lowest * sqrt(a)) : grown;
+            STORE(old, before, AT(b));
+            STORE(next, mu, AT(b));
+            change += TO_SUM(a * fabs(next - old));
+            mass += TO_SUM(a * next);
         }
-        const realv next = old > 0 ? fmax(grown, (real)lowest * sqrt(a)) : grown;
-        STORE(old, before, AT(b));
-        STORE(next, mu, AT(b));
-        change += TO_SUM(a * fabs(next - old));
-        mass += TO_SUM(a * next);
+        REDUCE(partial, 0, change)
+        ;
+        REDUCE(partial, 1, mass)
+        ;
     }
-    REDUCE(partial, 0, change)
-    ;
-    REDUCE(partial, 1, mass)
-    ;
 }
 
 /* out = mu g: the elements' parts of A u (in place over g). */
-KERNEL element_scale(int n, global const real *mu, global real *g)
+KERNEL element_scale(int n, global const real *mu, global real *g LAUNCH)
 {
     FOR_BLOCKS(b, n)
     {
@@ -264,7 +281,7 @@ KERNEL element_scale(int n, global const real *mu, global real *g)
 /* For the band bound: slope_max[l] = the largest sqrt(q) of the elements that meet level band l, as the
  * bits of a float (ordered like integers as it is >= 0). */
 KERNEL band_slopes(int n, int n_bands, float u_low, float inv_band, global const int *index,
-                   global const real *u, global const real *q, volatile global int *slope_max)
+                   global const real *u, global const real *q, volatile global int *slope_max LAUNCH)
 {
     FOR_ROWS(t, n)
     {
@@ -286,7 +303,7 @@ KERNEL band_slopes(int n, int n_bands, float u_low, float inv_band, global const
 
 /* v = phi(u), phi piecewise linear with knots phi[0..n_bands] at u_low + l / inv_band. */
 KERNEL band_map(int n, int n_bands, float u_low, float inv_band, global const real *phi,
-                global const real *u, global real *v)
+                global const real *u, global real *v LAUNCH)
 {
     FOR_ROWS(i, n)
     {

@@ -3,6 +3,7 @@
 #define DMK_SHARED_H
 
 #define DMK_WIDTH 8   /* elements per block of the interleaved arrays */
+#define DMK_LINE 32   /* ints apart that two threads may write without taking a cache line away */
 #define DMK_GROUP 256 /* work-items per group in the GPU shape */
 
 #endif

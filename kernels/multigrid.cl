@@ -7,7 +7,7 @@
 
 /* x = step D^-1 b: the first Chebyshev step from 0. */
 KERNEL smooth_first(int n, float step, global const float *inv_diag, global const float *rhs,
-                    global float *x)
+                    global float *x LAUNCH)
 {
     FOR_BLOCKS(b, n) { STORE(step * LOAD(inv_diag, AT(b)) * LOAD(rhs, AT(b)), x, AT(b)); }
 }
@@ -22,7 +22,7 @@ KERNEL smooth_first(int n, float step, global const float *inv_diag, global cons
 
 KERNEL graph_residual(int n, global const int *slice, global const int *neighbour,
                       global const float *weight, global const float *x, global const float *rhs,
-                      global float *r)
+                      global float *r LAUNCH)
 {
     GATHERED float *x_read = x;
     FOR_BLOCKS(b, n)
@@ -35,7 +35,7 @@ KERNEL graph_residual(int n, global const int *slice, global const int *neighbou
 KERNEL graph_chebyshev(int n, global const int *slice, global const int *neighbour,
                        global const float *weight, global const float *rhs,
                        global const float *inv_diag, global const float *x, global float *x_old,
-                       float momentum, float keep, float step)
+                       float momentum, float keep, float step LAUNCH)
 {
     GATHERED float *x_read = x;
     FOR_BLOCKS(b, n)
@@ -51,7 +51,7 @@ KERNEL graph_chebyshev(int n, global const int *slice, global const int *neighbo
  * smoothing step there. */
 KERNEL restrict_midpoints(int n, int vertex_row, global const int *slice, global const int *link,
                           GATHERED float *r, float step, global const float *inv_diag,
-                          global float *rhs, global float *x)
+                          global float *rhs, global float *x LAUNCH)
 {
     global const float *at_vertex = (global const float *)(r + vertex_row);
     FOR_BLOCKS(b, n)
@@ -70,7 +70,7 @@ KERNEL restrict_midpoints(int n, int vertex_row, global const int *slice, global
 /* Restriction with general weights (the transposed prolongation), and the first smoothing step. */
 KERNEL restrict_rows(int n, global const int *slice, global const int *fine,
                      global const float *weight, GATHERED float *r, float step,
-                     global const float *inv_diag, global float *rhs, global float *x)
+                     global const float *inv_diag, global float *rhs, global float *x LAUNCH)
 {
     FOR_BLOCKS(b, n)
     {
@@ -86,7 +86,7 @@ KERNEL restrict_rows(int n, global const int *slice, global const int *fine,
 
 /* Prolongation from T to T/2: a midpoint takes the mean of its edge's ends, a vertex its own value
  * (both ends are itself). */
-KERNEL prolong_midpoints(int n, global const int *ends, GATHERED float *coarse, global float *x)
+KERNEL prolong_midpoints(int n, global const int *ends, GATHERED float *coarse, global float *x LAUNCH)
 {
     FOR_BLOCKS(b, n)
     {
@@ -98,7 +98,7 @@ KERNEL prolong_midpoints(int n, global const int *ends, GATHERED float *coarse, 
 }
 
 KERNEL prolong_rows(int n, global const int *index, global const float *weight,
-                    GATHERED float *coarse, global float *x)
+                    GATHERED float *coarse, global float *x LAUNCH)
 {
     FOR_BLOCKS(b, n)
     {
@@ -113,7 +113,7 @@ KERNEL prolong_rows(int n, global const int *index, global const float *weight,
 
 /* Coarsest level: x = inverse * b, the symmetric pseudo-inverse stored by columns of n_pad. */
 KERNEL coarse_solve(int n, int n_pad, global const float *inverse, global const float *rhs,
-                    global float *x)
+                    global float *x LAUNCH)
 {
     FOR_BLOCKS(b, n_pad)
     {
@@ -128,7 +128,7 @@ KERNEL coarse_solve(int n, int n_pad, global const float *inverse, global const 
 /* Level 1: an edge's link weight is the sum over its two triangles. place: 2 per edge, into the
  * triangles' link weights (3 per triangle); a border edge's second place stays 0. */
 KERNEL links_from_triangles(int n, global const int *place, GATHERED float *triangle_link,
-                            global float *link)
+                            global float *link LAUNCH)
 {
     FOR_BLOCKS(b, n)
     {
@@ -140,7 +140,7 @@ KERNEL links_from_triangles(int n, global const int *place, GATHERED float *tria
 /* Deeper levels: w_coarse = R w_fine, the Galerkin product as a mesh-only table. */
 KERNEL links_from_links(int n, global const int *row, global const int *fine,
                         global const float *coef, global const float *fine_link,
-                        global float *link)
+                        global float *link LAUNCH)
 {
     FOR_ROWS(i, n)
     {
@@ -153,7 +153,7 @@ KERNEL links_from_links(int n, global const int *row, global const int *fine,
 /* Copy link weights to rows; D = a_ii + sum |a_ij| bounds A by 1 (row sums of magnitudes), so the
  * smoother needs no eigenvalue estimate. number: links by row, a short row's filler has weight 0. */
 KERNEL graph_weights(int n, global const int *slice, global const int *number,
-                     GATHERED float *link, global float *weight, global float *inv_diag)
+                     GATHERED float *link, global float *weight, global float *inv_diag LAUNCH)
 {
     FOR_BLOCKS(b, n)
     {
@@ -172,7 +172,7 @@ KERNEL graph_weights(int n, global const int *slice, global const int *number,
 
 /* 1 / (sum of the elements' weighted diagonals): see elements_prepare. */
 KERNEL inverse_diagonal(int n, global const int *slice, global const int *slot,
-                        GATHERED float *out, global float *inv_diag)
+                        GATHERED float *out, global float *inv_diag LAUNCH)
 {
     FOR_BLOCKS(b, n)
     {

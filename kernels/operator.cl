@@ -37,7 +37,7 @@
 
 /* First phase of A(mu): weight = mu c_i, 3 per element. */
 KERNEL element_stiffness(int n, global const int *index, global const real *weight, GATHERED real *x,
-                         global real *out)
+                         global real *out LAUNCH)
 {
     FOR_BLOCKS(b, n)
     {
@@ -51,7 +51,7 @@ KERNEL element_stiffness(int n, global const int *index, global const real *weig
 
 /* First phase of Newton's M = A + sum_T g_T g_T': g holds the six g_T times the root of its factor. */
 KERNEL element_newton(int n, global const int *index, global const real *weight,
-                      global const real *g, GATHERED real *x, global real *out)
+                      global const real *g, GATHERED real *x, global real *out LAUNCH)
 {
     FOR_BLOCKS(b, n)
     {
@@ -84,23 +84,26 @@ KERNEL element_newton(int n, global const int *index, global const real *weight,
 
 /* Second phase, y = A x, and partial sums of x.y. */
 KERNEL rows_apply(int n, global const int *slice, global const int *slot, GATHERED real *out,
-                  global const real *x, global real *y, global sum_t *partial)
+                  global const real *x, global real *y, global sum_t *partial LAUNCH)
 {
     SCRATCH
-    sumv sum = 0;
-    FOR_BLOCKS(b, n)
+    FOR_PARTS
     {
-        ROW_SUM(a, b)
-        STORE(a, y, AT(b));
-        sum += TO_SUM(a) * TO_SUM(LOAD(x, AT(b)));
+        sumv sum = 0;
+        FOR_PART_BLOCKS(b, n)
+        {
+            ROW_SUM(a, b)
+            STORE(a, y, AT(b));
+            sum += TO_SUM(a) * TO_SUM(LOAD(x, AT(b)));
+        }
+        REDUCE(partial, 0, sum)
+        ;
     }
-    REDUCE(partial, 0, sum)
-    ;
 }
 
 /* Second phase, r = b - A x. */
 KERNEL rows_residual(int n, global const int *slice, global const int *slot, GATHERED real *out,
-                     global const real *rhs, global real *r)
+                     global const real *rhs, global real *r LAUNCH)
 {
     FOR_BLOCKS(b, n)
     {
@@ -113,7 +116,7 @@ KERNEL rows_residual(int n, global const int *slice, global const int *slot, GAT
  *     x_old <- x + momentum (x - keep x_old) + step D^-1 (b - A x). */
 KERNEL rows_chebyshev(int n, global const int *slice, global const int *slot, GATHERED real *out,
                       global const real *rhs, global const real *inv_diag, global const real *x,
-                      global real *x_old, float momentum, float keep, float step)
+                      global real *x_old, float momentum, float keep, float step LAUNCH)
 {
     FOR_BLOCKS(b, n)
     {

@@ -51,7 +51,10 @@ int dmk_launch(dmk_context *context, dmk_device *device, const dmk_kernel *kerne
 #define DMK_LAUNCH(context, device, kernel, items, ...)                                            \
     dmk_launch((context), (device), (kernel), (size_t)(items),                                     \
                sizeof((dmk_arg[]){__VA_ARGS__}) / sizeof(dmk_arg), (dmk_arg[]){__VA_ARGS__})
-/* Work-groups of a launch over `items` items: the number of partial sums a reduction leaves. */
-size_t dmk_launch_groups(const dmk_device *device, size_t items);
+/* Parts of a launch over `items` items: the number of partial sums a reduction leaves. */
+size_t dmk_launch_parts(const dmk_device *device, size_t items);
+/* Launches over just `items` items go over two ranges, the first of `first` items, which follow the
+ * mesh each by itself (midpoints, then vertices): on a CPU a thread's share is a piece of both. */
+void dmk_device_ranges(dmk_device *device, size_t items, size_t first);
 
 #endif

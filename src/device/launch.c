@@ -28,11 +28,43 @@ int dmk_kernel_get(dmk_context *ctx, dmk_device *dev, dmk_program program, const
     return DMK_OK;
 }
 
-size_t dmk_launch_groups(const dmk_device *dev, size_t items)
+size_t dmk_launch_parts(const dmk_device *dev, size_t items)
 {
-    size_t per_group = dev->cpu_shape ? dev->chunk * DMK_WIDTH : DMK_GROUP;
-    size_t groups = (items + per_group - 1) / per_group;
-    return groups > 0 ? groups : 1;
+    size_t per_part = dev->cpu_shape ? dev->chunk * DMK_WIDTH : DMK_GROUP;
+    size_t parts = (items + per_part - 1) / per_part;
+    return parts > 0 ? parts : 1;
+}
+
+void dmk_device_ranges(dmk_device *dev, size_t items, size_t first)
+{
+    dev->ranges_items = items;
+    dev->ranges_first = first;
+}
+
+static int launch_failed(dmk_context *ctx, cl_int error, const dmk_kernel *kernel, size_t items)
+{
+    return dmk_fail(ctx, DMK_E_DEVICE, "%s (%d) from kernel %s over %zu items", dmk_cl_text(error),
+                    error, kernel->name, items);
+}
+
+/* CPU shape: the last two arguments, which say who does which part (base.cl). *groups: the parts of
+ * the launch, then its work-groups: with shares, some for each thread, as drivers may hand several to
+ * the thread that comes first. */
+static cl_int share_out(dmk_device *dev, const dmk_kernel *kernel, size_t items, cl_uint arg,
+                        size_t *groups)
+{
+    const size_t most = 1 << 20; /* a word of `shares` counts to it */
+    size_t threads = (size_t)dev->info.compute_units, parts = *groups, first = parts;
+    bool shares = threads > 1 && parts >= 2 * threads && parts < most && threads < most / 1024;
+    if (items == dev->ranges_items) first = dmk_launch_parts(dev, dev->ranges_first);
+    if (shares) {
+        dev->tag = (dev->tag + 1) % 1023;
+        *groups = 4 * threads;
+    }
+    cl_int4 launch = {{dev->tag, shares ? (cl_int)threads : 0, (cl_int)first, (cl_int)parts}};
+    cl_int error = clSetKernelArg(kernel->cl, arg, sizeof(cl_mem), &dev->shares);
+    if (error != CL_SUCCESS) return error;
+    return clSetKernelArg(kernel->cl, arg + 1, sizeof launch, &launch);
 }
 
 int dmk_launch(dmk_context *ctx, dmk_device *dev, const dmk_kernel *kernel, size_t items,
@@ -47,11 +79,13 @@ int dmk_launch(dmk_context *ctx, dmk_device *dev, const dmk_kernel *kernel, size
                             dmk_cl_text(error), error, i, kernel->name);
         }
     }
-    size_t local = dev->cpu_shape ? 1 : DMK_GROUP;
-    size_t global = dmk_launch_groups(dev, items) * local;
+    size_t local = dev->cpu_shape ? 1 : DMK_GROUP, groups = dmk_launch_parts(dev, items);
+    if (dev->cpu_shape) {
+        cl_int error = share_out(dev, kernel, items, (cl_uint)n_args, &groups);
+        if (error != CL_SUCCESS) return launch_failed(ctx, error, kernel, items);
+    }
+    size_t global = groups * local;
     cl_int error =
         clEnqueueNDRangeKernel(dev->queue, kernel->cl, 1, NULL, &global, &local, 0, NULL, NULL);
-    if (error == CL_SUCCESS) return DMK_OK;
-    return dmk_fail(ctx, DMK_E_DEVICE, "%s (%d) from kernel %s over %zu items", dmk_cl_text(error),
-                    error, kernel->name, items);
+    return error == CL_SUCCESS ? DMK_OK : launch_failed(ctx, error, kernel, items);
 }

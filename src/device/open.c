@@ -1,6 +1,7 @@
 /* Finding, opening and closing OpenCL devices. */
 #include "device/internal.h"
 
+#include "dmk_shared.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -189,6 +190,9 @@ int dmk_device_open(dmk_context *ctx, const dmk_device_options *options, dmk_dev
     dev->queue = clCreateCommandQueue(dev->cl, dev->id, 0, &error);
     DMK_TRY(dmk_cl_check(ctx, error, "clCreateCommandQueue"));
     DMK_TRY(dmk_programs_build(ctx, dev));
+    DMK_TRY(dmk_buffer_create(ctx, dev,
+                              (size_t)dev->info.compute_units * (DMK_LINE + 1) * sizeof(cl_int),
+                              NULL, &dev->shares));
     *device = dev;
     dev = NULL;
 done:
@@ -207,6 +211,7 @@ void dmk_device_destroy(dmk_device **device)
 {
     dmk_device *dev = *device;
     if (!dev) return;
+    dmk_buffer_destroy(&dev->shares);
     for (int i = 0; i < dev->n_kernels; i++) clReleaseKernel(dev->kernel[i].cl);
     for (int p = 0; p < DMK_N_PROGRAMS; p++) {
         if (dev->program[p]) clReleaseProgram(dev->program[p]);

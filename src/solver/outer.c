@@ -6,9 +6,9 @@ int dmk_outer_sums(dmk_outer *o, size_t items, int count, int maxima, double *su
 {
     int rc;
     dmk_system *s = o->sys;
-    int32_t groups = (int32_t)dmk_launch_groups(s->device, items);
+    int32_t parts = (int32_t)dmk_launch_parts(s->device, items);
     DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, sum_partials), 1,
-                       DMK_INT(groups), DMK_INT(count), DMK_INT(maxima), DMK_BUF(s->partial),
+                       DMK_INT(parts), DMK_INT(count), DMK_INT(maxima), DMK_BUF(s->partial),
                        DMK_BUF(s->scalars), DMK_INT(0)));
     DMK_TRY(dmk_buffer_read_real(o->ctx, s->device, DMK_OUTER, s->scalars, (size_t)count, sums));
 done:

@@ -6,12 +6,12 @@ enum { LOOK_EVERY = 2 };
 static int direction(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op, int first)
 {
     int rc;
-    int32_t n = s->n_rows, groups = (int32_t)dmk_launch_groups(s->device, (size_t)n);
+    int32_t n = s->n_rows, parts = (int32_t)dmk_launch_parts(s->device, (size_t)n);
     DMK_TRY(dmk_v_cycle(ctx, s, op, s->cg[p].narrow));
     DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL_OF(s, p, cg_dots), n, DMK_INT(n),
                        DMK_BUF(s->cg[p].r), DMK_BUF(s->cg[p].ap), DMK_BUF(s->x_old),
                        DMK_BUF(s->partial)));
-    DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL_OF(s, p, cg_beta), 1, DMK_INT(groups),
+    DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL_OF(s, p, cg_beta), 1, DMK_INT(parts),
                        DMK_INT(first), DMK_BUF(s->partial), DMK_BUF(s->state)));
     DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL_OF(s, p, cg_direction), n, DMK_INT(n),
                        DMK_BUF(s->state), DMK_BUF(s->x_old), DMK_BUF(s->cg[p].p)));
@@ -23,7 +23,7 @@ done:
 static int step(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op, dmk_buffer *x)
 {
     int rc;
-    int32_t n = s->n_rows, groups = (int32_t)dmk_launch_groups(s->device, (size_t)n);
+    int32_t n = s->n_rows, parts = (int32_t)dmk_launch_parts(s->device, (size_t)n);
     dmk_buffer *out = p == DMK_INNER ? s->out : s->out_real;
     if (p == DMK_INNER) {
         DMK_TRY(dmk_inner_elements(ctx, s, op, s->cg[p].p));
@@ -35,7 +35,7 @@ static int step(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op,
     DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL_OF(s, p, rows_apply), n, DMK_INT(n),
                        DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(out), DMK_BUF(s->cg[p].p),
                        DMK_BUF(s->cg[p].ap), DMK_BUF(s->partial)));
-    DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL_OF(s, p, cg_alpha), 1, DMK_INT(groups),
+    DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL_OF(s, p, cg_alpha), 1, DMK_INT(parts),
                        DMK_BUF(s->partial), DMK_BUF(s->state)));
     DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL_OF(s, p, cg_step), n, DMK_INT(n),
                        DMK_BUF(s->state), DMK_BUF(s->cg[p].p), DMK_BUF(s->cg[p].ap), DMK_BUF(x),

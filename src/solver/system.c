@@ -329,7 +329,7 @@ static int allocate_state(const packer *p)
     int rc;
     dmk_system *s = p->sys;
     size_t e = (size_t)s->n_elements_pad, n = (size_t)s->n_rows_pad;
-    size_t groups = dmk_launch_groups(p->dev, n > e ? n : e);
+    size_t parts = dmk_launch_parts(p->dev, n > e ? n : e);
     DMK_TRY(work(p, DMK_OUTER, e, &s->mu));
     DMK_TRY(work(p, DMK_OUTER, e, &s->before));
     DMK_TRY(work(p, DMK_OUTER, e, &s->q));
@@ -349,7 +349,7 @@ static int allocate_state(const packer *p)
     DMK_TRY(work(p, DMK_INNER, n, &s->residual));
     DMK_TRY(work(p, DMK_INNER, n, &s->w));
     DMK_TRY(allocate_cg(p));
-    DMK_TRY(work(p, DMK_OUTER, 4 * groups, &s->partial));
+    DMK_TRY(work(p, DMK_OUTER, 4 * parts, &s->partial));
     DMK_TRY(work(p, DMK_OUTER, 8, &s->state));
     DMK_TRY(work(p, DMK_OUTER, 16, &s->scalars));
 done:
@@ -406,6 +406,7 @@ int dmk_system_create(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh
     s->vertex_row = dmk_padded(mesh->n_edges); /* at least one padding row: filler links read it */
     s->n_rows = s->vertex_row + mesh->n_vertices;
     s->n_rows_pad = dmk_padded(s->n_rows);
+    dmk_device_ranges(device, (size_t)s->n_rows, (size_t)s->vertex_row);
     packer p = {ctx, device, mesh, s};
     DMK_TRY(get_kernels(ctx, s));
     DMK_TRY(pack_all(&p)); /* frees the host's hierarchy before ... */
