@@ -1,19 +1,22 @@
 /* Locality ordering: see dmk_order in mesh.h. */
 #include "mesh/mesh.h"
 
+#include "base/parallel.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+
+enum { BITS = 11 }; /* of a key for each axis, and of a digit of the sort: its counts stay in L1 */
 
 typedef struct keyed {
     uint64_t key;
     int32_t item;
 } keyed;
 
-/* Spread the low 16 bits of x to every third bit. */
+/* Spread the low bits of x to every third bit. */
 static uint64_t spread3(uint64_t x)
 {
-    x &= 0xffff;
     x = (x | x << 16) & 0x0000ff0000ffULL;
     x = (x | x << 8) & 0x00f00f00f00fULL;
     x = (x | x << 4) & 0x0c30c30c30c3ULL;
@@ -21,26 +24,23 @@ static uint64_t spread3(uint64_t x)
     return x;
 }
 
-/* Stable radix sort by 48-bit keys, 16 bits at a time. */
+/* Stable radix sort by keys of three digits. */
 static int sort_keys(dmk_context *ctx, keyed *a, size_t n)
 {
     int rc;
-    keyed *b = NULL;
-    size_t *count = NULL;
+    keyed *b = NULL, *from = a;
     DMK_TRY(DMK_NEW(ctx, b, n));
-    DMK_TRY(DMK_NEW(ctx, count, 65536));
-    keyed *from = a, *to = b;
-    for (int pass = 0; pass < 3; pass++) {
-        int shift = 16 * pass;
-        memset(count, 0, 65536 * sizeof *count);
-        for (size_t i = 0; i < n; i++) count[from[i].key >> shift & 0xffff]++;
-        size_t sum = 0;
-        for (int k = 0; k < 65536; k++) {
-            size_t c = count[k];
-            count[k] = sum;
-            sum += c;
+    keyed *to = b;
+    for (int shift = 0; shift < 3 * BITS; shift += BITS) {
+        size_t place[1 << BITS] = {0}, sum = 0;
+        const uint64_t mask = (1 << BITS) - 1;
+        for (size_t i = 0; i < n; i++) place[from[i].key >> shift & mask]++;
+        for (int k = 0; k < 1 << BITS; k++) {
+            size_t count = place[k];
+            place[k] = sum;
+            sum += count;
         }
-        for (size_t i = 0; i < n; i++) to[count[from[i].key >> shift & 0xffff]++] = from[i];
+        for (size_t i = 0; i < n; i++) to[place[from[i].key >> shift & mask]++] = from[i];
         keyed *swap = from;
         from = to;
         to = swap;
@@ -48,96 +48,197 @@ static int sort_keys(dmk_context *ctx, keyed *a, size_t n)
     memcpy(a, b, n * sizeof *a); /* three passes end in b */
 done:
     free(b);
-    free(count);
     return rc;
 }
 
-static int morton_order(dmk_context *ctx, const dmk_mesh *m, int32_t component, keyed **sorted,
-                        size_t *n)
+typedef struct key_job {
+    const dmk_mesh *mesh;
+    double lo[3], scale;
+    keyed *keys;
+} key_job;
+
+static void key_range(int32_t begin, int32_t end, void *data)
 {
-    int rc;
-    keyed *keys = NULL;
-    double lo[3] = {INFINITY, INFINITY, INFINITY}, span = 0;
-    DMK_TRY(DMK_NEW(ctx, keys, (size_t)m->n_triangles));
-    double hi[3] = {-INFINITY, -INFINITY, -INFINITY};
-    for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
-        if (m->component[h / 3] != component) continue;
-        const double *x = m->xyz + 3 * (size_t)m->triangle[h];
-        for (int k = 0; k < 3; k++) {
-            lo[k] = fmin(lo[k], x[k]);
-            hi[k] = fmax(hi[k], x[k]);
-        }
-    }
-    for (int k = 0; k < 3; k++) span = fmax(span, hi[k] - lo[k]);
-    double scale = 65535.0 / (3.0 * span);
-    *n = 0;
-    for (int32_t t = 0; t < m->n_triangles; t++) {
-        if (m->component[t] != component) continue;
-        uint64_t key = 0;
+    const key_job *job = data;
+    const dmk_mesh *m = job->mesh;
+    for (int32_t i = begin; i < end; i++) {
+        const int32_t *c = m->triangle + 3 * (size_t)job->keys[i].item;
         for (int k = 0; k < 3; k++) {
             double sum = 0;
-            for (int c = 0; c < 3; c++) sum += m->xyz[3 * (size_t)m->triangle[3 * t + c] + k] - lo[k];
-            key |= spread3((uint64_t)(sum * scale)) << k;
+            for (int j = 0; j < 3; j++) sum += m->xyz[3 * (size_t)c[j] + (size_t)k] - job->lo[k];
+            job->keys[i].key |= spread3((uint64_t)(sum * job->scale)) << k;
         }
-        keys[(*n)++] = (keyed){key, t};
     }
-    DMK_TRY(sort_keys(ctx, keys, *n));
-    *sorted = keys;
-    keys = NULL;
+}
+
+/* The component's triangles along the curve; the caller frees *sorted. */
+static int morton_order(dmk_context *ctx, const dmk_mesh *m, int32_t component, keyed **sorted,
+                        int32_t *n)
+{
+    int rc;
+    key_job job = {.mesh = m, .lo = {INFINITY, INFINITY, INFINITY}};
+    double hi[3] = {-INFINITY, -INFINITY, -INFINITY}, span = 0;
+    *n = 0;
+    DMK_TRY(DMK_NEW(ctx, job.keys, (size_t)m->n_triangles));
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        if (m->component[t] != component) continue;
+        job.keys[(*n)++].item = t;
+        for (int j = 0; j < 3; j++) {
+            const double *x = m->xyz + 3 * (size_t)m->triangle[3 * t + j];
+            for (int k = 0; k < 3; k++) {
+                if (x[k] < job.lo[k]) job.lo[k] = x[k];
+                if (x[k] > hi[k]) hi[k] = x[k];
+            }
+        }
+    }
+    for (int k = 0; k < 3; k++) span = fmax(span, hi[k] - job.lo[k]);
+    job.scale = ((1 << BITS) - 1) / (3.0 * span);
+    dmk_parallel(*n, key_range, &job);
+    DMK_TRY(sort_keys(ctx, job.keys, (size_t)*n));
+    *sorted = job.keys;
+    job.keys = NULL;
 done:
-    free(keys);
+    free(job.keys);
     return rc;
 }
 
-/* Old edge of each new edge: through the triangles, whose corners keep their places. */
-static void map_edges(const dmk_mesh *old, dmk_order *o)
+/* New numbers of the old mesh's parts; -1 for those outside of the component. */
+typedef struct renumbering {
+    int32_t *vertex, *edge, *triangle;
+} renumbering;
+
+static int new_numbers(dmk_context *ctx, int32_t n, int32_t **number)
 {
-    for (int32_t h = 0; h < 3 * o->mesh->n_triangles; h++) {
-        int32_t t = o->triangle_old[h / 3];
-        o->edge_old[o->mesh->triangle_edge[h]] = old->triangle_edge[3 * t + h % 3];
+    int rc;
+    DMK_TRY(DMK_NEW(ctx, *number, (size_t)n));
+    for (int32_t i = 0; i < n; i++) (*number)[i] = -1;
+done:
+    return rc;
+}
+
+/* Give `old` the next number, if it has none, and return its number. */
+static int32_t touch(int32_t old, int32_t *number, int32_t *old_of, int32_t *n)
+{
+    if (number[old] < 0) {
+        number[old] = *n;
+        old_of[(*n)++] = old;
     }
+    return number[old];
+}
+
+static int renumber(dmk_context *ctx, const dmk_mesh *m, const keyed *sorted, renumbering *r,
+                    dmk_order *o)
+{
+    int rc;
+    struct dmk_mesh *fresh = o->mesh;
+    size_t n = (size_t)fresh->n_triangles;
+    DMK_TRY(new_numbers(ctx, m->n_vertices, &r->vertex));
+    DMK_TRY(new_numbers(ctx, m->n_edges, &r->edge));
+    DMK_TRY(new_numbers(ctx, m->n_triangles, &r->triangle));
+    DMK_TRY(DMK_NEW(ctx, o->triangle_old, n));
+    DMK_TRY(DMK_NEW(ctx, o->vertex_old, (size_t)m->n_vertices));
+    DMK_TRY(DMK_NEW(ctx, o->edge_old, (size_t)m->n_edges));
+    DMK_TRY(DMK_NEW(ctx, fresh->triangle, 3 * n));
+    DMK_TRY(DMK_NEW(ctx, fresh->triangle_edge, 3 * n));
+    for (size_t t = 0; t < n; t++) {
+        int32_t old = o->triangle_old[t] = sorted[t].item;
+        r->triangle[old] = (int32_t)t;
+        for (size_t k = 0; k < 3; k++) {
+            fresh->triangle[3 * t + k] = touch(m->triangle[3 * (size_t)old + k], r->vertex,
+                                               o->vertex_old, &fresh->n_vertices);
+            fresh->triangle_edge[3 * t + k] = touch(m->triangle_edge[3 * (size_t)old + k], r->edge,
+                                                    o->edge_old, &fresh->n_edges);
+        }
+    }
+done:
+    return rc;
+}
+
+typedef struct gather_job {
+    const dmk_mesh *from;
+    const renumbering *number;
+    const dmk_order *order;
+} gather_job;
+
+/* An edge's smaller end comes first, and the triangle that runs it from there. */
+static void gather_edges(int32_t begin, int32_t end, void *data)
+{
+    const gather_job *job = data;
+    const struct dmk_mesh *to = job->order->mesh;
+    for (int32_t e = begin; e < end; e++) {
+        int32_t old = job->order->edge_old[e];
+        const int32_t *v = job->from->edge_vertex + 2 * (size_t)old;
+        const int32_t *t = job->from->edge_triangle + 2 * (size_t)old;
+        int32_t a = job->number->vertex[v[0]], b = job->number->vertex[v[1]];
+        int swap = a > b, border = t[1] < 0;
+        to->edge_vertex[2 * e + swap] = a;
+        to->edge_vertex[2 * e + !swap] = b;
+        to->edge_triangle[2 * e + (swap && !border)] = job->number->triangle[t[0]];
+        to->edge_triangle[2 * e + !(swap && !border)] = border ? -1 : job->number->triangle[t[1]];
+        to->length[e] = job->from->length[old];
+    }
+}
+
+static void gather_triangles(int32_t begin, int32_t end, void *data)
+{
+    const gather_job *job = data;
+    const struct dmk_mesh *to = job->order->mesh;
+    for (int32_t t = begin; t < end; t++) {
+        size_t old = (size_t)job->order->triangle_old[t];
+        to->area[t] = job->from->area[old];
+        memcpy(to->cot + 3 * (size_t)t, job->from->cot + 3 * old, 3 * sizeof *to->cot);
+    }
+}
+
+static void gather_vertices(int32_t begin, int32_t end, void *data)
+{
+    const gather_job *job = data;
+    const struct dmk_mesh *to = job->order->mesh;
+    for (int32_t v = begin; v < end; v++) {
+        memcpy(to->xyz + 3 * (size_t)v, job->from->xyz + 3 * (size_t)job->order->vertex_old[v],
+               3 * sizeof *to->xyz);
+    }
+}
+
+/* Topology and geometry of the renumbered mesh: those of the old one, which has been checked. */
+static int gather(dmk_context *ctx, const dmk_mesh *m, const renumbering *number, dmk_order *o)
+{
+    int rc;
+    struct dmk_mesh *to = o->mesh;
+    gather_job job = {m, number, o};
+    size_t n_v = (size_t)to->n_vertices, n_e = (size_t)to->n_edges, n_t = (size_t)to->n_triangles;
+    DMK_TRY(DMK_NEW(ctx, to->xyz, 3 * n_v));
+    DMK_TRY(DMK_NEW(ctx, to->edge_vertex, 2 * n_e));
+    DMK_TRY(DMK_NEW(ctx, to->edge_triangle, 2 * n_e));
+    DMK_TRY(DMK_NEW(ctx, to->length, n_e));
+    DMK_TRY(DMK_NEW(ctx, to->area, n_t));
+    DMK_TRY(DMK_NEW(ctx, to->cot, 3 * n_t));
+    DMK_TRY(DMK_NEW(ctx, to->component, n_t)); /* the only one: 0 */
+    to->n_components = 1;
+    dmk_parallel(to->n_vertices, gather_vertices, &job);
+    dmk_parallel(to->n_edges, gather_edges, &job);
+    dmk_parallel(to->n_triangles, gather_triangles, &job);
+    if (m->n_border_edges > 0) DMK_TRY(dmk_mesh_count(ctx, to));
+    else to->n_used_vertices = to->n_vertices;
+done:
+    return rc;
 }
 
 int dmk_order_create(dmk_context *ctx, const dmk_mesh *m, int32_t component, dmk_order *o)
 {
     int rc;
     keyed *sorted = NULL;
-    size_t n = 0;
-    int32_t *vertex_new = NULL, *tri = NULL, n_vertices = 0;
-    double *xyz = NULL;
+    renumbering number = {0};
     memset(o, 0, sizeof *o);
-    DMK_TRY(morton_order(ctx, m, component, &sorted, &n));
-    DMK_TRY(DMK_NEW(ctx, o->triangle_old, n));
-    DMK_TRY(DMK_NEW(ctx, tri, 3 * n));
-    DMK_TRY(DMK_NEW(ctx, vertex_new, (size_t)m->n_vertices));
-    DMK_TRY(DMK_NEW(ctx, o->vertex_old, (size_t)m->n_vertices));
-    for (int32_t v = 0; v < m->n_vertices; v++) vertex_new[v] = -1;
-    for (size_t t = 0; t < n; t++) {
-        o->triangle_old[t] = sorted[t].item;
-        for (int k = 0; k < 3; k++) {
-            int32_t v = m->triangle[3 * sorted[t].item + k];
-            if (vertex_new[v] < 0) {
-                vertex_new[v] = n_vertices;
-                o->vertex_old[n_vertices++] = v;
-            }
-            tri[3 * t + k] = vertex_new[v];
-        }
-    }
-    DMK_TRY(DMK_NEW(ctx, xyz, 3 * (size_t)n_vertices));
-    for (int32_t v = 0; v < n_vertices; v++) {
-        memcpy(xyz + 3 * v, m->xyz + 3 * (size_t)o->vertex_old[v], 3 * sizeof *xyz);
-    }
-    rc = dmk_mesh_adopt(ctx, (size_t)n_vertices, xyz, n, tri, &o->mesh);
-    xyz = NULL;
-    tri = NULL;
-    if (rc != DMK_OK) goto done;
-    DMK_TRY(DMK_NEW(ctx, o->edge_old, (size_t)o->mesh->n_edges));
-    map_edges(m, o);
+    DMK_TRY(DMK_NEW(ctx, o->mesh, 1));
+    DMK_TRY(morton_order(ctx, m, component, &sorted, &o->mesh->n_triangles));
+    DMK_TRY(renumber(ctx, m, sorted, &number, o));
+    DMK_TRY(gather(ctx, m, &number, o));
 done:
     free(sorted);
-    free(vertex_new);
-    free(xyz);
-    free(tri);
+    free(number.vertex);
+    free(number.edge);
+    free(number.triangle);
     if (rc != DMK_OK) dmk_order_free(o);
     return rc;
 }
