@@ -6,17 +6,22 @@
  * coarse link (a,b) is -w d_a d_b. */
 #include "mesh/coarsen.h"
 
+#include "base/parallel.h"
+
 #include <math.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 
 /* Differences of two float weights below this are rounding. */
 #define TINY 1e-6f
 
+enum { MOST = 6 }; /* nonzero entries of a d */
+
 /* The nonzero entries of d for each fine link, as compressed rows. */
 typedef struct difference {
     int32_t n_links;
     int32_t *row;    /* n_links + 1 */
-    int32_t *coarse; /* row[n_links]: coarse vertices, increasing in each row; at most 6 */
+    int32_t *coarse; /* row[n_links]: coarse vertices, increasing in each row */
     float *value;    /* row[n_links] */
 } difference;
 
@@ -53,46 +58,100 @@ static int subtract_rows(const dmk_coarsening *c, int32_t i, int32_t j, int32_t 
     return n;
 }
 
+typedef struct difference_job {
+    const dmk_coarsening *c;
+    const int32_t *link;
+    difference *d;
+} difference_job;
+
+static void count_range(int32_t begin, int32_t end, void *data)
+{
+    const difference_job *job = data;
+    int32_t coarse[MOST + 1]; /* one more to write a zero into */
+    float value[MOST + 1];
+    for (int32_t e = begin; e < end; e++) {
+        job->d->row[e + 1] =
+            subtract_rows(job->c, job->link[2 * e], job->link[2 * e + 1], coarse, value);
+    }
+}
+
+static void fill_range(int32_t begin, int32_t end, void *data)
+{
+    const difference_job *job = data;
+    int32_t coarse[MOST + 1];
+    float value[MOST + 1];
+    for (int32_t e = begin; e < end; e++) {
+        int n = subtract_rows(job->c, job->link[2 * e], job->link[2 * e + 1], coarse, value);
+        for (int k = 0; k < n; k++) {
+            job->d->coarse[job->d->row[e] + k] = coarse[k];
+            job->d->value[job->d->row[e] + k] = value[k];
+        }
+    }
+}
+
 static int difference_create(dmk_context *ctx, const dmk_coarsening *c, int32_t n_links,
                              const int32_t *link, difference *d)
 {
     int rc;
-    DMK_TRY(DMK_NEW(ctx, d->row, (size_t)n_links + 1));
-    /* Room for the worst case, and one to write a zero into; pages never touched cost nothing. */
-    DMK_TRY(DMK_NEW(ctx, d->coarse, 6 * (size_t)n_links + 1));
-    DMK_TRY(DMK_NEW(ctx, d->value, 6 * (size_t)n_links + 1));
+    difference_job job = {c, link, d};
     d->n_links = n_links;
-    for (int32_t e = 0; e < n_links; e++) {
-        int32_t at = d->row[e];
-        d->row[e + 1] = at + subtract_rows(c, link[2 * e], link[2 * e + 1], d->coarse + at,
-                                           d->value + at);
-    }
+    DMK_TRY(DMK_NEW(ctx, d->row, (size_t)n_links + 1));
+    dmk_parallel(n_links, count_range, &job);
+    for (int32_t e = 0; e < n_links; e++) d->row[e + 1] += d->row[e];
+    DMK_TRY(DMK_NEW(ctx, d->coarse, (size_t)d->row[n_links]));
+    DMK_TRY(DMK_NEW(ctx, d->value, (size_t)d->row[n_links]));
+    dmk_parallel(n_links, fill_range, &job);
 done:
     return rc;
 }
 
-/* By coarse vertex, the fine links in whose d it occurs and is not the largest, increasing; each as
- * link * 8 + the place of its entry in the row of d. */
-static int bucket_create(dmk_context *ctx, const difference *d, int32_t n_coarse, int32_t **row,
-                         uint32_t **bucket)
+/* By coarse vertex a, the fine links in whose d it occurs and is not the largest. */
+typedef struct bucket {
+    int32_t *row;   /* n_coarse + 1 */
+    uint32_t *link; /* row[n_coarse], increasing for each a: link * 8 + place of a among its d */
+    int32_t *entry; /* n_coarse + 1: table entries before those of the coarse links (a, b > a) */
+} bucket;
+
+static void bucket_free(bucket *k)
+{
+    free(k->row);
+    free(k->link);
+    free(k->entry);
+}
+
+/* Number of table entries: one for each pair within a d. */
+static int64_t count_pairs(const difference *d)
+{
+    int64_t sum = 0;
+    for (int32_t e = 0; e < d->n_links; e++) {
+        int64_t n = d->row[e + 1] - d->row[e];
+        sum += n * (n - 1) / 2;
+    }
+    return sum;
+}
+
+static int bucket_create(dmk_context *ctx, const difference *d, int32_t n_coarse, bucket *k)
 {
     int rc;
-    int32_t *fill = NULL, sum = 0;
-    DMK_TRY(DMK_NEW(ctx, *row, (size_t)n_coarse + 1));
-    DMK_TRY(DMK_NEW(ctx, fill, (size_t)n_coarse + 1));
-    for (int32_t e = 0; e < d->n_links; e++) {
-        for (int32_t p = d->row[e]; p + 1 < d->row[e + 1]; p++) fill[d->coarse[p]]++;
-    }
-    for (int32_t a = 0; a < n_coarse; a++) {
-        (*row)[a] = sum;
-        sum += fill[a];
-        fill[a] = (*row)[a];
-    }
-    (*row)[n_coarse] = sum;
-    DMK_TRY(DMK_NEW(ctx, *bucket, (size_t)sum));
+    int32_t *fill = NULL;
+    DMK_TRY(DMK_NEW(ctx, k->row, (size_t)n_coarse + 1));
+    DMK_TRY(DMK_NEW(ctx, k->entry, (size_t)n_coarse + 1));
+    DMK_TRY(DMK_NEW(ctx, fill, (size_t)n_coarse));
     for (int32_t e = 0; e < d->n_links; e++) {
         for (int32_t p = d->row[e]; p + 1 < d->row[e + 1]; p++) {
-            (*bucket)[fill[d->coarse[p]]++] = (uint32_t)e * 8 + (uint32_t)(p - d->row[e]);
+            k->row[d->coarse[p] + 1]++;
+            k->entry[d->coarse[p] + 1] += d->row[e + 1] - 1 - p;
+        }
+    }
+    for (int32_t a = 0; a < n_coarse; a++) {
+        fill[a] = k->row[a];
+        k->row[a + 1] += k->row[a];
+        k->entry[a + 1] += k->entry[a];
+    }
+    DMK_TRY(DMK_NEW(ctx, k->link, (size_t)k->row[n_coarse]));
+    for (int32_t e = 0; e < d->n_links; e++) {
+        for (int32_t p = d->row[e]; p + 1 < d->row[e + 1]; p++) {
+            k->link[fill[d->coarse[p]]++] = (uint32_t)e * 8 + (uint32_t)(p - d->row[e]);
         }
     }
 done:
@@ -109,107 +168,148 @@ static void sort_small(int32_t n, int32_t *a)
     }
 }
 
-/* Working space of emit_links. */
+/* The coarse links by their smaller end, before they are packed one after another. */
+typedef struct emitter {
+    dmk_coarsening *c;
+    const difference *d;
+    const bucket *by_end;
+    int32_t *first;  /* n_coarse: place in the next two of the links of a */
+    int32_t *count;  /* n_coarse: number of links (a, b > a) */
+    int32_t *other;  /* room for as many as table entries: b, increasing */
+    int32_t *begin;  /* as many: the link's first table entry */
+    atomic_bool failed; /* out of memory */
+} emitter;
+
+/* Working space of one thread. */
 typedef struct scratch {
-    int32_t *other; /* n_coarse: the larger ends of the links of one coarse vertex */
     int32_t *stamp; /* n_coarse: 1 + the vertex that met this one last, 0 = none */
     int32_t *fill;  /* n_coarse: number, then next free place, of the entries of that link */
 } scratch;
 
-/* Append the coarse links (a, b > a) with their table rows, from a's bucket of n_links. */
-static void emit_links(dmk_coarsening *c, const difference *d, int32_t a, int32_t n_links,
-                       const uint32_t *bucket, scratch *s)
+/* The links of a to place `at`, and their table rows; returns their number. */
+static int32_t emit_links(const emitter *m, int32_t a, int32_t at, scratch *s)
 {
-    int32_t n_other = 0, n_edges = c->coarse.n_edges;
-    for (int32_t i = 0; i < n_links; i++) {
-        uint32_t e = bucket[i] / 8, place = bucket[i] % 8;
+    const difference *d = m->d;
+    int32_t *other = m->other + at, n = 0, entry = m->by_end->entry[a];
+    int32_t from = m->by_end->row[a], to = m->by_end->row[a + 1];
+    for (int32_t i = from; i < to; i++) {
+        uint32_t e = m->by_end->link[i] / 8, place = m->by_end->link[i] % 8;
         for (int32_t p = d->row[e] + (int32_t)place + 1; p < d->row[e + 1]; p++) {
             int32_t b = d->coarse[p];
             if (s->stamp[b] != a + 1) {
                 s->stamp[b] = a + 1;
                 s->fill[b] = 0;
-                s->other[n_other++] = b;
+                other[n++] = b;
             }
             s->fill[b]++;
         }
     }
-    sort_small(n_other, s->other);
-    for (int32_t i = 0; i < n_other; i++) {
-        int32_t b = s->other[i], begin = c->galerkin_row[n_edges];
-        c->coarse.edge[2 * n_edges] = a;
-        c->coarse.edge[2 * n_edges + 1] = b;
-        n_edges++;
-        c->galerkin_row[n_edges] = begin + s->fill[b];
-        s->fill[b] = begin;
+    sort_small(n, other);
+    for (int32_t i = 0; i < n; i++) {
+        int32_t entries = s->fill[other[i]];
+        m->begin[at + i] = s->fill[other[i]] = entry;
+        entry += entries;
     }
-    c->coarse.n_edges = n_edges;
-    for (int32_t i = 0; i < n_links; i++) {
-        uint32_t e = bucket[i] / 8, place = bucket[i] % 8;
+    for (int32_t i = from; i < to; i++) {
+        uint32_t e = m->by_end->link[i] / 8, place = m->by_end->link[i] % 8;
         int32_t p = d->row[e] + (int32_t)place;
         float da = d->value[p];
         for (p++; p < d->row[e + 1]; p++) {
-            int32_t at = s->fill[d->coarse[p]]++;
-            c->galerkin_edge[at] = (int32_t)e;
-            c->galerkin_coef[at] = -da * d->value[p];
+            int32_t to_entry = s->fill[d->coarse[p]]++;
+            m->c->galerkin_edge[to_entry] = (int32_t)e;
+            m->c->galerkin_coef[to_entry] = -da * d->value[p];
         }
     }
+    return n;
 }
 
-/* Number of table entries: one for each pair within a row of d. */
-static int64_t count_pairs(const difference *d)
+static void emit_range(int32_t begin, int32_t end, void *data)
 {
-    int64_t sum = 0;
-    for (int32_t e = 0; e < d->n_links; e++) {
-        int64_t k = d->row[e + 1] - d->row[e];
-        sum += k * (k - 1) / 2;
+    int rc;
+    emitter *m = data;
+    dmk_context own = {0}; /* a context serves one thread at a time */
+    scratch s = {0};
+    int32_t at = m->by_end->entry[begin]; /* there are no more links than entries */
+    DMK_TRY(DMK_NEW(&own, s.stamp, (size_t)m->c->coarse.n));
+    DMK_TRY(DMK_NEW(&own, s.fill, (size_t)m->c->coarse.n));
+    for (int32_t a = begin; a < end; a++) {
+        m->first[a] = at;
+        m->count[a] = emit_links(m, a, at, &s);
+        at += m->count[a];
     }
-    return sum;
+done:
+    if (rc != DMK_OK) atomic_store(&m->failed, true);
+    free(s.stamp);
+    free(s.fill);
 }
 
-static void shrink(int32_t **array, size_t n)
+/* The links of all coarse vertices, one after another. */
+static int pack_links(dmk_context *ctx, const emitter *m)
 {
-    void *smaller = realloc(*array, n ? n * sizeof **array : 1);
-    if (smaller) *array = smaller;
+    int rc;
+    dmk_coarsening *c = m->c;
+    int32_t n = 0;
+    for (int32_t a = 0; a < c->coarse.n; a++) n += m->count[a];
+    DMK_TRY(DMK_NEW(ctx, c->galerkin_row, (size_t)n + 1));
+    DMK_TRY(DMK_NEW(ctx, c->coarse.edge, 2 * (size_t)n));
+    c->coarse.n_edges = n;
+    n = 0;
+    for (int32_t a = 0; a < c->coarse.n; a++) {
+        for (int32_t i = m->first[a]; i < m->first[a] + m->count[a]; i++) {
+            c->coarse.edge[2 * n] = a;
+            c->coarse.edge[2 * n + 1] = m->other[i];
+            c->galerkin_row[n++] = m->begin[i];
+        }
+    }
+    c->galerkin_row[n] = m->by_end->entry[c->coarse.n];
+done:
+    return rc;
+}
+
+static int emit_all(dmk_context *ctx, const difference *d, const bucket *by_end, dmk_coarsening *c)
+{
+    int rc;
+    size_t n = (size_t)c->coarse.n, n_entries = (size_t)by_end->entry[n];
+    emitter m = {.c = c, .d = d, .by_end = by_end};
+    atomic_init(&m.failed, false);
+    DMK_TRY(DMK_NEW(ctx, m.first, n));
+    DMK_TRY(DMK_NEW(ctx, m.count, n));
+    DMK_TRY(DMK_NEW(ctx, m.other, n_entries));
+    DMK_TRY(DMK_NEW(ctx, m.begin, n_entries));
+    DMK_TRY(DMK_NEW(ctx, c->galerkin_edge, n_entries));
+    DMK_TRY(DMK_NEW(ctx, c->galerkin_coef, n_entries));
+    dmk_parallel(c->coarse.n, emit_range, &m);
+    if (atomic_load(&m.failed)) {
+        rc = dmk_fail(ctx, DMK_E_NOMEM, "out of memory: Galerkin tables");
+        goto done;
+    }
+    DMK_TRY(pack_links(ctx, &m));
+done:
+    free(m.first);
+    free(m.count);
+    free(m.other);
+    free(m.begin);
+    return rc;
 }
 
 static int galerkin_tables(dmk_context *ctx, int32_t n_links, const int32_t *fine_edge,
                            dmk_coarsening *c)
 {
     int rc;
-    size_t n = (size_t)c->coarse.n;
     difference d = {0};
-    int32_t *row = NULL;
-    uint32_t *bucket = NULL;
-    scratch s = {0};
+    bucket by_end = {0};
     DMK_TRY(difference_create(ctx, c, n_links, fine_edge, &d));
-    DMK_TRY(bucket_create(ctx, &d, c->coarse.n, &row, &bucket));
     int64_t n_pairs = count_pairs(&d);
     if (n_pairs > INT32_MAX / 2) {
         rc = dmk_fail(ctx, DMK_E_MESH, "the mesh is too large for 32-bit tables: %lld entries",
                       (long long)n_pairs);
         goto done;
     }
-    DMK_TRY(DMK_NEW(ctx, s.other, n));
-    DMK_TRY(DMK_NEW(ctx, s.stamp, n));
-    DMK_TRY(DMK_NEW(ctx, s.fill, n));
-    DMK_TRY(DMK_NEW(ctx, c->galerkin_edge, (size_t)n_pairs));
-    DMK_TRY(DMK_NEW(ctx, c->galerkin_coef, (size_t)n_pairs));
-    /* Every coarse link has an entry; the room left over is given back. */
-    DMK_TRY(DMK_NEW(ctx, c->galerkin_row, (size_t)n_pairs + 1));
-    DMK_TRY(DMK_NEW(ctx, c->coarse.edge, 2 * (size_t)n_pairs));
-    c->coarse.n_edges = 0;
-    for (int32_t a = 0; a < c->coarse.n; a++) {
-        emit_links(c, &d, a, row[a + 1] - row[a], bucket + row[a], &s);
-    }
-    shrink(&c->galerkin_row, (size_t)c->coarse.n_edges + 1);
-    shrink(&c->coarse.edge, 2 * (size_t)c->coarse.n_edges);
+    DMK_TRY(bucket_create(ctx, &d, c->coarse.n, &by_end));
+    DMK_TRY(emit_all(ctx, &d, &by_end, c));
 done:
     difference_free(&d);
-    free(row);
-    free(bucket);
-    free(s.other);
-    free(s.stamp);
-    free(s.fill);
+    bucket_free(&by_end);
     return rc;
 }
 

@@ -3,7 +3,10 @@
  * see coarsen.h. */
 #include "mesh/coarsen.h"
 
+#include "base/parallel.h"
+
 #include <math.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -212,30 +215,60 @@ done:
     return rc;
 }
 
+typedef struct prolong_job {
+    const dmk_cells *cells;
+    const dmk_adjacency *coarse;
+    const double *fine_xyz;
+    dmk_coarsening *c;
+    atomic_bool failed; /* out of memory */
+} prolong_job;
+
+static void prolong_cell(const prolong_job *job, star *st, int32_t a)
+{
+    dmk_coarsening *c = job->c;
+    const double *center = c->coarse.xyz + 3 * (size_t)a;
+    for (int32_t m = job->cells->row[a]; m < job->cells->row[a + 1]; m++) {
+        size_t at = 3 * (size_t)job->cells->member[m];
+        const double *x = job->fine_xyz + at;
+        double p[3] = {x[0] - center[0], x[1] - center[1], x[2] - center[2]};
+        nearest best = find_nearest(st, p);
+        store_row(st, a, &best, c->prolong_index + at, c->prolong_weight + at);
+    }
+}
+
+static void prolong_range(int32_t begin, int32_t end, void *data)
+{
+    int rc;
+    prolong_job *job = data;
+    dmk_context own = {0}; /* a context serves one thread at a time */
+    star st = {0};
+    int32_t *spoke_of = NULL;
+    DMK_TRY(DMK_NEW(&own, spoke_of, (size_t)job->cells->n));
+    for (int32_t a = 0; a < job->cells->n; a++) spoke_of[a] = -1;
+    for (int32_t a = begin; a < end; a++) {
+        DMK_TRY(star_set(&own, &st, job->coarse, job->c->coarse.xyz, a, spoke_of));
+        prolong_cell(job, &st, a);
+    }
+done:
+    if (rc != DMK_OK) atomic_store(&job->failed, true);
+    star_free(&st);
+    free(spoke_of);
+}
+
 int dmk_prolong_create(dmk_context *ctx, const dmk_cells *cells, const dmk_adjacency *coarse,
                        const double *fine_xyz, dmk_coarsening *c)
 {
     int rc;
-    star st = {0};
-    int32_t *spoke_of = NULL;
+    prolong_job job = {.cells = cells, .coarse = coarse, .fine_xyz = fine_xyz, .c = c};
     DMK_TRY(DMK_NEW(ctx, c->prolong_index, 3 * (size_t)cells->n_fine));
     DMK_TRY(DMK_NEW(ctx, c->prolong_weight, 3 * (size_t)cells->n_fine));
-    DMK_TRY(DMK_NEW(ctx, spoke_of, (size_t)cells->n));
-    for (int32_t a = 0; a < cells->n; a++) spoke_of[a] = -1;
-    for (int32_t a = 0; a < cells->n; a++) {
-        const double *center = c->coarse.xyz + 3 * (size_t)a;
-        DMK_TRY(star_set(ctx, &st, coarse, c->coarse.xyz, a, spoke_of));
-        for (int32_t m = cells->row[a]; m < cells->row[a + 1]; m++) {
-            size_t at = 3 * (size_t)cells->member[m];
-            const double *x = fine_xyz + at;
-            double p[3] = {x[0] - center[0], x[1] - center[1], x[2] - center[2]};
-            nearest best = find_nearest(&st, p);
-            store_row(&st, a, &best, c->prolong_index + at, c->prolong_weight + at);
-        }
+    atomic_init(&job.failed, false);
+    dmk_parallel(cells->n, prolong_range, &job);
+    if (atomic_load(&job.failed)) {
+        rc = dmk_fail(ctx, DMK_E_NOMEM, "out of memory: prolongation");
+        goto done;
     }
     DMK_TRY(fill_empty_columns(ctx, cells, c));
 done:
-    star_free(&st);
-    free(spoke_of);
     return rc;
 }
