@@ -3,6 +3,7 @@
 
 #include <fcntl.h>
 #include <locale.h>
+#include <malloc.h>
 #include <sched.h>
 #include <signal.h>
 #include <stdlib.h>
@@ -89,6 +90,8 @@ int main(int argc, char **argv)
     locale_t c = newlocale(LC_ALL_MASK, "C", (locale_t)0);
     if (c) uselocale(c);
     pin_device_threads();
+    /* What one thread frees another may use again: threads with heaps of their own keep it. */
+    mallopt(M_ARENA_MAX, 1);
 
     if (argc < 2) {
         cli_error(EXIT_USAGE, "a command is missing; `dmkcl --help` lists them");
