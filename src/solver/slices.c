@@ -1,9 +1,33 @@
 #include "solver/slices.h"
 
+#include "base/parallel.h"
+
 #include "dmk_shared.h"
 
 #include <stdlib.h>
 #include <string.h>
+
+typedef struct fill_job {
+    int32_t n, filler;
+    const int32_t *row, *entry;
+    const float *weight;
+    dmk_slices *slices;
+} fill_job;
+
+static void fill_range(int32_t begin, int32_t end, void *data)
+{
+    const fill_job *job = data;
+    const dmk_slices *s = job->slices;
+    for (int32_t i = DMK_WIDTH * begin; i < DMK_WIDTH * end; i++) {
+        int32_t first = s->slice[i / DMK_WIDTH], columns = s->slice[i / DMK_WIDTH + 1] - first;
+        int32_t at = i < job->n ? job->row[i] : 0, length = i < job->n ? job->row[i + 1] - at : 0;
+        for (int32_t j = 0; j < columns; j++) {
+            size_t place = (size_t)(first + j) * DMK_WIDTH + (size_t)(i % DMK_WIDTH);
+            s->entry[place] = j < length ? job->entry[at + j] : job->filler < 0 ? i : job->filler;
+            if (job->weight && j < length) s->weight[place] = job->weight[at + j];
+        }
+    }
+}
 
 int dmk_slices_create(dmk_context *ctx, int32_t n, const int32_t *row, const int32_t *entry,
                       const float *weight, int32_t filler, dmk_slices *s)
@@ -22,15 +46,8 @@ int dmk_slices_create(dmk_context *ctx, int32_t n, const int32_t *row, const int
     size_t places = (size_t)s->slice[s->n_slices] * DMK_WIDTH;
     DMK_TRY(DMK_NEW(ctx, s->entry, places));
     if (weight) DMK_TRY(DMK_NEW(ctx, s->weight, places));
-    for (int32_t i = 0; i < DMK_WIDTH * s->n_slices; i++) {
-        int32_t first = s->slice[i / DMK_WIDTH], columns = s->slice[i / DMK_WIDTH + 1] - first;
-        int32_t length = i < n ? row[i + 1] - row[i] : 0;
-        for (int32_t j = 0; j < columns; j++) {
-            size_t place = (size_t)(first + j) * DMK_WIDTH + (size_t)(i % DMK_WIDTH);
-            s->entry[place] = j < length ? entry[row[i] + j] : filler < 0 ? i : filler;
-            if (weight && j < length) s->weight[place] = weight[row[i] + j];
-        }
-    }
+    fill_job job = {n, filler, row, entry, weight, s};
+    dmk_parallel(s->n_slices, fill_range, &job);
 done:
     if (rc != DMK_OK) dmk_slices_free(s);
     return rc;

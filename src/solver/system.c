@@ -2,6 +2,8 @@
 
 #include "solver/slices.h"
 
+#include "base/parallel.h"
+
 #include "dmk_shared.h"
 
 #include <math.h>
@@ -36,34 +38,46 @@ static int upload_real(const packer *p, size_t n, const double *data, dmk_buffer
     return rc ? rc : dmk_buffer_write_real(p->ctx, p->dev, DMK_OUTER, *b, n, data);
 }
 
+typedef struct element_job {
+    const packer *p;
+    int32_t *index;    /* 6 per element */
+    double *cot, *area; /* 3, 1 */
+} element_job;
+
+static void element_range(int32_t begin, int32_t end, void *data)
+{
+    const element_job *job = data;
+    const dmk_mesh *m = job->p->mesh;
+    const dmk_system *s = job->p->sys;
+    for (int32_t t = begin; t < end; t++) {
+        for (int k = 0; k < 3; k++) {
+            job->index[dmk_place(t, k, 6)] = s->vertex_row + m->triangle[3 * t + k];
+            job->index[dmk_place(t, 3 + k, 6)] = m->triangle_edge[3 * t + k];
+            job->cot[dmk_place(t, k, 3)] = m->cot[3 * t + k];
+        }
+        job->area[t] = m->area[t] / (s->unit * s->unit);
+    }
+}
+
 /* Elements: rows of corners and midpoints, cotangents, areas in units of the total. */
 static int pack_elements(const packer *p)
 {
     int rc;
-    const dmk_mesh *m = p->mesh;
     dmk_system *s = p->sys;
     size_t n = (size_t)s->n_elements_pad;
-    int32_t *index = NULL;
-    double *cot = NULL, *area = NULL;
-    DMK_TRY(DMK_NEW(p->ctx, index, 6 * n));
-    DMK_TRY(DMK_NEW(p->ctx, cot, 3 * n));
-    DMK_TRY(DMK_NEW(p->ctx, area, n));
-    for (size_t i = 0; i < n; i++) area[i] = 1;
-    for (int32_t t = 0; t < m->n_triangles; t++) {
-        for (int k = 0; k < 3; k++) {
-            index[dmk_place(t, k, 6)] = s->vertex_row + m->triangle[3 * t + k];
-            index[dmk_place(t, 3 + k, 6)] = m->triangle_edge[3 * t + k];
-            cot[dmk_place(t, k, 3)] = m->cot[3 * t + k];
-        }
-        area[t] = m->area[t] / (s->unit * s->unit);
-    }
-    DMK_TRY(upload(p, 6 * n, sizeof *index, index, &s->index));
-    DMK_TRY(upload_real(p, 3 * n, cot, &s->cot));
-    DMK_TRY(upload_real(p, n, area, &s->area));
+    element_job job = {.p = p};
+    DMK_TRY(DMK_NEW(p->ctx, job.index, 6 * n));
+    DMK_TRY(DMK_NEW(p->ctx, job.cot, 3 * n));
+    DMK_TRY(DMK_NEW(p->ctx, job.area, n));
+    for (int32_t t = s->n_elements; t < s->n_elements_pad; t++) job.area[t] = 1;
+    dmk_parallel(s->n_elements, element_range, &job);
+    DMK_TRY(upload(p, 6 * n, sizeof *job.index, job.index, &s->index));
+    DMK_TRY(upload_real(p, 3 * n, job.cot, &s->cot));
+    DMK_TRY(upload_real(p, n, job.area, &s->area));
 done:
-    free(index);
-    free(cot);
-    free(area);
+    free(job.index);
+    free(job.cot);
+    free(job.area);
     return rc;
 }
 
@@ -105,72 +119,117 @@ static int pack_rows(const packer *p, int32_t n, const int32_t *row, const int32
     return rc;
 }
 
-/* Row lists by counting: row_of(h) of item h gets entry_of(h), items in increasing order. */
-static void gather_rows(int32_t n_rows, size_t n_items, const int32_t *row_of,
-                        const int32_t *entry_of, int32_t *row, int32_t *entry)
-{
-    for (size_t i = 0; i < n_items; i++) row[row_of[i] + 1]++;
-    for (int32_t r = 0; r < n_rows; r++) row[r + 1] += row[r];
-    for (size_t i = 0; i < n_items; i++) entry[row[row_of[i]]++] = entry_of[i];
-    for (int32_t r = n_rows; r > 0; r--) row[r] = row[r - 1];
-    row[0] = 0;
-}
-
-/* Rows of T/2: the places of their contributions among the elements' six. */
-static int pack_fine_rows(const packer *p)
+/* The corners (3 * triangle + k) at each vertex, as sliced rows; filled up with one that stays 0. */
+static int corners_create(const packer *p, dmk_slices *corners)
 {
     int rc;
     const dmk_mesh *m = p->mesh;
-    dmk_system *s = p->sys;
-    size_t n = 6 * (size_t)m->n_triangles;
-    int32_t *row_of = NULL, *place = NULL, *row = NULL, *entry = NULL;
-    DMK_TRY(DMK_NEW(p->ctx, row_of, n));
-    DMK_TRY(DMK_NEW(p->ctx, place, n));
-    DMK_TRY(DMK_NEW(p->ctx, row, (size_t)s->n_rows + 1));
-    DMK_TRY(DMK_NEW(p->ctx, entry, n));
-    for (int32_t t = 0; t < m->n_triangles; t++) {
-        for (int k = 0; k < 6; k++) {
-            size_t i = 6 * (size_t)t + (size_t)k;
-            row_of[i] = k < 3 ? s->vertex_row + m->triangle[3 * t + k]
-                              : m->triangle_edge[3 * t + k - 3];
-            place[i] = (int32_t)dmk_place(t, k, 6);
-        }
+    int32_t n = 3 * m->n_triangles, *row = NULL, *fill = NULL, *corner = NULL;
+    DMK_TRY(DMK_NEW(p->ctx, row, (size_t)m->n_vertices + 1));
+    DMK_TRY(DMK_NEW(p->ctx, fill, (size_t)m->n_vertices));
+    DMK_TRY(DMK_NEW(p->ctx, corner, (size_t)n));
+    for (int32_t h = 0; h < n; h++) row[m->triangle[h] + 1]++;
+    for (int32_t v = 0; v < m->n_vertices; v++) {
+        fill[v] = row[v];
+        row[v + 1] += row[v];
     }
-    gather_rows(s->n_rows, n, row_of, place, row, entry);
-    int32_t zero = (int32_t)dmk_place(s->n_elements_pad - 1, 0, 6);
-    DMK_TRY(pack_rows(p, s->n_rows, row, entry, NULL, zero, &s->slice, &s->slot, NULL));
+    for (int32_t h = 0; h < n; h++) corner[fill[m->triangle[h]]++] = h;
+    DMK_TRY(dmk_slices_create(p->ctx, m->n_vertices, row, corner, NULL,
+                              3 * (p->sys->n_elements_pad - 1), corners));
 done:
-    free(row_of);
-    free(place);
     free(row);
-    free(entry);
+    free(fill);
+    free(corner);
     return rc;
 }
 
-/* Vertices and edges of T: the places of their parts among the elements' three, and the ends whose
- * mean prolongs T to T/2. */
-static int pack_coarse_places(const packer *p)
+/* Places among the elements' numbers, 6 or 3 for each, of what belongs to an edge or a corner. */
+typedef struct place_job {
+    const dmk_mesh *mesh;
+    const dmk_slices *corners;
+    int32_t *edge6, *edge3;     /* 2 for each edge: its sides k in its triangles; a border edge has one */
+    int32_t *corner6, *corner3; /* for each place of `corners` */
+} place_job;
+
+static void edge_place_range(int32_t begin, int32_t end, void *data)
+{
+    const place_job *job = data;
+    const dmk_mesh *m = job->mesh;
+    for (int32_t e = begin; e < end; e++) {
+        for (int side = 0; side < 2; side++) {
+            int32_t t = m->edge_triangle[2 * e + side];
+            if (t < 0) continue;
+            const int32_t *edge = m->triangle_edge + 3 * t;
+            int k = edge[0] == e ? 0 : edge[1] == e ? 1 : 2;
+            job->edge6[dmk_place(e, side, 2)] = (int32_t)dmk_place(t, 3 + k, 6);
+            job->edge3[dmk_place(e, side, 2)] = (int32_t)dmk_place(t, k, 3);
+        }
+    }
+}
+
+static void corner_place_range(int32_t begin, int32_t end, void *data)
+{
+    const place_job *job = data;
+    for (int32_t s = begin; s < end; s++) {
+        int32_t first = DMK_WIDTH * job->corners->slice[s], last = DMK_WIDTH * job->corners->slice[s + 1];
+        for (int32_t i = first; i < last; i++) {
+            int32_t h = job->corners->entry[i];
+            job->corner6[i] = (int32_t)dmk_place(h / 3, h % 3, 6);
+            job->corner3[i] = (int32_t)dmk_place(h / 3, h % 3, 3);
+        }
+    }
+}
+
+/* Rows of T/2 (midpoints in two columns, then vertices), vertices and edges of T: where the elements
+ * leave what each of them sums up. */
+static int pack_places(const packer *p)
+{
+    int rc;
+    dmk_system *s = p->sys;
+    dmk_slices corners = {0};
+    int32_t *slice = NULL, *slot = NULL, *edge3 = NULL, *corner3 = NULL;
+    int32_t edge_slices = s->vertex_row / DMK_WIDTH;
+    size_t edges = 2 * (size_t)s->vertex_row;
+    DMK_TRY(corners_create(p, &corners));
+    size_t n_slices = (size_t)(edge_slices + corners.n_slices);
+    size_t places = DMK_WIDTH * (size_t)corners.slice[corners.n_slices];
+    DMK_TRY(DMK_NEW(p->ctx, slice, n_slices + 1));
+    DMK_TRY(DMK_NEW(p->ctx, slot, edges + places));
+    DMK_TRY(DMK_NEW(p->ctx, edge3, edges));
+    DMK_TRY(DMK_NEW(p->ctx, corner3, places));
+    for (int32_t k = 0; k < edge_slices; k++) slice[k] = 2 * k;
+    for (int32_t k = 0; k <= corners.n_slices; k++) {
+        slice[edge_slices + k] = 2 * edge_slices + corners.slice[k];
+    }
+    for (size_t i = 0; i < edges; i++) {
+        slot[i] = (int32_t)dmk_place(s->n_elements_pad - 1, 0, 6);
+        edge3[i] = (int32_t)dmk_place(s->n_elements_pad - 1, 0, 3);
+    }
+    place_job job = {p->mesh, &corners, slot, edge3, slot + edges, corner3};
+    dmk_parallel(s->n_edges, edge_place_range, &job);
+    dmk_parallel(corners.n_slices, corner_place_range, &job);
+    DMK_TRY(upload(p, n_slices + 1, sizeof *slice, slice, &s->slice));
+    DMK_TRY(upload(p, edges + places, sizeof *slot, slot, &s->slot));
+    DMK_TRY(upload(p, edges, sizeof *edge3, edge3, &s->edge_place));
+    DMK_TRY(upload(p, (size_t)corners.n_slices + 1, sizeof *slice, corners.slice, &s->corner_slice));
+    DMK_TRY(upload(p, places, sizeof *corner3, corner3, &s->corner_slot));
+done:
+    dmk_slices_free(&corners);
+    free(slice);
+    free(slot);
+    free(edge3);
+    free(corner3);
+    return rc;
+}
+
+/* The two vertices of T whose mean a row of T/2 takes: a midpoint's edge, twice the vertex itself. */
+static int pack_ends(const packer *p)
 {
     int rc;
     const dmk_mesh *m = p->mesh;
     dmk_system *s = p->sys;
-    size_t n = 3 * (size_t)m->n_triangles;
-    int32_t *place = NULL, *row = NULL, *entry = NULL, *edge_place = NULL, *ends = NULL;
-    int32_t zero = (int32_t)dmk_place(s->n_elements_pad - 1, 0, 3);
-    DMK_TRY(DMK_NEW(p->ctx, place, n));
-    DMK_TRY(DMK_NEW(p->ctx, row, (size_t)m->n_vertices + 1));
-    DMK_TRY(DMK_NEW(p->ctx, entry, n));
-    DMK_TRY(DMK_NEW(p->ctx, edge_place, 2 * (size_t)dmk_padded(m->n_edges)));
+    int32_t *ends = NULL;
     DMK_TRY(DMK_NEW(p->ctx, ends, 2 * (size_t)s->n_rows_pad));
-    for (int32_t h = 0; h < 3 * m->n_triangles; h++) place[h] = (int32_t)dmk_place(h / 3, h % 3, 3);
-    gather_rows(m->n_vertices, n, m->triangle, place, row, entry);
-    DMK_TRY(pack_rows(p, m->n_vertices, row, entry, NULL, zero, &s->corner_slice, &s->corner_slot,
-                      NULL));
-    for (int32_t i = 0; i < 2 * dmk_padded(m->n_edges); i++) edge_place[i] = zero;
-    for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
-        int32_t e = m->triangle_edge[h], second = m->edge_triangle[2 * e] != h / 3;
-        edge_place[dmk_place(e, second, 2)] = place[h];
-    }
     for (int32_t i = 0; i < 2 * s->n_rows_pad; i++) ends[i] = m->n_vertices; /* stays 0 on T */
     for (int32_t e = 0; e < m->n_edges; e++) {
         for (int k = 0; k < 2; k++) ends[dmk_place(e, k, 2)] = m->edge_vertex[2 * e + k];
@@ -178,14 +237,8 @@ static int pack_coarse_places(const packer *p)
     for (int32_t v = 0; v < m->n_vertices; v++) {
         for (int k = 0; k < 2; k++) ends[dmk_place(s->vertex_row + v, k, 2)] = v;
     }
-    DMK_TRY(upload(p, 2 * (size_t)dmk_padded(m->n_edges), sizeof *edge_place, edge_place,
-                   &s->edge_place));
     DMK_TRY(upload(p, 2 * (size_t)s->n_rows_pad, sizeof *ends, ends, &s->ends));
 done:
-    free(place);
-    free(row);
-    free(entry);
-    free(edge_place);
     free(ends);
     return rc;
 }
@@ -286,7 +339,6 @@ static int pack_levels(const packer *p, const dmk_hierarchy *h)
     dmk_system *s = p->sys;
     int32_t n_links = p->mesh->n_edges;
     const int32_t *links = p->mesh->edge_vertex;
-    DMK_TRY(pack_graph(p, p->mesh->n_vertices, n_links, links, &s->level[0]));
     s->n_levels = 1;
     for (int32_t i = 0; i < h->n; i++) {
         const dmk_coarsening *c = &h->level[i];
@@ -374,8 +426,12 @@ static int pack_all(const packer *p)
     bool threaded = pthread_create(&c.thread, NULL, coarsen, &c) == 0;
     if (!threaded) coarsen(&c);
     rc = pack_elements(p);
-    if (rc == DMK_OK) rc = pack_fine_rows(p);
-    if (rc == DMK_OK) rc = pack_coarse_places(p);
+    if (rc == DMK_OK) rc = pack_places(p);
+    if (rc == DMK_OK) rc = pack_ends(p);
+    if (rc == DMK_OK) {
+        rc = pack_graph(p, p->mesh->n_vertices, p->mesh->n_edges, p->mesh->edge_vertex,
+                        &p->sys->level[0]);
+    }
     if (threaded) pthread_join(c.thread, NULL);
     if (rc != DMK_OK) goto done;
     if (c.rc != DMK_OK) {
