@@ -223,8 +223,9 @@ void dmk_solve_options_init(dmk_solve_options *options);
 
 typedef struct dmk_solver dmk_solver;
 
-/* Pack `mesh` for `device` and set up its multigrid hierarchy, once for many sources. Both must
- * outlive the solver. */
+/* A solver for many sources on one mesh: the first solve packs the mesh (the source's connected
+ * component) for `device` and sets up its multigrid hierarchy, which the next ones find ready. Both
+ * must outlive the solver. */
 int dmk_solver_create(dmk_context *context, dmk_device *device, const dmk_mesh *mesh,
                       dmk_solver **solver);
 void dmk_solver_destroy(dmk_solver **solver);

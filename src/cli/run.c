@@ -107,18 +107,8 @@ int solve_begin(const solve_order *order, solve_run *run)
     cli_progress_say(&run->progress, "opening the device and building its kernels");
     const int code = end_opening(&device, run, rc != DMK_OK);
     if (code != EXIT_OK) return code;
-    double mark = cli_seconds();
     if (rc == DMK_OK) rc = dmk_solver_create(run->context, run->device, run->mesh, &run->solver);
-    run->seconds.setup = lap(&mark);
     return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
-}
-
-/* With several components the solver is set up when it sees the first source. */
-static void count_setup(solve_run *run)
-{
-    dmk_stats stats;
-    dmk_result_get_stats(run->result, &stats);
-    run->seconds.setup = fmax(run->seconds.setup, stats.seconds[DMK_STAGE_SETUP]);
 }
 
 int solve_compute(const solve_order *order, solve_run *run)
@@ -128,7 +118,9 @@ int solve_compute(const solve_order *order, solve_run *run)
     dmk_result_destroy(&run->result);
     int rc = dmk_solve(context, run->solver, &run->source, &order->solve, &run->result);
     if (rc != DMK_OK) return solve_fail(run, rc);
-    count_setup(run);
+    dmk_stats stats;
+    dmk_result_get_stats(run->result, &stats);
+    run->seconds.setup = stats.seconds[DMK_STAGE_SETUP];
     double mark = cli_seconds();
     dmk_locus_options options;
     dmk_locus_options_init(&options);

@@ -4,6 +4,7 @@
 #include "solver/start.h"
 
 #include <math.h>
+#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -13,26 +14,28 @@ struct dmk_solver {
     int32_t component;        /* the one that is packed, or -1 */
     dmk_shared_order *order;
     dmk_system *system;
-    double setup_seconds;     /* of the last packing, not yet told to a result */
 };
 
-static int pack_component(dmk_context *ctx, dmk_solver *s, int32_t component)
+static void forget_component(dmk_solver *s)
 {
-    int rc;
-    double began = dmk_seconds();
-    dmk_progress report = {.stage = "levels", .change = NAN, .gap = NAN};
-    if (s->component == component) return DMK_OK;
     dmk_system_destroy(&s->system);
     dmk_shared_order_release(&s->order);
     s->component = -1;
+}
+
+/* The component's mesh in the order of the device, not packed yet. */
+static int order_component(dmk_context *ctx, dmk_solver *s, int32_t component)
+{
+    int rc;
+    dmk_progress report = {.stage = "levels", .change = NAN, .gap = NAN};
+    forget_component(s);
     DMK_TRY(dmk_report(ctx, &report));
     DMK_TRY(DMK_NEW(ctx, s->order, 1));
     atomic_init(&s->order->users, 1);
     DMK_TRY(dmk_order_create(ctx, s->mesh, component, &s->order->order));
-    DMK_TRY(dmk_system_create(ctx, s->device, s->order->order.mesh, &s->system));
     s->component = component;
-    s->setup_seconds = dmk_seconds() - began;
 done:
+    if (rc != DMK_OK) forget_component(s);
     return rc;
 }
 
@@ -41,16 +44,13 @@ int dmk_solver_create(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh
 {
     int rc;
     dmk_solver *s = NULL;
+    if (!device || !mesh || !solver) return dmk_fail(ctx, DMK_E_ARG, "no device, mesh or solver");
     DMK_TRY(DMK_NEW(ctx, s, 1));
     s->device = device;
     s->mesh = mesh;
-    s->component = -1;
-    /* With several components, the source decides which one to pack. */
-    if (mesh->n_components == 1) DMK_TRY(pack_component(ctx, s, 0));
+    s->component = -1; /* the first source decides which one to pack */
     *solver = s;
-    s = NULL;
 done:
-    dmk_solver_destroy(&s);
     return rc;
 }
 
@@ -101,20 +101,63 @@ static int32_t find_triangle(const dmk_order *order, int64_t old)
     return -1;
 }
 
+/* The distance to start from, on a thread of its own while the first source's system is set up. */
+typedef struct distance_task {
+    pthread_t thread;
+    bool threaded;
+    int rc;
+    dmk_context ctx; /* a context serves one thread at a time */
+    const dmk_mesh *mesh;
+    const dmk_point *source;
+    double *vertex; /* n_vertices */
+    double *u;      /* n_rows_pad of the system: room for the midpoints' distances first */
+} distance_task;
+
+static void *run_distance(void *data)
+{
+    distance_task *task = data;
+    task->rc = dmk_start_distance(&task->ctx, task->mesh, task->source, task->vertex, task->u);
+    return NULL;
+}
+
+static void begin_distance(distance_task *task, bool beside)
+{
+    task->threaded = beside && pthread_create(&task->thread, NULL, run_distance, task) == 0;
+    if (!task->threaded) run_distance(task);
+}
+
+static int end_distance(dmk_context *ctx, distance_task *task)
+{
+    if (task->threaded) pthread_join(task->thread, NULL);
+    return task->rc == DMK_OK ? DMK_OK : dmk_fail(ctx, task->rc, "%s", task->ctx.message);
+}
+
+/* The system of the ordered mesh, if it is not there, and beside it the start's distance. */
+static int set_up(dmk_context *ctx, dmk_solver *s, distance_task *task, dmk_start start)
+{
+    int rc = DMK_OK;
+    bool fresh = !s->system;
+    if (start == DMK_START_DISTANCE) begin_distance(task, fresh);
+    if (fresh) rc = dmk_system_create(ctx, s->device, task->mesh, &s->system);
+    if (start == DMK_START_DISTANCE) {
+        int distance_rc = end_distance(ctx, task);
+        if (rc == DMK_OK) rc = distance_rc;
+    }
+    return rc;
+}
+
 /* u and mu to start from, on the device. */
-static int set_start(dmk_context *ctx, dmk_solver *s, const dmk_point *p, dmk_start start)
+static int set_start(dmk_context *ctx, dmk_solver *s, distance_task *task, dmk_start start)
 {
     int rc;
     dmk_system *sys = s->system;
-    const dmk_mesh *m = s->order->order.mesh;
-    double *vertex = NULL, *u = NULL, *mu = NULL;
+    const dmk_mesh *m = task->mesh;
+    const dmk_point *p = task->source;
+    double *vertex = task->vertex, *u = task->u, *mu = NULL;
     size_t n_rows = (size_t)sys->n_rows_pad, n_elements = (size_t)sys->n_elements_pad;
-    DMK_TRY(DMK_NEW(ctx, vertex, (size_t)m->n_vertices));
-    DMK_TRY(DMK_NEW(ctx, u, n_rows));
     DMK_TRY(DMK_NEW(ctx, mu, n_elements));
     if (start == DMK_START_DISTANCE) {
-        DMK_TRY(dmk_start_distance(ctx, m, p, vertex, u)); /* midpoints are the first rows */
-        DMK_TRY(dmk_start_density(ctx, m, p, vertex, u, mu));
+        DMK_TRY(dmk_start_density(ctx, m, p, vertex, u, mu)); /* midpoints are the first rows */
         for (int32_t e = 0; e < m->n_edges; e++) u[e] /= -sys->unit;
         for (int32_t v = 0; v < m->n_vertices; v++) u[sys->vertex_row + v] = vertex[v] / -sys->unit;
         for (int32_t t = 0; t < m->n_triangles; t++) mu[t] /= sys->unit;
@@ -132,9 +175,27 @@ static int set_start(dmk_context *ctx, dmk_solver *s, const dmk_point *p, dmk_st
     DMK_TRY(dmk_buffer_clear(ctx, s->device, sys->before,
                              n_elements * dmk_device_real(s->device, DMK_OUTER)));
 done:
-    free(vertex);
-    free(u);
     free(mu);
+    return rc;
+}
+
+/* System, u and mu, ready for the first step; the seconds go to set-up and start. */
+static int prepare(dmk_context *ctx, dmk_solver *s, const dmk_point *p, dmk_start start,
+                   double began, double seconds[])
+{
+    int rc;
+    const dmk_mesh *m = s->order->order.mesh;
+    distance_task task = {.mesh = m, .source = p};
+    bool fresh = !s->system;
+    DMK_TRY(DMK_NEW(ctx, task.vertex, (size_t)m->n_vertices));
+    DMK_TRY(DMK_NEW(ctx, task.u, dmk_system_rows(m)));
+    DMK_TRY(set_up(ctx, s, &task, start));
+    if (fresh) seconds[DMK_STAGE_SETUP] = dmk_seconds() - began;
+    DMK_TRY(set_start(ctx, s, &task, start));
+    seconds[DMK_STAGE_START] = dmk_seconds() - began - seconds[DMK_STAGE_SETUP];
+done:
+    free(task.vertex);
+    free(task.u);
     return rc;
 }
 
@@ -199,9 +260,9 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     dmk_result *r = NULL;
     DMK_TRY(check_options(ctx, s, source, options));
     DMK_TRY(dmk_result_create(ctx, s->mesh, &r));
-    DMK_TRY(pack_component(ctx, s, s->mesh->component[source->triangle]));
-    r->stats.seconds[DMK_STAGE_SETUP] = s->setup_seconds;
-    s->setup_seconds = 0;
+    double began = dmk_seconds();
+    int32_t component = s->mesh->component[source->triangle];
+    if (component != s->component) DMK_TRY(order_component(ctx, s, component));
     r->stats.gap = NAN; /* until it is computed */
     r->source = *source;
     r->order = dmk_shared_order_keep(s->order);
@@ -209,10 +270,9 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     dmk_point p = *source;
     p.triangle = r->source_triangle;
 
-    double t0 = dmk_seconds();
-    DMK_TRY(set_start(ctx, s, &p, options->start));
+    DMK_TRY(prepare(ctx, s, &p, options->start, began, r->stats.seconds));
     double t1 = dmk_seconds();
-    dmk_outer o = {.ctx = ctx, .sys = s->system, .options = options, .stats = &r->stats, .began = t0};
+    dmk_outer o = {.ctx = ctx, .sys = s->system, .options = options, .stats = &r->stats, .began = began};
     if (options->method == DMK_NEWTON) DMK_TRY(dmk_newton(&o, options->start == DMK_START_DISTANCE));
     else DMK_TRY(dmk_explicit(&o));
     double t2 = dmk_seconds();
@@ -220,7 +280,6 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     DMK_TRY(collect(ctx, s, &p, r));
     mark_acl(s->mesh, options->threshold, r);
     scale_stats(s->system, &r->stats);
-    r->stats.seconds[DMK_STAGE_START] = t1 - t0;
     r->stats.seconds[DMK_STAGE_SOLVE] = t2 - t1;
     r->stats.seconds[DMK_STAGE_CERTIFY] = dmk_seconds() - t2;
     *result = r;

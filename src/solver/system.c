@@ -444,6 +444,11 @@ done:
     return rc;
 }
 
+size_t dmk_system_rows(const dmk_mesh *mesh)
+{
+    return (size_t)dmk_padded(dmk_padded(mesh->n_edges) + mesh->n_vertices);
+}
+
 int dmk_system_create(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh,
                       dmk_system **system)
 {
@@ -461,7 +466,7 @@ int dmk_system_create(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh
     s->n_vertices = mesh->n_vertices;
     s->vertex_row = dmk_padded(mesh->n_edges); /* at least one padding row: filler links read it */
     s->n_rows = s->vertex_row + mesh->n_vertices;
-    s->n_rows_pad = dmk_padded(s->n_rows);
+    s->n_rows_pad = (int32_t)dmk_system_rows(mesh);
     dmk_device_ranges(device, (size_t)s->n_rows, (size_t)s->vertex_row);
     packer p = {ctx, device, mesh, s};
     DMK_TRY(get_kernels(ctx, s));

@@ -115,6 +115,8 @@ typedef struct dmk_system {
     dmk_buffer *coarse_inverse;  /* n_pad columns */
 } dmk_system;
 
+/* Numbers in a vector over the rows of the mesh's system, padding included (n_rows_pad). */
+size_t dmk_system_rows(const dmk_mesh *mesh);
 /* Pack an ordered, connected mesh with its hierarchy. */
 int dmk_system_create(dmk_context *context, dmk_device *device, const dmk_mesh *mesh,
                       dmk_system **system);
