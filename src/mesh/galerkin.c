@@ -17,17 +17,19 @@
 
 enum { MOST = 6 }; /* nonzero entries of a d */
 
-/* The nonzero entries of d for each fine link, as compressed rows. */
+/* The nonzero entries of d for each fine link. */
 typedef struct difference {
     int32_t n_links;
-    int32_t *row;    /* n_links + 1 */
-    int32_t *coarse; /* row[n_links]: coarse vertices, increasing in each row */
-    float *value;    /* row[n_links] */
+    int32_t *row;    /* n_links: first place of the link's entries */
+    uint8_t *length; /* n_links: their number */
+    int32_t *coarse; /* MOST * n_links, of which few are used: coarse vertices, increasing for a link */
+    float *value;    /* as many */
 } difference;
 
 static void difference_free(difference *d)
 {
     free(d->row);
+    free(d->length);
     free(d->coarse);
     free(d->value);
 }
@@ -64,27 +66,20 @@ typedef struct difference_job {
     difference *d;
 } difference_job;
 
-static void count_range(int32_t begin, int32_t end, void *data)
+/* A range's links lie one after another from the place of its first one on: pages behind the last one
+ * are never touched. */
+static void difference_range(int32_t begin, int32_t end, void *data)
 {
     const difference_job *job = data;
-    int32_t coarse[MOST + 1]; /* one more to write a zero into */
-    float value[MOST + 1];
-    for (int32_t e = begin; e < end; e++) {
-        job->d->row[e + 1] =
-            subtract_rows(job->c, job->link[2 * e], job->link[2 * e + 1], coarse, value);
-    }
-}
-
-static void fill_range(int32_t begin, int32_t end, void *data)
-{
-    const difference_job *job = data;
-    int32_t coarse[MOST + 1];
+    int32_t at = MOST * begin, coarse[MOST + 1]; /* one more to write a zero into */
     float value[MOST + 1];
     for (int32_t e = begin; e < end; e++) {
         int n = subtract_rows(job->c, job->link[2 * e], job->link[2 * e + 1], coarse, value);
-        for (int k = 0; k < n; k++) {
-            job->d->coarse[job->d->row[e] + k] = coarse[k];
-            job->d->value[job->d->row[e] + k] = value[k];
+        job->d->row[e] = at;
+        job->d->length[e] = (uint8_t)n;
+        for (int k = 0; k < n; k++, at++) {
+            job->d->coarse[at] = coarse[k];
+            job->d->value[at] = value[k];
         }
     }
 }
@@ -95,12 +90,11 @@ static int difference_create(dmk_context *ctx, const dmk_coarsening *c, int32_t 
     int rc;
     difference_job job = {c, link, d};
     d->n_links = n_links;
-    DMK_TRY(DMK_NEW(ctx, d->row, (size_t)n_links + 1));
-    dmk_parallel(n_links, count_range, &job);
-    for (int32_t e = 0; e < n_links; e++) d->row[e + 1] += d->row[e];
-    DMK_TRY(DMK_NEW(ctx, d->coarse, (size_t)d->row[n_links]));
-    DMK_TRY(DMK_NEW(ctx, d->value, (size_t)d->row[n_links]));
-    dmk_parallel(n_links, fill_range, &job);
+    DMK_TRY(DMK_NEW(ctx, d->row, (size_t)n_links));
+    DMK_TRY(DMK_NEW(ctx, d->length, (size_t)n_links));
+    DMK_TRY(DMK_NEW(ctx, d->coarse, MOST * (size_t)n_links));
+    DMK_TRY(DMK_NEW(ctx, d->value, MOST * (size_t)n_links));
+    dmk_parallel(n_links, difference_range, &job);
 done:
     return rc;
 }
@@ -124,7 +118,7 @@ static int64_t count_pairs(const difference *d)
 {
     int64_t sum = 0;
     for (int32_t e = 0; e < d->n_links; e++) {
-        int64_t n = d->row[e + 1] - d->row[e];
+        int64_t n = d->length[e];
         sum += n * (n - 1) / 2;
     }
     return sum;
@@ -138,9 +132,9 @@ static int bucket_create(dmk_context *ctx, const difference *d, int32_t n_coarse
     DMK_TRY(DMK_NEW(ctx, k->entry, (size_t)n_coarse + 1));
     DMK_TRY(DMK_NEW(ctx, fill, (size_t)n_coarse));
     for (int32_t e = 0; e < d->n_links; e++) {
-        for (int32_t p = d->row[e]; p + 1 < d->row[e + 1]; p++) {
+        for (int32_t p = d->row[e]; p + 1 < d->row[e] + d->length[e]; p++) {
             k->row[d->coarse[p] + 1]++;
-            k->entry[d->coarse[p] + 1] += d->row[e + 1] - 1 - p;
+            k->entry[d->coarse[p] + 1] += d->row[e] + d->length[e] - 1 - p;
         }
     }
     for (int32_t a = 0; a < n_coarse; a++) {
@@ -150,7 +144,7 @@ static int bucket_create(dmk_context *ctx, const difference *d, int32_t n_coarse
     }
     DMK_TRY(DMK_NEW(ctx, k->link, (size_t)k->row[n_coarse]));
     for (int32_t e = 0; e < d->n_links; e++) {
-        for (int32_t p = d->row[e]; p + 1 < d->row[e + 1]; p++) {
+        for (int32_t p = d->row[e]; p + 1 < d->row[e] + d->length[e]; p++) {
             k->link[fill[d->coarse[p]]++] = (uint32_t)e * 8 + (uint32_t)(p - d->row[e]);
         }
     }
@@ -194,7 +188,7 @@ static int32_t emit_links(const emitter *m, int32_t a, int32_t at, scratch *s)
     int32_t from = m->by_end->row[a], to = m->by_end->row[a + 1];
     for (int32_t i = from; i < to; i++) {
         uint32_t e = m->by_end->link[i] / 8, place = m->by_end->link[i] % 8;
-        for (int32_t p = d->row[e] + (int32_t)place + 1; p < d->row[e + 1]; p++) {
+        for (int32_t p = d->row[e] + (int32_t)place + 1; p < d->row[e] + d->length[e]; p++) {
             int32_t b = d->coarse[p];
             if (s->stamp[b] != a + 1) {
                 s->stamp[b] = a + 1;
@@ -214,7 +208,7 @@ static int32_t emit_links(const emitter *m, int32_t a, int32_t at, scratch *s)
         uint32_t e = m->by_end->link[i] / 8, place = m->by_end->link[i] % 8;
         int32_t p = d->row[e] + (int32_t)place;
         float da = d->value[p];
-        for (p++; p < d->row[e + 1]; p++) {
+        for (p++; p < d->row[e] + d->length[e]; p++) {
             int32_t to_entry = s->fill[d->coarse[p]]++;
             m->c->galerkin_edge[to_entry] = (int32_t)e;
             m->c->galerkin_coef[to_entry] = -da * d->value[p];
