@@ -2,6 +2,7 @@
 #include "base/parallel.h"
 
 #include <pthread.h>
+#include <stdatomic.h>
 #include <stdbool.h>
 #include <unistd.h>
 
@@ -44,4 +45,30 @@ void dmk_parallel(int32_t n, void (*body)(int32_t begin, int32_t end, void *data
             run_part(&parts[i]);
         }
     }
+}
+
+typedef struct search {
+    bool (*bad)(int32_t, void *);
+    void *data;
+    _Atomic int32_t first; /* n: none yet */
+} search;
+
+static void search_range(int32_t begin, int32_t end, void *data)
+{
+    search *s = data;
+    for (int32_t i = begin; i < end; i++) {
+        if (!s->bad(i, s->data)) continue;
+        int32_t first = atomic_load(&s->first);
+        while (i < first && !atomic_compare_exchange_weak(&s->first, &first, i)) {}
+        return;
+    }
+}
+
+int32_t dmk_parallel_first(int32_t n, bool (*bad)(int32_t i, void *data), void *data)
+{
+    search s = {.bad = bad, .data = data};
+    atomic_init(&s.first, n);
+    dmk_parallel(n, search_range, &s);
+    int32_t first = atomic_load(&s.first);
+    return first < n ? first : -1;
 }

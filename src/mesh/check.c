@@ -1,33 +1,54 @@
 #include "mesh/check.h"
 
+#include "base/parallel.h"
+
 #include <math.h>
 #include <stdlib.h>
 
-int dmk_check_input(dmk_context *ctx, const dmk_mesh *m)
+static bool vertex_is_bad(int32_t v, void *data)
 {
-    for (int32_t v = 0; v < m->n_vertices; v++) {
+    const dmk_mesh *m = data;
+    const double *x = m->xyz + 3 * (size_t)v;
+    return !isfinite(x[0]) || !isfinite(x[1]) || !isfinite(x[2]);
+}
+
+static bool names_no_vertex(const dmk_mesh *m, int32_t v) { return v < 0 || v >= m->n_vertices; }
+
+static bool triangle_is_bad(int32_t t, void *data)
+{
+    const dmk_mesh *m = data;
+    const int32_t *c = m->triangle + 3 * (size_t)t;
+    for (int k = 0; k < 3; k++) {
+        if (names_no_vertex(m, c[k])) return true;
+    }
+    return c[0] == c[1] || c[1] == c[2] || c[2] == c[0];
+}
+
+static int explain_triangle(dmk_context *ctx, const dmk_mesh *m, int32_t t)
+{
+    const int32_t *c = m->triangle + 3 * (size_t)t;
+    for (int k = 0; k < 3; k++) {
+        if (!names_no_vertex(m, c[k])) continue;
+        return dmk_fail(ctx, DMK_E_MESH,
+                        "triangle %d names vertex %d, but the %d vertices count from 0 to %d", t,
+                        c[k], m->n_vertices, m->n_vertices - 1);
+    }
+    return dmk_fail(ctx, DMK_E_MESH,
+                    "triangle %d (vertices %d %d %d) is degenerate: a vertex is repeated; remove it",
+                    t, c[0], c[1], c[2]);
+}
+
+int dmk_check_input(dmk_context *ctx, dmk_mesh *m)
+{
+    int32_t v = dmk_parallel_first(m->n_vertices, vertex_is_bad, m);
+    if (v >= 0) {
         const double *x = m->xyz + 3 * (size_t)v;
-        if (!isfinite(x[0]) || !isfinite(x[1]) || !isfinite(x[2])) {
-            return dmk_fail(ctx, DMK_E_MESH,
-                            "vertex %d lies at (%g, %g, %g): coordinates must be finite; give it a "
-                            "place or remove it", v, x[0], x[1], x[2]);
-        }
+        return dmk_fail(ctx, DMK_E_MESH,
+                        "vertex %d lies at (%g, %g, %g): coordinates must be finite; give it a "
+                        "place or remove it", v, x[0], x[1], x[2]);
     }
-    for (int32_t t = 0; t < m->n_triangles; t++) {
-        const int32_t *c = m->triangle + 3 * (size_t)t;
-        for (int k = 0; k < 3; k++) {
-            if (c[k] >= 0 && c[k] < m->n_vertices) continue;
-            return dmk_fail(ctx, DMK_E_MESH,
-                            "triangle %d names vertex %d, but the %d vertices count from 0 to %d",
-                            t, c[k], m->n_vertices, m->n_vertices - 1);
-        }
-        if (c[0] == c[1] || c[1] == c[2] || c[2] == c[0]) {
-            return dmk_fail(ctx, DMK_E_MESH,
-                            "triangle %d (vertices %d %d %d) is degenerate: a vertex is repeated; "
-                            "remove it", t, c[0], c[1], c[2]);
-        }
-    }
-    return DMK_OK;
+    int32_t t = dmk_parallel_first(m->n_triangles, triangle_is_bad, m);
+    return t >= 0 ? explain_triangle(ctx, m, t) : DMK_OK;
 }
 
 /* ---- why edges could not be built: slow and thorough ---- */
@@ -199,22 +220,31 @@ static int32_t next_corner(const dmk_mesh *m, int32_t corner)
     return other < 0 ? -1 : corner_of(m, other, m->triangle[corner]);
 }
 
-/* Two triangles back to back share an edge and the vertex opposite to it. */
-static int check_pillows(dmk_context *ctx, const dmk_mesh *m)
+/* The third vertex of a triangle on edge e, without a search. */
+static int32_t third_vertex(const dmk_mesh *m, int32_t e, int32_t t)
 {
-    for (int32_t e = 0; e < m->n_edges; e++) {
-        const int32_t *t = m->edge_triangle + 2 * (size_t)e, *ends = m->edge_vertex + 2 * (size_t)e;
-        if (t[1] < 0) continue;
-        const int32_t *p = m->triangle + 3 * (size_t)t[0], *q = m->triangle + 3 * (size_t)t[1];
-        /* the third vertex, without a search */
-        int32_t third = p[0] ^ p[1] ^ p[2] ^ ends[0] ^ ends[1];
-        if (third != (q[0] ^ q[1] ^ q[2] ^ ends[0] ^ ends[1])) continue;
-        return dmk_fail(ctx, DMK_E_MESH,
-                        "triangles %d and %d are duplicates, back to back: both have the vertices "
-                        "%d %d %d; remove one of them or both",
-                        dmk_min_i(t[0], t[1]), dmk_max_i(t[0], t[1]), ends[0], ends[1], third);
-    }
-    return DMK_OK;
+    const int32_t *c = m->triangle + 3 * (size_t)t, *ends = m->edge_vertex + 2 * (size_t)e;
+    return c[0] ^ c[1] ^ c[2] ^ ends[0] ^ ends[1];
+}
+
+/* Two triangles back to back share an edge and the vertex opposite to it. */
+static bool edge_is_of_pillow(int32_t e, void *data)
+{
+    const dmk_mesh *m = data;
+    const int32_t *t = m->edge_triangle + 2 * (size_t)e;
+    return t[1] >= 0 && third_vertex(m, e, t[0]) == third_vertex(m, e, t[1]);
+}
+
+static int check_pillows(dmk_context *ctx, dmk_mesh *m)
+{
+    int32_t e = dmk_parallel_first(m->n_edges, edge_is_of_pillow, m);
+    if (e < 0) return DMK_OK;
+    const int32_t *t = m->edge_triangle + 2 * (size_t)e, *ends = m->edge_vertex + 2 * (size_t)e;
+    return dmk_fail(ctx, DMK_E_MESH,
+                    "triangles %d and %d are duplicates, back to back: both have the vertices "
+                    "%d %d %d; remove one of them or both",
+                    dmk_min_i(t[0], t[1]), dmk_max_i(t[0], t[1]), ends[0], ends[1],
+                    third_vertex(m, e, t[0]));
 }
 
 /* Name a triangle of the fan that starts at `first` and one outside of it. */
@@ -236,31 +266,40 @@ static int fail_fan(dmk_context *ctx, const dmk_mesh *m, int32_t first)
                     v, dmk_min_i(first / 3, outside), dmk_max_i(first / 3, outside));
 }
 
-int dmk_check_fans(dmk_context *ctx, const dmk_mesh *m)
+typedef struct fan_job {
+    const dmk_mesh *mesh;
+    int32_t *first; /* corner from which to walk: where the chain begins if there is one */
+    int32_t *count; /* corners at the vertex */
+} fan_job;
+
+/* Not all corners of the vertex are met on a walk over shared edges. */
+static bool fan_is_split(int32_t v, void *data)
+{
+    const fan_job *job = data;
+    int32_t seen = 0, c = job->first[v];
+    if (job->count[v] == 0) return false;
+    do {
+        seen++;
+        c = next_corner(job->mesh, c);
+    } while (c >= 0 && c != job->first[v]);
+    return seen != job->count[v];
+}
+
+int dmk_check_fans(dmk_context *ctx, dmk_mesh *m)
 {
     int rc;
-    int32_t *first = NULL; /* corner from which to walk: where the chain begins if there is one */
-    int32_t *count = NULL; /* corners at the vertex */
+    fan_job job = {.mesh = m};
     DMK_TRY(check_pillows(ctx, m));
-    DMK_TRY(DMK_NEW(ctx, first, (size_t)m->n_vertices));
-    DMK_TRY(DMK_NEW(ctx, count, (size_t)m->n_vertices));
+    DMK_TRY(DMK_NEW(ctx, job.first, (size_t)m->n_vertices));
+    DMK_TRY(DMK_NEW(ctx, job.count, (size_t)m->n_vertices));
     for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
         int32_t v = m->triangle[h], before = m->triangle_edge[3 * (h / 3) + (h % 3 + 2) % 3];
-        if (count[v]++ == 0 || m->edge_triangle[2 * (size_t)before + 1] < 0) first[v] = h;
+        if (job.count[v]++ == 0 || m->edge_triangle[2 * (size_t)before + 1] < 0) job.first[v] = h;
     }
-    for (int32_t v = 0; v < m->n_vertices; v++) {
-        if (count[v] == 0) continue;
-        int32_t seen = 0, c = first[v];
-        do {
-            seen++;
-            c = next_corner(m, c);
-        } while (c >= 0 && c != first[v]);
-        if (seen == count[v]) continue;
-        rc = fail_fan(ctx, m, first[v]);
-        goto done;
-    }
+    int32_t v = dmk_parallel_first(m->n_vertices, fan_is_split, &job);
+    if (v >= 0) rc = fail_fan(ctx, m, job.first[v]);
 done:
-    free(first);
-    free(count);
+    free(job.first);
+    free(job.count);
     return rc;
 }

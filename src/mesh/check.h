@@ -5,7 +5,7 @@
 #include "mesh/mesh.h"
 
 /* Before topology: finite coordinates, vertex indices in range, three different corners. */
-int dmk_check_input(dmk_context *context, const dmk_mesh *mesh);
+int dmk_check_input(dmk_context *context, dmk_mesh *mesh);
 
 /* When edges could not be built because more than two triangles, or two of the same direction, meet
  * at one: say which case it is (duplicates, a non-manifold edge, a surface without two sides, or
@@ -14,6 +14,6 @@ int dmk_check_explain_edges(dmk_context *context, const dmk_mesh *mesh);
 
 /* With edges: no two triangles back to back on the same corners, and around every vertex one chain
  * or one cycle of triangles. */
-int dmk_check_fans(dmk_context *context, const dmk_mesh *mesh);
+int dmk_check_fans(dmk_context *context, dmk_mesh *mesh);
 
 #endif

@@ -1,6 +1,8 @@
 #include "mesh/mesh.h"
 #include "mesh/check.h"
 
+#include "base/parallel.h"
+
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
@@ -136,8 +138,9 @@ done:
 #define SHORTEST 1e-65
 
 /* Area and cotangents of a triangle from its sides alone (Kahan's stable form of Heron's formula),
- * so that an intrinsic metric would do as well: cot at corner k = (b^2 + c^2 - a^2) / (4 area). */
-static int measure_triangle(dmk_context *ctx, struct dmk_mesh *m, int32_t t)
+ * so that an intrinsic metric would do as well: cot at corner k = (b^2 + c^2 - a^2) / (4 area).
+ * Without a context a failure says nothing. */
+static int measure_triangle(dmk_context *ctx, const struct dmk_mesh *m, int32_t t)
 {
     const int32_t *e = m->triangle_edge + 3 * (size_t)t, *v = m->triangle + 3 * (size_t)t;
     const double l[3] = {m->length[e[0]], m->length[e[1]], m->length[e[2]]};
@@ -146,12 +149,14 @@ static int measure_triangle(dmk_context *ctx, struct dmk_mesh *m, int32_t t)
     if (b < c) s = b, b = c, c = s;
     if (a < b) s = a, a = b, b = s;
     if (a > LONGEST || (a > 0 && a < SHORTEST)) {
+        if (!ctx) return DMK_E_MESH;
         return dmk_fail(ctx, DMK_E_MESH,
                         "triangle %d has a side of %g, too %s to compute with its powers; scale "
                         "the mesh", t, a, a > 1 ? "long" : "short");
     }
     /* The longest side is the sum of the others as far as rounded lengths can tell. */
     if (!(c - (a - b) > 4 * DBL_EPSILON * a)) {
+        if (!ctx) return DMK_E_MESH;
         return dmk_fail(ctx, DMK_E_MESH,
                         "triangle %d (vertices %d %d %d) is degenerate: its area is zero; remove "
                         "it or merge its corners", t, v[0], v[1], v[2]);
@@ -165,19 +170,31 @@ static int measure_triangle(dmk_context *ctx, struct dmk_mesh *m, int32_t t)
     return DMK_OK;
 }
 
+static bool cannot_be_measured(int32_t t, void *data)
+{
+    return measure_triangle(NULL, data, t) != DMK_OK;
+}
+
+static void length_range(int32_t begin, int32_t end, void *data)
+{
+    const struct dmk_mesh *m = data;
+    for (int32_t e = begin; e < end; e++) {
+        const double *a = m->xyz + 3 * (size_t)m->edge_vertex[2 * e];
+        const double *b = m->xyz + 3 * (size_t)m->edge_vertex[2 * e + 1];
+        double x = b[0] - a[0], y = b[1] - a[1], z = b[2] - a[2];
+        m->length[e] = sqrt(x * x + y * y + z * z);
+    }
+}
+
 static int build_geometry(dmk_context *ctx, struct dmk_mesh *m)
 {
     int rc;
     DMK_TRY(DMK_NEW(ctx, m->length, (size_t)m->n_edges));
     DMK_TRY(DMK_NEW(ctx, m->area, (size_t)m->n_triangles));
     DMK_TRY(DMK_NEW(ctx, m->cot, 3 * (size_t)m->n_triangles));
-    for (int32_t e = 0; e < m->n_edges; e++) {
-        const double *a = m->xyz + 3 * (size_t)m->edge_vertex[2 * e];
-        const double *b = m->xyz + 3 * (size_t)m->edge_vertex[2 * e + 1];
-        double x = b[0] - a[0], y = b[1] - a[1], z = b[2] - a[2];
-        m->length[e] = sqrt(x * x + y * y + z * z);
-    }
-    for (int32_t t = 0; t < m->n_triangles; t++) DMK_TRY(measure_triangle(ctx, m, t));
+    dmk_parallel(m->n_edges, length_range, m);
+    int32_t t = dmk_parallel_first(m->n_triangles, cannot_be_measured, m);
+    if (t >= 0) rc = measure_triangle(ctx, m, t);
 done:
     return rc;
 }

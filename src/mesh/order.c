@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { BITS = 11 }; /* of a key for each axis, and of a digit of the sort: its counts stay in L1 */
+enum { BITS = 16, DIGIT = 12 }; /* of a key for each axis; of a digit of the sort */
 
 typedef struct keyed {
     uint64_t key;
@@ -24,18 +24,18 @@ static uint64_t spread3(uint64_t x)
     return x;
 }
 
-/* Stable radix sort by keys of three digits. */
+/* Stable radix sort by keys of four digits. */
 static int sort_keys(dmk_context *ctx, keyed *a, size_t n)
 {
     int rc;
     keyed *b = NULL, *from = a;
     DMK_TRY(DMK_NEW(ctx, b, n));
     keyed *to = b;
-    for (int shift = 0; shift < 3 * BITS; shift += BITS) {
-        size_t place[1 << BITS] = {0}, sum = 0;
-        const uint64_t mask = (1 << BITS) - 1;
+    for (int shift = 0; shift < 3 * BITS; shift += DIGIT) {
+        size_t place[1 << DIGIT] = {0}, sum = 0;
+        const uint64_t mask = (1 << DIGIT) - 1;
         for (size_t i = 0; i < n; i++) place[from[i].key >> shift & mask]++;
-        for (int k = 0; k < 1 << BITS; k++) {
+        for (int k = 0; k < 1 << DIGIT; k++) {
             size_t count = place[k];
             place[k] = sum;
             sum += count;
@@ -45,7 +45,7 @@ static int sort_keys(dmk_context *ctx, keyed *a, size_t n)
         from = to;
         to = swap;
     }
-    memcpy(a, b, n * sizeof *a); /* three passes end in b */
+    /* an even number of passes ends in a */
 done:
     free(b);
     return rc;
