@@ -205,6 +205,41 @@ static void test_source_anywhere(void **state)
     }
 }
 
+/* Vertices off the torus by 5 % of an edge, in all directions: the same locus, on the mesh given. */
+static void test_noise(void **state)
+{
+    (void)state;
+    scene smooth = surface("torus", 1, (double[3]){3, 0, 0});
+    const dmk_mesh *m = smooth.mesh;
+    uint32_t random = 1;
+    for (int32_t i = 0; i < 3 * m->n_vertices; i++) {
+        double sum = 0; /* of twelve equal distributions, nearly normal */
+        for (int k = 0; k < 12; k++) {
+            random = random * 1664525u + 1013904223u;
+            sum += random / 4294967296.0 - 0.5;
+        }
+        m->xyz[i] += 0.05 * smooth.h * sum;
+    }
+    dmk_mesh *mesh = NULL;
+    int rc = dmk_mesh_create(ctx, (size_t)m->n_vertices, m->xyz, (size_t)m->n_triangles,
+                             m->triangle, &mesh);
+    if (rc != DMK_OK) fail_msg("%s", dmk_context_message(ctx));
+    scene s = scene_of(mesh, smooth.source);
+    dmk_locus *l = trace(&s);
+    check_torus(l, s.h);
+    size_t n;
+    const dmk_locus_vertex *v = dmk_locus_vertices(l, &n);
+    for (size_t i = 0; i < n; i++) {
+        double x[3];
+        assert_int_equal(dmk_mesh_point_xyz(ctx, s.mesh, &v[i].place, x), DMK_OK);
+        assert_true(hypot(hypot(x[0] - v[i].xyz[0], x[1] - v[i].xyz[1]), x[2] - v[i].xyz[2]) <
+                    1e-12);
+    }
+    dmk_locus_destroy(&l);
+    free_scene(&s);
+    free_scene(&smooth);
+}
+
 static void check_point(const char *name, int refine, const double source[3])
 {
     scene s = surface(name, refine, source);
@@ -771,7 +806,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_torus), cmocka_unit_test(test_source_anywhere),
         cmocka_unit_test(test_point), cmocka_unit_test(test_quartic),
-        cmocka_unit_test(test_narrow), cmocka_unit_test(test_genus), cmocka_unit_test(test_border),
+        cmocka_unit_test(test_narrow), cmocka_unit_test(test_noise), cmocka_unit_test(test_genus), cmocka_unit_test(test_border),
         cmocka_unit_test(test_path),  cmocka_unit_test(test_path_saddle),
         cmocka_unit_test(test_path_box), cmocka_unit_test(test_path_rough),
         cmocka_unit_test(test_cut),

@@ -88,11 +88,10 @@ static void slit(knife *k, const dmk_rays *r)
 }
 
 /* Points on the edges that the graph crosses, then the split triangles. */
-static int split_all(dmk_context *ctx, const dmk_rays *r, const dmk_net *net, const dmk_dual *dual,
-                     knife *k)
+static int split_all(dmk_context *ctx, const dmk_mesh *m, const dmk_rays *r, const dmk_net *net,
+                     const dmk_dual *dual, knife *k)
 {
     int rc;
-    const dmk_mesh *m = r->mesh;
     int32_t n_points = 0;
     for (int32_t i = 0; i < net->n; i++)
         n_points += net->node[i].edge >= 0 && net->node[i].at.degree;
@@ -214,7 +213,7 @@ int dmk_locus_cut(dmk_context *ctx, const dmk_locus_input *in, const dmk_locus_o
     DMK_TRY(dmk_dual_create(ctx, &rays, threshold, &dual));
     DMK_TRY(dmk_net_create(ctx, &rays, &dual, threshold, &net));
     dmk_net_strip(&net);
-    DMK_TRY(split_all(ctx, &rays, &net, &dual, &k));
+    DMK_TRY(split_all(ctx, in->mesh, &rays, &net, &dual, &k));
     DMK_TRY(join_split(ctx, &k, &whole));
     DMK_TRY(separate(ctx, whole, &k, cut, origin));
 done:

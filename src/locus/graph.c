@@ -17,6 +17,11 @@ static const double least_turn = 1.0;
  * square root of (distance / mesh edge). */
 static const double noise_turn = 4.0;
 
+double dmk_rays_walk(const dmk_rays *r, double distance, double size)
+{
+    return noise_turn * r->noise * sqrt(distance / size);
+}
+
 /* Ends down to this part of the threshold are looked at once more. */
 static const double doubtful = 0.5;
 
@@ -27,7 +32,6 @@ static const double doubtful = 0.5;
 static void find_strengths(const dmk_rays *r, double threshold, float *strength, uint16_t *order)
 {
     const dmk_mesh *m = r->mesh;
-    double walk = noise_turn * r->noise;
     for (int32_t e = 0; e < m->n_edges; e++) {
         int32_t v = m->edge_vertex[2 * e], w = m->edge_vertex[2 * e + 1];
         const dmk_sheet *a = dmk_rays_first(r, v), *b = dmk_rays_first(r, w);
@@ -36,7 +40,7 @@ static void find_strengths(const dmk_rays *r, double threshold, float *strength,
         double ratio = dmk_rays_width(r, a, b) / size;
         if (ratio > threshold) {
             double mean = 0.5 * (a->distance + b->distance);
-            double least = fmax(least_turn * cbrt(size / mean), walk * sqrt(mean / size));
+            double least = fmax(least_turn * cbrt(size / mean), dmk_rays_walk(r, mean, size));
             double seen = turn * fmax(1, fmin(a->spread, b->spread) / mean);
             if (seen < least) ratio = threshold * seen / least;
         }

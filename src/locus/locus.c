@@ -37,6 +37,7 @@ static int number_vertices(dmk_context *ctx, const dmk_locus_input *in, const dm
         number[i] = (int32_t)l->info.n_vertices;
         dmk_locus_vertex *v = &l->vertex[l->info.n_vertices++];
         *v = net->node[i].at;
+        dmk_net_set_place(in->mesh, v->place, v);
         v->mu = in->mu ? in->mu[v->place.triangle] : 0;
         v->strength *= scale;
         for (int k = 0; k < 2; k++) {

@@ -1,6 +1,7 @@
 /* From distance to the cut locus as one graph. Plain host arrays in and out; no device.
  *
  * The way, each step one file:
+ * - smooth.c: a mesh with vertex noise without it, for the rays to run over.
  * - chart.c: the directions at the source; through which edge a ray leaves its triangles.
  * - ray.c: one straight ray from the source, unfolded triangle by triangle.
  * - fan.c: the fan of rays. A vertex between two neighbouring rays gets direction, length and

@@ -37,6 +37,7 @@ static bool leads_to_cusp(const dmk_rays *r, const dmk_node *base)
     const dmk_locus_vertex *v = &base->at;
     dmk_cusp cusp;
     if (base->width < least_width) return false;
+    if (v->strength < dmk_rays_walk(r, v->distance, base->size)) return false;
     if (!dmk_cusp_find(r, v, base->size, &cusp)) return false;
     double way = v->distance - cusp.distance;
     double ratio = cusp.opening * way / (v->strength * v->strength);

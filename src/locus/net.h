@@ -17,7 +17,10 @@ typedef struct dmk_dual {
     int64_t betti;   /* first Betti number of the graph kept */
 } dmk_dual;
 
-/* graph.c. DMK_E_MESH if the first Betti number is not 2g or the graph not connected. */
+/* graph.c. What the roughness of the mesh may add to the angle at the source between two rays of one
+ * family that meet at a place with edges of length `size`. */
+double dmk_rays_walk(const dmk_rays *rays, double distance, double size);
+/* DMK_E_MESH if the first Betti number is not 2g or the graph not connected. */
 int dmk_dual_create(dmk_context *ctx, const dmk_rays *rays, double threshold, dmk_dual *dual);
 void dmk_dual_free(dmk_dual *dual);
 

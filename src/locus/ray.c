@@ -160,7 +160,8 @@ bool dmk_ray_points(const dmk_rays *rays, double angle, int n, const double *dis
     for (int32_t n_left = rays->mesh->n_triangles; k.half >= 0 && n_left > 0; n_left--) {
         enter(rays, &k);
         double x = k.wy > 0 ? k.bx : k.ax, y = k.wy > 0 ? k.by : k.ay;
-        double out = x + (k.wx - x) * y / (y - k.wy);
+        bool near = x >= distance[i] || k.wx >= distance[i]; /* else it leaves before, for sure */
+        double out = near ? x + (k.wx - x) * y / (y - k.wy) : 0;
         for (; out >= distance[i]; i++) {
             locate(&k, distance[i], &place[i]);
             if (i + 1 == n) return true;

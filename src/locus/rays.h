@@ -31,7 +31,8 @@ typedef struct dmk_sheet {
 } dmk_sheet;
 
 typedef struct dmk_rays {
-    const dmk_mesh *mesh;
+    const dmk_mesh *mesh;   /* that of the input, or `smooth` */
+    dmk_mesh *smooth;       /* the same mesh with its vertices' noise taken away; NULL if there is none */
     const double *distance; /* n_vertices: the guide */
     double mean;            /* mean edge length */
     dmk_chart chart;
@@ -97,6 +98,8 @@ static inline const dmk_sheet *dmk_rays_first(const dmk_rays *rays, int32_t v)
 {
     return rays->sheet + rays->row[v];
 }
+/* smooth.c: *smooth = NULL for a mesh without noise. */
+int dmk_rays_smooth(dmk_context *ctx, const dmk_rays *rays, dmk_mesh **smooth);
 /* repair.c: give the vertices that lie between no two rays the geodesic their neighbours suggest.
  */
 int dmk_rays_repair(dmk_context *ctx, dmk_rays *rays);

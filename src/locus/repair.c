@@ -108,6 +108,18 @@ static int32_t accept(repair *p)
     return n;
 }
 
+/* Keep the triangles that still have a missed corner. */
+static void drop_done(repair *p)
+{
+    int32_t kept = 0;
+    for (int32_t i = 0; i < p->n_triangles; i++) {
+        const int32_t *v = p->rays->mesh->triangle + 3 * p->triangle[i];
+        if (p->missed[v[0]] || p->missed[v[1]] || p->missed[v[2]])
+            p->triangle[kept++] = p->triangle[i];
+    }
+    p->n_triangles = kept;
+}
+
 /* slope == NULL: from triangles; else borrow. */
 static int32_t sweep(repair *p, float *slope)
 {
@@ -121,7 +133,9 @@ static int32_t sweep(repair *p, float *slope)
         else if (!p->missed[v[(k + 1) % 3]] && !p->missed[v[(k + 2) % 3]])
             update_corner(p, t, k);
     }
-    return accept(p);
+    int32_t helped = accept(p);
+    drop_done(p);
+    return helped;
 }
 
 int dmk_rays_repair(dmk_context *ctx, dmk_rays *r)

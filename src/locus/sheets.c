@@ -168,6 +168,22 @@ done:
     return rc;
 }
 
+/* On a rough mesh go over to the smooth one. */
+static int take_smooth(dmk_context *ctx, dmk_rays *r)
+{
+    int rc = dmk_rays_smooth(ctx, r, &r->smooth);
+    if (rc != DMK_OK || !r->smooth) return rc;
+    r->mesh = r->smooth;
+    free(r->size);
+    free(r->bend);
+    r->size = r->bend = NULL;
+    r->mean = 0;
+    DMK_TRY(find_sizes(ctx, r));
+    DMK_TRY(find_bends(ctx, r));
+done:
+    return rc;
+}
+
 int dmk_rays_create(dmk_context *ctx, const dmk_locus_input *in, dmk_rays *r)
 {
     int rc;
@@ -179,8 +195,9 @@ int dmk_rays_create(dmk_context *ctx, const dmk_locus_input *in, dmk_rays *r)
     DMK_TRY(dmk_find_across(ctx, in->mesh, &r->across));
     DMK_TRY(find_sizes(ctx, r));
     DMK_TRY(find_bends(ctx, r));
+    DMK_TRY(take_smooth(ctx, r));
     find_noise(r);
-    DMK_TRY(dmk_chart_create(ctx, in->mesh, r->across, &in->source, &r->chart));
+    DMK_TRY(dmk_chart_create(ctx, r->mesh, r->across, &in->source, &r->chart));
     DMK_TRY(dmk_fan_shoot(ctx, r, &hit, &n_hits));
     DMK_TRY(collect(ctx, r, hit, n_hits));
     DMK_TRY(dmk_rays_repair(ctx, r));
@@ -197,6 +214,7 @@ void dmk_rays_free(dmk_rays *r)
     free(r->across);
     free(r->size);
     free(r->bend);
+    dmk_mesh_destroy(&r->smooth);
     free(r->row);
     free(r->n_sheets);
     free(r->sheet);
