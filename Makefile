@@ -73,7 +73,7 @@ TOOL := $B/dmkcl
 PC := $B/dmkcl.pc
 MAN := $B/dmkcl.1
 
-.PHONY: all tests test coverage pyenv demo bench bench-kernels bench-methods install uninstall clean help deps FORCE
+.PHONY: all tests test coverage pyenv paper demo bench bench-kernels bench-methods install uninstall clean help deps FORCE
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -237,6 +237,10 @@ bench-kernels: $B/bench-kernels
 bench-methods: $(TOOL) $(PEERS)
 	$(Q)build/peers/bin/python bench/methods.py --program $(TOOL)
 
+# Every experiment of the paper: figures and a table in build/paper, small ones in bench/results/paper.
+paper: $(TOOL) pyenv
+	$(Q)build/pyenv/bin/python bench/paper.py --program $(TOOL) --out build/paper --small bench/results/paper
+
 # ---- install ---------------------------------------------------------------------------------
 
 $(PC): $B/flags include/dmkcl.h FORCE
@@ -279,6 +283,7 @@ help:
 	@echo '                $(CHECKS:check-%=%)'
 	@echo 'make coverage   how much of the sources the tests run, by file'
 	@echo 'make demo       solve the torus of the paper; files in build/demo'
+	@echo 'make paper      the experiments of the paper: figures and a table in build/paper'
 	@echo 'make bench      whole runs beside peers from PyPI; BENCH=quick|usual|full'
 	@echo 'make bench-kernels, make bench-methods   kernels beside a copy; methods by error'
 	@echo 'make deps       install missing Debian packages (demo and test do this too)'

@@ -85,6 +85,9 @@ static int read_header(legacy *v)
     int rc = DMK_OK;
     double version;
     dmk_text *t = &v->in.text;
+    if (!dmk_vtk_legacy_sniff(t->file)) { /* the suffix chose this reader */
+        return dmk_text_fail(t, "no '# vtk DataFile Version' in the first line: not a file of VTK");
+    }
     t->at += strlen("# vtk DataFile Version ");
     DMK_TRY(dmk_text_number(t, "the version", &version));
     v->has_offsets = version >= 5;
