@@ -82,12 +82,12 @@ tests: $(TESTS)
 
 # ---- what the build stands on ----------------------------------------------------------------
 
-# Looked at once for each list. Only `deps`, `demo` and `test` install; the others name what is missing.
+# Looked at once for each list. Only `deps`, `demo`, `paper` and `test` install; the others name what is missing.
 PACKAGES := build/packages.ok
 deps: $(PACKAGES)
 $(PACKAGES): .ci/packages .ci/deps.sh
 	@mkdir -p $(@D)
-	@sh .ci/deps.sh $(if $(filter deps demo test coverage,$(MAKECMDGOALS)),install,check) $<
+	@sh .ci/deps.sh $(if $(filter deps demo test coverage paper,$(MAKECMDGOALS)),install,check) $<
 	@touch $@
 
 # Changes only when the compiler or its flags do, and then everything is built anew.
