@@ -54,7 +54,8 @@ gcc -shared -fPIC -w "$work/processors.c" -o "$work/processors.so" -ldl || exit 
 processors() { # N COMMAND...
     local n=$1
     shift
-    env PROCESSORS="$n" LD_PRELOAD="$work/processors.so" ASAN_OPTIONS=verify_asan_link_order=0 "$@"
+    env PROCESSORS="$n" LD_PRELOAD="$work/processors.so" \
+        ASAN_OPTIONS="${ASAN_OPTIONS-}:verify_asan_link_order=0" "$@"
 }
 
 threads_do_not_matter() { # NAME
