@@ -202,7 +202,7 @@ CHECKS := $(patsubst tests/checks/%.sh,check-%,$(filter-out %/lib.sh,$(wildcard 
 .PHONY: $(CHECKS)
 $(CHECKS): check-%: $(TESTS) $(STATIC) $(SHARED) $(TOOL)
 	@sh .ci/deps.sh install .ci/check-packages
-	@DMKCL_BUILD=$B bash tests/checks/$*.sh
+	@DMKCL_BUILD=$B DMKCL_LIBS='$(LDLIBS)' bash tests/checks/$*.sh
 
 # ---- demo ------------------------------------------------------------------------------------
 

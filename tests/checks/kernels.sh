@@ -10,7 +10,7 @@ sanitize='-g -O1 -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omi
     -shared-libsan'
 "$build/dmkcl" mesh sphere --triangles 320 --source 0,0,1 --out "$work/sphere.off" --quiet || exit 1
 clang $flags $sanitize -w -rdynamic tests/checks/solve.c tests/checks/native/opencl.c $sources \
-    "$build/kernels.c" -o "$work/solve" -ldl -lhwloc -lz -lpthread -lm \
+    "$build/kernels.c" -o "$work/solve" -ldl ${libs/-lOpenCL/} \
     -Wl,-rpath,"$(dirname "$(clang -print-file-name=libclang_rt.asan-x86_64.so)")" || exit 1
 
 for shape in cpu gpu; do

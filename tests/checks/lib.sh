@@ -8,6 +8,7 @@ trap 'rm -rf "$work"' EXIT
 
 # What the sources are compiled with, apart from warnings and optimisation.
 flags='-std=c11 -D_GNU_SOURCE -DCL_TARGET_OPENCL_VERSION=120 -Iinclude -Isrc -Ikernels'
+libs=${DMKCL_LIBS:-$(make -np 2> /dev/null | sed -n 's/^LDLIBS := //p')}
 warnings='-Wall -Wextra -Wpedantic -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wpointer-arith
     -Wvla -Werror'
 

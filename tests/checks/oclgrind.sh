@@ -5,7 +5,7 @@
 
 "$build/dmkcl" mesh sphere --triangles 320 --source 0,0,1 --out "$work/sphere.off" --quiet || exit 1
 gcc $flags -O1 tests/checks/solve.c "$build/libdmkcl.a" -o "$work/solve" \
-    -lOpenCL -lhwloc -lz -lpthread -lm || exit 1
+    $libs || exit 1
 grep -ho '^KERNEL [a-z_]\+' kernels/*.cl | cut -d' ' -f2 | sort -u > "$work/kernels"
 
 # Errors but for one kind: band_slopes looks at a maximum before it raises it by an atomic operation,
