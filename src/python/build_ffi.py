@@ -1,4 +1,5 @@
 """What cffi is told: the declarations of the real header, and how to link the static library."""
+
 import os
 import re
 from pathlib import Path
@@ -13,8 +14,11 @@ def declarations(text):
     """The header as cffi reads it: no comments, no preprocessor but `#define NAME NUMBER`."""
     text = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
     text = re.sub(r"#ifdef __cplusplus.*?#endif", "", text, flags=re.DOTALL)
-    lines = [line for line in text.splitlines()
-             if not line.startswith("#") or re.fullmatch(r"#define \w+ \d+\s*", line)]
+    lines = [
+        line
+        for line in text.splitlines()
+        if not line.startswith("#") or re.fullmatch(r"#define \w+ \d+\s*", line)
+    ]
     return "\n".join(lines)
 
 

@@ -1,9 +1,10 @@
-"""Build the extension and the tool: the repository's Makefile makes the static library, cffi the rest.
+"""Build the extension and the tool: the Makefile makes the static library, cffi the rest.
 
 Nothing is written into the source tree: all goes to a temporary folder, or to the one that
 DMKCL_BUILD names, which then saves what need not be built again. DMKCL_ARCH is the Makefile's ARCH
 (gcc's -march); by default the wheel runs on any processor of the kind.
 """
+
 import atexit
 import os
 import re
@@ -19,8 +20,10 @@ from setuptools.command.build_ext import build_ext
 from setuptools.command.build_py import build_py
 
 ROOT = Path(__file__).resolve().parents[2]
-NEEDED = ("gcc make libc6-dev libhwloc-dev ocl-icd-opencl-dev opencl-c-headers zlib1g-dev "
-          "libexpat1-dev python3-dev")
+NEEDED = (
+    "gcc make libc6-dev libhwloc-dev ocl-icd-opencl-dev opencl-c-headers zlib1g-dev "
+    "libexpat1-dev python3-dev"
+)
 
 
 def build_folder():
@@ -39,8 +42,10 @@ def version():
 
 
 if not (ROOT / "include/dmkcl.h").exists():
-    sys.exit("dmkcl is built inside its repository, whose C sources it needs: "
-             "clone it, then `pip install ./src/python`")
+    sys.exit(
+        "dmkcl is built inside its repository, whose C sources it needs: "
+        "clone it, then `pip install ./src/python`"
+    )
 BUILD = build_folder()
 OBJECTS = BUILD / "lib"
 SETUP = BUILD / "setup"
@@ -51,20 +56,35 @@ os.environ["DMKCL_OBJECTS"] = str(OBJECTS)
 
 
 def make_library():
-    """libdmkcl.a and the tool, by the Makefile, which need not look for the packages of the tests."""
+    """libdmkcl.a and the tool, by the Makefile, which need not look for the tests' packages."""
     packages = OBJECTS / "packages.ok"
     packages.touch()
-    command = ["make", "-s", "-C", str(ROOT), f"B={OBJECTS}", f"PACKAGES={packages}", "CONFIG=release",
-               "ARCH=" + os.environ.get("DMKCL_ARCH", ""), "CFLAGS=-Wno-error",
-               f"-j{os.cpu_count() or 1}", str(OBJECTS / "libdmkcl.a"), str(OBJECTS / "dmkcl")]
+    command = [
+        "make",
+        "-s",
+        "-C",
+        str(ROOT),
+        f"B={OBJECTS}",
+        f"PACKAGES={packages}",
+        "CONFIG=release",
+        "ARCH=" + os.environ.get("DMKCL_ARCH", ""),
+        "CFLAGS=-Wno-error",
+        f"-j{os.cpu_count() or 1}",
+        str(OBJECTS / "libdmkcl.a"),
+        str(OBJECTS / "dmkcl"),
+    ]
     # A make that called pip has its own flags and variables in the environment.
-    clean = {k: v for k, v in os.environ.items() if k not in ("MAKEFLAGS", "MFLAGS", "MAKEOVERRIDES")}
+    clean = {
+        k: v for k, v in os.environ.items() if k not in ("MAKEFLAGS", "MFLAGS", "MAKEOVERRIDES")
+    }
     try:
         done = subprocess.run(command, env=clean).returncode == 0
     except FileNotFoundError:
         done = False
     if not (done and (Path(sysconfig.get_path("include")) / "Python.h").exists()):
-        sys.exit(f"The C library did not build, or Python.h is missing. On Debian that needs these packages: {NEEDED}")
+        sys.exit(
+            f"The C library did not build, or Python.h is missing. On Debian that needs {NEEDED}"
+        )
 
 
 class BuildExtension(build_ext):
@@ -92,6 +112,9 @@ setup(
     license="MIT",
     cffi_modules=["build_ffi.py:ffi"],
     cmdclass={"build_ext": BuildExtension, "build_py": BuildPackage},
-    options={"build": {"build_base": str(BUILD / "build")}, "egg_info": {"egg_base": str(SETUP)},
-             "bdist_wheel": {"py_limited_api": "cp310"}},
+    options={
+        "build": {"build_base": str(BUILD / "build")},
+        "egg_info": {"egg_base": str(SETUP)},
+        "bdist_wheel": {"py_limited_api": "cp310"},
+    },
 )

@@ -6,10 +6,21 @@
 ((5424,), (2712,), 2)
 >>> result.export_html("torus.html")
 """
+
 from . import surfaces
 from ._device import devices
-from ._lib import (ArgumentError, DeviceError, DivergedError, Error, FileError, FormatError, MeshError,
-                   OutOfMemoryError, StepLimitError, version)
+from ._lib import (
+    ArgumentError,
+    DeviceError,
+    DivergedError,
+    Error,
+    FileError,
+    FormatError,
+    MeshError,
+    OutOfMemoryError,
+    StepLimitError,
+    version,
+)
 from ._locus import Locus
 from ._mesh import Mesh, Point
 from ._progress import Progress
@@ -20,8 +31,30 @@ from ._solver import CutLocus, cut_open, distance, shortest_path
 __version__ = version()
 
 __all__ = [
-    "ArgumentError", "Certificate", "Cut", "CutLocus", "DeviceError", "DivergedError", "Error",
-    "FileError", "FormatError", "Locus", "Mesh", "MeshError", "OutOfMemoryError", "Path", "Point",
-    "Progress", "Result", "StepLimitError", "Tangent", "cut_open", "devices", "distance", "read",
-    "shortest_path", "surfaces", "version",
+    "ArgumentError",
+    "Certificate",
+    "Cut",
+    "CutLocus",
+    "DeviceError",
+    "DivergedError",
+    "Error",
+    "FileError",
+    "FormatError",
+    "Locus",
+    "Mesh",
+    "MeshError",
+    "OutOfMemoryError",
+    "Path",
+    "Point",
+    "Progress",
+    "Result",
+    "StepLimitError",
+    "Tangent",
+    "cut_open",
+    "devices",
+    "distance",
+    "read",
+    "shortest_path",
+    "surfaces",
+    "version",
 ]

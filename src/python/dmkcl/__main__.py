@@ -1,4 +1,5 @@
 """`python -m dmkcl`: the command-line tool, which the package carries."""
+
 import os
 import sys
 from pathlib import Path

@@ -1,4 +1,5 @@
 """A colour map for densities whose equal steps look equal: pale for small, dark blue for large."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -6,11 +7,20 @@ from numpy.typing import NDArray
 
 # Oklab (B. Ottosson, "A perceptual color space for image processing", 2020): to the cube roots of
 # the cones' answers, and from the answers to linear sRGB.
-_TO_CONES = np.array([[1, 0.3963377774, 0.2158037573], [1, -0.1055613458, -0.0638541728],
-                      [1, -0.0894841775, -1.2914855480]])
-_TO_RGB = np.array([[4.0767416621, -3.3077115913, 0.2309699292],
-                    [-1.2684380046, 2.6097574011, -0.3413193965],
-                    [-0.0041960863, -0.7034186147, 1.7076147010]])
+_TO_CONES = np.array(
+    [
+        [1, 0.3963377774, 0.2158037573],
+        [1, -0.1055613458, -0.0638541728],
+        [1, -0.0894841775, -1.2914855480],
+    ]
+)
+_TO_RGB = np.array(
+    [
+        [4.0767416621, -3.3077115913, 0.2309699292],
+        [-1.2684380046, 2.6097574011, -0.3413193965],
+        [-0.0041960863, -0.7034186147, 1.7076147010],
+    ]
+)
 
 
 def to_rgb(lab: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,4 +1,5 @@
 """OpenCL devices, opened once for each choice and shared by all that ask for the same."""
+
 from __future__ import annotations
 
 import os
@@ -18,8 +19,10 @@ def _check_process() -> None:
     if not _first_process:
         _first_process.append(os.getpid())
     if _first_process[0] != os.getpid():
-        raise DeviceError("OpenCL was in use before this process was forked, and does not survive that; "
-                          "start workers with multiprocessing.get_context('spawn')")
+        raise DeviceError(
+            "OpenCL was in use before this process was forked, and does not survive that; "
+            "start workers with multiprocessing.get_context('spawn')"
+        )
 
 
 def devices() -> "list[dict[str, Any]]":
@@ -38,8 +41,10 @@ class Device:
     """An open device; one thread at a time launches work on it."""
 
     def __init__(self, select: Optional[str], single: bool, threads: int, cache: Optional[bytes]):
-        names = [ffi.NULL if name is None else ffi.new("char[]", name)
-                 for name in (None if select is None else select.encode(), cache)]
+        names = [
+            ffi.NULL if name is None else ffi.new("char[]", name)
+            for name in (None if select is None else select.encode(), cache)
+        ]
         options = ffi.new("dmk_device_options *")
         lib.dmk_device_options_init(options)
         options.select, options.cache = names
@@ -68,8 +73,12 @@ _opening = threading.Lock()
 _open = lru_cache(maxsize=8)(Device)
 
 
-def open_device(device: Union[None, int, str], single: bool, threads: int,
-                cache: "Union[None, str, os.PathLike[str]]") -> Device:
+def open_device(
+    device: Union[None, int, str],
+    single: bool,
+    threads: int,
+    cache: "Union[None, str, os.PathLike[str]]",
+) -> Device:
     """The device for these options (see CutLocus). DeviceError if there is none."""
     _check_process()
     select = None if device is None else str(device)

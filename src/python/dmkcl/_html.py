@@ -1,4 +1,5 @@
 """One page that shows a result in any browser: the viewer with the data inside."""
+
 from __future__ import annotations
 
 import base64
@@ -29,13 +30,15 @@ def _pack(array: Any, dtype: str) -> str:
 
 def _caption(result: "Result") -> str:
     c, locus = result.certificate, result.locus
-    return (f"{len(result.mesh.faces):,} triangles. Cut locus: length {locus.length:.6g}, {locus.loops} "
-            f"loops, {locus.endpoints} ends, {locus.branch_points} branch points. Integral of the "
-            f"distance between {c.lower:.7g} and {c.upper:.7g}.")
+    return (
+        f"{len(result.mesh.faces):,} triangles. Cut locus: length {locus.length:.6g}, "
+        f"{locus.loops} loops, {locus.endpoints} ends, {locus.branch_points} branch points. "
+        f"Integral of the distance between {c.lower:.7g} and {c.upper:.7g}."
+    )
 
 
 def _data(result: "Result") -> "dict[str, Any]":
-    """What the viewer draws: in single precision, moved to the box's centre and scaled to size 1."""
+    """What the viewer draws: in single precision, moved to the box's centre, its size 1."""
     low, high = (np.array(result.mesh.info[name]) for name in ("box_min", "box_max"))
     centre, size = (low + high) / 2, float(np.linalg.norm(high - low)) or 1.0
     locus = result.locus
@@ -74,8 +77,10 @@ class View:
         self._text, self._height = text, height
 
     def _repr_html_(self) -> str:
-        return (f'<iframe srcdoc="{html.escape(self._text)}" width="100%" height="{self._height}" '
-                'style="border: 0" allowfullscreen></iframe>')
+        return (
+            f'<iframe srcdoc="{html.escape(self._text)}" width="100%" height="{self._height}" '
+            'style="border: 0" allowfullscreen></iframe>'
+        )
 
 
 def export_html(result: "Result", path: "os.PathLike[str] | str", title: Optional[str]) -> None:

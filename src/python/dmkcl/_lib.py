@@ -1,4 +1,5 @@
 """The C library: handles, contexts, errors, views on its arrays."""
+
 from __future__ import annotations
 
 import os

@@ -1,4 +1,5 @@
 """The cut locus as a graph of lines."""
+
 from __future__ import annotations
 
 import os
@@ -14,14 +15,30 @@ from ._mesh import Mesh
 
 def _dtype(name: str, formats: "dict[str, Any]") -> np.dtype:
     """Chosen fields of a C struct, at the offsets that the compiler gave them."""
-    return np.dtype({"names": list(formats), "formats": list(formats.values()),
-                     "offsets": [ffi.offsetof(name, *field.split(".")) for field in formats],
-                     "itemsize": ffi.sizeof(name)})
+    return np.dtype(
+        {
+            "names": list(formats),
+            "formats": list(formats.values()),
+            "offsets": [ffi.offsetof(name, *field.split(".")) for field in formats],
+            "itemsize": ffi.sizeof(name),
+        }
+    )
 
 
-_VERTEX = _dtype("dmk_locus_vertex", {
-    "xyz": ("f8", 3), "place.triangle": "i8", "place.weight": ("f8", 3), "distance": "f8",
-    "mu": "f8", "strength": "f8", "angle": ("f8", 2), "kind": "i4", "degree": "i4"})
+_VERTEX = _dtype(
+    "dmk_locus_vertex",
+    {
+        "xyz": ("f8", 3),
+        "place.triangle": "i8",
+        "place.weight": ("f8", 3),
+        "distance": "f8",
+        "mu": "f8",
+        "strength": "f8",
+        "angle": ("f8", 2),
+        "kind": "i4",
+        "degree": "i4",
+    },
+)
 _EDGE = _dtype("dmk_locus_edge", {"vertex": ("i4", 2), "strength": "f8"})
 
 
@@ -57,8 +74,11 @@ class Locus:
         options.strength = prune
         self._handle = Handle("dmk_locus")
         with Context() as context:
-            context.check(lib.dmk_locus_compute(context.pointer, mesh._pointer, result.pointer,
-                                                options, self._handle.box))
+            context.check(
+                lib.dmk_locus_compute(
+                    context.pointer, mesh._pointer, result.pointer, options, self._handle.box
+                )
+            )
         self._read_info()
         self._read_vertices()
         self._read_edges()
@@ -105,13 +125,17 @@ class Locus:
         return [indices[a:b].copy() for a, b in zip(offsets[:-1], offsets[1:])]
 
     def __repr__(self) -> str:
-        return (f"<dmkcl.Locus: length {self.length:.6g}, {self.components} components, {self.loops} "
-                f"loops, {self.endpoints} ends, {self.branch_points} branch points>")
+        return (
+            f"<dmkcl.Locus: length {self.length:.6g}, {self.components} components, {self.loops} "
+            f"loops, {self.endpoints} ends, {self.branch_points} branch points>"
+        )
 
     def write(self, path: "os.PathLike[str] | str") -> None:
         """Write as OBJ with l lines, VTP with point data, or CSV, by the suffix."""
         with Context() as context:
-            context.check(lib.dmk_locus_write(context.pointer, self._handle.pointer, path_bytes(path)))
+            context.check(
+                lib.dmk_locus_write(context.pointer, self._handle.pointer, path_bytes(path))
+            )
 
     def to_pyvista(self) -> Any:
         """A pyvista.PolyData of lines (one vertex for a locus that is a point), with the point

@@ -1,4 +1,5 @@
 """Meshes: arrays to the library and back, and what other packages call a mesh."""
+
 from __future__ import annotations
 
 import os
@@ -25,8 +26,9 @@ class Point(NamedTuple):
 def _vertex_array(vertices: ArrayLike) -> NDArray[np.float64]:
     xyz = np.ascontiguousarray(vertices, dtype=np.float64)
     if xyz.ndim != 2 or xyz.shape[1] not in (2, 3):
-        raise ArgumentError(f"vertices have the shape {xyz.shape}; expected (n, 3), or (n, 2) for a "
-                            "plane surface")
+        raise ArgumentError(
+            f"vertices have the shape {xyz.shape}; expected (n, 3), or (n, 2) for a plane surface"
+        )
     if xyz.shape[1] == 2:
         xyz = np.column_stack([xyz, np.zeros(len(xyz))])
     return xyz
@@ -41,8 +43,10 @@ def _face_array(faces: ArrayLike, n_vertices: int) -> NDArray[np.int32]:
     outside = np.flatnonzero(((index < 0) | (index >= n_vertices)).any(axis=1))
     if outside.size:
         row = outside[0]
-        raise MeshError(f"triangle {row} names the vertices {index[row].tolist()}, but there are "
-                        f"{n_vertices} vertices, counted from 0")
+        raise MeshError(
+            f"triangle {row} names the vertices {index[row].tolist()}, but there are "
+            f"{n_vertices} vertices, counted from 0"
+        )
     return np.ascontiguousarray(index, dtype=np.int32)
 
 
@@ -71,9 +75,16 @@ class Mesh:
         index = _face_array(faces, len(xyz))
         handle = Handle("dmk_mesh")
         with Context() as context:
-            context.check(lib.dmk_mesh_create(
-                context.pointer, len(xyz), ffi.from_buffer("double[]", xyz), len(index),
-                ffi.from_buffer("int32_t[]", index), handle.box))
+            context.check(
+                lib.dmk_mesh_create(
+                    context.pointer,
+                    len(xyz),
+                    ffi.from_buffer("double[]", xyz),
+                    len(index),
+                    ffi.from_buffer("int32_t[]", index),
+                    handle.box,
+                )
+            )
         self._handle = handle
 
     @classmethod
@@ -137,9 +148,13 @@ class Mesh:
 
     def __repr__(self) -> str:
         info = self.info
-        closed = "closed" if info["n_border_edges"] == 0 else f"{info['n_border_loops']} border loops"
-        return (f"<dmkcl.Mesh: {info['n_vertices']} vertices, {info['n_triangles']} triangles, "
-                f"{closed}, Euler characteristic {info['euler']}>")
+        closed = (
+            "closed" if info["n_border_edges"] == 0 else f"{info['n_border_loops']} border loops"
+        )
+        return (
+            f"<dmkcl.Mesh: {info['n_vertices']} vertices, {info['n_triangles']} triangles, "
+            f"{closed}, Euler characteristic {info['euler']}>"
+        )
 
     # ---- points -------------------------------------------------------------------------------
 
@@ -150,15 +165,20 @@ class Mesh:
             raise ArgumentError(f"point has the shape {xyz.shape}; expected three coordinates")
         found = ffi.new("dmk_point *")
         with Context() as context:
-            context.check(lib.dmk_mesh_project(context.pointer, self._pointer,
-                                               ffi.from_buffer("double[]", xyz), found))
+            context.check(
+                lib.dmk_mesh_project(
+                    context.pointer, self._pointer, ffi.from_buffer("double[]", xyz), found
+                )
+            )
         return self._place(found)
 
     def at_vertex(self, vertex: int) -> Point:
-        """Vertex number `vertex` as a point. ArgumentError if there is none or no triangle has it."""
+        """Vertex number `vertex` as a point. ArgumentError if no triangle has it."""
         found = ffi.new("dmk_point *")
         with Context() as context:
-            context.check(lib.dmk_mesh_vertex_point(context.pointer, self._pointer, int(vertex), found))
+            context.check(
+                lib.dmk_mesh_vertex_point(context.pointer, self._pointer, int(vertex), found)
+            )
         return self._place(found)
 
     def at_face(self, face: int, bary: Optional[ArrayLike] = None) -> Point:
@@ -170,18 +190,28 @@ class Mesh:
         if not 0 <= int(face) < len(self.faces):
             raise ArgumentError(f"triangle {face}: expected 0 to {len(self.faces) - 1}")
         if weight.shape != (3,) or not (weight >= 0).all() or not 0 < weight.sum() < np.inf:
-            raise ArgumentError(f"bary = {bary}: expected three weights that are not negative")
+            raise ArgumentError(f"bary = {bary!r}: expected three weights that are not negative")
         found = ffi.new("dmk_point *", (int(face), (weight / weight.sum()).tolist()))
         return self._place(found)
 
-    def place(self, *, point: Optional[ArrayLike] = None, vertex: Optional[int] = None,
-              face: Optional[int] = None, bary: Optional[ArrayLike] = None) -> Point:
+    def place(
+        self,
+        *,
+        point: Optional[ArrayLike] = None,
+        vertex: Optional[int] = None,
+        face: Optional[int] = None,
+        bary: Optional[ArrayLike] = None,
+    ) -> Point:
         """A point by one of: nearest to x, y, z; a vertex; a triangle with weights."""
-        given = [name for name, value in (("point", point), ("vertex", vertex), ("face", face))
-                 if value is not None]
+        given = [
+            name
+            for name, value in (("point", point), ("vertex", vertex), ("face", face))
+            if value is not None
+        ]
         if len(given) != 1 or (bary is not None and face is None):
-            raise ArgumentError("say where by one of: point=(x, y, z), vertex=i, "
-                                "face=i with bary=(a, b, c)")
+            raise ArgumentError(
+                "say where by one of: point=(x, y, z), vertex=i, face=i with bary=(a, b, c)"
+            )
         if point is not None:
             return self.nearest(point)
         if vertex is not None:
@@ -242,8 +272,11 @@ def _from_meshio(mesh: Any) -> Mesh:
         else:
             others.add(block.type)
     if not parts:
-        raise MeshError("no triangles: the file holds " + (", ".join(sorted(others)) or "no cells")
-                        + " only; a surface is wanted")
+        raise MeshError(
+            "no triangles: the file holds "
+            + (", ".join(sorted(others)) or "no cells")
+            + " only; a surface is wanted"
+        )
     return Mesh(mesh.points, np.vstack(parts))
 
 
@@ -259,7 +292,8 @@ def _from_pyvista(data: Any) -> Mesh:
 def as_mesh(mesh: MeshLike, faces: Optional[ArrayLike] = None) -> Mesh:
     """A Mesh of: a Mesh; vertices and faces; a mesh of trimesh, meshio or PyVista; a file name."""
     if faces is not None:
-        return Mesh(mesh, faces)
+        vertices: Any = mesh
+        return Mesh(vertices, faces)
     if isinstance(mesh, Mesh):
         return mesh
     if isinstance(mesh, (str, os.PathLike)):
@@ -274,5 +308,7 @@ def as_mesh(mesh: MeshLike, faces: Optional[ArrayLike] = None) -> Mesh:
         return _from_meshio(mesh)
     if isinstance(mesh, (tuple, list)) and len(mesh) == 2:
         return Mesh(mesh[0], mesh[1])
-    raise ArgumentError(f"a mesh is wanted: vertices and faces, or one of trimesh, meshio or PyVista, "
-                        f"or a file name, not {type(mesh).__name__}")
+    raise ArgumentError(
+        f"a mesh is wanted: vertices and faces, or one of trimesh, meshio or PyVista, "
+        f"or a file name, not {type(mesh).__name__}"
+    )

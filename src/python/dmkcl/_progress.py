@@ -1,4 +1,5 @@
 """What the library tells while it works: the history, a progress bar, a caller's own function."""
+
 from __future__ import annotations
 
 from typing import Any, Callable, NamedTuple, Optional, Union
@@ -26,8 +27,16 @@ class Progress(NamedTuple):
 
 ProgressOption = Union[bool, Callable[[Progress], Any]]
 
-HISTORY = np.dtype([("step", np.int32), ("cg_iterations", np.int32), ("change", np.float64),
-                    ("tolerance", np.float64), ("gap", np.float64), ("seconds", np.float64)])
+HISTORY = np.dtype(
+    [
+        ("step", np.int32),
+        ("cg_iterations", np.int32),
+        ("change", np.float64),
+        ("tolerance", np.float64),
+        ("gap", np.float64),
+        ("seconds", np.float64),
+    ]
+)
 
 
 class Watch:
@@ -43,11 +52,27 @@ class Watch:
             self.bar = tqdm(desc="solve", unit=" steps")
 
     def __call__(self, raw: Any) -> None:
-        report = Progress(text(raw.stage), raw.step, raw.max_steps, raw.cg_iterations, raw.change,
-                          raw.tolerance, raw.gap, raw.seconds)
+        report = Progress(
+            text(raw.stage),
+            raw.step,
+            raw.max_steps,
+            raw.cg_iterations,
+            raw.change,
+            raw.tolerance,
+            raw.gap,
+            raw.seconds,
+        )
         if report.stage == "solve":
-            self.rows.append((report.step, report.cg_iterations, report.change, report.tolerance,
-                              report.gap, report.seconds))
+            self.rows.append(
+                (
+                    report.step,
+                    report.cg_iterations,
+                    report.change,
+                    report.tolerance,
+                    report.gap,
+                    report.seconds,
+                )
+            )
         if self.bar is not None and report.stage == "solve":
             self.bar.update(report.step - self.bar.n)
             self.bar.set_postfix_str(f"change {report.change:.1e}, ends at {report.tolerance:.1e}")

@@ -1,4 +1,5 @@
 """Reading files: the library's own formats first, then what meshio and trimesh read."""
+
 from __future__ import annotations
 
 import os

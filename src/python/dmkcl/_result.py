@@ -1,4 +1,5 @@
 """Results: what a solve found, as arrays."""
+
 from __future__ import annotations
 
 import os
@@ -13,8 +14,12 @@ from ._locus import Locus
 from ._mesh import Mesh, Point
 from ._progress import Watch
 
-STAGES = {"setup": lib.DMK_STAGE_SETUP, "start": lib.DMK_STAGE_START, "solve": lib.DMK_STAGE_SOLVE,
-          "certify": lib.DMK_STAGE_CERTIFY}
+STAGES = {
+    "setup": lib.DMK_STAGE_SETUP,
+    "start": lib.DMK_STAGE_START,
+    "solve": lib.DMK_STAGE_SOLVE,
+    "certify": lib.DMK_STAGE_CERTIFY,
+}
 
 
 class Certificate(NamedTuple):
@@ -83,8 +88,10 @@ class Result:
 
     def __repr__(self) -> str:
         c = self.certificate
-        return (f"<dmkcl.Result: source {self.source.xyz}, {self.stats['steps']} steps, cost between "
-                f"{c.lower:.8g} and {c.upper:.8g}>")
+        return (
+            f"<dmkcl.Result: source {self.source.xyz}, {self.stats['steps']} steps, cost between "
+            f"{c.lower:.8g} and {c.upper:.8g}>"
+        )
 
     @property
     def _pointer(self) -> Any:
@@ -127,7 +134,7 @@ class Result:
 
     @cached_property
     def gradient(self) -> NDArray[np.float64]:
-        """(m, 3) gradient of the distance, its mean over each triangle; points away from the source.
+        """(m, 3) gradient of the distance, its mean over each triangle; away from the source.
 
         The distance d is linear on each of the four triangles that the edges' midpoints make, so
         by the divergence theorem ``mean grad d = (1/A) sum_e (e x N) (d_a + 2 d_mid + d_b) / 4``
@@ -153,7 +160,7 @@ class Result:
     @cached_property
     def stats(self) -> "dict[str, Any]":
         """steps, cg_iterations, v_cycles, change, cost_upper, cost_lower, gap, area, levels,
-        double_precision, and seconds of setup, start, solve and certify: the fields of dmk_stats."""
+        double_precision, and seconds of setup, start, solve and certify: see dmk_stats."""
         stats = ffi.new("dmk_stats *")
         lib.dmk_result_get_stats(self._pointer, stats)
         fields = copy_struct(stats[0])
@@ -182,8 +189,14 @@ class Result:
         vertex = order // 2
         return Tangent(angle.ravel()[order], self.locus.distance[vertex], vertex)
 
-    def path(self, *, point: Optional[ArrayLike] = None, vertex: Optional[int] = None,
-             face: Optional[int] = None, bary: Optional[ArrayLike] = None) -> Path:
+    def path(
+        self,
+        *,
+        point: Optional[ArrayLike] = None,
+        vertex: Optional[int] = None,
+        face: Optional[int] = None,
+        bary: Optional[ArrayLike] = None,
+    ) -> Path:
         """A minimal geodesic from the source to a point of its component, given as in `solve`.
 
         Where several are minimal, one of them. MeshError if no straight path reaches the point: it
@@ -193,8 +206,11 @@ class Result:
         place = ffi.new("dmk_point[]", [(end.face, end.bary)])
         path = ffi.gc(ffi.new("dmk_path *"), lib.dmk_path_free)
         with Context() as context:
-            context.check(lib.dmk_path_compute(context.pointer, self.mesh._pointer, self._pointer, 1,
-                                               place, path))
+            context.check(
+                lib.dmk_path_compute(
+                    context.pointer, self.mesh._pointer, self._pointer, 1, place, path
+                )
+            )
         raw = np.frombuffer(ffi.buffer(path.point, path.n * _POINT.itemsize), _POINT).copy()
         faces, bary_ = raw["triangle"].copy(), raw["weight"].copy()
         points = np.einsum("ij,ijk->ik", bary_, self.mesh.vertices[self.mesh.faces[faces]])
@@ -213,8 +229,11 @@ class Result:
         handle = Handle("dmk_mesh")
         origin = ffi.new("int32_t **")
         with Context() as context:
-            context.check(lib.dmk_cut(context.pointer, self.mesh._pointer, self._pointer, options,
-                                      handle.box, origin))
+            context.check(
+                lib.dmk_cut(
+                    context.pointer, self.mesh._pointer, self._pointer, options, handle.box, origin
+                )
+            )
         owned = ffi.gc(origin[0], lib.free)
         vertices, faces = Mesh._adopt(handle)
         old = np.frombuffer(ffi.buffer(owned, 4 * len(vertices)), np.int32).copy()
@@ -225,8 +244,11 @@ class Result:
     def write(self, path: "os.PathLike[str] | str") -> None:
         """Write mesh, mu, acl, u and distance for ParaView; the suffix chooses VTP, VTU or PLY."""
         with Context() as context:
-            context.check(lib.dmk_result_write(context.pointer, self.mesh._pointer, self._pointer,
-                                               path_bytes(path)))
+            context.check(
+                lib.dmk_result_write(
+                    context.pointer, self.mesh._pointer, self._pointer, path_bytes(path)
+                )
+            )
 
     def to_pyvista(self) -> Any:
         """A pyvista.PolyData with the cell arrays mu, acl and gradient, the point arrays distance
@@ -241,7 +263,7 @@ class Result:
         return data
 
     def to_trimesh(self) -> Any:
-        """A trimesh.Trimesh with face_attributes mu, acl, gradient and vertex_attributes distance, u."""
+        """A trimesh.Trimesh; face_attributes mu, acl, gradient; vertex_attributes distance, u."""
         mesh = self.mesh.to_trimesh()
         acl = self.acl.astype(np.uint8)  # trimesh writes no truth values to PLY
         mesh.face_attributes.update(mu=self.density, acl=acl, gradient=self.gradient)
@@ -258,7 +280,7 @@ class Result:
         return plot(self, **options)
 
     def plot_tangent(self, **options: Any) -> Any:
-        """Draw the tangent cut locus with Matplotlib. Options: see `dmkcl.plotting.plot_tangent`."""
+        """Draw the tangent cut locus with Matplotlib; see `dmkcl.plotting.plot_tangent`."""
         from .plotting import plot_tangent
 
         return plot_tangent(self, **options)

@@ -1,4 +1,5 @@
 """CutLocus: a mesh with its device and hierarchy, ready for any number of sources."""
+
 from __future__ import annotations
 
 import os
@@ -23,9 +24,17 @@ def _choose(table: "dict[str, int]", name: str, value: str) -> int:
     return table[value]
 
 
-def _options(method: str = "newton", start: str = "distance", tolerance: float = 0, gap: float = 0,
-             max_steps: int = 0, threshold: float = 0, dt: float = 0,
-             inertia: Optional[float] = None, cg_tolerance: float = 0) -> Any:
+def _options(
+    method: str = "newton",
+    start: str = "distance",
+    tolerance: float = 0,
+    gap: float = 0,
+    max_steps: int = 0,
+    threshold: float = 0,
+    dt: float = 0,
+    inertia: Optional[float] = None,
+    cg_tolerance: float = 0,
+) -> Any:
     options = ffi.new("dmk_solve_options *")
     lib.dmk_solve_options_init(options)
     options.method = _choose(_METHODS, "method", method)
@@ -71,8 +80,8 @@ class CutLocus:
     Berti, Fasso, Putti, "Computing the cut locus of a Riemannian manifold via optimal transport").
 
     Objects may be used from several threads; solves on one device wait for each other, and the GIL
-    is free meanwhile. After a fork OpenCL does not work in the child, which is told by a DeviceError:
-    let multiprocessing spawn.
+    is free meanwhile. After a fork OpenCL does not work in the child, as a DeviceError tells: let
+    multiprocessing spawn.
 
     Examples
     --------
@@ -82,16 +91,29 @@ class CutLocus:
     2
     """
 
-    def __init__(self, vertices: Union[ArrayLike, MeshLike], faces: Optional[ArrayLike] = None, *,
-                 device: Union[None, int, str] = None, single: bool = False, threads: int = 0,
-                 cache: "Union[None, str, os.PathLike[str]]" = None):
+    def __init__(
+        self,
+        vertices: Union[ArrayLike, MeshLike],
+        faces: Optional[ArrayLike] = None,
+        *,
+        device: Union[None, int, str] = None,
+        single: bool = False,
+        threads: int = 0,
+        cache: "Union[None, str, os.PathLike[str]]" = None,
+    ):
         self.mesh: Mesh = as_mesh(vertices, faces)
         self._choice = (device, single, threads, cache)
         self._device = open_device(device, single, threads, cache)
         self._handle = Handle("dmk_solver", self._device.handle, self.mesh._handle)
         with self._device.use(), Context() as context:
-            context.check(lib.dmk_solver_create(context.pointer, self._device.handle.pointer,
-                                                self.mesh._pointer, self._handle.box))
+            context.check(
+                lib.dmk_solver_create(
+                    context.pointer,
+                    self._device.handle.pointer,
+                    self.mesh._pointer,
+                    self._handle.box,
+                )
+            )
 
     def __reduce__(self) -> Any:
         """Pickled as its mesh and choice of device: made ready anew where it is unpickled."""
@@ -107,9 +129,17 @@ class CutLocus:
 
     # ---- solving ------------------------------------------------------------------------------
 
-    def solve(self, *, point: Optional[ArrayLike] = None, vertex: Optional[int] = None,
-              face: Optional[int] = None, bary: Optional[ArrayLike] = None,
-              progress: ProgressOption = False, prune: float = 0, **options: Any) -> Result:
+    def solve(
+        self,
+        *,
+        point: Optional[ArrayLike] = None,
+        vertex: Optional[int] = None,
+        face: Optional[int] = None,
+        bary: Optional[ArrayLike] = None,
+        progress: ProgressOption = False,
+        prune: float = 0,
+        **options: Any,
+    ) -> Result:
         """Density, potential, distance and cut locus of one source.
 
         Parameters
@@ -157,8 +187,12 @@ class CutLocus:
             Ctrl-C ends the solve after the running step; the object can be used again.
         """
         settings = _options(**options)
-        return self._solve(self.mesh.place(point=point, vertex=vertex, face=face, bary=bary),
-                           settings, progress, prune)
+        return self._solve(
+            self.mesh.place(point=point, vertex=vertex, face=face, bary=bary),
+            settings,
+            progress,
+            prune,
+        )
 
     def _solve(self, source: Point, options: Any, progress: ProgressOption, prune: float) -> Result:
         place = ffi.new("dmk_point *", (source.face, source.bary))
@@ -166,16 +200,24 @@ class CutLocus:
         watch = Watch(progress)
         try:
             with self._device.use(), Context(watch) as context:
-                context.check(lib.dmk_solve(context.pointer, self._handle.pointer, place, options,
-                                            handle.box))
+                context.check(
+                    lib.dmk_solve(context.pointer, self._handle.pointer, place, options, handle.box)
+                )
         finally:
             watch.close()
         return Result(self.mesh, handle, source, watch, prune)
 
-    def solve_many(self, *, points: Optional[ArrayLike] = None,
-                   vertices: Optional[Sequence[int]] = None,
-                   faces: Optional[Sequence[int]] = None, bary: Optional[ArrayLike] = None,
-                   progress: bool = False, prune: float = 0, **options: Any) -> Iterator[Result]:
+    def solve_many(
+        self,
+        *,
+        points: Optional[ArrayLike] = None,
+        vertices: Optional[Sequence[int]] = None,
+        faces: Optional[Sequence[int]] = None,
+        bary: Optional[ArrayLike] = None,
+        progress: bool = False,
+        prune: float = 0,
+        **options: Any,
+    ) -> Iterator[Result]:
         """Results for many sources, one after another, as an iterator.
 
         Sources are given by one of: points, (k, 3); vertices, (k,); faces, (k,), with bary, (k, 3).
@@ -190,16 +232,19 @@ class CutLocus:
         named = [(name, values) for name, values in given.items() if values is not None]
         if len(named) != 1:
             raise ArgumentError("say where by one of: points, vertices, faces with bary")
-        name, values = named[0]
+        name = named[0][0]
+        values: Any = named[0][1]
         weights = [None] * len(values) if bary is None else list(np.asarray(bary))
         if len(weights) != len(values):
             raise ArgumentError(f"{len(values)} faces, but {len(weights)} rows of bary")
-        sources = [self.mesh.place(**{name: value}, bary=weight)
-                   for value, weight in zip(values, weights)]
+        sources = [
+            self.mesh.place(bary=weight, **{name: value}) for value, weight in zip(values, weights)
+        ]
         return self._solve_each(sources, settings, progress, prune)
 
-    def _solve_each(self, sources: "list[Point]", options: Any, progress: bool,
-                    prune: float) -> Iterator[Result]:
+    def _solve_each(
+        self, sources: "list[Point]", options: Any, progress: bool, prune: float
+    ) -> Iterator[Result]:
         shown: Any = sources
         if progress:
             from tqdm.auto import tqdm
@@ -222,7 +267,9 @@ class CutLocus:
             np.minimum(best, self.solve(**where, **options).distance, out=best)
         return best
 
-    def shortest_path(self, start: ArrayLike, end: ArrayLike, **options: Any) -> NDArray[np.float64]:
+    def shortest_path(
+        self, start: ArrayLike, end: ArrayLike, **options: Any
+    ) -> NDArray[np.float64]:
         """Points of a minimal geodesic from start to end, (k, 3), straight in every triangle.
 
         start and end: vertex numbers, or points x, y, z of float. MeshError if no straight path
@@ -244,19 +291,27 @@ def _places(source: ArrayLike) -> "list[dict[str, Any]]":
         return [{"vertex": int(v)} for v in np.atleast_1d(where)]
     if where.dtype.kind == "f" and where.shape[-1:] == (3,) and where.ndim <= 2:
         return [{"point": xyz} for xyz in np.atleast_2d(where)]
-    raise ArgumentError(f"a source is a vertex number, or a point of three floats; not an array of "
-                        f"{where.dtype} of the shape {where.shape}")
+    raise ArgumentError(
+        f"a source is a vertex number, or a point of three floats; not an array of "
+        f"{where.dtype} of the shape {where.shape}"
+    )
 
 
 def _one_place(source: ArrayLike) -> "dict[str, Any]":
     places = _places(source)
     if len(places) != 1:
-        raise ArgumentError(f"one vertex or point is wanted, not {len(places)}; give points as floats")
+        raise ArgumentError(
+            f"one vertex or point is wanted, not {len(places)}; give points as floats"
+        )
     return places[0]
 
 
-def distance(vertices: Union[ArrayLike, MeshLike], faces: Optional[ArrayLike] = None,
-             source: ArrayLike = 0, **options: Any) -> NDArray[np.float64]:
+def distance(
+    vertices: Union[ArrayLike, MeshLike],
+    faces: Optional[ArrayLike] = None,
+    source: ArrayLike = 0,
+    **options: Any,
+) -> NDArray[np.float64]:
     """Geodesic distance of every vertex to a source: ``distance(V, F, 17)``.
 
     source: vertex number(s) or point(s), as in `CutLocus.distance`. For more than one call on a
@@ -265,15 +320,24 @@ def distance(vertices: Union[ArrayLike, MeshLike], faces: Optional[ArrayLike] = 
     return CutLocus(vertices, faces).distance(source, **options)
 
 
-def shortest_path(vertices: Union[ArrayLike, MeshLike], faces: Optional[ArrayLike], start: ArrayLike,
-                  end: ArrayLike, **options: Any) -> NDArray[np.float64]:
+def shortest_path(
+    vertices: Union[ArrayLike, MeshLike],
+    faces: Optional[ArrayLike],
+    start: ArrayLike,
+    end: ArrayLike,
+    **options: Any,
+) -> NDArray[np.float64]:
     """Points of a minimal geodesic, (k, 3): ``shortest_path(V, F, 17, 99)``; vertex numbers or
     points of float. See `CutLocus.shortest_path`."""
     return CutLocus(vertices, faces).shortest_path(start, end, **options)
 
 
-def cut_open(vertices: Union[ArrayLike, MeshLike], faces: Optional[ArrayLike] = None,
-             source: ArrayLike = 0, **options: Any) -> Cut:
+def cut_open(
+    vertices: Union[ArrayLike, MeshLike],
+    faces: Optional[ArrayLike] = None,
+    source: ArrayLike = 0,
+    **options: Any,
+) -> Cut:
     """The surface cut open along the cut locus of a source (vertex number or point): a disk.
     See `Result.cut_open`."""
     return CutLocus(vertices, faces).solve(**_one_place(source), **options).cut_open()

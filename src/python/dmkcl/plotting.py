@@ -1,4 +1,5 @@
 """Pictures of a result, with PyVista and Matplotlib (``pip install dmkcl[plot]``)."""
+
 from __future__ import annotations
 
 import os
@@ -28,10 +29,21 @@ def density_range(density: np.ndarray) -> "tuple[float, float]":
     return float(max(low, 1e-4 * high)), float(max(high, 1.001 * low))
 
 
-def plot(result: "Result", *, log: bool = True, contours: int = 20, locus: bool = True,
-         source: bool = True, cmap: Any = None, clim: Optional[Sequence[float]] = None,
-         scalars: str = "mu", plotter: Any = None, show: bool = True,
-         screenshot: "None | str | os.PathLike[str]" = None, **mesh_options: Any) -> Any:
+def plot(
+    result: "Result",
+    *,
+    log: bool = True,
+    contours: int = 20,
+    locus: bool = True,
+    source: bool = True,
+    cmap: Any = None,
+    clim: Optional[Sequence[float]] = None,
+    scalars: str = "mu",
+    plotter: Any = None,
+    show: bool = True,
+    screenshot: "None | str | os.PathLike[str]" = None,
+    **mesh_options: Any,
+) -> Any:
     """Show a result with PyVista.
 
     Parameters
@@ -57,10 +69,16 @@ def plot(result: "Result", *, log: bool = True, contours: int = 20, locus: bool 
         plotter = pyvista.Plotter(off_screen=True if screenshot else None)
     if clim is None and scalars == "mu":
         clim = density_range(result.density)
-    settings = dict(scalars=scalars, cmap=cmap or ListedColormap(density_map()), clim=clim,
-                    log_scale=log and scalars == "mu", smooth_shading=False,
-                    ambient=0.3, diffuse=0.8,
-                    scalar_bar_args={"title": scalars, "color": "black", "vertical": True})
+    settings = dict(
+        scalars=scalars,
+        cmap=cmap or ListedColormap(density_map()),
+        clim=clim,
+        log_scale=log and scalars == "mu",
+        smooth_shading=False,
+        ambient=0.3,
+        diffuse=0.8,
+        scalar_bar_args={"title": scalars, "color": "black", "vertical": True},
+    )
     plotter.set_background("white")
     surface = plotter.add_mesh(data, **{**settings, **mesh_options})
     # The surface steps back behind the lines that lie on it.
@@ -71,7 +89,9 @@ def plot(result: "Result", *, log: bool = True, contours: int = 20, locus: bool 
     if locus:
         _add_locus(plotter, result, 0.004 * scale)
     if source:
-        plotter.add_mesh(pyvista.Sphere(radius=0.013 * scale, center=result.source.xyz), color=SOURCE_COLOUR)
+        plotter.add_mesh(
+            pyvista.Sphere(radius=0.013 * scale, center=result.source.xyz), color=SOURCE_COLOUR
+        )
     plotter.view_vector(_viewpoint(result), viewup=(0, 0, 1))
     plotter.camera.zoom(1.2)
     if screenshot:
@@ -106,11 +126,13 @@ def _add_locus(plotter: Any, result: "Result", radius: float) -> None:
     elif lines.n_points:
         import pyvista
 
-        plotter.add_mesh(pyvista.Sphere(radius=2 * radius, center=lines.points[0]), color=LOCUS_COLOUR)
+        plotter.add_mesh(
+            pyvista.Sphere(radius=2 * radius, center=lines.points[0]), color=LOCUS_COLOUR
+        )
 
 
 def plot_tangent(result: "Result", *, ax: Any = None, **line_options: Any) -> Any:
-    """Draw the tangent cut locus with Matplotlib: the plane of directions and lengths at the source.
+    """Draw the tangent cut locus with Matplotlib: directions and lengths at the source.
 
     The disk inside is the part of the tangent plane that the exponential map lays on the surface
     once. Polar axes: angle in turns of the source, radius in the unit of the coordinates. With a
@@ -139,7 +161,7 @@ def plot_tangent(result: "Result", *, ax: Any = None, **line_options: Any) -> An
 
 
 def plot_history(result: "Result", *, ax: Any = None) -> Any:
-    """Draw the convergence with Matplotlib: relative change of mu and the certificate's gap by step.
+    """Draw the convergence with Matplotlib: relative change of mu and gap by step.
 
     The gap is known after the last step, and after each one if `gap` was given to solve. Returns
     the axes.
@@ -149,17 +171,30 @@ def plot_history(result: "Result", *, ax: Any = None) -> Any:
     if ax is None:
         ax = plt.figure().add_subplot()
     history, certificate = result.history, result.certificate
-    ax.semilogy(history["step"], history["change"], "o-", color="#1f5a96",
-                label="relative change of mu")
+    ax.semilogy(
+        history["step"], history["change"], "o-", color="#1f5a96", label="relative change of mu"
+    )
     if len(history):
-        ax.axhline(history["tolerance"][-1], color="#1f5a96", linewidth=0.8, linestyle=":",
-                   label="change at which it ends")
+        ax.axhline(
+            history["tolerance"][-1],
+            color="#1f5a96",
+            linewidth=0.8,
+            linestyle=":",
+            label="change at which it ends",
+        )
     known = np.isfinite(history["gap"]) & (history["gap"] > 0)
-    ax.semilogy(history["step"][known], history["gap"][known], "s-", color=LOCUS_COLOUR,
-                label="gap of the certificate")
+    ax.semilogy(
+        history["step"][known],
+        history["gap"][known],
+        "s-",
+        color=LOCUS_COLOUR,
+        label="gap of the certificate",
+    )
     ax.set_xlabel("step")
-    ax.set_title(f"cost between {certificate.lower:.7g} and {certificate.upper:.7g} "
-                 f"(gap {100 * certificate.gap:.2g} %)")
+    ax.set_title(
+        f"cost between {certificate.lower:.7g} and {certificate.upper:.7g} "
+        f"(gap {100 * certificate.gap:.2g} %)"
+    )
     ax.xaxis.get_major_locator().set_params(integer=True)
     ax.legend()
     return ax

@@ -5,6 +5,7 @@
 ``source``, if given, is lifted to the surface and becomes vertex 0, so that a mesh node lies there.
 ArgumentError if a size is not positive or there would be too many triangles.
 """
+
 from __future__ import annotations
 
 from typing import Optional, Sequence
@@ -15,8 +16,13 @@ from ._mesh import Mesh
 __all__ = ["torus", "ellipsoid", "quartic", "sphere"]
 
 
-def _make(name: str, sizes: Sequence[float], n_triangles: Optional[int], refine: int,
-          source: Optional[Sequence[float]]) -> Mesh:
+def _make(
+    name: str,
+    sizes: Sequence[float],
+    n_triangles: Optional[int],
+    refine: int,
+    source: Optional[Sequence[float]],
+) -> Mesh:
     text = ffi.new("char[]", name.encode())
     options = ffi.new("dmk_surface_options *")
     lib.dmk_surface_options_init(options)
@@ -34,25 +40,50 @@ def _make(name: str, sizes: Sequence[float], n_triangles: Optional[int], refine:
     return Mesh._adopt(handle)
 
 
-def torus(R: float = 2, r: float = 1, *, n_triangles: Optional[int] = None, refine: int = 0,
-          source: Optional[Sequence[float]] = None) -> Mesh:
+def torus(
+    R: float = 2,
+    r: float = 1,
+    *,
+    n_triangles: Optional[int] = None,
+    refine: int = 0,
+    source: Optional[Sequence[float]] = None,
+) -> Mesh:
     """Torus (sqrt(x^2 + y^2) - R)^2 + z^2 = r^2 around the z axis."""
     return _make("torus", (R, r), n_triangles, refine, source)
 
 
-def ellipsoid(a: float = 0.2, b: float = 0.6, c: float = 1, *, n_triangles: Optional[int] = None,
-              refine: int = 0, source: Optional[Sequence[float]] = None) -> Mesh:
+def ellipsoid(
+    a: float = 0.2,
+    b: float = 0.6,
+    c: float = 1,
+    *,
+    n_triangles: Optional[int] = None,
+    refine: int = 0,
+    source: Optional[Sequence[float]] = None,
+) -> Mesh:
     """Ellipsoid (x/a)^2 + (y/b)^2 + (z/c)^2 = 1."""
     return _make("ellipsoid", (a, b, c), n_triangles, refine, source)
 
 
-def quartic(a: float = 1, b: float = 1, c: float = 1, *, n_triangles: Optional[int] = None,
-            refine: int = 0, source: Optional[Sequence[float]] = None) -> Mesh:
+def quartic(
+    a: float = 1,
+    b: float = 1,
+    c: float = 1,
+    *,
+    n_triangles: Optional[int] = None,
+    refine: int = 0,
+    source: Optional[Sequence[float]] = None,
+) -> Mesh:
     """Quartic (x/a)^4 + (y/b)^4 + (z/c)^4 = 1."""
     return _make("quartic", (a, b, c), n_triangles, refine, source)
 
 
-def sphere(radius: float = 1, *, n_triangles: Optional[int] = None, refine: int = 0,
-           source: Optional[Sequence[float]] = None) -> Mesh:
+def sphere(
+    radius: float = 1,
+    *,
+    n_triangles: Optional[int] = None,
+    refine: int = 0,
+    source: Optional[Sequence[float]] = None,
+) -> Mesh:
     """Sphere of the given radius around the origin."""
     return _make("sphere", (radius,), n_triangles, refine, source)

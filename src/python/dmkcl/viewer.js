@@ -79,7 +79,8 @@ out vec4 colour;
 void main() {
     vec3 N = normalize(n), V = normalize(-x);
     if (dot(N, V) < 0.0) N = -N;
-    float t = logarithmic > 0.5 ? log(max(m, 1e-30) / range.x) / log(range.y / range.x) : m / range.y;
+    float t = m / range.y;
+    if (logarithmic > 0.5) t = log(max(m, 1e-30) / range.x) / log(range.y / range.x);
     vec3 base = texture(colours, vec2(clamp(t, 0.002, 0.998), 0.5)).rgb;
     vec3 light = normalize(vec3(0.3, 0.5, 1.0));
     float gloss = pow(max(dot(reflect(-light, N), V), 0.0), 30.0);
@@ -126,10 +127,12 @@ function program(vertex, fragment) {
         gl.shaderSource(shader, head + text);
         gl.compileShader(shader);
         gl.attachShader(made, shader);
-        if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
+        const log = gl.getShaderInfoLog(shader);
+        if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(log);
     }
     gl.linkProgram(made);
-    if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(made));
+    const log = gl.getProgramInfoLog(made);
+    if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error(log);
     const uniforms = {};
     for (let i = 0; i < gl.getProgramParameter(made, gl.ACTIVE_UNIFORMS); i++) {
         const name = gl.getActiveUniform(made, i).name;
@@ -159,7 +162,8 @@ function ribbons(ends) {
 }
 const shape = gl.createVertexArray();
 gl.bindVertexArray(shape);
-attributes(surface, corners(), 8, [["place", 3, 0], ["normal", 3, 3], ["distance", 1, 6], ["mu", 1, 7]], 0);
+const fields = [["place", 3, 0], ["normal", 3, 3], ["distance", 1, 6], ["mu", 1, 7]];
+attributes(surface, corners(), 8, fields, 0);
 const cut = ribbons(segments());
 const ball = ribbons(new Float32Array([...data.source, ...data.source]));
 gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
@@ -169,7 +173,8 @@ gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR);
 gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
 
 // ---- camera: a turn (3 rows of a rotation), a distance, a shift on the screen -----------------
-const cross = (a, b) => [0, 1, 2].map(k => a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3]);
+const cross = (a, b) => [
+    a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const unit = a => { const l = Math.hypot(...a) || 1; return a.map(x => x / l); };
 let turn, away, shift;
 
@@ -223,7 +228,8 @@ function drawRibbons(what, width, ink) {
 }
 function draw() {
     waiting = false;
-    const size = [canvas.clientWidth, canvas.clientHeight].map(s => Math.max(1, Math.round(s * devicePixelRatio)));
+    const size = [canvas.clientWidth, canvas.clientHeight]
+        .map(s => Math.max(1, Math.round(s * devicePixelRatio)));
     if (canvas.width !== size[0] || canvas.height !== size[1]) [canvas.width, canvas.height] = size;
     gl.viewport(0, 0, ...size);
     gl.enable(gl.DEPTH_TEST);
@@ -262,7 +268,10 @@ function bar() {
 
 // ---- hands ----------------------------------------------------------------------------------
 const held = new Map(); // pointers on the canvas: id -> [x, y]
-const spread = () => { const [a, b] = [...held.values()]; return Math.hypot(a[0] - b[0], a[1] - b[1]); };
+function spread() {
+    const [a, b] = [...held.values()];
+    return Math.hypot(a[0] - b[0], a[1] - b[1]);
+}
 const nearer = factor => { away = Math.min(8, Math.max(0.3, away * factor)); ask(); };
 canvas.onpointerdown = event => {
     canvas.setPointerCapture(event.pointerId);
@@ -288,15 +297,17 @@ canvas.addEventListener("wheel", event => {
     nearer(Math.exp(0.001 * event.deltaY * (event.deltaMode ? 30 : 1)));
 }, {passive: false});
 canvas.ondblclick = () => { reset(); ask(); };
+const arrows = {
+    ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1]};
 canvas.onkeydown = event => {
-    const step = {ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1]}[event.key];
+    const step = arrows[event.key];
     if (step) rotate(...step), ask();
     else if (event.key === "+") nearer(0.9);
     else if (event.key === "-") nearer(1 / 0.9);
 };
 for (const id of ["log", "lines", "cut"]) element(id).onchange = () => { bar(); ask(); };
 window.onresize = ask;
-canvas.addEventListener("webglcontextlost", event => { event.preventDefault(); location.reload(); });
+canvas.addEventListener("webglcontextlost", () => location.reload());
 
 bar();
 reset();

@@ -1,4 +1,5 @@
 """Cut a surface open along a cut locus: the seam is as far from the chosen point as can be."""
+
 import numpy as np
 
 import dmkcl

@@ -1,4 +1,5 @@
 """Distances and shortest paths, with the calls that potpourri3d has."""
+
 import numpy as np
 
 import dmkcl
@@ -13,13 +14,15 @@ print("from a point inside a triangle:", solver.distance(np.array([0.3, 0.2, 1.1
 
 # As potpourri3d.EdgeFlipGeodesicSolver.find_geodesic_path.
 line = solver.shortest_path(0, 900)
-print(f"shortest path: {len(line)} points, length {np.linalg.norm(np.diff(line, axis=0), axis=1).sum():.6g}")
+steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
+print(f"shortest path: {len(line)} points, length {steps.sum():.6g}")
 
 # Many paths from one source: solve once.
 result = solver.solve(vertex=0)
 for vertex in (100, 500, 900):
     path = result.path(vertex=vertex)
-    print(f"to vertex {vertex}: length {path.length:.6g}, it leaves at {np.degrees(path.angle):.1f} degrees")
+    leaves = np.degrees(path.angle)
+    print(f"to vertex {vertex}: length {path.length:.6g}, it leaves at {leaves:.1f} degrees")
 
 # One call, where nothing is to be kept.
 assert np.array_equal(dmkcl.distance(V, F, 0), result.distance)

@@ -1,4 +1,5 @@
 """Meshes of trimesh and meshio go in as they are; results go back to trimesh and PyVista."""
+
 import meshio
 import trimesh
 

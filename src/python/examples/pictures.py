@@ -1,4 +1,5 @@
-"""The four pictures of a result. Without `screenshot`, plot() opens a window or a notebook's view."""
+"""The four pictures of a result. Without `screenshot`, plot() opens a window."""
+
 from matplotlib import pyplot
 
 import dmkcl

@@ -1,4 +1,5 @@
 """What happens on the way: progress, Ctrl-C, errors in words."""
+
 import numpy as np
 
 import dmkcl
@@ -22,7 +23,10 @@ except KeyboardInterrupt:
 
 # Errors say what is wrong and where.
 V, F = solver.mesh
-for name, wrong in {"twisted": np.vstack([F[:1, ::-1], F[1:]]), "double": np.vstack([F, F[:1]])}.items():
+for name, wrong in {
+    "twisted": np.vstack([F[:1, ::-1], F[1:]]),
+    "double": np.vstack([F, F[:1]]),
+}.items():
     try:
         dmkcl.CutLocus(V, wrong)
     except dmkcl.MeshError as error:

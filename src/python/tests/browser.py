@@ -1,4 +1,5 @@
 """A headless Chromium, led over pipes by the DevTools protocol."""
+
 import base64
 import json
 import os
@@ -19,27 +20,48 @@ class Browser:
         to_read, self.to = os.pipe()
         self.back, to_write = os.pipe()
         # The protocol wants the file descriptors 3 and 4; software draws, the network is cut off.
-        words = [program, "--headless=new", "--no-sandbox", "--disable-dev-shm-usage",
-                 "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--remote-debugging-pipe",
-                 "--host-resolver-rules=MAP * ~NOTFOUND", "--disable-background-networking",
-                 "--no-first-run", "--hide-scrollbars", f"--user-data-dir={self.folder / 'profile'}"]
+        words = [
+            program,
+            "--headless=new",
+            "--no-sandbox",
+            "--disable-dev-shm-usage",
+            "--use-angle=swiftshader",
+            "--enable-unsafe-swiftshader",
+            "--remote-debugging-pipe",
+            "--host-resolver-rules=MAP * ~NOTFOUND",
+            "--disable-background-networking",
+            "--no-first-run",
+            "--hide-scrollbars",
+            f"--user-data-dir={self.folder / 'profile'}",
+        ]
         homes = dict.fromkeys(("HOME", "XDG_CONFIG_HOME", "XDG_CACHE_HOME"), str(self.folder))
         self.log = open(self.folder / "log", "wb")
         self.process = subprocess.Popen(
             ["bash", "-c", f'exec "$@" 3<&{to_read} 4>&{to_write}', "bash", *words],
-            pass_fds=(to_read, to_write), env={**os.environ, **homes}, stdin=subprocess.DEVNULL,
-            stdout=self.log, stderr=self.log)
+            pass_fds=(to_read, to_write),
+            env={**os.environ, **homes},
+            stdin=subprocess.DEVNULL,
+            stdout=self.log,
+            stderr=self.log,
+        )
         os.close(to_read)
         os.close(to_write)
         self.rest, self.number, self.session = b"", 0, None
         self.complaints, self.requests, self.frames = [], [], ""
         self.picture = self.folder / "picture.png"
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
-        self.session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        self.session = self.call("Target.attachToTarget", targetId=target, flatten=True)[
+            "sessionId"
+        ]
         for domain in ("Runtime", "Log", "Network", "Page"):
             self.call(domain + ".enable")
-        self.call("Emulation.setDeviceMetricsOverride", width=WIDTH, height=HEIGHT,
-                  deviceScaleFactor=1, mobile=False)
+        self.call(
+            "Emulation.setDeviceMetricsOverride",
+            width=WIDTH,
+            height=HEIGHT,
+            deviceScaleFactor=1,
+            mobile=False,
+        )
 
     def __enter__(self):
         return self
@@ -73,8 +95,10 @@ class Browser:
             ready, _, _ = select.select([self.back], [], [], max(0, end - time.monotonic()))
             piece = os.read(self.back, 1 << 20) if ready else b""
             if not piece:
-                raise RuntimeError("Chromium does not answer:\n"
-                                   + (self.folder / "log").read_text(errors="replace")[-3000:])
+                raise RuntimeError(
+                    "Chromium does not answer:\n"
+                    + (self.folder / "log").read_text(errors="replace")[-3000:]
+                )
             self.rest += piece
         message, self.rest = self.rest.split(b"\0", 1)
         return json.loads(message)
@@ -83,7 +107,11 @@ class Browser:
         """Keep what the page complains of, and what it asks the network for."""
         params = event.get("params", {})
         method = event.get("method")
-        if method == "Runtime.consoleAPICalled" and params["type"] in ("error", "warning", "assert"):
+        if method == "Runtime.consoleAPICalled" and params["type"] in (
+            "error",
+            "warning",
+            "assert",
+        ):
             self.complaints.append(params["args"])
         elif method == "Runtime.exceptionThrown":
             self.complaints.append(params["exceptionDetails"])
@@ -104,7 +132,8 @@ class Browser:
         do()
         end = time.monotonic() + PATIENCE
         while int(self.value(self.frames) or 0) <= before:
-            assert time.monotonic() < end, f"the page does not draw: {self.complaints}"
+            late = time.monotonic() > end
+            assert not late and not self.complaints, f"the page does not draw: {self.complaints}"
             time.sleep(0.02)
 
     # ---- a person -----------------------------------------------------------------------------

@@ -1,4 +1,5 @@
 """What the tests share: a solved torus, and TAP for the repository's test runner."""
+
 import os
 from pathlib import Path
 

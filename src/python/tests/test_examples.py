@@ -1,4 +1,5 @@
 """Each example runs as it stands and writes what it says."""
+
 import re
 import subprocess
 import sys
@@ -11,8 +12,13 @@ EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
 def test_example(example, tmp_path):
-    done = subprocess.run([sys.executable, "-W", "error::DeprecationWarning:__main__", example],
-                          cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(
+        [sys.executable, "-W", "error::DeprecationWarning:__main__", example],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip()
     promised = re.findall(r'"([\w-]+\.(?:png|html|obj|vtp|vtu|ply))"', example.read_text())
@@ -26,7 +32,9 @@ def test_the_readme_runs(tmp_path):
     assert blocks
     (tmp_path / "meshes").symlink_to(root / "meshes")
     for block in blocks:
-        done = subprocess.run([sys.executable, "-c", block], cwd=tmp_path, capture_output=True, text=True)
+        done = subprocess.run(
+            [sys.executable, "-c", block], cwd=tmp_path, capture_output=True, text=True
+        )
         assert done.returncode == 0, done.stderr
     assert (tmp_path / "torus.html").stat().st_size > 0
 

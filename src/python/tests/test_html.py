@@ -1,4 +1,5 @@
 """The page of `export_html`, in a headless Chromium that has no network."""
+
 import os
 import re
 import shutil
@@ -9,7 +10,9 @@ import pytest
 import dmkcl
 from browser import Browser
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+CHROMIUM = (
+    shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+)
 needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here")
 
 

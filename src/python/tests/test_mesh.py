@@ -1,4 +1,5 @@
 """Meshes: arrays in and out, points, errors, mesh objects of other packages."""
+
 import gc
 
 import numpy as np
@@ -48,15 +49,18 @@ def test_edges_and_face_edges(small):
         assert np.array_equal(small.edges[small.face_edges[:, k]], ends)
 
 
-@pytest.mark.parametrize("V, F, words", [
-    (np.zeros((4, 2, 3)), [[0, 1, 2]], "shape"),
-    (np.eye(3), [[0, 1, 2, 0]], "triangles only"),
-    (np.eye(3), [[0.0, 1.0, 2.0]], "integers"),
-    (np.eye(3), [[0, 1, 3]], "triangle 0 names the vertices"),
-    (np.eye(3), [[0, 1, -1]], "triangle 0 names the vertices"),
-    (np.eye(3) * np.nan, [[0, 1, 2]], "finite|NaN|nan"),
-    (np.eye(3), [[0, 1, 1]], "triangle 0"),
-])
+@pytest.mark.parametrize(
+    "V, F, words",
+    [
+        (np.zeros((4, 2, 3)), [[0, 1, 2]], "shape"),
+        (np.eye(3), [[0, 1, 2, 0]], "triangles only"),
+        (np.eye(3), [[0.0, 1.0, 2.0]], "integers"),
+        (np.eye(3), [[0, 1, 3]], "triangle 0 names the vertices"),
+        (np.eye(3), [[0, 1, -1]], "triangle 0 names the vertices"),
+        (np.eye(3) * np.nan, [[0, 1, 2]], "finite|NaN|nan"),
+        (np.eye(3), [[0, 1, 1]], "triangle 0"),
+    ],
+)
 def test_bad_arrays_are_named(V, F, words):
     with pytest.raises((dmkcl.ArgumentError, dmkcl.MeshError), match=words) as told:
         dmkcl.Mesh(V, F)
@@ -80,12 +84,23 @@ def test_points(small):
     assert small.at_face(5, (2, 0, 2)).bary == (0.5, 0, 0.5)
 
 
-@pytest.mark.parametrize("where", [
-    {}, {"vertex": 0, "point": (1, 0, 0)}, {"vertex": -1}, {"vertex": 10**6}, {"face": -1},
-    {"face": 10**6}, {"face": 0, "bary": (1, -1, 1)}, {"face": 0, "bary": (0, 0, 0)},
-    {"face": 0, "bary": (1, 1)}, {"vertex": 0, "bary": (1, 0, 0)}, {"point": (np.nan, 0, 0)},
-    {"point": (1, 0)},
-])
+@pytest.mark.parametrize(
+    "where",
+    [
+        {},
+        {"vertex": 0, "point": (1, 0, 0)},
+        {"vertex": -1},
+        {"vertex": 10**6},
+        {"face": -1},
+        {"face": 10**6},
+        {"face": 0, "bary": (1, -1, 1)},
+        {"face": 0, "bary": (0, 0, 0)},
+        {"face": 0, "bary": (1, 1)},
+        {"vertex": 0, "bary": (1, 0, 0)},
+        {"point": (np.nan, 0, 0)},
+        {"point": (1, 0)},
+    ],
+)
 def test_bad_points(small, where):
     with pytest.raises(dmkcl.ArgumentError):
         small.place(**where)
@@ -124,9 +139,10 @@ def test_meshio_cells(small):
     V, F = small
     back = dmkcl.CutLocus(meshio.Mesh(V, [("triangle", F)])).mesh
     assert np.array_equal(back.vertices, V) and np.array_equal(back.faces, F)
-    square = meshio.Mesh([[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [2, 1]],
-                         [("vertex", [[0]]), ("quad", [[0, 1, 4, 3]]),
-                          ("triangle", [[1, 2, 5], [1, 5, 4]])])
+    square = meshio.Mesh(
+        [[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [2, 1]],
+        [("vertex", [[0]]), ("quad", [[0, 1, 4, 3]]), ("triangle", [[1, 2, 5], [1, 5, 4]])],
+    )
     assert dmkcl.CutLocus(square).mesh.info["area"] == 2
     with pytest.raises(dmkcl.MeshError, match="tetra"):
         dmkcl.CutLocus(meshio.Mesh(np.zeros((4, 3)), [("tetra", [[0, 1, 2, 3]])]))

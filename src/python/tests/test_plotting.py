@@ -1,4 +1,5 @@
 """Pictures by PyVista and Matplotlib."""
+
 import numpy as np
 import pytest
 
@@ -27,7 +28,9 @@ def test_colours_step_evenly():
 def test_plot(tmp_path, result):
     result.plot(screenshot=tmp_path / "picture.png")
     picture = pyvista.read(tmp_path / "picture.png")
-    pixels = np.asarray(picture.active_scalars).reshape(picture.dimensions[1], picture.dimensions[0], -1)
+    pixels = np.asarray(picture.active_scalars).reshape(
+        picture.dimensions[1], picture.dimensions[0], -1
+    )
     white = near(pixels, (255, 255, 255), 2)
     assert 0.2 * pixels[..., 0].size < white < 0.9 * pixels[..., 0].size
     assert near(pixels, (180, 25, 28)) > 500  # the locus

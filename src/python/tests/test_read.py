@@ -1,4 +1,5 @@
 """`dmkcl.read`: the library's formats, and files written by meshio and trimesh."""
+
 import gzip
 import shutil
 
@@ -17,8 +18,17 @@ def same_surface(mesh, small, tolerance=1e-12):
     assert mesh.info["area"] == pytest.approx(small.info["area"], rel=max(tolerance, 1e-12))
 
 
-MESHIO = {"stl": 1e-6, "ply": 1e-12, "obj": 1e-12, "off": 1e-12, "vtk": 1e-12, "vtu": 1e-12,
-          "msh": 1e-12, "mesh": 1e-12, "inp": 1e-12}
+MESHIO = {
+    "stl": 1e-6,
+    "ply": 1e-12,
+    "obj": 1e-12,
+    "off": 1e-12,
+    "vtk": 1e-12,
+    "vtu": 1e-12,
+    "msh": 1e-12,
+    "mesh": 1e-12,
+    "inp": 1e-12,
+}
 
 
 @pytest.mark.parametrize("suffix", MESHIO)
@@ -66,7 +76,9 @@ def test_errors(tmp_path):
     with pytest.raises(dmkcl.FormatError, match="meshio.*trimesh"):
         dmkcl.read(odd)
     tetra = tmp_path / "tetra.inp"
-    meshio.write(tetra, meshio.Mesh(np.vstack([np.zeros(3), np.eye(3)]), [("tetra", [[0, 1, 2, 3]])]))
+    meshio.write(
+        tetra, meshio.Mesh(np.vstack([np.zeros(3), np.eye(3)]), [("tetra", [[0, 1, 2, 3]])])
+    )
     with pytest.raises(dmkcl.MeshError, match="tetra"):
         dmkcl.read(tetra)
     bad = tmp_path / "bad.off"

@@ -1,4 +1,5 @@
 """While it runs: progress, exceptions, Ctrl-C, threads, the GIL."""
+
 import multiprocessing
 import signal
 import subprocess
@@ -58,8 +59,9 @@ print("again", solver.solve(vertex=0).stats["steps"], flush=True)
 
 def test_ctrl_c():
     code = INTERRUPTED.replace("{options!r}", repr(ENDLESS))
-    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE,
-                          stderr=subprocess.PIPE, text=True) as child:
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as child:
         try:
             for line in child.stdout:
                 if line.startswith("step 2"):

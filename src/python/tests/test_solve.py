@@ -1,4 +1,5 @@
 """Solving: the arrays, against known surfaces and against themselves."""
+
 import gc
 
 import numpy as np
@@ -16,8 +17,15 @@ def test_certificate_holds_the_torus_cost(result):
 
 def test_shapes_types_and_signs(torus, result):
     n, m, e = (torus.info[k] for k in ("n_vertices", "n_triangles", "n_edges"))
-    shapes = dict(density=(m,), acl=(m,), potential=(n,), distance=(n,), potential_mid=(e,),
-                  distance_mid=(e,), gradient=(m, 3))
+    shapes = dict(
+        density=(m,),
+        acl=(m,),
+        potential=(n,),
+        distance=(n,),
+        potential_mid=(e,),
+        distance_mid=(e,),
+        gradient=(m, 3),
+    )
     for name, shape in shapes.items():
         array = getattr(result, name)
         assert array.shape == shape and not array.flags.writeable, name
@@ -42,9 +50,12 @@ def test_gradient_is_the_mean_of_the_four_triangles(torus, result):
         middle = np.array([(x[1] + x[2]) / 2, (x[2] + x[0]) / 2, (x[0] + x[1]) / 2])
         d = result.distance[torus.faces[t]]
         d_mid = result.distance_mid[torus.face_edges[t]]
-        quarters = [([x[0], middle[2], middle[1]], [d[0], d_mid[2], d_mid[1]]),
-                    ([x[1], middle[0], middle[2]], [d[1], d_mid[0], d_mid[2]]),
-                    ([x[2], middle[1], middle[0]], [d[2], d_mid[1], d_mid[0]]), (middle, d_mid)]
+        quarters = [
+            ([x[0], middle[2], middle[1]], [d[0], d_mid[2], d_mid[1]]),
+            ([x[1], middle[0], middle[2]], [d[1], d_mid[0], d_mid[2]]),
+            ([x[2], middle[1], middle[0]], [d[2], d_mid[1], d_mid[0]]),
+            (middle, d_mid),
+        ]
         slopes = []
         for corners, values in quarters:
             side = np.array([corners[1] - corners[0], corners[2] - corners[0]])
@@ -82,10 +93,10 @@ def test_other_components_are_told_apart(small):
     V, F = small
     two = dmkcl.CutLocus(np.vstack([V, V + [5, 0, 0]]), np.vstack([F, F + len(V)]))
     first, second = two.solve(vertex=0), two.solve(vertex=len(V))
-    assert np.isfinite(first.distance[:len(V)]).all() and np.isinf(first.distance[len(V):]).all()
-    assert (first.density[len(F):] == 0).all() and np.isnan(first.gradient[len(F):]).all()
-    assert np.isfinite(first.gradient[:len(F)]).all()
-    assert np.allclose(first.distance[:len(V)], second.distance[len(V):], atol=1e-9)
+    assert np.isfinite(first.distance[: len(V)]).all() and np.isinf(first.distance[len(V) :]).all()
+    assert (first.density[len(F) :] == 0).all() and np.isnan(first.gradient[len(F) :]).all()
+    assert np.isfinite(first.gradient[: len(F)]).all()
+    assert np.allclose(first.distance[: len(V)], second.distance[len(V) :], atol=1e-9)
 
 
 def test_solve_many(solver, result):
@@ -97,8 +108,16 @@ def test_solve_many(solver, result):
     assert len(list(solver.solve_many(faces=[3, 4], bary=np.full((2, 3), 1 / 3)))) == 2
 
 
-@pytest.mark.parametrize("sources", [{}, {"vertices": [0], "points": [(1, 0, 0)]}, {"vertices": [-1]},
-                                     {"points": (1, 0, 0)}, {"faces": [0, 1], "bary": [(1, 0, 0)]}])
+@pytest.mark.parametrize(
+    "sources",
+    [
+        {},
+        {"vertices": [0], "points": [(1, 0, 0)]},
+        {"vertices": [-1]},
+        {"points": (1, 0, 0)},
+        {"faces": [0, 1], "bary": [(1, 0, 0)]},
+    ],
+)
 def test_solve_many_checks_at_once(solver, sources):
     with pytest.raises(dmkcl.ArgumentError):
         solver.solve_many(**sources)
@@ -165,7 +184,9 @@ def test_locus(torus, result):
     ends = locus.vertices[locus.edges]
     assert np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).sum() == pytest.approx(locus.length)
     assert np.array_equal(np.bincount(locus.edges.ravel(), minlength=k), locus.degree)
-    assert (locus.strength[locus.kind != 1] > 0).all() and len(locus.edge_strength) == len(locus.edges)
+    assert (locus.strength[locus.kind != 1] > 0).all() and len(locus.edge_strength) == len(
+        locus.edges
+    )
 
 
 def test_polylines_are_the_edges(result):
@@ -183,15 +204,16 @@ def test_tangent(result):
     assert len(angle) == 2 * len(result.locus.vertices)
     assert (np.diff(angle) >= 0).all() and angle[0] >= 0 and angle[-1] < 2 * np.pi
     assert np.array_equal(time, result.locus.distance[vertex])
-    # The nearest point of the cut locus is the end of the way around the tube; the farthest is where
-    # the opposite meridian crosses the inner equator.
+    # The nearest point of the cut locus is half around the tube.
     assert time.min() == pytest.approx(np.pi, abs=2e-2)
     assert time.max() == pytest.approx(result.locus.distance.max())
 
 
 def test_path(torus, result):
     path = result.path(vertex=100)
-    assert np.allclose(path.points[0], (3, 0, 0)) and np.allclose(path.points[-1], torus.vertices[100])
+    assert np.allclose(path.points[0], (3, 0, 0)) and np.allclose(
+        path.points[-1], torus.vertices[100]
+    )
     steps = np.linalg.norm(np.diff(path.points, axis=0), axis=1)
     assert steps.sum() == pytest.approx(path.length)
     assert path.length == pytest.approx(result.distance[100], abs=torus.info["mean_edge"])
@@ -239,7 +261,9 @@ def test_write(tmp_path, torus, result):
     torus.write(tmp_path / "mesh.ply")
     assert (tmp_path / "locus.obj").stat().st_size > 0
     again = dmkcl.read(tmp_path / "mesh.ply")
-    assert np.array_equal(again.vertices, torus.vertices) and np.array_equal(again.faces, torus.faces)
+    assert np.array_equal(again.vertices, torus.vertices) and np.array_equal(
+        again.faces, torus.faces
+    )
     with pytest.raises(dmkcl.FileError, match="no-such-folder") as told:
         result.write(tmp_path / "no-such-folder" / "x.vtp")
     assert isinstance(told.value, OSError)
@@ -251,7 +275,9 @@ def test_to_pyvista(result):
     assert np.array_equal(data.cell_data["mu"], result.density)
     assert np.array_equal(data.point_data["distance"], result.distance)
     lines = result.locus.to_pyvista()
-    assert lines.n_points == len(result.locus.vertices) and lines.n_lines == len(result.locus.polylines)
+    assert lines.n_points == len(result.locus.vertices) and lines.n_lines == len(
+        result.locus.polylines
+    )
     assert lines.length > 0 and "strength" in lines.point_data
 
 

@@ -1,4 +1,5 @@
 """The package as it is installed: the tool, types, version, the wheel's parts."""
+
 import importlib.metadata
 import inspect
 import subprocess
@@ -32,7 +33,9 @@ def test_everything_public_is_documented():
         thing = getattr(dmkcl, name)
         assert inspect.getdoc(thing), name
         for part, member in vars(thing).items() if inspect.isclass(thing) else ():
-            if not part.startswith("_") and (inspect.isfunction(member) or isinstance(member, property)):
+            if not part.startswith("_") and (
+                inspect.isfunction(member) or isinstance(member, property)
+            ):
                 assert inspect.getdoc(member), f"{name}.{part}"
 
 
