@@ -127,6 +127,24 @@ done:
     return rc;
 }
 
+/* Give the edges of `smooth` the numbers that they have in m. */
+static int number_edges_as(dmk_context *ctx, const dmk_mesh *m, dmk_mesh *smooth)
+{
+    double *length = NULL;
+    int rc = DMK_NEW(ctx, length, (size_t)m->n_edges);
+    if (rc != DMK_OK) return rc;
+    for (int32_t h = 0; h < 3 * m->n_triangles; h++)
+        length[m->triangle_edge[h]] = smooth->length[smooth->triangle_edge[h]];
+    free(smooth->length);
+    smooth->length = length;
+    memcpy(smooth->triangle_edge, m->triangle_edge,
+           3 * (size_t)m->n_triangles * sizeof *m->triangle_edge);
+    memcpy(smooth->edge_vertex, m->edge_vertex, 2 * (size_t)m->n_edges * sizeof *m->edge_vertex);
+    memcpy(smooth->edge_triangle, m->edge_triangle,
+           2 * (size_t)m->n_edges * sizeof *m->edge_triangle);
+    return DMK_OK;
+}
+
 int dmk_rays_smooth(dmk_context *ctx, const dmk_rays *r, dmk_mesh **smooth)
 {
     int rc;
@@ -138,7 +156,10 @@ int dmk_rays_smooth(dmk_context *ctx, const dmk_rays *r, dmk_mesh **smooth)
     move(&s);
     rc = dmk_mesh_create(ctx, (size_t)r->mesh->n_vertices, s.xyz, (size_t)r->mesh->n_triangles,
                          r->mesh->triangle, smooth);
-    if (rc == DMK_E_MESH) rc = DMK_OK; /* a triangle has collapsed: stay with the given mesh */
+    if (rc == DMK_E_MESH)
+        rc = DMK_OK; /* a triangle has collapsed: stay with the given mesh */
+    else if (rc == DMK_OK)
+        rc = number_edges_as(ctx, r->mesh, *smooth);
 done:
     free(s.xyz);
     free(s.normal);
