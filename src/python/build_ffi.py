@@ -38,6 +38,8 @@ ffi.set_source(
     '#include "dmkcl.h"\n#include <stdlib.h>\n',
     include_dirs=[str(ROOT / "include")],
     extra_objects=[str(BUILD / "libdmkcl.a")],
+    # In a build folder that is kept, linked again when one of these is newer.
+    depends=[str(BUILD / "libdmkcl.a"), str(ROOT / "include/dmkcl.h"), str(ROOT / "Makefile")],
     libraries=libraries((ROOT / "Makefile").read_text()),
     # The library's own symbols stay inside: another libdmkcl in the process does no harm.
     extra_link_args=["-Wl,--exclude-libs,ALL", "-Wl,--as-needed"],
