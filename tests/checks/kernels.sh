@@ -8,7 +8,9 @@ export UBSAN_OPTIONS=print_stacktrace=1 ASAN_OPTIONS=detect_stack_use_after_retu
 sources=$(ls src/*.c src/base/*.c src/mesh/*.c src/io/*.c src/device/*.c src/solver/*.c src/locus/*.c)
 sanitize='-g -O1 -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
     -shared-libsan'
-"$build/dmkcl" mesh sphere --triangles 320 --source 0,0,1 --out "$work/sphere.off" --quiet || exit 1
+"$build/dmkcl" mesh sphere --triangles 320 --source 0,0,1 --out "$work/gpu.off" --quiet || exit 1
+# Large enough for the CPU shape to share the work among threads.
+"$build/dmkcl" mesh sphere --triangles 2000 --source 0,0,1 --out "$work/cpu.off" --quiet || exit 1
 clang $flags $sanitize -w -rdynamic tests/checks/solve.c tests/checks/native/opencl.c $sources \
     "$build/kernels.c" -o "$work/solve" -ldl ${libs/-lOpenCL/} \
     -Wl,-rpath,"$(dirname "$(clang -print-file-name=libclang_rt.asan-x86_64.so)")" || exit 1
@@ -16,7 +18,7 @@ clang $flags $sanitize -w -rdynamic tests/checks/solve.c tests/checks/native/ope
 for shape in cpu gpu; do
     for precision in double single; do
         try "$shape shape, $precision precision" \
-            timeout 600 "$work/solve" "$work/sphere.off" $shape $precision
+            timeout 600 "$work/solve" "$work/$shape.off" $shape $precision
         sed -n 's/^kernel //p' "$work/said" | sort -u > "$work/seen"
         for kernel in $(grep -ho '^KERNEL [a-z_]\+' kernels/*.cl | cut -d' ' -f2 | sort -u); do
             [ $kernel = narrow_copy ] && continue # the benchmark's copy

@@ -28,6 +28,10 @@ float OVER clamp(float x, float lo, float hi) { return fmin(fmax(x, lo), hi); }
 int OVER min(int a, int b) { return a < b ? a : b; }
 int OVER max(int a, int b) { return a > b ? a : b; }
 int OVER clamp(int x, int lo, int hi) { return min(max(x, lo), hi); }
+int OVER atomic_cmpxchg(volatile global int *p, int old, int x)
+{
+    return __sync_val_compare_and_swap(p, old, x);
+}
 int OVER atomic_max(volatile global int *p, int x) { return __sync_fetch_and_max(p, x); }
 
 double native_sqrt(double);

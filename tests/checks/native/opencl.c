@@ -1,11 +1,12 @@
 /* A small OpenCL for checks: as much of it as dmkcl calls. Kernels are compiled for the processor
- * under sanitizers by build.sh and called like any function, work-items one after another, or, where
+ * by build.sh, under sanitizers or for valgrind, and called like any function, work-items one after another, or, where
  * they wait for each other, each on a thread. Buffers are of just the size asked for.
  * NATIVE_BUILD: path of build.sh; NATIVE_FOLDER: where to put what it makes. */
 #include <CL/cl.h>
 #include <dlfcn.h>
 #include <math.h>
 #include <pthread.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -80,6 +81,36 @@ static void run_group(cl_kernel kernel, void **args, size_t g, size_t n_groups, 
     if (together) pthread_barrier_destroy(&wait_here);
 }
 
+/* Groups of one item run on two threads, as they come. */
+typedef struct crew {
+    cl_kernel kernel;
+    void **args;
+    size_t n_groups;
+    atomic_size_t next;
+} crew;
+
+static void *run_crew(void *data)
+{
+    crew *c = data;
+    for (size_t g; (g = atomic_fetch_add(&c->next, 1)) < c->n_groups;) {
+        run_group(c->kernel, c->args, g, c->n_groups, 1);
+    }
+    return NULL;
+}
+
+static void run_groups(cl_kernel kernel, void **args, size_t n_groups, size_t n_local)
+{
+    crew c = {kernel, args, n_groups, 0};
+    pthread_t other;
+    if (n_local > 1) {
+        for (size_t g = 0; g < n_groups; g++) run_group(kernel, args, g, n_groups, n_local);
+        return;
+    }
+    CHECK(pthread_create(&other, NULL, run_crew, &c) == 0);
+    run_crew(&c);
+    pthread_join(other, NULL);
+}
+
 cl_int clEnqueueNDRangeKernel(cl_command_queue queue, cl_kernel kernel, cl_uint dim,
                               const size_t *offset, const size_t *global, const size_t *size,
                               cl_uint n_wait, const cl_event *wait, cl_event *event)
@@ -93,9 +124,7 @@ cl_int clEnqueueNDRangeKernel(cl_command_queue queue, cl_kernel kernel, cl_uint 
         if (kernel->is_buffer[i]) buffers[i] = memory ? memory->data : NULL;
         args[i] = kernel->is_buffer[i] ? (void *)&buffers[i] : (void *)kernel->value[i];
     }
-    for (size_t g = 0; g < *global / *size; g++) {
-        run_group(kernel, args, g, *global / *size, *size);
-    }
+    run_groups(kernel, args, *global / *size, *size);
     return CL_SUCCESS;
 }
 
@@ -262,7 +291,7 @@ cl_int clGetDeviceIDs(cl_platform_id p, cl_device_type type, cl_uint room, cl_de
 cl_int clGetDeviceInfo(cl_device_id id, cl_device_info what, size_t size, void *to, size_t *n)
 {
     const cl_device_type type = CL_DEVICE_TYPE_CPU;
-    const cl_uint units = 1;
+    const cl_uint units = 2;
     const cl_ulong memory = 1 << 30;
     const cl_device_fp_config fp64 = CL_FP_FMA;
     CHECK(id == &the_device);
