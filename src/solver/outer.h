@@ -20,7 +20,7 @@ typedef struct dmk_outer {
 enum { DMK_NEWTON_STEPS = 60, DMK_EXPLICIT_STEPS = 2000 };
 
 /* Relative L1 change of mu that ends the default method: the density's error is about as large. */
-static const double DMK_DEFAULT_TOLERANCE = 4e-3;
+static const double DMK_DEFAULT_TOLERANCE = 3e-3;
 /* mu stays above this many square roots of the element's area, so that logarithms exist. */
 static const double DMK_FLOOR = 1e-4;
 
