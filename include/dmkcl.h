@@ -351,7 +351,8 @@ int dmk_path_write(dmk_context *context, const dmk_mesh *mesh, const dmk_path *p
 
 /* The component of the source cut open along its cut locus: a disk, with one border loop and Euler
  * characteristic 1. Triangles that the locus crosses are split, so that it runs along edges; its
- * points are vertices once for each side. A locus that is one point becomes a slit of two edges at
+ * points are vertices once for each side, and keep 0.15 of an edge from the edge's ends, so that no
+ * needles come about. A locus that is one point becomes a slit of two edges at
  * the farthest vertex; with a border around a disk there is nothing to cut. The mesh begins with the
  * component's vertices in the input's order. *origin (NULL: not wanted) tells for each vertex of the
  * cut mesh the vertex of `mesh` at the same place, or -1 for points of the locus; freed with free(). */

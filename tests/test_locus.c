@@ -724,6 +724,7 @@ static void check_cut(scene *s)
     assert_int_equal(after.n_border_loops, 1);
     assert_int_equal(after.euler, 1);
     assert_true(fabs(after.area / before.area - 1) < 1e-12);
+    assert_true(after.min_angle > 0.1 * before.min_angle); /* no needles */
     for (size_t v = 0; v < after.n_vertices; v++) {
         if (origin[v] < 0) continue;
         assert_memory_equal(cut->xyz + 3 * v, s->mesh->xyz + 3 * origin[v], 3 * sizeof *cut->xyz);

@@ -85,10 +85,10 @@ static int parse(cut_order *order, const char *out_help, int argc, char **argv)
         .operand = "MESH",
         .notes =
             "Triangles that the cut locus crosses are split, so that it runs along edges, and its\n"
-            "points become vertices once for each side. The vertices of the component with the\n"
-            "source come first, in their old order. A cut locus that is one point becomes a slit of\n"
-            "two edges at the farthest vertex. A surface with a border that is a disk already stays\n"
-            "as it is.",
+            "points become vertices once for each side, no nearer to an edge's end than 0.15 of the\n"
+            "edge. The vertices of the component with the source come first, in their old order. A cut\n"
+            "locus that is one point becomes a slit of two edges at the farthest vertex. A surface\n"
+            "with a border that is a disk already stays as it is.",
         .options = table.row,
         .n_options = table.n,
     };

@@ -8,8 +8,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Points keep this part of an edge from its ends, so that no triangle degenerates. */
-static const double margin = 0.02;
+/* Points keep this part of an edge from its ends, so that no triangle becomes a needle; the locus
+ * itself may come nearer. */
+static const double margin = 0.15;
 
 typedef struct knife {
     const dmk_mesh *mesh;
@@ -45,6 +46,42 @@ static void split_in_six(knife *k, const int32_t *v, const int32_t *p)
     }
 }
 
+/* Height over the longest side: small for needles. */
+static double plumpness(const knife *k, int32_t a, int32_t b, int32_t c)
+{
+    const double *x[3] = {k->xyz + 3 * (size_t)a, k->xyz + 3 * (size_t)b, k->xyz + 3 * (size_t)c};
+    double side[3][3], longest = 0, n = 0;
+    for (int i = 0; i < 3; i++) {
+        double length = 0;
+        for (int j = 0; j < 3; j++) {
+            side[i][j] = x[(i + 1) % 3][j] - x[i][j];
+            length += side[i][j] * side[i][j];
+        }
+        longest = fmax(longest, length);
+    }
+    for (int j = 0; j < 3; j++) {
+        int j1 = (j + 1) % 3, j2 = (j + 2) % 3;
+        double normal = side[0][j1] * side[1][j2] - side[0][j2] * side[1][j1];
+        n += normal * normal;
+    }
+    return sqrt(n) / longest;
+}
+
+/* The part of a triangle between corners b, c and the points q on the side a-b and r on c-a, which
+ * the cut joins: by the diagonal that leaves the plumper triangles. */
+static void split_rest(knife *k, int32_t b, int32_t c, int32_t q, int32_t r)
+{
+    double from_q = fmin(plumpness(k, q, b, c), plumpness(k, q, c, r));
+    double from_r = fmin(plumpness(k, r, q, b), plumpness(k, r, b, c));
+    if (from_q >= from_r) {
+        add(k, q, b, c, 0, 0, 0);
+        add(k, q, c, r, 0, 1, 0);
+    } else {
+        add(k, r, q, b, 0, 0, 1);
+        add(k, r, b, c, 0, 0, 0);
+    }
+}
+
 /* p[i]: the point on the edge opposite corner i, or -1. */
 static void split(knife *k, const int32_t *v, const int32_t *p)
 {
@@ -60,8 +97,7 @@ static void split(knife *k, const int32_t *v, const int32_t *p)
     } else {
         int i = p[0] < 0 ? 0 : p[1] < 0 ? 1 : 2, i1 = (i + 1) % 3, i2 = (i + 2) % 3;
         add(k, v[i], p[i2], p[i1], 1, 0, 0);
-        add(k, p[i2], v[i1], v[i2], 0, 0, 0);
-        add(k, p[i2], v[i2], p[i1], 0, 1, 0);
+        split_rest(k, v[i1], v[i2], p[i2], p[i1]);
     }
 }
 
