@@ -215,6 +215,33 @@ static void two_runs_give_the_same_bits(void **state)
     free(b);
 }
 
+/* x += 1 in launch after launch, more of them than a launch's tag has values (base.cl), also with an end
+ * that is not a whole part: after each every number has grown by 1, by no more and no less. */
+static void every_part_is_done_once(void **state)
+{
+    fixture *x = *state;
+    enum { N = 60003, LAUNCHES = 2100, LOOK = 70 };
+    dmk_buffer *sum = NULL, *one = NULL;
+    float *v = calloc(N, sizeof *v);
+    for (int i = 0; i < N; i++) v[i] = 1;
+    ok(x, dmk_buffer_create(x->ctx, x->dev, (N + 8) * sizeof *v, NULL, &sum));
+    ok(x, dmk_buffer_create(x->ctx, x->dev, (N + 8) * sizeof *v, NULL, &one));
+    ok(x, dmk_buffer_write(x->ctx, x->dev, one, 0, N * sizeof *v, v));
+    dmk_device_ranges(x->dev, N, N / 3);
+    dmk_kernel *add;
+    ok(x, dmk_kernel_get(x->ctx, x->dev, DMK_INNER, "scale_add", &add));
+    for (int k = 1; k <= LAUNCHES; k++) {
+        ok(x, DMK_LAUNCH(x->ctx, x->dev, add, N, DMK_INT(N), DMK_FLOAT(1), DMK_BUF(sum),
+                         DMK_BUF(one)));
+        if (k % LOOK) continue;
+        ok(x, dmk_buffer_read(x->ctx, x->dev, sum, 0, N * sizeof *v, v));
+        for (int i = 0; i < N; i++) assert_true(v[i] == (float)k);
+    }
+    dmk_buffer_destroy(&sum);
+    dmk_buffer_destroy(&one);
+    free(v);
+}
+
 int main(void)
 {
 #define BOTH(test)                                                                                 \
@@ -224,6 +251,7 @@ int main(void)
         BOTH(operator_is_symmetric_with_constants_in_its_null_space),
         BOTH(v_cycle_is_symmetric_and_contracts),
         BOTH(two_runs_give_the_same_bits),
+        BOTH(every_part_is_done_once),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
