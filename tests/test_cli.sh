@@ -195,6 +195,8 @@ check '--quiet prints nothing' test -z "$("$tool" solve "$torus" --vertex 0 --qu
 check 'without files it only tells' output_has '^cost' "$tool" solve "$torus" --source=-3,0,0
 "$tool" solve "$torus" --vertex 0 --verbose > /dev/null 2> "$work/errors"
 check '--verbose tells each step' has "$work/errors" '^solve +step 1 '
+check 'and its gap' has "$work/errors" '^solve +step [2-9] .* gap [0-9.]+e-'
+check 'a pipe has no colours' test -z "$("$tool" info "$torus" | grep $'\033')"
 
 if command -v script > /dev/null; then
     script -qec "'$tool' solve '$torus' --vertex 0" /dev/null > "$work/screen" < /dev/null
@@ -203,7 +205,19 @@ if command -v script > /dev/null; then
     script -qec "'$tool' solve '$torus' --vertex 0 --method euler --start uniform --max-steps 400 \
         --tolerance 1e-9" /dev/null > "$work/long" < /dev/null
     check 'and the time left' has "$work/long" 'about [0-9]+ s left'
+    check 'and the gap' has "$work/long" 'gap [0-9.]+e-'
     check 'a terminal has colours' has "$work/screen" $'\033\\[1m'
+    check 'the summary fits a screen of 24 lines' test "$(wc -l < "$work/screen")" -le 23
+    NO_COLOR=1 script -qec "'$tool' info '$torus'" /dev/null > "$work/plain" < /dev/null
+    check 'NO_COLOR takes them away' test -z "$(grep $'\033' "$work/plain")"
+    NO_COLOR='' script -qec "'$tool' info '$torus'" /dev/null > "$work/bold" < /dev/null
+    check 'an empty NO_COLOR does not' has "$work/bold" $'\033\\[1m'
+    TERM=dumb script -qec "'$tool' info '$torus'" /dev/null > "$work/plain" < /dev/null
+    check 'nor has a dumb terminal any' test -z "$(grep $'\033' "$work/plain")"
+    script -qec "stty cols 30; '$tool' solve '$torus' --vertex 0 --method euler --start uniform \
+        --max-steps 60 --tolerance 1e-9" /dev/null > "$work/narrow" < /dev/null
+    tr '\r' '\n' < "$work/narrow" | grep 'solve  *step' | sed 's/\x1b\[K//g' > "$work/lines"
+    check 'a narrow terminal has short lines' awk 'length > 29 { exit 1 } END { exit NR < 1 }' "$work/lines"
 else
     skip 'a terminal' 'there is no `script` here to make one'
 fi

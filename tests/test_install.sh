@@ -56,6 +56,22 @@ check 'completion of a command' test "$(complete_words so)" = solve
 check 'completion of an option' test "$(complete_words solve --ver)" = '--vertex --verbose'
 check 'completion of a surface' test "$(complete_words mesh tor)" = torus
 check 'completion of a method' test "$(complete_words solve --method ne)" = newton
+check 'completion of a device' test "$(complete_words solve --device '' | cut -c1)" = 0
+check 'no words after an option that takes a number' test -z "$(complete_words solve --vertex '')"
+mkdir "$work/shelf" && touch "$work/shelf/"{m.off,m.msh,M.VTK,m.off.gz,m.txt,r.vtp,l.obj,notes}
+complete_files() { # WORD...: the same, in the folder with these files, one line, sorted
+    (cd "$work/shelf" && complete_words "$@" | tr ' ' '\n' | sort | xargs)
+}
+stage=$(cd "$stage" && pwd)
+check 'completion of meshes' \
+    test "$(complete_files solve '' | tr ' ' '\n' | LC_ALL=C sort | xargs)" = 'M.VTK l.obj m.msh m.off m.off.gz r.vtp'
+check 'completion of results' test "$(complete_files solve m.off --out '')" = r.vtp
+check 'completion of loci' test "$(complete_files path m.off --out '')" = 'l.obj r.vtp'
+check 'completion of surfaces and files' test "$(complete_files mesh m.o)" = 'm.off m.off.gz'
+for command in $("$tool" --help | sed -n '/^commands:/,/^$/s/^  \([a-z]*\) .*/\1/p'); do
+    check "completion knows $command" test "$(complete_words "$command")" = "$command"
+    check "and all its options" test "$(complete_words "$command" -- | wc -w)" -ge 2
+done
 
 check 'make uninstall' make -s uninstall PREFIX=/usr DESTDIR="$stage"
 check 'leaves no file' test -z "$(find "$stage" -type f -o -type l)"

@@ -1,23 +1,80 @@
-# bash completion for dmkcl: commands and options are read from the tool's own help.
+# bash completion for dmkcl: commands, options, surfaces and suffixes are read from the tool's own help.
+
+# The part of the help on one option of a command, in one line.
+_dmkcl_option_help()
+{
+    dmkcl "$1" --help 2> /dev/null | awk -v option="$2" '
+        $1 == option { on = 1; printf "%s", $0; next }
+        on && /^ *--|^$/ { exit }
+        on { printf " %s", $0 }'
+}
+
+# Words that may follow an option, one a line; none for numbers and free text.
+_dmkcl_values()
+{
+    case $2 in
+    --method) echo 'newton inertial euler' ;;
+    --start) echo 'distance uniform' ;;
+    --device) dmkcl devices 2> /dev/null | sed -n 's/^  \([0-9][0-9]*\)  .*/\1/p' ;;
+    --report) echo '-' ;;
+    esac
+}
+
+# Suffixes of the files that an option takes, as "vtp|obj"; empty for any file.
+_dmkcl_suffixes()
+{
+    local help
+    case $2 in
+    --out | --locus | --tangent | --report)
+        [ "$2" = --tangent ] && { echo csv; return; }
+        [ "$2" = --report ] && { echo json; return; }
+        help=$(_dmkcl_option_help "$1" "$2")
+        grep -o ' \.[a-z]*' <<< "$help" | tr -d ' .' | paste -sd '|' ;;
+    --sources) echo txt ;;
+    mesh) # what is read, by the README's table
+        echo 'ply|vtp|vtu|vtk|msh|off|coff|noff|obj|stl|gz' ;;
+    esac
+}
+
+# Files with one of the suffixes, and folders; any file if there is none.
+_dmkcl_files()
+{
+    local suffixes=$1 word=$2 name
+    if [ -z "$suffixes" ]; then
+        compgen -f -- "$word"
+        return
+    fi
+    compgen -d -- "$word"
+    compgen -f -- "$word" | while IFS= read -r name; do
+        [[ ! -d $name && ${name,,} =~ \.($suffixes)$ ]] && printf '%s\n' "$name"
+    done
+}
+
 _dmkcl()
 {
-    local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD - 1]} words
+    local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD - 1]}
+    local command=${COMP_WORDS[1]} words='' suffixes=''
+    COMPREPLY=()
     if [ "$COMP_CWORD" -eq 1 ]; then
         words="$(dmkcl --help 2> /dev/null | sed -n '/^commands:/,/^$/s/^  \([a-z]*\) .*/\1/p')"
         words="$words --help --version"
+    elif [[ $before == --* && $(_dmkcl_option_help "$command" "$before") =~ ^\ *--[a-z-]+\ [A-Z] ]]
+    then # the option takes a value
+        words=$(_dmkcl_values "$command" "$before")
+        case $before in
+        --out | --locus | --tangent | --report | --sources)
+            suffixes=$(_dmkcl_suffixes "$command" "$before")
+            mapfile -t COMPREPLY < <(_dmkcl_files "$suffixes" "$word") ;;
+        --cache) mapfile -t COMPREPLY < <(compgen -d -- "$word") ;;
+        esac
     elif [[ $word == -* ]]; then
-        words=$(dmkcl "${COMP_WORDS[1]}" --help 2> /dev/null | sed -n 's/^  \(--[a-z-]*\).*/\1/p')
-    elif [ "${COMP_WORDS[1]}" = mesh ] && [ "$COMP_CWORD" -eq 2 ]; then
-        words=$(dmkcl mesh --help 2> /dev/null | sed -n '/^surfaces:/,$s/^  \([a-z]*\) .*/\1/p')
-    elif [ "$before" = --method ]; then
-        words='newton inertial euler'
-    elif [ "$before" = --start ]; then
-        words='distance uniform'
-    fi
-    if [ -n "$words" ]; then
-        mapfile -t COMPREPLY < <(compgen -W "$words" -- "$word")
+        words=$(dmkcl "$command" --help 2> /dev/null | sed -n 's/^  \(--[a-z-]*\).*/\1/p')
     else
-        mapfile -t COMPREPLY < <(compgen -f -- "$word")
+        [ "$command" = mesh ] && [ "$COMP_CWORD" -eq 2 ] &&
+            words=$(dmkcl mesh --help 2> /dev/null | sed -n '/^surfaces:/,$s/^  \([a-z]*\) .*/\1/p')
+        [ "$command" = devices ] ||
+            mapfile -t COMPREPLY < <(_dmkcl_files "$(_dmkcl_suffixes "$command" mesh)" "$word")
     fi
+    [ -n "$words" ] && COMPREPLY+=($(compgen -W "$words" -- "$word"))
 }
 complete -o filenames -F _dmkcl dmkcl

@@ -20,7 +20,7 @@ static const command commands[] = {
     {"solve", cmd_solve, "density, distance and cut locus of a point on a mesh"},
     {"path", cmd_path, "a minimal geodesic from a point back to the source"},
     {"cut", cmd_cut, "the surface cut open along the cut locus, a disk"},
-    {"mesh", cmd_mesh, "make a mesh of a built-in surface"},
+    {"mesh", cmd_mesh, "make a mesh of a built-in surface, or turn a file into another format"},
     {"info", cmd_info, "tell what a mesh is: counts, topology, quality"},
     {"devices", cmd_devices, "list the OpenCL devices and the machine"},
 };

@@ -1,6 +1,7 @@
 /* The run of dmkcl solve, and of the commands that begin by solving. */
 #include "solve.h"
 
+#include <float.h>
 #include <math.h>
 #include <pthread.h>
 #include <unistd.h>
@@ -111,12 +112,28 @@ int solve_begin(const solve_order *order, solve_run *run)
     return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
 }
 
+/* The gap is computed in between only when it ends the run, and costs half a step: with --verbose,
+ * and before a terminal's eyes on long runs, it is wanted without ending anything. */
+static dmk_solve_options show_gap(const solve_order *order, const solve_run *run)
+{
+    enum { LONG = 500000 }; /* triangles, some seconds */
+    dmk_solve_options solve = order->solve;
+    dmk_mesh_info info;
+    dmk_mesh_get_info(run->mesh, &info);
+    const bool is_long = solve.method != DMK_NEWTON || info.n_triangles > LONG;
+    if (solve.gap_tolerance <= 0 && (run->progress.steps || (run->progress.line && is_long))) {
+        solve.gap_tolerance = DBL_MIN;
+    }
+    return solve;
+}
+
 int solve_compute(const solve_order *order, solve_run *run)
 {
     dmk_context *context = run->context;
+    const dmk_solve_options solve = show_gap(order, run);
     dmk_locus_destroy(&run->locus);
     dmk_result_destroy(&run->result);
-    int rc = dmk_solve(context, run->solver, &run->source, &order->solve, &run->result);
+    int rc = dmk_solve(context, run->solver, &run->source, &solve, &run->result);
     if (rc != DMK_OK) return solve_fail(run, rc);
     dmk_stats stats;
     dmk_result_get_stats(run->result, &stats);

@@ -5,6 +5,7 @@
 #include <signal.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 /* The one thing a signal handler may touch. */
@@ -28,10 +29,11 @@ bool cli_interrupted(void)
     return interrupted != 0;
 }
 
+/* NO_COLOR counts when it is not empty: see no-color.org. */
 static bool has_colour(void)
 {
-    const char *term = getenv("TERM");
-    return isatty(STDOUT_FILENO) && !getenv("NO_COLOR") && !(term && strcmp(term, "dumb") == 0);
+    const char *term = getenv("TERM"), *no = getenv("NO_COLOR");
+    return isatty(STDOUT_FILENO) && !(no && *no) && !(term && strcmp(term, "dumb") == 0);
 }
 
 const char *cli_bold(void)
@@ -60,17 +62,38 @@ static double time_left(cli_progress *progress, const dmk_progress *report)
     return fallen > 0 ? to_fall * (now.seconds - moment[0].seconds) / fallen : NAN;
 }
 
-static void print_step(const dmk_progress *report, double gap, double left)
+enum { LINE_SIZE = 256 };
+
+static void describe(const dmk_progress *report, double gap, double left, FILE *line)
 {
-    fprintf(stderr, "%-8s", report->stage);
-    if (report->step > 0) fprintf(stderr, " step %d", report->step);
-    if (report->cg_iterations > 0) fprintf(stderr, "  %d CG", report->cg_iterations);
-    if (report->step > 0 && isfinite(report->change)) {
-        fprintf(stderr, "  change %.1e", report->change);
-    }
-    if (report->step > 0 && isfinite(gap)) fprintf(stderr, "  gap %.1e", gap);
-    fprintf(stderr, "  %.1f s", report->seconds);
-    if (isfinite(left) && left >= 0.5) fprintf(stderr, ", about %.0f s left", left);
+    fprintf(line, "%-8s", report->stage);
+    if (report->step > 0) fprintf(line, " step %d", report->step);
+    if (report->cg_iterations > 0) fprintf(line, "  %d CG", report->cg_iterations);
+    if (report->step > 0 && isfinite(report->change)) fprintf(line, "  change %.1e", report->change);
+    if (report->step > 0 && isfinite(gap)) fprintf(line, "  gap %.1e", gap);
+    fprintf(line, "  %.1f s", report->seconds);
+    if (isfinite(left) && left >= 0.5) fprintf(line, ", about %.0f s left", left);
+}
+
+/* One column is left free: a line that fills all of them makes some terminals go to the next. */
+static int columns(void)
+{
+    struct winsize size;
+    if (ioctl(STDERR_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col < 2) return LINE_SIZE;
+    return size.ws_col - 1;
+}
+
+/* Rewrite the line, cut to the terminal's width: a wrapped one could not be wiped. */
+static void show_line(const cli_progress *progress, const dmk_progress *report, double left)
+{
+    char text[LINE_SIZE] = "";
+    FILE *line = fmemopen(text, sizeof text - 1, "w");
+    if (!line) return;
+    if (progress->prefix) fputs(progress->prefix, line);
+    describe(report, progress->gap, left, line);
+    fclose(line);
+    fprintf(stderr, "\r\033[K%.*s", columns(), text);
+    fflush(stderr);
 }
 
 static int on_progress(const dmk_progress *report, void *user)
@@ -78,18 +101,18 @@ static int on_progress(const dmk_progress *report, void *user)
     cli_progress *progress = user;
     if (interrupted) return 1;
     if (progress->steps) {
-        print_step(report, report->gap, NAN);
+        if (report->step <= 1) progress->gap = NAN; /* of the source before */
+        if (isfinite(report->gap)) progress->gap = report->gap;
+        describe(report, progress->gap, NAN, stderr);
         fputc('\n', stderr);
     } else if (progress->line) {
+        if (report->step <= 1) progress->gap = NAN; /* of the source before */
         if (isfinite(report->gap)) progress->gap = report->gap;
         const double left = time_left(progress, report);
         const double now = cli_seconds();
         const bool new_stage = report->stage != progress->stage; /* static strings */
         if (!new_stage && now - progress->shown < 0.1) return 0; /* the eye sees no more */
-        fputs("\r\033[K", stderr);
-        if (progress->prefix) fputs(progress->prefix, stderr);
-        print_step(report, progress->gap, left);
-        fflush(stderr);
+        show_line(progress, report, left);
         progress->shown = now;
         progress->stage = report->stage;
         progress->open = true;
@@ -105,7 +128,7 @@ void cli_watch(dmk_context *context, cli_progress *progress)
 void cli_progress_say(cli_progress *progress, const char *text)
 {
     if (!progress->line || progress->steps) return;
-    fprintf(stderr, "\r\033[K%s", text);
+    fprintf(stderr, "\r\033[K%.*s", columns(), text);
     fflush(stderr);
     progress->open = true;
 }
