@@ -72,8 +72,9 @@ SHARED := $B/libdmkcl.so.$(VERSION)
 TOOL := $B/dmkcl
 PC := $B/dmkcl.pc
 MAN := $B/dmkcl.1
+MAN3 := $B/dmkcl.3
 
-.PHONY: all tests test coverage pyenv paper demo bench bench-kernels bench-methods install uninstall clean help deps FORCE
+.PHONY: all tests test coverage pyenv paper demo bench bench-kernels bench-methods reference install uninstall clean help deps FORCE
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -252,10 +253,23 @@ $(PC): $B/flags include/dmkcl.h FORCE
 $B/dmkcl.1: $(TOOL) src/cli/man.sh
 	$(Q)sh src/cli/man.sh $(TOOL) > $@
 
+$B/dmkcl.3: include/dmkcl.h src/reference.awk
+	@mkdir -p $(@D)
+	$(Q)awk -v form=man -v version=$(VERSION) -f src/reference.awk $< > $@
+
+# Reference pages: the tool from its help, the library from its header, as man pages and HTML.
+reference: $(MAN) $(MAN3)
+	@mkdir -p build/reference
+	$(Q)cp $(MAN) $(MAN3) build/reference/
+	$(Q)awk -v form=html -v version=$(VERSION) -f src/reference.awk include/dmkcl.h > build/reference/library.html
+	$(Q)sh src/cli/man.sh --html $(TOOL) > build/reference/tool.html
+	@echo 'build/reference: library.html tool.html dmkcl.1 dmkcl.3'
+
 D := $(DESTDIR)
-install: $(STATIC) $(SHARED) $(TOOL) $(PC) $(MAN)
+install: $(STATIC) $(SHARED) $(TOOL) $(PC) $(MAN) $(MAN3)
 	$(call say,INSTALL,$D$(PREFIX))
-	$(Q)install -d $D$(bindir) $D$(libdir)/pkgconfig $D$(includedir) $D$(mandir)/man1 $D$(completionsdir)
+	$(Q)install -d $D$(bindir) $D$(libdir)/pkgconfig $D$(includedir) $D$(mandir)/man1 $D$(mandir)/man3 \
+	    $D$(completionsdir)
 	$(Q)install -m 755 $(TOOL) $D$(bindir)/
 	$(Q)install -m 644 include/dmkcl.h $D$(includedir)/
 	$(Q)install -m 644 $(STATIC) $D$(libdir)/
@@ -264,12 +278,13 @@ install: $(STATIC) $(SHARED) $(TOOL) $(PC) $(MAN)
 	$(Q)ln -sf $(SONAME) $D$(libdir)/libdmkcl.so
 	$(Q)install -m 644 $(PC) $D$(libdir)/pkgconfig/
 	$(Q)install -m 644 $(MAN) $D$(mandir)/man1/
+	$(Q)install -m 644 $(MAN3) $D$(mandir)/man3/
 	$(Q)install -m 644 src/cli/completion.bash $D$(completionsdir)/dmkcl
 
 uninstall:
 	rm -f $D$(bindir)/dmkcl $D$(includedir)/dmkcl.h $D$(libdir)/libdmkcl.a $D$(libdir)/libdmkcl.so \
 	    $D$(libdir)/$(SONAME) $D$(libdir)/$(notdir $(SHARED)) $D$(libdir)/pkgconfig/dmkcl.pc \
-	    $D$(mandir)/man1/dmkcl.1 $D$(completionsdir)/dmkcl
+	    $D$(mandir)/man1/dmkcl.1 $D$(mandir)/man3/dmkcl.3 $D$(completionsdir)/dmkcl
 
 clean:
 	rm -rf build
@@ -286,6 +301,7 @@ help:
 	@echo 'make paper      the experiments of the paper: figures and a table in build/paper'
 	@echo 'make bench      whole runs beside peers from PyPI; BENCH=quick|usual|full'
 	@echo 'make bench-kernels, make bench-methods   kernels beside a copy; methods by error'
+	@echo 'make reference  manual pages of the tool and the library, also as HTML, in build/reference'
 	@echo 'make deps       install missing Debian packages (demo and test do this too)'
 	@echo 'make install    tool, libraries, header, dmkcl.pc, manual; uninstall takes them away'
 	@echo 'make clean      remove build/'

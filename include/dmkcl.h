@@ -96,7 +96,7 @@ int dmk_mesh_create(dmk_context *context, size_t n_vertices, const double *xyz, 
                     const int32_t *triangles, dmk_mesh **mesh);
 /* Read a mesh file; the format is recognised by its content, then its suffix. */
 int dmk_mesh_read(dmk_context *context, const char *path, dmk_mesh **mesh);
-/* Write the bare mesh; the suffix chooses the format (see dmk_mesh_formats). */
+/* Write the bare mesh; the suffix chooses the format (see dmk_format_get). */
 int dmk_mesh_write(dmk_context *context, const dmk_mesh *mesh, const char *path);
 void dmk_mesh_destroy(dmk_mesh **mesh);
 
@@ -361,7 +361,7 @@ int dmk_cut(dmk_context *context, const dmk_mesh *mesh, const dmk_result *result
 
 /* ---- files ------------------------------------------------------------------------------------ */
 
-/* Write mesh, mu, acl, u, distance: VTP or VTU by the suffix. Written under a temporary name, then
+/* Write mesh, mu, acl, u, distance: PLY, VTP or VTU by the suffix. Written under a temporary name, then
  * renamed: the file is whole or not there. */
 int dmk_result_write(dmk_context *context, const dmk_mesh *mesh, const dmk_result *result,
                      const char *path);

@@ -20,7 +20,7 @@ EOF
 check 'make install with DESTDIR and PREFIX' \
     make -s CONFIG="$config" install PREFIX=/usr DESTDIR="$stage"
 for file in bin/dmkcl include/dmkcl.h lib/libdmkcl.a lib/libdmkcl.so lib/pkgconfig/dmkcl.pc \
-    share/man/man1/dmkcl.1 share/bash-completion/completions/dmkcl; do
+    share/man/man1/dmkcl.1 share/man/man3/dmkcl.3 share/bash-completion/completions/dmkcl; do
     check "installed: $file" test -s "$stage/usr/$file"
 done
 check 'the version of dmkcl.pc is the tool'"'"'s' \
@@ -47,6 +47,20 @@ check 'the header stands alone in C99' \
     gcc -std=c99 -pedantic -Wall -Wextra -Werror -Iinclude -fsyntax-only "$work/alone.c"
 check 'the manual names every command' \
     sh -c "for c in SOLVE MESH INFO DEVICES; do grep -q \"^.SH DMKCL \$c\" $stage/usr/share/man/man1/dmkcl.1 || exit 1; done"
+
+for name in $(cat "$work/declared"); do
+    grep -q "^.*$(printf '%s' "$name" | sed 's/-/\\-/g')(" "$stage/usr/share/man/man3/dmkcl.3" || echo "$name"
+done > "$work/unsaid"
+check 'the manual of the library names every function' test ! -s "$work/unsaid"
+check 'the manuals are good roff' \
+    test -z "$(command -v groff > /dev/null && cat "$stage"/usr/share/man/man[13]/* | groff -man -Tutf8 -ww 2>&1 > /dev/null)"
+awk -v form=html -v version=1 -f src/reference.awk include/dmkcl.h > "$work/library.html"
+grep -o 'href="#[^"]*"' "$work/library.html" | sed 's/href="#//' | sort -u > "$work/links"
+grep -o 'id="[^"]*"' "$work/library.html" | sed 's/id="//' | sort -u > "$work/places"
+check 'links of the reference lead somewhere' test -z "$(comm -23 "$work/links" "$work/places")"
+check 'to every function' test -z "$(sed 's/$/"/' "$work/declared" | comm -23 - "$work/places")"
+check 'no function has two places' \
+    test -z "$(grep -o 'id="[^"]*"' "$work/library.html" | sort | uniq -d)"
 
 complete_words() { # WORD...: what the completion offers for the last word
     PATH=$stage/usr/bin:$PATH bash -c '. "$0"; COMP_WORDS=(dmkcl "$@"); COMP_CWORD=$#; _dmkcl
