@@ -807,7 +807,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_torus), cmocka_unit_test(test_source_anywhere),
         cmocka_unit_test(test_point), cmocka_unit_test(test_quartic),
-        cmocka_unit_test(test_narrow), cmocka_unit_test(test_noise), cmocka_unit_test(test_genus), cmocka_unit_test(test_border),
+        cmocka_unit_test(test_narrow), cmocka_unit_test(test_noise),
+        cmocka_unit_test(test_genus), cmocka_unit_test(test_border),
         cmocka_unit_test(test_path),  cmocka_unit_test(test_path_saddle),
         cmocka_unit_test(test_path_box), cmocka_unit_test(test_path_rough),
         cmocka_unit_test(test_cut),

@@ -1,6 +1,7 @@
-/* A small OpenCL for checks: as much of it as dmkcl calls. Kernels are compiled for the processor
- * by build.sh, under sanitizers or for valgrind, and called like any function, work-items one after another, or, where
- * they wait for each other, each on a thread. Buffers are of just the size asked for.
+/* A small OpenCL for checks: as much of it as dmkcl calls. Kernels are compiled for the processor by
+ * build.sh, under sanitizers or for valgrind, and called like any function: work-groups of one item
+ * on two threads, the items of others one after another or, where they wait for each other, each on a
+ * thread. Buffers are of just the size asked for.
  * NATIVE_BUILD: path of build.sh; NATIVE_FOLDER: where to put what it makes. */
 #include <CL/cl.h>
 #include <dlfcn.h>
