@@ -121,7 +121,7 @@ static int fail_size(const reader *r, uint64_t there, uint64_t wanted)
 static int read_plain(const reader *r, stream *s, size_t bytes, char **data)
 {
     int rc;
-    uint64_t size;
+    uint64_t size = 0;
     DMK_TRY(take_sizes(r, s, 1, &size));
     if (size != bytes) return fail_size(r, size, bytes);
     if (bytes > most_left(s)) return fail(r, cut_short);

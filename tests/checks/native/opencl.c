@@ -44,6 +44,10 @@ static struct _cl_command_queue the_queue;
 
 static _Thread_local size_t group, groups, local, local_size;
 static pthread_barrier_t wait_here;
+/* Called from builtins.cl. */
+size_t native_group(void), native_groups(void), native_local(void), native_global(void);
+void native_barrier(void);
+double native_sqrt(double x), native_exp(double x), native_log(double x);
 size_t native_group(void) { return group; }
 size_t native_groups(void) { return groups; }
 size_t native_local(void) { return local; }
