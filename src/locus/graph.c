@@ -26,9 +26,11 @@ double dmk_rays_walk(const dmk_rays *r, double distance, double size)
 static const double doubtful = 0.5;
 
 /* Strength: width of the beam between the geodesics to the ends of the edge, in mesh edges, brought
- * below 1 where the geodesics leave the source in nearly one direction. The triangles around the
- * source are of one family by definition. order: by angle among weak edges, so that the tree does
- * not cross the ridges that continue the locus beyond its ends, by strength among strong ones. */
+ * below 1 where the geodesics leave the source in nearly one direction. (Where rays go apart faster
+ * than in the plane, small angles are large differences, and rays do not cross by chance: the angle
+ * counts by the square of how much faster.) The triangles around the source are of one family by
+ * definition. order: by angle among weak edges, so that the tree does not cross the ridges that
+ * continue the locus beyond its ends, by strength among strong ones. */
 static void find_strengths(const dmk_rays *r, double threshold, float *strength, uint16_t *order)
 {
     const dmk_mesh *m = r->mesh;
@@ -41,7 +43,8 @@ static void find_strengths(const dmk_rays *r, double threshold, float *strength,
         if (ratio > threshold) {
             double mean = 0.5 * (a->distance + b->distance);
             double least = fmax(least_turn * cbrt(size / mean), dmk_rays_walk(r, mean, size));
-            double seen = turn * fmax(1, fmin(a->spread, b->spread) / mean);
+            double wide = fmax(1, fmin(a->spread, b->spread) / mean);
+            double seen = turn * wide * wide;
             if (seen < least) ratio = threshold * seen / least;
         }
         strength[e] = (float)ratio;
