@@ -270,8 +270,10 @@ const double *dmk_result_density(const dmk_result *result, size_t *n);       /* 
 const uint8_t *dmk_result_acl(const dmk_result *result, size_t *n);          /* mu <= bound, per triangle */
 const double *dmk_result_potential(const dmk_result *result, size_t *n);     /* u per vertex, u(p) = 0 */
 const double *dmk_result_potential_mid(const dmk_result *result, size_t *n); /* u per edge midpoint */
-const double *dmk_result_distance(const dmk_result *result, size_t *n);      /* -u per vertex */
-const double *dmk_result_distance_mid(const dmk_result *result, size_t *n);  /* -u per midpoint */
+/* -u plus a constant: u's peak at the source is blunt by about a tenth of an edge, so the constant, and
+ * the values within two edges, are those of a marched distance, which is exact there but for curvature. */
+const double *dmk_result_distance(const dmk_result *result, size_t *n);      /* per vertex */
+const double *dmk_result_distance_mid(const dmk_result *result, size_t *n);  /* per midpoint */
 void dmk_result_source(const dmk_result *result, dmk_point *source);
 
 /* ---- cut locus -------------------------------------------------------------------------------- */

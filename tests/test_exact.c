@@ -157,23 +157,24 @@ static errors measure(bench *b, const smooth *s, int refine)
 }
 
 /* The discrete potential is about 0.1 edge too peaked at the source (so is the minimiser found by the
- * interior point method): distance and cost are of first order through this offset alone, and
- * better without it. Where mu is small, next to the locus, its relative error falls slowly. */
+ * interior point method): the cost is of first order through this offset alone. The distance, whose
+ * offset is taken from the ring around the source, is better. Where mu is small, next to the locus, its
+ * relative error falls slowly. */
 static void check_orders(bench *b, const smooth *s)
 {
     errors e[3];
     for (int r = 0; r < 3; r++) {
         e[r] = measure(b, s, r);
-        assert_true(fabs(e[r].offset) < 0.12);
+        assert_true(fabs(e[r].offset) < 0.055);
         assert_true(fabs(e[r].cost) < 0.12);
     }
     for (int r = 1; r < 3; r++) {
-        assert_true(e[r].distance < e[r - 1].distance / 1.5);
+        assert_true(e[r].distance < e[r - 1].distance / 1.9);
         assert_true(e[r].spread < e[r - 1].spread / 2.1);
         assert_true(e[r].density < e[r - 1].density / 1.15);
     }
     assert_true(e[2].density < e[0].density / 1.8);
-    assert_true(e[2].distance < 3e-3);
+    assert_true(e[2].distance < 1.5e-3);
 }
 
 static void torus_converges(void **state)
@@ -205,7 +206,7 @@ static void large_torus_has_the_exact_cost(void **state)
                 "tests/data/torus_samples.txt", 321.416460380642};
     errors e = measure(*state, &s, 2);
     assert_true(fabs(e.relative) < 0.005);
-    assert_true(e.distance < 2e-3);
+    assert_true(e.distance < 1e-3);
 }
 
 /* ---- the unit sphere: cost 2 pi^2 ------------------------------------------------------------ */

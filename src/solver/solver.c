@@ -110,13 +110,13 @@ typedef struct distance_task {
     const dmk_mesh *mesh;
     const dmk_point *source;
     double *vertex; /* n_vertices */
-    double *u;      /* n_rows_pad of the system: room for the midpoints' distances first */
+    double *mid;    /* n_edges */
 } distance_task;
 
 static void *run_distance(void *data)
 {
     distance_task *task = data;
-    task->rc = dmk_start_distance(&task->ctx, task->mesh, task->source, task->vertex, task->u);
+    task->rc = dmk_start_distance(&task->ctx, task->mesh, task->source, task->vertex, task->mid);
     return NULL;
 }
 
@@ -133,17 +133,14 @@ static int end_distance(dmk_context *ctx, distance_task *task)
 }
 
 /* The system of the ordered mesh, if it is not there, and beside it the start's distance. */
-static int set_up(dmk_context *ctx, dmk_solver *s, distance_task *task, dmk_start start)
+static int set_up(dmk_context *ctx, dmk_solver *s, distance_task *task)
 {
     int rc = DMK_OK;
     bool fresh = !s->system;
-    if (start == DMK_START_DISTANCE) begin_distance(task, fresh);
+    begin_distance(task, fresh);
     if (fresh) rc = dmk_system_create(ctx, s->device, task->mesh, &s->system);
-    if (start == DMK_START_DISTANCE) {
-        int distance_rc = end_distance(ctx, task);
-        if (rc == DMK_OK) rc = distance_rc;
-    }
-    return rc;
+    int distance_rc = end_distance(ctx, task);
+    return rc == DMK_OK ? distance_rc : rc;
 }
 
 /* u and mu to start from, on the device. */
@@ -153,12 +150,14 @@ static int set_start(dmk_context *ctx, dmk_solver *s, distance_task *task, dmk_s
     dmk_system *sys = s->system;
     const dmk_mesh *m = task->mesh;
     const dmk_point *p = task->source;
-    double *vertex = task->vertex, *u = task->u, *mu = NULL;
+    const double *vertex = task->vertex, *mid = task->mid;
+    double *u = NULL, *mu = NULL;
     size_t n_rows = (size_t)sys->n_rows_pad, n_elements = (size_t)sys->n_elements_pad;
+    DMK_TRY(DMK_NEW(ctx, u, n_rows));
     DMK_TRY(DMK_NEW(ctx, mu, n_elements));
     if (start == DMK_START_DISTANCE) {
-        DMK_TRY(dmk_start_density(ctx, m, p, vertex, u, mu)); /* midpoints are the first rows */
-        for (int32_t e = 0; e < m->n_edges; e++) u[e] /= -sys->unit;
+        DMK_TRY(dmk_start_density(ctx, m, p, vertex, mid, mu));
+        for (int32_t e = 0; e < m->n_edges; e++) u[e] = mid[e] / -sys->unit;
         for (int32_t v = 0; v < m->n_vertices; v++) u[sys->vertex_row + v] = vertex[v] / -sys->unit;
         for (int32_t t = 0; t < m->n_triangles; t++) mu[t] /= sys->unit;
     } else {
@@ -175,27 +174,24 @@ static int set_start(dmk_context *ctx, dmk_solver *s, distance_task *task, dmk_s
     DMK_TRY(dmk_buffer_clear(ctx, s->device, sys->before,
                              n_elements * dmk_device_real(s->device, DMK_OUTER)));
 done:
+    free(u);
     free(mu);
     return rc;
 }
 
 /* System, u and mu, ready for the first step; the seconds go to set-up and start. */
-static int prepare(dmk_context *ctx, dmk_solver *s, const dmk_point *p, dmk_start start,
+static int prepare(dmk_context *ctx, dmk_solver *s, distance_task *task, dmk_start start,
                    double began, double seconds[])
 {
     int rc;
-    const dmk_mesh *m = s->order->order.mesh;
-    distance_task task = {.mesh = m, .source = p};
     bool fresh = !s->system;
-    DMK_TRY(DMK_NEW(ctx, task.vertex, (size_t)m->n_vertices));
-    DMK_TRY(DMK_NEW(ctx, task.u, dmk_system_rows(m)));
-    DMK_TRY(set_up(ctx, s, &task, start));
+    DMK_TRY(DMK_NEW(ctx, task->vertex, (size_t)task->mesh->n_vertices));
+    DMK_TRY(DMK_NEW(ctx, task->mid, (size_t)task->mesh->n_edges));
+    DMK_TRY(set_up(ctx, s, task));
     if (fresh) seconds[DMK_STAGE_SETUP] = dmk_seconds() - began;
-    DMK_TRY(set_start(ctx, s, &task, start));
+    DMK_TRY(set_start(ctx, s, task, start));
     seconds[DMK_STAGE_START] = dmk_seconds() - began - seconds[DMK_STAGE_SETUP];
 done:
-    free(task.vertex);
-    free(task.u);
     return rc;
 }
 
@@ -209,32 +205,62 @@ static void mark_acl(const dmk_mesh *m, double threshold, dmk_result *r)
     }
 }
 
+/* u at the source, by the macro-element's interpolation. */
+static double value_at(const dmk_system *sys, const dmk_mesh *m, const dmk_point *p, const double *u)
+{
+    double w[6], sum = 0;
+    dmk_point_weights(p->weight, w);
+    for (int k = 0; k < 3; k++) {
+        sum += w[k] * u[sys->vertex_row + m->triangle[3 * p->triangle + k]];
+        sum += w[3 + k] * u[m->triangle_edge[3 * p->triangle + k]];
+    }
+    return sum;
+}
+
+/* Distance = offset - u. The peak of the discrete u at p is blunt, by a tenth of an edge or more, so its
+ * value there is no good offset: the marched distance, which is exact next to p but for the curvature,
+ * gives it on the vertices between two and four edges away, and within two edges it is the distance. */
+typedef struct near_source {
+    double offset, radius;
+} near_source;
+
+static near_source look_near(const dmk_system *sys, const distance_task *near, const double *u)
+{
+    const dmk_mesh *m = near->mesh;
+    double edge = 1.5 * sqrt(m->area[near->source->triangle]), sum = 0;
+    int32_t n = 0;
+    for (int32_t v = 0; v < m->n_vertices; v++) {
+        if (near->vertex[v] < 2 * edge || near->vertex[v] > 4 * edge) continue;
+        sum += near->vertex[v] + u[sys->vertex_row + v] * sys->unit;
+        n++;
+    }
+    if (n < 6) return (near_source){value_at(sys, m, near->source, u) * sys->unit, 0};
+    return (near_source){sum / n, 2 * edge};
+}
+
 /* Read mu and u back once and put them in the input's order and units. */
-static int collect(dmk_context *ctx, dmk_solver *s, const dmk_point *p, dmk_result *r)
+static int collect(dmk_context *ctx, dmk_solver *s, const distance_task *near, dmk_result *r)
 {
     int rc;
     dmk_system *sys = s->system;
     const dmk_order *o = &s->order->order;
-    double *u = NULL, *mu = NULL, w[6], at_source = 0;
+    double *u = NULL, *mu = NULL;
     DMK_TRY(DMK_NEW(ctx, u, (size_t)sys->n_rows));
     DMK_TRY(DMK_NEW(ctx, mu, (size_t)sys->n_elements));
     DMK_TRY(dmk_buffer_read_real(ctx, s->device, DMK_OUTER, sys->u, (size_t)sys->n_rows, u));
     DMK_TRY(dmk_buffer_read_real(ctx, s->device, DMK_OUTER, sys->mu, (size_t)sys->n_elements, mu));
-    dmk_point_weights(p->weight, w);
-    for (int k = 0; k < 3; k++) {
-        at_source += w[k] * u[sys->vertex_row + o->mesh->triangle[3 * p->triangle + k]];
-        at_source += w[3 + k] * u[o->mesh->triangle_edge[3 * p->triangle + k]];
-    }
+    double at_source = value_at(sys, o->mesh, near->source, u);
+    near_source at = look_near(sys, near, u);
     for (int32_t t = 0; t < sys->n_elements; t++) r->density[o->triangle_old[t]] = mu[t] * sys->unit;
     for (int32_t v = 0; v < sys->n_vertices; v++) {
-        double x = (u[sys->vertex_row + v] - at_source) * sys->unit;
-        r->potential[o->vertex_old[v]] = x;
-        r->distance[o->vertex_old[v]] = -x;
+        double x = u[sys->vertex_row + v], d = near->vertex[v];
+        r->potential[o->vertex_old[v]] = (x - at_source) * sys->unit;
+        r->distance[o->vertex_old[v]] = d < at.radius ? d : at.offset - x * sys->unit;
     }
     for (int32_t e = 0; e < sys->n_edges; e++) {
-        double x = (u[e] - at_source) * sys->unit;
-        r->potential_mid[o->edge_old[e]] = x;
-        r->distance_mid[o->edge_old[e]] = -x;
+        double x = u[e], d = near->mid[e];
+        r->potential_mid[o->edge_old[e]] = (x - at_source) * sys->unit;
+        r->distance_mid[o->edge_old[e]] = d < at.radius ? d : at.offset - x * sys->unit;
     }
 done:
     free(u);
@@ -258,6 +284,7 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
 {
     int rc;
     dmk_result *r = NULL;
+    distance_task near = {0};
     DMK_TRY(check_options(ctx, s, source, options));
     DMK_TRY(dmk_result_create(ctx, s->mesh, &r));
     double began = dmk_seconds();
@@ -270,14 +297,16 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     dmk_point p = *source;
     p.triangle = r->source_triangle;
 
-    DMK_TRY(prepare(ctx, s, &p, options->start, began, r->stats.seconds));
+    near.mesh = s->order->order.mesh;
+    near.source = &p;
+    DMK_TRY(prepare(ctx, s, &near, options->start, began, r->stats.seconds));
     double t1 = dmk_seconds();
     dmk_outer o = {.ctx = ctx, .sys = s->system, .options = options, .stats = &r->stats, .began = began};
     if (options->method == DMK_NEWTON) DMK_TRY(dmk_newton(&o, options->start == DMK_START_DISTANCE));
     else DMK_TRY(dmk_explicit(&o));
     double t2 = dmk_seconds();
     DMK_TRY(dmk_certify(&o));
-    DMK_TRY(collect(ctx, s, &p, r));
+    DMK_TRY(collect(ctx, s, &near, r));
     mark_acl(s->mesh, options->threshold, r);
     scale_stats(s->system, &r->stats);
     r->stats.seconds[DMK_STAGE_SOLVE] = t2 - t1;
@@ -286,5 +315,7 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     r = NULL;
 done:
     dmk_result_destroy(&r);
+    free(near.vertex);
+    free(near.mid);
     return rc;
 }

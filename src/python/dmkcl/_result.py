@@ -119,7 +119,7 @@ class Result:
 
     @cached_property
     def distance(self) -> NDArray[np.float64]:
-        """(n,) distance of each vertex to the source, -u."""
+        """(n,) distance of each vertex to the source: -u up to a constant."""
         return self._array("distance")
 
     @cached_property
