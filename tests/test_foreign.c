@@ -136,6 +136,7 @@ static void test_refusals(void **state)
     static const refusal cases[] = {
         {"m.msh", "$NOD\n1\n", DMK_E_FORMAT, "m.msh:1: version 1 of MSH; export version 2 or 4"},
         {"m.msh", "$MeshFormat\n3 0 8\n$EndMeshFormat\n", DMK_E_FORMAT, "version 3 of MSH"},
+        {"m.msh", "$MeshFormat\n1e300 0 8\n$EndMeshFormat\n", DMK_E_FORMAT, "version 1e+300 of MSH"},
         {"m.msh", "$MeshFormat\n2.2 0 8\n", DMK_E_FORMAT, "no $EndMeshFormat behind it"},
         {"m.msh", MSH2 "Nodes\n", DMK_E_FORMAT, "m.msh:4: 'Nodes' where a section"},
         {"m.msh", MSH2 "$Nodes\n3\n1 0 0 0\n", DMK_E_FORMAT, "3 nodes do not fit into"},

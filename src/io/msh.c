@@ -92,12 +92,12 @@ static int read_format(msh *m)
     DMK_TRY(dmk_values_number(in, DMK_FLOAT64, "the version", &version));
     DMK_TRY(dmk_values_integer(in, DMK_INT32, "the file type", &is_binary));
     DMK_TRY(dmk_values_integer(in, DMK_INT32, "the data size", &size));
+    if (!(version >= 2 && version < 3) && !(version >= 4 && version < 5)) {
+        return dmk_text_fail(&in->text, "version %.4g of MSH; export version 2 or 4", version);
+    }
     m->version = (int)version;
     m->is_40 = version == 4.0;
     m->size = size == 4 ? DMK_UINT32 : DMK_UINT64;
-    if (version < 2 || version >= 5 || m->version == 3) {
-        return dmk_text_fail(&in->text, "version %.4g of MSH; export version 2 or 4", version);
-    }
     if ((is_binary != 0 && is_binary != 1) || (size != 8 && size != 4)) {
         return dmk_text_fail(&in->text, "a file type other than 0 and 1, or a data size other than "
                                         "4 and 8");
