@@ -69,12 +69,13 @@ static floatv stiffness_bound(floatv c0, floatv c1, floatv c2)
     return 1.5f + sqrt(fmax(2.25f - s, (floatv)0));
 }
 
-/* Larger eigenvalue of D^-1 A for the 3x3 Laplacian with link weights w (A positive semidefinite). */
+/* Larger eigenvalue of D^-1 A for the 3x3 Laplacian with link weights w (A positive semidefinite): in
+ * [1.5, 3], whatever rounding and overflow make of it for needles. */
 static floatv link_bound(floatv w0, floatv w1, floatv w2, floatv d0, floatv d1, floatv d2)
 {
     const floatv minor = w0 * w1 + w1 * w2 + w0 * w2;
     const floatv p = minor * (d0 + d1 + d2) / fmax(d0 * d1 * d2, (floatv)1e-37f);
-    return 1.5f + sqrt(fmax(2.25f - p, (floatv)0));
+    return 1.5f + sqrt(fmin(fmax(2.25f - p, (floatv)0), (floatv)2.25f));
 }
 
 #define STORE3(a0, a1, a2, p, b)                                                                   \
@@ -100,8 +101,10 @@ KERNEL element_prepare(int n, global const real *cot, global const real *mu, glo
         const floatv l = stiffness_bound(TO_FLOAT(LOAD(cot, AT_K(b, 0, 3))),
                                          TO_FLOAT(LOAD(cot, AT_K(b, 1, 3))),
                                          TO_FLOAT(LOAD(cot, AT_K(b, 2, 3))));
-        const floatv d0 = 0.5f * l * (w1 + w2), d1 = 0.5f * l * (w0 + w2), d2 = 0.5f * l * (w0 + w1),
-                     dm = l * (w0 + w1 + w2);
+        /* At an angle near pi single precision would lose these sums. */
+        const floatv v0 = TO_FLOAT(r1 + r2), v1 = TO_FLOAT(r0 + r2), v2 = TO_FLOAT(r0 + r1);
+        const floatv d0 = 0.5f * l * v0, d1 = 0.5f * l * v1, d2 = 0.5f * l * v2,
+                     dm = 0.5f * l * (v0 + v1 + v2);
         STORE3(d0, d1, d2, diag_coarse, b)
         STORE3(0.5f * w0, 0.5f * w1, 0.5f * w2, link, b)
         STORE(d0, diag, AT_K(b, 0, 6));
@@ -137,9 +140,10 @@ KERNEL newton_prepare(int n, float alpha, float D, global const real *cot, globa
         STORE(k * g4, rhs_out, AT_K(b, 4, 6));
         STORE(k * g5, rhs_out, AT_K(b, 5, 6));
 
-        const floatv c0 = TO_FLOAT(LOAD(cot, AT_K(b, 0, 3))), c1 = TO_FLOAT(LOAD(cot, AT_K(b, 1, 3))),
-                     c2 = TO_FLOAT(LOAD(cot, AT_K(b, 2, 3))), mf = TO_FLOAT(m);
+        const realv r0 = LOAD(cot, AT_K(b, 0, 3)), r1 = LOAD(cot, AT_K(b, 1, 3)), r2 = LOAD(cot, AT_K(b, 2, 3));
+        const floatv c0 = TO_FLOAT(r0), c1 = TO_FLOAT(r1), c2 = TO_FLOAT(r2), mf = TO_FLOAT(m);
         const floatv w0 = mf * c0, w1 = mf * c1, w2 = mf * c2;
+        const floatv v0 = mf * TO_FLOAT(r1 + r2), v1 = mf * TO_FLOAT(r0 + r2), v2 = mf * TO_FLOAT(r0 + r1);
         STORE3(w0, w1, w2, weight, b)
         const floatv root = TO_FLOAT(sqrt((real)D * m / (LOAD(area, AT(b)) * fmax(e, (realv)0.25f))));
         const floatv s0 = root * TO_FLOAT(g0), s1 = root * TO_FLOAT(g1), s2 = root * TO_FLOAT(g2),
@@ -151,11 +155,11 @@ KERNEL newton_prepare(int n, float alpha, float D, global const real *cot, globa
         STORE(s4, rank_one, AT_K(b, 4, 6));
         STORE(s5, rank_one, AT_K(b, 5, 6));
 
-        const floatv l = stiffness_bound(c0, c1, c2), dm = l * (w0 + w1 + w2);
+        const floatv l = stiffness_bound(c0, c1, c2), dm = 0.5f * l * (v0 + v1 + v2);
         const floatv size = fabs(s0) + fabs(s1) + fabs(s2) + fabs(s3) + fabs(s4) + fabs(s5);
-        STORE(0.5f * l * (w1 + w2) + size * fabs(s0), diag, AT_K(b, 0, 6));
-        STORE(0.5f * l * (w0 + w2) + size * fabs(s1), diag, AT_K(b, 1, 6));
-        STORE(0.5f * l * (w0 + w1) + size * fabs(s2), diag, AT_K(b, 2, 6));
+        STORE(0.5f * l * v0 + size * fabs(s0), diag, AT_K(b, 0, 6));
+        STORE(0.5f * l * v1 + size * fabs(s1), diag, AT_K(b, 1, 6));
+        STORE(0.5f * l * v2 + size * fabs(s2), diag, AT_K(b, 2, 6));
         STORE(dm + size * fabs(s3), diag, AT_K(b, 3, 6));
         STORE(dm + size * fabs(s4), diag, AT_K(b, 4, 6));
         STORE(dm + size * fabs(s5), diag, AT_K(b, 5, 6));
@@ -163,7 +167,9 @@ KERNEL newton_prepare(int n, float alpha, float D, global const real *cot, globa
         /* On T: P'g takes half of each adjacent midpoint. */
         const floatv t0 = s0 + 0.5f * (s4 + s5), t1 = s1 + 0.5f * (s3 + s5), t2 = s2 + 0.5f * (s3 + s4);
         const floatv k0 = 0.5f * w0 - t1 * t2, k1 = 0.5f * w1 - t0 * t2, k2 = 0.5f * w2 - t0 * t1;
-        const floatv d0 = k1 + k2, d1 = k0 + k2, d2 = k0 + k1;
+        /* k1 + k2 and the like, without cancellation: t0 + t1 + t2 = 0. */
+        const floatv d0 = 0.5f * v0 + t0 * t0, d1 = 0.5f * v1 + t1 * t1,
+                     d2 = 0.5f * v2 + t2 * t2;
         const floatv bound = link_bound(k0, k1, k2, d0, d1, d2);
         STORE3(k0, k1, k2, link, b)
         STORE3(bound * d0, bound * d1, bound * d2, diag_coarse, b)

@@ -137,17 +137,35 @@ done:
 #define LONGEST 1e75
 #define SHORTEST 1e-65
 
-/* Area and cotangents of a triangle from its sides alone (Kahan's stable form of Heron's formula),
- * so that an intrinsic metric would do as well: cot at corner k = (b^2 + c^2 - a^2) / (4 area).
- * Without a context a failure says nothing. */
+/* The longest side first. */
+static void sort_sides(double l[3])
+{
+    double s;
+    if (l[0] < l[1]) s = l[0], l[0] = l[1], l[1] = s;
+    if (l[1] < l[2]) s = l[1], l[1] = l[2], l[2] = s;
+    if (l[0] < l[1]) s = l[0], l[0] = l[1], l[1] = s;
+}
+
+void dmk_measure_sides(const double l[3], double *area, double cot[3])
+{
+    double sorted[3] = {l[0], l[1], l[2]};
+    sort_sides(sorted);
+    double a = sorted[0], b = sorted[1], c = sorted[2];
+    *area = 0.25 * sqrt((a + (b + c)) * (c - (a - b)) * (c + (a - b)) * (a + (b - c)));
+    for (int k = 0; k < 3; k++) {
+        double o = l[k], p = l[(k + 1) % 3], q = l[(k + 2) % 3];
+        cot[k] = (p * p + q * q - o * o) / (4 * *area);
+    }
+}
+
+/* Without a context a failure says nothing. */
 static int measure_triangle(dmk_context *ctx, const struct dmk_mesh *m, int32_t t)
 {
     const int32_t *e = m->triangle_edge + 3 * (size_t)t, *v = m->triangle + 3 * (size_t)t;
     const double l[3] = {m->length[e[0]], m->length[e[1]], m->length[e[2]]};
-    double a = l[0], b = l[1], c = l[2], s;
-    if (a < b) s = a, a = b, b = s;
-    if (b < c) s = b, b = c, c = s;
-    if (a < b) s = a, a = b, b = s;
+    double sorted[3] = {l[0], l[1], l[2]};
+    sort_sides(sorted);
+    double a = sorted[0], b = sorted[1], c = sorted[2];
     if (a > LONGEST || (a > 0 && a < SHORTEST)) {
         if (!ctx) return DMK_E_MESH;
         return dmk_fail(ctx, DMK_E_MESH,
@@ -161,12 +179,7 @@ static int measure_triangle(dmk_context *ctx, const struct dmk_mesh *m, int32_t 
                         "triangle %d (vertices %d %d %d) is degenerate: its area is zero; remove "
                         "it or merge its corners", t, v[0], v[1], v[2]);
     }
-    double heron = (a + (b + c)) * (c - (a - b)) * (c + (a - b)) * (a + (b - c));
-    m->area[t] = 0.25 * sqrt(heron);
-    for (int k = 0; k < 3; k++) {
-        double o = l[k], p = l[(k + 1) % 3], q = l[(k + 2) % 3];
-        m->cot[3 * (size_t)t + (size_t)k] = (p * p + q * q - o * o) / (4 * m->area[t]);
-    }
+    dmk_measure_sides(l, &m->area[t], m->cot + 3 * (size_t)t);
     return DMK_OK;
 }
 
@@ -175,14 +188,21 @@ static bool cannot_be_measured(int32_t t, void *data)
     return measure_triangle(NULL, data, t) != DMK_OK;
 }
 
+/* Squares of coordinates near 1e-300 and 1e300 would be 0 or infinite. */
+static double distance(const double *a, const double *b)
+{
+    double x = b[0] - a[0], y = b[1] - a[1], z = b[2] - a[2];
+    double square = x * x + y * y + z * z;
+    return square > 1e-290 && square < 1e300 ? sqrt(square) : hypot(hypot(x, y), z);
+}
+
 static void length_range(int32_t begin, int32_t end, void *data)
 {
     const struct dmk_mesh *m = data;
     for (int32_t e = begin; e < end; e++) {
         const double *a = m->xyz + 3 * (size_t)m->edge_vertex[2 * e];
         const double *b = m->xyz + 3 * (size_t)m->edge_vertex[2 * e + 1];
-        double x = b[0] - a[0], y = b[1] - a[1], z = b[2] - a[2];
-        m->length[e] = sqrt(x * x + y * y + z * z);
+        m->length[e] = distance(a, b);
     }
 }
 

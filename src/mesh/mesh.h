@@ -38,6 +38,11 @@ void dmk_fan_free(dmk_fan *fan);
 int dmk_mesh_adopt(dmk_context *context, size_t n_vertices, double *xyz, size_t n_triangles,
                    int32_t *triangle, dmk_mesh **mesh);
 
+/* mesh.c: area and cotangents of a triangle from its sides alone (Kahan's stable form of Heron's
+ * formula), so that an intrinsic metric would do as well: cot at corner k, opposite side l[k], is
+ * (b^2 + c^2 - a^2) / (4 area). */
+void dmk_measure_sides(const double l[3], double *area, double cot[3]);
+
 /* info.c: fill in n_used_vertices, n_border_edges, n_border_loops of a mesh with edges. */
 int dmk_mesh_count(dmk_context *context, dmk_mesh *mesh);
 

@@ -1,6 +1,7 @@
 /* Solver: one mesh on one device, set up once; then any number of sources. */
 #include "solver/outer.h"
 #include "solver/result.h"
+#include "solver/soften.h"
 #include "solver/start.h"
 
 #include <math.h>
@@ -13,12 +14,14 @@ struct dmk_solver {
     const dmk_mesh *mesh;
     int32_t component;        /* the one that is packed, or -1 */
     dmk_shared_order *order;
+    dmk_mesh soft;            /* the ordered mesh with the metric that is computed with */
     dmk_system *system;
 };
 
 static void forget_component(dmk_solver *s)
 {
     dmk_system_destroy(&s->system);
+    if (s->order && s->order->order.mesh) dmk_soften_free(s->order->order.mesh, &s->soft);
     dmk_shared_order_release(&s->order);
     s->component = -1;
 }
@@ -33,6 +36,7 @@ static int order_component(dmk_context *ctx, dmk_solver *s, int32_t component)
     DMK_TRY(DMK_NEW(ctx, s->order, 1));
     atomic_init(&s->order->users, 1);
     DMK_TRY(dmk_order_create(ctx, s->mesh, component, &s->order->order));
+    DMK_TRY(dmk_soften(ctx, s->order->order.mesh, &s->soft));
     s->component = component;
 done:
     if (rc != DMK_OK) forget_component(s);
@@ -58,8 +62,7 @@ void dmk_solver_destroy(dmk_solver **solver)
 {
     dmk_solver *s = *solver;
     if (!s) return;
-    dmk_system_destroy(&s->system);
-    dmk_shared_order_release(&s->order);
+    forget_component(s);
     free(s);
     *solver = NULL;
 }
@@ -279,6 +282,26 @@ static void scale_stats(const dmk_system *sys, dmk_stats *stats)
     stats->double_precision = dmk_device_real(sys->device, DMK_OUTER) == sizeof(double);
 }
 
+/* Newton; where it fails within its own limit of steps, as it may with many needles, explicit steps
+ * from the start again: slower, and of another kind, for each solves its linear system well. */
+static int iterate(dmk_solver *s, distance_task *near, const dmk_solve_options *options, dmk_outer *o)
+{
+    int rc, steps;
+    dmk_solve_options slow = *options;
+    if (options->method != DMK_NEWTON) return dmk_explicit(o);
+    rc = dmk_newton(o, options->start == DMK_START_DISTANCE);
+    if (options->max_steps > 0 || (rc != DMK_E_DIVERGED && rc != DMK_E_LIMIT)) return rc;
+    slow.method = DMK_INERTIAL;
+    steps = o->stats->steps;
+    o->options = &slow;
+    DMK_TRY(set_start(o->ctx, s, near, options->start));
+    DMK_TRY(dmk_explicit(o));
+    o->stats->steps += steps;
+done:
+    o->options = options;
+    return rc;
+}
+
 int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
               const dmk_solve_options *options, dmk_result **result)
 {
@@ -297,13 +320,12 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     dmk_point p = *source;
     p.triangle = r->source_triangle;
 
-    near.mesh = s->order->order.mesh;
+    near.mesh = &s->soft;
     near.source = &p;
     DMK_TRY(prepare(ctx, s, &near, options->start, began, r->stats.seconds));
     double t1 = dmk_seconds();
     dmk_outer o = {.ctx = ctx, .sys = s->system, .options = options, .stats = &r->stats, .began = began};
-    if (options->method == DMK_NEWTON) DMK_TRY(dmk_newton(&o, options->start == DMK_START_DISTANCE));
-    else DMK_TRY(dmk_explicit(&o));
+    DMK_TRY(iterate(s, &near, options, &o));
     double t2 = dmk_seconds();
     DMK_TRY(dmk_certify(&o));
     DMK_TRY(collect(ctx, s, &near, r));

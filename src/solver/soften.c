@@ -1,0 +1,102 @@
+/* Needles and caps have cotangents of any size, and with them the operator's coefficients. A triangle with
+ * sides a >= b >= c has b + c - a = 0 if it is degenerate; here that is brought up to a millionth of a.
+ * Then single precision, in which the preconditioner works, can tell the triangle from a degenerate one,
+ * and a distance changes by a millionth of the sides it runs along at most. (Lengths alone make the
+ * operator, so no vertex moves.) */
+#include "solver/soften.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const double softness = 1e-6;
+/* Nothing to do where no cotangent is larger: b + c - a is then above 5e-6 a, but for obtuse triangles
+ * that are small beside their longest side and do no harm. */
+static const double harmless = 300;
+/* Where all triangles are thin, as on a surface that was stretched, longer short sides would add up:
+ * then the area would grow by more than this part, and the metric stays as it is. */
+static const double area_slack = 1e-4;
+/* What is given to one triangle may be taken from the next one: a few rounds. */
+enum { MAX_ROUNDS = 40 };
+
+/* The sides of a triangle, the longest first. */
+static void sort_sides(const double *length, int32_t e[3])
+{
+    int32_t s;
+    if (length[e[0]] < length[e[1]]) s = e[0], e[0] = e[1], e[1] = s;
+    if (length[e[1]] < length[e[2]]) s = e[1], e[1] = e[2], e[2] = s;
+    if (length[e[0]] < length[e[1]]) s = e[0], e[0] = e[1], e[1] = s;
+}
+
+/* How much b + c - a falls short; e sorted. */
+static double lacks(const double *length, const int32_t e[3])
+{
+    return softness * length[e[0]] - (length[e[2]] - (length[e[0]] - length[e[1]]));
+}
+
+static bool is_soft(const dmk_mesh *m)
+{
+    for (size_t i = 0; i < 3 * (size_t)m->n_triangles; i++) {
+        if (fabs(m->cot[i]) > harmless) return false;
+    }
+    return true;
+}
+
+/* Number of triangles that were too thin. */
+static int32_t lengthen(const dmk_mesh *m, double *length)
+{
+    int32_t n = 0;
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        int32_t e[3];
+        memcpy(e, m->triangle_edge + 3 * (size_t)t, sizeof e);
+        sort_sides(length, e);
+        double more = lacks(length, e);
+        if (!(more > 0)) continue;
+        n++;
+        /* A little more than half each, so that rounding leaves nothing to do. */
+        length[e[1]] += 0.5001 * more;
+        length[e[2]] += 0.5001 * more;
+    }
+    return n;
+}
+
+/* Areas and cotangents; whether the whole area is still about the same. */
+static bool measure(const dmk_mesh *m, dmk_mesh *soft)
+{
+    double before = 0, after = 0;
+    for (int32_t t = 0; t < soft->n_triangles; t++) {
+        const int32_t *e = soft->triangle_edge + 3 * (size_t)t;
+        const double l[3] = {soft->length[e[0]], soft->length[e[1]], soft->length[e[2]]};
+        dmk_measure_sides(l, &soft->area[t], soft->cot + 3 * (size_t)t);
+        before += m->area[t];
+        after += soft->area[t];
+    }
+    return after <= (1 + area_slack) * before;
+}
+
+int dmk_soften(dmk_context *ctx, const dmk_mesh *m, dmk_mesh *soft)
+{
+    int rc;
+    bool good = false;
+    *soft = *m;
+    if (is_soft(m)) return DMK_OK;
+    soft->length = soft->area = soft->cot = NULL;
+    DMK_TRY(DMK_NEW(ctx, soft->length, (size_t)m->n_edges));
+    DMK_TRY(DMK_NEW(ctx, soft->area, (size_t)m->n_triangles));
+    DMK_TRY(DMK_NEW(ctx, soft->cot, 3 * (size_t)m->n_triangles));
+    memcpy(soft->length, m->length, (size_t)m->n_edges * sizeof *m->length);
+    for (int round = 0; round < MAX_ROUNDS && lengthen(m, soft->length) > 0; round++) {}
+    good = measure(m, soft);
+done:
+    if (!good) dmk_soften_free(m, soft);
+    if (rc == DMK_OK && !good) *soft = *m;
+    return rc;
+}
+
+void dmk_soften_free(const dmk_mesh *m, dmk_mesh *soft)
+{
+    if (soft->length != m->length) free(soft->length);
+    if (soft->area != m->area) free(soft->area);
+    if (soft->cot != m->cot) free(soft->cot);
+    *soft = (dmk_mesh){0};
+}
