@@ -3,7 +3,7 @@
 
 if make --no-print-directory CONFIG=sanitize replayers > "$work/made" 2>&1; then
     tried() { # DRIVER EXECUTIONS
-        (cd "$work" && "$OLDPWD/build/sanitize/replay/$1" "$2" "$OLDPWD/tests/fuzz/corpus/$1" 2> err |
+        (cd "$work" && ASAN_OPTIONS=$ASAN_OPTIONS:abort_on_error=1 "$OLDPWD/build/sanitize/replay/$1" "$2" "$OLDPWD/tests/fuzz/corpus/$1" 2> err |
             grep -x "# tried $2: failed 0") || { cat "$work/err"; od -c "$work/fuzz-failure"; return 1; }
     }
     check 'all readers of meshes' tried mesh 100000
