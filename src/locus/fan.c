@@ -20,9 +20,10 @@ static const double fine_width = 0.6;
 /* In mean edges: how much longer than the guide a ray may become. */
 static const double slack = 3.0;
 
-/* Times the square root of the number of triangles: most rays in one wedge. Rough meshes would take
- * any number, since rays part at their saddle vertices without end. */
-static const double most_rays = 4;
+/* Times the square root of the number of triangles: most rays in one wedge. Where a surface curves
+ * negatively, rays part so fast that one wedge may need many; rough meshes would take any number,
+ * since rays part at their saddle vertices without end. */
+static const double most_rays = 40, most_rays_rough = 4;
 
 typedef struct wedge_hits {
     dmk_hit *hit;
@@ -180,7 +181,8 @@ static void *work(void *data)
     crew *c = w->crew;
     for (int i; (i = atomic_fetch_add(&c->next, 1)) < n_wedges && atomic_load(&c->status) == 0;) {
         w->out = &c->wedge[i];
-        w->n_left = (int32_t)(most_rays * sqrt(c->rays->mesh->n_triangles));
+        w->n_left = (int32_t)((c->rays->smooth ? most_rays_rough : most_rays) *
+                              sqrt(c->rays->mesh->n_triangles));
         double right = wedge_side(&c->rays->chart, i), left = wedge_side(&c->rays->chart, i + 1);
         int rc = dmk_ray_shoot(c->rays, right, slack, &w->ray[0]);
         if (rc == DMK_OK) rc = dmk_ray_shoot(c->rays, left, slack, &w->ray[1]);

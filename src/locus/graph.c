@@ -28,7 +28,7 @@ static const double doubtful = 0.5;
 /* Strength: width of the beam between the geodesics to the ends of the edge, in mesh edges, brought
  * below 1 where the geodesics leave the source in nearly one direction. (Where rays go apart faster
  * than in the plane, small angles are large differences, and rays do not cross by chance: the angle
- * counts by the square of how much faster.) The triangles around the source are of one family by
+ * counts by the square of how much faster, against the roughness of the mesh by the first power.) The triangles around the source are of one family by
  * definition. order: by angle among weak edges, so that the tree does not cross the ridges that
  * continue the locus beyond its ends, by strength among strong ones. */
 static void find_strengths(const dmk_rays *r, double threshold, float *strength, uint16_t *order)
@@ -42,10 +42,10 @@ static void find_strengths(const dmk_rays *r, double threshold, float *strength,
         double ratio = dmk_rays_width(r, a, b) / size;
         if (ratio > threshold) {
             double mean = 0.5 * (a->distance + b->distance);
-            double least = fmax(least_turn * cbrt(size / mean), dmk_rays_walk(r, mean, size));
             double wide = fmax(1, fmin(a->spread, b->spread) / mean);
-            double seen = turn * wide * wide;
-            if (seen < least) ratio = threshold * seen / least;
+            double seen = turn * wide * fmin(wide / (least_turn * cbrt(size / mean)),
+                                             1 / dmk_rays_walk(r, mean, size));
+            if (seen < 1) ratio = threshold * seen;
         }
         strength[e] = (float)ratio;
         bool weak = ratio <= threshold;
