@@ -3,18 +3,21 @@
 
 usage: accuracy.py [--program DMKCL] [--sizes 5,20,80,320] [--surfaces torus,...] [--meshes plain,...]
                    [--rivals] [--out FILE.csv]
+    accuracy.py --surfaces torus --rivals --out bench/results/accuracy.csv
+The rows of other surfaces in FILE.csv stay; beside it comes FILE.md, the same as tables.
 Surfaces: torus (exact locus in closed form), ellipsoid and quartic (bench/data: cut times by Newton's
 method on geodesics shot from the source on the smooth surface, ends by the conjugate time), umbilic
 (the ellipsoid from an umbilic: the locus is the opposite point).
-Meshes: plain (dmkcl mesh), jittered (its points moved by about a tenth of an edge), aligned (torus
-only: a grid whose lines hold the locus). All lengths in units of h, the mean edge length:
+Meshes: plain (dmkcl mesh), jittered (its points moved by about a tenth of an edge, on the surface),
+aligned (torus only: a grid whose lines hold the locus), noisy (its points moved off the surface, by 5 %
+of an edge in each direction). All lengths in units of h, the mean edge length:
   false    share of the output's length farther than 3 h from the exact locus
   missed   share of the exact length with no output within 3 h
   out, ref mean distance from the output to the exact locus and back; max: the largest of both
   tip      largest distance of an end from the exact end nearest to it
   length   relative error of the total length
 and loops, components, ends, branches (ends and branch points nearer than 3 h counted once).
---rivals adds the triangles with mu <= 1e-4 and, with pygeodesic, the edges across which the gradient of
+--rivals adds the triangles with mu <= 1e-4, the paper's choice, and <= 1e-2, and, with pygeodesic, the edges across which the gradient of
 the exact distance on the polyhedron turns by more than 0.3 and 0.5 radians. Needs numpy and scipy.
 """
 import argparse
@@ -82,17 +85,13 @@ def exact_ends(lines):
 
 def sample(lines, step):
     """Points along the lines, their weights, and the segment (a, b) each lies on."""
-    points, weights, a, b = [], [], [], []
-    for line in lines:
-        for p, q in zip(line[:-1], line[1:]):
-            length = np.linalg.norm(q - p)
-            n = max(1, int(np.ceil(length / step)))
-            s = (np.arange(n) + 0.5)[:, None] / n
-            points.append(p + s * (q - p))
-            weights += [length / n] * n
-            a += [p] * n
-            b += [q] * n
-    return np.vstack(points), np.array(weights), np.array(a), np.array(b)
+    p = np.vstack([line[:-1] for line in lines])
+    q = np.vstack([line[1:] for line in lines])
+    length = np.linalg.norm(q - p, axis=1)
+    n = np.maximum(1, np.ceil(length / step)).astype(int)
+    k = np.repeat(np.arange(len(n)), n)
+    s = (np.arange(len(k)) - np.repeat(np.cumsum(n) - n, n) + 0.5) / n[k]
+    return p[k] + s[:, None] * (q - p)[k], (length / n)[k], p[k], q[k]
 
 
 def distances(points, target):
@@ -201,6 +200,12 @@ def jitter(name, x, triangles, amount):
     return y
 
 
+def noisy(x, triangles, amount):
+    y = x + np.random.default_rng(2).normal(size=x.shape) * amount * mean_edge(x, triangles)
+    y[0] = x[0]
+    return y
+
+
 def aligned_torus(thousands):
     n = int(round((thousands * 1000 / 4) ** 0.5))
     n += n % 2
@@ -224,6 +229,9 @@ def make_mesh(program, name, kind, thousands, path):
     if kind == "jittered":
         x, triangles = read_off(path)
         write_off(path, jitter(surface, x, triangles, 0.1), triangles)
+    if kind == "noisy":
+        x, triangles = read_off(path)
+        write_off(path, noisy(x, triangles, 0.05), triangles)
 
 
 # ---- rivals ---------------------------------------------------------------------------------------
@@ -239,8 +247,9 @@ def shares(name, points, weights, h):
             "missed": exact[1][back > 3].sum() / exact[1].sum()}
 
 
-def gradient_jump(name, x, triangles, h, angle):
-    """Edges of the mesh across which the gradient of the exact polyhedral distance turns by more."""
+def gradient_jump(name, x, triangles, h, angles):
+    """Edges of the mesh across which the gradient of the exact polyhedral distance turns by more than
+    each of the angles."""
     from pygeodesic import geodesic
     d = geodesic.PyGeodesicAlgorithmExact(x, triangles).geodesicDistances(np.array([0]))[0]
     p, q, r = x[triangles[:, 0]], x[triangles[:, 1]], x[triangles[:, 2]]
@@ -251,25 +260,21 @@ def gradient_jump(name, x, triangles, h, angle):
          + d[triangles[:, 1]][:, None] * np.cross(normal, p - r)
          + d[triangles[:, 2]][:, None] * np.cross(normal, q - p)) / area
     g /= np.linalg.norm(g, axis=1)[:, None]
-    half = {}
-    chosen = []
-    for t, (a, b, c) in enumerate(triangles):
-        for i, j in ((a, b), (b, c), (c, a)):
-            s = half.pop((j, i), None)
-            if s is None:
-                half[(i, j)] = t
-            elif np.arccos(np.clip((g[s] * g[t]).sum(), -1, 1)) > angle:
-                chosen.append((i, j))
-    chosen = np.array(chosen).reshape(-1, 2)
-    mid = 0.5 * (x[chosen[:, 0]] + x[chosen[:, 1]])
-    return shares(name, mid, np.linalg.norm(x[chosen[:, 0]] - x[chosen[:, 1]], axis=1), h)
+    ends = np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    order = np.lexsort(np.sort(ends, axis=1).T)  # the two sides of each edge one after the other
+    s, t = order[::2] % len(triangles), order[1::2] % len(triangles)
+    turn = np.arccos(np.clip((g[s] * g[t]).sum(1), -1, 1))
+    a, b = x[ends[order[::2], 0]], x[ends[order[::2], 1]]
+    for angle in angles:
+        mine = turn > angle
+        yield angle, shares(name, 0.5 * (a + b)[mine], np.linalg.norm(b - a, axis=1)[mine], h)
 
 
-def density_threshold(name, program, mesh, h, folder):
-    """The triangles with mu <= 1e-4, weighted by the square root of their area."""
+def density_threshold(name, program, mesh, h, bound, folder):
+    """The triangles with mu <= bound, weighted by the square root of their area."""
     import meshio
     path = os.path.join(folder, "result.vtu")
-    subprocess.run([program, "solve", mesh, "--vertex", "0", "--threshold", "1e-4", "--out", path,
+    subprocess.run([program, "solve", mesh, "--vertex", "0", "--threshold", bound, "--out", path,
                     "--quiet"], check=True)
     r = meshio.read(path)
     triangles = r.cells_dict["triangle"][np.array(r.cell_data["acl"][0]).ravel() > 0]
@@ -291,16 +296,18 @@ def one(program, name, kind, thousands, rivals, folder):
     h = mean_edge(x, triangles)
     row = dict(surface=name, mesh=kind, test="locus", triangles=len(triangles), h=h)
     row.update(score(name, locus, h))
-    row.update({k: report["locus"][k] for k in ("loops", "components") if k in report["locus"]})
+    row.update({k: report["locus"][k] for k in ("loops", "components")})
     yield row
-    if not rivals or name == "umbilic":
+    if not rivals or name == "umbilic" or kind == "noisy":
         return
-    yield dict(surface=name, mesh=kind, test="mu <= 1e-4", triangles=len(triangles), h=h,
-               **density_threshold(name, program, mesh, h, folder))
-    for angle in (0.3, 0.5):
-        if thousands <= 20:  # exact distances take minutes on larger meshes
-            yield dict(surface=name, mesh=kind, test=f"jump > {angle}", triangles=len(triangles), h=h,
-                       **gradient_jump(name, x, triangles, h, angle))
+    for bound in ("1e-4", "1e-2"):
+        yield dict(surface=name, mesh=kind, test=f"mu <= {bound}", triangles=len(triangles), h=h,
+                   **density_threshold(name, program, mesh, h, bound, folder))
+    if thousands > 20:  # exact distances take minutes on larger meshes
+        return
+    for angle, share in gradient_jump(name, x, triangles, h, (0.3, 0.5)):
+        yield dict(surface=name, mesh=kind, test=f"jump > {angle}", triangles=len(triangles), h=h,
+                   **share)
 
 
 def add_rates(rows):
@@ -316,13 +323,62 @@ def add_rates(rows):
             last[key] = row
 
 
+COLUMNS = ["surface", "mesh", "test", "triangles", "h", "false", "missed", "out", "ref", "max", "tip",
+           "length", "ends", "branches", "loops", "components", "points", "lines", "rate"]
+TITLES = {"false": "false, %", "missed": "missed, %", "out": "mean out, h", "ref": "mean back, h",
+          "max": "max, h", "tip": "tip, h", "length": "length, %", "rate": "order"}
+
+
+def cell(column, value):
+    if value == "" or value is None:
+        return ""
+    if column in ("false", "missed", "length"):
+        return f"{100 * float(value):.2f}"
+    if column in ("out", "ref", "max", "tip"):
+        return f"{float(value):.3f}"
+    return f"{float(value):.1f}" if column == "rate" else str(value)
+
+
+def markdown(rows, columns):
+    yield "| " + " | ".join(TITLES.get(c, c) for c in columns) + " |"
+    yield "|" + "|".join("---" if c in ("surface", "mesh", "test") else "--:" for c in columns) + "|"
+    for row in rows:
+        yield "| " + " | ".join(cell(c, row.get(c, "")) for c in columns) + " |"
+
+
+def write_tables(path, rows):
+    done = {row["surface"] for row in rows}
+    if os.path.exists(path):
+        with open(path, newline="") as f:
+            rows = [r for r in csv.DictReader(f) if r["surface"] not in done] + rows
+    rows.sort(key=lambda r: list(SURFACES).index(r["surface"]))
+    with open(path, "w", newline="") as f:
+        writer = csv.DictWriter(f, COLUMNS)
+        writer.writeheader()
+        writer.writerows(rows)
+    own = [r for r in rows if r["test"] == "locus"]
+    text = ["# The cut locus against exact ones", "",
+            "`bench/accuracy.py --rivals --out bench/results/accuracy.csv`; it tells what the columns are.",
+            "", *markdown([r for r in own if r["surface"] != "umbilic"],
+                          ["surface", "mesh", "triangles", "false", "missed", "out", "ref", "max", "tip",
+                           "length", "ends", "branches", "loops", "components", "rate"]),
+            "", "A locus that is one point: its distance from the exact one.", "",
+            *markdown([r for r in own if r["surface"] == "umbilic"],
+                      ["surface", "mesh", "triangles", "points", "lines", "max"]),
+            "", "Tests on single triangles or edges, for comparison.", "",
+            *markdown([r for r in rows if r["test"] != "locus"],
+                      ["surface", "mesh", "test", "triangles", "false", "missed"])]
+    with open(os.path.splitext(path)[0] + ".md", "w") as f:
+        f.write("\n".join(text) + "\n")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--program", default=os.path.join(HERE, "../build/release/dmkcl"))
     parser.add_argument("--sizes", default="5,20,80,320")
     parser.add_argument("--surfaces", default=",".join(SURFACES))
-    parser.add_argument("--meshes", default="plain,jittered,aligned")
+    parser.add_argument("--meshes", default="plain,jittered,aligned,noisy")
     parser.add_argument("--rivals", action="store_true")
     parser.add_argument("--out")
     a = parser.parse_args()
@@ -339,11 +395,7 @@ def main():
                         print("  ".join(f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}"
                                         for k, v in row.items()), flush=True)
     if a.out:
-        columns = list(dict.fromkeys(k for row in rows for k in row))
-        with open(a.out, "w", newline="") as f:
-            writer = csv.DictWriter(f, columns)
-            writer.writeheader()
-            writer.writerows(rows)
+        write_tables(a.out, rows)
     return 0
 
 
