@@ -250,16 +250,18 @@ static int check_pillows(dmk_context *ctx, dmk_mesh *m)
 /* Name a triangle of the fan that starts at `first` and one outside of it. */
 static int fail_fan(dmk_context *ctx, const dmk_mesh *m, int32_t first)
 {
-    int32_t v = m->triangle[first], outside = -1;
+    int32_t v = m->triangle[first], outside = -1, c = first;
+    bool *inside = NULL; /* 3*n_triangles: corners of the fan */
+    int rc = DMK_NEW(ctx, inside, 3 * (size_t)m->n_triangles);
+    if (rc != DMK_OK) return rc;
+    do {
+        inside[c] = true;
+        c = next_corner(m, c);
+    } while (c >= 0 && c != first);
     for (int32_t h = 0; h < 3 * m->n_triangles && outside < 0; h++) {
-        if (m->triangle[h] != v) continue;
-        int32_t c = first;
-        do {
-            if (c == h) break;
-            c = next_corner(m, c);
-        } while (c >= 0 && c != first);
-        if (c != h) outside = h / 3;
+        if (m->triangle[h] == v && !inside[h]) outside = h / 3;
     }
+    free(inside);
     return dmk_fail(ctx, DMK_E_MESH,
                     "non-manifold vertex %d: triangles %d and %d meet there, but not through "
                     "shared edges; give each part of the surface its own copy of the vertex",

@@ -35,7 +35,18 @@ static void shrink(int32_t **array, size_t n)
     if (smaller) *array = smaller; /* else the longer one does as well */
 }
 
-/* Group the half-edges by their smaller end vertex, then match equal larger ends within each small
+/* The edge from the vertex whose edges begin at `first` to `other`, or n_edges if there is none yet. Few are
+ * looked through; of many, as at the centre of a large fan, last[other] tells the only one it can be. */
+static int32_t find_edge(const struct dmk_mesh *m, int32_t first, int32_t n_edges, bool many,
+                         const int32_t *last, int32_t other)
+{
+    int32_t e = many ? last[other] : first;
+    if (many) return e >= first && e < n_edges && m->edge_vertex[2 * e + 1] == other ? e : n_edges;
+    while (e < n_edges && m->edge_vertex[2 * e + 1] != other) e++;
+    return e;
+}
+
+/* Group the half-edges by their smaller end vertex, then match equal larger ends within each
  * group: linear in the mesh's size. Edges are numbered by (smaller end, first half-edge). */
 static int build_edges(dmk_context *ctx, struct dmk_mesh *m)
 {
@@ -62,12 +73,14 @@ static int build_edges(dmk_context *ctx, struct dmk_mesh *m)
     }
     for (int32_t v = 0; v < m->n_vertices; v++) {
         int32_t first = n_edges;
+        bool many = row[v + 1] - row[v] > 64;
         for (int32_t i = row[v]; i < row[v + 1]; i++) {
             int32_t a, b, h = half[i];
             half_edge(m->triangle, h, &a, &b);
-            int32_t other = dmk_max_i(a, b), side = a < b ? 0 : 1, e = first;
-            while (e < n_edges && m->edge_vertex[2 * e + 1] != other) e++;
+            int32_t other = dmk_max_i(a, b), side = a < b ? 0 : 1;
+            int32_t e = find_edge(m, first, n_edges, many, fill, other);
             if (e == n_edges) {
+                if (many) fill[other] = e; /* done with as a place to fill */
                 m->edge_vertex[2 * e] = v;
                 m->edge_vertex[2 * e + 1] = other;
                 m->edge_triangle[2 * e] = m->edge_triangle[2 * e + 1] = -1;
