@@ -184,6 +184,11 @@ faults: $B/faults/library $B/faults/dmkcl
 	$(Q)$B/faults/library $(FAULT_STRIDE)
 	$(Q)bash tests/faults/tool.sh $B $(FAULT_RUNS)
 
+# Meshes of scanners, from the Debian archive, and one of a million triangles; best with CONFIG=sanitize.
+.PHONY: real
+real: $(TOOL)
+	$(Q)sh tests/real.sh $B $(REAL_MESHES)
+
 # Share of the lines of src/ that the tests run, file by file, the least covered first.
 coverage:
 	$(Q)$(MAKE) -s CONFIG=coverage test
@@ -293,6 +298,7 @@ help:
 	@echo 'make            library, tool and test programs, in build/$$(CONFIG)'
 	@echo 'make test       run all tests; the last line counts them'
 	@echo 'make fuzz       fuzz all readers with clang; FUZZ_SECONDS=60 for each of the drivers'
+	@echo 'make real       scanned meshes through all commands; REAL_MESHES=folder where they are there'
 	@echo 'make faults     memory, files, OpenCL and signals fail in turn; FAULT_STRIDE=1 FAULT_RUNS=20'
 	@echo 'make check-all  all checks, with a table of what was tried; also by themselves:'
 	@echo '                $(CHECKS:check-%=%)'
