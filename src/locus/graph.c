@@ -28,9 +28,10 @@ static const double doubtful = 0.5;
 /* Strength: width of the beam between the geodesics to the ends of the edge, in mesh edges, brought
  * below 1 where the geodesics leave the source in nearly one direction. (Where rays go apart faster
  * than in the plane, small angles are large differences, and rays do not cross by chance: the angle
- * counts by the square of how much faster, against the roughness of the mesh by the first power.) The triangles around the source are of one family by
- * definition. order: by angle among weak edges, so that the tree does not cross the ridges that
- * continue the locus beyond its ends, by strength among strong ones. */
+ * counts by the square of how much faster, against the roughness of the mesh by the first power.)
+ * The triangles around the source are of one family by definition. order: by angle among weak edges,
+ * so that the tree does not cross the ridges that continue the locus beyond its ends, by strength
+ * among strong ones. */
 static void find_strengths(const dmk_rays *r, double threshold, float *strength, uint16_t *order)
 {
     const dmk_mesh *m = r->mesh;

@@ -45,6 +45,7 @@ script valgrind 'the tool under memcheck'
 row fuzz 'executions of fuzzing drivers, all readers' make -s fuzz FUZZ_SECONDS="${FUZZ_SECONDS:-15}"
 row faults 'memory, files, OpenCL calls that fail, signals' \
     make -s faults FAULT_STRIDE="${FAULT_STRIDE:-7}" FAULT_RUNS="${FAULT_RUNS:-5}"
+script hostile 'bad meshes: refused with the reason, or solved'
 script same 'the same answer: threads, devices, precisions, numbers'
 script long 'solves in one process, memory flat; 8 threads at once'
 script soak 'short runs one after another, by chance, some interrupted'
