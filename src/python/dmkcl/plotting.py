@@ -102,10 +102,10 @@ def plot(
 
 
 def _viewpoint(result: "Result") -> "tuple[float, float, float]":
-    """From where the source lies at one side, so that it and the locus behind are seen."""
+    """From where the source lies behind one side: its locus is mostly on the other half."""
     low, high = (np.array(result.mesh.info[name]) for name in ("box_min", "box_max"))
     x, y, _ = np.array(result.source.xyz) - (low + high) / 2
-    around = np.arctan2(y, x) - 1.5
+    around = np.arctan2(y, x) - 2
     return float(np.cos(around)), float(np.sin(around)), 0.75
 
 

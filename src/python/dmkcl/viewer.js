@@ -178,9 +178,9 @@ const cross = (a, b) => [
 const unit = a => { const l = Math.hypot(...a) || 1; return a.map(x => x / l); };
 let turn, away, shift;
 
-// At first z is up and the source lies at one side, so that it and the locus behind are seen.
+// At first z is up and the source lies behind one side: its locus is mostly on the other half.
 function reset() {
-    const p = data.source, around = Math.atan2(p[1], p[0]) - 1.5;
+    const p = data.source, around = Math.atan2(p[1], p[0]) - 2;
     const back = unit([Math.cos(around), Math.sin(around), 0.75]);
     const right = unit(cross([0, 0, 1], back));
     turn = [right, cross(back, right), back];
@@ -226,6 +226,10 @@ function drawRibbons(what, width, ink) {
     gl.uniform3fv(ribbon.uniforms.ink, ink);
     gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, what.n);
 }
+function drawLines() {
+    if (element("cut").checked) drawRibbons(cut, edges.length ? 5 : 12, [0.84, 0.10, 0.12]);
+    drawRibbons(ball, 16, [1, 0.75, 0.1]);
+}
 function draw() {
     waiting = false;
     const size = [canvas.clientWidth, canvas.clientHeight]
@@ -243,8 +247,17 @@ function draw() {
     gl.drawArrays(gl.TRIANGLES, 0, faces.length);
     begin(ribbon, size);
     gl.uniform2fv(ribbon.uniforms.size, size);
-    if (element("cut").checked) drawRibbons(cut, edges.length ? 5 : 12, [0.84, 0.10, 0.12]);
-    drawRibbons(ball, 16, [1, 0.75, 0.1]);
+    drawLines();
+    // What lies behind shines through.
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.CONSTANT_ALPHA, gl.ONE_MINUS_CONSTANT_ALPHA);
+    gl.blendColor(0, 0, 0, 0.25);
+    gl.depthFunc(gl.GREATER);
+    gl.depthMask(false);
+    drawLines();
+    gl.disable(gl.BLEND);
+    gl.depthFunc(gl.LESS);
+    gl.depthMask(true);
     const error = gl.getError();
     if (error) console.error("WebGL error " + error);
     document.documentElement.dataset.frames = ++frames;

@@ -45,8 +45,7 @@ def test_the_page_draws(browser, page):
     shown = (picture != 255).any(axis=2).mean()
     assert 0.1 < shown < 0.9
     red = (picture[..., 0] > 150) & (picture[..., 1] < 100) & (picture[..., 2] < 100)
-    yellow = (picture[..., 0] > 180) & (picture[..., 1] > 110) & (picture[..., 2] < 90)
-    assert red.sum() > 300 and yellow.sum() > 20
+    assert red.sum() > 300
     assert browser.complaints == [] and browser.requests == [page.as_uri()]
     if os.environ.get("DMKCL_KEEP"):
         shutil.copy(browser.picture, os.environ["DMKCL_KEEP"])
@@ -56,8 +55,11 @@ def test_the_page_draws(browser, page):
 def test_hands_move_it(browser, page):
     browser.open(page)
     first = browser.screenshot()
-    browser.drag((400, 300), (520, 340))
+    browser.drag((520, 300), (400, 340))
     turned = browser.screenshot()
+    # The source has come from behind to the front.
+    yellow = (turned[..., 0] > 180) & (turned[..., 1] > 110) & (turned[..., 2] < 90)
+    assert yellow.sum() > 20
     assert (first != turned).any(axis=2).mean() > 0.05
     browser.wheel((400, 300), -600)
     near = browser.screenshot()

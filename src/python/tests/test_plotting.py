@@ -34,7 +34,14 @@ def test_plot(tmp_path, result):
     white = near(pixels, (255, 255, 255), 2)
     assert 0.2 * pixels[..., 0].size < white < 0.9 * pixels[..., 0].size
     assert near(pixels, (180, 25, 28)) > 500  # the locus
-    assert near(pixels, (240, 180, 25)) > 30  # the source
+
+
+def test_plot_from_the_source(result):
+    plotter = result.plot(plotter=pyvista.Plotter(off_screen=True), show=False)
+    plotter.view_vector((1, 0, 0.3))
+    pixels = plotter.screenshot(return_img=True)
+    assert near(pixels, (240, 180, 25)) > 30
+    plotter.close()
 
 
 def test_plot_options(result):
