@@ -74,7 +74,7 @@ PC := $B/dmkcl.pc
 MAN := $B/dmkcl.1
 MAN3 := $B/dmkcl.3
 
-.PHONY: all tests test coverage pyenv paper demo bench bench-kernels bench-methods reference install uninstall clean help deps FORCE
+.PHONY: all tests test coverage pyenv paper demo bench bench-kernels bench-anderson bench-methods reference install uninstall clean help deps FORCE
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -239,9 +239,15 @@ bench-kernels: $B/bench-kernels
 	$(Q){ echo '# Kernels beside a plain copy of as many bytes'; echo; $<; } > $B/kernels.md
 	$(Q)mv $B/kernels.md bench/results/kernels.md && cat bench/results/kernels.md
 
+# Anderson acceleration of the explicit steps; bench/methods.py runs it.
+$B/bench-anderson: $B/bench/anderson.o $(STATIC)
+	$(call say,LD,$@)
+	$(Q)$(CC) $(LINK) $^ -o $@ $(LDLIBS)
+bench-anderson: $B/bench-anderson
+
 # Density error of each method against its steps and V-cycles.
-bench-methods: $(TOOL) $(PEERS)
-	$(Q)build/peers/bin/python bench/methods.py --program $(TOOL)
+bench-methods: $(TOOL) $B/bench-anderson $(PEERS)
+	$(Q)build/peers/bin/python bench/methods.py --program $(TOOL) --anderson $B/bench-anderson
 
 # Every experiment of the paper: figures and a table in build/paper, small ones in bench/results/paper.
 paper: $(TOOL) pyenv
@@ -307,6 +313,7 @@ help:
 	@echo 'make paper      the experiments of the paper: figures and a table in build/paper'
 	@echo 'make bench      whole runs beside peers from PyPI; BENCH=quick|usual|full'
 	@echo 'make bench-kernels, make bench-methods   kernels beside a copy; methods by error'
+	@echo 'make bench-anderson   the program that bench-methods runs for Anderson acceleration'
 	@echo 'make reference  manual pages of the tool and the library, also as HTML, in build/reference'
 	@echo 'make deps       install missing Debian packages (demo and test do this too)'
 	@echo 'make install    tool, libraries, header, dmkcl.pc, manual; uninstall takes them away'
@@ -318,5 +325,5 @@ help:
 	@echo 'CC=gcc  CFLAGS=  LDFLAGS=  V=1           compiler, flags to add, show commands'
 
 -include $(LIB_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_OBJ:.o=.d) $(TEST_LIB_OBJ:.o=.d) $B/bench/kernels.d \
-    $(FUZZERS:%=$B/tests/fuzz/%.d) $B/tests/fuzz/replay.d \
+    $B/bench/anderson.d $(FUZZERS:%=$B/tests/fuzz/%.d) $B/tests/fuzz/replay.d \
     $B/tests/faults/wrap.d $B/tests/faults/library.d
