@@ -28,7 +28,7 @@ static const double doubtful = 0.5;
 /* Strength: width of the beam between the geodesics to the ends of the edge, in mesh edges, brought
  * below 1 where the geodesics leave the source in nearly one direction. (Where rays go apart faster
  * than in the plane, small angles are large differences, and rays do not cross by chance: the angle
- * counts by the square of how much faster, against the roughness of the mesh by the first power.)
+ * counts by the square of how much faster; against the noise of a rough mesh by the first power.)
  * The triangles around the source are of one family by definition. order: by angle among weak edges,
  * so that the tree does not cross the ridges that continue the locus beyond its ends, by strength
  * among strong ones. */
@@ -44,8 +44,9 @@ static void find_strengths(const dmk_rays *r, double threshold, float *strength,
         if (ratio > threshold) {
             double mean = 0.5 * (a->distance + b->distance);
             double wide = fmax(1, fmin(a->spread, b->spread) / mean);
-            double seen = turn * wide * fmin(wide / (least_turn * cbrt(size / mean)),
-                                             1 / dmk_rays_walk(r, mean, size));
+            double by_bend = turn * wide * wide / (least_turn * cbrt(size / mean));
+            double by_noise = turn * (r->smooth ? wide : wide * wide) / dmk_rays_walk(r, mean, size);
+            double seen = fmin(by_bend, by_noise);
             if (seen < 1) ratio = threshold * seen;
         }
         strength[e] = (float)ratio;
