@@ -41,6 +41,12 @@ check 'of its report' said_full solve "$torus" --vertex 0 --json
 check 'of devices' said_full devices
 check 'of info' said_full info "$torus"
 
+# ---- a small file that unpacks to a large one ---------------------------------------------------
+
+head -c 200000000 /dev/zero | gzip -9 > "$work/zeros.off.gz"
+fails 'a packed file of nothing' 3 'zeros.off.gz: unpacks to more than 500 times its size' \
+    "$tool" info "$work/zeros.off.gz"
+
 # ---- closed standard streams: their numbers are not lent to files -----------------------------
 
 "$tool" solve "$torus" --vertex 0 --quiet --out "$work/files/ref.vtp"

@@ -5,6 +5,10 @@
 #include <zlib.h>
 
 #define CHUNK ((size_t)1 << 30) /* zlib counts in 32 bits */
+/* Meshes shrink to a hundredth at most. What unpacks to more than this is no mesh, and is not let to fill
+ * the memory; short files may. */
+#define MOST_TIMES 500
+#define SHORT ((size_t)64 << 20)
 
 /* Unpack all members of the file, one behind the other as gzip allows, into out. */
 static int inflate_all(dmk_context *ctx, z_stream *z, const dmk_file *file, dmk_file *out)
@@ -12,6 +16,10 @@ static int inflate_all(dmk_context *ctx, z_stream *z, const dmk_file *file, dmk_
     size_t room = 0, read = 0;
     int status = Z_OK;
     for (;;) {
+        if (out->size > SHORT && out->size / MOST_TIMES > file->size) {
+            return dmk_fail(ctx, DMK_E_FORMAT, "%s: unpacks to more than %d times its size, as no mesh "
+                            "does", file->path, MOST_TIMES);
+        }
         if (out->size == room) {
             room = room ? 2 * room : 4 * file->size + 1024;
             char *bigger = realloc(out->data, room + 1);
