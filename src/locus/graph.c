@@ -13,6 +13,8 @@
  * polyhedron give to neighbouring rays stays below; the cut locus of a smooth surface exceeds it
  * except near its ends, which are fitted later. */
 static const double least_turn = 1.0;
+/* Rays that go apart this many times faster than in the plane do not cross by chance. */
+static const double hyperbolic = 3;
 /* On a rough mesh the bends add up as in a random walk: so many times the roughness times the
  * square root of (distance / mesh edge). */
 static const double noise_turn = 4.0;
@@ -28,7 +30,7 @@ static const double doubtful = 0.5;
 /* Strength: width of the beam between the geodesics to the ends of the edge, in mesh edges, brought
  * below 1 where the geodesics leave the source in nearly one direction. (Where rays go apart faster
  * than in the plane, small angles are large differences, and rays do not cross by chance: the angle
- * counts by the square of how much faster; against the noise of a rough mesh by the first power.)
+ * counts by how much faster, from `hyperbolic` times on by the square of it; on a rough mesh not so.)
  * The triangles around the source are of one family by definition. order: by angle among weak edges,
  * so that the tree does not cross the ridges that continue the locus beyond its ends, by strength
  * among strong ones. */
@@ -44,8 +46,9 @@ static void find_strengths(const dmk_rays *r, double threshold, float *strength,
         if (ratio > threshold) {
             double mean = 0.5 * (a->distance + b->distance);
             double wide = fmax(1, fmin(a->spread, b->spread) / mean);
-            double by_bend = turn * wide * wide / (least_turn * cbrt(size / mean));
-            double by_noise = turn * (r->smooth ? wide : wide * wide) / dmk_rays_walk(r, mean, size);
+            double fast = wide * fmax(1, wide / hyperbolic);
+            double by_bend = turn * fast / (least_turn * cbrt(size / mean));
+            double by_noise = turn * (r->smooth ? wide : fast) / dmk_rays_walk(r, mean, size);
             double seen = fmin(by_bend, by_noise);
             if (seen < 1) ratio = threshold * seen;
         }
