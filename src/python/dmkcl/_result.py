@@ -119,7 +119,8 @@ class Result:
 
     @cached_property
     def distance(self) -> NDArray[np.float64]:
-        """(n,) distance of each vertex to the source: -u up to a constant."""
+        """(n,) distance of each vertex to the source: -u and a constant, as u's peak is blunt; within
+        two edges of the source the distance along straight lines."""
         return self._array("distance")
 
     @cached_property
@@ -134,18 +135,19 @@ class Result:
 
     @cached_property
     def gradient(self) -> NDArray[np.float64]:
-        """(m, 3) gradient of the distance, its mean over each triangle; away from the source.
+        """(m, 3) -grad u, its mean over each triangle: the way away from the source.
 
-        The distance d is linear on each of the four triangles that the edges' midpoints make, so
-        by the divergence theorem ``mean grad d = (1/A) sum_e (e x N) (d_a + 2 d_mid + d_b) / 4``
-        over the edges e = b - a of the triangle with area A and unit normal N. Its length is
-        nearly 1, and less on the cut locus, where gradients of two sides are averaged.
+        d = -u, the distance up to a constant, is linear on each of the four triangles that the
+        edges' midpoints make, so by the divergence theorem
+        ``mean grad d = (1/A) sum_e (e x N) (d_a + 2 d_mid + d_b) / 4`` over the edges e = b - a of
+        the triangle with area A and unit normal N. Its length is nearly 1, and less
+        on the cut locus, where gradients of two sides are averaged.
         """
         x = self.mesh.vertices[self.mesh.faces]
         normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
         size = np.linalg.norm(normal, axis=1, keepdims=True)  # twice the area
-        d = self.distance[self.mesh.faces]
-        middle = self.distance_mid[self.mesh.face_edges]
+        d = -self.potential[self.mesh.faces]
+        middle = -self.potential_mid[self.mesh.face_edges]
         total = np.zeros_like(normal)
         with np.errstate(invalid="ignore"):
             for k in range(3):

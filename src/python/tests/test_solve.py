@@ -30,8 +30,11 @@ def test_shapes_types_and_signs(torus, result):
         array = getattr(result, name)
         assert array.shape == shape and not array.flags.writeable, name
         assert array.dtype == (bool if name == "acl" else np.float64), name
-    assert (result.density >= 0).all() and np.array_equal(result.potential, -result.distance)
-    assert result.distance[0] == 0 and 0 < result.acl.sum() < m / 5
+    assert (result.density >= 0).all() and 0 < result.acl.sum() < m / 5
+    assert result.distance[0] == 0 == result.potential[0]
+    # Away from the source the two differ by one constant, a part of an edge.
+    offset = (result.potential + result.distance)[result.distance > 1]
+    assert np.ptp(offset) < 1e-12 and abs(offset[0]) < torus.info["mean_edge"]
 
 
 def test_distance_on_a_sphere():
@@ -48,8 +51,8 @@ def test_gradient_is_the_mean_of_the_four_triangles(torus, result):
     for t in rng.integers(len(torus.faces), size=20):
         x = torus.vertices[torus.faces[t]]
         middle = np.array([(x[1] + x[2]) / 2, (x[2] + x[0]) / 2, (x[0] + x[1]) / 2])
-        d = result.distance[torus.faces[t]]
-        d_mid = result.distance_mid[torus.face_edges[t]]
+        d = -result.potential[torus.faces[t]]
+        d_mid = -result.potential_mid[torus.face_edges[t]]
         quarters = [
             ([x[0], middle[2], middle[1]], [d[0], d_mid[2], d_mid[1]]),
             ([x[1], middle[0], middle[2]], [d[1], d_mid[0], d_mid[2]]),
