@@ -76,6 +76,29 @@ static void the_source_is_given_back(void **state)
     problem_free(&p);
 }
 
+/* A vertex is a corner of several triangles, any of which may name it. */
+static void a_vertex_is_one_source_by_any_triangle(void **state)
+{
+    problem p = solved(state);
+    size_t bytes = problem_vertices(&p) * sizeof(double);
+    double *first = malloc(bytes);
+    assert_non_null(first);
+    memcpy(first, problem_distance(&p), bytes);
+    for (size_t t = 0; t < problem_triangles(&p); t++) {
+        for (int k = 0; k < 3; k++) {
+            if (dmk_mesh_triangles(p.mesh)[3 * t + (size_t)k] != 0) continue;
+            p.source = (dmk_point){.triangle = (int64_t)t};
+            p.source.weight[k] = 1;
+            problem_solve(&p);
+            for (size_t v = 0; v < problem_vertices(&p); v++) {
+                assert_true(fabs(problem_distance(&p)[v] - first[v]) < 1e-9);
+            }
+        }
+    }
+    free(first);
+    problem_free(&p);
+}
+
 static void lengths_need_not_be_asked_for(void **state)
 {
     problem p = solved(state);
@@ -94,6 +117,7 @@ int main(void)
         cmocka_unit_test(potential_is_minus_the_distance_and_a_constant),
         cmocka_unit_test(midpoints_lie_between_their_ends),
         cmocka_unit_test(the_source_is_given_back),
+        cmocka_unit_test(a_vertex_is_one_source_by_any_triangle),
         cmocka_unit_test(lengths_need_not_be_asked_for),
     };
     return cmocka_run_group_tests(tests, bench_setup, bench_teardown);

@@ -227,10 +227,26 @@ typedef struct near_source {
     double offset, radius;
 } near_source;
 
+/* 1.5 sqrt(|T|), about an edge; T: the source's triangle, or the largest one around a source that is a
+ * vertex, so that the ring is one whichever triangle names it. */
+static double edge_near(const dmk_mesh *m, const dmk_point *p)
+{
+    double area = m->area[p->triangle];
+    for (int k = 0; k < 3; k++) {
+        if (p->weight[k] < 1) continue;
+        const int32_t v = m->triangle[3 * p->triangle + k];
+        for (int32_t t = 0; t < m->n_triangles; t++) {
+            const int32_t *c = m->triangle + 3 * (int64_t)t;
+            if (c[0] == v || c[1] == v || c[2] == v) area = fmax(area, m->area[t]);
+        }
+    }
+    return 1.5 * sqrt(area);
+}
+
 static near_source look_near(const dmk_system *sys, const distance_task *near, const double *u)
 {
     const dmk_mesh *m = near->mesh;
-    double edge = 1.5 * sqrt(m->area[near->source->triangle]), sum = 0;
+    double edge = edge_near(m, near->source), sum = 0;
     int32_t n = 0;
     for (int32_t v = 0; v < m->n_vertices; v++) {
         if (near->vertex[v] < 2 * edge || near->vertex[v] > 4 * edge) continue;
