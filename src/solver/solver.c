@@ -222,9 +222,10 @@ static double value_at(const dmk_system *sys, const dmk_mesh *m, const dmk_point
 
 /* Distance = offset - u. The peak of the discrete u at p is blunt, by a tenth of an edge or more, so its
  * value there is no good offset: the marched distance, which is exact next to p but for the curvature,
- * gives it on the vertices between two and four edges away, and within two edges it is the distance. */
+ * gives it on the vertices between two and four edges away. From one to four edges the one distance goes
+ * over into the other. */
 typedef struct near_source {
-    double offset, radius;
+    double offset, edge; /* edge: of the source's triangle; 0 if too few vertices were seen */
 } near_source;
 
 /* 1.5 sqrt(|T|), about an edge; T: the source's triangle, or the largest one around a source that is a
@@ -243,18 +244,26 @@ static double edge_near(const dmk_mesh *m, const dmk_point *p)
     return 1.5 * sqrt(area);
 }
 
+static double distance_of(near_source near, double u, double marched)
+{
+    double weight = near.edge > 0 ? (4 - marched / near.edge) / 3 : 0;
+    weight = fmin(fmax(weight, 0), 1);
+    return weight * marched + (1 - weight) * (near.offset - u);
+}
+
 static near_source look_near(const dmk_system *sys, const distance_task *near, const double *u)
 {
     const dmk_mesh *m = near->mesh;
-    double edge = edge_near(m, near->source), sum = 0;
-    int32_t n = 0;
+    double edge = edge_near(m, near->source), sum = 0, weights = 0;
     for (int32_t v = 0; v < m->n_vertices; v++) {
-        if (near->vertex[v] < 2 * edge || near->vertex[v] > 4 * edge) continue;
-        sum += near->vertex[v] + u[sys->vertex_row + v] * sys->unit;
-        n++;
+        /* Falls to 0 at both ends of the ring: rounding moves no vertex in or out of it. */
+        double weight = 1 - fabs(near->vertex[v] / edge - 3);
+        if (!(weight > 0)) continue;
+        sum += weight * (near->vertex[v] + u[sys->vertex_row + v] * sys->unit);
+        weights += weight;
     }
-    if (n < 6) return (near_source){value_at(sys, m, near->source, u) * sys->unit, 0};
-    return (near_source){sum / n, 2 * edge};
+    if (weights < 3) return (near_source){value_at(sys, m, near->source, u) * sys->unit, 0};
+    return (near_source){sum / weights, edge};
 }
 
 /* Read mu and u back once and put them in the input's order and units. */
@@ -272,14 +281,13 @@ static int collect(dmk_context *ctx, dmk_solver *s, const distance_task *near, d
     near_source at = look_near(sys, near, u);
     for (int32_t t = 0; t < sys->n_elements; t++) r->density[o->triangle_old[t]] = mu[t] * sys->unit;
     for (int32_t v = 0; v < sys->n_vertices; v++) {
-        double x = u[sys->vertex_row + v], d = near->vertex[v];
+        double x = u[sys->vertex_row + v];
         r->potential[o->vertex_old[v]] = (x - at_source) * sys->unit;
-        r->distance[o->vertex_old[v]] = d < at.radius ? d : at.offset - x * sys->unit;
+        r->distance[o->vertex_old[v]] = distance_of(at, x * sys->unit, near->vertex[v]);
     }
     for (int32_t e = 0; e < sys->n_edges; e++) {
-        double x = u[e], d = near->mid[e];
-        r->potential_mid[o->edge_old[e]] = (x - at_source) * sys->unit;
-        r->distance_mid[o->edge_old[e]] = d < at.radius ? d : at.offset - x * sys->unit;
+        r->potential_mid[o->edge_old[e]] = (u[e] - at_source) * sys->unit;
+        r->distance_mid[o->edge_old[e]] = distance_of(at, u[e] * sys->unit, near->mid[e]);
     }
 done:
     free(u);
