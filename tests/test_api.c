@@ -29,12 +29,12 @@ static void potential_is_minus_the_distance_and_a_constant(void **state)
     /* Away from p the distance is -u and a constant, as u's peak at p is blunt. */
     double low = INFINITY, high = -INFINITY;
     for (size_t v = 0; v < n_u; v++) {
-        if (d[v] < 1) continue;
+        if (d[v] < 2) continue;
         low = fmin(low, d[v] + u[v]);
         high = fmax(high, d[v] + u[v]);
     }
     for (size_t e = 0; e < n_um; e++) {
-        if (dm[e] < 1) continue;
+        if (dm[e] < 2) continue;
         low = fmin(low, dm[e] + um[e]);
         high = fmax(high, dm[e] + um[e]);
     }
