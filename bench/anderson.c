@@ -231,8 +231,9 @@ int main(int argc, char **argv)
 {
     int rc;
     bench b = {0};
-    int depth = argc > 2 ? atoi(argv[2]) : 5, steps = argc > 3 ? atoi(argv[3]) : 100;
-    double error = argc > 4 ? atof(argv[4]) : 2e-3;
+    int depth = argc > 2 ? (int)strtol(argv[2], NULL, 10) : 5;
+    int steps = argc > 3 ? (int)strtol(argv[3], NULL, 10) : 100;
+    double error = argc > 4 ? strtod(argv[4], NULL) : 2e-3;
     if (argc < 2 || argc > 5 || depth < 1 || depth > MAX_DEPTH) {
         fprintf(stderr, "usage: bench-anderson MESH.off [DEPTH [STEPS [ERROR]]], DEPTH 1 to %d\n",
                 MAX_DEPTH);

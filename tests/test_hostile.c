@@ -148,7 +148,11 @@ static void minus_infinite(void) { the_sphere(), g.xyz[51] = -INFINITY; }
 static void unused_infinite(void) { the_sphere(), vertex(0, INFINITY, 0); }
 static void straight_triangle(void) { the_sphere(), triangle(vertex(5, 0, 0), vertex(6, 0, 0), vertex(7, 0, 0)); }
 static void point_triangle(void) { the_sphere(), triangle(vertex(5, 0, 0), vertex(5, 0, 0), vertex(5, 0, 0)); }
-static void equal_places(void) { tetrahedron(), memcpy(g.xyz + 3, g.xyz, 3 * sizeof *g.xyz); }
+static void equal_places(void)
+{
+    tetrahedron();
+    for (int k = 0; k < 3; k++) g.xyz[3 + k] = g.xyz[k];
+}
 static void repeated_corner(void) { tetrahedron(), triangle(0, 1, 1); }
 static void too_high(void) { tetrahedron(), triangle(0, 1, 4); }
 static void below_zero(void) { tetrahedron(), triangle(0, 1, -1); }
