@@ -12,7 +12,10 @@ int dmk_buffer_create(dmk_context *ctx, dmk_device *dev, size_t bytes, const voi
 {
     int rc;
     cl_int error;
-    if (bytes == 0) bytes = 8;
+    if (bytes == 0) { /* there are no empty buffers */
+        bytes = 8;
+        init = NULL;
+    }
     cl_mem mem = clCreateBuffer(dev->cl, CL_MEM_READ_WRITE | (init ? CL_MEM_COPY_HOST_PTR : 0),
                                 bytes, (void *)(uintptr_t)init, &error);
     DMK_TRY(dmk_cl_check(ctx, error, "clCreateBuffer"));
