@@ -9,7 +9,6 @@
 #include "base/parallel.h"
 
 #include <math.h>
-#include <stdatomic.h>
 #include <stdlib.h>
 
 /* Differences of two float weights below this are rounding. */
@@ -171,7 +170,6 @@ typedef struct emitter {
     int32_t *count;  /* n_coarse: number of links (a, b > a) */
     int32_t *other;  /* room for as many as table entries: b, increasing */
     int32_t *begin;  /* as many: the link's first table entry */
-    atomic_bool failed; /* out of memory */
 } emitter;
 
 /* Working space of one thread. */
@@ -217,24 +215,23 @@ static int32_t emit_links(const emitter *m, int32_t a, int32_t at, scratch *s)
     return n;
 }
 
-static void emit_range(int32_t begin, int32_t end, void *data)
+static int emit_range(dmk_context *own, int32_t begin, int32_t end, void *data)
 {
     int rc;
-    emitter *m = data;
-    dmk_context own = {0}; /* a context serves one thread at a time */
+    const emitter *m = data;
     scratch s = {0};
     int32_t at = m->by_end->entry[begin]; /* there are no more links than entries */
-    DMK_TRY(DMK_NEW(&own, s.stamp, (size_t)m->c->coarse.n));
-    DMK_TRY(DMK_NEW(&own, s.fill, (size_t)m->c->coarse.n));
+    DMK_TRY(DMK_NEW(own, s.stamp, (size_t)m->c->coarse.n));
+    DMK_TRY(DMK_NEW(own, s.fill, (size_t)m->c->coarse.n));
     for (int32_t a = begin; a < end; a++) {
         m->first[a] = at;
         m->count[a] = emit_links(m, a, at, &s);
         at += m->count[a];
     }
 done:
-    if (rc != DMK_OK) atomic_store(&m->failed, true);
     free(s.stamp);
     free(s.fill);
+    return rc;
 }
 
 /* The links of all coarse vertices, one after another. */
@@ -265,16 +262,15 @@ static int emit_all(dmk_context *ctx, const difference *d, const bucket *by_end,
     int rc;
     size_t n = (size_t)c->coarse.n, n_entries = (size_t)by_end->entry[n];
     emitter m = {.c = c, .d = d, .by_end = by_end};
-    atomic_init(&m.failed, false);
     DMK_TRY(DMK_NEW(ctx, m.first, n));
     DMK_TRY(DMK_NEW(ctx, m.count, n));
     DMK_TRY(DMK_NEW(ctx, m.other, n_entries));
     DMK_TRY(DMK_NEW(ctx, m.begin, n_entries));
     DMK_TRY(DMK_NEW(ctx, c->galerkin_edge, n_entries));
     DMK_TRY(DMK_NEW(ctx, c->galerkin_coef, n_entries));
-    dmk_parallel(c->coarse.n, emit_range, &m);
-    if (atomic_load(&m.failed)) {
-        rc = dmk_fail(ctx, DMK_E_NOMEM, "out of memory: Galerkin tables");
+    rc = dmk_parallel_try(c->coarse.n, emit_range, &m);
+    if (rc != DMK_OK) {
+        dmk_fail(ctx, rc, "out of memory: Galerkin tables");
         goto done;
     }
     DMK_TRY(pack_links(ctx, &m));

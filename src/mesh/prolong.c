@@ -6,7 +6,6 @@
 #include "base/parallel.h"
 
 #include <math.h>
-#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -220,7 +219,6 @@ typedef struct prolong_job {
     const dmk_adjacency *coarse;
     const double *fine_xyz;
     dmk_coarsening *c;
-    atomic_bool failed; /* out of memory */
 } prolong_job;
 
 static void prolong_cell(const prolong_job *job, star *st, int32_t a)
@@ -236,23 +234,22 @@ static void prolong_cell(const prolong_job *job, star *st, int32_t a)
     }
 }
 
-static void prolong_range(int32_t begin, int32_t end, void *data)
+static int prolong_range(dmk_context *own, int32_t begin, int32_t end, void *data)
 {
     int rc;
-    prolong_job *job = data;
-    dmk_context own = {0}; /* a context serves one thread at a time */
+    const prolong_job *job = data;
     star st = {0};
     int32_t *spoke_of = NULL;
-    DMK_TRY(DMK_NEW(&own, spoke_of, (size_t)job->cells->n));
+    DMK_TRY(DMK_NEW(own, spoke_of, (size_t)job->cells->n));
     for (int32_t a = 0; a < job->cells->n; a++) spoke_of[a] = -1;
     for (int32_t a = begin; a < end; a++) {
-        DMK_TRY(star_set(&own, &st, job->coarse, job->c->coarse.xyz, a, spoke_of));
+        DMK_TRY(star_set(own, &st, job->coarse, job->c->coarse.xyz, a, spoke_of));
         prolong_cell(job, &st, a);
     }
 done:
-    if (rc != DMK_OK) atomic_store(&job->failed, true);
     star_free(&st);
     free(spoke_of);
+    return rc;
 }
 
 int dmk_prolong_create(dmk_context *ctx, const dmk_cells *cells, const dmk_adjacency *coarse,
@@ -262,10 +259,9 @@ int dmk_prolong_create(dmk_context *ctx, const dmk_cells *cells, const dmk_adjac
     prolong_job job = {.cells = cells, .coarse = coarse, .fine_xyz = fine_xyz, .c = c};
     DMK_TRY(DMK_NEW(ctx, c->prolong_index, 3 * (size_t)cells->n_fine));
     DMK_TRY(DMK_NEW(ctx, c->prolong_weight, 3 * (size_t)cells->n_fine));
-    atomic_init(&job.failed, false);
-    dmk_parallel(cells->n, prolong_range, &job);
-    if (atomic_load(&job.failed)) {
-        rc = dmk_fail(ctx, DMK_E_NOMEM, "out of memory: prolongation");
+    rc = dmk_parallel_try(cells->n, prolong_range, &job);
+    if (rc != DMK_OK) {
+        dmk_fail(ctx, rc, "out of memory: prolongation");
         goto done;
     }
     DMK_TRY(fill_empty_columns(ctx, cells, c));

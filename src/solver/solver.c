@@ -4,8 +4,9 @@
 #include "solver/soften.h"
 #include "solver/start.h"
 
+#include "base/parallel.h"
+
 #include <math.h>
-#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -104,56 +105,38 @@ static int32_t find_triangle(const dmk_order *order, int64_t old)
     return -1;
 }
 
-/* The distance to start from, on a thread of its own while the first source's system is set up. */
-typedef struct distance_task {
-    pthread_t thread;
-    bool threaded;
-    int rc;
-    dmk_context ctx; /* a context serves one thread at a time */
+/* The source, and the marched distance to it: to start from, and for what is next to it. */
+typedef struct marched {
     const dmk_mesh *mesh;
     const dmk_point *source;
     double *vertex; /* n_vertices */
     double *mid;    /* n_edges */
-} distance_task;
+} marched;
 
-static void *run_distance(void *data)
+static int march(dmk_context *ctx, void *data)
 {
-    distance_task *task = data;
-    task->rc = dmk_start_distance(&task->ctx, task->mesh, task->source, task->vertex, task->mid);
-    return NULL;
+    const marched *near = data;
+    return dmk_start_distance(ctx, near->mesh, near->source, near->vertex, near->mid);
 }
 
-static void begin_distance(distance_task *task, bool beside)
+/* The distance, and beside it the system of the ordered mesh, if it is not there. */
+static int set_up(dmk_context *ctx, dmk_solver *s, marched *near)
 {
-    task->threaded = beside && pthread_create(&task->thread, NULL, run_distance, task) == 0;
-    if (!task->threaded) run_distance(task);
-}
-
-static int end_distance(dmk_context *ctx, distance_task *task)
-{
-    if (task->threaded) pthread_join(task->thread, NULL);
-    return task->rc == DMK_OK ? DMK_OK : dmk_fail(ctx, task->rc, "%s", task->ctx.message);
-}
-
-/* The system of the ordered mesh, if it is not there, and beside it the start's distance. */
-static int set_up(dmk_context *ctx, dmk_solver *s, distance_task *task)
-{
-    int rc = DMK_OK;
-    bool fresh = !s->system;
-    begin_distance(task, fresh);
-    if (fresh) rc = dmk_system_create(ctx, s->device, task->mesh, &s->system);
-    int distance_rc = end_distance(ctx, task);
-    return rc == DMK_OK ? distance_rc : rc;
+    dmk_task task;
+    if (s->system) return march(ctx, near);
+    dmk_task_begin(&task, march, near);
+    int rc = dmk_system_create(ctx, s->device, near->mesh, &s->system);
+    return dmk_task_end(ctx, &task, rc);
 }
 
 /* u and mu to start from, on the device. */
-static int set_start(dmk_context *ctx, dmk_solver *s, distance_task *task, dmk_start start)
+static int set_start(dmk_context *ctx, dmk_solver *s, const marched *near, dmk_start start)
 {
     int rc;
     dmk_system *sys = s->system;
-    const dmk_mesh *m = task->mesh;
-    const dmk_point *p = task->source;
-    const double *vertex = task->vertex, *mid = task->mid;
+    const dmk_mesh *m = near->mesh;
+    const dmk_point *p = near->source;
+    const double *vertex = near->vertex, *mid = near->mid;
     double *u = NULL, *mu = NULL;
     size_t n_rows = (size_t)sys->n_rows_pad, n_elements = (size_t)sys->n_elements_pad;
     DMK_TRY(DMK_NEW(ctx, u, n_rows));
@@ -183,16 +166,16 @@ done:
 }
 
 /* System, u and mu, ready for the first step; the seconds go to set-up and start. */
-static int prepare(dmk_context *ctx, dmk_solver *s, distance_task *task, dmk_start start,
-                   double began, double seconds[])
+static int prepare(dmk_context *ctx, dmk_solver *s, marched *near, dmk_start start, double began,
+                   double seconds[])
 {
     int rc;
     bool fresh = !s->system;
-    DMK_TRY(DMK_NEW(ctx, task->vertex, (size_t)task->mesh->n_vertices));
-    DMK_TRY(DMK_NEW(ctx, task->mid, (size_t)task->mesh->n_edges));
-    DMK_TRY(set_up(ctx, s, task));
+    DMK_TRY(DMK_NEW(ctx, near->vertex, (size_t)near->mesh->n_vertices));
+    DMK_TRY(DMK_NEW(ctx, near->mid, (size_t)near->mesh->n_edges));
+    DMK_TRY(set_up(ctx, s, near));
     if (fresh) seconds[DMK_STAGE_SETUP] = dmk_seconds() - began;
-    DMK_TRY(set_start(ctx, s, task, start));
+    DMK_TRY(set_start(ctx, s, near, start));
     seconds[DMK_STAGE_START] = dmk_seconds() - began - seconds[DMK_STAGE_SETUP];
 done:
     return rc;
@@ -244,14 +227,14 @@ static double edge_near(const dmk_mesh *m, const dmk_point *p)
     return 1.5 * sqrt(area);
 }
 
-static double distance_of(near_source near, double u, double marched)
+static double distance_of(near_source near, double u, double near_by)
 {
-    double weight = near.edge > 0 ? (4 - marched / near.edge) / 3 : 0;
+    double weight = near.edge > 0 ? (4 - near_by / near.edge) / 3 : 0;
     weight = fmin(fmax(weight, 0), 1);
-    return weight * marched + (1 - weight) * (near.offset - u);
+    return weight * near_by + (1 - weight) * (near.offset - u);
 }
 
-static near_source look_near(const dmk_system *sys, const distance_task *near, const double *u)
+static near_source look_near(const dmk_system *sys, const marched *near, const double *u)
 {
     const dmk_mesh *m = near->mesh;
     double edge = edge_near(m, near->source), sum = 0, weights = 0;
@@ -267,7 +250,7 @@ static near_source look_near(const dmk_system *sys, const distance_task *near, c
 }
 
 /* Read mu and u back once and put them in the input's order and units. */
-static int collect(dmk_context *ctx, dmk_solver *s, const distance_task *near, dmk_result *r)
+static int collect(dmk_context *ctx, dmk_solver *s, const marched *near, dmk_result *r)
 {
     int rc;
     dmk_system *sys = s->system;
@@ -308,7 +291,8 @@ static void scale_stats(const dmk_system *sys, dmk_stats *stats)
 
 /* Newton; where it fails within its own limit of steps, as it may with many needles, explicit steps
  * from the start again: slower, and of another kind, for each solves its linear system well. */
-static int iterate(dmk_solver *s, distance_task *near, const dmk_solve_options *options, dmk_outer *o)
+static int iterate(dmk_solver *s, const marched *near, const dmk_solve_options *options,
+                   dmk_outer *o)
 {
     int rc, steps;
     dmk_solve_options slow = *options;
@@ -331,7 +315,7 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
 {
     int rc;
     dmk_result *r = NULL;
-    distance_task near = {0};
+    marched near = {0};
     DMK_TRY(check_options(ctx, s, source, options));
     DMK_TRY(dmk_result_create(ctx, s->mesh, &r));
     double began = dmk_seconds();

@@ -7,7 +7,6 @@
 #include "dmk_shared.h"
 
 #include <math.h>
-#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -317,20 +316,16 @@ done:
     return rc;
 }
 
-/* The hierarchy, made on a thread of its own while the fine level is packed. */
+/* The hierarchy, made beside the packing of the fine level. */
 typedef struct coarsener {
-    pthread_t thread;
-    dmk_context ctx; /* a context serves one thread at a time */
     const dmk_mesh *mesh;
     dmk_hierarchy hierarchy;
-    int rc;
 } coarsener;
 
-static void *coarsen(void *data)
+static int coarsen(dmk_context *own, void *data)
 {
     coarsener *c = data;
-    c->rc = dmk_hierarchy_create(&c->ctx, c->mesh, COARSEST, &c->hierarchy);
-    return NULL;
+    return dmk_hierarchy_create(own, c->mesh, COARSEST, &c->hierarchy);
 }
 
 static int pack_levels(const packer *p, const dmk_hierarchy *h)
@@ -419,25 +414,26 @@ done:
     return rc;
 }
 
+static int pack_fine(const packer *p)
+{
+    int rc;
+    const dmk_mesh *m = p->mesh;
+    DMK_TRY(pack_elements(p));
+    DMK_TRY(pack_places(p));
+    DMK_TRY(pack_ends(p));
+    DMK_TRY(pack_graph(p, m->n_vertices, m->n_edges, m->edge_vertex, &p->sys->level[0]));
+done:
+    return rc;
+}
+
 static int pack_all(const packer *p)
 {
     int rc;
+    dmk_task task;
     coarsener c = {.mesh = p->mesh};
-    bool threaded = pthread_create(&c.thread, NULL, coarsen, &c) == 0;
-    if (!threaded) coarsen(&c);
-    rc = pack_elements(p);
-    if (rc == DMK_OK) rc = pack_places(p);
-    if (rc == DMK_OK) rc = pack_ends(p);
-    if (rc == DMK_OK) {
-        rc = pack_graph(p, p->mesh->n_vertices, p->mesh->n_edges, p->mesh->edge_vertex,
-                        &p->sys->level[0]);
-    }
-    if (threaded) pthread_join(c.thread, NULL);
-    if (rc != DMK_OK) goto done;
-    if (c.rc != DMK_OK) {
-        rc = dmk_fail(p->ctx, c.rc, "%s", c.ctx.message);
-        goto done;
-    }
+    dmk_task_begin(&task, coarsen, &c);
+    rc = pack_fine(p);
+    DMK_TRY(dmk_task_end(p->ctx, &task, rc));
     DMK_TRY(pack_levels(p, &c.hierarchy));
 done:
     dmk_hierarchy_free(&c.hierarchy);
