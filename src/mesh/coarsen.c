@@ -62,15 +62,6 @@ done:
     return rc;
 }
 
-static void sort_small(int32_t n, int32_t *a)
-{
-    for (int32_t i = 1; i < n; i++) {
-        int32_t x = a[i], k = i;
-        for (; k > 0 && a[k - 1] > x; k--) a[k] = a[k - 1];
-        a[k] = x;
-    }
-}
-
 /* Two cells are adjacent when a fine link joins them. Connected if the fine graph is. */
 static int cell_adjacency(dmk_context *ctx, const dmk_adjacency *fine, const dmk_cells *cells,
                           dmk_adjacency *g)
@@ -98,7 +89,7 @@ static int cell_adjacency(dmk_context *ctx, const dmk_adjacency *fine, const dmk
                 g->to[end++] = b;
             }
         }
-        sort_small(end - begin, g->to + begin);
+        dmk_sort_few(end - begin, g->to + begin);
         g->row[a + 1] = end;
     }
 done:

@@ -46,6 +46,16 @@ void dmk_hierarchy_free(dmk_hierarchy *h);
 
 /* ---- the steps of one coarsening, for coarsen.c only --------------------------------------- */
 
+/* Sort a short list by insertion. */
+static inline void dmk_sort_few(int32_t n, int32_t *a)
+{
+    for (int32_t i = 1; i < n; i++) {
+        int32_t x = a[i], k = i;
+        for (; k > 0 && a[k - 1] > x; k--) a[k] = a[k - 1];
+        a[k] = x;
+    }
+}
+
 /* Who neighbours whom, as compressed rows. Below the mesh this is the adjacency of cells, with some
  * six neighbours a vertex, and not the Galerkin links, which are two to three times as many. */
 typedef struct dmk_adjacency {

@@ -152,15 +152,6 @@ done:
     return rc;
 }
 
-static void sort_small(int32_t n, int32_t *a)
-{
-    for (int32_t i = 1; i < n; i++) {
-        int32_t x = a[i], k = i;
-        for (; k > 0 && a[k - 1] > x; k--) a[k] = a[k - 1];
-        a[k] = x;
-    }
-}
-
 /* The coarse links by their smaller end, before they are packed one after another. */
 typedef struct emitter {
     dmk_coarsening *c;
@@ -196,7 +187,7 @@ static int32_t emit_links(const emitter *m, int32_t a, int32_t at, scratch *s)
             s->fill[b]++;
         }
     }
-    sort_small(n, other);
+    dmk_sort_few(n, other);
     for (int32_t i = 0; i < n; i++) {
         int32_t entries = s->fill[other[i]];
         m->begin[at + i] = s->fill[other[i]] = entry;

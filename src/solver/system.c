@@ -118,27 +118,16 @@ static int pack_rows(const packer *p, int32_t n, const int32_t *row, const int32
     return rc;
 }
 
-/* The corners (3 * triangle + k) at each vertex, as sliced rows; filled up with one that stays 0. */
+/* The corners (4 * triangle + k) at each vertex, as sliced rows; filled up with one that stays 0. */
 static int corners_create(const packer *p, dmk_slices *corners)
 {
     int rc;
-    const dmk_mesh *m = p->mesh;
-    int32_t n = 3 * m->n_triangles, *row = NULL, *fill = NULL, *corner = NULL;
-    DMK_TRY(DMK_NEW(p->ctx, row, (size_t)m->n_vertices + 1));
-    DMK_TRY(DMK_NEW(p->ctx, fill, (size_t)m->n_vertices));
-    DMK_TRY(DMK_NEW(p->ctx, corner, (size_t)n));
-    for (int32_t h = 0; h < n; h++) row[m->triangle[h] + 1]++;
-    for (int32_t v = 0; v < m->n_vertices; v++) {
-        fill[v] = row[v];
-        row[v + 1] += row[v];
-    }
-    for (int32_t h = 0; h < n; h++) corner[fill[m->triangle[h]]++] = h;
-    DMK_TRY(dmk_slices_create(p->ctx, m->n_vertices, row, corner, NULL,
-                              3 * (p->sys->n_elements_pad - 1), corners));
+    dmk_fan fan = {0};
+    DMK_TRY(dmk_fan_create(p->ctx, p->mesh, &fan));
+    DMK_TRY(dmk_slices_create(p->ctx, p->mesh->n_vertices, fan.row, fan.triangle, NULL,
+                              4 * (p->sys->n_elements_pad - 1), corners));
 done:
-    free(row);
-    free(fill);
-    free(corner);
+    dmk_fan_free(&fan);
     return rc;
 }
 
@@ -172,9 +161,9 @@ static void corner_place_range(int32_t begin, int32_t end, void *data)
     for (int32_t s = begin; s < end; s++) {
         int32_t first = DMK_WIDTH * job->corners->slice[s], last = DMK_WIDTH * job->corners->slice[s + 1];
         for (int32_t i = first; i < last; i++) {
-            int32_t h = job->corners->entry[i];
-            job->corner6[i] = (int32_t)dmk_place(h / 3, h % 3, 6);
-            job->corner3[i] = (int32_t)dmk_place(h / 3, h % 3, 3);
+            int32_t t = job->corners->entry[i] / 4, k = job->corners->entry[i] % 4;
+            job->corner6[i] = (int32_t)dmk_place(t, k, 6);
+            job->corner3[i] = (int32_t)dmk_place(t, k, 3);
         }
     }
 }
