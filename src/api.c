@@ -14,7 +14,7 @@ typedef struct component {
     double *distance;       /* order->mesh->n_vertices */
     double *distance_mid;   /* order->mesh->n_edges */
     double *density;        /* order->mesh->n_triangles */
-    dmk_point source;
+    dmk_locus_input in;     /* of these */
 } component;
 
 static void pick(const double *from, const int32_t *old, int32_t n, double *to)
@@ -27,7 +27,6 @@ static int component_create(dmk_context *ctx, const dmk_mesh *mesh, const dmk_re
                             component *c)
 {
     int rc;
-    dmk_result_source(result, &c->source);
     if (result->n_triangles != (size_t)mesh->n_triangles ||
         result->n_vertices != (size_t)mesh->n_vertices) {
         return dmk_fail(ctx, DMK_E_ARG, "the result belongs to another mesh");
@@ -40,7 +39,8 @@ static int component_create(dmk_context *ctx, const dmk_mesh *mesh, const dmk_re
     pick(dmk_result_distance(result, NULL), c->order->vertex_old, m->n_vertices, c->distance);
     pick(dmk_result_distance_mid(result, NULL), c->order->edge_old, m->n_edges, c->distance_mid);
     pick(dmk_result_density(result, NULL), c->order->triangle_old, m->n_triangles, c->density);
-    c->source.triangle = result->source_triangle; /* corners keep their places, so the weights stay */
+    c->in = (dmk_locus_input){m, result->source, c->distance, c->distance_mid, c->density};
+    c->in.source.triangle = result->source_triangle; /* corners keep their places: so do the weights */
 done:
     return rc;
 }
@@ -58,8 +58,7 @@ int dmk_locus_compute(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *
     int rc;
     component c = {0};
     DMK_TRY(component_create(ctx, mesh, result, &c));
-    const dmk_locus_input in = {c.order->mesh, c.source, c.distance, c.distance_mid, c.density};
-    DMK_TRY(dmk_locus_trace(ctx, &in, options, locus));
+    DMK_TRY(dmk_locus_trace(ctx, &c.in, options, locus));
     size_t n;
     dmk_locus_vertex *v = (dmk_locus_vertex *)dmk_locus_vertices(*locus, &n);
     for (size_t i = 0; i < n; i++)
@@ -119,8 +118,7 @@ int dmk_path_compute(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *r
     DMK_TRY(component_create(ctx, mesh, result, &c));
     DMK_TRY(DMK_NEW(ctx, end, n_points));
     DMK_TRY(renumber_ends(ctx, mesh, c.order, n_points, to, end));
-    const dmk_locus_input in = {c.order->mesh, c.source, c.distance, c.distance_mid, c.density};
-    DMK_TRY(dmk_path_trace(ctx, &in, n_points, end, paths));
+    DMK_TRY(dmk_path_trace(ctx, &c.in, n_points, end, paths));
     for (size_t i = 0; i < n_points; i++) {
         for (size_t k = 0; k < paths[i].n; k++) {
             dmk_point *p = &paths[i].point[k];
@@ -204,8 +202,7 @@ int dmk_cut(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *result,
     dmk_mesh *raw = NULL, *sorted = NULL;
     int32_t *raw_origin = NULL, *sorted_origin = NULL;
     DMK_TRY(component_create(ctx, mesh, result, &c));
-    const dmk_locus_input in = {c.order->mesh, c.source, c.distance, c.distance_mid, c.density};
-    DMK_TRY(dmk_locus_cut(ctx, &in, options, &raw, &raw_origin));
+    DMK_TRY(dmk_locus_cut(ctx, &c.in, options, &raw, &raw_origin));
     DMK_TRY(check_disk(ctx, raw));
     DMK_TRY(DMK_NEW(ctx, sorted_origin, (size_t)raw->n_vertices));
     DMK_TRY(sort_cut(ctx, mesh, c.order, raw, raw_origin, &sorted, sorted_origin));

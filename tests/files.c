@@ -99,3 +99,15 @@ void check_refusals(fixture *f, const refusal *refusals, size_t n)
         remove_file(f, r->name);
     }
 }
+
+const double square_xyz[12] = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0};
+const int32_t square_triangles[6] = {0, 1, 2, 0, 2, 3};
+
+void check_square(dmk_mesh *m)
+{
+    assert_int_equal(m->n_vertices, 4);
+    assert_int_equal(m->n_triangles, 2);
+    assert_memory_equal(m->xyz, square_xyz, sizeof square_xyz);
+    assert_memory_equal(m->triangle, square_triangles, sizeof square_triangles);
+    dmk_mesh_destroy(&m);
+}

@@ -43,4 +43,10 @@ typedef struct refusal {
 
 void check_refusals(fixture *f, const refusal *refusals, size_t n);
 
+/* The unit square as two triangles, 0 1 2 and 0 2 3. */
+extern const double square_xyz[12];
+extern const int32_t square_triangles[6];
+/* Just that, in this order; the mesh is freed. */
+void check_square(dmk_mesh *mesh);
+
 #endif

@@ -35,6 +35,18 @@ def report(name, problem):
         print("#", str(problem).replace("\n", "\n# "))
 
 
+def reported(compare):
+    """Of a function that gives a problem or None: a test with a title. An exception is a problem."""
+    def test(title, *arguments, **named):
+        try:
+            problem = compare(*arguments, **named)
+        except Exception as error:
+            problem = error
+        report(title, problem)
+    test.__doc__ = compare.__doc__
+    return test
+
+
 def path(name):
     return os.path.join(folder, name)
 
@@ -99,20 +111,17 @@ def difference(points, faces, wanted_points, wanted_faces):
     return None
 
 
-def check(title, name, points=V, faces=F):
+@reported
+def check(name, points=V, faces=F):
     """Read as it is, by content alone, and packed."""
-    try:
-        problem = difference(*read(name), points, faces)
-        if not problem:
-            shutil.copy(path(name), path("nameless"))
-            problem = difference(*read("nameless"), points, faces)
-        if not problem:
-            with open(path(name), "rb") as file, gzip.open(path(name + ".gz"), "wb") as packed:
-                packed.write(file.read())
-            problem = difference(*read(name + ".gz"), points, faces)
-    except Exception as error:
-        problem = error
-    report(title, problem)
+    shutil.copy(path(name), path("nameless"))
+    with open(path(name), "rb") as file, gzip.open(path(name + ".gz"), "wb") as packed:
+        packed.write(file.read())
+    for file in (name, "nameless", name + ".gz"):
+        problem = difference(*read(file), points, faces)
+        if problem:
+            return problem
+    return None
 
 
 def refused(title, name, part, code=3):
@@ -181,22 +190,20 @@ def trimesh_files():
         check_corners(f"{kind.upper()}, trimesh", "m.stl", V32 if kind == "stl" else None)
 
 
-def check_corners(title, name, points, tolerance=1e-7):
+@reported
+def check_corners(name, points, tolerance=1e-7):
     """STL has no vertices: their order is that of their first corners."""
-    try:
-        p, f = read(name)
-        order = np.unique(F.ravel(), return_index=True)[1]
-        first = F.ravel()[np.sort(order)]
-        number = np.empty(len(V), dtype=int)
-        number[first] = np.arange(len(V))
-        if points is not None:
-            problem = difference(p, f, points[first], number[F])
-        else:
-            close = p.shape == V.shape and np.allclose(p, V[first], atol=tolerance)
-            problem = None if close and np.array_equal(f, number[F]) else "another surface"
-    except Exception as error:
-        problem = error
-    report(title, problem)
+    p, f = read(name)
+    order = np.unique(F.ravel(), return_index=True)[1]
+    first = F.ravel()[np.sort(order)]
+    number = np.empty(len(V), dtype=int)
+    number[first] = np.arange(len(V))
+    if points is not None:
+        problem = difference(p, f, points[first], number[F])
+    else:
+        close = p.shape == V.shape and np.allclose(p, V[first], atol=tolerance)
+        problem = None if close and np.array_equal(f, number[F]) else "another surface"
+    return problem
 
 
 # ---- Gmsh ----------------------------------------------------------------------------------------
@@ -240,16 +247,14 @@ def gmsh_discrete():
     check_corners("STL, Gmsh", "m.stl", V32)
 
 
-def check_gmsh(title, points):
+@reported
+def check_gmsh(points):
     """Gmsh may write nodes in the order of their tags."""
-    try:
-        p, f = read("m.msh")
-        flip = np.array_equal(p, points[::-1])
-        wanted = len(V) - 1 - F if flip else F
-        problem = difference(p, f, points[::-1] if flip else points, wanted)
-    except Exception as error:
-        problem = error
-    report(title, problem)
+    p, f = read("m.msh")
+    flip = np.array_equal(p, points[::-1])
+    wanted = len(V) - 1 - F if flip else F
+    problem = difference(p, f, points[::-1] if flip else points, wanted)
+    return problem
 
 
 def gmsh_made():
@@ -279,22 +284,20 @@ def gmsh_made():
     refused("MSH of third order is refused", "m.msh", "first-order")
 
 
-def check_areas(title, kind, pattern, name="m.msh"):
+@reported
+def check_areas(kind, pattern, name="m.msh"):
     """Triangles in Gmsh's order, each at its place. Nodes of lines and points come first."""
-    try:
-        tags, points, _ = gmsh.model.mesh.getNodes()
-        place = dict(zip(tags, points.reshape(-1, 3)))
-        _, nodes = gmsh.model.mesh.getElementsByType(kind)
-        nodes = nodes.reshape(-1, {2: 3, 9: 6}[kind])[:, pattern].reshape(-1, 3)
-        wanted = np.array([[place[t] for t in triangle] for triangle in nodes])
-        p, f = read(name)
-        same = p[f].shape == wanted.shape and np.allclose(p[f], wanted, rtol=1e-14, atol=1e-15)
-        problem = None if same else "other triangles"
-        if len(p) != len(tags):
-            problem = f"{len(p)} vertices instead of {len(tags)}"
-    except Exception as error:
-        problem = error
-    report(title, problem)
+    tags, points, _ = gmsh.model.mesh.getNodes()
+    place = dict(zip(tags, points.reshape(-1, 3)))
+    _, nodes = gmsh.model.mesh.getElementsByType(kind)
+    nodes = nodes.reshape(-1, {2: 3, 9: 6}[kind])[:, pattern].reshape(-1, 3)
+    wanted = np.array([[place[t] for t in triangle] for triangle in nodes])
+    p, f = read(name)
+    same = p[f].shape == wanted.shape and np.allclose(p[f], wanted, rtol=1e-14, atol=1e-15)
+    problem = None if same else "other triangles"
+    if len(p) != len(tags):
+        problem = f"{len(p)} vertices instead of {len(tags)}"
+    return problem
 
 
 def gmsh_volume():

@@ -50,6 +50,17 @@ skip() {
 
 tap_end() { echo "1..$tap_n"; }
 
+# The OFF file twice in one, the second time 10 further along x, its vertices numbered behind the first's.
+two_meshes() { # FILE
+    awk 'NR == 1 { print; next }
+        NR == 2 { n = $1; print 2 * n, 2 * $2, 0; next }
+        NR <= n + 2 { print; x[NR] = $1 + 10 " " $2 " " $3; next }
+        { t[NR] = $0; u[NR] = 3 " " $2 + n " " $3 + n " " $4 + n }
+        END { for (i = 3; i <= n + 2; i++) print x[i]
+            for (i = n + 3; i <= NR; i++) print t[i]
+            for (i = n + 3; i <= NR; i++) print u[i] }' "$1"
+}
+
 # A JSON object and nothing else. Perl is part of every Debian.
 is_json() { # FILE
     perl -0777 -ne '

@@ -173,14 +173,7 @@ for key in mesh n_vertices n_triangles n_edges euler area device precision steps
     check "the report has $key" has "$report" "^ *\"$key\": [^n]"
 done
 # Two tori side by side, in one file: all there is to tell of the second one is about the second one.
-awk 'NR == 1 { print; next }
-    NR == 2 { n = $1; print 2 * n, 2 * $2, 0; next }
-    NR <= n + 2 { print; x[NR] = $1 + 10 " " $2 " " $3; next }
-    { t[NR] = $0; u[NR] = 3 " " $2 + n " " $3 + n " " $4 + n }
-    END { for (i = 3; i <= n + 2; i++) print x[i]
-        for (i = n + 3; i <= NR; i++) print t[i]
-        for (i = n + 3; i <= NR; i++) print u[i] }' \
-    "$torus" > "$work/two.off"
+two_meshes "$torus" > "$work/two.off"
 m=$(awk 'NR == 2 { print $2 / 2 }' "$work/two.off")
 check 'of two components the one with the source is solved' \
     output_has 'only the component with the source' "$tool" solve "$work/two.off" --source 13,0,0 \

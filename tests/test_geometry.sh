@@ -69,13 +69,7 @@ check 'at its corners' test "$(grep -cE '^(6|14),8,0,' "$work/bent.csv")" -eq 2
 check 'no point comes twice' test -z "$(cut -d, -f1-3 "$work/bent.csv" | uniq -d)"
 
 # Two tori in one file, the second one 10 further on; its vertices are numbered behind the first's.
-awk 'NR == 1 { print; next }
-    NR == 2 { n = $1; print 2 * n, 2 * $2, 0; next }
-    NR <= n + 2 { print; x[NR] = $1 + 10 " " $2 " " $3; next }
-    { t[NR] = $0; u[NR] = 3 " " $2 + n " " $3 + n " " $4 + n }
-    END { for (i = 3; i <= n + 2; i++) print x[i]
-        for (i = n + 3; i <= NR; i++) print t[i]
-        for (i = n + 3; i <= NR; i++) print u[i] }' "$torus" > "$work/two.off"
+two_meshes "$torus" > "$work/two.off"
 n=$(awk 'NR == 2 { print $1 / 2; exit }' "$work/two.off")
 check 'a path on the second component' "$tool" path "$work/two.off" --vertex "$n" \
     --to-vertex "$((n + 50))" --out "$work/second.csv"

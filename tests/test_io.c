@@ -90,19 +90,6 @@ static void test_large_meshes(void **state)
 
 /* ---- what is accepted ---- */
 
-/* The unit square as two triangles, 0 1 2 and 0 2 3, in all the ways one may write it. */
-static void check_square(fixture *f, const char *name, const char *text)
-{
-    static const double square[] = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0};
-    static const int32_t two[] = {0, 1, 2, 0, 2, 3};
-    dmk_mesh *m = read_text(f, name, text);
-    assert_int_equal(m->n_vertices, 4);
-    assert_int_equal(m->n_triangles, 2);
-    assert_memory_equal(m->xyz, square, sizeof square);
-    assert_memory_equal(m->triangle, two, sizeof two);
-    dmk_mesh_destroy(&m);
-}
-
 static void test_off_variants(void **state)
 {
     static const char *const texts[] = {
@@ -119,9 +106,9 @@ static void test_off_variants(void **state)
         "NOFF\n4 2 0\n0 0 0 0 0 1\n1 0 0 0 0 1\n1 1 0 0 0 1\n0 1 0 0 0 1\n3 0 1 2\n3 0 2 3\n",
         "STCNOFF\n4 2 0\n0 0 0 0 0 1 1 1 1 1 0 0\n1 0 0 0\n1 1 0 0\n0 1 0 0\n3 0 1 2\n3 0 2 3\n",
         "OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n"}; /* a quadrilateral */
-    for (size_t i = 0; i < COUNT(texts); i++) check_square(*state, "m.off", texts[i]);
-    check_square(*state, "named.obj", texts[0]); /* the content counts, then the suffix */
-    check_square(*state, "named", texts[0]);
+    for (size_t i = 0; i < COUNT(texts); i++) check_square(read_text(*state, "m.off", texts[i]));
+    check_square(read_text(*state, "named.obj", texts[0])); /* the content counts, then the suffix */
+    check_square(read_text(*state, "named", texts[0]));
 }
 
 static void test_obj_variants(void **state)
@@ -136,9 +123,9 @@ static void test_obj_variants(void **state)
         "f 1 2 3\nf 1 3 4\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n",     /* faces first */
         "v 0 0 \\\n0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2\\\r\n 3\nf 1 \\\n\\\n3 4\n",
         "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"};
-    for (size_t i = 0; i < COUNT(texts); i++) check_square(*state, "m.obj", texts[i]);
-    check_square(*state, "named.off", texts[0]);
-    check_square(*state, "named", texts[2]);
+    for (size_t i = 0; i < COUNT(texts); i++) check_square(read_text(*state, "m.obj", texts[i]));
+    check_square(read_text(*state, "named.off", texts[0]));
+    check_square(read_text(*state, "named", texts[2]));
 }
 
 static void test_polygons_become_fans(void **state)

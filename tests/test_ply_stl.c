@@ -8,19 +8,6 @@
 #include <unistd.h>
 #include <zlib.h>
 
-static const double square[] = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0};
-static const int32_t two[] = {0, 1, 2, 0, 2, 3};
-
-/* The unit square as two triangles, freed. */
-static void check_square(dmk_mesh *m)
-{
-    assert_int_equal(m->n_vertices, 4);
-    assert_int_equal(m->n_triangles, 2);
-    assert_memory_equal(m->xyz, square, sizeof square);
-    assert_memory_equal(m->triangle, two, sizeof two);
-    dmk_mesh_destroy(&m);
-}
-
 /* ---- PLY ---- */
 
 #define XYZ "property double x\nproperty double y\nproperty double z\n"
@@ -72,10 +59,10 @@ static size_t make_binary_ply(char *to, bool big, const char *line_end)
         line_end, big ? "big" : "little", line_end, line_end, line_end, line_end, line_end,
         line_end, line_end, line_end, line_end);
     for (int v = 0; v < 4; v++) {
-        float x = (float)square[3 * v];
+        float x = (float)square_xyz[3 * v];
         int16_t z = 0;
         n = put_bytes(to, n, &x, 4, swap);
-        n = put_bytes(to, n, &square[3 * v + 1], 8, swap);
+        n = put_bytes(to, n, &square_xyz[3 * v + 1], 8, swap);
         n = put_bytes(to, n, &z, 2, swap);
         to[n++] = 2;
         for (int i = 0; i < 2; i++) n = put_bytes(to, n, &extra[i], 2, swap);
@@ -218,7 +205,7 @@ static size_t make_binary_stl(char *to, const char *title)
         memset(to + n, 0x55, 12);
         n += 12;
         for (int k = 0; k < 9; k++) {
-            float x = (float)square[3 * two[3 * t + k / 3] + k % 3];
+            float x = (float)square_xyz[3 * square_triangles[3 * t + k / 3] + k % 3];
             n = put_bytes(to, n, &x, 4, swap);
         }
         to[n++] = 1;

@@ -93,6 +93,7 @@ typedef enum cli_what { CLI_MESH, CLI_RESULT, CLI_LOCUS, CLI_ANY } cli_what;
 /* See before the work starts that `path` of --`option` has a suffix that can hold `what` and a
  * folder that can be written to. EXIT_OK, or the exit code with the error told. */
 int cli_check_output(const char *option, const char *path, cli_what what);
+int cli_check_outputs(const char *option, const cli_files *files, cli_what what);
 /* Print the suffixes that hold `what`, as ".vtp .vtu", into `text`. */
 void cli_suffixes(cli_what what, char *text, size_t size);
 

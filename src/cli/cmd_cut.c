@@ -58,10 +58,7 @@ static int check_order(cut_order *order)
     if (code == EXIT_OK && order->out.n == 0) {
         code = cli_error(EXIT_USAGE, "cut: --out FILE is missing");
     }
-    for (int i = 0; i < order->out.n && code == EXIT_OK; i++) {
-        code = cli_check_output("out", order->out.path[i], CLI_MESH);
-    }
-    return code;
+    return code == EXIT_OK ? cli_check_outputs("out", &order->out, CLI_MESH) : code;
 }
 
 static int parse(cut_order *order, const char *out_help, int argc, char **argv)

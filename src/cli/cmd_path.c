@@ -68,10 +68,7 @@ static int check_order(path_order *order)
     if (code == EXIT_OK && (order->to.n > 0) + (order->to_vertex >= 0) != 1) {
         code = cli_error(EXIT_USAGE, "path: where to? Give one of --to X,Y,Z and --to-vertex J");
     }
-    for (int i = 0; i < order->out.n && code == EXIT_OK; i++) {
-        code = cli_check_output("out", order->out.path[i], CLI_LOCUS);
-    }
-    return code;
+    return code == EXIT_OK ? cli_check_outputs("out", &order->out, CLI_LOCUS) : code;
 }
 
 static int parse(path_order *order, const char *out_help, int argc, char **argv)

@@ -20,15 +20,6 @@ static int solve(const solve_order *order)
     return code;
 }
 
-static int check_files(const char *option, const cli_files *files, cli_what what)
-{
-    int code = EXIT_OK;
-    for (int i = 0; i < files->n && code == EXIT_OK; i++) {
-        code = cli_check_output(option, files->path[i], what);
-    }
-    return code;
-}
-
 static int check_order(solve_order *order)
 {
     const bool report = order->report && strcmp(order->report, "-") != 0;
@@ -40,9 +31,9 @@ static int check_order(solve_order *order)
         order->tangent.n == 0) {
         code = cli_error(EXIT_USAGE, "solve: --resume looks for files, and none is to be written");
     }
-    if (code == EXIT_OK) code = check_files("out", &order->out, CLI_RESULT);
-    if (code == EXIT_OK) code = check_files("locus", &order->locus, CLI_LOCUS);
-    if (code == EXIT_OK) code = check_files("tangent", &order->tangent, CLI_ANY);
+    if (code == EXIT_OK) code = cli_check_outputs("out", &order->out, CLI_RESULT);
+    if (code == EXIT_OK) code = cli_check_outputs("locus", &order->locus, CLI_LOCUS);
+    if (code == EXIT_OK) code = cli_check_outputs("tangent", &order->tangent, CLI_ANY);
     if (code == EXIT_OK && report) code = cli_check_output("report", order->report, CLI_ANY);
     return code;
 }

@@ -115,3 +115,12 @@ int cli_file_close(cli_file *file)
     unlink(file->name);
     return cli_error(EXIT_IO, "cannot write '%s': %s", file->path, strerror(error));
 }
+
+int cli_check_outputs(const char *option, const cli_files *files, cli_what what)
+{
+    int code = EXIT_OK;
+    for (int i = 0; i < files->n && code == EXIT_OK; i++) {
+        code = cli_check_output(option, files->path[i], what);
+    }
+    return code;
+}

@@ -206,32 +206,38 @@ static int open_text(const reader *r, size_t n, dmk_text *t)
     return rc;
 }
 
+/* The array's numbers as a place to read them from: its text, or its bytes unpacked into *data. */
+static int open_values(const reader *r, size_t n, dmk_values *in, char **data)
+{
+    int rc;
+    *in = (dmk_values){.binary = r->values->place != DMK_VTK_TEXT, .swap = r->coding->swap};
+    if (!in->binary) return open_text(r, n, &in->text);
+    DMK_TRY(read_bytes(r, n, data));
+    in->text.at = *data;
+    in->text.end = *data + n * dmk_type_bytes(r->values->type);
+done:
+    return rc;
+}
+
+static void close_values(dmk_values *in, char *data)
+{
+    if (!in->binary) dmk_text_close(&in->text);
+    free(data);
+}
+
 int dmk_vtk_read_numbers(dmk_context *ctx, const dmk_file *file, const dmk_vtk_coding *coding,
                          const dmk_vtk_values *values, const char *what, size_t n, double **number)
 {
     int rc;
     char *data = NULL;
-    dmk_text t = {0};
+    dmk_values in;
     const reader r = {ctx, file, coding, values, what};
-    const size_t size = dmk_type_bytes(values->type);
-    const bool is_text = values->place == DMK_VTK_TEXT;
-    if (is_text)
-        DMK_TRY(open_text(&r, n, &t));
-    else
-        DMK_TRY(read_bytes(&r, n, &data));
+    DMK_TRY(open_values(&r, n, &in, &data));
     DMK_TRY(DMK_NEW(ctx, *number, n));
-    for (size_t i = 0; i < n; i++) {
-        if (is_text) {
-            dmk_text_seek(&t);
-            DMK_TRY(dmk_text_number(&t, what, *number + i));
-            if (values->type == DMK_FLOAT32) (*number)[i] = (double)(float)(*number)[i];
-        } else {
-            (*number)[i] = dmk_decode_number(values->type, data + i * size, coding->swap);
-        }
-    }
+    for (size_t i = 0; i < n; i++)
+        DMK_TRY(dmk_values_number(&in, values->type, what, *number + i));
 done:
-    if (is_text) dmk_text_close(&t);
-    free(data);
+    close_values(&in, data);
     return rc;
 }
 
@@ -241,25 +247,13 @@ int dmk_vtk_read_integers(dmk_context *ctx, const dmk_file *file, const dmk_vtk_
 {
     int rc;
     char *data = NULL;
-    dmk_text t = {0};
+    dmk_values in;
     const reader r = {ctx, file, coding, values, what};
-    const size_t size = dmk_type_bytes(values->type);
-    const bool is_text = values->place == DMK_VTK_TEXT;
-    if (is_text)
-        DMK_TRY(open_text(&r, n, &t));
-    else
-        DMK_TRY(read_bytes(&r, n, &data));
+    DMK_TRY(open_values(&r, n, &in, &data));
     DMK_TRY(DMK_NEW(ctx, *integer, n));
-    for (size_t i = 0; i < n; i++) {
-        if (is_text) {
-            dmk_text_seek(&t);
-            DMK_TRY(dmk_text_integer(&t, what, *integer + i));
-        } else {
-            (*integer)[i] = dmk_decode_integer(values->type, data + i * size, coding->swap);
-        }
-    }
+    for (size_t i = 0; i < n; i++)
+        DMK_TRY(dmk_values_integer(&in, values->type, what, *integer + i));
 done:
-    if (is_text) dmk_text_close(&t);
-    free(data);
+    close_values(&in, data);
     return rc;
 }

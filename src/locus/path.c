@@ -59,9 +59,8 @@ static int follow_window(dmk_context *ctx, trail *t, int32_t i, double x, double
         if (rc != DMK_OK || w->parent < 0) return rc;
         /* The point in the parent's plane, where this edge is one of the two above. */
         int32_t entered = s->window[w->parent].half;
-        double base = m->length[m->triangle_edge[entered]];
-        double cy = 2 * m->area[entered / 3] / base;
-        double cx = m->cot[entered / 3 * 3 + (entered % 3 + 1) % 3] * cy;
+        double cx, cy, base = m->length[m->triangle_edge[entered]];
+        dmk_corner_above(m, entered, &cx, &cy);
         double part = w->shared == 0 ? at / length : 1 - at / length;
         x = w->shared == 0 ? part * cx : base + part * (cx - base);
         y = part * cy;
@@ -75,11 +74,10 @@ static void end_of_window(const dmk_search *s, int32_t i, const dmk_point *insid
 {
     const dmk_mesh *m = s->mesh;
     int32_t h = s->window[i].half;
-    double length = m->length[m->triangle_edge[h]];
-    *y = 2 * m->area[h / 3] / length;
-    *x = m->cot[h / 3 * 3 + (h % 3 + 1) % 3] * *y;
+    dmk_corner_above(m, h, x, y);
     if (!inside) return;
-    *x = inside->weight[h % 3] * *x + inside->weight[(h % 3 + 2) % 3] * length;
+    *x = inside->weight[h % 3] * *x +
+         inside->weight[(h % 3 + 2) % 3] * m->length[m->triangle_edge[h]];
     *y *= inside->weight[h % 3];
 }
 

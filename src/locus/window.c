@@ -171,8 +171,7 @@ static int reach_vertex(dmk_context *ctx, dmk_search *s, int32_t v, double dista
 
 /* ---- windows -------------------------------------------------------------------------------- */
 
-/* Corner k of triangle t as seen from its edge k, which runs from (0, 0) to (length, 0). */
-static void corner_above(const dmk_mesh *m, int32_t half, double *x, double *y)
+void dmk_corner_above(const dmk_mesh *m, int32_t half, double *x, double *y)
 {
     *y = 2 * m->area[half / 3] / m->length[m->triangle_edge[half]];
     *x = m->cot[half / 3 * 3 + (half % 3 + 1) % 3] * *y;
@@ -191,7 +190,7 @@ static bool is_late(const dmk_search *s, const dmk_window *w)
         return true;
     if (w->shared < 0) return false;
     int32_t behind = s->across[w->half];
-    corner_above(m, behind, &x, &y);
+    dmk_corner_above(m, behind, &x, &y);
     double third = known(s, m->triangle[behind]);
     double end = w->shared == 0 ? w->lo : w->hi;
     return third + hypot(length - x - end, y) < (w->shared == 0 ? lo : hi);
@@ -273,7 +272,7 @@ static int go_on(dmk_context *ctx, dmk_search *s, int32_t i)
     const dmk_window w = s->window[i];
     double c[2], length = s->mesh->length[s->mesh->triangle_edge[w.half]];
     double slack = same_place * length;
-    corner_above(s->mesh, w.half, &c[0], &c[1]);
+    dmk_corner_above(s->mesh, w.half, &c[0], &c[1]);
     look_for_goal(s, i, c);
     double at = w.x + (c[0] - w.x) * w.y / (w.y - c[1]);
     if (at < w.lo - slack) return add_child(ctx, s, i, 1, w.lo, w.hi, c);
@@ -309,7 +308,7 @@ static int radiate(dmk_context *ctx, dmk_search *s, const dmk_point *p, double b
         int32_t h = 3 * (int32_t)p->triangle + k;
         if (p->weight[k] == 0 || s->across[h] < 0) continue;
         double cx, cy, length = m->length[m->triangle_edge[h]];
-        corner_above(m, h, &cx, &cy);
+        dmk_corner_above(m, h, &cx, &cy);
         double px = p->weight[k] * cx + p->weight[(k + 2) % 3] * length, py = p->weight[k] * cy;
         DMK_TRY(add_window(ctx, s,
                            &(dmk_window){.lo = 0, .hi = length, .x = length - px, .y = -py,

@@ -72,6 +72,9 @@ int dmk_search_create(dmk_context *ctx, const dmk_locus_input *in, const int32_t
                       dmk_search *search);
 void dmk_search_free(dmk_search *search);
 
+/* Corner k of triangle t as seen from its edge k, half = 3t+k, which runs from (0, 0) to (length, 0). */
+void dmk_corner_above(const dmk_mesh *mesh, int32_t half, double *x, double *y);
+
 /* spot.c: all triangles of a point. `fan` is that of the mesh. */
 int dmk_spot_set(dmk_context *ctx, const dmk_mesh *mesh, const int32_t *across, const dmk_fan *fan,
                  const dmk_point *point, dmk_spot *spot);
