@@ -258,6 +258,43 @@ static void test_stl_joins_equal_corners(void **state)
     free(text);
 }
 
+/* Places that the sort's hash does not tell apart in its last 20 bits (a table of hashes, as there is in
+ * many a reader, takes them for one): it would compare each with each, 2e10 times. */
+static void test_stl_places_of_one_hash(void **state)
+{
+    enum { N = 80000 }; /* triangles: 2.4e5 places */
+    const uint64_t factor = 0x9e3779b97f4a7c15ULL;
+    unsigned char *file = calloc(1, 84 + (size_t)50 * N), *p = file + 84;
+    uint64_t inverse = factor;
+    for (int k = 0; k < 5; k++) inverse *= 2 - factor * inverse; /* modulo 2^64 */
+    for (int t = 0; t < N; t++, p += 50) {
+        for (int k = 0; k < 3; k++) {
+            float x[3] = {(float)(t + 1), (float)(k + 1), 0};
+            uint64_t h = 0, b;
+            for (int i = 0; i < 2; i++) {
+                double d = (double)x[i];
+                memcpy(&b, &d, sizeof b);
+                h = (h ^ b) * factor;
+                h ^= h >> 32;
+            }
+            /* z = 1 + m / 2^23: its bits are 0x3ff0... + m << 29. The last 29 bits of (h ^ z) * factor
+             * are known, and m is chosen so that bits 32..51 are the last 20 of them. */
+            uint64_t low = h & 0x1fffffff, known = low * factor, carry = known >> 29;
+            uint64_t want = ((known & 0xfffff) << 3) - carry;
+            uint64_t m = (want * inverse ^ h >> 29) & 0x7fffff;
+            x[2] = 1 + (float)m / 8388608;
+            memcpy(p + 12 + 12 * k, x, sizeof x);
+        }
+    }
+    for (int i = 0; i < 4; i++) file[80 + i] = (unsigned char)(N >> (8 * i));
+    dmk_mesh *m = read_bytes(*state, "m.stl", file, 84 + (size_t)50 * N);
+    dmk_mesh_info info;
+    dmk_mesh_get_info(m, &info);
+    assert_int_equal(info.n_vertices, 3 * N);
+    dmk_mesh_destroy(&m);
+    free(file);
+}
+
 static const refusal stl_refusals[] = {
     {"m.stl", "solid\nendsolid\n", DMK_E_FORMAT, "m.stl: no facet in it"},
     {"m.stl", "facet\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nendloop\nendfacet\n", DMK_E_FORMAT,
@@ -373,6 +410,7 @@ int main(void)
         TEST(test_stl_text_variants),
         TEST(test_stl_binary_variants),
         TEST(test_stl_joins_equal_corners),
+        TEST(test_stl_places_of_one_hash),
         TEST(test_stl_refusals),
         TEST(test_gzip),
         TEST(test_damaged_gzip),

@@ -62,6 +62,9 @@ int dmk_soup_grow(dmk_context *context, dmk_soup *soup);
  * before it. */
 int dmk_soup_corner(dmk_context *context, dmk_soup *soup, size_t place, int32_t fan[2],
                     int32_t vertex);
+/* weld.c: vertices at exactly the same place (-0 and 0 are the same) become one; they are numbered as
+ * they first appear. */
+int dmk_soup_weld(dmk_context *context, dmk_soup *soup);
 
 /* ---- writing ---- */
 

@@ -34,78 +34,43 @@ bool dmk_stl_sniff(const dmk_file *f)
     return is_binary(f) || (dmk_text_seek(&t) && is_word(t.at, dmk_text_word(&t), "solid"));
 }
 
-/* ---- joining equal places ---- */
+/* ---- corners, each a vertex until they are welded ---- */
 
-typedef struct weld {
-    int32_t *slot; /* n_slots, open addressing: vertex or -1 */
-    size_t n_slots, vertex_room;
-} weld;
+typedef struct corners {
+    dmk_soup *soup;
+    size_t room; /* of soup->xyz, in vertices */
+} corners;
 
-static size_t hash(const double x[3])
+static int corners_grow(dmk_context *ctx, corners *c, size_t room)
 {
-    uint64_t h = 0, b;
-    for (int k = 0; k < 3; k++) {
-        memcpy(&b, &x[k], sizeof b);
-        h = (h ^ b) * 0x9e3779b97f4a7c15ULL;
-        h ^= h >> 32;
+    if (room > INT32_MAX) {
+        return dmk_fail(ctx, DMK_E_MESH, "more than %d corners of triangles", INT32_MAX);
     }
-    return (size_t)h;
+    double *xyz = realloc(c->soup->xyz, 3 * room * sizeof *xyz);
+    if (!xyz) return dmk_fail(ctx, DMK_E_NOMEM, "out of memory: %zu corners of the file", room);
+    c->soup->xyz = xyz;
+    c->room = room;
+    return DMK_OK;
 }
 
-/* The slot that holds the vertex at x, or the empty one where it belongs. */
-static int32_t *find_slot(const weld *w, const dmk_soup *soup, const double x[3])
-{
-    for (size_t i = hash(x) & (w->n_slots - 1);; i = (i + 1) & (w->n_slots - 1)) {
-        int32_t *s = &w->slot[i];
-        if (*s < 0 || memcmp(soup->xyz + 3 * (size_t)*s, x, 3 * sizeof *x) == 0) return s;
-    }
-}
-
-/* Double the table and the vertices' room: at most half of the slots are ever taken. */
-static int weld_grow(dmk_context *ctx, weld *w, dmk_soup *soup)
-{
-    int rc;
-    size_t room = w->vertex_room ? 2 * w->vertex_room : 1024;
-    int32_t *slot = NULL;
-    DMK_TRY(DMK_NEW(ctx, slot, 2 * room));
-    double *xyz = realloc(soup->xyz, 3 * room * sizeof *xyz);
-    if (!xyz || room > INT32_MAX) {
-        free(slot);
-        return dmk_fail(ctx, DMK_E_NOMEM, "out of memory: %zu vertices of the file", room);
-    }
-    soup->xyz = xyz;
-    free(w->slot);
-    *w = (weld){slot, 2 * room, room};
-    for (size_t i = 0; i < w->n_slots; i++) slot[i] = -1;
-    for (size_t v = 0; v < soup->n_vertices; v++) {
-        *find_slot(w, soup, soup->xyz + 3 * v) = (int32_t)v;
-    }
-done:
-    return rc;
-}
-
-static int add_corner(dmk_context *ctx, weld *w, dmk_soup *soup, size_t place, int32_t fan[2],
-                      double x[3])
+static int add_corner(dmk_context *ctx, corners *c, size_t place, int32_t fan[2], const double x[3])
 {
     int rc = DMK_OK;
-    if (soup->n_vertices == w->vertex_room) DMK_TRY(weld_grow(ctx, w, soup));
-    for (int k = 0; k < 3; k++) x[k] += 0.0; /* -0 becomes 0 */
-    int32_t *slot = find_slot(w, soup, x);
-    if (*slot < 0) {
-        *slot = (int32_t)soup->n_vertices;
-        memcpy(soup->xyz + 3 * soup->n_vertices++, x, 3 * sizeof *x);
-    }
-    rc = dmk_soup_corner(ctx, soup, place, fan, *slot);
+    dmk_soup *soup = c->soup;
+    if (soup->n_vertices == c->room) DMK_TRY(corners_grow(ctx, c, 2 * c->room + 1024));
+    memcpy(soup->xyz + 3 * soup->n_vertices, x, 3 * sizeof *x);
+    rc = dmk_soup_corner(ctx, soup, place, fan, (int32_t)soup->n_vertices++);
 done:
     return rc;
 }
 
 /* ---- the two kinds ---- */
 
-static int read_binary(dmk_context *ctx, const dmk_file *f, weld *w, dmk_soup *soup)
+static int read_binary(dmk_context *ctx, const dmk_file *f, corners *c)
 {
     int rc = DMK_OK;
     uint32_t n = decode32(f->data + 80);
+    DMK_TRY(corners_grow(ctx, c, 3 * (size_t)n + 1)); /* room for none is no room */
     for (uint32_t t = 0; t < n; t++) {
         const char *p = f->data + HEADER_BYTES + (size_t)t * RECORD_BYTES + 12;
         int32_t fan[2] = {0, 0};
@@ -117,7 +82,7 @@ static int read_binary(dmk_context *ctx, const dmk_file *f, weld *w, dmk_soup *s
                 memcpy(&value, &bits, sizeof value);
                 x[i] = (double)value;
             }
-            DMK_TRY(add_corner(ctx, w, soup, k, fan, x));
+            DMK_TRY(add_corner(ctx, c, k, fan, x));
         }
     }
 done:
@@ -125,7 +90,7 @@ done:
 }
 
 /* Corners are counted from one "outer loop" to the next; titles and normals are skipped. */
-static int read_text(dmk_text *t, weld *w, dmk_soup *soup)
+static int read_text(dmk_text *t, corners *c)
 {
     int rc = DMK_OK;
     size_t place = 0;
@@ -139,7 +104,7 @@ static int read_text(dmk_text *t, weld *w, dmk_soup *soup)
                 dmk_text_seek(t);
                 DMK_TRY(dmk_text_number(t, "a vertex coordinate", &x[i]));
             }
-            DMK_TRY(add_corner(t->context, w, soup, place++, fan, x));
+            DMK_TRY(add_corner(t->context, c, place++, fan, x));
         } else if (is_word(t->at, n, "endloop") && place < 3) {
             rc = dmk_text_fail(t, "a facet with %zu corners; remove it", place);
             goto done;
@@ -159,17 +124,17 @@ done:
 int dmk_stl_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
 {
     int rc;
-    weld w = {0};
+    corners c = {.soup = soup};
     dmk_text t;
     DMK_TRY(dmk_text_open(ctx, file, &t));
-    rc = is_binary(file) ? read_binary(ctx, file, &w, soup) : read_text(&t, &w, soup);
+    rc = is_binary(file) ? read_binary(ctx, file, &c) : read_text(&t, &c);
     if (rc == DMK_OK && soup->n_triangles == 0) {
         rc = dmk_fail(ctx, DMK_E_FORMAT,
                       "%s: no facet in it: not STL, or a binary file that is cut short",
                       file->path);
     }
+    if (rc == DMK_OK) rc = dmk_soup_weld(ctx, soup);
 done:
     dmk_text_close(&t);
-    free(w.slot);
     return rc;
 }

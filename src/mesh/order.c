@@ -2,17 +2,13 @@
 #include "mesh/mesh.h"
 
 #include "base/parallel.h"
+#include "base/sort.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { BITS = 16, DIGIT = 12 }; /* of a key for each axis; of a digit of the sort */
-
-typedef struct keyed {
-    uint64_t key;
-    int32_t item;
-} keyed;
+enum { BITS = DMK_KEY_BITS / 3 }; /* of a key for each axis */
 
 /* Spread the low bits of x to every third bit. */
 static uint64_t spread3(uint64_t x)
@@ -24,37 +20,10 @@ static uint64_t spread3(uint64_t x)
     return x;
 }
 
-/* Stable radix sort by keys of four digits. */
-static int sort_keys(dmk_context *ctx, keyed *a, size_t n)
-{
-    int rc;
-    keyed *b = NULL, *from = a;
-    DMK_TRY(DMK_NEW(ctx, b, n));
-    keyed *to = b;
-    for (int shift = 0; shift < 3 * BITS; shift += DIGIT) {
-        size_t place[1 << DIGIT] = {0}, sum = 0;
-        const uint64_t mask = (1 << DIGIT) - 1;
-        for (size_t i = 0; i < n; i++) place[from[i].key >> shift & mask]++;
-        for (int k = 0; k < 1 << DIGIT; k++) {
-            size_t count = place[k];
-            place[k] = sum;
-            sum += count;
-        }
-        for (size_t i = 0; i < n; i++) to[place[from[i].key >> shift & mask]++] = from[i];
-        keyed *swap = from;
-        from = to;
-        to = swap;
-    }
-    /* an even number of passes ends in a */
-done:
-    free(b);
-    return rc;
-}
-
 typedef struct key_job {
     const dmk_mesh *mesh;
     double lo[3], scale;
-    keyed *keys;
+    dmk_keyed *keys;
 } key_job;
 
 static void key_range(int32_t begin, int32_t end, void *data)
@@ -72,7 +41,7 @@ static void key_range(int32_t begin, int32_t end, void *data)
 }
 
 /* The component's triangles along the curve; the caller frees *sorted. */
-static int morton_order(dmk_context *ctx, const dmk_mesh *m, int32_t component, keyed **sorted,
+static int morton_order(dmk_context *ctx, const dmk_mesh *m, int32_t component, dmk_keyed **sorted,
                         int32_t *n)
 {
     int rc;
@@ -94,7 +63,7 @@ static int morton_order(dmk_context *ctx, const dmk_mesh *m, int32_t component, 
     for (int k = 0; k < 3; k++) span = fmax(span, hi[k] - job.lo[k]);
     job.scale = ((1 << BITS) - 1) / (3.0 * span);
     dmk_parallel(*n, key_range, &job);
-    DMK_TRY(sort_keys(ctx, job.keys, (size_t)*n));
+    DMK_TRY(dmk_sort_keyed(ctx, job.keys, (size_t)*n));
     *sorted = job.keys;
     job.keys = NULL;
 done:
@@ -126,7 +95,7 @@ static int32_t touch(int32_t old, int32_t *number, int32_t *old_of, int32_t *n)
     return number[old];
 }
 
-static int renumber(dmk_context *ctx, const dmk_mesh *m, const keyed *sorted, renumbering *r,
+static int renumber(dmk_context *ctx, const dmk_mesh *m, const dmk_keyed *sorted, renumbering *r,
                     dmk_order *o)
 {
     int rc;
@@ -227,7 +196,7 @@ done:
 int dmk_order_create(dmk_context *ctx, const dmk_mesh *m, int32_t component, dmk_order *o)
 {
     int rc;
-    keyed *sorted = NULL;
+    dmk_keyed *sorted = NULL;
     renumbering number = {0};
     memset(o, 0, sizeof *o);
     DMK_TRY(DMK_NEW(ctx, o->mesh, 1));
