@@ -57,6 +57,7 @@ int dmk_locus_compute(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *
 {
     int rc;
     component c = {0};
+    DMK_TRY(dmk_stage_begin(ctx, "locus"));
     DMK_TRY(component_create(ctx, mesh, result, &c));
     DMK_TRY(dmk_locus_trace(ctx, &c.in, options, locus));
     size_t n;
@@ -64,6 +65,7 @@ int dmk_locus_compute(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *
     for (size_t i = 0; i < n; i++)
         v[i].place.triangle = c.order->triangle_old[v[i].place.triangle];
 done:
+    dmk_stage_end(ctx);
     component_free(&c);
     return rc;
 }
@@ -115,6 +117,7 @@ int dmk_path_compute(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *r
     component c = {0};
     dmk_point *end = NULL;
     memset(paths, 0, n_points * sizeof *paths);
+    DMK_TRY(dmk_stage_begin(ctx, "path"));
     DMK_TRY(component_create(ctx, mesh, result, &c));
     DMK_TRY(DMK_NEW(ctx, end, n_points));
     DMK_TRY(renumber_ends(ctx, mesh, c.order, n_points, to, end));
@@ -126,6 +129,7 @@ int dmk_path_compute(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *r
         }
     }
 done:
+    dmk_stage_end(ctx);
     free(end);
     component_free(&c);
     return rc;
@@ -201,6 +205,7 @@ int dmk_cut(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *result,
     component c = {0};
     dmk_mesh *raw = NULL, *sorted = NULL;
     int32_t *raw_origin = NULL, *sorted_origin = NULL;
+    DMK_TRY(dmk_stage_begin(ctx, "cut"));
     DMK_TRY(component_create(ctx, mesh, result, &c));
     DMK_TRY(dmk_locus_cut(ctx, &c.in, options, &raw, &raw_origin));
     DMK_TRY(check_disk(ctx, raw));
@@ -213,6 +218,7 @@ int dmk_cut(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *result,
         sorted_origin = NULL;
     }
 done:
+    dmk_stage_end(ctx);
     dmk_mesh_destroy(&raw);
     dmk_mesh_destroy(&sorted);
     free(raw_origin);

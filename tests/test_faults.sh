@@ -57,6 +57,32 @@ check 'and the files are as ever' cmp "$work/files/a.vtp" "$work/files/ref.vtp"
 check 'with all three closed too' cmp "$work/files/a.vtp" "$work/files/ref.vtp"
 rm "$work/files"/*
 
+# ---- a signal within a stage that has no steps ---------------------------------------------------
+
+stop_in() { # STAGE COMMAND...: the stage is told when it begins; a signal that comes too late: again
+    local stage=$1 status try
+    shift
+    mkfifo "$work/told"
+    for try in 1 2 3 4 5; do
+        rm -f "$work/files"/*
+        "$tool" "$@" --verbose > "$work/said_out" 2> "$work/told" &
+        while read -r word _; do
+            [ "$word" != "$stage" ] || kill -TERM $!
+        done < "$work/told"
+        wait $!
+        status=$?
+        [ $status -ne 0 ] || continue
+        break
+    done
+    rm "$work/told"
+    test $status -eq 130 && empty "$work/files" || { echo "status $status"; return 1; }
+}
+"$tool" mesh torus --source 3,0,0 --triangles 200000 --out "$large" > "$work/said_out"
+check 'a signal while the locus is traced' stop_in locus \
+    solve "$large" --vertex 0 --out "$work/files/a.vtp" --locus "$work/files/a.obj"
+check 'while the surface is cut' stop_in cut cut "$large" --vertex 0 --out "$work/files/a.off"
+check 'while a path is sought' stop_in path path "$large" --vertex 0 --to=-1,0,0 --out "$work/files/a.csv"
+
 # ---- waiting for the writer of a pipe ---------------------------------------------------------
 
 waits() { # SIGNAL: the tool waits at the pipe and is ended by one signal, at once

@@ -1,5 +1,6 @@
 #include "base.h"
 
+#include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -35,7 +36,9 @@ const char *dmk_status_text(int status)
 int dmk_context_create(dmk_context **context)
 {
     *context = calloc(1, sizeof **context);
-    return *context ? DMK_OK : DMK_E_NOMEM;
+    if (!*context) return DMK_E_NOMEM;
+    (*context)->poll_every = 0.05;
+    return DMK_OK;
 }
 
 void dmk_context_destroy(dmk_context **context)
@@ -89,4 +92,30 @@ int dmk_report(dmk_context *context, const dmk_progress *progress)
         return dmk_fail(context, DMK_E_CANCELLED, "cancelled in stage '%s'", progress->stage);
     }
     return DMK_OK;
+}
+
+static int report_stage(dmk_context *context)
+{
+    context->polled = dmk_seconds();
+    return dmk_report(context, &(dmk_progress){.stage = context->stage, .change = NAN, .gap = NAN,
+                                               .seconds = context->polled - context->began});
+}
+
+int dmk_stage_begin(dmk_context *context, const char *stage)
+{
+    context->stage = stage;
+    context->began = dmk_seconds();
+    return report_stage(context);
+}
+
+int dmk_poll(dmk_context *context)
+{
+    if (!context->stage || !context->progress) return DMK_OK;
+    if (dmk_seconds() - context->polled < context->poll_every) return DMK_OK;
+    return report_stage(context);
+}
+
+void dmk_stage_end(dmk_context *context)
+{
+    context->stage = NULL;
 }

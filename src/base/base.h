@@ -12,6 +12,9 @@ struct dmk_context {
     char message[1024];
     dmk_progress_fn progress;
     void *progress_user;
+    const char *stage;    /* that dmk_poll reports, or NULL */
+    double began, polled; /* seconds: when the stage began, when it was last reported */
+    double poll_every;    /* seconds */
 };
 
 /* Put a message in the record and return `status`; the printf-like text says what is wrong and what
@@ -42,6 +45,13 @@ double dmk_seconds(void);
 
 /* Call the progress callback, if any; DMK_E_CANCELLED if it asks to stop. */
 int dmk_report(dmk_context *context, const dmk_progress *progress);
+
+/* A stage without steps. Its begin is reported at once; dmk_poll, to be called within it at least each
+ * 50 milliseconds of work on a million triangles, reports it again when 50 milliseconds have passed,
+ * so that the callback can ask to stop. Outside of such a stage dmk_poll does nothing. */
+int dmk_stage_begin(dmk_context *context, const char *stage);
+int dmk_poll(dmk_context *context);
+void dmk_stage_end(dmk_context *context);
 
 static inline int32_t dmk_min_i(int32_t a, int32_t b) { return a < b ? a : b; }
 static inline int32_t dmk_max_i(int32_t a, int32_t b) { return a > b ? a : b; }

@@ -100,7 +100,10 @@ static int on_progress(const dmk_progress *report, void *user)
 {
     cli_progress *progress = user;
     if (interrupted) return 1;
+    const bool new_stage = report->stage != progress->stage; /* static strings */
     if (progress->steps) {
+        progress->stage = report->stage;
+        if (!new_stage && report->step == 0) return 0; /* a stage without steps: its begin is told */
         if (report->step <= 1) progress->gap = NAN; /* of the source before */
         if (isfinite(report->gap)) progress->gap = report->gap;
         describe(report, progress->gap, NAN, stderr);
@@ -110,7 +113,6 @@ static int on_progress(const dmk_progress *report, void *user)
         if (isfinite(report->gap)) progress->gap = report->gap;
         const double left = time_left(progress, report);
         const double now = cli_seconds();
-        const bool new_stage = report->stage != progress->stage; /* static strings */
         if (!new_stage && now - progress->shown < 0.1) return 0; /* the eye sees no more */
         show_line(progress, report, left);
         progress->shown = now;

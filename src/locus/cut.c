@@ -194,6 +194,7 @@ static int separate(dmk_context *ctx, const dmk_mesh *whole, const knife *k, dmk
         for (int i = 0; uncut && i < 2; i++)
             dmk_set_unite(parent, corner[0][i], corner[1][i]);
     }
+    DMK_TRY(dmk_poll(ctx));
     for (int32_t v = 0; v < k->n_vertices; v++) {
         first[v] = -1;
         from[v] = v;
@@ -212,6 +213,7 @@ static int separate(dmk_context *ctx, const dmk_mesh *whole, const knife *k, dmk
         memcpy(xyz + 3 * v, k->xyz + 3 * from[v], 3 * sizeof *xyz);
     for (int32_t v = 0; v < n_new; v++)
         from[v] = from[v] < k->mesh->n_vertices ? from[v] : -1;
+    DMK_TRY(dmk_poll(ctx));
     rc = dmk_mesh_adopt(ctx, (size_t)n_new, xyz, (size_t)k->n_triangles, tri, cut);
     xyz = NULL;
     tri = NULL;
@@ -247,10 +249,14 @@ int dmk_locus_cut(dmk_context *ctx, const dmk_locus_input *in, const dmk_locus_o
     double threshold = dmk_locus_threshold(opt);
     DMK_TRY(dmk_rays_create(ctx, in, &rays));
     DMK_TRY(dmk_dual_create(ctx, &rays, threshold, &dual));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(dmk_net_create(ctx, &rays, &dual, threshold, &net));
     dmk_net_strip(&net);
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(split_all(ctx, in->mesh, &rays, &net, &dual, &k));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(join_split(ctx, &k, &whole));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(separate(ctx, whole, &k, cut, origin));
 done:
     dmk_mesh_destroy(&whole);

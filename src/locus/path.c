@@ -148,9 +148,19 @@ static double first_angle(const dmk_mesh *m, const dmk_chart *c, const double *f
     return angle * (c->closed ? 2 * pi / c->total : 1);
 }
 
-/* Both ends in one triangle: a segment. */
+/* Both ends in one triangle: a segment. Those around a vertex increase, and may be many; at any other
+ * place there are two at most. */
 static bool is_beside(const dmk_search *s)
 {
+    if (s->start.vertex >= 0 && s->goal.vertex >= 0) {
+        for (int32_t i = 0, k = 0; i < s->start.n && k < s->goal.n;) {
+            const int64_t a = s->start.in[i].triangle, b = s->goal.in[k].triangle;
+            if (a == b) return true;
+            if (a < b) i++;
+            else k++;
+        }
+        return false;
+    }
     for (int32_t i = 0; i < s->start.n; i++) {
         for (int32_t k = 0; k < s->goal.n; k++) {
             if (s->start.in[i].triangle == s->goal.in[k].triangle) return true;
@@ -194,6 +204,7 @@ int dmk_path_trace(dmk_context *ctx, const dmk_locus_input *in, size_t n_points,
     dmk_chart chart = {0};
     memset(paths, 0, n_points * sizeof *paths);
     DMK_TRY(dmk_find_across(ctx, in->mesh, &across));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(dmk_chart_create(ctx, in->mesh, across, &in->source, &chart));
     DMK_TRY(dmk_search_create(ctx, in, across, &search));
     for (size_t i = 0; i < n_points; i++) {

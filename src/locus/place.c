@@ -184,9 +184,12 @@ int dmk_net_create(dmk_context *ctx, const dmk_rays *r, const dmk_dual *dual, do
     int rc;
     int32_t *node_of = NULL;
     *net = (dmk_net){0};
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(DMK_NEW(ctx, node_of, (size_t)r->mesh->n_edges));
     DMK_TRY(add_crossings(ctx, r, dual, threshold, node_of, net));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(add_links(ctx, r, dual, node_of, net));
+    DMK_TRY(dmk_poll(ctx));
 done:
     free(node_of);
     if (rc != DMK_OK) dmk_net_free(net);

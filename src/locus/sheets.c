@@ -193,15 +193,22 @@ int dmk_rays_create(dmk_context *ctx, const dmk_locus_input *in, dmk_rays *r)
     r->mesh = in->mesh;
     r->distance = in->distance;
     DMK_TRY(dmk_find_across(ctx, in->mesh, &r->across));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(find_sizes(ctx, r));
     DMK_TRY(find_bends(ctx, r));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(take_smooth(ctx, r));
     find_noise(r);
     DMK_TRY(dmk_chart_create(ctx, r->mesh, r->across, &in->source, &r->chart));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(dmk_fan_shoot(ctx, r, &hit, &n_hits));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(collect(ctx, r, hit, n_hits));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(dmk_rays_repair(ctx, r));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(dmk_rays_complete(ctx, r));
+    DMK_TRY(dmk_poll(ctx));
 done:
     free(hit);
     if (rc != DMK_OK) dmk_rays_free(r);

@@ -54,7 +54,9 @@ int dmk_search_create(dmk_context *ctx, const dmk_locus_input *in, const int32_t
     for (int32_t e = 0; e < m->n_edges; e++)
         s->mean += m->length[e] / m->n_edges;
     DMK_TRY(find_bends(ctx, s));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(dmk_fan_create(ctx, m, &s->fan));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(DMK_NEW(ctx, s->reach, (size_t)m->n_vertices));
     DMK_TRY(DMK_NEW(ctx, s->vertex_round, (size_t)m->n_vertices));
     DMK_TRY(DMK_NEW(ctx, s->split, 2 * n_half));
@@ -338,7 +340,8 @@ static int search(dmk_context *ctx, dmk_search *s)
     s->end = (dmk_reach){HUGE_VAL, -1, -1};
     for (int32_t k = 0; k < s->start.n; k++)
         DMK_TRY(radiate(ctx, s, &s->start.in[k], 0, -1));
-    while (s->n_queued > 0) {
+    for (int32_t n = 0; s->n_queued > 0; n++) {
+        if (n % 1024 == 0) DMK_TRY(dmk_poll(ctx));
         dmk_queued q = pop(s);
         if (q.key > s->bound + s->eps) break;
         if (q.item < 0) {

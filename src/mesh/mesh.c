@@ -256,10 +256,14 @@ int dmk_mesh_adopt(dmk_context *ctx, size_t n_vertices, double *xyz, size_t n_tr
     m->n_vertices = (int32_t)n_vertices;
     m->n_triangles = (int32_t)n_triangles;
     DMK_TRY(dmk_check_input(ctx, m));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(build_edges(ctx, m));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(dmk_check_fans(ctx, m));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(dmk_mesh_count(ctx, m));
     DMK_TRY(build_components(ctx, m));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(build_geometry(ctx, m));
     *mesh = m;
     m = NULL;

@@ -201,7 +201,9 @@ int dmk_order_create(dmk_context *ctx, const dmk_mesh *m, int32_t component, dmk
     memset(o, 0, sizeof *o);
     DMK_TRY(DMK_NEW(ctx, o->mesh, 1));
     DMK_TRY(morton_order(ctx, m, component, &sorted, &o->mesh->n_triangles));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(renumber(ctx, m, sorted, &number, o));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(gather(ctx, m, &number, o));
 done:
     free(sorted);

@@ -31,12 +31,12 @@ static void forget_component(dmk_solver *s)
 static int order_component(dmk_context *ctx, dmk_solver *s, int32_t component)
 {
     int rc;
-    dmk_progress report = {.stage = "levels", .change = NAN, .gap = NAN};
     forget_component(s);
-    DMK_TRY(dmk_report(ctx, &report));
+    DMK_TRY(dmk_stage_begin(ctx, "levels"));
     DMK_TRY(DMK_NEW(ctx, s->order, 1));
     atomic_init(&s->order->users, 1);
     DMK_TRY(dmk_order_create(ctx, s->mesh, component, &s->order->order));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(dmk_soften(ctx, s->order->order.mesh, &s->soft));
     s->component = component;
 done:
@@ -143,6 +143,7 @@ static int set_start(dmk_context *ctx, dmk_solver *s, const marched *near, dmk_s
     DMK_TRY(DMK_NEW(ctx, mu, n_elements));
     if (start == DMK_START_DISTANCE) {
         DMK_TRY(dmk_start_density(ctx, m, p, vertex, mid, mu));
+        DMK_TRY(dmk_poll(ctx));
         for (int32_t e = 0; e < m->n_edges; e++) u[e] = mid[e] / -sys->unit;
         for (int32_t v = 0; v < m->n_vertices; v++) u[sys->vertex_row + v] = vertex[v] / -sys->unit;
         for (int32_t t = 0; t < m->n_triangles; t++) mu[t] /= sys->unit;
@@ -175,8 +176,10 @@ static int prepare(dmk_context *ctx, dmk_solver *s, marched *near, dmk_start sta
     DMK_TRY(DMK_NEW(ctx, near->mid, (size_t)near->mesh->n_edges));
     DMK_TRY(set_up(ctx, s, near));
     if (fresh) seconds[DMK_STAGE_SETUP] = dmk_seconds() - began;
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(set_start(ctx, s, near, start));
     seconds[DMK_STAGE_START] = dmk_seconds() - began - seconds[DMK_STAGE_SETUP];
+    rc = dmk_poll(ctx);
 done:
     return rc;
 }
@@ -333,6 +336,7 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     DMK_TRY(prepare(ctx, s, &near, options->start, began, r->stats.seconds));
     double t1 = dmk_seconds();
     dmk_outer o = {.ctx = ctx, .sys = s->system, .options = options, .stats = &r->stats, .began = began};
+    dmk_stage_end(ctx);
     DMK_TRY(iterate(s, &near, options, &o));
     double t2 = dmk_seconds();
     DMK_TRY(dmk_certify(&o));
@@ -344,6 +348,7 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     *result = r;
     r = NULL;
 done:
+    dmk_stage_end(ctx);
     dmk_result_destroy(&r);
     free(near.vertex);
     free(near.mid);

@@ -331,6 +331,7 @@ static int pack_levels(const packer *p, const dmk_hierarchy *h)
         links = c->coarse.edge;
         DMK_TRY(pack_graph(p, c->coarse.n, n_links, links, l));
         DMK_TRY(pack_transfer(p, s->level[s->n_levels - 1].n, c, l));
+        DMK_TRY(dmk_poll(p->ctx));
         s->n_levels++;
     }
     const dmk_level *last = &s->level[s->n_levels - 1];
@@ -408,8 +409,11 @@ static int pack_fine(const packer *p)
     int rc;
     const dmk_mesh *m = p->mesh;
     DMK_TRY(pack_elements(p));
+    DMK_TRY(dmk_poll(p->ctx));
     DMK_TRY(pack_places(p));
+    DMK_TRY(dmk_poll(p->ctx));
     DMK_TRY(pack_ends(p));
+    DMK_TRY(dmk_poll(p->ctx));
     DMK_TRY(pack_graph(p, m->n_vertices, m->n_edges, m->edge_vertex, &p->sys->level[0]));
 done:
     return rc;
