@@ -41,6 +41,7 @@ int bench_teardown(void **state)
 problem problem_of(bench *b, dmk_mesh *mesh)
 {
     problem p = {.b = b, .mesh = mesh, .source = {.weight = {1, 0, 0}}};
+    dmk_mesh_get_info(mesh, &p.info);
     bench_ok(b, dmk_solver_create(b->ctx, b->dev, mesh, &p.solver));
     bench_ok(b, dmk_mesh_vertex_point(b->ctx, mesh, 0, &p.source));
     dmk_solve_options_init(&p.options);
@@ -96,19 +97,8 @@ void problem_free(problem *p)
     dmk_mesh_destroy(&p->mesh);
 }
 
-size_t problem_triangles(const problem *p)
-{
-    dmk_mesh_info info;
-    dmk_mesh_get_info(p->mesh, &info);
-    return info.n_triangles;
-}
-
-size_t problem_vertices(const problem *p)
-{
-    dmk_mesh_info info;
-    dmk_mesh_get_info(p->mesh, &info);
-    return info.n_vertices;
-}
+size_t problem_triangles(const problem *p) { return p->info.n_triangles; }
+size_t problem_vertices(const problem *p) { return p->info.n_vertices; }
 
 const double *problem_mu(const problem *p) { return dmk_result_density(p->result, NULL); }
 const double *problem_distance(const problem *p) { return dmk_result_distance(p->result, NULL); }

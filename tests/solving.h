@@ -26,6 +26,7 @@ void bench_ok(const bench *b, int rc);
 typedef struct problem {
     bench *b;
     dmk_mesh *mesh;
+    dmk_mesh_info info; /* of the mesh: asking goes through all of it */
     dmk_solver *solver;
     dmk_solve_options options; /* as _init leaves them; tests change them */
     dmk_point source;
