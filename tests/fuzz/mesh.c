@@ -3,36 +3,63 @@
  * come back the same when it is written and read again. */
 #include "fuzz.h"
 
-#include "dmkcl.h"
+#include "io/io.h"
 
 #include <fcntl.h>
 #include <math.h>
-#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-enum { MAX_NAMES = 32 };
+enum { MAX_NAMES = 32, MAX_SIZE = 8192 };
+
+/* Readers, and how often each was tried and took a mesh: printed at the end. The suffix tells where the
+ * content does not. */
+static struct reader {
+    const char *names; /* of format.c's table */
+    bool (*sniff)(const dmk_file *file);
+    unsigned long tried, taken;
+} reader[] = {
+    {"gzip", dmk_gzip_sniff, 0, 0}, {"PLY", dmk_ply_sniff, 0, 0},
+    {"VTP, VTU", dmk_vtk_sniff, 0, 0}, {"VTK", dmk_vtk_legacy_sniff, 0, 0},
+    {"MSH", dmk_msh_sniff, 0, 0},   {"OFF", dmk_off_sniff, 0, 0},
+    {"OBJ", dmk_obj_sniff, 0, 0},   {"STL", dmk_stl_sniff, 0, 0},
+};
+#define N_READERS (sizeof reader / sizeof *reader)
 
 static struct {
     dmk_context *ctx;
     char folder[200];
     char name[MAX_NAMES][240]; /* one file under the names of all formats that are read */
+    struct reader *by_name[MAX_NAMES];
     int n_names, fd;
     char copy[240];
 } it;
 
 static void clear_folder(void)
 {
+    for (size_t i = 0; i < N_READERS; i++) {
+        printf("reader %-8s %10lu tried %10lu taken\n", reader[i].names, reader[i].tried, reader[i].taken);
+    }
     for (int i = 0; i < it.n_names; i++) unlink(it.name[i]);
     unlink(it.copy);
     rmdir(it.folder);
     dmk_context_destroy(&it.ctx);
 }
 
-static void add_name(const char *suffix, size_t n)
+static struct reader *find_reader(const char *name)
 {
+    for (size_t i = 0; i < N_READERS; i++) {
+        if (strstr(reader[i].names, name)) return &reader[i];
+    }
+    fuzz_broken("every format has a row in the table of readers", name, 0);
+    return NULL;
+}
+
+static void add_name(const char *format, const char *suffix, size_t n)
+{
+    it.by_name[it.n_names] = find_reader(format);
     snprintf(it.name[it.n_names], sizeof *it.name, "%s/mesh%.*s", it.folder, (int)n, suffix);
     if (it.n_names == 0) it.fd = open(it.name[0], O_RDWR | O_CREAT | O_TRUNC, 0600);
     else REQUIRE(link(it.name[0], it.name[it.n_names]) == 0);
@@ -49,7 +76,7 @@ static void prepare(void)
     for (size_t i = 0; dmk_format_get(i, &format) == DMK_OK; i++) {
         for (const char *s = format.suffixes; format.reads_mesh && *s && it.n_names < MAX_NAMES;) {
             size_t n = strcspn(s, " ");
-            add_name(s, n);
+            add_name(format.name, s, n);
             s += n + (s[n] == ' ');
         }
     }
@@ -98,6 +125,20 @@ static void check_copy(const dmk_mesh *m, const dmk_mesh_info *info)
     dmk_mesh_destroy(&copy);
 }
 
+static struct reader *which_reader(const uint8_t *data, size_t size, int name)
+{
+    static char text[MAX_SIZE + 1];
+    dmk_file file = {it.name[name], text, size};
+    if (size <= MAX_SIZE) {
+        memcpy(text, data, size);
+        text[size] = '\0';
+        for (size_t i = 0; i < N_READERS; i++) {
+            if (reader[i].sniff(&file)) return &reader[i];
+        }
+    }
+    return it.by_name[name];
+}
+
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     dmk_mesh *m = NULL;
@@ -106,12 +147,16 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (size == 0) return 0;
     size--;
     REQUIRE(pwrite(it.fd, data, size, 0) == (ssize_t)size && ftruncate(it.fd, (off_t)size) == 0);
-    int rc = dmk_mesh_read(it.ctx, it.name[data[size] % it.n_names], &m);
+    int name = data[size] % it.n_names;
+    struct reader *r = which_reader(data, size, name);
+    r->tried++;
+    int rc = dmk_mesh_read(it.ctx, it.name[name], &m);
     if (rc != DMK_OK) {
         REQUIRE(!m && (rc == DMK_E_FORMAT || rc == DMK_E_MESH));
         REQUIRE(*dmk_context_message(it.ctx));
         return 0;
     }
+    r->taken++;
     dmk_mesh_get_info(m, &info);
     check_sound(m, &info);
     check_places(m);
