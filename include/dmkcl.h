@@ -56,8 +56,9 @@ const char *dmk_status_text(int status);
 typedef struct dmk_context dmk_context;
 
 /* One report of progress. `stage` is a static string ("read", "levels", "solve", "locus", "cut",
- * "path", ...). All but "solve" tell their begin, and again each 50 ms, with step 0; within "solve", `step` counts outer steps from 1, `change` is the relative change of mu per unit
- * time and `gap` the relative gap of the certificate, or NaN when not computed at this step. */
+ * "path", ...). All but "solve" tell their begin, and again each 50 ms, with step 0; within "solve",
+ * `step` counts outer steps from 1, `change` is the relative change of mu per unit time and `gap` the
+ * relative gap of the certificate, or NaN when not computed at this step. */
 typedef struct dmk_progress {
     const char *stage;
     int step;

@@ -5,7 +5,7 @@
 # The text with one blank for each run of white space, none behind or before a bracket or comma.
 level() {
     sed 's/\\$//' | tr '\n' ' ' | sed -e 's/ \+/ /g' -e 's/\([[({]\) /\1/g' \
-        -e 's/ \([])},;]\)/\1/g' -e 's/" "//g' -e 's/ \* / /g' | tr ';{}' '\n\n\n'
+        -e 's/ \([])},;]\)/\1/g' -e 's/" "//g' -e 's/ \(\* \)\+/ /g' | tr ';{}' '\n\n\n'
 }
 same_blanks() {
     level < "$1" > "$work/ours"
