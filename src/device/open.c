@@ -211,6 +211,8 @@ void dmk_device_destroy(dmk_device **device)
 {
     dmk_device *dev = *device;
     if (!dev) return;
+    /* After an error there may be work under way; PoCL does not keep a part of a device for it. */
+    if (dev->queue) clFinish(dev->queue);
     dmk_buffer_destroy(&dev->shares);
     for (int i = 0; i < dev->n_kernels; i++) clReleaseKernel(dev->kernel[i].cl);
     for (int p = 0; p < DMK_N_PROGRAMS; p++) {
