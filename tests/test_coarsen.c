@@ -335,13 +335,40 @@ static void same_tables_twice(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* Two cones over one ring: every vertex of the ring beside two hubs. What is taken hub by hub for each
+ * neighbour of a hub takes 4e10 steps here, and more. */
+static void hubs(void **state)
+{
+    (void)state;
+    enum { N = 400000 };
+    double *xyz = zeros(3 * (N + 2));
+    int32_t *tri = calloc(6 * (size_t)N, sizeof *tri);
+    dmk_mesh *m = NULL;
+    dmk_hierarchy h;
+    for (int32_t i = 0; i < N; i++) {
+        int32_t j = (i + 1) % N, two[6] = {i, j, N, j, i, N + 1};
+        xyz[3 * i] = cos(6.283185307179586 * i / N);
+        xyz[3 * i + 1] = sin(6.283185307179586 * i / N);
+        memcpy(tri + 6 * i, two, sizeof two);
+    }
+    xyz[3 * N + 2] = 1;
+    xyz[3 * N + 5] = -1;
+    assert_int_equal(dmk_mesh_create(ctx, N + 2, xyz, 2 * N, tri, &m), DMK_OK);
+    assert_int_equal(dmk_hierarchy_create(ctx, m, 0, &h), DMK_OK);
+    assert_true(h.n > 0 && h.level[h.n - 1].coarse.n < N / 100);
+    dmk_hierarchy_free(&h);
+    dmk_mesh_destroy(&m);
+    free(xyz);
+    free(tri);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(closed_surface),           cmocka_unit_test(surface_with_border),
         cmocka_unit_test(graded_surface),           cmocka_unit_test(coarse_to_the_end),
         cmocka_unit_test(small_mesh_has_no_levels), cmocka_unit_test(linear_functions),
-        cmocka_unit_test(same_tables_twice),
+        cmocka_unit_test(same_tables_twice),        cmocka_unit_test(hubs),
     };
     if (dmk_context_create(&ctx) != DMK_OK) return 1;
     int failed = cmocka_run_group_tests(tests, NULL, NULL);

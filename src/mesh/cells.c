@@ -11,6 +11,8 @@
  * a residual of 1e-4 CG takes the same number of iterations or one more, to 1e-8 up to two more. */
 #define RADIUS 2.0f
 
+enum { MOST_ENTRIES = 32 };
+
 static float mean_length(const dmk_adjacency *g, int32_t v)
 {
     float sum = 0;
@@ -19,19 +21,74 @@ static float mean_length(const dmk_adjacency *g, int32_t v)
     return degree ? sum / (float)degree : 0;
 }
 
-/* Mark what lies within the radius of sample v over paths of one or two links. */
-static void cover(const dmk_adjacency *g, int32_t v, uint8_t *covered)
+typedef struct link {
+    float length;
+    int32_t to;
+} link;
+
+static int compare_links(const void *a, const void *b)
 {
+    const link *p = a, *q = b;
+    if (p->length != q->length) return p->length < q->length ? -1 : 1;
+    return (p->to > q->to) - (p->to < q->to);
+}
+
+/* The links of hubs, the shortest first. */
+static int sort_hubs(dmk_context *ctx, dmk_adjacency *g)
+{
+    int rc = DMK_OK;
+    link *list = NULL;
+    for (int32_t v = 0; v < g->n; v++) {
+        int32_t from = g->row[v], n = g->row[v + 1] - from;
+        if (n <= DMK_HUB) continue;
+        free(list);
+        DMK_TRY(DMK_NEW(ctx, list, (size_t)n));
+        for (int32_t i = 0; i < n; i++) list[i] = (link){g->length[from + i], g->to[from + i]};
+        qsort(list, (size_t)n, sizeof *list, compare_links);
+        for (int32_t i = 0; i < n; i++) {
+            g->length[from + i] = list[i].length;
+            g->to[from + i] = list[i].to;
+        }
+    }
+done:
+    free(list);
+    return rc;
+}
+
+/* Greedy sampling's record of what is covered. */
+typedef struct cover {
+    const dmk_adjacency *g;
+    uint8_t *covered; /* n */
+    int32_t *next;    /* n: for a hub, its links before this one lead to what is covered */
+} cover;
+
+/* Cover the ends of the links of w no longer than `rest`. */
+static void cover_around(const cover *c, int32_t w, float rest)
+{
+    const dmk_adjacency *g = c->g;
+    int32_t end = g->row[w + 1];
+    if (end - g->row[w] > DMK_HUB) {
+        while (c->next[w] < end && g->length[c->next[w]] <= rest) {
+            c->covered[g->to[c->next[w]++]] = 1;
+        }
+        return;
+    }
+    for (int32_t k = g->row[w]; k < end; k++) {
+        if (g->length[k] <= rest) c->covered[g->to[k]] = 1;
+    }
+}
+
+/* Mark what lies within the radius of sample v over paths of one or two links. */
+static void cover_sample(const cover *c, int32_t v)
+{
+    const dmk_adjacency *g = c->g;
     float radius = RADIUS * mean_length(g, v);
-    covered[v] = 1;
+    c->covered[v] = 1;
     for (int32_t i = g->row[v]; i < g->row[v + 1]; i++) {
         float rest = radius - g->length[i];
-        int32_t w = g->to[i];
         if (rest < 0) continue;
-        covered[w] = 1;
-        for (int32_t k = g->row[w]; k < g->row[w + 1]; k++) {
-            if (g->length[k] <= rest) covered[g->to[k]] = 1;
-        }
+        c->covered[g->to[i]] = 1;
+        cover_around(c, g->to[i], rest);
     }
 }
 
@@ -39,30 +96,36 @@ static void cover(const dmk_adjacency *g, int32_t v, uint8_t *covered)
 static int sample_vertices(dmk_context *ctx, const dmk_adjacency *g, dmk_cells *cells)
 {
     int rc;
-    uint8_t *covered = NULL;
-    DMK_TRY(DMK_NEW(ctx, covered, (size_t)g->n));
+    cover c = {.g = g};
+    DMK_TRY(DMK_NEW(ctx, c.covered, (size_t)g->n));
+    DMK_TRY(DMK_NEW(ctx, c.next, (size_t)g->n));
     DMK_TRY(DMK_NEW(ctx, cells->sample, (size_t)g->n));
+    memcpy(c.next, g->row, (size_t)g->n * sizeof *c.next);
     cells->n = 0;
     for (int32_t v = 0; v < g->n; v++) {
-        if (covered[v]) continue;
+        if (c.covered[v]) continue;
         cells->sample[cells->n++] = v;
-        cover(g, v, covered);
+        cover_sample(&c, v);
     }
 done:
-    free(covered);
+    free(c.covered);
+    free(c.next);
     return rc;
 }
 
 /* Each vertex goes to the sample that is nearest along the links: shortest paths by label
- * correction with a queue. All paths are a few links long: each vertex enters only a few times. */
+ * correction with a queue. All paths are a few links long: each vertex enters only a few times, and is
+ * not let in more often. (On a path of many short links a hub would fall again and again; a cell that is
+ * not quite the nearest does no harm.) */
 static int grow_cells(dmk_context *ctx, const dmk_adjacency *g, dmk_cells *cells)
 {
     int rc;
     int32_t *queue = NULL, head = 0, length = 0;
-    uint8_t *queued = NULL;
+    uint8_t *queued = NULL, *entries = NULL;
     float *distance = NULL;
     DMK_TRY(DMK_NEW(ctx, queue, (size_t)g->n));
     DMK_TRY(DMK_NEW(ctx, queued, (size_t)g->n));
+    DMK_TRY(DMK_NEW(ctx, entries, (size_t)g->n));
     DMK_TRY(DMK_NEW(ctx, distance, (size_t)g->n));
     for (int32_t v = 0; v < g->n; v++) distance[v] = INFINITY;
     for (int32_t a = 0; a < cells->n; a++) {
@@ -83,7 +146,8 @@ static int grow_cells(dmk_context *ctx, const dmk_adjacency *g, dmk_cells *cells
             if (d >= distance[w]) continue;
             distance[w] = d;
             cells->owner[w] = cells->owner[v];
-            if (queued[w]) continue;
+            if (queued[w] || entries[w] == MOST_ENTRIES) continue;
+            entries[w]++;
             int32_t tail = length < g->n - head ? head + length : length - (g->n - head);
             queue[tail] = w;
             queued[w] = 1;
@@ -93,6 +157,7 @@ static int grow_cells(dmk_context *ctx, const dmk_adjacency *g, dmk_cells *cells
 done:
     free(queue);
     free(queued);
+    free(entries);
     free(distance);
     return rc;
 }
@@ -115,12 +180,13 @@ done:
     return rc;
 }
 
-int dmk_cells_create(dmk_context *ctx, const dmk_adjacency *fine, dmk_cells *cells)
+int dmk_cells_create(dmk_context *ctx, dmk_adjacency *fine, dmk_cells *cells)
 {
     int rc;
     memset(cells, 0, sizeof *cells);
     cells->n_fine = fine->n;
     DMK_TRY(DMK_NEW(ctx, cells->owner, (size_t)fine->n));
+    DMK_TRY(sort_hubs(ctx, fine));
     DMK_TRY(sample_vertices(ctx, fine, cells));
     DMK_TRY(grow_cells(ctx, fine, cells));
     DMK_TRY(list_members(ctx, cells));

@@ -7,6 +7,17 @@
 #include <stdlib.h>
 #include <string.h>
 
+static int compare(const void *a, const void *b)
+{
+    int32_t x = *(const int32_t *)a, y = *(const int32_t *)b;
+    return (x > y) - (x < y);
+}
+
+void dmk_sort_many(int32_t n, int32_t *a)
+{
+    qsort(a, (size_t)n, sizeof *a, compare);
+}
+
 static void adjacency_free(dmk_adjacency *g)
 {
     free(g->row);
@@ -89,7 +100,7 @@ static int cell_adjacency(dmk_context *ctx, const dmk_adjacency *fine, const dmk
                 g->to[end++] = b;
             }
         }
-        dmk_sort_few(end - begin, g->to + begin);
+        dmk_sort(end - begin, g->to + begin);
         g->row[a + 1] = end;
     }
 done:

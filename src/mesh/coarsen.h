@@ -46,9 +46,20 @@ void dmk_hierarchy_free(dmk_hierarchy *h);
 
 /* ---- the steps of one coarsening, for coarsen.c only --------------------------------------- */
 
-/* Sort a short list by insertion. */
-static inline void dmk_sort_few(int32_t n, int32_t *a)
+/* What has more neighbours than this is a hub. A mesh may have one with all its vertices around it, and
+ * no step may take the square of their number. */
+enum { DMK_HUB = 64 };
+
+/* coarsen.c */
+void dmk_sort_many(int32_t n, int32_t *a);
+
+/* Sort a list that is short but at hubs. */
+static inline void dmk_sort(int32_t n, int32_t *a)
 {
+    if (n > DMK_HUB) {
+        dmk_sort_many(n, a);
+        return;
+    }
     for (int32_t i = 1; i < n; i++) {
         int32_t x = a[i], k = i;
         for (; k > 0 && a[k - 1] > x; k--) a[k] = a[k - 1];
@@ -61,7 +72,8 @@ static inline void dmk_sort_few(int32_t n, int32_t *a)
 typedef struct dmk_adjacency {
     int32_t n;
     int32_t *row;  /* n + 1 */
-    int32_t *to;   /* row[n]: neighbours, in increasing order below the mesh */
+    int32_t *to;   /* row[n]: neighbours, in increasing order below the mesh until there are cells; then
+                      those of hubs are in the order of their distance */
     float *length; /* row[n]: distance of the two places in space */
 } dmk_adjacency;
 
@@ -75,7 +87,7 @@ typedef struct dmk_cells {
 } dmk_cells;
 
 /* cells.c: samples thinned out by a factor of about 6, and their graph Voronoi cells. */
-int dmk_cells_create(dmk_context *context, const dmk_adjacency *fine, dmk_cells *cells);
+int dmk_cells_create(dmk_context *context, dmk_adjacency *fine, dmk_cells *cells);
 void dmk_cells_free(dmk_cells *cells);
 
 /* prolong.c: the weights of the fine vertices at `fine_xyz` on the corners of the nearest triangle

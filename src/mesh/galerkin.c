@@ -187,7 +187,7 @@ static int32_t emit_links(const emitter *m, int32_t a, int32_t at, scratch *s)
             s->fill[b]++;
         }
     }
-    dmk_sort_few(n, other);
+    dmk_sort(n, other);
     for (int32_t i = 0; i < n; i++) {
         int32_t entries = s->fill[other[i]];
         m->begin[at + i] = s->fill[other[i]] = entry;

@@ -85,6 +85,38 @@ static int star_add_triangle(dmk_context *ctx, star *st, int32_t i, int32_t k)
     return DMK_OK;
 }
 
+/* Whether b is a neighbour of a, by bisection of a's row. */
+static bool are_linked(const dmk_adjacency *g, int32_t a, int32_t b)
+{
+    int32_t lo = g->row[a], hi = g->row[a + 1];
+    while (lo < hi) {
+        int32_t mid = lo + (hi - lo) / 2;
+        if (g->to[mid] < b) lo = mid + 1;
+        else hi = mid;
+    }
+    return lo < g->row[a + 1] && g->to[lo] == b;
+}
+
+/* The triangles of spoke i with later ones: by the row of its cell, or where that is a hub by a look into
+ * it for each of the spokes. */
+static int star_close(dmk_context *ctx, star *st, const dmk_adjacency *g, int32_t i,
+                      const int32_t *spoke_of)
+{
+    int rc = DMK_OK;
+    int32_t a = st->cell[i], degree = g->row[a + 1] - g->row[a];
+    if (degree > DMK_HUB && degree / 16 > st->n_spokes) {
+        for (int32_t k = i + 1; k < st->n_spokes && rc == DMK_OK; k++) {
+            if (are_linked(g, a, st->cell[k])) rc = star_add_triangle(ctx, st, i, k);
+        }
+        return rc;
+    }
+    for (int32_t k = g->row[a]; k < g->row[a + 1] && rc == DMK_OK; k++) {
+        int32_t other = spoke_of[g->to[k]];
+        if (other > i) rc = star_add_triangle(ctx, st, i, other);
+    }
+    return rc;
+}
+
 /* Set the star of cell c. spoke_of has an entry per cell, all -1 before and after. */
 static int star_set(dmk_context *ctx, star *st, const dmk_adjacency *g, const double *xyz,
                     int32_t c, int32_t *spoke_of)
@@ -100,13 +132,7 @@ static int star_set(dmk_context *ctx, star *st, const dmk_adjacency *g, const do
         for (int x = 0; x < 3; x++) st->q[i][x] = xyz[3 * (size_t)a + x] - xyz[3 * (size_t)c + x];
         st->qq[i] = dot(st->q[i], st->q[i]);
     }
-    for (int32_t i = 0; i < n && rc == DMK_OK; i++) {
-        int32_t a = st->cell[i];
-        for (int32_t k = g->row[a]; k < g->row[a + 1] && rc == DMK_OK; k++) {
-            int32_t other = spoke_of[g->to[k]];
-            if (other > i) rc = star_add_triangle(ctx, st, i, other);
-        }
-    }
+    for (int32_t i = 0; i < n && rc == DMK_OK; i++) rc = star_close(ctx, st, g, i, spoke_of);
     for (int32_t i = 0; i < n; i++) spoke_of[st->cell[i]] = -1;
 done:
     return rc;
