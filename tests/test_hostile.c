@@ -250,6 +250,72 @@ static void stretched(void) { the_sphere(), scale(100, 1, 1); }
 static void stretched_more(void) { the_sphere(), scale(1, 1000, 1); }
 static void pressed(void) { the_sphere(), scale(1, 1, 1e-3); }
 
+/* Two rings' fans: their middles have 8000 neighbours each. */
+static void hubs(void)
+{
+    enum { N = 8000 };
+    for (int i = 0; i < N; i++) vertex(cos(2 * M_PI * i / N), sin(2 * M_PI * i / N), 0);
+    int32_t top = vertex(0, 0, 1), bottom = vertex(0, 0, -1);
+    for (int i = 0; i < N; i++) {
+        triangle(i, (i + 1) % N, top);
+        triangle((i + 1) % N, i, bottom);
+    }
+    /* the source is the first vertex */
+    for (int k = 0; k < 3; k++) {
+        double x = g.xyz[k];
+        g.xyz[k] = g.xyz[3 * top + k];
+        g.xyz[3 * top + k] = x;
+    }
+    for (int32_t i = 0; i < 3 * g.nt; i++) {
+        g.triangle[i] = g.triangle[i] == 0 ? top : g.triangle[i] == top ? 0 : g.triangle[i];
+    }
+}
+
+/* Both sides of a disk in one plane. */
+static void flat_disk(void) { the_sphere(), scale(1, 1, 0); }
+static void cube(void)
+{
+    static const int side[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
+    for (int i = 0; i < 8; i++) vertex(i & 1, i >> 1 & 1, i >> 2);
+    for (int i = 0; i < 6; i++) {
+        triangle(side[i][0], side[i][1], side[i][2]);
+        triangle(side[i][0], side[i][2], side[i][3]);
+    }
+}
+/* A tube of 1 to 1600. */
+static void thin_tube(void) { sphere(400, 6), scale(1, 1, 800); }
+
+/* The surface of a plate of unit cubes with n x n square holes: genus n n. */
+static void plate(int n)
+{
+    static int32_t number[2][64][64];
+    int m = 2 * n + 2;
+    memset(number, -1, sizeof number);
+    for (int i = 0; i < m - 1; i++) {
+        for (int j = 0; j < m - 1; j++) {
+            if (i % 2 && j % 2) continue;
+            const int hole[4] = {i == 0 || (j % 2 && i > 0), i == m - 2 || j % 2, j == 0 || i % 2, j == m - 2 || i % 2};
+            static const int end[4][4] = {{0, 1, 0, 0}, {1, 0, 1, 1}, {0, 0, 1, 0}, {1, 1, 0, 1}};
+            int32_t v[2][2][2];
+            for (int k = 0; k < 8; k++) {
+                int z = k & 1, x = k >> 1 & 1, y = k >> 2;
+                int32_t *at = &number[z][i + x][j + y];
+                if (*at < 0) *at = vertex(i + x, j + y, z);
+                v[z][x][y] = *at;
+            }
+            triangle(v[1][0][0], v[1][1][0], v[1][1][1]), triangle(v[1][0][0], v[1][1][1], v[1][0][1]);
+            triangle(v[0][0][0], v[0][1][1], v[0][1][0]), triangle(v[0][0][0], v[0][0][1], v[0][1][1]);
+            for (int k = 0; k < 4; k++) {
+                if (!hole[k]) continue;
+                const int *e = end[k]; /* from (e0, e1) to (e2, e3), the outside on the right */
+                int32_t a = v[0][e[0]][e[1]], b = v[0][e[2]][e[3]], c = v[1][e[0]][e[1]], d = v[1][e[2]][e[3]];
+                triangle(a, b, d), triangle(a, d, c);
+            }
+        }
+    }
+}
+static void many_handles(void) { plate(14); }
+
 /* Cost of the sphere of radius 1: 4 pi times the mean distance pi / 2. */
 #define SPHERE (2 * M_PI * M_PI)
 
@@ -283,6 +349,11 @@ static const struct {
     {"stretched by 100", stretched, 0, 0, 1, 0.1},
     {"stretched by 1000", stretched_more, 0, 0, 1, 0.2},
     {"pressed to 1e-3", pressed, 0, 0, 1, 0.3},
+    {"flat disk, both sides", flat_disk, 0, 0, 1, 0.1},
+    {"cube of 12 triangles", cube, 0, 0, 1, 0.01},
+    {"tube of 1 to 1600", thin_tube, 0, 0, 1, 0.1},
+    {"196 handles", many_handles, 0, 0, 1, 0.2},
+    {"vertices of 8000 triangles", hubs, 0, 0, 1, 0.05},
 };
 
 static void check_distances(const problem *p, const char *name)
@@ -302,6 +373,14 @@ static void check_shape(problem *p, const char *name)
     dmk_locus_options_init(&options);
     int rc = dmk_locus_compute(p->b->ctx, p->mesh, p->result, &options, &locus);
     if (rc != DMK_OK) fail_msg("%s: locus: %s", name, dmk_context_message(p->b->ctx));
+    dmk_mesh_info info;
+    dmk_locus_info line;
+    dmk_mesh_get_info(p->mesh, &info);
+    dmk_locus_get_info(locus, &line);
+    if (info.n_border_edges == 0 && info.n_components == 1 &&
+        (line.components != 1 || line.loops != 2 - info.euler)) {
+        fail_msg("%s: locus of %zu pieces, %lld loops", name, line.components, (long long)line.loops);
+    }
     dmk_locus_destroy(&locus);
     rc = dmk_cut(p->b->ctx, p->mesh, p->result, &options, &cut, NULL);
     if (rc != DMK_OK && rc != DMK_E_MESH) {
