@@ -83,12 +83,13 @@ tests: $(TESTS)
 
 # ---- what the build stands on ----------------------------------------------------------------
 
-# Looked at once for each list. Only `deps`, `demo`, `paper` and `test` install; the others name what is missing.
+# Looked at once for each list. What is named here installs; the other targets tell what is missing.
+INSTALLING := deps demo paper test ci coverage fuzz faults real check-%
 PACKAGES := build/packages.ok
 deps: $(PACKAGES)
 $(PACKAGES): .ci/packages .ci/deps.sh
 	@mkdir -p $(@D)
-	@sh .ci/deps.sh $(if $(filter deps demo test coverage paper,$(MAKECMDGOALS)),install,check) $<
+	@sh .ci/deps.sh $(if $(filter $(INSTALLING),$(MAKECMDGOALS)),install,check) $<
 	@touch $@
 
 # Changes only when the compiler or its flags do, and then everything is built anew.
@@ -157,9 +158,10 @@ $B/replay/%: $B/tests/fuzz/%.o $B/tests/fuzz/replay.o $(FUZZ_CLI_OBJ) $(STATIC)
 fuzzers: $(FUZZERS:%=$B/fuzz/%)
 replayers: $(FUZZERS:%=$B/replay/%)
 
-# FUZZ_SECONDS for each driver; what is found and what was learned stays in build/fuzz/found, .../learned.
-FUZZ_SECONDS ?= 60
-fuzz:
+# FUZZ_SECONDS for all drivers together; what is found and learned stays in build/fuzz/found, .../learned.
+FUZZ_SECONDS ?= 240
+fuzz: | $(PACKAGES)
+	@sh .ci/deps.sh install .ci/check-packages
 	$(Q)$(MAKE) --no-print-directory CONFIG=fuzz CC=clang fuzzers
 	$(Q)sh tests/fuzz/run.sh build/fuzz $(FUZZ_SECONDS) $(FUZZERS)
 
@@ -191,6 +193,7 @@ real: $(TOOL)
 
 # Share of the lines of src/ that the tests run, file by file, the least covered first.
 coverage:
+	$(Q)find build/coverage -name '*.gcda' -delete 2> /dev/null || true
 	$(Q)$(MAKE) -s CONFIG=coverage test
 	$(Q)find build/coverage/src -name '*.gcda' -exec gcov -n {} + 2> /dev/null | \
 	    awk -F"[':% ]+" '/^File/ { f = $$2 } /^Lines/ && f ~ /^src/ { print $$3 "% of", $$5, f; f = "" }' | \
@@ -209,6 +212,12 @@ CHECKS := $(patsubst tests/checks/%.sh,check-%,$(filter-out %/lib.sh,$(wildcard 
 $(CHECKS): check-%: $(TESTS) $(STATIC) $(SHARED) $(TOOL)
 	@sh .ci/deps.sh install .ci/check-packages
 	@DMKCL_BUILD=$B DMKCL_LIBS='$(LDLIBS)' bash tests/checks/$*.sh
+
+# What continuous integration runs: all tests, and each tool in a short form. The last line counts all.
+.PHONY: ci
+ci: $(TESTS) $(STATIC) $(SHARED) $(TOOL)
+	@sh .ci/deps.sh install .ci/check-packages
+	@CHECK_SHORT=1 DMKCL_BUILD=$B DMKCL_LIBS='$(LDLIBS)' bash tests/checks/all.sh
 
 # ---- demo ------------------------------------------------------------------------------------
 
@@ -303,7 +312,8 @@ clean:
 help:
 	@echo 'make            library, tool and test programs, in build/$$(CONFIG)'
 	@echo 'make test       run all tests; the last line counts them'
-	@echo 'make fuzz       fuzz all readers with clang; FUZZ_SECONDS=60 for each of the drivers'
+	@echo 'make ci         the tests, and compilers, analysers, sanitizers, ... in short'
+	@echo 'make fuzz       fuzz all readers with clang; FUZZ_SECONDS=240 for all drivers together'
 	@echo 'make real       scanned meshes through all commands; REAL_MESHES=folder where they are there'
 	@echo 'make faults     memory, files, OpenCL and signals fail in turn; FAULT_STRIDE=1 FAULT_RUNS=20'
 	@echo 'make check-all  all checks, with a table of what was tried; also by themselves:'
@@ -315,7 +325,7 @@ help:
 	@echo 'make bench-kernels, make bench-methods   kernels beside a copy; methods by error'
 	@echo 'make bench-anderson   the program that bench-methods runs for Anderson acceleration'
 	@echo 'make reference  manual pages of the tool and the library, also as HTML, in build/reference'
-	@echo 'make deps       install missing Debian packages (demo and test do this too)'
+	@echo 'make deps       install missing Debian packages (demo, tests and checks do this too)'
 	@echo 'make install    tool, libraries, header, dmkcl.pc, manual; uninstall takes them away'
 	@echo 'make clean      remove build/'
 	@echo

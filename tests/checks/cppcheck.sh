@@ -6,5 +6,5 @@ clean() {
         --inline-suppr --suppressions-list=tests/checks/cppcheck.known -Iinclude -Isrc -Ikernels \
         -Itests -D_GNU_SOURCE -DCL_TARGET_OPENCL_VERSION=120 -D__linux__ "$1"
 }
-for file in $(find src tests bench -name '*.c'); do try "$file" clean "$file"; done
+each clean $(find src tests bench -name '*.c')
 finish

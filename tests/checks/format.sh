@@ -18,12 +18,9 @@ not_wide() {
         END { exit bad }' "$1"
 }
 
-for file in $(find src include tests bench -name '*.[ch]'); do
-    try "$file: clang-format" same_blanks "$file"
-    try "$file: width" not_wide "$file"
-done
-for file in $(find src include kernels -name '*.[ch]' -o -name '*.cl') $(find tests bench .ci -name '*.sh' \
-    -o -name '*.[ch]' -o -name '*.py'); do
-    try "$file: tabs, ends of lines" plain "$file"
-done
+files=$(find src include tests bench -name '*.[ch]')
+each same_blanks $files
+each not_wide $files
+each plain $(find src include kernels -name '*.[ch]' -o -name '*.cl') $(find tests bench .ci -name '*.sh' \
+    -o -name '*.[ch]' -o -name '*.py')
 finish

@@ -3,8 +3,11 @@
 # number read or written beyond is found.
 . tests/checks/lib.sh
 
-export NATIVE_BUILD=$PWD/tests/checks/native/build.sh NATIVE_FOLDER=$work
+export NATIVE_BUILD=$PWD/tests/checks/native/build.sh
 export UBSAN_OPTIONS=print_stacktrace=1 ASAN_OPTIONS=detect_stack_use_after_return=0
+runs='cpu:double cpu:single gpu:double gpu:single'
+# All but the benchmark's copy.
+kernels=$(grep -ho '^KERNEL [a-z_]\+' kernels/*.cl | cut -d' ' -f2 | sort -u | grep -vx narrow_copy)
 sources=$(ls src/*.c src/base/*.c src/mesh/*.c src/io/*.c src/device/*.c src/solver/*.c src/locus/*.c)
 sanitize='-g -O1 -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
     -shared-libsan'
@@ -15,15 +18,17 @@ clang $flags $sanitize -w -rdynamic tests/checks/solve.c tests/checks/native/ope
     "$build/kernels.c" -o "$work/solve" -ldl ${libs/-lOpenCL/} \
     -Wl,-rpath,"$(dirname "$(clang -print-file-name=libclang_rt.asan-x86_64.so)")" || exit 1
 
-for shape in cpu gpu; do
-    for precision in double single; do
-        try "$shape shape, $precision precision" \
-            timeout 600 "$work/solve" "$work/$shape.off" $shape $precision
-        sed -n 's/^kernel //p' "$work/said" | sort -u > "$work/seen"
-        for kernel in $(grep -ho '^KERNEL [a-z_]\+' kernels/*.cl | cut -d' ' -f2 | sort -u); do
-            [ $kernel = narrow_copy ] && continue # the benchmark's copy
-            try "$shape shape, $precision precision: $kernel ran" grep -qx $kernel "$work/seen"
-        done
-    done
+place=$work
+solves() { # SHAPE:PRECISION
+    export NATIVE_FOLDER=$work
+    timeout 600 "$place/solve" "$place/${1%:*}.off" ${1%:*} ${1#*:} > "$work/said" 2>&1
+    local status=$?
+    cat "$work/said"
+    sed -n 's/^kernel //p' "$work/said" | sort -u > "$place/seen:$1"
+    return $status
+}
+each solves $runs
+for run in $runs; do
+    for kernel in $kernels; do try "$run: $kernel ran" grep -qx $kernel "$work/seen:$run"; done
 done
 finish

@@ -1,7 +1,9 @@
 # For the checks of this folder, run from the repository root: source it, call `try` for each thing
 # tried and `finish` at the end. Prints what failed, and at last "# tried N: failed M".
+# CHECK_SHORT=1 asks for a form that continuous integration has time for.
 set -u
 build=${DMKCL_BUILD:-build/release}
+short=${CHECK_SHORT:-}
 tried=0 failed=0
 work=$(mktemp -d) || exit 1
 trap 'rm -rf "$work"' EXIT
@@ -22,6 +24,25 @@ try() { # NAME COMMAND...: the command succeeds
         sed 's/^/    /' "$work/said" | head -n 60
     fi
 }
+
+# each COMMAND ITEM...: `COMMAND ITEM` succeeds for every item; as many at once as there are
+# processors, each with a folder $work of its own.
+each() {
+    local command=$1 each_work=$work item
+    shift
+    for item; do
+        while [ "$(jobs -rp | wc -l)" -ge "$(nproc)" ]; do wait -n; done
+        (
+            work=$(mktemp -d "$each_work/each.XXXXXX")
+            "$command" "$item" > "$each_work/${item//\//:}.said" 2>&1
+            echo $? > "$each_work/${item//\//:}.status"
+            rm -rf "$work"
+        ) &
+    done
+    wait
+    for item; do try "$item: $command" ended "$each_work/${item//\//:}"; done
+}
+ended() { cat "$1.said" && return "$(cat "$1.status")"; }
 
 says_nothing() { # COMMAND...: prints nothing; its status does not matter
     "$@" > "$work/words" 2>&1

@@ -6,7 +6,9 @@
 "$build/dmkcl" mesh sphere --triangles 320 --source 0,0,1 --out "$work/sphere.off" --quiet || exit 1
 gcc $flags -O1 tests/checks/solve.c "$build/libdmkcl.a" -o "$work/solve" \
     $libs || exit 1
-grep -ho '^KERNEL [a-z_]\+' kernels/*.cl | cut -d' ' -f2 | sort -u > "$work/kernels"
+runs='cpu:double cpu:single gpu:double gpu:single'
+# All but the benchmark's copy.
+kernels=$(grep -ho '^KERNEL [a-z_]\+' kernels/*.cl | cut -d' ' -f2 | sort -u | grep -vx narrow_copy)
 
 # Errors but for one kind: band_slopes looks at a maximum before it raises it by an atomic operation,
 # to spare most of these; whether it sees the old value or the new one, the maximum is the same.
@@ -15,20 +17,15 @@ errors() { # LOG
             getline; if ($0 !~ /Kernel: band_slopes/ || what !~ /^Read-write data race at global/) {
                 print what; print } }' "$1"
 }
-clean() { # SHAPE PRECISION
+place=$work
+clean() { # SHAPE:PRECISION
     timeout 900 oclgrind --data-races --check-api --max-errors 100000 --inst-counts \
-        "$work/solve" "$work/sphere.off" "$1" "$2" > "$work/log" 2>&1 || { tail "$work/log"; return 1; }
+        "$place/solve" "$place/sphere.off" ${1%:*} ${1#*:} > "$work/log" 2>&1 || { tail "$work/log"; return 1; }
+    sed -n "s/^Instructions executed for kernel '\(.*\)':/\1/p" "$work/log" | sort -u > "$place/seen:$1"
     says_nothing errors "$work/log"
 }
-for shape in cpu gpu; do
-    for precision in double single; do
-        try "$shape shape, $precision precision" clean $shape $precision
-        sed -n "s/^Instructions executed for kernel '\(.*\)':/\1/p" "$work/log" | sort -u \
-            > "$work/seen"
-        for kernel in $(cat "$work/kernels"); do
-            [ $kernel = narrow_copy ] && continue # the benchmark's copy
-            try "$shape shape, $precision precision: $kernel ran" grep -qx $kernel "$work/seen"
-        done
-    done
+each clean $runs
+for run in $runs; do
+    for kernel in $kernels; do try "$run: $kernel ran" grep -qx $kernel "$work/seen:$run"; done
 done
 finish

@@ -1,10 +1,12 @@
 # The library's and the tool's own threads under ThreadSanitizer; OpenCL's libraries are not looked at.
 . tests/checks/lib.sh
 
-make -s CONFIG=thread all || exit 1
-export TSAN_OPTIONS='ignore_noninstrumented_modules=1 halt_on_error=1 exitcode=66' DMKCL_SHORT=1
+tests='api coarsen long solver start'
+[ "$short" ] && export DMKCL_LONG=16 || tests="$tests locus same"
 tool=build/thread/dmkcl
-for test in api coarsen long solver start; do
+make -s CONFIG=thread "$tool" $(printf 'build/thread/tests/test_%s ' $tests) || exit 1
+export TSAN_OPTIONS='ignore_noninstrumented_modules=1 halt_on_error=1 exitcode=66'
+for test in $tests; do
     try "test_$test" timeout 300 "build/thread/tests/test_$test"
 done
 "$tool" mesh torus --triangles 20000 --source 3,0,0 --out "$work/torus.off" --quiet || exit 1

@@ -12,12 +12,13 @@ clean() { # FILE
         sed -e "s,^$PWD/,," -e 's/^\([^:]*\):.*\[\([^],]*\).*/\1 \2/' > "$work/found"
     known > "$work/known"
     cut -d' ' -f1,2 "$work/found" | grep -vxFf "$work/known" > "$work/new"
-    cat "$work/found" >> "$work/all"
+    cat "$work/found" >> "$all"
     [ ! -s "$work/new" ] || { cat "$work/tidy" "$work/tidy2"; return 1; }
     ! grep -E 'error: .*(file not found|unknown)|^Error' "$work/tidy" "$work/tidy2"
 }
-: > "$work/all"
-for file in $(find src tests bench -name '*.c'); do try "$file" clean "$file"; done
-known | while read -r line; do grep -qxF "$line" "$work/all" || echo "$line"; done > "$work/gone"
+all=$work/all
+: > "$all"
+each clean $(find src tests bench -name '*.c')
+known | while read -r line; do grep -qxF "$line" "$all" || echo "$line"; done > "$work/gone"
 try 'what tidy.known lists is still found' says_nothing cat "$work/gone"
 finish
