@@ -35,18 +35,19 @@ row() { # NAME WHAT COMMAND...
 script() { row "$1" "$2" env DMKCL_BUILD="$build" bash "tests/checks/$1.sh"; }
 # What the tests themselves do in short.
 long() { [ "$short" ] || "$@"; }
-# The tests run beside the tools in short; what both would build is built before.
-tests() {
-    if [ "$short" ] && wanted tests; then
-        make -s -j"$(nproc)" CONFIG=sanitize tests replayers > "$logs/sanitize.log" 2>&1
-        row tests 'all tests' make -s test &
-    else
-        row tests 'all tests' make -s test
-    fi
+# Rows that run beside the others in short.
+beside() {
+    row tests 'all tests' make -s test
+    script thread 'own threads under ThreadSanitizer'
+    script valgrind 'the tool under memcheck'
 }
 
 head -n 1 "$table"
-[ -z "$short" ] || tests
+if [ "$short" ]; then
+    # The tests replay fuzzing drivers with this build, which `sanitize` uses too.
+    ! wanted tests || make -s -j"$(nproc)" CONFIG=sanitize tests replayers > "$logs/sanitize.log" 2>&1
+    beside &
+fi
 script headers 'headers alone, in C99, C11, C17, C++98 to C++20'
 long script layers 'which folder knows which'
 script symbols 'exported symbols, globals, calls that must not be'
@@ -54,13 +55,11 @@ script format 'form of the sources, by clang-format and rules'
 script compilers 'C files by gcc and clang, warnings are errors'
 script cppcheck 'C files by cppcheck'
 script tidy 'C files by clang-tidy'
-[ "$short" ] || tests
+long beside
 script sanitize "${short:+C }tests under ASan and UBSan"
 script coverage 'share of lines that tests run, above a floor'
-script thread 'own threads under ThreadSanitizer'
 script kernels 'kernels as native code under ASan and UBSan'
 script oclgrind 'kernels under Oclgrind: races, bounds, wrong calls'
-script valgrind 'the tool under memcheck'
 long row fuzz 'executions of fuzzing drivers, all readers' make -s fuzz FUZZ_SECONDS="${FUZZ_SECONDS:-60}"
 long row faults 'memory, files, OpenCL calls that fail, signals' \
     make -s faults FAULT_STRIDE="${FAULT_STRIDE:-7}" FAULT_RUNS="${FAULT_RUNS:-5}"
