@@ -6,6 +6,7 @@
 export NATIVE_BUILD=$PWD/tests/checks/native/build.sh
 export UBSAN_OPTIONS=print_stacktrace=1 ASAN_OPTIONS=detect_stack_use_after_return=0
 runs='cpu:double cpu:single gpu:double gpu:single'
+[ -z "$short" ] || runs='cpu:double gpu:single' # the others: oclgrind.sh
 # All but the benchmark's copy.
 kernels=$(grep -ho '^KERNEL [a-z_]\+' kernels/*.cl | cut -d' ' -f2 | sort -u | grep -vx narrow_copy)
 sources=$(ls src/*.c src/base/*.c src/mesh/*.c src/io/*.c src/device/*.c src/solver/*.c src/locus/*.c)

@@ -7,6 +7,7 @@
 gcc $flags -O1 tests/checks/solve.c "$build/libdmkcl.a" -o "$work/solve" \
     $libs || exit 1
 runs='cpu:double cpu:single gpu:double gpu:single'
+[ -z "$short" ] || runs='cpu:single gpu:double' # the others: kernels.sh
 # All but the benchmark's copy.
 kernels=$(grep -ho '^KERNEL [a-z_]\+' kernels/*.cl | cut -d' ' -f2 | sort -u | grep -vx narrow_copy)
 
