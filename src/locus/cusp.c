@@ -11,8 +11,6 @@
 #include <string.h>
 
 enum { n_rays = 41, n_steps = 5, m_degree = 3, b_degree = 5, max_degree = 6 };
-/* Half the angle of the bundle, over that between the two geodesics that meet near by. */
-static const double bundle_width = 0.3;
 /* Each line is fitted to points this many mesh edges apart. */
 static const double line_step = 1.5;
 /* The envelope is trusted in the inner part of the bundle. */
@@ -20,7 +18,7 @@ static const double inner = 0.5;
 /* The lines are believed this far, in mesh edges; then a new frame is set up. */
 static const double far_step = 8;
 /* No cusp is looked for farther away, in mesh edges. */
-static const double farthest = 50;
+static const double farthest = 15;
 
 typedef struct bundle {
     double angle, width; /* of the middle; half the bundle's */
@@ -181,19 +179,8 @@ static double slope(const double *c, int degree, double x)
     return s;
 }
 
-static double third(const double *c, int degree, double x)
-{
-    double s = 0;
-    for (int k = degree; k > 2; k--)
-        s = s * x + k * (k - 1) * (k - 2) * c[k];
-    return s;
-}
-
 /* One round: the envelope's nearest point, as a direction and a length. 0: inside the bundle, 1: at
- * its side, go on from there; -1: none.
- *
- * Around the cusp at z0, in the offset t from its direction, y is m' (z - z0) t + F t^3 / 6 with
- * F = b''' + m''' z0, up to what all rays share; two rays meet where t^2 = -6 m' (z - z0) / F. */
+ * its side, go on from there; -1: none. */
 static int find_nearest(const dmk_rays *r, double size, bundle *u, dmk_cusp *cusp)
 {
     double m[n_rays], b[n_rays], least = HUGE_VAL, at = 0;
@@ -209,18 +196,14 @@ static int find_nearest(const dmk_rays *r, double size, bundle *u, dmk_cusp *cus
         least = -db / dm;
         at = x;
     }
-    double bend = third(u->b, b_degree, at) + least * third(u->m, m_degree, at);
     cusp->angle = u->angle + u->width * at;
     cusp->distance = u->distance + fmax(-far_step * size, fmin(far_step * size, least));
-    cusp->opening = -24 * u->width * u->width * slope(u->m, m_degree, at) / bend;
     return fabs(at) < 0.99 * inner ? 0 : 1;
 }
 
-bool dmk_cusp_find(const dmk_rays *r, const dmk_locus_vertex *v, double size, dmk_cusp *cusp)
+bool dmk_cusp_fit(const dmk_rays *r, double width, double size, dmk_cusp *cusp)
 {
-    bundle u = {.width = bundle_width * v->strength};
-    cusp->angle = v->angle[0] + 0.5 * dmk_chart_turn(&r->chart, v->angle[0], v->angle[1]);
-    cusp->distance = v->distance;
+    bundle u = {.width = width};
     double start = cusp->distance;
     for (int round = 0; round < 16; round++) {
         u.angle = cusp->angle;

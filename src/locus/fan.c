@@ -19,15 +19,23 @@ enum { n_wedges = 64, max_depth = 20 };
 static const double fine_width = 0.6;
 /* In mean edges: how much longer than the guide a ray may become. */
 static const double slack = 3.0;
+/* In mean edges at the vertex: two rays keep the width of their beam that far behind the last
+ * vertex that both pass. */
+/* Times `fine_width`. */
+static const double strange = 3;
+static const double pick_up_way = 2.0;
 
 /* Times the square root of the number of triangles: most rays in one wedge. Where a surface curves
  * negatively, rays part so fast that one wedge may need many; rough meshes would take any number,
  * since rays part at their saddle vertices without end. */
 static const double most_rays = 40, most_rays_rough = 4;
 
+/* What the rays of a wedge found. */
 typedef struct wedge_hits {
     dmk_hit *hit;
     size_t n, capacity;
+    double *until; /* 4*n_rays: angle, until, length, widest of each */
+    int32_t n_rays, ray_capacity;
 } wedge_hits;
 
 typedef struct crew {
@@ -56,6 +64,20 @@ static int add_hit(wedge_hits *o, int32_t v, double angle, double distance, doub
         o->capacity = capacity;
     }
     o->hit[o->n++] = (dmk_hit){{angle, distance, spread}, v};
+    return DMK_OK;
+}
+
+static int add_until(wedge_hits *o, const dmk_ray *ray)
+{
+    if (o->n_rays == o->ray_capacity) {
+        int32_t capacity = o->ray_capacity ? 2 * o->ray_capacity : 256;
+        double *grown = realloc(o->until, 4 * (size_t)capacity * sizeof *grown);
+        if (!grown) return DMK_E_NOMEM;
+        o->until = grown;
+        o->ray_capacity = capacity;
+    }
+    double *to = o->until + 4 * (size_t)o->n_rays++;
+    to[0] = ray->angle, to[1] = ray->until, to[2] = ray->pass[ray->n - 1].x, to[3] = ray->widest;
     return DMK_OK;
 }
 
@@ -96,6 +118,15 @@ static bool take_over(worker *w, int32_t v, const dmk_ray *right, const dmk_ray 
     return true;
 }
 
+/* Two rays that come near to each other where the rays between them are far apart are none that
+ * belong together: a branch of the locus lies between. */
+static bool strangers(const dmk_ray *right, const dmk_ray *left, const dmk_pass *p,
+                      const dmk_pass *q, double size)
+{
+    return fabs(left->angle - right->angle) * fmax(p->spread, q->spread) >
+           strange * fine_width * size;
+}
+
 /* Compare two neighbouring rays through the vertices that both pass. *split: they are too far apart
  * somewhere (or pass no common vertex over a longer way). */
 static int compare(worker *w, const dmk_ray *right, const dmk_ray *left, bool *split)
@@ -117,7 +148,7 @@ static int compare(worker *w, const dmk_ray *right, const dmk_ray *left, bool *s
         p = right->pass + mine;
         alone = 0;
         double width = p->y - q->y, size = rays->size[q->vertex];
-        bool narrow = width <= fine_width * size;
+        bool narrow = width <= fine_width * size && !strangers(right, left, p, q, size);
         if (fabs(p->x - q->x) > size) continue;
         if (!take_over(w, q->vertex, right, left, narrow)) continue;
         if (alive && !narrow) *split = true;
@@ -133,15 +164,19 @@ static int compare(worker *w, const dmk_ray *right, const dmk_ray *left, bool *s
 static int pick_up(worker *w, const dmk_ray *ray, const dmk_ray *other)
 {
     const dmk_rays *rays = w->crew->rays;
-    double width = -1, turn = other->angle - ray->angle, side = turn > 0 ? 1 : -1;
+    double width = -1, last = 0, turn = other->angle - ray->angle, side = turn > 0 ? 1 : -1;
     mark(w, other);
     for (int32_t i = 0; i < ray->n; i++) {
         const dmk_pass *p = ray->pass + i;
         int32_t j = marked(w, other, p->vertex);
         double y = side * p->y;
         if (j >= 0) {
-            width = y - side * other->pass[j].y;
-        } else if (y >= 0 && y < width && width <= 1.5 * fine_width * rays->size[p->vertex]) {
+            width = strangers(ray, other, p, other->pass + j, rays->size[p->vertex])
+                        ? -1
+                        : y - side * other->pass[j].y;
+            last = p->x;
+        } else if (y >= 0 && y < width && p->x < last + pick_up_way * rays->size[p->vertex] &&
+                   width <= 1.5 * fine_width * rays->size[p->vertex]) {
             const dmk_ray *right = turn > 0 ? ray : other, *left = turn > 0 ? other : ray;
             if (!take_over(w, p->vertex, right, left, true)) continue;
             double angle = ray->angle + turn * y / width, spread = width / fabs(turn);
@@ -164,6 +199,7 @@ static int bisect(worker *w, const dmk_ray *right, const dmk_ray *left, int dept
     dmk_ray *mid = &w->ray[2 + depth];
     rc = dmk_ray_shoot(w->crew->rays, 0.5 * (right->angle + left->angle), slack, mid);
     if (rc == DMK_OK) rc = bisect(w, right, mid, depth + 1);
+    if (rc == DMK_OK) rc = add_until(w->out, mid); /* after those to the right: in order */
     if (rc == DMK_OK) rc = bisect(w, mid, left, depth + 1);
     return rc;
 }
@@ -186,6 +222,7 @@ static void *work(void *data)
         double right = wedge_side(&c->rays->chart, i), left = wedge_side(&c->rays->chart, i + 1);
         int rc = dmk_ray_shoot(c->rays, right, slack, &w->ray[0]);
         if (rc == DMK_OK) rc = dmk_ray_shoot(c->rays, left, slack, &w->ray[1]);
+        if (rc == DMK_OK) rc = add_until(w->out, &w->ray[0]);
         if (rc == DMK_OK) rc = bisect(w, &w->ray[0], &w->ray[1], 0);
         if (rc != DMK_OK) atomic_store(&c->status, rc);
     }
@@ -234,7 +271,45 @@ done:
     return rc;
 }
 
-int dmk_fan_shoot(dmk_context *ctx, const dmk_rays *rays, dmk_hit **hit, size_t *n_hits)
+static void put_ray(const wedge_hits *w, int32_t i, double turn, dmk_profile *p, int32_t at)
+{
+    const double *from = w->until + 4 * (size_t)i;
+    p->angle[at] = from[0] + turn;
+    p->until[at] = from[1];
+    p->end[at] = from[2];
+    p->widest[at] = from[3];
+}
+
+/* The rays of all wedges, from angle 0 on. */
+static int join_profiles(dmk_context *ctx, const crew *c, dmk_profile *p)
+{
+    int rc;
+    double whole = c->rays->chart.total;
+    int32_t n = 0, at = 0, over = 0;
+    for (int i = 0; i < n_wedges; i++)
+        n += c->wedge[i].n_rays;
+    p->n = n;
+    DMK_TRY(DMK_NEW(ctx, p->angle, (size_t)n));
+    DMK_TRY(DMK_NEW(ctx, p->widest, (size_t)n));
+    DMK_TRY(DMK_NEW(ctx, p->until, (size_t)n));
+    DMK_TRY(DMK_NEW(ctx, p->end, (size_t)n));
+    /* The last wedge of a closed chart reaches beyond the whole turn. */
+    const wedge_hits *last = &c->wedge[n_wedges - 1];
+    while (over < last->n_rays && last->until[4 * (last->n_rays - 1 - over)] >= whole)
+        over++;
+    for (int32_t i = last->n_rays - over; i < last->n_rays; i++)
+        put_ray(last, i, -whole, p, at++);
+    for (int k = 0; k < n_wedges; k++) {
+        for (int32_t i = 0; i < c->wedge[k].n_rays && at < n; i++)
+            put_ray(&c->wedge[k], i, 0, p, at++);
+    }
+    rc = dmk_profile_find_cusps(ctx, c->rays->mean, p);
+done:
+    return rc;
+}
+
+int dmk_fan_shoot(dmk_context *ctx, const dmk_rays *rays, dmk_profile *profile, dmk_hit **hit,
+                  size_t *n_hits)
 {
     int rc;
     crew *c = NULL;
@@ -242,6 +317,7 @@ int dmk_fan_shoot(dmk_context *ctx, const dmk_rays *rays, dmk_hit **hit, size_t 
     DMK_TRY(DMK_NEW(ctx, c, 1));
     c->rays = rays;
     DMK_TRY(run_crew(ctx, c));
+    DMK_TRY(join_profiles(ctx, c, profile));
     for (int i = 0; i < n_wedges; i++)
         n += c->wedge[i].n;
     DMK_TRY(DMK_NEW(ctx, *hit, n));
@@ -252,8 +328,10 @@ int dmk_fan_shoot(dmk_context *ctx, const dmk_rays *rays, dmk_hit **hit, size_t 
         n += c->wedge[i].n;
     }
 done:
-    for (int i = 0; c && i < n_wedges; i++)
+    for (int i = 0; c && i < n_wedges; i++) {
         free(c->wedge[i].hit);
+        free(c->wedge[i].until);
+    }
     free(c);
     return rc;
 }

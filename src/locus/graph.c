@@ -9,12 +9,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* In radians times the cube root of (mesh edge / distance): the bend that the vertices of a
- * polyhedron give to neighbouring rays stays below; the cut locus of a smooth surface exceeds it
- * except near its ends, which are fitted later. */
+/* In radians times the cube root of (mesh edge / distance): two geodesics of one family that end at
+ * neighbouring vertices may differ by as much, near where they meet. */
 static const double least_turn = 1.0;
 /* Rays that go apart this many times faster than in the plane do not cross by chance. */
 static const double hyperbolic = 3;
+/* In mean edges: cusps known no better than this do not tell whether two rays are of one family. */
+static const double doubtful = 1.5;
+/* A branch with a cusp of the rays on its way back to the source is there from that cusp on; it is
+ * kept from so far behind it on, in mesh edges times the threshold. */
+static const double least_depth = 0.2;
 /* On a rough mesh the bends add up as in a random walk: so many times the roughness times the
  * square root of (distance / mesh edge). */
 static const double noise_turn = 4.0;
@@ -24,42 +28,64 @@ double dmk_rays_walk(const dmk_rays *r, double distance, double size)
     return noise_turn * r->noise * sqrt(distance / size);
 }
 
-/* Ends down to this part of the threshold are looked at once more. */
-static const double doubtful = 0.5;
+/* How far the angle between two geodesics exceeds what the mesh may make of one family's, as a
+ * ratio. Where rays go apart faster than in the plane, small angles are large differences: the
+ * angle counts by how much faster. Where cusps are not known well enough to find the branches that
+ * come from one, it counts by the square of that from `hyperbolic` times on. */
+static double find_excess(const dmk_rays *r, const dmk_sheet *a, const dmk_sheet *b, double size)
+{
+    double turn = fabs(dmk_chart_turn(&r->chart, a->angle, b->angle));
+    double mean = 0.5 * (a->distance + b->distance);
+    double wide = fmax(1, fmin(a->spread, b->spread) / mean),
+           fast = wide * fmax(1, wide / hyperbolic);
+    bool rough = r->smooth || r->profile.doubt > doubtful * r->mean;
+    double by_bend = turn * (rough ? fast : 1) / (least_turn * cbrt(size / mean));
+    double by_noise = turn * (r->smooth ? wide : fast) / dmk_rays_walk(r, mean, size);
+    return fmin(by_bend, by_noise);
+}
 
-/* Strength: width of the beam between the geodesics to the ends of the edge, in mesh edges, brought
- * below 1 where the geodesics leave the source in nearly one direction. (Where rays go apart faster
- * than in the plane, small angles are large differences, and rays do not cross by chance: the angle
- * counts by how much faster, from `hyperbolic` times on by the square of it; on a rough mesh not so.)
- * The triangles around the source are of one family by definition. order: by angle among weak edges,
- * so that the tree does not cross the ridges that continue the locus beyond its ends, by strength
- * among strong ones. */
-static void find_strengths(const dmk_rays *r, double threshold, float *strength, uint16_t *order)
+/* The width of the beam between the geodesics to the ends of edge e, in mesh edges, brought below
+ * the threshold where they may be of one family. *held: by theory they are of two, as the rays
+ * between them have a cusp on their way here. */
+static double find_strength(const dmk_rays *r, int32_t e, double threshold, bool *held)
+{
+    const dmk_mesh *m = r->mesh;
+    int32_t v = m->edge_vertex[2 * e], w = m->edge_vertex[2 * e + 1];
+    const dmk_sheet *a = dmk_rays_first(r, v), *b = dmk_rays_first(r, w);
+    double size = fmax(m->length[e], fmax(r->size[v], r->size[w]));
+    double turn = fabs(dmk_chart_turn(&r->chart, a->angle, b->angle));
+    double ratio = dmk_rays_width(r, a, b) / size, mean = 0.5 * (a->distance + b->distance);
+    double least = least_depth * threshold * size;
+    const dmk_cusp *cusp = dmk_rays_cusp(r, a->angle, b->angle, mean - least);
+    double depth = cusp ? mean - cusp->distance : 0;
+    *held = cusp && depth > cusp->doubt && (!r->smooth || turn > dmk_rays_walk(r, mean, size));
+    if (ratio > threshold) {
+        double excess = find_excess(r, a, b, size);
+        if (excess < 1) ratio = threshold * excess;
+    }
+    return *held ? fmax(ratio, depth / (least_depth * size)) : ratio;
+}
+
+/* All strengths. The triangles around the source are of one family by definition. order: by angle
+ * among weak edges, so that the tree does not cross the ridges that continue the locus beyond its
+ * ends, by strength among strong ones. */
+static void find_strengths(const dmk_rays *r, double threshold, dmk_dual *d, uint16_t *order)
 {
     const dmk_mesh *m = r->mesh;
     for (int32_t e = 0; e < m->n_edges; e++) {
-        int32_t v = m->edge_vertex[2 * e], w = m->edge_vertex[2 * e + 1];
-        const dmk_sheet *a = dmk_rays_first(r, v), *b = dmk_rays_first(r, w);
-        double size = fmax(m->length[e], fmax(r->size[v], r->size[w]));
+        const dmk_sheet *a = dmk_rays_first(r, m->edge_vertex[2 * e]);
+        const dmk_sheet *b = dmk_rays_first(r, m->edge_vertex[2 * e + 1]);
         double turn = fabs(dmk_chart_turn(&r->chart, a->angle, b->angle));
-        double ratio = dmk_rays_width(r, a, b) / size;
-        if (ratio > threshold) {
-            double mean = 0.5 * (a->distance + b->distance);
-            double wide = fmax(1, fmin(a->spread, b->spread) / mean);
-            double fast = wide * fmax(1, wide / hyperbolic);
-            double by_bend = turn * fast / (least_turn * cbrt(size / mean));
-            double by_noise = turn * (r->smooth ? wide : fast) / dmk_rays_walk(r, mean, size);
-            double seen = fmin(by_bend, by_noise);
-            if (seen < 1) ratio = threshold * seen;
-        }
-        strength[e] = (float)ratio;
+        double ratio = find_strength(r, e, threshold, &d->held[e]);
         bool weak = ratio <= threshold;
+        d->strength[e] = (float)ratio;
         order[e] = (uint16_t)(weak ? fmin(4095, 1024 * turn) : fmin(8191, 4096 + 64 * ratio));
     }
     for (int32_t i = 0; i < r->chart.n_sectors; i++) {
         const int32_t *e = m->triangle_edge + 3 * r->chart.sector[i].triangle;
         for (int k = 0; k < 3; k++) {
-            strength[e[k]] = 0;
+            d->strength[e[k]] = 0;
+            d->held[e[k]] = false;
             order[e[k]] = 0;
         }
     }
@@ -92,7 +118,7 @@ static int span(dmk_context *ctx, const dmk_rays *r, double threshold, dmk_dual 
     DMK_TRY(DMK_NEW(ctx, parent, (size_t)m->n_vertices));
     DMK_TRY(DMK_NEW(ctx, order, (size_t)m->n_edges));
     DMK_TRY(DMK_NEW(ctx, sorted, (size_t)m->n_edges));
-    find_strengths(r, threshold, d->strength, order);
+    find_strengths(r, threshold, d, order);
     DMK_TRY(sort_edges(ctx, m->n_edges, order, sorted));
     for (int32_t v = 0; v < m->n_vertices; v++)
         parent[v] = v;
@@ -184,10 +210,9 @@ int dmk_dual_create(dmk_context *ctx, const dmk_rays *r, double threshold, dmk_d
     DMK_TRY(DMK_NEW(ctx, d->kept, (size_t)m->n_edges));
     DMK_TRY(DMK_NEW(ctx, d->held, (size_t)m->n_edges));
     DMK_TRY(DMK_NEW(ctx, d->degree, (size_t)m->n_triangles));
+
     DMK_TRY(span(ctx, r, threshold, d));
     DMK_TRY(count_border_loops(ctx, m, &d->n_loops));
-    DMK_TRY(prune(ctx, m, doubtful * threshold, d));
-    DMK_TRY(dmk_dual_hold_narrow(ctx, r, threshold, d));
     DMK_TRY(prune(ctx, m, threshold, d));
     DMK_TRY(check(ctx, m, d));
 done:

@@ -4,16 +4,17 @@
  * - smooth.c: a mesh with vertex noise without it, for the rays to run over.
  * - chart.c: the directions at the source; through which edge a ray leaves its triangles.
  * - ray.c: one straight ray from the source, unfolded triangle by triangle.
+ * - conjugate.c: where neighbouring rays first meet, by the curvature on their way; the cusps of
+ * that.
  * - fan.c: the fan of rays. A vertex between two neighbouring rays gets direction, length and
  * spread of the geodesic that hits it. A ray ends where the given distance says that it is no
  * longer minimal, and some edges later, so that both families are known on both sides of the locus.
  * - sheets.c: the geodesics that reach each vertex, the shortest first.
  * - repair.c, complete.c: vertices the fan missed; families known at one end of an edge only.
  * - graph.c: strength of the mesh edges, spanning tree of the vertices, dual graph, pruning.
- * - narrow.c: branches too weak by themselves that the rays' cusp at their end confirms.
  * - place.c: where on an edge two families, in a triangle three, are equally long.
  * - net.c: the graph under construction: links, weak ends, twigs, merged branch points.
- * - cusp.c, tip.c: where neighbouring rays first meet, the place of an end; branches led there.
+ * - cusp.c, tip.c: a cusp fitted to the rays around it, the place of an end; branches led there.
  * - point.c: a locus that is one point.
  * - locus.c: the public object.
  * - window.c, spot.c, path.c: exact geodesics to any point.

@@ -58,9 +58,7 @@ double dmk_net_distance(const dmk_net *net, int32_t a, int32_t b)
     return sqrt(dx * dx + dy * dy + dz * dz);
 }
 
-/* Length of the branch from the end a to its junction, or HUGE_VAL if it ends in another end;
- * counted in mesh edges. */
-static double branch_length(const dmk_net *net, int32_t a, double limit)
+double dmk_net_branch_length(const dmk_net *net, int32_t a, double limit)
 {
     int32_t b = net->node[a].next[0];
     double length = dmk_net_distance(net, a, b) / net->node[a].size;
@@ -73,7 +71,7 @@ static double branch_length(const dmk_net *net, int32_t a, double limit)
     return net->node[b].at.degree > 2 ? length : HUGE_VAL;
 }
 
-static void remove_branch(dmk_net *net, int32_t a)
+void dmk_net_remove_branch(dmk_net *net, int32_t a)
 {
     while (net->node[a].at.degree == 1) {
         int32_t b = net->node[a].next[0];
@@ -127,13 +125,13 @@ static void remove_twigs(dmk_net *net, double limit, bool blunt_only)
         for (int32_t a = 0; a < net->n; a++) {
             if (net->node[a].at.degree != 1 || net->node[a].border) continue;
             if (blunt_only ? !net->node[a].blunt : net->node[a].held) continue;
-            double length = branch_length(net, a, limit);
+            double length = dmk_net_branch_length(net, a, limit);
             if (length >= least) continue;
             least = length;
             shortest = a;
         }
         if (shortest < 0) return;
-        remove_branch(net, shortest);
+        dmk_net_remove_branch(net, shortest);
     }
 }
 

@@ -10,15 +10,15 @@ typedef struct dmk_dual {
     float *strength; /* n_edges: width of the beam between the geodesics to the two ends of the
                         edge, in lengths of the edge: about 1 or less where they are one family */
     bool *kept;      /* n_edges: the edge is crossed by the graph */
-    bool *held;      /* n_edges: never stripped: the cusp of the branch that crosses it is known */
+    bool *held;      /* n_edges: never stripped: the cusp from which the branch comes is known */
     uint8_t *degree; /* n_triangles: kept edges of the triangle */
     int32_t n_kept;  /* edges */
     int32_t n_loops; /* border loops of the mesh, each a node of the dual graph */
     int64_t betti;   /* first Betti number of the graph kept */
 } dmk_dual;
 
-/* graph.c. What the roughness of the mesh may add to the angle at the source between two rays of one
- * family that meet at a place with edges of length `size`. */
+/* graph.c. What the roughness of the mesh may add to the angle at the source between two rays of
+ * one family that meet at a place with edges of length `size`. */
 double dmk_rays_walk(const dmk_rays *rays, double distance, double size);
 /* DMK_E_MESH if the first Betti number is not 2g or the graph not connected. */
 int dmk_dual_create(dmk_context *ctx, const dmk_rays *rays, double threshold, dmk_dual *dual);
@@ -36,7 +36,7 @@ typedef struct dmk_node {
     bool guess; /* a family was not known at both ends of the edge: placed in the middle */
     bool blunt; /* an end where no cusp of the rays was found */
     bool weak;  /* on an edge too weak to be an end */
-    bool held;  /* the end of a narrow branch, whose cusp is known: not to be stripped */
+    bool held;  /* on an edge held by the dual graph */
 } dmk_node;
 
 typedef struct dmk_net {
@@ -57,6 +57,11 @@ void dmk_net_unlink(dmk_net *net, int32_t a, int32_t b);
 /* The neighbour of b that is not a, for b of degree 2. */
 int32_t dmk_net_onward(const dmk_net *net, int32_t a, int32_t b);
 double dmk_net_distance(const dmk_net *net, int32_t a, int32_t b);
+/* Length of the branch from the end a to its junction in mesh edges, or HUGE_VAL if it ends in
+ * another end; counted up to `limit`. */
+double dmk_net_branch_length(const dmk_net *net, int32_t a, double limit);
+/* The branch from the end a up to its junction. */
+void dmk_net_remove_branch(dmk_net *net, int32_t a);
 /* Branch points nearer to each other than half an edge become one: on a mesh four branches that
  * meet in a point are two pairs of three. */
 void dmk_net_merge_branches(const dmk_rays *rays, dmk_net *net);
@@ -70,18 +75,10 @@ void dmk_net_strip(dmk_net *net);
  * one point. */
 void dmk_net_remove_blunt(dmk_net *net);
 
-/* cusp.c */
-typedef struct dmk_cusp {
-    double angle, distance;
-    double opening; /* behind it, the square of the angle at the source between the two rays that
-                       meet, over the distance from the cusp */
-} dmk_cusp;
-/* From a direction and length near an end of the locus to those of the end. False if there is none
- * for the rays near by; the two geodesics at v tell how many. */
-bool dmk_cusp_find(const dmk_rays *rays, const dmk_locus_vertex *v, double size, dmk_cusp *cusp);
+/* cusp.c. Move a cusp, known to within some edges, to where a bundle of rays shows it, at most
+ * `width` (radians) to both sides; size: of the mesh edges there. False if they show none. */
+bool dmk_cusp_fit(const dmk_rays *rays, double width, double size, dmk_cusp *cusp);
 
-/* narrow.c: sets dual->held, for ends of the dual graph that are weak but lead to a cusp. */
-int dmk_dual_hold_narrow(dmk_context *ctx, const dmk_rays *rays, double threshold, dmk_dual *dual);
 /* tip.c: move the ends to where the two geodesics become one. */
 int dmk_net_fit_tips(dmk_context *ctx, const dmk_rays *rays, dmk_net *net);
 

@@ -56,6 +56,11 @@ static void cross_edge(const dmk_rays *r, int32_t e, dmk_node *n)
     double length = m->length[e], s = 0.5;
     const dmk_sheet *av = dmk_rays_first(r, v), *bw = dmk_rays_first(r, w);
     int32_t i = dmk_rays_continue(r, av, length, w), j = dmk_rays_continue(r, bw, length, v);
+    if (i == r->row[w] ||
+        j == r->row[v]) { /* one family after all, or two too near to be told apart */
+        n->weak = true;
+        i = j = -1;
+    }
     const dmk_sheet *aw = i >= 0 ? r->sheet + i : av, *bv = j >= 0 ? r->sheet + j : bw;
     if (i >= 0 && j >= 0) {
         double fv = av->distance - bv->distance, fw = aw->distance - bw->distance;
@@ -64,7 +69,6 @@ static void cross_edge(const dmk_rays *r, int32_t e, dmk_node *n)
     dmk_sheet a = dmk_sheet_between(&r->chart, av, aw, s);
     dmk_sheet b = dmk_sheet_between(&r->chart, bv, bw, s);
     n->guess = i < 0 || j < 0;
-    n->weak = i == r->row[w] || j == r->row[v]; /* one family after all */
     set_pair(&r->chart, &a, &b, &n->at);
     place_on_edge(m, e, s, &n->at);
     n->size = 0.5 * (r->size[v] + r->size[w]);

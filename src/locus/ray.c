@@ -7,7 +7,7 @@
 /* In mean edges at the vertex; radians. */
 static const double bend_width = 0.8, sharp = 0.5;
 
-static int push(dmk_ray *r, double x, double y, int32_t vertex, int32_t half)
+static int push(dmk_ray *r, double x, double y, int32_t vertex, double spread, int32_t half)
 {
     if (r->n == r->capacity) {
         int32_t capacity = r->capacity ? 2 * r->capacity : 512;
@@ -16,7 +16,7 @@ static int push(dmk_ray *r, double x, double y, int32_t vertex, int32_t half)
         r->pass = grown;
         r->capacity = capacity;
     }
-    r->pass[r->n++] = (dmk_pass){x, y, vertex, half};
+    r->pass[r->n++] = (dmk_pass){x, y, vertex, (float)fmax(spread, 0), half};
     return DMK_OK;
 }
 
@@ -115,20 +115,46 @@ static void leave(const dmk_rays *rays, walk *k)
                 &k->by);
 }
 
+/* Distance of neighbouring rays over their angle, and its slope. */
+typedef struct jacobi {
+    double x, j, slope;
+} jacobi;
+
+/* Carry it on to where the ray leaves the triangle. Returns the place of the zero on the way, or
+ * HUGE_VAL. */
+static double advance(const dmk_rays *rays, const walk *k, jacobi *a)
+{
+    double x = k->wy > 0 ? k->bx : k->ax, y = k->wy > 0 ? k->by : k->ay;
+    double to = x + (k->wx - x) * y / (y - k->wy), step = to - a->x;
+    a->j += 0.5 * step * a->slope;
+    a->slope -= rays->curvature[k->inside / 3] * a->j * step;
+    a->j += 0.5 * step * a->slope;
+    a->x = to;
+    return a->j <= 0 ? to - a->j / a->slope : HUGE_VAL;
+}
+
 int dmk_ray_shoot(const dmk_rays *rays, double angle, double slack, dmk_ray *ray)
 {
     walk k;
     const dmk_chart_sector *s;
     begin(rays, angle, &k, &s);
+    double start = k.ax + (k.bx - k.ax) * k.ay / (k.ay - k.by);
+    jacobi a = {start, start, 1};
     ray->angle = angle;
     ray->n = 0;
-    int rc = push(ray, k.bx, k.by, s->vertex[0], -1);
-    if (rc == DMK_OK) rc = push(ray, k.ax, k.ay, s->vertex[1], -1);
+    ray->until = HUGE_VAL;
+    ray->widest = 0;
+    int rc = push(ray, k.bx, k.by, s->vertex[0], start, -1);
+    if (rc == DMK_OK) rc = push(ray, k.ax, k.ay, s->vertex[1], start, -1);
     while (rc == DMK_OK && k.half >= 0 && ray->n < rays->mesh->n_triangles) {
         enter(rays, &k);
         int32_t w = rays->mesh->triangle[k.inside];
-        rc = push(ray, k.wx, k.wy, w, k.inside);
+        rc = push(ray, k.wx, k.wy, w, a.j, k.inside);
         if (dmk_ray_ended(rays, slack, k.wx, w)) break;
+        if (ray->until == HUGE_VAL) {
+            ray->until = advance(rays, &k, &a);
+            if (a.j > ray->widest) ray->widest = a.j;
+        }
         leave(rays, &k);
     }
     return rc;

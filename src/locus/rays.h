@@ -30,16 +30,37 @@ typedef struct dmk_sheet {
     double spread;   /* d(position)/d(angle) across it: the Jacobi field, a length */
 } dmk_sheet;
 
+/* A cusp of the rays: in its direction neighbouring ones meet nearer to the source than beside it.
+ * If no shorter geodesic leads there, a branch of the locus ends there. */
+typedef struct dmk_cusp {
+    double angle, distance;
+    double widest; /* largest spread of the rays on the way */
+    double doubt;  /* how far `distance` may be off */
+} dmk_cusp;
+
+/* The rays of the fan, by angle, and where neighbours first meet. */
+typedef struct dmk_profile {
+    int32_t n, n_cusps;
+    double *angle;  /* n: increasing */
+    double *until;  /* n: length to the conjugate point; HUGE_VAL: none before the end of the ray */
+    double *end;    /* n: length of the ray */
+    double *widest; /* n: largest spread before the nearer of both */
+    dmk_cusp *cusp; /* n_cusps: by angle */
+    double doubt;   /* of most of them */
+} dmk_profile;
+
 typedef struct dmk_rays {
-    const dmk_mesh *mesh;   /* that of the input, or `smooth` */
-    dmk_mesh *smooth;       /* the same mesh with its vertices' noise taken away; NULL if there is none */
+    const dmk_mesh *mesh; /* that of the input, or `smooth` */
+    dmk_mesh *smooth; /* the same mesh with its vertices' noise taken away; NULL if there is none */
     const double *distance; /* n_vertices: the guide */
     double mean;            /* mean edge length */
     dmk_chart chart;
-    int32_t *across;    /* 3*n_triangles: the half-edge on the other side of half-edge 3t+k,
-                           which lies opposite corner k; -1 on a border */
-    float *size;        /* n_vertices: mean length of the edges there */
-    float *bend;        /* n_vertices: 2 pi less the angles there; 0 on a border */
+    int32_t *across;  /* 3*n_triangles: the half-edge on the other side of half-edge 3t+k,
+                         which lies opposite corner k; -1 on a border */
+    float *size;      /* n_vertices: mean length of the edges there */
+    float *curvature; /* n_triangles: Gaussian */
+    float *bend;      /* n_vertices: 2 pi less the angles there; 0 on a border */
+    dmk_profile profile;
     double noise;       /* mean difference of `bend` between neighbours, corners left out */
     int32_t *row;       /* n_vertices + 1: room of each vertex in `sheet` */
     uint8_t *n_sheets;  /* n_vertices: sheets there, at least one */
@@ -53,11 +74,14 @@ typedef struct dmk_rays {
 typedef struct dmk_pass {
     double x, y;
     int32_t vertex;
+    float spread; /* of the rays there; 0 behind a conjugate point */
     int32_t half; /* half-edge through which its triangle was entered; -1 for the source's own */
 } dmk_pass;
 
 typedef struct dmk_ray {
     double angle;
+    double widest; /* largest spread */
+    double until;  /* length up to its first conjugate point; HUGE_VAL: none */
     int32_t n, capacity;
     dmk_pass *pass;
 } dmk_ray;
@@ -71,7 +95,8 @@ double dmk_chart_turn(const dmk_chart *chart, double a, double b);
 /* ray.c: follow one ray until it is `slack` mean edges plus 2 % longer than the guide. */
 int dmk_ray_shoot(const dmk_rays *rays, double angle, double slack, dmk_ray *ray);
 
-/* Whether a ray of length x at v is longer than the guide by more than `slack` mean edges plus 2 %. */
+/* Whether a ray of length x at v is longer than the guide by more than `slack` mean edges plus 2 %.
+ */
 bool dmk_ray_ended(const dmk_rays *rays, double slack, double x, int32_t v);
 
 /* The points at n increasing distances on a ray. False if the ray meets a border before. */
@@ -86,7 +111,17 @@ typedef struct dmk_hit {
     dmk_sheet sheet;
     int32_t vertex;
 } dmk_hit;
-int dmk_fan_shoot(dmk_context *ctx, const dmk_rays *rays, dmk_hit **hit, size_t *n_hits);
+int dmk_fan_shoot(dmk_context *ctx, const dmk_rays *rays, dmk_profile *profile, dmk_hit **hit,
+                  size_t *n_hits);
+
+/* conjugate.c */
+int dmk_rays_find_curvature(dmk_context *ctx, dmk_rays *rays);
+int dmk_profile_find_cusps(dmk_context *ctx, double mean, dmk_profile *profile);
+void dmk_profile_free(dmk_profile *profile);
+/* Of the cusps between two directions, the short way around, that are nearer than `limit` the
+ * farthest: there may be others before it, at the ends of other branches between the two geodesics.
+ * NULL if there is none. */
+const dmk_cusp *dmk_rays_cusp(const dmk_rays *rays, double a, double b, double limit);
 
 /* sheets.c */
 /* 3*n_triangles: the half-edge on the other side of each, -1 on a border; freed with free(). */

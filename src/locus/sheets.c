@@ -200,8 +200,9 @@ int dmk_rays_create(dmk_context *ctx, const dmk_locus_input *in, dmk_rays *r)
     DMK_TRY(take_smooth(ctx, r));
     find_noise(r);
     DMK_TRY(dmk_chart_create(ctx, r->mesh, r->across, &in->source, &r->chart));
+    DMK_TRY(dmk_rays_find_curvature(ctx, r));
     DMK_TRY(dmk_poll(ctx));
-    DMK_TRY(dmk_fan_shoot(ctx, r, &hit, &n_hits));
+    DMK_TRY(dmk_fan_shoot(ctx, r, &r->profile, &hit, &n_hits));
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(collect(ctx, r, hit, n_hits));
     DMK_TRY(dmk_poll(ctx));
@@ -221,6 +222,8 @@ void dmk_rays_free(dmk_rays *r)
     free(r->across);
     free(r->size);
     free(r->bend);
+    free(r->curvature);
+    dmk_profile_free(&r->profile);
     dmk_mesh_destroy(&r->smooth);
     free(r->row);
     free(r->n_sheets);
