@@ -30,6 +30,14 @@ static const double pick_up_way = 2.0;
  * since rays part at their saddle vertices without end. */
 static const double most_rays = 40, most_rays_rough = 4;
 
+/* Most vertices that the rays of one wedge may pass: those of good meshes pass half as many as
+ * there are triangles, those of rough small ones 8 times as many. Around a vertex with a large part
+ * of all triangles each ray passes that many. */
+static int64_t most_passes(int32_t n)
+{
+    return 2 * (int64_t)n + dmk_min_i(14 * dmk_min_i(n, 1000000), 2000000);
+}
+
 /* What the rays of a wedge found. */
 typedef struct wedge_hits {
     dmk_hit *hit;
@@ -46,11 +54,13 @@ typedef struct crew {
 
 typedef struct worker {
     crew *crew;
+    dmk_context *ctx; /* of the caller's thread, which asks whether to go on; else NULL */
     wedge_hits *out;
     int32_t *mark; /* n_vertices: index of the vertex in the last list marked */
     double
         *placed; /* 2*n_vertices: the last beam that was narrow enough at the vertex, as angles */
-    int32_t n_left; /* rays that may still be shot in this wedge */
+    int32_t n_left;      /* rays that may still be shot in this wedge, ... */
+    int64_t passes_left; /* ... and vertices they may pass */
     dmk_ray ray[max_depth + 2];
 } worker;
 
@@ -192,12 +202,16 @@ static int pick_up(worker *w, const dmk_ray *ray, const dmk_ray *other)
 static int bisect(worker *w, const dmk_ray *right, const dmk_ray *left, int depth)
 {
     bool split;
-    int rc = compare(w, right, left, &split);
+    int rc = w->ctx ? dmk_poll(w->ctx) : DMK_OK;
+    if (rc == DMK_OK) rc = atomic_load(&w->crew->status);
+    if (rc == DMK_OK) rc = compare(w, right, left, &split);
     if (rc == DMK_OK) rc = pick_up(w, right, left);
     if (rc == DMK_OK) rc = pick_up(w, left, right);
-    if (rc != DMK_OK || !split || depth == max_depth || w->n_left-- <= 0) return rc;
+    if (rc != DMK_OK || !split || depth == max_depth || w->n_left-- <= 0 || w->passes_left <= 0)
+        return rc;
     dmk_ray *mid = &w->ray[2 + depth];
     rc = dmk_ray_shoot(w->crew->rays, 0.5 * (right->angle + left->angle), slack, mid);
+    w->passes_left -= mid->n;
     if (rc == DMK_OK) rc = bisect(w, right, mid, depth + 1);
     if (rc == DMK_OK) rc = add_until(w->out, mid); /* after those to the right: in order */
     if (rc == DMK_OK) rc = bisect(w, mid, left, depth + 1);
@@ -219,6 +233,7 @@ static void *work(void *data)
         w->out = &c->wedge[i];
         w->n_left = (int32_t)((c->rays->smooth ? most_rays_rough : most_rays) *
                               sqrt(c->rays->mesh->n_triangles));
+        w->passes_left = most_passes(c->rays->mesh->n_triangles);
         double right = wedge_side(&c->rays->chart, i), left = wedge_side(&c->rays->chart, i + 1);
         int rc = dmk_ray_shoot(c->rays, right, slack, &w->ray[0]);
         if (rc == DMK_OK) rc = dmk_ray_shoot(c->rays, left, slack, &w->ray[1]);
@@ -251,6 +266,7 @@ static int run_crew(dmk_context *ctx, crew *c)
         for (size_t v = 0; v < n_vertices; v++)
             w[i].placed[2 * v + 1] = -1;
     }
+    w[n - 1].ctx = ctx;
     while (started < n - 1 && pthread_create(&thread[started], NULL, work, &w[started]) == 0) {
         started++;
     }
@@ -258,7 +274,7 @@ static int run_crew(dmk_context *ctx, crew *c)
     for (int i = 0; i < started; i++)
         pthread_join(thread[i], NULL);
     rc = atomic_load(&c->status);
-    if (rc != DMK_OK) rc = dmk_fail(ctx, rc, "out of memory for the rays of the cut locus");
+    if (rc == DMK_E_NOMEM) rc = dmk_fail(ctx, rc, "out of memory for the rays of the cut locus");
 done:
     for (int i = 0; w && i < n; i++) {
         free(w[i].mark);
@@ -303,7 +319,8 @@ static int join_profiles(dmk_context *ctx, const crew *c, dmk_profile *p)
         for (int32_t i = 0; i < c->wedge[k].n_rays && at < n; i++)
             put_ray(&c->wedge[k], i, 0, p, at++);
     }
-    rc = dmk_profile_find_cusps(ctx, c->rays->mean, p);
+    /* The curvature of a mesh that was rough tells nothing of cusps. */
+    if (!c->rays->smooth) rc = dmk_profile_find_cusps(ctx, c->rays->mean, p);
 done:
     return rc;
 }

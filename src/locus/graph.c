@@ -53,12 +53,11 @@ static double find_strength(const dmk_rays *r, int32_t e, double threshold, bool
     int32_t v = m->edge_vertex[2 * e], w = m->edge_vertex[2 * e + 1];
     const dmk_sheet *a = dmk_rays_first(r, v), *b = dmk_rays_first(r, w);
     double size = fmax(m->length[e], fmax(r->size[v], r->size[w]));
-    double turn = fabs(dmk_chart_turn(&r->chart, a->angle, b->angle));
     double ratio = dmk_rays_width(r, a, b) / size, mean = 0.5 * (a->distance + b->distance);
     double least = least_depth * threshold * size;
     const dmk_cusp *cusp = dmk_rays_cusp(r, a->angle, b->angle, mean - least);
     double depth = cusp ? mean - cusp->distance : 0;
-    *held = cusp && depth > cusp->doubt && (!r->smooth || turn > dmk_rays_walk(r, mean, size));
+    *held = cusp && depth > cusp->doubt;
     if (ratio > threshold) {
         double excess = find_excess(r, a, b, size);
         if (excess < 1) ratio = threshold * excess;

@@ -178,7 +178,9 @@ int dmk_locus_trace(dmk_context *ctx, const dmk_locus_input *in, const dmk_locus
     DMK_TRY(check_guide(ctx, in));
     DMK_TRY(dmk_rays_create(ctx, in, &rays));
     DMK_TRY(dmk_dual_create(ctx, &rays, threshold, &dual));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(dmk_net_create(ctx, &rays, &dual, threshold, &net));
+    DMK_TRY(dmk_poll(ctx));
     dmk_net_tidy(&net);
     DMK_TRY(dmk_net_fit_tips(ctx, &rays, &net));
     DMK_TRY(dmk_net_shrink(ctx, &rays, &dual, &net));

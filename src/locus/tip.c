@@ -171,6 +171,7 @@ int dmk_net_fit_tips(dmk_context *ctx, const dmk_rays *r, dmk_net *net)
     DMK_TRY(DMK_NEW(ctx, tips, (size_t)n));
     for (int32_t i = n = 0; i < n_nodes; i++) {
         if (net->node[i].at.degree != 1 || net->node[i].border) continue;
+        DMK_TRY(dmk_poll(ctx));
         tips[n].end = i;
         look_for_tip(r, net, &tips[n++]);
     }
