@@ -10,6 +10,10 @@ static const double pi = 3.14159265358979323846;
  * on good meshes, on rough ones, and no guide at all (then the distance in space is the least). */
 static const dmk_trust trusts[] = {{0.0015, 0.8}, {0.01, 2}, {0.05, 6}, {1, HUGE_VAL}};
 enum { n_trusts = sizeof trusts / sizeof *trusts };
+/* On tori, the quartic and scanned meshes a search keeps fewer than six windows for each triangle.
+ * Where triangles are so thin that rounding decides which way is shorter, there may be more than fit into
+ * memory. */
+enum { most_windows = 1000000, most_for_triangle = 30 };
 /* Rounding: lengths over that of the path, places over the length of the edge. */
 static const double same_length = 1e-12, same_place = 1e-12;
 
@@ -205,6 +209,10 @@ static int add_window(dmk_context *ctx, dmk_search *s, const dmk_window *w)
     double aside = fmax(0, fmax(w->lo - w->x, w->x - w->hi));
     double key = w->base + hypot(aside, w->y);
     if (key + least_left(s, w->half) > s->bound) return DMK_OK;
+    if (s->n_windows >= most_windows + most_for_triangle * (size_t)s->mesh->n_triangles) {
+        return dmk_fail(ctx, DMK_E_MESH, "the path leads over triangles so thin that rounding does not tell "
+                        "which of %zu ways is the shortest; remesh there", s->n_windows);
+    }
     int rc = grow(ctx, (void **)&s->window, s->n_windows, &s->window_capacity, sizeof *w);
     if (rc != DMK_OK) return rc;
     s->window[s->n_windows] = *w;
