@@ -64,10 +64,11 @@ interrupted_run() {
     local signal
     one_of INT TERM; signal=$it
     between 100 300
-    timeout -s $signal 0.$it "$tool" solve "$mesh" $arguments \
+    timeout --foreground -s $signal 0.$it "$tool" solve "$mesh" $arguments \
         --out "$place/result.vtp" --locus "$place/locus.obj" --quiet
     local status=$?
-    # 124: timeout has sent the signal. What is there is whole: nothing, or one file, or both.
+    # 124: timeout has sent the signal, once: a second one ends the tool where it is. What is there is
+    # whole: nothing, or one file, or both.
     [ $status -eq 124 ] || [ $status -eq 0 ] || [ $status -eq 130 ] || return
     for file in $(ls -A "$place"); do
         case $file in
