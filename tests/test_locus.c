@@ -3,6 +3,7 @@
 #include "locus/cut.h"
 #include "locus/locus.h"
 #include "locus/path.h"
+#include "locus/rays.h"
 
 #include <math.h>
 #include <sched.h>
@@ -354,6 +355,47 @@ static void test_hyperbolic(void **state)
     };
     (void)state;
     check_bumpy(bumps, (double[3]){-0.65, -0.44, -0.63}, 6, 5.49);
+}
+
+enum { n_profile = 2000 };
+
+/* Conjugate points at 2 + 8 t^2 around angle 1, at 3 + 8 t^2 around 4 and 4.7, where that is below 3.5;
+ * `noise` up and down from each three rays to the next. */
+static dmk_profile wells(double noise)
+{
+    dmk_profile p = {.n = n_profile};
+    p.angle = malloc(n_profile * sizeof *p.angle);
+    p.until = malloc(n_profile * sizeof *p.until);
+    p.end = malloc(n_profile * sizeof *p.end);
+    p.widest = malloc(n_profile * sizeof *p.widest);
+    for (int i = 0; i < n_profile; i++) {
+        double a = 2 * pi * i / n_profile, t = fmin(fabs(a - 4), fabs(a - 4.7));
+        double at = fmin(2 + 8 * (a - 1) * (a - 1), 3 + 8 * t * t);
+        p.angle[i] = a;
+        p.until[i] = at < 3.5 ? at + (i / 3 % 2 ? noise : -noise) * (1 + 0.1 * cos(i)) : HUGE_VAL;
+        p.end[i] = 3.7;
+        p.widest[i] = 1;
+    }
+    return p;
+}
+
+static void test_cusps(void **state)
+{
+    static const double at[3][2] = {{1, 2}, {4, 3}, {4.7, 3}};
+    const double mean = 0.05;
+    (void)state;
+    for (int noisy = 0; noisy < 2; noisy++) {
+        double noise = noisy * 0.02;
+        dmk_profile p = wells(noise);
+        assert_int_equal(dmk_profile_find_cusps(ctx, mean, &p), DMK_OK);
+        assert_int_equal(p.n_cusps, 3);
+        for (int k = 0; k < 3; k++) {
+            assert_true(fabs(p.cusp[k].angle - at[k][0]) < 0.01 + 0.1 * noisy);
+            assert_true(fabs(p.cusp[k].distance - at[k][1]) < 0.001 + 1.2 * noise);
+            assert_true(p.cusp[k].doubt > noise && p.cusp[k].doubt < mean * (0.31 + 3 * noisy));
+        }
+        dmk_profile_free(&p);
+    }
 }
 
 /* ---- topology ------------------------------------------------------------------------------- */
@@ -835,7 +877,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_torus), cmocka_unit_test(test_source_anywhere),
         cmocka_unit_test(test_point), cmocka_unit_test(test_quartic),
-        cmocka_unit_test(test_narrow), cmocka_unit_test(test_hyperbolic),
+        cmocka_unit_test(test_narrow), cmocka_unit_test(test_hyperbolic), cmocka_unit_test(test_cusps),
         cmocka_unit_test(test_noise),
         cmocka_unit_test(test_genus), cmocka_unit_test(test_border),
         cmocka_unit_test(test_path),  cmocka_unit_test(test_path_saddle),
