@@ -235,7 +235,7 @@ void dmk_profile_free(dmk_profile *p)
     free(p->cusp);
 }
 
-const dmk_cusp *dmk_rays_cusp(const dmk_rays *r, double a, double b, double limit)
+const dmk_cusp *dmk_rays_cusp(const dmk_rays *r, double a, double b, double least, double most)
 {
     const dmk_profile *p = &r->profile;
     const dmk_cusp *best = NULL;
@@ -258,7 +258,8 @@ const dmk_cusp *dmk_rays_cusp(const dmk_rays *r, double a, double b, double limi
         double from = w->angle - a;
         if (from < 0 && r->chart.closed) from += whole;
         if (from < 0 || from > turn) break;
-        if (w->distance < limit && (!best || w->distance > best->distance)) best = w;
+        if (w->distance <= least || w->distance >= most) continue;
+        if (!best || w->distance < best->distance) best = w;
     }
     return best;
 }

@@ -55,7 +55,7 @@ static double find_strength(const dmk_rays *r, int32_t e, double threshold, bool
     double size = fmax(m->length[e], fmax(r->size[v], r->size[w]));
     double ratio = dmk_rays_width(r, a, b) / size, mean = 0.5 * (a->distance + b->distance);
     double least = least_depth * threshold * size;
-    const dmk_cusp *cusp = dmk_rays_cusp(r, a->angle, b->angle, mean - least);
+    const dmk_cusp *cusp = dmk_rays_cusp(r, a->angle, b->angle, 0, mean - least);
     double depth = cusp ? mean - cusp->distance : 0;
     *held = cusp && depth > cusp->doubt;
     if (ratio > threshold) {

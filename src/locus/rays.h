@@ -118,10 +118,9 @@ int dmk_fan_shoot(dmk_context *ctx, const dmk_rays *rays, dmk_profile *profile, 
 int dmk_rays_find_curvature(dmk_context *ctx, dmk_rays *rays);
 int dmk_profile_find_cusps(dmk_context *ctx, double mean, dmk_profile *profile);
 void dmk_profile_free(dmk_profile *profile);
-/* Of the cusps between two directions, the short way around, that are nearer than `limit` the
- * farthest: there may be others before it, at the ends of other branches between the two geodesics.
- * NULL if there is none. */
-const dmk_cusp *dmk_rays_cusp(const dmk_rays *rays, double a, double b, double limit);
+/* The nearest cusp between two directions, the short way around, at a distance between `least` and
+ * `most`. NULL if there is none. */
+const dmk_cusp *dmk_rays_cusp(const dmk_rays *rays, double a, double b, double least, double most);
 
 /* sheets.c */
 /* 3*n_triangles: the half-edge on the other side of each, -1 on a border; freed with free(). */

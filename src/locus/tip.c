@@ -15,6 +15,10 @@ enum { max_unresolved = 8 };
 static const double bundle_width = 0.3, bundle_edges = 4;
 /* In mesh edges: a fit this far from where the curvature lets the rays meet is wrong. */
 static const double astray = 1.5;
+/* In mesh edges: a cusp not known any better is of no help. */
+static const double vague = 4;
+/* Of the angle between the two geodesics: nearer to one of them is another branch's cusp. */
+static const double margin = 0.15;
 /* In mesh edges: ends with cusps so near to each other have one; branches so short may be twins. */
 static const double one_tip = 1, twin = 10;
 /* In mesh edges: no end is farther from its cusp. */
@@ -107,9 +111,12 @@ static double distance(const double *x, const double *y)
  * the fit goes astray. */
 static bool find_cusp(const dmk_rays *r, const dmk_locus_vertex *v, double size, dmk_cusp *cusp)
 {
-    double middle = v->angle[0] + 0.5 * dmk_chart_turn(&r->chart, v->angle[0], v->angle[1]);
-    const double limit = v->distance + astray * size;
-    const dmk_cusp *known = dmk_rays_cusp(r, v->angle[0], v->angle[1], limit);
+    const double *angle = v->angle, turn = dmk_chart_turn(&r->chart, angle[0], angle[1]);
+    double middle = angle[0] + 0.5 * turn;
+    const double least = v->distance - far * size, most = v->distance + astray * size;
+    const dmk_cusp *known =
+        dmk_rays_cusp(r, angle[0] + margin * turn, angle[1] - margin * turn, least, most);
+    if (known && known->doubt > vague * size) known = NULL;
     double near = known ? fmax(astray * size, known->doubt) : 0;
     *cusp = (dmk_cusp){.angle = middle, .distance = v->distance};
     bool found = dmk_cusp_fit(r, bundle_width * v->strength, size, cusp);
