@@ -201,7 +201,7 @@ static int pick_up(worker *w, const dmk_ray *ray, const dmk_ray *other)
  */
 static int bisect(worker *w, const dmk_ray *right, const dmk_ray *left, int depth)
 {
-    bool split;
+    bool split = false;
     int rc = w->ctx ? dmk_poll(w->ctx) : DMK_OK;
     if (rc == DMK_OK) rc = atomic_load(&w->crew->status);
     if (rc == DMK_OK) rc = compare(w, right, left, &split);

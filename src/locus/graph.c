@@ -16,6 +16,7 @@ static const double least_turn = 1.0;
 static const double hyperbolic = 3;
 /* In mean edges: cusps known no better than this do not tell whether two rays are of one family. */
 static const double doubtful = 1.5;
+static const double pi = 3.14159265358979323846;
 /* A branch with a cusp of the rays on its way back to the source is there from that cusp on; it is
  * kept from so far behind it on, in mesh edges times the threshold. */
 static const double least_depth = 0.2;
@@ -65,6 +66,13 @@ static double find_strength(const dmk_rays *r, int32_t e, double threshold, bool
     return *held ? fmax(ratio, depth / (least_depth * size)) : ratio;
 }
 
+/* Where x lies between a and b, as a share, by its logarithm: rays that go apart fast differ by
+ * angles that are small and smaller. */
+static double place(double x, double a, double b)
+{
+    return x <= a ? 0 : fmin(1, log(x / a) / log(b / a));
+}
+
 /* All strengths. The triangles around the source are of one family by definition. order: by angle
  * among weak edges, so that the tree does not cross the ridges that continue the locus beyond its
  * ends, by strength among strong ones. */
@@ -78,7 +86,8 @@ static void find_strengths(const dmk_rays *r, double threshold, dmk_dual *d, uin
         double ratio = find_strength(r, e, threshold, &d->held[e]);
         bool weak = ratio <= threshold;
         d->strength[e] = (float)ratio;
-        order[e] = (uint16_t)(weak ? fmin(4095, 1024 * turn) : fmin(8191, 4096 + 64 * ratio));
+        order[e] =
+            (uint16_t)(weak ? 4095 * place(turn, 1e-8, pi) : 4096 + 4095 * place(ratio, 1, 1e5));
     }
     for (int32_t i = 0; i < r->chart.n_sectors; i++) {
         const int32_t *e = m->triangle_edge + 3 * r->chart.sector[i].triangle;
