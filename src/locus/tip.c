@@ -67,7 +67,7 @@ static int lead_on(dmk_context *ctx, const dmk_rays *r, dmk_net *net, int32_t en
     double reach = from.at.distance - distance;
     int steps = (int)ceil(reach / from.size);
     dmk_locus_vertex beside;
-    dmk_point place;
+    dmk_point place = {0};
     if (!dmk_ray_points(r, angle, 1, &from.at.distance, &place)) return DMK_OK;
     dmk_net_set_place(r->mesh, place, &beside);
     for (int i = steps - 1; i >= 0; i--) {
@@ -131,7 +131,7 @@ static void look_for_tip(const dmk_rays *r, const dmk_net *net, tip *t)
 {
     const dmk_node *end = &net->node[t->end];
     const dmk_locus_vertex *v = &net->node[find_resolved(net, t->end)].at;
-    dmk_point place;
+    dmk_point place = {0};
     dmk_locus_vertex at;
     t->found = find_cusp(r, v, end->size, &t->cusp) &&
                dmk_ray_points(r, t->cusp.angle, 1, &t->cusp.distance, &place);
