@@ -18,4 +18,19 @@ counts 'an empty plan is a failure' 0 '1..0\n' '0 1 0'
 counts 'an end before the last test is a failure' 0 '1..3\nok 1 - a\nok 2 - b\n' '2 1 0'
 counts 'a crash after the last test is a failure' 139 '1..1\nok 1 - a\n' '1 1 0'
 counts 'a bad status alone is a failure' 3 '1..1\nok 1 - a\n' '1 1 0'
+
+# A test that fails the first time, with the words of its argument.
+cat > "$work/once.sh" << 'EOF'
+[ -e "$0.again" ] && { printf '1..1\nok 1 - a\n'; exit 0; }
+touch "$0.again"
+printf '1..1\nok 1 - a\n%s\n' "$WORDS"
+exit 23
+EOF
+once() { # WORDS RESULT
+    rm -f "$work/once.sh.again"
+    test "$(WORDS=$1 sh tests/run.sh "$DMKCL_BUILD/runner" "$work/once.sh" | tail -n 1)" = "$2"
+}
+check 'a crash of the leak checker is no failure' \
+    once '==1==LeakSanitizer has encountered a fatal error.' '1 passed, 0 failed'
+check 'a leak is a failure' once '==1==ERROR: LeakSanitizer: detected memory leaks' '1 passed, 1 failed'
 tap_end
