@@ -364,17 +364,12 @@ enum { n_profile = 2000 };
 static dmk_profile wells(double noise)
 {
     dmk_profile p = {.n = n_profile};
-    p.angle = malloc(n_profile * sizeof *p.angle);
-    p.until = malloc(n_profile * sizeof *p.until);
-    p.end = malloc(n_profile * sizeof *p.end);
-    p.widest = malloc(n_profile * sizeof *p.widest);
+    p.ray = malloc(n_profile * sizeof *p.ray);
     for (int i = 0; i < n_profile; i++) {
         double a = 2 * pi * i / n_profile, t = fmin(fabs(a - 4), fabs(a - 4.7));
         double at = fmin(2 + 8 * (a - 1) * (a - 1), 3 + 8 * t * t);
-        p.angle[i] = a;
-        p.until[i] = at < 3.5 ? at + (i / 3 % 2 ? noise : -noise) * (1 + 0.1 * cos(i)) : HUGE_VAL;
-        p.end[i] = 3.7;
-        p.widest[i] = 1;
+        double until = at + (i / 3 % 2 ? noise : -noise) * (1 + 0.1 * cos(i));
+        p.ray[i] = (dmk_profile_ray){a, at < 3.5 ? until : HUGE_VAL, 3.7, 1};
     }
     return p;
 }

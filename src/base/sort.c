@@ -29,3 +29,14 @@ done:
     free(b);
     return rc;
 }
+
+static int by_value(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+void dmk_sort_doubles(double *a, size_t n)
+{
+    qsort(a, n, sizeof *a, by_value);
+}

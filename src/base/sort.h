@@ -1,4 +1,4 @@
-/* Items sorted by integer keys. */
+/* Items sorted by integer keys; numbers. */
 #ifndef DMK_SORT_H
 #define DMK_SORT_H
 
@@ -13,5 +13,7 @@ enum { DMK_KEY_BITS = 48 };
 
 /* Stable sort by the low DMK_KEY_BITS bits of the keys, in time linear in n. */
 int dmk_sort_keyed(dmk_context *context, dmk_keyed *a, size_t n);
+
+void dmk_sort_doubles(double *a, size_t n);
 
 #endif

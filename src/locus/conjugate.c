@@ -5,13 +5,11 @@
  * Along a ray the distance J of its neighbours over their angle obeys Jacobi's equation J'' = -K J
  * with J(0) = 0, J'(0) = 1. On a polyhedron the Gaussian curvature K sits in the vertices, so
  * single rays tell little; here K is the angle defect of the vertices around over their area. */
+#include "base/sort.h"
 #include "locus/rays.h"
 
 #include <math.h>
 #include <stdlib.h>
-
-/* Radians: corners this sharp are none of the surface's curvature (as in ray.c). */
-static const float sharp = 0.5f;
 
 typedef struct pair {
     float bend, area;
@@ -62,7 +60,7 @@ int dmk_rays_find_curvature(dmk_context *ctx, dmk_rays *r)
         share[m->triangle[h]]++;
     }
     for (size_t v = 0; v < n; v++) {
-        vertex[v].bend = fabsf(r->bend[v]) < sharp ? r->bend[v] : 0;
+        vertex[v].bend = fabsf(r->bend[v]) < dmk_sharp ? r->bend[v] : 0;
         share[v] = 1 / (3 * share[v]);
     }
     spread(m, share, vertex, triangle);
@@ -92,15 +90,15 @@ typedef struct run {
     int32_t first, n;
 } run;
 
-static int32_t ray_of(const run *u, int32_t i)
+static const dmk_profile_ray *ray_of(const run *u, int32_t i)
 {
-    return (u->first + i) % u->p->n;
+    return &u->p->ray[(u->first + i) % u->p->n];
 }
 
 static double until(const run *u, int32_t i)
 {
-    int32_t k = ray_of(u, i);
-    return fmin(u->p->until[k], u->p->end[k]);
+    const dmk_profile_ray *ray = ray_of(u, i);
+    return fmin(ray->until, ray->end);
 }
 
 /* Lows and highs in turn, each `deep` beyond the one before: lows at even places. The run's ends
@@ -131,15 +129,9 @@ static int32_t find_turns(const run *u, double deep, int32_t *turn)
     return (n + 1) / 2;
 }
 
-static int by_value(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static bool is_conjugate(const run *u, int32_t i)
 {
-    return isfinite(u->p->until[ray_of(u, i)]);
+    return isfinite(ray_of(u, i)->until);
 }
 
 /* The heights of what lies within few rays between two lows. Returns how many. */
@@ -160,17 +152,18 @@ static void add_cusps(const run *u, double deep, int32_t *turn, dmk_profile *p)
     int32_t n = find_turns(u, deep, turn);
     for (int32_t k = 0; k < n; k++) {
         if (!is_conjugate(u, turn[2 * k])) continue;
-        int32_t i = ray_of(u, turn[2 * k]);
-        p->cusp[p->n_cusps++] = (dmk_cusp){p->angle[i], p->until[i], p->widest[i], deep};
+        const dmk_profile_ray *ray = ray_of(u, turn[2 * k]);
+        p->cusp[p->n_cusps++] = (dmk_cusp){ray->angle, ray->until, ray->widest, deep};
     }
 }
 
 /* A ray to begin with: one without a conjugate point, or the one with the farthest. */
 static int32_t begin(const dmk_profile *p)
 {
+    const run all = {p, 0, p->n};
     int32_t far = 0;
     for (int32_t i = 0; i < p->n; i++) {
-        if (fmin(p->until[i], p->end[i]) > fmin(p->until[far], p->end[far])) far = i;
+        if (until(&all, i) > until(&all, far)) far = i;
     }
     return far;
 }
@@ -184,7 +177,7 @@ static int by_angle(const void *a, const void *b)
 /* Of n heights; 0 if there are not some. */
 static double quantile(double *height, int32_t n, double part)
 {
-    qsort(height, (size_t)n, sizeof *height, by_value);
+    dmk_sort_doubles(height, (size_t)n);
     return n < some ? 0 : height[(int32_t)(part * n)];
 }
 
@@ -228,10 +221,7 @@ done:
 
 void dmk_profile_free(dmk_profile *p)
 {
-    free(p->angle);
-    free(p->until);
-    free(p->end);
-    free(p->widest);
+    free(p->ray);
     free(p->cusp);
 }
 

@@ -4,6 +4,7 @@
  * the envelope lies at z = -b' / m'; the cusp is its nearest point. m and b are polynomials fitted
  * to a bundle of rays much wider than the mesh, so that the chance bends of single rays average
  * out. */
+#include "base/sort.h"
 #include "locus/net.h"
 
 #include <math.h>
@@ -141,12 +142,6 @@ static void fit_polynomial(const double *y, const bool *use, int degree, double 
         c[k] = a[k][n] / a[k][k];
 }
 
-static int by_value(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Fit b, drop the rays that a bad triangle has thrown off their way (farther from the fit than six
  * times the median), fit again; at most half of them. */
 static void fit_bundle(const double *m, const double *b, bundle *u)
@@ -163,7 +158,7 @@ static void fit_bundle(const double *m, const double *b, bundle *u)
                 y = y * x + u->b[k];
             sorted[i] = error[i] = fabs(b[i] - y);
         }
-        qsort(sorted, n_rays, sizeof *sorted, by_value);
+        dmk_sort_doubles(sorted, n_rays);
         for (int i = 0; i < n_rays; i++)
             use[i] = error[i] <= 6 * sorted[n_rays / 2];
     }

@@ -21,9 +21,9 @@ static const double fine_width = 0.6;
 static const double slack = 3.0;
 /* In mean edges at the vertex: two rays keep the width of their beam that far behind the last
  * vertex that both pass. */
-/* Times `fine_width`. */
-static const double strange = 3;
 static const double pick_up_way = 2.0;
+/* Times `fine_width`: the rays' spread makes a beam that seems narrow wider than this. */
+static const double strange = 3;
 
 /* Times the square root of the number of triangles: most rays in one wedge. Where a surface curves
  * negatively, rays part so fast that one wedge may need many; rough meshes would take any number,
@@ -42,7 +42,7 @@ static int64_t most_passes(int32_t n)
 typedef struct wedge_hits {
     dmk_hit *hit;
     size_t n, capacity;
-    double *until; /* 4*n_rays: angle, until, length, widest of each */
+    dmk_profile_ray *ray; /* n_rays: by angle */
     int32_t n_rays, ray_capacity;
 } wedge_hits;
 
@@ -77,17 +77,17 @@ static int add_hit(wedge_hits *o, int32_t v, double angle, double distance, doub
     return DMK_OK;
 }
 
-static int add_until(wedge_hits *o, const dmk_ray *ray)
+static int add_ray(wedge_hits *o, const dmk_ray *ray)
 {
     if (o->n_rays == o->ray_capacity) {
         int32_t capacity = o->ray_capacity ? 2 * o->ray_capacity : 256;
-        double *grown = realloc(o->until, 4 * (size_t)capacity * sizeof *grown);
+        dmk_profile_ray *grown = realloc(o->ray, (size_t)capacity * sizeof *grown);
         if (!grown) return DMK_E_NOMEM;
-        o->until = grown;
+        o->ray = grown;
         o->ray_capacity = capacity;
     }
-    double *to = o->until + 4 * (size_t)o->n_rays++;
-    to[0] = ray->angle, to[1] = ray->until, to[2] = ray->pass[ray->n - 1].x, to[3] = ray->widest;
+    o->ray[o->n_rays++] =
+        (dmk_profile_ray){ray->angle, ray->until, ray->pass[ray->n - 1].x, ray->widest};
     return DMK_OK;
 }
 
@@ -213,7 +213,7 @@ static int bisect(worker *w, const dmk_ray *right, const dmk_ray *left, int dept
     rc = dmk_ray_shoot(w->crew->rays, 0.5 * (right->angle + left->angle), slack, mid);
     w->passes_left -= mid->n;
     if (rc == DMK_OK) rc = bisect(w, right, mid, depth + 1);
-    if (rc == DMK_OK) rc = add_until(w->out, mid); /* after those to the right: in order */
+    if (rc == DMK_OK) rc = add_ray(w->out, mid); /* after those to the right: in order */
     if (rc == DMK_OK) rc = bisect(w, mid, left, depth + 1);
     return rc;
 }
@@ -237,7 +237,7 @@ static void *work(void *data)
         double right = wedge_side(&c->rays->chart, i), left = wedge_side(&c->rays->chart, i + 1);
         int rc = dmk_ray_shoot(c->rays, right, slack, &w->ray[0]);
         if (rc == DMK_OK) rc = dmk_ray_shoot(c->rays, left, slack, &w->ray[1]);
-        if (rc == DMK_OK) rc = add_until(w->out, &w->ray[0]);
+        if (rc == DMK_OK) rc = add_ray(w->out, &w->ray[0]);
         if (rc == DMK_OK) rc = bisect(w, &w->ray[0], &w->ray[1], 0);
         if (rc != DMK_OK) atomic_store(&c->status, rc);
     }
@@ -287,15 +287,6 @@ done:
     return rc;
 }
 
-static void put_ray(const wedge_hits *w, int32_t i, double turn, dmk_profile *p, int32_t at)
-{
-    const double *from = w->until + 4 * (size_t)i;
-    p->angle[at] = from[0] + turn;
-    p->until[at] = from[1];
-    p->end[at] = from[2];
-    p->widest[at] = from[3];
-}
-
 /* The rays of all wedges, from angle 0 on. */
 static int join_profiles(dmk_context *ctx, const crew *c, dmk_profile *p)
 {
@@ -305,19 +296,18 @@ static int join_profiles(dmk_context *ctx, const crew *c, dmk_profile *p)
     for (int i = 0; i < n_wedges; i++)
         n += c->wedge[i].n_rays;
     p->n = n;
-    DMK_TRY(DMK_NEW(ctx, p->angle, (size_t)n));
-    DMK_TRY(DMK_NEW(ctx, p->widest, (size_t)n));
-    DMK_TRY(DMK_NEW(ctx, p->until, (size_t)n));
-    DMK_TRY(DMK_NEW(ctx, p->end, (size_t)n));
+    DMK_TRY(DMK_NEW(ctx, p->ray, (size_t)n));
     /* The last wedge of a closed chart reaches beyond the whole turn. */
     const wedge_hits *last = &c->wedge[n_wedges - 1];
-    while (over < last->n_rays && last->until[4 * (last->n_rays - 1 - over)] >= whole)
+    while (over < last->n_rays && last->ray[last->n_rays - 1 - over].angle >= whole)
         over++;
-    for (int32_t i = last->n_rays - over; i < last->n_rays; i++)
-        put_ray(last, i, -whole, p, at++);
+    for (int32_t i = last->n_rays - over; i < last->n_rays; i++) {
+        p->ray[at] = last->ray[i];
+        p->ray[at++].angle -= whole;
+    }
     for (int k = 0; k < n_wedges; k++) {
         for (int32_t i = 0; i < c->wedge[k].n_rays && at < n; i++)
-            put_ray(&c->wedge[k], i, 0, p, at++);
+            p->ray[at++] = c->wedge[k].ray[i];
     }
     /* The curvature of a mesh that was rough tells nothing of cusps. */
     if (!c->rays->smooth) rc = dmk_profile_find_cusps(ctx, c->rays->mean, p);
@@ -347,7 +337,7 @@ int dmk_fan_shoot(dmk_context *ctx, const dmk_rays *rays, dmk_profile *profile, 
 done:
     for (int i = 0; c && i < n_wedges; i++) {
         free(c->wedge[i].hit);
-        free(c->wedge[i].until);
+        free(c->wedge[i].ray);
     }
     free(c);
     return rc;

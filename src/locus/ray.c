@@ -4,8 +4,8 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* In mean edges at the vertex; radians. */
-static const double bend_width = 0.8, sharp = 0.5;
+/* In mean edges at the vertex. */
+static const double bend_width = 0.8;
 
 static int push(dmk_ray *r, double x, double y, int32_t vertex, double spread, int32_t half)
 {
@@ -52,7 +52,7 @@ static void spread_bend(const dmk_rays *rays, int32_t v, double x, double y, dou
 {
     if (!rays->bend) return;
     double k = rays->bend[v], width = bend_width * rays->size[v];
-    if (fabs(y) >= width || fabs(k) > sharp) return;
+    if (fabs(y) >= width || fabs(k) > dmk_sharp) return;
     double turn = 0.5 * k * (1 - fabs(y) / width) * (y > 0 ? 1 : -1);
     double c = 1 - 0.5 * turn * turn, s = turn;
     double px = *ax - x, py = *ay, qx = *bx - x, qy = *by;

@@ -38,15 +38,19 @@ typedef struct dmk_cusp {
     double doubt;  /* how far `distance` may be off */
 } dmk_cusp;
 
-/* The rays of the fan, by angle, and where neighbours first meet. */
+/* Where neighbours of a ray first meet. */
+typedef struct dmk_profile_ray {
+    double angle;
+    double until;  /* length to the conjugate point; HUGE_VAL: none before the end of the ray */
+    double end;    /* length of the ray */
+    double widest; /* largest spread before the nearer of both */
+} dmk_profile_ray;
+
 typedef struct dmk_profile {
     int32_t n, n_cusps;
-    double *angle;  /* n: increasing */
-    double *until;  /* n: length to the conjugate point; HUGE_VAL: none before the end of the ray */
-    double *end;    /* n: length of the ray */
-    double *widest; /* n: largest spread before the nearer of both */
-    dmk_cusp *cusp; /* n_cusps: by angle */
-    double doubt;   /* of most of them */
+    dmk_profile_ray *ray; /* n: the fan, by angle */
+    dmk_cusp *cusp;       /* n_cusps: by angle */
+    double doubt;         /* of most of them */
 } dmk_profile;
 
 typedef struct dmk_rays {
@@ -94,6 +98,9 @@ double dmk_chart_turn(const dmk_chart *chart, double a, double b);
 
 /* ray.c: follow one ray until it is `slack` mean edges plus 2 % longer than the guide. */
 int dmk_ray_shoot(const dmk_rays *rays, double angle, double slack, dmk_ray *ray);
+
+/* Radians: corners bent by more are none of the curved surface that the mesh stands for. */
+static const double dmk_sharp = 0.5;
 
 /* Whether a ray of length x at v is longer than the guide by more than `slack` mean edges plus 2 %.
  */

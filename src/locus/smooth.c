@@ -15,8 +15,6 @@ static const double least_rough = 0.01;
 /* Of the difference, in each round; rounds; no vertex goes farther in all, in mean edges. */
 static const double step = 0.5, farthest = 0.3;
 enum { n_rounds = 12 };
-/* Radians: corners this sharp stay where they are. */
-static const double corner = 0.5;
 
 typedef struct smoothing {
     const dmk_mesh *mesh;
@@ -122,7 +120,7 @@ static int prepare(dmk_context *ctx, smoothing *s)
         s->count[m->edge_vertex[2 * e]] = s->count[m->edge_vertex[2 * e + 1]] = 0;
     }
     for (size_t v = 0; v < n; v++)
-        s->still[v] = s->count[v] == 0 || fabs(s->rays->bend[v]) > corner;
+        s->still[v] = s->count[v] == 0 || fabs(s->rays->bend[v]) > dmk_sharp;
 done:
     return rc;
 }
