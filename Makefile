@@ -52,8 +52,9 @@ LDLIBS := -lOpenCL -lhwloc -lz -lexpat -lpthread -lm
 
 # ---- files -----------------------------------------------------------------------------------
 
-ROOMS := base mesh io device solver locus
-LIB_SRC := $(sort $(foreach room,$(ROOMS),$(wildcard src/$(room)/*.c))) $(wildcard src/api.c)
+# Each knows the rooms before it only: tests/test_layers.sh.
+ROOMS := base mesh surfaces levels geodesic io device solver locus api
+LIB_SRC := $(sort $(foreach room,$(ROOMS),$(wildcard src/$(room)/*.c)))
 CLI_SRC := $(sort $(wildcard src/cli/*.c))
 # One program source, in this order: what a file uses stands before it.
 KERNELS := $(addprefix kernels/,dmk_shared.h base.cl operator.cl vector.cl multigrid.cl density.cl)

@@ -1,6 +1,7 @@
 # For test scripts: TAP results. Source it, call `check`, `fails` or `skip` for each test, end with
 # `tap_end`.
 tap_n=0
+: "${DMKCL_BUILD:=build/release}"
 tool=$DMKCL_BUILD/dmkcl
 work=$(mktemp -d) || exit 1
 trap 'rm -rf "$work"' EXIT

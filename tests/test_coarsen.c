@@ -1,5 +1,5 @@
 /* The hierarchy of coarse graphs: prolongation, its transpose, the Galerkin tables. */
-#include "mesh/coarsen.h"
+#include "levels/coarsen.h"
 
 #include <math.h>
 #include <setjmp.h>

@@ -1,6 +1,22 @@
-# What the sources promise: a room knows only the rooms before it, the library neither prints nor
-# exits, kernels are OpenCL C 1.2 in every shape.
+# What the sources promise: a room knows only the rooms before it, by its includes and by the names in
+# its objects, its files call each other in no circle; the library neither prints nor exits; kernels are
+# OpenCL C 1.2 in every shape.
 . tests/tap.sh
+
+rooms=$(sed -n 's/^ROOMS := //p' Makefile)
+rooms=$(for room in $rooms; do [ -d src/$room ] && echo "$room"; done)
+# The rooms that the names of a room's functions and headers may come from.
+knows() {
+    case $1 in
+    base) ;;
+    mesh) echo base ;;
+    surfaces | levels | io | geodesic) echo base mesh ;;
+    device) echo base ;;
+    solver) echo base mesh levels geodesic device ;;
+    locus) echo base mesh geodesic ;;
+    api) echo "$rooms" ;;
+    esac
+}
 
 # includes ROOM ALLOWED...: no file of the room includes from another room than these.
 includes() {
@@ -11,6 +27,28 @@ includes() {
         case $allowed in *" $seen "*) ;; *) echo "src/$room includes $seen/"; return 1 ;; esac
     done
 }
+
+# "FILE FILE NAME": the first calls NAME, which the second defines; read from the objects of the build.
+for source in $(find src -name '*.c' ! -path 'src/python/*') kernels.c; do
+    object=$DMKCL_BUILD/${source%.c}.o
+    [ -e "$object" ] || { echo "Bail out! no $object"; exit 1; }
+    nm "$object" | awk -v file="${source%.c}" '
+        NF == 2 && $1 == "U" { print "uses", $2, file } NF == 3 && $2 ~ /[A-Z]/ { print "has", $3, file }'
+done | sort | awk '$1 == "has" { home[$2] = $3 }
+    $1 == "uses" && $2 in home && home[$2] != $3 { print $3, home[$2], $2 }' > "$work/calls"
+# calls ROOM ALLOWED...: no file of the room calls what another room than these defines.
+calls() {
+    local room=$1
+    shift
+    awk -v room="$room" -v allowed=" $room kernels $* " '
+        { split($1, from, "/"); n = split($2, to, "/"); there = n > 1 ? to[2] : $2 }
+        from[2] == room && !index(allowed, " " there " ") { print $1 " calls " $3 " of " $2; bad = 1 }
+        END { exit bad }' "$work/calls"
+}
+no_circle() { # among the files of a room
+    awk -v room="$1" '$1 ~ "^src/" room "/" && $2 ~ "^src/" room "/" { print $1, $2 }' "$work/calls" |
+        sort -u | tsort > /dev/null
+}
 nothing() { # FILES... without a match of PATTERN
     local pattern=$1
     shift
@@ -18,12 +56,12 @@ nothing() { # FILES... without a match of PATTERN
 }
 library() { find src -name '*.[ch]' ! -path 'src/cli/*' ! -path 'src/python/*'; }
 
-check 'base knows no other room' includes base
-check 'mesh knows base' includes mesh base
-check 'io knows base, mesh' includes io base mesh
-check 'device knows base' includes device base
-check 'solver knows base, mesh, device' includes solver base mesh device
-check 'locus knows base, mesh' includes locus base mesh
+for room in $rooms; do
+    allowed=$(echo $(knows $room))
+    check "$room includes from ${allowed:-no other room}" includes $room $allowed
+    check "$room calls ${allowed:-no other room}" calls $room $allowed
+    [ $room = locus ] || check "no circle among the files of $room" no_circle $room
+done
 check 'the tool knows the public header only' includes cli
 check 'only src/device sees OpenCL' \
     nothing '#include <CL/' $(library | grep -v '^src/device/') src/cli/*.[ch]

@@ -1,7 +1,7 @@
 /* The built-in surfaces: counts, quality, points on the surface, source, refinement, areas. */
 #include "mesh/mesh.h"
-#include "mesh/refine.h"
-#include "mesh/surface.h"
+#include "surfaces/refine.h"
+#include "surfaces/surface.h"
 
 #include <math.h>
 #include <setjmp.h>

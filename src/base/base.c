@@ -1,4 +1,4 @@
-#include "base.h"
+#include "base/base.h"
 
 #include <math.h>
 #include <stdarg.h>
@@ -6,57 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
-
-#define DMK_TEXT2(x) #x
-#define DMK_TEXT(x) DMK_TEXT2(x)
-
-const char *dmk_version(void)
-{
-    return DMK_TEXT(DMK_VERSION_MAJOR) "." DMK_TEXT(DMK_VERSION_MINOR) "." DMK_TEXT(DMK_VERSION_PATCH);
-}
-
-const char *dmk_status_text(int status)
-{
-    switch (status) {
-    case DMK_OK: return "success";
-    case DMK_E_ARG: return "bad argument";
-    case DMK_E_NOMEM: return "out of memory";
-    case DMK_E_IO: return "input or output failed";
-    case DMK_E_FORMAT: return "bad file format";
-    case DMK_E_MESH: return "unusable mesh";
-    case DMK_E_DEVICE: return "OpenCL device failed";
-    case DMK_E_BUILD: return "kernel did not build";
-    case DMK_E_DIVERGED: return "the iteration diverged";
-    case DMK_E_LIMIT: return "step limit reached";
-    case DMK_E_CANCELLED: return "cancelled";
-    default: return "unknown status";
-    }
-}
-
-int dmk_context_create(dmk_context **context)
-{
-    *context = calloc(1, sizeof **context);
-    if (!*context) return DMK_E_NOMEM;
-    (*context)->poll_every = 0.05;
-    return DMK_OK;
-}
-
-void dmk_context_destroy(dmk_context **context)
-{
-    free(*context);
-    *context = NULL;
-}
-
-const char *dmk_context_message(const dmk_context *context)
-{
-    return context ? context->message : "no context";
-}
-
-void dmk_context_set_progress(dmk_context *context, dmk_progress_fn fn, void *user)
-{
-    context->progress = fn;
-    context->progress_user = user;
-}
 
 int dmk_fail(dmk_context *context, int status, const char *format, ...)
 {
@@ -76,6 +25,21 @@ int dmk_alloc(dmk_context *context, const char *what, size_t count, size_t size,
                         what);
     }
     *memory = p;
+    return DMK_OK;
+}
+
+int dmk_grow(dmk_context *context, const char *what, size_t wanted, size_t size, size_t *capacity,
+             void **memory)
+{
+    if (wanted <= *capacity) return DMK_OK;
+    size_t room = 2 * *capacity > wanted ? 2 * *capacity : wanted;
+    void *p = room <= SIZE_MAX / size ? realloc(*memory, room * size) : NULL;
+    if (!p) {
+        return dmk_fail(context, DMK_E_NOMEM, "out of memory: %zu x %zu bytes for %s", room, size,
+                        what);
+    }
+    *memory = p;
+    *capacity = room;
     return DMK_OK;
 }
 

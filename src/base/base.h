@@ -40,6 +40,14 @@ int dmk_alloc(dmk_context *context, const char *what, size_t count, size_t size,
 #define DMK_NEW(context, pointer, count)                                                           \
     dmk_alloc((context), #pointer, (count), sizeof *(pointer), (void **)&(pointer))
 
+/* DMK_OK and room for at least `wanted` items of `size` bytes in *memory, which keeps its contents (what
+ * is new is not zeroed) and at least doubles; or DMK_E_NOMEM, and it stays as it was. */
+int dmk_grow(dmk_context *context, const char *what, size_t wanted, size_t size, size_t *capacity,
+             void **memory);
+/* Typed form: size_t room = 0; int32_t *a = NULL; DMK_TRY(DMK_GROW(ctx, a, n + 1, room)); */
+#define DMK_GROW(context, pointer, wanted, capacity)                                               \
+    dmk_grow((context), #pointer, (wanted), sizeof *(pointer), &(capacity), (void **)&(pointer))
+
 /* Seconds of a monotonic clock. */
 double dmk_seconds(void);
 

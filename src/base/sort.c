@@ -40,3 +40,14 @@ void dmk_sort_doubles(double *a, size_t n)
 {
     qsort(a, n, sizeof *a, by_value);
 }
+
+static int by_number(const void *a, const void *b)
+{
+    int32_t x = *(const int32_t *)a, y = *(const int32_t *)b;
+    return (x > y) - (x < y);
+}
+
+void dmk_sort_long(int32_t n, int32_t *a)
+{
+    qsort(a, (size_t)n, sizeof *a, by_number);
+}

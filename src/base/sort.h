@@ -16,4 +16,22 @@ int dmk_sort_keyed(dmk_context *context, dmk_keyed *a, size_t n);
 
 void dmk_sort_doubles(double *a, size_t n);
 
+/* Lists longer than this are handed to qsort. */
+enum { DMK_SHORT_LIST = 64 };
+void dmk_sort_long(int32_t n, int32_t *a);
+
+/* Sort a list that is most often short: by insertion. */
+static inline void dmk_sort(int32_t n, int32_t *a)
+{
+    if (n > DMK_SHORT_LIST) {
+        dmk_sort_long(n, a);
+        return;
+    }
+    for (int32_t i = 1; i < n; i++) {
+        int32_t x = a[i], k = i;
+        for (; k > 0 && a[k - 1] > x; k--) a[k] = a[k - 1];
+        a[k] = x;
+    }
+}
+
 #endif

@@ -7,6 +7,11 @@
 /* A dmk_buffer* is a cl_mem in disguise. */
 static cl_mem mem_of(const dmk_buffer *b) { return (cl_mem)(uintptr_t)b; }
 
+size_t dmk_device_real(const dmk_device *dev, dmk_program program)
+{
+    return program == DMK_OUTER && dev->double_precision ? sizeof(double) : sizeof(float);
+}
+
 int dmk_buffer_create(dmk_context *ctx, dmk_device *dev, size_t bytes, const void *init,
                       dmk_buffer **buffer)
 {

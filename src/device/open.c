@@ -202,11 +202,6 @@ done:
 
 void dmk_device_get_info(const dmk_device *device, dmk_device_info *info) { *info = device->info; }
 
-size_t dmk_device_real(const dmk_device *dev, dmk_program program)
-{
-    return program == DMK_OUTER && dev->double_precision ? sizeof(double) : sizeof(float);
-}
-
 void dmk_device_destroy(dmk_device **device)
 {
     dmk_device *dev = *device;

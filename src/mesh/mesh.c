@@ -2,6 +2,7 @@
 #include "mesh/check.h"
 
 #include "base/parallel.h"
+#include "base/vec3.h"
 
 #include <float.h>
 #include <math.h>
@@ -201,21 +202,13 @@ static bool cannot_be_measured(int32_t t, void *data)
     return measure_triangle(NULL, data, t) != DMK_OK;
 }
 
-/* Squares of coordinates near 1e-300 and 1e300 would be 0 or infinite. */
-static double distance(const double *a, const double *b)
-{
-    double x = b[0] - a[0], y = b[1] - a[1], z = b[2] - a[2];
-    double square = x * x + y * y + z * z;
-    return square > 1e-290 && square < 1e300 ? sqrt(square) : hypot(hypot(x, y), z);
-}
-
 static void length_range(int32_t begin, int32_t end, void *data)
 {
     const struct dmk_mesh *m = data;
     for (int32_t e = begin; e < end; e++) {
         const double *a = m->xyz + 3 * (size_t)m->edge_vertex[2 * e];
         const double *b = m->xyz + 3 * (size_t)m->edge_vertex[2 * e + 1];
-        m->length[e] = distance(a, b);
+        m->length[e] = dmk_distance(a, b);
     }
 }
 

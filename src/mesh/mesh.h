@@ -1,7 +1,7 @@
 /* The flat triangle mesh: vertices, triangles, the edges between them, and the intrinsic geometry.
  *
- * Corners are numbered 0, 1, 2 counterclockwise; edge k of a triangle lies opposite corner k, so it
- * joins corners (k+1)%3 and (k+2)%3. */
+ * Corners are numbered 0, 1, 2 counterclockwise. Corner and half-edge h = 3t + k: half-edge h of
+ * triangle t lies opposite corner k and runs from corner (k+1)%3 to (k+2)%3. */
 #ifndef DMK_MESH_H
 #define DMK_MESH_H
 
@@ -23,6 +23,10 @@ struct dmk_mesh {
     double *cot;            /* 3*n_triangles: cotangent of the angle at corner k */
     int32_t n_used_vertices, n_border_edges, n_border_loops;
 };
+
+/* The next half-edge (or corner) of the triangle, counterclockwise, and the one before. */
+static inline int32_t dmk_next(int32_t h) { return h % 3 == 2 ? h - 2 : h + 1; }
+static inline int32_t dmk_previous(int32_t h) { return h % 3 == 0 ? h + 2 : h - 1; }
 
 /* Vertex -> incident triangles, as compressed rows. */
 typedef struct dmk_fan {

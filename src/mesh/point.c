@@ -1,21 +1,13 @@
 /* Points on the surface: the nearest one, a vertex's, and their places in space. */
 #include "mesh/mesh.h"
 
+#include "base/vec3.h"
+
 #include <math.h>
 
 /* Weights below this are rounding and become exactly 0: the point then lies on an edge or at a
  * vertex. */
 #define SNAP 1e-9
-
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-static void subtract(const double a[3], const double b[3], double c[3])
-{
-    for (int k = 0; k < 3; k++) c[k] = a[k] - b[k];
-}
 
 static double distance2(const double *const corner[3], const double w[3], const double x[3])
 {
@@ -33,9 +25,9 @@ static void project_side(const double *const corner[3], int i, int j, const doub
                          double w[3])
 {
     double side[3], to[3];
-    subtract(corner[j], corner[i], side);
-    subtract(x, corner[i], to);
-    double s = dot(side, to) / dot(side, side);
+    dmk_subtract(corner[j], corner[i], side);
+    dmk_subtract(x, corner[i], to);
+    double s = dmk_dot(side, to) / dmk_dot(side, side);
     s = s < 0 ? 0 : s > 1 ? 1 : s;
     w[0] = w[1] = w[2] = 0;
     w[i] = 1 - s;
@@ -47,10 +39,10 @@ static void project_side(const double *const corner[3], int i, int j, const doub
 static void project_plane(const double *const corner[3], const double x[3], double w[3])
 {
     double p[3], q[3], r[3];
-    subtract(corner[1], corner[0], p);
-    subtract(corner[2], corner[0], q);
-    subtract(x, corner[0], r);
-    double pp = dot(p, p), pq = dot(p, q), qq = dot(q, q), pr = dot(p, r), qr = dot(q, r);
+    dmk_subtract(corner[1], corner[0], p);
+    dmk_subtract(corner[2], corner[0], q);
+    dmk_subtract(x, corner[0], r);
+    double pp = dmk_dot(p, p), pq = dmk_dot(p, q), qq = dmk_dot(q, q), pr = dmk_dot(p, r), qr = dmk_dot(q, r);
     double det = pp * qq - pq * pq;
     w[1] = (qq * pr - pq * qr) / det;
     w[2] = (pp * qr - pq * pr) / det;

@@ -1,5 +1,7 @@
 #include "solver/multigrid.h"
 
+#include "base/dense.h"
+
 #include <math.h>
 #include <stdlib.h>
 
@@ -41,49 +43,6 @@ int dmk_inner_elements(dmk_context *ctx, dmk_system *s, dmk_operator op, const d
 
 /* ---- refresh --------------------------------------------------------------------------------- */
 
-/* Pseudo-inverse of the coarsest graph Laplacian L: (L + c J)^-1 - J / (c n^2) with J all ones, by
- * Cholesky; c of the size of L's diagonal. */
-static int invert_laplacian(dmk_context *ctx, int32_t n, const double *laplacian, double *inverse)
-{
-    int rc;
-    double *chol = NULL, shift = 0;
-    DMK_TRY(DMK_NEW(ctx, chol, (size_t)n * (size_t)n));
-    for (int32_t i = 0; i < n; i++) shift += laplacian[i * n + i];
-    shift /= (double)n * n;
-    if (!(shift > 0)) shift = 1;
-    for (int32_t j = 0; j < n; j++) {
-        for (int32_t i = j; i < n; i++) {
-            double sum = laplacian[i * n + j] + shift;
-            for (int32_t k = 0; k < j; k++) sum -= chol[i * n + k] * chol[j * n + k];
-            if (i == j) {
-                /* Rounding of single-precision links may leave a pivot at 0: keep it small, positive. */
-                double least = 1e-12 * (laplacian[j * n + j] + shift);
-                chol[j * n + j] = sqrt(sum > least ? sum : least);
-            } else {
-                chol[i * n + j] = sum / chol[j * n + j];
-            }
-        }
-    }
-    /* Columns of the inverse by two triangular solves; column c of L^-1 starts at row c. */
-    for (int32_t c = 0; c < n; c++) {
-        double *x = inverse + (size_t)c * (size_t)n;
-        for (int32_t i = 0; i < n; i++) {
-            double sum = i == c ? 1 : 0;
-            for (int32_t k = c; k < i; k++) sum -= chol[i * n + k] * x[k];
-            x[i] = i < c ? 0 : sum / chol[i * n + i];
-        }
-        for (int32_t i = n - 1; i >= 0; i--) {
-            double sum = x[i];
-            for (int32_t k = i + 1; k < n; k++) sum -= chol[k * n + i] * x[k];
-            x[i] = sum / chol[i * n + i];
-        }
-    }
-    for (int32_t i = 0; i < n * n; i++) inverse[i] -= 1 / (shift * n * n);
-done:
-    free(chol);
-    return rc;
-}
-
 static int refresh_coarsest(dmk_context *ctx, dmk_system *s)
 {
     int rc;
@@ -103,7 +62,7 @@ static int refresh_coarsest(dmk_context *ctx, dmk_system *s)
         laplacian[i * n + j] -= link[k];
         laplacian[j * n + i] -= link[k];
     }
-    DMK_TRY(invert_laplacian(ctx, l->n, laplacian, inverse));
+    DMK_TRY(dmk_laplacian_inverse(ctx, l->n, laplacian, inverse));
     for (size_t c = 0; c < n; c++) {
         for (size_t i = 0; i < n; i++) columns[c * (size_t)l->n_pad + i] = (float)inverse[c * n + i];
     }

@@ -8,7 +8,7 @@
 #define DMK_SYSTEM_H
 
 #include "device/device.h"
-#include "mesh/coarsen.h"
+#include "levels/coarsen.h"
 #include "mesh/mesh.h"
 
 /* X(name, program): the kernels in use. */

@@ -9,7 +9,7 @@ runs='cpu:double cpu:single gpu:double gpu:single'
 [ -z "$short" ] || runs='cpu:double gpu:single' # the others: oclgrind.sh
 # All but the benchmark's copy.
 kernels=$(grep -ho '^KERNEL [a-z_]\+' kernels/*.cl | cut -d' ' -f2 | sort -u | grep -vx narrow_copy)
-sources=$(ls src/*.c src/base/*.c src/mesh/*.c src/io/*.c src/device/*.c src/solver/*.c src/locus/*.c)
+sources=$(find src -name '*.c' ! -path 'src/cli/*' ! -path 'src/python/*' | sort)
 sanitize='-g -O1 -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
     -shared-libsan'
 "$build/dmkcl" mesh sphere --triangles 320 --source 0,0,1 --out "$work/gpu.off" --quiet || exit 1

@@ -5,7 +5,7 @@
 
 #include "locus/cut.h"
 #include "locus/path.h"
-#include "mesh/coarsen.h"
+#include "levels/coarsen.h"
 #include "solver/start.h"
 
 #include <math.h>

@@ -2,8 +2,8 @@
 #ifndef DMK_RELAX_H
 #define DMK_RELAX_H
 
-#include "mesh/halfedge.h"
-#include "mesh/surface.h"
+#include "surfaces/halfedge.h"
+#include "surfaces/surface.h"
 
 typedef struct dmk_relaxer {
     dmk_context *context;

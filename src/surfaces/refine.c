@@ -1,5 +1,5 @@
 /* Midpoint subdivision: see refine.h. */
-#include "mesh/refine.h"
+#include "surfaces/refine.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -1,5 +1,5 @@
 /* The table of built-in surfaces: see surface.h. */
-#include "mesh/surface.h"
+#include "surfaces/surface.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -1,7 +1,7 @@
 /* dmk_mesh_surface: a coarse mesh of a built-in surface, then refinement. */
-#include "mesh/refine.h"
-#include "mesh/remesh.h"
-#include "mesh/surface.h"
+#include "surfaces/refine.h"
+#include "surfaces/remesh.h"
+#include "surfaces/surface.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -1,22 +1,11 @@
 /* The hierarchy of coarse graphs; see coarsen.h. Each step: samples and their cells (cells.c), the
  * adjacency of the cells with each cell's mean place, interpolation weights (prolong.c), tables of
  * the Galerkin product (galerkin.c). */
-#include "mesh/coarsen.h"
+#include "levels/coarsen.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-
-static int compare(const void *a, const void *b)
-{
-    int32_t x = *(const int32_t *)a, y = *(const int32_t *)b;
-    return (x > y) - (x < y);
-}
-
-void dmk_sort_many(int32_t n, int32_t *a)
-{
-    qsort(a, (size_t)n, sizeof *a, compare);
-}
 
 static void adjacency_free(dmk_adjacency *g)
 {

@@ -3,7 +3,9 @@
  * Vertices are tied by springs and slide on the surface; edges flip in between. A triangle must
  * face as the surface does: no move and no flip may turn one over, and whatever mends one that is
  * turned over is welcome. */
-#include "mesh/relax.h"
+#include "surfaces/relax.h"
+
+#include "base/vec3.h"
 
 #include <math.h>
 #include <string.h>
@@ -24,29 +26,12 @@ static const double *point(const dmk_halfedge *m, int32_t v) { return m->xyz + 3
 /* Where the vertex at corner c is. */
 static const double *at(const dmk_halfedge *m, int32_t c) { return point(m, m->triangle[c]); }
 
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-static void subtract(const double a[3], const double b[3], double out[3])
-{
-    for (int k = 0; k < 3; k++) out[k] = a[k] - b[k];
-}
-
-static double square_distance(const double a[3], const double b[3])
-{
-    double d[3];
-    subtract(a, b, d);
-    return dot(d, d);
-}
-
 /* (b - a) x (c - a): along the normal, of length twice the area. */
 static void area_vector(const double a[3], const double b[3], const double c[3], double n[3])
 {
     double p[3], q[3];
-    subtract(b, a, p);
-    subtract(c, a, q);
+    dmk_subtract(b, a, p);
+    dmk_subtract(c, a, q);
     n[0] = p[1] * q[2] - p[2] * q[1];
     n[1] = p[2] * q[0] - p[0] * q[2];
     n[2] = p[0] * q[1] - p[1] * q[0];
@@ -56,7 +41,7 @@ static double double_area(const double a[3], const double b[3], const double c[3
 {
     double n[3];
     area_vector(a, b, c, n);
-    return sqrt(dot(n, n));
+    return sqrt(dmk_dot(n, n));
 }
 
 double dmk_relax_facing(const dmk_body *body, const double a[3], const double b[3],
@@ -66,13 +51,13 @@ double dmk_relax_facing(const dmk_body *body, const double a[3], const double b[
     for (int k = 0; k < 3; k++) middle[k] = (a[k] + b[k] + c[k]) / 3.0;
     area_vector(a, b, c, n);
     dmk_body_normal(body, middle, g);
-    double length = sqrt(dot(n, n));
-    return length > 0 ? dot(n, g) / length : -1;
+    double length = sqrt(dmk_dot(n, n));
+    return length > 0 ? dmk_dot(n, g) / length : -1;
 }
 
 double dmk_relax_quality(const double a[3], const double b[3], const double c[3])
 {
-    double sides = square_distance(a, b) + square_distance(b, c) + square_distance(c, a);
+    double sides = dmk_distance_squared(a, b) + dmk_distance_squared(b, c) + dmk_distance_squared(c, a);
     return sides > 0 ? 2.0 * sqrt(3.0) * double_area(a, b, c) / sides : 0;
 }
 
@@ -88,9 +73,9 @@ static double score(const dmk_body *body, const double a[3], const double b[3],
 static double cotangent(const double a[3], const double b[3], const double c[3])
 {
     double p[3], q[3];
-    subtract(b, a, p);
-    subtract(c, a, q);
-    return dot(p, q) / double_area(a, b, c);
+    dmk_subtract(b, a, p);
+    dmk_subtract(c, a, q);
+    return dmk_dot(p, q) / double_area(a, b, c);
 }
 
 /* ---- flips ----------------------------------------------------------------------------------- */
@@ -103,8 +88,8 @@ typedef struct quad {
 static quad quad_of(const dmk_halfedge *m, int32_t h)
 {
     int32_t g = m->twin[h];
-    return (quad){m->triangle[h], m->triangle[dmk_turn(h)], m->triangle[g],
-                  m->triangle[dmk_turn(g)]};
+    return (quad){m->triangle[h], m->triangle[dmk_next(h)], m->triangle[g],
+                  m->triangle[dmk_next(g)]};
 }
 
 /* Opposite angles that sum to more than pi; the slack keeps cocircular corners from flipping to
@@ -175,8 +160,8 @@ static double star_score(const dmk_relaxer *r, int32_t v, const double x[3])
     double worst = 1;
     int32_t c = m->corner[v];
     do {
-        int32_t next = dmk_turn(c);
-        worst = fmin(worst, score(&r->body, x, at(m, next), at(m, dmk_turn(next))));
+        int32_t next = dmk_next(c);
+        worst = fmin(worst, score(&r->body, x, at(m, next), at(m, dmk_next(next))));
         c = dmk_next_corner(m, c);
     } while (c != m->corner[v]);
     return worst;
@@ -189,8 +174,8 @@ static void pull(const dmk_relaxer *r, int32_t v, double x[3])
     double force[3] = {0, 0, 0}, n = 0, d[3];
     int32_t c = m->corner[v];
     do {
-        subtract(at(m, dmk_turn(c)), point(m, v), d);
-        double length = sqrt(dot(d, d));
+        dmk_subtract(at(m, dmk_next(c)), point(m, v), d);
+        double length = sqrt(dmk_dot(d, d));
         for (int k = 0; k < 3 && length > 0; k++) force[k] += (length - r->rest) / length * d[k];
         n++;
         c = dmk_next_corner(m, c);

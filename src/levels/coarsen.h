@@ -7,7 +7,12 @@
 #ifndef DMK_COARSEN_H
 #define DMK_COARSEN_H
 
+#include "base/sort.h"
 #include "mesh/mesh.h"
+
+/* What has more neighbours than this is a hub. A mesh may have one with all its vertices around it, and
+ * no step may take the square of their number. */
+enum { DMK_HUB = DMK_SHORT_LIST };
 
 /* Vertices of one level and the links between them. */
 typedef struct dmk_graph {
@@ -45,27 +50,6 @@ int dmk_hierarchy_create(dmk_context *context, const dmk_mesh *mesh, int32_t coa
 void dmk_hierarchy_free(dmk_hierarchy *h);
 
 /* ---- the steps of one coarsening, for coarsen.c only --------------------------------------- */
-
-/* What has more neighbours than this is a hub. A mesh may have one with all its vertices around it, and
- * no step may take the square of their number. */
-enum { DMK_HUB = 64 };
-
-/* coarsen.c */
-void dmk_sort_many(int32_t n, int32_t *a);
-
-/* Sort a list that is short but at hubs. */
-static inline void dmk_sort(int32_t n, int32_t *a)
-{
-    if (n > DMK_HUB) {
-        dmk_sort_many(n, a);
-        return;
-    }
-    for (int32_t i = 1; i < n; i++) {
-        int32_t x = a[i], k = i;
-        for (; k > 0 && a[k - 1] > x; k--) a[k] = a[k - 1];
-        a[k] = x;
-    }
-}
 
 /* Who neighbours whom, as compressed rows. Below the mesh this is the adjacency of cells, with some
  * six neighbours a vertex, and not the Galerkin links, which are two to three times as many. */

@@ -1,9 +1,10 @@
 /* The prolongation: each fine vertex takes the linear interpolation of the nearest triangle of
  * mutually adjacent cells around its own cell, or of the nearest edge where there is no triangle;
  * see coarsen.h. */
-#include "mesh/coarsen.h"
+#include "levels/coarsen.h"
 
 #include "base/parallel.h"
+#include "base/vec3.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -41,11 +42,6 @@ static void star_free(star *st)
     free(st->qiqk);
 }
 
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
 static int star_reserve_spokes(dmk_context *ctx, star *st, size_t n)
 {
     int rc = DMK_OK;
@@ -80,7 +76,7 @@ static int star_add_triangle(dmk_context *ctx, star *st, int32_t i, int32_t k)
     }
     st->tri[n][0] = i;
     st->tri[n][1] = k;
-    st->qiqk[n] = dot(st->q[i], st->q[k]);
+    st->qiqk[n] = dmk_dot(st->q[i], st->q[k]);
     st->n_triangles++;
     return DMK_OK;
 }
@@ -130,7 +126,7 @@ static int star_set(dmk_context *ctx, star *st, const dmk_adjacency *g, const do
         int32_t a = st->cell[i] = g->to[begin + i];
         spoke_of[a] = i;
         for (int x = 0; x < 3; x++) st->q[i][x] = xyz[3 * (size_t)a + x] - xyz[3 * (size_t)c + x];
-        st->qq[i] = dot(st->q[i], st->q[i]);
+        st->qq[i] = dmk_dot(st->q[i], st->q[i]);
     }
     for (int32_t i = 0; i < n && rc == DMK_OK; i++) rc = star_close(ctx, st, g, i, spoke_of);
     for (int32_t i = 0; i < n; i++) spoke_of[st->cell[i]] = -1;
@@ -171,7 +167,7 @@ static nearest find_nearest(star *st, const double p[3])
 {
     nearest best = {0, 0, 0, 0, 0}; /* c itself */
     for (int32_t i = 0; i < st->n_spokes; i++) {
-        double x = st->qp[i] = dot(st->q[i], p);
+        double x = st->qp[i] = dmk_dot(st->q[i], p);
         double s = st->qq[i] > 0 ? clamp01(x / st->qq[i]) : 0;
         keep_nearer(&best, s * (s * st->qq[i] - 2 * x), i, s, i, 0);
     }

@@ -1,5 +1,5 @@
 /* Changing triangulations: see halfedge.h. */
-#include "mesh/halfedge.h"
+#include "surfaces/halfedge.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -20,7 +20,7 @@ static void set_triangle(dmk_halfedge *m, int32_t t, int32_t a, int32_t b, int32
 }
 
 /* The vertex where half-edge h starts. */
-static int32_t origin(const dmk_halfedge *m, int32_t h) { return m->triangle[dmk_turn(h)]; }
+static int32_t origin(const dmk_halfedge *m, int32_t h) { return m->triangle[dmk_next(h)]; }
 
 /* Match the half-edges through one list per start vertex. */
 static int find_twins(dmk_context *ctx, dmk_halfedge *m)
@@ -35,9 +35,9 @@ static int find_twins(dmk_context *ctx, dmk_halfedge *m)
         first[origin(m, h)] = h;
     }
     for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
-        int32_t from = origin(m, h), to = origin(m, dmk_turn(h)), g = first[to], found = 0;
+        int32_t from = origin(m, h), to = origin(m, dmk_next(h)), g = first[to], found = 0;
         for (; g >= 0; g = next[g]) {
-            if (origin(m, dmk_turn(g)) != from) continue;
+            if (origin(m, dmk_next(g)) != from) continue;
             m->twin[h] = g;
             found++;
         }
@@ -93,7 +93,7 @@ bool dmk_halfedge_joined(const dmk_halfedge *m, int32_t a, int32_t b)
 {
     int32_t c = m->corner[a];
     do {
-        if (m->triangle[dmk_turn(c)] == b) return true;
+        if (m->triangle[dmk_next(c)] == b) return true;
         c = dmk_next_corner(m, c);
     } while (c != m->corner[a]);
     return false;
@@ -118,8 +118,8 @@ void dmk_halfedge_flip(dmk_halfedge *m, int32_t h)
 {
     int32_t g = m->twin[h], t = h / 3, s = g / 3;
     int32_t a = m->triangle[h], b = origin(m, h), c = m->triangle[g], d = origin(m, g);
-    int32_t da = m->twin[dmk_turn(h)], ab = m->twin[dmk_turn(dmk_turn(h))];
-    int32_t bc = m->twin[dmk_turn(g)], cd = m->twin[dmk_turn(dmk_turn(g))];
+    int32_t da = m->twin[dmk_next(h)], ab = m->twin[dmk_previous(h)];
+    int32_t bc = m->twin[dmk_next(g)], cd = m->twin[dmk_previous(g)];
     set_triangle(m, t, a, b, c);
     set_triangle(m, s, c, d, a);
     link_halves(m, 3 * t, bc);
@@ -135,8 +135,8 @@ void dmk_halfedge_split(dmk_halfedge *m, int32_t h, const double xyz[3])
 {
     int32_t g = m->twin[h], t = h / 3, s = g / 3, p = m->n_triangles, q = p + 1;
     int32_t a = m->triangle[h], b = origin(m, h), c = m->triangle[g], d = origin(m, g);
-    int32_t da = m->twin[dmk_turn(h)], ab = m->twin[dmk_turn(dmk_turn(h))];
-    int32_t bc = m->twin[dmk_turn(g)], cd = m->twin[dmk_turn(dmk_turn(g))];
+    int32_t da = m->twin[dmk_next(h)], ab = m->twin[dmk_previous(h)];
+    int32_t bc = m->twin[dmk_next(g)], cd = m->twin[dmk_previous(g)];
     int32_t v = m->n_vertices++;
     m->n_triangles += 2;
     memcpy(m->xyz + 3 * v, xyz, 3 * sizeof *xyz);

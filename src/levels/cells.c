@@ -1,5 +1,5 @@
 /* Samples of a graph's vertices and the cells around them; see coarsen.h. */
-#include "mesh/coarsen.h"
+#include "levels/coarsen.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -4,7 +4,7 @@
  *     x_i - x_j = sum_a d_a c_a,   d = row i of P - row j of P,   sum_a d_a = 0,
  * so that w (x_i - x_j)^2 = sum_{a<b} (-w d_a d_b) (c_a - c_b)^2: the fine link's share of the
  * coarse link (a,b) is -w d_a d_b. */
-#include "mesh/coarsen.h"
+#include "levels/coarsen.h"
 
 #include "base/parallel.h"
 

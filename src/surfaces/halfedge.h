@@ -5,7 +5,7 @@
 #ifndef DMK_HALFEDGE_H
 #define DMK_HALFEDGE_H
 
-#include "base/base.h"
+#include "mesh/mesh.h"
 
 typedef struct dmk_halfedge {
     int32_t n_vertices, n_triangles;
@@ -22,12 +22,10 @@ int dmk_halfedge_create(dmk_context *context, int32_t n_vertices, const double *
                         dmk_halfedge *mesh);
 void dmk_halfedge_free(dmk_halfedge *mesh);
 
-static inline int32_t dmk_turn(int32_t c) { return c % 3 == 2 ? c - 2 : c + 1; }
-
 /* The next corner of the same vertex, counterclockwise. */
 static inline int32_t dmk_next_corner(const dmk_halfedge *m, int32_t c)
 {
-    return dmk_turn(m->twin[dmk_turn(c)]);
+    return dmk_next(m->twin[dmk_next(c)]);
 }
 
 /* True if an edge joins a and b. */

@@ -2,9 +2,10 @@
  *
  * A coarse mesh of a thin body would slip off its rim. So it grows on a rounder body, and the full
  * mesh is then squeezed with the body, axis by axis, which keeps it valid, and relaxed again. */
-#include "mesh/remesh.h"
+#include "surfaces/remesh.h"
 
-#include "mesh/relax.h"
+#include "base/vec3.h"
+#include "surfaces/relax.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -26,13 +27,6 @@ static const double *point(const dmk_halfedge *m, int32_t v) { return m->xyz + 3
 /* Where the vertex at corner c is. */
 static const double *at(const dmk_halfedge *m, int32_t c) { return point(m, m->triangle[c]); }
 
-static double square_distance(const double a[3], const double b[3])
-{
-    double sum = 0;
-    for (int k = 0; k < 3; k++) sum += (a[k] - b[k]) * (a[k] - b[k]);
-    return sum;
-}
-
 /* ---- growth ---------------------------------------------------------------------------------- */
 
 typedef struct ranked {
@@ -53,7 +47,7 @@ static int32_t rank_edges(const dmk_halfedge *m, ranked *edges)
     for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
         int32_t g = m->twin[h];
         if (h > g) continue;
-        edges[n++] = (ranked){square_distance(at(m, dmk_turn(h)), at(m, dmk_turn(g))), h};
+        edges[n++] = (ranked){dmk_distance_squared(at(m, dmk_next(h)), at(m, dmk_next(g))), h};
     }
     qsort(edges, (size_t)n, sizeof *edges, longest_first);
     return n;
@@ -79,7 +73,7 @@ static double throw_dice(splitter *s)
 static void split_edge(splitter *s, int32_t h)
 {
     dmk_halfedge *m = s->mesh;
-    const double *from = at(m, dmk_turn(h)), *to = at(m, dmk_turn(m->twin[h]));
+    const double *from = at(m, dmk_next(h)), *to = at(m, dmk_next(m->twin[h]));
     double x[3], part = 0.5 + split_spread * (throw_dice(s) - 0.5);
     for (int k = 0; k < 3; k++) x[k] = from[k] + part * (to[k] - from[k]);
     dmk_body_lift(s->body, x);
@@ -127,7 +121,7 @@ static int32_t snap_source(dmk_halfedge *m, const double source[3])
 {
     int32_t nearest = 0;
     for (int32_t v = 1; v < m->n_vertices; v++) {
-        if (square_distance(point(m, v), source) < square_distance(point(m, nearest), source)) {
+        if (dmk_distance_squared(point(m, v), source) < dmk_distance_squared(point(m, nearest), source)) {
             nearest = v;
         }
     }

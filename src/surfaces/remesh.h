@@ -2,8 +2,8 @@
 #ifndef DMK_REMESH_H
 #define DMK_REMESH_H
 
-#include "mesh/halfedge.h"
-#include "mesh/surface.h"
+#include "surfaces/halfedge.h"
+#include "surfaces/surface.h"
 
 /* Grow `mesh` to n_vertices (room for them must be there) and relax it. All vertices lie on the
  * surface. With a source (a point of the surface; NULL: none), *source_vertex is the vertex that

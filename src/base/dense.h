@@ -1,0 +1,13 @@
+/* Small dense matrices, row by row in an array. */
+#ifndef DMK_DENSE_H
+#define DMK_DENSE_H
+
+#include "base/base.h"
+
+/* Pseudo-inverse of the n x n Laplacian of a connected graph (symmetric, null space: the
+ * constants), by Cholesky factorisation of L + c J, J all ones: (L + c J)^-1 - J / (c n^2), c of
+ * the size of L's diagonal. n^3 operations. */
+int dmk_laplacian_inverse(dmk_context *context, int32_t n, const double *laplacian,
+                          double *inverse);
+
+#endif

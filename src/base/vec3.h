@@ -1,0 +1,41 @@
+/* Vectors of three numbers. */
+#ifndef DMK_VEC3_H
+#define DMK_VEC3_H
+
+#include <math.h>
+
+static inline double dmk_dot(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/* out = a - b; out may be a or b. */
+static inline void dmk_subtract(const double a[3], const double b[3], double out[3])
+{
+    for (int k = 0; k < 3; k++)
+        out[k] = a[k] - b[k];
+}
+
+static inline void dmk_cross(const double a[3], const double b[3], double out[3])
+{
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+static inline double dmk_distance_squared(const double a[3], const double b[3])
+{
+    double d[3];
+    dmk_subtract(a, b, d);
+    return dmk_dot(d, d);
+}
+
+/* Squares of coordinates near 1e-300 and 1e300 would be 0 or infinite: then by hypot. */
+static inline double dmk_distance(const double a[3], const double b[3])
+{
+    double square = dmk_distance_squared(a, b);
+    if (square > 1e-290 && square < 1e300) return sqrt(square);
+    return hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]);
+}
+
+#endif
