@@ -79,6 +79,11 @@ void dmk_context_destroy(dmk_context **context);
 const char *dmk_context_message(const dmk_context *context);
 /* fn may be NULL: no reports. */
 void dmk_context_set_progress(dmk_context *context, dmk_progress_fn fn, void *user);
+/* Threads of the host's stages (reading, topology, ordering, coarsening, packing, geodesics, writing) in
+ * the calls on this context, the caller's thread among them; 0, as at first: one for each processor the
+ * process may use. Results are the same bits for any number. DMK_E_ARG if negative. How many the
+ * device uses is dmk_device_options.threads. */
+int dmk_context_set_threads(dmk_context *context, int threads);
 
 /* ---- mesh ------------------------------------------------------------------------------------ */
 

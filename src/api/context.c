@@ -1,5 +1,5 @@
 /* The version, status texts and the context. */
-#include "base/base.h"
+#include "base/pool.h"
 
 #include <stdlib.h>
 
@@ -40,8 +40,18 @@ int dmk_context_create(dmk_context **context)
 
 void dmk_context_destroy(dmk_context **context)
 {
+    if (!*context) return;
+    dmk_pool_destroy(&(*context)->pool);
     free(*context);
     *context = NULL;
+}
+
+int dmk_context_set_threads(dmk_context *context, int threads)
+{
+    if (threads < 0) return dmk_fail(context, DMK_E_ARG, "threads = %d: expected 0 or more", threads);
+    dmk_pool_destroy(&context->pool); /* the next call that needs one starts it */
+    context->threads = threads;
+    return DMK_OK;
 }
 
 const char *dmk_context_message(const dmk_context *context)

@@ -15,6 +15,9 @@ struct dmk_context {
     const char *stage;    /* that dmk_poll reports, or NULL */
     double began, polled; /* seconds: when the stage began, when it was last reported */
     double poll_every;    /* seconds */
+    int threads;           /* 0: one for each processor; see parallel.h */
+    struct dmk_pool *pool; /* NULL until it is needed */
+    bool borrows_pool;     /* the pool is another context's */
 };
 
 /* Put a message in the record and return `status`; the printf-like text says what is wrong and what

@@ -1,48 +1,56 @@
-/* Threads are started for each loop: 20 microseconds against loops of milliseconds. */
 #include "base/parallel.h"
 
+#include <pthread.h>
 #include <stdatomic.h>
-#include <unistd.h>
 
-enum { max_threads = 16, shortest = 4096 };
+/* Items of a loop below which a second thread costs more than it saves: waking it takes some 10
+ * microseconds. Each thread gets several ranges where a loop is long enough, so that one that is held
+ * up does not hold up all. */
+enum { SHORTEST = 4096, RANGES_PER_THREAD = 4 };
 
-typedef struct part {
-    void (*body)(int32_t, int32_t, void *);
-    void *data;
-    int32_t begin, end;
-} part;
+int dmk_parallel_threads(const dmk_context *ctx) { return dmk_pool_threads(ctx); }
 
-static void *run_part(void *argument)
+/* Run `job` on the context's threads. */
+static void run(dmk_context *ctx, dmk_job *job)
 {
-    const part *p = argument;
-    p->body(p->begin, p->end, p->data);
-    return NULL;
+    struct dmk_pool *pool = job->n_parts > 1 ? dmk_pool_of(ctx) : NULL;
+    if (!pool) {
+        for (int32_t k = 0; k < job->n_parts; k++) job->part(k, job->data);
+        return;
+    }
+    dmk_pool_post(pool, job);
+    dmk_pool_finish(pool, job);
 }
 
-void dmk_parallel(int32_t n, void (*body)(int32_t begin, int32_t end, void *data), void *data)
+typedef struct loop {
+    int32_t n, n_ranges;
+    void (*body)(int32_t, int32_t, void *);
+    void *data;
+} loop;
+
+static int32_t range_begin(const loop *l, int32_t k)
 {
-    part parts[max_threads];
-    pthread_t thread[max_threads];
-    bool started[max_threads] = {false};
-    long n_parts = sysconf(_SC_NPROCESSORS_ONLN);
-    if (n_parts > max_threads) n_parts = max_threads;
-    if (n_parts > n / shortest) n_parts = n / shortest;
-    if (n_parts < 1) n_parts = 1;
-    for (long i = 0; i < n_parts; i++) {
-        parts[i] = (part){body, data, (int32_t)(n * (int64_t)i / n_parts),
-                          (int32_t)(n * (int64_t)(i + 1) / n_parts)};
-    }
-    for (long i = 1; i < n_parts; i++) {
-        started[i] = pthread_create(&thread[i], NULL, run_part, &parts[i]) == 0;
-    }
-    run_part(&parts[0]);
-    for (long i = 1; i < n_parts; i++) {
-        if (started[i]) {
-            pthread_join(thread[i], NULL);
-        } else {
-            run_part(&parts[i]);
-        }
-    }
+    return (int32_t)((int64_t)l->n * k / l->n_ranges);
+}
+
+static void run_range(int32_t k, void *data)
+{
+    const loop *l = data;
+    l->body(range_begin(l, k), range_begin(l, k + 1), l->data);
+}
+
+/* Ranges of a loop over n items. */
+static int32_t count_ranges(const dmk_context *ctx, int32_t n, int per_thread)
+{
+    int32_t threads = n < 2 * SHORTEST ? 1 : dmk_pool_threads(ctx);
+    return threads == 1 ? 1 : dmk_min_i(threads * per_thread, n / SHORTEST);
+}
+
+void dmk_parallel(dmk_context *ctx, int32_t n,
+                  void (*body)(int32_t begin, int32_t end, void *data), void *data)
+{
+    loop l = {n, count_ranges(ctx, n, RANGES_PER_THREAD), body, data};
+    run(ctx, &(dmk_job){.part = run_range, .data = &l, .n_parts = l.n_ranges});
 }
 
 typedef struct search {
@@ -56,62 +64,93 @@ static void search_range(int32_t begin, int32_t end, void *data)
     search *s = data;
     for (int32_t i = begin; i < end; i++) {
         if (!s->bad(i, s->data)) continue;
-        int32_t first = atomic_load(&s->first);
+        int32_t first = s->first;
         while (i < first && !atomic_compare_exchange_weak(&s->first, &first, i)) {}
         return;
     }
 }
 
-int32_t dmk_parallel_first(int32_t n, bool (*bad)(int32_t i, void *data), void *data)
+int32_t dmk_parallel_first(dmk_context *ctx, int32_t n, bool (*bad)(int32_t i, void *data), void *data)
 {
     search s = {.bad = bad, .data = data};
     atomic_init(&s.first, n);
-    dmk_parallel(n, search_range, &s);
-    int32_t first = atomic_load(&s.first);
+    dmk_parallel(ctx, n, search_range, &s);
+    int32_t first = s.first;
     return first < n ? first : -1;
 }
 
+/* Bodies that may fail. */
 typedef struct attempt {
+    dmk_context *context;
+    int32_t n, n_ranges;
     int (*body)(dmk_context *, int32_t, int32_t, void *);
+    int (*piece)(dmk_context *, int32_t, void *); /* where body is NULL */
     void *data;
-    atomic_int rc;
+    pthread_mutex_t lock;
+    int rc;
+    int32_t failed; /* the first range that did; its message is the context's */
 } attempt;
 
-static void attempt_range(int32_t begin, int32_t end, void *data)
+static void attempt_range(int32_t k, void *data)
 {
     attempt *a = data;
-    dmk_context own = {0};
-    int none = DMK_OK, rc = a->body(&own, begin, end, a->data);
-    if (rc != DMK_OK) atomic_compare_exchange_strong(&a->rc, &none, rc);
+    dmk_context own;
+    dmk_context_lend(a->context, &own);
+    const loop l = {.n = a->n, .n_ranges = a->n_ranges};
+    int rc = a->body ? a->body(&own, range_begin(&l, k), range_begin(&l, k + 1), a->data)
+                     : a->piece(&own, k, a->data);
+    if (rc == DMK_OK) return;
+    pthread_mutex_lock(&a->lock);
+    if (a->rc == DMK_OK || k < a->failed) {
+        a->rc = dmk_fail(a->context, rc, "%s", own.message);
+        a->failed = k;
+    }
+    pthread_mutex_unlock(&a->lock);
 }
 
-int dmk_parallel_try(int32_t n,
+static int run_attempt(dmk_context *ctx, attempt *a)
+{
+    pthread_mutex_init(&a->lock, NULL);
+    run(ctx, &(dmk_job){.part = attempt_range, .data = a, .n_parts = a->n_ranges});
+    pthread_mutex_destroy(&a->lock);
+    return a->rc;
+}
+
+int dmk_parallel_try(dmk_context *ctx, int32_t n,
                      int (*body)(dmk_context *own, int32_t begin, int32_t end, void *data),
                      void *data)
 {
-    attempt a = {.body = body, .data = data};
-    atomic_init(&a.rc, DMK_OK);
-    dmk_parallel(n, attempt_range, &a);
-    return atomic_load(&a.rc);
+    attempt a = {.context = ctx, .n = n, .n_ranges = count_ranges(ctx, n, 1), .body = body, .data = data};
+    return run_attempt(ctx, &a);
 }
 
-static void *run_task(void *argument)
+int dmk_parallel_pieces(dmk_context *ctx, int32_t n,
+                        int (*piece)(dmk_context *own, int32_t i, void *data), void *data)
 {
-    dmk_task *task = argument;
+    attempt a = {.context = ctx, .n = n, .n_ranges = n, .piece = piece, .data = data};
+    return run_attempt(ctx, &a);
+}
+
+static void run_task(int32_t k, void *data)
+{
+    dmk_task *task = data;
+    (void)k;
     task->rc = task->work(&task->own, task->data);
-    return NULL;
 }
 
-void dmk_task_begin(dmk_task *task, int (*work)(dmk_context *own, void *data), void *data)
+void dmk_task_begin(dmk_context *ctx, dmk_task *task, int (*work)(dmk_context *own, void *data),
+                    void *data)
 {
-    *task = (dmk_task){.work = work, .data = data};
-    task->threaded = pthread_create(&task->thread, NULL, run_task, task) == 0;
-    if (!task->threaded) run_task(task);
+    *task = (dmk_task){.work = work, .data = data, .pool = dmk_pool_of(ctx)};
+    dmk_context_lend(ctx, &task->own);
+    task->job = (dmk_job){.part = run_task, .data = task, .n_parts = 1};
+    if (task->pool) dmk_pool_post(task->pool, &task->job);
 }
 
 int dmk_task_end(dmk_context *ctx, dmk_task *task, int rc)
 {
-    if (task->threaded) pthread_join(task->thread, NULL);
+    if (task->pool) dmk_pool_finish(task->pool, &task->job);
+    else run_task(0, task);
     if (rc != DMK_OK || task->rc == DMK_OK) return rc;
     return dmk_fail(ctx, task->rc, "%s", task->own.message);
 }

@@ -47,7 +47,7 @@ void solve_add_device(solve_table *table, solve_order *order)
          .target = &order->device.select},
         {.name = "threads",
          .value = "N",
-         .help = "compute units of a CPU to use; default: one a core",
+         .help = "threads of the host, and of a CPU that is the device;\ndefault: one for each core",
          .kind = CLI_INTEGER,
          .target = &order->threads,
          .lo = 1,

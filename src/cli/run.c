@@ -101,6 +101,7 @@ int solve_begin(const solve_order *order, solve_run *run)
     opening device;
     int rc = dmk_context_create(&run->context);
     if (rc != DMK_OK) return cli_library_error(NULL, rc);
+    dmk_context_set_threads(run->context, order->device.threads);
     cli_catch_interrupt();
     cli_watch(run->context, &run->progress);
     begin_opening(&device, &order->device);

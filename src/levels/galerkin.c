@@ -93,7 +93,7 @@ static int difference_create(dmk_context *ctx, const dmk_coarsening *c, int32_t 
     DMK_TRY(DMK_NEW(ctx, d->length, (size_t)n_links));
     DMK_TRY(DMK_NEW(ctx, d->coarse, MOST * (size_t)n_links));
     DMK_TRY(DMK_NEW(ctx, d->value, MOST * (size_t)n_links));
-    dmk_parallel(n_links, difference_range, &job);
+    dmk_parallel(ctx, n_links, difference_range, &job);
 done:
     return rc;
 }
@@ -259,11 +259,7 @@ static int emit_all(dmk_context *ctx, const difference *d, const bucket *by_end,
     DMK_TRY(DMK_NEW(ctx, m.begin, n_entries));
     DMK_TRY(DMK_NEW(ctx, c->galerkin_edge, n_entries));
     DMK_TRY(DMK_NEW(ctx, c->galerkin_coef, n_entries));
-    rc = dmk_parallel_try(c->coarse.n, emit_range, &m);
-    if (rc != DMK_OK) {
-        dmk_fail(ctx, rc, "out of memory: Galerkin tables");
-        goto done;
-    }
+    DMK_TRY(dmk_parallel_try(ctx, c->coarse.n, emit_range, &m));
     DMK_TRY(pack_links(ctx, &m));
 done:
     free(m.first);

@@ -281,11 +281,7 @@ int dmk_prolong_create(dmk_context *ctx, const dmk_cells *cells, const dmk_adjac
     prolong_job job = {.cells = cells, .coarse = coarse, .fine_xyz = fine_xyz, .c = c};
     DMK_TRY(DMK_NEW(ctx, c->prolong_index, 3 * (size_t)cells->n_fine));
     DMK_TRY(DMK_NEW(ctx, c->prolong_weight, 3 * (size_t)cells->n_fine));
-    rc = dmk_parallel_try(cells->n, prolong_range, &job);
-    if (rc != DMK_OK) {
-        dmk_fail(ctx, rc, "out of memory: prolongation");
-        goto done;
-    }
+    DMK_TRY(dmk_parallel_try(ctx, cells->n, prolong_range, &job));
     DMK_TRY(fill_empty_columns(ctx, cells, c));
 done:
     return rc;

@@ -40,14 +40,14 @@ static int explain_triangle(dmk_context *ctx, const dmk_mesh *m, int32_t t)
 
 int dmk_check_input(dmk_context *ctx, dmk_mesh *m)
 {
-    int32_t v = dmk_parallel_first(m->n_vertices, vertex_is_bad, m);
+    int32_t v = dmk_parallel_first(ctx, m->n_vertices, vertex_is_bad, m);
     if (v >= 0) {
         const double *x = m->xyz + 3 * (size_t)v;
         return dmk_fail(ctx, DMK_E_MESH,
                         "vertex %d lies at (%g, %g, %g): coordinates must be finite; give it a "
                         "place or remove it", v, x[0], x[1], x[2]);
     }
-    int32_t t = dmk_parallel_first(m->n_triangles, triangle_is_bad, m);
+    int32_t t = dmk_parallel_first(ctx, m->n_triangles, triangle_is_bad, m);
     return t >= 0 ? explain_triangle(ctx, m, t) : DMK_OK;
 }
 
@@ -237,7 +237,7 @@ static bool edge_is_of_pillow(int32_t e, void *data)
 
 static int check_pillows(dmk_context *ctx, dmk_mesh *m)
 {
-    int32_t e = dmk_parallel_first(m->n_edges, edge_is_of_pillow, m);
+    int32_t e = dmk_parallel_first(ctx, m->n_edges, edge_is_of_pillow, m);
     if (e < 0) return DMK_OK;
     const int32_t *t = m->edge_triangle + 2 * (size_t)e, *ends = m->edge_vertex + 2 * (size_t)e;
     return dmk_fail(ctx, DMK_E_MESH,
@@ -298,7 +298,7 @@ int dmk_check_fans(dmk_context *ctx, dmk_mesh *m)
         int32_t v = m->triangle[h], before = m->triangle_edge[3 * (h / 3) + (h % 3 + 2) % 3];
         if (job.count[v]++ == 0 || m->edge_triangle[2 * (size_t)before + 1] < 0) job.first[v] = h;
     }
-    int32_t v = dmk_parallel_first(m->n_vertices, fan_is_split, &job);
+    int32_t v = dmk_parallel_first(ctx, m->n_vertices, fan_is_split, &job);
     if (v >= 0) rc = fail_fan(ctx, m, job.first[v]);
 done:
     free(job.first);

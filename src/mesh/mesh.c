@@ -218,8 +218,8 @@ static int build_geometry(dmk_context *ctx, struct dmk_mesh *m)
     DMK_TRY(DMK_NEW(ctx, m->length, (size_t)m->n_edges));
     DMK_TRY(DMK_NEW(ctx, m->area, (size_t)m->n_triangles));
     DMK_TRY(DMK_NEW(ctx, m->cot, 3 * (size_t)m->n_triangles));
-    dmk_parallel(m->n_edges, length_range, m);
-    int32_t t = dmk_parallel_first(m->n_triangles, cannot_be_measured, m);
+    dmk_parallel(ctx, m->n_edges, length_range, m);
+    int32_t t = dmk_parallel_first(ctx, m->n_triangles, cannot_be_measured, m);
     if (t >= 0) rc = measure_triangle(ctx, m, t);
 done:
     return rc;

@@ -62,7 +62,7 @@ static int morton_order(dmk_context *ctx, const dmk_mesh *m, int32_t component, 
     }
     for (int k = 0; k < 3; k++) span = fmax(span, hi[k] - job.lo[k]);
     job.scale = ((1 << BITS) - 1) / (3.0 * span);
-    dmk_parallel(*n, key_range, &job);
+    dmk_parallel(ctx, *n, key_range, &job);
     DMK_TRY(dmk_sort_keyed(ctx, job.keys, (size_t)*n));
     *sorted = job.keys;
     job.keys = NULL;
@@ -184,9 +184,9 @@ static int gather(dmk_context *ctx, const dmk_mesh *m, const renumbering *number
     DMK_TRY(DMK_NEW(ctx, to->cot, 3 * n_t));
     DMK_TRY(DMK_NEW(ctx, to->component, n_t)); /* the only one: 0 */
     to->n_components = 1;
-    dmk_parallel(to->n_vertices, gather_vertices, &job);
-    dmk_parallel(to->n_edges, gather_edges, &job);
-    dmk_parallel(to->n_triangles, gather_triangles, &job);
+    dmk_parallel(ctx, to->n_vertices, gather_vertices, &job);
+    dmk_parallel(ctx, to->n_edges, gather_edges, &job);
+    dmk_parallel(ctx, to->n_triangles, gather_triangles, &job);
     if (m->n_border_edges > 0) DMK_TRY(dmk_mesh_count(ctx, to));
     else to->n_used_vertices = to->n_vertices;
 done:

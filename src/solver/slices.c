@@ -47,7 +47,7 @@ int dmk_slices_create(dmk_context *ctx, int32_t n, const int32_t *row, const int
     DMK_TRY(DMK_NEW(ctx, s->entry, places));
     if (weight) DMK_TRY(DMK_NEW(ctx, s->weight, places));
     fill_job job = {n, filler, row, entry, weight, s};
-    dmk_parallel(s->n_slices, fill_range, &job);
+    dmk_parallel(ctx, s->n_slices, fill_range, &job);
 done:
     if (rc != DMK_OK) dmk_slices_free(s);
     return rc;

@@ -124,7 +124,7 @@ static int set_up(dmk_context *ctx, dmk_solver *s, marched *near)
 {
     dmk_task task;
     if (s->system) return march(ctx, near);
-    dmk_task_begin(&task, march, near);
+    dmk_task_begin(ctx, &task, march, near);
     int rc = dmk_system_create(ctx, s->device, near->mesh, &s->system);
     return dmk_task_end(ctx, &task, rc);
 }

@@ -306,7 +306,7 @@ int dmk_start_density(dmk_context *ctx, const dmk_mesh *mesh, const dmk_point *s
     DMK_TRY(DMK_NEW(ctx, s.sink, (size_t)mesh->n_triangles));
     DMK_TRY(DMK_NEW(ctx, s.queue, (size_t)mesh->n_triangles));
     mark_sinks(mesh, source, s.sink);
-    dmk_parallel(mesh->n_edges, width_range, &s);
+    dmk_parallel(ctx, mesh->n_edges, width_range, &s);
     for (int32_t t = 0; t < mesh->n_triangles; t++) {
         if (!s.sink[t]) open_triangle(&s, t);
     }

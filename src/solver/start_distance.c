@@ -240,7 +240,7 @@ int dmk_start_distance(dmk_context *ctx, const dmk_mesh *mesh, const dmk_point *
     int rc;
     mid_job job = {mesh, d_vertex, d_mid};
     DMK_TRY(vertex_distance(ctx, mesh, source, d_vertex));
-    dmk_parallel(mesh->n_edges, midpoint_range, &job);
+    dmk_parallel(ctx, mesh->n_edges, midpoint_range, &job);
     midpoint_seed(mesh, source, d_mid);
 done:
     return rc;

@@ -69,7 +69,7 @@ static int pack_elements(const packer *p)
     DMK_TRY(DMK_NEW(p->ctx, job.cot, 3 * n));
     DMK_TRY(DMK_NEW(p->ctx, job.area, n));
     for (int32_t t = s->n_elements; t < s->n_elements_pad; t++) job.area[t] = 1;
-    dmk_parallel(s->n_elements, element_range, &job);
+    dmk_parallel(p->ctx, s->n_elements, element_range, &job);
     DMK_TRY(upload(p, 6 * n, sizeof *job.index, job.index, &s->index));
     DMK_TRY(upload_real(p, 3 * n, job.cot, &s->cot));
     DMK_TRY(upload_real(p, n, job.area, &s->area));
@@ -194,8 +194,8 @@ static int pack_places(const packer *p)
         edge3[i] = (int32_t)dmk_place(s->n_elements_pad - 1, 0, 3);
     }
     place_job job = {p->mesh, &corners, slot, edge3, slot + edges, corner3};
-    dmk_parallel(s->n_edges, edge_place_range, &job);
-    dmk_parallel(corners.n_slices, corner_place_range, &job);
+    dmk_parallel(p->ctx, s->n_edges, edge_place_range, &job);
+    dmk_parallel(p->ctx, corners.n_slices, corner_place_range, &job);
     DMK_TRY(upload(p, n_slices + 1, sizeof *slice, slice, &s->slice));
     DMK_TRY(upload(p, edges + places, sizeof *slot, slot, &s->slot));
     DMK_TRY(upload(p, edges, sizeof *edge3, edge3, &s->edge_place));
@@ -424,7 +424,7 @@ static int pack_all(const packer *p)
     int rc;
     dmk_task task;
     coarsener c = {.mesh = p->mesh};
-    dmk_task_begin(&task, coarsen, &c);
+    dmk_task_begin(p->ctx, &task, coarsen, &c);
     rc = pack_fine(p);
     DMK_TRY(dmk_task_end(p->ctx, &task, rc));
     DMK_TRY(pack_levels(p, &c.hierarchy));

@@ -148,16 +148,18 @@ def dmkcl_python_progress(progress: Any, user: Any) -> int:
 class Context:
     """The library's error record for one call (contexts belong to one thread at a time).
 
-    ``report`` is called with each dmk_progress; what it raises ends the running call.
+    ``report`` is called with each dmk_progress; what it raises ends the running call. ``threads``:
+    of the host's stages; 0: one per processor.
     """
 
-    def __init__(self, report: Optional[Callable[[Any], None]] = None):
+    def __init__(self, report: Optional[Callable[[Any], None]] = None, threads: int = 0):
         self.error: Optional[BaseException] = None
         self.report = report or (lambda progress: None)
         self._handle = Handle("dmk_context")
         if lib.dmk_context_create(self._handle.box) != lib.DMK_OK:
             raise OutOfMemoryError("out of memory")
         self.pointer = self._handle.pointer
+        self.check(lib.dmk_context_set_threads(self.pointer, threads))
         self._user = ffi.new_handle(self)
         lib.dmk_context_set_progress(self.pointer, lib.dmkcl_python_progress, self._user)
 

@@ -62,7 +62,7 @@ class CutLocus:
     single : bool
         Single precision even where the device has double.
     threads : int
-        Compute units to use on a CPU device; 0: one per core.
+        Threads of the host, and compute units of a CPU that is the device; 0: one per core.
     cache : path, optional
         Folder for compiled kernels; None: the user's cache folder, "": none.
 
@@ -199,7 +199,7 @@ class CutLocus:
         handle = Handle("dmk_result")
         watch = Watch(progress)
         try:
-            with self._device.use(), Context(watch) as context:
+            with self._device.use(), Context(watch, self._choice[2]) as context:
                 context.check(
                     lib.dmk_solve(context.pointer, self._handle.pointer, place, options, handle.box)
                 )

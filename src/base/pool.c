@@ -1,0 +1,128 @@
+/* Threads that wait for jobs. Whoever posts a job works on it too, so a job ends even if no thread of
+ * the pool is free or could be started, and jobs within jobs cannot wait for each other in a ring. */
+#include "base/pool.h"
+
+#include <pthread.h>
+#include <sched.h>
+#include <stdlib.h>
+#include <unistd.h>
+
+enum { MOST_THREADS = 256 };
+
+struct dmk_pool {
+    pthread_mutex_t lock;
+    pthread_cond_t posted, progress; /* a job has come; a job's last part is done */
+    dmk_job *first;                  /* jobs with parts that nobody has taken, the newest first */
+    bool stop;
+    int n_threads;
+    pthread_t thread[];
+};
+
+/* Take a job off the list. */
+static void unlist(struct dmk_pool *pool, const dmk_job *job)
+{
+    for (dmk_job **p = &pool->first; *p; p = &(*p)->later) {
+        if (*p != job) continue;
+        *p = job->later;
+        return;
+    }
+}
+
+/* Do one part of a job that has one left. The lock is held before and after, not meanwhile. */
+static void do_part(struct dmk_pool *pool, dmk_job *job)
+{
+    int32_t k = job->next++;
+    if (job->next == job->n_parts) unlist(pool, job);
+    pthread_mutex_unlock(&pool->lock);
+    job->part(k, job->data);
+    pthread_mutex_lock(&pool->lock);
+    if (++job->done == job->n_parts) pthread_cond_broadcast(&pool->progress);
+}
+
+static void *work(void *argument)
+{
+    struct dmk_pool *pool = argument;
+    pthread_mutex_lock(&pool->lock);
+    while (!pool->stop) {
+        if (pool->first) do_part(pool, pool->first);
+        else pthread_cond_wait(&pool->posted, &pool->lock);
+    }
+    pthread_mutex_unlock(&pool->lock);
+    return NULL;
+}
+
+/* Processors that this process may use. */
+static int count_processors(void)
+{
+    cpu_set_t allowed;
+    if (sched_getaffinity(0, sizeof allowed, &allowed) == 0) return CPU_COUNT(&allowed);
+    long n = sysconf(_SC_NPROCESSORS_ONLN);
+    return n < 1 ? 1 : n < MOST_THREADS ? (int)n : MOST_THREADS;
+}
+
+int dmk_pool_threads(const dmk_context *context)
+{
+    int n = context->threads > 0 ? context->threads : count_processors();
+    return n < MOST_THREADS ? n : MOST_THREADS;
+}
+
+static struct dmk_pool *create(int threads)
+{
+    struct dmk_pool *pool = calloc(1, sizeof *pool + (size_t)threads * sizeof *pool->thread);
+    if (!pool) return NULL;
+    pthread_mutex_init(&pool->lock, NULL);
+    pthread_cond_init(&pool->posted, NULL);
+    pthread_cond_init(&pool->progress, NULL);
+    while (pool->n_threads < threads &&
+           pthread_create(&pool->thread[pool->n_threads], NULL, work, pool) == 0) {
+        pool->n_threads++;
+    }
+    return pool;
+}
+
+struct dmk_pool *dmk_pool_of(dmk_context *context)
+{
+    if (context->pool) return context->pool;
+    int threads = dmk_pool_threads(context) - 1;
+    if (threads == 0 || context->borrows_pool) return NULL;
+    return context->pool = create(threads);
+}
+
+void dmk_context_lend(dmk_context *context, dmk_context *own)
+{
+    *own = (dmk_context){.threads = context->threads, .pool = dmk_pool_of(context), .borrows_pool = true};
+}
+
+void dmk_pool_post(struct dmk_pool *pool, dmk_job *job)
+{
+    pthread_mutex_lock(&pool->lock);
+    job->later = pool->first;
+    pool->first = job;
+    if (job->n_parts == 1) pthread_cond_signal(&pool->posted);
+    else pthread_cond_broadcast(&pool->posted);
+    pthread_mutex_unlock(&pool->lock);
+}
+
+void dmk_pool_finish(struct dmk_pool *pool, dmk_job *job)
+{
+    pthread_mutex_lock(&pool->lock);
+    while (job->next < job->n_parts) do_part(pool, job);
+    while (job->done < job->n_parts) pthread_cond_wait(&pool->progress, &pool->lock);
+    pthread_mutex_unlock(&pool->lock);
+}
+
+void dmk_pool_destroy(struct dmk_pool **pointer)
+{
+    struct dmk_pool *pool = *pointer;
+    if (!pool) return;
+    pthread_mutex_lock(&pool->lock);
+    pool->stop = true;
+    pthread_cond_broadcast(&pool->posted);
+    pthread_mutex_unlock(&pool->lock);
+    for (int i = 0; i < pool->n_threads; i++) pthread_join(pool->thread[i], NULL);
+    pthread_mutex_destroy(&pool->lock);
+    pthread_cond_destroy(&pool->posted);
+    pthread_cond_destroy(&pool->progress);
+    free(pool);
+    *pointer = NULL;
+}

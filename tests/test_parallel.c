@@ -1,0 +1,186 @@
+/* The pool: what is done, by how many threads, and what a failure says. */
+#include "base/parallel.h"
+
+#include <pthread.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include <cmocka.h>
+
+enum { N = 100000, MOST_SEEN = 64 };
+
+/* How often each item was met, and by which threads. */
+typedef struct record {
+    dmk_context *ctx;
+    uint8_t met[N];
+    pthread_mutex_t lock;
+    pthread_t seen[MOST_SEEN];
+    int n_seen;
+} record;
+
+static record *record_create(int threads)
+{
+    record *r = calloc(1, sizeof *r);
+    assert_non_null(r);
+    assert_int_equal(dmk_context_create(&r->ctx), DMK_OK);
+    assert_int_equal(dmk_context_set_threads(r->ctx, threads), DMK_OK);
+    pthread_mutex_init(&r->lock, NULL);
+    return r;
+}
+
+static void record_free(record *r)
+{
+    dmk_context_destroy(&r->ctx);
+    pthread_mutex_destroy(&r->lock);
+    free(r);
+}
+
+static void see(record *r)
+{
+    pthread_mutex_lock(&r->lock);
+    int i = 0;
+    while (i < r->n_seen && !pthread_equal(r->seen[i], pthread_self())) i++;
+    if (i == r->n_seen && r->n_seen < MOST_SEEN) r->seen[r->n_seen++] = pthread_self();
+    pthread_mutex_unlock(&r->lock);
+}
+
+static void rest(void) { nanosleep(&(struct timespec){.tv_nsec = 2000000}, NULL); }
+
+static void meet(int32_t begin, int32_t end, void *data)
+{
+    record *r = data;
+    see(r);
+    for (int32_t i = begin; i < end; i++) r->met[i]++;
+    rest(); /* so that others come as well */
+}
+
+static void assert_met(const record *r, int32_t n, int times)
+{
+    for (int32_t i = 0; i < n; i++) assert_int_equal(r->met[i], times);
+}
+
+static void test_each_item_once(void **state)
+{
+    (void)state;
+    const int32_t length[] = {0, 1, 4095, 8191, 8192, 12345, N};
+    for (int threads = 0; threads <= 5; threads++) {
+        for (size_t k = 0; k < sizeof length / sizeof *length; k++) {
+            record *r = record_create(threads);
+            dmk_parallel(r->ctx, length[k], meet, r);
+            assert_met(r, length[k], 1);
+            record_free(r);
+        }
+    }
+}
+
+static void test_as_many_threads_as_asked(void **state)
+{
+    (void)state;
+    for (int threads = 1; threads <= 4; threads++) {
+        record *r = record_create(threads);
+        assert_int_equal(dmk_parallel_threads(r->ctx), threads);
+        for (int i = 0; i < 5; i++) dmk_parallel(r->ctx, N, meet, r);
+        assert_met(r, N, 5);
+        assert_int_equal(r->n_seen, threads);
+        record_free(r);
+    }
+}
+
+/* Two loops and a task at a time do not take more threads than there are. */
+static int loop_within(dmk_context *own, void *data)
+{
+    dmk_parallel(own, N, meet, data);
+    return DMK_OK;
+}
+
+static void test_loops_in_tasks_share_the_threads(void **state)
+{
+    (void)state;
+    for (int threads = 1; threads <= 3; threads++) {
+        record *r = record_create(threads), *other = record_create(threads);
+        dmk_task task, second;
+        dmk_task_begin(r->ctx, &task, loop_within, r);
+        dmk_task_begin(r->ctx, &second, loop_within, other);
+        dmk_parallel(r->ctx, N, meet, r);
+        assert_int_equal(dmk_task_end(r->ctx, &second, DMK_OK), DMK_OK);
+        assert_int_equal(dmk_task_end(r->ctx, &task, DMK_OK), DMK_OK);
+        assert_met(r, N, 2);
+        assert_met(other, N, 1);
+        for (int i = 0; i < other->n_seen; i++) { /* count both records' threads in one */
+            int k = 0;
+            while (k < r->n_seen && !pthread_equal(r->seen[k], other->seen[i])) k++;
+            if (k == r->n_seen) r->seen[r->n_seen++] = other->seen[i];
+        }
+        assert_in_range(r->n_seen, 1, threads);
+        record_free(other);
+        record_free(r);
+    }
+}
+
+static bool is_bad(int32_t i, void *data)
+{
+    const int32_t *bad = data;
+    return i == bad[0] || i == bad[1];
+}
+
+static void test_the_first_culprit(void **state)
+{
+    (void)state;
+    record *r = record_create(4);
+    assert_int_equal(dmk_parallel_first(r->ctx, N, is_bad, (int32_t[]){99999, 60000}), 60000);
+    assert_int_equal(dmk_parallel_first(r->ctx, N, is_bad, (int32_t[]){0, 60000}), 0);
+    assert_int_equal(dmk_parallel_first(r->ctx, N, is_bad, (int32_t[]){N, -1}), -1);
+    record_free(r);
+}
+
+/* All ranges but the first fail, the last at once. */
+static int fail_late(dmk_context *own, int32_t begin, int32_t end, void *data)
+{
+    (void)data;
+    if (begin == 0) return DMK_OK;
+    if (end < N) rest();
+    return dmk_fail(own, end < N ? DMK_E_MESH : DMK_E_LIMIT, "from %d", begin);
+}
+
+static int fail_task(dmk_context *own, void *data)
+{
+    (void)data;
+    return dmk_fail(own, DMK_E_IO, "the task's words");
+}
+
+static void test_failures_tell_of_the_first(void **state)
+{
+    (void)state;
+    dmk_task task;
+    record *r = record_create(4);
+    for (int i = 0; i < 5; i++) {
+        assert_int_equal(dmk_parallel_try(r->ctx, N, fail_late, NULL), DMK_E_MESH);
+        assert_string_equal(dmk_context_message(r->ctx), "from 25000");
+    }
+    dmk_task_begin(r->ctx, &task, fail_task, NULL);
+    assert_int_equal(dmk_task_end(r->ctx, &task, DMK_OK), DMK_E_IO);
+    assert_string_equal(dmk_context_message(r->ctx), "the task's words");
+    dmk_task_begin(r->ctx, &task, fail_task, NULL);
+    int rc = dmk_task_end(r->ctx, &task, dmk_fail(r->ctx, DMK_E_ARG, "the caller's"));
+    assert_int_equal(rc, DMK_E_ARG);
+    assert_string_equal(dmk_context_message(r->ctx), "the caller's");
+    assert_int_equal(dmk_context_set_threads(r->ctx, -1), DMK_E_ARG);
+    record_free(r);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_each_item_once),
+        cmocka_unit_test(test_as_many_threads_as_asked),
+        cmocka_unit_test(test_loops_in_tasks_share_the_threads),
+        cmocka_unit_test(test_the_first_culprit),
+        cmocka_unit_test(test_failures_tell_of_the_first),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
