@@ -4,6 +4,7 @@
  * The modelled bytes of a kernel are its streams once and its vectors once: a gather counts as one pass
  * over the vector it gathers from. The copy reads half of them and writes the other half. Kernel and
  * copy take turns; the least of the rounds counts. */
+#include "solver/kernels.h"
 #include "solver/outer.h"
 
 #include <math.h>
@@ -40,9 +41,7 @@ static int run_newton_elements(bench *b)
 static int run_rows(bench *b)
 {
     dmk_system *s = b->sys;
-    return DMK_LAUNCH(b->ctx, b->device, DMK_KERNEL(s, DMK_INNER, rows_apply), s->n_rows,
-                      DMK_INT(s->n_rows), DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out),
-                      DMK_BUF(s->x), DMK_BUF(s->residual), DMK_BUF(s->partial));
+    return dmk_rows_apply(b->ctx, s, DMK_INNER, s->x, s->residual);
 }
 
 static int run_stiffness(bench *b)
@@ -68,10 +67,8 @@ static int run_chebyshev(bench *b)
     int rc;
     dmk_system *s = b->sys;
     DMK_TRY(dmk_inner_elements(b->ctx, s, DMK_NEWTON_MATRIX, s->x));
-    DMK_TRY(DMK_LAUNCH(b->ctx, b->device, DMK_KERNEL(s, DMK_INNER, rows_chebyshev), s->n_rows,
-                       DMK_INT(s->n_rows), DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out),
-                       DMK_BUF(s->cg[DMK_INNER].r), DMK_BUF(s->inv_diag), DMK_BUF(s->x),
-                       DMK_BUF(s->x_old), DMK_FLOAT(0.2), DMK_FLOAT(1), DMK_FLOAT(1)));
+    DMK_TRY(dmk_rows_chebyshev(b->ctx, s, s->cg[DMK_INNER].r, s->x, s->x_old,
+                               (dmk_chebyshev_step){0.2, 1, 1}));
 done:
     return rc;
 }
@@ -80,19 +77,13 @@ static int run_graph(bench *b)
 {
     dmk_system *s = b->sys;
     dmk_level *l = &s->level[0];
-    return DMK_LAUNCH(b->ctx, b->device, DMK_KERNEL(s, DMK_INNER, graph_chebyshev), l->n,
-                      DMK_INT(l->n), DMK_BUF(l->slice), DMK_BUF(l->neighbour), DMK_BUF(l->weight),
-                      DMK_BUF(l->rhs), DMK_BUF(l->inv_diag), DMK_BUF(l->x), DMK_BUF(l->x_old),
-                      DMK_FLOAT(0.2), DMK_FLOAT(1), DMK_FLOAT(1));
+    return dmk_graph_chebyshev(b->ctx, s, 0, l->x, l->x_old, (dmk_chebyshev_step){0.2, 1, 1});
 }
 
 static int run_energy(bench *b)
 {
     dmk_system *s = b->sys;
-    return DMK_LAUNCH(b->ctx, b->device, DMK_KERNEL(s, DMK_OUTER, element_energy), s->n_elements,
-                      DMK_INT(s->n_elements), DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area),
-                      DMK_BUF(s->mu), DMK_BUF(s->u), DMK_BUF(s->g), DMK_BUF(s->q),
-                      DMK_BUF(s->partial));
+    return dmk_element_energy(b->ctx, s, s->u);
 }
 
 static void model(const bench *b, measured *m)
@@ -163,10 +154,7 @@ static int prepare(bench *b, const char *path)
     DMK_TRY(fill(b, DMK_INNER, s->x, s->n_rows, -1, 1));
     DMK_TRY(fill(b, DMK_INNER, s->level[0].x, s->level[0].n, -1, 1));
     DMK_TRY(fill(b, DMK_INNER, s->rank_one, 6 * s->n_elements, 0.1, 1));
-    DMK_TRY(DMK_LAUNCH(b->ctx, b->device, DMK_KERNEL(s, DMK_OUTER, element_prepare), s->n_elements,
-                       DMK_INT(s->n_elements), DMK_BUF(s->cot), DMK_BUF(s->mu),
-                       DMK_BUF(s->weight_real), DMK_BUF(s->weight), DMK_BUF(s->out),
-                       DMK_BUF(s->link), DMK_BUF(s->diag_coarse)));
+    DMK_TRY(dmk_element_prepare(b->ctx, s));
     DMK_TRY(dmk_multigrid_refresh(b->ctx, s));
 done:
     return rc;
@@ -191,7 +179,7 @@ done:
 static int run_copy(bench *b, double bytes)
 {
     int32_t n = (int32_t)(bytes / 8); /* numbers read; as many written */
-    return DMK_LAUNCH(b->ctx, b->device, b->copy, n, DMK_INT(n), DMK_BUF(b->from), DMK_BUF(b->to));
+    return DMK_LAUNCH(b->ctx, b->device, b->copy, ((dmk_range){(size_t)n, 0}), DMK_INT(n), DMK_BUF(b->from), DMK_BUF(b->to));
 }
 
 /* A blocking read ends when all queued work is done. */

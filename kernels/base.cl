@@ -76,14 +76,14 @@ typedef sum_t sumv;
 #define FOR_ROWS(i, n) FOR_BLOCKS(i, n)
 #endif
 
-/* Who does what in the CPU shape. Drivers hand work-groups to their threads as they come, so that what
+/* Work distribution in the CPU shape. Drivers hand work-groups to their threads as they come, so that what
  * one core has written another reads in the next kernel; between cores that do not share a cache this
  * costs more than the work. Here the work is cut into parts (DMK_CHUNK blocks each), every thread has a
  * share of them, the same one in launch after launch, and a work-group does the parts of its thread's
  * share one by one. Then it helps where a thread has not come at all, or is far behind. Which thread
  * does a part changes no result: sums are kept by part.
  *   launch  the launch's tag, threads (0: each work-group does the part of its number), parts of the
- *           first range (see dmk_device_ranges), parts
+ *           first range (see dmk_range), parts
  *   shares  a word for each thread on a line of its own: tag << 21 | the thread has come << 20 | parts
  *           taken; then their keys */
 #if DMK_CPU

@@ -242,7 +242,7 @@ KERNEL newton_update(int n, float alpha, float D, float lowest, global const int
 
 /* The paper's explicit Euler step mu <- mu (1 + dt (sqrt(q) - 1)), or, with inertial != 0, a step in
  * y = log mu with inertia: y <- y + 1/2 log q + beta (y - y_before). */
-KERNEL explicit_update(int n, int inertial, float alpha, float dt, float beta, float lowest,
+KERNEL explicit_update(int n, int inertial, float dt, float beta, float lowest,
                        global const real *area, global const real *q, global real *mu,
                        global real *before, global sum_t *partial LAUNCH)
 {
@@ -253,7 +253,7 @@ KERNEL explicit_update(int n, int inertial, float alpha, float dt, float beta, f
         FOR_PART_BLOCKS(b, n)
         {
             const realv a = LOAD(area, AT(b)), old = LOAD(mu, AT(b)),
-                        slope = (real)alpha * sqrt(LOAD(q, AT(b)));
+                        slope = sqrt(LOAD(q, AT(b)));
             realv grown = old * (1 + (real)dt * (slope - 1));
             if (inertial) {
                 const realv ratio = old / fmax(LOAD(before, AT(b)), (realv)1e-37f);

@@ -65,6 +65,8 @@ done
 check 'the tool knows the public header only' includes cli
 check 'only src/device sees OpenCL' \
     nothing '#include <CL/' $(library | grep -v '^src/device/') src/cli/*.[ch]
+check 'only solver/kernels.c launches kernels' nothing 'DMK_LAUNCH|dmk_launch\(' \
+    $(library | grep -v -e '^src/device/' -e '^src/solver/kernels.c')
 check 'the library does not print' nothing '[^n]printf\(|\bputs\(|\bputchar\(|\bperror\(' $(library)
 check 'the library does not end the program' nothing '\b(exit|abort)\(' $(library)
 check 'the library does not touch the locale' nothing '\bsetlocale\(' $(library)

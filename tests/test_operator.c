@@ -1,4 +1,5 @@
 /* The macro-element operators and the V-cycle against a dense assembly. */
+#include "solver/kernels.h"
 #include "solver/outer.h"
 
 #include <math.h>
@@ -117,10 +118,7 @@ static double dot(size_t n, const double *a, const double *b)
 static void prepare(const fixture *x)
 {
     dmk_system *s = x->sys;
-    ok(x, DMK_LAUNCH(x->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, element_prepare), s->n_elements,
-                     DMK_INT(s->n_elements), DMK_BUF(s->cot), DMK_BUF(s->mu),
-                     DMK_BUF(s->weight_real), DMK_BUF(s->weight), DMK_BUF(s->out), DMK_BUF(s->link),
-                     DMK_BUF(s->diag_coarse)));
+    ok(x, dmk_element_prepare(x->ctx, s));
     ok(x, dmk_multigrid_refresh(x->ctx, s));
 }
 
@@ -130,13 +128,8 @@ static double *apply(const fixture *x, const double *v)
     dmk_system *s = x->sys;
     double *y = calloc(x->n, sizeof *y);
     ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, s->cg[DMK_OUTER].p, x->n, v));
-    ok(x, DMK_LAUNCH(x->ctx, x->dev, DMK_KERNEL(s, DMK_OUTER, element_stiffness), s->n_elements,
-                     DMK_INT(s->n_elements), DMK_BUF(s->index), DMK_BUF(s->weight_real),
-                     DMK_BUF(s->cg[DMK_OUTER].p), DMK_BUF(s->out_real)));
-    ok(x, DMK_LAUNCH(x->ctx, x->dev, DMK_KERNEL(s, DMK_OUTER, rows_apply), s->n_rows,
-                     DMK_INT(s->n_rows), DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out_real),
-                     DMK_BUF(s->cg[DMK_OUTER].p), DMK_BUF(s->cg[DMK_OUTER].ap),
-                     DMK_BUF(s->partial)));
+    ok(x, dmk_element_stiffness(x->ctx, s, DMK_OUTER, s->cg[DMK_OUTER].p));
+    ok(x, dmk_rows_apply(x->ctx, s, DMK_OUTER, s->cg[DMK_OUTER].p, s->cg[DMK_OUTER].ap));
     ok(x, dmk_buffer_read_real(x->ctx, x->dev, DMK_OUTER, s->cg[DMK_OUTER].ap, x->n, y));
     return y;
 }
@@ -227,11 +220,10 @@ static void every_part_is_done_once(void **state)
     ok(x, dmk_buffer_create(x->ctx, x->dev, (N + 8) * sizeof *v, NULL, &sum));
     ok(x, dmk_buffer_create(x->ctx, x->dev, (N + 8) * sizeof *v, NULL, &one));
     ok(x, dmk_buffer_write(x->ctx, x->dev, one, 0, N * sizeof *v, v));
-    dmk_device_ranges(x->dev, N, N / 3);
     dmk_kernel *add;
     ok(x, dmk_kernel_get(x->ctx, x->dev, DMK_INNER, "scale_add", &add));
     for (int k = 1; k <= LAUNCHES; k++) {
-        ok(x, DMK_LAUNCH(x->ctx, x->dev, add, N, DMK_INT(N), DMK_FLOAT(1), DMK_BUF(sum),
+        ok(x, DMK_LAUNCH(x->ctx, x->dev, add, ((dmk_range){N, N / 3}), DMK_INT(N), DMK_FLOAT(1), DMK_BUF(sum),
                          DMK_BUF(one)));
         if (k % LOOK) continue;
         ok(x, dmk_buffer_read(x->ctx, x->dev, sum, 0, N * sizeof *v, v));

@@ -45,16 +45,20 @@ typedef struct dmk_arg {
 #define DMK_INT(x) ((dmk_arg){sizeof(int32_t), &(const int32_t){(int32_t)(x)}})
 #define DMK_FLOAT(x) ((dmk_arg){sizeof(float), &(const float){(float)(x)}})
 
-/* Queue a kernel over `items` items; kernels see items in blocks of DMK_WIDTH. */
-int dmk_launch(dmk_context *context, dmk_device *device, const dmk_kernel *kernel, size_t items,
+/* What a launch goes over: `items` items in one range, or in two, the first of `first` items, that
+ * follow the mesh each by itself (midpoints, then vertices): on a CPU a thread's share is then a piece of
+ * both. */
+typedef struct dmk_range {
+    size_t items, first; /* first: 0 for one range */
+} dmk_range;
+
+/* Queue a kernel over a range; kernels see items in blocks of DMK_WIDTH. */
+int dmk_launch(dmk_context *context, dmk_device *device, const dmk_kernel *kernel, dmk_range range,
                size_t n_args, const dmk_arg *args);
-#define DMK_LAUNCH(context, device, kernel, items, ...)                                            \
-    dmk_launch((context), (device), (kernel), (size_t)(items),                                     \
+#define DMK_LAUNCH(context, device, kernel, range, ...)                                            \
+    dmk_launch((context), (device), (kernel), (range),                                             \
                sizeof((dmk_arg[]){__VA_ARGS__}) / sizeof(dmk_arg), (dmk_arg[]){__VA_ARGS__})
 /* Parts of a launch over `items` items: the number of partial sums a reduction leaves. */
 size_t dmk_launch_parts(const dmk_device *device, size_t items);
-/* Launches over just `items` items go over two ranges, the first of `first` items, which follow the
- * mesh each by itself (midpoints, then vertices): on a CPU a thread's share is a piece of both. */
-void dmk_device_ranges(dmk_device *device, size_t items, size_t first);
 
 #endif

@@ -28,7 +28,6 @@ struct dmk_device {
     size_t chunk;         /* blocks per work-item in the CPU shape */
     dmk_buffer *shares;   /* CPU shape: each thread's progress in a launch (base.cl) */
     int tag;              /* of the last launch that used it */
-    size_t ranges_items, ranges_first; /* see dmk_device_ranges */
     int double_precision;
     char cache[512];      /* folder for binaries, "" = none */
 };

@@ -35,28 +35,22 @@ size_t dmk_launch_parts(const dmk_device *dev, size_t items)
     return parts > 0 ? parts : 1;
 }
 
-void dmk_device_ranges(dmk_device *dev, size_t items, size_t first)
-{
-    dev->ranges_items = items;
-    dev->ranges_first = first;
-}
-
 static int launch_failed(dmk_context *ctx, cl_int error, const dmk_kernel *kernel, size_t items)
 {
     return dmk_fail(ctx, DMK_E_DEVICE, "%s (%d) from kernel %s over %zu items", dmk_cl_text(error),
                     error, kernel->name, items);
 }
 
-/* CPU shape: the last two arguments, which say who does which part (base.cl). *groups: the parts of
+/* CPU shape: the last two arguments, the work distribution (base.cl). *groups: the parts of
  * the launch, then its work-groups: with shares, some for each thread, as drivers may hand several to
  * the thread that comes first. */
-static cl_int share_out(dmk_device *dev, const dmk_kernel *kernel, size_t items, cl_uint arg,
+static cl_int share_out(dmk_device *dev, const dmk_kernel *kernel, dmk_range range, cl_uint arg,
                         size_t *groups)
 {
     const size_t most = 1 << 20; /* a word of `shares` counts to it */
     size_t threads = (size_t)dev->info.compute_units, parts = *groups, first = parts;
     bool shares = threads > 1 && parts >= 2 * threads && parts < most && threads < most / 1024;
-    if (items == dev->ranges_items) first = dmk_launch_parts(dev, dev->ranges_first);
+    if (range.first > 0) first = dmk_launch_parts(dev, range.first);
     if (shares) {
         dev->tag = (dev->tag + 1) % 1023;
         *groups = 4 * threads;
@@ -67,7 +61,7 @@ static cl_int share_out(dmk_device *dev, const dmk_kernel *kernel, size_t items,
     return clSetKernelArg(kernel->cl, arg + 1, sizeof launch, &launch);
 }
 
-int dmk_launch(dmk_context *ctx, dmk_device *dev, const dmk_kernel *kernel, size_t items,
+int dmk_launch(dmk_context *ctx, dmk_device *dev, const dmk_kernel *kernel, dmk_range range,
                size_t n_args, const dmk_arg *args)
 {
     for (size_t i = 0; i < n_args; i++) {
@@ -79,13 +73,13 @@ int dmk_launch(dmk_context *ctx, dmk_device *dev, const dmk_kernel *kernel, size
                             dmk_cl_text(error), error, i, kernel->name);
         }
     }
-    size_t local = dev->cpu_shape ? 1 : DMK_GROUP, groups = dmk_launch_parts(dev, items);
+    size_t local = dev->cpu_shape ? 1 : DMK_GROUP, groups = dmk_launch_parts(dev, range.items);
     if (dev->cpu_shape) {
-        cl_int error = share_out(dev, kernel, items, (cl_uint)n_args, &groups);
-        if (error != CL_SUCCESS) return launch_failed(ctx, error, kernel, items);
+        cl_int error = share_out(dev, kernel, range, (cl_uint)n_args, &groups);
+        if (error != CL_SUCCESS) return launch_failed(ctx, error, kernel, range.items);
     }
     size_t global = groups * local;
     cl_int error =
         clEnqueueNDRangeKernel(dev->queue, kernel->cl, 1, NULL, &global, &local, 0, NULL, NULL);
-    return error == CL_SUCCESS ? DMK_OK : launch_failed(ctx, error, kernel, items);
+    return error == CL_SUCCESS ? DMK_OK : launch_failed(ctx, error, kernel, range.items);
 }

@@ -4,6 +4,7 @@
  *     of r.A^-1 r is estimated by r.z, z = V-cycle(r), and counted four times.
  * Lower: f.v / sqrt(max q(v)) for any v; here v = phi(u) with phi' = 1 / max sqrt(q) over the elements
  *     that meet a level band of u, so that one bad element spoils its band only. */
+#include "solver/kernels.h"
 #include "solver/outer.h"
 
 #include <math.h>
@@ -17,8 +18,7 @@ static int range(dmk_outer *o, double *low, double *high)
     int rc;
     double ends[2];
     dmk_system *s = o->sys;
-    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, rows_range), s->n_rows,
-                       DMK_INT(s->n_rows), DMK_BUF(s->u), DMK_BUF(s->partial)));
+    DMK_TRY(dmk_rows_range(o->ctx, s, s->u));
     DMK_TRY(dmk_outer_sums(o, (size_t)s->n_rows, 2, 2, ends));
     *low = -ends[1];
     *high = ends[0];
@@ -50,20 +50,17 @@ static int lower_bound(dmk_outer *o, double *bound)
     /* Bands of about a quarter of the mean element size. */
     double width = 0.38 / sqrt((double)s->n_elements);
     int n = (int)fmin(MAX_BANDS, ceil((high - low) / width) + 1);
-    float start = (float)(low - 0.5 * width), inverse = (float)((n - 1) / fmax(high - low, 1e-30));
+    const dmk_bands bands = {n, (float)(low - 0.5 * width),
+                             (float)((n - 1) / fmax(high - low, 1e-30))};
     DMK_TRY(DMK_NEW(o->ctx, bits, (size_t)n));
     DMK_TRY(DMK_NEW(o->ctx, phi, (size_t)n + 1));
     DMK_TRY(dmk_buffer_create(o->ctx, s->device, (size_t)n * sizeof *bits, bits, &slopes));
     DMK_TRY(dmk_buffer_create(o->ctx, s->device, ((size_t)n + 1) * sizeof *phi, phi, &knots));
-    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, band_slopes), s->n_elements,
-                       DMK_INT(s->n_elements), DMK_INT(n), DMK_FLOAT(start), DMK_FLOAT(inverse),
-                       DMK_BUF(s->index), DMK_BUF(s->u), DMK_BUF(s->q), DMK_BUF(slopes)));
+    DMK_TRY(dmk_band_slopes(o->ctx, s, &bands, slopes));
     DMK_TRY(dmk_buffer_read(o->ctx, s->device, slopes, 0, (size_t)n * sizeof *bits, bits));
-    integrate_bands(n, bits, 1 / (double)inverse, phi);
+    integrate_bands(n, bits, 1 / (double)bands.inverse, phi);
     DMK_TRY(dmk_buffer_write_real(o->ctx, s->device, DMK_OUTER, knots, (size_t)n + 1, phi));
-    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, band_map), s->n_rows,
-                       DMK_INT(s->n_rows), DMK_INT(n), DMK_FLOAT(start), DMK_FLOAT(inverse),
-                       DMK_BUF(knots), DMK_BUF(s->u), DMK_BUF(v)));
+    DMK_TRY(dmk_band_map(o->ctx, s, &bands, knots, v));
     double fv, vav;
     DMK_TRY(dmk_outer_energies_of(o, v, &fv, &vav));
     DMK_TRY(dmk_outer_measure(o, 1));

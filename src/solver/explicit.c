@@ -1,5 +1,6 @@
 /* Explicit time steps of d mu / dt = mu (|grad u| - 1), one CG solve each: the paper's Euler scheme,
  * and steps in log mu with inertia. */
+#include "solver/kernels.h"
 #include "solver/outer.h"
 
 #include <math.h>
@@ -9,10 +10,7 @@ static int update(dmk_outer *o, bool inertial, double dt, double beta, double *c
     int rc;
     double sums[2];
     dmk_system *s = o->sys;
-    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, explicit_update), s->n_elements,
-                       DMK_INT(s->n_elements), DMK_INT(inertial), DMK_FLOAT(1), DMK_FLOAT(dt),
-                       DMK_FLOAT(beta), DMK_FLOAT(DMK_FLOOR), DMK_BUF(s->area), DMK_BUF(s->q),
-                       DMK_BUF(s->mu), DMK_BUF(s->before), DMK_BUF(s->partial)));
+    DMK_TRY(dmk_explicit_update(o->ctx, s, inertial, dt, beta, DMK_FLOOR));
     DMK_TRY(dmk_outer_sums(o, (size_t)s->n_elements, 2, 0, sums));
     *change = sums[0] / sums[1] / dt;
 done:

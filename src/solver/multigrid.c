@@ -1,6 +1,7 @@
 #include "solver/multigrid.h"
 
 #include "base/dense.h"
+#include "solver/kernels.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -29,16 +30,17 @@ static chebyshev polynomial(int degree)
     return c;
 }
 
+/* Step k; `from_zero`: step 0 was taken from x = 0, so step 1 forgets the older iterate. */
+static dmk_chebyshev_step step_of(const chebyshev *c, int k, bool from_zero)
+{
+    if (k == 0) return (dmk_chebyshev_step){0, 1, c->first};
+    return (dmk_chebyshev_step){c->momentum[k], from_zero && k == 1 ? 0 : 1, c->step[k]};
+}
+
 int dmk_inner_elements(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_buffer *x)
 {
-    if (op == DMK_STIFFNESS) {
-        return DMK_LAUNCH(ctx, s->device, DMK_KERNEL(s, DMK_INNER, element_stiffness),
-                          s->n_elements, DMK_INT(s->n_elements), DMK_BUF(s->index),
-                          DMK_BUF(s->weight), DMK_BUF(x), DMK_BUF(s->out));
-    }
-    return DMK_LAUNCH(ctx, s->device, DMK_KERNEL(s, DMK_INNER, element_newton), s->n_elements,
-                      DMK_INT(s->n_elements), DMK_BUF(s->index), DMK_BUF(s->weight),
-                      DMK_BUF(s->rank_one), DMK_BUF(x), DMK_BUF(s->out));
+    if (op == DMK_STIFFNESS) return dmk_element_stiffness(ctx, s, DMK_INNER, x);
+    return dmk_element_newton(ctx, s, x);
 }
 
 /* ---- refresh --------------------------------------------------------------------------------- */
@@ -79,30 +81,13 @@ done:
 int dmk_multigrid_refresh(dmk_context *ctx, dmk_system *s)
 {
     int rc;
-    dmk_device *dev = s->device;
-    dmk_level *t = &s->level[0];
-    DMK_TRY(DMK_LAUNCH(ctx, dev, DMK_KERNEL(s, DMK_INNER, inverse_diagonal), s->n_rows,
-                       DMK_INT(s->n_rows), DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out),
-                       DMK_BUF(s->inv_diag)));
-    DMK_TRY(DMK_LAUNCH(ctx, dev, DMK_KERNEL(s, DMK_INNER, links_from_triangles), t->n_links,
-                       DMK_INT(t->n_links), DMK_BUF(s->edge_place), DMK_BUF(s->link),
-                       DMK_BUF(t->link)));
+    DMK_TRY(dmk_inverse_diagonal_fine(ctx, s));
     for (int32_t i = 0; i < s->n_levels; i++) {
-        dmk_level *l = &s->level[i];
-        if (i > 0) {
-            DMK_TRY(DMK_LAUNCH(ctx, dev, DMK_KERNEL(s, DMK_INNER, links_from_links), l->n_links,
-                               DMK_INT(l->n_links), DMK_BUF(l->galerkin_row),
-                               DMK_BUF(l->galerkin_link), DMK_BUF(l->galerkin_coef),
-                               DMK_BUF(s->level[i - 1].link), DMK_BUF(l->link)));
-        }
-        DMK_TRY(DMK_LAUNCH(ctx, dev, DMK_KERNEL(s, DMK_INNER, graph_weights), l->n, DMK_INT(l->n),
-                           DMK_BUF(l->slice), DMK_BUF(l->number), DMK_BUF(l->link),
-                           DMK_BUF(l->weight), DMK_BUF(l->inv_diag)));
+        DMK_TRY(dmk_links(ctx, s, i));
+        DMK_TRY(dmk_graph_weights(ctx, s, i));
     }
     /* On T the elements' bound is sharper than the rows'. */
-    DMK_TRY(DMK_LAUNCH(ctx, dev, DMK_KERNEL(s, DMK_INNER, inverse_diagonal), t->n, DMK_INT(t->n),
-                       DMK_BUF(s->corner_slice), DMK_BUF(s->corner_slot), DMK_BUF(s->diag_coarse),
-                       DMK_BUF(t->inv_diag)));
+    DMK_TRY(dmk_inverse_diagonal_coarse(ctx, s));
     DMK_TRY(refresh_coarsest(ctx, s));
 done:
     return rc;
@@ -110,58 +95,15 @@ done:
 
 /* ---- cycle ----------------------------------------------------------------------------------- */
 
-/* x_old <- Chebyshev step from x on T/2; `keep` = 0 forgets the older iterate. */
+/* x_old <- Chebyshev step from x on T/2. */
 static int fine_step(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_buffer *rhs,
-                     const dmk_buffer *x, dmk_buffer *x_old, double momentum, double keep,
-                     double step)
+                     const dmk_buffer *x, dmk_buffer *x_old, dmk_chebyshev_step c)
 {
     int rc;
     DMK_TRY(dmk_inner_elements(ctx, s, op, x));
-    DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL(s, DMK_INNER, rows_chebyshev), s->n_rows,
-                       DMK_INT(s->n_rows), DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out),
-                       DMK_BUF(rhs), DMK_BUF(s->inv_diag), DMK_BUF(x), DMK_BUF(x_old),
-                       DMK_FLOAT(momentum), DMK_FLOAT(keep), DMK_FLOAT(step)));
+    DMK_TRY(dmk_rows_chebyshev(ctx, s, rhs, x, x_old, c));
 done:
     return rc;
-}
-
-static int graph_step(dmk_context *ctx, dmk_system *s, dmk_level *l, const dmk_buffer *x,
-                      dmk_buffer *x_old, double momentum, double keep, double step)
-{
-    return DMK_LAUNCH(ctx, s->device, DMK_KERNEL(s, DMK_INNER, graph_chebyshev), l->n,
-                      DMK_INT(l->n), DMK_BUF(l->slice), DMK_BUF(l->neighbour), DMK_BUF(l->weight),
-                      DMK_BUF(l->rhs), DMK_BUF(l->inv_diag), DMK_BUF(x), DMK_BUF(x_old),
-                      DMK_FLOAT(momentum), DMK_FLOAT(keep), DMK_FLOAT(step));
-}
-
-/* Restrict the finer level's residual to level i and take the first smoothing step there. */
-static int restrict_to(dmk_context *ctx, dmk_system *s, int32_t i, double step)
-{
-    dmk_level *l = &s->level[i];
-    if (i == 0) {
-        return DMK_LAUNCH(ctx, s->device, DMK_KERNEL(s, DMK_INNER, restrict_midpoints), l->n,
-                          DMK_INT(l->n), DMK_INT(s->vertex_row), DMK_BUF(l->slice),
-                          DMK_BUF(l->number), DMK_BUF(s->residual), DMK_FLOAT(step),
-                          DMK_BUF(l->inv_diag), DMK_BUF(l->rhs), DMK_BUF(l->x));
-    }
-    return DMK_LAUNCH(ctx, s->device, DMK_KERNEL(s, DMK_INNER, restrict_rows), l->n, DMK_INT(l->n),
-                      DMK_BUF(l->restrict_slice), DMK_BUF(l->restrict_entry),
-                      DMK_BUF(l->restrict_weight), DMK_BUF(s->level[i - 1].residual),
-                      DMK_FLOAT(step), DMK_BUF(l->inv_diag), DMK_BUF(l->rhs), DMK_BUF(l->x));
-}
-
-/* Add level i's correction (in its x_old) to x of the finer level. */
-static int prolong_from(dmk_context *ctx, dmk_system *s, int32_t i, dmk_buffer *x)
-{
-    dmk_level *l = &s->level[i];
-    if (i == 0) {
-        return DMK_LAUNCH(ctx, s->device, DMK_KERNEL(s, DMK_INNER, prolong_midpoints), s->n_rows,
-                          DMK_INT(s->n_rows), DMK_BUF(s->ends), DMK_BUF(l->x_old), DMK_BUF(x));
-    }
-    dmk_level *fine = &s->level[i - 1];
-    return DMK_LAUNCH(ctx, s->device, DMK_KERNEL(s, DMK_INNER, prolong_rows), fine->n,
-                      DMK_INT(fine->n), DMK_BUF(l->prolong_index), DMK_BUF(l->prolong_weight),
-                      DMK_BUF(l->x_old), DMK_BUF(x));
 }
 
 /* Levels i and below, from the residual of the level above i to its corrected x. */
@@ -169,22 +111,17 @@ static int graph_cycle(dmk_context *ctx, dmk_system *s, int32_t i, const chebysh
 {
     int rc;
     dmk_level *l = &s->level[i];
-    DMK_TRY(restrict_to(ctx, s, i, c->first));
+    DMK_TRY(dmk_restrict(ctx, s, i, c->first));
     if (i == s->n_levels - 1) {
-        DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL(s, DMK_INNER, coarse_solve), l->n_pad,
-                           DMK_INT(l->n), DMK_INT(l->n_pad), DMK_BUF(s->coarse_inverse),
-                           DMK_BUF(l->rhs), DMK_BUF(l->x_old)));
+        DMK_TRY(dmk_coarse_solve(ctx, s));
     } else {
-        DMK_TRY(graph_step(ctx, s, l, l->x, l->x_old, c->momentum[1], 0, c->step[1]));
-        DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL(s, DMK_INNER, graph_residual), l->n,
-                           DMK_INT(l->n), DMK_BUF(l->slice), DMK_BUF(l->neighbour),
-                           DMK_BUF(l->weight), DMK_BUF(l->x_old), DMK_BUF(l->rhs),
-                           DMK_BUF(l->residual)));
+        DMK_TRY(dmk_graph_chebyshev(ctx, s, i, l->x, l->x_old, step_of(c, 1, true)));
+        DMK_TRY(dmk_graph_residual(ctx, s, i, l->x_old));
         DMK_TRY(graph_cycle(ctx, s, i + 1, c, l->x_old));
-        DMK_TRY(graph_step(ctx, s, l, l->x_old, l->x, 0, 1, c->first));
-        DMK_TRY(graph_step(ctx, s, l, l->x, l->x_old, c->momentum[1], 1, c->step[1]));
+        DMK_TRY(dmk_graph_chebyshev(ctx, s, i, l->x_old, l->x, step_of(c, 0, false)));
+        DMK_TRY(dmk_graph_chebyshev(ctx, s, i, l->x, l->x_old, step_of(c, 1, false)));
     }
-    DMK_TRY(prolong_from(ctx, s, i, x));
+    DMK_TRY(dmk_prolong(ctx, s, i, x));
 done:
     return rc;
 }
@@ -197,9 +134,7 @@ static int smooth_fine(dmk_context *ctx, dmk_system *s, dmk_operator op, const d
 {
     int rc = DMK_OK;
     for (int k = from_zero ? 1 : 0; k < c->degree; k++) {
-        double keep = from_zero && k == 1 ? 0 : 1;
-        if (k == 0) DMK_TRY(fine_step(ctx, s, op, rhs, now, old, 0, 1, c->first));
-        else DMK_TRY(fine_step(ctx, s, op, rhs, now, old, c->momentum[k], keep, c->step[k]));
+        DMK_TRY(fine_step(ctx, s, op, rhs, now, old, step_of(c, k, from_zero)));
         dmk_buffer *swap = now;
         now = old;
         old = swap;
@@ -215,14 +150,10 @@ int dmk_v_cycle(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_buff
     dmk_buffer *x;
     /* Newton's few loose iterations gain nothing from a higher degree. */
     chebyshev fine = polynomial(op == DMK_STIFFNESS ? s->fine_degree : 2), coarse = polynomial(2);
-    DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL(s, DMK_INNER, smooth_first), s->n_rows,
-                       DMK_INT(s->n_rows), DMK_FLOAT(fine.first), DMK_BUF(s->inv_diag), DMK_BUF(rhs),
-                       DMK_BUF(s->x)));
+    DMK_TRY(dmk_smooth_first(ctx, s, rhs, fine.first));
     DMK_TRY(smooth_fine(ctx, s, op, rhs, &fine, true, s->x, s->x_old, &x));
     DMK_TRY(dmk_inner_elements(ctx, s, op, x));
-    DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL(s, DMK_INNER, rows_residual), s->n_rows,
-                       DMK_INT(s->n_rows), DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out),
-                       DMK_BUF(rhs), DMK_BUF(s->residual)));
+    DMK_TRY(dmk_rows_residual(ctx, s, rhs));
     DMK_TRY(graph_cycle(ctx, s, 0, &coarse, x));
     /* As many steps again, so x ends in x_old whatever the degree. */
     DMK_TRY(smooth_fine(ctx, s, op, rhs, &fine, false, x, x == s->x ? s->x_old : s->x, &x));

@@ -2,6 +2,7 @@
  *     M w = f - sum_T mu_T (1 + D L_T) g_T,   M = A + sum_T c_T g_T g_T',  c_T = D mu_T / (|T| s_T)
  * by a few CG iterations, then u += w and y += D (L + g.w / (|T| s)). D is the pseudo time step: it
  * grows while the equation |grad u| = 1 gets better satisfied and shrinks when it does not. */
+#include "solver/kernels.h"
 #include "solver/outer.h"
 
 #include <math.h>
@@ -35,14 +36,8 @@ static int solve_step(dmk_outer *o, double alpha, const pace *p)
     int rc, before = o->stats->cg_iterations;
     dmk_system *s = o->sys;
     size_t vector = (size_t)s->n_rows_pad * sizeof(float);
-    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, newton_prepare), s->n_elements,
-                       DMK_INT(s->n_elements), DMK_FLOAT(alpha), DMK_FLOAT(p->D), DMK_BUF(s->cot),
-                       DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->q), DMK_BUF(s->g),
-                       DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(s->out_real),
-                       DMK_BUF(s->out), DMK_BUF(s->link), DMK_BUF(s->diag_coarse)));
-    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, rows_rhs), s->n_rows,
-                       DMK_INT(s->n_rows), DMK_BUF(s->slice), DMK_BUF(s->slot),
-                       DMK_BUF(s->out_real), DMK_BUF(s->f), DMK_BUF(s->cg[DMK_INNER].r)));
+    DMK_TRY(dmk_newton_prepare(o->ctx, s, alpha, p->D));
+    DMK_TRY(dmk_rows_rhs(o->ctx, s));
     DMK_TRY(dmk_multigrid_refresh(o->ctx, s));
     DMK_TRY(dmk_buffer_clear(o->ctx, s->device, s->w, vector));
     DMK_TRY(dmk_pcg(o->ctx, s, DMK_INNER, DMK_NEWTON_MATRIX, s->w, p->iterations, 0, 0,
@@ -57,13 +52,9 @@ static int update(dmk_outer *o, double alpha, const pace *p, double *change)
     int rc;
     double sums[2];
     dmk_system *s = o->sys;
-    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, newton_update), s->n_elements,
-                       DMK_INT(s->n_elements), DMK_FLOAT(alpha), DMK_FLOAT(p->D),
-                       DMK_FLOAT(DMK_FLOOR), DMK_BUF(s->index), DMK_BUF(s->area), DMK_BUF(s->q),
-                       DMK_BUF(s->g), DMK_BUF(s->w), DMK_BUF(s->mu), DMK_BUF(s->partial)));
+    DMK_TRY(dmk_newton_update(o->ctx, s, alpha, p->D, DMK_FLOOR));
     DMK_TRY(dmk_outer_sums(o, (size_t)s->n_elements, 2, 0, sums));
-    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, scale_add), s->n_rows,
-                       DMK_INT(s->n_rows), DMK_FLOAT(alpha), DMK_BUF(s->u), DMK_BUF(s->w)));
+    DMK_TRY(dmk_scale_add(o->ctx, s, alpha));
     *change = sums[0] / sums[1];
 done:
     return rc;

@@ -1,15 +1,14 @@
 #include "solver/outer.h"
 
+#include "solver/kernels.h"
+
 #include <math.h>
 
 int dmk_outer_sums(dmk_outer *o, size_t items, int count, int maxima, double *sums)
 {
     int rc;
     dmk_system *s = o->sys;
-    int32_t parts = (int32_t)dmk_launch_parts(s->device, items);
-    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, sum_partials), 1,
-                       DMK_INT(parts), DMK_INT(count), DMK_INT(maxima), DMK_BUF(s->partial),
-                       DMK_BUF(s->scalars), DMK_INT(0)));
+    DMK_TRY(dmk_sum_partials(o->ctx, s, items, count, maxima));
     DMK_TRY(dmk_buffer_read_real(o->ctx, s->device, DMK_OUTER, s->scalars, (size_t)count, sums));
 done:
     return rc;
@@ -19,13 +18,9 @@ int dmk_outer_energies_of(dmk_outer *o, const dmk_buffer *u, double *fu, double 
 {
     int rc;
     dmk_system *s = o->sys;
-    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, element_energy), s->n_elements,
-                       DMK_INT(s->n_elements), DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area),
-                       DMK_BUF(s->mu), DMK_BUF(u), DMK_BUF(s->g), DMK_BUF(s->q),
-                       DMK_BUF(s->partial)));
+    DMK_TRY(dmk_element_energy(o->ctx, s, u));
     DMK_TRY(dmk_outer_sums(o, (size_t)s->n_elements, 1, 0, uau));
-    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, dot_real), s->n_rows,
-                       DMK_INT(s->n_rows), DMK_BUF(s->f), DMK_BUF(u), DMK_BUF(s->partial)));
+    DMK_TRY(dmk_dot(o->ctx, s, s->f, u));
     DMK_TRY(dmk_outer_sums(o, (size_t)s->n_rows, 1, 0, fu));
 done:
     return rc;
@@ -38,9 +33,7 @@ int dmk_outer_measure(dmk_outer *o, double alpha)
     int rc;
     double sums[3];
     dmk_system *s = o->sys;
-    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, element_measure), s->n_elements,
-                       DMK_INT(s->n_elements), DMK_FLOAT(alpha), DMK_BUF(s->area), DMK_BUF(s->mu),
-                       DMK_BUF(s->q), DMK_BUF(s->partial)));
+    DMK_TRY(dmk_element_measure(o->ctx, s, alpha));
     DMK_TRY(dmk_outer_sums(o, (size_t)s->n_elements, 3, 1, sums));
     o->mass = sums[1];
     o->rho = sqrt(sums[0] / sums[1]);
@@ -55,16 +48,9 @@ static int prepare_solve(dmk_outer *o)
     int rc;
     dmk_system *s = o->sys;
     DMK_TRY(dmk_outer_energies(o));
-    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, element_scale), s->n_elements,
-                       DMK_INT(s->n_elements), DMK_BUF(s->mu), DMK_BUF(s->g)));
-    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, rows_outer_residual), s->n_rows,
-                       DMK_INT(s->n_rows), DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->g),
-                       DMK_BUF(s->f), DMK_BUF(s->cg[DMK_OUTER].r),
-                       DMK_BUF(s->cg[DMK_OUTER].narrow)));
-    DMK_TRY(DMK_LAUNCH(o->ctx, s->device, DMK_KERNEL(s, DMK_OUTER, element_prepare), s->n_elements,
-                       DMK_INT(s->n_elements), DMK_BUF(s->cot), DMK_BUF(s->mu),
-                       DMK_BUF(s->weight_real), DMK_BUF(s->weight), DMK_BUF(s->out),
-                       DMK_BUF(s->link), DMK_BUF(s->diag_coarse)));
+    DMK_TRY(dmk_element_scale(o->ctx, s));
+    DMK_TRY(dmk_rows_outer_residual(o->ctx, s));
+    DMK_TRY(dmk_element_prepare(o->ctx, s));
     DMK_TRY(dmk_multigrid_refresh(o->ctx, s));
 done:
     return rc;

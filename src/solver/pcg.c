@@ -1,20 +1,17 @@
 #include "solver/pcg.h"
 
+#include "solver/kernels.h"
+
 enum { LOOK_EVERY = 2 };
 
 /* z = V-cycle(r), then beta and the new direction. */
-static int direction(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op, int first)
+static int direction(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op, bool first)
 {
     int rc;
-    int32_t n = s->n_rows, parts = (int32_t)dmk_launch_parts(s->device, (size_t)n);
     DMK_TRY(dmk_v_cycle(ctx, s, op, s->cg[p].narrow));
-    DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL_OF(s, p, cg_dots), n, DMK_INT(n),
-                       DMK_BUF(s->cg[p].r), DMK_BUF(s->cg[p].ap), DMK_BUF(s->x_old),
-                       DMK_BUF(s->partial)));
-    DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL_OF(s, p, cg_beta), 1, DMK_INT(parts),
-                       DMK_INT(first), DMK_BUF(s->partial), DMK_BUF(s->state)));
-    DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL_OF(s, p, cg_direction), n, DMK_INT(n),
-                       DMK_BUF(s->state), DMK_BUF(s->x_old), DMK_BUF(s->cg[p].p)));
+    DMK_TRY(dmk_cg_dots(ctx, s, p, s->x_old));
+    DMK_TRY(dmk_cg_beta(ctx, s, p, first));
+    DMK_TRY(dmk_cg_direction(ctx, s, p, s->x_old));
 done:
     return rc;
 }
@@ -23,23 +20,14 @@ done:
 static int step(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op, dmk_buffer *x)
 {
     int rc;
-    int32_t n = s->n_rows, parts = (int32_t)dmk_launch_parts(s->device, (size_t)n);
-    dmk_buffer *out = p == DMK_INNER ? s->out : s->out_real;
     if (p == DMK_INNER) {
         DMK_TRY(dmk_inner_elements(ctx, s, op, s->cg[p].p));
     } else {
-        DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL(s, DMK_OUTER, element_stiffness),
-                           s->n_elements, DMK_INT(s->n_elements), DMK_BUF(s->index),
-                           DMK_BUF(s->weight_real), DMK_BUF(s->cg[p].p), DMK_BUF(out)));
+        DMK_TRY(dmk_element_stiffness(ctx, s, DMK_OUTER, s->cg[p].p));
     }
-    DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL_OF(s, p, rows_apply), n, DMK_INT(n),
-                       DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(out), DMK_BUF(s->cg[p].p),
-                       DMK_BUF(s->cg[p].ap), DMK_BUF(s->partial)));
-    DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL_OF(s, p, cg_alpha), 1, DMK_INT(parts),
-                       DMK_BUF(s->partial), DMK_BUF(s->state)));
-    DMK_TRY(DMK_LAUNCH(ctx, s->device, DMK_KERNEL_OF(s, p, cg_step), n, DMK_INT(n),
-                       DMK_BUF(s->state), DMK_BUF(s->cg[p].p), DMK_BUF(s->cg[p].ap), DMK_BUF(x),
-                       DMK_BUF(s->cg[p].r), DMK_BUF(s->cg[p].narrow)));
+    DMK_TRY(dmk_rows_apply(ctx, s, p, s->cg[p].p, s->cg[p].ap));
+    DMK_TRY(dmk_cg_alpha(ctx, s, p));
+    DMK_TRY(dmk_cg_step(ctx, s, p, x));
 done:
     return rc;
 }

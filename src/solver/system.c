@@ -1,5 +1,6 @@
 #include "solver/system.h"
 
+#include "solver/kernels.h"
 #include "solver/slices.h"
 
 #include "base/parallel.h"
@@ -393,17 +394,6 @@ done:
     return rc;
 }
 
-#define DMK_KERNEL_GET(name, program)                                                              \
-    DMK_TRY(dmk_kernel_get(ctx, s->device, program, #name, &DMK_KERNEL(s, program, name)));
-
-static int get_kernels(dmk_context *ctx, dmk_system *s)
-{
-    int rc;
-    DMK_KERNEL_LIST(DMK_KERNEL_GET)
-done:
-    return rc;
-}
-
 static int pack_fine(const packer *p)
 {
     int rc;
@@ -456,9 +446,8 @@ int dmk_system_create(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh
     s->vertex_row = dmk_padded(mesh->n_edges); /* at least one padding row: filler links read it */
     s->n_rows = s->vertex_row + mesh->n_vertices;
     s->n_rows_pad = (int32_t)dmk_system_rows(mesh);
-    dmk_device_ranges(device, (size_t)s->n_rows, (size_t)s->vertex_row);
     packer p = {ctx, device, mesh, s};
-    DMK_TRY(get_kernels(ctx, s));
+    DMK_TRY(dmk_kernels_create(ctx, device, &s->kernels));
     DMK_TRY(pack_all(&p)); /* frees the host's hierarchy before ... */
     DMK_TRY(allocate_state(&p));
     *system = s;
@@ -495,6 +484,7 @@ void dmk_system_destroy(dmk_system **system)
     dmk_buffer_destroy(&s->cg[DMK_OUTER].ap);
     for (int32_t i = 0; i < DMK_SYSTEM_LEVELS; i++) free_level(&s->level[i]);
     free(s->coarse_link_vertex);
+    dmk_kernels_destroy(&s->kernels);
     free(s);
     *system = NULL;
 }

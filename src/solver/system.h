@@ -11,59 +11,7 @@
 #include "levels/coarsen.h"
 #include "mesh/mesh.h"
 
-/* X(name, program): the kernels in use. */
-#define DMK_KERNEL_LIST(X)                                                                         \
-    X(element_stiffness, DMK_INNER)                                                                \
-    X(element_newton, DMK_INNER)                                                                   \
-    X(rows_apply, DMK_INNER)                                                                       \
-    X(rows_residual, DMK_INNER)                                                                    \
-    X(rows_chebyshev, DMK_INNER)                                                                   \
-    X(cg_dots, DMK_INNER)                                                                        \
-    X(cg_beta, DMK_INNER)                                                                          \
-    X(cg_direction, DMK_INNER)                                                                     \
-    X(cg_alpha, DMK_INNER)                                                                         \
-    X(cg_step, DMK_INNER)                                                                          \
-    X(smooth_first, DMK_INNER)                                                                     \
-    X(graph_residual, DMK_INNER)                                                                   \
-    X(graph_chebyshev, DMK_INNER)                                                                  \
-    X(restrict_midpoints, DMK_INNER)                                                               \
-    X(restrict_rows, DMK_INNER)                                                                    \
-    X(prolong_midpoints, DMK_INNER)                                                                \
-    X(prolong_rows, DMK_INNER)                                                                     \
-    X(coarse_solve, DMK_INNER)                                                                     \
-    X(links_from_triangles, DMK_INNER)                                                             \
-    X(links_from_links, DMK_INNER)                                                                 \
-    X(graph_weights, DMK_INNER)                                                                    \
-    X(inverse_diagonal, DMK_INNER)                                                                 \
-    X(element_stiffness, DMK_OUTER)                                                                \
-    X(rows_apply, DMK_OUTER)                                                                       \
-    X(dot_real, DMK_OUTER)                                                                         \
-    X(cg_dots, DMK_OUTER)                                                                        \
-    X(cg_beta, DMK_OUTER)                                                                          \
-    X(cg_direction, DMK_OUTER)                                                                     \
-    X(cg_alpha, DMK_OUTER)                                                                         \
-    X(cg_step, DMK_OUTER)                                                                          \
-    X(rows_range, DMK_OUTER)                                                                       \
-    X(sum_partials, DMK_OUTER)                                                                     \
-    X(scale_add, DMK_OUTER)                                                                        \
-    X(element_energy, DMK_OUTER)                                                                   \
-    X(element_measure, DMK_OUTER)                                                                  \
-    X(element_prepare, DMK_OUTER)                                                                  \
-    X(element_scale, DMK_OUTER)                                                                    \
-    X(newton_prepare, DMK_OUTER)                                                                   \
-    X(newton_update, DMK_OUTER)                                                                    \
-    X(explicit_update, DMK_OUTER)                                                                  \
-    X(rows_rhs, DMK_OUTER)                                                                         \
-    X(rows_outer_residual, DMK_OUTER)                                                              \
-    X(band_slopes, DMK_OUTER)                                                                      \
-    X(band_map, DMK_OUTER)
-
-#define DMK_KERNEL_ENUM(name, program) DMK_K_##program##_##name,
-enum { DMK_KERNEL_LIST(DMK_KERNEL_ENUM) DMK_N_KERNELS };
-#define DMK_KERNEL(sys, program, name) ((sys)->kernel[DMK_K_##program##_##name])
-/* The same where the program is a variable: for kernels that both programs have. */
-#define DMK_KERNEL_OF(sys, program, name)                                                          \
-    ((program) == DMK_INNER ? DMK_KERNEL(sys, DMK_INNER, name) : DMK_KERNEL(sys, DMK_OUTER, name))
+struct dmk_kernels; /* kernels.h */
 
 /* One graph level of the hierarchy; level 0 of the array is T. */
 typedef struct dmk_level {
@@ -82,7 +30,7 @@ enum { DMK_SYSTEM_LEVELS = DMK_MAX_LEVELS + 1 };
 
 typedef struct dmk_system {
     dmk_device *device;
-    dmk_kernel *kernel[DMK_N_KERNELS];
+    struct dmk_kernels *kernels;
     int32_t n_elements, n_elements_pad, n_edges, n_vertices, vertex_row, n_rows, n_rows_pad;
     int fine_degree; /* of the smoother on T/2: 2, or 3 on meshes with many needles */
     double unit; /* length of one unit of the packed problem, in the mesh's unit */

@@ -1,0 +1,375 @@
+#include "solver/kernels.h"
+
+#include <stdlib.h>
+
+enum { IN_INNER = 1 << DMK_INNER, IN_OUTER = 1 << DMK_OUTER, IN_BOTH = IN_INNER | IN_OUTER };
+
+/* X(name, the programs it is used from). */
+#define KERNEL_LIST(X)                                                                             \
+    X(element_stiffness, IN_BOTH)                                                                  \
+    X(element_newton, IN_INNER)                                                                    \
+    X(rows_apply, IN_BOTH)                                                                         \
+    X(rows_residual, IN_INNER)                                                                     \
+    X(rows_chebyshev, IN_INNER)                                                                    \
+    X(cg_dots, IN_BOTH)                                                                            \
+    X(cg_beta, IN_BOTH)                                                                            \
+    X(cg_direction, IN_BOTH)                                                                       \
+    X(cg_alpha, IN_BOTH)                                                                           \
+    X(cg_step, IN_BOTH)                                                                            \
+    X(dot_real, IN_OUTER)                                                                          \
+    X(rows_range, IN_OUTER)                                                                        \
+    X(sum_partials, IN_OUTER)                                                                      \
+    X(scale_add, IN_OUTER)                                                                         \
+    X(smooth_first, IN_INNER)                                                                      \
+    X(graph_residual, IN_INNER)                                                                    \
+    X(graph_chebyshev, IN_INNER)                                                                   \
+    X(restrict_midpoints, IN_INNER)                                                                \
+    X(restrict_rows, IN_INNER)                                                                     \
+    X(prolong_midpoints, IN_INNER)                                                                 \
+    X(prolong_rows, IN_INNER)                                                                      \
+    X(coarse_solve, IN_INNER)                                                                      \
+    X(links_from_triangles, IN_INNER)                                                              \
+    X(links_from_links, IN_INNER)                                                                  \
+    X(graph_weights, IN_INNER)                                                                     \
+    X(inverse_diagonal, IN_INNER)                                                                  \
+    X(element_energy, IN_OUTER)                                                                    \
+    X(element_measure, IN_OUTER)                                                                   \
+    X(element_prepare, IN_OUTER)                                                                   \
+    X(element_scale, IN_OUTER)                                                                     \
+    X(newton_prepare, IN_OUTER)                                                                    \
+    X(newton_update, IN_OUTER)                                                                     \
+    X(explicit_update, IN_OUTER)                                                                   \
+    X(rows_rhs, IN_OUTER)                                                                          \
+    X(rows_outer_residual, IN_OUTER)                                                               \
+    X(band_slopes, IN_OUTER)                                                                       \
+    X(band_map, IN_OUTER)
+
+#define KERNEL_NUMBER(name, programs) K_##name,
+#define KERNEL_ENTRY(name, programs) {#name, programs},
+
+enum { KERNEL_LIST(KERNEL_NUMBER) N_KERNELS };
+
+struct dmk_kernels {
+    dmk_kernel *of[DMK_N_PROGRAMS][N_KERNELS];
+};
+
+int dmk_kernels_create(dmk_context *ctx, dmk_device *device, struct dmk_kernels **kernels)
+{
+    static const struct {
+        const char *name;
+        int programs;
+    } list[] = {KERNEL_LIST(KERNEL_ENTRY)};
+    int rc;
+    struct dmk_kernels *k = NULL;
+    DMK_TRY(DMK_NEW(ctx, k, 1));
+    for (int i = 0; i < N_KERNELS; i++) {
+        for (int p = 0; p < DMK_N_PROGRAMS; p++) {
+            if (!(list[i].programs >> p & 1)) continue;
+            DMK_TRY(dmk_kernel_get(ctx, device, (dmk_program)p, list[i].name, &k->of[p][i]));
+        }
+    }
+    *kernels = k;
+    k = NULL;
+done:
+    free(k);
+    return rc;
+}
+
+void dmk_kernels_destroy(struct dmk_kernels **kernels)
+{
+    free(*kernels);
+    *kernels = NULL;
+}
+
+/* Over `range`: kernel `name` of `program` with these arguments. */
+#define RUN(program, name, range, ...)                                                             \
+    DMK_LAUNCH(ctx, s->device, s->kernels->of[program][K_##name], (range), __VA_ARGS__)
+
+/* The rows: midpoints, then vertices, which follow the mesh each by itself. */
+static dmk_range rows(const dmk_system *s)
+{
+    return (dmk_range){(size_t)s->n_rows, (size_t)s->vertex_row};
+}
+
+static dmk_range items(int32_t n)
+{
+    return (dmk_range){(size_t)n, 0};
+}
+
+static dmk_range elements(const dmk_system *s)
+{
+    return items(s->n_elements);
+}
+
+static int32_t parts_of(const dmk_system *s, int32_t n)
+{
+    return (int32_t)dmk_launch_parts(s->device, (size_t)n);
+}
+
+/* ---- operator.cl ----------------------------------------------------------------------------- */
+
+/* The elements' parts in the program's precision. */
+static dmk_buffer *out_of(const dmk_system *s, dmk_program p)
+{
+    return p == DMK_INNER ? s->out : s->out_real;
+}
+
+int dmk_element_stiffness(dmk_context *ctx, dmk_system *s, dmk_program p, const dmk_buffer *x)
+{
+    const dmk_buffer *weight = p == DMK_INNER ? s->weight : s->weight_real;
+    return RUN(p, element_stiffness, elements(s), DMK_INT(s->n_elements), DMK_BUF(s->index),
+               DMK_BUF(weight), DMK_BUF(x), DMK_BUF(out_of(s, p)));
+}
+
+int dmk_element_newton(dmk_context *ctx, dmk_system *s, const dmk_buffer *x)
+{
+    return RUN(DMK_INNER, element_newton, elements(s), DMK_INT(s->n_elements), DMK_BUF(s->index),
+               DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(x), DMK_BUF(s->out));
+}
+
+int dmk_rows_apply(dmk_context *ctx, dmk_system *s, dmk_program p, const dmk_buffer *x,
+                   dmk_buffer *y)
+{
+    return RUN(p, rows_apply, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->slice), DMK_BUF(s->slot),
+               DMK_BUF(out_of(s, p)), DMK_BUF(x), DMK_BUF(y), DMK_BUF(s->partial));
+}
+
+int dmk_rows_residual(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs)
+{
+    return RUN(DMK_INNER, rows_residual, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->slice),
+               DMK_BUF(s->slot), DMK_BUF(s->out), DMK_BUF(rhs), DMK_BUF(s->residual));
+}
+
+int dmk_rows_chebyshev(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, const dmk_buffer *x,
+                       dmk_buffer *x_old, dmk_chebyshev_step c)
+{
+    return RUN(DMK_INNER, rows_chebyshev, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->slice),
+               DMK_BUF(s->slot), DMK_BUF(s->out), DMK_BUF(rhs), DMK_BUF(s->inv_diag), DMK_BUF(x),
+               DMK_BUF(x_old), DMK_FLOAT(c.momentum), DMK_FLOAT(c.keep), DMK_FLOAT(c.step));
+}
+
+/* ---- vector.cl ------------------------------------------------------------------------------- */
+
+int dmk_cg_dots(dmk_context *ctx, dmk_system *s, dmk_program p, const dmk_buffer *z)
+{
+    return RUN(p, cg_dots, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->cg[p].r), DMK_BUF(s->cg[p].ap),
+               DMK_BUF(z), DMK_BUF(s->partial));
+}
+
+int dmk_cg_beta(dmk_context *ctx, dmk_system *s, dmk_program p, bool first)
+{
+    return RUN(p, cg_beta, items(1), DMK_INT(parts_of(s, s->n_rows)), DMK_INT(first),
+               DMK_BUF(s->partial), DMK_BUF(s->state));
+}
+
+int dmk_cg_direction(dmk_context *ctx, dmk_system *s, dmk_program p, const dmk_buffer *z)
+{
+    return RUN(p, cg_direction, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->state), DMK_BUF(z),
+               DMK_BUF(s->cg[p].p));
+}
+
+int dmk_cg_alpha(dmk_context *ctx, dmk_system *s, dmk_program p)
+{
+    return RUN(p, cg_alpha, items(1), DMK_INT(parts_of(s, s->n_rows)), DMK_BUF(s->partial),
+               DMK_BUF(s->state));
+}
+
+int dmk_cg_step(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_buffer *x)
+{
+    return RUN(p, cg_step, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->state), DMK_BUF(s->cg[p].p),
+               DMK_BUF(s->cg[p].ap), DMK_BUF(x), DMK_BUF(s->cg[p].r), DMK_BUF(s->cg[p].narrow));
+}
+
+int dmk_dot(dmk_context *ctx, dmk_system *s, const dmk_buffer *a, const dmk_buffer *b)
+{
+    return RUN(DMK_OUTER, dot_real, rows(s), DMK_INT(s->n_rows), DMK_BUF(a), DMK_BUF(b),
+               DMK_BUF(s->partial));
+}
+
+int dmk_rows_range(dmk_context *ctx, dmk_system *s, const dmk_buffer *u)
+{
+    return RUN(DMK_OUTER, rows_range, rows(s), DMK_INT(s->n_rows), DMK_BUF(u), DMK_BUF(s->partial));
+}
+
+int dmk_sum_partials(dmk_context *ctx, dmk_system *s, size_t n, int count, int maxima)
+{
+    int32_t parts = (int32_t)dmk_launch_parts(s->device, n);
+    return RUN(DMK_OUTER, sum_partials, items(1), DMK_INT(parts), DMK_INT(count), DMK_INT(maxima),
+               DMK_BUF(s->partial), DMK_BUF(s->scalars), DMK_INT(0));
+}
+
+int dmk_scale_add(dmk_context *ctx, dmk_system *s, double alpha)
+{
+    return RUN(DMK_OUTER, scale_add, rows(s), DMK_INT(s->n_rows), DMK_FLOAT(alpha), DMK_BUF(s->u),
+               DMK_BUF(s->w));
+}
+
+/* ---- multigrid.cl ---------------------------------------------------------------------------- */
+
+int dmk_smooth_first(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, double step)
+{
+    return RUN(DMK_INNER, smooth_first, rows(s), DMK_INT(s->n_rows), DMK_FLOAT(step),
+               DMK_BUF(s->inv_diag), DMK_BUF(rhs), DMK_BUF(s->x));
+}
+
+int dmk_graph_residual(dmk_context *ctx, dmk_system *s, int32_t level, const dmk_buffer *x)
+{
+    dmk_level *l = &s->level[level];
+    return RUN(DMK_INNER, graph_residual, items(l->n), DMK_INT(l->n), DMK_BUF(l->slice),
+               DMK_BUF(l->neighbour), DMK_BUF(l->weight), DMK_BUF(x), DMK_BUF(l->rhs),
+               DMK_BUF(l->residual));
+}
+
+int dmk_graph_chebyshev(dmk_context *ctx, dmk_system *s, int32_t level, const dmk_buffer *x,
+                        dmk_buffer *x_old, dmk_chebyshev_step c)
+{
+    dmk_level *l = &s->level[level];
+    return RUN(DMK_INNER, graph_chebyshev, items(l->n), DMK_INT(l->n), DMK_BUF(l->slice),
+               DMK_BUF(l->neighbour), DMK_BUF(l->weight), DMK_BUF(l->rhs), DMK_BUF(l->inv_diag),
+               DMK_BUF(x), DMK_BUF(x_old), DMK_FLOAT(c.momentum), DMK_FLOAT(c.keep),
+               DMK_FLOAT(c.step));
+}
+
+int dmk_restrict(dmk_context *ctx, dmk_system *s, int32_t level, double step)
+{
+    dmk_level *l = &s->level[level];
+    if (level == 0) {
+        return RUN(DMK_INNER, restrict_midpoints, items(l->n), DMK_INT(l->n),
+                   DMK_INT(s->vertex_row), DMK_BUF(l->slice), DMK_BUF(l->number),
+                   DMK_BUF(s->residual), DMK_FLOAT(step), DMK_BUF(l->inv_diag), DMK_BUF(l->rhs),
+                   DMK_BUF(l->x));
+    }
+    return RUN(DMK_INNER, restrict_rows, items(l->n), DMK_INT(l->n), DMK_BUF(l->restrict_slice),
+               DMK_BUF(l->restrict_entry), DMK_BUF(l->restrict_weight),
+               DMK_BUF(s->level[level - 1].residual), DMK_FLOAT(step), DMK_BUF(l->inv_diag),
+               DMK_BUF(l->rhs), DMK_BUF(l->x));
+}
+
+int dmk_prolong(dmk_context *ctx, dmk_system *s, int32_t level, dmk_buffer *x)
+{
+    dmk_level *l = &s->level[level];
+    if (level == 0) {
+        return RUN(DMK_INNER, prolong_midpoints, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->ends),
+                   DMK_BUF(l->x_old), DMK_BUF(x));
+    }
+    int32_t n = s->level[level - 1].n;
+    return RUN(DMK_INNER, prolong_rows, items(n), DMK_INT(n), DMK_BUF(l->prolong_index),
+               DMK_BUF(l->prolong_weight), DMK_BUF(l->x_old), DMK_BUF(x));
+}
+
+int dmk_coarse_solve(dmk_context *ctx, dmk_system *s)
+{
+    dmk_level *l = &s->level[s->n_levels - 1];
+    return RUN(DMK_INNER, coarse_solve, items(l->n_pad), DMK_INT(l->n), DMK_INT(l->n_pad),
+               DMK_BUF(s->coarse_inverse), DMK_BUF(l->rhs), DMK_BUF(l->x_old));
+}
+
+int dmk_links(dmk_context *ctx, dmk_system *s, int32_t level)
+{
+    dmk_level *l = &s->level[level];
+    if (level == 0) {
+        return RUN(DMK_INNER, links_from_triangles, items(l->n_links), DMK_INT(l->n_links),
+                   DMK_BUF(s->edge_place), DMK_BUF(s->link), DMK_BUF(l->link));
+    }
+    return RUN(DMK_INNER, links_from_links, items(l->n_links), DMK_INT(l->n_links),
+               DMK_BUF(l->galerkin_row), DMK_BUF(l->galerkin_link), DMK_BUF(l->galerkin_coef),
+               DMK_BUF(s->level[level - 1].link), DMK_BUF(l->link));
+}
+
+int dmk_graph_weights(dmk_context *ctx, dmk_system *s, int32_t level)
+{
+    dmk_level *l = &s->level[level];
+    return RUN(DMK_INNER, graph_weights, items(l->n), DMK_INT(l->n), DMK_BUF(l->slice),
+               DMK_BUF(l->number), DMK_BUF(l->link), DMK_BUF(l->weight), DMK_BUF(l->inv_diag));
+}
+
+int dmk_inverse_diagonal_fine(dmk_context *ctx, dmk_system *s)
+{
+    return RUN(DMK_INNER, inverse_diagonal, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->slice),
+               DMK_BUF(s->slot), DMK_BUF(s->out), DMK_BUF(s->inv_diag));
+}
+
+int dmk_inverse_diagonal_coarse(dmk_context *ctx, dmk_system *s)
+{
+    dmk_level *t = &s->level[0];
+    return RUN(DMK_INNER, inverse_diagonal, items(t->n), DMK_INT(t->n), DMK_BUF(s->corner_slice),
+               DMK_BUF(s->corner_slot), DMK_BUF(s->diag_coarse), DMK_BUF(t->inv_diag));
+}
+
+/* ---- density.cl ------------------------------------------------------------------------------ */
+
+int dmk_element_energy(dmk_context *ctx, dmk_system *s, const dmk_buffer *v)
+{
+    return RUN(DMK_OUTER, element_energy, elements(s), DMK_INT(s->n_elements), DMK_BUF(s->index),
+               DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(v), DMK_BUF(s->g),
+               DMK_BUF(s->q), DMK_BUF(s->partial));
+}
+
+int dmk_element_measure(dmk_context *ctx, dmk_system *s, double alpha)
+{
+    return RUN(DMK_OUTER, element_measure, elements(s), DMK_INT(s->n_elements), DMK_FLOAT(alpha),
+               DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->q), DMK_BUF(s->partial));
+}
+
+int dmk_element_scale(dmk_context *ctx, dmk_system *s)
+{
+    return RUN(DMK_OUTER, element_scale, elements(s), DMK_INT(s->n_elements), DMK_BUF(s->mu),
+               DMK_BUF(s->g));
+}
+
+int dmk_element_prepare(dmk_context *ctx, dmk_system *s)
+{
+    return RUN(DMK_OUTER, element_prepare, elements(s), DMK_INT(s->n_elements), DMK_BUF(s->cot),
+               DMK_BUF(s->mu), DMK_BUF(s->weight_real), DMK_BUF(s->weight), DMK_BUF(s->out),
+               DMK_BUF(s->link), DMK_BUF(s->diag_coarse));
+}
+
+int dmk_newton_prepare(dmk_context *ctx, dmk_system *s, double alpha, double D)
+{
+    return RUN(DMK_OUTER, newton_prepare, elements(s), DMK_INT(s->n_elements), DMK_FLOAT(alpha),
+               DMK_FLOAT(D), DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->q),
+               DMK_BUF(s->g), DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(s->out_real),
+               DMK_BUF(s->out), DMK_BUF(s->link), DMK_BUF(s->diag_coarse));
+}
+
+int dmk_rows_rhs(dmk_context *ctx, dmk_system *s)
+{
+    return RUN(DMK_OUTER, rows_rhs, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->slice),
+               DMK_BUF(s->slot), DMK_BUF(s->out_real), DMK_BUF(s->f), DMK_BUF(s->cg[DMK_INNER].r));
+}
+
+int dmk_rows_outer_residual(dmk_context *ctx, dmk_system *s)
+{
+    return RUN(DMK_OUTER, rows_outer_residual, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->slice),
+               DMK_BUF(s->slot), DMK_BUF(s->g), DMK_BUF(s->f), DMK_BUF(s->cg[DMK_OUTER].r),
+               DMK_BUF(s->cg[DMK_OUTER].narrow));
+}
+
+int dmk_newton_update(dmk_context *ctx, dmk_system *s, double alpha, double D, double lowest)
+{
+    return RUN(DMK_OUTER, newton_update, elements(s), DMK_INT(s->n_elements), DMK_FLOAT(alpha),
+               DMK_FLOAT(D), DMK_FLOAT(lowest), DMK_BUF(s->index), DMK_BUF(s->area), DMK_BUF(s->q),
+               DMK_BUF(s->g), DMK_BUF(s->w), DMK_BUF(s->mu), DMK_BUF(s->partial));
+}
+
+int dmk_explicit_update(dmk_context *ctx, dmk_system *s, bool inertial, double dt, double beta,
+                        double lowest)
+{
+    return RUN(DMK_OUTER, explicit_update, elements(s), DMK_INT(s->n_elements), DMK_INT(inertial),
+               DMK_FLOAT(dt), DMK_FLOAT(beta), DMK_FLOAT(lowest), DMK_BUF(s->area), DMK_BUF(s->q),
+               DMK_BUF(s->mu), DMK_BUF(s->before), DMK_BUF(s->partial));
+}
+
+int dmk_band_slopes(dmk_context *ctx, dmk_system *s, const dmk_bands *b, dmk_buffer *slopes)
+{
+    return RUN(DMK_OUTER, band_slopes, elements(s), DMK_INT(s->n_elements), DMK_INT(b->n),
+               DMK_FLOAT(b->start), DMK_FLOAT(b->inverse), DMK_BUF(s->index), DMK_BUF(s->u),
+               DMK_BUF(s->q), DMK_BUF(slopes));
+}
+
+int dmk_band_map(dmk_context *ctx, dmk_system *s, const dmk_bands *b, const dmk_buffer *phi,
+                 dmk_buffer *v)
+{
+    return RUN(DMK_OUTER, band_map, rows(s), DMK_INT(s->n_rows), DMK_INT(b->n), DMK_FLOAT(b->start),
+               DMK_FLOAT(b->inverse), DMK_BUF(phi), DMK_BUF(s->u), DMK_BUF(v));
+}
