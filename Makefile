@@ -138,6 +138,14 @@ $B/tests/%: $B/tests/%.o $(TEST_LIB_OBJ) $(STATIC)
 	$(call say,LD,$@)
 	$(Q)$(CC) $(LINK) $^ -o $@ -lcmocka $(LDLIBS)
 
+# Calls of the public functions with wrong arguments, from the header.
+$B/arguments.h: tests/arguments.awk tests/test_arguments.c include/dmkcl.h
+	@mkdir -p $(@D)
+	$(Q){ cat tests/test_arguments.c; echo ';%'; $(CC) -E -P include/dmkcl.h; } | \
+	    awk -f tests/arguments.awk > $@.tmp && mv $@.tmp $@
+$B/tests/test_arguments.o: $B/arguments.h
+$B/tests/test_arguments.o: private FLAGS += -I$B
+
 test: $(TESTS) $(STATIC) $(SHARED) $(TOOL) $B/faults/library $B/faults/dmkcl
 	@sh tests/run.sh $B $(TESTS) $(TEST_SCRIPTS)
 

@@ -5,7 +5,17 @@
  * Conventions
  *   - Every call that can fail returns a dmk_status: DMK_OK (0) or a negative code; the reason, in
  *     words, is then dmk_context_message(context). Outputs are set only on success.
- *   - A context belongs to one thread at a time. There is no other state: no globals, no printing.
+ *   - Arguments are checked: NULL where a pointer must be, numbers out of range, points that are none of
+ *     the mesh give DMK_E_ARG, and accessors give NULL or zeros for NULL. What may be NULL says so:
+ *     options of a call (its defaults then), the `n` of accessors. Strings end with 0, arrays have the
+ *     length that is told: that nobody can check.
+ *   - Threads: a context, a device and the solvers on it are used by one thread at a time; different ones
+ *     may work at the same time. Meshes, results and loci do not change: any number of threads reads
+ *     them, each with a context of its own.
+ *   - Forks: what does not compute on a device goes on in a forked child. A child of a process that has
+ *     used OpenCL gets DMK_E_DEVICE from calls that need a device, for drivers' threads stay behind; what
+ *     it destroys is freed. Fork first, then open devices.
+ *   - No globals (but for the number of the process that uses OpenCL), no signal handlers, no printing.
  *   - *_create/_read/_open give an object to the caller, who hands it back to *_destroy(&object);
  *     destroying NULL is fine and the pointer is set to NULL. `const` pointers returned by accessors
  *     are borrowed and live as long as the object they come from.
@@ -77,7 +87,7 @@ int dmk_context_create(dmk_context **context);
 void dmk_context_destroy(dmk_context **context);
 /* Why the last failing call on this context failed; "" if none did. Valid until the next call. */
 const char *dmk_context_message(const dmk_context *context);
-/* fn may be NULL: no reports. */
+/* fn may be NULL: no reports; user is handed to it. */
 void dmk_context_set_progress(dmk_context *context, dmk_progress_fn fn, void *user);
 /* Threads of the host's stages (reading, topology, ordering, coarsening, packing, geodesics, writing) in
  * the calls on this context, the caller's thread among them; 0, as at first: one for each processor the
@@ -177,7 +187,7 @@ typedef struct dmk_machine_info {
     uint64_t memory;      /* bytes */
 } dmk_machine_info;
 
-/* Fill up to `capacity` entries; *count is the number there are. */
+/* Fill up to `capacity` entries (NULL if that is 0); *count is the number there are. */
 int dmk_device_list(dmk_context *context, dmk_device_info *infos, size_t capacity, size_t *count);
 int dmk_machine_get_info(dmk_context *context, dmk_machine_info *info);
 

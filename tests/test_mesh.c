@@ -246,8 +246,8 @@ static void test_refuses_bad_indices(void **state)
     check_refused(*state, N_SPARE, tetra_xyz, 0, t, DMK_E_MESH, "nothing_to_solve");
     check_refused(*state, N_SPARE, tetra_xyz, (size_t)1 << 40, t, DMK_E_MESH, "too_many");
     check_refused(*state, (size_t)1 << 62, tetra_xyz, 4, t, DMK_E_MESH, "too_many");
-    check_refused(*state, N_SPARE, NULL, 4, t, DMK_E_ARG, "arrays");
-    check_refused(*state, N_SPARE, tetra_xyz, 4, NULL, DMK_E_ARG, "arrays");
+    check_refused(*state, N_SPARE, NULL, 4, t, DMK_E_ARG, "argument_`xyz`_is_NULL");
+    check_refused(*state, N_SPARE, tetra_xyz, 4, NULL, DMK_E_ARG, "argument_`triangles`_is_NULL");
 }
 
 static void test_refuses_zero_area(void **state)

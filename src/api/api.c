@@ -5,6 +5,7 @@
 #include "mesh/mesh.h"
 #include "solver/result.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -52,11 +53,19 @@ static void component_free(component *c)
     free(c->density);
 }
 
+static int check_options(dmk_context *ctx, const dmk_locus_options *o)
+{
+    if (!o || (o->strength >= 0 && isfinite(o->strength))) return DMK_OK;
+    return dmk_fail(ctx, DMK_E_ARG, "strength = %g: expected a finite number from 0", o->strength);
+}
+
 int dmk_locus_compute(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *result,
                       const dmk_locus_options *options, dmk_locus **locus)
 {
     int rc;
     component c = {0};
+    if (dmk_missing(ctx, "mesh", mesh, "result", result, "locus", locus, NULL)) return DMK_E_ARG;
+    DMK_TRY(check_options(ctx, options));
     DMK_TRY(dmk_stage_begin(ctx, "locus"));
     DMK_TRY(component_create(ctx, mesh, result, &c));
     DMK_TRY(dmk_locus_trace(ctx, &c.in, options, locus));
@@ -93,11 +102,9 @@ static int renumber_ends(dmk_context *ctx, const dmk_mesh *mesh, const dmk_order
     int32_t *number = NULL;
     DMK_TRY(number_triangles(ctx, mesh, order, &number));
     for (size_t i = 0; i < n; i++) {
+        DMK_TRY(dmk_point_check(ctx, mesh, "the end of a path", &to[i]));
         end[i] = to[i];
-        end[i].triangle = -1;
-        if (to[i].triangle >= 0 && to[i].triangle < mesh->n_triangles) {
-            end[i].triangle = number[to[i].triangle];
-        }
+        end[i].triangle = number[to[i].triangle];
         if (end[i].triangle < 0) {
             rc = dmk_fail(ctx, DMK_E_ARG,
                           "triangle %lld is not on the component of the source: no path leads there",
@@ -116,6 +123,7 @@ int dmk_path_compute(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *r
     int rc;
     component c = {0};
     dmk_point *end = NULL;
+    if (dmk_missing(ctx, "mesh", mesh, "result", result, "to", to, "paths", paths, NULL)) return DMK_E_ARG;
     memset(paths, 0, n_points * sizeof *paths);
     DMK_TRY(dmk_stage_begin(ctx, "path"));
     DMK_TRY(component_create(ctx, mesh, result, &c));
@@ -205,6 +213,8 @@ int dmk_cut(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *result,
     component c = {0};
     dmk_mesh *raw = NULL, *sorted = NULL;
     int32_t *raw_origin = NULL, *sorted_origin = NULL;
+    if (dmk_missing(ctx, "mesh", mesh, "result", result, "cut", cut, NULL)) return DMK_E_ARG;
+    DMK_TRY(check_options(ctx, options));
     DMK_TRY(dmk_stage_begin(ctx, "cut"));
     DMK_TRY(component_create(ctx, mesh, result, &c));
     DMK_TRY(dmk_locus_cut(ctx, &c.in, options, &raw, &raw_origin));

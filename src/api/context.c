@@ -32,6 +32,7 @@ const char *dmk_status_text(int status)
 
 int dmk_context_create(dmk_context **context)
 {
+    if (!context) return DMK_E_ARG;
     *context = calloc(1, sizeof **context);
     if (!*context) return DMK_E_NOMEM;
     (*context)->poll_every = 0.05;
@@ -40,7 +41,7 @@ int dmk_context_create(dmk_context **context)
 
 void dmk_context_destroy(dmk_context **context)
 {
-    if (!*context) return;
+    if (!context || !*context) return;
     dmk_pool_destroy(&(*context)->pool);
     free(*context);
     *context = NULL;
@@ -48,6 +49,7 @@ void dmk_context_destroy(dmk_context **context)
 
 int dmk_context_set_threads(dmk_context *context, int threads)
 {
+    if (!context) return DMK_E_ARG;
     if (threads < 0) return dmk_fail(context, DMK_E_ARG, "threads = %d: expected 0 or more", threads);
     dmk_pool_destroy(&context->pool); /* the next call that needs one starts it */
     context->threads = threads;
@@ -61,6 +63,7 @@ const char *dmk_context_message(const dmk_context *context)
 
 void dmk_context_set_progress(dmk_context *context, dmk_progress_fn fn, void *user)
 {
+    if (!context) return;
     context->progress = fn;
     context->progress_user = user;
 }

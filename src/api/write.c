@@ -7,9 +7,7 @@
 int dmk_result_write(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *result,
                      const char *path)
 {
-    if (!mesh || !result || !path) {
-        return dmk_fail(ctx, DMK_E_ARG, "no mesh, no result or no path to write to");
-    }
+    if (dmk_missing(ctx, "mesh", mesh, "result", result, "path", path, NULL)) return DMK_E_ARG;
     size_t n_mu, n_acl, n_u, n_distance;
     dmk_fields f = {.mesh = mesh};
     f.mu = dmk_result_density(result, &n_mu);
@@ -30,7 +28,7 @@ int dmk_result_write(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *r
 
 int dmk_locus_write(dmk_context *ctx, const dmk_locus *locus, const char *path)
 {
-    if (!locus || !path) return dmk_fail(ctx, DMK_E_ARG, "no cut locus or no path to write to");
+    if (dmk_missing(ctx, "locus", locus, "path", path, NULL)) return DMK_E_ARG;
     dmk_curves c = {0};
     c.vertex = dmk_locus_vertices(locus, &c.n_vertices);
     c.edge = dmk_locus_edges(locus, &c.n_edges);
@@ -64,8 +62,9 @@ int dmk_path_write(dmk_context *ctx, const dmk_mesh *mesh, const dmk_path *path,
     dmk_locus_vertex *vertex = NULL;
     dmk_locus_edge *edge = NULL;
     int32_t *index = NULL;
-    if (!mesh || !path || !file || path->n < 2) {
-        return dmk_fail(ctx, DMK_E_ARG, "no mesh, no path or no file to write to");
+    if (dmk_missing(ctx, "mesh", mesh, "path", path, "file", file, NULL)) return DMK_E_ARG;
+    if (path->n < 2 || !path->point) {
+        return dmk_fail(ctx, DMK_E_ARG, "the path has %zu points: a line has two or more", path->n);
     }
     const int32_t offset[2] = {0, (int32_t)path->n};
     DMK_TRY(DMK_NEW(ctx, vertex, path->n));

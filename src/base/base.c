@@ -9,11 +9,25 @@
 
 int dmk_fail(dmk_context *context, int status, const char *format, ...)
 {
+    if (!context) return status;
     va_list args;
     va_start(args, format);
     vsnprintf(context->message, sizeof context->message, format, args);
     va_end(args);
     return status;
+}
+
+bool dmk_missing(dmk_context *context, ...)
+{
+    const char *missing = NULL;
+    va_list args;
+    va_start(args, context);
+    for (const char *name; !missing && (name = va_arg(args, const char *)) != NULL;) {
+        if (!va_arg(args, const void *)) missing = name;
+    }
+    va_end(args);
+    if (missing) dmk_fail(context, DMK_E_ARG, "the argument `%s` is NULL", missing);
+    return missing || !context;
 }
 
 int dmk_alloc(dmk_context *context, const char *what, size_t count, size_t size, void **memory)

@@ -10,6 +10,7 @@
 enum { MOST_THREADS = 256 };
 
 struct dmk_pool {
+    pid_t owner; /* process whose threads these are: a forked child has none of them */
     pthread_mutex_t lock;
     pthread_cond_t posted, progress; /* a job has come; a job's last part is done */
     dmk_job *first;                  /* jobs with parts that nobody has taken, the newest first */
@@ -70,6 +71,7 @@ static struct dmk_pool *create(int threads)
 {
     struct dmk_pool *pool = calloc(1, sizeof *pool + (size_t)threads * sizeof *pool->thread);
     if (!pool) return NULL;
+    pool->owner = getpid();
     pthread_mutex_init(&pool->lock, NULL);
     pthread_cond_init(&pool->posted, NULL);
     pthread_cond_init(&pool->progress, NULL);
@@ -82,6 +84,7 @@ static struct dmk_pool *create(int threads)
 
 struct dmk_pool *dmk_pool_of(dmk_context *context)
 {
+    if (context->pool && context->pool->owner != getpid()) dmk_pool_destroy(&context->pool);
     if (context->pool) return context->pool;
     int threads = dmk_pool_threads(context) - 1;
     if (threads == 0 || context->borrows_pool) return NULL;
@@ -114,7 +117,12 @@ void dmk_pool_finish(struct dmk_pool *pool, dmk_job *job)
 void dmk_pool_destroy(struct dmk_pool **pointer)
 {
     struct dmk_pool *pool = *pointer;
+    *pointer = NULL;
     if (!pool) return;
+    if (pool->owner != getpid()) {
+        free(pool);
+        return;
+    }
     pthread_mutex_lock(&pool->lock);
     pool->stop = true;
     pthread_cond_broadcast(&pool->posted);
@@ -124,5 +132,4 @@ void dmk_pool_destroy(struct dmk_pool **pointer)
     pthread_cond_destroy(&pool->posted);
     pthread_cond_destroy(&pool->progress);
     free(pool);
-    *pointer = NULL;
 }

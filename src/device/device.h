@@ -15,6 +15,9 @@ typedef struct dmk_kernel dmk_kernel;
 /* Bytes of one number of the program's working type: 4, or 8 for a double-precision outer one. */
 size_t dmk_device_real(const dmk_device *device, dmk_program program);
 
+/* Drivers' threads do not live on in a forked child: there an open device is refused. */
+int dmk_device_owned(dmk_context *context, const dmk_device *device);
+
 /* Zeroed if `init` is NULL, else a copy of it. */
 int dmk_buffer_create(dmk_context *context, dmk_device *device, size_t bytes, const void *init,
                       dmk_buffer **buffer);

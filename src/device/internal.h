@@ -5,6 +5,7 @@
 #include "device/device.h"
 
 #include <CL/cl.h>
+#include <sys/types.h>
 
 struct dmk_kernel {
     cl_kernel cl;
@@ -15,6 +16,7 @@ struct dmk_kernel {
 enum { DMK_MAX_KERNELS = 128 };
 
 struct dmk_device {
+    pid_t owner;          /* process that opened it */
     cl_platform_id platform;
     cl_device_id id;      /* what the queue runs on: the root device or a sub-device of it */
     int is_sub_device;

@@ -3,9 +3,23 @@
 
 #include "dmk_shared.h"
 
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
+
+/* The process that first asked for OpenCL, or 0: the only thing that this library keeps for itself. Drivers
+ * start threads of their own and keep their locks; in a child that was forked then, they wait for ever. */
+static _Atomic pid_t opencl_process;
+
+static int claim_opencl(dmk_context *ctx)
+{
+    pid_t first = 0;
+    if (atomic_compare_exchange_strong(&opencl_process, &first, getpid()) || first == getpid()) return DMK_OK;
+    return dmk_fail(ctx, DMK_E_DEVICE, "OpenCL was used in process %ld before it forked this one, %ld: no driver "
+                    "bears that; fork first, then open devices", (long)first, (long)getpid());
+}
 
 enum { MAX_PLATFORMS = 16, MAX_DEVICES = 64 };
 
@@ -53,6 +67,8 @@ static int find_all(dmk_context *ctx, found *all, size_t *count)
     cl_platform_id platforms[MAX_PLATFORMS];
     cl_uint n_platforms = 0;
     *count = 0;
+    int rc = claim_opencl(ctx);
+    if (rc != DMK_OK) return rc;
     cl_int error = clGetPlatformIDs(MAX_PLATFORMS, platforms, &n_platforms);
     if (error != CL_SUCCESS || n_platforms == 0) {
         return dmk_fail(ctx, DMK_E_DEVICE,
@@ -82,6 +98,7 @@ int dmk_device_list(dmk_context *ctx, dmk_device_info *infos, size_t capacity, s
 {
     found all[MAX_DEVICES];
     size_t n;
+    if (dmk_missing(ctx, "count", count, "infos", capacity ? (void *)infos : count, NULL)) return DMK_E_ARG;
     int rc = find_all(ctx, all, &n);
     if (rc != DMK_OK) return rc;
     for (size_t i = 0; i < n && i < capacity; i++) describe(&all[i], &infos[i]);
@@ -160,7 +177,16 @@ static size_t cpu_chunk(dmk_context *ctx)
 
 void dmk_device_options_init(dmk_device_options *options)
 {
-    memset(options, 0, sizeof *options);
+    if (options) memset(options, 0, sizeof *options);
+}
+
+static int check_options(dmk_context *ctx, const dmk_device_options *o)
+{
+    if (o->threads < 0) return dmk_fail(ctx, DMK_E_ARG, "threads = %d: expected 0 or more", o->threads);
+    if ((int)o->shape < DMK_SHAPE_AUTO || o->shape > DMK_SHAPE_GPU) {
+        return dmk_fail(ctx, DMK_E_ARG, "shape %d is none of dmk_shape", (int)o->shape);
+    }
+    return DMK_OK;
 }
 
 int dmk_device_open(dmk_context *ctx, const dmk_device_options *options, dmk_device **device)
@@ -170,7 +196,13 @@ int dmk_device_open(dmk_context *ctx, const dmk_device_options *options, dmk_dev
     found all[MAX_DEVICES];
     size_t n, chosen;
     dmk_device *dev = NULL;
+    dmk_device_options defaults;
+    dmk_device_options_init(&defaults);
+    if (!options) options = &defaults;
+    if (dmk_missing(ctx, "device", device, NULL)) return DMK_E_ARG;
+    DMK_TRY(check_options(ctx, options));
     DMK_TRY(DMK_NEW(ctx, dev, 1));
+    dev->owner = getpid();
     DMK_TRY(find_all(ctx, all, &n));
     DMK_TRY(choose(ctx, options->select, all, n, &chosen));
     describe(&all[chosen], &dev->info);
@@ -200,12 +232,28 @@ done:
     return rc;
 }
 
-void dmk_device_get_info(const dmk_device *device, dmk_device_info *info) { *info = device->info; }
+void dmk_device_get_info(const dmk_device *device, dmk_device_info *info)
+{
+    if (info) *info = device ? device->info : (dmk_device_info){0};
+}
+
+int dmk_device_owned(dmk_context *ctx, const dmk_device *device)
+{
+    if (device->owner == getpid()) return DMK_OK;
+    return dmk_fail(ctx, DMK_E_DEVICE, "the device was opened by process %ld, of which this one, %ld, is a forked "
+                    "child: open devices after forking, in each process its own",
+                    (long)device->owner, (long)getpid());
+}
 
 void dmk_device_destroy(dmk_device **device)
 {
-    dmk_device *dev = *device;
+    dmk_device *dev = device ? *device : NULL;
     if (!dev) return;
+    *device = NULL;
+    if (dev->owner != getpid()) { /* the driver would wait for threads that only its process has */
+        free(dev);
+        return;
+    }
     /* After an error there may be work under way; PoCL does not keep a part of a device for it. */
     if (dev->queue) clFinish(dev->queue);
     dmk_buffer_destroy(&dev->shares);
@@ -217,5 +265,4 @@ void dmk_device_destroy(dmk_device **device)
     if (dev->cl) clReleaseContext(dev->cl);
     if (dev->is_sub_device) clReleaseDevice(dev->id);
     free(dev);
-    *device = NULL;
 }

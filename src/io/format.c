@@ -22,7 +22,7 @@ static const dmk_format formats[] = {
 
 int dmk_format_get(size_t index, dmk_format_info *info)
 {
-    if (index >= N_FORMATS) return DMK_E_ARG;
+    if (index >= N_FORMATS || !info) return DMK_E_ARG;
     const dmk_format *f = &formats[index];
     *info = (dmk_format_info){f->name, f->suffixes, f->read_mesh != NULL, f->write_mesh != NULL,
                               f->write_result != NULL, f->write_locus != NULL};
@@ -115,7 +115,7 @@ int dmk_mesh_read(dmk_context *ctx, const char *path, dmk_mesh **mesh)
     dmk_file file = {0};
     dmk_soup soup = {0};
     const dmk_format *format;
-    if (!path || !mesh) return dmk_fail(ctx, DMK_E_ARG, "no path or no place for the mesh");
+    if (dmk_missing(ctx, "path", path, "mesh", mesh, NULL)) return DMK_E_ARG;
     DMK_TRY(dmk_file_load(ctx, path, &file));
     DMK_TRY(find_reader(ctx, &file, &format));
     DMK_TRY(format->read_mesh(ctx, &file, &soup));
@@ -143,7 +143,7 @@ done:
 
 int dmk_mesh_write(dmk_context *ctx, const dmk_mesh *mesh, const char *path)
 {
-    if (!path || !mesh) return dmk_fail(ctx, DMK_E_ARG, "no path or no mesh");
+    if (dmk_missing(ctx, "mesh", mesh, "path", path, NULL)) return DMK_E_ARG;
     return write_fields(ctx, &(dmk_fields){.mesh = mesh}, path, WRITE_MESH);
 }
 

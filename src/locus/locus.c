@@ -21,7 +21,7 @@ static const double pi = 3.14159265358979323846;
 
 void dmk_locus_options_init(dmk_locus_options *options)
 {
-    *options = (dmk_locus_options){.strength = default_strength};
+    if (options) *options = (dmk_locus_options){.strength = default_strength};
 }
 
 /* Number the remaining nodes in order; angles are scaled to a full turn of 2 pi at the source. */
@@ -195,7 +195,7 @@ done:
 
 void dmk_locus_destroy(dmk_locus **locus)
 {
-    dmk_locus *l = *locus;
+    dmk_locus *l = locus ? *locus : NULL;
     if (!l) return;
     free(l->vertex);
     free(l->edge);
@@ -207,24 +207,24 @@ void dmk_locus_destroy(dmk_locus **locus)
 
 void dmk_locus_get_info(const dmk_locus *locus, dmk_locus_info *info)
 {
-    *info = locus->info;
+    if (info) *info = locus ? locus->info : (dmk_locus_info){0};
 }
 
 const dmk_locus_vertex *dmk_locus_vertices(const dmk_locus *locus, size_t *n)
 {
-    if (n) *n = locus->info.n_vertices;
-    return locus->vertex;
+    if (n) *n = locus ? locus->info.n_vertices : 0;
+    return locus ? locus->vertex : NULL;
 }
 
 const dmk_locus_edge *dmk_locus_edges(const dmk_locus *locus, size_t *n)
 {
-    if (n) *n = locus->info.n_edges;
-    return locus->edge;
+    if (n) *n = locus ? locus->info.n_edges : 0;
+    return locus ? locus->edge : NULL;
 }
 
 const int32_t *dmk_locus_polylines(const dmk_locus *locus, const int32_t **offset, size_t *n)
 {
-    if (offset) *offset = locus->offset;
-    if (n) *n = locus->info.n_polylines;
-    return locus->index;
+    if (offset) *offset = locus ? locus->offset : NULL;
+    if (n) *n = locus ? locus->info.n_polylines : 0;
+    return locus ? locus->index : NULL;
 }

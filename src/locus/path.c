@@ -221,6 +221,7 @@ done:
 
 void dmk_path_free(dmk_path *path)
 {
+    if (!path) return;
     free(path->point);
     memset(path, 0, sizeof *path);
 }

@@ -87,6 +87,9 @@ static void measure_box(const dmk_mesh *m, dmk_mesh_info *info)
 
 void dmk_mesh_get_info(const dmk_mesh *m, dmk_mesh_info *info)
 {
+    if (!info) return;
+    *info = (dmk_mesh_info){0};
+    if (!m) return;
     *info = (dmk_mesh_info){.n_vertices = (size_t)m->n_vertices,
                             .n_triangles = (size_t)m->n_triangles,
                             .n_edges = (size_t)m->n_edges,
@@ -102,15 +105,15 @@ void dmk_mesh_get_info(const dmk_mesh *m, dmk_mesh_info *info)
 
 const double *dmk_mesh_vertices(const dmk_mesh *m)
 {
-    return m->xyz;
+    return m ? m->xyz : NULL;
 }
 
 const int32_t *dmk_mesh_triangles(const dmk_mesh *m)
 {
-    return m->triangle;
+    return m ? m->triangle : NULL;
 }
 
 const int32_t *dmk_mesh_edges(const dmk_mesh *m)
 {
-    return m->edge_vertex;
+    return m ? m->edge_vertex : NULL;
 }

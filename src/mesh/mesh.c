@@ -273,7 +273,7 @@ int dmk_mesh_create(dmk_context *ctx, size_t n_vertices, const double *xyz, size
     int rc;
     double *x = NULL;
     int32_t *t = NULL;
-    if (!xyz || !triangles || !mesh) return dmk_fail(ctx, DMK_E_ARG, "no arrays or no mesh");
+    if (dmk_missing(ctx, "xyz", xyz, "triangles", triangles, "mesh", mesh, NULL)) return DMK_E_ARG;
     DMK_TRY(check_counts(ctx, n_vertices, n_triangles));
     DMK_TRY(DMK_NEW(ctx, x, 3 * n_vertices));
     DMK_TRY(DMK_NEW(ctx, t, 3 * n_triangles));
@@ -288,7 +288,7 @@ done:
 
 void dmk_mesh_destroy(dmk_mesh **mesh)
 {
-    struct dmk_mesh *m = *mesh;
+    struct dmk_mesh *m = mesh ? *mesh : NULL;
     if (!m) return;
     free(m->xyz);
     free(m->triangle);

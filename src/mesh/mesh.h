@@ -63,4 +63,7 @@ int dmk_order_create(dmk_context *context, const dmk_mesh *mesh, int32_t compone
                      dmk_order *order);
 void dmk_order_free(dmk_order *order);
 
+/* point.c: DMK_E_ARG unless it is a point of the mesh; `what` names it in the message. */
+int dmk_point_check(dmk_context *context, const dmk_mesh *mesh, const char *what, const dmk_point *point);
+
 #endif

@@ -97,9 +97,23 @@ static void get_corners(const dmk_mesh *m, int64_t t, const double *corner[3])
     for (int k = 0; k < 3; k++) corner[k] = m->xyz + 3 * (size_t)m->triangle[3 * t + k];
 }
 
+int dmk_point_check(dmk_context *ctx, const dmk_mesh *m, const char *what, const dmk_point *point)
+{
+    const double *w = point->weight;
+    if (point->triangle < 0 || point->triangle >= m->n_triangles) {
+        return dmk_fail(ctx, DMK_E_ARG, "%s: triangle %lld is out of range [0, %d]", what,
+                        (long long)point->triangle, m->n_triangles - 1);
+    }
+    if (!(w[0] >= 0 && w[1] >= 0 && w[2] >= 0 && fabs(w[0] + w[1] + w[2] - 1) <= SNAP)) {
+        return dmk_fail(ctx, DMK_E_ARG, "%s: weights %g %g %g: they must not be negative and their sum must be 1",
+                        what, w[0], w[1], w[2]);
+    }
+    return DMK_OK;
+}
+
 int dmk_mesh_project(dmk_context *ctx, const dmk_mesh *m, const double xyz[3], dmk_point *point)
 {
-    if (!m || !xyz || !point) return dmk_fail(ctx, DMK_E_ARG, "no mesh, no place or no point");
+    if (dmk_missing(ctx, "mesh", m, "xyz", xyz, "point", point, NULL)) return DMK_E_ARG;
     if (!isfinite(xyz[0]) || !isfinite(xyz[1]) || !isfinite(xyz[2])) {
         return dmk_fail(ctx, DMK_E_ARG, "the place (%g, %g, %g) is not finite", xyz[0], xyz[1],
                         xyz[2]);
@@ -127,9 +141,9 @@ int dmk_mesh_project(dmk_context *ctx, const dmk_mesh *m, const double xyz[3], d
 
 int dmk_mesh_vertex_point(dmk_context *ctx, const dmk_mesh *m, int64_t vertex, dmk_point *point)
 {
-    if (!m || !point) return dmk_fail(ctx, DMK_E_ARG, "no mesh or no point");
+    if (dmk_missing(ctx, "mesh", m, "point", point, NULL)) return DMK_E_ARG;
     if (vertex < 0 || vertex >= m->n_vertices) {
-        return dmk_fail(ctx, DMK_E_ARG, "vertex %lld is not among the mesh's 0..%d",
+        return dmk_fail(ctx, DMK_E_ARG, "vertex %lld is out of range [0, %d]",
                         (long long)vertex, m->n_vertices - 1);
     }
     for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
@@ -144,17 +158,10 @@ int dmk_mesh_vertex_point(dmk_context *ctx, const dmk_mesh *m, int64_t vertex, d
 
 int dmk_mesh_point_xyz(dmk_context *ctx, const dmk_mesh *m, const dmk_point *point, double xyz[3])
 {
-    if (!m || !point || !xyz) return dmk_fail(ctx, DMK_E_ARG, "no mesh, no point or no place");
-    if (point->triangle < 0 || point->triangle >= m->n_triangles) {
-        return dmk_fail(ctx, DMK_E_ARG, "triangle %lld is not among the mesh's 0..%d",
-                        (long long)point->triangle, m->n_triangles - 1);
-    }
+    if (dmk_missing(ctx, "mesh", m, "point", point, "xyz", xyz, NULL)) return DMK_E_ARG;
+    int rc = dmk_point_check(ctx, m, "the point", point);
+    if (rc != DMK_OK) return rc;
     const double *w = point->weight, *corner[3];
-    if (!(w[0] >= 0 && w[1] >= 0 && w[2] >= 0 && fabs(w[0] + w[1] + w[2] - 1) <= SNAP)) {
-        return dmk_fail(ctx, DMK_E_ARG,
-                        "weights %g %g %g: they must not be negative and their sum must be 1", w[0],
-                        w[1], w[2]);
-    }
     get_corners(m, point->triangle, corner);
     for (int k = 0; k < 3; k++) {
         xyz[k] = w[0] * corner[0][k] + w[1] * corner[1][k] + w[2] * corner[2][k];

@@ -49,7 +49,7 @@ done:
 
 void dmk_result_destroy(dmk_result **result)
 {
-    dmk_result *r = *result;
+    dmk_result *r = result ? *result : NULL;
     if (!r) return;
     free(r->density);
     free(r->acl);
@@ -68,37 +68,43 @@ static const double *borrow(const double *array, size_t length, size_t *n)
     return array;
 }
 
-void dmk_result_get_stats(const dmk_result *r, dmk_stats *stats) { *stats = r->stats; }
+void dmk_result_get_stats(const dmk_result *r, dmk_stats *stats)
+{
+    if (stats) *stats = r ? r->stats : (dmk_stats){0};
+}
 
 const double *dmk_result_density(const dmk_result *r, size_t *n)
 {
-    return borrow(r->density, r->n_triangles, n);
+    return borrow(r ? r->density : NULL, r ? r->n_triangles : 0, n);
 }
 
 const uint8_t *dmk_result_acl(const dmk_result *r, size_t *n)
 {
-    if (n) *n = r->n_triangles;
-    return r->acl;
+    if (n) *n = r ? r->n_triangles : 0;
+    return r ? r->acl : NULL;
 }
 
 const double *dmk_result_potential(const dmk_result *r, size_t *n)
 {
-    return borrow(r->potential, r->n_vertices, n);
+    return borrow(r ? r->potential : NULL, r ? r->n_vertices : 0, n);
 }
 
 const double *dmk_result_potential_mid(const dmk_result *r, size_t *n)
 {
-    return borrow(r->potential_mid, r->n_edges, n);
+    return borrow(r ? r->potential_mid : NULL, r ? r->n_edges : 0, n);
 }
 
 const double *dmk_result_distance(const dmk_result *r, size_t *n)
 {
-    return borrow(r->distance, r->n_vertices, n);
+    return borrow(r ? r->distance : NULL, r ? r->n_vertices : 0, n);
 }
 
 const double *dmk_result_distance_mid(const dmk_result *r, size_t *n)
 {
-    return borrow(r->distance_mid, r->n_edges, n);
+    return borrow(r ? r->distance_mid : NULL, r ? r->n_edges : 0, n);
 }
 
-void dmk_result_source(const dmk_result *r, dmk_point *source) { *source = r->source; }
+void dmk_result_source(const dmk_result *r, dmk_point *source)
+{
+    if (source) *source = r ? r->source : (dmk_point){.triangle = -1};
+}

@@ -49,7 +49,8 @@ int dmk_solver_create(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh
 {
     int rc;
     dmk_solver *s = NULL;
-    if (!device || !mesh || !solver) return dmk_fail(ctx, DMK_E_ARG, "no device, mesh or solver");
+    if (dmk_missing(ctx, "device", device, "mesh", mesh, "solver", solver, NULL)) return DMK_E_ARG;
+    DMK_TRY(dmk_device_owned(ctx, device));
     DMK_TRY(DMK_NEW(ctx, s, 1));
     s->device = device;
     s->mesh = mesh;
@@ -61,7 +62,7 @@ done:
 
 void dmk_solver_destroy(dmk_solver **solver)
 {
-    dmk_solver *s = *solver;
+    dmk_solver *s = solver ? *solver : NULL;
     if (!s) return;
     forget_component(s);
     free(s);
@@ -70,6 +71,7 @@ void dmk_solver_destroy(dmk_solver **solver)
 
 void dmk_solve_options_init(dmk_solve_options *options)
 {
+    if (!options) return;
     memset(options, 0, sizeof *options);
     options->inertia = -1;
 }
@@ -77,22 +79,26 @@ void dmk_solve_options_init(dmk_solve_options *options)
 static int check_options(dmk_context *ctx, const dmk_solver *s, const dmk_point *p,
                          const dmk_solve_options *o)
 {
-    double sum = p->weight[0] + p->weight[1] + p->weight[2];
-    if (p->triangle < 0 || p->triangle >= s->mesh->n_triangles || !(fabs(sum - 1) < 1e-9) ||
-        !(fmin(fmin(p->weight[0], p->weight[1]), p->weight[2]) >= 0)) {
-        return dmk_fail(ctx, DMK_E_ARG,
-                        "the source (triangle %lld, weights %g %g %g) is not a point of the mesh",
-                        (long long)p->triangle, p->weight[0], p->weight[1], p->weight[2]);
-    }
+    int rc = dmk_point_check(ctx, s->mesh, "the source", p);
+    if (rc != DMK_OK) return rc;
     if (!(o->dt >= 0 && o->dt <= 1)) {
         return dmk_fail(ctx, DMK_E_ARG, "dt = %g: expected 0 < dt <= 1", o->dt);
     }
     if (!(o->inertia < 1)) {
         return dmk_fail(ctx, DMK_E_ARG, "inertia = %g: expected 0 <= inertia < 1", o->inertia);
     }
-    if (!(o->tolerance >= 0 && o->gap_tolerance >= 0 && o->cg_tolerance >= 0 && o->threshold >= 0 &&
-          o->max_steps >= 0)) {
-        return dmk_fail(ctx, DMK_E_ARG, "tolerances, threshold and max_steps must not be negative");
+    const double bounds[] = {o->tolerance, o->gap_tolerance, o->cg_tolerance, o->threshold};
+    for (size_t i = 0; i < sizeof bounds / sizeof *bounds; i++) {
+        if (bounds[i] >= 0 && isfinite(bounds[i])) continue;
+        return dmk_fail(ctx, DMK_E_ARG, "%s = %g: expected a finite number from 0",
+                        (const char *[]){"tolerance", "gap_tolerance", "cg_tolerance", "threshold"}[i], bounds[i]);
+    }
+    if (o->max_steps < 0) return dmk_fail(ctx, DMK_E_ARG, "max_steps = %d: expected 0 or more", o->max_steps);
+    if ((int)o->method < DMK_NEWTON || o->method > DMK_EULER) {
+        return dmk_fail(ctx, DMK_E_ARG, "method %d is none of dmk_method", (int)o->method);
+    }
+    if ((int)o->start < DMK_START_DISTANCE || o->start > DMK_START_UNIFORM) {
+        return dmk_fail(ctx, DMK_E_ARG, "start %d is none of dmk_start", (int)o->start);
     }
     return DMK_OK;
 }
@@ -319,6 +325,11 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     int rc;
     dmk_result *r = NULL;
     marched near = {0};
+    dmk_solve_options defaults;
+    dmk_solve_options_init(&defaults);
+    if (!options) options = &defaults;
+    if (dmk_missing(ctx, "solver", s, "source", source, "result", result, NULL)) return DMK_E_ARG;
+    DMK_TRY(dmk_device_owned(ctx, s->device));
     DMK_TRY(check_options(ctx, s, source, options));
     DMK_TRY(dmk_result_create(ctx, s->mesh, &r));
     double began = dmk_seconds();

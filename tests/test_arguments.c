@@ -1,0 +1,397 @@
+/* Each public function with each of its arguments wrong in turn: DMK_E_ARG with a message, never a
+ * crash. arguments.awk makes the calls from the header, so that a new function is tried as well. */
+#include "base/base.h"
+#include "solving.h"
+
+#include <math.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+static struct {
+    bench b;
+    problem p;
+    dmk_locus *locus;
+    dmk_path path;
+    char file[300];
+    long scratch[1000]; /* for what is filled */
+    void *none;         /* for objects that a call makes: it must stay NULL */
+} good;
+
+/* ---- right values, by type ---- */
+
+#define good_dmk_context_p good.b.ctx
+#define good_dmk_context_pp (void *)&good.none
+#define good_dmk_mesh_p good.p.mesh
+#define good_dmk_mesh_pp (void *)&good.none
+#define good_dmk_mesh_info_p (void *)good.scratch
+#define good_dmk_point_p &good.p.source
+#define fresh_dmk_point_p (void *)good.scratch
+#define good_dmk_surface_options_p                                                                 \
+    &(dmk_surface_options)                                                                         \
+    {                                                                                              \
+        .name = "sphere"                                                                           \
+    }
+#define good_dmk_device_p good.b.dev
+#define good_dmk_device_pp (void *)&good.none
+#define good_dmk_device_info_p (void *)good.scratch
+#define good_dmk_device_options_p                                                                  \
+    &(dmk_device_options)                                                                          \
+    {                                                                                              \
+        0                                                                                          \
+    }
+#define good_dmk_machine_info_p (void *)good.scratch
+#define good_dmk_solver_p good.p.solver
+#define good_dmk_solver_pp (void *)&good.none
+#define good_dmk_solve_options_p &good.p.options
+#define good_dmk_result_p good.p.result
+#define good_dmk_result_pp (void *)&good.none
+#define good_dmk_stats_p (void *)good.scratch
+#define good_dmk_locus_p good.locus
+#define good_dmk_locus_pp (void *)&good.none
+#define good_dmk_locus_info_p (void *)good.scratch
+#define good_dmk_locus_options_p                                                                   \
+    &(dmk_locus_options)                                                                           \
+    {                                                                                              \
+        0                                                                                          \
+    }
+#define good_dmk_path_p &good.path
+#define fresh_dmk_path_p (void *)good.scratch
+#define good_dmk_format_info_p (void *)good.scratch
+#define good_dmk_progress_fn NULL
+#define good_void_p NULL
+#define good_char_p good.file
+#define good_double_p (double *)(void *)good.scratch
+#define good_int32_t_p (int32_t *)(void *)good.scratch
+#define good_int32_t_pp (void *)&good.none
+#define good_size_t_p (size_t *)(void *)good.scratch
+#define good_size_t 0
+#define good_n_points 1
+#define good_int64_t 0
+#define good_int 0
+
+/* ---- wrong values other than NULL ---- */
+
+static const dmk_point wrong_dmk_point_p[] = {
+    {-1, {1, 0, 0}},      {INT64_MAX, {1, 0, 0}}, {INT32_MAX, {1, 0, 0}},
+    {0, {0, 0, 0}},       {0, {2, -1, 0}},        {0, {0, 0, 2}},
+    {0, {NAN, 0.5, 0.5}}, {0, {1, 0, 1e-6}},      {0, {INFINITY, 0, 0}},
+};
+static const dmk_surface_options wrong_dmk_surface_options_p[] = {
+    {.name = NULL},
+    {.name = ""},
+    {.name = "cube"},
+    {.name = "torus", .size = {NAN}},
+    {.name = "torus", .size = {-1}},
+    {.name = "torus", .size = {1, 2}},
+    {.name = "sphere", .size = {INFINITY}},
+    {.name = "sphere", .size = {1, 1}},
+    {.name = "sphere", .refine = -1},
+    {.name = "sphere", .refine = 13},
+    {.name = "sphere", .refine = INT32_MAX},
+    {.name = "sphere", .n_triangles = 1},
+    {.name = "sphere", .n_triangles = SIZE_MAX},
+    {.name = "sphere", .has_source = 1, .source = {NAN}},
+    {.name = "sphere", .has_source = 1, .source = {0, 0, 0}},
+};
+static const dmk_device_options wrong_dmk_device_options_p[] = {
+    {.threads = -5},
+    {.threads = INT32_MIN},
+    {.shape = (dmk_shape)9},
+    {.shape = (dmk_shape)-1},
+};
+static const dmk_solve_options wrong_dmk_solve_options_p[] = {
+    {.method = (dmk_method)77},
+    {.method = (dmk_method)-1},
+    {.start = (dmk_start)99},
+    {.start = (dmk_start)-1},
+    {.dt = -0.1},
+    {.dt = 1.1},
+    {.dt = NAN},
+    {.inertia = 1},
+    {.inertia = NAN},
+    {.tolerance = INFINITY},
+    {.tolerance = -1},
+    {.tolerance = NAN},
+    {.gap_tolerance = -1},
+    {.gap_tolerance = NAN},
+    {.cg_tolerance = -1},
+    {.cg_tolerance = INFINITY},
+    {.max_steps = -1},
+    {.threshold = -1},
+    {.threshold = NAN},
+    {.threshold = INFINITY},
+};
+static const dmk_locus_options wrong_dmk_locus_options_p[] = {
+    {.strength = NAN}, {.strength = -1}, {.strength = INFINITY}};
+static const int wrong_int[] = {-1, INT32_MIN};
+static const double wrong_double_p[][3] = {{NAN, 0, 0}, {0, INFINITY, 0}, {0, 0, -INFINITY}};
+static const int64_t wrong_int64_t[] = {-1, INT64_MIN, INT64_MAX, INT32_MAX};
+static const size_t wrong_size_t[] = {SIZE_MAX, SIZE_MAX / 2, (size_t)1 << 40};
+
+/* ---- what may be so ---- */
+
+/* The header says that these may be NULL; or nothing is told of their size by the caller. */
+static bool may_be(const char *function, const char *argument)
+{
+    static const char *const list[] = {
+        "dmk_context_set_progress fn",
+        "dmk_context_set_progress user",
+        "dmk_device_list infos",
+        "dmk_solve options",
+        "dmk_device_open options",
+        "dmk_locus_compute options",
+        "dmk_cut options",
+        "dmk_cut origin",
+        /* Lengths of the caller's arrays, and xyz where the mesh is looked at later. */
+        "dmk_device_list capacity",
+        "dmk_path_compute n_points",
+        "dmk_mesh_create xyz",
+    };
+    char both[200];
+    snprintf(both, sizeof both, "%s %s", function, argument);
+    for (size_t i = 0; i < sizeof list / sizeof *list; i++) {
+        if (strcmp(both, list[i]) == 0) return true;
+    }
+    return false;
+}
+
+/* ---- the calls ---- */
+
+static int n_calls, n_bad;
+static sigjmp_buf crashed;
+
+static void on_crash(int number)
+{
+    siglongjmp(crashed, number);
+}
+
+static void complain(const char *function, const char *argument, size_t index, const char *what)
+{
+    print_error("%s, argument %s, value %zu: %s\n", function, argument, index, what);
+    n_bad++;
+}
+
+static void check_status(const char *function, const char *argument, size_t index, bool null,
+                         int status)
+{
+    char name[64];
+    const char *message = dmk_context_message(good.b.ctx);
+    snprintf(name, sizeof name, "`%s`", argument);
+    const bool too_many = !null && strcmp(function, "dmk_mesh_create") == 0; /* for any mesh */
+    if (status != (too_many ? DMK_E_MESH : DMK_E_ARG))
+        complain(function, argument, index, "another status than DMK_E_ARG");
+    if (strcmp(argument, "context") == 0 || strcmp(function, "dmk_format_get") == 0) return;
+    if (strcmp(function, "dmk_context_create") == 0) return;
+    if (!*message) complain(function, argument, index, "no message");
+    if (null && !strstr(message, name)) complain(function, argument, index, message);
+    if (good.none) complain(function, argument, index, "something was made");
+}
+
+/* The call for index 0 to n - 1 of its list of wrong values, or once with NULL. */
+#define TRY(function, argument, n, ...)                                                            \
+    for (volatile size_t index = 0; index < (n); index++) {                                        \
+        if (may_be(#function, #argument)) break;                                                   \
+        const int number = sigsetjmp(crashed, 1);                                                  \
+        n_calls++;                                                                                 \
+        if (number == 0) {                                                                         \
+            __VA_ARGS__                                                                            \
+        } else {                                                                                   \
+            complain(#function, #argument, index, strsignal(number));                              \
+        }                                                                                          \
+    }
+#define STATUS(function, argument, n, null, call)                                                  \
+    TRY(function, argument, n, {                                                                   \
+        good.none = NULL;                                                                          \
+        dmk_fail(good.b.ctx, 0, "%s", "");                                                         \
+        check_status(#function, #argument, index, null, (function)call);                           \
+    })
+#define POINTER(function, argument, n, null, call)                                                 \
+    TRY(function, argument, n, {                                                                   \
+        const void *pointer = (function)call;                                                      \
+        if (null && pointer && strcmp(#argument, "n") != 0 && strcmp(#argument, "offset") != 0) {  \
+            check_text(#function, #argument, pointer);                                             \
+        }                                                                                          \
+    })
+#define NOTHING(function, argument, n, null, call) TRY(function, argument, n, { (function) call; })
+#define UNKNOWN(function, type)                                                                    \
+    complain(#function, #type, 0, "good_TYPE is missing in test_arguments.c");
+
+/* Of what is not there nothing is given but a text. */
+static void check_text(const char *function, const char *argument, const char *text)
+{
+    if (strcmp(function, "dmk_context_message") != 0 || !*text) {
+        complain(function, argument, 0, "something of nothing");
+    }
+}
+
+static void wrong_arguments_are_refused(void **state)
+{
+    (void)state;
+    const struct sigaction action = {.sa_handler = on_crash, .sa_flags = SA_NODEFER};
+    struct sigaction before[2];
+    sigaction(SIGSEGV, &action, &before[0]);
+    sigaction(SIGFPE, &action, &before[1]);
+#include "arguments.h"
+    sigaction(SIGSEGV, &before[0], NULL);
+    sigaction(SIGFPE, &before[1], NULL);
+    print_message("%d calls\n", n_calls);
+    assert_true(n_calls > 150);
+    assert_int_equal(n_bad, 0);
+}
+
+/* ---- the rest of what the header says of arguments ---- */
+
+static void options_may_be_missing(void **state)
+{
+    (void)state;
+    problem *p = &good.p;
+    dmk_device *device = NULL;
+    dmk_result *result = NULL;
+    dmk_locus *locus = NULL;
+    dmk_mesh *cut = NULL;
+    bench_ok(&good.b, dmk_device_open(good.b.ctx, NULL, &device));
+    bench_ok(&good.b, dmk_solve(good.b.ctx, p->solver, &p->source, NULL, &result));
+    bench_ok(&good.b, dmk_locus_compute(good.b.ctx, p->mesh, result, NULL, &locus));
+    bench_ok(&good.b, dmk_cut(good.b.ctx, p->mesh, result, NULL, &cut, NULL));
+    assert_memory_equal(dmk_result_density(result, NULL), problem_mu(p),
+                        problem_triangles(p) * sizeof(double));
+    dmk_mesh_destroy(&cut);
+    dmk_locus_destroy(&locus);
+    dmk_result_destroy(&result);
+    dmk_device_destroy(&device);
+    size_t n = 0;
+    bench_ok(&good.b, dmk_device_list(good.b.ctx, NULL, 0, &n));
+    assert_true(n > 0);
+    bench_ok(&good.b, dmk_path_compute(good.b.ctx, p->mesh, p->result, 0, &p->source, &good.path));
+}
+
+static void nothing_may_be_destroyed(void **state)
+{
+    (void)state;
+    void *none = NULL;
+    dmk_context_destroy((dmk_context **)&none);
+    dmk_mesh_destroy((dmk_mesh **)&none);
+    dmk_device_destroy((dmk_device **)&none);
+    dmk_solver_destroy((dmk_solver **)&none);
+    dmk_result_destroy((dmk_result **)&none);
+    dmk_locus_destroy((dmk_locus **)&none);
+    dmk_path_free(&(dmk_path){0});
+    assert_null(none);
+}
+
+/* ---- forks ---- */
+
+/* Exit status of `work` in a forked child; 99: it has not ended within 20 s. */
+static int in_child(int (*work)(void))
+{
+    pid_t child = fork();
+    assert_true(child >= 0);
+    if (child == 0) {
+        alarm(20); /* ends the child */
+        _exit(work());
+    }
+    int status;
+    assert_int_equal(waitpid(child, &status, 0), child);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : 99;
+}
+
+static int refused(int rc)
+{
+    return rc == DMK_E_DEVICE && strstr(dmk_context_message(good.b.ctx), "fork") ? 0 : 1;
+}
+
+static int child_solves(void)
+{
+    dmk_result *result = NULL;
+    return refused(dmk_solve(good.b.ctx, good.p.solver, &good.p.source, NULL, &result)) || result;
+}
+
+static int child_makes_solver(void)
+{
+    dmk_solver *solver = NULL;
+    return refused(dmk_solver_create(good.b.ctx, good.b.dev, good.p.mesh, &solver)) || solver;
+}
+
+static int child_opens(void)
+{
+    dmk_device *device = NULL;
+    size_t n;
+    return refused(dmk_device_open(good.b.ctx, NULL, &device)) || device ||
+           refused(dmk_device_list(good.b.ctx, NULL, 0, &n));
+}
+
+static int child_gives_back(void)
+{
+    dmk_solver_destroy(&good.p.solver);
+    dmk_device_destroy(&good.b.dev);
+    dmk_context_destroy(&good.b.ctx);
+    return 0;
+}
+
+static int child_reads_and_writes(void)
+{
+    dmk_mesh *mesh = NULL;
+    dmk_locus *locus = NULL;
+    int rc = dmk_mesh_read(good.b.ctx, good.file, &mesh);
+    if (rc == DMK_OK) rc = dmk_locus_compute(good.b.ctx, good.p.mesh, good.p.result, NULL, &locus);
+    if (rc == DMK_OK) rc = dmk_mesh_write(good.b.ctx, mesh, good.file);
+    dmk_locus_destroy(&locus);
+    dmk_mesh_destroy(&mesh);
+    return rc != DMK_OK;
+}
+
+static void a_forked_child_has_no_device(void **state)
+{
+    (void)state;
+    assert_int_equal(in_child(child_solves), 0);
+    assert_int_equal(in_child(child_makes_solver), 0);
+    assert_int_equal(in_child(child_opens), 0);
+    assert_int_equal(in_child(child_gives_back), 0);
+    assert_int_equal(in_child(child_reads_and_writes), 0);
+    problem_solve(&good.p); /* nothing has happened here */
+}
+
+/* ---- the objects ---- */
+
+static int setup(void **state)
+{
+    (void)state;
+    const char *folder = getenv("TMPDIR");
+    bench_open(&good.b, NULL);
+    good.p = problem_file(&good.b, "tests/data/sphere_1280.off");
+    problem_solve(&good.p);
+    dmk_point end = {7, {0.5, 0.25, 0.25}};
+    bench_ok(&good.b, dmk_locus_compute(good.b.ctx, good.p.mesh, good.p.result, NULL, &good.locus));
+    bench_ok(&good.b,
+             dmk_path_compute(good.b.ctx, good.p.mesh, good.p.result, 1, &end, &good.path));
+    snprintf(good.file, sizeof good.file, "%s/arguments-%ld.vtp", folder ? folder : "/tmp",
+             (long)getpid());
+    bench_ok(&good.b, dmk_mesh_write(good.b.ctx, good.p.mesh, good.file));
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    (void)state;
+    unlink(good.file);
+    dmk_path_free(&good.path);
+    dmk_locus_destroy(&good.locus);
+    problem_free(&good.p);
+    bench_close(&good.b);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(wrong_arguments_are_refused),
+        cmocka_unit_test(options_may_be_missing),
+        cmocka_unit_test(nothing_may_be_destroyed),
+        cmocka_unit_test(a_forked_child_has_no_device),
+    };
+    return cmocka_run_group_tests_name("arguments", tests, setup, teardown);
+}
