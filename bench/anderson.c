@@ -10,8 +10,8 @@
  * Prints a line per step: step, V-cycles, seconds, L1 error of mu relative to the reference's mass,
  * upper bound of the cost relative to the reference's less 1, gap. As in the tool's report
  * V-cycles include one certificate's, seconds do not. Vector arithmetic is on one thread. */
-#include "solver/outer.h"
-#include "solver/soften.h"
+#include "solver/iteration.h"
+#include "mesh/mollify.h"
 #include "solver/start.h"
 
 #include <math.h>
@@ -26,12 +26,12 @@ typedef struct bench {
     dmk_device *device;
     dmk_mesh *mesh;
     dmk_order order;
-    dmk_mesh soft; /* the ordered mesh with the metric that is computed with */
+    dmk_mesh mollified; /* the ordered mesh with the metric that is computed with */
     dmk_system *sys;
     dmk_point source; /* on the ordered mesh */
     dmk_solve_options options;
     dmk_stats stats;
-    dmk_outer outer;
+    dmk_iteration outer;
 
     size_t n; /* triangles: length of the arrays; units of the packed problem (area 1) */
     double *area, *mu, *y, *q, *r, *r_before;
@@ -52,8 +52,8 @@ static int prepare(bench *b, const char *path, int depth)
     DMK_TRY(dmk_mesh_read(b->ctx, path, &b->mesh));
     DMK_TRY(dmk_mesh_vertex_point(b->ctx, b->mesh, 0, &p));
     DMK_TRY(dmk_order_create(b->ctx, b->mesh, b->mesh->component[p.triangle], &b->order));
-    DMK_TRY(dmk_soften(b->ctx, b->order.mesh, &b->soft));
-    DMK_TRY(dmk_system_create(b->ctx, b->device, &b->soft, &b->sys));
+    DMK_TRY(dmk_mollify(b->ctx, b->order.mesh, &b->mollified));
+    DMK_TRY(dmk_system_create(b->ctx, b->device, &b->mollified, &b->sys));
     b->source = p;
     b->source.triangle = 0;
     while (b->order.triangle_old[b->source.triangle] != p.triangle) b->source.triangle++;
@@ -73,7 +73,7 @@ static int start(bench *b)
 {
     int rc;
     dmk_system *s = b->sys;
-    const dmk_mesh *m = &b->soft;
+    const dmk_mesh *m = &b->mollified;
     size_t n_rows = dmk_system_rows(m);
     double *vertex = NULL, *u = NULL, *f = NULL;
     DMK_TRY(DMK_NEW(b->ctx, vertex, (size_t)m->n_vertices));
@@ -85,12 +85,12 @@ static int start(bench *b)
     for (int32_t e = 0; e < m->n_edges; e++) u[e] /= -s->unit;
     for (int32_t v = 0; v < m->n_vertices; v++) u[s->vertex_row + v] = vertex[v] / -s->unit;
     for (size_t t = 0; t < b->n; t++) b->mu[t] /= s->unit;
-    DMK_TRY(dmk_load(b->ctx, m, s, &b->source, f));
+    DMK_TRY(dmk_right_hand_side(b->ctx, m, s, &b->source, f));
     DMK_TRY(dmk_buffer_write_real(b->ctx, b->device, DMK_OUTER, s->u, n_rows, u));
     DMK_TRY(dmk_buffer_write_real(b->ctx, b->device, DMK_OUTER, s->f, n_rows, f));
     DMK_TRY(dmk_buffer_write_real(b->ctx, b->device, DMK_OUTER, s->mu, b->n, b->mu));
     memset(&b->stats, 0, sizeof b->stats);
-    b->outer = (dmk_outer){.ctx = b->ctx, .sys = s, .options = &b->options, .stats = &b->stats,
+    b->outer = (dmk_iteration){.ctx = b->ctx, .sys = s, .options = &b->options, .stats = &b->stats,
                            .began = dmk_seconds()};
 done:
     free(vertex);
@@ -122,8 +122,8 @@ static double lowest(const bench *b, size_t t) { return log(DMK_FLOOR * sqrt(b->
 static int residual(bench *b)
 {
     int rc;
-    DMK_TRY(dmk_outer_solve(&b->outer, b->sys->u, 1e-4, 500, NULL));
-    DMK_TRY(dmk_outer_energies(&b->outer));
+    DMK_TRY(dmk_iteration_solve(&b->outer, b->sys->u, 1e-4, 500, NULL));
+    DMK_TRY(dmk_iteration_energies(&b->outer));
     DMK_TRY(dmk_buffer_read_real(b->ctx, b->device, DMK_OUTER, b->sys->q, b->n, b->q));
     for (size_t t = 0; t < b->n; t++) {
         double slope = fmin(fmax(0.5 * log(fmax(b->q[t], 1e-30)), -1), 1);
@@ -249,7 +249,7 @@ done:
     double *arrays[] = {b.area, b.mu, b.y, b.r, b.q, b.r_before, b.dy, b.dr, b.best};
     for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) free(arrays[i]);
     dmk_system_destroy(&b.sys);
-    if (b.order.mesh) dmk_soften_free(b.order.mesh, &b.soft);
+    if (b.order.mesh) dmk_mollify_free(b.order.mesh, &b.mollified);
     dmk_order_free(&b.order);
     dmk_mesh_destroy(&b.mesh);
     dmk_device_destroy(&b.device);

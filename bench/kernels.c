@@ -5,7 +5,7 @@
  * over the vector it gathers from. The copy reads half of them and writes the other half. Kernel and
  * copy take turns; the least of the rounds counts. */
 #include "solver/kernels.h"
-#include "solver/outer.h"
+#include "solver/iteration.h"
 
 #include <math.h>
 #include <stdio.h>

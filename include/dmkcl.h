@@ -67,7 +67,7 @@ typedef struct dmk_context dmk_context;
 
 /* One report of progress. `stage` is a static string ("read", "levels", "solve", "locus", "cut",
  * "path", ...). All but "solve" tell their begin, and again each 50 ms, with step 0; within "solve",
- * `step` counts outer steps from 1, `change` is the relative change of mu per unit time and `gap` the
+ * `step` counts nonlinear iterations from 1, `change` is the relative change of mu per unit time and `gap` the
  * relative gap of the certificate, or NaN when not computed at this step. */
 typedef struct dmk_progress {
     const char *stage;
@@ -260,14 +260,14 @@ typedef enum dmk_stage {
     DMK_STAGE_DEVICE,   /* context, kernels */
     DMK_STAGE_SETUP,    /* ordering, hierarchy, packing */
     DMK_STAGE_START,    /* distance and density to start from */
-    DMK_STAGE_SOLVE,    /* outer iteration */
+    DMK_STAGE_SOLVE,    /* nonlinear iteration */
     DMK_STAGE_CERTIFY,  /* bounds of the cost */
     DMK_STAGE_LOCUS,
     DMK_N_STAGES
 } dmk_stage;
 
 typedef struct dmk_stats {
-    int steps;            /* outer steps */
+    int steps;            /* nonlinear iterations */
     int cg_iterations;    /* summed over all inner solves */
     int v_cycles;
     double change;        /* last relative change of mu per unit time */
@@ -276,7 +276,7 @@ typedef struct dmk_stats {
     double gap;           /* (upper - lower) / upper */
     double area;          /* of the source's component */
     int levels;           /* of the multigrid hierarchy */
-    int double_precision; /* 1 if the outer iteration ran in double precision */
+    int double_precision; /* 1 if the nonlinear iteration ran in double precision */
     double seconds[DMK_N_STAGES];
 } dmk_stats;
 

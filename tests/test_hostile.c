@@ -1,6 +1,6 @@
 /* Bad meshes, each with what is to come of it: a refusal that names the reason, or a solution with a
  * certificate, a cut locus and a cut. */
-#include "solver/soften.h"
+#include "mesh/mollify.h"
 #include "solving.h"
 
 #include <math.h>
@@ -497,29 +497,29 @@ static dmk_mesh *make(const bench *b, void (*build)(void))
     return m;
 }
 
-static void thin_triangles_are_softened(void **state)
+static void thin_triangles_are_mollified(void **state)
 {
     const bench *b = *state;
-    dmk_mesh soft, *m = make(b, the_sphere);
-    bench_ok(b, dmk_soften(b->ctx, m, &soft)); /* nothing to do: nothing is copied */
-    assert_ptr_equal(soft.length, m->length);
-    assert_ptr_equal(soft.cot, m->cot);
-    dmk_soften_free(m, &soft);
+    dmk_mesh mollified, *m = make(b, the_sphere);
+    bench_ok(b, dmk_mollify(b->ctx, m, &mollified)); /* nothing to do: nothing is copied */
+    assert_ptr_equal(mollified.length, m->length);
+    assert_ptr_equal(mollified.cot, m->cot);
+    dmk_mollify_free(m, &mollified);
     dmk_mesh_destroy(&m);
 
     static void (*const thin[])(void) = {tiny_details, shorter_edges, thinner_needles, flat_caps};
     for (size_t i = 0; i < sizeof thin / sizeof *thin; i++) {
         m = make(b, thin[i]);
-        bench_ok(b, dmk_soften(b->ctx, m, &soft));
-        assert_true(steepest(m) > 5e5 && steepest(&soft) < 4e6 && steepest(&soft) < steepest(m));
+        bench_ok(b, dmk_mollify(b->ctx, m, &mollified));
+        assert_true(steepest(m) > 5e5 && steepest(&mollified) < 4e6 && steepest(&mollified) < steepest(m));
         double longest = 0, most = 0;
         for (int32_t e = 0; e < m->n_edges; e++) {
-            assert_true(soft.length[e] >= m->length[e]);
+            assert_true(mollified.length[e] >= m->length[e]);
             longest = fmax(longest, m->length[e]);
-            most = fmax(most, soft.length[e] - m->length[e]);
+            most = fmax(most, mollified.length[e] - m->length[e]);
         }
         assert_true(most > 0 && most < 2e-6 * longest);
-        dmk_soften_free(m, &soft);
+        dmk_mollify_free(m, &mollified);
         dmk_mesh_destroy(&m);
     }
 }
@@ -529,7 +529,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(refusals_name_the_reason), cmocka_unit_test(the_rest_is_solved),
         cmocka_unit_test(sources_may_lie_anywhere), cmocka_unit_test(no_source_is_told),
-        cmocka_unit_test(thin_triangles_are_softened),
+        cmocka_unit_test(thin_triangles_are_mollified),
     };
     return cmocka_run_group_tests_name("hostile", tests, bench_setup, bench_teardown);
 }

@@ -1,6 +1,6 @@
 /* The macro-element operators and the V-cycle against a dense assembly. */
 #include "solver/kernels.h"
-#include "solver/outer.h"
+#include "solver/iteration.h"
 
 #include <math.h>
 #include <setjmp.h>

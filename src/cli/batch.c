@@ -6,7 +6,7 @@
 #include <sys/stat.h>
 
 typedef struct batch {
-    const solve_order *order;
+    const solve_request *request;
     const solve_source *source; /* n */
     size_t n, n_solved, n_kept, n_failed;
     bool summary;
@@ -44,7 +44,7 @@ static void free_files(cli_files *files)
         free((char *)files->path[i]);
 }
 
-static void free_one(solve_order *one)
+static void free_one(solve_request *one)
 {
     free_files(&one->out);
     free_files(&one->locus);
@@ -52,11 +52,11 @@ static void free_one(solve_order *one)
     if (one->report && strcmp(one->report, "-") != 0) free((char *)one->report);
 }
 
-/* The order for source k alone, freed by free_one; false without memory. */
-static bool order_one(const batch *b, size_t k, solve_order *one)
+/* The request for source k alone, freed by free_one; false without memory. */
+static bool request_one(const batch *b, size_t k, solve_request *one)
 {
     const solve_source *s = &b->source[k];
-    *one = *b->order;
+    *one = *b->request;
     one->vertex = s->vertex;
     one->source.n = s->vertex < 0 ? 3 : 0;
     memcpy(one->source.value, s->xyz, sizeof s->xyz);
@@ -64,7 +64,7 @@ static bool order_one(const batch *b, size_t k, solve_order *one)
     good = number_files(&one->locus, k) && good;
     good = number_files(&one->tangent, k) && good;
     if (one->report && strcmp(one->report, "-") != 0) one->report = number_name(one->report, k);
-    return good && (one->report || !b->order->report);
+    return good && (one->report || !b->request->report);
 }
 
 static bool is_there(const char *path)
@@ -82,7 +82,7 @@ static bool are_there(const cli_files *files)
 }
 
 /* Files are whole if they are there. */
-static bool is_done(const solve_order *one)
+static bool is_done(const solve_request *one)
 {
     return are_there(&one->out) && are_there(&one->locus) && are_there(&one->tangent) &&
            (!one->report || strcmp(one->report, "-") == 0 || is_there(one->report));
@@ -105,7 +105,7 @@ static void print_line(size_t k, const solve_run *run)
            (long long)info.loops, info.endpoints, info.branch_points, run->seconds.total);
 }
 
-static int solve_one(const batch *b, size_t k, const solve_order *one, solve_run *run)
+static int solve_one(const batch *b, size_t k, const solve_request *one, solve_run *run)
 {
     char where[300], prefix[64];
     snprintf(where, sizeof where, "%.250s:%lld: ", one->sources, (long long)b->source[k].line);
@@ -134,9 +134,9 @@ static void begin_source(const batch *b, solve_run *run)
 static void solve_all(batch *b, solve_run *run)
 {
     for (size_t k = 0; k < b->n && !cli_interrupted(); k++) {
-        solve_order one;
+        solve_request one;
         int code = EXIT_OK;
-        if (!order_one(b, k, &one)) {
+        if (!request_one(b, k, &one)) {
             code = cli_library_error(NULL, DMK_E_NOMEM);
             b->n_failed++;
         } else if (one.resume && is_done(&one)) {
@@ -163,24 +163,24 @@ static void print_end(const batch *b, double begin)
            b->n_solved, b->n_kept, b->n_failed, cli_seconds() - begin);
 }
 
-int solve_batch(const solve_order *order)
+int solve_batch(const solve_request *request)
 {
     solve_run run;
     solve_source *sources;
     batch b = {
-        .order = order,
-        .summary = !order->quiet && !(order->report && strcmp(order->report, "-") == 0),
+        .request = request,
+        .summary = !request->quiet && !(request->report && strcmp(request->report, "-") == 0),
     };
-    int code = solve_read_sources(order->sources, &sources, &b.n);
+    int code = solve_read_sources(request->sources, &sources, &b.n);
     if (code != EXIT_OK) return code;
     b.source = sources;
-    b.code = solve_begin(order, &run);
+    b.code = solve_begin(request, &run);
     if (b.code == EXIT_OK) {
         const double begin = run.seconds.begin;
         b.shared = run.seconds;
         b.shared.total = cli_seconds() - begin;
         cli_progress_end(&run.progress);
-        if (b.summary) solve_summary_mesh(order, &run);
+        if (b.summary) solve_summary_mesh(request, &run);
         solve_all(&b, &run);
         cli_progress_end(&run.progress);
         if (b.summary) print_end(&b, begin);

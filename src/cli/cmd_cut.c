@@ -1,12 +1,12 @@
 /* dmkcl cut: the surface cut open along the cut locus, a disk. */
 #include "solve.h"
 
-typedef struct cut_order {
-    solve_order solve;
+typedef struct cut_request {
+    solve_request solve;
     cli_files out;
-} cut_order;
+} cut_request;
 
-static void print_cut(const cut_order *order, const dmk_mesh *cut, const dmk_locus *locus)
+static void print_cut(const cut_request *request, const dmk_mesh *cut, const dmk_locus *locus)
 {
     char v[CLI_TEXT_SIZE], t[CLI_TEXT_SIZE];
     dmk_mesh_info info;
@@ -18,33 +18,33 @@ static void print_cut(const cut_order *order, const dmk_mesh *cut, const dmk_loc
     printf("cut open: %s vertices, %s triangles, Euler characteristic %lld, %zu border loop%s\n",
            cli_count((int64_t)info.n_vertices, v), cli_count((int64_t)info.n_triangles, t),
            (long long)info.euler, info.n_border_loops, info.n_border_loops == 1 ? "" : "s");
-    for (int i = 0; i < order->out.n; i++)
-        printf("wrote %s\n", order->out.path[i]);
+    for (int i = 0; i < request->out.n; i++)
+        printf("wrote %s\n", request->out.path[i]);
 }
 
-static int cut_open(const cut_order *order, solve_run *run, dmk_mesh **cut)
+static int cut_open(const cut_request *request, solve_run *run, dmk_mesh **cut)
 {
-    const int code = solve_compute(&order->solve, run);
+    const int code = solve_compute(&request->solve, run);
     if (code != EXIT_OK) return code;
     dmk_locus_options options;
     dmk_locus_options_init(&options);
     int rc = dmk_cut(run->context, run->mesh, run->result, &options, cut, NULL);
-    for (int i = 0; i < order->out.n && rc == DMK_OK; i++) {
+    for (int i = 0; i < request->out.n && rc == DMK_OK; i++) {
         rc = solve_go_on();
-        if (rc == DMK_OK) rc = dmk_mesh_write(run->context, *cut, order->out.path[i]);
+        if (rc == DMK_OK) rc = dmk_mesh_write(run->context, *cut, request->out.path[i]);
     }
     cli_progress_end(&run->progress);
     return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
 }
 
-static int run_cut(const cut_order *order)
+static int run_cut(const cut_request *request)
 {
     solve_run run;
     dmk_mesh *cut = NULL;
-    int code = solve_begin(&order->solve, &run);
-    if (code == EXIT_OK) code = cut_open(order, &run, &cut);
-    if (code == EXIT_OK && !order->solve.quiet) {
-        print_cut(order, cut, run.locus);
+    int code = solve_begin(&request->solve, &run);
+    if (code == EXIT_OK) code = cut_open(request, &run, &cut);
+    if (code == EXIT_OK && !request->solve.quiet) {
+        print_cut(request, cut, run.locus);
         code = cli_flush();
     }
     dmk_mesh_destroy(&cut);
@@ -52,16 +52,16 @@ static int run_cut(const cut_order *order)
     return code;
 }
 
-static int check_order(cut_order *order)
+static int check_request(cut_request *request)
 {
-    int code = solve_order_settle(&order->solve);
-    if (code == EXIT_OK && order->out.n == 0) {
+    int code = solve_request_settle(&request->solve);
+    if (code == EXIT_OK && request->out.n == 0) {
         code = cli_error(EXIT_USAGE, "cut: --out FILE is missing");
     }
-    return code == EXIT_OK ? cli_check_outputs("out", &order->out, CLI_MESH) : code;
+    return code == EXIT_OK ? cli_check_outputs("out", &request->out, CLI_MESH) : code;
 }
 
-static int parse(cut_order *order, const char *out_help, int argc, char **argv)
+static int parse(cut_request *request, const char *out_help, int argc, char **argv)
 {
     solve_table table = {.n = 0};
     const cli_option out = {
@@ -69,11 +69,11 @@ static int parse(cut_order *order, const char *out_help, int argc, char **argv)
         .value = "FILE",
         .help = out_help,
         .kind = CLI_FILES,
-        .target = &order->out,
+        .target = &request->out,
     };
-    solve_add_source(&table, &order->solve);
+    solve_add_source(&table, &request->solve);
     solve_add(&table, &out, 1);
-    solve_add_device(&table, &order->solve);
+    solve_add_device(&table, &request->solve);
     const cli_syntax syntax = {
         .command = "cut",
         .usage = "MESH (--source X,Y,Z | --vertex I) --out FILE [OPTIONS]",
@@ -83,24 +83,24 @@ static int parse(cut_order *order, const char *out_help, int argc, char **argv)
         .notes =
             "Triangles that the cut locus crosses are split, so that it runs along edges, and its\n"
             "points become vertices once for each side, no nearer to an edge's end than 0.15 of the\n"
-            "edge. The vertices of the component with the source come first, in their old order. A cut\n"
+            "edge. The vertices of the component with the source come first, in their old request. A cut\n"
             "locus that is one point becomes a slit of two edges at the farthest vertex. A surface\n"
             "with a border that is a disk already stays as it is.",
         .options = table.row,
         .n_options = table.n,
     };
-    return cli_parse(&syntax, argc, argv, &order->solve.mesh);
+    return cli_parse(&syntax, argc, argv, &request->solve.mesh);
 }
 
 int cmd_cut(int argc, char **argv)
 {
-    cut_order order = {.out.n = 0};
+    cut_request request = {.out.n = 0};
     char suffixes[512], help[600];
     cli_suffixes(CLI_MESH, suffixes, sizeof suffixes);
     snprintf(help, sizeof help, "the mesh file to write; may be given again:\n%s", suffixes);
-    solve_order_init(&order.solve, "cut");
-    int code = parse(&order, help, argc, argv);
+    solve_request_init(&request.solve, "cut");
+    int code = parse(&request, help, argc, argv);
     if (code != CLI_GO_ON) return code;
-    code = check_order(&order);
-    return code == EXIT_OK ? run_cut(&order) : code;
+    code = check_request(&request);
+    return code == EXIT_OK ? run_cut(&request) : code;
 }

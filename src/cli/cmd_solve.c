@@ -5,36 +5,36 @@
 #include <limits.h>
 #include <string.h>
 
-static int solve(const solve_order *order)
+static int solve(const solve_request *request)
 {
     solve_run run;
-    const bool summary = !order->quiet && !(order->report && strcmp(order->report, "-") == 0);
-    int code = solve_begin(order, &run);
-    if (code == EXIT_OK) code = solve_compute(order, &run);
-    if (code == EXIT_OK) code = solve_write(order, &run);
+    const bool summary = !request->quiet && !(request->report && strcmp(request->report, "-") == 0);
+    int code = solve_begin(request, &run);
+    if (code == EXIT_OK) code = solve_compute(request, &run);
+    if (code == EXIT_OK) code = solve_write(request, &run);
     if (code == EXIT_OK && summary) {
-        solve_summary(order, &run);
+        solve_summary(request, &run);
         code = cli_flush();
     }
     solve_end(&run);
     return code;
 }
 
-static int check_order(solve_order *order)
+static int check_request(solve_request *request)
 {
-    const bool report = order->report && strcmp(order->report, "-") != 0;
-    int code = solve_order_settle(order);
-    if (code == EXIT_OK && order->resume && !order->sources) {
+    const bool report = request->report && strcmp(request->report, "-") != 0;
+    int code = solve_request_settle(request);
+    if (code == EXIT_OK && request->resume && !request->sources) {
         code = cli_error(EXIT_USAGE, "solve: --resume goes with --sources FILE");
     }
-    if (code == EXIT_OK && order->resume && !report && order->out.n == 0 && order->locus.n == 0 &&
-        order->tangent.n == 0) {
+    if (code == EXIT_OK && request->resume && !report && request->out.n == 0 && request->locus.n == 0 &&
+        request->tangent.n == 0) {
         code = cli_error(EXIT_USAGE, "solve: --resume looks for files, and none is to be written");
     }
-    if (code == EXIT_OK) code = cli_check_outputs("out", &order->out, CLI_RESULT);
-    if (code == EXIT_OK) code = cli_check_outputs("locus", &order->locus, CLI_LOCUS);
-    if (code == EXIT_OK) code = cli_check_outputs("tangent", &order->tangent, CLI_ANY);
-    if (code == EXIT_OK && report) code = cli_check_output("report", order->report, CLI_ANY);
+    if (code == EXIT_OK) code = cli_check_outputs("out", &request->out, CLI_RESULT);
+    if (code == EXIT_OK) code = cli_check_outputs("locus", &request->locus, CLI_LOCUS);
+    if (code == EXIT_OK) code = cli_check_outputs("tangent", &request->tangent, CLI_ANY);
+    if (code == EXIT_OK && report) code = cli_check_output("report", request->report, CLI_ANY);
     return code;
 }
 
@@ -46,50 +46,50 @@ typedef struct raw_options {
     char out_help[600], locus_help[600];
 } raw_options;
 
-static void add_files(solve_table *table, solve_order *order, raw_options *raw)
+static void add_files(solve_table *table, solve_request *request, raw_options *raw)
 {
     const cli_option rows[] = {
         {.name = "sources",
          .value = "FILE",
          .help = "many sources, a line each: X,Y,Z or `vertex I`; # begins a comment",
          .kind = CLI_TEXT,
-         .target = &order->sources},
+         .target = &request->sources},
         {.name = "resume",
          .help = "of --sources, leave out those whose files are all there",
          .kind = CLI_FLAG,
-         .target = &order->resume},
+         .target = &request->resume},
         {.name = "out",
          .value = "FILE",
          .help = raw->out_help,
          .kind = CLI_FILES,
-         .target = &order->out},
+         .target = &request->out},
         {.name = "locus",
          .value = "FILE",
          .help = raw->locus_help,
          .kind = CLI_FILES,
-         .target = &order->locus},
+         .target = &request->locus},
         {.name = "tangent",
          .value = "FILE",
          .help = "write the tangent cut locus as CSV, sorted by angle: direction at\n"
                  "the source in radians, cut time, place and kind of the point\n"
                  "(0 ordinary, 1 end, 2 branch point, 3 alone)",
          .kind = CLI_FILES,
-         .target = &order->tangent},
+         .target = &request->tangent},
         {.name = "report",
          .value = "FILE",
          .help = "write the figures of the run as JSON; - is the standard output",
          .kind = CLI_TEXT,
-         .target = &order->report},
+         .target = &request->report},
         {.name = "json", .help = "the same as --report -", .kind = CLI_FLAG, .target = &raw->json},
     };
     solve_add(table, rows, sizeof rows / sizeof *rows);
 }
 
-static void add_method(solve_table *table, solve_order *order, raw_options *raw)
+static void add_method(solve_table *table, solve_request *request, raw_options *raw)
 {
     static const char *const methods[] = {"newton", "inertial", "euler", NULL}; /* as dmk_method */
     static const char *const starts[] = {"distance", "uniform", NULL};          /* as dmk_start */
-    dmk_solve_options *solve_options = &order->solve;
+    dmk_solve_options *solve_options = &request->solve;
     const cli_option rows[] = {
         {.name = "threshold",
          .value = "EPS",
@@ -156,13 +156,13 @@ static void add_method(solve_table *table, solve_order *order, raw_options *raw)
     solve_add(table, rows, sizeof rows / sizeof *rows);
 }
 
-static int parse(solve_order *order, raw_options *raw, int argc, char **argv)
+static int parse(solve_request *request, raw_options *raw, int argc, char **argv)
 {
     solve_table table = {.n = 0};
-    solve_add_source(&table, order);
-    add_files(&table, order, raw);
-    add_method(&table, order, raw);
-    solve_add_device(&table, order);
+    solve_add_source(&table, request);
+    add_files(&table, request, raw);
+    add_method(&table, request, raw);
+    solve_add_device(&table, request);
     const cli_syntax syntax = {
         .command = "solve",
         .usage = "MESH (--source X,Y,Z | --vertex I | --sources FILE) [OPTIONS]",
@@ -180,12 +180,12 @@ static int parse(solve_order *order, raw_options *raw, int argc, char **argv)
         .options = table.row,
         .n_options = table.n,
     };
-    return cli_parse(&syntax, argc, argv, &order->mesh);
+    return cli_parse(&syntax, argc, argv, &request->mesh);
 }
 
 int cmd_solve(int argc, char **argv)
 {
-    solve_order order;
+    solve_request request;
     raw_options raw = {0};
     char suffixes[512];
     cli_suffixes(CLI_RESULT, suffixes, sizeof suffixes);
@@ -195,14 +195,14 @@ int cmd_solve(int argc, char **argv)
     snprintf(raw.locus_help, sizeof raw.locus_help,
              "write the cut locus as lines; may be given again:\n%s", suffixes);
 
-    solve_order_init(&order, "solve");
-    int code = parse(&order, &raw, argc, argv);
+    solve_request_init(&request, "solve");
+    int code = parse(&request, &raw, argc, argv);
     if (code != CLI_GO_ON) return code;
-    order.solve.method = (dmk_method)raw.method;
-    order.solve.start = (dmk_start)raw.start;
-    order.solve.max_steps = (int)raw.max_steps;
-    if (raw.json) order.report = "-";
-    code = check_order(&order);
+    request.solve.method = (dmk_method)raw.method;
+    request.solve.start = (dmk_start)raw.start;
+    request.solve.max_steps = (int)raw.max_steps;
+    if (raw.json) request.report = "-";
+    code = check_request(&request);
     if (code != EXIT_OK) return code;
-    return order.sources ? solve_batch(&order) : solve(&order);
+    return request.sources ? solve_batch(&request) : solve(&request);
 }

@@ -82,7 +82,7 @@ static void write_names(cli_json *json, const char *key, const cli_files *files)
     json_close(json, '[');
 }
 
-static void write_report(FILE *file, const solve_order *order, const solve_run *run)
+static void write_report(FILE *file, const solve_request *request, const solve_run *run)
 {
     cli_json json = {.file = file};
     dmk_mesh_info info;
@@ -92,7 +92,7 @@ static void write_report(FILE *file, const solve_order *order, const solve_run *
     json_open(&json, NULL, '{');
     json_text(&json, "dmkcl", dmk_version());
     json_open(&json, "mesh", '{');
-    json_text(&json, "file", order->mesh);
+    json_text(&json, "file", request->mesh);
     json_mesh(&json, &info);
     json_close(&json, '{');
     json_integer(&json, "euler", info.euler);
@@ -103,22 +103,22 @@ static void write_report(FILE *file, const solve_order *order, const solve_run *
     write_seconds(&json, &run->seconds, &stats);
     json_integer(&json, "peak_memory", (int64_t)cli_peak_memory());
     write_locus(&json, run->locus);
-    write_names(&json, "out", &order->out);
-    write_names(&json, "locus_out", &order->locus);
-    write_names(&json, "tangent_out", &order->tangent);
+    write_names(&json, "out", &request->out);
+    write_names(&json, "locus_out", &request->locus);
+    write_names(&json, "tangent_out", &request->tangent);
     json_close(&json, '{');
 }
 
-int solve_report(const solve_order *order, const solve_run *run)
+int solve_report(const solve_request *request, const solve_run *run)
 {
-    if (strcmp(order->report, "-") == 0) {
-        write_report(stdout, order, run);
+    if (strcmp(request->report, "-") == 0) {
+        write_report(stdout, request, run);
         return cli_flush();
     }
     cli_file file;
-    int code = cli_file_open(order->report, &file);
+    int code = cli_file_open(request->report, &file);
     if (code != EXIT_OK) return code;
-    write_report(file.stream, order, run);
+    write_report(file.stream, request, run);
     return cli_file_close(&file);
 }
 
@@ -134,12 +134,12 @@ static const char *plural(int64_t n)
     return n == 1 ? "" : "s";
 }
 
-static void print_mesh(const solve_order *order, const dmk_mesh_info *info)
+static void print_mesh(const solve_request *request, const dmk_mesh_info *info)
 {
     char v[CLI_TEXT_SIZE], t[CLI_TEXT_SIZE];
     const int64_t n_loops = (int64_t)info->n_border_loops;
     print_label("mesh");
-    printf("%s: %s vertices, %s triangles, ", order->mesh, cli_count((int64_t)info->n_vertices, v),
+    printf("%s: %s vertices, %s triangles, ", request->mesh, cli_count((int64_t)info->n_vertices, v),
            cli_count((int64_t)info->n_triangles, t));
     if (n_loops == 0) printf("closed");
     if (n_loops > 0) printf("%s border loop%s", cli_count(n_loops, v), plural(n_loops));
@@ -177,7 +177,7 @@ static void print_place(const solve_run *run)
     }
 }
 
-static void print_source(const solve_order *order, const solve_run *run)
+static void print_source(const solve_request *request, const solve_run *run)
 {
     char text[CLI_TEXT_SIZE];
     double xyz[3];
@@ -185,8 +185,8 @@ static void print_source(const solve_order *order, const solve_run *run)
     print_label("source");
     printf("(%s)", cli_point(xyz, text));
     print_place(run);
-    if (order->vertex < 0) {
-        const double *asked = order->source.value;
+    if (request->vertex < 0) {
+        const double *asked = request->source.value;
         const double away = hypot(hypot(xyz[0] - asked[0], xyz[1] - asked[1]), xyz[2] - asked[2]);
         printf(", %.2g from the point asked for", away);
     }
@@ -231,23 +231,23 @@ static void print_time(const solve_times *seconds, const dmk_stats *stats)
            cli_bytes(cli_peak_memory(), memory));
 }
 
-static void print_files(const solve_order *order)
+static void print_files(const solve_request *request)
 {
-    for (int i = 0; i < order->out.n; i++) {
+    for (int i = 0; i < request->out.n; i++) {
         print_label("wrote");
-        printf("%s: density, distance\n", order->out.path[i]);
+        printf("%s: density, distance\n", request->out.path[i]);
     }
-    for (int i = 0; i < order->locus.n; i++) {
+    for (int i = 0; i < request->locus.n; i++) {
         print_label("wrote");
-        printf("%s: cut locus\n", order->locus.path[i]);
+        printf("%s: cut locus\n", request->locus.path[i]);
     }
-    for (int i = 0; i < order->tangent.n; i++) {
+    for (int i = 0; i < request->tangent.n; i++) {
         print_label("wrote");
-        printf("%s: tangent cut locus\n", order->tangent.path[i]);
+        printf("%s: tangent cut locus\n", request->tangent.path[i]);
     }
-    if (order->report) {
+    if (request->report) {
         print_label("wrote");
-        printf("%s: report\n", order->report);
+        printf("%s: report\n", request->report);
     }
 }
 
@@ -260,25 +260,25 @@ static void print_device(const solve_run *run)
            plural(device.compute_units));
 }
 
-void solve_summary_mesh(const solve_order *order, const solve_run *run)
+void solve_summary_mesh(const solve_request *request, const solve_run *run)
 {
     dmk_mesh_info info;
     dmk_mesh_get_info(run->mesh, &info);
-    print_mesh(order, &info);
+    print_mesh(request, &info);
     print_device(run);
 }
 
-void solve_summary(const solve_order *order, const solve_run *run)
+void solve_summary(const solve_request *request, const solve_run *run)
 {
     dmk_mesh_info info;
     dmk_stats stats;
     dmk_mesh_get_info(run->mesh, &info);
     dmk_result_get_stats(run->result, &stats);
-    print_mesh(order, &info);
-    print_source(order, run);
+    print_mesh(request, &info);
+    print_source(request, run);
     print_device(run);
     print_cost(&stats);
     print_locus(run->locus);
     print_time(&run->seconds, &stats);
-    print_files(order);
+    print_files(request);
 }

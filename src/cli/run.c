@@ -66,46 +66,46 @@ int solve_fail(solve_run *run, int rc)
     return cli_error(cli_exit_code(rc), "%s%s", run->where, message);
 }
 
-static int place(const solve_order *order, solve_run *run)
+static int place(const solve_request *request, solve_run *run)
 {
-    if (order->vertex >= 0) {
-        return dmk_mesh_vertex_point(run->context, run->mesh, order->vertex, &run->source);
+    if (request->vertex >= 0) {
+        return dmk_mesh_vertex_point(run->context, run->mesh, request->vertex, &run->source);
     }
-    return dmk_mesh_project(run->context, run->mesh, order->source.value, &run->source);
+    return dmk_mesh_project(run->context, run->mesh, request->source.value, &run->source);
 }
 
-int solve_place(const solve_order *order, solve_run *run)
+int solve_place(const solve_request *request, solve_run *run)
 {
-    const int rc = place(order, run);
+    const int rc = place(request, run);
     return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
 }
 
-static int read_mesh(const solve_order *order, solve_run *run)
+static int read_mesh(const solve_request *request, solve_run *run)
 {
     double mark = run->seconds.begin;
-    int rc = dmk_mesh_read(run->context, order->mesh, &run->mesh);
-    if (rc == DMK_OK && !order->sources) rc = place(order, run);
+    int rc = dmk_mesh_read(run->context, request->mesh, &run->mesh);
+    if (rc == DMK_OK && !request->sources) rc = place(request, run);
     run->seconds.read = lap(&mark);
     return rc;
 }
 
-int solve_begin(const solve_order *order, solve_run *run)
+int solve_begin(const solve_request *request, solve_run *run)
 {
     *run = (solve_run){
         .seconds.begin = cli_seconds(),
-        .progress.line = isatty(STDERR_FILENO) && !order->quiet,
-        .progress.steps = order->verbose,
+        .progress.line = isatty(STDERR_FILENO) && !request->quiet,
+        .progress.steps = request->verbose,
         .progress.gap = NAN,
         .where = "",
     };
     opening device;
     int rc = dmk_context_create(&run->context);
     if (rc != DMK_OK) return cli_library_error(NULL, rc);
-    dmk_context_set_threads(run->context, order->device.threads);
+    dmk_context_set_threads(run->context, request->device.threads);
     cli_catch_interrupt();
     cli_watch(run->context, &run->progress);
-    begin_opening(&device, &order->device);
-    rc = read_mesh(order, run);
+    begin_opening(&device, &request->device);
+    rc = read_mesh(request, run);
     cli_progress_say(&run->progress, "opening the device and building its kernels");
     const int code = end_opening(&device, run, rc != DMK_OK);
     if (code != EXIT_OK) return code;
@@ -115,10 +115,10 @@ int solve_begin(const solve_order *order, solve_run *run)
 
 /* The gap is computed in between only when it ends the run, and costs half a step: with --verbose,
  * and before a terminal's eyes on long runs, it is wanted without ending anything. */
-static dmk_solve_options show_gap(const solve_order *order, const solve_run *run)
+static dmk_solve_options show_gap(const solve_request *request, const solve_run *run)
 {
     enum { LONG = 500000 }; /* triangles, some seconds */
-    dmk_solve_options solve = order->solve;
+    dmk_solve_options solve = request->solve;
     dmk_mesh_info info;
     dmk_mesh_get_info(run->mesh, &info);
     const bool is_long = solve.method != DMK_NEWTON || info.n_triangles > LONG;
@@ -128,10 +128,10 @@ static dmk_solve_options show_gap(const solve_order *order, const solve_run *run
     return solve;
 }
 
-int solve_compute(const solve_order *order, solve_run *run)
+int solve_compute(const solve_request *request, solve_run *run)
 {
     dmk_context *context = run->context;
-    const dmk_solve_options solve = show_gap(order, run);
+    const dmk_solve_options solve = show_gap(request, run);
     dmk_locus_destroy(&run->locus);
     dmk_result_destroy(&run->result);
     int rc = dmk_solve(context, run->solver, &run->source, &solve, &run->result);
@@ -154,27 +154,27 @@ int solve_go_on(void)
 }
 
 /* Each file is written under another name first, so that it is whole or not there. */
-int solve_write(const solve_order *order, solve_run *run)
+int solve_write(const solve_request *request, solve_run *run)
 {
     int rc = solve_go_on(), code = EXIT_OK;
     double mark = cli_seconds();
-    for (int i = 0; i < order->out.n && rc == DMK_OK; i++) {
-        rc = dmk_result_write(run->context, run->mesh, run->result, order->out.path[i]);
+    for (int i = 0; i < request->out.n && rc == DMK_OK; i++) {
+        rc = dmk_result_write(run->context, run->mesh, run->result, request->out.path[i]);
         if (rc == DMK_OK) rc = solve_go_on();
     }
-    for (int i = 0; i < order->locus.n && rc == DMK_OK; i++) {
-        rc = dmk_locus_write(run->context, run->locus, order->locus.path[i]);
+    for (int i = 0; i < request->locus.n && rc == DMK_OK; i++) {
+        rc = dmk_locus_write(run->context, run->locus, request->locus.path[i]);
         if (rc == DMK_OK) rc = solve_go_on();
     }
-    for (int i = 0; i < order->tangent.n && rc == DMK_OK && code == EXIT_OK; i++) {
-        code = solve_tangent(run->locus, order->tangent.path[i]);
+    for (int i = 0; i < request->tangent.n && rc == DMK_OK && code == EXIT_OK; i++) {
+        code = solve_tangent(run->locus, request->tangent.path[i]);
         rc = solve_go_on();
     }
     run->seconds.write = lap(&mark);
     run->seconds.total = mark - run->seconds.begin;
     cli_progress_end(&run->progress);
     if (rc != DMK_OK) return solve_fail(run, rc);
-    if (code == EXIT_OK && order->report) code = solve_report(order, run);
+    if (code == EXIT_OK && request->report) code = solve_report(request, run);
     return code;
 }
 

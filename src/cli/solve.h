@@ -5,7 +5,7 @@
 
 #include "cli.h"
 
-typedef struct solve_order {
+typedef struct solve_request {
     const char *command; /* whose errors are told */
     const char *mesh;
     cli_numbers source;
@@ -19,7 +19,7 @@ typedef struct solve_order {
     int64_t threads; /* these two go to `device` when the command line is read */
     bool single;
     bool quiet, verbose;
-} solve_order;
+} solve_request;
 
 /* Seconds by stage; those that run inside dmk_solve are in dmk_stats. The device is opened while
  * the mesh is read, so that the sum may be above the total. Of many sources on one mesh the first
@@ -42,7 +42,7 @@ typedef struct solve_run {
     const char *where; /* of the source, in front of errors: "FILE:LINE: ", or "" */
 } solve_run;
 
-/* ---- order.c: options that several commands share ------------------------------------------- */
+/* ---- request.c: options that several commands share ------------------------------------------- */
 
 enum { SOLVE_MAX_OPTIONS = 40 };
 
@@ -52,23 +52,23 @@ typedef struct solve_table {
     size_t n;
 } solve_table;
 
-void solve_order_init(solve_order *order, const char *command);
+void solve_request_init(solve_request *request, const char *command);
 void solve_add(solve_table *table, const cli_option *rows, size_t n);
-void solve_add_source(solve_table *table, solve_order *order);
-void solve_add_device(solve_table *table, solve_order *order);
+void solve_add_source(solve_table *table, solve_request *request);
+void solve_add_device(solve_table *table, solve_request *request);
 /* After parsing: what the rows of these two have in common. EXIT_OK or the code with the error
  * told. */
-int solve_order_settle(solve_order *order);
+int solve_request_settle(solve_request *request);
 
 /* ---- run.c: the exit code, EXIT_OK or with the error told ----------------------------------- */
 
 /* Mesh, device and solver; and the source's place, if there is just one. */
-int solve_begin(const solve_order *order, solve_run *run);
+int solve_begin(const solve_request *request, solve_run *run);
 /* The source's place, when there are many. */
-int solve_place(const solve_order *order, solve_run *run);
+int solve_place(const solve_request *request, solve_run *run);
 /* Density, distance and cut locus of run->source; an earlier source's are given back. */
-int solve_compute(const solve_order *order, solve_run *run);
-int solve_write(const solve_order *order, solve_run *run);
+int solve_compute(const solve_request *request, solve_run *run);
+int solve_write(const solve_request *request, solve_run *run);
 int solve_fail(solve_run *run, int rc);
 /* DMK_OK, or DMK_E_CANCELLED after Ctrl-C. */
 int solve_go_on(void);
@@ -84,16 +84,16 @@ typedef struct solve_source {
 
 /* *sources is the caller's to free. */
 int solve_read_sources(const char *path, solve_source **sources, size_t *n);
-int solve_batch(const solve_order *order);
+int solve_batch(const solve_request *request);
 
 /* ---- report.c, tangent.c -------------------------------------------------------------------- */
 
 /* The JSON report, whole or not at all. The exit code. */
-int solve_report(const solve_order *order, const solve_run *run);
+int solve_report(const solve_request *request, const solve_run *run);
 /* The summary for a person, on the standard output. */
-void solve_summary(const solve_order *order, const solve_run *run);
+void solve_summary(const solve_request *request, const solve_run *run);
 /* Its part that holds for all sources: mesh and device. */
-void solve_summary_mesh(const solve_order *order, const solve_run *run);
+void solve_summary_mesh(const solve_request *request, const solve_run *run);
 /* The tangent cut locus as CSV, whole or not at all. The exit code. */
 int solve_tangent(const dmk_locus *locus, const char *path);
 

@@ -132,13 +132,13 @@ done:
 static int write_fields(dmk_context *ctx, const dmk_fields *fields, const char *path, int what)
 {
     int rc;
-    dmk_sink *sink = NULL;
+    dmk_output *out = NULL;
     const dmk_format *f;
     DMK_TRY(find_writer(ctx, path, what, &f));
-    DMK_TRY(dmk_sink_open(ctx, path, &sink));
-    rc = (what == WRITE_MESH ? f->write_mesh : f->write_result)(ctx, sink, fields);
+    DMK_TRY(dmk_output_open(ctx, path, &out));
+    rc = (what == WRITE_MESH ? f->write_mesh : f->write_result)(ctx, out, fields);
 done:
-    return dmk_sink_close(&sink, rc);
+    return dmk_output_close(&out, rc);
 }
 
 int dmk_mesh_write(dmk_context *ctx, const dmk_mesh *mesh, const char *path)
@@ -155,11 +155,11 @@ int dmk_fields_write(dmk_context *ctx, const dmk_fields *fields, const char *pat
 int dmk_curves_write(dmk_context *ctx, const dmk_curves *curves, const char *path)
 {
     int rc;
-    dmk_sink *sink = NULL;
+    dmk_output *out = NULL;
     const dmk_format *f;
     DMK_TRY(find_writer(ctx, path, WRITE_LOCUS, &f));
-    DMK_TRY(dmk_sink_open(ctx, path, &sink));
-    rc = f->write_locus(ctx, sink, curves);
+    DMK_TRY(dmk_output_open(ctx, path, &out));
+    rc = f->write_locus(ctx, out, curves);
 done:
-    return dmk_sink_close(&sink, rc);
+    return dmk_output_close(&out, rc);
 }

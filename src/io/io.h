@@ -68,18 +68,18 @@ int dmk_soup_weld(dmk_context *context, dmk_soup *soup);
 
 /* ---- writing ---- */
 
-/* A file being written: under a temporary name beside `path` until dmk_sink_close. Failures of the
- * put functions are kept and reported by dmk_sink_close. */
-typedef struct dmk_sink dmk_sink;
+/* A file being written: under a temporary name beside `path` until dmk_output_close. Failures of the
+ * put functions are kept and reported by dmk_output_close. */
+typedef struct dmk_output dmk_output;
 
-int dmk_sink_open(dmk_context *context, const char *path, dmk_sink **sink);
-void dmk_sink_put(dmk_sink *sink, const void *bytes, size_t n);
-void dmk_sink_text(dmk_sink *sink, const char *text);
-void dmk_sink_number(dmk_sink *sink, double value);
-void dmk_sink_integer(dmk_sink *sink, int64_t value);
+int dmk_output_open(dmk_context *context, const char *path, dmk_output **out);
+void dmk_output_put(dmk_output *out, const void *bytes, size_t n);
+void dmk_output_text(dmk_output *out, const char *text);
+void dmk_output_number(dmk_output *out, double value);
+void dmk_output_integer(dmk_output *out, int64_t value);
 /* With rc == DMK_OK: flush, sync, rename; else, or if any of that fails, remove the temporary.
- * Gives rc, or the first failure. *sink may be NULL. */
-int dmk_sink_close(dmk_sink **sink, int rc);
+ * Gives rc, or the first failure. *out may be NULL. */
+int dmk_output_close(dmk_output **out, int rc);
 
 /* ---- what is written, as plain borrowed arrays ---- */
 
@@ -111,23 +111,23 @@ typedef struct dmk_format {
     const char *name, *suffixes; /* suffixes in lower case, blank-separated */
     bool (*sniff)(const dmk_file *file);
     int (*read_mesh)(dmk_context *context, const dmk_file *file, dmk_soup *soup);
-    int (*write_mesh)(dmk_context *context, dmk_sink *sink, const dmk_fields *fields);
-    int (*write_result)(dmk_context *context, dmk_sink *sink, const dmk_fields *fields);
-    int (*write_locus)(dmk_context *context, dmk_sink *sink, const dmk_curves *curves);
+    int (*write_mesh)(dmk_context *context, dmk_output *out, const dmk_fields *fields);
+    int (*write_result)(dmk_context *context, dmk_output *out, const dmk_fields *fields);
+    int (*write_locus)(dmk_context *context, dmk_output *out, const dmk_curves *curves);
 } dmk_format;
 
 bool dmk_off_sniff(const dmk_file *file);
 int dmk_off_read(dmk_context *context, const dmk_file *file, dmk_soup *soup);
-int dmk_off_write(dmk_context *context, dmk_sink *sink, const dmk_fields *fields);
+int dmk_off_write(dmk_context *context, dmk_output *out, const dmk_fields *fields);
 
 bool dmk_obj_sniff(const dmk_file *file);
 int dmk_obj_read(dmk_context *context, const dmk_file *file, dmk_soup *soup);
-int dmk_obj_write(dmk_context *context, dmk_sink *sink, const dmk_fields *fields);
-int dmk_obj_write_locus(dmk_context *context, dmk_sink *sink, const dmk_curves *curves);
+int dmk_obj_write(dmk_context *context, dmk_output *out, const dmk_fields *fields);
+int dmk_obj_write_locus(dmk_context *context, dmk_output *out, const dmk_curves *curves);
 
 bool dmk_ply_sniff(const dmk_file *file);
 int dmk_ply_read(dmk_context *context, const dmk_file *file, dmk_soup *soup);
-int dmk_ply_write(dmk_context *context, dmk_sink *sink, const dmk_fields *fields);
+int dmk_ply_write(dmk_context *context, dmk_output *out, const dmk_fields *fields);
 
 bool dmk_stl_sniff(const dmk_file *file);
 int dmk_stl_read(dmk_context *context, const dmk_file *file, dmk_soup *soup);
@@ -141,10 +141,10 @@ int dmk_vtk_legacy_read(dmk_context *context, const dmk_file *file, dmk_soup *so
 /* VTP and VTU. */
 bool dmk_vtk_sniff(const dmk_file *file);
 int dmk_vtk_read(dmk_context *context, const dmk_file *file, dmk_soup *soup);
-int dmk_vtp_write(dmk_context *context, dmk_sink *sink, const dmk_fields *fields);
-int dmk_vtp_write_locus(dmk_context *context, dmk_sink *sink, const dmk_curves *curves);
-int dmk_vtu_write(dmk_context *context, dmk_sink *sink, const dmk_fields *fields);
+int dmk_vtp_write(dmk_context *context, dmk_output *out, const dmk_fields *fields);
+int dmk_vtp_write_locus(dmk_context *context, dmk_output *out, const dmk_curves *curves);
+int dmk_vtu_write(dmk_context *context, dmk_output *out, const dmk_fields *fields);
 
-int dmk_csv_write_locus(dmk_context *context, dmk_sink *sink, const dmk_curves *curves);
+int dmk_csv_write_locus(dmk_context *context, dmk_output *out, const dmk_curves *curves);
 
 #endif

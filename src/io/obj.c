@@ -121,48 +121,48 @@ done:
     return rc;
 }
 
-static void put_vertex(dmk_sink *sink, const double *xyz)
+static void put_vertex(dmk_output *out, const double *xyz)
 {
-    dmk_sink_text(sink, "v");
+    dmk_output_text(out, "v");
     for (int k = 0; k < 3; k++) {
-        dmk_sink_text(sink, " ");
-        dmk_sink_number(sink, xyz[k]);
+        dmk_output_text(out, " ");
+        dmk_output_number(out, xyz[k]);
     }
-    dmk_sink_text(sink, "\n");
+    dmk_output_text(out, "\n");
 }
 
 /* One line of n vertex indices, which OBJ counts from 1. */
-static void put_indices(dmk_sink *sink, const char *word, const int32_t *index, size_t n)
+static void put_indices(dmk_output *out, const char *word, const int32_t *index, size_t n)
 {
-    dmk_sink_text(sink, word);
+    dmk_output_text(out, word);
     for (size_t k = 0; k < n; k++) {
-        dmk_sink_text(sink, " ");
-        dmk_sink_integer(sink, (int64_t)index[k] + 1);
+        dmk_output_text(out, " ");
+        dmk_output_integer(out, (int64_t)index[k] + 1);
     }
-    dmk_sink_text(sink, "\n");
+    dmk_output_text(out, "\n");
 }
 
-int dmk_obj_write(dmk_context *ctx, dmk_sink *sink, const dmk_fields *fields)
+int dmk_obj_write(dmk_context *ctx, dmk_output *out, const dmk_fields *fields)
 {
     (void)ctx;
     const dmk_mesh *m = fields->mesh;
-    for (int32_t v = 0; v < m->n_vertices; v++) put_vertex(sink, m->xyz + 3 * (size_t)v);
+    for (int32_t v = 0; v < m->n_vertices; v++) put_vertex(out, m->xyz + 3 * (size_t)v);
     for (int32_t t = 0; t < m->n_triangles; t++) {
-        put_indices(sink, "f", m->triangle + 3 * (size_t)t, 3);
+        put_indices(out, "f", m->triangle + 3 * (size_t)t, 3);
     }
     return DMK_OK;
 }
 
-int dmk_obj_write_locus(dmk_context *ctx, dmk_sink *sink, const dmk_curves *c)
+int dmk_obj_write_locus(dmk_context *ctx, dmk_output *out, const dmk_curves *c)
 {
     (void)ctx;
-    for (size_t v = 0; v < c->n_vertices; v++) put_vertex(sink, c->vertex[v].xyz);
+    for (size_t v = 0; v < c->n_vertices; v++) put_vertex(out, c->vertex[v].xyz);
     for (size_t k = 0; k < c->n_polylines; k++) {
         size_t n = (size_t)(c->offset[k + 1] - c->offset[k]);
-        put_indices(sink, n > 1 ? "l" : "p", c->index + c->offset[k], n);
+        put_indices(out, n > 1 ? "l" : "p", c->index + c->offset[k], n);
     }
     if (c->n_polylines == 0) {
-        for (int32_t v = 0; v < (int32_t)c->n_vertices; v++) put_indices(sink, "p", &v, 1);
+        for (int32_t v = 0; v < (int32_t)c->n_vertices; v++) put_indices(out, "p", &v, 1);
     }
     return DMK_OK;
 }

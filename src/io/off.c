@@ -135,26 +135,26 @@ done:
     return rc;
 }
 
-int dmk_off_write(dmk_context *ctx, dmk_sink *sink, const dmk_fields *fields)
+int dmk_off_write(dmk_context *ctx, dmk_output *out, const dmk_fields *fields)
 {
     (void)ctx;
     const dmk_mesh *m = fields->mesh;
-    dmk_sink_text(sink, "OFF\n");
-    dmk_sink_integer(sink, m->n_vertices);
-    dmk_sink_text(sink, " ");
-    dmk_sink_integer(sink, m->n_triangles);
-    dmk_sink_text(sink, " 0\n");
+    dmk_output_text(out, "OFF\n");
+    dmk_output_integer(out, m->n_vertices);
+    dmk_output_text(out, " ");
+    dmk_output_integer(out, m->n_triangles);
+    dmk_output_text(out, " 0\n");
     for (int32_t i = 0; i < 3 * m->n_vertices; i++) {
-        dmk_sink_number(sink, m->xyz[i]);
-        dmk_sink_text(sink, i % 3 == 2 ? "\n" : " ");
+        dmk_output_number(out, m->xyz[i]);
+        dmk_output_text(out, i % 3 == 2 ? "\n" : " ");
     }
     for (int32_t t = 0; t < m->n_triangles; t++) {
-        dmk_sink_text(sink, "3");
+        dmk_output_text(out, "3");
         for (int k = 0; k < 3; k++) {
-            dmk_sink_text(sink, " ");
-            dmk_sink_integer(sink, m->triangle[3 * t + k]);
+            dmk_output_text(out, " ");
+            dmk_output_integer(out, m->triangle[3 * t + k]);
         }
-        dmk_sink_text(sink, "\n");
+        dmk_output_text(out, "\n");
     }
     return DMK_OK;
 }

@@ -288,38 +288,38 @@ done:
 
 /* ---- writing ---- */
 
-static void put_header(dmk_sink *sink, const dmk_fields *f)
+static void put_header(dmk_output *out, const dmk_fields *f)
 {
-    dmk_sink_text(sink, dmk_is_little_endian() ? "ply\nformat binary_little_endian 1.0\n"
+    dmk_output_text(out, dmk_is_little_endian() ? "ply\nformat binary_little_endian 1.0\n"
                                                  : "ply\nformat binary_big_endian 1.0\n");
-    dmk_sink_text(sink, "element vertex ");
-    dmk_sink_integer(sink, f->mesh->n_vertices);
-    dmk_sink_text(sink, "\nproperty double x\nproperty double y\nproperty double z\n");
-    if (f->mu) dmk_sink_text(sink, "property double u\nproperty double distance\n");
-    dmk_sink_text(sink, "element face ");
-    dmk_sink_integer(sink, f->mesh->n_triangles);
-    dmk_sink_text(sink, "\nproperty list uchar int vertex_indices\n");
-    if (f->mu) dmk_sink_text(sink, "property double mu\nproperty uchar acl\n");
-    dmk_sink_text(sink, "end_header\n");
+    dmk_output_text(out, "element vertex ");
+    dmk_output_integer(out, f->mesh->n_vertices);
+    dmk_output_text(out, "\nproperty double x\nproperty double y\nproperty double z\n");
+    if (f->mu) dmk_output_text(out, "property double u\nproperty double distance\n");
+    dmk_output_text(out, "element face ");
+    dmk_output_integer(out, f->mesh->n_triangles);
+    dmk_output_text(out, "\nproperty list uchar int vertex_indices\n");
+    if (f->mu) dmk_output_text(out, "property double mu\nproperty uchar acl\n");
+    dmk_output_text(out, "end_header\n");
 }
 
-int dmk_ply_write(dmk_context *ctx, dmk_sink *sink, const dmk_fields *f)
+int dmk_ply_write(dmk_context *ctx, dmk_output *out, const dmk_fields *f)
 {
     (void)ctx;
     const dmk_mesh *m = f->mesh;
-    put_header(sink, f);
+    put_header(out, f);
     for (int32_t v = 0; v < m->n_vertices; v++) {
-        dmk_sink_put(sink, m->xyz + 3 * (size_t)v, 3 * sizeof *m->xyz);
+        dmk_output_put(out, m->xyz + 3 * (size_t)v, 3 * sizeof *m->xyz);
         if (!f->mu) continue;
-        dmk_sink_put(sink, &f->u[v], sizeof f->u[v]);
-        dmk_sink_put(sink, &f->distance[v], sizeof f->distance[v]);
+        dmk_output_put(out, &f->u[v], sizeof f->u[v]);
+        dmk_output_put(out, &f->distance[v], sizeof f->distance[v]);
     }
     for (int32_t t = 0; t < m->n_triangles; t++) {
-        dmk_sink_put(sink, "\3", 1);
-        dmk_sink_put(sink, m->triangle + 3 * (size_t)t, 3 * sizeof *m->triangle);
+        dmk_output_put(out, "\3", 1);
+        dmk_output_put(out, m->triangle + 3 * (size_t)t, 3 * sizeof *m->triangle);
         if (!f->mu) continue;
-        dmk_sink_put(sink, &f->mu[t], sizeof f->mu[t]);
-        dmk_sink_put(sink, &f->acl[t], 1);
+        dmk_output_put(out, &f->mu[t], sizeof f->mu[t]);
+        dmk_output_put(out, &f->acl[t], 1);
     }
     return DMK_OK;
 }

@@ -17,49 +17,49 @@ static const struct {
 #define BYTE_ORDER_NAME "LittleEndian"
 #endif
 
-void dmk_vtk_begin(dmk_vtk *vtk, dmk_sink *sink, const char *kind)
+void dmk_vtk_begin(dmk_vtk *vtk, dmk_output *out, const char *kind)
 {
     memset(vtk, 0, sizeof *vtk);
-    vtk->sink = sink;
+    vtk->out = out;
     vtk->kind = kind;
-    dmk_sink_text(sink, "<?xml version=\"1.0\"?>\n<VTKFile type=\"");
-    dmk_sink_text(sink, kind);
-    dmk_sink_text(sink, "\" version=\"1.0\" byte_order=\"" BYTE_ORDER_NAME
+    dmk_output_text(out, "<?xml version=\"1.0\"?>\n<VTKFile type=\"");
+    dmk_output_text(out, kind);
+    dmk_output_text(out, "\" version=\"1.0\" byte_order=\"" BYTE_ORDER_NAME
                         "\" header_type=\"UInt64\">\n<");
-    dmk_sink_text(sink, kind);
-    dmk_sink_text(sink, ">\n");
+    dmk_output_text(out, kind);
+    dmk_output_text(out, ">\n");
 }
 
 void dmk_vtk_end(dmk_vtk *vtk)
 {
-    dmk_sink_text(vtk->sink, "</");
-    dmk_sink_text(vtk->sink, vtk->kind);
-    dmk_sink_text(vtk->sink, ">\n<AppendedData encoding=\"raw\">\n_");
+    dmk_output_text(vtk->out, "</");
+    dmk_output_text(vtk->out, vtk->kind);
+    dmk_output_text(vtk->out, ">\n<AppendedData encoding=\"raw\">\n_");
     for (int i = 0; i < vtk->n_arrays; i++) {
-        dmk_sink_put(vtk->sink, &vtk->bytes[i], sizeof vtk->bytes[i]);
-        dmk_sink_put(vtk->sink, vtk->data[i], vtk->bytes[i]);
+        dmk_output_put(vtk->out, &vtk->bytes[i], sizeof vtk->bytes[i]);
+        dmk_output_put(vtk->out, vtk->data[i], vtk->bytes[i]);
     }
-    dmk_sink_text(vtk->sink, "\n</AppendedData>\n</VTKFile>\n");
+    dmk_output_text(vtk->out, "\n</AppendedData>\n</VTKFile>\n");
 }
 
 void dmk_vtk_array(dmk_vtk *vtk, dmk_vtk_type type, const char *name, int components,
                    const void *data, size_t n)
 {
-    dmk_sink *s = vtk->sink;
+    dmk_output *s = vtk->out;
     assert(vtk->n_arrays < DMK_VTK_ARRAYS);
-    dmk_sink_text(s, "<DataArray type=\"");
-    dmk_sink_text(s, types[type].name);
-    dmk_sink_text(s, "\" Name=\"");
-    dmk_sink_text(s, name);
+    dmk_output_text(s, "<DataArray type=\"");
+    dmk_output_text(s, types[type].name);
+    dmk_output_text(s, "\" Name=\"");
+    dmk_output_text(s, name);
     if (components > 1) { /* meshio makes columns of scalars that say 1 */
-        dmk_sink_text(s, "\" NumberOfComponents=\"");
-        dmk_sink_integer(s, components);
+        dmk_output_text(s, "\" NumberOfComponents=\"");
+        dmk_output_integer(s, components);
     }
-    dmk_sink_text(s, "\" NumberOfTuples=\"");
-    dmk_sink_integer(s, (int64_t)n);
-    dmk_sink_text(s, "\" format=\"appended\" offset=\"");
-    dmk_sink_integer(s, (int64_t)vtk->offset);
-    dmk_sink_text(s, "\"/>\n");
+    dmk_output_text(s, "\" NumberOfTuples=\"");
+    dmk_output_integer(s, (int64_t)n);
+    dmk_output_text(s, "\" format=\"appended\" offset=\"");
+    dmk_output_integer(s, (int64_t)vtk->offset);
+    dmk_output_text(s, "\"/>\n");
     uint64_t bytes = (uint64_t)n * (uint64_t)components * types[type].bytes;
     vtk->data[vtk->n_arrays] = data;
     vtk->bytes[vtk->n_arrays++] = bytes;
@@ -68,23 +68,23 @@ void dmk_vtk_array(dmk_vtk *vtk, dmk_vtk_type type, const char *name, int compon
 
 void dmk_vtk_points(dmk_vtk *vtk, const double *xyz, size_t n)
 {
-    dmk_sink_text(vtk->sink, "<Points>\n");
+    dmk_output_text(vtk->out, "<Points>\n");
     dmk_vtk_array(vtk, DMK_VTK_FLOAT64, "Points", 3, xyz, n);
-    dmk_sink_text(vtk->sink, "</Points>\n");
+    dmk_output_text(vtk->out, "</Points>\n");
 }
 
 void dmk_vtk_cells(dmk_vtk *vtk, const char *tag, int corners, const int32_t *corner,
                    const int32_t *end, const uint8_t *cell_types, size_t n_cells)
 {
-    dmk_sink_text(vtk->sink, "<");
-    dmk_sink_text(vtk->sink, tag);
-    dmk_sink_text(vtk->sink, ">\n");
+    dmk_output_text(vtk->out, "<");
+    dmk_output_text(vtk->out, tag);
+    dmk_output_text(vtk->out, ">\n");
     dmk_vtk_array(vtk, DMK_VTK_INT32, "connectivity", 1, corner, n_cells * (size_t)corners);
     dmk_vtk_array(vtk, DMK_VTK_INT32, "offsets", 1, end, n_cells);
     if (cell_types) dmk_vtk_array(vtk, DMK_VTK_UINT8, "types", 1, cell_types, n_cells);
-    dmk_sink_text(vtk->sink, "</");
-    dmk_sink_text(vtk->sink, tag);
-    dmk_sink_text(vtk->sink, ">\n");
+    dmk_output_text(vtk->out, "</");
+    dmk_output_text(vtk->out, tag);
+    dmk_output_text(vtk->out, ">\n");
 }
 
 /* The place of a point on the mesh in space. */
@@ -102,11 +102,11 @@ void dmk_vtk_source(dmk_vtk *vtk, const dmk_fields *f)
 {
     if (!f->mu) return;
     place(f->mesh, &f->source, vtk->source);
-    dmk_sink_text(vtk->sink, "<FieldData>\n");
+    dmk_output_text(vtk->out, "<FieldData>\n");
     dmk_vtk_array(vtk, DMK_VTK_FLOAT64, "source", 3, vtk->source, 1);
     dmk_vtk_array(vtk, DMK_VTK_INT64, "source_triangle", 1, &f->source.triangle, 1);
     dmk_vtk_array(vtk, DMK_VTK_FLOAT64, "source_weight", 3, f->source.weight, 1);
-    dmk_sink_text(vtk->sink, "</FieldData>\n");
+    dmk_output_text(vtk->out, "</FieldData>\n");
 }
 
 /* Only mu is an active scalar, so that viewers colour by it. */
@@ -114,13 +114,13 @@ void dmk_vtk_result(dmk_vtk *vtk, const dmk_fields *f)
 {
     if (!f->mu) return;
     size_t n_vertices = (size_t)f->mesh->n_vertices, n_triangles = (size_t)f->mesh->n_triangles;
-    dmk_sink_text(vtk->sink, "<PointData>\n");
+    dmk_output_text(vtk->out, "<PointData>\n");
     dmk_vtk_array(vtk, DMK_VTK_FLOAT64, "u", 1, f->u, n_vertices);
     dmk_vtk_array(vtk, DMK_VTK_FLOAT64, "distance", 1, f->distance, n_vertices);
-    dmk_sink_text(vtk->sink, "</PointData>\n<CellData Scalars=\"mu\">\n");
+    dmk_output_text(vtk->out, "</PointData>\n<CellData Scalars=\"mu\">\n");
     dmk_vtk_array(vtk, DMK_VTK_FLOAT64, "mu", 1, f->mu, n_triangles);
     dmk_vtk_array(vtk, DMK_VTK_UINT8, "acl", 1, f->acl, n_triangles);
-    dmk_sink_text(vtk->sink, "</CellData>\n");
+    dmk_output_text(vtk->out, "</CellData>\n");
 }
 
 int dmk_vtk_ends(dmk_context *ctx, size_t n_cells, int corners, int32_t **end)

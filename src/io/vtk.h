@@ -15,7 +15,7 @@ typedef enum dmk_vtk_type {
 } dmk_vtk_type;
 
 typedef struct dmk_vtk {
-    dmk_sink *sink;
+    dmk_output *out;
     const char *kind;                 /* "PolyData" or "UnstructuredGrid" */
     const void *data[DMK_VTK_ARRAYS]; /* borrowed until dmk_vtk_end */
     uint64_t bytes[DMK_VTK_ARRAYS];
@@ -24,7 +24,7 @@ typedef struct dmk_vtk {
     double source[3];
 } dmk_vtk;
 
-void dmk_vtk_begin(dmk_vtk *vtk, dmk_sink *sink, const char *kind);
+void dmk_vtk_begin(dmk_vtk *vtk, dmk_output *out, const char *kind);
 /* Close what dmk_vtk_begin opened and write the arrays' values. */
 void dmk_vtk_end(dmk_vtk *vtk);
 

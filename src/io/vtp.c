@@ -4,21 +4,21 @@
 
 #include <stdlib.h>
 
-static void put_piece(dmk_sink *sink, size_t n_points, size_t n_verts, size_t n_lines,
+static void put_piece(dmk_output *out, size_t n_points, size_t n_verts, size_t n_lines,
                       size_t n_polys)
 {
-    dmk_sink_text(sink, "<Piece NumberOfPoints=\"");
-    dmk_sink_integer(sink, (int64_t)n_points);
-    dmk_sink_text(sink, "\" NumberOfVerts=\"");
-    dmk_sink_integer(sink, (int64_t)n_verts);
-    dmk_sink_text(sink, "\" NumberOfLines=\"");
-    dmk_sink_integer(sink, (int64_t)n_lines);
-    dmk_sink_text(sink, "\" NumberOfStrips=\"0\" NumberOfPolys=\"");
-    dmk_sink_integer(sink, (int64_t)n_polys);
-    dmk_sink_text(sink, "\">\n");
+    dmk_output_text(out, "<Piece NumberOfPoints=\"");
+    dmk_output_integer(out, (int64_t)n_points);
+    dmk_output_text(out, "\" NumberOfVerts=\"");
+    dmk_output_integer(out, (int64_t)n_verts);
+    dmk_output_text(out, "\" NumberOfLines=\"");
+    dmk_output_integer(out, (int64_t)n_lines);
+    dmk_output_text(out, "\" NumberOfStrips=\"0\" NumberOfPolys=\"");
+    dmk_output_integer(out, (int64_t)n_polys);
+    dmk_output_text(out, "\">\n");
 }
 
-int dmk_vtp_write(dmk_context *ctx, dmk_sink *sink, const dmk_fields *fields)
+int dmk_vtp_write(dmk_context *ctx, dmk_output *out, const dmk_fields *fields)
 {
     int rc;
     dmk_vtk vtk;
@@ -26,13 +26,13 @@ int dmk_vtp_write(dmk_context *ctx, dmk_sink *sink, const dmk_fields *fields)
     const dmk_mesh *m = fields->mesh;
     size_t n_triangles = (size_t)m->n_triangles;
     DMK_TRY(dmk_vtk_ends(ctx, n_triangles, 3, &end));
-    dmk_vtk_begin(&vtk, sink, "PolyData");
+    dmk_vtk_begin(&vtk, out, "PolyData");
     dmk_vtk_source(&vtk, fields);
-    put_piece(sink, (size_t)m->n_vertices, 0, 0, n_triangles);
+    put_piece(out, (size_t)m->n_vertices, 0, 0, n_triangles);
     dmk_vtk_result(&vtk, fields);
     dmk_vtk_points(&vtk, m->xyz, (size_t)m->n_vertices);
     dmk_vtk_cells(&vtk, "Polys", 3, m->triangle, end, NULL, n_triangles);
-    dmk_sink_text(sink, "</Piece>\n");
+    dmk_output_text(out, "</Piece>\n");
     dmk_vtk_end(&vtk);
 done:
     free(end);
@@ -88,22 +88,22 @@ static void put_locus_data(dmk_vtk *vtk, const dmk_curves *c, const columns *k)
 {
     static const char *const names[5] = {"distance", "mu", "strength", "angle0", "angle1"};
     size_t n = c->n_vertices;
-    dmk_sink_text(vtk->sink, "<PointData>\n");
+    dmk_output_text(vtk->out, "<PointData>\n");
     if (c->bare) {
         dmk_vtk_array(vtk, DMK_VTK_FLOAT64, names[0], 1, k->value + 3 * n, n);
-        dmk_sink_text(vtk->sink, "</PointData>\n");
+        dmk_output_text(vtk->out, "</PointData>\n");
         return;
     }
     for (size_t i = 0; i < 5; i++) {
         dmk_vtk_array(vtk, DMK_VTK_FLOAT64, names[i], 1, k->value + (3 + i) * n, n);
     }
     dmk_vtk_array(vtk, DMK_VTK_INT32, "kind", 1, k->kind, n);
-    dmk_sink_text(vtk->sink, "</PointData>\n<CellData Scalars=\"strength\">\n");
+    dmk_output_text(vtk->out, "</PointData>\n<CellData Scalars=\"strength\">\n");
     dmk_vtk_array(vtk, DMK_VTK_FLOAT64, "strength", 1, k->cell_strength, k->n_single + c->n_edges);
-    dmk_sink_text(vtk->sink, "</CellData>\n");
+    dmk_output_text(vtk->out, "</CellData>\n");
 }
 
-int dmk_vtp_write_locus(dmk_context *ctx, dmk_sink *sink, const dmk_curves *c)
+int dmk_vtp_write_locus(dmk_context *ctx, dmk_output *out, const dmk_curves *c)
 {
     int rc;
     dmk_vtk vtk;
@@ -112,13 +112,13 @@ int dmk_vtp_write_locus(dmk_context *ctx, dmk_sink *sink, const dmk_curves *c)
     DMK_TRY(columns_fill(ctx, c, &k));
     DMK_TRY(dmk_vtk_ends(ctx, k.n_single, 1, &vert_end));
     DMK_TRY(dmk_vtk_ends(ctx, c->n_edges, 2, &line_end));
-    dmk_vtk_begin(&vtk, sink, "PolyData");
-    put_piece(sink, c->n_vertices, k.n_single, c->n_edges, 0);
+    dmk_vtk_begin(&vtk, out, "PolyData");
+    put_piece(out, c->n_vertices, k.n_single, c->n_edges, 0);
     put_locus_data(&vtk, c, &k);
     dmk_vtk_points(&vtk, k.value, c->n_vertices);
     dmk_vtk_cells(&vtk, "Verts", 1, k.corner, vert_end, NULL, k.n_single);
     dmk_vtk_cells(&vtk, "Lines", 2, k.corner + k.n_single, line_end, NULL, c->n_edges);
-    dmk_sink_text(sink, "</Piece>\n");
+    dmk_output_text(out, "</Piece>\n");
     dmk_vtk_end(&vtk);
 done:
     columns_free(&k);

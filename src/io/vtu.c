@@ -6,7 +6,7 @@
 
 #define VTK_TRIANGLE 5
 
-int dmk_vtu_write(dmk_context *ctx, dmk_sink *sink, const dmk_fields *fields)
+int dmk_vtu_write(dmk_context *ctx, dmk_output *out, const dmk_fields *fields)
 {
     int rc;
     dmk_vtk vtk;
@@ -17,17 +17,17 @@ int dmk_vtu_write(dmk_context *ctx, dmk_sink *sink, const dmk_fields *fields)
     DMK_TRY(dmk_vtk_ends(ctx, n_triangles, 3, &end));
     DMK_TRY(DMK_NEW(ctx, types, n_triangles));
     memset(types, VTK_TRIANGLE, n_triangles);
-    dmk_vtk_begin(&vtk, sink, "UnstructuredGrid");
+    dmk_vtk_begin(&vtk, out, "UnstructuredGrid");
     dmk_vtk_source(&vtk, fields);
-    dmk_sink_text(sink, "<Piece NumberOfPoints=\"");
-    dmk_sink_integer(sink, m->n_vertices);
-    dmk_sink_text(sink, "\" NumberOfCells=\"");
-    dmk_sink_integer(sink, m->n_triangles);
-    dmk_sink_text(sink, "\">\n");
+    dmk_output_text(out, "<Piece NumberOfPoints=\"");
+    dmk_output_integer(out, m->n_vertices);
+    dmk_output_text(out, "\" NumberOfCells=\"");
+    dmk_output_integer(out, m->n_triangles);
+    dmk_output_text(out, "\">\n");
     dmk_vtk_result(&vtk, fields);
     dmk_vtk_points(&vtk, m->xyz, (size_t)m->n_vertices);
     dmk_vtk_cells(&vtk, "Cells", 3, m->triangle, end, types, n_triangles);
-    dmk_sink_text(sink, "</Piece>\n");
+    dmk_output_text(out, "</Piece>\n");
     dmk_vtk_end(&vtk);
 done:
     free(end);

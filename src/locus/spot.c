@@ -6,7 +6,7 @@
 /* A weight below this puts the point on the edge or vertex itself, as in chart.c. */
 static const double on_edge = 1e-9;
 
-static void at_vertex(const dmk_fan *fan, int32_t v, dmk_spot *s)
+static void at_vertex(const dmk_vertex_stars *fan, int32_t v, dmk_spot *s)
 {
     s->vertex = v;
     for (int32_t i = fan->row[v]; i < fan->row[v + 1]; i++) {
@@ -35,7 +35,7 @@ static void at_edge(const dmk_point *p, int k, int32_t across, dmk_spot *s)
     s->n = 2;
 }
 
-int dmk_spot_set(dmk_context *ctx, const dmk_mesh *m, const int32_t *across, const dmk_fan *fan,
+int dmk_spot_set(dmk_context *ctx, const dmk_mesh *m, const int32_t *across, const dmk_vertex_stars *fan,
                  const dmk_point *p, dmk_spot *s)
 {
     int rc, big = 0, small = 0, n_small = 0;

@@ -59,7 +59,7 @@ int dmk_search_create(dmk_context *ctx, const dmk_locus_input *in, const int32_t
         s->mean += m->length[e] / m->n_edges;
     DMK_TRY(find_bends(ctx, s));
     DMK_TRY(dmk_poll(ctx));
-    DMK_TRY(dmk_fan_create(ctx, m, &s->fan));
+    DMK_TRY(dmk_vertex_stars_create(ctx, m, &s->fan));
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(DMK_NEW(ctx, s->reach, (size_t)m->n_vertices));
     DMK_TRY(DMK_NEW(ctx, s->vertex_round, (size_t)m->n_vertices));
@@ -74,7 +74,7 @@ done:
 
 void dmk_search_free(dmk_search *s)
 {
-    dmk_fan_free(&s->fan);
+    dmk_vertex_stars_free(&s->fan);
     free(s->bends);
     free(s->start.in);
     free(s->goal.in);

@@ -50,7 +50,7 @@ typedef struct dmk_search {
     const dmk_mesh *mesh;
     const int32_t *across; /* 3*n_triangles: half-edge on the other side, -1 on a border */
     const double *guide;   /* n_vertices: distance to the goal, nearly */
-    dmk_fan fan;
+    dmk_vertex_stars fan;
     bool *bends;      /* n_vertices: paths may bend here */
     double mean;      /* edge */
     const dmk_trust *trust;
@@ -76,7 +76,7 @@ void dmk_search_free(dmk_search *search);
 void dmk_corner_above(const dmk_mesh *mesh, int32_t half, double *x, double *y);
 
 /* spot.c: all triangles of a point. `fan` is that of the mesh. */
-int dmk_spot_set(dmk_context *ctx, const dmk_mesh *mesh, const int32_t *across, const dmk_fan *fan,
+int dmk_spot_set(dmk_context *ctx, const dmk_mesh *mesh, const int32_t *across, const dmk_vertex_stars *fan,
                  const dmk_point *point, dmk_spot *spot);
 
 /* From search->start, which shares no triangle with search->goal, to the goal: search->end and

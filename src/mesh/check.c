@@ -201,7 +201,7 @@ int dmk_check_explain_edges(dmk_context *ctx, const dmk_mesh *m)
     return rc;
 }
 
-/* ---- fans ---- */
+/* ---- vertex stars ---- */
 
 /* Corner (3*triangle + k) of vertex v in triangle t. */
 static int32_t corner_of(const dmk_mesh *m, int32_t t, int32_t v)
@@ -247,11 +247,11 @@ static int check_pillows(dmk_context *ctx, dmk_mesh *m)
                     third_vertex(m, e, t[0]));
 }
 
-/* Name a triangle of the fan that starts at `first` and one outside of it. */
-static int fail_fan(dmk_context *ctx, const dmk_mesh *m, int32_t first)
+/* Name a triangle of the part of the star that starts at `first` and one outside of it. */
+static int fail_star(dmk_context *ctx, const dmk_mesh *m, int32_t first)
 {
     int32_t v = m->triangle[first], outside = -1, c = first;
-    bool *inside = NULL; /* 3*n_triangles: corners of the fan */
+    bool *inside = NULL; /* 3*n_triangles: corners of that part */
     int rc = DMK_NEW(ctx, inside, 3 * (size_t)m->n_triangles);
     if (rc != DMK_OK) return rc;
     do {
@@ -268,16 +268,16 @@ static int fail_fan(dmk_context *ctx, const dmk_mesh *m, int32_t first)
                     v, dmk_min_i(first / 3, outside), dmk_max_i(first / 3, outside));
 }
 
-typedef struct fan_job {
+typedef struct star_job {
     const dmk_mesh *mesh;
     int32_t *first; /* corner from which to walk: where the chain begins if there is one */
     int32_t *count; /* corners at the vertex */
-} fan_job;
+} star_job;
 
 /* Not all corners of the vertex are met on a walk over shared edges. */
-static bool fan_is_split(int32_t v, void *data)
+static bool star_is_split(int32_t v, void *data)
 {
-    const fan_job *job = data;
+    const star_job *job = data;
     int32_t seen = 0, c = job->first[v];
     if (job->count[v] == 0) return false;
     do {
@@ -287,10 +287,10 @@ static bool fan_is_split(int32_t v, void *data)
     return seen != job->count[v];
 }
 
-int dmk_check_fans(dmk_context *ctx, dmk_mesh *m)
+int dmk_check_stars(dmk_context *ctx, dmk_mesh *m)
 {
     int rc;
-    fan_job job = {.mesh = m};
+    star_job job = {.mesh = m};
     DMK_TRY(check_pillows(ctx, m));
     DMK_TRY(DMK_NEW(ctx, job.first, (size_t)m->n_vertices));
     DMK_TRY(DMK_NEW(ctx, job.count, (size_t)m->n_vertices));
@@ -298,8 +298,8 @@ int dmk_check_fans(dmk_context *ctx, dmk_mesh *m)
         int32_t v = m->triangle[h], before = m->triangle_edge[3 * (h / 3) + (h % 3 + 2) % 3];
         if (job.count[v]++ == 0 || m->edge_triangle[2 * (size_t)before + 1] < 0) job.first[v] = h;
     }
-    int32_t v = dmk_parallel_first(ctx, m->n_vertices, fan_is_split, &job);
-    if (v >= 0) rc = fail_fan(ctx, m, job.first[v]);
+    int32_t v = dmk_parallel_first(ctx, m->n_vertices, star_is_split, &job);
+    if (v >= 0) rc = fail_star(ctx, m, job.first[v]);
 done:
     free(job.first);
     free(job.count);

@@ -14,6 +14,6 @@ int dmk_check_explain_edges(dmk_context *context, const dmk_mesh *mesh);
 
 /* With edges: no two triangles back to back on the same corners, and around every vertex one chain
  * or one cycle of triangles. */
-int dmk_check_fans(dmk_context *context, dmk_mesh *mesh);
+int dmk_check_stars(dmk_context *context, dmk_mesh *mesh);
 
 #endif

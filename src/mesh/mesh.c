@@ -37,7 +37,7 @@ static void shrink(int32_t **array, size_t n)
 }
 
 /* The edge from the vertex whose edges begin at `first` to `other`, or n_edges if there is none yet. Few are
- * looked through; of many, as at the centre of a large fan, last[other] tells the only one it can be. */
+ * looked through; of many, as at the centre of a large star, last[other] tells the only one it can be. */
 static int32_t find_edge(const struct dmk_mesh *m, int32_t first, int32_t n_edges, bool many,
                          const int32_t *last, int32_t other)
 {
@@ -252,7 +252,7 @@ int dmk_mesh_adopt(dmk_context *ctx, size_t n_vertices, double *xyz, size_t n_tr
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(build_edges(ctx, m));
     DMK_TRY(dmk_poll(ctx));
-    DMK_TRY(dmk_check_fans(ctx, m));
+    DMK_TRY(dmk_check_stars(ctx, m));
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(dmk_mesh_count(ctx, m));
     DMK_TRY(build_components(ctx, m));
@@ -303,30 +303,30 @@ void dmk_mesh_destroy(dmk_mesh **mesh)
     *mesh = NULL;
 }
 
-int dmk_fan_create(dmk_context *ctx, const dmk_mesh *m, dmk_fan *fan)
+int dmk_vertex_stars_create(dmk_context *ctx, const dmk_mesh *m, dmk_vertex_stars *stars)
 {
     int rc;
     int32_t *fill = NULL;
-    memset(fan, 0, sizeof *fan);
-    DMK_TRY(DMK_NEW(ctx, fan->row, (size_t)m->n_vertices + 1));
-    DMK_TRY(DMK_NEW(ctx, fan->triangle, 3 * (size_t)m->n_triangles));
+    memset(stars, 0, sizeof *stars);
+    DMK_TRY(DMK_NEW(ctx, stars->row, (size_t)m->n_vertices + 1));
+    DMK_TRY(DMK_NEW(ctx, stars->triangle, 3 * (size_t)m->n_triangles));
     DMK_TRY(DMK_NEW(ctx, fill, (size_t)m->n_vertices));
-    for (int32_t h = 0; h < 3 * m->n_triangles; h++) fan->row[m->triangle[h]]++;
-    count_to_rows(m->n_vertices, fan->row);
-    for (int32_t v = 0; v < m->n_vertices; v++) fill[v] = fan->row[v];
+    for (int32_t h = 0; h < 3 * m->n_triangles; h++) stars->row[m->triangle[h]]++;
+    count_to_rows(m->n_vertices, stars->row);
+    for (int32_t v = 0; v < m->n_vertices; v++) fill[v] = stars->row[v];
     for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
-        fan->triangle[fill[m->triangle[h]]++] = 4 * (h / 3) + h % 3;
+        stars->triangle[fill[m->triangle[h]]++] = 4 * (h / 3) + h % 3;
     }
     rc = DMK_OK;
 done:
     free(fill);
-    if (rc != DMK_OK) dmk_fan_free(fan);
+    if (rc != DMK_OK) dmk_vertex_stars_free(stars);
     return rc;
 }
 
-void dmk_fan_free(dmk_fan *fan)
+void dmk_vertex_stars_free(dmk_vertex_stars *stars)
 {
-    free(fan->row);
-    free(fan->triangle);
-    memset(fan, 0, sizeof *fan);
+    free(stars->row);
+    free(stars->triangle);
+    memset(stars, 0, sizeof *stars);
 }

@@ -29,13 +29,13 @@ static inline int32_t dmk_next(int32_t h) { return h % 3 == 2 ? h - 2 : h + 1; }
 static inline int32_t dmk_previous(int32_t h) { return h % 3 == 0 ? h + 2 : h - 1; }
 
 /* Vertex -> incident triangles, as compressed rows. */
-typedef struct dmk_fan {
+typedef struct dmk_vertex_stars {
     int32_t *row;      /* n_vertices + 1 */
     int32_t *triangle; /* 3*n_triangles: triangle * 4 + corner; within a row in increasing order */
-} dmk_fan;
+} dmk_vertex_stars;
 
-int dmk_fan_create(dmk_context *context, const dmk_mesh *mesh, dmk_fan *fan);
-void dmk_fan_free(dmk_fan *fan);
+int dmk_vertex_stars_create(dmk_context *context, const dmk_mesh *mesh, dmk_vertex_stars *stars);
+void dmk_vertex_stars_free(dmk_vertex_stars *stars);
 
 /* mesh.c: take ownership of malloc'ed xyz and triangle (freed also on failure), build topology and
  * geometry, check (see dmk_mesh_create for what is refused). */

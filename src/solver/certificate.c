@@ -1,11 +1,11 @@
 /* Bounds of the optimal cost W = min over mu of F(mu) = 1/2 f.A(mu)^-1 f + 1/2 sum mu |T|.
  *
- * Upper: F at the best multiple of mu, sqrt(f.A^-1 f * sum mu |T|), see dmk_outer_solve. What CG leaves
+ * Upper: F at the best multiple of mu, sqrt(f.A^-1 f * sum mu |T|), see dmk_iteration_solve. What CG leaves
  *     of r.A^-1 r is estimated by r.z, z = V-cycle(r), and counted four times.
  * Lower: f.v / sqrt(max q(v)) for any v; here v = phi(u) with phi' = 1 / max sqrt(q) over the elements
  *     that meet a level band of u, so that one bad element spoils its band only. */
 #include "solver/kernels.h"
-#include "solver/outer.h"
+#include "solver/iteration.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -13,13 +13,13 @@
 enum { MAX_BANDS = 1 << 16 };
 
 /* An interval that holds all values of u, and 0. */
-static int range(dmk_outer *o, double *low, double *high)
+static int range(dmk_iteration *o, double *low, double *high)
 {
     int rc;
     double ends[2];
     dmk_system *s = o->sys;
     DMK_TRY(dmk_rows_range(o->ctx, s, s->u));
-    DMK_TRY(dmk_outer_sums(o, (size_t)s->n_rows, 2, 2, ends));
+    DMK_TRY(dmk_iteration_sums(o, (size_t)s->n_rows, 2, 2, ends));
     *low = -ends[1];
     *high = ends[0];
 done:
@@ -39,7 +39,7 @@ static void integrate_bands(int n, const int32_t *bits, double width, double *ph
     }
 }
 
-static int lower_bound(dmk_outer *o, double *bound)
+static int lower_bound(dmk_iteration *o, double *bound)
 {
     int rc;
     dmk_system *s = o->sys;
@@ -62,8 +62,8 @@ static int lower_bound(dmk_outer *o, double *bound)
     DMK_TRY(dmk_buffer_write_real(o->ctx, s->device, DMK_OUTER, knots, (size_t)n + 1, phi));
     DMK_TRY(dmk_band_map(o->ctx, s, &bands, knots, v));
     double fv, vav;
-    DMK_TRY(dmk_outer_energies_of(o, v, &fv, &vav));
-    DMK_TRY(dmk_outer_measure(o, 1));
+    DMK_TRY(dmk_iteration_energies_of(o, v, &fv, &vav));
+    DMK_TRY(dmk_iteration_measure(o, 1));
     *bound = fv / sqrt(o->top);
 done:
     free(bits);
@@ -73,19 +73,19 @@ done:
     return rc;
 }
 
-int dmk_certify(dmk_outer *o)
+int dmk_certify(dmk_iteration *o)
 {
     int rc;
     double energy, plain, banded;
     double tolerance = o->options->cg_tolerance > 0 ? o->options->cg_tolerance : 1e-3;
-    DMK_TRY(dmk_outer_energies(o));
-    DMK_TRY(dmk_outer_measure(o, 1));
+    DMK_TRY(dmk_iteration_energies(o));
+    DMK_TRY(dmk_iteration_measure(o, 1));
     plain = o->fu / sqrt(o->top);
     DMK_TRY(lower_bound(o, &banded));
     o->stats->cost_lower = fmax(plain, banded);
     /* The iteration's own u obeys |grad u| <= 1 better than mu's exact potential, which is free where
      * mu is next to 0: so the solve's correction goes to a scratch vector. */
-    DMK_TRY(dmk_outer_solve(o, o->sys->g, tolerance, 200, &energy));
+    DMK_TRY(dmk_iteration_solve(o, o->sys->g, tolerance, 200, &energy));
     o->stats->cost_upper = sqrt(energy * o->mass);
     o->stats->gap = (o->stats->cost_upper - o->stats->cost_lower) / o->stats->cost_upper;
 done:

@@ -1,23 +1,23 @@
 /* Explicit time steps of d mu / dt = mu (|grad u| - 1), one CG solve each: the paper's Euler scheme,
  * and steps in log mu with inertia. */
 #include "solver/kernels.h"
-#include "solver/outer.h"
+#include "solver/iteration.h"
 
 #include <math.h>
 
-static int update(dmk_outer *o, bool inertial, double dt, double beta, double *change)
+static int update(dmk_iteration *o, bool inertial, double dt, double beta, double *change)
 {
     int rc;
     double sums[2];
     dmk_system *s = o->sys;
     DMK_TRY(dmk_explicit_update(o->ctx, s, inertial, dt, beta, DMK_FLOOR));
-    DMK_TRY(dmk_outer_sums(o, (size_t)s->n_elements, 2, 0, sums));
+    DMK_TRY(dmk_iteration_sums(o, (size_t)s->n_elements, 2, 0, sums));
     *change = sums[0] / sums[1] / dt;
 done:
     return rc;
 }
 
-int dmk_explicit(dmk_outer *o)
+int dmk_explicit(dmk_iteration *o)
 {
     int rc;
     const dmk_solve_options *opt = o->options;
@@ -29,19 +29,19 @@ int dmk_explicit(dmk_outer *o)
     double change = 1, cg = opt->cg_tolerance > 0 ? opt->cg_tolerance : 1e-4;
     for (int step = 1; step <= max_steps; step++) {
         int before = o->stats->cg_iterations;
-        DMK_TRY(dmk_outer_solve(o, o->sys->u, cg, 500, NULL));
-        DMK_TRY(dmk_outer_energies(o));
+        DMK_TRY(dmk_iteration_solve(o, o->sys->u, cg, 500, NULL));
+        DMK_TRY(dmk_iteration_energies(o));
         /* Inertia is raised over the first steps: at once it makes them rough. */
         double beta = step == 1 ? 0 : opt->inertia >= 0 ? inertia : fmin(inertia, 0.05 * step);
         DMK_TRY(update(o, inertial, dt, beta, &change));
-        DMK_TRY(dmk_outer_step_done(o, step, max_steps, o->stats->cg_iterations - before, change));
+        DMK_TRY(dmk_iteration_step_done(o, step, max_steps, o->stats->cg_iterations - before, change));
         if (change <= o->tolerance) goto done;
         if (opt->gap_tolerance > 0 && step % 10 == 0) {
             DMK_TRY(dmk_certify(o));
             if (o->stats->gap <= opt->gap_tolerance) goto done;
         }
     }
-    rc = dmk_outer_limit(o, max_steps);
+    rc = dmk_iteration_limit(o, max_steps);
 done:
     return rc;
 }

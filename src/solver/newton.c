@@ -3,18 +3,20 @@
  * by a few CG iterations, then u += w and y += D (L + g.w / (|T| s)). D is the pseudo time step: it
  * grows while the equation |grad u| = 1 gets better satisfied and shrinks when it does not. */
 #include "solver/kernels.h"
-#include "solver/outer.h"
+#include "solver/iteration.h"
 
 #include <math.h>
 
-typedef struct pace {
+/* Pseudo-time step control (switched evolution relaxation: Mulder and van Leer 1985; Kelley and Keyes,
+ * "Convergence analysis of pseudo-transient continuation", SIAM J. Numer. Anal. 35, 1998). */
+typedef struct step_control {
     double D, longest, growth;
     int iterations;    /* of CG in each step */
     double rho_before; /* 0: none to compare with */
     bool shrunk;
-} pace;
+} step_control;
 
-static void choose_pace(pace *p, double rho)
+static void choose_step(step_control *p, double rho)
 {
     p->shrunk = false;
     if (p->rho_before > 0) {
@@ -31,7 +33,7 @@ static void choose_pace(pace *p, double rho)
 }
 
 /* Coefficients, right-hand side, inner solve: s->w. */
-static int solve_step(dmk_outer *o, double alpha, const pace *p)
+static int solve_step(dmk_iteration *o, double alpha, const step_control *p)
 {
     int rc, before = o->stats->cg_iterations;
     dmk_system *s = o->sys;
@@ -47,13 +49,13 @@ done:
     return rc;
 }
 
-static int update(dmk_outer *o, double alpha, const pace *p, double *change)
+static int update(dmk_iteration *o, double alpha, const step_control *p, double *change)
 {
     int rc;
     double sums[2];
     dmk_system *s = o->sys;
     DMK_TRY(dmk_newton_update(o->ctx, s, alpha, p->D, DMK_FLOOR));
-    DMK_TRY(dmk_outer_sums(o, (size_t)s->n_elements, 2, 0, sums));
+    DMK_TRY(dmk_iteration_sums(o, (size_t)s->n_elements, 2, 0, sums));
     DMK_TRY(dmk_scale_add(o->ctx, s, alpha));
     *change = sums[0] / sums[1];
 done:
@@ -62,37 +64,37 @@ done:
 
 /* Modes of the error that relax slowly, at a rate r per unit time, lose r D / (1 + r D) of it in a
  * step: from D = 100 on the change of mu is about the error, below it is a part only. */
-static double error_estimate(const pace *p, double change)
+static double error_estimate(const step_control *p, double change)
 {
     return change * fmax(1, 100 / p->D);
 }
 
-int dmk_newton(dmk_outer *o, bool from_distance)
+int dmk_newton(dmk_iteration *o, bool from_distance)
 {
     int rc;
     const dmk_solve_options *opt = o->options;
     int max_steps = opt->max_steps ? opt->max_steps : DMK_NEWTON_STEPS;
     double change = 1;
     o->tolerance = opt->tolerance > 0 ? opt->tolerance : DMK_DEFAULT_TOLERANCE;
-    pace p = {.D = from_distance ? 50 : 1, .longest = 150, .growth = from_distance ? 1.5 : 1.6};
-    if (!from_distance) DMK_TRY(dmk_outer_solve(o, o->sys->u, 1e-2, 100, NULL));
+    step_control p = {.D = from_distance ? 50 : 1, .longest = 150, .growth = from_distance ? 1.5 : 1.6};
+    if (!from_distance) DMK_TRY(dmk_iteration_solve(o, o->sys->u, 1e-2, 100, NULL));
     for (int step = 1; step <= max_steps; step++) {
-        DMK_TRY(dmk_outer_energies(o));
+        DMK_TRY(dmk_iteration_energies(o));
         double alpha = o->uau > 0 ? o->fu / o->uau : 1;
-        DMK_TRY(dmk_outer_measure(o, alpha));
-        choose_pace(&p, o->rho);
+        DMK_TRY(dmk_iteration_measure(o, alpha));
+        choose_step(&p, o->rho);
         /* A distance satisfies |grad u| = 1 whatever mu is: the first rho is no measure. */
         if (step == 1 && from_distance) p.rho_before = 0;
         DMK_TRY(solve_step(o, alpha, &p));
         DMK_TRY(update(o, alpha, &p, &change));
-        DMK_TRY(dmk_outer_step_done(o, step, max_steps, p.iterations, change));
+        DMK_TRY(dmk_iteration_step_done(o, step, max_steps, p.iterations, change));
         if (error_estimate(&p, change) <= o->tolerance && !p.shrunk) goto done;
         if (opt->gap_tolerance > 0) {
             DMK_TRY(dmk_certify(o));
             if (o->stats->gap <= opt->gap_tolerance) goto done;
         }
     }
-    rc = dmk_outer_limit(o, max_steps);
+    rc = dmk_iteration_limit(o, max_steps);
 done:
     return rc;
 }

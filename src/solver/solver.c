@@ -1,7 +1,7 @@
 /* Solver: one mesh on one device, set up once; then any number of sources. */
-#include "solver/outer.h"
+#include "solver/iteration.h"
 #include "solver/result.h"
-#include "solver/soften.h"
+#include "mesh/mollify.h"
 #include "solver/start.h"
 
 #include "base/parallel.h"
@@ -15,14 +15,14 @@ struct dmk_solver {
     const dmk_mesh *mesh;
     int32_t component;        /* the one that is packed, or -1 */
     dmk_shared_order *order;
-    dmk_mesh soft;            /* the ordered mesh with the metric that is computed with */
+    dmk_mesh mollified;            /* the ordered mesh with the metric that is computed with */
     dmk_system *system;
 };
 
 static void forget_component(dmk_solver *s)
 {
     dmk_system_destroy(&s->system);
-    if (s->order && s->order->order.mesh) dmk_soften_free(s->order->order.mesh, &s->soft);
+    if (s->order && s->order->order.mesh) dmk_mollify_free(s->order->order.mesh, &s->mollified);
     dmk_shared_order_release(&s->order);
     s->component = -1;
 }
@@ -37,7 +37,7 @@ static int order_component(dmk_context *ctx, dmk_solver *s, int32_t component)
     atomic_init(&s->order->users, 1);
     DMK_TRY(dmk_order_create(ctx, s->mesh, component, &s->order->order));
     DMK_TRY(dmk_poll(ctx));
-    DMK_TRY(dmk_soften(ctx, s->order->order.mesh, &s->soft));
+    DMK_TRY(dmk_mollify(ctx, s->order->order.mesh, &s->mollified));
     s->component = component;
 done:
     if (rc != DMK_OK) forget_component(s);
@@ -158,7 +158,7 @@ static int set_start(dmk_context *ctx, dmk_solver *s, const marched *near, dmk_s
     }
     DMK_TRY(dmk_buffer_write_real(ctx, s->device, DMK_OUTER, sys->u, n_rows, u));
     DMK_TRY(dmk_buffer_write_real(ctx, s->device, DMK_OUTER, sys->mu, n_elements, mu));
-    DMK_TRY(dmk_load(ctx, m, sys, p, u));
+    DMK_TRY(dmk_right_hand_side(ctx, m, sys, p, u));
     DMK_TRY(dmk_buffer_write_real(ctx, s->device, DMK_OUTER, sys->f, n_rows, u));
     size_t x_bytes = n_rows * sizeof(float);
     /* Work arrays may hold the NaN of an earlier solve that diverged. */
@@ -301,7 +301,7 @@ static void scale_stats(const dmk_system *sys, dmk_stats *stats)
 /* Newton; where it fails within its own limit of steps, as it may with many needles, explicit steps
  * from the start again: slower, and of another kind, for each solves its linear system well. */
 static int iterate(dmk_solver *s, const marched *near, const dmk_solve_options *options,
-                   dmk_outer *o)
+                   dmk_iteration *o)
 {
     int rc, steps;
     dmk_solve_options slow = *options;
@@ -342,11 +342,11 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     dmk_point p = *source;
     p.triangle = r->source_triangle;
 
-    near.mesh = &s->soft;
+    near.mesh = &s->mollified;
     near.source = &p;
     DMK_TRY(prepare(ctx, s, &near, options->start, began, r->stats.seconds));
     double t1 = dmk_seconds();
-    dmk_outer o = {.ctx = ctx, .sys = s->system, .options = options, .stats = &r->stats, .began = began};
+    dmk_iteration o = {.ctx = ctx, .sys = s->system, .options = options, .stats = &r->stats, .began = began};
     dmk_stage_end(ctx);
     DMK_TRY(iterate(s, &near, options, &o));
     double t2 = dmk_seconds();

@@ -1,4 +1,4 @@
-/* The start of the outer iteration: a geodesic distance, and the density that belongs to it.
+/* The start of the nonlinear iteration: a geodesic distance, and the density that belongs to it.
  *
  * The mesh is connected; the source is any point of it, inside a triangle, on an edge or at a
  * vertex. Both results are the same bits for any number of threads. */

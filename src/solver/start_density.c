@@ -81,7 +81,7 @@ static double width_out(const sweep *s, int32_t t, int k)
     return s->mesh->edge_triangle[2 * (size_t)e] == t ? s->width[e] : -s->width[e];
 }
 
-static int32_t across(const dmk_mesh *mesh, int32_t t, int32_t e)
+static int32_t twin_triangle(const dmk_mesh *mesh, int32_t t, int32_t e)
 {
     const int32_t *two = mesh->edge_triangle + 2 * (size_t)e;
     return two[0] == t ? two[1] : two[0];
@@ -96,13 +96,13 @@ static void open_triangle(sweep *s, int32_t t)
         int best = -1;
         for (int k = 0; k < 3; k++) {
             if (width_out(s, t, k) > 0) return;
-            if (across(s->mesh, t, edge[k]) < 0) continue;
+            if (twin_triangle(s->mesh, t, edge[k]) < 0) continue;
             if (best < 0 || s->mid[edge[k]] < s->mid[edge[best]]) best = k;
         }
         if (best < 0 || s->sink[t]) return;
         double w = 1e-3 * s->mesh->length[edge[best]];
         s->width[edge[best]] = s->mesh->edge_triangle[2 * (size_t)edge[best]] == t ? w : -w;
-        t = across(s->mesh, t, edge[best]);
+        t = twin_triangle(s->mesh, t, edge[best]);
         if (s->sink[t]) return;
     }
 }
@@ -187,7 +187,7 @@ static void sweep_triangle(sweep *s, int32_t t)
     double w[3], sum = 0;
     for (int k = 0; k < 3; k++) {
         w[k] = width_out(s, t, k);
-        int32_t other = across(s->mesh, t, s->mesh->triangle_edge[3 * (size_t)t + k]);
+        int32_t other = twin_triangle(s->mesh, t, s->mesh->triangle_edge[3 * (size_t)t + k]);
         /* a ring of triangles that feed each other was cut open here */
         if (w[k] > 0 && !s->sink[other] && s->waiting[other] == done_mark) w[k] = 0;
         sum += fabs(w[k]);
@@ -196,7 +196,7 @@ static void sweep_triangle(sweep *s, int32_t t)
     s->mu[t] = load / fmax(0.5 * sum, least_width(s->mesh, t));
     s->waiting[t] = done_mark;
     for (int k = 0; k < 3; k++) {
-        int32_t other = across(s->mesh, t, s->mesh->triangle_edge[3 * (size_t)t + k]);
+        int32_t other = twin_triangle(s->mesh, t, s->mesh->triangle_edge[3 * (size_t)t + k]);
         if (w[k] > 0 && !s->sink[other] && --s->waiting[other] == 0) s->queue[s->n_queue++] = other;
     }
 }
@@ -278,7 +278,7 @@ static void sink_density(sweep *s, int32_t t)
     s->mu[t] = sum / s->mesh->area[t];
 }
 
-/* The triangles that hold the source: one, two at an edge, the fan at a vertex. */
+/* The triangles that hold the source: one, two at an edge, the star at a vertex. */
 static void mark_sinks(const dmk_mesh *mesh, const dmk_point *source, uint8_t *sink)
 {
     const double near = 1e-3;
@@ -286,7 +286,7 @@ static void mark_sinks(const dmk_mesh *mesh, const dmk_point *source, uint8_t *s
     int32_t vertex = -1;
     for (int k = 0; k < 3; k++) {
         int32_t e = mesh->triangle_edge[3 * source->triangle + k];
-        int32_t other = across(mesh, (int32_t)source->triangle, e);
+        int32_t other = twin_triangle(mesh, (int32_t)source->triangle, e);
         if (source->weight[k] < near && other >= 0) sink[other] = 1;
         if (source->weight[k] > 1 - near) vertex = mesh->triangle[3 * source->triangle + k];
     }

@@ -16,7 +16,7 @@ enum { max_visits = 12, heap_arity = 4 };
 
 typedef struct march {
     const dmk_mesh *mesh;
-    const dmk_fan *fan;
+    const dmk_vertex_stars *stars;
     double *d;       /* n_vertices */
     int32_t *heap;   /* queued vertices, a heap of four children by d */
     int32_t *place;  /* n_vertices: index in the heap, -1 if not queued */
@@ -127,9 +127,9 @@ static void march_run(march *m)
     while (m->n_heap > 0) {
         int32_t v = heap_pop(m);
         m->visits[v]++;
-        for (int32_t i = m->fan->row[v]; i < m->fan->row[v + 1]; i++) {
-            int32_t t = m->fan->triangle[i] >> 2;
-            int k = m->fan->triangle[i] & 3;
+        for (int32_t i = m->stars->row[v]; i < m->stars->row[v + 1]; i++) {
+            int32_t t = m->stars->triangle[i] >> 2;
+            int k = m->stars->triangle[i] & 3;
             march_triangle(m, t, k, (k + 1) % 3);
             march_triangle(m, t, k, (k + 2) % 3);
         }
@@ -167,9 +167,9 @@ static int vertex_distance(dmk_context *ctx, const dmk_mesh *mesh, const dmk_poi
                            double *d)
 {
     int rc;
-    dmk_fan fan = {0};
-    march m = {.mesh = mesh, .fan = &fan, .d = d};
-    DMK_TRY(dmk_fan_create(ctx, mesh, &fan));
+    dmk_vertex_stars stars = {0};
+    march m = {.mesh = mesh, .stars = &stars, .d = d};
+    DMK_TRY(dmk_vertex_stars_create(ctx, mesh, &stars));
     DMK_TRY(DMK_NEW(ctx, m.heap, (size_t)mesh->n_vertices));
     DMK_TRY(DMK_NEW(ctx, m.place, (size_t)mesh->n_vertices));
     DMK_TRY(DMK_NEW(ctx, m.visits, (size_t)mesh->n_vertices));
@@ -180,7 +180,7 @@ static int vertex_distance(dmk_context *ctx, const dmk_mesh *mesh, const dmk_poi
     march_seed(&m, source);
     march_run(&m);
 done:
-    dmk_fan_free(&fan);
+    dmk_vertex_stars_free(&stars);
     free(m.heap);
     free(m.place);
     free(m.visits);

@@ -1,7 +1,7 @@
 #include "solver/system.h"
 
 #include "solver/kernels.h"
-#include "solver/slices.h"
+#include "solver/sell.h"
 
 #include "base/parallel.h"
 
@@ -94,7 +94,7 @@ static double share_of_needles(const dmk_mesh *m)
     return (double)count / m->n_triangles;
 }
 
-static int upload_slices(const packer *p, const dmk_slices *s, dmk_buffer **slice,
+static int upload_slices(const packer *p, const dmk_sell *s, dmk_buffer **slice,
                          dmk_buffer **entry, dmk_buffer **weight)
 {
     int rc;
@@ -111,31 +111,31 @@ static int pack_rows(const packer *p, int32_t n, const int32_t *row, const int32
                      const float *value, int32_t filler, dmk_buffer **slice, dmk_buffer **entries,
                      dmk_buffer **weight)
 {
-    dmk_slices s;
-    int rc = dmk_slices_create(p->ctx, n, row, entry, value, filler, &s);
+    dmk_sell s;
+    int rc = dmk_sell_create(p->ctx, n, row, entry, value, filler, &s);
     if (rc != DMK_OK) return rc;
     rc = upload_slices(p, &s, slice, entries, value ? weight : NULL);
-    dmk_slices_free(&s);
+    dmk_sell_free(&s);
     return rc;
 }
 
 /* The corners (4 * triangle + k) at each vertex, as sliced rows; filled up with one that stays 0. */
-static int corners_create(const packer *p, dmk_slices *corners)
+static int corners_create(const packer *p, dmk_sell *corners)
 {
     int rc;
-    dmk_fan fan = {0};
-    DMK_TRY(dmk_fan_create(p->ctx, p->mesh, &fan));
-    DMK_TRY(dmk_slices_create(p->ctx, p->mesh->n_vertices, fan.row, fan.triangle, NULL,
+    dmk_vertex_stars fan = {0};
+    DMK_TRY(dmk_vertex_stars_create(p->ctx, p->mesh, &fan));
+    DMK_TRY(dmk_sell_create(p->ctx, p->mesh->n_vertices, fan.row, fan.triangle, NULL,
                               4 * (p->sys->n_elements_pad - 1), corners));
 done:
-    dmk_fan_free(&fan);
+    dmk_vertex_stars_free(&fan);
     return rc;
 }
 
 /* Places among the elements' numbers, 6 or 3 for each, of what belongs to an edge or a corner. */
 typedef struct place_job {
     const dmk_mesh *mesh;
-    const dmk_slices *corners;
+    const dmk_sell *corners;
     int32_t *edge6, *edge3;     /* 2 for each edge: its sides k in its triangles; a border edge has one */
     int32_t *corner6, *corner3; /* for each place of `corners` */
 } place_job;
@@ -175,7 +175,7 @@ static int pack_places(const packer *p)
 {
     int rc;
     dmk_system *s = p->sys;
-    dmk_slices corners = {0};
+    dmk_sell corners = {0};
     int32_t *slice = NULL, *slot = NULL, *edge3 = NULL, *corner3 = NULL;
     int32_t edge_slices = s->vertex_row / DMK_WIDTH;
     size_t edges = 2 * (size_t)s->vertex_row;
@@ -203,7 +203,7 @@ static int pack_places(const packer *p)
     DMK_TRY(upload(p, (size_t)corners.n_slices + 1, sizeof *slice, corners.slice, &s->corner_slice));
     DMK_TRY(upload(p, places, sizeof *corner3, corner3, &s->corner_slot));
 done:
-    dmk_slices_free(&corners);
+    dmk_sell_free(&corners);
     free(slice);
     free(slot);
     free(edge3);
@@ -238,7 +238,7 @@ static int pack_graph(const packer *p, int32_t n, int32_t n_links, const int32_t
 {
     int rc;
     int32_t *row = NULL, *fill = NULL, *neighbour = NULL, *number = NULL;
-    dmk_slices s = {0};
+    dmk_sell s = {0};
     l->n = n;
     l->n_pad = dmk_padded(n);
     l->n_links = n_links;
@@ -257,7 +257,7 @@ static int pack_graph(const packer *p, int32_t n, int32_t n_links, const int32_t
         }
     }
     DMK_TRY(pack_rows(p, n, row, neighbour, NULL, -1, &l->slice, &l->neighbour, NULL));
-    DMK_TRY(dmk_slices_create(p->ctx, n, row, number, NULL, n_links, &s));
+    DMK_TRY(dmk_sell_create(p->ctx, n, row, number, NULL, n_links, &s));
     size_t places = (size_t)s.slice[s.n_slices] * DMK_WIDTH;
     DMK_TRY(upload(p, places, sizeof *s.entry, s.entry, &l->number));
     DMK_TRY(work(p, DMK_INNER, places, &l->weight));
@@ -268,7 +268,7 @@ static int pack_graph(const packer *p, int32_t n, int32_t n_links, const int32_t
     DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->x_old));
     DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->residual));
 done:
-    dmk_slices_free(&s);
+    dmk_sell_free(&s);
     free(row);
     free(fill);
     free(neighbour);

@@ -43,7 +43,7 @@ typedef struct dmk_system {
     dmk_buffer *edge_place;       /* 2 per edge: places in 3-per-element arrays */
     dmk_buffer *corner_slice, *corner_slot; /* vertices -> places in 3-per-element arrays */
 
-    /* State, in real: density, potential, load; gradient products and energies of the elements. */
+    /* State, in real: density, potential, right-hand side; gradient products and energies of the elements. */
     dmk_buffer *mu, *u, *f, *g, *q, *out_real, *weight_real;
     dmk_buffer *before; /* mu of the step before, or a copy kept by the certificate */
     /* Single precision: coefficients of the inner operator, contributions, V-cycle on T/2. */

@@ -11,7 +11,7 @@ from ._lib import text
 
 
 class Progress(NamedTuple):
-    """One report. stage: "levels" or "solve"; step: outer steps from 1; change: relative change of
+    """One report. stage: "levels" or "solve"; step: nonlinear iterations from 1; change: relative change of
     mu per unit time, which ends the iteration when it reaches tolerance; gap: of the certificate
     after the step before, NaN if not computed; seconds: since the call began."""
 

@@ -1,4 +1,4 @@
-#include "solver/slices.h"
+#include "solver/sell.h"
 
 #include "base/parallel.h"
 
@@ -11,13 +11,13 @@ typedef struct fill_job {
     int32_t n, filler;
     const int32_t *row, *entry;
     const float *weight;
-    dmk_slices *slices;
+    dmk_sell *sell;
 } fill_job;
 
 static void fill_range(int32_t begin, int32_t end, void *data)
 {
     const fill_job *job = data;
-    const dmk_slices *s = job->slices;
+    const dmk_sell *s = job->sell;
     for (int32_t i = DMK_WIDTH * begin; i < DMK_WIDTH * end; i++) {
         int32_t first = s->slice[i / DMK_WIDTH], columns = s->slice[i / DMK_WIDTH + 1] - first;
         int32_t at = i < job->n ? job->row[i] : 0, length = i < job->n ? job->row[i + 1] - at : 0;
@@ -29,8 +29,8 @@ static void fill_range(int32_t begin, int32_t end, void *data)
     }
 }
 
-int dmk_slices_create(dmk_context *ctx, int32_t n, const int32_t *row, const int32_t *entry,
-                      const float *weight, int32_t filler, dmk_slices *s)
+int dmk_sell_create(dmk_context *ctx, int32_t n, const int32_t *row, const int32_t *entry,
+                      const float *weight, int32_t filler, dmk_sell *s)
 {
     int rc;
     memset(s, 0, sizeof *s);
@@ -49,11 +49,11 @@ int dmk_slices_create(dmk_context *ctx, int32_t n, const int32_t *row, const int
     fill_job job = {n, filler, row, entry, weight, s};
     dmk_parallel(ctx, s->n_slices, fill_range, &job);
 done:
-    if (rc != DMK_OK) dmk_slices_free(s);
+    if (rc != DMK_OK) dmk_sell_free(s);
     return rc;
 }
 
-void dmk_slices_free(dmk_slices *s)
+void dmk_sell_free(dmk_sell *s)
 {
     free(s->slice);
     free(s->entry);

@@ -1,5 +1,5 @@
-/* The load: a unit source at the point, a uniform sink of the same mass. */
-#include "solver/outer.h"
+/* The right-hand side: a unit source at the point, a uniform sink of the same mass. */
+#include "solver/iteration.h"
 
 void dmk_point_weights(const double b[3], double w[6])
 {
@@ -16,7 +16,7 @@ void dmk_point_weights(const double b[3], double w[6])
     for (int k = 0; k < 3; k++) w[3 + k] = 1 - 2 * b[k]; /* the middle one */
 }
 
-int dmk_load(dmk_context *ctx, const dmk_mesh *m, const dmk_system *s, const dmk_point *p,
+int dmk_right_hand_side(dmk_context *ctx, const dmk_mesh *m, const dmk_system *s, const dmk_point *p,
              double *f)
 {
     (void)ctx;

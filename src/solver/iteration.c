@@ -1,10 +1,10 @@
-#include "solver/outer.h"
+#include "solver/iteration.h"
 
 #include "solver/kernels.h"
 
 #include <math.h>
 
-int dmk_outer_sums(dmk_outer *o, size_t items, int count, int maxima, double *sums)
+int dmk_iteration_sums(dmk_iteration *o, size_t items, int count, int maxima, double *sums)
 {
     int rc;
     dmk_system *s = o->sys;
@@ -14,27 +14,27 @@ done:
     return rc;
 }
 
-int dmk_outer_energies_of(dmk_outer *o, const dmk_buffer *u, double *fu, double *uau)
+int dmk_iteration_energies_of(dmk_iteration *o, const dmk_buffer *u, double *fu, double *uau)
 {
     int rc;
     dmk_system *s = o->sys;
     DMK_TRY(dmk_element_energy(o->ctx, s, u));
-    DMK_TRY(dmk_outer_sums(o, (size_t)s->n_elements, 1, 0, uau));
+    DMK_TRY(dmk_iteration_sums(o, (size_t)s->n_elements, 1, 0, uau));
     DMK_TRY(dmk_dot(o->ctx, s, s->f, u));
-    DMK_TRY(dmk_outer_sums(o, (size_t)s->n_rows, 1, 0, fu));
+    DMK_TRY(dmk_iteration_sums(o, (size_t)s->n_rows, 1, 0, fu));
 done:
     return rc;
 }
 
-int dmk_outer_energies(dmk_outer *o) { return dmk_outer_energies_of(o, o->sys->u, &o->fu, &o->uau); }
+int dmk_iteration_energies(dmk_iteration *o) { return dmk_iteration_energies_of(o, o->sys->u, &o->fu, &o->uau); }
 
-int dmk_outer_measure(dmk_outer *o, double alpha)
+int dmk_iteration_measure(dmk_iteration *o, double alpha)
 {
     int rc;
     double sums[3];
     dmk_system *s = o->sys;
     DMK_TRY(dmk_element_measure(o->ctx, s, alpha));
-    DMK_TRY(dmk_outer_sums(o, (size_t)s->n_elements, 3, 1, sums));
+    DMK_TRY(dmk_iteration_sums(o, (size_t)s->n_elements, 3, 1, sums));
     o->mass = sums[1];
     o->rho = sqrt(sums[0] / sums[1]);
     o->top = sums[2];
@@ -43,11 +43,11 @@ done:
 }
 
 /* The outer residual f - A u for CG, and A's coefficients and coarse operators. */
-static int prepare_solve(dmk_outer *o)
+static int prepare_solve(dmk_iteration *o)
 {
     int rc;
     dmk_system *s = o->sys;
-    DMK_TRY(dmk_outer_energies(o));
+    DMK_TRY(dmk_iteration_energies(o));
     DMK_TRY(dmk_element_scale(o->ctx, s));
     DMK_TRY(dmk_rows_outer_residual(o->ctx, s));
     DMK_TRY(dmk_element_prepare(o->ctx, s));
@@ -56,7 +56,7 @@ done:
     return rc;
 }
 
-int dmk_outer_solve(dmk_outer *o, dmk_buffer *x, double tolerance, int max_iterations,
+int dmk_iteration_solve(dmk_iteration *o, dmk_buffer *x, double tolerance, int max_iterations,
                     double *energy)
 {
     int rc, before = o->stats->cg_iterations;
@@ -72,7 +72,7 @@ done:
     return rc;
 }
 
-int dmk_outer_step_done(dmk_outer *o, int step, int max_steps, int iterations, double change)
+int dmk_iteration_step_done(dmk_iteration *o, int step, int max_steps, int iterations, double change)
 {
     o->stats->steps = step;
     o->stats->change = change;
@@ -89,7 +89,7 @@ int dmk_outer_step_done(dmk_outer *o, int step, int max_steps, int iterations, d
     return dmk_report(o->ctx, &report);
 }
 
-int dmk_outer_limit(dmk_outer *o, int max_steps)
+int dmk_iteration_limit(dmk_iteration *o, int max_steps)
 {
     return dmk_fail(o->ctx, DMK_E_LIMIT,
                     "%d steps did not reach the tolerance: relative change of mu per unit time %.2g, "

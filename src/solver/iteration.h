@@ -1,11 +1,11 @@
-/* The outer iteration: from a density and a potential to the optimal pair. */
-#ifndef DMK_OUTER_H
-#define DMK_OUTER_H
+/* The nonlinear iteration: from a density and a potential to the optimal pair. */
+#ifndef DMK_ITERATION_H
+#define DMK_ITERATION_H
 
 #include "solver/pcg.h"
 
 /* One solve under way. Quantities are in the packed problem's units (area 1). */
-typedef struct dmk_outer {
+typedef struct dmk_iteration {
     dmk_context *ctx;
     dmk_system *sys;
     const dmk_solve_options *options;
@@ -15,7 +15,7 @@ typedef struct dmk_outer {
     double tolerance; /* relative change of mu that ends the iteration */
     double mass;      /* integral of mu */
     double rho, top;  /* weighted mean of (1/2 log q)^2, rooted; largest q */
-} dmk_outer;
+} dmk_iteration;
 
 enum { DMK_NEWTON_STEPS = 60, DMK_EXPLICIT_STEPS = 2000 };
 
@@ -25,32 +25,32 @@ static const double DMK_DEFAULT_TOLERANCE = 3e-3;
 static const double DMK_FLOOR = 1e-4;
 
 /* g, q of s->u; fu and uau. */
-int dmk_outer_energies(dmk_outer *o);
+int dmk_iteration_energies(dmk_iteration *o);
 /* The same of any row vector in place of u: f.v and v.Av. */
-int dmk_outer_energies_of(dmk_outer *o, const dmk_buffer *v, double *fv, double *vav);
+int dmk_iteration_energies_of(dmk_iteration *o, const dmk_buffer *v, double *fv, double *vav);
 /* rho, mass and top of q scaled by alpha^2. */
-int dmk_outer_measure(dmk_outer *o, double alpha);
+int dmk_iteration_measure(dmk_iteration *o, double alpha);
 /* Solve A(mu) du = f - A(mu) u to `tolerance` of the energy f.u and add du to x: to s->u, or to a
  * scratch vector where only *energy, f.A^-1 f up to a small excess, is wanted (may be NULL). */
-int dmk_outer_solve(dmk_outer *o, dmk_buffer *x, double tolerance, int max_iterations,
+int dmk_iteration_solve(dmk_iteration *o, dmk_buffer *x, double tolerance, int max_iterations,
                     double *energy);
 /* Sums (the last `maxima`: maxima) left by a kernel over n items in system->partial. */
-int dmk_outer_sums(dmk_outer *o, size_t items, int count, int maxima, double *sums);
+int dmk_iteration_sums(dmk_iteration *o, size_t items, int count, int maxima, double *sums);
 /* Report a step; a change that is not a number or too large is divergence. */
-int dmk_outer_step_done(dmk_outer *o, int step, int max_steps, int iterations, double change);
+int dmk_iteration_step_done(dmk_iteration *o, int step, int max_steps, int iterations, double change);
 
 /* The step limit came before the tolerance: DMK_E_LIMIT with the last change. */
-int dmk_outer_limit(dmk_outer *o, int max_steps);
+int dmk_iteration_limit(dmk_iteration *o, int max_steps);
 /* The methods: from the start in s->mu, s->u to convergence. */
-int dmk_newton(dmk_outer *o, bool from_distance);
-int dmk_explicit(dmk_outer *o);
+int dmk_newton(dmk_iteration *o, bool from_distance);
+int dmk_explicit(dmk_iteration *o);
 
 /* certificate.c: stats->cost_upper, cost_lower and gap of the present pair (units of the packed
  * problem), which stays as it is. */
-int dmk_certify(dmk_outer *o);
+int dmk_certify(dmk_iteration *o);
 
-/* load.c: f+ - f- on the rows of T/2 for a source at `point` of the packed mesh. */
-int dmk_load(dmk_context *context, const dmk_mesh *mesh, const dmk_system *system,
+/* rhs.c: f+ - f- on the rows of T/2 for a source at `point` of the packed mesh. */
+int dmk_right_hand_side(dmk_context *context, const dmk_mesh *mesh, const dmk_system *system,
              const dmk_point *point, double *f);
 /* The weights of the six macro-element nodes (v0 v1 v2 m0 m1 m2) at a point. */
 void dmk_point_weights(const double bary[3], double weight[6]);

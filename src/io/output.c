@@ -1,4 +1,4 @@
-/* Writing a file as a whole: see dmk_sink in io.h. */
+/* Writing a file as a whole: see dmk_output in io.h. */
 #include "io/io.h"
 
 #include <errno.h>
@@ -11,7 +11,7 @@
 
 #define BUFFER 65536
 
-struct dmk_sink {
+struct dmk_output {
     dmk_context *context;
     char *path;      /* where it ends up; links followed */
     char *temporary; /* where it is written, in the same folder */
@@ -22,7 +22,7 @@ struct dmk_sink {
     char buffer[BUFFER];
 };
 
-static void sink_free(dmk_sink *s)
+static void sink_free(dmk_output *s)
 {
     if (s->fd >= 0) close(s->fd);
     dmk_numbers_free(&s->numbers);
@@ -49,7 +49,7 @@ static int resolve(dmk_context *ctx, const char *path, char **resolved, mode_t *
 }
 
 /* A name that nobody has: the process number makes clashes rare, O_EXCL makes them harmless. */
-static int open_temporary(dmk_sink *s, const char *path)
+static int open_temporary(dmk_output *s, const char *path)
 {
     size_t room = strlen(s->path) + 48;
     int rc = dmk_alloc(s->context, "file name", room, 1, (void **)&s->temporary);
@@ -63,11 +63,11 @@ static int open_temporary(dmk_sink *s, const char *path)
     return dmk_fail(s->context, DMK_E_IO, "%s: cannot create: %s", path, strerror(errno));
 }
 
-int dmk_sink_open(dmk_context *ctx, const char *path, dmk_sink **sink)
+int dmk_output_open(dmk_context *ctx, const char *path, dmk_output **out)
 {
     int rc;
     mode_t mode;
-    dmk_sink *s = NULL;
+    dmk_output *s = NULL;
     DMK_TRY(DMK_NEW(ctx, s, 1));
     s->context = ctx;
     s->fd = -1;
@@ -75,14 +75,14 @@ int dmk_sink_open(dmk_context *ctx, const char *path, dmk_sink **sink)
     DMK_TRY(resolve(ctx, path, &s->path, &mode));
     DMK_TRY(open_temporary(s, path));
     if (mode) (void)!fchmod(s->fd, mode); /* as it was, if we may */
-    *sink = s;
+    *out = s;
     s = NULL;
 done:
     if (s) sink_free(s);
     return rc;
 }
 
-static void write_out(dmk_sink *s, const char *bytes, size_t n)
+static void write_out(dmk_output *s, const char *bytes, size_t n)
 {
     while (n > 0 && !s->error) {
         ssize_t w = write(s->fd, bytes, n);
@@ -96,7 +96,7 @@ static void write_out(dmk_sink *s, const char *bytes, size_t n)
     }
 }
 
-void dmk_sink_put(dmk_sink *s, const void *bytes, size_t n)
+void dmk_output_put(dmk_output *s, const void *bytes, size_t n)
 {
     if (n > BUFFER - s->fill) {
         write_out(s, s->buffer, s->fill);
@@ -110,30 +110,30 @@ void dmk_sink_put(dmk_sink *s, const void *bytes, size_t n)
     }
 }
 
-void dmk_sink_text(dmk_sink *s, const char *text)
+void dmk_output_text(dmk_output *s, const char *text)
 {
-    dmk_sink_put(s, text, strlen(text));
+    dmk_output_put(s, text, strlen(text));
 }
 
-void dmk_sink_number(dmk_sink *s, double value)
+void dmk_output_number(dmk_output *s, double value)
 {
     char text[DMK_NUMBER_TEXT];
     int n = dmk_number_print(&s->numbers, value, text);
-    dmk_sink_put(s, text, (size_t)n);
+    dmk_output_put(s, text, (size_t)n);
 }
 
-void dmk_sink_integer(dmk_sink *s, int64_t value)
+void dmk_output_integer(dmk_output *s, int64_t value)
 {
     char text[DMK_NUMBER_TEXT];
     int n = snprintf(text, sizeof text, "%lld", (long long)value);
-    dmk_sink_put(s, text, (size_t)n);
+    dmk_output_put(s, text, (size_t)n);
 }
 
-int dmk_sink_close(dmk_sink **sink, int rc)
+int dmk_output_close(dmk_output **out, int rc)
 {
-    dmk_sink *s = *sink;
+    dmk_output *s = *out;
     if (!s) return rc;
-    *sink = NULL;
+    *out = NULL;
     if (rc == DMK_OK) {
         write_out(s, s->buffer, s->fill);
         if (!s->error && fsync(s->fd) != 0 && errno != EINVAL && errno != ENOTSUP) s->error = errno;

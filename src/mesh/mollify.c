@@ -3,13 +3,13 @@
  * Then single precision, in which the preconditioner works, can tell the triangle from a degenerate one,
  * and a distance changes by a millionth of the sides it runs along at most. (Lengths alone make the
  * operator, so no vertex moves.) */
-#include "solver/soften.h"
+#include "mesh/mollify.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-static const double softness = 1e-6;
+static const double mollification = 1e-6;
 /* Nothing to do where no cotangent is larger: b + c - a is then above 5e-6 a, but for obtuse triangles
  * that are small beside their longest side and do no harm. */
 static const double harmless = 300;
@@ -31,10 +31,10 @@ static void sort_sides(const double *length, int32_t e[3])
 /* How much b + c - a falls short; e sorted. */
 static double lacks(const double *length, const int32_t e[3])
 {
-    return softness * length[e[0]] - (length[e[2]] - (length[e[0]] - length[e[1]]));
+    return mollification * length[e[0]] - (length[e[2]] - (length[e[0]] - length[e[1]]));
 }
 
-static bool is_soft(const dmk_mesh *m)
+static bool needs_nothing(const dmk_mesh *m)
 {
     for (size_t i = 0; i < 3 * (size_t)m->n_triangles; i++) {
         if (fabs(m->cot[i]) > harmless) return false;
@@ -61,42 +61,42 @@ static int32_t lengthen(const dmk_mesh *m, double *length)
 }
 
 /* Areas and cotangents; whether the whole area is still about the same. */
-static bool measure(const dmk_mesh *m, dmk_mesh *soft)
+static bool measure(const dmk_mesh *m, dmk_mesh *mollified)
 {
     double before = 0, after = 0;
-    for (int32_t t = 0; t < soft->n_triangles; t++) {
-        const int32_t *e = soft->triangle_edge + 3 * (size_t)t;
-        const double l[3] = {soft->length[e[0]], soft->length[e[1]], soft->length[e[2]]};
-        dmk_measure_sides(l, &soft->area[t], soft->cot + 3 * (size_t)t);
+    for (int32_t t = 0; t < mollified->n_triangles; t++) {
+        const int32_t *e = mollified->triangle_edge + 3 * (size_t)t;
+        const double l[3] = {mollified->length[e[0]], mollified->length[e[1]], mollified->length[e[2]]};
+        dmk_measure_sides(l, &mollified->area[t], mollified->cot + 3 * (size_t)t);
         before += m->area[t];
-        after += soft->area[t];
+        after += mollified->area[t];
     }
     return after <= (1 + area_slack) * before;
 }
 
-int dmk_soften(dmk_context *ctx, const dmk_mesh *m, dmk_mesh *soft)
+int dmk_mollify(dmk_context *ctx, const dmk_mesh *m, dmk_mesh *mollified)
 {
     int rc;
     bool good = false;
-    *soft = *m;
-    if (is_soft(m)) return DMK_OK;
-    soft->length = soft->area = soft->cot = NULL;
-    DMK_TRY(DMK_NEW(ctx, soft->length, (size_t)m->n_edges));
-    DMK_TRY(DMK_NEW(ctx, soft->area, (size_t)m->n_triangles));
-    DMK_TRY(DMK_NEW(ctx, soft->cot, 3 * (size_t)m->n_triangles));
-    memcpy(soft->length, m->length, (size_t)m->n_edges * sizeof *m->length);
-    for (int round = 0; round < MAX_ROUNDS && lengthen(m, soft->length) > 0; round++) {}
-    good = measure(m, soft);
+    *mollified = *m;
+    if (needs_nothing(m)) return DMK_OK;
+    mollified->length = mollified->area = mollified->cot = NULL;
+    DMK_TRY(DMK_NEW(ctx, mollified->length, (size_t)m->n_edges));
+    DMK_TRY(DMK_NEW(ctx, mollified->area, (size_t)m->n_triangles));
+    DMK_TRY(DMK_NEW(ctx, mollified->cot, 3 * (size_t)m->n_triangles));
+    memcpy(mollified->length, m->length, (size_t)m->n_edges * sizeof *m->length);
+    for (int round = 0; round < MAX_ROUNDS && lengthen(m, mollified->length) > 0; round++) {}
+    good = measure(m, mollified);
 done:
-    if (!good) dmk_soften_free(m, soft);
-    if (rc == DMK_OK && !good) *soft = *m;
+    if (!good) dmk_mollify_free(m, mollified);
+    if (rc == DMK_OK && !good) *mollified = *m;
     return rc;
 }
 
-void dmk_soften_free(const dmk_mesh *m, dmk_mesh *soft)
+void dmk_mollify_free(const dmk_mesh *m, dmk_mesh *mollified)
 {
-    if (soft->length != m->length) free(soft->length);
-    if (soft->area != m->area) free(soft->area);
-    if (soft->cot != m->cot) free(soft->cot);
-    *soft = (dmk_mesh){0};
+    if (mollified->length != m->length) free(mollified->length);
+    if (mollified->area != m->area) free(mollified->area);
+    if (mollified->cot != m->cot) free(mollified->cot);
+    *mollified = (dmk_mesh){0};
 }
