@@ -1,0 +1,99 @@
+/* Exact geodesic distances on the polyhedron, from points anywhere on it.
+ *
+ * A shortest path is straight when the triangles it crosses are unfolded into the plane; it bends
+ * at vertices only, at those with more than 2 pi around them and at those of a border with more
+ * than pi: pseudo-sources. All shortest paths from one (pseudo-)source through the same row of
+ * edges form a window on the last of them (Mitchell, Mount, Papadimitriou 1987). Here windows run
+ * down depth first, without a queue: an upper bound of the distance is all that is needed to drop
+ * the useless ones.
+ *
+ * - star.c: directions at every vertex.
+ * - source.c: the triangles around a source, and where its rays enter the next ones.
+ * - window.c: windows, depth first: exact distances.
+ * - geodesics.c: the object.
+ *
+ * Half-edge h = 3 t + k lies opposite corner k of triangle t and runs from corner k+1 to corner
+ * k+2. */
+#ifndef DMK_GEODESIC_H
+#define DMK_GEODESIC_H
+
+#include "mesh/mesh.h"
+
+/* How the shortest path from the sources arrives at a vertex. */
+typedef struct dmk_arrival {
+    double direction; /* at the source: radians in the source's chart (0 .. total angle) */
+    double back; /* at the vertex: direction back along the path, radians in the vertex' chart */
+    int32_t pseudo_source; /* last vertex the path bends at; -1: none, straight from the source */
+    int32_t source;        /* number of the nearest source; -1: no source reaches the vertex */
+} dmk_arrival;
+
+/* Directions at a vertex: corner c = 3t+k of the star spans [angle[c], angle[c] + corner_angle[c]],
+ * counted counterclockwise from the star's first corner (at a border: the clockwise-most one).
+ * angle[c] is the direction of the edge towards corner k+1. */
+typedef struct dmk_star {
+    double *angle;        /* 3 n_triangles */
+    double *corner_angle; /* 3 n_triangles */
+    double *total;        /* n_vertices */
+    int32_t *twin;        /* 3 n_triangles, -1 at a border */
+    int32_t *first;       /* n_vertices: the star's first corner, -1 for a vertex in no triangle */
+    bool *border;         /* n_vertices */
+    double unit; /* a power of two near the mesh's extent: engines compute in it, so that no square
+                    overflows */
+} dmk_star;
+
+int dmk_star_create(dmk_context *context, const dmk_mesh *mesh, dmk_star *star);
+void dmk_star_free(dmk_star *star);
+
+/* The next corner of the star counterclockwise: -1 behind the last one at a border; inside the
+ * first one follows the last. */
+static inline int32_t dmk_star_next(const dmk_star *star, int32_t corner)
+{
+    int32_t o = star->twin[dmk_next(corner)];
+    return o < 0 ? -1 : dmk_next(o);
+}
+
+/* What a source sees through one edge: half-edge `half` of a triangle that the source lies in, with
+ * the source at (x, y), y > 0, of the frame that has the half-edge on its x axis from (0, 0). In
+ * the source's chart the half-edge spans [angle, angle + span]. */
+typedef struct dmk_sector {
+    double x, y, angle, span;
+    int32_t half;
+} dmk_sector;
+
+/* A source with its chart: at a vertex that of the star; on an edge, opposite corner k of its
+ * point's triangle, angles count from the direction to corner k+2 counterclockwise; inside a
+ * triangle from the direction to corner 0. */
+typedef struct dmk_place {
+    dmk_point point;
+    double offset;  /* distance at the source */
+    double total;   /* angle around it */
+    int32_t vertex; /* that it lies at, or -1 */
+    int32_t n_sectors;
+    dmk_sector *sector; /* counterclockwise */
+} dmk_place;
+
+int dmk_place_create(dmk_context *context, const dmk_mesh *mesh, const dmk_star *star,
+                     const dmk_point *point, double offset, dmk_place *place);
+void dmk_place_free(dmk_place *place);
+
+struct dmk_geodesics {
+    const dmk_mesh *mesh; /* as it was handed in (in dmk_solve: the ordered component) */
+    int32_t n_sources;
+    dmk_place *source;    /* n_sources */
+    double *distance;     /* n_vertices; infinite where no source reaches */
+    dmk_arrival *arrival; /* n_vertices */
+    double *error;        /* n_vertices: estimate of the error; NULL with exact windows */
+    dmk_star star;
+    int64_t n_windows; /* made */
+};
+typedef struct dmk_geodesics dmk_geodesics;
+
+/* From n_sources points, each with an offset (NULL: none). The mesh must outlive the object. */
+int dmk_geodesics_create(dmk_context *context, const dmk_mesh *mesh, size_t n_sources,
+                         const dmk_point *source, const double *offset, dmk_geodesics **geodesics);
+void dmk_geodesics_destroy(dmk_geodesics **geodesics);
+
+/* window.c: distance and arrival of an object whose star and sources are set. */
+int dmk_windows_run(dmk_context *context, dmk_geodesics *geodesics);
+
+#endif

@@ -1,0 +1,135 @@
+/* Directions at the vertices: see dmk_star. */
+#include "geodesic/geodesic.h"
+
+#include "base/parallel.h"
+#include "base/vec3.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+typedef struct work {
+    const dmk_mesh *mesh;
+    dmk_star *star;
+} work;
+
+/* Angles by the cross product: those of needles keep their digits. */
+static void measure_range(int32_t begin, int32_t end, void *data)
+{
+    const work *w = data;
+    const dmk_mesh *m = w->mesh;
+    for (int32_t t = begin; t < end; t++) {
+        double side[3][3], n[3];
+        for (int k = 0; k < 3; k++) {
+            const double *a = m->xyz + 3 * (size_t)m->triangle[3 * (size_t)t + (k + 1) % 3];
+            const double *b = m->xyz + 3 * (size_t)m->triangle[3 * (size_t)t + (k + 2) % 3];
+            for (int i = 0; i < 3; i++)
+                side[k][i] = b[i] / w->star->unit - a[i] / w->star->unit;
+        }
+        dmk_cross(side[0], side[1], n);
+        double area2 = sqrt(dmk_dot(n, n));
+        for (int k = 0; k < 3; k++) {
+            double dot = -dmk_dot(side[(k + 1) % 3], side[(k + 2) % 3]);
+            w->star->corner_angle[3 * (size_t)t + k] = atan2(area2, dot);
+        }
+    }
+}
+
+static void pair_range(int32_t begin, int32_t end, void *data)
+{
+    const work *w = data;
+    const dmk_mesh *m = w->mesh;
+    for (int32_t t = begin; t < end; t++) {
+        for (int k = 0; k < 3; k++) {
+            int32_t e = m->triangle_edge[3 * (size_t)t + k],
+                    *twin = w->star->twin + 3 * (size_t)t + k;
+            int32_t o = m->edge_triangle[2 * (size_t)e] == t ? m->edge_triangle[2 * (size_t)e + 1]
+                                                             : m->edge_triangle[2 * (size_t)e];
+            *twin = -1;
+            for (int j = 0; o >= 0 && j < 3; j++) {
+                if (m->triangle_edge[3 * (size_t)o + j] == e) *twin = 3 * o + j;
+            }
+        }
+    }
+}
+
+/* The first corner of each star: the clockwise-most at a border, else the one of the least number.
+ */
+static void find_first(const dmk_mesh *m, dmk_star *s)
+{
+    for (int32_t v = 0; v < m->n_vertices; v++)
+        s->first[v] = -1;
+    for (int32_t c = 0; c < 3 * m->n_triangles; c++) {
+        int32_t v = m->triangle[c];
+        bool border = s->twin[dmk_previous(c)] < 0; /* the edge from v to the next corner */
+        if (border) s->border[v] = true;
+        if (border || s->first[v] < 0) s->first[v] = c;
+    }
+}
+
+static void turn_range(int32_t begin, int32_t end, void *data)
+{
+    const dmk_star *s = ((const work *)data)->star;
+    for (int32_t v = begin; v < end; v++) {
+        double sum = 0;
+        int32_t c = s->first[v];
+        while (c >= 0) {
+            s->angle[c] = sum;
+            sum += s->corner_angle[c];
+            c = dmk_star_next(s, c);
+            if (c == s->first[v]) break;
+        }
+        s->total[v] = sum;
+    }
+}
+
+static double find_unit(const dmk_mesh *m)
+{
+    double most = 0;
+    int exponent;
+    for (int k = 0; k < 3; k++) {
+        double lo = HUGE_VAL, hi = -HUGE_VAL;
+        for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
+            double x = m->xyz[3 * (size_t)m->triangle[h] + (size_t)k];
+            lo = fmin(lo, x), hi = fmax(hi, x);
+        }
+        most = fmax(most, hi / 2 - lo / 2);
+    }
+    frexp(most, &exponent);
+    return ldexp(1, exponent);
+}
+
+int dmk_star_create(dmk_context *ctx, const dmk_mesh *m, dmk_star *s)
+{
+    int rc;
+    work w = {m, s};
+    size_t n_half = 3 * (size_t)m->n_triangles, n_vertices = (size_t)m->n_vertices;
+    memset(s, 0, sizeof *s);
+    DMK_TRY(DMK_NEW(ctx, s->angle, n_half));
+    DMK_TRY(DMK_NEW(ctx, s->corner_angle, n_half));
+    DMK_TRY(DMK_NEW(ctx, s->twin, n_half));
+    DMK_TRY(DMK_NEW(ctx, s->total, n_vertices));
+    DMK_TRY(DMK_NEW(ctx, s->first, n_vertices));
+    DMK_TRY(DMK_NEW(ctx, s->border, n_vertices));
+    s->unit = find_unit(m);
+    dmk_parallel(ctx, m->n_triangles, measure_range, &w);
+    DMK_TRY(dmk_poll(ctx));
+    dmk_parallel(ctx, m->n_triangles, pair_range, &w);
+    find_first(m, s);
+    DMK_TRY(dmk_poll(ctx));
+    dmk_parallel(ctx, m->n_vertices, turn_range, &w);
+done:
+    if (rc != DMK_OK) dmk_star_free(s);
+    return rc;
+}
+
+void dmk_star_free(dmk_star *s)
+{
+    free(s->angle);
+    free(s->corner_angle);
+    free(s->twin);
+    free(s->total);
+    free(s->first);
+    free(s->border);
+    memset(s, 0, sizeof *s);
+}
