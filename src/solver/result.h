@@ -1,7 +1,7 @@
 #ifndef DMK_RESULT_H
 #define DMK_RESULT_H
 
-#include "mesh/mesh.h"
+#include "geodesic/geodesic.h"
 
 #include <stdatomic.h>
 
@@ -24,6 +24,7 @@ struct dmk_result {
     dmk_stats stats;
     dmk_shared_order *order;                 /* of the source's component */
     int32_t source_triangle;                 /* in that order */
+    dmk_geodesics *geodesics;                /* of that mesh, from the source */
 };
 
 /* Arrays for the input mesh: mu = 0 and infinite distance until they are set. */

@@ -13,9 +13,9 @@
 struct dmk_solver {
     dmk_device *device;
     const dmk_mesh *mesh;
-    int32_t component;        /* the one that is packed, or -1 */
+    int32_t component; /* the one that is packed, or -1 */
     dmk_shared_order *order;
-    dmk_mesh mollified;            /* the ordered mesh with the metric that is computed with */
+    dmk_mesh mollified; /* the ordered mesh with the metric that is computed with */
     dmk_system *system;
 };
 
@@ -111,50 +111,57 @@ static int32_t find_triangle(const dmk_order *order, int64_t old)
     return -1;
 }
 
-/* The source, and the marched distance to it: to start from, and for what is next to it. */
-typedef struct marched {
-    const dmk_mesh *mesh;
+/* The source, and the distance from it, on the ordered mesh. */
+typedef struct start {
+    const dmk_mesh *mesh; /* with the metric that is computed with */
+    const dmk_mesh *own;  /* with that of the input */
     const dmk_point *source;
-    double *vertex; /* n_vertices */
-    double *mid;    /* n_edges */
-} marched;
+    dmk_geodesics *geodesics; /* of `own` */
+    double *mid;              /* n_edges: its distance at the edges' midpoints, nearly */
+} start;
 
-static int march(dmk_context *ctx, void *data)
+static int measure(dmk_context *ctx, void *data)
 {
-    const marched *near = data;
-    return dmk_start_distance(ctx, near->mesh, near->source, near->vertex, near->mid);
+    start *near = data;
+    int rc = dmk_geodesics_create(ctx, near->own, 1, near->source, NULL, &near->geodesics);
+    if (rc == DMK_OK) dmk_geodesics_midpoints(near->geodesics, near->mid);
+    return rc;
 }
 
 /* The distance, and beside it the system of the ordered mesh, if it is not there. */
-static int set_up(dmk_context *ctx, dmk_solver *s, marched *near)
+static int set_up(dmk_context *ctx, dmk_solver *s, start *near)
 {
     dmk_task task;
-    if (s->system) return march(ctx, near);
-    dmk_task_begin(ctx, &task, march, near);
+    if (s->system) return measure(ctx, near);
+    dmk_task_begin(ctx, &task, measure, near);
     int rc = dmk_system_create(ctx, s->device, near->mesh, &s->system);
     return dmk_task_end(ctx, &task, rc);
 }
 
 /* u and mu to start from, on the device. */
-static int set_start(dmk_context *ctx, dmk_solver *s, const marched *near, dmk_start start)
+static int set_start(dmk_context *ctx, dmk_solver *s, const start *near, dmk_start from)
 {
     int rc;
     dmk_system *sys = s->system;
     const dmk_mesh *m = near->mesh;
     const dmk_point *p = near->source;
-    const double *vertex = near->vertex, *mid = near->mid;
+    const double *vertex = near->geodesics->distance, *mid = near->mid;
     double *u = NULL, *mu = NULL;
     size_t n_rows = (size_t)sys->n_rows_pad, n_elements = (size_t)sys->n_elements_pad;
     DMK_TRY(DMK_NEW(ctx, u, n_rows));
     DMK_TRY(DMK_NEW(ctx, mu, n_elements));
-    if (start == DMK_START_DISTANCE) {
+    if (from == DMK_START_DISTANCE) {
         DMK_TRY(dmk_start_density(ctx, m, p, vertex, mid, mu));
         DMK_TRY(dmk_poll(ctx));
-        for (int32_t e = 0; e < m->n_edges; e++) u[e] = mid[e] / -sys->unit;
-        for (int32_t v = 0; v < m->n_vertices; v++) u[sys->vertex_row + v] = vertex[v] / -sys->unit;
-        for (int32_t t = 0; t < m->n_triangles; t++) mu[t] /= sys->unit;
+        for (int32_t e = 0; e < m->n_edges; e++)
+            u[e] = mid[e] / -sys->unit;
+        for (int32_t v = 0; v < m->n_vertices; v++)
+            u[sys->vertex_row + v] = vertex[v] / -sys->unit;
+        for (int32_t t = 0; t < m->n_triangles; t++)
+            mu[t] /= sys->unit;
     } else {
-        for (int32_t t = 0; t < m->n_triangles; t++) mu[t] = 1;
+        for (int32_t t = 0; t < m->n_triangles; t++)
+            mu[t] = 1;
     }
     DMK_TRY(dmk_buffer_write_real(ctx, s->device, DMK_OUTER, sys->u, n_rows, u));
     DMK_TRY(dmk_buffer_write_real(ctx, s->device, DMK_OUTER, sys->mu, n_elements, mu));
@@ -173,25 +180,25 @@ done:
 }
 
 /* System, u and mu, ready for the first step; the seconds go to set-up and start. */
-static int prepare(dmk_context *ctx, dmk_solver *s, marched *near, dmk_start start, double began,
+static int prepare(dmk_context *ctx, dmk_solver *s, start *near, dmk_start from, double began,
                    double seconds[])
 {
     int rc;
     bool fresh = !s->system;
-    DMK_TRY(DMK_NEW(ctx, near->vertex, (size_t)near->mesh->n_vertices));
     DMK_TRY(DMK_NEW(ctx, near->mid, (size_t)near->mesh->n_edges));
     DMK_TRY(set_up(ctx, s, near));
     if (fresh) seconds[DMK_STAGE_SETUP] = dmk_seconds() - began;
     DMK_TRY(dmk_poll(ctx));
-    DMK_TRY(set_start(ctx, s, near, start));
+    DMK_TRY(set_start(ctx, s, near, from));
     seconds[DMK_STAGE_START] = dmk_seconds() - began - seconds[DMK_STAGE_SETUP];
     rc = dmk_poll(ctx);
 done:
     return rc;
 }
 
-/* Triangles of the approximate cut locus {mu <= eps}; eps = 0: the square root of the area, about 0.66
- * of an edge length: mu is the load still to be carried, so next to the locus it is of that size. */
+/* Triangles of the approximate cut locus {mu <= eps}; eps = 0: the square root of the area, about
+ * 0.66 of an edge length: mu is the load still to be carried, so next to the locus it is of that
+ * size. */
 static void mark_acl(const dmk_mesh *m, double threshold, dmk_result *r)
 {
     for (size_t t = 0; t < r->n_triangles; t++) {
@@ -201,7 +208,8 @@ static void mark_acl(const dmk_mesh *m, double threshold, dmk_result *r)
 }
 
 /* u at the source, by the macro-element's interpolation. */
-static double value_at(const dmk_system *sys, const dmk_mesh *m, const dmk_point *p, const double *u)
+static double value_at(const dmk_system *sys, const dmk_mesh *m, const dmk_point *p,
+                       const double *u)
 {
     double w[6], sum = 0;
     dmk_point_weights(p->weight, w);
@@ -212,54 +220,8 @@ static double value_at(const dmk_system *sys, const dmk_mesh *m, const dmk_point
     return sum;
 }
 
-/* Distance = offset - u. The peak of the discrete u at p is blunt, by a tenth of an edge or more, so its
- * value there is no good offset: the marched distance, which is exact next to p but for the curvature,
- * gives it on the vertices between two and four edges away. From one to four edges the one distance goes
- * over into the other. */
-typedef struct near_source {
-    double offset, edge; /* edge: of the source's triangle; 0 if too few vertices were seen */
-} near_source;
-
-/* 1.5 sqrt(|T|), about an edge; T: the source's triangle, or the largest one around a source that is a
- * vertex, so that the ring is one whichever triangle names it. */
-static double edge_near(const dmk_mesh *m, const dmk_point *p)
-{
-    double area = m->area[p->triangle];
-    for (int k = 0; k < 3; k++) {
-        if (p->weight[k] < 1) continue;
-        const int32_t v = m->triangle[3 * p->triangle + k];
-        for (int32_t t = 0; t < m->n_triangles; t++) {
-            const int32_t *c = m->triangle + 3 * (int64_t)t;
-            if (c[0] == v || c[1] == v || c[2] == v) area = fmax(area, m->area[t]);
-        }
-    }
-    return 1.5 * sqrt(area);
-}
-
-static double distance_of(near_source near, double u, double near_by)
-{
-    double weight = near.edge > 0 ? (4 - near_by / near.edge) / 3 : 0;
-    weight = fmin(fmax(weight, 0), 1);
-    return weight * near_by + (1 - weight) * (near.offset - u);
-}
-
-static near_source look_near(const dmk_system *sys, const marched *near, const double *u)
-{
-    const dmk_mesh *m = near->mesh;
-    double edge = edge_near(m, near->source), sum = 0, weights = 0;
-    for (int32_t v = 0; v < m->n_vertices; v++) {
-        /* Falls to 0 at both ends of the ring: rounding moves no vertex in or out of it. */
-        double weight = 1 - fabs(near->vertex[v] / edge - 3);
-        if (!(weight > 0)) continue;
-        sum += weight * (near->vertex[v] + u[sys->vertex_row + v] * sys->unit);
-        weights += weight;
-    }
-    if (weights < 3) return (near_source){value_at(sys, m, near->source, u) * sys->unit, 0};
-    return (near_source){sum / weights, edge};
-}
-
 /* Read mu and u back once and put them in the input's order and units. */
-static int collect(dmk_context *ctx, dmk_solver *s, const marched *near, dmk_result *r)
+static int collect(dmk_context *ctx, dmk_solver *s, const start *near, dmk_result *r)
 {
     int rc;
     dmk_system *sys = s->system;
@@ -270,16 +232,16 @@ static int collect(dmk_context *ctx, dmk_solver *s, const marched *near, dmk_res
     DMK_TRY(dmk_buffer_read_real(ctx, s->device, DMK_OUTER, sys->u, (size_t)sys->n_rows, u));
     DMK_TRY(dmk_buffer_read_real(ctx, s->device, DMK_OUTER, sys->mu, (size_t)sys->n_elements, mu));
     double at_source = value_at(sys, o->mesh, near->source, u);
-    near_source at = look_near(sys, near, u);
-    for (int32_t t = 0; t < sys->n_elements; t++) r->density[o->triangle_old[t]] = mu[t] * sys->unit;
+    for (int32_t t = 0; t < sys->n_elements; t++)
+        r->density[o->triangle_old[t]] = mu[t] * sys->unit;
     for (int32_t v = 0; v < sys->n_vertices; v++) {
         double x = u[sys->vertex_row + v];
         r->potential[o->vertex_old[v]] = (x - at_source) * sys->unit;
-        r->distance[o->vertex_old[v]] = distance_of(at, x * sys->unit, near->vertex[v]);
+        r->distance[o->vertex_old[v]] = near->geodesics->distance[v];
     }
     for (int32_t e = 0; e < sys->n_edges; e++) {
         r->potential_mid[o->edge_old[e]] = (u[e] - at_source) * sys->unit;
-        r->distance_mid[o->edge_old[e]] = distance_of(at, u[e] * sys->unit, near->mid[e]);
+        r->distance_mid[o->edge_old[e]] = near->mid[e];
     }
 done:
     free(u);
@@ -300,7 +262,7 @@ static void scale_stats(const dmk_system *sys, dmk_stats *stats)
 
 /* Newton; where it fails within its own limit of steps, as it may with many needles, explicit steps
  * from the start again: slower, and of another kind, for each solves its linear system well. */
-static int iterate(dmk_solver *s, const marched *near, const dmk_solve_options *options,
+static int iterate(dmk_solver *s, const start *near, const dmk_solve_options *options,
                    dmk_iteration *o)
 {
     int rc, steps;
@@ -324,7 +286,7 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
 {
     int rc;
     dmk_result *r = NULL;
-    marched near = {0};
+    start near = {0};
     dmk_solve_options defaults;
     dmk_solve_options_init(&defaults);
     if (!options) options = &defaults;
@@ -343,6 +305,7 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     p.triangle = r->source_triangle;
 
     near.mesh = &s->mollified;
+    near.own = s->order->order.mesh;
     near.source = &p;
     DMK_TRY(prepare(ctx, s, &near, options->start, began, r->stats.seconds));
     double t1 = dmk_seconds();
@@ -352,6 +315,8 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     double t2 = dmk_seconds();
     DMK_TRY(dmk_certify(&o));
     DMK_TRY(collect(ctx, s, &near, r));
+    r->geodesics = near.geodesics;
+    near.geodesics = NULL;
     mark_acl(s->mesh, options->threshold, r);
     scale_stats(s->system, &r->stats);
     r->stats.seconds[DMK_STAGE_SOLVE] = t2 - t1;
@@ -361,7 +326,7 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
 done:
     dmk_stage_end(ctx);
     dmk_result_destroy(&r);
-    free(near.vertex);
+    dmk_geodesics_destroy(&near.geodesics);
     free(near.mid);
     return rc;
 }

@@ -1,0 +1,358 @@
+/* Exact distances: closed forms, and what holds on every mesh. */
+#include "geodesic/geodesic.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+static const double pi = 3.14159265358979323846;
+
+/* ---- meshes ---------------------------------------------------------------------------------- */
+
+enum { most_vertices = 4000, most_triangles = 8000 };
+
+/* A mesh under construction: equal places are one vertex. */
+typedef struct soup {
+    int32_t n_vertices, n_triangles;
+    double xyz[3 * most_vertices];
+    int32_t triangle[3 * most_triangles];
+} soup;
+
+static int32_t vertex_at(soup *s, const double x[3])
+{
+    for (int32_t v = 0; v < s->n_vertices; v++) {
+        const double *y = s->xyz + 3 * v;
+        if (fabs(x[0] - y[0]) + fabs(x[1] - y[1]) + fabs(x[2] - y[2]) < 1e-9) return v;
+    }
+    assert_true(s->n_vertices < most_vertices);
+    memcpy(s->xyz + 3 * s->n_vertices, x, 3 * sizeof *x);
+    return s->n_vertices++;
+}
+
+static void add_triangle(soup *s, int32_t a, int32_t b, int32_t c)
+{
+    const int32_t corner[3] = {a, b, c};
+    assert_true(s->n_triangles < most_triangles);
+    memcpy(s->triangle + 3 * s->n_triangles++, corner, sizeof corner);
+}
+
+static double noise(uint32_t *state)
+{
+    *state = *state * 1664525u + 1013904223u;
+    return *state / 4294967296.0 - 0.5;
+}
+
+/* n x m squares, o + i/n p + j/m q, cut along diagonals; the inner vertices moved within the plane.
+ */
+static void add_grid(soup *s, const double o[3], const double p[3], const double q[3], int n, int m,
+                     double jitter, uint32_t *state)
+{
+    int32_t *number = malloc((size_t)(n + 1) * (size_t)(m + 1) * sizeof *number);
+    for (int j = 0; j <= m; j++) {
+        for (int i = 0; i <= n; i++) {
+            bool inner = i > 0 && j > 0 && i < n && j < m;
+            double x[3], a = (i + (inner ? jitter * noise(state) : 0)) / n;
+            double b = (j + (inner ? jitter * noise(state) : 0)) / m;
+            for (int k = 0; k < 3; k++)
+                x[k] = o[k] + a * p[k] + b * q[k];
+            number[j * (n + 1) + i] = vertex_at(s, x);
+        }
+    }
+    for (int j = 0; j < m; j++) {
+        for (int i = 0; i < n; i++) {
+            const int32_t *v = number + j * (n + 1) + i;
+            add_triangle(s, v[0], v[1], v[n + 2]);
+            add_triangle(s, v[0], v[n + 2], v[n + 1]);
+        }
+    }
+    free(number);
+}
+
+static dmk_mesh *finish(dmk_context *ctx, soup *s)
+{
+    dmk_mesh *m;
+    int rc = dmk_mesh_create(ctx, (size_t)s->n_vertices, s->xyz, (size_t)s->n_triangles,
+                             s->triangle, &m);
+    if (rc != DMK_OK) fail_msg("%s", dmk_context_message(ctx));
+    free(s);
+    return m;
+}
+
+static soup *new_soup(void)
+{
+    soup *s = calloc(1, sizeof *s);
+    assert_non_null(s);
+    return s;
+}
+
+static dmk_mesh *make_cube(dmk_context *ctx, int n, double jitter)
+{
+    static const double face[6][9] = {
+        {0, 0, 0, 0, 1, 0, 1, 0, 0}, {0, 0, 1, 1, 0, 0, 0, 1, 0}, {0, 0, 0, 1, 0, 0, 0, 0, 1},
+        {0, 1, 0, 0, 0, 1, 1, 0, 0}, {0, 0, 0, 0, 0, 1, 0, 1, 0}, {1, 0, 0, 0, 1, 0, 0, 0, 1},
+    };
+    uint32_t state = 3;
+    soup *s = new_soup();
+    for (int f = 0; f < 6; f++)
+        add_grid(s, face[f], face[f] + 3, face[f] + 6, n, n, jitter, &state);
+    return finish(ctx, s);
+}
+
+static dmk_mesh *make_square(dmk_context *ctx, int n, double jitter)
+{
+    static const double o[3] = {0}, p[3] = {1, 0, 0}, q[3] = {0, 1, 0};
+    uint32_t state = 5;
+    soup *s = new_soup();
+    add_grid(s, o, p, q, n, n, jitter, &state);
+    return finish(ctx, s);
+}
+
+/* ---- the object ------------------------------------------------------------------------------ */
+
+static int setup(void **state)
+{
+    dmk_context *ctx;
+    if (dmk_context_create(&ctx) != DMK_OK) return -1;
+    *state = ctx;
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    dmk_context *ctx = *state;
+    dmk_context_destroy(&ctx);
+    return 0;
+}
+
+/* What holds of every result: nothing negative, everything reached, no edge violated. */
+static dmk_geodesics *run(dmk_context *ctx, const dmk_mesh *m, size_t n, const dmk_point *source,
+                          const double *offset)
+{
+    dmk_geodesics *g;
+    if (dmk_geodesics_create(ctx, m, n, source, offset, &g) != DMK_OK)
+        fail_msg("%s", dmk_context_message(ctx));
+    for (int32_t e = 0; e < m->n_edges; e++) {
+        double a = g->distance[m->edge_vertex[2 * e]], b = g->distance[m->edge_vertex[2 * e + 1]];
+        assert_true(a >= 0 && b >= 0 && fabs(a - b) <= m->length[e] + 1e-12 * (a + b));
+    }
+    for (int32_t v = 0; v < m->n_vertices; v++) {
+        const dmk_arrival *r = g->arrival + v;
+        assert_true(r->source >= 0 && r->source < (int32_t)n && r->pseudo_source < m->n_vertices);
+        assert_true(r->direction >= 0 && r->direction <= g->source[r->source].total);
+        assert_true(r->back >= 0 && r->back <= g->star.total[v]);
+    }
+    return g;
+}
+
+static dmk_point at_vertex(dmk_context *ctx, const dmk_mesh *m, int64_t v)
+{
+    dmk_point p;
+    assert_int_equal(dmk_mesh_vertex_point(ctx, m, v, &p), DMK_OK);
+    return p;
+}
+
+/* ---- closed forms ---------------------------------------------------------------------------- */
+
+/* From a corner, an edge and inside a triangle of a flat square: Euclid's; the log map too. */
+static void flat_square(void **state)
+{
+    dmk_context *ctx = *state;
+    const dmk_point source[] = {{0, {1, 0, 0}},
+                                {40, {0.3, 0, 0.7}},
+                                {71, {0.2, 0.5, 0.3}},
+                                {71, {1e-13, 0.5, 0.5}},
+                                {71, {1e-10, 0.5, 0.5 - 1e-10}}};
+    dmk_mesh *m = make_square(ctx, 7, 0.5);
+    for (size_t i = 0; i < sizeof source / sizeof *source; i++) {
+        double p[3], turned = HUGE_VAL;
+        dmk_geodesics *g = run(ctx, m, 1, source + i, NULL);
+        assert_int_equal(dmk_mesh_point_xyz(ctx, m, source + i, p), DMK_OK);
+        for (int32_t v = 0; v < m->n_vertices; v++) {
+            const double x = m->xyz[3 * v] - p[0], y = m->xyz[3 * v + 1] - p[1];
+            if (fabs(g->distance[v] - hypot(x, y)) > 1e-12) {
+                fail_msg("source %zu, vertex %d: %.15g, not %.15g", i, v, g->distance[v],
+                         hypot(x, y));
+            }
+            if (hypot(x, y) < 1e-3 || g->arrival[v].pseudo_source >= 0) continue;
+            double turn = remainder(g->arrival[v].direction - atan2(y, x), 2 * pi);
+            if (turned == HUGE_VAL) turned = turn;
+            assert_true(fabs(remainder(turn - turned, 2 * pi)) < 1e-6);
+        }
+        dmk_geodesics_destroy(&g);
+    }
+    dmk_mesh_destroy(&m);
+}
+
+static void cube_from_a_corner(void **state)
+{
+    dmk_context *ctx = *state;
+    for (int jitter = 0; jitter < 2; jitter++) {
+        dmk_mesh *m = make_cube(ctx, 9, 0.6 * jitter);
+        dmk_point source = at_vertex(ctx, m, 0);
+        dmk_geodesics *g = run(ctx, m, 1, &source, NULL);
+        for (int32_t v = 0; v < m->n_vertices; v++) {
+            const double *x = m->xyz + 3 * v;
+            double best =
+                x[0] * x[1] * x[2] == 0 ? sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]) : HUGE_VAL;
+            for (int k = 0; k < 3; k++) {
+                double y = x[(k + 1) % 3], z = x[(k + 2) % 3];
+                if (x[k] == 1) best = fmin(best, fmin(hypot(1 + y, z), hypot(y, 1 + z)));
+            }
+            assert_true(fabs(g->distance[v] - best) < 1e-12);
+        }
+        dmk_geodesics_destroy(&g);
+        dmk_mesh_destroy(&m);
+    }
+}
+
+/* Two squares, one on the other, joined along their border. */
+static void doubled_square(void **state)
+{
+    dmk_context *ctx = *state;
+    static const double o[3] = {0}, x[3] = {1, 0, 0}, y[3] = {0, 1, 0}, left[3] = {-1, 0, 0};
+    uint32_t noisy = 9;
+    soup *s = new_soup();
+    add_grid(s, o, x, y, 6, 6, 0, &noisy);
+    int32_t front = s->n_vertices;
+    for (int32_t v = 0; v < front; v++)
+        s->xyz[3 * v + 2] = s->xyz[3 * v] * s->xyz[3 * v + 1] == 0 ? 0 : 1;
+    for (int32_t v = 0; v < front; v++) {
+        if (s->xyz[3 * v] == 1 || s->xyz[3 * v + 1] == 1) s->xyz[3 * v + 2] = 0;
+    }
+    add_grid(s, x, left, y, 6, 6, 0.4, &noisy);
+    for (int32_t v = 0; v < front; v++)
+        s->xyz[3 * v + 2] = 0;
+    dmk_mesh *m = finish(ctx, s);
+    dmk_point source = at_vertex(ctx, m, 16);
+    const double a = m->xyz[48], b = m->xyz[49];
+    dmk_geodesics *g = run(ctx, m, 1, &source, NULL);
+    for (int32_t v = 0; v < m->n_vertices; v++) {
+        const double p = m->xyz[3 * v], q = m->xyz[3 * v + 1];
+        double best = fmin(fmin(hypot(p + a, q - b), hypot(2 - p - a, q - b)),
+                           fmin(hypot(p - a, q + b), hypot(p - a, 2 - q - b)));
+        if (v < front) best = hypot(p - a, q - b);
+        assert_true(fabs(g->distance[v] - best) < 1e-12);
+    }
+    dmk_geodesics_destroy(&g);
+    dmk_mesh_destroy(&m);
+}
+
+/* Around a reentrant corner of a border: a pseudo-source. */
+static void around_a_corner(void **state)
+{
+    dmk_context *ctx = *state;
+    static const double at[3][3] = {{-1, -1, 0}, {-1, 0, 0}, {0, 0, 0}}, x[3] = {1, 0, 0},
+                        y[3] = {0, 1, 0};
+    uint32_t noisy = 1;
+    soup *s = new_soup();
+    for (int i = 0; i < 3; i++)
+        add_grid(s, at[i], x, y, 5, 5, 0.3, &noisy);
+    dmk_mesh *m = finish(ctx, s);
+    dmk_point source = at_vertex(ctx, m, 8);
+    const double *p = m->xyz + 24;
+    int n_behind = 0;
+    dmk_geodesics *g = run(ctx, m, 1, &source, NULL);
+    for (int32_t v = 0; v < m->n_vertices; v++) {
+        const double *q = m->xyz + 3 * v;
+        bool behind =
+            q[0] > 0 && p[0] * q[1] - p[1] * q[0] > 0; /* the ray passes below the corner */
+        behind = q[0] > 0 && q[1] >= 0 && q[0] * -p[1] > q[1] * -p[0];
+        double best =
+            behind ? hypot(p[0], p[1]) + hypot(q[0], q[1]) : hypot(p[0] - q[0], p[1] - q[1]);
+        n_behind += behind;
+        assert_true(fabs(g->distance[v] - best) < 1e-12);
+        if (behind) assert_true(g->arrival[v].pseudo_source >= 0);
+    }
+    assert_true(n_behind > 5);
+    dmk_geodesics_destroy(&g);
+    dmk_mesh_destroy(&m);
+}
+
+/* ---- any mesh -------------------------------------------------------------------------------- */
+
+static void both_ways(void **state)
+{
+    dmk_context *ctx = *state;
+    static const char *const file[] = {"meshes/torus.off", "meshes/quartic.off",
+                                       "tests/data/saddles.off"};
+    for (int i = 0; i < 2; i++) {
+        dmk_mesh *m;
+        assert_int_equal(dmk_mesh_read(ctx, file[i], &m), DMK_OK);
+        const int32_t a = 7, b = m->n_vertices / 2;
+        dmk_point p = at_vertex(ctx, m, a), q = at_vertex(ctx, m, b);
+        dmk_geodesics *there = run(ctx, m, 1, &p, NULL), *back = run(ctx, m, 1, &q, NULL);
+        assert_true(fabs(there->distance[b] - back->distance[a]) < 1e-13 * there->distance[b]);
+        dmk_geodesics_destroy(&there);
+        dmk_geodesics_destroy(&back);
+        dmk_mesh_destroy(&m);
+    }
+}
+
+/* Several sources: the least of what each gives, and its number. */
+static void several_sources(void **state)
+{
+    dmk_context *ctx = *state;
+    dmk_mesh *m;
+    assert_int_equal(dmk_mesh_read(ctx, "meshes/torus.off", &m), DMK_OK);
+    const dmk_point source[4] = {
+        {10, {1, 0, 0}}, {999, {0.2, 0.3, 0.5}}, {3000, {0, 0.5, 0.5}}, {11, {0, 0, 1}}};
+    const double offset[4] = {0.1, 0, 0.3, 5};
+    dmk_geodesics *all = run(ctx, m, 4, source, offset), *one[4];
+    for (int i = 0; i < 4; i++)
+        one[i] = run(ctx, m, 1, source + i, NULL);
+    for (int32_t v = 0; v < m->n_vertices; v++) {
+        double best = HUGE_VAL,
+               own = one[all->arrival[v].source]->distance[v] + offset[all->arrival[v].source];
+        for (int i = 0; i < 4; i++)
+            best = fmin(best, one[i]->distance[v] + offset[i]);
+        assert_true(fabs(all->distance[v] - best) < 1e-12 && fabs(own - best) < 1e-12);
+    }
+    for (int i = 0; i < 4; i++)
+        dmk_geodesics_destroy(one + i);
+    dmk_geodesics_destroy(&all);
+    dmk_mesh_destroy(&m);
+}
+
+/* Lengths whose squares would overflow or vanish. */
+static void any_scale(void **state)
+{
+    dmk_context *ctx = *state;
+    static const double scale[2] = {1e-40, 1e40};
+    dmk_mesh *m = make_cube(ctx, 3, 0);
+    dmk_point p = {5, {0.2, 0.3, 0.5}};
+    dmk_geodesics *one = run(ctx, m, 1, &p, NULL);
+    for (int i = 0; i < 2; i++) {
+        dmk_mesh *other;
+        double *xyz = calloc(3 * (size_t)m->n_vertices, sizeof *xyz);
+        for (int32_t k = 0; k < 3 * m->n_vertices; k++)
+            xyz[k] = m->xyz[k] * scale[i];
+        assert_int_equal(dmk_mesh_create(ctx, (size_t)m->n_vertices, xyz, (size_t)m->n_triangles,
+                                         m->triangle, &other),
+                         DMK_OK);
+        dmk_geodesics *g = run(ctx, other, 1, &p, NULL);
+        for (int32_t v = 0; v < m->n_vertices; v++) {
+            assert_true(fabs(g->distance[v] / scale[i] - one->distance[v]) < 1e-12);
+        }
+        dmk_geodesics_destroy(&g);
+        dmk_mesh_destroy(&other);
+        free(xyz);
+    }
+    dmk_geodesics_destroy(&one);
+    dmk_mesh_destroy(&m);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(flat_square),    cmocka_unit_test(cube_from_a_corner),
+        cmocka_unit_test(doubled_square), cmocka_unit_test(around_a_corner),
+        cmocka_unit_test(both_ways),      cmocka_unit_test(several_sources),
+        cmocka_unit_test(any_scale),
+    };
+    return cmocka_run_group_tests(tests, setup, teardown);
+}
