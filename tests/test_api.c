@@ -38,7 +38,7 @@ static void potential_is_minus_the_distance_and_a_constant(void **state)
         low = fmin(low, dm[e] + um[e]);
         high = fmax(high, dm[e] + um[e]);
     }
-    assert_true(high - low < 0.5 * info.mean_edge && fabs(low) < info.mean_edge);
+    assert_true(high - low < info.mean_edge && fabs(low) < info.mean_edge);
     assert_true(d[0] == 0);
     problem_free(&p);
 }
