@@ -57,7 +57,8 @@ ROOMS := base mesh surfaces levels geodesic io device solver locus api
 LIB_SRC := $(sort $(foreach room,$(ROOMS),$(wildcard src/$(room)/*.c)))
 CLI_SRC := $(sort $(wildcard src/cli/*.c))
 # One program source, in this order: what a file uses stands before it.
-KERNELS := $(addprefix kernels/,dmk_shared.h base.cl operator.cl vector.cl multigrid.cl density.cl)
+KERNELS := $(addprefix kernels/,dmk_shared.h base.cl operator.cl vector.cl multigrid.cl density.cl \
+    certificate.cl)
 TEST_SRC := $(sort $(wildcard tests/test_*.c))
 # What tests share: any other C file beside them.
 TEST_LIB_SRC := $(filter-out $(TEST_SRC),$(sort $(wildcard tests/*.c)))

@@ -266,6 +266,8 @@ typedef enum dmk_stage {
     DMK_N_STAGES
 } dmk_stage;
 
+enum { DMK_N_STEEP = 3 };
+
 typedef struct dmk_stats {
     int steps;            /* nonlinear iterations */
     int cg_iterations;    /* summed over all inner solves */
@@ -274,6 +276,9 @@ typedef struct dmk_stats {
     double cost_upper;    /* upper bound of the optimal cost, the integral of the distance */
     double cost_lower;    /* lower bound: f.u of a feasible potential */
     double gap;           /* (upper - lower) / upper */
+    int sweeps;           /* of the repair of u for the lower bound; 0 where none was needed */
+    int64_t n_steep;      /* triangles in which |grad u| <= 1 is still broken after it; 0: none, or no need */
+    int64_t steep[DMK_N_STEEP]; /* the steepest of them, which hold the lower bound back; -1: no more */
     double area;          /* of the source's component */
     int levels;           /* of the multigrid hierarchy */
     int double_precision; /* 1 if the nonlinear iteration ran in double precision */

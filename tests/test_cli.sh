@@ -142,6 +142,11 @@ check 'exit code 130: Ctrl-C' test $? -eq 130
 check 'with a word about it' has "$work/steps" 'cancelled'
 check 'runs that fail leave nothing' holds "$work/full" ''
 
+fails 'exit code 9: a gap that is not reached' 9 'gap is .* above the 1e-06' \
+    "$tool" solve meshes/sphere.off --vertex 0 --gap 1e-6 --quiet --out "$work/gap.vtp"
+check 'the files are written all the same' test -s "$work/gap.vtp"
+check 'a gap that hides nothing is explained' output_has 'as mu has not settled' \
+    "$tool" solve meshes/sphere.off --vertex 0 --method euler --start uniform --tolerance 1
 check 'the gap alone ends a run' "$tool" solve meshes/sphere.off --vertex 0 --gap 0.01 --tolerance 1e-12
 
 # ---- a whole run ------------------------------------------------------------------------------

@@ -119,6 +119,7 @@ static int solve_one(const batch *b, size_t k, const solve_request *one, solve_r
         print_line(k, run);
         code = cli_flush();
     }
+    if (code == EXIT_OK) code = solve_check_gap(one, run);
     run->where = "";
     run->progress.prefix = NULL;
     return code;
@@ -145,8 +146,9 @@ static void solve_all(batch *b, solve_run *run)
         } else {
             begin_source(b, run);
             code = solve_one(b, k, &one, run);
-            b->n_solved += code == EXIT_OK;
-            b->n_failed += code != EXIT_OK;
+            const bool solved = code == EXIT_OK || code == EXIT_GAP;
+            b->n_solved += solved;
+            b->n_failed += !solved;
         }
         if (b->code == EXIT_OK) b->code = code;
         free_one(&one);

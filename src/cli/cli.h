@@ -20,7 +20,7 @@ int cmd_devices(int argc, char **argv);
 
 /* ---- exit.c: exit codes and errors ---------------------------------------------------------- */
 
-enum { EXIT_OK = 0, EXIT_USAGE = 1, EXIT_IO = 2, EXIT_MEMORY = 8 };
+enum { EXIT_OK = 0, EXIT_USAGE = 1, EXIT_IO = 2, EXIT_MEMORY = 8, EXIT_GAP = 9 };
 
 /* The exit code of a library status. */
 int cli_exit_code(int status);

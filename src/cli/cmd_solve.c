@@ -16,6 +16,7 @@ static int solve(const solve_request *request)
         solve_summary(request, &run);
         code = cli_flush();
     }
+    if (code == EXIT_OK) code = solve_check_gap(request, &run);
     solve_end(&run);
     return code;
 }
@@ -138,7 +139,7 @@ static void add_method(solve_table *table, solve_request *request, raw_options *
          .expected = "a number in (0, 1]"},
         {.name = "gap",
          .value = "GAP",
-         .help = "stop when the relative gap of the cost is below",
+         .help = "stop when the relative gap of the cost is below; if the run ends with\na larger one, the exit code is 9",
          .kind = CLI_NUMBER,
          .target = &solve_options->gap_tolerance,
          .lo = DBL_MIN,

@@ -12,6 +12,8 @@ typedef struct exit_code {
     const char *text;
 } exit_code;
 
+enum { NO_STATUS = 1 }; /* the library knows none above 0 */
+
 static const exit_code exit_codes[] = {
     {EXIT_OK, {DMK_OK, 0}, "success"},
     {EXIT_USAGE, {DMK_E_ARG, 0}, "a bad option or value"},
@@ -22,6 +24,7 @@ static const exit_code exit_codes[] = {
     {6, {DMK_E_DIVERGED, 0}, "the iteration diverged"},
     {7, {DMK_E_LIMIT, 0}, "the step limit was reached before the tolerance"},
     {EXIT_MEMORY, {DMK_E_NOMEM, 0}, "out of memory"},
+    {EXIT_GAP, {NO_STATUS, 0}, "done, but the gap asked for with --gap was not reached"},
     {130, {DMK_E_CANCELLED, 0}, "interrupted (Ctrl-C)"},
 };
 enum { N_EXIT_CODES = sizeof exit_codes / sizeof *exit_codes };

@@ -41,6 +41,12 @@ static void write_stats(cli_json *json, const dmk_stats *stats)
     json_number(json, "cost_upper", stats->cost_upper);
     json_number(json, "cost_lower", stats->cost_lower);
     json_number(json, "gap", stats->gap);
+    json_integer(json, "sweeps", stats->sweeps);
+    json_integer(json, "n_steep", stats->n_steep);
+    json_open(json, "steep", '[');
+    for (int k = 0; k < DMK_N_STEEP && stats->steep[k] >= 0; k++)
+        json_integer(json, NULL, stats->steep[k]);
+    json_close(json, '[');
 }
 
 static void write_seconds(cli_json *json, const solve_times *seconds, const dmk_stats *stats)
@@ -193,6 +199,25 @@ static void print_source(const solve_request *request, const solve_run *run)
     putchar('\n');
 }
 
+/* What holds the bounds apart, where they are so far that they say little. */
+static void print_gap(const dmk_stats *stats)
+{
+    char n[CLI_TEXT_SIZE];
+    if (!(stats->gap > 0.01)) return;
+    print_label("");
+    if (stats->n_steep == 0) {
+        printf("the bounds are far apart as mu has not settled: a smaller --tolerance brings them closer\n");
+        return;
+    }
+    printf("the lower bound is held back by %s triangle%s steeper than 1, most by",
+           cli_count(stats->n_steep, n), plural(stats->n_steep));
+    for (int k = 0; k < DMK_N_STEEP && stats->steep[k] >= 0; k++)
+        printf("%s %lld", k > 0 ? "," : "", (long long)stats->steep[k]);
+    printf(";\n");
+    print_label("");
+    printf("mu and the upper bound do not suffer from them\n");
+}
+
 static void print_cost(const dmk_stats *stats)
 {
     print_label("solved");
@@ -202,7 +227,19 @@ static void print_cost(const dmk_stats *stats)
     print_label("cost");
     printf("between %.8g and %.8g", stats->cost_lower, stats->cost_upper);
     if (isfinite(stats->gap)) printf(" (gap %.2g %%)", 100 * stats->gap);
-    printf(", the integral of the distance\n");
+    printf(", of the discrete problem\n");
+    print_gap(stats);
+}
+
+int solve_check_gap(const solve_request *request, const solve_run *run)
+{
+    dmk_stats stats;
+    dmk_result_get_stats(run->result, &stats);
+    const double asked = request->solve.gap_tolerance;
+    if (!(asked > 0) || stats.gap <= asked) return EXIT_OK;
+    return cli_error(EXIT_GAP, "%sthe gap is %.2g, above the %.2g that --gap asked for; a smaller "
+                               "--tolerance may bring it down",
+                     run->where, stats.gap, asked);
 }
 
 static void print_locus(const dmk_locus *locus)

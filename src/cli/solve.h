@@ -92,6 +92,8 @@ int solve_batch(const solve_request *request);
 int solve_report(const solve_request *request, const solve_run *run);
 /* The summary for a person, on the standard output. */
 void solve_summary(const solve_request *request, const solve_run *run);
+/* EXIT_OK, or EXIT_GAP with the words, when the gap that was asked for is not reached. */
+int solve_check_gap(const solve_request *request, const solve_run *run);
 /* Its part that holds for all sources: mesh and device. */
 void solve_summary_mesh(const solve_request *request, const solve_run *run);
 /* The tangent cut locus as CSV, whole or not at all. The exit code. */

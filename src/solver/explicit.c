@@ -37,7 +37,7 @@ int dmk_explicit(dmk_iteration *o)
         DMK_TRY(dmk_iteration_step_done(o, step, max_steps, o->stats->cg_iterations - before, change));
         if (change <= o->tolerance) goto done;
         if (opt->gap_tolerance > 0 && step % 10 == 0) {
-            DMK_TRY(dmk_certify(o));
+            DMK_TRY(dmk_certify(o, false));
             if (o->stats->gap <= opt->gap_tolerance) goto done;
         }
     }

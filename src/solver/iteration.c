@@ -74,6 +74,7 @@ done:
 
 int dmk_iteration_step_done(dmk_iteration *o, int step, int max_steps, int iterations, double change)
 {
+    o->certified = false;
     o->stats->steps = step;
     o->stats->change = change;
     if (!(change < 1e6)) {

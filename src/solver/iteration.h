@@ -8,6 +8,7 @@
 typedef struct dmk_iteration {
     dmk_context *ctx;
     dmk_system *sys;
+    const dmk_mesh *mesh; /* that the system was made of */
     const dmk_solve_options *options;
     dmk_stats *stats;
     double began;     /* dmk_seconds() */
@@ -15,6 +16,7 @@ typedef struct dmk_iteration {
     double tolerance; /* relative change of mu that ends the iteration */
     double mass;      /* integral of mu */
     double rho, top;  /* weighted mean of (1/2 log q)^2, rooted; largest q */
+    bool certified;   /* stats has the bounds of the present pair */
 } dmk_iteration;
 
 enum { DMK_NEWTON_STEPS = 60, DMK_EXPLICIT_STEPS = 2000 };
@@ -23,6 +25,9 @@ enum { DMK_NEWTON_STEPS = 60, DMK_EXPLICIT_STEPS = 2000 };
 static const double DMK_DEFAULT_TOLERANCE = 3e-3;
 /* mu stays above this many square roots of the element's area, so that logarithms exist. */
 static const double DMK_FLOOR = 1e-4;
+/* A gap_tolerance below this cannot be reached for rounding errors: it only asks for the gap of each step,
+ * and is not worth a repair of u. */
+static const double DMK_GAP_SHOWN = 1e-7;
 
 /* g, q of s->u; fu and uau. */
 int dmk_iteration_energies(dmk_iteration *o);
@@ -46,8 +51,17 @@ int dmk_newton(dmk_iteration *o, bool from_distance);
 int dmk_explicit(dmk_iteration *o);
 
 /* certificate.c: stats->cost_upper, cost_lower and gap of the present pair (units of the packed
- * problem), which stays as it is. */
-int dmk_certify(dmk_iteration *o);
+ * problem), which stays as it is. last: it is the pair that the iteration ends with; then nothing is done
+ * if it has its bounds already, and u is repaired whatever gap was asked for. */
+int dmk_certify(dmk_iteration *o, bool last);
+/* bounds.c: lower bounds from a row vector: f.v / sqrt(max q), with q left in s->q and its maximum in o->top, and
+ * the same of phi(v), which goes through q of v as dmk_bound_plain left it. cg[DMK_OUTER].p is scratch. */
+int dmk_bound_plain(dmk_iteration *o, const dmk_buffer *v, double *bound);
+int dmk_bound_banded(dmk_iteration *o, const dmk_buffer *v, double *bound);
+
+/* repair.c: raise stats->cost_lower by a repair of u until the gap to stats->cost_upper is at most
+ * `goal`, or all triangles obey |grad u| <= 1, or it takes too long. Wants A(mu) prepared. */
+int dmk_repair(dmk_iteration *o, double goal, bool last);
 
 /* rhs.c: f+ - f- on the rows of T/2 for a source at `point` of the packed mesh. */
 int dmk_right_hand_side(dmk_context *context, const dmk_mesh *mesh, const dmk_system *system,

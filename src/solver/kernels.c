@@ -42,7 +42,14 @@ enum { IN_INNER = 1 << DMK_INNER, IN_OUTER = 1 << DMK_OUTER, IN_BOTH = IN_INNER 
     X(rows_rhs, IN_OUTER)                                                                          \
     X(rows_outer_residual, IN_OUTER)                                                               \
     X(band_slopes, IN_OUTER)                                                                       \
-    X(band_map, IN_OUTER)
+    X(band_map, IN_OUTER)                                                                          \
+    X(repair_start, IN_OUTER)                                                                      \
+    X(repair_mark, IN_OUTER)                                                                       \
+    X(repair_grow, IN_OUTER)                                                                       \
+    X(repair_list_elements, IN_OUTER)                                                              \
+    X(repair_list_rows, IN_OUTER)                                                                  \
+    X(repair_elements, IN_OUTER)                                                                   \
+    X(repair_rows, IN_OUTER)
 
 #define KERNEL_NUMBER(name, programs) K_##name,
 #define KERNEL_ENTRY(name, programs) {#name, programs},
@@ -360,16 +367,69 @@ int dmk_explicit_update(dmk_context *ctx, dmk_system *s, bool inertial, double d
                DMK_BUF(s->mu), DMK_BUF(s->before), DMK_BUF(s->partial));
 }
 
-int dmk_band_slopes(dmk_context *ctx, dmk_system *s, const dmk_bands *b, dmk_buffer *slopes)
+int dmk_band_slopes(dmk_context *ctx, dmk_system *s, const dmk_bands *b, const dmk_buffer *u,
+                    dmk_buffer *slopes)
 {
     return RUN(DMK_OUTER, band_slopes, elements(s), DMK_INT(s->n_elements), DMK_INT(b->n),
-               DMK_FLOAT(b->start), DMK_FLOAT(b->inverse), DMK_BUF(s->index), DMK_BUF(s->u),
+               DMK_FLOAT(b->start), DMK_FLOAT(b->inverse), DMK_BUF(s->index), DMK_BUF(u),
                DMK_BUF(s->q), DMK_BUF(slopes));
 }
 
 int dmk_band_map(dmk_context *ctx, dmk_system *s, const dmk_bands *b, const dmk_buffer *phi,
-                 dmk_buffer *v)
+                 const dmk_buffer *u, dmk_buffer *v)
 {
     return RUN(DMK_OUTER, band_map, rows(s), DMK_INT(s->n_rows), DMK_INT(b->n), DMK_FLOAT(b->start),
-               DMK_FLOAT(b->inverse), DMK_BUF(phi), DMK_BUF(s->u), DMK_BUF(v));
+               DMK_FLOAT(b->inverse), DMK_BUF(phi), DMK_BUF(u), DMK_BUF(v));
+}
+
+/* ---- certificate.cl -------------------------------------------------------------------------- */
+
+int dmk_repair_start(dmk_context *ctx, dmk_system *s, const dmk_repair_work *w, double scale,
+                     const dmk_buffer *from)
+{
+    return RUN(DMK_OUTER, repair_start, rows(s), DMK_INT(s->n_rows), DMK_FLOAT(scale), DMK_BUF(from),
+               DMK_BUF(w->u), DMK_BUF(w->before));
+}
+
+int dmk_repair_mark(dmk_context *ctx, dmk_system *s, const dmk_repair_work *w)
+{
+    return RUN(DMK_OUTER, repair_mark, elements(s), DMK_INT(s->n_elements), DMK_BUF(s->index),
+               DMK_BUF(s->q), DMK_BUF(w->mark), DMK_BUF(w->u), DMK_BUF(w->before), DMK_BUF(w->ring));
+}
+
+int dmk_repair_grow(dmk_context *ctx, dmk_system *s, const dmk_repair_work *w, int ring)
+{
+    return RUN(DMK_OUTER, repair_grow, elements(s), DMK_INT(s->n_elements), DMK_INT(ring),
+               DMK_BUF(s->index), DMK_BUF(w->ring));
+}
+
+int dmk_repair_list(dmk_context *ctx, dmk_system *s, const dmk_repair_work *w, int ring)
+{
+    int rc;
+    DMK_TRY(dmk_buffer_clear(ctx, s->device, w->count, 2 * sizeof(int32_t)));
+    DMK_TRY(RUN(DMK_OUTER, repair_list_elements, elements(s), DMK_INT(s->n_elements), DMK_INT(ring),
+                DMK_BUF(s->index), DMK_BUF(w->ring), DMK_BUF(w->count), DMK_BUF(w->elements)));
+    DMK_TRY(RUN(DMK_OUTER, repair_list_rows, rows(s), DMK_INT(s->n_rows), DMK_BUF(w->ring),
+                DMK_BUF(w->count), DMK_BUF(w->rows)));
+done:
+    return rc;
+}
+
+int dmk_repair_elements(dmk_context *ctx, dmk_system *s, const dmk_repair_work *w, int sweep,
+                        int stamp, double target)
+{
+    return RUN(DMK_OUTER, repair_elements, items(w->n_elements), DMK_INT(w->n_elements),
+               DMK_INT(sweep), DMK_INT(stamp), DMK_FLOAT(target), DMK_BUF(w->elements),
+               DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->inv_diag),
+               DMK_BUF(w->u), DMK_BUF(s->out_real), DMK_BUF(w->mark), DMK_BUF(w->moved),
+               DMK_BUF(w->broken));
+}
+
+int dmk_repair_rows(dmk_context *ctx, dmk_system *s, const dmk_repair_work *w, int sweep, int stamp,
+                    double momentum)
+{
+    return RUN(DMK_OUTER, repair_rows, items(w->n_rows), DMK_INT(w->n_rows), DMK_INT(sweep),
+               DMK_INT(stamp), DMK_FLOAT(momentum), DMK_BUF(w->rows), DMK_BUF(s->slice),
+               DMK_BUF(s->slot), DMK_BUF(s->out_real), DMK_BUF(w->moved), DMK_BUF(w->broken),
+               DMK_BUF(w->u), DMK_BUF(w->before));
 }

@@ -104,9 +104,38 @@ typedef struct dmk_bands {
 
 /* slopes[i] = the largest sqrt(q) of the elements that meet band i, as the bits of a float. */
 int dmk_band_slopes(dmk_context *context, dmk_system *s, const dmk_bands *bands,
-                    dmk_buffer *slopes);
+                    const dmk_buffer *u, dmk_buffer *slopes);
 /* v = phi(u), phi linear between its values at the bands' ends. */
 int dmk_band_map(dmk_context *context, dmk_system *s, const dmk_bands *bands, const dmk_buffer *phi,
-                 dmk_buffer *v);
+                 const dmk_buffer *u, dmk_buffer *v);
+
+/* ---- certificate.cl -------------------------------------------------------------------------- */
+
+/* The repair of a potential under way. */
+typedef struct dmk_repair_work {
+    dmk_buffer *u, *before;      /* rows, real; before: without the momentum */
+    dmk_buffer *mark;            /* per element: its places in out_real are not 0 */
+    dmk_buffer *ring, *moved;    /* per row: ring around the hot ones; stamp of the last that moved it */
+    dmk_buffer *elements, *rows; /* the lists */
+    dmk_buffer *count;           /* their lengths on the device, and here: */
+    int32_t n_elements, n_rows;
+    dmk_buffer *broken; /* per sweep since the lists were made: elements above 1 */
+} dmk_repair_work;
+
+/* u = before = scale * from. */
+int dmk_repair_start(dmk_context *context, dmk_system *s, const dmk_repair_work *w, double scale,
+                     const dmk_buffer *from);
+/* ring = 1 on the rows of elements with q > 1, of marked ones and of those with a row that moves. */
+int dmk_repair_mark(dmk_context *context, dmk_system *s, const dmk_repair_work *w);
+/* Elements at rows of rings up to `ring` put their other rows into the next. */
+int dmk_repair_grow(dmk_context *context, dmk_system *s, const dmk_repair_work *w, int ring);
+/* The elements at rows of rings up to `ring`, and all rows of any, which are cleared; count. */
+int dmk_repair_list(dmk_context *context, dmk_system *s, const dmk_repair_work *w, int ring);
+/* Sweep number `sweep` since the lists were made: elements leave their moves to sqrt(q) <= target in
+ * out_real, rows take the means of the moves. Does nothing after a sweep that found none above 1. */
+int dmk_repair_elements(dmk_context *context, dmk_system *s, const dmk_repair_work *w, int sweep,
+                        int stamp, double target);
+int dmk_repair_rows(dmk_context *context, dmk_system *s, const dmk_repair_work *w, int sweep,
+                    int stamp, double momentum);
 
 #endif

@@ -249,6 +249,15 @@ done:
     return rc;
 }
 
+/* The triangles that hold the lower bound back, by their numbers in the input. */
+static void name_steep(const dmk_order *order, dmk_stats *stats)
+{
+    for (int k = 0; k < DMK_N_STEEP; k++) {
+        const bool none = stats->sweeps == 0 || stats->steep[k] < 0;
+        stats->steep[k] = none ? -1 : order->triangle_old[stats->steep[k]];
+    }
+}
+
 /* The stats' lengths and costs to the mesh's units. */
 static void scale_stats(const dmk_system *sys, dmk_stats *stats)
 {
@@ -309,18 +318,22 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     near.source = &p;
     DMK_TRY(prepare(ctx, s, &near, options->start, began, r->stats.seconds));
     double t1 = dmk_seconds();
-    dmk_iteration o = {.ctx = ctx, .sys = s->system, .options = options, .stats = &r->stats, .began = began};
+    dmk_iteration o = {.ctx = ctx,
+                   .sys = s->system,
+                   .mesh = near.mesh,
+                   .options = options,
+                   .stats = &r->stats,
+                   .began = began};
     dmk_stage_end(ctx);
     DMK_TRY(iterate(s, &near, options, &o));
-    double t2 = dmk_seconds();
-    DMK_TRY(dmk_certify(&o));
+    DMK_TRY(dmk_certify(&o, true));
+    r->stats.seconds[DMK_STAGE_SOLVE] = dmk_seconds() - t1 - r->stats.seconds[DMK_STAGE_CERTIFY];
+    name_steep(&s->order->order, &r->stats);
     DMK_TRY(collect(ctx, s, &near, r));
     r->geodesics = near.geodesics;
     near.geodesics = NULL;
     mark_acl(s->mesh, options->threshold, r);
     scale_stats(s->system, &r->stats);
-    r->stats.seconds[DMK_STAGE_SOLVE] = t2 - t1;
-    r->stats.seconds[DMK_STAGE_CERTIFY] = dmk_seconds() - t2;
     *result = r;
     r = NULL;
 done:

@@ -23,9 +23,11 @@ STAGES = {
 
 
 class Certificate(NamedTuple):
-    """Bounds of the integral of the distance over the surface, which no transport can undercut.
+    """Bounds of the optimal cost of the discrete problem, the transport on this mesh.
 
-    lower <= optimal cost on the mesh <= upper; gap = (upper - lower) / upper.
+    lower <= optimal cost <= upper; gap = (upper - lower) / upper. For a point source the cost is
+    the integral of the distance, up to the discretisation: the discrete source is blunt by a part
+    of an edge, and this falls with the mesh size.
     """
 
     lower: float

@@ -1,0 +1,163 @@
+/* The repair of a potential for the lower bound: values that break |grad u| <= 1 move, all others stay.
+ * The work goes over lists of elements and rows, the hot ones; their order has no effect on the result. */
+
+/* y = K x of one element and the result x.y, its energy. */
+static real energy_of(const real *c, const real *x, real *y)
+{
+    const real h0 = (real)0.5 * c[0], h1 = (real)0.5 * c[1], h2 = (real)0.5 * c[2];
+    const real f10 = h0 * (x[1] - x[3]), f20 = h0 * (x[2] - x[3]), f01 = h1 * (x[0] - x[4]),
+               f21 = h1 * (x[2] - x[4]), f02 = h2 * (x[0] - x[5]), f12 = h2 * (x[1] - x[5]);
+    const real fa = c[0] * (x[4] - x[5]), fb = c[1] * (x[5] - x[3]), fc = c[2] * (x[3] - x[4]);
+    y[0] = f01 + f02;
+    y[1] = f10 + f12;
+    y[2] = f20 + f21;
+    y[3] = (fc - fb) - (f10 + f20);
+    y[4] = (fa - fc) - (f01 + f21);
+    y[5] = (fb - fa) - (f02 + f12);
+    real e = 0;
+    for (int k = 0; k < 6; k++) e += y[k] * (x[k] - x[3]);
+    return e;
+}
+
+#define ELEMENT_BASE(t, K) (DMK_WIDTH * (K) * ((t) / DMK_WIDTH) + (t) % DMK_WIDTH)
+
+/* ring = 1 on the rows of elements that break the bound, have moved their rows, or have one that still
+ * moves. */
+KERNEL repair_mark(int n, global const int *index, global const real *q, global const int *mark,
+                   global const real *u, global const real *before, global int *ring LAUNCH)
+{
+    FOR_ROWS(t, n)
+    {
+        const int base = ELEMENT_BASE(t, 6);
+        int hot = mark[t] != 0 || q[t] > 1;
+        for (int k = 0; k < 6 && !hot; k++) {
+            const int i = index[base + DMK_WIDTH * k];
+            hot = u[i] != before[i];
+        }
+        for (int k = 0; k < 6 && hot; k++) ring[index[base + DMK_WIDTH * k]] = 1;
+    }
+}
+
+static int is_hot(global const int *index, global const int *ring, int base, int round)
+{
+    int hot = 0;
+    for (int k = 0; k < 6; k++) {
+        const int r = ring[index[base + DMK_WIDTH * k]];
+        hot |= r > 0 && r <= round;
+    }
+    return hot;
+}
+
+/* The elements at rows of a ring up to `round` put their other rows into the next one. */
+KERNEL repair_grow(int n, int round, global const int *index, global int *ring LAUNCH)
+{
+    FOR_ROWS(t, n)
+    {
+        const int base = ELEMENT_BASE(t, 6);
+        if (!is_hot(index, ring, base, round)) continue;
+        for (int k = 0; k < 6; k++) {
+            const int i = index[base + DMK_WIDTH * k];
+            if (ring[i] == 0) ring[i] = round + 1;
+        }
+    }
+}
+
+/* The lists: count[0] elements at rows up to `round`, count[1] rows of any ring, which is cleared. */
+KERNEL repair_list_elements(int n, int round, global const int *index, global const int *ring,
+                            volatile global int *count, global int *list LAUNCH)
+{
+    FOR_ROWS(t, n)
+    {
+        if (is_hot(index, ring, ELEMENT_BASE(t, 6), round)) list[atomic_inc(&count[0])] = t;
+    }
+}
+
+KERNEL repair_list_rows(int n, global int *ring, volatile global int *count, global int *list LAUNCH)
+{
+    FOR_ROWS(i, n)
+    {
+        if (ring[i] == 0) continue;
+        ring[i] = 0;
+        list[atomic_inc(&count[1])] = i;
+    }
+}
+
+/* Listed elements above the target move their six values towards their own feasible set {q <= target^2},
+ * along the gradient in the metric of inv_diag^-1/2: out = the moves. broken[sweep] counts those above 1;
+ * once a sweep has none, later ones do nothing. */
+KERNEL repair_elements(int n, int sweep, int stamp, float target, global const int *list,
+                       global const int *index, global const real *cot, global const real *area,
+                       global const float *inv_diag, global const real *u, global real *out,
+                       global int *mark, global int *moved, volatile global int *broken LAUNCH)
+{
+    const real s = target, enough = s * s * (real)1.0002f;
+    FOR_ROWS(i, n)
+    {
+        if (sweep > 0 && broken[sweep - 1] == 0) continue;
+        const int t = list[i], base = ELEMENT_BASE(t, 6), base3 = ELEMENT_BASE(t, 3);
+        real c[3], x[6], y[6], metric[6];
+        for (int k = 0; k < 3; k++) c[k] = cot[base3 + DMK_WIDTH * k];
+        for (int k = 0; k < 6; k++) x[k] = u[index[base + DMK_WIDTH * k]];
+        real e = energy_of(c, x, y);
+        if (e > area[t]) atomic_inc(&broken[sweep]);
+        if (!(e > s * s * area[t])) {
+            for (int k = 0; k < 6 && mark[t]; k++) out[base + DMK_WIDTH * k] = 0;
+            mark[t] = 0;
+            continue;
+        }
+        for (int k = 0; k < 6; k++) metric[k] = (real)sqrt(inv_diag[index[base + DMK_WIDTH * k]]);
+        for (int step = 0; step < 12 && e > enough * area[t]; step++) {
+            real bottom = 0;
+            for (int k = 0; k < 6; k++) bottom += y[k] * y[k] * metric[k];
+            const real part = e / bottom * (1 - s / sqrt(e / area[t]));
+            for (int k = 0; k < 6; k++) x[k] -= part * y[k] * metric[k];
+            e = energy_of(c, x, y);
+        }
+        mark[t] = 1;
+        for (int k = 0; k < 6; k++) {
+            const int r = index[base + DMK_WIDTH * k];
+            out[base + DMK_WIDTH * k] = u[r] - x[k];
+            moved[r] = stamp;
+        }
+    }
+}
+
+/* Listed rows take the mean of the moves of the elements that moved them, with Nesterov's momentum. */
+KERNEL repair_rows(int n, int sweep, int stamp, float momentum, global const int *list,
+                   global const int *slice, global const int *slot, global const real *out,
+                   global const int *moved, global const int *broken, global real *u,
+                   global real *before LAUNCH)
+{
+    FOR_ROWS(l, n)
+    {
+        if (broken[sweep] == 0) continue;
+        const int i = list[l];
+        const real now = u[i], was = before[i];
+        real next = now;
+        if (moved[i] == stamp) {
+            real sum = 0;
+            int movers = 0;
+            for (int j = slice[i / DMK_WIDTH]; j < slice[i / DMK_WIDTH + 1]; j++) {
+                const real move = out[slot[DMK_WIDTH * j + i % DMK_WIDTH]];
+                sum += move;
+                movers += move != 0;
+            }
+            if (movers > 0) next -= sum / movers;
+        } else if (now == was) {
+            continue;
+        }
+        u[i] = next + (real)momentum * (next - was);
+        before[i] = next;
+    }
+}
+
+/* u = scale * from, and `before` the same. */
+KERNEL repair_start(int n, float scale, global const real *from, global real *u, global real *before LAUNCH)
+{
+    FOR_BLOCKS(b, n)
+    {
+        const realv x = (real)scale * LOAD(from, AT(b));
+        STORE(x, u, AT(b));
+        STORE(x, before, AT(b));
+    }
+}

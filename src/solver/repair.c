@@ -1,0 +1,158 @@
+/* Repair of a potential: the lower bound f.u / sqrt(max q(u)) is spoilt by a few triangles, needles
+ * or those next to the cut locus, where the iteration does not care about |grad u| <= 1: the
+ * optimum hardly depends on them. Every triangle that breaks the bound moves its six values to its
+ * own feasible set in the metric sqrt(diag A(mu)), so that what carries load moves little; rows
+ * take the mean of the moves, with Nesterov's momentum. Only the triangles that break the bound and
+ * what is around them work. */
+#include "solver/kernels.h"
+#include "solver/iteration.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+enum {
+    BATCH = 20,    /* sweeps between two looks at all triangles */
+    RINGS = 2,     /* of elements around those that move */
+    PATIENCE = 60, /* sweeps after which three times the goal will do */
+    MAX_SWEEPS = 160,
+    SWEEPS_IN_BETWEEN = 40 /* when the iteration goes on */
+};
+
+typedef struct repair {
+    dmk_iteration *o;
+    dmk_repair_work work;
+    int sweeps, max_sweeps;
+    double
+        delta; /* u is scaled by 1 - delta first, to have room; what moves goes to 1 - delta / 2 */
+    double theta; /* Nesterov's */
+} repair;
+
+static int ints(const repair *r, int32_t n, dmk_buffer **b)
+{
+    return dmk_buffer_create(r->o->ctx, r->o->sys->device, (size_t)n * sizeof(int32_t), NULL, b);
+}
+
+static int begin(repair *r)
+{
+    int rc;
+    dmk_system *s = r->o->sys;
+    dmk_repair_work *w = &r->work;
+    size_t real = dmk_device_real(s->device, DMK_OUTER);
+    w->u = s->cg[DMK_OUTER].r;
+    w->before = s->cg[DMK_OUTER].ap;
+    DMK_TRY(ints(r, s->n_elements_pad, &w->mark));
+    DMK_TRY(ints(r, s->n_rows_pad, &w->ring));
+    DMK_TRY(ints(r, s->n_rows_pad, &w->moved));
+    DMK_TRY(ints(r, s->n_elements_pad, &w->elements));
+    DMK_TRY(ints(r, s->n_rows_pad, &w->rows));
+    DMK_TRY(ints(r, 2, &w->count));
+    DMK_TRY(ints(r, BATCH, &w->broken));
+    DMK_TRY(
+        dmk_buffer_clear(r->o->ctx, s->device, s->out_real, 6 * (size_t)s->n_elements_pad * real));
+    DMK_TRY(dmk_repair_start(r->o->ctx, s, w, 1 - r->delta, s->u));
+done:
+    return rc;
+}
+
+static void end(repair *r)
+{
+    dmk_repair_work *w = &r->work;
+    dmk_buffer **all[] = {&w->mark, &w->ring,  &w->moved, &w->elements,
+                          &w->rows, &w->count, &w->broken};
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++)
+        dmk_buffer_destroy(all[i]);
+}
+
+/* The lists, from q of u. */
+static int list_hot(repair *r)
+{
+    int rc;
+    int32_t count[2];
+    dmk_context *ctx = r->o->ctx;
+    dmk_system *s = r->o->sys;
+    DMK_TRY(dmk_repair_mark(ctx, s, &r->work));
+    for (int k = 1; k <= RINGS; k++)
+        DMK_TRY(dmk_repair_grow(ctx, s, &r->work, k));
+    DMK_TRY(dmk_repair_list(ctx, s, &r->work, RINGS));
+    DMK_TRY(dmk_buffer_read(ctx, s->device, r->work.count, 0, sizeof count, count));
+    r->work.n_elements = count[0];
+    r->work.n_rows = count[1];
+done:
+    return rc;
+}
+
+/* A batch of sweeps over the lists. */
+static int sweep(repair *r)
+{
+    int rc;
+    dmk_context *ctx = r->o->ctx;
+    dmk_system *s = r->o->sys;
+    DMK_TRY(dmk_buffer_clear(ctx, s->device, r->work.broken, BATCH * sizeof(int32_t)));
+    for (int k = 0; k < BATCH; k++) {
+        double next = (1 + sqrt(1 + 4 * r->theta * r->theta)) / 2;
+        r->sweeps++;
+        DMK_TRY(dmk_repair_elements(ctx, s, &r->work, k, r->sweeps, 1 - r->delta / 2));
+        DMK_TRY(dmk_repair_rows(ctx, s, &r->work, k, r->sweeps, (r->theta - 1) / next));
+        r->theta = next;
+    }
+    rc = dmk_poll(ctx);
+done:
+    return rc;
+}
+
+/* The triangles of the repaired u that are steepest, in stats->steep, and how many are above 1. */
+static int find_steep(repair *r)
+{
+    int rc;
+    dmk_stats *stats = r->o->stats;
+    size_t n = (size_t)r->o->sys->n_elements;
+    double *q = NULL, unused;
+    DMK_TRY(DMK_NEW(r->o->ctx, q, n));
+    DMK_TRY(dmk_bound_plain(r->o, r->work.u, &unused));
+    DMK_TRY(dmk_buffer_read_real(r->o->ctx, r->o->sys->device, DMK_OUTER, r->o->sys->q, n, q));
+    stats->n_steep = 0;
+    for (size_t t = 0; t < n; t++)
+        stats->n_steep += q[t] > 1;
+    for (int k = 0; k < DMK_N_STEEP; k++) {
+        size_t top = 0;
+        for (size_t t = 1; t < n; t++)
+            top = q[t] > q[top] ? t : top;
+        stats->steep[k] = q[top] > 1 ? (int64_t)top : -1;
+        q[top] = 0;
+    }
+done:
+    free(q);
+    return rc;
+}
+
+/* What is left is small enough for the work that it would take. */
+static bool good_enough(const repair *r, double goal)
+{
+    const dmk_stats *stats = r->o->stats;
+    double gap = 1 - stats->cost_lower / stats->cost_upper;
+    return gap <= goal || (r->sweeps >= PATIENCE && gap <= 3 * goal) || r->sweeps >= r->max_sweeps;
+}
+
+int dmk_repair(dmk_iteration *o, double goal, bool last)
+{
+    int rc;
+    repair r = {
+        .o = o, .delta = goal, .theta = 1, .max_sweeps = last ? MAX_SWEEPS : SWEEPS_IN_BETWEEN};
+    DMK_TRY(begin(&r));
+    for (;;) {
+        double bound;
+        DMK_TRY(dmk_bound_plain(o, r.work.u, &bound));
+        bool feasible = o->top <= 1;
+        o->stats->cost_lower = fmax(o->stats->cost_lower, bound);
+        if (!feasible) DMK_TRY(list_hot(&r));
+        DMK_TRY(dmk_bound_banded(o, r.work.u, &bound));
+        o->stats->cost_lower = fmax(o->stats->cost_lower, bound);
+        if (feasible || good_enough(&r, goal)) break;
+        DMK_TRY(sweep(&r));
+    }
+    DMK_TRY(find_steep(&r));
+    o->stats->sweeps += r.sweeps;
+done:
+    end(&r);
+    return rc;
+}

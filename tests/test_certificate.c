@@ -1,0 +1,181 @@
+/* The bounds of the cost: on the right side of known optima and close to them, also where needles
+ * and single precision would spoil them. */
+#include "solving.h"
+
+#include <math.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Minimisers of the discrete problem by an interior-point method, to 1e-10. */
+static const struct {
+    const char *mesh;
+    double cost;
+} optima[] = {
+    {"tests/data/torus_5440.off.gz", 320.77738653815756},
+    {"tests/data/quartic_5000.off.gz", 32.958367411652105},
+    {"tests/data/sphere_1280.off", 19.721385630439578},
+};
+enum { N_OPTIMA = sizeof optima / sizeof *optima };
+
+/* A run that ends with this gap fails if either bound is off by as much. */
+static const double close_gap = 3e-5;
+
+static void bounds_enclose_known_optima(void **state)
+{
+    for (int i = 0; i < N_OPTIMA; i++) {
+        problem p = problem_file(*state, optima[i].mesh);
+        p.options.tolerance = 1e-9;
+        p.options.gap_tolerance = close_gap;
+        p.options.max_steps = 100;
+        problem_solve(&p);
+        double upper = p.stats.cost_upper / optima[i].cost - 1,
+               lower = p.stats.cost_lower / optima[i].cost - 1;
+        print_message("# %s: %d steps, lower %.2e, upper %.2e, %d sweeps\n", optima[i].mesh,
+                      p.stats.steps, lower, upper, p.stats.sweeps);
+        assert_true(p.stats.gap <= close_gap);
+        if (!(lower <= 1e-9 && upper >= -1e-9)) fail_msg("lower %g, upper %g", lower, upper);
+        problem_free(&p);
+    }
+}
+
+static void bounds_are_close_at_the_default_stop(void **state)
+{
+    for (int i = 0; i < N_OPTIMA; i++) {
+        problem p = problem_file(*state, optima[i].mesh);
+        problem_solve(&p);
+        print_message("# %s: gap %.2e, %d sweeps\n", optima[i].mesh, p.stats.gap, p.stats.sweeps);
+        assert_true(p.stats.cost_lower <= optima[i].cost * (1 + 1e-9));
+        assert_true(p.stats.cost_upper >= optima[i].cost * (1 - 1e-9));
+        if (!(p.stats.gap <= 1e-3)) fail_msg("gap %g", p.stats.gap);
+        problem_free(&p);
+    }
+}
+
+/* In single precision the density is no better than its rounding; the bounds hold all the same. */
+static void bounds_hold_in_single_precision(void **state)
+{
+    (void)state;
+    bench b;
+    dmk_device_options o;
+    dmk_device_options_init(&o);
+    o.single_precision = 1;
+    bench_open(&b, &o);
+    for (int i = 0; i < N_OPTIMA; i++) {
+        problem p = problem_file(&b, optima[i].mesh);
+        problem_solve(&p);
+        double lower = p.stats.cost_lower / optima[i].cost - 1;
+        print_message("# %s: gap %.2e, lower %.2e\n", optima[i].mesh, p.stats.gap, lower);
+        assert_false(p.stats.double_precision);
+        if (!(lower <= 0 && p.stats.gap <= 3e-3)) fail_msg("lower %g, gap %g", lower, p.stats.gap);
+        problem_free(&p);
+    }
+    bench_close(&b);
+}
+
+/* ---- needles --------------------------------------------------------------------------------- */
+
+/* The torus with every 11th triangle's first corner, unless a neighbour has moved, next to the
+ * second. */
+static problem needles(bench *b)
+{
+    dmk_surface_options o;
+    dmk_surface_options_init(&o);
+    o.name = "torus";
+    o.n_triangles = 6000;
+    problem plain = problem_surface(b, &o);
+    const int32_t *t = dmk_mesh_triangles(plain.mesh);
+    size_t nv = problem_vertices(&plain), nt = problem_triangles(&plain);
+    double *x = malloc(3 * nv * sizeof *x);
+    char *moved = calloc(nv, 1);
+    assert_true(x && moved);
+    memcpy(x, dmk_mesh_vertices(plain.mesh), 3 * nv * sizeof *x);
+    moved[0] = 1;
+    for (size_t i = 0; i < nt; i += 11) {
+        const int32_t *c = t + 3 * i;
+        if (moved[c[0]] || moved[c[1]] || moved[c[2]]) continue;
+        for (int k = 0; k < 3; k++)
+            x[3 * c[0] + k] = 0.99 * x[3 * c[1] + k] + 0.01 * x[3 * c[0] + k];
+        moved[c[0]] = moved[c[1]] = moved[c[2]] = 1;
+    }
+    problem p = problem_create(b, nv, x, nt, t);
+    problem_free(&plain);
+    free(x);
+    free(moved);
+    return p;
+}
+
+static void needles_are_repaired(void **state)
+{
+    problem p = needles(*state);
+    problem_solve(&p);
+    print_message("# least angle %.2g degrees: gap %.2e, %d sweeps\n", p.info.min_angle,
+                  p.stats.gap, p.stats.sweeps);
+    assert_true(p.info.min_angle < 1);
+    assert_true(p.stats.sweeps > 0);
+    if (!(p.stats.gap <= 3e-3)) fail_msg("gap %g", p.stats.gap);
+    problem_free(&p);
+}
+
+static void repair_gives_the_same_bits(void **state)
+{
+    problem a = needles(*state), b = needles(*state);
+    problem_solve(&a);
+    problem_solve(&b);
+    problem_solve(&b);
+    assert_true(a.stats.sweeps > 0);
+    assert_true(a.stats.cost_lower == b.stats.cost_lower);
+    assert_int_equal(a.stats.sweeps, b.stats.sweeps);
+    problem_free(&a);
+    problem_free(&b);
+}
+
+static void repair_is_the_same_in_the_gpu_shape(void **state)
+{
+    bench b;
+    dmk_device_options o;
+    dmk_device_options_init(&o);
+    o.shape = DMK_SHAPE_GPU;
+    bench_open(&b, &o);
+    problem p = needles(*state), q = needles(&b);
+    problem_solve(&p);
+    problem_solve(&q);
+    assert_true(q.stats.sweeps > 0 && q.stats.gap <= 3e-3);
+    assert_true(fabs(q.stats.cost_lower / p.stats.cost_lower - 1) < 1e-5);
+    problem_free(&p);
+    problem_free(&q);
+    bench_close(&b);
+}
+
+/* A gap that cannot be reached in the time that the repair gives itself: the triangles are named.
+ */
+static void triangles_that_hold_it_back_are_named(void **state)
+{
+    problem p = needles(*state);
+    p.options.gap_tolerance = 2e-7;
+    p.options.tolerance = 1e-2;
+    problem_solve(&p);
+    assert_true(p.stats.gap > 2e-7);
+    assert_true(p.stats.n_steep > 0);
+    for (int k = 0; k < DMK_N_STEEP; k++) {
+        assert_true(p.stats.steep[k] >= -1 && p.stats.steep[k] < (int64_t)problem_triangles(&p));
+        assert_true((p.stats.steep[k] >= 0) == (k < p.stats.n_steep));
+        for (int j = 0; j < k; j++)
+            assert_true(p.stats.steep[k] < 0 || p.stats.steep[j] != p.stats.steep[k]);
+    }
+    problem_free(&p);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(bounds_enclose_known_optima),
+        cmocka_unit_test(bounds_are_close_at_the_default_stop),
+        cmocka_unit_test(bounds_hold_in_single_precision),
+        cmocka_unit_test(needles_are_repaired),
+        cmocka_unit_test(repair_gives_the_same_bits),
+        cmocka_unit_test(repair_is_the_same_in_the_gpu_shape),
+        cmocka_unit_test(triangles_that_hold_it_back_are_named),
+    };
+    return cmocka_run_group_tests(tests, bench_setup, bench_teardown);
+}
