@@ -433,7 +433,7 @@ static void test_refuses_to_write(void **state)
                  {"m", DMK_E_ARG, "suffix"},
                  {"m.csv", DMK_E_ARG, "suffix"},
                  {"none/m.off", DMK_E_IO, "none/m.off: cannot create: No such file"},
-                 {"folder.off", DMK_E_IO, "folder.off: is not a regular file"}};
+                 {"folder.off", DMK_E_IO, "folder.off: exists and is not a regular file"}};
     fixture *f = *state;
     dmk_mesh *m = make_mesh(f);
     assert_int_equal(mkdir(path_of(f, "folder.off"), 0777), 0);

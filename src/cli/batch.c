@@ -165,6 +165,21 @@ static void print_end(const batch *b, double begin)
            b->n_solved, b->n_kept, b->n_failed, cli_seconds() - begin);
 }
 
+/* The numbered names may be those of the mesh or the list. */
+static int check_names(const batch *b)
+{
+    int code = EXIT_OK;
+    for (size_t k = 0; k < b->n && code == EXIT_OK; k++) {
+        solve_request one;
+        cli_uses uses = {.n = 0};
+        if (!request_one(b, k, &one)) code = cli_library_error(NULL, DMK_E_NOMEM);
+        solve_request_uses(&one, &uses);
+        if (code == EXIT_OK) code = cli_check_uses(&uses);
+        free_one(&one);
+    }
+    return code;
+}
+
 int solve_batch(const solve_request *request)
 {
     solve_run run;
@@ -176,6 +191,11 @@ int solve_batch(const solve_request *request)
     int code = solve_read_sources(request->sources, &sources, &b.n);
     if (code != EXIT_OK) return code;
     b.source = sources;
+    code = check_names(&b);
+    if (code != EXIT_OK) {
+        free(sources);
+        return code;
+    }
     b.code = solve_begin(request, &run);
     if (b.code == EXIT_OK) {
         const double begin = run.seconds.begin;

@@ -1,8 +1,11 @@
-/* The dmkcl tool: what its files share. It knows the library by the public header only. */
+/* The dmkcl tool: what its files share. It knows the library by the public header only, and writes files as the
+ * library does. */
 #ifndef DMK_CLI_H
 #define DMK_CLI_H
 
 #include "dmkcl.h"
+
+#include "base/outfile.h"
 
 #include <limits.h>
 #include <stdbool.h>
@@ -94,15 +97,30 @@ typedef enum cli_what { CLI_MESH, CLI_RESULT, CLI_LOCUS, CLI_ANY } cli_what;
  * folder that can be written to. EXIT_OK, or the exit code with the error told. */
 int cli_check_output(const char *option, const char *path, cli_what what);
 int cli_check_outputs(const char *option, const cli_files *files, cli_what what);
+/* The files of a run, those that it reads before those that it writes. */
+enum { CLI_MAX_USES = 5 * CLI_MAX_FILES };
+typedef struct cli_uses {
+    struct {
+        const char *option; /* NULL: it is read */
+        const char *path;
+    } use[CLI_MAX_USES];
+    int n;
+} cli_uses;
+
+/* `option` is NULL for a file that is read; a path of NULL or "-" is none. */
+void cli_use(cli_uses *uses, const char *option, const char *path);
+void cli_use_files(cli_uses *uses, const char *option, const cli_files *files);
+/* No file is written that is read, and none is written twice, by whatever names. EXIT_OK or EXIT_USAGE. */
+int cli_check_uses(const cli_uses *uses);
 /* Print the suffixes that hold `what`, as ".vtp .vtu", into `text`. */
 void cli_suffixes(cli_what what, char *text, size_t size);
 
-/* A file that comes into being whole or not at all: under another name until it is closed. The
- * results are exit codes, with errors told. */
+/* A file that comes into being whole or not at all, when it is closed. The results are exit codes, with
+ * errors told. */
 typedef struct cli_file {
     FILE *stream;
     const char *path;
-    char name[PATH_MAX];
+    dmk_outfile file;
 } cli_file;
 
 int cli_file_open(const char *path, cli_file *file);

@@ -58,7 +58,11 @@ static int check_request(cut_request *request)
     if (code == EXIT_OK && request->out.n == 0) {
         code = cli_error(EXIT_USAGE, "cut: --out FILE is missing");
     }
-    return code == EXIT_OK ? cli_check_outputs("out", &request->out, CLI_MESH) : code;
+    if (code == EXIT_OK) code = cli_check_outputs("out", &request->out, CLI_MESH);
+    cli_uses uses = {.n = 0};
+    solve_request_uses(&request->solve, &uses);
+    cli_use_files(&uses, "out", &request->out);
+    return code == EXIT_OK ? cli_check_uses(&uses) : code;
 }
 
 static int parse(cut_request *request, const char *out_help, int argc, char **argv)

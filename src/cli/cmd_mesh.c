@@ -154,5 +154,9 @@ int cmd_mesh(int argc, char **argv)
     if (surface.has_source) memcpy(surface.source, source.value, sizeof surface.source);
 
     code = cli_check_output("out", out, CLI_MESH);
+    cli_uses uses = {.n = 0};
+    cli_use(&uses, NULL, surface.name ? NULL : name);
+    cli_use(&uses, "out", out);
+    if (code == EXIT_OK) code = cli_check_uses(&uses);
     return code == EXIT_OK ? make(&surface, name, out, quiet) : code;
 }

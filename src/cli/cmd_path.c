@@ -68,7 +68,11 @@ static int check_request(path_request *request)
     if (code == EXIT_OK && (request->to.n > 0) + (request->to_vertex >= 0) != 1) {
         code = cli_error(EXIT_USAGE, "path: where to? Give one of --to X,Y,Z and --to-vertex J");
     }
-    return code == EXIT_OK ? cli_check_outputs("out", &request->out, CLI_LOCUS) : code;
+    if (code == EXIT_OK) code = cli_check_outputs("out", &request->out, CLI_LOCUS);
+    cli_uses uses = {.n = 0};
+    solve_request_uses(&request->solve, &uses);
+    cli_use_files(&uses, "out", &request->out);
+    return code == EXIT_OK ? cli_check_uses(&uses) : code;
 }
 
 static int parse(path_request *request, const char *out_help, int argc, char **argv)

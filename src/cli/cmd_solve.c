@@ -36,7 +36,9 @@ static int check_request(solve_request *request)
     if (code == EXIT_OK) code = cli_check_outputs("locus", &request->locus, CLI_LOCUS);
     if (code == EXIT_OK) code = cli_check_outputs("tangent", &request->tangent, CLI_ANY);
     if (code == EXIT_OK && report) code = cli_check_output("report", request->report, CLI_ANY);
-    return code;
+    cli_uses uses = {.n = 0};
+    solve_request_uses(request, &uses);
+    return code == EXIT_OK ? cli_check_uses(&uses) : code;
 }
 
 /* The options that are not of the library's types. */

@@ -54,7 +54,7 @@ static int check_folder(const char *option, const char *path)
     struct stat file;
     if (stat(path, &file) == 0 && !S_ISREG(file.st_mode)) {
         /* A finished file takes the name's place: a device or a pipe would be gone. */
-        return cli_error(EXIT_IO, "--%s: '%s' is there and not a regular file", option, path);
+        return cli_error(EXIT_IO, "--%s: '%s' exists and is not a regular file", option, path);
     }
     if (access(folder, W_OK | X_OK) != 0) {
         return cli_error(EXIT_IO, "--%s: cannot write into the folder of '%s': %s", option, path,
@@ -76,44 +76,97 @@ int cli_check_output(const char *option, const char *path, cli_what what)
     return check_folder(option, path);
 }
 
+/* ---- files that are one and the same -------------------------------------------------------- */
+
+/* Where a file is, or would be: names may differ. */
+typedef struct place {
+    bool exists;
+    dev_t device;
+    ino_t inode;      /* of the file, or, if it does not exist, of its folder */
+    const char *name; /* then its name there */
+} place;
+
+static place find_place(const char *path)
+{
+    struct stat st;
+    char folder[PATH_MAX] = ".";
+    const char *slash = strrchr(path, '/');
+    place p = {.exists = stat(path, &st) == 0, .name = slash ? slash + 1 : path};
+    if (!p.exists && slash) snprintf(folder, sizeof folder, "%.*s", (int)(slash - path) + 1, path);
+    if (!p.exists && stat(folder, &st) != 0) return p; /* told when it is used */
+    p.device = st.st_dev;
+    p.inode = st.st_ino;
+    return p;
+}
+
+static bool same_place(const place *a, const place *b)
+{
+    if (a->exists != b->exists || a->device != b->device || a->inode != b->inode) return false;
+    return a->exists || strcmp(a->name, b->name) == 0;
+}
+
+void cli_use(cli_uses *uses, const char *option, const char *path)
+{
+    if (!path || strcmp(path, "-") == 0 || uses->n == CLI_MAX_USES) return;
+    uses->use[uses->n].option = option;
+    uses->use[uses->n++].path = path;
+}
+
+void cli_use_files(cli_uses *uses, const char *option, const cli_files *files)
+{
+    for (int i = 0; i < files->n; i++)
+        cli_use(uses, option, files->path[i]);
+}
+
+int cli_check_uses(const cli_uses *uses)
+{
+    place at[CLI_MAX_USES];
+    for (int i = 0; i < uses->n; i++) {
+        const char *option = uses->use[i].option, *path = uses->use[i].path;
+        at[i] = find_place(path);
+        for (int j = 0; j < i && option; j++) {
+            const char *other = uses->use[j].option;
+            if (!same_place(&at[i], &at[j])) continue;
+            if (!other) return cli_error(EXIT_USAGE, "--%s: '%s' is read by this run; choose another name", option, path);
+            return cli_error(EXIT_USAGE, "--%s: '%s' is also a file of --%s; choose another name", option, path, other);
+        }
+    }
+    return EXIT_OK;
+}
+
 /* ---- files that the tool writes itself ------------------------------------------------------ */
 
-/* A temporary file beside file->path, with the permissions that a new file would have. */
-static FILE *open_temporary(cli_file *file)
+static int cannot_write(const char *path, int error)
 {
-    if (snprintf(file->name, sizeof file->name, "%s.XXXXXX", file->path) >= PATH_MAX) {
-        errno = ENAMETOOLONG;
-        return NULL;
-    }
-    const int descriptor = mkstemp(file->name);
-    if (descriptor < 0) return NULL;
-    const mode_t mask = umask(0);
-    umask(mask);
-    FILE *stream = fchmod(descriptor, 0666 & ~mask) == 0 ? fdopen(descriptor, "w") : NULL;
-    if (!stream) {
-        close(descriptor);
-        unlink(file->name);
-    }
-    return stream;
+    return cli_error(error == ENOMEM ? EXIT_MEMORY : EXIT_IO, "cannot write '%s': %s", path,
+                     error == DMK_OUTFILE_NOT_REGULAR ? "it exists and is not a regular file" : strerror(error));
 }
 
 int cli_file_open(const char *path, cli_file *file)
 {
     file->path = path;
-    file->stream = open_temporary(file);
+    const int error = dmk_outfile_open(path, &file->file);
+    if (error != 0) return cannot_write(path, error);
+    const int copy = dup(file->file.fd); /* which the stream closes */
+    file->stream = copy < 0 ? NULL : fdopen(copy, "w");
     if (file->stream) return EXIT_OK;
-    return cli_error(EXIT_IO, "cannot write '%s': %s", path, strerror(errno));
+    const int code = cannot_write(path, errno);
+    if (copy >= 0) close(copy);
+    dmk_outfile_discard(&file->file);
+    return code;
 }
 
 int cli_file_close(cli_file *file)
 {
-    /* Some file systems cannot sync, and say so by these two. */
-    const bool whole = !ferror(file->stream) && fflush(file->stream) == 0 &&
-                       (fsync(fileno(file->stream)) == 0 || errno == EINVAL || errno == ENOTSUP);
-    if (fclose(file->stream) == 0 && whole && rename(file->name, file->path) == 0) return EXIT_OK;
-    const int error = errno;
-    unlink(file->name);
-    return cli_error(EXIT_IO, "cannot write '%s': %s", file->path, strerror(error));
+    const bool whole = !ferror(file->stream);
+    errno = EIO;
+    if (fclose(file->stream) == 0 && whole) {
+        const int error = dmk_outfile_commit(&file->file);
+        return error == 0 ? EXIT_OK : cannot_write(file->path, error);
+    }
+    const int code = cannot_write(file->path, errno);
+    dmk_outfile_discard(&file->file);
+    return code;
 }
 
 int cli_check_outputs(const char *option, const cli_files *files, cli_what what)

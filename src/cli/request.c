@@ -92,3 +92,13 @@ int solve_request_settle(solve_request *request)
     }
     return EXIT_OK;
 }
+
+void solve_request_uses(const solve_request *request, cli_uses *uses)
+{
+    cli_use(uses, NULL, request->mesh);
+    cli_use(uses, NULL, request->sources);
+    cli_use_files(uses, "out", &request->out);
+    cli_use_files(uses, "locus", &request->locus);
+    cli_use_files(uses, "tangent", &request->tangent);
+    cli_use(uses, "report", request->report);
+}

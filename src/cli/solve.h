@@ -59,6 +59,8 @@ void solve_add_device(solve_table *table, solve_request *request);
 /* After parsing: what the rows of these two have in common. EXIT_OK or the code with the error
  * told. */
 int solve_request_settle(solve_request *request);
+/* The files that the request reads and writes. */
+void solve_request_uses(const solve_request *order, cli_uses *uses);
 
 /* ---- run.c: the exit code, EXIT_OK or with the error told ----------------------------------- */
 

@@ -16,6 +16,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 #include <zlib.h>
@@ -205,9 +206,19 @@ int __wrap_open(const char *path, int flags, ...)
 {
     va_list args;
     va_start(args, flags);
-    mode_t mode = flags & O_CREAT ? va_arg(args, mode_t) : 0;
+    mode_t mode = flags & O_CREAT || (flags & O_TMPFILE) == O_TMPFILE ? va_arg(args, mode_t) : 0;
     va_end(args);
     return fails(FAULT_FILE) ? no_file() : keep_file(__real_open(path, flags, mode));
+}
+WRAP(int, dup, int fd) { return fails(FAULT_FILE) ? no_file() : keep_file(__real_dup(fd)); }
+WRAP(int, linkat, int a, const char *from, int b, const char *to, int flags)
+{
+    return fails(FAULT_FILE) ? no_file() : __real_linkat(a, from, b, to, flags);
+}
+WRAP(int, flock, int fd, int how) { return fails(FAULT_FILE) ? no_file() : __real_flock(fd, how); }
+WRAP(ssize_t, readlink, const char *path, char *to, size_t n)
+{
+    return fails(FAULT_FILE) ? no_file() : __real_readlink(path, to, n);
 }
 WRAP(int, mkstemp, char *name)
 {

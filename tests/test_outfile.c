@@ -1,0 +1,220 @@
+/* Files come into being whole or not at all, whatever happens meanwhile; in both ways: without a
+ * name until the end, and with one where the file system cannot do that. */
+#include "base/outfile.h"
+#include "files.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+/* The library's calls come here first. */
+static bool no_tmpfile;
+static int n_syncs, sync_error;
+
+int open(const char *path, int flags, ...)
+{
+    if (no_tmpfile && (flags & O_TMPFILE) == O_TMPFILE) {
+        errno = EOPNOTSUPP;
+        return -1;
+    }
+    return (int)syscall(SYS_openat, AT_FDCWD, path, flags, 0666);
+}
+
+int fsync(int fd)
+{
+    n_syncs++;
+    if (sync_error) errno = sync_error;
+    return sync_error ? -1 : (int)syscall(SYS_fsync, fd);
+}
+
+static int begin(const char *path, const char *text, dmk_outfile *file)
+{
+    const int error = dmk_outfile_open(path, file);
+    if (error == 0) assert_int_equal(write(file->fd, text, strlen(text)), strlen(text));
+    return error;
+}
+
+static int put(const char *path, const char *text)
+{
+    dmk_outfile file;
+    const int error = begin(path, text, &file);
+    return error == 0 ? dmk_outfile_commit(&file) : error;
+}
+
+static void holds(fixture *f, const char *name, const char *text)
+{
+    size_t n;
+    char *content = get_file(f, name, &n);
+    assert_int_equal(n, strlen(text));
+    assert_memory_equal(content, text, n);
+    free(content);
+}
+
+static mode_t mode_of(fixture *f, const char *name)
+{
+    struct stat st;
+    assert_int_equal(lstat(path_of(f, name), &st), 0);
+    return st.st_mode;
+}
+
+static void whole_or_not_there(fixture *f)
+{
+    dmk_outfile file;
+    n_syncs = 0;
+    assert_int_equal(begin(path_of(f, "a"), "one", &file), 0);
+    assert_int_equal(access(f->path, F_OK), -1);
+    assert_int_equal(dmk_outfile_commit(&file), 0);
+    assert_int_equal(n_syncs, 1); /* on the disk before it has its name */
+    holds(f, "a", "one");
+    assert_int_equal(begin(path_of(f, "a"), "two", &file), 0);
+    holds(f, "a", "one");
+    dmk_outfile_discard(&file);
+    holds(f, "a", "one");
+    assert_int_equal(put(path_of(f, "a"), "three"), 0);
+    holds(f, "a", "three");
+    sync_error = ENOSPC;
+    assert_int_equal(put(path_of(f, "a"), "four"), ENOSPC);
+    sync_error = EINVAL; /* a file system that cannot sync */
+    assert_int_equal(put(path_of(f, "b"), "five"), 0);
+    sync_error = 0;
+    holds(f, "a", "three");
+    holds(f, "b", "five");
+    assert_int_equal(count_files(f), 2);
+    remove_file(f, "a");
+    remove_file(f, "b");
+}
+
+/* Two at a time: the last one that is done stays, and neither spoils the other. */
+static void two_at_a_time(fixture *f)
+{
+    dmk_outfile one, two;
+    assert_int_equal(begin(path_of(f, "a"), "one", &one), 0);
+    assert_int_equal(begin(path_of(f, "a"), "two", &two), 0);
+    assert_int_equal(dmk_outfile_commit(&two), 0);
+    holds(f, "a", "two");
+    assert_int_equal(dmk_outfile_commit(&one), 0);
+    holds(f, "a", "one");
+    assert_int_equal(count_files(f), 1);
+    remove_file(f, "a");
+}
+
+static void links_and_modes_stay(fixture *f)
+{
+    const mode_t mask = umask(0);
+    umask(mask);
+    assert_int_equal(put(path_of(f, "real"), "one"), 0);
+    assert_int_equal(mode_of(f, "real") & 0777, 0666 & ~mask);
+    assert_int_equal(chmod(f->path, 0640), 0);
+    assert_int_equal(symlink("real", path_of(f, "link")), 0);
+    assert_int_equal(symlink("link", path_of(f, "longer")), 0);
+    assert_int_equal(put(f->path, "two"), 0);
+    holds(f, "real", "two");
+    assert_int_equal(mode_of(f, "real") & 0777, 0640);
+    assert_true(S_ISLNK(mode_of(f, "link")) && S_ISLNK(mode_of(f, "longer")));
+    /* A link to what is not there makes it. */
+    remove_file(f, "real");
+    assert_int_equal(put(path_of(f, "longer"), "three"), 0);
+    holds(f, "real", "three");
+    assert_true(S_ISLNK(mode_of(f, "link")));
+    assert_int_equal(symlink("ring", path_of(f, "ring")), 0);
+    assert_int_equal(put(f->path, "four"), ELOOP);
+    remove_file(f, "ring");
+    remove_file(f, "real");
+    remove_file(f, "link");
+    remove_file(f, "longer");
+}
+
+static void special_files_are_refused(fixture *f)
+{
+    dmk_outfile file;
+    char missing[400];
+    assert_int_equal(dmk_outfile_open("/dev/null", &file), DMK_OUTFILE_NOT_REGULAR);
+    assert_int_equal(dmk_outfile_open(f->folder, &file), DMK_OUTFILE_NOT_REGULAR);
+    assert_int_equal(mkfifo(path_of(f, "pipe"), 0600), 0);
+    assert_int_equal(dmk_outfile_open(f->path, &file), DMK_OUTFILE_NOT_REGULAR);
+    remove_file(f, "pipe");
+    snprintf(missing, sizeof missing, "%s/no/file", f->folder);
+    assert_int_equal(dmk_outfile_open(missing, &file), ENOENT);
+    assert_int_equal(file.fd, -1);
+}
+
+/* Ended by kill -9 while it writes: nothing is left, or something that the next run removes. */
+static void killed_while_writing(fixture *f)
+{
+    dmk_outfile file;
+    for (int i = 0; i < 3; i++) {
+        const pid_t child = fork();
+        if (child == 0) {
+            if (begin(path_of(f, "a"), "half", &file) == 0) kill(getpid(), SIGKILL);
+            _exit(1);
+        }
+        int status;
+        assert_int_equal(waitpid(child, &status, 0), child);
+        assert_int_equal(WTERMSIG(status), SIGKILL);
+        assert_int_equal(count_files(f), no_tmpfile); /* of all these runs */
+    }
+    assert_int_equal(put(path_of(f, "b"), "whole"), 0);
+    assert_int_equal(count_files(f), 1);
+    remove_file(f, "b");
+}
+
+/* What another process is writing, or what is not a file of ours, is left alone. */
+static void others_files_are_left_alone(fixture *f)
+{
+    put_file(f, ".dmkcl-0.tmp", "another's", 9);
+    const int fd = open(f->path, O_WRONLY);
+    assert_int_equal(flock(fd, LOCK_EX), 0);
+    assert_int_equal(symlink("nowhere", path_of(f, ".dmkcl-1.tmp")), 0);
+    assert_int_equal(mkdir(path_of(f, ".dmkcl-2.tmp"), 0700), 0);
+    assert_int_equal(put(path_of(f, "a"), "one"), 0);
+    assert_int_equal(put(path_of(f, "a"), "two"), 0);
+    holds(f, "a", "two");
+    holds(f, ".dmkcl-0.tmp", "another's");
+    assert_int_equal(count_files(f), 4);
+    close(fd);
+    assert_int_equal(put(path_of(f, "a"), "three"), 0); /* now it is a killed run's */
+    assert_int_equal(count_files(f), 3);
+    assert_int_equal(rmdir(path_of(f, ".dmkcl-2.tmp")), 0);
+    remove_file(f, ".dmkcl-1.tmp");
+    remove_file(f, "a");
+}
+
+static void both_ways(fixture *f, void (*test)(fixture *))
+{
+    for (int i = 0; i < 2; i++) {
+        no_tmpfile = i == 1;
+        test(f);
+        assert_int_equal(count_files(f), 0);
+    }
+    no_tmpfile = false;
+}
+
+#define BOTH(name)                                                                                 \
+    static void test_##name(void **state)                                                          \
+    {                                                                                              \
+        both_ways(*state, name);                                                                   \
+    }
+BOTH(whole_or_not_there)
+BOTH(two_at_a_time)
+BOTH(links_and_modes_stay)
+BOTH(special_files_are_refused)
+BOTH(killed_while_writing)
+BOTH(others_files_are_left_alone)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(test_whole_or_not_there),   TEST(test_two_at_a_time),
+        TEST(test_links_and_modes_stay), TEST(test_special_files_are_refused),
+        TEST(test_killed_while_writing), TEST(test_others_files_are_left_alone),
+    };
+    return cmocka_run_group_tests_name("outfile", tests, NULL, NULL);
+}
