@@ -143,6 +143,12 @@ int dmk_mesh_project(dmk_context *context, const dmk_mesh *mesh, const double xy
 /* The place of vertex i as a point. DMK_E_ARG if i is out of range or in no triangle. */
 int dmk_mesh_vertex_point(dmk_context *context, const dmk_mesh *mesh, int64_t vertex,
                           dmk_point *point);
+/* n vertices far from each other: `first`, then each time the vertex farthest from those before it (the
+ * first of several), so that fewer samples are the beginning of more. Distances are along edges and across
+ * pairs of triangles. Other components count as farthest of all; unused vertices are never taken. vertex:
+ * room for n. DMK_E_ARG if n is above the number of vertices in triangles, or `first` is none of them. */
+int dmk_mesh_sample(dmk_context *context, const dmk_mesh *mesh, size_t n, int64_t first,
+                    int64_t *vertex);
 /* xyz of a point. */
 int dmk_mesh_point_xyz(dmk_context *context, const dmk_mesh *mesh, const dmk_point *point,
                        double xyz[3]);

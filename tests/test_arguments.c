@@ -67,6 +67,7 @@ static struct {
 #define good_double_p (double *)(void *)good.scratch
 #define good_int32_t_p (int32_t *)(void *)good.scratch
 #define good_int32_t_pp (void *)&good.none
+#define good_int64_t_p (int64_t *)(void *)good.scratch
 #define good_size_t_p (size_t *)(void *)good.scratch
 #define good_size_t 0
 #define good_n_points 1

@@ -15,6 +15,7 @@
 
 /* argv[0] is the command's name; the result is the exit code. */
 int cmd_solve(int argc, char **argv);
+int cmd_batch(int argc, char **argv);
 int cmd_path(int argc, char **argv);
 int cmd_cut(int argc, char **argv);
 int cmd_mesh(int argc, char **argv);
@@ -72,11 +73,18 @@ typedef struct cli_option {
     const char *const *choices; /* NULL-terminated */
 } cli_option;
 
+/* Operands, in the order of the command line. */
+typedef struct cli_words {
+    const char **word;
+    size_t n;
+} cli_words;
+
 typedef struct cli_syntax {
     const char *command;
     const char *usage;   /* what follows the command */
     const char *summary; /* sentences */
-    const char *operand; /* name of the one operand, or NULL for none */
+    const char *operand; /* name of the one operand, or of each of many, or NULL for none */
+    cli_words *operands; /* where there may be many: all of them */
     const char *notes;   /* after the options, or NULL */
     const cli_option *options;
     size_t n_options;
@@ -84,7 +92,8 @@ typedef struct cli_syntax {
 
 enum { CLI_GO_ON = -1 };
 
-/* Fill the targets and *operand. CLI_GO_ON, or the exit code when there is nothing more to do. */
+/* Fill the targets and *operand (the first one), or `operands` of the syntax with words of argv, whose
+ * front they take. CLI_GO_ON, or the exit code when there is nothing more to do. */
 int cli_parse(const cli_syntax *syntax, int argc, char **argv, const char **operand);
 /* The entry of `names` (NULL-terminated) nearest to `word`, or NULL if none is near. */
 const char *cli_nearest(const char *word, const char *const *names);
@@ -176,7 +185,8 @@ double cli_seconds(void);
 typedef struct cli_json {
     FILE *file;
     int depth;
-    bool empty; /* nothing yet in the innermost object or list */
+    bool empty;    /* nothing yet in the innermost object or list */
+    bool one_line; /* as JSON Lines want it */
 } cli_json;
 
 /* `key` is NULL inside lists and for the outermost value. `bracket` is '{' or '['. */

@@ -1,8 +1,6 @@
 /* dmkcl solve: from a mesh and a point, or many, to density, distance and cut locus. */
 #include "solve.h"
 
-#include <float.h>
-#include <limits.h>
 #include <string.h>
 
 static int solve(const solve_request *request)
@@ -43,8 +41,6 @@ static int check_request(solve_request *request)
 
 /* The options that are not of the library's types. */
 typedef struct raw_options {
-    int64_t max_steps;
-    int method, start;
     bool json;
     char out_help[600], locus_help[600];
 } raw_options;
@@ -88,83 +84,12 @@ static void add_files(solve_table *table, solve_request *request, raw_options *r
     solve_add(table, rows, sizeof rows / sizeof *rows);
 }
 
-static void add_method(solve_table *table, solve_request *request, raw_options *raw)
-{
-    static const char *const methods[] = {"newton", "inertial", "euler", NULL}; /* as dmk_method */
-    static const char *const starts[] = {"distance", "uniform", NULL};          /* as dmk_start */
-    dmk_solve_options *solve_options = &request->solve;
-    const cli_option rows[] = {
-        {.name = "threshold",
-         .value = "EPS",
-         .help = "bound of the approximate cut locus {mu <= EPS}, the array `acl`;\n"
-                 "default: relative to the size of each triangle",
-         .kind = CLI_NUMBER,
-         .target = &solve_options->threshold,
-         .lo = DBL_MIN,
-         .hi = DBL_MAX,
-         .expected = "a number above 0"},
-        {.name = "method",
-         .value = "NAME",
-         .help = "newton (default), inertial, euler (the paper's)",
-         .kind = CLI_CHOICE,
-         .target = &raw->method,
-         .choices = methods},
-        {.name = "start",
-         .value = "NAME",
-         .help = "from a distance estimate (default: distance) or from mu = 1\n(uniform)",
-         .kind = CLI_CHOICE,
-         .target = &raw->start,
-         .choices = starts},
-        {.name = "dt",
-         .value = "STEP",
-         .help = "time step of euler, in (0, 1]",
-         .kind = CLI_NUMBER,
-         .target = &solve_options->dt,
-         .lo = DBL_MIN,
-         .hi = 1,
-         .expected = "a number in (0, 1]"},
-        {.name = "inertia",
-         .value = "BETA",
-         .help = "inertia of inertial, in [0, 1)",
-         .kind = CLI_NUMBER,
-         .target = &solve_options->inertia,
-         .lo = 0,
-         .hi = 1 - DBL_EPSILON,
-         .expected = "a number in [0, 1)"},
-        {.name = "tolerance",
-         .value = "TOL",
-         .help = "stop when the relative change of mu per unit time is below",
-         .kind = CLI_NUMBER,
-         .target = &solve_options->tolerance,
-         .lo = DBL_MIN,
-         .hi = 1,
-         .expected = "a number in (0, 1]"},
-        {.name = "gap",
-         .value = "GAP",
-         .help = "stop when the relative gap of the cost is below; if the run ends with\na larger one, the exit code is 9",
-         .kind = CLI_NUMBER,
-         .target = &solve_options->gap_tolerance,
-         .lo = DBL_MIN,
-         .hi = 1,
-         .expected = "a number in (0, 1]"},
-        {.name = "max-steps",
-         .value = "N",
-         .help = "give up after so many steps (exit code 7)",
-         .kind = CLI_INTEGER,
-         .target = &raw->max_steps,
-         .lo = 1,
-         .hi = INT_MAX,
-         .expected = "a whole number from 1"},
-    };
-    solve_add(table, rows, sizeof rows / sizeof *rows);
-}
-
 static int parse(solve_request *request, raw_options *raw, int argc, char **argv)
 {
     solve_table table = {.n = 0};
     solve_add_source(&table, request);
     add_files(&table, request, raw);
-    add_method(&table, request, raw);
+    solve_add_method(&table, request);
     solve_add_device(&table, request);
     const cli_syntax syntax = {
         .command = "solve",
@@ -201,9 +126,6 @@ int cmd_solve(int argc, char **argv)
     solve_request_init(&request, "solve");
     int code = parse(&request, &raw, argc, argv);
     if (code != CLI_GO_ON) return code;
-    request.solve.method = (dmk_method)raw.method;
-    request.solve.start = (dmk_start)raw.start;
-    request.solve.max_steps = (int)raw.max_steps;
     if (raw.json) request.report = "-";
     code = check_request(&request);
     if (code != EXIT_OK) return code;

@@ -48,12 +48,14 @@ void cli_print_exit_codes(FILE *file)
 int cli_error(int code, const char *format, ...)
 {
     const bool colour = isatty(STDERR_FILENO);
+    flockfile(stderr); /* one line, whoever else has something to say */
     fprintf(stderr, "%sdmkcl:%s ", colour ? "\033[1;31m" : "", colour ? "\033[0m" : "");
     va_list args;
     va_start(args, format);
     vfprintf(stderr, format, args);
     va_end(args);
     fputc('\n', stderr);
+    funlockfile(stderr);
     return code;
 }
 

@@ -47,7 +47,8 @@ static void quote(FILE *file, const char *text)
 static void begin(cli_json *json, const char *key)
 {
     if (json->depth > 0) {
-        fprintf(json->file, "%s\n%*s", json->empty ? "" : ",", 2 * json->depth, "");
+        fputs(json->empty ? "" : json->one_line ? ", " : ",", json->file);
+        if (!json->one_line) fprintf(json->file, "\n%*s", 2 * json->depth, "");
     }
     json->empty = false;
     if (key) {
@@ -67,7 +68,7 @@ void json_open(cli_json *json, const char *key, char bracket)
 void json_close(cli_json *json, char bracket)
 {
     json->depth--;
-    if (!json->empty) fprintf(json->file, "\n%*s", 2 * json->depth, "");
+    if (!json->empty && !json->one_line) fprintf(json->file, "\n%*s", 2 * json->depth, "");
     fputc(bracket == '{' ? '}' : ']', json->file);
     if (json->depth == 0) fputc('\n', json->file);
     json->empty = false;

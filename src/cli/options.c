@@ -234,6 +234,8 @@ static int take_option(const cli_syntax *syntax, int argc, char **argv, int *i)
 
 static int take_operand(const cli_syntax *syntax, const char *text, const char **operand)
 {
+    if (syntax->operands) syntax->operands->word[syntax->operands->n++] = text;
+    if (syntax->operands && *operand) return CLI_GO_ON;
     if (!syntax->operand || *operand) {
         return cli_error(EXIT_USAGE, "%s: '%s' is one argument too many", syntax->command, text);
     }
@@ -246,6 +248,7 @@ int cli_parse(const cli_syntax *syntax, int argc, char **argv, const char **oper
     const char *none = NULL;
     if (!operand) operand = &none;
     *operand = NULL;
+    if (syntax->operands) *syntax->operands = (cli_words){.word = (const char **)argv};
     bool only_operands = false; /* behind "--" */
     for (int i = 1; i < argc; i++) {
         int code;

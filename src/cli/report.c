@@ -88,43 +88,48 @@ static void write_names(cli_json *json, const char *key, const cli_files *files)
     json_close(json, '[');
 }
 
-static void write_report(FILE *file, const solve_request *request, const solve_run *run)
+void solve_report_fields(cli_json *json, const solve_request *request, const solve_run *run)
 {
-    cli_json json = {.file = file};
     dmk_mesh_info info;
     dmk_stats stats;
     dmk_mesh_get_info(run->mesh, &info);
     dmk_result_get_stats(run->result, &stats);
+    json_text(json, "dmkcl", dmk_version());
+    json_open(json, "mesh", '{');
+    json_text(json, "file", request->mesh);
+    json_mesh(json, &info);
+    json_close(json, '{');
+    json_integer(json, "euler", info.euler);
+    json_number(json, "area", stats.area); /* of the component with the source */
+    write_source(json, run);
+    write_device(json, run);
+    write_stats(json, &stats);
+    write_seconds(json, &run->seconds, &stats);
+    json_integer(json, "peak_memory", (int64_t)cli_peak_memory());
+    write_locus(json, run->locus);
+    write_names(json, "out", &request->out);
+    write_names(json, "locus_out", &request->locus);
+    write_names(json, "tangent_out", &request->tangent);
+}
+
+static void write_report(FILE *file, bool one_line, const solve_request *request, const solve_run *run)
+{
+    cli_json json = {.file = file, .one_line = one_line};
     json_open(&json, NULL, '{');
-    json_text(&json, "dmkcl", dmk_version());
-    json_open(&json, "mesh", '{');
-    json_text(&json, "file", request->mesh);
-    json_mesh(&json, &info);
-    json_close(&json, '{');
-    json_integer(&json, "euler", info.euler);
-    json_number(&json, "area", stats.area); /* of the component with the source */
-    write_source(&json, run);
-    write_device(&json, run);
-    write_stats(&json, &stats);
-    write_seconds(&json, &run->seconds, &stats);
-    json_integer(&json, "peak_memory", (int64_t)cli_peak_memory());
-    write_locus(&json, run->locus);
-    write_names(&json, "out", &request->out);
-    write_names(&json, "locus_out", &request->locus);
-    write_names(&json, "tangent_out", &request->tangent);
+    solve_report_fields(&json, request, run);
     json_close(&json, '{');
 }
 
 int solve_report(const solve_request *request, const solve_run *run)
 {
     if (strcmp(request->report, "-") == 0) {
-        write_report(stdout, request, run);
+        write_report(stdout, request->sources != NULL, request, run);
         return cli_flush();
     }
     cli_file file;
     int code = cli_file_open(request->report, &file);
     if (code != EXIT_OK) return code;
-    write_report(file.stream, request, run);
+    write_report(file.stream, false, request, run);
     return cli_file_close(&file);
 }
 

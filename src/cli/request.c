@@ -1,6 +1,7 @@
 /* What the commands that solve are asked for: the options that they share. */
 #include "solve.h"
 
+#include <float.h>
 #include <limits.h>
 #include <string.h>
 
@@ -74,11 +75,90 @@ void solve_add_device(solve_table *table, solve_request *request)
     solve_add(table, rows, sizeof rows / sizeof *rows);
 }
 
+void solve_add_method(solve_table *table, solve_request *request)
+{
+    static const char *const methods[] = {"newton", "inertial", "euler", NULL}; /* as dmk_method */
+    static const char *const starts[] = {"distance", "uniform", NULL};          /* as dmk_start */
+    dmk_solve_options *solve_options = &request->solve;
+    const cli_option rows[] = {
+        {.name = "threshold",
+         .value = "EPS",
+         .help = "bound of the approximate cut locus {mu <= EPS}, the array `acl`;\n"
+                 "default: relative to the size of each triangle",
+         .kind = CLI_NUMBER,
+         .target = &solve_options->threshold,
+         .lo = DBL_MIN,
+         .hi = DBL_MAX,
+         .expected = "a number above 0"},
+        {.name = "method",
+         .value = "NAME",
+         .help = "newton (default), inertial, euler (the paper's)",
+         .kind = CLI_CHOICE,
+         .target = &request->method,
+         .choices = methods},
+        {.name = "start",
+         .value = "NAME",
+         .help = "from a distance estimate (default: distance) or from mu = 1\n(uniform)",
+         .kind = CLI_CHOICE,
+         .target = &request->start,
+         .choices = starts},
+        {.name = "dt",
+         .value = "STEP",
+         .help = "time step of euler, in (0, 1]",
+         .kind = CLI_NUMBER,
+         .target = &solve_options->dt,
+         .lo = DBL_MIN,
+         .hi = 1,
+         .expected = "a number in (0, 1]"},
+        {.name = "inertia",
+         .value = "BETA",
+         .help = "inertia of inertial, in [0, 1)",
+         .kind = CLI_NUMBER,
+         .target = &solve_options->inertia,
+         .lo = 0,
+         .hi = 1 - DBL_EPSILON,
+         .expected = "a number in [0, 1)"},
+        {.name = "tolerance",
+         .value = "TOL",
+         .help = "stop when the relative change of mu per unit time is below",
+         .kind = CLI_NUMBER,
+         .target = &solve_options->tolerance,
+         .lo = DBL_MIN,
+         .hi = 1,
+         .expected = "a number in (0, 1]"},
+        {.name = "gap",
+         .value = "GAP",
+         .help = "stop when the relative gap of the cost is below; if the run ends with\na larger one, the exit code is 9",
+         .kind = CLI_NUMBER,
+         .target = &solve_options->gap_tolerance,
+         .lo = DBL_MIN,
+         .hi = 1,
+         .expected = "a number in (0, 1]"},
+        {.name = "max-steps",
+         .value = "N",
+         .help = "give up after so many steps (exit code 7)",
+         .kind = CLI_INTEGER,
+         .target = &request->max_steps,
+         .lo = 1,
+         .hi = INT_MAX,
+         .expected = "a whole number from 1"},
+    };
+    solve_add(table, rows, sizeof rows / sizeof *rows);
+}
+
+void solve_request_convert(solve_request *request)
+{
+    request->device.threads = (int)request->threads;
+    request->device.single_precision = request->single;
+    request->solve.method = (dmk_method)request->method;
+    request->solve.start = (dmk_start)request->start;
+    request->solve.max_steps = (int)request->max_steps;
+}
+
 int solve_request_settle(solve_request *request)
 {
     const int n = (request->source.n > 0) + (request->vertex >= 0) + (request->sources != NULL);
-    request->device.threads = (int)request->threads;
-    request->device.single_precision = request->single;
+    solve_request_convert(request);
     if (n == 0) {
         return cli_error(EXIT_USAGE, "%s: where is the source? Give --source X,Y,Z or --vertex I",
                          request->command);

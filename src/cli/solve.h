@@ -16,7 +16,8 @@ typedef struct solve_request {
     const char *report; /* NULL: none; "-": standard output */
     dmk_solve_options solve;
     dmk_device_options device;
-    int64_t threads; /* these two go to `device` when the command line is read */
+    int64_t threads, max_steps; /* these go to `device` and `solve` when the command line is read */
+    int method, start;
     bool single;
     bool quiet, verbose;
 } solve_request;
@@ -56,8 +57,11 @@ void solve_request_init(solve_request *request, const char *command);
 void solve_add(solve_table *table, const cli_option *rows, size_t n);
 void solve_add_source(solve_table *table, solve_request *request);
 void solve_add_device(solve_table *table, solve_request *request);
-/* After parsing: what the rows of these two have in common. EXIT_OK or the code with the error
- * told. */
+void solve_add_method(solve_table *table, solve_request *request);
+/* After parsing: what is in types of the command line to those of the library. */
+void solve_request_convert(solve_request *request);
+/* And, of a command with one source or a file of them, what the rows of these two have in common. EXIT_OK
+ * or the code with the error told. */
 int solve_request_settle(solve_request *request);
 /* The files that the request reads and writes. */
 void solve_request_uses(const solve_request *order, cli_uses *uses);
@@ -90,7 +94,10 @@ int solve_batch(const solve_request *request);
 
 /* ---- report.c, tangent.c -------------------------------------------------------------------- */
 
-/* The JSON report, whole or not at all. The exit code. */
+/* The report's fields, into an object that is open. */
+void solve_report_fields(cli_json *json, const solve_request *request, const solve_run *run);
+/* The JSON report, whole or not at all; of many sources on the standard output a line for each. The exit
+ * code. */
 int solve_report(const solve_request *request, const solve_run *run);
 /* The summary for a person, on the standard output. */
 void solve_summary(const solve_request *request, const solve_run *run);

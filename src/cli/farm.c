@@ -1,0 +1,422 @@
+/* The workers of a batch. Each takes one mesh after another, reads it, solves, writes, and reports: so
+ * meshes are read and written while others are solved, and each worker's host stages need one thread.
+ * Meshes that are large have all threads, one mesh at a time, or memory would not do. */
+#include "batch.h"
+
+#include <errno.h>
+#include <math.h>
+#include <pthread.h>
+#include <sched.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+/* Bytes of a mesh file from which on it has all threads: about half a million triangles, of which a run
+ * takes half a gigabyte and keeps all threads busy. */
+enum { LARGE = 32 << 20, MOST_WORKERS = 64 };
+
+typedef struct farm {
+    const batch_request *request;
+    batch_list *list;
+    batch_record *record;
+    size_t n_sources;  /* of each mesh */
+    uint8_t *kept;     /* n_sources for each mesh: its line stays */
+    int threads;       /* of the host; 0: one for each processor */
+    bool summary;      /* a line for each source on the standard output */
+    cli_progress progress;
+    double begin;
+    atomic_size_t next; /* mesh that nobody has taken */
+    atomic_int code;    /* of the first failure */
+    atomic_bool stop;   /* nothing can be done any more */
+    size_t n_done, n_kept, n_failed;
+    pthread_mutex_t large, opening, telling;
+} farm;
+
+typedef struct worker {
+    farm *farm;
+    dmk_context *context;
+    dmk_device *device;
+    cli_progress silent; /* for cancelling */
+} worker;
+
+/* ---- files ---------------------------------------------------------------------------------- */
+
+/* DIR/NAME.vtp; of several sources DIR/NAME-0007.vtp. */
+static bool name_file(const batch_request *request, const batch_mesh *mesh, size_t source, const char *kind,
+                      const char **path)
+{
+    const char *suffix = *path;
+    char number[32] = "";
+    if (request->samples > 0) snprintf(number, sizeof number, "-%04zu", source);
+    const size_t room = strlen(request->folder) + strlen(mesh->name) + strlen(suffix) + 64;
+    char *name = malloc(room);
+    if (name) snprintf(name, room, "%s/%s%s%s%s", request->folder, mesh->name, number, kind, suffix);
+    *path = name;
+    return name != NULL;
+}
+
+static bool name_files(const batch_request *request, const batch_mesh *mesh, size_t source, const char *kind,
+                       cli_files *files)
+{
+    bool good = true;
+    for (int i = 0; i < files->n; i++) {
+        good = name_file(request, mesh, source, kind, &files->path[i]) && good;
+    }
+    return good;
+}
+
+bool batch_name_files(const batch_request *request, const batch_mesh *mesh, size_t source, solve_request *one)
+{
+    *one = request->each;
+    one->mesh = mesh->path;
+    one->report = NULL;
+    bool good = name_files(request, mesh, source, "", &one->out);
+    good = name_files(request, mesh, source, ".locus", &one->locus) && good;
+    return name_files(request, mesh, source, ".tangent", &one->tangent) && good;
+}
+
+static void free_names(cli_files *files)
+{
+    for (int i = 0; i < files->n; i++) free((char *)files->path[i]);
+    files->n = 0;
+}
+
+void batch_free_files(solve_request *one)
+{
+    free_names(&one->out);
+    free_names(&one->locus);
+    free_names(&one->tangent);
+}
+
+/* The folders above a file. */
+static int make_folders(const char *file)
+{
+    char path[PATH_MAX];
+    if (snprintf(path, sizeof path, "%s", file) >= PATH_MAX) return cli_error(EXIT_IO, "'%s': too long", file);
+    for (char *p = path + 1; *p; p++) {
+        if (*p != '/') continue;
+        *p = '\0';
+        if (mkdir(path, 0777) != 0 && errno != EEXIST) {
+            return cli_error(EXIT_IO, "cannot make the folder '%s': %s", path, strerror(errno));
+        }
+        *p = '/';
+    }
+    return EXIT_OK;
+}
+
+/* ---- what is wanted ------------------------------------------------------------------------- */
+
+enum { WANTED_SIZE = 96 };
+
+static batch_entry entry_of(const farm *f, size_t mesh, size_t source, char wanted[WANTED_SIZE])
+{
+    const solve_request *each = &f->request->each;
+    const double *x = each->source.value;
+    if (f->request->samples > 0) snprintf(wanted, WANTED_SIZE, "sample %zu", source);
+    else if (each->source.n > 0) snprintf(wanted, WANTED_SIZE, "%.17g,%.17g,%.17g", x[0], x[1], x[2]);
+    else snprintf(wanted, WANTED_SIZE, "vertex %lld", (long long)each->vertex);
+    return (batch_entry){mesh, source, wanted};
+}
+
+static uint8_t *kept(const farm *f, size_t mesh, size_t source)
+{
+    return &f->kept[mesh * f->n_sources + source];
+}
+
+/* A word on standard output, or on standard error where that is taken by the report. */
+static void tell(farm *f, const char *name, size_t source, const char *text)
+{
+    if (f->request->each.quiet) return;
+    char number[32] = "";
+    if (f->request->samples > 0) snprintf(number, sizeof number, "-%04zu", source);
+    fprintf(f->summary ? stdout : stderr, "%s%s: %s\n", name, number, text);
+}
+
+/* Judge the lines of a mesh that was done before. */
+static void check_mesh(worker *w, size_t k)
+{
+    farm *f = w->farm;
+    batch_mesh *mesh = &f->list->mesh[k];
+    if (!batch_digest_file(mesh->path, mesh->digest)) return; /* its reader will say why */
+    pthread_mutex_lock(&f->telling);
+    for (size_t i = 0; i < f->n_sources; i++) {
+        char wanted[WANTED_SIZE], text[96];
+        const batch_entry entry = entry_of(f, k, i, wanted);
+        const char *why = batch_record_check(f->record, &entry);
+        *kept(f, k, i) = !why;
+        f->n_kept += !why;
+        if (!why || !*why) continue;
+        snprintf(text, sizeof text, "done again: %s", why);
+        tell(f, mesh->name, i, text);
+    }
+    pthread_mutex_unlock(&f->telling);
+}
+
+/* ---- one source ----------------------------------------------------------------------------- */
+
+static int append(farm *f, const batch_entry *entry, const solve_request *one, const solve_run *run, int code)
+{
+    char *line = NULL;
+    size_t length = 0;
+    FILE *stream = open_memstream(&line, &length);
+    if (!stream) return cli_library_error(NULL, DMK_E_NOMEM);
+    cli_json json = {.file = stream, .one_line = true};
+    json_open(&json, NULL, '{');
+    batch_record_fields(f->record, &json, entry, code != EXIT_OK);
+    if (code == EXIT_OK) {
+        solve_report_fields(&json, one, run);
+    } else {
+        json_text(&json, "file", one->mesh);
+        json_integer(&json, "code", code);
+        json_text(&json, "error", dmk_context_message(run->context));
+    }
+    json_close(&json, '{');
+    int result = fclose(stream) == 0 ? EXIT_OK : cli_library_error(NULL, DMK_E_NOMEM);
+    if (result == EXIT_OK) result = batch_record_append(f->record, line, length);
+    free(line);
+    return result;
+}
+
+static void tell_solved(farm *f, const batch_entry *entry, const solve_run *run)
+{
+    char text[256];
+    dmk_stats stats;
+    dmk_locus_info info;
+    dmk_result_get_stats(run->result, &stats);
+    dmk_locus_get_info(run->locus, &info);
+    snprintf(text, sizeof text, "%d steps, cost %.8g, gap %.2g %%, cut locus %.6g, %.3f s", stats.steps,
+             stats.cost_upper, 100 * stats.gap, info.length, run->seconds.total);
+    if (f->summary) tell(f, f->list->mesh[entry->mesh].name, entry->source, text);
+}
+
+/* Count what became of a source, and put it down. */
+static void finish(farm *f, const batch_entry *entry, const solve_request *one, const solve_run *run, int code)
+{
+    int none = EXIT_OK;
+    if (code == cli_exit_code(DMK_E_CANCELLED)) return;
+    const int written = append(f, entry, one, run, code);
+    if (written != EXIT_OK) atomic_store(&f->stop, true);
+    if (written != EXIT_OK || code != EXIT_OK) {
+        atomic_compare_exchange_strong(&f->code, &none, written != EXIT_OK ? written : code);
+    }
+    pthread_mutex_lock(&f->telling);
+    f->n_done += code == EXIT_OK;
+    f->n_failed += code != EXIT_OK;
+    if (code == EXIT_OK && written == EXIT_OK) tell_solved(f, entry, run);
+    if (f->progress.line) {
+        char text[96];
+        const size_t all = f->list->n * f->n_sources;
+        snprintf(text, sizeof text, "%zu of %zu done, %zu failed, %.1f s", f->n_done + f->n_kept, all,
+                 f->n_failed, cli_seconds() - f->begin);
+        cli_progress_say(&f->progress, text);
+    }
+    pthread_mutex_unlock(&f->telling);
+}
+
+/* The sources of a mesh: `place` becomes that of number i. */
+static int find_place(const farm *f, const int64_t *sample, size_t i, solve_run *run)
+{
+    const solve_request *each = &f->request->each;
+    if (sample) return dmk_mesh_vertex_point(run->context, run->mesh, sample[i], &run->source);
+    if (each->source.n > 0) return dmk_mesh_project(run->context, run->mesh, each->source.value, &run->source);
+    return dmk_mesh_vertex_point(run->context, run->mesh, each->vertex, &run->source);
+}
+
+static int do_source(farm *f, const int64_t *sample, size_t i, const solve_request *one, solve_run *run)
+{
+    int code = EXIT_OK;
+    const int rc = find_place(f, sample, i, run);
+    if (rc != DMK_OK) return solve_fail(run, rc);
+    for (int k = 0; k < one->out.n && code == EXIT_OK; k++) code = make_folders(one->out.path[k]);
+    for (int k = 0; k < one->locus.n && code == EXIT_OK; k++) code = make_folders(one->locus.path[k]);
+    for (int k = 0; k < one->tangent.n && code == EXIT_OK; k++) code = make_folders(one->tangent.path[k]);
+    if (code == EXIT_OK) code = solve_compute(one, run);
+    if (code == EXIT_OK) code = solve_write(one, run);
+    return code;
+}
+
+/* ---- one mesh ------------------------------------------------------------------------------- */
+
+/* Mesh, solver, and the samples if they are wanted. */
+static int make_ready(farm *f, const batch_mesh *mesh, solve_run *run, int64_t **sample)
+{
+    const double begin = cli_seconds();
+    const size_t n = f->n_sources;
+    int rc = dmk_mesh_read(run->context, mesh->path, &run->mesh);
+    if (rc != DMK_OK) run->where = ""; /* the message names the file */
+    if (rc == DMK_OK) rc = dmk_solver_create(run->context, run->device, run->mesh, &run->solver);
+    if (rc == DMK_OK && f->request->samples > 0) {
+        const int64_t first = f->request->each.vertex;
+        *sample = calloc(n, sizeof **sample);
+        rc = *sample ? dmk_mesh_sample(run->context, run->mesh, n, first, *sample) : DMK_E_NOMEM;
+    }
+    run->seconds.read = cli_seconds() - begin;
+    return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
+}
+
+static void do_sources(worker *w, size_t k, solve_run *run)
+{
+    farm *f = w->farm;
+    int64_t *sample = NULL;
+    char wanted[WANTED_SIZE];
+    solve_request one = {.mesh = f->list->mesh[k].path};
+    int code = make_ready(f, &f->list->mesh[k], run, &sample);
+    for (size_t i = 0; i < f->n_sources && !cli_interrupted() && !atomic_load(&f->stop); i++) {
+        if (*kept(f, k, i)) continue;
+        const batch_entry entry = entry_of(f, k, i, wanted);
+        const bool bad_mesh = code != EXIT_OK;
+        if (!bad_mesh && !batch_name_files(f->request, &f->list->mesh[k], i, &one)) code = EXIT_MEMORY;
+        if (!bad_mesh && code == EXIT_OK) code = do_source(f, sample, i, &one, run);
+        finish(f, &entry, &one, run, code);
+        batch_free_files(&one);
+        if (bad_mesh) break; /* one line for all its sources */
+        code = EXIT_OK;
+        run->seconds = (solve_times){.begin = cli_seconds()};
+    }
+    free(sample);
+}
+
+static int open_device(worker *w)
+{
+    farm *f = w->farm;
+    pthread_mutex_lock(&f->opening); /* kernels that the first one builds the next one finds */
+    const int rc = dmk_device_open(w->context, &f->request->each.device, &w->device);
+    pthread_mutex_unlock(&f->opening);
+    return rc == DMK_OK ? EXIT_OK : cli_library_error(w->context, rc);
+}
+
+/* A device that failed may fail for ever: the next mesh has a new one. */
+static void renew_device(worker *w, const solve_run *run)
+{
+    if (strstr(dmk_context_message(run->context), "CL_") == NULL) return;
+    dmk_device_destroy(&w->device);
+}
+
+static void do_mesh(worker *w, size_t k)
+{
+    farm *f = w->farm;
+    batch_mesh *mesh = &f->list->mesh[k];
+    struct stat file;
+    size_t n_kept = 0;
+    for (size_t i = 0; i < f->n_sources; i++) n_kept += *kept(f, k, i);
+    if (n_kept == f->n_sources) return;
+    if (!w->device && open_device(w) != EXIT_OK) {
+        atomic_store(&f->code, cli_exit_code(DMK_E_DEVICE));
+        atomic_store(&f->stop, true);
+        return;
+    }
+    if (!mesh->digest[0]) batch_digest_file(mesh->path, mesh->digest);
+    const bool large = stat(mesh->path, &file) == 0 && file.st_size >= LARGE;
+    if (large) pthread_mutex_lock(&f->large);
+    dmk_context_set_threads(w->context, large || f->list->n == 1 ? f->threads : 1);
+    char where[320];
+    snprintf(where, sizeof where, "%.300s: ", mesh->path);
+    solve_run run = {.context = w->context, .device = w->device, .where = where,
+                     .seconds.begin = cli_seconds(), .progress.gap = NAN};
+    const size_t failed = f->n_failed;
+    do_sources(w, k, &run);
+    dmk_locus_destroy(&run.locus);
+    dmk_result_destroy(&run.result);
+    dmk_solver_destroy(&run.solver);
+    dmk_mesh_destroy(&run.mesh);
+    if (f->n_failed != failed) renew_device(w, &run);
+    if (large) pthread_mutex_unlock(&f->large);
+}
+
+/* ---- workers -------------------------------------------------------------------------------- */
+
+typedef struct crew {
+    farm *farm;
+    void (*task)(worker *w, size_t mesh);
+} crew;
+
+static void *work(void *argument)
+{
+    const crew *c = argument;
+    farm *f = c->farm;
+    worker w = {.farm = f, .silent.gap = NAN};
+    if (dmk_context_create(&w.context) != DMK_OK) return NULL; /* the others do its part */
+    cli_watch(w.context, &w.silent);
+    while (!cli_interrupted() && !atomic_load(&f->stop)) {
+        const size_t k = atomic_fetch_add(&f->next, 1);
+        if (k >= f->list->n) break;
+        c->task(&w, k);
+    }
+    dmk_device_destroy(&w.device);
+    dmk_context_destroy(&w.context);
+    return NULL;
+}
+
+static int count_workers(const farm *f)
+{
+    cpu_set_t allowed;
+    int n = f->threads;
+    if (n <= 0) n = sched_getaffinity(0, sizeof allowed, &allowed) == 0 ? CPU_COUNT(&allowed) : 1;
+    if (n > MOST_WORKERS) n = MOST_WORKERS;
+    return (size_t)n < f->list->n ? n : (int)f->list->n;
+}
+
+/* Call task for every mesh. */
+static void for_all(farm *f, void (*task)(worker *w, size_t mesh))
+{
+    pthread_t thread[MOST_WORKERS];
+    crew c = {f, task};
+    const int n = count_workers(f);
+    int started = 1;
+    atomic_store(&f->next, 0);
+    while (started < n && pthread_create(&thread[started], NULL, work, &c) == 0) started++;
+    work(&c);
+    for (int i = 1; i < started; i++) pthread_join(thread[i], NULL);
+}
+
+static int end(farm *f)
+{
+    const size_t all = f->list->n * f->n_sources;
+    cli_progress_end(&f->progress);
+    if (f->summary) {
+        printf("of %zu source%s on %zu mesh%s %zu solved, %zu kept, %zu failed, %.2f s\n", all,
+               all == 1 ? "" : "s", f->list->n, f->list->n == 1 ? "" : "es", f->n_done, f->n_kept,
+               f->n_failed, cli_seconds() - f->begin);
+    }
+    const int flushed = cli_flush();
+    if (cli_interrupted()) {
+        return cli_error(cli_exit_code(DMK_E_CANCELLED), "interrupted; %zu of %zu are left%s",
+                         all - f->n_done - f->n_kept, all,
+                         strcmp(f->request->each.report, "-") != 0 ? ": --resume does them" : "");
+    }
+    return atomic_load(&f->code) != EXIT_OK ? atomic_load(&f->code) : flushed;
+}
+
+int batch_run(const batch_request *request, batch_list *list)
+{
+    const bool to_stdout = strcmp(request->each.report, "-") == 0;
+    farm f = {.request = request, .list = list, .threads = request->each.device.threads,
+              .n_sources = request->samples > 0 ? (size_t)request->samples : 1,
+              .summary = !request->each.quiet && !to_stdout, .begin = cli_seconds()};
+    f.progress = (cli_progress){.line = !request->each.quiet && isatty(STDERR_FILENO) &&
+                                        (to_stdout || !isatty(STDOUT_FILENO)), .gap = NAN};
+    f.kept = calloc(list->n * f.n_sources + 1, 1);
+    if (!f.kept) return cli_library_error(NULL, DMK_E_NOMEM);
+    pthread_mutex_init(&f.large, NULL);
+    pthread_mutex_init(&f.opening, NULL);
+    pthread_mutex_init(&f.telling, NULL);
+    cli_catch_interrupt();
+    int code = batch_record_open(request, list, &f.record);
+    if (code == EXIT_OK && request->each.resume) {
+        if (request->folder) batch_sweep(request->folder);
+        for_all(&f, check_mesh);
+    }
+    if (code == EXIT_OK && !cli_interrupted()) code = batch_record_begin(f.record);
+    if (code == EXIT_OK) {
+        for_all(&f, do_mesh);
+        code = end(&f);
+    }
+    batch_record_close(&f.record);
+    pthread_mutex_destroy(&f.large);
+    pthread_mutex_destroy(&f.opening);
+    pthread_mutex_destroy(&f.telling);
+    free(f.kept);
+    return code;
+}

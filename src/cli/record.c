@@ -1,0 +1,424 @@
+/* The report of a batch: a line of JSON for each source, appended when its files are whole. It is the
+ * record of what is done as well, so there are no two that a kill could leave at odds: a source whose
+ * line is there has its files, and one without is done again. */
+#include "batch.h"
+
+#include <ctype.h>
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <inttypes.h>
+#include <limits.h>
+#include <pthread.h>
+#include <signal.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+/* A line that was found in the report. */
+typedef struct seen {
+    char *name, *wanted;
+    int64_t source;
+    char digest[33], options[33];
+    bool failed, drop;
+    size_t begin, length; /* in the text */
+} seen;
+
+struct batch_record {
+    const batch_request *request;
+    const batch_list *list;
+    const char *path; /* NULL: the standard output */
+    int fd;
+    pthread_mutex_t lock;
+    char options[33]; /* digest of all that changes a result */
+    char *text;       /* of the report as it was */
+    size_t size, whole; /* of the text; and without a last line that is torn */
+    seen *line;
+    size_t n, room;
+};
+
+/* ---- digests -------------------------------------------------------------------------------- */
+
+/* Two chains of multiplications and shifts with different odd factors: against changes by chance, not
+ * against forgers. */
+typedef struct digest {
+    uint64_t a, b;
+} digest;
+
+static void digest_word(digest *d, uint64_t word)
+{
+    d->a = (d->a ^ word) * 0x9e3779b97f4a7c15ULL;
+    d->a ^= d->a >> 29;
+    d->b = (d->b + word) * 0xd6e8feb86659fd93ULL;
+    d->b ^= d->b >> 32;
+}
+
+static void digest_bytes(digest *d, const char *bytes, size_t n)
+{
+    uint64_t word;
+    for (; n >= sizeof word; n -= sizeof word, bytes += sizeof word) {
+        memcpy(&word, bytes, sizeof word);
+        digest_word(d, word);
+    }
+    word = n + 1; /* so that zeros at the end count */
+    memcpy((char *)&word + 1, bytes, n);
+    digest_word(d, word);
+}
+
+static void digest_print(const digest *d, char text[33])
+{
+    snprintf(text, 33, "%016" PRIx64 "%016" PRIx64, d->a, d->b);
+}
+
+void batch_digest_text(const char *text, char hex[33])
+{
+    digest d = {0};
+    digest_bytes(&d, text, strlen(text));
+    digest_print(&d, hex);
+}
+
+bool batch_digest_file(const char *path, char hex[33])
+{
+    enum { PIECE = 1 << 18 };
+    digest d = {0};
+    hex[0] = '\0';
+    FILE *file = fopen(path, "rb");
+    char *piece = malloc(PIECE);
+    bool good = file && piece;
+    for (size_t n = PIECE; good && n == PIECE;) {
+        n = fread(piece, 1, PIECE, file);
+        digest_bytes(&d, piece, n);
+        good = !ferror(file);
+    }
+    free(piece);
+    if (file) fclose(file);
+    if (good) digest_print(&d, hex);
+    return good;
+}
+
+static void add_files(char *text, size_t size, const cli_files *files)
+{
+    for (int i = 0; i < files->n; i++) {
+        const size_t used = strlen(text);
+        snprintf(text + used, size - used, " %s", files->path[i]);
+    }
+    strncat(text, ";", size - strlen(text) - 1);
+}
+
+static void digest_options(const batch_request *request, char hex[33])
+{
+    const dmk_solve_options *o = &request->each.solve;
+    char text[4096];
+    snprintf(text, sizeof text, "%s %d %d %.17g %.17g %.17g %.17g %.17g %d %.17g %d;", dmk_version(),
+             (int)o->method, (int)o->start, o->dt, o->inertia, o->tolerance, o->gap_tolerance,
+             o->cg_tolerance, o->max_steps, o->threshold, request->each.single);
+    add_files(text, sizeof text, &request->each.out);
+    add_files(text, sizeof text, &request->each.locus);
+    add_files(text, sizeof text, &request->each.tangent);
+    batch_digest_text(text, hex);
+}
+
+/* ---- reading -------------------------------------------------------------------------------- */
+
+/* Step over `text`, if it stands at *at. */
+static bool skip(const char **at, const char *text)
+{
+    const size_t n = strlen(text);
+    if (strncmp(*at, text, n) != 0) return false;
+    *at += n;
+    return true;
+}
+
+/* `"key": "value"`, with what comes before it; the value is the caller's to free, or NULL. */
+static char *read_text(const char **at, const char *head)
+{
+    if (!skip(at, head) || !skip(at, "\"")) return NULL;
+    char *value = malloc(strcspn(*at, "\n") + 1), *end = value;
+    while (value && **at && **at != '"' && **at != '\n') {
+        unsigned c;
+        if (**at != '\\') *end++ = *(*at)++;
+        else if (sscanf(*at, "\\u%4x", &c) == 1 && c < 0x80) *end++ = (char)c, *at += 6;
+        else *end++ = (*at)[1], *at += 2;
+    }
+    if (!value) return NULL;
+    *end = '\0';
+    if (skip(at, "\"")) return value;
+    free(value);
+    return NULL;
+}
+
+static bool read_hex(const char **at, const char *head, char hex[33])
+{
+    char *value = read_text(at, head);
+    const bool good = value && strlen(value) < 33;
+    if (good) strcpy(hex, value);
+    free(value);
+    return good;
+}
+
+/* The fields of batch_record_fields. */
+static bool read_line(const char *at, seen *line)
+{
+    char *state = NULL, *end;
+    line->name = read_text(&at, "{\"name\": ");
+    if (!line->name || !skip(&at, ", \"number\": ")) return false;
+    line->source = strtoll(at, &end, 10);
+    at = end;
+    line->wanted = read_text(&at, ", \"wanted\": ");
+    const bool good = line->wanted && read_hex(&at, ", \"digest\": ", line->digest) &&
+                      read_hex(&at, ", \"options\": ", line->options) &&
+                      (state = read_text(&at, ", \"state\": ")) != NULL;
+    line->failed = good && strcmp(state, "done") != 0;
+    free(state);
+    return good;
+}
+
+/* By name and source; of two lines for one the later first. */
+static int compare(const void *a, const void *b)
+{
+    const seen *x = a, *y = b;
+    const int sign = strcmp(x->name, y->name);
+    if (sign) return sign;
+    if (x->source != y->source) return x->source < y->source ? -1 : 1;
+    return (x->begin < y->begin) - (x->begin > y->begin);
+}
+
+static int add_line(batch_record *r, size_t begin, size_t length)
+{
+    if (r->n == r->room) {
+        seen *more = realloc(r->line, (2 * r->room + 64) * sizeof *more);
+        if (!more) return cli_library_error(NULL, DMK_E_NOMEM);
+        r->line = more;
+        r->room = 2 * r->room + 64;
+    }
+    seen *line = &r->line[r->n];
+    *line = (seen){.begin = begin, .length = length};
+    if (read_line(r->text + begin, line)) {
+        r->n++;
+        return EXIT_OK;
+    }
+    free(line->name);
+    free(line->wanted);
+    return cli_error(cli_exit_code(DMK_E_FORMAT),
+                     "'%s' is not the report of a batch: a line begins with '%.40s'; choose another --report",
+                     r->path, r->text + begin);
+}
+
+static int read_lines(batch_record *r)
+{
+    int code = EXIT_OK;
+    for (size_t begin = 0; begin < r->size && code == EXIT_OK;) {
+        const char *end = memchr(r->text + begin, '\n', r->size - begin);
+        if (!end) break; /* torn: a kill in the middle of a write */
+        const size_t length = (size_t)(end - (r->text + begin)) + 1;
+        code = add_line(r, begin, length);
+        begin = r->whole = begin + length;
+    }
+    if (r->n > 0) qsort(r->line, r->n, sizeof *r->line, compare);
+    for (size_t i = 1; i < r->n; i++) {
+        const seen *a = &r->line[i - 1], *b = &r->line[i];
+        r->line[i].drop = strcmp(a->name, b->name) == 0 && a->source == b->source;
+    }
+    return code;
+}
+
+static int read_report(batch_record *r)
+{
+    struct stat file;
+    if (fstat(r->fd, &file) != 0) return cli_error(EXIT_IO, "cannot look at '%s': %s", r->path, strerror(errno));
+    r->size = (size_t)file.st_size;
+    r->text = calloc(r->size + 1, 1);
+    if (!r->text) return cli_library_error(NULL, DMK_E_NOMEM);
+    for (size_t got = 0; got < r->size;) {
+        const ssize_t n = pread(r->fd, r->text + got, r->size - got, (off_t)got);
+        if (n <= 0 && errno != EINTR) return cli_error(EXIT_IO, "cannot read '%s': %s", r->path, strerror(errno));
+        if (n > 0) got += (size_t)n;
+    }
+    return read_lines(r);
+}
+
+static int open_locked(batch_record *r)
+{
+    r->fd = open(r->path, O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
+    if (r->fd < 0) return cli_error(EXIT_IO, "cannot write '%s': %s", r->path, strerror(errno));
+    if (flock(r->fd, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return EXIT_OK;
+    return cli_error(EXIT_IO, "another run is writing '%s'", r->path);
+}
+
+int batch_record_open(const batch_request *request, const batch_list *list, batch_record **record)
+{
+    batch_record *r = *record = calloc(1, sizeof *r);
+    if (!r) return cli_library_error(NULL, DMK_E_NOMEM);
+    *r = (batch_record){.request = request, .list = list, .fd = -1};
+    pthread_mutex_init(&r->lock, NULL);
+    digest_options(request, r->options);
+    if (strcmp(request->each.report, "-") == 0) return EXIT_OK;
+    r->path = request->each.report;
+    int code = open_locked(r);
+    if (code == EXIT_OK) code = read_report(r);
+    if (code == EXIT_OK && r->size > 0 && !request->each.resume) {
+        code = cli_error(EXIT_USAGE,
+                         "batch: '%s' exists: --resume goes on with what it lacks, or remove it", r->path);
+    }
+    return code;
+}
+
+void batch_record_close(batch_record **record)
+{
+    batch_record *r = *record;
+    if (!r) return;
+    for (size_t i = 0; i < r->n; i++) {
+        free(r->line[i].name);
+        free(r->line[i].wanted);
+    }
+    free(r->line);
+    free(r->text);
+    if (r->fd >= 0) close(r->fd);
+    pthread_mutex_destroy(&r->lock);
+    free(r);
+    *record = NULL;
+}
+
+/* ---- what can stay -------------------------------------------------------------------------- */
+
+static bool files_exist(const cli_files *files)
+{
+    struct stat file;
+    for (int i = 0; i < files->n; i++) {
+        if (stat(files->path[i], &file) != 0 || !S_ISREG(file.st_mode)) return false;
+    }
+    return true;
+}
+
+static const char *judge(const batch_record *r, const batch_entry *entry, const seen *line)
+{
+    solve_request one;
+    const batch_mesh *mesh = &r->list->mesh[entry->mesh];
+    if (line->failed) return "it failed";
+    if (strcmp(line->digest, mesh->digest) != 0) return "the mesh has changed";
+    if (strcmp(line->wanted, entry->wanted) != 0) return "the source is another";
+    if (strcmp(line->options, r->options) != 0) return "the options are others";
+    const bool there = batch_name_files(r->request, mesh, entry->source, &one) && files_exist(&one.out) &&
+                       files_exist(&one.locus) && files_exist(&one.tangent);
+    batch_free_files(&one);
+    return there ? NULL : "a file of it is missing";
+}
+
+const char *batch_record_check(batch_record *r, const batch_entry *entry)
+{
+    const seen key = {.name = r->list->mesh[entry->mesh].name, .source = (int64_t)entry->source,
+                      .begin = SIZE_MAX};
+    size_t lo = 0, hi = r->n; /* the first line not before the key, which is the latest of its kind */
+    while (lo < hi) {
+        const size_t mid = lo + (hi - lo) / 2;
+        if (compare(&r->line[mid], &key) < 0) lo = mid + 1;
+        else hi = mid;
+    }
+    seen *line = lo < r->n ? &r->line[lo] : NULL;
+    if (!line || strcmp(line->name, key.name) != 0 || line->source != key.source) return "";
+    const char *why = judge(r, entry, line);
+    line->drop = why != NULL;
+    return why;
+}
+
+static int by_place(const void *a, const void *b)
+{
+    const seen *x = a, *y = b;
+    return (x->begin > y->begin) - (x->begin < y->begin);
+}
+
+int batch_record_begin(batch_record *r)
+{
+    size_t dropped = 0;
+    for (size_t i = 0; i < r->n; i++) dropped += r->line[i].drop;
+    if (!r->path || (dropped == 0 && r->whole == r->size)) return EXIT_OK;
+    cli_file file;
+    int code = cli_file_open(r->path, &file);
+    if (code != EXIT_OK) return code;
+    qsort(r->line, r->n, sizeof *r->line, by_place);
+    for (size_t i = 0; i < r->n; i++) {
+        if (!r->line[i].drop) fwrite(r->text + r->line[i].begin, 1, r->line[i].length, file.stream);
+    }
+    code = cli_file_close(&file);
+    if (code != EXIT_OK) return code;
+    const int old = r->fd; /* locked until the new one is */
+    code = open_locked(r);
+    close(old);
+    return code;
+}
+
+/* ---- what a kill left ------------------------------------------------------------------------- */
+
+/* "NAME.PID-N.tmp", where files are written before they get their names, of a process that is no more. */
+static bool is_orphan(const char *name)
+{
+    const size_t n = strlen(name);
+    char *end;
+    if (n < 8 || strcmp(name + n - 4, ".tmp") != 0) return false;
+    const char *at = name + n - 5; /* back over N and PID */
+    while (at > name && isdigit((unsigned char)*at)) at--;
+    if (*at != '-') return false;
+    for (at--; at > name && isdigit((unsigned char)*at); at--) {}
+    const long pid = *at == '.' ? strtol(at + 1, &end, 10) : 0;
+    return pid > 0 && kill((pid_t)pid, 0) != 0 && errno == ESRCH;
+}
+
+void batch_sweep(const char *folder)
+{
+    DIR *dir = opendir(folder);
+    if (!dir) return;
+    struct dirent *entry;
+    while ((entry = readdir(dir)) != NULL) {
+        char path[PATH_MAX];
+        if (strcmp(entry->d_name, ".") == 0 || strcmp(entry->d_name, "..") == 0) continue;
+        if (snprintf(path, sizeof path, "%s/%s", folder, entry->d_name) >= PATH_MAX) continue;
+        if (entry->d_type == DT_DIR) batch_sweep(path);
+        else if (is_orphan(entry->d_name)) unlink(path);
+    }
+    closedir(dir);
+}
+
+/* ---- writing -------------------------------------------------------------------------------- */
+
+void batch_record_fields(const batch_record *r, cli_json *json, const batch_entry *entry, bool failed)
+{
+    const batch_mesh *mesh = &r->list->mesh[entry->mesh];
+    json_text(json, "name", mesh->name);
+    json_integer(json, "number", (int64_t)entry->source);
+    json_text(json, "wanted", entry->wanted);
+    json_text(json, "digest", mesh->digest);
+    json_text(json, "options", r->options);
+    json_text(json, "state", failed ? "failed" : "done");
+}
+
+static bool write_all(int fd, const char *bytes, size_t n)
+{
+    while (n > 0) {
+        const ssize_t written = write(fd, bytes, n);
+        if (written < 0 && errno == EINTR) continue;
+        if (written < 0) return false;
+        bytes += written;
+        n -= (size_t)written;
+    }
+    return true;
+}
+
+int batch_record_append(batch_record *r, const char *line, size_t length)
+{
+    int code = EXIT_OK;
+    pthread_mutex_lock(&r->lock);
+    if (!r->path) {
+        fwrite(line, 1, length, stdout);
+        code = cli_flush();
+    } else {
+        const off_t before = lseek(r->fd, 0, SEEK_END);
+        if (!write_all(r->fd, line, length)) {
+            code = cli_error(EXIT_IO, "cannot write '%s': %s", r->path, strerror(errno));
+            if (before >= 0 && ftruncate(r->fd, before) != 0) code = EXIT_IO;
+        }
+    }
+    pthread_mutex_unlock(&r->lock);
+    return code;
+}

@@ -1,0 +1,156 @@
+/* Farthest-point samples: vertices far from each other, each the farthest from those before it.
+ * Eldar, Lindenbaum, Porat, Zeevi, "The farthest point strategy for progressive image sampling", IEEE
+ * Transactions on Image Processing 6 (1997). The distance is that along edges and across pairs of
+ * triangles laid flat, some per cent above the geodesic one, which is good enough to spread points. */
+#include "mesh/mesh.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+typedef struct queued {
+    double distance;
+    int32_t vertex;
+} queued;
+
+typedef struct sampler {
+    dmk_context *context;
+    const dmk_mesh *mesh;
+    dmk_vertex_stars fan;
+    double *distance; /* n_vertices: to the nearest sample; infinite where no path leads */
+    queued *heap;     /* the least distance first; entries that are out of date are skipped */
+    size_t n, room;
+} sampler;
+
+static bool before(queued a, queued b)
+{
+    return a.distance != b.distance ? a.distance < b.distance : a.vertex < b.vertex;
+}
+
+static int push(sampler *s, queued q)
+{
+    int rc = DMK_GROW(s->context, s->heap, s->n + 1, s->room);
+    if (rc != DMK_OK) return rc;
+    size_t i = s->n++;
+    for (; i > 0 && before(q, s->heap[(i - 1) / 2]); i = (i - 1) / 2) s->heap[i] = s->heap[(i - 1) / 2];
+    s->heap[i] = q;
+    return DMK_OK;
+}
+
+static queued pop(sampler *s)
+{
+    queued top = s->heap[0], last = s->heap[--s->n];
+    size_t i = 0;
+    for (size_t c = 1; c < s->n; c = 2 * i + 1) {
+        if (c + 1 < s->n && before(s->heap[c + 1], s->heap[c])) c++;
+        if (!before(s->heap[c], last)) break;
+        s->heap[i] = s->heap[c];
+        i = c;
+    }
+    s->heap[i] = last;
+    return top;
+}
+
+static int reach(sampler *s, int32_t v, double distance)
+{
+    if (!(distance < s->distance[v])) return DMK_OK;
+    s->distance[v] = distance;
+    return push(s, (queued){distance, v});
+}
+
+/* From corner k of t across the opposite edge, the neighbour laid flat: *length to its far corner, which
+ * is returned; -1 at a border, or where the straight line would leave the two triangles. */
+static int32_t across(const dmk_mesh *m, int32_t t, int k, double *length)
+{
+    const int32_t e = m->triangle_edge[3 * t + k], *pair = m->edge_triangle + 2 * (size_t)e;
+    const int32_t other = pair[0] == t ? pair[1] : pair[0];
+    if (other < 0) return -1;
+    const int32_t *edge = m->triangle_edge + 3 * (size_t)other;
+    const int j = edge[0] == e ? 0 : edge[1] == e ? 1 : 2;
+    const double side = m->length[e];
+    /* Heights over the edge and feet along it, from its end at corner k + 1 of t. */
+    const double up = 2 * m->area[t] / side, down = 2 * m->area[other] / side;
+    const double foot = m->cot[3 * t + (k + 1) % 3] * up, far = m->cot[3 * other + (j + 2) % 3] * down;
+    const double crossing = foot + (far - foot) * up / (up + down);
+    if (!(crossing > 0 && crossing < side)) return -1;
+    *length = hypot(far - foot, up + down);
+    return m->triangle[3 * (size_t)other + (size_t)j];
+}
+
+static int relax(sampler *s, queued from)
+{
+    int rc = DMK_OK;
+    const dmk_mesh *m = s->mesh;
+    for (int32_t i = s->fan.row[from.vertex]; i < s->fan.row[from.vertex + 1]; i++) {
+        const int32_t t = s->fan.triangle[i] / 4;
+        const int k = s->fan.triangle[i] % 4;
+        for (int j = 1; j < 3; j++) {
+            const int32_t e = m->triangle_edge[3 * t + (k + 3 - j) % 3];
+            DMK_TRY(reach(s, m->triangle[3 * t + (k + j) % 3], from.distance + m->length[e]));
+        }
+        double length;
+        const int32_t far = across(m, t, k, &length);
+        if (far >= 0) DMK_TRY(reach(s, far, from.distance + length));
+    }
+done:
+    return rc;
+}
+
+static int spread_from(sampler *s, int32_t v)
+{
+    int rc;
+    DMK_TRY(reach(s, v, 0));
+    while (s->n > 0) {
+        const queued q = pop(s);
+        if (q.distance > s->distance[q.vertex]) continue;
+        DMK_TRY(relax(s, q));
+    }
+    rc = dmk_poll(s->context);
+done:
+    return rc;
+}
+
+/* Of the vertices in triangles the farthest, the first of several; -1 if all are samples. */
+static int32_t farthest(const sampler *s)
+{
+    int32_t best = -1;
+    for (int32_t v = 0; v < s->mesh->n_vertices; v++) {
+        if (s->fan.row[v] == s->fan.row[v + 1] || !(s->distance[v] > 0)) continue;
+        if (best < 0 || s->distance[v] > s->distance[best]) best = v;
+    }
+    return best;
+}
+
+static int check(dmk_context *ctx, const sampler *s, size_t n, int64_t first)
+{
+    const dmk_mesh *m = s->mesh;
+    if (first < 0 || first >= m->n_vertices || s->fan.row[first] == s->fan.row[first + 1]) {
+        return dmk_fail(ctx, DMK_E_ARG, "vertex %lld cannot be the first sample: %s", (long long)first,
+                        first < 0 || first >= m->n_vertices ? "out of range" : "it is in no triangle");
+    }
+    if (n > (size_t)m->n_used_vertices) {
+        return dmk_fail(ctx, DMK_E_ARG, "%zu samples are wanted of %d vertices in triangles", n,
+                        m->n_used_vertices);
+    }
+    return DMK_OK;
+}
+
+int dmk_mesh_sample(dmk_context *ctx, const dmk_mesh *mesh, size_t n, int64_t first, int64_t *vertex)
+{
+    int rc;
+    if (dmk_missing(ctx, "mesh", mesh, "vertex", vertex, NULL)) return DMK_E_ARG;
+    sampler s = {.context = ctx, .mesh = mesh};
+    DMK_TRY(dmk_vertex_stars_create(ctx, mesh, &s.fan));
+    DMK_TRY(check(ctx, &s, n, first));
+    DMK_TRY(DMK_NEW(ctx, s.distance, (size_t)mesh->n_vertices));
+    for (int32_t v = 0; v < mesh->n_vertices; v++) s.distance[v] = INFINITY;
+    for (size_t i = 0; i < n; i++) {
+        vertex[i] = i == 0 ? first : farthest(&s);
+        if (i + 1 < n) DMK_TRY(spread_from(&s, (int32_t)vertex[i]));
+    }
+done:
+    dmk_vertex_stars_free(&s.fan);
+    free(s.distance);
+    free(s.heap);
+    return rc;
+}

@@ -1,0 +1,135 @@
+# Many meshes in one run: what is found and written, failures, resuming, kills at any moment.
+. tests/tap.sh
+
+in=$work/in
+out=$work/files
+report=$out/report.jsonl
+has() { grep -qE -e "$2" "$1"; }
+names() { # of the lines of the report, with their state
+    sed -E 's/^\{"name": "([^"]*)", "number": ([0-9]+),.*"state": "([a-z]*)".*/\1 \2 \3/' "$report" | sort | tr '\n' ';'
+}
+lines_are_json() { # FILE: each line an object
+    local line
+    while IFS= read -r line; do
+        printf '%s\n' "$line" > "$work/line"
+        is_json "$work/line" || { cat "$work/line"; return 1; }
+    done < "$1"
+}
+mkdir -p "$in/sub"
+"$tool" mesh sphere --triangles 400 --out "$in/a.off" > "$work/said_out"
+"$tool" mesh torus --triangles 600 --out "$in/sub/b.off" > "$work/said_out"
+"$tool" mesh ellipsoid --triangles 400 --out "$in/c.ply" > "$work/said_out"
+echo 'no mesh' > "$in/bad.off"
+echo 'not looked at' > "$in/notes.txt"
+gzip -c "$in/a.off" > "$in/d.off.gz"
+
+# ---- slips ------------------------------------------------------------------------------------
+
+fails 'no operand' 1 'MESH is missing' "$tool" batch
+fails 'no mesh' 2 'no mesh found' "$tool" batch - < /dev/null
+fails 'no list' 2 'none.list' "$tool" batch "$work/none.list"
+fails 'resume without a report' 1 'give --report FILE' "$tool" batch "$in" --resume
+fails 'files without a folder' 1 'need --out-dir' "$tool" batch "$in" --out .vtp
+fails 'a suffix without its dot' 1 "'vtp' is not one of" "$tool" batch "$in" --out-dir "$out" --out vtp
+fails 'a suffix of no result' 1 "'.csv' is not one of" "$tool" batch "$in" --out-dir "$out" --out .csv
+fails 'two of a name' 1 'of the same name' "$tool" batch "$in/a.off" "$in/../in/a.off" --out-dir "$out"
+fails 'samples from a point' 1 'begins with a vertex' "$tool" batch "$in" --sources 2 --source 0,0,0
+rm -rf "$out"
+
+# ---- a run ------------------------------------------------------------------------------------
+
+"$tool" batch "$in" --out-dir "$out" > "$work/summary" 2> "$work/errors"
+check 'a bad mesh gives the exit code' test $? -eq 3
+check 'is told once' test "$(grep -c 'bad.off' "$work/errors")" -eq 1
+check 'and the others are solved' test "$(names)" = 'a 0 done;bad 0 failed;c 0 done;d 0 done;sub/b 0 done;'
+check 'the files are named as the meshes' test "$(cd "$out" && find . -type f | sort | tr '\n' ' ')" = \
+    './a.locus.obj ./a.vtp ./c.locus.obj ./c.vtp ./d.locus.obj ./d.vtp ./report.jsonl ./sub/b.locus.obj ./sub/b.vtp '
+check 'each line is JSON' lines_are_json "$report"
+check 'the end is told' has "$work/summary" '^of 5 sources on 5 meshes 4 solved, 0 kept, 1 failed'
+"$tool" solve "$in/sub/b.off" --vertex 0 --quiet --out "$work/b.vtp" --locus "$work/b.obj"
+check 'a mesh of many is solved as if alone' cmp "$work/b.vtp" "$out/sub/b.vtp"
+check 'its locus too' cmp "$work/b.obj" "$out/sub/b.locus.obj"
+fails 'a report is not written over' 1 '--resume goes on' "$tool" batch "$in" --out-dir "$out"
+
+printf '# a list\n%s\n%s\n' "$in/a.off" "$in/sub" > "$work/l.txt"
+"$tool" batch "$work/l.txt" --json > "$work/lines"
+check 'a list, to standard output' test "$(wc -l < "$work/lines")" -eq 2
+"$tool" batch - --report - < "$work/l.txt" > "$work/lines"
+check 'a list, from standard input' test "$(wc -l < "$work/lines")" -eq 2
+check 'as JSON Lines' lines_are_json "$work/lines"
+
+# ---- resuming ---------------------------------------------------------------------------------
+
+again() { "$tool" batch "$in" --out-dir "$out" --resume "$@" > "$work/summary" 2> "$work/errors"; }
+rm "$in/bad.off"
+cp "$in/sub/b.off" "$in/a.off"
+rm "$out/c.locus.obj"
+printf '{"name": "d", "num' >> "$report" # a kill in the middle of a line
+again
+check 'resuming ends well' test $? -eq 0
+check 'says why a mesh is done again' has "$work/summary" '^a: done again: the mesh has changed$'
+check 'or a source' has "$work/summary" '^c: done again: a file of it is missing$'
+check 'keeps the rest' has "$work/summary" '2 solved, 2 kept, 0 failed'
+check 'one line for each' test "$(names)" = 'a 0 done;bad 0 failed;c 0 done;d 0 done;sub/b 0 done;'
+again --vertex 1
+check 'another source is done' has "$work/summary" '4 solved, 0 kept'
+check 'and told' has "$work/summary" '^d: done again: the source is another'
+again --vertex 1 --tolerance 0.1
+check 'other options are done' has "$work/summary" '^sub/b: done again: the options are others'
+again --vertex 1 --tolerance 0.1
+check 'with all there is nothing to do' has "$work/summary" '0 solved, 4 kept'
+(
+    flock 9
+    again
+) 9>> "$report"
+check 'two at a time are refused' has "$work/errors" 'another run is writing'
+
+# ---- samples ----------------------------------------------------------------------------------
+
+rm -r "$out"
+"$tool" batch "$in/sub/b.off" --sources 3 --out-dir "$out" --locus .csv > "$work/summary"
+check 'three sources' test "$(names)" = 'b 0 done;b 1 done;b 2 done;'
+check 'their files' test "$(ls "$out" | tr '\n' ' ')" = \
+    'b-0000.locus.csv b-0001.locus.csv b-0002.locus.csv report.jsonl '
+"$tool" batch "$in/sub/b.off" --sources 5 --out-dir "$out" --locus .csv --resume > "$work/summary"
+check 'fewer samples are the beginning of more' has "$work/summary" '2 solved, 3 kept'
+# Opposite vertices of a torus of radii 2 and 1 are 6 apart in space: the second sample lies beyond the axis.
+check 'samples are far from each other' perl -ne '
+    push @x, [$1, $2, $3] if /"xyz": \[([^,]*), ([^,]*), ([^\]]*)\]/;
+    END { for $i (0 .. $#x) { for $j (0 .. $i - 1) { my $d = 0; $d += ($x[$i][$_] - $x[$j][$_]) ** 2 for 0 .. 2;
+        $least = $d if !defined $least || $d < $least } } exit(@x != 5 || $least < 1.5 ** 2) }' "$report"
+
+# ---- kills ------------------------------------------------------------------------------------
+
+rm -r "$out"
+mkdir "$work/many"
+for k in $(seq -w 24); do cp "$in/c.ply" "$work/many/$k.ply"; done
+"$tool" batch "$work/many" --out-dir "$out" --quiet
+mv "$out" "$work/whole"
+resume=
+for k in $(seq 12); do
+    "$tool" batch "$work/many" --out-dir "$out" --quiet $resume &
+    pid=$!
+    sleep "0.$((RANDOM % 25 + 10))"
+    kill -KILL "$pid" 2> /dev/null
+    wait "$pid" 2> /dev/null
+    [ -s "$report" ] && resume=--resume
+done
+touch "$out/24.vtp.2147483647-0.tmp"
+check 'after 12 kills the rest is done' "$tool" batch "$work/many" --out-dir "$out" --quiet $resume
+check 'nothing is lost or doubled' test "$(names)" = "$(for k in $(seq -w 24); do printf '%s 0 done;' "$k"; done)"
+check 'each line is whole' lines_are_json "$report"
+check 'so are the files, and no other is left' diff -r --exclude=report.jsonl "$work/whole" "$out"
+
+"$tool" batch "$work/many" --out-dir "$work/stopped" --quiet 2> "$work/errors" &
+pid=$!
+for _ in $(seq 600); do
+    test -s "$work/stopped/report.jsonl" && break
+    sleep 0.01
+done
+kill -INT "$pid"
+wait "$pid"
+check 'an interruption ends it' test $? -eq 130
+check 'and tells what is left' has "$work/errors" 'of 24 are left: --resume does them'
+check 'what is told of is whole' lines_are_json "$work/stopped/report.jsonl"
+tap_end
