@@ -215,6 +215,59 @@ int dmk_device_open(dmk_context *context, const dmk_device_options *options, dmk
 void dmk_device_get_info(const dmk_device *device, dmk_device_info *info);
 void dmk_device_destroy(dmk_device **device);
 
+/* ---- geodesic distance -------------------------------------------------------------------------- */
+
+/* Exact geodesic distances on the polyhedron from any number of sources, by windows (Mitchell, Mount, Papadimitriou
+ * 1987): for every vertex the length of the shortest path over the triangles, the nearest source, and how the path
+ * leaves and arrives. Distance and direction together are the logarithmic map of a source. Needs no device. */
+typedef struct dmk_geodesics dmk_geodesics;
+
+typedef struct dmk_geodesics_options {
+    const double *offset; /* n_sources: distance at each source, 0 or more; NULL = 0 */
+    size_t n_lines;       /* edges of the mesh that are sources as a whole, with every point of them */
+    const int32_t *line;  /* 2*n_lines: the vertices that each joins; all together are source number n_sources */
+    int border;           /* 1: all border edges are lines, too */
+    double tolerance;     /* error over the distance; 0 = none up to 300,000 triangles, 1e-6 beyond */
+    int exact;            /* 1: no error whatever the size; time then grows as n^1.5 on smooth meshes */
+} dmk_geodesics_options;
+
+/* How the shortest path arrives at a vertex. Directions at a vertex count counterclockwise from that of an edge, up
+ * to the total angle there: at a border from the clockwise-most edge. At a source inside a triangle they count from the
+ * direction to the triangle's first corner; on an edge, the one opposite corner k of the point's triangle, from
+ * that to corner k+2. */
+typedef struct dmk_arrival {
+    double direction;      /* at the source, radians */
+    double back;           /* at the vertex: direction back along the path, radians */
+    int32_t pseudo_source; /* last vertex that the path bends at; -1: none */
+    int32_t source;        /* number of the nearest source; -1: no source reaches the vertex */
+} dmk_arrival;
+
+typedef struct dmk_geodesics_info {
+    size_t n_reached;  /* vertices */
+    double farthest;   /* largest distance */
+    double error;      /* largest estimate of an error over its distance; 0: exact but for rounding */
+    double integral;   /* of the distance over the triangles that a source reaches */
+    double integral_error; /* of its quadrature, an estimate */
+    size_t n_windows;  /* that were made */
+} dmk_geodesics_info;
+
+void dmk_geodesics_options_init(dmk_geodesics_options *options);
+/* From n_sources points (and the options' lines: one source at least). The mesh must outlive the object. Checked: every
+ * vertex of a component with a source is reached, no edge is shorter than its ends' distances differ, and nothing is
+ * negative; DMK_E_MESH, naming the first vertex, if rounding breaks that. DMK_E_ARG for points off the mesh, offsets
+ * that are negative or not finite, lines that are no edge. */
+int dmk_geodesics_create(dmk_context *context, const dmk_mesh *mesh, size_t n_sources, const dmk_point *sources,
+                         const dmk_geodesics_options *options, dmk_geodesics **geodesics);
+void dmk_geodesics_destroy(dmk_geodesics **geodesics);
+void dmk_geodesics_get_info(const dmk_geodesics *geodesics, dmk_geodesics_info *info);
+/* Borrowed, one for each vertex of the mesh. */
+const double *dmk_geodesics_distance(const dmk_geodesics *geodesics, size_t *n); /* infinite: not reached */
+const dmk_arrival *dmk_geodesics_arrivals(const dmk_geodesics *geodesics, size_t *n);
+/* Estimate of the error of each distance; NULL if all are exact. */
+const double *dmk_geodesics_error(const dmk_geodesics *geodesics, size_t *n);
+/* Write mesh and point data distance, direction (radians), nearest (number of the source): PLY, VTP or VTU. */
+int dmk_geodesics_write(dmk_context *context, const dmk_geodesics *geodesics, const char *path);
+
 /* ---- solver ----------------------------------------------------------------------------------- */
 
 typedef enum dmk_method {
@@ -281,6 +334,8 @@ typedef struct dmk_stats {
     double change;        /* last relative change of mu per unit time */
     double cost_upper;    /* upper bound of the optimal cost, the integral of the distance */
     double cost_lower;    /* lower bound: f.u of a feasible potential */
+    double cost_exact;    /* the optimal cost of the polyhedron itself: the integral of the exact distance */
+    double cost_exact_error; /* of the quadrature of cost_exact, an estimate */
     double gap;           /* (upper - lower) / upper */
     int sweeps;           /* of the repair of u for the lower bound; 0 where none was needed */
     int64_t n_steep;      /* triangles in which |grad u| <= 1 is still broken after it; 0: none, or no need */
@@ -297,9 +352,8 @@ const double *dmk_result_density(const dmk_result *result, size_t *n);       /* 
 const uint8_t *dmk_result_acl(const dmk_result *result, size_t *n);          /* mu <= bound, per triangle */
 const double *dmk_result_potential(const dmk_result *result, size_t *n);     /* u per vertex, u(p) = 0 */
 const double *dmk_result_potential_mid(const dmk_result *result, size_t *n); /* u per edge midpoint */
-/* -u plus a constant: u's peak at the source is blunt by about a tenth of an edge, so the constant, and
- * the values within two edges, are those of a marched distance, which is exact there but for curvature. */
-const double *dmk_result_distance(const dmk_result *result, size_t *n);      /* per vertex */
+/* The exact distance from the source (see dmk_geodesics), per vertex; -u differs from it by the discretisation. */
+const double *dmk_result_distance(const dmk_result *result, size_t *n);
 const double *dmk_result_distance_mid(const dmk_result *result, size_t *n);  /* per midpoint */
 void dmk_result_source(const dmk_result *result, dmk_point *source);
 

@@ -15,6 +15,7 @@ static struct {
     bench b;
     problem p;
     dmk_locus *locus;
+    dmk_geodesics *geodesics;
     dmk_path path;
     char file[300];
     long scratch[1000]; /* for what is filled */
@@ -58,6 +59,14 @@ static struct {
     {                                                                                              \
         0                                                                                          \
     }
+#define good_dmk_geodesics_p good.geodesics
+#define good_dmk_geodesics_pp (void *)&good.none
+#define good_dmk_geodesics_info_p (void *)good.scratch
+#define good_dmk_geodesics_options_p                                                               \
+    &(dmk_geodesics_options)                                                                       \
+    {                                                                                              \
+        0                                                                                          \
+    }
 #define good_dmk_path_p &good.path
 #define fresh_dmk_path_p (void *)good.scratch
 #define good_dmk_format_info_p (void *)good.scratch
@@ -71,6 +80,7 @@ static struct {
 #define good_size_t_p (size_t *)(void *)good.scratch
 #define good_size_t 0
 #define good_n_points 1
+#define good_n_sources 1
 #define good_int64_t 0
 #define good_int 0
 
@@ -128,6 +138,12 @@ static const dmk_solve_options wrong_dmk_solve_options_p[] = {
 };
 static const dmk_locus_options wrong_dmk_locus_options_p[] = {
     {.strength = NAN}, {.strength = -1}, {.strength = INFINITY}};
+static const double wrong_offset[] = {-1};
+static const int32_t no_edge[] = {0, INT32_MAX};
+static const dmk_geodesics_options wrong_dmk_geodesics_options_p[] = {
+    {.offset = wrong_offset},   {.tolerance = NAN}, {.tolerance = -1}, {.tolerance = 1},
+    {.n_lines = 1, .line = NULL}, {.n_lines = 1, .line = no_edge},
+};
 static const int wrong_int[] = {-1, INT32_MIN};
 static const double wrong_double_p[][3] = {{NAN, 0, 0}, {0, INFINITY, 0}, {0, 0, -INFINITY}};
 static const int64_t wrong_int64_t[] = {-1, INT64_MIN, INT64_MAX, INT32_MAX};
@@ -150,6 +166,8 @@ static bool may_be(const char *function, const char *argument)
         /* Lengths of the caller's arrays, and xyz where the mesh is looked at later. */
         "dmk_device_list capacity",
         "dmk_path_compute n_points",
+        "dmk_geodesics_create n_sources",
+        "dmk_geodesics_create options",
         "dmk_mesh_create xyz",
     };
     char both[200];
@@ -254,13 +272,16 @@ static void options_may_be_missing(void **state)
     dmk_result *result = NULL;
     dmk_locus *locus = NULL;
     dmk_mesh *cut = NULL;
+    dmk_geodesics *geodesics = NULL;
     bench_ok(&good.b, dmk_device_open(good.b.ctx, NULL, &device));
     bench_ok(&good.b, dmk_solve(good.b.ctx, p->solver, &p->source, NULL, &result));
     bench_ok(&good.b, dmk_locus_compute(good.b.ctx, p->mesh, result, NULL, &locus));
+    bench_ok(&good.b, dmk_geodesics_create(good.b.ctx, p->mesh, 1, &p->source, NULL, &geodesics));
     bench_ok(&good.b, dmk_cut(good.b.ctx, p->mesh, result, NULL, &cut, NULL));
     assert_memory_equal(dmk_result_density(result, NULL), problem_mu(p),
                         problem_triangles(p) * sizeof(double));
     dmk_mesh_destroy(&cut);
+    dmk_geodesics_destroy(&geodesics);
     dmk_locus_destroy(&locus);
     dmk_result_destroy(&result);
     dmk_device_destroy(&device);
@@ -280,6 +301,7 @@ static void nothing_may_be_destroyed(void **state)
     dmk_solver_destroy((dmk_solver **)&none);
     dmk_result_destroy((dmk_result **)&none);
     dmk_locus_destroy((dmk_locus **)&none);
+    dmk_geodesics_destroy((dmk_geodesics **)&none);
     dmk_path_free(&(dmk_path){0});
     assert_null(none);
 }
@@ -367,6 +389,7 @@ static int setup(void **state)
     problem_solve(&good.p);
     dmk_point end = {7, {0.5, 0.25, 0.25}};
     bench_ok(&good.b, dmk_locus_compute(good.b.ctx, good.p.mesh, good.p.result, NULL, &good.locus));
+    bench_ok(&good.b, dmk_geodesics_create(good.b.ctx, good.p.mesh, 1, &good.p.source, NULL, &good.geodesics));
     bench_ok(&good.b,
              dmk_path_compute(good.b.ctx, good.p.mesh, good.p.result, 1, &end, &good.path));
     snprintf(good.file, sizeof good.file, "%s/arguments-%ld.vtp", folder ? folder : "/tmp",
@@ -380,6 +403,7 @@ static int teardown(void **state)
     (void)state;
     unlink(good.file);
     dmk_path_free(&good.path);
+    dmk_geodesics_destroy(&good.geodesics);
     dmk_locus_destroy(&good.locus);
     problem_free(&good.p);
     bench_close(&good.b);

@@ -134,7 +134,10 @@ static dmk_geodesics *run(dmk_context *ctx, const dmk_mesh *m, size_t n, const d
                           const double *offset)
 {
     dmk_geodesics *g;
-    if (dmk_geodesics_create(ctx, m, n, source, offset, &g) != DMK_OK)
+    dmk_geodesics_options options;
+    dmk_geodesics_options_init(&options);
+    options.offset = offset;
+    if (dmk_geodesics_create(ctx, m, n, source, &options, &g) != DMK_OK)
         fail_msg("%s", dmk_context_message(ctx));
     for (int32_t e = 0; e < m->n_edges; e++) {
         double a = g->distance[m->edge_vertex[2 * e]], b = g->distance[m->edge_vertex[2 * e + 1]];

@@ -298,7 +298,8 @@ static void test_results(void **state)
     static const char *const names[] = {"r.vtp", "r.vtu"};
     fixture *f = *state;
     dmk_mesh *m = make_mesh(f);
-    dmk_fields fields = {m, mu, acl, u, distance, {2, {0, 0.25, 0.75}}};
+    dmk_fields fields = {.mesh = m, .mu = mu, .acl = acl, .u = u, .distance = distance};
+    fields.source = (dmk_point){2, {0, 0.25, 0.75}};
     double source[3];
     assert_int_equal(dmk_mesh_point_xyz(f->ctx, m, &fields.source, source), DMK_OK);
     for (size_t i = 0; i < COUNT(names); i++) {

@@ -151,7 +151,8 @@ static void test_ply_keeps_every_bit(void **state)
     fixture *f = *state;
     dmk_mesh *m = NULL;
     assert_int_equal(dmk_mesh_create(f->ctx, 4, xyz, 1, t, &m), DMK_OK);
-    dmk_fields fields = {m, mu, acl, u, distance, {0, {1, 0, 0}}};
+    dmk_fields fields = {.mesh = m, .mu = mu, .acl = acl, .u = u, .distance = distance};
+    fields.source = (dmk_point){0, {1, 0, 0}};
     for (int result = 0; result < 2; result++) {
         const char *path = path_of(f, "m.ply");
         int rc = result ? dmk_fields_write(f->ctx, &fields, path) : dmk_mesh_write(f->ctx, m, path);

@@ -1,4 +1,5 @@
 /* Writing results and cut loci: what the public accessors give, to a format's writer. */
+#include "geodesic/geodesic.h"
 #include "io/io.h"
 
 #include <math.h>
@@ -24,6 +25,28 @@ int dmk_result_write(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *r
                         n_vertices);
     }
     return dmk_fields_write(ctx, &f, path);
+}
+
+int dmk_geodesics_write(dmk_context *ctx, const dmk_geodesics *g, const char *path)
+{
+    int rc;
+    size_t n;
+    double *direction = NULL;
+    int32_t *nearest = NULL;
+    if (dmk_missing(ctx, "geodesics", g, "path", path, NULL)) return DMK_E_ARG;
+    const dmk_arrival *arrival = dmk_geodesics_arrivals(g, &n);
+    DMK_TRY(DMK_NEW(ctx, direction, n));
+    DMK_TRY(DMK_NEW(ctx, nearest, n));
+    for (size_t v = 0; v < n; v++) {
+        direction[v] = arrival[v].direction;
+        nearest[v] = arrival[v].source;
+    }
+    const dmk_fields f = {.mesh = g->mesh, .distance = g->distance, .direction = direction, .nearest = nearest};
+    DMK_TRY(dmk_fields_write(ctx, &f, path));
+done:
+    free(direction);
+    free(nearest);
+    return rc;
 }
 
 int dmk_locus_write(dmk_context *ctx, const dmk_locus *locus, const char *path)

@@ -16,6 +16,7 @@
 /* argv[0] is the command's name; the result is the exit code. */
 int cmd_solve(int argc, char **argv);
 int cmd_batch(int argc, char **argv);
+int cmd_distance(int argc, char **argv);
 int cmd_path(int argc, char **argv);
 int cmd_cut(int argc, char **argv);
 int cmd_mesh(int argc, char **argv);

@@ -19,6 +19,7 @@ typedef struct command {
 static const command commands[] = {
     {"solve", cmd_solve, "density, distance and cut locus of a point on a mesh"},
     {"batch", cmd_batch, "the same for many meshes, in one process that can be resumed"},
+    {"distance", cmd_distance, "exact geodesic distances from points or the border of a mesh"},
     {"path", cmd_path, "a minimal geodesic from a point back to the source"},
     {"cut", cmd_cut, "the surface cut open along the cut locus, a disk"},
     {"mesh", cmd_mesh, "make a mesh of a built-in surface, or turn a file into another format"},

@@ -41,6 +41,8 @@ static void write_stats(cli_json *json, const dmk_stats *stats)
     json_number(json, "cost_upper", stats->cost_upper);
     json_number(json, "cost_lower", stats->cost_lower);
     json_number(json, "gap", stats->gap);
+    json_number(json, "cost_exact", stats->cost_exact);
+    json_number(json, "cost_exact_error", stats->cost_exact_error);
     json_integer(json, "sweeps", stats->sweeps);
     json_integer(json, "n_steep", stats->n_steep);
     json_open(json, "steep", '[');
@@ -233,6 +235,8 @@ static void print_cost(const dmk_stats *stats)
     printf("between %.8g and %.8g", stats->cost_lower, stats->cost_upper);
     if (isfinite(stats->gap)) printf(" (gap %.2g %%)", 100 * stats->gap);
     printf(", of the discrete problem\n");
+    print_label("");
+    printf("%.8g on the polyhedron itself, the integral of the distance\n", stats->cost_exact);
     print_gap(stats);
 }
 

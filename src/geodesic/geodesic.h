@@ -10,6 +10,7 @@
  * - star.c: directions at every vertex.
  * - source.c: the triangles around a source, and where its rays enter the next ones.
  * - window.c: windows, depth first: exact distances.
+ * - check.c: what must hold of the result; its integral.
  * - geodesics.c: the object.
  *
  * Half-edge h = 3 t + k lies opposite corner k of triangle t and runs from corner k+1 to corner
@@ -18,14 +19,6 @@
 #define DMK_GEODESIC_H
 
 #include "mesh/mesh.h"
-
-/* How the shortest path from the sources arrives at a vertex. */
-typedef struct dmk_arrival {
-    double direction; /* at the source: radians in the source's chart (0 .. total angle) */
-    double back; /* at the vertex: direction back along the path, radians in the vertex' chart */
-    int32_t pseudo_source; /* last vertex the path bends at; -1: none, straight from the source */
-    int32_t source;        /* number of the nearest source; -1: no source reaches the vertex */
-} dmk_arrival;
 
 /* Directions at a vertex: corner c = 3t+k of the star spans [angle[c], angle[c] + corner_angle[c]],
  * counted counterclockwise from the star's first corner (at a border: the clockwise-most one).
@@ -85,13 +78,19 @@ struct dmk_geodesics {
     double *error;        /* n_vertices: estimate of the error; NULL with exact windows */
     dmk_star star;
     int64_t n_windows; /* made */
+    double integral,
+        integral_error; /* see dmk_geodesics_integrate; of dmk_geodesics_create and dmk_solve */
 };
-typedef struct dmk_geodesics dmk_geodesics;
 
-/* From n_sources points, each with an offset (NULL: none). The mesh must outlive the object. */
-int dmk_geodesics_create(dmk_context *context, const dmk_mesh *mesh, size_t n_sources,
-                         const dmk_point *source, const double *offset, dmk_geodesics **geodesics);
-void dmk_geodesics_destroy(dmk_geodesics **geodesics);
+/* dmk_geodesics_create without a stage of its own and without the argument checks. */
+int dmk_geodesics_compute(dmk_context *context, const dmk_mesh *mesh, size_t n_sources,
+                          const dmk_point *source, const dmk_geodesics_options *options,
+                          dmk_geodesics **geodesics);
+/* check.c: DMK_E_MESH, naming the first vertex, if the distances cannot be right. */
+int dmk_geodesics_check(dmk_context *context, const dmk_geodesics *geodesics);
+/* The integral of the distance, and an estimate of its quadrature's error. */
+int dmk_geodesics_integrate(dmk_context *context, const dmk_geodesics *geodesics, double *integral,
+                            double *error);
 
 /* Distance at the edges' midpoints as the shortest path to the nearer end goes on there: mid,
  * n_edges. Too short by as much as the ways of neighbours differ, some h^3. */

@@ -5,28 +5,54 @@
 #include <stdlib.h>
 #include <string.h>
 
+void dmk_geodesics_options_init(dmk_geodesics_options *options)
+{
+    if (options) memset(options, 0, sizeof *options);
+}
+
+static int check_options(dmk_context *ctx, const dmk_mesh *m, size_t n_sources,
+                         const dmk_geodesics_options *o)
+{
+    if (n_sources + o->n_lines == 0 && !(o->border && m->n_border_edges > 0))
+        return dmk_fail(ctx, DMK_E_ARG, "no source: one point or line at least");
+    if (n_sources > INT32_MAX / 2)
+        return dmk_fail(ctx, DMK_E_ARG, "%zu sources are too many", n_sources);
+    for (size_t i = 0; o->offset && i < n_sources; i++) {
+        if (o->offset[i] >= 0 && o->offset[i] < INFINITY) continue;
+        return dmk_fail(ctx, DMK_E_ARG,
+                        "source %zu has the offset %g: expected a finite number, 0 or more", i,
+                        o->offset[i]);
+    }
+    if (!(o->tolerance >= 0 && o->tolerance <= 0.01)) {
+        return dmk_fail(ctx, DMK_E_ARG, "tolerance = %g: expected 0 to 0.01", o->tolerance);
+    }
+    if (o->n_lines > 0 && !o->line)
+        return dmk_fail(ctx, DMK_E_ARG, "line is NULL, but n_lines is %zu", o->n_lines);
+    for (size_t i = 0; i < 2 * o->n_lines; i++) {
+        if (o->line[i] >= 0 && o->line[i] < m->n_vertices) continue;
+        return dmk_fail(ctx, DMK_E_ARG, "line %zu: vertex %d is not among the mesh's 0..%d", i / 2,
+                        o->line[i], m->n_vertices - 1);
+    }
+    return DMK_OK;
+}
+
 static int set_sources(dmk_context *ctx, dmk_geodesics *g, size_t n, const dmk_point *point,
                        const double *offset)
 {
     int rc = DMK_OK;
     DMK_TRY(DMK_NEW(ctx, g->source, n));
     for (size_t i = 0; i < n; i++) {
-        double o = offset ? offset[i] : 0;
-        if (!(o >= 0 && o < HUGE_VAL)) {
-            rc =
-                dmk_fail(ctx, DMK_E_ARG,
-                         "source %zu has the offset %g: expected a finite number, 0 or more", i, o);
-            goto done;
-        }
-        DMK_TRY(dmk_site_create(ctx, g->mesh, &g->star, point + i, o, g->source + i));
+        DMK_TRY(dmk_site_create(ctx, g->mesh, &g->star, point + i, offset ? offset[i] : 0,
+                                g->source + i));
         g->n_sources++;
     }
 done:
     return rc;
 }
 
-int dmk_geodesics_create(dmk_context *ctx, const dmk_mesh *mesh, size_t n_sources,
-                         const dmk_point *source, const double *offset, dmk_geodesics **geodesics)
+int dmk_geodesics_compute(dmk_context *ctx, const dmk_mesh *mesh, size_t n_sources,
+                          const dmk_point *source, const dmk_geodesics_options *options,
+                          dmk_geodesics **geodesics)
 {
     int rc;
     dmk_geodesics *g = NULL;
@@ -36,8 +62,9 @@ int dmk_geodesics_create(dmk_context *ctx, const dmk_mesh *mesh, size_t n_source
     DMK_TRY(DMK_NEW(ctx, g->arrival, (size_t)mesh->n_vertices));
     DMK_TRY(dmk_star_create(ctx, mesh, &g->star));
     DMK_TRY(dmk_poll(ctx));
-    DMK_TRY(set_sources(ctx, g, n_sources, source, offset));
+    DMK_TRY(set_sources(ctx, g, n_sources, source, options->offset));
     DMK_TRY(dmk_windows_run(ctx, g));
+    DMK_TRY(dmk_geodesics_check(ctx, g));
     *geodesics = g;
     g = NULL;
 done:
@@ -45,9 +72,31 @@ done:
     return rc;
 }
 
+int dmk_geodesics_create(dmk_context *ctx, const dmk_mesh *mesh, size_t n_sources,
+                         const dmk_point *sources, const dmk_geodesics_options *options,
+                         dmk_geodesics **geodesics)
+{
+    int rc;
+    dmk_geodesics_options defaults;
+    dmk_geodesics_options_init(&defaults);
+    if (!options) options = &defaults;
+    if (dmk_missing(ctx, "mesh", mesh, "geodesics", geodesics, NULL)) return DMK_E_ARG;
+    if (n_sources > 0 && dmk_missing(ctx, "sources", sources, NULL)) return DMK_E_ARG;
+    DMK_TRY(check_options(ctx, mesh, n_sources, options));
+    for (size_t i = 0; i < n_sources; i++)
+        DMK_TRY(dmk_point_check(ctx, mesh, "sources", sources + i));
+    DMK_TRY(dmk_stage_begin(ctx, "distance"));
+    DMK_TRY(dmk_geodesics_compute(ctx, mesh, n_sources, sources, options, geodesics));
+    DMK_TRY(dmk_geodesics_integrate(ctx, *geodesics, &(*geodesics)->integral,
+                                    &(*geodesics)->integral_error));
+done:
+    dmk_stage_end(ctx);
+    return rc;
+}
+
 void dmk_geodesics_destroy(dmk_geodesics **geodesics)
 {
-    dmk_geodesics *g = *geodesics;
+    dmk_geodesics *g = geodesics ? *geodesics : NULL;
     if (!g) return;
     for (int32_t i = 0; i < g->n_sources; i++)
         dmk_site_free(g->source + i);
@@ -60,27 +109,41 @@ void dmk_geodesics_destroy(dmk_geodesics **geodesics)
     *geodesics = NULL;
 }
 
-/* From vertex v straight to what lies at the distance r in direction `angle` of its chart, seen
- * from the last bend. */
-static double beyond(const dmk_geodesics *g, int32_t v, double angle, double r)
+void dmk_geodesics_get_info(const dmk_geodesics *g, dmk_geodesics_info *info)
 {
-    const dmk_arrival *a = g->arrival + v;
-    if (a->source < 0) return HUGE_VAL;
-    double base =
-        a->pseudo_source >= 0 ? g->distance[a->pseudo_source] : g->source[a->source].offset;
-    double turn = fabs(angle - a->back), straight = g->distance[v] - base;
-    if (!g->star.border[v]) turn = fmin(turn, g->star.total[v] - turn);
-    return base + hypot(straight - r * cos(turn), r * sin(turn));
+    if (!info) return;
+    memset(info, 0, sizeof *info);
+    if (!g) return;
+    info->integral = g->integral;
+    info->integral_error = g->integral_error;
+    info->n_windows = (size_t)g->n_windows;
+    for (int32_t v = 0; v < g->mesh->n_vertices; v++) {
+        if (g->arrival[v].source < 0) continue;
+        info->n_reached++;
+        info->farthest = fmax(info->farthest, g->distance[v]);
+        if (g->error && g->distance[v] > 0)
+            info->error = fmax(info->error, g->error[v] / g->distance[v]);
+    }
 }
 
-void dmk_geodesics_midpoints(const dmk_geodesics *g, double *mid)
+/* The length of a vertex array, if wanted. */
+static bool count(const dmk_geodesics *g, size_t *n)
 {
-    const dmk_mesh *m = g->mesh;
-    for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
-        int32_t e = m->triangle_edge[h], from = dmk_next(h), to = dmk_previous(h);
-        if (m->edge_triangle[2 * (size_t)e] != h / 3) continue;
-        double r = 0.5 * m->length[e];
-        mid[e] = fmin(beyond(g, m->triangle[from], g->star.angle[from], r),
-                      beyond(g, m->triangle[to], g->star.angle[to] + g->star.corner_angle[to], r));
-    }
+    if (n) *n = g ? (size_t)g->mesh->n_vertices : 0;
+    return g != NULL;
+}
+
+const double *dmk_geodesics_distance(const dmk_geodesics *g, size_t *n)
+{
+    return count(g, n) ? g->distance : NULL;
+}
+
+const dmk_arrival *dmk_geodesics_arrivals(const dmk_geodesics *g, size_t *n)
+{
+    return count(g, n) ? g->arrival : NULL;
+}
+
+const double *dmk_geodesics_error(const dmk_geodesics *g, size_t *n)
+{
+    return count(g, n) ? g->error : NULL;
 }

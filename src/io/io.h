@@ -90,6 +90,8 @@ typedef struct dmk_fields {
     const double *u;        /* n_vertices */
     const double *distance; /* n_vertices */
     dmk_point source;
+    const double *direction; /* n_vertices; these two and distance without mu: geodesics */
+    const int32_t *nearest;  /* n_vertices, or NULL */
 } dmk_fields;
 
 typedef struct dmk_curves {

@@ -296,6 +296,9 @@ static void put_header(dmk_output *out, const dmk_fields *f)
     dmk_output_integer(out, f->mesh->n_vertices);
     dmk_output_text(out, "\nproperty double x\nproperty double y\nproperty double z\n");
     if (f->mu) dmk_output_text(out, "property double u\nproperty double distance\n");
+    if (f->nearest) {
+        dmk_output_text(out, "property double distance\nproperty double direction\nproperty int nearest\n");
+    }
     dmk_output_text(out, "element face ");
     dmk_output_integer(out, f->mesh->n_triangles);
     dmk_output_text(out, "\nproperty list uchar int vertex_indices\n");
@@ -310,6 +313,11 @@ int dmk_ply_write(dmk_context *ctx, dmk_output *out, const dmk_fields *f)
     put_header(out, f);
     for (int32_t v = 0; v < m->n_vertices; v++) {
         dmk_output_put(out, m->xyz + 3 * (size_t)v, 3 * sizeof *m->xyz);
+        if (f->nearest) {
+            dmk_output_put(out, &f->distance[v], sizeof f->distance[v]);
+            dmk_output_put(out, &f->direction[v], sizeof f->direction[v]);
+            dmk_output_put(out, &f->nearest[v], sizeof f->nearest[v]);
+        }
         if (!f->mu) continue;
         dmk_output_put(out, &f->u[v], sizeof f->u[v]);
         dmk_output_put(out, &f->distance[v], sizeof f->distance[v]);

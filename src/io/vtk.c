@@ -112,8 +112,15 @@ void dmk_vtk_source(dmk_vtk *vtk, const dmk_fields *f)
 /* Only mu is an active scalar, so that viewers colour by it. */
 void dmk_vtk_result(dmk_vtk *vtk, const dmk_fields *f)
 {
-    if (!f->mu) return;
     size_t n_vertices = (size_t)f->mesh->n_vertices, n_triangles = (size_t)f->mesh->n_triangles;
+    if (f->nearest) {
+        dmk_output_text(vtk->out, "<PointData Scalars=\"distance\">\n");
+        dmk_vtk_array(vtk, DMK_VTK_FLOAT64, "distance", 1, f->distance, n_vertices);
+        dmk_vtk_array(vtk, DMK_VTK_FLOAT64, "direction", 1, f->direction, n_vertices);
+        dmk_vtk_array(vtk, DMK_VTK_INT32, "nearest", 1, f->nearest, n_vertices);
+        dmk_output_text(vtk->out, "</PointData>\n");
+    }
+    if (!f->mu) return;
     dmk_output_text(vtk->out, "<PointData>\n");
     dmk_vtk_array(vtk, DMK_VTK_FLOAT64, "u", 1, f->u, n_vertices);
     dmk_vtk_array(vtk, DMK_VTK_FLOAT64, "distance", 1, f->distance, n_vertices);

@@ -123,9 +123,13 @@ typedef struct start {
 static int measure(dmk_context *ctx, void *data)
 {
     start *near = data;
-    int rc = dmk_geodesics_create(ctx, near->own, 1, near->source, NULL, &near->geodesics);
-    if (rc == DMK_OK) dmk_geodesics_midpoints(near->geodesics, near->mid);
-    return rc;
+    dmk_geodesics_options options;
+    dmk_geodesics_options_init(&options);
+    int rc = dmk_geodesics_compute(ctx, near->own, 1, near->source, &options, &near->geodesics);
+    if (rc != DMK_OK) return rc;
+    dmk_geodesics_midpoints(near->geodesics, near->mid);
+    return dmk_geodesics_integrate(ctx, near->geodesics, &near->geodesics->integral,
+                                   &near->geodesics->integral_error);
 }
 
 /* The distance, and beside it the system of the ordered mesh, if it is not there. */
@@ -334,6 +338,8 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     near.geodesics = NULL;
     mark_acl(s->mesh, options->threshold, r);
     scale_stats(s->system, &r->stats);
+    r->stats.cost_exact = r->geodesics->integral;
+    r->stats.cost_exact_error = r->geodesics->integral_error;
     *result = r;
     r = NULL;
 done:

@@ -1,0 +1,311 @@
+/* dmkcl distance: exact geodesic distances from points and from the border. */
+#include "solve.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+typedef struct distance_request {
+    const char *mesh;
+    cli_numbers source;
+    int64_t vertex;      /* -1: not given */
+    const char *sources; /* file, or NULL */
+    bool border, exact, quiet, json;
+    double tolerance; /* 0: not given */
+    int64_t threads;
+    cli_files out;
+    const char *report; /* NULL: none; "-": standard output */
+} distance_request;
+
+typedef struct distance_run {
+    dmk_context *context;
+    dmk_mesh *mesh;
+    dmk_geodesics *geodesics;
+    dmk_point *source; /* n */
+    size_t n;
+    double begin, read, distance, write; /* seconds */
+    cli_progress progress;
+} distance_run;
+
+static int fail(distance_run *run, int rc)
+{
+    const char *message = dmk_context_message(run->context);
+    cli_progress_end(&run->progress);
+    return cli_error(cli_exit_code(rc), "%s", *message ? message : dmk_status_text(rc));
+}
+
+/* ---- the run -------------------------------------------------------------------------------- */
+
+static int place(distance_run *run, const solve_source *s, dmk_point *point)
+{
+    if (s->vertex >= 0) return dmk_mesh_vertex_point(run->context, run->mesh, s->vertex, point);
+    return dmk_mesh_project(run->context, run->mesh, s->xyz, point);
+}
+
+/* All sources of the command line, as one set. */
+static int place_all(const distance_request *request, distance_run *run)
+{
+    int code = EXIT_OK, rc = DMK_OK;
+    solve_source *list = NULL, one = {.line = 0, .vertex = request->vertex};
+    size_t n = request->vertex >= 0 || request->source.n > 0;
+    memcpy(one.xyz, request->source.value, sizeof one.xyz);
+    if (request->sources) code = solve_read_sources(request->sources, &list, &n);
+    if (code == EXIT_OK && n > 0) {
+        run->source = calloc(n, sizeof *run->source);
+        if (!run->source) code = cli_library_error(NULL, DMK_E_NOMEM);
+    }
+    for (size_t i = 0; code == EXIT_OK && i < n; i++) {
+        rc = place(run, list ? list + i : &one, run->source + i);
+        if (rc == DMK_OK) continue;
+        if (list) {
+            code = cli_error(cli_exit_code(rc), "%s:%lld: %s", request->sources,
+                             (long long)list[i].line, dmk_context_message(run->context));
+        } else {
+            code = fail(run, rc);
+        }
+    }
+    run->n = code == EXIT_OK ? n : 0;
+    free(list);
+    return code;
+}
+
+static int compute(const distance_request *request, distance_run *run)
+{
+    dmk_geodesics_options options;
+    dmk_geodesics_options_init(&options);
+    options.border = request->border;
+    options.exact = request->exact;
+    options.tolerance = request->tolerance;
+    double mark = cli_seconds();
+    int rc = dmk_geodesics_create(run->context, run->mesh, run->n, run->source, &options,
+                                  &run->geodesics);
+    run->distance = cli_seconds() - mark;
+    mark = cli_seconds();
+    for (int i = 0; rc == DMK_OK && i < request->out.n; i++) {
+        rc = dmk_geodesics_write(run->context, run->geodesics, request->out.path[i]);
+    }
+    run->write = cli_seconds() - mark;
+    cli_progress_end(&run->progress);
+    return rc == DMK_OK ? EXIT_OK : fail(run, rc);
+}
+
+/* ---- what is told --------------------------------------------------------------------------- */
+
+static void write_report(FILE *file, const distance_request *request, const distance_run *run)
+{
+    cli_json json = {.file = file};
+    dmk_mesh_info mesh;
+    dmk_geodesics_info info;
+    dmk_mesh_get_info(run->mesh, &mesh);
+    dmk_geodesics_get_info(run->geodesics, &info);
+    json_open(&json, NULL, '{');
+    json_text(&json, "dmkcl", dmk_version());
+    json_open(&json, "mesh", '{');
+    json_text(&json, "file", request->mesh);
+    json_mesh(&json, &mesh);
+    json_close(&json, '{');
+    json_integer(&json, "n_sources", (int64_t)run->n);
+    json_bool(&json, "border", request->border);
+    json_integer(&json, "n_reached", (int64_t)info.n_reached);
+    json_number(&json, "farthest", info.farthest);
+    json_number(&json, "error", info.error);
+    json_number(&json, "integral", info.integral);
+    json_number(&json, "integral_error", info.integral_error);
+    json_integer(&json, "windows", (int64_t)info.n_windows);
+    json_open(&json, "seconds", '{');
+    json_number(&json, "read", run->read);
+    json_number(&json, "distance", run->distance);
+    json_number(&json, "write", run->write);
+    json_number(&json, "total", cli_seconds() - run->begin);
+    json_close(&json, '{');
+    json_integer(&json, "peak_memory", (int64_t)cli_peak_memory());
+    json_open(&json, "out", '[');
+    for (int i = 0; i < request->out.n; i++)
+        json_text(&json, NULL, request->out.path[i]);
+    json_close(&json, '[');
+    json_close(&json, '{');
+}
+
+static void print_summary(const distance_request *request, const distance_run *run)
+{
+    char text[CLI_TEXT_SIZE], more[CLI_TEXT_SIZE];
+    dmk_mesh_info mesh;
+    dmk_geodesics_info info;
+    dmk_mesh_get_info(run->mesh, &mesh);
+    dmk_geodesics_get_info(run->geodesics, &info);
+    printf("%-10s %s: %s vertices, %s triangles\n", "mesh", request->mesh,
+           cli_count((int64_t)mesh.n_vertices, text), cli_count((int64_t)mesh.n_triangles, more));
+    printf("%-10s %s point%s%s\n", "sources", cli_count((int64_t)run->n, text),
+           run->n == 1 ? "" : "s", request->border ? " and the border" : "");
+    printf("%-10s farthest %.10g, mean %.8g", "distance", info.farthest, info.integral / mesh.area);
+    if (info.error > 0)
+        printf(", within %.1g of each", info.error);
+    else
+        printf(", exact");
+    putchar('\n');
+    if (info.n_reached + mesh.n_unused_vertices < mesh.n_vertices) {
+        printf(
+            "%-10s %s vertices lie on components without a source\n", "",
+            cli_count((int64_t)(mesh.n_vertices - mesh.n_unused_vertices - info.n_reached), text));
+    }
+    printf("%-10s %.2f s: read %.2f, distance %.2f, write %.2f; memory %s\n", "time",
+           cli_seconds() - run->begin, run->read, run->distance, run->write,
+           cli_bytes(cli_peak_memory(), text));
+    for (int i = 0; i < request->out.n; i++)
+        printf("%-10s %s\n", "wrote", request->out.path[i]);
+}
+
+static int report(const distance_request *request, const distance_run *run)
+{
+    const char *path = request->json ? "-" : request->report;
+    if (!path) return EXIT_OK;
+    if (strcmp(path, "-") == 0) {
+        write_report(stdout, request, run);
+        return cli_flush();
+    }
+    cli_file file;
+    int code = cli_file_open(path, &file);
+    if (code != EXIT_OK) return code;
+    write_report(file.stream, request, run);
+    return cli_file_close(&file);
+}
+
+static int run_distance(const distance_request *request)
+{
+    distance_run run = {.begin = cli_seconds(),
+                        .progress.line = isatty(STDERR_FILENO) && !request->quiet};
+    int rc = dmk_context_create(&run.context);
+    if (rc != DMK_OK) return cli_library_error(NULL, rc);
+    dmk_context_set_threads(run.context, (int)request->threads);
+    cli_catch_interrupt();
+    cli_watch(run.context, &run.progress);
+    rc = dmk_mesh_read(run.context, request->mesh, &run.mesh);
+    run.read = cli_seconds() - run.begin;
+    int code = rc == DMK_OK ? place_all(request, &run) : fail(&run, rc);
+    if (code == EXIT_OK) code = compute(request, &run);
+    if (code == EXIT_OK) code = report(request, &run);
+    const bool told = request->json || (request->report && strcmp(request->report, "-") == 0);
+    if (code == EXIT_OK && !request->quiet && !told) {
+        print_summary(request, &run);
+        code = cli_flush();
+    }
+    free(run.source);
+    dmk_geodesics_destroy(&run.geodesics);
+    dmk_mesh_destroy(&run.mesh);
+    dmk_context_destroy(&run.context);
+    return code;
+}
+
+/* ---- the command line ----------------------------------------------------------------------- */
+
+static int check_request(const distance_request *r)
+{
+    const int n = (r->source.n > 0) + (r->vertex >= 0) + (r->sources != NULL);
+    if (n == 0 && !r->border) {
+        return cli_error(EXIT_USAGE,
+                         "distance: from where? Give --source X,Y,Z, --vertex I, --sources FILE or "
+                         "--border");
+    }
+    if (n > 1) {
+        return cli_error(
+            EXIT_USAGE, "distance: give one of --source, --vertex and --sources; a file of sources "
+                        "holds any number of both");
+    }
+    if (r->exact && r->tolerance > 0) {
+        return cli_error(EXIT_USAGE, "distance: give --exact or --tolerance, not both");
+    }
+    return cli_check_outputs("out", &r->out, CLI_RESULT);
+}
+
+static int parse(distance_request *r, const char *out_help, int argc, char **argv)
+{
+    const cli_option rows[] = {
+        {.name = "source",
+         .value = "X,Y,Z",
+         .help = "the source: the point of the surface nearest to this one",
+         .kind = CLI_POINT,
+         .target = &r->source},
+        {.name = "vertex",
+         .value = "I",
+         .help = "the source is vertex I, counted from 0",
+         .kind = CLI_INTEGER,
+         .target = &r->vertex,
+         .lo = 0,
+         .hi = INT_MAX,
+         .expected = "a vertex number, from 0"},
+        {.name = "sources",
+         .value = "FILE",
+         .help = "all sources of a file, as one set: a line each, X,Y,Z or vertex I",
+         .kind = CLI_TEXT,
+         .target = &r->sources},
+        {.name = "border",
+         .help = "the border of the mesh is a source, too",
+         .kind = CLI_FLAG,
+         .target = &r->border},
+        {.name = "tolerance",
+         .value = "T",
+         .help = "allow an error of T times the distance; default: 0 up to 300,000\ntriangles, "
+                 "1e-6 beyond",
+         .kind = CLI_NUMBER,
+         .target = &r->tolerance,
+         .lo = 1e-9,
+         .hi = 0.01,
+         .expected = "a number from 1e-9 to 0.01"},
+        {.name = "exact",
+         .help = "no error, whatever the size",
+         .kind = CLI_FLAG,
+         .target = &r->exact},
+        {.name = "out", .value = "FILE", .help = out_help, .kind = CLI_FILES, .target = &r->out},
+        {.name = "report",
+         .value = "FILE",
+         .help = "write a JSON report; - is the standard output",
+         .kind = CLI_TEXT,
+         .target = &r->report},
+        {.name = "json",
+         .help = "print the report instead of the summary",
+         .kind = CLI_FLAG,
+         .target = &r->json},
+        {.name = "threads",
+         .value = "N",
+         .help = "threads to use; default: one for each core",
+         .kind = CLI_INTEGER,
+         .target = &r->threads,
+         .lo = 1,
+         .hi = INT_MAX,
+         .expected = "a whole number from 1"},
+        {.name = "quiet",
+         .help = "print nothing but errors",
+         .kind = CLI_FLAG,
+         .target = &r->quiet},
+    };
+    const cli_syntax syntax = {
+        .command = "distance",
+        .usage = "MESH (--source X,Y,Z | --vertex I | --sources FILE | --border) [OPTIONS]",
+        .summary =
+            "Exact geodesic distances from one or many points of the surface MESH, and from its\n"
+            "border, to all vertices. Needs no OpenCL device.",
+        .operand = "MESH",
+        .notes =
+            "Point data: distance; direction, the angle (radians) at the nearest source in which "
+            "the\n"
+            "shortest path leaves it; nearest, the number of that source, from 0 in the order of "
+            "the\n"
+            "file, the border last. Where no source leads the distance is infinite and nearest -1.",
+        .options = rows,
+        .n_options = sizeof rows / sizeof *rows,
+    };
+    return cli_parse(&syntax, argc, argv, &r->mesh);
+}
+
+int cmd_distance(int argc, char **argv)
+{
+    distance_request request = {.vertex = -1};
+    char suffixes[512], help[600];
+    cli_suffixes(CLI_RESULT, suffixes, sizeof suffixes);
+    snprintf(help, sizeof help,
+             "write mesh, distance, direction and nearest; may be given\nagain: %s", suffixes);
+    int code = parse(&request, help, argc, argv);
+    if (code != CLI_GO_ON) return code;
+    code = check_request(&request);
+    return code == EXIT_OK ? run_distance(&request) : code;
+}

@@ -1,0 +1,180 @@
+/* What must hold of every distance, and its integral. */
+#include "geodesic/geodesic.h"
+
+#include "base/parallel.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+/* ---- checks ---------------------------------------------------------------------------------- */
+
+typedef struct audit {
+    const dmk_geodesics *g;
+    const bool *component; /* has a source */
+    double slack;
+} audit;
+
+/* The corner of least number of triangle t that no source reaches, though one lies in its
+ * component; or that has a distance below zero, or none. */
+static bool bad_triangle(int32_t t, void *data)
+{
+    const audit *a = data;
+    const dmk_mesh *m = a->g->mesh;
+    for (int k = 0; k < 3; k++) {
+        const double d = a->g->distance[m->triangle[3 * (size_t)t + (size_t)k]];
+        if (!(d >= 0) || (a->component[m->component[t]] && d == INFINITY)) return true;
+    }
+    return false;
+}
+
+static double violation(const audit *a, int32_t e)
+{
+    const int32_t *v = a->g->mesh->edge_vertex + 2 * (size_t)e;
+    const double x = a->g->distance[v[0]], y = a->g->distance[v[1]], *error = a->g->error;
+    double excess = fabs(x - y) - a->g->mesh->length[e] - (error ? error[v[0]] + error[v[1]] : 0);
+    return x == y ? -1 : excess; /* both may be infinite */
+}
+
+static bool bad_edge(int32_t e, void *data)
+{
+    const audit *a = data;
+    return violation(a, e) > a->slack;
+}
+
+static int name_triangle(dmk_context *ctx, const dmk_geodesics *g, int32_t t)
+{
+    for (int k = 0; k < 3; k++) {
+        const int32_t v = g->mesh->triangle[3 * (size_t)t + (size_t)k];
+        if (g->distance[v] >= 0 && g->distance[v] < INFINITY) continue;
+        return dmk_fail(ctx, DMK_E_MESH,
+                        g->distance[v] == INFINITY
+                            ? "no path reached vertex %d, which is joined to a source: "
+                              "this is an error of the program, please report the mesh"
+                            : "the distance of vertex %d is negative: this is an error of the "
+                              "program, please report the mesh",
+                        v);
+    }
+    return DMK_OK;
+}
+
+int dmk_geodesics_check(dmk_context *ctx, const dmk_geodesics *g)
+{
+    int rc;
+    bool *component = NULL;
+    const dmk_mesh *m = g->mesh;
+    audit a = {.g = g, .slack = 0};
+    DMK_TRY(DMK_NEW(ctx, component, (size_t)m->n_components));
+    a.component = component;
+    for (int32_t i = 0; i < g->n_sources; i++)
+        component[m->component[g->source[i].point.triangle]] = true;
+    int32_t t = dmk_parallel_first(ctx, m->n_triangles, bad_triangle, &a);
+    if (t >= 0) {
+        rc = name_triangle(ctx, g, t);
+        goto done;
+    }
+    for (int32_t v = 0; v < m->n_vertices; v++) {
+        if (g->distance[v] < INFINITY) a.slack = fmax(a.slack, 1e-11 * g->distance[v]);
+    }
+    int32_t e = dmk_parallel_first(ctx, m->n_edges, bad_edge, &a);
+    if (e >= 0) {
+        rc = dmk_fail(ctx, DMK_E_MESH,
+                      "the distances of vertices %d and %d differ by %g more than their edge is "
+                      "long: this is an "
+                      "error of the program, please report the mesh",
+                      m->edge_vertex[2 * (size_t)e], m->edge_vertex[2 * (size_t)e + 1],
+                      violation(&a, e));
+    }
+done:
+    free(component);
+    return rc;
+}
+
+/* ---- between the vertices -------------------------------------------------------------------- */
+
+/* From vertex v straight to what lies at the distance r in direction `angle` of its chart, seen
+ * from the last bend. */
+static double beyond(const dmk_geodesics *g, int32_t v, double angle, double r)
+{
+    const dmk_arrival *a = g->arrival + v;
+    if (a->source < 0) return INFINITY;
+    double base =
+        a->pseudo_source >= 0 ? g->distance[a->pseudo_source] : g->source[a->source].offset;
+    double turn = fabs(angle - a->back), straight = g->distance[v] - base;
+    if (!g->star.border[v]) turn = fmin(turn, g->star.total[v] - turn);
+    double x = (straight - r * cos(turn)) / g->star.unit, y = r * sin(turn) / g->star.unit;
+    return base + g->star.unit * sqrt(x * x + y * y);
+}
+
+void dmk_geodesics_midpoints(const dmk_geodesics *g, double *mid)
+{
+    const dmk_mesh *m = g->mesh;
+    for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
+        int32_t e = m->triangle_edge[h], from = dmk_next(h), to = dmk_previous(h);
+        if (m->edge_triangle[2 * (size_t)e] != h / 3) continue;
+        double r = 0.5 * m->length[e];
+        mid[e] = fmin(beyond(g, m->triangle[from], g->star.angle[from], r),
+                      beyond(g, m->triangle[to], g->star.angle[to] + g->star.corner_angle[to], r));
+    }
+}
+
+/* At the centre of gravity of triangle t. */
+static double at_centre(const dmk_geodesics *g, int32_t t)
+{
+    const dmk_mesh *m = g->mesh;
+    double best = INFINITY;
+    for (int32_t c = 3 * t; c < 3 * t + 3; c++) {
+        double p = m->length[m->triangle_edge[dmk_previous(c)]],
+               q = m->length[m->triangle_edge[dmk_next(c)]];
+        double angle = g->star.corner_angle[c], x = (p + q * cos(angle)) / 3,
+               y = q * sin(angle) / 3;
+        best = fmin(best, beyond(g, m->triangle[c], g->star.angle[c] + atan2(y, x), hypot(x, y)));
+    }
+    return best;
+}
+
+typedef struct integrand {
+    const dmk_geodesics *g;
+    const double *mid;
+    double *sum, *error; /* n_triangles */
+} integrand;
+
+/* Exact for polynomials of degree 3, and beside it for degree 2. */
+static void integrate_range(int32_t begin, int32_t end, void *data)
+{
+    const integrand *i = data;
+    const dmk_mesh *m = i->g->mesh;
+    for (int32_t t = begin; t < end; t++) {
+        double corners = 0, mids = 0, centre = at_centre(i->g, t);
+        for (size_t h = 3 * (size_t)t; h < 3 * (size_t)t + 3; h++) {
+            corners += i->g->distance[m->triangle[h]];
+            mids += i->mid[m->triangle_edge[h]];
+        }
+        bool reached = corners < INFINITY;
+        i->sum[t] = reached ? m->area[t] * (3 * corners + 8 * mids + 27 * centre) / 60 : 0;
+        i->error[t] = reached ? fabs(i->sum[t] - m->area[t] * mids / 3) : 0;
+    }
+}
+
+int dmk_geodesics_integrate(dmk_context *ctx, const dmk_geodesics *g, double *integral,
+                            double *error)
+{
+    int rc;
+    const dmk_mesh *m = g->mesh;
+    double *mid = NULL, *sum = NULL, *off = NULL;
+    DMK_TRY(DMK_NEW(ctx, mid, (size_t)m->n_edges));
+    DMK_TRY(DMK_NEW(ctx, sum, (size_t)m->n_triangles));
+    DMK_TRY(DMK_NEW(ctx, off, (size_t)m->n_triangles));
+    dmk_geodesics_midpoints(g, mid);
+    integrand i = {g, mid, sum, off};
+    dmk_parallel(ctx, m->n_triangles, integrate_range, &i);
+    *integral = *error = 0;
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        *integral += sum[t];
+        *error += off[t];
+    }
+done:
+    free(mid);
+    free(sum);
+    free(off);
+    return rc;
+}
