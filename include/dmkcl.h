@@ -357,6 +357,21 @@ const double *dmk_result_distance(const dmk_result *result, size_t *n);
 const double *dmk_result_distance_mid(const dmk_result *result, size_t *n);  /* per midpoint */
 void dmk_result_source(const dmk_result *result, dmk_point *source);
 
+/* What a result consists of, for storing it or sending it to another process: the arrays that the
+ * accessors give, each for the whole mesh, the source and the stats. */
+typedef struct dmk_result_data {
+    const double *density, *potential, *potential_mid, *distance, *distance_mid;
+    const uint8_t *acl;
+    dmk_point source;
+    dmk_stats stats;
+} dmk_result_data;
+
+/* The result again, from copies of these arrays and the same mesh: for dmk_locus_compute,
+ * dmk_path_compute, dmk_cut and dmk_result_write. Runs the geodesics anew, and needs no device.
+ * DMK_E_ARG if the source is no point of the mesh. */
+int dmk_result_restore(dmk_context *context, const dmk_mesh *mesh, const dmk_result_data *data,
+                       dmk_result **result);
+
 /* ---- cut locus -------------------------------------------------------------------------------- */
 
 typedef struct dmk_locus dmk_locus;

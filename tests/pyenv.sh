@@ -11,7 +11,7 @@ mkdir -p build
 exec 9> build/pyenv.lock
 flock 9
 cmp -s "$list" "$folder/installed.txt" && exit 0
-[ -x "$folder/bin/pip" ] || "${PYTHON:-python3}" -m venv --clear "$folder"
-"$folder/bin/pip" install --quiet --disable-pip-version-check --prefer-binary -r "$list"
+[ -x "$folder/bin/python" ] || "${PYTHON:-python3}" -m venv --clear "$folder"
+"$folder/bin/python" -m pip install --quiet --disable-pip-version-check --prefer-binary -r "$list"
 # Last, so that an install that was broken off is taken up again.
 cp "$list" "$folder/installed.txt"

@@ -74,8 +74,10 @@ int problem_try(problem *p)
 {
     dmk_result_destroy(&p->result);
     int rc = dmk_solve(p->b->ctx, p->solver, &p->source, &p->options, &p->result);
-    if (rc == DMK_OK) dmk_result_get_stats(p->result, &p->stats);
-    else assert_null(p->result);
+    if (rc == DMK_OK)
+        dmk_result_get_stats(p->result, &p->stats);
+    else
+        assert_null(p->result);
     return rc;
 }
 
@@ -97,11 +99,23 @@ void problem_free(problem *p)
     dmk_mesh_destroy(&p->mesh);
 }
 
-size_t problem_triangles(const problem *p) { return p->info.n_triangles; }
-size_t problem_vertices(const problem *p) { return p->info.n_vertices; }
+size_t problem_triangles(const problem *p)
+{
+    return p->info.n_triangles;
+}
+size_t problem_vertices(const problem *p)
+{
+    return p->info.n_vertices;
+}
 
-const double *problem_mu(const problem *p) { return dmk_result_density(p->result, NULL); }
-const double *problem_distance(const problem *p) { return dmk_result_distance(p->result, NULL); }
+const double *problem_mu(const problem *p)
+{
+    return dmk_result_density(p->result, NULL);
+}
+const double *problem_distance(const problem *p)
+{
+    return dmk_result_distance(p->result, NULL);
+}
 
 double problem_area(const problem *p, size_t triangle)
 {
@@ -143,8 +157,22 @@ double *read_numbers(const char *path, size_t *n)
     double *x = malloc(room * sizeof *x);
     FILE *file = fopen(path, "r");
     if (!file) fail_msg("%s is missing", path);
-    for (*n = 0; *n < room && fscanf(file, "%lf", x + *n) == 1; ++*n) {}
+    for (*n = 0; *n < room && fscanf(file, "%lf", x + *n) == 1; ++*n) {
+    }
     assert_true(*n > 0 && *n < room);
     fclose(file);
     return x;
+}
+
+dmk_result_data result_data(const dmk_result *result)
+{
+    dmk_result_data data = {.density = dmk_result_density(result, NULL),
+                            .potential = dmk_result_potential(result, NULL),
+                            .potential_mid = dmk_result_potential_mid(result, NULL),
+                            .distance = dmk_result_distance(result, NULL),
+                            .distance_mid = dmk_result_distance_mid(result, NULL),
+                            .acl = dmk_result_acl(result, NULL)};
+    dmk_result_source(result, &data.source);
+    dmk_result_get_stats(result, &data.stats);
+    return data;
 }

@@ -23,6 +23,9 @@ void bench_open(bench *b, const dmk_device_options *options);
 void bench_close(bench *b);
 void bench_ok(const bench *b, int rc);
 
+/* Its arrays, source and stats, borrowed. */
+dmk_result_data result_data(const dmk_result *result);
+
 typedef struct problem {
     bench *b;
     dmk_mesh *mesh;

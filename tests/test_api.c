@@ -111,6 +111,43 @@ static void lengths_need_not_be_asked_for(void **state)
     problem_free(&p);
 }
 
+/* A result made again from its arrays gives the same path and the same locus. */
+static void a_result_is_restored(void **state)
+{
+    problem p = problem_file(*state, "tests/data/torus_5440.off.gz");
+    p.source = (dmk_point){77, {0.25, 0.5, 0.25}};
+    problem_solve(&p);
+    const dmk_result_data data = result_data(p.result);
+    dmk_result *again = NULL;
+    bench_ok(p.b, dmk_result_restore(p.b->ctx, p.mesh, &data, &again));
+    const dmk_result_data copy = result_data(again);
+    assert_ptr_not_equal(copy.density, data.density);
+    assert_memory_equal(copy.density, data.density, problem_triangles(&p) * sizeof(double));
+    assert_memory_equal(copy.acl, data.acl, problem_triangles(&p));
+    assert_memory_equal(copy.potential, data.potential, problem_vertices(&p) * sizeof(double));
+    assert_memory_equal(copy.distance, data.distance, problem_vertices(&p) * sizeof(double));
+    assert_memory_equal(copy.distance_mid, data.distance_mid, p.info.n_edges * sizeof(double));
+    assert_memory_equal(copy.potential_mid, data.potential_mid, p.info.n_edges * sizeof(double));
+    assert_true(copy.source.triangle == 77 && copy.stats.cost_upper == data.stats.cost_upper);
+    dmk_point to = {1234, {0.2, 0.3, 0.5}};
+    dmk_path path[2];
+    dmk_locus *locus[2];
+    dmk_locus_info info[2];
+    for (int i = 0; i < 2; i++) {
+        const dmk_result *r = i == 0 ? p.result : again;
+        bench_ok(p.b, dmk_path_compute(p.b->ctx, p.mesh, r, 1, &to, &path[i]));
+        bench_ok(p.b, dmk_locus_compute(p.b->ctx, p.mesh, r, NULL, &locus[i]));
+        dmk_locus_get_info(locus[i], &info[i]);
+        dmk_locus_destroy(&locus[i]);
+    }
+    assert_true(path[0].length == path[1].length && path[0].n == path[1].n);
+    assert_true(info[0].length == info[1].length && info[0].n_vertices == info[1].n_vertices);
+    dmk_path_free(&path[0]);
+    dmk_path_free(&path[1]);
+    dmk_result_destroy(&again);
+    problem_free(&p);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -119,6 +156,7 @@ int main(void)
         cmocka_unit_test(the_source_is_given_back),
         cmocka_unit_test(a_vertex_is_one_source_by_any_triangle),
         cmocka_unit_test(lengths_need_not_be_asked_for),
+        cmocka_unit_test(a_result_is_restored),
     };
     return cmocka_run_group_tests(tests, bench_setup, bench_teardown);
 }

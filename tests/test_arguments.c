@@ -17,6 +17,7 @@ static struct {
     dmk_locus *locus;
     dmk_geodesics *geodesics;
     dmk_path path;
+    dmk_result_data data;
     char file[300];
     long scratch[1000]; /* for what is filled */
     void *none;         /* for objects that a call makes: it must stay NULL */
@@ -50,6 +51,7 @@ static struct {
 #define good_dmk_solve_options_p &good.p.options
 #define good_dmk_result_p good.p.result
 #define good_dmk_result_pp (void *)&good.none
+#define good_dmk_result_data_p &good.data
 #define good_dmk_stats_p (void *)good.scratch
 #define good_dmk_locus_p good.locus
 #define good_dmk_locus_pp (void *)&good.none
@@ -387,6 +389,7 @@ static int setup(void **state)
     bench_open(&good.b, NULL);
     good.p = problem_file(&good.b, "tests/data/sphere_1280.off");
     problem_solve(&good.p);
+    good.data = result_data(good.p.result);
     dmk_point end = {7, {0.5, 0.25, 0.25}};
     bench_ok(&good.b, dmk_locus_compute(good.b.ctx, good.p.mesh, good.p.result, NULL, &good.locus));
     bench_ok(&good.b, dmk_geodesics_create(good.b.ctx, good.p.mesh, 1, &good.p.source, NULL, &good.geodesics));

@@ -2,6 +2,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 dmk_shared_order *dmk_shared_order_keep(dmk_shared_order *shared)
 {
@@ -40,6 +41,51 @@ int dmk_result_create(dmk_context *ctx, const dmk_mesh *m, dmk_result **result)
         r->potential_mid[i] = -INFINITY;
         r->distance_mid[i] = INFINITY;
     }
+    *result = r;
+    r = NULL;
+done:
+    dmk_result_destroy(&r);
+    return rc;
+}
+
+/* The source's component in its order, and the geodesics on it. */
+static int restore_component(dmk_context *ctx, const dmk_mesh *m, dmk_result *r)
+{
+    int rc;
+    DMK_TRY(DMK_NEW(ctx, r->order, 1));
+    atomic_init(&r->order->users, 1);
+    dmk_order *order = &r->order->order;
+    DMK_TRY(dmk_order_create(ctx, m, m->component[r->source.triangle], order));
+    dmk_point p = r->source;
+    while (order->triangle_old[r->source_triangle] != p.triangle) r->source_triangle++;
+    p.triangle = r->source_triangle;
+    DMK_TRY(dmk_geodesics_create(ctx, order->mesh, 1, &p, NULL, &r->geodesics));
+done:
+    return rc;
+}
+
+int dmk_result_restore(dmk_context *ctx, const dmk_mesh *m, const dmk_result_data *data,
+                       dmk_result **result)
+{
+    int rc;
+    dmk_result *r = NULL;
+    if (dmk_missing(ctx, "mesh", m, "data", data, "result", result, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "density", data->density, "potential", data->potential, "potential_mid",
+                    data->potential_mid, "distance", data->distance, "distance_mid",
+                    data->distance_mid, "acl", data->acl, NULL)) {
+        return DMK_E_ARG;
+    }
+    DMK_TRY(dmk_point_check(ctx, m, "source", &data->source));
+    DMK_TRY(dmk_result_create(ctx, m, &r));
+    memcpy(r->density, data->density, r->n_triangles * sizeof *r->density);
+    memcpy(r->acl, data->acl, r->n_triangles * sizeof *r->acl);
+    memcpy(r->potential, data->potential, r->n_vertices * sizeof *r->potential);
+    memcpy(r->distance, data->distance, r->n_vertices * sizeof *r->distance);
+    memcpy(r->potential_mid, data->potential_mid, r->n_edges * sizeof *r->potential_mid);
+    memcpy(r->distance_mid, data->distance_mid, r->n_edges * sizeof *r->distance_mid);
+    r->source = data->source;
+    r->stats = data->stats;
+    DMK_TRY(restore_component(ctx, m, r));
     *result = r;
     r = NULL;
 done:

@@ -27,7 +27,8 @@ def to_rgb(lab: NDArray[np.float64]) -> NDArray[np.float64]:
     """(n, 3) Oklab colours as sRGB; outside of [0, 1] where a screen cannot show them."""
     linear = (lab @ _TO_CONES.T) ** 3 @ _TO_RGB.T
     curve = 1.055 * np.abs(linear) ** (1 / 2.4) - 0.055
-    return np.where(linear <= 0.0031308, 12.92 * linear, curve)
+    shown: NDArray[np.float64] = np.where(linear <= 0.0031308, 12.92 * linear, curve)
+    return shown
 
 
 def density_map(n: int = 256) -> NDArray[np.float64]:

@@ -9,7 +9,8 @@ from typing import Any, Callable, Optional
 
 import numpy as np
 
-from ._dmkcl import ffi, lib
+from ._dmkcl import ffi as ffi
+from ._dmkcl import lib as lib
 
 
 class Error(Exception):
@@ -72,7 +73,8 @@ _CLASSES = {
 
 def text(chars: Any) -> str:
     """A C string; names of files and devices may hold any bytes."""
-    return ffi.string(chars).decode("utf-8", "surrogateescape")
+    found: bytes = ffi.string(chars)
+    return found.decode("utf-8", "surrogateescape")
 
 
 def path_bytes(path: "os.PathLike[str] | str") -> bytes:
@@ -82,7 +84,7 @@ def path_bytes(path: "os.PathLike[str] | str") -> bytes:
 # ---- handles ----------------------------------------------------------------------------------
 
 
-def _destroy(destroy: Callable[[Any], None], keep: tuple, box: Any) -> None:
+def _destroy(destroy: Callable[[Any], None], keep: "tuple[Any, ...]", box: Any) -> None:
     destroy(box)
 
 
@@ -133,7 +135,7 @@ def copy_struct(struct: Any) -> "dict[str, Any]":
 # ---- contexts: errors and progress ------------------------------------------------------------
 
 
-@ffi.def_extern(error=1, onerror=lambda kind, value, trace: None)
+@ffi.def_extern(error=1, onerror=lambda kind, value, trace: None)  # type: ignore[untyped-decorator]
 def dmkcl_python_progress(progress: Any, user: Any) -> int:
     """Called between steps, with the GIL: the place where Ctrl-C and exceptions end a call."""
     context = ffi.from_handle(user)

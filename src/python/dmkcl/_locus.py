@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 from functools import cached_property
-from typing import Any
+from typing import Any, Optional
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._lib import Context, Handle, copy_struct, ffi, lib, path_bytes
+from ._lib import Context, Error, Handle, copy_struct, ffi, lib, path_bytes
 from ._mesh import Mesh
 
 
@@ -72,7 +72,7 @@ class Locus:
         options = ffi.new("dmk_locus_options *")
         lib.dmk_locus_options_init(options)
         options.strength = prune
-        self._handle = Handle("dmk_locus")
+        self._handle: Optional[Handle] = Handle("dmk_locus")
         with Context() as context:
             context.check(
                 lib.dmk_locus_compute(
@@ -83,9 +83,14 @@ class Locus:
         self._read_vertices()
         self._read_edges()
 
+    @property
+    def _pointer(self) -> Any:
+        assert self._handle is not None
+        return self._handle.pointer
+
     def _read_info(self) -> None:
         info = ffi.new("dmk_locus_info *")
-        lib.dmk_locus_get_info(self._handle.pointer, info)
+        lib.dmk_locus_get_info(self._pointer, info)
         fields = copy_struct(info[0])
         self.length: float = fields["length"]
         self.loops: int = fields["loops"]
@@ -95,7 +100,7 @@ class Locus:
 
     def _read_vertices(self) -> None:
         n = ffi.new("size_t *")
-        pointer = lib.dmk_locus_vertices(self._handle.pointer, n)
+        pointer = lib.dmk_locus_vertices(self._pointer, n)
         raw = _copy(pointer, n[0], _VERTEX)
         self.vertices: NDArray[np.float64] = raw["xyz"].copy()
         self.faces: NDArray[np.int64] = raw["place.triangle"].copy()
@@ -109,7 +114,7 @@ class Locus:
 
     def _read_edges(self) -> None:
         n = ffi.new("size_t *")
-        pointer = lib.dmk_locus_edges(self._handle.pointer, n)
+        pointer = lib.dmk_locus_edges(self._pointer, n)
         raw = _copy(pointer, n[0], _EDGE)
         self.edges: NDArray[np.int32] = raw["vertex"].copy()
         self.edge_strength: NDArray[np.float64] = raw["strength"].copy()
@@ -117,12 +122,16 @@ class Locus:
     @cached_property
     def polylines(self) -> "list[NDArray[np.int32]]":
         n, offset = ffi.new("size_t *"), ffi.new("int32_t **")
-        index = lib.dmk_locus_polylines(self._handle.pointer, offset, n)
+        index = lib.dmk_locus_polylines(self._pointer, offset, n)
         if n[0] == 0:
             return []
         offsets = _copy(offset[0], n[0] + 1, np.dtype(np.int32))
         indices = _copy(index, int(offsets[-1]), np.dtype(np.int32))
         return [indices[a:b].copy() for a, b in zip(offsets[:-1], offsets[1:])]
+
+    def __getstate__(self) -> "dict[str, Any]":
+        self.polylines
+        return {**self.__dict__, "_handle": None}
 
     def __repr__(self) -> str:
         return (
@@ -132,9 +141,11 @@ class Locus:
 
     def write(self, path: "os.PathLike[str] | str") -> None:
         """Write as OBJ with l lines, VTP with point data, or CSV, by the suffix."""
+        if self._handle is None:
+            raise Error("a cut locus pickled by itself cannot be written; pickle its Result")
         with Context() as context:
             context.check(
-                lib.dmk_locus_write(context.pointer, self._handle.pointer, path_bytes(path))
+                lib.dmk_locus_write(context.pointer, self._pointer, path_bytes(path))
             )
 
     def to_pyvista(self) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from functools import cached_property
-from typing import Any, Iterator, NamedTuple, Optional, Sequence, Union
+from typing import Any, Iterator, NamedTuple, Optional
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -147,14 +147,19 @@ class Mesh:
         yield self.faces
 
     def __repr__(self) -> str:
+        return f"<dmkcl.Mesh: {self._describe()}>"
+
+    def _describe(self) -> str:
         info = self.info
-        closed = (
-            "closed" if info["n_border_edges"] == 0 else f"{info['n_border_loops']} border loops"
-        )
-        return (
-            f"<dmkcl.Mesh: {info['n_vertices']} vertices, {info['n_triangles']} triangles, "
-            f"{closed}, Euler characteristic {info['euler']}>"
-        )
+        parts = [f"{info['n_vertices']} vertices", f"{info['n_triangles']} triangles"]
+        pieces, borders = info["n_components"], info["n_border_loops"]
+        if pieces == 1:
+            genus = (2 - info["euler"] - borders) // 2
+            parts += ["1 component", f"genus {genus}"]
+        else:
+            parts.append(f"{pieces} components")
+        parts.append(f"{borders} border{'' if borders == 1 else 's'}" if borders else "closed")
+        return ", ".join(parts)
 
     # ---- points -------------------------------------------------------------------------------
 
@@ -244,71 +249,3 @@ class Mesh:
 
         faces = np.column_stack([np.full(len(self.faces), 3), self.faces]).ravel()
         return pyvista.PolyData(np.array(self.vertices), faces)
-
-
-MeshLike = Union[Mesh, "os.PathLike[str]", str, Sequence[Any], Any]
-
-
-def _fan(polygons: NDArray[Any]) -> NDArray[Any]:
-    """Polygons (m, k) to triangles around the first corner of each, in order."""
-    polygons = np.asarray(polygons)
-    k = polygons.shape[1]
-    corners = [[0, i, i + 1] for i in range(1, k - 1)]
-    return polygons[:, corners].reshape(-1, 3)
-
-
-# Corners of the plane cells among all their nodes (meshio puts the corners first).
-_CORNERS = {"triangle": 3, "triangle6": 3, "triangle7": 3, "quad": 4, "quad8": 4, "quad9": 4}
-
-
-def _from_meshio(mesh: Any) -> Mesh:
-    parts, others = [], set()
-    for block in mesh.cells:
-        corners = _CORNERS.get(block.type)
-        if corners:
-            parts.append(_fan(np.asarray(block.data)[:, :corners]))
-        elif block.type == "polygon":
-            parts.extend(_fan(np.asarray(row)[None]) for row in block.data)
-        else:
-            others.add(block.type)
-    if not parts:
-        raise MeshError(
-            "no triangles: the file holds "
-            + (", ".join(sorted(others)) or "no cells")
-            + " only; a surface is wanted"
-        )
-    return Mesh(mesh.points, np.vstack(parts))
-
-
-def _from_pyvista(data: Any) -> Mesh:
-    import pyvista
-
-    if not isinstance(data, pyvista.PolyData):
-        data = data.extract_surface(algorithm=None)
-    data = data.triangulate()
-    return Mesh(data.points, np.asarray(data.faces).reshape(-1, 4)[:, 1:])
-
-
-def as_mesh(mesh: MeshLike, faces: Optional[ArrayLike] = None) -> Mesh:
-    """A Mesh of: a Mesh; vertices and faces; a mesh of trimesh, meshio or PyVista; a file name."""
-    if faces is not None:
-        vertices: Any = mesh
-        return Mesh(vertices, faces)
-    if isinstance(mesh, Mesh):
-        return mesh
-    if isinstance(mesh, (str, os.PathLike)):
-        from ._read import read
-
-        return read(mesh)
-    if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
-        return Mesh(mesh.vertices, mesh.faces)
-    if hasattr(mesh, "points") and hasattr(mesh, "n_cells"):
-        return _from_pyvista(mesh)
-    if hasattr(mesh, "points") and hasattr(mesh, "cells"):
-        return _from_meshio(mesh)
-    if isinstance(mesh, (tuple, list)) and len(mesh) == 2:
-        return Mesh(mesh[0], mesh[1])
-    raise ArgumentError(
-        f"a mesh is wanted: vertices and faces, or one of trimesh, meshio or PyVista, "
-        f"or a file name, not {type(mesh).__name__}"
-    )

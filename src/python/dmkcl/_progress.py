@@ -83,10 +83,5 @@ class Watch:
         if self.bar is not None:
             self.bar.close()
 
-    def history(self, last_gap: float) -> NDArray[np.void]:
-        """The steps; a report tells the gap after the step before, so the gaps move up by one."""
-        rows = np.array(self.rows, HISTORY)
-        if len(rows):
-            rows["gap"] = np.append(rows["gap"][1:], last_gap)
-        rows.flags.writeable = False
-        return rows
+    def history(self) -> NDArray[np.void]:
+        return np.array(self.rows, HISTORY)

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import os
-from typing import Any, Callable
+from typing import Any, Callable, Optional, Sequence, Union
 
-from ._lib import Error, FileError, FormatError
-from ._mesh import Mesh, _from_meshio
+from numpy.typing import ArrayLike
+
+from ._foreign import from_meshio, from_object
+from ._lib import ArgumentError, Error, FileError, FormatError
+from ._mesh import Mesh
 
 
 def _by_meshio(path: str) -> Mesh:
     import meshio
 
-    return _from_meshio(meshio.read(path))
+    return from_meshio(meshio.read(path))
 
 
 def _by_trimesh(path: str) -> Mesh:
@@ -26,16 +29,23 @@ def _by_trimesh(path: str) -> Mesh:
     return Mesh(loaded.vertices, loaded.faces)
 
 
+def _named(error: Error, path: str) -> Error:
+    """The error with the user's file in its text."""
+    named = type(error)(f"{path}: {error}")
+    named.code = error.code
+    return named
+
+
 def _try(reader: Callable[[str], Mesh], name: str, path: str) -> "Mesh | str":
     """The mesh, or why this reader has none. What is read and is no surface is an error."""
     try:
         return reader(path)
     except ImportError as missing:
         return f"{missing.name or name} is not installed"
-    except Error:
-        raise
+    except Error as error:
+        raise _named(error, path) from None
     except (Exception, SystemExit) as error:  # meshio ends the program on some files
-        words: Any = str(error).strip() or type(error).__name__
+        words = str(error).strip() or type(error).__name__
         return words.splitlines()[0]
 
 
@@ -63,3 +73,26 @@ def read(path: "os.PathLike[str] | str") -> Mesh:
             return found
         said.append(f"{name}: {found}")
     raise FormatError("; ".join(said)) from own
+
+
+MeshLike = Union[Mesh, "os.PathLike[str]", str, Sequence[Any], Any]
+
+
+def as_mesh(mesh: MeshLike, faces: Optional[ArrayLike] = None) -> Mesh:
+    """A Mesh of: a Mesh; vertices and faces; a mesh of another package; a file name."""
+    if faces is not None:
+        vertices: Any = mesh
+        return Mesh(vertices, faces)
+    if isinstance(mesh, Mesh):
+        return mesh
+    if isinstance(mesh, (str, os.PathLike)):
+        return read(mesh)
+    if isinstance(mesh, (tuple, list)) and len(mesh) == 2:
+        return Mesh(mesh[0], mesh[1])
+    found = from_object(mesh)
+    if found is None:
+        raise ArgumentError(
+            "a mesh is wanted: vertices and faces, a file name, or a mesh of trimesh, meshio, "
+            f"PyVista or Open3D, not {type(mesh).__name__}"
+        )
+    return found

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from ._lib import Context, Handle, copy_struct, ffi, lib, path_bytes, view
 from ._locus import Locus
 from ._mesh import Mesh, Point
-from ._progress import Watch
 
 STAGES = {
     "setup": lib.DMK_STAGE_SETUP,
@@ -20,6 +19,25 @@ STAGES = {
     "solve": lib.DMK_STAGE_SOLVE,
     "certify": lib.DMK_STAGE_CERTIFY,
 }
+
+
+_ARRAYS = {
+    "density": np.float64,
+    "potential": np.float64,
+    "potential_mid": np.float64,
+    "distance": np.float64,
+    "distance_mid": np.float64,
+    "acl": np.uint8,
+}
+_C_NAMES: "dict[Any, str]" = {np.float64: "double", np.uint8: "uint8_t"}
+
+
+def _gaps(rows: NDArray[np.void], last: float) -> NDArray[np.void]:
+    """The steps; a report tells the gap after the step before, so the gaps move up by one."""
+    if len(rows):
+        rows["gap"] = np.append(rows["gap"][1:], last)
+    rows.flags.writeable = False
+    return rows
 
 
 class Certificate(NamedTuple):
@@ -76,28 +94,73 @@ class Result:
     """What `CutLocus.solve` found for one source.
 
     Arrays are read-only views of the library's memory; copy to change. On components of the mesh
-    without the source mu is 0, the distance infinite and the gradient NaN.
+    without the source mu is 0, the distance infinite and the gradient NaN. A result can be pickled,
+    as multiprocessing does.
     """
 
-    def __init__(self, mesh: Mesh, handle: Handle, source: Point, watch: Watch, prune: float):
+    def __init__(
+        self, mesh: Mesh, handle: Handle, source: Point, history: NDArray[np.void], prune: float
+    ):
         self.mesh: Mesh = mesh
         #: The source on the mesh.
         self.source: Point = source
-        self._handle = handle
+        self._made: Optional[Handle] = handle
         self._prune = prune
         #: (steps,) with the fields step, cg_iterations, change, tolerance, gap, seconds.
-        self.history: NDArray[np.void] = watch.history(self.certificate.gap)
+        self.history: NDArray[np.void] = _gaps(history, self.certificate.gap)
 
     def __repr__(self) -> str:
-        c = self.certificate
+        c, xyz = self.certificate, ", ".join(f"{x:.6g}" for x in self.source.xyz)
         return (
-            f"<dmkcl.Result: source {self.source.xyz}, {self.stats['steps']} steps, cost between "
-            f"{c.lower:.8g} and {c.upper:.8g}>"
+            f"<dmkcl.Result: {len(self.mesh.faces)} triangles, source ({xyz}), "
+            f"cost {c.upper:.6g} within {100 * c.gap:.2g} %>"
         )
+
+    # ---- the library's object, and copies --------------------------------------------------------
+
+    @property
+    def _handle(self) -> Handle:
+        """The library's object; of a result that was unpickled it is made when first needed."""
+        if self._made is None:
+            self._made = self._restore()
+        return self._made
 
     @property
     def _pointer(self) -> Any:
         return self._handle.pointer
+
+    def _restore(self) -> Handle:
+        data = ffi.new("dmk_result_data *")
+        for name, dtype in _ARRAYS.items():
+            array = getattr(self, name).view(dtype)
+            setattr(data, name, ffi.from_buffer(_C_NAMES[dtype] + "[]", array))
+        data.source = (self.source.face, self.source.bary)
+        for name, value in self._fields.items():
+            setattr(data.stats, name, value)
+        handle = Handle("dmk_result")
+        with Context() as context:
+            context.check(
+                lib.dmk_result_restore(context.pointer, self.mesh._pointer, data, handle.box)
+            )
+        return handle
+
+    def __getstate__(self) -> "dict[str, Any]":
+        """Arrays, numbers and the mesh; the library's object is made again where it is needed."""
+        kept = ("mesh", "source", "_prune", "history", "_fields", *_ARRAYS)
+        return {name: getattr(self, name) for name in kept}
+
+    def __setstate__(self, state: "dict[str, Any]") -> None:
+        self.__dict__.update(state, _made=None)
+        for name in (*_ARRAYS, "history"):
+            getattr(self, name).flags.writeable = False
+
+    def __copy__(self) -> "Result":
+        return self  # nothing of it can be changed
+
+    def __deepcopy__(self, memo: Any) -> "Result":
+        return self
+
+    # ---- arrays ----------------------------------------------------------------------------------
 
     def _array(self, name: str, dtype: Any = np.float64) -> NDArray[Any]:
         n = ffi.new("size_t *")
@@ -121,8 +184,7 @@ class Result:
 
     @cached_property
     def distance(self) -> NDArray[np.float64]:
-        """(n,) distance of each vertex to the source: -u and a constant, as u's peak is blunt; within
-        two edges of the source the distance along straight lines."""
+        """(n,) geodesic distance of each vertex to the source, exact on the polyhedron."""
         return self._array("distance")
 
     @cached_property
@@ -156,7 +218,7 @@ class Result:
                 a, b = (k + 1) % 3, (k + 2) % 3
                 mean = (d[:, a] + 2 * middle[:, k] + d[:, b]) / 4
                 total += np.cross(x[:, b] - x[:, a], normal) * mean[:, None]
-            gradient = 2 * total / size**2
+            gradient: NDArray[np.float64] = 2 * total / size**2
         gradient[~np.isfinite(gradient).all(axis=1)] = np.nan
         gradient.flags.writeable = False
         return gradient
@@ -165,11 +227,15 @@ class Result:
     def stats(self) -> "dict[str, Any]":
         """steps, cg_iterations, v_cycles, change, cost_upper, cost_lower, gap, area, levels,
         double_precision, and seconds of setup, start, solve and certify: see dmk_stats."""
-        stats = ffi.new("dmk_stats *")
-        lib.dmk_result_get_stats(self._pointer, stats)
-        fields = copy_struct(stats[0])
+        fields = dict(self._fields)
         fields["seconds"] = {name: fields["seconds"][stage] for name, stage in STAGES.items()}
         return fields
+
+    @cached_property
+    def _fields(self) -> "dict[str, Any]":
+        stats = ffi.new("dmk_stats *")
+        lib.dmk_result_get_stats(self._pointer, stats)
+        return copy_struct(stats[0])
 
     @cached_property
     def certificate(self) -> Certificate:

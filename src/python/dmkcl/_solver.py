@@ -3,19 +3,41 @@
 from __future__ import annotations
 
 import os
-from typing import Any, Iterator, Optional, Sequence, Union
+from typing import TYPE_CHECKING, Any, Iterator, Literal, Optional, Sequence, TypedDict, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._device import open_device
 from ._lib import ArgumentError, Context, Handle, ffi, lib
-from ._mesh import Mesh, MeshLike, Point, as_mesh
+from ._mesh import Mesh, Point
 from ._progress import ProgressOption, Watch
+from ._read import MeshLike, as_mesh
 from ._result import Cut, Result
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+Method = Literal["newton", "inertial", "euler"]
+Start = Literal["distance", "uniform"]
 
 _METHODS = {"newton": lib.DMK_NEWTON, "inertial": lib.DMK_INERTIAL, "euler": lib.DMK_EULER}
 _STARTS = {"distance": lib.DMK_START_DISTANCE, "uniform": lib.DMK_START_UNIFORM}
+
+
+class SolveOptions(TypedDict, total=False):
+    """The options of `CutLocus.solve` where they are handed on; their meaning stands there."""
+
+    method: Method
+    start: Start
+    tolerance: float
+    gap: float
+    max_steps: int
+    threshold: float
+    dt: float
+    inertia: Optional[float]
+    cg_tolerance: float
+    prune: float
 
 
 def _choose(table: "dict[str, int]", name: str, value: str) -> int:
@@ -25,8 +47,9 @@ def _choose(table: "dict[str, int]", name: str, value: str) -> int:
 
 
 def _options(
-    method: str = "newton",
-    start: str = "distance",
+    *,
+    method: Method = "newton",
+    start: Start = "distance",
     tolerance: float = 0,
     gap: float = 0,
     max_steps: int = 0,
@@ -53,8 +76,8 @@ class CutLocus:
     Parameters
     ----------
     vertices : (n, 3) array of float, or a mesh
-        Coordinates, in any unit; or, without `faces`, a `Mesh`, a mesh of trimesh, meshio or
-        PyVista, or a file name.
+        Coordinates, in any unit; or, without `faces`, a `Mesh`, a file name, or what trimesh
+        (also a Scene), meshio, PyVista (also a MultiBlock) or Open3D call a mesh.
     faces : (m, 3) array of int
         Vertices of each triangle, counted from 0.
     device : int or str, optional
@@ -120,7 +143,8 @@ class CutLocus:
         return _make, (self.mesh, *self._choice)
 
     def __repr__(self) -> str:
-        return f"<dmkcl.CutLocus of {self.mesh!r} on {self.device['name']}>"
+        n = len(self.mesh.faces)
+        return f"<dmkcl.CutLocus: {n} triangles, on {self.device['name']}>"
 
     @property
     def device(self) -> "dict[str, Any]":
@@ -136,9 +160,17 @@ class CutLocus:
         vertex: Optional[int] = None,
         face: Optional[int] = None,
         bary: Optional[ArrayLike] = None,
-        progress: ProgressOption = False,
+        method: Method = "newton",
+        start: Start = "distance",
+        tolerance: float = 0,
+        gap: float = 0,
+        max_steps: int = 0,
+        threshold: float = 0,
+        dt: float = 0,
+        inertia: Optional[float] = None,
+        cg_tolerance: float = 0,
         prune: float = 0,
-        **options: Any,
+        progress: ProgressOption = False,
     ) -> Result:
         """Density, potential, distance and cut locus of one source.
 
@@ -186,7 +218,17 @@ class CutLocus:
         KeyboardInterrupt
             Ctrl-C ends the solve after the running step; the object can be used again.
         """
-        settings = _options(**options)
+        settings = _options(
+            method=method,
+            start=start,
+            tolerance=tolerance,
+            gap=gap,
+            max_steps=max_steps,
+            threshold=threshold,
+            dt=dt,
+            inertia=inertia,
+            cg_tolerance=cg_tolerance,
+        )
         return self._solve(
             self.mesh.place(point=point, vertex=vertex, face=face, bary=bary),
             settings,
@@ -205,7 +247,7 @@ class CutLocus:
                 )
         finally:
             watch.close()
-        return Result(self.mesh, handle, source, watch, prune)
+        return Result(self.mesh, handle, source, watch.history(), prune)
 
     def solve_many(
         self,
@@ -214,9 +256,17 @@ class CutLocus:
         vertices: Optional[Sequence[int]] = None,
         faces: Optional[Sequence[int]] = None,
         bary: Optional[ArrayLike] = None,
-        progress: bool = False,
+        method: Method = "newton",
+        start: Start = "distance",
+        tolerance: float = 0,
+        gap: float = 0,
+        max_steps: int = 0,
+        threshold: float = 0,
+        dt: float = 0,
+        inertia: Optional[float] = None,
+        cg_tolerance: float = 0,
         prune: float = 0,
-        **options: Any,
+        progress: bool = False,
     ) -> Iterator[Result]:
         """Results for many sources, one after another, as an iterator.
 
@@ -225,7 +275,17 @@ class CutLocus:
         ``list(...)`` keeps them all. progress=True: a bar by tqdm over the sources. Options and
         errors are those of `solve`; the sources are checked at once.
         """
-        settings = _options(**options)
+        settings = _options(
+            method=method,
+            start=start,
+            tolerance=tolerance,
+            gap=gap,
+            max_steps=max_steps,
+            threshold=threshold,
+            dt=dt,
+            inertia=inertia,
+            cg_tolerance=cg_tolerance,
+        )
         if points is not None and np.ndim(points) != 2:
             raise ArgumentError(f"points have the shape {np.shape(points)}; expected (k, 3)")
         given = {"point": points, "vertex": vertices, "face": faces}
@@ -255,29 +315,25 @@ class CutLocus:
 
     # ---- drop-ins -----------------------------------------------------------------------------
 
-    def distance(self, source: ArrayLike, **options: Any) -> NDArray[np.float64]:
+    def distance(self, source: ArrayLike) -> NDArray[np.float64]:
         """Distance of every vertex to the source(s), (n,), in the unit of the coordinates.
 
         source: a vertex number; several, (k,) of int: the distance to the nearest of them, one
         solve for each; a point x, y, z of float, or (k, 3) of them. Infinite on components without
-        a source. Options and errors are those of `solve`.
+        a source.
         """
         best = np.full(len(self.mesh.vertices), np.inf)
         for where in _places(source):
-            np.minimum(best, self.solve(**where, **options).distance, out=best)
+            np.minimum(best, self.solve(**where).distance, out=best)
         return best
 
-    def shortest_path(
-        self, start: ArrayLike, end: ArrayLike, **options: Any
-    ) -> NDArray[np.float64]:
+    def shortest_path(self, start: ArrayLike, end: ArrayLike) -> NDArray[np.float64]:
         """Points of a minimal geodesic from start to end, (k, 3), straight in every triangle.
 
-        start and end: vertex numbers, or points x, y, z of float. MeshError if no straight path
-        reaches the end (it lies in the shadow of a border). To many ends from one start, use
+        start and end: vertex numbers, or points x, y, z of float. To many ends from one start, use
         `solve` once and `Result.path` for each.
         """
-        result = self.solve(**_one_place(start), **options)
-        return result.path(**_one_place(end)).points
+        return self.solve(**_one_place(start)).path(**_one_place(end)).points
 
 
 def _make(mesh: Mesh, device: Any, single: bool, threads: int, cache: Any) -> CutLocus:
@@ -310,14 +366,13 @@ def distance(
     vertices: Union[ArrayLike, MeshLike],
     faces: Optional[ArrayLike] = None,
     source: ArrayLike = 0,
-    **options: Any,
 ) -> NDArray[np.float64]:
     """Geodesic distance of every vertex to a source: ``distance(V, F, 17)``.
 
     source: vertex number(s) or point(s), as in `CutLocus.distance`. For more than one call on a
     mesh make a `CutLocus` and keep it.
     """
-    return CutLocus(vertices, faces).distance(source, **options)
+    return CutLocus(vertices, faces).distance(source)
 
 
 def shortest_path(
@@ -325,18 +380,17 @@ def shortest_path(
     faces: Optional[ArrayLike],
     start: ArrayLike,
     end: ArrayLike,
-    **options: Any,
 ) -> NDArray[np.float64]:
     """Points of a minimal geodesic, (k, 3): ``shortest_path(V, F, 17, 99)``; vertex numbers or
     points of float. See `CutLocus.shortest_path`."""
-    return CutLocus(vertices, faces).shortest_path(start, end, **options)
+    return CutLocus(vertices, faces).shortest_path(start, end)
 
 
 def cut_open(
     vertices: Union[ArrayLike, MeshLike],
     faces: Optional[ArrayLike] = None,
     source: ArrayLike = 0,
-    **options: Any,
+    **options: Unpack[SolveOptions],
 ) -> Cut:
     """The surface cut open along the cut locus of a source (vertex number or point): a disk.
     See `Result.cut_open`."""

@@ -1,6 +1,7 @@
 """Meshes: arrays in and out, points, errors, mesh objects of other packages."""
 
 import gc
+import types
 
 import numpy as np
 import pytest
@@ -155,3 +156,26 @@ def test_no_mesh_at_all():
 
 def test_printed_form(small):
     assert "closed" in repr(small)
+    assert repr(small).endswith("1 component, genus 0, closed>")
+    two = dmkcl.Mesh([*np.eye(3), *(np.eye(3) + 5)], [[0, 1, 2], [3, 4, 5]])
+    assert repr(two) == "<dmkcl.Mesh: 6 vertices, 2 triangles, 2 components, 2 borders>"
+
+
+def test_scenes_blocks_and_open3d(small):
+    trimesh, pyvista = pytest.importorskip("trimesh"), pytest.importorskip("pyvista")
+    scene = trimesh.Scene([small.to_trimesh()])
+    scene.add_geometry(small.to_trimesh(), transform=trimesh.transformations.translation_matrix((3, 0, 0)))
+    both = dmkcl.CutLocus(scene).mesh
+    assert both.info["n_components"] == 2 and both.info["box_max"][0] > 3.9
+    blocks = pyvista.MultiBlock([small.to_pyvista(), small.to_pyvista().translate((3, 0, 0))])
+    assert dmkcl.CutLocus(blocks).mesh.info["n_components"] == 2
+    open3d = types.SimpleNamespace(vertices=small.vertices.tolist(), triangles=small.faces.tolist())
+    assert np.array_equal(dmkcl.CutLocus(open3d).mesh.faces, small.faces)
+
+
+def test_errors_name_the_file(tmp_path):
+    meshio = pytest.importorskip("meshio")
+    path = tmp_path / "solid.inp"
+    meshio.Mesh(np.eye(4)[:, :3], [("tetra", [[0, 1, 2, 3]])]).write(path)
+    with pytest.raises(dmkcl.MeshError, match="solid.inp.*tetra"):
+        dmkcl.read(path)
