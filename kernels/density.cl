@@ -2,8 +2,9 @@
  * Element arrays are padded to blocks of 8 with elements of no weight (mu = 0, cot = 0, area = 1).
  *   index 6, cot 3, area 1, mu 1, q 1, g 6 per element; see operator.cl. */
 
-/* g = K u (without mu) and q = u.g / area, the mean of |grad u|^2; partial sums of mu u.g = u.Au. */
-KERNEL element_energy(int n, global const int *index, global const real *cot,
+/* g = K u (without mu), stored if it is to be kept, and q = u.g / area, the mean of |grad u|^2; partial
+ * sums of mu u.g = u.Au. */
+KERNEL element_energy(int n, int keep, global const int *index, global const real *cot,
                       global const real *area, global const real *mu, GATHERED real *u,
                       global real *g, global real *q, global sum_t *partial LAUNCH)
 {
@@ -17,7 +18,9 @@ KERNEL element_energy(int n, global const int *index, global const real *cot,
             const realv w0 = LOAD(cot, AT_K(b, 0, 3)), w1 = LOAD(cot, AT_K(b, 1, 3)),
                         w2 = LOAD(cot, AT_K(b, 2, 3));
             STIFFNESS(w0, w1, w2)
-            STORE6(g, b)
+            if (keep) {
+                STORE6(g, b)
+            }
             const realv e = y0 * (v0 - m0) + y1 * (v1 - m0) + y2 * (v2 - m0) + y4 * (m1 - m0) +
                             y5 * (m2 - m0);
             STORE(fmax(e, (realv)0) / LOAD(area, AT(b)), q, AT(b));
@@ -120,25 +123,25 @@ KERNEL element_prepare(int n, global const real *cot, global const real *mu, glo
  *     M = A + sum_T c_T g_T g_T',  c_T = D mu_T / (|T| s_T),  s_T = max(q_T, 1/4),
  *     right-hand side  f - sum_T mu_T (1 + D L_T) g_T,
  * with u, hence g and sqrt(q), scaled by alpha. The rank-one part is bounded by |g_i| sum |g_j| on the
- * diagonal; on T the exact bound of the summed 3x3 element is used. */
+ * diagonal; on T the exact bound of the summed 3x3 element is used. rank_one = sqrt(c_T) g_T. The
+ * right-hand side's parts take the place of g. */
 KERNEL newton_prepare(int n, float alpha, float D, global const real *cot, global const real *area,
-                      global const real *mu, global const real *q, global const real *g,
-                      global float *weight, global float *rank_one, global real *rhs_out,
-                      global float *diag, global float *link, global float *diag_coarse LAUNCH)
+                      global const real *mu, global const real *q, global real *g_and_rhs,
+                      global float *weight, global float *rank_one, global float *diag, global float *link, global float *diag_coarse LAUNCH)
 {
     FOR_BLOCKS(b, n)
     {
         const realv m = LOAD(mu, AT(b)), e = (real)alpha * (real)alpha * LOAD(q, AT(b));
-        const realv g0 = (real)alpha * LOAD(g, AT_K(b, 0, 6)), g1 = (real)alpha * LOAD(g, AT_K(b, 1, 6)),
-                    g2 = (real)alpha * LOAD(g, AT_K(b, 2, 6)), g3 = (real)alpha * LOAD(g, AT_K(b, 3, 6)),
-                    g4 = (real)alpha * LOAD(g, AT_K(b, 4, 6)), g5 = (real)alpha * LOAD(g, AT_K(b, 5, 6));
+        const realv g0 = (real)alpha * LOAD(g_and_rhs, AT_K(b, 0, 6)), g1 = (real)alpha * LOAD(g_and_rhs, AT_K(b, 1, 6)),
+                    g2 = (real)alpha * LOAD(g_and_rhs, AT_K(b, 2, 6)), g3 = (real)alpha * LOAD(g_and_rhs, AT_K(b, 3, 6)),
+                    g4 = (real)alpha * LOAD(g_and_rhs, AT_K(b, 4, 6)), g5 = (real)alpha * LOAD(g_and_rhs, AT_K(b, 5, 6));
         const realv k = -m * (1 + (real)D * log_slope(e));
-        STORE(k * g0, rhs_out, AT_K(b, 0, 6));
-        STORE(k * g1, rhs_out, AT_K(b, 1, 6));
-        STORE(k * g2, rhs_out, AT_K(b, 2, 6));
-        STORE(k * g3, rhs_out, AT_K(b, 3, 6));
-        STORE(k * g4, rhs_out, AT_K(b, 4, 6));
-        STORE(k * g5, rhs_out, AT_K(b, 5, 6));
+        STORE(k * g0, g_and_rhs, AT_K(b, 0, 6));
+        STORE(k * g1, g_and_rhs, AT_K(b, 1, 6));
+        STORE(k * g2, g_and_rhs, AT_K(b, 2, 6));
+        STORE(k * g3, g_and_rhs, AT_K(b, 3, 6));
+        STORE(k * g4, g_and_rhs, AT_K(b, 4, 6));
+        STORE(k * g5, g_and_rhs, AT_K(b, 5, 6));
 
         const realv r0 = LOAD(cot, AT_K(b, 0, 3)), r1 = LOAD(cot, AT_K(b, 1, 3)), r2 = LOAD(cot, AT_K(b, 2, 3));
         const floatv c0 = TO_FLOAT(r0), c1 = TO_FLOAT(r1), c2 = TO_FLOAT(r2), mf = TO_FLOAT(m);
@@ -201,10 +204,10 @@ KERNEL rows_outer_residual(int n, global const int *slice, global const int *slo
     }
 }
 
-/* dy = D (L + g.w / (area s)), kept in [-1, 1]; mu <- max(mu exp(dy), floor sqrt(area)).
+/* dy = D (L + g.w / (area s)) = D L + sqrt(D / (mu area s)) sqrt(c) g.w, kept in [-1, 1]; mu <- max(mu exp(dy), floor sqrt(area)).
  * Partial sums of area |change of mu| and area mu. */
 KERNEL newton_update(int n, float alpha, float D, float lowest, global const int *index,
-                     global const real *area, global const real *q, global const real *g,
+                     global const real *area, global const real *q, global const float *rank_one,
                      GATHERED float *w, global real *mu, global sum_t *partial LAUNCH)
 {
     SCRATCH
@@ -219,14 +222,15 @@ KERNEL newton_update(int n, float alpha, float D, float lowest, global const int
             const floatv w0 = (floatv)(GATHER(w, i0)), w1 = (floatv)(GATHER(w, i1)),
                          w2 = (floatv)(GATHER(w, i2)), w3 = (floatv)(GATHER(w, i3)),
                          w4 = (floatv)(GATHER(w, i4)), w5 = (floatv)(GATHER(w, i5));
-            const realv s = LOAD(g, AT_K(b, 0, 6)) * TO_REAL(w0 - w3) +
-                            LOAD(g, AT_K(b, 1, 6)) * TO_REAL(w1 - w3) +
-                            LOAD(g, AT_K(b, 2, 6)) * TO_REAL(w2 - w3) +
-                            LOAD(g, AT_K(b, 4, 6)) * TO_REAL(w4 - w3) +
-                            LOAD(g, AT_K(b, 5, 6)) * TO_REAL(w5 - w3);
+            const floatv s = LOAD(rank_one, AT_K(b, 0, 6)) * (w0 - w3) +
+                             LOAD(rank_one, AT_K(b, 1, 6)) * (w1 - w3) +
+                             LOAD(rank_one, AT_K(b, 2, 6)) * (w2 - w3) +
+                             LOAD(rank_one, AT_K(b, 4, 6)) * (w4 - w3) +
+                             LOAD(rank_one, AT_K(b, 5, 6)) * (w5 - w3);
             const realv a = LOAD(area, AT(b)), e = (real)alpha * (real)alpha * LOAD(q, AT(b)),
                         old = LOAD(mu, AT(b));
-            const realv dy = (real)D * (log_slope(e) + (real)alpha * s / (a * fmax(e, (realv)0.25f)));
+            const realv ratio = sqrt((real)D / (fmax(old, (realv)1e-30f) * a * fmax(e, (realv)0.25f)));
+            const realv dy = (real)D * log_slope(e) + ratio * TO_REAL(s);
             const realv grown = old * exp(clamp(dy, (realv)-1, (realv)1));
             const realv next = LOAD(mu, AT(b)) > 0 ? fmax(grown, (real)lowest * sqrt(a)) : grown;
             STORE(next, mu, AT(b));

@@ -111,14 +111,14 @@ KERNEL cg_alpha(int parts, global const sum_t *partial, global sum_t *state LAUN
     }
 }
 
-/* x += alpha p, r -= alpha Ap; `narrow` is r for the preconditioner (r itself in single precision). */
-KERNEL cg_step(int n, global const sum_t *state, global const real *p, global const real *ap,
+/* x += alpha p if x is wanted, r -= alpha Ap; `narrow` is r for the preconditioner (r itself in single precision). */
+KERNEL cg_step(int n, int wanted, global const sum_t *state, global const real *p, global const real *ap,
                global real *x, global real *r, global float *narrow LAUNCH)
 {
     const real alpha = (real)state[2];
     FOR_BLOCKS(i, n)
     {
-        STORE(LOAD(x, AT(i)) + alpha * LOAD(p, AT(i)), x, AT(i));
+        if (wanted) STORE(LOAD(x, AT(i)) + alpha * LOAD(p, AT(i)), x, AT(i));
         const realv next = LOAD(r, AT(i)) - alpha * LOAD(ap, AT(i));
         STORE(next, r, AT(i));
 #if DMK_DOUBLE

@@ -24,9 +24,9 @@ static int certify(dmk_iteration *o, bool last)
     DMK_TRY(dmk_bound_banded(o, o->sys->u, &banded));
     stats->cost_lower = fmax(plain, banded);
     /* The iteration's own u obeys |grad u| <= 1 better than mu's exact potential, which is free
-     * where mu is next to 0: so the solve's correction goes to a scratch vector. */
+     * where mu is next to 0: so the solve's correction is not added. */
     DMK_TRY(dmk_iteration_measure(o, 1));
-    DMK_TRY(dmk_iteration_solve(o, o->sys->g, tolerance, 200, &energy));
+    DMK_TRY(dmk_iteration_solve(o, NULL, tolerance, 200, &energy));
     stats->cost_upper = sqrt(energy * o->mass);
     /* The repaired u will not get far above f.u: in between it is worth it only when that is
      * enough. */

@@ -14,11 +14,11 @@ done:
     return rc;
 }
 
-int dmk_iteration_energies_of(dmk_iteration *o, const dmk_buffer *u, double *fu, double *uau)
+static int energies(dmk_iteration *o, const dmk_buffer *u, bool keep, double *fu, double *uau)
 {
     int rc;
     dmk_system *s = o->sys;
-    DMK_TRY(dmk_element_energy(o->ctx, s, u));
+    DMK_TRY(dmk_element_energy(o->ctx, s, u, keep));
     DMK_TRY(dmk_iteration_sums(o, (size_t)s->n_elements, 1, 0, uau));
     DMK_TRY(dmk_dot(o->ctx, s, s->f, u));
     DMK_TRY(dmk_iteration_sums(o, (size_t)s->n_rows, 1, 0, fu));
@@ -26,7 +26,15 @@ done:
     return rc;
 }
 
-int dmk_iteration_energies(dmk_iteration *o) { return dmk_iteration_energies_of(o, o->sys->u, &o->fu, &o->uau); }
+int dmk_iteration_energies(dmk_iteration *o)
+{
+    return energies(o, o->sys->u, true, &o->fu, &o->uau);
+}
+
+int dmk_iteration_energies_of(dmk_iteration *o, const dmk_buffer *v, double *fv, double *vav)
+{
+    return energies(o, v, false, fv, vav);
+}
 
 int dmk_iteration_measure(dmk_iteration *o, double alpha)
 {

@@ -29,9 +29,9 @@ static const double DMK_FLOOR = 1e-4;
  * and is not worth a repair of u. */
 static const double DMK_GAP_SHOWN = 1e-7;
 
-/* g, q of s->u; fu and uau. */
+/* g in out_real, q of s->u; fu and uau. */
 int dmk_iteration_energies(dmk_iteration *o);
-/* The same of any row vector in place of u: f.v and v.Av. */
+/* q, f.v and v.Av of any row vector in place of u. out_real stays as it is. */
 int dmk_iteration_energies_of(dmk_iteration *o, const dmk_buffer *v, double *fv, double *vav);
 /* rho, mass and top of q scaled by alpha^2. */
 int dmk_iteration_measure(dmk_iteration *o, double alpha);

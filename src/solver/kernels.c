@@ -183,8 +183,8 @@ int dmk_cg_alpha(dmk_context *ctx, dmk_system *s, dmk_program p)
 
 int dmk_cg_step(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_buffer *x)
 {
-    return RUN(p, cg_step, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->state), DMK_BUF(s->cg[p].p),
-               DMK_BUF(s->cg[p].ap), DMK_BUF(x), DMK_BUF(s->cg[p].r), DMK_BUF(s->cg[p].narrow));
+    return RUN(p, cg_step, rows(s), DMK_INT(s->n_rows), DMK_INT(x != NULL), DMK_BUF(s->state),
+               DMK_BUF(s->cg[p].p), DMK_BUF(s->cg[p].ap), DMK_BUF(x ? x : s->cg[p].p), DMK_BUF(s->cg[p].r), DMK_BUF(s->cg[p].narrow));
 }
 
 int dmk_dot(dmk_context *ctx, dmk_system *s, const dmk_buffer *a, const dmk_buffer *b)
@@ -305,11 +305,11 @@ int dmk_inverse_diagonal_coarse(dmk_context *ctx, dmk_system *s)
 
 /* ---- density.cl ------------------------------------------------------------------------------ */
 
-int dmk_element_energy(dmk_context *ctx, dmk_system *s, const dmk_buffer *v)
+int dmk_element_energy(dmk_context *ctx, dmk_system *s, const dmk_buffer *v, bool keep)
 {
-    return RUN(DMK_OUTER, element_energy, elements(s), DMK_INT(s->n_elements), DMK_BUF(s->index),
-               DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(v), DMK_BUF(s->g),
-               DMK_BUF(s->q), DMK_BUF(s->partial));
+    return RUN(DMK_OUTER, element_energy, elements(s), DMK_INT(s->n_elements), DMK_INT(keep),
+               DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(v),
+               DMK_BUF(s->out_real), DMK_BUF(s->q), DMK_BUF(s->partial));
 }
 
 int dmk_element_measure(dmk_context *ctx, dmk_system *s, double alpha)
@@ -321,7 +321,7 @@ int dmk_element_measure(dmk_context *ctx, dmk_system *s, double alpha)
 int dmk_element_scale(dmk_context *ctx, dmk_system *s)
 {
     return RUN(DMK_OUTER, element_scale, elements(s), DMK_INT(s->n_elements), DMK_BUF(s->mu),
-               DMK_BUF(s->g));
+               DMK_BUF(s->out_real));
 }
 
 int dmk_element_prepare(dmk_context *ctx, dmk_system *s)
@@ -335,8 +335,8 @@ int dmk_newton_prepare(dmk_context *ctx, dmk_system *s, double alpha, double D)
 {
     return RUN(DMK_OUTER, newton_prepare, elements(s), DMK_INT(s->n_elements), DMK_FLOAT(alpha),
                DMK_FLOAT(D), DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->q),
-               DMK_BUF(s->g), DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(s->out_real),
-               DMK_BUF(s->out), DMK_BUF(s->link), DMK_BUF(s->diag_coarse));
+               DMK_BUF(s->out_real), DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(s->out),
+               DMK_BUF(s->link), DMK_BUF(s->diag_coarse));
 }
 
 int dmk_rows_rhs(dmk_context *ctx, dmk_system *s)
@@ -348,7 +348,7 @@ int dmk_rows_rhs(dmk_context *ctx, dmk_system *s)
 int dmk_rows_outer_residual(dmk_context *ctx, dmk_system *s)
 {
     return RUN(DMK_OUTER, rows_outer_residual, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->slice),
-               DMK_BUF(s->slot), DMK_BUF(s->g), DMK_BUF(s->f), DMK_BUF(s->cg[DMK_OUTER].r),
+               DMK_BUF(s->slot), DMK_BUF(s->out_real), DMK_BUF(s->f), DMK_BUF(s->cg[DMK_OUTER].r),
                DMK_BUF(s->cg[DMK_OUTER].narrow));
 }
 
@@ -356,7 +356,7 @@ int dmk_newton_update(dmk_context *ctx, dmk_system *s, double alpha, double D, d
 {
     return RUN(DMK_OUTER, newton_update, elements(s), DMK_INT(s->n_elements), DMK_FLOAT(alpha),
                DMK_FLOAT(D), DMK_FLOAT(lowest), DMK_BUF(s->index), DMK_BUF(s->area), DMK_BUF(s->q),
-               DMK_BUF(s->g), DMK_BUF(s->w), DMK_BUF(s->mu), DMK_BUF(s->partial));
+               DMK_BUF(s->rank_one), DMK_BUF(s->w), DMK_BUF(s->mu), DMK_BUF(s->partial));
 }
 
 int dmk_explicit_update(dmk_context *ctx, dmk_system *s, bool inertial, double dt, double beta,

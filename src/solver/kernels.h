@@ -39,6 +39,7 @@ int dmk_cg_dots(dmk_context *context, dmk_system *s, dmk_program program, const 
 int dmk_cg_beta(dmk_context *context, dmk_system *s, dmk_program program, bool first);
 int dmk_cg_direction(dmk_context *context, dmk_system *s, dmk_program program, const dmk_buffer *z);
 int dmk_cg_alpha(dmk_context *context, dmk_system *s, dmk_program program);
+/* x: NULL where the solution is not wanted. */
 int dmk_cg_step(dmk_context *context, dmk_system *s, dmk_program program, dmk_buffer *x);
 
 /* Partial sums of a.b, over the rows, in the outer program. */
@@ -75,22 +76,22 @@ int dmk_inverse_diagonal_coarse(dmk_context *context, dmk_system *s);
 
 /* ---- density.cl ------------------------------------------------------------------------------ */
 
-/* g = K v and q = v.g / area; partial sums of mu v.g. */
-int dmk_element_energy(dmk_context *context, dmk_system *s, const dmk_buffer *v);
+/* q = v.g / area with g = K v, which goes to out_real if it is to be kept; partial sums of mu v.g. */
+int dmk_element_energy(dmk_context *context, dmk_system *s, const dmk_buffer *v, bool keep);
 /* Partial sums of area mu L^2 and area mu, and maxima of alpha^2 q, L = 1/2 log(alpha^2 q). */
 int dmk_element_measure(dmk_context *context, dmk_system *s, double alpha);
-/* g <- mu g. */
+/* out_real: g becomes mu g. */
 int dmk_element_scale(dmk_context *context, dmk_system *s);
 /* weight, weight_real, link, diag_coarse and, in out, the weighted diagonals of A(mu). */
 int dmk_element_prepare(dmk_context *context, dmk_system *s);
 /* The same of Newton's M at pseudo-time step D, its rank_one, and its right-hand side's parts in
- * out_real. */
+ * out_real, which has g before. */
 int dmk_newton_prepare(dmk_context *context, dmk_system *s, double alpha, double D);
 /* The inner right-hand side cg[DMK_INNER].r = f + the rows' sums of out_real. */
 int dmk_rows_rhs(dmk_context *context, dmk_system *s);
-/* The outer residual cg[DMK_OUTER].r (and narrow) = f - the rows' sums of g. */
+/* The outer residual cg[DMK_OUTER].r (and narrow) = f - the rows' sums of out_real. */
 int dmk_rows_outer_residual(dmk_context *context, dmk_system *s);
-/* mu after a Newton step w; partial sums of area |change of mu| and of area mu. */
+/* mu after a Newton step w, of which rank_one knows the rest; partial sums of area |change of mu| and of area mu. */
 int dmk_newton_update(dmk_context *context, dmk_system *s, double alpha, double D, double lowest);
 /* mu after an explicit step (see density.cl); the same sums. */
 int dmk_explicit_update(dmk_context *context, dmk_system *s, bool inertial, double dt, double beta,

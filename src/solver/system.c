@@ -373,7 +373,6 @@ static int allocate_state(const packer *p)
     DMK_TRY(work(p, DMK_OUTER, e, &s->q));
     DMK_TRY(work(p, DMK_OUTER, n, &s->u));
     DMK_TRY(work(p, DMK_OUTER, n, &s->f));
-    DMK_TRY(work(p, DMK_OUTER, 6 * e, &s->g));
     DMK_TRY(work(p, DMK_OUTER, 6 * e, &s->out_real));
     DMK_TRY(work(p, DMK_INNER, 3 * e, &s->weight));
     DMK_TRY(work(p, DMK_INNER, 6 * e, &s->rank_one));
@@ -473,7 +472,7 @@ void dmk_system_destroy(dmk_system **system)
     if (!s) return;
     dmk_buffer **all[] = {&s->index, &s->cot, &s->area, &s->slice, &s->slot, &s->ends,
                           &s->edge_place, &s->corner_slice, &s->corner_slot, &s->mu, &s->u, &s->f,
-                          &s->g, &s->q, &s->out_real, &s->before, &s->weight,
+                          &s->q, &s->out_real, &s->before, &s->weight,
                           &s->rank_one, &s->out, &s->link, &s->diag_coarse, &s->inv_diag, &s->x,
                           &s->x_old, &s->residual, &s->w, &s->partial, &s->state, &s->scalars,
                           &s->coarse_inverse};

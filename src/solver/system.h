@@ -43,8 +43,9 @@ typedef struct dmk_system {
     dmk_buffer *edge_place;       /* 2 per edge: places in 3-per-element arrays */
     dmk_buffer *corner_slice, *corner_slot; /* vertices -> places in 3-per-element arrays */
 
-    /* State, in real: density, potential, right-hand side; gradient products and energies of the elements. */
-    dmk_buffer *mu, *u, *f, *g, *q, *out_real, *weight_real;
+    /* State, in real: density, potential, right-hand side; energies of the elements. */
+    dmk_buffer *mu, *u, *f, *q, *weight_real;
+    dmk_buffer *out_real; /* 6 per element: g = K u, then parts of a sum */
     dmk_buffer *before; /* mu of the step before, or a copy kept by the certificate */
     /* Single precision: coefficients of the inner operator, contributions, V-cycle on T/2. */
     dmk_buffer *weight, *rank_one, *out, *link, *diag_coarse;
