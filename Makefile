@@ -53,12 +53,12 @@ LDLIBS := -lOpenCL -lhwloc -lz -lexpat -lpthread -lm
 # ---- files -----------------------------------------------------------------------------------
 
 # Each knows the rooms before it only: tests/test_layers.sh.
-ROOMS := base mesh surfaces levels geodesic io device solver locus api
+ROOMS := base mesh surfaces levels geodesic io device ranks solver locus api
 LIB_SRC := $(sort $(foreach room,$(ROOMS),$(wildcard src/$(room)/*.c)))
 CLI_SRC := $(sort $(wildcard src/cli/*.c))
 # One program source, in this order: what a file uses stands before it.
 KERNELS := $(addprefix kernels/,dmk_shared.h base.cl operator.cl vector.cl multigrid.cl density.cl \
-    certificate.cl)
+    certificate.cl ranks.cl)
 TEST_SRC := $(sort $(wildcard tests/test_*.c))
 # What tests share: any other C file beside them.
 TEST_LIB_SRC := $(filter-out $(TEST_SRC),$(sort $(wildcard tests/*.c)))

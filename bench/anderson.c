@@ -53,7 +53,7 @@ static int prepare(bench *b, const char *path, int depth)
     DMK_TRY(dmk_mesh_vertex_point(b->ctx, b->mesh, 0, &p));
     DMK_TRY(dmk_order_create(b->ctx, b->mesh, b->mesh->component[p.triangle], &b->order));
     DMK_TRY(dmk_mollify(b->ctx, b->order.mesh, &b->mollified));
-    DMK_TRY(dmk_system_create(b->ctx, b->device, &b->mollified, &b->sys));
+    DMK_TRY(dmk_system_create(b->ctx, b->device, &b->mollified, NULL, &b->sys));
     b->source = p;
     b->source.triangle = 0;
     while (b->order.triangle_old[b->source.triangle] != p.triangle) b->source.triangle++;
@@ -74,7 +74,7 @@ static int start(bench *b)
     int rc;
     dmk_system *s = b->sys;
     const dmk_mesh *m = &b->mollified;
-    size_t n_rows = dmk_system_rows(m);
+    size_t n_rows = (size_t)dmk_system_counts(b->device, m).n_rows_pad;
     double *vertex = NULL, *u = NULL, *f = NULL;
     DMK_TRY(DMK_NEW(b->ctx, vertex, (size_t)m->n_vertices));
     DMK_TRY(DMK_NEW(b->ctx, u, n_rows));

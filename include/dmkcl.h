@@ -372,6 +372,39 @@ typedef struct dmk_result_data {
 int dmk_result_restore(dmk_context *context, const dmk_mesh *mesh, const dmk_result_data *data,
                        dmk_result **result);
 
+/* ---- ranks: one mesh on many machines ---------------------------------------------------------- */
+
+/* How a rank reaches the others, by MPI or anything else: three collective calls, which give 0, or another
+ * number on failure. All ranks make the same calls on the same mesh with the same options; each has a
+ * device of its own, all of one kind. */
+typedef struct dmk_ranks {
+    int rank, size;       /* this one, and how many there are */
+    int32_t gather_below; /* levels with fewer vertices are on every rank; 0 = 10,000 */
+    void *user;
+    /* For each rank k: send_bytes[k] bytes at send[k] go to it, receive_bytes[k] at receive[k] come
+     * from it; nothing where they are 0, and never to itself. */
+    int (*exchange)(void *user, const void *const *send, const size_t *send_bytes,
+                    void *const *receive, const size_t *receive_bytes);
+    /* all = what every rank has at `mine`, bytes[k] of rank k, in the order of the ranks. */
+    int (*gather)(void *user, const void *mine, void *all, const size_t *bytes);
+    /* Each of the n values becomes the largest of all ranks. */
+    int (*largest)(void *user, int32_t *value, size_t n);
+} dmk_ranks;
+
+/* What a rank has sent so far, and how its share of the mesh is cut. All 0 without ranks, and where the
+ * mesh is too small to be dealt out (fewer than a launch's part of vertices for each rank). */
+typedef struct dmk_traffic {
+    int64_t own_rows, ghost_rows; /* unknowns that it owns, and those of others that it reads */
+    int64_t exchanges;            /* of vectors over rows, vertices or links */
+    int64_t messages, bytes;      /* sent in them */
+    int64_t sums, sum_bytes;      /* sums over all ranks, and what this rank gave to them */
+} dmk_traffic;
+
+/* Before the first solve: deal the mesh out to ranks. dmk_solve is then collective, and every rank gets the
+ * whole result, with the bits that one rank would compute. NULL: this process has all of it. */
+int dmk_solver_set_ranks(dmk_context *context, dmk_solver *solver, const dmk_ranks *ranks);
+void dmk_solver_get_traffic(const dmk_solver *solver, dmk_traffic *traffic);
+
 /* ---- cut locus -------------------------------------------------------------------------------- */
 
 typedef struct dmk_locus dmk_locus;

@@ -23,6 +23,29 @@ static struct {
     void *none;         /* for objects that a call makes: it must stay NULL */
 } good;
 
+/* Ranks that nobody asks. */
+static int no_exchange(void *user, const void *const *send, const size_t *send_bytes,
+                       void *const *receive, const size_t *receive_bytes)
+{
+    (void)user, (void)send, (void)send_bytes, (void)receive, (void)receive_bytes;
+    return 1;
+}
+
+static int no_gather(void *user, const void *mine, void *all, const size_t *bytes)
+{
+    (void)user, (void)mine, (void)all, (void)bytes;
+    return 1;
+}
+
+static int no_largest(void *user, int32_t *value, size_t n)
+{
+    (void)user, (void)value, (void)n;
+    return 1;
+}
+
+#define ALONE .exchange = no_exchange, .gather = no_gather, .largest = no_largest
+static const dmk_ranks alone = {.size = 1, ALONE};
+
 /* ---- right values, by type ---- */
 
 #define good_dmk_context_p good.b.ctx
@@ -73,6 +96,8 @@ static struct {
 #define fresh_dmk_path_p (void *)good.scratch
 #define good_dmk_format_info_p (void *)good.scratch
 #define good_dmk_progress_fn NULL
+#define good_dmk_ranks_p &alone
+#define good_dmk_traffic_p (void *)good.scratch
 #define good_void_p NULL
 #define good_char_p good.file
 #define good_double_p (double *)(void *)good.scratch
@@ -146,6 +171,14 @@ static const dmk_geodesics_options wrong_dmk_geodesics_options_p[] = {
     {.offset = wrong_offset},   {.tolerance = NAN}, {.tolerance = -1}, {.tolerance = 1},
     {.n_lines = 1, .line = NULL}, {.n_lines = 1, .line = no_edge},
 };
+static const dmk_ranks wrong_dmk_ranks_p[] = {
+    {.size = 0, ALONE},
+    {.size = -1, ALONE},
+    {.size = 2, .rank = 2, ALONE},
+    {.size = 2, .rank = -1, ALONE},
+    {.size = 1, .gather_below = -1, ALONE},
+    {.size = 1, .exchange = no_exchange, .gather = no_gather},
+};
 static const int wrong_int[] = {-1, INT32_MIN};
 static const double wrong_double_p[][3] = {{NAN, 0, 0}, {0, INFINITY, 0}, {0, 0, -INFINITY}};
 static const int64_t wrong_int64_t[] = {-1, INT64_MIN, INT64_MAX, INT32_MAX};
@@ -161,6 +194,7 @@ static bool may_be(const char *function, const char *argument)
         "dmk_context_set_progress user",
         "dmk_device_list infos",
         "dmk_solve options",
+        "dmk_solver_set_ranks ranks",
         "dmk_device_open options",
         "dmk_locus_compute options",
         "dmk_cut options",

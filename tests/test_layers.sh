@@ -12,7 +12,8 @@ knows() {
     mesh) echo base ;;
     surfaces | levels | io | geodesic) echo base mesh ;;
     device) echo base ;;
-    solver) echo base mesh levels geodesic device ;;
+    ranks) echo base mesh levels device ;;
+    solver) echo base mesh levels geodesic device ranks ;;
     locus) echo base mesh geodesic ;;
     api) echo "$rooms" ;;
     esac
@@ -67,8 +68,8 @@ check 'the tool knows the public header, and of the library how files are writte
     sh -c "! grep -n '#include \"[a-z_]*/' src/cli/*.[ch] | grep -v '\"base/outfile.h\"'"
 check 'only src/device sees OpenCL' \
     nothing '#include <CL/' $(library | grep -v '^src/device/') src/cli/*.[ch]
-check 'only solver/kernels.c launches kernels' nothing 'DMK_LAUNCH|dmk_launch\(' \
-    $(library | grep -v -e '^src/device/' -e '^src/solver/kernels.c')
+check 'only solver/kernels.c and ranks/halo.c launch kernels' nothing 'DMK_LAUNCH|dmk_launch\(' \
+    $(library | grep -v -e '^src/device/' -e '^src/solver/kernels.c' -e '^src/ranks/halo.c')
 check 'the library does not print' nothing '[^n]printf\(|\bputs\(|\bputchar\(|\bperror\(' $(library)
 check 'the library does not end the program' nothing '\b(exit|abort)\(' $(library)
 check 'the library does not touch the locale' nothing '\bsetlocale\(' $(library)

@@ -63,5 +63,7 @@ int dmk_launch(dmk_context *context, dmk_device *device, const dmk_kernel *kerne
                sizeof((dmk_arg[]){__VA_ARGS__}) / sizeof(dmk_arg), (dmk_arg[]){__VA_ARGS__})
 /* Parts of a launch over `items` items: the number of partial sums a reduction leaves. */
 size_t dmk_launch_parts(const dmk_device *device, size_t items);
+/* Items of each part but the last. */
+size_t dmk_launch_part(const dmk_device *device);
 
 #endif

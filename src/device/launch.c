@@ -28,9 +28,14 @@ int dmk_kernel_get(dmk_context *ctx, dmk_device *dev, dmk_program program, const
     return DMK_OK;
 }
 
+size_t dmk_launch_part(const dmk_device *dev)
+{
+    return dev->cpu_shape ? dev->chunk * DMK_WIDTH : DMK_GROUP;
+}
+
 size_t dmk_launch_parts(const dmk_device *dev, size_t items)
 {
-    size_t per_part = dev->cpu_shape ? dev->chunk * DMK_WIDTH : DMK_GROUP;
+    size_t per_part = dmk_launch_part(dev);
     size_t parts = (items + per_part - 1) / per_part;
     return parts > 0 ? parts : 1;
 }

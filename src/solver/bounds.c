@@ -58,28 +58,28 @@ static void integrate_bands(int n, const int32_t *bits, double width, double *ph
 static int bound_by_host(dmk_iteration *o, const dmk_buffer *v, double *bound)
 {
     int rc;
-    const dmk_system *s = o->sys;
+    dmk_system *s = o->sys;
     const dmk_mesh *m = o->mesh;
     double *x = NULL, *f = NULL, fv = 0, size = 0;
-    DMK_TRY(DMK_NEW(o->ctx, x, (size_t)s->n_rows));
-    DMK_TRY(DMK_NEW(o->ctx, f, (size_t)s->n_rows));
-    DMK_TRY(dmk_buffer_read_real(o->ctx, s->device, DMK_OUTER, v, (size_t)s->n_rows, x));
-    DMK_TRY(dmk_buffer_read_real(o->ctx, s->device, DMK_OUTER, s->f, (size_t)s->n_rows, f));
+    DMK_TRY(DMK_NEW(o->ctx, x, (size_t)s->whole.n_rows_pad));
+    DMK_TRY(DMK_NEW(o->ctx, f, (size_t)s->whole.n_rows_pad));
+    DMK_TRY(dmk_rows_read(o->ctx, s, v, x));
+    DMK_TRY(dmk_rows_read(o->ctx, s, s->f, f));
     o->top = 0;
-    for (int32_t t = 0; t < s->n_elements; t++) {
+    for (int32_t t = 0; t < s->whole.n_elements; t++) {
         const int32_t *corner = m->triangle + 3 * (size_t)t,
                       *edge = m->triangle_edge + 3 * (size_t)t;
         double e = 0;
         for (int k = 0; k < 3; k++) {
             const int i = (k + 1) % 3, j = (k + 2) % 3;
             const double c = m->cot[3 * (size_t)t + (size_t)k], mid = x[edge[k]];
-            const double a = x[s->vertex_row + corner[i]] - mid,
-                         b = x[s->vertex_row + corner[j]] - mid, d = x[edge[i]] - x[edge[j]];
+            const double a = x[s->whole.vertex_row + corner[i]] - mid,
+                         b = x[s->whole.vertex_row + corner[j]] - mid, d = x[edge[i]] - x[edge[j]];
             e += c * (0.5 * (a * a + b * b) + d * d);
         }
         o->top = fmax(o->top, e / m->area[t] * s->unit * s->unit);
     }
-    for (int32_t i = 0; i < s->n_rows; i++) {
+    for (int32_t i = 0; i < s->whole.n_rows; i++) {
         fv += f[i] * x[i];
         size += fabs(f[i] * x[i]);
     }
@@ -118,6 +118,7 @@ static int map_bands(dmk_iteration *o, const dmk_buffer *u, const dmk_bands *ban
     DMK_TRY(dmk_buffer_create(o->ctx, s->device, (n + 1) * sizeof *phi, phi, &knots));
     DMK_TRY(dmk_band_slopes(o->ctx, s, bands, u, slopes));
     DMK_TRY(dmk_buffer_read(o->ctx, s->device, slopes, 0, n * sizeof *bits, bits));
+    DMK_TRY(dmk_share_largest(o->ctx, s->share, n, bits));
     integrate_bands(bands->n, bits, 1 / (double)bands->inverse, phi);
     DMK_TRY(dmk_buffer_write_real(o->ctx, s->device, DMK_OUTER, knots, n + 1, phi));
     DMK_TRY(dmk_band_map(o->ctx, s, bands, knots, u, v));
@@ -137,7 +138,7 @@ int dmk_bound_banded(dmk_iteration *o, const dmk_buffer *u, double *bound)
     dmk_buffer *v = s->cg[DMK_OUTER].p;
     DMK_TRY(range(o, u, &low, &high));
     /* Bands of about a quarter of the mean element size. */
-    double width = 0.38 / sqrt((double)s->n_elements);
+    double width = 0.38 / sqrt((double)s->whole.n_elements);
     int n = (int)fmin(MAX_BANDS, ceil((high - low) / width) + 1);
     const dmk_bands bands = {n, (float)(low - 0.5 * width),
                              (float)((n - 1) / fmax(high - low, 1e-30))};

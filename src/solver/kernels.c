@@ -88,6 +88,9 @@ void dmk_kernels_destroy(struct dmk_kernels **kernels)
     *kernels = NULL;
 }
 
+/* With a share of the mesh (ranks/), what a launch gathers from other items than its own is asked
+ * for before it, and partial sums become those of all ranks before they are added. */
+
 /* Over `range`: kernel `name` of `program` with these arguments. */
 #define RUN(program, name, range, ...)                                                             \
     DMK_LAUNCH(ctx, s->device, s->kernels->of[program][K_##name], (range), __VA_ARGS__)
@@ -123,15 +126,23 @@ static dmk_buffer *out_of(const dmk_system *s, dmk_program p)
 
 int dmk_element_stiffness(dmk_context *ctx, dmk_system *s, dmk_program p, const dmk_buffer *x)
 {
+    int rc;
     const dmk_buffer *weight = p == DMK_INNER ? s->weight : s->weight_real;
-    return RUN(p, element_stiffness, elements(s), DMK_INT(s->n_elements), DMK_BUF(s->index),
-               DMK_BUF(weight), DMK_BUF(x), DMK_BUF(out_of(s, p)));
+    DMK_TRY(dmk_share_rows(ctx, s->share, p, x));
+    rc = RUN(p, element_stiffness, elements(s), DMK_INT(s->n_elements), DMK_BUF(s->index),
+             DMK_BUF(weight), DMK_BUF(x), DMK_BUF(out_of(s, p)));
+done:
+    return rc;
 }
 
 int dmk_element_newton(dmk_context *ctx, dmk_system *s, const dmk_buffer *x)
 {
-    return RUN(DMK_INNER, element_newton, elements(s), DMK_INT(s->n_elements), DMK_BUF(s->index),
-               DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(x), DMK_BUF(s->out));
+    int rc;
+    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_INNER, x));
+    rc = RUN(DMK_INNER, element_newton, elements(s), DMK_INT(s->n_elements), DMK_BUF(s->index),
+             DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(x), DMK_BUF(s->out));
+done:
+    return rc;
 }
 
 int dmk_rows_apply(dmk_context *ctx, dmk_system *s, dmk_program p, const dmk_buffer *x,
@@ -165,8 +176,13 @@ int dmk_cg_dots(dmk_context *ctx, dmk_system *s, dmk_program p, const dmk_buffer
 
 int dmk_cg_beta(dmk_context *ctx, dmk_system *s, dmk_program p, bool first)
 {
-    return RUN(p, cg_beta, items(1), DMK_INT(parts_of(s, s->n_rows)), DMK_INT(first),
-               DMK_BUF(s->partial), DMK_BUF(s->state));
+    int rc;
+    int32_t parts = parts_of(s, s->n_rows);
+    DMK_TRY(dmk_share_parts(ctx, s->share, true, 2, s->partial, &parts));
+    rc = RUN(p, cg_beta, items(1), DMK_INT(parts), DMK_INT(first), DMK_BUF(s->partial),
+             DMK_BUF(s->state));
+done:
+    return rc;
 }
 
 int dmk_cg_direction(dmk_context *ctx, dmk_system *s, dmk_program p, const dmk_buffer *z)
@@ -177,14 +193,19 @@ int dmk_cg_direction(dmk_context *ctx, dmk_system *s, dmk_program p, const dmk_b
 
 int dmk_cg_alpha(dmk_context *ctx, dmk_system *s, dmk_program p)
 {
-    return RUN(p, cg_alpha, items(1), DMK_INT(parts_of(s, s->n_rows)), DMK_BUF(s->partial),
-               DMK_BUF(s->state));
+    int rc;
+    int32_t parts = parts_of(s, s->n_rows);
+    DMK_TRY(dmk_share_parts(ctx, s->share, true, 1, s->partial, &parts));
+    rc = RUN(p, cg_alpha, items(1), DMK_INT(parts), DMK_BUF(s->partial), DMK_BUF(s->state));
+done:
+    return rc;
 }
 
 int dmk_cg_step(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_buffer *x)
 {
     return RUN(p, cg_step, rows(s), DMK_INT(s->n_rows), DMK_INT(x != NULL), DMK_BUF(s->state),
-               DMK_BUF(s->cg[p].p), DMK_BUF(s->cg[p].ap), DMK_BUF(x ? x : s->cg[p].p), DMK_BUF(s->cg[p].r), DMK_BUF(s->cg[p].narrow));
+               DMK_BUF(s->cg[p].p), DMK_BUF(s->cg[p].ap), DMK_BUF(x ? x : s->cg[p].p),
+               DMK_BUF(s->cg[p].r), DMK_BUF(s->cg[p].narrow));
 }
 
 int dmk_dot(dmk_context *ctx, dmk_system *s, const dmk_buffer *a, const dmk_buffer *b)
@@ -200,9 +221,13 @@ int dmk_rows_range(dmk_context *ctx, dmk_system *s, const dmk_buffer *u)
 
 int dmk_sum_partials(dmk_context *ctx, dmk_system *s, size_t n, int count, int maxima)
 {
+    int rc;
     int32_t parts = (int32_t)dmk_launch_parts(s->device, n);
-    return RUN(DMK_OUTER, sum_partials, items(1), DMK_INT(parts), DMK_INT(count), DMK_INT(maxima),
-               DMK_BUF(s->partial), DMK_BUF(s->scalars), DMK_INT(0));
+    DMK_TRY(dmk_share_parts(ctx, s->share, n == (size_t)s->n_rows, count, s->partial, &parts));
+    rc = RUN(DMK_OUTER, sum_partials, items(1), DMK_INT(parts), DMK_INT(count), DMK_INT(maxima),
+             DMK_BUF(s->partial), DMK_BUF(s->scalars), DMK_INT(0));
+done:
+    return rc;
 }
 
 int dmk_scale_add(dmk_context *ctx, dmk_system *s, double alpha)
@@ -221,47 +246,66 @@ int dmk_smooth_first(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, dou
 
 int dmk_graph_residual(dmk_context *ctx, dmk_system *s, int32_t level, const dmk_buffer *x)
 {
+    int rc;
     dmk_level *l = &s->level[level];
-    return RUN(DMK_INNER, graph_residual, items(l->n), DMK_INT(l->n), DMK_BUF(l->slice),
-               DMK_BUF(l->neighbour), DMK_BUF(l->weight), DMK_BUF(x), DMK_BUF(l->rhs),
-               DMK_BUF(l->residual));
+    DMK_TRY(dmk_share_vertices(ctx, s->share, level, x));
+    rc = RUN(DMK_INNER, graph_residual, items(l->n), DMK_INT(l->n), DMK_BUF(l->slice),
+             DMK_BUF(l->neighbour), DMK_BUF(l->weight), DMK_BUF(x), DMK_BUF(l->rhs),
+             DMK_BUF(l->residual));
+done:
+    return rc;
 }
 
 int dmk_graph_chebyshev(dmk_context *ctx, dmk_system *s, int32_t level, const dmk_buffer *x,
                         dmk_buffer *x_old, dmk_chebyshev_step c)
 {
+    int rc;
     dmk_level *l = &s->level[level];
-    return RUN(DMK_INNER, graph_chebyshev, items(l->n), DMK_INT(l->n), DMK_BUF(l->slice),
-               DMK_BUF(l->neighbour), DMK_BUF(l->weight), DMK_BUF(l->rhs), DMK_BUF(l->inv_diag),
-               DMK_BUF(x), DMK_BUF(x_old), DMK_FLOAT(c.momentum), DMK_FLOAT(c.keep),
-               DMK_FLOAT(c.step));
+    DMK_TRY(dmk_share_vertices(ctx, s->share, level, x));
+    rc = RUN(DMK_INNER, graph_chebyshev, items(l->n), DMK_INT(l->n), DMK_BUF(l->slice),
+             DMK_BUF(l->neighbour), DMK_BUF(l->weight), DMK_BUF(l->rhs), DMK_BUF(l->inv_diag),
+             DMK_BUF(x), DMK_BUF(x_old), DMK_FLOAT(c.momentum), DMK_FLOAT(c.keep),
+             DMK_FLOAT(c.step));
+done:
+    return rc;
 }
 
 int dmk_restrict(dmk_context *ctx, dmk_system *s, int32_t level, double step)
 {
+    int rc;
     dmk_level *l = &s->level[level];
     if (level == 0) {
+        DMK_TRY(dmk_share_rows(ctx, s->share, DMK_INNER, s->residual));
         return RUN(DMK_INNER, restrict_midpoints, items(l->n), DMK_INT(l->n),
                    DMK_INT(s->vertex_row), DMK_BUF(l->slice), DMK_BUF(l->number),
                    DMK_BUF(s->residual), DMK_FLOAT(step), DMK_BUF(l->inv_diag), DMK_BUF(l->rhs),
                    DMK_BUF(l->x));
     }
-    return RUN(DMK_INNER, restrict_rows, items(l->n), DMK_INT(l->n), DMK_BUF(l->restrict_slice),
-               DMK_BUF(l->restrict_entry), DMK_BUF(l->restrict_weight),
-               DMK_BUF(s->level[level - 1].residual), DMK_FLOAT(step), DMK_BUF(l->inv_diag),
-               DMK_BUF(l->rhs), DMK_BUF(l->x));
+    DMK_TRY(dmk_share_vertices(ctx, s->share, level - 1, s->level[level - 1].residual));
+    DMK_TRY(RUN(DMK_INNER, restrict_rows, items(l->n), DMK_INT(l->n), DMK_BUF(l->restrict_slice),
+                DMK_BUF(l->restrict_entry), DMK_BUF(l->restrict_weight),
+                DMK_BUF(s->level[level - 1].residual), DMK_FLOAT(step), DMK_BUF(l->inv_diag),
+                DMK_BUF(l->rhs), DMK_BUF(l->x)));
+    DMK_TRY(dmk_share_gather(ctx, s->share, level, l->rhs));
+    DMK_TRY(dmk_share_gather(ctx, s->share, level, l->x));
+done:
+    return rc;
 }
 
 int dmk_prolong(dmk_context *ctx, dmk_system *s, int32_t level, dmk_buffer *x)
 {
+    int rc;
     dmk_level *l = &s->level[level];
+    DMK_TRY(dmk_share_vertices(ctx, s->share, level, l->x_old));
     if (level == 0) {
         return RUN(DMK_INNER, prolong_midpoints, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->ends),
                    DMK_BUF(l->x_old), DMK_BUF(x));
     }
     int32_t n = s->level[level - 1].n;
-    return RUN(DMK_INNER, prolong_rows, items(n), DMK_INT(n), DMK_BUF(l->prolong_index),
-               DMK_BUF(l->prolong_weight), DMK_BUF(l->x_old), DMK_BUF(x));
+    rc = RUN(DMK_INNER, prolong_rows, items(n), DMK_INT(n), DMK_BUF(l->prolong_index),
+             DMK_BUF(l->prolong_weight), DMK_BUF(l->x_old), DMK_BUF(x));
+done:
+    return rc;
 }
 
 int dmk_coarse_solve(dmk_context *ctx, dmk_system *s)
@@ -273,14 +317,19 @@ int dmk_coarse_solve(dmk_context *ctx, dmk_system *s)
 
 int dmk_links(dmk_context *ctx, dmk_system *s, int32_t level)
 {
+    int rc;
     dmk_level *l = &s->level[level];
     if (level == 0) {
-        return RUN(DMK_INNER, links_from_triangles, items(l->n_links), DMK_INT(l->n_links),
-                   DMK_BUF(s->edge_place), DMK_BUF(s->link), DMK_BUF(l->link));
+        DMK_TRY(RUN(DMK_INNER, links_from_triangles, items(l->n_links), DMK_INT(l->n_links),
+                    DMK_BUF(s->edge_place), DMK_BUF(s->link), DMK_BUF(l->link)));
+    } else {
+        DMK_TRY(RUN(DMK_INNER, links_from_links, items(l->n_links), DMK_INT(l->n_links),
+                    DMK_BUF(l->galerkin_row), DMK_BUF(l->galerkin_link), DMK_BUF(l->galerkin_coef),
+                    DMK_BUF(s->level[level - 1].link), DMK_BUF(l->link)));
     }
-    return RUN(DMK_INNER, links_from_links, items(l->n_links), DMK_INT(l->n_links),
-               DMK_BUF(l->galerkin_row), DMK_BUF(l->galerkin_link), DMK_BUF(l->galerkin_coef),
-               DMK_BUF(s->level[level - 1].link), DMK_BUF(l->link));
+    DMK_TRY(dmk_share_links(ctx, s->share, level, l->link));
+done:
+    return rc;
 }
 
 int dmk_graph_weights(dmk_context *ctx, dmk_system *s, int32_t level)
@@ -307,9 +356,13 @@ int dmk_inverse_diagonal_coarse(dmk_context *ctx, dmk_system *s)
 
 int dmk_element_energy(dmk_context *ctx, dmk_system *s, const dmk_buffer *v, bool keep)
 {
-    return RUN(DMK_OUTER, element_energy, elements(s), DMK_INT(s->n_elements), DMK_INT(keep),
-               DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(v),
-               DMK_BUF(s->out_real), DMK_BUF(s->q), DMK_BUF(s->partial));
+    int rc;
+    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_OUTER, v));
+    rc = RUN(DMK_OUTER, element_energy, elements(s), DMK_INT(s->n_elements), DMK_INT(keep),
+             DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(v),
+             DMK_BUF(s->out_real), DMK_BUF(s->q), DMK_BUF(s->partial));
+done:
+    return rc;
 }
 
 int dmk_element_measure(dmk_context *ctx, dmk_system *s, double alpha)
@@ -354,9 +407,13 @@ int dmk_rows_outer_residual(dmk_context *ctx, dmk_system *s)
 
 int dmk_newton_update(dmk_context *ctx, dmk_system *s, double alpha, double D, double lowest)
 {
-    return RUN(DMK_OUTER, newton_update, elements(s), DMK_INT(s->n_elements), DMK_FLOAT(alpha),
-               DMK_FLOAT(D), DMK_FLOAT(lowest), DMK_BUF(s->index), DMK_BUF(s->area), DMK_BUF(s->q),
-               DMK_BUF(s->rank_one), DMK_BUF(s->w), DMK_BUF(s->mu), DMK_BUF(s->partial));
+    int rc;
+    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_INNER, s->w));
+    rc = RUN(DMK_OUTER, newton_update, elements(s), DMK_INT(s->n_elements), DMK_FLOAT(alpha),
+             DMK_FLOAT(D), DMK_FLOAT(lowest), DMK_BUF(s->index), DMK_BUF(s->area), DMK_BUF(s->q),
+             DMK_BUF(s->rank_one), DMK_BUF(s->w), DMK_BUF(s->mu), DMK_BUF(s->partial));
+done:
+    return rc;
 }
 
 int dmk_explicit_update(dmk_context *ctx, dmk_system *s, bool inertial, double dt, double beta,
@@ -370,9 +427,13 @@ int dmk_explicit_update(dmk_context *ctx, dmk_system *s, bool inertial, double d
 int dmk_band_slopes(dmk_context *ctx, dmk_system *s, const dmk_bands *b, const dmk_buffer *u,
                     dmk_buffer *slopes)
 {
-    return RUN(DMK_OUTER, band_slopes, elements(s), DMK_INT(s->n_elements), DMK_INT(b->n),
-               DMK_FLOAT(b->start), DMK_FLOAT(b->inverse), DMK_BUF(s->index), DMK_BUF(u),
-               DMK_BUF(s->q), DMK_BUF(slopes));
+    int rc;
+    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_OUTER, u));
+    rc = RUN(DMK_OUTER, band_slopes, elements(s), DMK_INT(s->n_elements), DMK_INT(b->n),
+             DMK_FLOAT(b->start), DMK_FLOAT(b->inverse), DMK_BUF(s->index), DMK_BUF(u),
+             DMK_BUF(s->q), DMK_BUF(slopes));
+done:
+    return rc;
 }
 
 int dmk_band_map(dmk_context *ctx, dmk_system *s, const dmk_bands *b, const dmk_buffer *phi,
@@ -387,25 +448,39 @@ int dmk_band_map(dmk_context *ctx, dmk_system *s, const dmk_bands *b, const dmk_
 int dmk_repair_start(dmk_context *ctx, dmk_system *s, const dmk_repair_work *w, double scale,
                      const dmk_buffer *from)
 {
-    return RUN(DMK_OUTER, repair_start, rows(s), DMK_INT(s->n_rows), DMK_FLOAT(scale), DMK_BUF(from),
-               DMK_BUF(w->u), DMK_BUF(w->before));
+    int rc;
+    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_INNER, s->inv_diag));
+    rc = RUN(DMK_OUTER, repair_start, rows(s), DMK_INT(s->n_rows), DMK_FLOAT(scale), DMK_BUF(from),
+             DMK_BUF(w->u), DMK_BUF(w->before));
+done:
+    return rc;
 }
 
 int dmk_repair_mark(dmk_context *ctx, dmk_system *s, const dmk_repair_work *w)
 {
-    return RUN(DMK_OUTER, repair_mark, elements(s), DMK_INT(s->n_elements), DMK_BUF(s->index),
-               DMK_BUF(s->q), DMK_BUF(w->mark), DMK_BUF(w->u), DMK_BUF(w->before), DMK_BUF(w->ring));
+    int rc;
+    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_OUTER, w->u));
+    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_OUTER, w->before));
+    rc = RUN(DMK_OUTER, repair_mark, elements(s), DMK_INT(s->n_elements), DMK_BUF(s->index),
+             DMK_BUF(s->q), DMK_BUF(w->mark), DMK_BUF(w->u), DMK_BUF(w->before), DMK_BUF(w->ring));
+done:
+    return rc;
 }
 
 int dmk_repair_grow(dmk_context *ctx, dmk_system *s, const dmk_repair_work *w, int ring)
 {
-    return RUN(DMK_OUTER, repair_grow, elements(s), DMK_INT(s->n_elements), DMK_INT(ring),
-               DMK_BUF(s->index), DMK_BUF(w->ring));
+    int rc;
+    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_INNER, w->ring));
+    rc = RUN(DMK_OUTER, repair_grow, elements(s), DMK_INT(s->n_elements), DMK_INT(ring),
+             DMK_BUF(s->index), DMK_BUF(w->ring));
+done:
+    return rc;
 }
 
 int dmk_repair_list(dmk_context *ctx, dmk_system *s, const dmk_repair_work *w, int ring)
 {
     int rc;
+    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_INNER, w->ring));
     DMK_TRY(dmk_buffer_clear(ctx, s->device, w->count, 2 * sizeof(int32_t)));
     DMK_TRY(RUN(DMK_OUTER, repair_list_elements, elements(s), DMK_INT(s->n_elements), DMK_INT(ring),
                 DMK_BUF(s->index), DMK_BUF(w->ring), DMK_BUF(w->count), DMK_BUF(w->elements)));
@@ -418,11 +493,16 @@ done:
 int dmk_repair_elements(dmk_context *ctx, dmk_system *s, const dmk_repair_work *w, int sweep,
                         int stamp, double target)
 {
-    return RUN(DMK_OUTER, repair_elements, items(w->n_elements), DMK_INT(w->n_elements),
-               DMK_INT(sweep), DMK_INT(stamp), DMK_FLOAT(target), DMK_BUF(w->elements),
-               DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->inv_diag),
-               DMK_BUF(w->u), DMK_BUF(s->out_real), DMK_BUF(w->mark), DMK_BUF(w->moved),
-               DMK_BUF(w->broken));
+    int rc;
+    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_OUTER, w->u));
+    DMK_TRY(RUN(DMK_OUTER, repair_elements, items(w->n_elements), DMK_INT(w->n_elements),
+                DMK_INT(sweep), DMK_INT(stamp), DMK_FLOAT(target), DMK_BUF(w->elements),
+                DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->inv_diag),
+                DMK_BUF(w->u), DMK_BUF(s->out_real), DMK_BUF(w->mark), DMK_BUF(w->moved),
+                DMK_BUF(w->broken)));
+    DMK_TRY(dmk_share_flag(ctx, s->share, w->broken, sweep));
+done:
+    return rc;
 }
 
 int dmk_repair_rows(dmk_context *ctx, dmk_system *s, const dmk_repair_work *w, int sweep, int stamp,

@@ -105,11 +105,11 @@ static int find_steep(repair *r)
 {
     int rc;
     dmk_stats *stats = r->o->stats;
-    size_t n = (size_t)r->o->sys->n_elements;
+    size_t n = (size_t)r->o->sys->whole.n_elements;
     double *q = NULL, unused;
-    DMK_TRY(DMK_NEW(r->o->ctx, q, n));
+    DMK_TRY(DMK_NEW(r->o->ctx, q, (size_t)r->o->sys->whole.n_elements_pad));
     DMK_TRY(dmk_bound_plain(r->o, r->work.u, &unused));
-    DMK_TRY(dmk_buffer_read_real(r->o->ctx, r->o->sys->device, DMK_OUTER, r->o->sys->q, n, q));
+    DMK_TRY(dmk_elements_read(r->o->ctx, r->o->sys, r->o->sys->q, q));
     stats->n_steep = 0;
     for (size_t t = 0; t < n; t++)
         stats->n_steep += q[t] > 1;

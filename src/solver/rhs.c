@@ -21,17 +21,17 @@ int dmk_right_hand_side(dmk_context *ctx, const dmk_mesh *m, const dmk_system *s
 {
     (void)ctx;
     double unit2 = s->unit * s->unit, w[6];
-    for (int32_t i = 0; i < s->n_rows_pad; i++) f[i] = 0;
+    for (int32_t i = 0; i < s->whole.n_rows_pad; i++) f[i] = 0;
     for (int32_t t = 0; t < m->n_triangles; t++) {
         double a = m->area[t] / unit2;
         for (int k = 0; k < 3; k++) {
-            f[s->vertex_row + m->triangle[3 * t + k]] -= a / 12;
+            f[s->whole.vertex_row + m->triangle[3 * t + k]] -= a / 12;
             f[m->triangle_edge[3 * t + k]] -= a / 4;
         }
     }
     dmk_point_weights(p->weight, w);
     for (int k = 0; k < 3; k++) {
-        f[s->vertex_row + m->triangle[3 * p->triangle + k]] += w[k];
+        f[s->whole.vertex_row + m->triangle[3 * p->triangle + k]] += w[k];
         f[m->triangle_edge[3 * p->triangle + k]] += w[3 + k];
     }
     return DMK_OK;

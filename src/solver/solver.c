@@ -13,6 +13,7 @@
 struct dmk_solver {
     dmk_device *device;
     const dmk_mesh *mesh;
+    dmk_ranks ranks;   /* size 0: none */
     int32_t component; /* the one that is packed, or -1 */
     dmk_shared_order *order;
     dmk_mesh mollified; /* the ordered mesh with the metric that is computed with */
@@ -69,6 +70,28 @@ void dmk_solver_destroy(dmk_solver **solver)
     *solver = NULL;
 }
 
+int dmk_solver_set_ranks(dmk_context *ctx, dmk_solver *s, const dmk_ranks *ranks)
+{
+    if (dmk_missing(ctx, "solver", s, NULL)) return DMK_E_ARG;
+    if (ranks &&
+        (ranks->size < 1 || ranks->rank < 0 || ranks->rank >= ranks->size ||
+         ranks->gather_below < 0 || !ranks->exchange || !ranks->gather || !ranks->largest)) {
+        return dmk_fail(ctx, DMK_E_ARG,
+                        "rank %d of %d: expected one of 0 to size - 1, with all calls", ranks->rank,
+                        ranks->size);
+    }
+    forget_component(s);
+    s->ranks = ranks ? *ranks : (dmk_ranks){0};
+    return DMK_OK;
+}
+
+void dmk_solver_get_traffic(const dmk_solver *s, dmk_traffic *traffic)
+{
+    if (!traffic) return;
+    *traffic = (dmk_traffic){0};
+    if (s && s->system && s->system->share) *traffic = s->system->share->traffic;
+}
+
 void dmk_solve_options_init(dmk_solve_options *options)
 {
     if (!options) return;
@@ -90,10 +113,13 @@ static int check_options(dmk_context *ctx, const dmk_solver *s, const dmk_point 
     const double bounds[] = {o->tolerance, o->gap_tolerance, o->cg_tolerance, o->threshold};
     for (size_t i = 0; i < sizeof bounds / sizeof *bounds; i++) {
         if (bounds[i] >= 0 && isfinite(bounds[i])) continue;
-        return dmk_fail(ctx, DMK_E_ARG, "%s = %g: expected a finite number from 0",
-                        (const char *[]){"tolerance", "gap_tolerance", "cg_tolerance", "threshold"}[i], bounds[i]);
+        return dmk_fail(
+            ctx, DMK_E_ARG, "%s = %g: expected a finite number from 0",
+            (const char *[]){"tolerance", "gap_tolerance", "cg_tolerance", "threshold"}[i],
+            bounds[i]);
     }
-    if (o->max_steps < 0) return dmk_fail(ctx, DMK_E_ARG, "max_steps = %d: expected 0 or more", o->max_steps);
+    if (o->max_steps < 0)
+        return dmk_fail(ctx, DMK_E_ARG, "max_steps = %d: expected 0 or more", o->max_steps);
     if ((int)o->method < DMK_NEWTON || o->method > DMK_EULER) {
         return dmk_fail(ctx, DMK_E_ARG, "method %d is none of dmk_method", (int)o->method);
     }
@@ -138,7 +164,8 @@ static int set_up(dmk_context *ctx, dmk_solver *s, start *near)
     dmk_task task;
     if (s->system) return measure(ctx, near);
     dmk_task_begin(ctx, &task, measure, near);
-    int rc = dmk_system_create(ctx, s->device, near->mesh, &s->system);
+    int rc = dmk_system_create(ctx, s->device, near->mesh, s->ranks.size > 1 ? &s->ranks : NULL,
+                               &s->system);
     return dmk_task_end(ctx, &task, rc);
 }
 
@@ -151,7 +178,7 @@ static int set_start(dmk_context *ctx, dmk_solver *s, const start *near, dmk_sta
     const dmk_point *p = near->source;
     const double *vertex = near->geodesics->distance, *mid = near->mid;
     double *u = NULL, *mu = NULL;
-    size_t n_rows = (size_t)sys->n_rows_pad, n_elements = (size_t)sys->n_elements_pad;
+    size_t n_rows = (size_t)sys->whole.n_rows_pad, n_elements = (size_t)sys->whole.n_elements_pad;
     DMK_TRY(DMK_NEW(ctx, u, n_rows));
     DMK_TRY(DMK_NEW(ctx, mu, n_elements));
     if (from == DMK_START_DISTANCE) {
@@ -160,23 +187,23 @@ static int set_start(dmk_context *ctx, dmk_solver *s, const start *near, dmk_sta
         for (int32_t e = 0; e < m->n_edges; e++)
             u[e] = mid[e] / -sys->unit;
         for (int32_t v = 0; v < m->n_vertices; v++)
-            u[sys->vertex_row + v] = vertex[v] / -sys->unit;
+            u[sys->whole.vertex_row + v] = vertex[v] / -sys->unit;
         for (int32_t t = 0; t < m->n_triangles; t++)
             mu[t] /= sys->unit;
     } else {
         for (int32_t t = 0; t < m->n_triangles; t++)
             mu[t] = 1;
     }
-    DMK_TRY(dmk_buffer_write_real(ctx, s->device, DMK_OUTER, sys->u, n_rows, u));
-    DMK_TRY(dmk_buffer_write_real(ctx, s->device, DMK_OUTER, sys->mu, n_elements, mu));
+    DMK_TRY(dmk_rows_write(ctx, sys, sys->u, u));
+    DMK_TRY(dmk_elements_write(ctx, sys, sys->mu, mu));
     DMK_TRY(dmk_right_hand_side(ctx, m, sys, p, u));
-    DMK_TRY(dmk_buffer_write_real(ctx, s->device, DMK_OUTER, sys->f, n_rows, u));
-    size_t x_bytes = n_rows * sizeof(float);
+    DMK_TRY(dmk_rows_write(ctx, sys, sys->f, u));
+    size_t x_bytes = (size_t)sys->n_rows_pad * sizeof(float);
     /* Work arrays may hold the NaN of an earlier solve that diverged. */
     DMK_TRY(dmk_buffer_clear(ctx, s->device, sys->x, x_bytes));
     DMK_TRY(dmk_buffer_clear(ctx, s->device, sys->x_old, x_bytes));
     DMK_TRY(dmk_buffer_clear(ctx, s->device, sys->before,
-                             n_elements * dmk_device_real(s->device, DMK_OUTER)));
+                             (size_t)sys->n_elements_pad * dmk_device_real(s->device, DMK_OUTER)));
 done:
     free(u);
     free(mu);
@@ -218,7 +245,7 @@ static double value_at(const dmk_system *sys, const dmk_mesh *m, const dmk_point
     double w[6], sum = 0;
     dmk_point_weights(p->weight, w);
     for (int k = 0; k < 3; k++) {
-        sum += w[k] * u[sys->vertex_row + m->triangle[3 * p->triangle + k]];
+        sum += w[k] * u[sys->whole.vertex_row + m->triangle[3 * p->triangle + k]];
         sum += w[3 + k] * u[m->triangle_edge[3 * p->triangle + k]];
     }
     return sum;
@@ -231,19 +258,19 @@ static int collect(dmk_context *ctx, dmk_solver *s, const start *near, dmk_resul
     dmk_system *sys = s->system;
     const dmk_order *o = &s->order->order;
     double *u = NULL, *mu = NULL;
-    DMK_TRY(DMK_NEW(ctx, u, (size_t)sys->n_rows));
-    DMK_TRY(DMK_NEW(ctx, mu, (size_t)sys->n_elements));
-    DMK_TRY(dmk_buffer_read_real(ctx, s->device, DMK_OUTER, sys->u, (size_t)sys->n_rows, u));
-    DMK_TRY(dmk_buffer_read_real(ctx, s->device, DMK_OUTER, sys->mu, (size_t)sys->n_elements, mu));
+    DMK_TRY(DMK_NEW(ctx, u, (size_t)sys->whole.n_rows_pad));
+    DMK_TRY(DMK_NEW(ctx, mu, (size_t)sys->whole.n_elements_pad));
+    DMK_TRY(dmk_rows_read(ctx, sys, sys->u, u));
+    DMK_TRY(dmk_elements_read(ctx, sys, sys->mu, mu));
     double at_source = value_at(sys, o->mesh, near->source, u);
-    for (int32_t t = 0; t < sys->n_elements; t++)
+    for (int32_t t = 0; t < sys->whole.n_elements; t++)
         r->density[o->triangle_old[t]] = mu[t] * sys->unit;
-    for (int32_t v = 0; v < sys->n_vertices; v++) {
-        double x = u[sys->vertex_row + v];
+    for (int32_t v = 0; v < sys->whole.n_vertices; v++) {
+        double x = u[sys->whole.vertex_row + v];
         r->potential[o->vertex_old[v]] = (x - at_source) * sys->unit;
         r->distance[o->vertex_old[v]] = near->geodesics->distance[v];
     }
-    for (int32_t e = 0; e < sys->n_edges; e++) {
+    for (int32_t e = 0; e < sys->whole.n_edges; e++) {
         r->potential_mid[o->edge_old[e]] = (u[e] - at_source) * sys->unit;
         r->distance_mid[o->edge_old[e]] = near->mid[e];
     }
@@ -323,11 +350,11 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     DMK_TRY(prepare(ctx, s, &near, options->start, began, r->stats.seconds));
     double t1 = dmk_seconds();
     dmk_iteration o = {.ctx = ctx,
-                   .sys = s->system,
-                   .mesh = near.mesh,
-                   .options = options,
-                   .stats = &r->stats,
-                   .began = began};
+                       .sys = s->system,
+                       .mesh = near.mesh,
+                       .options = options,
+                       .stats = &r->stats,
+                       .began = began};
     dmk_stage_end(ctx);
     DMK_TRY(iterate(s, &near, options, &o));
     DMK_TRY(dmk_certify(&o, true));

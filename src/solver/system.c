@@ -367,7 +367,8 @@ static int allocate_state(const packer *p)
     int rc;
     dmk_system *s = p->sys;
     size_t e = (size_t)s->n_elements_pad, n = (size_t)s->n_rows_pad;
-    size_t parts = dmk_launch_parts(p->dev, n > e ? n : e);
+    size_t parts = dmk_launch_parts(p->dev, n > e ? n : e), all = dmk_share_most_parts(s->share);
+    if (all > parts) parts = all;
     DMK_TRY(work(p, DMK_OUTER, e, &s->mu));
     DMK_TRY(work(p, DMK_OUTER, e, &s->before));
     DMK_TRY(work(p, DMK_OUTER, e, &s->q));
@@ -422,13 +423,53 @@ done:
     return rc;
 }
 
-size_t dmk_system_rows(const dmk_mesh *mesh)
+static void set_counts(dmk_system *s, const dmk_mesh *packed)
 {
-    return (size_t)dmk_padded(dmk_padded(mesh->n_edges) + mesh->n_vertices);
+    dmk_counts c = dmk_system_counts(s->device, packed);
+    s->n_elements = c.n_elements;
+    s->n_elements_pad = c.n_elements_pad;
+    s->n_edges = c.n_edges;
+    s->n_vertices = c.n_vertices;
+    s->vertex_row = c.vertex_row;
+    s->n_rows = c.n_rows;
+    s->n_rows_pad = c.n_rows_pad;
+}
+
+/* The share takes the mesh's place; all of it, if there is none. */
+static int pack_share(const packer *p, const dmk_ranks *ranks)
+{
+    int rc;
+    coarsener c = {.mesh = p->mesh};
+    dmk_local local = {.first_whole = 0};
+    packer mine = *p;
+    DMK_TRY(coarsen(p->ctx, &c));
+    DMK_TRY(dmk_share_create(p->ctx, ranks, p->dev, p->mesh, &c.hierarchy, &p->sys->share, &local));
+    if (p->sys->share) {
+        mine.mesh = &local.mesh;
+        set_counts(p->sys, mine.mesh);
+    }
+    DMK_TRY(pack_fine(&mine));
+    DMK_TRY(pack_levels(&mine, p->sys->share ? &local.hierarchy : &c.hierarchy));
+done:
+    if (p->sys->share || rc != DMK_OK) dmk_local_free(&local);
+    dmk_hierarchy_free(&c.hierarchy);
+    return rc;
+}
+
+dmk_counts dmk_system_counts(const dmk_device *device, const dmk_mesh *mesh)
+{
+    int32_t part = (int32_t)dmk_launch_part(device);
+    dmk_counts c = {.n_elements = mesh->n_triangles, .n_edges = mesh->n_edges,
+                    .n_vertices = mesh->n_vertices};
+    c.n_elements_pad = dmk_padded(mesh->n_triangles);
+    c.vertex_row = (mesh->n_edges / part + 1) * part; /* a padding row: filler links read it */
+    c.n_rows = c.vertex_row + mesh->n_vertices;
+    c.n_rows_pad = dmk_padded(c.n_rows);
+    return c;
 }
 
 int dmk_system_create(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh,
-                      dmk_system **system)
+                      const dmk_ranks *ranks, dmk_system **system)
 {
     int rc;
     double area = 0;
@@ -438,22 +479,68 @@ int dmk_system_create(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh
     for (int32_t t = 0; t < mesh->n_triangles; t++) area += mesh->area[t];
     s->unit = sqrt(area);
     s->fine_degree = share_of_needles(mesh) > 0.05 ? 3 : 2;
-    s->n_elements = mesh->n_triangles;
-    s->n_elements_pad = dmk_padded(mesh->n_triangles);
-    s->n_edges = mesh->n_edges;
-    s->n_vertices = mesh->n_vertices;
-    s->vertex_row = dmk_padded(mesh->n_edges); /* at least one padding row: filler links read it */
-    s->n_rows = s->vertex_row + mesh->n_vertices;
-    s->n_rows_pad = (int32_t)dmk_system_rows(mesh);
+    s->whole = dmk_system_counts(device, mesh);
+    set_counts(s, mesh);
     packer p = {ctx, device, mesh, s};
     DMK_TRY(dmk_kernels_create(ctx, device, &s->kernels));
-    DMK_TRY(pack_all(&p)); /* frees the host's hierarchy before ... */
+    if (ranks) DMK_TRY(pack_share(&p, ranks));
+    else DMK_TRY(pack_all(&p)); /* frees the host's hierarchy before ... */
     DMK_TRY(allocate_state(&p));
     *system = s;
     s = NULL;
 done:
     dmk_system_destroy(&s);
     return rc;
+}
+
+/* ---- whole vectors --------------------------------------------------------------------------- */
+
+static int write_whole(dmk_context *ctx, dmk_system *s, bool rows, dmk_buffer *b, const double *whole)
+{
+    int rc;
+    double *local = NULL;
+    size_t n = (size_t)(rows ? s->n_rows_pad : s->n_elements_pad);
+    if (!s->share) return dmk_buffer_write_real(ctx, s->device, DMK_OUTER, b, n, whole);
+    DMK_TRY(DMK_NEW(ctx, local, n));
+    dmk_share_take(s->share, rows, s->whole.vertex_row, whole, local);
+    DMK_TRY(dmk_buffer_write_real(ctx, s->device, DMK_OUTER, b, n, local));
+done:
+    free(local);
+    return rc;
+}
+
+static int read_whole(dmk_context *ctx, dmk_system *s, bool rows, const dmk_buffer *b, double *whole)
+{
+    int rc;
+    double *local = NULL;
+    size_t n = (size_t)(rows ? s->n_rows_pad : s->n_elements_pad);
+    if (!s->share) return dmk_buffer_read_real(ctx, s->device, DMK_OUTER, b, n, whole);
+    DMK_TRY(DMK_NEW(ctx, local, n));
+    DMK_TRY(dmk_buffer_read_real(ctx, s->device, DMK_OUTER, b, n, local));
+    DMK_TRY(dmk_share_give(ctx, s->share, rows, s->whole.vertex_row, local, whole));
+done:
+    free(local);
+    return rc;
+}
+
+int dmk_rows_write(dmk_context *ctx, dmk_system *s, dmk_buffer *rows, const double *whole)
+{
+    return write_whole(ctx, s, true, rows, whole);
+}
+
+int dmk_rows_read(dmk_context *ctx, dmk_system *s, const dmk_buffer *rows, double *whole)
+{
+    return read_whole(ctx, s, true, rows, whole);
+}
+
+int dmk_elements_write(dmk_context *ctx, dmk_system *s, dmk_buffer *elements, const double *whole)
+{
+    return write_whole(ctx, s, false, elements, whole);
+}
+
+int dmk_elements_read(dmk_context *ctx, dmk_system *s, const dmk_buffer *elements, double *whole)
+{
+    return read_whole(ctx, s, false, elements, whole);
 }
 
 static void free_level(dmk_level *l)
@@ -484,6 +571,7 @@ void dmk_system_destroy(dmk_system **system)
     for (int32_t i = 0; i < DMK_SYSTEM_LEVELS; i++) free_level(&s->level[i]);
     free(s->coarse_link_vertex);
     dmk_kernels_destroy(&s->kernels);
+    dmk_share_destroy(&s->share);
     free(s);
     *system = NULL;
 }

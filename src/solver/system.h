@@ -2,7 +2,9 @@
  * arrays, made once too, so that nothing is allocated inside an iteration.
  *
  * Unknowns (rows) are the values of u on T/2: rows 0 .. n_edges-1 the edge midpoints, rows
- * vertex_row .. vertex_row+n_vertices-1 the vertices; rows between and behind are padding and stay 0.
+ * vertex_row .. vertex_row+n_vertices-1 the vertices, which begin with a launch's part; rows between and
+ * behind are padding and stay 0. With a share of the mesh (see ranks/) all that is packed is local, with
+ * ghosts and gaps among the rows and elements; `whole` counts the mesh's.
  * Lengths are in units of the square root of the mesh's area, so the area is 1 and f sums to 0. */
 #ifndef DMK_SYSTEM_H
 #define DMK_SYSTEM_H
@@ -10,6 +12,7 @@
 #include "device/device.h"
 #include "levels/coarsen.h"
 #include "mesh/mesh.h"
+#include "ranks/ranks.h"
 
 struct dmk_kernels; /* kernels.h */
 
@@ -28,9 +31,16 @@ typedef struct dmk_level {
 
 enum { DMK_SYSTEM_LEVELS = DMK_MAX_LEVELS + 1 };
 
+/* Items and places of a mesh's system: see the head of this file. */
+typedef struct dmk_counts {
+    int32_t n_elements, n_elements_pad, n_edges, n_vertices, vertex_row, n_rows, n_rows_pad;
+} dmk_counts;
+
 typedef struct dmk_system {
     dmk_device *device;
     struct dmk_kernels *kernels;
+    dmk_share *share; /* NULL: all is the whole mesh's */
+    dmk_counts whole; /* of host vectors over the whole mesh */
     int32_t n_elements, n_elements_pad, n_edges, n_vertices, vertex_row, n_rows, n_rows_pad;
     int fine_degree; /* of the smoother on T/2: 2, or 3 on meshes with many needles */
     double unit; /* length of one unit of the packed problem, in the mesh's unit */
@@ -64,12 +74,22 @@ typedef struct dmk_system {
     dmk_buffer *coarse_inverse;  /* n_pad columns */
 } dmk_system;
 
-/* Numbers in a vector over the rows of the mesh's system, padding included (n_rows_pad). */
-size_t dmk_system_rows(const dmk_mesh *mesh);
-/* Pack an ordered, connected mesh with its hierarchy. */
+/* What a mesh's system on this device counts. */
+dmk_counts dmk_system_counts(const dmk_device *device, const dmk_mesh *mesh);
+/* Pack an ordered, connected mesh with its hierarchy; with ranks (or NULL) this one's share of it. */
 int dmk_system_create(dmk_context *context, dmk_device *device, const dmk_mesh *mesh,
-                      dmk_system **system);
+                      const dmk_ranks *ranks, dmk_system **system);
 void dmk_system_destroy(dmk_system **system);
+
+/* Vectors over the whole mesh's rows (whole.n_rows_pad numbers, edges at 0, vertices at
+ * whole.vertex_row) or elements (whole.n_elements_pad) to the device and back, which with a share is
+ * collective. */
+int dmk_rows_write(dmk_context *context, dmk_system *system, dmk_buffer *rows, const double *whole);
+int dmk_rows_read(dmk_context *context, dmk_system *system, const dmk_buffer *rows, double *whole);
+int dmk_elements_write(dmk_context *context, dmk_system *system, dmk_buffer *elements,
+                       const double *whole);
+int dmk_elements_read(dmk_context *context, dmk_system *system, const dmk_buffer *elements,
+                      double *whole);
 
 /* Where element t's k-th of K numbers lies. */
 static inline size_t dmk_place(int32_t t, int k, int K)

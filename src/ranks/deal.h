@@ -1,0 +1,17 @@
+/* Inside the ranks room: how a mesh is dealt out. */
+#ifndef DMK_DEAL_H
+#define DMK_DEAL_H
+
+#include "ranks/ranks.h"
+
+/* Levels of fewer vertices are on all ranks: there an exchange costs more than the work (a level of
+ * 10,000 takes 10 us on a device that moves 100 GB/s, as long as one message). */
+enum { DMK_GATHER_BELOW = 10000 };
+
+/* Own ranges of the levels below T, and the first level that is whole. */
+int dmk_deal_bounds(dmk_context *context, dmk_share *share, const dmk_hierarchy *hierarchy);
+/* Mark the vertices and links of a level that the rank reads; own ones may stay unmarked. */
+void dmk_deal_mark(const dmk_share *share, const dmk_mesh *mesh, const dmk_hierarchy *hierarchy,
+                   int32_t level, uint8_t *vertex_mark, uint8_t *link_mark);
+
+#endif

@@ -1,0 +1,234 @@
+/* The coarse levels of a share: which vertices and links a rank owns and needs, and its part of the
+ * tables between two levels. */
+#include "ranks/ranks.h"
+
+#include "ranks/deal.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* ---- who owns what --------------------------------------------------------------------------- */
+
+static int owner_of(const dmk_space *s, int n_ranks, int32_t item)
+{
+    int low = 0, high = n_ranks;
+    while (high - low > 1) {
+        int middle = (low + high) / 2;
+        if (s->bound[middle] <= item)
+            low = middle;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+/* The fine vertex that takes most of coarse vertex a. */
+static int32_t main_vertex(const dmk_coarsening *c, int32_t a)
+{
+    int32_t best = c->restrict_row[a];
+    for (int32_t k = best + 1; k < c->restrict_row[a + 1]; k++) {
+        if (c->restrict_weight[k] > c->restrict_weight[best]) best = k;
+    }
+    return c->restrict_fine[best];
+}
+
+static int own_range(dmk_context *ctx, const dmk_share *s, int32_t n, dmk_space *space)
+{
+    space->n_whole = n;
+    return DMK_NEW(ctx, space->bound, (size_t)s->ranks.size + 1);
+}
+
+static void set_own(const dmk_share *s, dmk_space *space)
+{
+    space->first = space->bound[s->ranks.rank];
+    space->end = space->bound[s->ranks.rank + 1];
+}
+
+/* A rank owns as many coarse vertices as have their main vertices among its fine ones, and the
+ * links whose smaller end it owns. */
+static int bound_level(dmk_context *ctx, dmk_share *s, const dmk_coarsening *c, int32_t level)
+{
+    int rc, size = s->ranks.size;
+    dmk_space *vertex = &s->vertex[level], *link = &s->link[level];
+    int32_t k = 0;
+    DMK_TRY(own_range(ctx, s, c->coarse.n, vertex));
+    DMK_TRY(own_range(ctx, s, c->coarse.n_edges, link));
+    for (int32_t a = 0; a < c->coarse.n; a++) {
+        vertex->bound[owner_of(&s->vertex[level - 1], size, main_vertex(c, a)) + 1]++;
+    }
+    for (int r = 0; r < size; r++) {
+        vertex->bound[r + 1] += vertex->bound[r];
+        while (k < link->n_whole && c->coarse.edge[2 * k] < vertex->bound[r + 1]) k++;
+        link->bound[r + 1] = k;
+    }
+    set_own(s, vertex);
+    set_own(s, link);
+done:
+    return rc;
+}
+
+int dmk_deal_bounds(dmk_context *ctx, dmk_share *s, const dmk_hierarchy *h)
+{
+    int rc = DMK_OK;
+    int32_t below = s->ranks.gather_below > 0 ? s->ranks.gather_below : DMK_GATHER_BELOW;
+    do {
+        s->first_whole++;
+        DMK_TRY(bound_level(ctx, s, &h->level[s->first_whole - 1], s->first_whole));
+    } while (s->first_whole < h->n && h->level[s->first_whole - 1].coarse.n >= below);
+done:
+    return rc;
+}
+
+/* ---- who needs what -------------------------------------------------------------------------- */
+
+/* Links at own vertices, and their other ends. */
+static void mark_neighbours(const dmk_space *own, int32_t n_links, const int32_t *link,
+                            uint8_t *vertex_mark, uint8_t *link_mark)
+{
+    for (int32_t k = 0; k < n_links; k++) {
+        const int32_t *end = link + 2 * (size_t)k;
+        if (!dmk_space_owns(own, end[0]) && !dmk_space_owns(own, end[1])) continue;
+        link_mark[k] = vertex_mark[end[0]] = vertex_mark[end[1]] = 1;
+    }
+}
+
+/* What the coarser level's own vertices and links are computed from. */
+static void mark_sources(const dmk_coarsening *c, const dmk_space *vertex, const dmk_space *link,
+                         uint8_t *vertex_mark, uint8_t *link_mark)
+{
+    for (int32_t k = c->restrict_row[vertex->first]; k < c->restrict_row[vertex->end]; k++) {
+        vertex_mark[c->restrict_fine[k]] = 1;
+    }
+    for (int32_t k = c->galerkin_row[link->first]; k < c->galerkin_row[link->end]; k++) {
+        link_mark[c->galerkin_edge[k]] = 1;
+    }
+}
+
+/* What the finer level's own vertices are interpolated from. */
+static void mark_targets(const dmk_coarsening *c, const dmk_space *fine, uint8_t *vertex_mark)
+{
+    for (size_t k = 3 * (size_t)fine->first; k < 3 * (size_t)fine->end; k++) {
+        vertex_mark[c->prolong_index[k]] = 1;
+    }
+}
+
+void dmk_deal_mark(const dmk_share *s, const dmk_mesh *m, const dmk_hierarchy *h, int32_t level,
+                   uint8_t *vertex_mark, uint8_t *link_mark)
+{
+    if (level == s->first_whole) {
+        memset(vertex_mark, 1, (size_t)s->vertex[level].n_whole);
+        memset(link_mark, 1, (size_t)s->link[level].n_whole);
+        return;
+    }
+    const dmk_graph *g = level > 0 ? &h->level[level - 1].coarse : NULL;
+    mark_neighbours(&s->vertex[level], g ? g->n_edges : m->n_edges, g ? g->edge : m->edge_vertex,
+                    vertex_mark, link_mark);
+    mark_sources(&h->level[level], &s->vertex[level + 1], &s->link[level + 1], vertex_mark,
+                 link_mark);
+    if (level > 0) mark_targets(&h->level[level - 1], &s->vertex[level - 1], vertex_mark);
+}
+
+/* ---- the local tables ------------------------------------------------------------------------ */
+
+/* Links of which an end is not here lead from the last vertex, a gap, to itself: only their weights
+ * are wanted. */
+static int local_links(dmk_context *ctx, const dmk_space *vertex, const dmk_space *link,
+                       const dmk_graph *whole, dmk_graph *local)
+{
+    int rc;
+    local->n = vertex->n;
+    local->n_edges = link->n;
+    DMK_TRY(DMK_NEW(ctx, local->edge, 2 * (size_t)link->n));
+    for (int32_t k = 0; k < link->n; k++) {
+        const int32_t *end = whole->edge + 2 * (size_t)link->whole[k];
+        int32_t a = vertex->at[end[0]], b = vertex->at[end[1]];
+        bool here = a >= 0 && b >= 0;
+        local->edge[2 * k] = here ? a : vertex->n - 1;
+        local->edge[2 * k + 1] = here ? b : vertex->n - 1;
+    }
+done:
+    return rc;
+}
+
+/* Rows of own fine vertices; the others' stay without weights. */
+static int local_prolongation(dmk_context *ctx, const dmk_space *fine, const dmk_space *coarse,
+                              const dmk_coarsening *whole, dmk_coarsening *local)
+{
+    int rc;
+    DMK_TRY(DMK_NEW(ctx, local->prolong_index, 3 * (size_t)fine->n));
+    DMK_TRY(DMK_NEW(ctx, local->prolong_weight, 3 * (size_t)fine->n));
+    for (int32_t i = fine->first; i < fine->end; i++) {
+        for (int k = 0; k < 3; k++) {
+            size_t to = 3 * (size_t)fine->at[i] + (size_t)k, from = 3 * (size_t)i + (size_t)k;
+            local->prolong_index[to] = coarse->at[whole->prolong_index[from]];
+            local->prolong_weight[to] = whole->prolong_weight[from];
+        }
+    }
+done:
+    return rc;
+}
+
+/* A table of compressed rows: those of own items, with their entries' local places. */
+typedef struct table {
+    int32_t *row, *entry;
+    float *value;
+} table;
+
+static int local_table(dmk_context *ctx, const dmk_space *rows, const dmk_space *entries,
+                       const table *whole, table *local)
+{
+    int rc;
+    int32_t from = whole->row[rows->first], n = whole->row[rows->end] - from, at = 0;
+    DMK_TRY(DMK_NEW(ctx, local->row, (size_t)rows->n + 1));
+    DMK_TRY(DMK_NEW(ctx, local->entry, (size_t)n));
+    DMK_TRY(DMK_NEW(ctx, local->value, (size_t)n));
+    for (int32_t i = 0; i < rows->n; i++) {
+        int32_t g = rows->whole[i];
+        if (g >= 0 && dmk_space_owns(rows, g)) at += whole->row[g + 1] - whole->row[g];
+        local->row[i + 1] = at;
+    }
+    for (int32_t k = 0; k < n; k++) {
+        local->entry[k] = entries->at[whole->entry[from + k]];
+        local->value[k] = whole->value[from + k];
+    }
+done:
+    return rc;
+}
+
+static int local_level(dmk_context *ctx, const dmk_share *s, int32_t level,
+                       const dmk_coarsening *whole, dmk_coarsening *local)
+{
+    int rc;
+    const dmk_space *fine = &s->vertex[level], *coarse = &s->vertex[level + 1];
+    table restriction = {0}, galerkin = {0};
+    DMK_TRY(local_links(ctx, coarse, &s->link[level + 1], &whole->coarse, &local->coarse));
+    DMK_TRY(local_prolongation(ctx, fine, coarse, whole, local));
+    rc = local_table(ctx, coarse, fine,
+                     &(table){whole->restrict_row, whole->restrict_fine, whole->restrict_weight},
+                     &restriction);
+    local->restrict_row = restriction.row;
+    local->restrict_fine = restriction.entry;
+    local->restrict_weight = restriction.value;
+    if (rc != DMK_OK) goto done;
+    rc = local_table(ctx, &s->link[level + 1], &s->link[level],
+                     &(table){whole->galerkin_row, whole->galerkin_edge, whole->galerkin_coef},
+                     &galerkin);
+    local->galerkin_row = galerkin.row;
+    local->galerkin_edge = galerkin.entry;
+    local->galerkin_coef = galerkin.value;
+done:
+    return rc;
+}
+
+int dmk_local_levels(dmk_context *ctx, const dmk_share *s, const dmk_hierarchy *h, dmk_local *local)
+{
+    int rc = DMK_OK;
+    local->first_whole = s->first_whole;
+    local->hierarchy.n = h->n;
+    for (int32_t i = s->first_whole; i < h->n; i++) local->hierarchy.level[i] = h->level[i];
+    for (int32_t i = 0; i < s->first_whole; i++) {
+        DMK_TRY(local_level(ctx, s, i, &h->level[i], &local->hierarchy.level[i]));
+    }
+done:
+    return rc;
+}

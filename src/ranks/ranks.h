@@ -1,0 +1,131 @@
+/* One mesh on many ranks: what a rank has of it, and how it gets the rest; see README.md beside.
+ *
+ * A rank owns a run of the whole mesh's elements, edges and vertices (all numbered along the Morton
+ * curve), and of the vertices and links of the coarser levels. Beside them it holds ghosts: what
+ * others own and its kernels read. Local numbers increase with whole ones; own elements, edges and
+ * vertices begin at a multiple of a launch's part, with gaps before and behind. So every row has
+ * its terms in the order of the whole mesh, every part of a sum holds the same items as without
+ * ranks, and the bits of a solve do not depend on the number of ranks.
+ *
+ * All functions take a share that is NULL, the whole mesh on one rank, and then do nothing. Those
+ * that send are collective: every rank calls them in the same order. */
+#ifndef DMK_RANKS_H
+#define DMK_RANKS_H
+
+#include "device/device.h"
+#include "levels/coarsen.h"
+#include "mesh/mesh.h"
+
+/* Items of one kind in the order of the whole mesh. */
+typedef struct dmk_space {
+    int32_t n_whole;    /* of all ranks */
+    int32_t first, end; /* the own ones */
+    int32_t n;          /* local places, gaps among them */
+    int32_t at_first;   /* place of `first` */
+    int32_t *whole;     /* n: whole number at a place, or -1 for a gap */
+    int32_t *at;        /* n_whole: place, or -1; while shares are made */
+    int32_t *bound;     /* ranks + 1: rank r owns bound[r] .. bound[r + 1] - 1 */
+} dmk_space;
+
+/* Who sends what to whom for one kind of vectors. */
+typedef struct dmk_halo {
+    int32_t n_send, n_receive;
+    int32_t *send_count, *receive_count; /* by rank */
+    dmk_buffer *send, *receive;          /* places on the device, by rank */
+} dmk_halo;
+
+enum { DMK_SHARE_LEVELS = DMK_MAX_LEVELS + 1 };
+
+typedef struct dmk_share {
+    dmk_ranks ranks;
+    dmk_device *device;
+    dmk_kernel *pack[DMK_N_PROGRAMS], *unpack[DMK_N_PROGRAMS];
+    int32_t part;        /* items of a launch's part */
+    int32_t first_whole; /* levels from this one on are on all ranks */
+    dmk_space element, edge;
+    dmk_space vertex[DMK_SHARE_LEVELS],
+        link[DMK_SHARE_LEVELS]; /* by level, 0 = T; link[0] is `edge` */
+    int32_t vertex_row;         /* of the local rows */
+    dmk_halo rows, vertices[DMK_SHARE_LEVELS], links[DMK_SHARE_LEVELS];
+    dmk_buffer *staging;
+    char *host; /* as long */
+    size_t staging_bytes;
+    dmk_traffic traffic;
+} dmk_share;
+
+/* What a rank packs in place of the whole mesh; arrays of its own, but for levels that are whole.
+ */
+typedef struct dmk_local {
+    dmk_mesh mesh;
+    dmk_hierarchy hierarchy;
+    int32_t first_whole;
+} dmk_local;
+
+/* Rank `ranks->rank`'s share of an ordered mesh; *share stays NULL where the mesh has no more parts
+ * than ranks, or no levels: then every rank does all of it. */
+int dmk_share_create(dmk_context *context, const dmk_ranks *ranks, dmk_device *device,
+                     const dmk_mesh *mesh, const dmk_hierarchy *hierarchy, dmk_share **share,
+                     dmk_local *local);
+void dmk_share_destroy(dmk_share **share);
+void dmk_local_free(dmk_local *local);
+
+/* ---- halo.c: bring the ghosts of a vector up to date, own values are only read ---- */
+
+/* Over the rows of T/2, in the program's precision. */
+int dmk_share_rows(dmk_context *context, dmk_share *share, dmk_program program,
+                   const dmk_buffer *x);
+/* Over a level's vertices or links, in single precision; levels that are whole need none ... */
+int dmk_share_vertices(dmk_context *context, dmk_share *share, int32_t level, const dmk_buffer *x);
+int dmk_share_links(dmk_context *context, dmk_share *share, int32_t level, const dmk_buffer *link);
+/* ... but for what own parts of the first whole one were computed of: all ranks get all of it. */
+int dmk_share_gather(dmk_context *context, dmk_share *share, int32_t level, const dmk_buffer *x);
+
+/* ---- sums.c ---- */
+
+/* The partial sums that a launch over all rows (or all elements) left, `count` quantities one after
+ * the other: those of all ranks in the order of the whole mesh take their place. *parts: their
+ * number, which without a share stays as it is. */
+int dmk_share_parts(dmk_context *context, dmk_share *share, bool rows, int count,
+                    const dmk_buffer *partial, int32_t *parts);
+/* The number of parts of the whole mesh: room that dmk_share_parts takes for each quantity. */
+size_t dmk_share_most_parts(const dmk_share *share);
+/* Each of n values becomes the largest of all ranks. */
+int dmk_share_largest(dmk_context *context, dmk_share *share, size_t n, int32_t *value);
+/* The same of the number i of a buffer of integers. */
+int dmk_share_flag(dmk_context *context, dmk_share *share, dmk_buffer *buffer, int32_t i);
+
+/* Whole host vectors (edges, then vertices from `vertex_row` on) to local ones and back. */
+void dmk_share_take(const dmk_share *share, bool rows, int32_t vertex_row, const double *whole,
+                    double *local);
+int dmk_share_give(dmk_context *context, dmk_share *share, bool rows, int32_t vertex_row,
+                   const double *local, double *whole);
+
+/* ---- within the room ---- */
+
+/* DMK_OK, or the failure of a call of ranks->... that gave `status`. */
+int dmk_share_check(dmk_context *context, const dmk_share *share, int status);
+/* space.c: local places for the marked items and the own ones. part > 1: see above. `spare`: gaps
+ * at the end. */
+int dmk_space_create(dmk_context *context, const uint8_t *mark, int32_t part, int32_t spare,
+                     dmk_space *space);
+void dmk_space_free(dmk_space *space);
+static inline bool dmk_space_owns(const dmk_space *s, int32_t whole)
+{
+    return whole >= s->first && whole < s->end;
+}
+
+/* What a halo brings: the marked items of a space that others own, to places from `offset` on. */
+typedef struct dmk_need {
+    const dmk_space *space;
+    const uint8_t *mark;
+    int32_t offset;
+} dmk_need;
+int dmk_halo_create(dmk_context *context, dmk_share *share, int n, const dmk_need *need,
+                    dmk_halo *halo);
+void dmk_halo_free(dmk_halo *halo);
+
+/* levels.c: the rank's part of the tables between levels. */
+int dmk_local_levels(dmk_context *context, const dmk_share *share, const dmk_hierarchy *whole,
+                     dmk_local *local);
+
+#endif

@@ -1,0 +1,344 @@
+/* One mesh on several ranks, threads of this process that talk through a barrier: the bits of one
+ * rank, whatever their number, also where levels are dealt out, on a mesh with borders, in single
+ * precision and with explicit steps. */
+#include "solving.h"
+
+#include <pthread.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { MOST_RANKS = 4 };
+
+/* ---- a communicator of threads --------------------------------------------------------------- */
+
+typedef struct meeting {
+    pthread_barrier_t barrier;
+    int size;
+    const void *mine[MOST_RANKS];
+    const void *const *send[MOST_RANKS];
+    const size_t *send_bytes[MOST_RANKS];
+    bool broken; /* exchanges fail from now on */
+} meeting;
+
+typedef struct member {
+    meeting *all;
+    int rank;
+} member;
+
+static int exchange(void *user, const void *const *send, const size_t *send_bytes,
+                    void *const *receive, const size_t *receive_bytes)
+{
+    const member *m = user;
+    meeting *all = m->all;
+    int wrong = all->broken;
+    all->send[m->rank] = send;
+    all->send_bytes[m->rank] = send_bytes;
+    pthread_barrier_wait(&all->barrier);
+    for (int k = 0; k < all->size; k++) {
+        if (all->send_bytes[k][m->rank] != receive_bytes[k])
+            wrong = 1;
+        else
+            memcpy(receive[k], all->send[k][m->rank], receive_bytes[k]);
+    }
+    pthread_barrier_wait(&all->barrier);
+    return wrong;
+}
+
+static int gather(void *user, const void *mine, void *to, const size_t *bytes)
+{
+    const member *m = user;
+    char *at = to;
+    m->all->mine[m->rank] = mine;
+    pthread_barrier_wait(&m->all->barrier);
+    for (int k = 0; k < m->all->size; k++) {
+        memcpy(at, m->all->mine[k], bytes[k]);
+        at += bytes[k];
+    }
+    pthread_barrier_wait(&m->all->barrier);
+    return 0;
+}
+
+static int largest(void *user, int32_t *value, size_t n)
+{
+    const member *m = user;
+    int32_t *top = malloc(n * sizeof *top);
+    if (!top) return 1;
+    memcpy(top, value, n * sizeof *top);
+    m->all->mine[m->rank] = value;
+    pthread_barrier_wait(&m->all->barrier);
+    for (int k = 0; k < m->all->size; k++) {
+        const int32_t *one = m->all->mine[k];
+        for (size_t i = 0; i < n; i++)
+            top[i] = one[i] > top[i] ? one[i] : top[i];
+    }
+    pthread_barrier_wait(&m->all->barrier);
+    memcpy(value, top, n * sizeof *top);
+    free(top);
+    return 0;
+}
+
+/* ---- a solve on each rank -------------------------------------------------------------------- */
+
+typedef struct task {
+    const dmk_mesh *mesh;
+    dmk_device_options device;
+    dmk_solve_options options;
+    int32_t gather_below;
+} task;
+
+typedef struct seat {
+    const task *t;
+    member m;
+    pthread_t thread;
+    dmk_result *result;
+    dmk_stats stats;
+    dmk_traffic traffic;
+    int rc;
+    char message[300];
+} seat;
+
+static int solve_on(seat *s, dmk_context *ctx, dmk_device **device, dmk_solver **solver)
+{
+    dmk_point source;
+    const dmk_ranks ranks = {.rank = s->m.rank,
+                             .size = s->m.all->size,
+                             .gather_below = s->t->gather_below,
+                             .user = &s->m,
+                             .exchange = exchange,
+                             .gather = gather,
+                             .largest = largest};
+    int rc = dmk_device_open(ctx, &s->t->device, device);
+    if (rc == DMK_OK) rc = dmk_solver_create(ctx, *device, s->t->mesh, solver);
+    if (rc == DMK_OK) rc = dmk_solver_set_ranks(ctx, *solver, &ranks);
+    if (rc == DMK_OK) rc = dmk_mesh_vertex_point(ctx, s->t->mesh, 5, &source);
+    if (rc == DMK_OK) rc = dmk_solve(ctx, *solver, &source, &s->t->options, &s->result);
+    if (rc == DMK_OK) dmk_result_get_stats(s->result, &s->stats);
+    dmk_solver_get_traffic(*solver, &s->traffic);
+    return rc;
+}
+
+static void *sit(void *argument)
+{
+    seat *s = argument;
+    dmk_context *ctx = NULL;
+    dmk_device *device = NULL;
+    dmk_solver *solver = NULL;
+    s->rc = dmk_context_create(&ctx);
+    if (s->rc == DMK_OK) s->rc = solve_on(s, ctx, &device, &solver);
+    snprintf(s->message, sizeof s->message, "%s", dmk_context_message(ctx));
+    dmk_solver_destroy(&solver);
+    dmk_device_destroy(&device);
+    dmk_context_destroy(&ctx);
+    return NULL;
+}
+
+static void sit_all(const task *t, int size, bool broken, seat seats[MOST_RANKS])
+{
+    meeting all = {.size = size, .broken = broken};
+    assert_int_equal(pthread_barrier_init(&all.barrier, NULL, (unsigned)size), 0);
+    for (int k = 0; k < size; k++) {
+        seats[k] = (seat){.t = t, .m = {&all, k}};
+        assert_int_equal(pthread_create(&seats[k].thread, NULL, sit, &seats[k]), 0);
+    }
+    for (int k = 0; k < size; k++)
+        pthread_join(seats[k].thread, NULL);
+    pthread_barrier_destroy(&all.barrier);
+}
+
+static void same_numbers(const double *a, const double *b, size_t n)
+{
+    assert_memory_equal(a, b, n * sizeof *a);
+}
+
+static void same_results(const seat *a, const seat *b)
+{
+    size_t n;
+    const double *x = dmk_result_density(a->result, &n);
+    same_numbers(x, dmk_result_density(b->result, NULL), n);
+    x = dmk_result_potential(a->result, &n);
+    same_numbers(x, dmk_result_potential(b->result, NULL), n);
+    x = dmk_result_potential_mid(a->result, &n);
+    same_numbers(x, dmk_result_potential_mid(b->result, NULL), n);
+    x = dmk_result_distance(a->result, &n);
+    same_numbers(x, dmk_result_distance(b->result, NULL), n);
+    same_numbers(&a->stats.cost_upper, &b->stats.cost_upper, 1);
+    same_numbers(&a->stats.cost_lower, &b->stats.cost_lower, 1);
+    assert_int_equal(a->stats.steps, b->stats.steps);
+    assert_int_equal(a->stats.cg_iterations, b->stats.cg_iterations);
+}
+
+/* Ranks from `least` to MOST_RANKS against one. */
+static void try_ranks(const task *t, int least)
+{
+    seat one[MOST_RANKS], many[MOST_RANKS];
+    sit_all(t, 1, false, one);
+    assert_int_equal(one[0].rc, DMK_OK);
+    assert_int_equal(one[0].traffic.exchanges, 0);
+    for (int size = least; size <= MOST_RANKS; size++) {
+        sit_all(t, size, false, many);
+        for (int k = 0; k < size; k++) {
+            if (many[k].rc != DMK_OK) print_message("%s\n", many[k].message);
+            assert_int_equal(many[k].rc, DMK_OK);
+            assert_true(many[k].traffic.exchanges > 0 && many[k].traffic.bytes > 0);
+            same_results(&one[0], &many[k]);
+            dmk_result_destroy(&many[k].result);
+        }
+    }
+    dmk_result_destroy(&one[0].result);
+}
+
+static dmk_mesh *surface(bench *b, const char *name, size_t n_triangles)
+{
+    dmk_mesh *mesh;
+    dmk_surface_options options;
+    dmk_surface_options_init(&options);
+    options.name = name;
+    options.n_triangles = n_triangles;
+    bench_ok(b, dmk_mesh_surface(b->ctx, &options, &mesh));
+    return mesh;
+}
+
+/* ---- tests ----------------------------------------------------------------------------------- */
+
+static void test_same_bits(void **state)
+{
+    bench *b = *state;
+    dmk_mesh *mesh = surface(b, "quartic", 20000);
+    task t = {.mesh = mesh, .gather_below = 300};
+    dmk_solve_options_init(&t.options);
+    try_ranks(&t, 2);
+    dmk_mesh_destroy(&mesh);
+}
+
+static void test_usual_levels(void **state)
+{
+    bench *b = *state;
+    dmk_mesh *mesh = surface(b, "torus", 16000);
+    task t = {.mesh = mesh};
+    dmk_solve_options_init(&t.options);
+    try_ranks(&t, 3);
+    dmk_mesh_destroy(&mesh);
+}
+
+static void test_single_precision(void **state)
+{
+    bench *b = *state;
+    dmk_mesh *mesh = surface(b, "ellipsoid", 16000);
+    task t = {.mesh = mesh, .device = {.single_precision = 1}, .gather_below = 1000};
+    dmk_solve_options_init(&t.options);
+    try_ranks(&t, 4);
+    dmk_mesh_destroy(&mesh);
+}
+
+static void test_explicit_steps(void **state)
+{
+    bench *b = *state;
+    dmk_mesh *mesh = surface(b, "torus", 16000);
+    task t = {.mesh = mesh, .gather_below = 500};
+    dmk_solve_options_init(&t.options);
+    t.options.method = DMK_INERTIAL;
+    t.options.start = DMK_START_UNIFORM;
+    t.options.tolerance = 0.3;
+    try_ranks(&t, 3);
+    dmk_mesh_destroy(&mesh);
+}
+
+/* The part of a surface below a height: one border. */
+static void test_borders(void **state)
+{
+    bench *b = *state;
+    dmk_mesh *whole = surface(b, "quartic", 24000), *mesh;
+    dmk_mesh_info info;
+    dmk_mesh_get_info(whole, &info);
+    const double *xyz = dmk_mesh_vertices(whole);
+    const int32_t *corner = dmk_mesh_triangles(whole);
+    int32_t *kept = malloc(3 * info.n_triangles * sizeof *kept);
+    size_t n = 0;
+    assert_non_null(kept);
+    for (size_t t = 0; t < info.n_triangles; t++) {
+        const int32_t *c = corner + 3 * t;
+        if (xyz[3 * c[0] + 2] + xyz[3 * c[1] + 2] + xyz[3 * c[2] + 2] > 1.5) continue;
+        memcpy(kept + 3 * n++, c, 3 * sizeof *kept);
+    }
+    bench_ok(b, dmk_mesh_create(b->ctx, info.n_vertices, xyz, n, kept, &mesh));
+    free(kept);
+    dmk_mesh_get_info(mesh, &info);
+    assert_true(info.n_border_loops == 1);
+    task t = {.mesh = mesh, .gather_below = 400};
+    dmk_solve_options_init(&t.options);
+    try_ranks(&t, 4);
+    dmk_mesh_destroy(&mesh);
+    dmk_mesh_destroy(&whole);
+}
+
+/* Too small to be dealt out: every rank does all of it, and nothing is sent. */
+static void test_small_mesh(void **state)
+{
+    bench *b = *state;
+    seat many[MOST_RANKS];
+    dmk_mesh *mesh = surface(b, "sphere", 1000);
+    task t = {.mesh = mesh};
+    dmk_solve_options_init(&t.options);
+    sit_all(&t, 2, false, many);
+    for (int k = 0; k < 2; k++) {
+        assert_int_equal(many[k].rc, DMK_OK);
+        assert_int_equal(many[k].traffic.exchanges, 0);
+    }
+    same_results(&many[0], &many[1]);
+    for (int k = 0; k < 2; k++)
+        dmk_result_destroy(&many[k].result);
+    dmk_mesh_destroy(&mesh);
+}
+
+static void test_lost_touch(void **state)
+{
+    bench *b = *state;
+    seat many[MOST_RANKS];
+    dmk_mesh *mesh = surface(b, "sphere", 16000);
+    task t = {.mesh = mesh};
+    dmk_solve_options_init(&t.options);
+    sit_all(&t, 2, true, many);
+    for (int k = 0; k < 2; k++) {
+        assert_int_equal(many[k].rc, DMK_E_DEVICE);
+        assert_non_null(strstr(many[k].message, "lost touch"));
+    }
+    dmk_mesh_destroy(&mesh);
+}
+
+static void test_wrong_ranks(void **state)
+{
+    bench *b = *state;
+    dmk_solver *solver;
+    dmk_mesh *mesh = surface(b, "sphere", 1000);
+    const dmk_ranks good = {.size = 1, .exchange = exchange, .gather = gather, .largest = largest};
+    dmk_ranks wrong[6];
+    for (int i = 0; i < 6; i++)
+        wrong[i] = good;
+    wrong[0].size = 0;
+    wrong[1].rank = 1;
+    wrong[2].rank = -1;
+    wrong[3].exchange = NULL;
+    wrong[4].largest = NULL;
+    wrong[5].gather_below = -1;
+    bench_ok(b, dmk_solver_create(b->ctx, b->dev, mesh, &solver));
+    for (int i = 0; i < 6; i++) {
+        assert_int_equal(dmk_solver_set_ranks(b->ctx, solver, &wrong[i]), DMK_E_ARG);
+    }
+    bench_ok(b, dmk_solver_set_ranks(b->ctx, solver, &good));
+    bench_ok(b, dmk_solver_set_ranks(b->ctx, solver, NULL));
+    dmk_solver_destroy(&solver);
+    dmk_mesh_destroy(&mesh);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_same_bits),        cmocka_unit_test(test_usual_levels),
+        cmocka_unit_test(test_single_precision), cmocka_unit_test(test_explicit_steps),
+        cmocka_unit_test(test_borders),          cmocka_unit_test(test_small_mesh),
+        cmocka_unit_test(test_lost_touch),       cmocka_unit_test(test_wrong_ranks),
+    };
+    return cmocka_run_group_tests_name("ranks", tests, bench_setup, bench_teardown);
+}
