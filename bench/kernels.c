@@ -41,7 +41,7 @@ static int run_newton_elements(bench *b)
 static int run_rows(bench *b)
 {
     dmk_system *s = b->sys;
-    return dmk_rows_apply(b->ctx, s, DMK_INNER, s->x, s->residual);
+    return dmk_rows_apply(b->ctx, s, DMK_INNER, s->x, s->cg[DMK_INNER].ap);
 }
 
 static int run_stiffness(bench *b)

@@ -125,14 +125,19 @@ KERNEL coarse_solve(int n, int n_pad, global const float *inverse, global const 
 
 /* ---- refresh --------------------------------------------------------------------------------- */
 
-/* Level 1: an edge's link weight is the sum over its two triangles. place: 2 per edge, into the
- * triangles' link weights (3 per triangle); a border edge's second place stays 0. */
-KERNEL links_from_triangles(int n, global const int *place, GATHERED float *triangle_link,
+/* The place among 3 numbers per element of what has place p among 6: corner k, or side k at 3 + k. */
+#define CORNER_PLACE(p) ((p) - 3 * DMK_WIDTH * ((p) / (6 * DMK_WIDTH)))
+#define SIDE_PLACE(p) (CORNER_PLACE(p) - 3 * DMK_WIDTH)
+
+/* Level 1: an edge's link weight is the sum over its two triangles. slot: the midpoints' two places among
+ * the elements' parts; a border edge's second one is of an element whose numbers stay 0. */
+KERNEL links_from_triangles(int n, global const int *slot, GATHERED float *triangle_link,
                             global float *link LAUNCH)
 {
     FOR_BLOCKS(b, n)
     {
-        const intv i = LOAD(place, AT_K(b, 0, 2)), j = LOAD(place, AT_K(b, 1, 2));
+        const intv p = LOAD(slot, AT_K(b, 0, 2)), q = LOAD(slot, AT_K(b, 1, 2));
+        const intv i = SIDE_PLACE(p), j = SIDE_PLACE(q);
         STORE((floatv)(GATHER(triangle_link, i)) + (floatv)(GATHER(triangle_link, j)), link, AT(b));
     }
 }
@@ -180,6 +185,22 @@ KERNEL inverse_diagonal(int n, global const int *slice, global const int *slot,
         for (int j = slice[SLICE(b)], e = slice[SLICE(b) + 1]; j < e; j++) {
             const intv s = LOAD(slot, COLUMN(b, j));
             sum += (floatv)(GATHER(out, s));
+        }
+        STORE(sum > 0 ? 1 / sum : 0 * sum, inv_diag, AT(b));
+    }
+}
+
+/* The same on T, from the elements' bounds there: 3 per element. first: slice of vertex 0 among the rows. */
+KERNEL inverse_diagonal_corners(int n, int first, global const int *slice, global const int *slot,
+                                GATHERED float *diag, global float *inv_diag LAUNCH)
+{
+    FOR_BLOCKS(b, n)
+    {
+        floatv sum = 0;
+        for (int j = slice[first + SLICE(b)], e = slice[first + SLICE(b) + 1]; j < e; j++) {
+            const intv p = LOAD(slot, COLUMN(b, j));
+            const intv i = CORNER_PLACE(p);
+            sum += (floatv)(GATHER(diag, i));
         }
         STORE(sum > 0 ? 1 / sum : 0 * sum, inv_diag, AT(b));
     }

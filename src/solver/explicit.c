@@ -17,6 +17,15 @@ done:
     return rc;
 }
 
+/* mu of the step before: none yet. Only these methods need it. */
+static int begin(dmk_iteration *o)
+{
+    dmk_system *s = o->sys;
+    size_t bytes = (size_t)s->n_elements_pad * dmk_device_real(s->device, DMK_OUTER);
+    if (s->before) return dmk_buffer_clear(o->ctx, s->device, s->before, bytes);
+    return dmk_buffer_create(o->ctx, s->device, bytes, NULL, &s->before);
+}
+
 int dmk_explicit(dmk_iteration *o)
 {
     int rc;
@@ -27,6 +36,7 @@ int dmk_explicit(dmk_iteration *o)
     double dt = inertial ? 1 : opt->dt > 0 ? opt->dt : 0.5;
     double inertia = opt->inertia >= 0 ? opt->inertia : 0.8;
     double change = 1, cg = opt->cg_tolerance > 0 ? opt->cg_tolerance : 1e-4;
+    DMK_TRY(begin(o));
     for (int step = 1; step <= max_steps; step++) {
         int before = o->stats->cg_iterations;
         DMK_TRY(dmk_iteration_solve(o, o->sys->u, cg, 500, NULL));

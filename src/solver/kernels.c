@@ -32,6 +32,7 @@ enum { IN_INNER = 1 << DMK_INNER, IN_OUTER = 1 << DMK_OUTER, IN_BOTH = IN_INNER 
     X(links_from_links, IN_INNER)                                                                  \
     X(graph_weights, IN_INNER)                                                                     \
     X(inverse_diagonal, IN_INNER)                                                                  \
+    X(inverse_diagonal_corners, IN_INNER)                                                          \
     X(element_energy, IN_OUTER)                                                                    \
     X(element_measure, IN_OUTER)                                                                   \
     X(element_prepare, IN_OUTER)                                                                   \
@@ -321,7 +322,7 @@ int dmk_links(dmk_context *ctx, dmk_system *s, int32_t level)
     dmk_level *l = &s->level[level];
     if (level == 0) {
         DMK_TRY(RUN(DMK_INNER, links_from_triangles, items(l->n_links), DMK_INT(l->n_links),
-                    DMK_BUF(s->edge_place), DMK_BUF(s->link), DMK_BUF(l->link)));
+                    DMK_BUF(s->slot), DMK_BUF(s->link), DMK_BUF(l->link)));
     } else {
         DMK_TRY(RUN(DMK_INNER, links_from_links, items(l->n_links), DMK_INT(l->n_links),
                     DMK_BUF(l->galerkin_row), DMK_BUF(l->galerkin_link), DMK_BUF(l->galerkin_coef),
@@ -348,8 +349,9 @@ int dmk_inverse_diagonal_fine(dmk_context *ctx, dmk_system *s)
 int dmk_inverse_diagonal_coarse(dmk_context *ctx, dmk_system *s)
 {
     dmk_level *t = &s->level[0];
-    return RUN(DMK_INNER, inverse_diagonal, items(t->n), DMK_INT(t->n), DMK_BUF(s->corner_slice),
-               DMK_BUF(s->corner_slot), DMK_BUF(s->diag_coarse), DMK_BUF(t->inv_diag));
+    return RUN(DMK_INNER, inverse_diagonal_corners, items(t->n), DMK_INT(t->n),
+               DMK_INT(s->vertex_row / 8), DMK_BUF(s->slice), DMK_BUF(s->slot),
+               DMK_BUF(s->diag_coarse), DMK_BUF(t->inv_diag));
 }
 
 /* ---- density.cl ------------------------------------------------------------------------------ */
@@ -377,16 +379,18 @@ int dmk_element_scale(dmk_context *ctx, dmk_system *s)
                DMK_BUF(s->out_real));
 }
 
+/* These two over the padding as well: what border edges and short rows read of link and diag_coarse must
+ * be 0, and their memory is CG's. */
 int dmk_element_prepare(dmk_context *ctx, dmk_system *s)
 {
-    return RUN(DMK_OUTER, element_prepare, elements(s), DMK_INT(s->n_elements), DMK_BUF(s->cot),
+    return RUN(DMK_OUTER, element_prepare, items(s->n_elements_pad), DMK_INT(s->n_elements_pad), DMK_BUF(s->cot),
                DMK_BUF(s->mu), DMK_BUF(s->weight_real), DMK_BUF(s->weight), DMK_BUF(s->out),
                DMK_BUF(s->link), DMK_BUF(s->diag_coarse));
 }
 
 int dmk_newton_prepare(dmk_context *ctx, dmk_system *s, double alpha, double D)
 {
-    return RUN(DMK_OUTER, newton_prepare, elements(s), DMK_INT(s->n_elements), DMK_FLOAT(alpha),
+    return RUN(DMK_OUTER, newton_prepare, items(s->n_elements_pad), DMK_INT(s->n_elements_pad), DMK_FLOAT(alpha),
                DMK_FLOAT(D), DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->q),
                DMK_BUF(s->out_real), DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(s->out),
                DMK_BUF(s->link), DMK_BUF(s->diag_coarse));

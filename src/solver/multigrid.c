@@ -153,6 +153,7 @@ int dmk_v_cycle(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_buff
     DMK_TRY(dmk_smooth_first(ctx, s, rhs, fine.first));
     DMK_TRY(smooth_fine(ctx, s, op, rhs, &fine, true, s->x, s->x_old, &x));
     DMK_TRY(dmk_inner_elements(ctx, s, op, x));
+    s->residual = x == s->x ? s->x_old : s->x; /* the older iterate is not needed any more */
     DMK_TRY(dmk_rows_residual(ctx, s, rhs));
     DMK_TRY(graph_cycle(ctx, s, 0, &coarse, x));
     /* As many steps again, so x ends in x_old whatever the degree. */

@@ -202,8 +202,6 @@ static int set_start(dmk_context *ctx, dmk_solver *s, const start *near, dmk_sta
     /* Work arrays may hold the NaN of an earlier solve that diverged. */
     DMK_TRY(dmk_buffer_clear(ctx, s->device, sys->x, x_bytes));
     DMK_TRY(dmk_buffer_clear(ctx, s->device, sys->x_old, x_bytes));
-    DMK_TRY(dmk_buffer_clear(ctx, s->device, sys->before,
-                             (size_t)sys->n_elements_pad * dmk_device_real(s->device, DMK_OUTER)));
 done:
     free(u);
     free(mu);

@@ -136,8 +136,8 @@ done:
 typedef struct place_job {
     const dmk_mesh *mesh;
     const dmk_sell *corners;
-    int32_t *edge6, *edge3;     /* 2 for each edge: its sides k in its triangles; a border edge has one */
-    int32_t *corner6, *corner3; /* for each place of `corners` */
+    int32_t *edge;   /* 2 for each edge: its sides k in its triangles; a border edge has one */
+    int32_t *corner; /* for each place of `corners` */
 } place_job;
 
 static void edge_place_range(int32_t begin, int32_t end, void *data)
@@ -150,8 +150,7 @@ static void edge_place_range(int32_t begin, int32_t end, void *data)
             if (t < 0) continue;
             const int32_t *edge = m->triangle_edge + 3 * t;
             int k = edge[0] == e ? 0 : edge[1] == e ? 1 : 2;
-            job->edge6[dmk_place(e, side, 2)] = (int32_t)dmk_place(t, 3 + k, 6);
-            job->edge3[dmk_place(e, side, 2)] = (int32_t)dmk_place(t, k, 3);
+            job->edge[dmk_place(e, side, 2)] = (int32_t)dmk_place(t, 3 + k, 6);
         }
     }
 }
@@ -163,20 +162,19 @@ static void corner_place_range(int32_t begin, int32_t end, void *data)
         int32_t first = DMK_WIDTH * job->corners->slice[s], last = DMK_WIDTH * job->corners->slice[s + 1];
         for (int32_t i = first; i < last; i++) {
             int32_t t = job->corners->entry[i] / 4, k = job->corners->entry[i] % 4;
-            job->corner6[i] = (int32_t)dmk_place(t, k, 6);
-            job->corner3[i] = (int32_t)dmk_place(t, k, 3);
+            job->corner[i] = (int32_t)dmk_place(t, k, 6);
         }
     }
 }
 
-/* Rows of T/2 (midpoints in two columns, then vertices), vertices and edges of T: where the elements
- * leave what each of them sums up. */
+/* Rows of T/2, midpoints in two columns, then vertices: where the elements leave what each row sums up.
+ * Edges and vertices of T find theirs among 3 numbers per element by these places, see density.cl. */
 static int pack_places(const packer *p)
 {
     int rc;
     dmk_system *s = p->sys;
     dmk_sell corners = {0};
-    int32_t *slice = NULL, *slot = NULL, *edge3 = NULL, *corner3 = NULL;
+    int32_t *slice = NULL, *slot = NULL;
     int32_t edge_slices = s->vertex_row / DMK_WIDTH;
     size_t edges = 2 * (size_t)s->vertex_row;
     DMK_TRY(corners_create(p, &corners));
@@ -184,30 +182,20 @@ static int pack_places(const packer *p)
     size_t places = DMK_WIDTH * (size_t)corners.slice[corners.n_slices];
     DMK_TRY(DMK_NEW(p->ctx, slice, n_slices + 1));
     DMK_TRY(DMK_NEW(p->ctx, slot, edges + places));
-    DMK_TRY(DMK_NEW(p->ctx, edge3, edges));
-    DMK_TRY(DMK_NEW(p->ctx, corner3, places));
     for (int32_t k = 0; k < edge_slices; k++) slice[k] = 2 * k;
     for (int32_t k = 0; k <= corners.n_slices; k++) {
         slice[edge_slices + k] = 2 * edge_slices + corners.slice[k];
     }
-    for (size_t i = 0; i < edges; i++) {
-        slot[i] = (int32_t)dmk_place(s->n_elements_pad - 1, 0, 6);
-        edge3[i] = (int32_t)dmk_place(s->n_elements_pad - 1, 0, 3);
-    }
-    place_job job = {p->mesh, &corners, slot, edge3, slot + edges, corner3};
+    for (size_t i = 0; i < edges; i++) slot[i] = (int32_t)dmk_place(s->n_elements_pad - 1, 3, 6);
+    place_job job = {p->mesh, &corners, slot, slot + edges};
     dmk_parallel(p->ctx, s->n_edges, edge_place_range, &job);
     dmk_parallel(p->ctx, corners.n_slices, corner_place_range, &job);
     DMK_TRY(upload(p, n_slices + 1, sizeof *slice, slice, &s->slice));
     DMK_TRY(upload(p, edges + places, sizeof *slot, slot, &s->slot));
-    DMK_TRY(upload(p, edges, sizeof *edge3, edge3, &s->edge_place));
-    DMK_TRY(upload(p, (size_t)corners.n_slices + 1, sizeof *slice, corners.slice, &s->corner_slice));
-    DMK_TRY(upload(p, places, sizeof *corner3, corner3, &s->corner_slot));
 done:
     dmk_sell_free(&corners);
     free(slice);
     free(slot);
-    free(edge3);
-    free(corner3);
     return rc;
 }
 
@@ -266,7 +254,7 @@ static int pack_graph(const packer *p, int32_t n, int32_t n_links, const int32_t
     DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->rhs));
     DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->x));
     DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->x_old));
-    DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->residual));
+    l->residual = l->x; /* after the first two smoothing steps x_old is the iterate */
 done:
     dmk_sell_free(&s);
     free(row);
@@ -344,16 +332,23 @@ done:
     return rc;
 }
 
-/* Inner and outer solves take turns, so the inner vectors lie in the outer ones' memory. */
+/* Inner and outer solves take turns, so the inner vectors lie in the outer ones' memory; and the elements'
+ * shares of T's operator, which the refresh alone reads, in that of CG's p and ap, which it begins with
+ * writing. */
 static int allocate_cg(const packer *p)
 {
     int rc;
     dmk_system *s = p->sys;
     size_t n = (size_t)s->n_rows_pad;
     bool wide = dmk_device_real(p->dev, DMK_OUTER) == sizeof(double);
+    const size_t vector = n * dmk_device_real(p->dev, DMK_OUTER);
+    const size_t shares = 3 * (size_t)s->n_elements_pad * sizeof(float);
+    const size_t shared = vector > shares ? vector : shares;
     DMK_TRY(work(p, DMK_OUTER, n, &s->cg[DMK_OUTER].r));
-    DMK_TRY(work(p, DMK_OUTER, n, &s->cg[DMK_OUTER].p));
-    DMK_TRY(work(p, DMK_OUTER, n, &s->cg[DMK_OUTER].ap));
+    DMK_TRY(dmk_buffer_create(p->ctx, p->dev, shared, NULL, &s->cg[DMK_OUTER].p));
+    DMK_TRY(dmk_buffer_create(p->ctx, p->dev, shared, NULL, &s->cg[DMK_OUTER].ap));
+    s->link = s->cg[DMK_OUTER].p;
+    s->diag_coarse = s->cg[DMK_OUTER].ap;
     if (wide) DMK_TRY(work(p, DMK_INNER, n, &s->cg[DMK_OUTER].narrow));
     else s->cg[DMK_OUTER].narrow = s->cg[DMK_OUTER].r;
     s->cg[DMK_INNER] = s->cg[DMK_OUTER];
@@ -370,7 +365,6 @@ static int allocate_state(const packer *p)
     size_t parts = dmk_launch_parts(p->dev, n > e ? n : e), all = dmk_share_most_parts(s->share);
     if (all > parts) parts = all;
     DMK_TRY(work(p, DMK_OUTER, e, &s->mu));
-    DMK_TRY(work(p, DMK_OUTER, e, &s->before));
     DMK_TRY(work(p, DMK_OUTER, e, &s->q));
     DMK_TRY(work(p, DMK_OUTER, n, &s->u));
     DMK_TRY(work(p, DMK_OUTER, n, &s->f));
@@ -379,12 +373,10 @@ static int allocate_state(const packer *p)
     DMK_TRY(work(p, DMK_INNER, 6 * e, &s->rank_one));
     s->weight_real = s->rank_one; /* A's operator in double, Newton's in single: in turn */
     DMK_TRY(work(p, DMK_INNER, 6 * e, &s->out));
-    DMK_TRY(work(p, DMK_INNER, 3 * e, &s->link));
-    DMK_TRY(work(p, DMK_INNER, 3 * e, &s->diag_coarse));
     DMK_TRY(work(p, DMK_INNER, n, &s->inv_diag));
     DMK_TRY(work(p, DMK_INNER, n, &s->x));
     DMK_TRY(work(p, DMK_INNER, n, &s->x_old));
-    DMK_TRY(work(p, DMK_INNER, n, &s->residual));
+    s->residual = s->x_old;
     DMK_TRY(work(p, DMK_INNER, n, &s->w));
     DMK_TRY(allocate_cg(p));
     DMK_TRY(work(p, DMK_OUTER, 4 * parts, &s->partial));
@@ -546,7 +538,7 @@ int dmk_elements_read(dmk_context *ctx, dmk_system *s, const dmk_buffer *element
 static void free_level(dmk_level *l)
 {
     dmk_buffer **all[] = {&l->slice, &l->neighbour, &l->number, &l->weight, &l->link, &l->inv_diag,
-                          &l->rhs, &l->x, &l->x_old, &l->residual, &l->restrict_slice,
+                          &l->rhs, &l->x, &l->x_old, &l->restrict_slice,
                           &l->restrict_entry, &l->restrict_weight, &l->prolong_index,
                           &l->prolong_weight, &l->galerkin_row, &l->galerkin_link,
                           &l->galerkin_coef};
@@ -558,10 +550,10 @@ void dmk_system_destroy(dmk_system **system)
     dmk_system *s = *system;
     if (!s) return;
     dmk_buffer **all[] = {&s->index, &s->cot, &s->area, &s->slice, &s->slot, &s->ends,
-                          &s->edge_place, &s->corner_slice, &s->corner_slot, &s->mu, &s->u, &s->f,
+                          &s->mu, &s->u, &s->f,
                           &s->q, &s->out_real, &s->before, &s->weight,
-                          &s->rank_one, &s->out, &s->link, &s->diag_coarse, &s->inv_diag, &s->x,
-                          &s->x_old, &s->residual, &s->w, &s->partial, &s->state, &s->scalars,
+                          &s->rank_one, &s->out, &s->inv_diag, &s->x,
+                          &s->x_old, &s->w, &s->partial, &s->state, &s->scalars,
                           &s->coarse_inverse};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) dmk_buffer_destroy(all[i]);
     if (s->cg[DMK_OUTER].narrow != s->cg[DMK_OUTER].r) dmk_buffer_destroy(&s->cg[DMK_OUTER].narrow);

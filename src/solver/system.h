@@ -50,16 +50,16 @@ typedef struct dmk_system {
     dmk_buffer *cot, *area;       /* real, 3 and 1 per element */
     dmk_buffer *slice, *slot;     /* rows -> places in 6-per-element arrays */
     dmk_buffer *ends;             /* 2 per row: vertices (on T) whose mean is the row's value */
-    dmk_buffer *edge_place;       /* 2 per edge: places in 3-per-element arrays */
-    dmk_buffer *corner_slice, *corner_slot; /* vertices -> places in 3-per-element arrays */
 
     /* State, in real: density, potential, right-hand side; energies of the elements. */
     dmk_buffer *mu, *u, *f, *q, *weight_real;
     dmk_buffer *out_real; /* 6 per element: g = K u, then parts of a sum */
     dmk_buffer *before; /* mu of the step before, or a copy kept by the certificate */
     /* Single precision: coefficients of the inner operator, contributions, V-cycle on T/2. */
-    dmk_buffer *weight, *rank_one, *out, *link, *diag_coarse;
-    dmk_buffer *inv_diag, *x, *x_old, *residual;
+    dmk_buffer *weight, *rank_one, *out;
+    dmk_buffer *link, *diag_coarse; /* 3 per element, until CG begins: its p and ap */
+    dmk_buffer *inv_diag, *x, *x_old;
+    dmk_buffer *residual; /* of x in a cycle: in place of the older iterate */
     /* Conjugate gradients, inner and outer. */
     struct {
         dmk_buffer *r, *p, *ap, *narrow; /* narrow: r in single precision (= r if it is) */
