@@ -25,7 +25,15 @@ int cmd_devices(int argc, char **argv);
 
 /* ---- exit.c: exit codes and errors ---------------------------------------------------------- */
 
-enum { EXIT_OK = 0, EXIT_USAGE = 1, EXIT_IO = 2, EXIT_MEMORY = 8, EXIT_GAP = 9 };
+enum {
+    EXIT_OK = 0,
+    EXIT_USAGE = 1,
+    EXIT_IO = 2,
+    EXIT_DEVICE = 5,
+    EXIT_MEMORY = 8,
+    EXIT_GAP = 9,
+    EXIT_INTERRUPTED = 130
+};
 
 /* The exit code of a library status. */
 int cli_exit_code(int status);
@@ -136,7 +144,19 @@ typedef struct cli_file {
 int cli_file_open(const char *path, cli_file *file);
 int cli_file_close(cli_file *file);
 
-/* ---- terminal.c: colour, progress, interruption --------------------------------------------- */
+/* ---- interrupt.c: the end from outside ------------------------------------------------------ */
+
+/* To be called first. From now on SIGINT and SIGTERM ask the running call to stop, and end the program half a
+ * second later, or at the second one, wherever it is: exit code 130. And a driver that crashes while a device is
+ * opened, or ends the program itself, has the exit code of a device that failed, with a message. */
+void cli_catch_signals(void);
+bool cli_interrupted(void);
+/* Whether nobody has told yet that the run was cancelled; after this somebody has. */
+bool cli_first_to_tell(void);
+/* dmk_device_open; see above. */
+int cli_device_open(dmk_context *context, const dmk_device_options *options, dmk_device **device);
+
+/* ---- terminal.c: colour, progress ----------------------------------------------------------- */
 
 typedef struct cli_moment {
     double seconds;
@@ -157,9 +177,6 @@ typedef struct cli_progress {
 /* Bold on a terminal that can, else "". */
 const char *cli_bold(void);
 const char *cli_plain(void);
-/* From now on Ctrl-C asks the running library call to stop; a second one ends the program. */
-void cli_catch_interrupt(void);
-bool cli_interrupted(void);
 /* Reports of `context` go to the standard error as `progress` says, and Ctrl-C cancels. */
 void cli_watch(dmk_context *context, cli_progress *progress);
 /* Put `text` on the progress line, if there is one. */

@@ -66,7 +66,6 @@ static int make(const dmk_surface_options *surface, const char *from, const char
     cli_progress progress = {0};
     int rc = dmk_context_create(&context);
     if (rc == DMK_OK) {
-        cli_catch_interrupt();
         cli_watch(context, &progress);
         rc = surface->name ? dmk_mesh_surface(context, surface, &mesh)
                            : dmk_mesh_read(context, from, &mesh);

@@ -20,12 +20,12 @@ static const exit_code exit_codes[] = {
     {EXIT_IO, {DMK_E_IO, 0}, "a file cannot be opened, read or written"},
     {3, {DMK_E_FORMAT, 0}, "a file is not what it says it is"},
     {4, {DMK_E_MESH, 0}, "the mesh is not a surface this method can treat"},
-    {5, {DMK_E_DEVICE, DMK_E_BUILD}, "no OpenCL device, or it failed"},
+    {EXIT_DEVICE, {DMK_E_DEVICE, DMK_E_BUILD}, "no OpenCL device, or it failed"},
     {6, {DMK_E_DIVERGED, 0}, "the iteration diverged"},
     {7, {DMK_E_LIMIT, 0}, "the step limit was reached before the tolerance"},
     {EXIT_MEMORY, {DMK_E_NOMEM, 0}, "out of memory"},
     {EXIT_GAP, {NO_STATUS, 0}, "done, but the gap asked for with --gap was not reached"},
-    {130, {DMK_E_CANCELLED, 0}, "interrupted (Ctrl-C)"},
+    {EXIT_INTERRUPTED, {DMK_E_CANCELLED, 0}, "interrupted (Ctrl-C)"},
 };
 enum { N_EXIT_CODES = sizeof exit_codes / sizeof *exit_codes };
 
@@ -48,6 +48,7 @@ void cli_print_exit_codes(FILE *file)
 int cli_error(int code, const char *format, ...)
 {
     const bool colour = isatty(STDERR_FILENO);
+    if (code == EXIT_INTERRUPTED && !cli_first_to_tell()) return code;
     flockfile(stderr); /* one line, whoever else has something to say */
     fprintf(stderr, "%sdmkcl:%s ", colour ? "\033[1;31m" : "", colour ? "\033[0m" : "");
     va_list args;
@@ -62,6 +63,10 @@ int cli_error(int code, const char *format, ...)
 int cli_library_error(const dmk_context *context, int status)
 {
     const char *message = context ? dmk_context_message(context) : "";
+    if (cli_interrupted()) { /* whatever failed then */
+        status = DMK_E_CANCELLED;
+        message = "";
+    }
     if (!*message) message = dmk_status_text(status);
     return cli_error(cli_exit_code(status), "%s", message);
 }

@@ -282,7 +282,7 @@ static int open_device(worker *w)
 {
     farm *f = w->farm;
     pthread_mutex_lock(&f->opening); /* kernels that the first one builds the next one finds */
-    const int rc = dmk_device_open(w->context, &f->request->each.device, &w->device);
+    const int rc = cli_device_open(w->context, &f->request->each.device, &w->device);
     pthread_mutex_unlock(&f->opening);
     return rc == DMK_OK ? EXIT_OK : cli_library_error(w->context, rc);
 }
@@ -402,7 +402,6 @@ int batch_run(const batch_request *request, batch_list *list)
     pthread_mutex_init(&f.large, NULL);
     pthread_mutex_init(&f.opening, NULL);
     pthread_mutex_init(&f.telling, NULL);
-    cli_catch_interrupt();
     int code = batch_record_open(request, list, &f.record);
     if (code == EXIT_OK && request->each.resume) {
         if (request->folder) batch_sweep(request->folder);

@@ -86,6 +86,7 @@ static void fill_standard_streams(void)
 int main(int argc, char **argv)
 {
     fill_standard_streams();
+    cli_catch_signals();
     signal(SIGXFSZ, SIG_IGN); /* a file that grows too long is an error of the write, told with its name */
     /* Decimal points whatever the user's language. The program never asks for another locale, but
      * an OpenCL driver might. */

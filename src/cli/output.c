@@ -127,7 +127,9 @@ int cli_check_uses(const cli_uses *uses)
         for (int j = 0; j < i && option; j++) {
             const char *other = uses->use[j].option;
             if (!same_place(&at[i], &at[j])) continue;
-            if (!other) return cli_error(EXIT_USAGE, "--%s: '%s' is read by this run; choose another name", option, path);
+            if (!other) {
+                return cli_error(EXIT_USAGE, "--%s: '%s' is read by this run; choose another name", option, path);
+            }
             return cli_error(EXIT_USAGE, "--%s: '%s' is also a file of --%s; choose another name", option, path, other);
         }
     }

@@ -23,7 +23,7 @@ static void *open_device(void *argument)
     opening *o = argument;
     const double begin = cli_seconds();
     o->rc = dmk_context_create(&o->context);
-    if (o->rc == DMK_OK) o->rc = dmk_device_open(o->context, o->options, &o->device);
+    if (o->rc == DMK_OK) o->rc = cli_device_open(o->context, o->options, &o->device);
     o->seconds = cli_seconds() - begin;
     return NULL;
 }
@@ -62,6 +62,7 @@ int solve_fail(solve_run *run, int rc)
     const char *message = dmk_context_message(run->context);
     cli_progress_end(&run->progress);
     if (!*message) message = dmk_status_text(rc);
+    if (cli_interrupted()) rc = DMK_E_CANCELLED;
     if (rc == DMK_E_CANCELLED) message = dmk_status_text(rc); /* not that of a source before */
     return cli_error(cli_exit_code(rc), "%s%s", run->where, message);
 }
@@ -102,7 +103,6 @@ int solve_begin(const solve_request *request, solve_run *run)
     int rc = dmk_context_create(&run->context);
     if (rc != DMK_OK) return cli_library_error(NULL, rc);
     dmk_context_set_threads(run->context, request->device.threads);
-    cli_catch_interrupt();
     cli_watch(run->context, &run->progress);
     begin_opening(&device, &request->device);
     rc = read_mesh(request, run);

@@ -1,33 +1,11 @@
-/* The terminal: colour, one line of progress, Ctrl-C. */
+/* The terminal: colour, and one line of progress. */
 #include "cli.h"
 
 #include <math.h>
-#include <signal.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/ioctl.h>
 #include <unistd.h>
-
-/* The one thing a signal handler may touch. */
-static volatile sig_atomic_t interrupted;
-
-static void on_interrupt(int signal_number)
-{
-    (void)signal_number;
-    interrupted = 1;
-}
-
-void cli_catch_interrupt(void)
-{
-    struct sigaction action = {.sa_handler = on_interrupt, .sa_flags = (int)SA_RESETHAND};
-    sigaction(SIGINT, &action, NULL);
-    sigaction(SIGTERM, &action, NULL);
-}
-
-bool cli_interrupted(void)
-{
-    return interrupted != 0;
-}
 
 /* NO_COLOR counts when it is not empty: see no-color.org. */
 static bool has_colour(void)
@@ -99,7 +77,7 @@ static void show_line(const cli_progress *progress, const dmk_progress *report, 
 static int on_progress(const dmk_progress *report, void *user)
 {
     cli_progress *progress = user;
-    if (interrupted) return 1;
+    if (cli_interrupted()) return 1;
     const bool new_stage = report->stage != progress->stage; /* static strings */
     if (progress->steps) {
         progress->stage = report->stage;

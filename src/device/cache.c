@@ -5,9 +5,11 @@
 #include "device/internal.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -167,4 +169,44 @@ void dmk_cache_store(dmk_device *dev, const char *options, cl_program program)
         write_all(path, key, binary, size);
     }
     free(binary);
+}
+
+/* Where PoCL keeps its kernels, as its manual says; "" where that is its own choice. */
+static void pocl_folder(char *folder, size_t size)
+{
+    const char *own = getenv("POCL_CACHE_DIR"), *base = getenv("XDG_CACHE_HOME"), *home = getenv("HOME");
+    if (own && *own) snprintf(folder, size, "%s", own);
+    else if (base && *base) snprintf(folder, size, "%s/pocl/kcache", base);
+    else if (home && *home) snprintf(folder, size, "%s/.cache/pocl/kcache", home);
+    else snprintf(folder, size, "%s", "");
+}
+
+/* Whether a file of so many bytes has room in the folder: 0 or errno. */
+static int try_room(const char *folder, off_t bytes)
+{
+    char name[600];
+    snprintf(name, sizeof name, "%s/dmkcl.XXXXXX", folder);
+    int fd = open(folder, O_TMPFILE | O_WRONLY | O_CLOEXEC, 0600);
+    if (fd < 0) { /* not every file system has files without a name */
+        fd = mkstemp(name);
+        if (fd >= 0) unlink(name);
+    }
+    if (fd < 0) return errno;
+    struct rlimit limit; /* beyond it comes a signal */
+    if (getrlimit(RLIMIT_FSIZE, &limit) == 0 && limit.rlim_cur < (rlim_t)bytes) bytes = (off_t)limit.rlim_cur;
+    int error = bytes == 0 || fallocate(fd, 0, 0, bytes) == 0 || errno == EOPNOTSUPP || errno == ENOSYS ? 0 : errno;
+    close(fd);
+    return error;
+}
+
+int dmk_cache_check_pocl(dmk_context *ctx)
+{
+    enum { ROOM = 4 << 20 }; /* bytes: all kernels for one device are 1.1 to 1.5 MB */
+    char folder[512];
+    pocl_folder(folder, sizeof folder);
+    if (!*folder) return DMK_OK;
+    int error = make_folders(folder) == 0 ? try_room(folder, ROOM) : errno;
+    if (error == 0) return DMK_OK;
+    return dmk_fail(ctx, DMK_E_DEVICE, "PoCL cannot keep its kernels in %s: %s; set POCL_CACHE_DIR to a folder that "
+                    "can be written to, with %d MB of room", folder, strerror(error), ROOM >> 20);
 }

@@ -46,6 +46,8 @@ int dmk_programs_build(dmk_context *context, dmk_device *device);
 int dmk_cache_load(dmk_context *context, dmk_device *device, const char *options,
                    cl_program *program);
 void dmk_cache_store(dmk_device *device, const char *options, cl_program program);
+/* That PoCL's own cache can be written to, which it does in every run; DMK_E_DEVICE with the folder's name. */
+int dmk_cache_check_pocl(dmk_context *context);
 /* The folder to use: `wanted`, or the user's cache folder if it is NULL; "" means no cache. */
 int dmk_cache_folder(dmk_context *context, const char *wanted, char *folder, size_t size);
 

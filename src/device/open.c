@@ -61,6 +61,45 @@ static void describe(const found *f, dmk_device_info *info)
     info->fp64 = fp64 != 0;
 }
 
+static bool is_pocl(const char *platform) { return strcmp(platform, "Portable Computing Language") == 0; }
+
+/* PoCL ends the whole program, or crashes, where it is started like this. */
+static int check_pocl(dmk_context *ctx)
+{
+    const char *threads = getenv("POCL_MAX_PTHREAD_COUNT");
+    if (threads && atol(threads) < 0) {
+        return dmk_fail(ctx, DMK_E_DEVICE, "PoCL crashes with POCL_MAX_PTHREAD_COUNT=%.60s; set it to a number from 1",
+                        threads);
+    }
+    if (access("/sys/devices/system/cpu", F_OK) != 0) {
+        return dmk_fail(ctx, DMK_E_DEVICE, "PoCL does not start without /sys/devices/system/cpu: mount /sys here");
+    }
+    return DMK_OK;
+}
+
+static int name_platform(cl_platform_id platform, char name[128])
+{
+    memset(name, 0, 128);
+    return clGetPlatformInfo(platform, CL_PLATFORM_NAME, 127, name, NULL) == CL_SUCCESS;
+}
+
+/* The reason, as far as it can be told. */
+static int no_device(dmk_context *ctx, const cl_platform_id *platforms, cl_uint n)
+{
+    static const char *const steer[] = {"POCL_DEVICES", "OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH", "LP_PLATFORM"};
+    char name[128] = "", hint[400] = "";
+    for (cl_uint p = 0; p < n; p++) {
+        int rc = name_platform(platforms[p], name) && is_pocl(name) ? dmk_cache_check_pocl(ctx) : DMK_OK;
+        if (rc != DMK_OK) return rc;
+    }
+    for (size_t i = 0; i < sizeof steer / sizeof *steer; i++) {
+        const char *value = getenv(steer[i]);
+        size_t used = strlen(hint);
+        if (value) snprintf(hint + used, sizeof hint - used, "; try without %s=%.60s", steer[i], value);
+    }
+    return dmk_fail(ctx, DMK_E_DEVICE, "%u OpenCL platform%s (%s), but no device%s", n, n == 1 ? "" : "s", name, hint);
+}
+
 /* All devices of all platforms, in the order the loader gives them. */
 static int find_all(dmk_context *ctx, found *all, size_t *count)
 {
@@ -80,6 +119,11 @@ static int find_all(dmk_context *ctx, found *all, size_t *count)
     for (cl_uint p = 0; p < n_platforms; p++) {
         cl_device_id ids[MAX_DEVICES];
         cl_uint n = 0;
+        char name[128];
+        if (name_platform(platforms[p], name) && is_pocl(name) && check_pocl(ctx) != DMK_OK) {
+            rc = DMK_E_DEVICE; /* unless there is another device */
+            continue;
+        }
         if (clGetDeviceIDs(platforms[p], CL_DEVICE_TYPE_ALL, MAX_DEVICES, ids, &n) != CL_SUCCESS) {
             continue;
         }
@@ -87,10 +131,7 @@ static int find_all(dmk_context *ctx, found *all, size_t *count)
             all[(*count)++] = (found){platforms[p], ids[i]};
         }
     }
-    if (*count == 0) {
-        return dmk_fail(ctx, DMK_E_DEVICE, "%u OpenCL platforms, but none has a device",
-                        n_platforms);
-    }
+    if (*count == 0) return rc != DMK_OK ? rc : no_device(ctx, platforms, n_platforms);
     return DMK_OK;
 }
 
@@ -216,7 +257,10 @@ int dmk_device_open(dmk_context *ctx, const dmk_device_options *options, dmk_dev
     DMK_TRY(dmk_cache_folder(ctx, options->cache, dev->cache, sizeof dev->cache));
     /* PoCL keeps every compiled kernel in a cache of its own, and asking it for a program's binary makes
      * it compile all kernels in general forms first: 12 s instead of 5.5 s at the first run. */
-    if (strcmp(dev->info.platform, "Portable Computing Language") == 0) dev->cache[0] = 0;
+    if (is_pocl(dev->info.platform)) {
+        dev->cache[0] = 0;
+        DMK_TRY(dmk_cache_check_pocl(ctx));
+    }
     dev->cl = clCreateContext(NULL, 1, &dev->id, NULL, NULL, &error);
     DMK_TRY(dmk_cl_check(ctx, error, "clCreateContext"));
     dev->queue = clCreateCommandQueue(dev->cl, dev->id, 0, &error);

@@ -32,6 +32,13 @@ static int open_file(dmk_context *ctx, const char *path, int *fd)
     return DMK_OK;
 }
 
+/* Half of the machine's memory: what is longer, as a pipe without an end, would fill it before it is refused. */
+static size_t most_bytes(void)
+{
+    const long pages = sysconf(_SC_PHYS_PAGES), page = sysconf(_SC_PAGESIZE);
+    return pages > 0 && page > 0 ? (size_t)pages / 2 * (size_t)page : SIZE_MAX / 4;
+}
+
 /* Read to the end of fd. A size known beforehand is one read; a pipe makes the buffer grow. */
 static int read_all(dmk_context *ctx, int fd, size_t expected, dmk_file *file)
 {
@@ -39,6 +46,9 @@ static int read_all(dmk_context *ctx, int fd, size_t expected, dmk_file *file)
     for (;;) {
         if (file->size + 1 > room || !file->data) {
             if (file->data) room *= 2;
+            if (room > most_bytes()) {
+                return dmk_fail(ctx, DMK_E_NOMEM, "%s: out of memory: %zu bytes and no end", file->path, file->size);
+            }
             char *bigger = realloc(file->data, room + 1);
             if (!bigger) {
                 return dmk_fail(ctx, DMK_E_NOMEM, "%s: out of memory: %zu bytes for the file",
@@ -71,6 +81,8 @@ int dmk_file_load(dmk_context *ctx, const char *path, dmk_file *file)
         rc = fail_errno(ctx, path, "cannot open");
     } else if (S_ISDIR(st.st_mode)) {
         rc = dmk_fail(ctx, DMK_E_IO, "%s: is a folder; name a mesh file in it", path);
+    } else if (S_ISCHR(st.st_mode) || S_ISBLK(st.st_mode)) {
+        rc = dmk_fail(ctx, DMK_E_IO, "%s: is a device; name a mesh file, or a pipe", path);
     } else {
         rc = read_all(ctx, fd, S_ISREG(st.st_mode) ? (size_t)st.st_size : 65536, file);
     }

@@ -1,0 +1,135 @@
+/* How the program ends when it is told to, or when the OpenCL driver ends it.
+ *
+ * SIGINT and SIGTERM are blocked in all threads but one, which waits for them. So they come at any moment, also
+ * while a driver compiles, which nobody can interrupt; and compilers that the driver starts inherit the block:
+ * Ctrl-C, which the terminal sends to them too, does not make their failure the last word. */
+#include "cli.h"
+
+#include <pthread.h>
+#include <signal.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/syscall.h>
+#include <time.h>
+#include <unistd.h>
+
+enum {
+    /* Milliseconds to come to an end with a word of how far it has come; all promise one second, and giving
+     * back the memory of a large mesh takes its part. */
+    GRACE = 500
+};
+
+static atomic_bool interrupted, told;
+static atomic_int n_opening; /* threads that are opening a device */
+
+static void say(const char *text)
+{
+    (void)!write(STDERR_FILENO, text, strlen(text));
+}
+
+bool cli_interrupted(void)
+{
+    return atomic_load(&interrupted);
+}
+
+bool cli_first_to_tell(void)
+{
+    return !atomic_exchange(&told, true);
+}
+
+/* What is written is whole or has no name: nothing is left behind. */
+static void *wait_for_signal(void *user)
+{
+    const struct timespec grace = {GRACE / 1000, GRACE % 1000 * 1000000};
+    sigset_t *set = user;
+    int number;
+    sigwait(set, &number);
+    atomic_store(&interrupted, true);
+    sigtimedwait(set, NULL, &grace); /* a second signal ends the grace */
+    if (cli_first_to_tell()) say(isatty(STDERR_FILENO) ? "\r\033[Kdmkcl: cancelled\n" : "dmkcl: cancelled\n");
+    _exit(EXIT_INTERRUPTED);
+}
+
+static void catch_interrupt(void)
+{
+    static sigset_t set;
+    pthread_t thread;
+    pthread_attr_t small;
+    sigemptyset(&set);
+    sigaddset(&set, SIGINT);
+    sigaddset(&set, SIGTERM);
+    pthread_sigmask(SIG_BLOCK, &set, NULL);
+    pthread_attr_init(&small);
+    pthread_attr_setstacksize(&small, 1 << 16);
+    pthread_attr_setdetachstate(&small, PTHREAD_CREATE_DETACHED);
+    if (pthread_create(&thread, &small, wait_for_signal, &set) != 0) {
+        pthread_sigmask(SIG_UNBLOCK, &set, NULL); /* then they end it where it is */
+    }
+    pthread_attr_destroy(&small);
+}
+
+/* ---- drivers that end the program ----------------------------------------------------------- */
+
+/* The variables that steer the driver, for they are the usual reason; but for the one of main.c. */
+static void say_reason(const char *what)
+{
+    static const char *const begin[] = {"POCL_", "OCL_ICD_", "OPENCL_", "LP_", "RUSTICL_"};
+    bool any = false;
+    say("dmkcl: the OpenCL driver ");
+    say(what);
+    say(" while the device was opened");
+    for (char **e = environ; *e; e++) {
+        for (size_t i = 0; i < sizeof begin / sizeof *begin; i++) {
+            if (strncmp(*e, begin[i], strlen(begin[i])) != 0 || strncmp(*e, "POCL_AFFINITY=", 14) == 0) continue;
+            say(any ? " " : "; try without ");
+            say(*e);
+            any = true;
+        }
+    }
+    say(any ? "\n" : "; see that it is installed well, and that /proc and /sys are there\n");
+}
+
+static void on_crash(int number)
+{
+    const bool in_main = syscall(SYS_gettid) == getpid();
+    signal(number, SIG_DFL);
+    if (atomic_load(&n_opening) > 0 && !in_main) {
+        say_reason(number == SIGABRT ? "gave up" : "crashed");
+        _exit(EXIT_DEVICE);
+    }
+    raise(number);
+}
+
+static void on_exit_of_others(void)
+{
+    if (atomic_load(&n_opening) == 0) return;
+    say_reason("ended the program");
+    _exit(EXIT_DEVICE);
+}
+
+static void catch_crashes(void)
+{
+    static const int signals[] = {SIGSEGV, SIGBUS, SIGILL, SIGABRT};
+    const struct sigaction action = {.sa_handler = on_crash, .sa_flags = SA_NODEFER};
+    for (size_t i = 0; i < sizeof signals / sizeof *signals; i++) {
+        struct sigaction before;
+        if (sigaction(signals[i], NULL, &before) != 0 || before.sa_handler != SIG_DFL) continue; /* a sanitizer's */
+        sigaction(signals[i], &action, NULL);
+    }
+    atexit(on_exit_of_others);
+}
+
+int cli_device_open(dmk_context *context, const dmk_device_options *options, dmk_device **device)
+{
+    atomic_fetch_add(&n_opening, 1);
+    const int rc = dmk_device_open(context, options, device);
+    atomic_fetch_sub(&n_opening, 1);
+    return rc;
+}
+
+void cli_catch_signals(void)
+{
+    catch_crashes();
+    catch_interrupt();
+}

@@ -1,0 +1,78 @@
+# The tool in surroundings that are not as they should be: each is named, with the way out; and interruptions at
+# any moment.
+. tests/tap.sh
+
+mesh=$work/sphere.off
+"$tool" mesh sphere --triangles 300 --quiet --out "$mesh"
+run() { # VARIABLE=VALUE...
+    env "$@" "$tool" solve "$mesh" --vertex 0 --quiet
+}
+wrong() { # NAME PATTERN VARIABLE=VALUE...: exit code 5
+    local name=$1 pattern=$2
+    shift 2
+    fails "$name" 5 "$pattern" env "$@" "$tool" solve "$mesh" --vertex 0
+}
+
+# ---- the driver -------------------------------------------------------------------------------
+
+if "$tool" devices | grep -q 'Portable Computing Language'; then
+    : > "$work/file"
+    wrong 'a kernel cache that is no folder' "PoCL cannot keep its kernels in $work/file: .*set POCL_CACHE_DIR" \
+        POCL_CACHE_DIR="$work/file"
+    wrong 'a kernel cache that cannot be made' "kernels in $work/file/x: Not a directory" POCL_CACHE_DIR="$work/file/x"
+    wrong 'a home that cannot be written to' 'kernels in /proc/none/.cache/pocl/kcache: ' \
+        -u POCL_CACHE_DIR -u XDG_CACHE_HOME HOME=/proc/none
+    wrong 'a cache folder of the user that is none' "kernels in $work/file/pocl/kcache: " \
+        -u POCL_CACHE_DIR XDG_CACHE_HOME="$work/file"
+    wrong 'devices that PoCL does not know' 'no device; try without POCL_DEVICES=none' POCL_DEVICES=none
+    wrong 'fewer threads than one' 'POCL_MAX_PTHREAD_COUNT=-3; set it to a number from 1' POCL_MAX_PTHREAD_COUNT=-3
+    check 'no home at all' run -u HOME -u XDG_CACHE_HOME -u POCL_CACHE_DIR
+    if unshare -m true 2> /dev/null; then
+        mkdir "$work/tiny"
+        fails 'no /sys' 5 'PoCL does not start without /sys' \
+            unshare -m sh -c 'umount -l /sys; exec "$@"' - "$tool" solve "$mesh" --vertex 0
+        fails 'a kernel cache that is full' 5 "kernels in $work/tiny: No space left on device; .* 4 MB" \
+            env POCL_CACHE_DIR="$work/tiny" unshare -m sh -c 'mount -t tmpfs -o size=64k none "$POCL_CACHE_DIR"; exec "$@"' - \
+            "$tool" solve "$mesh" --vertex 0
+        fails 'a kernel cache that is read only' 5 "kernels in $work/tiny: Read-only file system" \
+            env POCL_CACHE_DIR="$work/tiny" unshare -m sh -c 'mount -t tmpfs -o ro none "$POCL_CACHE_DIR"; exec "$@"' - \
+            "$tool" solve "$mesh" --vertex 0
+    else
+        skip 'no /sys, a full disk' 'nothing can be mounted here'
+    fi
+    # A driver that crashes all the same: a library in front of it whose calls do so.
+    cat > "$work/crash.c" << 'EOF'
+#include <stdlib.h>
+#include <unistd.h>
+int clGetPlatformIDs(unsigned n, void *p, unsigned *count)
+{
+    (void)n, (void)p, (void)count;
+    if (getenv("HOW")[0] == 'a') abort();
+    if (getenv("HOW")[0] == 'e') exit(1);
+    return *(volatile int *)8;
+}
+EOF
+    if [ "${DMKCL_BUILD##*/}" = release ] && gcc -shared -fPIC "$work/crash.c" -o "$work/crash.so"; then
+        wrong 'a driver that crashes' 'driver crashed while the device was opened; try without POCL_ODD=1' \
+            LD_PRELOAD="$work/crash.so" HOW=crash POCL_ODD=1
+        wrong 'a driver that gives up' 'driver gave up while' LD_PRELOAD="$work/crash.so" HOW=abort
+        wrong 'a driver that ends the program' 'driver ended the program while' LD_PRELOAD="$work/crash.so" HOW=exit
+    else
+        skip 'a driver that crashes' 'this build has a runtime that wants to be loaded first'
+    fi
+else
+    skip 'PoCL' 'the devices are of another driver'
+fi
+
+# ---- inputs without an end --------------------------------------------------------------------
+
+fails '/dev/zero' 2 '/dev/zero: is a device' "$tool" info /dev/zero
+fails 'a pipe without an end' 8 'out of memory: [0-9]+ bytes and no end|out of memory' \
+    bash -c 'ulimit -v 2000000; exec "$@" < <(cat /dev/zero)' - "$tool" info /dev/stdin
+
+# ---- interruptions ----------------------------------------------------------------------------
+
+python3 tests/interrupts.py "$tool" "${INTERRUPTS:-12}" "${INTERRUPTS_SEED:-17}" > "$work/interrupts"
+check 'interrupted runs end at once, with 130, and leave nothing' test $? -eq 0
+sed 's/^/# /' "$work/interrupts"
+tap_end
