@@ -29,9 +29,8 @@ typedef struct distance_run {
 
 static int fail(distance_run *run, int rc)
 {
-    const char *message = dmk_context_message(run->context);
     cli_progress_end(&run->progress);
-    return cli_error(cli_exit_code(rc), "%s", *message ? message : dmk_status_text(rc));
+    return cli_library_error(run->context, rc);
 }
 
 /* ---- the run -------------------------------------------------------------------------------- */
@@ -177,7 +176,6 @@ static int run_distance(const distance_request *request)
     int rc = dmk_context_create(&run.context);
     if (rc != DMK_OK) return cli_library_error(NULL, rc);
     dmk_context_set_threads(run.context, (int)request->threads);
-    cli_catch_interrupt();
     cli_watch(run.context, &run.progress);
     rc = dmk_mesh_read(run.context, request->mesh, &run.mesh);
     run.read = cli_seconds() - run.begin;
@@ -214,7 +212,13 @@ static int check_request(const distance_request *r)
     if (r->exact && r->tolerance > 0) {
         return cli_error(EXIT_USAGE, "distance: give --exact or --tolerance, not both");
     }
-    return cli_check_outputs("out", &r->out, CLI_RESULT);
+    const int code = cli_check_outputs("out", &r->out, CLI_RESULT);
+    cli_uses uses = {.n = 0};
+    cli_use(&uses, NULL, r->mesh);
+    cli_use(&uses, NULL, r->sources);
+    cli_use_files(&uses, "out", &r->out);
+    cli_use(&uses, "report", r->report);
+    return code == EXIT_OK ? cli_check_uses(&uses) : code;
 }
 
 static int parse(distance_request *r, const char *out_help, int argc, char **argv)
