@@ -349,13 +349,93 @@ static void any_scale(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* ---- merged windows and lines ---------------------------------------------------------------- */
+
+static dmk_geodesics *run_with(dmk_context *ctx, const dmk_mesh *m, size_t n,
+                               const dmk_point *source, const dmk_geodesics_options *options)
+{
+    dmk_geodesics *g;
+    if (dmk_geodesics_create(ctx, m, n, source, options, &g) != DMK_OK)
+        fail_msg("%s", dmk_context_message(ctx));
+    return g;
+}
+
+/* With a tolerance: within it but for single vertices, fewer windows, and an estimate that tells.
+ */
+static void merged_windows(void **state)
+{
+    dmk_context *ctx = *state;
+    dmk_mesh *m;
+    dmk_geodesics_options options;
+    dmk_geodesics_info info;
+    dmk_geodesics_options_init(&options);
+    options.tolerance = 1e-5;
+    assert_int_equal(dmk_mesh_read(ctx, "meshes/torus.off", &m), DMK_OK);
+    const dmk_point source[2] = {{10, {1, 0, 0}}, {999, {0.2, 0.3, 0.5}}};
+    for (int i = 0; i < 2; i++) {
+        dmk_geodesics *exact = run(ctx, m, 1, source + i, NULL);
+        dmk_geodesics *merged = run_with(ctx, m, 1, source + i, &options);
+        const double *error = dmk_geodesics_error(merged, NULL);
+        assert_non_null(error);
+        assert_null(dmk_geodesics_error(exact, NULL));
+        for (int32_t v = 0; v < m->n_vertices; v++) {
+            double off = fabs(merged->distance[v] - exact->distance[v]);
+            assert_true(off <= 3e-5 * exact->distance[v] + 1e-14);
+            assert_true(error[v] >= 0 && error[v] < 1e-3);
+        }
+        dmk_geodesics_get_info(merged, &info);
+        assert_true(info.error > 1e-7 && info.error < 1e-3);
+        assert_true(info.n_windows < (size_t)exact->n_windows);
+        dmk_geodesics_destroy(&exact);
+        dmk_geodesics_destroy(&merged);
+    }
+    dmk_mesh_destroy(&m);
+}
+
+/* From the border of a square, and from a line through it. */
+static void lines(void **state)
+{
+    dmk_context *ctx = *state;
+    dmk_geodesics_options options;
+    dmk_mesh *m = make_square(ctx, 8, 0);
+    dmk_geodesics_options_init(&options);
+    options.border = 1;
+    dmk_geodesics *g = run_with(ctx, m, 0, NULL, &options);
+    for (int32_t v = 0; v < m->n_vertices; v++) {
+        const double x = m->xyz[3 * v], y = m->xyz[3 * v + 1];
+        assert_true(fabs(g->distance[v] - fmin(fmin(x, 1 - x), fmin(y, 1 - y))) < 1e-13);
+        assert_true(g->arrival[v].source == 0);
+    }
+    dmk_geodesics_destroy(&g);
+    options.border = 0;
+    options.n_lines = 2;
+    options.line = (const int32_t[]){9 * 4 + 4, 9 * 4 + 3, 9 * 4 + 2,
+                                     9 * 4 + 3}; /* y = 1/2, x from 1/4 to 1/2 */
+    const dmk_point far = {0, {1, 0, 0}};
+    g = run_with(ctx, m, 1, &far, &options);
+    for (int32_t v = 0; v < m->n_vertices; v++) {
+        const double x = m->xyz[3 * v], y = m->xyz[3 * v + 1];
+        double line = hypot(y - 0.5, fmax(0, fmax(0.25 - x, x - 0.5))),
+               best = fmin(line, hypot(x, y));
+        assert_true(fabs(g->distance[v] - best) < 1e-13);
+        if (fabs(line - hypot(x, y)) > 1e-9)
+            assert_int_equal(g->arrival[v].source, line < hypot(x, y));
+    }
+    dmk_geodesics_destroy(&g);
+    options.line = (const int32_t[]){0, 1, 1, 20};
+    assert_int_equal(dmk_geodesics_create(ctx, m, 0, NULL, &options, &g), DMK_E_ARG);
+    assert_non_null(strstr(dmk_context_message(ctx), "vertices 1 and 20"));
+    dmk_mesh_destroy(&m);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(flat_square),    cmocka_unit_test(cube_from_a_corner),
         cmocka_unit_test(doubled_square), cmocka_unit_test(around_a_corner),
         cmocka_unit_test(both_ways),      cmocka_unit_test(several_sources),
-        cmocka_unit_test(any_scale),
+        cmocka_unit_test(any_scale),      cmocka_unit_test(merged_windows),
+        cmocka_unit_test(lines),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }

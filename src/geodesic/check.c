@@ -65,6 +65,8 @@ int dmk_geodesics_check(dmk_context *ctx, const dmk_geodesics *g)
     audit a = {.g = g, .slack = 0};
     DMK_TRY(DMK_NEW(ctx, component, (size_t)m->n_components));
     a.component = component;
+    for (size_t i = 0; i < g->n_lines; i++)
+        component[m->component[g->line[i] / 3]] = true;
     for (int32_t i = 0; i < g->n_sources; i++)
         component[m->component[g->source[i].point.triangle]] = true;
     int32_t t = dmk_parallel_first(ctx, m->n_triangles, bad_triangle, &a);
@@ -97,8 +99,8 @@ static double beyond(const dmk_geodesics *g, int32_t v, double angle, double r)
 {
     const dmk_arrival *a = g->arrival + v;
     if (a->source < 0) return INFINITY;
-    double base =
-        a->pseudo_source >= 0 ? g->distance[a->pseudo_source] : g->source[a->source].offset;
+    double base = a->source < g->n_sources ? g->source[a->source].offset : 0;
+    if (a->pseudo_source >= 0) base = g->distance[a->pseudo_source];
     double turn = fabs(angle - a->back), straight = g->distance[v] - base;
     if (!g->star.border[v]) turn = fmin(turn, g->star.total[v] - turn);
     double x = (straight - r * cos(turn)) / g->star.unit, y = r * sin(turn) / g->star.unit;

@@ -1,4 +1,4 @@
-/* What the engines of window.c share with those that seed them. Internal to src/geodesic. */
+/* What the engines of window.c and wave.c share. Internal to src/geodesic. */
 #ifndef DMK_GEODESIC_FRONT_H
 #define DMK_GEODESIC_FRONT_H
 
@@ -12,29 +12,53 @@ typedef struct dmk_facet {
     double unused;
 } dmk_facet;
 
-/* An interval of a half-edge, all of whose points see the last bend (or source) straight, unfolded
- * at (x, y), y < 0. */
-typedef struct dmk_window {
-    double lo, hi, x, y;
-    double base; /* length of the path up to the bend */
-    double turn; /* direction at the source of the frame's x axis; of no meaning behind a bend */
-    int32_t half;
-    int32_t root; /* vertex that the path bends at, or ~number of the source */
-} dmk_window;
+/* What both engines stand on. Lengths are in the star's unit. */
+typedef struct dmk_front {
+    dmk_geodesics *g;
+    dmk_facet *facet; /* n_triangles */
+    double *d;        /* n_vertices: the object's */
+    bool *bend;       /* n_vertices: paths may bend here */
+} dmk_front;
 
-/* The path that gave a vertex its distance. */
-typedef struct dmk_trace {
-    double at;    /* where it crosses the half-edge */
-    double x, y;  /* from the bend to the vertex, in the frame of the half-edge; else directions at
-                     source, vertex */
-    double turn;  /* of the window */
-    int32_t half; /* entered last; one of the two below */
-    int32_t root; /* of the window */
-} dmk_trace;
-enum {
-    DMK_UNREACHED = -2,
-    DMK_STRAIGHT = -1
-}; /* only bounded so far; by no window: inside the source's triangle,
-      or along an edge from the bend */
+/* Rounding, over the mesh's extent, the unit of length: ways so much longer count as equally long.
+ */
+#define DMK_SAME_LENGTH 1e-12
+/* Rounding, over the length of the edge: a ray so little beside an interval is in it; an interval
+ * so narrow is none. */
+#define DMK_SAME_PLACE 1e-11
+#define DMK_NO_WIDTH 1e-12
+
+int dmk_front_create(dmk_context *context, dmk_geodesics *geodesics, dmk_front *front);
+void dmk_front_free(dmk_front *front);
+
+/* Site's sector k in units; the sector of corner c of a star. */
+dmk_sector dmk_front_site(const dmk_front *front, const dmk_site *site, int32_t k);
+dmk_sector dmk_front_corner(const dmk_front *front, int32_t corner);
+
+/* The directions lo..hi that a bend radiates into, which a path reaches from the direction `back`:
+ * those that make no angle below pi with it. How many intervals there are. */
+int dmk_front_wedges(const dmk_front *front, int32_t v, double back, double wedge[2][2]);
+
+/* An end of a sector's half-edge, if it lies within the directions lo..hi: one path leads straight
+ * there. */
+typedef struct dmk_end {
+    int32_t vertex;
+    double length, direction, back;
+} dmk_end;
+bool dmk_front_end(const dmk_front *front, const dmk_sector *sector, bool last, double lo,
+                   double hi, dmk_end *end);
+
+/* The part of a sector's half-edge within the directions lo..hi, as the half-edge on its other side
+ * sees it: the rays come from (x, y), y < 0, and `turn` is the direction of the x axis. False if
+ * there is nothing of it, or a border. */
+typedef struct dmk_beam {
+    double lo, hi, x, y, turn;
+    int32_t half;
+} dmk_beam;
+bool dmk_front_beam(const dmk_front *front, const dmk_sector *sector, double lo, double hi,
+                    dmk_beam *beam);
+
+/* A direction brought into the chart of a vertex or source. */
+double dmk_front_turn(double direction, double total, bool border);
 
 #endif

@@ -9,7 +9,9 @@
  *
  * - star.c: directions at every vertex.
  * - source.c: the triangles around a source, and where its rays enter the next ones.
+ * - front.c: triangles as the engines read them, and what sources and bends radiate.
  * - window.c: windows, depth first: exact distances.
+ * - wave.c: merged windows: distances of large meshes, and from lines.
  * - check.c: what must hold of the result; its integral.
  * - geodesics.c: the object.
  *
@@ -72,7 +74,9 @@ void dmk_site_free(dmk_site *place);
 struct dmk_geodesics {
     const dmk_mesh *mesh; /* as it was handed in (in dmk_solve: the ordered component) */
     int32_t n_sources;
-    dmk_site *source;     /* n_sources */
+    dmk_site *source; /* n_sources */
+    size_t n_lines;
+    int32_t *line;        /* n_lines half-edges, all of whose points are source number n_sources */
     double *distance;     /* n_vertices; infinite where no source reaches */
     dmk_arrival *arrival; /* n_vertices */
     double *error;        /* n_vertices: estimate of the error; NULL with exact windows */
@@ -95,6 +99,10 @@ int dmk_geodesics_integrate(dmk_context *context, const dmk_geodesics *geodesics
 /* Distance at the edges' midpoints as the shortest path to the nearer end goes on there: mid,
  * n_edges. Too short by as much as the ways of neighbours differ, some h^3. */
 void dmk_geodesics_midpoints(const dmk_geodesics *geodesics, double *mid);
+
+/* wave.c: the same with merged windows, whose error is estimated unless the tolerance is 0; lines,
+ * too. */
+int dmk_waves_run(dmk_context *context, dmk_geodesics *geodesics, double tolerance);
 
 /* window.c: distance and arrival of an object whose star and sources are set. */
 int dmk_windows_run(dmk_context *context, dmk_geodesics *geodesics);

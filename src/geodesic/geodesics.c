@@ -50,6 +50,58 @@ done:
     return rc;
 }
 
+/* The half-edge from vertex a to b, or -1. */
+static int32_t find_half(const dmk_geodesics *g, int32_t a, int32_t b)
+{
+    const dmk_star *s = &g->star;
+    int32_t c = s->first[a];
+    while (c >= 0) {
+        if (g->mesh->triangle[dmk_next(c)] == b) return dmk_previous(c);
+        c = dmk_star_next(s, c);
+        if (c == s->first[a]) break;
+    }
+    return -1;
+}
+
+/* Half-edge h and its twin. */
+static void add_line(dmk_geodesics *g, int32_t h)
+{
+    g->line[g->n_lines++] = h;
+    if (g->star.twin[h] >= 0) g->line[g->n_lines++] = g->star.twin[h];
+}
+
+static int set_lines(dmk_context *ctx, dmk_geodesics *g, const dmk_geodesics_options *o)
+{
+    size_t n_border = o->border ? (size_t)g->mesh->n_border_edges : 0;
+    int rc = DMK_NEW(ctx, g->line, 2 * (o->n_lines + n_border));
+    if (rc != DMK_OK) return rc;
+    for (size_t i = 0; i < o->n_lines; i++) {
+        int32_t a = o->line[2 * i], b = o->line[2 * i + 1], h = find_half(g, a, b);
+        if (h < 0) h = find_half(g, b, a);
+        if (h < 0)
+            return dmk_fail(ctx, DMK_E_ARG, "line %zu: no edge joins vertices %d and %d", i, a, b);
+        add_line(g, h);
+    }
+    for (int32_t h = 0; n_border > 0 && h < 3 * g->mesh->n_triangles; h++) {
+        if (g->star.twin[h] < 0) add_line(g, h);
+    }
+    return DMK_OK;
+}
+
+/* Up to so many triangles distances are exact unless asked otherwise: there windows take less time
+ * than the rest of the run, on smooth meshes too; beyond, their number per edge still grows. */
+enum { exact_triangles = 300000 };
+static const double usual_tolerance = 1e-6;
+
+static int run(dmk_context *ctx, dmk_geodesics *g, const dmk_geodesics_options *o)
+{
+    double tolerance = o->tolerance;
+    if (tolerance == 0 && g->mesh->n_triangles > exact_triangles) tolerance = usual_tolerance;
+    if (o->exact) tolerance = 0;
+    return g->n_lines == 0 && tolerance == 0 ? dmk_windows_run(ctx, g)
+                                             : dmk_waves_run(ctx, g, tolerance);
+}
+
 int dmk_geodesics_compute(dmk_context *ctx, const dmk_mesh *mesh, size_t n_sources,
                           const dmk_point *source, const dmk_geodesics_options *options,
                           dmk_geodesics **geodesics)
@@ -63,7 +115,8 @@ int dmk_geodesics_compute(dmk_context *ctx, const dmk_mesh *mesh, size_t n_sourc
     DMK_TRY(dmk_star_create(ctx, mesh, &g->star));
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(set_sources(ctx, g, n_sources, source, options->offset));
-    DMK_TRY(dmk_windows_run(ctx, g));
+    DMK_TRY(set_lines(ctx, g, options));
+    DMK_TRY(run(ctx, g, options));
     DMK_TRY(dmk_geodesics_check(ctx, g));
     *geodesics = g;
     g = NULL;
@@ -101,6 +154,7 @@ void dmk_geodesics_destroy(dmk_geodesics **geodesics)
     for (int32_t i = 0; i < g->n_sources; i++)
         dmk_site_free(g->source + i);
     free(g->source);
+    free(g->line);
     free(g->distance);
     free(g->arrival);
     free(g->error);

@@ -1,0 +1,833 @@
+/* Distances by merged windows: nearly linear time, within a tolerance; exact with tolerance 0, from
+ * lines too.
+ *
+ * On smooth meshes the windows of each edge are as many as the vertices that the paths pass, which
+ * makes n^1.5 in all, though neighbours differ by some h^2 only. Here a window carries a wave of
+ * its own: at (o, 0) of the half-edge the distance D, the ray's direction u and the front's
+ * curvature k, so that D(X) = D + (2 u.v + k v.v) / (1 + |u + k v|),  v = X - (o, 0),  direction
+ * there (u + k v) / |u + k v|: exact for a point (k = 1/r) and a line (k = 0), and as good for what
+ * is left of beams behind positive curvature (k < 0). Touching windows of a half-edge become one
+ * wave where the values change by less than the tolerance.
+ *
+ * Windows wait at their half-edge; all of its windows are there when it is taken from its bucket,
+ * by the larger distance of its ends. Then: the lower envelope, merging, and a step into the
+ * triangle. Values at the ends of windows stay as they are, for shifting them makes neighbours
+ * jump, and windows multiply. The vertex above gets a value from each window: straight if its ray
+ * is in the beam, else around the interval's nearer end: always a path's length, so that no vertex
+ * is missed; what it has over the straight one goes into the error's estimate. */
+#include "geodesic/front.h"
+#include "geodesic/heap.h"
+
+#include "base/parallel.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* A bucket, in mean edges: wider ones cost visits of half-edges, narrower ones empty buckets. */
+static const double bucket_width = 0.1;
+enum { most_buckets = 1 << 22 };
+/* Rounding, over the length of the edge, of comparisons with ways over vertices. */
+static const double rounding = 1e-9;
+
+/* What the tolerance allows; lengths over the edge's. */
+typedef struct allowance {
+    double error;     /* of the distance, over the distance */
+    double gap, step; /* gaps between neighbours to be closed; the jump of the distance there */
+    double change;    /* of one merging */
+    double slope;     /* change of the slope at a merged window's ends: more leaves gaps behind */
+    double weak; /* radians over 2 pi at a vertex that need not radiate: closing gaps covers it */
+} allowance;
+/* At least: the front's curvature times the edge, so that it focuses 20 edges ahead at least. */
+static const double least_curvature = -0.05;
+/* The sine of rays over the edge: grazing ones are not merged. */
+static const double grazing = 0.05;
+
+typedef struct wave {
+    double lo, hi, o, ux, uy, k, D;
+    double direction,
+        turn; /* at the source: direction + turn * psi, psi the angle of the front seen from o */
+    double error;
+    int32_t half, next; /* next in the half-edge's list, or in the list of free ones */
+    int32_t source, root;
+} wave;
+
+typedef struct mark {
+    double direction, x, y,
+        at;       /* (x, y): the ray at the vertex in the frame of c-a; at: where it crosses */
+    int32_t half; /* STRAIGHT: x is the direction back; UNREACHED */
+    int32_t source, root;
+} mark;
+enum { UNREACHED = -2, STRAIGHT = -1 };
+
+typedef struct bucket {
+    int32_t first, last; /* half-edges, -1: none */
+} bucket;
+
+typedef struct engine {
+    dmk_front front;
+    allowance allow;
+    double *error;        /* n_vertices */
+    mark *mark;           /* n_vertices */
+    double *radiated;     /* n_vertices: at this distance */
+    int32_t *head, *next; /* of each half-edge: its windows; the next half-edge of the bucket */
+    wave *pool;
+    size_t n_pool, pool_room;
+    int32_t free;
+    bucket *bucket;
+    size_t n_buckets, bucket_room, current;
+    double width, least;
+    dmk_heap bends;
+    wave *list, *merged; /* of the half-edge that is visited */
+    size_t list_room, merged_room;
+    int32_t *taken; /* half-edges of the bucket */
+    size_t taken_room;
+    int64_t n_made;
+    double closed; /* angle around the source if it is one point inside: directions are mod that;
+                      else 0 */
+} engine;
+
+/* ---- waves ----------------------------------------------------------------------------------- */
+
+static inline double value(const wave *w, double t)
+{
+    double d = t - w->o, q = w->k * d + w->ux;
+    return w->D + d * (2 * w->ux + w->k * d) / (1 + sqrt(q * q + w->uy * w->uy));
+}
+
+static inline double slope(const wave *w, double t)
+{
+    double q = w->k * (t - w->o) + w->ux;
+    return q / sqrt(q * q + w->uy * w->uy);
+}
+
+/* Angle at the centre of the front, over its curvature, of the ray through what lies at xi along,
+ * eta across the ray at o. */
+static inline double psi(double k, double xi, double eta)
+{
+    double t = eta / (1 + k * xi), z2 = k * t * k * t;
+    if (z2 < 1e-4) return t * (1 - z2 * (1. / 3 - z2 * (0.2 - z2 / 7)));
+    return atan2(k * eta, 1 + k * xi) / k;
+}
+
+static double direction_at(const wave *w, double t)
+{
+    return w->direction + w->turn * psi(w->k, w->ux * (t - w->o), -w->uy * (t - w->o));
+}
+
+/* ---- set-up ---------------------------------------------------------------------------------- */
+
+static double mean_edge(const dmk_mesh *m)
+{
+    double sum = 0;
+    for (int32_t e = 0; e < m->n_edges; e++)
+        sum += m->length[e];
+    return sum / m->n_edges;
+}
+
+static int engine_create(dmk_context *ctx, dmk_geodesics *g, double tolerance, engine *e)
+{
+    int rc;
+    size_t n = (size_t)g->mesh->n_vertices, n_half = 3 * (size_t)g->mesh->n_triangles;
+    double root = sqrt(tolerance);
+    memset(e, 0, sizeof *e);
+    e->allow = (allowance){tolerance, 30 * root, 30 * tolerance, 100 * tolerance, root, root / 2};
+    e->free = -1;
+    DMK_TRY(dmk_front_create(ctx, g, &e->front));
+    DMK_TRY(DMK_NEW(ctx, e->error, n));
+    DMK_TRY(DMK_NEW(ctx, e->mark, n));
+    DMK_TRY(DMK_NEW(ctx, e->radiated, n));
+    DMK_TRY(DMK_NEW(ctx, e->head, n_half));
+    DMK_TRY(DMK_NEW(ctx, e->next, n_half));
+    memset(e->head, 0xff, n_half * sizeof *e->head);
+    for (size_t v = 0; v < n; v++) {
+        e->mark[v].half = UNREACHED;
+        e->radiated[v] = INFINITY;
+    }
+    e->width = bucket_width * mean_edge(g->mesh) / g->star.unit;
+    e->least = INFINITY;
+    for (int32_t i = 0; i < g->n_sources; i++)
+        e->least = fmin(e->least, g->source[i].offset / g->star.unit);
+    if (g->n_lines > 0) e->least = 0;
+    const dmk_site *one = g->source;
+    if (g->n_sources == 1 && !(one->vertex >= 0 && g->star.border[one->vertex]))
+        e->closed = one->total;
+done:
+    return rc;
+}
+
+static void engine_free(engine *e)
+{
+    dmk_front_free(&e->front);
+    dmk_heap_free(&e->bends);
+    free(e->error);
+    free(e->mark);
+    free(e->radiated);
+    free(e->head);
+    free(e->next);
+    free(e->pool);
+    free(e->bucket);
+    free(e->list);
+    free(e->merged);
+    free(e->taken);
+}
+
+/* ---- the queue ------------------------------------------------------------------------------- */
+
+static int schedule(dmk_context *ctx, engine *e, int32_t half, double key)
+{
+    double place = (key - e->least) / e->width;
+    size_t i = place > 0 ? place < most_buckets ? (size_t)place : most_buckets : 0;
+    if (i < e->current) i = e->current;
+    if (i >= e->bucket_room) {
+        int rc = DMK_GROW(ctx, e->bucket, i + 1, e->bucket_room);
+        if (rc != DMK_OK) return rc;
+    }
+    for (; e->n_buckets <= i; e->n_buckets++)
+        e->bucket[e->n_buckets] = (bucket){-1, -1};
+    bucket *b = e->bucket + i;
+    e->next[half] = -1;
+    if (b->first < 0)
+        b->first = half;
+    else
+        e->next[b->last] = half;
+    b->last = half;
+    return DMK_OK;
+}
+
+/* A window of a half-edge of this length, whose ends are reached by `most`. */
+static int put(dmk_context *ctx, engine *e, const wave *w, double length, double most)
+{
+    int32_t i = e->free;
+    e->n_made++;
+    if (i >= 0) {
+        e->free = e->pool[i].next;
+    } else {
+        if (e->n_pool == e->pool_room) {
+            int rc = DMK_GROW(ctx, e->pool, e->n_pool + 1, e->pool_room);
+            if (rc != DMK_OK) return rc;
+        }
+        i = (int32_t)e->n_pool++;
+    }
+    int32_t before = e->head[w->half];
+    e->pool[i] = *w;
+    e->pool[i].next = before;
+    e->head[w->half] = i;
+    if (before >= 0) return DMK_OK;
+    return schedule(ctx, e, w->half, fmin(fmax(value(w, 0), value(w, length)), most));
+}
+
+/* All values are lengths of paths up to their error, so the best estimate of any of them counts. */
+static int reach(dmk_context *ctx, engine *e, int32_t v, double d, const mark *m, double error,
+                 double excess)
+{
+    double *known = e->front.d + v;
+    if (!(d < *known)) {
+        e->error[v] = fmin(e->error[v], error + excess + d - *known);
+        return DMK_OK;
+    }
+    if (*known < INFINITY) excess = fmin(excess, e->error[v] + *known - d);
+    *known = d;
+    e->mark[v] = *m;
+    e->error[v] = error + excess;
+    return e->front.bend[v] ? dmk_heap_push(ctx, &e->bends, d, v) : DMK_OK;
+}
+
+/* ---- one step -------------------------------------------------------------------------------- */
+
+typedef struct angle {
+    double length, left, right;
+    double ca, sa, cb, sb, cx, cy, at;
+    int32_t a, b, c, through_left, through_right;
+} angle;
+
+static inline void look(const engine *e, int32_t half, angle *s)
+{
+    const dmk_facet *f = e->front.facet + half / 3;
+    int k = half % 3, k1 = k == 2 ? 0 : k + 1, k2 = k == 0 ? 2 : k - 1;
+    s->length = f->length[k], s->left = f->length[k2], s->right = f->length[k1];
+    s->ca = f->cosine[k1], s->sa = f->sine[k1], s->cb = f->cosine[k2], s->sb = f->sine[k2];
+    s->cx = s->left * s->ca, s->cy = s->left * s->sa;
+    s->a = f->vertex[k1], s->b = f->vertex[k2], s->c = f->vertex[k];
+    s->through_left = f->twin[k2], s->through_right = f->twin[k1];
+}
+
+/* The wave seen from the edge through (px, py) along (ex, ey), on lo..hi of it. */
+static inline bool carry(const wave *w, double px, double py, double ex, double ey, double lo,
+                         double hi, wave *c)
+{
+    double o = 0.5 * (lo + hi), dx = px + o * ex - w->o, dy = py + o * ey;
+    double qx = w->k * dx + w->ux, qy = w->k * dy + w->uy, n = sqrt(qx * qx + qy * qy), i = 1 / n;
+    double xi = w->ux * dx + w->uy * dy, eta = w->ux * dy - w->uy * dx;
+    c->lo = lo, c->hi = hi, c->o = o;
+    c->error = w->error;
+    c->source = w->source, c->root = w->root;
+    c->D = w->D + (2 * xi + w->k * (dx * dx + dy * dy)) / (1 + n);
+    c->k = w->k * i;
+    c->ux = (qx * ex + qy * ey) * i, c->uy = (qy * ex - qx * ey) * i;
+    c->turn = w->turn * i;
+    c->direction = w->turn != 0 ? w->direction + w->turn * psi(w->k, xi, eta) : w->direction;
+    return c->uy > 0 && (w->k >= 0 || 1 + w->k * xi > 0);
+}
+
+static int step_left(dmk_context *ctx, engine *e, const wave *w, const angle *s, double last)
+{
+    wave c;
+    const double *d = e->front.d, eps = DMK_SAME_LENGTH + rounding * s->length;
+    if (s->through_left < 0) return DMK_OK;
+    double lo = w->uy * w->lo / (w->uy * s->ca - s->sa * (w->ux + w->k * (w->lo - w->o)));
+    double hi = last >= s->at
+                    ? s->left
+                    : w->uy * last / (w->uy * s->ca - s->sa * (w->ux + w->k * (last - w->o)));
+    if (hi > s->left || !(hi >= 0)) hi = s->left;
+    if (!(lo >= 0)) lo = 0;
+    if (!(hi - lo > DMK_NO_WIDTH * s->left) || !carry(w, 0, 0, s->ca, s->sa, lo, hi, &c))
+        return DMK_OK;
+    double at_lo = value(&c, lo), late = at_lo - d[s->b] - eps;
+    if (d[s->c] + (s->left - lo) + eps <= at_lo || d[s->a] + hi + eps <= value(&c, hi))
+        return DMK_OK;
+    double bx = s->length * s->ca - lo, by = s->length * s->sa;
+    if (late > 0 && late * late > bx * bx + by * by) return DMK_OK;
+    c.half = s->through_left;
+    return put(ctx, e, &c, s->left, fmax(d[s->a], d[s->c]));
+}
+
+static int step_right(dmk_context *ctx, engine *e, const wave *w, const angle *s, double first)
+{
+    wave c;
+    const double *d = e->front.d, eps = DMK_SAME_LENGTH + rounding * s->length;
+    if (s->through_right < 0) return DMK_OK;
+    double lo = first <= s->at ? s->right
+                               : w->uy * (s->length - first) /
+                                     (w->uy * s->cb + s->sb * (w->ux + w->k * (first - w->o)));
+    double hi =
+        w->uy * (s->length - w->hi) / (w->uy * s->cb + s->sb * (w->ux + w->k * (w->hi - w->o)));
+    if (lo > s->right || !(lo >= 0)) lo = s->right;
+    if (!(hi >= 0)) hi = 0;
+    lo = s->right - lo, hi = s->right - hi; /* both were from b */
+    if (!(hi - lo > DMK_NO_WIDTH * s->right) || !carry(w, s->cx, s->cy, s->cb, -s->sb, lo, hi, &c))
+        return DMK_OK;
+    double at_hi = value(&c, hi), late = at_hi - d[s->a] - eps;
+    if (d[s->b] + (s->right - lo) + eps <= value(&c, lo) || d[s->c] + hi + eps <= at_hi)
+        return DMK_OK;
+    double ax = -s->cx * s->cb + s->cy * s->sb - hi, ay = -s->cy * s->cb - s->cx * s->sb;
+    if (late > 0 && late * late > ax * ax + ay * ay) return DMK_OK;
+    c.half = s->through_right;
+    return put(ctx, e, &c, s->right, fmax(d[s->b], d[s->c]));
+}
+
+/* The vertex above by the ray through t of the edge: s->at, or the nearer end of the interval. */
+static int reach_above(dmk_context *ctx, engine *e, const wave *w, const angle *s, double t)
+{
+    bool direct = t == s->at;
+    double ax = s->cx - w->o, dx = direct ? ax : t - w->o, dy = direct ? s->cy : 0, excess = 0;
+    double qx = w->k * dx + w->ux, qy = w->k * dy + w->uy, n = sqrt(qx * qx + qy * qy);
+    double xi = w->ux * dx + w->uy * dy, d = w->D + (2 * xi + w->k * (dx * dx + dy * dy)) / (1 + n);
+    double bx = direct ? qx : s->cx - t, by = direct ? qy : s->cy;
+    if (!direct) d += sqrt(bx * bx + by * by);
+    if (!(d < e->front.d[s->c] || w->error + d - e->front.d[s->c] < e->error[s->c])) return DMK_OK;
+    if (!direct) {
+        double px = w->k * ax + w->ux, py = w->k * s->cy + w->uy;
+        excess = d - (w->D + (2 * (w->ux * ax + w->uy * s->cy) + w->k * (ax * ax + s->cy * s->cy)) /
+                                 (1 + sqrt(px * px + py * py)));
+    }
+    mark m = {w->direction,
+              s->cx * bx + s->cy * by,
+              s->cx * by - s->cy * bx,
+              direct ? t : HUGE_VAL,
+              w->half,
+              w->source,
+              w->root};
+    if (w->turn != 0) m.direction += w->turn * psi(w->k, xi, w->ux * dy - w->uy * dx);
+    return reach(ctx, e, s->c, d, &m, w->error, excess);
+}
+
+static int step(dmk_context *ctx, engine *e, const wave *w, angle *s)
+{
+    const double slack = DMK_SAME_PLACE * s->length, den = w->k * s->cy + w->uy;
+    const double eps = DMK_SAME_LENGTH + rounding * s->length;
+    if (!(den > 0.02 * w->uy)) return DMK_OK; /* the rays meet before */
+    s->at = ((w->o * w->k - w->ux) * s->cy + s->cx * w->uy) / den;
+    bool left = w->lo<s->at, right = w->hi> s->at;
+    double last = w->hi, first = w->lo, t = fmin(fmax(s->at, w->lo), w->hi);
+    const mark *m = e->mark + s->c;
+    double before = e->front.d[s->c];
+    int rc = reach_above(ctx, e, w, s, t);
+    if (rc != DMK_OK) return rc;
+    if (t == s->at && e->front.d[s->c] == before && m->half == w->half && m->at < HUGE_VAL) {
+        double dx = s->cx - w->o, qx = w->k * dx + w->ux, qy = w->k * s->cy + w->uy;
+        double d = w->D + (2 * (w->ux * dx + w->uy * s->cy) + w->k * (dx * dx + s->cy * s->cy)) /
+                              (1 + sqrt(qx * qx + qy * qy));
+        if (d > before + eps && s->at < m->at - slack)
+            right = false; /* one angle, one split */
+        else if (d > before + eps && s->at > m->at + slack)
+            left = false;
+    }
+    if (s->at >= w->lo - slack && s->at <= w->hi + slack) {
+        if (left) last = s->at;
+        if (right) first = s->at;
+    }
+    if (left) rc = step_left(ctx, e, w, s, last);
+    if (rc == DMK_OK && right) rc = step_right(ctx, e, w, s, first);
+    return rc;
+}
+
+/* ---- the windows of a half-edge -------------------------------------------------------------- */
+
+/* Two windows, u before w, that overlap on a..b, where their difference changes its sign: the
+ * place. */
+static double crossing(const engine *e, const wave *u, const wave *w, double a, double b,
+                       double length)
+{
+    double fa = value(u, a) - value(w, a), fb = value(u, b) - value(w, b), t = a;
+    const double zero = fmax(1e-15 * w->D, 1e-2 * e->allow.error * length);
+    for (int i = 0; i < 60 && b - a > DMK_NO_WIDTH * length;
+         i++) { /* secants, each third time halves */
+        t = i % 3 == 2 ? 0.5 * (a + b) : a + (b - a) * fa / (fa - fb);
+        double f = value(u, t) - value(w, t);
+        if (fabs(f) < zero) break;
+        if ((f < 0) == (fa < 0))
+            a = t, fa = f;
+        else
+            b = t, fb = f;
+    }
+    return t;
+}
+
+static void close_gap(const engine *e, wave *u, wave *w, double length)
+{
+    double g = w->lo - u->hi, middle = 0.5 * (w->lo + u->hi);
+    if (!(g > 0 && g < e->allow.gap * length)) return;
+    double jump = fabs(value(u, middle) - value(w, middle)) +
+                  0.5 * g * fabs(slope(u, middle) - slope(w, middle));
+    if (jump > e->allow.step * length) return;
+    u->hi = w->lo = middle;
+    u->error += jump;
+    w->error += jump;
+}
+
+/* Of u and w behind it the lower parts. False: w is of no use. *again: u was of none, look at the
+ * one before. */
+static bool trim_two(const engine *e, wave *u, wave *w, double length, bool *again)
+{
+    double a = w->lo, b = fmin(u->hi, w->hi);
+    *again = false;
+    if (b <= a) {
+        close_gap(e, u, w, length);
+        return true;
+    }
+    double fa = value(u, a) - value(w, a), fb = value(u, b) - value(w, b);
+    if (fa <= 0 && fb <= 0) {
+        if (w->hi <= u->hi) return false;
+        w->lo = b;
+    } else if (fa >= 0 && fb >= 0) {
+        if (w->hi < u->hi) return true;
+        u->hi = a;
+        *again = u->hi - u->lo <= DMK_NO_WIDTH * length;
+    } else {
+        double t = crossing(e, u, w, a, b, length);
+        if (fa < 0) {
+            if (w->hi >= u->hi) u->hi = t;
+            w->lo = t;
+        } else if (w->hi <= u->hi) {
+            w->hi = t;
+        }
+    }
+    return true;
+}
+
+/* The lower envelope of neighbours in the list, sorted by lo. How many are left. */
+static size_t trim(engine *e, size_t n, double length)
+{
+    wave *l = e->list;
+    size_t k = 0; /* l[0..k] are done */
+    for (size_t i = 1; i < n; i++) {
+        wave w = l[i];
+        bool again = true, useful = true;
+        while (again) {
+            useful = trim_two(e, l + k, &w, length, &again);
+            if (!again) break;
+            if (k > 0) {
+                k--;
+            } else {
+                l[0] = w;
+                useful = again = false;
+            }
+        }
+        if (useful && w.hi - w.lo > DMK_NO_WIDTH * length) l[++k] = w;
+    }
+    return k + 1;
+}
+
+/* The wave through the values of a run of windows at both ends and in the middle. False if there is
+ * none. */
+static bool interpolate(const wave *r, size_t n, double length, wave *o)
+{
+    const wave *last = r + n - 1;
+    double a = r->lo, c = last->hi, middle = 0.5 * (a + c), half = 0.5 * (c - a);
+    size_t j = 0;
+    while (j + 1 < n && r[j].hi < middle)
+        j++;
+    double d = value(r + j, middle), al = value(r, a) - d, ga = value(last, c) - d;
+    double q = 2 * half * half - al * al - ga * ga;
+    if (!(q > 4 * grazing * grazing * half * half)) return false;
+    double k = 2 * (al + ga) / q, ux = (2 * (ga - al) + k * (ga * ga - al * al)) / (4 * half);
+    if (!(fabs(ux) < 1) || k * length < least_curvature) return false;
+    *o =
+        (wave){a, c, middle, ux, sqrt(1 - ux * ux), k, d, 0, 0, 0, r->half, -1, r->source, r->root};
+    return true;
+}
+
+/* Largest change of the values where windows meet and in their middles, and a fifth for what lies
+ * between. */
+static double change(const wave *r, size_t n, wave *o)
+{
+    double most = 0;
+    for (size_t i = 0; i < n; i++) {
+        double middle = 0.5 * (r[i].lo + r[i].hi);
+        o->error = fmax(o->error, r[i].error);
+        if (r[i].root != o->root) o->root = -1;
+        most = fmax(most, fabs(value(o, middle) - value(r + i, middle)));
+        if (i > 0) most = fmax(most, fabs(value(o, r[i].lo) - value(r + i, r[i].lo)));
+        if (i + 1 < n) most = fmax(most, fabs(value(o, r[i].hi) - value(r + i, r[i].hi)));
+    }
+    return 1.2 * most;
+}
+
+/* One wave for the n touching windows r, if that changes little. */
+static bool merge(const engine *e, const wave *r, size_t n, double length, wave *o)
+{
+    const wave *last = r + n - 1;
+    if (last->source != r->source || !interpolate(r, n, length, o)) return false;
+    double off = change(r, n, o), a = o->lo, c = o->hi;
+    o->error += off;
+    if (o->error > e->allow.error * o->D || off > e->allow.change * length) return false;
+    if (fabs(slope(o, a) - slope(r, a)) > e->allow.slope) return false;
+    if (fabs(slope(o, c) - slope(last, c)) > e->allow.slope) return false;
+    double from = direction_at(r, a), to = direction_at(last, c);
+    if (e->closed > 0) to -= e->closed * round((to - from) / e->closed);
+    double p = psi(o->k, o->ux * (a - o->o), -o->uy * (a - o->o)),
+           q = psi(o->k, o->ux * (c - o->o), -o->uy * (c - o->o));
+    o->turn = (to - from) / (q - p);
+    o->direction = from - o->turn * p;
+    return true;
+}
+
+/* Merge runs of the n windows in the list into e->merged. How many there are then. */
+static size_t merge_all(engine *e, size_t n, double length)
+{
+    size_t out = 0;
+    for (size_t i = 0, j; i < n; i = j) {
+        wave best = e->list[i], t;
+        for (j = i + 1; j < n && fabs(e->list[j].lo - e->list[j - 1].hi) < rounding * length; j++) {
+            if (!merge(e, e->list + i, j - i + 1, length, &t)) break;
+            best = t;
+        }
+        e->merged[out++] = best;
+    }
+    return out;
+}
+
+static int by_place(const void *a, const void *b)
+{
+    const wave *u = a, *w = b;
+    return u->lo < w->lo ? -1 : u->lo > w->lo;
+}
+
+static void sort(wave *l, size_t n)
+{
+    enum { few = 12 };
+    if (n > few) {
+        qsort(l, n, sizeof *l, by_place);
+        return;
+    }
+    for (size_t i = 1; i < n; i++) {
+        wave w = l[i];
+        size_t j = i;
+        for (; j > 0 && l[j - 1].lo > w.lo; j--)
+            l[j] = l[j - 1];
+        l[j] = w;
+    }
+}
+
+/* Take the windows of a half-edge that are still of use into the list. */
+static int gather(dmk_context *ctx, engine *e, int32_t half, const angle *s, size_t *n)
+{
+    const double eps = DMK_SAME_LENGTH + rounding * s->length, at_a = e->front.d[s->a] + eps;
+    const double at_b = e->front.d[s->b] + s->length + eps;
+    *n = 0;
+    for (int32_t i = e->head[half], next; i >= 0; i = next) {
+        wave *w = e->pool + i;
+        if (at_b - w->lo >= value(w, w->lo) && at_a + w->hi >= value(w, w->hi)) {
+            if (*n == e->list_room) {
+                int rc = DMK_GROW(ctx, e->list, *n + 1, e->list_room);
+                if (rc != DMK_OK) return rc;
+            }
+            e->list[(*n)++] = *w;
+        }
+        next = w->next;
+        w->next = e->free;
+        e->free = i;
+    }
+    e->head[half] = -1;
+    return DMK_OK;
+}
+
+static int visit(dmk_context *ctx, engine *e, int32_t half)
+{
+    int rc;
+    size_t n;
+    angle s;
+    look(e, half, &s);
+    DMK_TRY(gather(ctx, e, half, &s, &n));
+    const wave *l = e->list;
+    if (n > 1) {
+        sort(e->list, n);
+        n = trim(e, n, s.length);
+        if (e->allow.error > 0) {
+            if (n > e->merged_room) DMK_TRY(DMK_GROW(ctx, e->merged, n, e->merged_room));
+            n = merge_all(e, n, s.length);
+            l = e->merged;
+        }
+    }
+    for (size_t i = 0; i < n; i++)
+        DMK_TRY(step(ctx, e, l + i, &s));
+done:
+    return rc;
+}
+
+/* ---- sources and bends ----------------------------------------------------------------------- */
+
+typedef struct rays {
+    double base, lo, hi, direction, error;
+    int32_t source, root; /* root -1: directions are the rays' own */
+    bool both;
+} rays;
+
+static int send(dmk_context *ctx, engine *e, const dmk_sector *c, const rays *a)
+{
+    int rc = DMK_OK;
+    dmk_end end;
+    dmk_beam b;
+    bool own = a->root < 0 && a->source < e->front.g->n_sources;
+    for (int last = 0; last <= a->both; last++) {
+        if (!dmk_front_end(&e->front, c, last, a->lo, a->hi, &end)) continue;
+        mark m = {own ? end.direction : a->direction,
+                  end.back,
+                  0,
+                  HUGE_VAL,
+                  STRAIGHT,
+                  a->source,
+                  a->root};
+        DMK_TRY(reach(ctx, e, end.vertex, a->base + end.length, &m, a->error, 0));
+    }
+    if (!dmk_front_beam(&e->front, c, a->lo, a->hi, &b)) goto done;
+    double o = 0.5 * (b.lo + b.hi), x = o - b.x, r = hypot(x, b.y);
+    const dmk_facet *f = e->front.facet + b.half / 3;
+    int k = b.half % 3;
+    wave w = {b.lo,         b.hi, o,        x / r,  -b.y / r, 1 / r,     a->base + r,
+              a->direction, 0,    a->error, b.half, -1,       a->source, a->root};
+    if (own) w.direction = b.turn + atan2(-b.y, x), w.turn = w.k;
+    rc = put(ctx, e, &w, f->length[k],
+             fmax(e->front.d[f->vertex[(k + 1) % 3]], e->front.d[f->vertex[(k + 2) % 3]]));
+done:
+    return rc;
+}
+
+static int radiate_source(dmk_context *ctx, engine *e, int32_t number)
+{
+    int rc = DMK_OK;
+    const dmk_site *p = e->front.g->source + number;
+    rays a = {p->offset / e->front.g->star.unit, -1, p->total + 1, 0, 0, number, -1, true};
+    if (p->vertex >= 0) {
+        mark m = {0, 0, 0, HUGE_VAL, STRAIGHT, number, -1};
+        if (a.base >= e->front.d[p->vertex]) return DMK_OK;
+        e->radiated[p->vertex] = a.base;
+        DMK_TRY(reach(ctx, e, p->vertex, a.base, &m, 0, 0));
+    }
+    for (int32_t k = 0; k < p->n_sectors; k++) {
+        dmk_sector c = dmk_front_site(&e->front, p, k);
+        DMK_TRY(send(ctx, e, &c, &a));
+    }
+done:
+    return rc;
+}
+
+static double back_of(const engine *e, int32_t v)
+{
+    const mark *m = e->mark + v;
+    const dmk_star *s = &e->front.g->star;
+    double back = m->half == STRAIGHT ? m->x : s->angle[m->half] + atan2(m->y, m->x);
+    return dmk_front_turn(back, s->total[v], s->border[v]);
+}
+
+static int radiate_star(dmk_context *ctx, engine *e, int32_t v, const rays *a, int turns)
+{
+    int rc = DMK_OK;
+    const dmk_star *s = &e->front.g->star;
+    int32_t c = s->first[v];
+    do {
+        dmk_sector sector = dmk_front_corner(&e->front, c);
+        for (int k = -turns; k <= turns; k++) { /* the wedge may go around */
+            rays b = *a;
+            b.lo += k * s->total[v];
+            b.hi += k * s->total[v];
+            DMK_TRY(send(ctx, e, &sector, &b));
+        }
+        c = dmk_star_next(s, c);
+    } while (c >= 0 && c != s->first[v]);
+done:
+    return rc;
+}
+
+static int radiate_bend(dmk_context *ctx, engine *e, int32_t v)
+{
+    int rc = DMK_OK;
+    const dmk_star *s = &e->front.g->star;
+    const mark *m = e->mark + v;
+    double wedge[2][2];
+    int n = dmk_front_wedges(&e->front, v, back_of(e, v), wedge);
+    e->radiated[v] = e->front.d[v];
+    if (!s->border[v] && wedge[0][1] - wedge[0][0] < e->allow.weak) return DMK_OK;
+    for (int i = 0; i < n; i++) {
+        rays a = {e->front.d[v], wedge[i][0], wedge[i][1], m->direction,
+                  e->error[v],   m->source,   v,           s->border[v]};
+        DMK_TRY(radiate_star(ctx, e, v, &a, s->border[v] ? 0 : 1));
+    }
+done:
+    return rc;
+}
+
+/* Rays at right angles from half-edge h into its own triangle, and from the vertices of its ends.
+ */
+static int radiate_line(dmk_context *ctx, engine *e, int32_t h)
+{
+    int rc = DMK_OK;
+    const dmk_geodesics *g = e->front.g;
+    double length = e->front.facet[h / 3].length[h % 3];
+    for (int last = 0; last < 2; last++) {
+        int32_t v = g->mesh->triangle[last ? dmk_previous(h) : dmk_next(h)];
+        rays a = {0, -1, g->star.total[v] + 1, 0, 0, g->n_sources, -1, true};
+        mark m = {0, 0, 0, HUGE_VAL, STRAIGHT, g->n_sources, -1};
+        if (e->radiated[v] == 0) continue;
+        e->radiated[v] = 0;
+        DMK_TRY(reach(ctx, e, v, 0, &m, 0, 0));
+        DMK_TRY(radiate_star(ctx, e, v, &a, 0));
+    }
+    rc = put(ctx, e, &(wave){0, length, length / 2, 0, 1, 0, 0, 0, 0, 0, h, -1, g->n_sources, -1},
+             length, 0);
+done:
+    return rc;
+}
+
+/* ---- the run --------------------------------------------------------------------------------- */
+
+/* The half-edges of the current bucket, as they are now, into e->taken. */
+static int take_bucket(dmk_context *ctx, engine *e, size_t *n)
+{
+    *n = 0;
+    bucket *b = e->bucket + e->current;
+    for (int32_t h = b->first; h >= 0; h = e->next[h]) {
+        if (*n == e->taken_room) {
+            int rc = DMK_GROW(ctx, e->taken, *n + 1, e->taken_room);
+            if (rc != DMK_OK) return rc;
+        }
+        e->taken[(*n)++] = h;
+    }
+    *b = (bucket){-1, -1};
+    return DMK_OK;
+}
+
+static void fetch(const engine *e, int32_t half)
+{
+    __builtin_prefetch(e->front.facet + half / 3);
+    __builtin_prefetch((const char *)(e->front.facet + half / 3) + 64);
+    if (e->head[half] < 0) return;
+    __builtin_prefetch(e->pool + e->head[half]);
+    __builtin_prefetch((const char *)(e->pool + e->head[half]) + 64);
+}
+
+/* Bends of the current bucket: true if one radiated. */
+static int radiate_bends(dmk_context *ctx, engine *e, bool *any)
+{
+    int rc = DMK_OK;
+    double limit =
+        e->current < most_buckets ? e->least + (double)(e->current + 1) * e->width : INFINITY;
+    *any = false;
+    while (e->bends.n > 0 && e->bends.at[0].key < limit) {
+        dmk_heap_item top = dmk_heap_pop(&e->bends);
+        if (top.key > e->front.d[top.item] || !(top.key < e->radiated[top.item])) continue;
+        *any = true;
+        DMK_TRY(radiate_bend(ctx, e, top.item));
+    }
+done:
+    return rc;
+}
+
+static int sweep(dmk_context *ctx, engine *e)
+{
+    int rc = DMK_OK;
+    size_t n;
+    bool any;
+    while (e->current < e->n_buckets || e->bends.n > 0) {
+        if (e->current >= e->n_buckets) { /* only bends are left: go to the first */
+            double place = fmin((e->bends.at[0].key - e->least) / e->width, most_buckets);
+            if (place > (double)e->current) e->current = (size_t)place;
+        }
+        do {
+            n = 0;
+            if (e->current < e->n_buckets) DMK_TRY(take_bucket(ctx, e, &n));
+            for (size_t i = 0; i < n; i++) {
+                if (i + 4 < n) fetch(e, e->taken[i + 4]);
+                DMK_TRY(visit(ctx, e, e->taken[i]));
+            }
+            DMK_TRY(dmk_poll(ctx));
+            any = false;
+            if (n == 0) DMK_TRY(radiate_bends(ctx, e, &any));
+        } while (n > 0 || any);
+        e->current++;
+    }
+done:
+    return rc;
+}
+
+static void arrive(const engine *e, int32_t v)
+{
+    dmk_geodesics *g = e->front.g;
+    const mark *m = e->mark + v;
+    g->arrival[v] = (dmk_arrival){0, 0, -1, -1};
+    if (m->half == UNREACHED) return;
+    const dmk_site *p = m->source < g->n_sources ? g->source + m->source : NULL;
+    double direction =
+        p ? dmk_front_turn(m->direction, p->total, p->vertex >= 0 && g->star.border[p->vertex]) : 0;
+    g->arrival[v] = (dmk_arrival){direction, back_of(e, v), m->root, m->source};
+    g->distance[v] *= g->star.unit;
+    e->error[v] *= g->star.unit;
+}
+
+static void arrive_range(int32_t begin, int32_t end, void *data)
+{
+    for (int32_t v = begin; v < end; v++)
+        arrive(data, v);
+}
+
+int dmk_waves_run(dmk_context *ctx, dmk_geodesics *g, double tolerance)
+{
+    int rc;
+    engine e;
+    DMK_TRY(engine_create(ctx, g, tolerance, &e));
+    for (int32_t i = 0; i < g->n_sources; i++)
+        DMK_TRY(radiate_source(ctx, &e, i));
+    for (size_t i = 0; i < g->n_lines; i++)
+        DMK_TRY(radiate_line(ctx, &e, g->line[i]));
+    DMK_TRY(sweep(ctx, &e));
+    dmk_parallel(ctx, g->mesh->n_vertices, arrive_range, &e);
+    g->n_windows = e.n_made;
+    if (tolerance > 0) {
+        g->error = e.error;
+        e.error = NULL;
+    }
+done:
+    engine_free(&e);
+    return rc;
+}
