@@ -290,8 +290,8 @@ typedef struct dmk_solve_options {
     double gap_tolerance; /* also stop when the certificate's relative gap is below; 0 = not used */
     double cg_tolerance;  /* relative energy residual of the inner solves; 0 = the method's default */
     int max_steps;        /* 0 = the method's default */
-    double threshold;     /* absolute bound of the approximate cut locus {mu <= eps}; 0 = relative to
-                             the local element size */
+    double threshold;     /* absolute bound of the approximate cut locus {mu <= eps}; 0 = a rule without
+                             a tolerance to choose, see dmk_result_acl */
 } dmk_solve_options;
 
 void dmk_solve_options_init(dmk_solve_options *options);
@@ -349,7 +349,11 @@ typedef struct dmk_stats {
 void dmk_result_get_stats(const dmk_result *result, dmk_stats *stats);
 /* Borrowed arrays; each also gives its length through n when n is not NULL. */
 const double *dmk_result_density(const dmk_result *result, size_t *n);       /* mu per triangle */
-const uint8_t *dmk_result_acl(const dmk_result *result, size_t *n);          /* mu <= bound, per triangle */
+/* Per triangle, 1 in the approximate cut locus: mu <= threshold, or, where that is 0, by mu and u alone in
+ * pure numbers, an answer to the paper's question how to choose eps: the mean of grad u in the triangle is
+ * shorter than 1, as where two families of rays meet (cos(alpha/2)), the rays around converge, and mu is no
+ * more than 28 square roots of the triangle's area. Only triangles of the source's component. */
+const uint8_t *dmk_result_acl(const dmk_result *result, size_t *n);
 const double *dmk_result_potential(const dmk_result *result, size_t *n);     /* u per vertex, u(p) = 0 */
 const double *dmk_result_potential_mid(const dmk_result *result, size_t *n); /* u per edge midpoint */
 /* The exact distance from the source (see dmk_geodesics), per vertex; -u differs from it by the discretisation. */

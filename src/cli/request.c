@@ -84,7 +84,7 @@ void solve_add_method(solve_table *table, solve_request *request)
         {.name = "threshold",
          .value = "EPS",
          .help = "bound of the approximate cut locus {mu <= EPS}, the array `acl`;\n"
-                 "default: relative to the size of each triangle",
+                 "default: a rule from mu and u that needs no bound",
          .kind = CLI_NUMBER,
          .target = &solve_options->threshold,
          .lo = DBL_MIN,

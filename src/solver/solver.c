@@ -1,4 +1,5 @@
 /* Solver: one mesh on one device, set up once; then any number of sources. */
+#include "solver/acl.h"
 #include "solver/iteration.h"
 #include "solver/result.h"
 #include "mesh/mollify.h"
@@ -225,17 +226,6 @@ done:
     return rc;
 }
 
-/* Triangles of the approximate cut locus {mu <= eps}; eps = 0: the square root of the area, about
- * 0.66 of an edge length: mu is the load still to be carried, so next to the locus it is of that
- * size. */
-static void mark_acl(const dmk_mesh *m, double threshold, dmk_result *r)
-{
-    for (size_t t = 0; t < r->n_triangles; t++) {
-        double bound = threshold > 0 ? threshold : sqrt(m->area[t]);
-        r->acl[t] = r->density[t] <= bound;
-    }
-}
-
 /* u at the source, by the macro-element's interpolation. */
 static double value_at(const dmk_system *sys, const dmk_mesh *m, const dmk_point *p,
                        const double *u)
@@ -249,8 +239,29 @@ static double value_at(const dmk_system *sys, const dmk_mesh *m, const dmk_point
     return sum;
 }
 
+/* The approximate cut locus, from mu and u in the order and units of the packed problem. */
+static int mark_acl(dmk_context *ctx, const dmk_solver *s, double threshold, double *mu, double *u,
+                    dmk_result *r)
+{
+    int rc;
+    const dmk_system *sys = s->system;
+    const dmk_acl_input in = {&s->mollified, mu, u + sys->vertex_row, u};
+    uint8_t *acl = NULL;
+    DMK_TRY(DMK_NEW(ctx, acl, (size_t)sys->n_elements));
+    for (int32_t t = 0; t < sys->n_elements; t++)
+        mu[t] *= sys->unit;
+    for (int32_t i = 0; i < sys->n_rows; i++)
+        u[i] *= sys->unit;
+    DMK_TRY(dmk_acl_mark(ctx, &in, threshold, acl));
+    for (int32_t t = 0; t < sys->n_elements; t++)
+        r->acl[s->order->order.triangle_old[t]] = acl[t];
+done:
+    free(acl);
+    return rc;
+}
+
 /* Read mu and u back once and put them in the input's order and units. */
-static int collect(dmk_context *ctx, dmk_solver *s, const start *near, dmk_result *r)
+static int collect(dmk_context *ctx, dmk_solver *s, const start *near, double threshold, dmk_result *r)
 {
     int rc;
     dmk_system *sys = s->system;
@@ -272,6 +283,7 @@ static int collect(dmk_context *ctx, dmk_solver *s, const start *near, dmk_resul
         r->potential_mid[o->edge_old[e]] = (u[e] - at_source) * sys->unit;
         r->distance_mid[o->edge_old[e]] = near->mid[e];
     }
+    rc = mark_acl(ctx, s, threshold, mu, u, r);
 done:
     free(u);
     free(mu);
@@ -358,10 +370,9 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     DMK_TRY(dmk_certify(&o, true));
     r->stats.seconds[DMK_STAGE_SOLVE] = dmk_seconds() - t1 - r->stats.seconds[DMK_STAGE_CERTIFY];
     name_steep(&s->order->order, &r->stats);
-    DMK_TRY(collect(ctx, s, &near, r));
+    DMK_TRY(collect(ctx, s, &near, options->threshold, r));
     r->geodesics = near.geodesics;
     near.geodesics = NULL;
-    mark_acl(s->mesh, options->threshold, r);
     scale_stats(s->system, &r->stats);
     r->stats.cost_exact = r->geodesics->integral;
     r->stats.cost_exact_error = r->geodesics->integral_error;
