@@ -2,13 +2,10 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
-import dmkcl
 import pytest
 
 pytest.importorskip("mypy")
-PACKAGE = Path(dmkcl.__file__).parent
 RIGHT = """
 import dmkcl
 
@@ -18,19 +15,25 @@ length: float = result.path(vertex=5).length
 """
 
 
-def mypy(*arguments):
+@pytest.fixture(scope="module")
+def mypy(tmp_path_factory):
+    cache = tmp_path_factory.mktemp("mypy")
     command = [sys.executable, "-m", "mypy", "--strict", "--ignore-missing-imports"]
-    return subprocess.run(
-        [*command, "--cache-dir=/dev/null", *map(str, arguments)], capture_output=True, text=True
-    )
+
+    def run(*arguments):
+        return subprocess.run(
+            [*command, f"--cache-dir={cache}", *map(str, arguments)], capture_output=True, text=True
+        )
+
+    return run
 
 
-def test_the_package_is_strictly_typed():
-    done = mypy(PACKAGE)
+def test_the_package_is_strictly_typed(mypy):
+    done = mypy("-p", "dmkcl")
     assert done.returncode == 0, done.stdout
 
 
-def test_right_programs_pass_and_typos_do_not(tmp_path):
+def test_right_programs_pass_and_typos_do_not(mypy, tmp_path):
     path = tmp_path / "program.py"
     path.write_text(RIGHT)
     done = mypy(path)
