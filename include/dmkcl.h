@@ -116,6 +116,32 @@ int dmk_mesh_read(dmk_context *context, const char *path, dmk_mesh **mesh);
 int dmk_mesh_write(dmk_context *context, const dmk_mesh *mesh, const char *path);
 void dmk_mesh_destroy(dmk_mesh **mesh);
 
+/* What a repair did, in numbers and as maps; handed back to dmk_repairs_free. */
+typedef struct dmk_repairs {
+    size_t merged_vertices;      /* that lay where another one does */
+    size_t flipped_triangles;    /* without area, mended by a flip of the longest edge */
+    size_t degenerate_triangles; /* dropped: a corner twice, or no area */
+    size_t duplicate_triangles;  /* dropped: the same three corners as another one */
+    size_t split_edges;          /* of more than two triangles, or cut open where the surface has one side */
+    size_t turned_triangles;     /* to agree with their neighbours */
+    size_t split_vertices;       /* vertices added, as triangles met in a vertex only */
+    size_t n_old_vertices, n_vertices, n_triangles; /* lengths of the maps */
+    int32_t *vertex_new;         /* n_old_vertices: its new number; -1: it has gone */
+    int32_t *vertex_old;         /* n_vertices of the repaired mesh: the old number, the first of several */
+    int32_t *triangle_old;       /* n_triangles of it */
+} dmk_repairs;
+
+/* A mesh of triangles that dmk_mesh_create may refuse, repaired: equal vertices become one, triangles without
+ * area give way to flips or go, as those do that are there twice, at an edge of more than two triangles pairs that fit stay joined,
+ * triangles are turned to agree, and vertices whose triangles do not hang together are split. repair: what was
+ * done, or NULL. DMK_E_MESH if a triangle names a vertex that does not exist or is not finite, or
+ * nothing is left. */
+int dmk_mesh_repair(dmk_context *context, size_t n_vertices, const double *xyz, size_t n_triangles,
+                    const int32_t *triangles, dmk_repairs *repair, dmk_mesh **mesh);
+/* The same of a file. */
+int dmk_mesh_read_repaired(dmk_context *context, const char *path, dmk_repairs *repair, dmk_mesh **mesh);
+void dmk_repairs_free(dmk_repairs *repair);
+
 typedef struct dmk_mesh_info {
     size_t n_vertices, n_triangles, n_edges;
     size_t n_unused_vertices;  /* in no triangle */

@@ -52,6 +52,7 @@ static const dmk_ranks alone = {.size = 1, ALONE};
 #define good_dmk_context_pp (void *)&good.none
 #define good_dmk_mesh_p good.p.mesh
 #define good_dmk_mesh_pp (void *)&good.none
+#define good_dmk_repairs_p (void *)good.scratch
 #define good_dmk_mesh_info_p (void *)good.scratch
 #define good_dmk_point_p &good.p.source
 #define fresh_dmk_point_p (void *)good.scratch
@@ -199,8 +200,13 @@ static bool may_be(const char *function, const char *argument)
         "dmk_locus_compute options",
         "dmk_cut options",
         "dmk_cut origin",
+        "dmk_mesh_repair repair",
+        "dmk_mesh_read_repaired repair",
         /* Lengths of the caller's arrays, and xyz where the mesh is looked at later. */
         "dmk_device_list capacity",
+        "dmk_mesh_repair n_vertices",
+        "dmk_mesh_repair n_triangles",
+        "dmk_mesh_repair xyz",
         "dmk_path_compute n_points",
         "dmk_geodesics_create n_sources",
         "dmk_geodesics_create options",

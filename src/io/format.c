@@ -109,22 +109,43 @@ static int name_file(dmk_context *ctx, const char *path, int rc)
     return dmk_fail(ctx, rc, "%s: %s", path, what);
 }
 
-int dmk_mesh_read(dmk_context *ctx, const char *path, dmk_mesh **mesh)
+/* The file's triangles, as they are. */
+static int read_soup(dmk_context *ctx, const char *path, dmk_soup *soup)
 {
     int rc;
     dmk_file file = {0};
-    dmk_soup soup = {0};
     const dmk_format *format;
-    if (dmk_missing(ctx, "path", path, "mesh", mesh, NULL)) return DMK_E_ARG;
     DMK_TRY(dmk_file_load(ctx, path, &file));
     DMK_TRY(find_reader(ctx, &file, &format));
-    DMK_TRY(format->read_mesh(ctx, &file, &soup));
-    dmk_file_free(&file); /* before the topology needs memory */
+    DMK_TRY(format->read_mesh(ctx, &file, soup));
+done:
+    dmk_file_free(&file);
+    return rc;
+}
+
+int dmk_mesh_read(dmk_context *ctx, const char *path, dmk_mesh **mesh)
+{
+    int rc;
+    dmk_soup soup = {0};
+    if (dmk_missing(ctx, "path", path, "mesh", mesh, NULL)) return DMK_E_ARG;
+    DMK_TRY(read_soup(ctx, path, &soup));
     rc = dmk_mesh_adopt(ctx, soup.n_vertices, soup.xyz, soup.n_triangles, soup.triangle, mesh);
     soup = (dmk_soup){0};
     if (rc != DMK_OK) rc = name_file(ctx, path, rc);
 done:
-    dmk_file_free(&file);
+    dmk_soup_free(&soup);
+    return rc;
+}
+
+int dmk_mesh_read_repaired(dmk_context *ctx, const char *path, dmk_repairs *repair, dmk_mesh **mesh)
+{
+    int rc;
+    dmk_soup soup = {0};
+    if (dmk_missing(ctx, "path", path, "mesh", mesh, NULL)) return DMK_E_ARG;
+    DMK_TRY(read_soup(ctx, path, &soup));
+    rc = dmk_mesh_repair(ctx, soup.n_vertices, soup.xyz, soup.n_triangles, soup.triangle, repair, mesh);
+    if (rc != DMK_OK) rc = name_file(ctx, path, rc);
+done:
     dmk_soup_free(&soup);
     return rc;
 }

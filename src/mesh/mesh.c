@@ -226,7 +226,7 @@ done:
 }
 
 /* Up to 12 numbers per triangle must be counted in 32 bits. */
-static int check_counts(dmk_context *ctx, size_t n_vertices, size_t n_triangles)
+int dmk_mesh_check_counts(dmk_context *ctx, size_t n_vertices, size_t n_triangles)
 {
     if (n_triangles > 0 && n_triangles <= INT32_MAX / 16 && n_vertices <= INT32_MAX / 16) {
         return DMK_OK;
@@ -245,7 +245,7 @@ int dmk_mesh_adopt(dmk_context *ctx, size_t n_vertices, double *xyz, size_t n_tr
     m->triangle = triangle;
     xyz = NULL;
     triangle = NULL;
-    DMK_TRY(check_counts(ctx, n_vertices, n_triangles));
+    DMK_TRY(dmk_mesh_check_counts(ctx, n_vertices, n_triangles));
     m->n_vertices = (int32_t)n_vertices;
     m->n_triangles = (int32_t)n_triangles;
     DMK_TRY(dmk_check_input(ctx, m));
@@ -274,7 +274,7 @@ int dmk_mesh_create(dmk_context *ctx, size_t n_vertices, const double *xyz, size
     double *x = NULL;
     int32_t *t = NULL;
     if (dmk_missing(ctx, "xyz", xyz, "triangles", triangles, "mesh", mesh, NULL)) return DMK_E_ARG;
-    DMK_TRY(check_counts(ctx, n_vertices, n_triangles));
+    DMK_TRY(dmk_mesh_check_counts(ctx, n_vertices, n_triangles));
     DMK_TRY(DMK_NEW(ctx, x, 3 * n_vertices));
     DMK_TRY(DMK_NEW(ctx, t, 3 * n_triangles));
     memcpy(x, xyz, 3 * n_vertices * sizeof *x);

@@ -42,6 +42,9 @@ void dmk_vertex_stars_free(dmk_vertex_stars *stars);
 int dmk_mesh_adopt(dmk_context *context, size_t n_vertices, double *xyz, size_t n_triangles,
                    int32_t *triangle, dmk_mesh **mesh);
 
+/* mesh.c: DMK_E_MESH if there is no triangle or 32 bits cannot number them. */
+int dmk_mesh_check_counts(dmk_context *context, size_t n_vertices, size_t n_triangles);
+
 /* mesh.c: area and cotangents of a triangle from its sides alone (Kahan's stable form of Heron's
  * formula), so that an intrinsic metric would do as well: cot at corner k, opposite side l[k], is
  * (b^2 + c^2 - a^2) / (4 area). */

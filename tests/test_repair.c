@@ -1,0 +1,180 @@
+/* dmk_mesh_repair: what is broken in one way each, and what the maps say. */
+#include "solving.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+typedef struct mended {
+    dmk_mesh *mesh;
+    dmk_repairs did;
+    dmk_mesh_info info;
+} mended;
+
+static mended mend(bench *b, size_t n_vertices, const double *xyz, size_t n_triangles,
+                   const int32_t *triangles)
+{
+    mended m = {0};
+    bench_ok(b, dmk_mesh_repair(b->ctx, n_vertices, xyz, n_triangles, triangles, &m.did, &m.mesh));
+    dmk_mesh_get_info(m.mesh, &m.info);
+    assert_int_equal(m.did.n_old_vertices, n_vertices);
+    assert_int_equal(m.did.n_vertices, m.info.n_vertices);
+    assert_int_equal(m.did.n_triangles, m.info.n_triangles);
+    for (size_t v = 0; v < m.info.n_vertices; v++) { /* where it was */
+        const double *new = dmk_mesh_vertices(m.mesh) + 3 * v;
+        const double *old = xyz + 3 * (size_t)m.did.vertex_old[v];
+        for (int k = 0; k < 3; k++) assert_true(new[k] == old[k]);
+    }
+    for (size_t v = 0; v < n_vertices; v++) { /* and where it has gone */
+        int32_t to = m.did.vertex_new[v];
+        assert_true(to >= 0 && (size_t)to < m.info.n_vertices);
+        for (int k = 0; k < 3; k++) {
+            assert_true(dmk_mesh_vertices(m.mesh)[3 * to + k] == xyz[3 * v + (size_t)k]);
+        }
+    }
+    return m;
+}
+
+static void forget(mended *m)
+{
+    dmk_repairs_free(&m->did);
+    dmk_mesh_destroy(&m->mesh);
+}
+
+static const double cube_xyz[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0, 0, 0, 1, 1, 0, 1, 0, 1, 1, 1, 1, 1};
+static const int32_t cube[] = {0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4,
+                               2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5};
+
+static void a_good_mesh_stays_as_it_is(void **state)
+{
+    mended m = mend(*state, 8, cube_xyz, 12, cube);
+    assert_memory_equal(dmk_mesh_triangles(m.mesh), cube, sizeof cube);
+    for (int32_t i = 0; i < 12; i++) {
+        assert_true(m.did.triangle_old[i] == i && (i >= 8 || m.did.vertex_old[i] == i));
+    }
+    assert_true(m.did.merged_vertices + m.did.turned_triangles + m.did.split_edges +
+                    m.did.split_vertices + m.did.flipped_triangles + m.did.degenerate_triangles +
+                    m.did.duplicate_triangles == 0);
+    forget(&m);
+}
+
+/* Every triangle with vertices of its own, every third one turned, one there twice, one a point, one a line. */
+static void a_soup_becomes_the_cube(void **state)
+{
+    double xyz[3 * 36 + 9];
+    int32_t triangle[3 * 15];
+    for (int h = 0; h < 36; h++) {
+        int from = h / 3 % 3 == 0 ? 3 * (h / 3) + (3 - h % 3) % 3 : h;
+        memcpy(xyz + 3 * h, cube_xyz + 3 * cube[from], 3 * sizeof *xyz);
+        triangle[h] = h;
+    }
+    xyz[0] = -0.0;
+    memcpy(triangle + 36, (int32_t[]){5, 3, 4, 0, 0, 1, 0, 1, 0}, 9 * sizeof *triangle);
+    mended m = mend(*state, 36, xyz, 15, triangle);
+    assert_int_equal(m.did.merged_vertices, 28);
+    assert_int_equal(m.did.duplicate_triangles, 1);
+    assert_int_equal(m.did.degenerate_triangles, 2);
+    assert_int_equal(m.did.turned_triangles, 4);
+    assert_true(m.info.n_vertices == 8 && m.info.n_triangles == 12 && m.info.euler == 2);
+    assert_true(m.info.n_border_edges == 0 && m.info.n_components == 1);
+    forget(&m);
+}
+
+/* Two cubes that share an edge, four triangles at it, and two that share a corner. */
+static void touching_bodies_part(void **state)
+{
+    const double shift[2][3] = {{1, 1, 0}, {1, 1, 1}};
+    for (int i = 0; i < 2; i++) {
+        double xyz[48];
+        int32_t triangle[72];
+        memcpy(xyz, cube_xyz, sizeof cube_xyz);
+        memcpy(triangle, cube, sizeof cube);
+        for (int k = 0; k < 24; k++) xyz[24 + k] = cube_xyz[k] + shift[i][k % 3];
+        for (int h = 0; h < 36; h++) triangle[36 + h] = 8 + cube[h];
+        mended m = mend(*state, 16, xyz, 24, triangle);
+        assert_int_equal(m.did.merged_vertices, i == 0 ? 2 : 1);
+        assert_int_equal(m.did.split_edges, i == 0 ? 1 : 0);
+        assert_true(m.info.n_border_edges == 0 && m.info.n_triangles == 24);
+        assert_true(m.info.euler == 4 && m.info.n_components == 2 && m.did.split_vertices == 2U - (unsigned)i);
+        forget(&m);
+    }
+}
+
+/* A fin on a plane: the plane stays whole, the fin gets an edge of its own. */
+static void a_fin_comes_off(void **state)
+{
+    const double xyz[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 1, -1, 0, 0.5, 0, 1};
+    const int32_t triangle[] = {0, 1, 2, 0, 3, 1, 0, 1, 4};
+    mended m = mend(*state, 5, xyz, 3, triangle);
+    assert_int_equal(m.did.split_edges, 1);
+    assert_int_equal(m.did.split_vertices, 2);
+    assert_int_equal(m.info.n_components, 2);
+    const int32_t *t = dmk_mesh_triangles(m.mesh);
+    assert_true(t[0] == 0 && t[3] == 0 && t[6] >= 5); /* the fin is it that changes */
+    forget(&m);
+}
+
+static void a_moebius_strip_is_cut(void **state)
+{
+    enum { N = 24 };
+    double xyz[6 * N];
+    int32_t triangle[6 * N];
+    for (int i = 0; i < N; i++) {
+        double t = 6.283185307179586 * i / N;
+        for (int k = 0; k < 2; k++) {
+            double w = k ? 0.3 : -0.3, r = 1 + w * cos(t / 2);
+            double *x = xyz + 6 * i + 3 * k;
+            x[0] = r * cos(t), x[1] = r * sin(t), x[2] = w * sin(t / 2);
+        }
+        int32_t a = 2 * i, b = 2 * i + 1, c = i + 1 < N ? a + 2 : 1, d = i + 1 < N ? b + 2 : 0;
+        memcpy(triangle + 6 * i, (int32_t[]){a, c, b, b, c, d}, 6 * sizeof *triangle);
+    }
+    mended m = mend(*state, 2 * N, xyz, 2 * N, triangle);
+    assert_true(m.did.split_edges == 1 && m.did.split_vertices == 2);
+    assert_true(m.info.euler == 1 && m.info.n_border_loops == 1 && m.info.n_components == 1);
+    forget(&m);
+}
+
+/* A triangle without area, its middle corner on the edge of the next one. */
+static void a_flat_triangle_is_flipped(void **state)
+{
+    const double xyz[] = {0, 0, 0, 2, 0, 0, 1, 0, 0, 1, 1, 0, 1, -1, 0};
+    const int32_t triangle[] = {0, 1, 3, 0, 2, 1, 0, 4, 2, 2, 4, 1};
+    mended m = mend(*state, 5, xyz, 4, triangle);
+    assert_true(m.did.flipped_triangles == 1 && m.did.degenerate_triangles == 0);
+    assert_true(m.info.n_triangles == 4 && m.info.euler == 1 && fabs(m.info.area - 2) < 1e-12);
+    forget(&m);
+}
+
+static void what_cannot_be_mended_is_refused(void **state)
+{
+    bench *b = *state;
+    double xyz[24];
+    dmk_mesh *mesh = NULL;
+    memcpy(xyz, cube_xyz, sizeof xyz);
+    xyz[5] = NAN;
+    assert_int_equal(dmk_mesh_repair(b->ctx, 8, xyz, 12, cube, NULL, &mesh), DMK_E_MESH);
+    assert_non_null(strstr(dmk_context_message(b->ctx), "not finite"));
+    assert_int_equal(dmk_mesh_repair(b->ctx, 7, cube_xyz, 12, cube, NULL, &mesh), DMK_E_MESH);
+    assert_non_null(strstr(dmk_context_message(b->ctx), "vertex 7, which does not exist"));
+    const int32_t nothing[] = {0, 0, 1};
+    assert_int_equal(dmk_mesh_repair(b->ctx, 8, cube_xyz, 1, nothing, NULL, &mesh), DMK_E_MESH);
+    assert_int_equal(dmk_mesh_read_repaired(b->ctx, "tests/none.off", NULL, &mesh), DMK_E_IO);
+    assert_null(mesh);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_good_mesh_stays_as_it_is),
+        cmocka_unit_test(a_soup_becomes_the_cube),
+        cmocka_unit_test(touching_bodies_part),
+        cmocka_unit_test(a_fin_comes_off),
+        cmocka_unit_test(a_moebius_strip_is_cut),
+        cmocka_unit_test(a_flat_triangle_is_flipped),
+        cmocka_unit_test(what_cannot_be_mended_is_refused),
+    };
+    return cmocka_run_group_tests(tests, bench_setup, bench_teardown);
+}
