@@ -124,10 +124,11 @@ KERNEL element_prepare(int n, global const real *cot, global const real *mu, glo
  *     right-hand side  f - sum_T mu_T (1 + D L_T) g_T,
  * with u, hence g and sqrt(q), scaled by alpha. The rank-one part is bounded by |g_i| sum |g_j| on the
  * diagonal; on T the exact bound of the summed 3x3 element is used. rank_one = sqrt(c_T) g_T. The
- * right-hand side's parts take the place of g. */
+ * right-hand side's parts take the place of g, and newton_diagonal, once they are summed up, that of them. */
 KERNEL newton_prepare(int n, float alpha, float D, global const real *cot, global const real *area,
                       global const real *mu, global const real *q, global real *g_and_rhs,
-                      global float *weight, global float *rank_one, global float *diag, global float *link, global float *diag_coarse LAUNCH)
+                      global float *weight, global float *rank_one, global float *link,
+                      global float *diag_coarse LAUNCH)
 {
     FOR_BLOCKS(b, n)
     {
@@ -158,15 +159,6 @@ KERNEL newton_prepare(int n, float alpha, float D, global const real *cot, globa
         STORE(s4, rank_one, AT_K(b, 4, 6));
         STORE(s5, rank_one, AT_K(b, 5, 6));
 
-        const floatv l = stiffness_bound(c0, c1, c2), dm = 0.5f * l * (v0 + v1 + v2);
-        const floatv size = fabs(s0) + fabs(s1) + fabs(s2) + fabs(s3) + fabs(s4) + fabs(s5);
-        STORE(0.5f * l * v0 + size * fabs(s0), diag, AT_K(b, 0, 6));
-        STORE(0.5f * l * v1 + size * fabs(s1), diag, AT_K(b, 1, 6));
-        STORE(0.5f * l * v2 + size * fabs(s2), diag, AT_K(b, 2, 6));
-        STORE(dm + size * fabs(s3), diag, AT_K(b, 3, 6));
-        STORE(dm + size * fabs(s4), diag, AT_K(b, 4, 6));
-        STORE(dm + size * fabs(s5), diag, AT_K(b, 5, 6));
-
         /* On T: P'g takes half of each adjacent midpoint. */
         const floatv t0 = s0 + 0.5f * (s4 + s5), t1 = s1 + 0.5f * (s3 + s5), t2 = s2 + 0.5f * (s3 + s4);
         const floatv k0 = 0.5f * w0 - t1 * t2, k1 = 0.5f * w1 - t0 * t2, k2 = 0.5f * w2 - t0 * t1;
@@ -176,6 +168,29 @@ KERNEL newton_prepare(int n, float alpha, float D, global const real *cot, globa
         const floatv bound = link_bound(k0, k1, k2, d0, d1, d2);
         STORE3(k0, k1, k2, link, b)
         STORE3(bound * d0, bound * d1, bound * d2, diag_coarse, b)
+    }
+}
+
+/* M's weighted diagonals on T/2, with rank_one from newton_prepare. */
+KERNEL newton_diagonal(int n, global const real *cot, global const real *mu, global const float *rank_one,
+                       global float *diag LAUNCH)
+{
+    FOR_BLOCKS(b, n)
+    {
+        const realv r0 = LOAD(cot, AT_K(b, 0, 3)), r1 = LOAD(cot, AT_K(b, 1, 3)), r2 = LOAD(cot, AT_K(b, 2, 3));
+        const floatv mf = TO_FLOAT(LOAD(mu, AT(b)));
+        const floatv v0 = mf * TO_FLOAT(r1 + r2), v1 = mf * TO_FLOAT(r0 + r2), v2 = mf * TO_FLOAT(r0 + r1);
+        const floatv s0 = fabs(LOAD(rank_one, AT_K(b, 0, 6))), s1 = fabs(LOAD(rank_one, AT_K(b, 1, 6))),
+                     s2 = fabs(LOAD(rank_one, AT_K(b, 2, 6))), s3 = fabs(LOAD(rank_one, AT_K(b, 3, 6))),
+                     s4 = fabs(LOAD(rank_one, AT_K(b, 4, 6))), s5 = fabs(LOAD(rank_one, AT_K(b, 5, 6)));
+        const floatv l = 0.5f * stiffness_bound(TO_FLOAT(r0), TO_FLOAT(r1), TO_FLOAT(r2));
+        const floatv dm = l * (v0 + v1 + v2), size = s0 + s1 + s2 + s3 + s4 + s5;
+        STORE(l * v0 + size * s0, diag, AT_K(b, 0, 6));
+        STORE(l * v1 + size * s1, diag, AT_K(b, 1, 6));
+        STORE(l * v2 + size * s2, diag, AT_K(b, 2, 6));
+        STORE(dm + size * s3, diag, AT_K(b, 3, 6));
+        STORE(dm + size * s4, diag, AT_K(b, 4, 6));
+        STORE(dm + size * s5, diag, AT_K(b, 5, 6));
     }
 }
 

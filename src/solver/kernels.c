@@ -38,6 +38,7 @@ enum { IN_INNER = 1 << DMK_INNER, IN_OUTER = 1 << DMK_OUTER, IN_BOTH = IN_INNER 
     X(element_prepare, IN_OUTER)                                                                   \
     X(element_scale, IN_OUTER)                                                                     \
     X(newton_prepare, IN_OUTER)                                                                    \
+    X(newton_diagonal, IN_OUTER)                                                                   \
     X(newton_update, IN_OUTER)                                                                     \
     X(explicit_update, IN_OUTER)                                                                   \
     X(rows_rhs, IN_OUTER)                                                                          \
@@ -112,6 +113,13 @@ static dmk_range elements(const dmk_system *s)
     return items(s->n_elements);
 }
 
+/* With the padding, where what short rows read of its elements must be 0, and their memory had another
+ * use before. */
+static dmk_range padded_elements(const dmk_system *s)
+{
+    return items(s->n_elements_pad);
+}
+
 static int32_t parts_of(const dmk_system *s, int32_t n)
 {
     return (int32_t)dmk_launch_parts(s->device, (size_t)n);
@@ -130,7 +138,7 @@ int dmk_element_stiffness(dmk_context *ctx, dmk_system *s, dmk_program p, const 
     int rc;
     const dmk_buffer *weight = p == DMK_INNER ? s->weight : s->weight_real;
     DMK_TRY(dmk_share_rows(ctx, s->share, p, x));
-    rc = RUN(p, element_stiffness, elements(s), DMK_INT(s->n_elements), DMK_BUF(s->index),
+    rc = RUN(p, element_stiffness, padded_elements(s), DMK_INT(s->n_elements_pad), DMK_BUF(s->index),
              DMK_BUF(weight), DMK_BUF(x), DMK_BUF(out_of(s, p)));
 done:
     return rc;
@@ -140,7 +148,7 @@ int dmk_element_newton(dmk_context *ctx, dmk_system *s, const dmk_buffer *x)
 {
     int rc;
     DMK_TRY(dmk_share_rows(ctx, s->share, DMK_INNER, x));
-    rc = RUN(DMK_INNER, element_newton, elements(s), DMK_INT(s->n_elements), DMK_BUF(s->index),
+    rc = RUN(DMK_INNER, element_newton, padded_elements(s), DMK_INT(s->n_elements_pad), DMK_BUF(s->index),
              DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(x), DMK_BUF(s->out));
 done:
     return rc;
@@ -379,21 +387,25 @@ int dmk_element_scale(dmk_context *ctx, dmk_system *s)
                DMK_BUF(s->out_real));
 }
 
-/* These two over the padding as well: what border edges and short rows read of link and diag_coarse must
- * be 0, and their memory is CG's. */
 int dmk_element_prepare(dmk_context *ctx, dmk_system *s)
 {
-    return RUN(DMK_OUTER, element_prepare, items(s->n_elements_pad), DMK_INT(s->n_elements_pad), DMK_BUF(s->cot),
+    return RUN(DMK_OUTER, element_prepare, padded_elements(s), DMK_INT(s->n_elements_pad), DMK_BUF(s->cot),
                DMK_BUF(s->mu), DMK_BUF(s->weight_real), DMK_BUF(s->weight), DMK_BUF(s->out),
                DMK_BUF(s->link), DMK_BUF(s->diag_coarse));
 }
 
 int dmk_newton_prepare(dmk_context *ctx, dmk_system *s, double alpha, double D)
 {
-    return RUN(DMK_OUTER, newton_prepare, items(s->n_elements_pad), DMK_INT(s->n_elements_pad), DMK_FLOAT(alpha),
-               DMK_FLOAT(D), DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->q),
-               DMK_BUF(s->out_real), DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(s->out),
-               DMK_BUF(s->link), DMK_BUF(s->diag_coarse));
+    return RUN(DMK_OUTER, newton_prepare, padded_elements(s),
+               DMK_INT(s->n_elements_pad), DMK_FLOAT(alpha), DMK_FLOAT(D), DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->q),
+               DMK_BUF(s->out_real), DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(s->link),
+               DMK_BUF(s->diag_coarse));
+}
+
+int dmk_newton_diagonal(dmk_context *ctx, dmk_system *s)
+{
+    return RUN(DMK_OUTER, newton_diagonal, padded_elements(s), DMK_INT(s->n_elements_pad),
+               DMK_BUF(s->cot), DMK_BUF(s->mu), DMK_BUF(s->rank_one), DMK_BUF(s->out));
 }
 
 int dmk_rows_rhs(dmk_context *ctx, dmk_system *s)

@@ -85,8 +85,10 @@ int dmk_element_scale(dmk_context *context, dmk_system *s);
 /* weight, weight_real, link, diag_coarse and, in out, the weighted diagonals of A(mu). */
 int dmk_element_prepare(dmk_context *context, dmk_system *s);
 /* The same of Newton's M at pseudo-time step D, its rank_one, and its right-hand side's parts in
- * out_real, which has g before. */
+ * out_real, which has g before; all but its weighted diagonals. */
 int dmk_newton_prepare(dmk_context *context, dmk_system *s, double alpha, double D);
+/* These, in out: the right-hand side must have been summed up. */
+int dmk_newton_diagonal(dmk_context *context, dmk_system *s);
 /* The inner right-hand side cg[DMK_INNER].r = f + the rows' sums of out_real. */
 int dmk_rows_rhs(dmk_context *context, dmk_system *s);
 /* The outer residual cg[DMK_OUTER].r (and narrow) = f - the rows' sums of out_real. */

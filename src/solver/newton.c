@@ -41,6 +41,7 @@ static int solve_step(dmk_iteration *o, double alpha, const step_control *p)
     size_t vector = (size_t)s->n_rows_pad * sizeof(float);
     DMK_TRY(dmk_newton_prepare(o->ctx, s, alpha, p->D));
     DMK_TRY(dmk_rows_rhs(o->ctx, s));
+    DMK_TRY(dmk_newton_diagonal(o->ctx, s));
     DMK_TRY(dmk_multigrid_refresh(o->ctx, s));
     DMK_TRY(dmk_buffer_clear(o->ctx, s->device, s->w, vector));
     DMK_TRY(dmk_pcg(o->ctx, s, DMK_INNER, DMK_NEWTON_MATRIX, s->w, p->iterations, 0, 0,

@@ -353,6 +353,8 @@ static int allocate_cg(const packer *p)
     else s->cg[DMK_OUTER].narrow = s->cg[DMK_OUTER].r;
     s->cg[DMK_INNER] = s->cg[DMK_OUTER];
     s->cg[DMK_INNER].r = s->cg[DMK_INNER].narrow;
+    s->w = s->cg[DMK_OUTER].r; /* the inner solution, while the outer residual is not needed */
+    if (!wide) DMK_TRY(work(p, DMK_INNER, n, &s->w));
 done:
     return rc;
 }
@@ -372,12 +374,11 @@ static int allocate_state(const packer *p)
     DMK_TRY(work(p, DMK_INNER, 3 * e, &s->weight));
     DMK_TRY(work(p, DMK_INNER, 6 * e, &s->rank_one));
     s->weight_real = s->rank_one; /* A's operator in double, Newton's in single: in turn */
-    DMK_TRY(work(p, DMK_INNER, 6 * e, &s->out));
+    s->out = s->out_real; /* what one program puts there is summed up before the other puts anything */
     DMK_TRY(work(p, DMK_INNER, n, &s->inv_diag));
     DMK_TRY(work(p, DMK_INNER, n, &s->x));
     DMK_TRY(work(p, DMK_INNER, n, &s->x_old));
     s->residual = s->x_old;
-    DMK_TRY(work(p, DMK_INNER, n, &s->w));
     DMK_TRY(allocate_cg(p));
     DMK_TRY(work(p, DMK_OUTER, 4 * parts, &s->partial));
     DMK_TRY(work(p, DMK_OUTER, 8, &s->state));
@@ -552,10 +553,11 @@ void dmk_system_destroy(dmk_system **system)
     dmk_buffer **all[] = {&s->index, &s->cot, &s->area, &s->slice, &s->slot, &s->ends,
                           &s->mu, &s->u, &s->f,
                           &s->q, &s->out_real, &s->before, &s->weight,
-                          &s->rank_one, &s->out, &s->inv_diag, &s->x,
-                          &s->x_old, &s->w, &s->partial, &s->state, &s->scalars,
+                          &s->rank_one, &s->inv_diag, &s->x,
+                          &s->x_old, &s->partial, &s->state, &s->scalars,
                           &s->coarse_inverse};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) dmk_buffer_destroy(all[i]);
+    if (s->w != s->cg[DMK_OUTER].r) dmk_buffer_destroy(&s->w);
     if (s->cg[DMK_OUTER].narrow != s->cg[DMK_OUTER].r) dmk_buffer_destroy(&s->cg[DMK_OUTER].narrow);
     dmk_buffer_destroy(&s->cg[DMK_OUTER].r);
     dmk_buffer_destroy(&s->cg[DMK_OUTER].p);

@@ -56,7 +56,7 @@ typedef struct dmk_system {
     dmk_buffer *out_real; /* 6 per element: g = K u, then parts of a sum */
     dmk_buffer *before; /* mu of the step before, or a copy kept by the certificate */
     /* Single precision: coefficients of the inner operator, contributions, V-cycle on T/2. */
-    dmk_buffer *weight, *rank_one, *out;
+    dmk_buffer *weight, *rank_one, *out; /* out: out_real's memory */
     dmk_buffer *link, *diag_coarse; /* 3 per element, until CG begins: its p and ap */
     dmk_buffer *inv_diag, *x, *x_old;
     dmk_buffer *residual; /* of x in a cycle: in place of the older iterate */
@@ -64,7 +64,7 @@ typedef struct dmk_system {
     struct {
         dmk_buffer *r, *p, *ap, *narrow; /* narrow: r in single precision (= r if it is) */
     } cg[DMK_N_PROGRAMS];
-    dmk_buffer *w; /* the inner solution */
+    dmk_buffer *w; /* the inner solution; the outer r where that is wider */
     dmk_buffer *partial, *state, *scalars;
 
     dmk_level level[DMK_SYSTEM_LEVELS];
