@@ -272,8 +272,6 @@ typedef struct dmk_geodesics_info {
     size_t n_reached;  /* vertices */
     double farthest;   /* largest distance */
     double error;      /* largest estimate of an error over its distance; 0: exact but for rounding */
-    double integral;   /* of the distance over the triangles that a source reaches */
-    double integral_error; /* of its quadrature, an estimate */
     size_t n_windows;  /* that were made */
 } dmk_geodesics_info;
 
@@ -291,6 +289,8 @@ const double *dmk_geodesics_distance(const dmk_geodesics *geodesics, size_t *n);
 const dmk_arrival *dmk_geodesics_arrivals(const dmk_geodesics *geodesics, size_t *n);
 /* Estimate of the error of each distance; NULL if all are exact. */
 const double *dmk_geodesics_error(const dmk_geodesics *geodesics, size_t *n);
+/* The integral of the distance over the triangles that a source reaches, and an estimate of its quadrature's error. */
+int dmk_geodesics_integrate(dmk_context *context, const dmk_geodesics *geodesics, double *integral, double *error);
 /* Write mesh and point data distance, direction (radians), nearest (number of the source): PLY, VTP or VTU. */
 int dmk_geodesics_write(dmk_context *context, const dmk_geodesics *geodesics, const char *path);
 

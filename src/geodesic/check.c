@@ -65,8 +65,7 @@ int dmk_geodesics_check(dmk_context *ctx, const dmk_geodesics *g)
     audit a = {.g = g, .slack = 0};
     DMK_TRY(DMK_NEW(ctx, component, (size_t)m->n_components));
     a.component = component;
-    for (size_t i = 0; i < g->n_lines; i++)
-        component[m->component[g->line[i] / 3]] = true;
+    for (size_t i = 0; i < g->n_lines; i++) component[m->component[g->line[i] / 3]] = true;
     for (int32_t i = 0; i < g->n_sources; i++)
         component[m->component[g->source[i].point.triangle]] = true;
     int32_t t = dmk_parallel_first(ctx, m->n_triangles, bad_triangle, &a);
@@ -161,8 +160,10 @@ int dmk_geodesics_integrate(dmk_context *ctx, const dmk_geodesics *g, double *in
                             double *error)
 {
     int rc;
-    const dmk_mesh *m = g->mesh;
     double *mid = NULL, *sum = NULL, *off = NULL;
+    if (dmk_missing(ctx, "geodesics", g, "integral", integral, "error", error, NULL))
+        return DMK_E_ARG;
+    const dmk_mesh *m = g->mesh;
     DMK_TRY(DMK_NEW(ctx, mid, (size_t)m->n_edges));
     DMK_TRY(DMK_NEW(ctx, sum, (size_t)m->n_triangles));
     DMK_TRY(DMK_NEW(ctx, off, (size_t)m->n_triangles));

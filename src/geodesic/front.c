@@ -21,14 +21,19 @@ static void facet_range(int32_t begin, int32_t end, void *data)
     const dmk_front *e = data;
     const dmk_mesh *m = e->g->mesh;
     const dmk_star *s = &e->g->star;
+    const double scale = 1 / s->unit;
     for (int32_t t = begin; t < end; t++) {
         dmk_facet *f = e->facet + t;
+        double area2, dot[3];
+        dmk_measure_corners(m, scale, t, &area2, dot);
+        for (int k = 0; k < 3; k++)
+            f->length[k] = m->length[m->triangle_edge[3 * (size_t)t + (size_t)k]] * scale;
         for (int k = 0; k < 3; k++) {
             size_t h = 3 * (size_t)t + (size_t)k;
-            f->length[k] = m->length[m->triangle_edge[h]] / s->unit;
+            double sides = 1 / (f->length[(k + 1) % 3] * f->length[(k + 2) % 3]);
             f->angle[k] = s->corner_angle[h];
-            f->cosine[k] = cos(f->angle[k]);
-            f->sine[k] = sin(f->angle[k]);
+            f->cosine[k] = dot[k] * sides;
+            f->sine[k] = area2 * sides;
             f->vertex[k] = m->triangle[h];
             f->twin[k] = s->twin[h];
         }

@@ -38,6 +38,9 @@ typedef struct dmk_star {
 
 int dmk_star_create(dmk_context *context, const dmk_mesh *mesh, dmk_star *star);
 void dmk_star_free(dmk_star *star);
+/* Twice the area of triangle t, and at its corners the products of the sides there; in lengths times `scale`. */
+void dmk_measure_corners(const dmk_mesh *mesh, double scale, int32_t t, double *area2,
+                         double dot[3]);
 
 /* The next corner of the star counterclockwise: -1 behind the last one at a border; inside the
  * first one follows the last. */
@@ -92,9 +95,6 @@ int dmk_geodesics_compute(dmk_context *context, const dmk_mesh *mesh, size_t n_s
                           dmk_geodesics **geodesics);
 /* check.c: DMK_E_MESH, naming the first vertex, if the distances cannot be right. */
 int dmk_geodesics_check(dmk_context *context, const dmk_geodesics *geodesics);
-/* The integral of the distance, and an estimate of its quadrature's error. */
-int dmk_geodesics_integrate(dmk_context *context, const dmk_geodesics *geodesics, double *integral,
-                            double *error);
 
 /* Distance at the edges' midpoints as the shortest path to the nearer end goes on there: mid,
  * n_edges. Too short by as much as the ways of neighbours differ, some h^3. */

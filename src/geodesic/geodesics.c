@@ -140,8 +140,6 @@ int dmk_geodesics_create(dmk_context *ctx, const dmk_mesh *mesh, size_t n_source
         DMK_TRY(dmk_point_check(ctx, mesh, "sources", sources + i));
     DMK_TRY(dmk_stage_begin(ctx, "distance"));
     DMK_TRY(dmk_geodesics_compute(ctx, mesh, n_sources, sources, options, geodesics));
-    DMK_TRY(dmk_geodesics_integrate(ctx, *geodesics, &(*geodesics)->integral,
-                                    &(*geodesics)->integral_error));
 done:
     dmk_stage_end(ctx);
     return rc;
@@ -151,8 +149,7 @@ void dmk_geodesics_destroy(dmk_geodesics **geodesics)
 {
     dmk_geodesics *g = geodesics ? *geodesics : NULL;
     if (!g) return;
-    for (int32_t i = 0; i < g->n_sources; i++)
-        dmk_site_free(g->source + i);
+    for (int32_t i = 0; i < g->n_sources; i++) dmk_site_free(g->source + i);
     free(g->source);
     free(g->line);
     free(g->distance);
@@ -168,8 +165,6 @@ void dmk_geodesics_get_info(const dmk_geodesics *g, dmk_geodesics_info *info)
     if (!info) return;
     memset(info, 0, sizeof *info);
     if (!g) return;
-    info->integral = g->integral;
-    info->integral_error = g->integral_error;
     info->n_windows = (size_t)g->n_windows;
     for (int32_t v = 0; v < g->mesh->n_vertices; v++) {
         if (g->arrival[v].source < 0) continue;

@@ -16,8 +16,7 @@ int dmk_heap_push(dmk_context *ctx, dmk_heap *h, double key, int32_t item)
     }
     dmk_heap_item x = {key, item};
     size_t i = h->n++;
-    for (; i > 0 && before(x, h->at[(i - 1) / 2]); i = (i - 1) / 2)
-        h->at[i] = h->at[(i - 1) / 2];
+    for (; i > 0 && before(x, h->at[(i - 1) / 2]); i = (i - 1) / 2) h->at[i] = h->at[(i - 1) / 2];
     h->at[i] = x;
     return DMK_OK;
 }

@@ -30,8 +30,7 @@ static void add_sector(const dmk_mesh *m, const dmk_star *s, int32_t h, const do
 static int at_vertex(dmk_context *ctx, const dmk_mesh *m, const dmk_star *s, dmk_site *p)
 {
     int32_t n = 0, c = s->first[p->vertex];
-    for (int32_t i = c; i >= 0 && (n == 0 || i != c); i = dmk_star_next(s, i))
-        n++;
+    for (int32_t i = c; i >= 0 && (n == 0 || i != c); i = dmk_star_next(s, i)) n++;
     int rc = DMK_NEW(ctx, p->sector, (size_t)n);
     if (rc != DMK_OK) return rc;
     for (; n > 0; n--, c = dmk_star_next(s, c)) {

@@ -8,30 +8,41 @@
 #include <stdlib.h>
 #include <string.h>
 
+static const double pi = 3.14159265358979323846;
+
 typedef struct work {
     const dmk_mesh *mesh;
     dmk_star *star;
 } work;
 
-/* Angles by the cross product: those of needles keep their digits. */
+void dmk_measure_corners(const dmk_mesh *m, double unit, int32_t t, double *area2, double dot[3])
+{
+    double side[3][3], n[3];
+    for (int k = 0; k < 3; k++) {
+        const double *a = m->xyz + 3 * (size_t)m->triangle[3 * (size_t)t + (k + 1) % 3];
+        const double *b = m->xyz + 3 * (size_t)m->triangle[3 * (size_t)t + (k + 2) % 3];
+        for (int i = 0; i < 3; i++) side[k][i] = b[i] * unit - a[i] * unit;
+    }
+    dmk_cross(side[0], side[1], n);
+    *area2 = sqrt(dmk_dot(n, n));
+    for (int k = 0; k < 3; k++) dot[k] = -dmk_dot(side[(k + 1) % 3], side[(k + 2) % 3]);
+}
+
+/* Angles by the cross product: those of needles keep their digits. The largest, of the least dot product over its
+ * sides, is what is left of pi. */
 static void measure_range(int32_t begin, int32_t end, void *data)
 {
     const work *w = data;
-    const dmk_mesh *m = w->mesh;
+    const double unit = 1 / w->star->unit;
     for (int32_t t = begin; t < end; t++) {
-        double side[3][3], n[3];
-        for (int k = 0; k < 3; k++) {
-            const double *a = m->xyz + 3 * (size_t)m->triangle[3 * (size_t)t + (k + 1) % 3];
-            const double *b = m->xyz + 3 * (size_t)m->triangle[3 * (size_t)t + (k + 2) % 3];
-            for (int i = 0; i < 3; i++)
-                side[k][i] = b[i] / w->star->unit - a[i] / w->star->unit;
-        }
-        dmk_cross(side[0], side[1], n);
-        double area2 = sqrt(dmk_dot(n, n));
-        for (int k = 0; k < 3; k++) {
-            double dot = -dmk_dot(side[(k + 1) % 3], side[(k + 2) % 3]);
-            w->star->corner_angle[3 * (size_t)t + k] = atan2(area2, dot);
-        }
+        double area2, dot[3], *angle = w->star->corner_angle + 3 * (size_t)t;
+        dmk_measure_corners(w->mesh, unit, t, &area2, dot);
+        int k = dot[0] < dot[1] ? 0 : 1; /* opposite the longest side: the least product */
+        if (dot[2] < dot[k]) k = 2;
+        int i = (k + 1) % 3, j = (k + 2) % 3;
+        angle[i] = atan2(area2, dot[i]);
+        angle[j] = atan2(area2, dot[j]);
+        angle[k] = pi - angle[i] - angle[j];
     }
 }
 
@@ -57,8 +68,7 @@ static void pair_range(int32_t begin, int32_t end, void *data)
  */
 static void find_first(const dmk_mesh *m, dmk_star *s)
 {
-    for (int32_t v = 0; v < m->n_vertices; v++)
-        s->first[v] = -1;
+    for (int32_t v = 0; v < m->n_vertices; v++) s->first[v] = -1;
     for (int32_t c = 0; c < 3 * m->n_triangles; c++) {
         int32_t v = m->triangle[c];
         bool border = s->twin[dmk_previous(c)] < 0; /* the edge from v to the next corner */

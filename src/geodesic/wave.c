@@ -120,8 +120,7 @@ static double direction_at(const wave *w, double t)
 static double mean_edge(const dmk_mesh *m)
 {
     double sum = 0;
-    for (int32_t e = 0; e < m->n_edges; e++)
-        sum += m->length[e];
+    for (int32_t e = 0; e < m->n_edges; e++) sum += m->length[e];
     return sum / m->n_edges;
 }
 
@@ -183,8 +182,7 @@ static int schedule(dmk_context *ctx, engine *e, int32_t half, double key)
         int rc = DMK_GROW(ctx, e->bucket, i + 1, e->bucket_room);
         if (rc != DMK_OK) return rc;
     }
-    for (; e->n_buckets <= i; e->n_buckets++)
-        e->bucket[e->n_buckets] = (bucket){-1, -1};
+    for (; e->n_buckets <= i; e->n_buckets++) e->bucket[e->n_buckets] = (bucket){-1, -1};
     bucket *b = e->bucket + i;
     e->next[half] = -1;
     if (b->first < 0)
@@ -466,8 +464,7 @@ static bool interpolate(const wave *r, size_t n, double length, wave *o)
     const wave *last = r + n - 1;
     double a = r->lo, c = last->hi, middle = 0.5 * (a + c), half = 0.5 * (c - a);
     size_t j = 0;
-    while (j + 1 < n && r[j].hi < middle)
-        j++;
+    while (j + 1 < n && r[j].hi < middle) j++;
     double d = value(r + j, middle), al = value(r, a) - d, ga = value(last, c) - d;
     double q = 2 * half * half - al * al - ga * ga;
     if (!(q > 4 * grazing * grazing * half * half)) return false;
@@ -544,8 +541,7 @@ static void sort(wave *l, size_t n)
     for (size_t i = 1; i < n; i++) {
         wave w = l[i];
         size_t j = i;
-        for (; j > 0 && l[j - 1].lo > w.lo; j--)
-            l[j] = l[j - 1];
+        for (; j > 0 && l[j - 1].lo > w.lo; j--) l[j] = l[j - 1];
         l[j] = w;
     }
 }
@@ -590,8 +586,7 @@ static int visit(dmk_context *ctx, engine *e, int32_t half)
             l = e->merged;
         }
     }
-    for (size_t i = 0; i < n; i++)
-        DMK_TRY(step(ctx, e, l + i, &s));
+    for (size_t i = 0; i < n; i++) DMK_TRY(step(ctx, e, l + i, &s));
 done:
     return rc;
 }
@@ -807,8 +802,7 @@ static void arrive(const engine *e, int32_t v)
 
 static void arrive_range(int32_t begin, int32_t end, void *data)
 {
-    for (int32_t v = begin; v < end; v++)
-        arrive(data, v);
+    for (int32_t v = begin; v < end; v++) arrive(data, v);
 }
 
 int dmk_waves_run(dmk_context *ctx, dmk_geodesics *g, double tolerance)
@@ -816,10 +810,8 @@ int dmk_waves_run(dmk_context *ctx, dmk_geodesics *g, double tolerance)
     int rc;
     engine e;
     DMK_TRY(engine_create(ctx, g, tolerance, &e));
-    for (int32_t i = 0; i < g->n_sources; i++)
-        DMK_TRY(radiate_source(ctx, &e, i));
-    for (size_t i = 0; i < g->n_lines; i++)
-        DMK_TRY(radiate_line(ctx, &e, g->line[i]));
+    for (int32_t i = 0; i < g->n_sources; i++) DMK_TRY(radiate_source(ctx, &e, i));
+    for (size_t i = 0; i < g->n_lines; i++) DMK_TRY(radiate_line(ctx, &e, g->line[i]));
     DMK_TRY(sweep(ctx, &e));
     dmk_parallel(ctx, g->mesh->n_vertices, arrive_range, &e);
     g->n_windows = e.n_made;

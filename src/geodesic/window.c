@@ -398,8 +398,7 @@ static void arrive(const engine *e, int32_t v)
     e->front.d[v] *= e->front.g->star.unit;
     a->back = back_of(e, v);
     a->pseudo_source = t->root >= 0 ? t->root : -1;
-    while (t->root >= 0)
-        t = e->trace + t->root;
+    while (t->root >= 0) t = e->trace + t->root;
     a->source = ~t->root;
     const dmk_site *p = e->front.g->source + a->source;
     a->direction = dmk_front_turn(t->half >= 0 ? t->turn + atan2(t->y, t->x) : t->x, p->total,
@@ -408,8 +407,7 @@ static void arrive(const engine *e, int32_t v)
 
 static void arrive_range(int32_t begin, int32_t end, void *data)
 {
-    for (int32_t v = begin; v < end; v++)
-        arrive(data, v);
+    for (int32_t v = begin; v < end; v++) arrive(data, v);
 }
 
 int dmk_windows_run(dmk_context *ctx, dmk_geodesics *g)
@@ -419,8 +417,7 @@ int dmk_windows_run(dmk_context *ctx, dmk_geodesics *g)
     DMK_TRY(engine_create(ctx, g, &e));
     DMK_TRY(bound(ctx, &e));
     DMK_TRY(dmk_poll(ctx));
-    for (int32_t i = 0; i < g->n_sources; i++)
-        DMK_TRY(radiate_source(ctx, &e, i));
+    for (int32_t i = 0; i < g->n_sources; i++) DMK_TRY(radiate_source(ctx, &e, i));
     for (;;) {
         DMK_TRY(run_down(ctx, &e));
         while (e.bends.n > 0 && e.bends.at[0].key > e.front.d[e.bends.at[0].item])

@@ -145,6 +145,7 @@ typedef struct start {
     const dmk_point *source;
     dmk_geodesics *geodesics; /* of `own` */
     double *mid;              /* n_edges: its distance at the edges' midpoints, nearly */
+    double integral, integral_error;
 } start;
 
 static int measure(dmk_context *ctx, void *data)
@@ -155,8 +156,7 @@ static int measure(dmk_context *ctx, void *data)
     int rc = dmk_geodesics_compute(ctx, near->own, 1, near->source, &options, &near->geodesics);
     if (rc != DMK_OK) return rc;
     dmk_geodesics_midpoints(near->geodesics, near->mid);
-    return dmk_geodesics_integrate(ctx, near->geodesics, &near->geodesics->integral,
-                                   &near->geodesics->integral_error);
+    return dmk_geodesics_integrate(ctx, near->geodesics, &near->integral, &near->integral_error);
 }
 
 /* The distance, and beside it the system of the ordered mesh, if it is not there. */
@@ -374,8 +374,8 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     r->geodesics = near.geodesics;
     near.geodesics = NULL;
     scale_stats(s->system, &r->stats);
-    r->stats.cost_exact = r->geodesics->integral;
-    r->stats.cost_exact_error = r->geodesics->integral_error;
+    r->stats.cost_exact = near.integral;
+    r->stats.cost_exact_error = near.integral_error;
     *result = r;
     r = NULL;
 done:
