@@ -58,8 +58,7 @@ static void add_grid(soup *s, const double o[3], const double p[3], const double
             bool inner = i > 0 && j > 0 && i < n && j < m;
             double x[3], a = (i + (inner ? jitter * noise(state) : 0)) / n;
             double b = (j + (inner ? jitter * noise(state) : 0)) / m;
-            for (int k = 0; k < 3; k++)
-                x[k] = o[k] + a * p[k] + b * q[k];
+            for (int k = 0; k < 3; k++) x[k] = o[k] + a * p[k] + b * q[k];
             number[j * (n + 1) + i] = vertex_at(s, x);
         }
     }
@@ -228,8 +227,7 @@ static void doubled_square(void **state)
         if (s->xyz[3 * v] == 1 || s->xyz[3 * v + 1] == 1) s->xyz[3 * v + 2] = 0;
     }
     add_grid(s, x, left, y, 6, 6, 0.4, &noisy);
-    for (int32_t v = 0; v < front; v++)
-        s->xyz[3 * v + 2] = 0;
+    for (int32_t v = 0; v < front; v++) s->xyz[3 * v + 2] = 0;
     dmk_mesh *m = finish(ctx, s);
     dmk_point source = at_vertex(ctx, m, 16);
     const double a = m->xyz[48], b = m->xyz[49];
@@ -253,8 +251,7 @@ static void around_a_corner(void **state)
                         y[3] = {0, 1, 0};
     uint32_t noisy = 1;
     soup *s = new_soup();
-    for (int i = 0; i < 3; i++)
-        add_grid(s, at[i], x, y, 5, 5, 0.3, &noisy);
+    for (int i = 0; i < 3; i++) add_grid(s, at[i], x, y, 5, 5, 0.3, &noisy);
     dmk_mesh *m = finish(ctx, s);
     dmk_point source = at_vertex(ctx, m, 8);
     const double *p = m->xyz + 24;
@@ -306,17 +303,14 @@ static void several_sources(void **state)
         {10, {1, 0, 0}}, {999, {0.2, 0.3, 0.5}}, {3000, {0, 0.5, 0.5}}, {11, {0, 0, 1}}};
     const double offset[4] = {0.1, 0, 0.3, 5};
     dmk_geodesics *all = run(ctx, m, 4, source, offset), *one[4];
-    for (int i = 0; i < 4; i++)
-        one[i] = run(ctx, m, 1, source + i, NULL);
+    for (int i = 0; i < 4; i++) one[i] = run(ctx, m, 1, source + i, NULL);
     for (int32_t v = 0; v < m->n_vertices; v++) {
         double best = HUGE_VAL,
                own = one[all->arrival[v].source]->distance[v] + offset[all->arrival[v].source];
-        for (int i = 0; i < 4; i++)
-            best = fmin(best, one[i]->distance[v] + offset[i]);
+        for (int i = 0; i < 4; i++) best = fmin(best, one[i]->distance[v] + offset[i]);
         assert_true(fabs(all->distance[v] - best) < 1e-12 && fabs(own - best) < 1e-12);
     }
-    for (int i = 0; i < 4; i++)
-        dmk_geodesics_destroy(one + i);
+    for (int i = 0; i < 4; i++) dmk_geodesics_destroy(one + i);
     dmk_geodesics_destroy(&all);
     dmk_mesh_destroy(&m);
 }
@@ -332,8 +326,7 @@ static void any_scale(void **state)
     for (int i = 0; i < 2; i++) {
         dmk_mesh *other;
         double *xyz = calloc(3 * (size_t)m->n_vertices, sizeof *xyz);
-        for (int32_t k = 0; k < 3 * m->n_vertices; k++)
-            xyz[k] = m->xyz[k] * scale[i];
+        for (int32_t k = 0; k < 3 * m->n_vertices; k++) xyz[k] = m->xyz[k] * scale[i];
         assert_int_equal(dmk_mesh_create(ctx, (size_t)m->n_vertices, xyz, (size_t)m->n_triangles,
                                          m->triangle, &other),
                          DMK_OK);
@@ -345,6 +338,32 @@ static void any_scale(void **state)
         dmk_mesh_destroy(&other);
         free(xyz);
     }
+    dmk_geodesics_destroy(&one);
+    dmk_mesh_destroy(&m);
+}
+
+/* As many threads as there are: the same bits, of distances and of the ways. */
+static void any_number_of_threads(void **state)
+{
+    dmk_context *ctx = *state;
+    dmk_surface_options surface;
+    dmk_mesh *m;
+    dmk_surface_options_init(&surface);
+    surface.name = "quartic";
+    surface.n_triangles = 30000;
+    assert_int_equal(dmk_mesh_surface(ctx, &surface, &m), DMK_OK);
+    const dmk_point p = {999, {0.2, 0.3, 0.5}};
+    assert_int_equal(dmk_context_set_threads(ctx, 1), DMK_OK);
+    dmk_geodesics *one = run(ctx, m, 1, &p, NULL);
+    for (int n = 2; n <= 8; n += 2) {
+        assert_int_equal(dmk_context_set_threads(ctx, n), DMK_OK);
+        dmk_geodesics *g = run(ctx, m, 1, &p, NULL);
+        assert_memory_equal(g->distance, one->distance,
+                            (size_t)m->n_vertices * sizeof *g->distance);
+        assert_memory_equal(g->arrival, one->arrival, (size_t)m->n_vertices * sizeof *g->arrival);
+        dmk_geodesics_destroy(&g);
+    }
+    dmk_context_set_threads(ctx, 0);
     dmk_geodesics_destroy(&one);
     dmk_mesh_destroy(&m);
 }
@@ -435,7 +454,7 @@ int main(void)
         cmocka_unit_test(doubled_square), cmocka_unit_test(around_a_corner),
         cmocka_unit_test(both_ways),      cmocka_unit_test(several_sources),
         cmocka_unit_test(any_scale),      cmocka_unit_test(merged_windows),
-        cmocka_unit_test(lines),
+        cmocka_unit_test(lines),          cmocka_unit_test(any_number_of_threads),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }

@@ -14,6 +14,7 @@
 #include "base/parallel.h"
 
 #include <math.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -47,14 +48,31 @@ enum {
 }; /* only bounded so far; by no window: inside the source's triangle,
       or along an edge from the bend */
 
+/* What the rule of one split asks of a vertex, kept apart for the cache. `turn` is odd while it is written. */
+typedef struct split {
+    double at;
+    int32_t half;
+    uint32_t turn;
+} split;
+
 typedef struct engine {
     dmk_front front;
     trace *trace;
+    split *split;
+    dmk_heap bends; /* reached, to radiate */
+    bool shared;    /* by several threads at the moment */
+} engine;
+
+/* A thread's own. */
+typedef struct worker {
+    dmk_context *ctx;
+    engine *e;
     window *stack;
     size_t n_stack, capacity;
-    dmk_heap bends; /* reached, to radiate */
+    dmk_heap_item *reached; /* bends */
+    size_t n_reached, reached_room;
     int64_t n_made;
-} engine;
+} worker;
 
 static const double eps = DMK_SAME_LENGTH;
 
@@ -64,8 +82,10 @@ static int engine_create(dmk_context *ctx, dmk_geodesics *g, engine *e)
     memset(e, 0, sizeof *e);
     DMK_TRY(dmk_front_create(ctx, g, &e->front));
     DMK_TRY(DMK_NEW(ctx, e->trace, (size_t)g->mesh->n_vertices));
+    DMK_TRY(DMK_NEW(ctx, e->split, (size_t)g->mesh->n_vertices));
     for (int32_t v = 0; v < g->mesh->n_vertices; v++) {
         e->trace[v] = (trace){.half = UNREACHED, .root = ~g->n_sources};
+        e->split[v].half = UNREACHED;
     }
 done:
     return rc;
@@ -75,7 +95,7 @@ static void engine_free(engine *e)
 {
     dmk_front_free(&e->front);
     free(e->trace);
-    free(e->stack);
+    free(e->split);
     dmk_heap_free(&e->bends);
 }
 
@@ -129,22 +149,84 @@ done:
 
 /* ---- windows --------------------------------------------------------------------------------- */
 
-static int push(dmk_context *ctx, engine *e, const window *w)
+static int push(worker *me, const window *w)
 {
-    if (e->n_stack == e->capacity) {
-        int rc = DMK_GROW(ctx, e->stack, e->n_stack + 1, e->capacity);
+    if (me->n_stack == me->capacity) {
+        int rc = DMK_GROW(me->ctx, me->stack, me->n_stack + 1, me->capacity);
         if (rc != DMK_OK) return rc;
     }
-    e->stack[e->n_stack++] = *w;
+    me->stack[me->n_stack++] = *w;
     return DMK_OK;
 }
 
-static int reach(dmk_context *ctx, engine *e, int32_t v, double d, trace t)
+/* The distance of v as other threads have left it. */
+static inline double known(const engine *e, int32_t v)
 {
-    if (!(d < e->front.d[v])) return DMK_OK;
-    e->front.d[v] = d;
-    e->trace[v] = t;
-    return e->front.bend[v] ? dmk_heap_push(ctx, &e->bends, d, v) : DMK_OK;
+    double d;
+    __atomic_load(e->front.d + v, &d, __ATOMIC_RELAXED);
+    return d;
+}
+
+static void lock(split *s)
+{
+    uint32_t turn = __atomic_load_n(&s->turn, __ATOMIC_RELAXED);
+    while ((turn & 1) || !__atomic_compare_exchange_n(&s->turn, &turn, turn + 1, true,
+                                                      __ATOMIC_ACQUIRE, __ATOMIC_RELAXED)) {
+        turn = __atomic_load_n(&s->turn, __ATOMIC_RELAXED);
+    }
+    __atomic_thread_fence(__ATOMIC_RELEASE);
+}
+
+static void unlock(split *s)
+{
+    __atomic_store_n(&s->turn, s->turn + 1, __ATOMIC_RELEASE);
+}
+
+/* Of equally short ways one, whichever comes first. */
+static bool comes_first(const trace *a, const trace *b)
+{
+    if (a->half != b->half) return a->half > b->half;
+    if (a->root != b->root) return a->root > b->root;
+    return a->turn > b->turn;
+}
+
+static int reach(worker *me, int32_t v, double d, trace t)
+{
+    engine *e = me->e;
+    split *s = e->split + v;
+    if (!(d <= known(e, v))) return DMK_OK;
+    if (e->shared) lock(s);
+    double before = e->front.d[v];
+    bool better = d < before || (d == before && comes_first(&t, e->trace + v));
+    if (better) {
+        __atomic_store(e->front.d + v, &d, __ATOMIC_RELAXED);
+        __atomic_store(&s->at, &t.at, __ATOMIC_RELAXED);
+        __atomic_store_n(&s->half, t.half, __ATOMIC_RELAXED);
+        e->trace[v] = t;
+    }
+    if (e->shared) unlock(s);
+    if (!better || !e->front.bend[v] || d == before) return DMK_OK;
+    if (me->n_reached == me->reached_room) {
+        int rc = DMK_GROW(me->ctx, me->reached, me->n_reached + 1, me->reached_room);
+        if (rc != DMK_OK) return rc;
+    }
+    me->reached[me->n_reached++] = (dmk_heap_item){d, v};
+    return DMK_OK;
+}
+
+/* Where the shortest way to v through half-edge `half` crosses it, if it is the shortest of all and shorter than
+ * d; else NaN. */
+static double better_way(const engine *e, int32_t v, int32_t half, double d)
+{
+    double at;
+    const split *s = e->split + v;
+    if (__atomic_load_n(&s->half, __ATOMIC_RELAXED) != half) return NAN;
+    uint32_t turn = __atomic_load_n(&s->turn, __ATOMIC_ACQUIRE);
+    __atomic_load(&s->at, &at, __ATOMIC_RELAXED);
+    bool shorter = d > known(e, v) + eps && __atomic_load_n(&s->half, __ATOMIC_RELAXED) == half;
+    __atomic_thread_fence(__ATOMIC_ACQUIRE);
+    bool whole = (turn & 1) == 0 && turn == __atomic_load_n(&s->turn, __ATOMIC_RELAXED);
+    return whole && shorter ? at : NAN;
 }
 
 /* Whether dv and the way to a place from there, r2 its square, is less than base and a way with the
@@ -191,10 +273,10 @@ static inline bool step_left(const engine *e, const window *w, const dmk_facet *
                   w->turn + f->angle[k1],
                   f->twin[k2],
                   w->root};
-    if (!(o->y < 0) || late(o, s->left, e->front.d[f->vertex[k1]], e->front.d[f->vertex[k]]))
+    if (!(o->y < 0) || late(o, s->left, known(e, f->vertex[k1]), known(e, f->vertex[k])))
         return false;
     double bx = s->length * s->ca - lo, by = s->length * s->sa, pl = lo - o->x;
-    return !beats(e->front.d[f->vertex[k2]], bx * bx + by * by, w->base, pl * pl + o->y * o->y);
+    return !beats(known(e, f->vertex[k2]), bx * bx + by * by, w->base, pl * pl + o->y * o->y);
 }
 
 /* The part through side c-b, from `first` of a-b on. */
@@ -220,29 +302,30 @@ static inline bool step_right(const engine *e, const window *w, const dmk_facet 
                   w->turn - f->angle[k2],
                   f->twin[k1],
                   w->root};
-    if (!(o->y < 0) || late(o, s->right, e->front.d[f->vertex[k]], e->front.d[f->vertex[k2]]))
+    if (!(o->y < 0) || late(o, s->right, known(e, f->vertex[k]), known(e, f->vertex[k2])))
         return false;
     double ax = -s->cx * s->cb + s->cy * s->sb - hi, ay = -s->cy * s->cb - s->cx * s->sb,
            ph = hi - o->x;
-    return !beats(e->front.d[f->vertex[k1]], ax * ax + ay * ay, w->base, ph * ph + o->y * o->y);
+    return !beats(known(e, f->vertex[k1]), ax * ax + ay * ay, w->base, ph * ph + o->y * o->y);
 }
 
 /* The ray to the vertex above passes beside the interval, but by so little that a path around its
  * end is no longer. */
-static int reach_around(dmk_context *ctx, engine *e, const window *w, const angle *s, int32_t v)
+static int reach_around(worker *me, const window *w, const angle *s, int32_t v)
 {
     double end = s->at < w->lo ? w->lo : w->hi;
     if (!(fabs(s->at - end) < gap * s->length)) return DMK_OK;
     double px = s->cx - w->x, py = s->cy - w->y, direct = w->base + sqrt(px * px + py * py);
-    if (!(direct < e->front.d[v])) return DMK_OK;
+    if (!(direct < known(me->e, v))) return DMK_OK;
     double d = w->base + hypot(end - w->x, w->y) + hypot(s->cx - end, s->cy);
     if (d > direct + eps) return DMK_OK;
-    return reach(ctx, e, v, d, (trace){HUGE_VAL, px, py, w->turn, w->half, w->root});
+    return reach(me, v, d, (trace){NAN, px, py, w->turn, w->half, w->root});
 }
 
 /* Children of w into o[0..1]; the vertex above is reached. *n: how many. */
-static inline int step(dmk_context *ctx, engine *e, const window *w, window *o, int *n)
+static inline int step(worker *me, const window *w, window *o, int *n)
 {
+    const engine *e = me->e;
     const dmk_facet *f = e->front.facet + w->half / 3;
     int k = w->half % 3, k1 = k == 2 ? 0 : k + 1, k2 = k == 0 ? 2 : k - 1, rc = DMK_OK;
     const int32_t v = f->vertex[k];
@@ -263,38 +346,138 @@ static inline int step(dmk_context *ctx, engine *e, const window *w, window *o, 
     double last = w->hi, first = w->lo;
     if (s.at >= w->lo - slack && s.at <= w->hi + slack) {
         double px = s.cx - w->x, py = s.cy - w->y, d = w->base + sqrt(px * px + py * py);
-        if (d < e->front.d[v]) {
-            rc = reach(ctx, e, v, d, (trace){s.at, px, py, w->turn, w->half, w->root});
-        } else if (e->trace[v].half == w->half && d > e->front.d[v] + eps) {
-            if (s.at < e->trace[v].at - slack)
-                right = false; /* those rays cross the shorter path */
-            else if (s.at > e->trace[v].at + slack && e->trace[v].at < HUGE_VAL)
+        double dv = known(e, v);
+        if (d <= dv) {
+            rc = reach(me, v, d, (trace){s.at, px, py, w->turn, w->half, w->root});
+        } else if (d > dv + eps) {
+            double at = better_way(e, v, w->half, d);
+            if (s.at < at - slack)
+                right = false; /* those rays cross the shorter way */
+            else if (s.at > at + slack)
                 left = false;
         }
         if (left) last = fmin(w->hi, s.at);
         if (right) first = fmax(w->lo, s.at);
     } else {
-        rc = reach_around(ctx, e, w, &s, v);
+        rc = reach_around(me, w, &s, v);
     }
     *n = left && step_left(e, w, f, &s, last, o);
     *n += right && step_right(e, w, f, &s, first, o + *n);
     return rc;
 }
 
-/* Run down all windows on the stack. */
-static int run_down(dmk_context *ctx, engine *e)
+/* Run down the windows on the stack, `most` steps. */
+static int run_down(worker *me, int64_t most)
 {
     int rc = DMK_OK;
     window o[2];
-    while (e->n_stack > 0) {
-        window w = e->stack[--e->n_stack];
+    while (me->n_stack > 0 && most > 0) {
+        window w = me->stack[--me->n_stack];
         for (int n = 1; n > 0; w = o[0]) {
-            DMK_TRY(step(ctx, e, &w, o, &n));
-            e->n_made += n;
-            if ((e->n_made & 0xffff) < n) DMK_TRY(dmk_poll(ctx));
-            if (n == 2) DMK_TRY(push(ctx, e, &o[1]));
+            DMK_TRY(step(me, &w, o, &n));
+            me->n_made += n;
+            most--;
+            if ((me->n_made & 0xffff) < n) DMK_TRY(dmk_poll(me->ctx));
+            if (n == 2) DMK_TRY(push(me, &o[1]));
         }
     }
+done:
+    return rc;
+}
+
+/* ---- threads --------------------------------------------------------------------------------- */
+
+/* Threads run windows down in any order. What the filters drop is longer than some way by more than rounding,
+ * whenever they look, so the least value at each vertex and the way it comes are the same. */
+typedef struct crew {
+    worker *one;         /* whose stack is shared out */
+    worker *own;         /* of each thread */
+    _Atomic size_t next; /* window of the stack */
+} crew;
+/* Windows to share out; before, and for so few steps, one thread is as fast. */
+enum { shares = 2048, alone = 20000 };
+
+static int run_share(dmk_context *ctx, int32_t i, void *data)
+{
+    int rc = DMK_OK;
+    crew *c = data;
+    worker *me = c->own + i;
+    me->ctx = ctx;
+    for (size_t k; (k = atomic_fetch_add(&c->next, 1)) < c->one->n_stack;) {
+        DMK_TRY(push(me, c->one->stack + k));
+        DMK_TRY(run_down(me, INT64_MAX));
+    }
+done:
+    return rc;
+}
+
+/* Take steps level by level until there are `shares` windows on the stack, or none. */
+static int spread(worker *me)
+{
+    int rc = DMK_OK, n;
+    window o[2];
+    worker other = {.ctx = me->ctx, .e = me->e};
+    while (me->n_stack > 0 && me->n_stack < shares) {
+        for (size_t i = 0; i < me->n_stack; i++) {
+            DMK_TRY(step(me, me->stack + i, o, &n));
+            me->n_made += n;
+            for (int k = 0; k < n; k++) DMK_TRY(push(&other, o + k));
+        }
+        window *taken = me->stack;
+        size_t room = me->capacity;
+        me->stack = other.stack, me->capacity = other.capacity, me->n_stack = other.n_stack;
+        other.stack = taken, other.capacity = room, other.n_stack = 0;
+    }
+done:
+    free(other.stack);
+    return rc;
+}
+
+static int absorb(worker *me, worker *from)
+{
+    int rc = DMK_OK;
+    for (size_t i = 0; i < from->n_reached; i++) {
+        DMK_TRY(dmk_heap_push(me->ctx, &me->e->bends, from->reached[i].key, from->reached[i].item));
+    }
+    from->n_reached = 0;
+done:
+    return rc;
+}
+
+static void worker_free(worker *me)
+{
+    free(me->stack);
+    free(me->reached);
+}
+
+static int run_shared(worker *me, int n_threads)
+{
+    int rc;
+    crew c = {.one = me};
+    DMK_TRY(spread(me));
+    DMK_TRY(DMK_NEW(me->ctx, c.own, (size_t)n_threads));
+    for (int i = 0; i < n_threads; i++) c.own[i].e = me->e;
+    me->e->shared = true;
+    rc = dmk_parallel_pieces(me->ctx, n_threads, run_share, &c);
+    me->e->shared = false;
+    me->n_stack = 0;
+    for (int i = 0; i < n_threads; i++) {
+        if (rc == DMK_OK) rc = absorb(me, c.own + i);
+        me->n_made += c.own[i].n_made;
+        worker_free(c.own + i);
+    }
+done:
+    free(c.own);
+    return rc;
+}
+
+/* Run down all windows on the stack; then the bends that were reached wait in the heap. */
+static int run_all(worker *me)
+{
+    int rc, n_threads = dmk_parallel_threads(me->ctx);
+    DMK_TRY(run_down(me, n_threads > 1 ? alone : INT64_MAX));
+    if (me->n_stack > 0) DMK_TRY(run_shared(me, n_threads));
+    rc = absorb(me, me);
 done:
     return rc;
 }
@@ -308,26 +491,28 @@ typedef struct rays {
     bool both; /* the last end of a sector, too, not only its first */
 } rays;
 
-static int send(dmk_context *ctx, engine *e, const dmk_sector *c, const rays *a)
+static int send(worker *me, const dmk_sector *c, const rays *a)
 {
+    const dmk_front *front = &me->e->front;
     int rc = DMK_OK;
     dmk_end end;
     dmk_beam b;
     for (int last = 0; last <= a->both; last++) {
-        if (!dmk_front_end(&e->front, c, last, a->lo, a->hi, &end)) continue;
-        DMK_TRY(reach(ctx, e, end.vertex, a->base + end.length,
+        if (!dmk_front_end(front, c, last, a->lo, a->hi, &end)) continue;
+        DMK_TRY(reach(me, end.vertex, a->base + end.length,
                       (trace){HUGE_VAL, end.direction, end.back, 0, STRAIGHT, a->root}));
     }
-    if (!dmk_front_beam(&e->front, c, a->lo, a->hi, &b)) goto done;
-    e->n_made++;
-    rc = push(ctx, e, &(window){b.lo, b.hi, b.x, b.y, a->base, b.turn, b.half, a->root});
+    if (!dmk_front_beam(front, c, a->lo, a->hi, &b)) goto done;
+    me->n_made++;
+    rc = push(me, &(window){b.lo, b.hi, b.x, b.y, a->base, b.turn, b.half, a->root});
 done:
     return rc;
 }
 
-static int radiate_source(dmk_context *ctx, engine *e, int32_t number)
+static int radiate_source(worker *me, int32_t number)
 {
     int rc = DMK_OK;
+    engine *e = me->e;
     const dmk_site *p = e->front.g->source + number;
     double *d = e->front.d;
     rays a = {p->offset / e->front.g->star.unit, -1, p->total + 1, ~number, true};
@@ -338,7 +523,7 @@ static int radiate_source(dmk_context *ctx, engine *e, int32_t number)
     }
     for (int32_t k = 0; k < p->n_sectors; k++) {
         dmk_sector c = dmk_front_site(&e->front, p, k);
-        DMK_TRY(send(ctx, e, &c, &a));
+        DMK_TRY(send(me, &c, &a));
     }
 done:
     return rc;
@@ -360,9 +545,10 @@ static double back_of(const engine *e, int32_t v)
     return dmk_front_turn(back, s->total[v], s->border[v]);
 }
 
-static int radiate_bend(dmk_context *ctx, engine *e, int32_t v)
+static int radiate_bend(worker *me, int32_t v)
 {
     int rc = DMK_OK;
+    const engine *e = me->e;
     const dmk_star *s = &e->front.g->star;
     double wedge[2][2];
     int n_wedges = dmk_front_wedges(&e->front, v, back_of(e, v), wedge),
@@ -374,7 +560,7 @@ static int radiate_bend(dmk_context *ctx, engine *e, int32_t v)
             for (int k = -turns; k <= turns; k++) { /* the wedge may go around */
                 double turn = k * s->total[v];
                 rays a = {e->front.d[v], wedge[i][0] + turn, wedge[i][1] + turn, v, s->border[v]};
-                DMK_TRY(send(ctx, e, &sector, &a));
+                DMK_TRY(send(me, &sector, &a));
             }
         }
         c = dmk_star_next(s, c);
@@ -410,24 +596,43 @@ static void arrive_range(int32_t begin, int32_t end, void *data)
     for (int32_t v = begin; v < end; v++) arrive(data, v);
 }
 
+/* All bends within `width` of the nearest radiate at once, so that threads have windows to share; one that is
+ * reached by a shorter way later does so again. */
+static int radiate_next(worker *me, double width, bool *any)
+{
+    int rc = DMK_OK;
+    engine *e = me->e;
+    double until = INFINITY;
+    *any = false;
+    while (e->bends.n > 0 && e->bends.at[0].key <= until) {
+        dmk_heap_item top = dmk_heap_pop(&e->bends);
+        if (top.key > e->front.d[top.item]) continue;
+        if (!*any) until = top.key + width;
+        *any = true;
+        DMK_TRY(radiate_bend(me, top.item));
+    }
+done:
+    return rc;
+}
+
 int dmk_windows_run(dmk_context *ctx, dmk_geodesics *g)
 {
     int rc;
+    bool any = true;
     engine e;
+    worker me = {.ctx = ctx, .e = &e};
     DMK_TRY(engine_create(ctx, g, &e));
     DMK_TRY(bound(ctx, &e));
     DMK_TRY(dmk_poll(ctx));
-    for (int32_t i = 0; i < g->n_sources; i++) DMK_TRY(radiate_source(ctx, &e, i));
-    for (;;) {
-        DMK_TRY(run_down(ctx, &e));
-        while (e.bends.n > 0 && e.bends.at[0].key > e.front.d[e.bends.at[0].item])
-            dmk_heap_pop(&e.bends);
-        if (e.bends.n == 0) break;
-        DMK_TRY(radiate_bend(ctx, &e, dmk_heap_pop(&e.bends).item));
+    for (int32_t i = 0; i < g->n_sources; i++) DMK_TRY(radiate_source(&me, i));
+    while (any) {
+        DMK_TRY(run_all(&me));
+        DMK_TRY(radiate_next(&me, 0, &any));
     }
     dmk_parallel(ctx, g->mesh->n_vertices, arrive_range, &e);
-    g->n_windows = e.n_made;
+    g->n_windows = me.n_made;
 done:
+    worker_free(&me);
     engine_free(&e);
     return rc;
 }
