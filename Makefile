@@ -86,7 +86,7 @@ tests: $(TESTS)
 # ---- what the build stands on ----------------------------------------------------------------
 
 # Looked at once for each list. What is named here installs; the other targets tell what is missing.
-INSTALLING := deps demo paper test ci coverage fuzz faults real check-%
+INSTALLING := deps demo paper test steady ci coverage fuzz faults real check-%
 PACKAGES := build/packages.ok
 deps: $(PACKAGES)
 $(PACKAGES): .ci/packages .ci/deps.sh
@@ -195,6 +195,13 @@ FAULT_RUNS ?= 20
 faults: $B/faults/library $B/faults/dmkcl
 	$(Q)$B/faults/library $(FAULT_STRIDE)
 	$(Q)bash tests/faults/tool.sh $B $(FAULT_RUNS)
+
+# Each test STEADY_RUNS times, with and without other work beside it: hours. STEADY='tests/test_x.sh ...' takes some.
+STEADY_RUNS ?= 200
+STEADY ?= $(TESTS) $(TEST_SCRIPTS)
+.PHONY: steady
+steady: $(TESTS) $(STATIC) $(SHARED) $(TOOL) $B/faults/library $B/faults/dmkcl
+	$(Q)bash tests/steady.sh $B $(STEADY_RUNS) $(STEADY)
 
 # Meshes of scanners, from the Debian archive, and one of a million triangles; best with CONFIG=sanitize.
 .PHONY: real
@@ -325,6 +332,7 @@ help:
 	@echo 'make ci         the tests, and compilers, analysers, sanitizers, ... in short'
 	@echo 'make fuzz       fuzz all readers with clang; FUZZ_SECONDS=240 for all drivers together'
 	@echo 'make real       scanned meshes through all commands; REAL_MESHES=folder where they are there'
+	@echo 'make steady     each test STEADY_RUNS=200 times, with and without load: does any fail now and then?'
 	@echo 'make faults     memory, files, OpenCL and signals fail in turn; FAULT_STRIDE=1 FAULT_RUNS=20'
 	@echo 'make check-all  all checks, with a table of what was tried; also by themselves:'
 	@echo '                $(CHECKS:check-%=%)'

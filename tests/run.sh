@@ -7,9 +7,11 @@ set -u
 build=$1
 shift
 
-# Nothing outside the build folder is touched: kernel caches live here while tests run.
+# Nothing outside the build folder is touched: kernel caches live here while tests run, and longer with
+# KEEP_SCRATCH=1.
 scratch=$PWD/$build/scratch
-rm -rf "$scratch" && mkdir -p "$scratch/tmp" "$scratch/cache/pocl" || exit 1
+[ "${KEEP_SCRATCH:-}" ] || rm -rf "$scratch"
+mkdir -p "$scratch/tmp" "$scratch/cache/pocl" || exit 1
 export TMPDIR="$scratch/tmp" XDG_CACHE_HOME="$scratch/cache" POCL_CACHE_DIR="$scratch/cache/pocl"
 export DMKCL_BUILD="$build" CMOCKA_MESSAGE_OUTPUT=TAP
 # LLVM inside OpenCL drivers sets an alternate signal stack of its own in threads it makes.
