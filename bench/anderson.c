@@ -51,7 +51,7 @@ static int prepare(bench *b, const char *path, int depth)
     DMK_TRY(dmk_device_open(b->ctx, &o, &b->device));
     DMK_TRY(dmk_mesh_read(b->ctx, path, &b->mesh));
     DMK_TRY(dmk_mesh_vertex_point(b->ctx, b->mesh, 0, &p));
-    DMK_TRY(dmk_order_create(b->ctx, b->mesh, b->mesh->component[p.triangle], &b->order));
+    DMK_TRY(dmk_order_create(b->ctx, b->mesh, dmk_mesh_component(b->mesh, (int32_t)p.triangle), &b->order));
     DMK_TRY(dmk_mollify(b->ctx, b->order.mesh, &b->mollified));
     DMK_TRY(dmk_system_create(b->ctx, b->device, &b->mollified, NULL, &b->sys));
     b->source = p;

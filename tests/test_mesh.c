@@ -190,8 +190,8 @@ static void test_borders_and_components(void **state)
     dmk_mesh_get_info(m, &info);
     assert_int_equal(info.n_components, 2);
     assert_int_equal(info.euler, 4);
-    assert_int_equal(m->component[3], 0);
-    assert_int_equal(m->component[4], 1);
+    assert_int_equal(dmk_mesh_component(m, 3), 0);
+    assert_int_equal(dmk_mesh_component(m, 4), 1);
     dmk_mesh_destroy(&m);
 }
 

@@ -49,7 +49,7 @@ static void assemble(fixture *x)
         static const int sub[4][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}, {3, 4, 5}};
         for (int s = 0; s < 4; s++) {
             for (int k = 0; k < 3; k++) {
-                double w = 0.5 * x->mu[t] * m->cot[3 * t + k];
+                double w = 0.5 * x->mu[t] * dmk_cot(m, 3 * t + k);
                 size_t i = row[sub[s][(k + 1) % 3]], j = row[sub[s][(k + 2) % 3]];
                 x->dense[i * x->n + i] += w;
                 x->dense[j * x->n + j] += w;

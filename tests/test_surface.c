@@ -152,7 +152,7 @@ static void triangles_are_well_shaped(void **state)
         double mean = 0, largest_cot = 0, shortest = INFINITY, longest = 0;
         for (int32_t t = 0; t < m->n_triangles; t++) {
             mean += quality(m, t) / m->n_triangles;
-            for (int k = 0; k < 3; k++) largest_cot = fmax(largest_cot, m->cot[3 * t + k]);
+            for (int k = 0; k < 3; k++) largest_cot = fmax(largest_cot, dmk_cot(m, 3 * t + k));
         }
         for (int32_t e = 0; e < m->n_edges; e++) {
             shortest = fmin(shortest, m->length[e]);

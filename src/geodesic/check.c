@@ -22,7 +22,7 @@ static bool bad_triangle(int32_t t, void *data)
     const dmk_mesh *m = a->g->mesh;
     for (int k = 0; k < 3; k++) {
         const double d = a->g->distance[m->triangle[3 * (size_t)t + (size_t)k]];
-        if (!(d >= 0) || (a->component[m->component[t]] && d == INFINITY)) return true;
+        if (!(d >= 0) || (a->component[dmk_mesh_component(m, t)] && d == INFINITY)) return true;
     }
     return false;
 }
@@ -65,9 +65,9 @@ int dmk_geodesics_check(dmk_context *ctx, const dmk_geodesics *g)
     audit a = {.g = g, .slack = 0};
     DMK_TRY(DMK_NEW(ctx, component, (size_t)m->n_components));
     a.component = component;
-    for (size_t i = 0; i < g->n_lines; i++) component[m->component[g->line[i] / 3]] = true;
+    for (size_t i = 0; i < g->n_lines; i++) component[dmk_mesh_component(m, g->line[i] / 3)] = true;
     for (int32_t i = 0; i < g->n_sources; i++)
-        component[m->component[g->source[i].point.triangle]] = true;
+        component[dmk_mesh_component(m, (int32_t)g->source[i].point.triangle)] = true;
     int32_t t = dmk_parallel_first(ctx, m->n_triangles, bad_triangle, &a);
     if (t >= 0) {
         rc = name_triangle(ctx, g, t);

@@ -16,7 +16,7 @@ static void lay_flat(const dmk_mesh *m, int32_t t, double xy[3][2])
     double height = 2 * m->area[t] / l[e[2]];
     xy[0][0] = xy[0][1] = xy[1][1] = 0;
     xy[1][0] = l[e[2]];
-    xy[2][0] = m->cot[3 * t] * height;
+    xy[2][0] = dmk_cot(m, 3 * t) * height;
     xy[2][1] = height;
 }
 

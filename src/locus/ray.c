@@ -89,10 +89,10 @@ static void begin(const dmk_rays *rays, double angle, walk *k, const dmk_chart_s
 /* Unfold the next triangle: sets w. */
 static void enter(const dmk_rays *rays, walk *k)
 {
-    const double *cot = rays->mesh->cot;
     int32_t base = k->half / 3 * 3;
     int c = k->half - base, c1 = c == 2 ? 0 : c + 1, c2 = c == 0 ? 2 : c - 1;
-    double beta = 1 / (cot[base + c1] + cot[base + c2]), alpha = cot[base + c1] * beta;
+    double beta = 1 / (dmk_cot(rays->mesh, base + c1) + dmk_cot(rays->mesh, base + c2));
+    double alpha = dmk_cot(rays->mesh, base + c1) * beta;
     double dx = k->bx - k->ax, dy = k->by - k->ay;
     k->wx = k->ax + alpha * dx - beta * dy;
     k->wy = k->ay + alpha * dy + beta * dx;

@@ -52,7 +52,7 @@ bool dmk_rays_unfold(const dmk_rays *r, int32_t t, int k, const dmk_sheet *a, co
     double x =
         (a->distance * a->distance - b->distance * b->distance + length * length) / (2 * length);
     double y2 = a->distance * a->distance - x * x;
-    double height = 2 * m->area[t] / length, foot = m->cot[3 * t + (k + 1) % 3] * height;
+    double height = 2 * m->area[t] / length, foot = dmk_cot(m, 3 * t + (k + 1) % 3) * height;
     double y = sqrt(fmax(y2, 0)), cross = x + (foot - x) * y / (y + height);
     if (y2 < 0 || cross < -beyond * length || cross > (1 + beyond) * length) return false;
     c->angle = a->angle + turn * cross / length;

@@ -64,7 +64,7 @@ static int find_bends(dmk_context *ctx, dmk_rays *r)
     for (int32_t v = 0; v < m->n_vertices; v++)
         r->bend[v] = 6.2831853f;
     for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
-        r->bend[m->triangle[h]] -= (float)atan2(1, m->cot[h]);
+        r->bend[m->triangle[h]] -= (float)atan2(1, dmk_cot(m, h));
     }
     for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
         if (r->across[h] >= 0) continue;

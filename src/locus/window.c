@@ -31,7 +31,7 @@ static int find_bends(dmk_context *ctx, dmk_search *s)
     DMK_TRY(DMK_NEW(ctx, border, (size_t)m->n_vertices));
     DMK_TRY(DMK_NEW(ctx, s->bends, (size_t)m->n_vertices));
     for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
-        angle[m->triangle[h]] += atan2(1, m->cot[h]);
+        angle[m->triangle[h]] += atan2(1, dmk_cot(m, h));
         if (s->across[h] >= 0) continue;
         border[m->triangle[h / 3 * 3 + (h % 3 + 1) % 3]] = true;
         border[m->triangle[h / 3 * 3 + (h % 3 + 2) % 3]] = true;
@@ -180,7 +180,7 @@ static int reach_vertex(dmk_context *ctx, dmk_search *s, int32_t v, double dista
 void dmk_corner_above(const dmk_mesh *m, int32_t half, double *x, double *y)
 {
     *y = 2 * m->area[half / 3] / m->length[m->triangle_edge[half]];
-    *x = m->cot[half / 3 * 3 + (half % 3 + 1) % 3] * *y;
+    *x = dmk_cot(m, half / 3 * 3 + (half % 3 + 1) % 3) * *y;
 }
 
 /* Some corner of the triangles at the edge is reached so early that from there all points of the

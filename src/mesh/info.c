@@ -62,8 +62,9 @@ static void measure_triangles(const dmk_mesh *m, dmk_mesh_info *info)
     double lo = INFINITY, hi = -INFINITY;
     for (int32_t t = 0; t < m->n_triangles; t++) info->area += m->area[t];
     for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
-        if (m->cot[h] < lo) lo = m->cot[h];
-        if (m->cot[h] > hi) hi = m->cot[h];
+        const double cot = dmk_cot(m, h);
+        if (cot < lo) lo = cot;
+        if (cot > hi) hi = cot;
     }
     const double degree = 57.295779513082320877;
     info->min_angle = degree * atan2(1, hi);

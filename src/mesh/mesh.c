@@ -141,6 +141,10 @@ static int build_components(dmk_context *ctx, struct dmk_mesh *m)
         }
         m->n_components++;
     }
+    if (m->n_components == 1) {
+        free(m->component);
+        m->component = NULL;
+    }
     rc = DMK_OK;
 done:
     free(stack);
@@ -193,7 +197,8 @@ static int measure_triangle(dmk_context *ctx, const struct dmk_mesh *m, int32_t 
                         "triangle %d (vertices %d %d %d) is degenerate: its area is zero; remove "
                         "it or merge its corners", t, v[0], v[1], v[2]);
     }
-    dmk_measure_sides(l, &m->area[t], m->cot + 3 * (size_t)t);
+    double cot[3];
+    dmk_measure_sides(l, &m->area[t], cot);
     return DMK_OK;
 }
 
@@ -217,7 +222,6 @@ static int build_geometry(dmk_context *ctx, struct dmk_mesh *m)
     int rc;
     DMK_TRY(DMK_NEW(ctx, m->length, (size_t)m->n_edges));
     DMK_TRY(DMK_NEW(ctx, m->area, (size_t)m->n_triangles));
-    DMK_TRY(DMK_NEW(ctx, m->cot, 3 * (size_t)m->n_triangles));
     dmk_parallel(ctx, m->n_edges, length_range, m);
     int32_t t = dmk_parallel_first(ctx, m->n_triangles, cannot_be_measured, m);
     if (t >= 0) rc = measure_triangle(ctx, m, t);
@@ -298,7 +302,6 @@ void dmk_mesh_destroy(dmk_mesh **mesh)
     free(m->component);
     free(m->length);
     free(m->area);
-    free(m->cot);
     free(m);
     *mesh = NULL;
 }

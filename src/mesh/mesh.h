@@ -16,17 +16,32 @@ struct dmk_mesh {
     int32_t *edge_triangle; /* 2*n_edges: the triangles on it, the one that runs it from
                                edge_vertex[2e] to [2e+1] first if it exists; -1 on a border
                                (always in slot 1) */
-    int32_t *component;     /* n_triangles: connected component, numbered by first triangle */
+    int32_t *component;     /* n_triangles: connected component, numbered by first triangle; NULL if
+                               there is only one: see dmk_mesh_component */
     int32_t n_components;
     double *length;         /* n_edges */
-    double *area;           /* n_triangles */
-    double *cot;            /* 3*n_triangles: cotangent of the angle at corner k */
+    double *area;           /* n_triangles; cotangents: dmk_cot */
     int32_t n_used_vertices, n_border_edges, n_border_loops;
 };
 
 /* The next half-edge (or corner) of the triangle, counterclockwise, and the one before. */
 static inline int32_t dmk_next(int32_t h) { return h % 3 == 2 ? h - 2 : h + 1; }
 static inline int32_t dmk_previous(int32_t h) { return h % 3 == 0 ? h + 2 : h - 1; }
+
+static inline int32_t dmk_mesh_component(const dmk_mesh *m, int32_t t)
+{
+    return m->component ? m->component[t] : 0;
+}
+
+/* The cotangent of the angle at corner k of triangle t, h = 3 t + k: of dmk_measure_sides, to the bit. Three
+ * numbers per triangle less to keep and to read. */
+static inline double dmk_cot(const dmk_mesh *m, int32_t h)
+{
+    const int32_t t = h / 3, *edge = m->triangle_edge + 3 * (size_t)t;
+    const int k = h % 3, i = k == 2 ? 0 : k + 1, j = k == 0 ? 2 : k - 1;
+    const double o = m->length[edge[k]], p = m->length[edge[i]], q = m->length[edge[j]];
+    return (p * p + q * q - o * o) / (4 * m->area[t]);
+}
 
 /* Vertex -> incident triangles, as compressed rows. */
 typedef struct dmk_vertex_stars {

@@ -36,8 +36,8 @@ static double lacks(const double *length, const int32_t e[3])
 
 static bool needs_nothing(const dmk_mesh *m)
 {
-    for (size_t i = 0; i < 3 * (size_t)m->n_triangles; i++) {
-        if (fabs(m->cot[i]) > harmless) return false;
+    for (int32_t i = 0; i < 3 * m->n_triangles; i++) {
+        if (fabs(dmk_cot(m, i)) > harmless) return false;
     }
     return true;
 }
@@ -67,7 +67,8 @@ static bool measure(const dmk_mesh *m, dmk_mesh *mollified)
     for (int32_t t = 0; t < mollified->n_triangles; t++) {
         const int32_t *e = mollified->triangle_edge + 3 * (size_t)t;
         const double l[3] = {mollified->length[e[0]], mollified->length[e[1]], mollified->length[e[2]]};
-        dmk_measure_sides(l, &mollified->area[t], mollified->cot + 3 * (size_t)t);
+        double cot[3];
+        dmk_measure_sides(l, &mollified->area[t], cot);
         before += m->area[t];
         after += mollified->area[t];
     }
@@ -80,10 +81,9 @@ int dmk_mollify(dmk_context *ctx, const dmk_mesh *m, dmk_mesh *mollified)
     bool good = false;
     *mollified = *m;
     if (needs_nothing(m)) return DMK_OK;
-    mollified->length = mollified->area = mollified->cot = NULL;
+    mollified->length = mollified->area = NULL;
     DMK_TRY(DMK_NEW(ctx, mollified->length, (size_t)m->n_edges));
     DMK_TRY(DMK_NEW(ctx, mollified->area, (size_t)m->n_triangles));
-    DMK_TRY(DMK_NEW(ctx, mollified->cot, 3 * (size_t)m->n_triangles));
     memcpy(mollified->length, m->length, (size_t)m->n_edges * sizeof *m->length);
     for (int round = 0; round < MAX_ROUNDS && lengthen(m, mollified->length) > 0; round++) {}
     good = measure(m, mollified);
@@ -97,6 +97,5 @@ void dmk_mollify_free(const dmk_mesh *m, dmk_mesh *mollified)
 {
     if (mollified->length != m->length) free(mollified->length);
     if (mollified->area != m->area) free(mollified->area);
-    if (mollified->cot != m->cot) free(mollified->cot);
     *mollified = (dmk_mesh){0};
 }

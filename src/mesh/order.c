@@ -50,7 +50,7 @@ static int morton_order(dmk_context *ctx, const dmk_mesh *m, int32_t component, 
     *n = 0;
     DMK_TRY(DMK_NEW(ctx, job.keys, (size_t)m->n_triangles));
     for (int32_t t = 0; t < m->n_triangles; t++) {
-        if (m->component[t] != component) continue;
+        if (dmk_mesh_component(m, t) != component) continue;
         job.keys[(*n)++].item = t;
         for (int j = 0; j < 3; j++) {
             const double *x = m->xyz + 3 * (size_t)m->triangle[3 * t + j];
@@ -155,7 +155,6 @@ static void gather_triangles(int32_t begin, int32_t end, void *data)
     for (int32_t t = begin; t < end; t++) {
         size_t old = (size_t)job->order->triangle_old[t];
         to->area[t] = job->from->area[old];
-        memcpy(to->cot + 3 * (size_t)t, job->from->cot + 3 * old, 3 * sizeof *to->cot);
     }
 }
 
@@ -181,8 +180,6 @@ static int gather(dmk_context *ctx, const dmk_mesh *m, const renumbering *number
     DMK_TRY(DMK_NEW(ctx, to->edge_triangle, 2 * n_e));
     DMK_TRY(DMK_NEW(ctx, to->length, n_e));
     DMK_TRY(DMK_NEW(ctx, to->area, n_t));
-    DMK_TRY(DMK_NEW(ctx, to->cot, 3 * n_t));
-    DMK_TRY(DMK_NEW(ctx, to->component, n_t)); /* the only one: 0 */
     to->n_components = 1;
     dmk_parallel(ctx, to->n_vertices, gather_vertices, &job);
     dmk_parallel(ctx, to->n_edges, gather_edges, &job);

@@ -70,7 +70,7 @@ static int32_t across(const dmk_mesh *m, int32_t t, int k, double *length)
     const double side = m->length[e];
     /* Heights over the edge and feet along it, from its end at corner k + 1 of t. */
     const double up = 2 * m->area[t] / side, down = 2 * m->area[other] / side;
-    const double foot = m->cot[3 * t + (k + 1) % 3] * up, far = m->cot[3 * other + (j + 2) % 3] * down;
+    const double foot = dmk_cot(m, 3 * t + (k + 1) % 3) * up, far = dmk_cot(m, 3 * other + (j + 2) % 3) * down;
     const double crossing = foot + (far - foot) * up / (up + down);
     if (!(crossing > 0 && crossing < side)) return -1;
     *length = hypot(far - foot, up + down);

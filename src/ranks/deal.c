@@ -169,7 +169,6 @@ static void local_triangles(const dmk_share *s, const dmk_mesh *m, double area, 
             size_t to = 3 * (size_t)t + k, from = 3 * (size_t)whole + k;
             l->triangle[to] = whole < 0 ? gap : s->vertex[0].at[m->triangle[from]];
             l->triangle_edge[to] = whole < 0 ? gap_edge : s->edge.at[m->triangle_edge[from]];
-            l->cot[to] = whole < 0 ? 0 : m->cot[from];
         }
         if (whole < 0) gap = next_gap(&s->vertex[0], gap);
     }
@@ -181,6 +180,7 @@ static void local_edges(const dmk_share *s, const dmk_mesh *m, dmk_mesh *l)
     int32_t gap = next_gap(&s->vertex[0], -1);
     for (int32_t e = 0; e < l->n_edges; e++) {
         int32_t whole = s->edge.whole[e], end[2] = {-1, -1};
+        l->length[e] = whole < 0 ? 0 : m->length[whole];
         for (size_t k = 0; k < 2; k++) {
             int32_t t = whole < 0 ? -1 : m->edge_triangle[2 * (size_t)whole + k];
             l->edge_triangle[2 * (size_t)e + k] = t < 0 ? -1 : s->element.at[t];
@@ -202,7 +202,7 @@ static int local_mesh(dmk_context *ctx, const dmk_share *s, const dmk_mesh *m, d
     l->n_triangles = s->element.n;
     DMK_TRY(DMK_NEW(ctx, l->triangle, 3 * (size_t)l->n_triangles));
     DMK_TRY(DMK_NEW(ctx, l->triangle_edge, 3 * (size_t)l->n_triangles));
-    DMK_TRY(DMK_NEW(ctx, l->cot, 3 * (size_t)l->n_triangles));
+    DMK_TRY(DMK_NEW(ctx, l->length, (size_t)l->n_edges));
     DMK_TRY(DMK_NEW(ctx, l->area, (size_t)l->n_triangles));
     DMK_TRY(DMK_NEW(ctx, l->edge_vertex, 2 * (size_t)l->n_edges));
     DMK_TRY(DMK_NEW(ctx, l->edge_triangle, 2 * (size_t)l->n_edges));
@@ -217,7 +217,7 @@ void dmk_local_free(dmk_local *local)
     dmk_mesh *m = &local->mesh;
     free(m->triangle);
     free(m->triangle_edge);
-    free(m->cot);
+    free(m->length);
     free(m->area);
     free(m->edge_vertex);
     free(m->edge_triangle);

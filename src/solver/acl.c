@@ -47,7 +47,7 @@ static int sum_convergence(dmk_context *ctx, const dmk_acl_input *in, double *co
         for (int k = 0; k < 3; k++) {
             const int i = (k + 1) % 3, j = (k + 2) % 3;
             const int32_t *corner = m->triangle + 3 * (size_t)t;
-            const double flow = 0.5 * m->cot[3 * (size_t)t + (size_t)k] * (x[i] - x[j]);
+            const double flow = 0.5 * dmk_cot(m, 3 * t + k) * (x[i] - x[j]);
             convergence[corner[i]] -= flow;
             convergence[corner[j]] += flow;
             area[corner[k]] += m->area[t] / 3;
@@ -71,7 +71,7 @@ static bool is_marked(const dmk_acl_input *in, const double *convergence, int32_
     mean_gradient(in, t, x);
     for (int k = 0; k < 3; k++) {
         const double d = x[(k + 1) % 3] - x[(k + 2) % 3];
-        square += 0.5 * m->cot[3 * (size_t)t + (size_t)k] * d * d / m->area[t];
+        square += 0.5 * dmk_cot(m, 3 * t + k) * d * d / m->area[t];
         top = fmax(top, convergence[m->triangle[3 * (size_t)t + (size_t)k]]);
     }
     const double sine = sqrt(fmax(0, 1 - square));

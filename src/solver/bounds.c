@@ -72,7 +72,7 @@ static int bound_by_host(dmk_iteration *o, const dmk_buffer *v, double *bound)
         double e = 0;
         for (int k = 0; k < 3; k++) {
             const int i = (k + 1) % 3, j = (k + 2) % 3;
-            const double c = m->cot[3 * (size_t)t + (size_t)k], mid = x[edge[k]];
+            const double c = dmk_cot(m, 3 * t + k), mid = x[edge[k]];
             const double a = x[s->whole.vertex_row + corner[i]] - mid,
                          b = x[s->whole.vertex_row + corner[j]] - mid, d = x[edge[i]] - x[edge[j]];
             e += c * (0.5 * (a * a + b * b) + d * d);

@@ -55,7 +55,7 @@ static int restore_component(dmk_context *ctx, const dmk_mesh *m, dmk_result *r)
     DMK_TRY(DMK_NEW(ctx, r->order, 1));
     atomic_init(&r->order->users, 1);
     dmk_order *order = &r->order->order;
-    DMK_TRY(dmk_order_create(ctx, m, m->component[r->source.triangle], order));
+    DMK_TRY(dmk_order_create(ctx, m, dmk_mesh_component(m, (int32_t)r->source.triangle), order));
     dmk_point p = r->source;
     while (order->triangle_old[r->source_triangle] != p.triangle) r->source_triangle++;
     p.triangle = r->source_triangle;

@@ -245,15 +245,15 @@ static int mark_acl(dmk_context *ctx, const dmk_solver *s, double threshold, dou
 {
     int rc;
     const dmk_system *sys = s->system;
-    const dmk_acl_input in = {&s->mollified, mu, u + sys->vertex_row, u};
+    const dmk_acl_input in = {&s->mollified, mu, u + sys->whole.vertex_row, u};
     uint8_t *acl = NULL;
-    DMK_TRY(DMK_NEW(ctx, acl, (size_t)sys->n_elements));
-    for (int32_t t = 0; t < sys->n_elements; t++)
+    DMK_TRY(DMK_NEW(ctx, acl, (size_t)sys->whole.n_elements));
+    for (int32_t t = 0; t < sys->whole.n_elements; t++)
         mu[t] *= sys->unit;
-    for (int32_t i = 0; i < sys->n_rows; i++)
+    for (int32_t i = 0; i < sys->whole.n_rows; i++)
         u[i] *= sys->unit;
     DMK_TRY(dmk_acl_mark(ctx, &in, threshold, acl));
-    for (int32_t t = 0; t < sys->n_elements; t++)
+    for (int32_t t = 0; t < sys->whole.n_elements; t++)
         r->acl[s->order->order.triangle_old[t]] = acl[t];
 done:
     free(acl);
@@ -345,7 +345,7 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     DMK_TRY(check_options(ctx, s, source, options));
     DMK_TRY(dmk_result_create(ctx, s->mesh, &r));
     double began = dmk_seconds();
-    int32_t component = s->mesh->component[source->triangle];
+    int32_t component = dmk_mesh_component(s->mesh, (int32_t)source->triangle);
     if (component != s->component) DMK_TRY(order_component(ctx, s, component));
     r->stats.gap = NAN; /* until it is computed */
     r->source = *source;

@@ -41,7 +41,7 @@ static double outflow(const sweep *s, int32_t t, int k)
     const dmk_mesh *mesh = s->mesh;
     const int32_t *corner = mesh->triangle + 3 * (size_t)t;
     const int32_t *edge = mesh->triangle_edge + 3 * (size_t)t;
-    const double *cot = mesh->cot + 3 * (size_t)t;
+    const double cot[3] = {dmk_cot(mesh, 3 * t), dmk_cot(mesh, 3 * t + 1), dmk_cot(mesh, 3 * t + 2)};
     int i = (k + 1) % 3, j = (k + 2) % 3;
     double di = s->d[corner[i]], dj = s->d[corner[j]];
     double dk = 2 * (s->mid[edge[i]] + s->mid[edge[j]] - s->mid[edge[k]]) - s->d[corner[k]];

@@ -113,7 +113,7 @@ static void march_triangle(march *m, int32_t t, int from, int to)
     /* The ray to x crosses vy. If v is the farther and |Sv| >= |Sx|, the angle at x is at least
      * acos(b / 2|Sx|): no use of sharper ones. */
     if (m->visits[x] > 0 && m->d[x] <= m->d[v] && b < 0.4 * m->d[x] &&
-        mesh->cot[3 * (size_t)t + to] > 0.5) {
+        dmk_cot(mesh, 3 * t + (int32_t)to) > 0.5) {
         return;
     }
     march_offer(m, x,

@@ -53,7 +53,7 @@ static void element_range(int32_t begin, int32_t end, void *data)
         for (int k = 0; k < 3; k++) {
             job->index[dmk_place(t, k, 6)] = s->vertex_row + m->triangle[3 * t + k];
             job->index[dmk_place(t, 3 + k, 6)] = m->triangle_edge[3 * t + k];
-            job->cot[dmk_place(t, k, 3)] = m->cot[3 * t + k];
+            job->cot[dmk_place(t, k, 3)] = dmk_cot(m, 3 * t + k);
         }
         job->area[t] = m->area[t] / (s->unit * s->unit);
     }
@@ -87,7 +87,7 @@ static double share_of_needles(const dmk_mesh *m)
 {
     int32_t count = 0;
     for (int32_t t = 0; t < m->n_triangles; t++) {
-        const double *c = m->cot + 3 * t;
+        const double c[3] = {dmk_cot(m, 3 * t), dmk_cot(m, 3 * t + 1), dmk_cot(m, 3 * t + 2)};
         double s = 1 / (1 + c[0] * c[0]) + 1 / (1 + c[1] * c[1]) + 1 / (1 + c[2] * c[2]);
         count += 1.5 + sqrt(fmax(2.25 - s, 0)) > 2.5;
     }

@@ -303,7 +303,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     int rc = dmk_mesh_create(ctx, (size_t)r.nv, r.xyz, (size_t)r.nt, r.triangle, &m);
     REQUIRE(rc == DMK_OK || (rc == DMK_E_MESH && *dmk_context_message(ctx)));
     if (rc != DMK_OK) return 0;
-    int32_t component = m->component[take() % m->n_triangles];
+    int32_t component = dmk_mesh_component(m, take() % m->n_triangles);
     REQUIRE(dmk_order_create(ctx, m, component, &order) == DMK_OK);
     work(order.mesh);
     dmk_order_free(&order);
