@@ -196,6 +196,33 @@ check '--verbose tells each step' has "$work/errors" '^solve +step 1 '
 check 'and its gap' has "$work/errors" '^solve +step [2-9] .* gap [0-9.]+e-'
 check 'a pipe has no colours' test -z "$("$tool" info "$torus" | grep $'\033')"
 
+# A cube of twelve triangles that share no vertices, some turned over.
+awk 'BEGIN { n = split("0 2 1 1 2 3 4 5 6 5 7 6 0 1 4 1 5 4 2 6 3 3 6 7 0 2 4 2 4 6 1 3 5 3 5 7", c, " ")
+    print "OFF"; print n, n / 3, 0
+    for (i = 1; i <= n; i++) print c[i] % 2, int(c[i] / 2) % 2, int(c[i] / 4)
+    for (i = 0; i < n; i += 3) print 3, i, i + 1, i + 2 }' > "$work/soup.off"
+"$tool" solve "$work/soup.off" --vertex 0 --quiet --report "$work/soup.json" 2> "$work/errors"
+check '--quiet tells nothing of pieces' test ! -s "$work/errors"
+"$tool" info "$work/soup.off" > /dev/null 2> "$work/errors"
+check 'a mesh in pieces is warned of, with the way out' \
+    has "$work/errors" 'warning: .*soup.off is in 12 pieces.*--repair.* leaves 1'
+"$tool" solve "$work/soup.off" --repair --vertex 35 --report "$work/soup.json" > "$work/said" 2> "$work/errors"
+check '--repair tells what it does' \
+    has "$work/errors" 'repaired: 28 vertices merged with equal ones, 2 triangles turned over$'
+check 'the vertices are those of the file' has "$work/said" '^source.*\(1, 0, 1\)'
+check 'the report has it, too' has "$work/soup.json" '"merged_vertices": 28'
+check 'mesh --repair writes the repaired mesh' "$tool" mesh "$work/soup.off" --repair --out "$work/cube.off"
+check 'which is whole' output_has 'closed, genus 0' "$tool" info "$work/cube.off"
+"$tool" mesh "$work/soup.off" --out "$work/soup.stl" --quiet 2> /dev/null
+printf 'OFF\n4 3 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 1 2\n3 0 1 3\n3 0 1 2\n' > "$work/broken.off"
+"$tool" info "$work/broken.off" 2> "$work/errors"
+check 'a refusal that a repair mends names it' has "$work/errors" '[-]-repair'
+check 'and it does' "$tool" info --repair "$work/broken.off"
+"$tool" solve "$torus" --source 9,0,0 2> "$work/errors" > /dev/null
+check 'a source far away is warned of' has "$work/errors" 'warning: \(9, 0, 0\) is 6 away from the surface'
+"$tool" solve "$torus" --source 3.01,0,0 2> "$work/errors" > /dev/null
+check 'one nearby is not' test ! -s "$work/errors"
+
 if command -v script > /dev/null; then
     script -qec "'$tool' solve '$torus' --vertex 0" /dev/null > "$work/screen" < /dev/null
     check 'a terminal shows the progress' has "$work/screen" 'solve +step'

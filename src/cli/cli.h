@@ -198,6 +198,28 @@ const char *cli_point(const double xyz[3], char text[CLI_TEXT_SIZE]);
 uint64_t cli_peak_memory(void);
 double cli_seconds(void);
 
+/* ---- reading.c ------------------------------------------------------------------------------ */
+
+typedef struct cli_reading {
+    bool repair;
+    bool quiet;             /* tell nothing of it */
+    cli_progress *progress; /* whose line gives way to what is told, or NULL */
+} cli_reading;
+
+#define CLI_REPAIR_HELP                                                                             \
+    "merge equal vertices, drop triangles without area or there twice,\n"                           \
+    "turn triangles to agree, part what is not a surface"
+
+/* Read a mesh file. On the standard error: what was repaired, and a warning of a mesh in pieces. The status of the
+ * library; *did is the caller's to free, and zero without a repair. */
+int cli_read_mesh(dmk_context *context, const char *path, const cli_reading *how, dmk_repairs *did,
+                  dmk_mesh **mesh);
+/* dmk_mesh_vertex_point of a vertex of the file. */
+int cli_vertex_point(dmk_context *context, const dmk_mesh *mesh, const dmk_repairs *did, int64_t vertex,
+                     dmk_point *point);
+/* A warning if `point`, the nearest of the surface, is more than an edge away from xyz. */
+void cli_warn_offset(dmk_context *context, const dmk_mesh *mesh, const double xyz[3], const dmk_point *point);
+
 /* ---- json.c --------------------------------------------------------------------------------- */
 
 typedef struct cli_json {
@@ -217,5 +239,7 @@ void json_bool(cli_json *json, const char *key, bool value);
 void json_numbers(cli_json *json, const char *key, const double *values, size_t n);
 /* Mesh counts and measures, as fields of the object that is open. */
 void json_mesh(cli_json *json, const dmk_mesh_info *info);
+/* What was repaired, as an object of its own; nothing without a repair. */
+void json_repairs(cli_json *json, const dmk_repairs *did);
 
 #endif

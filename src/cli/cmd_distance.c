@@ -11,7 +11,7 @@ typedef struct distance_request {
     cli_numbers source;
     int64_t vertex;      /* -1: not given */
     const char *sources; /* file, or NULL */
-    bool border, exact, quiet, json;
+    bool border, exact, quiet, json, repair;
     double tolerance; /* 0: not given */
     int64_t threads;
     cli_files out;
@@ -21,6 +21,7 @@ typedef struct distance_request {
 typedef struct distance_run {
     dmk_context *context;
     dmk_mesh *mesh;
+    dmk_repairs repairs;
     dmk_geodesics *geodesics;
     dmk_point *source; /* n */
     size_t n;
@@ -38,7 +39,7 @@ static int fail(distance_run *run, int rc)
 
 static int place(distance_run *run, const solve_source *s, dmk_point *point)
 {
-    if (s->vertex >= 0) return dmk_mesh_vertex_point(run->context, run->mesh, s->vertex, point);
+    if (s->vertex >= 0) return cli_vertex_point(run->context, run->mesh, &run->repairs, s->vertex, point);
     return dmk_mesh_project(run->context, run->mesh, s->xyz, point);
 }
 
@@ -105,6 +106,7 @@ static void write_report(FILE *file, const distance_request *request, const dist
     json_open(&json, "mesh", '{');
     json_text(&json, "file", request->mesh);
     json_mesh(&json, &mesh);
+    json_repairs(&json, &run->repairs);
     json_close(&json, '{');
     json_integer(&json, "n_sources", (int64_t)run->n);
     json_bool(&json, "border", request->border);
@@ -178,7 +180,8 @@ static int run_distance(const distance_request *request)
     if (rc != DMK_OK) return cli_library_error(NULL, rc);
     dmk_context_set_threads(run.context, (int)request->threads);
     cli_watch(run.context, &run.progress);
-    rc = dmk_mesh_read(run.context, request->mesh, &run.mesh);
+    const cli_reading how = {request->repair, request->quiet, &run.progress};
+    rc = cli_read_mesh(run.context, request->mesh, &how, &run.repairs, &run.mesh);
     run.read = cli_seconds() - run.begin;
     int code = rc == DMK_OK ? place_all(request, &run) : fail(&run, rc);
     if (code == EXIT_OK) code = compute(request, &run);
@@ -191,6 +194,7 @@ static int run_distance(const distance_request *request)
     free(run.source);
     dmk_geodesics_destroy(&run.geodesics);
     dmk_mesh_destroy(&run.mesh);
+    dmk_repairs_free(&run.repairs);
     dmk_context_destroy(&run.context);
     return code;
 }
@@ -243,6 +247,7 @@ static int parse(distance_request *r, const char *out_help, int argc, char **arg
          .help = "all sources of a file, as one set: a line each, X,Y,Z or vertex I",
          .kind = CLI_TEXT,
          .target = &r->sources},
+        {.name = "repair", .help = CLI_REPAIR_HELP, .kind = CLI_FLAG, .target = &r->repair},
         {.name = "border",
          .help = "the border of the mesh is a source, too",
          .kind = CLI_FLAG,

@@ -41,44 +41,50 @@ static void print_info(const char *path, const dmk_mesh_info *info)
     printf("%-11s (%s) to (%s)\n", "box", cli_point(info->box_min, a), cli_point(info->box_max, b));
 }
 
-static void print_json(const char *path, const dmk_mesh_info *info)
+static void print_json(const char *path, const dmk_mesh_info *info, const dmk_repairs *repairs)
 {
     cli_json json = {.file = stdout};
     json_open(&json, NULL, '{');
     json_text(&json, "file", path);
     json_mesh(&json, info);
+    json_repairs(&json, repairs);
     json_close(&json, '{');
 }
 
-static int show(const char *path, bool as_json)
+static int show(const char *path, bool repair, bool as_json)
 {
     dmk_context *context;
     dmk_mesh *mesh = NULL;
     dmk_mesh_info info;
     int rc = dmk_context_create(&context);
-    if (rc == DMK_OK) rc = dmk_mesh_read(context, path, &mesh);
+    const cli_reading how = {repair, as_json, NULL};
+    dmk_repairs repairs = {0};
+    if (rc == DMK_OK) rc = cli_read_mesh(context, path, &how, &repairs, &mesh);
     if (rc != DMK_OK) {
         rc = cli_library_error(context, rc);
     } else {
         dmk_mesh_get_info(mesh, &info);
-        (as_json ? print_json : print_info)(path, &info);
+        if (as_json) print_json(path, &info, &repairs);
+        else print_info(path, &info);
         rc = cli_flush();
     }
     dmk_mesh_destroy(&mesh);
+    dmk_repairs_free(&repairs);
     dmk_context_destroy(&context);
     return rc;
 }
 
 int cmd_info(int argc, char **argv)
 {
-    bool as_json = false;
+    bool as_json = false, repair = false;
     const char *path;
     const cli_option options[] = {
+        {.name = "repair", .help = CLI_REPAIR_HELP, .kind = CLI_FLAG, .target = &repair},
         {.name = "json", .help = "print JSON", .kind = CLI_FLAG, .target = &as_json},
     };
     const cli_syntax syntax = {
         .command = "info",
-        .usage = "MESH [--json]",
+        .usage = "MESH [--repair] [--json]",
         .summary =
             "Counts, topology and quality of a mesh file. A mesh that cannot be solved is refused\n"
             "with the first offending elements named.",
@@ -87,5 +93,5 @@ int cmd_info(int argc, char **argv)
         .n_options = sizeof options / sizeof *options,
     };
     const int code = cli_parse(&syntax, argc, argv, &path);
-    return code == CLI_GO_ON ? show(path, as_json) : code;
+    return code == CLI_GO_ON ? show(path, repair, as_json) : code;
 }

@@ -59,26 +59,29 @@ static void print_made(const char *path, const dmk_surface_options *surface, con
 }
 
 /* Of a surface, or, if it has no name, of the mesh file `from`. */
-static int make(const dmk_surface_options *surface, const char *from, const char *path, bool quiet)
+static int make(const dmk_surface_options *surface, const char *from, const char *path,
+                const cli_reading *how)
 {
     dmk_context *context;
     dmk_mesh *mesh = NULL;
     cli_progress progress = {0};
+    dmk_repairs repairs = {0};
     int rc = dmk_context_create(&context);
     if (rc == DMK_OK) {
         cli_watch(context, &progress);
         rc = surface->name ? dmk_mesh_surface(context, surface, &mesh)
-                           : dmk_mesh_read(context, from, &mesh);
+                           : cli_read_mesh(context, from, how, &repairs, &mesh);
     }
     if (rc == DMK_OK && cli_interrupted()) rc = DMK_E_CANCELLED;
     if (rc == DMK_OK) rc = dmk_mesh_write(context, mesh, path);
     if (rc != DMK_OK) {
         rc = cli_library_error(context, rc);
-    } else if (!quiet) {
+    } else if (!how->quiet) {
         print_made(path, surface, mesh);
         rc = cli_flush();
     }
     dmk_mesh_destroy(&mesh);
+    dmk_repairs_free(&repairs);
     dmk_context_destroy(&context);
     return rc;
 }
@@ -88,7 +91,7 @@ int cmd_mesh(int argc, char **argv)
     const char *name, *out = NULL;
     cli_numbers size = {.n = 0}, source = {.n = 0};
     int64_t n_triangles = 0, refine = 0;
-    bool quiet = false;
+    cli_reading how = {0};
     char formats[512], out_help[600], surfaces[2048];
     cli_suffixes(CLI_MESH, formats, sizeof formats);
     snprintf(out_help, sizeof out_help, "the mesh file to write: %s", formats);
@@ -121,7 +124,8 @@ int cmd_mesh(int argc, char **argv)
          .help = "make the point of the surface near X,Y,Z an exact vertex, number 0",
          .kind = CLI_POINT,
          .target = &source},
-        {.name = "quiet", .help = "print nothing", .kind = CLI_FLAG, .target = &quiet},
+        {.name = "quiet", .help = "print nothing", .kind = CLI_FLAG, .target = &how.quiet},
+        {.name = "repair", .help = CLI_REPAIR_HELP, .kind = CLI_FLAG, .target = &how.repair},
     };
     const cli_syntax syntax = {
         .command = "mesh",
@@ -157,5 +161,5 @@ int cmd_mesh(int argc, char **argv)
     cli_use(&uses, NULL, surface.name ? NULL : name);
     cli_use(&uses, "out", out);
     if (code == EXIT_OK) code = cli_check_uses(&uses);
-    return code == EXIT_OK ? make(&surface, name, out, quiet) : code;
+    return code == EXIT_OK ? make(&surface, name, out, &how) : code;
 }

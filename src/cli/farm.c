@@ -221,7 +221,7 @@ static int find_place(const farm *f, const int64_t *sample, size_t i, solve_run 
     const solve_request *each = &f->request->each;
     if (sample) return dmk_mesh_vertex_point(run->context, run->mesh, sample[i], &run->source);
     if (each->source.n > 0) return dmk_mesh_project(run->context, run->mesh, each->source.value, &run->source);
-    return dmk_mesh_vertex_point(run->context, run->mesh, each->vertex, &run->source);
+    return cli_vertex_point(run->context, run->mesh, &run->repairs, each->vertex, &run->source);
 }
 
 static int do_source(farm *f, const int64_t *sample, size_t i, const solve_request *one, solve_run *run)
@@ -244,7 +244,8 @@ static int make_ready(farm *f, const batch_mesh *mesh, solve_run *run, int64_t *
 {
     const double begin = cli_seconds();
     const size_t n = f->n_sources;
-    int rc = dmk_mesh_read(run->context, mesh->path, &run->mesh);
+    const cli_reading how = {f->request->each.repair, f->request->each.quiet, &run->progress};
+    int rc = cli_read_mesh(run->context, mesh->path, &how, &run->repairs, &run->mesh);
     if (rc != DMK_OK) run->where = ""; /* the message names the file */
     if (rc == DMK_OK) rc = dmk_solver_create(run->context, run->device, run->mesh, &run->solver);
     if (rc == DMK_OK && f->request->samples > 0) {
@@ -321,6 +322,7 @@ static void do_mesh(worker *w, size_t k)
     dmk_result_destroy(&run.result);
     dmk_solver_destroy(&run.solver);
     dmk_mesh_destroy(&run.mesh);
+    dmk_repairs_free(&run.repairs);
     if (f->n_failed != failed) renew_device(w, &run);
     if (large) pthread_mutex_unlock(&f->large);
 }

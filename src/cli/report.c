@@ -100,6 +100,7 @@ void solve_report_fields(cli_json *json, const solve_request *request, const sol
     json_open(json, "mesh", '{');
     json_text(json, "file", request->mesh);
     json_mesh(json, &info);
+    json_repairs(json, &run->repairs);
     json_close(json, '{');
     json_integer(json, "euler", info.euler);
     json_number(json, "area", stats.area); /* of the component with the source */

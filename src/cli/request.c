@@ -34,6 +34,10 @@ void solve_add_source(solve_table *table, solve_request *request)
          .lo = 0,
          .hi = INT_MAX,
          .expected = "a vertex number, from 0"},
+        {.name = "repair",
+         .help = CLI_REPAIR_HELP,
+         .kind = CLI_FLAG,
+         .target = &request->repair},
     };
     solve_add(table, rows, sizeof rows / sizeof *rows);
 }

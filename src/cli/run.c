@@ -70,9 +70,15 @@ int solve_fail(solve_run *run, int rc)
 static int place(const solve_request *request, solve_run *run)
 {
     if (request->vertex >= 0) {
-        return dmk_mesh_vertex_point(run->context, run->mesh, request->vertex, &run->source);
+        return cli_vertex_point(run->context, run->mesh, &run->repairs, request->vertex, &run->source);
     }
-    return dmk_mesh_project(run->context, run->mesh, request->source.value, &run->source);
+    const double *xyz = request->source.value;
+    const int rc = dmk_mesh_project(run->context, run->mesh, xyz, &run->source);
+    if (rc == DMK_OK && !request->quiet) {
+        cli_progress_end(&run->progress);
+        cli_warn_offset(run->context, run->mesh, xyz, &run->source);
+    }
+    return rc;
 }
 
 int solve_place(const solve_request *request, solve_run *run)
@@ -84,7 +90,8 @@ int solve_place(const solve_request *request, solve_run *run)
 static int read_mesh(const solve_request *request, solve_run *run)
 {
     double mark = run->seconds.begin;
-    int rc = dmk_mesh_read(run->context, request->mesh, &run->mesh);
+    const cli_reading how = {request->repair, request->quiet, &run->progress};
+    int rc = cli_read_mesh(run->context, request->mesh, &how, &run->repairs, &run->mesh);
     if (rc == DMK_OK && !request->sources) rc = place(request, run);
     run->seconds.read = lap(&mark);
     return rc;
@@ -185,6 +192,7 @@ void solve_end(solve_run *run)
     dmk_result_destroy(&run->result);
     dmk_solver_destroy(&run->solver);
     dmk_mesh_destroy(&run->mesh);
+    dmk_repairs_free(&run->repairs);
     dmk_device_destroy(&run->device);
     dmk_context_destroy(&run->context);
 }

@@ -19,6 +19,7 @@ typedef struct solve_request {
     int64_t threads, max_steps; /* these go to `device` and `solve` when the command line is read */
     int method, start;
     bool single;
+    bool repair;
     bool quiet, verbose;
 } solve_request;
 
@@ -33,6 +34,7 @@ typedef struct solve_times {
 typedef struct solve_run {
     dmk_context *context;
     dmk_mesh *mesh;
+    dmk_repairs repairs;
     dmk_device *device;
     dmk_solver *solver;
     dmk_result *result;

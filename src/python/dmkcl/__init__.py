@@ -24,7 +24,7 @@ from ._lib import (
 from ._locus import Locus
 from ._mesh import Mesh, Point
 from ._progress import Progress
-from ._read import read
+from ._read import Repaired, read, repair
 from ._result import Certificate, Cut, Path, Result, Tangent
 from ._solver import CutLocus, cut_open, distance, shortest_path
 
@@ -47,6 +47,7 @@ __all__ = [
     "Path",
     "Point",
     "Progress",
+    "Repaired",
     "Result",
     "StepLimitError",
     "Tangent",
@@ -54,6 +55,7 @@ __all__ = [
     "devices",
     "distance",
     "read",
+    "repair",
     "shortest_path",
     "surfaces",
     "version",

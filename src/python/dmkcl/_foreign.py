@@ -1,4 +1,4 @@
-"""What other packages call a mesh: meshio, trimesh, PyVista, Open3D."""
+"""Vertices and faces of what other packages call a mesh: meshio, trimesh, PyVista, Open3D."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._lib import MeshError
-from ._mesh import Mesh
 
 
 def _star(polygons: NDArray[Any]) -> NDArray[Any]:
@@ -23,7 +22,7 @@ def _star(polygons: NDArray[Any]) -> NDArray[Any]:
 _CORNERS = {"triangle": 3, "triangle6": 3, "triangle7": 3, "quad": 4, "quad8": 4, "quad9": 4}
 
 
-def from_meshio(mesh: Any) -> Mesh:
+def from_meshio(mesh: Any) -> "tuple[Any, Any]":
     parts, others = [], set()
     for block in mesh.cells:
         corners = _CORNERS.get(block.type)
@@ -37,17 +36,17 @@ def from_meshio(mesh: Any) -> Mesh:
         raise MeshError(
             f"no triangles: {', '.join(sorted(others)) or 'no cells'} only; a surface is wanted"
         )
-    return Mesh(mesh.points, np.vstack(parts))
+    return mesh.points, np.vstack(parts)
 
 
-def from_trimesh(mesh: Any) -> Mesh:
+def from_trimesh(mesh: Any) -> "tuple[Any, Any]":
     """A Trimesh, or a Scene: all its bodies where the scene has put them."""
     if hasattr(mesh, "geometry"):
         mesh = mesh.to_mesh() if hasattr(mesh, "to_mesh") else mesh.dump(concatenate=True)
-    return Mesh(mesh.vertices, mesh.faces)
+    return mesh.vertices, mesh.faces
 
 
-def from_pyvista(data: Any) -> Mesh:
+def from_pyvista(data: Any) -> "tuple[Any, Any]":
     """Any data set, or a MultiBlock: all its blocks together. Only the surface of solids."""
     import pyvista
 
@@ -56,20 +55,20 @@ def from_pyvista(data: Any) -> Mesh:
     if not isinstance(data, pyvista.PolyData):
         data = data.extract_surface(algorithm=None)
     data = data.triangulate()
-    return Mesh(data.points, np.asarray(data.faces).reshape(-1, 4)[:, 1:])
+    return data.points, np.asarray(data.faces).reshape(-1, 4)[:, 1:]
 
 
-def from_object(mesh: Any) -> Optional[Mesh]:
-    """The Mesh of another package's object, told by what it has; None: it is none of them."""
+def from_object(mesh: Any) -> "Optional[tuple[Any, Any]]":
+    """Vertices and faces of another package's object, told by what it has; None: it is none of them."""
     if hasattr(mesh, "geometry") and (hasattr(mesh, "to_mesh") or hasattr(mesh, "dump")):
         return from_trimesh(mesh)
     if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
         return from_trimesh(mesh)
     if hasattr(mesh, "vertices") and hasattr(mesh, "triangles"):  # Open3D
-        return Mesh(np.asarray(mesh.vertices), np.asarray(mesh.triangles))
+        return np.asarray(mesh.vertices), np.asarray(mesh.triangles)
     if hasattr(mesh, "vertex") and hasattr(mesh, "triangle"):  # Open3D, its tensors
         legacy = mesh.to_legacy()
-        return Mesh(np.asarray(legacy.vertices), np.asarray(legacy.triangles))
+        return np.asarray(legacy.vertices), np.asarray(legacy.triangles)
     if hasattr(mesh, "points") and hasattr(mesh, "n_cells"):
         return from_pyvista(mesh)
     if hasattr(mesh, "n_blocks") and hasattr(mesh, "combine"):

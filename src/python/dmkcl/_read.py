@@ -1,24 +1,120 @@
-"""Reading files: the library's own formats first, then what meshio and trimesh read."""
+"""Meshes from files and from other packages; the library's own formats first, then what meshio and
+trimesh read."""
 
 from __future__ import annotations
 
 import os
-from typing import Any, Callable, Optional, Sequence, Union
+from typing import Any, Callable, NamedTuple, Optional, Sequence, Union
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ._foreign import from_meshio, from_object
-from ._lib import ArgumentError, Error, FileError, FormatError
-from ._mesh import Mesh
+from ._lib import ArgumentError, Context, Error, FileError, FormatError, Handle, ffi, lib, path_bytes
+from ._mesh import Mesh, _face_array, _vertex_array
+
+MeshLike = Union[Mesh, "os.PathLike[str]", str, Sequence[Any], Any]
 
 
-def _by_meshio(path: str) -> Mesh:
+# ---- repair -----------------------------------------------------------------------------------
+
+
+class Repaired(NamedTuple):
+    """A repaired mesh, and what was done.
+
+    mesh: a `Mesh`. Counts: merged_vertices, flipped_triangles and degenerate_triangles (without area:
+    mended, dropped), duplicate_triangles, split_edges, turned_triangles, split_vertices (added).
+    vertex_new: (old n,) the new number of each old vertex, -1 where it has gone; vertex_old: (n,) and
+    face_old: (m,) old numbers, the first of several.
+    """
+
+    mesh: Mesh
+    merged_vertices: int
+    flipped_triangles: int
+    degenerate_triangles: int
+    duplicate_triangles: int
+    split_edges: int
+    turned_triangles: int
+    split_vertices: int
+    vertex_new: NDArray[np.int32]
+    vertex_old: NDArray[np.int32]
+    face_old: NDArray[np.int32]
+
+    def __repr__(self) -> str:
+        done = [f"{getattr(self, name)} {name}" for name in _COUNTS if getattr(self, name)]
+        return f"<dmkcl.Repaired: {self.mesh!r}; {', '.join(done) or 'nothing was broken'}>"
+
+
+_COUNTS = Repaired._fields[1:8]
+
+
+def _repaired(call: Callable[[Any, Any, Any], int]) -> Repaired:
+    """What call(context, repairs, mesh) gives."""
+    handle = Handle("dmk_mesh")
+    did = ffi.gc(ffi.new("dmk_repairs *"), lib.dmk_repairs_free)
+    with Context() as context:
+        context.check(call(context.pointer, did, handle.box))
+
+    def taken(pointer: Any, n: int) -> NDArray[np.int32]:
+        return np.frombuffer(ffi.buffer(pointer, 4 * n), np.int32, count=n).copy()
+
+    counts = {name: int(getattr(did, name)) for name in _COUNTS}
+    return Repaired(
+        mesh=Mesh._adopt(handle),
+        vertex_new=taken(did.vertex_new, did.n_old_vertices),
+        vertex_old=taken(did.vertex_old, did.n_vertices),
+        face_old=taken(did.triangle_old, did.n_triangles),
+        **counts,
+    )
+
+
+def _repair_arrays(vertices: ArrayLike, faces: ArrayLike) -> Repaired:
+    xyz = _vertex_array(vertices)
+    index = _face_array(faces, len(xyz))
+    return _repaired(
+        lambda context, did, box: lib.dmk_mesh_repair(
+            context,
+            len(xyz),
+            ffi.from_buffer("double[]", xyz),
+            len(index),
+            ffi.from_buffer("int32_t[]", index),
+            did,
+            box,
+        )
+    )
+
+
+def _repair_file(path: str) -> Repaired:
+    name = path_bytes(path)
+    return _repaired(lambda context, did, box: lib.dmk_mesh_read_repaired(context, name, did, box))
+
+
+def repair(vertices: "Union[ArrayLike, MeshLike]", faces: Optional[ArrayLike] = None) -> Repaired:
+    """Mend a mesh that is refused, or one that falls into pieces: ``repair(V, F).mesh``.
+
+    Equal vertices become one; triangles without area are flipped away or dropped, those there twice
+    dropped; at edges of more than two triangles pairs that fit stay joined; triangles are turned to
+    agree with their neighbours (a surface with one side is cut open); vertices whose triangles do not
+    hang together become several. Takes what `CutLocus` takes: arrays, a file name, another package's
+    mesh. MeshError if a triangle names a vertex that does not exist, or nothing is left.
+    """
+    if faces is None and isinstance(vertices, (str, os.PathLike)):
+        done: Repaired = _load(os.fspath(vertices), _repair_file, _repair_arrays)
+        return done
+    arrays: "tuple[Any, Any]" = (vertices, faces) if faces is not None else _arrays(vertices)
+    return _repair_arrays(*arrays)
+
+
+# ---- files ------------------------------------------------------------------------------------
+
+
+def _by_meshio(path: str) -> "tuple[Any, Any]":
     import meshio
 
     return from_meshio(meshio.read(path))
 
 
-def _by_trimesh(path: str) -> Mesh:
+def _by_trimesh(path: str) -> "tuple[Any, Any]":
     import trimesh
 
     # Formats for pictures double the vertices along seams of texture; there the surface is whole.
@@ -26,7 +122,7 @@ def _by_trimesh(path: str) -> Mesh:
     if isinstance(loaded, trimesh.Scene):
         loaded = loaded.to_mesh()
     loaded.merge_vertices(merge_tex=True, merge_norm=True)
-    return Mesh(loaded.vertices, loaded.faces)
+    return loaded.vertices, loaded.faces
 
 
 def _named(error: Error, path: str) -> Error:
@@ -36,8 +132,8 @@ def _named(error: Error, path: str) -> Error:
     return named
 
 
-def _try(reader: Callable[[str], Mesh], name: str, path: str) -> "Mesh | str":
-    """The mesh, or why this reader has none. What is read and is no surface is an error."""
+def _try(reader: Callable[[str], Any], name: str, path: str) -> Any:
+    """Vertices and faces, or why this reader has none."""
     try:
         return reader(path)
     except ImportError as missing:
@@ -49,6 +145,26 @@ def _try(reader: Callable[[str], Mesh], name: str, path: str) -> "Mesh | str":
         return words.splitlines()[0]
 
 
+def _load(path: str, own: Callable[[str], Any], make: Callable[[Any, Any], Any]) -> Any:
+    """The library's own reader, or what `make` makes of what another package reads."""
+    try:
+        return own(path)
+    except FormatError as error:
+        refused = error
+    except FileError:
+        raise
+    said = [str(refused)]
+    for name, reader in (("meshio", _by_meshio), ("trimesh", _by_trimesh)):
+        found = _try(reader, name, path)
+        if isinstance(found, tuple):
+            try:
+                return make(*found)
+            except Error as error:
+                raise _named(error, path) from None
+        said.append(f"{name}: {found}")
+    raise FormatError("; ".join(said)) from refused
+
+
 def read(path: "os.PathLike[str] | str") -> Mesh:
     """Read a mesh from a file.
 
@@ -57,25 +173,27 @@ def read(path: "os.PathLike[str] | str") -> Mesh:
     (``pip install dmkcl[meshes]``).
 
     Raises FileError if the file cannot be read, FormatError if nobody knows the format, MeshError
-    if it holds no surface that the method can treat.
+    if it holds no surface that the method can treat (`repair` mends most).
     """
-    path = os.fspath(path)
-    try:
-        return Mesh._read(path)
-    except FormatError as error:
-        own = error
-    except FileError:
-        raise
-    said = [str(own)]
-    for name, reader in (("meshio", _by_meshio), ("trimesh", _by_trimesh)):
-        found = _try(reader, name, path)
-        if isinstance(found, Mesh):
-            return found
-        said.append(f"{name}: {found}")
-    raise FormatError("; ".join(said)) from own
+    mesh: Mesh = _load(os.fspath(path), Mesh._read, Mesh)
+    return mesh
 
 
-MeshLike = Union[Mesh, "os.PathLike[str]", str, Sequence[Any], Any]
+# ---- anything that is a mesh ------------------------------------------------------------------
+
+
+def _arrays(mesh: Any) -> "tuple[Any, Any]":
+    if isinstance(mesh, Mesh):
+        return mesh.vertices, mesh.faces
+    if isinstance(mesh, (tuple, list)) and len(mesh) == 2:
+        return mesh[0], mesh[1]
+    found = from_object(mesh)
+    if found is None:
+        raise ArgumentError(
+            "a mesh is wanted: vertices and faces, a file name, or a mesh of trimesh, meshio, "
+            f"PyVista or Open3D, not {type(mesh).__name__}"
+        )
+    return found
 
 
 def as_mesh(mesh: MeshLike, faces: Optional[ArrayLike] = None) -> Mesh:
@@ -87,12 +205,17 @@ def as_mesh(mesh: MeshLike, faces: Optional[ArrayLike] = None) -> Mesh:
         return mesh
     if isinstance(mesh, (str, os.PathLike)):
         return read(mesh)
-    if isinstance(mesh, (tuple, list)) and len(mesh) == 2:
-        return Mesh(mesh[0], mesh[1])
-    found = from_object(mesh)
-    if found is None:
-        raise ArgumentError(
-            "a mesh is wanted: vertices and faces, a file name, or a mesh of trimesh, meshio, "
-            f"PyVista or Open3D, not {type(mesh).__name__}"
-        )
-    return found
+    return Mesh(*_arrays(mesh))
+
+
+def warning_of_pieces(mesh: Mesh) -> Optional[str]:
+    """What to warn of when a mesh is in pieces; most often its triangles share no vertices."""
+    pieces = mesh.info["n_components"]
+    if pieces < 2:
+        return None
+    whole = _repair_arrays(mesh.vertices, mesh.faces).mesh.info["n_components"]
+    return f"the mesh is in {pieces} pieces, and only the one with the source takes part" + (
+        f"; dmkcl.repair(mesh).mesh, which merges equal vertices, leaves {whole}"
+        if whole < pieces
+        else ""
+    )

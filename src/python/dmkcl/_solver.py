@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from typing import TYPE_CHECKING, Any, Iterator, Literal, Optional, Sequence, TypedDict, Union
 
 import numpy as np
@@ -12,7 +13,7 @@ from ._device import open_device
 from ._lib import ArgumentError, Context, Handle, ffi, lib
 from ._mesh import Mesh, Point
 from ._progress import ProgressOption, Watch
-from ._read import MeshLike, as_mesh
+from ._read import MeshLike, as_mesh, warning_of_pieces
 from ._result import Cut, Result
 
 if TYPE_CHECKING:
@@ -125,6 +126,9 @@ class CutLocus:
         cache: "Union[None, str, os.PathLike[str]]" = None,
     ):
         self.mesh: Mesh = as_mesh(vertices, faces)
+        warning = warning_of_pieces(self.mesh)
+        if warning:
+            warnings.warn(warning, stacklevel=2)
         self._choice = (device, single, threads, cache)
         self._device = open_device(device, single, threads, cache)
         self._handle = Handle("dmk_solver", self._device.handle, self.mesh._handle)

@@ -161,6 +161,7 @@ def test_printed_form(small):
     assert repr(two) == "<dmkcl.Mesh: 6 vertices, 2 triangles, 2 components, 2 borders>"
 
 
+@pytest.mark.filterwarnings("ignore:the mesh is in 2 pieces")
 def test_scenes_blocks_and_open3d(small):
     trimesh, pyvista = pytest.importorskip("trimesh"), pytest.importorskip("pyvista")
     scene = trimesh.Scene([small.to_trimesh()])

@@ -97,3 +97,39 @@ def test_five_lines(tmp_path, small, loaded):
     result = dmkcl.CutLocus(mesh).solve(point=(0, 0, 1))
     assert len(result.density) == len(small.faces)
     assert result.locus.vertices[0, 2] < -0.9
+
+
+def soup(mesh):
+    """Each triangle with vertices of its own."""
+    return mesh.vertices[mesh.faces.ravel()], np.arange(3 * len(mesh.faces)).reshape(-1, 3)
+
+
+def test_repair(tmp_path):
+    whole = dmkcl.surfaces.sphere(n_triangles=200)
+    V, F = soup(whole)
+    F = np.vstack([F, F[:1, ::-1], [[0, 0, 1]]])
+    F[5:40:3] = F[5:40:3, ::-1]
+    done = dmkcl.repair(V, F)
+    assert done.mesh.info["euler"] == 2 and len(done.mesh.faces) == len(whole.faces)
+    assert done.merged_vertices == len(V) - len(whole.vertices) and done.turned_triangles == 12
+    assert done.duplicate_triangles == 1 and done.degenerate_triangles == 1
+    assert np.array_equal(done.mesh.vertices, V[done.vertex_old])
+    assert np.array_equal(done.mesh.vertices[done.vertex_new], V)
+    assert np.array_equal(np.sort(done.vertex_new[F[done.face_old]]), np.sort(done.mesh.faces))
+    assert "12 turned_triangles" in repr(done)
+    path = tmp_path / "soup.obj"
+    lines = [f"v {x} {y} {z}" for x, y, z in V] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in F]
+    path.write_text("\n".join(lines))
+    assert len(dmkcl.repair(path).mesh.vertices) == len(whole.vertices)
+    with pytest.raises(dmkcl.MeshError, match="soup.obj.*as repair does"):
+        dmkcl.read(path)
+
+
+def test_pieces_are_warned_of():
+    whole = dmkcl.surfaces.sphere(n_triangles=200)
+    with pytest.warns(UserWarning, match=r"in 20\d pieces.*leaves 1"):
+        dmkcl.CutLocus(*soup(whole))
+    pyvista = pytest.importorskip("pyvista")
+    with pytest.warns(UserWarning, match="in 6 pieces.*leaves 1"):
+        dmkcl.CutLocus(pyvista.Cube(clean=False))
+    assert dmkcl.repair(pyvista.Cube(clean=False)).mesh.info["euler"] == 2

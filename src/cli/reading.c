@@ -1,0 +1,99 @@
+/* Mesh files as the commands read them: with --repair or without, and what is told of them. */
+#include "cli.h"
+
+#include <math.h>
+
+typedef struct count {
+    size_t n;
+    const char *one, *many;
+} count;
+
+static void tell_repairs(const char *path, const dmk_repairs *did)
+{
+    const count counts[] = {
+        {did->merged_vertices, "vertex merged with an equal one", "vertices merged with equal ones"},
+        {did->flipped_triangles, "triangle without area flipped", "triangles without area flipped"},
+        {did->degenerate_triangles, "triangle without area dropped", "triangles without area dropped"},
+        {did->duplicate_triangles, "duplicate triangle dropped", "duplicate triangles dropped"},
+        {did->split_edges, "edge parted", "edges parted"},
+        {did->turned_triangles, "triangle turned over", "triangles turned over"},
+        {did->split_vertices, "vertex added where triangles met in a point only",
+         "vertices added where triangles met in a point only"},
+    };
+    const char *before = "";
+    fprintf(stderr, "dmkcl: %s repaired: ", path);
+    for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) {
+        if (counts[i].n == 0) continue;
+        fprintf(stderr, "%s%zu %s", before, counts[i].n, counts[i].n == 1 ? counts[i].one : counts[i].many);
+        before = ", ";
+    }
+    fprintf(stderr, "%s\n", *before ? "" : "nothing was broken");
+}
+
+/* A mesh in pieces is most often one whose triangles do not share their vertices. */
+static void warn_of_pieces(dmk_context *context, const char *path, const dmk_mesh *mesh, bool repaired)
+{
+    dmk_mesh_info info, whole = {0};
+    dmk_mesh *merged = NULL;
+    dmk_mesh_get_info(mesh, &info);
+    if (info.n_components < 2) return;
+    if (!repaired && dmk_mesh_repair(context, info.n_vertices, dmk_mesh_vertices(mesh), info.n_triangles,
+                                     dmk_mesh_triangles(mesh), NULL, &merged) == DMK_OK) {
+        dmk_mesh_get_info(merged, &whole);
+        dmk_mesh_destroy(&merged);
+    }
+    fprintf(stderr, "dmkcl: warning: %s is in %zu pieces, and only those with a source take part", path,
+            info.n_components);
+    if (whole.n_components > 0 && whole.n_components < info.n_components) {
+        fprintf(stderr, "; --repair, which merges equal vertices, leaves %zu", whole.n_components);
+    }
+    fputc('\n', stderr);
+}
+
+int cli_read_mesh(dmk_context *context, const char *path, const cli_reading *how, dmk_repairs *did,
+                  dmk_mesh **mesh)
+{
+    const int rc = how->repair ? dmk_mesh_read_repaired(context, path, did, mesh)
+                               : dmk_mesh_read(context, path, mesh);
+    if (rc != DMK_OK || how->quiet) return rc;
+    if (how->progress) cli_progress_end(how->progress);
+    if (how->repair) tell_repairs(path, did);
+    warn_of_pieces(context, path, *mesh, how->repair);
+    return rc;
+}
+
+void cli_warn_offset(dmk_context *context, const dmk_mesh *mesh, const double xyz[3], const dmk_point *point)
+{
+    char wanted[CLI_TEXT_SIZE], found[CLI_TEXT_SIZE];
+    double at[3], square = 0;
+    dmk_mesh_info info;
+    if (dmk_mesh_point_xyz(context, mesh, point, at) != DMK_OK) return;
+    for (int k = 0; k < 3; k++) square += (at[k] - xyz[k]) * (at[k] - xyz[k]);
+    dmk_mesh_get_info(mesh, &info);
+    if (!(sqrt(square) > info.mean_edge)) return;
+    fprintf(stderr, "dmkcl: warning: (%s) is %.3g away from the surface; its nearest point (%s) is taken\n",
+            cli_point(xyz, wanted), sqrt(square), cli_point(at, found));
+}
+
+int cli_vertex_point(dmk_context *context, const dmk_mesh *mesh, const dmk_repairs *did, int64_t vertex,
+                     dmk_point *point)
+{
+    if (did->vertex_new && vertex >= 0 && (size_t)vertex < did->n_old_vertices) {
+        vertex = did->vertex_new[vertex];
+    }
+    return dmk_mesh_vertex_point(context, mesh, vertex, point);
+}
+
+void json_repairs(cli_json *json, const dmk_repairs *did)
+{
+    if (!did->vertex_new) return;
+    json_open(json, "repairs", '{');
+    json_integer(json, "merged_vertices", (int64_t)did->merged_vertices);
+    json_integer(json, "flipped_triangles", (int64_t)did->flipped_triangles);
+    json_integer(json, "degenerate_triangles", (int64_t)did->degenerate_triangles);
+    json_integer(json, "duplicate_triangles", (int64_t)did->duplicate_triangles);
+    json_integer(json, "split_edges", (int64_t)did->split_edges);
+    json_integer(json, "turned_triangles", (int64_t)did->turned_triangles);
+    json_integer(json, "split_vertices", (int64_t)did->split_vertices);
+    json_close(json, '{');
+}
