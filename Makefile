@@ -133,6 +133,28 @@ $B/dmkcl: $(CLI_OBJ) $(STATIC)
 	$(call say,LD,$@)
 	$(Q)$(CC) $(LINK) $^ -o $@ $(LDLIBS)
 
+# With MPI=1 the tool once more, as what mpirun starts: only its own files are built anew, against MPI.
+MPI ?=
+MPI_B := build/mpi$(if $(filter-out release,$(CONFIG)),-$(CONFIG))
+MPI_OBJ := $(CLI_SRC:%.c=$(MPI_B)/%.o)
+MPI_PACKAGES := build/mpi-packages.ok
+ifneq ($(MPI),)
+all: $(MPI_B)/dmkcl
+endif
+$(MPI_PACKAGES): .ci/mpi-packages .ci/deps.sh
+	@mkdir -p $(@D)
+	@sh .ci/deps.sh install $<
+	@touch $@
+$(MPI_B)/%.o: %.c $B/flags | $(PACKAGES) $(MPI_PACKAGES)
+	@mkdir -p $(@D)
+	$(call say,MPICC,$<)
+	$(Q)$(CC) $(FLAGS) -DDMK_MPI $$(pkg-config --cflags ompi-c 2> /dev/null || mpicc -showme:compile) -MMD -MP -c $< -o $@
+$(MPI_B)/dmkcl: $(MPI_OBJ) $(STATIC)
+	$(call say,LD,$@)
+	$(Q)$(CC) $(LINK) $^ -o $@ $(LDLIBS) $$(pkg-config --libs ompi-c 2> /dev/null || mpicc -showme:link)
+.PHONY: mpi
+mpi: $(MPI_B)/dmkcl
+
 # ---- tests -----------------------------------------------------------------------------------
 
 $B/tests/%: $B/tests/%.o $(TEST_LIB_OBJ) $(STATIC)
@@ -352,6 +374,6 @@ help:
 	@echo 'ARCH=native        the -march of gcc; for other machines ARCH=x86-64-v3, or ARCH= for any'
 	@echo 'CC=gcc  CFLAGS=  LDFLAGS=  V=1           compiler, flags to add, show commands'
 
--include $(LIB_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_OBJ:.o=.d) $(TEST_LIB_OBJ:.o=.d) $B/bench/kernels.d \
+-include $(LIB_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(MPI_OBJ:.o=.d) $(TEST_OBJ:.o=.d) $(TEST_LIB_OBJ:.o=.d) $B/bench/kernels.d \
     $B/bench/anderson.d $(FUZZERS:%=$B/tests/fuzz/%.d) $B/tests/fuzz/replay.d \
     $B/tests/faults/wrap.d $B/tests/faults/library.d

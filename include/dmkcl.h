@@ -404,8 +404,9 @@ int dmk_result_restore(dmk_context *context, const dmk_mesh *mesh, const dmk_res
 
 /* ---- ranks: one mesh on many machines ---------------------------------------------------------- */
 
-/* How a rank reaches the others, by MPI or anything else: three collective calls, which give 0, or another
- * number on failure. All ranks make the same calls on the same mesh with the same options; each has a
+/* How a rank reaches the others, by MPI or anything else: three collective calls, which give 0,
+ * DMK_E_CANCELLED to end the solve as if its progress callback had asked for it, or another number on
+ * failure. All ranks make the same calls on the same mesh with the same options; each has a
  * device of its own, all of one kind. */
 typedef struct dmk_ranks {
     int rank, size;       /* this one, and how many there are */
@@ -430,8 +431,9 @@ typedef struct dmk_traffic {
     int64_t sums, sum_bytes;      /* sums over all ranks, and what this rank gave to them */
 } dmk_traffic;
 
-/* Before the first solve: deal the mesh out to ranks. dmk_solve is then collective, and every rank gets the
- * whole result, with the bits that one rank would compute. NULL: this process has all of it. */
+/* Before the first solve: deal the mesh out to ranks. dmk_solve is then collective, and every rank gets
+ * density, potential and stats, with the bits that one rank would compute; the first one also the distance,
+ * and what cut locus and paths are made from. NULL: this process has all of it. */
 int dmk_solver_set_ranks(dmk_context *context, dmk_solver *solver, const dmk_ranks *ranks);
 void dmk_solver_get_traffic(const dmk_solver *solver, dmk_traffic *traffic);
 

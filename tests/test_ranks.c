@@ -95,7 +95,7 @@ typedef struct seat {
     dmk_result *result;
     dmk_stats stats;
     dmk_traffic traffic;
-    int rc;
+    int rc, locus_rc;
     char message[300];
 } seat;
 
@@ -116,6 +116,11 @@ static int solve_on(seat *s, dmk_context *ctx, dmk_device **device, dmk_solver *
     if (rc == DMK_OK) rc = dmk_solve(ctx, *solver, &source, &s->t->options, &s->result);
     if (rc == DMK_OK) dmk_result_get_stats(s->result, &s->stats);
     dmk_solver_get_traffic(*solver, &s->traffic);
+    if (rc == DMK_OK) {
+        dmk_locus *locus = NULL;
+        s->locus_rc = dmk_locus_compute(ctx, s->t->mesh, s->result, NULL, &locus);
+        dmk_locus_destroy(&locus);
+    }
     return rc;
 }
 
@@ -162,7 +167,8 @@ static void same_results(const seat *a, const seat *b)
     x = dmk_result_potential_mid(a->result, &n);
     same_numbers(x, dmk_result_potential_mid(b->result, NULL), n);
     x = dmk_result_distance(a->result, &n);
-    same_numbers(x, dmk_result_distance(b->result, NULL), n);
+    if (b->m.rank == 0) same_numbers(x, dmk_result_distance(b->result, NULL), n);
+    same_numbers(&a->stats.cost_exact, &b->stats.cost_exact, 1);
     same_numbers(&a->stats.cost_upper, &b->stats.cost_upper, 1);
     same_numbers(&a->stats.cost_lower, &b->stats.cost_lower, 1);
     assert_int_equal(a->stats.steps, b->stats.steps);
@@ -183,6 +189,7 @@ static void try_ranks(const task *t, int least)
             assert_int_equal(many[k].rc, DMK_OK);
             assert_true(many[k].traffic.exchanges > 0 && many[k].traffic.bytes > 0);
             same_results(&one[0], &many[k]);
+            assert_int_equal(many[k].locus_rc, k == 0 ? DMK_OK : DMK_E_ARG);
             dmk_result_destroy(&many[k].result);
         }
     }

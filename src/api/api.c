@@ -32,6 +32,9 @@ static int component_create(dmk_context *ctx, const dmk_mesh *mesh, const dmk_re
         result->n_vertices != (size_t)mesh->n_vertices) {
         return dmk_fail(ctx, DMK_E_ARG, "the result belongs to another mesh");
     }
+    if (!result->geodesics) {
+        return dmk_fail(ctx, DMK_E_ARG, "of several ranks only the first one has the distance");
+    }
     c->order = &result->order->order;
     const dmk_mesh *m = c->order->mesh;
     DMK_TRY(DMK_NEW(ctx, c->distance, (size_t)m->n_vertices));

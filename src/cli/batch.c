@@ -1,4 +1,5 @@
 /* dmkcl solve --sources: one source after another on one mesh, made ready once. */
+#include "ranks.h"
 #include "solve.h"
 
 #include <stdlib.h>
@@ -132,9 +133,28 @@ static void begin_source(const batch *b, solve_run *run)
     run->seconds.begin = cli_seconds() - run->seconds.total;
 }
 
+/* The counts of all ranks. */
+static int add_up(batch *b)
+{
+    const dmk_ranks *ranks = cli_ranks();
+    const size_t n = ranks ? (size_t)ranks->size : 1, mine[3] = {b->n_solved, b->n_kept, b->n_failed};
+    size_t *all = malloc(n * sizeof mine);
+    if (!all) return DMK_E_NOMEM;
+    const int rc = cli_ranks_gather(mine, all, sizeof mine);
+    for (size_t r = 0; r < n && rc == DMK_OK; r++) {
+        if (r == 0) b->n_solved = b->n_kept = b->n_failed = 0;
+        b->n_solved += all[3 * r];
+        b->n_kept += all[3 * r + 1];
+        b->n_failed += all[3 * r + 2];
+    }
+    free(all);
+    return rc;
+}
+
+/* Each rank takes one source after another. */
 static void solve_all(batch *b, solve_run *run)
 {
-    for (size_t k = 0; k < b->n && !cli_interrupted(); k++) {
+    for (size_t k = cli_ranks_next(); k < b->n && !cli_interrupted(); k = cli_ranks_next()) {
         solve_request one;
         int code = EXIT_OK;
         if (!request_one(b, k, &one)) {
@@ -153,6 +173,8 @@ static void solve_all(batch *b, solve_run *run)
         if (b->code == EXIT_OK) b->code = code;
         free_one(&one);
     }
+    const int rc = add_up(b);
+    if (rc == DMK_E_DEVICE) b->code = cli_error(cli_exit_code(rc), "a rank was lost");
     if (cli_interrupted()) {
         b->code = cli_error(cli_exit_code(DMK_E_CANCELLED), "interrupted; %zu of %zu sources are left",
                             b->n - b->n_solved - b->n_kept, b->n);
@@ -203,9 +225,11 @@ int solve_batch(const solve_request *request)
         b.shared.total = cli_seconds() - begin;
         cli_progress_end(&run.progress);
         if (b.summary) solve_summary_mesh(request, &run);
+        code = cli_flush();
+        cli_ranks_speak();
         solve_all(&b, &run);
         cli_progress_end(&run.progress);
-        if (b.summary) print_end(&b, begin);
+        if (b.summary && cli_ranks_first()) print_end(&b, begin);
         code = cli_flush();
     }
     solve_end(&run);

@@ -1,4 +1,5 @@
 /* dmkcl solve: from a mesh and a point, or many, to density, distance and cut locus. */
+#include "ranks.h"
 #include "solve.h"
 
 #include <string.h>
@@ -8,9 +9,10 @@ static int solve(const solve_request *request)
     solve_run run;
     const bool summary = !request->quiet && !(request->report && strcmp(request->report, "-") == 0);
     int code = solve_begin(request, &run);
+    if (code == EXIT_OK) code = solve_together(&run);
     if (code == EXIT_OK) code = solve_compute(request, &run);
     if (code == EXIT_OK) code = solve_write(request, &run);
-    if (code == EXIT_OK && summary) {
+    if (code == EXIT_OK && summary && cli_ranks_first()) {
         solve_summary(request, &run);
         code = cli_flush();
     }

@@ -1,5 +1,6 @@
 /* dmkcl: the tool. */
 #include "cli.h"
+#include "ranks.h"
 
 #include <fcntl.h>
 #include <locale.h>
@@ -14,17 +15,18 @@ typedef struct command {
     const char *name;
     int (*run)(int argc, char **argv);
     const char *summary;
+    bool together; /* of several ranks each has a part of the work; else the first one does it */
 } command;
 
 static const command commands[] = {
-    {"solve", cmd_solve, "density, distance and cut locus of a point on a mesh"},
-    {"batch", cmd_batch, "the same for many meshes, in one process that can be resumed"},
-    {"distance", cmd_distance, "exact geodesic distances from points or the border of a mesh"},
-    {"path", cmd_path, "a minimal geodesic from a point back to the source"},
-    {"cut", cmd_cut, "the surface cut open along the cut locus, a disk"},
-    {"mesh", cmd_mesh, "make a mesh of a built-in surface, or turn a file into another format"},
-    {"info", cmd_info, "tell what a mesh is: counts, topology, quality"},
-    {"devices", cmd_devices, "list the OpenCL devices and the machine"},
+    {"solve", cmd_solve, "density, distance and cut locus of a point on a mesh", true},
+    {"batch", cmd_batch, "the same for many meshes, in one process that can be resumed", true},
+    {"distance", cmd_distance, "exact geodesic distances from points or the border of a mesh", false},
+    {"path", cmd_path, "a minimal geodesic from a point back to the source", false},
+    {"cut", cmd_cut, "the surface cut open along the cut locus, a disk", false},
+    {"mesh", cmd_mesh, "make a mesh of a built-in surface, or turn a file into another format", false},
+    {"info", cmd_info, "tell what a mesh is: counts, topology, quality", false},
+    {"devices", cmd_devices, "list the OpenCL devices and the machine", false},
 };
 enum { N_COMMANDS = sizeof commands / sizeof *commands };
 
@@ -83,22 +85,10 @@ static void fill_standard_streams(void)
     }
 }
 
-int main(int argc, char **argv)
+static int run(int argc, char **argv)
 {
-    fill_standard_streams();
-    cli_catch_signals();
-    signal(SIGXFSZ, SIG_IGN); /* a file that grows too long is an error of the write, told with its name */
-    /* Decimal points whatever the user's language. The program never asks for another locale, but
-     * an OpenCL driver might. */
-    locale_t c = newlocale(LC_ALL_MASK, "C", (locale_t)0);
-    if (c) uselocale(c);
-    pin_device_threads();
-    /* What one thread frees another may use again: threads with heaps of their own keep it. */
-    mallopt(M_ARENA_MAX, 1);
-
     if (argc < 2) {
-        cli_error(EXIT_USAGE, "a command is missing; `dmkcl --help` lists them");
-        return EXIT_USAGE;
+        return cli_error(EXIT_USAGE, "a command is missing; `dmkcl --help` lists them");
     }
     const char *name = argv[1];
     if (strcmp(name, "--help") == 0 || strcmp(name, "-h") == 0 || strcmp(name, "help") == 0) {
@@ -109,7 +99,25 @@ int main(int argc, char **argv)
         return cli_flush();
     }
     for (int i = 0; i < N_COMMANDS; i++) {
-        if (strcmp(name, commands[i].name) == 0) return commands[i].run(argc - 1, argv + 1);
+        if (strcmp(name, commands[i].name) != 0) continue;
+        if (!commands[i].together && !cli_ranks_first()) return EXIT_OK;
+        return commands[i].run(argc - 1, argv + 1);
     }
     return unknown_command(name);
+}
+
+int main(int argc, char **argv)
+{
+    fill_standard_streams();
+    cli_catch_signals();
+    signal(SIGXFSZ, SIG_IGN); /* a file that grows too long is an error of the write, told with its name */
+    /* Decimal points whatever the user's language. The program never asks for another locale, but
+     * an OpenCL driver might. */
+    locale_t c = newlocale(LC_ALL_MASK, "C", (locale_t)0);
+    if (c) uselocale(c);
+    cli_ranks_begin(&argc, &argv);
+    pin_device_threads();
+    /* What one thread frees another may use again: threads with heaps of their own keep it. */
+    mallopt(M_ARENA_MAX, 1);
+    return cli_ranks_end(run(argc, argv));
 }

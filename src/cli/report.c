@@ -82,6 +82,26 @@ static void write_locus(cli_json *json, const dmk_locus *locus)
     json_close(json, '{');
 }
 
+static void write_ranks(cli_json *json, const solve_run *run)
+{
+    if (run->n_ranks == 0) return;
+    json_open(json, "ranks", '[');
+    for (int r = 0; r < run->n_ranks; r++) {
+        const dmk_traffic *t = &run->ranks[r].traffic;
+        json_open(json, NULL, '{');
+        json_integer(json, "own_rows", t->own_rows);
+        json_integer(json, "ghost_rows", t->ghost_rows);
+        json_integer(json, "exchanges", t->exchanges);
+        json_integer(json, "messages", t->messages);
+        json_integer(json, "bytes", t->bytes);
+        json_integer(json, "sums", t->sums);
+        json_integer(json, "sum_bytes", t->sum_bytes);
+        json_integer(json, "peak_memory", (int64_t)run->ranks[r].peak_memory);
+        json_close(json, '{');
+    }
+    json_close(json, '[');
+}
+
 static void write_names(cli_json *json, const char *key, const cli_files *files)
 {
     json_open(json, key, '[');
@@ -109,6 +129,7 @@ void solve_report_fields(cli_json *json, const solve_request *request, const sol
     write_stats(json, &stats);
     write_seconds(json, &run->seconds, &stats);
     json_integer(json, "peak_memory", (int64_t)cli_peak_memory());
+    write_ranks(json, run);
     write_locus(json, run->locus);
     write_names(json, "out", &request->out);
     write_names(json, "locus_out", &request->locus);
@@ -189,6 +210,31 @@ static void print_place(const solve_run *run)
         printf(", %s triangle %lld", n_corners == 2 ? "on an edge of" : "in",
                (long long)p->triangle);
     }
+}
+
+/* How the mesh was dealt out. */
+static void print_ranks(const solve_run *run)
+{
+    char memory[CLI_TEXT_SIZE], sent[CLI_TEXT_SIZE], messages[CLI_TEXT_SIZE];
+    int64_t own = 0, ghosts = 0, bytes = 0, n = 0;
+    uint64_t most = 0;
+    if (run->n_ranks == 0) return;
+    for (int r = 0; r < run->n_ranks; r++) {
+        const solve_rank *rank = &run->ranks[r];
+        own += rank->traffic.own_rows;
+        ghosts += rank->traffic.ghost_rows;
+        bytes += rank->traffic.bytes;
+        n += rank->traffic.messages;
+        if (rank->peak_memory > most) most = rank->peak_memory;
+    }
+    print_label("ranks");
+    if (own == 0) {
+        printf("%d, each with all of this small mesh\n", run->n_ranks);
+        return;
+    }
+    printf("%d, %.2g %% of the rows on two of them, %s in %s messages, memory up to %s\n", run->n_ranks,
+           100 * (double)ghosts / (double)own, cli_bytes((uint64_t)bytes, sent), cli_count(n, messages),
+           cli_bytes(most, memory));
 }
 
 static void print_source(const solve_request *request, const solve_run *run)
@@ -324,6 +370,7 @@ void solve_summary(const solve_request *request, const solve_run *run)
     print_mesh(request, &info);
     print_source(request, run);
     print_device(run);
+    print_ranks(run);
     print_cost(&stats);
     print_locus(run->locus);
     print_time(&run->seconds, &stats);

@@ -1,9 +1,12 @@
 /* The run of dmkcl solve, and of the commands that begin by solving. */
 #include "solve.h"
 
+#include "ranks.h"
+
 #include <float.h>
 #include <math.h>
 #include <pthread.h>
+#include <stdlib.h>
 #include <unistd.h>
 
 /* ---- the device, opened while the mesh is read ---------------------------------------------- */
@@ -61,6 +64,8 @@ int solve_fail(solve_run *run, int rc)
 {
     const char *message = dmk_context_message(run->context);
     cli_progress_end(&run->progress);
+    /* mpirun ends all ranks, and says why. */
+    if (rc == DMK_E_CANCELLED && cli_ranks()) return cli_exit_code(rc);
     if (!*message) message = dmk_status_text(rc);
     if (cli_interrupted()) rc = DMK_E_CANCELLED;
     if (rc == DMK_E_CANCELLED) message = dmk_status_text(rc); /* not that of a source before */
@@ -135,6 +140,26 @@ static dmk_solve_options show_gap(const solve_request *request, const solve_run 
     return solve;
 }
 
+int solve_together(solve_run *run)
+{
+    const dmk_ranks *ranks = cli_ranks();
+    if (!ranks) return EXIT_OK;
+    run->ranks = calloc((size_t)ranks->size, sizeof *run->ranks);
+    if (!run->ranks) return cli_library_error(NULL, DMK_E_NOMEM);
+    run->n_ranks = ranks->size;
+    const int rc = dmk_solver_set_ranks(run->context, run->solver, ranks);
+    return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
+}
+
+/* What each rank has done, for the report. */
+static int gather_ranks(solve_run *run)
+{
+    solve_rank mine = {.peak_memory = cli_peak_memory()};
+    if (run->n_ranks == 0) return DMK_OK;
+    dmk_solver_get_traffic(run->solver, &mine.traffic);
+    return cli_ranks_gather(&mine, run->ranks, sizeof mine);
+}
+
 int solve_compute(const solve_request *request, solve_run *run)
 {
     dmk_context *context = run->context;
@@ -142,7 +167,9 @@ int solve_compute(const solve_request *request, solve_run *run)
     dmk_locus_destroy(&run->locus);
     dmk_result_destroy(&run->result);
     int rc = dmk_solve(context, run->solver, &run->source, &solve, &run->result);
+    if (rc == DMK_OK) rc = gather_ranks(run);
     if (rc != DMK_OK) return solve_fail(run, rc);
+    if (run->n_ranks > 0 && !cli_ranks_first()) return EXIT_OK; /* the first one has all of it */
     dmk_stats stats;
     dmk_result_get_stats(run->result, &stats);
     run->seconds.setup = stats.seconds[DMK_STAGE_SETUP];
@@ -165,6 +192,7 @@ int solve_write(const solve_request *request, solve_run *run)
 {
     int rc = solve_go_on(), code = EXIT_OK;
     double mark = cli_seconds();
+    if (run->n_ranks > 0 && !cli_ranks_first()) return EXIT_OK;
     for (int i = 0; i < request->out.n && rc == DMK_OK; i++) {
         rc = dmk_result_write(run->context, run->mesh, run->result, request->out.path[i]);
         if (rc == DMK_OK) rc = solve_go_on();
@@ -188,6 +216,7 @@ int solve_write(const solve_request *request, solve_run *run)
 void solve_end(solve_run *run)
 {
     cli_progress_end(&run->progress);
+    free(run->ranks);
     dmk_locus_destroy(&run->locus);
     dmk_result_destroy(&run->result);
     dmk_solver_destroy(&run->solver);

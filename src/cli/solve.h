@@ -31,6 +31,12 @@ typedef struct solve_times {
     double read, device, setup, locus, write, total;
 } solve_times;
 
+/* What one of several ranks has done. */
+typedef struct solve_rank {
+    dmk_traffic traffic;
+    uint64_t peak_memory;
+} solve_rank;
+
 typedef struct solve_run {
     dmk_context *context;
     dmk_mesh *mesh;
@@ -42,6 +48,8 @@ typedef struct solve_run {
     dmk_point source;
     solve_times seconds;
     cli_progress progress;
+    solve_rank *ranks; /* n_ranks, filled on all of them; n_ranks is 0 where this one solves alone */
+    int n_ranks;
     const char *where; /* of the source, in front of errors: "FILE:LINE: ", or "" */
 } solve_run;
 
@@ -74,6 +82,9 @@ void solve_request_uses(const solve_request *order, cli_uses *uses);
 int solve_begin(const solve_request *request, solve_run *run);
 /* The source's place, when there are many. */
 int solve_place(const solve_request *request, solve_run *run);
+/* Where there are several ranks: let them solve together, each a share of the mesh. Every rank has the
+ * result then, and the first one alone the cut locus and the files. */
+int solve_together(solve_run *run);
 /* Density, distance and cut locus of run->source; an earlier source's are given back. */
 int solve_compute(const solve_request *request, solve_run *run);
 int solve_write(const solve_request *request, solve_run *run);

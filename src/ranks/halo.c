@@ -5,11 +5,17 @@
 #include <stdlib.h>
 #include <string.h>
 
-int dmk_share_check(dmk_context *ctx, const dmk_share *share, int status)
+int dmk_ranks_check(dmk_context *ctx, const dmk_ranks *ranks, int status)
 {
     if (status == 0) return DMK_OK;
-    return dmk_fail(ctx, DMK_E_DEVICE, "rank %d of %d lost touch with the others (%d)",
-                    share->ranks.rank, share->ranks.size, status);
+    if (status == DMK_E_CANCELLED) return dmk_fail(ctx, status, "interrupted");
+    return dmk_fail(ctx, DMK_E_DEVICE, "rank %d of %d lost touch with the others (%d)", ranks->rank,
+                    ranks->size, status);
+}
+
+int dmk_share_check(dmk_context *ctx, const dmk_share *share, int status)
+{
+    return dmk_ranks_check(ctx, &share->ranks, status);
 }
 
 /* ---- who needs what -------------------------------------------------------------------------- */

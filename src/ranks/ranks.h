@@ -100,9 +100,13 @@ void dmk_share_take(const dmk_share *share, bool rows, int32_t vertex_row, const
 int dmk_share_give(dmk_context *context, dmk_share *share, bool rows, int32_t vertex_row,
                    const double *local, double *whole);
 
+/* `bytes` of the first rank's data to all others; nothing for ranks of size 0 or 1. */
+int dmk_ranks_spread(dmk_context *context, const dmk_ranks *ranks, void *data, size_t bytes);
+
 /* ---- within the room ---- */
 
 /* DMK_OK, or the failure of a call of ranks->... that gave `status`. */
+int dmk_ranks_check(dmk_context *context, const dmk_ranks *ranks, int status);
 int dmk_share_check(dmk_context *context, const dmk_share *share, int status);
 /* space.c: local places for the marked items and the own ones. part > 1: see above. `spare`: gaps
  * at the end. */

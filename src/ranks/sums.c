@@ -152,6 +152,25 @@ done:
     return rc;
 }
 
+int dmk_ranks_spread(dmk_context *ctx, const dmk_ranks *ranks, void *data, size_t bytes)
+{
+    int rc;
+    size_t *count = NULL;
+    void *mine = NULL;
+    if (ranks->size < 2) return DMK_OK;
+    DMK_TRY(DMK_NEW(ctx, count, (size_t)ranks->size));
+    count[0] = bytes;
+    if (ranks->rank == 0) { /* what is sent must not be where it arrives */
+        DMK_TRY(dmk_alloc(ctx, "spread", bytes, 1, &mine));
+        memcpy(mine, data, bytes);
+    }
+    DMK_TRY(dmk_ranks_check(ctx, ranks, ranks->gather(ranks->user, mine, data, count)));
+done:
+    free(count);
+    free(mine);
+    return rc;
+}
+
 /* ---- whole vectors --------------------------------------------------------------------------- */
 
 static void take(const dmk_space *space, const double *whole, double *local)

@@ -159,15 +159,41 @@ static int measure(dmk_context *ctx, void *data)
     return dmk_geodesics_integrate(ctx, near->geodesics, &near->integral, &near->integral_error);
 }
 
+/* The distance is the first rank's work; the others get what it makes of it to start from. */
+static bool measures(const dmk_solver *s)
+{
+    return s->ranks.rank == 0;
+}
+
 /* The distance, and beside it the system of the ordered mesh, if it is not there. */
 static int set_up(dmk_context *ctx, dmk_solver *s, start *near)
 {
     dmk_task task;
-    if (s->system) return measure(ctx, near);
+    const dmk_ranks *ranks = s->ranks.size > 1 ? &s->ranks : NULL;
+    if (s->system) return measures(s) ? measure(ctx, near) : DMK_OK;
+    if (!measures(s)) return dmk_system_create(ctx, s->device, near->mesh, ranks, &s->system);
     dmk_task_begin(ctx, &task, measure, near);
-    int rc = dmk_system_create(ctx, s->device, near->mesh, s->ranks.size > 1 ? &s->ranks : NULL,
-                               &s->system);
+    int rc = dmk_system_create(ctx, s->device, near->mesh, ranks, &s->system);
     return dmk_task_end(ctx, &task, rc);
+}
+
+/* u and mu that belong to the distance. */
+static int start_from_distance(dmk_context *ctx, const dmk_solver *s, const start *near, double *u,
+                               double *mu)
+{
+    int rc;
+    const dmk_mesh *m = near->mesh;
+    const dmk_system *sys = s->system;
+    const double *vertex = near->geodesics->distance, *mid = near->mid;
+    DMK_TRY(dmk_start_density(ctx, m, near->source, vertex, mid, mu));
+    DMK_TRY(dmk_poll(ctx));
+    for (int32_t e = 0; e < m->n_edges; e++) u[e] = mid[e] / -sys->unit;
+    for (int32_t v = 0; v < m->n_vertices; v++) {
+        u[sys->whole.vertex_row + v] = vertex[v] / -sys->unit;
+    }
+    for (int32_t t = 0; t < m->n_triangles; t++) mu[t] /= sys->unit;
+done:
+    return rc;
 }
 
 /* u and mu to start from, on the device. */
@@ -177,23 +203,16 @@ static int set_start(dmk_context *ctx, dmk_solver *s, const start *near, dmk_sta
     dmk_system *sys = s->system;
     const dmk_mesh *m = near->mesh;
     const dmk_point *p = near->source;
-    const double *vertex = near->geodesics->distance, *mid = near->mid;
     double *u = NULL, *mu = NULL;
     size_t n_rows = (size_t)sys->whole.n_rows_pad, n_elements = (size_t)sys->whole.n_elements_pad;
     DMK_TRY(DMK_NEW(ctx, u, n_rows));
     DMK_TRY(DMK_NEW(ctx, mu, n_elements));
     if (from == DMK_START_DISTANCE) {
-        DMK_TRY(dmk_start_density(ctx, m, p, vertex, mid, mu));
-        DMK_TRY(dmk_poll(ctx));
-        for (int32_t e = 0; e < m->n_edges; e++)
-            u[e] = mid[e] / -sys->unit;
-        for (int32_t v = 0; v < m->n_vertices; v++)
-            u[sys->whole.vertex_row + v] = vertex[v] / -sys->unit;
-        for (int32_t t = 0; t < m->n_triangles; t++)
-            mu[t] /= sys->unit;
+        if (measures(s)) DMK_TRY(start_from_distance(ctx, s, near, u, mu));
+        DMK_TRY(dmk_ranks_spread(ctx, &s->ranks, u, n_rows * sizeof *u));
+        DMK_TRY(dmk_ranks_spread(ctx, &s->ranks, mu, n_elements * sizeof *mu));
     } else {
-        for (int32_t t = 0; t < m->n_triangles; t++)
-            mu[t] = 1;
+        for (int32_t t = 0; t < m->n_triangles; t++) mu[t] = 1;
     }
     DMK_TRY(dmk_rows_write(ctx, sys, sys->u, u));
     DMK_TRY(dmk_elements_write(ctx, sys, sys->mu, mu));
@@ -277,11 +296,11 @@ static int collect(dmk_context *ctx, dmk_solver *s, const start *near, double th
     for (int32_t v = 0; v < sys->whole.n_vertices; v++) {
         double x = u[sys->whole.vertex_row + v];
         r->potential[o->vertex_old[v]] = (x - at_source) * sys->unit;
-        r->distance[o->vertex_old[v]] = near->geodesics->distance[v];
+        if (near->geodesics) r->distance[o->vertex_old[v]] = near->geodesics->distance[v];
     }
     for (int32_t e = 0; e < sys->whole.n_edges; e++) {
         r->potential_mid[o->edge_old[e]] = (u[e] - at_source) * sys->unit;
-        r->distance_mid[o->edge_old[e]] = near->mid[e];
+        if (near->geodesics) r->distance_mid[o->edge_old[e]] = near->mid[e];
     }
     rc = mark_acl(ctx, s, threshold, mu, u, r);
 done:
@@ -374,8 +393,10 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     r->geodesics = near.geodesics;
     near.geodesics = NULL;
     scale_stats(s->system, &r->stats);
-    r->stats.cost_exact = near.integral;
-    r->stats.cost_exact_error = near.integral_error;
+    double exact[2] = {near.integral, near.integral_error};
+    DMK_TRY(dmk_ranks_spread(ctx, &s->ranks, exact, sizeof exact));
+    r->stats.cost_exact = exact[0];
+    r->stats.cost_exact_error = exact[1];
     *result = r;
     r = NULL;
 done:

@@ -1,0 +1,297 @@
+/* Ranks by MPI, where the tool is built with it (make MPI=1), else one process: see ranks.h. The only file that
+ * knows MPI. */
+#include "ranks.h"
+
+#ifndef DMK_MPI
+
+#include <string.h>
+
+void cli_ranks_begin(int *argc, char ***argv)
+{
+    (void)argc;
+    (void)argv;
+}
+
+int cli_ranks_end(int code) { return code; }
+
+const dmk_ranks *cli_ranks(void) { return NULL; }
+
+bool cli_ranks_first(void) { return true; }
+
+void cli_ranks_speak(void) {}
+
+size_t cli_ranks_next(void)
+{
+    static size_t next;
+    return next++;
+}
+
+int cli_ranks_gather(const void *mine, void *all, size_t bytes)
+{
+    memcpy(all, mine, bytes);
+    return DMK_OK;
+}
+
+#else
+
+#include <fcntl.h>
+#include <mpi.h>
+#include <sched.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <time.h>
+#include <unistd.h>
+
+/* Seconds that a rank which failed waits for the others to fail in the same way. They do at the same call,
+ * and are apart by no more than the time that one of them takes longer to read a file. */
+enum { PATIENCE = 3 };
+
+static struct {
+    dmk_ranks ranks;  /* size 1: alone */
+    MPI_Comm work;    /* the solver's */
+    MPI_Comm end;     /* of cli_ranks_end: a rank may come to it while others work */
+    MPI_Win window;   /* with the first rank's counter */
+    long long *next;  /* that counter */
+    int held, output, error; /* a file of messages, and where to print; held -1: nothing is held back */
+} self = {.ranks = {.size = 1}, .held = -1};
+
+const dmk_ranks *cli_ranks(void) { return self.ranks.size > 1 ? &self.ranks : NULL; }
+
+bool cli_ranks_first(void) { return self.ranks.rank == 0; }
+
+/* ---- waiting --------------------------------------------------------------------------------- */
+
+/* Until all requests are done; not 0 for a failure, DMK_E_CANCELLED when the user or mpirun wants an end. */
+static int wait_all(int n, MPI_Request *request)
+{
+    int done = 0;
+    while (!done) {
+        if (MPI_Testall(n, request, &done, MPI_STATUSES_IGNORE) != MPI_SUCCESS) return 1;
+        if (done) break;
+        if (cli_interrupted()) return DMK_E_CANCELLED;
+        sched_yield(); /* the device's threads may want this processor */
+    }
+    return 0;
+}
+
+/* Counts are of type int: in words of 8 bytes where all lengths are made of them. */
+static int units(const size_t *bytes, MPI_Datatype *type, int *count, int *offset)
+{
+    size_t sum = 0, word = 8;
+    for (int k = 0; k < self.ranks.size; k++) word = bytes[k] % 8 == 0 ? word : 1;
+    *type = word == 8 ? MPI_DOUBLE : MPI_BYTE;
+    for (int k = 0; k < self.ranks.size; k++) {
+        if ((sum + bytes[k]) / word > INT_MAX) return 1;
+        count[k] = (int)(bytes[k] / word);
+        offset[k] = (int)(sum / word);
+        sum += bytes[k];
+    }
+    return 0;
+}
+
+/* ---- the solver's calls ---------------------------------------------------------------------- */
+
+static int exchange(void *user, const void *const *send, const size_t *send_bytes,
+                    void *const *receive, const size_t *receive_bytes)
+{
+    (void)user;
+    int n = 0, status = 0;
+    MPI_Request *request = malloc(2 * (size_t)self.ranks.size * sizeof(MPI_Request));
+    if (!request) return 1;
+    for (int k = 0; k < self.ranks.size && status == 0; k++) {
+        if (receive_bytes[k] > INT_MAX || send_bytes[k] > INT_MAX) status = 1;
+        if (status != 0 || receive_bytes[k] == 0) continue;
+        status = MPI_Irecv(receive[k], (int)receive_bytes[k], MPI_BYTE, k, 0, self.work, &request[n++]);
+    }
+    for (int k = 0; k < self.ranks.size && status == 0; k++) {
+        if (send_bytes[k] == 0) continue;
+        status = MPI_Isend(send[k], (int)send_bytes[k], MPI_BYTE, k, 0, self.work, &request[n++]);
+    }
+    if (status == 0) status = wait_all(n, request);
+    free(request);
+    return status;
+}
+
+static int gather(void *user, const void *mine, void *all, const size_t *bytes)
+{
+    (void)user;
+    MPI_Datatype type;
+    MPI_Request request;
+    const size_t size = (size_t)self.ranks.size;
+    int *count = malloc(2 * size * sizeof *count), status = 1;
+    if (count && units(bytes, &type, count, count + size) == 0) {
+        status = MPI_Iallgatherv(mine, count[self.ranks.rank], type, all, count, count + size, type,
+                                 self.work, &request);
+        if (status == MPI_SUCCESS) status = wait_all(1, &request);
+    }
+    free(count);
+    return status;
+}
+
+static int largest(void *user, int32_t *value, size_t n)
+{
+    (void)user;
+    MPI_Request request;
+    if (n > INT_MAX) return 1;
+    const int status =
+        MPI_Iallreduce(MPI_IN_PLACE, value, (int)n, MPI_INT32_T, MPI_MAX, self.work, &request);
+    return status == MPI_SUCCESS ? wait_all(1, &request) : status;
+}
+
+/* ---- pieces of work -------------------------------------------------------------------------- */
+
+size_t cli_ranks_next(void)
+{
+    static size_t alone;
+    const long long one = 1;
+    long long taken = 0;
+    if (self.ranks.size == 1) return alone++;
+    MPI_Fetch_and_op(&one, &taken, MPI_LONG_LONG, 0, 0, MPI_SUM, self.window);
+    MPI_Win_flush(0, self.window);
+    return (size_t)taken;
+}
+
+int cli_ranks_gather(const void *mine, void *all, size_t bytes)
+{
+    if (self.ranks.size == 1) {
+        memcpy(all, mine, bytes);
+        return DMK_OK;
+    }
+    MPI_Request request;
+    if (MPI_Iallgather(mine, (int)bytes, MPI_BYTE, all, (int)bytes, MPI_BYTE, self.work, &request) !=
+        MPI_SUCCESS) {
+        return DMK_E_DEVICE;
+    }
+    const int status = wait_all(1, &request);
+    return status == 0 || status == DMK_E_CANCELLED ? status : DMK_E_DEVICE;
+}
+
+/* ---- who speaks ------------------------------------------------------------------------------ */
+
+/* Messages go into a file without a name, the standard output nowhere. */
+static void hold_back(void)
+{
+    const int nowhere = open("/dev/null", O_WRONLY);
+    self.held = memfd_create("dmkcl", 0);
+    self.output = dup(STDOUT_FILENO);
+    self.error = dup(STDERR_FILENO);
+    if (self.held >= 0) dup2(self.held, STDERR_FILENO);
+    if (nowhere >= 0) dup2(nowhere, STDOUT_FILENO);
+    close(nowhere);
+}
+
+static void print_held(void)
+{
+    char text[4096];
+    ssize_t n;
+    if (self.held < 0) return;
+    fflush(stderr);
+    lseek(self.held, 0, SEEK_SET);
+    while ((n = read(self.held, text, sizeof text)) > 0) {
+        if (write(self.error, text, (size_t)n) != n) break;
+    }
+}
+
+void cli_ranks_speak(void)
+{
+    if (self.held < 0) return;
+    fflush(stdout);
+    print_held();
+    dup2(self.output, STDOUT_FILENO);
+    dup2(self.error, STDERR_FILENO);
+    close(self.held);
+    self.held = -1;
+}
+
+/* ---- begin and end --------------------------------------------------------------------------- */
+
+/* Ranks that share a machine share its processors, unless mpirun has bound each to its own or the user has
+ * chosen: PoCL would take all of them for each rank. */
+static void divide_processors(void)
+{
+    MPI_Comm machine;
+    cpu_set_t allowed;
+    int n = 1;
+    char text[32];
+    if (getenv("POCL_MAX_PTHREAD_COUNT")) return;
+    if (MPI_Comm_split_type(MPI_COMM_WORLD, MPI_COMM_TYPE_SHARED, 0, MPI_INFO_NULL, &machine) !=
+        MPI_SUCCESS) {
+        return;
+    }
+    MPI_Comm_size(machine, &n);
+    MPI_Comm_free(&machine);
+    if (n < 2 || sched_getaffinity(0, sizeof allowed, &allowed) != 0) return;
+    const long all = sysconf(_SC_NPROCESSORS_ONLN), mine = CPU_COUNT(&allowed);
+    const long threads = mine < all ? mine : all / n > 1 ? all / n : 1;
+    snprintf(text, sizeof text, "%ld", threads);
+    setenv("POCL_MAX_PTHREAD_COUNT", text, 0);
+}
+
+void cli_ranks_begin(int *argc, char ***argv)
+{
+    int support;
+    if (MPI_Init_thread(argc, argv, MPI_THREAD_FUNNELED, &support) != MPI_SUCCESS) return;
+    MPI_Comm_set_errhandler(MPI_COMM_WORLD, MPI_ERRORS_RETURN);
+    MPI_Comm_size(MPI_COMM_WORLD, &self.ranks.size);
+    MPI_Comm_rank(MPI_COMM_WORLD, &self.ranks.rank);
+    /* Open MPI has a terminal of its own for the standard output, wherever that goes in the end. */
+    if (getenv("OMPI_COMM_WORLD_SIZE")) setenv("NO_COLOR", "1", 1);
+    if (self.ranks.size == 1) return;
+    self.ranks.exchange = exchange;
+    self.ranks.gather = gather;
+    self.ranks.largest = largest;
+    MPI_Comm_dup(MPI_COMM_WORLD, &self.work); /* both return errors, as their parent does */
+    MPI_Comm_dup(MPI_COMM_WORLD, &self.end);
+    MPI_Win_allocate(self.ranks.rank == 0 ? (MPI_Aint)sizeof *self.next : 0, sizeof *self.next,
+                     MPI_INFO_NULL, self.work, &self.next, &self.window);
+    if (self.ranks.rank == 0) *self.next = 0;
+    MPI_Win_lock_all(0, self.window);
+    MPI_Barrier(self.work);
+    divide_processors();
+    if (self.ranks.rank > 0) hold_back();
+}
+
+/* Wait for the others' codes, for ever or with patience; whether they came. */
+static bool gather_codes(int code, int *codes)
+{
+    const struct timespec pause = {.tv_nsec = 1000000};
+    const double begin = cli_seconds();
+    MPI_Request request;
+    int done = 0;
+    if (MPI_Iallgather(&code, 1, MPI_INT, codes, 1, MPI_INT, self.end, &request) != MPI_SUCCESS) return false;
+    while (!done) {
+        if (MPI_Test(&request, &done, MPI_STATUS_IGNORE) != MPI_SUCCESS) return false;
+        if (!done && code != EXIT_OK && cli_seconds() - begin > PATIENCE) return false;
+        if (!done) nanosleep(&pause, NULL);
+    }
+    return true;
+}
+
+int cli_ranks_end(int code)
+{
+    int first = 0;
+    if (self.ranks.size == 1) {
+        MPI_Finalize();
+        return code;
+    }
+    int *codes = calloc((size_t)self.ranks.size, sizeof *codes);
+    fflush(stdout);
+    if (!codes || !gather_codes(code, codes)) {
+        print_held();
+        MPI_Abort(MPI_COMM_WORLD, code);
+        _exit(code);
+    }
+    while (first < self.ranks.size - 1 && codes[first] == EXIT_OK) first++;
+    if (code != EXIT_OK && self.ranks.rank == first) print_held(); /* the others say the same */
+    code = codes[first];
+    free(codes);
+    MPI_Win_unlock_all(self.window);
+    MPI_Win_free(&self.window);
+    MPI_Comm_free(&self.work);
+    MPI_Comm_free(&self.end);
+    MPI_Finalize();
+    return code;
+}
+
+#endif

@@ -1,0 +1,135 @@
+# The tool under mpirun: one to four ranks give the files of the plain program; sources are dealt out; slips are
+# told once, and a rank that fails or is killed ends the job.
+. tests/tap.sh
+
+export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_rmaps_base_oversubscribe=1
+config=$(basename "$DMKCL_BUILD")
+if ! command -v mpirun > "$work/where"; then
+    skip 'several ranks' 'there is no mpirun here: `make MPI=1` installs what it needs'
+    tap_end
+    exit 0
+fi
+case $config in
+release | debug) ;;
+*)
+    skip 'several ranks' "Open MPI's own leaks and races are not ours: not with CONFIG=$config"
+    tap_end
+    exit 0
+    ;;
+esac
+check 'the tool is built for mpirun' make -s CONFIG="$config" MPI=1 mpi
+mpi=build/mpi$([ "$config" = release ] || echo "-$config")/dmkcl
+plain=$tool
+mesh=$work/mesh.ply
+list=$work/list.txt
+has() { grep -qE -e "$2" "$1"; }
+ranks() { # N ARGUMENTS...
+    local n=$1
+    shift
+    timeout -k 5 120 mpirun -n "$n" "$mpi" "$@"
+}
+"$plain" mesh quartic --triangles 20000 --out "$mesh" > "$work/said_out"
+
+# ---- the same results -------------------------------------------------------------------------
+
+solve() { # NAME COMMAND...: its files are NAME.*
+    local name=$1
+    shift
+    "$@" solve "$mesh" --vertex 7 --out "$work/$name.vtp" --locus "$work/$name.obj" --tangent "$work/$name.csv" \
+        --report "$work/$name.json"
+}
+check 'the plain program solves' solve plain "$plain"
+for n in 1 2 3 4; do
+    check "$n ranks solve" solve "r$n" ranks "$n"
+    for kind in vtp obj csv; do
+        check "$n ranks: the plain program's $kind, byte by byte" cmp "$work/plain.$kind" "$work/r$n.$kind"
+    done
+    check "$n ranks: the report is JSON" is_json "$work/r$n.json"
+done
+figure() { sed -n "s/.*\"$2\": \([^,]*\),*$/\1/p" "$1" | head -n 1; }
+for key in cost_upper cost_lower steps cg_iterations; do
+    check "4 ranks: $key of the plain program" \
+        test "$(figure "$work/plain.json" $key)" = "$(figure "$work/r4.json" $key)"
+done
+check 'the report tells of four ranks' test "$(grep -c own_rows "$work/r4.json")" -eq 4
+check 'one rank deals nothing out' test "$(grep -c own_rows "$work/r1.json")" -eq 0
+summary() {
+    ranks 3 solve "$mesh" --vertex 7 > "$work/summary" && test "$(grep -c 'cut locus' "$work/summary")" -eq 1 &&
+        has "$work/summary" '^ranks +3, [0-9.]+ % of the rows'
+}
+check 'one summary, which tells of the ranks' summary
+check 'commands without a share of the work run once' \
+    sh -c "test \$(timeout 60 mpirun -n 3 '$mpi' info '$mesh' | grep -c triangles) -eq \$('$mpi' info '$mesh' | grep -c triangles)"
+
+# ---- sources dealt out ------------------------------------------------------------------------
+
+for k in 0 5000 9000 2500 7000; do echo "vertex $k"; done > "$list"
+mkdir "$work/plain" "$work/dealt"
+sources() { # FOLDER OPTIONS COMMAND...
+    local folder=$1 options=$2
+    shift 2
+    "$@" solve "$mesh" --sources "$list" --out "$folder/a.vtp" --report "$folder/a.json" $options
+}
+check 'five sources by the plain program' sources "$work/plain" "" "$plain"
+dealt() { sources "$work/dealt" "" ranks 3 > "$work/lines"; }
+check 'five sources by three ranks' dealt
+for k in 0 1 2 3 4; do
+    check "source $k: the same result" cmp "$work/plain/a-000$k.vtp" "$work/dealt/a-000$k.vtp"
+done
+check 'each source has one line, and the sum is of all ranks' \
+    sh -c "test \$(grep -c '^000[0-4]  (' '$work/lines') -eq 5 && grep -q '^of 5 sources 5 solved, 0 kept, 0 failed' '$work/lines'"
+resumed() {
+    rm "$work/dealt/a-0002.vtp" && sources "$work/dealt" --resume ranks 2 > "$work/lines" &&
+        has "$work/lines" '^of 5 sources 1 solved, 4 kept, 0 failed'
+}
+check 'what is missing is done again, and no more' resumed
+
+# ---- slips and faults -------------------------------------------------------------------------
+
+once() { # CODE PATTERN ARGUMENTS...: three ranks end with the code and say so once
+    local code=$1 pattern=$2 status
+    shift 2
+    ranks 3 "$@" > "$work/out" 2> "$work/err"
+    status=$?
+    test "$status" -eq "$code" && test "$(grep -cE -e "$pattern" "$work/err")" -eq 1 && return 0
+    echo "status $status"
+    cat "$work/out" "$work/err"
+    return 1
+}
+check 'a bad option is told once' once 1 "no option '--sauce'" solve "$mesh" --sauce 3
+check 'a missing file is told once' once 2 'none.ply' solve "$work/none.ply" --vertex 0
+check 'a vertex out of range is told once' once 1 'vertex' solve "$mesh" --vertex 99999999
+check 'too few steps are told once' once 7 'did not reach the tolerance' solve "$mesh" --vertex 7 --max-steps 1
+# The second rank alone cannot write where its device's kernels are kept, has no device, or the like.
+lonely() {
+    local begin=$SECONDS status
+    timeout -k 5 120 mpirun -n 1 "$mpi" solve "$mesh" --vertex 7 --quiet : -n 1 -x OCL_ICD_VENDORS=/nowhere \
+        "$mpi" solve "$mesh" --vertex 7 --quiet --out "$work/lonely.vtp" > "$work/out" 2> "$work/err"
+    status=$?
+    test "$status" -eq 5 && test "$(grep -c '^dmkcl: ' "$work/err")" -eq 1 && test ! -e "$work/lonely.vtp" &&
+        test $((SECONDS - begin)) -lt 60 && return 0
+    echo "status $status after $((SECONDS - begin)) s"
+    cat "$work/err"
+    return 1
+}
+check 'a rank that fails alone ends the job with its message' lonely
+killed() { # SECONDS: a rank dies by SIGKILL then; the job ends, and no file is there or half there
+    local status begin=$SECONDS job victim
+    mkdir "$work/kill"
+    setsid timeout -k 5 60 mpirun -n 3 "$mpi" solve "$mesh" --vertex 7 --method euler --tolerance 1e-9 --quiet \
+        --out "$work/kill/a.vtp" > "$work/out" 2> "$work/err" &
+    job=$!
+    sleep "$1"
+    victim=$(pgrep -f "^$mpi solve $mesh --vertex 7 --method euler" | tail -n 1)
+    [ -z "$victim" ] || kill -KILL "$victim"
+    wait "$job"
+    status=$?
+    echo "status $status, rank $victim, after $((SECONDS - begin)) s:" && ls -A "$work/kill"
+    test -n "$victim" && test "$status" -ne 0 && test "$status" -ne 124 && test $((SECONDS - begin)) -lt 40 &&
+        test -z "$(ls -A "$work/kill")" && test -z "$(pgrep -f "^$mpi solve $mesh --vertex 7 --method euler")" &&
+        rm -rf "$work/kill"
+}
+for seconds in 0.6 1.1 1.9; do
+    check "a rank killed after $seconds s ends the job" killed "$seconds"
+done
+tap_end
