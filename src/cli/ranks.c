@@ -60,6 +60,44 @@ const dmk_ranks *cli_ranks(void) { return self.ranks.size > 1 ? &self.ranks : NU
 
 bool cli_ranks_first(void) { return self.ranks.rank == 0; }
 
+/* ---- who speaks ------------------------------------------------------------------------------ */
+
+/* Messages go into a file without a name, the standard output nowhere. */
+static void hold_back(void)
+{
+    if (self.held >= 0) return;
+    const int nowhere = open("/dev/null", O_WRONLY);
+    self.held = memfd_create("dmkcl", 0);
+    self.output = dup(STDOUT_FILENO);
+    self.error = dup(STDERR_FILENO);
+    if (self.held >= 0) dup2(self.held, STDERR_FILENO);
+    if (nowhere >= 0) dup2(nowhere, STDOUT_FILENO);
+    close(nowhere);
+}
+
+static void print_held(void)
+{
+    char text[4096];
+    ssize_t n;
+    if (self.held < 0 || cli_interrupted()) return;
+    fflush(stderr);
+    lseek(self.held, 0, SEEK_SET);
+    while ((n = read(self.held, text, sizeof text)) > 0) {
+        if (write(self.error, text, (size_t)n) != n) break;
+    }
+}
+
+void cli_ranks_speak(void)
+{
+    if (self.held < 0) return;
+    fflush(stdout);
+    print_held();
+    dup2(self.output, STDOUT_FILENO);
+    dup2(self.error, STDERR_FILENO);
+    close(self.held);
+    self.held = -1;
+}
+
 /* ---- waiting --------------------------------------------------------------------------------- */
 
 /* Until all requests are done; not 0 for a failure, DMK_E_CANCELLED when the user or mpirun wants an end. */
@@ -69,7 +107,10 @@ static int wait_all(int n, MPI_Request *request)
     while (!done) {
         if (MPI_Testall(n, request, &done, MPI_STATUSES_IGNORE) != MPI_SUCCESS) return 1;
         if (done) break;
-        if (cli_interrupted()) return DMK_E_CANCELLED;
+        if (cli_interrupted()) {
+            hold_back(); /* mpirun, or the rank that made it end us, says why */
+            return DMK_E_CANCELLED;
+        }
         sched_yield(); /* the device's threads may want this processor */
     }
     return 0;
@@ -165,43 +206,6 @@ int cli_ranks_gather(const void *mine, void *all, size_t bytes)
     }
     const int status = wait_all(1, &request);
     return status == 0 || status == DMK_E_CANCELLED ? status : DMK_E_DEVICE;
-}
-
-/* ---- who speaks ------------------------------------------------------------------------------ */
-
-/* Messages go into a file without a name, the standard output nowhere. */
-static void hold_back(void)
-{
-    const int nowhere = open("/dev/null", O_WRONLY);
-    self.held = memfd_create("dmkcl", 0);
-    self.output = dup(STDOUT_FILENO);
-    self.error = dup(STDERR_FILENO);
-    if (self.held >= 0) dup2(self.held, STDERR_FILENO);
-    if (nowhere >= 0) dup2(nowhere, STDOUT_FILENO);
-    close(nowhere);
-}
-
-static void print_held(void)
-{
-    char text[4096];
-    ssize_t n;
-    if (self.held < 0) return;
-    fflush(stderr);
-    lseek(self.held, 0, SEEK_SET);
-    while ((n = read(self.held, text, sizeof text)) > 0) {
-        if (write(self.error, text, (size_t)n) != n) break;
-    }
-}
-
-void cli_ranks_speak(void)
-{
-    if (self.held < 0) return;
-    fflush(stdout);
-    print_held();
-    dup2(self.output, STDOUT_FILENO);
-    dup2(self.error, STDERR_FILENO);
-    close(self.held);
-    self.held = -1;
 }
 
 /* ---- begin and end --------------------------------------------------------------------------- */

@@ -64,8 +64,6 @@ int solve_fail(solve_run *run, int rc)
 {
     const char *message = dmk_context_message(run->context);
     cli_progress_end(&run->progress);
-    /* mpirun ends all ranks, and says why. */
-    if (rc == DMK_E_CANCELLED && cli_ranks()) return cli_exit_code(rc);
     if (!*message) message = dmk_status_text(rc);
     if (cli_interrupted()) rc = DMK_E_CANCELLED;
     if (rc == DMK_E_CANCELLED) message = dmk_status_text(rc); /* not that of a source before */
