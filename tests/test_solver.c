@@ -179,7 +179,7 @@ static void after_an_early_end_the_next_solve_is_right(void **state)
         p.options.max_steps = 1;
         p.options.start = DMK_START_UNIFORM;
         assert_int_equal(problem_try(&p), DMK_E_LIMIT);
-        assert_non_null(strstr(dmk_context_message(p.b->ctx), "max-steps"));
+        assert_non_null(strstr(dmk_context_message(p.b->ctx), "max_steps"));
     }
     dmk_solve_options_init(&p.options);
     problem_solve(&p);

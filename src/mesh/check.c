@@ -35,7 +35,7 @@ static int explain_triangle(dmk_context *ctx, const dmk_mesh *m, int32_t t)
     }
     return dmk_fail(ctx, DMK_E_MESH,
                     "triangle %d (vertices %d %d %d) is degenerate: a vertex is repeated; remove it, "
-                    "as --repair does",
+                    "as a repair does",
                     t, c[0], c[1], c[2]);
 }
 
@@ -100,7 +100,7 @@ static int explain_duplicate(dmk_context *ctx, const side *s, size_t n)
         if (!same_edge(&s[i - 1], &s[i]) || s[i - 1].opposite != s[i].opposite) continue;
         return dmk_fail(ctx, DMK_E_MESH,
                         "triangles %d and %d are duplicates: both have the vertices %d %d %d; "
-                        "remove one of them, as --repair does",
+                        "remove one of them, as a repair does",
                         s[i - 1].half / 3, s[i].half / 3, s[i].a, s[i].b, s[i].opposite);
     }
     return DMK_OK;
@@ -112,7 +112,7 @@ static int explain_third_triangle(dmk_context *ctx, const side *s, size_t n)
         if (!same_edge(&s[i - 2], &s[i])) continue;
         return dmk_fail(ctx, DMK_E_MESH,
                         "non-manifold edge %d-%d: triangles %d, %d and %d share it; remove or "
-                        "separate the extra sheets, as --repair does",
+                        "separate the extra sheets, as a repair does",
                         s[i].a, s[i].b, s[i - 2].half / 3, s[i - 1].half / 3, s[i].half / 3);
     }
     return DMK_OK;
@@ -174,12 +174,12 @@ static int explain_orientation(dmk_context *ctx, const dmk_mesh *m, const side *
         rc = dmk_fail(ctx, DMK_E_MESH,
                       "the surface is not orientable (it has one side only, like a Moebius strip "
                       "or a Klein bottle; noticed between triangles %d and %d), which is not "
-                      "treated; cut it open, as --repair does, or use its two-sided double cover", stuck / 3, mate[stuck] / 3);
+                      "treated; cut it open, as a repair does, or use its two-sided double cover", stuck / 3, mate[stuck] / 3);
     } else {
         rc = dmk_fail(ctx, DMK_E_MESH,
                       "inconsistent orientation: triangles %d and %d run edge %d-%d in the same "
                       "direction; turning over %d of the %d triangles (swapping two of their "
-                      "corners), as --repair does, makes all agree",
+                      "corners), as a repair does, makes all agree",
                       s[bad - 1].half / 3, s[bad].half / 3, s[bad].a, s[bad].b, n_turned,
                       m->n_triangles);
     }
@@ -243,7 +243,7 @@ static int check_pillows(dmk_context *ctx, dmk_mesh *m)
     const int32_t *t = m->edge_triangle + 2 * (size_t)e, *ends = m->edge_vertex + 2 * (size_t)e;
     return dmk_fail(ctx, DMK_E_MESH,
                     "triangles %d and %d are duplicates, back to back: both have the vertices "
-                    "%d %d %d; remove one of them, as --repair does, or both",
+                    "%d %d %d; remove one of them, as a repair does, or both",
                     dmk_min_i(t[0], t[1]), dmk_max_i(t[0], t[1]), ends[0], ends[1],
                     third_vertex(m, e, t[0]));
 }
@@ -265,7 +265,7 @@ static int fail_star(dmk_context *ctx, const dmk_mesh *m, int32_t first)
     free(inside);
     return dmk_fail(ctx, DMK_E_MESH,
                     "non-manifold vertex %d: triangles %d and %d meet there, but not through "
-                    "shared edges; give each part of the surface its own copy of the vertex, as --repair does",
+                    "shared edges; give each part of the surface its own copy of the vertex, as a repair does",
                     v, dmk_min_i(first / 3, outside), dmk_max_i(first / 3, outside));
 }
 

@@ -3,6 +3,7 @@
 #include "solver/kernels.h"
 
 #include <math.h>
+#include <stdio.h>
 
 int dmk_iteration_sums(dmk_iteration *o, size_t items, int count, int maxima, double *sums)
 {
@@ -64,6 +65,22 @@ done:
     return rc;
 }
 
+/* The message for a divergence: what happened, and what the caller can change in the method asked for. */
+static int diverged(const dmk_iteration *o, int step, const char *what)
+{
+    double sharpest = 0; /* the largest cotangent */
+    char advice[160];
+    for (int32_t h = 0; h < 3 * o->mesh->n_triangles; h++) sharpest = fmax(sharpest, dmk_cot(o->mesh, h));
+    const double angle = atan2(1, sharpest) * 57.295779513082320877;
+    const double dt = o->options->dt > 0 ? o->options->dt : 0.5;
+    if (o->asked == DMK_EULER) snprintf(advice, sizeof advice, "try a dt below %g, or", dt);
+    else if (o->asked == DMK_INERTIAL) snprintf(advice, sizeof advice, "try a smaller inertia, or");
+    else snprintf(advice, sizeof advice, "neither Newton's steps nor explicit ones converge:");
+    return dmk_fail(o->ctx, DMK_E_DIVERGED,
+                    "the iteration diverged at step %d (%s); %s improve the mesh's worst triangles: its smallest "
+                    "angle is %.2g degrees", step, what, advice, angle);
+}
+
 int dmk_iteration_solve(dmk_iteration *o, dmk_buffer *x, double tolerance, int max_iterations,
                     double *energy)
 {
@@ -72,8 +89,14 @@ int dmk_iteration_solve(dmk_iteration *o, dmk_buffer *x, double tolerance, int m
     DMK_TRY(prepare_solve(o));
     /* f.A^-1 f = 2 f.u - u.Au + r.A^-1 r; the first two are short by the square of the error only. */
     double known = 2 * o->fu - o->uau;
-    DMK_TRY(dmk_pcg(o->ctx, o->sys, DMK_OUTER, DMK_STIFFNESS, x, max_iterations, tolerance,
-                    fabs(known), &o->stats->cg_iterations, &gain));
+    rc = dmk_pcg(o->ctx, o->sys, DMK_OUTER, DMK_STIFFNESS, x, max_iterations, tolerance, fabs(known),
+                 &o->stats->cg_iterations, &gain);
+    if (rc == DMK_E_DIVERGED) {
+        char what[200];
+        snprintf(what, sizeof what, "%.199s", o->ctx->message);
+        rc = diverged(o, o->stats->steps + 1, what);
+    }
+    if (rc != DMK_OK) goto done;
     o->stats->v_cycles += o->stats->cg_iterations - before + 1;
     if (energy) *energy = known + gain;
 done:
@@ -86,10 +109,9 @@ int dmk_iteration_step_done(dmk_iteration *o, int step, int max_steps, int itera
     o->stats->steps = step;
     o->stats->change = change;
     if (!(change < 1e6)) {
-        return dmk_fail(o->ctx, DMK_E_DIVERGED,
-                        "the iteration diverged at step %d (relative change of mu %g); try a "
-                        "smaller --dt, --start uniform, or improve the mesh's worst triangles",
-                        step, change);
+        char what[64];
+        snprintf(what, sizeof what, "relative change of mu %g", change);
+        return diverged(o, step, what);
     }
     dmk_progress report = {.stage = "solve", .step = step, .max_steps = max_steps,
                            .cg_iterations = iterations, .change = change,
@@ -102,6 +124,6 @@ int dmk_iteration_limit(dmk_iteration *o, int max_steps)
 {
     return dmk_fail(o->ctx, DMK_E_LIMIT,
                     "%d steps did not reach the tolerance: relative change of mu per unit time %.2g, "
-                    "wanted %.2g; raise --max-steps or --tolerance",
+                    "wanted %.2g; raise max_steps or tolerance",
                     max_steps, o->stats->change, o->tolerance);
 }

@@ -10,6 +10,7 @@ typedef struct dmk_iteration {
     dmk_system *sys;
     const dmk_mesh *mesh; /* that the system was made of */
     const dmk_solve_options *options;
+    dmk_method asked; /* the caller's method: options may be those of another that takes over */
     dmk_stats *stats;
     double began;     /* dmk_seconds() */
     double fu, uau;   /* f.u and u.Au of the last energies */

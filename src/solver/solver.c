@@ -381,7 +381,7 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     dmk_iteration o = {.ctx = ctx,
                        .sys = s->system,
                        .mesh = near.mesh,
-                       .options = options,
+                       .options = options, .asked = options->method,
                        .stats = &r->stats,
                        .began = began};
     dmk_stage_end(ctx);
