@@ -40,7 +40,7 @@ usage 'a value that is missing' '--source: its value X,Y,Z is missing' solve x.o
 usage 'a flag with a value' '--quiet: takes no value' solve x.off --quiet=1
 usage 'no mesh' 'MESH is missing' solve --vertex 0
 usage 'two meshes' "'b.off' is one argument too many" solve a.off b.off --vertex 0
-usage 'no source' 'give --source|Give --source' solve x.off
+usage 'no source' 'no source given: use --source X,Y,Z or --vertex I' solve x.off
 usage 'two sources' 'not both' solve x.off --vertex 0 --source 1,2,3
 usage 'quiet and verbose' 'not both' solve x.off --vertex 0 --quiet --verbose
 for bad in 1,2 1,2,3,4 1,2,x 1,2, '' '1, 2,3' nan,0,0 inf,0,0 "1;2;3"; do
@@ -206,10 +206,10 @@ check '--quiet tells nothing of pieces' test ! -s "$work/errors"
 "$tool" info "$work/soup.off" > /dev/null 2> "$work/errors"
 check 'a mesh in pieces is warned of, with the way out' \
     has "$work/errors" 'warning: .*soup.off is in 12 pieces.*--repair.* leaves 1'
-"$tool" solve "$work/soup.off" --repair --vertex 35 --report "$work/soup.json" > "$work/said" 2> "$work/errors"
+"$tool" solve "$work/soup.off" --repair --vertex 35 --report "$work/soup.json" > "$work/told" 2> "$work/errors"
 check '--repair tells what it does' \
     has "$work/errors" 'repaired: 28 vertices merged with equal ones, 2 triangles turned over$'
-check 'the vertices are those of the file' has "$work/said" '^source.*\(1, 0, 1\)'
+check 'the vertices are those of the file' has "$work/told" '^source +\(1, 1, 1\)'
 check 'the report has it, too' has "$work/soup.json" '"merged_vertices": 28'
 check 'mesh --repair writes the repaired mesh' "$tool" mesh "$work/soup.off" --repair --out "$work/cube.off"
 check 'which is whole' output_has 'closed, genus 0' "$tool" info "$work/cube.off"
@@ -222,6 +222,21 @@ check 'and it does' "$tool" info --repair "$work/broken.off"
 check 'a source far away is warned of' has "$work/errors" 'warning: \(9, 0, 0\) is 6 away from the surface'
 "$tool" solve "$torus" --source 3.01,0,0 2> "$work/errors" > /dev/null
 check 'one nearby is not' test ! -s "$work/errors"
+
+"$tool" cut "$torus" --vertex 0 --json > "$work/cut.json"
+check 'cut --json prints the report, with the cut' \
+    sh -c "grep -q '\"n_border_loops\": 1' '$work/cut.json' && grep -q '\"gap\"' '$work/cut.json'"
+check 'cut --report writes it' "$tool" cut "$torus" --vertex 0 --report "$work/cut2.json" --quiet
+check 'and is the same' sh -c "[ \$(wc -l < '$work/cut.json') = \$(wc -l < '$work/cut2.json') ]"
+check 'help COMMAND is COMMAND --help' \
+    sh -c "'$tool' help cut > '$work/a' && '$tool' cut --help > '$work/b' && cmp '$work/a' '$work/b'"
+sh src/cli/man.sh "$tool" > "$work/manual"
+check 'the manual lists every command in its synopsis' \
+    test "$(sed '/^.SH DESC/,$d' "$work/manual" | grep -c '^.B dmkcl')" = "$(grep -c '^.SH DMKCL' "$work/manual")"
+for option in tolerance max-steps method start threads gap dt inertia; do
+    check "the help tells the default of --$option" \
+        sh -c "'$tool' solve --help | awk '/^  --/ { on = 0 } /^  --$option / { on = 1 } on' | grep -q default"
+done
 
 if command -v script > /dev/null; then
     script -qec "'$tool' solve '$torus' --vertex 0" /dev/null > "$work/screen" < /dev/null

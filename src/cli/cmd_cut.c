@@ -22,6 +22,29 @@ static void print_cut(const cut_request *request, const dmk_mesh *cut, const dmk
         printf("wrote %s\n", request->out.path[i]);
 }
 
+/* What the report says of the cut. */
+typedef struct told {
+    const cut_request *request;
+    const dmk_mesh *cut;
+} told;
+
+static void report_cut(cli_json *json, const solve_run *run, const void *data)
+{
+    const told *t = data;
+    dmk_mesh_info info;
+    (void)run;
+    dmk_mesh_get_info(t->cut, &info);
+    json_open(json, "cut", '{');
+    json_integer(json, "n_vertices", (int64_t)info.n_vertices);
+    json_integer(json, "n_triangles", (int64_t)info.n_triangles);
+    json_integer(json, "n_border_loops", (int64_t)info.n_border_loops);
+    json_integer(json, "euler", info.euler);
+    json_open(json, "out", '[');
+    for (int i = 0; i < t->request->out.n; i++) json_text(json, NULL, t->request->out.path[i]);
+    json_close(json, '[');
+    json_close(json, '{');
+}
+
 static int cut_open(const cut_request *request, solve_run *run, dmk_mesh **cut)
 {
     const int code = solve_compute(&request->solve, run);
@@ -43,7 +66,11 @@ static int run_cut(const cut_request *request)
     dmk_mesh *cut = NULL;
     int code = solve_begin(&request->solve, &run);
     if (code == EXIT_OK) code = cut_open(request, &run, &cut);
-    if (code == EXIT_OK && !request->solve.quiet) {
+    if (code == EXIT_OK && request->solve.report) {
+        const told t = {request, cut};
+        code = solve_report_more(&request->solve, &run, report_cut, &t);
+    }
+    if (code == EXIT_OK && solve_tells_summary(&request->solve)) {
         print_cut(request, cut, run.locus);
         code = cli_flush();
     }
@@ -55,7 +82,7 @@ static int run_cut(const cut_request *request)
 static int check_request(cut_request *request)
 {
     int code = solve_request_settle(&request->solve);
-    if (code == EXIT_OK && request->out.n == 0) {
+    if (code == EXIT_OK && request->out.n == 0 && !request->solve.report) {
         code = cli_error(EXIT_USAGE, "cut: --out FILE is missing");
     }
     if (code == EXIT_OK) code = cli_check_outputs("out", &request->out, CLI_MESH);
@@ -77,6 +104,7 @@ static int parse(cut_request *request, const char *out_help, int argc, char **ar
     };
     solve_add_source(&table, &request->solve);
     solve_add(&table, &out, 1);
+    solve_add_report(&table, &request->solve);
     solve_add_device(&table, &request->solve);
     const cli_syntax syntax = {
         .command = "cut",
@@ -87,7 +115,7 @@ static int parse(cut_request *request, const char *out_help, int argc, char **ar
         .notes =
             "Triangles that the cut locus crosses are split, so that it runs along edges, and its\n"
             "points become vertices once for each side, no nearer to an edge's end than 0.15 of the\n"
-            "edge. The vertices of the component with the source come first, in their old request. A cut\n"
+            "edge. The vertices of the component with the source come first, in their old order. A cut\n"
             "locus that is one point becomes a slit of two edges at the farthest vertex. A surface\n"
             "with a border that is a disk already stays as it is.",
         .options = table.row,

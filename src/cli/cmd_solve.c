@@ -35,7 +35,6 @@ static int check_request(solve_request *request)
     if (code == EXIT_OK) code = cli_check_outputs("out", &request->out, CLI_RESULT);
     if (code == EXIT_OK) code = cli_check_outputs("locus", &request->locus, CLI_LOCUS);
     if (code == EXIT_OK) code = cli_check_outputs("tangent", &request->tangent, CLI_ANY);
-    if (code == EXIT_OK && report) code = cli_check_output("report", request->report, CLI_ANY);
     cli_uses uses = {.n = 0};
     solve_request_uses(request, &uses);
     return code == EXIT_OK ? cli_check_uses(&uses) : code;
@@ -43,7 +42,6 @@ static int check_request(solve_request *request)
 
 /* The options that are not of the library's types. */
 typedef struct raw_options {
-    bool json;
     char out_help[600], locus_help[600];
 } raw_options;
 
@@ -76,12 +74,6 @@ static void add_files(solve_table *table, solve_request *request, raw_options *r
                  "(0 ordinary, 1 end, 2 branch point, 3 alone)",
          .kind = CLI_FILES,
          .target = &request->tangent},
-        {.name = "report",
-         .value = "FILE",
-         .help = "write the figures of the run as JSON; - is the standard output",
-         .kind = CLI_TEXT,
-         .target = &request->report},
-        {.name = "json", .help = "the same as --report -", .kind = CLI_FLAG, .target = &raw->json},
     };
     solve_add(table, rows, sizeof rows / sizeof *rows);
 }
@@ -91,6 +83,7 @@ static int parse(solve_request *request, raw_options *raw, int argc, char **argv
     solve_table table = {.n = 0};
     solve_add_source(&table, request);
     add_files(&table, request, raw);
+    solve_add_report(&table, request);
     solve_add_method(&table, request);
     solve_add_device(&table, request);
     const cli_syntax syntax = {
@@ -105,7 +98,7 @@ static int parse(solve_request *request, raw_options *raw, int argc, char **argv
             "\n"
             "With --sources the mesh and the device are made ready once. The files of the first\n"
             "source are NAME-0000.SUFFIX, of the second NAME-0001.SUFFIX and so on, written as\n"
-            "each is solved. A source that fails is told and the others go on; the exit code is\n"
+            "each is solved. A source that fails is reported, and the rest are solved; the exit code is\n"
             "that of the first failure. After an interruption --resume does what is left.",
         .options = table.row,
         .n_options = table.n,
@@ -128,7 +121,6 @@ int cmd_solve(int argc, char **argv)
     solve_request_init(&request, "solve");
     int code = parse(&request, &raw, argc, argv);
     if (code != CLI_GO_ON) return code;
-    if (raw.json) request.report = "-";
     code = check_request(&request);
     if (code != EXIT_OK) return code;
     return request.sources ? solve_batch(&request) : solve(&request);

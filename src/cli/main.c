@@ -41,7 +41,8 @@ static int print_help(void)
         printf("  %-9s %s\n", commands[i].name, commands[i].summary);
     }
     printf("\n"
-           "`dmkcl COMMAND --help` tells the options of a command, `dmkcl --version` the version.\n"
+           "`dmkcl COMMAND --help` or `dmkcl help COMMAND` lists the options of a command,\n"
+           "`dmkcl --version` prints the version.\n"
            "\n"
            "exit codes:\n");
     cli_print_exit_codes(stdout);
@@ -91,7 +92,11 @@ static int run(int argc, char **argv)
         return cli_error(EXIT_USAGE, "a command is missing; `dmkcl --help` lists them");
     }
     const char *name = argv[1];
-    if (strcmp(name, "--help") == 0 || strcmp(name, "-h") == 0 || strcmp(name, "help") == 0) {
+    char *of_command[] = {argv[argc - 1], "--help", NULL}; /* `dmkcl help solve` */
+    if (strcmp(name, "help") == 0 && argc == 3) {
+        name = of_command[0];
+        argv = of_command - 1;
+    } else if (strcmp(name, "--help") == 0 || strcmp(name, "-h") == 0 || strcmp(name, "help") == 0) {
         return print_help();
     }
     if (strcmp(name, "--version") == 0) {

@@ -39,6 +39,11 @@ echo ".TH DMKCL 1 \"\" \"$("$tool" --version)\" \"User Commands\""
 echo '.SH NAME'
 echo 'dmkcl \- cut locus of a point on a triangulated surface, by optimal transport'
 echo '.SH SYNOPSIS'
+for command in $commands; do
+    usage=$("$tool" "$command" --help | sed -n -e 's/^usage: dmkcl [a-z]* *//p' | sed -e 's/\\/\\e/g' -e 's/-/\\-/g')
+    printf '.B dmkcl %s\n%s\n.br\n' "$command" "${usage:-}"
+done
+echo '.SH DESCRIPTION'
 verbatim "$tool" --help
 for command in $commands; do
     echo ".SH DMKCL $(echo "$command" | tr a-z A-Z)"

@@ -136,25 +136,37 @@ void solve_report_fields(cli_json *json, const solve_request *request, const sol
     write_names(json, "tangent_out", &request->tangent);
 }
 
-static void write_report(FILE *file, bool one_line, const solve_request *request, const solve_run *run)
+static void write_report(FILE *file, bool one_line, const solve_request *request, const solve_run *run,
+                         solve_more more, const void *data)
 {
     cli_json json = {.file = file, .one_line = one_line};
     json_open(&json, NULL, '{');
     solve_report_fields(&json, request, run);
+    if (more) more(&json, run, data);
     json_close(&json, '{');
 }
 
-int solve_report(const solve_request *request, const solve_run *run)
+int solve_report_more(const solve_request *request, const solve_run *run, solve_more more, const void *data)
 {
     if (strcmp(request->report, "-") == 0) {
-        write_report(stdout, request->sources != NULL, request, run);
+        write_report(stdout, request->sources != NULL, request, run, more, data);
         return cli_flush();
     }
     cli_file file;
     int code = cli_file_open(request->report, &file);
     if (code != EXIT_OK) return code;
-    write_report(file.stream, false, request, run);
+    write_report(file.stream, false, request, run, more, data);
     return cli_file_close(&file);
+}
+
+int solve_report(const solve_request *request, const solve_run *run)
+{
+    return solve_report_more(request, run, NULL, NULL);
+}
+
+bool solve_tells_summary(const solve_request *request)
+{
+    return !request->quiet && !(request->report && strcmp(request->report, "-") == 0);
 }
 
 /* ---- summary -------------------------------------------------------------------------------- */

@@ -19,7 +19,7 @@ typedef struct solve_request {
     int64_t threads, max_steps; /* these go to `device` and `solve` when the command line is read */
     int method, start;
     bool single;
-    bool repair;
+    bool repair, json;
     bool quiet, verbose;
 } solve_request;
 
@@ -66,6 +66,8 @@ typedef struct solve_table {
 void solve_request_init(solve_request *request, const char *command);
 void solve_add(solve_table *table, const cli_option *rows, size_t n);
 void solve_add_source(solve_table *table, solve_request *request);
+/* --report and --json, which makes the report "-" in solve_request_convert. */
+void solve_add_report(solve_table *table, solve_request *request);
 void solve_add_device(solve_table *table, solve_request *request);
 void solve_add_method(solve_table *table, solve_request *request);
 /* After parsing: what is in types of the command line to those of the library. */
@@ -112,6 +114,11 @@ void solve_report_fields(cli_json *json, const solve_request *request, const sol
 /* The JSON report, whole or not at all; of many sources on the standard output a line for each. The exit
  * code. */
 int solve_report(const solve_request *request, const solve_run *run);
+/* The same, with what a command adds to the object. */
+typedef void (*solve_more)(cli_json *json, const solve_run *run, const void *data);
+int solve_report_more(const solve_request *request, const solve_run *run, solve_more more, const void *data);
+/* Whether the summary is printed: neither --quiet nor a report on the standard output. */
+bool solve_tells_summary(const solve_request *request);
 /* The summary for a person, on the standard output. */
 void solve_summary(const solve_request *request, const solve_run *run);
 /* EXIT_OK, or EXIT_GAP with the words, when the gap that was asked for is not reached. */
