@@ -1,0 +1,589 @@
+/* Paths back to the sources, and distances anywhere: windows from the point asked for, back to the next bend or
+ * source, whose distance is known. What leads farther than some way found is dropped, by the least that the
+ * distances at the ends of an edge leave for its points; so few triangles beside the path are looked at. */
+#include "geodesic/trace.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* On smooth meshes a search keeps some ten windows for each edge that the path crosses. */
+enum { most_windows = 1 << 22 };
+/* Rounding, over the length of the edge: a ray so little beside an interval is in it. */
+static const double same_place = 1e-11;
+
+/* A source inside a triangle or on an edge, as one of its triangles sees it. */
+typedef struct spot {
+    int32_t triangle, source;
+    double weight[3];
+} spot;
+
+/* An interval of a half-edge seen straight from the point, unfolded at (x, y), y < 0. */
+typedef struct sight {
+    double lo, hi, x, y;
+    int32_t half, parent;
+    bool right; /* through which side of the parent's triangle */
+} sight;
+
+/* How the best way ends: at a vertex, or else at a source that is none; seen through a window, or else within the
+ * point's own triangles, `triangle` then. */
+typedef struct finish {
+    double length, key;
+    int32_t window, vertex, source, triangle;
+} finish;
+
+typedef struct dmk_tracer {
+    const dmk_geodesics *g;
+    spot *spot; /* by triangle */
+    size_t n_spots;
+    int32_t *line; /* half-edges, sorted */
+    sight *sight;
+    size_t n_sights, room;
+    finish best;
+    double bound, slack; /* nothing longer is of use; lengths that are equal */
+} dmk_tracer;
+
+/* ---- set-up ---------------------------------------------------------------------------------- */
+
+static int by_triangle(const void *a, const void *b)
+{
+    const spot *p = a, *q = b;
+    if (p->triangle != q->triangle) return p->triangle < q->triangle ? -1 : 1;
+    return (p->source > q->source) - (p->source < q->source);
+}
+
+static int by_number(const void *a, const void *b)
+{
+    const int32_t x = *(const int32_t *)a, y = *(const int32_t *)b;
+    return (x > y) - (x < y);
+}
+
+/* The triangles that a site lies in and its weights there: at a vertex all around, two on an edge. */
+static size_t list_spots(const dmk_geodesics *g, const dmk_site *site, int32_t number, spot *to)
+{
+    size_t n = 0;
+    if (site->vertex >= 0) {
+        for (int32_t k = 0; k < site->n_sectors; k++) {
+            int32_t c = site->sector[k].half;
+            to[n] = (spot){c / 3, number, {0}};
+            to[n++].weight[c % 3] = 1;
+        }
+        return n;
+    }
+    const dmk_point *p = &site->point;
+    to[n] = (spot){(int32_t)p->triangle, number, {p->weight[0], p->weight[1], p->weight[2]}};
+    n++;
+    int32_t other = site->sector[site->n_sectors - 1].half;
+    if (other / 3 == p->triangle) return n;
+    /* The last sector lies before the edge in the triangle across. */
+    int32_t edge = dmk_next(other), own = g->star.twin[edge];
+    to[n] = (spot){edge / 3, number, {0}};
+    to[n].weight[dmk_next(edge) % 3] = p->weight[dmk_previous(own) % 3];
+    to[n++].weight[dmk_previous(edge) % 3] = p->weight[dmk_next(own) % 3];
+    return n;
+}
+
+int dmk_tracer_create(dmk_context *ctx, const dmk_geodesics *g, dmk_tracer **tracer)
+{
+    int rc;
+    dmk_tracer *t = NULL;
+    DMK_TRY(DMK_NEW(ctx, t, 1));
+    t->g = g;
+    DMK_TRY(DMK_NEW(ctx, t->spot, 2 * (size_t)g->n_sources));
+    DMK_TRY(DMK_NEW(ctx, t->line, g->n_lines));
+    for (int32_t i = 0; i < g->n_sources; i++) {
+        if (g->source[i].vertex < 0) t->n_spots += list_spots(g, g->source + i, i, t->spot + t->n_spots);
+    }
+    qsort(t->spot, t->n_spots, sizeof *t->spot, by_triangle);
+    if (g->n_lines > 0) memcpy(t->line, g->line, g->n_lines * sizeof *t->line);
+    qsort(t->line, g->n_lines, sizeof *t->line, by_number);
+    *tracer = t;
+    t = NULL;
+done:
+    dmk_tracer_destroy(&t);
+    return rc;
+}
+
+void dmk_tracer_destroy(dmk_tracer **tracer)
+{
+    dmk_tracer *t = *tracer;
+    if (!t) return;
+    free(t->spot);
+    free(t->line);
+    free(t->sight);
+    free(t);
+    *tracer = NULL;
+}
+
+/* ---- the search ------------------------------------------------------------------------------ */
+
+/* Whether the path may end here: a source or a bend. */
+static bool is_bend(const dmk_geodesics *g, int32_t v)
+{
+    const double pi = 3.14159265358979323846;
+    const dmk_arrival *a = g->arrival + v;
+    if (g->star.border[v] || g->star.total[v] > 2 * pi + 1e-10) return true;
+    return a->source >= 0 && a->source < g->n_sources && g->source[a->source].vertex == v;
+}
+
+static void finish_at(dmk_tracer *t, finish f, double length)
+{
+    const dmk_geodesics *g = t->g;
+    f.length = f.key = length;
+    if (f.vertex >= 0 && !is_bend(g, f.vertex)) f.key += t->slack; /* others are better to end at */
+    if (f.key < t->best.key) t->best = f;
+    t->bound = fmin(t->bound, f.key);
+}
+
+/* The triangle above half-edge h, with its base on the x axis from (0, 0). */
+typedef struct angle {
+    double length, left, right, ca, sa, cb, sb, cx, cy;
+    int32_t a, b, c;
+} angle;
+
+static void look(const dmk_geodesics *g, int32_t h, angle *s)
+{
+    const dmk_mesh *m = g->mesh;
+    const double scale = 1 / g->star.unit;
+    int k = h % 3, k1 = (k + 1) % 3, k2 = (k + 2) % 3;
+    double area2, dot[3], length[3];
+    const int32_t *v = m->triangle + h / 3 * 3;
+    dmk_measure_corners(m, scale, h / 3, &area2, dot);
+    for (int i = 0; i < 3; i++) length[i] = m->length[m->triangle_edge[h / 3 * 3 + i]] * scale;
+    s->length = length[k], s->left = length[k2], s->right = length[k1];
+    s->ca = dot[k1] / (s->length * s->left), s->sa = area2 / (s->length * s->left);
+    s->cb = dot[k2] / (s->length * s->right), s->sb = area2 / (s->length * s->right);
+    s->cx = s->left * s->ca, s->cy = s->left * s->sa;
+    s->a = v[k1], s->b = v[k2], s->c = v[k];
+}
+
+/* The least length of a way through the interval. */
+static double least(const dmk_tracer *t, const sight *w, const angle *s)
+{
+    const double unit = t->g->star.unit, aside = fmax(0, fmax(w->lo - w->x, w->x - w->hi));
+    double a = t->g->distance[s->a] / unit, b = t->g->distance[s->b] / unit, length = s->length;
+    double left = fmax(0.5 * (a + b - length), fmax(a - w->hi, b - (length - w->lo)));
+    return sqrt(aside * aside + w->y * w->y) + fmax(0, left);
+}
+
+static int keep(dmk_context *ctx, dmk_tracer *t, const sight *w)
+{
+    angle s;
+    if (w->half < 0 || !(w->y < 0) || !(w->hi - w->lo > 1e-12 * (fabs(w->hi) + fabs(w->lo)))) return DMK_OK;
+    look(t->g, w->half, &s);
+    if (least(t, w, &s) > t->bound + t->slack || t->n_sights >= most_windows) return DMK_OK;
+    if (t->n_sights == t->room) {
+        int rc = DMK_GROW(ctx, t->sight, t->n_sights + 1, t->room);
+        if (rc != DMK_OK) return rc;
+    }
+    t->sight[t->n_sights++] = *w;
+    return DMK_OK;
+}
+
+/* Through a side: along it the direction (dx, dy) from (ox, oy); rays from lo to hi of the base. */
+static sight child(const sight *w, int32_t i, bool right, double lo, double hi, const angle *s)
+{
+    double ox = right ? s->cx : 0, oy = right ? s->cy : 0, length = right ? s->right : s->left;
+    double dx = right ? s->cb : s->ca, dy = right ? -s->sb : s->sa, px = w->x - ox, py = w->y - oy;
+    double end[2] = {lo, hi};
+    for (int k = 0; k < 2; k++) {
+        double rx = end[k] - w->x, ry = -w->y;
+        end[k] = fmin(length, fmax(0, (px * ry - py * rx) / (dx * ry - dy * rx)));
+    }
+    return (sight){.lo = end[0], .hi = end[1], .x = px * dx + py * dy, .y = py * dx - px * dy, .parent = i,
+                   .right = right};
+}
+
+/* Sources inside the triangle above window i. */
+static void look_for_spots(dmk_tracer *t, int32_t i, const angle *s)
+{
+    const dmk_geodesics *g = t->g;
+    const sight *w = t->sight + i;
+    size_t lo = 0, hi = t->n_spots;
+    while (lo < hi) {
+        size_t middle = (lo + hi) / 2;
+        if (t->spot[middle].triangle < w->half / 3) lo = middle + 1;
+        else hi = middle;
+    }
+    for (; lo < t->n_spots && t->spot[lo].triangle == w->half / 3; lo++) {
+        const double *p = t->spot[lo].weight;
+        double x = p[w->half % 3] * s->cx + p[dmk_previous(w->half) % 3] * s->length, y = p[w->half % 3] * s->cy;
+        double at = w->x - (x - w->x) * w->y / (y - w->y);
+        if (at < w->lo - same_place * s->length || at > w->hi + same_place * s->length) continue;
+        double length = hypot(x - w->x, y - w->y) + g->source[t->spot[lo].source].offset / g->star.unit;
+        finish_at(t, (finish){.window = i, .vertex = -1, .source = t->spot[lo].source}, length);
+    }
+}
+
+static int advance(dmk_context *ctx, dmk_tracer *t, int32_t i)
+{
+    int rc;
+    angle s;
+    const sight w = t->sight[i];
+    const dmk_geodesics *g = t->g;
+    look(g, w.half, &s);
+    if (least(t, &w, &s) > t->bound + t->slack) return DMK_OK;
+    if (t->n_spots > 0) look_for_spots(t, i, &s);
+    if (g->n_lines > 0 && w.x >= w.lo && w.x <= w.hi &&
+        bsearch(&w.half, t->line, g->n_lines, sizeof *t->line, by_number)) {
+        finish_at(t, (finish){.window = i, .vertex = -1, .source = g->n_sources}, -w.y);
+    }
+    double at = w.x - (s.cx - w.x) * w.y / (s.cy - w.y), slack = same_place * s.length;
+    if (at >= w.lo - slack && at <= w.hi + slack) {
+        double length = hypot(s.cx - w.x, s.cy - w.y) + g->distance[s.c] / g->star.unit;
+        finish_at(t, (finish){.window = i, .vertex = s.c, .source = -1}, length);
+    }
+    sight l = child(&w, i, false, w.lo, fmin(w.hi, at), &s), r = child(&w, i, true, fmax(w.lo, at), w.hi, &s);
+    l.half = w.lo < at ? g->star.twin[dmk_previous(w.half)] : -1;
+    r.half = w.hi > at ? g->star.twin[dmk_next(w.half)] : -1;
+    if (w.hi >= at) l.hi = s.left; /* not by rounding */
+    if (w.lo <= at) r.lo = 0;
+    DMK_TRY(keep(ctx, t, &l));
+    DMK_TRY(keep(ctx, t, &r));
+done:
+    return rc;
+}
+
+/* Ways within the point's own triangles: to their corners, and to sources there. */
+static void look_around(dmk_tracer *t, const dmk_site *site, const spot *own)
+{
+    const dmk_geodesics *g = t->g;
+    angle s;
+    look(g, 3 * own->triangle, &s);
+    const double at[3][2] = {{s.cx, s.cy}, {0, 0}, {s.length, 0}}, unit = g->star.unit;
+    double x = 0, y = 0;
+    for (int k = 0; k < 3; k++) x += own->weight[k] * at[k][0], y += own->weight[k] * at[k][1];
+    for (int k = 0; k < 3; k++) {
+        int32_t v = g->mesh->triangle[3 * own->triangle + k];
+        if (v == site->vertex) continue;
+        finish_at(t, (finish){.window = -1, .vertex = v, .source = -1, .triangle = own->triangle},
+                  hypot(at[k][0] - x, at[k][1] - y) + g->distance[v] / unit);
+    }
+    for (size_t i = 0; i < t->n_spots; i++) {
+        const spot *p = t->spot + i;
+        if (p->triangle != own->triangle) continue;
+        double px = 0, py = 0;
+        for (int k = 0; k < 3; k++) px += p->weight[k] * at[k][0], py += p->weight[k] * at[k][1];
+        finish_at(t, (finish){.window = -1, .vertex = -1, .source = p->source, .triangle = p->triangle},
+                  hypot(px - x, py - y) + g->source[p->source].offset / unit);
+    }
+}
+
+/* The end of the first straight piece of the way back from the site, in t->best. */
+static int search(dmk_context *ctx, dmk_tracer *t, const dmk_site *site)
+{
+    int rc;
+    const dmk_geodesics *g = t->g;
+    const double unit = g->star.unit;
+    spot *own = NULL;
+    t->best = (finish){.length = INFINITY, .key = INFINITY, .window = -1, .vertex = -1, .source = -1};
+    t->bound = INFINITY;
+    t->slack = 1e-11;
+    if (site->vertex >= 0) {
+        t->bound = g->distance[site->vertex] / unit + t->slack;
+        if (g->error) t->bound += 2 * g->error[site->vertex] / unit;
+    }
+    DMK_TRY(DMK_NEW(ctx, own, (size_t)site->n_sectors + 2));
+    size_t n = list_spots(g, site, 0, own);
+    for (size_t i = 0; i < n; i++) look_around(t, site, own + i);
+    t->n_sights = 0;
+    for (int32_t k = 0; k < site->n_sectors; k++) {
+        const dmk_sector *c = site->sector + k;
+        double length = g->mesh->length[g->mesh->triangle_edge[c->half]] / unit;
+        sight w = {.lo = 0, .hi = length, .x = length - c->x / unit, .y = -c->y / unit, .half = g->star.twin[c->half],
+                   .parent = -1};
+        DMK_TRY(keep(ctx, t, &w));
+    }
+    for (size_t i = 0; i < t->n_sights; i++) DMK_TRY(advance(ctx, t, (int32_t)i));
+    if (t->best.key == INFINITY) rc = dmk_fail(ctx, DMK_E_ARG, "no source is joined to the point by a path");
+done:
+    free(own);
+    return rc;
+}
+
+/* ---- directions ------------------------------------------------------------------------------ */
+
+/* The direction at a site of what lies in triangle t with the weights w. */
+static double direction_to(const dmk_geodesics *g, const dmk_site *site, const dmk_point *p)
+{
+    double best = INFINITY, angle_there = 0;
+    for (int32_t k = 0; k < site->n_sectors; k++) {
+        const dmk_sector *c = site->sector + k;
+        if (c->half / 3 != p->triangle) continue;
+        angle s;
+        look(g, c->half, &s);
+        double x = p->weight[c->half % 3] * s.cx + p->weight[dmk_previous(c->half) % 3] * s.length;
+        double y = p->weight[c->half % 3] * s.cy, ax = -c->x / g->star.unit, ay = -c->y / g->star.unit;
+        double dx = x + ax, dy = y + ay, turn = atan2(ax * dy - ay * dx, ax * dx + ay * dy);
+        double off = fmax(0, fmax(-turn, turn - c->span));
+        if (off < best) best = off, angle_there = c->angle + fmin(fmax(turn, 0), c->span);
+    }
+    if (angle_there >= site->total && !(site->vertex >= 0 && g->star.border[site->vertex])) return 0;
+    return angle_there;
+}
+
+/* ---- paths ----------------------------------------------------------------------------------- */
+
+typedef struct trail {
+    dmk_context *ctx;
+    const dmk_mesh *mesh;
+    dmk_path *path;
+    size_t room;
+    double last[3], near; /* points so near are one */
+} trail;
+
+/* A path through a vertex meets several edges there: one point is enough. */
+static int append(trail *l, dmk_point p)
+{
+    double x[3];
+    dmk_path *path = l->path;
+    int rc = dmk_mesh_point_xyz(l->ctx, l->mesh, &p, x);
+    if (rc != DMK_OK) return rc;
+    if (path->n > 0) {
+        double piece = hypot(hypot(x[0] - l->last[0], x[1] - l->last[1]), x[2] - l->last[2]);
+        path->length += piece;
+        if (path->n > 1 && piece <= l->near) path->n--;
+    }
+    memcpy(l->last, x, sizeof x);
+    if (path->n == l->room) {
+        rc = DMK_GROW(l->ctx, path->point, path->n + 1, l->room);
+        if (rc != DMK_OK) return rc;
+    }
+    path->point[path->n++] = p;
+    return DMK_OK;
+}
+
+/* Where a straight way crosses the half-edges of windows i and before it, from (x, y) above the last: the
+ * points from the far end to the point asked for, in the order of the list. */
+static int list_crossings(dmk_tracer *t, dmk_context *ctx, int32_t i, double x, double y, dmk_point **list, size_t *n)
+{
+    size_t room = 0;
+    int rc = DMK_OK;
+    for (*n = 0; i >= 0; i = t->sight[i].parent) {
+        const sight *w = t->sight + i;
+        angle s;
+        look(t->g, w->half, &s);
+        double at = fmin(s.length, fmax(0, w->x - (x - w->x) * w->y / (y - w->y)));
+        dmk_point p = {.triangle = w->half / 3};
+        p.weight[dmk_next(w->half) % 3] = 1 - at / s.length;
+        p.weight[dmk_previous(w->half) % 3] = at / s.length;
+        if (*n == room) DMK_TRY(DMK_GROW(ctx, *list, *n + 1, room));
+        (*list)[(*n)++] = p;
+        if (w->parent < 0) break;
+        look(t->g, t->sight[w->parent].half, &s);
+        double part = w->right ? 1 - at / s.right : at / s.left; /* from the base */
+        x = w->right ? s.length + part * (s.cx - s.length) : part * s.cx;
+        y = part * s.cy;
+    }
+done:
+    return rc;
+}
+
+/* The far end of the piece above window i: a vertex, a source inside, or the foot on a line. */
+static void end_of_sight(const dmk_tracer *t, int32_t i, double *x, double *y)
+{
+    const dmk_geodesics *g = t->g;
+    const finish *f = &t->best;
+    const sight *w = t->sight + i;
+    angle s;
+    look(g, w->half, &s);
+    *x = s.cx, *y = s.cy;
+    if (f->vertex >= 0) return;
+    *x = w->x, *y = 0;
+    for (size_t k = 0; f->source < g->n_sources && k < t->n_spots; k++) {
+        const spot *p = t->spot + k;
+        if (p->source != f->source || p->triangle != w->half / 3) continue;
+        *x = p->weight[w->half % 3] * s.cx + p->weight[dmk_previous(w->half) % 3] * s.length;
+        *y = p->weight[w->half % 3] * s.cy;
+    }
+}
+
+static dmk_point corner_point(const dmk_geodesics *g, int32_t v)
+{
+    int32_t c = g->star.first[v];
+    dmk_point p = {.triangle = c / 3};
+    p.weight[c % 3] = 1;
+    return p;
+}
+
+/* Whether the path ends at vertex v: no way leads on. */
+static bool is_source(const dmk_geodesics *g, int32_t v)
+{
+    const dmk_arrival *a = g->arrival + v;
+    if (a->pseudo_source >= 0) return false;
+    if (a->source >= g->n_sources) return g->distance[v] == 0;
+    return g->source[a->source].vertex == v;
+}
+
+/* From the point asked for to the source, one piece after the other; the first piece's end at the source is in
+ * *direction. */
+static int follow(dmk_context *ctx, dmk_tracer *t, const dmk_site *from, trail *l, double *direction)
+{
+    int rc;
+    const dmk_geodesics *g = t->g;
+    const dmk_site *at = from;
+    dmk_site bend = {0};
+    dmk_point *list = NULL, before = from->point;
+    size_t n;
+    *direction = 0;
+    DMK_TRY(append(l, from->point));
+    for (;;) {
+        if (at->vertex >= 0 && is_source(g, at->vertex)) break;
+        DMK_TRY(search(ctx, t, at));
+        finish f = t->best;
+        before = at->point;
+        n = 0;
+        free(list);
+        list = NULL;
+        if (f.window >= 0) {
+            double x, y;
+            end_of_sight(t, f.window, &x, &y);
+            DMK_TRY(list_crossings(t, ctx, f.window, x, y, &list, &n));
+            for (size_t i = n; i-- > 0;) DMK_TRY(append(l, list[i]));
+            before = list[0];
+        } else if (at->vertex >= 0 || at->point.triangle != f.triangle) {
+            spot own[2];
+            if (at->vertex >= 0) {
+                for (int32_t k = 0; k < at->n_sectors; k++) {
+                    if (at->sector[k].half / 3 != f.triangle) continue;
+                    before = (dmk_point){f.triangle, {0}};
+                    before.weight[at->sector[k].half % 3] = 1;
+                }
+            } else if (list_spots(g, at, 0, own) == 2) {
+                before = (dmk_point){f.triangle, {own[1].weight[0], own[1].weight[1], own[1].weight[2]}};
+            }
+        }
+        if (f.vertex < 0) {
+            if (f.source < g->n_sources) {
+                DMK_TRY(append(l, g->source[f.source].point));
+                *direction = direction_to(g, g->source + f.source, &before);
+            }
+            break;
+        }
+        dmk_point p = corner_point(g, f.vertex);
+        DMK_TRY(append(l, p));
+        if (is_source(g, f.vertex)) {
+            const dmk_arrival *a = g->arrival + f.vertex;
+            if (a->source < g->n_sources) *direction = direction_to(g, g->source + a->source, &before);
+            break;
+        }
+        dmk_site_free(&bend);
+        DMK_TRY(dmk_site_create(ctx, g->mesh, &g->star, &p, 0, &bend));
+        at = &bend;
+    }
+done:
+    free(list);
+    dmk_site_free(&bend);
+    return rc;
+}
+
+int dmk_tracer_path(dmk_context *ctx, dmk_tracer *t, const dmk_point *to, dmk_path *path)
+{
+    int rc;
+    dmk_site site = {0};
+    trail l = {.ctx = ctx, .mesh = t->g->mesh, .path = path, .near = 1e-12 * t->g->star.unit};
+    memset(path, 0, sizeof *path);
+    DMK_TRY(dmk_site_create(ctx, t->g->mesh, &t->g->star, to, 0, &site));
+    DMK_TRY(follow(ctx, t, &site, &l, &path->angle));
+    if (path->n == 1) DMK_TRY(append(&l, *to));
+    for (size_t i = 0; i < path->n / 2; i++) {
+        dmk_point p = path->point[i];
+        path->point[i] = path->point[path->n - 1 - i];
+        path->point[path->n - 1 - i] = p;
+    }
+    path->point[path->n - 1] = *to;
+done:
+    dmk_site_free(&site);
+    if (rc != DMK_OK) dmk_path_free(path);
+    return rc;
+}
+
+void dmk_path_free(dmk_path *path)
+{
+    if (!path) return;
+    free(path->point);
+    memset(path, 0, sizeof *path);
+}
+
+/* The distance, its source, and the direction there, anywhere. */
+int dmk_tracer_value(dmk_context *ctx, dmk_tracer *t, const dmk_point *at, dmk_value *value)
+{
+    int rc;
+    dmk_site site = {0};
+    const dmk_geodesics *g = t->g;
+    DMK_TRY(dmk_site_create(ctx, g->mesh, &g->star, at, 0, &site));
+    *value = (dmk_value){INFINITY, 0, -1};
+    if (site.vertex >= 0) {
+        const dmk_arrival *a = g->arrival + site.vertex;
+        *value = (dmk_value){g->distance[site.vertex], a->direction, a->source};
+        goto done;
+    }
+    if (g->arrival[g->mesh->triangle[3 * at->triangle]].source < 0) goto done;
+    DMK_TRY(search(ctx, t, &site));
+    const finish f = t->best;
+    value->distance = f.length * g->star.unit;
+    value->source = f.vertex >= 0 ? g->arrival[f.vertex].source : f.source;
+    if (f.vertex >= 0 && !is_source(g, f.vertex)) {
+        value->direction = g->arrival[f.vertex].direction;
+    } else {
+        dmk_path path = {0};
+        DMK_TRY(dmk_tracer_path(ctx, t, at, &path));
+        value->direction = path.angle;
+        dmk_path_free(&path);
+    }
+done:
+    dmk_site_free(&site);
+    return rc;
+}
+
+/* ---- the public calls ------------------------------------------------------------------------ */
+
+static int check(dmk_context *ctx, const dmk_geodesics *g, size_t n, const dmk_point *points)
+{
+    for (size_t i = 0; i < n; i++) {
+        int rc = dmk_point_check(ctx, g->mesh, "points", points + i);
+        if (rc != DMK_OK) return rc;
+    }
+    return DMK_OK;
+}
+
+int dmk_geodesics_at(dmk_context *ctx, const dmk_geodesics *g, size_t n_points, const dmk_point *points,
+                     dmk_value *values)
+{
+    int rc;
+    dmk_tracer *t = NULL;
+    if (dmk_missing(ctx, "geodesics", g, "points", points, "values", values, NULL)) return DMK_E_ARG;
+    DMK_TRY(check(ctx, g, n_points, points));
+    DMK_TRY(dmk_stage_begin(ctx, "values"));
+    DMK_TRY(dmk_tracer_create(ctx, g, &t));
+    for (size_t i = 0; i < n_points; i++) {
+        DMK_TRY(dmk_tracer_value(ctx, t, points + i, values + i));
+        DMK_TRY(dmk_poll(ctx));
+    }
+done:
+    dmk_stage_end(ctx);
+    dmk_tracer_destroy(&t);
+    return rc;
+}
+
+int dmk_geodesics_paths(dmk_context *ctx, const dmk_geodesics *g, size_t n_points, const dmk_point *to,
+                        dmk_path *paths)
+{
+    int rc;
+    size_t n = 0;
+    dmk_tracer *t = NULL;
+    if (dmk_missing(ctx, "geodesics", g, "to", to, "paths", paths, NULL)) return DMK_E_ARG;
+    memset(paths, 0, n_points * sizeof *paths);
+    DMK_TRY(check(ctx, g, n_points, to));
+    DMK_TRY(dmk_stage_begin(ctx, "path"));
+    DMK_TRY(dmk_tracer_create(ctx, g, &t));
+    for (; n < n_points; n++) {
+        DMK_TRY(dmk_tracer_path(ctx, t, to + n, paths + n));
+        DMK_TRY(dmk_poll(ctx));
+    }
+done:
+    for (size_t i = 0; rc != DMK_OK && i < n; i++) dmk_path_free(paths + i);
+    dmk_stage_end(ctx);
+    dmk_tracer_destroy(&t);
+    return rc;
+}

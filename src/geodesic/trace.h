@@ -1,0 +1,15 @@
+/* Paths back to the sources, and distances anywhere. */
+#ifndef DMK_GEODESIC_TRACE_H
+#define DMK_GEODESIC_TRACE_H
+
+#include "geodesic/geodesic.h"
+
+typedef struct dmk_tracer dmk_tracer;
+
+int dmk_tracer_create(dmk_context *context, const dmk_geodesics *geodesics, dmk_tracer **tracer);
+void dmk_tracer_destroy(dmk_tracer **tracer);
+/* The path from the nearest source to a point; DMK_E_ARG if there is none. The caller frees it. */
+int dmk_tracer_path(dmk_context *context, dmk_tracer *tracer, const dmk_point *to, dmk_path *path);
+int dmk_tracer_value(dmk_context *context, dmk_tracer *tracer, const dmk_point *at, dmk_value *value);
+
+#endif
