@@ -294,6 +294,38 @@ int dmk_geodesics_integrate(dmk_context *context, const dmk_geodesics *geodesics
 /* Write mesh and point data distance, direction (radians), nearest (number of the source): PLY, VTP or VTU. */
 int dmk_geodesics_write(dmk_context *context, const dmk_geodesics *geodesics, const char *path);
 
+/* Distance, direction at the source and its number, of any point. */
+typedef struct dmk_value {
+    double distance; /* infinite, and source -1: no source is joined to it */
+    double direction;
+    int32_t source;
+} dmk_value;
+
+/* The same inside triangles: exact at any point, too (with merged windows: within their error), by a search back along
+ * the path, of some 0.2 ms for each point on 100,000 triangles. */
+int dmk_geodesics_at(dmk_context *context, const dmk_geodesics *geodesics, size_t n_points, const dmk_point *points,
+                     dmk_value *values);
+
+/* A minimal geodesic of the polyhedron, straight in every triangle. It may bend at vertices with
+ * more than 2 pi around them, and at those of a border. */
+typedef struct dmk_path {
+    size_t n;
+    dmk_point *point; /* n: the source, a point on each edge crossed and at each bend, the end */
+    double length;    /* of the line through these points */
+    double angle;     /* direction at the source, radians: as dmk_arrival.direction */
+} dmk_path;
+
+/* The minimal geodesics from the nearest source to n_points points, into paths[0..n_points), each handed back to
+ * dmk_path_free. Where several are minimal, one of them. DMK_E_ARG if no source is joined to one. On failure nothing is
+ * left in paths. */
+int dmk_geodesics_paths(dmk_context *context, const dmk_geodesics *geodesics, size_t n_points, const dmk_point *to,
+                        dmk_path *paths);
+/* Frees its points and clears it; a cleared path is fine. */
+void dmk_path_free(dmk_path *path);
+/* One line, by the suffix: OBJ, VTP with the distance to the source, or CSV. */
+int dmk_path_write(dmk_context *context, const dmk_mesh *mesh, const dmk_path *path,
+                   const char *file);
+
 /* ---- solver ----------------------------------------------------------------------------------- */
 
 typedef enum dmk_method {
@@ -492,25 +524,11 @@ int dmk_locus_write(dmk_context *context, const dmk_locus *locus, const char *pa
 
 /* ---- minimal geodesics, and the surface cut open ---------------------------------------------- */
 
-/* A minimal geodesic of the polyhedron, straight in every triangle. It may bend at vertices with
- * more than 2 pi around them, and at those of a border. */
-typedef struct dmk_path {
-    size_t n;
-    dmk_point *point; /* n: the source, a point on each edge crossed and at each bend, the end */
-    double length;    /* of the line through these points */
-    double angle; /* direction at the source, radians, a full turn being 2 pi */
-} dmk_path;
-
 /* The minimal geodesics from the result's source to n_points points of its component, into
  * paths[0..n_points), each handed back to dmk_path_free. Where several are minimal, one of them. On
  * failure nothing is left in paths. */
 int dmk_path_compute(dmk_context *context, const dmk_mesh *mesh, const dmk_result *result,
                      size_t n_points, const dmk_point *to, dmk_path *paths);
-/* Frees its points and clears it; a cleared path is fine. */
-void dmk_path_free(dmk_path *path);
-/* One line, by the suffix: OBJ, VTP with the distance to the source, or CSV. */
-int dmk_path_write(dmk_context *context, const dmk_mesh *mesh, const dmk_path *path,
-                   const char *file);
 
 /* The component of the source cut open along its cut locus: a disk, with one border loop and Euler
  * characteristic 1. Triangles that the locus crosses are split, so that it runs along edges; its

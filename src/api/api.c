@@ -1,7 +1,7 @@
 /* Public calls that join rooms. */
 #include "locus/cut.h"
 #include "locus/locus.h"
-#include "locus/path.h"
+#include "geodesic/trace.h"
 #include "mesh/mesh.h"
 #include "solver/result.h"
 
@@ -126,13 +126,19 @@ int dmk_path_compute(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *r
     int rc;
     component c = {0};
     dmk_point *end = NULL;
+    dmk_tracer *tracer = NULL;
+    size_t n = 0;
     if (dmk_missing(ctx, "mesh", mesh, "result", result, "to", to, "paths", paths, NULL)) return DMK_E_ARG;
     memset(paths, 0, n_points * sizeof *paths);
     DMK_TRY(dmk_stage_begin(ctx, "path"));
     DMK_TRY(component_create(ctx, mesh, result, &c));
     DMK_TRY(DMK_NEW(ctx, end, n_points));
     DMK_TRY(renumber_ends(ctx, mesh, c.order, n_points, to, end));
-    DMK_TRY(dmk_path_trace(ctx, &c.in, n_points, end, paths));
+    DMK_TRY(dmk_tracer_create(ctx, result->geodesics, &tracer));
+    for (; n < n_points; n++) {
+        DMK_TRY(dmk_tracer_path(ctx, tracer, end + n, paths + n));
+        DMK_TRY(dmk_poll(ctx));
+    }
     for (size_t i = 0; i < n_points; i++) {
         for (size_t k = 0; k < paths[i].n; k++) {
             dmk_point *p = &paths[i].point[k];
@@ -140,7 +146,9 @@ int dmk_path_compute(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *r
         }
     }
 done:
+    for (size_t i = 0; rc != DMK_OK && i < n; i++) dmk_path_free(paths + i);
     dmk_stage_end(ctx);
+    dmk_tracer_destroy(&tracer);
     free(end);
     component_free(&c);
     return rc;

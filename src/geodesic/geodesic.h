@@ -12,6 +12,7 @@
  * - front.c: triangles as the engines read them, and what sources and bends radiate.
  * - window.c: windows, depth first: exact distances.
  * - wave.c: merged windows: distances of large meshes, and from lines.
+ * - trace.c: paths, and distances anywhere.
  * - check.c: what must hold of the result; its integral.
  * - geodesics.c: the object.
  *
@@ -83,10 +84,9 @@ struct dmk_geodesics {
     double *distance;     /* n_vertices; infinite where no source reaches */
     dmk_arrival *arrival; /* n_vertices */
     double *error;        /* n_vertices: estimate of the error; NULL with exact windows */
+    double tolerance;     /* of merged windows; 0: exact */
     dmk_star star;
     int64_t n_windows; /* made */
-    double integral,
-        integral_error; /* see dmk_geodesics_integrate; of dmk_geodesics_create and dmk_solve */
 };
 
 /* dmk_geodesics_create without a stage of its own and without the argument checks. */

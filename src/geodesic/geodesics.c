@@ -98,6 +98,7 @@ static int run(dmk_context *ctx, dmk_geodesics *g, const dmk_geodesics_options *
     double tolerance = o->tolerance;
     if (tolerance == 0 && g->mesh->n_triangles > exact_triangles) tolerance = usual_tolerance;
     if (o->exact) tolerance = 0;
+    g->tolerance = tolerance;
     return g->n_lines == 0 && tolerance == 0 ? dmk_windows_run(ctx, g)
                                              : dmk_waves_run(ctx, g, tolerance);
 }

@@ -32,7 +32,7 @@ typedef struct finish {
     int32_t window, vertex, source, triangle;
 } finish;
 
-typedef struct dmk_tracer {
+struct dmk_tracer {
     const dmk_geodesics *g;
     spot *spot; /* by triangle */
     size_t n_spots;
@@ -41,7 +41,7 @@ typedef struct dmk_tracer {
     size_t n_sights, room;
     finish best;
     double bound, slack; /* nothing longer is of use; lengths that are equal */
-} dmk_tracer;
+};
 
 /* ---- set-up ---------------------------------------------------------------------------------- */
 
@@ -92,7 +92,8 @@ int dmk_tracer_create(dmk_context *ctx, const dmk_geodesics *g, dmk_tracer **tra
     DMK_TRY(DMK_NEW(ctx, t->spot, 2 * (size_t)g->n_sources));
     DMK_TRY(DMK_NEW(ctx, t->line, g->n_lines));
     for (int32_t i = 0; i < g->n_sources; i++) {
-        if (g->source[i].vertex < 0) t->n_spots += list_spots(g, g->source + i, i, t->spot + t->n_spots);
+        if (g->source[i].vertex < 0)
+            t->n_spots += list_spots(g, g->source + i, i, t->spot + t->n_spots);
     }
     qsort(t->spot, t->n_spots, sizeof *t->spot, by_triangle);
     if (g->n_lines > 0) memcpy(t->line, g->line, g->n_lines * sizeof *t->line);
@@ -169,7 +170,8 @@ static double least(const dmk_tracer *t, const sight *w, const angle *s)
 static int keep(dmk_context *ctx, dmk_tracer *t, const sight *w)
 {
     angle s;
-    if (w->half < 0 || !(w->y < 0) || !(w->hi - w->lo > 1e-12 * (fabs(w->hi) + fabs(w->lo)))) return DMK_OK;
+    if (w->half < 0 || !(w->y < 0) || !(w->hi - w->lo > 1e-12 * (fabs(w->hi) + fabs(w->lo))))
+        return DMK_OK;
     look(t->g, w->half, &s);
     if (least(t, w, &s) > t->bound + t->slack || t->n_sights >= most_windows) return DMK_OK;
     if (t->n_sights == t->room) {
@@ -190,7 +192,11 @@ static sight child(const sight *w, int32_t i, bool right, double lo, double hi, 
         double rx = end[k] - w->x, ry = -w->y;
         end[k] = fmin(length, fmax(0, (px * ry - py * rx) / (dx * ry - dy * rx)));
     }
-    return (sight){.lo = end[0], .hi = end[1], .x = px * dx + py * dy, .y = py * dx - px * dy, .parent = i,
+    return (sight){.lo = end[0],
+                   .hi = end[1],
+                   .x = px * dx + py * dy,
+                   .y = py * dx - px * dy,
+                   .parent = i,
                    .right = right};
 }
 
@@ -202,15 +208,19 @@ static void look_for_spots(dmk_tracer *t, int32_t i, const angle *s)
     size_t lo = 0, hi = t->n_spots;
     while (lo < hi) {
         size_t middle = (lo + hi) / 2;
-        if (t->spot[middle].triangle < w->half / 3) lo = middle + 1;
-        else hi = middle;
+        if (t->spot[middle].triangle < w->half / 3)
+            lo = middle + 1;
+        else
+            hi = middle;
     }
     for (; lo < t->n_spots && t->spot[lo].triangle == w->half / 3; lo++) {
         const double *p = t->spot[lo].weight;
-        double x = p[w->half % 3] * s->cx + p[dmk_previous(w->half) % 3] * s->length, y = p[w->half % 3] * s->cy;
+        double x = p[w->half % 3] * s->cx + p[dmk_previous(w->half) % 3] * s->length,
+               y = p[w->half % 3] * s->cy;
         double at = w->x - (x - w->x) * w->y / (y - w->y);
         if (at < w->lo - same_place * s->length || at > w->hi + same_place * s->length) continue;
-        double length = hypot(x - w->x, y - w->y) + g->source[t->spot[lo].source].offset / g->star.unit;
+        double length =
+            hypot(x - w->x, y - w->y) + g->source[t->spot[lo].source].offset / g->star.unit;
         finish_at(t, (finish){.window = i, .vertex = -1, .source = t->spot[lo].source}, length);
     }
 }
@@ -233,7 +243,8 @@ static int advance(dmk_context *ctx, dmk_tracer *t, int32_t i)
         double length = hypot(s.cx - w.x, s.cy - w.y) + g->distance[s.c] / g->star.unit;
         finish_at(t, (finish){.window = i, .vertex = s.c, .source = -1}, length);
     }
-    sight l = child(&w, i, false, w.lo, fmin(w.hi, at), &s), r = child(&w, i, true, fmax(w.lo, at), w.hi, &s);
+    sight l = child(&w, i, false, w.lo, fmin(w.hi, at), &s),
+          r = child(&w, i, true, fmax(w.lo, at), w.hi, &s);
     l.half = w.lo < at ? g->star.twin[dmk_previous(w.half)] : -1;
     r.half = w.hi > at ? g->star.twin[dmk_next(w.half)] : -1;
     if (w.hi >= at) l.hi = s.left; /* not by rounding */
@@ -264,8 +275,9 @@ static void look_around(dmk_tracer *t, const dmk_site *site, const spot *own)
         if (p->triangle != own->triangle) continue;
         double px = 0, py = 0;
         for (int k = 0; k < 3; k++) px += p->weight[k] * at[k][0], py += p->weight[k] * at[k][1];
-        finish_at(t, (finish){.window = -1, .vertex = -1, .source = p->source, .triangle = p->triangle},
-                  hypot(px - x, py - y) + g->source[p->source].offset / unit);
+        finish_at(
+            t, (finish){.window = -1, .vertex = -1, .source = p->source, .triangle = p->triangle},
+            hypot(px - x, py - y) + g->source[p->source].offset / unit);
     }
 }
 
@@ -276,12 +288,13 @@ static int search(dmk_context *ctx, dmk_tracer *t, const dmk_site *site)
     const dmk_geodesics *g = t->g;
     const double unit = g->star.unit;
     spot *own = NULL;
-    t->best = (finish){.length = INFINITY, .key = INFINITY, .window = -1, .vertex = -1, .source = -1};
+    t->best =
+        (finish){.length = INFINITY, .key = INFINITY, .window = -1, .vertex = -1, .source = -1};
     t->bound = INFINITY;
-    t->slack = 1e-11;
+    t->slack =
+        1e-11 + 4 * g->tolerance * g->distance[g->mesh->triangle[3 * site->point.triangle]] / unit;
     if (site->vertex >= 0) {
         t->bound = g->distance[site->vertex] / unit + t->slack;
-        if (g->error) t->bound += 2 * g->error[site->vertex] / unit;
     }
     DMK_TRY(DMK_NEW(ctx, own, (size_t)site->n_sectors + 2));
     size_t n = list_spots(g, site, 0, own);
@@ -290,12 +303,17 @@ static int search(dmk_context *ctx, dmk_tracer *t, const dmk_site *site)
     for (int32_t k = 0; k < site->n_sectors; k++) {
         const dmk_sector *c = site->sector + k;
         double length = g->mesh->length[g->mesh->triangle_edge[c->half]] / unit;
-        sight w = {.lo = 0, .hi = length, .x = length - c->x / unit, .y = -c->y / unit, .half = g->star.twin[c->half],
+        sight w = {.lo = 0,
+                   .hi = length,
+                   .x = length - c->x / unit,
+                   .y = -c->y / unit,
+                   .half = g->star.twin[c->half],
                    .parent = -1};
         DMK_TRY(keep(ctx, t, &w));
     }
     for (size_t i = 0; i < t->n_sights; i++) DMK_TRY(advance(ctx, t, (int32_t)i));
-    if (t->best.key == INFINITY) rc = dmk_fail(ctx, DMK_E_ARG, "no source is joined to the point by a path");
+    if (t->best.key == INFINITY)
+        rc = dmk_fail(ctx, DMK_E_ARG, "no source is joined to the point by a path");
 done:
     free(own);
     return rc;
@@ -313,12 +331,14 @@ static double direction_to(const dmk_geodesics *g, const dmk_site *site, const d
         angle s;
         look(g, c->half, &s);
         double x = p->weight[c->half % 3] * s.cx + p->weight[dmk_previous(c->half) % 3] * s.length;
-        double y = p->weight[c->half % 3] * s.cy, ax = -c->x / g->star.unit, ay = -c->y / g->star.unit;
+        double y = p->weight[c->half % 3] * s.cy, ax = -c->x / g->star.unit,
+               ay = -c->y / g->star.unit;
         double dx = x + ax, dy = y + ay, turn = atan2(ax * dy - ay * dx, ax * dx + ay * dy);
         double off = fmax(0, fmax(-turn, turn - c->span));
         if (off < best) best = off, angle_there = c->angle + fmin(fmax(turn, 0), c->span);
     }
-    if (angle_there >= site->total && !(site->vertex >= 0 && g->star.border[site->vertex])) return 0;
+    if (angle_there >= site->total && !(site->vertex >= 0 && g->star.border[site->vertex]))
+        return 0;
     return angle_there;
 }
 
@@ -355,7 +375,8 @@ static int append(trail *l, dmk_point p)
 
 /* Where a straight way crosses the half-edges of windows i and before it, from (x, y) above the last: the
  * points from the far end to the point asked for, in the order of the list. */
-static int list_crossings(dmk_tracer *t, dmk_context *ctx, int32_t i, double x, double y, dmk_point **list, size_t *n)
+static int list_crossings(dmk_tracer *t, dmk_context *ctx, int32_t i, double x, double y,
+                          dmk_point **list, size_t *n)
 {
     size_t room = 0;
     int rc = DMK_OK;
@@ -417,7 +438,8 @@ static bool is_source(const dmk_geodesics *g, int32_t v)
 
 /* From the point asked for to the source, one piece after the other; the first piece's end at the source is in
  * *direction. */
-static int follow(dmk_context *ctx, dmk_tracer *t, const dmk_site *from, trail *l, double *direction)
+static int follow(dmk_context *ctx, dmk_tracer *t, const dmk_site *from, trail *l,
+                  double *direction)
 {
     int rc;
     const dmk_geodesics *g = t->g;
@@ -450,7 +472,8 @@ static int follow(dmk_context *ctx, dmk_tracer *t, const dmk_site *from, trail *
                     before.weight[at->sector[k].half % 3] = 1;
                 }
             } else if (list_spots(g, at, 0, own) == 2) {
-                before = (dmk_point){f.triangle, {own[1].weight[0], own[1].weight[1], own[1].weight[2]}};
+                before =
+                    (dmk_point){f.triangle, {own[1].weight[0], own[1].weight[1], own[1].weight[2]}};
             }
         }
         if (f.vertex < 0) {
@@ -464,7 +487,8 @@ static int follow(dmk_context *ctx, dmk_tracer *t, const dmk_site *from, trail *
         DMK_TRY(append(l, p));
         if (is_source(g, f.vertex)) {
             const dmk_arrival *a = g->arrival + f.vertex;
-            if (a->source < g->n_sources) *direction = direction_to(g, g->source + a->source, &before);
+            if (a->source < g->n_sources)
+                *direction = direction_to(g, g->source + a->source, &before);
             break;
         }
         dmk_site_free(&bend);
@@ -547,12 +571,13 @@ static int check(dmk_context *ctx, const dmk_geodesics *g, size_t n, const dmk_p
     return DMK_OK;
 }
 
-int dmk_geodesics_at(dmk_context *ctx, const dmk_geodesics *g, size_t n_points, const dmk_point *points,
-                     dmk_value *values)
+int dmk_geodesics_at(dmk_context *ctx, const dmk_geodesics *g, size_t n_points,
+                     const dmk_point *points, dmk_value *values)
 {
     int rc;
     dmk_tracer *t = NULL;
-    if (dmk_missing(ctx, "geodesics", g, "points", points, "values", values, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "geodesics", g, "points", points, "values", values, NULL))
+        return DMK_E_ARG;
     DMK_TRY(check(ctx, g, n_points, points));
     DMK_TRY(dmk_stage_begin(ctx, "values"));
     DMK_TRY(dmk_tracer_create(ctx, g, &t));
@@ -566,8 +591,8 @@ done:
     return rc;
 }
 
-int dmk_geodesics_paths(dmk_context *ctx, const dmk_geodesics *g, size_t n_points, const dmk_point *to,
-                        dmk_path *paths)
+int dmk_geodesics_paths(dmk_context *ctx, const dmk_geodesics *g, size_t n_points,
+                        const dmk_point *to, dmk_path *paths)
 {
     int rc;
     size_t n = 0;

@@ -10,6 +10,7 @@ int dmk_tracer_create(dmk_context *context, const dmk_geodesics *geodesics, dmk_
 void dmk_tracer_destroy(dmk_tracer **tracer);
 /* The path from the nearest source to a point; DMK_E_ARG if there is none. The caller frees it. */
 int dmk_tracer_path(dmk_context *context, dmk_tracer *tracer, const dmk_point *to, dmk_path *path);
-int dmk_tracer_value(dmk_context *context, dmk_tracer *tracer, const dmk_point *at, dmk_value *value);
+int dmk_tracer_value(dmk_context *context, dmk_tracer *tracer, const dmk_point *at,
+                     dmk_value *value);
 
 #endif

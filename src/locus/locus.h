@@ -17,7 +17,6 @@
  * - cusp.c, tip.c: a cusp fitted to the rays around it, the place of an end; branches led there.
  * - point.c: a locus that is one point.
  * - locus.c: the public object.
- * - window.c, spot.c, path.c: exact geodesics to any point.
  * - cut.c: the surface cut open.
  *
  * The given distance only tells where rays may end, with a slack of 3 edges and 2 %; the places
