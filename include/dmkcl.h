@@ -302,7 +302,7 @@ typedef struct dmk_value {
 } dmk_value;
 
 /* The same inside triangles: exact at any point, too (with merged windows: within their error), by a search back along
- * the path, of some 0.2 ms for each point on 100,000 triangles. */
+ * the path, a millisecond for each point on 50,000 triangles. */
 int dmk_geodesics_at(dmk_context *context, const dmk_geodesics *geodesics, size_t n_points, const dmk_point *points,
                      dmk_value *values);
 

@@ -88,6 +88,7 @@ static const dmk_ranks alone = {.size = 1, ALONE};
 #define good_dmk_geodesics_p good.geodesics
 #define good_dmk_geodesics_pp (void *)&good.none
 #define good_dmk_geodesics_info_p (void *)good.scratch
+#define good_dmk_value_p (void *)good.scratch
 #define good_dmk_geodesics_options_p                                                               \
     &(dmk_geodesics_options)                                                                       \
     {                                                                                              \
@@ -208,6 +209,8 @@ static bool may_be(const char *function, const char *argument)
         "dmk_mesh_repair n_triangles",
         "dmk_mesh_repair xyz",
         "dmk_path_compute n_points",
+        "dmk_geodesics_at n_points",
+        "dmk_geodesics_paths n_points",
         "dmk_geodesics_create n_sources",
         "dmk_geodesics_create options",
         "dmk_mesh_create xyz",
