@@ -36,9 +36,11 @@ static int trace(const path_request *request, solve_run *run, dmk_path *path)
     dmk_point end;
     int rc = place_end(request, run, &end);
     if (rc != DMK_OK) return solve_fail(run, rc);
-    const int code = solve_compute(&request->solve, run);
-    if (code != EXIT_OK) return code;
-    rc = dmk_path_compute(run->context, run->mesh, run->result, 1, &end, path);
+    dmk_geodesics *geodesics = NULL;
+    rc = dmk_geodesics_create(run->context, run->mesh, 1, &run->source, NULL, &geodesics);
+    if (rc == DMK_OK) rc = solve_go_on();
+    if (rc == DMK_OK) rc = dmk_geodesics_paths(run->context, geodesics, 1, &end, path);
+    dmk_geodesics_destroy(&geodesics);
     for (int i = 0; i < request->out.n && rc == DMK_OK; i++) {
         rc = solve_go_on();
         if (rc == DMK_OK) rc = dmk_path_write(run->context, run->mesh, path, request->out.path[i]);
@@ -100,12 +102,12 @@ static int parse(path_request *request, const char *out_help, int argc, char **a
     };
     solve_add_source(&table, &request->solve);
     solve_add(&table, rows, sizeof rows / sizeof *rows);
-    solve_add_device(&table, &request->solve);
+    solve_add_host(&table, &request->solve);
     const cli_syntax syntax = {
         .command = "path",
         .usage = "MESH (--source X,Y,Z | --vertex I) (--to X,Y,Z | --to-vertex J) [OPTIONS]",
         .summary = "A minimal geodesic from a point of the surface MESH back to the source, exact on the\n"
-                   "polyhedron, and its length.",
+                   "polyhedron, and its length. Needs no OpenCL device.",
         .operand = "MESH",
         .notes = "The line is straight in every triangle and over the edges; it bends at saddle vertices\n"
                  "and at the border where they are in the way. The file begins at the source. Of\n"
@@ -123,6 +125,7 @@ int cmd_path(int argc, char **argv)
     cli_suffixes(CLI_LOCUS, suffixes, sizeof suffixes);
     snprintf(help, sizeof help, "write the path as a line; may be given again:\n%s", suffixes);
     solve_request_init(&request.solve, "path");
+    request.solve.bare = true;
     int code = parse(&request, help, argc, argv);
     if (code != CLI_GO_ON) return code;
     code = check_request(&request);

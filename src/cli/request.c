@@ -55,6 +55,25 @@ void solve_add_report(solve_table *table, solve_request *request)
     solve_add(table, rows, sizeof rows / sizeof *rows);
 }
 
+void solve_add_host(solve_table *table, solve_request *request)
+{
+    const cli_option rows[] = {
+        {.name = "threads",
+         .value = "N",
+         .help = "threads to use; default: one for each core",
+         .kind = CLI_INTEGER,
+         .target = &request->threads,
+         .lo = 1,
+         .hi = INT_MAX,
+         .expected = "a whole number from 1"},
+        {.name = "quiet",
+         .help = "print nothing but errors",
+         .kind = CLI_FLAG,
+         .target = &request->quiet},
+    };
+    solve_add(table, rows, sizeof rows / sizeof *rows);
+}
+
 void solve_add_device(solve_table *table, solve_request *request)
 {
     const cli_option rows[] = {

@@ -114,6 +114,10 @@ int solve_begin(const solve_request *request, solve_run *run)
     if (rc != DMK_OK) return cli_library_error(NULL, rc);
     dmk_context_set_threads(run->context, request->device.threads);
     cli_watch(run->context, &run->progress);
+    if (request->bare) {
+        rc = read_mesh(request, run);
+        return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
+    }
     begin_opening(&device, &request->device);
     rc = read_mesh(request, run);
     cli_progress_say(&run->progress, "opening the device and building its kernels");

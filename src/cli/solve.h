@@ -20,6 +20,7 @@ typedef struct solve_request {
     int method, start;
     bool single;
     bool repair, json;
+    bool bare; /* the command needs no device and no solver */
     bool quiet, verbose;
 } solve_request;
 
@@ -68,6 +69,8 @@ void solve_add(solve_table *table, const cli_option *rows, size_t n);
 void solve_add_source(solve_table *table, solve_request *request);
 /* --report and --json, which makes the report "-" in solve_request_convert. */
 void solve_add_report(solve_table *table, solve_request *request);
+/* For commands that need no device. */
+void solve_add_host(solve_table *table, solve_request *request);
 void solve_add_device(solve_table *table, solve_request *request);
 void solve_add_method(solve_table *table, solve_request *request);
 /* After parsing: what is in types of the command line to those of the library. */

@@ -312,8 +312,10 @@ static int search(dmk_context *ctx, dmk_tracer *t, const dmk_site *site)
         DMK_TRY(keep(ctx, t, &w));
     }
     for (size_t i = 0; i < t->n_sights; i++) DMK_TRY(advance(ctx, t, (int32_t)i));
-    if (t->best.key == INFINITY)
-        rc = dmk_fail(ctx, DMK_E_ARG, "no source is joined to the point by a path");
+    if (t->best.key == INFINITY) {
+        rc = dmk_fail(ctx, DMK_E_ARG, "triangle %lld is not on the component of a source: no path leads there",
+                      (long long)site->point.triangle);
+    }
 done:
     free(own);
     return rc;
