@@ -350,6 +350,7 @@ typedef struct dmk_solve_options {
     int max_steps;        /* 0 = the method's default */
     double threshold;     /* absolute bound of the approximate cut locus {mu <= eps}; 0 = a rule without
                              a tolerance to choose, see dmk_result_acl */
+    int normalise;        /* dmk_solve_measures: 1 scales the second measure to the mass of the first */
 } dmk_solve_options;
 
 void dmk_solve_options_init(dmk_solve_options *options);
@@ -433,6 +434,56 @@ typedef struct dmk_result_data {
  * DMK_E_ARG if the source is no point of the mesh. */
 int dmk_result_restore(dmk_context *context, const dmk_mesh *mesh, const dmk_result_data *data,
                        dmk_result **result);
+
+/* ---- transport between measures ---------------------------------------------------------------- */
+
+/* A measure on the surface: the sum of those parts that are given (all are 0 or NULL after = {0}). Masses are
+ * of any unit. Borrowed for the call. */
+typedef struct dmk_measure {
+    const double *vertex_mass;      /* n_vertices: a mass at each vertex, spread over the triangles around it
+                                       as a piecewise linear density */
+    const double *triangle_density; /* n_triangles: mass per area */
+    size_t n_atoms;                 /* masses that sit in points */
+    const dmk_point *atoms;
+    const double *atom_mass;
+    size_t n_lines;                 /* polylines with mass along them: line k goes straight from point to point */
+    const int32_t *line_first;      /* of line_points[line_first[k] .. line_first[k + 1]), two or more; any two */
+    const dmk_point *line_points;   /* neighbours lie in one triangle, as those of dmk_path do */
+    const double *line_density;     /* n_lines: mass per length; NULL: 1 */
+    double uniform;                 /* a mass that is spread evenly over the component of the others */
+} dmk_measure;
+
+typedef struct dmk_transport dmk_transport;
+
+typedef struct dmk_transport_info {
+    double mass;    /* that is moved */
+    double balance; /* largest difference between what the flux delivers to a node of the mesh refined once and
+                       what it should, over the largest such load: rounding, 1e-10 or less in double precision */
+} dmk_transport_info;
+
+/* Optimal transport from one measure to another at the cost of the distance: the earth mover's distance
+ *     W1 = min of integral of |flux|,  div flux = from - to,
+ * with its potential (|grad u| <= 1, falling along the way), density mu = |flux| and flux -mu grad u. `to` may
+ * be NULL: then `from` is signed, its positive part moved to its negative part. Both must have the same mass, up
+ * to 1e-12 of their sum, unless options->normalise; all of it on one component of the mesh. Refused with
+ * DMK_E_ARG, naming the first: NaN, negative masses, mass at unused vertices or on another component, masses
+ * that differ. The bounds in dmk_stats are those of the discrete problem; they enclose W1 on the surface up to
+ * the discretisation, of which atoms show most, being blunt by a part of an edge. The solver keeps its
+ * hierarchy for the next pair. options: start and threshold are not used. Method: Facca, Cardin, Putti,
+ * "Towards a stationary Monge-Kantorovich dynamics"; here by Newton steps from mu = const. */
+int dmk_solve_measures(dmk_context *context, dmk_solver *solver, const dmk_measure *from, const dmk_measure *to,
+                       const dmk_solve_options *options, dmk_transport **transport);
+void dmk_transport_destroy(dmk_transport **transport);
+/* cost_upper and cost_lower are the bounds of W1, in mass times length. */
+void dmk_transport_get_stats(const dmk_transport *transport, dmk_stats *stats);
+void dmk_transport_get_info(const dmk_transport *transport, dmk_transport_info *info);
+/* Borrowed, for the whole mesh, 0 off the component. */
+const double *dmk_transport_density(const dmk_transport *transport, size_t *n);  /* mu: mass per length, per triangle */
+const double *dmk_transport_flux(const dmk_transport *transport, size_t *n);     /* x, y, z: its mean in each triangle */
+const double *dmk_transport_potential(const dmk_transport *transport, size_t *n); /* u per vertex, 0 at its largest */
+const double *dmk_transport_potential_mid(const dmk_transport *transport, size_t *n); /* u per edge midpoint */
+/* Write mesh, mu, flux and u: PLY, VTP or VTU. */
+int dmk_transport_write(dmk_context *context, const dmk_mesh *mesh, const dmk_transport *transport, const char *path);
 
 /* ---- ranks: one mesh on many machines ---------------------------------------------------------- */
 

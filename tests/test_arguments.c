@@ -16,6 +16,10 @@ static struct {
     problem p;
     dmk_locus *locus;
     dmk_geodesics *geodesics;
+    dmk_transport *transport;
+    dmk_measure measure; /* atoms at two vertices */
+    dmk_point atoms[2];
+    double atom_mass[2];
     dmk_path path;
     dmk_result_data data;
     char file[300];
@@ -94,6 +98,10 @@ static const dmk_ranks alone = {.size = 1, ALONE};
     {                                                                                              \
         0                                                                                          \
     }
+#define good_dmk_transport_p good.transport
+#define good_dmk_transport_pp (void *)&good.none
+#define good_dmk_transport_info_p (void *)good.scratch
+#define good_dmk_measure_p &good.measure
 #define good_dmk_path_p &good.path
 #define fresh_dmk_path_p (void *)good.scratch
 #define good_dmk_format_info_p (void *)good.scratch
@@ -173,6 +181,19 @@ static const dmk_geodesics_options wrong_dmk_geodesics_options_p[] = {
     {.offset = wrong_offset},   {.tolerance = NAN}, {.tolerance = -1}, {.tolerance = 1},
     {.n_lines = 1, .line = NULL}, {.n_lines = 1, .line = no_edge},
 };
+static const dmk_point an_atom[] = {{0, {1, 0, 0}}}, no_atom[] = {{-1, {1, 0, 0}}};
+static const double a_mass[] = {1}, no_mass[] = {0}, bad_mass[] = {NAN};
+static const int32_t short_line[] = {0, 1};
+static const dmk_measure wrong_dmk_measure_p[] = {
+    {.n_atoms = 1},
+    {.n_atoms = 1, .atoms = no_atom, .atom_mass = a_mass},
+    {.n_atoms = 1, .atoms = an_atom, .atom_mass = no_mass},
+    {.n_atoms = 1, .atoms = an_atom, .atom_mass = bad_mass},
+    {.n_lines = 1, .line_first = short_line, .line_points = an_atom},
+    {.n_lines = 1},
+    {.uniform = NAN},
+    {.uniform = 3}, /* another mass than the other one's */
+};
 static const dmk_ranks wrong_dmk_ranks_p[] = {
     {.size = 0, ALONE},
     {.size = -1, ALONE},
@@ -196,6 +217,8 @@ static bool may_be(const char *function, const char *argument)
         "dmk_context_set_progress user",
         "dmk_device_list infos",
         "dmk_solve options",
+        "dmk_solve_measures options",
+        "dmk_solve_measures to",
         "dmk_solver_set_ranks ranks",
         "dmk_device_open options",
         "dmk_locus_compute options",
@@ -436,6 +459,13 @@ static int setup(void **state)
     dmk_point end = {7, {0.5, 0.25, 0.25}};
     bench_ok(&good.b, dmk_locus_compute(good.b.ctx, good.p.mesh, good.p.result, NULL, &good.locus));
     bench_ok(&good.b, dmk_geodesics_create(good.b.ctx, good.p.mesh, 1, &good.p.source, NULL, &good.geodesics));
+    good.measure = (dmk_measure){.n_atoms = 2, .atoms = good.atoms, .atom_mass = good.atom_mass};
+    bench_ok(&good.b, dmk_mesh_vertex_point(good.b.ctx, good.p.mesh, 0, &good.atoms[0]));
+    bench_ok(&good.b, dmk_mesh_vertex_point(good.b.ctx, good.p.mesh, 100, &good.atoms[1]));
+    good.atom_mass[0] = 1;
+    good.atom_mass[1] = -1;
+    bench_ok(&good.b, dmk_solve_measures(good.b.ctx, good.p.solver, &good.measure, NULL, NULL, &good.transport));
+    good.atom_mass[1] = 1;
     bench_ok(&good.b,
              dmk_path_compute(good.b.ctx, good.p.mesh, good.p.result, 1, &end, &good.path));
     snprintf(good.file, sizeof good.file, "%s/arguments-%ld.vtp", folder ? folder : "/tmp",
@@ -450,6 +480,7 @@ static int teardown(void **state)
     unlink(good.file);
     dmk_path_free(&good.path);
     dmk_geodesics_destroy(&good.geodesics);
+    dmk_transport_destroy(&good.transport);
     dmk_locus_destroy(&good.locus);
     problem_free(&good.p);
     bench_close(&good.b);

@@ -27,6 +27,23 @@ int dmk_result_write(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *r
     return dmk_fields_write(ctx, &f, path);
 }
 
+int dmk_transport_write(dmk_context *ctx, const dmk_mesh *mesh, const dmk_transport *transport, const char *path)
+{
+    if (dmk_missing(ctx, "mesh", mesh, "transport", transport, "path", path, NULL)) return DMK_E_ARG;
+    size_t n_mu, n_flux, n_u;
+    dmk_fields f = {.mesh = mesh};
+    f.mu = dmk_transport_density(transport, &n_mu);
+    f.flux = dmk_transport_flux(transport, &n_flux);
+    f.u = dmk_transport_potential(transport, &n_u);
+    if (n_mu != (size_t)mesh->n_triangles || n_u != (size_t)mesh->n_vertices) {
+        return dmk_fail(ctx, DMK_E_ARG,
+                        "%s: the transport has %zu triangles and %zu vertices, the mesh %d and %d: "
+                        "pass the mesh that was solved on", path, n_mu, n_u, (int)mesh->n_triangles,
+                        (int)mesh->n_vertices);
+    }
+    return dmk_fields_write(ctx, &f, path);
+}
+
 int dmk_geodesics_write(dmk_context *ctx, const dmk_geodesics *g, const char *path)
 {
     int rc;

@@ -295,14 +295,19 @@ static void put_header(dmk_output *out, const dmk_fields *f)
     dmk_output_text(out, "element vertex ");
     dmk_output_integer(out, f->mesh->n_vertices);
     dmk_output_text(out, "\nproperty double x\nproperty double y\nproperty double z\n");
-    if (f->mu) dmk_output_text(out, "property double u\nproperty double distance\n");
+    if (f->mu) dmk_output_text(out, "property double u\n");
+    if (f->mu && !f->flux) dmk_output_text(out, "property double distance\n");
     if (f->nearest) {
         dmk_output_text(out, "property double distance\nproperty double direction\nproperty int nearest\n");
     }
     dmk_output_text(out, "element face ");
     dmk_output_integer(out, f->mesh->n_triangles);
     dmk_output_text(out, "\nproperty list uchar int vertex_indices\n");
-    if (f->mu) dmk_output_text(out, "property double mu\nproperty uchar acl\n");
+    if (f->mu) dmk_output_text(out, "property double mu\n");
+    if (f->acl) dmk_output_text(out, "property uchar acl\n");
+    if (f->flux) {
+        dmk_output_text(out, "property double flux_x\nproperty double flux_y\nproperty double flux_z\n");
+    }
     dmk_output_text(out, "end_header\n");
 }
 
@@ -320,14 +325,15 @@ int dmk_ply_write(dmk_context *ctx, dmk_output *out, const dmk_fields *f)
         }
         if (!f->mu) continue;
         dmk_output_put(out, &f->u[v], sizeof f->u[v]);
-        dmk_output_put(out, &f->distance[v], sizeof f->distance[v]);
+        if (!f->flux) dmk_output_put(out, &f->distance[v], sizeof f->distance[v]);
     }
     for (int32_t t = 0; t < m->n_triangles; t++) {
         dmk_output_put(out, "\3", 1);
         dmk_output_put(out, m->triangle + 3 * (size_t)t, 3 * sizeof *m->triangle);
         if (!f->mu) continue;
         dmk_output_put(out, &f->mu[t], sizeof f->mu[t]);
-        dmk_output_put(out, &f->acl[t], 1);
+        if (f->acl) dmk_output_put(out, &f->acl[t], 1);
+        if (f->flux) dmk_output_put(out, f->flux + 3 * (size_t)t, 3 * sizeof *f->flux);
     }
     return DMK_OK;
 }

@@ -100,7 +100,7 @@ static void place(const dmk_mesh *m, const dmk_point *p, double xyz[3])
 
 void dmk_vtk_source(dmk_vtk *vtk, const dmk_fields *f)
 {
-    if (!f->mu) return;
+    if (!f->mu || f->flux) return;
     place(f->mesh, &f->source, vtk->source);
     dmk_output_text(vtk->out, "<FieldData>\n");
     dmk_vtk_array(vtk, DMK_VTK_FLOAT64, "source", 3, vtk->source, 1);
@@ -123,10 +123,11 @@ void dmk_vtk_result(dmk_vtk *vtk, const dmk_fields *f)
     if (!f->mu) return;
     dmk_output_text(vtk->out, "<PointData>\n");
     dmk_vtk_array(vtk, DMK_VTK_FLOAT64, "u", 1, f->u, n_vertices);
-    dmk_vtk_array(vtk, DMK_VTK_FLOAT64, "distance", 1, f->distance, n_vertices);
+    if (!f->flux) dmk_vtk_array(vtk, DMK_VTK_FLOAT64, "distance", 1, f->distance, n_vertices);
     dmk_output_text(vtk->out, "</PointData>\n<CellData Scalars=\"mu\">\n");
     dmk_vtk_array(vtk, DMK_VTK_FLOAT64, "mu", 1, f->mu, n_triangles);
-    dmk_vtk_array(vtk, DMK_VTK_UINT8, "acl", 1, f->acl, n_triangles);
+    if (f->flux) dmk_vtk_array(vtk, DMK_VTK_FLOAT64, "flux", 3, f->flux, n_triangles);
+    if (f->acl) dmk_vtk_array(vtk, DMK_VTK_UINT8, "acl", 1, f->acl, n_triangles);
     dmk_output_text(vtk->out, "</CellData>\n");
 }
 

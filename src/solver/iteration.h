@@ -17,6 +17,7 @@ typedef struct dmk_iteration {
     double tolerance; /* relative change of mu that ends the iteration */
     double mass;      /* integral of mu */
     double rho, top;  /* weighted mean of (1/2 log q)^2, rooted; largest q */
+    double floor;     /* mu stays above this many square roots of the element's area */
     bool certified;   /* stats has the bounds of the present pair */
 } dmk_iteration;
 
@@ -24,7 +25,7 @@ enum { DMK_NEWTON_STEPS = 60, DMK_EXPLICIT_STEPS = 2000 };
 
 /* Relative L1 change of mu that ends the default method: the density's error is about as large. */
 static const double DMK_DEFAULT_TOLERANCE = 3e-3;
-/* mu stays above this many square roots of the element's area, so that logarithms exist. */
+/* The floor of mu to begin with, so that logarithms exist. */
 static const double DMK_FLOOR = 1e-4;
 /* A gap_tolerance below this cannot be reached for rounding errors: it only asks for the gap of each step,
  * and is not worth a repair of u. */

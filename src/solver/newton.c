@@ -6,6 +6,7 @@
 #include "solver/iteration.h"
 
 #include <math.h>
+#include <stdlib.h>
 
 /* Pseudo-time step control (switched evolution relaxation: Mulder and van Leer 1985; Kelley and
  * Keyes, "Convergence analysis of pseudo-transient continuation", SIAM J. Numer. Anal. 35, 1998).
@@ -56,7 +57,7 @@ static int update(dmk_iteration *o, double alpha, const step_control *p, double 
     int rc;
     double sums[2];
     dmk_system *s = o->sys;
-    DMK_TRY(dmk_newton_update(o->ctx, s, alpha, p->D, DMK_FLOOR));
+    DMK_TRY(dmk_newton_update(o->ctx, s, alpha, p->D, o->floor));
     DMK_TRY(dmk_iteration_sums(o, (size_t)s->n_elements, 2, 0, sums));
     DMK_TRY(dmk_scale_add(o->ctx, s, alpha));
     *change = sums[0] / sums[1];
@@ -92,6 +93,24 @@ done:
     return rc;
 }
 
+/* From mu = 1, u = 0: the constant mu of least cost, sqrt(f.A(1)^-1 f), nearly, and its potential; the floor
+ * of mu keeps its proportion to it, as the way may be short. */
+static int start_cold(dmk_iteration *o)
+{
+    int rc;
+    dmk_system *s = o->sys;
+    double *mu = NULL;
+    DMK_TRY(DMK_NEW(o->ctx, mu, (size_t)s->whole.n_elements_pad));
+    DMK_TRY(dmk_iteration_solve(o, s->u, 1e-2, 100, NULL));
+    DMK_TRY(dmk_iteration_energies(o));
+    for (int32_t t = 0; t < s->whole.n_elements; t++) mu[t] = o->fu > 0 ? sqrt(o->fu) : 1;
+    DMK_TRY(dmk_elements_write(o->ctx, s, s->mu, mu));
+    o->floor *= fmin(1, mu[0]);
+done:
+    free(mu);
+    return rc;
+}
+
 int dmk_newton(dmk_iteration *o, bool from_distance)
 {
     int rc;
@@ -102,7 +121,7 @@ int dmk_newton(dmk_iteration *o, bool from_distance)
     o->tolerance = opt->tolerance > 0 ? opt->tolerance : DMK_DEFAULT_TOLERANCE;
     step_control p = {
         .D = from_distance ? 50 : 1, .longest = 150, .growth = from_distance ? 1.5 : 1.6};
-    if (!from_distance) DMK_TRY(dmk_iteration_solve(o, o->sys->u, 1e-2, 100, NULL));
+    if (!from_distance) DMK_TRY(start_cold(o));
     for (int step = 1; step <= max_steps; step++) {
         DMK_TRY(dmk_iteration_energies(o));
         double alpha = o->uau > 0 ? o->fu / o->uau : 1;

@@ -1,8 +1,8 @@
 /* Solver: one mesh on one device, set up once; then any number of sources. */
-#include "solver/acl.h"
-#include "solver/iteration.h"
-#include "solver/result.h"
+#include "solver/solver.h"
+
 #include "mesh/mollify.h"
+#include "solver/acl.h"
 #include "solver/start.h"
 
 #include "base/parallel.h"
@@ -10,16 +10,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-
-struct dmk_solver {
-    dmk_device *device;
-    const dmk_mesh *mesh;
-    dmk_ranks ranks;   /* size 0: none */
-    int32_t component; /* the one that is packed, or -1 */
-    dmk_shared_order *order;
-    dmk_mesh mollified; /* the ordered mesh with the metric that is computed with */
-    dmk_system *system;
-};
 
 static void forget_component(dmk_solver *s)
 {
@@ -30,9 +20,10 @@ static void forget_component(dmk_solver *s)
 }
 
 /* The component's mesh in the order of the device, not packed yet. */
-static int order_component(dmk_context *ctx, dmk_solver *s, int32_t component)
+int dmk_solver_order(dmk_context *ctx, dmk_solver *s, int32_t component)
 {
     int rc;
+    if (component == s->component) return DMK_OK;
     forget_component(s);
     DMK_TRY(dmk_stage_begin(ctx, "levels"));
     DMK_TRY(DMK_NEW(ctx, s->order, 1));
@@ -100,11 +91,8 @@ void dmk_solve_options_init(dmk_solve_options *options)
     options->inertia = -1;
 }
 
-static int check_options(dmk_context *ctx, const dmk_solver *s, const dmk_point *p,
-                         const dmk_solve_options *o)
+int dmk_solver_check_options(dmk_context *ctx, const dmk_solve_options *o)
 {
-    int rc = dmk_point_check(ctx, s->mesh, "the source", p);
-    if (rc != DMK_OK) return rc;
     if (!(o->dt >= 0 && o->dt <= 1)) {
         return dmk_fail(ctx, DMK_E_ARG, "dt = %g: expected 0 < dt <= 1", o->dt);
     }
@@ -159,6 +147,23 @@ static int measure(dmk_context *ctx, void *data)
     return dmk_geodesics_integrate(ctx, near->geodesics, &near->integral, &near->integral_error);
 }
 
+int dmk_solver_pack(dmk_context *ctx, dmk_solver *s)
+{
+    if (s->system) return DMK_OK;
+    return dmk_system_create(ctx, s->device, &s->mollified, s->ranks.size > 1 ? &s->ranks : NULL,
+                             &s->system);
+}
+
+int dmk_solver_clear(dmk_context *ctx, dmk_solver *s)
+{
+    int rc;
+    const size_t bytes = (size_t)s->system->n_rows_pad * sizeof(float);
+    DMK_TRY(dmk_buffer_clear(ctx, s->device, s->system->x, bytes));
+    DMK_TRY(dmk_buffer_clear(ctx, s->device, s->system->x_old, bytes));
+done:
+    return rc;
+}
+
 /* The distance is the first rank's work; the others get what it makes of it to start from. */
 static bool measures(const dmk_solver *s)
 {
@@ -169,11 +174,10 @@ static bool measures(const dmk_solver *s)
 static int set_up(dmk_context *ctx, dmk_solver *s, start *near)
 {
     dmk_task task;
-    const dmk_ranks *ranks = s->ranks.size > 1 ? &s->ranks : NULL;
     if (s->system) return measures(s) ? measure(ctx, near) : DMK_OK;
-    if (!measures(s)) return dmk_system_create(ctx, s->device, near->mesh, ranks, &s->system);
+    if (!measures(s)) return dmk_solver_pack(ctx, s);
     dmk_task_begin(ctx, &task, measure, near);
-    int rc = dmk_system_create(ctx, s->device, near->mesh, ranks, &s->system);
+    int rc = dmk_solver_pack(ctx, s);
     return dmk_task_end(ctx, &task, rc);
 }
 
@@ -218,10 +222,7 @@ static int set_start(dmk_context *ctx, dmk_solver *s, const start *near, dmk_sta
     DMK_TRY(dmk_elements_write(ctx, sys, sys->mu, mu));
     DMK_TRY(dmk_right_hand_side(ctx, m, sys, p, u));
     DMK_TRY(dmk_rows_write(ctx, sys, sys->f, u));
-    size_t x_bytes = (size_t)sys->n_rows_pad * sizeof(float);
-    /* Work arrays may hold the NaN of an earlier solve that diverged. */
-    DMK_TRY(dmk_buffer_clear(ctx, s->device, sys->x, x_bytes));
-    DMK_TRY(dmk_buffer_clear(ctx, s->device, sys->x_old, x_bytes));
+    DMK_TRY(dmk_solver_clear(ctx, s));
 done:
     free(u);
     free(mu);
@@ -267,10 +268,8 @@ static int mark_acl(dmk_context *ctx, const dmk_solver *s, double threshold, dou
     const dmk_acl_input in = {&s->mollified, mu, u + sys->whole.vertex_row, u};
     uint8_t *acl = NULL;
     DMK_TRY(DMK_NEW(ctx, acl, (size_t)sys->whole.n_elements));
-    for (int32_t t = 0; t < sys->whole.n_elements; t++)
-        mu[t] *= sys->unit;
-    for (int32_t i = 0; i < sys->whole.n_rows; i++)
-        u[i] *= sys->unit;
+    for (int32_t t = 0; t < sys->whole.n_elements; t++) mu[t] *= sys->unit;
+    for (int32_t i = 0; i < sys->whole.n_rows; i++) u[i] *= sys->unit;
     DMK_TRY(dmk_acl_mark(ctx, &in, threshold, acl));
     for (int32_t t = 0; t < sys->whole.n_elements; t++)
         r->acl[s->order->order.triangle_old[t]] = acl[t];
@@ -280,7 +279,8 @@ done:
 }
 
 /* Read mu and u back once and put them in the input's order and units. */
-static int collect(dmk_context *ctx, dmk_solver *s, const start *near, double threshold, dmk_result *r)
+static int collect(dmk_context *ctx, dmk_solver *s, const start *near, double threshold,
+                   dmk_result *r)
 {
     int rc;
     dmk_system *sys = s->system;
@@ -309,22 +309,20 @@ done:
     return rc;
 }
 
-/* The triangles that hold the lower bound back, by their numbers in the input. */
-static void name_steep(const dmk_order *order, dmk_stats *stats)
+void dmk_solver_name_steep(const dmk_solver *s, dmk_stats *stats)
 {
     for (int k = 0; k < DMK_N_STEEP; k++) {
         const bool none = stats->sweeps == 0 || stats->steep[k] < 0;
-        stats->steep[k] = none ? -1 : order->triangle_old[stats->steep[k]];
+        stats->steep[k] = none ? -1 : s->order->order.triangle_old[stats->steep[k]];
     }
 }
 
-/* The stats' lengths and costs to the mesh's units. */
-static void scale_stats(const dmk_system *sys, dmk_stats *stats)
+void dmk_solver_scale_stats(const dmk_solver *s, double mass, dmk_stats *stats)
 {
-    double unit2 = sys->unit * sys->unit;
-    stats->area = unit2;
-    stats->cost_upper *= unit2 * sys->unit;
-    stats->cost_lower *= unit2 * sys->unit;
+    const dmk_system *sys = s->system;
+    stats->area = sys->unit * sys->unit;
+    stats->cost_upper *= mass * sys->unit;
+    stats->cost_lower *= mass * sys->unit;
     stats->levels = sys->n_levels + 1;
     stats->double_precision = dmk_device_real(sys->device, DMK_OUTER) == sizeof(double);
 }
@@ -361,11 +359,12 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     if (!options) options = &defaults;
     if (dmk_missing(ctx, "solver", s, "source", source, "result", result, NULL)) return DMK_E_ARG;
     DMK_TRY(dmk_device_owned(ctx, s->device));
-    DMK_TRY(check_options(ctx, s, source, options));
+    DMK_TRY(dmk_point_check(ctx, s->mesh, "the source", source));
+    DMK_TRY(dmk_solver_check_options(ctx, options));
     DMK_TRY(dmk_result_create(ctx, s->mesh, &r));
     double began = dmk_seconds();
     int32_t component = dmk_mesh_component(s->mesh, (int32_t)source->triangle);
-    if (component != s->component) DMK_TRY(order_component(ctx, s, component));
+    DMK_TRY(dmk_solver_order(ctx, s, component));
     r->stats.gap = NAN; /* until it is computed */
     r->source = *source;
     r->order = dmk_shared_order_keep(s->order);
@@ -381,18 +380,20 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     dmk_iteration o = {.ctx = ctx,
                        .sys = s->system,
                        .mesh = near.mesh,
-                       .options = options, .asked = options->method,
+                       .options = options,
+                       .asked = options->method,
+                       .floor = DMK_FLOOR,
                        .stats = &r->stats,
                        .began = began};
     dmk_stage_end(ctx);
     DMK_TRY(iterate(s, &near, options, &o));
     DMK_TRY(dmk_certify(&o, true));
     r->stats.seconds[DMK_STAGE_SOLVE] = dmk_seconds() - t1 - r->stats.seconds[DMK_STAGE_CERTIFY];
-    name_steep(&s->order->order, &r->stats);
+    dmk_solver_name_steep(s, &r->stats);
     DMK_TRY(collect(ctx, s, &near, options->threshold, r));
     r->geodesics = near.geodesics;
     near.geodesics = NULL;
-    scale_stats(s->system, &r->stats);
+    dmk_solver_scale_stats(s, s->system->unit * s->system->unit, &r->stats);
     double exact[2] = {near.integral, near.integral_error};
     DMK_TRY(dmk_ranks_spread(ctx, &s->ranks, exact, sizeof exact));
     r->stats.cost_exact = exact[0];

@@ -1,0 +1,351 @@
+/* Loads on T/2 from measures on the surface: the integral of each hat function. All sums run in the order of
+ * the mesh and of the lists, so the same measure gives the same bits. */
+#include "solver/measure.h"
+
+#include "solver/iteration.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Masses that differ by less than this part of their sum are equal but for rounding. */
+static const double balanced = 1e-12;
+
+/* ---- what is refused -------------------------------------------------------------------------- */
+
+typedef struct check {
+    dmk_context *ctx;
+    const dmk_mesh *mesh;
+    const int32_t *component; /* per vertex; -1: in no triangle */
+    const char *name;         /* of the measure */
+    bool is_signed;
+    int32_t *found; /* the component, -1 before the first mass */
+} check;
+
+/* A mass, or a density, of `what` number i on component c. */
+static int check_one(const check *k, const char *what, int64_t i, double value, int32_t c)
+{
+    if (!isfinite(value) || (value < 0 && !k->is_signed)) {
+        return dmk_fail(k->ctx, DMK_E_ARG,
+                        "the %s measure: %s %lld has the value %g; wanted is a finite number%s",
+                        k->name, what, (long long)i, value,
+                        k->is_signed ? "" : " from 0 (one signed measure may be given alone)");
+    }
+    if (value == 0) return DMK_OK;
+    if (c < 0) {
+        return dmk_fail(k->ctx, DMK_E_ARG,
+                        "the %s measure: %s %lld has mass, but is in no triangle", k->name, what,
+                        (long long)i);
+    }
+    if (*k->found < 0) *k->found = c;
+    if (c == *k->found) return DMK_OK;
+    return dmk_fail(k->ctx, DMK_E_ARG,
+                    "the %s measure: %s %lld lies on component %d, other mass on component %d; "
+                    "nothing can be moved "
+                    "between them, so transport each by itself",
+                    k->name, what, (long long)i, (int)c, (int)*k->found);
+}
+
+static int check_points(const check *k, const dmk_measure *m)
+{
+    int rc = DMK_OK;
+    for (size_t i = 0; i < m->n_atoms; i++) {
+        DMK_TRY(dmk_point_check(k->ctx, k->mesh, "an atom", &m->atoms[i]));
+        DMK_TRY(check_one(k, "atom", (int64_t)i, m->atom_mass[i],
+                          dmk_mesh_component(k->mesh, (int32_t)m->atoms[i].triangle)));
+    }
+    for (size_t l = 0; l < m->n_lines; l++) {
+        const double density = m->line_density ? m->line_density[l] : 1;
+        if (m->line_first[l + 1] < m->line_first[l] + 2 || m->line_first[0] != 0) {
+            return dmk_fail(k->ctx, DMK_E_ARG, "the %s measure: line %zu has fewer than two points",
+                            k->name, l);
+        }
+        for (int32_t i = m->line_first[l]; i < m->line_first[l + 1]; i++) {
+            DMK_TRY(dmk_point_check(k->ctx, k->mesh, "a point of a line", &m->line_points[i]));
+            const int32_t c = dmk_mesh_component(k->mesh, (int32_t)m->line_points[i].triangle);
+            DMK_TRY(check_one(k, "line", (int64_t)l, density, c));
+        }
+    }
+done:
+    return rc;
+}
+
+static int check_measure(const check *k, const dmk_measure *m)
+{
+    int rc = DMK_OK;
+    if ((m->n_atoms > 0 &&
+         dmk_missing(k->ctx, "atoms", m->atoms, "atom_mass", m->atom_mass, NULL)) ||
+        (m->n_lines > 0 &&
+         dmk_missing(k->ctx, "line_first", m->line_first, "line_points", m->line_points, NULL))) {
+        return DMK_E_ARG;
+    }
+    for (int32_t v = 0; m->vertex_mass && v < k->mesh->n_vertices; v++)
+        DMK_TRY(check_one(k, "vertex", v, m->vertex_mass[v], k->component[v]));
+    for (int32_t t = 0; m->triangle_density && t < k->mesh->n_triangles; t++)
+        DMK_TRY(check_one(k, "triangle", t, m->triangle_density[t], dmk_mesh_component(k->mesh, (int32_t)t)));
+    DMK_TRY(check_points(k, m));
+    const int32_t anywhere = *k->found < 0 ? 0 : *k->found;
+    DMK_TRY(check_one(k, "the even part, number", 0, m->uniform, anywhere));
+done:
+    return rc;
+}
+
+int dmk_measure_check(dmk_context *ctx, const dmk_mesh *mesh, const dmk_measure *from,
+                      const dmk_measure *to, int32_t *component)
+{
+    int rc;
+    int32_t *of_vertex = NULL;
+    *component = -1;
+    DMK_TRY(DMK_NEW(ctx, of_vertex, (size_t)mesh->n_vertices));
+    for (int32_t v = 0; v < mesh->n_vertices; v++) of_vertex[v] = -1;
+    for (int32_t h = 0; h < 3 * mesh->n_triangles; h++)
+        of_vertex[mesh->triangle[h]] = dmk_mesh_component(mesh, h / 3);
+    check k = {ctx, mesh, of_vertex, "first", !to, component};
+    /* The even part takes any component, so it is looked at when the other measure has told which. */
+    if (to && from->uniform != 0) {
+        k.name = "second";
+        DMK_TRY(check_measure(&k, to));
+        k.name = "first";
+    }
+    DMK_TRY(check_measure(&k, from));
+    k.name = "second";
+    if (to) DMK_TRY(check_measure(&k, to));
+    if (*component < 0) rc = dmk_fail(ctx, DMK_E_ARG, "the measures have no mass anywhere");
+done:
+    free(of_vertex);
+    return rc;
+}
+
+/* ---- loads ------------------------------------------------------------------------------------ */
+
+typedef struct load {
+    dmk_context *ctx;
+    const dmk_mesh *mesh; /* ordered */
+    const dmk_order *order;
+    dmk_vertex_stars stars;
+    int32_t *number; /* new number of each triangle of the input, -1: not on the component */
+    int32_t vertex_row;
+    double *f;
+} load;
+
+static void add(const load *l, int32_t t, const double w[6], double factor)
+{
+    for (int k = 0; k < 3; k++) {
+        l->f[l->vertex_row + l->mesh->triangle[3 * (size_t)t + (size_t)k]] += factor * w[k];
+        l->f[l->mesh->triangle_edge[3 * (size_t)t + (size_t)k]] += factor * w[3 + k];
+    }
+}
+
+/* A density that is linear on triangle t, d at its corners. */
+static void add_linear(const load *l, int32_t t, const double d[3])
+{
+    static const int sub[4][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}, {3, 4, 5}};
+    const double node[6] = {
+        d[0], d[1], d[2], 0.5 * (d[1] + d[2]), 0.5 * (d[2] + d[0]), 0.5 * (d[0] + d[1])};
+    double w[6] = {0};
+    for (int s = 0; s < 4; s++) {
+        const double sum = node[sub[s][0]] + node[sub[s][1]] + node[sub[s][2]];
+        for (int k = 0; k < 3; k++) w[sub[s][k]] += (sum + node[sub[s][k]]) / 48;
+    }
+    add(l, t, w, l->mesh->area[t]);
+}
+
+/* Masses at vertices: those of the piecewise linear density that has them. */
+static int add_vertices(const load *l, const double *mass)
+{
+    int rc;
+    double *area = NULL;
+    const dmk_mesh *m = l->mesh;
+    DMK_TRY(DMK_NEW(l->ctx, area, (size_t)m->n_vertices));
+    for (int32_t h = 0; h < 3 * m->n_triangles; h++) area[m->triangle[h]] += m->area[h / 3] / 3;
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        double d[3];
+        for (int k = 0; k < 3; k++) {
+            const int32_t v = m->triangle[3 * (size_t)t + (size_t)k];
+            d[k] = mass[l->order->vertex_old[v]] / area[v];
+        }
+        add_linear(l, t, d);
+    }
+done:
+    free(area);
+    return rc;
+}
+
+/* The weights of a point on the corners of triangle t, if it lies in it. */
+static bool weights_in(const load *l, const dmk_point *p, int32_t t, double w[3])
+{
+    const int32_t *mine = l->mesh->triangle + 3 * (size_t)l->number[p->triangle];
+    const int32_t *corner = l->mesh->triangle + 3 * (size_t)t;
+    w[0] = w[1] = w[2] = 0;
+    for (int k = 0; k < 3; k++) {
+        int at = 0;
+        if (p->weight[k] == 0) continue;
+        while (at < 3 && corner[at] != mine[k]) at++;
+        if (at == 3) return false;
+        w[at] = p->weight[k];
+    }
+    return true;
+}
+
+/* A triangle that holds both points, with their weights there; -1: none does. */
+static int32_t shared_triangle(const load *l, const dmk_point *p, const dmk_point *q, double a[3],
+                               double b[3])
+{
+    const int32_t t = l->number[p->triangle];
+    for (int k = 0; k < 3; k++) {
+        if (p->weight[k] == 0) continue;
+        const int32_t v = l->mesh->triangle[3 * (size_t)t + (size_t)k];
+        for (int32_t i = l->stars.row[v]; i < l->stars.row[v + 1]; i++) {
+            const int32_t s = l->stars.triangle[i] / 4;
+            if (weights_in(l, p, s, a) && weights_in(l, q, s, b)) return s;
+        }
+    }
+    return -1;
+}
+
+static double length_in(const dmk_mesh *m, int32_t t, const double a[3], const double b[3])
+{
+    double square = 0;
+    for (int k = 0; k < 3; k++) {
+        const int i = (k + 1) % 3, j = (k + 2) % 3;
+        const double side = m->length[m->triangle_edge[3 * (size_t)t + (size_t)k]];
+        square -= (b[i] - a[i]) * (b[j] - a[j]) * side * side;
+    }
+    return sqrt(fmax(square, 0));
+}
+
+/* A straight line from a to b in triangle t: hat functions of T/2 are linear between the lines b_k = 1/2. */
+static void add_segment(const load *l, int32_t t, const double a[3], const double b[3],
+                        double density)
+{
+    double cut[5] = {0, 1}, w[6], mass = density * length_in(l->mesh, t, a, b);
+    int n = 2;
+    for (int k = 0; k < 3; k++) {
+        const double s = (0.5 - a[k]) / (b[k] - a[k]);
+        if (s > 0 && s < 1) cut[n++] = s;
+    }
+    for (int i = 1; i < n; i++) { /* a handful: by insertion */
+        for (int j = i; j > 0 && cut[j] < cut[j - 1]; j--) {
+            const double swap = cut[j];
+            cut[j] = cut[j - 1];
+            cut[j - 1] = swap;
+        }
+    }
+    for (int i = 0; i < n; i++) {
+        double p[3];
+        for (int k = 0; k < 3; k++) p[k] = a[k] + cut[i] * (b[k] - a[k]);
+        dmk_point_weights(p, w);
+        const double part =
+            (i + 1 < n ? cut[i + 1] - cut[i] : 0) + (i > 0 ? cut[i] - cut[i - 1] : 0);
+        add(l, t, w, 0.5 * part * mass);
+    }
+}
+
+static int add_lines(load *l, const dmk_measure *m)
+{
+    int rc = DMK_OK;
+    if (m->n_lines > 0 && !l->stars.row)
+        DMK_TRY(dmk_vertex_stars_create(l->ctx, l->mesh, &l->stars));
+    for (size_t k = 0; k < m->n_lines; k++) {
+        for (int32_t i = m->line_first[k]; i + 1 < m->line_first[k + 1]; i++) {
+            double a[3], b[3];
+            const int32_t t = shared_triangle(l, &m->line_points[i], &m->line_points[i + 1], a, b);
+            if (t < 0) {
+                rc = dmk_fail(l->ctx, DMK_E_ARG,
+                              "points %d and %d of line %zu lie in no common triangle",
+                              (int)(i - m->line_first[k]), (int)(i + 1 - m->line_first[k]), k);
+                goto done;
+            }
+            add_segment(l, t, a, b, m->line_density ? m->line_density[k] : 1);
+        }
+    }
+done:
+    return rc;
+}
+
+static int add_measure(load *l, const dmk_measure *m)
+{
+    int rc = DMK_OK;
+    double area = 0;
+    if (m->vertex_mass) DMK_TRY(add_vertices(l, m->vertex_mass));
+    for (int32_t t = 0; t < l->mesh->n_triangles; t++) area += l->mesh->area[t];
+    for (int32_t t = 0; t < l->mesh->n_triangles && (m->triangle_density || m->uniform != 0); t++) {
+        const double d =
+            (m->triangle_density ? m->triangle_density[l->order->triangle_old[t]] : 0) +
+            m->uniform / area;
+        add_linear(l, t, (const double[3]){d, d, d});
+    }
+    for (size_t i = 0; i < m->n_atoms; i++) {
+        double w[6];
+        dmk_point_weights(m->atoms[i].weight, w);
+        add(l, l->number[m->atoms[i].triangle], w, m->atom_mass[i]);
+    }
+    DMK_TRY(add_lines(l, m));
+done:
+    return rc;
+}
+
+static double sum_of(const double *f, size_t n)
+{
+    double sum = 0;
+    for (size_t i = 0; i < n; i++) sum += f[i];
+    return sum;
+}
+
+/* f = a signed measure over the half of its variation. */
+static int balance_signed(dmk_context *ctx, size_t n, double *f, double *mass)
+{
+    double sum = sum_of(f, n), size = 0;
+    for (size_t i = 0; i < n; i++) size += fabs(f[i]);
+    *mass = size / 2;
+    if (fabs(sum) > balanced * size) {
+        return dmk_fail(ctx, DMK_E_ARG, "the signed measure has the mass %.17g in all: wanted is 0",
+                        sum);
+    }
+    for (size_t i = 0; i < n; i++) f[i] /= *mass;
+    return DMK_OK;
+}
+
+static int balance(dmk_context *ctx, size_t n, bool normalise, double *f, const double *g,
+                   double *mass)
+{
+    const double a = sum_of(f, n), b = sum_of(g, n);
+    *mass = a;
+    if (!(a > 0 && b > 0)) {
+        return dmk_fail(ctx, DMK_E_ARG, "the %s measure has no mass", a > 0 ? "second" : "first");
+    }
+    if (!normalise && fabs(a - b) > balanced * (a + b)) {
+        return dmk_fail(ctx, DMK_E_ARG,
+                        "the masses differ: %.17g is to be moved, %.17g is wanted; make them "
+                        "equal, or ask for the "
+                        "second to be scaled (--normalise)",
+                        a, b);
+    }
+    for (size_t i = 0; i < n; i++) f[i] = f[i] / a - g[i] / b;
+    return DMK_OK;
+}
+
+int dmk_measure_load(dmk_context *ctx, const dmk_mesh *mesh, const dmk_order *order,
+                     const dmk_system *s, const dmk_measure *from, const dmk_measure *to,
+                     bool normalise, double *f, double *mass)
+{
+    int rc;
+    const size_t n = (size_t)s->whole.n_rows_pad;
+    load l = {
+        .ctx = ctx, .mesh = order->mesh, .order = order, .vertex_row = s->whole.vertex_row, .f = f};
+    double *g = NULL;
+    DMK_TRY(DMK_NEW(ctx, g, n));
+    DMK_TRY(DMK_NEW(ctx, l.number, (size_t)mesh->n_triangles));
+    for (int32_t t = 0; t < mesh->n_triangles; t++) l.number[t] = -1;
+    for (int32_t t = 0; t < order->mesh->n_triangles; t++) l.number[order->triangle_old[t]] = t;
+    memset(f, 0, n * sizeof *f);
+    DMK_TRY(add_measure(&l, from));
+    l.f = g;
+    if (to) DMK_TRY(add_measure(&l, to));
+    rc = to ? balance(ctx, n, normalise, f, g, mass) : balance_signed(ctx, n, f, mass);
+done:
+    free(g);
+    free(l.number);
+    dmk_vertex_stars_free(&l.stars);
+    return rc;
+}

@@ -1,0 +1,30 @@
+/* The solver's state, for those who solve with it: solver.c for a point, transport.c for measures. */
+#ifndef DMK_SOLVER_H
+#define DMK_SOLVER_H
+
+#include "solver/iteration.h"
+#include "solver/result.h"
+
+struct dmk_solver {
+    dmk_device *device;
+    const dmk_mesh *mesh;
+    dmk_ranks ranks;   /* size 0: none */
+    int32_t component; /* the one that is packed, or -1 */
+    dmk_shared_order *order;
+    dmk_mesh mollified; /* the ordered mesh with the metric that is computed with */
+    dmk_system *system;
+};
+
+/* DMK_E_ARG for options out of their range. */
+int dmk_solver_check_options(dmk_context *context, const dmk_solve_options *options);
+/* Order `component`, unless that was the last one; its system comes into being with the next call. */
+int dmk_solver_order(dmk_context *context, dmk_solver *solver, int32_t component);
+int dmk_solver_pack(dmk_context *context, dmk_solver *solver);
+/* Work arrays may hold the NaN of an earlier solve that diverged: clear them. */
+int dmk_solver_clear(dmk_context *context, dmk_solver *solver);
+/* Triangles in stats->steep by their numbers in the input; areas, costs from the packed problem's units, of
+ * which `mass` is that of mass. */
+void dmk_solver_name_steep(const dmk_solver *solver, dmk_stats *stats);
+void dmk_solver_scale_stats(const dmk_solver *solver, double mass, dmk_stats *stats);
+
+#endif

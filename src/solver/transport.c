@@ -1,0 +1,302 @@
+/* Transport between measures: the same iteration as for a point, from mu = constant. */
+#include "solver/kernels.h"
+#include "solver/measure.h"
+#include "solver/solver.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+struct dmk_transport {
+    size_t n_vertices, n_triangles, n_edges; /* of the input mesh */
+    double *density, *flux;                  /* n_triangles, 3 n_triangles */
+    double *potential, *potential_mid;       /* n_vertices, n_edges */
+    double mass, balance;
+    dmk_stats stats;
+};
+
+/* r.z of the solve that gives the flux, rooted, over the energy: below it is rounding. */
+static const double flux_tolerance = 1e-11;
+enum { FLUX_ITERATIONS = 100 };
+
+void dmk_transport_destroy(dmk_transport **transport)
+{
+    dmk_transport *r = transport ? *transport : NULL;
+    if (!r) return;
+    free(r->density);
+    free(r->flux);
+    free(r->potential);
+    free(r->potential_mid);
+    free(r);
+    *transport = NULL;
+}
+
+static int create(dmk_context *ctx, const dmk_mesh *m, dmk_transport **transport)
+{
+    int rc;
+    dmk_transport *r = NULL;
+    DMK_TRY(DMK_NEW(ctx, r, 1));
+    r->n_vertices = (size_t)m->n_vertices;
+    r->n_triangles = (size_t)m->n_triangles;
+    r->n_edges = (size_t)m->n_edges;
+    DMK_TRY(DMK_NEW(ctx, r->density, r->n_triangles));
+    DMK_TRY(DMK_NEW(ctx, r->flux, 3 * r->n_triangles));
+    DMK_TRY(DMK_NEW(ctx, r->potential, r->n_vertices));
+    DMK_TRY(DMK_NEW(ctx, r->potential_mid, r->n_edges));
+    r->stats.gap = r->stats.cost_exact = r->stats.cost_exact_error = NAN;
+    *transport = r;
+    r = NULL;
+done:
+    dmk_transport_destroy(&r);
+    return rc;
+}
+
+/* f, mu = 1, u = 0. */
+static int set_start(dmk_context *ctx, dmk_solver *s, const double *f)
+{
+    int rc;
+    dmk_system *sys = s->system;
+    double *ones = NULL, *zeros = NULL;
+    DMK_TRY(DMK_NEW(ctx, ones, (size_t)sys->whole.n_elements_pad));
+    DMK_TRY(DMK_NEW(ctx, zeros, (size_t)sys->whole.n_rows_pad));
+    for (int32_t t = 0; t < sys->whole.n_elements; t++) ones[t] = 1;
+    DMK_TRY(dmk_rows_write(ctx, sys, sys->u, zeros));
+    DMK_TRY(dmk_elements_write(ctx, sys, sys->mu, ones));
+    DMK_TRY(dmk_rows_write(ctx, sys, sys->f, f));
+    DMK_TRY(dmk_solver_clear(ctx, s));
+done:
+    free(ones);
+    free(zeros);
+    return rc;
+}
+
+/* Newton, and where it fails explicit steps from the start again, as for a point. */
+static int iterate(dmk_solver *s, const double *f, dmk_iteration *o)
+{
+    int rc, steps;
+    const dmk_solve_options *options = o->options;
+    dmk_solve_options slow = *options;
+    if (options->method != DMK_NEWTON) return dmk_explicit(o);
+    rc = dmk_newton(o, false);
+    if (options->max_steps > 0 || (rc != DMK_E_DIVERGED && rc != DMK_E_LIMIT)) return rc;
+    slow.method = DMK_INERTIAL;
+    steps = o->stats->steps;
+    o->options = &slow;
+    DMK_TRY(set_start(o->ctx, s, f));
+    DMK_TRY(dmk_explicit(o));
+    o->stats->steps += steps;
+done:
+    o->options = options;
+    return rc;
+}
+
+/* mu and u, in the input's order and units; u is 0 at its largest. */
+static int collect_pair(dmk_context *ctx, dmk_solver *s, double *mu, double *u, dmk_transport *r)
+{
+    int rc;
+    dmk_system *sys = s->system;
+    const dmk_order *o = &s->order->order;
+    double top = -INFINITY;
+    DMK_TRY(dmk_rows_read(ctx, sys, sys->u, u));
+    DMK_TRY(dmk_elements_read(ctx, sys, sys->mu, mu));
+    for (int32_t v = 0; v < sys->whole.n_vertices; v++)
+        top = fmax(top, u[sys->whole.vertex_row + v]);
+    for (int32_t t = 0; t < sys->whole.n_elements; t++)
+        r->density[o->triangle_old[t]] = mu[t] * r->mass / sys->unit;
+    for (int32_t v = 0; v < sys->whole.n_vertices; v++)
+        r->potential[o->vertex_old[v]] = (u[sys->whole.vertex_row + v] - top) * sys->unit;
+    for (int32_t e = 0; e < sys->whole.n_edges; e++)
+        r->potential_mid[o->edge_old[e]] = (u[e] - top) * sys->unit;
+done:
+    return rc;
+}
+
+/* The mean over triangle t of grad of the values x at its six nodes. */
+static void mean_gradient(const dmk_mesh *m, int32_t t, const double x[6], double g[3])
+{
+    double edge[3][3], square = 4 * m->area[t] * m->area[t];
+    const int32_t *corner = m->triangle + 3 * (size_t)t;
+    for (int k = 0; k < 3; k++) {
+        const double *a = m->xyz + 3 * (size_t)corner[(k + 1) % 3],
+                     *b = m->xyz + 3 * (size_t)corner[(k + 2) % 3];
+        for (int j = 0; j < 3; j++) edge[k][j] = b[j] - a[j];
+    }
+    g[0] = g[1] = g[2] = 0;
+    /* grad phi_k is the height vector at k: e_i (e_j.e_k) - e_j (e_i.e_k) over 4 area^2. */
+    for (int k = 0; k < 3; k++) {
+        const int i = (k + 1) % 3, j = (k + 2) % 3;
+        const double value = 0.5 * (x[k] + x[3 + i] + x[3 + j] - x[3 + k]);
+        double jk = 0, ik = 0;
+        for (int c = 0; c < 3; c++) {
+            jk += edge[j][c] * edge[k][c];
+            ik += edge[i][c] * edge[k][c];
+        }
+        for (int c = 0; c < 3; c++) g[c] += value * (edge[i][c] * jk - edge[j][c] * ik) / square;
+    }
+}
+
+/* A(mu) u - f on the rows: what the flux fails to deliver, of which *worst is the largest, over the largest
+ * f. residual: -f on entry. */
+static double worst_residual(const dmk_solver *s, const double *mu, const double *u,
+                             const double *f, double *residual)
+{
+    const dmk_mesh *m = &s->mollified;
+    const dmk_counts *n = &s->system->whole;
+    double worst = 0, size = 0;
+    for (int32_t i = 0; i < n->n_rows; i++) residual[i] = -f[i];
+    for (int32_t t = 0; t < n->n_elements; t++) {
+        const int32_t *corner = m->triangle + 3 * (size_t)t,
+                      *mid = m->triangle_edge + 3 * (size_t)t;
+        for (int k = 0; k < 3; k++) {
+            const int32_t i = (k + 1) % 3, j = (k + 2) % 3;
+            const double w = mu[t] * dmk_cot(m, 3 * t + k);
+            const int32_t pairs[3][2] = {{n->vertex_row + corner[i], mid[k]},
+                                         {n->vertex_row + corner[j], mid[k]},
+                                         {mid[i], mid[j]}};
+            for (int p = 0; p < 3; p++) {
+                const double flow = (p < 2 ? 0.5 : 1) * w * (u[pairs[p][0]] - u[pairs[p][1]]);
+                residual[pairs[p][0]] += flow;
+                residual[pairs[p][1]] -= flow;
+            }
+        }
+    }
+    for (int32_t i = 0; i < n->n_rows; i++) {
+        worst = fmax(worst, fabs(residual[i]));
+        size = fmax(size, fabs(f[i]));
+    }
+    return worst / size;
+}
+
+/* The flux -mu grad u with the exact potential of mu, which delivers the measures: the iteration's u is
+ * inexact. s->u becomes that potential. */
+static int collect_flux(dmk_iteration *o, dmk_solver *s, const double *f, const double *mu,
+                        double *u, dmk_transport *r)
+{
+    int rc;
+    dmk_system *sys = s->system;
+    const dmk_order *order = &s->order->order;
+    const dmk_mesh *m = order->mesh;
+    double *residual = NULL;
+    DMK_TRY(DMK_NEW(o->ctx, residual, (size_t)sys->whole.n_rows_pad));
+    DMK_TRY(dmk_iteration_solve(o, sys->u, flux_tolerance, FLUX_ITERATIONS, NULL));
+    DMK_TRY(dmk_rows_read(o->ctx, sys, sys->u, u));
+    r->balance = worst_residual(s, mu, u, f, residual);
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        double x[6], g[3];
+        for (int k = 0; k < 3; k++) {
+            x[k] = u[sys->whole.vertex_row + m->triangle[3 * (size_t)t + (size_t)k]];
+            x[3 + k] = u[m->triangle_edge[3 * (size_t)t + (size_t)k]];
+        }
+        mean_gradient(m, t, x, g);
+        for (int k = 0; k < 3; k++)
+            r->flux[3 * (size_t)order->triangle_old[t] + (size_t)k] = -mu[t] * g[k] * r->mass;
+    }
+done:
+    free(residual);
+    return rc;
+}
+
+/* From f on the device's order to the result; seconds of the stages that are not there yet. */
+static int solve(dmk_context *ctx, dmk_solver *s, const dmk_solve_options *options, const double *f,
+                 double began, dmk_transport *r)
+{
+    int rc;
+    double *mu = NULL, *u = NULL;
+    dmk_iteration o = {.ctx = ctx,
+                       .sys = s->system,
+                       .mesh = &s->mollified,
+                       .options = options,
+                       .floor = DMK_FLOOR,
+                       .stats = &r->stats,
+                       .began = began};
+    DMK_TRY(DMK_NEW(ctx, mu, (size_t)s->system->whole.n_elements_pad));
+    DMK_TRY(DMK_NEW(ctx, u, (size_t)s->system->whole.n_rows_pad));
+    DMK_TRY(set_start(ctx, s, f));
+    r->stats.seconds[DMK_STAGE_START] = dmk_seconds() - began - r->stats.seconds[DMK_STAGE_SETUP];
+    const double start = dmk_seconds();
+    dmk_stage_end(ctx);
+    DMK_TRY(iterate(s, f, &o));
+    DMK_TRY(dmk_certify(&o, true));
+    dmk_solver_name_steep(s, &r->stats);
+    DMK_TRY(collect_pair(ctx, s, mu, u, r));
+    DMK_TRY(collect_flux(&o, s, f, mu, u, r));
+    dmk_solver_scale_stats(s, r->mass, &r->stats);
+    r->stats.seconds[DMK_STAGE_SOLVE] = dmk_seconds() - start - r->stats.seconds[DMK_STAGE_CERTIFY];
+done:
+    free(mu);
+    free(u);
+    return rc;
+}
+
+int dmk_solve_measures(dmk_context *ctx, dmk_solver *s, const dmk_measure *from,
+                       const dmk_measure *to, const dmk_solve_options *options,
+                       dmk_transport **transport)
+{
+    int rc;
+    int32_t component;
+    double *f = NULL;
+    dmk_transport *r = NULL;
+    dmk_solve_options defaults;
+    dmk_solve_options_init(&defaults);
+    if (!options) options = &defaults;
+    if (dmk_missing(ctx, "solver", s, "from", from, "transport", transport, NULL)) return DMK_E_ARG;
+    DMK_TRY(dmk_device_owned(ctx, s->device));
+    DMK_TRY(dmk_solver_check_options(ctx, options));
+    DMK_TRY(dmk_measure_check(ctx, s->mesh, from, to, &component));
+    DMK_TRY(create(ctx, s->mesh, &r));
+    const double began = dmk_seconds();
+    const bool fresh = component != s->component || !s->system;
+    DMK_TRY(dmk_solver_order(ctx, s, component));
+    DMK_TRY(dmk_solver_pack(ctx, s));
+    if (fresh) r->stats.seconds[DMK_STAGE_SETUP] = dmk_seconds() - began;
+    DMK_TRY(dmk_poll(ctx));
+    DMK_TRY(DMK_NEW(ctx, f, (size_t)s->system->whole.n_rows_pad));
+    DMK_TRY(dmk_measure_load(ctx, s->mesh, &s->order->order, s->system, from, to,
+                             options->normalise, f, &r->mass));
+    DMK_TRY(solve(ctx, s, options, f, began, r));
+    *transport = r;
+    r = NULL;
+done:
+    dmk_stage_end(ctx);
+    free(f);
+    dmk_transport_destroy(&r);
+    return rc;
+}
+
+/* ---- accessors -------------------------------------------------------------------------------- */
+
+static const double *borrow(const double *array, size_t length, size_t *n)
+{
+    if (n) *n = length;
+    return array;
+}
+
+void dmk_transport_get_stats(const dmk_transport *r, dmk_stats *stats)
+{
+    if (r && stats) *stats = r->stats;
+}
+
+void dmk_transport_get_info(const dmk_transport *r, dmk_transport_info *info)
+{
+    if (r && info) *info = (dmk_transport_info){r->mass, r->balance};
+}
+
+const double *dmk_transport_density(const dmk_transport *r, size_t *n)
+{
+    return r ? borrow(r->density, r->n_triangles, n) : borrow(NULL, 0, n);
+}
+
+const double *dmk_transport_flux(const dmk_transport *r, size_t *n)
+{
+    return r ? borrow(r->flux, 3 * r->n_triangles, n) : borrow(NULL, 0, n);
+}
+
+const double *dmk_transport_potential(const dmk_transport *r, size_t *n)
+{
+    return r ? borrow(r->potential, r->n_vertices, n) : borrow(NULL, 0, n);
+}
+
+const double *dmk_transport_potential_mid(const dmk_transport *r, size_t *n)
+{
+    return r ? borrow(r->potential_mid, r->n_edges, n) : borrow(NULL, 0, n);
+}

@@ -1,0 +1,337 @@
+/* Transport between measures: closed forms, mass balance, symmetry, what is refused. */
+#include "solving.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const double PI = 3.14159265358979323846;
+
+/* ---- helpers ---------------------------------------------------------------------------------- */
+
+typedef struct moved {
+    dmk_transport *transport;
+    dmk_stats stats;
+    dmk_transport_info info;
+} moved;
+
+static int try_moving(const problem *p, const dmk_measure *from, const dmk_measure *to,
+                      dmk_transport **t)
+{
+    *t = NULL;
+    return dmk_solve_measures(p->b->ctx, p->solver, from, to, &p->options, t);
+}
+
+static moved move(const problem *p, const dmk_measure *from, const dmk_measure *to)
+{
+    moved m;
+    bench_ok(p->b, try_moving(p, from, to, &m.transport));
+    dmk_transport_get_stats(m.transport, &m.stats);
+    dmk_transport_get_info(m.transport, &m.info);
+    assert_true(m.stats.cost_lower > 0 && m.stats.cost_lower <= m.stats.cost_upper);
+    return m;
+}
+
+static void refuse(const problem *p, const dmk_measure *from, const dmk_measure *to,
+                   const char *word)
+{
+    dmk_transport *t;
+    assert_int_equal(try_moving(p, from, to, &t), DMK_E_ARG);
+    assert_null(t);
+    if (!strstr(dmk_context_message(p->b->ctx), word)) {
+        fail_msg("'%s' is not in: %s", word, dmk_context_message(p->b->ctx));
+    }
+}
+
+/* The unit sphere with about n triangles, scaled so that its area is 4 pi. */
+static problem sphere(bench *b, size_t n)
+{
+    dmk_surface_options o;
+    dmk_surface_options_init(&o);
+    o.name = "sphere";
+    o.n_triangles = n;
+    problem plain = problem_surface(b, &o);
+    const size_t nv = problem_vertices(&plain);
+    double *x = malloc(3 * nv * sizeof *x), scale = sqrt(4 * PI / plain.info.area);
+    assert_non_null(x);
+    for (size_t i = 0; i < 3 * nv; i++) x[i] = scale * dmk_mesh_vertices(plain.mesh)[i];
+    problem p = problem_create(b, nv, x, problem_triangles(&plain), dmk_mesh_triangles(plain.mesh));
+    problem_free(&plain);
+    free(x);
+    return p;
+}
+
+/* The cosine of the angle between a triangle's centre and a pole that no mesh line runs to. */
+static double latitude(const problem *p, size_t t)
+{
+    static const double pole[3] = {0.3, 0.5, 0.81240384046359603605};
+    const int32_t *c = dmk_mesh_triangles(p->mesh) + 3 * t;
+    const double *x = dmk_mesh_vertices(p->mesh);
+    double z = 0, size = 0;
+    for (int k = 0; k < 3; k++) {
+        const double sum = x[3 * c[0] + k] + x[3 * c[1] + k] + x[3 * c[2] + k];
+        z += sum * pole[k];
+        size += sum * sum;
+    }
+    return z / sqrt(size);
+}
+
+/* ---- closed forms ----------------------------------------------------------------------------- */
+
+/* From the density 1 + z to 1 - z on the sphere, z the sine of the latitude: 2 pi sin^2 theta is north of the
+ * circle at theta too much, so W1 is the integral, pi^2, and mu = sin theta. */
+static void check_sphere(bench *b, size_t n, double *l1, double *cost)
+{
+    problem p = sphere(b, n);
+    const size_t nt = problem_triangles(&p);
+    double *from = malloc(nt * sizeof *from), *to = malloc(nt * sizeof *to), error = 0, all = 0;
+    assert_true(from && to);
+    for (size_t t = 0; t < nt; t++) {
+        from[t] = 1 + latitude(&p, t);
+        to[t] = 1 - latitude(&p, t);
+    }
+    p.options.normalise = 1;
+    moved m =
+        move(&p, &(dmk_measure){.triangle_density = from}, &(dmk_measure){.triangle_density = to});
+    const double *mu = dmk_transport_density(m.transport, NULL);
+    for (size_t t = 0; t < nt; t++) {
+        const double exact = sqrt(1 - latitude(&p, t) * latitude(&p, t)),
+                     area = problem_area(&p, t);
+        error += area * fabs(mu[t] - exact);
+        all += area * exact;
+    }
+    *l1 = error / all;
+    *cost = m.stats.cost_upper / (PI * PI) - 1;
+    print_message("# %zu triangles: %d steps, L1 %.2e, cost %.2e, gap %.1e, balance %.1e\n", nt,
+                  m.stats.steps, *l1, *cost, m.stats.gap, m.info.balance);
+    assert_true(m.stats.gap <= 3e-3);
+    assert_true(m.info.balance <= 1e-8);
+    assert_true(m.stats.steps <= 20);
+    dmk_transport_destroy(&m.transport);
+    problem_free(&p);
+    free(from);
+    free(to);
+}
+
+static void loads_by_latitude(void **state)
+{
+    double coarse, fine, cost[2];
+    check_sphere(*state, 5120, &coarse, &cost[0]);
+    check_sphere(*state, 20480, &fine, &cost[1]);
+    if (!(fine <= 0.0075 && fine <= 0.52 * coarse)) fail_msg("L1 errors %g, %g", coarse, fine);
+    /* The polyhedron's own error falls with the square of the size; both together tell of W1. */
+    const double limit = (4 * cost[1] - cost[0]) / 3;
+    if (!(fabs(limit) <= 5e-5 && fabs(cost[1]) <= 1e-4))
+        fail_msg("costs off by %g, %g", cost[0], cost[1]);
+}
+
+/* An atom against the even measure is the problem of dmk_solve. */
+static void a_point_is_a_measure(void **state)
+{
+    problem p = problem_file(*state, "tests/data/quartic_5000.off.gz");
+    const double mass = p.info.area;
+    p.options.tolerance = 1e-4;
+    p.options.normalise = 1; /* the area is summed in another order */
+    problem_solve(&p);
+    moved m = move(&p, &(dmk_measure){.n_atoms = 1, .atoms = &p.source, .atom_mass = &mass},
+                   &(dmk_measure){.uniform = mass});
+    assert_true(fabs(m.stats.cost_upper / p.stats.cost_upper - 1) < 1e-6);
+    assert_true(problem_l1(&p, dmk_transport_density(m.transport, NULL)) < 1e-3);
+    dmk_transport_destroy(&m.transport);
+    problem_free(&p);
+}
+
+/* ---- forms of one measure --------------------------------------------------------------------- */
+
+/* From a to b and back again, and as one signed measure. */
+static void direction_and_sign(void **state)
+{
+    problem p = problem_file(*state, "tests/data/sphere_1280.off");
+    const size_t nt = problem_triangles(&p);
+    double *a = calloc(nt, sizeof *a), *b = calloc(nt, sizeof *b), *both = calloc(nt, sizeof *both);
+    double mass[2] = {0};
+    for (size_t t = 0; t < nt; t++) {
+        if (latitude(&p, t) > 0.7) a[t] = 1;
+        if (latitude(&p, t) < -0.2) b[t] = 1;
+        mass[0] += a[t] * problem_area(&p, t);
+        mass[1] += b[t] * problem_area(&p, t);
+    }
+    for (size_t t = 0; t < nt; t++) {
+        b[t] *= mass[0] / mass[1];
+        both[t] = a[t] - b[t];
+    }
+    p.options.tolerance = 1e-4;
+    moved there =
+        move(&p, &(dmk_measure){.triangle_density = a}, &(dmk_measure){.triangle_density = b});
+    moved back =
+        move(&p, &(dmk_measure){.triangle_density = b}, &(dmk_measure){.triangle_density = a});
+    moved one = move(&p, &(dmk_measure){.triangle_density = both}, NULL);
+    assert_true(fabs(back.stats.cost_upper / there.stats.cost_upper - 1) < 1e-7);
+    assert_true(fabs(one.stats.cost_upper / there.stats.cost_upper - 1) < 1e-7);
+    assert_true(fabs(one.info.mass / mass[0] - 1) < 1e-9);
+    const double *f = dmk_transport_flux(there.transport, NULL),
+                 *g = dmk_transport_flux(back.transport, NULL);
+    double error = 0, all = 0;
+    for (size_t i = 0; i < 3 * nt; i++) {
+        error += fabs(f[i] + g[i]);
+        all += fabs(f[i]);
+    }
+    if (!(error < 1e-2 * all)) fail_msg("fluxes there and back differ by %g of %g", error, all);
+    dmk_transport_destroy(&there.transport);
+    dmk_transport_destroy(&back.transport);
+    dmk_transport_destroy(&one.transport);
+    problem_free(&p);
+    free(a);
+    free(b);
+    free(both);
+}
+
+/* Two atoms: W1 is the distance times the mass, up to the blunt ends; mass and unit scale. */
+static void atoms_and_their_mass(void **state)
+{
+    problem p = sphere(*state, 20480);
+    dmk_point at[2];
+    const double mass = 7;
+    bench_ok(p.b, dmk_mesh_project(p.b->ctx, p.mesh, (double[]){1, 0.1, 0.2}, &at[0]));
+    bench_ok(p.b, dmk_mesh_project(p.b->ctx, p.mesh, (double[]){-0.3, 1, 0.1}, &at[1]));
+    const double exact = acos((-0.3 + 0.1 + 0.02) / sqrt(1.05 * 1.1));
+    moved m = move(&p, &(dmk_measure){.n_atoms = 1, .atoms = at, .atom_mass = &mass},
+                   &(dmk_measure){.n_atoms = 1, .atoms = at + 1, .atom_mass = &mass});
+    print_message("# cost %.3e off, gap %.1e, %d steps\n", m.stats.cost_upper / mass / exact - 1,
+                  m.stats.gap, m.stats.steps);
+    assert_true(fabs(m.stats.cost_upper / mass / exact - 1) < 0.02);
+    assert_true(fabs(m.info.mass / mass - 1) < 1e-12 && m.stats.gap < 3e-3);
+    dmk_transport_destroy(&m.transport);
+    problem_free(&p);
+}
+
+/* A line of constant mass per length: the same as many atoms along it. */
+static void lines_are_many_atoms(void **state)
+{
+    enum { N = 400 };
+    problem p = problem_file(*state, "tests/data/sphere_1280.off");
+    dmk_path path;
+    dmk_point end, atoms[N];
+    double mass[N];
+    problem_solve(&p);
+    bench_ok(p.b, dmk_mesh_vertex_point(p.b->ctx, p.mesh, 333, &end));
+    bench_ok(p.b, dmk_path_compute(p.b->ctx, p.mesh, p.result, 1, &end, &path));
+    size_t n = 0;
+    for (size_t i = 0; i + 1 < path.n && n < N - 8;
+         i++) { /* eight atoms in each piece, by its middle points */
+        double a[3], b[3], length = 0;
+        dmk_mesh_point_xyz(p.b->ctx, p.mesh, &path.point[i], a);
+        dmk_mesh_point_xyz(p.b->ctx, p.mesh, &path.point[i + 1], b);
+        for (int k = 0; k < 3; k++) length += (a[k] - b[k]) * (a[k] - b[k]);
+        for (int j = 0; j < 8; j++, n++) {
+            double x[3];
+            for (int k = 0; k < 3; k++) x[k] = a[k] + (j + 0.5) / 8 * (b[k] - a[k]);
+            bench_ok(p.b, dmk_mesh_project(p.b->ctx, p.mesh, x, &atoms[n]));
+            mass[n] = sqrt(length) / 8;
+        }
+    }
+    const int32_t first[] = {0, (int32_t)path.n};
+    const dmk_measure line = {.n_lines = 1, .line_first = first, .line_points = path.point};
+    const dmk_measure many = {.n_atoms = n, .atoms = atoms, .atom_mass = mass},
+                      even = {.uniform = 1};
+    p.options.normalise = 1;
+    moved a = move(&p, &line, &even), b = move(&p, &many, &even);
+    assert_true(fabs(a.info.mass / path.length - 1) < 1e-12);
+    if (!(fabs(a.stats.cost_upper / b.stats.cost_upper - 1) < 1e-4)) {
+        fail_msg("%g for the line, %g for its atoms", a.stats.cost_upper, b.stats.cost_upper);
+    }
+    dmk_transport_destroy(&a.transport);
+    dmk_transport_destroy(&b.transport);
+    dmk_path_free(&path);
+    problem_free(&p);
+}
+
+static void runs_give_the_same_bits(void **state)
+{
+    problem p = problem_file(*state, "tests/data/sphere_1280.off");
+    const size_t nv = problem_vertices(&p), nt = problem_triangles(&p);
+    double *a = calloc(nv, sizeof *a), *b = calloc(nv, sizeof *b);
+    for (size_t v = 0; v < nv; v++) {
+        a[v] = (double)(v % 7);
+        b[v] = (double)(v % 11);
+    }
+    p.options.normalise = 1;
+    moved one = move(&p, &(dmk_measure){.vertex_mass = a}, &(dmk_measure){.vertex_mass = b});
+    problem_solve(&p); /* in between: a point on the same solver */
+    moved two = move(&p, &(dmk_measure){.vertex_mass = a}, &(dmk_measure){.vertex_mass = b});
+    assert_memory_equal(dmk_transport_density(one.transport, NULL),
+                        dmk_transport_density(two.transport, NULL), nt * sizeof(double));
+    assert_memory_equal(dmk_transport_flux(one.transport, NULL),
+                        dmk_transport_flux(two.transport, NULL), 3 * nt * sizeof(double));
+    assert_true(one.stats.cost_lower == two.stats.cost_lower);
+    dmk_transport_destroy(&one.transport);
+    dmk_transport_destroy(&two.transport);
+    problem_free(&p);
+    free(a);
+    free(b);
+}
+
+/* ---- what is refused -------------------------------------------------------------------------- */
+
+static void bad_measures_are_refused(void **state)
+{
+    problem p = problem_file(*state, "tests/data/sphere_1280.off");
+    const size_t nv = problem_vertices(&p);
+    double *a = calloc(nv, sizeof *a), *b = calloc(nv, sizeof *b);
+    a[3] = b[5] = 1;
+    const dmk_measure from = {.vertex_mass = a}, to = {.vertex_mass = b}, none = {0};
+    refuse(&p, &none, &to, "first measure has no mass");
+    refuse(&p, &from, &none, "second measure has no mass");
+    refuse(&p, &none, &none, "no mass anywhere");
+    b[5] = 1.5;
+    refuse(&p, &from, &to, "1.5");
+    b[5] = 1 + 1e-11;
+    refuse(&p, &from, &to, "masses differ");
+    b[5] = 1 + 1e-13;
+    moved m = move(&p, &from, &to);
+    dmk_transport_destroy(&m.transport);
+    b[17] = NAN;
+    refuse(&p, &from, &to, "vertex 17");
+    b[17] = -1;
+    refuse(&p, &from, &to, "vertex 17");
+    b[17] = 0;
+    a[4] = -0.5;
+    refuse(&p, &from, &to, "vertex 4");
+    refuse(&p, &from, NULL, "wanted is 0");
+    problem_free(&p);
+    free(a);
+    free(b);
+}
+
+static void other_components_and_unused_vertices(void **state)
+{
+    static const double xyz[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 5, 0, 0, 6, 0, 0, 5, 1, 0, 9, 9, 9};
+    static const int32_t triangles[] = {0, 1, 2, 3, 4, 5};
+    problem p = problem_create(*state, 7, xyz, 2, triangles);
+    double a[7] = {1}, b[7] = {0, 1};
+    const dmk_measure from = {.vertex_mass = a}, to = {.vertex_mass = b};
+    moved m = move(&p, &from, &to);
+    dmk_transport_destroy(&m.transport);
+    b[1] = 0;
+    b[4] = 1;
+    refuse(&p, &from, &to, "component");
+    b[4] = 0;
+    b[6] = 1;
+    refuse(&p, &from, &to, "vertex 6");
+    problem_free(&p);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(loads_by_latitude),
+        cmocka_unit_test(a_point_is_a_measure),
+        cmocka_unit_test(direction_and_sign),
+        cmocka_unit_test(atoms_and_their_mass),
+        cmocka_unit_test(lines_are_many_atoms),
+        cmocka_unit_test(runs_give_the_same_bits),
+        cmocka_unit_test(bad_measures_are_refused),
+        cmocka_unit_test(other_components_and_unused_vertices),
+    };
+    return cmocka_run_group_tests(tests, bench_setup, bench_teardown);
+}
