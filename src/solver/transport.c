@@ -206,6 +206,7 @@ static int solve(dmk_context *ctx, dmk_solver *s, const dmk_solve_options *optio
                        .sys = s->system,
                        .mesh = &s->mollified,
                        .options = options,
+                       .asked = options->method,
                        .floor = DMK_FLOOR,
                        .stats = &r->stats,
                        .began = began};
