@@ -525,7 +525,8 @@ void dmk_solver_get_traffic(const dmk_solver *solver, dmk_traffic *traffic);
 typedef struct dmk_locus dmk_locus;
 
 typedef struct dmk_locus_options {
-    double strength; /* prune branches weaker than this many times the mesh's noise; 0 = 0.75 */
+    double strength; /* a length: leave out branches of less strength; 0 = the default, 0.2 mean edges,
+                        or 1.5 times that of the mesh's own branches where these stand out */
 } dmk_locus_options;
 
 typedef enum dmk_locus_kind {
@@ -535,32 +536,43 @@ typedef enum dmk_locus_kind {
     DMK_LOCUS_POINT = 3 /* the whole locus is this point */
 } dmk_locus_kind;
 
-/* A vertex of the cut locus' graph. */
+/* A vertex of the cut locus' graph.
+ *
+ * The excess of a point of the locus is by how much a path to it must grow to be moved over the locus'
+ * end from one of its two shortest paths to the other, the largest d(x) + l(x, c) - d(c) over the points x
+ * of the branch behind it. The strength of a branch is the largest excess on it; it is infinite on loops
+ * and on lines between borders. All points of a branch have its strength: with a larger `strength` asked
+ * for whole branches go, and nothing else changes. */
 typedef struct dmk_locus_vertex {
     double xyz[3];
     dmk_point place;    /* on the input mesh */
     double distance;    /* to the source */
     double mu;          /* density of the triangle it lies in */
-    double strength;    /* angle at p between the minimal geodesics that meet here, radians */
-    double angle[2];    /* directions at p of the two outermost of them, radians */
+    double strength;    /* a length: that of its strongest edge */
+    double meeting_angle; /* between the minimal geodesics where they meet here, radians, 0 to pi */
+    double source_angle;  /* between them at p, radians, 0 to pi */
+    double angle[2];    /* their directions at p, of the two outermost ones, radians */
     int32_t kind;       /* dmk_locus_kind */
     int32_t degree;
 } dmk_locus_vertex;
 
 typedef struct dmk_locus_edge {
     int32_t vertex[2];
-    double strength;
+    double strength; /* that of its branch, a length */
 } dmk_locus_edge;
 
 typedef struct dmk_locus_info {
     double length;
+    double strength; /* that was asked for, or the default: a length */
     size_t n_vertices, n_edges, n_polylines;
     int64_t loops; /* first Betti number */
     size_t components;
     size_t endpoints, branch_points;
 } dmk_locus_info;
 
-/* The cut locus as a graph on the surface, from a result's distance and density. */
+/* The cut locus as a graph on the surface, from a result's geodesics: where shortest paths of the polyhedron
+ * from two sides meet. Every edge runs inside one triangle. Connected with first Betti number 2g on a closed
+ * surface of genus g; with borders, once each border is contracted to a point. */
 int dmk_locus_compute(dmk_context *context, const dmk_mesh *mesh, const dmk_result *result,
                       const dmk_locus_options *options, dmk_locus **locus);
 void dmk_locus_options_init(dmk_locus_options *options);
@@ -584,12 +596,19 @@ int dmk_path_compute(dmk_context *context, const dmk_mesh *mesh, const dmk_resul
 /* The component of the source cut open along its cut locus: a disk, with one border loop and Euler
  * characteristic 1. Triangles that the locus crosses are split, so that it runs along edges; its
  * points are vertices once for each side, and keep 0.15 of an edge from the edge's ends, so that no
- * needles come about. A locus that is one point becomes a slit of two edges at
- * the farthest vertex; with a border around a disk there is nothing to cut. The mesh begins with the
+ * slivers are created. A locus that crosses fewer than three edges of a sphere becomes a slit of two edges
+ * at the farthest vertex; with a border around a disk there is nothing to cut. The mesh begins with the
  * component's vertices in the input's order. *origin (NULL: not wanted) tells for each vertex of the
- * cut mesh the vertex of `mesh` at the same place, or -1 for points of the locus; freed with free(). */
+ * cut mesh the vertex of `mesh` at the same place, or -1 for points of the locus; freed with free().
+ * *plane (NULL: not wanted): 2 coordinates for each vertex of the cut mesh, the logarithmic map, that is the
+ * distance times the direction at the source, on the locus' two sides each its own; freed with free(). */
 int dmk_cut(dmk_context *context, const dmk_mesh *mesh, const dmk_result *result,
-            const dmk_locus_options *options, dmk_mesh **cut, int32_t **origin);
+            const dmk_locus_options *options, dmk_mesh **cut, int32_t **origin, double **plane);
+/* Write a cut mesh with its plane coordinates: OBJ with them as vt, VTP with them as the point array `plane`,
+ * by the suffix; other mesh formats leave them out. */
+int dmk_cut_write(dmk_context *context, const dmk_mesh *cut, const double *plane, const char *path);
+/* How many of the cut mesh's triangles lie the other way round, or are degenerate, in the plane. */
+size_t dmk_cut_flipped(const dmk_mesh *cut, const double *plane);
 
 /* ---- files ------------------------------------------------------------------------------------ */
 

@@ -111,6 +111,7 @@ static const dmk_ranks alone = {.size = 1, ALONE};
 #define good_void_p NULL
 #define good_char_p good.file
 #define good_double_p (double *)(void *)good.scratch
+#define good_double_pp (void *)&good.none
 #define good_int32_t_p (int32_t *)(void *)good.scratch
 #define good_int32_t_pp (void *)&good.none
 #define good_int64_t_p (int64_t *)(void *)good.scratch
@@ -226,6 +227,7 @@ static bool may_be(const char *function, const char *argument)
         "dmk_cut origin",
         "dmk_mesh_repair repair",
         "dmk_mesh_read_repaired repair",
+        "dmk_cut plane",
         /* Lengths of the caller's arrays, and xyz where the mesh is looked at later. */
         "dmk_device_list capacity",
         "dmk_mesh_repair n_vertices",
@@ -345,7 +347,7 @@ static void options_may_be_missing(void **state)
     bench_ok(&good.b, dmk_solve(good.b.ctx, p->solver, &p->source, NULL, &result));
     bench_ok(&good.b, dmk_locus_compute(good.b.ctx, p->mesh, result, NULL, &locus));
     bench_ok(&good.b, dmk_geodesics_create(good.b.ctx, p->mesh, 1, &p->source, NULL, &geodesics));
-    bench_ok(&good.b, dmk_cut(good.b.ctx, p->mesh, result, NULL, &cut, NULL));
+    bench_ok(&good.b, dmk_cut(good.b.ctx, p->mesh, result, NULL, &cut, NULL, NULL));
     assert_memory_equal(dmk_result_density(result, NULL), problem_mu(p),
                         problem_triangles(p) * sizeof(double));
     dmk_mesh_destroy(&cut);

@@ -30,7 +30,7 @@ static int cut(problem *p)
 {
     dmk_mesh *m = NULL;
     int32_t *origin = NULL;
-    int rc = dmk_cut(p->b->ctx, p->mesh, p->result, NULL, &m, &origin);
+    int rc = dmk_cut(p->b->ctx, p->mesh, p->result, NULL, &m, &origin, NULL);
     assert_true((rc == DMK_OK) == (m != NULL) && (rc == DMK_OK) == (origin != NULL));
     dmk_mesh_destroy(&m);
     free(origin);

@@ -382,7 +382,7 @@ static void check_shape(problem *p, const char *name)
         fail_msg("%s: locus of %zu pieces, %lld loops", name, line.components, (long long)line.loops);
     }
     dmk_locus_destroy(&locus);
-    rc = dmk_cut(p->b->ctx, p->mesh, p->result, &options, &cut, NULL);
+    rc = dmk_cut(p->b->ctx, p->mesh, p->result, &options, &cut, NULL, NULL);
     if (rc != DMK_OK && rc != DMK_E_MESH) {
         fail_msg("%s: cut: %s", name, dmk_context_message(p->b->ctx));
     }

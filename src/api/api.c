@@ -9,25 +9,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* The results of the source's component, in the order of its compact mesh. */
-typedef struct component {
-    const dmk_order *order; /* the result's */
-    double *distance;       /* order->mesh->n_vertices */
-    double *distance_mid;   /* order->mesh->n_edges */
-    double *density;        /* order->mesh->n_triangles */
-    dmk_locus_input in;     /* of these */
-} component;
-
 static void pick(const double *from, const int32_t *old, int32_t n, double *to)
 {
     for (int32_t i = 0; i < n; i++)
         to[i] = from[old[i]];
 }
 
-static int component_create(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *result,
-                            component *c)
+static int check_mesh(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *result)
 {
-    int rc;
     if (result->n_triangles != (size_t)mesh->n_triangles ||
         result->n_vertices != (size_t)mesh->n_vertices) {
         return dmk_fail(ctx, DMK_E_ARG, "the result belongs to another mesh");
@@ -35,25 +24,7 @@ static int component_create(dmk_context *ctx, const dmk_mesh *mesh, const dmk_re
     if (!result->geodesics) {
         return dmk_fail(ctx, DMK_E_ARG, "of several ranks only the first one has the distance");
     }
-    c->order = &result->order->order;
-    const dmk_mesh *m = c->order->mesh;
-    DMK_TRY(DMK_NEW(ctx, c->distance, (size_t)m->n_vertices));
-    DMK_TRY(DMK_NEW(ctx, c->distance_mid, (size_t)m->n_edges));
-    DMK_TRY(DMK_NEW(ctx, c->density, (size_t)m->n_triangles));
-    pick(dmk_result_distance(result, NULL), c->order->vertex_old, m->n_vertices, c->distance);
-    pick(dmk_result_distance_mid(result, NULL), c->order->edge_old, m->n_edges, c->distance_mid);
-    pick(dmk_result_density(result, NULL), c->order->triangle_old, m->n_triangles, c->density);
-    c->in = (dmk_locus_input){m, result->source, c->distance, c->distance_mid, c->density};
-    c->in.source.triangle = result->source_triangle; /* corners keep their places: so do the weights */
-done:
-    return rc;
-}
-
-static void component_free(component *c)
-{
-    free(c->distance);
-    free(c->distance_mid);
-    free(c->density);
+    return DMK_OK;
 }
 
 static int check_options(dmk_context *ctx, const dmk_locus_options *o)
@@ -66,19 +37,22 @@ int dmk_locus_compute(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *
                       const dmk_locus_options *options, dmk_locus **locus)
 {
     int rc;
-    component c = {0};
+    double *density = NULL;
     if (dmk_missing(ctx, "mesh", mesh, "result", result, "locus", locus, NULL)) return DMK_E_ARG;
     DMK_TRY(check_options(ctx, options));
+    DMK_TRY(check_mesh(ctx, mesh, result));
     DMK_TRY(dmk_stage_begin(ctx, "locus"));
-    DMK_TRY(component_create(ctx, mesh, result, &c));
-    DMK_TRY(dmk_locus_trace(ctx, &c.in, options, locus));
+    const dmk_order *order = &result->order->order;
+    DMK_TRY(DMK_NEW(ctx, density, (size_t)order->mesh->n_triangles));
+    pick(dmk_result_density(result, NULL), order->triangle_old, order->mesh->n_triangles, density);
+    DMK_TRY(dmk_locus_trace(ctx, result->geodesics, density, options, locus));
     size_t n;
     dmk_locus_vertex *v = (dmk_locus_vertex *)dmk_locus_vertices(*locus, &n);
     for (size_t i = 0; i < n; i++)
-        v[i].place.triangle = c.order->triangle_old[v[i].place.triangle];
+        v[i].place.triangle = order->triangle_old[v[i].place.triangle];
 done:
     dmk_stage_end(ctx);
-    component_free(&c);
+    free(density);
     return rc;
 }
 
@@ -124,16 +98,16 @@ int dmk_path_compute(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *r
                      size_t n_points, const dmk_point *to, dmk_path *paths)
 {
     int rc;
-    component c = {0};
     dmk_point *end = NULL;
     dmk_tracer *tracer = NULL;
     size_t n = 0;
     if (dmk_missing(ctx, "mesh", mesh, "result", result, "to", to, "paths", paths, NULL)) return DMK_E_ARG;
     memset(paths, 0, n_points * sizeof *paths);
     DMK_TRY(dmk_stage_begin(ctx, "path"));
-    DMK_TRY(component_create(ctx, mesh, result, &c));
+    DMK_TRY(check_mesh(ctx, mesh, result));
+    const dmk_order *order = &result->order->order;
     DMK_TRY(DMK_NEW(ctx, end, n_points));
-    DMK_TRY(renumber_ends(ctx, mesh, c.order, n_points, to, end));
+    DMK_TRY(renumber_ends(ctx, mesh, order, n_points, to, end));
     DMK_TRY(dmk_tracer_create(ctx, result->geodesics, &tracer));
     for (; n < n_points; n++) {
         DMK_TRY(dmk_tracer_path(ctx, tracer, end + n, paths + n));
@@ -142,7 +116,7 @@ int dmk_path_compute(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *r
     for (size_t i = 0; i < n_points; i++) {
         for (size_t k = 0; k < paths[i].n; k++) {
             dmk_point *p = &paths[i].point[k];
-            p->triangle = c.order->triangle_old[p->triangle];
+            p->triangle = order->triangle_old[p->triangle];
         }
     }
 done:
@@ -150,7 +124,6 @@ done:
     dmk_stage_end(ctx);
     dmk_tracer_destroy(&tracer);
     free(end);
-    component_free(&c);
     return rc;
 }
 
@@ -176,8 +149,8 @@ static int rank_vertices(dmk_context *ctx, const dmk_mesh *mesh, const dmk_order
 
 /* The cut mesh again, its first vertices, those of the component, in the input's order. */
 static int sort_cut(dmk_context *ctx, const dmk_mesh *mesh, const dmk_order *order,
-                    const dmk_mesh *raw, const int32_t *raw_origin, dmk_mesh **cut,
-                    int32_t *origin)
+                    const dmk_mesh *raw, const int32_t *raw_origin, const double *raw_plane,
+                    dmk_mesh **cut, int32_t *origin, double *plane)
 {
     int rc;
     const int32_t n_old = order->mesh->n_vertices;
@@ -190,6 +163,7 @@ static int sort_cut(dmk_context *ctx, const dmk_mesh *mesh, const dmk_order *ord
     for (int32_t v = 0; v < raw->n_vertices; v++) {
         const int32_t to = v < n_old ? rank[v] : v;
         memcpy(xyz + 3 * (size_t)to, raw->xyz + 3 * (size_t)v, 3 * sizeof *xyz);
+        memcpy(plane + 2 * (size_t)to, raw_plane + 2 * (size_t)v, 2 * sizeof *plane);
         origin[to] = raw_origin[v] < 0 ? -1 : order->vertex_old[raw_origin[v]];
     }
     for (int32_t h = 0; h < 3 * raw->n_triangles; h++) {
@@ -212,31 +186,37 @@ static int check_disk(dmk_context *ctx, const dmk_mesh *cut)
     dmk_mesh_get_info(cut, &info);
     if (info.euler == 1 && info.n_border_loops == 1 && info.n_components == 1) return DMK_OK;
     return dmk_fail(ctx, DMK_E_MESH,
-                    "cut open the surface is no disk: Euler characteristic %lld, %zu border loops, "
+                    "cutting did not produce a disk: Euler characteristic %lld, %zu border loops, "
                     "%zu components; a finer mesh may help",
                     (long long)info.euler, info.n_border_loops, info.n_components);
 }
 
 int dmk_cut(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *result,
-            const dmk_locus_options *options, dmk_mesh **cut, int32_t **origin)
+            const dmk_locus_options *options, dmk_mesh **cut, int32_t **origin, double **plane)
 {
     int rc;
-    component c = {0};
     dmk_mesh *raw = NULL, *sorted = NULL;
     int32_t *raw_origin = NULL, *sorted_origin = NULL;
+    double *raw_plane = NULL, *sorted_plane = NULL;
     if (dmk_missing(ctx, "mesh", mesh, "result", result, "cut", cut, NULL)) return DMK_E_ARG;
     DMK_TRY(check_options(ctx, options));
+    DMK_TRY(check_mesh(ctx, mesh, result));
     DMK_TRY(dmk_stage_begin(ctx, "cut"));
-    DMK_TRY(component_create(ctx, mesh, result, &c));
-    DMK_TRY(dmk_locus_cut(ctx, &c.in, options, &raw, &raw_origin));
+    DMK_TRY(dmk_locus_cut(ctx, result->geodesics, options, &raw, &raw_origin, &raw_plane));
     DMK_TRY(check_disk(ctx, raw));
     DMK_TRY(DMK_NEW(ctx, sorted_origin, (size_t)raw->n_vertices));
-    DMK_TRY(sort_cut(ctx, mesh, c.order, raw, raw_origin, &sorted, sorted_origin));
+    DMK_TRY(DMK_NEW(ctx, sorted_plane, 2 * (size_t)raw->n_vertices));
+    DMK_TRY(sort_cut(ctx, mesh, &result->order->order, raw, raw_origin, raw_plane, &sorted,
+                     sorted_origin, sorted_plane));
     *cut = sorted;
     sorted = NULL;
     if (origin) {
         *origin = sorted_origin;
         sorted_origin = NULL;
+    }
+    if (plane) {
+        *plane = sorted_plane;
+        sorted_plane = NULL;
     }
 done:
     dmk_stage_end(ctx);
@@ -244,6 +224,19 @@ done:
     dmk_mesh_destroy(&sorted);
     free(raw_origin);
     free(sorted_origin);
-    component_free(&c);
+    free(raw_plane);
+    free(sorted_plane);
     return rc;
+}
+
+size_t dmk_cut_flipped(const dmk_mesh *cut, const double *plane)
+{
+    size_t n = 0;
+    for (int32_t t = 0; cut && plane && t < cut->n_triangles; t++) {
+        const double *a = plane + 2 * (size_t)cut->triangle[3 * t];
+        const double *b = plane + 2 * (size_t)cut->triangle[3 * t + 1];
+        const double *c = plane + 2 * (size_t)cut->triangle[3 * t + 2];
+        n += !((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0);
+    }
+    return n;
 }

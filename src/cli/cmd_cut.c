@@ -51,7 +51,7 @@ static int cut_open(const cut_request *request, solve_run *run, dmk_mesh **cut)
     if (code != EXIT_OK) return code;
     dmk_locus_options options;
     dmk_locus_options_init(&options);
-    int rc = dmk_cut(run->context, run->mesh, run->result, &options, cut, NULL);
+    int rc = dmk_cut(run->context, run->mesh, run->result, &options, cut, NULL, NULL);
     for (int i = 0; i < request->out.n && rc == DMK_OK; i++) {
         rc = solve_go_on();
         if (rc == DMK_OK) rc = dmk_mesh_write(run->context, *cut, request->out.path[i]);

@@ -168,6 +168,12 @@ int dmk_mesh_write(dmk_context *ctx, const dmk_mesh *mesh, const char *path)
     return write_fields(ctx, &(dmk_fields){.mesh = mesh}, path, WRITE_MESH);
 }
 
+int dmk_cut_write(dmk_context *ctx, const dmk_mesh *cut, const double *plane, const char *path)
+{
+    if (dmk_missing(ctx, "cut", cut, "plane", plane, "path", path, NULL)) return DMK_E_ARG;
+    return write_fields(ctx, &(dmk_fields){.mesh = cut, .plane = plane}, path, WRITE_MESH);
+}
+
 int dmk_fields_write(dmk_context *ctx, const dmk_fields *fields, const char *path)
 {
     return write_fields(ctx, fields, path, WRITE_RESULT);

@@ -93,6 +93,7 @@ typedef struct dmk_fields {
     dmk_point source;
     const double *direction; /* n_vertices; these two and distance without mu: geodesics */
     const int32_t *nearest;  /* n_vertices, or NULL */
+    const double *plane;    /* 2*n_vertices: texture coordinates, or NULL */
 } dmk_fields;
 
 typedef struct dmk_curves {

@@ -142,13 +142,39 @@ static void put_indices(dmk_output *out, const char *word, const int32_t *index,
     dmk_output_text(out, "\n");
 }
 
+static void put_plane(dmk_output *out, const double *plane, int32_t n)
+{
+    for (int32_t v = 0; v < n; v++) {
+        dmk_output_text(out, "vt ");
+        dmk_output_number(out, plane[2 * (size_t)v]);
+        dmk_output_text(out, " ");
+        dmk_output_number(out, plane[2 * (size_t)v + 1]);
+        dmk_output_text(out, "\n");
+    }
+}
+
+/* A face with texture coordinates: one for each vertex. */
+static void put_textured(dmk_output *out, const int32_t *vertex)
+{
+    dmk_output_text(out, "f");
+    for (int k = 0; k < 3; k++) {
+        dmk_output_text(out, " ");
+        dmk_output_integer(out, (int64_t)vertex[k] + 1);
+        dmk_output_text(out, "/");
+        dmk_output_integer(out, (int64_t)vertex[k] + 1);
+    }
+    dmk_output_text(out, "\n");
+}
+
 int dmk_obj_write(dmk_context *ctx, dmk_output *out, const dmk_fields *fields)
 {
     (void)ctx;
     const dmk_mesh *m = fields->mesh;
     for (int32_t v = 0; v < m->n_vertices; v++) put_vertex(out, m->xyz + 3 * (size_t)v);
+    if (fields->plane) put_plane(out, fields->plane, m->n_vertices);
     for (int32_t t = 0; t < m->n_triangles; t++) {
-        put_indices(out, "f", m->triangle + 3 * (size_t)t, 3);
+        if (fields->plane) put_textured(out, m->triangle + 3 * (size_t)t);
+        else put_indices(out, "f", m->triangle + 3 * (size_t)t, 3);
     }
     return DMK_OK;
 }

@@ -113,6 +113,11 @@ void dmk_vtk_source(dmk_vtk *vtk, const dmk_fields *f)
 void dmk_vtk_result(dmk_vtk *vtk, const dmk_fields *f)
 {
     size_t n_vertices = (size_t)f->mesh->n_vertices, n_triangles = (size_t)f->mesh->n_triangles;
+    if (f->plane) {
+        dmk_output_text(vtk->out, "<PointData TCoords=\"plane\">\n");
+        dmk_vtk_array(vtk, DMK_VTK_FLOAT64, "plane", 2, f->plane, n_vertices);
+        dmk_output_text(vtk->out, "</PointData>\n");
+    }
     if (f->nearest) {
         dmk_output_text(vtk->out, "<PointData Scalars=\"distance\">\n");
         dmk_vtk_array(vtk, DMK_VTK_FLOAT64, "distance", 1, f->distance, n_vertices);

@@ -39,9 +39,11 @@ done:
     return rc;
 }
 
+enum { N_COLUMNS = 7 };
+
 /* The values of a locus by columns. Cells are the n_single vertices of degree 0, then the edges. */
 typedef struct columns {
-    double *value;         /* 8*n_vertices: xyz interleaved, then distance, mu, strength, angles */
+    double *value;         /* 10*n_vertices: xyz interleaved, then the columns' values */
     int32_t *kind;         /* n_vertices */
     int32_t *corner;       /* n_single + 2*n_edges: the cells' vertices */
     double *cell_strength; /* n_single + n_edges */
@@ -60,15 +62,16 @@ static int columns_fill(dmk_context *ctx, const dmk_curves *c, columns *k)
 {
     int rc;
     size_t n = c->n_vertices;
-    DMK_TRY(DMK_NEW(ctx, k->value, 8 * n));
+    DMK_TRY(DMK_NEW(ctx, k->value, (3 + N_COLUMNS) * n));
     DMK_TRY(DMK_NEW(ctx, k->kind, n));
     DMK_TRY(DMK_NEW(ctx, k->corner, n + 2 * c->n_edges));
     DMK_TRY(DMK_NEW(ctx, k->cell_strength, n + c->n_edges));
     for (size_t v = 0; v < n; v++) {
         const dmk_locus_vertex *x = &c->vertex[v];
-        const double scalar[5] = {x->distance, x->mu, x->strength, x->angle[0], x->angle[1]};
+        const double scalar[N_COLUMNS] = {x->distance,      x->mu,           x->strength, x->meeting_angle,
+                                          x->source_angle, x->angle[0], x->angle[1]};
         for (int i = 0; i < 3; i++) k->value[3 * v + (size_t)i] = x->xyz[i];
-        for (size_t i = 0; i < 5; i++) k->value[(3 + i) * n + v] = scalar[i];
+        for (size_t i = 0; i < N_COLUMNS; i++) k->value[(3 + i) * n + v] = scalar[i];
         k->kind[v] = x->kind;
         if (x->degree > 0) continue;
         k->cell_strength[k->n_single] = x->strength;
@@ -86,7 +89,8 @@ done:
 
 static void put_locus_data(dmk_vtk *vtk, const dmk_curves *c, const columns *k)
 {
-    static const char *const names[5] = {"distance", "mu", "strength", "angle0", "angle1"};
+    static const char *const names[N_COLUMNS] = {
+        "distance", "mu", "strength", "meeting_angle", "source_angle", "angle0", "angle1"};
     size_t n = c->n_vertices;
     dmk_output_text(vtk->out, "<PointData>\n");
     if (c->bare) {
@@ -94,7 +98,7 @@ static void put_locus_data(dmk_vtk *vtk, const dmk_curves *c, const columns *k)
         dmk_output_text(vtk->out, "</PointData>\n");
         return;
     }
-    for (size_t i = 0; i < 5; i++) {
+    for (size_t i = 0; i < N_COLUMNS; i++) {
         dmk_vtk_array(vtk, DMK_VTK_FLOAT64, names[i], 1, k->value + (3 + i) * n, n);
     }
     dmk_vtk_array(vtk, DMK_VTK_INT32, "kind", 1, k->kind, n);

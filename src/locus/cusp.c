@@ -1,212 +1,255 @@
-/* An end of the locus is where neighbouring geodesics first meet: the cusp of the envelope of the
- * rays around one direction. Near it the surface is nearly flat and each ray a straight line,
- * y = m z + b with z along the middle ray and y across. With m and b as functions of the direction
- * the envelope lies at z = -b' / m'; the cusp is its nearest point. m and b are polynomials fitted
- * to a bundle of rays much wider than the mesh, so that the chance bends of single rays average
- * out. */
-#include "base/sort.h"
-#include "locus/net.h"
+/* Where a branch ends on the smooth surface that the mesh stands for.
+ *
+ * A point of the surface is a smooth function X of the direction a and the length r of a geodesic from
+ * the source that leads there, also past the locus, where a point has several. A branch ends in a cusp of
+ * the conjugate points: where X_a, the Jacobi field, and its derivative by a vanish across the geodesic.
+ * Near a cusp a, r and the displacement across scale as 1 : 2 : 3, so X is fitted to the vertices around
+ * by the monomials in a and r up to the weight 5. */
+#include "base/vec3.h"
+#include "locus/cotree.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { n_rays = 41, n_steps = 5, m_degree = 3, b_degree = 5, max_degree = 6 };
-/* Each line is fitted to points this many mesh edges apart. */
-static const double line_step = 1.5;
-/* The envelope is trusted in the inner part of the bundle. */
-static const double inner = 0.5;
-/* The lines are believed this far, in mesh edges; then a new frame is set up. */
-static const double far_step = 8;
-/* No cusp is looked for farther away, in mesh edges. */
-static const double farthest = 15;
+enum { N_TERMS = 12, MAX_VERTICES = 400, MIN_VERTICES = 2 * N_TERMS, MAX_STEPS = 30 };
 
-typedef struct bundle {
-    double angle, width; /* of the middle; half the bundle's */
-    double distance;     /* of the frame's origin */
-    double origin[3], along[3], across[3];
-    double m[max_degree], b[max_degree]; /* coefficients in (direction - angle) / width */
-} bundle;
+/* Exponents of a and r; those of weight 5 last. */
+static const int power[N_TERMS][2] = {{0, 0}, {1, 0}, {2, 0}, {0, 1}, {3, 0}, {1, 1},
+                                      {4, 0}, {2, 1}, {0, 2}, {5, 0}, {3, 1}, {1, 2}};
 
-static double dot(const double *a, const double *b)
+struct dmk_patch {
+    const dmk_cotree *cotree;
+    int32_t n, round, *seen;      /* seen: n_vertices, the round in which a vertex was met */
+    int32_t vertex[MAX_VERTICES]; /* n: around the centre, nearest rings first */
+    double centre[3], normal[3], radius;
+};
+
+int dmk_patch_create(dmk_context *ctx, const dmk_cotree *t, dmk_patch **patch)
 {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    int rc;
+    dmk_patch *p = NULL;
+    DMK_TRY(DMK_NEW(ctx, p, 1));
+    p->cotree = t;
+    DMK_TRY(DMK_NEW(ctx, p->seen, (size_t)t->geodesics->mesh->n_vertices));
+    *patch = p;
+    p = NULL;
+done:
+    dmk_patch_free(&p);
+    return rc;
 }
 
-static void cross(const double *a, const double *b, double *c)
+void dmk_patch_free(dmk_patch **patch)
 {
+    if (*patch) free((*patch)->seen);
+    free(*patch);
+    *patch = NULL;
+}
+
+static void take(dmk_patch *p, int32_t v)
+{
+    const double *x = p->cotree->geodesics->mesh->xyz + 3 * (size_t)v;
+    if (p->seen[v] == p->round || p->n == MAX_VERTICES) return;
+    if (dmk_distance(x, p->centre) >= p->radius) return;
+    p->seen[v] = p->round;
+    p->vertex[p->n++] = v;
+}
+
+static void add_normal(const dmk_mesh *m, int32_t triangle, double normal[3])
+{
+    double e[2][3], n[3];
+    const int32_t *v = m->triangle + 3 * triangle;
+    for (int k = 0; k < 2; k++)
+        dmk_subtract(m->xyz + 3 * (size_t)v[k + 1], m->xyz + 3 * (size_t)v[0], e[k]);
+    dmk_cross(e[0], e[1], n);
+    for (int k = 0; k < 3; k++) normal[k] += n[k] / m->area[triangle];
+}
+
+/* The vertices within `radius` of xyz, which lies in `triangle`, reached from there ring by ring, and the
+ * mean normal of the inner ones. */
+static bool gather(dmk_patch *p, int32_t triangle, const double xyz[3], double radius)
+{
+    const dmk_mesh *m = p->cotree->geodesics->mesh;
+    const dmk_star *star = &p->cotree->geodesics->star;
+    p->round++;
+    p->n = 0;
+    p->radius = radius;
+    memcpy(p->centre, xyz, sizeof p->centre);
+    memset(p->normal, 0, sizeof p->normal);
+    for (int k = 0; k < 3; k++) take(p, m->triangle[3 * triangle + k]);
+    for (int32_t i = 0; i < p->n; i++) {
+        const int32_t first = star->first[p->vertex[i]];
+        for (int32_t c = first; c >= 0;) {
+            take(p, m->triangle[dmk_next(c)]);
+            take(p, m->triangle[dmk_previous(c)]);
+            if (i < MIN_VERTICES) add_normal(m, c / 3, p->normal);
+            c = dmk_star_next(star, c);
+            if (c == first) break;
+        }
+    }
+    const double size = sqrt(dmk_dot(p->normal, p->normal));
+    if (p->n < MIN_VERTICES || !(size > 0)) return false;
+    for (int k = 0; k < 3; k++) p->normal[k] /= size;
+    return true;
+}
+
+/* Smooth weight, 0 at the rim. */
+static double weight_of(const dmk_patch *p, const double x[3])
+{
+    const double s = dmk_distance(x, p->centre) / p->radius;
+    return s < 1 ? (1 - s * s) * (1 - s * s) : 0;
+}
+
+/* The symmetric system A x = b for n_right right-hand sides, by Cholesky; b becomes x. */
+static bool solve(int n, int n_right, double *A, double *b)
+{
+    for (int i = 0; i < n; i++) {
+        for (int j = 0; j <= i; j++) {
+            double s = A[i * n + j];
+            for (int k = 0; k < j; k++) s -= A[i * n + k] * A[j * n + k];
+            if (i == j && !(s > 0)) return false;
+            A[i * n + j] = i == j ? sqrt(s) : s / A[j * n + j];
+        }
+    }
+    for (int c = 0; c < n_right; c++) {
+        for (int i = 0; i < n; i++) {
+            for (int k = 0; k < i; k++) b[i * n_right + c] -= A[i * n + k] * b[k * n_right + c];
+            b[i * n_right + c] /= A[i * n + i];
+        }
+        for (int i = n - 1; i >= 0; i--) {
+            for (int k = i + 1; k < n; k++) b[i * n_right + c] -= A[k * n + i] * b[k * n_right + c];
+            b[i * n_right + c] /= A[i * n + i];
+        }
+    }
+    return true;
+}
+
+/* The monomials' derivatives, da times by a and dr times by r. */
+static void terms(double a, double r, int da, int dr, double *value)
+{
+    const double x[2] = {a, r};
+    const int times[2] = {da, dr};
+    for (int i = 0; i < N_TERMS; i++) {
+        value[i] = 1;
+        for (int k = 0; k < 2; k++) {
+            int n = power[i][k];
+            for (int d = 0; d < times[k]; d++) value[i] *= n--;
+            for (; n > 0; n--) value[i] *= x[k];
+        }
+    }
+}
+
+/* The derivative of the map in space. */
+static void derive(const double *map, double a, double r, int da, int dr, double x[3])
+{
+    double term[N_TERMS];
+    terms(a, r, da, dr, term);
     for (int k = 0; k < 3; k++) {
-        int i = (k + 1) % 3, j = (k + 2) % 3;
-        c[k] = a[i] * b[j] - a[j] * b[i];
+        x[k] = 0;
+        for (int i = 0; i < N_TERMS; i++) x[k] += term[i] * map[3 * i + k];
     }
 }
 
-static void normalize(double *a)
+/* X - centre, in radii, as a polynomial of the direction and length in `spread` and radii, from those of
+ * the cusp. */
+static bool fit_map(const dmk_patch *p, const dmk_cusp *c, double spread, double *map)
 {
-    double length = sqrt(dot(a, a));
-    for (int k = 0; k < 3; k++)
-        a[k] /= length;
+    const dmk_geodesics *g = p->cotree->geodesics;
+    const double full = dmk_full_turn(g);
+    double A[N_TERMS * N_TERMS] = {0}, term[N_TERMS];
+    memset(map, 0, 3 * N_TERMS * sizeof *map);
+    for (int32_t i = 0; i < p->n; i++) {
+        const int32_t v = p->vertex[i];
+        const double *x = g->mesh->xyz + 3 * (size_t)v, w = weight_of(p, x);
+        terms(dmk_turn_between(full, c->angle, g->arrival[v].direction) / spread,
+              (g->distance[v] - c->distance) / p->radius, 0, 0, term);
+        for (int j = 0; j < N_TERMS; j++) {
+            for (int k = 0; k <= j; k++) A[j * N_TERMS + k] += w * term[j] * term[k];
+            for (int k = 0; k < 3; k++) map[3 * j + k] += w * term[j] * (x[k] - p->centre[k]) / p->radius;
+        }
+    }
+    for (int j = 0; j < N_TERMS; j++) A[j * N_TERMS + j] += 1e-12 * A[0];
+    return solve(N_TERMS, 3, A, map);
 }
 
-static void normal_of(const dmk_mesh *m, int64_t t, double *n)
+/* Newton's method for J = J_a = 0, J the Jacobi field: the part of X_a across X_r. Geodesics converge
+ * before the cusp and the conjugate points recede on both sides: -J_aa / J_r > 0. */
+static bool find_cusp(const dmk_patch *p, const double *map, double *a, double *r)
 {
-    const double *x[3];
-    double u[3], v[3];
-    for (int k = 0; k < 3; k++)
-        x[k] = m->xyz + 3 * (size_t)m->triangle[3 * t + k];
-    for (int k = 0; k < 3; k++) {
-        u[k] = x[1][k] - x[0][k];
-        v[k] = x[2][k] - x[0][k];
+    *a = *r = 0;
+    for (int i = 0; i < MAX_STEPS && fabs(*a) < 2 && fabs(*r) < 2; i++) {
+        double along[3], across[3], x[3], J[2][3]; /* J[i][j]: i times by r, j times by a */
+        derive(map, *a, *r, 0, 1, along);
+        dmk_cross(p->normal, along, across);
+        for (int k = 0; k < 5; k++) {
+            derive(map, *a, *r, 1 + (k < 3 ? k : k - 3), k < 3 ? 0 : 1, x);
+            J[k / 3][k % 3] = dmk_dot(across, x);
+        }
+        const double det = J[0][1] * J[1][1] - J[1][0] * J[0][2];
+        double da = -(J[0][0] * J[1][1] - J[1][0] * J[0][1]) / det;
+        double dr = -(J[0][1] * J[0][1] - J[0][0] * J[0][2]) / det;
+        const double size = fmax(fabs(da), fabs(dr));
+        if (!(size < HUGE_VAL)) return false;
+        if (size > 0.5) da *= 0.5 / size, dr *= 0.5 / size;
+        *a += da;
+        *r += dr;
+        if (size < 1e-9) return J[0][2] * J[1][0] < 0;
     }
-    cross(u, v, n);
-    normalize(n);
+    return false;
 }
 
-/* Points of a ray at `distance` + i * step, i centred on 0. */
-static bool ray_points(const dmk_rays *r, double angle, double distance, double step,
-                       double x[n_steps][3], dmk_point *middle)
+bool dmk_cusp_fit(dmk_patch *p, int32_t triangle, dmk_cusp *c)
 {
-    double d[n_steps];
-    dmk_point place[n_steps];
-    for (int i = 0; i < n_steps; i++)
-        d[i] = distance + (i - n_steps / 2) * step;
-    if (!dmk_ray_points(r, angle, n_steps, d, place)) return false;
-    for (int i = 0; i < n_steps; i++) {
-        dmk_locus_vertex at;
-        dmk_net_set_place(r->mesh, place[i], &at);
-        memcpy(x[i], at.xyz, sizeof x[i]);
-    }
-    *middle = place[n_steps / 2];
+    const dmk_geodesics *g = p->cotree->geodesics;
+    const double full = dmk_full_turn(g);
+    double map[3 * N_TERMS], spread = 0, a, r, x[3];
+    if (!gather(p, triangle, c->xyz, dmk_rules.window * p->cotree->mean_edge)) return false;
+    for (int32_t i = 0; i < p->n; i++)
+        spread = fmax(spread, fabs(dmk_turn_between(full, c->angle, g->arrival[p->vertex[i]].direction)));
+    if (!(spread > 0) || !fit_map(p, c, spread, map) || !find_cusp(p, map, &a, &r)) return false;
+    derive(map, a, r, 0, 0, x);
+    for (int k = 0; k < 3; k++) c->xyz[k] += p->radius * x[k];
+    c->angle += spread * a;
+    c->distance += p->radius * r;
     return true;
 }
 
-static bool set_frame(const dmk_rays *r, double step, bundle *u)
+/* Around a short locus the distance falls off as
+ *     d = d0 - |x - c| + A cos 2 phi + B sin 2 phi,
+ * phi the direction from c: the waves that come in enclose an astroid, and the locus is the part of its
+ * longer axis between two of the cusps, of the length 8 sqrt(A^2 + B^2). What is left of first order in
+ * phi moves c. */
+bool dmk_focus_fit(dmk_patch *p, int32_t triangle, double xyz[3], double *length)
 {
-    double x[n_steps][3], normal[3];
-    dmk_point middle;
-    if (!ray_points(r, u->angle, u->distance, step, x, &middle)) return false;
-    memcpy(u->origin, x[n_steps / 2], sizeof u->origin);
-    for (int k = 0; k < 3; k++)
-        u->along[k] = x[n_steps - 1][k] - x[0][k];
-    normal_of(r->mesh, middle.triangle, normal);
-    cross(normal, u->along, u->across);
-    normalize(u->across);
-    cross(u->across, normal, u->along);
-    return true;
-}
-
-/* The line of one ray in the frame. */
-static bool fit_line(const dmk_rays *r, double angle, double step, const bundle *u, double *m,
-                     double *b)
-{
-    double x[n_steps][3], sz = 0, sy = 0, szz = 0, szy = 0;
-    dmk_point middle;
-    if (!ray_points(r, angle, u->distance, step, x, &middle)) return false;
-    for (int i = 0; i < n_steps; i++) {
-        double d[3] = {x[i][0] - u->origin[0], x[i][1] - u->origin[1], x[i][2] - u->origin[2]};
-        double z = dot(d, u->along), y = dot(d, u->across);
-        sz += z / n_steps;
-        sy += y / n_steps;
-        szz += z * z / n_steps;
-        szy += z * y / n_steps;
-    }
-    *m = (szy - sz * sy) / (szz - sz * sz);
-    *b = sy - *m * sz;
-    return true;
-}
-
-/* Least squares polynomial through y at n_rays equidistant points of [-1, 1]. */
-static void fit_polynomial(const double *y, const bool *use, int degree, double *c)
-{
-    double a[max_degree][max_degree + 1] = {{0}};
-    int n = degree + 1;
-    for (int i = 0; i < n_rays; i++) {
-        double x = 2.0 * i / (n_rays - 1) - 1, p[2 * max_degree] = {1};
-        if (!use[i]) continue;
-        for (int k = 1; k < 2 * max_degree; k++)
-            p[k] = p[k - 1] * x;
-        for (int j = 0; j < n; j++) {
-            for (int k = 0; k < n; k++)
-                a[j][k] += p[j + k];
-            a[j][n] += p[j] * y[i];
+    enum { N = 5 };
+    const dmk_geodesics *g = p->cotree->geodesics;
+    const double h = p->cotree->mean_edge;
+    for (int round = 0; round < MAX_STEPS; round++) {
+        double A[N * N] = {0}, b[N] = {0}, axis[2][3] = {{0}};
+        if (!gather(p, triangle, xyz, dmk_rules.window * h)) return false;
+        int least = 0;
+        for (int k = 1; k < 3; k++) least = fabs(p->normal[k]) < fabs(p->normal[least]) ? k : least;
+        const double unit[3] = {least == 0, least == 1, least == 2};
+        dmk_cross(p->normal, unit, axis[0]);
+        const double size = sqrt(dmk_dot(axis[0], axis[0]));
+        for (int k = 0; k < 3; k++) axis[0][k] /= size;
+        dmk_cross(p->normal, axis[0], axis[1]);
+        for (int32_t i = 0; i < p->n; i++) {
+            double x[3];
+            const double *at = g->mesh->xyz + 3 * (size_t)p->vertex[i];
+            dmk_subtract(at, p->centre, x);
+            const double u = dmk_dot(x, axis[0]), v = dmk_dot(x, axis[1]), s = sqrt(dmk_dot(x, x));
+            if (s < 0.4 * p->radius) continue; /* beside the locus the waves have met */
+            const double phi = atan2(v, u), y = (g->distance[p->vertex[i]] + s) / h;
+            const double term[N] = {1, cos(phi), sin(phi), cos(2 * phi), sin(2 * phi)};
+            for (int j = 0; j < N; j++) {
+                for (int k = 0; k <= j; k++) A[j * N + k] += term[j] * term[k];
+                b[j] += term[j] * y;
+            }
         }
-    }
-    for (int k = 0; k < n; k++) {
-        for (int j = 0; j < n; j++) {
-            double f = j == k ? 0 : a[j][k] / a[k][k];
-            for (int i = k; i <= n; i++)
-                a[j][i] -= f * a[k][i];
-        }
-    }
-    for (int k = 0; k < n; k++)
-        c[k] = a[k][n] / a[k][k];
-}
-
-/* Fit b, drop the rays that a bad triangle has thrown off their way (farther from the fit than six
- * times the median), fit again; at most half of them. */
-static void fit_bundle(const double *m, const double *b, bundle *u)
-{
-    bool use[n_rays];
-    double error[n_rays], sorted[n_rays];
-    for (int i = 0; i < n_rays; i++)
-        use[i] = true;
-    for (int round = 0; round < 4; round++) {
-        fit_polynomial(b, use, b_degree, u->b);
-        for (int i = 0; i < n_rays; i++) {
-            double x = 2.0 * i / (n_rays - 1) - 1, y = 0;
-            for (int k = b_degree; k >= 0; k--)
-                y = y * x + u->b[k];
-            sorted[i] = error[i] = fabs(b[i] - y);
-        }
-        dmk_sort_doubles(sorted, n_rays);
-        for (int i = 0; i < n_rays; i++)
-            use[i] = error[i] <= 6 * sorted[n_rays / 2];
-    }
-    fit_polynomial(b, use, b_degree, u->b);
-    fit_polynomial(m, use, m_degree, u->m);
-}
-
-static double slope(const double *c, int degree, double x)
-{
-    double s = 0;
-    for (int k = degree; k > 0; k--)
-        s = s * x + k * c[k];
-    return s;
-}
-
-/* One round: the envelope's nearest point, as a direction and a length. 0: inside the bundle, 1: at
- * its side, go on from there; -1: none. */
-static int find_nearest(const dmk_rays *r, double size, bundle *u, dmk_cusp *cusp)
-{
-    double m[n_rays], b[n_rays], least = HUGE_VAL, at = 0;
-    if (!set_frame(r, line_step * size, u)) return -1;
-    for (int i = 0; i < n_rays; i++) {
-        double a = u->angle + u->width * (2.0 * i / (n_rays - 1) - 1);
-        if (!fit_line(r, a, line_step * size, u, &m[i], &b[i])) return -1;
-    }
-    fit_bundle(m, b, u);
-    for (int i = -50; i <= 50; i++) {
-        double x = inner * i / 50, dm = slope(u->m, m_degree, x), db = slope(u->b, b_degree, x);
-        if (-db / dm >= least || dm * slope(u->m, m_degree, 0) <= 0) continue;
-        least = -db / dm;
-        at = x;
-    }
-    cusp->angle = u->angle + u->width * at;
-    cusp->distance = u->distance + fmax(-far_step * size, fmin(far_step * size, least));
-    return fabs(at) < 0.99 * inner ? 0 : 1;
-}
-
-bool dmk_cusp_fit(const dmk_rays *r, double width, double size, dmk_cusp *cusp)
-{
-    bundle u = {.width = width};
-    double start = cusp->distance;
-    for (int round = 0; round < 16; round++) {
-        u.angle = cusp->angle;
-        u.distance = cusp->distance;
-        int side = find_nearest(r, size, &u, cusp);
-        if (side < 0 || !(fabs(cusp->distance - start) < farthest * size)) return false;
-        double step = fabs(cusp->distance - u.distance);
-        if (side == 0 && step < (round < 10 ? 0.02 : 0.5) * size) return true;
+        if (!solve(N, 1, A, b) || hypot(b[1], b[2]) > dmk_rules.window) return false;
+        for (int k = 0; k < 3; k++) xyz[k] += h * (b[1] * axis[0][k] + b[2] * axis[1][k]);
+        *length = 8 * hypot(b[3], b[4]) * h;
+        if (hypot(b[1], b[2]) < 1e-6) return true;
     }
     return false;
 }

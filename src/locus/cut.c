@@ -1,53 +1,58 @@
-/* Cutting: split the triangles at the points of the graph, then separate the corners of each vertex
- * that are not joined by an uncut edge. */
+/* The surface cut open along the locus: the triangles that it crosses are split, then the corners of each
+ * vertex that no uncut edge joins are separated. */
 #include "base/sets.h"
 #include "locus/cut.h"
-#include "locus/net.h"
+#include "locus/places.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* Points keep this part of an edge from its ends, so that no triangle becomes a needle; the locus
- * itself may come nearer. */
-static const double margin = 0.15;
-
 typedef struct knife {
-    const dmk_mesh *mesh;
-    int32_t *point;    /* n_edges: the new vertex on the edge, or -1 */
+    const dmk_cotree *cotree;
+    int32_t *point;    /* cotree->n: the new vertex on a crossing, or -1 */
     double *xyz;       /* 3 per vertex of the split mesh */
     int32_t *triangle; /* 3 per triangle of the split mesh */
+    int32_t *kin;      /* 3 per triangle: the mesh's corner (3t + k) whose family the corner here belongs to */
     uint8_t *side;     /* 3 per triangle: edge opposite the corner is to be cut */
     int32_t n_vertices, n_triangles;
 } knife;
 
-static void add(knife *k, int32_t a, int32_t b, int32_t c, int cut_a, int cut_b, int cut_c)
+/* A corner of a split triangle: a vertex, and the corner of the mesh on whose side of the cut it lies. */
+typedef struct corner {
+    int32_t vertex, kin;
+} corner;
+
+/* cut: the corner whose opposite edge is to be cut, or -1. */
+static void add(knife *k, corner a, corner b, corner c, int cut)
 {
-    int32_t *v = k->triangle + 3 * k->n_triangles;
-    uint8_t *s = k->side + 3 * k->n_triangles++;
-    v[0] = a, v[1] = b, v[2] = c;
-    s[0] = (uint8_t)cut_a, s[1] = (uint8_t)cut_b, s[2] = (uint8_t)cut_c;
+    const corner x[3] = {a, b, c};
+    for (int i = 0; i < 3; i++) {
+        k->triangle[3 * k->n_triangles + i] = x[i].vertex;
+        k->kin[3 * k->n_triangles + i] = x[i].kin;
+        k->side[3 * k->n_triangles + i] = i == cut;
+    }
+    k->n_triangles++;
 }
 
 /* Three points on the edges: a star around a point between them. */
-static void split_in_six(knife *k, const int32_t *v, const int32_t *p)
+static void split_in_six(knife *k, int32_t t, const int32_t *v, const int32_t *p)
 {
-    int32_t c = k->n_vertices++;
+    const int32_t c = k->n_vertices++;
     for (int i = 0; i < 3; i++) {
         double sum = 0;
-        for (int j = 0; j < 3; j++)
-            sum += k->xyz[3 * p[j] + i];
-        k->xyz[3 * c + i] = sum / 3;
+        for (int j = 0; j < 3; j++) sum += k->xyz[3 * (size_t)p[j] + i];
+        k->xyz[3 * (size_t)c + i] = sum / 3;
     }
     for (int i = 0; i < 3; i++) {
-        int i1 = (i + 1) % 3, i2 = (i + 2) % 3;
-        add(k, c, v[i], p[i2], 0, 1, 0);
-        add(k, c, p[i1], v[i], 0, 0, 1);
+        const int32_t kin = 3 * t + i;
+        add(k, (corner){c, kin}, (corner){v[i], kin}, (corner){p[(i + 2) % 3], kin}, 1);
+        add(k, (corner){c, kin}, (corner){p[(i + 1) % 3], kin}, (corner){v[i], kin}, 2);
     }
 }
 
 /* Height over the longest side: small for needles. */
-static double plumpness(const knife *k, int32_t a, int32_t b, int32_t c)
+static double altitude_ratio(const knife *k, int32_t a, int32_t b, int32_t c)
 {
     const double *x[3] = {k->xyz + 3 * (size_t)a, k->xyz + 3 * (size_t)b, k->xyz + 3 * (size_t)c};
     double side[3][3], longest = 0, n = 0;
@@ -67,205 +72,221 @@ static double plumpness(const knife *k, int32_t a, int32_t b, int32_t c)
     return sqrt(n) / longest;
 }
 
-/* The part of a triangle between corners b, c and the points q on the side a-b and r on c-a, which
- * the cut joins: by the diagonal that leaves the plumper triangles. */
-static void split_rest(knife *k, int32_t b, int32_t c, int32_t q, int32_t r)
+/* The part of a triangle between the corners b, c and the points q on the side a-b and r on c-a, which the
+ * cut joins: by the diagonal that leaves the better triangles. */
+static void split_rest(knife *k, corner b, corner c, int32_t on_ab, int32_t on_ca)
 {
-    double from_q = fmin(plumpness(k, q, b, c), plumpness(k, q, c, r));
-    double from_r = fmin(plumpness(k, r, q, b), plumpness(k, r, b, c));
+    const corner q = {on_ab, b.kin}, r = {on_ca, c.kin};
+    const double from_q = fmin(altitude_ratio(k, on_ab, b.vertex, c.vertex),
+                               altitude_ratio(k, on_ab, c.vertex, on_ca));
+    const double from_r = fmin(altitude_ratio(k, on_ca, on_ab, b.vertex),
+                               altitude_ratio(k, on_ca, b.vertex, c.vertex));
     if (from_q >= from_r) {
-        add(k, q, b, c, 0, 0, 0);
-        add(k, q, c, r, 0, 1, 0);
+        add(k, q, b, c, -1);
+        add(k, q, c, r, 1);
     } else {
-        add(k, r, q, b, 0, 0, 1);
-        add(k, r, b, c, 0, 0, 0);
+        add(k, r, q, b, 2);
+        add(k, r, b, c, -1);
     }
 }
 
 /* p[i]: the point on the edge opposite corner i, or -1. */
-static void split(knife *k, const int32_t *v, const int32_t *p)
+static void split(knife *k, int32_t t, const int32_t *p)
 {
-    int n = (p[0] >= 0) + (p[1] >= 0) + (p[2] >= 0);
+    const int32_t *v = k->cotree->geodesics->mesh->triangle + 3 * t;
+    const int n = (p[0] >= 0) + (p[1] >= 0) + (p[2] >= 0);
+    corner c[3];
+    for (int i = 0; i < 3; i++) c[i] = (corner){v[i], 3 * t + i};
     if (n == 3) {
-        split_in_six(k, v, p);
+        split_in_six(k, t, v, p);
     } else if (n == 0) {
-        add(k, v[0], v[1], v[2], 0, 0, 0);
-    } else if (n == 1) {
-        int i = p[0] >= 0 ? 0 : p[1] >= 0 ? 1 : 2, i1 = (i + 1) % 3, i2 = (i + 2) % 3;
-        add(k, v[i], v[i1], p[i], 0, 0, 0);
-        add(k, v[i], p[i], v[i2], 0, 0, 0);
+        add(k, c[0], c[1], c[2], -1);
+    } else if (n == 1) { /* the cut ends here */
+        const int i = p[0] >= 0 ? 0 : p[1] >= 0 ? 1 : 2, i1 = (i + 1) % 3, i2 = (i + 2) % 3;
+        add(k, c[i], c[i1], (corner){p[i], c[i1].kin}, -1);
+        add(k, c[i], (corner){p[i], c[i2].kin}, c[i2], -1);
     } else {
-        int i = p[0] < 0 ? 0 : p[1] < 0 ? 1 : 2, i1 = (i + 1) % 3, i2 = (i + 2) % 3;
-        add(k, v[i], p[i2], p[i1], 1, 0, 0);
-        split_rest(k, v[i1], v[i2], p[i2], p[i1]);
+        const int i = p[0] < 0 ? 0 : p[1] < 0 ? 1 : 2, i1 = (i + 1) % 3, i2 = (i + 2) % 3;
+        add(k, c[i], (corner){p[i2], c[i].kin}, (corner){p[i1], c[i].kin}, 0);
+        split_rest(k, c[i1], c[i2], p[i2], p[i1]);
     }
 }
 
 /* A slit of two edges at the farthest vertex, roughly opposite each other. */
-static void slit(knife *k, const dmk_rays *r)
+static void slit(knife *k)
 {
-    const dmk_mesh *m = k->mesh;
-    int32_t far = 0, h = 0, n = 0;
-    for (int32_t v = 0; v < m->n_vertices; v++) {
-        if (dmk_rays_first(r, v)->distance > dmk_rays_first(r, far)->distance) far = v;
+    const dmk_geodesics *g = k->cotree->geodesics;
+    int32_t far = 0, n = 0;
+    for (int32_t v = 0; v < g->mesh->n_vertices; v++) {
+        if (g->distance[v] > g->distance[far]) far = v;
     }
-    while (m->triangle[h] != far)
-        h++;
-    for (int32_t g = h; n == 0 || g != h;
-         n++) { /* counterclockwise over the edge after g's corner */
-        int32_t o = r->across[g / 3 * 3 + (g % 3 + 1) % 3];
-        g = o / 3 * 3 + (o % 3 + 1) % 3;
-    }
-    for (int32_t i = 0, g = h; i < n; i++) {
-        int32_t own = g / 3 * 3 + (g % 3 + 1) % 3, o = r->across[own];
-        if (i == 0 || i == n / 2) k->side[own] = k->side[o] = 1;
-        g = o / 3 * 3 + (o % 3 + 1) % 3;
+    const int32_t first = g->star.first[far];
+    for (int32_t c = first; n == 0 || c != first; n++) c = dmk_star_next(&g->star, c);
+    for (int32_t i = 0, c = first; i < n; i++, c = dmk_star_next(&g->star, c)) {
+        if (i != 0 && i != n / 2) continue;
+        k->side[dmk_next(c)] = k->side[g->star.twin[dmk_next(c)]] = 1;
     }
 }
 
-/* Points on the edges that the graph crosses, then the split triangles. */
-static int split_all(dmk_context *ctx, const dmk_mesh *m, const dmk_rays *r, const dmk_net *net,
-                     const dmk_dual *dual, knife *k)
+static int allocate(dmk_context *ctx, int32_t n_points, knife *k)
 {
     int rc;
-    int32_t n_points = 0;
-    for (int32_t i = 0; i < net->n; i++)
-        n_points += net->node[i].edge >= 0 && net->node[i].at.degree;
-    DMK_TRY(DMK_NEW(ctx, k->point, (size_t)m->n_edges));
+    const dmk_mesh *m = k->cotree->geodesics->mesh;
+    const size_t corners = 3 * ((size_t)m->n_triangles + 4 * (size_t)n_points);
+    DMK_TRY(DMK_NEW(ctx, k->point, (size_t)k->cotree->n));
     DMK_TRY(DMK_NEW(ctx, k->xyz, 3 * ((size_t)m->n_vertices + 2 * (size_t)n_points)));
-    DMK_TRY(DMK_NEW(ctx, k->triangle, 3 * ((size_t)m->n_triangles + 4 * (size_t)n_points)));
-    DMK_TRY(DMK_NEW(ctx, k->side, 3 * ((size_t)m->n_triangles + 4 * (size_t)n_points)));
-    k->mesh = m;
+    DMK_TRY(DMK_NEW(ctx, k->triangle, corners));
+    DMK_TRY(DMK_NEW(ctx, k->kin, corners));
+    DMK_TRY(DMK_NEW(ctx, k->side, corners));
     k->n_vertices = m->n_vertices;
     memcpy(k->xyz, m->xyz, 3 * (size_t)m->n_vertices * sizeof *k->xyz);
-    for (int32_t e = 0; e < m->n_edges; e++)
-        k->point[e] = -1;
-    for (int32_t i = 0; i < net->n; i++) {
-        const dmk_node *node = &net->node[i];
-        if (node->edge < 0 || node->at.degree == 0) continue;
-        const int32_t *end = m->edge_vertex + 2 * node->edge;
-        const int32_t *corner = m->triangle + 3 * node->at.place.triangle;
-        double s = 0;
-        for (int c = 0; c < 3; c++)
-            s += corner[c] == end[1] ? node->at.place.weight[c] : 0;
-        s = fmin(1 - margin, fmax(margin, s));
-        for (int j = 0; j < 3; j++) {
-            k->xyz[3 * k->n_vertices + j] =
-                (1 - s) * m->xyz[3 * end[0] + j] + s * m->xyz[3 * end[1] + j];
-        }
-        k->point[node->edge] = k->n_vertices++;
-    }
-    for (int32_t t = 0; t < m->n_triangles; t++) {
-        const int32_t *e = m->triangle_edge + 3 * t;
-        split(k, m->triangle + 3 * t, (int32_t[3]){k->point[e[0]], k->point[e[1]], k->point[e[2]]});
-    }
-    if (n_points == 0 && dual->n_loops == 0 && m->n_border_edges == 0) slit(k, r);
 done:
     return rc;
 }
 
-/* Number the classes of corners that uncut edges join; the first class of a vertex comes in the
- * vertices' order, further ones behind. */
-static int separate(dmk_context *ctx, const dmk_mesh *whole, const knife *k, dmk_mesh **cut,
-                    int32_t **origin)
+/* The new vertex of crossing i, not too near to the ends of its edge. */
+static void add_point(knife *k, int32_t i)
+{
+    const dmk_mesh *m = k->cotree->geodesics->mesh;
+    const int32_t h = k->cotree->crossing[i].half;
+    dmk_locus_vertex v;
+    dmk_place_crossing(k->cotree, i, &v);
+    const double s = fmin(1 - dmk_rules.margin, fmax(dmk_rules.margin, v.place.weight[dmk_previous(h) % 3]));
+    for (int j = 0; j < 3; j++) {
+        k->xyz[3 * (size_t)k->n_vertices + j] = (1 - s) * m->xyz[3 * (size_t)m->triangle[dmk_next(h)] + j] +
+                                                s * m->xyz[3 * (size_t)m->triangle[dmk_previous(h)] + j];
+    }
+    k->point[i] = k->n_vertices++;
+}
+
+/* Points on the edges that the locus crosses, then the split triangles. On a sphere, what crosses fewer than
+ * three edges opens nothing: a slit does. */
+static int split_all(dmk_context *ctx, double strength, knife *k)
+{
+    const dmk_cotree *t = k->cotree;
+    int32_t n = 0;
+    for (int32_t i = 0; i < t->n && !t->is_point; i++) n += t->crossing[i].strength >= strength;
+    const bool tree = t->last >= 0, small = tree && n < 3;
+    int rc = allocate(ctx, small ? 0 : n, k);
+    if (rc != DMK_OK) return rc;
+    for (int32_t i = 0; i < t->n; i++) {
+        k->point[i] = -1;
+        if (!small && !t->is_point && t->crossing[i].strength >= strength) add_point(k, i);
+    }
+    for (int32_t i = 0; i < t->geodesics->mesh->n_triangles; i++) {
+        int32_t p[3];
+        for (int j = 0; j < 3; j++) p[j] = t->on[3 * i + j] < 0 ? -1 : k->point[t->on[3 * i + j]];
+        split(k, i, p);
+    }
+    if (small) slit(k);
+    return DMK_OK;
+}
+
+/* Sets of corners that uncut edges join. */
+static int join_corners(dmk_context *ctx, const knife *k, int32_t *parent)
 {
     int rc;
-    int32_t n = 3 * k->n_triangles, *parent = NULL, *number = NULL, *first = NULL, *tri = NULL;
-    int32_t *from = NULL, n_new = k->n_vertices;
-    double *xyz = NULL;
-    DMK_TRY(DMK_NEW(ctx, parent, (size_t)n));
-    DMK_TRY(DMK_NEW(ctx, number, (size_t)n));
-    DMK_TRY(DMK_NEW(ctx, first, (size_t)k->n_vertices));
-    DMK_TRY(DMK_NEW(ctx, tri, (size_t)n));
-    DMK_TRY(DMK_NEW(ctx, from, (size_t)k->n_vertices + (size_t)n));
-    for (int32_t c = 0; c < n; c++)
-        parent[c] = c;
+    dmk_mesh *whole = NULL; /* the split mesh, for its edges */
+    DMK_TRY(dmk_mesh_create(ctx, (size_t)k->n_vertices, k->xyz, (size_t)k->n_triangles, k->triangle, &whole));
+    DMK_TRY(dmk_poll(ctx));
+    for (int32_t i = 0; i < 3 * k->n_triangles; i++) parent[i] = i;
     for (int32_t e = 0; e < whole->n_edges; e++) {
-        int32_t corner[2][2], t[2] = {whole->edge_triangle[2 * e], whole->edge_triangle[2 * e + 1]};
+        const int32_t *t = whole->edge_triangle + 2 * (size_t)e;
+        int32_t at[2][2];
         bool uncut = t[1] >= 0;
         for (int s = 0; s < 2 && uncut; s++) {
-            for (int i = 0; i < 3; i++) {
-                int32_t h = 3 * t[s] + i;
+            for (int32_t h = 3 * t[s]; h < 3 * t[s] + 3; h++) {
                 if (whole->triangle_edge[h] == e && k->side[h]) uncut = false;
-                if (whole->triangle[h] == whole->edge_vertex[2 * e]) corner[s][0] = h;
-                if (whole->triangle[h] == whole->edge_vertex[2 * e + 1]) corner[s][1] = h;
+                if (whole->triangle[h] == whole->edge_vertex[2 * (size_t)e]) at[s][0] = h;
+                if (whole->triangle[h] == whole->edge_vertex[2 * (size_t)e + 1]) at[s][1] = h;
             }
         }
-        for (int i = 0; uncut && i < 2; i++)
-            dmk_set_unite(parent, corner[0][i], corner[1][i]);
+        for (int i = 0; uncut && i < 2; i++) dmk_set_unite(parent, at[0][i], at[1][i]);
     }
-    DMK_TRY(dmk_poll(ctx));
-    for (int32_t v = 0; v < k->n_vertices; v++) {
-        first[v] = -1;
-        from[v] = v;
-    }
-    for (int32_t c = 0; c < n; c++) {
-        int32_t v = k->triangle[c];
-        if (parent[c] == c) {
-            number[c] = first[v] < 0 ? v : n_new;
-            if (first[v] >= 0) from[n_new++] = v;
-            first[v] = c;
-        }
-        tri[c] = number[dmk_set_find(parent, c)];
-    }
-    DMK_TRY(DMK_NEW(ctx, xyz, 3 * (size_t)n_new));
-    for (int32_t v = 0; v < n_new; v++)
-        memcpy(xyz + 3 * v, k->xyz + 3 * from[v], 3 * sizeof *xyz);
-    for (int32_t v = 0; v < n_new; v++)
-        from[v] = from[v] < k->mesh->n_vertices ? from[v] : -1;
-    DMK_TRY(dmk_poll(ctx));
-    rc = dmk_mesh_adopt(ctx, (size_t)n_new, xyz, (size_t)k->n_triangles, tri, cut);
-    xyz = NULL;
-    tri = NULL;
-    if (rc != DMK_OK || !origin) goto done;
-    *origin = from;
-    from = NULL;
 done:
-    free(parent);
+    dmk_mesh_destroy(&whole);
+    return rc;
+}
+
+/* The vertices of the cut mesh: a corner that stands for each, those of the mesh first, in their order. */
+static int number_corners(dmk_context *ctx, const knife *k, int32_t *parent, int32_t **first, int32_t *n)
+{
+    int rc;
+    int32_t *number = NULL;
+    const int32_t n_corners = 3 * k->n_triangles;
+    DMK_TRY(DMK_NEW(ctx, number, (size_t)n_corners));
+    DMK_TRY(DMK_NEW(ctx, *first, (size_t)k->n_vertices + (size_t)n_corners));
+    for (int32_t v = 0; v < k->n_vertices; v++) (*first)[v] = -1;
+    *n = k->n_vertices;
+    for (int32_t c = 0; c < n_corners; c++) {
+        const int32_t v = k->triangle[c], root = dmk_set_find(parent, c);
+        if (root == c) {
+            number[c] = (*first)[v] < 0 ? v : (*n)++;
+            (*first)[number[c]] = c;
+        }
+        number[c] = number[root]; /* a set's name is its least member: numbered already */
+    }
+    memcpy(parent, number, (size_t)n_corners * sizeof *parent);
+done:
+    free(number);
+    return rc;
+}
+
+static int separate(dmk_context *ctx, const knife *k, dmk_mesh **cut, int32_t **origin, double **plane)
+{
+    int rc;
+    int32_t *number = NULL, *first = NULL, n;
+    const dmk_geodesics *g = k->cotree->geodesics;
+    double *xyz = NULL;
+    DMK_TRY(DMK_NEW(ctx, number, 3 * (size_t)k->n_triangles));
+    DMK_TRY(join_corners(ctx, k, number));
+    DMK_TRY(dmk_poll(ctx));
+    DMK_TRY(number_corners(ctx, k, number, &first, &n));
+    DMK_TRY(DMK_NEW(ctx, xyz, 3 * (size_t)n));
+    DMK_TRY(DMK_NEW(ctx, *origin, (size_t)n));
+    DMK_TRY(DMK_NEW(ctx, *plane, 2 * (size_t)n));
+    for (int32_t v = 0; v < n; v++) {
+        const int32_t c = first[v], old = k->triangle[c];
+        memcpy(xyz + 3 * (size_t)v, k->xyz + 3 * (size_t)old, 3 * sizeof *xyz);
+        (*origin)[v] = old < g->mesh->n_vertices ? old : -1;
+        dmk_place_in_plane(k->cotree, k->kin[c], xyz + 3 * (size_t)v, *plane + 2 * (size_t)v);
+    }
+    DMK_TRY(dmk_poll(ctx));
+    rc = dmk_mesh_adopt(ctx, (size_t)n, xyz, (size_t)k->n_triangles, number, cut);
+    xyz = NULL;
+    number = NULL;
+done:
     free(number);
     free(first);
-    free(tri);
-    free(from);
     free(xyz);
     return rc;
 }
 
-/* The split mesh as a mesh of its own, for its edges. */
-static int join_split(dmk_context *ctx, const knife *k, dmk_mesh **whole)
-{
-    return dmk_mesh_create(ctx, (size_t)k->n_vertices, k->xyz, (size_t)k->n_triangles, k->triangle,
-                           whole);
-}
-
-int dmk_locus_cut(dmk_context *ctx, const dmk_locus_input *in, const dmk_locus_options *opt,
-                  dmk_mesh **cut, int32_t **origin)
+int dmk_locus_cut(dmk_context *ctx, const dmk_geodesics *g, const dmk_locus_options *opt, dmk_mesh **cut,
+                  int32_t **origin, double **plane)
 {
     int rc;
-    dmk_rays rays = {0};
-    dmk_dual dual = {0};
-    dmk_net net = {0};
-    knife k = {0};
-    dmk_mesh *whole = NULL;
-    double threshold = dmk_locus_threshold(opt);
-    DMK_TRY(dmk_rays_create(ctx, in, &rays));
-    DMK_TRY(dmk_dual_create(ctx, &rays, threshold, &dual));
+    dmk_cotree t = {0};
+    knife k = {.cotree = &t};
+    *origin = NULL;
+    *plane = NULL;
+    DMK_TRY(dmk_cotree_complete(ctx, g, &t));
     DMK_TRY(dmk_poll(ctx));
-    DMK_TRY(dmk_net_create(ctx, &rays, &dual, threshold, &net));
-    dmk_net_strip(&net);
+    DMK_TRY(split_all(ctx, dmk_strength_asked(&t, opt), &k));
     DMK_TRY(dmk_poll(ctx));
-    DMK_TRY(split_all(ctx, in->mesh, &rays, &net, &dual, &k));
-    DMK_TRY(dmk_poll(ctx));
-    DMK_TRY(join_split(ctx, &k, &whole));
-    DMK_TRY(dmk_poll(ctx));
-    DMK_TRY(separate(ctx, whole, &k, cut, origin));
+    DMK_TRY(separate(ctx, &k, cut, origin, plane));
 done:
-    dmk_mesh_destroy(&whole);
+    if (rc != DMK_OK) {
+        free(*origin);
+        free(*plane);
+        *origin = NULL;
+        *plane = NULL;
+    }
     free(k.point);
     free(k.xyz);
     free(k.triangle);
+    free(k.kin);
     free(k.side);
-    dmk_net_free(&net);
-    dmk_dual_free(&dual);
-    dmk_rays_free(&rays);
+    dmk_cotree_free(&t);
     return rc;
 }

@@ -1,8 +1,8 @@
 /* The public object: numbering, polylines, counts. */
 #include "base/sets.h"
-#include "locus/net.h"
+#include "base/vec3.h"
+#include "locus/places.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -14,102 +14,188 @@ struct dmk_locus {
     int32_t *index;           /* offset[n_polylines]: vertices of the polylines */
 };
 
-/* Beams wider than this many edges cannot be one family seen through mesh noise; at the default
- * strength of 0.75. */
-static const double default_strength = 0.75, default_width = 2.0;
 static const double pi = 3.14159265358979323846;
 
 void dmk_locus_options_init(dmk_locus_options *options)
 {
-    if (options) *options = (dmk_locus_options){.strength = default_strength};
+    *options = (dmk_locus_options){.strength = 0};
 }
 
-/* Number the remaining nodes in order; angles are scaled to a full turn of 2 pi at the source. */
-static int number_vertices(dmk_context *ctx, const dmk_locus_input *in, const dmk_chart *chart,
-                           const dmk_net *net, int32_t *number, dmk_locus *l)
+/* The locus while it is put together. A vertex lies on a crossing or in a triangle with three at most. */
+typedef struct sketch {
+    dmk_locus *locus;
+    int32_t (*next)[3]; /* neighbours of each vertex, degree of them */
+    int32_t *number;    /* vertex on each crossing, -1: none */
+    size_t vertex_room, edge_room, next_room;
+} sketch;
+
+/* A new vertex, still to be filled in. */
+static int add_vertex(dmk_context *ctx, sketch *s, int32_t *v)
 {
     int rc;
-    double scale = chart->closed ? 2 * pi / chart->total : 1;
-    DMK_TRY(DMK_NEW(ctx, l->vertex, (size_t)net->n));
-    for (int32_t i = 0; i < net->n; i++) {
-        number[i] = -1;
-        if (net->node[i].at.degree == 0 && net->node[i].at.kind != DMK_LOCUS_POINT) continue;
-        number[i] = (int32_t)l->info.n_vertices;
-        dmk_locus_vertex *v = &l->vertex[l->info.n_vertices++];
-        *v = net->node[i].at;
-        dmk_net_set_place(in->mesh, v->place, v);
-        v->mu = in->mu ? in->mu[v->place.triangle] : 0;
-        v->strength *= scale;
-        for (int k = 0; k < 2; k++) {
-            double a = scale * v->angle[k];
-            v->angle[k] = chart->closed ? a - 2 * pi * floor(a / (2 * pi)) : a;
-        }
-        if (v->degree == 1) v->kind = DMK_LOCUS_END;
-        if (v->degree > 2) v->kind = DMK_LOCUS_BRANCH;
-        l->info.endpoints += v->degree == 1;
-        l->info.branch_points += v->degree > 2;
+    dmk_locus *l = s->locus;
+    const size_t n = l->info.n_vertices + 1;
+    DMK_TRY(DMK_GROW(ctx, l->vertex, n, s->vertex_room));
+    DMK_TRY(DMK_GROW(ctx, s->next, n, s->next_room));
+    *v = (int32_t)l->info.n_vertices++;
+    memset(&l->vertex[*v], 0, sizeof *l->vertex);
+done:
+    return rc;
+}
+
+static int join(dmk_context *ctx, sketch *s, int32_t a, int32_t b, double strength)
+{
+    dmk_locus *l = s->locus;
+    int rc = DMK_GROW(ctx, l->edge, l->info.n_edges + 1, s->edge_room);
+    if (rc != DMK_OK) return rc;
+    l->edge[l->info.n_edges++] = (dmk_locus_edge){{a, b}, strength};
+    s->next[a][l->vertex[a].degree++] = b;
+    s->next[b][l->vertex[b].degree++] = a;
+    l->vertex[a].strength = fmax(l->vertex[a].strength, strength);
+    l->vertex[b].strength = fmax(l->vertex[b].strength, strength);
+    l->info.length += dmk_distance(l->vertex[a].xyz, l->vertex[b].xyz);
+    return DMK_OK;
+}
+
+/* The vertex in a triangle of which `kept` crossings are kept; -1: none. It does not depend on the strength
+ * asked for, but for forks with branches weaker than the default, which lie on straight lines. */
+static int add_inner(dmk_context *ctx, const dmk_cotree *t, int32_t triangle, int kept, sketch *s, int32_t *v)
+{
+    int rc = DMK_OK;
+    const dmk_tip *tip = dmk_tip_in(t, triangle);
+    *v = -1;
+    if (tip && s->number[tip->crossing] >= 0) {
+        DMK_TRY(add_vertex(ctx, s, v));
+        dmk_place_tip(t, tip, &s->locus->vertex[*v]);
+    } else if (kept == 3 || (kept == 2 && dmk_is_fork(t, triangle))) {
+        DMK_TRY(add_vertex(ctx, s, v));
+        dmk_place_fork(t, triangle, &s->locus->vertex[*v]);
     }
 done:
     return rc;
 }
 
-static void add_edge(dmk_locus *l, int32_t a, int32_t b)
+static int join_triangle(dmk_context *ctx, const dmk_cotree *t, int32_t triangle, sketch *s)
 {
-    const dmk_locus_vertex *v = l->vertex;
-    double length = 0;
+    int rc = DMK_OK, n = 0;
+    int32_t kept[3], v = -1;
     for (int k = 0; k < 3; k++) {
-        length += (v[a].xyz[k] - v[b].xyz[k]) * (v[a].xyz[k] - v[b].xyz[k]);
+        const int32_t i = t->on[3 * triangle + k];
+        if (i >= 0 && s->number[i] >= 0) kept[n++] = i;
     }
-    l->info.length += sqrt(length);
-    l->edge[l->info.n_edges++] = (dmk_locus_edge){{a, b}, fmin(v[a].strength, v[b].strength)};
+    if (n == 0) return DMK_OK;
+    DMK_TRY(add_inner(ctx, t, triangle, n, s, &v));
+    for (int k = 0; k < n && v >= 0; k++)
+        DMK_TRY(join(ctx, s, s->number[kept[k]], v, t->crossing[kept[k]].strength));
+    if (n == 2 && v < 0) {
+        DMK_TRY(join(ctx, s, s->number[kept[0]], s->number[kept[1]],
+                     fmin(t->crossing[kept[0]].strength, t->crossing[kept[1]].strength)));
+    }
+done:
+    return rc;
 }
 
-/* Follow the branch that leaves `from` towards `to` up to a vertex of degree other than 2 or back
- * to the start; write its vertices and its edges. */
-static int32_t write_branch(const dmk_net *net, const int32_t *number, int32_t from, int32_t to,
-                            bool *seen, dmk_locus *l, int32_t at)
+/* A locus that is one point; also what is left of a tree when all of it is too weak. */
+static int draw_point(dmk_context *ctx, const dmk_cotree *t, sketch *s)
 {
-    int32_t first = from;
-    l->index[at++] = number[from];
+    int32_t v;
+    const dmk_crossing *c = &t->crossing[t->last];
+    int rc = add_vertex(ctx, s, &v);
+    if (rc != DMK_OK) return rc;
+    if (t->is_point) dmk_place_tip(t, &t->tip[0], &s->locus->vertex[v]);
+    else dmk_place_crossing(t, t->last, &s->locus->vertex[v]);
+    s->locus->vertex[v].strength = c->excess;
+    return DMK_OK;
+}
+
+/* Crossings of `strength` or more and what joins them. */
+static int draw(dmk_context *ctx, const dmk_cotree *t, double strength, sketch *s)
+{
+    int rc;
+    DMK_TRY(DMK_NEW(ctx, s->number, (size_t)t->n));
+    for (int32_t i = 0; i < t->n; i++) {
+        s->number[i] = -1;
+        if (t->is_point || t->crossing[i].strength < strength) continue;
+        DMK_TRY(add_vertex(ctx, s, &s->number[i]));
+        dmk_place_crossing(t, i, &s->locus->vertex[s->number[i]]);
+    }
+    DMK_TRY(dmk_poll(ctx));
+    for (int32_t i = 0; i < t->geodesics->mesh->n_triangles && s->locus->info.n_vertices > 0; i++)
+        DMK_TRY(join_triangle(ctx, t, i, s));
+    if (s->locus->info.n_vertices == 0 && t->last >= 0) DMK_TRY(draw_point(ctx, t, s));
+done:
+    return rc;
+}
+
+/* Angles at the source scaled to a full turn of 2 pi; kinds and their counts. */
+static void finish_vertices(const dmk_cotree *t, const double *density, dmk_locus *l)
+{
+    const double full = dmk_full_turn(t->geodesics), scale = full < HUGE_VAL ? 2 * pi / full : 1;
+    for (size_t i = 0; i < l->info.n_vertices; i++) {
+        dmk_locus_vertex *v = &l->vertex[i];
+        v->mu = density ? density[v->place.triangle] : 0;
+        v->source_angle *= scale;
+        for (int k = 0; k < 2; k++) {
+            v->angle[k] *= scale;
+            if (full < HUGE_VAL) v->angle[k] -= 2 * pi * floor(v->angle[k] / (2 * pi));
+        }
+        v->kind = v->degree == 0   ? DMK_LOCUS_POINT
+                  : v->degree == 1 ? DMK_LOCUS_END
+                  : v->degree > 2  ? DMK_LOCUS_BRANCH
+                                   : DMK_LOCUS_ORDINARY;
+        l->info.endpoints += v->degree == 1;
+        l->info.branch_points += v->degree > 2;
+    }
+}
+
+/* Follow the line that leaves `from` towards `to` up to a vertex of degree other than 2 or back to the start. */
+static int32_t write_line(const sketch *s, int32_t from, int32_t to, bool *seen, int32_t at)
+{
+    dmk_locus *l = s->locus;
+    const int32_t first = from;
+    l->index[at++] = from;
     for (;;) {
-        add_edge(l, number[from], number[to]);
-        l->index[at++] = number[to];
+        l->index[at++] = to;
         seen[to] = true;
-        if (net->node[to].at.degree != 2 || to == first) return at;
-        int32_t next = dmk_net_onward(net, from, to);
+        if (l->vertex[to].degree != 2 || to == first) return at;
+        const int32_t next = s->next[to][0] == from ? s->next[to][1] : s->next[to][0];
         from = to;
         to = next;
     }
 }
 
-/* Branches between vertices of degree other than 2, each once, then closed curves without such. */
-static int write_polylines(dmk_context *ctx, const dmk_net *net, const int32_t *number,
-                           dmk_locus *l)
+static int32_t other_end(const sketch *s, int32_t from, int32_t *to)
+{
+    int32_t before = from;
+    while (s->locus->vertex[*to].degree == 2) {
+        const int32_t next = s->next[*to][0] == before ? s->next[*to][1] : s->next[*to][0];
+        before = *to;
+        *to = next;
+    }
+    return before;
+}
+
+/* Lines between vertices of degree other than 2, each once, then closed curves without such. */
+static int write_polylines(dmk_context *ctx, sketch *s)
 {
     int rc;
     bool *seen = NULL;
     int32_t at = 0;
-    size_t links = 0;
-    for (int32_t i = 0; i < net->n; i++)
-        links += (size_t)net->node[i].at.degree;
-    DMK_TRY(DMK_NEW(ctx, seen, (size_t)net->n));
-    DMK_TRY(DMK_NEW(ctx, l->edge, links / 2));
-    DMK_TRY(DMK_NEW(ctx, l->index, links + 1));
-    DMK_TRY(DMK_NEW(ctx, l->offset, links + 2));
+    dmk_locus *l = s->locus;
+    const int32_t n = (int32_t)l->info.n_vertices;
+    DMK_TRY(DMK_NEW(ctx, seen, (size_t)n));
+    DMK_TRY(DMK_NEW(ctx, l->index, 2 * l->info.n_edges + 1));
+    DMK_TRY(DMK_NEW(ctx, l->offset, l->info.n_edges + 2));
     for (int pass = 0; pass < 2; pass++) {
-        for (int32_t i = 0; i < net->n; i++) {
-            const dmk_node *n = &net->node[i];
-            bool start = pass == 0 ? n->at.degree != 2 : n->at.degree == 2 && !seen[i];
-            for (int32_t k = 0; start && k < (pass == 0 ? n->at.degree : 1); k++) {
-                int32_t to = n->next[k], a = i, b = to;
-                while (pass == 0 && net->node[b].at.degree == 2) {
-                    int32_t c = dmk_net_onward(net, a, b);
-                    a = b;
-                    b = c;
-                }
-                /* Each branch is met from both its ends; write it from the smaller one. */
-                if (pass == 0 && (b < i || (b == i && a < to))) continue;
-                at = write_branch(net, number, i, to, seen, l, at);
+        for (int32_t i = 0; i < n; i++) {
+            const int32_t degree = l->vertex[i].degree;
+            const bool starts = pass == 0 ? degree != 2 : degree == 2 && !seen[i];
+            for (int32_t k = 0; starts && k < (pass == 0 ? degree : 1); k++) {
+                int32_t to = s->next[i][k], end = to;
+                /* met from both its ends: written from the smaller one */
+                const int32_t before = pass == 0 ? other_end(s, i, &end) : -1;
+                if (pass == 0 && (end < i || (end == i && before < to))) continue;
+                at = write_line(s, i, to, seen, at);
                 l->offset[++l->info.n_polylines] = at;
             }
         }
@@ -119,77 +205,41 @@ done:
     return rc;
 }
 
-static void count_components(const dmk_net *net, int32_t *parent, dmk_locus *l)
+static int count_components(dmk_context *ctx, dmk_locus *l)
 {
-    for (int32_t i = 0; i < net->n; i++)
-        parent[i] = i;
+    int32_t *parent = NULL;
+    int rc = DMK_NEW(ctx, parent, l->info.n_vertices);
+    if (rc != DMK_OK) return rc;
+    for (size_t i = 0; i < l->info.n_vertices; i++) parent[i] = (int32_t)i;
     l->info.components = l->info.n_vertices;
-    for (int32_t i = 0; i < net->n; i++) {
-        for (int32_t k = 0; k < net->node[i].at.degree; k++) {
-            if (dmk_set_unite(parent, i, net->node[i].next[k])) l->info.components--;
-        }
-    }
-    l->info.loops =
-        (int64_t)l->info.n_edges - (int64_t)l->info.n_vertices + (int64_t)l->info.components;
-}
-
-static int assemble(dmk_context *ctx, const dmk_locus_input *in, const dmk_chart *chart,
-                    const dmk_net *net, dmk_locus **locus)
-{
-    int rc;
-    dmk_locus *l = NULL;
-    int32_t *number = NULL;
-    DMK_TRY(DMK_NEW(ctx, l, 1));
-    DMK_TRY(DMK_NEW(ctx, number, (size_t)net->n));
-    DMK_TRY(number_vertices(ctx, in, chart, net, number, l));
-    DMK_TRY(write_polylines(ctx, net, number, l));
-    count_components(net, number, l);
-    *locus = l;
-    l = NULL;
-done:
-    free(number);
-    dmk_locus_destroy(&l);
-    return rc;
-}
-
-double dmk_locus_threshold(const dmk_locus_options *opt)
-{
-    double strength = opt && opt->strength > 0 ? opt->strength : default_strength;
-    return default_width * strength / default_strength;
-}
-
-static int check_guide(dmk_context *ctx, const dmk_locus_input *in)
-{
-    for (int32_t v = 0; v < in->mesh->n_vertices; v++) {
-        if (isfinite(in->distance[v])) continue;
-        return dmk_fail(ctx, DMK_E_ARG, "the distance at vertex %d is not finite: solve first", v);
-    }
+    for (size_t i = 0; i < l->info.n_edges; i++)
+        l->info.components -= dmk_set_unite(parent, l->edge[i].vertex[0], l->edge[i].vertex[1]);
+    l->info.loops = (int64_t)l->info.n_edges - (int64_t)l->info.n_vertices + (int64_t)l->info.components;
+    free(parent);
     return DMK_OK;
 }
 
-int dmk_locus_trace(dmk_context *ctx, const dmk_locus_input *in, const dmk_locus_options *opt,
+int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *g, const double *density, const dmk_locus_options *opt,
                     dmk_locus **locus)
 {
     int rc;
-    dmk_rays rays = {0};
-    dmk_dual dual = {0};
-    dmk_net net = {0};
-    double threshold = dmk_locus_threshold(opt);
-    DMK_TRY(check_guide(ctx, in));
-    DMK_TRY(dmk_rays_create(ctx, in, &rays));
-    DMK_TRY(dmk_dual_create(ctx, &rays, threshold, &dual));
+    dmk_cotree t = {0};
+    sketch s = {0};
+    DMK_TRY(DMK_NEW(ctx, s.locus, 1));
+    DMK_TRY(dmk_cotree_complete(ctx, g, &t));
     DMK_TRY(dmk_poll(ctx));
-    DMK_TRY(dmk_net_create(ctx, &rays, &dual, threshold, &net));
-    DMK_TRY(dmk_poll(ctx));
-    dmk_net_tidy(&net);
-    DMK_TRY(dmk_net_fit_tips(ctx, &rays, &net));
-    DMK_TRY(dmk_net_shrink(ctx, &rays, &dual, &net));
-    dmk_net_merge_branches(&rays, &net);
-    DMK_TRY(assemble(ctx, in, &rays.chart, &net, locus));
+    s.locus->info.strength = dmk_strength_asked(&t, opt);
+    DMK_TRY(draw(ctx, &t, s.locus->info.strength, &s));
+    finish_vertices(&t, density, s.locus);
+    DMK_TRY(write_polylines(ctx, &s));
+    DMK_TRY(count_components(ctx, s.locus));
+    *locus = s.locus;
+    s.locus = NULL;
 done:
-    dmk_rays_free(&rays);
-    dmk_dual_free(&dual);
-    dmk_net_free(&net);
+    free(s.next);
+    free(s.number);
+    dmk_locus_destroy(&s.locus);
+    dmk_cotree_free(&t);
     return rc;
 }
 

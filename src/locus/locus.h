@@ -1,47 +1,53 @@
-/* From distance to the cut locus as one graph. Plain host arrays in and out; no device.
+/* The cut locus from exact geodesics. Plain host arrays in and out; no device.
  *
- * The way, each step one file:
- * - smooth.c: a mesh with vertex noise without it, for the rays to run over.
- * - chart.c: the directions at the source; through which edge a ray leaves its triangles.
- * - ray.c: one straight ray from the source, unfolded triangle by triangle.
- * - conjugate.c: where neighbouring rays first meet, by the curvature on their way; the cusps of
- * that.
- * - fan.c: the fan of rays. A vertex between two neighbouring rays gets direction, length and
- * spread of the geodesic that hits it. A ray ends where the given distance says that it is no
- * longer minimal, and some edges later, so that both families are known on both sides of the locus.
- * - sheets.c: the geodesics that reach each vertex, the shortest first.
- * - repair.c, complete.c: vertices the fan missed; families known at one end of an edge only.
- * - graph.c: strength of the mesh edges, spanning tree of the vertices, dual graph, pruning.
- * - place.c: where on an edge two families, in a triangle three, are equally long.
- * - net.c: the graph under construction: links, weak ends, twigs, merged branch points.
- * - cusp.c, tip.c: a cusp fitted to the rays around it, the place of an end; branches led there.
- * - point.c: a locus that is one point.
+ * The polyhedron's own cut locus is a graph that is well defined on every mesh: where two shortest
+ * paths of different families meet. The way, each step one file:
+ * - cotree.c: how much too long neighbours' families are for each other; a spanning tree of the
+ *   vertices by least jump; where the edges that it does not take are crossed.
+ * - strength.c: the excess P of each crossing, branches, and which of them are the mesh's own.
+ * - cusp.c: where a branch ends on the surface that the mesh stands for.
+ * - ends.c: ends moved there; a locus that is one point.
+ * - places.c: the points of the lines: forks, and crossings without the zigzag of the mesh.
  * - locus.c: the public object.
- * - cut.c: the surface cut open.
- *
- * The given distance only tells where rays may end, with a slack of 3 edges and 2 %; the places
- * come from the rays. So it need not be accurate: the tests use one that is some 10 % too long. */
+ * - cut.c: the surface cut open along it. */
 #ifndef DMK_LOCUS_H
 #define DMK_LOCUS_H
 
-#include "mesh/mesh.h"
+#include "geodesic/geodesic.h"
 
-typedef struct dmk_locus_input {
-    const dmk_mesh *mesh; /* compact, connected, in locality (Morton) order */
-    dmk_point source;
-    const double *distance;     /* n_vertices: u(p) - u */
-    const double *distance_mid; /* n_edges: the same at edge midpoints; may be NULL */
-    const double *mu; /* n_triangles, only carried through to the vertices' mu; may be NULL */
-} dmk_locus_input;
+/* Every constant of this room. h: mean edge of the mesh. bench/constants.py doubles and halves them
+ * one at a time; what then gets worse stands behind "else". */
+typedef struct dmk_locus_rules {
+    double strength; /* h: default strength */
+    double gap;      /* ratio: the mesh's own branches and the surface's differ by at least this */
+    double above;    /* ratio: the default is this much above the mesh's own branches */
+    double tie;      /* ratio: share of the families' difference beside an edge in its jump */
+    double window;   /* h: radius of the neighbourhood a cusp or a point is fitted to */
+    double arc;      /* h: a shorter locus is one point */
+    double width;    /* h: lines are averaged over so much to both sides */
+    double margin;   /* share of an edge: a cut keeps away from its ends */
+} dmk_locus_rules;
 
-/* The cut locus on in->mesh. With borders, rays end at the border and each border loop counts as
- * one point of the graph: arcs may end on a border, and the locus with every border loop contracted
- * to a point is connected with first Betti number 2g. DMK_E_MESH if the checks of the topology
- * fail. */
-int dmk_locus_trace(dmk_context *ctx, const dmk_locus_input *in, const dmk_locus_options *opt,
-                    dmk_locus **locus);
+#ifndef DMK_LOCUS_LAB
+static const dmk_locus_rules dmk_rules = {
+    .strength = 0.2,
+    .gap = 5,
+    .above = 1.5,
+    .tie = 0.03,
+    .window = 5,
+    .arc = 2,
+    .width = 0.5,
+    .margin = 0.15,
+};
+#else
+extern dmk_locus_rules dmk_rules;
+#endif
 
-/* The strength option as a width of beams, in mesh edges. */
-double dmk_locus_threshold(const dmk_locus_options *opt);
+/* The locus of the geodesics' sources; density: per triangle of their mesh, only carried through to
+ * the vertices' mu, may be NULL. With borders each border loop counts as one point of the graph: lines may
+ * end on a border, and the locus with every border loop contracted to a point is connected with first
+ * Betti number 2g. Several sources count as one point. */
+int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *geodesics, const double *density,
+                    const dmk_locus_options *opt, dmk_locus **locus);
 
 #endif

@@ -211,7 +211,7 @@ static int cut_open(uint64_t *h)
     dmk_mesh_info info;
     dmk_locus_options options;
     dmk_locus_options_init(&options);
-    TRY(dmk_cut(ctx, mesh, solved, &options, &cut, &origin));
+    TRY(dmk_cut(ctx, mesh, solved, &options, &cut, &origin, NULL));
     dmk_mesh_get_info(cut, &info);
     *h = digest(1, dmk_mesh_triangles(cut), 3 * info.n_triangles * sizeof(int32_t));
     TRY(dmk_mesh_write(ctx, cut, file[0]));

@@ -229,44 +229,39 @@ static bool all_finite(const double *x, int32_t n)
     return true;
 }
 
-/* Paths from the source of `in`. */
-static int trace_paths(dmk_context *context, const dmk_locus_input *in, size_t n, const dmk_point *to,
-                       dmk_path *paths)
-{
-    dmk_geodesics *g;
-    int rc = dmk_geodesics_create(context, in->mesh, 1, &in->source, NULL, &g);
-    if (rc != DMK_OK) return rc;
-    rc = dmk_geodesics_paths(context, g, n, to, paths);
-    dmk_geodesics_destroy(&g);
-    return rc;
-}
-
-/* The locus, the cut or a path: each begins with the fan of rays, which takes the time. */
-static void follow(const dmk_locus_input *in)
+/* The locus, the cut or a path. */
+static void follow(const dmk_mesh *m, const dmk_point *source)
 {
     int rc;
+    dmk_geodesics *g = NULL;
     dmk_locus *locus = NULL;
     dmk_mesh *cut = NULL;
     int32_t *origin = NULL;
+    double *plane = NULL;
     dmk_path path = {0};
-    dmk_locus_options options;
-    dmk_locus_options_init(&options);
+    REQUIRE(dmk_geodesics_create(ctx, m, 1, source, NULL, &g) == DMK_OK);
     switch (take() % 3) {
     case 0:
-        rc = dmk_locus_trace(ctx, in, &options, &locus);
-        if (rc == DMK_OK) check_locus(locus, in->mesh);
+        rc = dmk_locus_trace(ctx, g, NULL, NULL, &locus);
+        REQUIRE(rc == DMK_OK);
+        check_locus(locus, m);
         break;
-    case 1: rc = dmk_locus_cut(ctx, in, &options, &cut, &origin); break;
+    case 1:
+        rc = dmk_locus_cut(ctx, g, NULL, &cut, &origin, &plane);
+        REQUIRE(rc == DMK_OK && all_finite(plane, 2 * cut->n_vertices));
+        break;
     default: {
-        dmk_point to = {(take() * 7) % in->mesh->n_triangles, {0.25, 0.5, 0.25}};
-        rc = trace_paths(ctx, in, 1, &to, &path);
-        if (rc == DMK_OK) check_path(&path, in->mesh);
+        dmk_point to = {(take() * 7) % m->n_triangles, {0.25, 0.5, 0.25}};
+        rc = dmk_geodesics_paths(ctx, g, 1, &to, &path);
+        if (rc == DMK_OK) check_path(&path, m);
     }
     }
     REQUIRE(rc == DMK_OK || (rc == DMK_E_MESH && *dmk_context_message(ctx)));
+    dmk_geodesics_destroy(&g);
     dmk_locus_destroy(&locus);
     dmk_mesh_destroy(&cut);
     free(origin);
+    free(plane);
     dmk_path_free(&path);
 }
 
@@ -293,7 +288,7 @@ static void work(const dmk_mesh *m)
     REQUIRE(all_finite(d, m->n_vertices) && all_finite(mid, m->n_edges));
     REQUIRE(dmk_start_density(ctx, m, &source, d, mid, mu) == DMK_OK);
     for (int32_t t = 0; t < m->n_triangles; t++) REQUIRE(isfinite(mu[t]) && mu[t] > 0);
-    follow(&(dmk_locus_input){m, source, d, mid, mu});
+    follow(m, &source);
     free(d);
     free(mid);
     free(mu);

@@ -34,6 +34,8 @@ _VERTEX = _dtype(
         "distance": "f8",
         "mu": "f8",
         "strength": "f8",
+        "meeting_angle": "f8",
+        "source_angle": "f8",
         "angle": ("f8", 2),
         "kind": "i4",
         "degree": "i4",
@@ -55,9 +57,13 @@ class Locus:
     ----------
     vertices : (k, 3) places, in the unit of the coordinates
     edges : (j, 2) vertices of each edge
-    edge_strength : (j,) strength of each edge, in the unit of `strength`
+    edge_strength : (j,) strength of the branch that each edge belongs to, a length, infinite on
+        loops: by how much a path must grow to be moved around the branch's end from one of the two
+        shortest to the other. With a larger `strength` given to `solve` the edges with less go.
     polylines : list of arrays of vertex numbers, the lines between branch points and ends
-    strength : (k,) angle at the source between the minimal geodesics that meet here, radians
+    strength : (k,) that of the strongest edge at each vertex, a length
+    meeting_angle : (k,) between the minimal geodesics where they meet here, radians
+    source_angle : (k,) between them at the source, radians
     angle : (k, 2) directions at the source of the two outermost of them, radians
     distance : (k,) to the source
     mu : (k,) density of the triangle the vertex lies in
@@ -65,13 +71,14 @@ class Locus:
     degree : (k,) number of edges
     kind : (k,) 0 ordinary, 1 end, 2 branch point, 3 the whole locus is this point
     length : total length
+    least_strength : the strength asked for, or the default: a length
     loops, components, endpoints, branch_points : counts; loops is the first Betti number
     """
 
-    def __init__(self, mesh: Mesh, result: Handle, prune: float = 0):
+    def __init__(self, mesh: Mesh, result: Handle, strength: float = 0):
         options = ffi.new("dmk_locus_options *")
         lib.dmk_locus_options_init(options)
-        options.strength = prune
+        options.strength = strength
         self._handle: Optional[Handle] = Handle("dmk_locus")
         with Context() as context:
             context.check(
@@ -93,6 +100,7 @@ class Locus:
         lib.dmk_locus_get_info(self._pointer, info)
         fields = copy_struct(info[0])
         self.length: float = fields["length"]
+        self.least_strength: float = fields["strength"]
         self.loops: int = fields["loops"]
         self.components: int = fields["components"]
         self.endpoints: int = fields["endpoints"]
@@ -108,6 +116,8 @@ class Locus:
         self.distance: NDArray[np.float64] = raw["distance"].copy()
         self.mu: NDArray[np.float64] = raw["mu"].copy()
         self.strength: NDArray[np.float64] = raw["strength"].copy()
+        self.meeting_angle: NDArray[np.float64] = raw["meeting_angle"].copy()
+        self.source_angle: NDArray[np.float64] = raw["source_angle"].copy()
         self.angle: NDArray[np.float64] = raw["angle"].copy()
         self.kind: NDArray[np.int32] = raw["kind"].copy()
         self.degree: NDArray[np.int32] = raw["degree"].copy()
@@ -150,11 +160,11 @@ class Locus:
 
     def to_pyvista(self) -> Any:
         """A pyvista.PolyData of lines (one vertex for a locus that is a point), with the point
-        arrays distance, mu, strength and kind."""
+        arrays distance, mu, strength, meeting_angle and kind."""
         import pyvista
 
         lines = [np.concatenate([[len(line)], line]) for line in self.polylines if len(line) > 1]
         data = pyvista.PolyData(self.vertices, lines=np.concatenate(lines) if lines else None)
-        for name in ("distance", "mu", "strength", "kind"):
+        for name in ("distance", "mu", "strength", "meeting_angle", "kind"):
             data.point_data[name] = getattr(self, name)
         return data

@@ -68,13 +68,20 @@ class Path(NamedTuple):
     angle: float
 
 
-class Cut(NamedTuple):
-    """A surface cut open. vertices: (n, 3); faces: (m, 3); origin: (n,) the vertex of the input at
-    the same place, -1 for points of the cut locus. The input's vertices keep their order."""
-
+class _CutArrays(NamedTuple):
     vertices: NDArray[np.float64]
     faces: NDArray[np.int32]
     origin: NDArray[np.int32]
+
+
+class Cut(_CutArrays):
+    """A surface cut open. vertices: (n, 3); faces: (m, 3); origin: (n,) the vertex of the input at
+    the same place, -1 for points of the cut locus. The input's vertices keep their order.
+
+    plane: (n, 2) the logarithmic map, distance times direction at the source, on the two sides of
+    the cut each its own: texture coordinates."""
+
+    plane: NDArray[np.float64]
 
 
 class Tangent(NamedTuple):
@@ -99,13 +106,13 @@ class Result:
     """
 
     def __init__(
-        self, mesh: Mesh, handle: Handle, source: Point, history: NDArray[np.void], prune: float
+        self, mesh: Mesh, handle: Handle, source: Point, history: NDArray[np.void], strength: float
     ):
         self.mesh: Mesh = mesh
         #: The source on the mesh.
         self.source: Point = source
         self._made: Optional[Handle] = handle
-        self._prune = prune
+        self._strength = strength
         #: (steps,) with the fields step, cg_iterations, change, tolerance, gap, seconds.
         self.history: NDArray[np.void] = _gaps(history, self.certificate.gap)
 
@@ -146,7 +153,7 @@ class Result:
 
     def __getstate__(self) -> "dict[str, Any]":
         """Arrays, numbers and the mesh; the library's object is made again where it is needed."""
-        kept = ("mesh", "source", "_prune", "history", "_fields", *_ARRAYS)
+        kept = ("mesh", "source", "_strength", "history", "_fields", *_ARRAYS)
         return {name: getattr(self, name) for name in kept}
 
     def __setstate__(self, state: "dict[str, Any]") -> None:
@@ -248,7 +255,7 @@ class Result:
     @cached_property
     def locus(self) -> Locus:
         """The cut locus as a graph of lines on the surface, traced when it is first asked for."""
-        return Locus(self.mesh, self._handle, self._prune)
+        return Locus(self.mesh, self._handle, self._strength)
 
     @cached_property
     def tangent(self) -> Tangent:
@@ -295,19 +302,27 @@ class Result:
         """
         options = ffi.new("dmk_locus_options *")
         lib.dmk_locus_options_init(options)
-        options.strength = self._prune
+        options.strength = self._strength
         handle = Handle("dmk_mesh")
-        origin = ffi.new("int32_t **")
+        origin, plane = ffi.new("int32_t **"), ffi.new("double **")
         with Context() as context:
             context.check(
                 lib.dmk_cut(
-                    context.pointer, self.mesh._pointer, self._pointer, options, handle.box, origin
+                    context.pointer,
+                    self.mesh._pointer,
+                    self._pointer,
+                    options,
+                    handle.box,
+                    origin,
+                    plane,
                 )
             )
-        owned = ffi.gc(origin[0], lib.free)
+        owned = ffi.gc(origin[0], lib.free), ffi.gc(plane[0], lib.free)
         vertices, faces = Mesh._adopt(handle)
-        old = np.frombuffer(ffi.buffer(owned, 4 * len(vertices)), np.int32).copy()
-        return Cut(vertices, faces, old)
+        n = len(vertices)
+        cut = Cut(vertices, faces, np.frombuffer(ffi.buffer(owned[0], 4 * n), np.int32).copy())
+        cut.plane = np.frombuffer(ffi.buffer(owned[1], 16 * n), np.float64).reshape(n, 2).copy()
+        return cut
 
     # ---- out ----------------------------------------------------------------------------------
 

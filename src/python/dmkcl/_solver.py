@@ -38,7 +38,7 @@ class SolveOptions(TypedDict, total=False):
     dt: float
     inertia: Optional[float]
     cg_tolerance: float
-    prune: float
+    strength: float
 
 
 def _choose(table: "dict[str, int]", name: str, value: str) -> int:
@@ -173,7 +173,7 @@ class CutLocus:
         dt: float = 0,
         inertia: Optional[float] = None,
         cg_tolerance: float = 0,
-        prune: float = 0,
+        strength: float = 0,
         progress: ProgressOption = False,
     ) -> Result:
         """Density, potential, distance and cut locus of one source.
@@ -189,9 +189,9 @@ class CutLocus:
         progress : bool or callable
             True: a bar by tqdm. A function gets a `Progress` for each step; what it raises ends
             the solve and is passed on.
-        prune : float
-            Branches of the cut locus weaker than this many times the mesh's noise are left out;
-            0: 0.75.
+        strength : float
+            A length: branches of the cut locus with less strength than this are left out (see
+            `Locus`); 0: 0.2 mean edges, more on a noisy mesh.
         method : "newton", "inertial" or "euler"
             Newton steps in (u, log mu); explicit steps with inertia; the explicit Euler steps of
             the paper.
@@ -237,10 +237,10 @@ class CutLocus:
             self.mesh.place(point=point, vertex=vertex, face=face, bary=bary),
             settings,
             progress,
-            prune,
+            strength,
         )
 
-    def _solve(self, source: Point, options: Any, progress: ProgressOption, prune: float) -> Result:
+    def _solve(self, source: Point, options: Any, progress: ProgressOption, strength: float) -> Result:
         place = ffi.new("dmk_point *", (source.face, source.bary))
         handle = Handle("dmk_result")
         watch = Watch(progress)
@@ -251,7 +251,7 @@ class CutLocus:
                 )
         finally:
             watch.close()
-        return Result(self.mesh, handle, source, watch.history(), prune)
+        return Result(self.mesh, handle, source, watch.history(), strength)
 
     def solve_many(
         self,
@@ -269,7 +269,7 @@ class CutLocus:
         dt: float = 0,
         inertia: Optional[float] = None,
         cg_tolerance: float = 0,
-        prune: float = 0,
+        strength: float = 0,
         progress: bool = False,
     ) -> Iterator[Result]:
         """Results for many sources, one after another, as an iterator.
@@ -304,10 +304,10 @@ class CutLocus:
         sources = [
             self.mesh.place(bary=weight, **{name: value}) for value, weight in zip(values, weights)
         ]
-        return self._solve_each(sources, settings, progress, prune)
+        return self._solve_each(sources, settings, progress, strength)
 
     def _solve_each(
-        self, sources: "list[Point]", options: Any, progress: bool, prune: float
+        self, sources: "list[Point]", options: Any, progress: bool, strength: float
     ) -> Iterator[Result]:
         shown: Any = sources
         if progress:
@@ -315,7 +315,7 @@ class CutLocus:
 
             shown = tqdm(sources, unit=" sources")
         for source in shown:
-            yield self._solve(source, options, False, prune)
+            yield self._solve(source, options, False, strength)
 
     # ---- drop-ins -----------------------------------------------------------------------------
 

@@ -1,0 +1,274 @@
+/* Jumps, the spanning tree of least jump and the crossings of the locus: see cotree.h. */
+#include "base/parallel.h"
+#include "base/sets.h"
+#include "base/sort.h"
+#include "locus/cotree.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* The image of v's family, seen from v along an edge whose direction at v is `along`. */
+static dmk_image image_from(const dmk_geodesics *g, int32_t v, double along)
+{
+    const dmk_arrival *a = g->arrival + v;
+    const double turn = g->star.total[v];
+    double b = a->back - along;
+    if (!g->star.border[v]) b -= turn * round(b / turn);
+    double before = a->source < 0 ? 0 : g->source[a->source].offset;
+    if (a->pseudo_source >= 0) before = g->distance[a->pseudo_source];
+    const double r = (g->distance[v] - before) / g->star.unit;
+    return (dmk_image){r * cos(b), r * sin(b), before / g->star.unit};
+}
+
+static double length_of(const dmk_geodesics *g, int32_t h)
+{
+    return g->mesh->length[g->mesh->triangle_edge[h]] / g->star.unit;
+}
+
+dmk_image dmk_image_at_start(const dmk_geodesics *g, int32_t h)
+{
+    const int32_t c = dmk_next(h);
+    return image_from(g, g->mesh->triangle[c], g->star.angle[c]);
+}
+
+/* From its end the edge runs the other way. */
+dmk_image dmk_image_at_end(const dmk_geodesics *g, int32_t h)
+{
+    const int32_t c = dmk_previous(h);
+    dmk_image i = image_from(g, g->mesh->triangle[c], g->star.angle[c] + g->star.corner_angle[c]);
+    i.x = length_of(g, h) - i.x;
+    i.y = -i.y;
+    return i;
+}
+
+double dmk_image_length(const dmk_image *i, double x, double y)
+{
+    return i->before + sqrt((x - i->x) * (x - i->x) + (y - i->y) * (y - i->y));
+}
+
+void dmk_apex(const dmk_geodesics *g, int32_t h, double *x, double *y)
+{
+    const double *l = g->mesh->length;
+    const double side = l[g->mesh->triangle_edge[dmk_previous(h)]] / g->star.unit;
+    const double angle = g->star.corner_angle[dmk_next(h)];
+    *x = side * cos(angle);
+    *y = side * sin(angle);
+}
+
+double dmk_full_turn(const dmk_geodesics *g)
+{
+    const dmk_site *s = g->source;
+    return g->n_sources == 1 && !(s->vertex >= 0 && g->star.border[s->vertex]) ? s->total : HUGE_VAL;
+}
+
+double dmk_turn_between(double full, double a, double b)
+{
+    return full < HUGE_VAL ? remainder(b - a, full) : b - a;
+}
+
+/* By how much the family of each end is too long at the other. Both are equally long across a locus on
+ * which the ends themselves lie, so a small part of the families' difference at the corners of the two
+ * triangles breaks the tie. */
+static double jump_of(const dmk_geodesics *g, int32_t h)
+{
+    const dmk_mesh *m = g->mesh;
+    const double length = length_of(g, h), unit = g->star.unit;
+    const int32_t v = m->triangle[dmk_next(h)], w = m->triangle[dmk_previous(h)], twin = g->star.twin[h];
+    const dmk_image a = dmk_image_at_start(g, h), b = dmk_image_at_end(g, h);
+    double at[4][2] = {{0, 0}, {length, 0}}, differ = 0;
+    dmk_apex(g, h, &at[2][0], &at[2][1]);
+    if (twin >= 0) {
+        dmk_apex(g, twin, &at[3][0], &at[3][1]);
+        at[3][0] = length - at[3][0];
+        at[3][1] = -at[3][1];
+    }
+    for (int k = 0; k < (twin >= 0 ? 4 : 3); k++)
+        differ = fmax(differ, fabs(dmk_image_length(&a, at[k][0], at[k][1]) - dmk_image_length(&b, at[k][0], at[k][1])));
+    return fmax(0, dmk_image_length(&a, length, 0) - g->distance[w] / unit) + fmax(0, dmk_image_length(&b, 0, 0) - g->distance[v] / unit) +
+           dmk_rules.tie * differ;
+}
+
+typedef struct jumps {
+    const dmk_geodesics *geodesics;
+    const int32_t *half; /* n_edges: one half-edge of each edge */
+    double unit;
+    dmk_keyed *edge;
+} jumps;
+
+/* Jumps as keys: the bits of a float keep the order of numbers that are not negative. */
+static void find_jumps(int32_t begin, int32_t end, void *data)
+{
+    jumps *j = data;
+    for (int32_t e = begin; e < end; e++) {
+        const float jump = (float)(jump_of(j->geodesics, j->half[e]) / j->unit);
+        uint32_t bits;
+        memcpy(&bits, &jump, sizeof bits);
+        j->edge[e] = (dmk_keyed){bits, e};
+    }
+}
+
+/* One half-edge of each edge, the first. */
+static int find_halves(dmk_context *ctx, const dmk_mesh *m, int32_t **half)
+{
+    int rc = DMK_NEW(ctx, *half, (size_t)m->n_edges);
+    if (rc != DMK_OK) return rc;
+    for (int32_t h = 3 * m->n_triangles - 1; h >= 0; h--) (*half)[m->triangle_edge[h]] = h;
+    return DMK_OK;
+}
+
+/* The border loop of each border vertex, -1 inside. */
+static int find_loops(dmk_context *ctx, const dmk_geodesics *g, int32_t *parent, int32_t **loop, int32_t *n_loops)
+{
+    const dmk_mesh *m = g->mesh;
+    int rc = DMK_NEW(ctx, *loop, (size_t)m->n_vertices);
+    if (rc != DMK_OK) return rc;
+    for (int32_t v = 0; v < m->n_vertices; v++) parent[v] = v;
+    for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
+        if (g->star.twin[h] < 0) dmk_set_unite(parent, m->triangle[dmk_next(h)], m->triangle[dmk_previous(h)]);
+    }
+    *n_loops = 0;
+    for (int32_t v = 0; v < m->n_vertices; v++) { /* a set's name is its least member */
+        const int32_t first = dmk_set_find(parent, v);
+        (*loop)[v] = !g->star.border[v] ? -1 : first == v ? (*n_loops)++ : (*loop)[first];
+    }
+    return DMK_OK;
+}
+
+/* Where the families of both ends are equally long: by bisection and false position. */
+static double meeting(const dmk_image *a, const dmk_image *b, double length)
+{
+    double lo = 0, hi = length, flo = dmk_image_length(a, 0, 0) - dmk_image_length(b, 0, 0);
+    double fhi = dmk_image_length(a, length, 0) - dmk_image_length(b, length, 0);
+    if (flo >= 0) return 0; /* the start's own family is not the shorter one there */
+    if (fhi <= 0) return length;
+    for (int i = 0; i < 60 && hi - lo > 1e-12 * length; i++) {
+        double x = i % 3 == 2 ? 0.5 * (lo + hi) : lo - flo * (hi - lo) / (fhi - flo);
+        const double f = dmk_image_length(a, x, 0) - dmk_image_length(b, x, 0);
+        if (f == 0) return x;
+        if (f < 0) lo = x, flo = f;
+        else hi = x, fhi = f;
+    }
+    return 0.5 * (lo + hi);
+}
+
+/* The angle between two families at x on the edge; none where one of them begins. */
+static double meeting_angle(const dmk_image *a, const dmk_image *b, double x, double length)
+{
+    const double ax = a->x - x, bx = b->x - x;
+    if (fmin(hypot(ax, a->y), hypot(bx, b->y)) < 1e-9 * length) return 0;
+    return fabs(atan2(ax * b->y - a->y * bx, ax * bx + a->y * b->y));
+}
+
+static void set_crossing(const dmk_geodesics *g, const int32_t *loop, int32_t h, dmk_crossing *c)
+{
+    const dmk_mesh *m = g->mesh;
+    const double length = length_of(g, h);
+    const int32_t v = m->triangle[dmk_next(h)], w = m->triangle[dmk_previous(h)], twin = g->star.twin[h];
+    const dmk_image a = dmk_image_at_start(g, h), b = dmk_image_at_end(g, h);
+    double x = meeting(&a, &b, length);
+    /* behind a bend the paths are those to it gone on */
+    if (g->arrival[w].pseudo_source == v) x = 0;
+    if (g->arrival[v].pseudo_source == w) x = length;
+    c->half = h;
+    c->node[0] = h / 3;
+    c->node[1] = twin >= 0 ? twin / 3 : m->n_triangles + loop[v];
+    c->onward = c->outer = -1;
+    c->at = x / length;
+    for (int k = 0; k < 3; k++)
+        c->xyz[k] = (1 - c->at) * m->xyz[3 * (size_t)v + k] + c->at * m->xyz[3 * (size_t)w + k];
+    c->distance = 0.5 * g->star.unit * (dmk_image_length(&a, x, 0) + dmk_image_length(&b, x, 0));
+    c->alpha = meeting_angle(&a, &b, x, length);
+    c->excess = c->strength = HUGE_VAL;
+}
+
+/* Crossings of the edges that are not in the tree. */
+static int set_crossings(dmk_context *ctx, const int32_t *half, const int32_t *loop, const bool *in_tree,
+                         dmk_cotree *t)
+{
+    int rc;
+    const dmk_geodesics *g = t->geodesics;
+    const dmk_mesh *m = g->mesh;
+    DMK_TRY(DMK_NEW(ctx, t->crossing, (size_t)t->n));
+    DMK_TRY(DMK_NEW(ctx, t->on, 3 * (size_t)m->n_triangles));
+    for (int32_t h = 0; h < 3 * m->n_triangles; h++) t->on[h] = -1;
+    t->n = 0;
+    for (int32_t h = 0; h < 3 * m->n_triangles; h++) { /* triangle by triangle: neighbours stay near in memory */
+        const int32_t e = m->triangle_edge[h];
+        if (in_tree[e] || half[e] != h) continue;
+        set_crossing(g, loop, h, &t->crossing[t->n]);
+        t->on[h] = t->n;
+        if (g->star.twin[h] >= 0) t->on[g->star.twin[h]] = t->n;
+        t->n++;
+    }
+done:
+    return rc;
+}
+
+/* Several sources are one root of the tree: their cells may fall apart. */
+static void unite_sources(const dmk_geodesics *g, int32_t *parent)
+{
+    int32_t first = -1;
+    for (int32_t i = 0; i < g->n_sources; i++) {
+        const dmk_site *s = g->source + i;
+        const int32_t v = s->vertex >= 0 ? s->vertex : g->mesh->triangle[dmk_next(s->sector[0].half)];
+        if (first >= 0) dmk_set_unite(parent, first, v);
+        first = v;
+    }
+}
+
+/* Kruskal's algorithm: least jumps first. */
+static int span(dmk_context *ctx, const dmk_geodesics *g, const int32_t *half, int32_t *parent, bool *in_tree,
+                dmk_cotree *t)
+{
+    int rc;
+    const dmk_mesh *m = g->mesh;
+    jumps j = {.geodesics = g, .half = half, .unit = t->mean_edge / g->star.unit};
+    DMK_TRY(DMK_NEW(ctx, j.edge, (size_t)m->n_edges));
+    dmk_parallel(ctx, m->n_edges, find_jumps, &j);
+    DMK_TRY(dmk_poll(ctx));
+    DMK_TRY(dmk_sort_keyed(ctx, j.edge, (size_t)m->n_edges));
+    for (int32_t v = 0; v < m->n_vertices; v++) parent[v] = v;
+    unite_sources(g, parent);
+    t->n = m->n_edges;
+    for (int32_t i = 0; i < m->n_edges; i++) {
+        const int32_t e = j.edge[i].item;
+        in_tree[e] = dmk_set_unite(parent, m->edge_vertex[2 * e], m->edge_vertex[2 * e + 1]);
+        t->n -= in_tree[e];
+    }
+done:
+    free(j.edge);
+    return rc;
+}
+
+int dmk_cotree_create(dmk_context *ctx, const dmk_geodesics *g, dmk_cotree *t)
+{
+    int rc;
+    const dmk_mesh *m = g->mesh;
+    int32_t *half = NULL, *parent = NULL, *loop = NULL;
+    bool *in_tree = NULL;
+    memset(t, 0, sizeof *t);
+    t->geodesics = g;
+    for (int32_t e = 0; e < m->n_edges; e++) t->mean_edge += m->length[e] / m->n_edges;
+    DMK_TRY(find_halves(ctx, m, &half));
+    DMK_TRY(DMK_NEW(ctx, parent, (size_t)m->n_vertices));
+    DMK_TRY(DMK_NEW(ctx, in_tree, (size_t)m->n_edges));
+    DMK_TRY(find_loops(ctx, g, parent, &loop, &t->n_loops));
+    DMK_TRY(span(ctx, g, half, parent, in_tree, t));
+    DMK_TRY(dmk_poll(ctx));
+    DMK_TRY(set_crossings(ctx, half, loop, in_tree, t));
+done:
+    free(half);
+    free(parent);
+    free(loop);
+    free(in_tree);
+    return rc;
+}
+
+void dmk_cotree_free(dmk_cotree *t)
+{
+    free(t->crossing);
+    free(t->on);
+    free(t->tip);
+    memset(t, 0, sizeof *t);
+}

@@ -1,0 +1,98 @@
+/* The cut locus of the polyhedron as a tree-cotree decomposition. Internal to src/locus.
+ *
+ * Every vertex v is reached by one shortest path; its last bend, unfolded into the plane around v, is
+ * the image of v's family. The jump of a mesh edge vw tells by how much the family of one end is too
+ * long at the other. A spanning tree of the vertices by least jump keeps families together; the mesh
+ * edges that it does not take, dual, are what families meet across: a graph of the triangles that is
+ * connected and has first Betti number 2g, each border loop being one node (tree-cotree
+ * decomposition: Eppstein 2003; as a cut graph: Erickson and Whittlesey 2005). */
+#ifndef DMK_COTREE_H
+#define DMK_COTREE_H
+
+#include "locus/locus.h"
+
+/* Where the locus crosses a mesh edge: the point at which the families of its ends are equally long. */
+typedef struct dmk_crossing {
+    int32_t half;    /* half-edge crossed, of the triangle node[0] */
+    int32_t node[2]; /* the triangles it joins; n_triangles + i: border loop i */
+    int32_t onward;  /* crossing to which its excess is handed on; -1: none */
+    int32_t outer;   /* node[outer] was peeled: the branch's end lies behind it; -1: none, on a loop */
+    double at;       /* on the half-edge from its start, a share of its length */
+    double xyz[3];
+    double distance; /* to the source */
+    double alpha;    /* angle at which the two families meet, radians in [0, pi] */
+    double excess;   /* P: by how much a path must grow to be moved from one family to the other */
+    double strength; /* that by which it is pruned: see strength.c */
+} dmk_crossing;
+
+/* Where a branch ends inside a triangle. */
+typedef struct dmk_tip {
+    int32_t triangle, crossing; /* reached through this crossing */
+    double weight[3];
+} dmk_tip;
+
+typedef struct dmk_cotree {
+    const dmk_geodesics *geodesics;
+    double mean_edge;       /* h */
+    double strength;        /* default: branches of less are the mesh's own */
+    int32_t n, n_loops;     /* crossings; border loops */
+    dmk_crossing *crossing; /* n */
+    int32_t *on;            /* 3*n_triangles: crossing on each half-edge, -1: none */
+    int32_t last;           /* crossing peeled last, the middle of a locus without loops; -1: none */
+    int32_t n_tips;
+    size_t tip_room;
+    dmk_tip *tip;           /* n_tips */
+    bool is_point;          /* no line: the whole locus is the tip 0 */
+} dmk_cotree;
+
+/* Jumps, spanning tree and crossings; freed also after a failure. */
+int dmk_cotree_create(dmk_context *ctx, const dmk_geodesics *geodesics, dmk_cotree *cotree);
+void dmk_cotree_free(dmk_cotree *cotree);
+
+/* strength.c: excess of every crossing, strength of every branch, the default strength. */
+int dmk_cotree_peel(dmk_context *ctx, dmk_cotree *cotree);
+
+/* ends.c: all of it, and the tips of all branches of default strength. */
+int dmk_cotree_complete(dmk_context *ctx, const dmk_geodesics *geodesics, dmk_cotree *cotree);
+
+static inline double dmk_strength_asked(const dmk_cotree *t, const dmk_locus_options *options)
+{
+    return options && options->strength > 0 ? options->strength : t->strength;
+}
+
+/* The last bend of a family, unfolded into the frame of half-edge h: h runs along the x axis from
+ * (0, 0), its triangle lies above. The family's length at a point of the frame is `before` plus the
+ * distance from here. In the star's unit. */
+typedef struct dmk_image {
+    double x, y, before;
+} dmk_image;
+dmk_image dmk_image_at_start(const dmk_geodesics *g, int32_t h);
+dmk_image dmk_image_at_end(const dmk_geodesics *g, int32_t h);
+double dmk_image_length(const dmk_image *image, double x, double y);
+
+/* Corner of h's triangle opposite it, in the frame of h and the star's unit. */
+void dmk_apex(const dmk_geodesics *g, int32_t h, double *x, double *y);
+
+static inline int32_t dmk_other_node(const dmk_crossing *c, int32_t node)
+{
+    return c->node[0] == node ? c->node[1] : c->node[0];
+}
+
+/* Angle around the sources, for directions modulo it; HUGE_VAL where they do not close up. */
+double dmk_full_turn(const dmk_geodesics *g);
+/* From direction a to b, the short way around. */
+double dmk_turn_between(double full, double a, double b);
+
+/* cusp.c. Where a branch ends, fitted to the geodesics around the point `xyz`, at `distance` in the
+ * direction `angle`. False if they show no cusp, or not near. */
+typedef struct dmk_cusp {
+    double xyz[3], angle, distance;
+} dmk_cusp;
+typedef struct dmk_patch dmk_patch;
+int dmk_patch_create(dmk_context *ctx, const dmk_cotree *cotree, dmk_patch **patch);
+void dmk_patch_free(dmk_patch **patch);
+bool dmk_cusp_fit(dmk_patch *patch, int32_t triangle, dmk_cusp *cusp);
+/* The middle of a short locus around `xyz`, in `triangle`, and its length. */
+bool dmk_focus_fit(dmk_patch *patch, int32_t triangle, double xyz[3], double *length);
+
+#endif

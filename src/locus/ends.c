@@ -1,0 +1,266 @@
+/* Where the lines end: each branch is led to its cusp; a locus without extent becomes a point. */
+#include "base/vec3.h"
+#include "locus/cotree.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { MAX_ROUTE = 256, MAX_FITS = 12 };
+
+/* A branch around its end: crossings from `first` inwards... outwards in this order. */
+typedef struct route {
+    int32_t n, end, crossing[MAX_ROUTE]; /* crossing[end]: the last with the default excess */
+} route;
+
+static int32_t n_triangles(const dmk_cotree *t) { return t->geodesics->mesh->n_triangles; }
+
+/* The strongest crossing that hands on to i out of triangle `node`, -1: none. */
+static int32_t child_of(const dmk_cotree *t, int32_t i, int32_t node)
+{
+    int32_t best = -1;
+    for (int k = 0; k < 3; k++) {
+        const int32_t j = t->on[3 * node + k];
+        if (j < 0 || j == i || t->crossing[j].onward != i) continue;
+        if (best < 0 || t->crossing[j].excess > t->crossing[best].excess) best = j;
+    }
+    return best;
+}
+
+/* A branch ends at crossing i, out of `node`: what comes from there is weaker than the default. */
+static bool ends_at(const dmk_cotree *t, int32_t i, int32_t node)
+{
+    const dmk_crossing *c = &t->crossing[i];
+    if (c->excess < t->strength || node >= n_triangles(t)) return false;
+    const int32_t child = child_of(t, i, node);
+    return child < 0 || t->crossing[child].excess < t->strength;
+}
+
+static double step(const dmk_cotree *t, int32_t i, int32_t j)
+{
+    return dmk_distance(t->crossing[i].xyz, t->crossing[j].xyz);
+}
+
+/* Inwards as far as a fit sees, and no farther than the branch; outwards along the strongest way. */
+static void find_route(const dmk_cotree *t, int32_t i, int32_t node, route *r)
+{
+    const double reach = dmk_rules.window * t->mean_edge;
+    double length = 0;
+    int32_t back[MAX_ROUTE / 2], n = 0, node_in = dmk_other_node(&t->crossing[i], node);
+    for (int32_t j = i; n < MAX_ROUTE / 2 && length < reach;) {
+        back[n++] = j;
+        /* inwards of the last crossing lies the branch's other half */
+        const int32_t next = j == t->last ? child_of(t, j, node_in) : t->crossing[j].onward;
+        if (next < 0 || t->crossing[next].strength != t->crossing[i].strength || (n > 1 && next == back[n - 2])) break;
+        length += step(t, j, next);
+        if (j == t->last) break;
+        node_in = dmk_other_node(&t->crossing[next], node_in);
+        j = next;
+    }
+    r->n = 0;
+    while (n > 0) r->crossing[r->n++] = back[--n];
+    r->end = r->n - 1;
+    for (int32_t j = child_of(t, i, node); j >= 0 && r->n < MAX_ROUTE; j = child_of(t, j, node)) {
+        r->crossing[r->n++] = j;
+        node = dmk_other_node(&t->crossing[j], node);
+        if (node >= n_triangles(t)) break;
+    }
+}
+
+/* The triangle between the crossings k and k + 1 of the route; behind the last one that which it leads to. */
+static int32_t triangle_after(const dmk_cotree *t, const route *r, int32_t k)
+{
+    const dmk_crossing *c = &t->crossing[r->crossing[k]];
+    if (k + 1 == r->n) return c->node[c->outer];
+    const int32_t *next = t->crossing[r->crossing[k + 1]].node;
+    return c->node[0] == next[0] || c->node[0] == next[1] ? c->node[0] : c->node[1];
+}
+
+static int32_t nearest_on(const dmk_cotree *t, const route *r, const double xyz[3])
+{
+    int32_t best = 0;
+    double least = HUGE_VAL;
+    for (int32_t k = 0; k < r->n; k++) {
+        const double d = dmk_distance_squared(t->crossing[r->crossing[k]].xyz, xyz);
+        if (d < least) least = d, best = k;
+    }
+    return best;
+}
+
+/* The point of a triangle near xyz, and how far it is from there. */
+static double place_in(const dmk_mesh *m, int32_t triangle, const double xyz[3], double weight[3])
+{
+    double e[2][3], x[3], at[3] = {0}, sum = 0;
+    const double *corner[3];
+    for (int k = 0; k < 3; k++) corner[k] = m->xyz + 3 * (size_t)m->triangle[3 * triangle + k];
+    for (int k = 0; k < 2; k++) dmk_subtract(corner[k + 1], corner[0], e[k]);
+    dmk_subtract(xyz, corner[0], x);
+    const double aa = dmk_dot(e[0], e[0]), ab = dmk_dot(e[0], e[1]), bb = dmk_dot(e[1], e[1]);
+    const double xa = dmk_dot(x, e[0]), xb = dmk_dot(x, e[1]), det = aa * bb - ab * ab;
+    weight[1] = (bb * xa - ab * xb) / det;
+    weight[2] = (aa * xb - ab * xa) / det;
+    weight[0] = 1 - weight[1] - weight[2];
+    for (int k = 0; k < 3; k++) sum += weight[k] = weight[k] > 0 ? weight[k] : 0;
+    for (int k = 0; k < 3; k++) weight[k] /= sum;
+    for (int k = 0; k < 3; k++)
+        for (int j = 0; j < 3; j++) at[j] += weight[k] * corner[k][j];
+    return dmk_distance(at, xyz);
+}
+
+static double longest_side(const dmk_mesh *m, int32_t triangle)
+{
+    const int32_t *e = m->triangle_edge + 3 * triangle;
+    return fmax(m->length[e[0]], fmax(m->length[e[1]], m->length[e[2]]));
+}
+
+/* Fits around the route's crossings until the cusp lies beside the crossing it was fitted around. */
+static bool find_cusp(const dmk_cotree *t, dmk_patch *patch, const route *r, double xyz[3])
+{
+    const double full = dmk_full_turn(t->geodesics), h = t->mean_edge;
+    int32_t k = r->end, tried = -1;
+    for (int i = 0; i < MAX_FITS; i++) {
+        const dmk_crossing *c = &t->crossing[r->crossing[k]];
+        const int32_t v = t->geodesics->mesh->triangle[dmk_next(c->half)];
+        const int32_t w = t->geodesics->mesh->triangle[dmk_previous(c->half)];
+        const double a = t->geodesics->arrival[v].direction, b = t->geodesics->arrival[w].direction;
+        dmk_cusp cusp = {.angle = a + 0.5 * dmk_turn_between(full, a, b), .distance = c->distance};
+        memcpy(cusp.xyz, c->xyz, sizeof cusp.xyz);
+        int32_t next = k;
+        if (dmk_cusp_fit(patch, c->half / 3, &cusp)) {
+            next = nearest_on(t, r, cusp.xyz);
+            if (next == tried || step(t, r->crossing[next], r->crossing[k]) < 0.5 * h) {
+                memcpy(xyz, cusp.xyz, sizeof cusp.xyz);
+                return true;
+            }
+        } else { /* nothing to be seen from here: farther out */
+            while (next + 1 < r->n && step(t, r->crossing[next], r->crossing[k]) < h) next++;
+            if (next == k) return false;
+        }
+        tried = k;
+        k = next;
+    }
+    return false;
+}
+
+static int add_tip(dmk_context *ctx, dmk_cotree *t, dmk_tip tip)
+{
+    int rc = DMK_GROW(ctx, t->tip, (size_t)t->n_tips + 1, t->tip_room);
+    if (rc == DMK_OK) t->tip[t->n_tips++] = tip;
+    return rc;
+}
+
+/* The branch's strength up to the crossing before the tip; behind it, less than the default. */
+static int lead_to(dmk_context *ctx, dmk_cotree *t, const route *r, const double xyz[3])
+{
+    const dmk_mesh *m = t->geodesics->mesh;
+    const int32_t near = nearest_on(t, r, xyz);
+    dmk_tip tip = {.triangle = -1};
+    double least = HUGE_VAL;
+    int32_t upto = 0;
+    for (int32_t k = near > 0 ? near - 1 : 0; k <= near; k++) {
+        double weight[3];
+        const int32_t triangle = triangle_after(t, r, k);
+        if (triangle >= m->n_triangles) continue;
+        const double d = place_in(m, triangle, xyz, weight);
+        if (!(d < least) || d > longest_side(m, triangle)) continue;
+        least = d;
+        upto = k;
+        tip = (dmk_tip){triangle, r->crossing[k], {weight[0], weight[1], weight[2]}};
+    }
+    if (tip.triangle < 0) return DMK_OK;
+    const double strength = t->crossing[r->crossing[0]].strength;
+    for (int32_t k = 0; k <= upto; k++) t->crossing[r->crossing[k]].strength = strength;
+    for (int32_t k = upto + 1; k < r->n; k++) {
+        dmk_crossing *c = &t->crossing[r->crossing[k]];
+        c->strength = fmin(c->excess, nextafter(t->strength, 0));
+    }
+    return add_tip(ctx, t, tip);
+}
+
+static int find_end(dmk_context *ctx, dmk_cotree *t, dmk_patch *patch, int32_t i, int32_t node)
+{
+    route r;
+    double xyz[3];
+    find_route(t, i, node, &r);
+    return find_cusp(t, patch, &r, xyz) ? lead_to(ctx, t, &r, xyz) : DMK_OK;
+}
+
+/* Whether all that has the default strength lies within `reach` of the last crossing. */
+static bool is_small(const dmk_cotree *t, double reach)
+{
+    if (t->last < 0) return false;
+    for (int32_t i = 0; i < t->n; i++) {
+        if (t->crossing[i].excess >= t->strength && step(t, i, t->last) > reach) return false;
+    }
+    return true;
+}
+
+/* The point: the middle of a short locus, or the last crossing. */
+static int become_point(dmk_context *ctx, dmk_cotree *t, const double xyz[3])
+{
+    const dmk_crossing *c = &t->crossing[t->last];
+    const dmk_mesh *m = t->geodesics->mesh;
+    dmk_tip best = {.triangle = c->node[0], .crossing = t->last};
+    double least = HUGE_VAL, weight[3];
+    for (int32_t i = 0; i < t->n; i++) { /* triangles near it have crossings near it */
+        if (dmk_distance(t->crossing[i].xyz, xyz) > 2 * t->mean_edge && i != t->last) continue;
+        for (int side = 0; side < 2; side++) {
+            const int32_t triangle = t->crossing[i].node[side];
+            const double d = triangle < m->n_triangles ? place_in(m, triangle, xyz, weight) : HUGE_VAL;
+            if (!(d < least)) continue;
+            least = d;
+            best = (dmk_tip){triangle, i, {weight[0], weight[1], weight[2]}};
+        }
+    }
+    t->is_point = true;
+    t->n_tips = 0;
+    return add_tip(ctx, t, best);
+}
+
+static int find_point(dmk_context *ctx, dmk_cotree *t, dmk_patch *patch)
+{
+    const double h = t->mean_edge;
+    const dmk_crossing *c = &t->crossing[t->last];
+    double xyz[3], length = 0;
+    memcpy(xyz, c->xyz, sizeof xyz);
+    const bool fits = dmk_focus_fit(patch, c->half / 3, xyz, &length);
+    if (fits && length >= dmk_rules.arc * h && c->excess >= t->strength) return DMK_OK;
+    if (!fits && c->excess >= t->strength) return DMK_OK;
+    return become_point(ctx, t, fits ? xyz : c->xyz);
+}
+
+static int by_triangle(const void *a, const void *b)
+{
+    const int32_t x = ((const dmk_tip *)a)->triangle, y = ((const dmk_tip *)b)->triangle;
+    return (x > y) - (x < y);
+}
+
+static int find_ends(dmk_context *ctx, dmk_cotree *t)
+{
+    int rc;
+    dmk_patch *patch = NULL;
+    DMK_TRY(dmk_patch_create(ctx, t, &patch));
+    if (is_small(t, 2 * dmk_rules.window * t->mean_edge)) DMK_TRY(find_point(ctx, t, patch));
+    for (int32_t i = 0; i < t->n && !t->is_point; i++) {
+        const dmk_crossing *c = &t->crossing[i];
+        for (int side = 0; side < 2 && c->outer >= 0; side++) {
+            if (side != c->outer && i != t->last) continue;
+            if (ends_at(t, i, c->node[side])) DMK_TRY(find_end(ctx, t, patch, i, c->node[side]));
+        }
+    }
+    if (t->n_tips > 1) qsort(t->tip, (size_t)t->n_tips, sizeof *t->tip, by_triangle);
+done:
+    dmk_patch_free(&patch);
+    return rc;
+}
+
+int dmk_cotree_complete(dmk_context *ctx, const dmk_geodesics *g, dmk_cotree *t)
+{
+    int rc;
+    DMK_TRY(dmk_cotree_create(ctx, g, t));
+    DMK_TRY(dmk_poll(ctx));
+    DMK_TRY(dmk_cotree_peel(ctx, t));
+    DMK_TRY(dmk_poll(ctx));
+    DMK_TRY(find_ends(ctx, t));
+done:
+    return rc;
+}

@@ -1,0 +1,322 @@
+/* The points of the lines: see places.h. */
+#include "base/vec3.h"
+#include "locus/places.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static const double pi = 3.14159265358979323846;
+
+static int by_triangle(const void *a, const void *b)
+{
+    const int32_t x = ((const dmk_tip *)a)->triangle, y = ((const dmk_tip *)b)->triangle;
+    return (x > y) - (x < y);
+}
+
+const dmk_tip *dmk_tip_in(const dmk_cotree *t, int32_t triangle)
+{
+    const dmk_tip key = {.triangle = triangle};
+    if (t->n_tips == 0) return NULL;
+    return bsearch(&key, t->tip, (size_t)t->n_tips, sizeof key, by_triangle);
+}
+
+bool dmk_is_fork(const dmk_cotree *t, int32_t triangle)
+{
+    for (int k = 0; k < 3; k++) {
+        const int32_t i = t->on[3 * triangle + k];
+        if (i < 0 || t->crossing[i].strength < t->strength) return false;
+    }
+    return true;
+}
+
+/* ---- families at a point --------------------------------------------------------------------- */
+
+/* The families of a triangle's corners in the frame of its half-edge 3t. */
+typedef struct corners {
+    double x[3][2]; /* the corners */
+    dmk_image image[3];
+    int32_t vertex[3];
+} corners;
+
+static void set_corners(const dmk_geodesics *g, int32_t triangle, corners *c)
+{
+    const int32_t h = 3 * triangle;
+    const double length = g->mesh->length[g->mesh->triangle_edge[h]] / g->star.unit;
+    for (int k = 0; k < 3; k++) c->vertex[k] = g->mesh->triangle[h + k];
+    c->x[1][0] = c->x[1][1] = c->x[2][1] = 0;
+    c->x[2][0] = length;
+    dmk_apex(g, h, &c->x[0][0], &c->x[0][1]);
+    c->image[1] = dmk_image_at_start(g, h);
+    c->image[2] = dmk_image_at_end(g, h);
+    /* corner 0 ends half-edge 3t + 1, which begins at corner 2 */
+    const dmk_image own = dmk_image_at_end(g, h + 1);
+    double ux = c->x[0][0] - length, uy = c->x[0][1];
+    const double size = hypot(ux, uy);
+    ux /= size;
+    uy /= size;
+    c->image[0] = (dmk_image){length + own.x * ux - own.y * uy, own.x * uy + own.y * ux, own.before};
+}
+
+/* Angle at the last bend between the paths of corner k's family to the corner and to (x, y); straight: as if the
+ * whole path to the corner were straight. */
+static double turn_to(const corners *c, int k, double x, double y, bool straight)
+{
+    const double bent = dmk_image_length(&c->image[k], c->x[k][0], c->x[k][1]);
+    const double longer = straight ? bent / (bent - c->image[k].before) : 1;
+    const double vx = (c->x[k][0] - c->image[k].x) * longer, vy = (c->x[k][1] - c->image[k].y) * longer;
+    const double px = vx + x - c->x[k][0], py = vy + y - c->x[k][1];
+    return atan2(vx * py - vy * px, vx * px + vy * py);
+}
+
+/* Direction at the source of the path of corner k's family to (x, y). */
+static double direction_of(const dmk_geodesics *g, const corners *c, int k, double x, double y)
+{
+    const dmk_arrival *a = g->arrival + c->vertex[k];
+    return a->pseudo_source >= 0 ? a->direction : a->direction + turn_to(c, k, x, y, false);
+}
+
+/* The angle at which the families of the corners i and j meet at (x, y). */
+static double meeting_angle(const corners *c, int i, int j, double x, double y)
+{
+    const double ax = c->image[i].x - x, ay = c->image[i].y - y;
+    const double bx = c->image[j].x - x, by = c->image[j].y - y;
+    return fabs(atan2(ax * by - ay * bx, ax * bx + ay * by));
+}
+
+/* What two families say of the point with these weights: length and directions. */
+static void set_families(const dmk_cotree *t, const corners *c, int i, int j, dmk_locus_vertex *v)
+{
+    const dmk_geodesics *g = t->geodesics;
+    const double *w = v->place.weight;
+    const double x = w[0] * c->x[0][0] + w[2] * c->x[2][0], y = w[0] * c->x[0][1];
+    const double full = dmk_full_turn(g);
+    v->distance = 0.5 * g->star.unit * (dmk_image_length(&c->image[i], x, y) + dmk_image_length(&c->image[j], x, y));
+    v->angle[0] = direction_of(g, c, i, x, y);
+    v->angle[1] = direction_of(g, c, j, x, y);
+    v->source_angle = fabs(dmk_turn_between(full, v->angle[0], v->angle[1]));
+    v->meeting_angle = meeting_angle(c, i, j, x, y);
+}
+
+static void set_place(const dmk_mesh *m, int32_t triangle, const double weight[3], dmk_locus_vertex *v)
+{
+    v->place.triangle = triangle;
+    for (int j = 0; j < 3; j++) v->xyz[j] = 0;
+    for (int k = 0; k < 3; k++) {
+        v->place.weight[k] = weight[k];
+        for (int j = 0; j < 3; j++)
+            v->xyz[j] += weight[k] * m->xyz[3 * (size_t)m->triangle[3 * triangle + k] + j];
+    }
+}
+
+/* The two corners whose paths start in the most different directions. */
+static void set_widest(const dmk_cotree *t, int32_t triangle, dmk_locus_vertex *v)
+{
+    corners c;
+    dmk_locus_vertex best = *v;
+    best.source_angle = -1;
+    set_corners(t->geodesics, triangle, &c);
+    for (int k = 0; k < 3; k++) {
+        set_families(t, &c, k, (k + 1) % 3, v);
+        if (v->source_angle > best.source_angle) best = *v;
+    }
+    *v = best;
+}
+
+/* ---- forks ----------------------------------------------------------------------------------- */
+
+/* Newton's method for the point at which three families are equally long. */
+static bool find_fork(const corners *c, double weight[3])
+{
+    double x = 0, y = 0;
+    for (int k = 0; k < 3; k++) {
+        x += c->x[k][0] / 3;
+        y += c->x[k][1] / 3;
+    }
+    for (int i = 0; i < 10; i++) {
+        double l[3], g[3][2];
+        for (int k = 0; k < 3; k++) {
+            l[k] = dmk_image_length(&c->image[k], x, y);
+            g[k][0] = (x - c->image[k].x) / (l[k] - c->image[k].before);
+            g[k][1] = (y - c->image[k].y) / (l[k] - c->image[k].before);
+        }
+        const double a = g[1][0] - g[0][0], b = g[1][1] - g[0][1], p = l[0] - l[1];
+        const double d = g[2][0] - g[0][0], e = g[2][1] - g[0][1], q = l[0] - l[2];
+        const double det = a * e - b * d;
+        if (!(fabs(det) > 1e-12)) return false;
+        x += (p * e - b * q) / det;
+        y += (a * q - d * p) / det;
+    }
+    weight[0] = y / c->x[0][1];
+    weight[2] = (x - weight[0] * c->x[0][0]) / c->x[2][0];
+    weight[1] = 1 - weight[0] - weight[2];
+    return weight[0] > 0 && weight[1] > 0 && weight[2] > 0;
+}
+
+/* Weights of crossing i in one of its triangles. */
+static void weights_in(const dmk_cotree *t, int32_t i, double at, int32_t triangle, double weight[3])
+{
+    const int32_t h = t->crossing[i].half;
+    const int32_t own = h / 3 == triangle ? h : t->geodesics->star.twin[h];
+    if (own != h) at = 1 - at;
+    weight[own % 3] = 0;
+    weight[dmk_next(own) % 3] = 1 - at;
+    weight[dmk_previous(own) % 3] = at;
+}
+
+static double averaged(const dmk_cotree *t, int32_t i);
+
+/* The foot of the weakest crossing on the line between the two others; raw: as they are found. */
+static void find_foot(const dmk_cotree *t, int32_t triangle, bool raw, double weight[3])
+{
+    const int32_t *on = t->on + 3 * triangle;
+    int weakest = 0;
+    double p[3], q[3], a[3], b[3];
+    for (int k = 1; k < 3; k++) {
+        if (t->crossing[on[k]].excess < t->crossing[on[weakest]].excess) weakest = k;
+    }
+    const int32_t i = on[(weakest + 1) % 3], j = on[(weakest + 2) % 3];
+    dmk_subtract(t->crossing[on[weakest]].xyz, t->crossing[i].xyz, p);
+    dmk_subtract(t->crossing[j].xyz, t->crossing[i].xyz, q);
+    double s = dmk_dot(p, q) / dmk_dot(q, q);
+    s = s > 0.05 ? fmin(s, 0.95) : 0.05; /* not at a crossing: no line of length 0 */
+    weights_in(t, i, raw ? t->crossing[i].at : averaged(t, i), triangle, a);
+    weights_in(t, j, raw ? t->crossing[j].at : averaged(t, j), triangle, b);
+    for (int k = 0; k < 3; k++) weight[k] = (1 - s) * a[k] + s * b[k];
+}
+
+static void fork_weights(const dmk_cotree *t, int32_t triangle, bool raw, double weight[3])
+{
+    corners c;
+    set_corners(t->geodesics, triangle, &c);
+    if (!dmk_is_fork(t, triangle) || !find_fork(&c, weight)) find_foot(t, triangle, raw, weight);
+}
+
+void dmk_place_fork(const dmk_cotree *t, int32_t triangle, dmk_locus_vertex *v)
+{
+    double weight[3];
+    fork_weights(t, triangle, false, weight);
+    set_place(t->geodesics->mesh, triangle, weight, v);
+    set_widest(t, triangle, v);
+}
+
+void dmk_place_tip(const dmk_cotree *t, const dmk_tip *tip, dmk_locus_vertex *v)
+{
+    set_place(t->geodesics->mesh, tip->triangle, tip->weight, v);
+    set_widest(t, tip->triangle, v);
+    v->strength = t->crossing[tip->crossing].strength;
+}
+
+/* ---- crossings ------------------------------------------------------------------------------- */
+
+/* The line that leaves a crossing to one side, up to an end, a fork or the length wanted. */
+enum { MAX_WALK = 32 };
+typedef struct walk {
+    int n;
+    double x[MAX_WALK + 1][3], s[MAX_WALK + 1]; /* points and arc length */
+} walk;
+
+static void go(const dmk_cotree *t, int32_t i, int32_t node, double length, walk *w)
+{
+    w->n = 1;
+    w->s[0] = 0;
+    memcpy(w->x[0], t->crossing[i].xyz, sizeof w->x[0]);
+    while (node < t->geodesics->mesh->n_triangles && w->n <= MAX_WALK && w->s[w->n - 1] < length) {
+        int32_t next = -1, n = 0;
+        dmk_locus_vertex v;
+        for (int k = 0; k < 3; k++) {
+            const int32_t j = t->on[3 * node + k];
+            if (j < 0 || j == i || t->crossing[j].strength < t->strength) continue;
+            next = j;
+            n++;
+        }
+        const dmk_tip *tip = n == 0 ? dmk_tip_in(t, node) : NULL;
+        if (n == 0 && !tip) return;
+        if (n == 1) {
+            memcpy(v.xyz, t->crossing[next].xyz, sizeof v.xyz);
+        } else {
+            double weight[3];
+            if (!tip) fork_weights(t, node, true, weight);
+            set_place(t->geodesics->mesh, node, tip ? tip->weight : weight, &v);
+        }
+        memcpy(w->x[w->n], v.xyz, sizeof v.xyz);
+        w->s[w->n] = w->s[w->n - 1] + dmk_distance(w->x[w->n - 1], v.xyz);
+        w->n++;
+        if (n != 1) return;
+        node = dmk_other_node(&t->crossing[next], node);
+        i = next;
+    }
+}
+
+/* Add to `sum` the integral of the position over the first `length` of the walk. */
+static void integrate(const walk *w, double length, double sum[3])
+{
+    for (int j = 1; j < w->n && w->s[j - 1] < length; j++) {
+        const double piece = w->s[j] - w->s[j - 1], part = fmin(piece, length - w->s[j - 1]);
+        if (!(piece > 0)) continue;
+        for (int k = 0; k < 3; k++)
+            sum[k] += part * (w->x[j - 1][k] + 0.5 * part / piece * (w->x[j][k] - w->x[j - 1][k]));
+    }
+}
+
+/* Where on its edge the crossing goes. */
+static double averaged(const dmk_cotree *t, int32_t i)
+{
+    const dmk_crossing *c = &t->crossing[i];
+    const dmk_mesh *m = t->geodesics->mesh;
+    walk side[2];
+    double length = dmk_rules.width * t->mean_edge, mean[3] = {0}, edge[3], to[3];
+    if (c->strength < t->strength) return c->at;
+    for (int k = 0; k < 2; k++) {
+        go(t, i, c->node[k], length, &side[k]);
+        length = fmin(length, side[k].s[side[k].n - 1]);
+    }
+    if (!(length > 0)) return c->at;
+    for (int k = 0; k < 2; k++) integrate(&side[k], length, mean);
+    for (int k = 0; k < 3; k++) mean[k] /= 2 * length;
+    const double *v = m->xyz + 3 * (size_t)m->triangle[dmk_next(c->half)];
+    const double *w = m->xyz + 3 * (size_t)m->triangle[dmk_previous(c->half)];
+    dmk_subtract(w, v, edge);
+    dmk_subtract(mean, v, to);
+    return fmin(1, fmax(0, dmk_dot(to, edge) / dmk_dot(edge, edge)));
+}
+
+void dmk_place_crossing(const dmk_cotree *t, int32_t i, dmk_locus_vertex *v)
+{
+    const dmk_crossing *c = &t->crossing[i];
+    const int32_t h = c->half;
+    corners k;
+    double weight[3];
+    weights_in(t, i, averaged(t, i), h / 3, weight);
+    set_place(t->geodesics->mesh, h / 3, weight, v);
+    set_corners(t->geodesics, h / 3, &k);
+    set_families(t, &k, dmk_next(h) % 3, dmk_previous(h) % 3, v);
+    v->strength = c->strength;
+    v->meeting_angle = c->alpha;
+}
+
+/* ---- the plane of the source ------------------------------------------------------------------ */
+
+void dmk_place_in_plane(const dmk_cotree *t, int32_t corner, const double xyz[3], double plane[2])
+{
+    const dmk_geodesics *g = t->geodesics;
+    const dmk_mesh *m = g->mesh;
+    const int32_t triangle = corner / 3;
+    const double full = dmk_full_turn(g), unit = g->star.unit;
+    corners c;
+    double e[3], x[3], distance = g->distance[m->triangle[corner]];
+    double direction = g->arrival[m->triangle[corner]].direction;
+    set_corners(g, triangle, &c);
+    /* in the frame of the triangle's half-edge 0, from corner 1 to corner 2 */
+    const double *origin = m->xyz + 3 * (size_t)c.vertex[1];
+    dmk_subtract(m->xyz + 3 * (size_t)c.vertex[2], origin, e);
+    dmk_subtract(xyz, origin, x);
+    const double px = dmk_dot(x, e) / sqrt(dmk_dot(e, e)) / unit;
+    const double square = dmk_dot(x, x) / unit / unit - px * px, py = square > 0 ? sqrt(square) : 0;
+    if (memcmp(xyz, m->xyz + 3 * (size_t)m->triangle[corner], 3 * sizeof *xyz) != 0) {
+        distance = unit * dmk_image_length(&c.image[corner % 3], px, py);
+        direction += turn_to(&c, corner % 3, px, py, g->arrival[m->triangle[corner]].pseudo_source >= 0);
+    }
+    if (full < HUGE_VAL) direction *= 2 * pi / full;
+    plane[0] = distance * cos(direction);
+    plane[1] = distance * sin(direction);
+}

@@ -1,0 +1,201 @@
+/* Excess of the crossings, strength of the branches.
+ *
+ * Leaves are peeled off, the weakest first. A triangle with one crossing left hands on to it
+ *     P(out) = max over the others of P(i) + (1 - cos(alpha / 2)) |c_i - c_out|,
+ * the largest d(x) + |x c| - d(c) over the points x of the branch cut off: the length by which a path to
+ * c must grow to be moved around the branch's end, from one of the two shortest to the other. Crossings
+ * on loops are never peeled: their excess is infinite.
+ *
+ * Where branches join, the one with the largest excess goes on and the others end: a branch runs from a
+ * leaf to there, and its strength is the largest excess on it (the persistence of its end). All of a
+ * branch has this strength, but for what lies beyond its end, which has its own excess: so whole
+ * branches come and go with the strength asked for, and nothing else changes. */
+#include "base/sort.h"
+#include "base/vec3.h"
+#include "locus/cotree.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+typedef struct leaf {
+    double excess;
+    int32_t triangle;
+} leaf;
+
+static bool weaker(const leaf *a, const leaf *b)
+{
+    return a->excess < b->excess || (a->excess == b->excess && a->triangle < b->triangle);
+}
+
+static void push(leaf *heap, int32_t *n, leaf x)
+{
+    int32_t i = (*n)++;
+    for (; i > 0 && weaker(&x, &heap[(i - 1) / 2]); i = (i - 1) / 2) heap[i] = heap[(i - 1) / 2];
+    heap[i] = x;
+}
+
+static leaf pop(leaf *heap, int32_t *n)
+{
+    const leaf top = heap[0], last = heap[--*n];
+    int32_t i = 0;
+    for (int32_t k; (k = 2 * i + 1) < *n; i = k) {
+        if (k + 1 < *n && weaker(&heap[k + 1], &heap[k])) k++;
+        if (!weaker(&heap[k], &last)) break;
+        heap[i] = heap[k];
+    }
+    heap[i] = last;
+    return top;
+}
+
+static double handed_on(const dmk_crossing *from, const dmk_crossing *to)
+{
+    return from->excess + (1 - cos(0.25 * (from->alpha + to->alpha))) * dmk_distance(from->xyz, to->xyz);
+}
+
+/* What the leaf at triangle t hands on, and to which crossing: the only one not peeled. */
+static leaf excess_of(const dmk_cotree *t, int32_t triangle, int32_t *out)
+{
+    const int32_t *on = t->on + 3 * triangle;
+    leaf l = {0, triangle};
+    for (int k = 0; k < 3; k++) {
+        if (on[k] >= 0 && t->crossing[on[k]].excess == HUGE_VAL) *out = on[k];
+    }
+    for (int k = 0; k < 3; k++) {
+        if (on[k] < 0 || on[k] == *out) continue;
+        l.excess = fmax(l.excess, handed_on(&t->crossing[on[k]], &t->crossing[*out]));
+    }
+    return l;
+}
+
+/* Those that hand on to crossing i: the strongest goes on with i's strength, the others end there. */
+static void end_branches(dmk_cotree *t, int32_t i)
+{
+    const dmk_crossing *out = &t->crossing[i];
+    for (int side = 0; side < 2; side++) {
+        int32_t best = -1;
+        double most = -1;
+        for (int k = 0; k < 3 && out->node[side] < t->geodesics->mesh->n_triangles; k++) {
+            const int32_t j = t->on[3 * out->node[side] + k];
+            if (j < 0 || t->crossing[j].onward != i) continue;
+            const double p = handed_on(&t->crossing[j], out);
+            if (p > most) most = p, best = j;
+        }
+        if (best >= 0) t->crossing[best].strength = out->strength;
+    }
+}
+
+static void set_branches(dmk_cotree *t, const int32_t *order, int32_t n)
+{
+    for (int32_t i = 0; i < t->n; i++) t->crossing[i].strength = t->crossing[i].excess;
+    for (int32_t i = n - 1; i >= 0; i--) end_branches(t, order[i]);
+}
+
+/* The triangle at the last crossing's other end has nothing left: it hands on to that crossing, too. */
+static void close_last(dmk_cotree *t, int32_t last)
+{
+    const dmk_crossing *c = &t->crossing[last];
+    for (int side = 0; side < 2; side++) {
+        if (c->node[side] >= t->geodesics->mesh->n_triangles) return;
+        for (int k = 0; k < 3; k++) {
+            const int32_t j = t->on[3 * c->node[side] + k];
+            if (j < 0 || j == last) continue;
+            if (t->crossing[j].excess == HUGE_VAL) return;
+            t->crossing[j].onward = last;
+        }
+    }
+    t->last = last;
+}
+
+/* Crossings in the order in which they are peeled. */
+static int peel(dmk_context *ctx, dmk_cotree *t, int32_t *order, int32_t *n_peeled)
+{
+    int rc;
+    const int32_t n_triangles = t->geodesics->mesh->n_triangles;
+    uint8_t *degree = NULL;
+    leaf *heap = NULL;
+    int32_t n = 0, out = -1;
+    DMK_TRY(DMK_NEW(ctx, degree, (size_t)n_triangles));
+    DMK_TRY(DMK_NEW(ctx, heap, (size_t)n_triangles));
+    for (int32_t i = 0; i < n_triangles; i++) {
+        for (int k = 0; k < 3; k++) degree[i] += t->on[3 * i + k] >= 0;
+        if (degree[i] == 1) push(heap, &n, excess_of(t, i, &out));
+    }
+    while (n > 0) {
+        const leaf l = pop(heap, &n);
+        if (degree[l.triangle] != 1) continue; /* the other end of the last crossing */
+        excess_of(t, l.triangle, &out);
+        t->crossing[out].excess = l.excess;
+        t->crossing[out].outer = t->crossing[out].node[1] == l.triangle;
+        order[(*n_peeled)++] = out;
+        degree[l.triangle] = 0;
+        for (int k = 0; k < 3; k++) {
+            const int32_t i = t->on[3 * l.triangle + k];
+            if (i >= 0 && i != out) t->crossing[i].onward = out;
+        }
+        const int32_t next = dmk_other_node(&t->crossing[out], l.triangle);
+        if (next < n_triangles && --degree[next] == 1) push(heap, &n, excess_of(t, next, &out));
+    }
+done:
+    free(degree);
+    free(heap);
+    return rc;
+}
+
+/* Excess of the weakest way into triangle i, where three meet: that of a branch which ends there. */
+static double branch_at(const dmk_cotree *t, int32_t i)
+{
+    double least = HUGE_VAL;
+    for (int k = 0; k < 3; k++) {
+        if (t->on[3 * i + k] < 0) return 0;
+        least = fmin(least, t->crossing[t->on[3 * i + k]].excess);
+    }
+    return least;
+}
+
+/* The mesh's own branches are weak and many; on a noisy mesh some are stronger than the default. They are
+ * told from the surface's by a gap: above the strongest of them, which is no lone one, the next is `gap` times as
+ * strong, and is no loop. */
+static int find_default(dmk_context *ctx, dmk_cotree *t)
+{
+    int rc;
+    const double h = t->mean_edge, least = 0.5 * dmk_rules.strength * h;
+    double *branch = NULL;
+    size_t n = 0;
+    t->strength = dmk_rules.strength * h;
+    DMK_TRY(DMK_NEW(ctx, branch, (size_t)t->geodesics->mesh->n_triangles + 2));
+    branch[n++] = least;
+    if (t->last >= 0) branch[n++] = fmax(least, t->crossing[t->last].excess);
+    for (int32_t i = 0; i < t->geodesics->mesh->n_triangles; i++) {
+        const double b = branch_at(t, i);
+        if (b > least && b < HUGE_VAL) branch[n++] = b;
+    }
+    dmk_sort_doubles(branch, n);
+    for (size_t i = 0; i + 1 < n && branch[i] <= dmk_rules.gap * dmk_rules.strength * h; i++) {
+        if (branch[i + 1] < dmk_rules.gap * branch[i]) continue;
+        if (i > 0 && branch[i] > sqrt(dmk_rules.gap) * branch[i - 1]) continue;
+        t->strength = fmax(t->strength, dmk_rules.above * branch[i]);
+        break;
+    }
+done:
+    free(branch);
+    return rc;
+}
+
+int dmk_cotree_peel(dmk_context *ctx, dmk_cotree *t)
+{
+    int rc;
+    int32_t *order = NULL, n = 0;
+    t->last = -1;
+    DMK_TRY(DMK_NEW(ctx, order, (size_t)t->n));
+    DMK_TRY(peel(ctx, t, order, &n));
+    if (n > 0) close_last(t, order[n - 1]);
+    set_branches(t, order, n);
+    DMK_TRY(find_default(ctx, t));
+    for (int32_t i = 0; i < t->n; i++) {
+        dmk_crossing *c = &t->crossing[i];
+        if (c->excess < t->strength) c->strength = c->excess;
+    }
+done:
+    free(order);
+    return rc;
+}
