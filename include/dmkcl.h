@@ -549,11 +549,11 @@ typedef struct dmk_locus_vertex {
     double distance;    /* to the source */
     double mu;          /* density of the triangle it lies in */
     double strength;    /* a length: that of its strongest edge */
-    double meeting_angle; /* between the minimal geodesics where they meet here, radians, 0 to pi */
-    double source_angle;  /* between them at p, radians, 0 to pi */
-    double angle[2];    /* their directions at p, of the two outermost ones, radians */
+    double angle[2];    /* directions at p of the two outermost minimal geodesics, radians */
     int32_t kind;       /* dmk_locus_kind */
     int32_t degree;
+    double meeting_angle; /* between the minimal geodesics where they meet here, radians, 0 to pi */
+    double source_angle;  /* between them at p, radians, 0 to pi */
 } dmk_locus_vertex;
 
 typedef struct dmk_locus_edge {

@@ -230,6 +230,7 @@ static bool may_be(const char *function, const char *argument)
         "dmk_cut plane",
         /* Lengths of the caller's arrays, and xyz where the mesh is looked at later. */
         "dmk_device_list capacity",
+        "dmk_cut_write plane",
         "dmk_mesh_repair n_vertices",
         "dmk_mesh_repair n_triangles",
         "dmk_mesh_repair xyz",

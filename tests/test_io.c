@@ -352,10 +352,10 @@ static void test_large_vtk_files(void **state)
 
 /* A path of three vertices and one more vertex by itself. */
 static const dmk_locus_vertex vertices[4] = {
-    {{0, 1.0 / 3, 1}, {0, {0.5, 0.5, 0}}, 2.5, 1e-17, 3.1, {0.25, -1.0 / 3}, DMK_LOCUS_END, 1},
-    {{1, 0, 1e-300}, {1, {1, 0, 0}}, 2.25, 0, 2.9, {1, 2}, DMK_LOCUS_ORDINARY, 2},
-    {{2, 0, 0}, {2, {0.25, 0.25, 0.5}}, 2, 3, 0.5, {-1, -2}, DMK_LOCUS_END, 1},
-    {{7, 8, 9}, {3, {0, 0, 1}}, 4, 0, 6.25, {0, 3}, DMK_LOCUS_POINT, 0}};
+    {{0, 1.0 / 3, 1}, {0, {0.5, 0.5, 0}}, 2.5, 1e-17, 3.1, {0.25, -1.0 / 3}, DMK_LOCUS_END, 1, 0.5, 0.75},
+    {{1, 0, 1e-300}, {1, {1, 0, 0}}, 2.25, 0, 2.9, {1, 2}, DMK_LOCUS_ORDINARY, 2, 3, 2},
+    {{2, 0, 0}, {2, {0.25, 0.25, 0.5}}, 2, 3, 0.5, {-1, -2}, DMK_LOCUS_END, 1, 0, 1},
+    {{7, 8, 9}, {3, {0, 0, 1}}, 4, 0, 6.25, {0, 3}, DMK_LOCUS_POINT, 0, 1, 3}};
 static const dmk_locus_edge edges[2] = {{{0, 1}, 2.75}, {{1, 2}, 1.0 / 7}};
 static const int32_t line_index[] = {0, 1, 2, 3};
 static const int32_t line_offset[] = {0, 3, 4};
@@ -391,11 +391,11 @@ static void test_locus_as_csv(void **state)
     assert_int_equal(dmk_curves_write(f->ctx, &curves, path_of(f, "l.csv")), DMK_OK);
     check_text_file(
         f, "l.csv",
-        "x,y,z,triangle,w0,w1,w2,distance,mu,strength,angle0,angle1,kind,degree\n"
-        "0,0.3333333333333333,1,0,0.5,0.5,0,2.5,1e-17,3.1,0.25,-0.3333333333333333,1,1\n"
-        "1,0,1e-300,1,1,0,0,2.25,0,2.9,1,2,0,2\n"
-        "2,0,0,2,0.25,0.25,0.5,2,3,0.5,-1,-2,1,1\n"
-        "7,8,9,3,0,0,1,4,0,6.25,0,3,3,0\n");
+        "x,y,z,triangle,w0,w1,w2,distance,mu,strength,angle0,angle1,kind,degree,meeting_angle,source_angle\n"
+        "0,0.3333333333333333,1,0,0.5,0.5,0,2.5,1e-17,3.1,0.25,-0.3333333333333333,1,1,0.5,0.75\n"
+        "1,0,1e-300,1,1,0,0,2.25,0,2.9,1,2,0,2,3,2\n"
+        "2,0,0,2,0.25,0.25,0.5,2,3,0.5,-1,-2,1,1,0,1\n"
+        "7,8,9,3,0,0,1,4,0,6.25,0,3,3,0,1,3\n");
 }
 
 static void test_locus_as_vtp(void **state)
@@ -410,6 +410,8 @@ static void test_locus_as_vtp(void **state)
     check_array(content, "<PointData>", "distance", (double[]){2.5, 2.25, 2, 4}, 32);
     check_array(content, "<PointData>", "mu", (double[]){1e-17, 0, 3, 0}, 32);
     check_array(content, "<PointData>", "strength", (double[]){3.1, 2.9, 0.5, 6.25}, 32);
+    check_array(content, "<PointData>", "meeting_angle", (double[]){0.5, 3, 0, 1}, 32);
+    check_array(content, "<PointData>", "source_angle", (double[]){0.75, 2, 1, 3}, 32);
     check_array(content, "<PointData>", "angle0", (double[]){0.25, 1, -1, 0}, 32);
     check_array(content, "<PointData>", "angle1", (double[]){-1.0 / 3, 2, -2, 3}, 32);
     check_array(content, "<PointData>", "kind", (int32_t[]){1, 0, 1, 3}, 16);

@@ -18,7 +18,7 @@ static const double pi = 3.14159265358979323846;
 
 void dmk_locus_options_init(dmk_locus_options *options)
 {
-    *options = (dmk_locus_options){.strength = 0};
+    if (options) *options = (dmk_locus_options){.strength = 0};
 }
 
 /* The locus while it is put together. A vertex lies on a crossing or in a triangle with three at most. */
