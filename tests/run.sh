@@ -28,8 +28,10 @@ run() { # TEST
 passed=0 failed=0 skipped=0
 for test; do
     log=$scratch/$(basename "$test").log
+    begin=$(date +%s)
     run "$test" > "$log" 2>&1 < /dev/null
     status=$?
+    seconds=$(($(date +%s) - begin))
     # The leak checker, which stops all threads at the end, has now and then crashed itself when a driver's
     # thread ended just then: that says nothing about the test, which is run once more.
     if [ $status -ne 0 ] && grep -q 'LeakSanitizer has encountered a fatal error' "$log"; then
@@ -37,7 +39,7 @@ for test; do
         run "$test" > "$log" 2>&1 < /dev/null
         status=$?
     fi
-    counts=$(awk -v name="$(basename "$test" .sh)" -v status="$status" -f tests/tap.awk "$log")
+    counts=$(awk -v name="$(basename "$test" .sh)" -v status="$status" -v seconds="$seconds" -f tests/tap.awk "$log")
     printf '%s\n' "$counts" | sed '$d'
     read -r p f s << EOF
 $(printf '%s\n' "$counts" | tail -n 1)

@@ -1,4 +1,4 @@
-# Judge the output of one test program. Variables: name, status (its exit status).
+# Judge the output of one test program. Variables: name, status (its exit status), seconds (that it took).
 # Prints a line on the program, its failures and skips with what it said about them, and at last the
 # three counts: passed failed skipped.
 # A result may follow the program's own text on one line; cmocka 1.1.5 calls a skip "not ok K # SKIP".
@@ -37,7 +37,7 @@ END {
     }
     if (status > 128) text = text "    ended by signal " (status - 128) "\n"
     if (status == 124) text = text "    took too long\n"
-    printf "%-24s %3d passed%s%s\n%s", name, passed, failed ? ", " failed " FAILED" : "",
+    printf "%-24s %3d passed%s%s%s\n%s", name, passed, seconds == "" ? "" : sprintf(", %d s", seconds), failed ? ", " failed " FAILED" : "",
         skipped ? ", " skipped " skipped" : "", text
     print passed + 0, failed + 0, skipped + 0
 }

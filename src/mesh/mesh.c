@@ -195,7 +195,7 @@ static int measure_triangle(dmk_context *ctx, const struct dmk_mesh *m, int32_t 
         if (!ctx) return DMK_E_MESH;
         return dmk_fail(ctx, DMK_E_MESH,
                         "triangle %d (vertices %d %d %d) is degenerate: its area is zero; remove "
-                        "it or merge its corners; --repair mends it", t, v[0], v[1], v[2]);
+                        "it or merge its corners; a repair does that", t, v[0], v[1], v[2]);
     }
     double cot[3];
     dmk_measure_sides(l, &m->area[t], cot);
