@@ -225,6 +225,13 @@ STEADY ?= $(TESTS) $(TEST_SCRIPTS)
 steady: $(TESTS) $(STATIC) $(SHARED) $(TOOL) $B/faults/library $B/faults/dmkcl
 	$(Q)bash tests/steady.sh $B $(STEADY_RUNS) $(STEADY)
 
+# Small wrong changes of the sources, and whether a test notices: see tests/mutate/mutate.py. An hour or two.
+MUTANTS ?= 300
+MUTATE ?=
+.PHONY: mutate
+mutate: | $(PACKAGES)
+	$(Q)python3 tests/mutate/mutate.py --count $(MUTANTS) $(MUTATE)
+
 # Meshes of scanners, from the Debian archive, and one of a million triangles; best with CONFIG=sanitize.
 .PHONY: real
 real: $(TOOL)
@@ -354,6 +361,7 @@ help:
 	@echo 'make ci         the tests, and compilers, analysers, sanitizers, ... in short'
 	@echo 'make fuzz       fuzz all readers with clang; FUZZ_SECONDS=240 for all drivers together'
 	@echo 'make real       scanned meshes through all commands; REAL_MESHES=folder where they are there'
+	@echo 'make mutate     MUTANTS=300 wrong changes of the sources, and whether a test notices each'
 	@echo 'make steady     each test STEADY_RUNS=200 times, with and without load: does any fail now and then?'
 	@echo 'make faults     memory, files, OpenCL and signals fail in turn; FAULT_STRIDE=1 FAULT_RUNS=20'
 	@echo 'make check-all  all checks, with a table of what was tried; also by themselves:'
