@@ -17,6 +17,7 @@
 int cmd_solve(int argc, char **argv);
 int cmd_batch(int argc, char **argv);
 int cmd_distance(int argc, char **argv);
+int cmd_transport(int argc, char **argv);
 int cmd_path(int argc, char **argv);
 int cmd_cut(int argc, char **argv);
 int cmd_mesh(int argc, char **argv);

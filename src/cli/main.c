@@ -21,6 +21,7 @@ typedef struct command {
 static const command commands[] = {
     {"solve", cmd_solve, "density, distance and cut locus of a point on a mesh", true},
     {"batch", cmd_batch, "the same for many meshes, in one process that can be resumed", true},
+    {"transport", cmd_transport, "optimal transport between two measures on a mesh", false},
     {"distance", cmd_distance, "exact geodesic distances from points or the border of a mesh", false},
     {"path", cmd_path, "a minimal geodesic from a point back to the source", false},
     {"cut", cmd_cut, "the surface cut open along the cut locus, a disk", false},
@@ -38,7 +39,7 @@ static int print_help(void)
            "\n"
            "commands:\n");
     for (int i = 0; i < N_COMMANDS; i++) {
-        printf("  %-9s %s\n", commands[i].name, commands[i].summary);
+        printf("  %-10s %s\n", commands[i].name, commands[i].summary);
     }
     printf("\n"
            "`dmkcl COMMAND --help` or `dmkcl help COMMAND` lists the options of a command,\n"

@@ -111,33 +111,17 @@ void solve_add_device(solve_table *table, solve_request *request)
     solve_add(table, rows, sizeof rows / sizeof *rows);
 }
 
-void solve_add_method(solve_table *table, solve_request *request)
+void solve_add_iteration(solve_table *table, solve_request *request)
 {
     static const char *const methods[] = {"newton", "inertial", "euler", NULL}; /* as dmk_method */
-    static const char *const starts[] = {"distance", "uniform", NULL};          /* as dmk_start */
     dmk_solve_options *solve_options = &request->solve;
     const cli_option rows[] = {
-        {.name = "threshold",
-         .value = "EPS",
-         .help = "bound of the approximate cut locus {mu <= EPS}, the array `acl`;\n"
-                 "default: a rule from mu and u that needs no bound",
-         .kind = CLI_NUMBER,
-         .target = &solve_options->threshold,
-         .lo = DBL_MIN,
-         .hi = DBL_MAX,
-         .expected = "a number above 0"},
         {.name = "method",
          .value = "NAME",
          .help = "newton (default), inertial, euler (the paper's)",
          .kind = CLI_CHOICE,
          .target = &request->method,
          .choices = methods},
-        {.name = "start",
-         .value = "NAME",
-         .help = "from a distance estimate (default: distance) or from mu = 1\n(uniform)",
-         .kind = CLI_CHOICE,
-         .target = &request->start,
-         .choices = starts},
         {.name = "dt",
          .value = "STEP",
          .help = "time step of euler, in (0, 1]; default: 0.5",
@@ -180,6 +164,30 @@ void solve_add_method(solve_table *table, solve_request *request)
          .expected = "a whole number from 1"},
     };
     solve_add(table, rows, sizeof rows / sizeof *rows);
+}
+
+void solve_add_method(solve_table *table, solve_request *request)
+{
+    static const char *const starts[] = {"distance", "uniform", NULL}; /* as dmk_start */
+    const cli_option rows[] = {
+        {.name = "threshold",
+         .value = "EPS",
+         .help = "bound of the approximate cut locus {mu <= EPS}, the array `acl`;\n"
+                 "default: a rule from mu and u that needs no bound",
+         .kind = CLI_NUMBER,
+         .target = &request->solve.threshold,
+         .lo = DBL_MIN,
+         .hi = DBL_MAX,
+         .expected = "a number above 0"},
+        {.name = "start",
+         .value = "NAME",
+         .help = "from a distance estimate (default: distance) or from mu = 1\n(uniform)",
+         .kind = CLI_CHOICE,
+         .target = &request->start,
+         .choices = starts},
+    };
+    solve_add(table, rows, sizeof rows / sizeof *rows);
+    solve_add_iteration(table, request);
 }
 
 void solve_request_convert(solve_request *request)

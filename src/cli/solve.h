@@ -72,6 +72,8 @@ void solve_add_report(solve_table *table, solve_request *request);
 /* For commands that need no device. */
 void solve_add_host(solve_table *table, solve_request *request);
 void solve_add_device(solve_table *table, solve_request *request);
+/* Method, steps, tolerances; solve_add_method: these, and the start and the threshold. */
+void solve_add_iteration(solve_table *table, solve_request *request);
 void solve_add_method(solve_table *table, solve_request *request);
 /* After parsing: what is in types of the command line to those of the library. */
 void solve_request_convert(solve_request *request);

@@ -1,0 +1,291 @@
+/* dmkcl transport: from one measure on a mesh to another. */
+#include "solve.h"
+#include "transport.h"
+
+#include <math.h>
+#include <string.h>
+#include <unistd.h>
+
+typedef struct transport_request {
+    solve_request solve; /* mesh, device, method, files of the result, report */
+    const char *from, *to;
+    bool normalise;
+} transport_request;
+
+typedef struct transport_run {
+    dmk_context *context;
+    dmk_mesh *mesh;
+    dmk_repairs repairs;
+    dmk_device *device;
+    dmk_solver *solver;
+    dmk_transport *transport;
+    cli_measure from, to;
+    double begin, read, device_seconds, write; /* seconds */
+    cli_progress progress;
+} transport_run;
+
+/* ---- the run -------------------------------------------------------------------------------- */
+
+static int fail(transport_run *run, int rc)
+{
+    cli_progress_end(&run->progress);
+    return cli_library_error(run->context, rc);
+}
+
+static int read_all(const transport_request *r, transport_run *run)
+{
+    const cli_reading how = {r->solve.repair, r->solve.quiet, &run->progress};
+    const int rc = cli_read_mesh(run->context, r->solve.mesh, &how, &run->repairs, &run->mesh);
+    if (rc != DMK_OK) return fail(run, rc);
+    int code = cli_measure_read(run->context, run->mesh, r->from, &run->from);
+    if (code == EXIT_OK && r->to) code = cli_measure_read(run->context, run->mesh, r->to, &run->to);
+    run->read = cli_seconds() - run->begin;
+    return code;
+}
+
+static int compute(const transport_request *r, transport_run *run)
+{
+    dmk_solve_options options = r->solve.solve;
+    options.normalise = r->normalise;
+    double mark = cli_seconds();
+    int rc = cli_device_open(run->context, &r->solve.device, &run->device);
+    run->device_seconds = cli_seconds() - mark;
+    if (rc == DMK_OK) rc = dmk_solver_create(run->context, run->device, run->mesh, &run->solver);
+    if (rc == DMK_OK) {
+        rc = dmk_solve_measures(run->context, run->solver, &run->from.measure,
+                                r->to ? &run->to.measure : NULL, &options, &run->transport);
+    }
+    mark = cli_seconds();
+    for (int i = 0; rc == DMK_OK && i < r->solve.out.n; i++)
+        rc = dmk_transport_write(run->context, run->mesh, run->transport, r->solve.out.path[i]);
+    run->write = cli_seconds() - mark;
+    cli_progress_end(&run->progress);
+    return rc == DMK_OK ? EXIT_OK : fail(run, rc);
+}
+
+/* ---- what is told --------------------------------------------------------------------------- */
+
+static void write_report(FILE *file, const transport_request *r, const transport_run *run)
+{
+    cli_json json = {.file = file};
+    dmk_mesh_info mesh;
+    dmk_stats stats;
+    dmk_transport_info info;
+    dmk_mesh_get_info(run->mesh, &mesh);
+    dmk_transport_get_stats(run->transport, &stats);
+    dmk_transport_get_info(run->transport, &info);
+    json_open(&json, NULL, '{');
+    json_text(&json, "dmkcl", dmk_version());
+    json_open(&json, "mesh", '{');
+    json_text(&json, "file", r->solve.mesh);
+    json_mesh(&json, &mesh);
+    json_repairs(&json, &run->repairs);
+    json_close(&json, '{');
+    json_text(&json, "from", r->from);
+    if (r->to) json_text(&json, "to", r->to);
+    json_number(&json, "mass", info.mass);
+    json_number(&json, "area", stats.area);
+    json_text(&json, "precision", stats.double_precision ? "double" : "single");
+    json_integer(&json, "steps", stats.steps);
+    json_integer(&json, "cg_iterations", stats.cg_iterations);
+    json_integer(&json, "v_cycles", stats.v_cycles);
+    json_integer(&json, "levels", stats.levels);
+    json_number(&json, "change", stats.change);
+    json_number(&json, "cost_upper", stats.cost_upper);
+    json_number(&json, "cost_lower", stats.cost_lower);
+    json_number(&json, "gap", stats.gap);
+    json_integer(&json, "sweeps", stats.sweeps);
+    json_integer(&json, "n_steep", stats.n_steep);
+    json_number(&json, "balance", info.balance);
+    json_open(&json, "seconds", '{');
+    json_number(&json, "read", run->read);
+    json_number(&json, "device", run->device_seconds);
+    json_number(&json, "setup", stats.seconds[DMK_STAGE_SETUP]);
+    json_number(&json, "start", stats.seconds[DMK_STAGE_START]);
+    json_number(&json, "solve", stats.seconds[DMK_STAGE_SOLVE]);
+    json_number(&json, "certify", stats.seconds[DMK_STAGE_CERTIFY]);
+    json_number(&json, "write", run->write);
+    json_number(&json, "total", cli_seconds() - run->begin);
+    json_close(&json, '{');
+    json_integer(&json, "peak_memory", (int64_t)cli_peak_memory());
+    json_open(&json, "out", '[');
+    for (int i = 0; i < r->solve.out.n; i++) json_text(&json, NULL, r->solve.out.path[i]);
+    json_close(&json, '[');
+    json_close(&json, '{');
+}
+
+static int report(const transport_request *r, const transport_run *run)
+{
+    const char *path = r->solve.report;
+    if (!path) return EXIT_OK;
+    if (strcmp(path, "-") == 0) {
+        write_report(stdout, r, run);
+        return cli_flush();
+    }
+    cli_file file;
+    const int code = cli_file_open(path, &file);
+    if (code != EXIT_OK) return code;
+    write_report(file.stream, r, run);
+    return cli_file_close(&file);
+}
+
+static void print_summary(const transport_request *r, const transport_run *run)
+{
+    char v[CLI_TEXT_SIZE], t[CLI_TEXT_SIZE];
+    dmk_mesh_info mesh;
+    dmk_stats stats;
+    dmk_transport_info info;
+    dmk_mesh_get_info(run->mesh, &mesh);
+    dmk_transport_get_stats(run->transport, &stats);
+    dmk_transport_get_info(run->transport, &info);
+    printf("%-10s %s: %s vertices, %s triangles\n", "mesh", r->solve.mesh,
+           cli_count((int64_t)mesh.n_vertices, v), cli_count((int64_t)mesh.n_triangles, t));
+    printf("%-10s %.8g, from %s%s%s\n", "mass", info.mass, r->from,
+           r->to ? " to " : ", positive to negative part", r->to ? r->to : "");
+    printf("%-10s in %d steps with %d CG iterations, %s precision\n", "solved", stats.steps,
+           stats.cg_iterations, stats.double_precision ? "double" : "single");
+    printf(
+        "%-10s between %.8g and %.8g (gap %.2g %%), mass times length, of the discrete problem\n",
+        "W1", stats.cost_lower, stats.cost_upper, 100 * stats.gap);
+    if (stats.gap > 0.01) {
+        printf("%-10s %s\n", "",
+               stats.n_steep > 0 ? "the lower bound is held back by triangles with |grad u| above 1"
+                                 : "a smaller --tolerance brings the bounds closer");
+    }
+    printf("%-10s %.6g on average\n", "way", stats.cost_upper / info.mass);
+    printf("%-10s the flux delivers every load within %.1g of the largest\n", "balance",
+           info.balance);
+    printf(
+        "%-10s %.2f s: read %.2f, device %.2f, setup %.2f, solve %.2f, certify %.2f; memory %s\n",
+        "time", cli_seconds() - run->begin, run->read, run->device_seconds,
+        stats.seconds[DMK_STAGE_SETUP], stats.seconds[DMK_STAGE_SOLVE],
+        stats.seconds[DMK_STAGE_CERTIFY], cli_bytes(cli_peak_memory(), v));
+    for (int i = 0; i < r->solve.out.n; i++)
+        printf("%-10s %s: mu, flux, u\n", "wrote", r->solve.out.path[i]);
+}
+
+static int check_gap(const transport_request *r, const transport_run *run)
+{
+    dmk_stats stats;
+    dmk_transport_get_stats(run->transport, &stats);
+    const double asked = r->solve.solve.gap_tolerance;
+    if (!(asked > 0) || stats.gap <= asked) return EXIT_OK;
+    return cli_error(
+        EXIT_GAP,
+        "the gap is %.2g, above the %.2g that --gap asked for; a smaller --tolerance may "
+        "bring it down",
+        stats.gap, asked);
+}
+
+static int run_transport(const transport_request *r)
+{
+    transport_run run = {.begin = cli_seconds(),
+                         .progress.line = isatty(STDERR_FILENO) && !r->solve.quiet,
+                         .progress.steps = r->solve.verbose,
+                         .progress.gap = NAN};
+    const int rc = dmk_context_create(&run.context);
+    if (rc != DMK_OK) return cli_library_error(NULL, rc);
+    dmk_context_set_threads(run.context, r->solve.device.threads);
+    cli_watch(run.context, &run.progress);
+    int code = read_all(r, &run);
+    if (code == EXIT_OK) code = compute(r, &run);
+    if (code == EXIT_OK) code = report(r, &run);
+    const bool told = r->solve.report && strcmp(r->solve.report, "-") == 0;
+    if (code == EXIT_OK && !r->solve.quiet && !told) {
+        print_summary(r, &run);
+        code = cli_flush();
+    }
+    if (code == EXIT_OK) code = check_gap(r, &run);
+    cli_progress_end(&run.progress);
+    cli_measure_free(&run.from);
+    cli_measure_free(&run.to);
+    dmk_transport_destroy(&run.transport);
+    dmk_solver_destroy(&run.solver);
+    dmk_device_destroy(&run.device);
+    dmk_mesh_destroy(&run.mesh);
+    dmk_repairs_free(&run.repairs);
+    dmk_context_destroy(&run.context);
+    return code;
+}
+
+/* ---- the command line ----------------------------------------------------------------------- */
+
+static int check_request(const transport_request *r)
+{
+    if (!r->from) {
+        return cli_error(
+            EXIT_USAGE,
+            "transport: what is to be moved? Give --from FILE, and --to FILE unless the "
+            "first is signed");
+    }
+    const int code = cli_check_outputs("out", &r->solve.out, CLI_RESULT);
+    cli_uses uses = {.n = 0};
+    cli_use(&uses, NULL, r->solve.mesh);
+    if (strcmp(r->from, "uniform") != 0) cli_use(&uses, NULL, r->from);
+    if (r->to && strcmp(r->to, "uniform") != 0) cli_use(&uses, NULL, r->to);
+    cli_use_files(&uses, "out", &r->solve.out);
+    cli_use(&uses, "report", r->solve.report);
+    return code == EXIT_OK ? cli_check_uses(&uses) : code;
+}
+
+static int parse(transport_request *r, const char *out_help, int argc, char **argv)
+{
+    solve_table table = {.n = 0};
+    const cli_option rows[] = {
+        {.name = "from",
+         .value = "FILE",
+         .help = "the measure to be moved; `uniform` spreads the area evenly",
+         .kind = CLI_TEXT,
+         .target = &r->from},
+        {.name = "to",
+         .value = "FILE",
+         .help = "where it goes; without, the first one is signed, and its positive\npart goes to "
+                 "the negative one",
+         .kind = CLI_TEXT,
+         .target = &r->to},
+        {.name = "normalise",
+         .help = "scale the second measure to the mass of the first",
+         .kind = CLI_FLAG,
+         .target = &r->normalise},
+        {.name = "out",
+         .value = "FILE",
+         .help = out_help,
+         .kind = CLI_FILES,
+         .target = &r->solve.out},
+        {.name = "repair", .help = CLI_REPAIR_HELP, .kind = CLI_FLAG, .target = &r->solve.repair},
+    };
+    solve_add(&table, rows, sizeof rows / sizeof *rows);
+    solve_add_report(&table, &r->solve);
+    solve_add_iteration(&table, &r->solve);
+    solve_add_device(&table, &r->solve);
+    const cli_syntax syntax = {
+        .command = "transport",
+        .usage = "MESH --from FILE [--to FILE] [OPTIONS]",
+        .summary = "The optimal transport between two measures on the surface MESH at the cost of "
+                   "the distance:\n"
+                   "the earth mover's distance W1 with bounds, the density mu, the flux and the "
+                   "potential u.",
+        .operand = "MESH",
+        .notes =
+            "A measure is a text file, # begins a comment: a number a line, as many as vertices\n"
+            "(masses) or as triangles (mass per area); or lines `vertex I MASS` and `X,Y,Z MASS`.\n"
+            "Both measures have the same mass, all of it on one component of the mesh.",
+        .options = table.row,
+        .n_options = table.n,
+    };
+    return cli_parse(&syntax, argc, argv, &r->solve.mesh);
+}
+
+int cmd_transport(int argc, char **argv)
+{
+    transport_request request = {.from = NULL};
+    char suffixes[512], help[600];
+    solve_request_init(&request.solve, "transport");
+    cli_suffixes(CLI_RESULT, suffixes, sizeof suffixes);
+    snprintf(help, sizeof help, "write mesh, mu, flux and u; may be given again:\n%s", suffixes);
+    int code = parse(&request, help, argc, argv);
+    if (code != CLI_GO_ON) return code;
+    solve_request_convert(&request.solve);
+    code = check_request(&request);
+    return code == EXIT_OK ? run_transport(&request) : code;
+}

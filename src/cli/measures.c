@@ -1,0 +1,151 @@
+/* Files of measures: one number a line, masses of vertices or densities of triangles by their number; or
+ * lines `vertex I MASS` and `X,Y,Z MASS`; # begins a comment. */
+#include "transport.h"
+
+#include <ctype.h>
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Numbers of a line, separated by blanks or commas, after the word `vertex` if it is there. */
+typedef struct line {
+    bool vertex;
+    double number[5];
+    int n; /* -1: something else is on the line */
+} line;
+
+static line read_line(char *text)
+{
+    static const char word[] = "vertex";
+    line l = {.n = 0};
+    for (char *c = text; *c; c++) {
+        if (*c == ',') *c = ' ';
+    }
+    if (strncmp(text, word, sizeof word - 1) == 0 &&
+        isspace((unsigned char)text[sizeof word - 1])) {
+        l.vertex = true;
+        text += sizeof word - 1;
+    }
+    while (l.n < 5) {
+        char *end;
+        l.number[l.n] = strtod(text, &end); /* the locale is C: see main */
+        if (end == text) break;
+        l.n++;
+        text = end;
+    }
+    if (text[strspn(text, " \t")] != '\0') l.n = -1;
+    return l;
+}
+
+static int grow(void **list, size_t n, size_t size)
+{
+    if ((n & (n - 1)) != 0) return EXIT_OK; /* the room is a power of two */
+    void *more = realloc(*list, (n ? 2 * n : 1) * size);
+    if (!more) return cli_library_error(NULL, DMK_E_NOMEM);
+    *list = more;
+    return EXIT_OK;
+}
+
+static int add_value(cli_measure *m, double value)
+{
+    const int code = grow((void **)&m->value, m->n_values, sizeof *m->value);
+    if (code == EXIT_OK) m->value[m->n_values++] = value;
+    return code;
+}
+
+static int add_atom(dmk_context *context, const dmk_mesh *mesh, cli_measure *m, const line *l)
+{
+    dmk_point p;
+    int code = grow((void **)&m->atom, m->n_atoms, sizeof *m->atom);
+    if (code == EXIT_OK) code = grow((void **)&m->mass, m->n_atoms, sizeof *m->mass);
+    if (code != EXIT_OK) return code;
+    int rc = DMK_E_ARG;
+    if (l->vertex)
+        rc = dmk_mesh_vertex_point(context, mesh, (int64_t)l->number[0], &p);
+    else
+        rc = dmk_mesh_project(context, mesh, l->number, &p);
+    if (rc != DMK_OK) return cli_library_error(context, rc);
+    m->atom[m->n_atoms] = p;
+    m->mass[m->n_atoms++] = l->number[l->vertex ? 1 : 3];
+    return EXIT_OK;
+}
+
+static int take_line(dmk_context *context, const dmk_mesh *mesh, const char *path, int64_t number,
+                     char *text, cli_measure *m)
+{
+    const size_t before = strspn(text, " \t");
+    const line l = read_line(text + before);
+    if (l.n == 0 && !l.vertex) return EXIT_OK;
+    if (!l.vertex && l.n == 1 && m->n_atoms == 0) return add_value(m, l.number[0]);
+    if (l.n == (l.vertex ? 2 : 4) && m->n_values == 0) return add_atom(context, mesh, m, &l);
+    return cli_error(cli_exit_code(DMK_E_FORMAT), "%s:%lld: expected %s", path, (long long)number,
+                     m->n_values > 0 ? "one number, as on the lines before"
+                                     : "one number, `vertex I MASS` or `X,Y,Z MASS`");
+}
+
+static int read_lines(FILE *file, dmk_context *context, const dmk_mesh *mesh, const char *path,
+                      cli_measure *m)
+{
+    char *text = NULL;
+    size_t room = 0;
+    int code = EXIT_OK;
+    errno = 0;
+    for (int64_t number = 1; code == EXIT_OK && getline(&text, &room, file) >= 0; number++) {
+        text[strcspn(text, "#\r\n")] = '\0';
+        code = take_line(context, mesh, path, number, text, m);
+    }
+    if (code == EXIT_OK && !feof(file)) {
+        code = cli_error(errno == ENOMEM ? EXIT_MEMORY : EXIT_IO, "cannot read '%s': %s", path,
+                         strerror(errno));
+    }
+    free(text);
+    return code;
+}
+
+/* Which of the two a column of numbers is. */
+static int settle(const dmk_mesh *mesh, const char *path, cli_measure *m)
+{
+    dmk_mesh_info info;
+    dmk_mesh_get_info(mesh, &info);
+    m->measure.n_atoms = m->n_atoms;
+    m->measure.atoms = m->atom;
+    m->measure.atom_mass = m->mass;
+    if (m->n_atoms > 0) return EXIT_OK;
+    if (m->n_values == info.n_vertices)
+        m->measure.vertex_mass = m->value;
+    else if (m->n_values == info.n_triangles)
+        m->measure.triangle_density = m->value;
+    else {
+        return cli_error(cli_exit_code(DMK_E_FORMAT),
+                         "%s has %zu numbers; expected one for each of %zu vertices (masses) or of "
+                         "%zu triangles "
+                         "(densities)",
+                         path, m->n_values, info.n_vertices, info.n_triangles);
+    }
+    return EXIT_OK;
+}
+
+int cli_measure_read(dmk_context *context, const dmk_mesh *mesh, const char *path, cli_measure *m)
+{
+    *m = (cli_measure){.n_atoms = 0};
+    if (strcmp(path, "uniform") == 0) {
+        dmk_mesh_info info;
+        dmk_mesh_get_info(mesh, &info);
+        m->measure.uniform = info.area;
+        return EXIT_OK;
+    }
+    FILE *file = fopen(path, "r");
+    if (!file) return cli_error(EXIT_IO, "cannot open '%s': %s", path, strerror(errno));
+    int code = read_lines(file, context, mesh, path, m);
+    fclose(file);
+    return code == EXIT_OK ? settle(mesh, path, m) : code;
+}
+
+void cli_measure_free(cli_measure *m)
+{
+    free(m->value);
+    free(m->atom);
+    free(m->mass);
+    *m = (cli_measure){.n_atoms = 0};
+}

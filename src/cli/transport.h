@@ -1,0 +1,20 @@
+/* dmkcl transport: measures as files. */
+#ifndef DMK_CLI_TRANSPORT_H
+#define DMK_CLI_TRANSPORT_H
+
+#include "cli.h"
+
+typedef struct cli_measure {
+    double *value; /* n_values: of vertices or triangles */
+    size_t n_values;
+    dmk_point *atom; /* n_atoms, with their masses */
+    double *mass;
+    size_t n_atoms;
+    dmk_measure measure; /* of these */
+} cli_measure;
+
+/* `path` may be "uniform": the area of the mesh, spread evenly. The exit code; free in any case. */
+int cli_measure_read(dmk_context *context, const dmk_mesh *mesh, const char *path, cli_measure *measure);
+void cli_measure_free(cli_measure *measure);
+
+#endif

@@ -1,0 +1,44 @@
+# dmkcl transport: forms of measures, report, refusals.
+. tests/tap.sh
+mesh=meshes/sphere.off
+
+has() { grep -qE -e "$2" "$1"; }
+usage() { # NAME PATTERN ARGUMENT...
+    local name=$1 pattern=$2
+    shift 2
+    fails "$name" 1 "$pattern" "$tool" transport "$@"
+}
+
+n=$(awk 'NR == 2 { print $1 }' $mesh)
+faces=$(awk 'NR == 2 { print $2 }' $mesh)
+printf 'vertex 5 2 # two\n0.5,0.1,0.2 1\n' > "$work/a"
+printf '\n# away\n-1 0 0 3\n' > "$work/b"
+awk -v n="$n" 'BEGIN { for (i = 0; i < n; i++) print i == 7 ? 1 : 0 }' > "$work/vertices"
+awk -v n="$faces" 'BEGIN { for (i = 0; i < n; i++) print 1 + i % 2 }' > "$work/faces"
+awk -v n="$n" 'BEGIN { for (i = 0; i < n; i++) print i == 7 ? 1 : i == 70 ? -1 : 0 }' > "$work/signed"
+
+check 'atoms to atoms' "$tool" transport $mesh --from "$work/a" --to "$work/b" --out "$work/o.vtp" \
+    --out "$work/o.vtu" --out "$work/o.ply" --report "$work/r.json"
+check 'the file has the flux' has "$work/o.vtp" 'Name="flux" NumberOfComponents="3"'
+check 'and no distance' sh -c "! grep -aq 'Name=\"distance\"' '$work/o.vtp'"
+for key in cost_upper cost_lower gap mass balance steps; do
+    check "the report has $key" has "$work/r.json" "\"$key\": [0-9]"
+done
+check 'the mass' has "$work/r.json" '"mass": 3(\.0*[0-9]*|),'
+check 'vertices to triangles, scaled' "$tool" transport $mesh --from "$work/vertices" --to "$work/faces" --normalise
+check 'to the even measure' "$tool" transport $mesh --from "$work/vertices" --to uniform --normalise --json
+check 'one signed measure' "$tool" transport $mesh --from "$work/signed"
+
+usage 'no measure' 'what is to be moved' $mesh
+usage 'masses that differ' '3 is to be moved, 1 is wanted' $mesh --from "$work/a" --to "$work/vertices"
+printf 'vertex 99999999 3\n' > "$work/far"
+usage 'a vertex that is not there' '99999999' $mesh --from "$work/far" --to "$work/b"
+usage 'a negative mass' 'vertex 70 has the value -1' $mesh --from "$work/signed" --to "$work/b"
+head -n 9 "$work/vertices" > "$work/few"
+fails 'too few numbers' 3 'has 9 numbers; expected' "$tool" transport $mesh --from "$work/few" --to "$work/b"
+printf 'vertex 1 2\nabc\n' > "$work/words"
+fails 'words' 3 'words:2: expected' "$tool" transport $mesh --from "$work/words" --to "$work/b"
+fails 'no file' 2 'none' "$tool" transport $mesh --from "$work/none" --to "$work/b"
+fails 'a gap that is not reached' 9 'the gap is' \
+    "$tool" transport $mesh --from "$work/a" --to "$work/b" --gap 1e-6 --quiet
+tap_end
