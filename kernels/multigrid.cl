@@ -144,13 +144,13 @@ KERNEL links_from_triangles(int n, global const int *slot, GATHERED float *trian
 
 /* Deeper levels: w_coarse = R w_fine, the Galerkin product as a mesh-only table. */
 KERNEL links_from_links(int n, global const int *row, global const int *fine,
-                        global const float *coef, global const float *fine_link,
+                        global const half *coef, global const float *fine_link,
                         global float *link LAUNCH)
 {
     FOR_ROWS(i, n)
     {
         float sum = 0;
-        for (int j = row[i]; j < row[i + 1]; j++) sum += coef[j] * fine_link[fine[j]];
+        for (int j = row[i]; j < row[i + 1]; j++) sum += vload_half((size_t)j, coef) * fine_link[fine[j]];
         link[i] = sum;
     }
 }

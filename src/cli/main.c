@@ -125,5 +125,7 @@ int main(int argc, char **argv)
     pin_device_threads();
     /* What one thread frees another may use again: threads with heaps of their own keep it. */
     mallopt(M_ARENA_MAX, 1);
+    /* Arrays of large meshes go back to the system when they are freed. */
+    mallopt(M_MMAP_THRESHOLD, 1 << 20);
     return cli_ranks_end(run(argc, argv));
 }

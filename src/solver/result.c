@@ -27,6 +27,16 @@ int dmk_result_create(dmk_context *ctx, const dmk_mesh *m, dmk_result **result)
     r->n_vertices = (size_t)m->n_vertices;
     r->n_triangles = (size_t)m->n_triangles;
     r->n_edges = (size_t)m->n_edges;
+    *result = r;
+    r = NULL;
+done:
+    dmk_result_destroy(&r);
+    return rc;
+}
+
+int dmk_result_allocate(dmk_context *ctx, dmk_result *r)
+{
+    int rc;
     DMK_TRY(DMK_NEW(ctx, r->density, r->n_triangles));
     DMK_TRY(DMK_NEW(ctx, r->acl, r->n_triangles));
     DMK_TRY(DMK_NEW(ctx, r->potential, r->n_vertices));
@@ -41,10 +51,7 @@ int dmk_result_create(dmk_context *ctx, const dmk_mesh *m, dmk_result **result)
         r->potential_mid[i] = -INFINITY;
         r->distance_mid[i] = INFINITY;
     }
-    *result = r;
-    r = NULL;
 done:
-    dmk_result_destroy(&r);
     return rc;
 }
 
@@ -77,6 +84,7 @@ int dmk_result_restore(dmk_context *ctx, const dmk_mesh *m, const dmk_result_dat
     }
     DMK_TRY(dmk_point_check(ctx, m, "source", &data->source));
     DMK_TRY(dmk_result_create(ctx, m, &r));
+    DMK_TRY(dmk_result_allocate(ctx, r));
     memcpy(r->density, data->density, r->n_triangles * sizeof *r->density);
     memcpy(r->acl, data->acl, r->n_triangles * sizeof *r->acl);
     memcpy(r->potential, data->potential, r->n_vertices * sizeof *r->potential);

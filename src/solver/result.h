@@ -27,7 +27,9 @@ struct dmk_result {
     dmk_geodesics *geodesics;                /* of that mesh, from the source */
 };
 
-/* Arrays for the input mesh: mu = 0 and infinite distance until they are set. */
+/* For the input mesh, without its arrays. */
 int dmk_result_create(dmk_context *context, const dmk_mesh *mesh, dmk_result **result);
+/* These: mu = 0 and infinite distance until they are set. */
+int dmk_result_allocate(dmk_context *context, dmk_result *result);
 
 #endif

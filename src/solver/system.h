@@ -76,10 +76,17 @@ typedef struct dmk_system {
 
 /* What a mesh's system on this device counts. */
 dmk_counts dmk_system_counts(const dmk_device *device, const dmk_mesh *mesh);
-/* Pack an ordered, connected mesh with its hierarchy; with ranks (or NULL) this one's share of it. */
+/* Pack an ordered, connected mesh with its hierarchy; with ranks (or NULL) this one's share of it. What is
+ * packed stays for all sources. The state and the work arrays, two fifths of the memory, come with
+ * dmk_system_allocate and may go in between: the host's arrays for start and end have room then. */
 int dmk_system_create(dmk_context *context, dmk_device *device, const dmk_mesh *mesh,
                       const dmk_ranks *ranks, dmk_system **system);
 void dmk_system_destroy(dmk_system **system);
+/* mu, u and f, zeroed; and with them all work arrays. Nothing to do for what is there; on failure nothing
+ * is. */
+int dmk_system_allocate_state(dmk_context *context, dmk_system *system);
+int dmk_system_allocate(dmk_context *context, dmk_system *system);
+void dmk_system_release(dmk_system *system);
 
 /* Vectors over the whole mesh's rows (whole.n_rows_pad numbers, edges at 0, vertices at
  * whole.vertex_row) or elements (whole.n_elements_pad) to the device and back, which with a share is

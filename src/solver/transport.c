@@ -60,6 +60,7 @@ static int set_start(dmk_context *ctx, dmk_solver *s, const double *f)
     DMK_TRY(DMK_NEW(ctx, ones, (size_t)sys->whole.n_elements_pad));
     DMK_TRY(DMK_NEW(ctx, zeros, (size_t)sys->whole.n_rows_pad));
     for (int32_t t = 0; t < sys->whole.n_elements; t++) ones[t] = 1;
+    DMK_TRY(dmk_system_allocate_state(ctx, sys));
     DMK_TRY(dmk_rows_write(ctx, sys, sys->u, zeros));
     DMK_TRY(dmk_elements_write(ctx, sys, sys->mu, ones));
     DMK_TRY(dmk_rows_write(ctx, sys, sys->f, f));
