@@ -32,7 +32,20 @@ int OVER atomic_cmpxchg(volatile global int *p, int old, int x)
 {
     return __sync_val_compare_and_swap(p, old, x);
 }
+int OVER atomic_inc(volatile global int *p) { return __sync_fetch_and_add(p, 1); }
 int OVER atomic_max(volatile global int *p, int x) { return __sync_fetch_and_max(p, x); }
+
+/* Numbers of half precision by their bits: no type of the processor is needed. */
+float OVER vload_half(size_t i, const global half *p)
+{
+    const uint h = ((const global ushort *)p)[i], size = h & 0x7fff;
+    union {
+        uint u;
+        float f;
+    } v = {.u = (size << 13) + (112 << 23)};
+    if (size < 0x400) v.f = (float)size / 16777216.0f; /* 2^24 */
+    return h & 0x8000 ? -v.f : v.f;
+}
 
 double native_sqrt(double);
 double native_exp(double);
