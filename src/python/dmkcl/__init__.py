@@ -9,6 +9,7 @@
 
 from . import surfaces
 from ._device import devices
+from ._geodesics import Geodesics, Path, distance
 from ._lib import (
     ArgumentError,
     DeviceError,
@@ -25,8 +26,8 @@ from ._locus import Locus
 from ._mesh import Mesh, Point
 from ._progress import Progress
 from ._read import Repaired, read, repair
-from ._result import Certificate, Cut, Path, Result, Tangent
-from ._solver import CutLocus, cut_open, distance, shortest_path
+from ._result import Certificate, Cut, Result, Tangent
+from ._solver import CutLocus, cut_open, shortest_path
 
 __version__ = version()
 
@@ -40,6 +41,7 @@ __all__ = [
     "Error",
     "FileError",
     "FormatError",
+    "Geodesics",
     "Locus",
     "Mesh",
     "MeshError",

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, Optional
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ._geodesics import Path, traced
 from ._lib import Context, Handle, copy_struct, ffi, lib, path_bytes, view
 from ._locus import Locus
 from ._mesh import Mesh, Point
@@ -53,21 +54,6 @@ class Certificate(NamedTuple):
     gap: float
 
 
-class Path(NamedTuple):
-    """A minimal geodesic, from the source on.
-
-    points: (k, 3) the source, a point on each edge crossed, the end; faces: (k,) and bary: (k, 3)
-    the same on the mesh; length in the unit of the coordinates; angle: its direction at the
-    source in radians, a full turn being 2 pi.
-    """
-
-    points: NDArray[np.float64]
-    faces: NDArray[np.int64]
-    bary: NDArray[np.float64]
-    length: float
-    angle: float
-
-
 class _CutArrays(NamedTuple):
     vertices: NDArray[np.float64]
     faces: NDArray[np.int32]
@@ -92,9 +78,6 @@ class Tangent(NamedTuple):
     angle: NDArray[np.float64]
     time: NDArray[np.float64]
     vertex: NDArray[np.int64]
-
-
-_POINT = np.dtype([("triangle", np.int64), ("weight", np.float64, 3)])
 
 
 class Result:
@@ -281,17 +264,13 @@ class Result:
         """
         end = self.mesh.place(point=point, vertex=vertex, face=face, bary=bary)
         place = ffi.new("dmk_point[]", [(end.face, end.bary)])
-        path = ffi.gc(ffi.new("dmk_path *"), lib.dmk_path_free)
-        with Context() as context:
+        with Context() as context, traced(self.mesh, 1) as paths:
             context.check(
                 lib.dmk_path_compute(
-                    context.pointer, self.mesh._pointer, self._pointer, 1, place, path
+                    context.pointer, self.mesh._pointer, self._pointer, 1, place, paths.pointer
                 )
             )
-        raw = np.frombuffer(ffi.buffer(path.point, path.n * _POINT.itemsize), _POINT).copy()
-        faces, bary_ = raw["triangle"].copy(), raw["weight"].copy()
-        points = np.einsum("ij,ijk->ik", bary_, self.mesh.vertices[self.mesh.faces[faces]])
-        return Path(points, faces, bary_, path.length, path.angle)
+        return paths.found[0]
 
     def cut_open(self) -> Cut:
         """The source's component cut open along its cut locus: a disk with one border loop.

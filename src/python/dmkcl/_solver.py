@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._device import open_device
+from ._geodesics import Geodesics
 from ._lib import ArgumentError, Context, Handle, ffi, lib
 from ._mesh import Mesh, Point
 from ._progress import ProgressOption, Watch
@@ -319,75 +320,56 @@ class CutLocus:
 
     # ---- drop-ins -----------------------------------------------------------------------------
 
-    def distance(self, source: ArrayLike) -> NDArray[np.float64]:
-        """Distance of every vertex to the source(s), (n,), in the unit of the coordinates.
+    def distance(
+        self,
+        source: Union[None, int, Point] = None,
+        *,
+        sources: Optional[Sequence[Union[int, Point]]] = None,
+        point: Optional[ArrayLike] = None,
+        points: Optional[ArrayLike] = None,
+    ) -> NDArray[np.float64]:
+        """Exact distance of every vertex to the nearest source, (n,): see `Geodesics`. It needs no
+        solve. Infinite on components without a source."""
+        return Geodesics(
+            self.mesh, source, sources=sources, point=point, points=points, threads=self._choice[2]
+        ).distance
 
-        source: a vertex number; several, (k,) of int: the distance to the nearest of them, one
-        solve for each; a point x, y, z of float, or (k, 3) of them. Infinite on components without
-        a source.
-        """
-        best = np.full(len(self.mesh.vertices), np.inf)
-        for where in _places(source):
-            np.minimum(best, self.solve(**where).distance, out=best)
-        return best
-
-    def shortest_path(self, start: ArrayLike, end: ArrayLike) -> NDArray[np.float64]:
+    def shortest_path(
+        self, start: Union[int, ArrayLike], end: Union[int, ArrayLike]
+    ) -> NDArray[np.float64]:
         """Points of a minimal geodesic from start to end, (k, 3), straight in every triangle.
 
-        start and end: vertex numbers, or points x, y, z of float. To many ends from one start, use
-        `solve` once and `Result.path` for each.
+        start and end: vertex numbers, or points x, y, z. To many ends from one start, use
+        `Geodesics` once and `Geodesics.path` for each.
         """
-        return self.solve(**_one_place(start)).path(**_one_place(end)).points
+        where = self.mesh.place(**_one_place(start))
+        return Geodesics(self.mesh, where).path(**_one_place(end)).points
 
 
 def _make(mesh: Mesh, device: Any, single: bool, threads: int, cache: Any) -> CutLocus:
     return CutLocus(mesh, device=device, single=single, threads=threads, cache=cache)
 
 
-def _places(source: ArrayLike) -> "list[dict[str, Any]]":
-    """Arguments of `solve` for each of some sources: vertex numbers, or points of float."""
-    where = np.asarray(source)
-    if where.dtype.kind in "iu" and where.ndim <= 1:
-        return [{"vertex": int(v)} for v in np.atleast_1d(where)]
-    if where.dtype.kind == "f" and where.shape[-1:] == (3,) and where.ndim <= 2:
-        return [{"point": xyz} for xyz in np.atleast_2d(where)]
-    raise ArgumentError(
-        f"a source is a vertex number, or a point of three floats; not an array of "
-        f"{where.dtype} of the shape {where.shape}"
-    )
-
-
-def _one_place(source: ArrayLike) -> "dict[str, Any]":
-    places = _places(source)
-    if len(places) != 1:
-        raise ArgumentError(
-            f"one vertex or point is wanted, not {len(places)}; give points as floats"
-        )
-    return places[0]
-
-
-def distance(
-    vertices: Union[ArrayLike, MeshLike],
-    faces: Optional[ArrayLike] = None,
-    source: ArrayLike = 0,
-) -> NDArray[np.float64]:
-    """Geodesic distance of every vertex to a source: ``distance(V, F, 17)``.
-
-    source: vertex number(s) or point(s), as in `CutLocus.distance`. For more than one call on a
-    mesh make a `CutLocus` and keep it.
-    """
-    return CutLocus(vertices, faces).distance(source)
+def _one_place(place: Union[int, ArrayLike]) -> "dict[str, Any]":
+    """Arguments of `solve`: a single number is a vertex, three are a point."""
+    where = np.asarray(place)
+    if where.ndim == 0 and where.dtype.kind in "iu":
+        return {"vertex": int(where)}
+    if where.shape == (3,) and where.dtype.kind in "iuf":
+        return {"point": where}
+    raise ArgumentError(f"{place!r}: expected a vertex number or a point x, y, z")
 
 
 def shortest_path(
     vertices: Union[ArrayLike, MeshLike],
     faces: Optional[ArrayLike],
-    start: ArrayLike,
-    end: ArrayLike,
+    start: Union[int, ArrayLike],
+    end: Union[int, ArrayLike],
 ) -> NDArray[np.float64]:
     """Points of a minimal geodesic, (k, 3): ``shortest_path(V, F, 17, 99)``; vertex numbers or
-    points of float. See `CutLocus.shortest_path`."""
-    return CutLocus(vertices, faces).shortest_path(start, end)
+    points x, y, z. Needs no device; see also `Geodesics.path`."""
+    mesh = as_mesh(vertices, faces)
+    return Geodesics(mesh, mesh.place(**_one_place(start))).path(**_one_place(end)).points
 
 
 def cut_open(

@@ -1,0 +1,69 @@
+import dmkcl
+import numpy as np
+import pytest
+
+
+@pytest.fixture(scope="module")
+def plane():
+    """A square of 20 by 20, on which distances are known."""
+    x, y = np.meshgrid(np.arange(21.0), np.arange(21.0))
+    V = np.column_stack([x.ravel(), y.ravel()])
+    corner = (np.arange(20)[:, None] * 21 + np.arange(20)).ravel()
+    F = np.vstack([corner + [[0], [1], [22]] for _ in range(1)]).T.reshape(-1, 3)
+    F = np.vstack([F, (corner + np.array([[0], [22], [21]])).T])
+    return dmkcl.Mesh(V, F)
+
+
+def test_one_source(plane):
+    at = dmkcl.Geodesics(plane, 0)
+    xy = plane.vertices[:, :2]
+    assert np.allclose(at.distance, np.hypot(*xy.T))
+    assert (at.nearest == 0).all() and at.info["error"] == 0
+    turn = np.arctan2(xy[1:, 1], xy[1:, 0])
+    assert np.allclose(at.direction[1:], turn, atol=1e-9)
+    assert np.allclose(at.log_map[1:], xy[1:], atol=1e-9)
+    assert "1 sources" in repr(at)
+    path = at.path(point=(3.3, 4.4, 0))
+    assert np.isclose(path.length, 5.5) and np.allclose(path.points[-1], (3.3, 4.4, 0))
+    distance, direction = at.at([(3.3, 4.4, 0), (6, 0, 0)])
+    assert np.allclose(distance, [5.5, 6]) and np.allclose(direction, [np.arctan2(4, 3), 0])
+    assert not at.distance.flags.writeable
+
+
+def test_many_sources_curves_and_borders(plane, tmp_path):
+    xy = plane.vertices[:, :2]
+    at = dmkcl.Geodesics(plane, sources=[0, 440], offsets=[0, 1])
+    two = np.column_stack([np.hypot(*xy.T), 1 + np.hypot(*(xy - 20).T)])
+    assert np.allclose(at.distance, two.min(axis=1))
+    clear = np.abs(two[:, 0] - two[:, 1]) > 1e-9
+    assert np.array_equal(at.nearest[clear], two.argmin(axis=1)[clear])
+    line = dmkcl.Geodesics(plane, curve=np.arange(21))
+    assert np.allclose(line.distance, xy[:, 1])
+    border = dmkcl.Geodesics(plane, border=True)
+    assert np.allclose(border.distance, np.minimum(xy, 20 - xy).min(axis=1))
+    inside = dmkcl.Geodesics(plane, point=(3.3, 4.4, 0))
+    assert np.allclose(inside.distance, np.hypot(*(xy - (3.3, 4.4)).T))
+    at.write(tmp_path / "at.vtp")
+    assert (tmp_path / "at.vtp").stat().st_size > 1000
+
+
+def test_as_functions(plane):
+    V, F = plane
+    d = dmkcl.distance(V, F, 17)
+    assert np.array_equal(d, dmkcl.Geodesics(plane, 17).distance)
+    assert np.allclose(dmkcl.distance(plane, points=[(0, 0, 0), (20, 20, 0)])[[0, 440]], 0)
+    path = dmkcl.shortest_path(V, F, 0, (3, 4, 0))
+    assert np.allclose(np.linalg.norm(np.diff(path, axis=0), axis=1).sum(), 5)
+
+
+@pytest.mark.parametrize("wrong", [1.5, [0, 1], (0.0, 0.0, 0.0), "3"])
+def test_what_is_no_vertex_is_refused(plane, wrong):
+    with pytest.raises(dmkcl.ArgumentError, match="points in space"):
+        dmkcl.distance(plane, None, wrong)
+
+
+def test_no_source_is_refused(plane):
+    with pytest.raises(dmkcl.ArgumentError):
+        dmkcl.Geodesics(plane)
+    with pytest.raises(dmkcl.ArgumentError, match="2 offsets for 1"):
+        dmkcl.Geodesics(plane, 0, offsets=[0, 1])
