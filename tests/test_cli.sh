@@ -55,6 +55,7 @@ number() { # OPTION BAD...
     for bad; do usage "--$option '$bad'" "--$option: '.*' is not a" solve x.off "--$option=$bad"; done
 }
 number threshold 0 -1 x nan 1,5
+number strength 0 -1 x
 number dt 0 1.1 -1 x
 number inertia 1 -0.1 x
 number tolerance 0 -1 2 x
@@ -228,6 +229,18 @@ check 'cut --json prints the report, with the cut' \
     sh -c "grep -q '\"n_border_loops\": 1' '$work/cut.json' && grep -q '\"gap\"' '$work/cut.json'"
 check 'cut --report writes it' "$tool" cut "$torus" --vertex 0 --report "$work/cut2.json" --quiet
 check 'and is the same' sh -c "[ \$(wc -l < '$work/cut.json') = \$(wc -l < '$work/cut2.json') ]"
+"$tool" cut "$torus" --vertex 0 --out "$work/cut.obj" --out "$work/cut.vtp" --picture "$work/cut.svg" > "$work/told"
+check 'cut tells of flipped triangles' has "$work/told" '^in the plane [0-9]+ triangles? (is|are) flipped'
+check 'a cut as OBJ has a texture coordinate for each vertex' \
+    sh -c "[ \$(grep -c '^vt ' '$work/cut.obj') = \$(grep -c '^v ' '$work/cut.obj') ] && grep -q '^f [0-9]*/[0-9]* ' '$work/cut.obj'"
+check 'as VTP it has the plane' grep -qa 'Name="plane"' "$work/cut.vtp"
+check 'and the picture is a drawing' sh -c "grep -q '^<svg ' '$work/cut.svg' && tail -1 '$work/cut.svg' | grep -q '</svg>'"
+for strength in 0.04 3; do
+    "$tool" solve "$torus" --vertex 0 --strength $strength --locus "$work/l$strength.csv" --quiet
+done
+check '--strength takes branches away' \
+    test "$(wc -l < "$work/l3.csv")" -lt "$(wc -l < "$work/l0.04.csv")"
+check 'and nothing else' sh -c "cut -d, -f1-3 '$work/l3.csv' | while read -r x; do grep -qFe \"\$x\" '$work/l0.04.csv' || exit 1; done"
 check 'help COMMAND is COMMAND --help' \
     sh -c "'$tool' help cut > '$work/a' && '$tool' cut --help > '$work/b' && cmp '$work/a' '$work/b'"
 sh src/cli/man.sh "$tool" > "$work/manual"

@@ -1,6 +1,5 @@
 /* The cut locus as a graph: place, ends and topology against exact loci; borders; sources anywhere.
  */
-#include "locus/cut.h"
 #include "locus/locus.h"
 #include "locus/cotree.h"
 
@@ -37,8 +36,7 @@ static scene scene_of(dmk_mesh *mesh, dmk_point source)
     order.mesh = NULL;
     dmk_order_free(&order);
     dmk_mesh_destroy(&mesh);
-    for (int32_t e = 0; e < s.mesh->n_edges; e++)
-        s.h += s.mesh->length[e] / s.mesh->n_edges;
+    for (int32_t e = 0; e < s.mesh->n_edges; e++) s.h += s.mesh->length[e] / s.mesh->n_edges;
     assert_int_equal(dmk_geodesics_create(ctx, s.mesh, 1, &s.source, NULL, &s.geodesics), DMK_OK);
     return s;
 }
@@ -62,7 +60,6 @@ static void free_scene(scene *s)
 {
     dmk_geodesics_destroy(&s->geodesics);
     dmk_mesh_destroy(&s->mesh);
-
 }
 
 /* With this strength; 0: the default. */
@@ -70,7 +67,8 @@ static dmk_locus *trace_with(const scene *s, double strength)
 {
     dmk_locus *l = NULL;
     const dmk_locus_options o = {.strength = strength};
-    if (dmk_locus_trace(ctx, s->geodesics, NULL, &o, &l) != DMK_OK) fail_msg("%s", dmk_context_message(ctx));
+    if (dmk_locus_trace(ctx, s->geodesics, NULL, &o, &l) != DMK_OK)
+        fail_msg("%s", dmk_context_message(ctx));
     return l;
 }
 
@@ -213,10 +211,8 @@ static void test_source_anywhere(void **state)
     for (int i = 0; i < 3; i++) {
         scene s = surface("torus", 1, (double[3]){3, 0, 0});
         int32_t t = (int32_t)s.source.triangle, corner = 0, big = i == 2 ? 0 : 2;
-        while (s.source.weight[corner] < 0.5)
-            corner++;
-        for (int k = 0; k < 3; k++)
-            s.source.weight[(corner + k) % 3] = weights[i][(big + k) % 3];
+        while (s.source.weight[corner] < 0.5) corner++;
+        for (int k = 0; k < 3; k++) s.source.weight[(corner + k) % 3] = weights[i][(big + k) % 3];
         s.source.triangle = t;
         dmk_locus *l = trace(&s);
         check_torus(l, s.h);
@@ -322,8 +318,7 @@ static scene bumpy_sphere(const bump bumps[6], int refine, const double source[3
             const double *d = bumps[k].direction;
             r += bumps[k].height * sin(bumps[k].phase + d[0] * x[0] + d[1] * x[1] + d[2] * x[2]);
         }
-        for (int k = 0; k < 3; k++)
-            x[k] *= r;
+        for (int k = 0; k < 3; k++) x[k] *= r;
     }
     int rc = dmk_mesh_create(ctx, (size_t)ball->n_vertices, ball->xyz, (size_t)ball->n_triangles,
                              ball->triangle, &mesh);
@@ -334,7 +329,8 @@ static scene bumpy_sphere(const bump bumps[6], int refine, const double source[3
 }
 
 /* The number of ends is the same on finer meshes; the length is within 2 %. */
-static void check_bumpy(const bump bumps[6], const double source[3], int refine, int ends, double length)
+static void check_bumpy(const bump bumps[6], const double source[3], int refine, int ends,
+                        double length)
 {
     for (int finest = refine + 1; refine <= finest; refine++) {
         scene s = bumpy_sphere(bumps, refine, source);
@@ -354,7 +350,7 @@ static void check_bumpy(const bump bumps[6], const double source[3], int refine,
 static void test_narrow(void **state)
 {
     static const bump bumps[6] = {
-        {0.082, 4.37, {5.10, -6.39, 1.05}},  {0.061, 1.84, {-1.42, -1.13, -0.54}},
+        {0.082, 4.37, {5.10, -6.39, 1.05}},   {0.061, 1.84, {-1.42, -1.13, -0.54}},
         {0.053, 0.01, {-5.05, -0.58, -2.16}}, {0.074, 6.11, {8.31, 0.56, -0.88}},
         {0.022, 1.87, {-0.70, -1.67, -2.64}}, {0.069, 1.97, {-0.98, 1.20, -0.60}},
     };
@@ -367,9 +363,9 @@ static void test_narrow(void **state)
 static void test_hyperbolic(void **state)
 {
     static const bump bumps[6] = {
-        {-0.134, 5.95, {1.78, 0.65, 0.99}},   {-0.158, 4.24, {-0.26, 1.50, -2.39}},
-        {0.411, 0.85, {3.20, -0.81, -0.52}},  {-0.022, 2.46, {-1.22, -1.87, -0.53}},
-        {0.013, 4.03, {1.40, 0.57, 1.69}},    {-0.296, 1.44, {-1.37, 1.18, -0.89}},
+        {-0.134, 5.95, {1.78, 0.65, 0.99}},  {-0.158, 4.24, {-0.26, 1.50, -2.39}},
+        {0.411, 0.85, {3.20, -0.81, -0.52}}, {-0.022, 2.46, {-1.22, -1.87, -0.53}},
+        {0.013, 4.03, {1.40, 0.57, 1.69}},   {-0.296, 1.44, {-1.37, 1.18, -0.89}},
     };
     (void)state;
     check_bumpy(bumps, (double[3]){-0.65, -0.44, -0.63}, 2, 5, 5.41);
@@ -546,7 +542,8 @@ static void test_path(void **state)
     }
     to[1].weight[0] = 1, to[1].weight[1] = to[1].weight[2] = 0;
     to[2].weight[0] = 0, to[2].weight[1] = 0.5;
-    if (dmk_geodesics_paths(ctx, s.geodesics, n, to, path) != DMK_OK) fail_msg("%s", dmk_context_message(ctx));
+    if (dmk_geodesics_paths(ctx, s.geodesics, n, to, path) != DMK_OK)
+        fail_msg("%s", dmk_context_message(ctx));
     for (int i = 0; i < n; i++) {
         double sum = 0, x[3], y[3];
         point_xyz(s.mesh, &path[i].point[0], x);
@@ -649,8 +646,7 @@ static void crown_polar(const double *x, int n, double height, double *radius, d
         whole += a[0][k] * a[1][k];
     }
     *radius = sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]);
-    *angle = sector * acos(whole / side) +
-             acos(fmin(1, fmax(-1, dot / (*radius * sqrt(side)))));
+    *angle = sector * acos(whole / side) + acos(fmin(1, fmax(-1, dot / (*radius * sqrt(side)))));
 }
 
 /* Behind a vertex with far more than 2 pi around it all paths bend there. */
@@ -668,7 +664,8 @@ static void test_path_saddle(void **state)
     point_xyz(s.mesh, &s.source, x);
     crown_polar(x, n, height, &r0, &a0);
     for (int i = 0; i < n_points; i++)
-        to[i] = (dmk_point){(s.mesh->n_triangles - 1) * (int64_t)i / (n_points - 1), {0.1, 0.7, 0.2}};
+        to[i] =
+            (dmk_point){(s.mesh->n_triangles - 1) * (int64_t)i / (n_points - 1), {0.1, 0.7, 0.2}};
     path_lengths(&s, n_points, to, length);
     for (int i = 0; i < n_points; i++) {
         double r, a;
@@ -733,7 +730,8 @@ static void test_path_rough(void **state)
         for (int i = 0; i < n_triangles * per; i++) {
             int k = i % per;
             int64_t t = (s.mesh->n_triangles - 1) * (int64_t)(i / per) / (n_triangles - 1);
-            to[i] = (dmk_point){t, {k == 0 ? 0.98 : 0.01, k == 1 ? 0.98 : 0.01, k == 2 ? 0.98 : 0.01}};
+            to[i] =
+                (dmk_point){t, {k == 0 ? 0.98 : 0.01, k == 1 ? 0.98 : 0.01, k == 2 ? 0.98 : 0.01}};
         }
         path_lengths(&s, n_triangles * per, to, length);
         for (int i = 0; i < n_triangles * per; i++) {
@@ -771,7 +769,8 @@ static void check_cut(scene *s, size_t most_flipped)
     for (size_t v = 0; v < after.n_vertices; v++) {
         if (origin[v] < 0) continue;
         assert_memory_equal(cut->xyz + 3 * v, s->mesh->xyz + 3 * origin[v], 3 * sizeof *cut->xyz);
-        assert_true(fabs(hypot(plane[2 * v], plane[2 * v + 1]) - s->geodesics->distance[origin[v]]) < 1e-12);
+        assert_true(fabs(hypot(plane[2 * v], plane[2 * v + 1]) -
+                         s->geodesics->distance[origin[v]]) < 1e-12);
     }
     assert_in_range(dmk_cut_flipped(cut, plane), 0, most_flipped);
     free(origin);
@@ -806,18 +805,21 @@ static void test_cut_coarse(void **state)
     (void)state;
     static const double tetrahedron[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1};
     static const int32_t four[] = {0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3};
-    static const double octahedron[] = {1, 0, 0, 0, 1, 0, -1, 0, 0, 0, -1, 0, 0, 0, 1.7, 0, 0, -0.4};
-    static const int32_t eight[] = {0, 1, 4, 1, 2, 4, 2, 3, 4, 3, 0, 4, 1, 0, 5, 2, 1, 5, 3, 2, 5, 0, 3, 5};
+    static const double octahedron[] = {1, 0,  0, 0, 1, 0,   -1, 0, 0,
+                                        0, -1, 0, 0, 0, 1.7, 0,  0, -0.4};
+    static const int32_t eight[] = {0, 1, 4, 1, 2, 4, 2, 3, 4, 3, 0, 4,
+                                    1, 0, 5, 2, 1, 5, 3, 2, 5, 0, 3, 5};
     for (int which = 0; which < 2; which++) {
         const size_t n = which ? 8 : 4;
         for (size_t i = 0; i < 4 * n; i++) {
             dmk_mesh *mesh = NULL;
-            int rc = dmk_mesh_create(ctx, which ? 6 : 4, which ? octahedron : tetrahedron, n, which ? eight : four,
-                                     &mesh);
+            int rc = dmk_mesh_create(ctx, which ? 6 : 4, which ? octahedron : tetrahedron, n,
+                                     which ? eight : four, &mesh);
             if (rc != DMK_OK) fail_msg("%s", dmk_context_message(ctx));
             const int64_t t = (int64_t)(i / 4);
             const int k = (int)(i % 4);
-            scene s = scene_of(mesh, k == 3 ? (dmk_point){t, {0.3, 0.3, 0.4}} : (dmk_point){t, {k == 0, k == 1, k == 2}});
+            scene s = scene_of(mesh, k == 3 ? (dmk_point){t, {0.3, 0.3, 0.4}}
+                                            : (dmk_point){t, {k == 0, k == 1, k == 2}});
             check_cut(&s, SIZE_MAX);
         }
     }
@@ -910,8 +912,7 @@ static void test_threads(void **state)
     size_t n, m;
     const dmk_locus_vertex *v = dmk_locus_vertices(a, &n), *w = dmk_locus_vertices(b, &m);
     assert_int_equal(n, m);
-    for (size_t i = 0; i < n; i++)
-        assert_memory_equal(v[i].xyz, w[i].xyz, sizeof v[i].xyz);
+    for (size_t i = 0; i < n; i++) assert_memory_equal(v[i].xyz, w[i].xyz, sizeof v[i].xyz);
     dmk_locus_destroy(&a);
     dmk_locus_destroy(&b);
     free_scene(&s);
@@ -933,16 +934,15 @@ static int teardown(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_torus), cmocka_unit_test(test_source_anywhere),
-        cmocka_unit_test(test_point), cmocka_unit_test(test_quartic),
-        cmocka_unit_test(test_narrow), cmocka_unit_test(test_hyperbolic),
-        cmocka_unit_test(test_noise),
-        cmocka_unit_test(test_genus), cmocka_unit_test(test_border),
-        cmocka_unit_test(test_path),  cmocka_unit_test(test_path_saddle),
-        cmocka_unit_test(test_path_box), cmocka_unit_test(test_path_rough),
-        cmocka_unit_test(test_cut), cmocka_unit_test(test_cut_coarse),
-        cmocka_unit_test(test_strength), cmocka_unit_test(test_excess),
-        cmocka_unit_test(test_threads),
+        cmocka_unit_test(test_torus),       cmocka_unit_test(test_source_anywhere),
+        cmocka_unit_test(test_point),       cmocka_unit_test(test_quartic),
+        cmocka_unit_test(test_narrow),      cmocka_unit_test(test_hyperbolic),
+        cmocka_unit_test(test_noise),       cmocka_unit_test(test_genus),
+        cmocka_unit_test(test_border),      cmocka_unit_test(test_path),
+        cmocka_unit_test(test_path_saddle), cmocka_unit_test(test_path_box),
+        cmocka_unit_test(test_path_rough),  cmocka_unit_test(test_cut),
+        cmocka_unit_test(test_cut_coarse),  cmocka_unit_test(test_strength),
+        cmocka_unit_test(test_excess),      cmocka_unit_test(test_threads),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }

@@ -1,5 +1,4 @@
 /* Public calls that join rooms. */
-#include "locus/cut.h"
 #include "locus/locus.h"
 #include "geodesic/trace.h"
 #include "mesh/mesh.h"
@@ -11,8 +10,7 @@
 
 static void pick(const double *from, const int32_t *old, int32_t n, double *to)
 {
-    for (int32_t i = 0; i < n; i++)
-        to[i] = from[old[i]];
+    for (int32_t i = 0; i < n; i++) to[i] = from[old[i]];
 }
 
 static int check_mesh(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *result)
@@ -48,8 +46,7 @@ int dmk_locus_compute(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *
     DMK_TRY(dmk_locus_trace(ctx, result->geodesics, density, options, locus));
     size_t n;
     dmk_locus_vertex *v = (dmk_locus_vertex *)dmk_locus_vertices(*locus, &n);
-    for (size_t i = 0; i < n; i++)
-        v[i].place.triangle = order->triangle_old[v[i].place.triangle];
+    for (size_t i = 0; i < n; i++) v[i].place.triangle = order->triangle_old[v[i].place.triangle];
 done:
     dmk_stage_end(ctx);
     free(density);
@@ -64,10 +61,8 @@ static int number_triangles(dmk_context *ctx, const dmk_mesh *mesh, const dmk_or
 {
     int rc = DMK_NEW(ctx, *number, (size_t)mesh->n_triangles);
     if (rc != DMK_OK) return rc;
-    for (int32_t t = 0; t < mesh->n_triangles; t++)
-        (*number)[t] = -1;
-    for (int32_t t = 0; t < order->mesh->n_triangles; t++)
-        (*number)[order->triangle_old[t]] = t;
+    for (int32_t t = 0; t < mesh->n_triangles; t++) (*number)[t] = -1;
+    for (int32_t t = 0; t < order->mesh->n_triangles; t++) (*number)[order->triangle_old[t]] = t;
     return DMK_OK;
 }
 
@@ -83,9 +78,10 @@ static int renumber_ends(dmk_context *ctx, const dmk_mesh *mesh, const dmk_order
         end[i] = to[i];
         end[i].triangle = number[to[i].triangle];
         if (end[i].triangle < 0) {
-            rc = dmk_fail(ctx, DMK_E_ARG,
-                          "triangle %lld is not on the component of the source: no path leads there",
-                          (long long)to[i].triangle);
+            rc =
+                dmk_fail(ctx, DMK_E_ARG,
+                         "triangle %lld is not on the component of the source: no path leads there",
+                         (long long)to[i].triangle);
             goto done;
         }
     }
@@ -101,7 +97,8 @@ int dmk_path_compute(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *r
     dmk_point *end = NULL;
     dmk_tracer *tracer = NULL;
     size_t n = 0;
-    if (dmk_missing(ctx, "mesh", mesh, "result", result, "to", to, "paths", paths, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "mesh", mesh, "result", result, "to", to, "paths", paths, NULL))
+        return DMK_E_ARG;
     memset(paths, 0, n_points * sizeof *paths);
     DMK_TRY(dmk_stage_begin(ctx, "path"));
     DMK_TRY(check_mesh(ctx, mesh, result));
@@ -136,10 +133,8 @@ static int rank_vertices(dmk_context *ctx, const dmk_mesh *mesh, const dmk_order
     int32_t *number = NULL, next = 0;
     int rc = DMK_NEW(ctx, number, (size_t)mesh->n_vertices);
     if (rc != DMK_OK) return rc;
-    for (int32_t v = 0; v < mesh->n_vertices; v++)
-        number[v] = -1;
-    for (int32_t v = 0; v < order->mesh->n_vertices; v++)
-        number[order->vertex_old[v]] = v;
+    for (int32_t v = 0; v < mesh->n_vertices; v++) number[v] = -1;
+    for (int32_t v = 0; v < order->mesh->n_vertices; v++) number[order->vertex_old[v]] = v;
     for (int32_t v = 0; v < mesh->n_vertices; v++) {
         if (number[v] >= 0) rank[number[v]] = next++;
     }

@@ -145,6 +145,11 @@ typedef struct cli_file {
 int cli_file_open(const char *path, cli_file *file);
 int cli_file_close(cli_file *file);
 
+/* ---- drawing.c ------------------------------------------------------------------------------ */
+
+/* A cut mesh laid out in the plane, 2 coordinates per vertex: its triangles and its outline, as SVG. */
+int cli_draw_plane(const dmk_mesh *cut, const double *plane, const char *path);
+
 /* ---- interrupt.c: the end from outside ------------------------------------------------------ */
 
 /* To be called first. From now on SIGINT and SIGTERM ask the running call to stop, and end the program half a

@@ -63,6 +63,7 @@ static int parse(batch_request *request, cli_words *meshes, int argc, char **arg
     solve_table table = {.n = 0};
     solve_add_source(&table, &request->each);
     add_batch(&table, request);
+    solve_add_strength(&table, &request->each);
     solve_add_method(&table, &request->each);
     solve_add_device(&table, &request->each);
     const cli_syntax syntax = {

@@ -1,12 +1,15 @@
 /* dmkcl cut: the surface cut open along the cut locus, a disk. */
 #include "solve.h"
 
+#include <stdlib.h>
+
 typedef struct cut_request {
     solve_request solve;
-    cli_files out;
+    cli_files out, picture;
 } cut_request;
 
-static void print_cut(const cut_request *request, const dmk_mesh *cut, const dmk_locus *locus)
+static void print_cut(const cut_request *request, const dmk_mesh *cut, size_t flipped,
+                      const dmk_locus *locus)
 {
     char v[CLI_TEXT_SIZE], t[CLI_TEXT_SIZE];
     dmk_mesh_info info;
@@ -18,14 +21,16 @@ static void print_cut(const cut_request *request, const dmk_mesh *cut, const dmk
     printf("cut open: %s vertices, %s triangles, Euler characteristic %lld, %zu border loop%s\n",
            cli_count((int64_t)info.n_vertices, v), cli_count((int64_t)info.n_triangles, t),
            (long long)info.euler, info.n_border_loops, info.n_border_loops == 1 ? "" : "s");
-    for (int i = 0; i < request->out.n; i++)
-        printf("wrote %s\n", request->out.path[i]);
+    printf("in the plane %zu triangle%s flipped\n", flipped, flipped == 1 ? " is" : "s are");
+    for (int i = 0; i < request->out.n; i++) printf("wrote %s\n", request->out.path[i]);
+    for (int i = 0; i < request->picture.n; i++) printf("wrote %s\n", request->picture.path[i]);
 }
 
 /* What the report says of the cut. */
 typedef struct told {
     const cut_request *request;
     const dmk_mesh *cut;
+    size_t flipped;
 } told;
 
 static void report_cut(cli_json *json, const solve_run *run, const void *data)
@@ -39,42 +44,50 @@ static void report_cut(cli_json *json, const solve_run *run, const void *data)
     json_integer(json, "n_triangles", (int64_t)info.n_triangles);
     json_integer(json, "n_border_loops", (int64_t)info.n_border_loops);
     json_integer(json, "euler", info.euler);
+    json_integer(json, "flipped", (int64_t)t->flipped);
     json_open(json, "out", '[');
     for (int i = 0; i < t->request->out.n; i++) json_text(json, NULL, t->request->out.path[i]);
+    json_close(json, '[');
+    json_open(json, "picture", '[');
+    for (int i = 0; i < t->request->picture.n; i++)
+        json_text(json, NULL, t->request->picture.path[i]);
     json_close(json, '[');
     json_close(json, '{');
 }
 
-static int cut_open(const cut_request *request, solve_run *run, dmk_mesh **cut)
+static int cut_open(const cut_request *request, solve_run *run, dmk_mesh **cut, double **plane)
 {
-    const int code = solve_compute(&request->solve, run);
+    int code = solve_compute(&request->solve, run);
     if (code != EXIT_OK) return code;
-    dmk_locus_options options;
-    dmk_locus_options_init(&options);
-    int rc = dmk_cut(run->context, run->mesh, run->result, &options, cut, NULL, NULL);
+    int rc = dmk_cut(run->context, run->mesh, run->result, &request->solve.trace, cut, NULL, plane);
     for (int i = 0; i < request->out.n && rc == DMK_OK; i++) {
         rc = solve_go_on();
-        if (rc == DMK_OK) rc = dmk_mesh_write(run->context, *cut, request->out.path[i]);
+        if (rc == DMK_OK) rc = dmk_cut_write(run->context, *cut, *plane, request->out.path[i]);
     }
+    for (int i = 0; i < request->picture.n && rc == DMK_OK && code == EXIT_OK; i++)
+        code = cli_draw_plane(*cut, *plane, request->picture.path[i]);
     cli_progress_end(&run->progress);
-    return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
+    return rc == DMK_OK ? code : solve_fail(run, rc);
 }
 
 static int run_cut(const cut_request *request)
 {
     solve_run run;
     dmk_mesh *cut = NULL;
+    double *plane = NULL;
     int code = solve_begin(&request->solve, &run);
-    if (code == EXIT_OK) code = cut_open(request, &run, &cut);
+    if (code == EXIT_OK) code = cut_open(request, &run, &cut, &plane);
+    const size_t flipped = dmk_cut_flipped(cut, plane);
     if (code == EXIT_OK && request->solve.report) {
-        const told t = {request, cut};
+        const told t = {request, cut, flipped};
         code = solve_report_more(&request->solve, &run, report_cut, &t);
     }
     if (code == EXIT_OK && solve_tells_summary(&request->solve)) {
-        print_cut(request, cut, run.locus);
+        print_cut(request, cut, flipped, run.locus);
         code = cli_flush();
     }
     dmk_mesh_destroy(&cut);
+    free(plane);
     solve_end(&run);
     return code;
 }
@@ -82,42 +95,61 @@ static int run_cut(const cut_request *request)
 static int check_request(cut_request *request)
 {
     int code = solve_request_settle(&request->solve);
-    if (code == EXIT_OK && request->out.n == 0 && !request->solve.report) {
-        code = cli_error(EXIT_USAGE, "cut: --out FILE is missing");
+    if (code == EXIT_OK && request->out.n == 0 && request->picture.n == 0 &&
+        !request->solve.report) {
+        code = cli_error(EXIT_USAGE, "cut: --out FILE or --picture FILE is missing");
     }
     if (code == EXIT_OK) code = cli_check_outputs("out", &request->out, CLI_MESH);
+    if (code == EXIT_OK) code = cli_check_outputs("picture", &request->picture, CLI_ANY);
     cli_uses uses = {.n = 0};
     solve_request_uses(&request->solve, &uses);
     cli_use_files(&uses, "out", &request->out);
+    cli_use_files(&uses, "picture", &request->picture);
     return code == EXIT_OK ? cli_check_uses(&uses) : code;
 }
 
 static int parse(cut_request *request, const char *out_help, int argc, char **argv)
 {
     solve_table table = {.n = 0};
-    const cli_option out = {
-        .name = "out",
-        .value = "FILE",
-        .help = out_help,
-        .kind = CLI_FILES,
-        .target = &request->out,
+    const cli_option out[] = {
+        {.name = "out",
+         .value = "FILE",
+         .help = out_help,
+         .kind = CLI_FILES,
+         .target = &request->out},
+        {.name = "picture",
+         .value = "FILE",
+         .help = "write the surface laid out in the plane as a drawing in SVG format; its\n"
+                 "outline is the tangent cut locus",
+         .kind = CLI_FILES,
+         .target = &request->picture},
     };
     solve_add_source(&table, &request->solve);
-    solve_add(&table, &out, 1);
+    solve_add(&table, out, 2);
+    solve_add_strength(&table, &request->solve);
     solve_add_report(&table, &request->solve);
     solve_add_device(&table, &request->solve);
     const cli_syntax syntax = {
         .command = "cut",
-        .usage = "MESH (--source X,Y,Z | --vertex I) --out FILE [OPTIONS]",
-        .summary = "Cut the surface MESH open along the cut locus of the source: a disk, with one border\n"
-                   "loop and Euler characteristic 1.",
+        .usage = "MESH (--source X,Y,Z | --vertex I) (--out FILE | --picture FILE) [OPTIONS]",
+        .summary =
+            "Cut the surface MESH open along the cut locus of the source: a disk, with one border\n"
+            "loop and Euler characteristic 1.",
         .operand = "MESH",
         .notes =
             "Triangles that the cut locus crosses are split, so that it runs along edges, and its\n"
-            "points become vertices once for each side, no nearer to an edge's end than 0.15 of the\n"
-            "edge. The vertices of the component with the source come first, in their old order. A cut\n"
-            "locus that is one point becomes a slit of two edges at the farthest vertex. A surface\n"
-            "with a border that is a disk already stays as it is.",
+            "points become vertices once for each side, no nearer to an edge's end than 0.15 of "
+            "the\n"
+            "edge. The vertices of the component with the source come first, in their old order. A "
+            "cut\n"
+            "locus that is one point becomes a slit of two edges at the farthest vertex. A "
+            "surface\n"
+            "with a border that is a disk already stays as it is.\n"
+            "\n"
+            "Each vertex also has a place in the plane: its distance, times its direction at the\n"
+            "source (the logarithmic map). OBJ has them as texture coordinates `vt`, VTP as the "
+            "array\n"
+            "`plane`; --picture draws them.",
         .options = table.row,
         .n_options = table.n,
     };

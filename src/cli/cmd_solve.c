@@ -84,6 +84,7 @@ static int parse(solve_request *request, raw_options *raw, int argc, char **argv
     solve_add_source(&table, request);
     add_files(&table, request, raw);
     solve_add_report(&table, request);
+    solve_add_strength(&table, request);
     solve_add_method(&table, request);
     solve_add_device(&table, request);
     const cli_syntax syntax = {

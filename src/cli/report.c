@@ -76,6 +76,7 @@ static void write_locus(cli_json *json, const dmk_locus *locus)
     json_integer(json, "components", (int64_t)info.components);
     json_integer(json, "endpoints", (int64_t)info.endpoints);
     json_integer(json, "branch_points", (int64_t)info.branch_points);
+    json_number(json, "strength", info.strength);
     json_integer(json, "n_vertices", (int64_t)info.n_vertices);
     json_integer(json, "n_edges", (int64_t)info.n_edges);
     json_integer(json, "n_polylines", (int64_t)info.n_polylines);

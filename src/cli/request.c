@@ -42,6 +42,23 @@ void solve_add_source(solve_table *table, solve_request *request)
     solve_add(table, rows, sizeof rows / sizeof *rows);
 }
 
+void solve_add_strength(solve_table *table, solve_request *request)
+{
+    const cli_option row = {
+        .name = "strength",
+        .value = "LENGTH",
+        .help = "leave out branches of the cut locus of less strength: by how much a path\n"
+                "must grow to be moved around the branch's end; default: 0.2 mean edges,\n"
+                "more on a noisy mesh",
+        .kind = CLI_NUMBER,
+        .target = &request->trace.strength,
+        .lo = DBL_MIN,
+        .hi = DBL_MAX,
+        .expected = "a number above 0",
+    };
+    solve_add(table, &row, 1);
+}
+
 void solve_add_report(solve_table *table, solve_request *request)
 {
     const cli_option rows[] = {

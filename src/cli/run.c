@@ -176,9 +176,7 @@ int solve_compute(const solve_request *request, solve_run *run)
     dmk_result_get_stats(run->result, &stats);
     run->seconds.setup = stats.seconds[DMK_STAGE_SETUP];
     double mark = cli_seconds();
-    dmk_locus_options options;
-    dmk_locus_options_init(&options);
-    rc = dmk_locus_compute(context, run->mesh, run->result, &options, &run->locus);
+    rc = dmk_locus_compute(context, run->mesh, run->result, &request->trace, &run->locus);
     run->seconds.locus = lap(&mark);
     if (rc == DMK_OK) rc = solve_go_on();
     return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);

@@ -15,6 +15,7 @@ typedef struct solve_request {
     cli_files out, locus, tangent;
     const char *report; /* NULL: none; "-": standard output */
     dmk_solve_options solve;
+    dmk_locus_options trace; /* of the cut locus */
     dmk_device_options device;
     int64_t threads, max_steps; /* these go to `device` and `solve` when the command line is read */
     int method, start;
@@ -68,6 +69,7 @@ void solve_request_init(solve_request *request, const char *command);
 void solve_add(solve_table *table, const cli_option *rows, size_t n);
 void solve_add_source(solve_table *table, solve_request *request);
 /* --report and --json, which makes the report "-" in solve_request_convert. */
+void solve_add_strength(solve_table *table, solve_request *request);
 void solve_add_report(solve_table *table, solve_request *request);
 /* For commands that need no device. */
 void solve_add_host(solve_table *table, solve_request *request);

@@ -68,8 +68,9 @@ static int columns_fill(dmk_context *ctx, const dmk_curves *c, columns *k)
     DMK_TRY(DMK_NEW(ctx, k->cell_strength, n + c->n_edges));
     for (size_t v = 0; v < n; v++) {
         const dmk_locus_vertex *x = &c->vertex[v];
-        const double scalar[N_COLUMNS] = {x->distance,      x->mu,           x->strength, x->meeting_angle,
-                                          x->source_angle, x->angle[0], x->angle[1]};
+        const double scalar[N_COLUMNS] = {x->distance,      x->mu,           x->strength,
+                                          x->meeting_angle, x->source_angle, x->angle[0],
+                                          x->angle[1]};
         for (int i = 0; i < 3; i++) k->value[3 * v + (size_t)i] = x->xyz[i];
         for (size_t i = 0; i < N_COLUMNS; i++) k->value[(3 + i) * n + v] = scalar[i];
         k->kind[v] = x->kind;

@@ -59,7 +59,8 @@ void dmk_apex(const dmk_geodesics *g, int32_t h, double *x, double *y)
 double dmk_full_turn(const dmk_geodesics *g)
 {
     const dmk_site *s = g->source;
-    return g->n_sources == 1 && !(s->vertex >= 0 && g->star.border[s->vertex]) ? s->total : HUGE_VAL;
+    return g->n_sources == 1 && !(s->vertex >= 0 && g->star.border[s->vertex]) ? s->total
+                                                                               : HUGE_VAL;
 }
 
 double dmk_turn_between(double full, double a, double b)
@@ -74,7 +75,8 @@ static double jump_of(const dmk_geodesics *g, int32_t h)
 {
     const dmk_mesh *m = g->mesh;
     const double length = length_of(g, h), unit = g->star.unit;
-    const int32_t v = m->triangle[dmk_next(h)], w = m->triangle[dmk_previous(h)], twin = g->star.twin[h];
+    const int32_t v = m->triangle[dmk_next(h)], w = m->triangle[dmk_previous(h)],
+                  twin = g->star.twin[h];
     const dmk_image a = dmk_image_at_start(g, h), b = dmk_image_at_end(g, h);
     double at[4][2] = {{0, 0}, {length, 0}}, differ = 0;
     dmk_apex(g, h, &at[2][0], &at[2][1]);
@@ -84,9 +86,10 @@ static double jump_of(const dmk_geodesics *g, int32_t h)
         at[3][1] = -at[3][1];
     }
     for (int k = 0; k < (twin >= 0 ? 4 : 3); k++)
-        differ = fmax(differ, fabs(dmk_image_length(&a, at[k][0], at[k][1]) - dmk_image_length(&b, at[k][0], at[k][1])));
-    return fmax(0, dmk_image_length(&a, length, 0) - g->distance[w] / unit) + fmax(0, dmk_image_length(&b, 0, 0) - g->distance[v] / unit) +
-           dmk_rules.tie * differ;
+        differ = fmax(differ, fabs(dmk_image_length(&a, at[k][0], at[k][1]) -
+                                   dmk_image_length(&b, at[k][0], at[k][1])));
+    return fmax(0, dmk_image_length(&a, length, 0) - g->distance[w] / unit) +
+           fmax(0, dmk_image_length(&b, 0, 0) - g->distance[v] / unit) + dmk_rules.tie * differ;
 }
 
 typedef struct jumps {
@@ -118,14 +121,16 @@ static int find_halves(dmk_context *ctx, const dmk_mesh *m, int32_t **half)
 }
 
 /* The border loop of each border vertex, -1 inside. */
-static int find_loops(dmk_context *ctx, const dmk_geodesics *g, int32_t *parent, int32_t **loop, int32_t *n_loops)
+static int find_loops(dmk_context *ctx, const dmk_geodesics *g, int32_t *parent, int32_t **loop,
+                      int32_t *n_loops)
 {
     const dmk_mesh *m = g->mesh;
     int rc = DMK_NEW(ctx, *loop, (size_t)m->n_vertices);
     if (rc != DMK_OK) return rc;
     for (int32_t v = 0; v < m->n_vertices; v++) parent[v] = v;
     for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
-        if (g->star.twin[h] < 0) dmk_set_unite(parent, m->triangle[dmk_next(h)], m->triangle[dmk_previous(h)]);
+        if (g->star.twin[h] < 0)
+            dmk_set_unite(parent, m->triangle[dmk_next(h)], m->triangle[dmk_previous(h)]);
     }
     *n_loops = 0;
     for (int32_t v = 0; v < m->n_vertices; v++) { /* a set's name is its least member */
@@ -146,8 +151,10 @@ static double meeting(const dmk_image *a, const dmk_image *b, double length)
         double x = i % 3 == 2 ? 0.5 * (lo + hi) : lo - flo * (hi - lo) / (fhi - flo);
         const double f = dmk_image_length(a, x, 0) - dmk_image_length(b, x, 0);
         if (f == 0) return x;
-        if (f < 0) lo = x, flo = f;
-        else hi = x, fhi = f;
+        if (f < 0)
+            lo = x, flo = f;
+        else
+            hi = x, fhi = f;
     }
     return 0.5 * (lo + hi);
 }
@@ -164,7 +171,8 @@ static void set_crossing(const dmk_geodesics *g, const int32_t *loop, int32_t h,
 {
     const dmk_mesh *m = g->mesh;
     const double length = length_of(g, h);
-    const int32_t v = m->triangle[dmk_next(h)], w = m->triangle[dmk_previous(h)], twin = g->star.twin[h];
+    const int32_t v = m->triangle[dmk_next(h)], w = m->triangle[dmk_previous(h)],
+                  twin = g->star.twin[h];
     const dmk_image a = dmk_image_at_start(g, h), b = dmk_image_at_end(g, h);
     double x = meeting(&a, &b, length);
     /* behind a bend the paths are those to it gone on */
@@ -183,8 +191,8 @@ static void set_crossing(const dmk_geodesics *g, const int32_t *loop, int32_t h,
 }
 
 /* Crossings of the edges that are not in the tree. */
-static int set_crossings(dmk_context *ctx, const int32_t *half, const int32_t *loop, const bool *in_tree,
-                         dmk_cotree *t)
+static int set_crossings(dmk_context *ctx, const int32_t *half, const int32_t *loop,
+                         const bool *in_tree, dmk_cotree *t)
 {
     int rc;
     const dmk_geodesics *g = t->geodesics;
@@ -193,7 +201,8 @@ static int set_crossings(dmk_context *ctx, const int32_t *half, const int32_t *l
     DMK_TRY(DMK_NEW(ctx, t->on, 3 * (size_t)m->n_triangles));
     for (int32_t h = 0; h < 3 * m->n_triangles; h++) t->on[h] = -1;
     t->n = 0;
-    for (int32_t h = 0; h < 3 * m->n_triangles; h++) { /* triangle by triangle: neighbours stay near in memory */
+    for (int32_t h = 0; h < 3 * m->n_triangles;
+         h++) { /* triangle by triangle: neighbours stay near in memory */
         const int32_t e = m->triangle_edge[h];
         if (in_tree[e] || half[e] != h) continue;
         set_crossing(g, loop, h, &t->crossing[t->n]);
@@ -211,15 +220,16 @@ static void unite_sources(const dmk_geodesics *g, int32_t *parent)
     int32_t first = -1;
     for (int32_t i = 0; i < g->n_sources; i++) {
         const dmk_site *s = g->source + i;
-        const int32_t v = s->vertex >= 0 ? s->vertex : g->mesh->triangle[dmk_next(s->sector[0].half)];
+        const int32_t v =
+            s->vertex >= 0 ? s->vertex : g->mesh->triangle[dmk_next(s->sector[0].half)];
         if (first >= 0) dmk_set_unite(parent, first, v);
         first = v;
     }
 }
 
 /* Kruskal's algorithm: least jumps first. */
-static int span(dmk_context *ctx, const dmk_geodesics *g, const int32_t *half, int32_t *parent, bool *in_tree,
-                dmk_cotree *t)
+static int span(dmk_context *ctx, const dmk_geodesics *g, const int32_t *half, int32_t *parent,
+                bool *in_tree, dmk_cotree *t)
 {
     int rc;
     const dmk_mesh *m = g->mesh;

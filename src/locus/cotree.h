@@ -16,8 +16,9 @@ typedef struct dmk_crossing {
     int32_t half;    /* half-edge crossed, of the triangle node[0] */
     int32_t node[2]; /* the triangles it joins; n_triangles + i: border loop i */
     int32_t onward;  /* crossing to which its excess is handed on; -1: none */
-    int32_t outer;   /* node[outer] was peeled: the branch's end lies behind it; -1: none, on a loop */
-    double at;       /* on the half-edge from its start, a share of its length */
+    int32_t
+        outer; /* node[outer] was peeled: the branch's end lies behind it; -1: none, on a loop */
+    double at; /* on the half-edge from its start, a share of its length */
     double xyz[3];
     double distance; /* to the source */
     double alpha;    /* angle at which the two families meet, radians in [0, pi] */
@@ -38,11 +39,11 @@ typedef struct dmk_cotree {
     int32_t n, n_loops;     /* crossings; border loops */
     dmk_crossing *crossing; /* n */
     int32_t *on;            /* 3*n_triangles: crossing on each half-edge, -1: none */
-    int32_t last;           /* crossing peeled last, the middle of a locus without loops; -1: none */
+    int32_t last; /* crossing peeled last, the middle of a locus without loops; -1: none */
     int32_t n_tips;
     size_t tip_room;
-    dmk_tip *tip;           /* n_tips */
-    bool is_point;          /* no line: the whole locus is the tip 0 */
+    dmk_tip *tip;  /* n_tips */
+    bool is_point; /* no line: the whole locus is the tip 0 */
 } dmk_cotree;
 
 /* Jumps, spanning tree and crossings; freed also after a failure. */
@@ -94,5 +95,27 @@ void dmk_patch_free(dmk_patch **patch);
 bool dmk_cusp_fit(dmk_patch *patch, int32_t triangle, dmk_cusp *cusp);
 /* The middle of a short locus around `xyz`, in `triangle`, and its length. */
 bool dmk_focus_fit(dmk_patch *patch, int32_t triangle, double xyz[3], double *length);
+
+/* ---- places.c: crossings, forks and tips as vertices of the locus ------------------------------- */
+
+/* All but kind, degree and mu; angles as in the source's chart. None depends on the strength asked for. */
+
+/* On its edge, nearest to the mean of the line over a stretch to both sides. */
+void dmk_place_crossing(const dmk_cotree *cotree, int32_t i, dmk_locus_vertex *vertex);
+/* In a triangle with three crossings: where the families of its corners are equally long if three
+ * branches of default strength meet, else on the straight line between the two strongest. */
+void dmk_place_fork(const dmk_cotree *cotree, int32_t triangle, dmk_locus_vertex *vertex);
+void dmk_place_tip(const dmk_cotree *cotree, const dmk_tip *tip, dmk_locus_vertex *vertex);
+
+/* The logarithmic map at xyz, a point of the corner's triangle reached by the geodesics of its family: length
+ * times direction at the source, a full turn being 2 pi. In the shadow of a pseudo-source, where all paths start
+ * in one direction, that of the corner is turned as if its path were straight. */
+void dmk_place_in_plane(const dmk_cotree *cotree, int32_t corner, const double xyz[3],
+                        double plane[2]);
+
+/* Whether three branches of default strength meet in the triangle. */
+bool dmk_is_fork(const dmk_cotree *cotree, int32_t triangle);
+/* The tip in a triangle, or NULL. */
+const dmk_tip *dmk_tip_in(const dmk_cotree *cotree, int32_t triangle);
 
 #endif

@@ -164,7 +164,8 @@ static bool fit_map(const dmk_patch *p, const dmk_cusp *c, double spread, double
               (g->distance[v] - c->distance) / p->radius, 0, 0, term);
         for (int j = 0; j < N_TERMS; j++) {
             for (int k = 0; k <= j; k++) A[j * N_TERMS + k] += w * term[j] * term[k];
-            for (int k = 0; k < 3; k++) map[3 * j + k] += w * term[j] * (x[k] - p->centre[k]) / p->radius;
+            for (int k = 0; k < 3; k++)
+                map[3 * j + k] += w * term[j] * (x[k] - p->centre[k]) / p->radius;
         }
     }
     for (int j = 0; j < N_TERMS; j++) A[j * N_TERMS + j] += 1e-12 * A[0];
@@ -204,7 +205,8 @@ bool dmk_cusp_fit(dmk_patch *p, int32_t triangle, dmk_cusp *c)
     double map[3 * N_TERMS], spread = 0, a, r, x[3];
     if (!gather(p, triangle, c->xyz, dmk_rules.window * p->cotree->mean_edge)) return false;
     for (int32_t i = 0; i < p->n; i++)
-        spread = fmax(spread, fabs(dmk_turn_between(full, c->angle, g->arrival[p->vertex[i]].direction)));
+        spread = fmax(spread,
+                      fabs(dmk_turn_between(full, c->angle, g->arrival[p->vertex[i]].direction)));
     if (!(spread > 0) || !fit_map(p, c, spread, map) || !find_cusp(p, map, &a, &r)) return false;
     derive(map, a, r, 0, 0, x);
     for (int k = 0; k < 3; k++) c->xyz[k] += p->radius * x[k];

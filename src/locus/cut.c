@@ -1,8 +1,7 @@
 /* The surface cut open along the locus: the triangles that it crosses are split, then the corners of each
  * vertex that no uncut edge joins are separated. */
 #include "base/sets.h"
-#include "locus/cut.h"
-#include "locus/places.h"
+#include "locus/cotree.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -13,8 +12,9 @@ typedef struct knife {
     int32_t *point;    /* cotree->n: the new vertex on a crossing, or -1 */
     double *xyz;       /* 3 per vertex of the split mesh */
     int32_t *triangle; /* 3 per triangle of the split mesh */
-    int32_t *kin;      /* 3 per triangle: the mesh's corner (3t + k) whose family the corner here belongs to */
-    uint8_t *side;     /* 3 per triangle: edge opposite the corner is to be cut */
+    int32_t *
+        kin; /* 3 per triangle: the mesh's corner (3t + k) whose family the corner here belongs to */
+    uint8_t *side; /* 3 per triangle: edge opposite the corner is to be cut */
     int32_t n_vertices, n_triangles;
 } knife;
 
@@ -151,10 +151,12 @@ static void add_point(knife *k, int32_t i)
     const int32_t h = k->cotree->crossing[i].half;
     dmk_locus_vertex v;
     dmk_place_crossing(k->cotree, i, &v);
-    const double s = fmin(1 - dmk_rules.margin, fmax(dmk_rules.margin, v.place.weight[dmk_previous(h) % 3]));
+    const double s =
+        fmin(1 - dmk_rules.margin, fmax(dmk_rules.margin, v.place.weight[dmk_previous(h) % 3]));
     for (int j = 0; j < 3; j++) {
-        k->xyz[3 * (size_t)k->n_vertices + j] = (1 - s) * m->xyz[3 * (size_t)m->triangle[dmk_next(h)] + j] +
-                                                s * m->xyz[3 * (size_t)m->triangle[dmk_previous(h)] + j];
+        k->xyz[3 * (size_t)k->n_vertices + j] =
+            (1 - s) * m->xyz[3 * (size_t)m->triangle[dmk_next(h)] + j] +
+            s * m->xyz[3 * (size_t)m->triangle[dmk_previous(h)] + j];
     }
     k->point[i] = k->n_vertices++;
 }
@@ -187,7 +189,8 @@ static int join_corners(dmk_context *ctx, const knife *k, int32_t *parent)
 {
     int rc;
     dmk_mesh *whole = NULL; /* the split mesh, for its edges */
-    DMK_TRY(dmk_mesh_create(ctx, (size_t)k->n_vertices, k->xyz, (size_t)k->n_triangles, k->triangle, &whole));
+    DMK_TRY(dmk_mesh_create(ctx, (size_t)k->n_vertices, k->xyz, (size_t)k->n_triangles, k->triangle,
+                            &whole));
     DMK_TRY(dmk_poll(ctx));
     for (int32_t i = 0; i < 3 * k->n_triangles; i++) parent[i] = i;
     for (int32_t e = 0; e < whole->n_edges; e++) {
@@ -209,7 +212,8 @@ done:
 }
 
 /* The vertices of the cut mesh: a corner that stands for each, those of the mesh first, in their order. */
-static int number_corners(dmk_context *ctx, const knife *k, int32_t *parent, int32_t **first, int32_t *n)
+static int number_corners(dmk_context *ctx, const knife *k, int32_t *parent, int32_t **first,
+                          int32_t *n)
 {
     int rc;
     int32_t *number = NULL;
@@ -232,7 +236,8 @@ done:
     return rc;
 }
 
-static int separate(dmk_context *ctx, const knife *k, dmk_mesh **cut, int32_t **origin, double **plane)
+static int separate(dmk_context *ctx, const knife *k, dmk_mesh **cut, int32_t **origin,
+                    double **plane)
 {
     int rc;
     int32_t *number = NULL, *first = NULL, n;
@@ -262,8 +267,8 @@ done:
     return rc;
 }
 
-int dmk_locus_cut(dmk_context *ctx, const dmk_geodesics *g, const dmk_locus_options *opt, dmk_mesh **cut,
-                  int32_t **origin, double **plane)
+int dmk_locus_cut(dmk_context *ctx, const dmk_geodesics *g, const dmk_locus_options *opt,
+                  dmk_mesh **cut, int32_t **origin, double **plane)
 {
     int rc;
     dmk_cotree t = {0};

@@ -12,7 +12,10 @@ typedef struct route {
     int32_t n, end, crossing[MAX_ROUTE]; /* crossing[end]: the last with the default excess */
 } route;
 
-static int32_t n_triangles(const dmk_cotree *t) { return t->geodesics->mesh->n_triangles; }
+static int32_t n_triangles(const dmk_cotree *t)
+{
+    return t->geodesics->mesh->n_triangles;
+}
 
 /* The strongest crossing that hands on to i out of triangle `node`, -1: none. */
 static int32_t child_of(const dmk_cotree *t, int32_t i, int32_t node)
@@ -50,7 +53,9 @@ static void find_route(const dmk_cotree *t, int32_t i, int32_t node, route *r)
         back[n++] = j;
         /* inwards of the last crossing lies the branch's other half */
         const int32_t next = j == t->last ? child_of(t, j, node_in) : t->crossing[j].onward;
-        if (next < 0 || t->crossing[next].strength != t->crossing[i].strength || (n > 1 && next == back[n - 2])) break;
+        if (next < 0 || t->crossing[next].strength != t->crossing[i].strength ||
+            (n > 1 && next == back[n - 2]))
+            break;
         length += step(t, j, next);
         if (j == t->last) break;
         node_in = dmk_other_node(&t->crossing[next], node_in);
@@ -205,7 +210,8 @@ static int become_point(dmk_context *ctx, dmk_cotree *t, const double xyz[3])
         if (dmk_distance(t->crossing[i].xyz, xyz) > 2 * t->mean_edge && i != t->last) continue;
         for (int side = 0; side < 2; side++) {
             const int32_t triangle = t->crossing[i].node[side];
-            const double d = triangle < m->n_triangles ? place_in(m, triangle, xyz, weight) : HUGE_VAL;
+            const double d =
+                triangle < m->n_triangles ? place_in(m, triangle, xyz, weight) : HUGE_VAL;
             if (!(d < least)) continue;
             least = d;
             best = (dmk_tip){triangle, i, {weight[0], weight[1], weight[2]}};

@@ -1,7 +1,7 @@
 /* The public object: numbering, polylines, counts. */
 #include "base/sets.h"
 #include "base/vec3.h"
-#include "locus/places.h"
+#include "locus/cotree.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -59,7 +59,8 @@ static int join(dmk_context *ctx, sketch *s, int32_t a, int32_t b, double streng
 
 /* The vertex in a triangle of which `kept` crossings are kept; -1: none. It does not depend on the strength
  * asked for, but for forks with branches weaker than the default, which lie on straight lines. */
-static int add_inner(dmk_context *ctx, const dmk_cotree *t, int32_t triangle, int kept, sketch *s, int32_t *v)
+static int add_inner(dmk_context *ctx, const dmk_cotree *t, int32_t triangle, int kept, sketch *s,
+                     int32_t *v)
 {
     int rc = DMK_OK;
     const dmk_tip *tip = dmk_tip_in(t, triangle);
@@ -102,8 +103,10 @@ static int draw_point(dmk_context *ctx, const dmk_cotree *t, sketch *s)
     const dmk_crossing *c = &t->crossing[t->last];
     int rc = add_vertex(ctx, s, &v);
     if (rc != DMK_OK) return rc;
-    if (t->is_point) dmk_place_tip(t, &t->tip[0], &s->locus->vertex[v]);
-    else dmk_place_crossing(t, t->last, &s->locus->vertex[v]);
+    if (t->is_point)
+        dmk_place_tip(t, &t->tip[0], &s->locus->vertex[v]);
+    else
+        dmk_place_crossing(t, t->last, &s->locus->vertex[v]);
     s->locus->vertex[v].strength = c->excess;
     return DMK_OK;
 }
@@ -214,13 +217,14 @@ static int count_components(dmk_context *ctx, dmk_locus *l)
     l->info.components = l->info.n_vertices;
     for (size_t i = 0; i < l->info.n_edges; i++)
         l->info.components -= dmk_set_unite(parent, l->edge[i].vertex[0], l->edge[i].vertex[1]);
-    l->info.loops = (int64_t)l->info.n_edges - (int64_t)l->info.n_vertices + (int64_t)l->info.components;
+    l->info.loops =
+        (int64_t)l->info.n_edges - (int64_t)l->info.n_vertices + (int64_t)l->info.components;
     free(parent);
     return DMK_OK;
 }
 
-int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *g, const double *density, const dmk_locus_options *opt,
-                    dmk_locus **locus)
+int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *g, const double *density,
+                    const dmk_locus_options *opt, dmk_locus **locus)
 {
     int rc;
     dmk_cotree t = {0};

@@ -1,6 +1,6 @@
 /* The points of the lines: see places.h. */
 #include "base/vec3.h"
-#include "locus/places.h"
+#include "locus/cotree.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -54,7 +54,8 @@ static void set_corners(const dmk_geodesics *g, int32_t triangle, corners *c)
     const double size = hypot(ux, uy);
     ux /= size;
     uy /= size;
-    c->image[0] = (dmk_image){length + own.x * ux - own.y * uy, own.x * uy + own.y * ux, own.before};
+    c->image[0] =
+        (dmk_image){length + own.x * ux - own.y * uy, own.x * uy + own.y * ux, own.before};
 }
 
 /* Angle at the last bend between the paths of corner k's family to the corner and to (x, y); straight: as if the
@@ -63,7 +64,8 @@ static double turn_to(const corners *c, int k, double x, double y, bool straight
 {
     const double bent = dmk_image_length(&c->image[k], c->x[k][0], c->x[k][1]);
     const double longer = straight ? bent / (bent - c->image[k].before) : 1;
-    const double vx = (c->x[k][0] - c->image[k].x) * longer, vy = (c->x[k][1] - c->image[k].y) * longer;
+    const double vx = (c->x[k][0] - c->image[k].x) * longer,
+                 vy = (c->x[k][1] - c->image[k].y) * longer;
     const double px = vx + x - c->x[k][0], py = vy + y - c->x[k][1];
     return atan2(vx * py - vy * px, vx * px + vy * py);
 }
@@ -90,14 +92,16 @@ static void set_families(const dmk_cotree *t, const corners *c, int i, int j, dm
     const double *w = v->place.weight;
     const double x = w[0] * c->x[0][0] + w[2] * c->x[2][0], y = w[0] * c->x[0][1];
     const double full = dmk_full_turn(g);
-    v->distance = 0.5 * g->star.unit * (dmk_image_length(&c->image[i], x, y) + dmk_image_length(&c->image[j], x, y));
+    v->distance = 0.5 * g->star.unit *
+                  (dmk_image_length(&c->image[i], x, y) + dmk_image_length(&c->image[j], x, y));
     v->angle[0] = direction_of(g, c, i, x, y);
     v->angle[1] = direction_of(g, c, j, x, y);
     v->source_angle = fabs(dmk_turn_between(full, v->angle[0], v->angle[1]));
     v->meeting_angle = meeting_angle(c, i, j, x, y);
 }
 
-static void set_place(const dmk_mesh *m, int32_t triangle, const double weight[3], dmk_locus_vertex *v)
+static void set_place(const dmk_mesh *m, int32_t triangle, const double weight[3],
+                      dmk_locus_vertex *v)
 {
     v->place.triangle = triangle;
     for (int j = 0; j < 3; j++) v->xyz[j] = 0;
@@ -153,7 +157,8 @@ static bool find_fork(const corners *c, double weight[3])
 }
 
 /* Weights of crossing i in one of its triangles. */
-static void weights_in(const dmk_cotree *t, int32_t i, double at, int32_t triangle, double weight[3])
+static void weights_in(const dmk_cotree *t, int32_t i, double at, int32_t triangle,
+                       double weight[3])
 {
     const int32_t h = t->crossing[i].half;
     const int32_t own = h / 3 == triangle ? h : t->geodesics->star.twin[h];
@@ -314,7 +319,8 @@ void dmk_place_in_plane(const dmk_cotree *t, int32_t corner, const double xyz[3]
     const double square = dmk_dot(x, x) / unit / unit - px * px, py = square > 0 ? sqrt(square) : 0;
     if (memcmp(xyz, m->xyz + 3 * (size_t)m->triangle[corner], 3 * sizeof *xyz) != 0) {
         distance = unit * dmk_image_length(&c.image[corner % 3], px, py);
-        direction += turn_to(&c, corner % 3, px, py, g->arrival[m->triangle[corner]].pseudo_source >= 0);
+        direction +=
+            turn_to(&c, corner % 3, px, py, g->arrival[m->triangle[corner]].pseudo_source >= 0);
     }
     if (full < HUGE_VAL) direction *= 2 * pi / full;
     plane[0] = distance * cos(direction);

@@ -49,7 +49,8 @@ static leaf pop(leaf *heap, int32_t *n)
 
 static double handed_on(const dmk_crossing *from, const dmk_crossing *to)
 {
-    return from->excess + (1 - cos(0.25 * (from->alpha + to->alpha))) * dmk_distance(from->xyz, to->xyz);
+    return from->excess +
+           (1 - cos(0.25 * (from->alpha + to->alpha))) * dmk_distance(from->xyz, to->xyz);
 }
 
 /* What the leaf at triangle t hands on, and to which crossing: the only one not peeled. */

@@ -3,7 +3,7 @@
  * triangles, then the source. */
 #include "fuzz.h"
 
-#include "locus/cut.h"
+#include "locus/locus.h"
 #include "levels/coarsen.h"
 #include "solver/start.h"
 
