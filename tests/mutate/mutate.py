@@ -28,7 +28,7 @@ BUILD = "build/release"
 # Tests by room: these first; then, with --all-tests, all others. Rooms without a line: GENERAL.
 GENERAL = ["api", "mesh", "solver", "operator", "exact", "same", "cancel", "hostile"]
 ROOM_TESTS = {
-    "base": ["outfile", "parallel", "number", "mesh", "arguments", "cancel", "coarsen", "solver", "geodesic", "faults.sh"],
+    "base": ["outfile", "parallel", "number", "mesh", "arguments", "cancel", "coarsen", "solver", "geodesic"],
     "mesh": ["mesh", "repair", "units", "operator", "coarsen", "solver", "geodesic", "surface", "hostile"],
     "surfaces": ["surface", "mesh", "geometry.sh"],
     "levels": ["coarsen", "units", "solver", "operator"],

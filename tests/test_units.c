@@ -1,0 +1,411 @@
+/* Parts of the solver by themselves: the multigrid's rate, conjugate gradients, the control of the pseudo time
+ * step, sliced rows; and what a solver keeps from one solve to the next. Bounds are what was measured and a tenth. */
+#include "../src/solver/newton.c" /* for its static functions; the library's own is then left out */
+
+#include "solver/pcg.h"
+#include "solver/sell.h"
+#include "solving.h"
+
+#include <stdio.h>
+#include <string.h>
+
+typedef struct fixture {
+    bench b;
+    dmk_mesh *input;
+    dmk_order order;
+    dmk_system *sys;
+    size_t n; /* rows */
+    double *mu;
+} fixture;
+
+static void ok(const fixture *x, int rc)
+{
+    bench_ok(&x->b, rc);
+}
+
+static uint32_t random_state;
+static double random_unit(void)
+{
+    random_state = random_state * 1664525u + 1013904223u;
+    return (random_state >> 8) / 16777216.0;
+}
+
+static int setup(void **state)
+{
+    static fixture x;
+    *state = &x;
+    dmk_surface_options torus;
+    dmk_surface_options_init(&torus);
+    torus.name = "torus";
+    torus.n_triangles = 8000;
+    bench_open(&x.b, NULL);
+    ok(&x, dmk_mesh_surface(x.b.ctx, &torus, &x.input));
+    ok(&x, dmk_order_create(x.b.ctx, x.input, 0, &x.order));
+    ok(&x, dmk_system_create(x.b.ctx, x.b.dev, x.order.mesh, NULL, &x.sys));
+    x.n = (size_t)x.sys->n_rows_pad;
+    x.mu = calloc((size_t)x.sys->n_elements_pad, sizeof *x.mu);
+    random_state = 7;
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    fixture *x = *state;
+    free(x->mu);
+    dmk_system_destroy(&x->sys);
+    dmk_order_free(&x->order);
+    dmk_mesh_destroy(&x->input);
+    bench_close(&x->b);
+    return 0;
+}
+
+/* ---- rows ---- */
+
+static double *new_rows(const fixture *x)
+{
+    double *v = calloc(x->n, sizeof *v);
+    assert_non_null(v);
+    return v;
+}
+
+static bool is_row(const fixture *x, int32_t i)
+{
+    return i < x->sys->n_edges || i >= x->sys->vertex_row;
+}
+
+/* Random, of mean 0. */
+static double *random_rows(const fixture *x)
+{
+    double *v = new_rows(x), mean = 0;
+    int32_t n = 0;
+    for (int32_t i = 0; i < x->sys->n_rows; i++) {
+        if (!is_row(x, i)) continue;
+        v[i] = random_unit() - 0.5;
+        mean += v[i];
+        n++;
+    }
+    for (int32_t i = 0; i < x->sys->n_rows; i++) v[i] -= is_row(x, i) ? mean / n : 0;
+    return v;
+}
+
+static double dot(const fixture *x, const double *a, const double *b)
+{
+    double sum = 0;
+    for (size_t i = 0; i < x->n; i++) sum += a[i] * b[i];
+    return sum;
+}
+
+/* Density: `decades` of it by chance, element by element. */
+static void set_density(fixture *x, double decades)
+{
+    for (int32_t t = 0; t < x->sys->n_elements; t++) x->mu[t] = pow(10, -decades * random_unit());
+    ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_OUTER, x->sys->mu,
+                                (size_t)x->sys->n_elements_pad, x->mu));
+    ok(x, dmk_element_prepare(x->b.ctx, x->sys));
+    ok(x, dmk_multigrid_refresh(x->b.ctx, x->sys));
+}
+
+static double *apply(const fixture *x, const double *v)
+{
+    dmk_system *s = x->sys;
+    double *y = new_rows(x);
+    ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_OUTER, s->cg[DMK_OUTER].p, x->n, v));
+    ok(x, dmk_element_stiffness(x->b.ctx, s, DMK_OUTER, s->cg[DMK_OUTER].p));
+    ok(x, dmk_rows_apply(x->b.ctx, s, DMK_OUTER, s->cg[DMK_OUTER].p, s->cg[DMK_OUTER].ap));
+    ok(x, dmk_buffer_read_real(x->b.ctx, x->b.dev, DMK_OUTER, s->cg[DMK_OUTER].ap, x->n, y));
+    return y;
+}
+
+/* ---- multigrid ---- */
+
+/* What a V-cycle leaves of the energy norm of an error, in the worst of 12 cycles: they turn to the modes that it
+ * damps least. */
+static double v_cycle_rate(const fixture *x)
+{
+    dmk_system *s = x->sys;
+    double *v = random_rows(x), *z = new_rows(x), worst = 0;
+    for (int cycle = 0; cycle < 12; cycle++) {
+        double *av = apply(x, v), before = dot(x, v, av);
+        ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_INNER, s->cg[DMK_INNER].r, x->n, av));
+        ok(x, dmk_v_cycle(x->b.ctx, s, DMK_STIFFNESS, s->cg[DMK_INNER].r));
+        ok(x, dmk_buffer_read_real(x->b.ctx, x->b.dev, DMK_INNER, s->x_old, x->n, z));
+        for (size_t i = 0; i < x->n; i++) v[i] -= z[i];
+        free(av);
+        av = apply(x, v);
+        double after = dot(x, v, av), scale = 1 / sqrt(after);
+        worst = fmax(worst, sqrt(after / before));
+        for (size_t i = 0; i < x->n; i++) v[i] *= scale;
+        free(av);
+    }
+    free(v);
+    free(z);
+    return worst;
+}
+
+static void multigrid_keeps_its_rate(void **state)
+{
+    fixture *x = *state;
+    static const struct {
+        double decades, rate;
+    } cases[] = {{0, 0.152}, {1, 0.284}, {3, 0.757}};
+    assert_true(x->sys->n_levels >= 2);
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        set_density(x, cases[i].decades);
+        const double rate = v_cycle_rate(x);
+        print_message("density over %g decades: a V-cycle leaves %.3f\n", cases[i].decades, rate);
+        if (!(rate <= 1.1 * cases[i].rate))
+            fail_msg("%.3f, measured once %.3f", rate, cases[i].rate);
+    }
+}
+
+/* ---- conjugate gradients ---- */
+
+/* Solve A dx = A v from 0; the energy norm of the error, relative to v's. */
+static double solve(fixture *x, const double *v, int most, double tolerance, int *iterations,
+                    double *gain)
+{
+    dmk_system *s = x->sys;
+    double *rhs = apply(x, v), *found = new_rows(x), *zero = new_rows(x);
+    dmk_buffer *unknown = NULL;
+    ok(x, dmk_buffer_create(x->b.ctx, x->b.dev, x->n * sizeof(double), NULL, &unknown));
+    ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_OUTER, unknown, x->n, zero));
+    ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_OUTER, s->cg[DMK_OUTER].r, x->n, rhs));
+    ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_INNER, s->cg[DMK_OUTER].narrow, x->n, rhs));
+    *iterations = 0;
+    ok(x, dmk_pcg(x->b.ctx, s, DMK_OUTER, DMK_STIFFNESS, unknown, most, tolerance, 0, iterations,
+                  gain));
+    ok(x, dmk_buffer_read_real(x->b.ctx, x->b.dev, DMK_OUTER, unknown, x->n, found));
+    for (size_t i = 0; i < x->n; i++) found[i] -= v[i];
+    double *error = apply(x, found), left = sqrt(fmax(0, dot(x, found, error)) / dot(x, v, rhs));
+    dmk_buffer_destroy(&unknown);
+    free(rhs);
+    free(found);
+    free(zero);
+    free(error);
+    return left;
+}
+
+static void conjugate_gradients_converge(void **state)
+{
+    fixture *x = *state;
+    static const struct {
+        double decades, tolerance;
+        int iterations;
+    } cases[] = {{0, 1e-2, 2}, {0, 1e-8, 6}, {3, 1e-2, 2}, {3, 1e-8, 16}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        int iterations;
+        double gain = 0;
+        set_density(x, cases[i].decades);
+        double *v = random_rows(x), *av = apply(x, v);
+        const double left = solve(x, v, 100, cases[i].tolerance, &iterations, &gain);
+        print_message("%g decades to %g: %d iterations, error %.2g\n", cases[i].decades,
+                      cases[i].tolerance, iterations, left);
+        assert_true(left <= 3 * cases[i].tolerance);
+        assert_true(iterations <= cases[i].iterations && iterations >= 1);
+        /* The energy that is gained, and four times the last residual's for the rest. */
+        const double energy = dot(x, v, av);
+        assert_true(fabs(gain - energy) <=
+                    10 * cases[i].tolerance * cases[i].tolerance * energy + 1e-6 * energy);
+        free(v);
+        free(av);
+    }
+}
+
+static void conjugate_gradients_stop(void **state)
+{
+    fixture *x = *state;
+    int iterations, fewer;
+    double gain;
+    set_density(x, 1);
+    double *v = random_rows(x);
+    const double one = solve(x, v, 1, 0, &iterations, NULL);
+    assert_int_equal(iterations, 1);
+    const double four = solve(x, v, 4, 0, &iterations, NULL);
+    assert_int_equal(iterations, 4);
+    assert_true(four < one && one < 1);
+    solve(x, v, 100, 1e-6, &iterations, &gain);
+    solve(x, v, 100, 1e-3, &fewer, &gain);
+    assert_true(fewer < iterations);
+    v[0] = NAN;
+    dmk_system *s = x->sys;
+    ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_OUTER, s->cg[DMK_OUTER].r, x->n, v));
+    ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_INNER, s->cg[DMK_OUTER].narrow, x->n, v));
+    assert_int_equal(
+        dmk_pcg(x->b.ctx, s, DMK_OUTER, DMK_STIFFNESS, s->u, 20, 1e-6, 0, &iterations, &gain),
+        DMK_E_DIVERGED);
+    assert_non_null(strstr(dmk_context_message(x->b.ctx), "broke down"));
+    free(v);
+}
+
+/* ---- pseudo time ---- */
+
+static void steps_grow_and_shrink(void **state)
+{
+    (void)state;
+    step_control p = {.D = 50, .longest = 150, .growth = 1.5};
+    choose_step(&p, 1); /* nothing to compare with */
+    assert_true(p.D == 50 && !p.shrunk && p.rho_before == 1 && p.iterations == 3);
+    choose_step(&p, 0.89);
+    assert_true(p.D == 75 && p.rho_before == 0.89 && p.iterations == 3);
+    choose_step(&p, 0.89 * 0.91); /* not enough better */
+    assert_true(p.D == 75);
+    choose_step(&p, 0.5);
+    assert_true(p.D == 112.5 && p.iterations == 4);
+    choose_step(&p, 0.1);
+    assert_true(p.D == 150);
+    choose_step(&p, 0.12); /* worse within the noise */
+    assert_true(p.D == 150 && !p.shrunk);
+    choose_step(&p, 0.16);
+    assert_true(p.D == 75 && p.shrunk);
+    choose_step(&p, 0.16);
+    assert_true(p.D == 75 && !p.shrunk);
+    for (double rho = 1; rho < 1e6; rho *= 2) choose_step(&p, rho);
+    assert_true(p.D == 5 && !p.shrunk && p.iterations == 3);
+    assert_true(error_estimate(&(step_control){.D = 50}, 1) == 2);
+    assert_true(error_estimate(&(step_control){.D = 100}, 1) == 1);
+    assert_true(error_estimate(&(step_control){.D = 150}, 1) == 1);
+}
+
+/* The work of whole solves, from a distance and from nothing. */
+static void solves_take_their_steps(void **state)
+{
+    fixture *x = *state;
+    static const struct {
+        dmk_start start;
+        int steps, iterations;
+    } cases[] = {{DMK_START_DISTANCE, 12, 41}, {DMK_START_UNIFORM, 23, 80}};
+    problem p = problem_file(&x->b, "tests/data/sphere_1280.off");
+    problem q = problem_file(&x->b, "meshes/torus.off");
+    for (size_t i = 0; i < 2; i++) {
+        p.options.start = q.options.start = cases[i].start;
+        problem_solve(&p);
+        problem_solve(&q);
+        const int steps = p.stats.steps + q.stats.steps,
+                  cg = p.stats.cg_iterations + q.stats.cg_iterations;
+        print_message("start %zu: %d steps, %d iterations\n", i, steps, cg);
+        assert_true(steps <= cases[i].steps && cg <= cases[i].iterations);
+        assert_true(p.stats.v_cycles >= p.stats.cg_iterations &&
+                    p.stats.v_cycles <= 2 * p.stats.cg_iterations + 10);
+    }
+    problem_free(&p);
+    problem_free(&q);
+}
+
+/* NaN of a solve that diverged is not found again by the next. */
+static void divergence_leaves_nothing(void **state)
+{
+    fixture *x = *state;
+    bench b;
+    (void)x;
+    bench_open(&b, &(dmk_device_options){.single_precision = 1});
+    problem fresh = problem_file(&b, "meshes/torus.off"), p = problem_file(&b, "meshes/torus.off");
+    problem_solve(&fresh);
+    p.options.method = DMK_INERTIAL;
+    p.options.inertia = 0.9999;
+    assert_int_equal(problem_try(&p), DMK_E_DIVERGED);
+    dmk_solve_options_init(&p.options);
+    problem_solve(&p);
+    assert_memory_equal(problem_mu(&p), problem_mu(&fresh), problem_triangles(&p) * sizeof(double));
+    problem_free(&p);
+    problem_free(&fresh);
+    bench_close(&b);
+}
+
+/* ---- sliced rows ---- */
+
+static void sliced_rows_hold_all_entries(void **state)
+{
+    fixture *x = *state;
+    enum { N = 21 };
+    int32_t row[N + 1] = {0}, entry[N * N];
+    float weight[N * N];
+    for (int32_t i = 0; i < N; i++) { /* lengths 0 to 6, an empty slice's worth of them */
+        const int32_t length = i >= 8 && i < 16 ? 0 : i % 7;
+        row[i + 1] = row[i] + length;
+        for (int32_t j = 0; j < length; j++) {
+            entry[row[i] + j] = 100 * i + j;
+            weight[row[i] + j] = (float)(i + 0.25 * j);
+        }
+    }
+    for (int32_t filler = -1; filler < 4; filler += 4) {
+        dmk_sell sell = {0};
+        ok(x, dmk_sell_create(x->b.ctx, N, row, entry, weight, filler, &sell));
+        assert_int_equal(sell.n_slices, 3);
+        assert_int_equal(sell.slice[0], 0);
+        assert_int_equal(sell.slice[1], 6);     /* its longest row */
+        assert_int_equal(sell.slice[2], 6 + 1); /* no row has an entry, yet there is a column */
+        for (int32_t i = 0; i < N; i++) {
+            const int32_t columns = sell.slice[i / 8 + 1] - sell.slice[i / 8];
+            for (int32_t j = 0; j < columns; j++) {
+                const int32_t at = 8 * (sell.slice[i / 8] + j) + i % 8;
+                const bool there = j < row[i + 1] - row[i];
+                assert_int_equal(sell.entry[at], there        ? entry[row[i] + j]
+                                                 : filler < 0 ? i
+                                                              : filler);
+                assert_true(sell.weight[at] == (there ? weight[row[i] + j] : 0));
+            }
+        }
+        dmk_sell_free(&sell);
+        ok(x, dmk_sell_create(x->b.ctx, N, row, entry, NULL, filler, &sell));
+        assert_null(sell.weight);
+        dmk_sell_free(&sell);
+    }
+    for (int32_t n = 0; n < 40; n++)
+        assert_true(dmk_padded(n) % 8 == 0 && dmk_padded(n) > n && dmk_padded(n) <= n + 8);
+}
+
+/* ---- the first of many offenders, whatever thread finds one ---- */
+
+static void the_first_offender_is_named(void **state)
+{
+    fixture *x = *state;
+    enum { SIDE = 300, N = SIDE * SIDE };
+    double *xyz = calloc(3 * N, sizeof *xyz);
+    int32_t *triangle = calloc(6 * N, sizeof *triangle), *t = triangle;
+    for (int32_t i = 0; i < N; i++) {
+        xyz[3 * i] = i % SIDE;
+        xyz[3 * i + 1] = i / SIDE;
+    }
+    for (int32_t i = 0; i + SIDE < N; i++) {
+        if (i % SIDE == SIDE - 1) continue;
+        const int32_t both[6] = {i, i + 1, i + SIDE + 1, i, i + SIDE + 1, i + SIDE};
+        memcpy(t, both, sizeof both);
+        t += 6;
+    }
+    const size_t n = (size_t)(t - triangle) / 3;
+    static const size_t bad[] = {170001, 90002, 90005, 150000};
+    char expected[64];
+    for (int round = 0; round < 8; round++) {
+        dmk_mesh *mesh = NULL;
+        const int32_t kind = round % 2 ? N : -1; /* past the end, before the begin */
+        size_t first = n;
+        for (size_t k = 0; k < 4; k++) {
+            triangle[3 * bad[k] + k % 3] = kind;
+            if (bad[k] < first) first = bad[k];
+        }
+        ok(x, dmk_context_set_threads(x->b.ctx, 1 + round));
+        assert_int_equal(dmk_mesh_create(x->b.ctx, N, xyz, n, triangle, &mesh), DMK_E_MESH);
+        snprintf(expected, sizeof expected, "triangle %zu ", first);
+        if (!strstr(dmk_context_message(x->b.ctx), expected)) {
+            fail_msg("'%s' is not in: %s", expected, dmk_context_message(x->b.ctx));
+        }
+    }
+    ok(x, dmk_context_set_threads(x->b.ctx, 0));
+    free(xyz);
+    free(triangle);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(multigrid_keeps_its_rate),
+        cmocka_unit_test(conjugate_gradients_converge),
+        cmocka_unit_test(conjugate_gradients_stop),
+        cmocka_unit_test(steps_grow_and_shrink),
+        cmocka_unit_test(solves_take_their_steps),
+        cmocka_unit_test(divergence_leaves_nothing),
+        cmocka_unit_test(sliced_rows_hold_all_entries),
+        cmocka_unit_test(the_first_offender_is_named),
+    };
+    return cmocka_run_group_tests_name("units", tests, setup, teardown);
+}
