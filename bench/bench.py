@@ -4,7 +4,8 @@
 usage: bench.py [quick|usual|full] [--program DMKCL] [--work build/bench] [--results bench/results]
 Every run is a process of its own: wall time from its start to its end, peak memory as the system
 tells it (ru_maxrss). Programs take turns on a mesh; the least of several rounds counts. dmkcl solves,
-certifies and writes the cut locus; the peers give a distance only and write nothing. Kernel caches are
+certifies and writes the cut locus; `distance` is `dmkcl distance`, which like the peers gives a
+distance only and writes nothing. Kernel caches are
 warm; one cold run stands beside. A MB is 10^6 bytes. `quick` is one surface up to 270k triangles;
 `usual` leaves most of the heat method at 1.08M triangles out, a minute or more a run; `full` has all. `make bench` installs the peers beside the build; the real meshes come
 from Debian's package libcgal-demo. Writes bench.csv and bench.md.
@@ -20,6 +21,7 @@ import sys
 import time
 
 HERE = os.path.dirname(os.path.abspath(__file__))
+OWN = ["dmkcl", "distance"]
 PEERS = ["heat_robust", "heat_plain", "fast_marching", "exact"]
 EXACT_LIMIT = 90_000  # triangles: beyond, the exact distance needs minutes and gigabytes
 # Surface, source, triangles of the coarse mesh (None: the default), refinements for the five sizes.
@@ -133,13 +135,15 @@ class Bench:
         path, vertex, _ = self.meshes[name]
         if program == "dmkcl":
             return self.dmkcl(name)
+        if program == "distance":
+            return self.run([self.o.program, "distance", path, "--vertex", str(vertex), "--quiet"])
         return self.run([sys.executable, f"{HERE}/peers.py", program, path, str(vertex)])
 
     def measure(self, name, peers, rounds, peer_rounds):
-        runs = {p: [] for p in ["dmkcl", *peers]}
+        runs = {p: [] for p in [*OWN, *peers]}
         for k in range(rounds):
             for p, got in runs.items():
-                if (p == "dmkcl" or k < peer_rounds) and (p != "exact" or k == 0):
+                if (p in OWN or k < peer_rounds) and (p != "exact" or k == 0):
                     got.append(self.one(name, p))
         for p, got in runs.items():
             good = [r for r in got if r[2] == 0]
@@ -177,6 +181,44 @@ class Bench:
             out[count] = min(r[0] for r in runs)
         return out[1], (out[5] - out[1]) / 4
 
+    def distance_error(self, name):
+        """Largest error of the distance against pygeodesic, over the largest distance."""
+        path, vertex, _ = self.meshes[name]
+        out = f"{self.o.work}/distance.ply"
+        subprocess.run([self.o.program, "distance", path, "--vertex", str(vertex), "--quiet", "--out", out], check=True)
+        return float(text_of(sys.executable, f"{HERE}/peers.py", "compare", path, str(vertex), out))
+
+    def merged_error(self, name):
+        """Merged windows against exact ones: (largest, 99 %) of the error over the largest distance."""
+        import numpy as np
+
+        path, vertex, _ = self.meshes[name]
+        row = np.dtype([("xyz", "<f8", 3), ("distance", "<f8"), ("direction", "<f8"), ("nearest", "<i4")])
+        got = []
+        for how in ([], ["--exact"]):
+            out = f"{self.o.work}/distance.ply"
+            subprocess.run([self.o.program, "distance", path, "--vertex", str(vertex), "--quiet", "--out", out, *how],
+                           check=True)
+            with open(out, "rb") as f:
+                head, body = f.read().split(b"end_header\n", 1)
+            n = int(head.split(b"element vertex ")[1].split()[0])
+            got.append(np.frombuffer(body, row, n)["distance"])
+        error = np.abs(got[0] - got[1]) / got[1].max()
+        return error.max(), np.quantile(error, 0.99)
+
+    def threads(self, name):
+        """Seconds of the geodesics alone with two threads over those with one."""
+        path, vertex, _ = self.meshes[name]
+        report = f"{self.o.work}/distance.json"
+        least = {1: math.inf, 2: math.inf}
+        for _ in range(3):
+            for n in least:
+                subprocess.run([self.o.program, "distance", path, "--vertex", str(vertex), "--quiet", "--report", report,
+                                "--threads", str(n)], check=True)
+                with open(report) as f:
+                    least[n] = min(least[n], json.load(f)["seconds"]["distance"])
+        return least[2] / least[1]
+
     # ---- the account ----
 
     def seconds(self, name, program="dmkcl"):
@@ -185,9 +227,9 @@ class Bench:
                 return float(r["seconds"])
         return math.nan
 
-    def megabytes(self, name):
+    def megabytes(self, name, program="dmkcl"):
         for r in self.rows:
-            if r["mesh"] == name and r["program"] == "dmkcl":
+            if r["mesh"] == name and r["program"] == program:
                 return float(r["megabytes"])
         return math.nan
 
@@ -202,6 +244,7 @@ class Bench:
         yield "quartic 270k, ratio to robust heat", s(q["270k"]) / s(q["270k"], "heat_robust"), 0.6
         yield "quartic 70k, ratio to robust heat", s(q["70k"]) / s(q["70k"], "heat_robust"), 2.0
         yield "quartic 1.08M, ratio to robust heat", s(q["1.08M"]) / s(q["1.08M"], "heat_robust"), 0.25
+        yield from self.distance_bounds(q)
         t = "torus_symmetric_87k"
         yield "symmetric torus 87k, ratio to exact", s(t) / s(t, "exact"), 0.1
         yield "growth quartic 70k -> 270k", s(q["270k"]) / s(q["70k"]), 4.4
@@ -213,12 +256,33 @@ class Bench:
         yield "before the first step / outer loop, quartic 270k", before / solve, 2.0
         yield "peak memory, quartic 270k, MB", self.megabytes(q["270k"]), 400
 
+    def distance_bounds(self, q):
+        """The same of `dmkcl distance`."""
+        s = self.seconds
+        for name in self.meshes:
+            if self.meshes[name][2] <= EXACT_LIMIT:
+                yield f"distance, {name}: largest error against pygeodesic", self.distance_error(name), 1e-10
+        for k, bound in (("70k", 0.35), ("270k", 0.13), ("1.08M", 0.03)):
+            if q[k] in self.meshes:
+                yield f"distance, quartic {k}, ratio to robust heat", s(q[k], "distance") / s(q[k], "heat_robust"), bound
+        t = "torus_symmetric_87k"
+        yield "distance, symmetric torus 87k, ratio to exact", s(t, "distance") / s(t, "exact"), 0.06
+        for a, b in (("70k", "270k"), ("270k", "1.08M")):
+            if q[b] in self.meshes:
+                yield f"distance, growth quartic {a} -> {b}", s(q[b], "distance") / s(q[a], "distance"), 4.4
+        yield "distance, two threads over one, quartic 270k, geodesics alone", self.threads(q["270k"]), 0.65
+        if q["1.08M"] in self.meshes:
+            largest, most = self.merged_error(q["1.08M"])
+            yield "distance, quartic 1.08M, largest error", largest, 1e-5
+            yield "distance, quartic 1.08M, 99 % of the errors", most, 1e-6
+            yield "distance, peak memory, quartic 1.08M, MB", self.megabytes(q["1.08M"], "distance"), 450
+
     def table(self):
-        lines = ["| mesh | triangles | " + " | ".join(["dmkcl", *PEERS]) + " |",
-                 "|---|--:|" + "--:|" * (1 + len(PEERS))]
+        lines = ["| mesh | triangles | " + " | ".join([*OWN, *PEERS]) + " |",
+                 "|---|--:|" + "--:|" * (len(OWN) + len(PEERS))]
         for name, (_, _, n) in self.meshes.items():
             cells = []
-            for p in ["dmkcl", *PEERS]:
+            for p in [*OWN, *PEERS]:
                 r = next((r for r in self.rows if r["mesh"] == name and r["program"] == p), None)
                 cells.append(f"{float(r['seconds']):.2f} s, {r['megabytes']} MB"
                              if r and r["runs"] else "failed" if r else "")
@@ -263,7 +327,8 @@ class Bench:
             f"{self.device} (driver {self.driver}). Load of the machine at the start and the end: "
             f"{load[0]:.1f}, {load[1]:.1f} (1 minute). Seconds from start to end of the process and peak "
             "memory, least of the rounds. heat_robust, heat_plain, fast_marching: potpourri3d; exact: "
-            "pygeodesic. The peers give a distance; dmkcl also density, bounds and the cut locus.", "",
+            "pygeodesic. The peers and `distance` (`dmkcl distance`) give a distance; dmkcl also density, bounds and the cut "
+            "locus.", "",
             *self.table(), "", "## Bounds", "", *self.account(), "",
             "## Stages of dmkcl's fastest run, seconds", "",
             "`device` runs beside `read`.", "", *self.stages(), ""])

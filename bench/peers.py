@@ -1,4 +1,8 @@
-"""One run of a peer: read the OFF file, set up, one solve. usage: peers.py PEER MESH.off VERTEX"""
+"""One run of a peer: read the OFF file, set up, one solve. usage: peers.py PEER MESH.off VERTEX
+
+peers.py compare MESH.off VERTEX FILE.ply prints the largest difference of `dmkcl distance`'s file from pygeodesic, over the
+largest distance.
+"""
 import sys
 
 peer, path, vertex = sys.argv[1], sys.argv[2], int(sys.argv[3])
@@ -11,7 +15,7 @@ elif peer == "heat_plain":
     d = pp3d.MeshHeatMethodDistanceSolver(V, F, use_robust=False).compute_distance(vertex)
 elif peer == "fast_marching":
     d = pp3d.MeshFastMarchingDistanceSolver(V, F).compute_distance([[(vertex, [])]])
-elif peer == "exact":
+elif peer in ("exact", "compare"):
     import numpy as np
     from pygeodesic import geodesic
 
@@ -19,3 +23,10 @@ elif peer == "exact":
 else:
     sys.exit(f"no peer {peer}")
 assert len(d) == len(V)
+if peer == "compare":
+    with open(sys.argv[4], "rb") as f:
+        head, body = f.read().split(b"end_header\n", 1)
+    row = np.dtype([("xyz", "<f8", 3), ("distance", "<f8"), ("direction", "<f8"), ("nearest", "<i4")])
+    own = np.frombuffer(body, row, len(V))["distance"]
+    ok = np.isfinite(own)
+    print(np.abs(own - d)[ok].max() / own[ok].max())
