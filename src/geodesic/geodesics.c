@@ -1,5 +1,5 @@
 /* The object: see geodesic.h. */
-#include "geodesic/geodesic.h"
+#include "geodesic/trace.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -99,8 +99,9 @@ static int run(dmk_context *ctx, dmk_geodesics *g, const dmk_geodesics_options *
     if (tolerance == 0 && g->mesh->n_triangles > exact_triangles) tolerance = usual_tolerance;
     if (o->exact) tolerance = 0;
     g->tolerance = tolerance;
-    return g->n_lines == 0 && tolerance == 0 ? dmk_windows_run(ctx, g)
-                                             : dmk_waves_run(ctx, g, tolerance);
+    if (g->n_lines == 0 && tolerance == 0) return dmk_windows_run(ctx, g);
+    int rc = dmk_waves_run(ctx, g, tolerance);
+    return rc == DMK_OK && tolerance > 0 ? dmk_tracer_repair(ctx, g) : rc;
 }
 
 int dmk_geodesics_compute(dmk_context *ctx, const dmk_mesh *mesh, size_t n_sources,

@@ -295,6 +295,7 @@ static int search(dmk_context *ctx, dmk_tracer *t, const dmk_site *site)
         1e-11 + 4 * g->tolerance * g->distance[g->mesh->triangle[3 * site->point.triangle]] / unit;
     if (site->vertex >= 0) {
         t->bound = g->distance[site->vertex] / unit + t->slack;
+        if (g->error) t->bound += 2 * g->error[site->vertex] / unit;
     }
     DMK_TRY(DMK_NEW(ctx, own, (size_t)site->n_sectors + 2));
     size_t n = list_spots(g, site, 0, own);
@@ -313,7 +314,8 @@ static int search(dmk_context *ctx, dmk_tracer *t, const dmk_site *site)
     }
     for (size_t i = 0; i < t->n_sights; i++) DMK_TRY(advance(ctx, t, (int32_t)i));
     if (t->best.key == INFINITY) {
-        rc = dmk_fail(ctx, DMK_E_ARG, "triangle %lld is not on the component of a source: no path leads there",
+        rc = dmk_fail(ctx, DMK_E_ARG,
+                      "triangle %lld is not on the component of a source: no path leads there",
                       (long long)site->point.triangle);
     }
 done:
@@ -559,6 +561,37 @@ int dmk_tracer_value(dmk_context *ctx, dmk_tracer *t, const dmk_point *at, dmk_v
     }
 done:
     dmk_site_free(&site);
+    return rc;
+}
+
+/* ---- repair --------------------------------------------------------------------------------- */
+
+/* Vertices looked at again, at most: on meshes of needles estimates are large everywhere, and then stay. */
+enum { most_repairs = 200 };
+
+int dmk_tracer_repair(dmk_context *ctx, dmk_geodesics *g)
+{
+    int rc;
+    dmk_tracer *t = NULL;
+    dmk_site site = {0};
+    int32_t n = 0;
+    DMK_TRY(dmk_tracer_create(ctx, g, &t));
+    for (int32_t v = 0; v < g->mesh->n_vertices && n < most_repairs; v++) {
+        if (g->arrival[v].source < 0 || !(g->error[v] > 2 * g->tolerance * g->distance[v]))
+            continue;
+        dmk_point p = corner_point(g, v);
+        n++;
+        if (is_source(g, v)) continue;
+        dmk_site_free(&site);
+        DMK_TRY(dmk_site_create(ctx, g->mesh, &g->star, &p, 0, &site));
+        DMK_TRY(search(ctx, t, &site));
+        g->distance[v] = t->best.length * g->star.unit;
+        g->error[v] = t->best.vertex >= 0 ? g->error[t->best.vertex] : 0;
+        DMK_TRY(dmk_poll(ctx));
+    }
+done:
+    dmk_site_free(&site);
+    dmk_tracer_destroy(&t);
     return rc;
 }
 

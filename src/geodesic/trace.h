@@ -13,4 +13,7 @@ int dmk_tracer_path(dmk_context *context, dmk_tracer *tracer, const dmk_point *t
 int dmk_tracer_value(dmk_context *context, dmk_tracer *tracer, const dmk_point *at,
                      dmk_value *value);
 
+/* Distances of merged windows whose estimated error exceeds twice the tolerance, anew. */
+int dmk_tracer_repair(dmk_context *context, dmk_geodesics *geodesics);
+
 #endif
