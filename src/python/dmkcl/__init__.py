@@ -27,7 +27,8 @@ from ._mesh import Mesh, Point
 from ._progress import Progress
 from ._read import Repaired, read, repair
 from ._result import Certificate, Cut, Result, Tangent
-from ._solver import CutLocus, cut_open, shortest_path
+from ._solver import CutLocus, cut_open, shortest_path, transport
+from ._transport import Measure, Transport
 
 __version__ = version()
 
@@ -43,6 +44,7 @@ __all__ = [
     "FormatError",
     "Geodesics",
     "Locus",
+    "Measure",
     "Mesh",
     "MeshError",
     "OutOfMemoryError",
@@ -53,6 +55,7 @@ __all__ = [
     "Result",
     "StepLimitError",
     "Tangent",
+    "Transport",
     "cut_open",
     "devices",
     "distance",
@@ -60,5 +63,6 @@ __all__ = [
     "repair",
     "shortest_path",
     "surfaces",
+    "transport",
     "version",
 ]

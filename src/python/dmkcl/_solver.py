@@ -16,6 +16,7 @@ from ._mesh import Mesh, Point
 from ._progress import ProgressOption, Watch
 from ._read import MeshLike, as_mesh, warning_of_pieces
 from ._result import Cut, Result
+from ._transport import MeasureLike, Transport, solve_measures
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -318,6 +319,49 @@ class CutLocus:
         for source in shown:
             yield self._solve(source, options, False, strength)
 
+    # ---- transport ----------------------------------------------------------------------------
+
+    def transport(
+        self,
+        a: MeasureLike,
+        b: Optional[MeasureLike] = None,
+        *,
+        normalise: bool = False,
+        tolerance: float = 0,
+        gap: float = 0,
+        max_steps: int = 0,
+        progress: ProgressOption = False,
+    ) -> Transport:
+        """Optimal transport from the measure a to b at the cost of the distance (W1).
+
+        a, b : a `Measure`, or (n,) masses at the vertices. Without b, a is signed: its positive part
+        goes to its negative part. Both must have the same mass, unless normalise, which scales b
+        to the mass of a. The other options are those of `solve`.
+        """
+        settings = _options(tolerance=tolerance, gap=gap, max_steps=max_steps)
+        settings.normalise = normalise
+        watch = Watch(progress)
+        try:
+            with self._device.use(), Context(watch, self._choice[2]) as context:
+                return solve_measures(self.mesh, self._handle, context, a, b, settings)
+        finally:
+            watch.close()
+
+    def w1_matrix(
+        self, measures: Sequence[MeasureLike], *, normalise: bool = False, progress: bool = False
+    ) -> NDArray[np.float64]:
+        """(k, k) earth mover's distances between all pairs of k measures, symmetric."""
+        pairs: Any = [(i, j) for i in range(len(measures)) for j in range(i)]
+        if progress:
+            from tqdm.auto import tqdm
+
+            pairs = tqdm(pairs, unit=" pairs")
+        found = np.zeros((len(measures), len(measures)))
+        for i, j in pairs:
+            pair = self.transport(measures[i], measures[j], normalise=normalise)
+            found[i, j] = found[j, i] = pair.w1
+        return found
+
     # ---- drop-ins -----------------------------------------------------------------------------
 
     def distance(
@@ -381,3 +425,15 @@ def cut_open(
     """The surface cut open along the cut locus of a source (vertex number or point): a disk.
     See `Result.cut_open`."""
     return CutLocus(vertices, faces).solve(**_one_place(source), **options).cut_open()
+
+
+def transport(
+    mesh: MeshLike,
+    a: MeasureLike,
+    b: Optional[MeasureLike] = None,
+    *,
+    normalise: bool = False,
+) -> Transport:
+    """Optimal transport between two measures on a mesh: see `CutLocus.transport`, which keeps what
+    is made ready for the next pair."""
+    return CutLocus(mesh).transport(a, b, normalise=normalise)

@@ -1,0 +1,161 @@
+"""Optimal transport between two measures on a surface, at the cost of the distance."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Optional, Sequence, Union
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ._lib import ArgumentError, Context, Handle, copy_struct, ffi, lib, path_bytes, view
+from ._mesh import Mesh, Point
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A measure on a surface: the sum of the parts that are given, in any unit of mass.
+
+    vertex_mass: (n,) a mass at each vertex, spread over the triangles around it; face_density: (m,)
+    mass per area; points with masses: (k, 3), or `Point`s, and (k,) (None: 1 each); uniform: a mass
+    spread evenly over the component of the others.
+    """
+
+    vertex_mass: Optional[ArrayLike] = None
+    face_density: Optional[ArrayLike] = None
+    points: Optional[Sequence[Any]] = None
+    masses: Optional[ArrayLike] = None
+    uniform: float = 0.0
+
+
+#: A `Measure`, or an array of masses at the vertices.
+MeasureLike = Union[Measure, ArrayLike]
+
+
+def _column(name: str, values: ArrayLike, n: int) -> NDArray[np.float64]:
+    array = np.ascontiguousarray(values, dtype=np.float64)
+    if array.shape != (n,):
+        raise ArgumentError(f"{name} has the shape {array.shape}; expected ({n},)")
+    return array
+
+
+def _pack(mesh: Mesh, measure: MeasureLike, keep: "list[Any]") -> Any:
+    """The C struct; what it points to goes to `keep`."""
+    m = measure if isinstance(measure, Measure) else Measure(vertex_mass=measure)
+    packed = ffi.new("dmk_measure *")
+
+    def lend(name: str, array: NDArray[np.float64]) -> None:
+        keep.append(array)
+        setattr(packed, name, ffi.from_buffer("double[]", array))
+
+    if m.vertex_mass is not None:
+        lend("vertex_mass", _column("vertex_mass", m.vertex_mass, len(mesh.vertices)))
+    if m.face_density is not None:
+        lend("triangle_density", _column("face_density", m.face_density, len(mesh.faces)))
+    if m.points is not None:
+        places = [p if isinstance(p, Point) else mesh.nearest(p) for p in m.points]
+        atoms = ffi.new("dmk_point[]", [(p.face, p.bary) for p in places])
+        keep.append(atoms)
+        packed.atoms, packed.n_atoms = atoms, len(places)
+        masses = np.ones(len(places)) if m.masses is None else m.masses
+        lend("atom_mass", _column("masses", masses, len(places)))
+    packed.uniform = m.uniform
+    keep.append(packed)
+    return packed
+
+
+class Transport:
+    """What `CutLocus.transport` found. Arrays are read-only views of the library's memory.
+
+    Solved is ``-div(mu grad u) = a - b`` with ``|grad u| <= 1``, equal to 1 where ``mu > 0``.
+    """
+
+    def __init__(self, mesh: Mesh, handle: Handle):
+        self.mesh: Mesh = mesh
+        self._handle = handle
+
+    def __repr__(self) -> str:
+        return f"<dmkcl.Transport: mass {self.mass:.6g}, W1 from {self.lower:.6g} to {self.upper:.6g}>"
+
+    @cached_property
+    def stats(self) -> "dict[str, Any]":
+        """Steps, iterations and bounds: see dmk_stats."""
+        stats = ffi.new("dmk_stats *")
+        lib.dmk_transport_get_stats(self._handle.pointer, stats)
+        return copy_struct(stats[0])
+
+    @property
+    def lower(self) -> float:
+        """Lower bound of the discrete W1."""
+        return float(self.stats["cost_lower"])
+
+    @property
+    def upper(self) -> float:
+        """Upper bound of the discrete W1, the cost of the flux: the better value of the two."""
+        return float(self.stats["cost_upper"])
+
+    @property
+    def w1(self) -> float:
+        """The earth mover's distance W1, in mass times length: the mean of its bounds."""
+        return (self.lower + self.upper) / 2
+
+    @cached_property
+    def _info(self) -> "dict[str, Any]":
+        info = ffi.new("dmk_transport_info *")
+        lib.dmk_transport_get_info(self._handle.pointer, info)
+        return copy_struct(info[0])
+
+    @property
+    def mass(self) -> float:
+        """That is moved."""
+        return float(self._info["mass"])
+
+    @property
+    def balance(self) -> float:
+        """Largest relative defect of the flux at a node: rounding."""
+        return float(self._info["balance"])
+
+    def _array(self, name: str, columns: int = 1) -> NDArray[np.float64]:
+        n = ffi.new("size_t *")
+        pointer = getattr(lib, "dmk_transport_" + name)(self._handle.pointer, n)
+        shape = (len(self.mesh.faces), columns) if columns > 1 else (n[0],)
+        return view(self._handle, pointer, shape, np.float64)
+
+    @cached_property
+    def density(self) -> NDArray[np.float64]:
+        """(m,) mu = |flux|, mass per length, in each triangle."""
+        return self._array("density")
+
+    @cached_property
+    def flux(self) -> NDArray[np.float64]:
+        """(m, 3) mean of -mu grad u in each triangle: where the mass goes."""
+        return self._array("flux", 3)
+
+    @cached_property
+    def potential(self) -> NDArray[np.float64]:
+        """(n,) Kantorovich potential u at the vertices, 0 at its largest."""
+        return self._array("potential")
+
+    def write(self, path: "os.PathLike[str] | str") -> None:
+        """Write mesh, mu, flux and u; the suffix chooses VTP, VTU or PLY."""
+        with Context() as context:
+            context.check(
+                lib.dmk_transport_write(
+                    context.pointer, self.mesh._pointer, self._handle.pointer, path_bytes(path)
+                )
+            )
+
+
+def solve_measures(
+    mesh: Mesh, solver: Handle, context: Context, a: MeasureLike, b: Optional[MeasureLike], options: Any
+) -> Transport:
+    keep: "list[Any]" = []
+    first = _pack(mesh, a, keep)
+    second = ffi.NULL if b is None else _pack(mesh, b, keep)
+    handle = Handle("dmk_transport")
+    context.check(
+        lib.dmk_solve_measures(context.pointer, solver.pointer, first, second, options, handle.box)
+    )
+    return Transport(mesh, handle)
