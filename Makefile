@@ -225,6 +225,15 @@ STEADY ?= $(TESTS) $(TEST_SCRIPTS)
 steady: $(TESTS) $(STATIC) $(SHARED) $(TOOL) $B/faults/library $B/faults/dmkcl
 	$(Q)bash tests/steady.sh $B $(STEADY_RUNS) $(STEADY)
 
+# HOSTILE random meshes through all commands, and INTERRUPTED runs that end at random moments: see the scripts.
+HOSTILE ?= 2000
+INTERRUPTED ?= 500
+.PHONY: hostile interrupts
+hostile: $(TOOL)
+	$(Q)python3 tests/hostile.py $(TOOL) $(HOSTILE) --keep build/hostile
+interrupts: $(TOOL)
+	$(Q)python3 tests/interrupts.py $(TOOL) $(INTERRUPTED)
+
 # Small wrong changes of the sources, and whether a test notices: see tests/mutate/mutate.py. An hour or two.
 MUTANTS ?= 300
 MUTATE ?=
@@ -361,6 +370,8 @@ help:
 	@echo 'make ci         the tests, and compilers, analysers, sanitizers, ... in short'
 	@echo 'make fuzz       fuzz all readers with clang; FUZZ_SECONDS=240 for all drivers together'
 	@echo 'make real       scanned meshes through all commands; REAL_MESHES=folder where they are there'
+	@echo 'make hostile    HOSTILE=2000 random meshes of all kinds through all commands'
+	@echo 'make interrupts INTERRUPTED=500 runs, interrupted at random moments'
 	@echo 'make mutate     MUTANTS=300 wrong changes of the sources, and whether a test notices each'
 	@echo 'make steady     each test STEADY_RUNS=200 times, with and without load: does any fail now and then?'
 	@echo 'make faults     memory, files, OpenCL and signals fail in turn; FAULT_STRIDE=1 FAULT_RUNS=20'
