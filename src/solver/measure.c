@@ -299,7 +299,7 @@ static int balance_signed(dmk_context *ctx, size_t n, double *f, double *mass)
     for (size_t i = 0; i < n; i++) size += fabs(f[i]);
     *mass = size / 2;
     if (fabs(sum) > balanced * size) {
-        return dmk_fail(ctx, DMK_E_ARG, "the signed measure has the mass %.17g in all: wanted is 0",
+        return dmk_fail(ctx, DMK_E_ARG, "the signed measure has the mass %.15g in all: wanted is 0",
                         sum);
     }
     for (size_t i = 0; i < n; i++) f[i] /= *mass;
@@ -316,7 +316,7 @@ static int balance(dmk_context *ctx, size_t n, bool normalise, double *f, const 
     }
     if (!normalise && fabs(a - b) > balanced * (a + b)) {
         return dmk_fail(ctx, DMK_E_ARG,
-                        "the masses differ: %.17g is to be moved, %.17g is wanted; make them "
+                        "the masses differ: %.15g is to be moved, %.15g is wanted; make them "
                         "equal, or ask for the "
                         "second to be scaled (--normalise)",
                         a, b);

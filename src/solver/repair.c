@@ -14,7 +14,7 @@ enum {
     BATCH = 20,    /* sweeps between two looks at all triangles */
     RINGS = 2,     /* of elements around those that move */
     PATIENCE = 60, /* sweeps after which three times the goal will do */
-    MAX_SWEEPS = 160,
+    MAX_SWEEPS = 400,
     SWEEPS_IN_BETWEEN = 40 /* when the iteration goes on */
 };
 
