@@ -445,7 +445,8 @@ typedef struct dmk_measure {
     const double *triangle_density; /* n_triangles: mass per area */
     size_t n_atoms;                 /* masses that sit in points */
     const dmk_point *atoms;
-    const double *atom_mass;
+    const double *atom_mass;        /* NULL: free, each takes what the other measure has nearest to it; then u is
+                                       minus the distance to the nearest, and mu vanishes on their cut locus */
     size_t n_lines;                 /* polylines with mass along them: line k goes straight from point to point */
     const int32_t *line_first;      /* of line_points[line_first[k] .. line_first[k + 1]), two or more; any two */
     const dmk_point *line_points;   /* neighbours lie in one triangle, as those of dmk_path do */
@@ -482,6 +483,8 @@ const double *dmk_transport_density(const dmk_transport *transport, size_t *n); 
 const double *dmk_transport_flux(const dmk_transport *transport, size_t *n);     /* x, y, z: its mean in each triangle */
 const double *dmk_transport_potential(const dmk_transport *transport, size_t *n); /* u per vertex, 0 at its largest */
 const double *dmk_transport_potential_mid(const dmk_transport *transport, size_t *n); /* u per edge midpoint */
+/* Of the measure whose atoms came without masses, those that they took; n = 0 where all had theirs. */
+const double *dmk_transport_atom_mass(const dmk_transport *transport, size_t *n);
 /* Write mesh, mu, flux and u: PLY, VTP or VTU. */
 int dmk_transport_write(dmk_context *context, const dmk_mesh *mesh, const dmk_transport *transport, const char *path);
 

@@ -75,7 +75,7 @@ static void bounds_hold_in_single_precision(void **state)
 
 /* ---- needles --------------------------------------------------------------------------------- */
 
-/* The torus with every 11th triangle's first corner, unless a neighbour has moved, next to the
+/* The torus with every 5th triangle's first corner, unless a neighbour has moved, next to the
  * second. */
 static problem needles(bench *b)
 {
@@ -91,11 +91,11 @@ static problem needles(bench *b)
     assert_true(x && moved);
     memcpy(x, dmk_mesh_vertices(plain.mesh), 3 * nv * sizeof *x);
     moved[0] = 1;
-    for (size_t i = 0; i < nt; i += 11) {
+    for (size_t i = 0; i < nt; i += 5) {
         const int32_t *c = t + 3 * i;
         if (moved[c[0]] || moved[c[1]] || moved[c[2]]) continue;
         for (int k = 0; k < 3; k++)
-            x[3 * c[0] + k] = 0.99 * x[3 * c[1] + k] + 0.01 * x[3 * c[0] + k];
+            x[3 * c[0] + k] = 0.997 * x[3 * c[1] + k] + 0.003 * x[3 * c[0] + k];
         moved[c[0]] = moved[c[1]] = moved[c[2]] = 1;
     }
     problem p = problem_create(b, nv, x, nt, t);
@@ -141,7 +141,8 @@ static void repair_is_the_same_in_the_gpu_shape(void **state)
     problem_solve(&p);
     problem_solve(&q);
     assert_true(q.stats.sweeps > 0 && q.stats.gap <= 3e-3);
-    assert_true(fabs(q.stats.cost_lower / p.stats.cost_lower - 1) < 1e-5);
+    /* The repair ends where the gap is good enough, which another rounding may reach a batch sooner. */
+    assert_true(fabs(q.stats.cost_lower / p.stats.cost_lower - 1) < 1e-3);
     problem_free(&p);
     problem_free(&q);
     bench_close(&b);

@@ -246,6 +246,66 @@ static void lines_are_many_atoms(void **state)
     problem_free(&p);
 }
 
+/* Each point of the even measure goes to the nearest of 20: -u is the distance to the set, the masses are the
+ * areas of the Voronoi cells. */
+static void free_masses_are_those_of_the_cells(void **state)
+{
+    enum { N = 20 };
+    problem p = problem_file(*state, "tests/data/quartic_5000.off.gz");
+    const size_t nv = problem_vertices(&p);
+    dmk_point atoms[N];
+    dmk_geodesics *g = NULL;
+    for (int i = 0; i < N; i++) {
+        bench_ok(p.b,
+                 dmk_mesh_vertex_point(p.b->ctx, p.mesh,
+                                       (int64_t)(nv * (2 * (size_t)i + 1) / (2 * N)), &atoms[i]));
+    }
+    bench_ok(p.b, dmk_geodesics_create(p.b->ctx, p.mesh, N, atoms, NULL, &g));
+    moved m = move(&p, &(dmk_measure){.n_atoms = N, .atoms = atoms},
+                   &(dmk_measure){.uniform = p.info.area});
+    const double *u = dmk_transport_potential(m.transport, NULL),
+                 *d = dmk_geodesics_distance(g, NULL);
+    double error = 0, offset = 0, all = 0;
+    for (size_t v = 0; v < nv; v++) offset += (u[v] + d[v]) / (double)nv;
+    for (size_t v = 0; v < nv; v++) error += fabs(u[v] + d[v] - offset) / (double)nv;
+    size_t n;
+    const double *mass = dmk_transport_atom_mass(m.transport, &n);
+    assert_int_equal(n, N);
+    for (int i = 0; i < N; i++) {
+        assert_true(mass[i] > 0);
+        all += mass[i];
+    }
+    dmk_geodesics_info info;
+    dmk_geodesics_get_info(g, &info);
+    double integral = 0, unused;
+    bench_ok(p.b, dmk_geodesics_integrate(p.b->ctx, g, &integral, &unused));
+    print_message("# distance off by %.3f h, cost by %.2e of the exact, gap %.1e, %d steps\n",
+                  error / p.info.mean_edge, m.stats.cost_upper / integral - 1, m.stats.gap,
+                  m.stats.steps);
+    assert_true(fabs(all / p.info.area - 1) < 1e-9);
+    assert_true(error < 0.1 * p.info.mean_edge);
+    assert_true(fabs(m.stats.cost_upper / integral - 1) < 0.03);
+    refuse(&p, &(dmk_measure){.n_atoms = N, .atoms = atoms}, NULL, "the other measure is missing");
+    dmk_transport_destroy(&m.transport);
+    dmk_geodesics_destroy(&g);
+    problem_free(&p);
+}
+
+/* Between the poles all meridians are equally long: mu is not unique, the cost is. */
+static void many_ways_are_equally_long(void **state)
+{
+    problem p = sphere(*state, 1280);
+    dmk_point at[2];
+    const double mass = 1, *x = dmk_mesh_vertices(p.mesh);
+    bench_ok(p.b, dmk_mesh_vertex_point(p.b->ctx, p.mesh, 0, &at[0]));
+    bench_ok(p.b, dmk_mesh_project(p.b->ctx, p.mesh, (double[]){-x[0], -x[1], -x[2]}, &at[1]));
+    moved m = move(&p, &(dmk_measure){.n_atoms = 1, .atoms = at, .atom_mass = &mass},
+                   &(dmk_measure){.n_atoms = 1, .atoms = at + 1, .atom_mass = &mass});
+    assert_true(m.stats.gap <= 1e-3 && fabs(m.stats.cost_upper / PI - 1) < 0.05);
+    dmk_transport_destroy(&m.transport);
+    problem_free(&p);
+}
+
 static void runs_give_the_same_bits(void **state)
 {
     problem p = problem_file(*state, "tests/data/sphere_1280.off");
@@ -329,6 +389,8 @@ int main(void)
         cmocka_unit_test(direction_and_sign),
         cmocka_unit_test(atoms_and_their_mass),
         cmocka_unit_test(lines_are_many_atoms),
+        cmocka_unit_test(free_masses_are_those_of_the_cells),
+        cmocka_unit_test(many_ways_are_equally_long),
         cmocka_unit_test(runs_give_the_same_bits),
         cmocka_unit_test(bad_measures_are_refused),
         cmocka_unit_test(other_components_and_unused_vertices),

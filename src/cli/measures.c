@@ -57,6 +57,7 @@ static int add_value(cli_measure *m, double value)
 static int add_atom(dmk_context *context, const dmk_mesh *mesh, cli_measure *m, const line *l)
 {
     dmk_point p;
+    const int masses = l->vertex ? 1 : 3; /* that many numbers stand before the mass */
     int code = grow((void **)&m->atom, m->n_atoms, sizeof *m->atom);
     if (code == EXIT_OK) code = grow((void **)&m->mass, m->n_atoms, sizeof *m->mass);
     if (code != EXIT_OK) return code;
@@ -67,7 +68,8 @@ static int add_atom(dmk_context *context, const dmk_mesh *mesh, cli_measure *m, 
         rc = dmk_mesh_project(context, mesh, l->number, &p);
     if (rc != DMK_OK) return cli_library_error(context, rc);
     m->atom[m->n_atoms] = p;
-    m->mass[m->n_atoms++] = l->number[l->vertex ? 1 : 3];
+    m->mass[m->n_atoms++] = l->n > masses ? l->number[masses] : 0;
+    m->is_free = l->n == masses;
     return EXIT_OK;
 }
 
@@ -78,10 +80,15 @@ static int take_line(dmk_context *context, const dmk_mesh *mesh, const char *pat
     const line l = read_line(text + before);
     if (l.n == 0 && !l.vertex) return EXIT_OK;
     if (!l.vertex && l.n == 1 && m->n_atoms == 0) return add_value(m, l.number[0]);
-    if (l.n == (l.vertex ? 2 : 4) && m->n_values == 0) return add_atom(context, mesh, m, &l);
+    const bool has_mass = l.n == (l.vertex ? 2 : 4),
+               is_place = has_mass || l.n == (l.vertex ? 1 : 3);
+    if (is_place && m->n_values == 0 && (m->n_atoms == 0 || m->is_free != has_mass)) {
+        return add_atom(context, mesh, m, &l);
+    }
     return cli_error(cli_exit_code(DMK_E_FORMAT), "%s:%lld: expected %s", path, (long long)number,
-                     m->n_values > 0 ? "one number, as on the lines before"
-                                     : "one number, `vertex I MASS` or `X,Y,Z MASS`");
+                     m->n_values > 0
+                         ? "one number, as on the lines before"
+                         : "one number, `vertex I MASS` or `X,Y,Z MASS`, all with a mass or none");
 }
 
 static int read_lines(FILE *file, dmk_context *context, const dmk_mesh *mesh, const char *path,
@@ -110,7 +117,7 @@ static int settle(const dmk_mesh *mesh, const char *path, cli_measure *m)
     dmk_mesh_get_info(mesh, &info);
     m->measure.n_atoms = m->n_atoms;
     m->measure.atoms = m->atom;
-    m->measure.atom_mass = m->mass;
+    m->measure.atom_mass = m->is_free ? NULL : m->mass;
     if (m->n_atoms > 0) return EXIT_OK;
     if (m->n_values == info.n_vertices)
         m->measure.vertex_mass = m->value;

@@ -10,6 +10,7 @@ typedef struct cli_measure {
     dmk_point *atom; /* n_atoms, with their masses */
     double *mass;
     size_t n_atoms;
+    bool is_free; /* no atom has a mass */
     dmk_measure measure; /* of these */
 } cli_measure;
 

@@ -2,6 +2,7 @@
  * the mesh and of the lists, so the same measure gives the same bits. */
 #include "solver/measure.h"
 
+#include "geodesic/geodesic.h"
 #include "solver/iteration.h"
 
 #include <math.h>
@@ -51,7 +52,7 @@ static int check_points(const check *k, const dmk_measure *m)
     int rc = DMK_OK;
     for (size_t i = 0; i < m->n_atoms; i++) {
         DMK_TRY(dmk_point_check(k->ctx, k->mesh, "an atom", &m->atoms[i]));
-        DMK_TRY(check_one(k, "atom", (int64_t)i, m->atom_mass[i],
+        DMK_TRY(check_one(k, "atom", (int64_t)i, m->atom_mass ? m->atom_mass[i] : 1,
                           dmk_mesh_component(k->mesh, (int32_t)m->atoms[i].triangle)));
     }
     for (size_t l = 0; l < m->n_lines; l++) {
@@ -73,8 +74,7 @@ done:
 static int check_measure(const check *k, const dmk_measure *m)
 {
     int rc = DMK_OK;
-    if ((m->n_atoms > 0 &&
-         dmk_missing(k->ctx, "atoms", m->atoms, "atom_mass", m->atom_mass, NULL)) ||
+    if ((m->n_atoms > 0 && dmk_missing(k->ctx, "atoms", m->atoms, NULL)) ||
         (m->n_lines > 0 &&
          dmk_missing(k->ctx, "line_first", m->line_first, "line_points", m->line_points, NULL))) {
         return DMK_E_ARG;
@@ -82,7 +82,8 @@ static int check_measure(const check *k, const dmk_measure *m)
     for (int32_t v = 0; m->vertex_mass && v < k->mesh->n_vertices; v++)
         DMK_TRY(check_one(k, "vertex", v, m->vertex_mass[v], k->component[v]));
     for (int32_t t = 0; m->triangle_density && t < k->mesh->n_triangles; t++)
-        DMK_TRY(check_one(k, "triangle", t, m->triangle_density[t], dmk_mesh_component(k->mesh, (int32_t)t)));
+        DMK_TRY(check_one(k, "triangle", t, m->triangle_density[t],
+                          dmk_mesh_component(k->mesh, (int32_t)t)));
     DMK_TRY(check_points(k, m));
     const int32_t anywhere = *k->found < 0 ? 0 : *k->found;
     DMK_TRY(check_one(k, "the even part, number", 0, m->uniform, anywhere));
@@ -96,13 +97,18 @@ int dmk_measure_check(dmk_context *ctx, const dmk_mesh *mesh, const dmk_measure 
     int rc;
     int32_t *of_vertex = NULL;
     *component = -1;
+    if (dmk_measure_is_free(from) && (!to || dmk_measure_is_free(to))) {
+        return dmk_fail(ctx, DMK_E_ARG,
+                        "atoms without masses take those that the other measure has nearest to "
+                        "them: the other measure is missing");
+    }
     DMK_TRY(DMK_NEW(ctx, of_vertex, (size_t)mesh->n_vertices));
     for (int32_t v = 0; v < mesh->n_vertices; v++) of_vertex[v] = -1;
     for (int32_t h = 0; h < 3 * mesh->n_triangles; h++)
         of_vertex[mesh->triangle[h]] = dmk_mesh_component(mesh, h / 3);
     check k = {ctx, mesh, of_vertex, "first", !to, component};
     /* The even part takes any component, so it is looked at when the other measure has told which. */
-    if (to && from->uniform != 0) {
+    if (to && (from->uniform != 0 || dmk_measure_is_free(from))) {
         k.name = "second";
         DMK_TRY(check_measure(&k, to));
         k.name = "first";
@@ -263,6 +269,41 @@ done:
     return rc;
 }
 
+static void add_atom(const load *l, const dmk_point *p, double mass)
+{
+    double w[6];
+    dmk_point_weights(p->weight, w);
+    add(l, l->number[p->triangle], w, mass);
+}
+
+/* What the load `other` has nearest to each point of m, by the exact distances to the mesh's vertices; edges
+ * between two points' vertices are halved. */
+static int add_free(const load *l, const dmk_measure *m, const double *other, double *mass)
+{
+    int rc;
+    dmk_point *point = NULL;
+    dmk_geodesics *geodesics = NULL;
+    DMK_TRY(DMK_NEW(l->ctx, point, m->n_atoms));
+    for (size_t i = 0; i < m->n_atoms; i++) {
+        point[i] = m->atoms[i];
+        point[i].triangle = l->number[point[i].triangle];
+        mass[i] = 0;
+    }
+    DMK_TRY(dmk_geodesics_create(l->ctx, l->mesh, m->n_atoms, point, NULL, &geodesics));
+    const dmk_arrival *arrival = dmk_geodesics_arrivals(geodesics, NULL);
+    for (int32_t v = 0; v < l->mesh->n_vertices; v++)
+        mass[arrival[v].source] += other[l->vertex_row + v];
+    for (int32_t e = 0; e < l->mesh->n_edges; e++) {
+        for (int k = 0; k < 2; k++)
+            mass[arrival[l->mesh->edge_vertex[2 * (size_t)e + (size_t)k]].source] += 0.5 * other[e];
+    }
+    for (size_t i = 0; i < m->n_atoms; i++) add_atom(l, &m->atoms[i], mass[i]);
+done:
+    free(point);
+    dmk_geodesics_destroy(&geodesics);
+    return rc;
+}
+
 static int add_measure(load *l, const dmk_measure *m)
 {
     int rc = DMK_OK;
@@ -275,11 +316,8 @@ static int add_measure(load *l, const dmk_measure *m)
             m->uniform / area;
         add_linear(l, t, (const double[3]){d, d, d});
     }
-    for (size_t i = 0; i < m->n_atoms; i++) {
-        double w[6];
-        dmk_point_weights(m->atoms[i].weight, w);
-        add(l, l->number[m->atoms[i].triangle], w, m->atom_mass[i]);
-    }
+    for (size_t i = 0; m->atom_mass && i < m->n_atoms; i++)
+        add_atom(l, &m->atoms[i], m->atom_mass[i]);
     DMK_TRY(add_lines(l, m));
 done:
     return rc;
@@ -327,7 +365,7 @@ static int balance(dmk_context *ctx, size_t n, bool normalise, double *f, const 
 
 int dmk_measure_load(dmk_context *ctx, const dmk_mesh *mesh, const dmk_order *order,
                      const dmk_system *s, const dmk_measure *from, const dmk_measure *to,
-                     bool normalise, double *f, double *mass)
+                     bool normalise, double *f, double *mass, double *atom_mass)
 {
     int rc;
     const size_t n = (size_t)s->whole.n_rows_pad;
@@ -342,6 +380,9 @@ int dmk_measure_load(dmk_context *ctx, const dmk_mesh *mesh, const dmk_order *or
     DMK_TRY(add_measure(&l, from));
     l.f = g;
     if (to) DMK_TRY(add_measure(&l, to));
+    if (to && dmk_measure_is_free(to)) DMK_TRY(add_free(&l, to, f, atom_mass));
+    l.f = f;
+    if (dmk_measure_is_free(from)) DMK_TRY(add_free(&l, from, g, atom_mass));
     rc = to ? balance(ctx, n, normalise, f, g, mass) : balance_signed(ctx, n, f, mass);
 done:
     free(g);

@@ -8,10 +8,16 @@
  * The masses are checked by dmk_measure_load. */
 int dmk_measure_check(dmk_context *context, const dmk_mesh *mesh, const dmk_measure *from,
                       const dmk_measure *to, int32_t *component);
+/* Atoms without masses take what the other measure has nearest to them. */
+static inline bool dmk_measure_is_free(const dmk_measure *m)
+{
+    return m->n_atoms > 0 && !m->atom_mass;
+}
+
 /* f of the packed problem, whole.n_rows_pad numbers: from - to of total mass 1 each. *mass: that of `from`.
- * Masses that differ are refused unless `normalise`. */
+ * atom_mass: of free atoms, one each. Masses that differ are refused unless `normalise`. */
 int dmk_measure_load(dmk_context *context, const dmk_mesh *mesh, const dmk_order *order,
                      const dmk_system *system, const dmk_measure *from, const dmk_measure *to,
-                     bool normalise, double *f, double *mass);
+                     bool normalise, double *f, double *mass, double *atom_mass);
 
 #endif

@@ -11,6 +11,8 @@ struct dmk_transport {
     size_t n_vertices, n_triangles, n_edges; /* of the input mesh */
     double *density, *flux;                  /* n_triangles, 3 n_triangles */
     double *potential, *potential_mid;       /* n_vertices, n_edges */
+    double *atom_mass; /* n_atoms, of the measure whose atoms came without masses */
+    size_t n_atoms;
     double mass, balance;
     dmk_stats stats;
 };
@@ -27,6 +29,7 @@ void dmk_transport_destroy(dmk_transport **transport)
     free(r->flux);
     free(r->potential);
     free(r->potential_mid);
+    free(r->atom_mass);
     free(r);
     *transport = NULL;
 }
@@ -71,6 +74,9 @@ done:
     return rc;
 }
 
+/* A gap at which the cost is settled, if mu is not. */
+static const double unique_enough = 1e-3;
+
 /* Newton, and where it fails explicit steps from the start again, as for a point. */
 static int iterate(dmk_solver *s, const double *f, dmk_iteration *o)
 {
@@ -79,6 +85,12 @@ static int iterate(dmk_solver *s, const double *f, dmk_iteration *o)
     dmk_solve_options slow = *options;
     if (options->method != DMK_NEWTON) return dmk_explicit(o);
     rc = dmk_newton(o, false);
+    if (rc == DMK_E_LIMIT && options->max_steps == 0 && options->tolerance == 0) {
+        /* Where many ways are equally long, as between two poles, mu is not unique and wanders on. */
+        DMK_TRY(dmk_certify(o, true));
+        if (o->stats->gap <= unique_enough) return DMK_OK;
+        rc = DMK_E_LIMIT;
+    }
     if (options->max_steps > 0 || (rc != DMK_E_DIVERGED && rc != DMK_E_LIMIT)) return rc;
     slow.method = DMK_INERTIAL;
     steps = o->stats->steps;
@@ -253,8 +265,12 @@ int dmk_solve_measures(dmk_context *ctx, dmk_solver *s, const dmk_measure *from,
     if (fresh) r->stats.seconds[DMK_STAGE_SETUP] = dmk_seconds() - began;
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(DMK_NEW(ctx, f, (size_t)s->system->whole.n_rows_pad));
+    r->n_atoms = dmk_measure_is_free(from)       ? from->n_atoms
+                 : to && dmk_measure_is_free(to) ? to->n_atoms
+                                                 : 0;
+    DMK_TRY(DMK_NEW(ctx, r->atom_mass, r->n_atoms));
     DMK_TRY(dmk_measure_load(ctx, s->mesh, &s->order->order, s->system, from, to,
-                             options->normalise, f, &r->mass));
+                             options->normalise, f, &r->mass, r->atom_mass));
     DMK_TRY(solve(ctx, s, options, f, began, r));
     *transport = r;
     r = NULL;
@@ -301,4 +317,9 @@ const double *dmk_transport_potential(const dmk_transport *r, size_t *n)
 const double *dmk_transport_potential_mid(const dmk_transport *r, size_t *n)
 {
     return r ? borrow(r->potential_mid, r->n_edges, n) : borrow(NULL, 0, n);
+}
+
+const double *dmk_transport_atom_mass(const dmk_transport *r, size_t *n)
+{
+    return r ? borrow(r->atom_mass, r->n_atoms, n) : borrow(NULL, 0, n);
 }
