@@ -151,6 +151,15 @@ static dmk_geodesics *run(dmk_context *ctx, const dmk_mesh *m, size_t n, const d
     return g;
 }
 
+static dmk_geodesics *run_with(dmk_context *ctx, const dmk_mesh *m, size_t n,
+                               const dmk_point *source, const dmk_geodesics_options *options)
+{
+    dmk_geodesics *g;
+    if (dmk_geodesics_create(ctx, m, n, source, options, &g) != DMK_OK)
+        fail_msg("%s", dmk_context_message(ctx));
+    return g;
+}
+
 static dmk_point at_vertex(dmk_context *ctx, const dmk_mesh *m, int64_t v)
 {
     dmk_point p;
@@ -368,16 +377,216 @@ static void any_number_of_threads(void **state)
     dmk_mesh_destroy(&m);
 }
 
-/* ---- merged windows and lines ---------------------------------------------------------------- */
-
-static dmk_geodesics *run_with(dmk_context *ctx, const dmk_mesh *m, size_t n,
-                               const dmk_point *source, const dmk_geodesics_options *options)
+/* Each triangle cut in four, flat: nothing changes. Vertex v keeps its number. */
+static dmk_mesh *cut_in_four(dmk_context *ctx, const dmk_mesh *m)
 {
-    dmk_geodesics *g;
-    if (dmk_geodesics_create(ctx, m, n, source, options, &g) != DMK_OK)
-        fail_msg("%s", dmk_context_message(ctx));
-    return g;
+    dmk_mesh *fine;
+    size_t n_vertices = (size_t)m->n_vertices + (size_t)m->n_edges,
+           n_triangles = 4 * (size_t)m->n_triangles;
+    double *xyz = calloc(3 * n_vertices, sizeof *xyz);
+    int32_t *triangle = calloc(3 * n_triangles, sizeof *triangle), *to = triangle;
+    memcpy(xyz, m->xyz, 3 * (size_t)m->n_vertices * sizeof *xyz);
+    for (int32_t e = 0; e < m->n_edges; e++) {
+        for (int k = 0; k < 3; k++) {
+            const double *a = m->xyz + 3 * m->edge_vertex[2 * e],
+                         *b = m->xyz + 3 * m->edge_vertex[2 * e + 1];
+            xyz[3 * (m->n_vertices + e) + k] = 0.5 * (a[k] + b[k]);
+        }
+    }
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        const int32_t *v = m->triangle + 3 * t, *e = m->triangle_edge + 3 * t, n = m->n_vertices;
+        const int32_t four[12] = {v[0], n + e[2], n + e[1], v[1],     n + e[0], n + e[2],
+                                  v[2], n + e[1], n + e[0], n + e[0], n + e[1], n + e[2]};
+        memcpy(to, four, sizeof four);
+        to += 12;
+    }
+    assert_int_equal(dmk_mesh_create(ctx, n_vertices, xyz, n_triangles, triangle, &fine), DMK_OK);
+    free(xyz);
+    free(triangle);
+    return fine;
 }
+
+/* The same mesh, its vertices and triangles in the opposite order and the corners turned. */
+static dmk_mesh *renumber(dmk_context *ctx, const dmk_mesh *m)
+{
+    dmk_mesh *other;
+    const int32_t n = m->n_vertices, n_t = m->n_triangles;
+    double *xyz = calloc(3 * (size_t)n, sizeof *xyz);
+    int32_t *triangle = calloc(3 * (size_t)n_t, sizeof *triangle);
+    for (int32_t v = 0; v < n; v++) memcpy(xyz + 3 * (n - 1 - v), m->xyz + 3 * v, 3 * sizeof *xyz);
+    for (int32_t t = 0; t < n_t; t++) {
+        for (int k = 0; k < 3; k++)
+            triangle[3 * (n_t - 1 - t) + (k + 1) % 3] = n - 1 - m->triangle[3 * t + k];
+    }
+    assert_int_equal(dmk_mesh_create(ctx, (size_t)n, xyz, (size_t)n_t, triangle, &other), DMK_OK);
+    free(xyz);
+    free(triangle);
+    return other;
+}
+
+/* The surface is what counts, not its triangles nor their numbers. */
+static void another_mesh_of_the_surface(void **state)
+{
+    dmk_context *ctx = *state;
+    static const char *const file[] = {"meshes/torus.off", "meshes/ellipsoid.off"};
+    for (int i = 0; i < 2; i++) {
+        dmk_mesh *m;
+        assert_int_equal(dmk_mesh_read(ctx, file[i], &m), DMK_OK);
+        dmk_mesh *fine = cut_in_four(ctx, m), *other = renumber(ctx, m);
+        const int32_t n = m->n_vertices;
+        dmk_point p = at_vertex(ctx, m, 11), q = at_vertex(ctx, fine, 11),
+                  r = at_vertex(ctx, other, n - 1 - 11);
+        dmk_geodesics *a = run(ctx, m, 1, &p, NULL), *b = run(ctx, fine, 1, &q, NULL),
+                      *c = run(ctx, other, 1, &r, NULL);
+        for (int32_t v = 0; v < n; v++) {
+            assert_true(fabs(a->distance[v] - b->distance[v]) <= 1e-12 * (1 + a->distance[v]));
+            assert_true(fabs(a->distance[v] - c->distance[n - 1 - v]) <=
+                        1e-12 * (1 + a->distance[v]));
+        }
+        dmk_geodesics_destroy(&a);
+        dmk_geodesics_destroy(&b);
+        dmk_geodesics_destroy(&c);
+        dmk_mesh_destroy(&m);
+        dmk_mesh_destroy(&fine);
+        dmk_mesh_destroy(&other);
+    }
+}
+
+/* ---- paths and values ------------------------------------------------------------------------ */
+
+/* Length of the line through a path's points, which must be the one that it names. */
+static void check_line(dmk_context *ctx, const dmk_mesh *m, const dmk_path *path)
+{
+    double x[3], y[3], sum = 0;
+    assert_true(path->n >= 2);
+    for (size_t i = 0; i < path->n; i++) {
+        assert_int_equal(dmk_mesh_point_xyz(ctx, m, path->point + i, y), DMK_OK);
+        if (i > 0) sum += sqrt(pow(x[0] - y[0], 2) + pow(x[1] - y[1], 2) + pow(x[2] - y[2], 2));
+        memcpy(x, y, sizeof x);
+    }
+    assert_true(fabs(sum - path->length) <= 1e-12 * (1 + sum));
+}
+
+/* The log map is that of the traced paths: from a vertex, an edge and inside a triangle, on a mesh with saddles. */
+static void paths_are_the_log_map(void **state)
+{
+    dmk_context *ctx = *state;
+    dmk_mesh *m;
+    assert_int_equal(dmk_mesh_read(ctx, "meshes/torus.off", &m), DMK_OK);
+    const dmk_point source[3] = {{10, {1, 0, 0}}, {999, {0.2, 0.3, 0.5}}, {77, {0.6, 0, 0.4}}};
+    for (int i = 0; i < 3; i++) {
+        int n_bent = 0;
+        dmk_geodesics *g = run(ctx, m, 1, source + i, NULL);
+        for (int32_t v = 3; v < m->n_vertices; v += 41) {
+            dmk_path path;
+            dmk_value value;
+            const dmk_point p = at_vertex(ctx, m, v);
+            assert_int_equal(dmk_geodesics_paths(ctx, g, 1, &p, &path), DMK_OK);
+            check_line(ctx, m, &path);
+            assert_true(fabs(path.length - g->distance[v]) < 1e-12);
+            double turn = remainder(path.angle - g->arrival[v].direction, g->source[0].total);
+            assert_true(fabs(turn) < 1e-9);
+            assert_int_equal(dmk_geodesics_at(ctx, g, 1, &p, &value), DMK_OK);
+            assert_true(value.distance == g->distance[v] && value.source == 0);
+            n_bent += g->arrival[v].pseudo_source >= 0;
+            dmk_path_free(&path);
+        }
+        assert_true(n_bent > 0);
+        dmk_geodesics_destroy(&g);
+    }
+    dmk_mesh_destroy(&m);
+}
+
+/* Inside triangles: what the geodesics from there give at the source. */
+static void values_inside_triangles(void **state)
+{
+    dmk_context *ctx = *state;
+    dmk_mesh *m;
+    assert_int_equal(dmk_mesh_read(ctx, "meshes/quartic.off", &m), DMK_OK);
+    const dmk_point source = at_vertex(ctx, m, 0);
+    dmk_geodesics *g = run(ctx, m, 1, &source, NULL);
+    for (int i = 0; i < 12; i++) {
+        const dmk_point p = {(i * 389 + 5) % m->n_triangles, {0.1 + 0.05 * i, 0, 0}};
+        dmk_point q = p;
+        dmk_value value;
+        q.weight[1] = i % 3 == 0 ? 0 : 0.4 * (1 - q.weight[0]);
+        q.weight[2] = 1 - q.weight[0] - q.weight[1];
+        assert_int_equal(dmk_geodesics_at(ctx, g, 1, &q, &value), DMK_OK);
+        dmk_geodesics *back = run(ctx, m, 1, &q, NULL);
+        assert_true(fabs(value.distance - back->distance[0]) < 1e-12);
+        dmk_geodesics_destroy(&back);
+    }
+    dmk_geodesics_destroy(&g);
+    dmk_mesh_destroy(&m);
+}
+
+/* Where no source leads the distance is infinite, and no path is found. */
+static void several_components(void **state)
+{
+    dmk_context *ctx = *state;
+    static const double at[2][3] = {{0, 0, 0}, {0, 0, 5}}, x[3] = {1, 0, 0}, y[3] = {0, 1, 0};
+    uint32_t noisy = 1;
+    soup *s = new_soup();
+    add_grid(s, at[0], x, y, 3, 3, 0.3, &noisy);
+    int32_t first = s->n_vertices, t = s->n_triangles;
+    add_grid(s, at[1], x, y, 4, 4, 0.3, &noisy);
+    dmk_mesh *m = finish(ctx, s);
+    const dmk_point source = at_vertex(ctx, m, 2), other = {t, {0.3, 0.3, 0.4}};
+    dmk_geodesics *g = run_with(ctx, m, 1, &source, NULL);
+    dmk_geodesics_info info;
+    dmk_path path;
+    dmk_value value;
+    for (int32_t v = 0; v < m->n_vertices; v++) {
+        assert_true(isinf(g->distance[v]) == (v >= first));
+        assert_int_equal(g->arrival[v].source, v >= first ? -1 : 0);
+    }
+    dmk_geodesics_get_info(g, &info);
+    assert_int_equal(info.n_reached, first);
+    assert_int_equal(dmk_geodesics_at(ctx, g, 1, &other, &value), DMK_OK);
+    assert_true(isinf(value.distance) && value.source == -1);
+    assert_int_equal(dmk_geodesics_paths(ctx, g, 1, &other, &path), DMK_E_ARG);
+    dmk_geodesics_destroy(&g);
+    dmk_mesh_destroy(&m);
+}
+
+/* What rounding or an error would do to a result is found, with the vertex. */
+static void wrong_distances_are_found(void **state)
+{
+    dmk_context *ctx = *state;
+    static const double wrong[3] = {-1e-9, INFINITY, 3};
+    static const char *const message[3] = {"vertex 40 is negative", "reached vertex 40",
+                                           "distances of vertices"};
+    dmk_mesh *m = make_square(ctx, 8, 0.2);
+    const dmk_point source = at_vertex(ctx, m, 2);
+    dmk_geodesics *g = run(ctx, m, 1, &source, NULL);
+    for (int i = 0; i < 3; i++) {
+        const double right = g->distance[40];
+        g->distance[40] = wrong[i];
+        assert_int_equal(dmk_geodesics_check(ctx, g), DMK_E_MESH);
+        assert_non_null(strstr(dmk_context_message(ctx), message[i]));
+        g->distance[40] = right;
+    }
+    assert_int_equal(dmk_geodesics_check(ctx, g), DMK_OK);
+    dmk_geodesics_destroy(&g);
+    dmk_mesh_destroy(&m);
+}
+
+/* The integral against that of hypot(x, y) over the square, within its own estimate. */
+static void integral_of_the_distance(void **state)
+{
+    dmk_context *ctx = *state;
+    dmk_mesh *m = make_square(ctx, 12, 0.4);
+    const dmk_point source = at_vertex(ctx, m, 0);
+    const double exact = (sqrt(2) + log(1 + sqrt(2))) / 3;
+    double integral, error;
+    dmk_geodesics *g = run(ctx, m, 1, &source, NULL);
+    assert_int_equal(dmk_geodesics_integrate(ctx, g, &integral, &error), DMK_OK);
+    assert_true(fabs(integral - exact) <= error && error < 1e-3);
+    dmk_geodesics_destroy(&g);
+    dmk_mesh_destroy(&m);
+}
+
+/* ---- merged windows and lines ---------------------------------------------------------------- */
 
 /* With a tolerance: within it but for single vertices, fewer windows, and an estimate that tells.
  */
@@ -450,11 +659,22 @@ static void lines(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(flat_square),    cmocka_unit_test(cube_from_a_corner),
-        cmocka_unit_test(doubled_square), cmocka_unit_test(around_a_corner),
-        cmocka_unit_test(both_ways),      cmocka_unit_test(several_sources),
-        cmocka_unit_test(any_scale),      cmocka_unit_test(merged_windows),
-        cmocka_unit_test(lines),          cmocka_unit_test(any_number_of_threads),
+        cmocka_unit_test(flat_square),
+        cmocka_unit_test(cube_from_a_corner),
+        cmocka_unit_test(doubled_square),
+        cmocka_unit_test(around_a_corner),
+        cmocka_unit_test(both_ways),
+        cmocka_unit_test(several_sources),
+        cmocka_unit_test(any_scale),
+        cmocka_unit_test(merged_windows),
+        cmocka_unit_test(lines),
+        cmocka_unit_test(any_number_of_threads),
+        cmocka_unit_test(another_mesh_of_the_surface),
+        cmocka_unit_test(paths_are_the_log_map),
+        cmocka_unit_test(values_inside_triangles),
+        cmocka_unit_test(several_components),
+        cmocka_unit_test(wrong_distances_are_found),
+        cmocka_unit_test(integral_of_the_distance),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }

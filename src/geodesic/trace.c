@@ -215,6 +215,7 @@ static void look_for_spots(dmk_tracer *t, int32_t i, const angle *s)
     }
     for (; lo < t->n_spots && t->spot[lo].triangle == w->half / 3; lo++) {
         const double *p = t->spot[lo].weight;
+        if (p[w->half % 3] == 0) continue; /* on the edge: seen from the triangle before */
         double x = p[w->half % 3] * s->cx + p[dmk_previous(w->half) % 3] * s->length,
                y = p[w->half % 3] * s->cy;
         double at = w->x - (x - w->x) * w->y / (y - w->y);
