@@ -272,6 +272,7 @@ $(CHECKS): check-%: $(TESTS) $(STATIC) $(SHARED) $(TOOL)
 .PHONY: ci
 ci: $(TESTS) $(STATIC) $(SHARED) $(TOOL)
 	@sh .ci/deps.sh install .ci/check-packages
+	@sh .ci/deps.sh install .ci/mpi-packages
 	@CHECK_SHORT=1 DMKCL_BUILD=$B DMKCL_LIBS='$(LDLIBS)' bash tests/checks/all.sh
 
 # ---- demo ------------------------------------------------------------------------------------
@@ -369,6 +370,7 @@ help:
 	@echo 'make test       run all tests; the last line counts them'
 	@echo 'make ci         the tests, and compilers, analysers, sanitizers, ... in short'
 	@echo 'make fuzz       fuzz all readers with clang; FUZZ_SECONDS=240 for all drivers together'
+	@echo 'make MPI=1      also build/mpi/dmkcl, for mpirun: see src/ranks/README.md'
 	@echo 'make real       scanned meshes through all commands; REAL_MESHES=folder where they are there'
 	@echo 'make hostile    HOSTILE=2000 random meshes of all kinds through all commands'
 	@echo 'make interrupts INTERRUPTED=500 runs, interrupted at random moments'
