@@ -76,7 +76,7 @@ PC := $B/dmkcl.pc
 MAN := $B/dmkcl.1
 MAN3 := $B/dmkcl.3
 
-.PHONY: all tests test coverage pyenv paper demo bench bench-kernels bench-anderson bench-methods reference install uninstall clean help deps FORCE
+.PHONY: all tests test coverage pyenv paper demo bench bench-kernels bench-anderson bench-methods bench-ranks reference install uninstall clean help deps FORCE
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -313,6 +313,11 @@ bench-anderson: $B/bench-anderson
 # Density error of each method against its steps and V-cycles.
 bench-methods: $(TOOL) $B/bench-anderson $(PEERS)
 	$(Q)build/peers/bin/python bench/methods.py --program $(TOOL) --anderson $B/bench-anderson
+
+# What several ranks send, counted and modelled; RANKS_TRIANGLES=269000.
+RANKS_TRIANGLES ?= 269000
+bench-ranks: $(MPI_B)/dmkcl
+	$(Q)python3 bench/ranks.py --program $< --triangles $(RANKS_TRIANGLES)
 
 # Every experiment of the paper: figures and a table in build/paper, small ones in bench/results/paper.
 paper: $(TOOL) pyenv
