@@ -643,7 +643,40 @@ def our_results():
     report("VTK reads our locus in OBJ", None if same else f"length {length}")
 
 
+def our_pieces():
+    """More triangles than a piece holds: an index and two files, which VTK opens as one mesh."""
+    n = 360
+    whole = pyvista.Plane(i_resolution=n, j_resolution=n).triangulate()
+    whole.points = np.asarray(whole.points, dtype=float)
+    whole.save(path("plane.vtp"))
+    subprocess.run([tool, "mesh", path("plane.vtp"), "--quiet", "--out", path("plane.pvtp")], check=True)
+    reader = vtk.vtkXMLPPolyDataReader()
+    reader.SetFileName(path("plane.pvtp"))
+    reader.Update()
+    ours = pyvista.wrap(reader.GetOutput())
+    same = np.array_equal(ours.points[ours.regular_faces], whole.points[whole.regular_faces])
+    report("VTK reads our pieces as one", None if same else "other triangles")
+    pieces = sorted(name for name in os.listdir(folder) if name.startswith("plane_"))
+    report("a mesh of 259,200 triangles has two pieces",
+           None if pieces == ["plane_0000.vtp", "plane_0001.vtp"] else pieces)
+    wrong = subprocess.run([tool, "mesh", path("plane.vtp"), "--quiet", "--out", path("no/plane.pvtp")],
+                           capture_output=True, check=False)
+    report("no piece where the index cannot be", None if wrong.returncode != 0 else "it succeeded")
+    subprocess.run([tool, "solve", path("sphere.off"), "--vertex", "0", "--quiet", "--out", path("p.vtp"),
+                    "--out", path("p.pvtp")], check=True)
+    reader = vtk.vtkXMLPPolyDataReader()
+    reader.SetFileName(path("p.pvtp"))
+    reader.Update()
+    ours, one = pyvista.wrap(reader.GetOutput()), pyvista.read(path("p.vtp"))
+    same = np.array_equal(ours.cell_data["mu"], one.cell_data["mu"]) and np.array_equal(
+        ours.cell_data["acl"], one.cell_data["acl"]) and np.array_equal(
+        ours["distance"][ours.regular_faces], one["distance"][one.regular_faces])
+    report("pieces hold the result", None if same else "other values")
+
+
 try:
+    subprocess.run([tool, "mesh", "sphere", "--triangles", "1000", "--quiet", "--out", path("sphere.off")], check=True)
+    our_pieces()
     meshio_files()
     trimesh_files()
     gmsh_files()

@@ -32,7 +32,7 @@ _dmkcl_suffixes()
         grep -o ' \.[a-z]*' <<< "$help" | tr -d ' .' | paste -sd '|' ;;
     --sources) echo txt ;;
     mesh) # what is read, by the README's table
-        echo 'ply|vtp|vtu|vtk|msh|off|coff|noff|obj|stl|gz' ;;
+        echo 'ply|vtp|pvtp|vtu|vtk|msh|off|coff|noff|obj|stl|gz' ;;
     esac
 }
 

@@ -10,6 +10,7 @@
 static const dmk_format formats[] = {
     {"PLY", ".ply", dmk_ply_sniff, dmk_ply_read, dmk_ply_write, dmk_ply_write, NULL},
     {"VTP", ".vtp", dmk_vtk_sniff, dmk_vtk_read, dmk_vtp_write, dmk_vtp_write, dmk_vtp_write_locus},
+    {"PVTP", ".pvtp", NULL, NULL, dmk_pvtp_write, dmk_pvtp_write, NULL},
     {"VTU", ".vtu", dmk_vtk_sniff, dmk_vtk_read, dmk_vtu_write, dmk_vtu_write, NULL},
     {"VTK", ".vtk", dmk_vtk_legacy_sniff, dmk_vtk_legacy_read, NULL, NULL, NULL},
     {"MSH", ".msh", dmk_msh_sniff, dmk_msh_read, NULL, NULL, NULL},

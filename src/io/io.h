@@ -73,6 +73,7 @@ int dmk_soup_weld(dmk_context *context, dmk_soup *soup);
 typedef struct dmk_output dmk_output;
 
 int dmk_output_open(dmk_context *context, const char *path, dmk_output **out);
+const char *dmk_output_path(const dmk_output *out);
 void dmk_output_put(dmk_output *out, const void *bytes, size_t n);
 void dmk_output_text(dmk_output *out, const char *text);
 void dmk_output_number(dmk_output *out, double value);
@@ -147,6 +148,8 @@ bool dmk_vtk_sniff(const dmk_file *file);
 int dmk_vtk_read(dmk_context *context, const dmk_file *file, dmk_soup *soup);
 int dmk_vtp_write(dmk_context *context, dmk_output *out, const dmk_fields *fields);
 int dmk_vtp_write_locus(dmk_context *context, dmk_output *out, const dmk_curves *curves);
+/* Several VTP files and one that names them; nothing reads it. */
+int dmk_pvtp_write(dmk_context *context, dmk_output *out, const dmk_fields *fields);
 int dmk_vtu_write(dmk_context *context, dmk_output *out, const dmk_fields *fields);
 
 int dmk_csv_write_locus(dmk_context *context, dmk_output *out, const dmk_curves *curves);

@@ -51,6 +51,11 @@ done:
     return rc;
 }
 
+const char *dmk_output_path(const dmk_output *s)
+{
+    return s->path;
+}
+
 static void write_out(dmk_output *s, const char *bytes, size_t n)
 {
     while (n > 0 && !s->error) {

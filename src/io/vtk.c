@@ -17,17 +17,23 @@ static const struct {
 #define BYTE_ORDER_NAME "LittleEndian"
 #endif
 
-void dmk_vtk_begin(dmk_vtk *vtk, dmk_output *out, const char *kind)
+void dmk_vtk_head(dmk_output *out, const char *kind, const char *attributes)
 {
-    memset(vtk, 0, sizeof *vtk);
-    vtk->out = out;
-    vtk->kind = kind;
     dmk_output_text(out, "<?xml version=\"1.0\"?>\n<VTKFile type=\"");
     dmk_output_text(out, kind);
     dmk_output_text(out, "\" version=\"1.0\" byte_order=\"" BYTE_ORDER_NAME
                         "\" header_type=\"UInt64\">\n<");
     dmk_output_text(out, kind);
+    dmk_output_text(out, attributes);
     dmk_output_text(out, ">\n");
+}
+
+void dmk_vtk_begin(dmk_vtk *vtk, dmk_output *out, const char *kind)
+{
+    memset(vtk, 0, sizeof *vtk);
+    vtk->out = out;
+    vtk->kind = kind;
+    dmk_vtk_head(out, kind, "");
 }
 
 void dmk_vtk_end(dmk_vtk *vtk)

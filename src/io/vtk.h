@@ -24,9 +24,14 @@ typedef struct dmk_vtk {
     double source[3];
 } dmk_vtk;
 
+/* The first tags of a file: of the kind, and of its data set with these attributes. */
+void dmk_vtk_head(dmk_output *out, const char *kind, const char *attributes);
 void dmk_vtk_begin(dmk_vtk *vtk, dmk_output *out, const char *kind);
 /* Close what dmk_vtk_begin opened and write the arrays' values. */
 void dmk_vtk_end(dmk_vtk *vtk);
+
+/* vtp.c: without the source, which may be in another piece. */
+int dmk_vtp_write_piece(dmk_context *context, dmk_output *out, const dmk_fields *fields);
 
 /* One array of n tuples. */
 void dmk_vtk_array(dmk_vtk *vtk, dmk_vtk_type type, const char *name, int components,

@@ -18,7 +18,7 @@ static void put_piece(dmk_output *out, size_t n_points, size_t n_verts, size_t n
     dmk_output_text(out, "\">\n");
 }
 
-int dmk_vtp_write(dmk_context *ctx, dmk_output *out, const dmk_fields *fields)
+static int write_polygons(dmk_context *ctx, dmk_output *out, const dmk_fields *fields, bool source)
 {
     int rc;
     dmk_vtk vtk;
@@ -27,7 +27,7 @@ int dmk_vtp_write(dmk_context *ctx, dmk_output *out, const dmk_fields *fields)
     size_t n_triangles = (size_t)m->n_triangles;
     DMK_TRY(dmk_vtk_ends(ctx, n_triangles, 3, &end));
     dmk_vtk_begin(&vtk, out, "PolyData");
-    dmk_vtk_source(&vtk, fields);
+    if (source) dmk_vtk_source(&vtk, fields);
     put_piece(out, (size_t)m->n_vertices, 0, 0, n_triangles);
     dmk_vtk_result(&vtk, fields);
     dmk_vtk_points(&vtk, m->xyz, (size_t)m->n_vertices);
@@ -37,6 +37,16 @@ int dmk_vtp_write(dmk_context *ctx, dmk_output *out, const dmk_fields *fields)
 done:
     free(end);
     return rc;
+}
+
+int dmk_vtp_write(dmk_context *ctx, dmk_output *out, const dmk_fields *fields)
+{
+    return write_polygons(ctx, out, fields, true);
+}
+
+int dmk_vtp_write_piece(dmk_context *ctx, dmk_output *out, const dmk_fields *fields)
+{
+    return write_polygons(ctx, out, fields, false);
 }
 
 enum { N_COLUMNS = 7 };
