@@ -49,6 +49,13 @@ skip() {
     printf 'ok %d # SKIP %s\n' "$tap_n" "$1"
 }
 
+# The packages of tests/requirements.txt; without PyPI the rest is skipped, and that is counted.
+need_packages() { # WHAT IS SKIPPED
+    sh tests/pyenv.sh > "$work/pyenv" 2>&1
+    [ $? -ne 75 ] || { skip "$1" "PyPI cannot be reached: $(tail -n 1 "$work/pyenv")"; tap_end; exit 0; }
+    check 'the packages of tests/requirements.txt' sh tests/pyenv.sh
+}
+
 tap_end() { echo "1..$tap_n"; }
 
 # The OFF file twice in one, the second time 10 further along x, its vertices numbered behind the first's.

@@ -2,7 +2,7 @@
 # not blank.
 . tests/tap.sh
 out=$work/paper
-check 'the packages are there' sh tests/pyenv.sh
+need_packages "the paper's experiments"
 check 'the experiments run' build/pyenv/bin/python bench/paper.py --quick --program "$tool" \
     --out "$out" --small "$out/small"
 for part in '| torus, p = (3, 0, 0) | 5,424 |' '| 20.5331 | 2 (2) | 2 (2) |' '| quartic | 68,352 |' \

@@ -33,7 +33,7 @@ is_clean() {
     ! find $source -name '*.egg-info' -o -name build -o -name '*.so' -o -name '*.c' | grep .
 }
 
-check 'the virtual environment of the tests' sh tests/pyenv.sh
+need_packages 'the Python package'
 check 'pip install ./src/python' install_package
 check 'building writes nothing into the source tree' is_clean
 "$python" -m pytest --tap -p no:terminal -p no:cacheprovider $source/tests > "$work/pytest"

@@ -11,6 +11,7 @@ export XDG_CACHE_HOME=$PWD/$logs/cache # kernels compiled by one row serve the n
 table=$logs/table counts=$logs/counts
 printf '%-11s %-58s %10s %8s %6s\n' check 'what is tried' tried failed s > "$table"
 : > "$counts"
+: > "$logs/skips"
 
 wanted() { case " ${ONLY:-$1} " in *" $1 "*) ;; *) return 1 ;; esac }
 row() { # NAME WHAT COMMAND...
@@ -27,6 +28,7 @@ row() { # NAME WHAT COMMAND...
     # Tried nothing, or ended badly without a word of failures: that is a failure too.
     [ "$tried" -gt 0 ] && { [ $status -eq 0 ] || [ "$failed" -gt 0 ]; } || bad=$((failed + 1))
     echo "$tried $failed $bad $3" >> "$counts"
+    grep -E '^ +skipped: ' "$log" | sed "s/^ */$name /" >> "$logs/skips"
     printf '%-11s %-58s %10d %8d %6d\n' "$name" "$what" "$tried" "$bad" \
         $((SECONDS - begin)) | tee -a "$table"
     [ "$bad" -eq 0 ] || { grep -q FAILED "$log" && grep -A 12 FAILED "$log" || tail -n 30 "$log"; } |
@@ -50,6 +52,7 @@ if [ "$short" ]; then
 fi
 script headers 'headers alone, in C99, C11, C17, C++98 to C++20'
 long script layers 'which folder knows which'
+script mutate 'small wrong changes of the sources that a test notices'
 script symbols 'exported symbols, globals, calls that must not be'
 script format 'form of the sources, by clang-format and rules'
 script compilers 'C files by gcc and clang, warnings are errors'
@@ -69,8 +72,9 @@ long script long 'solves in one process, memory flat; 8 threads at once'
 long script soak 'short runs one after another, by chance, some interrupted'
 wait
 echo
+cat "$logs/skips" # what was not tried, and counts as such below
 [ "$short" ] || cat "$table"
 awk -v short="$short" '{ tried += $1; passed += $1 - $2; bad += $3; skipped += $4 }
     END { if (short) printf "%d passed, %d failed%s\n", passed, bad, skipped ? ", " skipped " skipped" : ""
-        else printf "# tried %d: failed %d\n", tried, bad
+        else printf "# tried %d: failed %d%s\n", tried, bad, skipped ? ", skipped " skipped : ""
         exit bad > 0 || passed == 0 }' "$counts"
