@@ -229,7 +229,9 @@ typedef struct dmk_device dmk_device;
 typedef enum dmk_shape { DMK_SHAPE_AUTO = 0, DMK_SHAPE_CPU = 1, DMK_SHAPE_GPU = 2 } dmk_shape;
 
 typedef struct dmk_device_options {
-    const char *select;   /* NULL: the best; "N": number N of the list; else part of a name */
+    const char *select;   /* NULL: the best, a GPU before a CPU, but with double precision before without;
+                             "gpu", "cpu": the best of these; "N": number N of the list; else part of a
+                             name */
     int single_precision; /* 1: use no double precision on the device even where it is there */
     int threads;          /* compute units to use on a CPU device; 0 = one per core */
     const char *cache;    /* folder for kernel binaries; NULL = the user's cache folder, "" = none */

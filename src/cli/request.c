@@ -96,7 +96,8 @@ void solve_add_device(solve_table *table, solve_request *request)
     const cli_option rows[] = {
         {.name = "device",
          .value = "N|NAME",
-         .help = "number of the device in `dmkcl devices`, or part of its name",
+         .help = "number of the device in `dmkcl devices`, part of its name, or `gpu`,\n"
+                 "`cpu`; default: the best there is, a GPU before a CPU",
          .kind = CLI_TEXT,
          .target = &request->device.select},
         {.name = "threads",

@@ -9,6 +9,11 @@
  * (preconditioner, Newton's inner solves), the outer one in the precision of the result. */
 typedef enum dmk_program { DMK_INNER = 0, DMK_OUTER = 1, DMK_N_PROGRAMS } dmk_program;
 
+/* The best of n devices, of a type ("GPU") or of any (NULL): first those with double precision, without
+ * which results are less accurate, then GPUs, CPUs and others, then by compute units, then the first. n if
+ * there is none. */
+size_t dmk_device_best(const dmk_device_info *infos, size_t n, const char *type);
+
 typedef struct dmk_buffer dmk_buffer; /* device memory */
 typedef struct dmk_kernel dmk_kernel;
 

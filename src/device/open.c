@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <unistd.h>
 
 /* The process that first asked for OpenCL, or 0: the only thing that this library keeps for itself. Drivers
@@ -147,23 +148,41 @@ int dmk_device_list(dmk_context *ctx, dmk_device_info *infos, size_t capacity, s
     return DMK_OK;
 }
 
-/* Without a choice: the first CPU device, which PoCL always offers; else the first device. */
-static size_t default_choice(const found *all, size_t n)
+static int rank_of(const dmk_device_info *info)
 {
+    return strcmp(info->type, "GPU") == 0 ? 2 : strcmp(info->type, "CPU") == 0 ? 1 : 0;
+}
+
+size_t dmk_device_best(const dmk_device_info *infos, size_t n, const char *type)
+{
+    size_t best = n;
     for (size_t i = 0; i < n; i++) {
-        dmk_device_info info;
-        describe(&all[i], &info);
-        if (strcmp(info.type, "CPU") == 0) return i;
+        if (type && strcasecmp(infos[i].type, type) != 0) continue;
+        const dmk_device_info *a = &infos[i], *b = best < n ? &infos[best] : NULL;
+        bool better = !b;
+        if (b && a->fp64 != b->fp64) better = a->fp64 > b->fp64;
+        else if (b && rank_of(a) != rank_of(b)) better = rank_of(a) > rank_of(b);
+        else if (b) better = a->compute_units > b->compute_units;
+        if (better) best = i;
     }
-    return 0;
+    return best;
+}
+
+/* The best of all devices, or of a type. */
+static int choose_best(dmk_context *ctx, const char *type, const found *all, size_t n, size_t *chosen)
+{
+    dmk_device_info infos[MAX_DEVICES];
+    for (size_t i = 0; i < n; i++) describe(&all[i], &infos[i]);
+    *chosen = dmk_device_best(infos, n, type);
+    if (*chosen < n) return DMK_OK;
+    return dmk_fail(ctx, DMK_E_DEVICE, "no OpenCL device is a %s; the list of devices shows what there is", type);
 }
 
 static int choose(dmk_context *ctx, const char *select, const found *all, size_t n, size_t *chosen)
 {
-    if (!select || !*select) {
-        *chosen = default_choice(all, n);
-        return DMK_OK;
-    }
+    if (!select || !*select) return choose_best(ctx, NULL, all, n, chosen);
+    if (strcasecmp(select, "cpu") == 0) return choose_best(ctx, "CPU", all, n, chosen);
+    if (strcasecmp(select, "gpu") == 0) return choose_best(ctx, "GPU", all, n, chosen);
     char *end;
     unsigned long number = strtoul(select, &end, 10);
     if (*end == 0) {
@@ -192,6 +211,7 @@ static int choose(dmk_context *ctx, const char *select, const found *all, size_t
 static int take_units(dmk_context *ctx, dmk_device *dev, int threads)
 {
     if (threads <= 0 || threads >= dev->info.compute_units) return DMK_OK;
+    if (strcmp(dev->info.type, "CPU") != 0) return DMK_OK; /* they are the host's only */
     cl_device_partition_property by_counts[] = {CL_DEVICE_PARTITION_BY_COUNTS, threads,
                                                 CL_DEVICE_PARTITION_BY_COUNTS_LIST_END, 0};
     cl_device_id sub;
