@@ -123,6 +123,77 @@ KERNEL coarse_solve(int n, int n_pad, global const float *inverse, global const 
     }
 }
 
+/* The inverse for coarse_solve, by one work-group: the pseudo-inverse (L + c J)^-1 - J / (c n^2) of the
+ * coarsest graph's Laplacian L, J all ones, c of the size of its diagonal; Gauss-Jordan steps in place, for
+ * L + c J is positive definite. a: n rows of n numbers. n is at most DMK_DENSE. n^3 multiplications. */
+#if DMK_CPU
+#define ITEM_BEGIN 0
+#define ITEM_STEP 1
+#define TOGETHER
+#else
+#define ITEM_BEGIN ((int)get_local_id(0))
+#define ITEM_STEP DMK_GROUP
+#define TOGETHER barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
+#endif
+#define FOR_ITEMS(i, n) for (int i = ITEM_BEGIN; i < (n); i += ITEM_STEP)
+
+static void dense_laplacian(int n, global const int *slice, global const int *neighbour,
+                            global const float *weight, global sum_t *a)
+{
+    FOR_ITEMS(i, n)
+    {
+        sum_t diag = 0;
+        for (int j = 0; j < n; j++) a[i * n + j] = 0;
+        for (int j = slice[i / DMK_WIDTH]; j < slice[i / DMK_WIDTH + 1]; j++) {
+            const int k = DMK_WIDTH * j + i % DMK_WIDTH;
+            a[i * n + neighbour[k]] -= weight[k];
+            diag += weight[k];
+        }
+        a[i * n + i] += diag; /* short rows name the row itself, with weight 0 */
+    }
+}
+
+KERNEL coarse_inverse(int n, int n_pad, global const int *slice, global const int *neighbour,
+                      global const float *weight, global sum_t *a, global float *inverse LAUNCH)
+{
+    local sum_t row[DMK_DENSE], column[DMK_DENSE], least[DMK_DENSE];
+    sum_t shift = 0;
+    dense_laplacian(n, slice, neighbour, weight, a);
+    TOGETHER
+    for (int i = 0; i < n; i++) shift += a[i * n + i];
+    shift /= (sum_t)n * n;
+    if (!(shift > 0)) shift = 1;
+    TOGETHER
+    FOR_ITEMS(i, n)
+    {
+        for (int j = 0; j < n; j++) a[i * n + j] += shift;
+        least[i] = 1e-12f * a[i * n + i]; /* rounding of the links may leave a pivot at 0 */
+    }
+    for (int k = 0; k < n; k++) {
+        TOGETHER
+        const sum_t pivot = 1 / fmax(a[k * n + k], least[k]);
+        FOR_ITEMS(i, n)
+        {
+            row[i] = i == k ? pivot : a[k * n + i] * pivot;
+            column[i] = i == k ? 0 : a[i * n + k];
+        }
+        TOGETHER
+        FOR_ITEMS(i, n)
+        {
+            const sum_t c = column[i];
+            for (int j = 0; j < n && i != k; j++) a[i * n + j] = (j == k ? 0 : a[i * n + j]) - c * row[j];
+            for (int j = 0; j < n && i == k; j++) a[i * n + j] = row[j];
+        }
+    }
+    TOGETHER
+    FOR_ITEMS(i, n)
+    {
+        for (int j = 0; j < n; j++) {
+            inverse[i * n_pad + j] = (float)(a[max(i, j) * n + min(i, j)] - 1 / (shift * n * n));
+        }
+    }
+}
+
 /* ---- refresh --------------------------------------------------------------------------------- */
 
 /* The place among 3 numbers per element of what has place p among 6: corner k, or side k at 3 + k. */

@@ -171,7 +171,7 @@ size_t dmk_device_best(const dmk_device_info *infos, size_t n, const char *type)
 /* The best of all devices, or of a type. */
 static int choose_best(dmk_context *ctx, const char *type, const found *all, size_t n, size_t *chosen)
 {
-    dmk_device_info infos[MAX_DEVICES];
+    dmk_device_info infos[MAX_DEVICES] = {{.fp64 = 0}};
     for (size_t i = 0; i < n; i++) describe(&all[i], &infos[i]);
     *chosen = dmk_device_best(infos, n, type);
     if (*chosen < n) return DMK_OK;

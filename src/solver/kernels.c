@@ -28,6 +28,7 @@ enum { IN_INNER = 1 << DMK_INNER, IN_OUTER = 1 << DMK_OUTER, IN_BOTH = IN_INNER 
     X(prolong_midpoints, IN_INNER)                                                                 \
     X(prolong_rows, IN_INNER)                                                                      \
     X(coarse_solve, IN_INNER)                                                                      \
+    X(coarse_inverse, IN_INNER)                                                                    \
     X(links_from_triangles, IN_INNER)                                                              \
     X(links_from_links, IN_INNER)                                                                  \
     X(graph_weights, IN_INNER)                                                                     \
@@ -322,6 +323,14 @@ int dmk_coarse_solve(dmk_context *ctx, dmk_system *s)
     dmk_level *l = &s->level[s->n_levels - 1];
     return RUN(DMK_INNER, coarse_solve, items(l->n_pad), DMK_INT(l->n), DMK_INT(l->n_pad),
                DMK_BUF(s->coarse_inverse), DMK_BUF(l->rhs), DMK_BUF(l->x_old));
+}
+
+int dmk_coarse_inverse(dmk_context *ctx, dmk_system *s)
+{
+    dmk_level *l = &s->level[s->n_levels - 1];
+    return RUN(DMK_INNER, coarse_inverse, items(1), DMK_INT(l->n), DMK_INT(l->n_pad),
+               DMK_BUF(l->slice), DMK_BUF(l->neighbour), DMK_BUF(l->weight), DMK_BUF(s->dense),
+               DMK_BUF(s->coarse_inverse));
 }
 
 int dmk_links(dmk_context *ctx, dmk_system *s, int32_t level)

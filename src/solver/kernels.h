@@ -66,6 +66,8 @@ int dmk_restrict(dmk_context *context, dmk_system *s, int32_t level, double step
 int dmk_prolong(dmk_context *context, dmk_system *s, int32_t level, dmk_buffer *x);
 /* x_old = coarse_inverse * rhs on the coarsest level. */
 int dmk_coarse_solve(dmk_context *context, dmk_system *s);
+/* coarse_inverse from the coarsest level's weights; where s->dense is. */
+int dmk_coarse_inverse(dmk_context *context, dmk_system *s);
 /* Link weights of a level from the triangles' (level 0) or from those of the next finer one. */
 int dmk_links(dmk_context *context, dmk_system *s, int32_t level);
 /* Link weights by row, and the inverse diagonal from the rows' sums. */

@@ -45,6 +45,7 @@ int dmk_inner_elements(dmk_context *ctx, dmk_system *s, dmk_operator op, const d
 
 /* ---- refresh --------------------------------------------------------------------------------- */
 
+/* The coarsest inverse by the host, which waits for the device and makes it wait. */
 static int refresh_coarsest(dmk_context *ctx, dmk_system *s)
 {
     int rc;
@@ -88,7 +89,7 @@ int dmk_multigrid_refresh(dmk_context *ctx, dmk_system *s)
     }
     /* On T the elements' bound is sharper than the rows'. */
     DMK_TRY(dmk_inverse_diagonal_coarse(ctx, s));
-    DMK_TRY(refresh_coarsest(ctx, s));
+    DMK_TRY(s->dense ? dmk_coarse_inverse(ctx, s) : refresh_coarsest(ctx, s));
 done:
     return rc;
 }

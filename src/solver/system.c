@@ -355,6 +355,9 @@ static int pack_levels(const packer *p, const dmk_hierarchy *h)
     DMK_TRY(DMK_NEW(p->ctx, s->coarse_link_vertex, 2 * (size_t)n_links));
     memcpy(s->coarse_link_vertex, links, 2 * (size_t)n_links * sizeof *links);
     DMK_TRY(work(p, DMK_INNER, (size_t)last->n * (size_t)last->n_pad, &s->coarse_inverse));
+    if (last->n <= DMK_DENSE && dmk_device_real(p->dev, DMK_OUTER) == sizeof(double)) {
+        DMK_TRY(work(p, DMK_OUTER, (size_t)last->n * (size_t)last->n, &s->dense));
+    }
 done:
     return rc;
 }
@@ -609,7 +612,7 @@ void dmk_system_destroy(dmk_system **system)
 {
     dmk_system *s = *system;
     if (!s) return;
-    dmk_buffer **all[] = {&s->index, &s->cot, &s->area, &s->slice, &s->slot, &s->ends, &s->coarse_inverse};
+    dmk_buffer **all[] = {&s->index, &s->cot, &s->area, &s->slice, &s->slot, &s->ends, &s->coarse_inverse, &s->dense};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) dmk_buffer_destroy(all[i]);
     dmk_system_release(s);
     for (int32_t i = 0; i < DMK_SYSTEM_LEVELS; i++) free_level(&s->level[i]);

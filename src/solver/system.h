@@ -72,6 +72,8 @@ typedef struct dmk_system {
     int32_t n_coarse_links;      /* of the coarsest level, for its inverse */
     int32_t *coarse_link_vertex; /* 2 per link */
     dmk_buffer *coarse_inverse;  /* n_pad columns */
+    dmk_buffer *dense; /* n * n numbers to find it in; NULL: the host does, where the device has no double
+                          precision or n is too large for one work-group */
 } dmk_system;
 
 /* What a mesh's system on this device counts. */
