@@ -9,32 +9,59 @@ int dmk_iteration_sums(dmk_iteration *o, size_t items, int count, int maxima, do
 {
     int rc;
     dmk_system *s = o->sys;
-    DMK_TRY(dmk_sum_partials(o->ctx, s, items, count, maxima));
+    DMK_TRY(dmk_sum_partials(o->ctx, s, items, count, maxima, 0));
     DMK_TRY(dmk_buffer_read_real(o->ctx, s->device, DMK_OUTER, s->scalars, (size_t)count, sums));
 done:
     return rc;
 }
 
-static int energies(dmk_iteration *o, const dmk_buffer *u, bool keep, double *fu, double *uau)
+/* Queue them: v.Av and f.v come to scalars[0] and [1]. */
+static int queue_energies(dmk_iteration *o, const dmk_buffer *v, bool keep)
 {
     int rc;
     dmk_system *s = o->sys;
-    DMK_TRY(dmk_element_energy(o->ctx, s, u, keep));
-    DMK_TRY(dmk_iteration_sums(o, (size_t)s->n_elements, 1, 0, uau));
-    DMK_TRY(dmk_dot(o->ctx, s, s->f, u));
-    DMK_TRY(dmk_iteration_sums(o, (size_t)s->n_rows, 1, 0, fu));
+    o->fresh = keep;
+    DMK_TRY(dmk_element_energy(o->ctx, s, v, keep));
+    DMK_TRY(dmk_sum_partials(o->ctx, s, (size_t)s->n_elements, 1, 0, 0));
+    DMK_TRY(dmk_dot(o->ctx, s, s->f, v));
+    DMK_TRY(dmk_sum_partials(o->ctx, s, (size_t)s->n_rows, 1, 0, 1));
 done:
     return rc;
 }
 
+static int read_scalars(dmk_iteration *o, size_t n, double *sums)
+{
+    return dmk_buffer_read_real(o->ctx, o->sys->device, DMK_OUTER, o->sys->scalars, n, sums);
+}
+
 int dmk_iteration_energies(dmk_iteration *o)
 {
-    return energies(o, o->sys->u, true, &o->fu, &o->uau);
+    return dmk_iteration_energies_and(o, 0, NULL);
+}
+
+int dmk_iteration_energies_and(dmk_iteration *o, int n, double *others)
+{
+    int rc;
+    double sums[16]; /* as many as there are scalars */
+    DMK_TRY(queue_energies(o, o->sys->u, true));
+    DMK_TRY(read_scalars(o, 2 + (size_t)n, sums));
+    o->uau = sums[0];
+    o->fu = sums[1];
+    for (int i = 0; i < n; i++) others[i] = sums[2 + i];
+done:
+    return rc;
 }
 
 int dmk_iteration_energies_of(dmk_iteration *o, const dmk_buffer *v, double *fv, double *vav)
 {
-    return energies(o, v, false, fv, vav);
+    int rc;
+    double sums[2];
+    DMK_TRY(queue_energies(o, v, false));
+    DMK_TRY(read_scalars(o, 2, sums));
+    *vav = sums[0];
+    *fv = sums[1];
+done:
+    return rc;
 }
 
 int dmk_iteration_measure(dmk_iteration *o, double alpha)
@@ -57,6 +84,7 @@ static int prepare_solve(dmk_iteration *o)
     int rc;
     dmk_system *s = o->sys;
     DMK_TRY(dmk_iteration_energies(o));
+    o->fresh = false;
     DMK_TRY(dmk_element_scale(o->ctx, s));
     DMK_TRY(dmk_rows_outer_residual(o->ctx, s));
     DMK_TRY(dmk_element_prepare(o->ctx, s));

@@ -14,6 +14,7 @@ typedef struct dmk_iteration {
     dmk_stats *stats;
     double began;     /* dmk_seconds() */
     double fu, uau;   /* f.u and u.Au of the last energies */
+    bool fresh;       /* fu, uau, q and out_real are u's */
     double tolerance; /* relative change of mu that ends the iteration */
     double mass;      /* integral of mu */
     double rho, top;  /* weighted mean of (1/2 log q)^2, rooted; largest q */
@@ -33,6 +34,8 @@ static const double DMK_GAP_SHOWN = 1e-7;
 
 /* g in out_real, q of s->u; fu and uau. */
 int dmk_iteration_energies(dmk_iteration *o);
+/* The same, and in one read with them `n` sums that are queued for scalars[2 .. 2 + n). */
+int dmk_iteration_energies_and(dmk_iteration *o, int n, double *others);
 /* q, f.v and v.Av of any row vector in place of u. out_real stays as it is. */
 int dmk_iteration_energies_of(dmk_iteration *o, const dmk_buffer *v, double *fv, double *vav);
 /* rho, mass and top of q scaled by alpha^2. */

@@ -229,13 +229,13 @@ int dmk_rows_range(dmk_context *ctx, dmk_system *s, const dmk_buffer *u)
     return RUN(DMK_OUTER, rows_range, rows(s), DMK_INT(s->n_rows), DMK_BUF(u), DMK_BUF(s->partial));
 }
 
-int dmk_sum_partials(dmk_context *ctx, dmk_system *s, size_t n, int count, int maxima)
+int dmk_sum_partials(dmk_context *ctx, dmk_system *s, size_t n, int count, int maxima, int at)
 {
     int rc;
     int32_t parts = (int32_t)dmk_launch_parts(s->device, n);
     DMK_TRY(dmk_share_parts(ctx, s->share, n == (size_t)s->n_rows, count, s->partial, &parts));
     rc = RUN(DMK_OUTER, sum_partials, items(1), DMK_INT(parts), DMK_INT(count), DMK_INT(maxima),
-             DMK_BUF(s->partial), DMK_BUF(s->scalars), DMK_INT(0));
+             DMK_BUF(s->partial), DMK_BUF(s->scalars), DMK_INT(at));
 done:
     return rc;
 }

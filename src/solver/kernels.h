@@ -46,9 +46,9 @@ int dmk_cg_step(dmk_context *context, dmk_system *s, dmk_program program, dmk_bu
 int dmk_dot(dmk_context *context, dmk_system *s, const dmk_buffer *a, const dmk_buffer *b);
 /* Partial maxima of u and of -u. */
 int dmk_rows_range(dmk_context *context, dmk_system *s, const dmk_buffer *u);
-/* scalars[0 .. count) = the sums, the last `maxima` the maxima, of what a kernel over `items` items
+/* scalars[at .. at + count) = the sums, the last `maxima` the maxima, of what a kernel over `items` items
  * left in partial. */
-int dmk_sum_partials(dmk_context *context, dmk_system *s, size_t items, int count, int maxima);
+int dmk_sum_partials(dmk_context *context, dmk_system *s, size_t items, int count, int maxima, int at);
 /* u <- alpha u + w. */
 int dmk_scale_add(dmk_context *context, dmk_system *s, double alpha);
 

@@ -58,8 +58,9 @@ static int update(dmk_iteration *o, double alpha, const step_control *p, double 
     double sums[2];
     dmk_system *s = o->sys;
     DMK_TRY(dmk_newton_update(o->ctx, s, alpha, p->D, o->floor));
-    DMK_TRY(dmk_iteration_sums(o, (size_t)s->n_elements, 2, 0, sums));
+    DMK_TRY(dmk_sum_partials(o->ctx, s, (size_t)s->n_elements, 2, 0, 2));
     DMK_TRY(dmk_scale_add(o->ctx, s, alpha));
+    DMK_TRY(dmk_iteration_energies_and(o, 2, sums)); /* the next step's: one read for both */
     *change = sums[0] / sums[1];
 done:
     return rc;
@@ -123,7 +124,7 @@ int dmk_newton(dmk_iteration *o, bool from_distance)
         .D = from_distance ? 50 : 1, .longest = 150, .growth = from_distance ? 1.5 : 1.6};
     if (!from_distance) DMK_TRY(start_cold(o));
     for (int step = 1; step <= max_steps; step++) {
-        DMK_TRY(dmk_iteration_energies(o));
+        if (!o->fresh) DMK_TRY(dmk_iteration_energies(o));
         double alpha = o->uau > 0 ? o->fu / o->uau : 1;
         DMK_TRY(dmk_iteration_measure(o, alpha));
         choose_step(&p, o->rho);
