@@ -58,6 +58,73 @@ static void a_device_by_its_kind(void **state)
     dmk_device_destroy(&device);
 }
 
+/* ---- what a Newton step asks of the device ---------------------------------------------------- */
+
+enum { MOST_STEPS = 32 };
+
+typedef struct steps {
+    const dmk_device *device;
+    dmk_device_work at[MOST_STEPS]; /* when step k was reported */
+    int cg[MOST_STEPS], n;
+} steps;
+
+static int count_step(const dmk_progress *progress, void *user)
+{
+    steps *s = user;
+    if (progress->step > 0 && s->n < MOST_STEPS) {
+        s->cg[s->n] = progress->cg_iterations;
+        s->at[s->n++] = dmk_device_get_work(s->device);
+    }
+    return 0;
+}
+
+/* Of a launch a large GPU knows mostly the 5 microseconds that it takes, and a read stops it. The bounds are
+ * those of four levels of graphs: 7 launches for an iteration of CG, 10 for the smoothing of T/2, 7 for each
+ * level, and 30 for all else in a step. */
+static void launches_of_a_step(void **state)
+{
+    fixture *f = *state;
+    steps s = {.n = 0};
+    dmk_mesh *mesh = NULL;
+    dmk_device *device = NULL;
+    dmk_solver *solver = NULL;
+    dmk_result *result = NULL;
+    dmk_point source;
+    dmk_stats stats;
+    dmk_device_options options;
+    dmk_surface_options surface;
+    dmk_device_options_init(&options);
+    dmk_surface_options_init(&surface);
+    surface.name = "ellipsoid";
+    surface.n_triangles = 3000;
+    surface.refine = 1;
+    assert_int_equal(dmk_mesh_surface(f->ctx, &surface, &mesh), DMK_OK);
+    assert_int_equal(dmk_mesh_vertex_point(f->ctx, mesh, 0, &source), DMK_OK);
+    assert_int_equal(dmk_device_open(f->ctx, &options, &device), DMK_OK);
+    assert_int_equal(dmk_solver_create(f->ctx, device, mesh, &solver), DMK_OK);
+    s.device = device;
+    dmk_context_set_progress(f->ctx, count_step, &s);
+    assert_int_equal(dmk_solve(f->ctx, solver, &source, NULL, &result), DMK_OK);
+    dmk_context_set_progress(f->ctx, NULL, NULL);
+    dmk_result_get_stats(result, &stats);
+    const int levels = stats.levels - 1;
+    assert_in_range(s.n, 3, MOST_STEPS);
+    for (int k = 1; k < s.n; k++) {
+        const dmk_device_work *a = &s.at[k - 1], *b = &s.at[k];
+        const int most = s.cg[k] * (7 + 10 + 7 * levels) + 30;
+        print_message("# step %d: %lld launches, %lld reads, %lld writes\n", k + 1,
+                      (long long)(b->launches - a->launches), (long long)(b->reads - a->reads),
+                      (long long)(b->writes - a->writes));
+        assert_in_range(b->launches - a->launches, 10, most);
+        assert_int_equal(b->reads - a->reads, 2);
+        assert_int_equal(b->writes - a->writes, 0); /* no inverse by the host */
+    }
+    dmk_result_destroy(&result);
+    dmk_solver_destroy(&solver);
+    dmk_device_destroy(&device);
+    dmk_mesh_destroy(&mesh);
+}
+
 #ifdef __SANITIZE_ADDRESS__
 /* The leak checker crashes on the way in which PoCL's threads of a part of a device end here (signal 11 in
  * the checker's own thread). Other tests look for leaks of devices. */
@@ -71,6 +138,6 @@ const char *__asan_default_options(void)
 int main(void)
 {
     const struct CMUnitTest tests[] = {TEST(destroyed_with_work_under_way), TEST(the_best_device),
-                                       TEST(a_device_by_its_kind)};
+                                       TEST(a_device_by_its_kind), TEST(launches_of_a_step)};
     return cmocka_run_group_tests_name("device", tests, NULL, NULL);
 }

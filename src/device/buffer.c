@@ -48,6 +48,7 @@ void dmk_buffer_destroy(dmk_buffer **buffer)
 int dmk_buffer_write(dmk_context *ctx, dmk_device *dev, dmk_buffer *buffer, size_t offset,
                      size_t bytes, const void *from)
 {
+    dev->work.writes++;
     return dmk_cl_check(ctx,
                         clEnqueueWriteBuffer(dev->queue, mem_of(buffer), CL_TRUE, offset, bytes,
                                              from, 0, NULL, NULL),
@@ -57,6 +58,7 @@ int dmk_buffer_write(dmk_context *ctx, dmk_device *dev, dmk_buffer *buffer, size
 int dmk_buffer_read(dmk_context *ctx, dmk_device *dev, const dmk_buffer *buffer, size_t offset,
                     size_t bytes, void *to)
 {
+    dev->work.reads++;
     return dmk_cl_check(ctx,
                         clEnqueueReadBuffer(dev->queue, mem_of(buffer), CL_TRUE, offset, bytes, to,
                                             0, NULL, NULL),

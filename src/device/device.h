@@ -60,6 +60,12 @@ typedef struct dmk_range {
     size_t items, first; /* first: 0 for one range */
 } dmk_range;
 
+/* What was asked of the device so far, for benchmarks and tests. */
+typedef struct dmk_device_work {
+    int64_t launches, reads, writes; /* reads and writes are those that block */
+} dmk_device_work;
+dmk_device_work dmk_device_get_work(const dmk_device *device);
+
 /* Queue a kernel over a range; kernels see items in blocks of DMK_WIDTH. */
 int dmk_launch(dmk_context *context, dmk_device *device, const dmk_kernel *kernel, dmk_range range,
                size_t n_args, const dmk_arg *args);

@@ -31,6 +31,7 @@ struct dmk_device {
     dmk_buffer *shares;   /* CPU shape: each thread's progress in a launch (base.cl) */
     int tag;              /* of the last launch that used it */
     int double_precision;
+    dmk_device_work work;
     char cache[512];      /* folder for binaries, "" = none */
 };
 

@@ -5,6 +5,13 @@
 
 #include <string.h>
 
+enum { FLUSH_EVERY = 16 };
+
+dmk_device_work dmk_device_get_work(const dmk_device *dev)
+{
+    return dev->work;
+}
+
 int dmk_kernel_get(dmk_context *ctx, dmk_device *dev, dmk_program program, const char *name,
                    dmk_kernel **kernel)
 {
@@ -86,5 +93,7 @@ int dmk_launch(dmk_context *ctx, dmk_device *dev, const dmk_kernel *kernel, dmk_
     size_t global = groups * local;
     cl_int error =
         clEnqueueNDRangeKernel(dev->queue, kernel->cl, 1, NULL, &global, &local, 0, NULL, NULL);
+    /* Drivers may keep what is queued until somebody waits; a device that is fed early idles less. */
+    if (++dev->work.launches % FLUSH_EVERY == 0 && error == CL_SUCCESS) error = clFlush(dev->queue);
     return error == CL_SUCCESS ? DMK_OK : launch_failed(ctx, error, kernel, range.items);
 }
