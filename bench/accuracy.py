@@ -9,8 +9,8 @@ Surfaces: torus (exact locus in closed form), ellipsoid and quartic (bench/data:
 method on geodesics shot from the source on the smooth surface, ends by the conjugate time), umbilic
 (the ellipsoid from an umbilic: the locus is the opposite point).
 Meshes: plain (dmkcl mesh), jittered (its points moved by about a tenth of an edge, on the surface),
-aligned (torus only: a grid whose lines hold the locus), noisy (its points moved off the surface, by 5 %
-of an edge in each direction). All lengths in units of h, the mean edge length:
+aligned (torus only: a grid whose lines hold the locus), rough and noisy (its points moved off the
+surface, by 2 % and 5 % of an edge in each direction). All lengths in units of h, the mean edge length:
   false    share of the output's length farther than 3 h from the exact locus
   missed   share of the exact length with no output within 3 h
   out, ref mean distance from the output to the exact locus and back; max: the largest of both
@@ -34,6 +34,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
 HERE = os.path.dirname(os.path.abspath(__file__))
+NOISE = {"rough": 0.02, "noisy": 0.05}  # of a mean edge
 SURFACES = {  # name of dmkcl mesh, source, refinements for about 5k, 20k, 80k, 320k triangles
     "torus": ("torus", (3, 0, 0), {5: 0, 20: 1, 80: 2, 320: 3}),
     "ellipsoid": ("ellipsoid", (-0.151128, -0.350718, 0.295520), {5: 1, 20: 2, 80: 3, 320: 4}),
@@ -229,9 +230,9 @@ def make_mesh(program, name, kind, thousands, path):
     if kind == "jittered":
         x, triangles = read_off(path)
         write_off(path, jitter(surface, x, triangles, 0.1), triangles)
-    if kind == "noisy":
+    if kind in NOISE:
         x, triangles = read_off(path)
-        write_off(path, noisy(x, triangles, 0.05), triangles)
+        write_off(path, noisy(x, triangles, NOISE[kind]), triangles)
 
 
 # ---- rivals ---------------------------------------------------------------------------------------
@@ -298,7 +299,7 @@ def one(program, name, kind, thousands, rivals, folder):
     row.update(score(name, locus, h))
     row.update({k: report["locus"][k] for k in ("loops", "components")})
     yield row
-    if not rivals or name == "umbilic" or kind == "noisy":
+    if not rivals or name == "umbilic" or kind in NOISE:
         return
     for bound in ("1e-4", "1e-2"):
         yield dict(surface=name, mesh=kind, test=f"mu <= {bound}", triangles=len(triangles), h=h,
@@ -346,11 +347,14 @@ def markdown(rows, columns):
         yield "| " + " | ".join(cell(c, row.get(c, "")) for c in columns) + " |"
 
 
-def write_tables(path, rows):
+def write_tables(path, rows, rivals):
     done = {row["surface"] for row in rows}
     if os.path.exists(path):
         with open(path, newline="") as f:
-            rows = [r for r in csv.DictReader(f) if r["surface"] not in done] + rows
+            kept = [r for r in csv.DictReader(f)
+                    if r["surface"] not in done or not rivals and r["test"] != "locus"]
+            rows = [r for r in kept if r["test"] == "locus"] + rows + [
+                r for r in kept if r["test"] != "locus"]
     rows.sort(key=lambda r: list(SURFACES).index(r["surface"]))
     with open(path, "w", newline="") as f:
         writer = csv.DictWriter(f, COLUMNS)
@@ -378,7 +382,7 @@ def main():
     parser.add_argument("--program", default=os.path.join(HERE, "../build/release/dmkcl"))
     parser.add_argument("--sizes", default="5,20,80,320")
     parser.add_argument("--surfaces", default=",".join(SURFACES))
-    parser.add_argument("--meshes", default="plain,jittered,aligned,noisy")
+    parser.add_argument("--meshes", default="plain,jittered,aligned,rough,noisy")
     parser.add_argument("--rivals", action="store_true")
     parser.add_argument("--out")
     a = parser.parse_args()
@@ -395,7 +399,7 @@ def main():
                         print("  ".join(f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}"
                                         for k, v in row.items()), flush=True)
     if a.out:
-        write_tables(a.out, rows)
+        write_tables(a.out, rows, a.rivals)
     return 0
 
 

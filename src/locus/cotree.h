@@ -93,8 +93,8 @@ typedef struct dmk_patch dmk_patch;
 int dmk_patch_create(dmk_context *ctx, const dmk_cotree *cotree, dmk_patch **patch);
 void dmk_patch_free(dmk_patch **patch);
 bool dmk_cusp_fit(dmk_patch *patch, int32_t triangle, dmk_cusp *cusp);
-/* The middle of a short locus around `xyz`, in `triangle`, and its length. */
-bool dmk_focus_fit(dmk_patch *patch, int32_t triangle, double xyz[3], double *length);
+/* The middle of a short locus around `xyz`, in `triangle`, and from there to one of its ends. */
+bool dmk_focus_fit(dmk_patch *patch, int32_t triangle, double xyz[3], double half[3]);
 
 /* ---- places.c: crossings, forks and tips as vertices of the locus ------------------------------- */
 

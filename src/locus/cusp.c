@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { N_TERMS = 12, MAX_VERTICES = 400, MIN_VERTICES = 2 * N_TERMS, MAX_STEPS = 30 };
+enum { N_TERMS = 12, MAX_VERTICES = 600, MIN_VERTICES = 2 * N_TERMS, MAX_STEPS = 30 };
 
 /* Exponents of a and r; those of weight 5 last. */
 static const int power[N_TERMS][2] = {{0, 0}, {1, 0}, {2, 0}, {0, 1}, {3, 0}, {1, 1},
@@ -203,7 +203,9 @@ bool dmk_cusp_fit(dmk_patch *p, int32_t triangle, dmk_cusp *c)
     const dmk_geodesics *g = p->cotree->geodesics;
     const double full = dmk_full_turn(g);
     double map[3 * N_TERMS], spread = 0, a, r, x[3];
-    if (!gather(p, triangle, c->xyz, dmk_rules.window * p->cotree->mean_edge)) return false;
+    /* wider on a noisy mesh, whose own branches have raised the default */
+    const double wider = sqrt(p->cotree->strength / (dmk_rules.strength * p->cotree->mean_edge));
+    if (!gather(p, triangle, c->xyz, wider * dmk_rules.window * p->cotree->mean_edge)) return false;
     for (int32_t i = 0; i < p->n; i++)
         spread = fmax(spread,
                       fabs(dmk_turn_between(full, c->angle, g->arrival[p->vertex[i]].direction)));
@@ -220,7 +222,7 @@ bool dmk_cusp_fit(dmk_patch *p, int32_t triangle, dmk_cusp *c)
  * phi the direction from c: the waves that come in enclose an astroid, and the locus is the part of its
  * longer axis between two of the cusps, of the length 8 sqrt(A^2 + B^2). What is left of first order in
  * phi moves c. */
-bool dmk_focus_fit(dmk_patch *p, int32_t triangle, double xyz[3], double *length)
+bool dmk_focus_fit(dmk_patch *p, int32_t triangle, double xyz[3], double half[3])
 {
     enum { N = 5 };
     const dmk_geodesics *g = p->cotree->geodesics;
@@ -250,7 +252,9 @@ bool dmk_focus_fit(dmk_patch *p, int32_t triangle, double xyz[3], double *length
         }
         if (!solve(N, 1, A, b) || hypot(b[1], b[2]) > dmk_rules.window) return false;
         for (int k = 0; k < 3; k++) xyz[k] += h * (b[1] * axis[0][k] + b[2] * axis[1][k]);
-        *length = 8 * hypot(b[3], b[4]) * h;
+        const double phi = 0.5 * atan2(b[4], b[3]), reach = 4 * hypot(b[3], b[4]) * h;
+        for (int k = 0; k < 3; k++)
+            half[k] = reach * (cos(phi) * axis[0][k] + sin(phi) * axis[1][k]);
         if (hypot(b[1], b[2]) < 1e-6) return true;
     }
     return false;

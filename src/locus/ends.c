@@ -43,10 +43,10 @@ static double step(const dmk_cotree *t, int32_t i, int32_t j)
     return dmk_distance(t->crossing[i].xyz, t->crossing[j].xyz);
 }
 
-/* Inwards as far as a fit sees, and no farther than the branch; outwards along the strongest way. */
+/* Inwards some way, and no farther than the branch; outwards along the strongest way. */
 static void find_route(const dmk_cotree *t, int32_t i, int32_t node, route *r)
 {
-    const double reach = dmk_rules.window * t->mean_edge;
+    const double reach = 4 * dmk_rules.window * t->mean_edge;
     double length = 0;
     int32_t back[MAX_ROUTE / 2], n = 0, node_in = dmk_other_node(&t->crossing[i], node);
     for (int32_t j = i; n < MAX_ROUTE / 2 && length < reach;) {
@@ -181,12 +181,18 @@ static int lead_to(dmk_context *ctx, dmk_cotree *t, const route *r, const double
     return add_tip(ctx, t, tip);
 }
 
-static int find_end(dmk_context *ctx, dmk_cotree *t, dmk_patch *patch, int32_t i, int32_t node)
+/* half: the locus is a short one, from its middle to an end; else NULL. */
+static int find_end(dmk_context *ctx, dmk_cotree *t, dmk_patch *patch, const double *middle,
+                    const double *half, int32_t i, int32_t node)
 {
     route r;
-    double xyz[3];
+    double xyz[3], out[3];
     find_route(t, i, node, &r);
-    return find_cusp(t, patch, &r, xyz) ? lead_to(ctx, t, &r, xyz) : DMK_OK;
+    if (!half) return find_cusp(t, patch, &r, xyz) ? lead_to(ctx, t, &r, xyz) : DMK_OK;
+    dmk_subtract(t->crossing[r.crossing[r.n - 1]].xyz, middle, out);
+    const double side = dmk_dot(out, half) > 0 ? 1 : -1;
+    for (int k = 0; k < 3; k++) xyz[k] = middle[k] + side * half[k];
+    return lead_to(ctx, t, &r, xyz);
 }
 
 /* Whether all that has the default strength lies within `reach` of the last crossing. */
@@ -222,16 +228,16 @@ static int become_point(dmk_context *ctx, dmk_cotree *t, const double xyz[3])
     return add_tip(ctx, t, best);
 }
 
-static int find_point(dmk_context *ctx, dmk_cotree *t, dmk_patch *patch)
+/* A small locus: a point, or an arc of which the ends are found by themselves, if *half is not 0. */
+static int find_small(dmk_context *ctx, dmk_cotree *t, dmk_patch *patch, double middle[3],
+                      double half[3])
 {
-    const double h = t->mean_edge;
     const dmk_crossing *c = &t->crossing[t->last];
-    double xyz[3], length = 0;
-    memcpy(xyz, c->xyz, sizeof xyz);
-    const bool fits = dmk_focus_fit(patch, c->half / 3, xyz, &length);
-    if (fits && length >= dmk_rules.arc * h && c->excess >= t->strength) return DMK_OK;
-    if (!fits && c->excess >= t->strength) return DMK_OK;
-    return become_point(ctx, t, fits ? xyz : c->xyz);
+    memcpy(middle, c->xyz, sizeof c->xyz);
+    const bool fits = dmk_focus_fit(patch, c->half / 3, middle, half);
+    const bool arc = 2 * sqrt(dmk_dot(half, half)) >= dmk_rules.arc * t->mean_edge;
+    if (c->excess >= t->strength && (arc || !fits)) return DMK_OK;
+    return become_point(ctx, t, fits ? middle : c->xyz);
 }
 
 static int by_triangle(const void *a, const void *b)
@@ -244,13 +250,17 @@ static int find_ends(dmk_context *ctx, dmk_cotree *t)
 {
     int rc;
     dmk_patch *patch = NULL;
+    double middle[3], half[3] = {0};
     DMK_TRY(dmk_patch_create(ctx, t, &patch));
-    if (is_small(t, 2 * dmk_rules.window * t->mean_edge)) DMK_TRY(find_point(ctx, t, patch));
+    if (is_small(t, 2 * dmk_rules.window * t->mean_edge))
+        DMK_TRY(find_small(ctx, t, patch, middle, half));
+    const double *arc = dmk_dot(half, half) > 0 ? half : NULL;
     for (int32_t i = 0; i < t->n && !t->is_point; i++) {
         const dmk_crossing *c = &t->crossing[i];
         for (int side = 0; side < 2 && c->outer >= 0; side++) {
             if (side != c->outer && i != t->last) continue;
-            if (ends_at(t, i, c->node[side])) DMK_TRY(find_end(ctx, t, patch, i, c->node[side]));
+            if (!ends_at(t, i, c->node[side])) continue;
+            DMK_TRY(find_end(ctx, t, patch, middle, arc, i, c->node[side]));
         }
     }
     if (t->n_tips > 1) qsort(t->tip, (size_t)t->n_tips, sizeof *t->tip, by_triangle);

@@ -34,8 +34,8 @@ static const dmk_locus_rules dmk_rules = {
     .gap = 5,
     .above = 1.5,
     .tie = 0.03,
-    .window = 5,
-    .arc = 2,
+    .window = 4,
+    .arc = 1,
     .width = 0.5,
     .margin = 0.15,
 };

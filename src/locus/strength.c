@@ -153,9 +153,9 @@ static double branch_at(const dmk_cotree *t, int32_t i)
     return least;
 }
 
-/* The mesh's own branches are weak and many; on a noisy mesh some are stronger than the default. They are
- * told from the surface's by a gap: above the strongest of them, which is no lone one, the next is `gap` times as
- * strong, and is no loop. */
+/* The mesh's own branches are weak and many; on a noisy mesh some are stronger than the default. They
+ * are told from the surface's by a gap: above the strongest of them, which is no lone one, the next
+ * is `gap` times as strong, and is no loop; on a sphere the longest line always counts as next. */
 static int find_default(dmk_context *ctx, dmk_cotree *t)
 {
     int rc;
@@ -165,7 +165,7 @@ static int find_default(dmk_context *ctx, dmk_cotree *t)
     t->strength = dmk_rules.strength * h;
     DMK_TRY(DMK_NEW(ctx, branch, (size_t)t->geodesics->mesh->n_triangles + 2));
     branch[n++] = least;
-    if (t->last >= 0) branch[n++] = fmax(least, t->crossing[t->last].excess);
+    if (t->last >= 0) branch[n++] = HUGE_VAL;
     for (int32_t i = 0; i < t->geodesics->mesh->n_triangles; i++) {
         const double b = branch_at(t, i);
         if (b > least && b < HUGE_VAL) branch[n++] = b;
