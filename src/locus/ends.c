@@ -43,10 +43,9 @@ static double step(const dmk_cotree *t, int32_t i, int32_t j)
     return dmk_distance(t->crossing[i].xyz, t->crossing[j].xyz);
 }
 
-/* Inwards some way, and no farther than the branch; outwards along the strongest way. */
-static void find_route(const dmk_cotree *t, int32_t i, int32_t node, route *r)
+/* Inwards up to `reach`, and no farther than the branch; outwards along the strongest way. */
+static void find_route(const dmk_cotree *t, int32_t i, int32_t node, double reach, route *r)
 {
-    const double reach = 4 * dmk_rules.window * t->mean_edge;
     double length = 0;
     int32_t back[MAX_ROUTE / 2], n = 0, node_in = dmk_other_node(&t->crossing[i], node);
     for (int32_t j = i; n < MAX_ROUTE / 2 && length < reach;) {
@@ -187,7 +186,7 @@ static int find_end(dmk_context *ctx, dmk_cotree *t, dmk_patch *patch, const dou
 {
     route r;
     double xyz[3], out[3];
-    find_route(t, i, node, &r);
+    find_route(t, i, node, half ? HUGE_VAL : dmk_rules.window * t->mean_edge, &r);
     if (!half) return find_cusp(t, patch, &r, xyz) ? lead_to(ctx, t, &r, xyz) : DMK_OK;
     dmk_subtract(t->crossing[r.crossing[r.n - 1]].xyz, middle, out);
     const double side = dmk_dot(out, half) > 0 ? 1 : -1;
