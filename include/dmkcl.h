@@ -419,7 +419,8 @@ const double *dmk_result_potential(const dmk_result *result, size_t *n);     /* 
 const double *dmk_result_potential_mid(const dmk_result *result, size_t *n); /* u per edge midpoint */
 /* The exact distance from the source (see dmk_geodesics), per vertex; -u differs from it by the discretisation. */
 const double *dmk_result_distance(const dmk_result *result, size_t *n);
-const double *dmk_result_distance_mid(const dmk_result *result, size_t *n);  /* per midpoint */
+/* At the edges' midpoints nearly: as the shortest path to an end goes on there, off by some h^3. */
+const double *dmk_result_distance_mid(const dmk_result *result, size_t *n);
 void dmk_result_source(const dmk_result *result, dmk_point *source);
 
 /* What a result consists of, for storing it or sending it to another process: the arrays that the
