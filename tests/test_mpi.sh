@@ -84,6 +84,27 @@ resumed() {
 }
 check 'what is missing is done again, and no more' resumed
 
+# ---- meshes dealt out -------------------------------------------------------------------------
+
+mkdir "$work/shapes"
+for n in 1200 1600 2000 2400 2800 3200; do "$plain" mesh sphere --triangles "$n" --quiet --out "$work/shapes/s$n.off"; done
+shapes() { # FOLDER COMMAND...
+    local folder=$1
+    shift
+    "$@" batch "$work/shapes" --vertex 0 --out-dir "$folder" --out .vtp --report "$folder.jsonl"
+}
+check 'six meshes by the plain program' shapes "$work/one" "$plain"
+check 'six meshes by three ranks' shapes "$work/three" ranks 3
+for n in 1200 2000 3200; do
+    check "mesh of $n: the same result" cmp "$work/one/s$n.vtp" "$work/three/s$n.vtp"
+done
+check 'one report with a line for each mesh' test "$(grep -c '"state": "done"' "$work/three.jsonl")" -eq 6
+again() {
+    rm "$work/three/s2000.vtp" && ranks 2 batch "$work/shapes" --vertex 0 --out-dir "$work/three" --out .vtp \
+        --report "$work/three.jsonl" --resume > "$work/lines" && has "$work/lines" '^of 6 .* 1 solved, 5 kept, 0 failed'
+}
+check 'two ranks do again what is missing' again
+
 # ---- slips and faults -------------------------------------------------------------------------
 
 once() { # CODE PATTERN ARGUMENTS...: three ranks end with the code and say so once

@@ -45,6 +45,8 @@ void batch_digest_text(const char *text, char digest[33]);
 
 /* Open the report of `request` for appending, locked against others; with `resume` read what is in it. */
 int batch_record_open(const batch_request *request, const batch_list *list, batch_record **record);
+/* The same by another rank, to append to it, once the first one has begun it. */
+int batch_record_join(const batch_request *request, const batch_list *list, batch_record **record);
 /* Why a source must be done (again), or NULL if its line can stay: called once for each source of a mesh
  * with a digest, before batch_record_begin. "" : it was never done. */
 const char *batch_record_check(batch_record *record, const batch_entry *entry);

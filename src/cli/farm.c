@@ -2,6 +2,7 @@
  * meshes are read and written while others are solved, and each worker's host stages need one thread.
  * Meshes that are large have all threads, one mesh at a time, or memory would not do. */
 #include "batch.h"
+#include "ranks.h"
 
 #include <errno.h>
 #include <math.h>
@@ -331,6 +332,7 @@ static void do_mesh(worker *w, size_t k)
 
 typedef struct crew {
     farm *farm;
+    bool dealt; /* each mesh to one of the ranks, not to each of them */
     void (*task)(worker *w, size_t mesh);
 } crew;
 
@@ -342,7 +344,7 @@ static void *work(void *argument)
     if (dmk_context_create(&w.context) != DMK_OK) return NULL; /* the others do its part */
     cli_watch(w.context, &w.silent);
     while (!cli_interrupted() && !atomic_load(&f->stop)) {
-        const size_t k = atomic_fetch_add(&f->next, 1);
+        const size_t k = c->dealt ? cli_ranks_next() : atomic_fetch_add(&f->next, 1);
         if (k >= f->list->n) break;
         c->task(&w, k);
     }
@@ -361,10 +363,10 @@ static int count_workers(const farm *f)
 }
 
 /* Call task for every mesh. */
-static void for_all(farm *f, void (*task)(worker *w, size_t mesh))
+static void for_all(farm *f, bool dealt, void (*task)(worker *w, size_t mesh))
 {
     pthread_t thread[MOST_WORKERS];
-    crew c = {f, task};
+    crew c = {f, dealt, task};
     const int n = count_workers(f);
     int started = 1;
     atomic_store(&f->next, 0);
@@ -391,6 +393,56 @@ static int end(farm *f)
     return atomic_load(&f->code) != EXIT_OK ? atomic_load(&f->code) : flushed;
 }
 
+/* The first rank's part: the report, and what of it can stay. */
+static int begin(farm *f)
+{
+    const batch_request *request = f->request;
+    int code = batch_record_open(request, f->list, &f->record);
+    if (code == EXIT_OK && request->each.resume) {
+        if (request->folder) batch_sweep(request->folder);
+        for_all(f, false, check_mesh);
+    }
+    if (code == EXIT_OK && !cli_interrupted()) code = batch_record_begin(f->record);
+    return code;
+}
+
+/* The other ranks learn what is done already, and append to the same report. */
+static int join(farm *f)
+{
+    const dmk_ranks *ranks = cli_ranks();
+    if (!ranks) return EXIT_OK;
+    const size_t n = f->list->n * f->n_sources;
+    size_t *bytes = calloc((size_t)ranks->size, sizeof *bytes);
+    uint8_t *kept = malloc(n + 1);
+    int rc = DMK_E_NOMEM;
+    if (bytes && kept) {
+        bytes[0] = n;
+        rc = ranks->gather(ranks->user, f->kept, kept, bytes);
+        if (rc == DMK_OK) memcpy(f->kept, kept, n);
+    }
+    free(bytes);
+    free(kept);
+    if (rc != DMK_OK) return cli_library_error(NULL, rc < 0 ? rc : DMK_E_DEVICE);
+    cli_ranks_speak();
+    return cli_ranks_first() ? EXIT_OK : batch_record_join(f->request, f->list, &f->record);
+}
+
+/* The counts of all ranks, to the first one's. */
+static int add_up(farm *f)
+{
+    const dmk_ranks *ranks = cli_ranks();
+    const size_t n = ranks ? (size_t)ranks->size : 1, mine[2] = {f->n_done, f->n_failed};
+    size_t *all = malloc(n * sizeof mine);
+    int rc = all ? cli_ranks_gather(mine, all, sizeof mine) : DMK_E_NOMEM;
+    for (size_t r = 1; r < n && rc == DMK_OK && cli_ranks_first(); r++) {
+        f->n_done += all[2 * r];
+        f->n_failed += all[2 * r + 1];
+    }
+    free(all);
+    f->summary = f->summary && cli_ranks_first();
+    return rc == DMK_OK || rc == DMK_E_CANCELLED ? EXIT_OK : cli_library_error(NULL, rc);
+}
+
 int batch_run(const batch_request *request, batch_list *list)
 {
     const bool to_stdout = strcmp(request->each.report, "-") == 0;
@@ -404,15 +456,12 @@ int batch_run(const batch_request *request, batch_list *list)
     pthread_mutex_init(&f.large, NULL);
     pthread_mutex_init(&f.opening, NULL);
     pthread_mutex_init(&f.telling, NULL);
-    int code = batch_record_open(request, list, &f.record);
-    if (code == EXIT_OK && request->each.resume) {
-        if (request->folder) batch_sweep(request->folder);
-        for_all(&f, check_mesh);
-    }
-    if (code == EXIT_OK && !cli_interrupted()) code = batch_record_begin(f.record);
+    int code = cli_ranks_first() ? begin(&f) : EXIT_OK;
+    if (code == EXIT_OK) code = join(&f);
     if (code == EXIT_OK) {
-        for_all(&f, do_mesh);
-        code = end(&f);
+        for_all(&f, true, do_mesh);
+        code = add_up(&f);
+        if (code == EXIT_OK) code = end(&f);
     }
     batch_record_close(&f.record);
     pthread_mutex_destroy(&f.large);

@@ -4,6 +4,7 @@
 
 #ifndef DMK_MPI
 
+#include <stdatomic.h>
 #include <string.h>
 
 void cli_ranks_begin(int *argc, char ***argv)
@@ -22,8 +23,8 @@ void cli_ranks_speak(void) {}
 
 size_t cli_ranks_next(void)
 {
-    static size_t next;
-    return next++;
+    static atomic_size_t next;
+    return atomic_fetch_add(&next, 1);
 }
 
 int cli_ranks_gather(const void *mine, void *all, size_t bytes)
@@ -36,6 +37,7 @@ int cli_ranks_gather(const void *mine, void *all, size_t bytes)
 
 #include <fcntl.h>
 #include <mpi.h>
+#include <pthread.h>
 #include <sched.h>
 #include <stdlib.h>
 #include <string.h>
@@ -184,12 +186,18 @@ static int largest(void *user, int32_t *value, size_t n)
 
 size_t cli_ranks_next(void)
 {
-    static size_t alone;
+    static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER; /* MPI serves one thread at a time */
+    static long long alone;
     const long long one = 1;
     long long taken = 0;
-    if (self.ranks.size == 1) return alone++;
-    MPI_Fetch_and_op(&one, &taken, MPI_LONG_LONG, 0, 0, MPI_SUM, self.window);
-    MPI_Win_flush(0, self.window);
+    pthread_mutex_lock(&lock);
+    if (self.ranks.size == 1) {
+        taken = alone++;
+    } else {
+        MPI_Fetch_and_op(&one, &taken, MPI_LONG_LONG, 0, 0, MPI_SUM, self.window);
+        MPI_Win_flush(0, self.window);
+    }
+    pthread_mutex_unlock(&lock);
     return (size_t)taken;
 }
 
@@ -235,7 +243,7 @@ static void divide_processors(void)
 void cli_ranks_begin(int *argc, char ***argv)
 {
     int support;
-    if (MPI_Init_thread(argc, argv, MPI_THREAD_FUNNELED, &support) != MPI_SUCCESS) return;
+    if (MPI_Init_thread(argc, argv, MPI_THREAD_SERIALIZED, &support) != MPI_SUCCESS) return;
     MPI_Comm_set_errhandler(MPI_COMM_WORLD, MPI_ERRORS_RETURN);
     MPI_Comm_size(MPI_COMM_WORLD, &self.ranks.size);
     MPI_Comm_rank(MPI_COMM_WORLD, &self.ranks.rank);

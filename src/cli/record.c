@@ -265,6 +265,20 @@ int batch_record_open(const batch_request *request, const batch_list *list, batc
     return code;
 }
 
+int batch_record_join(const batch_request *request, const batch_list *list, batch_record **record)
+{
+    batch_record *r = *record = calloc(1, sizeof *r);
+    if (!r) return cli_library_error(NULL, DMK_E_NOMEM);
+    *r = (batch_record){.request = request, .list = list, .fd = -1};
+    pthread_mutex_init(&r->lock, NULL);
+    digest_options(request, r->options);
+    if (strcmp(request->each.report, "-") == 0) return EXIT_OK;
+    r->path = request->each.report;
+    r->fd = open(r->path, O_WRONLY | O_APPEND | O_CLOEXEC);
+    if (r->fd >= 0) return EXIT_OK;
+    return cli_error(EXIT_IO, "cannot write '%s': %s", r->path, strerror(errno));
+}
+
 void batch_record_close(batch_record **record)
 {
     batch_record *r = *record;
