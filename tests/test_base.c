@@ -1,0 +1,165 @@
+/* Sorting, small dense matrices, and what a mesh tells of itself, by their definitions. */
+#include "base/dense.h"
+#include "base/sort.h"
+#include "mesh/mesh.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+static dmk_context *ctx;
+
+static uint32_t random_state = 11;
+static uint32_t random_bits(void)
+{
+    random_state = random_state * 1664525u + 1013904223u;
+    return random_state >> 8;
+}
+
+static void numbers_are_sorted(void **state)
+{
+    (void)state;
+    enum { MOST = 300, VALUES = 60 };
+    for (int32_t n = 0; n < MOST; n++) { /* both sides of DMK_SHORT_LIST */
+        int32_t a[MOST], count[VALUES] = {0};
+        double d[MOST], sum = 0;
+        for (int32_t i = 0; i < n; i++) {
+            a[i] = (int32_t)(random_bits() % VALUES) - VALUES / 2;
+            count[a[i] + VALUES / 2]++;
+            d[i] = (random_bits() - 8388608.0) / 1e3;
+            sum += d[i];
+        }
+        dmk_sort(n, a);
+        dmk_sort_doubles(d, (size_t)n);
+        for (int32_t i = 0; i < n; i++) {
+            assert_true(i == 0 || (a[i - 1] <= a[i] && d[i - 1] <= d[i]));
+            count[a[i] + VALUES / 2]--;
+            sum -= d[i];
+        }
+        for (int32_t k = 0; k < VALUES; k++) assert_int_equal(count[k], 0);
+        assert_true(fabs(sum) < 1e-6);
+    }
+}
+
+static void keyed_items_keep_their_order(void **state)
+{
+    (void)state;
+    enum { N = 5000 };
+    dmk_keyed *a = calloc(N, sizeof *a);
+    for (int32_t i = 0; i < N; i++) {
+        const uint64_t high = (uint64_t)(random_bits() % 50) << (DMK_KEY_BITS - 8);
+        a[i] = (dmk_keyed){high | random_bits() % 7, i};
+    }
+    assert_int_equal(dmk_sort_keyed(ctx, a, N), DMK_OK);
+    for (int32_t i = 1; i < N; i++) {
+        assert_true(a[i - 1].key <= a[i].key);
+        if (a[i - 1].key == a[i].key) assert_true(a[i - 1].item < a[i].item);
+    }
+    free(a);
+}
+
+/* L X = I - J / n, and the rows of X sum to 0: that is the pseudo-inverse. */
+static void laplacians_are_inverted(void **state)
+{
+    (void)state;
+    enum { MOST = 40 };
+    for (int32_t n = 1; n <= MOST; n += 13) {
+        double *l = calloc((size_t)(n * n), sizeof *l), *x = calloc((size_t)(n * n), sizeof *x);
+        for (int32_t i = 0; i + 1 < n; i++) {
+            for (int32_t j = i + 1; j < n; j += 5) { /* a path, and some more */
+                const double w = 0.1 + random_bits() / 1e6;
+                l[i * n + j] -= w;
+                l[j * n + i] -= w;
+                l[i * n + i] += w;
+                l[j * n + j] += w;
+            }
+        }
+        assert_int_equal(dmk_laplacian_inverse(ctx, n, l, x), DMK_OK);
+        for (int32_t i = 0; i < n; i++) {
+            double row = 0;
+            for (int32_t j = 0; j < n; j++) {
+                double sum = 0;
+                for (int32_t k = 0; k < n; k++) sum += l[i * n + k] * x[k * n + j];
+                assert_true(fabs(sum - ((i == j) - 1.0 / n)) < 1e-10);
+                row += x[i * n + j];
+            }
+            assert_true(fabs(row) < 1e-10);
+        }
+        free(l);
+        free(x);
+    }
+}
+
+/* The regular octahedron around (1, 2, 3), of edge sqrt 2, and a vertex in no triangle far away. */
+static const double octahedron[] = {2, 2, 3, 0, 2, 3, 1, 3,  3,   1, 1,
+                                    3, 1, 2, 4, 1, 2, 2, 99, -99, 99};
+static const int32_t faces[] = {0, 2, 4, 2, 1, 4, 1, 3, 4, 3, 0, 4,
+                                2, 0, 5, 1, 2, 5, 3, 1, 5, 0, 3, 5};
+
+static void a_mesh_is_measured(void **state)
+{
+    (void)state;
+    dmk_mesh *mesh = NULL;
+    dmk_mesh_info info;
+    assert_int_equal(dmk_mesh_create(ctx, 7, octahedron, 8, faces, &mesh), DMK_OK);
+    dmk_mesh_get_info(mesh, &info);
+    assert_true(info.n_vertices == 7 && info.n_triangles == 8 && info.n_edges == 12 &&
+                info.n_unused_vertices == 1);
+    assert_true(info.n_border_edges == 0 && info.n_border_loops == 0 && info.n_components == 1 &&
+                info.euler == 2);
+    assert_true(fabs(info.area - 4 * sqrt(3)) < 1e-14);
+    assert_true(fabs(info.mean_edge - sqrt(2)) < 1e-15 && info.min_edge == info.max_edge);
+    assert_true(fabs(info.min_angle - 60) < 1e-12 && fabs(info.max_angle - 60) < 1e-12);
+    for (int k = 0; k < 3; k++) {
+        assert_true(info.box_min[k] == k && info.box_max[k] == k + 2);
+    }
+    dmk_mesh_destroy(&mesh);
+}
+
+static void numbers_that_are_none_are_refused(void **state)
+{
+    (void)state;
+    static const double bad[] = {NAN, INFINITY, -INFINITY};
+    for (int32_t v = 0; v < 6; v++) {
+        for (int k = 0; k < 3; k++) {
+            double xyz[21];
+            char word[32];
+            dmk_mesh *mesh = NULL;
+            memcpy(xyz, octahedron, sizeof xyz);
+            xyz[3 * v + k] = bad[(v + k) % 3];
+            assert_int_equal(dmk_mesh_create(ctx, 7, xyz, 8, faces, &mesh), DMK_E_MESH);
+            snprintf(word, sizeof word, "vertex %d ", v);
+            assert_non_null(strstr(dmk_context_message(ctx), word));
+        }
+    }
+}
+
+static int setup(void **state)
+{
+    (void)state;
+    return dmk_context_create(&ctx);
+}
+
+static int teardown(void **state)
+{
+    (void)state;
+    dmk_context_destroy(&ctx);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(numbers_are_sorted),
+        cmocka_unit_test(keyed_items_keep_their_order),
+        cmocka_unit_test(laplacians_are_inverted),
+        cmocka_unit_test(a_mesh_is_measured),
+        cmocka_unit_test(numbers_that_are_none_are_refused),
+    };
+    return cmocka_run_group_tests_name("base", tests, setup, teardown);
+}

@@ -1,0 +1,59 @@
+# Meshes on which something once went wrong, each with the command that did: tests/data/once.
+. tests/tap.sh
+data=tests/data/once
+
+# holds MESH VERTEX: the distances of `distance` are between the straight line and the way along the edges, and at
+# most an edge's length apart along it; those of `solve` are the same.
+cat > "$work/look.py" << 'EOF'
+import gzip, sys
+sys.path.insert(0, "tests")
+import hostile, math
+mesh, source, exact, solved = sys.argv[1], int(sys.argv[2]), *map(hostile.read_ply, sys.argv[3:5])
+words = [l.split() for l in gzip.open(mesh, "rt") if l.strip() and not l.startswith("#")]
+nv, nt = int(words[1][0]), int(words[1][1])
+points = [tuple(map(float, w[:3])) for w in words[2:2 + nv]]
+triangles = [tuple(map(int, w[1:4])) for w in words[2 + nv:2 + nv + nt]]
+component, _, _, edges = hostile.topology(triangles)
+home, d = component[source], exact["distance"]
+upper = hostile.dijkstra(points, edges, source)
+size = max(upper.values())
+for v in upper:
+    assert math.dist(points[v], points[source]) - 1e-9 * size <= d[v] <= upper[v] + 1e-9 * size, (v, d[v], upper[v])
+    assert abs(solved["distance"][v] - d[v]) <= 1e-9 * size, (v, d[v], solved["distance"][v])
+for a, b in edges:
+    if component[a] == home:
+        assert abs(d[a] - d[b]) <= math.dist(points[a], points[b]) + 1e-9 * size, (a, b)
+EOF
+holds() {
+    "$tool" distance "$data/$1.off.gz" --vertex "$2" --quiet --out "$work/d.ply" || return
+    "$tool" solve "$data/$1.off.gz" --vertex "$2" --quiet --out "$work/s.ply" || return
+    PYTHONDONTWRITEBYTECODE=1 python3 "$work/look.py" "$data/$1.off.gz" "$2" "$work/d.ply" "$work/s.ply"
+}
+check 'two triangles: no negative distance' holds tiny-313 0
+check 'a long ellipsoid: no negative distance' holds longsphere-66 377
+check 'a disc: exact distances' holds disc-76 0
+check 'a sphere with noise: exact distances' holds noisysphere-337 0
+
+disk() { # MESH VERTEX
+    "$tool" cut "$data/$1.off.gz" --vertex "$2" --quiet --out "$work/cut.off" &&
+        "$tool" info "$work/cut.off" > "$work/said_out" &&
+        grep -q 'Euler characteristic 1, 1 border loop ' "$work/said_out"
+}
+for mesh in real-366 valence-216 valence-132; do
+    check "$mesh cut open is a disk" disk $mesh 84
+done
+
+check 'a path along a border is straight there' "$tool" path "$data/strip-20.off.gz" --vertex 1596 --to-vertex 3 --quiet
+
+# Spikes: a result, or a refusal that says why.
+spikes() {
+    "$tool" solve "$data/$1.off.gz" --vertex 0 --quiet 2> "$work/err"
+    case $? in
+    0) ;;
+    6) grep -q 'smallest angle is [0-9.e-]* degrees' "$work/err" ;;
+    *) cat "$work/err"; return 1 ;;
+    esac
+}
+check 'spikes: a result or the reason' spikes spike-81
+check 'more spikes: a result or the reason' spikes spike-249
+tap_end
