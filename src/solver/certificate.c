@@ -22,7 +22,8 @@ static int certify(dmk_iteration *o, bool last)
     const double goal = wanted ? fmin(asked, usual_goal) : usual_goal;
     DMK_TRY(dmk_bound_plain(o, o->sys->u, &plain));
     DMK_TRY(dmk_bound_banded(o, o->sys->u, &banded));
-    stats->cost_lower = fmax(plain, banded);
+    /* A bound from an earlier pair is one of this problem, too. */
+    stats->cost_lower = fmax(stats->cost_lower, fmax(plain, banded));
     /* The iteration's own u obeys |grad u| <= 1 better than mu's exact potential, which is free
      * where mu is next to 0: so the solve's correction is not added. */
     DMK_TRY(dmk_iteration_measure(o, 1));

@@ -19,6 +19,7 @@ typedef struct dmk_iteration {
     double mass;      /* integral of mu */
     double rho, top;  /* weighted mean of (1/2 log q)^2, rooted; largest q */
     double floor;     /* mu stays above this many square roots of the element's area */
+    bool goes_on;     /* a large gap will be answered by more steps rather than by a long repair */
     bool certified;   /* stats has the bounds of the present pair */
 } dmk_iteration;
 

@@ -86,10 +86,11 @@ static int has_settled(dmk_iteration *o, const step_control *p, double change, b
     int rc = DMK_OK;
     *settled = error_estimate(p, change) <= o->tolerance && !p->shrunk;
     if (!*settled || o->options->tolerance > 0) return DMK_OK;
+    o->goes_on = o->tolerance > DMK_DEFAULT_TOLERANCE / pow(3, TIGHTENED - 0.5);
     DMK_TRY(dmk_certify(o, true));
-    *settled = o->stats->gap <= settled_gap ||
-               o->tolerance < DMK_DEFAULT_TOLERANCE / pow(3, TIGHTENED - 0.5);
+    *settled = o->stats->gap <= settled_gap || !o->goes_on;
     if (!*settled) o->tolerance /= 3;
+    o->goes_on = false;
 done:
     return rc;
 }

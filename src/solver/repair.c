@@ -59,8 +59,7 @@ static void end(repair *r)
     dmk_repair_work *w = &r->work;
     dmk_buffer **all[] = {&w->mark, &w->ring,  &w->moved, &w->elements,
                           &w->rows, &w->count, &w->broken};
-    for (size_t i = 0; i < sizeof all / sizeof *all; i++)
-        dmk_buffer_destroy(all[i]);
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++) dmk_buffer_destroy(all[i]);
 }
 
 /* The lists, from q of u. */
@@ -71,8 +70,7 @@ static int list_hot(repair *r)
     dmk_context *ctx = r->o->ctx;
     dmk_system *s = r->o->sys;
     DMK_TRY(dmk_repair_mark(ctx, s, &r->work));
-    for (int k = 1; k <= RINGS; k++)
-        DMK_TRY(dmk_repair_grow(ctx, s, &r->work, k));
+    for (int k = 1; k <= RINGS; k++) DMK_TRY(dmk_repair_grow(ctx, s, &r->work, k));
     DMK_TRY(dmk_repair_list(ctx, s, &r->work, RINGS));
     DMK_TRY(dmk_buffer_read(ctx, s->device, r->work.count, 0, sizeof count, count));
     r->work.n_elements = count[0];
@@ -111,12 +109,10 @@ static int find_steep(repair *r)
     DMK_TRY(dmk_bound_plain(r->o, r->work.u, &unused));
     DMK_TRY(dmk_elements_read(r->o->ctx, r->o->sys, r->o->sys->q, q));
     stats->n_steep = 0;
-    for (size_t t = 0; t < n; t++)
-        stats->n_steep += q[t] > 1;
+    for (size_t t = 0; t < n; t++) stats->n_steep += q[t] > 1;
     for (int k = 0; k < DMK_N_STEEP; k++) {
         size_t top = 0;
-        for (size_t t = 1; t < n; t++)
-            top = q[t] > q[top] ? t : top;
+        for (size_t t = 1; t < n; t++) top = q[t] > q[top] ? t : top;
         stats->steep[k] = q[top] > 1 ? (int64_t)top : -1;
         q[top] = 0;
     }
@@ -136,8 +132,12 @@ static bool good_enough(const repair *r, double goal)
 int dmk_repair(dmk_iteration *o, double goal, bool last)
 {
     int rc;
-    repair r = {
-        .o = o, .delta = goal, .theta = 1, .max_sweeps = last ? MAX_SWEEPS : SWEEPS_IN_BETWEEN};
+    repair r = {.o = o,
+                .delta = goal,
+                .theta = 1,
+                .max_sweeps = !last        ? SWEEPS_IN_BETWEEN
+                              : o->goes_on ? MAX_SWEEPS / 2
+                                           : MAX_SWEEPS};
     DMK_TRY(begin(&r));
     for (;;) {
         double bound;
