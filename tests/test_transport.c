@@ -104,6 +104,14 @@ static void check_sphere(bench *b, size_t n, double *l1, double *cost)
     *cost = m.stats.cost_upper / (PI * PI) - 1;
     print_message("# %zu triangles: %d steps, L1 %.2e, cost %.2e, gap %.1e, balance %.1e\n", nt,
                   m.stats.steps, *l1, *cost, m.stats.gap, m.info.balance);
+    /* The flux runs south along the meridians: away from the pole, and as long as mu says. */
+    const double *flux = dmk_transport_flux(m.transport, NULL);
+    double south = 0;
+    for (size_t t = 0; t < nt; t++) {
+        const double z = 0.3 * flux[3 * t] + 0.5 * flux[3 * t + 1] + 0.81240384046359603605 * flux[3 * t + 2];
+        south -= z * problem_area(&p, t); /* sin^2 theta on average: 8 pi / 3 in all */
+    }
+    if (!(fabs(south / (8 * PI / 3) - 1) < 0.01)) fail_msg("south %g", south);
     assert_true(m.stats.gap <= 3e-3);
     assert_true(m.info.balance <= 1e-8);
     assert_true(m.stats.steps <= 20);

@@ -135,7 +135,7 @@ static void mean_gradient(const dmk_mesh *m, int32_t t, const double x[6], doubl
         for (int j = 0; j < 3; j++) edge[k][j] = b[j] - a[j];
     }
     g[0] = g[1] = g[2] = 0;
-    /* grad phi_k is the height vector at k: e_i (e_j.e_k) - e_j (e_i.e_k) over 4 area^2. */
+    /* grad phi_k is the height vector at k: e_j (e_i.e_k) - e_i (e_j.e_k) over 4 area^2. */
     for (int k = 0; k < 3; k++) {
         const int i = (k + 1) % 3, j = (k + 2) % 3;
         const double value = 0.5 * (x[k] + x[3 + i] + x[3 + j] - x[3 + k]);
@@ -144,7 +144,7 @@ static void mean_gradient(const dmk_mesh *m, int32_t t, const double x[6], doubl
             jk += edge[j][c] * edge[k][c];
             ik += edge[i][c] * edge[k][c];
         }
-        for (int c = 0; c < 3; c++) g[c] += value * (edge[i][c] * jk - edge[j][c] * ik) / square;
+        for (int c = 0; c < 3; c++) g[c] += value * (edge[j][c] * ik - edge[i][c] * jk) / square;
     }
 }
 
