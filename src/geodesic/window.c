@@ -163,7 +163,7 @@ static int push(worker *me, const window *w)
 static inline double known(const engine *e, int32_t v)
 {
     double d;
-    __atomic_load(e->front.d + v, &d, __ATOMIC_RELAXED);
+    __atomic_load(e->front.d + v, &d, __ATOMIC_ACQUIRE);
     return d;
 }
 
@@ -174,7 +174,6 @@ static void lock(split *s)
                                                       __ATOMIC_ACQUIRE, __ATOMIC_RELAXED)) {
         turn = __atomic_load_n(&s->turn, __ATOMIC_RELAXED);
     }
-    __atomic_thread_fence(__ATOMIC_RELEASE);
 }
 
 static void unlock(split *s)
@@ -199,9 +198,9 @@ static int reach(worker *me, int32_t v, double d, trace t)
     double before = e->front.d[v];
     bool better = d < before || (d == before && comes_first(&t, e->trace + v));
     if (better) {
-        __atomic_store(e->front.d + v, &d, __ATOMIC_RELAXED);
-        __atomic_store(&s->at, &t.at, __ATOMIC_RELAXED);
-        __atomic_store_n(&s->half, t.half, __ATOMIC_RELAXED);
+        __atomic_store(e->front.d + v, &d, __ATOMIC_RELEASE);
+        __atomic_store(&s->at, &t.at, __ATOMIC_RELEASE);
+        __atomic_store_n(&s->half, t.half, __ATOMIC_RELEASE);
         e->trace[v] = t;
     }
     if (e->shared) unlock(s);
@@ -222,9 +221,8 @@ static double better_way(const engine *e, int32_t v, int32_t half, double d)
     const split *s = e->split + v;
     if (__atomic_load_n(&s->half, __ATOMIC_RELAXED) != half) return NAN;
     uint32_t turn = __atomic_load_n(&s->turn, __ATOMIC_ACQUIRE);
-    __atomic_load(&s->at, &at, __ATOMIC_RELAXED);
-    bool shorter = d > known(e, v) + eps && __atomic_load_n(&s->half, __ATOMIC_RELAXED) == half;
-    __atomic_thread_fence(__ATOMIC_ACQUIRE);
+    __atomic_load(&s->at, &at, __ATOMIC_ACQUIRE);
+    bool shorter = d > known(e, v) + eps && __atomic_load_n(&s->half, __ATOMIC_ACQUIRE) == half;
     bool whole = (turn & 1) == 0 && turn == __atomic_load_n(&s->turn, __ATOMIC_RELAXED);
     return whole && shorter ? at : NAN;
 }
