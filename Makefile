@@ -76,7 +76,7 @@ PC := $B/dmkcl.pc
 MAN := $B/dmkcl.1
 MAN3 := $B/dmkcl.3
 
-.PHONY: all tests test coverage pyenv paper demo bench bench-kernels bench-anderson bench-methods bench-ranks reference install uninstall clean help deps FORCE
+.PHONY: all tests test coverage pyenv paper demo bench bench-kernels bench-anderson bench-methods bench-ranks reference install uninstall dist clean help deps FORCE
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -86,10 +86,13 @@ tests: $(TESTS)
 # ---- what the build stands on ----------------------------------------------------------------
 
 # Looked at once for each list. What is named here installs; the other targets tell what is missing.
-INSTALLING := deps demo paper test steady ci coverage fuzz faults real check-%
-PACKAGES := build/packages.ok
+INSTALLING := deps demo paper test ci coverage fuzz faults real check-%
+# What these need is less than what the tests do, which look at browsers and other programs.
+BUILDING := demo install uninstall dist
+PACKAGE_LIST := .ci/$(if $(filter-out $(BUILDING),$(or $(MAKECMDGOALS),all)),packages,build-packages)
+PACKAGES := build/$(notdir $(PACKAGE_LIST)).ok
 deps: $(PACKAGES)
-$(PACKAGES): .ci/packages .ci/deps.sh
+$(PACKAGES): $(PACKAGE_LIST) .ci/deps.sh
 	@mkdir -p $(@D)
 	@sh .ci/deps.sh $(if $(filter $(INSTALLING),$(MAKECMDGOALS)),install,check) $<
 	@touch $@
@@ -361,6 +364,16 @@ install: $(STATIC) $(SHARED) $(TOOL) $(PC) $(MAN) $(MAN3)
 	$(Q)install -m 644 $(MAN) $D$(mandir)/man1/
 	$(Q)install -m 644 $(MAN3) $D$(mandir)/man3/
 	$(Q)install -m 644 src/cli/completion.bash $D$(completionsdir)/dmkcl
+	$(Q)[ -n "$D" ] || ldconfig -p 2> /dev/null | grep -q '$(libdir)/$(SONAME)' || \
+	    echo 'Programs that link to $(libdir)/libdmkcl.so find it after `ldconfig` (as root), with' \
+	    '`export LD_LIBRARY_PATH=$(libdir)`, or linked with -Wl,-rpath,$(libdir).'
+
+# All that a build and the tests need, as one archive.
+dist:
+	@mkdir -p build
+	$(Q)tar -czf build/dmkcl-$(VERSION).tar.gz --exclude=./build --exclude=./.git --exclude=__pycache__ \
+	    --transform 's,^\.,dmkcl-$(VERSION),' .
+	@echo build/dmkcl-$(VERSION).tar.gz
 
 uninstall:
 	rm -f $D$(bindir)/dmkcl $D$(includedir)/dmkcl.h $D$(libdir)/libdmkcl.a $D$(libdir)/libdmkcl.so \
@@ -393,6 +406,7 @@ help:
 	@echo 'make reference  manual pages of the tool and the library, also as HTML, in build/reference'
 	@echo 'make deps       install missing Debian packages (demo, tests and checks do this too)'
 	@echo 'make install    tool, libraries, header, dmkcl.pc, manual; uninstall takes them away'
+	@echo 'make dist       the sources as build/dmkcl-VERSION.tar.gz'
 	@echo 'make clean      remove build/'
 	@echo
 	@echo 'CONFIG=release|debug|sanitize|thread|coverage|fuzz   flags, and the folder build/$$(CONFIG)'

@@ -18,8 +18,15 @@ from pathlib import Path
 from setuptools import setup
 from setuptools.command.build_ext import build_ext
 from setuptools.command.build_py import build_py
+from setuptools.command.sdist import sdist
 
-ROOT = Path(__file__).resolve().parents[2]
+HERE = Path(__file__).resolve().parent
+# The repository, or the copy of what is needed of it that comes along in a source distribution.
+NATIVE = HERE / "native"
+ROOT = NATIVE if NATIVE.exists() else HERE.parents[1]
+# What the library and the tool are built from.
+SOURCES = ("Makefile", "LICENSE", "README.md", "CITATION.cff", ".ci/*packages", ".ci/deps.sh",
+           "include/*", "kernels/*", "src/*/*.[ch]", "src/cli/man.sh", "src/reference.awk")
 NEEDED = (
     "gcc make libc6-dev libhwloc-dev ocl-icd-opencl-dev opencl-c-headers zlib1g-dev "
     "libexpat1-dev python3-dev"
@@ -42,10 +49,7 @@ def version():
 
 
 if not (ROOT / "include/dmkcl.h").exists():
-    sys.exit(
-        "dmkcl is built inside its repository, whose C sources it needs: "
-        "clone it, then `pip install ./src/python`"
-    )
+    sys.exit("The C sources are missing here: install from the repository or a source distribution")
 BUILD = build_folder()
 OBJECTS = BUILD / "lib"
 SETUP = BUILD / "setup"
@@ -93,13 +97,28 @@ class BuildExtension(build_ext):
         super().run()
 
 
+class SourceDistribution(sdist):
+    """Takes along the C sources."""
+
+    def make_release_tree(self, base_dir, files):
+        super().make_release_tree(base_dir, files)
+        for pattern in SOURCES:
+            for path in sorted(ROOT.glob(pattern)):
+                to = Path(base_dir) / "native" / path.relative_to(ROOT)
+                self.mkpath(str(to.parent))
+                self.copy_file(str(path), str(to))
+        for name in ("build_ffi.py",):
+            self.copy_file(str(HERE / name), str(Path(base_dir) / name))
+        self.copy_file(str(ROOT / "LICENSE"), str(Path(base_dir) / "LICENSE"))
+
+
 class BuildPackage(build_py):
-    """Puts the tool and the licence beside the modules."""
+    """Puts the tool and the licence beside the modules; in an editable install, in the sources."""
 
     def run(self):
         super().run()
         make_library()
-        package = Path(self.build_lib) / "dmkcl"
+        package = (HERE if self.editable_mode else Path(self.build_lib)) / "dmkcl"
         self.mkpath(str(package))
         self.copy_file(str(OBJECTS / "dmkcl"), str(package / "dmkcl"))
         self.copy_file(str(ROOT / "LICENSE"), str(package / "LICENSE"))
@@ -111,7 +130,7 @@ setup(
     long_description_content_type="text/markdown",
     license="MIT",
     cffi_modules=["build_ffi.py:ffi"],
-    cmdclass={"build_ext": BuildExtension, "build_py": BuildPackage},
+    cmdclass={"build_ext": BuildExtension, "build_py": BuildPackage, "sdist": SourceDistribution},
     options={
         "build": {"build_base": str(BUILD / "build")},
         "egg_info": {"egg_base": str(SETUP)},
