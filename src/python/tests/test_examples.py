@@ -39,5 +39,17 @@ def test_the_readme_runs(tmp_path):
     assert (tmp_path / "torus.html").stat().st_size > 0
 
 
+def test_the_readme_is_short_and_its_files_exist():
+    root = Path(__file__).parents[3]
+    text = (root / "README.md").read_text()
+    assert len(text.splitlines()) <= 150
+    names = re.findall(r"`([\w./-]+(?:/|\.(?:md|cff|h|py)))`", text) + re.findall(r"\]\(([^)]+)\)", text)
+    assert len(names) > 8
+    for name in names:
+        if not name.startswith("build/"):
+            places = (root / name, root / "include" / name)
+            assert any(place.exists() for place in places), name
+
+
 def test_there_are_examples():
     assert len(EXAMPLES) >= 6
