@@ -42,6 +42,7 @@ static int setup(void **state)
     ok(&x, dmk_mesh_surface(x.b.ctx, &torus, &x.input));
     ok(&x, dmk_order_create(x.b.ctx, x.input, 0, &x.order));
     ok(&x, dmk_system_create(x.b.ctx, x.b.dev, x.order.mesh, NULL, &x.sys));
+    ok(&x, dmk_system_allocate(x.b.ctx, x.sys));
     x.n = (size_t)x.sys->n_rows_pad;
     x.mu = calloc((size_t)x.sys->n_elements_pad, sizeof *x.mu);
     random_state = 7;
@@ -311,6 +312,35 @@ static void divergence_leaves_nothing(void **state)
     bench_close(&b);
 }
 
+/* ---- the right-hand side ---- */
+
+/* A point's weights on the corners and the opposite midpoints: not negative, of sum 1, on one of the four
+ * sub-triangles, and such that linear functions come out right. */
+static void points_are_weighted(void **state)
+{
+    (void)state;
+    for (int trial = 0; trial < 500; trial++) {
+        double b[3], w[6], sum = 0;
+        for (int k = 0; k < 3; k++)
+            b[k] = trial < 3 ? k == trial : trial < 6 ? 0.5 * (k != trial - 3) : random_unit();
+        for (int k = 0; k < 3; k++) sum += b[k];
+        for (int k = 0; k < 3; k++) b[k] /= sum;
+        dmk_point_weights(b, w);
+        int used = 0;
+        double all = 0;
+        for (int k = 0; k < 6; k++) {
+            assert_true(w[k] >= -1e-15);
+            used += w[k] > 1e-15;
+            all += w[k];
+        }
+        assert_true(fabs(all - 1) < 1e-14 && used <= 3);
+        for (int k = 0; k < 3; k++) { /* the barycentric coordinates themselves */
+            const double value = w[k] + 0.5 * (w[3 + (k + 1) % 3] + w[3 + (k + 2) % 3]);
+            assert_true(fabs(value - b[k]) < 1e-14);
+        }
+    }
+}
+
 /* ---- sliced rows ---- */
 
 static void sliced_rows_hold_all_entries(void **state)
@@ -404,6 +434,7 @@ int main(void)
         cmocka_unit_test(steps_grow_and_shrink),
         cmocka_unit_test(solves_take_their_steps),
         cmocka_unit_test(divergence_leaves_nothing),
+        cmocka_unit_test(points_are_weighted),
         cmocka_unit_test(sliced_rows_hold_all_entries),
         cmocka_unit_test(the_first_offender_is_named),
     };
