@@ -356,7 +356,7 @@ static int balance(dmk_context *ctx, size_t n, bool normalise, double *f, const 
         return dmk_fail(ctx, DMK_E_ARG,
                         "the masses differ: %.15g is to be moved, %.15g is wanted; make them "
                         "equal, or ask for the "
-                        "second to be scaled (--normalise)",
+                        "second to be scaled (normalise)",
                         a, b);
     }
     for (size_t i = 0; i < n; i++) f[i] = f[i] / a - g[i] / b;
