@@ -80,14 +80,14 @@ def draw(path):
     centre = corner[up].mean(axis=1)
     figure, axes = plt.subplots(figsize=(6, 6))
     axes.tripcolor(*mesh.vertices[:, :2].T, mesh.faces[up], found.density[up], cmap="viridis")
-    some = np.random.default_rng(1).permutation(len(centre))[:1200]
+    some = np.random.default_rng(1).permutation(len(centre))[:700]
     flux = found.flux[up][some]
     size = np.linalg.norm(flux, axis=1)
     keep = size > 0.03 * size.max()
-    axes.quiver(*centre[some][keep, :2].T, *(flux[keep, :2] / size[keep, None]).T, color="white", scale=40)
+    axes.quiver(*centre[some][keep, :2].T, *(flux[keep, :2] / size[keep, None]).T, color="white", scale=25)
     axes.set_aspect("equal")
     axes.axis("off")
-    figure.savefig(path, dpi=100, bbox_inches="tight")
+    figure.savefig(path, dpi=80, bbox_inches="tight")
 
 
 def main():
