@@ -359,6 +359,14 @@ void dmk_solve_options_init(dmk_solve_options *options);
 
 typedef struct dmk_solver dmk_solver;
 
+/* Bytes, about, that a solve takes at most on a mesh of so many triangles; on a CPU device both come from
+ * the host's memory. A solve that cannot fit fails with DMK_E_NOMEM before it starts. */
+typedef struct dmk_memory {
+    uint64_t host, device;
+} dmk_memory;
+
+void dmk_solve_memory(size_t n_triangles, int single_precision, dmk_memory *memory);
+
 /* A solver for many sources on one mesh: the first solve packs the mesh (the source's connected
  * component) for `device` and sets up its multigrid hierarchy, which the next ones find ready. Both
  * must outlive the solver. */

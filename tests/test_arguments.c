@@ -80,6 +80,7 @@ static const dmk_ranks alone = {.size = 1, ALONE};
 #define good_dmk_result_p good.p.result
 #define good_dmk_result_pp (void *)&good.none
 #define good_dmk_result_data_p &good.data
+#define good_dmk_memory_p (void *)good.scratch
 #define good_dmk_stats_p (void *)good.scratch
 #define good_dmk_locus_p good.locus
 #define good_dmk_locus_pp (void *)&good.none

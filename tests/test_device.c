@@ -1,6 +1,9 @@
 /* A device given back while it works. */
 #include "device/internal.h"
 #include "files.h"
+#include "solver/memory.h"
+
+#include <string.h>
 
 /* What was asked for and not waited for, as after an error, ends before the device goes away: PoCL's
  * threads would go on with a part of a device that is no more. */
@@ -55,6 +58,23 @@ static void a_device_by_its_kind(void **state)
     assert_int_equal(dmk_device_open(f->ctx, &options, &device), DMK_OK);
     dmk_device_get_info(device, &info);
     assert_string_equal(info.type, "CPU");
+    dmk_device_destroy(&device);
+}
+
+/* A mesh that cannot fit is refused with what it needs and what there is. */
+static void memory_is_looked_at_first(void **state)
+{
+    fixture *f = *state;
+    dmk_device *device = NULL;
+    dmk_memory small, large;
+    assert_int_equal(dmk_device_open(f->ctx, NULL, &device), DMK_OK);
+    assert_int_equal(dmk_memory_check(f->ctx, device, 1000), DMK_OK);
+    assert_int_equal(dmk_memory_check(f->ctx, device, INT64_C(100000000000)), DMK_E_NOMEM);
+    assert_non_null(strstr(dmk_context_message(f->ctx), "100000000000 triangles need about 69"));
+    assert_non_null(strstr(dmk_context_message(f->ctx), "GB are there; use a coarser mesh"));
+    dmk_solve_memory(1000, 1, &small);
+    dmk_solve_memory(1000, 0, &large);
+    assert_true(small.device < large.device);
     dmk_device_destroy(&device);
 }
 
@@ -138,6 +158,7 @@ const char *__asan_default_options(void)
 int main(void)
 {
     const struct CMUnitTest tests[] = {TEST(destroyed_with_work_under_way), TEST(the_best_device),
-                                       TEST(a_device_by_its_kind), TEST(launches_of_a_step)};
+                                       TEST(a_device_by_its_kind), TEST(launches_of_a_step),
+                                       TEST(memory_is_looked_at_first)};
     return cmocka_run_group_tests_name("device", tests, NULL, NULL);
 }

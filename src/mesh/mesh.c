@@ -235,8 +235,12 @@ int dmk_mesh_check_counts(dmk_context *ctx, size_t n_vertices, size_t n_triangle
     if (n_triangles > 0 && n_triangles <= INT32_MAX / 16 && n_vertices <= INT32_MAX / 16) {
         return DMK_OK;
     }
-    return dmk_fail(ctx, DMK_E_MESH, "%zu vertices and %zu triangles: %s", n_vertices, n_triangles,
-                    n_triangles ? "too many for 32-bit indices" : "nothing to solve");
+    if (n_triangles == 0) {
+        return dmk_fail(ctx, DMK_E_MESH, "%zu vertices and %zu triangles: nothing to solve", n_vertices, n_triangles);
+    }
+    return dmk_fail(ctx, DMK_E_MESH,
+                    "%zu vertices and %zu triangles: too many for 32-bit indices, which count to %d of each",
+                    n_vertices, n_triangles, INT32_MAX / 16);
 }
 
 int dmk_mesh_adopt(dmk_context *ctx, size_t n_vertices, double *xyz, size_t n_triangles,

@@ -405,10 +405,10 @@ int dmk_element_prepare(dmk_context *ctx, dmk_system *s)
 
 int dmk_newton_prepare(dmk_context *ctx, dmk_system *s, double alpha, double D)
 {
-    return RUN(DMK_OUTER, newton_prepare, padded_elements(s),
-               DMK_INT(s->n_elements_pad), DMK_FLOAT(alpha), DMK_FLOAT(D), DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->q),
-               DMK_BUF(s->out_real), DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(s->link),
-               DMK_BUF(s->diag_coarse));
+    return RUN(DMK_OUTER, newton_prepare, padded_elements(s), DMK_INT(s->n_elements_pad),
+               DMK_FLOAT(alpha), DMK_FLOAT(D), DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu),
+               DMK_BUF(s->q), DMK_BUF(s->out_real), DMK_BUF(s->weight), DMK_BUF(s->rank_one),
+               DMK_BUF(s->link), DMK_BUF(s->diag_coarse));
 }
 
 int dmk_newton_diagonal(dmk_context *ctx, dmk_system *s)

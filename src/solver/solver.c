@@ -1,4 +1,5 @@
 /* Solver: one mesh on one device, set up once; then any number of sources. */
+#include "solver/memory.h"
 #include "solver/solver.h"
 
 #include "mesh/mollify.h"
@@ -25,6 +26,8 @@ int dmk_solver_order(dmk_context *ctx, dmk_solver *s, int32_t component)
     int rc;
     if (component == s->component) return DMK_OK;
     forget_component(s);
+    /* Of several components the size of this one is not known yet. */
+    if (s->mesh->n_components == 1) DMK_TRY(dmk_memory_check(ctx, s->device, s->mesh->n_triangles));
     DMK_TRY(dmk_stage_begin(ctx, "levels"));
     DMK_TRY(DMK_NEW(ctx, s->order, 1));
     atomic_init(&s->order->users, 1);
