@@ -52,8 +52,6 @@ int batch_record_join(const batch_request *request, const batch_list *list, batc
 const char *batch_record_check(batch_record *record, const batch_entry *entry);
 /* Drop the lines that cannot stay. */
 int batch_record_begin(batch_record *record);
-/* Remove the half-written files that killed runs left in and below a folder. */
-void batch_sweep(const char *folder);
 /* Append a line, whole or not at all. Safe from several threads. */
 int batch_record_append(batch_record *record, const char *line, size_t length);
 /* The fields by which the line is found again, into an open object. */

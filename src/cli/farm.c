@@ -386,9 +386,9 @@ static int end(farm *f)
     }
     const int flushed = cli_flush();
     if (cli_interrupted()) {
-        return cli_error(cli_exit_code(DMK_E_CANCELLED), "interrupted; %zu of %zu are left%s",
-                         all - f->n_done - f->n_kept, all,
-                         strcmp(f->request->each.report, "-") != 0 ? ": --resume does them" : "");
+        fprintf(stderr, "dmkcl: interrupted; %zu of %zu are left%s\n", all - f->n_done - f->n_kept, all,
+                strcmp(f->request->each.report, "-") != 0 ? ": --resume does them" : "");
+        return cli_exit_code(DMK_E_CANCELLED);
     }
     return atomic_load(&f->code) != EXIT_OK ? atomic_load(&f->code) : flushed;
 }
@@ -398,10 +398,7 @@ static int begin(farm *f)
 {
     const batch_request *request = f->request;
     int code = batch_record_open(request, f->list, &f->record);
-    if (code == EXIT_OK && request->each.resume) {
-        if (request->folder) batch_sweep(request->folder);
-        for_all(f, false, check_mesh);
-    }
+    if (code == EXIT_OK && request->each.resume) for_all(f, false, check_mesh);
     if (code == EXIT_OK && !cli_interrupted()) code = batch_record_begin(f->record);
     return code;
 }
@@ -459,6 +456,7 @@ int batch_run(const batch_request *request, batch_list *list)
     int code = cli_ranks_first() ? begin(&f) : EXIT_OK;
     if (code == EXIT_OK) code = join(&f);
     if (code == EXIT_OK) {
+        (void)cli_first_to_tell(); /* of an interruption the end tells, not each worker */
         for_all(&f, true, do_mesh);
         code = add_up(&f);
         if (code == EXIT_OK) code = end(&f);

@@ -3,14 +3,10 @@
  * line is there has its files, and one without is done again. */
 #include "batch.h"
 
-#include <ctype.h>
-#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <inttypes.h>
-#include <limits.h>
 #include <pthread.h>
-#include <signal.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/file.h>
@@ -361,37 +357,6 @@ int batch_record_begin(batch_record *r)
     code = open_locked(r);
     close(old);
     return code;
-}
-
-/* ---- what a kill left ------------------------------------------------------------------------- */
-
-/* "NAME.PID-N.tmp", where files are written before they get their names, of a process that is no more. */
-static bool is_orphan(const char *name)
-{
-    const size_t n = strlen(name);
-    char *end;
-    if (n < 8 || strcmp(name + n - 4, ".tmp") != 0) return false;
-    const char *at = name + n - 5; /* back over N and PID */
-    while (at > name && isdigit((unsigned char)*at)) at--;
-    if (*at != '-') return false;
-    for (at--; at > name && isdigit((unsigned char)*at); at--) {}
-    const long pid = *at == '.' ? strtol(at + 1, &end, 10) : 0;
-    return pid > 0 && kill((pid_t)pid, 0) != 0 && errno == ESRCH;
-}
-
-void batch_sweep(const char *folder)
-{
-    DIR *dir = opendir(folder);
-    if (!dir) return;
-    struct dirent *entry;
-    while ((entry = readdir(dir)) != NULL) {
-        char path[PATH_MAX];
-        if (strcmp(entry->d_name, ".") == 0 || strcmp(entry->d_name, "..") == 0) continue;
-        if (snprintf(path, sizeof path, "%s/%s", folder, entry->d_name) >= PATH_MAX) continue;
-        if (entry->d_type == DT_DIR) batch_sweep(path);
-        else if (is_orphan(entry->d_name)) unlink(path);
-    }
-    closedir(dir);
 }
 
 /* ---- writing -------------------------------------------------------------------------------- */

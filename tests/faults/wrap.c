@@ -384,6 +384,7 @@ cl_int __wrap_clCreateSubDevices(cl_device_id d, const cl_device_partition_prope
 }
 
 /* Called to give back in peace, whatever it says. */
+WRAP_CALL(clFlush, (cl_command_queue q), (q))
 WRAP(cl_int, clFinish, cl_command_queue q) { return __real_clFinish(q); }
 WRAP_RELEASE(clReleaseContext, cl_context)
 WRAP_RELEASE(clReleaseCommandQueue, cl_command_queue)
