@@ -46,7 +46,7 @@ typedef enum dmk_status {
     DMK_E_ARG = -1,       /* an argument is out of its range */
     DMK_E_NOMEM = -2,     /* out of memory on the host or the device */
     DMK_E_IO = -3,        /* a file cannot be opened, read or written */
-    DMK_E_FORMAT = -4,    /* a file is not what it says it is */
+    DMK_E_FORMAT = -4,    /* malformed or unrecognised file */
     DMK_E_MESH = -5,      /* the mesh is not a surface this method can treat */
     DMK_E_DEVICE = -6,    /* no OpenCL device, or it failed */
     DMK_E_BUILD = -7,     /* a kernel did not compile */
@@ -66,7 +66,7 @@ const char *dmk_status_text(int status);
 typedef struct dmk_context dmk_context;
 
 /* One report of progress. `stage` is a static string ("read", "levels", "solve", "locus", "cut",
- * "path", ...). All but "solve" tell their begin, and again each 50 ms, with step 0; within "solve",
+ * "path", ...). All but "solve" report when they start, and again each 50 ms, with step 0; within "solve",
  * `step` counts nonlinear iterations from 1, `change` is the relative change of mu per unit time and `gap` the
  * relative gap of the certificate, or NaN when not computed at this step. */
 typedef struct dmk_progress {

@@ -45,17 +45,29 @@ void cli_print_exit_codes(FILE *file)
     }
 }
 
+/* The library's words; what it calls a repair is an option here. */
+static void print_words(const char *words)
+{
+    const char *repair = strstr(words, "a repair does");
+    if (!repair) {
+        fprintf(stderr, "%s\n", words);
+    } else {
+        fprintf(stderr, "%.*s--repair%s\n", (int)(repair - words), words, repair + strlen("a repair"));
+    }
+}
+
 int cli_error(int code, const char *format, ...)
 {
     const bool colour = isatty(STDERR_FILENO);
+    char words[4096];
     if (code == EXIT_INTERRUPTED && !cli_first_to_tell()) return code;
     flockfile(stderr); /* one line, whoever else has something to say */
     fprintf(stderr, "%sdmkcl:%s ", colour ? "\033[1;31m" : "", colour ? "\033[0m" : "");
     va_list args;
     va_start(args, format);
-    vfprintf(stderr, format, args);
+    vsnprintf(words, sizeof words, format, args);
     va_end(args);
-    fputc('\n', stderr);
+    print_words(words);
     funlockfile(stderr);
     return code;
 }

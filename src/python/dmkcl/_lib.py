@@ -185,6 +185,7 @@ class Context:
         message = text(lib.dmk_context_message(self.pointer)) or text(lib.dmk_status_text(status))
         # Advice names options as the tool does: --max-steps is max_steps here.
         message = re.sub(r"--([a-z][a-z-]*)", lambda m: m[1].replace("-", "_"), message)
+        message = message.replace("a repair does", "dmkcl.repair does")
         error = _CLASSES.get(status, Error)(message)
         error.code = status
         raise error

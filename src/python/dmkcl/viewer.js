@@ -178,11 +178,14 @@ const cross = (a, b) => [
 const unit = a => { const l = Math.hypot(...a) || 1; return a.map(x => x / l); };
 let turn, away, shift;
 
-// At first z is up and the source lies behind one side: its locus is mostly on the other half.
+// At first the source is in front, a little to the side, and z is up, or y where the source lies on the z
+// axis.
 function reset() {
-    const p = data.source, around = Math.atan2(p[1], p[0]) - 2;
-    const back = unit([Math.cos(around), Math.sin(around), 0.75]);
-    const right = unit(cross([0, 0, 1], back));
+    const p = Math.hypot(...data.source) > 0 ? data.source : [1, 0, 0];
+    const up = Math.abs(p[2]) > 0.8 * Math.hypot(...p) ? [0, 1, 0] : [0, 0, 1];
+    const side = unit(cross(up, p)), front = unit(p);
+    const back = unit(front.map((x, k) => x + 0.5 * side[k] + 0.45 * up[k]));
+    const right = unit(cross(up, back));
     turn = [right, cross(back, right), back];
     away = 1.45;
     shift = [0, 0];
@@ -248,16 +251,17 @@ function draw() {
     begin(ribbon, size);
     gl.uniform2fv(ribbon.uniforms.size, size);
     drawLines();
-    // What lies behind shines through.
-    gl.enable(gl.BLEND);
-    gl.blendFunc(gl.CONSTANT_ALPHA, gl.ONE_MINUS_CONSTANT_ALPHA);
-    gl.blendColor(0, 0, 0, 0.25);
-    gl.depthFunc(gl.GREATER);
-    gl.depthMask(false);
-    drawLines();
-    gl.disable(gl.BLEND);
-    gl.depthFunc(gl.LESS);
-    gl.depthMask(true);
+    if (element("hidden").checked) { // what lies behind shines through
+        gl.enable(gl.BLEND);
+        gl.blendFunc(gl.CONSTANT_ALPHA, gl.ONE_MINUS_CONSTANT_ALPHA);
+        gl.blendColor(0, 0, 0, 0.25);
+        gl.depthFunc(gl.GREATER);
+        gl.depthMask(false);
+        drawLines();
+        gl.disable(gl.BLEND);
+        gl.depthFunc(gl.LESS);
+        gl.depthMask(true);
+    }
     const error = gl.getError();
     if (error) console.error("WebGL error " + error);
     document.documentElement.dataset.frames = ++frames;
@@ -318,7 +322,14 @@ canvas.onkeydown = event => {
     else if (event.key === "+") nearer(0.9);
     else if (event.key === "-") nearer(1 / 0.9);
 };
-for (const id of ["log", "lines", "cut"]) element(id).onchange = () => { bar(); ask(); };
+for (const id of ["log", "lines", "cut", "hidden"]) element(id).onchange = () => { bar(); ask(); };
+element("save").onclick = () => {
+    draw(); // the drawn picture is there until the browser shows the next one
+    const link = document.createElement("a");
+    link.download = document.title + ".png";
+    link.href = canvas.toDataURL("image/png");
+    link.click();
+};
 window.onresize = ask;
 canvas.addEventListener("webglcontextlost", () => location.reload());
 

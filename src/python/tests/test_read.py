@@ -121,7 +121,7 @@ def test_repair(tmp_path):
     lines = [f"v {x} {y} {z}" for x, y, z in V] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in F]
     path.write_text("\n".join(lines))
     assert len(dmkcl.repair(path).mesh.vertices) == len(whole.vertices)
-    with pytest.raises(dmkcl.MeshError, match="soup.obj.*as repair does"):
+    with pytest.raises(dmkcl.MeshError, match="soup.obj.*dmkcl.repair does"):
         dmkcl.read(path)
 
 
