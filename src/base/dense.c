@@ -59,3 +59,26 @@ int dmk_laplacian_inverse(dmk_context *ctx, int32_t n, const double *laplacian, 
     free(chol);
     return DMK_OK;
 }
+
+bool dmk_solve_symmetric(int n, int n_right, double *A, double *b)
+{
+    for (int i = 0; i < n; i++) {
+        for (int j = 0; j <= i; j++) {
+            double s = A[i * n + j];
+            for (int k = 0; k < j; k++) s -= A[i * n + k] * A[j * n + k];
+            if (i == j && !(s > 0)) return false;
+            A[i * n + j] = i == j ? sqrt(s) : s / A[j * n + j];
+        }
+    }
+    for (int c = 0; c < n_right; c++) {
+        for (int i = 0; i < n; i++) {
+            for (int k = 0; k < i; k++) b[i * n_right + c] -= A[i * n + k] * b[k * n_right + c];
+            b[i * n_right + c] /= A[i * n + i];
+        }
+        for (int i = n - 1; i >= 0; i--) {
+            for (int k = i + 1; k < n; k++) b[i * n_right + c] -= A[k * n + i] * b[k * n_right + c];
+            b[i * n_right + c] /= A[i * n + i];
+        }
+    }
+    return true;
+}

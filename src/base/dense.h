@@ -10,4 +10,9 @@
 int dmk_laplacian_inverse(dmk_context *context, int32_t n, const double *laplacian,
                           double *inverse);
 
+/* The symmetric, positive definite system A x = b for n_right right-hand sides, the columns of b (n rows of
+ * n_right), by Cholesky: b becomes x, A is spoilt; of A only the lower triangle is read. False if A is not
+ * positive definite. */
+bool dmk_solve_symmetric(int n, int n_right, double *A, double *b);
+
 #endif

@@ -159,12 +159,11 @@ static double meeting(const dmk_image *a, const dmk_image *b, double length)
     return 0.5 * (lo + hi);
 }
 
-/* The angle between two families at x on the edge; none where one of them begins. */
-static double meeting_angle(const dmk_image *a, const dmk_image *b, double x, double length)
+double dmk_meeting_angle(const dmk_image *a, const dmk_image *b, double x, double y)
 {
-    const double ax = a->x - x, bx = b->x - x;
-    if (fmin(hypot(ax, a->y), hypot(bx, b->y)) < 1e-9 * length) return 0;
-    return fabs(atan2(ax * b->y - a->y * bx, ax * bx + a->y * b->y));
+    const double ax = a->x - x, ay = a->y - y, bx = b->x - x, by = b->y - y;
+    if (fmin(hypot(ax, ay), hypot(bx, by)) < 1e-9 * hypot(a->x - b->x, a->y - b->y)) return 0;
+    return fabs(atan2(ax * by - ay * bx, ax * bx + ay * by));
 }
 
 static void set_crossing(const dmk_geodesics *g, const int32_t *loop, int32_t h, dmk_crossing *c)
@@ -186,7 +185,7 @@ static void set_crossing(const dmk_geodesics *g, const int32_t *loop, int32_t h,
     for (int k = 0; k < 3; k++)
         c->xyz[k] = (1 - c->at) * m->xyz[3 * (size_t)v + k] + c->at * m->xyz[3 * (size_t)w + k];
     c->distance = 0.5 * g->star.unit * (dmk_image_length(&a, x, 0) + dmk_image_length(&b, x, 0));
-    c->alpha = meeting_angle(&a, &b, x, length);
+    c->alpha = dmk_meeting_angle(&a, &b, x, 0);
     c->excess = c->strength = HUGE_VAL;
 }
 

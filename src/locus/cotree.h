@@ -71,6 +71,9 @@ dmk_image dmk_image_at_start(const dmk_geodesics *g, int32_t h);
 dmk_image dmk_image_at_end(const dmk_geodesics *g, int32_t h);
 double dmk_image_length(const dmk_image *image, double x, double y);
 
+/* The angle between two families at a point; none where one of them begins. */
+double dmk_meeting_angle(const dmk_image *a, const dmk_image *b, double x, double y);
+
 /* Corner of h's triangle opposite it, in the frame of h and the star's unit. */
 void dmk_apex(const dmk_geodesics *g, int32_t h, double *x, double *y);
 

@@ -5,6 +5,7 @@
  * the conjugate points: where X_a, the Jacobi field, and its derivative by a vanish across the geodesic.
  * Near a cusp a, r and the displacement across scale as 1 : 2 : 3, so X is fitted to the vertices around
  * by the monomials in a and r up to the weight 5. */
+#include "base/dense.h"
 #include "base/vec3.h"
 #include "locus/cotree.h"
 
@@ -99,30 +100,6 @@ static double weight_of(const dmk_patch *p, const double x[3])
     return s < 1 ? (1 - s * s) * (1 - s * s) : 0;
 }
 
-/* The symmetric system A x = b for n_right right-hand sides, by Cholesky; b becomes x. */
-static bool solve(int n, int n_right, double *A, double *b)
-{
-    for (int i = 0; i < n; i++) {
-        for (int j = 0; j <= i; j++) {
-            double s = A[i * n + j];
-            for (int k = 0; k < j; k++) s -= A[i * n + k] * A[j * n + k];
-            if (i == j && !(s > 0)) return false;
-            A[i * n + j] = i == j ? sqrt(s) : s / A[j * n + j];
-        }
-    }
-    for (int c = 0; c < n_right; c++) {
-        for (int i = 0; i < n; i++) {
-            for (int k = 0; k < i; k++) b[i * n_right + c] -= A[i * n + k] * b[k * n_right + c];
-            b[i * n_right + c] /= A[i * n + i];
-        }
-        for (int i = n - 1; i >= 0; i--) {
-            for (int k = i + 1; k < n; k++) b[i * n_right + c] -= A[k * n + i] * b[k * n_right + c];
-            b[i * n_right + c] /= A[i * n + i];
-        }
-    }
-    return true;
-}
-
 /* The monomials' derivatives, da times by a and dr times by r. */
 static void terms(double a, double r, int da, int dr, double *value)
 {
@@ -169,7 +146,7 @@ static bool fit_map(const dmk_patch *p, const dmk_cusp *c, double spread, double
         }
     }
     for (int j = 0; j < N_TERMS; j++) A[j * N_TERMS + j] += 1e-12 * A[0];
-    return solve(N_TERMS, 3, A, map);
+    return dmk_solve_symmetric(N_TERMS, 3, A, map);
 }
 
 /* Newton's method for J = J_a = 0, J the Jacobi field: the part of X_a across X_r. Geodesics converge
@@ -250,7 +227,7 @@ bool dmk_focus_fit(dmk_patch *p, int32_t triangle, double xyz[3], double half[3]
                 b[j] += term[j] * y;
             }
         }
-        if (!solve(N, 1, A, b) || hypot(b[1], b[2]) > dmk_rules.window) return false;
+        if (!dmk_solve_symmetric(N, 1, A, b) || hypot(b[1], b[2]) > dmk_rules.window) return false;
         for (int k = 0; k < 3; k++) xyz[k] += h * (b[1] * axis[0][k] + b[2] * axis[1][k]);
         const double phi = 0.5 * atan2(b[4], b[3]), reach = 4 * hypot(b[3], b[4]) * h;
         for (int k = 0; k < 3; k++)

@@ -90,26 +90,6 @@ static int32_t nearest_on(const dmk_cotree *t, const route *r, const double xyz[
     return best;
 }
 
-/* The point of a triangle near xyz, and how far it is from there. */
-static double place_in(const dmk_mesh *m, int32_t triangle, const double xyz[3], double weight[3])
-{
-    double e[2][3], x[3], at[3] = {0}, sum = 0;
-    const double *corner[3];
-    for (int k = 0; k < 3; k++) corner[k] = m->xyz + 3 * (size_t)m->triangle[3 * triangle + k];
-    for (int k = 0; k < 2; k++) dmk_subtract(corner[k + 1], corner[0], e[k]);
-    dmk_subtract(xyz, corner[0], x);
-    const double aa = dmk_dot(e[0], e[0]), ab = dmk_dot(e[0], e[1]), bb = dmk_dot(e[1], e[1]);
-    const double xa = dmk_dot(x, e[0]), xb = dmk_dot(x, e[1]), det = aa * bb - ab * ab;
-    weight[1] = (bb * xa - ab * xb) / det;
-    weight[2] = (aa * xb - ab * xa) / det;
-    weight[0] = 1 - weight[1] - weight[2];
-    for (int k = 0; k < 3; k++) sum += weight[k] = weight[k] > 0 ? weight[k] : 0;
-    for (int k = 0; k < 3; k++) weight[k] /= sum;
-    for (int k = 0; k < 3; k++)
-        for (int j = 0; j < 3; j++) at[j] += weight[k] * corner[k][j];
-    return dmk_distance(at, xyz);
-}
-
 static double longest_side(const dmk_mesh *m, int32_t triangle)
 {
     const int32_t *e = m->triangle_edge + 3 * triangle;
@@ -164,7 +144,7 @@ static int lead_to(dmk_context *ctx, dmk_cotree *t, const route *r, const double
         double weight[3];
         const int32_t triangle = triangle_after(t, r, k);
         if (triangle >= m->n_triangles) continue;
-        const double d = place_in(m, triangle, xyz, weight);
+        const double d = dmk_mesh_nearest_in(m, triangle, xyz, weight);
         if (!(d < least) || d > longest_side(m, triangle)) continue;
         least = d;
         upto = k;
@@ -215,8 +195,9 @@ static int become_point(dmk_context *ctx, dmk_cotree *t, const double xyz[3])
         if (dmk_distance(t->crossing[i].xyz, xyz) > 2 * t->mean_edge && i != t->last) continue;
         for (int side = 0; side < 2; side++) {
             const int32_t triangle = t->crossing[i].node[side];
-            const double d =
-                triangle < m->n_triangles ? place_in(m, triangle, xyz, weight) : HUGE_VAL;
+            const double d = triangle < m->n_triangles
+                                 ? dmk_mesh_nearest_in(m, triangle, xyz, weight)
+                                 : HUGE_VAL;
             if (!(d < least)) continue;
             least = d;
             best = (dmk_tip){triangle, i, {weight[0], weight[1], weight[2]}};

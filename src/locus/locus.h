@@ -28,7 +28,6 @@ typedef struct dmk_locus_rules {
     double margin;   /* share of an edge: a cut keeps away from its ends */
 } dmk_locus_rules;
 
-#ifndef DMK_LOCUS_LAB
 static const dmk_locus_rules dmk_rules = {
     .strength = 0.2,
     .gap = 5,
@@ -39,9 +38,6 @@ static const dmk_locus_rules dmk_rules = {
     .width = 0.5,
     .margin = 0.15,
 };
-#else
-extern dmk_locus_rules dmk_rules;
-#endif
 
 /* The locus of the geodesics' sources; density: per triangle of their mesh, only carried through to
  * the vertices' mu, may be NULL. With borders each border loop counts as one point of the graph: lines may

@@ -77,14 +77,6 @@ static double direction_of(const dmk_geodesics *g, const corners *c, int k, doub
     return a->pseudo_source >= 0 ? a->direction : a->direction + turn_to(c, k, x, y, false);
 }
 
-/* The angle at which the families of the corners i and j meet at (x, y). */
-static double meeting_angle(const corners *c, int i, int j, double x, double y)
-{
-    const double ax = c->image[i].x - x, ay = c->image[i].y - y;
-    const double bx = c->image[j].x - x, by = c->image[j].y - y;
-    return fabs(atan2(ax * by - ay * bx, ax * bx + ay * by));
-}
-
 /* What two families say of the point with these weights: length and directions. */
 static void set_families(const dmk_cotree *t, const corners *c, int i, int j, dmk_locus_vertex *v)
 {
@@ -97,7 +89,7 @@ static void set_families(const dmk_cotree *t, const corners *c, int i, int j, dm
     v->angle[0] = direction_of(g, c, i, x, y);
     v->angle[1] = direction_of(g, c, j, x, y);
     v->source_angle = fabs(dmk_turn_between(full, v->angle[0], v->angle[1]));
-    v->meeting_angle = meeting_angle(c, i, j, x, y);
+    v->meeting_angle = dmk_meeting_angle(&c->image[i], &c->image[j], x, y);
 }
 
 static void set_place(const dmk_mesh *m, int32_t triangle, const double weight[3],

@@ -12,40 +12,11 @@
  * branches come and go with the strength asked for, and nothing else changes. */
 #include "base/sort.h"
 #include "base/vec3.h"
+#include "geodesic/heap.h"
 #include "locus/cotree.h"
 
 #include <math.h>
 #include <stdlib.h>
-
-typedef struct leaf {
-    double excess;
-    int32_t triangle;
-} leaf;
-
-static bool weaker(const leaf *a, const leaf *b)
-{
-    return a->excess < b->excess || (a->excess == b->excess && a->triangle < b->triangle);
-}
-
-static void push(leaf *heap, int32_t *n, leaf x)
-{
-    int32_t i = (*n)++;
-    for (; i > 0 && weaker(&x, &heap[(i - 1) / 2]); i = (i - 1) / 2) heap[i] = heap[(i - 1) / 2];
-    heap[i] = x;
-}
-
-static leaf pop(leaf *heap, int32_t *n)
-{
-    const leaf top = heap[0], last = heap[--*n];
-    int32_t i = 0;
-    for (int32_t k; (k = 2 * i + 1) < *n; i = k) {
-        if (k + 1 < *n && weaker(&heap[k + 1], &heap[k])) k++;
-        if (!weaker(&heap[k], &last)) break;
-        heap[i] = heap[k];
-    }
-    heap[i] = last;
-    return top;
-}
 
 static double handed_on(const dmk_crossing *from, const dmk_crossing *to)
 {
@@ -53,19 +24,19 @@ static double handed_on(const dmk_crossing *from, const dmk_crossing *to)
            (1 - cos(0.25 * (from->alpha + to->alpha))) * dmk_distance(from->xyz, to->xyz);
 }
 
-/* What the leaf at triangle t hands on, and to which crossing: the only one not peeled. */
-static leaf excess_of(const dmk_cotree *t, int32_t triangle, int32_t *out)
+/* What the leaf at a triangle hands on, and to which crossing: the only one not peeled. */
+static double excess_of(const dmk_cotree *t, int32_t triangle, int32_t *out)
 {
     const int32_t *on = t->on + 3 * triangle;
-    leaf l = {0, triangle};
+    double excess = 0;
     for (int k = 0; k < 3; k++) {
         if (on[k] >= 0 && t->crossing[on[k]].excess == HUGE_VAL) *out = on[k];
     }
     for (int k = 0; k < 3; k++) {
         if (on[k] < 0 || on[k] == *out) continue;
-        l.excess = fmax(l.excess, handed_on(&t->crossing[on[k]], &t->crossing[*out]));
+        excess = fmax(excess, handed_on(&t->crossing[on[k]], &t->crossing[*out]));
     }
-    return l;
+    return excess;
 }
 
 /* Those that hand on to crossing i: the strongest goes on with i's strength, the others end there. */
@@ -113,32 +84,33 @@ static int peel(dmk_context *ctx, dmk_cotree *t, int32_t *order, int32_t *n_peel
     int rc;
     const int32_t n_triangles = t->geodesics->mesh->n_triangles;
     uint8_t *degree = NULL;
-    leaf *heap = NULL;
-    int32_t n = 0, out = -1;
+    dmk_heap heap = {0};
+    int32_t out = -1;
     DMK_TRY(DMK_NEW(ctx, degree, (size_t)n_triangles));
-    DMK_TRY(DMK_NEW(ctx, heap, (size_t)n_triangles));
     for (int32_t i = 0; i < n_triangles; i++) {
         for (int k = 0; k < 3; k++) degree[i] += t->on[3 * i + k] >= 0;
-        if (degree[i] == 1) push(heap, &n, excess_of(t, i, &out));
+        if (degree[i] == 1) DMK_TRY(dmk_heap_push(ctx, &heap, excess_of(t, i, &out), i));
     }
-    while (n > 0) {
-        const leaf l = pop(heap, &n);
-        if (degree[l.triangle] != 1) continue; /* the other end of the last crossing */
-        excess_of(t, l.triangle, &out);
-        t->crossing[out].excess = l.excess;
-        t->crossing[out].outer = t->crossing[out].node[1] == l.triangle;
+    while (heap.n > 0) {
+        const dmk_heap_item leaf = dmk_heap_pop(&heap);
+        if (degree[leaf.item] != 1) continue; /* the other end of the last crossing */
+        excess_of(t, leaf.item, &out);
+        dmk_crossing *c = &t->crossing[out];
+        c->excess = leaf.key;
+        c->outer = c->node[1] == leaf.item;
         order[(*n_peeled)++] = out;
-        degree[l.triangle] = 0;
+        degree[leaf.item] = 0;
         for (int k = 0; k < 3; k++) {
-            const int32_t i = t->on[3 * l.triangle + k];
+            const int32_t i = t->on[3 * leaf.item + k];
             if (i >= 0 && i != out) t->crossing[i].onward = out;
         }
-        const int32_t next = dmk_other_node(&t->crossing[out], l.triangle);
-        if (next < n_triangles && --degree[next] == 1) push(heap, &n, excess_of(t, next, &out));
+        const int32_t next = dmk_other_node(c, leaf.item);
+        if (next < n_triangles && --degree[next] == 1)
+            DMK_TRY(dmk_heap_push(ctx, &heap, excess_of(t, next, &out), next));
     }
 done:
     free(degree);
-    free(heap);
+    dmk_heap_free(&heap);
     return rc;
 }
 

@@ -81,6 +81,9 @@ int dmk_order_create(dmk_context *context, const dmk_mesh *mesh, int32_t compone
                      dmk_order *order);
 void dmk_order_free(dmk_order *order);
 
+/* point.c: the point of a triangle nearest to xyz, as weights of its corners, and how far it is from there. */
+double dmk_mesh_nearest_in(const dmk_mesh *mesh, int32_t triangle, const double xyz[3], double weight[3]);
+
 /* point.c: DMK_E_ARG unless it is a point of the mesh; `what` names it in the message. */
 int dmk_point_check(dmk_context *context, const dmk_mesh *mesh, const char *what, const dmk_point *point);
 

@@ -139,6 +139,13 @@ int dmk_mesh_project(dmk_context *ctx, const dmk_mesh *m, const double xyz[3], d
     return DMK_OK;
 }
 
+double dmk_mesh_nearest_in(const dmk_mesh *m, int32_t triangle, const double xyz[3], double weight[3])
+{
+    const double *corner[3];
+    get_corners(m, triangle, corner);
+    return sqrt(project_triangle(corner, xyz, weight));
+}
+
 int dmk_mesh_vertex_point(dmk_context *ctx, const dmk_mesh *m, int64_t vertex, dmk_point *point)
 {
     if (dmk_missing(ctx, "mesh", m, "point", point, NULL)) return DMK_E_ARG;
