@@ -825,6 +825,83 @@ static void test_cut_coarse(void **state)
     }
 }
 
+/* ---- accuracy ------------------------------------------------------------------------------- */
+
+/* Part of bench/results/accuracy.md again: mean distance of the vertices from the exact locus of the torus, and
+ * largest distance of an end from an exact one, in edges. A tenth worse than there fails. */
+static void test_accuracy_torus(void **state)
+{
+    (void)state;
+    scene s = surface("torus", 2, (double[3]){3, 0, 0});
+    dmk_locus *l = trace(&s);
+    size_t n;
+    double mean = 0, tip = 0;
+    const dmk_locus_vertex *v = dmk_locus_vertices(l, &n);
+    for (size_t i = 0; i < n; i++) {
+        mean += torus_error(v[i].xyz) / s.h / (double)n;
+        if (v[i].kind != DMK_LOCUS_END) continue;
+        const double x = v[i].xyz[0] - 3 * cos(pi / sqrt(3)),
+                     y = fabs(v[i].xyz[1]) - 3 * sin(pi / sqrt(3));
+        tip = fmax(tip, hypot(hypot(x, y), v[i].xyz[2]) / s.h);
+    }
+    print_message("mean %.4f h, tip %.3f h\n", mean, tip);
+    assert_true(mean < 0.0058 && tip < 0.14);
+    dmk_locus_destroy(&l);
+    free_scene(&s);
+}
+
+/* The six ends of the quartic's locus, by the conjugate times of geodesics on the smooth surface. */
+static void test_accuracy_ends(void **state)
+{
+    (void)state;
+    static const double ends[6][3] = {
+        {0.4683107, 0.3039515, -0.98553039}, {-0.78399097, 0.1895918, -0.88768626},
+        {-0.99572722, 0.3162848, 0.2889888}, {-0.79292888, -0.88141667, 0.1831174},
+        {0.4671088, -0.98622572, 0.2824221}, {0.2370719, -0.82932336, -0.85073076},
+    };
+    scene s = surface("quartic", 1, (double[3]){0.533843, 0.800764, 0.844080});
+    dmk_locus *l = trace(&s);
+    size_t n;
+    double worst = 0;
+    const dmk_locus_vertex *v = dmk_locus_vertices(l, &n);
+    for (int k = 0; k < 6; k++) {
+        double least = HUGE_VAL;
+        for (size_t i = 0; i < n; i++) {
+            if (v[i].kind != DMK_LOCUS_END) continue;
+            const double *x = v[i].xyz, *e = ends[k];
+            least = fmin(least, hypot(hypot(x[0] - e[0], x[1] - e[1]), x[2] - e[2]) / s.h);
+        }
+        worst = fmax(worst, least);
+    }
+    print_message("ends %.3f h\n", worst);
+    assert_true(worst < 0.55);
+    dmk_locus_destroy(&l);
+    free_scene(&s);
+}
+
+/* Near an umbilic the locus is an arc, and the nearer the shorter: as long on two meshes, down to some edges; one
+ * shorter than an edge is a point. */
+static void test_short_arc(void **state)
+{
+    (void)state;
+    double length[2], h = 0;
+    for (int i = 0; i < 2; i++) {
+        scene s =
+            surface("ellipsoid", 2 + i, (double[3]){-sqrt(1.0 / 75) + 0.04, 0, sqrt(2.0 / 3)});
+        dmk_locus *l = trace(&s);
+        dmk_locus_info info = check_object(l);
+        assert_int_equal(info.endpoints, 2);
+        assert_int_equal(info.branch_points, 0);
+        length[i] = info.length;
+        h = fmax(h, s.h);
+        assert_true(info.length < 4 * s.h);
+        dmk_locus_destroy(&l);
+        free_scene(&s);
+    }
+    assert_true(fabs(length[0] - length[1]) < 0.5 * h);
+    check_point("ellipsoid", 1, (double[3]){-sqrt(1.0 / 75), 0, sqrt(2.0 / 3)});
+}
+
 /* ---- the rest ------------------------------------------------------------------------------- */
 
 /* The strength asked for: whole branches go, and what stays is what has this strength in the locus with less. */
@@ -934,15 +1011,17 @@ static int teardown(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_torus),       cmocka_unit_test(test_source_anywhere),
-        cmocka_unit_test(test_point),       cmocka_unit_test(test_quartic),
-        cmocka_unit_test(test_narrow),      cmocka_unit_test(test_hyperbolic),
-        cmocka_unit_test(test_noise),       cmocka_unit_test(test_genus),
-        cmocka_unit_test(test_border),      cmocka_unit_test(test_path),
-        cmocka_unit_test(test_path_saddle), cmocka_unit_test(test_path_box),
-        cmocka_unit_test(test_path_rough),  cmocka_unit_test(test_cut),
-        cmocka_unit_test(test_cut_coarse),  cmocka_unit_test(test_strength),
-        cmocka_unit_test(test_excess),      cmocka_unit_test(test_threads),
+        cmocka_unit_test(test_torus),          cmocka_unit_test(test_source_anywhere),
+        cmocka_unit_test(test_point),          cmocka_unit_test(test_quartic),
+        cmocka_unit_test(test_narrow),         cmocka_unit_test(test_hyperbolic),
+        cmocka_unit_test(test_noise),          cmocka_unit_test(test_genus),
+        cmocka_unit_test(test_border),         cmocka_unit_test(test_path),
+        cmocka_unit_test(test_path_saddle),    cmocka_unit_test(test_path_box),
+        cmocka_unit_test(test_path_rough),     cmocka_unit_test(test_cut),
+        cmocka_unit_test(test_cut_coarse),     cmocka_unit_test(test_strength),
+        cmocka_unit_test(test_accuracy_torus), cmocka_unit_test(test_accuracy_ends),
+        cmocka_unit_test(test_short_arc),      cmocka_unit_test(test_excess),
+        cmocka_unit_test(test_threads),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }
