@@ -38,4 +38,15 @@ static inline double dmk_distance(const double a[3], const double b[3])
     return hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]);
 }
 
+/* The least altitude of the triangle a b c over its longest side: small for slivers. */
+static inline double dmk_altitude_ratio(const double a[3], const double b[3], const double c[3])
+{
+    double e[2][3], normal[3];
+    dmk_subtract(b, a, e[0]);
+    dmk_subtract(c, a, e[1]);
+    dmk_cross(e[0], e[1], normal);
+    double longest = fmax(dmk_dot(e[0], e[0]), dmk_dot(e[1], e[1]));
+    return sqrt(dmk_dot(normal, normal)) / fmax(longest, dmk_distance_squared(b, c));
+}
+
 #endif

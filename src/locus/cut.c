@@ -1,6 +1,7 @@
 /* The surface cut open along the locus: the triangles that it crosses are split, then the corners of each
  * vertex that no uncut edge joins are separated. */
 #include "base/sets.h"
+#include "base/vec3.h"
 #include "locus/cotree.h"
 
 #include <math.h>
@@ -51,37 +52,15 @@ static void split_in_six(knife *k, int32_t t, const int32_t *v, const int32_t *p
     }
 }
 
-/* Height over the longest side: small for needles. */
-static double altitude_ratio(const knife *k, int32_t a, int32_t b, int32_t c)
-{
-    const double *x[3] = {k->xyz + 3 * (size_t)a, k->xyz + 3 * (size_t)b, k->xyz + 3 * (size_t)c};
-    double side[3][3], longest = 0, n = 0;
-    for (int i = 0; i < 3; i++) {
-        double length = 0;
-        for (int j = 0; j < 3; j++) {
-            side[i][j] = x[(i + 1) % 3][j] - x[i][j];
-            length += side[i][j] * side[i][j];
-        }
-        longest = fmax(longest, length);
-    }
-    for (int j = 0; j < 3; j++) {
-        int j1 = (j + 1) % 3, j2 = (j + 2) % 3;
-        double normal = side[0][j1] * side[1][j2] - side[0][j2] * side[1][j1];
-        n += normal * normal;
-    }
-    return sqrt(n) / longest;
-}
-
-/* The part of a triangle between the corners b, c and the points q on the side a-b and r on c-a, which the
- * cut joins: by the diagonal that leaves the better triangles. */
+/* The part of a triangle between the corners b, c and the points q on the side a-b and r on c-a, which
+ * the cut joins: by the diagonal that leaves the better triangles. */
 static void split_rest(knife *k, corner b, corner c, int32_t on_ab, int32_t on_ca)
 {
     const corner q = {on_ab, b.kin}, r = {on_ca, c.kin};
-    const double from_q = fmin(altitude_ratio(k, on_ab, b.vertex, c.vertex),
-                               altitude_ratio(k, on_ab, c.vertex, on_ca));
-    const double from_r = fmin(altitude_ratio(k, on_ca, on_ab, b.vertex),
-                               altitude_ratio(k, on_ca, b.vertex, c.vertex));
-    if (from_q >= from_r) {
+    const double *xb = k->xyz + 3 * (size_t)b.vertex, *xc = k->xyz + 3 * (size_t)c.vertex;
+    const double *xq = k->xyz + 3 * (size_t)on_ab, *xr = k->xyz + 3 * (size_t)on_ca;
+    if (fmin(dmk_altitude_ratio(xq, xb, xc), dmk_altitude_ratio(xq, xc, xr)) >=
+        fmin(dmk_altitude_ratio(xr, xq, xb), dmk_altitude_ratio(xr, xb, xc))) {
         add(k, q, b, c, -1);
         add(k, q, c, r, 1);
     } else {

@@ -90,12 +90,6 @@ static int32_t nearest_on(const dmk_cotree *t, const route *r, const double xyz[
     return best;
 }
 
-static double longest_side(const dmk_mesh *m, int32_t triangle)
-{
-    const int32_t *e = m->triangle_edge + 3 * triangle;
-    return fmax(m->length[e[0]], fmax(m->length[e[1]], m->length[e[2]]));
-}
-
 /* Fits around the route's crossings until the cusp lies beside the crossing it was fitted around. */
 static bool find_cusp(const dmk_cotree *t, dmk_patch *patch, const route *r, double xyz[3])
 {
@@ -145,7 +139,7 @@ static int lead_to(dmk_context *ctx, dmk_cotree *t, const route *r, const double
         const int32_t triangle = triangle_after(t, r, k);
         if (triangle >= m->n_triangles) continue;
         const double d = dmk_mesh_nearest_in(m, triangle, xyz, weight);
-        if (!(d < least) || d > longest_side(m, triangle)) continue;
+        if (!(d < least) || d > sqrt(2 * m->area[triangle])) continue;
         least = d;
         upto = k;
         tip = (dmk_tip){triangle, r->crossing[k], {weight[0], weight[1], weight[2]}};

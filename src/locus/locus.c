@@ -57,25 +57,8 @@ static int join(dmk_context *ctx, sketch *s, int32_t a, int32_t b, double streng
     return DMK_OK;
 }
 
-/* The vertex in a triangle of which `kept` crossings are kept; -1: none. It does not depend on the strength
- * asked for, but for forks with branches weaker than the default, which lie on straight lines. */
-static int add_inner(dmk_context *ctx, const dmk_cotree *t, int32_t triangle, int kept, sketch *s,
-                     int32_t *v)
-{
-    int rc = DMK_OK;
-    const dmk_tip *tip = dmk_tip_in(t, triangle);
-    *v = -1;
-    if (tip && s->number[tip->crossing] >= 0) {
-        DMK_TRY(add_vertex(ctx, s, v));
-        dmk_place_tip(t, tip, &s->locus->vertex[*v]);
-    } else if (kept == 3 || (kept == 2 && dmk_is_fork(t, triangle))) {
-        DMK_TRY(add_vertex(ctx, s, v));
-        dmk_place_fork(t, triangle, &s->locus->vertex[*v]);
-    }
-done:
-    return rc;
-}
-
+/* The crossings kept in a triangle are joined to a vertex in it, a tip or a fork, or to each other. The vertex
+ * does not depend on the strength asked for; forks with branches weaker than the default lie on straight lines. */
 static int join_triangle(dmk_context *ctx, const dmk_cotree *t, int32_t triangle, sketch *s)
 {
     int rc = DMK_OK, n = 0;
@@ -85,12 +68,20 @@ static int join_triangle(dmk_context *ctx, const dmk_cotree *t, int32_t triangle
         if (i >= 0 && s->number[i] >= 0) kept[n++] = i;
     }
     if (n == 0) return DMK_OK;
-    DMK_TRY(add_inner(ctx, t, triangle, n, s, &v));
-    for (int k = 0; k < n && v >= 0; k++)
-        DMK_TRY(join(ctx, s, s->number[kept[k]], v, t->crossing[kept[k]].strength));
-    if (n == 2 && v < 0) {
-        DMK_TRY(join(ctx, s, s->number[kept[0]], s->number[kept[1]],
-                     fmin(t->crossing[kept[0]].strength, t->crossing[kept[1]].strength)));
+    const dmk_tip *tip = dmk_tip_in(t, triangle);
+    const bool is_tip = tip && s->number[tip->crossing] >= 0;
+    if (is_tip || n == 3 || (n == 2 && dmk_is_fork(t, triangle))) {
+        DMK_TRY(add_vertex(ctx, s, &v));
+        if (is_tip)
+            dmk_place_tip(t, tip, &s->locus->vertex[v]);
+        else
+            dmk_place_fork(t, triangle, &s->locus->vertex[v]);
+        for (int k = 0; k < n; k++)
+            DMK_TRY(join(ctx, s, s->number[kept[k]], v, t->crossing[kept[k]].strength));
+    } else if (n == 2) {
+        const dmk_crossing *a = &t->crossing[kept[0]], *b = &t->crossing[kept[1]];
+        DMK_TRY(
+            join(ctx, s, s->number[kept[0]], s->number[kept[1]], fmin(a->strength, b->strength)));
     }
 done:
     return rc;

@@ -15,8 +15,8 @@
 
 #include "geodesic/geodesic.h"
 
-/* Every constant of this room. h: mean edge of the mesh. bench/constants.py doubles and halves them
- * one at a time; what then gets worse stands behind "else". */
+/* Every constant of this room. h: mean edge of the mesh. Chosen on the meshes of bench/accuracy.py
+ * and bench/scan.py; tests/test_locus.c holds the figures they give. */
 typedef struct dmk_locus_rules {
     double strength; /* h: default strength */
     double gap;      /* ratio: the mesh's own branches and the surface's differ by at least this */

@@ -29,8 +29,6 @@ bool dmk_is_fork(const dmk_cotree *t, int32_t triangle)
     return true;
 }
 
-/* ---- families at a point --------------------------------------------------------------------- */
-
 /* The families of a triangle's corners in the frame of its half-edge 3t. */
 typedef struct corners {
     double x[3][2]; /* the corners */
@@ -118,8 +116,6 @@ static void set_widest(const dmk_cotree *t, int32_t triangle, dmk_locus_vertex *
     *v = best;
 }
 
-/* ---- forks ----------------------------------------------------------------------------------- */
-
 /* Newton's method for the point at which three families are equally long. */
 static bool find_fork(const corners *c, double weight[3])
 {
@@ -202,8 +198,6 @@ void dmk_place_tip(const dmk_cotree *t, const dmk_tip *tip, dmk_locus_vertex *v)
     set_widest(t, tip->triangle, v);
     v->strength = t->crossing[tip->crossing].strength;
 }
-
-/* ---- crossings ------------------------------------------------------------------------------- */
 
 /* The line that leaves a crossing to one side, up to an end, a fork or the length wanted. */
 enum { MAX_WALK = 32 };
@@ -290,8 +284,6 @@ void dmk_place_crossing(const dmk_cotree *t, int32_t i, dmk_locus_vertex *v)
     v->strength = c->strength;
     v->meeting_angle = c->alpha;
 }
-
-/* ---- the plane of the source ------------------------------------------------------------------ */
 
 void dmk_place_in_plane(const dmk_cotree *t, int32_t corner, const double xyz[3], double plane[2])
 {
