@@ -117,7 +117,7 @@ int dmk_path_compute(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *r
         }
     }
 done:
-    for (size_t i = 0; rc != DMK_OK && i < n; i++) dmk_path_free(paths + i);
+    for (size_t i = 0; rc != DMK_OK && i < n_points; i++) dmk_path_free(paths + i);
     dmk_stage_end(ctx);
     dmk_tracer_destroy(&tracer);
     free(end);

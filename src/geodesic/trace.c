@@ -643,7 +643,7 @@ int dmk_geodesics_paths(dmk_context *ctx, const dmk_geodesics *g, size_t n_point
         DMK_TRY(dmk_poll(ctx));
     }
 done:
-    for (size_t i = 0; rc != DMK_OK && i < n; i++) dmk_path_free(paths + i);
+    for (size_t i = 0; rc != DMK_OK && i < n_points; i++) dmk_path_free(paths + i);
     dmk_stage_end(ctx);
     dmk_tracer_destroy(&t);
     return rc;
