@@ -52,7 +52,8 @@ static int prepare(bench *b, const char *path, int depth)
     DMK_TRY(dmk_device_open(b->ctx, &o, &b->device));
     DMK_TRY(dmk_mesh_read(b->ctx, path, &b->mesh));
     DMK_TRY(dmk_mesh_vertex_point(b->ctx, b->mesh, 0, &p));
-    DMK_TRY(dmk_order_create(b->ctx, b->mesh, dmk_mesh_component(b->mesh, (int32_t)p.triangle), &b->order));
+    DMK_TRY(dmk_order_create(b->ctx, b->mesh, dmk_mesh_component(b->mesh, (int32_t)p.triangle),
+                             &b->order));
     DMK_TRY(dmk_mollify(b->ctx, b->order.mesh, &b->mollified));
     DMK_TRY(dmk_system_create(b->ctx, b->device, &b->mollified, NULL, &b->sys));
     DMK_TRY(dmk_system_allocate(b->ctx, b->sys));
@@ -71,8 +72,8 @@ done:
 }
 
 /* Distance from the source at vertices and at the edges' midpoints. */
-static int measure_distance(dmk_context *context, const dmk_mesh *mesh, const dmk_point *source, double *d,
-                            double *mid)
+static int measure_distance(dmk_context *context, const dmk_mesh *mesh, const dmk_point *source,
+                            double *d, double *mid)
 {
     dmk_geodesics *g;
     int rc = dmk_geodesics_create(context, mesh, 1, source, NULL, &g);
@@ -105,8 +106,11 @@ static int start(bench *b)
     DMK_TRY(dmk_buffer_write_real(b->ctx, b->device, DMK_OUTER, s->f, n_rows, f));
     DMK_TRY(dmk_buffer_write_real(b->ctx, b->device, DMK_OUTER, s->mu, b->n, b->mu));
     memset(&b->stats, 0, sizeof b->stats);
-    b->outer = (dmk_iteration){.ctx = b->ctx, .sys = s, .options = &b->options, .stats = &b->stats,
-                           .began = dmk_seconds()};
+    b->outer = (dmk_iteration){.ctx = b->ctx,
+                               .sys = s,
+                               .options = &b->options,
+                               .stats = &b->stats,
+                               .began = dmk_seconds()};
 done:
     free(vertex);
     free(u);
@@ -131,7 +135,10 @@ done:
 
 /* ---- the iteration -------------------------------------------------------------------------- */
 
-static double lowest(const bench *b, size_t t) { return log(DMK_FLOOR * sqrt(b->area[t])); }
+static double lowest(const bench *b, size_t t)
+{
+    return log(DMK_FLOOR * sqrt(b->area[t]));
+}
 
 /* r = G(y) - y, with G kept above the floor as y is. */
 static int residual(bench *b)

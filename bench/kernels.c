@@ -95,12 +95,15 @@ static void model(const bench *b, measured *m)
     const double both = t * 4 * (6 + 3 + 6 + 6) + 4 * b->row_places;
     m[0] = (measured){"operator A", run_stiffness, both + 4 * rows * 2, 1e9, 1e9};
     m[1] = (measured){"Newton operator M", run_newton, both + t * 4 * 6 + 4 * rows * 2, 1e9, 1e9};
-    m[2] = (measured){"smoother step, T/2", run_chebyshev, both + t * 4 * 6 + 4 * rows * 5, 1e9, 1e9};
-    m[3] = (measured){"smoother step, T", run_graph, 8 * b->graph_places + 4 * vertices * 5, 1e9, 1e9};
+    m[2] =
+        (measured){"smoother step, T/2", run_chebyshev, both + t * 4 * 6 + 4 * rows * 5, 1e9, 1e9};
+    m[3] =
+        (measured){"smoother step, T", run_graph, 8 * b->graph_places + 4 * vertices * 5, 1e9, 1e9};
     m[4] = (measured){"energy", run_energy, t * (4 * 6 + real * (3 + 1 + 1 + 6 + 1)) + real * rows,
                       1e9, 1e9};
     /* The two phases of M by themselves. */
-    m[5] = (measured){"M, elements", run_newton_elements, t * 4 * (6 + 3 + 6 + 6) + 4 * rows, 1e9, 1e9};
+    m[5] = (measured){"M, elements", run_newton_elements, t * 4 * (6 + 3 + 6 + 6) + 4 * rows, 1e9,
+                      1e9};
     m[6] = (measured){"M, rows", run_rows, t * 4 * 6 + 4 * b->row_places + 4 * rows * 2, 1e9, 1e9};
 }
 
@@ -125,7 +128,8 @@ static int places_of(bench *b, const dmk_buffer *slice, int32_t n_pad, double *p
     return rc;
 }
 
-static int fill(bench *b, dmk_program program, dmk_buffer *buffer, int32_t n, double from, double to)
+static int fill(bench *b, dmk_program program, dmk_buffer *buffer, int32_t n, double from,
+                double to)
 {
     int rc;
     double *v = NULL;
@@ -180,7 +184,8 @@ done:
 static int run_copy(bench *b, double bytes)
 {
     int32_t n = (int32_t)(bytes / 8); /* numbers read; as many written */
-    return DMK_LAUNCH(b->ctx, b->device, b->copy, ((dmk_range){(size_t)n, 0}), DMK_INT(n), DMK_BUF(b->from), DMK_BUF(b->to));
+    return DMK_LAUNCH(b->ctx, b->device, b->copy, ((dmk_range){(size_t)n, 0}), DMK_INT(n),
+                      DMK_BUF(b->from), DMK_BUF(b->to));
 }
 
 /* A blocking read ends when all queued work is done. */

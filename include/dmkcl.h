@@ -122,34 +122,35 @@ typedef struct dmk_repairs {
     size_t flipped_triangles;    /* without area, mended by a flip of the longest edge */
     size_t degenerate_triangles; /* dropped: a corner twice, or no area */
     size_t duplicate_triangles;  /* dropped: the same three corners as another one */
-    size_t split_edges;          /* of more than two triangles, or cut open where the surface has one side */
-    size_t turned_triangles;     /* to agree with their neighbours */
-    size_t split_vertices;       /* vertices added, as triangles met in a vertex only */
+    size_t split_edges; /* of more than two triangles, or cut open where the surface has one side */
+    size_t turned_triangles; /* to agree with their neighbours */
+    size_t split_vertices;   /* vertices added, as triangles met in a vertex only */
     size_t n_old_vertices, n_vertices, n_triangles; /* lengths of the maps */
-    int32_t *vertex_new;         /* n_old_vertices: its new number; -1: it has gone */
-    int32_t *vertex_old;         /* n_vertices of the repaired mesh: the old number, the first of several */
-    int32_t *triangle_old;       /* n_triangles of it */
+    int32_t *vertex_new; /* n_old_vertices: its new number; -1: it has gone */
+    int32_t *vertex_old; /* n_vertices of the repaired mesh: the old number, the first of several */
+    int32_t *triangle_old; /* n_triangles of it */
 } dmk_repairs;
 
-/* A mesh of triangles that dmk_mesh_create may refuse, repaired: equal vertices become one, triangles without
- * area give way to flips or go, as those do that are there twice, at an edge of more than two triangles pairs that fit stay joined,
- * triangles are turned to agree, and vertices whose triangles do not hang together are split. repair: what was
- * done, or NULL. DMK_E_MESH if a triangle names a vertex that does not exist or is not finite, or
- * nothing is left. */
+/* A mesh of triangles that dmk_mesh_create may refuse, repaired: equal vertices become one; triangles
+ * without area are flipped or dropped, duplicates dropped; at an edge of more than two triangles the pairs
+ * that fit stay joined; triangles are turned to agree; vertices whose triangles meet in nothing else are
+ * split. repair: what was done, or NULL. DMK_E_MESH if a triangle names a vertex that does not exist or is
+ * not finite, or nothing is left. */
 int dmk_mesh_repair(dmk_context *context, size_t n_vertices, const double *xyz, size_t n_triangles,
                     const int32_t *triangles, dmk_repairs *repair, dmk_mesh **mesh);
 /* The same of a file. */
-int dmk_mesh_read_repaired(dmk_context *context, const char *path, dmk_repairs *repair, dmk_mesh **mesh);
+int dmk_mesh_read_repaired(dmk_context *context, const char *path, dmk_repairs *repair,
+                           dmk_mesh **mesh);
 void dmk_repairs_free(dmk_repairs *repair);
 
 typedef struct dmk_mesh_info {
     size_t n_vertices, n_triangles, n_edges;
-    size_t n_unused_vertices;  /* in no triangle */
-    size_t n_border_edges;     /* in one triangle only */
-    size_t n_border_loops;     /* closed border curves */
-    size_t n_components;       /* connected through edges */
-    int64_t euler;             /* V - E + F over used vertices */
-    double area;               /* sum of the triangles' areas */
+    size_t n_unused_vertices; /* in no triangle */
+    size_t n_border_edges;    /* in one triangle only */
+    size_t n_border_loops;    /* closed border curves */
+    size_t n_components;      /* connected through edges */
+    int64_t euler;            /* V - E + F over used vertices */
+    double area;              /* sum of the triangles' areas */
     double mean_edge, min_edge, max_edge;
     double min_angle, max_angle; /* degrees, over all triangle corners */
     double box_min[3], box_max[3];
@@ -186,10 +187,10 @@ int dmk_mesh_point_xyz(dmk_context *context, const dmk_mesh *mesh, const dmk_poi
  * ((x/a)^4+(y/b)^4+(z/c)^4=1), "sphere" (radius a). A size left 0 takes the surface's default. */
 typedef struct dmk_surface_options {
     const char *name;
-    double size[3];      /* a, b, c */
-    size_t n_triangles;  /* of the coarse mesh, about; 0 = the surface's default */
-    int refine;          /* midpoint subdivisions, each new point lifted to the surface */
-    int has_source;      /* 1: `source` is lifted to the surface and made an exact vertex, number 0 */
+    double size[3];     /* a, b, c */
+    size_t n_triangles; /* of the coarse mesh, about; 0 = the surface's default */
+    int refine;         /* midpoint subdivisions, each new point lifted to the surface */
+    int has_source; /* 1: `source` is lifted to the surface and made an exact vertex, number 0 */
     double source[3];
 } dmk_surface_options;
 
@@ -206,17 +207,17 @@ typedef struct dmk_device_info {
     char name[128];
     char platform[128];
     char driver[64];
-    char type[16];      /* "CPU", "GPU", "accelerator" */
+    char type[16]; /* "CPU", "GPU", "accelerator" */
     int compute_units;
-    int fp64;           /* 1 if double precision is there */
-    uint64_t memory;    /* bytes */
+    int fp64;        /* 1 if double precision is there */
+    uint64_t memory; /* bytes */
 } dmk_device_info;
 
 /* What hwloc tells of the machine; zero where unknown. */
 typedef struct dmk_machine_info {
     int packages, numa_nodes, cores, threads;
-    uint64_t l1, l2, l3;  /* bytes, of one cache each */
-    uint64_t memory;      /* bytes */
+    uint64_t l1, l2, l3; /* bytes, of one cache each */
+    uint64_t memory;     /* bytes */
 } dmk_machine_info;
 
 /* Fill up to `capacity` entries (NULL if that is 0); *count is the number there are. */
@@ -229,13 +230,14 @@ typedef struct dmk_device dmk_device;
 typedef enum dmk_shape { DMK_SHAPE_AUTO = 0, DMK_SHAPE_CPU = 1, DMK_SHAPE_GPU = 2 } dmk_shape;
 
 typedef struct dmk_device_options {
-    const char *select;   /* NULL: the best, a GPU before a CPU, but with double precision before without;
+    const char
+        *select; /* NULL: the best, a GPU before a CPU, but with double precision before without;
                              "gpu", "cpu": the best of these; "N": number N of the list; else part of a
                              name */
     int single_precision; /* 1: use no double precision on the device even where it is there */
     int threads;          /* compute units to use on a CPU device; 0 = one per core */
-    const char *cache;    /* folder for kernel binaries; NULL = the user's cache folder, "" = none */
-    dmk_shape shape;      /* DMK_SHAPE_AUTO: by the device's type */
+    const char *cache; /* folder for kernel binaries; NULL = the user's cache folder, "" = none */
+    dmk_shape shape;   /* DMK_SHAPE_AUTO: by the device's type */
 } dmk_device_options;
 
 void dmk_device_options_init(dmk_device_options *options);
@@ -252,11 +254,12 @@ typedef struct dmk_geodesics dmk_geodesics;
 
 typedef struct dmk_geodesics_options {
     const double *offset; /* n_sources: distance at each source, 0 or more; NULL = 0 */
-    size_t n_lines;       /* edges of the mesh that are sources as a whole, with every point of them */
-    const int32_t *line;  /* 2*n_lines: the vertices that each joins; all together are source number n_sources */
-    int border;           /* 1: all border edges are lines, too */
-    double tolerance;     /* error over the distance; 0 = none up to 300,000 triangles, 1e-6 beyond */
-    int exact;            /* 1: no error whatever the size; time then grows as n^1.5 on smooth meshes */
+    size_t n_lines; /* edges of the mesh that are sources as a whole, with every point of them */
+    const int32_t *
+        line; /* 2*n_lines: the vertices that each joins; all together are source number n_sources */
+    int border;       /* 1: all border edges are lines, too */
+    double tolerance; /* error over the distance; 0 = none up to 300,000 triangles, 1e-6 beyond */
+    int exact;        /* 1: no error whatever the size; time then grows as n^1.5 on smooth meshes */
 } dmk_geodesics_options;
 
 /* How the shortest path arrives at a vertex. Directions at a vertex count counterclockwise from that of an edge, up
@@ -271,10 +274,10 @@ typedef struct dmk_arrival {
 } dmk_arrival;
 
 typedef struct dmk_geodesics_info {
-    size_t n_reached;  /* vertices */
-    double farthest;   /* largest distance */
-    double error;      /* largest estimate of an error over its distance; 0: exact but for rounding */
-    size_t n_windows;  /* that were made */
+    size_t n_reached; /* vertices */
+    double farthest;  /* largest distance */
+    double error; /* largest estimate of an error over its distance; 0: exact but for rounding */
+    size_t n_windows; /* that were made */
 } dmk_geodesics_info;
 
 void dmk_geodesics_options_init(dmk_geodesics_options *options);
@@ -282,17 +285,20 @@ void dmk_geodesics_options_init(dmk_geodesics_options *options);
  * vertex of a component with a source is reached, no edge is shorter than its ends' distances differ, and nothing is
  * negative; DMK_E_MESH, naming the first vertex, if rounding breaks that. DMK_E_ARG for points off the mesh, offsets
  * that are negative or not finite, lines that are no edge. */
-int dmk_geodesics_create(dmk_context *context, const dmk_mesh *mesh, size_t n_sources, const dmk_point *sources,
-                         const dmk_geodesics_options *options, dmk_geodesics **geodesics);
+int dmk_geodesics_create(dmk_context *context, const dmk_mesh *mesh, size_t n_sources,
+                         const dmk_point *sources, const dmk_geodesics_options *options,
+                         dmk_geodesics **geodesics);
 void dmk_geodesics_destroy(dmk_geodesics **geodesics);
 void dmk_geodesics_get_info(const dmk_geodesics *geodesics, dmk_geodesics_info *info);
 /* Borrowed, one for each vertex of the mesh. */
-const double *dmk_geodesics_distance(const dmk_geodesics *geodesics, size_t *n); /* infinite: not reached */
+const double *dmk_geodesics_distance(const dmk_geodesics *geodesics,
+                                     size_t *n); /* infinite: not reached */
 const dmk_arrival *dmk_geodesics_arrivals(const dmk_geodesics *geodesics, size_t *n);
 /* Estimate of the error of each distance; NULL if all are exact. */
 const double *dmk_geodesics_error(const dmk_geodesics *geodesics, size_t *n);
 /* The integral of the distance over the triangles that a source reaches, and an estimate of its quadrature's error. */
-int dmk_geodesics_integrate(dmk_context *context, const dmk_geodesics *geodesics, double *integral, double *error);
+int dmk_geodesics_integrate(dmk_context *context, const dmk_geodesics *geodesics, double *integral,
+                            double *error);
 /* Write mesh and point data distance, direction (radians), nearest (number of the source): PLY, VTP or VTU. */
 int dmk_geodesics_write(dmk_context *context, const dmk_geodesics *geodesics, const char *path);
 
@@ -305,8 +311,8 @@ typedef struct dmk_value {
 
 /* The same inside triangles: exact at any point, too (with merged windows: within their error), by a search back along
  * the path, a millisecond for each point on 50,000 triangles. */
-int dmk_geodesics_at(dmk_context *context, const dmk_geodesics *geodesics, size_t n_points, const dmk_point *points,
-                     dmk_value *values);
+int dmk_geodesics_at(dmk_context *context, const dmk_geodesics *geodesics, size_t n_points,
+                     const dmk_point *points, dmk_value *values);
 
 /* A minimal geodesic of the polyhedron, straight in every triangle. It may bend at vertices with
  * more than 2 pi around them, and at those of a border. */
@@ -320,8 +326,8 @@ typedef struct dmk_path {
 /* The minimal geodesics from the nearest source to n_points points, into paths[0..n_points), each handed back to
  * dmk_path_free. Where several are minimal, one of them. DMK_E_ARG if no source is joined to one. On failure nothing is
  * left in paths. */
-int dmk_geodesics_paths(dmk_context *context, const dmk_geodesics *geodesics, size_t n_points, const dmk_point *to,
-                        dmk_path *paths);
+int dmk_geodesics_paths(dmk_context *context, const dmk_geodesics *geodesics, size_t n_points,
+                        const dmk_point *to, dmk_path *paths);
 /* Frees its points and clears it; a cleared path is fine. */
 void dmk_path_free(dmk_path *path);
 /* One line, by the suffix: OBJ, VTP with the distance to the source, or CSV. */
@@ -348,11 +354,12 @@ typedef struct dmk_solve_options {
     double inertia;       /* beta of DMK_INERTIAL, in [0, 1); negative = 0.8, reached gradually */
     double tolerance;     /* on the relative change of mu per unit time; 0 = the method's default */
     double gap_tolerance; /* also stop when the certificate's relative gap is below; 0 = not used */
-    double cg_tolerance;  /* relative energy residual of the inner solves; 0 = the method's default */
-    int max_steps;        /* 0 = the method's default */
-    double threshold;     /* absolute bound of the approximate cut locus {mu <= eps}; 0 = a rule without
+    double
+        cg_tolerance; /* relative energy residual of the inner solves; 0 = the method's default */
+    int max_steps;    /* 0 = the method's default */
+    double threshold; /* absolute bound of the approximate cut locus {mu <= eps}; 0 = a rule without
                              a tolerance to choose, see dmk_result_acl */
-    int normalise;        /* dmk_solve_measures: 1 scales the second measure to the mass of the first */
+    int normalise;    /* dmk_solve_measures: 1 scales the second measure to the mass of the first */
 } dmk_solve_options;
 
 void dmk_solve_options_init(dmk_solve_options *options);
@@ -397,34 +404,39 @@ typedef enum dmk_stage {
 enum { DMK_N_STEEP = 3 };
 
 typedef struct dmk_stats {
-    int steps;            /* nonlinear iterations */
-    int cg_iterations;    /* summed over all inner solves */
+    int steps;         /* nonlinear iterations */
+    int cg_iterations; /* summed over all inner solves */
     int v_cycles;
-    double change;        /* last relative change of mu per unit time */
-    double cost_upper;    /* upper bound of the optimal cost, the integral of the distance */
-    double cost_lower;    /* lower bound: f.u of a feasible potential */
-    double cost_exact;    /* the optimal cost of the polyhedron itself: the integral of the exact distance */
+    double change;     /* last relative change of mu per unit time */
+    double cost_upper; /* upper bound of the optimal cost, the integral of the distance */
+    double cost_lower; /* lower bound: f.u of a feasible potential */
+    double
+        cost_exact; /* the optimal cost of the polyhedron itself: the integral of the exact distance */
     double cost_exact_error; /* of the quadrature of cost_exact, an estimate */
-    double gap;           /* (upper - lower) / upper */
-    int sweeps;           /* of the repair of u for the lower bound; 0 where none was needed */
-    int64_t n_steep;      /* triangles in which |grad u| <= 1 is still broken after it; 0: none, or no need */
-    int64_t steep[DMK_N_STEEP]; /* the steepest of them, which hold the lower bound back; -1: no more */
-    double area;          /* of the source's component */
-    int levels;           /* of the multigrid hierarchy */
-    int double_precision; /* 1 if the nonlinear iteration ran in double precision */
+    double gap;              /* (upper - lower) / upper */
+    int sweeps;              /* of the repair of u for the lower bound; 0 where none was needed */
+    int64_t
+        n_steep; /* triangles in which |grad u| <= 1 is still broken after it; 0: none, or no need */
+    int64_t
+        steep[DMK_N_STEEP]; /* the steepest of them, which hold the lower bound back; -1: no more */
+    double area;            /* of the source's component */
+    int levels;             /* of the multigrid hierarchy */
+    int double_precision;   /* 1 if the nonlinear iteration ran in double precision */
     double seconds[DMK_N_STAGES];
 } dmk_stats;
 
 void dmk_result_get_stats(const dmk_result *result, dmk_stats *stats);
 /* Borrowed arrays; each also gives its length through n when n is not NULL. */
-const double *dmk_result_density(const dmk_result *result, size_t *n);       /* mu per triangle */
+const double *dmk_result_density(const dmk_result *result, size_t *n); /* mu per triangle */
 /* Per triangle, 1 in the approximate cut locus: mu <= threshold, or, where that is 0, by mu and u alone in
  * pure numbers, an answer to the paper's question how to choose eps: the mean of grad u in the triangle is
  * shorter than 1, as where two families of rays meet (cos(alpha/2)), the rays around converge, and mu is no
  * more than 28 square roots of the triangle's area. Only triangles of the source's component. */
 const uint8_t *dmk_result_acl(const dmk_result *result, size_t *n);
-const double *dmk_result_potential(const dmk_result *result, size_t *n);     /* u per vertex, u(p) = 0 */
-const double *dmk_result_potential_mid(const dmk_result *result, size_t *n); /* u per edge midpoint */
+const double *dmk_result_potential(const dmk_result *result,
+                                   size_t *n); /* u per vertex, u(p) = 0 */
+const double *dmk_result_potential_mid(const dmk_result *result,
+                                       size_t *n); /* u per edge midpoint */
 /* The exact distance from the source (see dmk_geodesics), per vertex; -u differs from it by the discretisation. */
 const double *dmk_result_distance(const dmk_result *result, size_t *n);
 /* At the edges' midpoints nearly: as the shortest path to an end goes on there, off by some h^3. */
@@ -451,25 +463,29 @@ int dmk_result_restore(dmk_context *context, const dmk_mesh *mesh, const dmk_res
 /* A measure on the surface: the sum of those parts that are given (all are 0 or NULL after = {0}). Masses are
  * of any unit. Borrowed for the call. */
 typedef struct dmk_measure {
-    const double *vertex_mass;      /* n_vertices: a mass at each vertex, spread over the triangles around it
+    const double
+        *vertex_mass; /* n_vertices: a mass at each vertex, spread over the triangles around it
                                        as a piecewise linear density */
     const double *triangle_density; /* n_triangles: mass per area */
     size_t n_atoms;                 /* masses that sit in points */
     const dmk_point *atoms;
-    const double *atom_mass;        /* NULL: free, each takes what the other measure has nearest to it; then u is
+    const double
+        *atom_mass; /* NULL: free, each takes what the other measure has nearest to it; then u is
                                        minus the distance to the nearest, and mu vanishes on their cut locus */
-    size_t n_lines;                 /* polylines with mass along them: line k goes straight from point to point */
-    const int32_t *line_first;      /* of line_points[line_first[k] .. line_first[k + 1]), two or more; any two */
-    const dmk_point *line_points;   /* neighbours lie in one triangle, as those of dmk_path do */
-    const double *line_density;     /* n_lines: mass per length; NULL: 1 */
-    double uniform;                 /* a mass that is spread evenly over the component of the others */
+    size_t n_lines; /* polylines with mass along them: line k goes straight from point to point */
+    const int32_t
+        *line_first; /* of line_points[line_first[k] .. line_first[k + 1]), two or more; any two */
+    const dmk_point *line_points; /* neighbours lie in one triangle, as those of dmk_path do */
+    const double *line_density;   /* n_lines: mass per length; NULL: 1 */
+    double uniform; /* a mass that is spread evenly over the component of the others */
 } dmk_measure;
 
 typedef struct dmk_transport dmk_transport;
 
 typedef struct dmk_transport_info {
-    double mass;    /* that is moved */
-    double balance; /* largest difference between what the flux delivers to a node of the mesh refined once and
+    double mass; /* that is moved */
+    double
+        balance; /* largest difference between what the flux delivers to a node of the mesh refined once and
                        what it should, over the largest such load: rounding, 1e-10 or less in double precision */
 } dmk_transport_info;
 
@@ -483,21 +499,27 @@ typedef struct dmk_transport_info {
  * the discretisation, of which atoms show most, being blunt by a part of an edge. The solver keeps its
  * hierarchy for the next pair. options: start and threshold are not used. Method: Facca, Cardin, Putti,
  * "Towards a stationary Monge-Kantorovich dynamics"; here by Newton steps from mu = const. */
-int dmk_solve_measures(dmk_context *context, dmk_solver *solver, const dmk_measure *from, const dmk_measure *to,
-                       const dmk_solve_options *options, dmk_transport **transport);
+int dmk_solve_measures(dmk_context *context, dmk_solver *solver, const dmk_measure *from,
+                       const dmk_measure *to, const dmk_solve_options *options,
+                       dmk_transport **transport);
 void dmk_transport_destroy(dmk_transport **transport);
 /* cost_upper and cost_lower are the bounds of W1, in mass times length. */
 void dmk_transport_get_stats(const dmk_transport *transport, dmk_stats *stats);
 void dmk_transport_get_info(const dmk_transport *transport, dmk_transport_info *info);
 /* Borrowed, for the whole mesh, 0 off the component. */
-const double *dmk_transport_density(const dmk_transport *transport, size_t *n);  /* mu: mass per length, per triangle */
-const double *dmk_transport_flux(const dmk_transport *transport, size_t *n);     /* x, y, z: its mean in each triangle */
-const double *dmk_transport_potential(const dmk_transport *transport, size_t *n); /* u per vertex, 0 at its largest */
-const double *dmk_transport_potential_mid(const dmk_transport *transport, size_t *n); /* u per edge midpoint */
+const double *dmk_transport_density(const dmk_transport *transport,
+                                    size_t *n); /* mu: mass per length, per triangle */
+const double *dmk_transport_flux(const dmk_transport *transport,
+                                 size_t *n); /* x, y, z: its mean in each triangle */
+const double *dmk_transport_potential(const dmk_transport *transport,
+                                      size_t *n); /* u per vertex, 0 at its largest */
+const double *dmk_transport_potential_mid(const dmk_transport *transport,
+                                          size_t *n); /* u per edge midpoint */
 /* Of the measure whose atoms came without masses, those that they took; n = 0 where all had theirs. */
 const double *dmk_transport_atom_mass(const dmk_transport *transport, size_t *n);
 /* Write mesh, mu, flux and u: PLY, VTP or VTU. */
-int dmk_transport_write(dmk_context *context, const dmk_mesh *mesh, const dmk_transport *transport, const char *path);
+int dmk_transport_write(dmk_context *context, const dmk_mesh *mesh, const dmk_transport *transport,
+                        const char *path);
 
 /* ---- ranks: one mesh on many machines ---------------------------------------------------------- */
 
@@ -539,7 +561,8 @@ void dmk_solver_get_traffic(const dmk_solver *solver, dmk_traffic *traffic);
 typedef struct dmk_locus dmk_locus;
 
 typedef struct dmk_locus_options {
-    double strength; /* a length: leave out branches of less strength; 0 = the default, 0.2 mean edges,
+    double
+        strength; /* a length: leave out branches of less strength; 0 = the default, 0.2 mean edges,
                         or 1.5 times that of the mesh's own branches where these stand out */
 } dmk_locus_options;
 
@@ -559,12 +582,12 @@ typedef enum dmk_locus_kind {
  * for whole branches go, and nothing else changes. */
 typedef struct dmk_locus_vertex {
     double xyz[3];
-    dmk_point place;    /* on the input mesh */
-    double distance;    /* to the source */
-    double mu;          /* density of the triangle it lies in */
-    double strength;    /* a length: that of its strongest edge */
-    double angle[2];    /* directions at p of the two outermost minimal geodesics, radians */
-    int32_t kind;       /* dmk_locus_kind */
+    dmk_point place; /* on the input mesh */
+    double distance; /* to the source */
+    double mu;       /* density of the triangle it lies in */
+    double strength; /* a length: that of its strongest edge */
+    double angle[2]; /* directions at p of the two outermost minimal geodesics, radians */
+    int32_t kind;    /* dmk_locus_kind */
     int32_t degree;
     double meeting_angle; /* between the minimal geodesics where they meet here, radians, 0 to pi */
     double source_angle;  /* between them at p, radians, 0 to pi */
@@ -632,8 +655,8 @@ int dmk_result_write(dmk_context *context, const dmk_mesh *mesh, const dmk_resul
                      const char *path);
 
 typedef struct dmk_format_info {
-    const char *name;      /* "OFF" */
-    const char *suffixes;  /* ".off" or several, blank-separated */
+    const char *name;     /* "OFF" */
+    const char *suffixes; /* ".off" or several, blank-separated */
     int reads_mesh, writes_mesh, writes_result, writes_locus;
 } dmk_format_info;
 

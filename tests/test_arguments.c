@@ -180,8 +180,8 @@ static const dmk_locus_options wrong_dmk_locus_options_p[] = {
 static const double wrong_offset[] = {-1};
 static const int32_t no_edge[] = {0, INT32_MAX};
 static const dmk_geodesics_options wrong_dmk_geodesics_options_p[] = {
-    {.offset = wrong_offset},   {.tolerance = NAN}, {.tolerance = -1}, {.tolerance = 1},
-    {.n_lines = 1, .line = NULL}, {.n_lines = 1, .line = no_edge},
+    {.offset = wrong_offset}, {.tolerance = NAN},           {.tolerance = -1},
+    {.tolerance = 1},         {.n_lines = 1, .line = NULL}, {.n_lines = 1, .line = no_edge},
 };
 static const dmk_point an_atom[] = {{0, {1, 0, 0}}}, no_atom[] = {{-1, {1, 0, 0}}};
 static const double a_mass[] = {1}, no_mass[] = {0}, bad_mass[] = {NAN};
@@ -462,13 +462,15 @@ static int setup(void **state)
     good.data = result_data(good.p.result);
     dmk_point end = {7, {0.5, 0.25, 0.25}};
     bench_ok(&good.b, dmk_locus_compute(good.b.ctx, good.p.mesh, good.p.result, NULL, &good.locus));
-    bench_ok(&good.b, dmk_geodesics_create(good.b.ctx, good.p.mesh, 1, &good.p.source, NULL, &good.geodesics));
+    bench_ok(&good.b, dmk_geodesics_create(good.b.ctx, good.p.mesh, 1, &good.p.source, NULL,
+                                           &good.geodesics));
     good.measure = (dmk_measure){.n_atoms = 2, .atoms = good.atoms, .atom_mass = good.atom_mass};
     bench_ok(&good.b, dmk_mesh_vertex_point(good.b.ctx, good.p.mesh, 0, &good.atoms[0]));
     bench_ok(&good.b, dmk_mesh_vertex_point(good.b.ctx, good.p.mesh, 100, &good.atoms[1]));
     good.atom_mass[0] = 1;
     good.atom_mass[1] = -1;
-    bench_ok(&good.b, dmk_solve_measures(good.b.ctx, good.p.solver, &good.measure, NULL, NULL, &good.transport));
+    bench_ok(&good.b, dmk_solve_measures(good.b.ctx, good.p.solver, &good.measure, NULL, NULL,
+                                         &good.transport));
     good.atom_mass[1] = 1;
     bench_ok(&good.b,
              dmk_path_compute(good.b.ctx, good.p.mesh, good.p.result, 1, &end, &good.path));

@@ -204,7 +204,7 @@ static void two_share_the_folder(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        TEST(what_is_kept_comes_back), TEST(damage_is_seen), TEST(other_options_are_foreign),
+        TEST(what_is_kept_comes_back),  TEST(damage_is_seen),       TEST(other_options_are_foreign),
         TEST(bad_folders_are_no_error), TEST(two_share_the_folder),
     };
     return cmocka_run_group_tests_name("cache", tests, NULL, NULL);

@@ -111,7 +111,8 @@ static void long_calls_end_when_told(void **state)
         assert_int_equal(stages[i].call(&p), DMK_OK);
         dmk_context_set_progress(b->ctx, NULL, NULL);
         if (q.asked < stages[i].least) fail_msg("%s: asked %d times", q.stage, q.asked);
-        for (int at = 0; at < q.asked; at += 1 + q.asked / 50) assert_true(stop(&p, i, at) || stages[i].chance);
+        for (int at = 0; at < q.asked; at += 1 + q.asked / 50)
+            assert_true(stop(&p, i, at) || stages[i].chance);
         assert_true(!stop(&p, i, q.asked) || stages[i].chance);
         assert_int_equal(stages[i].call(&p), DMK_OK);
     }

@@ -41,7 +41,7 @@ static void the_best_device(void **state)
     };
     assert_int_equal(dmk_device_best(some, 6, NULL), 4);
     assert_int_equal(dmk_device_best(some, 4, NULL), 3);
-    assert_int_equal(dmk_device_best(some, 3, NULL), 1); /* not the GPU in single precision ... */
+    assert_int_equal(dmk_device_best(some, 3, NULL), 1);  /* not the GPU in single precision ... */
     assert_int_equal(dmk_device_best(some, 3, "gpu"), 2); /* ... but when it is asked for */
     assert_int_equal(dmk_device_best(some, 6, "cpu"), 1);
     assert_int_equal(dmk_device_best(some, 1, "GPU"), 1); /* none */

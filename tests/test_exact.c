@@ -21,8 +21,8 @@ static const optimum sphere = {"tests/data/sphere_1280.off", "tests/data/sphere_
 
 /* Solve with these options; mu within l1 of the optimum, both bounds on their side of its cost, the
  * upper one within `cost` of it. */
-static void check_optimum(bench *b, const optimum *best, const dmk_solve_options *options, double l1,
-                          double cost)
+static void check_optimum(bench *b, const optimum *best, const dmk_solve_options *options,
+                          double l1, double cost)
 {
     size_t n;
     double *mu = read_numbers(best->mu, &n);
@@ -180,30 +180,38 @@ static void check_orders(bench *b, const smooth *s)
 static void torus_converges(void **state)
 {
     smooth s = {{.name = "torus", .n_triangles = 1400, .has_source = 1, .source = {3, 0, 0}},
-                "tests/data/torus_samples.txt", 321.416460380642};
+                "tests/data/torus_samples.txt",
+                321.416460380642};
     check_orders(*state, &s);
 }
 
 static void ellipsoid_converges(void **state)
 {
-    smooth s = {{.name = "ellipsoid", .n_triangles = 1064, .has_source = 1,
+    smooth s = {{.name = "ellipsoid",
+                 .n_triangles = 1064,
+                 .has_source = 1,
                  .source = {-0.15112809859298038, -0.35071802542240343, 0.295520007711661}},
-                "tests/data/ell_p2_samples.txt", 3.7382071332439};
+                "tests/data/ell_p2_samples.txt",
+                3.7382071332439};
     check_orders(*state, &s);
 }
 
 static void quartic_converges(void **state)
 {
-    smooth s = {{.name = "quartic", .n_triangles = 1100, .has_source = 1,
+    smooth s = {{.name = "quartic",
+                 .n_triangles = 1100,
+                 .has_source = 1,
                  .source = {0.53384298441884781, 0.80076394741371015, 0.84407993841006568}},
-                "tests/data/quartic_samples.txt", 32.9290006450};
+                "tests/data/quartic_samples.txt",
+                32.9290006450};
     check_orders(*state, &s);
 }
 
 static void large_torus_has_the_exact_cost(void **state)
 {
     smooth s = {{.name = "torus", .has_source = 1, .source = {3, 0, 0}},
-                "tests/data/torus_samples.txt", 321.416460380642};
+                "tests/data/torus_samples.txt",
+                321.416460380642};
     errors e = measure(*state, &s, 2);
     assert_true(fabs(e.relative) < 0.005);
     assert_true(e.distance < 1e-3);
@@ -215,8 +223,7 @@ static void large_torus_has_the_exact_cost(void **state)
  * spread over the nodes around it, and the potential is then blunt there by a part of an edge. */
 static void sphere_costs_the_same_from_anywhere(void **state)
 {
-    static const double weights[4][3] = {
-        {1, 0, 0}, {0, 0.5, 0.5}, {0.7, 0, 0.3}, {0.2, 0.5, 0.3}};
+    static const double weights[4][3] = {{1, 0, 0}, {0, 0.5, 0.5}, {0.7, 0, 0.3}, {0.2, 0.5, 0.3}};
     const dmk_surface_options surface = {.name = "sphere", .n_triangles = 5000};
     problem p = problem_surface(*state, &surface);
     dmk_mesh_info info;

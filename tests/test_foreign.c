@@ -70,8 +70,7 @@ static const char *const squares[] = {
 
 static void test_accepted(void **state)
 {
-    for (size_t i = 0; i < COUNT(squares); i++)
-        check_square(read_text(*state, "m", squares[i]));
+    for (size_t i = 0; i < COUNT(squares); i++) check_square(read_text(*state, "m", squares[i]));
 }
 
 static void test_strips_and_second_order(void **state)
@@ -124,7 +123,8 @@ static void test_refusals(void **state)
     static const refusal cases[] = {
         {"m.msh", "$NOD\n1\n", DMK_E_FORMAT, "m.msh:1: version 1 of MSH; export version 2 or 4"},
         {"m.msh", "$MeshFormat\n3 0 8\n$EndMeshFormat\n", DMK_E_FORMAT, "version 3 of MSH"},
-        {"m.msh", "$MeshFormat\n1e300 0 8\n$EndMeshFormat\n", DMK_E_FORMAT, "version 1e+300 of MSH"},
+        {"m.msh", "$MeshFormat\n1e300 0 8\n$EndMeshFormat\n", DMK_E_FORMAT,
+         "version 1e+300 of MSH"},
         {"m.msh", "$MeshFormat\n2.2 0 8\n", DMK_E_FORMAT, "no $EndMeshFormat behind it"},
         {"m.msh", MSH2 "Nodes\n", DMK_E_FORMAT, "m.msh:4: 'Nodes' where a section"},
         {"m.msh", MSH2 "$Nodes\n3\n1 0 0 0\n", DMK_E_FORMAT, "3 nodes do not fit into"},
@@ -231,8 +231,7 @@ static void read_somehow(fixture *f, const char *text, size_t n)
 static void test_every_cut(void **state)
 {
     for (size_t i = 0; i < COUNT(squares); i++) {
-        for (size_t n = 1; n < strlen(squares[i]); n++)
-            read_somehow(*state, squares[i], n);
+        for (size_t n = 1; n < strlen(squares[i]); n++) read_somehow(*state, squares[i], n);
     }
 }
 

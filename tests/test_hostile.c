@@ -103,7 +103,8 @@ static void split_edge(int32_t t, int k, double part)
     const double *x = g.xyz + 3 * a, *y = g.xyz + 3 * b;
     int32_t v = vertex(x[0] + part * (y[0] - x[0]), x[1] + part * (y[1] - x[1]),
                        x[2] + part * (y[2] - x[2]));
-    while (g.triangle[h / 3 * 3 + (h + 1) % 3] != b || g.triangle[h / 3 * 3 + (h + 2) % 3] != a) h++;
+    while (g.triangle[h / 3 * 3 + (h + 1) % 3] != b || g.triangle[h / 3 * 3 + (h + 2) % 3] != a)
+        h++;
     int32_t *q = g.triangle + h / 3 * 3, d = g.triangle[h];
     p[0] = c, p[1] = a, p[2] = v;
     q[0] = d, q[1] = b, q[2] = v;
@@ -138,50 +139,107 @@ static void split_triangles(double part, bool cap)
     for (int i = 0; i < 20; i++) split_triangle(101 + 50 * i, part, cap);
 }
 
-static void the_sphere(void) { sphere(24, 32); }
+static void the_sphere(void)
+{
+    sphere(24, 32);
+}
 
 /* ---- what is refused ---- */
 
-static void not_a_number(void) { the_sphere(), g.xyz[50] = NAN; }
-static void infinite(void) { the_sphere(), g.xyz[50] = INFINITY; }
-static void minus_infinite(void) { the_sphere(), g.xyz[51] = -INFINITY; }
-static void unused_infinite(void) { the_sphere(), vertex(0, INFINITY, 0); }
-static void straight_triangle(void) { the_sphere(), triangle(vertex(5, 0, 0), vertex(6, 0, 0), vertex(7, 0, 0)); }
-static void point_triangle(void) { the_sphere(), triangle(vertex(5, 0, 0), vertex(5, 0, 0), vertex(5, 0, 0)); }
+static void not_a_number(void)
+{
+    the_sphere(), g.xyz[50] = NAN;
+}
+static void infinite(void)
+{
+    the_sphere(), g.xyz[50] = INFINITY;
+}
+static void minus_infinite(void)
+{
+    the_sphere(), g.xyz[51] = -INFINITY;
+}
+static void unused_infinite(void)
+{
+    the_sphere(), vertex(0, INFINITY, 0);
+}
+static void straight_triangle(void)
+{
+    the_sphere(), triangle(vertex(5, 0, 0), vertex(6, 0, 0), vertex(7, 0, 0));
+}
+static void point_triangle(void)
+{
+    the_sphere(), triangle(vertex(5, 0, 0), vertex(5, 0, 0), vertex(5, 0, 0));
+}
 static void equal_places(void)
 {
     tetrahedron();
     for (int k = 0; k < 3; k++) g.xyz[3 + k] = g.xyz[k];
 }
-static void repeated_corner(void) { tetrahedron(), triangle(0, 1, 1); }
-static void too_high(void) { tetrahedron(), triangle(0, 1, 4); }
-static void below_zero(void) { tetrahedron(), triangle(0, 1, -1); }
-static void duplicate(void) { the_sphere(), triangle(g.triangle[3], g.triangle[4], g.triangle[5]); }
-static void turned_duplicate(void) { the_sphere(), triangle(g.triangle[4], g.triangle[3], g.triangle[5]); }
-static void pillow(void) { vertex(0, 0, 0), vertex(1, 0, 0), vertex(0, 1, 0), triangle(0, 1, 2), triangle(2, 1, 0); }
+static void repeated_corner(void)
+{
+    tetrahedron(), triangle(0, 1, 1);
+}
+static void too_high(void)
+{
+    tetrahedron(), triangle(0, 1, 4);
+}
+static void below_zero(void)
+{
+    tetrahedron(), triangle(0, 1, -1);
+}
+static void duplicate(void)
+{
+    the_sphere(), triangle(g.triangle[3], g.triangle[4], g.triangle[5]);
+}
+static void turned_duplicate(void)
+{
+    the_sphere(), triangle(g.triangle[4], g.triangle[3], g.triangle[5]);
+}
+static void pillow(void)
+{
+    vertex(0, 0, 0), vertex(1, 0, 0), vertex(0, 1, 0), triangle(0, 1, 2), triangle(2, 1, 0);
+}
 static void turned(void)
 {
     the_sphere();
     int32_t s = g.triangle[30];
     g.triangle[30] = g.triangle[31], g.triangle[31] = s;
 }
-static void three_at_an_edge(void) { the_sphere(), triangle(g.triangle[0], g.triangle[1], vertex(9, 9, 9)); }
+static void three_at_an_edge(void)
+{
+    the_sphere(), triangle(g.triangle[0], g.triangle[1], vertex(9, 9, 9));
+}
 static void two_fans(void)
 {
     tetrahedron();
     int32_t a = vertex(-1, 0, 0), b = vertex(0, -1, 0), c = vertex(0, 0, -1);
     triangle(0, b, a), triangle(0, c, b), triangle(0, a, c), triangle(a, b, c);
 }
-static void klein_bottle(void) { grid(12, 10, false, true); }
+static void klein_bottle(void)
+{
+    grid(12, 10, false, true);
+}
 static void moebius_strip(void)
 {
     for (int i = 0; i < 5; i++) vertex(cos(i), sin(i), 0.1 * i * i);
     for (int i = 0; i < 5; i++) triangle(i, (i + 1) % 5, (i + 2) % 5);
 }
-static void tiny(void) { the_sphere(), scale(1e-300, 1e-300, 1e-300); }
-static void huge(void) { the_sphere(), scale(1e300, 1e300, 1e300); }
-static void larger_than_all(void) { the_sphere(), scale(1.7e308, 1.7e308, 1.7e308); }
-static void no_triangle(void) { vertex(0, 0, 0); }
+static void tiny(void)
+{
+    the_sphere(), scale(1e-300, 1e-300, 1e-300);
+}
+static void huge(void)
+{
+    the_sphere(), scale(1e300, 1e300, 1e300);
+}
+static void larger_than_all(void)
+{
+    the_sphere(), scale(1.7e308, 1.7e308, 1.7e308);
+}
+static void no_triangle(void)
+{
+    vertex(0, 0, 0);
+}
 
 static const struct {
     const char *name;
@@ -229,26 +287,86 @@ static void refusals_name_the_reason(void **state)
 
 /* ---- what is solved ---- */
 
-static void two_parts(void) { the_sphere(), grid(12, 10, false, false); }
-static void with_border(void) { grid(24, 20, true, false); }
-static void isolated_vertices(void) { the_sphere(), vertex(7, 7, 7), grid(8, 8, false, false), vertex(8, 8, 8); }
-static void small(void) { the_sphere(), scale(1e-60, 1e-60, 1e-60); }
-static void large(void) { the_sphere(), scale(1e70, 1e70, 1e70); }
-static void small_and_far(void) { the_sphere(), scale(1e-12, 1e-12, 1e-12), shift(1); }
-static void far_away(void) { the_sphere(), shift(1e12); }
-static void one_triangle(void) { vertex(0, 0, 0), vertex(1, 0, 0), vertex(0, 1, 0), triangle(0, 1, 2); }
-static void two_triangles(void) { one_triangle(), vertex(1, 1, 0), triangle(1, 3, 2); }
-static void tiny_details(void) { the_sphere(), split_triangles(1e-12, false); }
-static void short_edges(void) { the_sphere(), split_edges(1e-7); }
-static void shorter_edges(void) { the_sphere(), split_edges(1e-9); }
-static void needles(void) { the_sphere(), split_triangles(1e-7, false); }
-static void thinner_needles(void) { the_sphere(), split_triangles(1e-9, false); }
-static void obtuse(void) { the_sphere(), split_triangles(1e-4, true); }
-static void flat_caps(void) { the_sphere(), split_triangles(1e-6, true); }
-static void sliced(void) { sphere(8, 200); }
-static void stretched(void) { the_sphere(), scale(100, 1, 1); }
-static void stretched_more(void) { the_sphere(), scale(1, 1000, 1); }
-static void pressed(void) { the_sphere(), scale(1, 1, 1e-3); }
+static void two_parts(void)
+{
+    the_sphere(), grid(12, 10, false, false);
+}
+static void with_border(void)
+{
+    grid(24, 20, true, false);
+}
+static void isolated_vertices(void)
+{
+    the_sphere(), vertex(7, 7, 7), grid(8, 8, false, false), vertex(8, 8, 8);
+}
+static void small(void)
+{
+    the_sphere(), scale(1e-60, 1e-60, 1e-60);
+}
+static void large(void)
+{
+    the_sphere(), scale(1e70, 1e70, 1e70);
+}
+static void small_and_far(void)
+{
+    the_sphere(), scale(1e-12, 1e-12, 1e-12), shift(1);
+}
+static void far_away(void)
+{
+    the_sphere(), shift(1e12);
+}
+static void one_triangle(void)
+{
+    vertex(0, 0, 0), vertex(1, 0, 0), vertex(0, 1, 0), triangle(0, 1, 2);
+}
+static void two_triangles(void)
+{
+    one_triangle(), vertex(1, 1, 0), triangle(1, 3, 2);
+}
+static void tiny_details(void)
+{
+    the_sphere(), split_triangles(1e-12, false);
+}
+static void short_edges(void)
+{
+    the_sphere(), split_edges(1e-7);
+}
+static void shorter_edges(void)
+{
+    the_sphere(), split_edges(1e-9);
+}
+static void needles(void)
+{
+    the_sphere(), split_triangles(1e-7, false);
+}
+static void thinner_needles(void)
+{
+    the_sphere(), split_triangles(1e-9, false);
+}
+static void obtuse(void)
+{
+    the_sphere(), split_triangles(1e-4, true);
+}
+static void flat_caps(void)
+{
+    the_sphere(), split_triangles(1e-6, true);
+}
+static void sliced(void)
+{
+    sphere(8, 200);
+}
+static void stretched(void)
+{
+    the_sphere(), scale(100, 1, 1);
+}
+static void stretched_more(void)
+{
+    the_sphere(), scale(1, 1000, 1);
+}
+static void pressed(void)
+{
+    the_sphere(), scale(1, 1, 1e-3);
+}
 
 /* Two rings' fans: their middles have 8000 neighbours each. */
 static void hubs(void)
@@ -272,10 +390,14 @@ static void hubs(void)
 }
 
 /* Both sides of a disk in one plane. */
-static void flat_disk(void) { the_sphere(), scale(1, 1, 0); }
+static void flat_disk(void)
+{
+    the_sphere(), scale(1, 1, 0);
+}
 static void cube(void)
 {
-    static const int side[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
+    static const int side[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4},
+                                   {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
     for (int i = 0; i < 8; i++) vertex(i & 1, i >> 1 & 1, i >> 2);
     for (int i = 0; i < 6; i++) {
         triangle(side[i][0], side[i][1], side[i][2]);
@@ -283,7 +405,10 @@ static void cube(void)
     }
 }
 /* A tube of 1 to 1600. */
-static void thin_tube(void) { sphere(400, 6), scale(1, 1, 800); }
+static void thin_tube(void)
+{
+    sphere(400, 6), scale(1, 1, 800);
+}
 
 /* The surface of a plate of unit cubes with n x n square holes: genus n n. */
 static void plate(int n)
@@ -294,7 +419,8 @@ static void plate(int n)
     for (int i = 0; i < m - 1; i++) {
         for (int j = 0; j < m - 1; j++) {
             if (i % 2 && j % 2) continue;
-            const int hole[4] = {i == 0 || (j % 2 && i > 0), i == m - 2 || j % 2, j == 0 || i % 2, j == m - 2 || i % 2};
+            const int hole[4] = {i == 0 || (j % 2 && i > 0), i == m - 2 || j % 2, j == 0 || i % 2,
+                                 j == m - 2 || i % 2};
             static const int end[4][4] = {{0, 1, 0, 0}, {1, 0, 1, 1}, {0, 0, 1, 0}, {1, 1, 0, 1}};
             int32_t v[2][2][2];
             for (int k = 0; k < 8; k++) {
@@ -303,18 +429,24 @@ static void plate(int n)
                 if (*at < 0) *at = vertex(i + x, j + y, z);
                 v[z][x][y] = *at;
             }
-            triangle(v[1][0][0], v[1][1][0], v[1][1][1]), triangle(v[1][0][0], v[1][1][1], v[1][0][1]);
-            triangle(v[0][0][0], v[0][1][1], v[0][1][0]), triangle(v[0][0][0], v[0][0][1], v[0][1][1]);
+            triangle(v[1][0][0], v[1][1][0], v[1][1][1]),
+                triangle(v[1][0][0], v[1][1][1], v[1][0][1]);
+            triangle(v[0][0][0], v[0][1][1], v[0][1][0]),
+                triangle(v[0][0][0], v[0][0][1], v[0][1][1]);
             for (int k = 0; k < 4; k++) {
                 if (!hole[k]) continue;
                 const int *e = end[k]; /* from (e0, e1) to (e2, e3), the outside on the right */
-                int32_t a = v[0][e[0]][e[1]], b = v[0][e[2]][e[3]], c = v[1][e[0]][e[1]], d = v[1][e[2]][e[3]];
+                int32_t a = v[0][e[0]][e[1]], b = v[0][e[2]][e[3]], c = v[1][e[0]][e[1]],
+                        d = v[1][e[2]][e[3]];
                 triangle(a, b, d), triangle(a, d, c);
             }
         }
     }
 }
-static void many_handles(void) { plate(14); }
+static void many_handles(void)
+{
+    plate(14);
+}
 
 /* Cost of the sphere of radius 1: 4 pi times the mean distance pi / 2. */
 #define SPHERE (2 * M_PI * M_PI)
@@ -322,10 +454,10 @@ static void many_handles(void) { plate(14); }
 static const struct {
     const char *name;
     void (*build)(void);
-    int32_t source;  /* vertex */
-    double cost;     /* 0: not known */
-    double unit;     /* of length, for the cost */
-    double gap;      /* at most; a few bad triangles decide the lower bound */
+    int32_t source; /* vertex */
+    double cost;    /* 0: not known */
+    double unit;    /* of length, for the cost */
+    double gap;     /* at most; a few bad triangles decide the lower bound */
 } solved[] = {
     {"sphere", the_sphere, 0, SPHERE, 1, 0.01},
     {"two parts", two_parts, 0, SPHERE, 1, 0.01},
@@ -379,7 +511,8 @@ static void check_shape(problem *p, const char *name)
     dmk_locus_get_info(locus, &line);
     if (info.n_border_edges == 0 && info.n_components == 1 &&
         (line.components != 1 || line.loops != 2 - info.euler)) {
-        fail_msg("%s: locus of %zu pieces, %lld loops", name, line.components, (long long)line.loops);
+        fail_msg("%s: locus of %zu pieces, %lld loops", name, line.components,
+                 (long long)line.loops);
     }
     dmk_locus_destroy(&locus);
     rc = dmk_cut(p->b->ctx, p->mesh, p->result, &options, &cut, NULL, NULL);
@@ -432,11 +565,17 @@ static double cost_at(problem *p, const dmk_point *source)
 static void sources_may_lie_anywhere(void **state)
 {
     bench *b = *state;
-    static const double weights[][3] = {
-        {1, 0, 0}, {0, 0, 1}, {0.5, 0.5, 0}, {0, 0.25, 0.75}, {1.0 / 3, 1.0 / 3, 1.0 / 3},
-        {1 - 1e-15, 1e-15, 0}, {1e-9, 0, 1 - 1e-9}, {1e-300, 1, 0}, {0.5, 0.5 - 1e-14, 1e-14}};
-    static const double places[][3] = {{1e6, 0, 0}, {0, 0, 0}, {0, 0, 1 + 1e-15}, {1e-14, 0, 1},
-                                       {0.3, 0.3, 0.3}, {-1e9, 1e9, 0}};
+    static const double weights[][3] = {{1, 0, 0},
+                                        {0, 0, 1},
+                                        {0.5, 0.5, 0},
+                                        {0, 0.25, 0.75},
+                                        {1.0 / 3, 1.0 / 3, 1.0 / 3},
+                                        {1 - 1e-15, 1e-15, 0},
+                                        {1e-9, 0, 1 - 1e-9},
+                                        {1e-300, 1, 0},
+                                        {0.5, 0.5 - 1e-14, 1e-14}};
+    static const double places[][3] = {{1e6, 0, 0},   {0, 0, 0},       {0, 0, 1 + 1e-15},
+                                       {1e-14, 0, 1}, {0.3, 0.3, 0.3}, {-1e9, 1e9, 0}};
     dmk_point p;
     g.nv = g.nt = 0;
     the_sphere();
@@ -469,9 +608,10 @@ static void no_source_is_told(void **state)
     assert_int_equal(dmk_mesh_vertex_point(b->ctx, q.mesh, g.nv, &p), DMK_E_ARG);
     assert_int_equal(dmk_mesh_vertex_point(b->ctx, q.mesh, -1, &p), DMK_E_ARG);
     assert_int_equal(dmk_mesh_project(b->ctx, q.mesh, (double[3]){0, NAN, 0}, &p), DMK_E_ARG);
-    assert_int_equal(dmk_mesh_project(b->ctx, q.mesh, (double[3]){-1e300, 1e300, 0}, &p), DMK_E_ARG);
-    static const dmk_point bad[] = {{-1, {1, 0, 0}}, {1 << 30, {1, 0, 0}}, {0, {1, 1, 0}},
-                                    {0, {NAN, 0, 1}}, {0, {-1, 1, 1}}};
+    assert_int_equal(dmk_mesh_project(b->ctx, q.mesh, (double[3]){-1e300, 1e300, 0}, &p),
+                     DMK_E_ARG);
+    static const dmk_point bad[] = {
+        {-1, {1, 0, 0}}, {1 << 30, {1, 0, 0}}, {0, {1, 1, 0}}, {0, {NAN, 0, 1}}, {0, {-1, 1, 1}}};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         q.source = bad[i];
         assert_int_equal(problem_try(&q), DMK_E_ARG);
@@ -511,7 +651,8 @@ static void thin_triangles_are_mollified(void **state)
     for (size_t i = 0; i < sizeof thin / sizeof *thin; i++) {
         m = make(b, thin[i]);
         bench_ok(b, dmk_mollify(b->ctx, m, &mollified));
-        assert_true(steepest(m) > 5e5 && steepest(&mollified) < 4e6 && steepest(&mollified) < steepest(m));
+        assert_true(steepest(m) > 5e5 && steepest(&mollified) < 4e6 &&
+                    steepest(&mollified) < steepest(m));
         double longest = 0, most = 0;
         for (int32_t e = 0; e < m->n_edges; e++) {
             assert_true(mollified.length[e] >= m->length[e]);
@@ -527,8 +668,8 @@ static void thin_triangles_are_mollified(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(refusals_name_the_reason), cmocka_unit_test(the_rest_is_solved),
-        cmocka_unit_test(sources_may_lie_anywhere), cmocka_unit_test(no_source_is_told),
+        cmocka_unit_test(refusals_name_the_reason),     cmocka_unit_test(the_rest_is_solved),
+        cmocka_unit_test(sources_may_lie_anywhere),     cmocka_unit_test(no_source_is_told),
         cmocka_unit_test(thin_triangles_are_mollified),
     };
     return cmocka_run_group_tests_name("hostile", tests, bench_setup, bench_teardown);

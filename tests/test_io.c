@@ -12,10 +12,9 @@
 #include <unistd.h>
 
 /* A tetrahedron whose coordinates need all their bits, and a vertex that is in no triangle. */
-static const double xyz[15] = {1.0 / 3, -2.0 / 7, 1e-300, 1.1,      0.1,
-                               0.30000000000000004, -0.0, 1000.0 / 7, 5e-324,
-                               0.2,     -1.0 / 3, 1e5 / 3, 4.9e-320, 1.7976931348623157e308,
-                               -1e-5};
+static const double xyz[15] = {
+    1.0 / 3, -2.0 / 7, 1e-300,   1.1,     0.1,      0.30000000000000004,    -0.0, 1000.0 / 7,
+    5e-324,  0.2,      -1.0 / 3, 1e5 / 3, 4.9e-320, 1.7976931348623157e308, -1e-5};
 static const int32_t triangles[12] = {0, 2, 1, 0, 1, 3, 1, 2, 3, 0, 3, 2};
 
 static dmk_mesh *make_mesh(fixture *f)
@@ -29,8 +28,8 @@ static dmk_mesh *make_mesh(fixture *f)
 
 static void test_meshes_keep_every_bit(void **state)
 {
-    static const char *const names[] = {"a.off", "a.obj", "A.OFF", "b.c.Obj", "a.ply", "a.vtp",
-                                        "a.vtu"};
+    static const char *const names[] = {"a.off", "a.obj", "A.OFF", "b.c.Obj",
+                                        "a.ply", "a.vtp", "a.vtu"};
     fixture *f = *state;
     dmk_mesh *m = make_mesh(f);
     for (size_t i = 0; i < COUNT(names); i++) {
@@ -107,7 +106,8 @@ static void test_off_variants(void **state)
         "STCNOFF\n4 2 0\n0 0 0 0 0 1 1 1 1 1 0 0\n1 0 0 0\n1 1 0 0\n0 1 0 0\n3 0 1 2\n3 0 2 3\n",
         "OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n"}; /* a quadrilateral */
     for (size_t i = 0; i < COUNT(texts); i++) check_square(read_text(*state, "m.off", texts[i]));
-    check_square(read_text(*state, "named.obj", texts[0])); /* the content counts, then the suffix */
+    check_square(
+        read_text(*state, "named.obj", texts[0])); /* the content counts, then the suffix */
     check_square(read_text(*state, "named", texts[0]));
 }
 
@@ -120,7 +120,7 @@ static void test_obj_variants(void **state)
          "vn 0 0 1\nvt 0 0\nvp 1 2\ng all\nusemtl red\ns off\nf 1/1 2/1 3/1\nf 1/1/1 3//1 4/\n"
          "l 1 2\n"),
         "v 0 0 0\nv 1 0 0\nv 1 1 0\nf -3 -2 -1\nv 0 1 0\nf -4 -2 4\n", /* relative */
-        "f 1 2 3\nf 1 3 4\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n",     /* faces first */
+        "f 1 2 3\nf 1 3 4\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n",      /* faces first */
         "v 0 0 \\\n0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2\\\r\n 3\nf 1 \\\n\\\n3 4\n",
         "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"};
     for (size_t i = 0; i < COUNT(texts); i++) check_square(read_text(*state, "m.obj", texts[i]));
@@ -352,7 +352,16 @@ static void test_large_vtk_files(void **state)
 
 /* A path of three vertices and one more vertex by itself. */
 static const dmk_locus_vertex vertices[4] = {
-    {{0, 1.0 / 3, 1}, {0, {0.5, 0.5, 0}}, 2.5, 1e-17, 3.1, {0.25, -1.0 / 3}, DMK_LOCUS_END, 1, 0.5, 0.75},
+    {{0, 1.0 / 3, 1},
+     {0, {0.5, 0.5, 0}},
+     2.5,
+     1e-17,
+     3.1,
+     {0.25, -1.0 / 3},
+     DMK_LOCUS_END,
+     1,
+     0.5,
+     0.75},
     {{1, 0, 1e-300}, {1, {1, 0, 0}}, 2.25, 0, 2.9, {1, 2}, DMK_LOCUS_ORDINARY, 2, 3, 2},
     {{2, 0, 0}, {2, {0.25, 0.25, 0.5}}, 2, 3, 0.5, {-1, -2}, DMK_LOCUS_END, 1, 0, 1},
     {{7, 8, 9}, {3, {0, 0, 1}}, 4, 0, 6.25, {0, 3}, DMK_LOCUS_POINT, 0, 1, 3}};
@@ -391,7 +400,8 @@ static void test_locus_as_csv(void **state)
     assert_int_equal(dmk_curves_write(f->ctx, &curves, path_of(f, "l.csv")), DMK_OK);
     check_text_file(
         f, "l.csv",
-        "x,y,z,triangle,w0,w1,w2,distance,mu,strength,angle0,angle1,kind,degree,meeting_angle,source_angle\n"
+        "x,y,z,triangle,w0,w1,w2,distance,mu,strength,angle0,angle1,kind,degree,meeting_angle,"
+        "source_angle\n"
         "0,0.3333333333333333,1,0,0.5,0.5,0,2.5,1e-17,3.1,0.25,-0.3333333333333333,1,1,0.5,0.75\n"
         "1,0,1e-300,1,1,0,0,2.25,0,2.9,1,2,0,2,3,2\n"
         "2,0,0,2,0.25,0.25,0.5,2,3,0.5,-1,-2,1,1,0,1\n"

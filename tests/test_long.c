@@ -120,7 +120,7 @@ enum { N_THREADS = 8, N_VERTICES = 642 };
 typedef struct job {
     pthread_t thread;
     int number, n_solves;
-    const char *failed; /* the call, or NULL */
+    const char *failed;          /* the call, or NULL */
     double distance[N_VERTICES]; /* of the last solve, from vertex 0 */
 } job;
 
@@ -134,19 +134,26 @@ static void *work(void *data)
     dmk_solve_options solve;
     dmk_device_options_init(&options);
     dmk_solve_options_init(&solve);
-    if (dmk_context_create(&ctx) != DMK_OK) j->failed = "context";
-    else if (dmk_device_open(ctx, &options, &device) != DMK_OK) j->failed = "device";
+    if (dmk_context_create(&ctx) != DMK_OK)
+        j->failed = "context";
+    else if (dmk_device_open(ctx, &options, &device) != DMK_OK)
+        j->failed = "device";
     for (int k = j->n_solves; !j->failed && k >= 0; k--) {
         dmk_mesh *mesh = NULL;
         dmk_solver *solver = NULL;
         dmk_result *result = NULL;
         dmk_point source;
-        if (dmk_mesh_read(ctx, mesh_file, &mesh) != DMK_OK) j->failed = "mesh";
-        else if (dmk_solver_create(ctx, device, mesh, &solver) != DMK_OK) j->failed = "solver";
+        if (dmk_mesh_read(ctx, mesh_file, &mesh) != DMK_OK)
+            j->failed = "mesh";
+        else if (dmk_solver_create(ctx, device, mesh, &solver) != DMK_OK)
+            j->failed = "solver";
         else if (dmk_mesh_vertex_point(ctx, mesh, (k * (j->number + 1)) % N_VERTICES, &source) !=
-                 DMK_OK) j->failed = "source";
-        else if (dmk_solve(ctx, solver, &source, &solve, &result) != DMK_OK) j->failed = "solve";
-        else memcpy(j->distance, dmk_result_distance(result, NULL), sizeof j->distance);
+                 DMK_OK)
+            j->failed = "source";
+        else if (dmk_solve(ctx, solver, &source, &solve, &result) != DMK_OK)
+            j->failed = "solve";
+        else
+            memcpy(j->distance, dmk_result_distance(result, NULL), sizeof j->distance);
         dmk_result_destroy(&result);
         dmk_solver_destroy(&solver);
         dmk_mesh_destroy(&mesh);

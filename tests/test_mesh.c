@@ -29,7 +29,7 @@ static int teardown(void **state)
 }
 
 /* A tetrahedron, outward; vertices 4 and up are spare ones for tests to use. */
-static const double tetra_xyz[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1,
+static const double tetra_xyz[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0,  0,  1,
                                    2, 0, 0, 0, 2, 0, 0, 0, 2, -1, -1, -1};
 #define N_SPARE 8
 static const int32_t tetra[] = {0, 2, 1, 0, 1, 3, 1, 2, 3, 0, 3, 2};
@@ -361,16 +361,16 @@ static void test_projects_to_inside_edge_and_vertex(void **state)
     dmk_mesh *m = create(*state, 3, xyz, 1, (const int32_t[]){0, 1, 2});
     static const struct {
         double xyz[3], weight[3];
-    } cases[] = {{{0.25, 0.25, 3}, {0.5, 0.25, 0.25}},   /* above the inside */
-                 {{0.25, -1, 1}, {0.75, 0.25, 0}},       /* beside an edge */
-                 {{1, 1, -1}, {0, 0.5, 0.5}},            /* beside the long edge */
-                 {{-1, -1, 0}, {1, 0, 0}},               /* behind a corner */
+    } cases[] = {{{0.25, 0.25, 3}, {0.5, 0.25, 0.25}}, /* above the inside */
+                 {{0.25, -1, 1}, {0.75, 0.25, 0}},     /* beside an edge */
+                 {{1, 1, -1}, {0, 0.5, 0.5}},          /* beside the long edge */
+                 {{-1, -1, 0}, {1, 0, 0}},             /* behind a corner */
                  {{3, 0.5, 0}, {0, 1, 0}},
                  {{-0.5, 2, 0.1}, {0, 0, 1}},
-                 {{1, 0, 0}, {0, 1, 0}},                 /* a corner itself */
+                 {{1, 0, 0}, {0, 1, 0}}, /* a corner itself */
                  {{0.5, 0, 0}, {0.5, 0.5, 0}},
-                 {{0.3, 1e-10, 0}, {0.7, 0.3, 0}},       /* nearly on an edge: snapped */
-                 {{1 - 1e-10, 1e-11, 0}, {0, 1, 0}}};    /* nearly at a corner */
+                 {{0.3, 1e-10, 0}, {0.7, 0.3, 0}},    /* nearly on an edge: snapped */
+                 {{1 - 1e-10, 1e-11, 0}, {0, 1, 0}}}; /* nearly at a corner */
     for (size_t i = 0; i < COUNT(cases); i++) {
         check_point(*state, m, cases[i].xyz, 0, cases[i].weight, 1e-9);
         dmk_point p;
@@ -441,8 +441,10 @@ static void test_refuses_bad_points(void **state)
     assert_int_equal(dmk_mesh_project(*state, m, (const double[]){0, NAN, 0}, &p), DMK_E_ARG);
     assert_int_equal(dmk_mesh_project(*state, m, (const double[]){INFINITY, 0, 0}, &p), DMK_E_ARG);
     assert_int_equal(dmk_mesh_project(*state, m, (const double[]){1e300, 0, 0}, &p), DMK_E_ARG);
-    static const dmk_point bad[] = {{-1, {1, 0, 0}},        {4, {1, 0, 0}},
-                                    {0, {0.5, 0.4, 0}},     {0, {1.5, -0.5, 0}},
+    static const dmk_point bad[] = {{-1, {1, 0, 0}},
+                                    {4, {1, 0, 0}},
+                                    {0, {0.5, 0.4, 0}},
+                                    {0, {1.5, -0.5, 0}},
                                     {0, {NAN, 0.5, 0.5}}};
     for (size_t i = 0; i < COUNT(bad); i++) {
         assert_int_equal(dmk_mesh_point_xyz(*state, m, &bad[i], x), DMK_E_ARG);

@@ -111,8 +111,8 @@ static void test_hard_cases(void **state)
         "2.4703282292062327e-324", "2.2250738585072011e-308", "2.2250738585072014e-308",
         "1e99999999999999999999", "1e-99999999999999999999", "0e99999999999999999999",
         "0.00000000000000000000000000000000000000000000000000000000000000000000000001234567890123",
-        "123456789012345678901234567890123456789012345678901234567890",
-        "18446744073709551615e-27", "1000000000000000000e-27", "9999999999999999999e-1"};
+        "123456789012345678901234567890123456789012345678901234567890", "18446744073709551615e-27",
+        "1000000000000000000e-27", "9999999999999999999e-1"};
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) check_like_strtod(*state, texts[i]);
     assert_true(signbit(read_all(*state, "-0.0")));
 }
@@ -123,11 +123,12 @@ static void test_stops_where_the_number_ends(void **state)
         const char *text;
         int length; /* 0: no number */
         double value;
-    } cases[] = {{"1 2", 1, 1},     {"1e", 1, 1},    {"1e+", 1, 1},  {"1.5.5", 3, 1.5},
-                 {"0x10", 1, 0},    {"2,5", 1, 2},   {"nan", 0, 0},  {"inf", 0, 0},
-                 {"-", 0, 0},       {".", 0, 0},     {"-.e3", 0, 0}, {"", 0, 0},
-                 {"e5", 0, 0},      {" 1", 0, 0},    {"--1", 0, 0},  {"1e5e5", 3, 1e5},
-                 {"-1.25E+2/3", 8, -125}};
+    } cases[] = {{"1 2", 1, 1},     {"1e", 1, 1},           {"1e+", 1, 1},
+                 {"1.5.5", 3, 1.5}, {"0x10", 1, 0},         {"2,5", 1, 2},
+                 {"nan", 0, 0},     {"inf", 0, 0},          {"-", 0, 0},
+                 {".", 0, 0},       {"-.e3", 0, 0},         {"", 0, 0},
+                 {"e5", 0, 0},      {" 1", 0, 0},           {"--1", 0, 0},
+                 {"1e5e5", 3, 1e5}, {"-1.25E+2/3", 8, -125}};
     const fixture *f = *state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         double x = 0;
@@ -169,9 +170,14 @@ static void test_prints_the_shortest(void **state)
     static const struct {
         double value;
         const char *text;
-    } cases[] = {{0.1, "0.1"},     {-0.0, "-0"},   {1.0 / 3, "0.3333333333333333"},
-                 {3, "3"},         {1e300, "1e+300"}, {0.1 + 0.2, "0.30000000000000004"},
-                 {INFINITY, "inf"}, {5e-324, "4.94065645841247e-324"}};
+    } cases[] = {{0.1, "0.1"},
+                 {-0.0, "-0"},
+                 {1.0 / 3, "0.3333333333333333"},
+                 {3, "3"},
+                 {1e300, "1e+300"},
+                 {0.1 + 0.2, "0.30000000000000004"},
+                 {INFINITY, "inf"},
+                 {5e-324, "4.94065645841247e-324"}};
     const fixture *f = *state;
     char text[DMK_NUMBER_TEXT];
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
@@ -192,8 +198,8 @@ static bool use_decimal_commas(const char *folder)
 {
     char command[300];
     if (setlocale(LC_ALL, "de_DE.UTF-8")) return true;
-    snprintf(command, sizeof command,
-             "localedef -i de_DE -f UTF-8 %s/de_DE.UTF-8 >/dev/null 2>&1", folder);
+    snprintf(command, sizeof command, "localedef -i de_DE -f UTF-8 %s/de_DE.UTF-8 >/dev/null 2>&1",
+             folder);
     int status = system(command);
     (void)status;
     setenv("LOCPATH", folder, 1);
@@ -228,12 +234,9 @@ static void test_any_locale(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_reads_like_strtod),
-        cmocka_unit_test(test_hard_cases),
-        cmocka_unit_test(test_stops_where_the_number_ends),
-        cmocka_unit_test(test_integers),
-        cmocka_unit_test(test_prints_the_shortest),
-        cmocka_unit_test(test_any_locale),
+        cmocka_unit_test(test_reads_like_strtod),           cmocka_unit_test(test_hard_cases),
+        cmocka_unit_test(test_stops_where_the_number_ends), cmocka_unit_test(test_integers),
+        cmocka_unit_test(test_prints_the_shortest),         cmocka_unit_test(test_any_locale),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }

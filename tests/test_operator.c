@@ -83,8 +83,14 @@ static int setup_shape(void **state, dmk_shape shape)
     return 0;
 }
 
-static int setup(void **state) { return setup_shape(state, DMK_SHAPE_AUTO); }
-static int setup_gpu(void **state) { return setup_shape(state, DMK_SHAPE_GPU); }
+static int setup(void **state)
+{
+    return setup_shape(state, DMK_SHAPE_AUTO);
+}
+static int setup_gpu(void **state)
+{
+    return setup_shape(state, DMK_SHAPE_GPU);
+}
 
 static int teardown(void **state)
 {
@@ -224,8 +230,8 @@ static void every_part_is_done_once(void **state)
     dmk_kernel *add;
     ok(x, dmk_kernel_get(x->ctx, x->dev, DMK_INNER, "scale_add", &add));
     for (int k = 1; k <= LAUNCHES; k++) {
-        ok(x, DMK_LAUNCH(x->ctx, x->dev, add, ((dmk_range){N, N / 3}), DMK_INT(N), DMK_FLOAT(1), DMK_BUF(sum),
-                         DMK_BUF(one)));
+        ok(x, DMK_LAUNCH(x->ctx, x->dev, add, ((dmk_range){N, N / 3}), DMK_INT(N), DMK_FLOAT(1),
+                         DMK_BUF(sum), DMK_BUF(one)));
         if (k % LOOK) continue;
         ok(x, dmk_buffer_read(x->ctx, x->dev, sum, 0, N * sizeof *v, v));
         for (int i = 0; i < N; i++) assert_true(v[i] == (float)k);
@@ -238,7 +244,10 @@ static void every_part_is_done_once(void **state)
 int main(void)
 {
 #define BOTH(test)                                                                                 \
-    {#test, test, setup, teardown, NULL}, { #test " (gpu shape)", test, setup_gpu, teardown, NULL }
+    {#test, test, setup, teardown, NULL},                                                          \
+    {                                                                                              \
+#test " (gpu shape)", test, setup_gpu, teardown, NULL                                      \
+    }
     const struct CMUnitTest tests[] = {
         BOTH(operator_equals_dense),
         BOTH(operator_is_symmetric_with_constants_in_its_null_space),

@@ -49,7 +49,10 @@ static void see(record *r)
     pthread_mutex_unlock(&r->lock);
 }
 
-static void rest(void) { nanosleep(&(struct timespec){.tv_nsec = 2000000}, NULL); }
+static void rest(void)
+{
+    nanosleep(&(struct timespec){.tv_nsec = 2000000}, NULL);
+}
 
 static void meet(int32_t begin, int32_t end, void *data)
 {

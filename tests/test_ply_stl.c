@@ -19,8 +19,7 @@
 static void test_ply_text_variants(void **state)
 {
     static const char *const texts[] = {
-        HEADER VERTICES "3 0 1 2\n3 0 2 3\n",
-        HEADER VERTICES "3 0 1 2 3 0 2 3",
+        HEADER VERTICES "3 0 1 2\n3 0 2 3\n", HEADER VERTICES "3 0 1 2 3 0 2 3",
         /* another order, other names, other types, things of no use */
         "ply\r\nformat ascii 1.0\r\ncomment it's # mine\r\nobj_info x\r\nelement camera 1\r\n"
         "property float32 fov\r\nproperty list uint8 float64 pose\r\nelement face 1\r\n"
@@ -142,8 +141,8 @@ static void test_ply_refusals(void **state)
 /* A mesh and a result whose numbers need all their bits. */
 static void test_ply_keeps_every_bit(void **state)
 {
-    static const double xyz[] = {1.0 / 3, -2.0 / 7, 1e-300, 1.1,      0.1,    0.30000000000000004,
-                                 -0.0,    1e3 / 7,  5e-324, 4.9e-320, 1e308,  -1e-5};
+    static const double xyz[] = {1.0 / 3, -2.0 / 7, 1e-300, 1.1,      0.1,   0.30000000000000004,
+                                 -0.0,    1e3 / 7,  5e-324, 4.9e-320, 1e308, -1e-5};
     static const int32_t t[] = {0, 1, 2};
     static const double mu[] = {1.0 / 7}, u[] = {0, -1.0 / 3, -1e-9, -INFINITY};
     static const double distance[] = {0, 1.0 / 3, 1e-9, INFINITY};
@@ -239,7 +238,7 @@ static void test_stl_joins_equal_corners(void **state)
     p += sprintf(p, "solid grid\n");
     for (int i = 0; i < N * N; i++) {
         int x = i / N, y = i % N;
-        const int corner[6][2] = {{x, y}, {x + 1, y}, {x + 1, y + 1},
+        const int corner[6][2] = {{x, y}, {x + 1, y},     {x + 1, y + 1},
                                   {x, y}, {x + 1, y + 1}, {x, y + 1}};
         for (int k = 0; k < 6; k++) {
             if (k % 3 == 0) p += sprintf(p, "facet normal 0 0 0\nouter loop\n");

@@ -70,8 +70,7 @@ static int largest(void *user, int32_t *value, size_t n)
     pthread_barrier_wait(&m->all->barrier);
     for (int k = 0; k < m->all->size; k++) {
         const int32_t *one = m->all->mine[k];
-        for (size_t i = 0; i < n; i++)
-            top[i] = one[i] > top[i] ? one[i] : top[i];
+        for (size_t i = 0; i < n; i++) top[i] = one[i] > top[i] ? one[i] : top[i];
     }
     pthread_barrier_wait(&m->all->barrier);
     memcpy(value, top, n * sizeof *top);
@@ -147,8 +146,7 @@ static void sit_all(const task *t, int size, bool broken, seat seats[MOST_RANKS]
         seats[k] = (seat){.t = t, .m = {&all, k}};
         assert_int_equal(pthread_create(&seats[k].thread, NULL, sit, &seats[k]), 0);
     }
-    for (int k = 0; k < size; k++)
-        pthread_join(seats[k].thread, NULL);
+    for (int k = 0; k < size; k++) pthread_join(seats[k].thread, NULL);
     pthread_barrier_destroy(&all.barrier);
 }
 
@@ -294,8 +292,7 @@ static void test_small_mesh(void **state)
         assert_int_equal(many[k].traffic.exchanges, 0);
     }
     same_results(&many[0], &many[1]);
-    for (int k = 0; k < 2; k++)
-        dmk_result_destroy(&many[k].result);
+    for (int k = 0; k < 2; k++) dmk_result_destroy(&many[k].result);
     dmk_mesh_destroy(&mesh);
 }
 
@@ -321,8 +318,7 @@ static void test_wrong_ranks(void **state)
     dmk_mesh *mesh = surface(b, "sphere", 1000);
     const dmk_ranks good = {.size = 1, .exchange = exchange, .gather = gather, .largest = largest};
     dmk_ranks wrong[6];
-    for (int i = 0; i < 6; i++)
-        wrong[i] = good;
+    for (int i = 0; i < 6; i++) wrong[i] = good;
     wrong[0].size = 0;
     wrong[1].rank = 1;
     wrong[2].rank = -1;

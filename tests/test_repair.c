@@ -43,7 +43,8 @@ static void forget(mended *m)
     dmk_mesh_destroy(&m->mesh);
 }
 
-static const double cube_xyz[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0, 0, 0, 1, 1, 0, 1, 0, 1, 1, 1, 1, 1};
+static const double cube_xyz[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0,
+                                  0, 0, 1, 1, 0, 1, 0, 1, 1, 1, 1, 1};
 static const int32_t cube[] = {0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4,
                                2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5};
 
@@ -56,7 +57,8 @@ static void a_good_mesh_stays_as_it_is(void **state)
     }
     assert_true(m.did.merged_vertices + m.did.turned_triangles + m.did.split_edges +
                     m.did.split_vertices + m.did.flipped_triangles + m.did.degenerate_triangles +
-                    m.did.duplicate_triangles == 0);
+                    m.did.duplicate_triangles ==
+                0);
     forget(&m);
 }
 
@@ -97,7 +99,8 @@ static void touching_bodies_part(void **state)
         assert_int_equal(m.did.merged_vertices, i == 0 ? 2 : 1);
         assert_int_equal(m.did.split_edges, i == 0 ? 1 : 0);
         assert_true(m.info.n_border_edges == 0 && m.info.n_triangles == 24);
-        assert_true(m.info.euler == 4 && m.info.n_components == 2 && m.did.split_vertices == 2U - (unsigned)i);
+        assert_true(m.info.euler == 4 && m.info.n_components == 2 &&
+                    m.did.split_vertices == 2U - (unsigned)i);
         forget(&m);
     }
 }

@@ -25,7 +25,10 @@ static uint32_t random_bits(void)
     random_state = random_state * 1664525u + 1013904223u;
     return random_state >> 8;
 }
-static double random_unit(void) { return random_bits() / 16777216.0; }
+static double random_unit(void)
+{
+    return random_bits() / 16777216.0;
+}
 
 /* ---- how far two results are apart ------------------------------------------------------------ */
 
@@ -44,8 +47,8 @@ static apart compare(const problem *a, const problem *b, const int32_t *vertex,
     double all = 0, farthest = 0;
     for (size_t t = 0; t < problem_triangles(a); t++) {
         double area = problem_area(a, t);
-        d.mu += area * fabs(problem_mu(b)[triangle ? (size_t)triangle[t] : t] / scale -
-                            problem_mu(a)[t]);
+        d.mu += area *
+                fabs(problem_mu(b)[triangle ? (size_t)triangle[t] : t] / scale - problem_mu(a)[t]);
         all += area * problem_mu(a)[t];
     }
     for (size_t v = 0; v < problem_vertices(a); v++) {
@@ -174,8 +177,8 @@ static problem changed(const problem *a, const int32_t *vertex, const int32_t *t
         const double *from = dmk_mesh_vertices(a->mesh) + 3 * v;
         double *to = xyz + 3 * (vertex ? (size_t)vertex[v] : v);
         for (int k = 0; k < 3; k++) {
-            to[k] = scale * (turn[3 * k] * from[0] + turn[3 * k + 1] * from[1] +
-                             turn[3 * k + 2] * from[2]);
+            to[k] = scale *
+                    (turn[3 * k] * from[0] + turn[3 * k + 1] * from[1] + turn[3 * k + 2] * from[2]);
         }
     }
     for (size_t t = 0; t < nt; t++) {

@@ -209,9 +209,9 @@ static void bad_options_are_refused(void **state)
     static const struct {
         double dt, inertia, tolerance, gap, cg, threshold;
         int max_steps;
-    } bad[] = {{.dt = -0.1}, {.dt = 1.5}, {.dt = NAN}, {.inertia = 1}, {.inertia = NAN},
-               {.tolerance = -1}, {.tolerance = NAN}, {.gap = -1}, {.cg = -1}, {.threshold = -1},
-               {.max_steps = -1}};
+    } bad[] = {{.dt = -0.1},     {.dt = 1.5},       {.dt = NAN},        {.inertia = 1},
+               {.inertia = NAN}, {.tolerance = -1}, {.tolerance = NAN}, {.gap = -1},
+               {.cg = -1},       {.threshold = -1}, {.max_steps = -1}};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         p.options = plain;
         p.options.dt = bad[i].dt;
@@ -224,8 +224,11 @@ static void bad_options_are_refused(void **state)
         if (problem_try(&p) != DMK_E_ARG) fail_msg("bad option %zu is taken", i);
     }
     p.options = plain;
-    static const dmk_point points[] = {{-1, {1, 0, 0}}, {1280, {1, 0, 0}}, {0, {0.5, 0.2, 0.2}},
-                                       {0, {1.5, -0.5, 0}}, {0, {NAN, 0.5, 0.5}}};
+    static const dmk_point points[] = {{-1, {1, 0, 0}},
+                                       {1280, {1, 0, 0}},
+                                       {0, {0.5, 0.2, 0.2}},
+                                       {0, {1.5, -0.5, 0}},
+                                       {0, {NAN, 0.5, 0.5}}};
     for (size_t i = 0; i < sizeof points / sizeof *points; i++) {
         p.source = points[i];
         if (problem_try(&p) != DMK_E_ARG) fail_msg("bad source %zu is taken", i);
@@ -322,7 +325,8 @@ static void components_are_solved_apart(void **state)
     int32_t *triangle = calloc(6 * SQUARE_TRIANGLES, sizeof *triangle);
     add_square(SIDE, 0, 0, xyz, triangle);
     add_square(SIDE, 3, second, xyz + 3 * second, triangle + 3 * SQUARE_TRIANGLES);
-    problem p = problem_create(*state, 2 * SQUARE_VERTICES + 1, xyz, 2 * SQUARE_TRIANGLES, triangle);
+    problem p =
+        problem_create(*state, 2 * SQUARE_VERTICES + 1, xyz, 2 * SQUARE_TRIANGLES, triangle);
     for (int k = 0; k < 3; k++) {
         int32_t first = k == 1 ? second : 0;
         size_t begin = k == 1 ? SQUARE_TRIANGLES : 0;

@@ -27,8 +27,8 @@ static void fixture_free(fixture *f)
 }
 
 /* Distance from the source at vertices and at the edges' midpoints. */
-static int measure_distance(dmk_context *context, const dmk_mesh *mesh, const dmk_point *source, double *d,
-                            double *mid)
+static int measure_distance(dmk_context *context, const dmk_mesh *mesh, const dmk_point *source,
+                            double *d, double *mid)
 {
     dmk_geodesics *g;
     int rc = dmk_geodesics_create(context, mesh, 1, source, NULL, &g);
@@ -56,8 +56,7 @@ static void start_from(fixture *f, dmk_point source)
 static dmk_point at_vertex(const dmk_mesh *mesh, int32_t vertex)
 {
     int32_t h = 0;
-    while (mesh->triangle[h] != vertex)
-        h++;
+    while (mesh->triangle[h] != vertex) h++;
     dmk_point p = {.triangle = h / 3};
     p.weight[h % 3] = 1;
     return p;
@@ -171,8 +170,7 @@ static void check_flat(double height, double jitter, dmk_point source, double bo
     for (int32_t e = 0; e < f.mesh->n_edges; e++) {
         const double *a = f.mesh->xyz + 3 * f.mesh->edge_vertex[2 * e];
         const double *b = f.mesh->xyz + 3 * f.mesh->edge_vertex[2 * e + 1];
-        for (int i = 0; i < 3; i++)
-            m[i] = (a[i] + b[i]) / 2;
+        for (int i = 0; i < 3; i++) m[i] = (a[i] + b[i]) / 2;
         assert_true(fabs(f.mid[e] - distance3(p, m)) < bound);
     }
     fixture_free(&f);
@@ -209,8 +207,7 @@ static void sphere_errors(int n, double *distance, double *density)
     fixture f = {0};
     make_sphere(&f, n);
     int32_t pole = 0;
-    while (f.mesh->xyz[3 * pole + 2] < 1)
-        pole++;
+    while (f.mesh->xyz[3 * pole + 2] < 1) pole++;
     start_from(&f, at_vertex(f.mesh, pole));
     double sum = 0, wrong = 0;
     *distance = 0;
@@ -233,8 +230,7 @@ static void test_sphere_converges(void **state)
 {
     (void)state;
     double d[3], mu[3];
-    for (int i = 0; i < 3; i++)
-        sphere_errors(8 << i, &d[i], &mu[i]);
+    for (int i = 0; i < 3; i++) sphere_errors(8 << i, &d[i], &mu[i]);
     assert_true(d[0] < 0.15 && d[1] < 0.6 * d[0] && d[2] < 0.6 * d[1]);
     assert_true(mu[0] < 0.09 && mu[1] < mu[0] && mu[2] < 0.7 * mu[0]);
 }
@@ -272,8 +268,7 @@ static void check_descent(const fixture *f, const dmk_point *source)
         bool seed = false;
         for (int32_t h = 0; h < 3 * f->mesh->n_triangles; h++) {
             if (f->mesh->triangle[h] != v) continue;
-            for (int k = 0; k < 3; k++)
-                least = fmin(least, f->d[f->mesh->triangle[h / 3 * 3 + k]]);
+            for (int k = 0; k < 3; k++) least = fmin(least, f->d[f->mesh->triangle[h / 3 * 3 + k]]);
             seed = seed || h / 3 == source->triangle;
         }
         assert_true(isfinite(f->d[v]) && (seed || least < f->d[v]));
@@ -297,8 +292,7 @@ static void test_tetrahedron(void **state)
         start_from(&f, points[i]);
         check_descent(&f, &points[i]);
         if (i == 0) {
-            for (int v = 1; v < 4; v++)
-                assert_true(fabs(f.d[v] - sqrt(8)) < 1e-14);
+            for (int v = 1; v < 4; v++) assert_true(fabs(f.d[v] - sqrt(8)) < 1e-14);
         }
         fixture_free(&f);
     }
@@ -325,8 +319,7 @@ static void test_needles(void **state)
     fixture f = {0};
     make_square(&f, 20, 1e-3, 0.9);
     uint32_t random = 3;
-    for (int32_t v = 0; v < f.mesh->n_vertices; v++)
-        f.mesh->xyz[3 * v + 2] = 0.02 * noise(&random);
+    for (int32_t v = 0; v < f.mesh->n_vertices; v++) f.mesh->xyz[3 * v + 2] = 0.02 * noise(&random);
     size_t n_vertices = (size_t)f.mesh->n_vertices, n_triangles = (size_t)f.mesh->n_triangles;
     double *xyz = malloc(3 * n_vertices * sizeof *xyz);
     int32_t *tri = malloc(3 * n_triangles * sizeof *tri);

@@ -124,7 +124,8 @@ static void gradients_are_derivatives(void **state)
             left[k] -= h;
             right[k] += h;
             double slope = (body.surface->value(body.size, right, unused) -
-                            body.surface->value(body.size, left, unused)) / (2 * h);
+                            body.surface->value(body.size, left, unused)) /
+                           (2 * h);
             assert_true(fabs(slope - g[k]) < 1e-7);
         }
     }
@@ -182,7 +183,8 @@ static void normals_point_outwards(void **state)
             }
             body.surface->value(body.size, middle, g);
             assert_true((p[1] * q[2] - p[2] * q[1]) * g[0] + (p[2] * q[0] - p[0] * q[2]) * g[1] +
-                            (p[0] * q[1] - p[1] * q[0]) * g[2] > 0);
+                            (p[0] * q[1] - p[1] * q[0]) * g[2] >
+                        0);
         }
     }
 }

@@ -108,7 +108,8 @@ static void check_sphere(bench *b, size_t n, double *l1, double *cost)
     const double *flux = dmk_transport_flux(m.transport, NULL);
     double south = 0;
     for (size_t t = 0; t < nt; t++) {
-        const double z = 0.3 * flux[3 * t] + 0.5 * flux[3 * t + 1] + 0.81240384046359603605 * flux[3 * t + 2];
+        const double z =
+            0.3 * flux[3 * t] + 0.5 * flux[3 * t + 1] + 0.81240384046359603605 * flux[3 * t + 2];
         south -= z * problem_area(&p, t); /* sin^2 theta on average: 8 pi / 3 in all */
     }
     if (!(fabs(south / (8 * PI / 3) - 1) < 0.01)) fail_msg("south %g", south);

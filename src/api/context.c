@@ -50,7 +50,8 @@ void dmk_context_destroy(dmk_context **context)
 int dmk_context_set_threads(dmk_context *context, int threads)
 {
     if (!context) return DMK_E_ARG;
-    if (threads < 0) return dmk_fail(context, DMK_E_ARG, "threads = %d: expected 0 or more", threads);
+    if (threads < 0)
+        return dmk_fail(context, DMK_E_ARG, "threads = %d: expected 0 or more", threads);
     dmk_pool_destroy(&context->pool); /* the next call that needs one starts it */
     context->threads = threads;
     return DMK_OK;

@@ -21,15 +21,17 @@ int dmk_result_write(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *r
         n_distance != n_vertices) {
         return dmk_fail(ctx, DMK_E_ARG,
                         "%s: the result has %zu triangles and %zu vertices, the mesh %zu and %zu: "
-                        "pass the mesh that was solved on", path, n_mu, n_u, n_triangles,
-                        n_vertices);
+                        "pass the mesh that was solved on",
+                        path, n_mu, n_u, n_triangles, n_vertices);
     }
     return dmk_fields_write(ctx, &f, path);
 }
 
-int dmk_transport_write(dmk_context *ctx, const dmk_mesh *mesh, const dmk_transport *transport, const char *path)
+int dmk_transport_write(dmk_context *ctx, const dmk_mesh *mesh, const dmk_transport *transport,
+                        const char *path)
 {
-    if (dmk_missing(ctx, "mesh", mesh, "transport", transport, "path", path, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "mesh", mesh, "transport", transport, "path", path, NULL))
+        return DMK_E_ARG;
     size_t n_mu, n_flux, n_u;
     dmk_fields f = {.mesh = mesh};
     f.mu = dmk_transport_density(transport, &n_mu);
@@ -38,8 +40,8 @@ int dmk_transport_write(dmk_context *ctx, const dmk_mesh *mesh, const dmk_transp
     if (n_mu != (size_t)mesh->n_triangles || n_u != (size_t)mesh->n_vertices) {
         return dmk_fail(ctx, DMK_E_ARG,
                         "%s: the transport has %zu triangles and %zu vertices, the mesh %d and %d: "
-                        "pass the mesh that was solved on", path, n_mu, n_u, (int)mesh->n_triangles,
-                        (int)mesh->n_vertices);
+                        "pass the mesh that was solved on",
+                        path, n_mu, n_u, (int)mesh->n_triangles, (int)mesh->n_vertices);
     }
     return dmk_fields_write(ctx, &f, path);
 }
@@ -58,7 +60,8 @@ int dmk_geodesics_write(dmk_context *ctx, const dmk_geodesics *g, const char *pa
         direction[v] = arrival[v].direction;
         nearest[v] = arrival[v].source;
     }
-    const dmk_fields f = {.mesh = g->mesh, .distance = g->distance, .direction = direction, .nearest = nearest};
+    const dmk_fields f = {
+        .mesh = g->mesh, .distance = g->distance, .direction = direction, .nearest = nearest};
     DMK_TRY(dmk_fields_write(ctx, &f, path));
 done:
     free(direction);

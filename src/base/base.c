@@ -75,7 +75,9 @@ int dmk_report(dmk_context *context, const dmk_progress *progress)
 static int report_stage(dmk_context *context)
 {
     context->polled = dmk_seconds();
-    return dmk_report(context, &(dmk_progress){.stage = context->stage, .change = NAN, .gap = NAN,
+    return dmk_report(context, &(dmk_progress){.stage = context->stage,
+                                               .change = NAN,
+                                               .gap = NAN,
                                                .seconds = context->polled - context->began});
 }
 

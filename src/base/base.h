@@ -12,9 +12,9 @@ struct dmk_context {
     char message[1024];
     dmk_progress_fn progress;
     void *progress_user;
-    const char *stage;    /* that dmk_poll reports, or NULL */
-    double began, polled; /* seconds: when the stage began, when it was last reported */
-    double poll_every;    /* seconds */
+    const char *stage;     /* that dmk_poll reports, or NULL */
+    double began, polled;  /* seconds: when the stage began, when it was last reported */
+    double poll_every;     /* seconds */
     int threads;           /* 0: one for each processor; see parallel.h */
     struct dmk_pool *pool; /* NULL until it is needed */
     bool borrows_pool;     /* the pool is another context's */
@@ -68,7 +68,13 @@ int dmk_stage_begin(dmk_context *context, const char *stage);
 int dmk_poll(dmk_context *context);
 void dmk_stage_end(dmk_context *context);
 
-static inline int32_t dmk_min_i(int32_t a, int32_t b) { return a < b ? a : b; }
-static inline int32_t dmk_max_i(int32_t a, int32_t b) { return a > b ? a : b; }
+static inline int32_t dmk_min_i(int32_t a, int32_t b)
+{
+    return a < b ? a : b;
+}
+static inline int32_t dmk_max_i(int32_t a, int32_t b)
+{
+    return a > b ? a : b;
+}
 
 #endif

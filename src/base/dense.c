@@ -10,8 +10,7 @@ static void factor(int32_t n, const double *laplacian, double shift, double *cho
     for (int32_t j = 0; j < n; j++) {
         for (int32_t i = j; i < n; i++) {
             double sum = laplacian[i * n + j] + shift;
-            for (int32_t k = 0; k < j; k++)
-                sum -= chol[i * n + k] * chol[j * n + k];
+            for (int32_t k = 0; k < j; k++) sum -= chol[i * n + k] * chol[j * n + k];
             if (i == j) {
                 /* Rounding of single-precision links may leave a pivot at 0: keep it small,
                  * positive. */
@@ -30,14 +29,12 @@ static void solve_unit(int32_t n, const double *chol, int32_t column, double *x)
 {
     for (int32_t i = 0; i < n; i++) {
         double sum = i == column ? 1 : 0;
-        for (int32_t k = column; k < i; k++)
-            sum -= chol[i * n + k] * x[k];
+        for (int32_t k = column; k < i; k++) sum -= chol[i * n + k] * x[k];
         x[i] = i < column ? 0 : sum / chol[i * n + i];
     }
     for (int32_t i = n - 1; i >= 0; i--) {
         double sum = x[i];
-        for (int32_t k = i + 1; k < n; k++)
-            sum -= chol[k * n + i] * x[k];
+        for (int32_t k = i + 1; k < n; k++) sum -= chol[k * n + i] * x[k];
         x[i] = sum / chol[i * n + i];
     }
 }
@@ -47,15 +44,12 @@ int dmk_laplacian_inverse(dmk_context *ctx, int32_t n, const double *laplacian, 
     double *chol = NULL, shift = 0;
     int rc = DMK_NEW(ctx, chol, (size_t)n * (size_t)n);
     if (rc != DMK_OK) return rc;
-    for (int32_t i = 0; i < n; i++)
-        shift += laplacian[i * n + i];
+    for (int32_t i = 0; i < n; i++) shift += laplacian[i * n + i];
     shift /= (double)n * n;
     if (!(shift > 0)) shift = 1;
     factor(n, laplacian, shift, chol);
-    for (int32_t c = 0; c < n; c++)
-        solve_unit(n, chol, c, inverse + (size_t)c * (size_t)n);
-    for (int32_t i = 0; i < n * n; i++)
-        inverse[i] -= 1 / (shift * n * n);
+    for (int32_t c = 0; c < n; c++) solve_unit(n, chol, c, inverse + (size_t)c * (size_t)n);
+    for (int32_t i = 0; i < n * n; i++) inverse[i] -= 1 / (shift * n * n);
     free(chol);
     return DMK_OK;
 }

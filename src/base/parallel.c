@@ -8,7 +8,10 @@
  * up does not hold up all. */
 enum { SHORTEST = 4096, RANGES_PER_THREAD = 4 };
 
-int dmk_parallel_threads(const dmk_context *ctx) { return dmk_pool_threads(ctx); }
+int dmk_parallel_threads(const dmk_context *ctx)
+{
+    return dmk_pool_threads(ctx);
+}
 
 /* Run `job` on the context's threads. */
 static void run(dmk_context *ctx, dmk_job *job)
@@ -46,8 +49,8 @@ static int32_t count_ranges(const dmk_context *ctx, int32_t n, int per_thread)
     return threads == 1 ? 1 : dmk_min_i(threads * per_thread, n / SHORTEST);
 }
 
-void dmk_parallel(dmk_context *ctx, int32_t n,
-                  void (*body)(int32_t begin, int32_t end, void *data), void *data)
+void dmk_parallel(dmk_context *ctx, int32_t n, void (*body)(int32_t begin, int32_t end, void *data),
+                  void *data)
 {
     loop l = {n, count_ranges(ctx, n, RANGES_PER_THREAD), body, data};
     run(ctx, &(dmk_job){.part = run_range, .data = &l, .n_parts = l.n_ranges});
@@ -65,12 +68,14 @@ static void search_range(int32_t begin, int32_t end, void *data)
     for (int32_t i = begin; i < end; i++) {
         if (!s->bad(i, s->data)) continue;
         int32_t first = s->first;
-        while (i < first && !atomic_compare_exchange_weak(&s->first, &first, i)) {}
+        while (i < first && !atomic_compare_exchange_weak(&s->first, &first, i)) {
+        }
         return;
     }
 }
 
-int32_t dmk_parallel_first(dmk_context *ctx, int32_t n, bool (*bad)(int32_t i, void *data), void *data)
+int32_t dmk_parallel_first(dmk_context *ctx, int32_t n, bool (*bad)(int32_t i, void *data),
+                           void *data)
 {
     search s = {.bad = bad, .data = data};
     atomic_init(&s.first, n);
@@ -120,7 +125,8 @@ int dmk_parallel_try(dmk_context *ctx, int32_t n,
                      int (*body)(dmk_context *own, int32_t begin, int32_t end, void *data),
                      void *data)
 {
-    attempt a = {.context = ctx, .n = n, .n_ranges = count_ranges(ctx, n, 1), .body = body, .data = data};
+    attempt a = {
+        .context = ctx, .n = n, .n_ranges = count_ranges(ctx, n, 1), .body = body, .data = data};
     return run_attempt(ctx, &a);
 }
 
@@ -149,8 +155,10 @@ void dmk_task_begin(dmk_context *ctx, dmk_task *task, int (*work)(dmk_context *o
 
 int dmk_task_end(dmk_context *ctx, dmk_task *task, int rc)
 {
-    if (task->pool) dmk_pool_finish(task->pool, &task->job);
-    else run_task(0, task);
+    if (task->pool)
+        dmk_pool_finish(task->pool, &task->job);
+    else
+        run_task(0, task);
     if (rc != DMK_OK || task->rc == DMK_OK) return rc;
     return dmk_fail(ctx, task->rc, "%s", task->own.message);
 }

@@ -45,8 +45,10 @@ static void *work(void *argument)
     struct dmk_pool *pool = argument;
     pthread_mutex_lock(&pool->lock);
     while (!pool->stop) {
-        if (pool->first) do_part(pool, pool->first);
-        else pthread_cond_wait(&pool->posted, &pool->lock);
+        if (pool->first)
+            do_part(pool, pool->first);
+        else
+            pthread_cond_wait(&pool->posted, &pool->lock);
     }
     pthread_mutex_unlock(&pool->lock);
     return NULL;
@@ -93,7 +95,8 @@ struct dmk_pool *dmk_pool_of(dmk_context *context)
 
 void dmk_context_lend(dmk_context *context, dmk_context *own)
 {
-    *own = (dmk_context){.threads = context->threads, .pool = dmk_pool_of(context), .borrows_pool = true};
+    *own = (dmk_context){
+        .threads = context->threads, .pool = dmk_pool_of(context), .borrows_pool = true};
 }
 
 void dmk_pool_post(struct dmk_pool *pool, dmk_job *job)
@@ -101,8 +104,10 @@ void dmk_pool_post(struct dmk_pool *pool, dmk_job *job)
     pthread_mutex_lock(&pool->lock);
     job->later = pool->first;
     pool->first = job;
-    if (job->n_parts == 1) pthread_cond_signal(&pool->posted);
-    else pthread_cond_broadcast(&pool->posted);
+    if (job->n_parts == 1)
+        pthread_cond_signal(&pool->posted);
+    else
+        pthread_cond_broadcast(&pool->posted);
     pthread_mutex_unlock(&pool->lock);
 }
 

@@ -7,8 +7,7 @@
 
 static inline int32_t dmk_set_find(int32_t *parent, int32_t i)
 {
-    while (parent[i] != i)
-        i = parent[i] = parent[parent[i]];
+    while (parent[i] != i) i = parent[i] = parent[parent[i]];
     return i;
 }
 

@@ -12,8 +12,7 @@ static inline double dmk_dot(const double a[3], const double b[3])
 /* out = a - b; out may be a or b. */
 static inline void dmk_subtract(const double a[3], const double b[3], double out[3])
 {
-    for (int k = 0; k < 3; k++)
-        out[k] = a[k] - b[k];
+    for (int k = 0; k < 3; k++) out[k] = a[k] - b[k];
 }
 
 static inline void dmk_cross(const double a[3], const double b[3], double out[3])

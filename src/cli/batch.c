@@ -41,8 +41,7 @@ static bool number_files(cli_files *files, size_t k)
 
 static void free_files(cli_files *files)
 {
-    for (int i = 0; i < files->n; i++)
-        free((char *)files->path[i]);
+    for (int i = 0; i < files->n; i++) free((char *)files->path[i]);
 }
 
 static void free_one(solve_request *one)
@@ -137,7 +136,8 @@ static void begin_source(const batch *b, solve_run *run)
 static int add_up(batch *b)
 {
     const dmk_ranks *ranks = cli_ranks();
-    const size_t n = ranks ? (size_t)ranks->size : 1, mine[3] = {b->n_solved, b->n_kept, b->n_failed};
+    const size_t n = ranks ? (size_t)ranks->size : 1,
+                 mine[3] = {b->n_solved, b->n_kept, b->n_failed};
     size_t *all = malloc(n * sizeof mine);
     if (!all) return DMK_E_NOMEM;
     const int rc = cli_ranks_gather(mine, all, sizeof mine);
@@ -176,8 +176,9 @@ static void solve_all(batch *b, solve_run *run)
     const int rc = add_up(b);
     if (rc == DMK_E_DEVICE) b->code = cli_error(cli_exit_code(rc), "a rank was lost");
     if (cli_interrupted()) {
-        b->code = cli_error(cli_exit_code(DMK_E_CANCELLED), "interrupted; %zu of %zu sources are left",
-                            b->n - b->n_solved - b->n_kept, b->n);
+        b->code =
+            cli_error(cli_exit_code(DMK_E_CANCELLED), "interrupted; %zu of %zu sources are left",
+                      b->n - b->n_solved - b->n_kept, b->n);
     }
 }
 

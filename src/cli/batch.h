@@ -7,9 +7,9 @@
 
 typedef struct batch_mesh {
     char *path;
-    char *name;       /* of its files: the path within the folder, without suffixes */
-    int64_t bytes;    /* of the file; -1: unknown */
-    char digest[33];  /* of its content, hexadecimal; "" if it could not be read */
+    char *name;      /* of its files: the path within the folder, without suffixes */
+    int64_t bytes;   /* of the file; -1: unknown */
+    char digest[33]; /* of its content, hexadecimal; "" if it could not be read */
 } batch_mesh;
 
 typedef struct batch_list {
@@ -18,7 +18,7 @@ typedef struct batch_list {
 } batch_list;
 
 typedef struct batch_request {
-    solve_request each;   /* for every source; the files' names are suffixes here */
+    solve_request each; /* for every source; the files' names are suffixes here */
     const char *folder; /* for the files; NULL: none are written */
     bool json;          /* the report goes to the standard output */
     int64_t samples;    /* farthest-point samples of each mesh; 0: one source */
@@ -60,7 +60,8 @@ void batch_record_fields(const batch_record *record, cli_json *json, const batch
 void batch_record_close(batch_record **record);
 
 /* The files of a source: names in `one`, freed by batch_free_files. false without memory. */
-bool batch_name_files(const batch_request *request, const batch_mesh *mesh, size_t source, solve_request *one);
+bool batch_name_files(const batch_request *request, const batch_mesh *mesh, size_t source,
+                      solve_request *one);
 void batch_free_files(solve_request *one);
 
 /* ---- farm.c --------------------------------------------------------------------------------- */

@@ -212,8 +212,8 @@ typedef struct cli_reading {
     cli_progress *progress; /* whose line gives way to what is told, or NULL */
 } cli_reading;
 
-#define CLI_REPAIR_HELP                                                                             \
-    "merge equal vertices, drop triangles without area or there twice,\n"                           \
+#define CLI_REPAIR_HELP                                                                            \
+    "merge equal vertices, drop triangles without area or there twice,\n"                          \
     "turn triangles to agree, part what is not a surface"
 
 /* Read a mesh file. On the standard error: what was repaired, and a warning of a mesh in pieces. The status of the
@@ -221,10 +221,11 @@ typedef struct cli_reading {
 int cli_read_mesh(dmk_context *context, const char *path, const cli_reading *how, dmk_repairs *did,
                   dmk_mesh **mesh);
 /* dmk_mesh_vertex_point of a vertex of the file. */
-int cli_vertex_point(dmk_context *context, const dmk_mesh *mesh, const dmk_repairs *did, int64_t vertex,
-                     dmk_point *point);
+int cli_vertex_point(dmk_context *context, const dmk_mesh *mesh, const dmk_repairs *did,
+                     int64_t vertex, dmk_point *point);
 /* A warning if `point`, the nearest of the surface, is more than an edge away from xyz. */
-void cli_warn_offset(dmk_context *context, const dmk_mesh *mesh, const double xyz[3], const dmk_point *point);
+void cli_warn_offset(dmk_context *context, const dmk_mesh *mesh, const double xyz[3],
+                     const dmk_point *point);
 
 /* ---- json.c --------------------------------------------------------------------------------- */
 

@@ -47,7 +47,10 @@ static void add_batch(solve_table *table, batch_request *request)
                  "(default: report.jsonl in the folder of --out-dir, else -)",
          .kind = CLI_TEXT,
          .target = &request->each.report},
-        {.name = "json", .help = "the same as --report -", .kind = CLI_FLAG, .target = &request->json},
+        {.name = "json",
+         .help = "the same as --report -",
+         .kind = CLI_FLAG,
+         .target = &request->json},
         {.name = "resume",
          .help = "do what the report lacks: a source stays if its files are there and\n"
                  "mesh (by content), source and options are those of its line",
@@ -69,18 +72,22 @@ static int parse(batch_request *request, cli_words *meshes, int argc, char **arg
     const cli_syntax syntax = {
         .command = "batch",
         .usage = "MESH|FOLDER|LIST... [OPTIONS]",
-        .summary =
-            "What `dmkcl solve` does, for many meshes in one process: mesh files, folders with all\n"
-            "meshes below them, and lists (.txt, .list, or - for the standard input) with a mesh or\n"
-            "folder on each line. Without a source it is vertex 0 of each mesh.",
+        .summary = "What `dmkcl solve` does, for many meshes in one process: mesh files, folders "
+                   "with all\n"
+                   "meshes below them, and lists (.txt, .list, or - for the standard input) with a "
+                   "mesh or\n"
+                   "folder on each line. Without a source it is vertex 0 of each mesh.",
         .operand = "MESH",
         .operands = meshes,
-        .notes =
-            "Files are DIR/NAME.SUFFIX, of several sources DIR/NAME-0000.SUFFIX and so on; without\n"
-            "--out, --locus and --tangent they are .vtp and .locus.obj. A mesh or source that fails is\n"
-            "told, has a line with its error, and the others go on; the exit code is that of the first\n"
-            "failure. However the run ends, what the report tells of is whole, and --resume does the\n"
-            "rest, what failed, and what has changed since.",
+        .notes = "Files are DIR/NAME.SUFFIX, of several sources DIR/NAME-0000.SUFFIX and so on; "
+                 "without\n"
+                 "--out, --locus and --tangent they are .vtp and .locus.obj. A mesh or source that "
+                 "fails is\n"
+                 "told, has a line with its error, and the others go on; the exit code is that of "
+                 "the first\n"
+                 "failure. However the run ends, what the report tells of is whole, and --resume "
+                 "does the\n"
+                 "rest, what failed, and what has changed since.",
         .options = table.row,
         .n_options = table.n,
     };
@@ -98,7 +105,8 @@ static int check_suffixes(const char *option, cli_files *files, cli_what what)
         snprintf(padded, sizeof padded, " %s ", what == CLI_ANY ? ".csv" : suffixes);
         snprintf(wanted, sizeof wanted, " %.60s ", s);
         if (*s == '.' && strstr(padded, wanted)) continue;
-        return cli_error(EXIT_USAGE, "--%s: '%s' is not one of %s", option, s, what == CLI_ANY ? ".csv" : suffixes);
+        return cli_error(EXIT_USAGE, "--%s: '%s' is not one of %s", option, s,
+                         what == CLI_ANY ? ".csv" : suffixes);
     }
     return EXIT_OK;
 }
@@ -108,7 +116,8 @@ static int make_folder(const char *folder)
     struct stat file;
     if (mkdir(folder, 0777) == 0) return EXIT_OK;
     if (errno == EEXIST && stat(folder, &file) == 0 && S_ISDIR(file.st_mode)) return EXIT_OK;
-    return cli_error(EXIT_IO, "--out-dir: cannot make the folder '%s': %s", folder, strerror(errno));
+    return cli_error(EXIT_IO, "--out-dir: cannot make the folder '%s': %s", folder,
+                     strerror(errno));
 }
 
 /* What is not given takes its default. `report` has room for a name. */
@@ -116,12 +125,14 @@ static int settle(batch_request *request, char report[PATH_MAX])
 {
     solve_request *each = &request->each;
     const int n_files = each->out.n + each->locus.n + each->tangent.n;
-    if (!request->folder && n_files > 0) return cli_error(EXIT_USAGE, "batch: files need --out-dir DIR");
+    if (!request->folder && n_files > 0)
+        return cli_error(EXIT_USAGE, "batch: files need --out-dir DIR");
     if (each->vertex >= 0 && each->source.n > 0) {
         return cli_error(EXIT_USAGE, "batch: give --source or --vertex, not both");
     }
     if (request->samples > 0 && each->source.n > 0) {
-        return cli_error(EXIT_USAGE, "batch: --sources begins with a vertex: give --vertex I, not --source");
+        return cli_error(EXIT_USAGE,
+                         "batch: --sources begins with a vertex: give --vertex I, not --source");
     }
     if (each->vertex < 0) each->vertex = 0;
     if (request->folder && n_files == 0) {
@@ -136,7 +147,8 @@ static int settle(batch_request *request, char report[PATH_MAX])
         each->report = report;
     }
     if (each->resume && strcmp(each->report, "-") == 0) {
-        return cli_error(EXIT_USAGE, "batch: --resume reads the report of the run before; give --report FILE");
+        return cli_error(EXIT_USAGE,
+                         "batch: --resume reads the report of the run before; give --report FILE");
     }
     solve_request_convert(each);
     int code = check_suffixes("out", &each->out, CLI_RESULT);

@@ -39,7 +39,8 @@ static int fail(distance_run *run, int rc)
 
 static int place(distance_run *run, const solve_source *s, dmk_point *point)
 {
-    if (s->vertex >= 0) return cli_vertex_point(run->context, run->mesh, &run->repairs, s->vertex, point);
+    if (s->vertex >= 0)
+        return cli_vertex_point(run->context, run->mesh, &run->repairs, s->vertex, point);
     return dmk_mesh_project(run->context, run->mesh, s->xyz, point);
 }
 

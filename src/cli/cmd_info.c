@@ -42,7 +42,8 @@ static void print_info(const char *path, const dmk_mesh_info *info)
     dmk_memory memory;
     dmk_solve_memory(info->n_triangles, 0, &memory);
     printf("%-11s a solve takes about %s: %s on the host, %s on the device\n", "memory",
-           cli_bytes(memory.host + memory.device, a), cli_bytes(memory.host, b), cli_bytes(memory.device, c));
+           cli_bytes(memory.host + memory.device, a), cli_bytes(memory.host, b),
+           cli_bytes(memory.device, c));
 }
 
 static void print_json(const char *path, const dmk_mesh_info *info, const dmk_repairs *repairs)
@@ -74,8 +75,10 @@ static int show(const char *path, bool repair, bool as_json)
         rc = cli_library_error(context, rc);
     } else {
         dmk_mesh_get_info(mesh, &info);
-        if (as_json) print_json(path, &info, &repairs);
-        else print_info(path, &info);
+        if (as_json)
+            print_json(path, &info, &repairs);
+        else
+            print_info(path, &info);
         rc = cli_flush();
     }
     dmk_mesh_destroy(&mesh);

@@ -147,8 +147,10 @@ int cmd_mesh(int argc, char **argv)
         surface.name = find_surface(name);
         if (!surface.name) return EXIT_USAGE;
     } else if (size.n || n_triangles || refine || source.n) {
-        return cli_error(EXIT_USAGE, "mesh: '%s' is a file: --size, --triangles, --refine and "
-                         "--source are for built-in surfaces", name);
+        return cli_error(EXIT_USAGE,
+                         "mesh: '%s' is a file: --size, --triangles, --refine and "
+                         "--source are for built-in surfaces",
+                         name);
     }
     memcpy(surface.size, size.value, (size_t)size.n * sizeof *size.value);
     surface.n_triangles = (size_t)n_triangles;

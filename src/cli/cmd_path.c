@@ -26,8 +26,7 @@ static void print_path(const path_request *request, const solve_run *run, const 
     dmk_mesh_point_xyz(run->context, run->mesh, &path->point[path->n - 1], b);
     printf("path from (%s) to (%s): length %.10g, %zu triangles\n", cli_point(a, from),
            cli_point(b, to), path->length, path->n - 1);
-    for (int i = 0; i < request->out.n; i++)
-        printf("wrote %s\n", request->out.path[i]);
+    for (int i = 0; i < request->out.n; i++) printf("wrote %s\n", request->out.path[i]);
 }
 
 /* The end is looked at before the long work begins. */
@@ -106,10 +105,12 @@ static int parse(path_request *request, const char *out_help, int argc, char **a
     const cli_syntax syntax = {
         .command = "path",
         .usage = "MESH (--source X,Y,Z | --vertex I) (--to X,Y,Z | --to-vertex J) [OPTIONS]",
-        .summary = "A minimal geodesic from a point of the surface MESH back to the source, exact on the\n"
-                   "polyhedron, and its length. Needs no OpenCL device.",
+        .summary =
+            "A minimal geodesic from a point of the surface MESH back to the source, exact on the\n"
+            "polyhedron, and its length. Needs no OpenCL device.",
         .operand = "MESH",
-        .notes = "The line is straight in every triangle and over the edges; it bends at saddle vertices\n"
+        .notes = "The line is straight in every triangle and over the edges; it bends at saddle "
+                 "vertices\n"
                  "and at the border where they are in the way. The file begins at the source. Of\n"
                  "several minimal geodesics (the end lies on the cut locus) it is one.",
         .options = table.row,

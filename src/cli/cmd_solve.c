@@ -28,8 +28,8 @@ static int check_request(solve_request *request)
     if (code == EXIT_OK && request->resume && !request->sources) {
         code = cli_error(EXIT_USAGE, "solve: --resume goes with --sources FILE");
     }
-    if (code == EXIT_OK && request->resume && !report && request->out.n == 0 && request->locus.n == 0 &&
-        request->tangent.n == 0) {
+    if (code == EXIT_OK && request->resume && !report && request->out.n == 0 &&
+        request->locus.n == 0 && request->tangent.n == 0) {
         code = cli_error(EXIT_USAGE, "solve: --resume looks for files, and none is to be written");
     }
     if (code == EXIT_OK) code = cli_check_outputs("out", &request->out, CLI_RESULT);
@@ -99,7 +99,8 @@ static int parse(solve_request *request, raw_options *raw, int argc, char **argv
             "\n"
             "With --sources the mesh and the device are made ready once. The files of the first\n"
             "source are NAME-0000.SUFFIX, of the second NAME-0001.SUFFIX and so on, written as\n"
-            "each is solved. A source that fails is reported, and the rest are solved; the exit code is\n"
+            "each is solved. A source that fails is reported, and the rest are solved; the exit "
+            "code is\n"
             "that of the first failure. After an interruption --resume does what is left.",
         .options = table.row,
         .n_options = table.n,

@@ -52,7 +52,8 @@ static void print_words(const char *words)
     if (!repair) {
         fprintf(stderr, "%s\n", words);
     } else {
-        fprintf(stderr, "%.*s--repair%s\n", (int)(repair - words), words, repair + strlen("a repair"));
+        fprintf(stderr, "%.*s--repair%s\n", (int)(repair - words), words,
+                repair + strlen("a repair"));
     }
 }
 

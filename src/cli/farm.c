@@ -22,10 +22,10 @@ typedef struct farm {
     const batch_request *request;
     batch_list *list;
     batch_record *record;
-    size_t n_sources;  /* of each mesh */
-    uint8_t *kept;     /* n_sources for each mesh: its line stays */
-    int threads;       /* of the host; 0: one for each processor */
-    bool summary;      /* a line for each source on the standard output */
+    size_t n_sources; /* of each mesh */
+    uint8_t *kept;    /* n_sources for each mesh: its line stays */
+    int threads;      /* of the host; 0: one for each processor */
+    bool summary;     /* a line for each source on the standard output */
     cli_progress progress;
     double begin;
     atomic_size_t next; /* mesh that nobody has taken */
@@ -45,21 +45,22 @@ typedef struct worker {
 /* ---- files ---------------------------------------------------------------------------------- */
 
 /* DIR/NAME.vtp; of several sources DIR/NAME-0007.vtp. */
-static bool name_file(const batch_request *request, const batch_mesh *mesh, size_t source, const char *kind,
-                      const char **path)
+static bool name_file(const batch_request *request, const batch_mesh *mesh, size_t source,
+                      const char *kind, const char **path)
 {
     const char *suffix = *path;
     char number[32] = "";
     if (request->samples > 0) snprintf(number, sizeof number, "-%04zu", source);
     const size_t room = strlen(request->folder) + strlen(mesh->name) + strlen(suffix) + 64;
     char *name = malloc(room);
-    if (name) snprintf(name, room, "%s/%s%s%s%s", request->folder, mesh->name, number, kind, suffix);
+    if (name)
+        snprintf(name, room, "%s/%s%s%s%s", request->folder, mesh->name, number, kind, suffix);
     *path = name;
     return name != NULL;
 }
 
-static bool name_files(const batch_request *request, const batch_mesh *mesh, size_t source, const char *kind,
-                       cli_files *files)
+static bool name_files(const batch_request *request, const batch_mesh *mesh, size_t source,
+                       const char *kind, cli_files *files)
 {
     bool good = true;
     for (int i = 0; i < files->n; i++) {
@@ -68,7 +69,8 @@ static bool name_files(const batch_request *request, const batch_mesh *mesh, siz
     return good;
 }
 
-bool batch_name_files(const batch_request *request, const batch_mesh *mesh, size_t source, solve_request *one)
+bool batch_name_files(const batch_request *request, const batch_mesh *mesh, size_t source,
+                      solve_request *one)
 {
     *one = request->each;
     one->mesh = mesh->path;
@@ -95,7 +97,8 @@ void batch_free_files(solve_request *one)
 static int make_folders(const char *file)
 {
     char path[PATH_MAX];
-    if (snprintf(path, sizeof path, "%s", file) >= PATH_MAX) return cli_error(EXIT_IO, "'%s': too long", file);
+    if (snprintf(path, sizeof path, "%s", file) >= PATH_MAX)
+        return cli_error(EXIT_IO, "'%s': too long", file);
     for (char *p = path + 1; *p; p++) {
         if (*p != '/') continue;
         *p = '\0';
@@ -115,9 +118,12 @@ static batch_entry entry_of(const farm *f, size_t mesh, size_t source, char want
 {
     const solve_request *each = &f->request->each;
     const double *x = each->source.value;
-    if (f->request->samples > 0) snprintf(wanted, WANTED_SIZE, "sample %zu", source);
-    else if (each->source.n > 0) snprintf(wanted, WANTED_SIZE, "%.17g,%.17g,%.17g", x[0], x[1], x[2]);
-    else snprintf(wanted, WANTED_SIZE, "vertex %lld", (long long)each->vertex);
+    if (f->request->samples > 0)
+        snprintf(wanted, WANTED_SIZE, "sample %zu", source);
+    else if (each->source.n > 0)
+        snprintf(wanted, WANTED_SIZE, "%.17g,%.17g,%.17g", x[0], x[1], x[2]);
+    else
+        snprintf(wanted, WANTED_SIZE, "vertex %lld", (long long)each->vertex);
     return (batch_entry){mesh, source, wanted};
 }
 
@@ -157,7 +163,8 @@ static void check_mesh(worker *w, size_t k)
 
 /* ---- one source ----------------------------------------------------------------------------- */
 
-static int append(farm *f, const batch_entry *entry, const solve_request *one, const solve_run *run, int code)
+static int append(farm *f, const batch_entry *entry, const solve_request *one, const solve_run *run,
+                  int code)
 {
     char *line = NULL;
     size_t length = 0;
@@ -187,13 +194,14 @@ static void tell_solved(farm *f, const batch_entry *entry, const solve_run *run)
     dmk_locus_info info;
     dmk_result_get_stats(run->result, &stats);
     dmk_locus_get_info(run->locus, &info);
-    snprintf(text, sizeof text, "%d steps, cost %.8g, gap %.2g %%, cut locus %.6g, %.3f s", stats.steps,
-             stats.cost_upper, 100 * stats.gap, info.length, run->seconds.total);
+    snprintf(text, sizeof text, "%d steps, cost %.8g, gap %.2g %%, cut locus %.6g, %.3f s",
+             stats.steps, stats.cost_upper, 100 * stats.gap, info.length, run->seconds.total);
     if (f->summary) tell(f, f->list->mesh[entry->mesh].name, entry->source, text);
 }
 
 /* Count what became of a source, and put it down. */
-static void finish(farm *f, const batch_entry *entry, const solve_request *one, const solve_run *run, int code)
+static void finish(farm *f, const batch_entry *entry, const solve_request *one,
+                   const solve_run *run, int code)
 {
     int none = EXIT_OK;
     if (code == cli_exit_code(DMK_E_CANCELLED)) return;
@@ -209,8 +217,8 @@ static void finish(farm *f, const batch_entry *entry, const solve_request *one, 
     if (f->progress.line) {
         char text[96];
         const size_t all = f->list->n * f->n_sources;
-        snprintf(text, sizeof text, "%zu of %zu done, %zu failed, %.1f s", f->n_done + f->n_kept, all,
-                 f->n_failed, cli_seconds() - f->begin);
+        snprintf(text, sizeof text, "%zu of %zu done, %zu failed, %.1f s", f->n_done + f->n_kept,
+                 all, f->n_failed, cli_seconds() - f->begin);
         cli_progress_say(&f->progress, text);
     }
     pthread_mutex_unlock(&f->telling);
@@ -221,18 +229,22 @@ static int find_place(const farm *f, const int64_t *sample, size_t i, solve_run 
 {
     const solve_request *each = &f->request->each;
     if (sample) return dmk_mesh_vertex_point(run->context, run->mesh, sample[i], &run->source);
-    if (each->source.n > 0) return dmk_mesh_project(run->context, run->mesh, each->source.value, &run->source);
+    if (each->source.n > 0)
+        return dmk_mesh_project(run->context, run->mesh, each->source.value, &run->source);
     return cli_vertex_point(run->context, run->mesh, &run->repairs, each->vertex, &run->source);
 }
 
-static int do_source(farm *f, const int64_t *sample, size_t i, const solve_request *one, solve_run *run)
+static int do_source(farm *f, const int64_t *sample, size_t i, const solve_request *one,
+                     solve_run *run)
 {
     int code = EXIT_OK;
     const int rc = find_place(f, sample, i, run);
     if (rc != DMK_OK) return solve_fail(run, rc);
     for (int k = 0; k < one->out.n && code == EXIT_OK; k++) code = make_folders(one->out.path[k]);
-    for (int k = 0; k < one->locus.n && code == EXIT_OK; k++) code = make_folders(one->locus.path[k]);
-    for (int k = 0; k < one->tangent.n && code == EXIT_OK; k++) code = make_folders(one->tangent.path[k]);
+    for (int k = 0; k < one->locus.n && code == EXIT_OK; k++)
+        code = make_folders(one->locus.path[k]);
+    for (int k = 0; k < one->tangent.n && code == EXIT_OK; k++)
+        code = make_folders(one->tangent.path[k]);
     if (code == EXIT_OK) code = solve_compute(one, run);
     if (code == EXIT_OK) code = solve_write(one, run);
     return code;
@@ -269,7 +281,8 @@ static void do_sources(worker *w, size_t k, solve_run *run)
         if (*kept(f, k, i)) continue;
         const batch_entry entry = entry_of(f, k, i, wanted);
         const bool bad_mesh = code != EXIT_OK;
-        if (!bad_mesh && !batch_name_files(f->request, &f->list->mesh[k], i, &one)) code = EXIT_MEMORY;
+        if (!bad_mesh && !batch_name_files(f->request, &f->list->mesh[k], i, &one))
+            code = EXIT_MEMORY;
         if (!bad_mesh && code == EXIT_OK) code = do_source(f, sample, i, &one, run);
         finish(f, &entry, &one, run, code);
         batch_free_files(&one);
@@ -315,8 +328,11 @@ static void do_mesh(worker *w, size_t k)
     dmk_context_set_threads(w->context, large || f->list->n == 1 ? f->threads : 1);
     char where[320];
     snprintf(where, sizeof where, "%.300s: ", mesh->path);
-    solve_run run = {.context = w->context, .device = w->device, .where = where,
-                     .seconds.begin = cli_seconds(), .progress.gap = NAN};
+    solve_run run = {.context = w->context,
+                     .device = w->device,
+                     .where = where,
+                     .seconds.begin = cli_seconds(),
+                     .progress.gap = NAN};
     const size_t failed = f->n_failed;
     do_sources(w, k, &run);
     dmk_locus_destroy(&run.locus);
@@ -386,8 +402,8 @@ static int end(farm *f)
     }
     const int flushed = cli_flush();
     if (cli_interrupted()) {
-        fprintf(stderr, "dmkcl: interrupted; %zu of %zu are left%s\n", all - f->n_done - f->n_kept, all,
-                strcmp(f->request->each.report, "-") != 0 ? ": --resume does them" : "");
+        fprintf(stderr, "dmkcl: interrupted; %zu of %zu are left%s\n", all - f->n_done - f->n_kept,
+                all, strcmp(f->request->each.report, "-") != 0 ? ": --resume does them" : "");
         return cli_exit_code(DMK_E_CANCELLED);
     }
     return atomic_load(&f->code) != EXIT_OK ? atomic_load(&f->code) : flushed;
@@ -443,11 +459,15 @@ static int add_up(farm *f)
 int batch_run(const batch_request *request, batch_list *list)
 {
     const bool to_stdout = strcmp(request->each.report, "-") == 0;
-    farm f = {.request = request, .list = list, .threads = request->each.device.threads,
+    farm f = {.request = request,
+              .list = list,
+              .threads = request->each.device.threads,
               .n_sources = request->samples > 0 ? (size_t)request->samples : 1,
-              .summary = !request->each.quiet && !to_stdout, .begin = cli_seconds()};
+              .summary = !request->each.quiet && !to_stdout,
+              .begin = cli_seconds()};
     f.progress = (cli_progress){.line = !request->each.quiet && isatty(STDERR_FILENO) &&
-                                        (to_stdout || !isatty(STDOUT_FILENO)), .gap = NAN};
+                                        (to_stdout || !isatty(STDOUT_FILENO)),
+                                .gap = NAN};
     f.kept = calloc(list->n * f.n_sources + 1, 1);
     if (!f.kept) return cli_library_error(NULL, DMK_E_NOMEM);
     pthread_mutex_init(&f.large, NULL);

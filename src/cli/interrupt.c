@@ -47,7 +47,8 @@ static void *wait_for_signal(void *user)
     sigwait(set, &number);
     atomic_store(&interrupted, true);
     sigtimedwait(set, NULL, &grace); /* a second signal ends the grace */
-    if (cli_first_to_tell()) say(isatty(STDERR_FILENO) ? "\r\033[Kdmkcl: cancelled\n" : "dmkcl: cancelled\n");
+    if (cli_first_to_tell())
+        say(isatty(STDERR_FILENO) ? "\r\033[Kdmkcl: cancelled\n" : "dmkcl: cancelled\n");
     _exit(EXIT_INTERRUPTED);
 }
 
@@ -81,7 +82,9 @@ static void say_reason(const char *what)
     say(" while the device was opened");
     for (char **e = environ; *e; e++) {
         for (size_t i = 0; i < sizeof begin / sizeof *begin; i++) {
-            if (strncmp(*e, begin[i], strlen(begin[i])) != 0 || strncmp(*e, "POCL_AFFINITY=", 14) == 0) continue;
+            if (strncmp(*e, begin[i], strlen(begin[i])) != 0 ||
+                strncmp(*e, "POCL_AFFINITY=", 14) == 0)
+                continue;
             say(any ? " " : "; try without ");
             say(*e);
             any = true;
@@ -114,7 +117,8 @@ static void catch_crashes(void)
     const struct sigaction action = {.sa_handler = on_crash, .sa_flags = SA_NODEFER};
     for (size_t i = 0; i < sizeof signals / sizeof *signals; i++) {
         struct sigaction before;
-        if (sigaction(signals[i], NULL, &before) != 0 || before.sa_handler != SIG_DFL) continue; /* a sanitizer's */
+        if (sigaction(signals[i], NULL, &before) != 0 || before.sa_handler != SIG_DFL)
+            continue; /* a sanitizer's */
         sigaction(signals[i], &action, NULL);
     }
     atexit(on_exit_of_others);

@@ -10,7 +10,12 @@
 static int utf8_length(const char *text)
 {
     const unsigned char *c = (const unsigned char *)text;
-    const int n = c[0] < 0x80 ? 1 : c[0] < 0xc2 ? 0 : c[0] < 0xe0 ? 2 : c[0] < 0xf0 ? 3 : c[0] < 0xf5 ? 4 : 0;
+    const int n = c[0] < 0x80   ? 1
+                  : c[0] < 0xc2 ? 0
+                  : c[0] < 0xe0 ? 2
+                  : c[0] < 0xf0 ? 3
+                  : c[0] < 0xf5 ? 4
+                                : 0;
     for (int i = 1; i < n; i++) {
         if (c[i] < 0x80 || c[i] > 0xbf) return 0;
     }

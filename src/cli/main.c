@@ -22,10 +22,12 @@ static const command commands[] = {
     {"solve", cmd_solve, "density, distance and cut locus of a point on a mesh", true},
     {"batch", cmd_batch, "the same for many meshes, in one process that can be resumed", true},
     {"transport", cmd_transport, "optimal transport between two measures on a mesh", false},
-    {"distance", cmd_distance, "exact geodesic distances from points or the border of a mesh", false},
+    {"distance", cmd_distance, "exact geodesic distances from points or the border of a mesh",
+     false},
     {"path", cmd_path, "a minimal geodesic from a point back to the source", false},
     {"cut", cmd_cut, "the surface cut open along the cut locus, a disk", false},
-    {"mesh", cmd_mesh, "make a mesh of a built-in surface, or turn a file into another format", false},
+    {"mesh", cmd_mesh, "make a mesh of a built-in surface, or turn a file into another format",
+     false},
     {"info", cmd_info, "tell what a mesh is: counts, topology, quality", false},
     {"devices", cmd_devices, "list the OpenCL devices and the machine", false},
 };
@@ -53,8 +55,7 @@ static int print_help(void)
 static int unknown_command(const char *name)
 {
     const char *names[N_COMMANDS + 1] = {NULL};
-    for (int i = 0; i < N_COMMANDS; i++)
-        names[i] = commands[i].name;
+    for (int i = 0; i < N_COMMANDS; i++) names[i] = commands[i].name;
     const char *nearest = cli_nearest(name, names);
     if (nearest) {
         return cli_error(EXIT_USAGE, "no command '%s'; did you mean '%s'?", name, nearest);
@@ -70,7 +71,8 @@ static void pin_device_threads(void)
 {
     cpu_set_t allowed;
     long n = sysconf(_SC_NPROCESSORS_ONLN);
-    if (getenv("POCL_MAX_PTHREAD_COUNT") || sched_getaffinity(0, sizeof allowed, &allowed) != 0) return;
+    if (getenv("POCL_MAX_PTHREAD_COUNT") || sched_getaffinity(0, sizeof allowed, &allowed) != 0)
+        return;
     for (long i = 0; i < n; i++) {
         if (i >= CPU_SETSIZE || !CPU_ISSET((size_t)i, &allowed)) return;
     }
@@ -97,7 +99,8 @@ static int run(int argc, char **argv)
     if (strcmp(name, "help") == 0 && argc == 3) {
         name = of_command[0];
         argv = of_command - 1;
-    } else if (strcmp(name, "--help") == 0 || strcmp(name, "-h") == 0 || strcmp(name, "help") == 0) {
+    } else if (strcmp(name, "--help") == 0 || strcmp(name, "-h") == 0 ||
+               strcmp(name, "help") == 0) {
         return print_help();
     }
     if (strcmp(name, "--version") == 0) {
@@ -116,7 +119,8 @@ int main(int argc, char **argv)
 {
     fill_standard_streams();
     cli_catch_signals();
-    signal(SIGXFSZ, SIG_IGN); /* a file that grows too long is an error of the write, told with its name */
+    signal(SIGXFSZ,
+           SIG_IGN); /* a file that grows too long is an error of the write, told with its name */
     /* Decimal points whatever the user's language. The program never asks for another locale, but
      * an OpenCL driver might. */
     locale_t c = newlocale(LC_ALL_MASK, "C", (locale_t)0);

@@ -26,7 +26,8 @@ static size_t stem_length(const char *path)
         const char *s = format.suffixes;
         while (format.reads_mesh && *s) {
             const size_t length = strcspn(s, " ");
-            if (length > 0 && n > length && strncasecmp(path + n - length, s, length) == 0) return n - length;
+            if (length > 0 && n > length && strncasecmp(path + n - length, s, length) == 0)
+                return n - length;
             s += length + (s[length] == ' ');
         }
     }
@@ -74,7 +75,8 @@ static int add_folder(lister *l, const char *folder, size_t head)
         } else if (stat(path, &file) != 0) {
             code = cli_error(EXIT_IO, "cannot look at '%s': %s", path, strerror(errno));
         } else if (S_ISDIR(file.st_mode)) {
-            const bool own = l->has_out && file.st_dev == l->out.st_dev && file.st_ino == l->out.st_ino;
+            const bool own =
+                l->has_out && file.st_dev == l->out.st_dev && file.st_ino == l->out.st_ino;
             if (!own) code = add_folder(l, path, head);
         } else if (stem_length(entry->d_name) > 0) {
             code = add(l, path, path + head);
@@ -98,7 +100,8 @@ static int add_list(lister *l, const char *path)
         if (*line && *line != '#') code = add_path(l, line, true);
     }
     if (code == EXIT_OK && !feof(file)) {
-        code = cli_error(errno == ENOMEM ? EXIT_MEMORY : EXIT_IO, "cannot read '%s': %s", path, strerror(errno));
+        code = cli_error(errno == ENOMEM ? EXIT_MEMORY : EXIT_IO, "cannot read '%s': %s", path,
+                         strerror(errno));
     }
     free(line);
     if (file != stdin) fclose(file);
@@ -108,14 +111,16 @@ static int add_list(lister *l, const char *path)
 static bool is_list(const char *path)
 {
     const char *dot = strrchr(path, '.');
-    return strcmp(path, "-") == 0 || (dot && (strcasecmp(dot, ".txt") == 0 || strcasecmp(dot, ".list") == 0));
+    return strcmp(path, "-") == 0 ||
+           (dot && (strcasecmp(dot, ".txt") == 0 || strcasecmp(dot, ".list") == 0));
 }
 
 static int add_path(lister *l, const char *path, bool from_list)
 {
     struct stat file;
     if (!from_list && is_list(path)) return add_list(l, path);
-    if (stat(path, &file) == 0 && S_ISDIR(file.st_mode)) return add_folder(l, path, strlen(path) + 1);
+    if (stat(path, &file) == 0 && S_ISDIR(file.st_mode))
+        return add_folder(l, path, strlen(path) + 1);
     return add(l, path, base_of(path)); /* that it is no mesh is for its reader to say */
 }
 
@@ -150,9 +155,11 @@ static int check_names(batch_list *list)
     for (size_t i = 1; i < list->n; i++) {
         const batch_mesh *a = &list->mesh[i - 1], *b = &list->mesh[i];
         if (strcmp(a->name, b->name) != 0) continue;
-        return cli_error(EXIT_USAGE,
-                         "batch: '%s' and '%s' would have files of the same name; name the folder that holds "
-                         "both, or do them one by one", a->path, b->path);
+        return cli_error(
+            EXIT_USAGE,
+            "batch: '%s' and '%s' would have files of the same name; name the folder that holds "
+            "both, or do them one by one",
+            a->path, b->path);
     }
     return EXIT_OK;
 }
@@ -166,7 +173,8 @@ int batch_list_create(const cli_words *operands, const char *out_folder, batch_l
     for (size_t i = 0; i < operands->n && code == EXIT_OK; i++) {
         char path[PATH_MAX];
         size_t n = (size_t)snprintf(path, sizeof path, "%s", operands->word[i]);
-        if (n >= sizeof path) return cli_error(EXIT_IO, "the name '%.60s...' is too long", operands->word[i]);
+        if (n >= sizeof path)
+            return cli_error(EXIT_IO, "the name '%.60s...' is too long", operands->word[i]);
         while (n > 1 && path[n - 1] == '/') path[--n] = '\0';
         code = add_path(&l, path, false);
     }

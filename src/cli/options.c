@@ -18,8 +18,7 @@ static size_t edit_distance(const char *a, const char *b)
     const size_t n = strlen(a), m = strlen(b);
     if (n >= 64 || m >= 64) return 64;
     size_t row[64]; /* m + 1: distance of the first i letters of a to the first j of b */
-    for (size_t j = 0; j <= m; j++)
-        row[j] = j;
+    for (size_t j = 0; j <= m; j++) row[j] = j;
     for (size_t i = 1; i <= n; i++) {
         size_t diagonal = row[0];
         row[0] = i;
@@ -128,8 +127,7 @@ static int set_numbers(const cli_option *option, const char *text)
     if (option->kind == CLI_POINT) {
         return good && numbers->n == 3 ? CLI_GO_ON : bad_value(option, text, "a point X,Y,Z");
     }
-    for (int i = 0; i < numbers->n; i++)
-        good = good && numbers->value[i] > 0;
+    for (int i = 0; i < numbers->n; i++) good = good && numbers->value[i] > 0;
     return good ? CLI_GO_ON : bad_value(option, text, "one to three sizes above 0, as A,B,C");
 }
 
@@ -190,8 +188,7 @@ static int print_help(const cli_syntax *syntax)
 static int unknown_option(const cli_syntax *syntax, const char *name, size_t length)
 {
     const char *names[64] = {NULL};
-    for (size_t i = 0; i < syntax->n_options && i < 63; i++)
-        names[i] = syntax->options[i].name;
+    for (size_t i = 0; i < syntax->n_options && i < 63; i++) names[i] = syntax->options[i].name;
     char word[64];
     snprintf(word, sizeof word, "%.*s", (int)length, name);
     const char *nearest = cli_nearest(word, names);

@@ -114,8 +114,7 @@ void cli_use(cli_uses *uses, const char *option, const char *path)
 
 void cli_use_files(cli_uses *uses, const char *option, const cli_files *files)
 {
-    for (int i = 0; i < files->n; i++)
-        cli_use(uses, option, files->path[i]);
+    for (int i = 0; i < files->n; i++) cli_use(uses, option, files->path[i]);
 }
 
 int cli_check_uses(const cli_uses *uses)
@@ -128,9 +127,11 @@ int cli_check_uses(const cli_uses *uses)
             const char *other = uses->use[j].option;
             if (!same_place(&at[i], &at[j])) continue;
             if (!other) {
-                return cli_error(EXIT_USAGE, "--%s: '%s' is read by this run; choose another name", option, path);
+                return cli_error(EXIT_USAGE, "--%s: '%s' is read by this run; choose another name",
+                                 option, path);
             }
-            return cli_error(EXIT_USAGE, "--%s: '%s' is also a file of --%s; choose another name", option, path, other);
+            return cli_error(EXIT_USAGE, "--%s: '%s' is also a file of --%s; choose another name",
+                             option, path, other);
         }
     }
     return EXIT_OK;
@@ -141,7 +142,8 @@ int cli_check_uses(const cli_uses *uses)
 static int cannot_write(const char *path, int error)
 {
     return cli_error(error == ENOMEM ? EXIT_MEMORY : EXIT_IO, "cannot write '%s': %s", path,
-                     error == DMK_OUTFILE_NOT_REGULAR ? "it exists and is not a regular file" : strerror(error));
+                     error == DMK_OUTFILE_NOT_REGULAR ? "it exists and is not a regular file"
+                                                      : strerror(error));
 }
 
 int cli_file_open(const char *path, cli_file *file)

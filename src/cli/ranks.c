@@ -13,11 +13,20 @@ void cli_ranks_begin(int *argc, char ***argv)
     (void)argv;
 }
 
-int cli_ranks_end(int code) { return code; }
+int cli_ranks_end(int code)
+{
+    return code;
+}
 
-const dmk_ranks *cli_ranks(void) { return NULL; }
+const dmk_ranks *cli_ranks(void)
+{
+    return NULL;
+}
 
-bool cli_ranks_first(void) { return true; }
+bool cli_ranks_first(void)
+{
+    return true;
+}
 
 void cli_ranks_speak(void) {}
 
@@ -50,17 +59,24 @@ int cli_ranks_gather(const void *mine, void *all, size_t bytes)
 enum { PATIENCE = 3 };
 
 static struct {
-    dmk_ranks ranks;  /* size 1: alone */
-    MPI_Comm work;    /* the solver's */
-    MPI_Comm end;     /* of cli_ranks_end: a rank may come to it while others work */
-    MPI_Win window;   /* with the first rank's counter */
-    long long *next;  /* that counter */
-    int held, output, error; /* a file of messages, and where to print; held -1: nothing is held back */
+    dmk_ranks ranks; /* size 1: alone */
+    MPI_Comm work;   /* the solver's */
+    MPI_Comm end;    /* of cli_ranks_end: a rank may come to it while others work */
+    MPI_Win window;  /* with the first rank's counter */
+    long long *next; /* that counter */
+    int held, output,
+        error; /* a file of messages, and where to print; held -1: nothing is held back */
 } self = {.ranks = {.size = 1}, .held = -1};
 
-const dmk_ranks *cli_ranks(void) { return self.ranks.size > 1 ? &self.ranks : NULL; }
+const dmk_ranks *cli_ranks(void)
+{
+    return self.ranks.size > 1 ? &self.ranks : NULL;
+}
 
-bool cli_ranks_first(void) { return self.ranks.rank == 0; }
+bool cli_ranks_first(void)
+{
+    return self.ranks.rank == 0;
+}
 
 /* ---- who speaks ------------------------------------------------------------------------------ */
 
@@ -145,7 +161,8 @@ static int exchange(void *user, const void *const *send, const size_t *send_byte
     for (int k = 0; k < self.ranks.size && status == 0; k++) {
         if (receive_bytes[k] > INT_MAX || send_bytes[k] > INT_MAX) status = 1;
         if (status != 0 || receive_bytes[k] == 0) continue;
-        status = MPI_Irecv(receive[k], (int)receive_bytes[k], MPI_BYTE, k, 0, self.work, &request[n++]);
+        status =
+            MPI_Irecv(receive[k], (int)receive_bytes[k], MPI_BYTE, k, 0, self.work, &request[n++]);
     }
     for (int k = 0; k < self.ranks.size && status == 0; k++) {
         if (send_bytes[k] == 0) continue;
@@ -208,8 +225,8 @@ int cli_ranks_gather(const void *mine, void *all, size_t bytes)
         return DMK_OK;
     }
     MPI_Request request;
-    if (MPI_Iallgather(mine, (int)bytes, MPI_BYTE, all, (int)bytes, MPI_BYTE, self.work, &request) !=
-        MPI_SUCCESS) {
+    if (MPI_Iallgather(mine, (int)bytes, MPI_BYTE, all, (int)bytes, MPI_BYTE, self.work,
+                       &request) != MPI_SUCCESS) {
         return DMK_E_DEVICE;
     }
     const int status = wait_all(1, &request);
@@ -271,7 +288,8 @@ static bool gather_codes(int code, int *codes)
     const double begin = cli_seconds();
     MPI_Request request;
     int done = 0;
-    if (MPI_Iallgather(&code, 1, MPI_INT, codes, 1, MPI_INT, self.end, &request) != MPI_SUCCESS) return false;
+    if (MPI_Iallgather(&code, 1, MPI_INT, codes, 1, MPI_INT, self.end, &request) != MPI_SUCCESS)
+        return false;
     while (!done) {
         if (MPI_Test(&request, &done, MPI_STATUS_IGNORE) != MPI_SUCCESS) return false;
         if (!done && code != EXIT_OK && cli_seconds() - begin > PATIENCE) return false;

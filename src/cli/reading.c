@@ -11,9 +11,11 @@ typedef struct count {
 static void tell_repairs(const char *path, const dmk_repairs *did)
 {
     const count counts[] = {
-        {did->merged_vertices, "vertex merged with an equal one", "vertices merged with equal ones"},
+        {did->merged_vertices, "vertex merged with an equal one",
+         "vertices merged with equal ones"},
         {did->flipped_triangles, "triangle without area flipped", "triangles without area flipped"},
-        {did->degenerate_triangles, "triangle without area dropped", "triangles without area dropped"},
+        {did->degenerate_triangles, "triangle without area dropped",
+         "triangles without area dropped"},
         {did->duplicate_triangles, "duplicate triangle dropped", "duplicate triangles dropped"},
         {did->split_edges, "edge parted", "edges parted"},
         {did->turned_triangles, "triangle turned over", "triangles turned over"},
@@ -24,26 +26,29 @@ static void tell_repairs(const char *path, const dmk_repairs *did)
     fprintf(stderr, "dmkcl: %s repaired: ", path);
     for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) {
         if (counts[i].n == 0) continue;
-        fprintf(stderr, "%s%zu %s", before, counts[i].n, counts[i].n == 1 ? counts[i].one : counts[i].many);
+        fprintf(stderr, "%s%zu %s", before, counts[i].n,
+                counts[i].n == 1 ? counts[i].one : counts[i].many);
         before = ", ";
     }
     fprintf(stderr, "%s\n", *before ? "" : "nothing was broken");
 }
 
 /* A mesh in pieces is most often one whose triangles do not share their vertices. */
-static void warn_of_pieces(dmk_context *context, const char *path, const dmk_mesh *mesh, bool repaired)
+static void warn_of_pieces(dmk_context *context, const char *path, const dmk_mesh *mesh,
+                           bool repaired)
 {
     dmk_mesh_info info, whole = {0};
     dmk_mesh *merged = NULL;
     dmk_mesh_get_info(mesh, &info);
     if (info.n_components < 2) return;
-    if (!repaired && dmk_mesh_repair(context, info.n_vertices, dmk_mesh_vertices(mesh), info.n_triangles,
-                                     dmk_mesh_triangles(mesh), NULL, &merged) == DMK_OK) {
+    if (!repaired &&
+        dmk_mesh_repair(context, info.n_vertices, dmk_mesh_vertices(mesh), info.n_triangles,
+                        dmk_mesh_triangles(mesh), NULL, &merged) == DMK_OK) {
         dmk_mesh_get_info(merged, &whole);
         dmk_mesh_destroy(&merged);
     }
-    fprintf(stderr, "dmkcl: warning: %s is in %zu pieces, and only those with a source take part", path,
-            info.n_components);
+    fprintf(stderr, "dmkcl: warning: %s is in %zu pieces, and only those with a source take part",
+            path, info.n_components);
     if (whole.n_components > 0 && whole.n_components < info.n_components) {
         fprintf(stderr, "; --repair, which merges equal vertices, leaves %zu", whole.n_components);
     }
@@ -62,7 +67,8 @@ int cli_read_mesh(dmk_context *context, const char *path, const cli_reading *how
     return rc;
 }
 
-void cli_warn_offset(dmk_context *context, const dmk_mesh *mesh, const double xyz[3], const dmk_point *point)
+void cli_warn_offset(dmk_context *context, const dmk_mesh *mesh, const double xyz[3],
+                     const dmk_point *point)
 {
     char wanted[CLI_TEXT_SIZE], found[CLI_TEXT_SIZE];
     double at[3], square = 0;
@@ -71,12 +77,13 @@ void cli_warn_offset(dmk_context *context, const dmk_mesh *mesh, const double xy
     for (int k = 0; k < 3; k++) square += (at[k] - xyz[k]) * (at[k] - xyz[k]);
     dmk_mesh_get_info(mesh, &info);
     if (!(sqrt(square) > info.mean_edge)) return;
-    fprintf(stderr, "dmkcl: warning: (%s) is %.3g away from the surface; its nearest point (%s) is taken\n",
+    fprintf(stderr,
+            "dmkcl: warning: (%s) is %.3g away from the surface; its nearest point (%s) is taken\n",
             cli_point(xyz, wanted), sqrt(square), cli_point(at, found));
 }
 
-int cli_vertex_point(dmk_context *context, const dmk_mesh *mesh, const dmk_repairs *did, int64_t vertex,
-                     dmk_point *point)
+int cli_vertex_point(dmk_context *context, const dmk_mesh *mesh, const dmk_repairs *did,
+                     int64_t vertex, dmk_point *point)
 {
     if (did->vertex_new && vertex >= 0 && (size_t)vertex < did->n_old_vertices) {
         vertex = did->vertex_new[vertex];

@@ -28,8 +28,8 @@ struct batch_record {
     const char *path; /* NULL: the standard output */
     int fd;
     pthread_mutex_t lock;
-    char options[33]; /* digest of all that changes a result */
-    char *text;       /* of the report as it was */
+    char options[33];   /* digest of all that changes a result */
+    char *text;         /* of the report as it was */
     size_t size, whole; /* of the text; and without a last line that is torn */
     seen *line;
     size_t n, room;
@@ -107,9 +107,9 @@ static void digest_options(const batch_request *request, char hex[33])
 {
     const dmk_solve_options *o = &request->each.solve;
     char text[4096];
-    snprintf(text, sizeof text, "%s %d %d %.17g %.17g %.17g %.17g %.17g %d %.17g %d;", dmk_version(),
-             (int)o->method, (int)o->start, o->dt, o->inertia, o->tolerance, o->gap_tolerance,
-             o->cg_tolerance, o->max_steps, o->threshold, request->each.single);
+    snprintf(text, sizeof text, "%s %d %d %.17g %.17g %.17g %.17g %.17g %d %.17g %d;",
+             dmk_version(), (int)o->method, (int)o->start, o->dt, o->inertia, o->tolerance,
+             o->gap_tolerance, o->cg_tolerance, o->max_steps, o->threshold, request->each.single);
     add_files(text, sizeof text, &request->each.out);
     add_files(text, sizeof text, &request->each.locus);
     add_files(text, sizeof text, &request->each.tangent);
@@ -134,9 +134,12 @@ static char *read_text(const char **at, const char *head)
     char *value = malloc(strcspn(*at, "\n") + 1), *end = value;
     while (value && **at && **at != '"' && **at != '\n') {
         unsigned c;
-        if (**at != '\\') *end++ = *(*at)++;
-        else if (sscanf(*at, "\\u%4x", &c) == 1 && c < 0x80) *end++ = (char)c, *at += 6;
-        else *end++ = (*at)[1], *at += 2;
+        if (**at != '\\')
+            *end++ = *(*at)++;
+        else if (sscanf(*at, "\\u%4x", &c) == 1 && c < 0x80)
+            *end++ = (char)c, *at += 6;
+        else
+            *end++ = (*at)[1], *at += 2;
     }
     if (!value) return NULL;
     *end = '\0';
@@ -197,9 +200,10 @@ static int add_line(batch_record *r, size_t begin, size_t length)
     }
     free(line->name);
     free(line->wanted);
-    return cli_error(cli_exit_code(DMK_E_FORMAT),
-                     "'%s' is not the report of a batch: a line begins with '%.40s'; choose another --report",
-                     r->path, r->text + begin);
+    return cli_error(
+        cli_exit_code(DMK_E_FORMAT),
+        "'%s' is not the report of a batch: a line begins with '%.40s'; choose another --report",
+        r->path, r->text + begin);
 }
 
 static int read_lines(batch_record *r)
@@ -223,13 +227,15 @@ static int read_lines(batch_record *r)
 static int read_report(batch_record *r)
 {
     struct stat file;
-    if (fstat(r->fd, &file) != 0) return cli_error(EXIT_IO, "cannot look at '%s': %s", r->path, strerror(errno));
+    if (fstat(r->fd, &file) != 0)
+        return cli_error(EXIT_IO, "cannot look at '%s': %s", r->path, strerror(errno));
     r->size = (size_t)file.st_size;
     r->text = calloc(r->size + 1, 1);
     if (!r->text) return cli_library_error(NULL, DMK_E_NOMEM);
     for (size_t got = 0; got < r->size;) {
         const ssize_t n = pread(r->fd, r->text + got, r->size - got, (off_t)got);
-        if (n <= 0 && errno != EINTR) return cli_error(EXIT_IO, "cannot read '%s': %s", r->path, strerror(errno));
+        if (n <= 0 && errno != EINTR)
+            return cli_error(EXIT_IO, "cannot read '%s': %s", r->path, strerror(errno));
         if (n > 0) got += (size_t)n;
     }
     return read_lines(r);
@@ -256,7 +262,8 @@ int batch_record_open(const batch_request *request, const batch_list *list, batc
     if (code == EXIT_OK) code = read_report(r);
     if (code == EXIT_OK && r->size > 0 && !request->each.resume) {
         code = cli_error(EXIT_USAGE,
-                         "batch: '%s' exists: --resume goes on with what it lacks, or remove it", r->path);
+                         "batch: '%s' exists: --resume goes on with what it lacks, or remove it",
+                         r->path);
     }
     return code;
 }
@@ -310,21 +317,26 @@ static const char *judge(const batch_record *r, const batch_entry *entry, const 
     if (strcmp(line->digest, mesh->digest) != 0) return "the mesh has changed";
     if (strcmp(line->wanted, entry->wanted) != 0) return "the source is another";
     if (strcmp(line->options, r->options) != 0) return "the options are others";
-    const bool there = batch_name_files(r->request, mesh, entry->source, &one) && files_exist(&one.out) &&
-                       files_exist(&one.locus) && files_exist(&one.tangent);
+    const bool there = batch_name_files(r->request, mesh, entry->source, &one) &&
+                       files_exist(&one.out) && files_exist(&one.locus) &&
+                       files_exist(&one.tangent);
     batch_free_files(&one);
     return there ? NULL : "a file of it is missing";
 }
 
 const char *batch_record_check(batch_record *r, const batch_entry *entry)
 {
-    const seen key = {.name = r->list->mesh[entry->mesh].name, .source = (int64_t)entry->source,
+    const seen key = {.name = r->list->mesh[entry->mesh].name,
+                      .source = (int64_t)entry->source,
                       .begin = SIZE_MAX};
-    size_t lo = 0, hi = r->n; /* the first line not before the key, which is the latest of its kind */
+    size_t lo = 0,
+           hi = r->n; /* the first line not before the key, which is the latest of its kind */
     while (lo < hi) {
         const size_t mid = lo + (hi - lo) / 2;
-        if (compare(&r->line[mid], &key) < 0) lo = mid + 1;
-        else hi = mid;
+        if (compare(&r->line[mid], &key) < 0)
+            lo = mid + 1;
+        else
+            hi = mid;
     }
     seen *line = lo < r->n ? &r->line[lo] : NULL;
     if (!line || strcmp(line->name, key.name) != 0 || line->source != key.source) return "";
@@ -361,7 +373,8 @@ int batch_record_begin(batch_record *r)
 
 /* ---- writing -------------------------------------------------------------------------------- */
 
-void batch_record_fields(const batch_record *r, cli_json *json, const batch_entry *entry, bool failed)
+void batch_record_fields(const batch_record *r, cli_json *json, const batch_entry *entry,
+                         bool failed)
 {
     const batch_mesh *mesh = &r->list->mesh[entry->mesh];
     json_text(json, "name", mesh->name);

@@ -106,8 +106,7 @@ static void write_ranks(cli_json *json, const solve_run *run)
 static void write_names(cli_json *json, const char *key, const cli_files *files)
 {
     json_open(json, key, '[');
-    for (int i = 0; i < files->n; i++)
-        json_text(json, NULL, files->path[i]);
+    for (int i = 0; i < files->n; i++) json_text(json, NULL, files->path[i]);
     json_close(json, '[');
 }
 
@@ -137,8 +136,8 @@ void solve_report_fields(cli_json *json, const solve_request *request, const sol
     write_names(json, "tangent_out", &request->tangent);
 }
 
-static void write_report(FILE *file, bool one_line, const solve_request *request, const solve_run *run,
-                         solve_more more, const void *data)
+static void write_report(FILE *file, bool one_line, const solve_request *request,
+                         const solve_run *run, solve_more more, const void *data)
 {
     cli_json json = {.file = file, .one_line = one_line};
     json_open(&json, NULL, '{');
@@ -147,7 +146,8 @@ static void write_report(FILE *file, bool one_line, const solve_request *request
     json_close(&json, '{');
 }
 
-int solve_report_more(const solve_request *request, const solve_run *run, solve_more more, const void *data)
+int solve_report_more(const solve_request *request, const solve_run *run, solve_more more,
+                      const void *data)
 {
     if (strcmp(request->report, "-") == 0) {
         write_report(stdout, request->sources != NULL, request, run, more, data);
@@ -187,8 +187,8 @@ static void print_mesh(const solve_request *request, const dmk_mesh_info *info)
     char v[CLI_TEXT_SIZE], t[CLI_TEXT_SIZE];
     const int64_t n_loops = (int64_t)info->n_border_loops;
     print_label("mesh");
-    printf("%s: %s vertices, %s triangles, ", request->mesh, cli_count((int64_t)info->n_vertices, v),
-           cli_count((int64_t)info->n_triangles, t));
+    printf("%s: %s vertices, %s triangles, ", request->mesh,
+           cli_count((int64_t)info->n_vertices, v), cli_count((int64_t)info->n_triangles, t));
     if (n_loops == 0) printf("closed");
     if (n_loops > 0) printf("%s border loop%s", cli_count(n_loops, v), plural(n_loops));
     if (info->n_components == 1) {
@@ -245,9 +245,9 @@ static void print_ranks(const solve_run *run)
         printf("%d, each with all of this small mesh\n", run->n_ranks);
         return;
     }
-    printf("%d, %.2g %% of the rows on two of them, %s in %s messages, memory up to %s\n", run->n_ranks,
-           100 * (double)ghosts / (double)own, cli_bytes((uint64_t)bytes, sent), cli_count(n, messages),
-           cli_bytes(most, memory));
+    printf("%d, %.2g %% of the rows on two of them, %s in %s messages, memory up to %s\n",
+           run->n_ranks, 100 * (double)ghosts / (double)own, cli_bytes((uint64_t)bytes, sent),
+           cli_count(n, messages), cli_bytes(most, memory));
 }
 
 static void print_source(const solve_request *request, const solve_run *run)
@@ -273,7 +273,8 @@ static void print_gap(const dmk_stats *stats)
     if (!(stats->gap > 0.01)) return;
     print_label("");
     if (stats->n_steep == 0) {
-        printf("the bounds are far apart as mu has not settled: a smaller --tolerance brings them closer\n");
+        printf("the bounds are far apart as mu has not settled: a smaller --tolerance brings them "
+               "closer\n");
         return;
     }
     printf("the lower bound is held back by %s triangle%s steeper than 1, most by",
@@ -306,8 +307,9 @@ int solve_check_gap(const solve_request *request, const solve_run *run)
     dmk_result_get_stats(run->result, &stats);
     const double asked = request->solve.gap_tolerance;
     if (!(asked > 0) || stats.gap <= asked) return EXIT_OK;
-    return cli_error(EXIT_GAP, "%sthe gap is %.2g, above the %.2g that --gap asked for; a smaller "
-                               "--tolerance may bring it down",
+    return cli_error(EXIT_GAP,
+                     "%sthe gap is %.2g, above the %.2g that --gap asked for; a smaller "
+                     "--tolerance may bring it down",
                      run->where, stats.gap, asked);
 }
 

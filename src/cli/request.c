@@ -14,8 +14,7 @@ void solve_request_init(solve_request *request, const char *command)
 
 void solve_add(solve_table *table, const cli_option *rows, size_t n)
 {
-    for (size_t i = 0; i < n && table->n < SOLVE_MAX_OPTIONS; i++)
-        table->row[table->n++] = rows[i];
+    for (size_t i = 0; i < n && table->n < SOLVE_MAX_OPTIONS; i++) table->row[table->n++] = rows[i];
 }
 
 void solve_add_source(solve_table *table, solve_request *request)
@@ -34,10 +33,7 @@ void solve_add_source(solve_table *table, solve_request *request)
          .lo = 0,
          .hi = INT_MAX,
          .expected = "a vertex number, from 0"},
-        {.name = "repair",
-         .help = CLI_REPAIR_HELP,
-         .kind = CLI_FLAG,
-         .target = &request->repair},
+        {.name = "repair", .help = CLI_REPAIR_HELP, .kind = CLI_FLAG, .target = &request->repair},
     };
     solve_add(table, rows, sizeof rows / sizeof *rows);
 }
@@ -67,7 +63,10 @@ void solve_add_report(solve_table *table, solve_request *request)
          .help = "write the figures of the run as JSON; - is the standard output",
          .kind = CLI_TEXT,
          .target = &request->report},
-        {.name = "json", .help = "the same as --report -", .kind = CLI_FLAG, .target = &request->json},
+        {.name = "json",
+         .help = "the same as --report -",
+         .kind = CLI_FLAG,
+         .target = &request->json},
     };
     solve_add(table, rows, sizeof rows / sizeof *rows);
 }
@@ -102,7 +101,8 @@ void solve_add_device(solve_table *table, solve_request *request)
          .target = &request->device.select},
         {.name = "threads",
          .value = "N",
-         .help = "threads of the host, and of a CPU that is the device;\ndefault: one for each core",
+         .help =
+             "threads of the host, and of a CPU that is the device;\ndefault: one for each core",
          .kind = CLI_INTEGER,
          .target = &request->threads,
          .lo = 1,
@@ -158,7 +158,8 @@ void solve_add_iteration(solve_table *table, solve_request *request)
          .expected = "a number in [0, 1)"},
         {.name = "tolerance",
          .value = "TOL",
-         .help = "stop when the relative change of mu per unit time is below;\ndefault: 3e-3, of inertial 2e-3, of euler 5e-4",
+         .help = "stop when the relative change of mu per unit time is below;\ndefault: 3e-3, of "
+                 "inertial 2e-3, of euler 5e-4",
          .kind = CLI_NUMBER,
          .target = &solve_options->tolerance,
          .lo = DBL_MIN,
@@ -166,7 +167,8 @@ void solve_add_iteration(solve_table *table, solve_request *request)
          .expected = "a number in (0, 1]"},
         {.name = "gap",
          .value = "GAP",
-         .help = "stop when the relative gap of the cost is below; if the run ends with\na larger one, the exit code is 9; default: not used",
+         .help = "stop when the relative gap of the cost is below; if the run ends with\na larger "
+                 "one, the exit code is 9; default: not used",
          .kind = CLI_NUMBER,
          .target = &solve_options->gap_tolerance,
          .lo = DBL_MIN,
@@ -174,7 +176,8 @@ void solve_add_iteration(solve_table *table, solve_request *request)
          .expected = "a number in (0, 1]"},
         {.name = "max-steps",
          .value = "N",
-         .help = "give up after so many steps (exit code 7); default: 60, of inertial\nand euler 2000",
+         .help =
+             "give up after so many steps (exit code 7); default: 60, of inertial\nand euler 2000",
          .kind = CLI_INTEGER,
          .target = &request->max_steps,
          .lo = 1,

@@ -73,7 +73,8 @@ int solve_fail(solve_run *run, int rc)
 static int place(const solve_request *request, solve_run *run)
 {
     if (request->vertex >= 0) {
-        return cli_vertex_point(run->context, run->mesh, &run->repairs, request->vertex, &run->source);
+        return cli_vertex_point(run->context, run->mesh, &run->repairs, request->vertex,
+                                &run->source);
     }
     const double *xyz = request->source.value;
     const int rc = dmk_mesh_project(run->context, run->mesh, xyz, &run->source);

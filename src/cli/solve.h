@@ -50,7 +50,8 @@ typedef struct solve_run {
     dmk_point source;
     solve_times seconds;
     cli_progress progress;
-    solve_rank *ranks; /* n_ranks, filled on all of them; n_ranks is 0 where this one solves alone */
+    solve_rank
+        *ranks; /* n_ranks, filled on all of them; n_ranks is 0 where this one solves alone */
     int n_ranks;
     const char *where; /* of the source, in front of errors: "FILE:LINE: ", or "" */
 } solve_run;
@@ -123,7 +124,8 @@ void solve_report_fields(cli_json *json, const solve_request *request, const sol
 int solve_report(const solve_request *request, const solve_run *run);
 /* The same, with what a command adds to the object. */
 typedef void (*solve_more)(cli_json *json, const solve_run *run, const void *data);
-int solve_report_more(const solve_request *request, const solve_run *run, solve_more more, const void *data);
+int solve_report_more(const solve_request *request, const solve_run *run, solve_more more,
+                      const void *data);
 /* Whether the summary is printed: neither --quiet nor a report on the standard output. */
 bool solve_tells_summary(const solve_request *request);
 /* The summary for a person, on the standard output. */

@@ -9,8 +9,7 @@
 
 static const char *skip_blanks(const char *text)
 {
-    while (isspace((unsigned char)*text))
-        text++;
+    while (isspace((unsigned char)*text)) text++;
     return text;
 }
 
@@ -22,8 +21,10 @@ static bool read_point(const char *text, double xyz[3])
         xyz[k] = strtod(text, &end); /* the locale is C: see main */
         if (end == text || !isfinite(xyz[k])) return false;
         text = skip_blanks(end);
-        if (k < 2 && *text == ',') text = skip_blanks(text + 1);
-        else if (k < 2 && text == end) return false;
+        if (k < 2 && *text == ',')
+            text = skip_blanks(text + 1);
+        else if (k < 2 && text == end)
+            return false;
     }
     return *text == '\0';
 }
@@ -70,7 +71,8 @@ static int read_lines(FILE *file, const char *path, solve_source **list, size_t 
         line[strcspn(line, "#\r\n")] = '\0';
         const char *text = skip_blanks(line);
         if (!*text) continue;
-        if (read_source(text, &source)) code = add(list, n, &source);
+        if (read_source(text, &source))
+            code = add(list, n, &source);
         else {
             code = cli_error(cli_exit_code(DMK_E_FORMAT),
                              "%s:%lld: '%.60s' is not a source; expected X,Y,Z or vertex I", path,

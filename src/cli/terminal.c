@@ -47,7 +47,8 @@ static void describe(const dmk_progress *report, double gap, double left, FILE *
     fprintf(line, "%-8s", report->stage);
     if (report->step > 0) fprintf(line, " step %d", report->step);
     if (report->cg_iterations > 0) fprintf(line, "  %d CG", report->cg_iterations);
-    if (report->step > 0 && isfinite(report->change)) fprintf(line, "  change %.1e", report->change);
+    if (report->step > 0 && isfinite(report->change))
+        fprintf(line, "  change %.1e", report->change);
     if (report->step > 0 && isfinite(gap)) fprintf(line, "  gap %.1e", gap);
     fprintf(line, "  %.1f s", report->seconds);
     if (isfinite(left) && left >= 0.5) fprintf(line, ", about %.0f s left", left);
@@ -81,7 +82,8 @@ static int on_progress(const dmk_progress *report, void *user)
     const bool new_stage = report->stage != progress->stage; /* static strings */
     if (progress->steps) {
         progress->stage = report->stage;
-        if (!new_stage && report->step == 0) return 0; /* a stage without steps: its begin is told */
+        if (!new_stage && report->step == 0)
+            return 0;                               /* a stage without steps: its begin is told */
         if (report->step <= 1) progress->gap = NAN; /* of the source before */
         if (isfinite(report->gap)) progress->gap = report->gap;
         describe(report, progress->gap, NAN, stderr);

@@ -24,8 +24,7 @@ const char *cli_bytes(uint64_t bytes, char text[CLI_TEXT_SIZE])
     static const char *const units[] = {"B", "KiB", "MiB", "GiB", "TiB"};
     double x = (double)bytes;
     int unit = 0;
-    for (; x >= 1024 && unit < 4; unit++)
-        x /= 1024;
+    for (; x >= 1024 && unit < 4; unit++) x /= 1024;
     snprintf(text, CLI_TEXT_SIZE, x < 10 && unit > 0 ? "%.1f %s" : "%.0f %s", x, units[unit]);
     return text;
 }

@@ -10,12 +10,13 @@ typedef struct cli_measure {
     dmk_point *atom; /* n_atoms, with their masses */
     double *mass;
     size_t n_atoms;
-    bool is_free; /* no atom has a mass */
+    bool is_free;        /* no atom has a mass */
     dmk_measure measure; /* of these */
 } cli_measure;
 
 /* `path` may be "uniform": the area of the mesh, spread evenly. The exit code; free in any case. */
-int cli_measure_read(dmk_context *context, const dmk_mesh *mesh, const char *path, cli_measure *measure);
+int cli_measure_read(dmk_context *context, const dmk_mesh *mesh, const char *path,
+                     cli_measure *measure);
 void cli_measure_free(cli_measure *measure);
 
 #endif

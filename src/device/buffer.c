@@ -5,7 +5,10 @@
 #include <string.h>
 
 /* A dmk_buffer* is a cl_mem in disguise. */
-static cl_mem mem_of(const dmk_buffer *b) { return (cl_mem)(uintptr_t)b; }
+static cl_mem mem_of(const dmk_buffer *b)
+{
+    return (cl_mem)(uintptr_t)b;
+}
 
 size_t dmk_device_real(const dmk_device *dev, dmk_program program)
 {
@@ -59,10 +62,10 @@ int dmk_buffer_read(dmk_context *ctx, dmk_device *dev, const dmk_buffer *buffer,
                     size_t bytes, void *to)
 {
     dev->work.reads++;
-    return dmk_cl_check(ctx,
-                        clEnqueueReadBuffer(dev->queue, mem_of(buffer), CL_TRUE, offset, bytes, to,
-                                            0, NULL, NULL),
-                        "clEnqueueReadBuffer");
+    return dmk_cl_check(
+        ctx,
+        clEnqueueReadBuffer(dev->queue, mem_of(buffer), CL_TRUE, offset, bytes, to, 0, NULL, NULL),
+        "clEnqueueReadBuffer");
 }
 
 int dmk_buffer_write_real(dmk_context *ctx, dmk_device *dev, dmk_program program,

@@ -63,10 +63,14 @@ int dmk_cache_folder(dmk_context *ctx, const char *wanted, char *folder, size_t 
 {
     const char *base = getenv("XDG_CACHE_HOME"), *home = getenv("HOME");
     int n;
-    if (wanted) n = snprintf(folder, size, "%s", wanted);
-    else if (base && base[0] == '/') n = snprintf(folder, size, "%s/dmkcl", base);
-    else if (home && home[0] == '/') n = snprintf(folder, size, "%s/.cache/dmkcl", home);
-    else n = snprintf(folder, size, "%s", "");
+    if (wanted)
+        n = snprintf(folder, size, "%s", wanted);
+    else if (base && base[0] == '/')
+        n = snprintf(folder, size, "%s/dmkcl", base);
+    else if (home && home[0] == '/')
+        n = snprintf(folder, size, "%s/.cache/dmkcl", home);
+    else
+        n = snprintf(folder, size, "%s", "");
     if (n < 0 || (size_t)n + 64 > size) {
         return dmk_fail(ctx, DMK_E_ARG, "the cache folder's name is too long");
     }
@@ -106,7 +110,8 @@ int dmk_cache_load(dmk_context *ctx, dmk_device *dev, const char *options, cl_pr
     if (data && size > head && memcmp(data, key, strlen(key)) == 0) {
         memcpy(&sum, data + strlen(key), sizeof sum);
         uint64_t hash = 0xcbf29ce484222325ULL;
-        for (size_t i = head; i < size; i++) hash = (hash ^ (unsigned char)data[i]) * 0x100000001b3ULL;
+        for (size_t i = head; i < size; i++)
+            hash = (hash ^ (unsigned char)data[i]) * 0x100000001b3ULL;
         const unsigned char *binary = (unsigned char *)data + head;
         size_t length = size - head;
         cl_int error = CL_INVALID_BINARY, status = CL_INVALID_BINARY;
@@ -157,13 +162,15 @@ void dmk_cache_store(dmk_device *dev, const char *options, cl_program program)
     if (!dev->cache[0]) return;
     snprintf(folder, sizeof folder, "%s", dev->cache);
     if (make_folders(folder) != 0) return;
-    if (clGetProgramInfo(program, CL_PROGRAM_BINARY_SIZES, sizeof size, &size, NULL) != CL_SUCCESS ||
+    if (clGetProgramInfo(program, CL_PROGRAM_BINARY_SIZES, sizeof size, &size, NULL) !=
+            CL_SUCCESS ||
         size == 0 || size > MAX_BINARY) {
         return;
     }
     char *binary = malloc(size);
     if (!binary) return;
-    if (clGetProgramInfo(program, CL_PROGRAM_BINARIES, sizeof binary, &binary, NULL) == CL_SUCCESS) {
+    if (clGetProgramInfo(program, CL_PROGRAM_BINARIES, sizeof binary, &binary, NULL) ==
+        CL_SUCCESS) {
         make_key(dev, options, key);
         make_path(dev, key, path, sizeof path);
         write_all(path, key, binary, size);
@@ -174,11 +181,16 @@ void dmk_cache_store(dmk_device *dev, const char *options, cl_program program)
 /* Where PoCL keeps its kernels, as its manual says; "" where that is its own choice. */
 static void pocl_folder(char *folder, size_t size)
 {
-    const char *own = getenv("POCL_CACHE_DIR"), *base = getenv("XDG_CACHE_HOME"), *home = getenv("HOME");
-    if (own && *own) snprintf(folder, size, "%s", own);
-    else if (base && *base) snprintf(folder, size, "%s/pocl/kcache", base);
-    else if (home && *home) snprintf(folder, size, "%s/.cache/pocl/kcache", home);
-    else snprintf(folder, size, "%s", "");
+    const char *own = getenv("POCL_CACHE_DIR"), *base = getenv("XDG_CACHE_HOME"),
+               *home = getenv("HOME");
+    if (own && *own)
+        snprintf(folder, size, "%s", own);
+    else if (base && *base)
+        snprintf(folder, size, "%s/pocl/kcache", base);
+    else if (home && *home)
+        snprintf(folder, size, "%s/.cache/pocl/kcache", home);
+    else
+        snprintf(folder, size, "%s", "");
 }
 
 /* Whether a file of so many bytes has room in the folder: 0 or errno. */
@@ -193,8 +205,12 @@ static int try_room(const char *folder, off_t bytes)
     }
     if (fd < 0) return errno;
     struct rlimit limit; /* beyond it comes a signal */
-    if (getrlimit(RLIMIT_FSIZE, &limit) == 0 && limit.rlim_cur < (rlim_t)bytes) bytes = (off_t)limit.rlim_cur;
-    int error = bytes == 0 || fallocate(fd, 0, 0, bytes) == 0 || errno == EOPNOTSUPP || errno == ENOSYS ? 0 : errno;
+    if (getrlimit(RLIMIT_FSIZE, &limit) == 0 && limit.rlim_cur < (rlim_t)bytes)
+        bytes = (off_t)limit.rlim_cur;
+    int error =
+        bytes == 0 || fallocate(fd, 0, 0, bytes) == 0 || errno == EOPNOTSUPP || errno == ENOSYS
+            ? 0
+            : errno;
     close(fd);
     return error;
 }
@@ -207,6 +223,8 @@ int dmk_cache_check_pocl(dmk_context *ctx)
     if (!*folder) return DMK_OK;
     int error = make_folders(folder) == 0 ? try_room(folder, ROOM) : errno;
     if (error == 0) return DMK_OK;
-    return dmk_fail(ctx, DMK_E_DEVICE, "PoCL cannot keep its kernels in %s: %s; set POCL_CACHE_DIR to a folder that "
-                    "can be written to, with %d MB of room", folder, strerror(error), ROOM >> 20);
+    return dmk_fail(ctx, DMK_E_DEVICE,
+                    "PoCL cannot keep its kernels in %s: %s; set POCL_CACHE_DIR to a folder that "
+                    "can be written to, with %d MB of room",
+                    folder, strerror(error), ROOM >> 20);
 }

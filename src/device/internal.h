@@ -16,9 +16,9 @@ struct dmk_kernel {
 enum { DMK_MAX_KERNELS = 128 };
 
 struct dmk_device {
-    pid_t owner;          /* process that opened it */
+    pid_t owner; /* process that opened it */
     cl_platform_id platform;
-    cl_device_id id;      /* what the queue runs on: the root device or a sub-device of it */
+    cl_device_id id; /* what the queue runs on: the root device or a sub-device of it */
     int is_sub_device;
     cl_context cl;
     cl_command_queue queue;
@@ -26,13 +26,13 @@ struct dmk_device {
     dmk_kernel kernel[DMK_MAX_KERNELS];
     int n_kernels;
     dmk_device_info info;
-    int cpu_shape;        /* 1: one work-item per chunk of blocks; 0: one per item, groups of 256 */
-    size_t chunk;         /* blocks per work-item in the CPU shape */
-    dmk_buffer *shares;   /* CPU shape: each thread's progress in a launch (base.cl) */
-    int tag;              /* of the last launch that used it */
+    int cpu_shape;      /* 1: one work-item per chunk of blocks; 0: one per item, groups of 256 */
+    size_t chunk;       /* blocks per work-item in the CPU shape */
+    dmk_buffer *shares; /* CPU shape: each thread's progress in a launch (base.cl) */
+    int tag;            /* of the last launch that used it */
     int double_precision;
     dmk_device_work work;
-    char cache[512];      /* folder for binaries, "" = none */
+    char cache[512]; /* folder for binaries, "" = none */
 };
 
 /* "CL_OUT_OF_RESOURCES" and the like. */

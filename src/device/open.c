@@ -17,9 +17,12 @@ static _Atomic pid_t opencl_process;
 static int claim_opencl(dmk_context *ctx)
 {
     pid_t first = 0;
-    if (atomic_compare_exchange_strong(&opencl_process, &first, getpid()) || first == getpid()) return DMK_OK;
-    return dmk_fail(ctx, DMK_E_DEVICE, "OpenCL was used in process %ld before it forked this one, %ld: no driver "
-                    "bears that; fork first, then open devices", (long)first, (long)getpid());
+    if (atomic_compare_exchange_strong(&opencl_process, &first, getpid()) || first == getpid())
+        return DMK_OK;
+    return dmk_fail(ctx, DMK_E_DEVICE,
+                    "OpenCL was used in process %ld before it forked this one, %ld: no driver "
+                    "bears that; fork first, then open devices",
+                    (long)first, (long)getpid());
 }
 
 enum { MAX_PLATFORMS = 16, MAX_DEVICES = 64 };
@@ -62,18 +65,23 @@ static void describe(const found *f, dmk_device_info *info)
     info->fp64 = fp64 != 0;
 }
 
-static bool is_pocl(const char *platform) { return strcmp(platform, "Portable Computing Language") == 0; }
+static bool is_pocl(const char *platform)
+{
+    return strcmp(platform, "Portable Computing Language") == 0;
+}
 
 /* PoCL ends the whole program, or crashes, where it is started like this. */
 static int check_pocl(dmk_context *ctx)
 {
     const char *threads = getenv("POCL_MAX_PTHREAD_COUNT");
     if (threads && atol(threads) < 0) {
-        return dmk_fail(ctx, DMK_E_DEVICE, "PoCL crashes with POCL_MAX_PTHREAD_COUNT=%.60s; set it to a number from 1",
+        return dmk_fail(ctx, DMK_E_DEVICE,
+                        "PoCL crashes with POCL_MAX_PTHREAD_COUNT=%.60s; set it to a number from 1",
                         threads);
     }
     if (access("/sys/devices/system/cpu", F_OK) != 0) {
-        return dmk_fail(ctx, DMK_E_DEVICE, "PoCL does not start without /sys/devices/system/cpu: mount /sys here");
+        return dmk_fail(ctx, DMK_E_DEVICE,
+                        "PoCL does not start without /sys/devices/system/cpu: mount /sys here");
     }
     return DMK_OK;
 }
@@ -87,18 +95,22 @@ static int name_platform(cl_platform_id platform, char name[128])
 /* The reason, as far as it can be told. */
 static int no_device(dmk_context *ctx, const cl_platform_id *platforms, cl_uint n)
 {
-    static const char *const steer[] = {"POCL_DEVICES", "OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH", "LP_PLATFORM"};
+    static const char *const steer[] = {"POCL_DEVICES", "OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH",
+                                        "LP_PLATFORM"};
     char name[128] = "", hint[400] = "";
     for (cl_uint p = 0; p < n; p++) {
-        int rc = name_platform(platforms[p], name) && is_pocl(name) ? dmk_cache_check_pocl(ctx) : DMK_OK;
+        int rc =
+            name_platform(platforms[p], name) && is_pocl(name) ? dmk_cache_check_pocl(ctx) : DMK_OK;
         if (rc != DMK_OK) return rc;
     }
     for (size_t i = 0; i < sizeof steer / sizeof *steer; i++) {
         const char *value = getenv(steer[i]);
         size_t used = strlen(hint);
-        if (value) snprintf(hint + used, sizeof hint - used, "; try without %s=%.60s", steer[i], value);
+        if (value)
+            snprintf(hint + used, sizeof hint - used, "; try without %s=%.60s", steer[i], value);
     }
-    return dmk_fail(ctx, DMK_E_DEVICE, "%u OpenCL platform%s (%s), but no device%s", n, n == 1 ? "" : "s", name, hint);
+    return dmk_fail(ctx, DMK_E_DEVICE, "%u OpenCL platform%s (%s), but no device%s", n,
+                    n == 1 ? "" : "s", name, hint);
 }
 
 /* All devices of all platforms, in the order the loader gives them. */
@@ -140,7 +152,8 @@ int dmk_device_list(dmk_context *ctx, dmk_device_info *infos, size_t capacity, s
 {
     found all[MAX_DEVICES];
     size_t n;
-    if (dmk_missing(ctx, "count", count, "infos", capacity ? (void *)infos : count, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "count", count, "infos", capacity ? (void *)infos : count, NULL))
+        return DMK_E_ARG;
     int rc = find_all(ctx, all, &n);
     if (rc != DMK_OK) return rc;
     for (size_t i = 0; i < n && i < capacity; i++) describe(&all[i], &infos[i]);
@@ -160,22 +173,27 @@ size_t dmk_device_best(const dmk_device_info *infos, size_t n, const char *type)
         if (type && strcasecmp(infos[i].type, type) != 0) continue;
         const dmk_device_info *a = &infos[i], *b = best < n ? &infos[best] : NULL;
         bool better = !b;
-        if (b && a->fp64 != b->fp64) better = a->fp64 > b->fp64;
-        else if (b && rank_of(a) != rank_of(b)) better = rank_of(a) > rank_of(b);
-        else if (b) better = a->compute_units > b->compute_units;
+        if (b && a->fp64 != b->fp64)
+            better = a->fp64 > b->fp64;
+        else if (b && rank_of(a) != rank_of(b))
+            better = rank_of(a) > rank_of(b);
+        else if (b)
+            better = a->compute_units > b->compute_units;
         if (better) best = i;
     }
     return best;
 }
 
 /* The best of all devices, or of a type. */
-static int choose_best(dmk_context *ctx, const char *type, const found *all, size_t n, size_t *chosen)
+static int choose_best(dmk_context *ctx, const char *type, const found *all, size_t n,
+                       size_t *chosen)
 {
     dmk_device_info infos[MAX_DEVICES] = {{.fp64 = 0}};
     for (size_t i = 0; i < n; i++) describe(&all[i], &infos[i]);
     *chosen = dmk_device_best(infos, n, type);
     if (*chosen < n) return DMK_OK;
-    return dmk_fail(ctx, DMK_E_DEVICE, "no OpenCL device is a %s; the list of devices shows what there is", type);
+    return dmk_fail(ctx, DMK_E_DEVICE,
+                    "no OpenCL device is a %s; the list of devices shows what there is", type);
 }
 
 static int choose(dmk_context *ctx, const char *select, const found *all, size_t n, size_t *chosen)
@@ -243,7 +261,8 @@ void dmk_device_options_init(dmk_device_options *options)
 
 static int check_options(dmk_context *ctx, const dmk_device_options *o)
 {
-    if (o->threads < 0) return dmk_fail(ctx, DMK_E_ARG, "threads = %d: expected 0 or more", o->threads);
+    if (o->threads < 0)
+        return dmk_fail(ctx, DMK_E_ARG, "threads = %d: expected 0 or more", o->threads);
     if ((int)o->shape < DMK_SHAPE_AUTO || o->shape > DMK_SHAPE_GPU) {
         return dmk_fail(ctx, DMK_E_ARG, "shape %d is none of dmk_shape", (int)o->shape);
     }
@@ -271,8 +290,8 @@ int dmk_device_open(dmk_context *ctx, const dmk_device_options *options, dmk_dev
     dev->id = all[chosen].id;
     DMK_TRY(take_units(ctx, dev, options->threads));
     dev->double_precision = dev->info.fp64 && !options->single_precision;
-    dev->cpu_shape = options->shape ? options->shape == DMK_SHAPE_CPU
-                                    : strcmp(dev->info.type, "CPU") == 0;
+    dev->cpu_shape =
+        options->shape ? options->shape == DMK_SHAPE_CPU : strcmp(dev->info.type, "CPU") == 0;
     dev->chunk = cpu_chunk(ctx);
     DMK_TRY(dmk_cache_folder(ctx, options->cache, dev->cache, sizeof dev->cache));
     /* PoCL keeps every compiled kernel in a cache of its own, and asking it for a program's binary makes
@@ -304,7 +323,8 @@ void dmk_device_get_info(const dmk_device *device, dmk_device_info *info)
 int dmk_device_owned(dmk_context *ctx, const dmk_device *device)
 {
     if (device->owner == getpid()) return DMK_OK;
-    return dmk_fail(ctx, DMK_E_DEVICE, "the device was opened by process %ld, of which this one, %ld, is a forked "
+    return dmk_fail(ctx, DMK_E_DEVICE,
+                    "the device was opened by process %ld, of which this one, %ld, is a forked "
                     "child: open devices after forking, in each process its own",
                     (long)device->owner, (long)getpid());
 }

@@ -40,9 +40,9 @@ static int build_from_source(dmk_context *ctx, dmk_device *dev, const char *opti
 {
     int rc;
     cl_int error;
-    cl_program p = clCreateProgramWithSource(dev->cl, (cl_uint)dmk_kernel_n_lines,
-                                             (const char **)(uintptr_t)dmk_kernel_lines, NULL,
-                                             &error);
+    cl_program p =
+        clCreateProgramWithSource(dev->cl, (cl_uint)dmk_kernel_n_lines,
+                                  (const char **)(uintptr_t)dmk_kernel_lines, NULL, &error);
     DMK_TRY(dmk_cl_check(ctx, error, "clCreateProgramWithSource"));
     error = clBuildProgram(p, 1, &dev->id, options, NULL, NULL);
     if (error != CL_SUCCESS) {

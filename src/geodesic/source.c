@@ -52,7 +52,7 @@ static int at_edge(dmk_context *ctx, const dmk_mesh *m, const dmk_star *s, int32
     w[dmk_next(h) % 3] = a / (a + b);
     w[dmk_previous(h) % 3] = b / (a + b);
     for (int k = 0; k < 3; k++) p->point.weight[k] = w[k]; /* just on the edge */
-    add_sector(m, s, dmk_next(h), w, p); /* from corner k+2 to corner k */
+    add_sector(m, s, dmk_next(h), w, p);                   /* from corner k+2 to corner k */
     add_sector(m, s, dmk_previous(h), w, p);
     if (o < 0) return DMK_OK;
     double across[3] = {0};

@@ -28,13 +28,14 @@ int dmk_csv_write_locus(dmk_context *ctx, dmk_output *out, const dmk_curves *c)
         put_bare(out, c);
         return DMK_OK;
     }
-    dmk_output_text(out, "x,y,z,triangle,w0,w1,w2,distance,mu,strength,angle0,angle1,kind,degree,meeting_angle,source_angle\n");
+    dmk_output_text(out, "x,y,z,triangle,w0,w1,w2,distance,mu,strength,angle0,angle1,kind,degree,"
+                         "meeting_angle,source_angle\n");
     for (size_t v = 0; v < c->n_vertices; v++) {
         const dmk_locus_vertex *x = &c->vertex[v];
         const double *w = x->place.weight;
-        const double value[11] = {
-            x->xyz[0],   x->xyz[1], x->xyz[2],   w[0],        w[1],       w[2],
-            x->distance, x->mu,     x->strength, x->angle[0], x->angle[1]};
+        const double value[11] = {x->xyz[0],   x->xyz[1],   x->xyz[2],   w[0],
+                                  w[1],        w[2],        x->distance, x->mu,
+                                  x->strength, x->angle[0], x->angle[1]};
         for (int i = 0; i < 11; i++) {
             dmk_output_number(out, value[i]);
             dmk_output_text(out, ",");

@@ -47,7 +47,8 @@ static int read_all(dmk_context *ctx, int fd, size_t expected, dmk_file *file)
         if (file->size + 1 > room || !file->data) {
             if (file->data) room *= 2;
             if (room > most_bytes()) {
-                return dmk_fail(ctx, DMK_E_NOMEM, "%s: out of memory: %zu bytes and no end", file->path, file->size);
+                return dmk_fail(ctx, DMK_E_NOMEM, "%s: out of memory: %zu bytes and no end",
+                                file->path, file->size);
             }
             char *bigger = realloc(file->data, room + 1);
             if (!bigger) {

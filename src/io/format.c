@@ -25,8 +25,12 @@ int dmk_format_get(size_t index, dmk_format_info *info)
 {
     if (index >= N_FORMATS || !info) return DMK_E_ARG;
     const dmk_format *f = &formats[index];
-    *info = (dmk_format_info){f->name, f->suffixes, f->read_mesh != NULL, f->write_mesh != NULL,
-                              f->write_result != NULL, f->write_locus != NULL};
+    *info = (dmk_format_info){f->name,
+                              f->suffixes,
+                              f->read_mesh != NULL,
+                              f->write_mesh != NULL,
+                              f->write_result != NULL,
+                              f->write_locus != NULL};
     return DMK_OK;
 }
 
@@ -88,9 +92,10 @@ static int find_reader(dmk_context *ctx, const dmk_file *file, const dmk_format 
     }
     *format = find_by_suffix(file->path, READ_MESH);
     if (*format) return DMK_OK;
-    return dmk_fail(ctx, DMK_E_FORMAT, "%s: neither its content nor its suffix is that of a mesh "
-                    "format that is read (%s)", file->path,
-                    list_suffixes(READ_MESH, list, sizeof list));
+    return dmk_fail(ctx, DMK_E_FORMAT,
+                    "%s: neither its content nor its suffix is that of a mesh "
+                    "format that is read (%s)",
+                    file->path, list_suffixes(READ_MESH, list, sizeof list));
 }
 
 static int find_writer(dmk_context *ctx, const char *path, int what, const dmk_format **format)
@@ -144,7 +149,8 @@ int dmk_mesh_read_repaired(dmk_context *ctx, const char *path, dmk_repairs *repa
     dmk_soup soup = {0};
     if (dmk_missing(ctx, "path", path, "mesh", mesh, NULL)) return DMK_E_ARG;
     DMK_TRY(read_soup(ctx, path, &soup));
-    rc = dmk_mesh_repair(ctx, soup.n_vertices, soup.xyz, soup.n_triangles, soup.triangle, repair, mesh);
+    rc = dmk_mesh_repair(ctx, soup.n_vertices, soup.xyz, soup.n_triangles, soup.triangle, repair,
+                         mesh);
     if (rc != DMK_OK) rc = name_file(ctx, path, rc);
 done:
     dmk_soup_free(&soup);

@@ -17,8 +17,10 @@ static int inflate_all(dmk_context *ctx, z_stream *z, const dmk_file *file, dmk_
     int status = Z_OK;
     for (;;) {
         if (out->size > SHORT && out->size / MOST_TIMES > file->size) {
-            return dmk_fail(ctx, DMK_E_FORMAT, "%s: unpacks to more than %d times its size, as no mesh "
-                            "does", file->path, MOST_TIMES);
+            return dmk_fail(ctx, DMK_E_FORMAT,
+                            "%s: unpacks to more than %d times its size, as no mesh "
+                            "does",
+                            file->path, MOST_TIMES);
         }
         if (out->size == room) {
             room = room ? 2 * room : 4 * file->size + 1024;

@@ -206,10 +206,8 @@ static int read_parted_nodes(msh *m, int64_t n, size_t n_more)
     int rc;
     const size_t first = m->soup->n_vertices;
     DMK_TRY(add_room(m, n));
-    for (size_t i = 0; i < (size_t)n; i++)
-        DMK_TRY(read_tag(m, m->size, &m->node[first + i]));
-    for (size_t i = 0; i < (size_t)n; i++)
-        DMK_TRY(read_place(m, first + i, n_more));
+    for (size_t i = 0; i < (size_t)n; i++) DMK_TRY(read_tag(m, m->size, &m->node[first + i]));
+    for (size_t i = 0; i < (size_t)n; i++) DMK_TRY(read_place(m, first + i, n_more));
     m->soup->n_vertices += (size_t)n;
 done:
     return rc;
@@ -275,8 +273,7 @@ static int sort_nodes(msh *m)
 {
     const size_t n = m->soup->n_vertices;
     bool sorted = true;
-    for (size_t i = 1; i < n; i++)
-        sorted = sorted && m->node[i - 1].tag < m->node[i].tag;
+    for (size_t i = 1; i < n; i++) sorted = sorted && m->node[i - 1].tag < m->node[i].tag;
     if (!sorted) qsort(m->node, n, sizeof *m->node, by_tag);
     for (size_t i = 1; i < n; i++) {
         if (m->node[i - 1].tag == m->node[i].tag) {
@@ -423,8 +420,7 @@ int dmk_msh_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
     int rc;
     msh m = {.soup = soup};
     DMK_TRY(dmk_text_open(ctx, file, &m.in.text));
-    while (dmk_text_seek(&m.in.text))
-        DMK_TRY(read_section(&m));
+    while (dmk_text_seek(&m.in.text)) DMK_TRY(read_section(&m));
     DMK_TRY(dmk_cells_end(ctx, file->path, soup, &m.cells));
 done:
     dmk_text_close(&m.in.text);

@@ -66,13 +66,17 @@ static int read_corner(dmk_text *t, size_t n_vertices, size_t seen, int32_t *ver
     int64_t i;
     const char *p = t->at, *word_end = t->at + dmk_text_word(t);
     if (!dmk_integer_read(&p, word_end, &i) || (p < word_end && *p != '/')) {
-        return dmk_text_fail(t, "'%.*s' where a face's vertex should stand: write i, i/t, i//n or "
-                                "i/t/n", (int)dmk_min_i((int32_t)(word_end - t->at), 40), t->at);
+        return dmk_text_fail(t,
+                             "'%.*s' where a face's vertex should stand: write i, i/t, i//n or "
+                             "i/t/n",
+                             (int)dmk_min_i((int32_t)(word_end - t->at), 40), t->at);
     }
     int64_t v = i > 0 ? i - 1 : (int64_t)seen + i;
     if (i == 0 || v < 0 || v >= (int64_t)n_vertices) {
-        return dmk_text_fail(t, "vertex %lld of a face is not among the %zu of the file (OBJ "
-                                "counts from 1)", (long long)i, n_vertices);
+        return dmk_text_fail(t,
+                             "vertex %lld of a face is not among the %zu of the file (OBJ "
+                             "counts from 1)",
+                             (long long)i, n_vertices);
     }
     *vertex = (int32_t)v;
     t->at = word_end;
@@ -173,8 +177,10 @@ int dmk_obj_write(dmk_context *ctx, dmk_output *out, const dmk_fields *fields)
     for (int32_t v = 0; v < m->n_vertices; v++) put_vertex(out, m->xyz + 3 * (size_t)v);
     if (fields->plane) put_plane(out, fields->plane, m->n_vertices);
     for (int32_t t = 0; t < m->n_triangles; t++) {
-        if (fields->plane) put_textured(out, m->triangle + 3 * (size_t)t);
-        else put_indices(out, "f", m->triangle + 3 * (size_t)t, 3);
+        if (fields->plane)
+            put_textured(out, m->triangle + 3 * (size_t)t);
+        else
+            put_indices(out, "f", m->triangle + 3 * (size_t)t, 3);
     }
     return DMK_OK;
 }

@@ -13,8 +13,8 @@
 #define FACE_BYTES 4
 
 typedef struct off_header {
-    bool keyword;  /* there is one */
-    bool extras;   /* more numbers behind the three of a vertex */
+    bool keyword; /* there is one */
+    bool extras;  /* more numbers behind the three of a vertex */
     bool other_dimension;
 } off_header;
 
@@ -66,8 +66,9 @@ static int read_counts(dmk_text *t, int64_t *n_vertices, int64_t *n_faces)
     if (*n_vertices < 0 || *n_faces < 0 || *n_vertices > room / VERTEX_BYTES ||
         *n_faces > room / FACE_BYTES ||
         *n_vertices * VERTEX_BYTES + *n_faces * FACE_BYTES > room + 1) {
-        rc = dmk_text_fail(t, "%lld vertices and %lld faces do not fit into the %lld bytes that "
-                              "follow; the file is cut short or its counts are wrong",
+        rc = dmk_text_fail(t,
+                           "%lld vertices and %lld faces do not fit into the %lld bytes that "
+                           "follow; the file is cut short or its counts are wrong",
                            (long long)*n_vertices, (long long)*n_faces, (long long)room - 1);
         goto done;
     }

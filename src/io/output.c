@@ -39,9 +39,11 @@ int dmk_output_open(dmk_context *ctx, const char *path, dmk_output **out)
     DMK_TRY(dmk_numbers_create(ctx, &s->numbers));
     const int error = dmk_outfile_open(path, &s->file);
     if (error == DMK_OUTFILE_NOT_REGULAR) {
-        rc = dmk_fail(ctx, DMK_E_IO, "%s: exists and is not a regular file; choose another name", path);
+        rc = dmk_fail(ctx, DMK_E_IO, "%s: exists and is not a regular file; choose another name",
+                      path);
     } else if (error != 0) {
-        rc = dmk_fail(ctx, error == ENOMEM ? DMK_E_NOMEM : DMK_E_IO, "%s: cannot create: %s", path, strerror(error));
+        rc = dmk_fail(ctx, error == ENOMEM ? DMK_E_NOMEM : DMK_E_IO, "%s: cannot create: %s", path,
+                      strerror(error));
     }
     if (rc != DMK_OK) goto done;
     *out = s;
@@ -109,8 +111,10 @@ int dmk_output_close(dmk_output **out, int rc)
     if (!s) return rc;
     *out = NULL;
     if (rc == DMK_OK) write_out(s, s->buffer, s->fill);
-    if (rc != DMK_OK || s->error) dmk_outfile_discard(&s->file);
-    else s->error = dmk_outfile_commit(&s->file);
+    if (rc != DMK_OK || s->error)
+        dmk_outfile_discard(&s->file);
+    else
+        s->error = dmk_outfile_commit(&s->file);
     if (s->error) {
         rc = dmk_fail(s->context, DMK_E_IO, "%s: cannot write: %s; nothing was written", s->path,
                       strerror(s->error));

@@ -13,9 +13,9 @@
 static const struct {
     const char *name, *other_name;
     dmk_type type;
-} types[] = {{"char", "int8", DMK_INT8},      {"uchar", "uint8", DMK_UINT8},
-             {"short", "int16", DMK_INT16},   {"ushort", "uint16", DMK_UINT16},
-             {"int", "int32", DMK_INT32},     {"uint", "uint32", DMK_UINT32},
+} types[] = {{"char", "int8", DMK_INT8},        {"uchar", "uint8", DMK_UINT8},
+             {"short", "int16", DMK_INT16},     {"ushort", "uint16", DMK_UINT16},
+             {"int", "int32", DMK_INT32},       {"uint", "uint32", DMK_UINT32},
              {"float", "float32", DMK_FLOAT32}, {"double", "float64", DMK_FLOAT64}};
 
 /* What a property is for: 0, 1, 2 are x, y, z. */
@@ -209,8 +209,7 @@ static int read_property(ply *p, const property *q, int64_t i, dmk_soup *soup)
     int rc;
     int64_t n = 0;
     if (q->role < 3) {
-        return dmk_values_number(&p->in, (dmk_type)q->type, "a value",
-                                 &soup->xyz[3 * i + q->role]);
+        return dmk_values_number(&p->in, (dmk_type)q->type, "a value", &soup->xyz[3 * i + q->role]);
     }
     if (q->length_type < 0) return dmk_values_skip(&p->in, (dmk_type)q->type, 1);
     DMK_TRY(read_whole(p, q->length_type, "length", INT32_MAX, &n));
@@ -291,14 +290,15 @@ done:
 static void put_header(dmk_output *out, const dmk_fields *f)
 {
     dmk_output_text(out, dmk_is_little_endian() ? "ply\nformat binary_little_endian 1.0\n"
-                                                 : "ply\nformat binary_big_endian 1.0\n");
+                                                : "ply\nformat binary_big_endian 1.0\n");
     dmk_output_text(out, "element vertex ");
     dmk_output_integer(out, f->mesh->n_vertices);
     dmk_output_text(out, "\nproperty double x\nproperty double y\nproperty double z\n");
     if (f->mu) dmk_output_text(out, "property double u\n");
     if (f->mu && !f->flux) dmk_output_text(out, "property double distance\n");
     if (f->nearest) {
-        dmk_output_text(out, "property double distance\nproperty double direction\nproperty int nearest\n");
+        dmk_output_text(
+            out, "property double distance\nproperty double direction\nproperty int nearest\n");
     }
     dmk_output_text(out, "element face ");
     dmk_output_integer(out, f->mesh->n_triangles);
@@ -306,7 +306,8 @@ static void put_header(dmk_output *out, const dmk_fields *f)
     if (f->mu) dmk_output_text(out, "property double mu\n");
     if (f->acl) dmk_output_text(out, "property uchar acl\n");
     if (f->flux) {
-        dmk_output_text(out, "property double flux_x\nproperty double flux_y\nproperty double flux_z\n");
+        dmk_output_text(out,
+                        "property double flux_x\nproperty double flux_y\nproperty double flux_z\n");
     }
     dmk_output_text(out, "end_header\n");
 }

@@ -7,8 +7,8 @@
 
 int dmk_text_open(dmk_context *ctx, const dmk_file *file, dmk_text *text)
 {
-    *text = (dmk_text){.context = ctx, .file = file, .at = file->data,
-                       .end = file->data + file->size};
+    *text =
+        (dmk_text){.context = ctx, .file = file, .at = file->data, .end = file->data + file->size};
     return dmk_numbers_create(ctx, &text->numbers);
 }
 
@@ -78,8 +78,10 @@ static int fail_word(const dmk_text *text, const char *what, const char *wanted)
 {
     size_t n = dmk_text_word(text);
     if (text->at >= text->end) {
-        return dmk_text_fail(text, "the file ends before %s; it is cut short or its counts are "
-                                   "wrong", what);
+        return dmk_text_fail(text,
+                             "the file ends before %s; it is cut short or its counts are "
+                             "wrong",
+                             what);
     }
     if (n == 0) return dmk_text_fail(text, "%s is missing", what);
     return dmk_text_fail(text, "'%.*s' where %s should stand: write %s", n > 40 ? 40 : (int)n,

@@ -42,8 +42,7 @@ static number load(dmk_type type, const char *p, bool swap)
 {
     number v = {0};
     const size_t n = type_bytes[type];
-    for (size_t i = 0; i < n; i++)
-        v.byte[swap ? n - 1 - i : i] = p[i];
+    for (size_t i = 0; i < n; i++) v.byte[swap ? n - 1 - i : i] = p[i];
     return v;
 }
 

@@ -22,7 +22,7 @@ void dmk_vtk_head(dmk_output *out, const char *kind, const char *attributes)
     dmk_output_text(out, "<?xml version=\"1.0\"?>\n<VTKFile type=\"");
     dmk_output_text(out, kind);
     dmk_output_text(out, "\" version=\"1.0\" byte_order=\"" BYTE_ORDER_NAME
-                        "\" header_type=\"UInt64\">\n<");
+                         "\" header_type=\"UInt64\">\n<");
     dmk_output_text(out, kind);
     dmk_output_text(out, attributes);
     dmk_output_text(out, ">\n");

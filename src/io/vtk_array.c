@@ -55,8 +55,7 @@ static bool refill(stream *s)
     if (n < 4 || n_fill > 2) return false;
     s->n_held = 3 - n_fill;
     bits >>= 8 * n_fill;
-    for (int i = 2; i >= n_fill; i--, bits >>= 8)
-        s->held[i] = (unsigned char)bits;
+    for (int i = 2; i >= n_fill; i--, bits >>= 8) s->held[i] = (unsigned char)bits;
     return true;
 }
 
@@ -234,8 +233,7 @@ int dmk_vtk_read_numbers(dmk_context *ctx, const dmk_file *file, const dmk_vtk_c
     const reader r = {ctx, file, coding, values, what};
     DMK_TRY(open_values(&r, n, &in, &data));
     DMK_TRY(DMK_NEW(ctx, *number, n));
-    for (size_t i = 0; i < n; i++)
-        DMK_TRY(dmk_values_number(&in, values->type, what, *number + i));
+    for (size_t i = 0; i < n; i++) DMK_TRY(dmk_values_number(&in, values->type, what, *number + i));
 done:
     close_values(&in, data);
     return rc;

@@ -200,8 +200,7 @@ static int read_offset_lists(legacy *v, int64_t n, int64_t size)
     DMK_TRY(read_type(v, &type));
     begin_data(v);
     DMK_TRY(dmk_values_room(&v->in, "corners", size, 1, type));
-    for (size_t k = 0; k < v->n_corner; k++)
-        DMK_TRY(read_corner(v, type, k));
+    for (size_t k = 0; k < v->n_corner; k++) DMK_TRY(read_corner(v, type, k));
 done:
     return rc;
 }
@@ -235,8 +234,7 @@ static int read_poly_cells(legacy *v, dmk_cell cell)
 {
     int rc;
     DMK_TRY(read_lists(v));
-    for (size_t c = 0; c < v->n_cells; c++)
-        DMK_TRY(add_cell(v, c, cell));
+    for (size_t c = 0; c < v->n_cells; c++) DMK_TRY(add_cell(v, c, cell));
 done:
     return rc;
 }
@@ -271,8 +269,7 @@ static int skip_field(legacy *v)
     for (int64_t i = 0; i < n; i++) {
         dmk_text_seek(t);
         if (strncasecmp(t->at, "METADATA", 8) == 0) { /* of the array before */
-            while (dmk_text_more(t))
-                dmk_text_skip_line(t);
+            while (dmk_text_more(t)) dmk_text_skip_line(t);
             dmk_text_seek(t);
         }
         t->at += dmk_text_word(t);
@@ -298,8 +295,7 @@ static int read_part(legacy *v, bool *done)
     if (take_word(v, "POINTS")) return read_points(v);
     if (take_word(v, "FIELD")) return skip_field(v);
     if (take_word(v, "METADATA")) { /* up to an empty line */
-        for (dmk_text_skip_line(t); dmk_text_more(t);)
-            dmk_text_skip_line(t);
+        for (dmk_text_skip_line(t); dmk_text_more(t);) dmk_text_skip_line(t);
         return DMK_OK;
     }
     if (take_word(v, "POINT_DATA") || take_word(v, "CELL_DATA")) {
@@ -328,8 +324,7 @@ int dmk_vtk_legacy_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
     legacy v = {.soup = soup};
     DMK_TRY(dmk_text_open(ctx, file, &v.in.text));
     DMK_TRY(read_header(&v));
-    while (!done && dmk_text_seek(&v.in.text))
-        DMK_TRY(read_part(&v, &done));
+    while (!done && dmk_text_seek(&v.in.text)) DMK_TRY(read_part(&v, &done));
     DMK_TRY(dmk_cells_end(ctx, file->path, soup, &v.cells));
 done:
     dmk_text_close(&v.in.text);

@@ -121,8 +121,7 @@ static int read_faces(vtk *v, const dmk_vtk_piece *p, dmk_vtk_role corners, dmk_
     list l = {0};
     if (n == 0) return DMK_OK;
     DMK_TRY(read_list(v, p, corners, ends, n, &l));
-    for (size_t i = 0; i < l.n; i++)
-        DMK_TRY(add_cell(v, &l, i, cell));
+    for (size_t i = 0; i < l.n; i++) DMK_TRY(add_cell(v, &l, i, cell));
 done:
     list_free(&l);
     return rc;
@@ -137,8 +136,7 @@ static int read_cells(vtk *v, const dmk_vtk_piece *p)
     DMK_TRY(read_list(v, p, DMK_VTK_CELL_CORNERS, DMK_VTK_CELL_ENDS, p->n_cells, &l));
     DMK_TRY(dmk_vtk_read_integers(v->context, v->file, &v->tags.coding,
                                   &p->values[DMK_VTK_CELL_TYPES], "types", l.n, &l.type));
-    for (size_t i = 0; i < l.n; i++)
-        DMK_TRY(add_cell(v, &l, i, dmk_cell_of_vtk(l.type[i])));
+    for (size_t i = 0; i < l.n; i++) DMK_TRY(add_cell(v, &l, i, dmk_cell_of_vtk(l.type[i])));
 done:
     list_free(&l);
     return rc;
@@ -163,8 +161,7 @@ int dmk_vtk_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
     int rc;
     vtk v = {.context = ctx, .file = file, .soup = soup};
     DMK_TRY(dmk_vtk_tags_read(ctx, file, &v.tags));
-    for (size_t i = 0; i < v.tags.n_pieces; i++)
-        DMK_TRY(read_piece(&v, &v.tags.piece[i]));
+    for (size_t i = 0; i < v.tags.n_pieces; i++) DMK_TRY(read_piece(&v, &v.tags.piece[i]));
     DMK_TRY(dmk_cells_end(ctx, file->path, soup, &v.cells));
 done:
     dmk_vtk_tags_free(&v.tags);

@@ -184,8 +184,7 @@ static void open_appended(walk *w, const char **attribute)
 {
     const char *p = tag_end(w), *end = w->file->data + w->file->size;
     w->tags->coding.appended_base64 = is(find(attribute, "encoding"), "base64");
-    while (p < end && *p != '_' && *p != '<')
-        p++;
+    while (p < end && *p != '_' && *p != '<') p++;
     if (p < end && *p == '_') w->tags->coding.appended = p + 1;
     XML_StopParser(w->parser, XML_FALSE);
 }

@@ -31,10 +31,11 @@ static uint64_t hash(const double x[3])
 }
 
 typedef struct weld {
-    double *xyz;    /* 3 for each corner */
+    double *xyz; /* 3 for each corner */
     size_t n_keys;
     dmk_keyed *key; /* n_keys: hash and number of each corner that is to be sorted */
-    int32_t *first; /* for each corner one before it at the same place, or itself; then the vertex */
+    int32_t
+        *first; /* for each corner one before it at the same place, or itself; then the vertex */
 } weld;
 
 enum { SEEN_BITS = 14 };

@@ -55,8 +55,9 @@ void dmk_hierarchy_free(dmk_hierarchy *h);
  * six neighbours a vertex, and not the Galerkin links, which are two to three times as many. */
 typedef struct dmk_adjacency {
     int32_t n;
-    int32_t *row;  /* n + 1 */
-    int32_t *to;   /* row[n]: neighbours, in increasing order below the mesh until there are cells; then
+    int32_t *row; /* n + 1 */
+    int32_t
+        *to; /* row[n]: neighbours, in increasing order below the mesh until there are cells; then
                       those of hubs are in the order of their distance */
     float *length; /* row[n]: distance of the two places in space */
 } dmk_adjacency;

@@ -21,8 +21,9 @@ typedef struct difference {
     int32_t n_links;
     int32_t *row;    /* n_links: first place of the link's entries */
     uint8_t *length; /* n_links: their number */
-    int32_t *coarse; /* MOST * n_links, of which few are used: coarse vertices, increasing for a link */
-    float *value;    /* as many */
+    int32_t
+        *coarse; /* MOST * n_links, of which few are used: coarse vertices, increasing for a link */
+    float *value; /* as many */
 } difference;
 
 static void difference_free(difference *d)
@@ -157,10 +158,10 @@ typedef struct emitter {
     dmk_coarsening *c;
     const difference *d;
     const bucket *by_end;
-    int32_t *first;  /* n_coarse: place in the next two of the links of a */
-    int32_t *count;  /* n_coarse: number of links (a, b > a) */
-    int32_t *other;  /* room for as many as table entries: b, increasing */
-    int32_t *begin;  /* as many: the link's first table entry */
+    int32_t *first; /* n_coarse: place in the next two of the links of a */
+    int32_t *count; /* n_coarse: number of links (a, b > a) */
+    int32_t *other; /* room for as many as table entries: b, increasing */
+    int32_t *begin; /* as many: the link's first table entry */
 } emitter;
 
 /* Working space of one thread. */

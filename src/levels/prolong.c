@@ -87,8 +87,10 @@ static bool are_linked(const dmk_adjacency *g, int32_t a, int32_t b)
     int32_t lo = g->row[a], hi = g->row[a + 1];
     while (lo < hi) {
         int32_t mid = lo + (hi - lo) / 2;
-        if (g->to[mid] < b) lo = mid + 1;
-        else hi = mid;
+        if (g->to[mid] < b)
+            lo = mid + 1;
+        else
+            hi = mid;
     }
     return lo < g->row[a + 1] && g->to[lo] == b;
 }

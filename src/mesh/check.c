@@ -12,7 +12,10 @@ static bool vertex_is_bad(int32_t v, void *data)
     return !isfinite(x[0]) || !isfinite(x[1]) || !isfinite(x[2]);
 }
 
-static bool names_no_vertex(const dmk_mesh *m, int32_t v) { return v < 0 || v >= m->n_vertices; }
+static bool names_no_vertex(const dmk_mesh *m, int32_t v)
+{
+    return v < 0 || v >= m->n_vertices;
+}
 
 static bool triangle_is_bad(int32_t t, void *data)
 {
@@ -33,10 +36,11 @@ static int explain_triangle(dmk_context *ctx, const dmk_mesh *m, int32_t t)
                         "triangle %d names vertex %d, but the %d vertices count from 0 to %d", t,
                         c[k], m->n_vertices, m->n_vertices - 1);
     }
-    return dmk_fail(ctx, DMK_E_MESH,
-                    "triangle %d (vertices %d %d %d) is degenerate: a vertex is repeated; remove it, "
-                    "as a repair does",
-                    t, c[0], c[1], c[2]);
+    return dmk_fail(
+        ctx, DMK_E_MESH,
+        "triangle %d (vertices %d %d %d) is degenerate: a vertex is repeated; remove it, "
+        "as a repair does",
+        t, c[0], c[1], c[2]);
 }
 
 int dmk_check_input(dmk_context *ctx, dmk_mesh *m)
@@ -46,7 +50,8 @@ int dmk_check_input(dmk_context *ctx, dmk_mesh *m)
         const double *x = m->xyz + 3 * (size_t)v;
         return dmk_fail(ctx, DMK_E_MESH,
                         "vertex %d lies at (%g, %g, %g): coordinates must be finite; give it a "
-                        "place or remove it", v, x[0], x[1], x[2]);
+                        "place or remove it",
+                        v, x[0], x[1], x[2]);
     }
     int32_t t = dmk_parallel_first(ctx, m->n_triangles, triangle_is_bad, m);
     return t >= 0 ? explain_triangle(ctx, m, t) : DMK_OK;
@@ -174,7 +179,8 @@ static int explain_orientation(dmk_context *ctx, const dmk_mesh *m, const side *
         rc = dmk_fail(ctx, DMK_E_MESH,
                       "the surface is not orientable (it has one side only, like a Moebius strip "
                       "or a Klein bottle; noticed between triangles %d and %d), which is not "
-                      "treated; cut it open, as a repair does, or use its two-sided double cover", stuck / 3, mate[stuck] / 3);
+                      "treated; cut it open, as a repair does, or use its two-sided double cover",
+                      stuck / 3, mate[stuck] / 3);
     } else {
         rc = dmk_fail(ctx, DMK_E_MESH,
                       "inconsistent orientation: triangles %d and %d run edge %d-%d in the same "
@@ -263,10 +269,11 @@ static int fail_star(dmk_context *ctx, const dmk_mesh *m, int32_t first)
         if (m->triangle[h] == v && !inside[h]) outside = h / 3;
     }
     free(inside);
-    return dmk_fail(ctx, DMK_E_MESH,
-                    "non-manifold vertex %d: triangles %d and %d meet there, but not through "
-                    "shared edges; give each part of the surface its own copy of the vertex, as a repair does",
-                    v, dmk_min_i(first / 3, outside), dmk_max_i(first / 3, outside));
+    return dmk_fail(
+        ctx, DMK_E_MESH,
+        "non-manifold vertex %d: triangles %d and %d meet there, but not through "
+        "shared edges; give each part of the surface its own copy of the vertex, as a repair does",
+        v, dmk_min_i(first / 3, outside), dmk_max_i(first / 3, outside));
 }
 
 typedef struct star_job {

@@ -188,14 +188,16 @@ static int measure_triangle(dmk_context *ctx, const struct dmk_mesh *m, int32_t 
         if (!ctx) return DMK_E_MESH;
         return dmk_fail(ctx, DMK_E_MESH,
                         "triangle %d has a side of %g, too %s to compute with its powers; scale "
-                        "the mesh", t, a, a > 1 ? "long" : "short");
+                        "the mesh",
+                        t, a, a > 1 ? "long" : "short");
     }
     /* The longest side is the sum of the others as far as rounded lengths can tell. */
     if (!(c - (a - b) > 4 * DBL_EPSILON * a)) {
         if (!ctx) return DMK_E_MESH;
         return dmk_fail(ctx, DMK_E_MESH,
                         "triangle %d (vertices %d %d %d) is degenerate: its area is zero; remove "
-                        "it or merge its corners; a repair does that", t, v[0], v[1], v[2]);
+                        "it or merge its corners; a repair does that",
+                        t, v[0], v[1], v[2]);
     }
     double cot[3];
     dmk_measure_sides(l, &m->area[t], cot);
@@ -236,11 +238,13 @@ int dmk_mesh_check_counts(dmk_context *ctx, size_t n_vertices, size_t n_triangle
         return DMK_OK;
     }
     if (n_triangles == 0) {
-        return dmk_fail(ctx, DMK_E_MESH, "%zu vertices and %zu triangles: nothing to solve", n_vertices, n_triangles);
+        return dmk_fail(ctx, DMK_E_MESH, "%zu vertices and %zu triangles: nothing to solve",
+                        n_vertices, n_triangles);
     }
-    return dmk_fail(ctx, DMK_E_MESH,
-                    "%zu vertices and %zu triangles: too many for 32-bit indices, which count to %d of each",
-                    n_vertices, n_triangles, INT32_MAX / 16);
+    return dmk_fail(
+        ctx, DMK_E_MESH,
+        "%zu vertices and %zu triangles: too many for 32-bit indices, which count to %d of each",
+        n_vertices, n_triangles, INT32_MAX / 16);
 }
 
 int dmk_mesh_adopt(dmk_context *ctx, size_t n_vertices, double *xyz, size_t n_triangles,

@@ -19,14 +19,20 @@ struct dmk_mesh {
     int32_t *component;     /* n_triangles: connected component, numbered by first triangle; NULL if
                                there is only one: see dmk_mesh_component */
     int32_t n_components;
-    double *length;         /* n_edges */
-    double *area;           /* n_triangles; cotangents: dmk_cot */
+    double *length; /* n_edges */
+    double *area;   /* n_triangles; cotangents: dmk_cot */
     int32_t n_used_vertices, n_border_edges, n_border_loops;
 };
 
 /* The next half-edge (or corner) of the triangle, counterclockwise, and the one before. */
-static inline int32_t dmk_next(int32_t h) { return h % 3 == 2 ? h - 2 : h + 1; }
-static inline int32_t dmk_previous(int32_t h) { return h % 3 == 0 ? h + 2 : h - 1; }
+static inline int32_t dmk_next(int32_t h)
+{
+    return h % 3 == 2 ? h - 2 : h + 1;
+}
+static inline int32_t dmk_previous(int32_t h)
+{
+    return h % 3 == 0 ? h + 2 : h - 1;
+}
 
 static inline int32_t dmk_mesh_component(const dmk_mesh *m, int32_t t)
 {
@@ -73,18 +79,21 @@ int dmk_mesh_count(dmk_context *context, dmk_mesh *mesh);
  * vertices and edges by first touch. New index -> old index maps are the caller's to free. */
 typedef struct dmk_order {
     dmk_mesh *mesh;
-    int32_t *vertex_old;   /* mesh->n_vertices */
-    int32_t *triangle_old; /* mesh->n_triangles; corner k of the new triangle is corner k of the old */
-    int32_t *edge_old;     /* mesh->n_edges */
+    int32_t *vertex_old; /* mesh->n_vertices */
+    int32_t
+        *triangle_old; /* mesh->n_triangles; corner k of the new triangle is corner k of the old */
+    int32_t *edge_old; /* mesh->n_edges */
 } dmk_order;
 int dmk_order_create(dmk_context *context, const dmk_mesh *mesh, int32_t component,
                      dmk_order *order);
 void dmk_order_free(dmk_order *order);
 
 /* point.c: the point of a triangle nearest to xyz, as weights of its corners, and how far it is from there. */
-double dmk_mesh_nearest_in(const dmk_mesh *mesh, int32_t triangle, const double xyz[3], double weight[3]);
+double dmk_mesh_nearest_in(const dmk_mesh *mesh, int32_t triangle, const double xyz[3],
+                           double weight[3]);
 
 /* point.c: DMK_E_ARG unless it is a point of the mesh; `what` names it in the message. */
-int dmk_point_check(dmk_context *context, const dmk_mesh *mesh, const char *what, const dmk_point *point);
+int dmk_point_check(dmk_context *context, const dmk_mesh *mesh, const char *what,
+                    const dmk_point *point);
 
 #endif

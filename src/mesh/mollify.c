@@ -66,7 +66,8 @@ static bool measure(const dmk_mesh *m, dmk_mesh *mollified)
     double before = 0, after = 0;
     for (int32_t t = 0; t < mollified->n_triangles; t++) {
         const int32_t *e = mollified->triangle_edge + 3 * (size_t)t;
-        const double l[3] = {mollified->length[e[0]], mollified->length[e[1]], mollified->length[e[2]]};
+        const double l[3] = {mollified->length[e[0]], mollified->length[e[1]],
+                             mollified->length[e[2]]};
         double cot[3];
         dmk_measure_sides(l, &mollified->area[t], cot);
         before += m->area[t];
@@ -85,7 +86,8 @@ int dmk_mollify(dmk_context *ctx, const dmk_mesh *m, dmk_mesh *mollified)
     DMK_TRY(DMK_NEW(ctx, mollified->length, (size_t)m->n_edges));
     DMK_TRY(DMK_NEW(ctx, mollified->area, (size_t)m->n_triangles));
     memcpy(mollified->length, m->length, (size_t)m->n_edges * sizeof *m->length);
-    for (int round = 0; round < MAX_ROUNDS && lengthen(m, mollified->length) > 0; round++) {}
+    for (int round = 0; round < MAX_ROUNDS && lengthen(m, mollified->length) > 0; round++) {
+    }
     good = measure(m, mollified);
 done:
     if (!good) dmk_mollify_free(m, mollified);

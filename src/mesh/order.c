@@ -115,8 +115,8 @@ static int renumber(dmk_context *ctx, const dmk_mesh *m, const dmk_keyed *sorted
         for (size_t k = 0; k < 3; k++) {
             fresh->triangle[3 * t + k] = touch(m->triangle[3 * (size_t)old + k], r->vertex,
                                                o->vertex_old, &fresh->n_vertices);
-            fresh->triangle_edge[3 * t + k] = touch(m->triangle_edge[3 * (size_t)old + k], r->edge,
-                                                    o->edge_old, &fresh->n_edges);
+            fresh->triangle_edge[3 * t + k] =
+                touch(m->triangle_edge[3 * (size_t)old + k], r->edge, o->edge_old, &fresh->n_edges);
         }
     }
 done:
@@ -184,8 +184,10 @@ static int gather(dmk_context *ctx, const dmk_mesh *m, const renumbering *number
     dmk_parallel(ctx, to->n_vertices, gather_vertices, &job);
     dmk_parallel(ctx, to->n_edges, gather_edges, &job);
     dmk_parallel(ctx, to->n_triangles, gather_triangles, &job);
-    if (m->n_border_edges > 0) DMK_TRY(dmk_mesh_count(ctx, to));
-    else to->n_used_vertices = to->n_vertices;
+    if (m->n_border_edges > 0)
+        DMK_TRY(dmk_mesh_count(ctx, to));
+    else
+        to->n_used_vertices = to->n_vertices;
 done:
     return rc;
 }

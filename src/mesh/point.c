@@ -42,7 +42,8 @@ static void project_plane(const double *const corner[3], const double x[3], doub
     dmk_subtract(corner[1], corner[0], p);
     dmk_subtract(corner[2], corner[0], q);
     dmk_subtract(x, corner[0], r);
-    double pp = dmk_dot(p, p), pq = dmk_dot(p, q), qq = dmk_dot(q, q), pr = dmk_dot(p, r), qr = dmk_dot(q, r);
+    double pp = dmk_dot(p, p), pq = dmk_dot(p, q), qq = dmk_dot(q, q), pr = dmk_dot(p, r),
+           qr = dmk_dot(q, r);
     double det = pp * qq - pq * pq;
     w[1] = (qq * pr - pq * qr) / det;
     w[2] = (pp * qr - pq * pr) / det;
@@ -105,7 +106,8 @@ int dmk_point_check(dmk_context *ctx, const dmk_mesh *m, const char *what, const
                         (long long)point->triangle, m->n_triangles - 1);
     }
     if (!(w[0] >= 0 && w[1] >= 0 && w[2] >= 0 && fabs(w[0] + w[1] + w[2] - 1) <= SNAP)) {
-        return dmk_fail(ctx, DMK_E_ARG, "%s: weights %g %g %g: they must not be negative and their sum must be 1",
+        return dmk_fail(ctx, DMK_E_ARG,
+                        "%s: weights %g %g %g: they must not be negative and their sum must be 1",
                         what, w[0], w[1], w[2]);
     }
     return DMK_OK;
@@ -139,7 +141,8 @@ int dmk_mesh_project(dmk_context *ctx, const dmk_mesh *m, const double xyz[3], d
     return DMK_OK;
 }
 
-double dmk_mesh_nearest_in(const dmk_mesh *m, int32_t triangle, const double xyz[3], double weight[3])
+double dmk_mesh_nearest_in(const dmk_mesh *m, int32_t triangle, const double xyz[3],
+                           double weight[3])
 {
     const double *corner[3];
     get_corners(m, triangle, corner);
@@ -150,8 +153,8 @@ int dmk_mesh_vertex_point(dmk_context *ctx, const dmk_mesh *m, int64_t vertex, d
 {
     if (dmk_missing(ctx, "mesh", m, "point", point, NULL)) return DMK_E_ARG;
     if (vertex < 0 || vertex >= m->n_vertices) {
-        return dmk_fail(ctx, DMK_E_ARG, "vertex %lld is out of range [0, %d]",
-                        (long long)vertex, m->n_vertices - 1);
+        return dmk_fail(ctx, DMK_E_ARG, "vertex %lld is out of range [0, %d]", (long long)vertex,
+                        m->n_vertices - 1);
     }
     for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
         if (m->triangle[h] != vertex) continue;

@@ -32,7 +32,8 @@ static int push(sampler *s, queued q)
     int rc = DMK_GROW(s->context, s->heap, s->n + 1, s->room);
     if (rc != DMK_OK) return rc;
     size_t i = s->n++;
-    for (; i > 0 && before(q, s->heap[(i - 1) / 2]); i = (i - 1) / 2) s->heap[i] = s->heap[(i - 1) / 2];
+    for (; i > 0 && before(q, s->heap[(i - 1) / 2]); i = (i - 1) / 2)
+        s->heap[i] = s->heap[(i - 1) / 2];
     s->heap[i] = q;
     return DMK_OK;
 }
@@ -70,7 +71,8 @@ static int32_t across(const dmk_mesh *m, int32_t t, int k, double *length)
     const double side = m->length[e];
     /* Heights over the edge and feet along it, from its end at corner k + 1 of t. */
     const double up = 2 * m->area[t] / side, down = 2 * m->area[other] / side;
-    const double foot = dmk_cot(m, 3 * t + (k + 1) % 3) * up, far = dmk_cot(m, 3 * other + (j + 2) % 3) * down;
+    const double foot = dmk_cot(m, 3 * t + (k + 1) % 3) * up,
+                 far = dmk_cot(m, 3 * other + (j + 2) % 3) * down;
     const double crossing = foot + (far - foot) * up / (up + down);
     if (!(crossing > 0 && crossing < side)) return -1;
     *length = hypot(far - foot, up + down);
@@ -125,8 +127,9 @@ static int check(dmk_context *ctx, const sampler *s, size_t n, int64_t first)
 {
     const dmk_mesh *m = s->mesh;
     if (first < 0 || first >= m->n_vertices || s->fan.row[first] == s->fan.row[first + 1]) {
-        return dmk_fail(ctx, DMK_E_ARG, "vertex %lld cannot be the first sample: %s", (long long)first,
-                        first < 0 || first >= m->n_vertices ? "out of range" : "it is in no triangle");
+        return dmk_fail(
+            ctx, DMK_E_ARG, "vertex %lld cannot be the first sample: %s", (long long)first,
+            first < 0 || first >= m->n_vertices ? "out of range" : "it is in no triangle");
     }
     if (n > (size_t)m->n_used_vertices) {
         return dmk_fail(ctx, DMK_E_ARG, "%zu samples are wanted of %d vertices in triangles", n,
@@ -135,7 +138,8 @@ static int check(dmk_context *ctx, const sampler *s, size_t n, int64_t first)
     return DMK_OK;
 }
 
-int dmk_mesh_sample(dmk_context *ctx, const dmk_mesh *mesh, size_t n, int64_t first, int64_t *vertex)
+int dmk_mesh_sample(dmk_context *ctx, const dmk_mesh *mesh, size_t n, int64_t first,
+                    int64_t *vertex)
 {
     int rc;
     if (dmk_missing(ctx, "mesh", mesh, "vertex", vertex, NULL)) return DMK_E_ARG;

@@ -44,7 +44,8 @@ int dmk_explicit(dmk_iteration *o)
         /* Inertia is raised over the first steps: at once it makes them rough. */
         double beta = step == 1 ? 0 : opt->inertia >= 0 ? inertia : fmin(inertia, 0.05 * step);
         DMK_TRY(update(o, inertial, dt, beta, &change));
-        DMK_TRY(dmk_iteration_step_done(o, step, max_steps, o->stats->cg_iterations - before, change));
+        DMK_TRY(
+            dmk_iteration_step_done(o, step, max_steps, o->stats->cg_iterations - before, change));
         if (change <= o->tolerance) goto done;
         if (opt->gap_tolerance > 0 && step % 10 == 0) {
             DMK_TRY(dmk_certify(o, false));

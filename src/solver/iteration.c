@@ -98,27 +98,33 @@ static int diverged(const dmk_iteration *o, int step, const char *what)
 {
     double sharpest = 0; /* the largest cotangent */
     char advice[160];
-    for (int32_t h = 0; h < 3 * o->mesh->n_triangles; h++) sharpest = fmax(sharpest, dmk_cot(o->mesh, h));
+    for (int32_t h = 0; h < 3 * o->mesh->n_triangles; h++)
+        sharpest = fmax(sharpest, dmk_cot(o->mesh, h));
     const double angle = atan2(1, sharpest) * 57.295779513082320877;
     const double dt = o->options->dt > 0 ? o->options->dt : 0.5;
-    if (o->asked == DMK_EULER) snprintf(advice, sizeof advice, "try a dt below %g, or", dt);
-    else if (o->asked == DMK_INERTIAL) snprintf(advice, sizeof advice, "try a smaller inertia, or");
-    else snprintf(advice, sizeof advice, "neither Newton's steps nor explicit ones converge:");
+    if (o->asked == DMK_EULER)
+        snprintf(advice, sizeof advice, "try a dt below %g, or", dt);
+    else if (o->asked == DMK_INERTIAL)
+        snprintf(advice, sizeof advice, "try a smaller inertia, or");
+    else
+        snprintf(advice, sizeof advice, "neither Newton's steps nor explicit ones converge:");
     return dmk_fail(o->ctx, DMK_E_DIVERGED,
-                    "the iteration diverged at step %d (%s); %s improve the mesh's worst triangles: its smallest "
-                    "angle is %.2g degrees", step, what, advice, angle);
+                    "the iteration diverged at step %d (%s); %s improve the mesh's worst "
+                    "triangles: its smallest "
+                    "angle is %.2g degrees",
+                    step, what, advice, angle);
 }
 
 int dmk_iteration_solve(dmk_iteration *o, dmk_buffer *x, double tolerance, int max_iterations,
-                    double *energy)
+                        double *energy)
 {
     int rc, before = o->stats->cg_iterations;
     double gain = 0;
     DMK_TRY(prepare_solve(o));
     /* f.A^-1 f = 2 f.u - u.Au + r.A^-1 r; the first two are short by the square of the error only. */
     double known = 2 * o->fu - o->uau;
-    rc = dmk_pcg(o->ctx, o->sys, DMK_OUTER, DMK_STIFFNESS, x, max_iterations, tolerance, fabs(known),
-                 &o->stats->cg_iterations, &gain);
+    rc = dmk_pcg(o->ctx, o->sys, DMK_OUTER, DMK_STIFFNESS, x, max_iterations, tolerance,
+                 fabs(known), &o->stats->cg_iterations, &gain);
     if (rc == DMK_E_DIVERGED) {
         char what[200];
         snprintf(what, sizeof what, "%.199s", o->ctx->message);
@@ -131,7 +137,8 @@ done:
     return rc;
 }
 
-int dmk_iteration_step_done(dmk_iteration *o, int step, int max_steps, int iterations, double change)
+int dmk_iteration_step_done(dmk_iteration *o, int step, int max_steps, int iterations,
+                            double change)
 {
     o->certified = false;
     o->stats->steps = step;
@@ -141,17 +148,22 @@ int dmk_iteration_step_done(dmk_iteration *o, int step, int max_steps, int itera
         snprintf(what, sizeof what, "relative change of mu %g", change);
         return diverged(o, step, what);
     }
-    dmk_progress report = {.stage = "solve", .step = step, .max_steps = max_steps,
-                           .cg_iterations = iterations, .change = change,
-                           .tolerance = o->tolerance, .gap = o->stats->gap,
+    dmk_progress report = {.stage = "solve",
+                           .step = step,
+                           .max_steps = max_steps,
+                           .cg_iterations = iterations,
+                           .change = change,
+                           .tolerance = o->tolerance,
+                           .gap = o->stats->gap,
                            .seconds = dmk_seconds() - o->began};
     return dmk_report(o->ctx, &report);
 }
 
 int dmk_iteration_limit(dmk_iteration *o, int max_steps)
 {
-    return dmk_fail(o->ctx, DMK_E_LIMIT,
-                    "%d steps did not reach the tolerance: relative change of mu per unit time %.2g, "
-                    "wanted %.2g; raise max_steps or tolerance",
-                    max_steps, o->stats->change, o->tolerance);
+    return dmk_fail(
+        o->ctx, DMK_E_LIMIT,
+        "%d steps did not reach the tolerance: relative change of mu per unit time %.2g, "
+        "wanted %.2g; raise max_steps or tolerance",
+        max_steps, o->stats->change, o->tolerance);
 }

@@ -44,11 +44,12 @@ int dmk_iteration_measure(dmk_iteration *o, double alpha);
 /* Solve A(mu) du = f - A(mu) u to `tolerance` of the energy f.u and add du to x: to s->u, or to a
  * scratch vector where only *energy, f.A^-1 f up to a small excess, is wanted (may be NULL). */
 int dmk_iteration_solve(dmk_iteration *o, dmk_buffer *x, double tolerance, int max_iterations,
-                    double *energy);
+                        double *energy);
 /* Sums (the last `maxima`: maxima) left by a kernel over n items in system->partial. */
 int dmk_iteration_sums(dmk_iteration *o, size_t items, int count, int maxima, double *sums);
 /* Report a step; a change that is not a number or too large is divergence. */
-int dmk_iteration_step_done(dmk_iteration *o, int step, int max_steps, int iterations, double change);
+int dmk_iteration_step_done(dmk_iteration *o, int step, int max_steps, int iterations,
+                            double change);
 
 /* The step limit came before the tolerance: DMK_E_LIMIT with the last change. */
 int dmk_iteration_limit(dmk_iteration *o, int max_steps);
@@ -71,7 +72,7 @@ int dmk_repair(dmk_iteration *o, double goal, bool last);
 
 /* rhs.c: f+ - f- on the rows of T/2 for a source at `point` of the packed mesh. */
 int dmk_right_hand_side(dmk_context *context, const dmk_mesh *mesh, const dmk_system *system,
-             const dmk_point *point, double *f);
+                        const dmk_point *point, double *f);
 /* The weights of the six macro-element nodes (v0 v1 v2 m0 m1 m2) at a point. */
 void dmk_point_weights(const double bary[3], double weight[6]);
 

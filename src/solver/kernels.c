@@ -139,8 +139,8 @@ int dmk_element_stiffness(dmk_context *ctx, dmk_system *s, dmk_program p, const 
     int rc;
     const dmk_buffer *weight = p == DMK_INNER ? s->weight : s->weight_real;
     DMK_TRY(dmk_share_rows(ctx, s->share, p, x));
-    rc = RUN(p, element_stiffness, padded_elements(s), DMK_INT(s->n_elements_pad), DMK_BUF(s->index),
-             DMK_BUF(weight), DMK_BUF(x), DMK_BUF(out_of(s, p)));
+    rc = RUN(p, element_stiffness, padded_elements(s), DMK_INT(s->n_elements_pad),
+             DMK_BUF(s->index), DMK_BUF(weight), DMK_BUF(x), DMK_BUF(out_of(s, p)));
 done:
     return rc;
 }
@@ -149,8 +149,9 @@ int dmk_element_newton(dmk_context *ctx, dmk_system *s, const dmk_buffer *x)
 {
     int rc;
     DMK_TRY(dmk_share_rows(ctx, s->share, DMK_INNER, x));
-    rc = RUN(DMK_INNER, element_newton, padded_elements(s), DMK_INT(s->n_elements_pad), DMK_BUF(s->index),
-             DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(x), DMK_BUF(s->out));
+    rc = RUN(DMK_INNER, element_newton, padded_elements(s), DMK_INT(s->n_elements_pad),
+             DMK_BUF(s->index), DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(x),
+             DMK_BUF(s->out));
 done:
     return rc;
 }
@@ -398,9 +399,9 @@ int dmk_element_scale(dmk_context *ctx, dmk_system *s)
 
 int dmk_element_prepare(dmk_context *ctx, dmk_system *s)
 {
-    return RUN(DMK_OUTER, element_prepare, padded_elements(s), DMK_INT(s->n_elements_pad), DMK_BUF(s->cot),
-               DMK_BUF(s->mu), DMK_BUF(s->weight_real), DMK_BUF(s->weight), DMK_BUF(s->out),
-               DMK_BUF(s->link), DMK_BUF(s->diag_coarse));
+    return RUN(DMK_OUTER, element_prepare, padded_elements(s), DMK_INT(s->n_elements_pad),
+               DMK_BUF(s->cot), DMK_BUF(s->mu), DMK_BUF(s->weight_real), DMK_BUF(s->weight),
+               DMK_BUF(s->out), DMK_BUF(s->link), DMK_BUF(s->diag_coarse));
 }
 
 int dmk_newton_prepare(dmk_context *ctx, dmk_system *s, double alpha, double D)

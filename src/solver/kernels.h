@@ -48,7 +48,8 @@ int dmk_dot(dmk_context *context, dmk_system *s, const dmk_buffer *a, const dmk_
 int dmk_rows_range(dmk_context *context, dmk_system *s, const dmk_buffer *u);
 /* scalars[at .. at + count) = the sums, the last `maxima` the maxima, of what a kernel over `items` items
  * left in partial. */
-int dmk_sum_partials(dmk_context *context, dmk_system *s, size_t items, int count, int maxima, int at);
+int dmk_sum_partials(dmk_context *context, dmk_system *s, size_t items, int count, int maxima,
+                     int at);
 /* u <- alpha u + w. */
 int dmk_scale_add(dmk_context *context, dmk_system *s, double alpha);
 
@@ -118,9 +119,10 @@ int dmk_band_map(dmk_context *context, dmk_system *s, const dmk_bands *bands, co
 
 /* The repair of a potential under way. */
 typedef struct dmk_repair_work {
-    dmk_buffer *u, *before;      /* rows, real; before: without the momentum */
-    dmk_buffer *mark;            /* per element: its places in out_real are not 0 */
-    dmk_buffer *ring, *moved;    /* per row: ring around the hot ones; stamp of the last that moved it */
+    dmk_buffer *u, *before; /* rows, real; before: without the momentum */
+    dmk_buffer *mark;       /* per element: its places in out_real are not 0 */
+    dmk_buffer *ring,
+        *moved; /* per row: ring around the hot ones; stamp of the last that moved it */
     dmk_buffer *elements, *rows; /* the lists */
     dmk_buffer *count;           /* their lengths on the device, and here: */
     int32_t n_elements, n_rows;

@@ -12,8 +12,9 @@ enum {
     PER_TRIANGLE_PACKED = 266, /* operator, rows, hierarchy */
     PER_TRIANGLE_STATE = 212,  /* state and work arrays */
     SINGLE_SAVES = 72,
-    PER_TRIANGLE_HOST = 300, /* the mesh as given and in order, geodesics, maps, working space, result */
-    FIXED_HOST = 90 << 20    /* OpenCL drivers with their compilers, the kernels */
+    PER_TRIANGLE_HOST =
+        300, /* the mesh as given and in order, geodesics, maps, working space, result */
+    FIXED_HOST = 90 << 20 /* OpenCL drivers with their compilers, the kernels */
 };
 
 void dmk_solve_memory(size_t n_triangles, int single_precision, dmk_memory *memory)
@@ -59,8 +60,10 @@ uint64_t dmk_memory_available(void)
 static int refuse(dmk_context *ctx, const char *where, int64_t n, uint64_t needed, uint64_t there)
 {
     return dmk_fail(ctx, DMK_E_NOMEM,
-                    "%lld triangles need about %.1f GB of memory on the %s, and %.1f GB are there; use a coarser "
-                    "mesh, more memory%s", (long long)n, 1e-9 * (double)needed, where, 1e-9 * (double)there,
+                    "%lld triangles need about %.1f GB of memory on the %s, and %.1f GB are there; "
+                    "use a coarser "
+                    "mesh, more memory%s",
+                    (long long)n, 1e-9 * (double)needed, where, 1e-9 * (double)there,
                     strcmp(where, "host") == 0 ? "" : ", or single precision");
 }
 

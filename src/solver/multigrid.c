@@ -59,7 +59,8 @@ static int refresh_coarsest(dmk_context *ctx, dmk_system *s)
     DMK_TRY(DMK_NEW(ctx, columns, n * (size_t)l->n_pad));
     DMK_TRY(dmk_buffer_read(ctx, s->device, l->link, 0, links * sizeof *link, link));
     for (size_t k = 0; k < links; k++) {
-        size_t i = (size_t)s->coarse_link_vertex[2 * k], j = (size_t)s->coarse_link_vertex[2 * k + 1];
+        size_t i = (size_t)s->coarse_link_vertex[2 * k],
+               j = (size_t)s->coarse_link_vertex[2 * k + 1];
         laplacian[i * n + i] += link[k];
         laplacian[j * n + j] += link[k];
         laplacian[i * n + j] -= link[k];
@@ -67,7 +68,8 @@ static int refresh_coarsest(dmk_context *ctx, dmk_system *s)
     }
     DMK_TRY(dmk_laplacian_inverse(ctx, l->n, laplacian, inverse));
     for (size_t c = 0; c < n; c++) {
-        for (size_t i = 0; i < n; i++) columns[c * (size_t)l->n_pad + i] = (float)inverse[c * n + i];
+        for (size_t i = 0; i < n; i++)
+            columns[c * (size_t)l->n_pad + i] = (float)inverse[c * n + i];
     }
     DMK_TRY(dmk_buffer_write(ctx, s->device, s->coarse_inverse, 0,
                              n * (size_t)l->n_pad * sizeof *columns, columns));
@@ -108,7 +110,8 @@ done:
 }
 
 /* Levels i and below, from the residual of the level above i to its corrected x. */
-static int graph_cycle(dmk_context *ctx, dmk_system *s, int32_t i, const chebyshev *c, dmk_buffer *x)
+static int graph_cycle(dmk_context *ctx, dmk_system *s, int32_t i, const chebyshev *c,
+                       dmk_buffer *x)
 {
     int rc;
     dmk_level *l = &s->level[i];

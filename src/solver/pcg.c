@@ -42,8 +42,9 @@ int dmk_pcg(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op, dmk
             double state[6];
             DMK_TRY(dmk_buffer_read_real(ctx, s->device, DMK_OUTER, s->state, 6, state));
             if (!(state[0] < 1e300)) {
-                rc = dmk_fail(ctx, DMK_E_DIVERGED, "conjugate gradients broke down after %d iterations (r.z = %g)",
-                              i, state[0]);
+                rc = dmk_fail(ctx, DMK_E_DIVERGED,
+                              "conjugate gradients broke down after %d iterations (r.z = %g)", i,
+                              state[0]);
                 goto done;
             }
             if (gain) *gain = state[5] + 4 * state[0];

@@ -22,9 +22,9 @@ struct dmk_result {
     double *potential_mid, *distance_mid;    /* n_edges */
     dmk_point source;                        /* on the input mesh */
     dmk_stats stats;
-    dmk_shared_order *order;                 /* of the source's component */
-    int32_t source_triangle;                 /* in that order */
-    dmk_geodesics *geodesics;                /* of that mesh, from the source */
+    dmk_shared_order *order;  /* of the source's component */
+    int32_t source_triangle;  /* in that order */
+    dmk_geodesics *geodesics; /* of that mesh, from the source */
 };
 
 /* For the input mesh, without its arrays. */

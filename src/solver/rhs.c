@@ -16,8 +16,8 @@ void dmk_point_weights(const double b[3], double w[6])
     for (int k = 0; k < 3; k++) w[3 + k] = 1 - 2 * b[k]; /* the middle one */
 }
 
-int dmk_right_hand_side(dmk_context *ctx, const dmk_mesh *m, const dmk_system *s, const dmk_point *p,
-             double *f)
+int dmk_right_hand_side(dmk_context *ctx, const dmk_mesh *m, const dmk_system *s,
+                        const dmk_point *p, double *f)
 {
     (void)ctx;
     double unit2 = s->unit * s->unit, w[6];

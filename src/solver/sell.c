@@ -30,7 +30,7 @@ static void fill_range(int32_t begin, int32_t end, void *data)
 }
 
 int dmk_sell_create(dmk_context *ctx, int32_t n, const int32_t *row, const int32_t *entry,
-                      const float *weight, int32_t filler, dmk_sell *s)
+                    const float *weight, int32_t filler, dmk_sell *s)
 {
     int rc;
     memset(s, 0, sizeof *s);

@@ -41,7 +41,8 @@ static double outflow(const sweep *s, int32_t t, int k)
     const dmk_mesh *mesh = s->mesh;
     const int32_t *corner = mesh->triangle + 3 * (size_t)t;
     const int32_t *edge = mesh->triangle_edge + 3 * (size_t)t;
-    const double cot[3] = {dmk_cot(mesh, 3 * t), dmk_cot(mesh, 3 * t + 1), dmk_cot(mesh, 3 * t + 2)};
+    const double cot[3] = {dmk_cot(mesh, 3 * t), dmk_cot(mesh, 3 * t + 1),
+                           dmk_cot(mesh, 3 * t + 2)};
     int i = (k + 1) % 3, j = (k + 2) % 3;
     double di = s->d[corner[i]], dj = s->d[corner[j]];
     double dk = 2 * (s->mid[edge[i]] + s->mid[edge[j]] - s->mid[edge[k]]) - s->d[corner[k]];
@@ -203,8 +204,7 @@ static void sweep_triangle(sweep *s, int32_t t)
 
 static void sweep_queue(sweep *s, int32_t *head)
 {
-    while (*head < s->n_queue)
-        sweep_triangle(s, s->queue[(*head)++]);
+    while (*head < s->n_queue) sweep_triangle(s, s->queue[(*head)++]);
 }
 
 static double height(const sweep *s, int32_t t)
@@ -233,8 +233,7 @@ static int sweep_rings(dmk_context *ctx, sweep *s, int32_t *head)
     int rc;
     stuck *list = NULL;
     size_t n = 0;
-    for (int32_t t = 0; t < s->mesh->n_triangles; t++)
-        n += s->waiting[t] > 0 && !s->sink[t];
+    for (int32_t t = 0; t < s->mesh->n_triangles; t++) n += s->waiting[t] > 0 && !s->sink[t];
     DMK_TRY(DMK_NEW(ctx, list, n));
     n = 0;
     for (int32_t t = 0; t < s->mesh->n_triangles; t++) {
@@ -256,8 +255,7 @@ static int sweep_run(dmk_context *ctx, sweep *s)
     int32_t head = 0;
     for (int32_t t = 0; t < s->mesh->n_triangles; t++) {
         if (s->sink[t]) continue;
-        for (int k = 0; k < 3; k++)
-            s->waiting[t] += width_out(s, t, k) < 0;
+        for (int k = 0; k < 3; k++) s->waiting[t] += width_out(s, t, k) < 0;
         if (s->waiting[t] == 0) s->queue[s->n_queue++] = t;
     }
     sweep_queue(s, &head);

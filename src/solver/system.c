@@ -40,7 +40,7 @@ static int upload_real(const packer *p, size_t n, const double *data, dmk_buffer
 
 typedef struct element_job {
     const packer *p;
-    int32_t *index;    /* 6 per element */
+    int32_t *index;     /* 6 per element */
     double *cot, *area; /* 3, 1 */
 } element_job;
 
@@ -94,8 +94,8 @@ static double share_of_needles(const dmk_mesh *m)
     return (double)count / m->n_triangles;
 }
 
-static int upload_slices(const packer *p, const dmk_sell *s, dmk_buffer **slice,
-                         dmk_buffer **entry, dmk_buffer **weight)
+static int upload_slices(const packer *p, const dmk_sell *s, dmk_buffer **slice, dmk_buffer **entry,
+                         dmk_buffer **weight)
 {
     int rc;
     size_t places = (size_t)s->slice[s->n_slices] * DMK_WIDTH;
@@ -126,7 +126,7 @@ static int corners_create(const packer *p, dmk_sell *corners)
     dmk_vertex_stars fan = {0};
     DMK_TRY(dmk_vertex_stars_create(p->ctx, p->mesh, &fan));
     DMK_TRY(dmk_sell_create(p->ctx, p->mesh->n_vertices, fan.row, fan.triangle, NULL,
-                              4 * (p->sys->n_elements_pad - 1), corners));
+                            4 * (p->sys->n_elements_pad - 1), corners));
 done:
     dmk_vertex_stars_free(&fan);
     return rc;
@@ -159,7 +159,8 @@ static void corner_place_range(int32_t begin, int32_t end, void *data)
 {
     const place_job *job = data;
     for (int32_t s = begin; s < end; s++) {
-        int32_t first = DMK_WIDTH * job->corners->slice[s], last = DMK_WIDTH * job->corners->slice[s + 1];
+        int32_t first = DMK_WIDTH * job->corners->slice[s],
+                last = DMK_WIDTH * job->corners->slice[s + 1];
         for (int32_t i = first; i < last; i++) {
             int32_t t = job->corners->entry[i] / 4, k = job->corners->entry[i] % 4;
             job->corner[i] = (int32_t)dmk_place(t, k, 6);
@@ -272,8 +273,9 @@ static uint16_t half_of(float x)
         uint32_t u;
     } v = {.f = fabsf(x)};
     const uint16_t sign = x < 0 ? 0x8000 : 0;
-    if (v.f < 6.103515625e-5f) return (uint16_t)(sign | (uint16_t)lrintf(v.f * 16777216.0f)); /* 2^-14, 2^24 */
-    v.u += 0xfff + (v.u >> 13 & 1); /* to even */
+    if (v.f < 6.103515625e-5f)
+        return (uint16_t)(sign | (uint16_t)lrintf(v.f * 16777216.0f)); /* 2^-14, 2^24 */
+    v.u += 0xfff + (v.u >> 13 & 1);                                    /* to even */
     return (uint16_t)(sign | (uint16_t)((v.u >> 13) - (112 << 10)));
 }
 
@@ -379,8 +381,10 @@ static int allocate_cg(const packer *p)
     DMK_TRY(dmk_buffer_create(p->ctx, p->dev, shared, NULL, &s->cg[DMK_OUTER].ap));
     s->link = s->cg[DMK_OUTER].p;
     s->diag_coarse = s->cg[DMK_OUTER].ap;
-    if (wide) DMK_TRY(work(p, DMK_INNER, n, &s->cg[DMK_OUTER].narrow));
-    else s->cg[DMK_OUTER].narrow = s->cg[DMK_OUTER].r;
+    if (wide)
+        DMK_TRY(work(p, DMK_INNER, n, &s->cg[DMK_OUTER].narrow));
+    else
+        s->cg[DMK_OUTER].narrow = s->cg[DMK_OUTER].r;
     s->cg[DMK_INNER] = s->cg[DMK_OUTER];
     s->cg[DMK_INNER].r = s->cg[DMK_INNER].narrow;
     s->w = s->cg[DMK_OUTER].r; /* the inner solution, while the outer residual is not needed */
@@ -401,7 +405,8 @@ static int allocate_work(const packer *p)
     DMK_TRY(work(p, DMK_INNER, 3 * e, &s->weight));
     DMK_TRY(work(p, DMK_INNER, 6 * e, &s->rank_one));
     s->weight_real = s->rank_one; /* A's operator in double, Newton's in single: in turn */
-    s->out = s->out_real; /* what one program puts there is summed up before the other puts anything */
+    s->out =
+        s->out_real; /* what one program puts there is summed up before the other puts anything */
     DMK_TRY(work(p, DMK_INNER, n, &s->inv_diag));
     DMK_TRY(work(p, DMK_INNER, n, &s->x));
     DMK_TRY(work(p, DMK_INNER, n, &s->x_old));
@@ -439,8 +444,9 @@ int dmk_system_allocate(dmk_context *ctx, dmk_system *s)
 
 void dmk_system_release(dmk_system *s)
 {
-    dmk_buffer **all[] = {&s->mu, &s->u, &s->f, &s->q, &s->out_real, &s->before, &s->weight, &s->rank_one,
-                          &s->inv_diag, &s->x, &s->x_old, &s->partial, &s->state, &s->scalars};
+    dmk_buffer **all[] = {&s->mu,     &s->u,       &s->f,        &s->q,        &s->out_real,
+                          &s->before, &s->weight,  &s->rank_one, &s->inv_diag, &s->x,
+                          &s->x_old,  &s->partial, &s->state,    &s->scalars};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) dmk_buffer_destroy(all[i]);
     if (s->w != s->cg[DMK_OUTER].r) dmk_buffer_destroy(&s->w);
     if (s->cg[DMK_OUTER].narrow != s->cg[DMK_OUTER].r) dmk_buffer_destroy(&s->cg[DMK_OUTER].narrow);
@@ -515,8 +521,8 @@ done:
 dmk_counts dmk_system_counts(const dmk_device *device, const dmk_mesh *mesh)
 {
     int32_t part = (int32_t)dmk_launch_part(device);
-    dmk_counts c = {.n_elements = mesh->n_triangles, .n_edges = mesh->n_edges,
-                    .n_vertices = mesh->n_vertices};
+    dmk_counts c = {
+        .n_elements = mesh->n_triangles, .n_edges = mesh->n_edges, .n_vertices = mesh->n_vertices};
     c.n_elements_pad = dmk_padded(mesh->n_triangles);
     c.vertex_row = (mesh->n_edges / part + 1) * part; /* a padding row: filler links read it */
     c.n_rows = c.vertex_row + mesh->n_vertices;
@@ -539,8 +545,10 @@ int dmk_system_create(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh
     set_counts(s, mesh);
     packer p = {ctx, device, mesh, s};
     DMK_TRY(dmk_kernels_create(ctx, device, &s->kernels));
-    if (ranks) DMK_TRY(pack_share(&p, ranks));
-    else DMK_TRY(pack_all(&p)); /* frees the host's hierarchy before ... */
+    if (ranks)
+        DMK_TRY(pack_share(&p, ranks));
+    else
+        DMK_TRY(pack_all(&p)); /* frees the host's hierarchy before ... */
     *system = s;
     s = NULL;
 done:
@@ -550,7 +558,8 @@ done:
 
 /* ---- whole vectors --------------------------------------------------------------------------- */
 
-static int write_whole(dmk_context *ctx, dmk_system *s, bool rows, dmk_buffer *b, const double *whole)
+static int write_whole(dmk_context *ctx, dmk_system *s, bool rows, dmk_buffer *b,
+                       const double *whole)
 {
     int rc;
     double *local = NULL;
@@ -564,7 +573,8 @@ done:
     return rc;
 }
 
-static int read_whole(dmk_context *ctx, dmk_system *s, bool rows, const dmk_buffer *b, double *whole)
+static int read_whole(dmk_context *ctx, dmk_system *s, bool rows, const dmk_buffer *b,
+                      double *whole)
 {
     int rc;
     double *local = NULL;
@@ -600,10 +610,22 @@ int dmk_elements_read(dmk_context *ctx, dmk_system *s, const dmk_buffer *element
 
 static void free_level(dmk_level *l)
 {
-    dmk_buffer **all[] = {&l->slice, &l->neighbour, &l->number, &l->weight, &l->link, &l->inv_diag,
-                          &l->rhs, &l->x, &l->x_old, &l->restrict_slice,
-                          &l->restrict_entry, &l->restrict_weight, &l->prolong_index,
-                          &l->prolong_weight, &l->galerkin_row, &l->galerkin_link,
+    dmk_buffer **all[] = {&l->slice,
+                          &l->neighbour,
+                          &l->number,
+                          &l->weight,
+                          &l->link,
+                          &l->inv_diag,
+                          &l->rhs,
+                          &l->x,
+                          &l->x_old,
+                          &l->restrict_slice,
+                          &l->restrict_entry,
+                          &l->restrict_weight,
+                          &l->prolong_index,
+                          &l->prolong_weight,
+                          &l->galerkin_row,
+                          &l->galerkin_link,
                           &l->galerkin_coef};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) dmk_buffer_destroy(all[i]);
 }
@@ -612,7 +634,8 @@ void dmk_system_destroy(dmk_system **system)
 {
     dmk_system *s = *system;
     if (!s) return;
-    dmk_buffer **all[] = {&s->index, &s->cot, &s->area, &s->slice, &s->slot, &s->ends, &s->coarse_inverse, &s->dense};
+    dmk_buffer **all[] = {&s->index, &s->cot,  &s->area,           &s->slice,
+                          &s->slot,  &s->ends, &s->coarse_inverse, &s->dense};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) dmk_buffer_destroy(all[i]);
     dmk_system_release(s);
     for (int32_t i = 0; i < DMK_SYSTEM_LEVELS; i++) free_level(&s->level[i]);

@@ -43,21 +43,21 @@ typedef struct dmk_system {
     dmk_counts whole; /* of host vectors over the whole mesh */
     int32_t n_elements, n_elements_pad, n_edges, n_vertices, vertex_row, n_rows, n_rows_pad;
     int fine_degree; /* of the smoother on T/2: 2, or 3 on meshes with many needles */
-    double unit; /* length of one unit of the packed problem, in the mesh's unit */
+    double unit;     /* length of one unit of the packed problem, in the mesh's unit */
 
     /* The mesh: see operator.cl. real = the outer program's type. */
-    dmk_buffer *index;            /* 6 per element */
-    dmk_buffer *cot, *area;       /* real, 3 and 1 per element */
-    dmk_buffer *slice, *slot;     /* rows -> places in 6-per-element arrays */
-    dmk_buffer *ends;             /* 2 per row: vertices (on T) whose mean is the row's value */
+    dmk_buffer *index;        /* 6 per element */
+    dmk_buffer *cot, *area;   /* real, 3 and 1 per element */
+    dmk_buffer *slice, *slot; /* rows -> places in 6-per-element arrays */
+    dmk_buffer *ends;         /* 2 per row: vertices (on T) whose mean is the row's value */
 
     /* State, in real: density, potential, right-hand side; energies of the elements. */
     dmk_buffer *mu, *u, *f, *q, *weight_real;
     dmk_buffer *out_real; /* 6 per element: g = K u, then parts of a sum */
-    dmk_buffer *before; /* mu of the step before, or a copy kept by the certificate */
+    dmk_buffer *before;   /* mu of the step before, or a copy kept by the certificate */
     /* Single precision: coefficients of the inner operator, contributions, V-cycle on T/2. */
     dmk_buffer *weight, *rank_one, *out; /* out: out_real's memory */
-    dmk_buffer *link, *diag_coarse; /* 3 per element, until CG begins: its p and ap */
+    dmk_buffer *link, *diag_coarse;      /* 3 per element, until CG begins: its p and ap */
     dmk_buffer *inv_diag, *x, *x_old;
     dmk_buffer *residual; /* of x in a cycle: in place of the older iterate */
     /* Conjugate gradients, inner and outer. */
@@ -72,7 +72,8 @@ typedef struct dmk_system {
     int32_t n_coarse_links;      /* of the coarsest level, for its inverse */
     int32_t *coarse_link_vertex; /* 2 per link */
     dmk_buffer *coarse_inverse;  /* n_pad columns */
-    dmk_buffer *dense; /* n * n numbers to find it in; NULL: the host does, where the device has no double
+    dmk_buffer
+        *dense; /* n * n numbers to find it in; NULL: the host does, where the device has no double
                           precision or n is too large for one work-group */
 } dmk_system;
 

@@ -201,8 +201,10 @@ static int collect_flux(dmk_iteration *o, dmk_solver *s, const double *f, const 
     r->balance = worst_residual(s, mu, u, f, residual);
     if (!(r->balance <= worst_balance)) { /* then the upper bound is none */
         rc = dmk_fail(o->ctx, DMK_E_DIVERGED,
-                      "the linear solver does not converge: the flux misses the loads by %.2g of the largest; "
-                      "improve the mesh's worst triangles", r->balance);
+                      "the linear solver does not converge: the flux misses the loads by %.2g of "
+                      "the largest; "
+                      "improve the mesh's worst triangles",
+                      r->balance);
         goto done;
     }
     for (int32_t t = 0; t < m->n_triangles; t++) {

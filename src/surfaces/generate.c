@@ -149,7 +149,10 @@ done:
     return rc;
 }
 
-static void lift(const void *body, double xyz[3]) { dmk_body_lift(body, xyz); }
+static void lift(const void *body, double xyz[3])
+{
+    dmk_body_lift(body, xyz);
+}
 
 int dmk_mesh_surface(dmk_context *ctx, const dmk_surface_options *o, dmk_mesh **mesh)
 {

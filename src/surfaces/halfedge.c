@@ -20,7 +20,10 @@ static void set_triangle(dmk_halfedge *m, int32_t t, int32_t a, int32_t b, int32
 }
 
 /* The vertex where half-edge h starts. */
-static int32_t origin(const dmk_halfedge *m, int32_t h) { return m->triangle[dmk_next(h)]; }
+static int32_t origin(const dmk_halfedge *m, int32_t h)
+{
+    return m->triangle[dmk_next(h)];
+}
 
 /* Match the half-edges through one list per start vertex. */
 static int find_twins(dmk_context *ctx, dmk_halfedge *m)

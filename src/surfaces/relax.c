@@ -21,10 +21,16 @@ static const int max_flip_passes = 20;
 
 /* ---- geometry -------------------------------------------------------------------------------- */
 
-static const double *point(const dmk_halfedge *m, int32_t v) { return m->xyz + 3 * (size_t)v; }
+static const double *point(const dmk_halfedge *m, int32_t v)
+{
+    return m->xyz + 3 * (size_t)v;
+}
 
 /* Where the vertex at corner c is. */
-static const double *at(const dmk_halfedge *m, int32_t c) { return point(m, m->triangle[c]); }
+static const double *at(const dmk_halfedge *m, int32_t c)
+{
+    return point(m, m->triangle[c]);
+}
 
 /* (b - a) x (c - a): along the normal, of length twice the area. */
 static void area_vector(const double a[3], const double b[3], const double c[3], double n[3])
@@ -57,13 +63,13 @@ double dmk_relax_facing(const dmk_body *body, const double a[3], const double b[
 
 double dmk_relax_quality(const double a[3], const double b[3], const double c[3])
 {
-    double sides = dmk_distance_squared(a, b) + dmk_distance_squared(b, c) + dmk_distance_squared(c, a);
+    double sides =
+        dmk_distance_squared(a, b) + dmk_distance_squared(b, c) + dmk_distance_squared(c, a);
     return sides > 0 ? 2.0 * sqrt(3.0) * double_area(a, b, c) / sides : 0;
 }
 
 /* The quality; negative if turned, the less so the nearer to being mended. */
-static double score(const dmk_body *body, const double a[3], const double b[3],
-                    const double c[3])
+static double score(const dmk_body *body, const double a[3], const double b[3], const double c[3])
 {
     double cosine = dmk_relax_facing(body, a, b, c);
     return cosine < min_facing ? cosine - min_facing : dmk_relax_quality(a, b, c);

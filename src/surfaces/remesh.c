@@ -22,10 +22,16 @@ static const double split_spread = 0.4;
 static const double round_above = 0.3, squeeze_by = 0.5;
 static const int grow_sweeps = 4, squeeze_sweeps = 10, final_sweeps = 60;
 
-static const double *point(const dmk_halfedge *m, int32_t v) { return m->xyz + 3 * (size_t)v; }
+static const double *point(const dmk_halfedge *m, int32_t v)
+{
+    return m->xyz + 3 * (size_t)v;
+}
 
 /* Where the vertex at corner c is. */
-static const double *at(const dmk_halfedge *m, int32_t c) { return point(m, m->triangle[c]); }
+static const double *at(const dmk_halfedge *m, int32_t c)
+{
+    return point(m, m->triangle[c]);
+}
 
 /* ---- growth ---------------------------------------------------------------------------------- */
 
@@ -100,8 +106,8 @@ static int grow(dmk_relaxer *r, int32_t n_vertices)
     int rc = DMK_OK;
     splitter s = {.body = &r->body, .mesh = r->mesh, .dice = 1};
     /* A split adds one vertex, two triangles, three edges. */
-    size_t n_triangles = (size_t)r->mesh->n_triangles +
-                         2 * (size_t)dmk_max_i(0, n_vertices - r->mesh->n_vertices);
+    size_t n_triangles =
+        (size_t)r->mesh->n_triangles + 2 * (size_t)dmk_max_i(0, n_vertices - r->mesh->n_vertices);
     DMK_TRY(DMK_NEW(r->context, s.edges, n_triangles / 2 * 3));
     DMK_TRY(DMK_NEW(r->context, s.touched, n_triangles));
     while (r->mesh->n_vertices < n_vertices) {
@@ -121,7 +127,8 @@ static int32_t snap_source(dmk_halfedge *m, const double source[3])
 {
     int32_t nearest = 0;
     for (int32_t v = 1; v < m->n_vertices; v++) {
-        if (dmk_distance_squared(point(m, v), source) < dmk_distance_squared(point(m, nearest), source)) {
+        if (dmk_distance_squared(point(m, v), source) <
+            dmk_distance_squared(point(m, nearest), source)) {
             nearest = v;
         }
     }
@@ -136,10 +143,9 @@ static int check_triangles(const dmk_relaxer *r)
         const double *x = at(m, c), *y = at(m, c + 1), *z = at(m, c + 2);
         bool turned = dmk_relax_facing(&r->body, x, y, z) <= 0;
         if (!turned && dmk_relax_quality(x, y, z) >= least_quality) continue;
-        return dmk_fail(r->context, DMK_E_ARG,
-                        "%d triangles are too few for this %s: one %s; ask for more",
-                        m->n_triangles, r->body.surface->name,
-                        turned ? "looks inwards" : "is a needle");
+        return dmk_fail(
+            r->context, DMK_E_ARG, "%d triangles are too few for this %s: one %s; ask for more",
+            m->n_triangles, r->body.surface->name, turned ? "looks inwards" : "is a needle");
     }
     return DMK_OK;
 }

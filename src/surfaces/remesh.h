@@ -9,7 +9,7 @@
  * surface. With a source (a point of the surface; NULL: none), *source_vertex is the vertex that
  * sits exactly there, else -1. Equal input gives an equal result.
  * DMK_E_ARG if the triangles are too few to follow the surface. */
-int dmk_remesh(dmk_context *context, const dmk_body *body, int32_t n_vertices,
-               const double *source, dmk_halfedge *mesh, int32_t *source_vertex);
+int dmk_remesh(dmk_context *context, const dmk_body *body, int32_t n_vertices, const double *source,
+               dmk_halfedge *mesh, int32_t *source_vertex);
 
 #endif

@@ -20,7 +20,7 @@ static dmk_mesh *mesh;
 static dmk_device *device;
 static dmk_solver *solver;
 static char folder[200], file[7][260];
-static const char *const names[7] = {"mesh.off", "mesh.ply",  "result.vtp", "result.vtu",
+static const char *const names[7] = {"mesh.off",  "mesh.ply",  "result.vtp", "result.vtu",
                                      "locus.obj", "locus.vtp", "locus.csv"};
 
 static long tried, failed;
@@ -59,7 +59,7 @@ static uint64_t digest_result(const dmk_result *r)
 
 /* ---- scenarios: a status, and the digest if it is DMK_OK ---- */
 
-#define TRY(call) \
+#define TRY(call)                                                                                  \
     if ((rc = (call)) != DMK_OK) goto done
 
 static int read_gzip(uint64_t *h)
@@ -165,8 +165,14 @@ done:
     return rc;
 }
 
-static int solve_newton(uint64_t *h) { return solve_with(solver, DMK_NEWTON, h); }
-static int solve_inertial(uint64_t *h) { return solve_with(solver, DMK_INERTIAL, h); }
+static int solve_newton(uint64_t *h)
+{
+    return solve_with(solver, DMK_NEWTON, h);
+}
+static int solve_inertial(uint64_t *h)
+{
+    return solve_with(solver, DMK_INERTIAL, h);
+}
 
 static dmk_result *solved;
 
@@ -331,7 +337,8 @@ static long count_calls(const scenario *s, const fault *like, const reference *r
     fault_arm(&f);
     int rc = s->run(&h);
     long calls = fault_disarm();
-    if (rc != DMK_OK || h != ref->h) complain(s, like, "not as before once the faults are over", rc);
+    if (rc != DMK_OK || h != ref->h)
+        complain(s, like, "not as before once the faults are over", rc);
     return calls;
 }
 
@@ -341,19 +348,25 @@ static void try_all(const scenario *s, fault f, const reference *ref, int stride
     long calls = count_calls(s, &f, ref), n = 0;
     for (f.at = 1; f.at <= calls; n++) {
         try_one(s, &f, ref);
-        f.at += stride == 1 || f.at < 2 ? 1 : stride - stride / 4 + (f.at * 7 + s->name[0]) % stride / 2;
+        f.at += stride == 1 || f.at < 2
+                    ? 1
+                    : stride - stride / 4 + (f.at * 7 + s->name[0]) % stride / 2;
     }
     count_calls(s, &f, ref);
     printf("%-9s %-8s %-7s code %4d: %5ld of %6ld calls\n", s->name,
-           f.kind == FAULT_MEMORY ? "memory" : f.kind == FAULT_FILE ? "file" : "OpenCL",
+           f.kind == FAULT_MEMORY ? "memory"
+           : f.kind == FAULT_FILE ? "file"
+                                  : "OpenCL",
            f.lasting ? "lasting" : "single", f.code, n, calls);
 }
 
 static void try_kind(const scenario *s, fault_kind kind, const reference *ref, int stride)
 {
-    static const int codes[4][3] = {{0}, {ENOMEM}, {ENOSPC, EIO},
-                                    {CL_OUT_OF_RESOURCES, CL_MEM_OBJECT_ALLOCATION_FAILURE,
-                                     CL_DEVICE_NOT_AVAILABLE}};
+    static const int codes[4][3] = {
+        {0},
+        {ENOMEM},
+        {ENOSPC, EIO},
+        {CL_OUT_OF_RESOURCES, CL_MEM_OBJECT_ALLOCATION_FAILURE, CL_DEVICE_NOT_AVAILABLE}};
     for (int i = 0; i < 3 && codes[kind][i]; i++) {
         for (int lasting = 0; lasting < 2; lasting++) {
             try_all(s, (fault){kind, 1, lasting, codes[kind][i], 0}, ref,

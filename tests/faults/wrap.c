@@ -36,7 +36,10 @@ long fault_disarm(void)
     return atomic_load(&calls);
 }
 
-long fault_live(void) { return atomic_load(&live); }
+long fault_live(void)
+{
+    return atomic_load(&live);
+}
 
 /* Whether this call is to fail. */
 static bool fails(fault_kind kind)
@@ -44,12 +47,19 @@ static bool fails(fault_kind kind)
     if (armed.kind != kind) return false;
     long n = atomic_fetch_add(&calls, 1) + 1;
     if (n != armed.at && !(armed.lasting && n > armed.at)) return false;
-    if (armed.signal) kill(getpid(), armed.signal); /* to the program: which thread takes it is its own affair */
+    if (armed.signal)
+        kill(getpid(), armed.signal); /* to the program: which thread takes it is its own affair */
     return !armed.signal;
 }
 
-static void got(void) { atomic_fetch_add(&live, 1); }
-static void gave(void) { atomic_fetch_sub(&live, 1); }
+static void got(void)
+{
+    atomic_fetch_add(&live, 1);
+}
+static void gave(void)
+{
+    atomic_fetch_sub(&live, 1);
+}
 
 /* ---- steering by the environment ---- */
 
@@ -58,7 +68,8 @@ static void read_order(const char *text)
     fault f = {.code = -5};
     const char *option;
     f.kind = strncmp(text, "memory", 6) == 0 ? FAULT_MEMORY
-             : strncmp(text, "file", 4) == 0 ? FAULT_FILE : FAULT_OPENCL;
+             : strncmp(text, "file", 4) == 0 ? FAULT_FILE
+                                             : FAULT_OPENCL;
     f.at = atol(strchr(text, ':') + 1);
     f.lasting = strstr(text, ":lasting") != NULL;
     if ((option = strstr(text, ":code=")) != NULL) f.code = atoi(option + 6);
@@ -86,8 +97,9 @@ __attribute__((destructor)) static void end(void)
 
 /* ---- memory ---- */
 
-#define WRAP(type, name, ...) type __real_##name(__VA_ARGS__); \
-    type __wrap_##name(__VA_ARGS__); \
+#define WRAP(type, name, ...)                                                                      \
+    type __real_##name(__VA_ARGS__);                                                               \
+    type __wrap_##name(__VA_ARGS__);                                                               \
     type __wrap_##name(__VA_ARGS__)
 
 static void *keep(void *p)
@@ -102,7 +114,10 @@ static void *no_memory(void)
     return NULL;
 }
 
-WRAP(void *, malloc, size_t n) { return fails(FAULT_MEMORY) ? no_memory() : keep(__real_malloc(n)); }
+WRAP(void *, malloc, size_t n)
+{
+    return fails(FAULT_MEMORY) ? no_memory() : keep(__real_malloc(n));
+}
 WRAP(void *, calloc, size_t n, size_t size)
 {
     return fails(FAULT_MEMORY) ? no_memory() : keep(__real_calloc(n, size));
@@ -210,12 +225,18 @@ int __wrap_open(const char *path, int flags, ...)
     va_end(args);
     return fails(FAULT_FILE) ? no_file() : keep_file(__real_open(path, flags, mode));
 }
-WRAP(int, dup, int fd) { return fails(FAULT_FILE) ? no_file() : keep_file(__real_dup(fd)); }
+WRAP(int, dup, int fd)
+{
+    return fails(FAULT_FILE) ? no_file() : keep_file(__real_dup(fd));
+}
 WRAP(int, linkat, int a, const char *from, int b, const char *to, int flags)
 {
     return fails(FAULT_FILE) ? no_file() : __real_linkat(a, from, b, to, flags);
 }
-WRAP(int, flock, int fd, int how) { return fails(FAULT_FILE) ? no_file() : __real_flock(fd, how); }
+WRAP(int, flock, int fd, int how)
+{
+    return fails(FAULT_FILE) ? no_file() : __real_flock(fd, how);
+}
 WRAP(ssize_t, readlink, const char *path, char *to, size_t n)
 {
     return fails(FAULT_FILE) ? no_file() : __real_readlink(path, to, n);
@@ -230,7 +251,10 @@ WRAP(int, close, int fd)
     int rc = __real_close(fd); /* as close does it: gone even where an error is told */
     return fails(FAULT_FILE) ? no_file() : rc;
 }
-WRAP(int, fstat, int fd, struct stat *st) { return fails(FAULT_FILE) ? no_file() : __real_fstat(fd, st); }
+WRAP(int, fstat, int fd, struct stat *st)
+{
+    return fails(FAULT_FILE) ? no_file() : __real_fstat(fd, st);
+}
 WRAP(ssize_t, read, int fd, void *to, size_t n)
 {
     return fails(FAULT_FILE) ? no_file() : __real_read(fd, to, n);
@@ -239,8 +263,14 @@ WRAP(ssize_t, write, int fd, const void *from, size_t n)
 {
     return fails(FAULT_FILE) ? no_file() : __real_write(fd, from, n);
 }
-WRAP(int, fsync, int fd) { return fails(FAULT_FILE) ? no_file() : __real_fsync(fd); }
-WRAP(int, fchmod, int fd, mode_t mode) { return fails(FAULT_FILE) ? no_file() : __real_fchmod(fd, mode); }
+WRAP(int, fsync, int fd)
+{
+    return fails(FAULT_FILE) ? no_file() : __real_fsync(fd);
+}
+WRAP(int, fchmod, int fd, mode_t mode)
+{
+    return fails(FAULT_FILE) ? no_file() : __real_fchmod(fd, mode);
+}
 WRAP(int, rename, const char *from, const char *to)
 {
     return fails(FAULT_FILE) ? no_file() : __real_rename(from, to);
@@ -272,7 +302,10 @@ WRAP(int, fclose, FILE *f)
     int rc = __real_fclose(f);
     return fails(FAULT_FILE) ? no_file() : rc;
 }
-WRAP(int, fflush, FILE *f) { return fails(FAULT_FILE) ? no_file() : __real_fflush(f); }
+WRAP(int, fflush, FILE *f)
+{
+    return fails(FAULT_FILE) ? no_file() : __real_fflush(f);
+}
 WRAP(size_t, fwrite, const void *from, size_t size, size_t n, FILE *f)
 {
     if (fails(FAULT_FILE)) {
@@ -293,42 +326,47 @@ WRAP(size_t, fread, void *to, size_t size, size_t n, FILE *f)
 /* ---- OpenCL ---- */
 
 /* Calls that tell their error through a place, and give an object. */
-#define WRAP_CREATE(type, name, params, args) \
-    type __real_##name params; \
-    type __wrap_##name params; \
-    type __wrap_##name params \
-    { \
-        if (fails(FAULT_OPENCL)) { \
-            if (error) *error = armed.code; \
-            return NULL; \
-        } \
-        return keep(__real_##name args); \
+#define WRAP_CREATE(type, name, params, args)                                                      \
+    type __real_##name params;                                                                     \
+    type __wrap_##name params;                                                                     \
+    type __wrap_##name params                                                                      \
+    {                                                                                              \
+        if (fails(FAULT_OPENCL)) {                                                                 \
+            if (error) *error = armed.code;                                                        \
+            return NULL;                                                                           \
+        }                                                                                          \
+        return keep(__real_##name args);                                                           \
     }
 /* Calls that give their error. */
-#define WRAP_CALL(name, params, args) \
-    cl_int __real_##name params; \
-    cl_int __wrap_##name params; \
-    cl_int __wrap_##name params { return fails(FAULT_OPENCL) ? armed.code : __real_##name args; }
+#define WRAP_CALL(name, params, args)                                                              \
+    cl_int __real_##name params;                                                                   \
+    cl_int __wrap_##name params;                                                                   \
+    cl_int __wrap_##name params                                                                    \
+    {                                                                                              \
+        return fails(FAULT_OPENCL) ? armed.code : __real_##name args;                              \
+    }
 /* Giving back is never made to fail: what then leaks is the driver's. */
-#define WRAP_RELEASE(name, type) \
-    cl_int __real_##name(type); \
-    cl_int __wrap_##name(type); \
-    cl_int __wrap_##name(type object) \
-    { \
-        gave(); \
-        return __real_##name(object); \
+#define WRAP_RELEASE(name, type)                                                                   \
+    cl_int __real_##name(type);                                                                    \
+    cl_int __wrap_##name(type);                                                                    \
+    cl_int __wrap_##name(type object)                                                              \
+    {                                                                                              \
+        gave();                                                                                    \
+        return __real_##name(object);                                                              \
     }
 
 typedef void(CL_CALLBACK *context_fn)(const char *, const void *, size_t, void *);
 typedef void(CL_CALLBACK *program_fn)(cl_program, void *);
 
 WRAP_CREATE(cl_context, clCreateContext,
-            (const cl_context_properties *p, cl_uint n, const cl_device_id *d, context_fn fn, void *user,
-             cl_int *error), (p, n, d, fn, user, error))
+            (const cl_context_properties *p, cl_uint n, const cl_device_id *d, context_fn fn,
+             void *user, cl_int *error),
+            (p, n, d, fn, user, error))
 WRAP_CREATE(cl_command_queue, clCreateCommandQueue,
             (cl_context c, cl_device_id d, cl_command_queue_properties p, cl_int *error),
             (c, d, p, error))
-WRAP_CREATE(cl_mem, clCreateBuffer, (cl_context c, cl_mem_flags f, size_t n, void *host, cl_int *error),
+WRAP_CREATE(cl_mem, clCreateBuffer,
+            (cl_context c, cl_mem_flags f, size_t n, void *host, cl_int *error),
             (c, f, n, host, error))
 WRAP_CREATE(cl_program, clCreateProgramWithSource,
             (cl_context c, cl_uint n, const char **text, const size_t *length, cl_int *error),
@@ -341,7 +379,8 @@ WRAP_CREATE(cl_kernel, clCreateKernel, (cl_program p, const char *name, cl_int *
             (p, name, error))
 
 WRAP_CALL(clGetPlatformIDs, (cl_uint n, cl_platform_id *p, cl_uint *count), (n, p, count))
-WRAP_CALL(clGetPlatformInfo, (cl_platform_id p, cl_platform_info i, size_t n, void *v, size_t *size),
+WRAP_CALL(clGetPlatformInfo,
+          (cl_platform_id p, cl_platform_info i, size_t n, void *v, size_t *size),
           (p, i, n, v, size))
 WRAP_CALL(clGetDeviceIDs,
           (cl_platform_id p, cl_device_type t, cl_uint n, cl_device_id *d, cl_uint *count),
@@ -354,22 +393,26 @@ WRAP_CALL(clGetProgramBuildInfo,
           (cl_program p, cl_device_id d, cl_program_build_info i, size_t n, void *v, size_t *size),
           (p, d, i, n, v, size))
 WRAP_CALL(clBuildProgram,
-          (cl_program p, cl_uint n, const cl_device_id *d, const char *options, program_fn fn, void *user),
+          (cl_program p, cl_uint n, const cl_device_id *d, const char *options, program_fn fn,
+           void *user),
           (p, n, d, options, fn, user))
 WRAP_CALL(clSetKernelArg, (cl_kernel k, cl_uint i, size_t n, const void *v), (k, i, n, v))
 WRAP_CALL(clEnqueueFillBuffer,
-          (cl_command_queue q, cl_mem m, const void *v, size_t size, size_t offset, size_t n, cl_uint ne,
-           const cl_event *e, cl_event *out), (q, m, v, size, offset, n, ne, e, out))
+          (cl_command_queue q, cl_mem m, const void *v, size_t size, size_t offset, size_t n,
+           cl_uint ne, const cl_event *e, cl_event *out),
+          (q, m, v, size, offset, n, ne, e, out))
 WRAP_CALL(clEnqueueNDRangeKernel,
-          (cl_command_queue q, cl_kernel k, cl_uint dims, const size_t *offset, const size_t *global,
-           const size_t *local, cl_uint ne, const cl_event *e, cl_event *out),
+          (cl_command_queue q, cl_kernel k, cl_uint dims, const size_t *offset,
+           const size_t *global, const size_t *local, cl_uint ne, const cl_event *e, cl_event *out),
           (q, k, dims, offset, global, local, ne, e, out))
 WRAP_CALL(clEnqueueReadBuffer,
-          (cl_command_queue q, cl_mem m, cl_bool wait, size_t offset, size_t n, void *to, cl_uint ne,
-           const cl_event *e, cl_event *out), (q, m, wait, offset, n, to, ne, e, out))
+          (cl_command_queue q, cl_mem m, cl_bool wait, size_t offset, size_t n, void *to,
+           cl_uint ne, const cl_event *e, cl_event *out),
+          (q, m, wait, offset, n, to, ne, e, out))
 WRAP_CALL(clEnqueueWriteBuffer,
           (cl_command_queue q, cl_mem m, cl_bool wait, size_t offset, size_t n, const void *from,
-           cl_uint ne, const cl_event *e, cl_event *out), (q, m, wait, offset, n, from, ne, e, out))
+           cl_uint ne, const cl_event *e, cl_event *out),
+          (q, m, wait, offset, n, from, ne, e, out))
 cl_int __real_clCreateSubDevices(cl_device_id, const cl_device_partition_property *, cl_uint,
                                  cl_device_id *, cl_uint *);
 cl_int __wrap_clCreateSubDevices(cl_device_id, const cl_device_partition_property *, cl_uint,
@@ -385,7 +428,10 @@ cl_int __wrap_clCreateSubDevices(cl_device_id d, const cl_device_partition_prope
 
 /* Called to give back in peace, whatever it says. */
 WRAP_CALL(clFlush, (cl_command_queue q), (q))
-WRAP(cl_int, clFinish, cl_command_queue q) { return __real_clFinish(q); }
+WRAP(cl_int, clFinish, cl_command_queue q)
+{
+    return __real_clFinish(q);
+}
 WRAP_RELEASE(clReleaseContext, cl_context)
 WRAP_RELEASE(clReleaseCommandQueue, cl_command_queue)
 WRAP_RELEASE(clReleaseMemObject, cl_mem)

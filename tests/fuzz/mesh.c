@@ -21,10 +21,10 @@ static struct reader {
     bool (*sniff)(const dmk_file *file);
     unsigned long tried, taken;
 } reader[] = {
-    {"gzip", dmk_gzip_sniff, 0, 0}, {"PLY", dmk_ply_sniff, 0, 0},
+    {"gzip", dmk_gzip_sniff, 0, 0},    {"PLY", dmk_ply_sniff, 0, 0},
     {"VTP, VTU", dmk_vtk_sniff, 0, 0}, {"VTK", dmk_vtk_legacy_sniff, 0, 0},
-    {"MSH", dmk_msh_sniff, 0, 0},   {"OFF", dmk_off_sniff, 0, 0},
-    {"OBJ", dmk_obj_sniff, 0, 0},   {"STL", dmk_stl_sniff, 0, 0},
+    {"MSH", dmk_msh_sniff, 0, 0},      {"OFF", dmk_off_sniff, 0, 0},
+    {"OBJ", dmk_obj_sniff, 0, 0},      {"STL", dmk_stl_sniff, 0, 0},
 };
 #define N_READERS (sizeof reader / sizeof *reader)
 
@@ -40,7 +40,8 @@ static struct {
 static void clear_folder(void)
 {
     for (size_t i = 0; i < N_READERS; i++) {
-        printf("reader %-8s %10lu tried %10lu taken\n", reader[i].names, reader[i].tried, reader[i].taken);
+        printf("reader %-8s %10lu tried %10lu taken\n", reader[i].names, reader[i].tried,
+               reader[i].taken);
     }
     for (int i = 0; i < it.n_names; i++) unlink(it.name[i]);
     unlink(it.copy);
@@ -61,8 +62,10 @@ static void add_name(const char *format, const char *suffix, size_t n)
 {
     it.by_name[it.n_names] = find_reader(format);
     snprintf(it.name[it.n_names], sizeof *it.name, "%s/mesh%.*s", it.folder, (int)n, suffix);
-    if (it.n_names == 0) it.fd = open(it.name[0], O_RDWR | O_CREAT | O_TRUNC, 0600);
-    else REQUIRE(link(it.name[0], it.name[it.n_names]) == 0);
+    if (it.n_names == 0)
+        it.fd = open(it.name[0], O_RDWR | O_CREAT | O_TRUNC, 0600);
+    else
+        REQUIRE(link(it.name[0], it.name[it.n_names]) == 0);
     it.n_names++;
 }
 

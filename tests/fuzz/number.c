@@ -12,7 +12,10 @@ enum { LONGEST = 4096 };
 static dmk_context *ctx;
 static dmk_numbers numbers;
 
-static bool same(double a, double b) { return memcmp(&a, &b, sizeof a) == 0; }
+static bool same(double a, double b)
+{
+    return memcmp(&a, &b, sizeof a) == 0;
+}
 
 /* The text begins with a decimal number: digits, with a sign and a point or without. */
 static bool looks_decimal(const char *p)

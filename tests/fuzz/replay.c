@@ -22,15 +22,58 @@ typedef struct input {
 static input *corpus[MAX_FILES], now;
 static int n_files;
 
-static const char *const words[] = {
-    "0",      "1",     "-1",    "3",       "1e-300",  "1e300",   "nan",     "inf",
-    "2147483647", "4294967296", "-9223372036854775808", "18446744073709551616", "0.1", "1e99999",
-    "#",      "\n",    "\r\n",  " ",       "\t",      "\\\n",    "/",       "//",
-    "OFF",    "COFF",  "v ",    "f ",      "vertex ", "facet",   "loop",    "endloop",
-    "element vertex ", "element face ", "property list uchar int vertex_indices", "property double x",
-    "end_header", "format ascii 1.0", "format binary_little_endian 1.0", "$Nodes", "$EndNodes",
-    "$Elements", "<DataArray", "</DataArray>", "<Piece", "NumberOfPoints=\"", "format=\"appended\"",
-    "POINTS ", "POLYGONS ", "CELLS ", "CELL_TYPES ", "DATASET POLYDATA", "BINARY", "ASCII"};
+static const char *const words[] = {"0",
+                                    "1",
+                                    "-1",
+                                    "3",
+                                    "1e-300",
+                                    "1e300",
+                                    "nan",
+                                    "inf",
+                                    "2147483647",
+                                    "4294967296",
+                                    "-9223372036854775808",
+                                    "18446744073709551616",
+                                    "0.1",
+                                    "1e99999",
+                                    "#",
+                                    "\n",
+                                    "\r\n",
+                                    " ",
+                                    "\t",
+                                    "\\\n",
+                                    "/",
+                                    "//",
+                                    "OFF",
+                                    "COFF",
+                                    "v ",
+                                    "f ",
+                                    "vertex ",
+                                    "facet",
+                                    "loop",
+                                    "endloop",
+                                    "element vertex ",
+                                    "element face ",
+                                    "property list uchar int vertex_indices",
+                                    "property double x",
+                                    "end_header",
+                                    "format ascii 1.0",
+                                    "format binary_little_endian 1.0",
+                                    "$Nodes",
+                                    "$EndNodes",
+                                    "$Elements",
+                                    "<DataArray",
+                                    "</DataArray>",
+                                    "<Piece",
+                                    "NumberOfPoints=\"",
+                                    "format=\"appended\"",
+                                    "POINTS ",
+                                    "POLYGONS ",
+                                    "CELLS ",
+                                    "CELL_TYPES ",
+                                    "DATASET POLYDATA",
+                                    "BINARY",
+                                    "ASCII"};
 
 static uint64_t state;
 static uint32_t below(uint32_t n)
@@ -52,7 +95,10 @@ static void load(const char *folder, const char *name)
     corpus[n_files++] = in;
 }
 
-static int skip_hidden(const struct dirent *entry) { return entry->d_name[0] != '.'; }
+static int skip_hidden(const struct dirent *entry)
+{
+    return entry->d_name[0] != '.';
+}
 
 static void load_all(const char *folder)
 {
@@ -86,17 +132,24 @@ static void change(void)
     const input *other = corpus[below((uint32_t)n_files)];
     if (n > rest) n = rest;
     switch (below(8)) {
-    case 0: if (rest) now.data[at] ^= (uint8_t)(1 << below(8)); break;
-    case 1: if (rest) now.data[at] = special[below(sizeof special)]; break;
+    case 0:
+        if (rest) now.data[at] ^= (uint8_t)(1 << below(8));
+        break;
+    case 1:
+        if (rest) now.data[at] = special[below(sizeof special)];
+        break;
     case 2: replace(at, n, "", 0); break;
     case 3: replace(at, 0, now.data + at, n); break;
     case 4: replace(at, below(2) ? n : 0, word, strlen(word)); break;
-    case 5: if (rest) now.data[at] = (uint8_t)below(256); break;
+    case 5:
+        if (rest) now.data[at] = (uint8_t)below(256);
+        break;
     case 6: now.size = at; break;
-    default: if (other->size) {
-        size_t from = below((uint32_t)other->size), most = other->size - from;
-        replace(at, n, other->data + from, 1 + below((uint32_t)(most < 256 ? most : 256) ));
-    }
+    default:
+        if (other->size) {
+            size_t from = below((uint32_t)other->size), most = other->size - from;
+            replace(at, n, other->data + from, 1 + below((uint32_t)(most < 256 ? most : 256)));
+        }
     }
 }
 

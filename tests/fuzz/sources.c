@@ -10,7 +10,10 @@
 static char path[] = "/dev/shm/dmkcl-fuzz-sources-XXXXXX";
 static int fd = -1;
 
-static void remove_file(void) { unlink(path); }
+static void remove_file(void)
+{
+    unlink(path);
+}
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {

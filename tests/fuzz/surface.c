@@ -23,7 +23,10 @@ typedef struct recipe {
 static dmk_context *ctx;
 static recipe r;
 
-static int take(void) { return r.at < r.end ? *r.at++ : 0; }
+static int take(void)
+{
+    return r.at < r.end ? *r.at++ : 0;
+}
 
 /* ---- surfaces to begin with ---- */
 
@@ -95,7 +98,7 @@ static void make_surface(int kind)
 
 static double special(int i)
 {
-    static const double values[] = {0,     -1,    1e-300, 1e300, 1e-12, 1e-8, 1e8,      NAN,
+    static const double values[] = {0,      -1,    1e-300, 1e300, 1e-12, 1e-8, 1e8,      NAN,
                                     1e-160, 1e160, 1e74,   1e-64, 0.5,   3,    INFINITY, 1 + 1e-15};
     return values[i % 16];
 }
@@ -125,9 +128,11 @@ static void split_edge(int32_t h, double part)
 {
     int32_t g = find_beyond(h), v = r.nv, t = h / 3 * 3;
     if (r.nv == MAX_VERTICES || r.nt + 2 > MAX_TRIANGLES) return;
-    int32_t c = r.triangle[h], a = r.triangle[t + (h % 3 + 1) % 3], b = r.triangle[t + (h % 3 + 2) % 3];
+    int32_t c = r.triangle[h], a = r.triangle[t + (h % 3 + 1) % 3],
+            b = r.triangle[t + (h % 3 + 2) % 3];
     const double *x = r.xyz + 3 * a, *y = r.xyz + 3 * b;
-    put_vertex(x[0] + part * (y[0] - x[0]), x[1] + part * (y[1] - x[1]), x[2] + part * (y[2] - x[2]));
+    put_vertex(x[0] + part * (y[0] - x[0]), x[1] + part * (y[1] - x[1]),
+               x[2] + part * (y[2] - x[2]));
     memcpy(r.triangle + t, (int32_t[3]){c, a, v}, sizeof(int32_t[3]));
     put_triangle(c, v, b);
     if (g < 0) return;
@@ -178,16 +183,21 @@ static void change(int what, int a, int b, int c)
     switch (what % 14) {
     case 0: r.xyz[3 * v + b % 3] += (c - 128) / 256.0; break;
     case 1: r.xyz[3 * v + b % 3] = special(c); break;
-    case 2: case 3: flip_edge(3 * t + c % 3); break;
-    case 4: case 5: split_edge(3 * t + c % 3, parts[c / 4 % 8]); break;
+    case 2:
+    case 3: flip_edge(3 * t + c % 3); break;
+    case 4:
+    case 5: split_edge(3 * t + c % 3, parts[c / 4 % 8]); break;
     case 6: split_triangle(t, parts[c % 8]); break;
     case 7: drop_triangle(t); break;
     case 8: s = p[0], p[0] = p[1], p[1] = s; break;
     case 9: merge(v, w); break;
     case 10: put_triangle(p[0], p[1], p[2]); break;
-    case 11: for (int i = 0; i < 3 * r.nv; i++) r.xyz[i] *= pow(10, (c - 128) / (b & 1 ? 1 : 16)); break;
+    case 11:
+        for (int i = 0; i < 3 * r.nv; i++) r.xyz[i] *= pow(10, (c - 128) / (b & 1 ? 1 : 16));
+        break;
     case 12: put_vertex(a, b, c); break;
-    default: for (int i = 0; i < r.nv; i++) r.xyz[3 * i + b % 3] *= special(c);
+    default:
+        for (int i = 0; i < r.nv; i++) r.xyz[3 * i + b % 3] *= special(c);
     }
 }
 
@@ -267,16 +277,17 @@ static void follow(const dmk_mesh *m, const dmk_point *source)
 
 static dmk_point choose_source(const dmk_mesh *m)
 {
-    static const double weights[6][3] = {{1, 0, 0},     {0, 0.5, 0.5},       {0.2, 0.3, 0.5},
-                                         {0, 1e-9, 1 - 1e-9}, {1e-15, 0, 1 - 1e-15}, {0, 0, 1}};
+    static const double weights[6][3] = {
+        {1, 0, 0},           {0, 0.5, 0.5},         {0.2, 0.3, 0.5},
+        {0, 1e-9, 1 - 1e-9}, {1e-15, 0, 1 - 1e-15}, {0, 0, 1}};
     dmk_point p = {(take() * 3) % m->n_triangles, {0}};
     memcpy(p.weight, weights[take() % 6], sizeof p.weight);
     return p;
 }
 
 /* Distance from the source at vertices and at the edges' midpoints. */
-static int measure_distance(dmk_context *context, const dmk_mesh *mesh, const dmk_point *source, double *d,
-                            double *mid)
+static int measure_distance(dmk_context *context, const dmk_mesh *mesh, const dmk_point *source,
+                            double *d, double *mid)
 {
     dmk_geodesics *g;
     int rc = dmk_geodesics_create(context, mesh, 1, source, NULL, &g);

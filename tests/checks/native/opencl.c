@@ -14,12 +14,26 @@
 
 enum { max_args = 32, max_local = 256 };
 
-struct _cl_platform_id { int nothing; };
-struct _cl_device_id { int nothing; };
-struct _cl_context { int nothing; };
-struct _cl_command_queue { int nothing; };
-struct _cl_mem { size_t size; void *data; };
-struct _cl_program { char *text; void *object; };
+struct _cl_platform_id {
+    int nothing;
+};
+struct _cl_device_id {
+    int nothing;
+};
+struct _cl_context {
+    int nothing;
+};
+struct _cl_command_queue {
+    int nothing;
+};
+struct _cl_mem {
+    size_t size;
+    void *data;
+};
+struct _cl_program {
+    char *text;
+    void *object;
+};
 struct _cl_kernel {
     void (*call)(void **);
     int n_args, waits;
@@ -48,14 +62,38 @@ static pthread_barrier_t wait_here;
 size_t native_group(void), native_groups(void), native_local(void), native_global(void);
 void native_barrier(void);
 double native_sqrt(double x), native_exp(double x), native_log(double x);
-size_t native_group(void) { return group; }
-size_t native_groups(void) { return groups; }
-size_t native_local(void) { return local; }
-size_t native_global(void) { return group * local_size + local; }
-void native_barrier(void) { pthread_barrier_wait(&wait_here); }
-double native_sqrt(double x) { return sqrt(x); }
-double native_exp(double x) { return exp(x); }
-double native_log(double x) { return log(x); }
+size_t native_group(void)
+{
+    return group;
+}
+size_t native_groups(void)
+{
+    return groups;
+}
+size_t native_local(void)
+{
+    return local;
+}
+size_t native_global(void)
+{
+    return group * local_size + local;
+}
+void native_barrier(void)
+{
+    pthread_barrier_wait(&wait_here);
+}
+double native_sqrt(double x)
+{
+    return sqrt(x);
+}
+double native_exp(double x)
+{
+    return exp(x);
+}
+double native_log(double x)
+{
+    return log(x);
+}
 
 typedef struct item {
     cl_kernel kernel;
@@ -79,8 +117,10 @@ static void run_group(cl_kernel kernel, void **args, size_t g, size_t n_groups, 
     if (together) CHECK(pthread_barrier_init(&wait_here, NULL, (unsigned)n_local) == 0);
     for (size_t i = 0; i < n_local; i++) {
         items[i] = (item){kernel, args, g, n_groups, i, n_local};
-        if (together) CHECK(pthread_create(&threads[i], NULL, run_item, &items[i]) == 0);
-        else run_item(&items[i]);
+        if (together)
+            CHECK(pthread_create(&threads[i], NULL, run_item, &items[i]) == 0);
+        else
+            run_item(&items[i]);
     }
     for (size_t i = 0; together && i < n_local; i++) pthread_join(threads[i], NULL);
     if (together) pthread_barrier_destroy(&wait_here);
@@ -194,7 +234,10 @@ cl_int clSetKernelArg(cl_kernel k, cl_uint i, size_t size, const void *value)
     return CL_SUCCESS;
 }
 
-cl_int clReleaseKernel(cl_kernel k) { return free(k), CL_SUCCESS; }
+cl_int clReleaseKernel(cl_kernel k)
+{
+    return free(k), CL_SUCCESS;
+}
 cl_int clReleaseProgram(cl_program p)
 {
     dlclose(p->object);
@@ -224,7 +267,8 @@ cl_int clGetProgramBuildInfo(cl_program p, cl_device_id id, cl_program_build_inf
 
 /* ---- memory ----------------------------------------------------------------------------------- */
 
-cl_mem clCreateBuffer(cl_context context, cl_mem_flags flags, size_t size, void *from, cl_int *error)
+cl_mem clCreateBuffer(cl_context context, cl_mem_flags flags, size_t size, void *from,
+                      cl_int *error)
 {
     cl_mem m = calloc(1, sizeof *m);
     CHECK(context == &the_context && m && size > 0);
@@ -314,7 +358,10 @@ cl_int clCreateSubDevices(cl_device_id id, const cl_device_partition_property *b
     (void)id, (void)by, (void)room, (void)ids, (void)n;
     return CL_DEVICE_PARTITION_FAILED;
 }
-cl_int clReleaseDevice(cl_device_id id) { return (void)id, CL_SUCCESS; }
+cl_int clReleaseDevice(cl_device_id id)
+{
+    return (void)id, CL_SUCCESS;
+}
 cl_context clCreateContext(const cl_context_properties *properties, cl_uint n,
                            const cl_device_id *ids,
                            void(CL_CALLBACK *notify)(const char *, const void *, size_t, void *),
@@ -324,7 +371,10 @@ cl_context clCreateContext(const cl_context_properties *properties, cl_uint n,
     *error = CL_SUCCESS;
     return &the_context;
 }
-cl_int clReleaseContext(cl_context c) { return (void)c, CL_SUCCESS; }
+cl_int clReleaseContext(cl_context c)
+{
+    return (void)c, CL_SUCCESS;
+}
 cl_command_queue clCreateCommandQueue(cl_context c, cl_device_id id,
                                       cl_command_queue_properties properties, cl_int *error)
 {
@@ -332,6 +382,15 @@ cl_command_queue clCreateCommandQueue(cl_context c, cl_device_id id,
     *error = CL_SUCCESS;
     return &the_queue;
 }
-cl_int clFlush(cl_command_queue q) { return (void)q, CL_SUCCESS; }
-cl_int clFinish(cl_command_queue q) { return (void)q, CL_SUCCESS; }
-cl_int clReleaseCommandQueue(cl_command_queue q) { return (void)q, CL_SUCCESS; }
+cl_int clFlush(cl_command_queue q)
+{
+    return (void)q, CL_SUCCESS;
+}
+cl_int clFinish(cl_command_queue q)
+{
+    return (void)q, CL_SUCCESS;
+}
+cl_int clReleaseCommandQueue(cl_command_queue q)
+{
+    return (void)q, CL_SUCCESS;
+}
