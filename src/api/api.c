@@ -36,7 +36,7 @@ int dmk_locus_compute(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *
 {
     int rc;
     double *density = NULL;
-    if (dmk_missing(ctx, "mesh", mesh, "result", result, "locus", locus, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "mesh", mesh, "result", result, "locus", locus)) return DMK_E_ARG;
     DMK_TRY(check_options(ctx, options));
     DMK_TRY(check_mesh(ctx, mesh, result));
     DMK_TRY(dmk_stage_begin(ctx, "locus"));
@@ -97,7 +97,7 @@ int dmk_path_compute(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *r
     dmk_point *end = NULL;
     dmk_tracer *tracer = NULL;
     size_t n = 0;
-    if (dmk_missing(ctx, "mesh", mesh, "result", result, "to", to, "paths", paths, NULL))
+    if (dmk_missing(ctx, "mesh", mesh, "result", result, "to", to, "paths", paths))
         return DMK_E_ARG;
     memset(paths, 0, n_points * sizeof *paths);
     DMK_TRY(dmk_stage_begin(ctx, "path"));
@@ -193,7 +193,7 @@ int dmk_cut(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *result,
     dmk_mesh *raw = NULL, *sorted = NULL;
     int32_t *raw_origin = NULL, *sorted_origin = NULL;
     double *raw_plane = NULL, *sorted_plane = NULL;
-    if (dmk_missing(ctx, "mesh", mesh, "result", result, "cut", cut, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "mesh", mesh, "result", result, "cut", cut)) return DMK_E_ARG;
     DMK_TRY(check_options(ctx, options));
     DMK_TRY(check_mesh(ctx, mesh, result));
     DMK_TRY(dmk_stage_begin(ctx, "cut"));

@@ -8,7 +8,7 @@
 int dmk_result_write(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *result,
                      const char *path)
 {
-    if (dmk_missing(ctx, "mesh", mesh, "result", result, "path", path, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "mesh", mesh, "result", result, "path", path)) return DMK_E_ARG;
     size_t n_mu, n_acl, n_u, n_distance;
     dmk_fields f = {.mesh = mesh};
     f.mu = dmk_result_density(result, &n_mu);
@@ -30,8 +30,7 @@ int dmk_result_write(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *r
 int dmk_transport_write(dmk_context *ctx, const dmk_mesh *mesh, const dmk_transport *transport,
                         const char *path)
 {
-    if (dmk_missing(ctx, "mesh", mesh, "transport", transport, "path", path, NULL))
-        return DMK_E_ARG;
+    if (dmk_missing(ctx, "mesh", mesh, "transport", transport, "path", path)) return DMK_E_ARG;
     size_t n_mu, n_flux, n_u;
     dmk_fields f = {.mesh = mesh};
     f.mu = dmk_transport_density(transport, &n_mu);
@@ -52,7 +51,7 @@ int dmk_geodesics_write(dmk_context *ctx, const dmk_geodesics *g, const char *pa
     size_t n;
     double *direction = NULL;
     int32_t *nearest = NULL;
-    if (dmk_missing(ctx, "geodesics", g, "path", path, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "geodesics", g, "path", path)) return DMK_E_ARG;
     const dmk_arrival *arrival = dmk_geodesics_arrivals(g, &n);
     DMK_TRY(DMK_NEW(ctx, direction, n));
     DMK_TRY(DMK_NEW(ctx, nearest, n));
@@ -71,7 +70,7 @@ done:
 
 int dmk_locus_write(dmk_context *ctx, const dmk_locus *locus, const char *path)
 {
-    if (dmk_missing(ctx, "locus", locus, "path", path, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "locus", locus, "path", path)) return DMK_E_ARG;
     dmk_curves c = {0};
     c.vertex = dmk_locus_vertices(locus, &c.n_vertices);
     c.edge = dmk_locus_edges(locus, &c.n_edges);
@@ -105,7 +104,7 @@ int dmk_path_write(dmk_context *ctx, const dmk_mesh *mesh, const dmk_path *path,
     dmk_locus_vertex *vertex = NULL;
     dmk_locus_edge *edge = NULL;
     int32_t *index = NULL;
-    if (dmk_missing(ctx, "mesh", mesh, "path", path, "file", file, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "mesh", mesh, "path", path, "file", file)) return DMK_E_ARG;
     if (path->n < 2 || !path->point) {
         return dmk_fail(ctx, DMK_E_ARG, "the path has %zu points: a line has two or more", path->n);
     }

@@ -17,7 +17,7 @@ int dmk_fail(dmk_context *context, int status, const char *format, ...)
     return status;
 }
 
-bool dmk_missing(dmk_context *context, ...)
+bool dmk_any_missing(dmk_context *context, ...)
 {
     const char *missing = NULL;
     va_list args;

@@ -24,10 +24,11 @@ struct dmk_context {
  * is wrong and what to do. An earlier message is replaced. */
 int dmk_fail(dmk_context *context, int status, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
-/* Whether an argument is missing: pairs of a name and a pointer, then NULL. Then the message names the
- * first one that is NULL, and the call is to return DMK_E_ARG; a missing context has no message.
- *     if (dmk_missing(ctx, "mesh", mesh, "point", point, NULL)) return DMK_E_ARG; */
-bool dmk_missing(dmk_context *context, ...) __attribute__((sentinel));
+/* Whether an argument is missing, of pairs of a name and a pointer. Then the message names the first one
+ * that is NULL, and the call is to return DMK_E_ARG; a missing context has no message.
+ *     if (dmk_missing(ctx, "mesh", mesh, "point", point)) return DMK_E_ARG; */
+#define dmk_missing(context, ...) dmk_any_missing((context), __VA_ARGS__, (const char *)NULL)
+bool dmk_any_missing(dmk_context *context, ...) __attribute__((sentinel));
 #ifdef DMK_ANALYZER /* which sees one file at a time and must know what the call returns */
 void dmk_known(const dmk_context *context, ...);
 #define dmk_fail(context, status, ...) (dmk_known((context), __VA_ARGS__), (status))

@@ -152,7 +152,7 @@ int dmk_device_list(dmk_context *ctx, dmk_device_info *infos, size_t capacity, s
 {
     found all[MAX_DEVICES];
     size_t n;
-    if (dmk_missing(ctx, "count", count, "infos", capacity ? (void *)infos : count, NULL))
+    if (dmk_missing(ctx, "count", count, "infos", capacity ? (void *)infos : count))
         return DMK_E_ARG;
     int rc = find_all(ctx, all, &n);
     if (rc != DMK_OK) return rc;
@@ -279,7 +279,7 @@ int dmk_device_open(dmk_context *ctx, const dmk_device_options *options, dmk_dev
     dmk_device_options defaults;
     dmk_device_options_init(&defaults);
     if (!options) options = &defaults;
-    if (dmk_missing(ctx, "device", device, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "device", device)) return DMK_E_ARG;
     DMK_TRY(check_options(ctx, options));
     DMK_TRY(DMK_NEW(ctx, dev, 1));
     dev->owner = getpid();

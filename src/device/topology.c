@@ -18,7 +18,7 @@ static int count_of(hwloc_topology_t topology, hwloc_obj_type_t type)
 int dmk_machine_get_info(dmk_context *ctx, dmk_machine_info *info)
 {
     hwloc_topology_t topology;
-    if (dmk_missing(ctx, "info", info, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "info", info)) return DMK_E_ARG;
     *info = (dmk_machine_info){0};
     if (hwloc_topology_init(&topology) != 0) {
         return dmk_fail(ctx, DMK_E_NOMEM, "hwloc cannot set up a topology");

@@ -161,8 +161,7 @@ int dmk_geodesics_integrate(dmk_context *ctx, const dmk_geodesics *g, double *in
 {
     int rc;
     double *mid = NULL, *sum = NULL, *off = NULL;
-    if (dmk_missing(ctx, "geodesics", g, "integral", integral, "error", error, NULL))
-        return DMK_E_ARG;
+    if (dmk_missing(ctx, "geodesics", g, "integral", integral, "error", error)) return DMK_E_ARG;
     const dmk_mesh *m = g->mesh;
     DMK_TRY(DMK_NEW(ctx, mid, (size_t)m->n_edges));
     DMK_TRY(DMK_NEW(ctx, sum, (size_t)m->n_triangles));

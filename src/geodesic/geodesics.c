@@ -135,8 +135,8 @@ int dmk_geodesics_create(dmk_context *ctx, const dmk_mesh *mesh, size_t n_source
     dmk_geodesics_options defaults;
     dmk_geodesics_options_init(&defaults);
     if (!options) options = &defaults;
-    if (dmk_missing(ctx, "mesh", mesh, "geodesics", geodesics, NULL)) return DMK_E_ARG;
-    if (n_sources > 0 && dmk_missing(ctx, "sources", sources, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "mesh", mesh, "geodesics", geodesics)) return DMK_E_ARG;
+    if (n_sources > 0 && dmk_missing(ctx, "sources", sources)) return DMK_E_ARG;
     DMK_TRY(check_options(ctx, mesh, n_sources, options));
     for (size_t i = 0; i < n_sources; i++)
         DMK_TRY(dmk_point_check(ctx, mesh, "sources", sources + i));

@@ -612,8 +612,7 @@ int dmk_geodesics_at(dmk_context *ctx, const dmk_geodesics *g, size_t n_points,
 {
     int rc;
     dmk_tracer *t = NULL;
-    if (dmk_missing(ctx, "geodesics", g, "points", points, "values", values, NULL))
-        return DMK_E_ARG;
+    if (dmk_missing(ctx, "geodesics", g, "points", points, "values", values)) return DMK_E_ARG;
     DMK_TRY(check(ctx, g, n_points, points));
     DMK_TRY(dmk_stage_begin(ctx, "values"));
     DMK_TRY(dmk_tracer_create(ctx, g, &t));
@@ -633,7 +632,7 @@ int dmk_geodesics_paths(dmk_context *ctx, const dmk_geodesics *g, size_t n_point
     int rc;
     size_t n = 0;
     dmk_tracer *t = NULL;
-    if (dmk_missing(ctx, "geodesics", g, "to", to, "paths", paths, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "geodesics", g, "to", to, "paths", paths)) return DMK_E_ARG;
     memset(paths, 0, n_points * sizeof *paths);
     DMK_TRY(check(ctx, g, n_points, to));
     DMK_TRY(dmk_stage_begin(ctx, "path"));

@@ -133,7 +133,7 @@ int dmk_mesh_read(dmk_context *ctx, const char *path, dmk_mesh **mesh)
 {
     int rc;
     dmk_soup soup = {0};
-    if (dmk_missing(ctx, "path", path, "mesh", mesh, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "path", path, "mesh", mesh)) return DMK_E_ARG;
     DMK_TRY(read_soup(ctx, path, &soup));
     rc = dmk_mesh_adopt(ctx, soup.n_vertices, soup.xyz, soup.n_triangles, soup.triangle, mesh);
     soup = (dmk_soup){0};
@@ -147,7 +147,7 @@ int dmk_mesh_read_repaired(dmk_context *ctx, const char *path, dmk_repairs *repa
 {
     int rc;
     dmk_soup soup = {0};
-    if (dmk_missing(ctx, "path", path, "mesh", mesh, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "path", path, "mesh", mesh)) return DMK_E_ARG;
     DMK_TRY(read_soup(ctx, path, &soup));
     rc = dmk_mesh_repair(ctx, soup.n_vertices, soup.xyz, soup.n_triangles, soup.triangle, repair,
                          mesh);
@@ -171,13 +171,13 @@ done:
 
 int dmk_mesh_write(dmk_context *ctx, const dmk_mesh *mesh, const char *path)
 {
-    if (dmk_missing(ctx, "mesh", mesh, "path", path, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "mesh", mesh, "path", path)) return DMK_E_ARG;
     return write_fields(ctx, &(dmk_fields){.mesh = mesh}, path, WRITE_MESH);
 }
 
 int dmk_cut_write(dmk_context *ctx, const dmk_mesh *cut, const double *plane, const char *path)
 {
-    if (dmk_missing(ctx, "cut", cut, "plane", plane, "path", path, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "cut", cut, "plane", plane, "path", path)) return DMK_E_ARG;
     return write_fields(ctx, &(dmk_fields){.mesh = cut, .plane = plane}, path, WRITE_MESH);
 }
 

@@ -285,7 +285,7 @@ int dmk_mesh_create(dmk_context *ctx, size_t n_vertices, const double *xyz, size
     int rc;
     double *x = NULL;
     int32_t *t = NULL;
-    if (dmk_missing(ctx, "xyz", xyz, "triangles", triangles, "mesh", mesh, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "xyz", xyz, "triangles", triangles, "mesh", mesh)) return DMK_E_ARG;
     DMK_TRY(dmk_mesh_check_counts(ctx, n_vertices, n_triangles));
     DMK_TRY(DMK_NEW(ctx, x, 3 * n_vertices));
     DMK_TRY(DMK_NEW(ctx, t, 3 * n_triangles));

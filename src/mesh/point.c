@@ -115,7 +115,7 @@ int dmk_point_check(dmk_context *ctx, const dmk_mesh *m, const char *what, const
 
 int dmk_mesh_project(dmk_context *ctx, const dmk_mesh *m, const double xyz[3], dmk_point *point)
 {
-    if (dmk_missing(ctx, "mesh", m, "xyz", xyz, "point", point, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "mesh", m, "xyz", xyz, "point", point)) return DMK_E_ARG;
     if (!isfinite(xyz[0]) || !isfinite(xyz[1]) || !isfinite(xyz[2])) {
         return dmk_fail(ctx, DMK_E_ARG, "the place (%g, %g, %g) is not finite", xyz[0], xyz[1],
                         xyz[2]);
@@ -151,7 +151,7 @@ double dmk_mesh_nearest_in(const dmk_mesh *m, int32_t triangle, const double xyz
 
 int dmk_mesh_vertex_point(dmk_context *ctx, const dmk_mesh *m, int64_t vertex, dmk_point *point)
 {
-    if (dmk_missing(ctx, "mesh", m, "point", point, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "mesh", m, "point", point)) return DMK_E_ARG;
     if (vertex < 0 || vertex >= m->n_vertices) {
         return dmk_fail(ctx, DMK_E_ARG, "vertex %lld is out of range [0, %d]", (long long)vertex,
                         m->n_vertices - 1);
@@ -168,7 +168,7 @@ int dmk_mesh_vertex_point(dmk_context *ctx, const dmk_mesh *m, int64_t vertex, d
 
 int dmk_mesh_point_xyz(dmk_context *ctx, const dmk_mesh *m, const dmk_point *point, double xyz[3])
 {
-    if (dmk_missing(ctx, "mesh", m, "point", point, "xyz", xyz, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "mesh", m, "point", point, "xyz", xyz)) return DMK_E_ARG;
     int rc = dmk_point_check(ctx, m, "the point", point);
     if (rc != DMK_OK) return rc;
     const double *w = point->weight, *corner[3];

@@ -487,7 +487,7 @@ int dmk_mesh_repair(dmk_context *ctx, size_t n_vertices, const double *xyz, size
     int32_t *first = NULL, n_new = 0;
     dmk_repairs done_here = {0};
     soup s = {.ctx = ctx, .count = &done_here};
-    if (dmk_missing(ctx, "xyz", xyz, "triangles", triangles, "mesh", mesh, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "xyz", xyz, "triangles", triangles, "mesh", mesh)) return DMK_E_ARG;
     DMK_TRY(dmk_mesh_check_counts(ctx, n_vertices, n_triangles));
     s.n_vertices = (int32_t)n_vertices;
     s.n_triangles = (int32_t)n_triangles;

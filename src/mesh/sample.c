@@ -142,7 +142,7 @@ int dmk_mesh_sample(dmk_context *ctx, const dmk_mesh *mesh, size_t n, int64_t fi
                     int64_t *vertex)
 {
     int rc;
-    if (dmk_missing(ctx, "mesh", mesh, "vertex", vertex, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "mesh", mesh, "vertex", vertex)) return DMK_E_ARG;
     sampler s = {.context = ctx, .mesh = mesh};
     DMK_TRY(dmk_vertex_stars_create(ctx, mesh, &s.fan));
     DMK_TRY(check(ctx, &s, n, first));

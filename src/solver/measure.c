@@ -74,9 +74,9 @@ done:
 static int check_measure(const check *k, const dmk_measure *m)
 {
     int rc = DMK_OK;
-    if ((m->n_atoms > 0 && dmk_missing(k->ctx, "atoms", m->atoms, NULL)) ||
+    if ((m->n_atoms > 0 && dmk_missing(k->ctx, "atoms", m->atoms)) ||
         (m->n_lines > 0 &&
-         dmk_missing(k->ctx, "line_first", m->line_first, "line_points", m->line_points, NULL))) {
+         dmk_missing(k->ctx, "line_first", m->line_first, "line_points", m->line_points))) {
         return DMK_E_ARG;
     }
     for (int32_t v = 0; m->vertex_mass && v < k->mesh->n_vertices; v++)

@@ -76,10 +76,10 @@ int dmk_result_restore(dmk_context *ctx, const dmk_mesh *m, const dmk_result_dat
 {
     int rc;
     dmk_result *r = NULL;
-    if (dmk_missing(ctx, "mesh", m, "data", data, "result", result, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "mesh", m, "data", data, "result", result)) return DMK_E_ARG;
     if (dmk_missing(ctx, "density", data->density, "potential", data->potential, "potential_mid",
                     data->potential_mid, "distance", data->distance, "distance_mid",
-                    data->distance_mid, "acl", data->acl, NULL)) {
+                    data->distance_mid, "acl", data->acl)) {
         return DMK_E_ARG;
     }
     DMK_TRY(dmk_point_check(ctx, m, "source", &data->source));

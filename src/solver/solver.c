@@ -45,7 +45,7 @@ int dmk_solver_create(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh
 {
     int rc;
     dmk_solver *s = NULL;
-    if (dmk_missing(ctx, "device", device, "mesh", mesh, "solver", solver, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "device", device, "mesh", mesh, "solver", solver)) return DMK_E_ARG;
     DMK_TRY(dmk_device_owned(ctx, device));
     DMK_TRY(DMK_NEW(ctx, s, 1));
     s->device = device;
@@ -67,7 +67,7 @@ void dmk_solver_destroy(dmk_solver **solver)
 
 int dmk_solver_set_ranks(dmk_context *ctx, dmk_solver *s, const dmk_ranks *ranks)
 {
-    if (dmk_missing(ctx, "solver", s, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "solver", s)) return DMK_E_ARG;
     if (ranks &&
         (ranks->size < 1 || ranks->rank < 0 || ranks->rank >= ranks->size ||
          ranks->gather_below < 0 || !ranks->exchange || !ranks->gather || !ranks->largest)) {
@@ -384,7 +384,7 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     dmk_solve_options defaults;
     dmk_solve_options_init(&defaults);
     if (!options) options = &defaults;
-    if (dmk_missing(ctx, "solver", s, "source", source, "result", result, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "solver", s, "source", source, "result", result)) return DMK_E_ARG;
     DMK_TRY(dmk_device_owned(ctx, s->device));
     DMK_TRY(dmk_point_check(ctx, s->mesh, "the source", source));
     DMK_TRY(dmk_solver_check_options(ctx, options));

@@ -266,7 +266,7 @@ int dmk_solve_measures(dmk_context *ctx, dmk_solver *s, const dmk_measure *from,
     dmk_solve_options defaults;
     dmk_solve_options_init(&defaults);
     if (!options) options = &defaults;
-    if (dmk_missing(ctx, "solver", s, "from", from, "transport", transport, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "solver", s, "from", from, "transport", transport)) return DMK_E_ARG;
     DMK_TRY(dmk_device_owned(ctx, s->device));
     DMK_TRY(dmk_solver_check_options(ctx, options));
     DMK_TRY(dmk_measure_check(ctx, s->mesh, from, to, &component));

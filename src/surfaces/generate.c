@@ -159,7 +159,7 @@ int dmk_mesh_surface(dmk_context *ctx, const dmk_surface_options *o, dmk_mesh **
     int rc;
     dmk_body body = {0};
     dmk_mesh *now = NULL, *fine = NULL;
-    if (dmk_missing(ctx, "options", o, "mesh", mesh, NULL)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "options", o, "mesh", mesh)) return DMK_E_ARG;
     DMK_TRY(find_surface(ctx, o->name, &body.surface));
     DMK_TRY(choose_sizes(ctx, o, &body));
     DMK_TRY(coarse_mesh(ctx, o, &body, &now));
