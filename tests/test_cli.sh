@@ -229,6 +229,16 @@ check 'cut --json prints the report, with the cut' \
     sh -c "grep -q '\"n_border_loops\": 1' '$work/cut.json' && grep -q '\"gap\"' '$work/cut.json'"
 check 'cut --report writes it' "$tool" cut "$torus" --vertex 0 --report "$work/cut2.json" --quiet
 check 'and is the same' sh -c "[ \$(wc -l < '$work/cut.json') = \$(wc -l < '$work/cut2.json') ]"
+"$tool" path "$torus" --vertex 0 --to-vertex 40 --json > "$work/path.json"
+check 'path --json prints a report and no summary' is_json "$work/path.json"
+length=$(sed -n 's/.*"length": \([0-9.e+-]*\),*$/\1/p' "$work/path.json")
+"$tool" path "$torus" --vertex 0 --to-vertex 40 --report "$work/path2.json" --out "$work/path.csv" > "$work/told"
+check 'its length is that of the summary' awk -v a="${length:-none}" \
+    '{ sub(/.*length /, ""); if (a + 0 > 0 && ($0 - a)^2 < 1e-16 * a^2) good = 1; exit !good }' "$work/told"
+check 'path --report writes it' is_json "$work/path2.json"
+check 'with the files and the number of triangles' sh -c \
+    "grep -q '/path.csv\"' '$work/path2.json' && grep -q '\"n_triangles\": '\$((\$(wc -l < '$work/path.csv') - 2)) '$work/path2.json'"
+usage 'a report on the mesh' 'a.off' path a.off --vertex 0 --to-vertex 1 --report a.off
 "$tool" cut "$torus" --vertex 0 --out "$work/cut.obj" --out "$work/cut.vtp" --picture "$work/cut.svg" > "$work/told"
 check 'cut tells of flipped triangles' has "$work/told" '^in the plane [0-9]+ triangles? (is|are) flipped'
 check 'a cut as OBJ has a texture coordinate for each vertex' \

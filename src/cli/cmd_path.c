@@ -2,6 +2,7 @@
 #include "solve.h"
 
 #include <limits.h>
+#include <math.h>
 
 typedef struct path_request {
     solve_request solve;
@@ -29,6 +30,37 @@ static void print_path(const path_request *request, const solve_run *run, const 
     for (int i = 0; i < request->out.n; i++) printf("wrote %s\n", request->out.path[i]);
 }
 
+/* What the report says of the path. */
+typedef struct told {
+    const path_request *request;
+    const dmk_path *path;
+} told;
+
+static void report_path(cli_json *json, const solve_run *run, const void *data)
+{
+    const told *t = data;
+    const dmk_path *path = t->path;
+    const dmk_point *end = &path->point[path->n - 1];
+    double xyz[3] = {NAN, NAN, NAN};
+    dmk_mesh_point_xyz(run->context, run->mesh, end, xyz);
+    json_open(json, "end", '{');
+    json_numbers(json, "xyz", xyz, 3);
+    json_integer(json, "triangle", end->triangle);
+    json_numbers(json, "weight", end->weight, 3);
+    json_close(json, '{');
+    json_open(json, "path", '{');
+    json_number(json, "length", path->length);
+    json_integer(json, "n_triangles", (int64_t)path->n - 1);
+    json_open(json, "out", '[');
+    for (int i = 0; i < t->request->out.n; i++) json_text(json, NULL, t->request->out.path[i]);
+    json_close(json, '[');
+    json_close(json, '{');
+    json_open(json, "seconds", '{');
+    json_number(json, "read", run->seconds.read);
+    json_number(json, "total", cli_seconds() - run->seconds.begin);
+    json_close(json, '{');
+}
+
 /* The end is looked at before the long work begins. */
 static int trace(const path_request *request, solve_run *run, dmk_path *path)
 {
@@ -54,7 +86,11 @@ static int run_path(const path_request *request)
     dmk_path path = {0};
     int code = solve_begin(&request->solve, &run);
     if (code == EXIT_OK) code = trace(request, &run, &path);
-    if (code == EXIT_OK && !request->solve.quiet) {
+    if (code == EXIT_OK && request->solve.report) {
+        const told t = {request, &path};
+        code = solve_report_more(&request->solve, &run, report_path, &t);
+    }
+    if (code == EXIT_OK && solve_tells_summary(&request->solve)) {
         print_path(request, &run, &path);
         code = cli_flush();
     }
@@ -101,6 +137,7 @@ static int parse(path_request *request, const char *out_help, int argc, char **a
     };
     solve_add_source(&table, &request->solve);
     solve_add(&table, rows, sizeof rows / sizeof *rows);
+    solve_add_report(&table, &request->solve);
     solve_add_host(&table, &request->solve);
     const cli_syntax syntax = {
         .command = "path",

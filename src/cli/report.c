@@ -110,12 +110,11 @@ static void write_names(cli_json *json, const char *key, const cli_files *files)
     json_close(json, '[');
 }
 
-void solve_report_fields(cli_json *json, const solve_request *request, const solve_run *run)
+/* What needs no solver. */
+static void write_mesh(cli_json *json, const solve_request *request, const solve_run *run)
 {
     dmk_mesh_info info;
-    dmk_stats stats;
     dmk_mesh_get_info(run->mesh, &info);
-    dmk_result_get_stats(run->result, &stats);
     json_text(json, "dmkcl", dmk_version());
     json_open(json, "mesh", '{');
     json_text(json, "file", request->mesh);
@@ -123,6 +122,18 @@ void solve_report_fields(cli_json *json, const solve_request *request, const sol
     json_repairs(json, &run->repairs);
     json_close(json, '{');
     json_integer(json, "euler", info.euler);
+}
+
+void solve_report_fields(cli_json *json, const solve_request *request, const solve_run *run)
+{
+    dmk_stats stats;
+    write_mesh(json, request, run);
+    if (request->bare) {
+        write_source(json, run);
+        json_integer(json, "peak_memory", (int64_t)cli_peak_memory());
+        return;
+    }
+    dmk_result_get_stats(run->result, &stats);
     json_number(json, "area", stats.area); /* of the component with the source */
     write_source(json, run);
     write_device(json, run);

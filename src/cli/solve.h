@@ -117,7 +117,7 @@ int solve_batch(const solve_request *request);
 
 /* ---- report.c, tangent.c -------------------------------------------------------------------- */
 
-/* The report's fields, into an object that is open. */
+/* The report's fields, into an object that is open; of a bare request mesh, source and memory. */
 void solve_report_fields(cli_json *json, const solve_request *request, const solve_run *run);
 /* The JSON report, whole or not at all; of many sources on the standard output a line for each. The exit
  * code. */
