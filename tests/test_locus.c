@@ -444,6 +444,38 @@ static scene plate_scene(int holes, int n)
     return scene_of(mesh, (dmk_point){3, {0.3, 0.3, 0.4}});
 }
 
+/* Corners off by up to `size`, in all directions. */
+static scene shaken(scene smooth, double size, uint32_t random)
+{
+    const dmk_mesh *m = smooth.mesh;
+    dmk_mesh *mesh = NULL;
+    for (int32_t i = 0; i < 3 * m->n_vertices; i++) {
+        random = random * 1664525u + 1013904223u;
+        m->xyz[i] += size * (random / 2147483648.0 - 1);
+    }
+    int rc = dmk_mesh_create(ctx, (size_t)m->n_vertices, m->xyz, (size_t)m->n_triangles,
+                             m->triangle, &mesh);
+    if (rc != DMK_OK) fail_msg("%s", dmk_context_message(ctx));
+    scene s = scene_of(mesh, smooth.source);
+    free_scene(&smooth);
+    return s;
+}
+
+/* On coarse, rough meshes ends are led past forks, whose other branches stay connected all the same. */
+static void test_connected(void **state)
+{
+    (void)state;
+    for (uint32_t i = 0; i < 400; i++) {
+        scene s = shaken(plate_scene(i % 2, 1 + i / 2 % 2), 0.4 / (1 + i / 2 % 2), i);
+        dmk_locus *l = trace(&s);
+        dmk_locus_info info = check_object(l);
+        if (info.components != 1 || info.loops != 2 * (i % 2))
+            fail_msg("mesh %u: %zu pieces, %d loops", i, info.components, (int)info.loops);
+        dmk_locus_destroy(&l);
+        free_scene(&s);
+    }
+}
+
 static void test_genus(void **state)
 {
     (void)state;
@@ -786,7 +818,9 @@ static void test_cut(void **state)
         scene s = plate_scene(genus, 6);
         check_cut(&s, SIZE_MAX);
     }
-    scene s = surface("torus", 1, (double[3]){3, 0, 0});
+    scene s = plate_scene(133, 1);
+    check_cut(&s, SIZE_MAX);
+    s = surface("torus", 1, (double[3]){3, 0, 0});
     check_cut(&s, 200);
     s = surface("quartic", 1, (double[3]){0.533843, 0.800764, 0.844080});
     check_cut(&s, 10);
@@ -1011,17 +1045,17 @@ static int teardown(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_torus),          cmocka_unit_test(test_source_anywhere),
-        cmocka_unit_test(test_point),          cmocka_unit_test(test_quartic),
-        cmocka_unit_test(test_narrow),         cmocka_unit_test(test_hyperbolic),
-        cmocka_unit_test(test_noise),          cmocka_unit_test(test_genus),
-        cmocka_unit_test(test_border),         cmocka_unit_test(test_path),
-        cmocka_unit_test(test_path_saddle),    cmocka_unit_test(test_path_box),
-        cmocka_unit_test(test_path_rough),     cmocka_unit_test(test_cut),
-        cmocka_unit_test(test_cut_coarse),     cmocka_unit_test(test_strength),
-        cmocka_unit_test(test_accuracy_torus), cmocka_unit_test(test_accuracy_ends),
-        cmocka_unit_test(test_short_arc),      cmocka_unit_test(test_excess),
-        cmocka_unit_test(test_threads),
+        cmocka_unit_test(test_torus),         cmocka_unit_test(test_source_anywhere),
+        cmocka_unit_test(test_point),         cmocka_unit_test(test_quartic),
+        cmocka_unit_test(test_narrow),        cmocka_unit_test(test_hyperbolic),
+        cmocka_unit_test(test_noise),         cmocka_unit_test(test_genus),
+        cmocka_unit_test(test_connected),     cmocka_unit_test(test_border),
+        cmocka_unit_test(test_path),          cmocka_unit_test(test_path_saddle),
+        cmocka_unit_test(test_path_box),      cmocka_unit_test(test_path_rough),
+        cmocka_unit_test(test_cut),           cmocka_unit_test(test_cut_coarse),
+        cmocka_unit_test(test_strength),      cmocka_unit_test(test_accuracy_torus),
+        cmocka_unit_test(test_accuracy_ends), cmocka_unit_test(test_short_arc),
+        cmocka_unit_test(test_excess),        cmocka_unit_test(test_threads),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }

@@ -16,9 +16,8 @@ typedef struct dmk_crossing {
     int32_t half;    /* half-edge crossed, of the triangle node[0] */
     int32_t node[2]; /* the triangles it joins; n_triangles + i: border loop i */
     int32_t onward;  /* crossing to which its excess is handed on; -1: none */
-    int32_t
-        outer; /* node[outer] was peeled: the branch's end lies behind it; -1: none, on a loop */
-    double at; /* on the half-edge from its start, a share of its length */
+    int32_t outer;   /* node[outer] was peeled: the branch's end lies behind it; -1: on a loop */
+    double at;       /* on the half-edge from its start, a share of its length */
     double xyz[3];
     double distance; /* to the source */
     double alpha;    /* angle at which the two families meet, radians in [0, pi] */
@@ -52,6 +51,8 @@ void dmk_cotree_free(dmk_cotree *cotree);
 
 /* strength.c: excess of every crossing, strength of every branch, the default strength. */
 int dmk_cotree_peel(dmk_context *ctx, dmk_cotree *cotree);
+/* Excess of the weakest way into a triangle where three meet, that of a branch which ends there; else 0. */
+double dmk_branch_at(const dmk_cotree *cotree, int32_t triangle);
 
 /* ends.c: all of it, and the tips of all branches of default strength. */
 int dmk_cotree_complete(dmk_context *ctx, const dmk_geodesics *geodesics, dmk_cotree *cotree);
@@ -118,7 +119,8 @@ void dmk_place_in_plane(const dmk_cotree *cotree, int32_t corner, const double x
 
 /* Whether three branches of default strength meet in the triangle. */
 bool dmk_is_fork(const dmk_cotree *cotree, int32_t triangle);
-/* The tip in a triangle, or NULL. */
+/* The tip in a triangle, or NULL: the tips are in the order of this comparison. */
+int dmk_tip_by_triangle(const void *a, const void *b);
 const dmk_tip *dmk_tip_in(const dmk_cotree *cotree, int32_t triangle);
 
 #endif

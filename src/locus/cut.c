@@ -13,8 +13,7 @@ typedef struct knife {
     int32_t *point;    /* cotree->n: the new vertex on a crossing, or -1 */
     double *xyz;       /* 3 per vertex of the split mesh */
     int32_t *triangle; /* 3 per triangle of the split mesh */
-    int32_t *
-        kin; /* 3 per triangle: the mesh's corner (3t + k) whose family the corner here belongs to */
+    int32_t *kin;  /* 3 per triangle: the mesh's corner (3t + k) whose family the corner is of */
     uint8_t *side; /* 3 per triangle: edge opposite the corner is to be cut */
     int32_t n_vertices, n_triangles;
 } knife;

@@ -43,7 +43,8 @@ static double step(const dmk_cotree *t, int32_t i, int32_t j)
     return dmk_distance(t->crossing[i].xyz, t->crossing[j].xyz);
 }
 
-/* Inwards up to `reach`, and no farther than the branch; outwards along the strongest way. */
+/* Inwards up to `reach`, and no farther than the branch nor past another, which the end would leave behind if it
+ * were led there; outwards along the strongest way. */
 static void find_route(const dmk_cotree *t, int32_t i, int32_t node, double reach, route *r)
 {
     double length = 0;
@@ -53,7 +54,7 @@ static void find_route(const dmk_cotree *t, int32_t i, int32_t node, double reac
         /* inwards of the last crossing lies the branch's other half */
         const int32_t next = j == t->last ? child_of(t, j, node_in) : t->crossing[j].onward;
         if (next < 0 || t->crossing[next].strength != t->crossing[i].strength ||
-            (n > 1 && next == back[n - 2]))
+            (n > 1 && next == back[n - 2]) || dmk_branch_at(t, node_in) >= t->strength)
             break;
         length += step(t, j, next);
         if (j == t->last) break;
@@ -214,12 +215,6 @@ static int find_small(dmk_context *ctx, dmk_cotree *t, dmk_patch *patch, double 
     return become_point(ctx, t, fits ? middle : c->xyz);
 }
 
-static int by_triangle(const void *a, const void *b)
-{
-    const int32_t x = ((const dmk_tip *)a)->triangle, y = ((const dmk_tip *)b)->triangle;
-    return (x > y) - (x < y);
-}
-
 static int find_ends(dmk_context *ctx, dmk_cotree *t)
 {
     int rc;
@@ -237,7 +232,7 @@ static int find_ends(dmk_context *ctx, dmk_cotree *t)
             DMK_TRY(find_end(ctx, t, patch, middle, arc, i, c->node[side]));
         }
     }
-    if (t->n_tips > 1) qsort(t->tip, (size_t)t->n_tips, sizeof *t->tip, by_triangle);
+    if (t->n_tips > 1) qsort(t->tip, (size_t)t->n_tips, sizeof *t->tip, dmk_tip_by_triangle);
 done:
     dmk_patch_free(&patch);
     return rc;

@@ -7,7 +7,7 @@
 
 static const double pi = 3.14159265358979323846;
 
-static int by_triangle(const void *a, const void *b)
+int dmk_tip_by_triangle(const void *a, const void *b)
 {
     const int32_t x = ((const dmk_tip *)a)->triangle, y = ((const dmk_tip *)b)->triangle;
     return (x > y) - (x < y);
@@ -17,7 +17,7 @@ const dmk_tip *dmk_tip_in(const dmk_cotree *t, int32_t triangle)
 {
     const dmk_tip key = {.triangle = triangle};
     if (t->n_tips == 0) return NULL;
-    return bsearch(&key, t->tip, (size_t)t->n_tips, sizeof key, by_triangle);
+    return bsearch(&key, t->tip, (size_t)t->n_tips, sizeof key, dmk_tip_by_triangle);
 }
 
 bool dmk_is_fork(const dmk_cotree *t, int32_t triangle)

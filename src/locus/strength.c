@@ -114,8 +114,7 @@ done:
     return rc;
 }
 
-/* Excess of the weakest way into triangle i, where three meet: that of a branch which ends there. */
-static double branch_at(const dmk_cotree *t, int32_t i)
+double dmk_branch_at(const dmk_cotree *t, int32_t i)
 {
     double least = HUGE_VAL;
     for (int k = 0; k < 3; k++) {
@@ -139,7 +138,7 @@ static int find_default(dmk_context *ctx, dmk_cotree *t)
     branch[n++] = least;
     if (t->last >= 0) branch[n++] = HUGE_VAL;
     for (int32_t i = 0; i < t->geodesics->mesh->n_triangles; i++) {
-        const double b = branch_at(t, i);
+        const double b = dmk_branch_at(t, i);
         if (b > least && b < HUGE_VAL) branch[n++] = b;
     }
     dmk_sort_doubles(branch, n);
