@@ -95,10 +95,10 @@ static int run(int argc, char **argv)
         return cli_error(EXIT_USAGE, "a command is missing; `dmkcl --help` lists them");
     }
     const char *name = argv[1];
-    char *of_command[] = {argv[argc - 1], "--help", NULL}; /* `dmkcl help solve` */
+    char *of_command[] = {argv[0], argv[argc - 1], "--help", NULL}; /* `dmkcl help solve` */
     if (strcmp(name, "help") == 0 && argc == 3) {
-        name = of_command[0];
-        argv = of_command - 1;
+        name = argv[2];
+        argv = of_command;
     } else if (strcmp(name, "--help") == 0 || strcmp(name, "-h") == 0 ||
                strcmp(name, "help") == 0) {
         return print_help();

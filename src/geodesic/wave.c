@@ -596,7 +596,7 @@ done:
 typedef struct rays {
     double base, lo, hi, direction, error;
     int32_t source, root; /* root -1: directions are the rays' own */
-    bool both;
+    int n_ends;           /* of a sector: 1, its first, or 2, its last, too */
 } rays;
 
 static int send(dmk_context *ctx, engine *e, const dmk_sector *c, const rays *a)
@@ -605,7 +605,7 @@ static int send(dmk_context *ctx, engine *e, const dmk_sector *c, const rays *a)
     dmk_end end;
     dmk_beam b;
     bool own = a->root < 0 && a->source < e->front.g->n_sources;
-    for (int last = 0; last <= a->both; last++) {
+    for (int last = 0; last < a->n_ends; last++) {
         if (!dmk_front_end(&e->front, c, last, a->lo, a->hi, &end)) continue;
         mark m = {own ? end.direction : a->direction,
                   end.back,
@@ -633,7 +633,7 @@ static int radiate_source(dmk_context *ctx, engine *e, int32_t number)
 {
     int rc = DMK_OK;
     const dmk_site *p = e->front.g->source + number;
-    rays a = {p->offset / e->front.g->star.unit, -1, p->total + 1, 0, 0, number, -1, true};
+    rays a = {p->offset / e->front.g->star.unit, -1, p->total + 1, 0, 0, number, -1, 2};
     if (p->vertex >= 0) {
         mark m = {0, 0, 0, HUGE_VAL, STRAIGHT, number, -1};
         if (a.base >= e->front.d[p->vertex]) return DMK_OK;
@@ -686,7 +686,7 @@ static int radiate_bend(dmk_context *ctx, engine *e, int32_t v)
     if (!s->border[v] && wedge[0][1] - wedge[0][0] < e->allow.weak) return DMK_OK;
     for (int i = 0; i < n; i++) {
         rays a = {e->front.d[v], wedge[i][0], wedge[i][1], m->direction,
-                  e->error[v],   m->source,   v,           s->border[v]};
+                  e->error[v],   m->source,   v,           s->border[v] ? 2 : 1};
         DMK_TRY(radiate_star(ctx, e, v, &a, s->border[v] ? 0 : 1));
     }
 done:
@@ -702,7 +702,7 @@ static int radiate_line(dmk_context *ctx, engine *e, int32_t h)
     double length = e->front.facet[h / 3].length[h % 3];
     for (int last = 0; last < 2; last++) {
         int32_t v = g->mesh->triangle[last ? dmk_previous(h) : dmk_next(h)];
-        rays a = {0, -1, g->star.total[v] + 1, 0, 0, g->n_sources, -1, true};
+        rays a = {0, -1, g->star.total[v] + 1, 0, 0, g->n_sources, -1, 2};
         mark m = {0, 0, 0, HUGE_VAL, STRAIGHT, g->n_sources, -1};
         if (e->radiated[v] == 0) continue;
         e->radiated[v] = 0;

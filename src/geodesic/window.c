@@ -486,7 +486,7 @@ done:
 typedef struct rays {
     double base, lo, hi;
     int32_t root;
-    bool both; /* the last end of a sector, too, not only its first */
+    int n_ends; /* of a sector: 1, its first, or 2, its last, too */
 } rays;
 
 static int send(worker *me, const dmk_sector *c, const rays *a)
@@ -495,7 +495,7 @@ static int send(worker *me, const dmk_sector *c, const rays *a)
     int rc = DMK_OK;
     dmk_end end;
     dmk_beam b;
-    for (int last = 0; last <= a->both; last++) {
+    for (int last = 0; last < a->n_ends; last++) {
         if (!dmk_front_end(front, c, last, a->lo, a->hi, &end)) continue;
         DMK_TRY(reach(me, end.vertex, a->base + end.length,
                       (trace){HUGE_VAL, end.direction, end.back, 0, STRAIGHT, a->root}));
@@ -513,7 +513,7 @@ static int radiate_source(worker *me, int32_t number)
     engine *e = me->e;
     const dmk_site *p = e->front.g->source + number;
     double *d = e->front.d;
-    rays a = {p->offset / e->front.g->star.unit, -1, p->total + 1, ~number, true};
+    rays a = {p->offset / e->front.g->star.unit, -1, p->total + 1, ~number, 2};
     if (p->vertex >= 0) {
         if (a.base >= d[p->vertex]) return DMK_OK;
         d[p->vertex] = a.base;
@@ -557,7 +557,8 @@ static int radiate_bend(worker *me, int32_t v)
         for (int i = 0; i < n_wedges; i++) {
             for (int k = -turns; k <= turns; k++) { /* the wedge may go around */
                 double turn = k * s->total[v];
-                rays a = {e->front.d[v], wedge[i][0] + turn, wedge[i][1] + turn, v, s->border[v]};
+                rays a = {e->front.d[v], wedge[i][0] + turn, wedge[i][1] + turn, v,
+                          s->border[v] ? 2 : 1};
                 DMK_TRY(send(me, &sector, &a));
             }
         }
