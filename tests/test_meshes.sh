@@ -15,6 +15,12 @@ lines_are_json() { # FILE: each line an object
         is_json "$work/line" || { cat "$work/line"; return 1; }
     done < "$1"
 }
+fails_with() { # CODE COMMAND...
+    local code=$1
+    shift
+    "$@" > "$work/said_out" 2> "$work/said"
+    test $? -eq "$code"
+}
 mkdir -p "$in/sub"
 "$tool" mesh sphere --triangles 400 --out "$in/a.off" > "$work/said_out"
 "$tool" mesh torus --triangles 600 --out "$in/sub/b.off" > "$work/said_out"
@@ -57,6 +63,17 @@ check 'a list, to standard output' test "$(wc -l < "$work/lines")" -eq 2
 "$tool" batch - --report - < "$work/l.txt" > "$work/lines"
 check 'a list, from standard input' test "$(wc -l < "$work/lines")" -eq 2
 check 'as JSON Lines' lines_are_json "$work/lines"
+
+# A missed gap changes the exit code alone, and only of a run without failures.
+missed=$work/missed
+fails 'a missed gap gives exit code 9, as of solve' 9 'a.off: the gap is .*, above the 1e-06 that --gap asked for' \
+    "$tool" batch "$in/a.off" "$in/c.ply" --gap 1e-6 --out-dir "$missed" --quiet
+check 'and all is done' test "$(report=$missed/report.jsonl names)" = 'a 0 done;c 0 done;'
+check 'with its files' test -s "$missed/a.vtp" -a -s "$missed/c.vtp" -a -s "$missed/c.locus.obj"
+check 'a gap that is reached gives exit code 0' "$tool" batch "$in/a.off" --gap 0.5 --json
+check 'a mesh that fails gives its code' fails_with 3 "$tool" batch "$in/a.off" "$in/bad.off" --gap 1e-6 --json
+printf 'vertex 0\nvertex 99999\n' > "$work/sources.txt"
+check 'and a source' fails_with 1 "$tool" solve "$in/a.off" --sources "$work/sources.txt" --gap 1e-6
 
 # ---- resuming ---------------------------------------------------------------------------------
 

@@ -12,7 +12,7 @@ typedef struct batch {
     size_t n, n_solved, n_kept, n_failed;
     bool summary;
     solve_times shared; /* of mesh, device and solver; total: until they were ready */
-    int code;           /* of the first failure */
+    int code;           /* of the first failure; without any, of a missed gap */
 } batch;
 
 /* ---- the files of source k ------------------------------------------------------------------ */
@@ -170,7 +170,7 @@ static void solve_all(batch *b, solve_run *run)
             b->n_solved += solved;
             b->n_failed += !solved;
         }
-        if (b->code == EXIT_OK) b->code = code;
+        if (code != EXIT_OK && (b->code == EXIT_OK || b->code == EXIT_GAP)) b->code = code;
         free_one(&one);
     }
     const int rc = add_up(b);

@@ -30,6 +30,7 @@ typedef struct farm {
     double begin;
     atomic_size_t next; /* mesh that nobody has taken */
     atomic_int code;    /* of the first failure */
+    atomic_bool missed; /* a gap; this changes the exit code of a run without failures */
     atomic_bool stop;   /* nothing can be done any more */
     size_t n_done, n_kept, n_failed;
     pthread_mutex_t large, opening, telling;
@@ -210,6 +211,7 @@ static void finish(farm *f, const batch_entry *entry, const solve_request *one,
     if (written != EXIT_OK || code != EXIT_OK) {
         atomic_compare_exchange_strong(&f->code, &none, written != EXIT_OK ? written : code);
     }
+    if (code == EXIT_OK && solve_check_gap(one, run) != EXIT_OK) atomic_store(&f->missed, true);
     pthread_mutex_lock(&f->telling);
     f->n_done += code == EXIT_OK;
     f->n_failed += code != EXIT_OK;
@@ -406,7 +408,8 @@ static int end(farm *f)
                 all, strcmp(f->request->each.report, "-") != 0 ? ": --resume does them" : "");
         return cli_exit_code(DMK_E_CANCELLED);
     }
-    return atomic_load(&f->code) != EXIT_OK ? atomic_load(&f->code) : flushed;
+    if (atomic_load(&f->code) != EXIT_OK) return atomic_load(&f->code);
+    return flushed == EXIT_OK && atomic_load(&f->missed) ? EXIT_GAP : flushed;
 }
 
 /* The first rank's part: the report, and what of it can stay. */
