@@ -1,10 +1,13 @@
 /* Exact distances: closed forms, and what holds on every mesh. */
 #include "geodesic/geodesic.h"
 
+#include "base/vec3.h"
+
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -282,14 +285,188 @@ static void around_a_corner(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* ---- surfaces that unroll -------------------------------------------------------------------- */
+
+/* The plane angle between two vectors. */
+static double angle_between(const double a[3], const double b[3])
+{
+    double normal[3];
+    dmk_cross(a, b, normal);
+    return atan2(sqrt(dmk_dot(normal, normal)), dmk_dot(a, b));
+}
+
+enum { n_sides = 11 };
+
+/* The open tube over a regular polygon: rectangles side by side. */
+static dmk_mesh *make_tube(dmk_context *ctx, double height)
+{
+    const double up[3] = {0, 0, height};
+    uint32_t noisy = 2;
+    soup *s = new_soup();
+    for (int i = 0; i < n_sides; i++) {
+        const double a = 2 * pi * i / n_sides, b = 2 * pi * (i + 1) / n_sides;
+        const double corner[3] = {cos(a), sin(a), 0};
+        const double along[3] = {cos(b) - cos(a), sin(b) - sin(a), 0};
+        add_grid(s, corner, along, up, 3, 7, 0.5, &noisy);
+    }
+    return finish(ctx, s);
+}
+
+/* How far around the tube a point lies. */
+static double around_tube(const double x[3])
+{
+    const double phi = atan2(x[1], x[0]) + (x[1] < 0 ? 2 * pi : 0), side = 2 * sin(pi / n_sides);
+    const int i = (int)(phi * n_sides / (2 * pi));
+    const double a = 2 * pi * i / n_sides;
+    return i * side + hypot(x[0] - cos(a), x[1] - sin(a));
+}
+
+/* A tube unrolls to a strip: the nearest of the source's copies, a girth apart, is Euclid's. */
+static void tube(void **state)
+{
+    dmk_context *ctx = *state;
+    static const double height[2] = {0.7, 5};
+    const double girth = n_sides * 2 * sin(pi / n_sides);
+    const dmk_point source[] = {{0, {1, 0, 0}}, {40, {0.3, 0, 0.7}}, {170, {0.2, 0.5, 0.3}}};
+    for (int i = 0; i < 6; i++) {
+        dmk_mesh *m = make_tube(ctx, height[i / 3]);
+        double p[3];
+        dmk_geodesics *g = run(ctx, m, 1, source + i % 3, NULL);
+        assert_int_equal(dmk_mesh_point_xyz(ctx, m, source + i % 3, p), DMK_OK);
+        for (int32_t v = 0; v < m->n_vertices; v++) {
+            const double *x = m->xyz + 3 * v;
+            const double turn = remainder(around_tube(x) - around_tube(p), girth);
+            assert_true(fabs(g->distance[v] - hypot(turn, x[2] - p[2])) < 1e-12);
+        }
+        dmk_geodesics_destroy(&g);
+        dmk_mesh_destroy(&m);
+    }
+}
+
+enum { n_slices = 10, slice_cuts = 6 };
+
+/* Direction i of the cone's rim from its apex. */
+static void rim(const double lift[2], int i, double u[3])
+{
+    const double a = 2 * pi * i / n_slices, z = lift[i % 2];
+    u[0] = cos(a) * sqrt(1 - z * z), u[1] = sin(a) * sqrt(1 - z * z), u[2] = z;
+}
+
+/* Equal triangles around the origin, cut into smaller ones; the rim's directions have the heights
+ * lift[0], lift[1] in turns. */
+static dmk_mesh *make_cone(dmk_context *ctx, const double lift[2])
+{
+    enum { n = slice_cuts };
+    uint32_t noisy = 4;
+    soup *s = new_soup();
+    for (int slice = 0; slice < n_slices; slice++) {
+        double u[3], w[3], x[3];
+        int32_t number[n + 1][n + 1];
+        rim(lift, slice, u), rim(lift, slice + 1, w);
+        for (int i = 0; i <= n; i++) {
+            for (int j = 0; i + j <= n; j++) {
+                const double moved = i > 0 && j > 0 && i + j < n ? 0.5 : 0;
+                const double a = (i + moved * noise(&noisy)) / n;
+                const double b = (j + moved * noise(&noisy)) / n;
+                for (int k = 0; k < 3; k++) x[k] = a * u[k] + b * w[k];
+                number[i][j] = vertex_at(s, x);
+            }
+        }
+        for (int i = 0; i < n; i++) {
+            for (int j = 0; i + j < n; j++) {
+                add_triangle(s, number[i][j], number[i + 1][j], number[i][j + 1]);
+                if (i + j + 1 == n) continue;
+                add_triangle(s, number[i + 1][j], number[i + 1][j + 1], number[i][j + 1]);
+            }
+        }
+    }
+    return finish(ctx, s);
+}
+
+/* The angle of a point of the cone around the apex, within the slice that it lies in: the one whose
+ * two sides it is between. */
+static double around_cone(const double lift[2], const double x[3])
+{
+    double least = HUGE_VAL, angle = 0, u[3], w[3];
+    for (int i = 0; i < n_slices; i++) {
+        rim(lift, i, u), rim(lift, i + 1, w);
+        const double slice = angle_between(u, w), first = angle_between(u, x);
+        if (first + angle_between(x, w) >= least) continue;
+        least = first + angle_between(x, w);
+        angle = i * slice + first;
+    }
+    return angle;
+}
+
+/* Over the apex where both ways around it turn by pi or more, else the third side of a triangle. */
+static double on_cone(double total, double r, double s, double turn)
+{
+    turn = fabs(remainder(turn, total));
+    return turn >= pi ? r + s : hypot(r - s * cos(turn), s * sin(turn));
+}
+
+/* Around an apex with less than 2 pi and around one with more, where paths bend; from there, too. */
+static void cone(void **state)
+{
+    dmk_context *ctx = *state;
+    static const double lift[4][2] = {{0.9, 0.9}, {0.3, 0.3}, {0.25, -0.25}, {0.5, -0.5}};
+    const dmk_point source[] = {{0, {1, 0, 0}}, {70, {0, 0.4, 0.6}}, {200, {0.2, 0.5, 0.3}}};
+    for (int i = 0; i < 12; i++) {
+        const double *z = lift[i / 3];
+        double p[3], u[3], w[3];
+        int n_bent = 0;
+        dmk_mesh *m = make_cone(ctx, z);
+        dmk_geodesics *g = run(ctx, m, 1, source + i % 3, NULL);
+        rim(z, 0, u), rim(z, 1, w);
+        const double total = n_slices * angle_between(u, w);
+        assert_true((total > 2 * pi) == (z[1] < 0));
+        assert_int_equal(dmk_mesh_point_xyz(ctx, m, source + i % 3, p), DMK_OK);
+        for (int32_t v = 0; v < m->n_vertices; v++) {
+            const double *x = m->xyz + 3 * v, turn = around_cone(z, x) - around_cone(z, p);
+            const double best = on_cone(total, sqrt(dmk_dot(x, x)), sqrt(dmk_dot(p, p)), turn);
+            assert_true(fabs(g->distance[v] - best) < 1e-12);
+            n_bent += g->arrival[v].pseudo_source == 0;
+        }
+        assert_true((n_bent > 0) == (z[1] < 0 && i % 3 > 0));
+        dmk_geodesics_destroy(&g);
+        dmk_mesh_destroy(&m);
+    }
+}
+
 /* ---- any mesh -------------------------------------------------------------------------------- */
+
+/* A surface of genus 3, full of saddles, against pygeodesic 0.1.11, an implementation of
+ * Mitchell, Mount and Papadimitriou's algorithm by other people: its distances from vertex 7. */
+static void stored_distances(void **state)
+{
+    dmk_context *ctx = *state;
+    dmk_mesh *m;
+    double stored;
+    int n_bent = 0;
+    assert_int_equal(dmk_mesh_read(ctx, "tests/data/triple_torus.off.gz", &m), DMK_OK);
+    FILE *file = fopen("tests/data/triple_torus_distance.txt", "r");
+    assert_non_null(file);
+    const dmk_point source = at_vertex(ctx, m, 7);
+    dmk_geodesics *g = run(ctx, m, 1, &source, NULL);
+    for (int32_t v = 0; v < m->n_vertices; v++) {
+        assert_int_equal(fscanf(file, "%lf", &stored), 1);
+        if (fabs(g->distance[v] - stored) > 1e-12 * (1 + stored))
+            fail_msg("vertex %d: %.17g, not %.17g", v, g->distance[v], stored);
+        n_bent += g->arrival[v].pseudo_source >= 0;
+    }
+    assert_int_equal(fscanf(file, "%lf", &stored), EOF);
+    assert_true(n_bent > 100);
+    fclose(file);
+    dmk_geodesics_destroy(&g);
+    dmk_mesh_destroy(&m);
+}
 
 static void both_ways(void **state)
 {
     dmk_context *ctx = *state;
     static const char *const file[] = {"meshes/torus.off", "meshes/quartic.off",
-                                       "tests/data/saddles.off"};
-    for (int i = 0; i < 2; i++) {
+                                       "tests/data/triple_torus.off.gz"};
+    for (int i = 0; i < 3; i++) {
         dmk_mesh *m;
         assert_int_equal(dmk_mesh_read(ctx, file[i], &m), DMK_OK);
         const int32_t a = 7, b = m->n_vertices / 2;
@@ -663,6 +840,9 @@ int main(void)
         cmocka_unit_test(cube_from_a_corner),
         cmocka_unit_test(doubled_square),
         cmocka_unit_test(around_a_corner),
+        cmocka_unit_test(tube),
+        cmocka_unit_test(cone),
+        cmocka_unit_test(stored_distances),
         cmocka_unit_test(both_ways),
         cmocka_unit_test(several_sources),
         cmocka_unit_test(any_scale),
