@@ -255,6 +255,53 @@ static void lines_are_many_atoms(void **state)
     problem_free(&p);
 }
 
+/* How much of the area the masses put into other cells than the nearest source's: the mass of cell i against
+ * a third of each triangle for each corner whose nearest source is i. */
+static double off_the_cells(const problem *p, const dmk_geodesics *g, const double *mass,
+                            size_t n_atoms)
+{
+    const int32_t *v = dmk_mesh_triangles(p->mesh);
+    const double *x = dmk_mesh_vertices(p->mesh);
+    size_t n;
+    const dmk_arrival *arrival = dmk_geodesics_arrivals(g, &n);
+    double cell[32] = {0}, sum = 0;
+    assert_int_equal(n, p->info.n_vertices);
+    for (size_t t = 0; t < p->info.n_triangles; t++) {
+        double a[3], b[3];
+        for (int k = 0; k < 3; k++) {
+            a[k] = x[3 * v[3 * t + 1] + k] - x[3 * v[3 * t] + k];
+            b[k] = x[3 * v[3 * t + 2] + k] - x[3 * v[3 * t] + k];
+        }
+        const double c[3] = {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2],
+                             a[0] * b[1] - a[1] * b[0]};
+        const double area = sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) / 2;
+        for (int k = 0; k < 3; k++) cell[arrival[v[3 * t + k]].source] += area / 3;
+    }
+    for (size_t i = 0; i < n_atoms; i++) sum += fabs(mass[i] - cell[i]) / 2;
+    return sum / p->info.area;
+}
+
+/* The midpoints' values are of their edges: u changes by half an edge from them to the ends, and by less than one
+ * where a triangle's mean slope of 1 hides a steeper part. */
+static void midpoints_lie_between(const problem *p, const dmk_transport *transport)
+{
+    size_t n;
+    const double *u = dmk_transport_potential(transport, NULL),
+                 *mid = dmk_transport_potential_mid(transport, &n), *x = dmk_mesh_vertices(p->mesh);
+    const int32_t *e = dmk_mesh_edges(p->mesh);
+    assert_int_equal(n, p->info.n_edges);
+    double worst = 0;
+    for (size_t i = 0; i < n; i++) {
+        double sum = 0;
+        for (int k = 0; k < 3; k++) sum += pow(x[3 * e[2 * i] + k] - x[3 * e[2 * i + 1] + k], 2);
+        for (int k = 0; k < 2; k++) {
+            worst = fmax(worst, fabs(mid[i] - u[e[2 * i + k]]) / sqrt(sum));
+        }
+    }
+    print_message("# steepest from a midpoint: %.3f of the edge\n", worst);
+    assert_true(worst < 1);
+}
+
 /* Each point of the even measure goes to the nearest of 20: -u is the distance to the set, the masses are the
  * areas of the Voronoi cells. */
 static void free_masses_are_those_of_the_cells(void **state)
@@ -291,6 +338,10 @@ static void free_masses_are_those_of_the_cells(void **state)
     print_message("# distance off by %.3f h, cost by %.2e of the exact, gap %.1e, %d steps\n",
                   error / p.info.mean_edge, m.stats.cost_upper / integral - 1, m.stats.gap,
                   m.stats.steps);
+    midpoints_lie_between(&p, m.transport);
+    const double off = off_the_cells(&p, g, mass, N);
+    print_message("# %.2f %% of the area off the nearest source's cell\n", 100 * off);
+    assert_true(off < 0.03);
     assert_true(fabs(all / p.info.area - 1) < 1e-9);
     assert_true(error < 0.1 * p.info.mean_edge);
     assert_true(fabs(m.stats.cost_upper / integral - 1) < 0.03);

@@ -232,7 +232,7 @@ void dmk_local_free(dmk_local *local)
 
 static int get_kernels(dmk_context *ctx, dmk_share *s)
 {
-    int rc;
+    int rc = DMK_OK;
     for (int p = 0; p < DMK_N_PROGRAMS; p++) {
         DMK_TRY(dmk_kernel_get(ctx, s->device, (dmk_program)p, "halo_pack", &s->pack[p]));
         DMK_TRY(dmk_kernel_get(ctx, s->device, (dmk_program)p, "halo_unpack", &s->unpack[p]));

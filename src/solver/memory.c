@@ -30,7 +30,7 @@ void dmk_solve_memory(size_t n_triangles, int single_precision, dmk_memory *memo
 static bool read_number(const char *path, const char *name, uint64_t *value)
 {
     char line[256];
-    unsigned long long number;
+    unsigned long long number = 0;
     bool found = false;
     FILE *file = fopen(path, "r");
     if (!file) return false;

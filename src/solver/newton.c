@@ -115,7 +115,7 @@ done:
 
 int dmk_newton(dmk_iteration *o, bool from_distance)
 {
-    int rc;
+    int rc = DMK_OK;
     bool settled;
     const dmk_solve_options *opt = o->options;
     int max_steps = opt->max_steps ? opt->max_steps : DMK_NEWTON_STEPS;

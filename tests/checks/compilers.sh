@@ -4,11 +4,11 @@
 clang_takes() {
     clang $flags $warnings -Wcast-qual -Wconditional-uninitialized -Wimplicit-fallthrough \
         -Wextra-semi -Wnewline-eof -Wunreachable-code -Wloop-analysis -Wno-cast-qual -Itests \
-        -fsyntax-only "$1"
+        -I"$build" -fsyntax-only "$1"
 }
 # Warnings that only come with the optimiser's knowledge need the code made.
 gcc_takes() {
-    gcc $flags $warnings -O2 -D_FORTIFY_SOURCE=2 -Itests -c "$1" -o "$work/x.o"
+    gcc $flags $warnings -O2 -D_FORTIFY_SOURCE=2 -Itests -I"$build" -c "$1" -o "$work/x.o"
 }
 files=$(find src tests bench -name '*.c')
 each clang_takes $files

@@ -4,7 +4,7 @@
 clean() {
     cppcheck --std=c11 --enable=warning,performance,portability --error-exitcode=1 --quiet \
         --inline-suppr --suppressions-list=tests/checks/cppcheck.known -Iinclude -Isrc -Ikernels \
-        -Itests -D_GNU_SOURCE -DCL_TARGET_OPENCL_VERSION=120 -D__linux__ "$1"
+        -Itests -I"$build" -D_GNU_SOURCE -DCL_TARGET_OPENCL_VERSION=120 -D__linux__ "$1"
 }
 each clean $(find src tests bench -name '*.c')
 finish

@@ -6,7 +6,7 @@ known() { sed 's/ *#.*//; /^$/d' tests/checks/tidy.known; }
 clean() { # FILE
     local define=-DDMK_ANALYZER
     [ "$1" = src/base/base.c ] && define=
-    clang-tidy --quiet "$1" -- $flags -Itests $define > "$work/tidy" 2> "$work/tidy2"
+    clang-tidy --quiet "$1" -- $flags -Itests -I"$build" $define > "$work/tidy" 2> "$work/tidy2"
     # "FILE:LINE:COLUMN: error: TEXT [CHECK,...]" as "FILE CHECK".
     grep -E '^[^ ]+:[0-9]+:[0-9]+: (error|warning):' "$work/tidy" |
         sed -e "s,^$PWD/,," -e 's/^\([^:]*\):.*\[\([^],]*\).*/\1 \2/' > "$work/found"
