@@ -224,6 +224,20 @@ check 'a source far away is warned of' has "$work/errors" 'warning: \(9, 0, 0\) 
 "$tool" solve "$torus" --source 3.01,0,0 2> "$work/errors" > /dev/null
 check 'one nearby is not' test ! -s "$work/errors"
 
+# No device is opened: with one that is not there it ends well all the same.
+"$tool" solve "$torus" --vertex 0 --dry-run --device none-of-these --out "$work/dry.vtp" > "$work/told"
+check '--dry-run opens no device' test $? -eq 0
+check 'and writes no result' test ! -e "$work/dry.vtp"
+check 'it tells the memory as info does' test "$(sed -n 's/^memory *//p' "$work/told")" = \
+    "$("$tool" info "$torus" | sed -n 's/^memory *//p')" -a "$(grep -c '^memory .* on the device' "$work/told")" -eq 1
+memory() { sed -n '/"memory": {/,/}/p' "$1"; } # of a report
+"$tool" solve "$torus" --vertex 0 --dry-run --json > "$work/dry.json"
+"$tool" solve "$torus" --vertex 0 --dry-run --json --single > "$work/single.json"
+"$tool" info "$torus" --json > "$work/info.json"
+check '--dry-run --json prints a report' is_json "$work/dry.json"
+check 'with the bytes of info' test "$(memory "$work/dry.json")" = "$(memory "$work/info.json")" -a -n "$(memory "$work/dry.json")"
+check 'with --single it is another device memory' test "$(memory "$work/dry.json")" != "$(memory "$work/single.json")"
+usage 'a dry run looks at the source' 'vertex' solve "$torus" --vertex 99999999 --dry-run
 "$tool" cut "$torus" --vertex 0 --json > "$work/cut.json"
 check 'cut --json prints the report, with the cut' \
     sh -c "grep -q '\"n_border_loops\": 1' '$work/cut.json' && grep -q '\"gap\"' '$work/cut.json'"

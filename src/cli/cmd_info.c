@@ -39,11 +39,8 @@ static void print_info(const char *path, const dmk_mesh_info *info)
            info->max_edge);
     printf("%-11s from %.1f to %.1f degrees\n", "angles", info->min_angle, info->max_angle);
     printf("%-11s (%s) to (%s)\n", "box", cli_point(info->box_min, a), cli_point(info->box_max, b));
-    dmk_memory memory;
-    dmk_solve_memory(info->n_triangles, 0, &memory);
-    printf("%-11s a solve takes about %s: %s on the host, %s on the device\n", "memory",
-           cli_bytes(memory.host + memory.device, a), cli_bytes(memory.host, b),
-           cli_bytes(memory.device, c));
+    printf("%-11s ", "memory");
+    cli_print_memory(info->n_triangles, false);
 }
 
 static void print_json(const char *path, const dmk_mesh_info *info, const dmk_repairs *repairs)
@@ -52,12 +49,7 @@ static void print_json(const char *path, const dmk_mesh_info *info, const dmk_re
     json_open(&json, NULL, '{');
     json_text(&json, "file", path);
     json_mesh(&json, info);
-    dmk_memory memory;
-    dmk_solve_memory(info->n_triangles, 0, &memory);
-    json_open(&json, "memory", '{');
-    json_integer(&json, "host", (int64_t)memory.host);
-    json_integer(&json, "device", (int64_t)memory.device);
-    json_close(&json, '{');
+    json_memory(&json, info->n_triangles, false);
     json_repairs(&json, repairs);
     json_close(&json, '{');
 }

@@ -2,6 +2,7 @@
 #include "ranks.h"
 #include "solve.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 static int solve(const solve_request *request)
@@ -17,6 +18,23 @@ static int solve(const solve_request *request)
         code = cli_flush();
     }
     if (code == EXIT_OK) code = solve_check_gap(request, &run);
+    solve_end(&run);
+    return code;
+}
+
+/* Mesh and sources are read and looked at; no device is opened and nothing is written but the report. */
+static int plan(solve_request *request)
+{
+    solve_run run;
+    solve_source *sources = NULL;
+    size_t n = 0;
+    request->bare = true;
+    int code = request->sources ? solve_read_sources(request->sources, &sources, &n) : EXIT_OK;
+    free(sources);
+    if (code != EXIT_OK) return code;
+    code = solve_begin(request, &run);
+    cli_progress_end(&run.progress);
+    if (code == EXIT_OK && cli_ranks_first()) code = solve_tell_plan(request, &run);
     solve_end(&run);
     return code;
 }
@@ -57,6 +75,11 @@ static void add_files(solve_table *table, solve_request *request, raw_options *r
          .help = "of --sources, leave out those whose files are all there",
          .kind = CLI_FLAG,
          .target = &request->resume},
+        {.name = "dry-run",
+         .help = "read and check the mesh and the source, tell how much memory a solve\n"
+                 "takes on host and device, and end; opens no device",
+         .kind = CLI_FLAG,
+         .target = &request->dry},
         {.name = "out",
          .value = "FILE",
          .help = raw->out_help,
@@ -125,5 +148,6 @@ int cmd_solve(int argc, char **argv)
     if (code != CLI_GO_ON) return code;
     code = check_request(&request);
     if (code != EXIT_OK) return code;
+    if (request.dry) return plan(&request);
     return request.sources ? solve_batch(&request) : solve(&request);
 }

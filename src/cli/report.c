@@ -129,7 +129,7 @@ void solve_report_fields(cli_json *json, const solve_request *request, const sol
     dmk_stats stats;
     write_mesh(json, request, run);
     if (request->bare) {
-        write_source(json, run);
+        if (!request->sources) write_source(json, run);
         json_integer(json, "peak_memory", (int64_t)cli_peak_memory());
         return;
     }
@@ -401,4 +401,28 @@ void solve_summary(const solve_request *request, const solve_run *run)
     print_locus(run->locus);
     print_time(&run->seconds, &stats);
     print_files(request);
+}
+
+static void report_plan(cli_json *json, const solve_run *run, const void *data)
+{
+    const solve_request *request = data;
+    dmk_mesh_info info;
+    dmk_mesh_get_info(run->mesh, &info);
+    json_memory(json, info.n_triangles, request->single);
+}
+
+int solve_tell_plan(const solve_request *request, const solve_run *run)
+{
+    dmk_mesh_info info;
+    dmk_mesh_get_info(run->mesh, &info);
+    if (request->report) {
+        const int code = solve_report_more(request, run, report_plan, request);
+        if (code != EXIT_OK) return code;
+    }
+    if (!solve_tells_summary(request)) return EXIT_OK;
+    print_mesh(request, &info);
+    if (!request->sources) print_source(request, run);
+    print_label("memory");
+    cli_print_memory(info.n_triangles, request->single);
+    return cli_flush();
 }

@@ -22,6 +22,7 @@ typedef struct solve_request {
     bool single;
     bool repair, json;
     bool bare; /* the command needs no device and no solver */
+    bool dry;  /* tell what the run would take, and end */
     bool quiet, verbose;
 } solve_request;
 
@@ -132,6 +133,8 @@ bool solve_tells_summary(const solve_request *request);
 void solve_summary(const solve_request *request, const solve_run *run);
 /* EXIT_OK, or EXIT_GAP with the words, when the gap that was asked for is not reached. */
 int solve_check_gap(const solve_request *request, const solve_run *run);
+/* Mesh, source and what a solve would take, as the request wants it told: report or summary. */
+int solve_tell_plan(const solve_request *request, const solve_run *run);
 /* Its part that holds for all sources: mesh and device. */
 void solve_summary_mesh(const solve_request *request, const solve_run *run);
 /* The tangent cut locus as CSV, whole or not at all. The exit code. */
