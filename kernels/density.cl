@@ -3,8 +3,9 @@
  *   index 6, cot 3, area 1, mu 1, q 1, g 6 per element; see operator.cl. */
 
 /* g = K u (without mu), stored if it is to be kept, and q = u.g / area, the mean of |grad u|^2; partial
- * sums of mu u.g = u.Au. */
-KERNEL element_energy(int n, int keep, global const int *index, global const real *cot,
+ * sums of mu u.g = u.Au. slack > 0: u.g with its rounding on top, `slack` times what its terms would be
+ * without cancellation: at large cotangents of both signs they are up to cot^2 times as large as their sum. */
+KERNEL element_energy(int n, int keep, float slack, global const int *index, global const real *cot,
                       global const real *area, global const real *mu, GATHERED real *u,
                       global real *g, global real *q, global sum_t *partial LAUNCH)
 {
@@ -21,9 +22,17 @@ KERNEL element_energy(int n, int keep, global const int *index, global const rea
             if (keep) {
                 STORE6(g, b)
             }
-            const realv e = y0 * (v0 - m0) + y1 * (v1 - m0) + y2 * (v2 - m0) + y4 * (m1 - m0) +
-                            y5 * (m2 - m0);
-            STORE(fmax(e, (realv)0) / LOAD(area, AT(b)), q, AT(b));
+            realv e = y0 * (v0 - m0) + y1 * (v1 - m0) + y2 * (v2 - m0) + y4 * (m1 - m0) +
+                      y5 * (m2 - m0);
+            e = fmax(e, (realv)0);
+            if (slack > 0) {
+                const realv top = fmax(fabs(v0 - m0), fmax(fabs(v1 - m0), fabs(v2 - m0))),
+                            far = fmax(top, fmax(fabs(m1 - m0), fabs(m2 - m0))),
+                            flow = fabs(f10) + fabs(f20) + fabs(f01) + fabs(f21) + fabs(f02) +
+                                   fabs(f12) + fabs(fa) + fabs(fb) + fabs(fc);
+                e += (real)slack * far * flow;
+            }
+            STORE(e / LOAD(area, AT(b)), q, AT(b));
             sum += TO_SUM(LOAD(mu, AT(b)) * e);
         }
         REDUCE(partial, 0, sum)

@@ -50,10 +50,18 @@ spikes() {
     "$tool" solve "$data/$1.off.gz" --vertex 0 --quiet 2> "$work/err"
     case $? in
     0) ;;
-    6) grep -q 'smallest angle is [0-9.e-]* degrees' "$work/err" ;;
+    6) grep -q 'smallest angle is [0-9.e-]* degrees, in triangle [0-9]*$' "$work/err" ;;
     *) cat "$work/err"; return 1 ;;
     esac
 }
 check 'spikes: a result or the reason' spikes spike-81
 check 'more spikes: a result or the reason' spikes spike-249
+
+# A V-cycle that rounding makes indefinite: the bounds of the cost are in order and the gap is that of a solve.
+in_order() {
+    "$tool" solve "$data/$1.off.gz" --vertex "$2" --quiet --report "$work/r.json" &&
+        python3 -c 'import json, sys; r = json.load(open(sys.argv[1])); l, u = r["cost_lower"], r["cost_upper"]
+sys.exit(not 0 < l < u < 1.02 * l)' "$work/r.json"
+}
+check 'needles of 1e-5 degrees: the lower bound is below the upper one' in_order needles-66 50
 tap_end

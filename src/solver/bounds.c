@@ -7,10 +7,6 @@
 
 enum { MAX_BANDS = 1 << 16 };
 
-/* q comes with rounding errors of about 2 cot^2 eps: what is feasible with them is, divided by
- * this. */
-static const double slack = 1 + 1e-8;
-
 /* An interval that holds all values of u, and 0. */
 static int range(dmk_iteration *o, const dmk_buffer *u, double *low, double *high)
 {
@@ -69,21 +65,23 @@ static int bound_by_host(dmk_iteration *o, const dmk_buffer *v, double *bound)
     for (int32_t t = 0; t < s->whole.n_elements; t++) {
         const int32_t *corner = m->triangle + 3 * (size_t)t,
                       *edge = m->triangle_edge + 3 * (size_t)t;
-        double e = 0;
+        double e = 0, terms = 0;
         for (int k = 0; k < 3; k++) {
             const int i = (k + 1) % 3, j = (k + 2) % 3;
             const double c = dmk_cot(m, 3 * t + k), mid = x[edge[k]];
             const double a = x[s->whole.vertex_row + corner[i]] - mid,
                          b = x[s->whole.vertex_row + corner[j]] - mid, d = x[edge[i]] - x[edge[j]];
             e += c * (0.5 * (a * a + b * b) + d * d);
+            terms += fabs(c) * (0.5 * (a * a + b * b) + d * d);
         }
+        e = fmax(e, 0) + DMK_ENERGY_ROUNDING * terms;
         o->top = fmax(o->top, e / m->area[t] * s->unit * s->unit);
     }
     for (int32_t i = 0; i < s->whole.n_rows; i++) {
         fv += f[i] * x[i];
         size += fabs(f[i] * x[i]);
     }
-    *bound = (fv - 6e-8 * size) / (sqrt(o->top) * slack); /* f is rounded, too */
+    *bound = (fv - 6e-8 * size) / sqrt(o->top); /* f is rounded, too */
 done:
     free(x);
     free(f);
@@ -98,7 +96,7 @@ int dmk_bound_plain(dmk_iteration *o, const dmk_buffer *v, double *bound)
     if (dmk_device_real(o->sys->device, DMK_OUTER) == sizeof(float))
         return bound_by_host(o, v, bound);
     DMK_TRY(dmk_iteration_measure(o, 1));
-    *bound = fv / (sqrt(o->top) * slack);
+    *bound = fv / sqrt(o->top); /* q has its rounding on top */
 done:
     return rc;
 }

@@ -12,6 +12,19 @@
 /* Where the gap is above this, u is repaired. */
 static const double usual_goal = 1e-3;
 
+/* Of a bound, far above what sums of up to 1e8 terms round. */
+static const double bound_rounding = 1e-7;
+
+int dmk_certify_gap(dmk_iteration *o, bool last)
+{
+    dmk_stats *stats = o->stats;
+    if (last && stats->cost_lower > (1 + bound_rounding) * stats->cost_upper)
+        return dmk_iteration_diverged(o, stats->steps, "the cost's bounds contradict each other");
+    stats->cost_lower = fmin(stats->cost_lower, stats->cost_upper);
+    stats->gap = (stats->cost_upper - stats->cost_lower) / stats->cost_upper;
+    return DMK_OK;
+}
+
 static int certify(dmk_iteration *o, bool last)
 {
     int rc;
@@ -34,7 +47,7 @@ static int certify(dmk_iteration *o, bool last)
     const bool hopeful = last || (wanted && o->fu >= (1 - goal) * stats->cost_upper);
     if (hopeful && stats->cost_lower < (1 - goal) * stats->cost_upper)
         DMK_TRY(dmk_repair(o, goal, last));
-    stats->gap = (stats->cost_upper - stats->cost_lower) / stats->cost_upper;
+    DMK_TRY(dmk_certify_gap(o, last));
     o->certified = hopeful;
 done:
     return rc;

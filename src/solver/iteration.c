@@ -16,12 +16,12 @@ done:
 }
 
 /* Queue them: v.Av and f.v come to scalars[0] and [1]. */
-static int queue_energies(dmk_iteration *o, const dmk_buffer *v, bool keep)
+static int queue_energies(dmk_iteration *o, const dmk_buffer *v, bool keep, double slack)
 {
     int rc;
     dmk_system *s = o->sys;
     o->fresh = keep;
-    DMK_TRY(dmk_element_energy(o->ctx, s, v, keep));
+    DMK_TRY(dmk_element_energy(o->ctx, s, v, keep, slack));
     DMK_TRY(dmk_sum_partials(o->ctx, s, (size_t)s->n_elements, 1, 0, 0));
     DMK_TRY(dmk_dot(o->ctx, s, s->f, v));
     DMK_TRY(dmk_sum_partials(o->ctx, s, (size_t)s->n_rows, 1, 0, 1));
@@ -43,7 +43,7 @@ int dmk_iteration_energies_and(dmk_iteration *o, int n, double *others)
 {
     int rc;
     double sums[16]; /* as many as there are scalars */
-    DMK_TRY(queue_energies(o, o->sys->u, true));
+    DMK_TRY(queue_energies(o, o->sys->u, true, 0));
     DMK_TRY(read_scalars(o, 2 + (size_t)n, sums));
     o->uau = sums[0];
     o->fu = sums[1];
@@ -56,7 +56,8 @@ int dmk_iteration_energies_of(dmk_iteration *o, const dmk_buffer *v, double *fv,
 {
     int rc;
     double sums[2];
-    DMK_TRY(queue_energies(o, v, false));
+    const bool wide = dmk_device_real(o->sys->device, DMK_OUTER) == sizeof(double);
+    DMK_TRY(queue_energies(o, v, false, wide ? DMK_ENERGY_ROUNDING : 0));
     DMK_TRY(read_scalars(o, 2, sums));
     *vav = sums[0];
     *fv = sums[1];
@@ -94,13 +95,13 @@ done:
 }
 
 /* The message for a divergence: what happened, and what the caller can change in the method asked for. */
-static int diverged(const dmk_iteration *o, int step, const char *what)
+int dmk_iteration_diverged(const dmk_iteration *o, int step, const char *what)
 {
-    double sharpest = 0; /* the largest cotangent */
+    int32_t worst = 0; /* half-edge with the largest cotangent */
     char advice[160];
-    for (int32_t h = 0; h < 3 * o->mesh->n_triangles; h++)
-        sharpest = fmax(sharpest, dmk_cot(o->mesh, h));
-    const double angle = atan2(1, sharpest) * 57.295779513082320877;
+    for (int32_t h = 1; h < 3 * o->mesh->n_triangles; h++)
+        if (dmk_cot(o->mesh, h) > dmk_cot(o->mesh, worst)) worst = h;
+    const double angle = atan2(1, dmk_cot(o->mesh, worst)) * 57.295779513082320877;
     const double dt = o->options->dt > 0 ? o->options->dt : 0.5;
     if (o->asked == DMK_EULER)
         snprintf(advice, sizeof advice, "try a dt below %g, or", dt);
@@ -111,16 +112,18 @@ static int diverged(const dmk_iteration *o, int step, const char *what)
     return dmk_fail(o->ctx, DMK_E_DIVERGED,
                     "the iteration diverged at step %d (%s); %s improve the mesh's worst "
                     "triangles: its smallest "
-                    "angle is %.2g degrees",
-                    step, what, advice, angle);
+                    "angle is %.2g degrees, in triangle %d",
+                    step, what, advice, angle, (int)o->triangle_old[worst / 3]);
 }
 
 int dmk_iteration_solve(dmk_iteration *o, dmk_buffer *x, double tolerance, int max_iterations,
                         double *energy)
 {
     int rc, before = o->stats->cg_iterations;
-    double gain = 0;
+    double gain = 0, unused, above = 0;
+    if (energy) DMK_TRY(dmk_iteration_energies_of(o, o->sys->u, &unused, &above));
     DMK_TRY(prepare_solve(o));
+    const double rounding = energy ? fmax(above - o->uau, 0) : 0; /* of u.Au */
     /* f.A^-1 f = 2 f.u - u.Au + r.A^-1 r; the first two are short by the square of the error only. */
     double known = 2 * o->fu - o->uau;
     rc = dmk_pcg(o->ctx, o->sys, DMK_OUTER, DMK_STIFFNESS, x, max_iterations, tolerance,
@@ -128,11 +131,11 @@ int dmk_iteration_solve(dmk_iteration *o, dmk_buffer *x, double tolerance, int m
     if (rc == DMK_E_DIVERGED) {
         char what[200];
         snprintf(what, sizeof what, "%.199s", o->ctx->message);
-        rc = diverged(o, o->stats->steps + 1, what);
+        rc = dmk_iteration_diverged(o, o->stats->steps + 1, what);
     }
     if (rc != DMK_OK) goto done;
     o->stats->v_cycles += o->stats->cg_iterations - before + 1;
-    if (energy) *energy = known + gain;
+    if (energy) *energy = known + gain + rounding;
 done:
     return rc;
 }
@@ -146,7 +149,7 @@ int dmk_iteration_step_done(dmk_iteration *o, int step, int max_steps, int itera
     if (!(change < 1e6)) {
         char what[64];
         snprintf(what, sizeof what, "relative change of mu %g", change);
-        return diverged(o, step, what);
+        return dmk_iteration_diverged(o, step, what);
     }
     dmk_progress report = {.stage = "solve",
                            .step = step,

@@ -8,7 +8,8 @@
 typedef struct dmk_iteration {
     dmk_context *ctx;
     dmk_system *sys;
-    const dmk_mesh *mesh; /* that the system was made of */
+    const dmk_mesh *mesh;        /* that the system was made of */
+    const int32_t *triangle_old; /* its triangles' numbers in the input */
     const dmk_solve_options *options;
     dmk_method asked; /* the caller's method: options may be those of another that takes over */
     dmk_stats *stats;
@@ -33,11 +34,16 @@ static const double DMK_FLOOR = 1e-4;
  * and is not worth a repair of u. */
 static const double DMK_GAP_SHOWN = 1e-7;
 
+/* What rounding may make of u.K u of an element, relative to the sum of its terms' sizes: no term goes through
+ * more than about 20 roundings of 2^-53, and the cotangents come with a few. */
+static const double DMK_ENERGY_ROUNDING = 16 * 2.220446049250313e-16;
+
 /* g in out_real, q of s->u; fu and uau. */
 int dmk_iteration_energies(dmk_iteration *o);
 /* The same, and in one read with them `n` sums that are queued for scalars[2 .. 2 + n). */
 int dmk_iteration_energies_and(dmk_iteration *o, int n, double *others);
-/* q, f.v and v.Av of any row vector in place of u. out_real stays as it is. */
+/* q, f.v and v.Av of any row vector in place of u, in double precision both q and v.Av with their rounding on
+ * top, so that they are not below the true ones. out_real stays as it is. */
 int dmk_iteration_energies_of(dmk_iteration *o, const dmk_buffer *v, double *fv, double *vav);
 /* rho, mass and top of q scaled by alpha^2. */
 int dmk_iteration_measure(dmk_iteration *o, double alpha);
@@ -51,6 +57,9 @@ int dmk_iteration_sums(dmk_iteration *o, size_t items, int count, int maxima, do
 int dmk_iteration_step_done(dmk_iteration *o, int step, int max_steps, int iterations,
                             double change);
 
+/* The divergence at a step, DMK_E_DIVERGED: what happened, the way out and the worst triangle. */
+int dmk_iteration_diverged(const dmk_iteration *o, int step, const char *what);
+
 /* The step limit came before the tolerance: DMK_E_LIMIT with the last change. */
 int dmk_iteration_limit(dmk_iteration *o, int max_steps);
 /* The methods: from the start in s->mu, s->u to convergence. */
@@ -61,6 +70,9 @@ int dmk_explicit(dmk_iteration *o);
  * problem), which stays as it is. last: it is the pair that the iteration ends with; then nothing is done
  * if it has its bounds already, and u is repaired whatever gap was asked for. */
 int dmk_certify(dmk_iteration *o, bool last);
+/* stats->gap from the bounds, never negative: bounds that contradict each other by more than rounding are
+ * DMK_E_DIVERGED where they are the last. */
+int dmk_certify_gap(dmk_iteration *o, bool last);
 /* bounds.c: lower bounds from a row vector: f.v / sqrt(max q), with q left in s->q and its maximum in o->top, and
  * the same of phi(v), which goes through q of v as dmk_bound_plain left it. cg[DMK_OUTER].p is scratch. */
 int dmk_bound_plain(dmk_iteration *o, const dmk_buffer *v, double *bound);

@@ -374,13 +374,14 @@ int dmk_inverse_diagonal_coarse(dmk_context *ctx, dmk_system *s)
 
 /* ---- density.cl ------------------------------------------------------------------------------ */
 
-int dmk_element_energy(dmk_context *ctx, dmk_system *s, const dmk_buffer *v, bool keep)
+int dmk_element_energy(dmk_context *ctx, dmk_system *s, const dmk_buffer *v, bool keep,
+                       double slack)
 {
     int rc;
     DMK_TRY(dmk_share_rows(ctx, s->share, DMK_OUTER, v));
     rc = RUN(DMK_OUTER, element_energy, elements(s), DMK_INT(s->n_elements), DMK_INT(keep),
-             DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(v),
-             DMK_BUF(s->out_real), DMK_BUF(s->q), DMK_BUF(s->partial));
+             DMK_FLOAT(slack), DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu),
+             DMK_BUF(v), DMK_BUF(s->out_real), DMK_BUF(s->q), DMK_BUF(s->partial));
 done:
     return rc;
 }

@@ -79,8 +79,10 @@ int dmk_inverse_diagonal_coarse(dmk_context *context, dmk_system *s);
 
 /* ---- density.cl ------------------------------------------------------------------------------ */
 
-/* q = v.g / area with g = K v, which goes to out_real if it is to be kept; partial sums of mu v.g. */
-int dmk_element_energy(dmk_context *context, dmk_system *s, const dmk_buffer *v, bool keep);
+/* q = v.g / area with g = K v, which goes to out_real if it is to be kept; partial sums of mu v.g. slack:
+ * the rounding that v.g is raised by, relative to its terms. */
+int dmk_element_energy(dmk_context *context, dmk_system *s, const dmk_buffer *v, bool keep,
+                       double slack);
 /* Partial sums of area mu L^2 and area mu, and maxima of alpha^2 q, L = 1/2 log(alpha^2 q). */
 int dmk_element_measure(dmk_context *context, dmk_system *s, double alpha);
 /* out_real: g becomes mu g. */

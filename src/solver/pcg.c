@@ -2,6 +2,8 @@
 
 #include "solver/kernels.h"
 
+#include <math.h>
+
 enum { LOOK_EVERY = 2 };
 
 /* z = V-cycle(r), then beta and the new direction. */
@@ -47,9 +49,11 @@ int dmk_pcg(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op, dmk
                               state[0]);
                 goto done;
             }
-            if (gain) *gain = state[5] + 4 * state[0];
+            /* On extreme needles single precision makes the V-cycle indefinite: r.z < 0 is no convergence. */
+            const double left = fabs(state[0]);
+            if (gain) *gain = state[5] + 4 * left;
             double reference = energy > state[4] ? energy : state[4];
-            if (state[0] <= tolerance * tolerance * reference) break;
+            if (left <= tolerance * tolerance * reference) break;
         }
         DMK_TRY(step(ctx, s, p, op, x));
         ++*iterations;

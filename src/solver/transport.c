@@ -196,7 +196,7 @@ static int collect_flux(dmk_iteration *o, dmk_solver *s, const double *f, const 
     DMK_TRY(dmk_iteration_solve(o, sys->u, flux_tolerance, FLUX_ITERATIONS, &energy));
     /* This energy has next to nothing left to estimate, as the certificate's looser solve has. */
     o->stats->cost_upper = sqrt(energy * o->mass);
-    o->stats->gap = 1 - o->stats->cost_lower / o->stats->cost_upper;
+    DMK_TRY(dmk_certify_gap(o, true));
     DMK_TRY(dmk_rows_read(o->ctx, sys, sys->u, u));
     r->balance = worst_residual(s, mu, u, f, residual);
     if (!(r->balance <= worst_balance)) { /* then the upper bound is none */
@@ -231,6 +231,7 @@ static int solve(dmk_context *ctx, dmk_solver *s, const dmk_solve_options *optio
     dmk_iteration o = {.ctx = ctx,
                        .sys = s->system,
                        .mesh = &s->mollified,
+                       .triangle_old = s->order->order.triangle_old,
                        .options = options,
                        .asked = options->method,
                        .floor = DMK_FLOOR,
