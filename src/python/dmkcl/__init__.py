@@ -27,7 +27,7 @@ from ._mesh import Mesh, Point
 from ._progress import Progress
 from ._read import Repaired, read, repair
 from ._result import Certificate, Cut, Result, Tangent
-from ._solver import CutLocus, cut_open, shortest_path, transport
+from ._solver import CutLocus, cut_open, shortest_path, solve_meshes, transport
 from ._transport import Measure, Transport
 
 __version__ = version()
@@ -62,6 +62,7 @@ __all__ = [
     "read",
     "repair",
     "shortest_path",
+    "solve_meshes",
     "surfaces",
     "transport",
     "version",

@@ -4,14 +4,25 @@ from __future__ import annotations
 
 import os
 import warnings
-from typing import TYPE_CHECKING, Any, Iterator, Literal, Optional, Sequence, TypedDict, Union
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    Callable,
+    Iterable,
+    Iterator,
+    Literal,
+    Optional,
+    Sequence,
+    TypedDict,
+    Union,
+)
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._device import open_device
 from ._geodesics import Geodesics
-from ._lib import ArgumentError, Context, Handle, ffi, lib
+from ._lib import ArgumentError, Context, Error, Handle, ffi, lib
 from ._mesh import Mesh, Point
 from ._progress import ProgressOption, Watch
 from ._read import MeshLike, as_mesh, warning_of_pieces
@@ -388,6 +399,67 @@ class CutLocus:
         """
         where = self.mesh.place(**_one_place(start))
         return Geodesics(self.mesh, where).path(**_one_place(end)).points
+
+
+OnError = Union[Literal["raise", "yield"], Callable[[Any, Error], None]]
+
+
+def solve_meshes(
+    meshes: "Iterable[MeshLike]",
+    source: Union[int, ArrayLike] = 0,
+    *,
+    on_error: OnError = "raise",
+    device: Union[None, int, str] = None,
+    single: bool = False,
+    threads: int = 0,
+    cache: "Union[None, str, os.PathLike[str]]" = None,
+    **options: Unpack[SolveOptions],
+) -> "Iterator[Union[Result, Error]]":
+    """Results of many meshes, one for each and in their order, as an iterator.
+
+    Parameters
+    ----------
+    meshes : iterable
+        File names or meshes, as `CutLocus` takes them; a generator is read as it goes.
+    source : int or (3,) array
+        Of each mesh this vertex, or the point nearest to this one.
+    on_error : "raise", "yield" or callable
+        Of a mesh or solve that fails: "raise" ends the iteration; "yield" gives the `Error` in the
+        place of the result and goes on; a function gets the mesh as it was given and the `Error`,
+        and nothing is yielded for it.
+    device, single, threads, cache
+        As of `CutLocus`; the device is opened once.
+    **options
+        As of `CutLocus.solve`.
+
+    Each result is computed when it is asked for, so that memory holds one mesh at a time:
+
+    >>> for found in dmkcl.solve_meshes(["a.off", "b.ply"], on_error="yield"):
+    ...     print(found)
+    """
+    if not (on_error in ("raise", "yield") or callable(on_error)):
+        raise ArgumentError(f"on_error = {on_error!r}: expected 'raise', 'yield' or a function")
+    if isinstance(meshes, (str, os.PathLike, Mesh)):
+        raise ArgumentError("one mesh; expected several, as in a list: [mesh]")
+    where = _one_place(source)
+    choice = (device, single, threads, cache)
+    return (
+        found for mesh in meshes for found in _solve_mesh(mesh, where, on_error, choice, options)
+    )
+
+
+def _solve_mesh(
+    mesh: Any, where: "dict[str, Any]", on_error: OnError, choice: Any, options: SolveOptions
+) -> "list[Union[Result, Error]]":
+    try:
+        return [_make(as_mesh(mesh), *choice).solve(**where, **options)]
+    except Error as error:
+        if on_error == "raise":
+            raise
+        if not callable(on_error):
+            return [error]
+        on_error(mesh, error)
+        return []
 
 
 def _make(mesh: Mesh, device: Any, single: bool, threads: int, cache: Any) -> CutLocus:

@@ -107,6 +107,32 @@ def test_workers_are_spawned_with_pickled_solvers(solver, result):
     assert np.array_equal(found, result.distance)
 
 
+def solve_in_worker(path):
+    (found,) = dmkcl.solve_meshes([path], on_error="yield")
+    return found
+
+
+@pytest.mark.parametrize("kind", ["multiprocessing", "futures"])
+def test_results_and_errors_come_back_from_spawned_workers(kind, small, tmp_path):
+    """By the ordinary calls: map of a Pool and of a ProcessPoolExecutor."""
+    small.write(tmp_path / "a.off")
+    (tmp_path / "b.off").write_text("no mesh")
+    names = [str(tmp_path / "a.off"), str(tmp_path / "b.off")]
+    spawn = multiprocessing.get_context("spawn")
+    if kind == "multiprocessing":
+        with spawn.Pool(1) as pool:
+            found, error = pool.map(solve_in_worker, names)
+    else:
+        with ProcessPoolExecutor(1, mp_context=spawn) as pool:
+            found, error = pool.map(solve_in_worker, names)
+    here = solve_in_worker(names[0])
+    assert np.array_equal(found.distance, here.distance)
+    assert np.array_equal(found.density, here.density)
+    assert found.locus.length == here.locus.length
+    assert found.certificate == here.certificate
+    assert isinstance(error, dmkcl.FormatError) and "b.off" in str(error)
+
+
 def test_forked_workers_are_told(solver):
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("fork")) as pool:
         with pytest.raises(dmkcl.DeviceError, match="spawn"):

@@ -345,3 +345,39 @@ def test_unknown_options_are_errors(solver):
         solver.solve_many(vertices=[0], max_step=3)
     options = inspect.signature(solver.solve).parameters
     assert "tolerance" in options and "options" not in options
+
+
+def test_many_meshes(small, tmp_path):
+    small.write(tmp_path / "a.off")
+    bad = tmp_path / "bad.off"
+    bad.write_text("no mesh")
+    asked = []
+
+    def meshes():
+        for mesh in (tmp_path / "a.off", bad, small):
+            asked.append(mesh)
+            yield mesh
+
+    found = dmkcl.solve_meshes(meshes(), source=5, on_error="yield")
+    assert asked == []
+    first = next(found)
+    assert len(asked) == 1
+    wanted = dmkcl.CutLocus(small).solve(vertex=5)
+    assert np.array_equal(first.distance, wanted.distance)
+    error, last = found
+    assert isinstance(error, dmkcl.FormatError) and "bad.off" in str(error)
+    assert np.array_equal(last.density, wanted.density)
+
+
+def test_many_meshes_with_errors(small, tmp_path):
+    missing, failed = tmp_path / "missing.off", []
+    found = dmkcl.solve_meshes([small, missing, small])
+    next(found)
+    with pytest.raises(dmkcl.FileError, match="missing.off"):
+        next(found)
+    kept = dmkcl.solve_meshes([missing, small], on_error=lambda mesh, e: failed.append((mesh, e)))
+    assert len(list(kept)) == 1
+    assert failed[0][0] == missing and isinstance(failed[0][1], dmkcl.FileError)
+    for bad in (dict(on_error="skip"), dict(source="x"), dict(meshes=str(missing))):
+        with pytest.raises(dmkcl.ArgumentError):
+            dmkcl.solve_meshes(**{"meshes": [small], **bad})
