@@ -81,7 +81,6 @@ stop_in() { # STAGE COMMAND...: the stage is told when it begins; a signal that 
 check 'a signal while the locus is traced' stop_in locus \
     solve "$large" --vertex 0 --out "$work/files/a.vtp" --locus "$work/files/a.obj"
 check 'while the surface is cut' stop_in cut cut "$large" --vertex 0 --out "$work/files/a.off"
-check 'while a path is sought' stop_in path path "$large" --vertex 0 --to=-1,0,0 --out "$work/files/a.csv"
 
 # ---- waiting for the writer of a pipe ---------------------------------------------------------
 

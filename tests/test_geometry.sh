@@ -18,7 +18,7 @@ output_has() { # PATTERN COMMAND...
 for command in path cut; do
     check "$command --help" output_has "^usage: dmkcl $command" "$tool" $command --help
     check "--help knows $command" output_has "^  $command " "$tool" --help
-    fails "$command: no source" 1 "$command: where is the source" "$tool" $command x.off
+    fails "$command: no source" 1 "$command: no source given" "$tool" $command x.off
 done
 fails 'path: no end' 1 'where to' "$tool" path x.off --vertex 0
 fails 'path: two ends' 1 'where to' "$tool" path x.off --vertex 0 --to 1,2,3 --to-vertex 1
@@ -26,7 +26,7 @@ fails 'path: a strange suffix' 1 'expected one of .*.obj' \
     "$tool" path x.off --vertex 0 --to-vertex 1 --out x.png
 fails 'path: a vertex that is not there' 1 '99999999' \
     "$tool" path "$torus" --vertex 0 --to-vertex 99999999
-fails 'cut: no file' 1 '--out FILE is missing' "$tool" cut x.off --vertex 0
+fails 'cut: no file' 1 '--out FILE or --picture FILE is missing' "$tool" cut x.off --vertex 0
 fails 'cut: a strange suffix' 1 'expected one of .*.obj' "$tool" cut x.off --vertex 0 --out x.png
 
 # ---- paths ------------------------------------------------------------------------------------
@@ -144,13 +144,13 @@ check 'cutting keeps the area' test \
 check 'cut: the second of two components' "$tool" cut "$work/two.off" --vertex "$n" \
     --out "$work/second.obj"
 check 'gives a disk there' is_disk "$work/second.obj"
-check 'of that component alone' awk '/^v/ && $2 < 6 { exit 1 }' "$work/second.obj"
+check 'of that component alone' awk '/^v / && $2 < 6 { exit 1 }' "$work/second.obj"
 
 # A smooth surface of genus 3, of which large parts curve negatively: rays that meet there have left the
-# source in nearly one direction. 80,000 triangles have a locus of length 25.02.
+# source in nearly one direction, and 6,000 triangles do not tell well where. 80,000 have a locus of 25.02.
 gzip -dc tests/data/triple_torus.off.gz > "$work/triple.off"
 check 'the locus on the triple torus has no detours' output_has \
-    'cut locus  length 25\.[01][0-9]* in 1 piece, 6 loops, 1 end' \
+    'cut locus  length 25\.[0-3][0-9]* in 1 piece, 6 loops, 1 end' \
     "$tool" solve "$work/triple.off" --source 1.9,0.3,0.2
 cut triple 1.9,0.3,0.2
 

@@ -6,6 +6,7 @@
 #include "solver/sell.h"
 #include "solving.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -260,7 +261,7 @@ static void steps_grow_and_shrink(void **state)
     assert_true(p.D == 75 && p.shrunk);
     choose_step(&p, 0.16);
     assert_true(p.D == 75 && !p.shrunk);
-    for (double rho = 1; rho < 1e6; rho *= 2) choose_step(&p, rho);
+    for (int i = 0; i < 20; i++) choose_step(&p, ldexp(1, i));
     assert_true(p.D == 5 && !p.shrunk && p.iterations == 3);
     assert_true(error_estimate(&(step_control){.D = 50}, 1) == 2);
     assert_true(error_estimate(&(step_control){.D = 100}, 1) == 1);

@@ -6,6 +6,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <inttypes.h>
+#include <limits.h>
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
@@ -127,16 +128,25 @@ static bool skip(const char **at, const char *text)
     return true;
 }
 
+/* The number of four hexadecimal digits; ULONG_MAX if they are not that. */
+static unsigned long read_code(const char *at)
+{
+    char digits[5] = {0};
+    if (strspn(at, "0123456789abcdefABCDEF") < 4) return ULONG_MAX;
+    memcpy(digits, at, 4);
+    return strtoul(digits, NULL, 16);
+}
+
 /* `"key": "value"`, with what comes before it; the value is the caller's to free, or NULL. */
 static char *read_text(const char **at, const char *head)
 {
     if (!skip(at, head) || !skip(at, "\"")) return NULL;
     char *value = malloc(strcspn(*at, "\n") + 1), *end = value;
     while (value && **at && **at != '"' && **at != '\n') {
-        unsigned c;
+        const unsigned long c = strncmp(*at, "\\u", 2) == 0 ? read_code(*at + 2) : ULONG_MAX;
         if (**at != '\\')
             *end++ = *(*at)++;
-        else if (sscanf(*at, "\\u%4x", &c) == 1 && c < 0x80)
+        else if (c < 0x80)
             *end++ = (char)c, *at += 6;
         else
             *end++ = (*at)[1], *at += 2;
@@ -152,7 +162,7 @@ static bool read_hex(const char **at, const char *head, char hex[33])
 {
     char *value = read_text(at, head);
     const bool good = value && strlen(value) < 33;
-    if (good) strcpy(hex, value);
+    if (good) memcpy(hex, value, strlen(value) + 1);
     free(value);
     return good;
 }

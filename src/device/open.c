@@ -74,7 +74,7 @@ static bool is_pocl(const char *platform)
 static int check_pocl(dmk_context *ctx)
 {
     const char *threads = getenv("POCL_MAX_PTHREAD_COUNT");
-    if (threads && atol(threads) < 0) {
+    if (threads && strtol(threads, NULL, 10) < 0) {
         return dmk_fail(ctx, DMK_E_DEVICE,
                         "PoCL crashes with POCL_MAX_PTHREAD_COUNT=%.60s; set it to a number from 1",
                         threads);

@@ -173,7 +173,7 @@ static int join_corners(dmk_context *ctx, const knife *k, int32_t *parent)
     for (int32_t i = 0; i < 3 * k->n_triangles; i++) parent[i] = i;
     for (int32_t e = 0; e < whole->n_edges; e++) {
         const int32_t *t = whole->edge_triangle + 2 * (size_t)e;
-        int32_t at[2][2];
+        int32_t at[2][2] = {{0}};
         bool uncut = t[1] >= 0;
         for (int s = 0; s < 2 && uncut; s++) {
             for (int32_t h = 3 * t[s]; h < 3 * t[s] + 3; h++) {

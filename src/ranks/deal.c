@@ -257,7 +257,7 @@ static void forget(dmk_share *s)
 {
     dmk_space *all[] = {&s->element, &s->edge, &s->vertex[0]};
     s->link[0] = (dmk_space){0};
-    for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
+    for (int i = 0; i < 3; i++) {
         free(all[i]->at);
         all[i]->at = NULL;
     }

@@ -2,6 +2,7 @@
 #include "solver/memory.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 /* Bytes per triangle of a closed mesh, which has half as many vertices and one and a half times as many
@@ -36,7 +37,10 @@ static bool read_number(const char *path, const char *name, uint64_t *value)
     if (!file) return false;
     while (!found && fgets(line, sizeof line, file)) {
         const size_t n = strlen(name);
-        found = strncmp(line, name, n) == 0 && sscanf(line + n, "%llu", &number) == 1;
+        char *end = NULL;
+        if (strncmp(line, name, n) != 0) continue;
+        number = strtoull(line + n, &end, 10);
+        found = end != line + n;
     }
     fclose(file);
     if (found) *value = number;
