@@ -56,7 +56,7 @@ int cli_ranks_gather(const void *mine, void *all, size_t bytes)
 
 /* Seconds that a rank which failed waits for the others to fail in the same way. They do at the same call,
  * and are apart by no more than the time that one of them takes longer to read a file. */
-enum { PATIENCE = 3 };
+enum { PATIENCE = 10 };
 
 static struct {
     dmk_ranks ranks; /* size 1: alone */
