@@ -41,7 +41,8 @@ def mesh_figures():
     assert m["box_min"] == [min(x[k] for x in xyz) for k in range(3)]
     assert m["box_max"] == [max(x[k] for x in xyz) for k in range(3)]
     assert 0 < m["min_angle"] <= 60 <= m["max_angle"] < 180
-    assert {k: v for k, v in m.items() if k != "file"} == {k: v for k, v in info.items() if k != "file"}
+    assert min(info["memory"]["host"], info["memory"]["device"]) > 100 * nt
+    assert {k: v for k, v in m.items() if k != "file"} == {k: v for k, v in info.items() if k not in ("file", "memory")}
     assert all(near(a, b, 1e-14) for a, b in zip(r["source"]["xyz"], xyz[0]))
 def costs():
     assert near(r["gap"], (r["cost_upper"] - r["cost_lower"]) / r["cost_upper"], 1e-6), r["gap"]
