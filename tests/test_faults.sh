@@ -81,6 +81,8 @@ stop_in() { # STAGE COMMAND...: the stage is told when it begins; a signal that 
 check 'a signal while the locus is traced' stop_in locus \
     solve "$large" --vertex 0 --out "$work/files/a.vtp" --locus "$work/files/a.obj"
 check 'while the surface is cut' stop_in cut cut "$large" --vertex 0 --out "$work/files/a.off"
+check 'while a path is sought' stop_in distance path "$large" --vertex 0 --to=-1,0,0 --out "$work/files/a.csv"
+check 'while distances are' stop_in distance distance "$large" --vertex 0 --out "$work/files/a.vtp"
 
 # ---- waiting for the writer of a pipe ---------------------------------------------------------
 

@@ -11,7 +11,7 @@ typedef struct distance_request {
     cli_numbers source;
     int64_t vertex;      /* -1: not given */
     const char *sources; /* file, or NULL */
-    bool border, exact, quiet, json, repair;
+    bool border, exact, quiet, verbose, json, repair;
     double tolerance; /* 0: not given */
     int64_t threads;
     cli_files out;
@@ -176,7 +176,9 @@ static int report(const distance_request *request, const distance_run *run)
 static int run_distance(const distance_request *request)
 {
     distance_run run = {.begin = cli_seconds(),
-                        .progress.line = isatty(STDERR_FILENO) && !request->quiet};
+                        .progress.line = isatty(STDERR_FILENO) && !request->quiet,
+                        .progress.steps = request->verbose,
+                        .progress.gap = NAN};
     int rc = dmk_context_create(&run.context);
     if (rc != DMK_OK) return cli_library_error(NULL, rc);
     dmk_context_set_threads(run.context, (int)request->threads);
@@ -218,6 +220,8 @@ static int check_request(const distance_request *r)
     if (r->exact && r->tolerance > 0) {
         return cli_error(EXIT_USAGE, "distance: give --exact or --tolerance, not both");
     }
+    if (r->quiet && r->verbose)
+        return cli_error(EXIT_USAGE, "distance: give --quiet or --verbose, not both");
     const int code = cli_check_outputs("out", &r->out, CLI_RESULT);
     cli_uses uses = {.n = 0};
     cli_use(&uses, NULL, r->mesh);
@@ -288,6 +292,10 @@ static int parse(distance_request *r, const char *out_help, int argc, char **arg
          .help = "print nothing but errors",
          .kind = CLI_FLAG,
          .target = &r->quiet},
+        {.name = "verbose",
+         .help = "a line for each stage, on the standard error",
+         .kind = CLI_FLAG,
+         .target = &r->verbose},
     };
     const cli_syntax syntax = {
         .command = "distance",

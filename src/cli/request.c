@@ -86,6 +86,10 @@ void solve_add_host(solve_table *table, solve_request *request)
          .help = "print nothing but errors",
          .kind = CLI_FLAG,
          .target = &request->quiet},
+        {.name = "verbose",
+         .help = "a line for each stage, on the standard error",
+         .kind = CLI_FLAG,
+         .target = &request->verbose},
     };
     solve_add(table, rows, sizeof rows / sizeof *rows);
 }
