@@ -144,7 +144,7 @@ static double lowest(const bench *b, size_t t)
 static int residual(bench *b)
 {
     int rc;
-    DMK_TRY(dmk_iteration_solve(&b->outer, b->sys->u, 1e-4, 500, NULL));
+    DMK_TRY(dmk_iteration_solve(&b->outer, 1e-4, 500));
     DMK_TRY(dmk_iteration_energies(&b->outer));
     DMK_TRY(dmk_buffer_read_real(b->ctx, b->device, DMK_OUTER, b->sys->q, b->n, b->q));
     for (size_t t = 0; t < b->n; t++) {

@@ -1,5 +1,5 @@
 /* Vectors and the scalars of conjugate gradients. `state` holds, on the device:
- * [0] r.z  [1] p.Ap  [2] alpha  [3] beta  [4] r.z at the start  [5] energy gained, sum of alpha r.z. */
+ * [0] r.z  [1] p.Ap  [2] alpha  [3] beta  [4] r.z at the start. */
 
 /* Partial sums of a.b. */
 KERNEL dot_real(int n, global const real *a, global const real *b, global sum_t *partial LAUNCH)
@@ -80,10 +80,7 @@ KERNEL cg_beta(int parts, int first, global const sum_t *partial, global sum_t *
     if (FIRST_ITEM) {
         state[3] = first || !(state[0] > 0) ? 0 : -state[2] * apz / state[0];
         state[0] = rz;
-        if (first) {
-            state[4] = rz;
-            state[5] = 0;
-        }
+        if (first) state[4] = rz;
     }
 }
 
@@ -107,18 +104,17 @@ KERNEL cg_alpha(int parts, global const sum_t *partial, global sum_t *state LAUN
     if (FIRST_ITEM) {
         state[1] = pap;
         state[2] = pap > 0 ? state[0] / pap : 0;
-        state[5] += state[2] * state[0];
     }
 }
 
-/* x += alpha p if x is wanted, r -= alpha Ap; `narrow` is r for the preconditioner (r itself in single precision). */
-KERNEL cg_step(int n, int wanted, global const sum_t *state, global const real *p, global const real *ap,
+/* x += alpha p, r -= alpha Ap; `narrow` is r for the preconditioner (r itself in single precision). */
+KERNEL cg_step(int n, global const sum_t *state, global const real *p, global const real *ap,
                global real *x, global real *r, global float *narrow LAUNCH)
 {
     const real alpha = (real)state[2];
     FOR_BLOCKS(i, n)
     {
-        if (wanted) STORE(LOAD(x, AT(i)) + alpha * LOAD(p, AT(i)), x, AT(i));
+        STORE(LOAD(x, AT(i)) + alpha * LOAD(p, AT(i)), x, AT(i));
         const realv next = LOAD(r, AT(i)) - alpha * LOAD(ap, AT(i));
         STORE(next, r, AT(i));
 #if DMK_DOUBLE

@@ -91,8 +91,8 @@ done:
 int dmk_bound_plain(dmk_iteration *o, const dmk_buffer *v, double *bound)
 {
     int rc;
-    double fv, vav;
-    DMK_TRY(dmk_iteration_energies_of(o, v, &fv, &vav));
+    double fv;
+    DMK_TRY(dmk_iteration_energies_of(o, v, &fv));
     if (dmk_device_real(o->sys->device, DMK_OUTER) == sizeof(float))
         return bound_by_host(o, v, bound);
     DMK_TRY(dmk_iteration_measure(o, 1));

@@ -39,7 +39,7 @@ int dmk_explicit(dmk_iteration *o)
     DMK_TRY(begin(o));
     for (int step = 1; step <= max_steps; step++) {
         int before = o->stats->cg_iterations;
-        DMK_TRY(dmk_iteration_solve(o, o->sys->u, cg, 500, NULL));
+        DMK_TRY(dmk_iteration_solve(o, cg, 500));
         DMK_TRY(dmk_iteration_energies(o));
         /* Inertia is raised over the first steps: at once it makes them rough. */
         double beta = step == 1 ? 0 : opt->inertia >= 0 ? inertia : fmin(inertia, 0.05 * step);

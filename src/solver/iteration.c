@@ -52,14 +52,13 @@ done:
     return rc;
 }
 
-int dmk_iteration_energies_of(dmk_iteration *o, const dmk_buffer *v, double *fv, double *vav)
+int dmk_iteration_energies_of(dmk_iteration *o, const dmk_buffer *v, double *fv)
 {
     int rc;
     double sums[2];
     const bool wide = dmk_device_real(o->sys->device, DMK_OUTER) == sizeof(double);
     DMK_TRY(queue_energies(o, v, false, wide ? DMK_ENERGY_ROUNDING : 0));
     DMK_TRY(read_scalars(o, 2, sums));
-    *vav = sums[0];
     *fv = sums[1];
 done:
     return rc;
@@ -116,18 +115,14 @@ int dmk_iteration_diverged(const dmk_iteration *o, int step, const char *what)
                     step, what, advice, angle, (int)o->triangle_old[worst / 3]);
 }
 
-int dmk_iteration_solve(dmk_iteration *o, dmk_buffer *x, double tolerance, int max_iterations,
-                        double *energy)
+int dmk_iteration_solve(dmk_iteration *o, double tolerance, int max_iterations)
 {
     int rc, before = o->stats->cg_iterations;
-    double gain = 0, unused, above = 0;
-    if (energy) DMK_TRY(dmk_iteration_energies_of(o, o->sys->u, &unused, &above));
     DMK_TRY(prepare_solve(o));
-    const double rounding = energy ? fmax(above - o->uau, 0) : 0; /* of u.Au */
-    /* f.A^-1 f = 2 f.u - u.Au + r.A^-1 r; the first two are short by the square of the error only. */
-    double known = 2 * o->fu - o->uau;
-    rc = dmk_pcg(o->ctx, o->sys, DMK_OUTER, DMK_STIFFNESS, x, max_iterations, tolerance,
-                 fabs(known), &o->stats->cg_iterations, &gain);
+    /* Of f.A^-1 f, which is short by the square of u's error only. */
+    const double known = fabs(2 * o->fu - o->uau);
+    rc = dmk_pcg(o->ctx, o->sys, DMK_OUTER, DMK_STIFFNESS, o->sys->u, max_iterations, tolerance,
+                 known, &o->stats->cg_iterations);
     if (rc == DMK_E_DIVERGED) {
         char what[200];
         snprintf(what, sizeof what, "%.199s", o->ctx->message);
@@ -135,7 +130,6 @@ int dmk_iteration_solve(dmk_iteration *o, dmk_buffer *x, double tolerance, int m
     }
     if (rc != DMK_OK) goto done;
     o->stats->v_cycles += o->stats->cg_iterations - before + 1;
-    if (energy) *energy = known + gain + rounding;
 done:
     return rc;
 }

@@ -42,15 +42,13 @@ static const double DMK_ENERGY_ROUNDING = 16 * 2.220446049250313e-16;
 int dmk_iteration_energies(dmk_iteration *o);
 /* The same, and in one read with them `n` sums that are queued for scalars[2 .. 2 + n). */
 int dmk_iteration_energies_and(dmk_iteration *o, int n, double *others);
-/* q, f.v and v.Av of any row vector in place of u, in double precision both q and v.Av with their rounding on
- * top, so that they are not below the true ones. out_real stays as it is. */
-int dmk_iteration_energies_of(dmk_iteration *o, const dmk_buffer *v, double *fv, double *vav);
+/* q and f.v of any row vector in place of u, in double precision q with its rounding on top, so that it is not
+ * below the true one. out_real stays as it is. */
+int dmk_iteration_energies_of(dmk_iteration *o, const dmk_buffer *v, double *fv);
 /* rho, mass and top of q scaled by alpha^2. */
 int dmk_iteration_measure(dmk_iteration *o, double alpha);
-/* Solve A(mu) du = f - A(mu) u to `tolerance` of the energy f.u and add du to x: to s->u, or to a
- * scratch vector where only *energy, f.A^-1 f up to a small excess, is wanted (may be NULL). */
-int dmk_iteration_solve(dmk_iteration *o, dmk_buffer *x, double tolerance, int max_iterations,
-                        double *energy);
+/* Solve A(mu) du = f - A(mu) u to `tolerance` of the energy f.u and add du to s->u. */
+int dmk_iteration_solve(dmk_iteration *o, double tolerance, int max_iterations);
 /* Sums (the last `maxima`: maxima) left by a kernel over n items in system->partial. */
 int dmk_iteration_sums(dmk_iteration *o, size_t items, int count, int maxima, double *sums);
 /* Report a step; a change that is not a number or too large is divergence. */
@@ -70,16 +68,20 @@ int dmk_explicit(dmk_iteration *o);
  * problem), which stays as it is. last: it is the pair that the iteration ends with; then nothing is done
  * if it has its bounds already, and u is repaired whatever gap was asked for. */
 int dmk_certify(dmk_iteration *o, bool last);
-/* stats->gap from the bounds, never negative: bounds that contradict each other by more than rounding are
- * DMK_E_DIVERGED where they are the last. */
-int dmk_certify_gap(dmk_iteration *o, bool last);
+/* stats->gap from the bounds, which differ by more than rounding in the right direction or not at all. */
+void dmk_certify_gap(dmk_stats *stats);
 /* bounds.c: lower bounds from a row vector: f.v / sqrt(max q), with q left in s->q and its maximum in o->top, and
  * the same of phi(v), which goes through q of v as dmk_bound_plain left it. cg[DMK_OUTER].p is scratch. */
 int dmk_bound_plain(dmk_iteration *o, const dmk_buffer *v, double *bound);
 int dmk_bound_banded(dmk_iteration *o, const dmk_buffer *v, double *bound);
 
+/* upper.c: an upper bound of the optimal cost, that of a flux which delivers f to rounding: mu grad u of the
+ * present pair and a small remainder. Where they are not NULL, flux[3 t ..] becomes minus its mean over triangle
+ * t, and *balance the most that it fails to deliver to a row, over the largest f. The pair stays. */
+int dmk_bound_upper(dmk_iteration *o, double *flux, double *balance, double *bound);
+
 /* repair.c: raise stats->cost_lower by a repair of u until the gap to stats->cost_upper is at most
- * `goal`, or all triangles obey |grad u| <= 1, or it takes too long. Wants A(mu) prepared. */
+ * `goal`, or all triangles obey |grad u| <= 1, or it takes too long. */
 int dmk_repair(dmk_iteration *o, double goal, bool last);
 
 /* rhs.c: f+ - f- on the rows of T/2 for a source at `point` of the packed mesh. */

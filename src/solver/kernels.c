@@ -214,9 +214,8 @@ done:
 
 int dmk_cg_step(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_buffer *x)
 {
-    return RUN(p, cg_step, rows(s), DMK_INT(s->n_rows), DMK_INT(x != NULL), DMK_BUF(s->state),
-               DMK_BUF(s->cg[p].p), DMK_BUF(s->cg[p].ap), DMK_BUF(x ? x : s->cg[p].p),
-               DMK_BUF(s->cg[p].r), DMK_BUF(s->cg[p].narrow));
+    return RUN(p, cg_step, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->state), DMK_BUF(s->cg[p].p),
+               DMK_BUF(s->cg[p].ap), DMK_BUF(x), DMK_BUF(s->cg[p].r), DMK_BUF(s->cg[p].narrow));
 }
 
 int dmk_dot(dmk_context *ctx, dmk_system *s, const dmk_buffer *a, const dmk_buffer *b)

@@ -39,7 +39,6 @@ int dmk_cg_dots(dmk_context *context, dmk_system *s, dmk_program program, const 
 int dmk_cg_beta(dmk_context *context, dmk_system *s, dmk_program program, bool first);
 int dmk_cg_direction(dmk_context *context, dmk_system *s, dmk_program program, const dmk_buffer *z);
 int dmk_cg_alpha(dmk_context *context, dmk_system *s, dmk_program program);
-/* x: NULL where the solution is not wanted. */
 int dmk_cg_step(dmk_context *context, dmk_system *s, dmk_program program, dmk_buffer *x);
 
 /* Partial sums of a.b, over the rows, in the outer program. */

@@ -46,7 +46,7 @@ static int solve_step(dmk_iteration *o, double alpha, const step_control *p)
     DMK_TRY(dmk_multigrid_refresh(o->ctx, s));
     DMK_TRY(dmk_buffer_clear(o->ctx, s->device, s->w, vector));
     DMK_TRY(dmk_pcg(o->ctx, s, DMK_INNER, DMK_NEWTON_MATRIX, s->w, p->iterations, 0, 0,
-                    &o->stats->cg_iterations, NULL));
+                    &o->stats->cg_iterations));
     o->stats->v_cycles += o->stats->cg_iterations - before;
 done:
     return rc;
@@ -103,7 +103,7 @@ static int start_cold(dmk_iteration *o)
     dmk_system *s = o->sys;
     double *mu = NULL;
     DMK_TRY(DMK_NEW(o->ctx, mu, (size_t)s->whole.n_elements_pad));
-    DMK_TRY(dmk_iteration_solve(o, s->u, 1e-2, 100, NULL));
+    DMK_TRY(dmk_iteration_solve(o, 1e-2, 100));
     DMK_TRY(dmk_iteration_energies(o));
     for (int32_t t = 0; t < s->whole.n_elements; t++) mu[t] = o->fu > 0 ? sqrt(o->fu) : 1;
     DMK_TRY(dmk_elements_write(o->ctx, s, s->mu, mu));

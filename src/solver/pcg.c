@@ -35,14 +35,14 @@ done:
 }
 
 int dmk_pcg(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op, dmk_buffer *x,
-            int max_iterations, double tolerance, double energy, int *iterations, double *gain)
+            int max_iterations, double tolerance, double energy, int *iterations)
 {
     int rc = DMK_OK;
     for (int i = 0; i < max_iterations; i++) {
         DMK_TRY(direction(ctx, s, p, op, i == 0));
         if (tolerance > 0 && i % LOOK_EVERY == 0) {
-            double state[6];
-            DMK_TRY(dmk_buffer_read_real(ctx, s->device, DMK_OUTER, s->state, 6, state));
+            double state[5];
+            DMK_TRY(dmk_buffer_read_real(ctx, s->device, DMK_OUTER, s->state, 5, state));
             if (!(state[0] < 1e300)) {
                 rc = dmk_fail(ctx, DMK_E_DIVERGED,
                               "conjugate gradients broke down after %d iterations (r.z = %g)", i,
@@ -51,7 +51,6 @@ int dmk_pcg(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op, dmk
             }
             /* On extreme needles single precision makes the V-cycle indefinite: r.z < 0 is no convergence. */
             const double left = fabs(state[0]);
-            if (gain) *gain = state[5] + 4 * left;
             double reference = energy > state[4] ? energy : state[4];
             if (left <= tolerance * tolerance * reference) break;
         }

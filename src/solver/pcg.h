@@ -7,12 +7,10 @@
 /* Add to x the solution of operator * dx = r in the precision of `program`. On entry cg[program].r
  * (and narrow) hold the right-hand side and the multigrid is fresh; on return r is the residual.
  * Runs max_iterations, or fewer once r.z <= tolerance^2 * max(energy, r.z at the start) (tolerance 0: no look).
- * *iterations is increased by those done. *gain, if not NULL and tolerance > 0, is r.A^-1 r at the
- * start: the energies gained, sum of alpha r.z, and four times the last r.z for the rest.
+ * *iterations is increased by those done.
  * Constants, the null space, take no part: r sums to 0 and the V-cycle is symmetric. The outer program
  * knows the stiffness operator only. */
 int dmk_pcg(dmk_context *context, dmk_system *system, dmk_program program, dmk_operator op,
-            dmk_buffer *x, int max_iterations, double tolerance, double energy, int *iterations,
-            double *gain);
+            dmk_buffer *x, int max_iterations, double tolerance, double energy, int *iterations);
 
 #endif
