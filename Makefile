@@ -76,7 +76,7 @@ PC := $B/dmkcl.pc
 MAN := $B/dmkcl.1
 MAN3 := $B/dmkcl.3
 
-.PHONY: all tests test coverage pyenv paper demo bench bench-kernels bench-anderson bench-methods bench-ranks reference install uninstall dist clean help deps FORCE
+.PHONY: all tests test coverage pyenv paper demo bench bench-kernels bench-anderson bench-methods bench-ranks docs install uninstall dist clean help deps FORCE
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -86,9 +86,9 @@ tests: $(TESTS)
 # ---- what the build stands on ----------------------------------------------------------------
 
 # Looked at once for each list. What is named here installs; the other targets tell what is missing.
-INSTALLING := deps demo paper test ci coverage fuzz faults real check-%
+INSTALLING := deps demo docs paper test ci coverage fuzz faults real check-%
 # What these need is less than what the tests do, which look at browsers and other programs.
-BUILDING := demo install uninstall dist
+BUILDING := demo docs install uninstall dist
 PACKAGE_LIST := .ci/$(if $(filter-out $(BUILDING),$(or $(MAKECMDGOALS),all)),packages,build-packages)
 PACKAGES := build/$(notdir $(PACKAGE_LIST)).ok
 deps: $(PACKAGES)
@@ -339,15 +339,21 @@ $B/dmkcl.1: $(TOOL) src/cli/man.sh
 
 $B/dmkcl.3: include/dmkcl.h src/reference.awk
 	@mkdir -p $(@D)
-	$(Q)awk -v form=man -v version=$(VERSION) -f src/reference.awk $< > $@
+	$(Q)awk -v version=$(VERSION) -f src/reference.awk $< > $@
 
-# Reference pages: the tool from its help, the library from its header, as man pages and HTML.
-reference: $(MAN) $(MAN3)
-	@mkdir -p build/reference
-	$(Q)cp $(MAN) $(MAN3) build/reference/
-	$(Q)awk -v form=html -v version=$(VERSION) -f src/reference.awk include/dmkcl.h > build/reference/library.html
-	$(Q)sh src/cli/man.sh --html $(TOOL) > build/reference/tool.html
-	@echo 'build/reference: library.html tool.html dmkcl.1 dmkcl.3'
+# The HTML pages: reference of tool, library and package, a page for each algorithm, the tutorial. See src/docs/README.md.
+DOCS := build/docs
+DOCS_PYTHON := build/docs-env/bin/python
+docs: $(TOOL)
+	@sh .ci/deps.sh install .ci/docs-packages
+	$(Q)sh tests/pyenv.sh build/docs-env src/docs/requirements.txt
+	$(Q)DMKCL_BUILD=$(abspath $(DOCS))/package $(DOCS_PYTHON) -m pip -q install --no-build-isolation --no-deps \
+	    --force-reinstall ./src/python
+	$(Q)rm -rf $(DOCS)/html $(DOCS)/doxygen && doxygen src/docs/Doxyfile
+	$(Q)$(DOCS_PYTHON) src/docs/pictures.py src/docs/pictures && cp bench/results/torus.png src/docs/pictures/
+	$(Q)DMKCL_DOXYGEN=$(abspath $(DOCS))/doxygen $(DOCS_PYTHON) -m sphinx -q -W --keep-going -b html \
+	    -d $(DOCS)/trees src/docs $(DOCS)/html
+	@echo $(DOCS)/html/index.html
 
 D := $(DESTDIR)
 install: $(STATIC) $(SHARED) $(TOOL) $(PC) $(MAN) $(MAN3)
@@ -403,7 +409,7 @@ help:
 	@echo 'make bench      whole runs beside peers from PyPI; BENCH=quick|usual|full'
 	@echo 'make bench-kernels, make bench-methods   kernels beside a copy; methods by error'
 	@echo 'make bench-anderson   the program that bench-methods runs for Anderson acceleration'
-	@echo 'make reference  manual pages of the tool and the library, also as HTML, in build/reference'
+	@echo 'make docs       the HTML pages: reference, algorithms, tutorial; in build/docs/html'
 	@echo 'make deps       install missing Debian packages (demo, tests and checks do this too)'
 	@echo 'make install    tool, libraries, header, dmkcl.pc, manual; uninstall takes them away'
 	@echo 'make dist       the sources as build/dmkcl-VERSION.tar.gz'

@@ -1,26 +1,27 @@
 #!/bin/sh
-# Make or update the virtual environment build/pyenv from tests/requirements.txt. Quick when it is up
-# to date; when two run at once, the second waits. Without PyPI the exit status is 75. Python: the PYTHON given, else python3.
-# usage: sh tests/pyenv.sh && build/pyenv/bin/python ...
+# Make or update a virtual environment from a list of packages: build/pyenv from tests/requirements.txt. Quick when it is
+# up to date; when two run at once, the second waits. Without PyPI the exit status is 75. Python: the PYTHON given, else
+# python3.
+# usage: sh tests/pyenv.sh [FOLDER LIST] && build/pyenv/bin/python ...
 set -eu
 cd "$(dirname "$0")/.."
-folder=build/pyenv
-list=tests/requirements.txt
+folder=${1:-build/pyenv}
+list=${2:-tests/requirements.txt}
 
 mkdir -p build
-exec 9> build/pyenv.lock
+exec 9> "$folder.lock"
 flock 9
 cmp -s "$list" "$folder/installed.txt" && exit 0
 [ -x "$folder/bin/python" ] || "${PYTHON:-python3}" -m venv --clear "$folder"
 # Exit 75: the packages cannot be had now, which says nothing of the project. Any other failure is one.
 status=0
 "$folder/bin/python" -m pip install --quiet --disable-pip-version-check --prefer-binary -r "$list" \
-    2> build/pyenv.log || status=$?
-cat build/pyenv.log >&2
+    2> "$folder.log" || status=$?
+cat "$folder.log" >&2
 if [ $status -ne 0 ]; then
     unreachable='NewConnectionError|Temporary failure in name resolution|Network is unreachable|ProxyError'
     unreachable="$unreachable|ConnectTimeoutError|ReadTimeoutError|Connection reset|Remote end closed|50[0-9] Server Error|from versions: none"
-    ! grep -qE "$unreachable" build/pyenv.log || exit 75
+    ! grep -qE "$unreachable" "$folder.log" || exit 75
     exit $status
 fi
 # Last, so that an install that was broken off is taken up again.

@@ -1,39 +1,14 @@
 #!/bin/sh
-# Print the manual page dmkcl(1), made from the tool's own help; with --html as a page for browsers.
-# usage: man.sh [--html] TOOL > dmkcl.1
-html=
-if [ "$1" = --html ]; then
-    html=1
-    shift
-fi
+# Print the manual page dmkcl(1), made from the tool's own help.
+# usage: man.sh TOOL > dmkcl.1
 tool=$1
 commands=$("$tool" --help | sed -n '/^commands:/,/^$/s/^  \([a-z]*\) .*/\1/p')
 
 verbatim() { # the help as it is: dots and backslashes at the start of lines mean something to roff
-    if [ "$html" ]; then
-        echo '<pre>'
-        "$@" | sed -e 's/&/\&amp;/g' -e 's/</\&lt;/g' -e 's/>/\&gt;/g'
-        echo '</pre>'
-    else
-        echo '.nf'
-        "$@" | sed -e 's/\\/\\e/g' -e 's/-/\\-/g' -e "s/^[.']/\\\\\&&/"
-        echo '.fi'
-    fi
+    echo '.nf'
+    "$@" | sed -e 's/\\/\\e/g' -e 's/-/\\-/g' -e "s/^[.']/\\\\\&&/"
+    echo '.fi'
 }
-
-if [ "$html" ]; then
-    echo "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>$("$tool" --version)</title>"
-    echo '<style>:root { color-scheme: light dark } body { max-width: 56em; margin: 2em auto;'
-    echo 'padding: 0 1em; font-family: sans-serif } pre { overflow: auto; font-size: 14px }</style></head>'
-    echo "<body><h1>dmkcl: the tool</h1>"
-    verbatim "$tool" --help
-    for command in $commands; do
-        echo "<h2 id=\"$command\">dmkcl $command</h2>"
-        verbatim "$tool" "$command" --help
-    done
-    echo '</body></html>'
-    exit
-fi
 
 echo ".TH DMKCL 1 \"\" \"$("$tool" --version)\" \"User Commands\""
 echo '.SH NAME'

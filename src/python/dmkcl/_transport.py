@@ -19,7 +19,7 @@ class Measure:
     """A measure on a surface: the sum of the parts that are given, in any unit of mass.
 
     vertex_mass: (n,) a mass at each vertex, spread over the triangles around it; face_density: (m,)
-    mass per area; points with masses: (k, 3), or `Point`s, and (k,) (None: 1 each); uniform: a mass
+    mass per area; points with masses: (k, 3), or a list of `Point`, and (k,) (None: 1 each); uniform: a mass
     spread evenly over the component of the others.
     """
 
@@ -125,7 +125,7 @@ class Transport:
 
     @cached_property
     def density(self) -> NDArray[np.float64]:
-        """(m,) mu = |flux|, mass per length, in each triangle."""
+        """(m,) mu, the length of the flux: mass per length, in each triangle."""
         return self._array("density")
 
     @cached_property

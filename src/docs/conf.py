@@ -1,0 +1,66 @@
+"""The HTML pages, by Sphinx: MyST for the text, Breathe over Doxygen's XML for the C interface, autodoc for Python, the
+tool's own help for the tool. `make docs` calls it."""
+
+import os
+import sys
+from pathlib import Path
+
+import latex2mathml.converter
+
+import dmkcl
+
+HERE = Path(__file__).parent
+os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+
+project = "dmkcl"
+version = release = dmkcl.__version__
+copyright = "the dmkcl developers"
+language = "en"
+suppress_warnings = ["duplicate_declaration.c", "ref.python"]  # typedef struct x {...} x; attributes of two classes
+extensions = [
+    "breathe",
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinxcontrib.programoutput",
+]
+exclude_patterns = ["README.md", "requirements.txt"]
+templates_path = []
+
+html_theme = "furo"
+html_title = f"dmkcl {version}"
+html_show_sphinx = html_show_copyright = False
+html_copy_source = False
+html_math_renderer = "mathml"
+
+myst_enable_extensions = ["dollarmath", "colon_fence"]
+myst_heading_anchors = 3
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
+nb_execution_timeout = 300
+
+breathe_projects = {"dmkcl": os.environ["DMKCL_DOXYGEN"]}
+breathe_default_project = "dmkcl"
+breathe_domain_by_extension = {"h": "c"}
+
+autodoc_default_options = {"members": True, "member-order": "bysource"}
+autodoc_typehints = "description"
+autodoc_typehints_description_target = "documented"
+napoleon_use_rtype = False
+
+
+def formula(display):
+    """Formulas as MathML, which browsers show by themselves: the pages need no network."""
+
+    def visit(self, node):
+        from docutils.nodes import SkipNode
+
+        text = latex2mathml.converter.convert(node.astext(), display=display)
+        self.body.append(f"<p>{text}</p>" if display == "block" else text)
+        raise SkipNode
+
+    return visit
+
+
+def setup(app):
+    app.add_html_math_renderer("mathml", (formula("inline"), None), (formula("block"), None))
