@@ -23,7 +23,8 @@ say = $(if $(V),,@printf '  %-7s %s\n' $(1) $(2))
 
 VERSION := $(shell awk '/define DMK_VERSION_(MAJOR|MINOR|PATCH)/ { printf "%s%s", s, $$3; s = "." }' \
     include/dmkcl.h)
-SONAME := libdmkcl.so.$(firstword $(subst ., ,$(VERSION)))
+# Until 1.0 a new minor version may change structs: the soname has two numbers.
+SONAME := libdmkcl.so.$(basename $(VERSION))
 
 # ---- flags -----------------------------------------------------------------------------------
 

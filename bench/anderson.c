@@ -48,7 +48,7 @@ static int prepare(bench *b, const char *path, int depth)
     int rc;
     dmk_point p;
     dmk_device_options o;
-    dmk_device_options_init(&o);
+    dmk_device_options_init(&o, sizeof o);
     DMK_TRY(dmk_device_open(b->ctx, &o, &b->device));
     DMK_TRY(dmk_mesh_read(b->ctx, path, &b->mesh));
     DMK_TRY(dmk_mesh_vertex_point(b->ctx, b->mesh, 0, &p));
@@ -121,7 +121,7 @@ done:
 static int solve_reference(bench *b)
 {
     int rc;
-    dmk_solve_options_init(&b->options);
+    dmk_solve_options_init(&b->options, sizeof b->options);
     b->options.tolerance = 1e-5;
     b->options.max_steps = 200;
     DMK_TRY(start(b));

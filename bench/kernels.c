@@ -112,7 +112,7 @@ static void model(const bench *b, measured *m)
 static int quartic(bench *b)
 {
     dmk_surface_options o;
-    dmk_surface_options_init(&o);
+    dmk_surface_options_init(&o, sizeof o);
     o.name = "quartic";
     o.refine = 3;
     return dmk_mesh_surface(b->ctx, &o, &b->mesh);
@@ -145,7 +145,7 @@ static int prepare(bench *b, const char *path)
 {
     int rc;
     dmk_device_options o;
-    dmk_device_options_init(&o);
+    dmk_device_options_init(&o, sizeof o);
     DMK_TRY(dmk_device_open(b->ctx, &o, &b->device));
     DMK_TRY(path ? dmk_mesh_read(b->ctx, path, &b->mesh) : quartic(b));
     DMK_TRY(dmk_order_create(b->ctx, b->mesh, 0, &b->order));

@@ -11,6 +11,7 @@ import argparse
 import csv
 import ctypes
 import os
+import struct
 import sys
 import tempfile
 
@@ -36,7 +37,7 @@ class Library:
     @staticmethod
     def defaults(init):
         options = ctypes.create_string_buffer(1024)
-        init(options)
+        init(options, ctypes.c_size_t(len(options)))
         return options
 
     def get(self, function, *arguments):
@@ -57,8 +58,9 @@ class Library:
         result = self.get(self.c.dmk_solve, solver, source,
                           self.defaults(self.c.dmk_solve_options_init))
         for strength in strengths:
-            options = ctypes.c_double(strength * h)  # the only member of dmk_locus_options
-            locus = self.get(self.c.dmk_locus_compute, mesh, result, ctypes.byref(options))
+            options = self.defaults(self.c.dmk_locus_options_init)
+            struct.pack_into("d", options, 8, strength * h)  # after struct_size
+            locus = self.get(self.c.dmk_locus_compute, mesh, result, options)
             self.check(self.c.dmk_locus_write(self.context, locus, os.fsencode(path)))
             self.c.dmk_locus_destroy(ctypes.byref(locus))
             yield strength

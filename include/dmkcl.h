@@ -19,7 +19,11 @@
  *   - *_create/_read/_open give an object to the caller, who hands it back to *_destroy(&object);
  *     destroying NULL is fine and the pointer is set to NULL. `const` pointers returned by accessors
  *     are borrowed and live as long as the object they come from.
- *   - Option structs are filled by their _init function first, then changed at will.
+ *   - Option structs are filled first by their _init function, with sizeof of the struct, then changed at will:
+ *         dmk_solve_options options;  dmk_solve_options_init(&options, sizeof options);
+ *     So they can grow: a library that knows more members takes the defaults for those that a program compiled
+ *     against an older header does not have, and one that knows fewer refuses what it would have to overlook. Other
+ *     structs stay as they are as long as the soname does (until 1.0: major and minor version).
  *   - Indices count from 0; lengths are in the unit of the mesh's coordinates.
  *
  * The problem (method: Facca, Berti, Fasso, Putti, "Computing the cut locus of a Riemannian manifold
@@ -38,7 +42,7 @@ extern "C" {
 #endif
 
 #define DMK_VERSION_MAJOR 0
-#define DMK_VERSION_MINOR 1
+#define DMK_VERSION_MINOR 2
 #define DMK_VERSION_PATCH 0
 
 typedef enum dmk_status {
@@ -186,6 +190,7 @@ int dmk_mesh_point_xyz(dmk_context *context, const dmk_mesh *mesh, const dmk_poi
  * the tube's centre from the axis, b: tube radius), "ellipsoid" (semi-axes a, b, c), "quartic"
  * ((x/a)^4+(y/b)^4+(z/c)^4=1), "sphere" (radius a). A size left 0 takes the surface's default. */
 typedef struct dmk_surface_options {
+    size_t struct_size; /* by dmk_surface_options_init, as in all option structs */
     const char *name;
     double size[3];     /* a, b, c */
     size_t n_triangles; /* of the coarse mesh, about; 0 = the surface's default */
@@ -194,11 +199,13 @@ typedef struct dmk_surface_options {
     double source[3];
 } dmk_surface_options;
 
-void dmk_surface_options_init(dmk_surface_options *options);
-/* NULL past the last one. */
+/* Defaults; size: sizeof *options. */
+void dmk_surface_options_init(dmk_surface_options *options, size_t size);
+/* Name of a surface; NULL past the last one. */
 const char *dmk_surface_name(size_t index);
 /* What the sizes a, b, c mean, in a few words with the defaults. NULL past the last one. */
 const char *dmk_surface_text(size_t index);
+/* The mesh of a built-in surface: about options->n_triangles even triangles, then refined. */
 int dmk_mesh_surface(dmk_context *context, const dmk_surface_options *options, dmk_mesh **mesh);
 
 /* ---- devices ---------------------------------------------------------------------------------- */
@@ -222,6 +229,7 @@ typedef struct dmk_machine_info {
 
 /* Fill up to `capacity` entries (NULL if that is 0); *count is the number there are. */
 int dmk_device_list(dmk_context *context, dmk_device_info *infos, size_t capacity, size_t *count);
+/* The machine's processors and memory. */
 int dmk_machine_get_info(dmk_context *context, dmk_machine_info *info);
 
 typedef struct dmk_device dmk_device;
@@ -230,6 +238,7 @@ typedef struct dmk_device dmk_device;
 typedef enum dmk_shape { DMK_SHAPE_AUTO = 0, DMK_SHAPE_CPU = 1, DMK_SHAPE_GPU = 2 } dmk_shape;
 
 typedef struct dmk_device_options {
+    size_t struct_size;
     const char
         *select; /* NULL: the best, a GPU before a CPU, but with double precision before without;
                              "gpu", "cpu": the best of these; "N": number N of the list; else part of a
@@ -240,7 +249,7 @@ typedef struct dmk_device_options {
     dmk_shape shape;   /* DMK_SHAPE_AUTO: by the device's type */
 } dmk_device_options;
 
-void dmk_device_options_init(dmk_device_options *options);
+void dmk_device_options_init(dmk_device_options *options, size_t size);
 int dmk_device_open(dmk_context *context, const dmk_device_options *options, dmk_device **device);
 void dmk_device_get_info(const dmk_device *device, dmk_device_info *info);
 void dmk_device_destroy(dmk_device **device);
@@ -253,6 +262,7 @@ void dmk_device_destroy(dmk_device **device);
 typedef struct dmk_geodesics dmk_geodesics;
 
 typedef struct dmk_geodesics_options {
+    size_t struct_size;
     const double *offset; /* n_sources: distance at each source, 0 or more; NULL = 0 */
     size_t n_lines; /* edges of the mesh that are sources as a whole, with every point of them */
     const int32_t *
@@ -280,7 +290,7 @@ typedef struct dmk_geodesics_info {
     size_t n_windows; /* that were made */
 } dmk_geodesics_info;
 
-void dmk_geodesics_options_init(dmk_geodesics_options *options);
+void dmk_geodesics_options_init(dmk_geodesics_options *options, size_t size);
 /* From n_sources points (and the options' lines: one source at least). The mesh must outlive the object. Checked: every
  * vertex of a component with a source is reached, no edge is shorter than its ends' distances differ, and nothing is
  * negative; DMK_E_MESH, naming the first vertex, if rounding breaks that. DMK_E_ARG for points off the mesh, offsets
@@ -348,6 +358,7 @@ typedef enum dmk_start {
 } dmk_start;
 
 typedef struct dmk_solve_options {
+    size_t struct_size;
     dmk_method method;
     dmk_start start;
     double dt;            /* time step of DMK_EULER, in (0, 1]; 0 = 0.5 */
@@ -362,7 +373,7 @@ typedef struct dmk_solve_options {
     int normalise;    /* dmk_solve_measures: 1 scales the second measure to the mass of the first */
 } dmk_solve_options;
 
-void dmk_solve_options_init(dmk_solve_options *options);
+void dmk_solve_options_init(dmk_solve_options *options, size_t size);
 
 typedef struct dmk_solver dmk_solver;
 
@@ -561,6 +572,7 @@ void dmk_solver_get_traffic(const dmk_solver *solver, dmk_traffic *traffic);
 typedef struct dmk_locus dmk_locus;
 
 typedef struct dmk_locus_options {
+    size_t struct_size;
     double
         strength; /* a length: leave out branches of less strength; 0 = the default, 0.2 mean edges,
                         or 1.5 times that of the mesh's own branches where these stand out */
@@ -612,7 +624,7 @@ typedef struct dmk_locus_info {
  * surface of genus g; with borders, once each border is contracted to a point. */
 int dmk_locus_compute(dmk_context *context, const dmk_mesh *mesh, const dmk_result *result,
                       const dmk_locus_options *options, dmk_locus **locus);
-void dmk_locus_options_init(dmk_locus_options *options);
+void dmk_locus_options_init(dmk_locus_options *options, size_t size);
 void dmk_locus_destroy(dmk_locus **locus);
 void dmk_locus_get_info(const dmk_locus *locus, dmk_locus_info *info);
 const dmk_locus_vertex *dmk_locus_vertices(const dmk_locus *locus, size_t *n);

@@ -13,7 +13,7 @@ void bench_ok(const bench *b, int rc)
 void bench_open(bench *b, const dmk_device_options *options)
 {
     dmk_device_options plain;
-    dmk_device_options_init(&plain);
+    dmk_device_options_init(&plain, sizeof plain);
     assert_int_equal(dmk_context_create(&b->ctx), DMK_OK);
     bench_ok(b, dmk_device_open(b->ctx, options ? options : &plain, &b->dev));
 }
@@ -44,7 +44,7 @@ problem problem_of(bench *b, dmk_mesh *mesh)
     dmk_mesh_get_info(mesh, &p.info);
     bench_ok(b, dmk_solver_create(b->ctx, b->dev, mesh, &p.solver));
     bench_ok(b, dmk_mesh_vertex_point(b->ctx, mesh, 0, &p.source));
-    dmk_solve_options_init(&p.options);
+    dmk_solve_options_init(&p.options, sizeof p.options);
     return p;
 }
 

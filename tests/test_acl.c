@@ -74,7 +74,7 @@ static score judge(const problem *p)
 static problem torus(bench *b)
 {
     dmk_surface_options o;
-    dmk_surface_options_init(&o);
+    dmk_surface_options_init(&o, sizeof o);
     o.name = "torus";
     o.n_triangles = 20000;
     o.has_source = 1;

@@ -50,6 +50,8 @@ static int no_largest(void *user, int32_t *value, size_t n)
 #define ALONE .exchange = no_exchange, .gather = no_gather, .largest = no_largest
 static const dmk_ranks alone = {.size = 1, ALONE};
 
+#define SIZED(name) .struct_size = sizeof(dmk_##name##_options)
+
 /* ---- right values, by type ---- */
 
 #define good_dmk_context_p good.b.ctx
@@ -63,7 +65,7 @@ static const dmk_ranks alone = {.size = 1, ALONE};
 #define good_dmk_surface_options_p                                                                 \
     &(dmk_surface_options)                                                                         \
     {                                                                                              \
-        .name = "sphere"                                                                           \
+        SIZED(surface), .name = "sphere"                                                           \
     }
 #define good_dmk_device_p good.b.dev
 #define good_dmk_device_pp (void *)&good.none
@@ -71,7 +73,7 @@ static const dmk_ranks alone = {.size = 1, ALONE};
 #define good_dmk_device_options_p                                                                  \
     &(dmk_device_options)                                                                          \
     {                                                                                              \
-        0                                                                                          \
+        SIZED(device)                                                                              \
     }
 #define good_dmk_machine_info_p (void *)good.scratch
 #define good_dmk_solver_p good.p.solver
@@ -88,7 +90,7 @@ static const dmk_ranks alone = {.size = 1, ALONE};
 #define good_dmk_locus_options_p                                                                   \
     &(dmk_locus_options)                                                                           \
     {                                                                                              \
-        0                                                                                          \
+        SIZED(locus)                                                                               \
     }
 #define good_dmk_geodesics_p good.geodesics
 #define good_dmk_geodesics_pp (void *)&good.none
@@ -97,7 +99,7 @@ static const dmk_ranks alone = {.size = 1, ALONE};
 #define good_dmk_geodesics_options_p                                                               \
     &(dmk_geodesics_options)                                                                       \
     {                                                                                              \
-        0                                                                                          \
+        SIZED(geodesics)                                                                           \
     }
 #define good_dmk_transport_p good.transport
 #define good_dmk_transport_pp (void *)&good.none
@@ -131,57 +133,83 @@ static const dmk_point wrong_dmk_point_p[] = {
     {0, {NAN, 0.5, 0.5}}, {0, {1, 0, 1e-6}},      {0, {INFINITY, 0, 0}},
 };
 static const dmk_surface_options wrong_dmk_surface_options_p[] = {
-    {.name = NULL},
-    {.name = ""},
-    {.name = "cube"},
-    {.name = "torus", .size = {NAN}},
-    {.name = "torus", .size = {-1}},
-    {.name = "torus", .size = {1, 2}},
-    {.name = "sphere", .size = {INFINITY}},
-    {.name = "sphere", .size = {1, 1}},
-    {.name = "sphere", .refine = -1},
-    {.name = "sphere", .refine = 13},
-    {.name = "sphere", .refine = INT32_MAX},
-    {.name = "sphere", .n_triangles = 1},
-    {.name = "sphere", .n_triangles = SIZE_MAX},
-    {.name = "sphere", .has_source = 1, .source = {NAN}},
-    {.name = "sphere", .has_source = 1, .source = {0, 0, 0}},
+    {.struct_size = 0},
+    {.struct_size = sizeof(size_t)},
+    {.struct_size = sizeof(dmk_surface_options) + 1},
+    {.struct_size = SIZE_MAX & ~(size_t)7},
+    {SIZED(surface), .name = NULL},
+    {SIZED(surface), .name = ""},
+    {SIZED(surface), .name = "cube"},
+    {SIZED(surface), .name = "torus", .size = {NAN}},
+    {SIZED(surface), .name = "torus", .size = {-1}},
+    {SIZED(surface), .name = "torus", .size = {1, 2}},
+    {SIZED(surface), .name = "sphere", .size = {INFINITY}},
+    {SIZED(surface), .name = "sphere", .size = {1, 1}},
+    {SIZED(surface), .name = "sphere", .refine = -1},
+    {SIZED(surface), .name = "sphere", .refine = 13},
+    {SIZED(surface), .name = "sphere", .refine = INT32_MAX},
+    {SIZED(surface), .name = "sphere", .n_triangles = 1},
+    {SIZED(surface), .name = "sphere", .n_triangles = SIZE_MAX},
+    {SIZED(surface), .name = "sphere", .has_source = 1, .source = {NAN}},
+    {SIZED(surface), .name = "sphere", .has_source = 1, .source = {0, 0, 0}},
 };
 static const dmk_device_options wrong_dmk_device_options_p[] = {
-    {.threads = -5},
-    {.threads = INT32_MIN},
-    {.shape = (dmk_shape)9},
-    {.shape = (dmk_shape)-1},
+    {.struct_size = 0},
+    {.struct_size = sizeof(size_t)},
+    {.struct_size = sizeof(dmk_device_options) + 1},
+    {.struct_size = SIZE_MAX & ~(size_t)7},
+    {SIZED(device), .threads = -5},
+    {SIZED(device), .threads = INT32_MIN},
+    {SIZED(device), .shape = (dmk_shape)9},
+    {SIZED(device), .shape = (dmk_shape)-1},
 };
 static const dmk_solve_options wrong_dmk_solve_options_p[] = {
-    {.method = (dmk_method)77},
-    {.method = (dmk_method)-1},
-    {.start = (dmk_start)99},
-    {.start = (dmk_start)-1},
-    {.dt = -0.1},
-    {.dt = 1.1},
-    {.dt = NAN},
-    {.inertia = 1},
-    {.inertia = NAN},
-    {.tolerance = INFINITY},
-    {.tolerance = -1},
-    {.tolerance = NAN},
-    {.gap_tolerance = -1},
-    {.gap_tolerance = NAN},
-    {.cg_tolerance = -1},
-    {.cg_tolerance = INFINITY},
-    {.max_steps = -1},
-    {.threshold = -1},
-    {.threshold = NAN},
-    {.threshold = INFINITY},
+    {.struct_size = 0},
+    {.struct_size = sizeof(size_t)},
+    {.struct_size = sizeof(dmk_solve_options) + 1},
+    {.struct_size = SIZE_MAX & ~(size_t)7},
+    {SIZED(solve), .method = (dmk_method)77},
+    {SIZED(solve), .method = (dmk_method)-1},
+    {SIZED(solve), .start = (dmk_start)99},
+    {SIZED(solve), .start = (dmk_start)-1},
+    {SIZED(solve), .dt = -0.1},
+    {SIZED(solve), .dt = 1.1},
+    {SIZED(solve), .dt = NAN},
+    {SIZED(solve), .inertia = 1},
+    {SIZED(solve), .inertia = NAN},
+    {SIZED(solve), .tolerance = INFINITY},
+    {SIZED(solve), .tolerance = -1},
+    {SIZED(solve), .tolerance = NAN},
+    {SIZED(solve), .gap_tolerance = -1},
+    {SIZED(solve), .gap_tolerance = NAN},
+    {SIZED(solve), .cg_tolerance = -1},
+    {SIZED(solve), .cg_tolerance = INFINITY},
+    {SIZED(solve), .max_steps = -1},
+    {SIZED(solve), .threshold = -1},
+    {SIZED(solve), .threshold = NAN},
+    {SIZED(solve), .threshold = INFINITY},
 };
 static const dmk_locus_options wrong_dmk_locus_options_p[] = {
-    {.strength = NAN}, {.strength = -1}, {.strength = INFINITY}};
+    {.struct_size = 0},
+    {.struct_size = sizeof(size_t)},
+    {.struct_size = sizeof(dmk_locus_options) + 1},
+    {.struct_size = SIZE_MAX & ~(size_t)7},
+    {SIZED(locus), .strength = NAN},
+    {SIZED(locus), .strength = -1},
+    {SIZED(locus), .strength = INFINITY}};
 static const double wrong_offset[] = {-1};
 static const int32_t no_edge[] = {0, INT32_MAX};
 static const dmk_geodesics_options wrong_dmk_geodesics_options_p[] = {
-    {.offset = wrong_offset}, {.tolerance = NAN},           {.tolerance = -1},
-    {.tolerance = 1},         {.n_lines = 1, .line = NULL}, {.n_lines = 1, .line = no_edge},
+    {.struct_size = 0},
+    {.struct_size = sizeof(size_t)},
+    {.struct_size = sizeof(dmk_geodesics_options) + 1},
+    {.struct_size = SIZE_MAX & ~(size_t)7},
+    {SIZED(geodesics), .offset = wrong_offset},
+    {SIZED(geodesics), .tolerance = NAN},
+    {SIZED(geodesics), .tolerance = -1},
+    {SIZED(geodesics), .tolerance = 1},
+    {SIZED(geodesics), .n_lines = 1, .line = NULL},
+    {SIZED(geodesics), .n_lines = 1, .line = no_edge},
 };
 static const dmk_point an_atom[] = {{0, {1, 0, 0}}}, no_atom[] = {{-1, {1, 0, 0}}};
 static const double a_mass[] = {1}, no_mass[] = {0}, bad_mass[] = {NAN};
@@ -363,6 +391,39 @@ static void options_may_be_missing(void **state)
     bench_ok(&good.b, dmk_path_compute(good.b.ctx, p->mesh, p->result, 0, &p->source, &good.path));
 }
 
+/* Programs compiled against an older header, with fewer members, and a newer one, with more. */
+static void option_structs_may_be_older_and_newer(void **state)
+{
+    (void)state;
+    struct {
+        dmk_solve_options known;
+        double more[2];
+    } newer;
+    union {
+        dmk_solve_options all;
+        unsigned char bytes[sizeof(dmk_solve_options)];
+    } older;
+    const size_t end = offsetof(dmk_solve_options, inertia);
+    dmk_result *result = NULL;
+    memset(&older, 0x55, sizeof older);
+    dmk_solve_options_init(&older.all, end);
+    assert_int_equal(older.all.struct_size, end);
+    assert_int_equal(older.bytes[end], 0x55);
+    bench_ok(&good.b, dmk_solve(good.b.ctx, good.p.solver, &good.p.source, &older.all, &result));
+    dmk_result_destroy(&result);
+
+    dmk_solve_options_init(&newer.known, sizeof newer);
+    assert_int_equal(newer.known.struct_size, sizeof newer);
+    assert_true(newer.known.inertia < 0 && newer.more[1] == 0);
+    bench_ok(&good.b, dmk_solve(good.b.ctx, good.p.solver, &good.p.source, &newer.known, &result));
+    dmk_result_destroy(&result);
+    newer.more[1] = 1;
+    assert_int_equal(dmk_solve(good.b.ctx, good.p.solver, &good.p.source, &newer.known, &result),
+                     DMK_E_ARG);
+    assert_non_null(strstr(dmk_context_message(good.b.ctx), "newer dmkcl.h"));
+    assert_null(result);
+}
+
 static void nothing_may_be_destroyed(void **state)
 {
     (void)state;
@@ -498,6 +559,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(wrong_arguments_are_refused),
         cmocka_unit_test(options_may_be_missing),
+        cmocka_unit_test(option_structs_may_be_older_and_newer),
         cmocka_unit_test(nothing_may_be_destroyed),
         cmocka_unit_test(a_forked_child_has_no_device),
     };

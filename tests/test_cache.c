@@ -26,7 +26,7 @@ static cabinet cabinet_open(fixture *f, const char *folder)
     cl_int error;
     const char *text = source;
     dmk_device_options plain;
-    dmk_device_options_init(&plain);
+    dmk_device_options_init(&plain, sizeof plain);
     assert_int_equal(dmk_device_open(f->ctx, &plain, &c.dev), DMK_OK);
     c.program = clCreateProgramWithSource(c.dev->cl, 1, &text, NULL, &error);
     assert_int_equal(error, CL_SUCCESS);

@@ -72,7 +72,7 @@ static const struct {
 static problem small_torus(bench *b)
 {
     dmk_surface_options torus;
-    dmk_surface_options_init(&torus);
+    dmk_surface_options_init(&torus, sizeof torus);
     torus.name = "torus";
     torus.n_triangles = 2000;
     problem p = problem_surface(b, &torus);

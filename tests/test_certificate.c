@@ -58,7 +58,7 @@ static void bounds_hold_in_single_precision(void **state)
     (void)state;
     bench b;
     dmk_device_options o;
-    dmk_device_options_init(&o);
+    dmk_device_options_init(&o, sizeof o);
     o.single_precision = 1;
     bench_open(&b, &o);
     for (int i = 0; i < N_OPTIMA; i++) {
@@ -82,7 +82,7 @@ static void bounds_hold_in_single_precision(void **state)
 static problem needles(bench *b)
 {
     dmk_surface_options o;
-    dmk_surface_options_init(&o);
+    dmk_surface_options_init(&o, sizeof o);
     o.name = "torus";
     o.n_triangles = 6000;
     problem plain = problem_surface(b, &o);
@@ -136,7 +136,7 @@ static void repair_is_the_same_in_the_gpu_shape(void **state)
 {
     bench b;
     dmk_device_options o;
-    dmk_device_options_init(&o);
+    dmk_device_options_init(&o, sizeof o);
     o.shape = DMK_SHAPE_GPU;
     bench_open(&b, &o);
     problem p = needles(*state), q = needles(&b);

@@ -12,7 +12,7 @@ static void destroyed_with_work_under_way(void **state)
     const size_t bytes = (size_t)8 << 20;
     fixture *f = *state;
     dmk_device_options options;
-    dmk_device_options_init(&options);
+    dmk_device_options_init(&options, sizeof options);
     options.threads = 1; /* a part of the device */
     for (int i = 0; i < 5; i++) {
         dmk_device *device = NULL;
@@ -53,7 +53,7 @@ static void a_device_by_its_kind(void **state)
     dmk_device_info info;
     dmk_device *device = NULL;
     dmk_device_options options;
-    dmk_device_options_init(&options);
+    dmk_device_options_init(&options, sizeof options);
     options.select = "cpu";
     assert_int_equal(dmk_device_open(f->ctx, &options, &device), DMK_OK);
     dmk_device_get_info(device, &info);
@@ -113,8 +113,8 @@ static void launches_of_a_step(void **state)
     dmk_stats stats;
     dmk_device_options options;
     dmk_surface_options surface;
-    dmk_device_options_init(&options);
-    dmk_surface_options_init(&surface);
+    dmk_device_options_init(&options, sizeof options);
+    dmk_surface_options_init(&surface, sizeof surface);
     surface.name = "ellipsoid";
     surface.n_triangles = 3000;
     surface.refine = 1;

@@ -45,7 +45,7 @@ static void check_optimum(bench *b, const optimum *best, const dmk_solve_options
 static void newton_finds_the_optimum(void **state)
 {
     dmk_solve_options o;
-    dmk_solve_options_init(&o);
+    dmk_solve_options_init(&o, sizeof o);
     check_optimum(*state, &torus, &o, 0.01, 1e-4);
     check_optimum(*state, &quartic, &o, 0.01, 1e-4);
     check_optimum(*state, &sphere, &o, 0.01, 1e-4);
@@ -54,7 +54,7 @@ static void newton_finds_the_optimum(void **state)
 static void newton_tightened_converges(dmk_start start, bench *b)
 {
     dmk_solve_options o;
-    dmk_solve_options_init(&o);
+    dmk_solve_options_init(&o, sizeof o);
     o.start = start;
     o.tolerance = 1e-5;
     o.max_steps = 300;
@@ -76,7 +76,7 @@ static void newton_tightened_converges_from_one(void **state)
 static void explicit_methods_find_the_optimum(void **state)
 {
     dmk_solve_options o;
-    dmk_solve_options_init(&o);
+    dmk_solve_options_init(&o, sizeof o);
     o.start = DMK_START_UNIFORM;
     o.method = DMK_INERTIAL;
     check_optimum(*state, &sphere, &o, 0.05, 1e-3);
@@ -179,7 +179,11 @@ static void check_orders(bench *b, const smooth *s)
 
 static void torus_converges(void **state)
 {
-    smooth s = {{.name = "torus", .n_triangles = 1400, .has_source = 1, .source = {3, 0, 0}},
+    smooth s = {{.struct_size = sizeof(dmk_surface_options),
+                 .name = "torus",
+                 .n_triangles = 1400,
+                 .has_source = 1,
+                 .source = {3, 0, 0}},
                 "tests/data/torus_samples.txt",
                 321.416460380642};
     check_orders(*state, &s);
@@ -187,7 +191,8 @@ static void torus_converges(void **state)
 
 static void ellipsoid_converges(void **state)
 {
-    smooth s = {{.name = "ellipsoid",
+    smooth s = {{.struct_size = sizeof(dmk_surface_options),
+                 .name = "ellipsoid",
                  .n_triangles = 1064,
                  .has_source = 1,
                  .source = {-0.15112809859298038, -0.35071802542240343, 0.295520007711661}},
@@ -198,7 +203,8 @@ static void ellipsoid_converges(void **state)
 
 static void quartic_converges(void **state)
 {
-    smooth s = {{.name = "quartic",
+    smooth s = {{.struct_size = sizeof(dmk_surface_options),
+                 .name = "quartic",
                  .n_triangles = 1100,
                  .has_source = 1,
                  .source = {0.53384298441884781, 0.80076394741371015, 0.84407993841006568}},
@@ -209,7 +215,10 @@ static void quartic_converges(void **state)
 
 static void large_torus_has_the_exact_cost(void **state)
 {
-    smooth s = {{.name = "torus", .has_source = 1, .source = {3, 0, 0}},
+    smooth s = {{.struct_size = sizeof(dmk_surface_options),
+                 .name = "torus",
+                 .has_source = 1,
+                 .source = {3, 0, 0}},
                 "tests/data/torus_samples.txt",
                 321.416460380642};
     errors e = measure(*state, &s, 2);
@@ -224,7 +233,8 @@ static void large_torus_has_the_exact_cost(void **state)
 static void sphere_costs_the_same_from_anywhere(void **state)
 {
     static const double weights[4][3] = {{1, 0, 0}, {0, 0.5, 0.5}, {0.7, 0, 0.3}, {0.2, 0.5, 0.3}};
-    const dmk_surface_options surface = {.name = "sphere", .n_triangles = 5000};
+    const dmk_surface_options surface = {
+        .struct_size = sizeof surface, .name = "sphere", .n_triangles = 5000};
     problem p = problem_surface(*state, &surface);
     dmk_mesh_info info;
     dmk_mesh_get_info(p.mesh, &info);

@@ -137,7 +137,7 @@ static dmk_geodesics *run(dmk_context *ctx, const dmk_mesh *m, size_t n, const d
 {
     dmk_geodesics *g;
     dmk_geodesics_options options;
-    dmk_geodesics_options_init(&options);
+    dmk_geodesics_options_init(&options, sizeof options);
     options.offset = offset;
     if (dmk_geodesics_create(ctx, m, n, source, &options, &g) != DMK_OK)
         fail_msg("%s", dmk_context_message(ctx));
@@ -534,7 +534,7 @@ static void any_number_of_threads(void **state)
     dmk_context *ctx = *state;
     dmk_surface_options surface;
     dmk_mesh *m;
-    dmk_surface_options_init(&surface);
+    dmk_surface_options_init(&surface, sizeof surface);
     surface.name = "quartic";
     surface.n_triangles = 30000;
     assert_int_equal(dmk_mesh_surface(ctx, &surface, &m), DMK_OK);
@@ -773,7 +773,7 @@ static void merged_windows(void **state)
     dmk_mesh *m;
     dmk_geodesics_options options;
     dmk_geodesics_info info;
-    dmk_geodesics_options_init(&options);
+    dmk_geodesics_options_init(&options, sizeof options);
     options.tolerance = 1e-5;
     assert_int_equal(dmk_mesh_read(ctx, "meshes/torus.off", &m), DMK_OK);
     const dmk_point source[2] = {{10, {1, 0, 0}}, {999, {0.2, 0.3, 0.5}}};
@@ -803,7 +803,7 @@ static void lines(void **state)
     dmk_context *ctx = *state;
     dmk_geodesics_options options;
     dmk_mesh *m = make_square(ctx, 8, 0);
-    dmk_geodesics_options_init(&options);
+    dmk_geodesics_options_init(&options, sizeof options);
     options.border = 1;
     dmk_geodesics *g = run_with(ctx, m, 0, NULL, &options);
     for (int32_t v = 0; v < m->n_vertices; v++) {

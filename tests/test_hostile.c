@@ -502,7 +502,7 @@ static void check_shape(problem *p, const char *name)
     dmk_locus *locus = NULL;
     dmk_mesh *cut = NULL;
     dmk_locus_options options;
-    dmk_locus_options_init(&options);
+    dmk_locus_options_init(&options, sizeof options);
     int rc = dmk_locus_compute(p->b->ctx, p->mesh, p->result, &options, &locus);
     if (rc != DMK_OK) fail_msg("%s: locus: %s", name, dmk_context_message(p->b->ctx));
     dmk_mesh_info info;

@@ -46,7 +46,7 @@ static scene surface(const char *name, int refine, const double source[3])
     dmk_surface_options o;
     dmk_mesh *mesh = NULL;
     dmk_point p;
-    dmk_surface_options_init(&o);
+    dmk_surface_options_init(&o, sizeof o);
     o.name = name;
     o.refine = refine;
     memcpy(o.source, source, sizeof o.source);
@@ -66,7 +66,7 @@ static void free_scene(scene *s)
 static dmk_locus *trace_with(const scene *s, double strength)
 {
     dmk_locus *l = NULL;
-    const dmk_locus_options o = {.strength = strength};
+    const dmk_locus_options o = {.struct_size = sizeof o, .strength = strength};
     if (dmk_locus_trace(ctx, s->geodesics, NULL, &o, &l) != DMK_OK)
         fail_msg("%s", dmk_context_message(ctx));
     return l;
@@ -306,7 +306,7 @@ static scene bumpy_sphere(const bump bumps[6], int refine, const double source[3
     dmk_surface_options o;
     dmk_mesh *ball = NULL, *mesh = NULL;
     dmk_point p;
-    dmk_surface_options_init(&o);
+    dmk_surface_options_init(&o, sizeof o);
     o.name = "sphere";
     o.refine = refine;
     o.has_source = 1;

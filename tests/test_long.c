@@ -59,7 +59,7 @@ static void solve_and_give_back(bench *b, int k)
     p.options.method = methods[k % 3];
     bench_ok(b, dmk_mesh_vertex_point(b->ctx, p.mesh, k % 642, &p.source));
     problem_solve(&p);
-    dmk_locus_options_init(&options);
+    dmk_locus_options_init(&options, sizeof options);
     bench_ok(b, dmk_locus_compute(b->ctx, p.mesh, p.result, &options, &locus));
     dmk_locus_destroy(&locus);
     problem_free(&p);
@@ -132,8 +132,8 @@ static void *work(void *data)
     dmk_device *device = NULL;
     dmk_device_options options;
     dmk_solve_options solve;
-    dmk_device_options_init(&options);
-    dmk_solve_options_init(&solve);
+    dmk_device_options_init(&options, sizeof options);
+    dmk_solve_options_init(&solve, sizeof solve);
     if (dmk_context_create(&ctx) != DMK_OK)
         j->failed = "context";
     else if (dmk_device_open(ctx, &options, &device) != DMK_OK)

@@ -66,7 +66,7 @@ static int setup_shape(void **state, dmk_shape shape)
     dmk_device_options o;
     *state = x;
     dmk_context_create(&x->ctx);
-    dmk_device_options_init(&o);
+    dmk_device_options_init(&o, sizeof o);
     o.shape = shape;
     ok(x, dmk_device_open(x->ctx, &o, &x->dev));
     ok(x, dmk_mesh_read(x->ctx, "tests/data/sphere_1280.off", &x->input));

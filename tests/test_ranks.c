@@ -198,7 +198,7 @@ static dmk_mesh *surface(bench *b, const char *name, size_t n_triangles)
 {
     dmk_mesh *mesh;
     dmk_surface_options options;
-    dmk_surface_options_init(&options);
+    dmk_surface_options_init(&options, sizeof options);
     options.name = name;
     options.n_triangles = n_triangles;
     bench_ok(b, dmk_mesh_surface(b->ctx, &options, &mesh));
@@ -211,8 +211,8 @@ static void test_same_bits(void **state)
 {
     bench *b = *state;
     dmk_mesh *mesh = surface(b, "quartic", 20000);
-    task t = {.mesh = mesh, .gather_below = 300};
-    dmk_solve_options_init(&t.options);
+    task t = {.mesh = mesh, .device.struct_size = sizeof t.device, .gather_below = 300};
+    dmk_solve_options_init(&t.options, sizeof t.options);
     try_ranks(&t, 2);
     dmk_mesh_destroy(&mesh);
 }
@@ -221,8 +221,8 @@ static void test_usual_levels(void **state)
 {
     bench *b = *state;
     dmk_mesh *mesh = surface(b, "torus", 16000);
-    task t = {.mesh = mesh};
-    dmk_solve_options_init(&t.options);
+    task t = {.mesh = mesh, .device.struct_size = sizeof t.device};
+    dmk_solve_options_init(&t.options, sizeof t.options);
     try_ranks(&t, 3);
     dmk_mesh_destroy(&mesh);
 }
@@ -231,8 +231,10 @@ static void test_single_precision(void **state)
 {
     bench *b = *state;
     dmk_mesh *mesh = surface(b, "ellipsoid", 16000);
-    task t = {.mesh = mesh, .device = {.single_precision = 1}, .gather_below = 1000};
-    dmk_solve_options_init(&t.options);
+    task t = {.mesh = mesh,
+              .device = {.struct_size = sizeof t.device, .single_precision = 1},
+              .gather_below = 1000};
+    dmk_solve_options_init(&t.options, sizeof t.options);
     try_ranks(&t, 4);
     dmk_mesh_destroy(&mesh);
 }
@@ -241,8 +243,8 @@ static void test_explicit_steps(void **state)
 {
     bench *b = *state;
     dmk_mesh *mesh = surface(b, "torus", 16000);
-    task t = {.mesh = mesh, .gather_below = 500};
-    dmk_solve_options_init(&t.options);
+    task t = {.mesh = mesh, .device.struct_size = sizeof t.device, .gather_below = 500};
+    dmk_solve_options_init(&t.options, sizeof t.options);
     t.options.method = DMK_INERTIAL;
     t.options.start = DMK_START_UNIFORM;
     t.options.tolerance = 0.3;
@@ -271,8 +273,8 @@ static void test_borders(void **state)
     free(kept);
     dmk_mesh_get_info(mesh, &info);
     assert_true(info.n_border_loops == 1);
-    task t = {.mesh = mesh, .gather_below = 400};
-    dmk_solve_options_init(&t.options);
+    task t = {.mesh = mesh, .device.struct_size = sizeof t.device, .gather_below = 400};
+    dmk_solve_options_init(&t.options, sizeof t.options);
     try_ranks(&t, 4);
     dmk_mesh_destroy(&mesh);
     dmk_mesh_destroy(&whole);
@@ -284,8 +286,8 @@ static void test_small_mesh(void **state)
     bench *b = *state;
     seat many[MOST_RANKS];
     dmk_mesh *mesh = surface(b, "sphere", 1000);
-    task t = {.mesh = mesh};
-    dmk_solve_options_init(&t.options);
+    task t = {.mesh = mesh, .device.struct_size = sizeof t.device};
+    dmk_solve_options_init(&t.options, sizeof t.options);
     sit_all(&t, 2, false, many);
     for (int k = 0; k < 2; k++) {
         assert_int_equal(many[k].rc, DMK_OK);
@@ -301,8 +303,8 @@ static void test_lost_touch(void **state)
     bench *b = *state;
     seat many[MOST_RANKS];
     dmk_mesh *mesh = surface(b, "sphere", 16000);
-    task t = {.mesh = mesh};
-    dmk_solve_options_init(&t.options);
+    task t = {.mesh = mesh, .device.struct_size = sizeof t.device};
+    dmk_solve_options_init(&t.options, sizeof t.options);
     sit_all(&t, 2, true, many);
     for (int k = 0; k < 2; k++) {
         assert_int_equal(many[k].rc, DMK_E_DEVICE);

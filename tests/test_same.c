@@ -95,7 +95,7 @@ static void solve_all_ways(const problem *a, const char *device)
             bench b;
             char what[100];
             dmk_device_options o;
-            dmk_device_options_init(&o);
+            dmk_device_options_init(&o, sizeof o);
             o.select = device;
             o.shape = (dmk_shape)shape;
             o.single_precision = single;
@@ -205,7 +205,7 @@ static void with_meshes(void (*check)(const problem *a))
     for (int single = 0; single < 2; single++) {
         bench b;
         dmk_device_options o;
-        dmk_device_options_init(&o);
+        dmk_device_options_init(&o, sizeof o);
         o.single_precision = single;
         bench_open(&b, &o);
         for (int k = 0; k < (long_run() ? N_MESHES : 1); k++) {

@@ -181,7 +181,7 @@ static void after_an_early_end_the_next_solve_is_right(void **state)
         assert_int_equal(problem_try(&p), DMK_E_LIMIT);
         assert_non_null(strstr(dmk_context_message(p.b->ctx), "max_steps"));
     }
-    dmk_solve_options_init(&p.options);
+    dmk_solve_options_init(&p.options, sizeof p.options);
     problem_solve(&p);
     assert_same_bits(&p, problem_mu(&fresh), problem_distance(&fresh));
     problem_free(&fresh);
@@ -375,7 +375,7 @@ static void single_precision_is_usable(void **state)
     bench b;
     size_t n;
     dmk_device_options o;
-    dmk_device_options_init(&o);
+    dmk_device_options_init(&o, sizeof o);
     o.single_precision = 1;
     bench_open(&b, &o);
     double *mu = read_numbers(large_mu, &n);
@@ -397,7 +397,7 @@ static void gpu_shape_gives_the_same(void **state)
 {
     bench b;
     dmk_device_options o;
-    dmk_device_options_init(&o);
+    dmk_device_options_init(&o, sizeof o);
     o.shape = DMK_SHAPE_GPU;
     bench_open(&b, &o);
     for (int method = DMK_NEWTON; method <= DMK_INERTIAL; method++) {

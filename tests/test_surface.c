@@ -45,7 +45,7 @@ static dmk_mesh *make(dmk_context *ctx, const dmk_surface_options *o)
 static dmk_surface_options options_of(const expected *e, int refine)
 {
     dmk_surface_options o;
-    dmk_surface_options_init(&o);
+    dmk_surface_options_init(&o, sizeof o);
     o.name = e->name;
     o.refine = refine;
     return o;
@@ -297,7 +297,7 @@ static void thin_bodies_are_covered(void **state)
                 {"torus", {20, 1, 0}, 789.568352}};
     for (size_t i = 0; i < sizeof thin / sizeof *thin; i++) {
         dmk_surface_options o;
-        dmk_surface_options_init(&o);
+        dmk_surface_options_init(&o, sizeof o);
         o.name = thin[i].name;
         o.n_triangles = 2400;
         memcpy(o.size, thin[i].size, sizeof o.size);

@@ -47,7 +47,7 @@ static void refuse(const problem *p, const dmk_measure *from, const dmk_measure 
 static problem sphere(bench *b, size_t n)
 {
     dmk_surface_options o;
-    dmk_surface_options_init(&o);
+    dmk_surface_options_init(&o, sizeof o);
     o.name = "sphere";
     o.n_triangles = n;
     problem plain = problem_surface(b, &o);

@@ -36,7 +36,7 @@ static int setup(void **state)
     static fixture x;
     *state = &x;
     dmk_surface_options torus;
-    dmk_surface_options_init(&torus);
+    dmk_surface_options_init(&torus, sizeof torus);
     torus.name = "torus";
     torus.n_triangles = 8000;
     bench_open(&x.b, NULL);
@@ -355,13 +355,14 @@ static void divergence_leaves_nothing(void **state)
     fixture *x = *state;
     bench b;
     (void)x;
-    bench_open(&b, &(dmk_device_options){.single_precision = 1});
+    bench_open(&b, &(dmk_device_options){.struct_size = sizeof(dmk_device_options),
+                                         .single_precision = 1});
     problem fresh = problem_file(&b, "meshes/torus.off"), p = problem_file(&b, "meshes/torus.off");
     problem_solve(&fresh);
     p.options.method = DMK_INERTIAL;
     p.options.inertia = 0.9999;
     assert_int_equal(problem_try(&p), DMK_E_DIVERGED);
-    dmk_solve_options_init(&p.options);
+    dmk_solve_options_init(&p.options, sizeof p.options);
     problem_solve(&p);
     assert_memory_equal(problem_mu(&p), problem_mu(&fresh), problem_triangles(&p) * sizeof(double));
     problem_free(&p);

@@ -25,9 +25,11 @@ static int check_mesh(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *
     return DMK_OK;
 }
 
-static int check_options(dmk_context *ctx, const dmk_locus_options *o)
+static int take_options(dmk_context *ctx, const dmk_locus_options *given, dmk_locus_options *o)
 {
-    if (!o || (o->strength >= 0 && isfinite(o->strength))) return DMK_OK;
+    dmk_locus_options_init(o, sizeof *o);
+    if (dmk_options_take(ctx, "dmk_locus_options", given, o, sizeof *o) != DMK_OK) return DMK_E_ARG;
+    if (o->strength >= 0 && isfinite(o->strength)) return DMK_OK;
     return dmk_fail(ctx, DMK_E_ARG, "strength = %g: expected a finite number from 0", o->strength);
 }
 
@@ -36,14 +38,15 @@ int dmk_locus_compute(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *
 {
     int rc;
     double *density = NULL;
+    dmk_locus_options chosen;
     if (dmk_missing(ctx, "mesh", mesh, "result", result, "locus", locus)) return DMK_E_ARG;
-    DMK_TRY(check_options(ctx, options));
+    DMK_TRY(take_options(ctx, options, &chosen));
     DMK_TRY(check_mesh(ctx, mesh, result));
     DMK_TRY(dmk_stage_begin(ctx, "locus"));
     const dmk_order *order = &result->order->order;
     DMK_TRY(DMK_NEW(ctx, density, (size_t)order->mesh->n_triangles));
     pick(dmk_result_density(result, NULL), order->triangle_old, order->mesh->n_triangles, density);
-    DMK_TRY(dmk_locus_trace(ctx, result->geodesics, density, options, locus));
+    DMK_TRY(dmk_locus_trace(ctx, result->geodesics, density, &chosen, locus));
     size_t n;
     dmk_locus_vertex *v = (dmk_locus_vertex *)dmk_locus_vertices(*locus, &n);
     for (size_t i = 0; i < n; i++) v[i].place.triangle = order->triangle_old[v[i].place.triangle];
@@ -193,11 +196,12 @@ int dmk_cut(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *result,
     dmk_mesh *raw = NULL, *sorted = NULL;
     int32_t *raw_origin = NULL, *sorted_origin = NULL;
     double *raw_plane = NULL, *sorted_plane = NULL;
+    dmk_locus_options chosen;
     if (dmk_missing(ctx, "mesh", mesh, "result", result, "cut", cut)) return DMK_E_ARG;
-    DMK_TRY(check_options(ctx, options));
+    DMK_TRY(take_options(ctx, options, &chosen));
     DMK_TRY(check_mesh(ctx, mesh, result));
     DMK_TRY(dmk_stage_begin(ctx, "cut"));
-    DMK_TRY(dmk_locus_cut(ctx, result->geodesics, options, &raw, &raw_origin, &raw_plane));
+    DMK_TRY(dmk_locus_cut(ctx, result->geodesics, &chosen, &raw, &raw_origin, &raw_plane));
     DMK_TRY(check_disk(ctx, raw));
     DMK_TRY(DMK_NEW(ctx, sorted_origin, (size_t)raw->n_vertices));
     DMK_TRY(DMK_NEW(ctx, sorted_plane, 2 * (size_t)raw->n_vertices));

@@ -30,6 +30,40 @@ bool dmk_any_missing(dmk_context *context, ...)
     return missing || !context;
 }
 
+/* Bytes; no option struct gets longer: a size above is none. */
+enum { LONGEST_OPTIONS = 4096 };
+
+void dmk_options_fill(void *options, size_t size, const void *defaults, size_t known)
+{
+    if (!options || size < sizeof size || size > LONGEST_OPTIONS) return;
+    memset(options, 0, size);
+    memcpy(options, defaults, size < known ? size : known);
+    memcpy(options, &size, sizeof size);
+}
+
+int dmk_options_take(dmk_context *context, const char *type, const void *options, void *taken,
+                     size_t known)
+{
+    size_t size;
+    if (!options) return DMK_OK;
+    memcpy(&size, options, sizeof size);
+    if (size <= sizeof size || size > LONGEST_OPTIONS || size % sizeof size != 0) {
+        return dmk_fail(context, DMK_E_ARG, "%s: struct_size is %zu; fill it with %s_init first",
+                        type, size, type);
+    }
+    for (size_t i = known; i < size; i++) {
+        if (((const char *)options)[i] == 0) continue;
+        return dmk_fail(
+            context, DMK_E_ARG,
+            "%s: byte %zu is set, but this library, %s, knows %zu bytes only: the program was "
+            "compiled against a newer dmkcl.h",
+            type, i, dmk_version(), known);
+    }
+    memcpy(taken, options, size < known ? size : known);
+    memcpy(taken, &known, sizeof known);
+    return DMK_OK;
+}
+
 int dmk_alloc(dmk_context *context, const char *what, size_t count, size_t size, void **memory)
 {
     if (count == 0) count = 1;

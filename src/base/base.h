@@ -34,6 +34,14 @@ void dmk_known(const dmk_context *context, ...);
 #define dmk_fail(context, status, ...) (dmk_known((context), __VA_ARGS__), (status))
 #endif
 
+/* Option structs, which begin with their size: see the public header. fill: the defaults, in a struct of the caller
+ * that is `size` bytes long. take: what the caller chose over the defaults in `taken`, `known` bytes long, which stay
+ * where the caller's struct is older and ends before, or is NULL; DMK_E_ARG where its size is none, or it is newer and
+ * chooses what is not known here. */
+void dmk_options_fill(void *options, size_t size, const void *defaults, size_t known);
+int dmk_options_take(dmk_context *context, const char *type, const void *options, void *taken,
+                     size_t known);
+
 /* The only macro that jumps: needs `int rc` and a label `done` in the function. */
 #define DMK_TRY(call)                                                                              \
     do {                                                                                           \

@@ -74,7 +74,7 @@ static int place_all(const distance_request *request, distance_run *run)
 static int compute(const distance_request *request, distance_run *run)
 {
     dmk_geodesics_options options;
-    dmk_geodesics_options_init(&options);
+    dmk_geodesics_options_init(&options, sizeof options);
     options.border = request->border;
     options.exact = request->exact;
     options.tolerance = request->tolerance;

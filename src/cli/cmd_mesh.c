@@ -141,7 +141,7 @@ int cmd_mesh(int argc, char **argv)
     if (!out) return cli_error(EXIT_USAGE, "mesh: --out FILE is missing");
 
     dmk_surface_options surface;
-    dmk_surface_options_init(&surface);
+    dmk_surface_options_init(&surface, sizeof surface);
     surface.name = NULL;
     if (!is_file(name)) {
         surface.name = find_surface(name);

@@ -8,8 +8,8 @@
 void solve_request_init(solve_request *request, const char *command)
 {
     *request = (solve_request){.command = command, .vertex = -1};
-    dmk_solve_options_init(&request->solve);
-    dmk_device_options_init(&request->device);
+    dmk_solve_options_init(&request->solve, sizeof request->solve);
+    dmk_device_options_init(&request->device, sizeof request->device);
 }
 
 void solve_add(solve_table *table, const cli_option *rows, size_t n)

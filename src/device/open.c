@@ -254,9 +254,11 @@ static size_t cpu_chunk(dmk_context *ctx)
     return chunk < 16 ? 16 : chunk > 256 ? 256 : chunk;
 }
 
-void dmk_device_options_init(dmk_device_options *options)
+static const dmk_device_options defaults = {.struct_size = sizeof defaults};
+
+void dmk_device_options_init(dmk_device_options *options, size_t size)
 {
-    if (options) memset(options, 0, sizeof *options);
+    dmk_options_fill(options, size, &defaults, sizeof defaults);
 }
 
 static int check_options(dmk_context *ctx, const dmk_device_options *o)
@@ -276,24 +278,22 @@ int dmk_device_open(dmk_context *ctx, const dmk_device_options *options, dmk_dev
     found all[MAX_DEVICES];
     size_t n, chosen;
     dmk_device *dev = NULL;
-    dmk_device_options defaults;
-    dmk_device_options_init(&defaults);
-    if (!options) options = &defaults;
+    dmk_device_options chosen_options = defaults, *o = &chosen_options;
     if (dmk_missing(ctx, "device", device)) return DMK_E_ARG;
-    DMK_TRY(check_options(ctx, options));
+    DMK_TRY(dmk_options_take(ctx, "dmk_device_options", options, o, sizeof *o));
+    DMK_TRY(check_options(ctx, o));
     DMK_TRY(DMK_NEW(ctx, dev, 1));
     dev->owner = getpid();
     DMK_TRY(find_all(ctx, all, &n));
-    DMK_TRY(choose(ctx, options->select, all, n, &chosen));
+    DMK_TRY(choose(ctx, o->select, all, n, &chosen));
     describe(&all[chosen], &dev->info);
     dev->platform = all[chosen].platform;
     dev->id = all[chosen].id;
-    DMK_TRY(take_units(ctx, dev, options->threads));
-    dev->double_precision = dev->info.fp64 && !options->single_precision;
-    dev->cpu_shape =
-        options->shape ? options->shape == DMK_SHAPE_CPU : strcmp(dev->info.type, "CPU") == 0;
+    DMK_TRY(take_units(ctx, dev, o->threads));
+    dev->double_precision = dev->info.fp64 && !o->single_precision;
+    dev->cpu_shape = o->shape ? o->shape == DMK_SHAPE_CPU : strcmp(dev->info.type, "CPU") == 0;
     dev->chunk = cpu_chunk(ctx);
-    DMK_TRY(dmk_cache_folder(ctx, options->cache, dev->cache, sizeof dev->cache));
+    DMK_TRY(dmk_cache_folder(ctx, o->cache, dev->cache, sizeof dev->cache));
     /* PoCL keeps every compiled kernel in a cache of its own, and asking it for a program's binary makes
      * it compile all kernels in general forms first: 12 s instead of 5.5 s at the first run. */
     if (is_pocl(dev->info.platform)) {

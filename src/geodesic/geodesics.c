@@ -5,9 +5,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-void dmk_geodesics_options_init(dmk_geodesics_options *options)
+static const dmk_geodesics_options defaults = {.struct_size = sizeof defaults};
+
+void dmk_geodesics_options_init(dmk_geodesics_options *options, size_t size)
 {
-    if (options) memset(options, 0, sizeof *options);
+    dmk_options_fill(options, size, &defaults, sizeof defaults);
 }
 
 static int check_options(dmk_context *ctx, const dmk_mesh *m, size_t n_sources,
@@ -132,16 +134,15 @@ int dmk_geodesics_create(dmk_context *ctx, const dmk_mesh *mesh, size_t n_source
                          dmk_geodesics **geodesics)
 {
     int rc;
-    dmk_geodesics_options defaults;
-    dmk_geodesics_options_init(&defaults);
-    if (!options) options = &defaults;
+    dmk_geodesics_options chosen = defaults;
     if (dmk_missing(ctx, "mesh", mesh, "geodesics", geodesics)) return DMK_E_ARG;
     if (n_sources > 0 && dmk_missing(ctx, "sources", sources)) return DMK_E_ARG;
-    DMK_TRY(check_options(ctx, mesh, n_sources, options));
+    DMK_TRY(dmk_options_take(ctx, "dmk_geodesics_options", options, &chosen, sizeof chosen));
+    DMK_TRY(check_options(ctx, mesh, n_sources, &chosen));
     for (size_t i = 0; i < n_sources; i++)
         DMK_TRY(dmk_point_check(ctx, mesh, "sources", sources + i));
     DMK_TRY(dmk_stage_begin(ctx, "distance"));
-    DMK_TRY(dmk_geodesics_compute(ctx, mesh, n_sources, sources, options, geodesics));
+    DMK_TRY(dmk_geodesics_compute(ctx, mesh, n_sources, sources, &chosen, geodesics));
 done:
     dmk_stage_end(ctx);
     return rc;

@@ -16,9 +16,10 @@ struct dmk_locus {
 
 static const double pi = 3.14159265358979323846;
 
-void dmk_locus_options_init(dmk_locus_options *options)
+void dmk_locus_options_init(dmk_locus_options *options, size_t size)
 {
-    if (options) *options = (dmk_locus_options){.strength = 0};
+    const dmk_locus_options defaults = {.struct_size = sizeof defaults};
+    dmk_options_fill(options, size, &defaults, sizeof defaults);
 }
 
 /* The locus while it is put together. A vertex lies on a crossing or in a triangle with three at most. */

@@ -87,15 +87,17 @@ void dmk_solver_get_traffic(const dmk_solver *s, dmk_traffic *traffic)
     if (s && s->system && s->system->share) *traffic = s->system->share->traffic;
 }
 
-void dmk_solve_options_init(dmk_solve_options *options)
+static const dmk_solve_options defaults = {.struct_size = sizeof defaults, .inertia = -1};
+
+void dmk_solve_options_init(dmk_solve_options *options, size_t size)
 {
-    if (!options) return;
-    memset(options, 0, sizeof *options);
-    options->inertia = -1;
+    dmk_options_fill(options, size, &defaults, sizeof defaults);
 }
 
-int dmk_solver_check_options(dmk_context *ctx, const dmk_solve_options *o)
+int dmk_solver_take_options(dmk_context *ctx, const dmk_solve_options *given, dmk_solve_options *o)
 {
+    *o = defaults;
+    if (dmk_options_take(ctx, "dmk_solve_options", given, o, sizeof *o) != DMK_OK) return DMK_E_ARG;
     if (!(o->dt >= 0 && o->dt <= 1)) {
         return dmk_fail(ctx, DMK_E_ARG, "dt = %g: expected 0 < dt <= 1", o->dt);
     }
@@ -142,7 +144,7 @@ static int measure(dmk_context *ctx, void *data)
 {
     start *near = data;
     dmk_geodesics_options options;
-    dmk_geodesics_options_init(&options);
+    dmk_geodesics_options_init(&options, sizeof options);
     int rc = dmk_geodesics_compute(ctx, near->own, 1, near->source, &options, &near->geodesics);
     if (rc != DMK_OK) return rc;
     return dmk_geodesics_integrate(ctx, near->geodesics, &near->integral, &near->integral_error);
@@ -381,13 +383,11 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     int rc;
     dmk_result *r = NULL;
     start near = {0};
-    dmk_solve_options defaults;
-    dmk_solve_options_init(&defaults);
-    if (!options) options = &defaults;
+    dmk_solve_options chosen;
     if (dmk_missing(ctx, "solver", s, "source", source, "result", result)) return DMK_E_ARG;
     DMK_TRY(dmk_device_owned(ctx, s->device));
     DMK_TRY(dmk_point_check(ctx, s->mesh, "the source", source));
-    DMK_TRY(dmk_solver_check_options(ctx, options));
+    DMK_TRY(dmk_solver_take_options(ctx, options, &chosen));
     DMK_TRY(dmk_result_create(ctx, s->mesh, &r));
     double began = dmk_seconds();
     int32_t component = dmk_mesh_component(s->mesh, (int32_t)source->triangle);
@@ -402,23 +402,23 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     near.mesh = &s->mollified;
     near.own = s->order->order.mesh;
     near.source = &p;
-    DMK_TRY(prepare(ctx, s, &near, options->start, began, r->stats.seconds));
+    DMK_TRY(prepare(ctx, s, &near, chosen.start, began, r->stats.seconds));
     double t1 = dmk_seconds();
     dmk_iteration o = {.ctx = ctx,
                        .sys = s->system,
                        .mesh = near.mesh,
                        .triangle_old = s->order->order.triangle_old,
-                       .options = options,
-                       .asked = options->method,
+                       .options = &chosen,
+                       .asked = chosen.method,
                        .floor = DMK_FLOOR,
                        .stats = &r->stats,
                        .began = began};
     dmk_stage_end(ctx);
-    DMK_TRY(iterate(s, &near, options, &o));
+    DMK_TRY(iterate(s, &near, &chosen, &o));
     DMK_TRY(dmk_certify(&o, true));
     r->stats.seconds[DMK_STAGE_SOLVE] = dmk_seconds() - t1 - r->stats.seconds[DMK_STAGE_CERTIFY];
     dmk_solver_name_steep(s, &r->stats);
-    DMK_TRY(collect(ctx, s, &near, options->threshold, r));
+    DMK_TRY(collect(ctx, s, &near, chosen.threshold, r));
     r->geodesics = near.geodesics;
     near.geodesics = NULL;
     dmk_solver_scale_stats(s, s->system->unit * s->system->unit, &r->stats);

@@ -16,7 +16,8 @@ struct dmk_solver {
 };
 
 /* DMK_E_ARG for options out of their range. */
-int dmk_solver_check_options(dmk_context *context, const dmk_solve_options *options);
+int dmk_solver_take_options(dmk_context *context, const dmk_solve_options *given,
+                            dmk_solve_options *options);
 /* Order `component`, unless that was the last one; its system comes into being with the next call. */
 int dmk_solver_order(dmk_context *context, dmk_solver *solver, int32_t component);
 int dmk_solver_pack(dmk_context *context, dmk_solver *solver);

@@ -189,12 +189,10 @@ int dmk_solve_measures(dmk_context *ctx, dmk_solver *s, const dmk_measure *from,
     int32_t component;
     double *f = NULL;
     dmk_transport *r = NULL;
-    dmk_solve_options defaults;
-    dmk_solve_options_init(&defaults);
-    if (!options) options = &defaults;
+    dmk_solve_options chosen;
     if (dmk_missing(ctx, "solver", s, "from", from, "transport", transport)) return DMK_E_ARG;
     DMK_TRY(dmk_device_owned(ctx, s->device));
-    DMK_TRY(dmk_solver_check_options(ctx, options));
+    DMK_TRY(dmk_solver_take_options(ctx, options, &chosen));
     DMK_TRY(dmk_measure_check(ctx, s->mesh, from, to, &component));
     DMK_TRY(create(ctx, s->mesh, &r));
     const double began = dmk_seconds();
@@ -208,9 +206,9 @@ int dmk_solve_measures(dmk_context *ctx, dmk_solver *s, const dmk_measure *from,
                  : to && dmk_measure_is_free(to) ? to->n_atoms
                                                  : 0;
     DMK_TRY(DMK_NEW(ctx, r->atom_mass, r->n_atoms));
-    DMK_TRY(dmk_measure_load(ctx, s->mesh, &s->order->order, s->system, from, to,
-                             options->normalise, f, &r->mass, r->atom_mass));
-    DMK_TRY(solve(ctx, s, options, f, began, r));
+    DMK_TRY(dmk_measure_load(ctx, s->mesh, &s->order->order, s->system, from, to, chosen.normalise,
+                             f, &r->mass, r->atom_mass));
+    DMK_TRY(solve(ctx, s, &chosen, f, began, r));
     *transport = r;
     r = NULL;
 done:

@@ -7,11 +7,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-void dmk_surface_options_init(dmk_surface_options *options)
+static dmk_surface_options defaults(void)
 {
-    if (!options) return;
-    memset(options, 0, sizeof *options);
-    options->name = dmk_surface_name(0);
+    return (dmk_surface_options){.struct_size = sizeof(dmk_surface_options),
+                                 .name = dmk_surface_name(0)};
+}
+
+void dmk_surface_options_init(dmk_surface_options *options, size_t size)
+{
+    const dmk_surface_options all = defaults();
+    dmk_options_fill(options, size, &all, sizeof all);
 }
 
 static int find_surface(dmk_context *ctx, const char *name, const dmk_surface **surface)
@@ -154,12 +159,14 @@ static void lift(const void *body, double xyz[3])
     dmk_body_lift(body, xyz);
 }
 
-int dmk_mesh_surface(dmk_context *ctx, const dmk_surface_options *o, dmk_mesh **mesh)
+int dmk_mesh_surface(dmk_context *ctx, const dmk_surface_options *options, dmk_mesh **mesh)
 {
     int rc;
     dmk_body body = {0};
     dmk_mesh *now = NULL, *fine = NULL;
-    if (dmk_missing(ctx, "options", o, "mesh", mesh)) return DMK_E_ARG;
+    dmk_surface_options chosen = defaults(), *o = &chosen;
+    if (dmk_missing(ctx, "options", options, "mesh", mesh)) return DMK_E_ARG;
+    DMK_TRY(dmk_options_take(ctx, "dmk_surface_options", options, o, sizeof *o));
     DMK_TRY(find_surface(ctx, o->name, &body.surface));
     DMK_TRY(choose_sizes(ctx, o, &body));
     DMK_TRY(coarse_mesh(ctx, o, &body, &now));

@@ -21,7 +21,7 @@ static void solve(dmk_solver *solver, const dmk_point *source, dmk_method method
     dmk_solve_options options;
     dmk_result *result = NULL;
     dmk_stats stats;
-    dmk_solve_options_init(&options);
+    dmk_solve_options_init(&options, sizeof options);
     options.method = method;
     options.start = start;
     if (method != DMK_NEWTON) options.tolerance = 0.5;
@@ -42,7 +42,7 @@ int main(int argc, char **argv)
     dmk_solver *solver = NULL;
     dmk_point source;
     if (argc != 4) return 3;
-    dmk_device_options_init(&options);
+    dmk_device_options_init(&options, sizeof options);
     options.shape = strcmp(argv[2], "gpu") == 0 ? DMK_SHAPE_GPU : DMK_SHAPE_CPU;
     options.single_precision = strcmp(argv[3], "single") == 0;
     options.cache = "";

@@ -107,7 +107,7 @@ static int make_surface(uint64_t *h)
     dmk_mesh *m = NULL;
     dmk_surface_options options;
     dmk_mesh_info info;
-    dmk_surface_options_init(&options);
+    dmk_surface_options_init(&options, sizeof options);
     options.name = "torus";
     options.n_triangles = 300;
     options.refine = 1;
@@ -126,7 +126,7 @@ static int open_device(uint64_t *h)
     dmk_device *d = NULL;
     dmk_solver *s = NULL;
     dmk_device_options options;
-    dmk_device_options_init(&options);
+    dmk_device_options_init(&options, sizeof options);
     options.threads = 1;
     TRY(dmk_device_open(ctx, &options, &d));
     TRY(dmk_solver_create(ctx, d, mesh, &s));
@@ -143,7 +143,7 @@ static int solve_with(dmk_solver *s, dmk_method method, uint64_t *h)
     dmk_point source;
     dmk_result *result = NULL;
     dmk_solve_options options;
-    dmk_solve_options_init(&options);
+    dmk_solve_options_init(&options, sizeof options);
     options.method = method;
     if (method != DMK_NEWTON) options.tolerance = 0.5, options.start = DMK_START_UNIFORM;
     TRY(dmk_mesh_vertex_point(ctx, mesh, 0, &source));
@@ -182,7 +182,7 @@ static int find_locus(uint64_t *h)
     size_t n;
     dmk_locus *locus = NULL;
     dmk_locus_options options;
-    dmk_locus_options_init(&options);
+    dmk_locus_options_init(&options, sizeof options);
     TRY(dmk_locus_compute(ctx, mesh, solved, &options, &locus));
     const dmk_locus_vertex *v = dmk_locus_vertices(locus, &n);
     *h = 1;
@@ -216,7 +216,7 @@ static int cut_open(uint64_t *h)
     int32_t *origin = NULL;
     dmk_mesh_info info;
     dmk_locus_options options;
-    dmk_locus_options_init(&options);
+    dmk_locus_options_init(&options, sizeof options);
     TRY(dmk_cut(ctx, mesh, solved, &options, &cut, &origin, NULL));
     dmk_mesh_get_info(cut, &info);
     *h = digest(1, dmk_mesh_triangles(cut), 3 * info.n_triangles * sizeof(int32_t));
@@ -387,9 +387,9 @@ static int prepare(void)
     if (!mkdtemp(folder)) return DMK_E_IO;
     for (int i = 0; i < 7; i++) snprintf(file[i], sizeof file[i], "%s/%s", folder, names[i]);
     TRY(dmk_context_create(&ctx));
-    dmk_surface_options_init(&options);
-    dmk_device_options_init(&device_options);
-    dmk_solve_options_init(&solve);
+    dmk_surface_options_init(&options, sizeof options);
+    dmk_device_options_init(&device_options, sizeof device_options);
+    dmk_solve_options_init(&solve, sizeof solve);
     options.name = "torus";
     options.n_triangles = 700;
     TRY(dmk_mesh_surface(ctx, &options, &mesh));

@@ -46,7 +46,7 @@ class Device:
             for name in (None if select is None else select.encode(), cache)
         ]
         options = ffi.new("dmk_device_options *")
-        lib.dmk_device_options_init(options)
+        lib.dmk_device_options_init(options, ffi.sizeof(options[0]))
         options.select, options.cache = names
         options.single_precision = single
         options.threads = threads

@@ -131,7 +131,7 @@ class Geodesics:
         #: The sources that are points.
         self.sources: "list[Point]" = _points(self.mesh, source, sources, point, points)
         options = ffi.new("dmk_geodesics_options *")
-        lib.dmk_geodesics_options_init(options)
+        lib.dmk_geodesics_options_init(options, ffi.sizeof(options[0]))
         options.border, options.tolerance, options.exact = border, tolerance, exact
         keep: "list[Any]" = []  # what the options point to, until the call is over
         if offsets is not None:

@@ -192,5 +192,5 @@ class Context:
 
 
 def version() -> str:
-    """Version of the library, for instance "0.1.0"."""
+    """Version of the library, for instance "0.2.0"."""
     return text(lib.dmk_version())

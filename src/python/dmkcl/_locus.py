@@ -77,7 +77,7 @@ class Locus:
 
     def __init__(self, mesh: Mesh, result: Handle, strength: float = 0):
         options = ffi.new("dmk_locus_options *")
-        lib.dmk_locus_options_init(options)
+        lib.dmk_locus_options_init(options, ffi.sizeof(options[0]))
         options.strength = strength
         self._handle: Optional[Handle] = Handle("dmk_locus")
         with Context() as context:

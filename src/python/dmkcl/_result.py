@@ -280,7 +280,7 @@ class Result:
         MeshError if the cut surface is no disk, which a finer mesh may mend.
         """
         options = ffi.new("dmk_locus_options *")
-        lib.dmk_locus_options_init(options)
+        lib.dmk_locus_options_init(options, ffi.sizeof(options[0]))
         options.strength = self._strength
         handle = Handle("dmk_mesh")
         origin, plane = ffi.new("int32_t **"), ffi.new("double **")

@@ -73,7 +73,7 @@ def _options(
     cg_tolerance: float = 0,
 ) -> Any:
     options = ffi.new("dmk_solve_options *")
-    lib.dmk_solve_options_init(options)
+    lib.dmk_solve_options_init(options, ffi.sizeof(options[0]))
     options.method = _choose(_METHODS, "method", method)
     options.start = _choose(_STARTS, "start", start)
     options.tolerance, options.gap_tolerance = tolerance, gap

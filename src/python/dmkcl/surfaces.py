@@ -25,7 +25,7 @@ def _make(
 ) -> Mesh:
     text = ffi.new("char[]", name.encode())
     options = ffi.new("dmk_surface_options *")
-    lib.dmk_surface_options_init(options)
+    lib.dmk_surface_options_init(options, ffi.sizeof(options[0]))
     options.name = text
     for i, size in enumerate(sizes):
         options.size[i] = size
