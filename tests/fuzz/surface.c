@@ -206,13 +206,18 @@ static void change(int what, int a, int b, int c)
 static void check_locus(const dmk_locus *l, const dmk_mesh *m)
 {
     dmk_locus_info info;
+    dmk_mesh_info shape;
     size_t n_lines;
     const int32_t *offset, *index = dmk_locus_polylines(l, &offset, &n_lines);
     dmk_locus_get_info(l, &info);
+    dmk_mesh_get_info(m, &shape);
     REQUIRE(isfinite(info.length) && info.length >= 0 && info.loops >= 0);
     for (size_t i = 0; i < info.n_vertices; i++) {
         const dmk_locus_vertex *v = dmk_locus_vertices(l, NULL) + i;
-        REQUIRE(isfinite(v->xyz[0] + v->xyz[1] + v->xyz[2] + v->distance + v->strength));
+        REQUIRE(isfinite(v->xyz[0] + v->xyz[1] + v->xyz[2] + v->distance + v->meeting_angle +
+                         v->source_angle));
+        REQUIRE(v->strength >= 0); /* infinite on loops and between borders, never NaN */
+        REQUIRE(isfinite(v->strength) || info.loops > 0 || shape.n_border_loops > 1);
         REQUIRE(v->place.triangle >= 0 && v->place.triangle < m->n_triangles);
         REQUIRE(v->place.weight[0] >= 0 && v->place.weight[1] >= 0 && v->place.weight[2] >= 0);
     }
