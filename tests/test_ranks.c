@@ -1,82 +1,12 @@
 /* One mesh on several ranks, threads of this process that talk through a barrier: the bits of one
  * rank, whatever their number, also where levels are dealt out, on a mesh with borders, in single
  * precision and with explicit steps. */
+#include "meeting.h"
 #include "solving.h"
 
-#include <pthread.h>
-#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-enum { MOST_RANKS = 4 };
-
-/* ---- a communicator of threads --------------------------------------------------------------- */
-
-typedef struct meeting {
-    pthread_barrier_t barrier;
-    int size;
-    const void *mine[MOST_RANKS];
-    const void *const *send[MOST_RANKS];
-    const size_t *send_bytes[MOST_RANKS];
-    bool broken; /* exchanges fail from now on */
-} meeting;
-
-typedef struct member {
-    meeting *all;
-    int rank;
-} member;
-
-static int exchange(void *user, const void *const *send, const size_t *send_bytes,
-                    void *const *receive, const size_t *receive_bytes)
-{
-    const member *m = user;
-    meeting *all = m->all;
-    int wrong = all->broken;
-    all->send[m->rank] = send;
-    all->send_bytes[m->rank] = send_bytes;
-    pthread_barrier_wait(&all->barrier);
-    for (int k = 0; k < all->size; k++) {
-        if (all->send_bytes[k][m->rank] != receive_bytes[k])
-            wrong = 1;
-        else
-            memcpy(receive[k], all->send[k][m->rank], receive_bytes[k]);
-    }
-    pthread_barrier_wait(&all->barrier);
-    return wrong;
-}
-
-static int gather(void *user, const void *mine, void *to, const size_t *bytes)
-{
-    const member *m = user;
-    char *at = to;
-    m->all->mine[m->rank] = mine;
-    pthread_barrier_wait(&m->all->barrier);
-    for (int k = 0; k < m->all->size; k++) {
-        memcpy(at, m->all->mine[k], bytes[k]);
-        at += bytes[k];
-    }
-    pthread_barrier_wait(&m->all->barrier);
-    return 0;
-}
-
-static int largest(void *user, int32_t *value, size_t n)
-{
-    const member *m = user;
-    int32_t *top = malloc(n * sizeof *top);
-    if (!top) return 1;
-    memcpy(top, value, n * sizeof *top);
-    m->all->mine[m->rank] = value;
-    pthread_barrier_wait(&m->all->barrier);
-    for (int k = 0; k < m->all->size; k++) {
-        const int32_t *one = m->all->mine[k];
-        for (size_t i = 0; i < n; i++) top[i] = one[i] > top[i] ? one[i] : top[i];
-    }
-    pthread_barrier_wait(&m->all->barrier);
-    memcpy(value, top, n * sizeof *top);
-    free(top);
-    return 0;
-}
 
 /* ---- a solve on each rank -------------------------------------------------------------------- */
 
@@ -101,13 +31,7 @@ typedef struct seat {
 static int solve_on(seat *s, dmk_context *ctx, dmk_device **device, dmk_solver **solver)
 {
     dmk_point source;
-    const dmk_ranks ranks = {.rank = s->m.rank,
-                             .size = s->m.all->size,
-                             .gather_below = s->t->gather_below,
-                             .user = &s->m,
-                             .exchange = exchange,
-                             .gather = gather,
-                             .largest = largest};
+    const dmk_ranks ranks = ranks_of(&s->m, s->t->gather_below);
     int rc = dmk_device_open(ctx, &s->t->device, device);
     if (rc == DMK_OK) rc = dmk_solver_create(ctx, *device, s->t->mesh, solver);
     if (rc == DMK_OK) rc = dmk_solver_set_ranks(ctx, *solver, &ranks);

@@ -13,16 +13,16 @@ sources=$(find src -name '*.c' ! -path 'src/cli/*' ! -path 'src/python/*' | sort
 sanitize='-g -O1 -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
     -shared-libsan'
 "$build/dmkcl" mesh sphere --triangles 320 --source 0,0,1 --out "$work/gpu.off" --quiet || exit 1
-# Large enough for the CPU shape to share the work among threads.
-"$build/dmkcl" mesh sphere --triangles 2000 --source 0,0,1 --out "$work/cpu.off" --quiet || exit 1
-clang $flags $sanitize -w -rdynamic tests/checks/solve.c tests/checks/native/opencl.c $sources \
+# Large enough for the CPU shape to share the work among threads, and for two ranks.
+"$build/dmkcl" mesh sphere --triangles 2400 --source 0,0,1 --out "$work/cpu.off" --quiet || exit 1
+clang $flags -Itests $sanitize -w -rdynamic tests/checks/solve.c tests/checks/native/opencl.c $sources \
     "$build/kernels.c" -o "$work/solve" -ldl ${libs/-lOpenCL/} \
     -Wl,-rpath,"$(dirname "$(clang -print-file-name=libclang_rt.asan-x86_64.so)")" || exit 1
 
 place=$work
 solves() { # SHAPE:PRECISION
     export NATIVE_FOLDER=$work
-    timeout 600 "$place/solve" "$place/${1%:*}.off" ${1%:*} ${1#*:} > "$work/said" 2>&1
+    timeout 600 "$place/solve" "$place/${1%:*}.off" ${1%:*} ${1#*:} "$place/cpu.off" > "$work/said" 2>&1
     local status=$?
     cat "$work/said"
     sed -n 's/^kernel //p' "$work/said" | sort -u > "$place/seen:$1"

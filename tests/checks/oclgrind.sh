@@ -4,18 +4,19 @@
 . tests/checks/lib.sh
 
 "$build/dmkcl" mesh sphere --triangles 320 --source 0,0,1 --out "$work/sphere.off" --quiet || exit 1
-gcc $flags -O1 tests/checks/solve.c "$build/libdmkcl.a" -o "$work/solve" \
+gcc $flags -Itests -O1 tests/checks/solve.c "$build/libdmkcl.a" -o "$work/solve" \
     $libs || exit 1
 runs='cpu:double cpu:single gpu:double gpu:single'
 [ -z "$short" ] || runs='cpu:single gpu:double' # the others: kernels.sh
-# All but the benchmark's copy.
-kernels=$(grep -ho '^KERNEL [a-z_]\+' kernels/*.cl | cut -d' ' -f2 | sort -u | grep -vx narrow_copy)
+# All but the benchmark's copy and those between ranks: Oclgrind does not bear two threads (kernels.sh does).
+kernels=$(grep -ho '^KERNEL [a-z_]\+' kernels/*.cl | cut -d' ' -f2 | sort -u | grep -vxE 'narrow_copy|halo_.*')
 
-# Errors but for one kind: band_slopes looks at a maximum before it raises it by an atomic operation,
-# to spare most of these; whether it sees the old value or the new one, the maximum is the same.
+# Errors but for two kinds, where it does not matter whether the old value is read or the new one: band_slopes
+# looks at a maximum before it raises it by an atomic operation, to spare most of these; repair_grow takes rows
+# of no ring into the next one, which is as little of this one as no ring is.
 errors() { # LOG
     awk '/^(Read-write|Write-write|Invalid|Uninit|OCLGRIND)|data race|error/ && !/Instructions/ { what = $0
-            getline; if ($0 !~ /Kernel: band_slopes/ || what !~ /^Read-write data race at global/) {
+            getline; if ($0 !~ /Kernel: (band_slopes|repair_grow)/ || what !~ /^Read-write data race at global/) {
                 print what; print } }' "$1"
 }
 place=$work
@@ -27,6 +28,10 @@ clean() { # SHAPE:PRECISION
 }
 each clean $runs
 for run in $runs; do
-    for kernel in $kernels; do try "$run: $kernel ran" grep -qx $kernel "$work/seen:$run"; done
+    for kernel in $kernels; do
+        # In single precision the host inverts.
+        [ $kernel$run != coarse_inverse${run%:*}:single ] || continue
+        try "$run: $kernel ran" grep -qx $kernel "$work/seen:$run"
+    done
 done
 finish

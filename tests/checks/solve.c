@@ -1,13 +1,14 @@
 /* Solve MESH from vertex 0 in a given shape and precision, by all methods, for checks of kernels:
- *     solve MESH cpu|gpu double|single
- * Steps are few: the same kernels run at each. */
-#include "dmkcl.h"
+ *     solve MESH cpu|gpu double|single [LARGER]
+ * Steps are few: the same kernels run at each. Then the larger mesh, of a launch's part of vertices for each, on two ranks, threads
+ * of this process. */
+#include "meeting.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-static dmk_context *context;
+static _Thread_local dmk_context *context;
 
 static void ok(int status)
 {
@@ -34,30 +35,61 @@ static void solve(dmk_solver *solver, const dmk_point *source, dmk_method method
     dmk_result_destroy(&result);
 }
 
-int main(int argc, char **argv)
+typedef struct seat {
+    dmk_device_options device;
+    const char *mesh;
+    member m;
+} seat;
+
+/* As one rank of a communicator, or alone. */
+static void *sit(void *argument)
 {
-    dmk_device_options options;
+    seat *s = argument;
     dmk_device *device = NULL;
     dmk_mesh *mesh = NULL;
     dmk_solver *solver = NULL;
     dmk_point source;
-    if (argc != 4) return 3;
-    dmk_device_options_init(&options, sizeof options);
-    options.shape = strcmp(argv[2], "gpu") == 0 ? DMK_SHAPE_GPU : DMK_SHAPE_CPU;
-    options.single_precision = strcmp(argv[3], "single") == 0;
-    options.cache = "";
     ok(dmk_context_create(&context));
-    ok(dmk_device_open(context, &options, &device));
-    ok(dmk_mesh_read(context, argv[1], &mesh));
+    ok(dmk_device_open(context, &s->device, &device));
+    ok(dmk_mesh_read(context, s->mesh, &mesh));
     ok(dmk_solver_create(context, device, mesh, &solver));
     ok(dmk_mesh_vertex_point(context, mesh, 0, &source));
-    for (int method = DMK_NEWTON; method <= DMK_EULER; method++) {
+    if (s->m.all) {
+        const dmk_ranks ranks = ranks_of(&s->m, 1);
+        ok(dmk_solver_set_ranks(context, solver, &ranks));
+    }
+    for (int method = DMK_NEWTON; method <= (s->m.all ? DMK_NEWTON : DMK_EULER); method++) {
         solve(solver, &source, (dmk_method)method, DMK_START_DISTANCE);
     }
-    solve(solver, &source, DMK_EULER, DMK_START_UNIFORM);
+    if (!s->m.all) solve(solver, &source, DMK_EULER, DMK_START_UNIFORM);
     dmk_solver_destroy(&solver);
     dmk_mesh_destroy(&mesh);
     dmk_device_destroy(&device);
     dmk_context_destroy(&context);
+    return NULL;
+}
+
+int main(int argc, char **argv)
+{
+    meeting all = {.size = 2};
+    seat seats[2] = {{.mesh = argv[1]}};
+    pthread_t other;
+    if (argc < 4) return 3;
+    dmk_device_options_init(&seats->device, sizeof seats->device);
+    seats->device.shape = strcmp(argv[2], "gpu") == 0 ? DMK_SHAPE_GPU : DMK_SHAPE_CPU;
+    seats->device.single_precision = strcmp(argv[3], "single") == 0;
+    seats->device.cache = "";
+    sit(seats);
+    if (argc == 4) return 0;
+    seats[1] = seats[0];
+    for (int k = 0; k < 2; k++) {
+        seats[k].m = (member){&all, k};
+        seats[k].mesh = argv[4];
+    }
+    if (pthread_barrier_init(&all.barrier, NULL, 2) || pthread_create(&other, NULL, sit, seats + 1))
+        return 4;
+    sit(seats);
+    pthread_join(other, NULL);
+    pthread_barrier_destroy(&all.barrier);
     return 0;
 }

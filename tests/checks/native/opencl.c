@@ -58,6 +58,8 @@ static struct _cl_command_queue the_queue;
 
 static _Thread_local size_t group, groups, local, local_size;
 static pthread_barrier_t wait_here;
+static pthread_mutex_t one =
+    PTHREAD_MUTEX_INITIALIZER; /* builds and runs, of several threads' devices */
 /* Called from builtins.cl. */
 size_t native_group(void), native_groups(void), native_local(void), native_global(void);
 void native_barrier(void);
@@ -169,7 +171,9 @@ cl_int clEnqueueNDRangeKernel(cl_command_queue queue, cl_kernel kernel, cl_uint 
         if (kernel->is_buffer[i]) buffers[i] = memory ? memory->data : NULL;
         args[i] = kernel->is_buffer[i] ? (void *)&buffers[i] : (void *)kernel->value[i];
     }
+    pthread_mutex_lock(&one);
     run_groups(kernel, args, *global / *size, *size);
+    pthread_mutex_unlock(&one);
     return CL_SUCCESS;
 }
 
@@ -196,6 +200,7 @@ cl_int clBuildProgram(cl_program p, cl_uint n, const cl_device_id *ids, const ch
     static int number;
     char source[400], object[400], command[2000];
     CHECK(n == 1 && *ids == &the_device && !notify && !data);
+    pthread_mutex_lock(&one);
     snprintf(source, sizeof source, "%s/%d.cl", getenv("NATIVE_FOLDER"), number);
     snprintf(object, sizeof object, "%s/%d.so", getenv("NATIVE_FOLDER"), number++);
     FILE *file = fopen(source, "w");
@@ -206,6 +211,7 @@ cl_int clBuildProgram(cl_program p, cl_uint n, const cl_device_id *ids, const ch
     p->object = dlopen(object, RTLD_LAZY | RTLD_LOCAL);
     if (!p->object) fprintf(stderr, "%s\n", dlerror());
     CHECK(p->object);
+    pthread_mutex_unlock(&one);
     return CL_SUCCESS;
 }
 
