@@ -167,11 +167,11 @@ KERNEL coarse_inverse(int n, int n_pad, global const int *slice, global const in
     FOR_ITEMS(i, n)
     {
         for (int j = 0; j < n; j++) a[i * n + j] += shift;
-        least[i] = 1e-12f * a[i * n + i]; /* rounding of the links may leave a pivot at 0 */
+        least[i] = 1e-12f * a[i * n + i]; /* rounding of the links may leave a pivot at 0: it is left out */
     }
     for (int k = 0; k < n; k++) {
         TOGETHER
-        const sum_t pivot = 1 / fmax(a[k * n + k], least[k]);
+        const sum_t pivot = a[k * n + k] > least[k] ? 1 / a[k * n + k] : 0;
         FOR_ITEMS(i, n)
         {
             row[i] = i == k ? pivot : a[k * n + i] * pivot;

@@ -1,9 +1,11 @@
 /* Parts of the solver by themselves: the multigrid's rate, conjugate gradients, the control of the pseudo time
  * step, sliced rows; and what a solver keeps from one solve to the next. Bounds are what was measured and a tenth. */
-#include "../src/solver/newton.c" /* for its static functions; the library's own is then left out */
+#include "../src/solver/bounds.c" /* for their static functions; the library's own are then left out */
+#include "../src/solver/newton.c"
 
 #include "solver/pcg.h"
 #include "solver/sell.h"
+#include "solver/solver.h"
 #include "solving.h"
 
 #include <math.h>
@@ -295,6 +297,43 @@ static void bounds_hold_for_any_potential(void **state)
     }
 }
 
+/* The host's q, which stands in for the device's where cotangents are large, is the same where they are not. */
+static void both_kinds_of_slopes_agree(void **state)
+{
+    fixture *x = *state;
+    double *v = random_rows(x), lower[2], upper;
+    set_density(x, 1);
+    bounds_of(x, v, 1, &lower[0], &upper);
+    const double sharpest = x->sys->sharpest;
+    assert_true(sharpest > 0.5 && sharpest < most_cot);
+    x->sys->sharpest = 2 * most_cot;
+    bounds_of(x, v, 1, &lower[1], &upper);
+    x->sys->sharpest = sharpest;
+    assert_true(fabs(lower[1] / lower[0] - 1) < 1e-11);
+    free(v);
+}
+
+/* Flat triangles, the slope along them being 1: never below it, and above by the rounding of the values only. */
+static void slopes_of_flat_triangles(void **state)
+{
+    (void)state;
+    static const double heights[] = {0.8, 1e-3, 1e-6, 1e-8};
+    for (size_t i = 0; i < sizeof heights / sizeof *heights; i++) {
+        const double h = heights[i], place = 0.3;
+        const double side[3] = {hypot(1 - place, h), hypot(place, h), 1};
+        for (int turn = 0; turn < 3; turn++) {
+            double l[3], at[3];
+            for (int k = 0; k < 3; k++) {
+                l[(k + turn) % 3] = side[k];
+                at[(k + turn) % 3] = 5 + (const double[]){0, 1, place}[k];
+            }
+            const double q = steepness(l, 0.5 * h, at);
+            if (!(q >= 1 && q - 1 < 1e-14 + pow(1e-14 / h, 2)))
+                fail_msg("height %g: q - 1 = %g", h, q - 1);
+        }
+    }
+}
+
 /* ---- pseudo time ---- */
 
 static void steps_grow_and_shrink(void **state)
@@ -363,6 +402,18 @@ static void divergence_leaves_nothing(void **state)
     p.options.inertia = 0.9999;
     assert_int_equal(problem_try(&p), DMK_E_DIVERGED);
     dmk_solve_options_init(&p.options, sizeof p.options);
+    problem_solve(&p);
+    assert_memory_equal(problem_mu(&p), problem_mu(&fresh), problem_triangles(&p) * sizeof(double));
+    dmk_system *s = p.solver->system;
+    for (int32_t i = 0; i < s->n_levels; i++) {
+        const size_t n = (size_t)s->level[i].n_pad;
+        float *nan = malloc(n * sizeof *nan);
+        assert_non_null(nan);
+        for (size_t k = 0; k < n; k++) nan[k] = NAN;
+        bench_ok(&b, dmk_buffer_write(b.ctx, b.dev, s->level[i].x_old, 0, n * sizeof *nan, nan));
+        bench_ok(&b, dmk_buffer_write(b.ctx, b.dev, s->level[i].x, 0, n * sizeof *nan, nan));
+        free(nan);
+    }
     problem_solve(&p);
     assert_memory_equal(problem_mu(&p), problem_mu(&fresh), problem_triangles(&p) * sizeof(double));
     problem_free(&p);
@@ -490,6 +541,8 @@ int main(void)
         cmocka_unit_test(conjugate_gradients_converge),
         cmocka_unit_test(conjugate_gradients_stop),
         cmocka_unit_test(bounds_hold_for_any_potential),
+        cmocka_unit_test(both_kinds_of_slopes_agree),
+        cmocka_unit_test(slopes_of_flat_triangles),
         cmocka_unit_test(steps_grow_and_shrink),
         cmocka_unit_test(solves_take_their_steps),
         cmocka_unit_test(divergence_leaves_nothing),

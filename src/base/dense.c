@@ -12,10 +12,10 @@ static void factor(int32_t n, const double *laplacian, double shift, double *cho
             double sum = laplacian[i * n + j] + shift;
             for (int32_t k = 0; k < j; k++) sum -= chol[i * n + k] * chol[j * n + k];
             if (i == j) {
-                /* Rounding of single-precision links may leave a pivot at 0: keep it small,
-                 * positive. */
+                /* Rounding of single-precision links may leave a pivot at 0, or below: that
+                 * unknown is left out. */
                 double least = 1e-12 * (laplacian[j * n + j] + shift);
-                chol[j * n + j] = sqrt(sum > least ? sum : least);
+                chol[j * n + j] = sum > least ? sqrt(sum) : INFINITY;
             } else {
                 chol[i * n + j] = sum / chol[j * n + j];
             }

@@ -82,13 +82,15 @@ done:
 }
 
 /* Share of triangles with an element bound above 2.5 (see stiffness_bound in density.cl): flatter than
- * a right angle by far. Few do no harm, as a flat triangle damps its own nodes only. */
-static double share_of_needles(const dmk_mesh *m)
+ * a right angle by far. Few do no harm, as a flat triangle damps its own nodes only.
+ * And the largest cotangent. */
+static double share_of_needles(const dmk_mesh *m, double *sharpest)
 {
     int32_t count = 0;
     for (int32_t t = 0; t < m->n_triangles; t++) {
         const double c[3] = {dmk_cot(m, 3 * t), dmk_cot(m, 3 * t + 1), dmk_cot(m, 3 * t + 2)};
         double s = 1 / (1 + c[0] * c[0]) + 1 / (1 + c[1] * c[1]) + 1 / (1 + c[2] * c[2]);
+        *sharpest = fmax(*sharpest, fmax(fabs(c[0]), fmax(fabs(c[1]), fabs(c[2]))));
         count += 1.5 + sqrt(fmax(2.25 - s, 0)) > 2.5;
     }
     return (double)count / m->n_triangles;
@@ -540,7 +542,7 @@ int dmk_system_create(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh
     s->device = device;
     for (int32_t t = 0; t < mesh->n_triangles; t++) area += mesh->area[t];
     s->unit = sqrt(area);
-    s->fine_degree = share_of_needles(mesh) > 0.05 ? 3 : 2;
+    s->fine_degree = share_of_needles(mesh, &s->sharpest) > 0.05 ? 3 : 2;
     s->whole = dmk_system_counts(device, mesh);
     set_counts(s, mesh);
     packer p = {ctx, device, mesh, s};
