@@ -104,7 +104,8 @@ void dmk_geodesics_midpoints(const dmk_geodesics *geodesics, double *mid);
  * too. */
 int dmk_waves_run(dmk_context *context, dmk_geodesics *geodesics, double tolerance);
 
-/* window.c: distance and arrival of an object whose star and sources are set. */
-int dmk_windows_run(dmk_context *context, dmk_geodesics *geodesics);
+/* window.c: distance and arrival of an object whose star and sources are set. Not *finished, and nothing is set: far
+ * more windows than on other meshes of the size, as around needles. */
+int dmk_windows_run(dmk_context *context, dmk_geodesics *geodesics, bool *finished);
 
 #endif

@@ -101,7 +101,11 @@ static int run(dmk_context *ctx, dmk_geodesics *g, const dmk_geodesics_options *
     if (tolerance == 0 && g->mesh->n_triangles > exact_triangles) tolerance = usual_tolerance;
     if (o->exact) tolerance = 0;
     g->tolerance = tolerance;
-    if (g->n_lines == 0 && tolerance == 0) return dmk_windows_run(ctx, g);
+    if (g->n_lines == 0 && tolerance == 0) {
+        bool finished;
+        int rc = dmk_windows_run(ctx, g, &finished);
+        if (rc != DMK_OK || finished) return rc;
+    }
     int rc = dmk_waves_run(ctx, g, tolerance);
     return rc == DMK_OK && tolerance > 0 ? dmk_tracer_repair(ctx, g) : rc;
 }

@@ -1,5 +1,5 @@
-/* Distances by merged windows: nearly linear time, within a tolerance; exact with tolerance 0, from
- * lines too.
+/* Distances by merged windows: nearly linear time, within a tolerance; exact with tolerance 0: from lines, and on
+ * meshes where windows depth first are too many.
  *
  * On smooth meshes the windows of each edge are as many as the vertices that the paths pass, which
  * makes n^1.5 in all, though neighbours differ by some h^2 only. Here a window carries a wave of
@@ -38,6 +38,9 @@ typedef struct allowance {
     double slope;     /* change of the slope at a merged window's ends: more leaves gaps behind */
     double weak; /* radians over 2 pi at a vertex that need not radiate: closing gaps covers it */
 } allowance;
+/* The tolerance of exact runs: what is left of rounding after ten thousand steps. Windows that flat vertices have
+ * parted are one again, or tubes and ellipsoids of 1 : 10,000 would have hundreds for each edge. */
+static const double exact_tolerance = 1e-11;
 /* At least: the front's curvature times the edge, so that it focuses 20 edges ahead at least. */
 static const double least_curvature = -0.05;
 /* The sine of rays over the edge: grazing ones are not merged. */
@@ -71,6 +74,8 @@ typedef struct engine {
     mark *mark;           /* n_vertices */
     double *radiated;     /* n_vertices: at this distance */
     int32_t *head, *next; /* of each half-edge: its windows; the next half-edge of the bucket */
+    int32_t *kept;   /* of each half-edge: windows that have run on; NULL where windows merge */
+    uint8_t *visits; /* of each half-edge, up to `often` */
     wave *pool;
     size_t n_pool, pool_room;
     int32_t free;
@@ -86,6 +91,13 @@ typedef struct engine {
     double closed; /* angle around the source if it is one point inside: directions are mod that;
                       else 0 */
 } engine;
+
+/* Around a needle or a thin tube windows come back to a half-edge again and again, each hardly longer than the one
+ * before, and no vertex is near enough to tell that they are of no use. From so many visits on, a half-edge keeps
+ * what has run on from it, for the lower envelope. Other half-edges are visited some four times. */
+enum { often = 32 };
+/* What is kept has this in `next` while it is in the list of the half-edge that is visited. */
+enum { KEPT = -2 };
 
 /* ---- waves ----------------------------------------------------------------------------------- */
 
@@ -128,7 +140,9 @@ static int engine_create(dmk_context *ctx, dmk_geodesics *g, double tolerance, e
 {
     int rc;
     size_t n = (size_t)g->mesh->n_vertices, n_half = 3 * (size_t)g->mesh->n_triangles;
-    double root = sqrt(tolerance);
+    const bool exact = tolerance == 0;
+    if (exact) tolerance = exact_tolerance;
+    const double root = sqrt(tolerance);
     memset(e, 0, sizeof *e);
     e->allow = (allowance){tolerance, 30 * root, 30 * tolerance, 100 * tolerance, root, root / 2};
     e->free = -1;
@@ -139,6 +153,12 @@ static int engine_create(dmk_context *ctx, dmk_geodesics *g, double tolerance, e
     DMK_TRY(DMK_NEW(ctx, e->head, n_half));
     DMK_TRY(DMK_NEW(ctx, e->next, n_half));
     memset(e->head, 0xff, n_half * sizeof *e->head);
+    if (exact) {
+        e->allow.weak = 0;
+        DMK_TRY(DMK_NEW(ctx, e->kept, n_half));
+        DMK_TRY(DMK_NEW(ctx, e->visits, n_half));
+        memset(e->kept, 0xff, n_half * sizeof *e->kept);
+    }
     for (size_t v = 0; v < n; v++) {
         e->mark[v].half = UNREACHED;
         e->radiated[v] = INFINITY;
@@ -164,6 +184,8 @@ static void engine_free(engine *e)
     free(e->radiated);
     free(e->head);
     free(e->next);
+    free(e->kept);
+    free(e->visits);
     free(e->pool);
     free(e->bucket);
     free(e->list);
@@ -193,11 +215,10 @@ static int schedule(dmk_context *ctx, engine *e, int32_t half, double key)
     return DMK_OK;
 }
 
-/* A window of a half-edge of this length, whose ends are reached by `most`. */
-static int put(dmk_context *ctx, engine *e, const wave *w, double length, double most)
+/* A copy of the window at the head of a list. */
+static int store(dmk_context *ctx, engine *e, const wave *w, int32_t *head)
 {
     int32_t i = e->free;
-    e->n_made++;
     if (i >= 0) {
         e->free = e->pool[i].next;
     } else {
@@ -207,11 +228,19 @@ static int put(dmk_context *ctx, engine *e, const wave *w, double length, double
         }
         i = (int32_t)e->n_pool++;
     }
-    int32_t before = e->head[w->half];
     e->pool[i] = *w;
-    e->pool[i].next = before;
-    e->head[w->half] = i;
-    if (before >= 0) return DMK_OK;
+    e->pool[i].next = *head;
+    *head = i;
+    return DMK_OK;
+}
+
+/* A window of a half-edge of this length, whose ends are reached by `most`. */
+static int put(dmk_context *ctx, engine *e, const wave *w, double length, double most)
+{
+    const bool waits = e->head[w->half] >= 0;
+    int rc = store(ctx, e, w, e->head + w->half);
+    e->n_made++;
+    if (rc != DMK_OK || waits) return rc;
     return schedule(ctx, e, w->half, fmin(fmax(value(w, 0), value(w, length)), most));
 }
 
@@ -372,17 +401,23 @@ static int step(dmk_context *ctx, engine *e, const wave *w, angle *s)
 
 /* ---- the windows of a half-edge -------------------------------------------------------------- */
 
+/* How much longer u is than w at t; of equally long ones that counts as shorter which is kept. */
+static double longer(const wave *u, const wave *w, double t)
+{
+    return value(u, t) - value(w, t) + ((w->next == KEPT) - (u->next == KEPT)) * DMK_SAME_LENGTH;
+}
+
 /* Two windows, u before w, that overlap on a..b, where their difference changes its sign: the
  * place. */
 static double crossing(const engine *e, const wave *u, const wave *w, double a, double b,
                        double length)
 {
-    double fa = value(u, a) - value(w, a), fb = value(u, b) - value(w, b), t = a;
+    double fa = longer(u, w, a), fb = longer(u, w, b), t = a;
     const double zero = fmax(1e-15 * w->D, 1e-2 * e->allow.error * length);
     for (int i = 0; i < 60 && b - a > DMK_NO_WIDTH * length;
          i++) { /* secants, each third time halves */
         t = i % 3 == 2 ? 0.5 * (a + b) : a + (b - a) * fa / (fa - fb);
-        double f = value(u, t) - value(w, t);
+        double f = longer(u, w, t);
         if (fabs(f) < zero) break;
         if ((f < 0) == (fa < 0))
             a = t, fa = f;
@@ -414,7 +449,7 @@ static bool trim_two(const engine *e, wave *u, wave *w, double length, bool *aga
         close_gap(e, u, w, length);
         return true;
     }
-    double fa = value(u, a) - value(w, a), fb = value(u, b) - value(w, b);
+    double fa = longer(u, w, a), fb = longer(u, w, b);
     if (fa <= 0 && fb <= 0) {
         if (w->hi <= u->hi) return false;
         w->lo = b;
@@ -546,47 +581,58 @@ static void sort(wave *l, size_t n)
     }
 }
 
-/* Take the windows of a half-edge that are still of use into the list. */
-static int gather(dmk_context *ctx, engine *e, int32_t half, const angle *s, size_t *n)
+/* Take the windows of one of a half-edge's lists that are still of use into the engine's. */
+static int gather(dmk_context *ctx, engine *e, int32_t *head, bool kept, const angle *s, size_t *n)
 {
     const double eps = DMK_SAME_LENGTH + rounding * s->length, at_a = e->front.d[s->a] + eps;
     const double at_b = e->front.d[s->b] + s->length + eps;
-    *n = 0;
-    for (int32_t i = e->head[half], next; i >= 0; i = next) {
+    for (int32_t i = *head, next; i >= 0; i = next) {
         wave *w = e->pool + i;
         if (at_b - w->lo >= value(w, w->lo) && at_a + w->hi >= value(w, w->hi)) {
             if (*n == e->list_room) {
                 int rc = DMK_GROW(ctx, e->list, *n + 1, e->list_room);
                 if (rc != DMK_OK) return rc;
             }
-            e->list[(*n)++] = *w;
+            e->list[*n] = *w;
+            e->list[(*n)++].next = kept ? KEPT : -1;
         }
         next = w->next;
         w->next = e->free;
         e->free = i;
     }
-    e->head[half] = -1;
+    *head = -1;
     return DMK_OK;
+}
+
+/* One more visit: whether the half-edge keeps its windows now. */
+static bool keeps(engine *e, int32_t half)
+{
+    if (!e->kept) return false;
+    if (e->visits[half] < often) e->visits[half]++;
+    return e->visits[half] == often;
 }
 
 static int visit(dmk_context *ctx, engine *e, int32_t half)
 {
     int rc;
-    size_t n;
+    size_t n = 0;
     angle s;
+    const bool keep = keeps(e, half);
     look(e, half, &s);
-    DMK_TRY(gather(ctx, e, half, &s, &n));
+    DMK_TRY(gather(ctx, e, e->head + half, false, &s, &n));
+    if (keep) DMK_TRY(gather(ctx, e, e->kept + half, true, &s, &n));
     const wave *l = e->list;
     if (n > 1) {
         sort(e->list, n);
         n = trim(e, n, s.length);
-        if (e->allow.error > 0) {
-            if (n > e->merged_room) DMK_TRY(DMK_GROW(ctx, e->merged, n, e->merged_room));
-            n = merge_all(e, n, s.length);
-            l = e->merged;
-        }
+        if (n > e->merged_room) DMK_TRY(DMK_GROW(ctx, e->merged, n, e->merged_room));
+        n = merge_all(e, n, s.length);
+        l = e->merged;
     }
-    for (size_t i = 0; i < n; i++) DMK_TRY(step(ctx, e, l + i, &s));
+    for (size_t i = 0; i < n; i++) {
+        if (keep) DMK_TRY(store(ctx, e, l + i, e->kept + half));
+        if (l[i].next != KEPT) DMK_TRY(step(ctx, e, l + i, &s));
+    }
 done:
     return rc;
 }

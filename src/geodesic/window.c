@@ -59,8 +59,10 @@ typedef struct engine {
     dmk_front front;
     trace *trace;
     split *split;
-    dmk_heap bends; /* reached, to radiate */
-    bool shared;    /* by several threads at the moment */
+    dmk_heap bends;         /* reached, to radiate */
+    bool shared;            /* by several threads at the moment */
+    int64_t limit;          /* of windows */
+    _Atomic int64_t n_made; /* windows, in pieces of 65,536 */
 } engine;
 
 /* A thread's own. */
@@ -76,6 +78,17 @@ typedef struct worker {
 
 static const double eps = DMK_SAME_LENGTH;
 
+/* Windows to make at most, over edges times the square root of triangles: 152 meshes, scans, CAD and smooth ones, need
+ * 0.21 and less. Around needles and on thin tubes there may be a million times as many, of ways that hardly differ:
+ * there wave.c is better, since it compares windows with each other. Small meshes need some more. */
+static const double most_windows = 0.4;
+enum { always = 1000000 };
+
+static bool spent(const engine *e)
+{
+    return e->n_made > e->limit;
+}
+
 static int engine_create(dmk_context *ctx, dmk_geodesics *g, engine *e)
 {
     int rc;
@@ -83,6 +96,7 @@ static int engine_create(dmk_context *ctx, dmk_geodesics *g, engine *e)
     DMK_TRY(dmk_front_create(ctx, g, &e->front));
     DMK_TRY(DMK_NEW(ctx, e->trace, (size_t)g->mesh->n_vertices));
     DMK_TRY(DMK_NEW(ctx, e->split, (size_t)g->mesh->n_vertices));
+    e->limit = always + (int64_t)(most_windows * sqrt(g->mesh->n_triangles) * g->mesh->n_edges);
     for (int32_t v = 0; v < g->mesh->n_vertices; v++) {
         e->trace[v] = (trace){.half = UNREACHED, .root = ~g->n_sources};
         e->split[v].half = UNREACHED;
@@ -364,18 +378,27 @@ static inline int step(worker *me, const window *w, window *o, int *n)
     return rc;
 }
 
+/* n windows more. */
+static inline int count(worker *me, int n)
+{
+    me->n_made += n;
+    if ((me->n_made & 0xffff) >= n) return DMK_OK;
+    me->e->n_made += 0x10000;
+    return dmk_poll(me->ctx);
+}
+
 /* Run down the windows on the stack, `most` steps. */
 static int run_down(worker *me, int64_t most)
 {
     int rc = DMK_OK;
     window o[2];
-    while (me->n_stack > 0 && most > 0) {
+    while (me->n_stack > 0 && most > 0 && !spent(me->e)) {
         window w = me->stack[--me->n_stack];
         for (int n = 1; n > 0; w = o[0]) {
             DMK_TRY(step(me, &w, o, &n));
-            me->n_made += n;
+            DMK_TRY(count(me, n));
+            if (spent(me->e)) goto done;
             most--;
-            if ((me->n_made & 0xffff) < n) DMK_TRY(dmk_poll(me->ctx));
             if (n == 2) DMK_TRY(push(me, &o[1]));
         }
     }
@@ -401,7 +424,7 @@ static int run_share(dmk_context *ctx, int32_t i, void *data)
     crew *c = data;
     worker *me = c->own + i;
     me->ctx = ctx;
-    for (size_t k; (k = atomic_fetch_add(&c->next, 1)) < c->one->n_stack;) {
+    for (size_t k; (k = atomic_fetch_add(&c->next, 1)) < c->one->n_stack && !spent(me->e);) {
         DMK_TRY(push(me, c->one->stack + k));
         DMK_TRY(run_down(me, INT64_MAX));
     }
@@ -415,10 +438,10 @@ static int spread(worker *me)
     int rc = DMK_OK, n;
     window o[2];
     worker other = {.ctx = me->ctx, .e = me->e};
-    while (me->n_stack > 0 && me->n_stack < shares) {
+    while (me->n_stack > 0 && me->n_stack < shares && !spent(me->e)) {
         for (size_t i = 0; i < me->n_stack; i++) {
             DMK_TRY(step(me, me->stack + i, o, &n));
-            me->n_made += n;
+            DMK_TRY(count(me, n));
             for (int k = 0; k < n; k++) DMK_TRY(push(&other, o + k));
         }
         window *taken = me->stack;
@@ -614,7 +637,7 @@ done:
     return rc;
 }
 
-int dmk_windows_run(dmk_context *ctx, dmk_geodesics *g)
+int dmk_windows_run(dmk_context *ctx, dmk_geodesics *g, bool *finished)
 {
     int rc;
     bool any = true;
@@ -624,11 +647,12 @@ int dmk_windows_run(dmk_context *ctx, dmk_geodesics *g)
     DMK_TRY(bound(ctx, &e));
     DMK_TRY(dmk_poll(ctx));
     for (int32_t i = 0; i < g->n_sources; i++) DMK_TRY(radiate_source(&me, i));
-    while (any) {
+    while (any && !spent(&e)) {
         DMK_TRY(run_all(&me));
         DMK_TRY(radiate_next(&me, 0, &any));
     }
-    dmk_parallel(ctx, g->mesh->n_vertices, arrive_range, &e);
+    *finished = !spent(&e);
+    if (*finished) dmk_parallel(ctx, g->mesh->n_vertices, arrive_range, &e);
     g->n_windows = me.n_made;
 done:
     worker_free(&me);
