@@ -192,7 +192,7 @@ static void lock(split *s)
 
 static void unlock(split *s)
 {
-    __atomic_store_n(&s->turn, s->turn + 1, __ATOMIC_RELEASE);
+    __atomic_fetch_add(&s->turn, 1, __ATOMIC_RELEASE);
 }
 
 /* Of equally short ways one, whichever comes first. */
