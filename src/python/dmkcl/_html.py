@@ -11,8 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Optional
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ._colour import density_map
+from ._geodesics import Geodesics
+from ._locus import Locus
 from .plotting import density_range
 
 if TYPE_CHECKING:
@@ -37,23 +40,61 @@ def _caption(result: "Result") -> str:
     )
 
 
+def _finest(result: "Result") -> "tuple[Locus, NDArray[np.float64], tuple[float, float]]":
+    """The locus with its weak branches, too, for the slider; their strengths, -1: infinite; the slider's ends."""
+    low = min(0.02 * result.mesh.info["mean_edge"], result.locus.least_strength)
+    locus = Locus(result.mesh, result._handle, low)
+    strength = np.where(np.isfinite(locus.edge_strength), locus.edge_strength, -1)
+    return locus, strength, (low, max(10 * low, 1.01 * float(strength.max(initial=0))))
+
+
+def _turn(result: "Result") -> float:
+    """The total angle at the source: 2 pi but at vertices."""
+    corners = np.flatnonzero(np.asarray(result.source.bary) == 1)
+    if len(corners) == 0:
+        return 2 * np.pi
+    vertex = result.mesh.faces[result.source.face][corners[0]]
+    face, k = np.nonzero(result.mesh.faces == vertex)
+    x = result.mesh.vertices[result.mesh.faces[face]]
+    rows = np.arange(len(face))
+    a, b = x[rows, (k + 1) % 3] - x[rows, k], x[rows, (k + 2) % 3] - x[rows, k]
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1)).sum())
+
+
 def _data(result: "Result") -> "dict[str, Any]":
     """What the viewer draws: in single precision, moved to the box's centre, its size 1."""
-    low, high = (np.array(result.mesh.info[name]) for name in ("box_min", "box_max"))
+    mesh = result.mesh
+    low, high = (np.array(mesh.info[name]) for name in ("box_min", "box_max"))
     centre, size = (low + high) / 2, float(np.linalg.norm(high - low)) or 1.0
-    locus = result.locus
-    reached = result.distance[np.isfinite(result.distance)]
+    locus, strength, strengths = _finest(result)
+    reached = np.isfinite(result.distance)
+    geodesics = Geodesics(mesh, result.source)
+    arrivals = geodesics._arrivals
+    a, b, c = mesh.vertices[mesh.faces[result.source.face]] / size
+    normal = np.cross(b - a, c - a)
     return {
-        "xyz": _pack((result.mesh.vertices - centre) / size, "<f4"),
-        "faces": _pack(result.mesh.faces, "<u4"),
+        "xyz": _pack((mesh.vertices - centre) / size, "<f4"),
+        "faces": _pack(mesh.faces, "<u4"),
         "mu": _pack(result.density, "<f4"),
         "distance": _pack(result.distance, "<f4"),
+        "potential": _pack(result.potential, "<f4"),
+        "back": _pack(arrivals["back"], "<f4"),
+        "bend": _pack(arrivals["pseudo_source"], "<i4"),
+        "leaving": _pack(arrivals["direction"], "<f4"),
+        "turn": _turn(result),
         "locus": _pack((locus.vertices - centre) / size, "<f4"),
         "edges": _pack(locus.edges, "<u4"),
+        "strength": _pack(strength, "<f4"),
+        "strengths": strengths,
+        "least": result.locus.least_strength,
         "source": ((np.array(result.source.xyz) - centre) / size).tolist(),
+        "normal": (normal / (np.linalg.norm(normal) or 1)).tolist(),
+        "size": size,
         "colours": _pack(np.round(255 * density_map()), "<u1"),
         "range": density_range(result.density),
-        "top": float(reached.max()),
+        "top": float(result.distance[reached].max()),
+        "depths": [float(result.potential[reached].min()), float(result.potential[reached].max())],
+        "all": bool(reached.all()),
     }
 
 

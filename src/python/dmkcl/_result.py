@@ -362,7 +362,7 @@ class Result:
         return View(page(self, title), height)
 
     def export_html(self, path: "os.PathLike[str] | str", *, title: Optional[str] = None) -> None:
-        """Write a page that shows the surface in any browser, to be turned by the mouse; one file
+        """Write a page that shows the surface in any browser, to be turned by mouse or finger; one file
         that needs no network. Errors: OSError."""
         from ._html import export_html
 

@@ -188,3 +188,27 @@ class Browser:
 
     def click(self, identity):
         self.drawn(lambda: self.value(f"document.getElementById('{identity}').click()"))
+
+    def click_at(self, at):
+        self.press(at)
+        self.drawn(lambda: self.release(at))
+
+    def choose(self, identity, value):
+        self.change(identity, value, "change")
+
+    def slide(self, identity, value):
+        self.change(identity, value, "input")
+
+    def change(self, identity, value, event):
+        found = f"document.getElementById('{identity}')"
+        self.drawn(
+            lambda: self.value(f"{found}.value = {value!r}; {found}.dispatchEvent(new Event('{event}'))")
+        )
+
+    def fingers(self, steps):
+        """Fingers go down at the places of the first step and on to those of the next ones."""
+        points = [[{"x": x, "y": y, "id": k} for k, (x, y) in enumerate(step)] for step in steps]
+        self.call("Input.dispatchTouchEvent", type="touchStart", touchPoints=points[0])
+        for step in points[1:]:
+            self.drawn(lambda: self.call("Input.dispatchTouchEvent", type="touchMove", touchPoints=step))
+        self.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])

@@ -1,11 +1,16 @@
 """The page of `export_html`, in a headless Chromium that has no network."""
 
+import base64
+import io
+import json
 import os
 import re
 import shutil
+import time
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import dmkcl
 from browser import Browser
@@ -81,6 +86,116 @@ def test_boxes_change_it(browser, page, box):
     browser.click(box)
     assert (browser.screenshot() != first).any(axis=2).mean() > 0.002
     assert browser.complaints == []
+
+
+@needs_browser
+@pytest.mark.parametrize("quantity", ["distance", "potential", "strength"])
+def test_colours_can_be_chosen(browser, page, quantity):
+    browser.open(page)
+    first = browser.screenshot()
+    browser.choose("colour", quantity)
+    assert (browser.screenshot() != first).any(axis=2).mean() > 0.05
+    assert browser.value("document.querySelector('#bar b').textContent").startswith(quantity)
+    ticks = browser.value("[...document.querySelectorAll('#ticks span')].map(t => t.textContent).join()")
+    values = [abs(float(t)) for t in ticks.split(",")]
+    assert 3 <= len(values) <= 9
+    mantissas = {f"{value:.6e}"[:3] for value in values if value}
+    assert mantissas <= {f"{k}.0" for k in range(1, 10)} | {"1.2", "1.4", "1.5", "2.5"}, "round numbers"
+    assert browser.complaints == []
+
+
+@needs_browser
+def test_the_value_under_the_pointer(browser, page, result):
+    browser.open(page)
+    browser.mouse("mouseMoved", (430, 300))
+    text = ""
+    for _ in range(100):
+        text = browser.value("document.getElementById('tip').innerText")
+        if text:
+            break
+        time.sleep(0.05)
+    found = dict(line.rsplit(" ", 1) for line in text.splitlines())
+    face = int(found["triangle"])
+    distances = result.distance[result.mesh.faces[face]]
+    assert distances.min() * 0.999 <= float(found["distance"]) <= distances.max() * 1.001
+    assert float(found["density"]) == pytest.approx(result.density[face], rel=1e-3)
+    potentials = result.potential[result.mesh.faces[face]]
+    assert potentials.min() * 1.001 <= float(found["potential"]) <= potentials.max() * 0.999
+
+
+def lengths(browser, at):
+    browser.click_at(at)
+    return json.loads(browser.value("document.getElementById('picked').dataset.lengths"))
+
+
+@needs_browser
+def test_a_click_shows_minimal_geodesics(browser, page, result):
+    browser.open(page)
+    first = browser.screenshot()
+    found = lengths(browser, (430, 300))
+    said = browser.value("document.getElementById('picked').textContent")
+    vertex = int(re.search(r"vertex (\d+)", said)[1])
+    assert found == [pytest.approx(result.distance[vertex], rel=1e-5)]
+    assert (browser.screenshot() != first).any(axis=2).mean() > 0.002
+    # On the locus there are two: its opposite meridian, from behind.
+    browser.drag((620, 300), (240, 300))
+    several = [lengths(browser, (x, 290)) for x in range(270, 330, 4)]
+    assert any(len(found) == 2 and abs(found[0] - found[1]) < 0.1 for found in several)
+    assert browser.complaints == []
+
+
+@needs_browser
+def test_geodesics_bend_at_saddle_vertices(browser, tmp_path):
+    mesh = dmkcl.surfaces.torus(n_triangles=300)
+    bends = dmkcl.Geodesics(mesh, 0)._arrivals["pseudo_source"]
+    assert (bends >= 0).any()
+    result = dmkcl.CutLocus(mesh).solve(vertex=0)
+    result.export_html(tmp_path / "coarse.html")
+    browser.open(tmp_path / "coarse.html")
+    browser.drag((620, 300), (240, 420))  # those that bend arrive on the other side
+    seen = set()
+    for x in range(200, 600, 25):
+        for y in (230, 300, 370):
+            browser.click_at((x, y))
+            said = browser.value("document.getElementById('picked').textContent")
+            for vertex in map(int, re.findall(r"(?<=vertex )\d+|(?<=vertices )\d+", said)):
+                length = json.loads(browser.value("document.getElementById('picked').dataset.lengths"))[0]
+                assert length == pytest.approx(result.distance[vertex], rel=1e-4)
+                seen.add(vertex)
+    assert len(seen) > 15 and (bends[list(seen)] >= 0).sum() >= 2
+
+
+@needs_browser
+def test_the_slider_shows_weak_branches(browser, page):
+    browser.open(page)
+    browser.drag((620, 300), (240, 330))
+    first = browser.screenshot()
+    browser.slide("least", 0)
+    more = browser.screenshot()
+    assert (more != first).any(axis=2).sum() > 20
+    browser.slide("least", 1000)
+    assert (browser.screenshot() != more).any(axis=2).sum() > 20
+
+
+@needs_browser
+def test_fingers(browser, page):
+    browser.open(page)
+    first = browser.screenshot()
+    browser.fingers([[(350, 300), (450, 300)], [(250, 300), (550, 300)]])
+    assert (browser.screenshot() != 255).any(axis=2).sum() > 1.2 * (first != 255).any(axis=2).sum()
+    assert browser.complaints == []
+
+
+@needs_browser
+def test_the_saved_picture_has_title_and_scale(browser, page):
+    browser.open(page)
+    browser.value(
+        "HTMLAnchorElement.prototype.click = function () { document.title = this.href; }"
+    )
+    browser.click("save")
+    saved = np.asarray(Image.open(io.BytesIO(base64.b64decode(browser.value("document.title").split(",")[1]))))
+    assert saved.shape[:2] == (600, 800)
+    assert (saved[10:40, 10:200, :3] < 100).any() and (saved[45:240, 766:784, :3] < 120).any()
 
 
 @needs_browser
