@@ -39,12 +39,13 @@ def plot(
     cmap: Any = None,
     clim: Optional[Sequence[float]] = None,
     scalars: str = "mu",
+    views: int = 2,
     plotter: Any = None,
     show: bool = True,
     screenshot: "None | str | os.PathLike[str]" = None,
     **mesh_options: Any,
 ) -> Any:
-    """Show a result with PyVista.
+    """Show a result with PyVista: from the source's side, and from the other one, where the cut locus is.
 
     Parameters
     ----------
@@ -53,7 +54,8 @@ def plot(
     locus, source : draw the cut locus as tubes, the source as a ball.
     cmap, clim : colour map (None: the package's own, perceptual), values at its ends.
     scalars : "mu", or another array of `Result.to_pyvista`.
-    plotter : add to this pyvista.Plotter instead of a new one.
+    views : 2: both sides beside each other; 1: that of the cut locus.
+    plotter : add to this pyvista.Plotter, in its active subplot, instead of a new one; one view.
     show : open a window (or, in a notebook, a view); False: only hand the plotter back.
     screenshot : write a picture to this file, without a window.
     mesh_options : passed on to pyvista.Plotter.add_mesh of the surface.
@@ -61,39 +63,35 @@ def plot(
     Returns the plotter, to which more can be added when `show` is False.
     """
     import pyvista
-    from matplotlib.colors import ListedColormap
 
-    data = result.to_pyvista()
-    scale = data.length
-    if plotter is None:
-        plotter = pyvista.Plotter(off_screen=True if screenshot else None)
-    if clim is None and scalars == "mu":
-        clim = density_range(result.density)
-    settings = dict(
-        scalars=scalars,
-        cmap=cmap or ListedColormap(density_map()),
-        clim=clim,
-        log_scale=log and scalars == "mu",
-        smooth_shading=False,
-        ambient=0.3,
-        diffuse=0.8,
-        scalar_bar_args={"title": scalars, "color": "black", "vertical": True},
-    )
-    plotter.set_background("white")
-    surface = plotter.add_mesh(data, **{**settings, **mesh_options})
-    # The surface steps back behind the lines that lie on it.
-    surface.mapper.SetResolveCoincidentTopologyToPolygonOffset()
-    surface.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(2, 2)
-    if contours > 0:
-        _add_contours(plotter, data, result, contours)
-    if locus:
-        _add_locus(plotter, result, 0.004 * scale)
-    if source:
-        plotter.add_mesh(
-            pyvista.Sphere(radius=0.013 * scale, center=result.source.xyz), color=SOURCE_COLOUR
+    own = plotter is None
+    if own:
+        plotter = pyvista.Plotter(
+            # Of no light VTK makes a headlight.
+            shape=(1, views), border=False, lighting="none", window_size=[700 * views, 700],
+            off_screen=True if screenshot else None,
         )
-    plotter.view_vector(_viewpoint(result), viewup=(0, 0, 1))
-    plotter.camera.zoom(1.2)
+    data = result.to_pyvista()
+    settings = _colour_settings(data, scalars, log, cmap, clim)
+    sides = (1, -1) if own and views == 2 else (-1,)
+    for number, side in enumerate(sides):
+        if own:
+            plotter.subplot(0, number)
+        plotter.set_background("white")
+        shown = {**settings, "show_scalar_bar": number + 1 == len(sides), **mesh_options}
+        surface = plotter.add_mesh(data.copy(deep=False), **shown)
+        # The surface steps back behind the lines that lie on it.
+        surface.mapper.SetResolveCoincidentTopologyToPolygonOffset()
+        surface.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(2, 2)
+        if contours > 0:
+            _add_contours(plotter, data, result, contours)
+        if locus:
+            _add_locus(plotter, result, 0.004 * data.length)
+        if source:
+            ball = pyvista.Sphere(radius=0.013 * data.length, center=result.source.xyz)
+            plotter.add_mesh(ball, color=SOURCE_COLOUR)
+        plotter.view_vector(*_viewpoint(result, side))
+        plotter.camera.zoom(1.15)
     if screenshot:
         plotter.screenshot(os.fspath(screenshot))
     elif show:
@@ -101,12 +99,56 @@ def plot(
     return plotter
 
 
-def _viewpoint(result: "Result") -> "tuple[float, float, float]":
-    """From where the source lies behind one side: its locus is mostly on the other half."""
-    low, high = (np.array(result.mesh.info[name]) for name in ("box_min", "box_max"))
-    x, y, _ = np.array(result.source.xyz) - (low + high) / 2
-    around = np.arctan2(y, x) - 2
-    return float(np.cos(around)), float(np.sin(around)), 0.75
+def round_scale(low: float, high: float, log: bool) -> "tuple[float, float, int]":
+    """A scale that takes in low to high, ends at round numbers, and its number of labels, all of them round."""
+    if log:
+        first, last = int(np.floor(np.log10(low) + 1e-9)), int(np.ceil(np.log10(high) - 1e-9))
+        return float(f"1e{first}"), float(f"1e{last}"), last - first + 1
+    power = 10.0 ** np.floor(np.log10((high - low) / 6))
+    step = next(k * power for k in (1, 2, 5, 10) if k * power >= 0.999 * (high - low) / 6)
+    first, last = int(np.floor(low / step + 1e-9)), int(np.ceil(high / step - 1e-9))
+    return float(f"{first * step:.12g}"), float(f"{last * step:.12g}"), last - first + 1
+
+
+def _colour_settings(
+    data: Any, scalars: str, log: bool, cmap: Any, clim: Optional[Sequence[float]]
+) -> "dict[str, Any]":
+    """For Plotter.add_mesh: colours, light, and a bar whose labels are round numbers."""
+    from matplotlib.colors import ListedColormap
+
+    log = log and scalars == "mu"
+    bar = {
+        "title": scalars, "color": "black", "vertical": True, "fmt": "%g",
+        "position_x": 0.89, "position_y": 0.04, "height": 0.4, "width": 0.06,
+    }  # fmt: skip
+    if clim is None:
+        values = np.asarray(data[scalars], float)
+        values = values[np.isfinite(values)]
+        clim = density_range(values) if scalars == "mu" else (values.min(initial=0), values.max(initial=0))
+        if clim[1] > clim[0]:
+            *clim, bar["n_labels"] = round_scale(float(clim[0]), float(clim[1]), log)
+    return dict(
+        scalars=scalars,
+        cmap=cmap or ListedColormap(density_map()),
+        clim=clim,
+        log_scale=log,
+        smooth_shading=False,
+        ambient=0.35,
+        diffuse=0.65,
+        scalar_bar_args=bar,
+    )
+
+
+def _viewpoint(result: "Result", side: int) -> "tuple[tuple[float, ...], tuple[float, ...]]":
+    """Where the camera stands, outwards, and what is up there: on the side of the source (1), a little beside
+    and above it, or on the other one (-1). Up is z, or y where the source's side faces z."""
+    a, b, c = result.mesh.vertices[result.mesh.faces[result.source.face]]
+    front = np.cross(b - a, c - a)
+    front = side * front / (np.linalg.norm(front) or 1)
+    up = np.array([0.0, 1.0, 0.0] if abs(front[2]) > 0.8 else [0.0, 0.0, 1.0])
+    across = np.cross(up, front)
+    eye = front + 0.4 * across / np.linalg.norm(across) + 0.7 * up
+    return tuple(map(float, eye)), tuple(map(float, up))
 
 
 def _add_contours(plotter: Any, data: Any, result: "Result", contours: int) -> None:
@@ -116,7 +158,7 @@ def _add_contours(plotter: Any, data: Any, result: "Result", contours: int) -> N
     levels = np.linspace(0, result.distance[reached].max(), contours + 2)[1:-1]
     lines = part.contour(levels, scalars="distance")
     if lines.n_points:
-        plotter.add_mesh(lines, color="#404040", line_width=1, opacity=0.55)
+        plotter.add_mesh(lines, color="#404040", line_width=1.5, opacity=0.6)
 
 
 def _add_locus(plotter: Any, result: "Result", radius: float) -> None:

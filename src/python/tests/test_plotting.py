@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 import dmkcl
+from dmkcl import plotting
 from dmkcl._colour import density_map
 
 matplotlib = pytest.importorskip("matplotlib")
+pytest.importorskip("matplotlib.image")
 pyvista = pytest.importorskip("pyvista")
 
 
@@ -34,6 +36,23 @@ def test_plot(tmp_path, result):
     white = near(pixels, (255, 255, 255), 2)
     assert 0.2 * pixels[..., 0].size < white < 0.9 * pixels[..., 0].size
     assert near(pixels, (180, 25, 28)) > 500  # the locus
+
+
+def test_plot_shows_both_sides(tmp_path, result):
+    result.plot(screenshot=tmp_path / "picture.png")
+    pixels = matplotlib.image.imread(tmp_path / "picture.png") * 255
+    left, right = np.split(pixels, 2, axis=1)
+    assert near(left, (240, 180, 25)) > 30 > near(right, (240, 180, 25))  # the source
+    assert near(right, (180, 25, 28)) > 1.3 * near(left, (180, 25, 28))  # the locus
+
+
+@pytest.mark.parametrize("low, high, log", [(0.036, 32.7, True), (1e-3, 1, True), (0, 7.02, False), (-6.9, 0, False), (2.1, 2.3, False)])
+def test_scales_are_round(low, high, log):
+    a, b, n = plotting.round_scale(low, high, log)
+    labels = np.geomspace(a, b, n) if log else np.linspace(a, b, n)
+    assert a <= low < high <= b and 2 <= n <= 9
+    assert all(float(f"{label:.3g}") == pytest.approx(label) for label in labels)
+    assert log or b - a < 1.7 * (high - low)
 
 
 def test_plot_from_the_source(result):
