@@ -43,7 +43,7 @@ struct dmk_tracer {
     size_t n_spots;
     int32_t *line; /* half-edges, sorted */
     sight *sight;
-    size_t n_sights, room;
+    size_t n_sights, room, most;
     finish best;
     double bound, slack; /* nothing longer is of use; lengths that are equal */
     bool whole;          /* up to a bend or source: the distances of other vertices do not count */
@@ -95,6 +95,7 @@ int dmk_tracer_create(dmk_context *ctx, const dmk_geodesics *g, dmk_tracer **tra
     dmk_tracer *t = NULL;
     DMK_TRY(DMK_NEW(ctx, t, 1));
     t->g = g;
+    t->most = most_windows;
     DMK_TRY(DMK_NEW(ctx, t->spot, 2 * (size_t)g->n_sources));
     DMK_TRY(DMK_NEW(ctx, t->line, g->n_lines));
     for (int32_t i = 0; i < g->n_sources; i++) {
@@ -181,7 +182,7 @@ static int keep(dmk_context *ctx, dmk_tracer *t, const sight *w)
     if (w->half < 0 || !(w->y < 0) || !(w->hi - w->lo > 1e-12 * (fabs(w->hi) + fabs(w->lo))))
         return DMK_OK;
     look(t->g, w->half, &s);
-    if (least(t, w, &s) > t->bound + t->slack || t->n_sights >= most_windows) return DMK_OK;
+    if (least(t, w, &s) > t->bound + t->slack || t->n_sights >= t->most) return DMK_OK;
     if (t->n_sights == t->room) {
         int rc = DMK_GROW(ctx, t->sight, t->n_sights + 1, t->room);
         if (rc != DMK_OK) return rc;
@@ -598,6 +599,8 @@ enum { most_repairs = 200 };
 /* Radians: the rays that are followed back from a vertex, at first and at last, to both sides of where a neighbour
  * sees its source. Twice the width is some four times the work. */
 static const double narrow = 1e-4, wide = 1e-3;
+/* Windows of all repairs together, for each vertex of the mesh: some tenth of the time of the run. */
+static const double effort = 4;
 
 /* The direction at corner c's vertex v of the source as its neighbour at the next corner sees it, straight. */
 static double seen_by_next(const dmk_geodesics *g, int32_t c)
@@ -647,38 +650,48 @@ done:
 }
 
 /* Vertex v by a path of its own, straight up to a source or bend, where one of its neighbours sees it. */
-static int repair(dmk_context *ctx, dmk_tracer *t, dmk_geodesics *g, int32_t v)
+static int repair(dmk_context *ctx, dmk_tracer *t, dmk_geodesics *g, int32_t v, double width,
+                  double *left)
 {
     int rc;
     bool taken = false;
     dmk_site site = {0};
     dmk_point p = corner_point(g, v);
     DMK_TRY(dmk_site_create(ctx, g->mesh, &g->star, &p, 0, &site));
-    for (double width = narrow; !taken && width <= wide; width *= 10) {
-        for (int32_t k = 0; !taken && k < site.n_sectors; k++) {
-            const int32_t w = g->mesh->triangle[dmk_next(site.sector[k].half)];
-            if (!(g->error[w] <= 2 * g->tolerance * g->distance[w])) continue;
-            DMK_TRY(search(ctx, t, &site, &(cone){seen_by_next(g, site.sector[k].half), width}));
-            DMK_TRY(take_path(ctx, t, g, &site, &taken));
-        }
+    for (int32_t k = 0; !taken && *left > 0 && k < site.n_sectors; k++) {
+        const int32_t w = g->mesh->triangle[dmk_next(site.sector[k].half)];
+        if (!(g->error[w] <= 2 * g->tolerance * g->distance[w])) continue;
+        t->most = (size_t)*left;
+        DMK_TRY(search(ctx, t, &site, &(cone){seen_by_next(g, site.sector[k].half), width}));
+        *left -= (double)t->n_sights;
+        DMK_TRY(take_path(ctx, t, g, &site, &taken));
     }
 done:
     dmk_site_free(&site);
     return rc;
 }
 
+static bool needs_repair(const dmk_geodesics *g, int32_t v)
+{
+    return g->arrival[v].source >= 0 && g->error[v] > 2 * g->tolerance * g->distance[v] &&
+           !is_source(g, v);
+}
+
 int dmk_tracer_repair(dmk_context *ctx, dmk_geodesics *g)
 {
     int rc;
     dmk_tracer *t = NULL;
-    int32_t n = 0;
+    int32_t n = 0, list[most_repairs];
+    double left = fmin(most_windows, effort * g->mesh->n_vertices);
     DMK_TRY(dmk_tracer_create(ctx, g, &t));
     for (int32_t v = 0; v < g->mesh->n_vertices && n < most_repairs; v++) {
-        if (g->arrival[v].source < 0 || !(g->error[v] > 2 * g->tolerance * g->distance[v]))
-            continue;
-        n++;
-        if (!is_source(g, v)) DMK_TRY(repair(ctx, t, g, v));
-        DMK_TRY(dmk_poll(ctx));
+        if (needs_repair(g, v)) list[n++] = v;
+    }
+    for (double width = narrow; width <= wide; width *= 10) {
+        for (int32_t i = 0; i < n; i++) {
+            if (needs_repair(g, list[i])) DMK_TRY(repair(ctx, t, g, list[i], width, &left));
+            DMK_TRY(dmk_poll(ctx));
+        }
     }
 done:
     dmk_tracer_destroy(&t);
