@@ -162,13 +162,37 @@ static int split_all(dmk_context *ctx, double strength, knife *k)
     return DMK_OK;
 }
 
+/* Pieces of a triangle that is almost flat may be flat: the culprit is that triangle. */
+static int refuse_thin(dmk_context *ctx, const knife *k)
+{
+    int32_t thin = 0;
+    double least = INFINITY;
+    for (int32_t i = 0; i < k->n_triangles; i++) {
+        const int32_t *v = k->triangle + 3 * (size_t)i;
+        double ratio = dmk_altitude_ratio(k->xyz + 3 * (size_t)v[0], k->xyz + 3 * (size_t)v[1],
+                                          k->xyz + 3 * (size_t)v[2]);
+        if (ratio < least) {
+            least = ratio;
+            thin = k->kin[3 * (size_t)i] / 3;
+        }
+    }
+    const int32_t *v = k->cotree->geodesics->mesh->triangle + 3 * (size_t)thin;
+    return dmk_fail(
+        ctx, DMK_E_MESH,
+        "triangle %d (vertices %d %d %d) is so thin that a piece which the cut makes of it "
+        "has no area; join its nearest vertices, or move them apart",
+        thin, v[0], v[1], v[2]);
+}
+
 /* Sets of corners that uncut edges join. */
 static int join_corners(dmk_context *ctx, const knife *k, int32_t *parent)
 {
     int rc;
     dmk_mesh *whole = NULL; /* the split mesh, for its edges */
-    DMK_TRY(dmk_mesh_create(ctx, (size_t)k->n_vertices, k->xyz, (size_t)k->n_triangles, k->triangle,
-                            &whole));
+    rc = dmk_mesh_create(ctx, (size_t)k->n_vertices, k->xyz, (size_t)k->n_triangles, k->triangle,
+                         &whole);
+    if (rc == DMK_E_MESH) rc = refuse_thin(ctx, k);
+    if (rc != DMK_OK) goto done;
     DMK_TRY(dmk_poll(ctx));
     for (int32_t i = 0; i < 3 * k->n_triangles; i++) parent[i] = i;
     for (int32_t e = 0; e < whole->n_edges; e++) {
