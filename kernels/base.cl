@@ -140,20 +140,57 @@ static int next_part(volatile global int *shares, int4 launch, int *at)
 #endif
 
 /* Sums: each part (a work-group in the GPU shape) leaves one partial sum per quantity k at
- * partial[k * parts + part]. The order of additions is fixed by the number of items, so the same launch
- * gives the same bits. */
+ * partial[k * parts + part], and the last one to be done adds them up (SUMS), unless at < 0: with ranks
+ * there are more of them elsewhere. The order of additions is fixed by the number of items, so the same
+ * launch gives the same bits. Partial sums pass from group to group within a launch, so they are written
+ * and read by atomic operations, which caches do not hide. */
+#define SUM_ARGS                                                                                   \
+    volatile global sum_t *partial, int at, global sum_t *scalars, volatile global int *done
+static void put_sum(volatile global sum_t *place, sum_t x)
+{
+    volatile global int *word = (volatile global int *)place;
+#if DMK_FP64
+    const int2 bits = as_int2(x);
+    atomic_xchg(word, bits.s0);
+    atomic_xchg(word + 1, bits.s1);
+#else
+    atomic_xchg(word, as_int(x));
+#endif
+}
+static sum_t take_sum(volatile global sum_t *place)
+{
+    volatile global int *word = (volatile global int *)place;
+#if DMK_FP64
+    const int low = atomic_or(word, 0), high = atomic_or(word + 1, 0);
+    return as_double((int2)(low, high));
+#else
+    return as_float(atomic_or(word, 0));
+#endif
+}
+static int is_last(volatile global int *done, int parts)
+{
+    mem_fence(CLK_GLOBAL_MEM_FENCE);
+    const int last = atomic_inc(done) == parts - 1;
+    if (last) atomic_xchg(done, 0);
+    mem_fence(CLK_GLOBAL_MEM_FENCE);
+    return last;
+}
+
 #if DMK_CPU
+#define PARTS launch_.s3
 #define REDUCE(partial, k, v)                                                                      \
-    (partial)[(k) * launch_.s3 + part] =                                                           \
-        (((v).s0 + (v).s1) + ((v).s2 + (v).s3)) + (((v).s4 + (v).s5) + ((v).s6 + (v).s7))
+    put_sum((partial) + (k) * PARTS + part,                                                        \
+            (((v).s0 + (v).s1) + ((v).s2 + (v).s3)) + (((v).s4 + (v).s5) + ((v).s6 + (v).s7)))
 #define REDUCE_MAX(partial, k, v)                                                                  \
-    (partial)[(k) * launch_.s3 + part] =                                                           \
-        fmax(fmax(fmax((v).s0, (v).s1), fmax((v).s2, (v).s3)),                                     \
-             fmax(fmax((v).s4, (v).s5), fmax((v).s6, (v).s7)))
+    put_sum((partial) + (k) * PARTS + part,                                                        \
+            fmax(fmax(fmax((v).s0, (v).s1), fmax((v).s2, (v).s3)),                                 \
+                 fmax(fmax((v).s4, (v).s5), fmax((v).s6, (v).s7))))
+#define LAST_PART (at >= 0 && is_last(done, PARTS))
 #define SCRATCH
 #define KERNEL kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 #else
-#define TREE(partial, k, v, OP)                                                                    \
+#define PARTS (int)get_num_groups(0)
+#define TREE(v, OP)                                                                                \
     {                                                                                              \
         int l_ = (int)get_local_id(0);                                                             \
         scratch[l_] = (v);                                                                         \
@@ -161,42 +198,105 @@ static int next_part(volatile global int *shares, int4 launch, int *at)
             barrier(CLK_LOCAL_MEM_FENCE);                                                          \
             if (l_ < s_) scratch[l_] = OP(scratch[l_], scratch[l_ + s_]);                          \
         }                                                                                          \
-        if (l_ == 0) (partial)[(k) * get_num_groups(0) + get_group_id(0)] = scratch[0];            \
         barrier(CLK_LOCAL_MEM_FENCE);                                                              \
     }
+#define PART_TREE(partial, k, v, OP)                                                               \
+    do {                                                                                           \
+        TREE(v, OP)                                                                                \
+        if (get_local_id(0) == 0) put_sum((partial) + (k) * PARTS + get_group_id(0), scratch[0]);  \
+        barrier(CLK_LOCAL_MEM_FENCE);                                                              \
+    } while (0)
 #define ADD(a, b) ((a) + (b))
-#define REDUCE(partial, k, v) TREE(partial, k, v, ADD)
-#define REDUCE_MAX(partial, k, v) TREE(partial, k, v, fmax)
-#define SCRATCH local sum_t scratch[DMK_GROUP];
+#define REDUCE(partial, k, v) PART_TREE(partial, k, v, ADD)
+#define REDUCE_MAX(partial, k, v) PART_TREE(partial, k, v, fmax)
+static int is_last_group(volatile global int *done, int at, local int *last)
+{
+    if (get_local_id(0) == 0) *last = at >= 0 && is_last(done, PARTS);
+    barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
+    return *last;
+}
+#define LAST_PART is_last_group(done, at, &last_)
+#define SCRATCH                                                                                    \
+    local sum_t scratch[DMK_GROUP];                                                                \
+    local int last_;
 #define KERNEL kernel __attribute__((reqd_work_group_size(DMK_GROUP, 1, 1))) void
 #endif
 
-/* The sum of all partial sums of quantity k, by one work-group; the result is in every work-item. */
+/* Where `when` holds, the sum (or, with top != 0, the maximum) of all partial sums of quantity k; WHEN holds where
+ * it is known. All groups run through it: a barrier within a branch, even if a whole group takes it,
+ * is not done right by all drivers (PoCL 3.1 does what follows twice). */
 #if DMK_CPU
-#define GATHER_SUM(sum, partial, k, groups)                                                        \
+#define GATHER_SUM(sum, k, parts, top)                                                             \
     sum_t sum = 0;                                                                                 \
-    for (int g_ = 0; g_ < (groups); g_++) sum += (partial)[(k) * (groups) + g_];
-#define GATHER_MAX(sum, partial, k, groups)                                                        \
-    sum_t sum = (partial)[(k) * (groups)];                                                         \
-    for (int g_ = 1; g_ < (groups); g_++) sum = fmax(sum, (partial)[(k) * (groups) + g_]);
-#define FIRST_ITEM 1
-#else
-#define GATHER_TREE(sum, partial, k, groups, zero, OP)                                             \
-    sum_t sum = zero;                                                                              \
-    {                                                                                              \
-        int l_ = (int)get_local_id(0);                                                             \
-        for (int g_ = l_; g_ < (groups); g_ += DMK_GROUP) sum = OP(sum, (partial)[(k) * (groups) + g_]);\
-        scratch[l_] = sum;                                                                         \
-        for (int s_ = DMK_GROUP / 2; s_ > 0; s_ /= 2) {                                            \
-            barrier(CLK_LOCAL_MEM_FENCE);                                                          \
-            if (l_ < s_) scratch[l_] = OP(scratch[l_], scratch[l_ + s_]);                          \
-        }                                                                                          \
-        barrier(CLK_LOCAL_MEM_FENCE);                                                              \
-        sum = scratch[0];                                                                          \
-        barrier(CLK_LOCAL_MEM_FENCE);                                                              \
+    if (when && (top)) sum = take_sum(partial + (k) * (parts));                                    \
+    for (int g_ = 0; when && g_ < (parts); g_++) {                                                 \
+        const sum_t x_ = take_sum(partial + (k) * (parts) + g_);                                   \
+        sum = (top) ? fmax(sum, x_) : sum + x_;                                                    \
     }
-#define GATHER_SUM(sum, partial, k, groups) GATHER_TREE(sum, partial, k, groups, 0, ADD)
-#define GATHER_MAX(sum, partial, k, groups)                                                        \
-    GATHER_TREE(sum, partial, k, groups, (partial)[(k) * (groups)], fmax)
-#define FIRST_ITEM (get_local_id(0) == 0)
+#define WHEN when
+#else
+#define GATHER_SUM(sum, k, parts, top)                                                             \
+    sum_t sum = 0;                                                                                 \
+    if (when && (top)) sum = take_sum(partial + (k) * (parts));                                    \
+    for (int g_ = (int)get_local_id(0); when && g_ < (parts); g_ += DMK_GROUP) {                   \
+        const sum_t x_ = take_sum(partial + (k) * (parts) + g_);                                   \
+        sum = (top) ? fmax(sum, x_) : sum + x_;                                                    \
+    }                                                                                              \
+    scratch[get_local_id(0)] = sum;                                                                \
+    barrier(CLK_LOCAL_MEM_FENCE);                                                                  \
+    for (int g_ = 1; WHEN && g_ < DMK_GROUP; g_++) {                                               \
+        sum = (top) ? fmax(sum, scratch[g_]) : sum + scratch[g_];                                  \
+    }                                                                                              \
+    barrier(CLK_LOCAL_MEM_FENCE);
+#define WHEN (when && get_local_id(0) == 0)
 #endif
+
+/* scalars[at + k] = the sum of quantity k's partial sums, k < count; the last `maxima` of them are maxima. */
+#define ADD_UP(parts, count, maxima)                                                               \
+    for (int k_ = 0; k_ < (count); k_++) {                                                         \
+        GATHER_SUM(sum_, k_, parts, k_ >= (count) - (maxima))                                      \
+        if (WHEN) scalars[at + k_] = sum_;                                                         \
+    }
+#define SUMS(count, maxima)                                                                        \
+    const int when = LAST_PART;                                                                    \
+    ADD_UP(PARTS, count, maxima)
+
+/* All items of a loop by one work-group, and the wait between two loops. */
+#if DMK_CPU
+#define ITEM_BEGIN 0
+#define ITEM_STEP 1
+#define TOGETHER
+#define FOR_ALL_BLOCKS(b, n) for (int b = 0; b < ((n) + DMK_WIDTH - 1) / DMK_WIDTH; b++)
+#else
+#define ITEM_BEGIN ((int)get_local_id(0))
+#define ITEM_STEP DMK_GROUP
+#define TOGETHER barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
+#define FOR_ALL_BLOCKS(b, n) FOR_ITEMS(b, n)
+#endif
+#define FOR_ITEMS(i, n) for (int i = ITEM_BEGIN; i < (n); i += ITEM_STEP)
+
+/* The scalars of conjugate gradients, on the device: [0] r.z  [1] p.Ap  [2] alpha  [3] beta
+ * [4] r.z at the start. */
+
+/* beta = (r - r_before).z / (r.z)_before = -alpha Ap.z / (r.z)_before, or 0 at the first iteration.
+ * This form, unlike r.z / (r.z)_before, bears a preconditioner with rounding errors. */
+static void set_beta(global sum_t *state, int first, sum_t rz, sum_t apz)
+{
+    state[3] = first || !(state[0] > 0) ? 0 : -state[2] * apz / state[0];
+    state[0] = rz;
+    if (first) state[4] = rz;
+}
+#define CG_BETA(parts)                                                                             \
+    GATHER_SUM(rz_, 0, parts, 0)                                                                   \
+    GATHER_SUM(apz_, 1, parts, 0)                                                                  \
+    if (WHEN) set_beta(scalars, first, rz_, apz_);
+
+/* alpha = r.z / p.Ap; a direction without energy is not followed. */
+static void set_alpha(global sum_t *state, sum_t pap)
+{
+    state[1] = pap;
+    state[2] = pap > 0 ? state[0] / pap : 0;
+}
+#define CG_ALPHA(parts)                                                                            \
+    GATHER_SUM(pap_, 0, parts, 0)                                                                  \
+    if (WHEN) set_alpha(scalars, pap_);

@@ -2,12 +2,12 @@
  * Element arrays are padded to blocks of 8 with elements of no weight (mu = 0, cot = 0, area = 1).
  *   index 6, cot 3, area 1, mu 1, q 1, g 6 per element; see operator.cl. */
 
-/* g = K u (without mu), stored if it is to be kept, and q = u.g / area, the mean of |grad u|^2; partial
- * sums of mu u.g = u.Au. slack > 0: u.g with its rounding on top, `slack` times what its terms would be
+/* g = K u (without mu), stored if it is to be kept, and q = u.g / area, the mean of |grad u|^2; the
+ * sum of mu u.g = u.Au. slack > 0: u.g with its rounding on top, `slack` times what its terms would be
  * without cancellation: at large cotangents of both signs they are up to cot^2 times as large as their sum. */
 KERNEL element_energy(int n, int keep, float slack, global const int *index, global const real *cot,
                       global const real *area, global const real *mu, GATHERED real *u,
-                      global real *g, global real *q, global sum_t *partial LAUNCH)
+                      global real *g, global real *q, SUM_ARGS LAUNCH)
 {
     SCRATCH
     FOR_PARTS
@@ -35,8 +35,8 @@ KERNEL element_energy(int n, int keep, float slack, global const int *index, glo
             STORE(e / LOAD(area, AT(b)), q, AT(b));
             sum += TO_SUM(LOAD(mu, AT(b)) * e);
         }
-        REDUCE(partial, 0, sum)
-        ;
+        REDUCE(partial, 0, sum);
+        SUMS(1, 0)
     }
 }
 
@@ -46,9 +46,9 @@ static realv log_slope(realv q)
     return clamp((real)0.5 * log(fmax(q, (realv)1e-30f)), (realv)-1, (realv)1);
 }
 
-/* Partial sums of area mu L^2 and area mu, and the largest q where mu counts. */
+/* Sums of area mu L^2 and area mu, and the largest q where mu counts. */
 KERNEL element_measure(int n, float alpha, global const real *area, global const real *mu,
-                       global const real *q, global sum_t *partial LAUNCH)
+                       global const real *q, SUM_ARGS LAUNCH)
 {
     SCRATCH
     FOR_PARTS
@@ -63,12 +63,10 @@ KERNEL element_measure(int n, float alpha, global const real *area, global const
             mass += TO_SUM(m);
             top = fmax(top, TO_SUM(e));
         }
-        REDUCE(partial, 0, sum)
-        ;
-        REDUCE(partial, 1, mass)
-        ;
-        REDUCE_MAX(partial, 2, top)
-        ;
+        REDUCE(partial, 0, sum);
+        REDUCE(partial, 1, mass);
+        REDUCE_MAX(partial, 2, top);
+        SUMS(3, 1)
     }
 }
 
@@ -229,10 +227,10 @@ KERNEL rows_outer_residual(int n, global const int *slice, global const int *slo
 }
 
 /* dy = D (L + g.w / (area s)) = D L + sqrt(D / (mu area s)) sqrt(c) g.w, kept in [-1, 1]; mu <- max(mu exp(dy), floor sqrt(area)).
- * Partial sums of area |change of mu| and area mu. */
+ * Sums of area |change of mu| and area mu. */
 KERNEL newton_update(int n, float alpha, float D, float lowest, global const int *index,
                      global const real *area, global const real *q, global const float *rank_one,
-                     GATHERED float *w, global real *mu, global sum_t *partial LAUNCH)
+                     GATHERED float *w, global real *mu, SUM_ARGS LAUNCH)
 {
     SCRATCH
     FOR_PARTS
@@ -261,10 +259,9 @@ KERNEL newton_update(int n, float alpha, float D, float lowest, global const int
             change += TO_SUM(a * fabs(next - old));
             mass += TO_SUM(a * next);
         }
-        REDUCE(partial, 0, change)
-        ;
-        REDUCE(partial, 1, mass)
-        ;
+        REDUCE(partial, 0, change);
+        REDUCE(partial, 1, mass);
+        SUMS(2, 0)
     }
 }
 
@@ -272,7 +269,7 @@ KERNEL newton_update(int n, float alpha, float D, float lowest, global const int
  * y = log mu with inertia: y <- y + 1/2 log q + beta (y - y_before). */
 KERNEL explicit_update(int n, int inertial, float dt, float beta, float lowest,
                        global const real *area, global const real *q, global real *mu,
-                       global real *before, global sum_t *partial LAUNCH)
+                       global real *before, SUM_ARGS LAUNCH)
 {
     SCRATCH
     FOR_PARTS
@@ -293,10 +290,9 @@ KERNEL explicit_update(int n, int inertial, float dt, float beta, float lowest,
             change += TO_SUM(a * fabs(next - old));
             mass += TO_SUM(a * next);
         }
-        REDUCE(partial, 0, change)
-        ;
-        REDUCE(partial, 1, mass)
-        ;
+        REDUCE(partial, 0, change);
+        REDUCE(partial, 1, mass);
+        SUMS(2, 0)
     }
 }
 

@@ -14,9 +14,8 @@
     const intv i0 = LOAD(index, AT_K(b, 0, 6)), i1 = LOAD(index, AT_K(b, 1, 6)),                   \
                i2 = LOAD(index, AT_K(b, 2, 6)), i3 = LOAD(index, AT_K(b, 3, 6)),                   \
                i4 = LOAD(index, AT_K(b, 4, 6)), i5 = LOAD(index, AT_K(b, 5, 6));                   \
-    const realv v0 = (realv)(GATHER(p, i0)), v1 = (realv)(GATHER(p, i1)),                          \
-                v2 = (realv)(GATHER(p, i2)), m0 = (realv)(GATHER(p, i3)),                          \
-                m1 = (realv)(GATHER(p, i4)), m2 = (realv)(GATHER(p, i5));
+    realv v0 = (realv)(GATHER(p, i0)), v1 = (realv)(GATHER(p, i1)), v2 = (realv)(GATHER(p, i2)),   \
+          m0 = (realv)(GATHER(p, i3)), m1 = (realv)(GATHER(p, i4)), m2 = (realv)(GATHER(p, i5));
 
 /* y = K x with link weights from w_i = (density *) c_i. */
 #define STIFFNESS(w0, w1, w2)                                                                      \
@@ -49,6 +48,23 @@ KERNEL element_stiffness(int n, global const int *index, global const real *weig
     }
 }
 
+/* y += g g'x, g the six numbers of each element. Differences to m0: the six g sum to 0, and large equal
+ * parts of x cancel exactly. */
+#define RANK_ONE(g, b)                                                                             \
+    {                                                                                              \
+        const realv g0 = LOAD(g, AT_K(b, 0, 6)), g1 = LOAD(g, AT_K(b, 1, 6)),                      \
+                    g2 = LOAD(g, AT_K(b, 2, 6)), g3 = LOAD(g, AT_K(b, 3, 6)),                      \
+                    g4 = LOAD(g, AT_K(b, 4, 6)), g5 = LOAD(g, AT_K(b, 5, 6));                      \
+        const realv s_ = g0 * (v0 - m0) + g1 * (v1 - m0) + g2 * (v2 - m0) + g4 * (m1 - m0) +       \
+                         g5 * (m2 - m0);                                                           \
+        y0 += s_ * g0;                                                                             \
+        y1 += s_ * g1;                                                                             \
+        y2 += s_ * g2;                                                                             \
+        y3 += s_ * g3;                                                                             \
+        y4 += s_ * g4;                                                                             \
+        y5 += s_ * g5;                                                                             \
+    }
+
 /* First phase of Newton's M = A + sum_T g_T g_T': g holds the six g_T times the root of its factor. */
 KERNEL element_newton(int n, global const int *index, global const real *weight,
                       global const real *g, GATHERED real *x, global real *out LAUNCH)
@@ -59,18 +75,7 @@ KERNEL element_newton(int n, global const int *index, global const real *weight,
         const realv w0 = LOAD(weight, AT_K(b, 0, 3)), w1 = LOAD(weight, AT_K(b, 1, 3)),
                     w2 = LOAD(weight, AT_K(b, 2, 3));
         STIFFNESS(w0, w1, w2)
-        const realv g0 = LOAD(g, AT_K(b, 0, 6)), g1 = LOAD(g, AT_K(b, 1, 6)),
-                    g2 = LOAD(g, AT_K(b, 2, 6)), g3 = LOAD(g, AT_K(b, 3, 6)),
-                    g4 = LOAD(g, AT_K(b, 4, 6)), g5 = LOAD(g, AT_K(b, 5, 6));
-        /* Differences to m0: the six g sum to 0, and large equal parts of x cancel exactly. */
-        const realv s = g0 * (v0 - m0) + g1 * (v1 - m0) + g2 * (v2 - m0) + g4 * (m1 - m0) +
-                        g5 * (m2 - m0);
-        y0 += s * g0;
-        y1 += s * g1;
-        y2 += s * g2;
-        y3 += s * g3;
-        y4 += s * g4;
-        y5 += s * g5;
+        RANK_ONE(g, b)
         STORE6(out, b)
     }
 }
@@ -82,9 +87,9 @@ KERNEL element_newton(int n, global const int *index, global const real *weight,
         y += (realv)(GATHER(out, s_));                                                             \
     }
 
-/* Second phase, y = A x, and partial sums of x.y. */
+/* Second phase, y = A x, and x.y: where it is summed up, at = 1, CG's step follows from it (vector.cl). */
 KERNEL rows_apply(int n, global const int *slice, global const int *slot, GATHERED real *out,
-                  global const real *x, global real *y, global sum_t *partial LAUNCH)
+                  global const real *x, global real *y, SUM_ARGS LAUNCH)
 {
     SCRATCH
     FOR_PARTS
@@ -96,19 +101,9 @@ KERNEL rows_apply(int n, global const int *slice, global const int *slot, GATHER
             STORE(a, y, AT(b));
             sum += TO_SUM(a) * TO_SUM(LOAD(x, AT(b)));
         }
-        REDUCE(partial, 0, sum)
-        ;
-    }
-}
-
-/* Second phase, r = b - A x. */
-KERNEL rows_residual(int n, global const int *slice, global const int *slot, GATHERED real *out,
-                     global const real *rhs, global real *r LAUNCH)
-{
-    FOR_BLOCKS(b, n)
-    {
-        ROW_SUM(a, b)
-        STORE(LOAD(rhs, AT(b)) - a, r, AT(b));
+        REDUCE(partial, 0, sum);
+        const int when = LAST_PART;
+        CG_ALPHA(PARTS)
     }
 }
 

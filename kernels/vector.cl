@@ -1,22 +1,21 @@
-/* Vectors and the scalars of conjugate gradients. `state` holds, on the device:
- * [0] r.z  [1] p.Ap  [2] alpha  [3] beta  [4] r.z at the start. */
+/* Vectors, and the steps of conjugate gradients; `state`: see base.cl. */
 
-/* Partial sums of a.b. */
-KERNEL dot_real(int n, global const real *a, global const real *b, global sum_t *partial LAUNCH)
+/* a.b */
+KERNEL dot_real(int n, global const real *a, global const real *b, SUM_ARGS LAUNCH)
 {
     SCRATCH
     FOR_PARTS
     {
         sumv sum = 0;
         FOR_PART_BLOCKS(i, n) { sum += TO_SUM(LOAD(a, AT(i))) * TO_SUM(LOAD(b, AT(i))); }
-        REDUCE(partial, 0, sum)
-        ;
+        REDUCE(partial, 0, sum);
+        SUMS(1, 0)
     }
 }
 
-/* Partial sums of r.z and Ap.z, z in single precision. */
-KERNEL cg_dots(int n, global const real *r, global const real *ap, global const float *z,
-               global sum_t *partial LAUNCH)
+/* r.z and Ap.z, z in single precision, and beta of them. */
+KERNEL cg_dots(int n, int first, global const real *r, global const real *ap, global const float *z,
+               SUM_ARGS LAUNCH)
 {
     SCRATCH
     FOR_PARTS
@@ -28,15 +27,15 @@ KERNEL cg_dots(int n, global const real *r, global const real *ap, global const 
             rz += TO_SUM(LOAD(r, AT(i))) * zi;
             apz += TO_SUM(LOAD(ap, AT(i))) * zi;
         }
-        REDUCE(partial, 0, rz)
-        ;
-        REDUCE(partial, 1, apz)
-        ;
+        REDUCE(partial, 0, rz);
+        REDUCE(partial, 1, apz);
+        const int when = LAST_PART;
+        CG_BETA(PARTS)
     }
 }
 
 /* The largest u and the largest -u (padding rows count as 0). */
-KERNEL rows_range(int n, global const real *u, global sum_t *partial LAUNCH)
+KERNEL rows_range(int n, global const real *u, SUM_ARGS LAUNCH)
 {
     SCRATCH
     FOR_PARTS
@@ -47,41 +46,33 @@ KERNEL rows_range(int n, global const real *u, global sum_t *partial LAUNCH)
             top = fmax(top, TO_SUM(LOAD(u, AT(i))));
             bottom = fmax(bottom, -TO_SUM(LOAD(u, AT(i))));
         }
-        REDUCE_MAX(partial, 0, top)
-        ;
-        REDUCE_MAX(partial, 1, bottom)
-        ;
+        REDUCE_MAX(partial, 0, top);
+        REDUCE_MAX(partial, 1, bottom);
+        SUMS(2, 2)
     }
 }
 
-/* out[at + k] = sum of quantity k's partial sums, k < count; the last `maxima` of them are maxima. */
-KERNEL sum_partials(int parts, int count, int maxima, global const sum_t *partial,
-                    global sum_t *out, int at LAUNCH)
+/* What the last part of another kernel does, by itself: partial sums of all ranks are there now. */
+KERNEL sum_partials(int parts, int count, int maxima, volatile global sum_t *partial,
+                    global sum_t *scalars, int at LAUNCH)
 {
     SCRATCH
-    for (int k = 0; k < count; k++) {
-        if (k >= count - maxima) {
-            GATHER_MAX(m, partial, k, parts)
-            if (FIRST_ITEM) out[at + k] = m;
-        } else {
-            GATHER_SUM(s, partial, k, parts)
-            if (FIRST_ITEM) out[at + k] = s;
-        }
-    }
+    const int when = 1;
+    ADD_UP(parts, count, maxima)
 }
 
-/* beta = (r - r_before).z / (r.z)_before = -alpha Ap.z / (r.z)_before, or 0 at the first iteration.
- * This form, unlike r.z / (r.z)_before, bears a preconditioner with rounding errors. */
-KERNEL cg_beta(int parts, int first, global const sum_t *partial, global sum_t *state LAUNCH)
+KERNEL cg_beta(int parts, int first, volatile global sum_t *partial, global sum_t *scalars LAUNCH)
 {
     SCRATCH
-    GATHER_SUM(rz, partial, 0, parts)
-    GATHER_SUM(apz, partial, 1, parts)
-    if (FIRST_ITEM) {
-        state[3] = first || !(state[0] > 0) ? 0 : -state[2] * apz / state[0];
-        state[0] = rz;
-        if (first) state[4] = rz;
-    }
+    const int when = 1;
+    CG_BETA(parts)
+}
+
+KERNEL cg_alpha(int parts, volatile global sum_t *partial, global sum_t *scalars LAUNCH)
+{
+    SCRATCH
+    const int when = 1;
+    CG_ALPHA(parts)
 }
 
 /* p = z + beta p; p is not read at the first iteration, when beta is 0. */
@@ -96,30 +87,24 @@ KERNEL cg_direction(int n, global const sum_t *state, global const float *z, glo
     }
 }
 
-/* p.Ap has been summed: alpha = r.z / p.Ap; a direction without energy is not followed. */
-KERNEL cg_alpha(int parts, global const sum_t *partial, global sum_t *state LAUNCH)
-{
-    SCRATCH
-    GATHER_SUM(pap, partial, 0, parts)
-    if (FIRST_ITEM) {
-        state[1] = pap;
-        state[2] = pap > 0 ? state[0] / pap : 0;
-    }
-}
-
-/* x += alpha p, r -= alpha Ap; `narrow` is r for the preconditioner (r itself in single precision). */
-KERNEL cg_step(int n, global const sum_t *state, global const real *p, global const real *ap,
-               global real *x, global real *r, global float *narrow LAUNCH)
+/* x += alpha p; unless it was the last step r -= alpha Ap, `narrow` is r for the
+ * preconditioner (r itself in single precision), and z = step D^-1 r its first smoothing step from 0. */
+KERNEL cg_step(int n, int last, global const sum_t *state, global const real *p,
+               global const real *ap, global real *x, global real *r, global float *narrow, float step,
+               global const float *inv_diag, global float *z LAUNCH)
 {
     const real alpha = (real)state[2];
     FOR_BLOCKS(i, n)
     {
         STORE(LOAD(x, AT(i)) + alpha * LOAD(p, AT(i)), x, AT(i));
+        if (last) continue;
         const realv next = LOAD(r, AT(i)) - alpha * LOAD(ap, AT(i));
+        const floatv single = TO_FLOAT(next);
         STORE(next, r, AT(i));
 #if DMK_DOUBLE
-        STORE(TO_FLOAT(next), narrow, AT(i));
+        STORE(single, narrow, AT(i));
 #endif
+        STORE(step * LOAD(inv_diag, AT(i)) * single, z, AT(i));
     }
 }
 
@@ -128,8 +113,21 @@ KERNEL narrow_copy(int n, global const real *from, global float *to LAUNCH)
     FOR_BLOCKS(i, n) { STORE(TO_FLOAT(LOAD(from, AT(i))), to, AT(i)); }
 }
 
-/* x <- alpha x + add. */
-KERNEL scale_add(int n, float alpha, global real *x, global const float *add LAUNCH)
+/* x <- alpha x + add, and f.x */
+KERNEL scale_add(int n, float alpha, global real *x, global const float *add, global const real *f,
+                 SUM_ARGS LAUNCH)
 {
-    FOR_BLOCKS(i, n) { STORE((real)alpha * LOAD(x, AT(i)) + TO_REAL(LOAD(add, AT(i))), x, AT(i)); }
+    SCRATCH
+    FOR_PARTS
+    {
+        sumv sum = 0;
+        FOR_PART_BLOCKS(i, n)
+        {
+            const realv next = (real)alpha * LOAD(x, AT(i)) + TO_REAL(LOAD(add, AT(i)));
+            STORE(next, x, AT(i));
+            sum += TO_SUM(LOAD(f, AT(i))) * TO_SUM(next);
+        }
+        REDUCE(partial, 0, sum);
+        SUMS(1, 0)
+    }
 }

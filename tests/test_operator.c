@@ -178,7 +178,7 @@ static double *v_cycle(const fixture *x, const double *rhs)
     dmk_system *s = x->sys;
     double *z = calloc(x->n, sizeof *z);
     ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_INNER, s->cg[DMK_INNER].r, x->n, rhs));
-    ok(x, dmk_v_cycle(x->ctx, s, DMK_STIFFNESS, s->cg[DMK_INNER].r));
+    ok(x, dmk_v_cycle(x->ctx, s, DMK_STIFFNESS, s->cg[DMK_INNER].r, (dmk_cycle){0}));
     ok(x, dmk_buffer_read_real(x->ctx, x->dev, DMK_INNER, s->x_old, x->n, z));
     return z;
 }
@@ -221,23 +221,26 @@ static void every_part_is_done_once(void **state)
 {
     fixture *x = *state;
     enum { N = 60003, LAUNCHES = 2100, LOOK = 70 };
-    dmk_buffer *sum = NULL, *one = NULL;
+    dmk_buffer *sum = NULL, *one = NULL, *partial = NULL;
     float *v = calloc(N, sizeof *v);
     for (int i = 0; i < N; i++) v[i] = 1;
     ok(x, dmk_buffer_create(x->ctx, x->dev, (N + 8) * sizeof *v, NULL, &sum));
     ok(x, dmk_buffer_create(x->ctx, x->dev, (N + 8) * sizeof *v, NULL, &one));
     ok(x, dmk_buffer_write(x->ctx, x->dev, one, 0, N * sizeof *v, v));
+    ok(x, dmk_buffer_create(x->ctx, x->dev, N * sizeof(double), NULL, &partial));
     dmk_kernel *add;
     ok(x, dmk_kernel_get(x->ctx, x->dev, DMK_INNER, "scale_add", &add));
     for (int k = 1; k <= LAUNCHES; k++) {
         ok(x, DMK_LAUNCH(x->ctx, x->dev, add, ((dmk_range){N, N / 3}), DMK_INT(N), DMK_FLOAT(1),
-                         DMK_BUF(sum), DMK_BUF(one)));
+                         DMK_BUF(sum), DMK_BUF(one), DMK_BUF(one), DMK_BUF(partial), DMK_INT(-1),
+                         DMK_BUF(partial), DMK_BUF(x->sys->done)));
         if (k % LOOK) continue;
         ok(x, dmk_buffer_read(x->ctx, x->dev, sum, 0, N * sizeof *v, v));
         for (int i = 0; i < N; i++) assert_true(v[i] == (float)k);
     }
     dmk_buffer_destroy(&sum);
     dmk_buffer_destroy(&one);
+    dmk_buffer_destroy(&partial);
     free(v);
 }
 

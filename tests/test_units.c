@@ -131,7 +131,7 @@ static double v_cycle_rate(const fixture *x)
     for (int cycle = 0; cycle < 12; cycle++) {
         double *av = apply(x, v), before = dot(x, v, av);
         ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_INNER, s->cg[DMK_INNER].r, x->n, av));
-        ok(x, dmk_v_cycle(x->b.ctx, s, DMK_STIFFNESS, s->cg[DMK_INNER].r));
+        ok(x, dmk_v_cycle(x->b.ctx, s, DMK_STIFFNESS, s->cg[DMK_INNER].r, (dmk_cycle){0}));
         ok(x, dmk_buffer_read_real(x->b.ctx, x->b.dev, DMK_INNER, s->x_old, x->n, z));
         for (size_t i = 0; i < x->n; i++) v[i] -= z[i];
         free(av);

@@ -10,6 +10,11 @@ static cl_mem mem_of(const dmk_buffer *b)
     return (cl_mem)(uintptr_t)b;
 }
 
+bool dmk_device_cpu_shape(const dmk_device *dev)
+{
+    return dev->cpu_shape;
+}
+
 size_t dmk_device_real(const dmk_device *dev, dmk_program program)
 {
     return program == DMK_OUTER && dev->double_precision ? sizeof(double) : sizeof(float);
@@ -40,6 +45,50 @@ int dmk_buffer_clear(dmk_context *ctx, dmk_device *dev, dmk_buffer *buffer, size
                         clEnqueueFillBuffer(dev->queue, mem_of(buffer), &zero, sizeof zero, 0,
                                             bytes, 0, NULL, NULL),
                         "clEnqueueFillBuffer");
+}
+
+/* Where the parts of `whole` begin, a multiple of what the device asks for; their sum. */
+static int place_parts(dmk_context *ctx, const dmk_device *dev, size_t n,
+                       dmk_buffer **const *buffers, size_t *bytes, size_t *place, size_t *sum)
+{
+    int rc;
+    cl_uint bits = 0;
+    DMK_CL(clGetDeviceInfo(dev->id, CL_DEVICE_MEM_BASE_ADDR_ALIGN, sizeof bits, &bits, NULL));
+    const size_t align = bits >= 64 ? bits / 8 : 8;
+    *sum = 0;
+    for (size_t i = 0; i < n; i++) {
+        DMK_CL(
+            clGetMemObjectInfo(mem_of(*buffers[i]), CL_MEM_SIZE, sizeof bytes[i], &bytes[i], NULL));
+        place[i] = *sum;
+        *sum += (bytes[i] + align - 1) / align * align;
+    }
+done:
+    return rc;
+}
+
+int dmk_buffer_gather(dmk_context *ctx, dmk_device *dev, size_t n, dmk_buffer **const *buffers,
+                      size_t *place, dmk_buffer **whole)
+{
+    int rc;
+    size_t sum, *bytes = NULL;
+    DMK_TRY(DMK_NEW(ctx, bytes, n));
+    DMK_TRY(place_parts(ctx, dev, n, buffers, bytes, place, &sum));
+    DMK_TRY(dmk_buffer_create(ctx, dev, sum, NULL, whole));
+    for (size_t i = 0; i < n; i++) {
+        cl_int error;
+        const cl_buffer_region part = {place[i], bytes[i]};
+        cl_mem from = mem_of(*buffers[i]);
+        DMK_CL(clEnqueueCopyBuffer(dev->queue, from, mem_of(*whole), 0, place[i], bytes[i], 0, NULL,
+                                   NULL));
+        cl_mem to = clCreateSubBuffer(mem_of(*whole), CL_MEM_READ_WRITE,
+                                      CL_BUFFER_CREATE_TYPE_REGION, &part, &error);
+        DMK_TRY(dmk_cl_check(ctx, error, "clCreateSubBuffer"));
+        clReleaseMemObject(from);
+        *buffers[i] = (dmk_buffer *)to;
+    }
+done:
+    free(bytes);
+    return rc;
 }
 
 void dmk_buffer_destroy(dmk_buffer **buffer)

@@ -20,6 +20,9 @@ typedef struct dmk_kernel dmk_kernel;
 /* Bytes of one number of the program's working type: 4, or 8 for a double-precision outer one. */
 size_t dmk_device_real(const dmk_device *device, dmk_program program);
 
+/* Work-items of the CPU shape run over blocks of items, those of the GPU shape are one each. */
+bool dmk_device_cpu_shape(const dmk_device *device);
+
 /* Drivers' threads do not live on in a forked child: there an open device is refused. */
 int dmk_device_owned(dmk_context *context, const dmk_device *device);
 
@@ -27,6 +30,9 @@ int dmk_device_owned(dmk_context *context, const dmk_device *device);
 int dmk_buffer_create(dmk_context *context, dmk_device *device, size_t bytes, const void *init,
                       dmk_buffer **buffer);
 void dmk_buffer_destroy(dmk_buffer **buffer);
+/* Move n buffers into a new one: each becomes a part of it, from the byte place[i] on. */
+int dmk_buffer_gather(dmk_context *context, dmk_device *device, size_t n,
+                      dmk_buffer **const *buffers, size_t *place, dmk_buffer **whole);
 /* Queue the filling of a buffer's first `bytes` with 0. */
 int dmk_buffer_clear(dmk_context *context, dmk_device *device, dmk_buffer *buffer, size_t bytes);
 /* Blocking: all queued work is done when these return. */

@@ -16,9 +16,8 @@ static int range(dmk_iteration *o, const dmk_buffer *u, double *low, double *hig
 {
     int rc;
     double ends[2];
-    dmk_system *s = o->sys;
-    DMK_TRY(dmk_rows_range(o->ctx, s, u));
-    DMK_TRY(dmk_iteration_sums(o, (size_t)s->n_rows, 2, 2, ends));
+    DMK_TRY(dmk_rows_range(o->ctx, o->sys, u, 0));
+    DMK_TRY(dmk_iteration_scalars(o, 2, ends));
     *low = -ends[1];
     *high = ends[0];
 done:

@@ -10,8 +10,8 @@ static int update(dmk_iteration *o, bool inertial, double dt, double beta, doubl
     int rc;
     double sums[2];
     dmk_system *s = o->sys;
-    DMK_TRY(dmk_explicit_update(o->ctx, s, inertial, dt, beta, o->floor));
-    DMK_TRY(dmk_iteration_sums(o, (size_t)s->n_elements, 2, 0, sums));
+    DMK_TRY(dmk_explicit_update(o->ctx, s, inertial, dt, beta, o->floor, 0));
+    DMK_TRY(dmk_iteration_scalars(o, 2, sums));
     *change = sums[0] / sums[1] / dt;
 done:
     return rc;

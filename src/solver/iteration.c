@@ -5,46 +5,30 @@
 #include <math.h>
 #include <stdio.h>
 
-int dmk_iteration_sums(dmk_iteration *o, size_t items, int count, int maxima, double *sums)
-{
-    int rc;
-    dmk_system *s = o->sys;
-    DMK_TRY(dmk_sum_partials(o->ctx, s, items, count, maxima, 0));
-    DMK_TRY(dmk_buffer_read_real(o->ctx, s->device, DMK_OUTER, s->scalars, (size_t)count, sums));
-done:
-    return rc;
-}
-
-/* Queue them: v.Av and f.v come to scalars[0] and [1]. */
-static int queue_energies(dmk_iteration *o, const dmk_buffer *v, bool keep, double slack)
-{
-    int rc;
-    dmk_system *s = o->sys;
-    o->fresh = keep;
-    DMK_TRY(dmk_element_energy(o->ctx, s, v, keep, slack));
-    DMK_TRY(dmk_sum_partials(o->ctx, s, (size_t)s->n_elements, 1, 0, 0));
-    DMK_TRY(dmk_dot(o->ctx, s, s->f, v));
-    DMK_TRY(dmk_sum_partials(o->ctx, s, (size_t)s->n_rows, 1, 0, 1));
-done:
-    return rc;
-}
-
-static int read_scalars(dmk_iteration *o, size_t n, double *sums)
+int dmk_iteration_scalars(dmk_iteration *o, size_t n, double *sums)
 {
     return dmk_buffer_read_real(o->ctx, o->sys->device, DMK_OUTER, o->sys->scalars, n, sums);
 }
 
+/* Queue them: v.Av comes to scalars[0]. */
+static int queue_energy(dmk_iteration *o, const dmk_buffer *v, bool keep, double slack)
+{
+    o->fresh = keep;
+    return dmk_element_energy(o->ctx, o->sys, v, keep, slack, 0);
+}
+
 int dmk_iteration_energies(dmk_iteration *o)
 {
-    return dmk_iteration_energies_and(o, 0, NULL);
+    int rc = dmk_dot(o->ctx, o->sys, o->sys->f, o->sys->u, 1);
+    return rc ? rc : dmk_iteration_energies_and(o, 0, NULL);
 }
 
 int dmk_iteration_energies_and(dmk_iteration *o, int n, double *others)
 {
     int rc;
     double sums[16]; /* as many as there are scalars */
-    DMK_TRY(queue_energies(o, o->sys->u, true, 0));
-    DMK_TRY(read_scalars(o, 2 + (size_t)n, sums));
+    DMK_TRY(queue_energy(o, o->sys->u, true, 0));
+    DMK_TRY(dmk_iteration_scalars(o, 2 + (size_t)n, sums));
     o->uau = sums[0];
     o->fu = sums[1];
     for (int i = 0; i < n; i++) others[i] = sums[2 + i];
@@ -57,8 +41,9 @@ int dmk_iteration_energies_of(dmk_iteration *o, const dmk_buffer *v, double *fv)
     int rc;
     double sums[2];
     const bool wide = dmk_device_real(o->sys->device, DMK_OUTER) == sizeof(double);
-    DMK_TRY(queue_energies(o, v, false, wide ? DMK_ENERGY_ROUNDING : 0));
-    DMK_TRY(read_scalars(o, 2, sums));
+    DMK_TRY(dmk_dot(o->ctx, o->sys, o->sys->f, v, 1));
+    DMK_TRY(queue_energy(o, v, false, wide ? DMK_ENERGY_ROUNDING : 0));
+    DMK_TRY(dmk_iteration_scalars(o, 2, sums));
     *fv = sums[1];
 done:
     return rc;
@@ -68,9 +53,8 @@ int dmk_iteration_measure(dmk_iteration *o, double alpha)
 {
     int rc;
     double sums[3];
-    dmk_system *s = o->sys;
-    DMK_TRY(dmk_element_measure(o->ctx, s, alpha));
-    DMK_TRY(dmk_iteration_sums(o, (size_t)s->n_elements, 3, 1, sums));
+    DMK_TRY(dmk_element_measure(o->ctx, o->sys, alpha, 0));
+    DMK_TRY(dmk_iteration_scalars(o, 3, sums));
     o->mass = sums[1];
     o->rho = sqrt(sums[0] / sums[1]);
     o->top = sums[2];

@@ -40,7 +40,7 @@ static const double DMK_ENERGY_ROUNDING = 16 * 2.220446049250313e-16;
 
 /* g in out_real, q of s->u; fu and uau. */
 int dmk_iteration_energies(dmk_iteration *o);
-/* The same, and in one read with them `n` sums that are queued for scalars[2 .. 2 + n). */
+/* The same where f.u is queued for scalars[1], and in one read `n` sums that are for scalars[2 .. 2 + n). */
 int dmk_iteration_energies_and(dmk_iteration *o, int n, double *others);
 /* q and f.v of any row vector in place of u, in double precision q with its rounding on top, so that it is not
  * below the true one. out_real stays as it is. */
@@ -49,8 +49,8 @@ int dmk_iteration_energies_of(dmk_iteration *o, const dmk_buffer *v, double *fv)
 int dmk_iteration_measure(dmk_iteration *o, double alpha);
 /* Solve A(mu) du = f - A(mu) u to `tolerance` of the energy f.u and add du to s->u. */
 int dmk_iteration_solve(dmk_iteration *o, double tolerance, int max_iterations);
-/* Sums (the last `maxima`: maxima) left by a kernel over n items in system->partial. */
-int dmk_iteration_sums(dmk_iteration *o, size_t items, int count, int maxima, double *sums);
+/* Read the first n scalars, once all that is queued is done. */
+int dmk_iteration_scalars(dmk_iteration *o, size_t n, double *sums);
 /* Report a step; a change that is not a number or too large is divergence. */
 int dmk_iteration_step_done(dmk_iteration *o, int step, int max_steps, int iterations,
                             double change);

@@ -1,5 +1,7 @@
 #include "solver/kernels.h"
 
+#include "dmk_shared.h"
+
 #include <stdlib.h>
 
 enum { IN_INNER = 1 << DMK_INNER, IN_OUTER = 1 << DMK_OUTER, IN_BOTH = IN_INNER | IN_OUTER };
@@ -9,7 +11,6 @@ enum { IN_INNER = 1 << DMK_INNER, IN_OUTER = 1 << DMK_OUTER, IN_BOTH = IN_INNER 
     X(element_stiffness, IN_BOTH)                                                                  \
     X(element_newton, IN_INNER)                                                                    \
     X(rows_apply, IN_BOTH)                                                                         \
-    X(rows_residual, IN_INNER)                                                                     \
     X(rows_chebyshev, IN_INNER)                                                                    \
     X(cg_dots, IN_BOTH)                                                                            \
     X(cg_beta, IN_BOTH)                                                                            \
@@ -21,19 +22,24 @@ enum { IN_INNER = 1 << DMK_INNER, IN_OUTER = 1 << DMK_OUTER, IN_BOTH = IN_INNER 
     X(sum_partials, IN_OUTER)                                                                      \
     X(scale_add, IN_OUTER)                                                                         \
     X(smooth_first, IN_INNER)                                                                      \
+    X(element_down, IN_INNER)                                                                      \
+    X(element_up, IN_INNER)                                                                        \
+    X(rows_up, IN_INNER)                                                                           \
+    X(rows_chebyshev_dots, IN_INNER)                                                               \
     X(graph_residual, IN_INNER)                                                                    \
     X(graph_chebyshev, IN_INNER)                                                                   \
     X(restrict_midpoints, IN_INNER)                                                                \
     X(restrict_rows, IN_INNER)                                                                     \
-    X(prolong_midpoints, IN_INNER)                                                                 \
     X(prolong_rows, IN_INNER)                                                                      \
     X(coarse_solve, IN_INNER)                                                                      \
     X(coarse_inverse, IN_INNER)                                                                    \
     X(links_from_triangles, IN_INNER)                                                              \
     X(links_from_links, IN_INNER)                                                                  \
     X(graph_weights, IN_INNER)                                                                     \
+    X(mesh_weights, IN_INNER)                                                                      \
     X(inverse_diagonal, IN_INNER)                                                                  \
-    X(inverse_diagonal_corners, IN_INNER)                                                          \
+    X(tail_cycle, IN_INNER)                                                                        \
+    X(tail_refresh, IN_INNER)                                                                      \
     X(element_energy, IN_OUTER)                                                                    \
     X(element_measure, IN_OUTER)                                                                   \
     X(element_prepare, IN_OUTER)                                                                   \
@@ -121,9 +127,32 @@ static dmk_range padded_elements(const dmk_system *s)
     return items(s->n_elements_pad);
 }
 
-static int32_t parts_of(const dmk_system *s, int32_t n)
+/* Sums that a kernel leaves, over the rows or the elements: where to, or nowhere yet (-1). */
+static int32_t place_of_sums(const dmk_system *s, int at)
 {
-    return (int32_t)dmk_launch_parts(s->device, (size_t)n);
+    return s->share ? -1 : at;
+}
+#define SUMS(at, to)                                                                               \
+    DMK_BUF(s->partial), DMK_INT(place_of_sums(s, at)), DMK_BUF(to), DMK_BUF(s->done)
+
+/* With a share: the partial sums of all ranks; *parts: their number. */
+static int all_parts(dmk_context *ctx, dmk_system *s, bool rows, int count, int32_t *parts)
+{
+    *parts = (int32_t)dmk_launch_parts(s->device, (size_t)(rows ? s->n_rows : s->n_elements));
+    return dmk_share_parts(ctx, s->share, rows, count, s->partial, parts);
+}
+
+/* What a kernel leaves in partial: without a share it has added it up itself. */
+static int finish_sums(dmk_context *ctx, dmk_system *s, bool rows, int count, int maxima, int at)
+{
+    int rc;
+    int32_t parts;
+    if (!s->share) return DMK_OK;
+    DMK_TRY(all_parts(ctx, s, rows, count, &parts));
+    rc = RUN(DMK_OUTER, sum_partials, items(1), DMK_INT(parts), DMK_INT(count), DMK_INT(maxima),
+             DMK_BUF(s->partial), DMK_BUF(s->scalars), DMK_INT(at));
+done:
+    return rc;
 }
 
 /* ---- operator.cl ----------------------------------------------------------------------------- */
@@ -159,14 +188,15 @@ done:
 int dmk_rows_apply(dmk_context *ctx, dmk_system *s, dmk_program p, const dmk_buffer *x,
                    dmk_buffer *y)
 {
-    return RUN(p, rows_apply, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->slice), DMK_BUF(s->slot),
-               DMK_BUF(out_of(s, p)), DMK_BUF(x), DMK_BUF(y), DMK_BUF(s->partial));
-}
-
-int dmk_rows_residual(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs)
-{
-    return RUN(DMK_INNER, rows_residual, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->slice),
-               DMK_BUF(s->slot), DMK_BUF(s->out), DMK_BUF(rhs), DMK_BUF(s->residual));
+    int rc;
+    int32_t parts;
+    DMK_TRY(RUN(p, rows_apply, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->slice), DMK_BUF(s->slot),
+                DMK_BUF(out_of(s, p)), DMK_BUF(x), DMK_BUF(y), SUMS(1, s->state)));
+    if (!s->share) return DMK_OK;
+    DMK_TRY(all_parts(ctx, s, true, 1, &parts));
+    rc = RUN(p, cg_alpha, items(1), DMK_INT(parts), DMK_BUF(s->partial), DMK_BUF(s->state));
+done:
+    return rc;
 }
 
 int dmk_rows_chebyshev(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, const dmk_buffer *x,
@@ -179,19 +209,39 @@ int dmk_rows_chebyshev(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, c
 
 /* ---- vector.cl ------------------------------------------------------------------------------- */
 
-int dmk_cg_dots(dmk_context *ctx, dmk_system *s, dmk_program p, const dmk_buffer *z)
-{
-    return RUN(p, cg_dots, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->cg[p].r), DMK_BUF(s->cg[p].ap),
-               DMK_BUF(z), DMK_BUF(s->partial));
-}
-
-int dmk_cg_beta(dmk_context *ctx, dmk_system *s, dmk_program p, bool first)
+/* beta where the sums of all ranks are needed for it. */
+static int finish_beta(dmk_context *ctx, dmk_system *s, dmk_program p, bool first)
 {
     int rc;
-    int32_t parts = parts_of(s, s->n_rows);
-    DMK_TRY(dmk_share_parts(ctx, s->share, true, 2, s->partial, &parts));
+    int32_t parts;
+    if (!s->share) return DMK_OK;
+    DMK_TRY(all_parts(ctx, s, true, 2, &parts));
     rc = RUN(p, cg_beta, items(1), DMK_INT(parts), DMK_INT(first), DMK_BUF(s->partial),
              DMK_BUF(s->state));
+done:
+    return rc;
+}
+
+int dmk_cg_dots(dmk_context *ctx, dmk_system *s, dmk_program p, bool first, const dmk_buffer *z)
+{
+    int rc;
+    DMK_TRY(RUN(p, cg_dots, rows(s), DMK_INT(s->n_rows), DMK_INT(first), DMK_BUF(s->cg[p].r),
+                DMK_BUF(s->cg[p].ap), DMK_BUF(z), SUMS(1, s->state)));
+    rc = finish_beta(ctx, s, p, first);
+done:
+    return rc;
+}
+
+int dmk_rows_chebyshev_dots(dmk_context *ctx, dmk_system *s, bool first, const dmk_buffer *x,
+                            dmk_buffer *x_old, dmk_chebyshev_step c)
+{
+    int rc;
+    DMK_TRY(RUN(DMK_INNER, rows_chebyshev_dots, rows(s), DMK_INT(s->n_rows), DMK_INT(first),
+                DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out), DMK_BUF(s->cg[DMK_INNER].r),
+                DMK_BUF(s->inv_diag), DMK_BUF(x), DMK_BUF(x_old), DMK_FLOAT(c.momentum),
+                DMK_FLOAT(c.keep), DMK_FLOAT(c.step), DMK_BUF(s->cg[DMK_INNER].ap),
+                SUMS(1, s->state)));
+    rc = finish_beta(ctx, s, DMK_INNER, first);
 done:
     return rc;
 }
@@ -202,48 +252,42 @@ int dmk_cg_direction(dmk_context *ctx, dmk_system *s, dmk_program p, const dmk_b
                DMK_BUF(s->cg[p].p));
 }
 
-int dmk_cg_alpha(dmk_context *ctx, dmk_system *s, dmk_program p)
+int dmk_cg_step(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_buffer *x, double step,
+                bool last)
+{
+    return RUN(p, cg_step, rows(s), DMK_INT(s->n_rows), DMK_INT(last), DMK_BUF(s->state),
+               DMK_BUF(s->cg[p].p), DMK_BUF(s->cg[p].ap), DMK_BUF(x), DMK_BUF(s->cg[p].r),
+               DMK_BUF(s->cg[p].narrow), DMK_FLOAT(step), DMK_BUF(s->inv_diag), DMK_BUF(s->x));
+}
+
+int dmk_dot(dmk_context *ctx, dmk_system *s, const dmk_buffer *a, const dmk_buffer *b, int at)
 {
     int rc;
-    int32_t parts = parts_of(s, s->n_rows);
-    DMK_TRY(dmk_share_parts(ctx, s->share, true, 1, s->partial, &parts));
-    rc = RUN(p, cg_alpha, items(1), DMK_INT(parts), DMK_BUF(s->partial), DMK_BUF(s->state));
+    DMK_TRY(RUN(DMK_OUTER, dot_real, rows(s), DMK_INT(s->n_rows), DMK_BUF(a), DMK_BUF(b),
+                SUMS(at, s->scalars)));
+    rc = finish_sums(ctx, s, true, 1, 0, at);
 done:
     return rc;
 }
 
-int dmk_cg_step(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_buffer *x)
-{
-    return RUN(p, cg_step, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->state), DMK_BUF(s->cg[p].p),
-               DMK_BUF(s->cg[p].ap), DMK_BUF(x), DMK_BUF(s->cg[p].r), DMK_BUF(s->cg[p].narrow));
-}
-
-int dmk_dot(dmk_context *ctx, dmk_system *s, const dmk_buffer *a, const dmk_buffer *b)
-{
-    return RUN(DMK_OUTER, dot_real, rows(s), DMK_INT(s->n_rows), DMK_BUF(a), DMK_BUF(b),
-               DMK_BUF(s->partial));
-}
-
-int dmk_rows_range(dmk_context *ctx, dmk_system *s, const dmk_buffer *u)
-{
-    return RUN(DMK_OUTER, rows_range, rows(s), DMK_INT(s->n_rows), DMK_BUF(u), DMK_BUF(s->partial));
-}
-
-int dmk_sum_partials(dmk_context *ctx, dmk_system *s, size_t n, int count, int maxima, int at)
+int dmk_rows_range(dmk_context *ctx, dmk_system *s, const dmk_buffer *u, int at)
 {
     int rc;
-    int32_t parts = (int32_t)dmk_launch_parts(s->device, n);
-    DMK_TRY(dmk_share_parts(ctx, s->share, n == (size_t)s->n_rows, count, s->partial, &parts));
-    rc = RUN(DMK_OUTER, sum_partials, items(1), DMK_INT(parts), DMK_INT(count), DMK_INT(maxima),
-             DMK_BUF(s->partial), DMK_BUF(s->scalars), DMK_INT(at));
+    DMK_TRY(
+        RUN(DMK_OUTER, rows_range, rows(s), DMK_INT(s->n_rows), DMK_BUF(u), SUMS(at, s->scalars)));
+    rc = finish_sums(ctx, s, true, 2, 2, at);
 done:
     return rc;
 }
 
-int dmk_scale_add(dmk_context *ctx, dmk_system *s, double alpha)
+int dmk_scale_add(dmk_context *ctx, dmk_system *s, double alpha, int at)
 {
-    return RUN(DMK_OUTER, scale_add, rows(s), DMK_INT(s->n_rows), DMK_FLOAT(alpha), DMK_BUF(s->u),
-               DMK_BUF(s->w));
+    int rc;
+    DMK_TRY(RUN(DMK_OUTER, scale_add, rows(s), DMK_INT(s->n_rows), DMK_FLOAT(alpha), DMK_BUF(s->u),
+                DMK_BUF(s->w), DMK_BUF(s->f), SUMS(at, s->scalars)));
+    rc = finish_sums(ctx, s, true, 1, 0, at);
+done:
+    return rc;
 }
 
 /* ---- multigrid.cl ---------------------------------------------------------------------------- */
@@ -252,6 +296,39 @@ int dmk_smooth_first(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, dou
 {
     return RUN(DMK_INNER, smooth_first, rows(s), DMK_INT(s->n_rows), DMK_FLOAT(step),
                DMK_BUF(s->inv_diag), DMK_BUF(rhs), DMK_BUF(s->x));
+}
+
+int dmk_element_down(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_buffer *x)
+{
+    int rc;
+    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_INNER, x));
+    rc = RUN(DMK_INNER, element_down, padded_elements(s), DMK_INT(s->n_elements_pad),
+             DMK_INT(op == DMK_NEWTON_MATRIX), DMK_BUF(s->index), DMK_BUF(s->weight),
+             DMK_BUF(s->rank_one), DMK_BUF(x), DMK_BUF(s->out));
+done:
+    return rc;
+}
+
+int dmk_element_up(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_buffer *x)
+{
+    int rc;
+    const dmk_buffer *coarse = s->level[0].x_old;
+    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_INNER, x));
+    DMK_TRY(dmk_share_vertices(ctx, s->share, 0, coarse));
+    rc =
+        RUN(DMK_INNER, element_up, padded_elements(s), DMK_INT(s->n_elements_pad),
+            DMK_INT(op == DMK_NEWTON_MATRIX), DMK_INT(s->vertex_row), DMK_BUF(s->index),
+            DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(x), DMK_BUF(coarse), DMK_BUF(s->out));
+done:
+    return rc;
+}
+
+int dmk_rows_up(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, dmk_buffer *x,
+                dmk_buffer *x_old, double step)
+{
+    return RUN(DMK_INNER, rows_up, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->slice), DMK_BUF(s->slot),
+               DMK_BUF(s->out), DMK_BUF(rhs), DMK_BUF(s->inv_diag), DMK_BUF(s->ends),
+               DMK_BUF(s->level[0].x_old), DMK_BUF(x), DMK_BUF(x_old), DMK_FLOAT(step));
 }
 
 int dmk_graph_residual(dmk_context *ctx, dmk_system *s, int32_t level, const dmk_buffer *x)
@@ -280,17 +357,24 @@ done:
     return rc;
 }
 
+int dmk_restrict_rows(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, double step)
+{
+    int rc;
+    dmk_level *l = &s->level[0];
+    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_INNER, rhs));
+    rc =
+        RUN(DMK_INNER, restrict_midpoints, items(l->n), DMK_INT(l->n), DMK_INT(s->vertex_row),
+            DMK_BUF(l->slice), DMK_BUF(l->number), DMK_BUF(rhs), DMK_INT(s->vertex_row / DMK_WIDTH),
+            DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out), DMK_FLOAT(step),
+            DMK_BUF(l->inv_diag), DMK_BUF(l->rhs), DMK_BUF(l->x));
+done:
+    return rc;
+}
+
 int dmk_restrict(dmk_context *ctx, dmk_system *s, int32_t level, double step)
 {
     int rc;
     dmk_level *l = &s->level[level];
-    if (level == 0) {
-        DMK_TRY(dmk_share_rows(ctx, s->share, DMK_INNER, s->residual));
-        return RUN(DMK_INNER, restrict_midpoints, items(l->n), DMK_INT(l->n),
-                   DMK_INT(s->vertex_row), DMK_BUF(l->slice), DMK_BUF(l->number),
-                   DMK_BUF(s->residual), DMK_FLOAT(step), DMK_BUF(l->inv_diag), DMK_BUF(l->rhs),
-                   DMK_BUF(l->x));
-    }
     DMK_TRY(dmk_share_vertices(ctx, s->share, level - 1, s->level[level - 1].residual));
     DMK_TRY(RUN(DMK_INNER, restrict_rows, items(l->n), DMK_INT(l->n), DMK_BUF(l->restrict_slice),
                 DMK_BUF(l->restrict_entry), DMK_BUF(l->restrict_weight),
@@ -302,18 +386,38 @@ done:
     return rc;
 }
 
-int dmk_prolong(dmk_context *ctx, dmk_system *s, int32_t level, dmk_buffer *x)
+int dmk_prolong(dmk_context *ctx, dmk_system *s, int32_t level)
 {
     int rc;
-    dmk_level *l = &s->level[level];
+    dmk_level *l = &s->level[level], *fine = l - 1;
     DMK_TRY(dmk_share_vertices(ctx, s->share, level, l->x_old));
-    if (level == 0) {
-        return RUN(DMK_INNER, prolong_midpoints, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->ends),
-                   DMK_BUF(l->x_old), DMK_BUF(x));
-    }
-    int32_t n = s->level[level - 1].n;
-    rc = RUN(DMK_INNER, prolong_rows, items(n), DMK_INT(n), DMK_BUF(l->prolong_index),
-             DMK_BUF(l->prolong_weight), DMK_BUF(l->x_old), DMK_BUF(x));
+    rc = RUN(DMK_INNER, prolong_rows, items(fine->n), DMK_INT(fine->n), DMK_BUF(l->prolong_index),
+             DMK_BUF(l->prolong_weight), DMK_BUF(l->x_old), DMK_BUF(fine->x_old));
+done:
+    return rc;
+}
+
+int dmk_tail_cycle(dmk_context *ctx, dmk_system *s, double first, double momentum, double step)
+{
+    int rc;
+    const dmk_level *above = &s->level[s->tail - 1];
+    /* With ranks a level may be all of a mesh's and the one above a share of it. */
+    const bool with_above = !s->share;
+    if (!with_above) DMK_TRY(dmk_restrict(ctx, s, s->tail, first));
+    rc = RUN(DMK_INNER, tail_cycle, items(1), DMK_INT(s->n_levels - s->tail), DMK_INT(with_above),
+             DMK_BUF(s->tail_table), DMK_BUF(s->tail_arena), DMK_BUF(above->residual),
+             DMK_BUF(s->coarse_inverse), DMK_FLOAT(first), DMK_FLOAT(momentum), DMK_FLOAT(step));
+done:
+    return rc;
+}
+
+int dmk_tail_refresh(dmk_context *ctx, dmk_system *s)
+{
+    int rc;
+    /* The links of the first level are many: a launch of their own spreads them. */
+    DMK_TRY(dmk_links(ctx, s, s->tail));
+    rc = RUN(DMK_INNER, tail_refresh, items(1), DMK_INT(s->n_levels - s->tail),
+             DMK_BUF(s->tail_table), DMK_BUF(s->tail_arena));
 done:
     return rc;
 }
@@ -357,38 +461,45 @@ int dmk_graph_weights(dmk_context *ctx, dmk_system *s, int32_t level)
                DMK_BUF(l->number), DMK_BUF(l->link), DMK_BUF(l->weight), DMK_BUF(l->inv_diag));
 }
 
-int dmk_inverse_diagonal_fine(dmk_context *ctx, dmk_system *s)
+int dmk_mesh_weights(dmk_context *ctx, dmk_system *s)
+{
+    dmk_level *t = &s->level[0];
+    return RUN(DMK_INNER, mesh_weights, items(t->n), DMK_INT(t->n), DMK_BUF(t->slice),
+               DMK_BUF(t->number), DMK_BUF(t->link), DMK_BUF(t->weight),
+               DMK_INT(s->vertex_row / DMK_WIDTH), DMK_BUF(s->slice), DMK_BUF(s->slot),
+               DMK_BUF(s->diag_coarse), DMK_BUF(t->inv_diag));
+}
+
+int dmk_inverse_diagonal(dmk_context *ctx, dmk_system *s)
 {
     return RUN(DMK_INNER, inverse_diagonal, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->slice),
                DMK_BUF(s->slot), DMK_BUF(s->out), DMK_BUF(s->inv_diag));
 }
 
-int dmk_inverse_diagonal_coarse(dmk_context *ctx, dmk_system *s)
-{
-    dmk_level *t = &s->level[0];
-    return RUN(DMK_INNER, inverse_diagonal_corners, items(t->n), DMK_INT(t->n),
-               DMK_INT(s->vertex_row / 8), DMK_BUF(s->slice), DMK_BUF(s->slot),
-               DMK_BUF(s->diag_coarse), DMK_BUF(t->inv_diag));
-}
-
 /* ---- density.cl ------------------------------------------------------------------------------ */
 
 int dmk_element_energy(dmk_context *ctx, dmk_system *s, const dmk_buffer *v, bool keep,
-                       double slack)
+                       double slack, int at)
 {
     int rc;
     DMK_TRY(dmk_share_rows(ctx, s->share, DMK_OUTER, v));
-    rc = RUN(DMK_OUTER, element_energy, elements(s), DMK_INT(s->n_elements), DMK_INT(keep),
-             DMK_FLOAT(slack), DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu),
-             DMK_BUF(v), DMK_BUF(s->out_real), DMK_BUF(s->q), DMK_BUF(s->partial));
+    DMK_TRY(RUN(DMK_OUTER, element_energy, elements(s), DMK_INT(s->n_elements), DMK_INT(keep),
+                DMK_FLOAT(slack), DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area),
+                DMK_BUF(s->mu), DMK_BUF(v), DMK_BUF(s->out_real), DMK_BUF(s->q),
+                SUMS(at, s->scalars)));
+    rc = finish_sums(ctx, s, false, 1, 0, at);
 done:
     return rc;
 }
 
-int dmk_element_measure(dmk_context *ctx, dmk_system *s, double alpha)
+int dmk_element_measure(dmk_context *ctx, dmk_system *s, double alpha, int at)
 {
-    return RUN(DMK_OUTER, element_measure, elements(s), DMK_INT(s->n_elements), DMK_FLOAT(alpha),
-               DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->q), DMK_BUF(s->partial));
+    int rc;
+    DMK_TRY(RUN(DMK_OUTER, element_measure, elements(s), DMK_INT(s->n_elements), DMK_FLOAT(alpha),
+                DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->q), SUMS(at, s->scalars)));
+    rc = finish_sums(ctx, s, false, 3, 1, at);
+done:
+    return rc;
 }
 
 int dmk_element_scale(dmk_context *ctx, dmk_system *s)
@@ -431,23 +542,29 @@ int dmk_rows_outer_residual(dmk_context *ctx, dmk_system *s)
                DMK_BUF(s->cg[DMK_OUTER].narrow));
 }
 
-int dmk_newton_update(dmk_context *ctx, dmk_system *s, double alpha, double D, double lowest)
+int dmk_newton_update(dmk_context *ctx, dmk_system *s, double alpha, double D, double lowest,
+                      int at)
 {
     int rc;
     DMK_TRY(dmk_share_rows(ctx, s->share, DMK_INNER, s->w));
-    rc = RUN(DMK_OUTER, newton_update, elements(s), DMK_INT(s->n_elements), DMK_FLOAT(alpha),
-             DMK_FLOAT(D), DMK_FLOAT(lowest), DMK_BUF(s->index), DMK_BUF(s->area), DMK_BUF(s->q),
-             DMK_BUF(s->rank_one), DMK_BUF(s->w), DMK_BUF(s->mu), DMK_BUF(s->partial));
+    DMK_TRY(RUN(DMK_OUTER, newton_update, elements(s), DMK_INT(s->n_elements), DMK_FLOAT(alpha),
+                DMK_FLOAT(D), DMK_FLOAT(lowest), DMK_BUF(s->index), DMK_BUF(s->area), DMK_BUF(s->q),
+                DMK_BUF(s->rank_one), DMK_BUF(s->w), DMK_BUF(s->mu), SUMS(at, s->scalars)));
+    rc = finish_sums(ctx, s, false, 2, 0, at);
 done:
     return rc;
 }
 
 int dmk_explicit_update(dmk_context *ctx, dmk_system *s, bool inertial, double dt, double beta,
-                        double lowest)
+                        double lowest, int at)
 {
-    return RUN(DMK_OUTER, explicit_update, elements(s), DMK_INT(s->n_elements), DMK_INT(inertial),
-               DMK_FLOAT(dt), DMK_FLOAT(beta), DMK_FLOAT(lowest), DMK_BUF(s->area), DMK_BUF(s->q),
-               DMK_BUF(s->mu), DMK_BUF(s->before), DMK_BUF(s->partial));
+    int rc;
+    DMK_TRY(RUN(DMK_OUTER, explicit_update, elements(s), DMK_INT(s->n_elements), DMK_INT(inertial),
+                DMK_FLOAT(dt), DMK_FLOAT(beta), DMK_FLOAT(lowest), DMK_BUF(s->area), DMK_BUF(s->q),
+                DMK_BUF(s->mu), DMK_BUF(s->before), SUMS(at, s->scalars)));
+    rc = finish_sums(ctx, s, false, 2, 0, at);
+done:
+    return rc;
 }
 
 int dmk_band_slopes(dmk_context *ctx, dmk_system *s, const dmk_bands *b, const dmk_buffer *u,

@@ -84,13 +84,14 @@ done:
 int dmk_multigrid_refresh(dmk_context *ctx, dmk_system *s)
 {
     int rc;
-    DMK_TRY(dmk_inverse_diagonal_fine(ctx, s));
-    for (int32_t i = 0; i < s->n_levels; i++) {
+    DMK_TRY(dmk_inverse_diagonal(ctx, s));
+    DMK_TRY(dmk_links(ctx, s, 0));
+    DMK_TRY(dmk_mesh_weights(ctx, s));
+    for (int32_t i = 1; i < s->tail && i < s->n_levels; i++) {
         DMK_TRY(dmk_links(ctx, s, i));
         DMK_TRY(dmk_graph_weights(ctx, s, i));
     }
-    /* On T the elements' bound is sharper than the rows'. */
-    DMK_TRY(dmk_inverse_diagonal_coarse(ctx, s));
+    if (s->tail < s->n_levels) DMK_TRY(dmk_tail_refresh(ctx, s));
     DMK_TRY(s->dense ? dmk_coarse_inverse(ctx, s) : refresh_coarsest(ctx, s));
 done:
     return rc;
@@ -98,70 +99,78 @@ done:
 
 /* ---- cycle ----------------------------------------------------------------------------------- */
 
-/* x_old <- Chebyshev step from x on T/2. */
-static int fine_step(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_buffer *rhs,
-                     const dmk_buffer *x, dmk_buffer *x_old, dmk_chebyshev_step c)
+double dmk_first_step(void)
 {
-    int rc;
-    DMK_TRY(dmk_inner_elements(ctx, s, op, x));
-    DMK_TRY(dmk_rows_chebyshev(ctx, s, rhs, x, x_old, c));
-done:
-    return rc;
+    return polynomial(2).first; /* the same for all degrees */
 }
 
-/* Levels i and below, from the residual of the level above i to its corrected x. */
-static int graph_cycle(dmk_context *ctx, dmk_system *s, int32_t i, const chebyshev *c,
-                       dmk_buffer *x)
+/* Level i and those below: x_old of level i from its rhs, with its first smoothing step in x. */
+static int graph_cycle(dmk_context *ctx, dmk_system *s, int32_t i, const chebyshev *c)
 {
     int rc;
     dmk_level *l = &s->level[i];
-    DMK_TRY(dmk_restrict(ctx, s, i, c->first));
-    if (i == s->n_levels - 1) {
-        DMK_TRY(dmk_coarse_solve(ctx, s));
+    if (i == s->n_levels - 1) return dmk_coarse_solve(ctx, s);
+    DMK_TRY(dmk_graph_chebyshev(ctx, s, i, l->x, l->x_old, step_of(c, 1, true)));
+    DMK_TRY(dmk_graph_residual(ctx, s, i, l->x_old));
+    if (i + 1 == s->tail) {
+        DMK_TRY(dmk_tail_cycle(ctx, s, c->first, c->momentum[1], c->step[1]));
     } else {
-        DMK_TRY(dmk_graph_chebyshev(ctx, s, i, l->x, l->x_old, step_of(c, 1, true)));
-        DMK_TRY(dmk_graph_residual(ctx, s, i, l->x_old));
-        DMK_TRY(graph_cycle(ctx, s, i + 1, c, l->x_old));
-        DMK_TRY(dmk_graph_chebyshev(ctx, s, i, l->x_old, l->x, step_of(c, 0, false)));
-        DMK_TRY(dmk_graph_chebyshev(ctx, s, i, l->x, l->x_old, step_of(c, 1, false)));
+        DMK_TRY(dmk_restrict(ctx, s, i + 1, c->first));
+        DMK_TRY(graph_cycle(ctx, s, i + 1, c));
     }
-    DMK_TRY(dmk_prolong(ctx, s, i, x));
+    DMK_TRY(dmk_prolong(ctx, s, i + 1));
+    DMK_TRY(dmk_graph_chebyshev(ctx, s, i, l->x_old, l->x, step_of(c, 0, false)));
+    DMK_TRY(dmk_graph_chebyshev(ctx, s, i, l->x, l->x_old, step_of(c, 1, false)));
 done:
     return rc;
 }
 
-/* Smooth on T/2 from now (its older iterate in old) to the polynomial's degree; the first step of a
- * cycle starts from 0 and is done by smooth_first. The two take turns; *last is where x ends. */
-static int smooth_fine(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_buffer *rhs,
-                       const chebyshev *c, bool from_zero, dmk_buffer *now, dmk_buffer *old,
-                       dmk_buffer **last)
+/* The two iterates of T/2 take turns. */
+typedef struct iterates {
+    dmk_buffer *now, *old;
+} iterates;
+
+static void swap(iterates *x)
+{
+    *x = (iterates){x->old, x->now};
+}
+
+/* Smoothing steps on T/2 from the second one on, up to the polynomial's degree; with the dots, if they are
+ * wanted of the last one. */
+static int smooth(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_buffer *rhs,
+                  const chebyshev *c, bool from_zero, const dmk_cycle *dots, iterates *x)
 {
     int rc = DMK_OK;
-    for (int k = from_zero ? 1 : 0; k < c->degree; k++) {
-        DMK_TRY(fine_step(ctx, s, op, rhs, now, old, step_of(c, k, from_zero)));
-        dmk_buffer *swap = now;
-        now = old;
-        old = swap;
+    for (int k = 1; k < c->degree; k++) {
+        const dmk_chebyshev_step step = step_of(c, k, from_zero);
+        DMK_TRY(dmk_inner_elements(ctx, s, op, x->now));
+        if (dots && k == c->degree - 1)
+            DMK_TRY(dmk_rows_chebyshev_dots(ctx, s, dots->first, x->now, x->old, step));
+        else
+            DMK_TRY(dmk_rows_chebyshev(ctx, s, rhs, x->now, x->old, step));
+        swap(x);
     }
-    *last = now;
 done:
     return rc;
 }
 
-int dmk_v_cycle(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_buffer *rhs)
+int dmk_v_cycle(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_buffer *rhs,
+                dmk_cycle cycle)
 {
-    int rc;
-    dmk_buffer *x;
+    int rc = DMK_OK;
+    iterates x = {s->x, s->x_old};
     /* Newton's few loose iterations gain nothing from a higher degree. */
     chebyshev fine = polynomial(op == DMK_STIFFNESS ? s->fine_degree : 2), coarse = polynomial(2);
-    DMK_TRY(dmk_smooth_first(ctx, s, rhs, fine.first));
-    DMK_TRY(smooth_fine(ctx, s, op, rhs, &fine, true, s->x, s->x_old, &x));
-    DMK_TRY(dmk_inner_elements(ctx, s, op, x));
-    s->residual = x == s->x ? s->x_old : s->x; /* the older iterate is not needed any more */
-    DMK_TRY(dmk_rows_residual(ctx, s, rhs));
-    DMK_TRY(graph_cycle(ctx, s, 0, &coarse, x));
+    if (!cycle.begun) DMK_TRY(dmk_smooth_first(ctx, s, rhs, fine.first));
+    DMK_TRY(smooth(ctx, s, op, rhs, &fine, true, NULL, &x));
+    DMK_TRY(dmk_element_down(ctx, s, op, x.now));
+    DMK_TRY(dmk_restrict_rows(ctx, s, rhs, coarse.first));
+    DMK_TRY(graph_cycle(ctx, s, 0, &coarse));
+    DMK_TRY(dmk_element_up(ctx, s, op, x.now));
+    DMK_TRY(dmk_rows_up(ctx, s, rhs, x.now, x.old, fine.first));
+    swap(&x);
     /* As many steps again, so x ends in x_old whatever the degree. */
-    DMK_TRY(smooth_fine(ctx, s, op, rhs, &fine, false, x, x == s->x ? s->x_old : s->x, &x));
+    DMK_TRY(smooth(ctx, s, op, rhs, &fine, false, cycle.dots ? &cycle : NULL, &x));
 done:
     return rc;
 }

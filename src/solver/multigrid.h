@@ -4,18 +4,24 @@
 
 #include "solver/system.h"
 
-/* The inner operator, whose coefficients element_prepare or newton_prepare left in the system. */
-typedef enum dmk_operator { DMK_STIFFNESS, DMK_NEWTON_MATRIX } dmk_operator;
-
 /* First phase of the inner operator: system->out = the elements' parts of operator * x. */
 int dmk_inner_elements(dmk_context *context, dmk_system *system, dmk_operator op,
                        const dmk_buffer *x);
 
 /* Bring diagonals and coarse operators up to date with the prepared coefficients. `out` must hold the
- * elements' weighted diagonals. Reads the coarsest links back: the only host work of the cycle. */
+ * elements' weighted diagonals. Without system->dense the host inverts the coarsest operator. */
 int dmk_multigrid_refresh(dmk_context *context, dmk_system *system);
 
+/* What a cycle does beside its own work. begun: system->x has its first step from 0 (see
+ * dmk_first_step). dots: its result's dmk_cg_dots, `first` or not; the rhs is cg[DMK_INNER].r then. */
+typedef struct dmk_cycle {
+    bool begun, dots, first;
+} dmk_cycle;
+
 /* system->x_old = V-cycle applied to rhs (a row vector in single precision). */
-int dmk_v_cycle(dmk_context *context, dmk_system *system, dmk_operator op, const dmk_buffer *rhs);
+int dmk_v_cycle(dmk_context *context, dmk_system *system, dmk_operator op, const dmk_buffer *rhs,
+                dmk_cycle cycle);
+/* The step that a cycle's first smoothing step takes: x = step D^-1 rhs. */
+double dmk_first_step(void);
 
 #endif

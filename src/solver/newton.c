@@ -57,9 +57,8 @@ static int update(dmk_iteration *o, double alpha, const step_control *p, double 
     int rc;
     double sums[2];
     dmk_system *s = o->sys;
-    DMK_TRY(dmk_newton_update(o->ctx, s, alpha, p->D, o->floor));
-    DMK_TRY(dmk_sum_partials(o->ctx, s, (size_t)s->n_elements, 2, 0, 2));
-    DMK_TRY(dmk_scale_add(o->ctx, s, alpha));
+    DMK_TRY(dmk_newton_update(o->ctx, s, alpha, p->D, o->floor, 2));
+    DMK_TRY(dmk_scale_add(o->ctx, s, alpha, 1));
     DMK_TRY(dmk_iteration_energies_and(o, 2, sums)); /* the next step's: one read for both */
     *change = sums[0] / sums[1];
 done:

@@ -10,16 +10,17 @@ enum { LOOK_EVERY = 2 };
 static int direction(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op, bool first)
 {
     int rc;
-    DMK_TRY(dmk_v_cycle(ctx, s, op, s->cg[p].narrow));
-    DMK_TRY(dmk_cg_dots(ctx, s, p, s->x_old));
-    DMK_TRY(dmk_cg_beta(ctx, s, p, first));
+    const dmk_cycle cycle = {.begun = !first, .dots = p == DMK_INNER, .first = first};
+    DMK_TRY(dmk_v_cycle(ctx, s, op, s->cg[p].narrow, cycle));
+    if (!cycle.dots) DMK_TRY(dmk_cg_dots(ctx, s, p, first, s->x_old));
     DMK_TRY(dmk_cg_direction(ctx, s, p, s->x_old));
 done:
     return rc;
 }
 
-/* ap = operator * p with partial sums of p.ap, then alpha and the step. */
-static int step(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op, dmk_buffer *x)
+/* ap = operator * p, which gives alpha, and the step. */
+static int step(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op, dmk_buffer *x,
+                bool last)
 {
     int rc;
     if (p == DMK_INNER) {
@@ -28,8 +29,7 @@ static int step(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op,
         DMK_TRY(dmk_element_stiffness(ctx, s, DMK_OUTER, s->cg[p].p));
     }
     DMK_TRY(dmk_rows_apply(ctx, s, p, s->cg[p].p, s->cg[p].ap));
-    DMK_TRY(dmk_cg_alpha(ctx, s, p));
-    DMK_TRY(dmk_cg_step(ctx, s, p, x));
+    DMK_TRY(dmk_cg_step(ctx, s, p, x, dmk_first_step(), last));
 done:
     return rc;
 }
@@ -54,7 +54,7 @@ int dmk_pcg(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op, dmk
             double reference = energy > state[4] ? energy : state[4];
             if (left <= tolerance * tolerance * reference) break;
         }
-        DMK_TRY(step(ctx, s, p, op, x));
+        DMK_TRY(step(ctx, s, p, op, x, i == max_iterations - 1));
         ++*iterations;
     }
 done:

@@ -5,7 +5,7 @@
 #include "solver/multigrid.h"
 
 /* Add to x the solution of operator * dx = r in the precision of `program`. On entry cg[program].r
- * (and narrow) hold the right-hand side and the multigrid is fresh; on return r is the residual.
+ * (and narrow) hold the right-hand side and the multigrid is fresh; r is lost.
  * Runs max_iterations, or fewer once r.z <= tolerance^2 * max(energy, r.z at the start) (tolerance 0: no look).
  * *iterations is increased by those done.
  * Constants, the null space, take no part: r sums to 0 and the V-cycle is symmetric. The outer program

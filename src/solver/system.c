@@ -69,7 +69,10 @@ static int pack_elements(const packer *p)
     DMK_TRY(DMK_NEW(p->ctx, job.index, 6 * n));
     DMK_TRY(DMK_NEW(p->ctx, job.cot, 3 * n));
     DMK_TRY(DMK_NEW(p->ctx, job.area, n));
-    for (int32_t t = s->n_elements; t < s->n_elements_pad; t++) job.area[t] = 1;
+    for (int32_t t = s->n_elements; t < s->n_elements_pad; t++) {
+        for (int k = 0; k < 3; k++) job.index[dmk_place(t, k, 6)] = s->vertex_row;
+        job.area[t] = 1;
+    }
     dmk_parallel(p->ctx, s->n_elements, element_range, &job);
     DMK_TRY(upload(p, 6 * n, sizeof *job.index, job.index, &s->index));
     DMK_TRY(upload_real(p, 3 * n, job.cot, &s->cot));
@@ -337,6 +340,67 @@ static int coarsen(dmk_context *own, void *data)
     return dmk_hierarchy_create(own, c->mesh, COARSEST, &c->hierarchy);
 }
 
+/* Rows up to which levels are done in one launch. A launch takes a GPU some 5 microseconds, in which one
+ * work-group does a pass over these; on a CPU fewer are worth a second thread. */
+enum { TAIL_ROWS_GPU = 4096, TAIL_ROWS_CPU = 1024 };
+
+/* In the order of dmk_shared.h. */
+enum { TAIL_ARRAYS = DMK_TAIL_FIELDS - DMK_TAIL_SLICE };
+static void list_tail(dmk_level *l, dmk_buffer **list[TAIL_ARRAYS])
+{
+    dmk_buffer **all[TAIL_ARRAYS] = {&l->slice,
+                                     &l->neighbour,
+                                     &l->number,
+                                     &l->weight,
+                                     &l->link,
+                                     &l->inv_diag,
+                                     &l->rhs,
+                                     &l->x,
+                                     &l->x_old,
+                                     &l->restrict_slice,
+                                     &l->restrict_entry,
+                                     &l->restrict_weight,
+                                     &l->prolong_index,
+                                     &l->prolong_weight,
+                                     &l->galerkin_row,
+                                     &l->galerkin_link,
+                                     &l->galerkin_coef};
+    memcpy(list, all, sizeof all);
+}
+
+/* The arrays of the coarsest levels become parts of one buffer, and a table tells where they lie. */
+static int pack_tail(const packer *p)
+{
+    int rc = DMK_OK;
+    dmk_system *s = p->sys;
+    const int32_t most = dmk_device_cpu_shape(p->dev) ? TAIL_ROWS_CPU : TAIL_ROWS_GPU;
+    dmk_buffer **list[DMK_SYSTEM_LEVELS * TAIL_ARRAYS];
+    size_t place[DMK_SYSTEM_LEVELS * TAIL_ARRAYS];
+    int32_t table[DMK_SYSTEM_LEVELS * DMK_TAIL_FIELDS];
+    int n = s->share ? dmk_max_i(1, s->share->first_whole) : 1;
+    while (n < s->n_levels && s->level[n].n > most) n++;
+    s->tail = n;
+    n = s->n_levels - s->tail;
+    if (n <= 0) goto done;
+    for (int i = 0; i < n; i++) list_tail(&s->level[s->tail + i], list + i * TAIL_ARRAYS);
+    DMK_TRY(
+        dmk_buffer_gather(p->ctx, p->dev, (size_t)n * TAIL_ARRAYS, list, place, &s->tail_arena));
+    for (int i = 0; i < n; i++) {
+        dmk_level *l = &s->level[s->tail + i];
+        int32_t *field = table + i * DMK_TAIL_FIELDS;
+        l->residual = l->x;
+        field[DMK_TAIL_ROWS] = l->n;
+        field[DMK_TAIL_PAD] = l->n_pad;
+        field[DMK_TAIL_LINKS] = l->n_links;
+        for (int k = 0; k < TAIL_ARRAYS; k++) {
+            field[DMK_TAIL_SLICE + k] = (int32_t)(place[i * TAIL_ARRAYS + k] / sizeof(int32_t));
+        }
+    }
+    DMK_TRY(upload(p, (size_t)n * DMK_TAIL_FIELDS, sizeof *table, table, &s->tail_table));
+done:
+    return rc;
+}
+
 static int pack_levels(const packer *p, const dmk_hierarchy *h)
 {
     int rc;
@@ -362,6 +426,7 @@ static int pack_levels(const packer *p, const dmk_hierarchy *h)
     if (last->n <= DMK_DENSE && dmk_device_real(p->dev, DMK_OUTER) == sizeof(double)) {
         DMK_TRY(work(p, DMK_OUTER, (size_t)last->n * (size_t)last->n, &s->dense));
     }
+    rc = pack_tail(p);
 done:
     return rc;
 }
@@ -412,10 +477,10 @@ static int allocate_work(const packer *p)
     DMK_TRY(work(p, DMK_INNER, n, &s->inv_diag));
     DMK_TRY(work(p, DMK_INNER, n, &s->x));
     DMK_TRY(work(p, DMK_INNER, n, &s->x_old));
-    s->residual = s->x_old;
     DMK_TRY(allocate_cg(p));
     DMK_TRY(work(p, DMK_OUTER, 4 * parts, &s->partial));
     DMK_TRY(work(p, DMK_OUTER, 8, &s->state));
+    DMK_TRY(work(p, DMK_INNER, 1, &s->done));
     DMK_TRY(work(p, DMK_OUTER, 16, &s->scalars));
 done:
     return rc;
@@ -448,7 +513,7 @@ void dmk_system_release(dmk_system *s)
 {
     dmk_buffer **all[] = {&s->mu,     &s->u,       &s->f,        &s->q,        &s->out_real,
                           &s->before, &s->weight,  &s->rank_one, &s->inv_diag, &s->x,
-                          &s->x_old,  &s->partial, &s->state,    &s->scalars};
+                          &s->x_old,  &s->partial, &s->state,    &s->done,     &s->scalars};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) dmk_buffer_destroy(all[i]);
     if (s->w != s->cg[DMK_OUTER].r) dmk_buffer_destroy(&s->w);
     if (s->cg[DMK_OUTER].narrow != s->cg[DMK_OUTER].r) dmk_buffer_destroy(&s->cg[DMK_OUTER].narrow);
@@ -636,8 +701,9 @@ void dmk_system_destroy(dmk_system **system)
 {
     dmk_system *s = *system;
     if (!s) return;
-    dmk_buffer **all[] = {&s->index, &s->cot,  &s->area,           &s->slice,
-                          &s->slot,  &s->ends, &s->coarse_inverse, &s->dense};
+    dmk_buffer **all[] = {&s->index,      &s->cot,       &s->area,           &s->slice,
+                          &s->slot,       &s->ends,      &s->coarse_inverse, &s->dense,
+                          &s->tail_arena, &s->tail_table};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) dmk_buffer_destroy(all[i]);
     dmk_system_release(s);
     for (int32_t i = 0; i < DMK_SYSTEM_LEVELS; i++) free_level(&s->level[i]);

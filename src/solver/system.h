@@ -16,6 +16,9 @@
 
 struct dmk_kernels; /* kernels.h */
 
+/* The inner operator, whose coefficients element_prepare or newton_prepare left in the system. */
+typedef enum dmk_operator { DMK_STIFFNESS, DMK_NEWTON_MATRIX } dmk_operator;
+
 /* One graph level of the hierarchy; level 0 of the array is T. */
 typedef struct dmk_level {
     int32_t n, n_pad, n_links;
@@ -60,16 +63,20 @@ typedef struct dmk_system {
     dmk_buffer *weight, *rank_one, *out; /* out: out_real's memory */
     dmk_buffer *link, *diag_coarse;      /* 3 per element, until CG begins: its p and ap */
     dmk_buffer *inv_diag, *x, *x_old;
-    dmk_buffer *residual; /* of x in a cycle: in place of the older iterate */
     /* Conjugate gradients, inner and outer. */
     struct {
         dmk_buffer *r, *p, *ap, *narrow; /* narrow: r in single precision (= r if it is) */
     } cg[DMK_N_PROGRAMS];
     dmk_buffer *w; /* the inner solution; the outer r where that is wider */
     dmk_buffer *partial, *state, *scalars;
+    dmk_buffer *done; /* parts of a launch that have left their sums */
 
     dmk_level level[DMK_SYSTEM_LEVELS];
     int32_t n_levels;
+    /* Levels from this one on are done by one work-group in one launch (n_levels: none): their arrays are parts
+     * of tail_arena, as tail_table tells (dmk_shared.h). */
+    int32_t tail;
+    dmk_buffer *tail_arena, *tail_table;
     int32_t n_coarse_links;      /* of the coarsest level, for its inverse */
     int32_t *coarse_link_vertex; /* 2 per link */
     dmk_buffer *coarse_inverse;  /* n_pad columns */
