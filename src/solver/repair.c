@@ -46,7 +46,7 @@ static int begin(repair *r)
     w->u = s->cg[DMK_OUTER].r;
     w->before = s->cg[DMK_OUTER].ap;
     DMK_TRY(dmk_element_prepare(r->o->ctx, s)); /* the metric: A's diagonal */
-    DMK_TRY(dmk_inverse_diagonal_fine(r->o->ctx, s));
+    DMK_TRY(dmk_inverse_diagonal(r->o->ctx, s));
     DMK_TRY(ints(r, s->n_elements_pad, &w->mark));
     DMK_TRY(ints(r, s->n_rows_pad, &w->ring));
     DMK_TRY(ints(r, s->n_rows_pad, &w->moved));
