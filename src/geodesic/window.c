@@ -65,7 +65,7 @@ typedef struct engine {
     _Atomic int64_t n_made; /* windows, in pieces of 65,536 */
 } engine;
 
-/* A thread's own. */
+/* A thread's own, in cache lines that no other thread's share: it is written at each step. */
 typedef struct worker {
     dmk_context *ctx;
     engine *e;
@@ -74,6 +74,7 @@ typedef struct worker {
     dmk_heap_item *reached; /* bends */
     size_t n_reached, reached_room;
     int64_t n_made;
+    char apart[128];
 } worker;
 
 static const double eps = DMK_SAME_LENGTH;
@@ -413,19 +414,25 @@ done:
 typedef struct crew {
     worker *one;         /* whose stack is shared out */
     worker *own;         /* of each thread */
-    _Atomic size_t next; /* window of the stack */
+    _Atomic bool *taken; /* of each window of the stack */
+    int n_threads;
 } crew;
 /* Windows to share out; before, and for so few steps, one thread is as fast. */
 enum { shares = 2048, alone = 20000 };
 
+/* Neighbours on the stack are neighbours on the surface: each thread begins at a place of its own, so that they seldom
+ * write to each other's cache lines. */
 static int run_share(dmk_context *ctx, int32_t i, void *data)
 {
     int rc = DMK_OK;
     crew *c = data;
     worker *me = c->own + i;
+    const size_t n = c->one->n_stack, first = n * (size_t)i / (size_t)c->n_threads;
     me->ctx = ctx;
-    for (size_t k; (k = atomic_fetch_add(&c->next, 1)) < c->one->n_stack && !spent(me->e);) {
-        DMK_TRY(push(me, c->one->stack + k));
+    for (size_t k = 0; k < n && !spent(me->e); k++) {
+        const size_t at = (first + k) % n;
+        if (atomic_exchange(c->taken + at, true)) continue;
+        DMK_TRY(push(me, c->one->stack + at));
         DMK_TRY(run_down(me, INT64_MAX));
     }
 done:
@@ -474,9 +481,10 @@ static void worker_free(worker *me)
 static int run_shared(worker *me, int n_threads)
 {
     int rc;
-    crew c = {.one = me};
+    crew c = {.one = me, .n_threads = n_threads};
     DMK_TRY(spread(me));
     DMK_TRY(DMK_NEW(me->ctx, c.own, (size_t)n_threads));
+    DMK_TRY(DMK_NEW(me->ctx, c.taken, me->n_stack));
     for (int i = 0; i < n_threads; i++) c.own[i].e = me->e;
     me->e->shared = true;
     rc = dmk_parallel_pieces(me->ctx, n_threads, run_share, &c);
@@ -489,6 +497,7 @@ static int run_shared(worker *me, int n_threads)
     }
 done:
     free(c.own);
+    free(c.taken);
     return rc;
 }
 
