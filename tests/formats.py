@@ -625,9 +625,12 @@ def our_results():
         report(f"{kind.upper()} and PLY hold the same numbers", problem)
         source = vtk_to_numpy(result.GetFieldData().GetArray("source"))
         report(f"{kind.upper()} tells the source", None if abs(source[0, 0] - 3) < 0.1 else source)
-    mesh = meshio.read(path("r.vtu"))
-    same = np.array_equal(mesh.cell_data["mu"][0], ply["mu"])
-    report("meshio reads our result", None if same else "other numbers")
+    for kind in ("vtu", "ply"):
+        mesh = meshio.read(path("r." + kind))
+        same = np.array_equal(np.ravel(mesh.cell_data["mu"][0]), ply["mu"]) and \
+            np.array_equal(mesh.point_data["distance"], ply["distance"])
+        report(f"meshio reads our result, {kind.upper()}", None if same else "other numbers")
+    results_elsewhere(len(ply["u"]), len(ply["mu"]))
     locus = as_vtk_reads(vtk.vtkXMLPolyDataReader(), "l.vtp")
     lengths = pyvista.wrap(locus).compute_cell_sizes()["Length"].sum()
     report("VTK reads our locus", None if 17 < lengths < 24 else f"length {lengths}")
@@ -641,6 +644,26 @@ def our_results():
     length = lines.compute_cell_sizes()["Length"].sum()
     same = abs(length - lengths) < 1e-4 * lengths  # in single precision
     report("VTK reads our locus in OBJ", None if same else f"length {length}")
+
+
+def results_elsewhere(n_vertices, n_faces):
+    """Each result in PyVista and Gmsh; PLY with values of other commands in meshio."""
+    for kind in ("ply", "vtp", "vtu"):
+        grid = pyvista.read(path("r." + kind))
+        problem = None if (grid.n_points, grid.n_cells) == (n_vertices, n_faces) else grid
+        if kind != "ply" and not {"mu", "acl"} <= set(grid.cell_data.keys()):
+            problem = grid.array_names
+        report(f"PyVista reads our result, {kind.upper()}", problem)
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.open(path("r.ply"))
+    found = len(gmsh.model.mesh.getNodes()[0]), sum(map(len, gmsh.model.mesh.getElements(2)[1]))
+    report("Gmsh reads our result in PLY", None if found == (n_vertices, n_faces) else found)
+    report("with its values as views", None if len(gmsh.view.getTags()) == 4 else gmsh.view.getTags())
+    gmsh.finalize()
+    run("distance", path("o.vtp"), "--vertex", "0", "--quiet", "--out", path("d.ply"))
+    arrays = set(meshio.read(path("d.ply")).point_data)
+    report("meshio reads distances in PLY", None if arrays == {"distance", "direction", "nearest"} else arrays)
 
 
 def our_pieces():

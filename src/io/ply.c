@@ -1,8 +1,8 @@
 /* PLY: text and binary of both byte orders. Read: the coordinates x y z of the element "vertex" and
  * the list "vertex_indices" (or "vertex_index") of the element "face"; all else is skipped. A
  * polygon of more than three corners is split into the fan of triangles around its first corner,
- * which is right for convex ones. Written: binary in the machine's byte order, doubles as doubles;
- * a result adds u and distance to the vertices, mu and acl to the faces.
+ * which is right for convex ones. Written: the bare mesh binary in the machine's byte order, doubles as
+ * doubles; a result, which adds u and distance to the vertices, mu and acl to the faces, as text.
  *
  * librply is not used: it parses text by the program's locale and trusts the header. */
 #include "io/values.h"
@@ -287,10 +287,18 @@ done:
 
 /* ---- writing ---- */
 
+/* With values beside the mesh as text, which all readers take: those of meshio and Gmsh find no faces in binary
+ * files with values. */
+static bool is_text(const dmk_fields *f)
+{
+    return f->mu || f->nearest;
+}
+
 static void put_header(dmk_output *out, const dmk_fields *f)
 {
-    dmk_output_text(out, dmk_is_little_endian() ? "ply\nformat binary_little_endian 1.0\n"
-                                                : "ply\nformat binary_big_endian 1.0\n");
+    dmk_output_text(out, is_text(f)               ? "ply\nformat ascii 1.0\n"
+                         : dmk_is_little_endian() ? "ply\nformat binary_little_endian 1.0\n"
+                                                  : "ply\nformat binary_big_endian 1.0\n");
     dmk_output_text(out, "element vertex ");
     dmk_output_integer(out, f->mesh->n_vertices);
     dmk_output_text(out, "\nproperty double x\nproperty double y\nproperty double z\n");
@@ -312,29 +320,68 @@ static void put_header(dmk_output *out, const dmk_fields *f)
     dmk_output_text(out, "end_header\n");
 }
 
-int dmk_ply_write(dmk_context *ctx, dmk_output *out, const dmk_fields *f)
+static void put_mesh(dmk_output *out, const dmk_mesh *m)
 {
-    (void)ctx;
-    const dmk_mesh *m = f->mesh;
-    put_header(out, f);
-    for (int32_t v = 0; v < m->n_vertices; v++) {
-        dmk_output_put(out, m->xyz + 3 * (size_t)v, 3 * sizeof *m->xyz);
-        if (f->nearest) {
-            dmk_output_put(out, &f->distance[v], sizeof f->distance[v]);
-            dmk_output_put(out, &f->direction[v], sizeof f->direction[v]);
-            dmk_output_put(out, &f->nearest[v], sizeof f->nearest[v]);
-        }
-        if (!f->mu) continue;
-        dmk_output_put(out, &f->u[v], sizeof f->u[v]);
-        if (!f->flux) dmk_output_put(out, &f->distance[v], sizeof f->distance[v]);
-    }
+    dmk_output_put(out, m->xyz, 3 * (size_t)m->n_vertices * sizeof *m->xyz);
     for (int32_t t = 0; t < m->n_triangles; t++) {
         dmk_output_put(out, "\3", 1);
         dmk_output_put(out, m->triangle + 3 * (size_t)t, 3 * sizeof *m->triangle);
-        if (!f->mu) continue;
-        dmk_output_put(out, &f->mu[t], sizeof f->mu[t]);
-        if (f->acl) dmk_output_put(out, &f->acl[t], 1);
-        if (f->flux) dmk_output_put(out, f->flux + 3 * (size_t)t, 3 * sizeof *f->flux);
+    }
+}
+
+/* n numbers, each with a blank before it. */
+static void put_numbers(dmk_output *out, const double *value, int n)
+{
+    for (int i = 0; i < n; i++) {
+        dmk_output_text(out, " ");
+        dmk_output_number(out, value[i]);
+    }
+}
+
+static void put_integer(dmk_output *out, int64_t value)
+{
+    dmk_output_text(out, " ");
+    dmk_output_integer(out, value);
+}
+
+static void put_vertices(dmk_output *out, const dmk_fields *f)
+{
+    for (int32_t v = 0; v < f->mesh->n_vertices; v++) {
+        const double *xyz = f->mesh->xyz + 3 * (size_t)v;
+        dmk_output_number(out, xyz[0]);
+        put_numbers(out, xyz + 1, 2);
+        if (f->mu) put_numbers(out, &f->u[v], 1);
+        if (f->mu && !f->flux) put_numbers(out, &f->distance[v], 1);
+        if (f->nearest) {
+            put_numbers(out, &f->distance[v], 1);
+            put_numbers(out, &f->direction[v], 1);
+            put_integer(out, f->nearest[v]);
+        }
+        dmk_output_text(out, "\n");
+    }
+}
+
+static void put_faces(dmk_output *out, const dmk_fields *f)
+{
+    for (int32_t t = 0; t < f->mesh->n_triangles; t++) {
+        dmk_output_text(out, "3");
+        for (int k = 0; k < 3; k++) put_integer(out, f->mesh->triangle[3 * (size_t)t + (size_t)k]);
+        if (f->mu) put_numbers(out, &f->mu[t], 1);
+        if (f->acl) put_integer(out, f->acl[t]);
+        if (f->flux) put_numbers(out, f->flux + 3 * (size_t)t, 3);
+        dmk_output_text(out, "\n");
+    }
+}
+
+int dmk_ply_write(dmk_context *ctx, dmk_output *out, const dmk_fields *f)
+{
+    (void)ctx;
+    put_header(out, f);
+    if (is_text(f)) {
+        put_vertices(out, f);
+        put_faces(out, f);
+    } else {
+        put_mesh(out, f->mesh);
     }
     return DMK_OK;
 }
