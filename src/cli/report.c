@@ -308,7 +308,8 @@ static void print_cost(const dmk_stats *stats)
     if (isfinite(stats->gap)) printf(" (gap %.2g %%)", 100 * stats->gap);
     printf(", of the discrete problem\n");
     print_label("");
-    printf("%.8g on the polyhedron itself, the integral of the distance\n", stats->cost_exact);
+    printf("%.8g on the polyhedron itself, the integral of the distance (quadrature error %.1g)\n",
+           stats->cost_exact, stats->cost_exact_error);
     print_gap(stats);
 }
 

@@ -468,6 +468,45 @@ static bool is_source(const dmk_geodesics *g, int32_t v)
     return g->source[a->source].vertex == v;
 }
 
+/* A site as a point of one of the triangles that it lies in. */
+static dmk_point seen_in(const dmk_geodesics *g, const dmk_site *at, int32_t triangle)
+{
+    dmk_point p = at->point;
+    spot own[2];
+    if (at->vertex < 0 && p.triangle == triangle) return p;
+    if (at->vertex < 0 && list_spots(g, at, 0, own) == 2) {
+        p = (dmk_point){triangle, {own[1].weight[0], own[1].weight[1], own[1].weight[2]}};
+    }
+    for (int32_t k = 0; at->vertex >= 0 && k < at->n_sectors; k++) {
+        if (at->sector[k].half / 3 != triangle) continue;
+        p = (dmk_point){triangle, {0}};
+        p.weight[at->sector[k].half % 3] = 1;
+    }
+    return p;
+}
+
+/* The inner points of the piece that the last search found from `at`; *before: the last one, or `at` itself. */
+static int append_piece(dmk_context *ctx, dmk_tracer *t, const dmk_site *at, trail *l,
+                        dmk_point *before)
+{
+    int rc = DMK_OK;
+    size_t n = 0;
+    double x, y;
+    dmk_point *list = NULL;
+    const finish *f = &t->best;
+    if (f->window < 0) {
+        *before = seen_in(t->g, at, f->triangle);
+        return DMK_OK;
+    }
+    end_of_sight(t, f->window, &x, &y);
+    DMK_TRY(list_crossings(t, ctx, f->window, x, y, &list, &n));
+    for (size_t i = n; i-- > 0;) DMK_TRY(append(l, list[i]));
+    *before = list[0];
+done:
+    free(list);
+    return rc;
+}
+
 /* From the point asked for to the source, one piece after the other; the first piece's end at the source is in
  * *direction. */
 static int follow(dmk_context *ctx, dmk_tracer *t, const dmk_site *from, trail *l,
@@ -477,58 +516,28 @@ static int follow(dmk_context *ctx, dmk_tracer *t, const dmk_site *from, trail *
     const dmk_geodesics *g = t->g;
     const dmk_site *at = from;
     dmk_site bend = {0};
-    dmk_point *list = NULL, before = from->point;
-    size_t n;
+    dmk_point before = from->point;
     *direction = 0;
     DMK_TRY(append(l, from->point));
-    for (;;) {
-        if (at->vertex >= 0 && is_source(g, at->vertex)) break;
+    while (!(at->vertex >= 0 && is_source(g, at->vertex))) {
         DMK_TRY(search(ctx, t, at, NULL));
-        finish f = t->best;
-        before = at->point;
-        n = 0;
-        free(list);
-        list = NULL;
-        if (f.window >= 0) {
-            double x, y;
-            end_of_sight(t, f.window, &x, &y);
-            DMK_TRY(list_crossings(t, ctx, f.window, x, y, &list, &n));
-            for (size_t i = n; i-- > 0;) DMK_TRY(append(l, list[i]));
-            before = list[0];
-        } else if (at->vertex >= 0 || at->point.triangle != f.triangle) {
-            spot own[2];
-            if (at->vertex >= 0) {
-                for (int32_t k = 0; k < at->n_sectors; k++) {
-                    if (at->sector[k].half / 3 != f.triangle) continue;
-                    before = (dmk_point){f.triangle, {0}};
-                    before.weight[at->sector[k].half % 3] = 1;
-                }
-            } else if (list_spots(g, at, 0, own) == 2) {
-                before =
-                    (dmk_point){f.triangle, {own[1].weight[0], own[1].weight[1], own[1].weight[2]}};
-            }
-        }
-        if (f.vertex < 0) {
-            if (f.source < g->n_sources) {
-                DMK_TRY(append(l, g->source[f.source].point));
-                *direction = direction_to(g, g->source + f.source, &before);
-            }
-            break;
-        }
-        dmk_point p = corner_point(g, f.vertex);
-        DMK_TRY(append(l, p));
-        if (is_source(g, f.vertex)) {
-            const dmk_arrival *a = g->arrival + f.vertex;
-            if (a->source < g->n_sources)
-                *direction = direction_to(g, g->source + a->source, &before);
+        const finish f = t->best;
+        DMK_TRY(append_piece(ctx, t, at, l, &before));
+        int32_t source = f.source;
+        dmk_point end = f.vertex >= 0           ? corner_point(g, f.vertex)
+                        : source < g->n_sources ? g->source[source].point
+                                                : before;
+        if (f.vertex >= 0 || source < g->n_sources) DMK_TRY(append(l, end));
+        if (f.vertex >= 0 && is_source(g, f.vertex)) source = g->arrival[f.vertex].source;
+        if (source >= 0) {
+            if (source < g->n_sources) *direction = direction_to(g, g->source + source, &before);
             break;
         }
         dmk_site_free(&bend);
-        DMK_TRY(dmk_site_create(ctx, g->mesh, &g->star, &p, 0, &bend));
+        DMK_TRY(dmk_site_create(ctx, g->mesh, &g->star, &end, 0, &bend));
         at = &bend;
     }
 done:
-    free(list);
     dmk_site_free(&bend);
     return rc;
 }
