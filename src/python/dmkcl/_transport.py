@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Optional, Sequence, Union
+from typing import Any, Literal, Optional, Sequence, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,14 +19,15 @@ class Measure:
     """A measure on a surface: the sum of the parts that are given, in any unit of mass.
 
     vertex_mass: (n,) a mass at each vertex, spread over the triangles around it; face_density: (m,)
-    mass per area; points with masses: (k, 3), or a list of `Point`, and (k,) (None: 1 each); uniform: a mass
-    spread evenly over the component of the others.
+    mass per area; points with masses: (k, 3), or a list of `Point`, and (k,) (None: 1 each; "free": each
+    takes what the other measure has nearest to it, see `Transport.atom_mass`); uniform: a mass spread evenly over
+    the component of the others.
     """
 
     vertex_mass: Optional[ArrayLike] = None
     face_density: Optional[ArrayLike] = None
     points: Optional[Sequence[Any]] = None
-    masses: Optional[ArrayLike] = None
+    masses: Union[None, Literal["free"], ArrayLike] = None
     uniform: float = 0.0
 
 
@@ -59,8 +60,12 @@ def _pack(mesh: Mesh, measure: MeasureLike, keep: "list[Any]") -> Any:
         atoms = ffi.new("dmk_point[]", [(p.face, p.bary) for p in places])
         keep.append(atoms)
         packed.atoms, packed.n_atoms = atoms, len(places)
-        masses = np.ones(len(places)) if m.masses is None else m.masses
-        lend("atom_mass", _column("masses", masses, len(places)))
+        if isinstance(m.masses, str):
+            if m.masses != "free":
+                raise ArgumentError(f"masses = {m.masses!r}: expected numbers or 'free'")
+        else:
+            masses = np.ones(len(places)) if m.masses is None else m.masses
+            lend("atom_mass", _column("masses", masses, len(places)))
     packed.uniform = m.uniform
     keep.append(packed)
     return packed
@@ -137,6 +142,11 @@ class Transport:
     def potential(self) -> NDArray[np.float64]:
         """(n,) Kantorovich potential u at the vertices, 0 at its largest."""
         return self._array("potential")
+
+    @cached_property
+    def atom_mass(self) -> NDArray[np.float64]:
+        """(k,) what the points with "free" masses take: the mass of their Voronoi cells; else empty."""
+        return self._array("atom_mass")
 
     def write(self, path: "os.PathLike[str] | str") -> None:
         """Write mesh, mu, flux and u; the suffix chooses VTP, VTU or PLY."""

@@ -27,6 +27,10 @@ whole = dmkcl.Measure(uniform=1.0)
 shares = solver.transport(dmkcl.Measure(points=points), whole, normalise=True)
 print(f"to three points of equal mass: {shares.w1:.4f}")
 
+# Each point of the surface goes to the nearest of the three: u is minus the distance to the set.
+nearest = solver.transport(dmkcl.Measure(points=points, masses="free"), whole, normalise=True)
+print(f"to the nearest of three points: {nearest.w1:.4f}, shares {nearest.atom_mass.round(3)}")
+
 # Distances of measures, pair by pair, with one hierarchy.
 angles = np.linspace(0, np.pi, 4)
 bumps = [blob(3 * np.cos(a), 3 * np.sin(a), 0) for a in angles]

@@ -39,3 +39,59 @@ def test_matrix(sphere):
     matrix = sphere.w1_matrix(spots)
     assert np.array_equal(matrix, matrix.T) and np.all(np.diag(matrix) == 0)
     assert np.allclose(matrix[np.triu_indices(3, 1)], np.pi / 2, atol=0.05)
+
+
+def test_free_masses_are_those_of_the_nearest_points(sphere):
+    points = np.vstack([np.eye(3), -np.eye(3)])
+    found = sphere.transport(dmkcl.Measure(points=points, masses="free"), dmkcl.Measure(uniform=3), normalise=True)
+    assert found.atom_mass.shape == (6,) and found.atom_mass.sum() == pytest.approx(3)
+    assert np.allclose(found.atom_mass, 0.5, atol=0.02)  # six equal cells
+    distance = np.arccos(np.clip((sphere.mesh.vertices @ points.T).max(axis=1), -1, 1))
+    assert np.abs(found.potential - found.potential.max() + distance).mean() < 0.02
+    fixed = sphere.transport(dmkcl.Measure(points=points[:1]), dmkcl.Measure(uniform=1), normalise=True)
+    assert fixed.atom_mass.shape == (0,)
+    with pytest.raises(dmkcl.ArgumentError, match="free"):
+        sphere.transport(dmkcl.Measure(points=points, masses="fre"), dmkcl.Measure(uniform=1))
+
+
+def folded(n_triangles):
+    """A closed surface with folds like a brain's."""
+    ball = dmkcl.surfaces.sphere(n_triangles=n_triangles)
+    x, y, z = ball.vertices.T
+    depth = np.sin(9 * x + 2 * z) * np.cos(8 * y) + np.sin(7 * z - 3 * y)
+    return dmkcl.Mesh(ball.vertices * (1 + 0.08 * depth)[:, None] * [0.7, 1, 0.8], ball.faces), depth
+
+
+def test_histograms_on_a_folded_surface():
+    mesh, depth = folded(8000)
+    found = dmkcl.transport(mesh, np.clip(depth, 0, None), np.clip(-depth, 0, None), normalise=True)
+    way = found.w1 / found.mass
+    assert 0.05 < way < 0.3  # from crown to groove, not across the surface
+    assert found.upper - found.lower < 3e-3 * found.upper and found.balance < 1e-8
+    assert found.stats["steps"] <= 20
+
+
+def test_from_region_to_region_of_a_scan():
+    """Noise moves the vertices; what leaves one end and comes to the other passes between them."""
+    plain = dmkcl.surfaces.ellipsoid(0.5, 0.6, 2, n_triangles=8000)
+    noise = np.random.default_rng(3).normal(size=plain.vertices.shape)
+    mesh = dmkcl.Mesh(plain.vertices + 0.004 * noise, plain.faces)
+    z = mesh.vertices[:, 2]
+    found = dmkcl.transport(mesh, (z > 1.7).astype(float), (z < -1.7).astype(float), normalise=True)
+    assert 3.4 < found.w1 / found.mass < 4.4
+    middle = mesh.vertices[mesh.faces].mean(axis=1)[:, 2]
+    down = -found.flux[np.abs(middle) < 0.2, 2]
+    assert (down > 0).mean() > 0.95
+    assert found.upper - found.lower < 3e-3 * found.upper
+
+
+def test_matrix_of_twenty_with_progress(sphere, capsys):
+    """Distances of measures are a metric, and those of points the distances of the points."""
+    points = np.random.default_rng(5).normal(size=(20, 3))
+    points /= np.linalg.norm(points, axis=1)[:, None]
+    matrix = sphere.w1_matrix([dmkcl.Measure(points=[p]) for p in points], progress=True)
+    exact = np.arccos(np.clip(points @ points.T, -1, 1))
+    assert np.array_equal(matrix, matrix.T)
+    assert np.abs(matrix - exact)[~np.eye(20, dtype=bool)].max() < 0.08
+    assert (matrix[:, :, None] <= matrix[:, None, :] + matrix[None] + 0.05).all()
+    assert "190" in capsys.readouterr().err
