@@ -66,7 +66,7 @@ def test_histograms_on_a_folded_surface():
     mesh, depth = folded(8000)
     found = dmkcl.transport(mesh, np.clip(depth, 0, None), np.clip(-depth, 0, None), normalise=True)
     way = found.w1 / found.mass
-    assert 0.05 < way < 0.3  # from crown to groove, not across the surface
+    assert 0.2 < way < 0.5  # from crown to groove, not across the surface
     assert found.upper - found.lower < 3e-3 * found.upper and found.balance < 1e-8
     assert found.stats["steps"] <= 20
 
