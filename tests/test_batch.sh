@@ -109,6 +109,11 @@ check 'keeps what is there' test "$(cat "$out/a-0000.vtp")" = kept
 check 'without --resume all is made anew' batch "$list" --quiet
 check 'over what is there' has "$out/a-0000.vtp" '</VTKFile>'
 
+batch "$list" --quiet --gap 1e-6 2> "$work/said"
+check 'a missed gap gives its exit code' test $? -eq 9
+batch "$list" --quiet --gap 1e-6 --resume 2> "$work/said"
+check 'and a resumed run, which keeps it' test $? -eq 9
+
 rm -r "$out"
 mkdir "$out"
 awk 'BEGIN { for (i = 0; i < 2000; i++) print "vertex " i % 500 }' > "$list"

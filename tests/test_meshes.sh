@@ -70,6 +70,8 @@ fails 'a missed gap gives exit code 9, as of solve' 9 'a.off: the gap is .*, abo
     "$tool" batch "$in/a.off" "$in/c.ply" --gap 1e-6 --out-dir "$missed" --quiet
 check 'and all is done' test "$(report=$missed/report.jsonl names)" = 'a 0 done;c 0 done;'
 check 'with its files' test -s "$missed/a.vtp" -a -s "$missed/c.vtp" -a -s "$missed/c.locus.obj"
+check 'and so does a resumed run that keeps what missed it' \
+    fails_with 9 "$tool" batch "$in/a.off" "$in/c.ply" --gap 1e-6 --out-dir "$missed" --resume --quiet
 check 'a gap that is reached gives exit code 0' "$tool" batch "$in/a.off" --gap 0.5 --json
 check 'a mesh that fails gives its code' fails_with 3 "$tool" batch "$in/a.off" "$in/bad.off" --gap 1e-6 --json
 printf 'vertex 0\nvertex 99999\n' > "$work/sources.txt"

@@ -88,6 +88,19 @@ static bool is_done(const solve_request *one)
            (!one->report || strcmp(one->report, "-") == 0 || is_there(one->report));
 }
 
+/* The exit code of a source that was done before, as far as its report tells. */
+static int code_of_kept(const solve_request *one)
+{
+    char text[8192];
+    const bool told = one->report && strcmp(one->report, "-") != 0;
+    FILE *file = told ? fopen(one->report, "r") : NULL;
+    if (!file) return EXIT_OK;
+    const size_t n = fread(text, 1, sizeof text - 1, file);
+    text[n] = '\0';
+    fclose(file);
+    return solve_misses(one, solve_told_gap(text, n)) ? EXIT_GAP : EXIT_OK;
+}
+
 /* ---- the run -------------------------------------------------------------------------------- */
 
 static void print_line(size_t k, const solve_run *run)
@@ -163,6 +176,7 @@ static void solve_all(batch *b, solve_run *run)
         } else if (one.resume && is_done(&one)) {
             if (b->summary) printf("%04zu  kept: its files are there\n", k);
             b->n_kept++;
+            code = code_of_kept(&one);
         } else {
             begin_source(b, run);
             code = solve_one(b, k, &one, run);

@@ -152,7 +152,9 @@ static void check_mesh(worker *w, size_t k)
     for (size_t i = 0; i < f->n_sources; i++) {
         char wanted[WANTED_SIZE], text[96];
         const batch_entry entry = entry_of(f, k, i, wanted);
-        const char *why = batch_record_check(f->record, &entry);
+        double gap = NAN;
+        const char *why = batch_record_check(f->record, &entry, &gap);
+        if (!why && solve_misses(&f->request->each, gap)) atomic_store(&f->missed, true);
         *kept(f, k, i) = !why;
         f->n_kept += !why;
         if (!why || !*why) continue;

@@ -20,6 +20,7 @@ typedef struct seen {
     int64_t source;
     char digest[33], options[33];
     bool failed, drop;
+    double gap;           /* NAN: none told */
     size_t begin, length; /* in the text */
 } seen;
 
@@ -180,6 +181,7 @@ static bool read_line(const char *at, seen *line)
                       read_hex(&at, ", \"options\": ", line->options) &&
                       (state = read_text(&at, ", \"state\": ")) != NULL;
     line->failed = good && strcmp(state, "done") != 0;
+    line->gap = solve_told_gap(at, strcspn(at, "\n"));
     free(state);
     return good;
 }
@@ -334,7 +336,7 @@ static const char *judge(const batch_record *r, const batch_entry *entry, const 
     return there ? NULL : "a file of it is missing";
 }
 
-const char *batch_record_check(batch_record *r, const batch_entry *entry)
+const char *batch_record_check(batch_record *r, const batch_entry *entry, double *gap)
 {
     const seen key = {.name = r->list->mesh[entry->mesh].name,
                       .source = (int64_t)entry->source,
@@ -352,6 +354,7 @@ const char *batch_record_check(batch_record *r, const batch_entry *entry)
     if (!line || strcmp(line->name, key.name) != 0 || line->source != key.source) return "";
     const char *why = judge(r, entry, line);
     line->drop = why != NULL;
+    *gap = line->gap;
     return why;
 }
 

@@ -2,6 +2,7 @@
 #include "solve.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 /* ---- report --------------------------------------------------------------------------------- */
@@ -313,12 +314,24 @@ static void print_cost(const dmk_stats *stats)
     print_gap(stats);
 }
 
+bool solve_misses(const solve_request *request, double gap)
+{
+    return request->solve.gap_tolerance > 0 && gap > request->solve.gap_tolerance;
+}
+
+double solve_told_gap(const char *text, size_t n)
+{
+    static const char name[] = "\"gap\": ";
+    const char *found = memmem(text, n, name, sizeof name - 1);
+    return found ? strtod(found + sizeof name - 1, NULL) : NAN; /* the locale is C: see main */
+}
+
 int solve_check_gap(const solve_request *request, const solve_run *run)
 {
     dmk_stats stats;
     dmk_result_get_stats(run->result, &stats);
     const double asked = request->solve.gap_tolerance;
-    if (!(asked > 0) || stats.gap <= asked) return EXIT_OK;
+    if (!solve_misses(request, stats.gap)) return EXIT_OK;
     return cli_error(EXIT_GAP,
                      "%sthe gap is %.2g, above the %.2g that --gap asked for; a smaller "
                      "--tolerance may bring it down",

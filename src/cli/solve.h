@@ -133,6 +133,9 @@ bool solve_tells_summary(const solve_request *request);
 void solve_summary(const solve_request *request, const solve_run *run);
 /* EXIT_OK, or EXIT_GAP with the words, when the gap that was asked for is not reached. */
 int solve_check_gap(const solve_request *request, const solve_run *run);
+/* Whether that would be its answer to this gap; and the gap in n bytes of a report, or NAN. */
+bool solve_misses(const solve_request *request, double gap);
+double solve_told_gap(const char *text, size_t n);
 /* Mesh, source and what a solve would take, as the request wants it told: report or summary. */
 int solve_tell_plan(const solve_request *request, const solve_run *run);
 /* Its part that holds for all sources: mesh and device. */

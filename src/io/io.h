@@ -42,6 +42,8 @@ bool dmk_text_seek(dmk_text *text);
 void dmk_text_skip_line(dmk_text *text);
 /* Length of the word at text->at: up to a blank, line end, comment or backslash. */
 size_t dmk_text_word(const dmk_text *text);
+/* Whether a word ends at p: a blank, line end, comment or backslash stands there, or nothing. */
+bool dmk_text_ends(const dmk_text *text, const char *p);
 /* Read a number that ends with its word; `what` names it in the error. */
 int dmk_text_number(dmk_text *text, const char *what, double *value);
 int dmk_text_integer(dmk_text *text, const char *what, int64_t *value);

@@ -2,7 +2,7 @@
  * indices, long lines continued by a backslash; everything else is skipped. A polygon of more than
  * three corners is split into the fan of triangles around its first corner, which is right for
  * convex ones. Cut loci are written as "v" and "l" lines, a single point as "p". */
-#include "io/io.h"
+#include "io/lines.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -97,12 +97,68 @@ done:
     return rc;
 }
 
+/* ---- many lines at once: "v x y z" and "f i j k", i above 0, and nothing continued ---- */
+
+enum { VERTEX, FACE };
+
+static int kind_of_line(const dmk_text *t)
+{
+    const char *line_end = memchr(t->at, '\n', (size_t)(t->end - t->at));
+    const char *end = line_end ? line_end : t->end;
+    if (memchr(t->at, '\\', (size_t)(end - t->at))) return DMK_LINE_ODD;
+    return is_word(t, "v") ? VERTEX : is_word(t, "f") ? FACE : DMK_LINE_NONE;
+}
+
+static bool take_line(dmk_text *t, int kind, size_t i, const dmk_lines *lines)
+{
+    t->at++;
+    for (size_t k = 0; k < 3; k++) {
+        int64_t v;
+        if (!dmk_text_more(t)) return false;
+        if (kind == VERTEX) {
+            if (!dmk_line_number(t, &lines->soup->xyz[3 * i + k])) return false;
+            continue;
+        }
+        const char *p = t->at, *word_end = t->at + dmk_text_word(t);
+        if (!dmk_integer_read(&p, word_end, &v) || (p < word_end && *p != '/')) return false;
+        if (v < 1 || (uint64_t)v > lines->n[VERTEX]) return false;
+        lines->soup->triangle[3 * i + k] = (int32_t)(v - 1);
+        t->at = word_end;
+    }
+    return kind == VERTEX || !dmk_text_more(t);
+}
+
+static int read_plain(const dmk_text *t, dmk_soup *soup, bool *plain)
+{
+    int rc;
+    struct dmk_chunks *chunks = NULL;
+    dmk_lines lines = {.text = t, .soup = soup, .kind = kind_of_line, .take = take_line};
+    DMK_TRY(dmk_lines_count(t->context, &lines, &chunks, plain));
+    *plain = *plain && lines.n[FACE] > 0;
+    if (!*plain) goto done;
+    DMK_TRY(DMK_NEW(t->context, soup->xyz, 3 * lines.n[VERTEX]));
+    DMK_TRY(DMK_NEW(t->context, soup->triangle, 3 * lines.n[FACE]));
+    DMK_TRY(dmk_lines_take(t->context, &lines, chunks, plain));
+    if (*plain) {
+        soup->n_vertices = lines.n[VERTEX];
+        soup->n_triangles = soup->triangle_room = lines.n[FACE];
+    } else {
+        dmk_soup_free(soup);
+    }
+done:
+    dmk_chunks_free(&chunks);
+    return rc;
+}
+
 int dmk_obj_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
 {
     int rc;
     dmk_text t;
     size_t seen = 0;
+    bool plain;
     DMK_TRY(dmk_text_open(ctx, file, &t));
+    DMK_TRY(read_plain(&t, soup, &plain));
+    if (plain) goto done;
     soup->n_vertices = count_vertices(t);
     DMK_TRY(DMK_NEW(ctx, soup->xyz, 3 * soup->n_vertices));
     while (dmk_text_seek(&t)) {

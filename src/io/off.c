@@ -3,7 +3,7 @@
  * colours and texture coordinates are skipped; they need one vertex per line. Binary files and
  * other dimensions than 3 are refused. A polygon of more than three corners is split into the fan
  * of triangles around its first corner, which is right for convex ones. */
-#include "io/io.h"
+#include "io/lines.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -116,11 +116,58 @@ done:
     return rc;
 }
 
+/* ---- many lines at once: every vertex and every triangle on a line of its own ---- */
+
+static int kind_of_line(const dmk_text *t)
+{
+    (void)t;
+    return 0;
+}
+
+/* Line i of the body: n_vertices times three numbers, then n_faces times "3 i j k" and whatever follows. */
+static bool take_line(dmk_text *t, int kind, size_t i, const dmk_lines *lines)
+{
+    (void)kind;
+    const off_header *h = lines->reader;
+    dmk_soup *soup = lines->soup;
+    int64_t v[4];
+    if (i < soup->n_vertices) {
+        for (size_t k = 0; k < 3; k++) {
+            if (!dmk_text_more(t) || !dmk_line_number(t, &soup->xyz[3 * i + k])) return false;
+        }
+        return h->extras || !dmk_text_more(t);
+    }
+    i -= soup->n_vertices;
+    if (i >= soup->triangle_room) return true;
+    for (size_t k = 0; k < 4; k++) {
+        if (!dmk_text_more(t) || !dmk_line_integer(t, &v[k])) return false;
+        if (k > 0 && (v[k] < 0 || (uint64_t)v[k] >= soup->n_vertices)) return false;
+        if (k > 0) soup->triangle[3 * i + k - 1] = (int32_t)v[k];
+    }
+    return v[0] == 3;
+}
+
+static int read_plain(const dmk_text *t, const off_header *h, dmk_soup *soup, bool *plain)
+{
+    int rc;
+    struct dmk_chunks *chunks = NULL;
+    dmk_lines lines = {
+        .text = t, .soup = soup, .reader = h, .kind = kind_of_line, .take = take_line};
+    DMK_TRY(dmk_lines_count(t->context, &lines, &chunks, plain));
+    if (lines.n[0] < soup->n_vertices + soup->triangle_room) *plain = false;
+    if (*plain) DMK_TRY(dmk_lines_take(t->context, &lines, chunks, plain));
+    if (*plain) soup->n_triangles = soup->triangle_room;
+done:
+    dmk_chunks_free(&chunks);
+    return rc;
+}
+
 int dmk_off_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
 {
     int rc;
     dmk_text t;
     off_header h;
+    bool plain;
     int64_t n_vertices, n_faces;
     DMK_TRY(dmk_text_open(ctx, file, &t));
     DMK_TRY(read_header(&t, &h));
@@ -129,6 +176,8 @@ int dmk_off_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
     DMK_TRY(DMK_NEW(ctx, soup->triangle, 3 * (size_t)n_faces));
     soup->n_vertices = (size_t)n_vertices;
     soup->triangle_room = (size_t)n_faces;
+    DMK_TRY(read_plain(&t, &h, soup, &plain));
+    if (plain) goto done;
     DMK_TRY(read_vertices(&t, &h, soup));
     for (int64_t f = 0; f < n_faces; f++) DMK_TRY(read_face(&t, soup));
 done:

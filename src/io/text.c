@@ -61,7 +61,7 @@ void dmk_text_skip_line(dmk_text *text)
     text->at = line_end ? line_end + 1 : text->end;
 }
 
-static bool at_word_end(const dmk_text *text, const char *p)
+bool dmk_text_ends(const dmk_text *text, const char *p)
 {
     return p >= text->end || is_blank(*p) || *p == '\n' || *p == '#' || *p == '\\';
 }
@@ -69,7 +69,7 @@ static bool at_word_end(const dmk_text *text, const char *p)
 size_t dmk_text_word(const dmk_text *text)
 {
     const char *p = text->at;
-    while (!at_word_end(text, p)) p++;
+    while (!dmk_text_ends(text, p)) p++;
     return (size_t)(p - text->at);
 }
 
@@ -91,7 +91,7 @@ static int fail_word(const dmk_text *text, const char *what, const char *wanted)
 int dmk_text_number(dmk_text *text, const char *what, double *value)
 {
     const char *p = text->at;
-    if (!dmk_number_read(&text->numbers, &p, text->end, value) || !at_word_end(text, p)) {
+    if (!dmk_number_read(&text->numbers, &p, text->end, value) || !dmk_text_ends(text, p)) {
         return fail_word(text, what, "a finite decimal number");
     }
     text->at = p;
@@ -101,7 +101,7 @@ int dmk_text_number(dmk_text *text, const char *what, double *value)
 int dmk_text_integer(dmk_text *text, const char *what, int64_t *value)
 {
     const char *p = text->at;
-    if (!dmk_integer_read(&p, text->end, value) || !at_word_end(text, p)) {
+    if (!dmk_integer_read(&p, text->end, value) || !dmk_text_ends(text, p)) {
         return fail_word(text, what, "an integer");
     }
     text->at = p;
