@@ -379,6 +379,7 @@ install: $(STATIC) $(SHARED) $(TOOL) $(PC) $(MAN) $(MAN3)
 dist:
 	@mkdir -p build
 	$(Q)tar -czf build/dmkcl-$(VERSION).tar.gz --exclude=./build --exclude=./.git --exclude=__pycache__ \
+	    --exclude='*.so' --exclude='*.egg-info' --exclude=./src/python/dmkcl/dmkcl --exclude=./src/docs/pictures \
 	    --transform 's,^\.,dmkcl-$(VERSION),' .
 	@echo build/dmkcl-$(VERSION).tar.gz
 

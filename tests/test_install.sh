@@ -86,6 +86,15 @@ for command in $("$tool" --help | sed -n '/^commands:/,/^$/s/^  \([a-z]*\) .*/\1
     check "and all its options" test "$(complete_words "$command" -- | wc -w)" -ge 2
 done
 
+# Of what is built in the tree nothing goes into the archive: an editable install leaves a program and a library there.
+mkdir "$work/tree" && cp -r Makefile README.md include kernels src tests .ci "$work/tree" &&
+    touch "$work/tree/src/python/dmkcl/dmkcl" "$work/tree/src/python/dmkcl/_dmkcl.abi3.so"
+check 'make dist' make -s -C "$work/tree" dist
+tar -tzf "$work/tree/build/dmkcl-$version.tar.gz" | sed 's,^[^/]*/,,' > "$work/packed"
+check 'packs the sources' sh -c "for f in Makefile include/dmkcl.h src/cli/main.c kernels/base.cl tests/run.sh; do
+    grep -qx \$f '$work/packed' || exit 1; done"
+check 'and nothing built' test -z "$(grep -E '\.so$|^src/python/dmkcl/dmkcl$|^build|\.git/' "$work/packed")"
+
 check 'make uninstall' make -s uninstall PREFIX=/usr DESTDIR="$stage"
 check 'leaves no file' test -z "$(find "$stage" -type f -o -type l)"
 tap_end

@@ -33,9 +33,23 @@ is_clean() {
     ! find $source -name '*.egg-info' -o -name build -o -name '*.so' -o -name '*.c' | grep .
 }
 
+# From a copy of the sources, for it leaves the extension and the tool there; the parts it needs to build are the tests' own.
+install_editable() {
+    local env=$work/editable
+    mkdir "$work/clone" && cp -pr Makefile README.md LICENSE CITATION.cff include kernels src .ci "$work/clone" &&
+        "$python" -m venv --without-pip "$env" &&
+        find "$(dirname "$python")"/../lib/python3.*/site-packages -maxdepth 1 -mindepth 1 ! -name '*dmkcl*' \
+            -exec ln -sf -t "$(echo "$env"/lib/python3.*/site-packages)" {} + &&
+        DMKCL_BUILD=$base/editable "$python" -m pip --python "$env/bin/python" install -q --no-build-isolation --no-deps \
+            -e "$work/clone/$source" &&
+        "$env/bin/python" -c "import dmkcl; assert dmkcl.__file__.startswith('$work/clone'); dmkcl.surfaces.sphere()" &&
+        test "$("$env/bin/dmkcl" --version)" = "$("$DMKCL_BUILD/dmkcl" --version)"
+}
+
 need_packages 'the Python package'
 check 'pip install ./src/python' install_package
 check 'building writes nothing into the source tree' is_clean
+check 'an editable install, with its dmkcl command' install_editable
 "$python" -m pytest --tap -p no:terminal -p no:cacheprovider $source/tests > "$work/pytest"
 status=$?
 cat "$work/pytest"
