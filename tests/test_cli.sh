@@ -223,6 +223,15 @@ check 'and it does' "$tool" info --repair "$work/broken.off"
 check 'a source far away is warned of' has "$work/errors" 'warning: \(9, 0, 0\) is 6 away from the surface'
 "$tool" solve "$torus" --source 3.01,0,0 2> "$work/errors" > /dev/null
 check 'one nearby is not' test ! -s "$work/errors"
+for command in 'distance --source 9,0,0' 'path --source 3,0,0 --to 9,0,0' 'batch --source 9,0,0 --json'; do
+    "$tool" $command "$torus" 2> "$work/errors" > /dev/null
+    check "and by ${command%% *}, too" has "$work/errors" 'warning: \(9, 0, 0\) is 6 away from the surface'
+done
+printf '3.1,0,0\nvertex 0\n' > "$work/two.txt"
+"$tool" solve "$torus" --sources "$work/two.txt" > "$work/lines" 2> /dev/null
+check 'a line of many sources tells the offset' has "$work/lines" '^0000 .*\), 0\.1[0-9]* from the point asked for: '
+check 'but not of a vertex' has "$work/lines" '^0001  \([^:]*\): '
+check 'and so does one of a batch' output_has '0\.1[0-9]* from the point asked for' "$tool" batch "$torus" --source 3.1,0,0 --out-dir "$work/one-folder"
 
 # No device is opened: with one that is not there it ends well all the same.
 "$tool" solve "$torus" --vertex 0 --dry-run --device none-of-these --out "$work/dry.vtp" > "$work/told"

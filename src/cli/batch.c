@@ -103,19 +103,22 @@ static int code_of_kept(const solve_request *one)
 
 /* ---- the run -------------------------------------------------------------------------------- */
 
-static void print_line(size_t k, const solve_run *run)
+static void print_line(size_t k, const solve_request *one, const solve_run *run)
 {
-    char point[CLI_TEXT_SIZE];
+    char point[CLI_TEXT_SIZE], away[64] = "";
     double xyz[3] = {0};
     dmk_stats stats;
     dmk_locus_info info;
     dmk_result_get_stats(run->result, &stats);
     dmk_locus_get_info(run->locus, &info);
     dmk_mesh_point_xyz(run->context, run->mesh, &run->source, xyz);
-    printf("%04zu  (%s): %d steps, cost %.8g, gap %.2g %%, cut locus %.6g, loops %lld, ends %zu, "
+    if (one->vertex < 0)
+        snprintf(away, sizeof away, ", %.2g from the point asked for", solve_offset(one, run));
+    printf("%04zu  (%s)%s: %d steps, cost %.8g, gap %.2g %%, cut locus %.6g, loops %lld, ends %zu, "
            "branch points %zu, %.2f s\n",
-           k, cli_point(xyz, point), stats.steps, stats.cost_upper, 100 * stats.gap, info.length,
-           (long long)info.loops, info.endpoints, info.branch_points, run->seconds.total);
+           k, cli_point(xyz, point), away, stats.steps, stats.cost_upper, 100 * stats.gap,
+           info.length, (long long)info.loops, info.endpoints, info.branch_points,
+           run->seconds.total);
 }
 
 static int solve_one(const batch *b, size_t k, const solve_request *one, solve_run *run)
@@ -129,7 +132,7 @@ static int solve_one(const batch *b, size_t k, const solve_request *one, solve_r
     if (code == EXIT_OK) code = solve_compute(one, run);
     if (code == EXIT_OK) code = solve_write(one, run);
     if (code == EXIT_OK && b->summary) {
-        print_line(k, run);
+        print_line(k, one, run);
         code = cli_flush();
     }
     if (code == EXIT_OK) code = solve_check_gap(one, run);

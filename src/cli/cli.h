@@ -225,9 +225,12 @@ int cli_read_mesh(dmk_context *context, const char *path, const cli_reading *how
 /* dmk_mesh_vertex_point of a vertex of the file. */
 int cli_vertex_point(dmk_context *context, const dmk_mesh *mesh, const dmk_repairs *did,
                      int64_t vertex, dmk_point *point);
-/* A warning if `point`, the nearest of the surface, is more than an edge away from xyz. */
-void cli_warn_offset(dmk_context *context, const dmk_mesh *mesh, const double xyz[3],
-                     const dmk_point *point);
+/* dmk_mesh_project; with a warning, unless quiet, if the surface is more than an edge away. */
+int cli_project(dmk_context *context, const dmk_mesh *mesh, const double xyz[3], bool quiet,
+                dmk_point *point);
+/* From a point of the surface to xyz. */
+double cli_offset(dmk_context *context, const dmk_mesh *mesh, const double xyz[3],
+                  const dmk_point *point);
 
 /* ---- json.c --------------------------------------------------------------------------------- */
 

@@ -26,6 +26,7 @@ typedef struct distance_run {
     dmk_point *source; /* n */
     size_t n;
     double begin, read, distance, write; /* seconds */
+    bool quiet;
     cli_progress progress;
 } distance_run;
 
@@ -41,7 +42,7 @@ static int place(distance_run *run, const solve_source *s, dmk_point *point)
 {
     if (s->vertex >= 0)
         return cli_vertex_point(run->context, run->mesh, &run->repairs, s->vertex, point);
-    return dmk_mesh_project(run->context, run->mesh, s->xyz, point);
+    return cli_project(run->context, run->mesh, s->xyz, run->quiet, point);
 }
 
 /* All sources of the command line, as one set. */
@@ -176,6 +177,7 @@ static int report(const distance_request *request, const distance_run *run)
 static int run_distance(const distance_request *request)
 {
     distance_run run = {.begin = cli_seconds(),
+                        .quiet = request->quiet,
                         .progress.line = isatty(STDERR_FILENO) && !request->quiet,
                         .progress.steps = request->verbose,
                         .progress.gap = NAN};

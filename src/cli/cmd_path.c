@@ -16,7 +16,7 @@ static int place_end(const path_request *request, const solve_run *run, dmk_poin
     if (request->to_vertex >= 0) {
         return cli_vertex_point(run->context, run->mesh, &run->repairs, request->to_vertex, end);
     }
-    return dmk_mesh_project(run->context, run->mesh, request->to.value, end);
+    return cli_project(run->context, run->mesh, request->to.value, request->solve.quiet, end);
 }
 
 static void print_path(const path_request *request, const solve_run *run, const dmk_path *path)

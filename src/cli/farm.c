@@ -190,15 +190,19 @@ static int append(farm *f, const batch_entry *entry, const solve_request *one, c
     return result;
 }
 
-static void tell_solved(farm *f, const batch_entry *entry, const solve_run *run)
+static void tell_solved(farm *f, const batch_entry *entry, const solve_request *one,
+                        const solve_run *run)
 {
-    char text[256];
+    char text[256], away[64] = "";
     dmk_stats stats;
     dmk_locus_info info;
     dmk_result_get_stats(run->result, &stats);
     dmk_locus_get_info(run->locus, &info);
-    snprintf(text, sizeof text, "%d steps, cost %.8g, gap %.2g %%, cut locus %.6g, %.3f s",
-             stats.steps, stats.cost_upper, 100 * stats.gap, info.length, run->seconds.total);
+    if (one->source.n > 0)
+        snprintf(away, sizeof away, ", source %.2g from the point asked for",
+                 solve_offset(one, run));
+    snprintf(text, sizeof text, "%d steps, cost %.8g, gap %.2g %%, cut locus %.6g%s, %.3f s",
+             stats.steps, stats.cost_upper, 100 * stats.gap, info.length, away, run->seconds.total);
     if (f->summary) tell(f, f->list->mesh[entry->mesh].name, entry->source, text);
 }
 
@@ -217,7 +221,7 @@ static void finish(farm *f, const batch_entry *entry, const solve_request *one,
     pthread_mutex_lock(&f->telling);
     f->n_done += code == EXIT_OK;
     f->n_failed += code != EXIT_OK;
-    if (code == EXIT_OK && written == EXIT_OK) tell_solved(f, entry, run);
+    if (code == EXIT_OK && written == EXIT_OK) tell_solved(f, entry, one, run);
     if (f->progress.line) {
         char text[96];
         const size_t all = f->list->n * f->n_sources;
@@ -234,7 +238,7 @@ static int find_place(const farm *f, const int64_t *sample, size_t i, solve_run 
     const solve_request *each = &f->request->each;
     if (sample) return dmk_mesh_vertex_point(run->context, run->mesh, sample[i], &run->source);
     if (each->source.n > 0)
-        return dmk_mesh_project(run->context, run->mesh, each->source.value, &run->source);
+        return cli_project(run->context, run->mesh, each->source.value, each->quiet, &run->source);
     return cli_vertex_point(run->context, run->mesh, &run->repairs, each->vertex, &run->source);
 }
 

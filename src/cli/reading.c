@@ -67,19 +67,30 @@ int cli_read_mesh(dmk_context *context, const char *path, const cli_reading *how
     return rc;
 }
 
-void cli_warn_offset(dmk_context *context, const dmk_mesh *mesh, const double xyz[3],
-                     const dmk_point *point)
+double cli_offset(dmk_context *context, const dmk_mesh *mesh, const double xyz[3],
+                  const dmk_point *point)
+{
+    double at[3];
+    if (dmk_mesh_point_xyz(context, mesh, point, at) != DMK_OK) return 0;
+    return hypot(hypot(at[0] - xyz[0], at[1] - xyz[1]), at[2] - xyz[2]);
+}
+
+int cli_project(dmk_context *context, const dmk_mesh *mesh, const double xyz[3], bool quiet,
+                dmk_point *point)
 {
     char wanted[CLI_TEXT_SIZE], found[CLI_TEXT_SIZE];
-    double at[3], square = 0;
+    double at[3];
     dmk_mesh_info info;
-    if (dmk_mesh_point_xyz(context, mesh, point, at) != DMK_OK) return;
-    for (int k = 0; k < 3; k++) square += (at[k] - xyz[k]) * (at[k] - xyz[k]);
+    int rc = dmk_mesh_project(context, mesh, xyz, point);
+    if (rc == DMK_OK) rc = dmk_mesh_point_xyz(context, mesh, point, at);
+    if (rc != DMK_OK || quiet) return rc;
+    const double away = cli_offset(context, mesh, xyz, point);
     dmk_mesh_get_info(mesh, &info);
-    if (!(sqrt(square) > info.mean_edge)) return;
+    if (!(away > info.mean_edge)) return DMK_OK;
     fprintf(stderr,
             "dmkcl: warning: (%s) is %.3g away from the surface; its nearest point (%s) is taken\n",
-            cli_point(xyz, wanted), sqrt(square), cli_point(at, found));
+            cli_point(xyz, wanted), away, cli_point(at, found));
+    return DMK_OK;
 }
 
 int cli_vertex_point(dmk_context *context, const dmk_mesh *mesh, const dmk_repairs *did,

@@ -271,9 +271,7 @@ static void print_source(const solve_request *request, const solve_run *run)
     printf("(%s)", cli_point(xyz, text));
     print_place(run);
     if (request->vertex < 0) {
-        const double *asked = request->source.value;
-        const double away = hypot(hypot(xyz[0] - asked[0], xyz[1] - asked[1]), xyz[2] - asked[2]);
-        printf(", %.2g from the point asked for", away);
+        printf(", %.2g from the point asked for", solve_offset(request, run));
     }
     putchar('\n');
 }

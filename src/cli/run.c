@@ -77,12 +77,14 @@ static int place(const solve_request *request, solve_run *run)
                                 &run->source);
     }
     const double *xyz = request->source.value;
-    const int rc = dmk_mesh_project(run->context, run->mesh, xyz, &run->source);
-    if (rc == DMK_OK && !request->quiet) {
-        cli_progress_end(&run->progress);
-        cli_warn_offset(run->context, run->mesh, xyz, &run->source);
-    }
-    return rc;
+    if (!request->quiet) cli_progress_end(&run->progress);
+    return cli_project(run->context, run->mesh, xyz, request->quiet, &run->source);
+}
+
+double solve_offset(const solve_request *request, const solve_run *run)
+{
+    if (request->vertex >= 0 || request->source.n == 0) return 0;
+    return cli_offset(run->context, run->mesh, request->source.value, &run->source);
 }
 
 int solve_place(const solve_request *request, solve_run *run)
