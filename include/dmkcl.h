@@ -450,14 +450,12 @@ const double *dmk_result_potential_mid(const dmk_result *result,
                                        size_t *n); /* u per edge midpoint */
 /* The exact distance from the source (see dmk_geodesics), per vertex; -u differs from it by the discretisation. */
 const double *dmk_result_distance(const dmk_result *result, size_t *n);
-/* At the edges' midpoints nearly: as the shortest path to an end goes on there, off by some h^3. */
-const double *dmk_result_distance_mid(const dmk_result *result, size_t *n);
 void dmk_result_source(const dmk_result *result, dmk_point *source);
 
 /* What a result consists of, for storing it or sending it to another process: the arrays that the
  * accessors give, each for the whole mesh, the source and the stats. */
 typedef struct dmk_result_data {
-    const double *density, *potential, *potential_mid, *distance, *distance_mid;
+    const double *density, *potential, *potential_mid, *distance;
     const uint8_t *acl;
     dmk_point source;
     dmk_stats stats;

@@ -170,7 +170,6 @@ dmk_result_data result_data(const dmk_result *result)
                             .potential = dmk_result_potential(result, NULL),
                             .potential_mid = dmk_result_potential_mid(result, NULL),
                             .distance = dmk_result_distance(result, NULL),
-                            .distance_mid = dmk_result_distance_mid(result, NULL),
                             .acl = dmk_result_acl(result, NULL)};
     dmk_result_source(result, &data.source);
     dmk_result_get_stats(result, &data.stats);

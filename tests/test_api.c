@@ -15,17 +15,15 @@ static problem solved(void **state)
 static void potential_is_minus_the_distance_and_a_constant(void **state)
 {
     problem p = solved(state);
-    size_t n_u, n_d, n_um, n_dm;
+    size_t n_u, n_d, n_um;
     dmk_mesh_info info;
     dmk_mesh_get_info(p.mesh, &info);
     const double *u = dmk_result_potential(p.result, &n_u);
     const double *d = dmk_result_distance(p.result, &n_d);
-    const double *um = dmk_result_potential_mid(p.result, &n_um);
-    const double *dm = dmk_result_distance_mid(p.result, &n_dm);
+    assert_non_null(dmk_result_potential_mid(p.result, &n_um));
     assert_int_equal(n_u, info.n_vertices);
     assert_int_equal(n_d, info.n_vertices);
     assert_int_equal(n_um, info.n_edges);
-    assert_int_equal(n_dm, info.n_edges);
     /* Away from p the distance is nearly -u and a constant, as u's peak at p is blunt. */
     double low = INFINITY, high = -INFINITY;
     for (size_t v = 0; v < n_u; v++) {
@@ -33,23 +31,19 @@ static void potential_is_minus_the_distance_and_a_constant(void **state)
         low = fmin(low, d[v] + u[v]);
         high = fmax(high, d[v] + u[v]);
     }
-    for (size_t e = 0; e < n_um; e++) {
-        if (dm[e] < 2) continue;
-        low = fmin(low, dm[e] + um[e]);
-        high = fmax(high, dm[e] + um[e]);
-    }
     assert_true(high - low < info.mean_edge && fabs(low) < info.mean_edge);
     assert_true(d[0] == 0);
     problem_free(&p);
 }
 
-/* A midpoint is half an edge from its ends, so its distance differs from theirs by no more, but for
+/* A midpoint is half an edge from its ends, so its potential differs from theirs by no more, but for
  * the discretisation: within one edge length. */
 static void midpoints_lie_between_their_ends(void **state)
 {
     problem p = solved(state);
     size_t n;
-    const double *d = problem_distance(&p), *dm = dmk_result_distance_mid(p.result, &n);
+    const double *u = dmk_result_potential(p.result, NULL),
+                 *um = dmk_result_potential_mid(p.result, &n);
     const double *xyz = dmk_mesh_vertices(p.mesh);
     const int32_t *edge = dmk_mesh_edges(p.mesh);
     for (size_t e = 0; e < n; e++) {
@@ -57,7 +51,7 @@ static void midpoints_lie_between_their_ends(void **state)
         for (int k = 0; k < 3; k++) {
             square += pow(xyz[3 * edge[2 * e] + k] - xyz[3 * edge[2 * e + 1] + k], 2);
         }
-        assert_true(fabs(dm[e] - 0.5 * (d[edge[2 * e]] + d[edge[2 * e + 1]])) < sqrt(square));
+        assert_true(fabs(um[e] - 0.5 * (u[edge[2 * e]] + u[edge[2 * e + 1]])) < sqrt(square));
     }
     problem_free(&p);
 }
@@ -107,7 +101,6 @@ static void lengths_need_not_be_asked_for(void **state)
     assert_non_null(dmk_result_potential(p.result, NULL));
     assert_non_null(dmk_result_potential_mid(p.result, NULL));
     assert_non_null(dmk_result_distance(p.result, NULL));
-    assert_non_null(dmk_result_distance_mid(p.result, NULL));
     problem_free(&p);
 }
 
@@ -126,7 +119,6 @@ static void a_result_is_restored(void **state)
     assert_memory_equal(copy.acl, data.acl, problem_triangles(&p));
     assert_memory_equal(copy.potential, data.potential, problem_vertices(&p) * sizeof(double));
     assert_memory_equal(copy.distance, data.distance, problem_vertices(&p) * sizeof(double));
-    assert_memory_equal(copy.distance_mid, data.distance_mid, p.info.n_edges * sizeof(double));
     assert_memory_equal(copy.potential_mid, data.potential_mid, p.info.n_edges * sizeof(double));
     assert_true(copy.source.triangle == 77 && copy.stats.cost_upper == data.stats.cost_upper);
     dmk_point to = {1234, {0.2, 0.3, 0.5}};

@@ -42,14 +42,12 @@ int dmk_result_allocate(dmk_context *ctx, dmk_result *r)
     DMK_TRY(DMK_NEW(ctx, r->potential, r->n_vertices));
     DMK_TRY(DMK_NEW(ctx, r->distance, r->n_vertices));
     DMK_TRY(DMK_NEW(ctx, r->potential_mid, r->n_edges));
-    DMK_TRY(DMK_NEW(ctx, r->distance_mid, r->n_edges));
     for (size_t i = 0; i < r->n_vertices; i++) {
         r->potential[i] = -INFINITY;
         r->distance[i] = INFINITY;
     }
     for (size_t i = 0; i < r->n_edges; i++) {
         r->potential_mid[i] = -INFINITY;
-        r->distance_mid[i] = INFINITY;
     }
 done:
     return rc;
@@ -78,8 +76,7 @@ int dmk_result_restore(dmk_context *ctx, const dmk_mesh *m, const dmk_result_dat
     dmk_result *r = NULL;
     if (dmk_missing(ctx, "mesh", m, "data", data, "result", result)) return DMK_E_ARG;
     if (dmk_missing(ctx, "density", data->density, "potential", data->potential, "potential_mid",
-                    data->potential_mid, "distance", data->distance, "distance_mid",
-                    data->distance_mid, "acl", data->acl)) {
+                    data->potential_mid, "distance", data->distance, "acl", data->acl)) {
         return DMK_E_ARG;
     }
     DMK_TRY(dmk_point_check(ctx, m, "source", &data->source));
@@ -90,7 +87,6 @@ int dmk_result_restore(dmk_context *ctx, const dmk_mesh *m, const dmk_result_dat
     memcpy(r->potential, data->potential, r->n_vertices * sizeof *r->potential);
     memcpy(r->distance, data->distance, r->n_vertices * sizeof *r->distance);
     memcpy(r->potential_mid, data->potential_mid, r->n_edges * sizeof *r->potential_mid);
-    memcpy(r->distance_mid, data->distance_mid, r->n_edges * sizeof *r->distance_mid);
     r->source = data->source;
     r->stats = data->stats;
     DMK_TRY(restore_component(ctx, m, r));
@@ -110,7 +106,6 @@ void dmk_result_destroy(dmk_result **result)
     free(r->potential);
     free(r->distance);
     free(r->potential_mid);
-    free(r->distance_mid);
     dmk_geodesics_destroy(&r->geodesics);
     dmk_shared_order_release(&r->order);
     free(r);
@@ -152,11 +147,6 @@ const double *dmk_result_potential_mid(const dmk_result *r, size_t *n)
 const double *dmk_result_distance(const dmk_result *r, size_t *n)
 {
     return borrow(r ? r->distance : NULL, r ? r->n_vertices : 0, n);
-}
-
-const double *dmk_result_distance_mid(const dmk_result *r, size_t *n)
-{
-    return borrow(r ? r->distance_mid : NULL, r ? r->n_edges : 0, n);
 }
 
 void dmk_result_source(const dmk_result *r, dmk_point *source)

@@ -19,7 +19,7 @@ struct dmk_result {
     double *density;                         /* n_triangles */
     uint8_t *acl;                            /* n_triangles */
     double *potential, *distance;            /* n_vertices */
-    double *potential_mid, *distance_mid;    /* n_edges */
+    double *potential_mid;                   /* n_edges */
     dmk_point source;                        /* on the input mesh */
     dmk_stats stats;
     dmk_shared_order *order;  /* of the source's component */

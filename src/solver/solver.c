@@ -313,15 +313,13 @@ static int collect(dmk_context *ctx, dmk_solver *s, const start *near, double th
     int rc;
     dmk_system *sys = s->system;
     const dmk_order *o = &s->order->order;
-    double *u = NULL, *mu = NULL, *mid = NULL;
+    double *u = NULL, *mu = NULL;
     DMK_TRY(DMK_NEW(ctx, u, (size_t)sys->whole.n_rows_pad));
     DMK_TRY(DMK_NEW(ctx, mu, (size_t)sys->whole.n_elements_pad));
     DMK_TRY(dmk_rows_read(ctx, sys, sys->u, u));
     DMK_TRY(dmk_elements_read(ctx, sys, sys->mu, mu));
     if (sys->whole.n_elements >= RELEASED) dmk_system_release(sys);
     DMK_TRY(dmk_result_allocate(ctx, r));
-    DMK_TRY(DMK_NEW(ctx, mid, (size_t)near->mesh->n_edges));
-    if (near->geodesics) dmk_geodesics_midpoints(near->geodesics, mid);
     double at_source = value_at(sys, o->mesh, near->source, u);
     for (int32_t t = 0; t < sys->whole.n_elements; t++)
         r->density[o->triangle_old[t]] = mu[t] * sys->unit;
@@ -332,13 +330,11 @@ static int collect(dmk_context *ctx, dmk_solver *s, const start *near, double th
     }
     for (int32_t e = 0; e < sys->whole.n_edges; e++) {
         r->potential_mid[o->edge_old[e]] = (u[e] - at_source) * sys->unit;
-        if (near->geodesics) r->distance_mid[o->edge_old[e]] = mid[e];
     }
     rc = mark_acl(ctx, s, threshold, mu, u, r);
 done:
     free(u);
     free(mu);
-    free(mid);
     return rc;
 }
 

@@ -27,7 +27,6 @@ _ARRAYS = {
     "potential": np.float64,
     "potential_mid": np.float64,
     "distance": np.float64,
-    "distance_mid": np.float64,
     "acl": np.uint8,
 }
 _C_NAMES: "dict[Any, str]" = {np.float64: "double", np.uint8: "uint8_t"}
@@ -181,11 +180,6 @@ class Result:
     def potential_mid(self) -> NDArray[np.float64]:
         """(e,) u at the midpoint of each edge of `Mesh.edges`."""
         return self._array("potential_mid")
-
-    @cached_property
-    def distance_mid(self) -> NDArray[np.float64]:
-        """(e,) distance at the midpoint of each edge of `Mesh.edges`."""
-        return self._array("distance_mid")
 
     @cached_property
     def gradient(self) -> NDArray[np.float64]:

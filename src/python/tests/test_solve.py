@@ -26,7 +26,6 @@ def test_shapes_types_and_signs(torus, result):
         potential=(n,),
         distance=(n,),
         potential_mid=(e,),
-        distance_mid=(e,),
         gradient=(m, 3),
     )
     for name, shape in shapes.items():
@@ -311,7 +310,7 @@ def test_printed_forms(solver, result):
 
 def test_results_pickle_and_copy(result, tmp_path):
     again = pickle.loads(pickle.dumps(result))
-    for name in ("density", "acl", "potential", "distance", "distance_mid", "gradient"):
+    for name in ("density", "acl", "potential", "distance", "gradient"):
         assert np.array_equal(getattr(again, name), getattr(result, name)), name
         assert not getattr(again, name).flags.writeable
     assert again.stats == result.stats and again.source == result.source
@@ -325,7 +324,7 @@ def test_results_pickle_and_copy(result, tmp_path):
     # What was pickled holds no more than its arrays.
     assert len(pickle.dumps(result)) < 1.3 * (
         sum(getattr(result, n).nbytes for n in ("density", "potential", "potential_mid"))
-        + result.distance.nbytes + result.distance_mid.nbytes + result.acl.nbytes
+        + result.distance.nbytes + result.acl.nbytes
         + result.mesh.vertices.nbytes + result.mesh.faces.nbytes
     )
     pickle.loads(pickle.dumps(result.path(vertex=5)))
