@@ -194,16 +194,17 @@ class Bench:
         import numpy as np
 
         path, vertex, _ = self.meshes[name]
-        row = np.dtype([("xyz", "<f8", 3), ("distance", "<f8"), ("direction", "<f8"), ("nearest", "<i4")])
         got = []
         for how in ([], ["--exact"]):
             out = f"{self.o.work}/distance.ply"
             subprocess.run([self.o.program, "distance", path, "--vertex", str(vertex), "--quiet", "--out", out, *how],
                            check=True)
-            with open(out, "rb") as f:
-                head, body = f.read().split(b"end_header\n", 1)
-            n = int(head.split(b"element vertex ")[1].split()[0])
-            got.append(np.frombuffer(body, row, n)["distance"])
+            with open(out) as f:
+                head = f.readline()
+                while not head.endswith("end_header\n"):
+                    head += f.readline()
+                n = int(head.split("element vertex ")[1].split()[0])
+                got.append(np.loadtxt(f, usecols=3, max_rows=n))
         error = np.abs(got[0] - got[1]) / got[1].max()
         return error.max(), np.quantile(error, 0.99)
 

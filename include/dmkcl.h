@@ -275,11 +275,13 @@ typedef struct dmk_geodesics_options {
 /* How the shortest path arrives at a vertex. Directions at a vertex count counterclockwise from that of an edge, up
  * to the total angle there: at a border from the clockwise-most edge. At a source inside a triangle they count from the
  * direction to the triangle's first corner; on an edge, the one opposite corner k of the point's triangle, from
- * that to corner k+2. */
+ * that to corner k+2.
+ * With a tolerance directions have errors, too: at 1e-6 up to 2e-3 radians at the source and 6e-4 at the vertex at 99 %
+ * of the vertices; they are not repaired. */
 typedef struct dmk_arrival {
     double direction;      /* at the source, radians */
     double back;           /* at the vertex: direction back along the path, radians */
-    int32_t pseudo_source; /* last vertex that the path bends at; -1: none */
+    int32_t pseudo_source; /* last vertex that the path bends at; -1: none, or several that were merged */
     int32_t source;        /* number of the nearest source; -1: no source reaches the vertex */
 } dmk_arrival;
 
