@@ -29,6 +29,14 @@ check 'vertices to triangles, scaled' "$tool" transport $mesh --from "$work/vert
 check 'to the even measure' "$tool" transport $mesh --from "$work/vertices" --to uniform --normalise --json
 check 'one signed measure' "$tool" transport $mesh --from "$work/signed"
 
+check 'a file of arrays' "$tool" solve $mesh --vertex 3 --out "$work/n.vtp" --out "$work/n.vtu"
+check 'an array of points' "$tool" transport $mesh --from "$work/n.vtp:distance" --to uniform --normalise
+check 'an array of triangles' "$tool" transport $mesh --from "$work/n.vtu:mu" --to uniform --normalise --report "$work/by_name"
+fails 'an array that is not there' 3 "no array 'nothing'" "$tool" transport $mesh --from "$work/n.vtp:nothing" --to uniform
+fails 'an array of vectors' 3 'several components' "$tool" transport $mesh --from "$work/o.vtp:flux" --to uniform
+check 'a larger mesh' "$tool" mesh sphere --triangles 99000 --out "$work/big.off" --quiet
+check 'and its arrays' "$tool" solve "$work/big.off" --vertex 0 --out "$work/big.vtp" --quiet
+fails 'an array of another mesh' 3 'more than the' "$tool" transport $mesh --from "$work/big.vtp:mu" --to uniform
 usage 'no measure' 'what is to be moved' $mesh
 usage 'masses that differ' '3 is to be moved, 1 is wanted' $mesh --from "$work/a" --to "$work/vertices"
 printf 'vertex 99999999 3\n' > "$work/far"

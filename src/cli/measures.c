@@ -1,5 +1,5 @@
 /* Files of measures: one number a line, masses of vertices or densities of triangles by their number; or
- * lines `vertex I MASS` and `X,Y,Z MASS`; # begins a comment. */
+ * lines `vertex I MASS` and `X,Y,Z MASS`; # begins a comment. FILE.vtp:NAME is an array of a VTP or VTU file. */
 #include "transport.h"
 
 #include <ctype.h>
@@ -133,6 +133,29 @@ static int settle(const dmk_mesh *mesh, const char *path, cli_measure *m)
     return EXIT_OK;
 }
 
+/* FILE.vtp:NAME, if it is of that form: the array of that name. */
+static bool read_array(dmk_context *context, const dmk_mesh *mesh, const char *path, cli_measure *m,
+                       int *code)
+{
+    dmk_mesh_info info;
+    const char *colon = strrchr(path, ':');
+    if (!colon || colon - path < 4 ||
+        (strncmp(colon - 4, ".vtp", 4) != 0 && strncmp(colon - 4, ".vtu", 4) != 0))
+        return false;
+    dmk_mesh_get_info(mesh, &info);
+    const size_t room = info.n_vertices > info.n_triangles ? info.n_vertices : info.n_triangles;
+    char *file = strndup(path, (size_t)(colon - path));
+    m->value = calloc(room, sizeof *m->value);
+    if (file && m->value) {
+        const int rc = dmk_array_read(context, file, colon + 1, room, m->value, &m->n_values);
+        *code = rc == DMK_OK ? settle(mesh, path, m) : cli_library_error(context, rc);
+    } else {
+        *code = cli_library_error(NULL, DMK_E_NOMEM);
+    }
+    free(file);
+    return true;
+}
+
 int cli_measure_read(dmk_context *context, const dmk_mesh *mesh, const char *path, cli_measure *m)
 {
     *m = (cli_measure){.n_atoms = 0};
@@ -142,9 +165,11 @@ int cli_measure_read(dmk_context *context, const dmk_mesh *mesh, const char *pat
         m->measure.uniform = info.area;
         return EXIT_OK;
     }
+    int code = EXIT_OK;
+    if (read_array(context, mesh, path, m, &code)) return code;
     FILE *file = fopen(path, "r");
     if (!file) return cli_error(EXIT_IO, "cannot open '%s': %s", path, strerror(errno));
-    int code = read_lines(file, context, mesh, path, m);
+    code = read_lines(file, context, mesh, path, m);
     fclose(file);
     return code == EXIT_OK ? settle(mesh, path, m) : code;
 }

@@ -1,6 +1,6 @@
 /* Reading VTK's XML files: VTP (PolyData) and VTU (UnstructuredGrid). All pieces become one mesh,
  * in their order; faces become triangles (see cells.h), of PolyData first polygons, then strips.
- * Data on points and cells is passed over. */
+ * Of the data on points and cells the array that is asked for by name. */
 #include "io/cells.h"
 #include "io/vtk_xml.h"
 
@@ -166,5 +166,71 @@ int dmk_vtk_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
 done:
     dmk_vtk_tags_free(&v.tags);
     free(v.corners.vertex);
+    return rc;
+}
+
+/* ---- data ---- */
+
+/* The piece's part of the array, behind the *n numbers that are there; thin cells come first in PolyData. */
+static int read_part(const vtk *v, const dmk_vtk_piece *p, dmk_vtk_role role, size_t room,
+                     double *values, size_t *n)
+{
+    int rc;
+    double *part = NULL;
+    const bool cells = role == DMK_VTK_CELL_DATA;
+    const size_t first = cells && p->n_cells == 0 ? (size_t)p->n_thin : 0;
+    const size_t all =
+        cells ? first + (size_t)(p->n_polys + p->n_strips + p->n_cells) : (size_t)p->n_points;
+    if (all - first > room - *n) {
+        return dmk_fail(v->context, DMK_E_FORMAT,
+                        "%s: the array '%s' has more than the %zu numbers expected", v->file->path,
+                        v->tags.wanted, room);
+    }
+    if (all == 0) return DMK_OK;
+    if (!p->values[role].there) return fail(v, "an array of data that is not in all pieces");
+    DMK_TRY(dmk_vtk_read_numbers(v->context, v->file, &v->tags.coding, &p->values[role],
+                                 v->tags.wanted, all, &part));
+    memcpy(values + *n, part + first, (all - first) * sizeof *part);
+    *n += all - first;
+done:
+    free(part);
+    return rc;
+}
+
+static bool has(const dmk_vtk_tags *tags, dmk_vtk_role role)
+{
+    for (size_t i = 0; i < tags->n_pieces; i++) {
+        if (tags->piece[i].values[role].there) return true;
+    }
+    return false;
+}
+
+int dmk_array_read(dmk_context *ctx, const char *path, const char *name, size_t room,
+                   double *values, size_t *n)
+{
+    int rc;
+    dmk_file file = {0};
+    if (dmk_missing(ctx, "path", path, "name", name, "values", values, "n", n)) return DMK_E_ARG;
+    if (room > INT32_MAX)
+        return dmk_fail(ctx, DMK_E_ARG, "room for %zu numbers: no mesh has so many", room);
+    vtk v = {.context = ctx, .file = &file, .tags = {.wanted = name}};
+    *n = 0;
+    DMK_TRY(dmk_file_load(ctx, path, &file));
+    if (!dmk_vtk_sniff(&file)) {
+        rc = fail(&v, "arrays by name are read from VTP and VTU files only");
+        goto done;
+    }
+    DMK_TRY(dmk_vtk_tags_read(ctx, &file, &v.tags));
+    const dmk_vtk_role role =
+        has(&v.tags, DMK_VTK_POINT_DATA) ? DMK_VTK_POINT_DATA : DMK_VTK_CELL_DATA;
+    if (!has(&v.tags, role)) {
+        rc = dmk_fail(ctx, DMK_E_FORMAT, "%s: no array '%s' on points or cells", path, name);
+        goto done;
+    }
+    for (size_t i = 0; i < v.tags.n_pieces; i++)
+        DMK_TRY(read_part(&v, &v.tags.piece[i], role, room, values, n));
+done:
+    dmk_vtk_tags_free(&v.tags);
+    dmk_file_free(&file);
     return rc;
 }

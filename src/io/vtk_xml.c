@@ -5,7 +5,7 @@
 #include <string.h>
 
 /* Where in the tree of tags we are, as far as it matters. */
-typedef enum part { NOWHERE, POINTS, POLYS, STRIPS, CELLS } part;
+typedef enum part { NOWHERE, POINTS, POLYS, STRIPS, CELLS, POINT_DATA, CELL_DATA } part;
 
 typedef struct walk {
     dmk_context *context;
@@ -66,11 +66,13 @@ static int64_t find_count(walk *w, const char **attribute, const char *name)
 
 static part find_part(const char *tag)
 {
-    return is(tag, "Points")   ? POINTS
-           : is(tag, "Polys")  ? POLYS
-           : is(tag, "Strips") ? STRIPS
-           : is(tag, "Cells")  ? CELLS
-                               : NOWHERE;
+    return is(tag, "Points")      ? POINTS
+           : is(tag, "Polys")     ? POLYS
+           : is(tag, "Strips")    ? STRIPS
+           : is(tag, "Cells")     ? CELLS
+           : is(tag, "PointData") ? POINT_DATA
+           : is(tag, "CellData")  ? CELL_DATA
+                                  : NOWHERE;
 }
 
 static void open_file(walk *w, const char **attribute)
@@ -119,7 +121,7 @@ static void open_piece(walk *w, const char **attribute)
 }
 
 /* The role of the array of that name, or DMK_VTK_N_ROLES for none. */
-static dmk_vtk_role find_role(part in, const char *name)
+static dmk_vtk_role find_role(part in, const char *name, const char *wanted)
 {
     const bool corners = is(name, "connectivity"), ends = is(name, "offsets");
     switch (in) {
@@ -130,6 +132,8 @@ static dmk_vtk_role find_role(part in, const char *name)
     case CELLS:
         if (is(name, "types")) return DMK_VTK_CELL_TYPES;
         return corners ? DMK_VTK_CELL_CORNERS : ends ? DMK_VTK_CELL_ENDS : DMK_VTK_N_ROLES;
+    case POINT_DATA: return wanted && is(name, wanted) ? DMK_VTK_POINT_DATA : DMK_VTK_N_ROLES;
+    case CELL_DATA: return wanted && is(name, wanted) ? DMK_VTK_CELL_DATA : DMK_VTK_N_ROLES;
     default: return DMK_VTK_N_ROLES;
     }
 }
@@ -157,7 +161,7 @@ static const char *tag_end(const walk *w)
 static void open_array(walk *w, const char **attribute)
 {
     const char *format = find(attribute, "format");
-    const dmk_vtk_role role = find_role(w->in, find(attribute, "Name"));
+    const dmk_vtk_role role = find_role(w->in, find(attribute, "Name"), w->tags->wanted);
     if (role == DMK_VTK_N_ROLES || w->tags->n_pieces == 0) return;
     dmk_vtk_values *v = &w->tags->piece[w->tags->n_pieces - 1].values[role];
     if (v->there) {
@@ -166,6 +170,10 @@ static void open_array(walk *w, const char **attribute)
     }
     if (role == DMK_VTK_POINTS && find_count(w, attribute, "NumberOfComponents") != 3) {
         fail(w, "points without NumberOfComponents=\"3\"", NULL);
+    }
+    if (role >= DMK_VTK_POINT_DATA && find(attribute, "NumberOfComponents") &&
+        find_count(w, attribute, "NumberOfComponents") > 1) {
+        fail(w, "' has several components; wanted is one number for each", find(attribute, "Name"));
     }
     v->there = true;
     v->place = is(format, "appended") ? DMK_VTK_APPENDED
