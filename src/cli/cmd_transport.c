@@ -269,6 +269,7 @@ static int parse(transport_request *r, const char *out_help, int argc, char **ar
         .notes =
             "A measure is a text file, # begins a comment: a number a line, as many as vertices\n"
             "(masses) or as triangles (mass per area); or lines `vertex I MASS` and `X,Y,Z MASS`.\n"
+            "FILE.vtp:NAME or .vtu: an array of its points (masses) or faces (mass per area).\n"
             "Points without a mass take what the other measure has nearest to them.\n"
             "Both measures have the same mass, all of it on one component of the mesh.",
         .options = table.row,
