@@ -579,7 +579,7 @@ typedef struct dmk_locus_options {
     size_t struct_size;
     double
         strength; /* a length: leave out branches of less strength; 0 = the default, 0.2 mean edges,
-                        or 1.5 times that of the mesh's own branches where these stand out */
+                        or 2.2 times that of the mesh's own branches where these stand out */
 } dmk_locus_options;
 
 typedef enum dmk_locus_kind {
@@ -593,8 +593,11 @@ typedef enum dmk_locus_kind {
  *
  * The excess of a point of the locus is by how much a path to it must grow to be moved over the locus'
  * end from one of its two shortest paths to the other, the largest d(x) + l(x, c) - d(c) over the points x
- * of the branch behind it. The strength of a branch is the largest excess on it; it is infinite on loops
- * and on lines between borders. All points of a branch have its strength: with a larger `strength` asked
+ * of the branch behind it: the integral of 1 - cos(alpha / 2) along the branch from its end, alpha being the
+ * angle at which the two shortest paths meet. Where alpha is less than 0.126 radians, so that the mesh hardly
+ * tells where the line is, a branch loses: its strength is the integral of 1 - cos(alpha / 2) - 0.002, not less
+ * than 0 on the way, from its end to where it joins a stronger one. It is infinite on loops and on lines between
+ * borders. All points of a branch have its strength: with a larger `strength` asked
  * for whole branches go, and nothing else changes. */
 typedef struct dmk_locus_vertex {
     double xyz[3];

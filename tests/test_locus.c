@@ -346,7 +346,9 @@ static void check_bumpy(const bump bumps[6], const double source[3], int refine,
     }
 }
 
-/* Short branches, one of them of the strength of a third of a mesh edge on the coarser mesh. */
+/* Short branches, one of them of the strength of a third of a mesh edge on the coarser mesh. 1.3 million triangles
+ * have 7 ends, too, of strength 0.003 or more, and the length 9.65; an eighth is of 0.0005 at most there, a tenth of
+ * an edge, and less on finer meshes. */
 static void test_narrow(void **state)
 {
     static const bump bumps[6] = {
@@ -355,7 +357,7 @@ static void test_narrow(void **state)
         {0.022, 1.87, {-0.70, -1.67, -2.64}}, {0.069, 1.97, {-0.98, 1.20, -0.60}},
     };
     (void)state;
-    check_bumpy(bumps, (double[3]){-0.58, -0.07, -0.81}, 3, 7, 9.9);
+    check_bumpy(bumps, (double[3]){-0.58, -0.07, -0.81}, 3, 7, 9.75);
 }
 
 /* A branch of a quarter of the whole length where geodesics have gone apart so much that its two leave the

@@ -186,7 +186,7 @@ static void set_crossing(const dmk_geodesics *g, const int32_t *loop, int32_t h,
         c->xyz[k] = (1 - c->at) * m->xyz[3 * (size_t)v + k] + c->at * m->xyz[3 * (size_t)w + k];
     c->distance = 0.5 * g->star.unit * (dmk_image_length(&a, x, 0) + dmk_image_length(&b, x, 0));
     c->alpha = dmk_meeting_angle(&a, &b, x, 0);
-    c->excess = c->strength = HUGE_VAL;
+    c->excess = c->worth = c->strength = HUGE_VAL;
 }
 
 /* Crossings of the edges that are not in the tree. */

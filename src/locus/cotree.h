@@ -22,6 +22,7 @@ typedef struct dmk_crossing {
     double distance; /* to the source */
     double alpha;    /* angle at which the two families meet, radians in [0, pi] */
     double excess;   /* P: by how much a path must grow to be moved from one family to the other */
+    double worth;    /* P as far as it counts: see strength.c */
     double strength; /* that by which it is pruned: see strength.c */
 } dmk_crossing;
 

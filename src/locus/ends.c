@@ -24,7 +24,9 @@ static int32_t child_of(const dmk_cotree *t, int32_t i, int32_t node)
     for (int k = 0; k < 3; k++) {
         const int32_t j = t->on[3 * node + k];
         if (j < 0 || j == i || t->crossing[j].onward != i) continue;
-        if (best < 0 || t->crossing[j].excess > t->crossing[best].excess) best = j;
+        const dmk_crossing *a = &t->crossing[j], *b = &t->crossing[best < 0 ? j : best];
+        if (best < 0 || a->worth > b->worth || (a->worth == b->worth && a->excess > b->excess))
+            best = j;
     }
     return best;
 }
@@ -33,9 +35,9 @@ static int32_t child_of(const dmk_cotree *t, int32_t i, int32_t node)
 static bool ends_at(const dmk_cotree *t, int32_t i, int32_t node)
 {
     const dmk_crossing *c = &t->crossing[i];
-    if (c->excess < t->strength || node >= n_triangles(t)) return false;
+    if (c->worth < t->strength || node >= n_triangles(t)) return false;
     const int32_t child = child_of(t, i, node);
-    return child < 0 || t->crossing[child].excess < t->strength;
+    return child < 0 || t->crossing[child].worth < t->strength;
 }
 
 static double step(const dmk_cotree *t, int32_t i, int32_t j)
@@ -150,7 +152,7 @@ static int lead_to(dmk_context *ctx, dmk_cotree *t, const route *r, const double
     for (int32_t k = 0; k <= upto; k++) t->crossing[r->crossing[k]].strength = strength;
     for (int32_t k = upto + 1; k < r->n; k++) {
         dmk_crossing *c = &t->crossing[r->crossing[k]];
-        c->strength = fmin(c->excess, nextafter(t->strength, 0));
+        c->strength = fmin(c->worth, nextafter(t->strength, 0));
     }
     return add_tip(ctx, t, tip);
 }
@@ -174,7 +176,7 @@ static bool is_small(const dmk_cotree *t, double reach)
 {
     if (t->last < 0) return false;
     for (int32_t i = 0; i < t->n; i++) {
-        if (t->crossing[i].excess >= t->strength && step(t, i, t->last) > reach) return false;
+        if (t->crossing[i].worth >= t->strength && step(t, i, t->last) > reach) return false;
     }
     return true;
 }
@@ -211,7 +213,7 @@ static int find_small(dmk_context *ctx, dmk_cotree *t, dmk_patch *patch, double 
     memcpy(middle, c->xyz, sizeof c->xyz);
     const bool fits = dmk_focus_fit(patch, c->half / 3, middle, half);
     const bool arc = 2 * sqrt(dmk_dot(half, half)) >= dmk_rules.arc * t->mean_edge;
-    if (c->excess >= t->strength && (arc || !fits)) return DMK_OK;
+    if (c->worth >= t->strength && (arc || !fits)) return DMK_OK;
     return become_point(ctx, t, fits ? middle : c->xyz);
 }
 

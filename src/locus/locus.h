@@ -20,7 +20,7 @@
 typedef struct dmk_locus_rules {
     double strength; /* h: default strength */
     double gap;      /* ratio: the mesh's own branches and the surface's differ by at least this */
-    double above;    /* ratio: the default is this much above the mesh's own branches */
+    double angle;    /* radians: where families meet at less a branch loses strength */
     double tie;      /* ratio: share of the families' difference beside an edge in its jump */
     double window;   /* h: radius of the neighbourhood a cusp or a point is fitted to */
     double arc;      /* h: a shorter locus is one point */
@@ -31,7 +31,7 @@ typedef struct dmk_locus_rules {
 static const dmk_locus_rules dmk_rules = {
     .strength = 0.2,
     .gap = 5,
-    .above = 1.5,
+    .angle = 0.126,
     .tie = 0.03,
     .window = 4,
     .arc = 1,

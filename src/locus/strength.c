@@ -6,9 +6,13 @@
  * c must grow to be moved around the branch's end, from one of the two shortest to the other. Crossings
  * on loops are never peeled: their excess is infinite.
  *
- * Where branches join, the one with the largest excess goes on and the others end: a branch runs from a
- * leaf to there, and its strength is the largest excess on it (the persistence of its end). All of a
- * branch has this strength, but for what lies beyond its end, which has its own excess: so whole
+ * A small piece with a large angle at the far end of a long line with a small one has much excess though the mesh
+ * hardly tells where that line runs: on the way inwards a branch's worth is what it gains at angles above the one
+ * of the rules less what it loses below. Without the loss 5.9 instead of 1.3 % of the worst scan's locus is false.
+ *
+ * Where branches join, the one with the largest worth goes on and the others end: a branch runs from a leaf to
+ * there, and its strength is its worth there (the persistence of its end). All of a branch has this strength, but
+ * for what lies beyond its end, where its worth is less than the default, which has its own worth: so whole
  * branches come and go with the strength asked for, and nothing else changes. */
 #include "base/sort.h"
 #include "base/vec3.h"
@@ -22,6 +26,12 @@ static double handed_on(const dmk_crossing *from, const dmk_crossing *to)
 {
     return from->excess +
            (1 - cos(0.25 * (from->alpha + to->alpha))) * dmk_distance(from->xyz, to->xyz);
+}
+
+static double worth_of(const dmk_crossing *from, const dmk_crossing *to)
+{
+    const double gain = cos(0.5 * dmk_rules.angle) - cos(0.25 * (from->alpha + to->alpha));
+    return fmax(0, from->worth + gain * dmk_distance(from->xyz, to->xyz));
 }
 
 /* What the leaf at a triangle hands on, and to which crossing: the only one not peeled. */
@@ -49,17 +59,28 @@ static void end_branches(dmk_cotree *t, int32_t i)
         for (int k = 0; k < 3 && out->node[side] < t->geodesics->mesh->n_triangles; k++) {
             const int32_t j = t->on[3 * out->node[side] + k];
             if (j < 0 || t->crossing[j].onward != i) continue;
-            const double p = handed_on(&t->crossing[j], out);
-            if (p > most) most = p, best = j;
+            const double p = worth_of(&t->crossing[j], out);
+            if (p > most || (p == most && t->crossing[j].excess > t->crossing[best].excess))
+                most = p, best = j;
         }
         if (best >= 0) t->crossing[best].strength = out->strength;
     }
 }
 
+/* From the inside out: what lies behind a place of less worth has no more than that. */
 static void set_branches(dmk_cotree *t, const int32_t *order, int32_t n)
 {
-    for (int32_t i = 0; i < t->n; i++) t->crossing[i].strength = t->crossing[i].excess;
-    for (int32_t i = n - 1; i >= 0; i--) end_branches(t, order[i]);
+    for (int32_t i = 0; i < t->n; i++) t->crossing[i].strength = t->crossing[i].worth;
+    for (int32_t i = n - 1; i >= 0; i--) {
+        dmk_crossing *c = &t->crossing[order[i]];
+        if (c->onward >= 0) {
+            const dmk_crossing *onward = &t->crossing[c->onward];
+            c->worth = fmin(c->worth, onward->worth);
+            c->strength = fmin(c->strength, onward->strength);
+        }
+        if (c->worth < t->strength) c->strength = c->worth;
+        end_branches(t, order[i]);
+    }
 }
 
 /* The triangle at the last crossing's other end has nothing left: it hands on to that crossing, too. */
@@ -97,6 +118,11 @@ static int peel(dmk_context *ctx, dmk_cotree *t, int32_t *order, int32_t *n_peel
         excess_of(t, leaf.item, &out);
         dmk_crossing *c = &t->crossing[out];
         c->excess = leaf.key;
+        c->worth = 0;
+        for (int k = 0; k < 3; k++) {
+            const int32_t i = t->on[3 * leaf.item + k];
+            if (i >= 0 && i != out) c->worth = fmax(c->worth, worth_of(&t->crossing[i], c));
+        }
         c->outer = c->node[1] == leaf.item;
         order[(*n_peeled)++] = out;
         degree[leaf.item] = 0;
@@ -119,18 +145,19 @@ double dmk_branch_at(const dmk_cotree *t, int32_t i)
     double least = HUGE_VAL;
     for (int k = 0; k < 3; k++) {
         if (t->on[3 * i + k] < 0) return 0;
-        least = fmin(least, t->crossing[t->on[3 * i + k]].excess);
+        least = fmin(least, t->crossing[t->on[3 * i + k]].worth);
     }
     return least;
 }
 
 /* The mesh's own branches are weak and many; on a noisy mesh some are stronger than the default. They
  * are told from the surface's by a gap: above the strongest of them, which is no lone one, the next
- * is `gap` times as strong, and is no loop; on a sphere the longest line always counts as next. */
+ * is `gap` times as strong, and is no loop; on a sphere the longest line always counts as next. The default is then
+ * in the middle of the gap, on the side of the mesh's own. */
 static int find_default(dmk_context *ctx, dmk_cotree *t)
 {
     int rc;
-    const double h = t->mean_edge, least = 0.5 * dmk_rules.strength * h;
+    const double h = t->mean_edge, least = dmk_rules.strength * h / sqrt(dmk_rules.gap);
     double *branch = NULL;
     size_t n = 0;
     t->strength = dmk_rules.strength * h;
@@ -145,7 +172,7 @@ static int find_default(dmk_context *ctx, dmk_cotree *t)
     for (size_t i = 0; i + 1 < n && branch[i] <= dmk_rules.gap * dmk_rules.strength * h; i++) {
         if (branch[i + 1] < dmk_rules.gap * branch[i]) continue;
         if (i > 0 && branch[i] > sqrt(dmk_rules.gap) * branch[i - 1]) continue;
-        t->strength = fmax(t->strength, dmk_rules.above * branch[i]);
+        t->strength = fmax(t->strength, sqrt(dmk_rules.gap) * branch[i]);
         break;
     }
 done:
@@ -161,12 +188,8 @@ int dmk_cotree_peel(dmk_context *ctx, dmk_cotree *t)
     DMK_TRY(DMK_NEW(ctx, order, (size_t)t->n));
     DMK_TRY(peel(ctx, t, order, &n));
     if (n > 0) close_last(t, order[n - 1]);
-    set_branches(t, order, n);
     DMK_TRY(find_default(ctx, t));
-    for (int32_t i = 0; i < t->n; i++) {
-        dmk_crossing *c = &t->crossing[i];
-        if (c->excess < t->strength) c->strength = c->excess;
-    }
+    set_branches(t, order, n);
 done:
     free(order);
     return rc;
