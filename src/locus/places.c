@@ -116,8 +116,7 @@ static void set_widest(const dmk_cotree *t, int32_t triangle, dmk_locus_vertex *
     *v = best;
 }
 
-/* Newton's method for the point at which three families are equally long. One that lies just outside, where four
- * families meet nearly in one point, is moved to the triangle's border. */
+/* Newton's method for the point at which three families are equally long. */
 static bool find_fork(const corners *c, double weight[3])
 {
     double x = 0, y = 0;
@@ -142,15 +141,7 @@ static bool find_fork(const corners *c, double weight[3])
     weight[0] = y / c->x[0][1];
     weight[2] = (x - weight[0] * c->x[0][0]) / c->x[2][0];
     weight[1] = 1 - weight[0] - weight[2];
-    const double inside = 0.01; /* not on an edge: no line of length 0 */
-    double sum = 0;
-    for (int k = 0; k < 3; k++) {
-        if (!(weight[k] > -1)) return false;
-        weight[k] = fmax(weight[k], inside);
-        sum += weight[k];
-    }
-    for (int k = 0; k < 3; k++) weight[k] /= sum;
-    return true;
+    return weight[0] > 0 && weight[1] > 0 && weight[2] > 0;
 }
 
 /* Weights of crossing i in one of its triangles. */
