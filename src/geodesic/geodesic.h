@@ -39,6 +39,12 @@ typedef struct dmk_star {
 
 int dmk_star_create(dmk_context *context, const dmk_mesh *mesh, dmk_star *star);
 void dmk_star_free(dmk_star *star);
+/* *half: n_edges, the first half-edge of each edge; the caller frees it. */
+int dmk_mesh_halves(dmk_context *context, const dmk_mesh *mesh, int32_t **half);
+/* *loop: n_vertices, the border loop of each border vertex, counted from 0 to *n_loops, -1 inside; the caller frees
+ * it. parent: n_vertices, for the work. */
+int dmk_star_loops(dmk_context *context, const dmk_mesh *mesh, const dmk_star *star,
+                   int32_t *parent, int32_t **loop, int32_t *n_loops);
 /* Twice the area of triangle t, and at its corners the products of the sides there; in lengths times `scale`. */
 void dmk_measure_corners(const dmk_mesh *mesh, double scale, int32_t t, double *area2,
                          double dot[3]);
@@ -88,6 +94,11 @@ struct dmk_geodesics {
     dmk_star star;
     int64_t n_windows; /* made */
 };
+
+/* Angle around the sources, for directions modulo it; HUGE_VAL where they do not close up. */
+double dmk_full_turn(const dmk_geodesics *g);
+/* From direction a to b, the short way around. */
+double dmk_turn_between(double full, double a, double b);
 
 /* dmk_geodesics_create without a stage of its own and without the argument checks. */
 int dmk_geodesics_compute(dmk_context *context, const dmk_mesh *mesh, size_t n_sources,

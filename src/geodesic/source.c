@@ -99,3 +99,15 @@ void dmk_site_free(dmk_site *p)
     free(p->sector);
     memset(p, 0, sizeof *p);
 }
+
+double dmk_full_turn(const dmk_geodesics *g)
+{
+    const dmk_site *s = g->source;
+    return g->n_sources == 1 && !(s->vertex >= 0 && g->star.border[s->vertex]) ? s->total
+                                                                               : HUGE_VAL;
+}
+
+double dmk_turn_between(double full, double a, double b)
+{
+    return full < HUGE_VAL ? remainder(b - a, full) : b - a;
+}

@@ -1,4 +1,5 @@
 /* Directions at the vertices: see dmk_star. */
+#include "base/sets.h"
 #include "geodesic/geodesic.h"
 
 #include "base/parallel.h"
@@ -142,4 +143,30 @@ void dmk_star_free(dmk_star *s)
     free(s->first);
     free(s->border);
     memset(s, 0, sizeof *s);
+}
+
+int dmk_mesh_halves(dmk_context *ctx, const dmk_mesh *m, int32_t **half)
+{
+    int rc = DMK_NEW(ctx, *half, (size_t)m->n_edges);
+    if (rc != DMK_OK) return rc;
+    for (int32_t h = 3 * m->n_triangles - 1; h >= 0; h--) (*half)[m->triangle_edge[h]] = h;
+    return DMK_OK;
+}
+
+int dmk_star_loops(dmk_context *ctx, const dmk_mesh *m, const dmk_star *star, int32_t *parent,
+                   int32_t **loop, int32_t *n_loops)
+{
+    int rc = DMK_NEW(ctx, *loop, (size_t)m->n_vertices);
+    if (rc != DMK_OK) return rc;
+    for (int32_t v = 0; v < m->n_vertices; v++) parent[v] = v;
+    for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
+        if (star->twin[h] < 0)
+            dmk_set_unite(parent, m->triangle[dmk_next(h)], m->triangle[dmk_previous(h)]);
+    }
+    *n_loops = 0;
+    for (int32_t v = 0; v < m->n_vertices; v++) { /* a set's name is its least member */
+        const int32_t first = dmk_set_find(parent, v);
+        (*loop)[v] = !star->border[v] ? -1 : first == v ? (*n_loops)++ : (*loop)[first];
+    }
+    return DMK_OK;
 }

@@ -56,21 +56,8 @@ void dmk_apex(const dmk_geodesics *g, int32_t h, double *x, double *y)
     *y = side * sin(angle);
 }
 
-double dmk_full_turn(const dmk_geodesics *g)
-{
-    const dmk_site *s = g->source;
-    return g->n_sources == 1 && !(s->vertex >= 0 && g->star.border[s->vertex]) ? s->total
-                                                                               : HUGE_VAL;
-}
-
-double dmk_turn_between(double full, double a, double b)
-{
-    return full < HUGE_VAL ? remainder(b - a, full) : b - a;
-}
-
-/* By how much the family of each end is too long at the other. Both are equally long across a locus on
- * which the ends themselves lie, so a small part of the families' difference at the corners of the two
- * triangles breaks the tie. */
+/* By how much the family of each end is too long at the other. Both are equally long across a locus on which the ends
+ * themselves lie, so a small part of the families' difference at the corners of the two triangles breaks the tie. */
 static double jump_of(const dmk_geodesics *g, int32_t h)
 {
     const dmk_mesh *m = g->mesh;
@@ -109,35 +96,6 @@ static void find_jumps(int32_t begin, int32_t end, void *data)
         memcpy(&bits, &jump, sizeof bits);
         j->edge[e] = (dmk_keyed){bits, e};
     }
-}
-
-/* One half-edge of each edge, the first. */
-static int find_halves(dmk_context *ctx, const dmk_mesh *m, int32_t **half)
-{
-    int rc = DMK_NEW(ctx, *half, (size_t)m->n_edges);
-    if (rc != DMK_OK) return rc;
-    for (int32_t h = 3 * m->n_triangles - 1; h >= 0; h--) (*half)[m->triangle_edge[h]] = h;
-    return DMK_OK;
-}
-
-/* The border loop of each border vertex, -1 inside. */
-static int find_loops(dmk_context *ctx, const dmk_geodesics *g, int32_t *parent, int32_t **loop,
-                      int32_t *n_loops)
-{
-    const dmk_mesh *m = g->mesh;
-    int rc = DMK_NEW(ctx, *loop, (size_t)m->n_vertices);
-    if (rc != DMK_OK) return rc;
-    for (int32_t v = 0; v < m->n_vertices; v++) parent[v] = v;
-    for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
-        if (g->star.twin[h] < 0)
-            dmk_set_unite(parent, m->triangle[dmk_next(h)], m->triangle[dmk_previous(h)]);
-    }
-    *n_loops = 0;
-    for (int32_t v = 0; v < m->n_vertices; v++) { /* a set's name is its least member */
-        const int32_t first = dmk_set_find(parent, v);
-        (*loop)[v] = !g->star.border[v] ? -1 : first == v ? (*n_loops)++ : (*loop)[first];
-    }
-    return DMK_OK;
 }
 
 /* Where the families of both ends are equally long: by bisection and false position. */
@@ -259,10 +217,10 @@ int dmk_cotree_create(dmk_context *ctx, const dmk_geodesics *g, dmk_cotree *t)
     memset(t, 0, sizeof *t);
     t->geodesics = g;
     for (int32_t e = 0; e < m->n_edges; e++) t->mean_edge += m->length[e] / m->n_edges;
-    DMK_TRY(find_halves(ctx, m, &half));
+    DMK_TRY(dmk_mesh_halves(ctx, m, &half));
     DMK_TRY(DMK_NEW(ctx, parent, (size_t)m->n_vertices));
     DMK_TRY(DMK_NEW(ctx, in_tree, (size_t)m->n_edges));
-    DMK_TRY(find_loops(ctx, g, parent, &loop, &t->n_loops));
+    DMK_TRY(dmk_star_loops(ctx, m, &g->star, parent, &loop, &t->n_loops));
     DMK_TRY(span(ctx, g, half, parent, in_tree, t));
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(set_crossings(ctx, half, loop, in_tree, t));

@@ -1,11 +1,10 @@
 /* The cut locus of the polyhedron as a tree-cotree decomposition. Internal to src/locus.
  *
- * Every vertex v is reached by one shortest path; its last bend, unfolded into the plane around v, is
- * the image of v's family. The jump of a mesh edge vw tells by how much the family of one end is too
- * long at the other. A spanning tree of the vertices by least jump keeps families together; the mesh
- * edges that it does not take, dual, are what families meet across: a graph of the triangles that is
- * connected and has first Betti number 2g, each border loop being one node (tree-cotree
- * decomposition: Eppstein 2003; as a cut graph: Erickson and Whittlesey 2005). */
+ * Every vertex v is reached by one shortest path; its last bend, unfolded into the plane around v, is the image of v's
+ * family. The jump of a mesh edge vw tells by how much the family of one end is too long at the other. A spanning tree
+ * of the vertices by least jump keeps families together; the mesh edges that it does not take, dual, are what families
+ * meet across: a graph of the triangles that is connected and has first Betti number 2g, each border loop being one
+ * node (tree-cotree decomposition: Eppstein 2003; as a cut graph: Erickson and Whittlesey 2005). */
 #ifndef DMK_COTREE_H
 #define DMK_COTREE_H
 
@@ -83,11 +82,6 @@ static inline int32_t dmk_other_node(const dmk_crossing *c, int32_t node)
 {
     return c->node[0] == node ? c->node[1] : c->node[0];
 }
-
-/* Angle around the sources, for directions modulo it; HUGE_VAL where they do not close up. */
-double dmk_full_turn(const dmk_geodesics *g);
-/* From direction a to b, the short way around. */
-double dmk_turn_between(double full, double a, double b);
 
 /* cusp.c. Where a branch ends, fitted to the geodesics around the point `xyz`, at `distance` in the
  * direction `angle`. False if they show no cusp, or not near. */

@@ -1,10 +1,9 @@
 /* Where a branch ends on the smooth surface that the mesh stands for.
  *
- * A point of the surface is a smooth function X of the direction a and the length r of a geodesic from
- * the source that leads there, also past the locus, where a point has several. A branch ends in a cusp of
- * the conjugate points: where X_a, the Jacobi field, and its derivative by a vanish across the geodesic.
- * Near a cusp a, r and the displacement across scale as 1 : 2 : 3, so X is fitted to the vertices around
- * by the monomials in a and r up to the weight 5. */
+ * A point of the surface is a smooth function X of the direction a and the length r of a geodesic from the source that
+ * leads there, also past the locus, where a point has several. A branch ends in a cusp of the conjugate points: where
+ * X_a, the Jacobi field, and its derivative by a vanish across the geodesic. Near a cusp a, r and the displacement
+ * across scale as 1 : 2 : 3, so X is fitted to the vertices around by the monomials in a and r up to the weight 5. */
 #include "base/dense.h"
 #include "base/vec3.h"
 #include "locus/cotree.h"
@@ -126,8 +125,7 @@ static void derive(const double *map, double a, double r, int da, int dr, double
     }
 }
 
-/* X - centre, in radii, as a polynomial of the direction and length in `spread` and radii, from those of
- * the cusp. */
+/* X - centre, in radii, as a polynomial of the direction and length in `spread` and radii, from those of the cusp. */
 static bool fit_map(const dmk_patch *p, const dmk_cusp *c, double spread, double *map)
 {
     const dmk_geodesics *g = p->cotree->geodesics;

@@ -22,16 +22,16 @@
 #include <math.h>
 #include <stdlib.h>
 
-static double handed_on(const dmk_crossing *from, const dmk_crossing *to)
+/* By how much P grows on the way. */
+static double growth(const dmk_crossing *from, const dmk_crossing *to)
 {
-    return from->excess +
-           (1 - cos(0.25 * (from->alpha + to->alpha))) * dmk_distance(from->xyz, to->xyz);
+    return (1 - cos(0.25 * (from->alpha + to->alpha))) * dmk_distance(from->xyz, to->xyz);
 }
 
 static double worth_of(const dmk_crossing *from, const dmk_crossing *to)
 {
-    const double gain = cos(0.5 * dmk_rules.angle) - cos(0.25 * (from->alpha + to->alpha));
-    return fmax(0, from->worth + gain * dmk_distance(from->xyz, to->xyz));
+    const double loss = (1 - cos(0.5 * dmk_rules.angle)) * dmk_distance(from->xyz, to->xyz);
+    return fmax(0, from->worth + growth(from, to) - loss);
 }
 
 /* What the leaf at a triangle hands on, and to which crossing: the only one not peeled. */
@@ -44,7 +44,8 @@ static double excess_of(const dmk_cotree *t, int32_t triangle, int32_t *out)
     }
     for (int k = 0; k < 3; k++) {
         if (on[k] < 0 || on[k] == *out) continue;
-        excess = fmax(excess, handed_on(&t->crossing[on[k]], &t->crossing[*out]));
+        excess = fmax(excess,
+                      t->crossing[on[k]].excess + growth(&t->crossing[on[k]], &t->crossing[*out]));
     }
     return excess;
 }
@@ -74,9 +75,8 @@ static void set_branches(dmk_cotree *t, const int32_t *order, int32_t n)
     for (int32_t i = n - 1; i >= 0; i--) {
         dmk_crossing *c = &t->crossing[order[i]];
         if (c->onward >= 0) {
-            const dmk_crossing *onward = &t->crossing[c->onward];
-            c->worth = fmin(c->worth, onward->worth);
-            c->strength = fmin(c->strength, onward->strength);
+            c->worth = fmin(c->worth, t->crossing[c->onward].worth);
+            c->strength = fmin(c->strength, t->crossing[c->onward].strength);
         }
         if (c->worth < t->strength) c->strength = c->worth;
         end_branches(t, order[i]);
