@@ -83,7 +83,7 @@ static int place(const solve_request *request, solve_run *run)
 
 double solve_offset(const solve_request *request, const solve_run *run)
 {
-    if (request->vertex >= 0 || request->source.n == 0) return 0;
+    if (request->source.n == 0) return 0;
     return cli_offset(run->context, run->mesh, request->source.value, &run->source);
 }
 
