@@ -3,6 +3,8 @@
  * distances at the ends of an edge leave for its points; so few triangles beside the path are looked at. */
 #include "geodesic/trace.h"
 
+#include "base/parallel.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -32,21 +34,15 @@ typedef struct finish {
     int32_t window, vertex, source, triangle;
 } finish;
 
-/* Directions at a site, up to `width` to either side. */
-typedef struct cone {
-    double middle, width;
-} cone;
-
 struct dmk_tracer {
     const dmk_geodesics *g;
     spot *spot; /* by triangle */
     size_t n_spots;
     int32_t *line; /* half-edges, sorted */
     sight *sight;
-    size_t n_sights, room, most;
+    size_t n_sights, room;
     finish best;
     double bound, slack; /* nothing longer is of use; lengths that are equal */
-    bool whole;          /* up to a bend or source: the distances of other vertices do not count */
 };
 
 /* ---- set-up ---------------------------------------------------------------------------------- */
@@ -95,7 +91,6 @@ int dmk_tracer_create(dmk_context *ctx, const dmk_geodesics *g, dmk_tracer **tra
     dmk_tracer *t = NULL;
     DMK_TRY(DMK_NEW(ctx, t, 1));
     t->g = g;
-    t->most = most_windows;
     DMK_TRY(DMK_NEW(ctx, t->spot, 2 * (size_t)g->n_sources));
     DMK_TRY(DMK_NEW(ctx, t->line, g->n_lines));
     for (int32_t i = 0; i < g->n_sources; i++) {
@@ -137,10 +132,8 @@ static bool is_bend(const dmk_geodesics *g, int32_t v)
 static void finish_at(dmk_tracer *t, finish f, double length)
 {
     const dmk_geodesics *g = t->g;
-    const bool passing = f.vertex >= 0 && !is_bend(g, f.vertex);
-    if (passing && t->whole) return;
     f.length = f.key = length;
-    if (passing) f.key += t->slack; /* others are better to end at */
+    if (f.vertex >= 0 && !is_bend(g, f.vertex)) f.key += t->slack; /* others are better to end at */
     if (f.key < t->best.key) t->best = f;
     t->bound = fmin(t->bound, f.key);
 }
@@ -182,7 +175,7 @@ static int keep(dmk_context *ctx, dmk_tracer *t, const sight *w)
     if (w->half < 0 || !(w->y < 0) || !(w->hi - w->lo > 1e-12 * (fabs(w->hi) + fabs(w->lo))))
         return DMK_OK;
     look(t->g, w->half, &s);
-    if (least(t, w, &s) > t->bound + t->slack || t->n_sights >= t->most) return DMK_OK;
+    if (least(t, w, &s) > t->bound + t->slack || t->n_sights >= most_windows) return DMK_OK;
     if (t->n_sights == t->room) {
         int rc = DMK_GROW(ctx, t->sight, t->n_sights + 1, t->room);
         if (rc != DMK_OK) return rc;
@@ -291,32 +284,8 @@ static void look_around(dmk_tracer *t, const dmk_site *site, const spot *own)
     }
 }
 
-/* What the site sees through one of its sectors, within the directions of the cone; false: nothing. */
-static bool see(const dmk_tracer *t, const dmk_sector *c, const cone *within, double total,
-                sight *w)
-{
-    const dmk_geodesics *g = t->g;
-    const double unit = g->star.unit,
-                 length = g->mesh->length[g->mesh->triangle_edge[c->half]] / unit;
-    *w = (sight){.hi = length,
-                 .x = length - c->x / unit,
-                 .y = -c->y / unit,
-                 .half = g->star.twin[c->half],
-                 .parent = -1};
-    if (!within) return true;
-    double middle = remainder(within->middle - c->angle - c->span / 2, total) + c->span / 2;
-    double from = middle - within->width, to = middle + within->width;
-    double radius = hypot(w->y, c->x / unit), start = atan2(c->y, c->x);
-    if (from >= c->span || to <= 0) return false;
-    /* A ray turned by r from the direction of the half-edge's start meets it there: as in dmk_front_beam. */
-    if (from > 0) w->hi = length - radius * sin(from) / sin(from + start);
-    if (to < c->span) w->lo = length - radius * sin(to) / sin(to + start);
-    return true;
-}
-
-/* The end of the first straight piece of the way back from the site, in t->best; of those that leave within a
- * cone, if there is one. */
-static int search(dmk_context *ctx, dmk_tracer *t, const dmk_site *site, const cone *within)
+/* The end of the first straight piece of the way back from the site, in t->best. */
+static int search(dmk_context *ctx, dmk_tracer *t, const dmk_site *site)
 {
     int rc;
     const dmk_geodesics *g = t->g;
@@ -325,7 +294,6 @@ static int search(dmk_context *ctx, dmk_tracer *t, const dmk_site *site, const c
     t->best =
         (finish){.length = INFINITY, .key = INFINITY, .window = -1, .vertex = -1, .source = -1};
     t->bound = INFINITY;
-    t->whole = within != NULL;
     t->slack =
         1e-11 + 4 * g->tolerance * g->distance[g->mesh->triangle[3 * site->point.triangle]] / unit;
     if (site->vertex >= 0) {
@@ -337,11 +305,17 @@ static int search(dmk_context *ctx, dmk_tracer *t, const dmk_site *site, const c
     for (size_t i = 0; i < n; i++) look_around(t, site, own + i);
     t->n_sights = 0;
     for (int32_t k = 0; k < site->n_sectors; k++) {
-        sight w;
-        if (see(t, site->sector + k, within, site->total, &w)) DMK_TRY(keep(ctx, t, &w));
+        const dmk_sector *c = site->sector + k;
+        const double length = g->mesh->length[g->mesh->triangle_edge[c->half]] / unit;
+        sight w = {.hi = length,
+                   .x = length - c->x / unit,
+                   .y = -c->y / unit,
+                   .half = g->star.twin[c->half],
+                   .parent = -1};
+        DMK_TRY(keep(ctx, t, &w));
     }
     for (size_t i = 0; i < t->n_sights; i++) DMK_TRY(advance(ctx, t, (int32_t)i));
-    if (t->best.key == INFINITY && !t->whole) {
+    if (t->best.key == INFINITY) {
         rc = dmk_fail(ctx, DMK_E_ARG,
                       "triangle %lld is not on the component of a source: no path leads there",
                       (long long)site->point.triangle);
@@ -520,7 +494,7 @@ static int follow(dmk_context *ctx, dmk_tracer *t, const dmk_site *from, trail *
     *direction = 0;
     DMK_TRY(append(l, from->point));
     while (!(at->vertex >= 0 && is_source(g, at->vertex))) {
-        DMK_TRY(search(ctx, t, at, NULL));
+        DMK_TRY(search(ctx, t, at));
         const finish f = t->best;
         DMK_TRY(append_piece(ctx, t, at, l, &before));
         int32_t source = f.source;
@@ -584,7 +558,7 @@ int dmk_tracer_value(dmk_context *ctx, dmk_tracer *t, const dmk_point *at, dmk_v
         goto done;
     }
     if (g->arrival[g->mesh->triangle[3 * at->triangle]].source < 0) goto done;
-    DMK_TRY(search(ctx, t, &site, NULL));
+    DMK_TRY(search(ctx, t, &site));
     const finish f = t->best;
     value->distance = f.length * g->star.unit;
     value->source = f.vertex >= 0 ? g->arrival[f.vertex].source : f.source;
@@ -605,105 +579,70 @@ done:
 
 /* Vertices looked at again, at most: on meshes of needles estimates are large everywhere, and then stay. */
 enum { most_repairs = 200 };
-/* Radians: the rays that are followed back from a vertex, at first and at last, to both sides of where a neighbour
- * sees its source. Twice the width is some four times the work. */
-static const double narrow = 1e-4, wide = 1e-3;
-/* Windows of all repairs together, for each vertex of the mesh: some tenth of the time of the run. */
-static const double effort = 4;
 
-/* The direction at corner c's vertex v of the source as its neighbour at the next corner sees it, straight. */
-static double seen_by_next(const dmk_geodesics *g, int32_t c)
-{
-    const int32_t there = dmk_next(c), w = g->mesh->triangle[there];
-    const dmk_arrival *a = g->arrival + w;
-    const double base = a->pseudo_source >= 0      ? g->distance[a->pseudo_source]
-                        : a->source < g->n_sources ? g->source[a->source].offset
-                                                   : 0;
-    const double edge = g->mesh->length[g->mesh->triangle_edge[dmk_previous(c)]],
-                 far = g->distance[w] - base;
-    /* w is the origin, v on the x axis. */
-    double turn =
-        remainder(a->back - g->star.angle[there] - g->star.corner_angle[there], g->star.total[w]);
-    return g->star.angle[c] + atan2(-far * sin(turn), edge - far * cos(turn));
-}
+typedef struct mended {
+    int32_t vertex;
+    double distance, error;
+} mended;
 
-/* Take the path of the last search, if it is the one whose length was estimated: its length and directions. */
-static int take_path(dmk_context *ctx, dmk_tracer *t, dmk_geodesics *g, const dmk_site *site,
-                     bool *taken)
-{
-    int rc = DMK_OK;
-    size_t n = 0;
-    double x, y;
-    dmk_point *list = NULL;
-    const finish *f = &t->best;
-    const int32_t v = site->vertex;
-    dmk_arrival *a = g->arrival + v;
-    const double length = f->length * g->star.unit;
-    *taken = f->window >= 0 && (f->vertex < 0 || is_bend(g, f->vertex)) &&
-             fabs(length - g->distance[v]) <= g->error[v];
-    if (!*taken) return DMK_OK;
-    end_of_sight(t, f->window, &x, &y);
-    DMK_TRY(list_crossings(t, ctx, f->window, x, y, &list, &n));
-    g->distance[v] = length;
-    g->error[v] = f->vertex >= 0 ? g->error[f->vertex] : 0;
-    a->back = direction_to(g, site, list + n - 1);
-    a->source = f->vertex >= 0 ? g->arrival[f->vertex].source : f->source;
-    a->pseudo_source = f->vertex >= 0 && !is_source(g, f->vertex) ? f->vertex : -1;
-    if (a->pseudo_source >= 0)
-        a->direction = g->arrival[f->vertex].direction;
-    else if (a->source < g->n_sources)
-        a->direction = direction_to(g, g->source + a->source, list);
-done:
-    free(list);
-    return rc;
-}
+typedef struct repairs {
+    const dmk_geodesics *g;
+    dmk_tracer **tracer; /* one for each thread */
+    int n_threads;
+    mended *list;
+    int32_t n;
+} repairs;
 
-/* Vertex v by a path of its own, straight up to a source or bend, where one of its neighbours sees it. */
-static int repair(dmk_context *ctx, dmk_tracer *t, dmk_geodesics *g, int32_t v, double width,
-                  double *left)
+/* Vertex `m` by a path of its own. Paths end where distances are known: what others mend is not looked at. */
+static int mend(dmk_context *ctx, dmk_tracer *t, mended *m)
 {
     int rc;
-    bool taken = false;
     dmk_site site = {0};
-    dmk_point p = corner_point(g, v);
+    const dmk_geodesics *g = t->g;
+    dmk_point p = corner_point(g, m->vertex);
     DMK_TRY(dmk_site_create(ctx, g->mesh, &g->star, &p, 0, &site));
-    for (int32_t k = 0; !taken && *left > 0 && k < site.n_sectors; k++) {
-        const int32_t w = g->mesh->triangle[dmk_next(site.sector[k].half)];
-        if (!(g->error[w] <= 2 * g->tolerance * g->distance[w])) continue;
-        t->most = (size_t)*left;
-        DMK_TRY(search(ctx, t, &site, &(cone){seen_by_next(g, site.sector[k].half), width}));
-        *left -= (double)t->n_sights;
-        DMK_TRY(take_path(ctx, t, g, &site, &taken));
-    }
+    DMK_TRY(search(ctx, t, &site));
+    m->distance = t->best.length * g->star.unit;
+    m->error = t->best.vertex >= 0 ? g->error[t->best.vertex] : 0;
+    rc = dmk_poll(ctx);
 done:
     dmk_site_free(&site);
     return rc;
 }
 
-static bool needs_repair(const dmk_geodesics *g, int32_t v)
+static int mend_share(dmk_context *ctx, int32_t thread, void *data)
 {
-    return g->arrival[v].source >= 0 && g->error[v] > 2 * g->tolerance * g->distance[v] &&
-           !is_source(g, v);
+    int rc = DMK_OK;
+    const repairs *r = data;
+    for (int32_t i = thread; i < r->n; i += r->n_threads) {
+        DMK_TRY(mend(ctx, r->tracer[thread], r->list + i));
+    }
+done:
+    return rc;
 }
 
 int dmk_tracer_repair(dmk_context *ctx, dmk_geodesics *g)
 {
     int rc;
-    dmk_tracer *t = NULL;
-    int32_t n = 0, list[most_repairs];
-    double left = fmin(most_windows, effort * g->mesh->n_vertices);
-    DMK_TRY(dmk_tracer_create(ctx, g, &t));
-    for (int32_t v = 0; v < g->mesh->n_vertices && n < most_repairs; v++) {
-        if (needs_repair(g, v)) list[n++] = v;
+    mended list[most_repairs];
+    repairs r = {.g = g, .list = list};
+    for (int32_t v = 0; v < g->mesh->n_vertices && r.n < most_repairs; v++) {
+        if (g->arrival[v].source < 0 || is_source(g, v) ||
+            !(g->error[v] > 2 * g->tolerance * g->distance[v]))
+            continue;
+        list[r.n++].vertex = v;
     }
-    for (double width = narrow; width <= wide; width *= 10) {
-        for (int32_t i = 0; i < n; i++) {
-            if (needs_repair(g, list[i])) DMK_TRY(repair(ctx, t, g, list[i], width, &left));
-            DMK_TRY(dmk_poll(ctx));
-        }
+    r.n_threads = dmk_min_i(dmk_parallel_threads(ctx), r.n);
+    DMK_TRY(DMK_NEW(ctx, r.tracer, (size_t)r.n_threads));
+    for (int i = 0; i < r.n_threads; i++) DMK_TRY(dmk_tracer_create(ctx, g, &r.tracer[i]));
+    DMK_TRY(dmk_parallel_pieces(ctx, r.n_threads, mend_share, &r));
+    for (int32_t i = 0; i < r.n; i++) {
+        g->distance[list[i].vertex] = list[i].distance;
+        g->error[list[i].vertex] = list[i].error;
     }
 done:
-    dmk_tracer_destroy(&t);
+    for (int i = 0; r.tracer && i < r.n_threads; i++) dmk_tracer_destroy(&r.tracer[i]);
+    free(r.tracer);
     return rc;
 }
 
