@@ -1,8 +1,7 @@
 /* Kernels beside a plain copy of as many bytes, on one device in one run.
  *
  * usage: bench-kernels [MESH.off]   (default: the quartic with 273,408 triangles)
- * The modelled bytes of a kernel are its streams once and its vectors once: a gather counts as one pass
- * over the vector it gathers from. The copy reads half of them and writes the other half. Kernel and
+ * The bytes of a kernel are what kernels/ says above it. The copy reads half of them and writes the other half. Kernel and
  * copy take turns; the least of the rounds counts. */
 #include "solver/kernels.h"
 #include "solver/iteration.h"
@@ -10,6 +9,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 enum { ROUNDS = 40, REPEAT = 8, N_CASES = 7 };
 
@@ -86,25 +86,80 @@ static int run_energy(bench *b)
     return dmk_element_energy(b->ctx, s, s->u, true, 0, 0);
 }
 
-static void model(const bench *b, measured *m)
+/* ---- what they move, as it stands above them in kernels/ -------------------------------------- */
+
+static char *read_source(const char *path)
+{
+    FILE *file = fopen(path, "r");
+    char *text = file ? calloc(1, 1 << 20) : NULL;
+    if (text && fread(text, 1, (1 << 20) - 1, file) == 0) text[0] = 0;
+    if (file) fclose(file);
+    return text;
+}
+
+/* "24 E + 9 real E + real R bytes" in bytes. */
+static double evaluate(const bench *b, const char *at, double real)
 {
     const dmk_system *s = b->sys;
+    double sum = 0;
+    for (;;) {
+        char *end;
+        double term = strtod(at, &end);
+        if (end == at) term = 1;
+        at = end + strspn(end, " ");
+        if (strncmp(at, "real ", 5) == 0) term *= real, at += 5;
+        switch (*at) {
+        case 'E': term *= s->n_elements; break;
+        case 'R': term *= s->n_rows; break;
+        case 'P': term *= b->row_places; break;
+        case 'V': term *= s->level[0].n; break;
+        case 'L': term *= b->graph_places; break;
+        default: return 0;
+        }
+        sum += term;
+        at += 1 + strspn(at + 1, " ");
+        if (*at != '+') return sum;
+        at += 1 + strspn(at + 1, " ");
+    }
+}
+
+/* 0 if nothing is said above it. */
+static double moved(const bench *b, const char *kernel, double real)
+{
+    static const char *const sources[] = {"kernels/operator.cl", "kernels/multigrid.cl",
+                                          "kernels/density.cl"};
+    char head[64];
+    double bytes = 0;
+    snprintf(head, sizeof head, "KERNEL %s(", kernel);
+    for (size_t i = 0; i < sizeof sources / sizeof *sources && bytes == 0; i++) {
+        char *text = read_source(sources[i]), *at = text ? strstr(text, head) : NULL;
+        if (at) {
+            *at = 0;
+            char *said = NULL, *begin = text;
+            while ((begin = strstr(begin, " moves "))) said = begin += 7;
+            /* No other kernel comes in between. */
+            if (said && !strstr(said, "\nKERNEL ")) bytes = evaluate(b, said, real);
+        }
+        free(text);
+    }
+    if (bytes == 0) fprintf(stderr, "bench-kernels: nothing is said above kernel %s\n", kernel);
+    return bytes;
+}
+
+static void model(const bench *b, measured *m)
+{
     const double real = (double)dmk_device_real(b->device, DMK_OUTER);
-    const double t = s->n_elements, rows = s->n_rows, vertices = s->level[0].n;
-    /* Per element: 6 indices, 3 weights, 6 contributions written and read back; then the row lists. */
-    const double both = t * 4 * (6 + 3 + 6 + 6) + 4 * b->row_places;
-    m[0] = (measured){"operator A", run_stiffness, both + 4 * rows * 2, 1e9, 1e9};
-    m[1] = (measured){"Newton operator M", run_newton, both + t * 4 * 6 + 4 * rows * 2, 1e9, 1e9};
-    m[2] =
-        (measured){"smoother step, T/2", run_chebyshev, both + t * 4 * 6 + 4 * rows * 5, 1e9, 1e9};
-    m[3] =
-        (measured){"smoother step, T", run_graph, 8 * b->graph_places + 4 * vertices * 5, 1e9, 1e9};
-    m[4] = (measured){"energy", run_energy, t * (4 * 6 + real * (3 + 1 + 1 + 6 + 1)) + real * rows,
-                      1e9, 1e9};
+    const double stiffness = moved(b, "element_stiffness", 4),
+                 newton = moved(b, "element_newton", 4), rows = moved(b, "rows_apply", 4),
+                 smoother = moved(b, "rows_chebyshev", 4);
+    m[0] = (measured){"operator A", run_stiffness, stiffness + rows, 1e9, 1e9};
+    m[1] = (measured){"Newton operator M", run_newton, newton + rows, 1e9, 1e9};
+    m[2] = (measured){"smoother step, T/2", run_chebyshev, newton + smoother, 1e9, 1e9};
+    m[3] = (measured){"smoother step, T", run_graph, moved(b, "graph_chebyshev", 4), 1e9, 1e9};
+    m[4] = (measured){"energy", run_energy, moved(b, "element_energy", real), 1e9, 1e9};
     /* The two phases of M by themselves. */
-    m[5] = (measured){"M, elements", run_newton_elements, t * 4 * (6 + 3 + 6 + 6) + 4 * rows, 1e9,
-                      1e9};
-    m[6] = (measured){"M, rows", run_rows, t * 4 * 6 + 4 * b->row_places + 4 * rows * 2, 1e9, 1e9};
+    m[5] = (measured){"M, elements", run_newton_elements, newton, 1e9, 1e9};
+    m[6] = (measured){"M, rows", run_rows, rows, 1e9, 1e9};
 }
 
 /* ---- the system ----------------------------------------------------------------------------- */

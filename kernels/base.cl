@@ -2,6 +2,9 @@
  *   CPU: a work-item runs over DMK_CHUNK blocks of 8 elements, each block as an 8-vector;
  *   GPU: a work-item is one element; groups of DMK_GROUP.
  * In both, element t's k-th of K numbers lies at (t/8)*8K + 8k + t%8, so one packing serves both.
+ * `moves` above a kernel: the bytes of its streams once and of its vectors once (a gather counts as one pass
+ * over the vector it gathers from), and what it computes; `make bench-kernels` reads them. E elements, R rows
+ * of T/2, P entries of their lists, V vertices, L entries of T's lists, real: bytes of the program's number.
  * Build options: DMK_CPU, DMK_CHUNK, DMK_DOUBLE (this program's real type), DMK_FP64 (the device's
  * double precision may be used for sums). */
 #if DMK_FP64
@@ -187,6 +190,7 @@ static int is_last(volatile global int *done, int parts)
                  fmax(fmax((v).s4, (v).s5), fmax((v).s6, (v).s7))))
 #define LAST_PART (at >= 0 && is_last(done, PARTS))
 #define SCRATCH
+#define SCRATCH_ALONE
 #define KERNEL kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 #else
 #define PARTS (int)get_num_groups(0)
@@ -216,8 +220,9 @@ static int is_last_group(volatile global int *done, int at, local int *last)
     return *last;
 }
 #define LAST_PART is_last_group(done, at, &last_)
+#define SCRATCH_ALONE local sum_t scratch[DMK_GROUP];
 #define SCRATCH                                                                                    \
-    local sum_t scratch[DMK_GROUP];                                                                \
+    SCRATCH_ALONE                                                                                  \
     local int last_;
 #define KERNEL kernel __attribute__((reqd_work_group_size(DMK_GROUP, 1, 1))) void
 #endif

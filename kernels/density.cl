@@ -4,7 +4,8 @@
 
 /* g = K u (without mu), stored if it is to be kept, and q = u.g / area, the mean of |grad u|^2; the
  * sum of mu u.g = u.Au. slack > 0: u.g with its rounding on top, `slack` times what its terms would be
- * without cancellation: at large cotangents of both signs they are up to cot^2 times as large as their sum. */
+ * without cancellation: at large cotangents of both signs they are up to cot^2 times as large as their sum.
+ * moves 24 E + 12 real E + real R bytes, 50 E flops */
 KERNEL element_energy(int n, int keep, float slack, global const int *index, global const real *cot,
                       global const real *area, global const real *mu, GATHERED real *u,
                       global real *g, global real *q, SUM_ARGS LAUNCH)

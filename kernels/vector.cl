@@ -56,21 +56,21 @@ KERNEL rows_range(int n, global const real *u, SUM_ARGS LAUNCH)
 KERNEL sum_partials(int parts, int count, int maxima, volatile global sum_t *partial,
                     global sum_t *scalars, int at LAUNCH)
 {
-    SCRATCH
+    SCRATCH_ALONE
     const int when = 1;
     ADD_UP(parts, count, maxima)
 }
 
 KERNEL cg_beta(int parts, int first, volatile global sum_t *partial, global sum_t *scalars LAUNCH)
 {
-    SCRATCH
+    SCRATCH_ALONE
     const int when = 1;
     CG_BETA(parts)
 }
 
 KERNEL cg_alpha(int parts, volatile global sum_t *partial, global sum_t *scalars LAUNCH)
 {
-    SCRATCH
+    SCRATCH_ALONE
     const int when = 1;
     CG_ALPHA(parts)
 }
