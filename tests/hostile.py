@@ -13,7 +13,6 @@ import math
 import os
 import random
 import shutil
-import struct
 import subprocess
 import sys
 import tempfile
@@ -196,22 +195,19 @@ def topology(triangles):
 
 
 def read_ply(path):
-    """{property of the vertices: list}"""
-    types = {"double": "d", "float": "f", "int": "i", "uchar": "B", "uint": "I"}
-    data = open(path, "rb").read()
-    head, body = data.split(b"end_header\n", 1)
-    lines, n, names = head.decode().split("\n"), 0, []
-    for line in lines:
+    """{property of the vertices: list}, of a file of results, which is text"""
+    lines = open(path).read().split("\n")
+    end, n, names = lines.index("end_header"), 0, []
+    for line in lines[:end]:
         words = line.split()
         if words[:2] == ["element", "vertex"]:
             n = int(words[2])
         elif words[:1] == ["element"]:
             break
         elif words[:1] == ["property"]:
-            names.append((words[2], types[words[1]]))
-    form = struct.Struct("<" + "".join(t for _, t in names))
-    rows = [form.unpack_from(body, i * form.size) for i in range(n)]
-    return {name: [r[k] for r in rows] for k, (name, _) in enumerate(names)}
+            names.append(words[2])
+    rows = [line.split() for line in lines[end + 1 : end + 1 + n]]
+    return {name: [float(r[k]) for r in rows] for k, name in enumerate(names)}
 
 
 def dijkstra(points, edges, source):
