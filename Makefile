@@ -396,7 +396,7 @@ help:
 	@echo 'make test       run all tests; the last line counts them'
 	@echo 'make ci         the tests, and compilers, analysers, sanitizers, ... in short'
 	@echo 'make fuzz       fuzz all readers with clang; FUZZ_SECONDS=240 for all drivers together'
-	@echo 'make MPI=1      also build/mpi/dmkcl, for mpirun: see src/ranks/README.md'
+	@echo 'make MPI=1      also build/mpi/dmkcl, for mpirun: see src/ranks/RANKS.md'
 	@echo 'make real       scanned meshes through all commands; REAL_MESHES=folder where they are there'
 	@echo 'make hostile    HOSTILE=2000 random meshes of all kinds through all commands'
 	@echo 'make interrupts INTERRUPTED=500 runs, interrupted at random moments'

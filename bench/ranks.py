@@ -158,7 +158,7 @@ def main():
     extrapolate(a, b, lines)
     lines += ["", "Messages of 3 us eat what more than some ten ranks gain on 10^7 triangles, and from 10^9 on the sums do: each",
               "brings all parts to all ranks, 94 MB at 10^9. There sums by two stages would be due.", "No run had more than 8 ranks: what is above 8 is the model's alone. Above 10^8 triangles indices of 64",
-              "bits and a divided set-up are needed, which there are not (see src/ranks/README.md).", ""]
+              "bits and a divided set-up are needed, which there are not (see src/ranks/RANKS.md).", ""]
     with open(options.out, "w", encoding="utf-8") as file:
         file.write("\n".join(lines))
     print("\n".join(lines))
