@@ -677,24 +677,9 @@ int dmk_elements_read(dmk_context *ctx, dmk_system *s, const dmk_buffer *element
 
 static void free_level(dmk_level *l)
 {
-    dmk_buffer **all[] = {&l->slice,
-                          &l->neighbour,
-                          &l->number,
-                          &l->weight,
-                          &l->link,
-                          &l->inv_diag,
-                          &l->rhs,
-                          &l->x,
-                          &l->x_old,
-                          &l->restrict_slice,
-                          &l->restrict_entry,
-                          &l->restrict_weight,
-                          &l->prolong_index,
-                          &l->prolong_weight,
-                          &l->galerkin_row,
-                          &l->galerkin_link,
-                          &l->galerkin_coef};
-    for (size_t i = 0; i < sizeof all / sizeof *all; i++) dmk_buffer_destroy(all[i]);
+    dmk_buffer **all[TAIL_ARRAYS];
+    list_tail(l, all);
+    for (int i = 0; i < TAIL_ARRAYS; i++) dmk_buffer_destroy(all[i]);
 }
 
 void dmk_system_destroy(dmk_system **system)
