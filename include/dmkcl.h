@@ -272,8 +272,8 @@ typedef struct dmk_geodesics_options {
     const int32_t *
         line; /* 2*n_lines: the vertices that each joins; all together are source number n_sources */
     int border;       /* 1: all border edges are lines, too */
-    double tolerance; /* error over the distance; 0 = none up to 300,000 triangles, 1e-6 beyond */
     int exact;        /* 1: no error whatever the size; time then grows as n^1.5 on smooth meshes */
+    double tolerance; /* error over the distance; 0 = none up to 300,000 triangles, 1e-6 beyond */
 } dmk_geodesics_options;
 
 /* How the shortest path arrives at a vertex. Directions at a vertex count counterclockwise from that of an edge, up
@@ -283,10 +283,11 @@ typedef struct dmk_geodesics_options {
  * With a tolerance directions have errors, too: at 1e-6 up to 2e-3 radians at the source and 6e-4 at the vertex at 99 %
  * of the vertices; they are not repaired. */
 typedef struct dmk_arrival {
-    double direction;      /* at the source, radians */
-    double back;           /* at the vertex: direction back along the path, radians */
-    int32_t pseudo_source; /* last vertex that the path bends at; -1: none, or several that were merged */
-    int32_t source;        /* number of the nearest source; -1: no source reaches the vertex */
+    double direction; /* at the source, radians */
+    double back;      /* at the vertex: direction back along the path, radians */
+    int32_t
+        pseudo_source; /* last vertex that the path bends at; -1: none, or several that were merged */
+    int32_t source;    /* number of the nearest source; -1: no source reaches the vertex */
 } dmk_arrival;
 
 typedef struct dmk_geodesics_info {
@@ -374,9 +375,9 @@ typedef struct dmk_solve_options {
     double
         cg_tolerance; /* relative energy residual of the inner solves; 0 = the method's default */
     int max_steps;    /* 0 = the method's default */
+    int normalise;    /* dmk_solve_measures: 1 scales the second measure to the mass of the first */
     double threshold; /* absolute bound of the approximate cut locus {mu <= eps}; 0 = a rule without
                              a tolerance to choose, see dmk_result_acl */
-    int normalise;    /* dmk_solve_measures: 1 scales the second measure to the mass of the first */
 } dmk_solve_options;
 
 void dmk_solve_options_init(dmk_solve_options *options, size_t size);

@@ -301,7 +301,7 @@ static void bounds_hold_for_any_potential(void **state)
 static void both_kinds_of_slopes_agree(void **state)
 {
     fixture *x = *state;
-    double *v = random_rows(x), lower[2], upper;
+    double *v = random_rows(x), lower[2] = {0}, upper;
     set_density(x, 1);
     bounds_of(x, v, 1, &lower[0], &upper);
     const double sharpest = x->sys->sharpest;

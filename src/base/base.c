@@ -55,9 +55,9 @@ int dmk_options_take(dmk_context *context, const char *type, const void *options
         if (((const char *)options)[i] == 0) continue;
         return dmk_fail(
             context, DMK_E_ARG,
-            "%s: byte %zu is set, but this library, %s, knows %zu bytes only: the program was "
+            "%s: byte %zu is set, but this library knows %zu bytes only: the program was "
             "compiled against a newer dmkcl.h",
-            type, i, dmk_version(), known);
+            type, i, known);
     }
     memcpy(taken, options, size < known ? size : known);
     memcpy(taken, &known, sizeof known);

@@ -248,7 +248,7 @@ int solve_batch(const solve_request *request)
         solve_all(&b, &run);
         cli_progress_end(&run.progress);
         if (b.summary && cli_ranks_first()) print_end(&b, begin);
-        code = cli_flush();
+        if (code == EXIT_OK) code = cli_flush();
     }
     solve_end(&run);
     free(sources);
