@@ -1,8 +1,8 @@
 /* Kernels beside a plain copy of as many bytes, on one device in one run.
  *
  * usage: bench-kernels [MESH.off]   (default: the quartic with 273,408 triangles)
- * The bytes of a kernel are what kernels/ says above it. The copy reads half of them and writes the other half. Kernel and
- * copy take turns; the least of the rounds counts. */
+ * The bytes of a kernel are what kernels/ says above it. The copy reads half of them and writes the other half.
+ * Kernel and copy take turns; the least of the rounds counts. */
 #include "solver/kernels.h"
 #include "solver/iteration.h"
 

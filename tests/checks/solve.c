@@ -1,7 +1,7 @@
 /* Solve MESH from vertex 0 in a given shape and precision, by all methods, for checks of kernels:
  *     solve MESH cpu|gpu double|single [LARGER]
- * Steps are few: the same kernels run at each. Then the larger mesh, of a launch's part of vertices for each, on two ranks, threads
- * of this process. */
+ * Steps are few: the same kernels run at each. Then the larger mesh, of a launch's part of vertices for each, on
+ * two ranks, threads of this process. */
 #include "meeting.h"
 
 #include <stdio.h>
