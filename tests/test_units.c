@@ -278,7 +278,7 @@ static void bounds_hold_for_any_potential(void **state)
     static const double decades[] = {0, 2, 8};
     const dmk_mesh *m = x->order.mesh;
     for (size_t i = 0; i < sizeof decades / sizeof *decades; i++) {
-        double *v = random_rows(x), lower, upper[3];
+        double *v = random_rows(x), lower = 0, upper[3];
         for (int32_t e = 0; e < m->n_edges; e++) {
             v[e] = 1e-4 * v[e] + m->xyz[3 * m->edge_vertex[2 * e]] / 2 +
                    m->xyz[3 * m->edge_vertex[2 * e + 1]] / 2;

@@ -11,10 +11,10 @@
 #include <stdlib.h>
 
 enum {
-    BATCH = 20, /* sweeps between two looks at all triangles */
-    RINGS = 2,  /* of elements around those that move */
-    PATIENCE =
-        60, /* sweeps after which a gap of the goal times a twentieth of their number will do */
+    BATCH = 20,    /* sweeps between two looks at all triangles */
+    RINGS = 2,     /* of elements around those that move */
+    PATIENCE = 60, /* sweeps after which three times the goal will do */
+    DESPAIR = 120, /* from here on, that grows with their number */
     MAX_SWEEPS = 400,
     SWEEPS_IN_BETWEEN = 40 /* when the iteration goes on */
 };
@@ -133,8 +133,8 @@ static bool good_enough(const repair *r, double goal)
 {
     const dmk_stats *stats = r->o->stats;
     double gap = 1 - stats->cost_lower / stats->cost_upper;
-    return gap <= goal || (r->sweeps >= PATIENCE && gap <= r->sweeps / 20.0 * goal) ||
-           r->sweeps >= r->max_sweeps;
+    double enough = r->sweeps < PATIENCE ? goal : 3 * fmax(1, r->sweeps / (double)DESPAIR) * goal;
+    return gap <= enough || r->sweeps >= r->max_sweeps;
 }
 
 int dmk_repair(dmk_iteration *o, double goal, bool last)
