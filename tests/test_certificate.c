@@ -142,6 +142,7 @@ static void repair_is_the_same_in_the_gpu_shape(void **state)
     problem p = needles(*state), q = needles(&b);
     problem_solve(&p);
     problem_solve(&q);
+    print_message("# gpu shape: gap %.2e, %d sweeps\n", q.stats.gap, q.stats.sweeps);
     assert_true(q.stats.sweeps > 0 && q.stats.gap <= 3e-3);
     /* The repair ends where the gap is good enough, which another rounding may reach a batch sooner. */
     assert_true(fabs(q.stats.cost_lower / p.stats.cost_lower - 1) < 1e-3);

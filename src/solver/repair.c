@@ -14,7 +14,7 @@ enum {
     BATCH = 20,    /* sweeps between two looks at all triangles */
     RINGS = 2,     /* of elements around those that move */
     PATIENCE = 60, /* sweeps after which three times the goal will do */
-    DESPAIR = 120, /* from here on, that grows with their number */
+    DESPAIR = 200, /* from here on, that grows with their number */
     MAX_SWEEPS = 400,
     SWEEPS_IN_BETWEEN = 40 /* when the iteration goes on */
 };
