@@ -368,6 +368,10 @@ WRAP_CREATE(cl_command_queue, clCreateCommandQueue,
 WRAP_CREATE(cl_mem, clCreateBuffer,
             (cl_context c, cl_mem_flags f, size_t n, void *host, cl_int *error),
             (c, f, n, host, error))
+WRAP_CREATE(cl_mem, clCreateSubBuffer,
+            (cl_mem whole, cl_mem_flags f, cl_buffer_create_type type, const void *region,
+             cl_int *error),
+            (whole, f, type, region, error))
 WRAP_CREATE(cl_program, clCreateProgramWithSource,
             (cl_context c, cl_uint n, const char **text, const size_t *length, cl_int *error),
             (c, n, text, length, error))
@@ -387,6 +391,12 @@ WRAP_CALL(clGetDeviceIDs,
           (p, t, n, d, count))
 WRAP_CALL(clGetDeviceInfo, (cl_device_id d, cl_device_info i, size_t n, void *v, size_t *size),
           (d, i, n, v, size))
+WRAP_CALL(clGetMemObjectInfo, (cl_mem m, cl_mem_info i, size_t n, void *v, size_t *size),
+          (m, i, n, v, size))
+WRAP_CALL(clEnqueueCopyBuffer,
+          (cl_command_queue q, cl_mem from, cl_mem to, size_t at, size_t there, size_t n,
+           cl_uint ne, const cl_event *e, cl_event *out),
+          (q, from, to, at, there, n, ne, e, out))
 WRAP_CALL(clGetProgramInfo, (cl_program p, cl_program_info i, size_t n, void *v, size_t *size),
           (p, i, n, v, size))
 WRAP_CALL(clGetProgramBuildInfo,

@@ -29,6 +29,8 @@ struct _cl_command_queue {
 struct _cl_mem {
     size_t size;
     void *data;
+    cl_mem whole; /* of a part: whose memory it is; it stays as long as a part does */
+    int users;
 };
 struct _cl_program {
     char *text;
@@ -279,16 +281,41 @@ cl_mem clCreateBuffer(cl_context context, cl_mem_flags flags, size_t size, void 
     cl_mem m = calloc(1, sizeof *m);
     CHECK(context == &the_context && m && size > 0);
     m->size = size;
+    m->users = 1;
     m->data = malloc(size);
     CHECK(m->data && !!(flags & CL_MEM_COPY_HOST_PTR) == !!from);
     if (from) memcpy(m->data, from, size);
     *error = CL_SUCCESS;
     return m;
 }
+cl_mem clCreateSubBuffer(cl_mem whole, cl_mem_flags flags, cl_buffer_create_type type,
+                         const void *region, cl_int *error)
+{
+    const cl_buffer_region *r = region;
+    cl_mem m = calloc(1, sizeof *m);
+    CHECK(m && flags == CL_MEM_READ_WRITE && type == CL_BUFFER_CREATE_TYPE_REGION && !whole->whole);
+    CHECK(r->size > 0 && r->origin + r->size <= whole->size);
+    *m = (struct _cl_mem){r->size, (char *)whole->data + r->origin, whole, 1};
+    whole->users++;
+    *error = CL_SUCCESS;
+    return m;
+}
 cl_int clReleaseMemObject(cl_mem m)
 {
-    free(m->data);
+    if (--m->users > 0) return CL_SUCCESS;
+    if (m->whole)
+        clReleaseMemObject(m->whole);
+    else
+        free(m->data);
     free(m);
+    return CL_SUCCESS;
+}
+cl_int clEnqueueCopyBuffer(cl_command_queue q, cl_mem from, cl_mem to, size_t at, size_t there,
+                           size_t n, cl_uint n_wait, const cl_event *wait, cl_event *e)
+{
+    CHECK(q == &the_queue && !n_wait && !wait && !e && at + n <= from->size &&
+          there + n <= to->size);
+    memcpy((char *)to->data + there, (char *)from->data + at, n);
     return CL_SUCCESS;
 }
 cl_int clEnqueueFillBuffer(cl_command_queue q, cl_mem m, const void *pattern, size_t n_pattern,
@@ -324,6 +351,11 @@ static cl_int give(const void *value, size_t bytes, size_t size, void *to, size_
     memcpy(to, value, bytes);
     return CL_SUCCESS;
 }
+cl_int clGetMemObjectInfo(cl_mem m, cl_mem_info what, size_t size, void *to, size_t *n)
+{
+    CHECK(what == CL_MEM_SIZE);
+    return give(&m->size, sizeof m->size, size, to, n);
+}
 cl_int clGetPlatformIDs(cl_uint room, cl_platform_id *ids, cl_uint *n)
 {
     if (room && ids) ids[0] = &the_platform;
@@ -346,13 +378,14 @@ cl_int clGetDeviceIDs(cl_platform_id p, cl_device_type type, cl_uint room, cl_de
 cl_int clGetDeviceInfo(cl_device_id id, cl_device_info what, size_t size, void *to, size_t *n)
 {
     const cl_device_type type = CL_DEVICE_TYPE_CPU;
-    const cl_uint units = 2;
+    const cl_uint units = 2, align = 1024; /* bits */
     const cl_ulong memory = 1 << 30;
     const cl_device_fp_config fp64 = CL_FP_FMA;
     CHECK(id == &the_device);
     switch (what) {
     case CL_DEVICE_TYPE: return give(&type, sizeof type, size, to, n);
     case CL_DEVICE_MAX_COMPUTE_UNITS: return give(&units, sizeof units, size, to, n);
+    case CL_DEVICE_MEM_BASE_ADDR_ALIGN: return give(&align, sizeof align, size, to, n);
     case CL_DEVICE_GLOBAL_MEM_SIZE: return give(&memory, sizeof memory, size, to, n);
     case CL_DEVICE_DOUBLE_FP_CONFIG: return give(&fp64, sizeof fp64, size, to, n);
     default: return give("native", 7, size, to, n);
