@@ -48,8 +48,9 @@ int dmk_options_take(dmk_context *context, const char *type, const void *options
     if (!options) return DMK_OK;
     memcpy(&size, options, sizeof size);
     if (size <= sizeof size || size > LONGEST_OPTIONS || size % sizeof size != 0) {
-        return dmk_fail(context, DMK_E_ARG, "%s: struct_size is %zu; fill it with %s_init first",
-                        type, size, type);
+        return dmk_fail(context, DMK_E_ARG,
+                        "%s: struct_size is %zu; fill the options by their init function first",
+                        type, size);
     }
     for (size_t i = known; i < size; i++) {
         if (((const char *)options)[i] == 0) continue;
