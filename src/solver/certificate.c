@@ -49,7 +49,8 @@ static int find_upper(dmk_iteration *o, double slack)
     }
     if (own) DMK_TRY(dmk_rows_write(o->ctx, o->sys, o->sys->u, own));
     o->fresh = false;
-    o->stats->cost_upper = upper;
+    /* A bound from an earlier mu is one of this problem, too. */
+    o->stats->cost_upper = o->stats->cost_upper > 0 ? fmin(upper, o->stats->cost_upper) : upper;
     rc =
         upper < INFINITY ? DMK_OK : dmk_iteration_diverged(o, o->stats->steps, "mu or u overflows");
 done:
