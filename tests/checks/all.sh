@@ -52,15 +52,15 @@ if [ "$short" ]; then
 fi
 script headers 'headers alone, in C99, C11, C17, C++98 to C++20'
 long script layers 'which folder knows which'
-script mutate 'small wrong changes of the sources that a test notices'
+long script mutate 'small wrong changes of the sources that a test notices'
 script symbols 'exported symbols, globals, calls that must not be'
 script format 'form of the sources, by clang-format and rules'
 script compilers 'C files by gcc and clang, warnings are errors'
 script cppcheck 'C files by cppcheck'
-script tidy 'C files by clang-tidy'
+long script tidy 'C files by clang-tidy'
 long beside
 script sanitize "${short:+C }tests under ASan and UBSan"
-script coverage 'share of lines that tests run, above a floor'
+long script coverage 'share of lines that tests run, above a floor'
 script kernels 'kernels as native code under ASan and UBSan'
 script oclgrind 'kernels under Oclgrind: races, bounds, wrong calls'
 long row fuzz 'executions of fuzzing drivers, all readers' make -s fuzz FUZZ_SECONDS="${FUZZ_SECONDS:-60}"
