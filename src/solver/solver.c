@@ -178,24 +178,12 @@ static bool measures(const dmk_solver *s)
     return s->ranks.rank == 0;
 }
 
-/* Triangles from which on the distance is found before the system is packed, and not beside it: each of
- * them alone keeps the threads busy, and their working space together would be the most memory that a
- * solve takes, 905 bytes per triangle instead of 845. */
-enum { ONE_BY_ONE = 300000 };
-
-/* The distance, and the system of the ordered mesh, if it is not there. */
+/* The distance, and the system of the ordered mesh, if it is not there: one after the other, as each keeps all threads
+ * busy, and their working space together would be the most memory that a solve takes. */
 static int set_up(dmk_context *ctx, dmk_solver *s, start *near)
 {
-    dmk_task task;
-    if (s->system) return measures(s) ? measure(ctx, near) : DMK_OK;
-    if (!measures(s)) return dmk_solver_pack(ctx, s);
-    if (near->mesh->n_triangles >= ONE_BY_ONE) {
-        int rc = measure(ctx, near);
-        return rc != DMK_OK ? rc : dmk_solver_pack(ctx, s);
-    }
-    dmk_task_begin(ctx, &task, measure, near);
-    int rc = dmk_solver_pack(ctx, s);
-    return dmk_task_end(ctx, &task, rc);
+    int rc = measures(s) ? measure(ctx, near) : DMK_OK;
+    return rc != DMK_OK || s->system ? rc : dmk_solver_pack(ctx, s);
 }
 
 /* u and mu that belong to the distance. */

@@ -109,12 +109,29 @@ def code_lines(path):
                 yield number, code.rstrip()
 
 
+DECLARATION = re.compile(r"^ +(?!return|goto|case|else)(?:(?:const|static|volatile|unsigned|struct) )*[A-Za-z_]\w* "
+                         r"\**[A-Za-z_]\w*[\[,;= ]")
+
+
+def is_size(line, place):
+    """Whether the place lies in the brackets of an array that the line declares: more room changes nothing, and less
+    is for the sanitizers to see."""
+    if not DECLARATION.match(line):
+        return False
+    for b in re.finditer(r"\w\[([^\]]*)\]", line):
+        before = line[:b.start()]
+        outside = all(before.count(x) == before.count(y) for x, y in ("()", "[]", "{}"))
+        if b.start(1) <= place < b.end(1) and outside and "=" not in before.rsplit(", ", 1)[-1]:
+            return True
+    return False
+
+
 def mutants_of(path):
     for number, line in code_lines(os.path.join(ROOT, path)):
         for name, pattern, change in OPERATORS:
             for at, match in enumerate(re.finditer(pattern, line)):
                 new = change(match)
-                if new is not None and new != match.group(0):
+                if new is not None and new != match.group(0) and not is_size(line, match.start()):
                     yield (path, number, f"{name}#{at}", line, line[:match.start()] + new + line[match.end():])
 
 
