@@ -14,7 +14,9 @@ $cl -cl-std=CL1.2 -c "$here/builtins.cl" -o "$object.builtins.o"
 # two more in the CPU shape.
 launch=
 case " $* " in *' -DDMK_CPU=1 '*) launch=', global int *shares, int4 launch' ;; esac
-sed "s/ LAUNCH)/$launch)/" "$source" | perl -0777 -ne '
+sums='volatile global sum_t *partial, int at, global sum_t *scalars, volatile global int *done'
+graph='const global int *slice, const global int *neighbour, const global float *weight'
+sed "s/ LAUNCH)/$launch)/; s/^\(KERNEL.*\|  .*\)SUM_ARGS/\1$sums/; s/^\(KERNEL.*\|  .*\)GRAPH,/\1$graph,/" "$source" | perl -0777 -ne '
     print "typedef void *pointer;\ntypedef int int4 __attribute__((vector_size(16), aligned(1)));\n";
     while (/^KERNEL (\w+)\(([^)]*)\)\s*\{(.*?)^\}/gms) {
         my ($name, $body, @type, @value) = ($1, $3);
@@ -25,7 +27,7 @@ sed "s/ LAUNCH)/$launch)/" "$source" | perl -0777 -ne '
         }
         my $arguments = @type;
         print "void $name(", join(", ", @type), ");\n",
-            "const int arguments_$name = $arguments, waits_$name = ", $body =~ /SCRATCH/ ? 1 : 0, ";\n",
+            "const int arguments_$name = $arguments, waits_$name = ", $body =~ /SCRATCH|TOGETHER|tail_/ ? 1 : 0, ";\n",
             "void call_$name(void **a) { $name(", join(", ", @value), "); }\n";
     }' > "$object.c"
 clang $flags -w -c "$object.c" -o "$object.calls.o"

@@ -33,6 +33,9 @@ int OVER atomic_cmpxchg(volatile global int *p, int old, int x)
     return __sync_val_compare_and_swap(p, old, x);
 }
 int OVER atomic_inc(volatile global int *p) { return __sync_fetch_and_add(p, 1); }
+int OVER atomic_xchg(volatile global int *p, int x) { return __sync_lock_test_and_set(p, x); }
+int OVER atomic_or(volatile global int *p, int x) { return __sync_fetch_and_or(p, x); }
+void OVER mem_fence(cl_mem_fence_flags flags) { __sync_synchronize(); }
 int OVER atomic_max(volatile global int *p, int x) { return __sync_fetch_and_max(p, x); }
 
 /* Numbers of half precision by their bits: no type of the processor is needed. */
