@@ -417,8 +417,9 @@ typedef struct crew {
     _Atomic bool *taken; /* of each window of the stack */
     int n_threads;
 } crew;
-/* Windows to share out, and the steps before, some 0.05 s, by one thread: how many windows several make depends on when
- * they see each other's distances, on stretched meshes by a factor of three, and few are left to share on small ones. */
+/* Windows to share out, and the steps before, some 0.05 s, by one thread: how many windows several make depends on
+ * when they see each other's distances, on stretched meshes by a factor of three, and few are left to share on small
+ * ones. */
 enum { shares = 2048, alone = 500000 };
 
 /* Neighbours on the stack are neighbours on the surface: each thread begins at a place of its own, so that they seldom
