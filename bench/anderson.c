@@ -71,19 +71,6 @@ done:
     return rc;
 }
 
-/* Distance from the source at vertices and at the edges' midpoints. */
-static int measure_distance(dmk_context *context, const dmk_mesh *mesh, const dmk_point *source,
-                            double *d, double *mid)
-{
-    dmk_geodesics *g;
-    int rc = dmk_geodesics_create(context, mesh, 1, source, NULL, &g);
-    if (rc != DMK_OK) return rc;
-    memcpy(d, g->distance, (size_t)mesh->n_vertices * sizeof *d);
-    dmk_geodesics_midpoints(g, mid);
-    dmk_geodesics_destroy(&g);
-    return DMK_OK;
-}
-
 /* u, f and mu from the distance to the source, on the device, and new statistics. */
 static int start(bench *b)
 {
@@ -91,15 +78,15 @@ static int start(bench *b)
     dmk_system *s = b->sys;
     const dmk_mesh *m = &b->mollified;
     size_t n_rows = (size_t)dmk_system_counts(b->device, m).n_rows_pad;
-    double *vertex = NULL, *u = NULL, *f = NULL;
-    DMK_TRY(DMK_NEW(b->ctx, vertex, (size_t)m->n_vertices));
+    double *u = NULL, *f = NULL;
+    dmk_geodesics *g = NULL;
     DMK_TRY(DMK_NEW(b->ctx, u, n_rows));
     DMK_TRY(DMK_NEW(b->ctx, f, n_rows));
     /* Midpoints are the first rows. */
-    DMK_TRY(measure_distance(b->ctx, m, &b->source, vertex, u));
-    DMK_TRY(dmk_start_density(b->ctx, m, &b->source, vertex, u, b->mu));
+    DMK_TRY(dmk_geodesics_create(b->ctx, m, 1, &b->source, NULL, &g));
+    DMK_TRY(dmk_start_density(b->ctx, m, g, u, b->mu));
     for (int32_t e = 0; e < m->n_edges; e++) u[e] /= -s->unit;
-    for (int32_t v = 0; v < m->n_vertices; v++) u[s->vertex_row + v] = vertex[v] / -s->unit;
+    for (int32_t v = 0; v < m->n_vertices; v++) u[s->vertex_row + v] = g->distance[v] / -s->unit;
     for (size_t t = 0; t < b->n; t++) b->mu[t] /= s->unit;
     DMK_TRY(dmk_right_hand_side(b->ctx, m, s, &b->source, f));
     DMK_TRY(dmk_buffer_write_real(b->ctx, b->device, DMK_OUTER, s->u, n_rows, u));
@@ -112,7 +99,7 @@ static int start(bench *b)
                                .stats = &b->stats,
                                .began = dmk_seconds()};
 done:
-    free(vertex);
+    dmk_geodesics_destroy(&g);
     free(u);
     free(f);
     return rc;

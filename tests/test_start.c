@@ -26,27 +26,17 @@ static void fixture_free(fixture *f)
     free(f->mu);
 }
 
-/* Distance from the source at vertices and at the edges' midpoints. */
-static int measure_distance(dmk_context *context, const dmk_mesh *mesh, const dmk_point *source,
-                            double *d, double *mid)
-{
-    dmk_geodesics *g;
-    int rc = dmk_geodesics_create(context, mesh, 1, source, NULL, &g);
-    if (rc != DMK_OK) return rc;
-    memcpy(d, g->distance, (size_t)mesh->n_vertices * sizeof *d);
-    dmk_geodesics_midpoints(g, mid);
-    dmk_geodesics_destroy(&g);
-    return DMK_OK;
-}
-
 static void start_from(fixture *f, dmk_point source)
 {
     size_t n_vertices = (size_t)f->mesh->n_vertices, n_edges = (size_t)f->mesh->n_edges;
     f->d = calloc(n_vertices, sizeof *f->d);
     f->mid = calloc(n_edges, sizeof *f->mid);
     f->mu = calloc((size_t)f->mesh->n_triangles, sizeof *f->mu);
-    assert_int_equal(measure_distance(f->ctx, f->mesh, &source, f->d, f->mid), DMK_OK);
-    assert_int_equal(dmk_start_density(f->ctx, f->mesh, &source, f->d, f->mid, f->mu), DMK_OK);
+    dmk_geodesics *g;
+    assert_int_equal(dmk_geodesics_create(f->ctx, f->mesh, 1, &source, NULL, &g), DMK_OK);
+    assert_int_equal(dmk_start_density(f->ctx, f->mesh, g, f->mid, f->mu), DMK_OK);
+    memcpy(f->d, g->distance, n_vertices * sizeof *f->d);
+    dmk_geodesics_destroy(&g);
     for (int32_t t = 0; t < f->mesh->n_triangles; t++) {
         assert_true(isfinite(f->mu[t]) && f->mu[t] > 0);
     }

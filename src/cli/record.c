@@ -261,15 +261,23 @@ static int open_locked(batch_record *r)
     return cli_error(EXIT_IO, "another run is writing '%s'", r->path);
 }
 
-int batch_record_open(const batch_request *request, const batch_list *list, batch_record **record)
+/* A record without its file, whose path is NULL for the standard output; NULL without memory. */
+static batch_record *new_record(const batch_request *request, const batch_list *list)
 {
-    batch_record *r = *record = calloc(1, sizeof *r);
-    if (!r) return cli_library_error(NULL, DMK_E_NOMEM);
+    batch_record *r = calloc(1, sizeof *r);
+    if (!r) return NULL;
     *r = (batch_record){.request = request, .list = list, .fd = -1};
     pthread_mutex_init(&r->lock, NULL);
     digest_options(request, r->options);
-    if (strcmp(request->each.report, "-") == 0) return EXIT_OK;
-    r->path = request->each.report;
+    if (strcmp(request->each.report, "-") != 0) r->path = request->each.report;
+    return r;
+}
+
+int batch_record_open(const batch_request *request, const batch_list *list, batch_record **record)
+{
+    batch_record *r = *record = new_record(request, list);
+    if (!r) return cli_library_error(NULL, DMK_E_NOMEM);
+    if (!r->path) return EXIT_OK;
     int code = open_locked(r);
     if (code == EXIT_OK) code = read_report(r);
     if (code == EXIT_OK && r->size > 0 && !request->each.resume) {
@@ -282,13 +290,9 @@ int batch_record_open(const batch_request *request, const batch_list *list, batc
 
 int batch_record_join(const batch_request *request, const batch_list *list, batch_record **record)
 {
-    batch_record *r = *record = calloc(1, sizeof *r);
+    batch_record *r = *record = new_record(request, list);
     if (!r) return cli_library_error(NULL, DMK_E_NOMEM);
-    *r = (batch_record){.request = request, .list = list, .fd = -1};
-    pthread_mutex_init(&r->lock, NULL);
-    digest_options(request, r->options);
-    if (strcmp(request->each.report, "-") == 0) return EXIT_OK;
-    r->path = request->each.report;
+    if (!r->path) return EXIT_OK;
     r->fd = open(r->path, O_WRONLY | O_APPEND | O_CLOEXEC);
     if (r->fd >= 0) return EXIT_OK;
     return cli_error(EXIT_IO, "cannot write '%s': %s", r->path, strerror(errno));

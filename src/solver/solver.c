@@ -196,8 +196,7 @@ static int start_from_distance(dmk_context *ctx, const dmk_solver *s, const star
     const double *vertex = near->geodesics->distance;
     double *mid = NULL;
     DMK_TRY(DMK_NEW(ctx, mid, (size_t)m->n_edges));
-    dmk_geodesics_midpoints(near->geodesics, mid);
-    DMK_TRY(dmk_start_density(ctx, m, near->source, vertex, mid, mu));
+    DMK_TRY(dmk_start_density(ctx, m, near->geodesics, mid, mu));
     DMK_TRY(dmk_poll(ctx));
     for (int32_t e = 0; e < m->n_edges; e++) u[e] = mid[e] / -sys->unit;
     for (int32_t v = 0; v < m->n_vertices; v++) {

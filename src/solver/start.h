@@ -5,12 +5,12 @@
 #ifndef DMK_START_H
 #define DMK_START_H
 
-#include "mesh/mesh.h"
+#include "geodesic/geodesic.h"
 
-/* Density that carries each triangle's area along the gradient of the geodesic distance at vertices and edge midpoints
- * to the source.
- * mu: n_triangles, > 0. */
-int dmk_start_density(dmk_context *ctx, const dmk_mesh *mesh, const dmk_point *source,
-                      const double *d_vertex, const double *d_mid, double *mu);
+/* Density that carries each triangle's area along the gradient of the distance to the geodesics' one source. The
+ * mesh has the numbers of theirs; its lengths may differ.
+ * mid: n_edges, the distance at the edges' midpoints; mu: n_triangles, > 0. */
+int dmk_start_density(dmk_context *ctx, const dmk_mesh *mesh, const dmk_geodesics *geodesics,
+                      double *mid, double *mu);
 
 #endif

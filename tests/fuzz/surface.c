@@ -259,16 +259,14 @@ static double thinnest(const dmk_mesh *m)
 }
 
 /* The locus, the cut or a path. Only a mesh of needles may be refused a cut. */
-static void follow(const dmk_mesh *m, const dmk_point *source)
+static void follow(const dmk_mesh *m, dmk_geodesics *g)
 {
     int rc;
-    dmk_geodesics *g = NULL;
     dmk_locus *locus = NULL;
     dmk_mesh *cut = NULL;
     int32_t *origin = NULL;
     double *plane = NULL;
     dmk_path path = {0};
-    REQUIRE(dmk_geodesics_create(ctx, m, 1, source, NULL, &g) == DMK_OK);
     switch (take() % 3) {
     case 0:
         rc = dmk_locus_trace(ctx, g, NULL, NULL, &locus);
@@ -287,7 +285,6 @@ static void follow(const dmk_mesh *m, const dmk_point *source)
     }
     }
     REQUIRE(rc == DMK_OK || (rc == DMK_E_MESH && *dmk_context_message(ctx)));
-    dmk_geodesics_destroy(&g);
     dmk_locus_destroy(&locus);
     dmk_mesh_destroy(&cut);
     free(origin);
@@ -305,35 +302,22 @@ static dmk_point choose_source(const dmk_mesh *m)
     return p;
 }
 
-/* Distance from the source at vertices and at the edges' midpoints. */
-static int measure_distance(dmk_context *context, const dmk_mesh *mesh, const dmk_point *source,
-                            double *d, double *mid)
-{
-    dmk_geodesics *g;
-    int rc = dmk_geodesics_create(context, mesh, 1, source, NULL, &g);
-    if (rc != DMK_OK) return rc;
-    memcpy(d, g->distance, (size_t)mesh->n_vertices * sizeof *d);
-    dmk_geodesics_midpoints(g, mid);
-    dmk_geodesics_destroy(&g);
-    return DMK_OK;
-}
-
 static void work(const dmk_mesh *m)
 {
     dmk_hierarchy h;
-    double *d = NULL, *mid = NULL, *mu = NULL;
-    REQUIRE(DMK_NEW(ctx, d, (size_t)m->n_vertices) == DMK_OK);
+    dmk_geodesics *g = NULL;
+    double *mid = NULL, *mu = NULL;
     REQUIRE(DMK_NEW(ctx, mid, (size_t)m->n_edges) == DMK_OK);
     REQUIRE(DMK_NEW(ctx, mu, (size_t)m->n_triangles) == DMK_OK);
     dmk_point source = choose_source(m);
     REQUIRE(dmk_hierarchy_create(ctx, m, 8, &h) == DMK_OK);
     dmk_hierarchy_free(&h);
-    REQUIRE(measure_distance(ctx, m, &source, d, mid) == DMK_OK);
-    REQUIRE(all_finite(d, m->n_vertices) && all_finite(mid, m->n_edges));
-    REQUIRE(dmk_start_density(ctx, m, &source, d, mid, mu) == DMK_OK);
+    REQUIRE(dmk_geodesics_create(ctx, m, 1, &source, NULL, &g) == DMK_OK);
+    REQUIRE(dmk_start_density(ctx, m, g, mid, mu) == DMK_OK);
+    REQUIRE(all_finite(g->distance, m->n_vertices) && all_finite(mid, m->n_edges));
     for (int32_t t = 0; t < m->n_triangles; t++) REQUIRE(isfinite(mu[t]) && mu[t] > 0);
-    follow(m, &source);
-    free(d);
+    follow(m, g);
+    dmk_geodesics_destroy(&g);
     free(mid);
     free(mu);
 }

@@ -253,8 +253,7 @@ class Result:
     ) -> Path:
         """A minimal geodesic from the source to a point of its component, given as in `solve`.
 
-        Where several are minimal, one of them. MeshError if no straight path reaches the point: it
-        lies in the shadow of a border or of a sharp saddle vertex.
+        Where several are minimal, one of them. ArgumentError if the point lies on another component.
         """
         end = self.mesh.place(point=point, vertex=vertex, face=face, bary=bary)
         place = ffi.new("dmk_point[]", [(end.face, end.bary)])

@@ -293,17 +293,18 @@ static void mark_sinks(const dmk_mesh *mesh, const dmk_point *source, uint8_t *s
     }
 }
 
-int dmk_start_density(dmk_context *ctx, const dmk_mesh *mesh, const dmk_point *source,
-                      const double *d_vertex, const double *d_mid, double *mu)
+int dmk_start_density(dmk_context *ctx, const dmk_mesh *mesh, const dmk_geodesics *geodesics,
+                      double *mid, double *mu)
 {
     int rc;
-    sweep s = {.mesh = mesh, .d = d_vertex, .mid = d_mid, .mu = mu};
+    sweep s = {.mesh = mesh, .d = geodesics->distance, .mid = mid, .mu = mu};
+    dmk_geodesics_midpoints(geodesics, mid);
     DMK_TRY(DMK_NEW(ctx, s.width, (size_t)mesh->n_edges));
     DMK_TRY(DMK_NEW(ctx, s.load, (size_t)mesh->n_edges));
     DMK_TRY(DMK_NEW(ctx, s.waiting, (size_t)mesh->n_triangles));
     DMK_TRY(DMK_NEW(ctx, s.sink, (size_t)mesh->n_triangles));
     DMK_TRY(DMK_NEW(ctx, s.queue, (size_t)mesh->n_triangles));
-    mark_sinks(mesh, source, s.sink);
+    mark_sinks(mesh, &geodesics->source->point, s.sink);
     dmk_parallel(ctx, mesh->n_edges, width_range, &s);
     for (int32_t t = 0; t < mesh->n_triangles; t++) {
         if (!s.sink[t]) open_triangle(&s, t);
