@@ -43,6 +43,14 @@ for mesh in real-366 valence-216 valence-132; do
     check "$mesh cut open is a disk" disk $mesh 84
 done
 
+# Triangles of 1e-8 of their height: a piece of a triangle has no area, and the refusal names that triangle.
+refuses_thin() {
+    "$tool" cut "$data/thin-0.off.gz" --vertex 0 --quiet --out "$work/thin.off" 2> "$work/err"
+    [ $? = 4 ] && [ ! -e "$work/thin.off" ] &&
+        grep -q 'triangle 3 (vertices 5 1 0) is so thin that a piece' "$work/err"
+}
+check 'a cut that would make a piece without area' refuses_thin
+
 check 'a path along a border is straight there' "$tool" path "$data/strip-20.off.gz" --vertex 1596 --to-vertex 3 --quiet
 
 # Spikes: a result, or a refusal that says why.
