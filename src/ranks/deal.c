@@ -136,6 +136,7 @@ static int create_halos(dmk_context *ctx, dmk_share *s, const marks *k)
     int rc;
     const dmk_need rows[2] = {{&s->edge, k->edge, 0}, {&s->vertex[0], k->vertex, s->vertex_row}};
     DMK_TRY(dmk_halo_create(ctx, s, 2, rows, &s->rows));
+    DMK_TRY(dmk_halo_keep(ctx, s, &s->rows));
     for (int32_t l = 0; l <= s->first_whole; l++) {
         const dmk_need vertices = {&s->vertex[l], k->level_vertex[l], 0};
         const dmk_need links = {&s->link[l], k->level_link[l], 0};
@@ -212,15 +213,19 @@ done:
     return rc;
 }
 
-void dmk_local_free(dmk_local *local)
+static void local_mesh_free(dmk_mesh *m)
 {
-    dmk_mesh *m = &local->mesh;
     free(m->triangle);
     free(m->triangle_edge);
     free(m->length);
     free(m->area);
     free(m->edge_vertex);
     free(m->edge_triangle);
+    *m = (dmk_mesh){0};
+}
+
+void dmk_local_free(dmk_local *local)
+{
     for (int32_t i = local->first_whole; i < DMK_MAX_LEVELS; i++) {
         local->hierarchy.level[i] = (dmk_coarsening){0};
     }
@@ -288,7 +293,7 @@ int dmk_share_create(dmk_context *ctx, const dmk_ranks *ranks, dmk_device *devic
     DMK_TRY(mark_levels(ctx, s, mesh, hierarchy, &k));
     DMK_TRY(create_spaces(ctx, s, &k));
     DMK_TRY(create_halos(ctx, s, &k));
-    DMK_TRY(local_mesh(ctx, s, mesh, &local->mesh));
+    DMK_TRY(local_mesh(ctx, s, mesh, &s->mesh));
     DMK_TRY(dmk_local_levels(ctx, s, hierarchy, local));
     forget(s);
     *share = s;
@@ -304,6 +309,7 @@ void dmk_share_destroy(dmk_share **share)
     dmk_share *s = *share;
     if (!s) return;
     s->link[0] = (dmk_space){0};
+    local_mesh_free(&s->mesh);
     dmk_space_free(&s->element);
     dmk_space_free(&s->edge);
     dmk_halo_free(&s->rows);

@@ -159,10 +159,26 @@ done:
     return rc;
 }
 
+int dmk_halo_keep(dmk_context *ctx, const dmk_share *share, dmk_halo *halo)
+{
+    int rc;
+    const size_t n[2] = {(size_t)halo->n_send, (size_t)halo->n_receive};
+    DMK_TRY(DMK_NEW(ctx, halo->send_place, n[0]));
+    DMK_TRY(DMK_NEW(ctx, halo->receive_place, n[1]));
+    DMK_TRY(dmk_buffer_read(ctx, share->device, halo->send, 0, n[0] * sizeof *halo->send_place,
+                            halo->send_place));
+    DMK_TRY(dmk_buffer_read(ctx, share->device, halo->receive, 0,
+                            n[1] * sizeof *halo->receive_place, halo->receive_place));
+done:
+    return rc;
+}
+
 void dmk_halo_free(dmk_halo *halo)
 {
     free(halo->send_count);
     free(halo->receive_count);
+    free(halo->send_place);
+    free(halo->receive_place);
     dmk_buffer_destroy(&halo->send);
     dmk_buffer_destroy(&halo->receive);
     memset(halo, 0, sizeof *halo);
@@ -203,6 +219,21 @@ static int fill(dmk_context *ctx, dmk_share *share, const dmk_halo *halo, dmk_pr
                            DMK_BUF(halo->receive), DMK_BUF(share->staging), DMK_BUF(x)));
     }
     count_traffic(share, halo, item);
+done:
+    return rc;
+}
+
+int dmk_share_ghosts(dmk_context *ctx, dmk_share *share, double *x)
+{
+    int rc;
+    if (!share) return DMK_OK;
+    const dmk_halo *halo = &share->rows;
+    double *send = (double *)(void *)share->host,
+           *receive = send + share->staging_bytes / sizeof *send;
+    for (int32_t i = 0; i < halo->n_send; i++) send[i] = x[halo->send_place[i]];
+    DMK_TRY(exchange(ctx, share, halo, false, sizeof *x, send, receive));
+    for (int32_t i = 0; i < halo->n_receive; i++) x[halo->receive_place[i]] = receive[i];
+    count_traffic(share, halo, sizeof *x);
 done:
     return rc;
 }

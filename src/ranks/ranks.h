@@ -22,6 +22,7 @@ typedef struct dmk_space {
     int32_t first, end; /* the own ones */
     int32_t n;          /* local places, gaps among them */
     int32_t at_first;   /* place of `first` */
+    int32_t after;      /* place of the first ghost from `end` on */
     int32_t *whole;     /* n: whole number at a place, or -1 for a gap */
     int32_t *at;        /* n_whole: place, or -1; while shares are made */
     int32_t *bound;     /* ranks + 1: rank r owns bound[r] .. bound[r + 1] - 1 */
@@ -32,6 +33,7 @@ typedef struct dmk_halo {
     int32_t n_send, n_receive;
     int32_t *send_count, *receive_count; /* by rank */
     dmk_buffer *send, *receive;          /* places on the device, by rank */
+    int32_t *send_place, *receive_place; /* of the rows: the same on the host; else NULL */
 } dmk_halo;
 
 enum { DMK_SHARE_LEVELS = DMK_MAX_LEVELS + 1 };
@@ -46,6 +48,7 @@ typedef struct dmk_share {
     dmk_space vertex[DMK_SHARE_LEVELS],
         link[DMK_SHARE_LEVELS]; /* by level, 0 = T; link[0] is `edge` */
     int32_t vertex_row;         /* of the local rows */
+    dmk_mesh mesh;              /* what is packed */
     dmk_halo rows, vertices[DMK_SHARE_LEVELS], links[DMK_SHARE_LEVELS];
     dmk_buffer *staging;
     char *host; /* as long */
@@ -53,10 +56,9 @@ typedef struct dmk_share {
     dmk_traffic traffic;
 } dmk_share;
 
-/* What a rank packs in place of the whole mesh; arrays of its own, but for levels that are whole.
+/* What a rank packs in place of the whole hierarchy; arrays of its own, but for levels that are whole.
  */
 typedef struct dmk_local {
-    dmk_mesh mesh;
     dmk_hierarchy hierarchy;
     int32_t first_whole;
 } dmk_local;
@@ -74,6 +76,8 @@ void dmk_local_free(dmk_local *local);
 /* Over the rows of T/2, in the program's precision. */
 int dmk_share_rows(dmk_context *context, dmk_share *share, dmk_program program,
                    const dmk_buffer *x);
+/* Of a local host vector. */
+int dmk_share_ghosts(dmk_context *context, dmk_share *share, double *rows);
 /* Over a level's vertices or links, in single precision; levels that are whole need none ... */
 int dmk_share_vertices(dmk_context *context, dmk_share *share, int32_t level, const dmk_buffer *x);
 int dmk_share_links(dmk_context *context, dmk_share *share, int32_t level, const dmk_buffer *link);
@@ -100,6 +104,18 @@ void dmk_share_take(const dmk_share *share, bool rows, int32_t vertex_row, const
 int dmk_share_give(dmk_context *context, dmk_share *share, bool rows, int32_t vertex_row,
                    const double *local, double *whole);
 
+/* `add` adds to *sum what this rank has; rank after rank does, each to what the one before has left, so that sums
+ * are those of one rank, to the bit. All have the sum then. */
+int dmk_share_in_turn(dmk_context *context, dmk_share *share, double *sum,
+                      void (*add)(void *data, double *sum), void *data);
+/* n own items of `item` bytes become those of all ranks, one rank's behind the other's, n_all of them; the
+ * caller frees *all. */
+int dmk_share_join(dmk_context *context, dmk_share *share, size_t n, size_t item, const void *own,
+                   int32_t *n_all, void **all);
+/* The own vertices' numbers of a local vector over T's vertices to a whole one. */
+int dmk_share_give_vertices(dmk_context *context, dmk_share *share, const double *local,
+                            double *whole);
+
 /* `bytes` of the first rank's data to all others; nothing for ranks of size 0 or 1. */
 int dmk_ranks_spread(dmk_context *context, const dmk_ranks *ranks, void *data, size_t bytes);
 
@@ -113,6 +129,8 @@ int dmk_share_check(dmk_context *context, const dmk_share *share, int status);
 int dmk_space_create(dmk_context *context, const uint8_t *mark, int32_t part, int32_t spare,
                      dmk_space *space);
 void dmk_space_free(dmk_space *space);
+/* The local place of a whole number, or -1. */
+int32_t dmk_space_place(const dmk_space *space, int32_t whole);
 static inline bool dmk_space_owns(const dmk_space *s, int32_t whole)
 {
     return whole >= s->first && whole < s->end;
@@ -126,6 +144,8 @@ typedef struct dmk_need {
 } dmk_need;
 int dmk_halo_create(dmk_context *context, dmk_share *share, int n, const dmk_need *need,
                     dmk_halo *halo);
+/* Its places on the host, too. */
+int dmk_halo_keep(dmk_context *context, const dmk_share *share, dmk_halo *halo);
 void dmk_halo_free(dmk_halo *halo);
 
 /* levels.c: the rank's part of the tables between levels. */

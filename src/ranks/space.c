@@ -34,7 +34,7 @@ int dmk_space_create(dmk_context *ctx, const uint8_t *mark, int32_t part, int32_
     int rc;
     int32_t before = count_marks(mark, 0, s->first), own = s->end - s->first;
     s->at_first = align(before, part);
-    int32_t after = align(s->at_first + own, part);
+    const int32_t after = s->after = align(s->at_first + own, part);
     s->n = after + count_marks(mark, s->end, s->n_whole) + spare;
     DMK_TRY(DMK_NEW(ctx, s->whole, (size_t)s->n));
     DMK_TRY(DMK_NEW(ctx, s->at, (size_t)s->n_whole));
@@ -45,6 +45,27 @@ int dmk_space_create(dmk_context *ctx, const uint8_t *mark, int32_t part, int32_
     put(s, mark, s->end, s->n_whole, after);
 done:
     return rc;
+}
+
+/* Where ghosts lie from `begin` on, before the first gap or `end`. */
+static int32_t search(const dmk_space *s, int32_t begin, int32_t end, int32_t whole)
+{
+    while (begin < end) {
+        const int32_t middle = begin + (end - begin) / 2, there = s->whole[middle];
+        if (there == whole) return middle;
+        if (there >= 0 && there < whole)
+            begin = middle + 1;
+        else
+            end = middle;
+    }
+    return -1;
+}
+
+int32_t dmk_space_place(const dmk_space *s, int32_t whole)
+{
+    if (dmk_space_owns(s, whole)) return s->at_first + whole - s->first;
+    if (whole < s->first) return search(s, 0, s->at_first, whole);
+    return search(s, s->after, s->n, whole);
 }
 
 void dmk_space_free(dmk_space *s)

@@ -152,15 +152,16 @@ done:
     return rc;
 }
 
-int dmk_ranks_spread(dmk_context *ctx, const dmk_ranks *ranks, void *data, size_t bytes)
+/* Rank `from`'s data to all others. */
+static int spread(dmk_context *ctx, const dmk_ranks *ranks, int from, void *data, size_t bytes)
 {
     int rc;
     size_t *count = NULL;
     void *mine = NULL;
     if (ranks->size < 2) return DMK_OK;
     DMK_TRY(DMK_NEW(ctx, count, (size_t)ranks->size));
-    count[0] = bytes;
-    if (ranks->rank == 0) { /* what is sent must not be where it arrives */
+    count[from] = bytes;
+    if (ranks->rank == from) { /* what is sent must not be where it arrives */
         DMK_TRY(dmk_alloc(ctx, "spread", bytes, 1, &mine));
         memcpy(mine, data, bytes);
     }
@@ -168,6 +169,50 @@ int dmk_ranks_spread(dmk_context *ctx, const dmk_ranks *ranks, void *data, size_
 done:
     free(count);
     free(mine);
+    return rc;
+}
+
+int dmk_ranks_spread(dmk_context *ctx, const dmk_ranks *ranks, void *data, size_t bytes)
+{
+    return spread(ctx, ranks, 0, data, bytes);
+}
+
+int dmk_share_in_turn(dmk_context *ctx, dmk_share *s, double *sum,
+                      void (*add)(void *data, double *sum), void *data)
+{
+    int rc = DMK_OK;
+    if (!s) {
+        add(data, sum);
+        return DMK_OK;
+    }
+    for (int r = 0; r < s->ranks.size; r++) {
+        if (r == s->ranks.rank) add(data, sum);
+        DMK_TRY(spread(ctx, &s->ranks, r, sum, sizeof *sum));
+    }
+done:
+    return rc;
+}
+
+int dmk_share_join(dmk_context *ctx, dmk_share *s, size_t n, size_t item, const void *own,
+                   int32_t *n_all, void **all)
+{
+    int rc;
+    const size_t size = (size_t)s->ranks.size;
+    size_t *count = NULL, *bytes = NULL, sum = 0;
+    DMK_TRY(DMK_NEW(ctx, count, size));
+    DMK_TRY(DMK_NEW(ctx, bytes, size));
+    for (size_t r = 0; r < size; r++) bytes[r] = sizeof n;
+    DMK_TRY(dmk_share_check(ctx, s, s->ranks.gather(s->ranks.user, &n, count, bytes)));
+    for (size_t r = 0; r < size; r++) {
+        bytes[r] = item * count[r];
+        sum += count[r];
+    }
+    DMK_TRY(dmk_alloc(ctx, "items of all ranks", sum, item, all));
+    DMK_TRY(dmk_share_check(ctx, s, s->ranks.gather(s->ranks.user, own, *all, bytes)));
+    *n_all = (int32_t)sum;
+done:
+    free(count);
+    free(bytes);
     return rc;
 }
 
@@ -217,4 +262,9 @@ int dmk_share_give(dmk_context *ctx, dmk_share *s, bool rows, int32_t vertex_row
     DMK_TRY(give(ctx, s, &s->vertex[0], local + s->vertex_row, whole + vertex_row));
 done:
     return rc;
+}
+
+int dmk_share_give_vertices(dmk_context *ctx, dmk_share *s, const double *local, double *whole)
+{
+    return give(ctx, s, &s->vertex[0], local, whole);
 }

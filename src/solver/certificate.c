@@ -30,6 +30,7 @@ void dmk_certify_gap(dmk_stats *stats)
 static int find_upper(dmk_iteration *o, double slack)
 {
     int rc;
+    const size_t n = (size_t)o->sys->n_rows_pad;
     double *own = NULL, bound, upper = INFINITY, least;
     double tolerance = o->options->cg_tolerance > 0 ? o->options->cg_tolerance : 1e-3;
     for (int k = 0;; k++, tolerance /= 10) {
@@ -40,14 +41,14 @@ static int find_upper(dmk_iteration *o, double slack)
         least = sqrt(fmax(2 * o->fu - o->uau, 0) * o->mass);
         if (upper <= (1 + slack) * least || k == SOLVES) break;
         if (!own) {
-            DMK_TRY(DMK_NEW(o->ctx, own, (size_t)o->sys->whole.n_rows_pad));
-            DMK_TRY(dmk_rows_read(o->ctx, o->sys, o->sys->u, own));
+            DMK_TRY(DMK_NEW(o->ctx, own, n));
+            DMK_TRY(dmk_buffer_read_real(o->ctx, o->sys->device, DMK_OUTER, o->sys->u, n, own));
         }
         rc = dmk_iteration_solve(o, tolerance, 200);
         if (rc == DMK_E_DIVERGED) break; /* the bound from u is one all the same */
         if (rc != DMK_OK) goto done;
     }
-    if (own) DMK_TRY(dmk_rows_write(o->ctx, o->sys, o->sys->u, own));
+    if (own) DMK_TRY(dmk_buffer_write_real(o->ctx, o->sys->device, DMK_OUTER, o->sys->u, n, own));
     o->fresh = false;
     /* A bound from an earlier mu is one of this problem, too. */
     o->stats->cost_upper = o->stats->cost_upper > 0 ? fmin(upper, o->stats->cost_upper) : upper;

@@ -574,7 +574,7 @@ static int pack_share(const packer *p, const dmk_ranks *ranks)
     DMK_TRY(coarsen(p->ctx, &c));
     DMK_TRY(dmk_share_create(p->ctx, ranks, p->dev, p->mesh, &c.hierarchy, &p->sys->share, &local));
     if (p->sys->share) {
-        mine.mesh = &local.mesh;
+        mine.mesh = &p->sys->share->mesh;
         set_counts(p->sys, mine.mesh);
     }
     DMK_TRY(pack_fine(&mine));

@@ -20,19 +20,37 @@ static const double float_rounding = 6e-8;
 
 enum { BINS = 1 << 11 }; /* of the bits of a float: eight for each power of 2 */
 
+/* begin .. end - 1 */
+typedef struct span {
+    int32_t begin, end;
+} span;
+
 typedef struct router {
     dmk_iteration *o;
+    dmk_share *share; /* NULL: all is the whole mesh's; else local, with ghosts */
     const dmk_mesh *mesh;
-    const dmk_counts *n;
-    double *mu, *u;       /* elements, rows */
-    double *r, *doubt;    /* rows: what is to be sent, and what rounding may hide of it */
-    double *flow;         /* 2 for each edge, from its ends to its midpoint */
-    double *cost;         /* of each triangle */
-    double *mean;         /* 3 for each triangle: the flux; NULL: not wanted */
-    int32_t *order;       /* edges, heavy ones first */
+    dmk_counts n;                /* of `mesh` */
+    span elements, edges;        /* the own ones */
+    double *mu, *u;              /* elements, rows */
+    double *r, *doubt;           /* rows: what is to be sent, and what rounding may hide of it */
+    double *beside;              /* edges, once r is sent from there: the sum of both sides' mu */
+    double *flow;                /* 2 for each edge, from its ends to its midpoint */
+    double *cost;                /* of each triangle */
+    double *mean;                /* 3 for each triangle: the flux; NULL: not wanted */
+    int32_t *order;              /* own edges, heavy ones first */
+    int32_t *root, *links, *key; /* vertices: see `tree` */
+} router;
+
+/* A spanning tree of some vertices among edges that are given as a list. */
+typedef struct tree {
+    int32_t n_vertices;
+    const int32_t *end; /* edge e's end vertices are end[stride * e] and the next number */
+    size_t stride;
+    const double *length; /* of edge e at length_stride * e */
+    size_t length_stride;
     int32_t *root;        /* vertices: the union-find forest */
     int32_t *links, *key; /* vertices: number of tree edges at it, and their exclusive or */
-} router;
+} tree;
 
 /* The rows of triangle t's nine links, at whose ends the flows below enter and leave. */
 static void links_of(const router *p, int32_t t, int32_t a[9], int32_t b[9])
@@ -41,8 +59,8 @@ static void links_of(const router *p, int32_t t, int32_t a[9], int32_t b[9])
                   *mid = p->mesh->triangle_edge + 3 * (size_t)t;
     for (int k = 0; k < 3; k++) {
         const int i = (k + 1) % 3, j = (k + 2) % 3;
-        a[3 * k] = p->n->vertex_row + corner[i];
-        a[3 * k + 1] = p->n->vertex_row + corner[j];
+        a[3 * k] = p->n.vertex_row + corner[i];
+        a[3 * k + 1] = p->n.vertex_row + corner[j];
         b[3 * k] = b[3 * k + 1] = mid[k];
         a[3 * k + 2] = mid[i];
         b[3 * k + 2] = mid[j];
@@ -53,7 +71,7 @@ static void links_of(const router *p, int32_t t, int32_t a[9], int32_t b[9])
 static void subtract(const router *p)
 {
     const bool wide = dmk_device_real(p->o->sys->device, DMK_OUTER) == sizeof(double);
-    for (int32_t i = 0; i < p->n->n_rows; i++)
+    for (int32_t i = 0; i < p->n.n_rows; i++)
         p->doubt[i] = fabs(p->r[i]) * (wide ? DMK_ENERGY_ROUNDING : float_rounding);
     for (int32_t t = 0; t < p->mesh->n_triangles; t++) {
         int32_t a[9], b[9];
@@ -69,21 +87,26 @@ static void subtract(const router *p)
     }
 }
 
-/* The midpoints' r to the ends; the cost of the doubt. */
-static double send_midpoints(const router *p)
+/* The midpoints' r to the ends. */
+static void send_midpoints(const router *p)
 {
     const dmk_mesh *m = p->mesh;
-    double cost = 0;
     for (int32_t e = 0; e < m->n_edges; e++) {
-        cost += m->length[e] * p->doubt[e];
         for (int k = 0; k < 2; k++) {
-            const int32_t v = p->n->vertex_row + m->edge_vertex[2 * (size_t)e + (size_t)k];
+            const int32_t v = p->n.vertex_row + m->edge_vertex[2 * (size_t)e + (size_t)k];
             p->flow[2 * (size_t)e + (size_t)k] = -0.5 * p->r[e];
             p->r[v] += 0.5 * p->r[e];
             p->doubt[v] += 0.5 * p->doubt[e];
         }
     }
-    return cost;
+}
+
+/* What the doubt of the midpoints costs. */
+static void add_doubts(void *data, double *cost)
+{
+    const router *p = data;
+    for (int32_t e = p->edges.begin; e < p->edges.end; e++)
+        *cost += p->mesh->length[e] * p->doubt[e];
 }
 
 /* The bin of the larger mu beside an edge; large ones come first. */
@@ -101,9 +124,9 @@ static int bin_of(const router *p, int32_t e)
 static void sort_edges(const router *p)
 {
     int32_t first[BINS + 1] = {0};
-    for (int32_t e = 0; e < p->mesh->n_edges; e++) first[bin_of(p, e) + 1]++;
+    for (int32_t e = p->edges.begin; e < p->edges.end; e++) first[bin_of(p, e) + 1]++;
     for (int b = 0; b < BINS; b++) first[b + 1] += first[b];
-    for (int32_t e = 0; e < p->mesh->n_edges; e++) p->order[first[bin_of(p, e)]++] = e;
+    for (int32_t e = p->edges.begin; e < p->edges.end; e++) p->order[first[bin_of(p, e)]++] = e;
 }
 
 static int32_t find(int32_t *root, int32_t v)
@@ -115,48 +138,196 @@ static int32_t find(int32_t *root, int32_t v)
     return v;
 }
 
-/* Kruskal's spanning tree. */
-static void grow_tree(const router *p)
+/* Kruskal's spanning tree, or forest, of n edges in this order, in which the chosen ones come first then; their
+ * number. */
+static int32_t grow_tree(const tree *t, int32_t n, int32_t *order)
 {
-    int32_t left = p->mesh->n_vertices - 1;
-    sort_edges(p);
-    for (int32_t v = 0; v < p->mesh->n_vertices; v++) p->root[v] = v;
-    for (int32_t i = 0; left > 0 && i < p->mesh->n_edges; i++) {
-        const int32_t e = p->order[i], *end = p->mesh->edge_vertex + 2 * (size_t)e;
-        const int32_t a = find(p->root, end[0]), b = find(p->root, end[1]);
+    int32_t chosen = 0;
+    for (int32_t v = 0; v < t->n_vertices; v++) t->root[v] = v;
+    for (int32_t i = 0; chosen < t->n_vertices - 1 && i < n; i++) {
+        const int32_t e = order[i], *end = t->end + t->stride * (size_t)e;
+        const int32_t a = find(t->root, end[0]), b = find(t->root, end[1]);
         if (a == b) continue;
-        p->root[a] = b;
-        left--;
+        t->root[a] = b;
+        order[chosen++] = e;
+    }
+    return chosen;
+}
+
+static void link_tree(const tree *t, int32_t n, const int32_t *chosen)
+{
+    for (int32_t i = 0; i < n; i++) {
+        const int32_t e = chosen[i], *end = t->end + t->stride * (size_t)e;
         for (int k = 0; k < 2; k++) {
-            p->links[end[k]]++;
-            p->key[end[k]] ^= e;
+            t->links[end[k]]++;
+            t->key[end[k]] ^= e;
         }
     }
 }
 
 /* The vertices' r along the tree, of which leaf after leaf is cut off; the cost of the doubt. */
-static double send_vertices(const router *p)
+static double send_vertices(const tree *t, double *r, double *doubt, double *flow)
 {
-    const dmk_mesh *m = p->mesh;
-    double *r = p->r + p->n->vertex_row, *doubt = p->doubt + p->n->vertex_row, cost = 0;
-    for (int32_t i = 0; i < m->n_vertices; i++) {
-        for (int32_t v = i; p->links[v] == 1;) {
-            const int32_t e = p->key[v], *end = m->edge_vertex + 2 * (size_t)e;
+    double cost = 0;
+    for (int32_t i = 0; i < t->n_vertices; i++) {
+        for (int32_t v = i; t->links[v] == 1;) {
+            const int32_t e = t->key[v], *end = t->end + t->stride * (size_t)e;
             const size_t mine = 2 * (size_t)e + (end[1] == v),
                          other = 2 * (size_t)e + (end[0] == v);
             const int32_t w = end[0] == v ? end[1] : end[0];
-            p->flow[mine] += r[v];
-            p->flow[other] -= r[v];
-            cost += 2 * m->length[e] * doubt[v];
+            flow[mine] += r[v];
+            flow[other] -= r[v];
+            cost += 2 * t->length[t->length_stride * (size_t)e] * doubt[v];
             r[w] += r[v];
             doubt[w] += doubt[v];
-            p->links[v]--;
-            p->links[w]--;
-            p->key[w] ^= e;
+            t->links[v]--;
+            t->links[w]--;
+            t->key[w] ^= e;
             v = w;
         }
     }
     return cost;
+}
+
+/* On the whole mesh. */
+static double send_along_tree(const router *p)
+{
+    const dmk_mesh *m = p->mesh;
+    const tree t = {m->n_vertices, m->edge_vertex, 2, m->length, 1, p->root, p->links, p->key};
+    sort_edges(p);
+    link_tree(&t, grow_tree(&t, m->n_edges, p->order), p->order);
+    return send_vertices(&t, p->r + p->n.vertex_row, p->doubt + p->n.vertex_row, p->flow);
+}
+
+/* ---- the tree of a mesh that is dealt out ------------------------------------------------------ */
+
+/* An edge of the own edges' heaviest forest. The heaviest tree of the whole mesh is made of such edges alone, as
+ * an edge that closes a circle of heavier ones is in neither. */
+typedef struct branch {
+    int32_t edge, end[2], bin; /* in the whole mesh */
+    double length;
+} branch;
+
+/* Those of all ranks in the order of the whole mesh's edges, and the tree of them. */
+typedef struct canopy {
+    branch *branch;
+    int32_t n;
+    int32_t *order, *root, *links, *key;
+    double *r, *doubt, *flow; /* whole vertices, 2 for each branch */
+} canopy;
+
+static void canopy_free(canopy *c)
+{
+    free(c->branch);
+    free(c->order);
+    free(c->root);
+    free(c->links);
+    free(c->key);
+    free(c->r);
+    free(c->doubt);
+    free(c->flow);
+}
+
+static int compare_branches(const void *a, const void *b)
+{
+    const branch *x = a, *y = b;
+    return (x->edge > y->edge) - (x->edge < y->edge);
+}
+
+/* The own forest; *n branches, the caller's to free. */
+static int list_branches(const router *p, branch **list, int32_t *n)
+{
+    int rc;
+    const dmk_mesh *m = p->mesh;
+    const tree t = {
+        .n_vertices = m->n_vertices, .end = m->edge_vertex, .stride = 2, .root = p->root};
+    sort_edges(p);
+    *n = grow_tree(&t, p->edges.end - p->edges.begin, p->order);
+    DMK_TRY(DMK_NEW(p->o->ctx, *list, (size_t)*n));
+    for (int32_t i = 0; i < *n; i++) {
+        const int32_t e = p->order[i], *end = m->edge_vertex + 2 * (size_t)e;
+        const dmk_space *vertex = &p->share->vertex[0];
+        (*list)[i] = (branch){p->share->edge.whole[e],
+                              {vertex->whole[end[0]], vertex->whole[end[1]]},
+                              bin_of(p, e),
+                              m->length[e]};
+    }
+    qsort(*list, (size_t)*n, sizeof **list, compare_branches);
+done:
+    return rc;
+}
+
+/* The branches by bins, in each by their numbers. */
+static void sort_branches(const canopy *c)
+{
+    int32_t first[BINS + 1] = {0};
+    for (int32_t i = 0; i < c->n; i++) first[c->branch[i].bin + 1]++;
+    for (int b = 0; b < BINS; b++) first[b + 1] += first[b];
+    for (int32_t i = 0; i < c->n; i++) c->order[first[c->branch[i].bin]++] = i;
+}
+
+static int gather_canopy(const router *p, canopy *c)
+{
+    int rc;
+    dmk_context *ctx = p->o->ctx;
+    branch *own = NULL;
+    int32_t n_own;
+    const size_t vertices = (size_t)p->o->sys->whole.n_vertices;
+    DMK_TRY(list_branches(p, &own, &n_own));
+    DMK_TRY(
+        dmk_share_join(ctx, p->share, (size_t)n_own, sizeof *own, own, &c->n, (void **)&c->branch));
+    free(own);
+    own = NULL;
+    DMK_TRY(DMK_NEW(ctx, c->order, (size_t)c->n));
+    DMK_TRY(DMK_NEW(ctx, c->flow, 2 * (size_t)c->n));
+    DMK_TRY(DMK_NEW(ctx, c->root, vertices));
+    DMK_TRY(DMK_NEW(ctx, c->links, vertices));
+    DMK_TRY(DMK_NEW(ctx, c->key, vertices));
+    DMK_TRY(DMK_NEW(ctx, c->r, vertices));
+    DMK_TRY(DMK_NEW(ctx, c->doubt, vertices));
+    DMK_TRY(dmk_share_give_vertices(ctx, p->share, p->r + p->n.vertex_row, c->r));
+    DMK_TRY(dmk_share_give_vertices(ctx, p->share, p->doubt + p->n.vertex_row, c->doubt));
+done:
+    free(own);
+    return rc;
+}
+
+/* Every rank sends along the whole tree, and keeps the flows of the edges that it has. */
+static int send_along_branches(const router *p, double *cost)
+{
+    int rc;
+    canopy c = {.n = 0};
+    DMK_TRY(gather_canopy(p, &c));
+    const tree t = {p->o->sys->whole.n_vertices,
+                    c.branch[0].end,
+                    sizeof(branch) / sizeof(int32_t),
+                    &c.branch[0].length,
+                    sizeof(branch) / sizeof(double),
+                    c.root,
+                    c.links,
+                    c.key};
+    sort_branches(&c);
+    link_tree(&t, grow_tree(&t, c.n, c.order), c.order);
+    *cost += send_vertices(&t, c.r, c.doubt, c.flow);
+    for (int32_t i = 0; i < c.n; i++) {
+        const int32_t e = dmk_space_place(&p->share->edge, c.branch[i].edge);
+        for (size_t k = 0; e >= 0 && k < 2; k++)
+            p->flow[2 * (size_t)e + k] += c.flow[2 * (size_t)i + k];
+    }
+done:
+    canopy_free(&c);
+    return rc;
+}
+
+/* ---- costs ------------------------------------------------------------------------------------ */
+
+/* What both sides of each own edge have of mu together. */
+static void add_sides(const router *p)
+{
+    for (int32_t e = p->edges.begin; e < p->edges.end; e++) {
+        const int32_t *t = p->mesh->edge_triangle + 2 * (size_t)e;
+        p->beside[e] = p->mu[t[0]] + (t[1] < 0 ? -tiny : p->mu[t[1]]);
+    }
 }
 
 /* What triangle t has of the flows at its corner k, along its edges i and j. */
@@ -165,11 +336,9 @@ static void corner_flows(const router *p, int32_t t, int k, double flow[2])
     const dmk_mesh *m = p->mesh;
     const int32_t here = m->triangle[3 * (size_t)t + (size_t)k];
     for (int side = 0; side < 2; side++) {
-        const int32_t e = m->triangle_edge[3 * (size_t)t + (size_t)((k + 1 + side) % 3)],
-                      *beside = m->edge_triangle + 2 * (size_t)e;
-        const double sum = p->mu[beside[0]] + (beside[1] < 0 ? -tiny : p->mu[beside[1]]);
+        const int32_t e = m->triangle_edge[3 * (size_t)t + (size_t)((k + 1 + side) % 3)];
         flow[side] = p->flow[2 * (size_t)e + (m->edge_vertex[2 * (size_t)e + 1] == here)] *
-                     (p->mu[t] + tiny) / (sum + 2 * tiny);
+                     (p->mu[t] + tiny) / (p->beside[e] + 2 * tiny);
     }
 }
 
@@ -191,7 +360,7 @@ static double cost_of(const router *p, int32_t t)
             steep += (l < 2 ? 0.5 : 1) * d * d;
         }
         corner_flows(p, t, k, flow);
-        const double here = p->u[p->n->vertex_row + m->triangle[3 * (size_t)t + (size_t)k]];
+        const double here = p->u[p->n.vertex_row + m->triangle[3 * (size_t)t + (size_t)k]];
         const double term = mu * mu * dmk_cot(m, 3 * t + k) * steep;
         const double mixed =
             2 * mu * (flow[0] * (here - p->u[edge[i]]) + flow[1] * (here - p->u[edge[j]]));
@@ -207,7 +376,14 @@ static double cost_of(const router *p, int32_t t)
 static void cost_range(int32_t begin, int32_t end, void *data)
 {
     const router *p = data;
-    for (int32_t t = begin; t < end; t++) p->cost[t] = cost_of(p, t);
+    const int32_t first = p->elements.begin;
+    for (int32_t i = begin; i < end; i++) p->cost[i] = cost_of(p, first + i);
+}
+
+static void add_costs(void *data, double *cost)
+{
+    const router *p = data;
+    for (int32_t i = 0; i < p->elements.end - p->elements.begin; i++) *cost += p->cost[i];
 }
 
 /* ---- the flux itself -------------------------------------------------------------------------- */
@@ -224,9 +400,9 @@ static void mean_range(int32_t begin, int32_t end, void *data)
         for (int k = 0; k < 3; k++) {
             const int i = (k + 1) % 3, j = (k + 2) % 3;
             memcpy(x[k], m->xyz + 3 * (size_t)corner[k], sizeof x[k]);
-            value[k] = 0.5 * p->mu[t] *
-                       (p->u[p->n->vertex_row + corner[k]] + p->u[edge[i]] + p->u[edge[j]] -
-                        p->u[edge[k]]);
+            value[k] =
+                0.5 * p->mu[t] *
+                (p->u[p->n.vertex_row + corner[k]] + p->u[edge[i]] + p->u[edge[j]] - p->u[edge[k]]);
             mean[k] = 0;
         }
         for (int k = 0; k < 3; k++) {
@@ -255,13 +431,13 @@ static void mean_range(int32_t begin, int32_t end, void *data)
 static double worst_balance(const router *p, double *f)
 {
     double worst = 0, size = tiny;
-    for (int32_t i = 0; i < p->n->n_rows; i++) size = fmax(size, fabs(f[i]));
+    for (int32_t i = 0; i < p->n.n_rows; i++) size = fmax(size, fabs(f[i]));
     for (int32_t t = 0; t < p->mesh->n_triangles; t++) {
         const int32_t *edge = p->mesh->triangle_edge + 3 * (size_t)t;
         int32_t a[9], b[9];
         links_of(p, t, a, b);
         for (int k = 0; k < 3; k++) {
-            const int32_t here = p->n->vertex_row + p->mesh->triangle[3 * (size_t)t + (size_t)k];
+            const int32_t here = p->n.vertex_row + p->mesh->triangle[3 * (size_t)t + (size_t)k];
             double flow[2];
             corner_flows(p, t, k, flow);
             for (int side = 0; side < 2; side++) {
@@ -276,7 +452,7 @@ static double worst_balance(const router *p, double *f)
             }
         }
     }
-    for (int32_t i = 0; i < p->n->n_rows; i++) worst = fmax(worst, fabs(f[i]));
+    for (int32_t i = 0; i < p->n.n_rows; i++) worst = fmax(worst, fabs(f[i]));
     return worst / size;
 }
 
@@ -286,16 +462,18 @@ static int allocate(router *p)
 {
     int rc;
     dmk_context *ctx = p->o->ctx;
-    const size_t rows = (size_t)p->n->n_rows_pad, edges = (size_t)p->n->n_edges,
-                 vertices = (size_t)p->n->n_vertices;
-    DMK_TRY(DMK_NEW(ctx, p->mu, (size_t)p->n->n_elements_pad));
+    const size_t rows = (size_t)p->n.n_rows_pad, edges = (size_t)p->n.n_edges,
+                 vertices = (size_t)p->n.n_vertices;
+    DMK_TRY(DMK_NEW(ctx, p->mu, (size_t)p->n.n_elements_pad));
     DMK_TRY(DMK_NEW(ctx, p->u, rows));
     DMK_TRY(DMK_NEW(ctx, p->r, rows));
     DMK_TRY(DMK_NEW(ctx, p->doubt, rows));
-    p->cost = p->doubt; /* which are sent by then */
+    p->beside = p->r; /* both are sent by then */
+    p->cost = p->doubt;
     DMK_TRY(DMK_NEW(ctx, p->flow, 2 * edges));
     DMK_TRY(DMK_NEW(ctx, p->order, edges));
     DMK_TRY(DMK_NEW(ctx, p->root, vertices));
+    if (p->share) goto done;
     DMK_TRY(DMK_NEW(ctx, p->links, vertices));
     DMK_TRY(DMK_NEW(ctx, p->key, vertices));
 done:
@@ -315,33 +493,81 @@ static void release(router *p)
     free(p->key);
 }
 
-static double route(router *p)
+/* mu, u, and f as r; of a share its own items' and ghosts'. */
+static int read_pair(const router *p)
 {
+    int rc;
+    dmk_context *ctx = p->o->ctx;
+    dmk_system *s = p->o->sys;
+    if (p->share) {
+        DMK_TRY(dmk_share_rows(ctx, p->share, DMK_OUTER, s->u));
+        DMK_TRY(dmk_buffer_read_real(ctx, s->device, DMK_OUTER, s->mu, (size_t)p->n.n_elements_pad,
+                                     p->mu));
+        DMK_TRY(
+            dmk_buffer_read_real(ctx, s->device, DMK_OUTER, s->u, (size_t)p->n.n_rows_pad, p->u));
+        return dmk_buffer_read_real(ctx, s->device, DMK_OUTER, s->f, (size_t)p->n.n_rows_pad, p->r);
+    }
+    DMK_TRY(dmk_elements_read(ctx, s, s->mu, p->mu));
+    DMK_TRY(dmk_rows_read(ctx, s, s->u, p->u));
+    DMK_TRY(dmk_rows_read(ctx, s, s->f, p->r));
+done:
+    return rc;
+}
+
+static int route(router *p, double *bound)
+{
+    int rc;
+    dmk_context *ctx = p->o->ctx;
     double cost = 0;
     subtract(p);
-    cost += send_midpoints(p);
-    grow_tree(p);
-    cost += send_vertices(p);
-    dmk_parallel(p->o->ctx, p->mesh->n_triangles, cost_range, p);
-    for (int32_t t = 0; t < p->mesh->n_triangles; t++) cost += p->cost[t];
-    return cost / p->o->sys->unit;
+    DMK_TRY(dmk_share_ghosts(ctx, p->share, p->r));
+    DMK_TRY(dmk_share_ghosts(ctx, p->share, p->doubt));
+    DMK_TRY(dmk_share_in_turn(ctx, p->share, &cost, add_doubts, p));
+    send_midpoints(p);
+    if (p->share)
+        DMK_TRY(send_along_branches(p, &cost));
+    else
+        cost += send_along_tree(p);
+    add_sides(p);
+    DMK_TRY(dmk_share_ghosts(ctx, p->share, p->beside));
+    dmk_parallel(ctx, p->elements.end - p->elements.begin, cost_range, p);
+    DMK_TRY(dmk_share_in_turn(ctx, p->share, &cost, add_costs, p));
+    *bound = cost / p->o->sys->unit;
+done:
+    return rc;
+}
+
+static int find_balance(const router *p, double *balance)
+{
+    int rc;
+    double *f = NULL;
+    DMK_TRY(DMK_NEW(p->o->ctx, f, (size_t)p->n.n_rows_pad));
+    DMK_TRY(dmk_rows_read(p->o->ctx, p->o->sys, p->o->sys->f, f));
+    *balance = worst_balance(p, f);
+done:
+    free(f);
+    return rc;
 }
 
 int dmk_bound_upper(dmk_iteration *o, double *flux, double *balance, double *bound)
 {
     int rc;
     dmk_system *s = o->sys;
-    router p = {.o = o, .mesh = o->mesh, .n = &s->whole, .mean = flux};
-    DMK_TRY(allocate(&p));
-    DMK_TRY(dmk_elements_read(o->ctx, s, s->mu, p.mu));
-    DMK_TRY(dmk_rows_read(o->ctx, s, s->u, p.u));
-    DMK_TRY(dmk_rows_read(o->ctx, s, s->f, p.r));
-    *bound = route(&p);
-    if (flux) dmk_parallel(o->ctx, o->mesh->n_triangles, mean_range, &p);
-    if (balance) {
-        DMK_TRY(dmk_rows_read(o->ctx, s, s->f, p.r));
-        *balance = worst_balance(&p, p.r);
+    /* The flux itself is asked for over the whole mesh. */
+    dmk_share *share = flux || balance ? NULL : s->share;
+    router p = {.o = o, .share = share, .mesh = share ? &share->mesh : o->mesh, .mean = flux};
+    p.n = dmk_system_counts(s->device, p.mesh);
+    p.elements = (span){share ? share->element.at_first : 0, p.n.n_elements};
+    p.edges = (span){share ? share->edge.at_first : 0, p.n.n_edges};
+    if (share) {
+        p.elements.end = p.elements.begin + share->element.end - share->element.first;
+        p.edges.end = p.edges.begin + share->edge.end - share->edge.first;
     }
+    DMK_TRY(allocate(&p));
+    DMK_TRY(read_pair(&p));
+    DMK_TRY(route(&p, bound));
+    if (flux) dmk_parallel(o->ctx, o->mesh->n_triangles, mean_range, &p);
+    if (balance) rc = find_balance(&p, balance);
 done:
     release(&p);
     return rc;
