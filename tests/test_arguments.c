@@ -233,7 +233,8 @@ static const dmk_ranks wrong_dmk_ranks_p[] = {
     {.size = 1, .exchange = no_exchange, .gather = no_gather},
 };
 static const int wrong_int[] = {-1, INT32_MIN};
-static const double wrong_double_p[][3] = {{NAN, 0, 0}, {0, INFINITY, 0}, {0, 0, -INFINITY}};
+/* As many as the plane of the mesh asks for: a call may read them all. */
+static const double wrong_double_p[][4096] = {{NAN}, {0, INFINITY}, {0, 0, -INFINITY}};
 static const int64_t wrong_int64_t[] = {-1, INT64_MIN, INT64_MAX, INT32_MAX};
 static const size_t wrong_size_t[] = {SIZE_MAX, SIZE_MAX / 2, (size_t)1 << 40};
 
