@@ -5,10 +5,11 @@ usage: mutate.py [--count N] [--seed S] [--rooms ROOM,...] [--files PATTERN] [--
        mutate.py --only 'FILE:LINE:OPERATOR'
 
 A copy of the repository in build/mutate is changed, built and tested; the working tree stays as it is. Each mutant
-is one operator at one place of a C file or kernel. The tests of its room run first, the fastest first, until one
-fails; a mutant that none notices is a survivor. Survivors that cannot be noticed stand in known.txt with the reason.
-The sample is drawn by the seed, the same share of each room. Prints the survivors, a table by room, and at last
-"# tried N: failed M", M counting survivors without a reason beyond what --floor (0.95) allows."""
+is one operator at one place of a C file or kernel; one that compiles to the same object is none. The tests of its
+room run first, the fastest first, until one fails; a mutant that none notices is a survivor. Survivors that cannot
+be noticed stand in known.txt with the reason. The sample is drawn by the seed, the same share of each room. Prints
+the survivors, a table by room, and at last "# tried N: failed M", M counting survivors without a reason beyond what
+--floor (0.95) allows."""
 import argparse
 import fnmatch
 import os
@@ -260,8 +261,17 @@ def draw(arguments):
     return drawn
 
 
-def try_mutant(mutant, tests, order):
-    """"built not", the test that fails, or None."""
+def object_of(path):
+    """What the C file compiles to, or None: kernels are compiled by their device."""
+    try:
+        with open(os.path.join(TREE, BUILD, path[:-1] + "o"), "rb") as file:
+            return file.read() if path.endswith(".c") else None
+    except FileNotFoundError:
+        return None
+
+
+def try_mutant(mutant, tests, order, original):
+    """"no mutant" if it does not build or compiles to the same, the test that fails, or None."""
     path, number, _, old, new = mutant
     target = os.path.join(TREE, path)
     with open(target, encoding="utf-8") as file:
@@ -272,7 +282,8 @@ def try_mutant(mutant, tests, order):
         with open(target, "w", encoding="utf-8") as file:
             file.write("\n".join(lines))
         status, _ = tests.build()
-        return "no build" if status != 0 else tests.kill(order)
+        same = original is not None and original == object_of(path)
+        return "no mutant" if status != 0 or same else tests.kill(order)
     finally:
         with open(target, "w", encoding="utf-8") as file:
             file.write("\n".join(whole))
@@ -301,17 +312,18 @@ def main():
         wanted |= set(ROOM_TESTS.get(room, GENERAL))
     copy_tree()
     tests = Tests(sorted((available if arguments.all_tests else wanted) & available))
+    objects = {path: object_of(path) for path in {m[0] for m in drawn}}
     table, survivors = {}, []
     for mutant in drawn:
         path, number, operator, old, new = mutant
         room = room_of(path)
         order = [n for n in ROOM_TESTS.get(room, GENERAL) if n in tests.seconds]
         order += sorted(set(tests.seconds) - set(order), key=tests.seconds.get) if arguments.all_tests else []
-        row = table.setdefault(room, {"tried": 0, "died": 0, "known": 0, "survived": 0, "no build": 0})
+        row = table.setdefault(room, {"tried": 0, "died": 0, "known": 0, "survived": 0, "no mutant": 0})
         reason = known.get((path, operator.split("#")[0], re.sub(r"\s", "", old)))
-        end = "known" if reason else try_mutant(mutant, tests, order)
-        if end == "no build":
-            row["no build"] += 1
+        end = "known" if reason else try_mutant(mutant, tests, order, objects[path])
+        if end == "no mutant":
+            row["no mutant"] += 1
             continue
         row["tried"] += 1
         row["known" if end == "known" else "died" if end else "survived"] += 1
