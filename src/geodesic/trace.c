@@ -23,6 +23,7 @@ typedef struct spot {
 /* An interval of a half-edge seen straight from the point, unfolded at (x, y), y < 0. */
 typedef struct sight {
     double lo, hi, x, y;
+    double least; /* length of a way through it */
     int32_t half, parent;
     bool right; /* through which side of the parent's triangle */
 } sight;
@@ -160,22 +161,40 @@ static void look(const dmk_geodesics *g, int32_t h, angle *s)
     s->a = v[k1], s->b = v[k2], s->c = v[k];
 }
 
-/* The least length of a way through the interval. */
-static double least(const dmk_tracer *t, const sight *w, const angle *s)
+/* A corner of the triangle before the interval, in the frame of the half-edge, y < 0; vertex -1: none. */
+typedef struct behind {
+    double x, y;
+    int32_t vertex;
+} behind;
+
+/* The least length of a way through the interval, from what distances can be at its points X, as they change by no
+ * more than the way. From both ends of the half-edge that bound falls towards one place and grows behind it, and by
+ * less than |X - (x, y)| changes: that place, or the end nearest to it, has the least. From the corner behind,
+ * |X - (x, y)| - |X - corner| grows towards the ray through that corner and falls behind it: one of the ends has. */
+static double least(const dmk_tracer *t, const sight *w, const behind *c)
 {
-    const double unit = t->g->star.unit, aside = fmax(0, fmax(w->lo - w->x, w->x - w->hi));
-    double a = t->g->distance[s->a] / unit, b = t->g->distance[s->b] / unit, length = s->length;
-    double left = fmax(0.5 * (a + b - length), fmax(a - w->hi, b - (length - w->lo)));
-    return sqrt(aside * aside + w->y * w->y) + fmax(0, left);
+    const dmk_geodesics *g = t->g;
+    const dmk_mesh *m = g->mesh;
+    const double unit = g->star.unit, *d = g->distance;
+    const double length = m->length[m->triangle_edge[w->half]] / unit;
+    double a = d[m->triangle[dmk_next(w->half)]] / unit,
+           b = d[m->triangle[dmk_previous(w->half)]] / unit;
+    double at = fmin(w->hi, fmax(w->lo, 0.5 * (a - b + length))), x = at - w->x;
+    double way = sqrt(x * x + w->y * w->y) + fmax(0, fmax(a - at, b - length + at));
+    if (c->vertex < 0) return way;
+    double first = sqrt((w->lo - w->x) * (w->lo - w->x) + w->y * w->y) -
+                   sqrt((w->lo - c->x) * (w->lo - c->x) + c->y * c->y);
+    double last = sqrt((w->hi - w->x) * (w->hi - w->x) + w->y * w->y) -
+                  sqrt((w->hi - c->x) * (w->hi - c->x) + c->y * c->y);
+    return fmax(way, d[c->vertex] / unit + fmin(first, last));
 }
 
-static int keep(dmk_context *ctx, dmk_tracer *t, const sight *w)
+static int keep(dmk_context *ctx, dmk_tracer *t, sight *w, const behind *c)
 {
-    angle s;
     if (w->half < 0 || !(w->y < 0) || !(w->hi - w->lo > 1e-12 * (fabs(w->hi) + fabs(w->lo))))
         return DMK_OK;
-    look(t->g, w->half, &s);
-    if (least(t, w, &s) > t->bound + t->slack || t->n_sights >= most_windows) return DMK_OK;
+    w->least = least(t, w, c);
+    if (w->least > t->bound + t->slack || t->n_sights >= most_windows) return DMK_OK;
     if (t->n_sights == t->room) {
         int rc = DMK_GROW(ctx, t->sight, t->n_sights + 1, t->room);
         if (rc != DMK_OK) return rc;
@@ -234,8 +253,8 @@ static int advance(dmk_context *ctx, dmk_tracer *t, int32_t i)
     angle s;
     const sight w = t->sight[i];
     const dmk_geodesics *g = t->g;
+    if (w.least > t->bound + t->slack) return DMK_OK;
     look(g, w.half, &s);
-    if (least(t, &w, &s) > t->bound + t->slack) return DMK_OK;
     if (t->n_spots > 0) look_for_spots(t, i, &s);
     if (g->n_lines > 0 && w.x >= w.lo && w.x <= w.hi &&
         bsearch(&w.half, t->line, g->n_lines, sizeof *t->line, by_number)) {
@@ -252,8 +271,8 @@ static int advance(dmk_context *ctx, dmk_tracer *t, int32_t i)
     r.half = w.hi > at ? g->star.twin[dmk_next(w.half)] : -1;
     if (w.hi >= at) l.hi = s.left; /* not by rounding */
     if (w.lo <= at) r.lo = 0;
-    DMK_TRY(keep(ctx, t, &l));
-    DMK_TRY(keep(ctx, t, &r));
+    DMK_TRY(keep(ctx, t, &l, &(behind){s.length * s.ca, -s.length * s.sa, s.b}));
+    DMK_TRY(keep(ctx, t, &r, &(behind){s.right - s.length * s.cb, -s.length * s.sb, s.a}));
 done:
     return rc;
 }
@@ -312,7 +331,7 @@ static int search(dmk_context *ctx, dmk_tracer *t, const dmk_site *site)
                    .y = -c->y / unit,
                    .half = g->star.twin[c->half],
                    .parent = -1};
-        DMK_TRY(keep(ctx, t, &w));
+        DMK_TRY(keep(ctx, t, &w, &(behind){.vertex = -1}));
     }
     for (size_t i = 0; i < t->n_sights; i++) DMK_TRY(advance(ctx, t, (int32_t)i));
     if (t->best.key == INFINITY) {
