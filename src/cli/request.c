@@ -10,6 +10,7 @@ void solve_request_init(solve_request *request, const char *command)
     *request = (solve_request){.command = command, .vertex = -1};
     dmk_solve_options_init(&request->solve, sizeof request->solve);
     dmk_device_options_init(&request->device, sizeof request->device);
+    request->device.in_background = 1;
     dmk_locus_options_init(&request->trace, sizeof request->trace);
 }
 

@@ -5,6 +5,7 @@
 #include "device/device.h"
 
 #include <CL/cl.h>
+#include <pthread.h>
 #include <sys/types.h>
 
 struct dmk_kernel {
@@ -15,6 +16,14 @@ struct dmk_kernel {
 
 enum { DMK_MAX_KERNELS = 128 };
 
+/* Programs that a thread of their own builds. */
+typedef struct dmk_building {
+    bool begun;
+    pthread_t thread;
+    dmk_context *context; /* of its own, with the message */
+    int rc;
+} dmk_building;
+
 struct dmk_device {
     pid_t owner; /* process that opened it */
     cl_platform_id platform;
@@ -23,6 +32,7 @@ struct dmk_device {
     cl_context cl;
     cl_command_queue queue;
     cl_program program[DMK_N_PROGRAMS]; /* the same one twice when both are in single precision */
+    dmk_building building;              /* until it has ended nobody else looks at them */
     dmk_kernel kernel[DMK_MAX_KERNELS];
     int n_kernels;
     dmk_device_info info;
@@ -41,8 +51,10 @@ const char *dmk_cl_text(cl_int error);
 int dmk_cl_check(dmk_context *context, cl_int error, const char *call);
 #define DMK_CL(call) DMK_TRY(dmk_cl_check(ctx, (call), #call))
 
-/* program.c: build or load both programs. */
+/* program.c: build or load both programs; begin to, and wait until they are there. */
 int dmk_programs_build(dmk_context *context, dmk_device *device);
+void dmk_programs_begin(dmk_device *device);
+int dmk_programs_wait(dmk_context *context, dmk_device *device);
 /* cache.c: the binary kept under a key made of everything it depends on. */
 int dmk_cache_load(dmk_context *context, dmk_device *device, const char *options,
                    cl_program *program);

@@ -24,6 +24,8 @@ int dmk_kernel_get(dmk_context *ctx, dmk_device *dev, dmk_program program, const
     if (dev->n_kernels == DMK_MAX_KERNELS) {
         return dmk_fail(ctx, DMK_E_DEVICE, "more than %d kernels", DMK_MAX_KERNELS);
     }
+    int rc = dmk_programs_wait(ctx, dev);
+    if (rc != DMK_OK) return rc;
     cl_int error;
     cl_kernel cl = clCreateKernel(dev->program[program], name, &error);
     if (error != CL_SUCCESS) {

@@ -304,7 +304,10 @@ int dmk_device_open(dmk_context *ctx, const dmk_device_options *options, dmk_dev
     DMK_TRY(dmk_cl_check(ctx, error, "clCreateContext"));
     dev->queue = clCreateCommandQueue(dev->cl, dev->id, 0, &error);
     DMK_TRY(dmk_cl_check(ctx, error, "clCreateCommandQueue"));
-    DMK_TRY(dmk_programs_build(ctx, dev));
+    if (o->in_background)
+        dmk_programs_begin(dev);
+    else
+        DMK_TRY(dmk_programs_build(ctx, dev));
     DMK_TRY(dmk_buffer_create(ctx, dev,
                               (size_t)dev->info.compute_units * (DMK_LINE + 1) * sizeof(cl_int),
                               NULL, &dev->shares));
@@ -335,9 +338,12 @@ void dmk_device_destroy(dmk_device **device)
     if (!dev) return;
     *device = NULL;
     if (dev->owner != getpid()) { /* the driver would wait for threads that only its process has */
+        dmk_context_destroy(&dev->building.context);
         free(dev);
         return;
     }
+    dmk_programs_wait(NULL, dev);
+    dmk_context_destroy(&dev->building.context);
     /* After an error there may be work under way; PoCL does not keep a part of a device for it. */
     if (dev->queue) clFinish(dev->queue);
     dmk_buffer_destroy(&dev->shares);

@@ -75,3 +75,29 @@ int dmk_programs_build(dmk_context *ctx, dmk_device *dev)
 done:
     return rc;
 }
+
+static void *build_beside(void *data)
+{
+    dmk_device *dev = data;
+    dmk_building *b = &dev->building;
+    b->rc = dmk_context_create(&b->context);
+    if (b->rc == DMK_OK) b->rc = dmk_programs_build(b->context, dev);
+    return NULL;
+}
+
+/* Without a thread it is done at once. */
+void dmk_programs_begin(dmk_device *dev)
+{
+    dev->building.begun = pthread_create(&dev->building.thread, NULL, build_beside, dev) == 0;
+    if (!dev->building.begun) build_beside(dev);
+}
+
+int dmk_programs_wait(dmk_context *ctx, dmk_device *dev)
+{
+    dmk_building *b = &dev->building;
+    if (b->begun) pthread_join(b->thread, NULL);
+    b->begun = false;
+    if (b->rc == DMK_OK || !ctx) return b->rc;
+    return dmk_fail(ctx, b->rc, "%s",
+                    b->context ? dmk_context_message(b->context) : dmk_status_text(b->rc));
+}

@@ -178,12 +178,23 @@ static bool measures(const dmk_solver *s)
     return s->ranks.rank == 0;
 }
 
-/* The distance, and the system of the ordered mesh, if it is not there: one after the other, as each keeps all threads
- * busy, and their working space together would be the most memory that a solve takes. */
+static int pack(dmk_context *ctx, void *data)
+{
+    return dmk_solver_pack(ctx, data);
+}
+
+/* The distance, and the system of the ordered mesh, if it is not there. What of either keeps one thread busy only, and
+ * the wait for the device's kernels, leaves the others to the other. Ranks talk to each other, all in the same order:
+ * there it is one after the other. */
 static int set_up(dmk_context *ctx, dmk_solver *s, start *near)
 {
-    int rc = measures(s) ? measure(ctx, near) : DMK_OK;
-    return rc != DMK_OK || s->system ? rc : dmk_solver_pack(ctx, s);
+    dmk_task task;
+    int rc = DMK_OK;
+    const bool beside = !s->system && s->ranks.size <= 1;
+    if (beside) dmk_task_begin(ctx, &task, pack, s);
+    if (measures(s)) rc = measure(ctx, near);
+    if (beside) return dmk_task_end(ctx, &task, rc);
+    return rc == DMK_OK ? dmk_solver_pack(ctx, s) : rc;
 }
 
 /* u and mu that belong to the distance. */

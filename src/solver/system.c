@@ -611,11 +611,11 @@ int dmk_system_create(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh
     s->whole = dmk_system_counts(device, mesh);
     set_counts(s, mesh);
     packer p = {ctx, device, mesh, s};
-    DMK_TRY(dmk_kernels_create(ctx, device, &s->kernels));
     if (ranks)
         DMK_TRY(pack_share(&p, ranks));
     else
-        DMK_TRY(pack_all(&p)); /* frees the host's hierarchy before ... */
+        DMK_TRY(pack_all(&p));
+    DMK_TRY(dmk_kernels_create(ctx, device, &s->kernels)); /* they may have been built meanwhile */
     *system = s;
     s = NULL;
 done:
