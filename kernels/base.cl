@@ -2,9 +2,17 @@
  *   CPU: a work-item runs over DMK_CHUNK blocks of 8 elements, each block as an 8-vector;
  *   GPU: a work-item is one element; groups of DMK_GROUP.
  * In both, element t's k-th of K numbers lies at (t/8)*8K + 8k + t%8, so one packing serves both.
- * `moves` above a kernel: the bytes of its streams once and of its vectors once (a gather counts as one pass
- * over the vector it gathers from), and what it computes; `make bench-kernels` reads them. E elements, R rows
- * of T/2, P entries of their lists, V vertices, L entries of T's lists, real: bytes of the program's number.
+ *
+ * Every kernel ends with the arguments `shares` and `launch`, the distribution of its work (below); those
+ * that sum have `partial`, `at`, `scalars` and `done` before (see struct sums). Above each stands
+ *   reads, writes   its arrays, but for these
+ *   moves           the bytes of its streams once and of its vectors once (a gather counts as one pass over
+ *                   the vector it gathers from), and the flops; `make bench-kernels` reads them. E elements,
+ *                   R rows of T/2, P entries of their lists, V vertices of a level, L entries of its lists,
+ *                   C entries of the lists of its transfer, K its links, N what the first argument counts,
+ *                   real: bytes of the program's number
+ *   shape           what is handed out: blocks of 8, single rows, or all to one work-group
+ *   numerics        precision and order, where it is not simply the program's and that of the lists
  * Build options: DMK_CPU, DMK_CHUNK, DMK_DOUBLE (this program's real type), DMK_FP64 (the device's
  * double precision may be used for sums). */
 #if DMK_FP64
@@ -41,11 +49,13 @@ typedef float8 sumv;
 #define GATHERED const volatile global
 #define GATHER(p, i)                                                                               \
     (p)[i.s0], (p)[i.s1], (p)[i.s2], (p)[i.s3], (p)[i.s4], (p)[i.s5], (p)[i.s6], (p)[i.s7]
-#define FOR_PART_BLOCKS(b, n)                                                                      \
-    for (int b = part * DMK_CHUNK,                                                                 \
+/* The blocks of a part; of all parts that are this work-group's. */
+#define FOR_PART_BLOCKS(b, n, part)                                                                \
+    for (int b = (part) * DMK_CHUNK,                                                               \
              b##_end = min(b + DMK_CHUNK, ((n) + DMK_WIDTH - 1) / DMK_WIDTH);                      \
          b < b##_end; b++)
-#define FOR_BLOCKS(b, n) FOR_PARTS FOR_PART_BLOCKS(b, n)
+#define FOR_BLOCKS(b, n, shares, launch)                                                           \
+    FOR_PARTS(b##_part, shares, launch) FOR_PART_BLOCKS(b, n, b##_part)
 #define AT(b) (DMK_WIDTH * (b))
 #define AT_K(b, k, K) (DMK_WIDTH * ((K) * (b) + (k)))
 #define SLICE(b) (b)
@@ -54,8 +64,9 @@ typedef float8 sumv;
 #define STORE(v, p, at) vstore8((v), 0, (p) + (at))
 #define SELECT(no, yes, when) select((no), (yes), (when))
 /* One row at a time, for work that does not go in blocks. */
-#define FOR_ROWS(i, n)                                                                             \
-    FOR_PARTS for (int i = part * DMK_CHUNK * DMK_WIDTH,                                           \
+#define FOR_ROWS(i, n, shares, launch)                                                             \
+    FOR_PARTS(i##_part, shares, launch)                                                            \
+    for (int i = i##_part * DMK_CHUNK * DMK_WIDTH,                                                 \
              i##_end = min(i + DMK_CHUNK * DMK_WIDTH, (n));                                        \
          i < i##_end; i++)
 #else
@@ -68,15 +79,16 @@ typedef sum_t sumv;
 #define TO_FLOAT(v) ((float)(v))
 #define GATHERED const global
 #define GATHER(p, i) (p)[i]
-#define FOR_BLOCKS(b, n) for (int b = (int)get_global_id(0), b##_once = b < (n); b##_once; b##_once = 0)
-#define FOR_PART_BLOCKS FOR_BLOCKS
+#define FOR_PART_BLOCKS(b, n, part)                                                                \
+    for (int b = (int)get_global_id(0), b##_once = b < (n); b##_once; b##_once = 0)
+#define FOR_BLOCKS(b, n, shares, launch) FOR_PART_BLOCKS(b, n, 0)
 #define AT(b) (b)
 #define AT_K(b, k, K) (DMK_WIDTH * ((K) * ((b) / DMK_WIDTH) + (k)) + (b) % DMK_WIDTH)
 #define SLICE(b) ((b) / DMK_WIDTH)
 #define COLUMN(b, j) (DMK_WIDTH * (j) + (b) % DMK_WIDTH)
 #define LOAD(p, at) (p)[at]
 #define STORE(v, p, at) (p)[at] = (v)
-#define FOR_ROWS(i, n) FOR_BLOCKS(i, n)
+#define FOR_ROWS(i, n, shares, launch) FOR_PART_BLOCKS(i, n, 0)
 #endif
 
 /* Work distribution in the CPU shape. Drivers hand work-groups to their threads as they come, so that what
@@ -86,7 +98,7 @@ typedef sum_t sumv;
  * share one by one. Then it helps where a thread has not come at all, or is far behind. Which thread
  * does a part changes no result: sums are kept by part.
  *   launch  the launch's tag, threads (0: each work-group does the part of its number), parts of the
- *           first range (see dmk_range), parts
+ *           first range (see dmk_range), parts; the GPU shape needs but the last
  *   shares  a word for each thread on a line of its own: tag << 21 | the thread has come << 20 | parts
  *           taken; then their keys */
 #if DMK_CPU
@@ -133,22 +145,37 @@ static int next_part(volatile global int *shares, int4 launch, int *at)
     return -1;
 }
 
-#define LAUNCH , volatile global int *shares_, int4 launch_
-#define FOR_PARTS                                                                                  \
-    for (int at_[2] = {-1, 0}, part = next_part(shares_, launch_, at_); part >= 0;                 \
-         part = next_part(shares_, launch_, at_))
+/* The parts of this work-group, one after the other; in the GPU shape there is one. */
+#define FOR_PARTS(part, shares, launch)                                                            \
+    for (int part##_at[2] = {-1, 0}, part = next_part(shares, launch, part##_at); part >= 0;       \
+         part = next_part(shares, launch, part##_at))
+#define KERNEL kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 #else
-#define LAUNCH
-#define FOR_PARTS
+#define FOR_PARTS(part, shares, launch) const int part = (int)get_group_id(0);
+#define KERNEL kernel __attribute__((reqd_work_group_size(DMK_GROUP, 1, 1))) void
 #endif
 
-/* Sums: each part (a work-group in the GPU shape) leaves one partial sum per quantity k at
- * partial[k * parts + part], and the last one to be done adds them up (SUMS), unless at < 0: with ranks
- * there are more of them elsewhere. The order of additions is fixed by the number of items, so the same
- * launch gives the same bits. Partial sums pass from group to group within a launch, so they are written
- * and read by atomic operations, which caches do not hide. */
-#define SUM_ARGS                                                                                   \
-    volatile global sum_t *partial, int at, global sum_t *scalars, volatile global int *done
+/* What the work-items of a group share; a kernel that sums has one. */
+typedef struct group_memory {
+#if !DMK_CPU
+    sum_t sum[DMK_GROUP];
+#endif
+    int last;
+} group_memory;
+
+/* Sums: each part leaves one partial sum per quantity k at partial[k * parts + part], and the last one to be
+ * done adds them up into scalars[at + k], unless at < 0: with ranks there are more of them elsewhere. The
+ * order of additions is fixed by the number of items, so the same launch gives the same bits. Partial sums
+ * pass from group to group within a launch, so they are written and read by atomic operations, which caches
+ * do not hide. `done` counts the parts that are, and is 0 again at the end. */
+typedef struct sums {
+    volatile global sum_t *partial;
+    global sum_t *scalars;
+    volatile global int *done;
+    local group_memory *group;
+    int at, parts;
+} sums;
+
 static void put_sum(volatile global sum_t *place, sum_t x)
 {
     volatile global int *word = (volatile global int *)place;
@@ -160,6 +187,7 @@ static void put_sum(volatile global sum_t *place, sum_t x)
     atomic_xchg(word, as_int(x));
 #endif
 }
+
 static sum_t take_sum(volatile global sum_t *place)
 {
     volatile global int *word = (volatile global int *)place;
@@ -170,101 +198,153 @@ static sum_t take_sum(volatile global sum_t *place)
     return as_float(atomic_or(word, 0));
 #endif
 }
-static int is_last(volatile global int *done, int parts)
+
+static int is_last(sums s)
 {
+    if (s.at < 0) return 0;
     mem_fence(CLK_GLOBAL_MEM_FENCE);
-    const int last = atomic_inc(done) == parts - 1;
-    if (last) atomic_xchg(done, 0);
+    const int last = atomic_inc(s.done) == s.parts - 1;
+    if (last) atomic_xchg(s.done, 0);
     mem_fence(CLK_GLOBAL_MEM_FENCE);
     return last;
 }
 
+/* The functions from here to cg_alpha_of are for all work-items of a group: they wait for each other.
+ * leave_sum, leave_max: the part's sum or maximum of v becomes the partial sum of quantity k.
+ * is_last_part: all parts have left theirs.
+ * total: where `when` holds, the sum (or, with top != 0, the maximum) of all partial sums of quantity k, known
+ * to the work-item that is_writer. All groups run through it: a barrier within a branch, even if a whole
+ * group takes it, is not done right by all drivers (PoCL 3.1 does what follows twice). */
 #if DMK_CPU
-#define PARTS launch_.s3
-#define REDUCE(partial, k, v)                                                                      \
-    put_sum((partial) + (k) * PARTS + part,                                                        \
-            (((v).s0 + (v).s1) + ((v).s2 + (v).s3)) + (((v).s4 + (v).s5) + ((v).s6 + (v).s7)))
-#define REDUCE_MAX(partial, k, v)                                                                  \
-    put_sum((partial) + (k) * PARTS + part,                                                        \
-            fmax(fmax(fmax((v).s0, (v).s1), fmax((v).s2, (v).s3)),                                 \
-                 fmax(fmax((v).s4, (v).s5), fmax((v).s6, (v).s7))))
-#define LAST_PART (at >= 0 && is_last(done, PARTS))
-#define SCRATCH
-#define SCRATCH_ALONE
-#define KERNEL kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
-#else
-#define PARTS (int)get_num_groups(0)
-#define TREE(v, OP)                                                                                \
-    {                                                                                              \
-        int l_ = (int)get_local_id(0);                                                             \
-        scratch[l_] = (v);                                                                         \
-        for (int s_ = DMK_GROUP / 2; s_ > 0; s_ /= 2) {                                            \
-            barrier(CLK_LOCAL_MEM_FENCE);                                                          \
-            if (l_ < s_) scratch[l_] = OP(scratch[l_], scratch[l_ + s_]);                          \
-        }                                                                                          \
-        barrier(CLK_LOCAL_MEM_FENCE);                                                              \
-    }
-#define PART_TREE(partial, k, v, OP)                                                               \
-    do {                                                                                           \
-        TREE(v, OP)                                                                                \
-        if (get_local_id(0) == 0) put_sum((partial) + (k) * PARTS + get_group_id(0), scratch[0]);  \
-        barrier(CLK_LOCAL_MEM_FENCE);                                                              \
-    } while (0)
-#define ADD(a, b) ((a) + (b))
-#define REDUCE(partial, k, v) PART_TREE(partial, k, v, ADD)
-#define REDUCE_MAX(partial, k, v) PART_TREE(partial, k, v, fmax)
-static int is_last_group(volatile global int *done, int at, local int *last)
+static void leave_sum(sums s, int k, int part, sumv v)
 {
-    if (get_local_id(0) == 0) *last = at >= 0 && is_last(done, PARTS);
-    barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
-    return *last;
+    put_sum(s.partial + k * s.parts + part,
+            ((v.s0 + v.s1) + (v.s2 + v.s3)) + ((v.s4 + v.s5) + (v.s6 + v.s7)));
 }
-#define LAST_PART is_last_group(done, at, &last_)
-#define SCRATCH_ALONE local sum_t scratch[DMK_GROUP];
-#define SCRATCH                                                                                    \
-    SCRATCH_ALONE                                                                                  \
-    local int last_;
-#define KERNEL kernel __attribute__((reqd_work_group_size(DMK_GROUP, 1, 1))) void
-#endif
 
-/* Where `when` holds, the sum (or, with top != 0, the maximum) of all partial sums of quantity k; WHEN holds where
- * it is known. All groups run through it: a barrier within a branch, even if a whole group takes it,
- * is not done right by all drivers (PoCL 3.1 does what follows twice). */
-#if DMK_CPU
-#define GATHER_SUM(sum, k, parts, top)                                                             \
-    sum_t sum = 0;                                                                                 \
-    if (when && (top)) sum = take_sum(partial + (k) * (parts));                                    \
-    for (int g_ = 0; when && g_ < (parts); g_++) {                                                 \
-        const sum_t x_ = take_sum(partial + (k) * (parts) + g_);                                   \
-        sum = (top) ? fmax(sum, x_) : sum + x_;                                                    \
+static void leave_max(sums s, int k, int part, sumv v)
+{
+    put_sum(s.partial + k * s.parts + part,
+            fmax(fmax(fmax(v.s0, v.s1), fmax(v.s2, v.s3)),
+                 fmax(fmax(v.s4, v.s5), fmax(v.s6, v.s7))));
+}
+
+static int is_last_part(sums s)
+{
+    return is_last(s);
+}
+
+static int is_writer(int when)
+{
+    return when;
+}
+
+static sum_t total(sums s, int k, int top, int when)
+{
+    sum_t sum = 0;
+    if (when && top) sum = take_sum(s.partial + k * s.parts);
+    for (int g = 0; when && g < s.parts; g++) {
+        const sum_t x = take_sum(s.partial + k * s.parts + g);
+        sum = top ? fmax(sum, x) : sum + x;
     }
-#define WHEN when
+    return sum;
+}
 #else
-#define GATHER_SUM(sum, k, parts, top)                                                             \
-    sum_t sum = 0;                                                                                 \
-    if (when && (top)) sum = take_sum(partial + (k) * (parts));                                    \
-    for (int g_ = (int)get_local_id(0); when && g_ < (parts); g_ += DMK_GROUP) {                   \
-        const sum_t x_ = take_sum(partial + (k) * (parts) + g_);                                   \
-        sum = (top) ? fmax(sum, x_) : sum + x_;                                                    \
-    }                                                                                              \
-    scratch[get_local_id(0)] = sum;                                                                \
-    barrier(CLK_LOCAL_MEM_FENCE);                                                                  \
-    for (int g_ = 1; WHEN && g_ < DMK_GROUP; g_++) {                                               \
-        sum = (top) ? fmax(sum, scratch[g_]) : sum + scratch[g_];                                  \
-    }                                                                                              \
+static void leave(sums s, int k, int part, sum_t v, int top)
+{
+    const int l = (int)get_local_id(0);
+    local sum_t *x = s.group->sum;
+    x[l] = v;
+    for (int half_way = DMK_GROUP / 2; half_way > 0; half_way /= 2) {
+        barrier(CLK_LOCAL_MEM_FENCE);
+        if (l < half_way) x[l] = top ? fmax(x[l], x[l + half_way]) : x[l] + x[l + half_way];
+    }
     barrier(CLK_LOCAL_MEM_FENCE);
-#define WHEN (when && get_local_id(0) == 0)
+    if (l == 0) put_sum(s.partial + k * s.parts + part, x[0]);
+    barrier(CLK_LOCAL_MEM_FENCE);
+}
+
+static void leave_sum(sums s, int k, int part, sum_t v)
+{
+    leave(s, k, part, v, 0);
+}
+
+static void leave_max(sums s, int k, int part, sum_t v)
+{
+    leave(s, k, part, v, 1);
+}
+
+static int is_last_part(sums s)
+{
+    if (get_local_id(0) == 0) s.group->last = is_last(s);
+    barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
+    return s.group->last;
+}
+
+static int is_writer(int when)
+{
+    return when && get_local_id(0) == 0;
+}
+
+static sum_t total(sums s, int k, int top, int when)
+{
+    sum_t sum = 0;
+    if (when && top) sum = take_sum(s.partial + k * s.parts);
+    for (int g = (int)get_local_id(0); when && g < s.parts; g += DMK_GROUP) {
+        const sum_t x = take_sum(s.partial + k * s.parts + g);
+        sum = top ? fmax(sum, x) : sum + x;
+    }
+    s.group->sum[get_local_id(0)] = sum;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    for (int g = 1; is_writer(when) && g < DMK_GROUP; g++) {
+        sum = top ? fmax(sum, s.group->sum[g]) : sum + s.group->sum[g];
+    }
+    barrier(CLK_LOCAL_MEM_FENCE);
+    return sum;
+}
 #endif
 
 /* scalars[at + k] = the sum of quantity k's partial sums, k < count; the last `maxima` of them are maxima. */
-#define ADD_UP(parts, count, maxima)                                                               \
-    for (int k_ = 0; k_ < (count); k_++) {                                                         \
-        GATHER_SUM(sum_, k_, parts, k_ >= (count) - (maxima))                                      \
-        if (WHEN) scalars[at + k_] = sum_;                                                         \
+static void add_up(sums s, int count, int maxima, int when)
+{
+    for (int k = 0; k < count; k++) {
+        const sum_t sum = total(s, k, k >= count - maxima, when);
+        if (is_writer(when)) s.scalars[s.at + k] = sum;
     }
-#define SUMS(count, maxima)                                                                        \
-    const int when = LAST_PART;                                                                    \
-    ADD_UP(PARTS, count, maxima)
+}
+
+/* The same by the last part. */
+static void finish_sums(sums s, int count, int maxima)
+{
+    const int when = is_last_part(s);
+    add_up(s, count, maxima, when);
+}
+
+/* The scalars of conjugate gradients, on the device: [0] r.z  [1] p.Ap  [2] alpha  [3] beta
+ * [4] r.z at the start. */
+
+/* From the partial sums of r.z and Ap.z: beta = (r - r_before).z / (r.z)_before
+ * = -alpha Ap.z / (r.z)_before, or 0 at the first iteration. This form, unlike r.z / (r.z)_before, bears a
+ * preconditioner with rounding errors. */
+static void cg_beta_of(sums s, int first, int when)
+{
+    const sum_t rz = total(s, 0, 0, when), apz = total(s, 1, 0, when);
+    global sum_t *state = s.scalars;
+    if (!is_writer(when)) return;
+    state[3] = first || !(state[0] > 0) ? 0 : -state[2] * apz / state[0];
+    state[0] = rz;
+    if (first) state[4] = rz;
+}
+
+/* From that of p.Ap: alpha = r.z / p.Ap; a direction without energy is not followed. */
+static void cg_alpha_of(sums s, int when)
+{
+    const sum_t pap = total(s, 0, 0, when);
+    global sum_t *state = s.scalars;
+    if (!is_writer(when)) return;
+    state[1] = pap;
+    state[2] = pap > 0 ? state[0] / pap : 0;
+}
 
 /* All items of a loop by one work-group, and the wait between two loops. */
 #if DMK_CPU
@@ -279,29 +359,3 @@ static int is_last_group(volatile global int *done, int at, local int *last)
 #define FOR_ALL_BLOCKS(b, n) FOR_ITEMS(b, n)
 #endif
 #define FOR_ITEMS(i, n) for (int i = ITEM_BEGIN; i < (n); i += ITEM_STEP)
-
-/* The scalars of conjugate gradients, on the device: [0] r.z  [1] p.Ap  [2] alpha  [3] beta
- * [4] r.z at the start. */
-
-/* beta = (r - r_before).z / (r.z)_before = -alpha Ap.z / (r.z)_before, or 0 at the first iteration.
- * This form, unlike r.z / (r.z)_before, bears a preconditioner with rounding errors. */
-static void set_beta(global sum_t *state, int first, sum_t rz, sum_t apz)
-{
-    state[3] = first || !(state[0] > 0) ? 0 : -state[2] * apz / state[0];
-    state[0] = rz;
-    if (first) state[4] = rz;
-}
-#define CG_BETA(parts)                                                                             \
-    GATHER_SUM(rz_, 0, parts, 0)                                                                   \
-    GATHER_SUM(apz_, 1, parts, 0)                                                                  \
-    if (WHEN) set_beta(scalars, first, rz_, apz_);
-
-/* alpha = r.z / p.Ap; a direction without energy is not followed. */
-static void set_alpha(global sum_t *state, sum_t pap)
-{
-    state[1] = pap;
-    state[2] = pap > 0 ? state[0] / pap : 0;
-}
-#define CG_ALPHA(parts)                                                                            \
-    GATHER_SUM(pap_, 0, parts, 0)                                                                  \
-    if (WHEN) set_alpha(scalars, pap_);

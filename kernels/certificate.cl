@@ -22,11 +22,15 @@ static real energy_of(const real *c, const real *x, real *y)
 #define ELEMENT_BASE(t, K) (DMK_WIDTH * (K) * ((t) / DMK_WIDTH) + (t) % DMK_WIDTH)
 
 /* ring = 1 on the rows of elements that break the bound, have moved their rows, or have one that still
- * moves. */
+ * moves.
+ * reads index, q, mark, u and before (gathered); writes ring
+ * moves 28 E + real E + 2 real R + 4 R bytes, 0 flops
+ * shape rows, one an element; all write the same 1 */
 KERNEL repair_mark(int n, global const int *index, global const real *q, global const int *mark,
-                   global const real *u, global const real *before, global int *ring LAUNCH)
+                   global const real *u, global const real *before, global int *ring,
+                   volatile global int *shares, int4 launch)
 {
-    FOR_ROWS(t, n)
+    FOR_ROWS(t, n, shares, launch)
     {
         const int base = ELEMENT_BASE(t, 6);
         int hot = mark[t] != 0 || q[t] > 1;
@@ -48,10 +52,14 @@ static int is_hot(global const int *index, global const int *ring, int base, int
     return hot;
 }
 
-/* The elements at rows of a ring up to `round` put their other rows into the next one. */
-KERNEL repair_grow(int n, int round, global const int *index, global int *ring LAUNCH)
+/* The elements at rows of a ring up to `round` put their other rows into the next one.
+ * reads index, ring (gathered); writes ring
+ * moves 24 E + 8 R bytes, 0 flops
+ * shape rows, one an element; a row of the next ring is as little of this one as no ring is */
+KERNEL repair_grow(int n, int round, global const int *index, global int *ring,
+                   volatile global int *shares, int4 launch)
 {
-    FOR_ROWS(t, n)
+    FOR_ROWS(t, n, shares, launch)
     {
         const int base = ELEMENT_BASE(t, 6);
         if (!is_hot(index, ring, base, round)) continue;
@@ -62,19 +70,28 @@ KERNEL repair_grow(int n, int round, global const int *index, global int *ring L
     }
 }
 
-/* The lists: count[0] elements at rows up to `round`, count[1] rows of any ring, which is cleared. */
+/* The lists: count[0] elements at rows up to `round`, count[1] rows of any ring, which is cleared.
+ * reads index, ring (gathered); writes count, list
+ * moves 24 E + 4 R bytes, 0 flops
+ * shape rows, one an element */
 KERNEL repair_list_elements(int n, int round, global const int *index, global const int *ring,
-                            volatile global int *count, global int *list LAUNCH)
+                            volatile global int *count, global int *list,
+                            volatile global int *shares, int4 launch)
 {
-    FOR_ROWS(t, n)
+    FOR_ROWS(t, n, shares, launch)
     {
         if (is_hot(index, ring, ELEMENT_BASE(t, 6), round)) list[atomic_inc(&count[0])] = t;
     }
 }
 
-KERNEL repair_list_rows(int n, global int *ring, volatile global int *count, global int *list LAUNCH)
+/* The rows of any ring, appended to list; their rings are cleared.
+ * reads ring; writes ring, count, list
+ * moves 8 R bytes, 0 flops
+ * shape rows */
+KERNEL repair_list_rows(int n, global int *ring, volatile global int *count, global int *list,
+                        volatile global int *shares, int4 launch)
 {
-    FOR_ROWS(i, n)
+    FOR_ROWS(i, n, shares, launch)
     {
         if (ring[i] == 0) continue;
         ring[i] = 0;
@@ -84,14 +101,18 @@ KERNEL repair_list_rows(int n, global int *ring, volatile global int *count, glo
 
 /* Listed elements above the target move their six values towards their own feasible set {q <= target^2},
  * along the gradient in the metric of inv_diag^-1/2: out = the moves. broken[sweep] counts those above 1;
- * once a sweep has none, later ones do nothing. */
+ * once a sweep has none, later ones do nothing.
+ * reads list, index, cot, area, inv_diag and u (gathered), mark, broken; writes out, mark, moved, broken
+ * moves 80 N + 16 real N bytes, 50 to 900 N flops
+ * shape rows, one a listed element; numerics at most 12 steps, to 1e-4 of the target */
 KERNEL repair_elements(int n, int sweep, int stamp, float target, global const int *list,
                        global const int *index, global const real *cot, global const real *area,
                        global const float *inv_diag, global const real *u, global real *out,
-                       global int *mark, global int *moved, volatile global int *broken LAUNCH)
+                       global int *mark, global int *moved, volatile global int *broken,
+                       volatile global int *shares, int4 launch)
 {
     const real s = target, enough = s * s * (real)1.0002f;
-    FOR_ROWS(i, n)
+    FOR_ROWS(i, n, shares, launch)
     {
         if (sweep > 0 && broken[sweep - 1] == 0) continue;
         const int t = list[i], base = ELEMENT_BASE(t, 6), base3 = ELEMENT_BASE(t, 3);
@@ -122,13 +143,16 @@ KERNEL repair_elements(int n, int sweep, int stamp, float target, global const i
     }
 }
 
-/* Listed rows take the mean of the moves of the elements that moved them, with Nesterov's momentum. */
+/* Listed rows take the mean of the moves of the elements that moved them, with Nesterov's momentum.
+ * reads list, slice, slot, out (gathered), moved, broken, u, before; writes u, before
+ * moves 40 N + 10 real N bytes, 12 N flops
+ * shape rows, the listed ones */
 KERNEL repair_rows(int n, int sweep, int stamp, float momentum, global const int *list,
                    global const int *slice, global const int *slot, global const real *out,
                    global const int *moved, global const int *broken, global real *u,
-                   global real *before LAUNCH)
+                   global real *before, volatile global int *shares, int4 launch)
 {
-    FOR_ROWS(l, n)
+    FOR_ROWS(l, n, shares, launch)
     {
         if (broken[sweep] == 0) continue;
         const int i = list[l];
@@ -151,10 +175,14 @@ KERNEL repair_rows(int n, int sweep, int stamp, float momentum, global const int
     }
 }
 
-/* u = scale * from, and `before` the same. */
-KERNEL repair_start(int n, float scale, global const real *from, global real *u, global real *before LAUNCH)
+/* u = scale * from, and `before` the same.
+ * reads from; writes u, before
+ * moves 3 real R bytes, R flops
+ * shape blocks of R */
+KERNEL repair_start(int n, float scale, global const real *from, global real *u,
+                    global real *before, volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(b, n)
+    FOR_BLOCKS(b, n, shares, launch)
     {
         const realv x = (real)scale * LOAD(from, AT(b));
         STORE(x, u, AT(b));

@@ -2,42 +2,57 @@
  * Element arrays are padded to blocks of 8 with elements of no weight (mu = 0, cot = 0, area = 1).
  *   index 6, cot 3, area 1, mu 1, q 1, g 6 per element; see operator.cl. */
 
+/* The largest difference of an element's values to that at m0, and the sum of its flows' sizes. */
+static realv farthest(six x)
+{
+    const realv top = fmax(fabs(x.v0 - x.m0), fmax(fabs(x.v1 - x.m0), fabs(x.v2 - x.m0)));
+    return fmax(top, fmax(fabs(x.m1 - x.m0), fabs(x.m2 - x.m0)));
+}
+
+static realv total_flow(flows f)
+{
+    return fabs(f.f10) + fabs(f.f20) + fabs(f.f01) + fabs(f.f21) + fabs(f.f02) + fabs(f.f12) +
+           fabs(f.fa) + fabs(f.fb) + fabs(f.fc);
+}
+
+static six scaled(realv k, six x)
+{
+    const six y = {k * x.v0, k * x.v1, k * x.v2, k * x.m0, k * x.m1, k * x.m2};
+    return y;
+}
+
 /* g = K u (without mu), stored if it is to be kept, and q = u.g / area, the mean of |grad u|^2; the
  * sum of mu u.g = u.Au. slack > 0: u.g with its rounding on top, `slack` times what its terms would be
  * without cancellation: at large cotangents of both signs they are up to cot^2 times as large as their sum.
- * moves 24 E + 12 real E + real R bytes, 50 E flops */
+ * reads index, cot, area, mu, u (gathered); writes g, q, scalars
+ * moves 24 E + 12 real E + real R bytes, 50 E flops
+ * shape blocks of E; numerics the sum in sum_t, in the order of parts */
 KERNEL element_energy(int n, int keep, float slack, global const int *index, global const real *cot,
                       global const real *area, global const real *mu, GATHERED real *u,
-                      global real *g, global real *q, SUM_ARGS LAUNCH)
+                      global real *g, global real *q, volatile global sum_t *partial, int at,
+                      global sum_t *scalars, volatile global int *done, volatile global int *shares,
+                      int4 launch)
 {
-    SCRATCH
-    FOR_PARTS
+    local group_memory group;
+    const sums s = {partial, scalars, done, &group, at, launch.s3};
+    FOR_PARTS(part, shares, launch)
     {
         sumv sum = 0;
-        FOR_PART_BLOCKS(b, n)
+        FOR_PART_BLOCKS(b, n, part)
         {
-            X6(u, index, b)
-            const realv w0 = LOAD(cot, AT_K(b, 0, 3)), w1 = LOAD(cot, AT_K(b, 1, 3)),
-                        w2 = LOAD(cot, AT_K(b, 2, 3));
-            STIFFNESS(w0, w1, w2)
-            if (keep) {
-                STORE6(g, b)
-            }
-            realv e = y0 * (v0 - m0) + y1 * (v1 - m0) + y2 * (v2 - m0) + y4 * (m1 - m0) +
-                      y5 * (m2 - m0);
+            const six x = gather_six(u, load_rows(index, b));
+            const flows f = flows_of(load_three(cot, b), x);
+            const six y = divergence(f);
+            if (keep) store_six(y, g, b);
+            realv e = y.v0 * (x.v0 - x.m0) + y.v1 * (x.v1 - x.m0) + y.v2 * (x.v2 - x.m0) +
+                      y.m1 * (x.m1 - x.m0) + y.m2 * (x.m2 - x.m0);
             e = fmax(e, (realv)0);
-            if (slack > 0) {
-                const realv top = fmax(fabs(v0 - m0), fmax(fabs(v1 - m0), fabs(v2 - m0))),
-                            far = fmax(top, fmax(fabs(m1 - m0), fabs(m2 - m0))),
-                            flow = fabs(f10) + fabs(f20) + fabs(f01) + fabs(f21) + fabs(f02) +
-                                   fabs(f12) + fabs(fa) + fabs(fb) + fabs(fc);
-                e += (real)slack * far * flow;
-            }
+            if (slack > 0) e += (real)slack * farthest(x) * total_flow(f);
             STORE(e / LOAD(area, AT(b)), q, AT(b));
             sum += TO_SUM(LOAD(mu, AT(b)) * e);
         }
-        REDUCE(partial, 0, sum);
-        SUMS(1, 0)
+        leave_sum(s, 0, part, sum);
+        finish_sums(s, 1, 0);
     }
 }
 
@@ -47,16 +62,22 @@ static realv log_slope(realv q)
     return clamp((real)0.5 * log(fmax(q, (realv)1e-30f)), (realv)-1, (realv)1);
 }
 
-/* Sums of area mu L^2 and area mu, and the largest q where mu counts. */
+/* Sums of area mu L^2 and area mu, and the largest q where mu counts.
+ * reads area, mu, q; writes scalars
+ * moves 3 real E bytes, 9 E flops
+ * shape blocks of E; numerics the sums in sum_t, in the order of parts */
 KERNEL element_measure(int n, float alpha, global const real *area, global const real *mu,
-                       global const real *q, SUM_ARGS LAUNCH)
+                       global const real *q, volatile global sum_t *partial, int at,
+                       global sum_t *scalars, volatile global int *done,
+                       volatile global int *shares, int4 launch)
 {
-    SCRATCH
-    FOR_PARTS
+    local group_memory group;
+    const sums s = {partial, scalars, done, &group, at, launch.s3};
+    FOR_PARTS(part, shares, launch)
     {
         sumv sum = 0, mass = 0, top = 0;
         const real a2 = (real)alpha * (real)alpha;
-        FOR_PART_BLOCKS(b, n)
+        FOR_PART_BLOCKS(b, n, part)
         {
             const realv m = LOAD(area, AT(b)) * LOAD(mu, AT(b)), e = a2 * LOAD(q, AT(b)),
                         l = log_slope(e);
@@ -64,10 +85,10 @@ KERNEL element_measure(int n, float alpha, global const real *area, global const
             mass += TO_SUM(m);
             top = fmax(top, TO_SUM(e));
         }
-        REDUCE(partial, 0, sum);
-        REDUCE(partial, 1, mass);
-        REDUCE_MAX(partial, 2, top);
-        SUMS(3, 1)
+        leave_sum(s, 0, part, sum);
+        leave_sum(s, 1, part, mass);
+        leave_max(s, 2, part, top);
+        finish_sums(s, 3, 1);
     }
 }
 
@@ -96,12 +117,16 @@ static floatv link_bound(floatv w0, floatv w1, floatv w2, floatv d0, floatv d1, 
 
 /* Coefficients of A(mu) in single precision for the V-cycle: weight = mu cot (3), the elements'
  * weighted diagonals on T/2 (6) and T (3), and the link weights on T (3). With an element's diagonal
- * weighted by its own bound lambda_T, sum lambda_T D_T >= A whatever mu is. */
-KERNEL element_prepare(int n, global const real *cot, global const real *mu, global real *weight_real,
-                       global float *weight, global float *diag, global float *link,
-                       global float *diag_coarse LAUNCH)
+ * weighted by its own bound lambda_T, sum lambda_T D_T >= A whatever mu is.
+ * reads cot, mu; writes weight_real, weight, diag, link, diag_coarse
+ * moves 7 real E + 60 E bytes, 40 E flops
+ * shape blocks of E; numerics the diagonals' sums in the program's precision, then single */
+KERNEL element_prepare(int n, global const real *cot, global const real *mu,
+                       global real *weight_real, global float *weight, global float *diag,
+                       global float *link, global float *diag_coarse, volatile global int *shares,
+                       int4 launch)
 {
-    FOR_BLOCKS(b, n)
+    FOR_BLOCKS(b, n, shares, launch)
     {
         const realv m = LOAD(mu, AT(b));
         const realv r0 = m * LOAD(cot, AT_K(b, 0, 3)), r1 = m * LOAD(cot, AT_K(b, 1, 3)),
@@ -132,34 +157,31 @@ KERNEL element_prepare(int n, global const real *cot, global const real *mu, glo
  *     right-hand side  f - sum_T mu_T (1 + D L_T) g_T,
  * with u, hence g and sqrt(q), scaled by alpha. The rank-one part is bounded by |g_i| sum |g_j| on the
  * diagonal; on T the exact bound of the summed 3x3 element is used. rank_one = sqrt(c_T) g_T. The
- * right-hand side's parts take the place of g, and newton_diagonal, once they are summed up, that of them. */
+ * right-hand side's parts take the place of g, and newton_diagonal, once they are summed up, that of them.
+ * reads cot, area, mu, q, g_and_rhs; writes g_and_rhs, weight, rank_one, link, diag_coarse
+ * moves 18 real E + 60 E bytes, 100 E flops
+ * shape blocks of E; numerics as element_prepare; sums that cancel are avoided */
 KERNEL newton_prepare(int n, float alpha, float D, global const real *cot, global const real *area,
                       global const real *mu, global const real *q, global real *g_and_rhs,
                       global float *weight, global float *rank_one, global float *link,
-                      global float *diag_coarse LAUNCH)
+                      global float *diag_coarse, volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(b, n)
+    FOR_BLOCKS(b, n, shares, launch)
     {
         const realv m = LOAD(mu, AT(b)), e = (real)alpha * (real)alpha * LOAD(q, AT(b));
-        const realv g0 = (real)alpha * LOAD(g_and_rhs, AT_K(b, 0, 6)), g1 = (real)alpha * LOAD(g_and_rhs, AT_K(b, 1, 6)),
-                    g2 = (real)alpha * LOAD(g_and_rhs, AT_K(b, 2, 6)), g3 = (real)alpha * LOAD(g_and_rhs, AT_K(b, 3, 6)),
-                    g4 = (real)alpha * LOAD(g_and_rhs, AT_K(b, 4, 6)), g5 = (real)alpha * LOAD(g_and_rhs, AT_K(b, 5, 6));
-        const realv k = -m * (1 + (real)D * log_slope(e));
-        STORE(k * g0, g_and_rhs, AT_K(b, 0, 6));
-        STORE(k * g1, g_and_rhs, AT_K(b, 1, 6));
-        STORE(k * g2, g_and_rhs, AT_K(b, 2, 6));
-        STORE(k * g3, g_and_rhs, AT_K(b, 3, 6));
-        STORE(k * g4, g_and_rhs, AT_K(b, 4, 6));
-        STORE(k * g5, g_and_rhs, AT_K(b, 5, 6));
+        const six g = scaled((realv)((real)alpha), load_six(g_and_rhs, b));
+        store_six(scaled(-m * (1 + (real)D * log_slope(e)), g), g_and_rhs, b);
 
-        const realv r0 = LOAD(cot, AT_K(b, 0, 3)), r1 = LOAD(cot, AT_K(b, 1, 3)), r2 = LOAD(cot, AT_K(b, 2, 3));
-        const floatv c0 = TO_FLOAT(r0), c1 = TO_FLOAT(r1), c2 = TO_FLOAT(r2), mf = TO_FLOAT(m);
+        const three r = load_three(cot, b);
+        const floatv c0 = TO_FLOAT(r.c0), c1 = TO_FLOAT(r.c1), c2 = TO_FLOAT(r.c2), mf = TO_FLOAT(m);
         const floatv w0 = mf * c0, w1 = mf * c1, w2 = mf * c2;
-        const floatv v0 = mf * TO_FLOAT(r1 + r2), v1 = mf * TO_FLOAT(r0 + r2), v2 = mf * TO_FLOAT(r0 + r1);
+        const floatv v0 = mf * TO_FLOAT(r.c1 + r.c2), v1 = mf * TO_FLOAT(r.c0 + r.c2),
+                     v2 = mf * TO_FLOAT(r.c0 + r.c1);
         STORE3(w0, w1, w2, weight, b)
         const floatv root = TO_FLOAT(sqrt((real)D * m / (LOAD(area, AT(b)) * fmax(e, (realv)0.25f))));
-        const floatv s0 = root * TO_FLOAT(g0), s1 = root * TO_FLOAT(g1), s2 = root * TO_FLOAT(g2),
-                     s3 = root * TO_FLOAT(g3), s4 = root * TO_FLOAT(g4), s5 = root * TO_FLOAT(g5);
+        const floatv s0 = root * TO_FLOAT(g.v0), s1 = root * TO_FLOAT(g.v1),
+                     s2 = root * TO_FLOAT(g.v2), s3 = root * TO_FLOAT(g.m0),
+                     s4 = root * TO_FLOAT(g.m1), s5 = root * TO_FLOAT(g.m2);
         STORE(s0, rank_one, AT_K(b, 0, 6));
         STORE(s1, rank_one, AT_K(b, 1, 6));
         STORE(s2, rank_one, AT_K(b, 2, 6));
@@ -179,19 +201,27 @@ KERNEL newton_prepare(int n, float alpha, float D, global const real *cot, globa
     }
 }
 
-/* M's weighted diagonals on T/2, with rank_one from newton_prepare. */
-KERNEL newton_diagonal(int n, global const real *cot, global const real *mu, global const float *rank_one,
-                       global float *diag LAUNCH)
+/* M's weighted diagonals on T/2, with rank_one from newton_prepare.
+ * reads cot, mu, rank_one; writes diag
+ * moves 4 real E + 48 E bytes, 45 E flops
+ * shape blocks of E; numerics as element_prepare */
+KERNEL newton_diagonal(int n, global const real *cot, global const real *mu,
+                       global const float *rank_one, global float *diag,
+                       volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(b, n)
+    FOR_BLOCKS(b, n, shares, launch)
     {
-        const realv r0 = LOAD(cot, AT_K(b, 0, 3)), r1 = LOAD(cot, AT_K(b, 1, 3)), r2 = LOAD(cot, AT_K(b, 2, 3));
+        const three r = load_three(cot, b);
         const floatv mf = TO_FLOAT(LOAD(mu, AT(b)));
-        const floatv v0 = mf * TO_FLOAT(r1 + r2), v1 = mf * TO_FLOAT(r0 + r2), v2 = mf * TO_FLOAT(r0 + r1);
-        const floatv s0 = fabs(LOAD(rank_one, AT_K(b, 0, 6))), s1 = fabs(LOAD(rank_one, AT_K(b, 1, 6))),
-                     s2 = fabs(LOAD(rank_one, AT_K(b, 2, 6))), s3 = fabs(LOAD(rank_one, AT_K(b, 3, 6))),
-                     s4 = fabs(LOAD(rank_one, AT_K(b, 4, 6))), s5 = fabs(LOAD(rank_one, AT_K(b, 5, 6)));
-        const floatv l = 0.5f * stiffness_bound(TO_FLOAT(r0), TO_FLOAT(r1), TO_FLOAT(r2));
+        const floatv v0 = mf * TO_FLOAT(r.c1 + r.c2), v1 = mf * TO_FLOAT(r.c0 + r.c2),
+                     v2 = mf * TO_FLOAT(r.c0 + r.c1);
+        const floatv s0 = fabs(LOAD(rank_one, AT_K(b, 0, 6))),
+                     s1 = fabs(LOAD(rank_one, AT_K(b, 1, 6))),
+                     s2 = fabs(LOAD(rank_one, AT_K(b, 2, 6))),
+                     s3 = fabs(LOAD(rank_one, AT_K(b, 3, 6))),
+                     s4 = fabs(LOAD(rank_one, AT_K(b, 4, 6))),
+                     s5 = fabs(LOAD(rank_one, AT_K(b, 5, 6)));
+        const floatv l = 0.5f * stiffness_bound(TO_FLOAT(r.c0), TO_FLOAT(r.c1), TO_FLOAT(r.c2));
         const floatv dm = l * (v0 + v1 + v2), size = s0 + s1 + s2 + s3 + s4 + s5;
         STORE(l * v0 + size * s0, diag, AT_K(b, 0, 6));
         STORE(l * v1 + size * s1, diag, AT_K(b, 1, 6));
@@ -202,42 +232,54 @@ KERNEL newton_diagonal(int n, global const real *cot, global const real *mu, glo
     }
 }
 
-/* rhs = f + sum of the elements' parts, in single precision for the inner solve. */
+/* rhs = f + sum of the elements' parts, in single precision for the inner solve.
+ * reads slice, slot, out (gathered), f; writes rhs
+ * moves 4 P + 6 real E + real R + 4 R bytes, 6 E + R flops
+ * shape blocks of R */
 KERNEL rows_rhs(int n, global const int *slice, global const int *slot, GATHERED real *out,
-                global const real *f, global float *rhs LAUNCH)
+                global const real *f, global float *rhs, volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(b, n)
+    FOR_BLOCKS(b, n, shares, launch)
     {
-        ROW_SUM(a, b)
+        const realv a = row_sum(slice, slot, out, b);
         STORE(TO_FLOAT(LOAD(f, AT(b)) + a), rhs, AT(b));
     }
 }
 
-/* r = f - A u of the outer system from its elements' parts, both precisions. */
+/* r = f - A u of the outer system from its elements' parts, both precisions.
+ * reads slice, slot, out (gathered), f; writes r, narrow
+ * moves 4 P + 6 real E + 2 real R + 4 R bytes, 6 E + R flops
+ * shape blocks of R */
 KERNEL rows_outer_residual(int n, global const int *slice, global const int *slot,
                            GATHERED real *out, global const real *f, global real *r,
-                           global float *narrow LAUNCH)
+                           global float *narrow, volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(b, n)
+    FOR_BLOCKS(b, n, shares, launch)
     {
-        ROW_SUM(a, b)
+        const realv a = row_sum(slice, slot, out, b);
         const realv d = LOAD(f, AT(b)) - a;
         STORE(d, r, AT(b));
         STORE(TO_FLOAT(d), narrow, AT(b));
     }
 }
 
-/* dy = D (L + g.w / (area s)) = D L + sqrt(D / (mu area s)) sqrt(c) g.w, kept in [-1, 1]; mu <- max(mu exp(dy), floor sqrt(area)).
- * Sums of area |change of mu| and area mu. */
+/* dy = D (L + g.w / (area s)) = D L + sqrt(D / (mu area s)) sqrt(c) g.w, kept in [-1, 1];
+ * mu <- max(mu exp(dy), lowest sqrt(area)). Sums of area |change of mu| and area mu.
+ * reads index, area, q, rank_one, w (gathered), mu; writes mu, scalars
+ * moves 48 E + 4 real E + 4 R bytes, 40 E flops
+ * shape blocks of E; numerics g.w in single precision by differences to m0; the sums in sum_t */
 KERNEL newton_update(int n, float alpha, float D, float lowest, global const int *index,
                      global const real *area, global const real *q, global const float *rank_one,
-                     GATHERED float *w, global real *mu, SUM_ARGS LAUNCH)
+                     GATHERED float *w, global real *mu, volatile global sum_t *partial, int at,
+                     global sum_t *scalars, volatile global int *done, volatile global int *shares,
+                     int4 launch)
 {
-    SCRATCH
-    FOR_PARTS
+    local group_memory group;
+    const sums s = {partial, scalars, done, &group, at, launch.s3};
+    FOR_PARTS(part, shares, launch)
     {
         sumv change = 0, mass = 0;
-        FOR_PART_BLOCKS(b, n)
+        FOR_PART_BLOCKS(b, n, part)
         {
             const intv i0 = LOAD(index, AT_K(b, 0, 6)), i1 = LOAD(index, AT_K(b, 1, 6)),
                        i2 = LOAD(index, AT_K(b, 2, 6)), i3 = LOAD(index, AT_K(b, 3, 6)),
@@ -260,23 +302,29 @@ KERNEL newton_update(int n, float alpha, float D, float lowest, global const int
             change += TO_SUM(a * fabs(next - old));
             mass += TO_SUM(a * next);
         }
-        REDUCE(partial, 0, change);
-        REDUCE(partial, 1, mass);
-        SUMS(2, 0)
+        leave_sum(s, 0, part, change);
+        leave_sum(s, 1, part, mass);
+        finish_sums(s, 2, 0);
     }
 }
 
 /* The paper's explicit Euler step mu <- mu (1 + dt (sqrt(q) - 1)), or, with inertial != 0, a step in
- * y = log mu with inertia: y <- y + 1/2 log q + beta (y - y_before). */
+ * y = log mu with inertia: y <- y + 1/2 log q + beta (y - y_before).
+ * reads area, q, mu, before; writes mu, before, scalars
+ * moves 6 real E bytes, 15 E flops
+ * shape blocks of E; numerics the sums in sum_t, in the order of parts */
 KERNEL explicit_update(int n, int inertial, float dt, float beta, float lowest,
                        global const real *area, global const real *q, global real *mu,
-                       global real *before, SUM_ARGS LAUNCH)
+                       global real *before, volatile global sum_t *partial, int at,
+                       global sum_t *scalars, volatile global int *done,
+                       volatile global int *shares, int4 launch)
 {
-    SCRATCH
-    FOR_PARTS
+    local group_memory group;
+    const sums s = {partial, scalars, done, &group, at, launch.s3};
+    FOR_PARTS(part, shares, launch)
     {
         sumv change = 0, mass = 0;
-        FOR_PART_BLOCKS(b, n)
+        FOR_PART_BLOCKS(b, n, part)
         {
             const realv a = LOAD(area, AT(b)), old = LOAD(mu, AT(b)),
                         slope = sqrt(LOAD(q, AT(b)));
@@ -291,30 +339,38 @@ KERNEL explicit_update(int n, int inertial, float dt, float beta, float lowest,
             change += TO_SUM(a * fabs(next - old));
             mass += TO_SUM(a * next);
         }
-        REDUCE(partial, 0, change);
-        REDUCE(partial, 1, mass);
-        SUMS(2, 0)
+        leave_sum(s, 0, part, change);
+        leave_sum(s, 1, part, mass);
+        finish_sums(s, 2, 0);
     }
 }
 
-/* out = mu g: the elements' parts of A u (in place over g). */
-KERNEL element_scale(int n, global const real *mu, global real *g LAUNCH)
+/* out = mu g: the elements' parts of A u (in place over g).
+ * reads mu, g; writes g
+ * moves 13 real E bytes, 6 E flops
+ * shape blocks of E */
+KERNEL element_scale(int n, global const real *mu, global real *g, volatile global int *shares,
+                     int4 launch)
 {
-    FOR_BLOCKS(b, n)
+    FOR_BLOCKS(b, n, shares, launch)
     {
-        const realv m = LOAD(mu, AT(b));
-        for (int k = 0; k < 6; k++) STORE(m * LOAD(g, AT_K(b, k, 6)), g, AT_K(b, k, 6));
+        store_six(scaled(LOAD(mu, AT(b)), load_six(g, b)), g, b);
     }
 }
 
 /* ---- certificate ------------------------------------------------------------------------------ */
 
 /* For the band bound: slope_max[l] = the largest sqrt(q) of the elements that meet level band l, as the
- * bits of a float (ordered like integers as it is >= 0). */
+ * bits of a float (ordered like integers as it is >= 0).
+ * reads index, u (gathered), q, slope_max; writes slope_max
+ * moves 24 E + real E + real R bytes, 16 E flops
+ * shape rows, one an element; numerics single precision, raised by 1e-6 for its rounding; maxima do not
+ * hang on the order */
 KERNEL band_slopes(int n, int n_bands, float u_low, float inv_band, global const int *index,
-                   global const real *u, global const real *q, volatile global int *slope_max LAUNCH)
+                   global const real *u, global const real *q, volatile global int *slope_max,
+                   volatile global int *shares, int4 launch)
 {
-    FOR_ROWS(t, n)
+    FOR_ROWS(t, n, shares, launch)
     {
         const int base = DMK_WIDTH * 6 * (t / DMK_WIDTH) + t % DMK_WIDTH;
         real low = u[index[base]], high = low;
@@ -332,11 +388,14 @@ KERNEL band_slopes(int n, int n_bands, float u_low, float inv_band, global const
     }
 }
 
-/* v = phi(u), phi piecewise linear with knots phi[0..n_bands] at u_low + l / inv_band. */
+/* v = phi(u), phi piecewise linear with knots phi[0..n_bands] at u_low + l / inv_band.
+ * reads phi (gathered), u; writes v
+ * moves 2 real R bytes, 6 R flops
+ * shape rows */
 KERNEL band_map(int n, int n_bands, float u_low, float inv_band, global const real *phi,
-                global const real *u, global real *v LAUNCH)
+                global const real *u, global real *v, volatile global int *shares, int4 launch)
 {
-    FOR_ROWS(i, n)
+    FOR_ROWS(i, n, shares, launch)
     {
         const real s = (u[i] - (real)u_low) * (real)inv_band;
         const int l = clamp((int)floor((float)s), 0, n_bands - 1);

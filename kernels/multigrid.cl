@@ -5,11 +5,17 @@
  * with weight 0) and the numbers of their links. */
 #if !DMK_DOUBLE
 
-/* x = step D^-1 b: the first Chebyshev step from 0. */
+/* x = step D^-1 b: the first Chebyshev step from 0.
+ * reads inv_diag, rhs; writes x
+ * moves 12 R bytes, 2 R flops
+ * shape blocks of R */
 KERNEL smooth_first(int n, float step, global const float *inv_diag, global const float *rhs,
-                    global float *x LAUNCH)
+                    global float *x, volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(b, n) { STORE(step * LOAD(inv_diag, AT(b)) * LOAD(rhs, AT(b)), x, AT(b)); }
+    FOR_BLOCKS(b, n, shares, launch)
+    {
+        STORE(step * LOAD(inv_diag, AT(b)) * LOAD(rhs, AT(b)), x, AT(b));
+    }
 }
 
 /* The place among 3 numbers per element of what has place p among 6: corner k, or side k at 3 + k. */
@@ -18,58 +24,64 @@ KERNEL smooth_first(int n, float step, global const float *inv_diag, global cons
 
 /* First phase of A x (M x with newton != 0) where only the restriction to T of its result is wanted: each
  * element's parts, those of the midpoints half to each end, 3 per element.
- * moves 36 E + 24 E + 4 R + 12 E bytes, 65 E flops; 24 E of them with newton */
+ * reads index, weight, g, x (gathered); writes out
+ * moves 36 E + 24 E + 4 R + 12 E bytes, 65 E flops; 24 E of them with newton
+ * shape blocks of E */
 KERNEL element_down(int n, int newton, global const int *index, global const float *weight,
-                    global const float *g, GATHERED float *x, global float *out LAUNCH)
+                    global const float *g, GATHERED float *x, global float *out,
+                    volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(b, n)
+    FOR_BLOCKS(b, n, shares, launch)
     {
-        X6(x, index, b)
-        const floatv w0 = LOAD(weight, AT_K(b, 0, 3)), w1 = LOAD(weight, AT_K(b, 1, 3)),
-                     w2 = LOAD(weight, AT_K(b, 2, 3));
-        STIFFNESS(w0, w1, w2)
-        if (newton) RANK_ONE(g, b)
-        STORE(y0 + 0.5f * (y4 + y5), out, AT_K(b, 0, 3));
-        STORE(y1 + 0.5f * (y3 + y5), out, AT_K(b, 1, 3));
-        STORE(y2 + 0.5f * (y3 + y4), out, AT_K(b, 2, 3));
+        const six at = gather_six(x, load_rows(index, b));
+        six y = stiffness(load_three(weight, b), at);
+        if (newton) y = add_rank_one(y, load_six(g, b), at);
+        STORE(y.v0 + 0.5f * (y.m1 + y.m2), out, AT_K(b, 0, 3));
+        STORE(y.v1 + 0.5f * (y.m0 + y.m2), out, AT_K(b, 1, 3));
+        STORE(y.v2 + 0.5f * (y.m0 + y.m1), out, AT_K(b, 2, 3));
     }
 }
 
 /* First phase of A (x + P c), c on T: a vertex takes its own value, a midpoint the mean of its edge's ends.
- * moves 36 E + 24 E + 4 R + 4 V + 24 E bytes, 71 E flops; 24 E of them with newton */
+ * reads index, weight, g, x and coarse (gathered); writes out
+ * moves 36 E + 24 E + 4 R + 4 V + 24 E bytes, 71 E flops; 24 E of them with newton
+ * shape blocks of E */
 KERNEL element_up(int n, int newton, int vertex_row, global const int *index,
                   global const float *weight, global const float *g, GATHERED float *x,
-                  GATHERED float *coarse, global float *out LAUNCH)
+                  GATHERED float *coarse, global float *out, volatile global int *shares,
+                  int4 launch)
 {
-    FOR_BLOCKS(b, n)
+    FOR_BLOCKS(b, n, shares, launch)
     {
-        X6(x, index, b)
-        const intv j0 = i0 - vertex_row, j1 = i1 - vertex_row, j2 = i2 - vertex_row;
+        const six_rows i = load_rows(index, b);
+        const intv j0 = i.v0 - vertex_row, j1 = i.v1 - vertex_row, j2 = i.v2 - vertex_row;
         const floatv c0 = (floatv)(GATHER(coarse, j0)), c1 = (floatv)(GATHER(coarse, j1)),
                      c2 = (floatv)(GATHER(coarse, j2));
-        v0 += c0;
-        v1 += c1;
-        v2 += c2;
-        m0 += 0.5f * (c1 + c2);
-        m1 += 0.5f * (c0 + c2);
-        m2 += 0.5f * (c0 + c1);
-        const floatv w0 = LOAD(weight, AT_K(b, 0, 3)), w1 = LOAD(weight, AT_K(b, 1, 3)),
-                     w2 = LOAD(weight, AT_K(b, 2, 3));
-        STIFFNESS(w0, w1, w2)
-        if (newton) RANK_ONE(g, b)
-        STORE6(out, b)
+        six at = gather_six(x, i);
+        at.v0 += c0;
+        at.v1 += c1;
+        at.v2 += c2;
+        at.m0 += 0.5f * (c1 + c2);
+        at.m1 += 0.5f * (c0 + c2);
+        at.m2 += 0.5f * (c0 + c1);
+        six y = stiffness(load_three(weight, b), at);
+        if (newton) y = add_rank_one(y, load_six(g, b), at);
+        store_six(y, out, b);
     }
 }
 
 /* Second phase: x += P c (ends: a row's two vertices), and x_old = x + step D^-1 (b - A x).
- * moves 4 P + 24 E + 8 R + 4 V + 20 R bytes, 6 E + 6 R flops */
+ * reads slice, slot, out and coarse (gathered), rhs, inv_diag, ends, x; writes x, x_old
+ * moves 4 P + 24 E + 8 R + 4 V + 20 R bytes, 6 E + 6 R flops
+ * shape blocks of R */
 KERNEL rows_up(int n, global const int *slice, global const int *slot, GATHERED float *out,
                global const float *rhs, global const float *inv_diag, global const int *ends,
-               GATHERED float *coarse, global float *x, global float *x_old, float step LAUNCH)
+               GATHERED float *coarse, global float *x, global float *x_old, float step,
+               volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(b, n)
+    FOR_BLOCKS(b, n, shares, launch)
     {
-        ROW_SUM(a, b)
+        const realv a = row_sum(slice, slot, out, b);
         const intv i = LOAD(ends, AT_K(b, 0, 2)), j = LOAD(ends, AT_K(b, 1, 2));
         const floatv now =
             LOAD(x, AT(b)) + 0.5f * ((floatv)(GATHER(coarse, i)) + (floatv)(GATHER(coarse, j)));
@@ -79,19 +91,25 @@ KERNEL rows_up(int n, global const int *slice, global const int *slot, GATHERED 
 }
 
 /* rows_chebyshev (operator.cl) at the end of a cycle, and with its result z the sums r.z and Ap.z of
- * conjugate gradients, r = rhs, and beta of them. */
+ * conjugate gradients, r = rhs, and beta of them.
+ * reads slice, slot, out (gathered), rhs, inv_diag, x, x_old, ap; writes x_old, scalars
+ * moves 4 P + 24 E + 24 R bytes, 6 E + 11 R flops
+ * shape blocks of R; numerics the sums in sum_t, in the order of parts */
 KERNEL rows_chebyshev_dots(int n, int first, global const int *slice, global const int *slot,
-                           GATHERED float *out, global const float *rhs, global const float *inv_diag,
-                           global const float *x, global float *x_old, float momentum, float keep,
-                           float step, global const float *ap, SUM_ARGS LAUNCH)
+                           GATHERED float *out, global const float *rhs,
+                           global const float *inv_diag, global const float *x, global float *x_old,
+                           float momentum, float keep, float step, global const float *ap,
+                           volatile global sum_t *partial, int at, global sum_t *scalars,
+                           volatile global int *done, volatile global int *shares, int4 launch)
 {
-    SCRATCH
-    FOR_PARTS
+    local group_memory group;
+    const sums s = {partial, scalars, done, &group, at, launch.s3};
+    FOR_PARTS(part, shares, launch)
     {
         sumv rz = 0, apz = 0;
-        FOR_PART_BLOCKS(b, n)
+        FOR_PART_BLOCKS(b, n, part)
         {
-            ROW_SUM(a, b)
+            const realv a = row_sum(slice, slot, out, b);
             const floatv r = LOAD(rhs, AT(b)), now = LOAD(x, AT(b));
             const floatv next = now + momentum * (now - keep * LOAD(x_old, AT(b))) +
                                 step * LOAD(inv_diag, AT(b)) * (r - a);
@@ -99,30 +117,34 @@ KERNEL rows_chebyshev_dots(int n, int first, global const int *slice, global con
             rz += TO_SUM(r) * TO_SUM(next);
             apz += TO_SUM(LOAD(ap, AT(b))) * TO_SUM(next);
         }
-        REDUCE(partial, 0, rz);
-        REDUCE(partial, 1, apz);
-        const int when = LAST_PART;
-        CG_BETA(PARTS)
+        leave_sum(s, 0, part, rz);
+        leave_sum(s, 1, part, apz);
+        cg_beta_of(s, first, is_last_part(s));
     }
 }
 
 /* Restriction of a residual from T/2 to T, b = P'(rhs - A x), and the first smoothing step there. link:
  * the midpoints of v's edges; down: the elements' parts of P'A x, found by the rows' places, first: slice of
- * vertex 0 among the rows. */
+ * vertex 0 among the rows.
+ * reads slice, link, fine (gathered), corner_slice, corner, down (gathered), inv_diag; writes rhs, x
+ * moves 4 L + 4 R + 24 E + 12 V bytes, L + 3 E + 4 V flops
+ * shape blocks of V */
 KERNEL restrict_midpoints(int n, int vertex_row, global const int *slice, global const int *link,
                           GATHERED float *fine, int first, global const int *corner_slice,
                           global const int *corner, GATHERED float *down, float step,
-                          global const float *inv_diag, global float *rhs, global float *x LAUNCH)
+                          global const float *inv_diag, global float *rhs, global float *x,
+                          volatile global int *shares, int4 launch)
 {
     global const float *at_vertex = (global const float *)(fine + vertex_row);
-    FOR_BLOCKS(b, n)
+    FOR_BLOCKS(b, n, shares, launch)
     {
         floatv sum = 0, ax = 0;
         for (int j = slice[SLICE(b)], e = slice[SLICE(b) + 1]; j < e; j++) {
             const intv i = LOAD(link, COLUMN(b, j));
             sum += (floatv)(GATHER(fine, i));
         }
-        for (int j = corner_slice[first + SLICE(b)], e = corner_slice[first + SLICE(b) + 1]; j < e; j++) {
+        for (int j = corner_slice[first + SLICE(b)], end = corner_slice[first + SLICE(b) + 1]; j < end;
+             j++) {
             const intv p = LOAD(corner, COLUMN(b, j));
             const intv i = CORNER_PLACE(p);
             ax += (floatv)(GATHER(down, i));
@@ -135,39 +157,44 @@ KERNEL restrict_midpoints(int n, int vertex_row, global const int *slice, global
 
 /* ---- graph levels: the work on a block of rows, for launches over a level and for the tail ---- */
 
-#define GRAPH const global int *slice, const global int *neighbour, const global float *weight
+/* The operator of a graph level. */
+typedef struct graph {
+    global const int *slice, *neighbour;
+    global const float *weight;
+} graph;
 
-static floatv graph_sum(int b, GRAPH, const global float *x, floatv now)
+static floatv graph_sum(int b, graph g, global const float *x, floatv now)
 {
     GATHERED float *x_read = x;
     floatv y = 0;
-    for (int j = slice[SLICE(b)], e = slice[SLICE(b) + 1]; j < e; j++) {
-        const intv i = LOAD(neighbour, COLUMN(b, j));
-        y += LOAD(weight, COLUMN(b, j)) * (now - (floatv)(GATHER(x_read, i)));
+    for (int j = g.slice[SLICE(b)], e = g.slice[SLICE(b) + 1]; j < e; j++) {
+        const intv i = LOAD(g.neighbour, COLUMN(b, j));
+        y += LOAD(g.weight, COLUMN(b, j)) * (now - (floatv)(GATHER(x_read, i)));
     }
     return y;
 }
 
-static void residual_block(int b, GRAPH, const global float *x, const global float *rhs, global float *r)
+static void residual_block(int b, graph g, global const float *x, global const float *rhs,
+                           global float *r)
 {
-    const floatv now = LOAD(x, AT(b)), a = graph_sum(b, slice, neighbour, weight, x, now);
+    const floatv now = LOAD(x, AT(b)), a = graph_sum(b, g, x, now);
     STORE(LOAD(rhs, AT(b)) - a, r, AT(b));
 }
 
-static void chebyshev_block(int b, GRAPH, const global float *rhs, const global float *inv_diag,
-                            const global float *x, global float *x_old, float momentum, float keep,
+static void chebyshev_block(int b, graph g, global const float *rhs, global const float *inv_diag,
+                            global const float *x, global float *x_old, float momentum, float keep,
                             float step)
 {
-    const floatv now = LOAD(x, AT(b)), a = graph_sum(b, slice, neighbour, weight, x, now);
+    const floatv now = LOAD(x, AT(b)), a = graph_sum(b, g, x, now);
     STORE(now + momentum * (now - keep * LOAD(x_old, AT(b))) +
               step * LOAD(inv_diag, AT(b)) * (LOAD(rhs, AT(b)) - a),
           x_old, AT(b));
 }
 
 /* Restriction with general weights (the transposed prolongation), and the first smoothing step. */
-static void restrict_block(int b, const global int *slice, const global int *fine,
-                           const global float *weight, GATHERED float *r, float step,
-                           const global float *inv_diag, global float *rhs, global float *x)
+static void restrict_block(int b, global const int *slice, global const int *fine,
+                           global const float *weight, GATHERED float *r, float step,
+                           global const float *inv_diag, global float *rhs, global float *x)
 {
     floatv sum = 0;
     for (int j = slice[SLICE(b)], e = slice[SLICE(b) + 1]; j < e; j++) {
@@ -178,7 +205,7 @@ static void restrict_block(int b, const global int *slice, const global int *fin
     STORE(step * LOAD(inv_diag, AT(b)) * sum, x, AT(b));
 }
 
-static void prolong_block(int b, const global int *index, const global float *weight,
+static void prolong_block(int b, global const int *index, global const float *weight,
                           GATHERED float *coarse, global float *x)
 {
     const intv i = LOAD(index, AT_K(b, 0, 3)), j = LOAD(index, AT_K(b, 1, 3)),
@@ -190,153 +217,222 @@ static void prolong_block(int b, const global int *index, const global float *we
 }
 
 /* Coarsest level: x = inverse * b, the symmetric pseudo-inverse stored by columns of n_pad. */
-static void coarse_block(int b, int n, int n_pad, const global float *inverse, const global float *rhs,
-                         global float *x)
+static void coarse_block(int b, int n, int n_pad, global const float *inverse,
+                         global const float *rhs, global float *x)
 {
     floatv sum = 0;
     for (int j = 0; j < n; j++) sum += LOAD(inverse, j * n_pad + AT(b)) * rhs[j];
     STORE(sum, x, AT(b));
 }
 
-/* moves 8 L + 12 V bytes, 3 L + V flops */
-KERNEL graph_residual(int n, GRAPH, global const float *x, global const float *rhs,
-                      global float *r LAUNCH)
+/* r = rhs - A x on a graph level.
+ * reads slice, neighbour, weight, x (gathered), rhs; writes r
+ * moves 8 L + 12 V bytes, 3 L + V flops
+ * shape blocks of V; numerics differences first, so that constants give 0 exactly */
+KERNEL graph_residual(int n, global const int *slice, global const int *neighbour,
+                      global const float *weight, global const float *x, global const float *rhs,
+                      global float *r, volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(b, n) { residual_block(b, slice, neighbour, weight, x, rhs, r); }
+    const graph g = {slice, neighbour, weight};
+    FOR_BLOCKS(b, n, shares, launch) { residual_block(b, g, x, rhs, r); }
 }
 
-/* moves 8 L + 20 V bytes, 3 L + 7 V flops */
-KERNEL graph_chebyshev(int n, GRAPH, global const float *rhs, global const float *inv_diag,
-                       global const float *x, global float *x_old, float momentum, float keep,
-                       float step LAUNCH)
+/* A Chebyshev step on a graph level, as rows_chebyshev.
+ * reads slice, neighbour, weight, rhs, inv_diag, x (gathered), x_old; writes x_old
+ * moves 8 L + 20 V bytes, 3 L + 7 V flops
+ * shape blocks of V; numerics as graph_residual */
+KERNEL graph_chebyshev(int n, global const int *slice, global const int *neighbour,
+                       global const float *weight, global const float *rhs,
+                       global const float *inv_diag, global const float *x, global float *x_old,
+                       float momentum, float keep, float step, volatile global int *shares,
+                       int4 launch)
 {
-    FOR_BLOCKS(b, n)
+    const graph g = {slice, neighbour, weight};
+    FOR_BLOCKS(b, n, shares, launch)
     {
-        chebyshev_block(b, slice, neighbour, weight, rhs, inv_diag, x, x_old, momentum, keep, step);
+        chebyshev_block(b, g, rhs, inv_diag, x, x_old, momentum, keep, step);
     }
 }
 
+/* rhs = P'r of the next finer level, and x = step D^-1 rhs.
+ * reads slice, fine, weight, r (gathered), inv_diag; writes rhs, x
+ * moves 8 C + 12 V bytes and the finer residual, 2 C + 2 V flops
+ * shape blocks of V */
 KERNEL restrict_rows(int n, global const int *slice, global const int *fine,
                      global const float *weight, GATHERED float *r, float step,
-                     global const float *inv_diag, global float *rhs, global float *x LAUNCH)
+                     global const float *inv_diag, global float *rhs, global float *x,
+                     volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(b, n) { restrict_block(b, slice, fine, weight, r, step, inv_diag, rhs, x); }
+    FOR_BLOCKS(b, n, shares, launch)
+    {
+        restrict_block(b, slice, fine, weight, r, step, inv_diag, rhs, x);
+    }
 }
 
+/* x += P coarse, three entries a row.
+ * reads index, weight, coarse (gathered), x; writes x
+ * moves 32 V bytes and the coarser x, 6 V flops
+ * shape blocks of V, the finer level's */
 KERNEL prolong_rows(int n, global const int *index, global const float *weight,
-                    GATHERED float *coarse, global float *x LAUNCH)
+                    GATHERED float *coarse, global float *x, volatile global int *shares,
+                    int4 launch)
 {
-    FOR_BLOCKS(b, n) { prolong_block(b, index, weight, coarse, x); }
+    FOR_BLOCKS(b, n, shares, launch) { prolong_block(b, index, weight, coarse, x); }
 }
 
+/* x = inverse * rhs on the coarsest level.
+ * reads inverse, rhs; writes x
+ * moves 4 N^2 + 8 N bytes, 2 N^2 flops
+ * shape blocks of V; numerics a column after the other */
 KERNEL coarse_solve(int n, int n_pad, global const float *inverse, global const float *rhs,
-                    global float *x LAUNCH)
+                    global float *x, volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(b, n_pad) { coarse_block(b, n, n_pad, inverse, rhs, x); }
+    FOR_BLOCKS(b, n_pad, shares, launch) { coarse_block(b, n, n_pad, inverse, rhs, x); }
 }
 
 /* ---- the tail: the coarsest levels in one launch of one work-group ---- */
 
-/* Arrays of level l (dmk_shared.h). */
-#define TAIL(l, what) table[(l) * DMK_TAIL_FIELDS + DMK_TAIL_##what]
-#define TAIL_INTS(l, what) (arena + TAIL(l, what))
-#define TAIL_NUMBERS(l, what) ((global float *)(arena + TAIL(l, what)))
-#define TAIL_GRAPH(l) TAIL_INTS(l, SLICE), TAIL_INTS(l, NEIGHBOUR), TAIL_NUMBERS(l, WEIGHT)
+/* Their arrays lie in one buffer; for each level a row of the table (dmk_shared.h) says where. */
+typedef struct tail {
+    global const int *table;
+    global int *arena;
+} tail;
 
-/* x_to <- Chebyshev step from x_from. */
-static void tail_chebyshev(int l, global const int *table, global int *arena, global const float *from,
-                           global float *to, float momentum, float keep, float step)
+static int tail_count(tail t, int l, int field)
 {
-    FOR_ALL_BLOCKS(b, TAIL(l, ROWS))
+    return t.table[l * DMK_TAIL_FIELDS + field];
+}
+
+static global int *tail_ints(tail t, int l, int field)
+{
+    return t.arena + tail_count(t, l, field);
+}
+
+static global float *tail_floats(tail t, int l, int field)
+{
+    return (global float *)tail_ints(t, l, field);
+}
+
+static graph tail_graph(tail t, int l)
+{
+    const graph g = {tail_ints(t, l, DMK_TAIL_SLICE), tail_ints(t, l, DMK_TAIL_NEIGHBOUR),
+                     tail_floats(t, l, DMK_TAIL_WEIGHT)};
+    return g;
+}
+
+/* to <- Chebyshev step from `from`; both are fields of the table. */
+static void tail_chebyshev(tail t, int l, int from, int to, float momentum, float keep, float step)
+{
+    const graph g = tail_graph(t, l);
+    FOR_ALL_BLOCKS(b, tail_count(t, l, DMK_TAIL_ROWS))
     {
-        chebyshev_block(b, TAIL_GRAPH(l), TAIL_NUMBERS(l, RHS), TAIL_NUMBERS(l, INV_DIAG), from, to,
-                        momentum, keep, step);
+        chebyshev_block(b, g, tail_floats(t, l, DMK_TAIL_RHS), tail_floats(t, l, DMK_TAIL_INV_DIAG),
+                        tail_floats(t, l, from), tail_floats(t, l, to), momentum, keep, step);
     }
     TOGETHER
 }
 
-static void tail_residual(int l, global const int *table, global int *arena)
+static void tail_residual(tail t, int l)
 {
-    FOR_ALL_BLOCKS(b, TAIL(l, ROWS))
+    const graph g = tail_graph(t, l);
+    FOR_ALL_BLOCKS(b, tail_count(t, l, DMK_TAIL_ROWS))
     {
-        residual_block(b, TAIL_GRAPH(l), TAIL_NUMBERS(l, X_OLD), TAIL_NUMBERS(l, RHS),
-                       TAIL_NUMBERS(l, X));
+        residual_block(b, g, tail_floats(t, l, DMK_TAIL_X_OLD), tail_floats(t, l, DMK_TAIL_RHS),
+                       tail_floats(t, l, DMK_TAIL_X));
     }
     TOGETHER
 }
 
 /* n: its rows, or 0 where that has been done. */
-static void tail_restrict(int l, int n, global const int *table, global int *arena, GATHERED float *r,
-                          float step)
+static void tail_restrict(tail t, int l, int n, GATHERED float *r, float step)
 {
     FOR_ALL_BLOCKS(b, n)
     {
-        restrict_block(b, TAIL_INTS(l, RESTRICT_SLICE), TAIL_INTS(l, RESTRICT_ENTRY),
-                       TAIL_NUMBERS(l, RESTRICT_WEIGHT), r, step, TAIL_NUMBERS(l, INV_DIAG),
-                       TAIL_NUMBERS(l, RHS), TAIL_NUMBERS(l, X));
+        restrict_block(b, tail_ints(t, l, DMK_TAIL_RESTRICT_SLICE),
+                       tail_ints(t, l, DMK_TAIL_RESTRICT_ENTRY),
+                       tail_floats(t, l, DMK_TAIL_RESTRICT_WEIGHT), r, step,
+                       tail_floats(t, l, DMK_TAIL_INV_DIAG), tail_floats(t, l, DMK_TAIL_RHS),
+                       tail_floats(t, l, DMK_TAIL_X));
     }
     TOGETHER
 }
 
-static void tail_prolong(int l, global const int *table, global int *arena)
+static void tail_prolong(tail t, int l)
 {
-    FOR_ALL_BLOCKS(b, TAIL(l - 1, ROWS))
+    FOR_ALL_BLOCKS(b, tail_count(t, l - 1, DMK_TAIL_ROWS))
     {
-        prolong_block(b, TAIL_INTS(l, PROLONG_INDEX), TAIL_NUMBERS(l, PROLONG_WEIGHT),
-                      TAIL_NUMBERS(l, X_OLD), TAIL_NUMBERS(l - 1, X_OLD));
+        prolong_block(b, tail_ints(t, l, DMK_TAIL_PROLONG_INDEX),
+                      tail_floats(t, l, DMK_TAIL_PROLONG_WEIGHT),
+                      tail_floats(t, l, DMK_TAIL_X_OLD), tail_floats(t, l - 1, DMK_TAIL_X_OLD));
+    }
+    TOGETHER
+}
+
+static void tail_solve(tail t, int l, global const float *inverse)
+{
+    const int n = tail_count(t, l, DMK_TAIL_ROWS), n_pad = tail_count(t, l, DMK_TAIL_PAD);
+    FOR_ALL_BLOCKS(b, n_pad)
+    {
+        coarse_block(b, n, n_pad, inverse, tail_floats(t, l, DMK_TAIL_RHS),
+                     tail_floats(t, l, DMK_TAIL_X_OLD));
     }
     TOGETHER
 }
 
 /* The V-cycle on the tail's levels: x_old of the first from its rhs or, where `above` counts, from the
- * residual r of the level above; steps as in multigrid.c. */
-KERNEL tail_cycle(int levels, int above, global const int *table, global int *arena, GATHERED float *r,
-                  global const float *inverse, float first, float momentum, float step LAUNCH)
+ * residual r of the level above; steps as in multigrid.c.
+ * reads table, arena, r (gathered), inverse; writes arena
+ * moves 32 L + 68 V + 8 C bytes, 12 L + 15 V + 2 C flops at each level
+ * shape one work-group, which waits between its loops */
+KERNEL tail_cycle(int levels, int above, global const int *table, global int *arena,
+                  GATHERED float *r, global const float *inverse, float first, float momentum,
+                  float step, volatile global int *shares, int4 launch)
 {
-    const int last = levels - 1;
-    tail_restrict(0, above ? TAIL(0, ROWS) : 0, table, arena, r, first);
+    const int last = levels - 1, x = DMK_TAIL_X, x_old = DMK_TAIL_X_OLD;
+    const tail t = {table, arena};
+    tail_restrict(t, 0, above ? tail_count(t, 0, DMK_TAIL_ROWS) : 0, r, first);
     for (int l = 0; l < last; l++) {
-        tail_chebyshev(l, table, arena, TAIL_NUMBERS(l, X), TAIL_NUMBERS(l, X_OLD), momentum, 0, step);
-        tail_residual(l, table, arena);
-        tail_restrict(l + 1, TAIL(l + 1, ROWS), table, arena, TAIL_NUMBERS(l, X), first);
+        tail_chebyshev(t, l, x, x_old, momentum, 0, step);
+        tail_residual(t, l);
+        tail_restrict(t, l + 1, tail_count(t, l + 1, DMK_TAIL_ROWS), tail_floats(t, l, x), first);
     }
-    FOR_ALL_BLOCKS(b, TAIL(last, PAD))
-    {
-        coarse_block(b, TAIL(last, ROWS), TAIL(last, PAD), inverse, TAIL_NUMBERS(last, RHS),
-                     TAIL_NUMBERS(last, X_OLD));
-    }
-    TOGETHER
+    tail_solve(t, last, inverse);
     for (int l = last - 1; l >= 0; l--) {
-        tail_prolong(l + 1, table, arena);
-        tail_chebyshev(l, table, arena, TAIL_NUMBERS(l, X_OLD), TAIL_NUMBERS(l, X), 0, 1, first);
-        tail_chebyshev(l, table, arena, TAIL_NUMBERS(l, X), TAIL_NUMBERS(l, X_OLD), momentum, 1, step);
+        tail_prolong(t, l + 1);
+        tail_chebyshev(t, l, x_old, x, 0, 1, first);
+        tail_chebyshev(t, l, x, x_old, momentum, 1, step);
     }
 }
 
-/* The inverse for coarse_solve, by one work-group: the pseudo-inverse (L + c J)^-1 - J / (c n^2) of the
- * coarsest graph's Laplacian L, J all ones, c of the size of its diagonal; Gauss-Jordan steps in place, for
- * L + c J is positive definite. a: n rows of n numbers. n is at most DMK_DENSE. n^3 multiplications. */
-static void dense_laplacian(int n, global const int *slice, global const int *neighbour,
-                            global const float *weight, global sum_t *a)
+/* The Laplacian of a graph level as a full matrix, n rows of n numbers. */
+static void dense_laplacian(int n, graph g, global sum_t *a)
 {
     FOR_ITEMS(i, n)
     {
         sum_t diag = 0;
         for (int j = 0; j < n; j++) a[i * n + j] = 0;
-        for (int j = slice[i / DMK_WIDTH]; j < slice[i / DMK_WIDTH + 1]; j++) {
+        for (int j = g.slice[i / DMK_WIDTH]; j < g.slice[i / DMK_WIDTH + 1]; j++) {
             const int k = DMK_WIDTH * j + i % DMK_WIDTH;
-            a[i * n + neighbour[k]] -= weight[k];
-            diag += weight[k];
+            a[i * n + g.neighbour[k]] -= g.weight[k];
+            diag += g.weight[k];
         }
         a[i * n + i] += diag; /* short rows name the row itself, with weight 0 */
     }
 }
 
-KERNEL coarse_inverse(int n, int n_pad, GRAPH, global sum_t *a, global float *inverse LAUNCH)
+/* The inverse for coarse_solve: the pseudo-inverse (L + c J)^-1 - J / (c n^2) of the coarsest graph's
+ * Laplacian L, J all ones, c of the size of its diagonal. a: n rows of n numbers. n is at most DMK_DENSE.
+ * reads slice, neighbour, weight, a; writes a, inverse; moves 2 n^3 numbers, 2 n^3 flops
+ * shape one work-group; numerics in sum_t, Gauss-Jordan steps in place without pivoting, for L + c J is
+ * positive definite; a pivot lost to rounding is left out */
+KERNEL coarse_inverse(int n, int n_pad, global const int *slice, global const int *neighbour,
+                      global const float *weight, global sum_t *a, global float *inverse,
+                      volatile global int *shares, int4 launch)
 {
+    const graph g = {slice, neighbour, weight};
     local sum_t row[DMK_DENSE], column[DMK_DENSE], least[DMK_DENSE];
     sum_t shift = 0;
-    dense_laplacian(n, slice, neighbour, weight, a);
+    dense_laplacian(n, g, a);
     TOGETHER
     for (int i = 0; i < n; i++) shift += a[i * n + i];
     shift /= (sum_t)n * n;
@@ -375,11 +471,14 @@ KERNEL coarse_inverse(int n, int n_pad, GRAPH, global sum_t *a, global float *in
 /* ---- refresh --------------------------------------------------------------------------------- */
 
 /* Level 1: an edge's link weight is the sum over its two triangles. slot: the midpoints' two places among
- * the elements' parts; a border edge's second one is of an element whose numbers stay 0. */
+ * the elements' parts; a border edge's second one is of an element whose numbers stay 0.
+ * reads slot, triangle_link (gathered); writes link
+ * moves 12 K + 12 E bytes, K flops
+ * shape blocks of K */
 KERNEL links_from_triangles(int n, global const int *slot, GATHERED float *triangle_link,
-                            global float *link LAUNCH)
+                            global float *link, volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(b, n)
+    FOR_BLOCKS(b, n, shares, launch)
     {
         const intv p = LOAD(slot, AT_K(b, 0, 2)), q = LOAD(slot, AT_K(b, 1, 2));
         const intv i = SIDE_PLACE(p), j = SIDE_PLACE(q);
@@ -387,7 +486,7 @@ KERNEL links_from_triangles(int n, global const int *slot, GATHERED float *trian
     }
 }
 
-/* Deeper levels: w_coarse = R w_fine, the Galerkin product as a mesh-only table. */
+/* Link i of the coarser level. */
 static float link_sum(int i, global const int *row, global const int *fine, global const half *coef,
                       global const float *fine_link)
 {
@@ -396,17 +495,21 @@ static float link_sum(int i, global const int *row, global const int *fine, glob
     return sum;
 }
 
+/* Deeper levels: w_coarse = R w_fine, the Galerkin product as a table of the mesh alone.
+ * reads row, fine, coef, fine_link (gathered); writes link
+ * moves 10 C + 8 K bytes, 2 C flops
+ * shape rows; numerics coefficients in half precision (see system.c) */
 KERNEL links_from_links(int n, global const int *row, global const int *fine,
-                        global const half *coef, global const float *fine_link,
-                        global float *link LAUNCH)
+                        global const half *coef, global const float *fine_link, global float *link,
+                        volatile global int *shares, int4 launch)
 {
-    FOR_ROWS(i, n) { link[i] = link_sum(i, row, fine, coef, fine_link); }
+    FOR_ROWS(i, n, shares, launch) { link[i] = link_sum(i, row, fine, coef, fine_link); }
 }
 
 /* Copy link weights to rows; D = a_ii + sum |a_ij| bounds A by 1 (row sums of magnitudes), so the
  * smoother needs no eigenvalue estimate. number: links by row, a short row's filler has weight 0. */
-static floatv weights_block(int b, global const int *slice, global const int *number, GATHERED float *link,
-                            global float *weight)
+static floatv weights_block(int b, global const int *slice, global const int *number,
+                            GATHERED float *link, global float *weight)
 {
     floatv diag = 0, size = 0;
     for (int j = slice[SLICE(b)], e = slice[SLICE(b) + 1]; j < e; j++) {
@@ -424,26 +527,36 @@ static floatv inverse_of(floatv size)
     return size > 0 ? 1 / size : 0 * size;
 }
 
+/* A graph level's weights by row, and its inverse diagonal.
+ * reads slice, number, link (gathered); writes weight, inv_diag
+ * moves 8 L + 4 K + 4 V bytes, 2 L + 2 V flops
+ * shape blocks of V */
 KERNEL graph_weights(int n, global const int *slice, global const int *number, GATHERED float *link,
-                     global float *weight, global float *inv_diag LAUNCH)
+                     global float *weight, global float *inv_diag, volatile global int *shares,
+                     int4 launch)
 {
-    FOR_BLOCKS(b, n)
+    FOR_BLOCKS(b, n, shares, launch)
     {
         STORE(inverse_of(weights_block(b, slice, number, link, weight)), inv_diag, AT(b));
     }
 }
 
 /* The same on T, where the elements' bound is sharper than the rows': the inverse diagonal is from theirs,
- * 3 per element. first: slice of vertex 0 among the rows. */
+ * 3 per element. first: slice of vertex 0 among the rows.
+ * reads slice, number, link (gathered), corner_slice, corner, diag (gathered); writes weight, inv_diag
+ * moves 8 L + 4 K + 24 E + 4 V bytes, 3 E + V flops
+ * shape blocks of V */
 KERNEL mesh_weights(int n, global const int *slice, global const int *number, GATHERED float *link,
                     global float *weight, int first, global const int *corner_slice,
-                    global const int *corner, GATHERED float *diag, global float *inv_diag LAUNCH)
+                    global const int *corner, GATHERED float *diag, global float *inv_diag,
+                    volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(b, n)
+    FOR_BLOCKS(b, n, shares, launch)
     {
         floatv sum = 0;
         weights_block(b, slice, number, link, weight);
-        for (int j = corner_slice[first + SLICE(b)], e = corner_slice[first + SLICE(b) + 1]; j < e; j++) {
+        for (int j = corner_slice[first + SLICE(b)], end = corner_slice[first + SLICE(b) + 1]; j < end;
+             j++) {
             const intv p = LOAD(corner, COLUMN(b, j));
             const intv i = CORNER_PLACE(p);
             sum += (floatv)(GATHER(diag, i));
@@ -452,11 +565,14 @@ KERNEL mesh_weights(int n, global const int *slice, global const int *number, GA
     }
 }
 
-/* 1 / (sum of the elements' weighted diagonals): see element_prepare. */
+/* 1 / (sum of the elements' weighted diagonals): see element_prepare.
+ * reads slice, slot, out (gathered); writes inv_diag
+ * moves 4 P + 24 E + 4 R bytes, 6 E + R flops
+ * shape blocks of R */
 KERNEL inverse_diagonal(int n, global const int *slice, global const int *slot, GATHERED float *out,
-                        global float *inv_diag LAUNCH)
+                        global float *inv_diag, volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(b, n)
+    FOR_BLOCKS(b, n, shares, launch)
     {
         floatv sum = 0;
         for (int j = slice[SLICE(b)], e = slice[SLICE(b) + 1]; j < e; j++) {
@@ -467,26 +583,45 @@ KERNEL inverse_diagonal(int n, global const int *slice, global const int *slot, 
     }
 }
 
-/* Weights of the tail's levels, and the links of all but the first. */
-KERNEL tail_refresh(int levels, global const int *table, global int *arena LAUNCH)
+static void tail_links(tail t, int l)
 {
-    for (int l = 0; l < levels; l++) {
-        const int n = l > 0 ? TAIL(l, LINKS) : 0, above = l > 0 ? l - 1 : 0;
-        global const half *coef = (global const half *)TAIL_INTS(l, GALERKIN_COEF);
-        global float *link = TAIL_NUMBERS(l, LINK);
-        FOR_ITEMS(i, n)
-        {
-            link[i] = link_sum(i, TAIL_INTS(l, GALERKIN_ROW), TAIL_INTS(l, GALERKIN_LINK), coef,
-                               TAIL_NUMBERS(above, LINK));
-        }
-        TOGETHER
-        FOR_ALL_BLOCKS(b, TAIL(l, ROWS))
-        {
-            const floatv size = weights_block(b, TAIL_INTS(l, SLICE), TAIL_INTS(l, NUMBER),
-                                              TAIL_NUMBERS(l, LINK), TAIL_NUMBERS(l, WEIGHT));
-            STORE(inverse_of(size), TAIL_NUMBERS(l, INV_DIAG), AT(b));
-        }
-        TOGETHER
+    global const half *coef = (global const half *)tail_ints(t, l, DMK_TAIL_GALERKIN_COEF);
+    global float *link = tail_floats(t, l, DMK_TAIL_LINK);
+    const int n = tail_count(t, l, DMK_TAIL_LINKS);
+    FOR_ITEMS(i, n)
+    {
+        link[i] = link_sum(i, tail_ints(t, l, DMK_TAIL_GALERKIN_ROW),
+                           tail_ints(t, l, DMK_TAIL_GALERKIN_LINK), coef,
+                           tail_floats(t, l - 1, DMK_TAIL_LINK));
+    }
+    TOGETHER
+}
+
+static void tail_weights(tail t, int l)
+{
+    FOR_ALL_BLOCKS(b, tail_count(t, l, DMK_TAIL_ROWS))
+    {
+        const floatv size = weights_block(b, tail_ints(t, l, DMK_TAIL_SLICE),
+                                          tail_ints(t, l, DMK_TAIL_NUMBER),
+                                          tail_floats(t, l, DMK_TAIL_LINK),
+                                          tail_floats(t, l, DMK_TAIL_WEIGHT));
+        STORE(inverse_of(size), tail_floats(t, l, DMK_TAIL_INV_DIAG), AT(b));
+    }
+    TOGETHER
+}
+
+/* Weights of the tail's levels, and the links of all but the first, by links_from_links and graph_weights.
+ * reads table, arena; writes arena
+ * moves 10 C + 4 K + 12 L + 4 V bytes, 2 C + 2 L + 2 V flops at each level
+ * shape one work-group, which waits between its loops */
+KERNEL tail_refresh(int levels, global const int *table, global int *arena,
+                    volatile global int *shares, int4 launch)
+{
+    const tail t = {table, arena};
+    tail_weights(t, 0);
+    for (int l = 1; l < levels; l++) {
+        tail_links(t, l);
+        tail_weights(t, l);
     }
 }
 #endif

@@ -10,117 +10,181 @@
  *   slice, slot   rows in slices of 8 (sliced ELLPACK): columns slice[s]..slice[s+1] of slice s hold
  *                 places in `out`; short rows are filled with a place that stays 0. */
 
-#define X6(p, index, b)                                                                            \
-    const intv i0 = LOAD(index, AT_K(b, 0, 6)), i1 = LOAD(index, AT_K(b, 1, 6)),                   \
-               i2 = LOAD(index, AT_K(b, 2, 6)), i3 = LOAD(index, AT_K(b, 3, 6)),                   \
-               i4 = LOAD(index, AT_K(b, 4, 6)), i5 = LOAD(index, AT_K(b, 5, 6));                   \
-    realv v0 = (realv)(GATHER(p, i0)), v1 = (realv)(GATHER(p, i1)), v2 = (realv)(GATHER(p, i2)),   \
-          m0 = (realv)(GATHER(p, i3)), m1 = (realv)(GATHER(p, i4)), m2 = (realv)(GATHER(p, i5));
+/* The rows of an element's (or a block's elements') six points, and numbers at these. */
+typedef struct six_rows {
+    intv v0, v1, v2, m0, m1, m2;
+} six_rows;
 
-/* y = K x with link weights from w_i = (density *) c_i. */
-#define STIFFNESS(w0, w1, w2)                                                                      \
-    const realv h0 = (real)0.5 * (w0), h1 = (real)0.5 * (w1), h2 = (real)0.5 * (w2);               \
-    const realv f10 = h0 * (v1 - m0), f20 = h0 * (v2 - m0), f01 = h1 * (v0 - m1),                  \
-                f21 = h1 * (v2 - m1), f02 = h2 * (v0 - m2), f12 = h2 * (v1 - m2);                  \
-    const realv fa = (w0) * (m1 - m2), fb = (w1) * (m2 - m0), fc = (w2) * (m0 - m1);               \
-    realv y0 = f01 + f02, y1 = f10 + f12, y2 = f20 + f21, y3 = (fc - fb) - (f10 + f20),            \
-          y4 = (fa - fc) - (f01 + f21), y5 = (fb - fa) - (f02 + f12);
+typedef struct six {
+    realv v0, v1, v2, m0, m1, m2;
+} six;
 
-#define STORE6(out, b)                                                                             \
-    STORE(y0, out, AT_K(b, 0, 6));                                                                 \
-    STORE(y1, out, AT_K(b, 1, 6));                                                                 \
-    STORE(y2, out, AT_K(b, 2, 6));                                                                 \
-    STORE(y3, out, AT_K(b, 3, 6));                                                                 \
-    STORE(y4, out, AT_K(b, 4, 6));                                                                 \
-    STORE(y5, out, AT_K(b, 5, 6));
+typedef struct three {
+    realv c0, c1, c2;
+} three;
+
+/* The nine flows along an element's links: f_ij from v_i to m_j; fa between m1 and m2, and so on. */
+typedef struct flows {
+    realv f10, f20, f01, f21, f02, f12, fa, fb, fc;
+} flows;
+
+static six_rows load_rows(global const int *index, int b)
+{
+    const six_rows i = {LOAD(index, AT_K(b, 0, 6)), LOAD(index, AT_K(b, 1, 6)),
+                        LOAD(index, AT_K(b, 2, 6)), LOAD(index, AT_K(b, 3, 6)),
+                        LOAD(index, AT_K(b, 4, 6)), LOAD(index, AT_K(b, 5, 6))};
+    return i;
+}
+
+static six gather_six(GATHERED real *p, six_rows i)
+{
+    const six x = {(realv)(GATHER(p, i.v0)), (realv)(GATHER(p, i.v1)), (realv)(GATHER(p, i.v2)),
+                   (realv)(GATHER(p, i.m0)), (realv)(GATHER(p, i.m1)), (realv)(GATHER(p, i.m2))};
+    return x;
+}
+
+static six load_six(global const real *p, int b)
+{
+    const six x = {LOAD(p, AT_K(b, 0, 6)), LOAD(p, AT_K(b, 1, 6)), LOAD(p, AT_K(b, 2, 6)),
+                   LOAD(p, AT_K(b, 3, 6)), LOAD(p, AT_K(b, 4, 6)), LOAD(p, AT_K(b, 5, 6))};
+    return x;
+}
+
+static three load_three(global const real *p, int b)
+{
+    const three x = {LOAD(p, AT_K(b, 0, 3)), LOAD(p, AT_K(b, 1, 3)), LOAD(p, AT_K(b, 2, 3))};
+    return x;
+}
+
+static void store_six(six y, global real *out, int b)
+{
+    STORE(y.v0, out, AT_K(b, 0, 6));
+    STORE(y.v1, out, AT_K(b, 1, 6));
+    STORE(y.v2, out, AT_K(b, 2, 6));
+    STORE(y.m0, out, AT_K(b, 3, 6));
+    STORE(y.m1, out, AT_K(b, 4, 6));
+    STORE(y.m2, out, AT_K(b, 5, 6));
+}
+
+static flows flows_of(three w, six x)
+{
+    const realv h0 = (real)0.5 * w.c0, h1 = (real)0.5 * w.c1, h2 = (real)0.5 * w.c2;
+    const flows f = {h0 * (x.v1 - x.m0),   h0 * (x.v2 - x.m0),   h1 * (x.v0 - x.m1),
+                     h1 * (x.v2 - x.m1),   h2 * (x.v0 - x.m2),   h2 * (x.v1 - x.m2),
+                     w.c0 * (x.m1 - x.m2), w.c1 * (x.m2 - x.m0), w.c2 * (x.m0 - x.m1)};
+    return f;
+}
+
+static six divergence(flows f)
+{
+    const six y = {f.f01 + f.f02,
+                   f.f10 + f.f12,
+                   f.f20 + f.f21,
+                   (f.fc - f.fb) - (f.f10 + f.f20),
+                   (f.fa - f.fc) - (f.f01 + f.f21),
+                   (f.fb - f.fa) - (f.f02 + f.f12)};
+    return y;
+}
+
+/* K x with link weights from w_i = (density *) c_i. */
+static six stiffness(three w, six x)
+{
+    return divergence(flows_of(w, x));
+}
 
 /* First phase of A(mu): weight = mu c_i, 3 per element.
- * moves 24 E + 9 real E + real R bytes, 33 E flops */
-KERNEL element_stiffness(int n, global const int *index, global const real *weight, GATHERED real *x,
-                         global real *out LAUNCH)
+ * reads index, weight, x (gathered); writes out
+ * moves 24 E + 9 real E + real R bytes, 33 E flops
+ * shape blocks of E; numerics differences first, so that constants give 0 exactly */
+KERNEL element_stiffness(int n, global const int *index, global const real *weight,
+                         GATHERED real *x, global real *out, volatile global int *shares,
+                         int4 launch)
 {
-    FOR_BLOCKS(b, n)
+    FOR_BLOCKS(b, n, shares, launch)
     {
-        X6(x, index, b)
-        const realv w0 = LOAD(weight, AT_K(b, 0, 3)), w1 = LOAD(weight, AT_K(b, 1, 3)),
-                    w2 = LOAD(weight, AT_K(b, 2, 3));
-        STIFFNESS(w0, w1, w2)
-        STORE6(out, b)
+        store_six(stiffness(load_three(weight, b), gather_six(x, load_rows(index, b))), out, b);
     }
 }
 
-/* y += g g'x, g the six numbers of each element. Differences to m0: the six g sum to 0, and large equal
+/* y + g g'x, g the six numbers of each element. Differences to m0: the six g sum to 0, and large equal
  * parts of x cancel exactly. */
-#define RANK_ONE(g, b)                                                                             \
-    {                                                                                              \
-        const realv g0 = LOAD(g, AT_K(b, 0, 6)), g1 = LOAD(g, AT_K(b, 1, 6)),                      \
-                    g2 = LOAD(g, AT_K(b, 2, 6)), g3 = LOAD(g, AT_K(b, 3, 6)),                      \
-                    g4 = LOAD(g, AT_K(b, 4, 6)), g5 = LOAD(g, AT_K(b, 5, 6));                      \
-        const realv s_ = g0 * (v0 - m0) + g1 * (v1 - m0) + g2 * (v2 - m0) + g4 * (m1 - m0) +       \
-                         g5 * (m2 - m0);                                                           \
-        y0 += s_ * g0;                                                                             \
-        y1 += s_ * g1;                                                                             \
-        y2 += s_ * g2;                                                                             \
-        y3 += s_ * g3;                                                                             \
-        y4 += s_ * g4;                                                                             \
-        y5 += s_ * g5;                                                                             \
-    }
+static six add_rank_one(six y, six g, six x)
+{
+    const realv s = g.v0 * (x.v0 - x.m0) + g.v1 * (x.v1 - x.m0) + g.v2 * (x.v2 - x.m0) +
+                    g.m1 * (x.m1 - x.m0) + g.m2 * (x.m2 - x.m0);
+    y.v0 += s * g.v0;
+    y.v1 += s * g.v1;
+    y.v2 += s * g.v2;
+    y.m0 += s * g.m0;
+    y.m1 += s * g.m1;
+    y.m2 += s * g.m2;
+    return y;
+}
 
 /* First phase of Newton's M = A + sum_T g_T g_T': g holds the six g_T times the root of its factor.
- * moves 24 E + 15 real E + real R bytes, 59 E flops */
+ * reads index, weight, g, x (gathered); writes out
+ * moves 24 E + 15 real E + real R bytes, 59 E flops
+ * shape blocks of E; numerics as element_stiffness */
 KERNEL element_newton(int n, global const int *index, global const real *weight,
-                      global const real *g, GATHERED real *x, global real *out LAUNCH)
+                      global const real *g, GATHERED real *x, global real *out,
+                      volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(b, n)
+    FOR_BLOCKS(b, n, shares, launch)
     {
-        X6(x, index, b)
-        const realv w0 = LOAD(weight, AT_K(b, 0, 3)), w1 = LOAD(weight, AT_K(b, 1, 3)),
-                    w2 = LOAD(weight, AT_K(b, 2, 3));
-        STIFFNESS(w0, w1, w2)
-        RANK_ONE(g, b)
-        STORE6(out, b)
+        const six at = gather_six(x, load_rows(index, b));
+        store_six(add_rank_one(stiffness(load_three(weight, b), at), load_six(g, b), at), out, b);
     }
 }
 
-#define ROW_SUM(y, b)                                                                              \
-    realv y = 0;                                                                                   \
-    for (int j_ = slice[SLICE(b)], e_ = slice[SLICE(b) + 1]; j_ < e_; j_++) {                      \
-        const intv s_ = LOAD(slot, COLUMN(b, j_));                                                 \
-        y += (realv)(GATHER(out, s_));                                                             \
+/* The sum of what belongs to a row, in its list's order. */
+static realv row_sum(global const int *slice, global const int *slot, GATHERED real *out, int b)
+{
+    realv y = 0;
+    for (int j = slice[SLICE(b)], end = slice[SLICE(b) + 1]; j < end; j++) {
+        const intv s = LOAD(slot, COLUMN(b, j));
+        y += (realv)(GATHER(out, s));
     }
+    return y;
+}
 
 /* Second phase, y = A x, and x.y: where it is summed up, at = 1, CG's step follows from it (vector.cl).
- * moves 4 P + 6 real E + 2 real R bytes, 6 E + 2 R flops */
+ * reads slice, slot, out (gathered), x; writes y, scalars
+ * moves 4 P + 6 real E + 2 real R bytes, 6 E + 2 R flops
+ * shape blocks of R; numerics x.y in sum_t, in the order of parts */
 KERNEL rows_apply(int n, global const int *slice, global const int *slot, GATHERED real *out,
-                  global const real *x, global real *y, SUM_ARGS LAUNCH)
+                  global const real *x, global real *y, volatile global sum_t *partial, int at,
+                  global sum_t *scalars, volatile global int *done, volatile global int *shares,
+                  int4 launch)
 {
-    SCRATCH
-    FOR_PARTS
+    local group_memory group;
+    const sums s = {partial, scalars, done, &group, at, launch.s3};
+    FOR_PARTS(part, shares, launch)
     {
         sumv sum = 0;
-        FOR_PART_BLOCKS(b, n)
+        FOR_PART_BLOCKS(b, n, part)
         {
-            ROW_SUM(a, b)
+            const realv a = row_sum(slice, slot, out, b);
             STORE(a, y, AT(b));
             sum += TO_SUM(a) * TO_SUM(LOAD(x, AT(b)));
         }
-        REDUCE(partial, 0, sum);
-        const int when = LAST_PART;
-        CG_ALPHA(PARTS)
+        leave_sum(s, 0, part, sum);
+        cg_alpha_of(s, is_last_part(s));
     }
 }
 
 /* Second phase of a Chebyshev step in three-term form, in place over the older iterate:
  *     x_old <- x + momentum (x - keep x_old) + step D^-1 (b - A x).
- * moves 4 P + 6 real E + 5 real R bytes, 6 E + 7 R flops */
+ * reads slice, slot, out (gathered), rhs, inv_diag, x, x_old; writes x_old
+ * moves 4 P + 6 real E + 5 real R bytes, 6 E + 7 R flops
+ * shape blocks of R */
 KERNEL rows_chebyshev(int n, global const int *slice, global const int *slot, GATHERED real *out,
                       global const real *rhs, global const real *inv_diag, global const real *x,
-                      global real *x_old, float momentum, float keep, float step LAUNCH)
+                      global real *x_old, float momentum, float keep, float step,
+                      volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(b, n)
+    FOR_BLOCKS(b, n, shares, launch)
     {
-        ROW_SUM(a, b)
-        const realv now = LOAD(x, AT(b));
+        const realv a = row_sum(slice, slot, out, b), now = LOAD(x, AT(b));
         const realv next = now + (real)momentum * (now - (real)keep * LOAD(x_old, AT(b))) +
                            (real)step * LOAD(inv_diag, AT(b)) * (LOAD(rhs, AT(b)) - a);
         STORE(next, x_old, AT(b));

@@ -7,14 +7,18 @@ typedef ulong word_t;
 typedef uint word_t;
 #endif
 
-/* packed[k] = x[place[k]]; for each of n items reads a place and a number, and writes a number. */
-KERNEL halo_pack(int n, global const int *place, global const word_t *x, global word_t *packed LAUNCH)
+/* packed[k] = x[place[k]]
+ * reads place, x (gathered); writes packed; moves 4 N + 2 real N bytes, 0 flops; shape rows */
+KERNEL halo_pack(int n, global const int *place, global const word_t *x, global word_t *packed,
+                 volatile global int *shares, int4 launch)
 {
-    FOR_ROWS(k, n) { packed[k] = x[place[k]]; }
+    FOR_ROWS(k, n, shares, launch) { packed[k] = x[place[k]]; }
 }
 
-/* x[place[k]] = packed[k]; the places differ. */
-KERNEL halo_unpack(int n, global const int *place, global const word_t *packed, global word_t *x LAUNCH)
+/* x[place[k]] = packed[k]; the places differ.
+ * reads place, packed; writes x (scattered); moves 4 N + 2 real N bytes, 0 flops; shape rows */
+KERNEL halo_unpack(int n, global const int *place, global const word_t *packed, global word_t *x,
+                   volatile global int *shares, int4 launch)
 {
-    FOR_ROWS(k, n) { x[place[k]] = packed[k]; }
+    FOR_ROWS(k, n, shares, launch) { x[place[k]] = packed[k]; }
 }

@@ -74,6 +74,18 @@ check 'the library does not print' nothing '[^n]printf\(|\bputs\(|\bputchar\(|\b
 check 'the library does not end the program' nothing '\b(exit|abort)\(' $(library)
 check 'the library does not touch the locale' nothing '\bsetlocale\(' $(library)
 
+# Above each kernel: what it reads and writes, the bytes and flops, and how the work is handed out.
+untold() {
+    awk '/^\/\*/ { said = "" } { said = said $0 " " }
+        /^KERNEL/ && said !~ /\/\*.* reads .* writes .* moves .* flops.* shape .*\*\/ KERNEL/ { print FILENAME ": " $0 }' \
+        kernels/*.cl
+}
+check 'every kernel has its header' sh -c 'test -z "$1" || { echo "$1"; false; }' - "$(untold)"
+hidden() { # macros that use a name which is neither theirs, nor an argument, nor of the language
+    grep -nE '^#define [A-Z_0-9]+(\([^)]*\))? .*\b(shares_|launch_|scratch|partial|scalars|slice|table|arena)\b' kernels/*.cl
+}
+check 'no kernel macro with hidden names' sh -c 'test -z "$1" || { echo "$1"; false; }' - "$(hidden)"
+
 clang=$(command -v clang clang-15 clang-14 clang-16 | head -n 1)
 if [ -n "$clang" ]; then
     cat > "$work/print.c" << 'EOF'

@@ -55,15 +55,16 @@ static int launch_failed(dmk_context *ctx, cl_int error, const dmk_kernel *kerne
                     error, kernel->name, items);
 }
 
-/* CPU shape: the last two arguments, the work distribution (base.cl). *groups: the parts of
- * the launch, then its work-groups: with shares, some for each thread, as drivers may hand several to
- * the thread that comes first. */
+/* The last two arguments, the distribution of the work (base.cl). *groups: the parts of the launch, then its
+ * work-groups: with shares (in the CPU shape), some for each thread, as drivers may hand several to the
+ * thread that comes first. */
 static cl_int share_out(dmk_device *dev, const dmk_kernel *kernel, dmk_range range, cl_uint arg,
                         size_t *groups)
 {
     const size_t most = 1 << 20; /* a word of `shares` counts to it */
     size_t threads = (size_t)dev->info.compute_units, parts = *groups, first = parts;
-    bool shares = threads > 1 && parts >= 2 * threads && parts < most && threads < most / 1024;
+    bool shares = dev->cpu_shape && threads > 1 && parts >= 2 * threads && parts < most &&
+                  threads < most / 1024;
     if (range.first > 0) first = dmk_launch_parts(dev, range.first);
     if (shares) {
         dev->tag = (dev->tag + 1) % 1023;
@@ -88,13 +89,10 @@ int dmk_launch(dmk_context *ctx, dmk_device *dev, const dmk_kernel *kernel, dmk_
         }
     }
     size_t local = dev->cpu_shape ? 1 : DMK_GROUP, groups = dmk_launch_parts(dev, range.items);
-    if (dev->cpu_shape) {
-        cl_int error = share_out(dev, kernel, range, (cl_uint)n_args, &groups);
-        if (error != CL_SUCCESS) return launch_failed(ctx, error, kernel, range.items);
-    }
+    cl_int error = share_out(dev, kernel, range, (cl_uint)n_args, &groups);
+    if (error != CL_SUCCESS) return launch_failed(ctx, error, kernel, range.items);
     size_t global = groups * local;
-    cl_int error =
-        clEnqueueNDRangeKernel(dev->queue, kernel->cl, 1, NULL, &global, &local, 0, NULL, NULL);
+    error = clEnqueueNDRangeKernel(dev->queue, kernel->cl, 1, NULL, &global, &local, 0, NULL, NULL);
     /* Drivers may keep what is queued until somebody waits; a device that is fed early idles less. */
     if (++dev->work.launches % FLUSH_EVERY == 0 && error == CL_SUCCESS) error = clFlush(dev->queue);
     return error == CL_SUCCESS ? DMK_OK : launch_failed(ctx, error, kernel, range.items);

@@ -10,13 +10,8 @@ cl="clang -x cl -target x86_64-linux-gnu -Xclang -finclude-default-header -Wno-p
     -mavx $flags"
 $cl "$@" -c "$source" -o "$object.kernels.o"
 $cl -cl-std=CL1.2 -c "$here/builtins.cl" -o "$object.builtins.o"
-# One C function for each kernel that takes its arguments from an array of places. LAUNCH stands for
-# two more in the CPU shape.
-launch=
-case " $* " in *' -DDMK_CPU=1 '*) launch=', global int *shares, int4 launch' ;; esac
-sums='volatile global sum_t *partial, int at, global sum_t *scalars, volatile global int *done'
-graph='const global int *slice, const global int *neighbour, const global float *weight'
-sed "s/ LAUNCH)/$launch)/; s/^\(KERNEL.*\|  .*\)SUM_ARGS/\1$sums/; s/^\(KERNEL.*\|  .*\)GRAPH,/\1$graph,/" "$source" | perl -0777 -ne '
+# One C function for each kernel that takes its arguments from an array of places.
+perl -0777 -ne '
     print "typedef void *pointer;\ntypedef int int4 __attribute__((vector_size(16), aligned(1)));\n";
     while (/^KERNEL (\w+)\(([^)]*)\)\s*\{(.*?)^\}/gms) {
         my ($name, $body, @type, @value) = ($1, $3);
@@ -27,8 +22,8 @@ sed "s/ LAUNCH)/$launch)/; s/^\(KERNEL.*\|  .*\)SUM_ARGS/\1$sums/; s/^\(KERNEL.*
         }
         my $arguments = @type;
         print "void $name(", join(", ", @type), ");\n",
-            "const int arguments_$name = $arguments, waits_$name = ", $body =~ /SCRATCH|TOGETHER|tail_/ ? 1 : 0, ";\n",
+            "const int arguments_$name = $arguments, waits_$name = ", $body =~ /\blocal |TOGETHER|tail_/ ? 1 : 0, ";\n",
             "void call_$name(void **a) { $name(", join(", ", @value), "); }\n";
-    }' > "$object.c"
+    }' "$source" > "$object.c"
 clang $flags -w -c "$object.c" -o "$object.calls.o"
 clang $flags -shared "$object".*.o -o "$object"
