@@ -2,8 +2,10 @@
 #include "solving.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 static problem solved(void **state)
 {
@@ -140,6 +142,97 @@ static void a_result_is_restored(void **state)
     problem_free(&p);
 }
 
+/* The density at a vertex of the locus is that of the triangle in which it lies, in the input's order. */
+static void the_locus_has_the_density_of_its_triangles(void **state)
+{
+    problem p = solved(state);
+    dmk_locus *locus;
+    size_t n;
+    bench_ok(p.b, dmk_locus_compute(p.b->ctx, p.mesh, p.result, NULL, &locus));
+    const dmk_locus_vertex *v = dmk_locus_vertices(locus, &n);
+    assert_true(n > 100);
+    for (size_t i = 0; i < n; i++) {
+        double xyz[3];
+        assert_true(v[i].mu == problem_mu(&p)[v[i].place.triangle]);
+        bench_ok(p.b, dmk_mesh_point_xyz(p.b->ctx, p.mesh, &v[i].place, xyz));
+        for (int k = 0; k < 3; k++) assert_true(fabs(xyz[k] - v[i].xyz[k]) < 1e-12);
+    }
+    dmk_locus_destroy(&locus);
+    problem_free(&p);
+}
+
+static char *whole_file(const char *path, size_t *n)
+{
+    FILE *file = fopen(path, "rb");
+    assert_non_null(file);
+    assert_int_equal(fseek(file, 0, SEEK_END), 0);
+    *n = (size_t)ftell(file);
+    rewind(file);
+    char *text = calloc(*n + 1, 1);
+    assert_non_null(text);
+    assert_int_equal(fread(text, 1, *n, file), *n);
+    fclose(file);
+    return text;
+}
+
+/* As a table: the distances are lengths from the path's beginning. */
+static void check_table(const char *text, const dmk_path *path)
+{
+    double before = -1, distance = 0;
+    for (size_t i = 0; i < path->n; i++) {
+        text = strchr(text, '\n') + 1;
+        assert_int_equal(
+            sscanf(text, "%*[^,],%*[^,],%*[^,],%*[^,],%*[^,],%*[^,],%*[^,],%lf", &distance), 1);
+        assert_true(distance > before);
+        before = distance;
+    }
+    assert_true(fabs(distance - path->length) < 1e-12 * path->length);
+    assert_string_equal(strchr(text, '\n'), "\n");
+}
+
+/* As lines: of each two points one after the other. */
+static void check_lines(const char *text, const dmk_path *path)
+{
+    char count[60];
+    snprintf(count, sizeof count, "NumberOfVerts=\"0\" NumberOfLines=\"%zu\"", path->n - 1);
+    assert_non_null(strstr(text, count));
+    const char *lines = strstr(strstr(text, "<Lines>"), "offset=\"");
+    const char *data = strstr(text, "<AppendedData");
+    assert_non_null(data);
+    data = strchr(data, '_') + 1 + strtol(lines + 8, NULL, 10) + sizeof(uint64_t);
+    for (size_t i = 0; i + 1 < path->n; i++) {
+        int32_t end[2];
+        memcpy(end, data + i * sizeof end, sizeof end);
+        assert_true(end[0] == (int32_t)i && end[1] == (int32_t)i + 1);
+    }
+}
+
+static void a_path_is_written_in_order(void **state)
+{
+    problem p = solved(state);
+    const dmk_point to = {1234, {0.2, 0.3, 0.5}};
+    dmk_path path;
+    bench_ok(p.b, dmk_path_compute(p.b->ctx, p.mesh, p.result, 1, &to, &path));
+    assert_true(path.n > 10);
+    const struct {
+        const char *name;
+        void (*check)(const char *text, const dmk_path *path);
+    } formats[] = {{"path.csv", check_table}, {"path.vtp", check_lines}};
+    for (int i = 0; i < 2; i++) {
+        char file[300];
+        size_t n;
+        snprintf(file, sizeof file, "%s/%s", getenv("TMPDIR") ? getenv("TMPDIR") : "/tmp",
+                 formats[i].name);
+        bench_ok(p.b, dmk_path_write(p.b->ctx, p.mesh, &path, file));
+        char *text = whole_file(file, &n);
+        formats[i].check(text, &path);
+        free(text);
+        unlink(file);
+    }
+    dmk_path_free(&path);
+    problem_free(&p);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -149,6 +242,8 @@ int main(void)
         cmocka_unit_test(a_vertex_is_one_source_by_any_triangle),
         cmocka_unit_test(lengths_need_not_be_asked_for),
         cmocka_unit_test(a_result_is_restored),
+        cmocka_unit_test(the_locus_has_the_density_of_its_triangles),
+        cmocka_unit_test(a_path_is_written_in_order),
     };
     return cmocka_run_group_tests(tests, bench_setup, bench_teardown);
 }

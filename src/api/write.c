@@ -85,7 +85,7 @@ static int fill_path(dmk_context *ctx, const dmk_mesh *mesh, const dmk_path *pat
     for (size_t i = 0; i < path->n; i++) {
         dmk_locus_vertex *v = &vertex[i];
         v->place = path->point[i];
-        v->degree = i > 0 && i + 1 < path->n ? 2 : 1;
+        v->degree = 1; /* of a line, not a point alone */
         index[i] = (int32_t)i;
         int rc = dmk_mesh_point_xyz(ctx, mesh, &v->place, v->xyz);
         if (rc != DMK_OK) return rc;
