@@ -65,6 +65,14 @@ spikes() {
 check 'spikes: a result or the reason' spikes spike-81
 check 'more spikes: a result or the reason' spikes spike-249
 
+# A plate with five holes, 1:1000 and with needles, which took minutes: no step of the way back solves its system.
+gives_up() {
+    echo 'vertex 32 1' > "$work/from" && echo 'vertex 84 1' > "$work/to"
+    timeout 60 "$tool" transport "$data/needles-441.off.gz" --from "$work/from" --to "$work/to" --quiet 2> "$work/err"
+    [ $? = 6 ] && grep -q 'limit of iterations in step after step' "$work/err"
+}
+check 'transport on needles: no result, and soon' gives_up
+
 # A V-cycle that rounding makes indefinite: the bounds of the cost are in order and the gap is that of a solve.
 in_order() {
     "$tool" solve "$data/$1.off.gz" --vertex "$2" --quiet --report "$work/r.json" &&

@@ -26,6 +26,10 @@ static int begin(dmk_iteration *o)
     return dmk_buffer_create(o->ctx, s->device, bytes, NULL, &s->before);
 }
 
+/* The limit of CG iterations in a step, and how many steps one after the other may end there: u is not solved for
+ * then, and mu goes astray. */
+enum { CG_LIMIT = 500, UNSOLVED = 10 };
+
 int dmk_explicit(dmk_iteration *o)
 {
     int rc;
@@ -35,11 +39,17 @@ int dmk_explicit(dmk_iteration *o)
     o->tolerance = opt->tolerance > 0 ? opt->tolerance : inertial ? 2e-3 : 5e-4;
     double dt = inertial ? 1 : opt->dt > 0 ? opt->dt : 0.5;
     double inertia = opt->inertia >= 0 ? opt->inertia : 0.8;
+    int unsolved = 0;
     double change = 1, cg = opt->cg_tolerance > 0 ? opt->cg_tolerance : 1e-4;
     DMK_TRY(begin(o));
     for (int step = 1; step <= max_steps; step++) {
         int before = o->stats->cg_iterations;
-        DMK_TRY(dmk_iteration_solve(o, cg, 500));
+        DMK_TRY(dmk_iteration_solve(o, cg, CG_LIMIT));
+        unsolved = o->stats->cg_iterations - before < CG_LIMIT ? 0 : unsolved + 1;
+        if (unsolved == UNSOLVED) {
+            return dmk_iteration_diverged(o, step,
+                                          "CG reaches its limit of iterations in step after step");
+        }
         DMK_TRY(dmk_iteration_energies(o));
         /* Inertia is raised over the first steps: at once it makes them rough. */
         double beta = step == 1 ? 0 : opt->inertia >= 0 ? inertia : fmin(inertia, 0.05 * step);
