@@ -159,6 +159,11 @@ void cli_catch_signals(void);
 bool cli_interrupted(void);
 /* Whether nobody has told yet that the run was cancelled; after this somebody has. */
 bool cli_first_to_tell(void);
+/* From now on the caller tells of an interruption, and nobody else; if it does not come to it, the program ends
+ * with this word, a static text. */
+void cli_keep_last_word(const char *word);
+/* Whether the word is still the caller's to tell, in words of its own; after this it is told. */
+bool cli_has_last_word(void);
 /* dmk_device_open; see above. */
 int cli_device_open(dmk_context *context, const dmk_device_options *options, dmk_device **device);
 

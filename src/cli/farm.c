@@ -410,8 +410,10 @@ static int end(farm *f)
     }
     const int flushed = cli_flush();
     if (cli_interrupted()) {
-        fprintf(stderr, "dmkcl: interrupted; %zu of %zu are left%s\n", all - f->n_done - f->n_kept,
-                all, strcmp(f->request->each.report, "-") != 0 ? ": --resume does them" : "");
+        if (cli_has_last_word())
+            fprintf(stderr, "dmkcl: interrupted; %zu of %zu are left%s\n",
+                    all - f->n_done - f->n_kept, all,
+                    strcmp(f->request->each.report, "-") != 0 ? ": --resume does them" : "");
         return cli_exit_code(DMK_E_CANCELLED);
     }
     if (atomic_load(&f->code) != EXIT_OK) return atomic_load(&f->code);
@@ -485,7 +487,8 @@ int batch_run(const batch_request *request, batch_list *list)
     int code = cli_ranks_first() ? begin(&f) : EXIT_OK;
     if (code == EXIT_OK) code = join(&f);
     if (code == EXIT_OK) {
-        (void)cli_first_to_tell(); /* of an interruption the end tells, not each worker */
+        cli_keep_last_word(to_stdout ? "dmkcl: interrupted\n"
+                                     : "dmkcl: interrupted: --resume does what is left\n");
         for_all(&f, true, do_mesh);
         code = add_up(&f);
         if (code == EXIT_OK) code = end(&f);

@@ -21,6 +21,7 @@ enum {
 };
 
 static atomic_bool interrupted, told;
+static _Atomic(const char *) last_word;
 static atomic_int n_opening; /* threads that are opening a device */
 
 static void say(const char *text)
@@ -38,6 +39,17 @@ bool cli_first_to_tell(void)
     return !atomic_exchange(&told, true);
 }
 
+void cli_keep_last_word(const char *word)
+{
+    atomic_store(&last_word, word);
+    atomic_store(&told, true);
+}
+
+bool cli_has_last_word(void)
+{
+    return atomic_exchange(&last_word, NULL) != NULL;
+}
+
 /* What is written is whole or has no name: nothing is left behind. */
 static void *wait_for_signal(void *user)
 {
@@ -49,6 +61,8 @@ static void *wait_for_signal(void *user)
     sigtimedwait(set, NULL, &grace); /* a second signal ends the grace */
     if (cli_first_to_tell())
         say(isatty(STDERR_FILENO) ? "\r\033[Kdmkcl: cancelled\n" : "dmkcl: cancelled\n");
+    const char *word = atomic_exchange(&last_word, NULL);
+    if (word) say(word);
     _exit(EXIT_INTERRUPTED);
 }
 
