@@ -147,6 +147,19 @@ static void set_crossing(const dmk_geodesics *g, const int32_t *loop, int32_t h,
     c->excess = c->worth = c->strength = HUGE_VAL;
 }
 
+typedef struct crossings {
+    const int32_t *loop;
+    dmk_cotree *cotree;
+} crossings;
+
+static void set_range(int32_t begin, int32_t end, void *data)
+{
+    const crossings *c = data;
+    for (int32_t i = begin; i < end; i++)
+        set_crossing(c->cotree->geodesics, c->loop, c->cotree->crossing[i].half,
+                     &c->cotree->crossing[i]);
+}
+
 /* Crossings of the edges that are not in the tree. */
 static int set_crossings(dmk_context *ctx, const int32_t *half, const int32_t *loop,
                          const bool *in_tree, dmk_cotree *t)
@@ -162,11 +175,12 @@ static int set_crossings(dmk_context *ctx, const int32_t *half, const int32_t *l
          h++) { /* triangle by triangle: neighbours stay near in memory */
         const int32_t e = m->triangle_edge[h];
         if (in_tree[e] || half[e] != h) continue;
-        set_crossing(g, loop, h, &t->crossing[t->n]);
+        t->crossing[t->n].half = h;
         t->on[h] = t->n;
         if (g->star.twin[h] >= 0) t->on[g->star.twin[h]] = t->n;
         t->n++;
     }
+    dmk_parallel(ctx, t->n, set_range, &(crossings){loop, t});
 done:
     return rc;
 }

@@ -99,40 +99,73 @@ static void close_last(dmk_cotree *t, int32_t last)
     t->last = last;
 }
 
-/* Crossings in the order in which they are peeled. */
+/* Peel the leaf at a triangle. Returns the triangle behind it if that is a leaf now, else -1. */
+static int32_t take_leaf(dmk_cotree *t, int32_t leaf, double excess, int32_t out, uint8_t *degree)
+{
+    dmk_crossing *c = &t->crossing[out];
+    c->excess = excess;
+    c->worth = 0;
+    c->outer = c->node[1] == leaf;
+    degree[leaf] = 0;
+    for (int k = 0; k < 3; k++) {
+        const int32_t i = t->on[3 * leaf + k];
+        if (i < 0 || i == out) continue;
+        c->worth = fmax(c->worth, worth_of(&t->crossing[i], c));
+        t->crossing[i].onward = out;
+    }
+    const int32_t next = dmk_other_node(c, leaf);
+    return next < t->geodesics->mesh->n_triangles && --degree[next] == 1 ? next : -1;
+}
+
+/* Leaves of less than `least` in any order, the others into the heap. */
+static int peel_weak(dmk_context *ctx, dmk_cotree *t, double least, uint8_t *degree, dmk_heap *heap,
+                     int32_t *order, int32_t *n_peeled)
+{
+    int rc = DMK_OK;
+    const int32_t n_triangles = t->geodesics->mesh->n_triangles;
+    for (int32_t i = 0; i < n_triangles; i++) {
+        degree[i] = 0;
+        for (int k = 0; k < 3; k++) degree[i] += t->on[3 * i + k] >= 0;
+    }
+    *n_peeled = 0;
+    for (int32_t i = 0; i < n_triangles; i++) {
+        for (int32_t leaf = degree[i] == 1 ? i : -1; leaf >= 0;) {
+            int32_t out = -1;
+            const double excess = excess_of(t, leaf, &out);
+            if (!(excess < least)) {
+                DMK_TRY(dmk_heap_push(ctx, heap, excess, leaf));
+                break;
+            }
+            leaf = take_leaf(t, leaf, excess, out, degree);
+            order[(*n_peeled)++] = out;
+        }
+    }
+done:
+    return rc;
+}
+
+/* Crossings in the order in which they are peeled. What is peeled and what it hands on does not depend on the order,
+ * only which crossing is the last one of a tree: so most leaves, the mesh's own, are not sorted. */
 static int peel(dmk_context *ctx, dmk_cotree *t, int32_t *order, int32_t *n_peeled)
 {
     int rc;
-    const int32_t n_triangles = t->geodesics->mesh->n_triangles;
     uint8_t *degree = NULL;
     dmk_heap heap = {0};
     int32_t out = -1;
-    DMK_TRY(DMK_NEW(ctx, degree, (size_t)n_triangles));
-    for (int32_t i = 0; i < n_triangles; i++) {
-        for (int k = 0; k < 3; k++) degree[i] += t->on[3 * i + k] >= 0;
-        if (degree[i] == 1) DMK_TRY(dmk_heap_push(ctx, &heap, excess_of(t, i, &out), i));
+    DMK_TRY(DMK_NEW(ctx, degree, (size_t)t->geodesics->mesh->n_triangles));
+    DMK_TRY(peel_weak(ctx, t, dmk_rules.strength / dmk_rules.gap * t->mean_edge, degree, &heap,
+                      order, n_peeled));
+    if (*n_peeled == t->n) { /* a tree without a strong leaf: all of it by strength */
+        for (int32_t i = 0; i < t->n; i++) t->crossing[i].excess = HUGE_VAL;
+        DMK_TRY(peel_weak(ctx, t, 0, degree, &heap, order, n_peeled));
     }
     while (heap.n > 0) {
         const dmk_heap_item leaf = dmk_heap_pop(&heap);
         if (degree[leaf.item] != 1) continue; /* the other end of the last crossing */
         excess_of(t, leaf.item, &out);
-        dmk_crossing *c = &t->crossing[out];
-        c->excess = leaf.key;
-        c->worth = 0;
-        for (int k = 0; k < 3; k++) {
-            const int32_t i = t->on[3 * leaf.item + k];
-            if (i >= 0 && i != out) c->worth = fmax(c->worth, worth_of(&t->crossing[i], c));
-        }
-        c->outer = c->node[1] == leaf.item;
+        const int32_t next = take_leaf(t, leaf.item, leaf.key, out, degree);
         order[(*n_peeled)++] = out;
-        degree[leaf.item] = 0;
-        for (int k = 0; k < 3; k++) {
-            const int32_t i = t->on[3 * leaf.item + k];
-            if (i >= 0 && i != out) t->crossing[i].onward = out;
-        }
-        const int32_t next = dmk_other_node(c, leaf.item);
-        if (next < n_triangles && --degree[next] == 1)
-            DMK_TRY(dmk_heap_push(ctx, &heap, excess_of(t, next, &out), next));
+        if (next >= 0) DMK_TRY(dmk_heap_push(ctx, &heap, excess_of(t, next, &out), next));
     }
 done:
     free(degree);
