@@ -106,16 +106,30 @@ static double beyond(const dmk_geodesics *g, int32_t v, double angle, double r)
     return base + g->star.unit * sqrt(x * x + y * y);
 }
 
-void dmk_geodesics_midpoints(const dmk_geodesics *g, double *mid)
+typedef struct halving {
+    const dmk_geodesics *g;
+    double *mid;
+} halving;
+
+/* Each edge by the first of its triangles. */
+static void halve_range(int32_t begin, int32_t end, void *data)
 {
+    const halving *w = data;
+    const dmk_geodesics *g = w->g;
     const dmk_mesh *m = g->mesh;
-    for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
+    for (int32_t h = 3 * begin; h < 3 * end; h++) {
         int32_t e = m->triangle_edge[h], from = dmk_next(h), to = dmk_previous(h);
         if (m->edge_triangle[2 * (size_t)e] != h / 3) continue;
         double r = 0.5 * m->length[e];
-        mid[e] = fmin(beyond(g, m->triangle[from], g->star.angle[from], r),
-                      beyond(g, m->triangle[to], g->star.angle[to] + g->star.corner_angle[to], r));
+        w->mid[e] =
+            fmin(beyond(g, m->triangle[from], g->star.angle[from], r),
+                 beyond(g, m->triangle[to], g->star.angle[to] + g->star.corner_angle[to], r));
     }
+}
+
+void dmk_geodesics_midpoints(dmk_context *ctx, const dmk_geodesics *g, double *mid)
+{
+    dmk_parallel(ctx, g->mesh->n_triangles, halve_range, &(halving){g, mid});
 }
 
 /* At the centre of gravity of triangle t. */
@@ -156,17 +170,14 @@ static void integrate_range(int32_t begin, int32_t end, void *data)
     }
 }
 
-int dmk_geodesics_integrate(dmk_context *ctx, const dmk_geodesics *g, double *integral,
-                            double *error)
+int dmk_geodesics_integrate_from(dmk_context *ctx, const dmk_geodesics *g, const double *mid,
+                                 double *integral, double *error)
 {
     int rc;
-    double *mid = NULL, *sum = NULL, *off = NULL;
-    if (dmk_missing(ctx, "geodesics", g, "integral", integral, "error", error)) return DMK_E_ARG;
+    double *sum = NULL, *off = NULL;
     const dmk_mesh *m = g->mesh;
-    DMK_TRY(DMK_NEW(ctx, mid, (size_t)m->n_edges));
     DMK_TRY(DMK_NEW(ctx, sum, (size_t)m->n_triangles));
     DMK_TRY(DMK_NEW(ctx, off, (size_t)m->n_triangles));
-    dmk_geodesics_midpoints(g, mid);
     integrand i = {g, mid, sum, off};
     dmk_parallel(ctx, m->n_triangles, integrate_range, &i);
     *integral = *error = 0;
@@ -175,8 +186,21 @@ int dmk_geodesics_integrate(dmk_context *ctx, const dmk_geodesics *g, double *in
         *error += off[t];
     }
 done:
-    free(mid);
     free(sum);
     free(off);
+    return rc;
+}
+
+int dmk_geodesics_integrate(dmk_context *ctx, const dmk_geodesics *g, double *integral,
+                            double *error)
+{
+    int rc;
+    double *mid = NULL;
+    if (dmk_missing(ctx, "geodesics", g, "integral", integral, "error", error)) return DMK_E_ARG;
+    DMK_TRY(DMK_NEW(ctx, mid, (size_t)g->mesh->n_edges));
+    dmk_geodesics_midpoints(ctx, g, mid);
+    rc = dmk_geodesics_integrate_from(ctx, g, mid, integral, error);
+done:
+    free(mid);
     return rc;
 }

@@ -109,7 +109,10 @@ int dmk_geodesics_check(dmk_context *context, const dmk_geodesics *geodesics);
 
 /* Distance at the edges' midpoints as the shortest path to the nearer end goes on there: mid,
  * n_edges. Too short by as much as the ways of neighbours differ, some h^3. */
-void dmk_geodesics_midpoints(const dmk_geodesics *geodesics, double *mid);
+void dmk_geodesics_midpoints(dmk_context *context, const dmk_geodesics *geodesics, double *mid);
+/* dmk_geodesics_integrate where these distances are there already. */
+int dmk_geodesics_integrate_from(dmk_context *context, const dmk_geodesics *geodesics,
+                                 const double *mid, double *integral, double *error);
 
 /* wave.c: the same with merged windows, whose error is estimated unless the tolerance is 0; lines,
  * too. */

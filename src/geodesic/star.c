@@ -96,16 +96,18 @@ static void turn_range(int32_t begin, int32_t end, void *data)
 
 static double find_unit(const dmk_mesh *m)
 {
-    double most = 0;
+    double most = 0, lo[3] = {HUGE_VAL, HUGE_VAL, HUGE_VAL},
+           hi[3] = {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
+    const bool all = m->n_used_vertices == m->n_vertices;
     int exponent;
-    for (int k = 0; k < 3; k++) {
-        double lo = HUGE_VAL, hi = -HUGE_VAL;
-        for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
-            double x = m->xyz[3 * (size_t)m->triangle[h] + (size_t)k];
-            lo = fmin(lo, x), hi = fmax(hi, x);
+    for (int32_t i = 0; i < (all ? m->n_vertices : 3 * m->n_triangles); i++) {
+        const double *x = m->xyz + 3 * (size_t)(all ? i : m->triangle[i]);
+        for (int k = 0; k < 3; k++) {
+            if (x[k] < lo[k]) lo[k] = x[k];
+            if (x[k] > hi[k]) hi[k] = x[k];
         }
-        most = fmax(most, hi / 2 - lo / 2);
     }
+    for (int k = 0; k < 3; k++) most = fmax(most, hi[k] / 2 - lo[k] / 2);
     frexp(most, &exponent);
     return ldexp(1, exponent);
 }

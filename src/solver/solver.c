@@ -145,9 +145,7 @@ static int measure(dmk_context *ctx, void *data)
     start *near = data;
     dmk_geodesics_options options;
     dmk_geodesics_options_init(&options, sizeof options);
-    int rc = dmk_geodesics_compute(ctx, near->own, 1, near->source, &options, &near->geodesics);
-    if (rc != DMK_OK) return rc;
-    return dmk_geodesics_integrate(ctx, near->geodesics, &near->integral, &near->integral_error);
+    return dmk_geodesics_compute(ctx, near->own, 1, near->source, &options, &near->geodesics);
 }
 
 int dmk_solver_pack(dmk_context *ctx, dmk_solver *s)
@@ -198,7 +196,7 @@ static int set_up(dmk_context *ctx, dmk_solver *s, start *near)
 }
 
 /* u and mu that belong to the distance. */
-static int start_from_distance(dmk_context *ctx, const dmk_solver *s, const start *near, double *u,
+static int start_from_distance(dmk_context *ctx, const dmk_solver *s, start *near, double *u,
                                double *mu)
 {
     int rc;
@@ -208,6 +206,8 @@ static int start_from_distance(dmk_context *ctx, const dmk_solver *s, const star
     double *mid = NULL;
     DMK_TRY(DMK_NEW(ctx, mid, (size_t)m->n_edges));
     DMK_TRY(dmk_start_density(ctx, m, near->geodesics, mid, mu));
+    DMK_TRY(dmk_geodesics_integrate_from(ctx, near->geodesics, mid, &near->integral,
+                                         &near->integral_error));
     DMK_TRY(dmk_poll(ctx));
     for (int32_t e = 0; e < m->n_edges; e++) u[e] = mid[e] / -sys->unit;
     for (int32_t v = 0; v < m->n_vertices; v++) {
@@ -220,7 +220,7 @@ done:
 }
 
 /* u and mu to start from, on the device. */
-static int set_start(dmk_context *ctx, dmk_solver *s, const start *near, dmk_start from)
+static int set_start(dmk_context *ctx, dmk_solver *s, start *near, dmk_start from)
 {
     int rc;
     dmk_system *sys = s->system;
@@ -235,6 +235,9 @@ static int set_start(dmk_context *ctx, dmk_solver *s, const start *near, dmk_sta
         DMK_TRY(dmk_ranks_spread(ctx, &s->ranks, u, n_rows * sizeof *u));
         DMK_TRY(dmk_ranks_spread(ctx, &s->ranks, mu, n_elements * sizeof *mu));
     } else {
+        if (measures(s))
+            DMK_TRY(dmk_geodesics_integrate(ctx, near->geodesics, &near->integral,
+                                            &near->integral_error));
         for (int32_t t = 0; t < m->n_triangles; t++) mu[t] = 1;
     }
     DMK_TRY(dmk_system_allocate_state(ctx, sys));
@@ -356,8 +359,7 @@ void dmk_solver_scale_stats(const dmk_solver *s, double mass, dmk_stats *stats)
 
 /* Newton; where it fails within its own limit of steps, as it may with many needles, explicit steps
  * from the start again: slower, and of another kind, for each solves its linear system well. */
-static int iterate(dmk_solver *s, const start *near, const dmk_solve_options *options,
-                   dmk_iteration *o)
+static int iterate(dmk_solver *s, start *near, const dmk_solve_options *options, dmk_iteration *o)
 {
     int rc, steps;
     dmk_solve_options slow = *options;

@@ -298,7 +298,7 @@ int dmk_start_density(dmk_context *ctx, const dmk_mesh *mesh, const dmk_geodesic
 {
     int rc;
     sweep s = {.mesh = mesh, .d = geodesics->distance, .mid = mid, .mu = mu};
-    dmk_geodesics_midpoints(geodesics, mid);
+    dmk_geodesics_midpoints(ctx, geodesics, mid);
     DMK_TRY(DMK_NEW(ctx, s.width, (size_t)mesh->n_edges));
     DMK_TRY(DMK_NEW(ctx, s.load, (size_t)mesh->n_edges));
     DMK_TRY(DMK_NEW(ctx, s.waiting, (size_t)mesh->n_triangles));
