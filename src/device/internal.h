@@ -20,7 +20,7 @@ enum { DMK_MAX_KERNELS = 128 };
 typedef struct dmk_building {
     bool begun;
     pthread_t thread;
-    dmk_context *context; /* of its own, with the message */
+    struct dmk_context record; /* the message */
     int rc;
 } dmk_building;
 

@@ -338,12 +338,10 @@ void dmk_device_destroy(dmk_device **device)
     if (!dev) return;
     *device = NULL;
     if (dev->owner != getpid()) { /* the driver would wait for threads that only its process has */
-        dmk_context_destroy(&dev->building.context);
         free(dev);
         return;
     }
     dmk_programs_wait(NULL, dev);
-    dmk_context_destroy(&dev->building.context);
     /* After an error there may be work under way; PoCL does not keep a part of a device for it. */
     if (dev->queue) clFinish(dev->queue);
     dmk_buffer_destroy(&dev->shares);

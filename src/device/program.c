@@ -80,8 +80,7 @@ static void *build_beside(void *data)
 {
     dmk_device *dev = data;
     dmk_building *b = &dev->building;
-    b->rc = dmk_context_create(&b->context);
-    if (b->rc == DMK_OK) b->rc = dmk_programs_build(b->context, dev);
+    b->rc = dmk_programs_build(&b->record, dev);
     return NULL;
 }
 
@@ -98,6 +97,5 @@ int dmk_programs_wait(dmk_context *ctx, dmk_device *dev)
     if (b->begun) pthread_join(b->thread, NULL);
     b->begun = false;
     if (b->rc == DMK_OK || !ctx) return b->rc;
-    return dmk_fail(ctx, b->rc, "%s",
-                    b->context ? dmk_context_message(b->context) : dmk_status_text(b->rc));
+    return dmk_fail(ctx, b->rc, "%s", b->record.message);
 }
