@@ -449,10 +449,10 @@ typedef struct dmk_stats {
 void dmk_result_get_stats(const dmk_result *result, dmk_stats *stats);
 /* Borrowed arrays; each also gives its length through n when n is not NULL. */
 const double *dmk_result_density(const dmk_result *result, size_t *n); /* mu per triangle */
-/* Per triangle, 1 in the approximate cut locus: mu <= threshold, or, where that is 0, by mu and u alone in
- * pure numbers, an answer to the paper's question how to choose eps: the mean of grad u in the triangle is
- * shorter than 1, as where two families of rays meet (cos(alpha/2)), the rays around converge, and mu is no
- * more than 28 square roots of the triangle's area. Only triangles of the source's component. */
+/* Per triangle, 1 in the approximate cut locus: mu <= threshold, or, where that is 0, by u alone in pure
+ * numbers, an answer to the paper's question how to choose eps: the mean of grad u in the triangle is shorter
+ * than 1, as where two families of rays meet (cos(alpha/2)), and the rays around converge, the more so the
+ * larger the triangle is. Only triangles of the source's component. */
 const uint8_t *dmk_result_acl(const dmk_result *result, size_t *n);
 const double *dmk_result_potential(const dmk_result *result,
                                    size_t *n); /* u per vertex, u(p) = 0 */

@@ -3,6 +3,8 @@
  * opposite, and the outer equator within pi / sqrt(3) of the point opposite. */
 #include "solving.h"
 
+#include "solver/acl.h"
+
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
@@ -94,6 +96,98 @@ static void the_rule_marks_the_locus(void **state)
     problem_free(&p);
 }
 
+enum { GRID = 80 };
+
+/* A flat sheet of GRID lines each way; those across x are `ratio` times as far apart at vertex 0 as at the end. */
+static problem sheet(bench *b, double ratio)
+{
+    static double x[3 * GRID * GRID];
+    static int32_t t[6 * (GRID - 1) * (GRID - 1)];
+    double at[GRID] = {0};
+    size_t n = 0;
+    for (int i = 1; i < GRID; i++) at[i] = at[i - 1] + pow(ratio, 1 - (double)i / GRID);
+    for (int i = 0; i < GRID * GRID; i++) {
+        x[3 * i] = at[i % GRID];
+        x[3 * i + 1] = i / GRID;
+        x[3 * i + 2] = 0;
+        if (i % GRID == GRID - 1 || i / GRID == GRID - 1) continue;
+        const int32_t square[] = {i, i + 1, i + GRID + 1, i, i + GRID + 1, i + GRID};
+        for (int k = 0; k < 6; k++) t[n++] = square[k];
+    }
+    return problem_create(b, (size_t)(GRID * GRID), x, n / 3, t);
+}
+
+/* No two shortest paths meet on a flat sheet: all that is marked are the rows in which rays end, 3.6 %. */
+static void what_does_not_meet_is_not_marked(void **state)
+{
+    problem p = sheet(*state, 1);
+    problem_solve(&p);
+    const uint8_t *acl = dmk_result_acl(p.result, NULL);
+    double marked = 0, all = 0;
+    for (size_t t = 0; t < problem_triangles(&p); t++) {
+        all += problem_area(&p, t);
+        if (acl[t]) marked += problem_area(&p, t);
+    }
+    if (!(marked <= 0.042 * all)) fail_msg("%g of the area is marked", marked / all);
+    problem_free(&p);
+}
+
+/* Two families of parallel rays that meet at the angle 2 `half` on the line y = middle. */
+static double roof(double half, const double x[3])
+{
+    return sin(half) * fabs(x[1] - (GRID / 2 - 0.5)) - cos(half) * x[0];
+}
+
+/* Marked triangles along such a line whose size is below, and not below, 1.2 times the mean. */
+static void mark_roof(bench *b, double half, double share[2])
+{
+    problem p = sheet(b, 30);
+    const dmk_mesh *m = p.mesh;
+    const size_t nt = problem_triangles(&p);
+    double *u = calloc((size_t)(m->n_vertices + m->n_edges), sizeof *u),
+           *mu = calloc(nt, sizeof *mu);
+    double marked[2] = {0}, all[2] = {0}, area = 0;
+    uint8_t *acl = malloc(nt);
+    assert_true(u && mu && acl);
+    for (int32_t v = 0; v < m->n_vertices; v++) u[v] = roof(half, m->xyz + 3 * v);
+    for (int32_t e = 0; e < m->n_edges; e++) {
+        double mid[3];
+        const int32_t *v = m->edge_vertex + 2 * e;
+        for (int k = 0; k < 3; k++) mid[k] = (m->xyz[3 * v[0] + k] + m->xyz[3 * v[1] + k]) / 2;
+        u[m->n_vertices + e] = roof(half, mid);
+    }
+    const dmk_acl_input in = {m, mu, u, u + m->n_vertices};
+    assert_int_equal(dmk_acl_mark(b->ctx, &in, 0, acl), DMK_OK);
+    for (size_t t = 0; t < nt; t++) area += m->area[t] / (double)nt;
+    for (size_t t = 0; t < nt; t++) {
+        double c[3];
+        const int large = sqrt(m->area[t] / area) > 1.2;
+        centre(&p, t, c);
+        if (fabs(c[1] - (GRID / 2 - 0.5)) > 0.5) continue;
+        all[large]++;
+        marked[large] += acl[t];
+    }
+    for (int k = 0; k < 2; k++) share[k] = marked[k] / all[k];
+    free(u);
+    free(mu);
+    free(acl);
+    problem_free(&p);
+}
+
+/* The fainter a line, the smaller must be the triangles in which it is marked. */
+static void faint_lines_are_marked_in_small_triangles(void **state)
+{
+    double share[2];
+    mark_roof(*state, 0.07, share);
+    print_message("# faint: %g of the small, %g of the large\n", share[0], share[1]);
+    assert_true(share[0] > 0.8 && share[1] < 0.1);
+    mark_roof(*state, 0.2, share);
+    print_message("# clear: %g of the small, %g of the large\n", share[0], share[1]);
+    assert_true(share[0] == 1 && share[1] == 1);
+    mark_roof(*state, 0.03, share);
+    assert_true(share[0] == 0 && share[1] == 0);
+}
+
 /* The marks do not change with the unit of length. */
 static void the_rule_knows_no_unit(void **state)
 {
@@ -115,6 +209,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_rule_marks_the_locus),
+        cmocka_unit_test(what_does_not_meet_is_not_marked),
+        cmocka_unit_test(faint_lines_are_marked_in_small_triangles),
         cmocka_unit_test(the_rule_knows_no_unit),
     };
     return cmocka_run_group_tests(tests, bench_setup, bench_teardown);

@@ -200,7 +200,7 @@ void solve_add_method(solve_table *table, solve_request *request)
         {.name = "threshold",
          .value = "EPS",
          .help = "bound of the approximate cut locus {mu <= EPS}, the array `acl`;\n"
-                 "default: a rule from mu and u that needs no bound",
+                 "default: a rule from u that needs no bound",
          .kind = CLI_NUMBER,
          .target = &request->solve.threshold,
          .lo = DBL_MIN,

@@ -4,24 +4,27 @@
  * in pure numbers. Where two families of rays meet at an angle alpha,
  *   - the mean of grad u over a triangle is shorter than 1: cos(alpha/2), whatever the units;
  *   - rays converge: div grad u is a line of strength 2 sin(alpha/2).
- * With s_T the sine that belongs to the mean's length, sqrt(1 - |mean grad u|^2), and k_T the largest of
- * -int grad u . grad phi_i / sqrt(int phi_i) at the triangle's corners, phi_i their hat functions, marked are
- *     mu <= 28 sqrt|T|,   s_T >= 0.064,   s_T + k_T >= 0.095.
- * The first leaves out the blunt peak at the source, the last what bends without converging: ridges, noise.
- * Lengths are what it is made of, no coordinates. Of the strong exact locus (where the two shortest paths
- * differ by 0.3 edges and meet at 0.2 or more) farther than 1.5 edges from a marked triangle: 0.2 % on a
- * torus and 0 on a quartic and an ellipsoid of 65,000 to 87,000 triangles, 1 to 6 % on camel, ChineseDragon
- * and a brain, 3 to 6 and 20 to 22 % on bunny00 and armadillo, from two sources each; of the marked area
- * 3 % at most lies farther than 3 edges from the exact locus (one bunny: 6 %). mu <= sqrt|T| misses 0 to 25,
- * 9 to 34 and 32 to 55 % of these. */
+ * With s_T the sine that belongs to the mean's length, sqrt(1 - |mean grad u|^2), and k_T the sum of
+ * -int grad u . grad phi_i over the triangle's corners over the root of that of int phi_i, phi_i their hat
+ * functions, marked are
+ *     s_T >= 0.057 g_T,   s_T + k_T >= 0.12 g_T,   g_T = max(1, sqrt(|T| / mean area)):
+ * a front that is curved turns by more within a larger triangle, and a faint line of the locus may run anywhere
+ * in it. The second leaves out what bends without converging: the source's blunt peak, ridges, noise.
+ * Lengths are what it is made of, no coordinates, no tolerance. bench/results/acl.md has what it finds, what
+ * lies beside the locus, and the rules that were worse. */
 #include "solver/acl.h"
 
 #include <math.h>
 #include <stdlib.h>
 
-static const double most_mu = 28; /* in square roots of the area */
-static const double least_sine = 0.064;
-static const double least_sum = 0.095;
+static const double least_sine = 0.057;
+static const double least_sum = 0.12;
+
+/* At vertices: -int grad u . grad phi, and int phi. */
+typedef struct convergence {
+    double *flow, *area;
+    double mean; /* area of a triangle */
+} convergence;
 
 /* Corner values of the linear function with the mean of grad u over the four sub-triangles. */
 static void mean_gradient(const dmk_acl_input *in, int32_t t, double x[3])
@@ -34,13 +37,13 @@ static void mean_gradient(const dmk_acl_input *in, int32_t t, double x[3])
     }
 }
 
-/* convergence: -int grad u . grad phi over sqrt(int phi), at inner vertices; 0 on borders, where rays end. */
-static int sum_convergence(dmk_context *ctx, const dmk_acl_input *in, double *convergence)
+/* Nothing flows in at borders, where rays end. */
+static int sum_convergence(dmk_context *ctx, const dmk_acl_input *in, convergence *c)
 {
     int rc;
     const dmk_mesh *m = in->mesh;
-    double *area = NULL;
-    DMK_TRY(DMK_NEW(ctx, area, (size_t)m->n_vertices));
+    DMK_TRY(DMK_NEW(ctx, c->flow, (size_t)m->n_vertices));
+    DMK_TRY(DMK_NEW(ctx, c->area, (size_t)m->n_vertices));
     for (int32_t t = 0; t < m->n_triangles; t++) {
         double x[3];
         mean_gradient(in, t, x);
@@ -48,47 +51,45 @@ static int sum_convergence(dmk_context *ctx, const dmk_acl_input *in, double *co
             const int i = (k + 1) % 3, j = (k + 2) % 3;
             const int32_t *corner = m->triangle + 3 * (size_t)t;
             const double flow = 0.5 * dmk_cot(m, 3 * t + k) * (x[i] - x[j]);
-            convergence[corner[i]] -= flow;
-            convergence[corner[j]] += flow;
-            area[corner[k]] += m->area[t] / 3;
+            c->flow[corner[i]] -= flow;
+            c->flow[corner[j]] += flow;
+            c->area[corner[k]] += m->area[t] / 3;
         }
+        c->mean += m->area[t] / m->n_triangles;
     }
-    for (int32_t v = 0; v < m->n_vertices; v++) convergence[v] /= sqrt(fmax(area[v], 1e-300));
     for (int32_t e = 0; e < m->n_edges; e++) {
         if (m->edge_triangle[2 * (size_t)e + 1] >= 0) continue;
-        for (int k = 0; k < 2; k++) convergence[m->edge_vertex[2 * (size_t)e + (size_t)k]] = 0;
+        for (int k = 0; k < 2; k++) c->flow[m->edge_vertex[2 * (size_t)e + (size_t)k]] = 0;
     }
 done:
-    free(area);
     return rc;
 }
 
-static bool is_marked(const dmk_acl_input *in, const double *convergence, int32_t t)
+static bool is_marked(const dmk_acl_input *in, const convergence *c, int32_t t)
 {
-    double x[3], square = 0, top = -INFINITY;
+    double x[3], square = 0, flow = 0, area = 0;
     const dmk_mesh *m = in->mesh;
-    if (!(in->mu[t] <= most_mu * sqrt(m->area[t]))) return false;
     mean_gradient(in, t, x);
     for (int k = 0; k < 3; k++) {
+        const int32_t v = m->triangle[3 * (size_t)t + (size_t)k];
         const double d = x[(k + 1) % 3] - x[(k + 2) % 3];
         square += 0.5 * dmk_cot(m, 3 * t + k) * d * d / m->area[t];
-        top = fmax(top, convergence[m->triangle[3 * (size_t)t + (size_t)k]]);
+        flow += c->flow[v];
+        area += c->area[v];
     }
-    const double sine = sqrt(fmax(0, 1 - square));
-    return sine >= least_sine && sine + top >= least_sum;
+    const double sine = sqrt(fmax(0, 1 - square)), size = fmax(1, sqrt(m->area[t] / c->mean));
+    return sine >= least_sine * size && sine + flow / sqrt(area) >= least_sum * size;
 }
 
 int dmk_acl_mark(dmk_context *ctx, const dmk_acl_input *in, double threshold, uint8_t *acl)
 {
     int rc = DMK_OK;
-    double *convergence = NULL;
-    if (threshold <= 0) {
-        DMK_TRY(DMK_NEW(ctx, convergence, (size_t)in->mesh->n_vertices));
-        DMK_TRY(sum_convergence(ctx, in, convergence));
-    }
+    convergence c = {.mean = 0};
+    if (threshold <= 0) DMK_TRY(sum_convergence(ctx, in, &c));
     for (int32_t t = 0; t < in->mesh->n_triangles; t++)
-        acl[t] = threshold > 0 ? in->mu[t] <= threshold : is_marked(in, convergence, t);
+        acl[t] = threshold > 0 ? in->mu[t] <= threshold : is_marked(in, &c, t);
 done:
-    free(convergence);
+    free(c.flow);
+    free(c.area);
     return rc;
 }

@@ -7,7 +7,7 @@
 /* A result on the ordered mesh, in its units. */
 typedef struct dmk_acl_input {
     const dmk_mesh *mesh; /* with the metric that was computed with */
-    const double *mu;     /* n_triangles */
+    const double *mu;     /* n_triangles; only for a threshold */
     const double *u;      /* n_vertices */
     const double *u_mid;  /* n_edges */
 } dmk_acl_input;

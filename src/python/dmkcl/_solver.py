@@ -218,7 +218,7 @@ class CutLocus:
         max_steps : int
             0: the method's default.
         threshold : float
-            Bound of `Result.acl`, the triangles with mu <= threshold; 0: a rule from mu and u that
+            Bound of `Result.acl`, the triangles with mu <= threshold; 0: a rule from u that
             needs none.
         dt, inertia, cg_tolerance : float
             Time step of "euler" in (0, 1], inertia of "inertial" in [0, 1), tolerance of the inner
