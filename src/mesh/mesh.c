@@ -47,71 +47,168 @@ static int32_t find_edge(const struct dmk_mesh *m, int32_t first, int32_t n_edge
     return e;
 }
 
-/* Group the half-edges by their smaller end vertex, then match equal larger ends within each
- * group: linear in the mesh's size. Edges are numbered by (smaller end, first half-edge). */
-static int build_edges(dmk_context *ctx, struct dmk_mesh *m)
+/* Edges are built by ranges of vertices, each range those whose smaller end it holds. */
+enum { MOST_RANGES = 8, LONG_RANGE = 20000 };
+
+typedef struct edging {
+    struct dmk_mesh *mesh;
+    int32_t *row, *fill, *half; /* half-edges by smaller end */
+    int32_t n_ranges;
+    int32_t n_edges
+        [MOST_RANGES]; /* from row[first vertex of the range] on, until all are moved together */
+    bool clash[MOST_RANGES]; /* more than two triangles at an edge, or two of one direction */
+} edging;
+
+static int32_t range_first(const edging *w, int32_t k)
 {
-    int rc;
-    int32_t n_half = 3 * m->n_triangles, n_edges = 0;
-    int32_t *row = NULL, *half = NULL, *fill = NULL;
-    DMK_TRY(DMK_NEW(ctx, row, (size_t)m->n_vertices + 1));
-    DMK_TRY(DMK_NEW(ctx, fill, (size_t)m->n_vertices));
-    DMK_TRY(DMK_NEW(ctx, half, (size_t)n_half));
-    DMK_TRY(DMK_NEW(ctx, m->triangle_edge, (size_t)n_half));
-    DMK_TRY(DMK_NEW(ctx, m->edge_vertex, 2 * (size_t)n_half));
-    DMK_TRY(DMK_NEW(ctx, m->edge_triangle, 2 * (size_t)n_half));
-    for (int32_t h = 0; h < n_half; h++) {
-        int32_t a, b;
-        half_edge(m->triangle, h, &a, &b);
-        row[dmk_min_i(a, b)]++;
-    }
-    count_to_rows(m->n_vertices, row);
-    for (int32_t v = 0; v < m->n_vertices; v++) fill[v] = row[v];
-    for (int32_t h = 0; h < n_half; h++) {
-        int32_t a, b;
-        half_edge(m->triangle, h, &a, &b);
-        half[fill[dmk_min_i(a, b)]++] = h;
-    }
-    for (int32_t v = 0; v < m->n_vertices; v++) {
-        int32_t first = n_edges;
-        bool many = row[v + 1] - row[v] > 64;
-        for (int32_t i = row[v]; i < row[v + 1]; i++) {
-            int32_t a, b, h = half[i];
+    return (int32_t)((int64_t)w->mesh->n_vertices * k / w->n_ranges);
+}
+
+/* Of all half-edges those of the range: into row how many each vertex has; or, with `fill`, themselves into half. */
+static void sort_halves(const edging *w, int32_t k, bool fill)
+{
+    const struct dmk_mesh *m = w->mesh;
+    const int32_t lo = range_first(w, k), hi = range_first(w, k + 1);
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        for (int32_t h = 3 * t; h < 3 * t + 3; h++) {
+            int32_t a, b;
             half_edge(m->triangle, h, &a, &b);
-            int32_t other = dmk_max_i(a, b), side = a < b ? 0 : 1;
-            int32_t e = find_edge(m, first, n_edges, many, fill, other);
-            if (e == n_edges) {
-                if (many) fill[other] = e; /* done with as a place to fill */
-                m->edge_vertex[2 * e] = v;
-                m->edge_vertex[2 * e + 1] = other;
-                m->edge_triangle[2 * e] = m->edge_triangle[2 * e + 1] = -1;
-                n_edges++;
-            }
-            int32_t *slot = &m->edge_triangle[2 * e + side];
-            if (*slot >= 0) {
-                rc = dmk_check_explain_edges(ctx, m);
-                goto done;
-            }
-            *slot = h / 3;
-            m->triangle_edge[h] = e;
+            const int32_t v = dmk_min_i(a, b);
+            if (v < lo || v >= hi) continue;
+            if (fill)
+                w->half[w->fill[v]++] = h;
+            else
+                w->row[v]++;
         }
     }
+}
+
+static int count_piece(dmk_context *ctx, int32_t k, void *data)
+{
+    (void)ctx;
+    sort_halves(data, k, false);
+    return DMK_OK;
+}
+
+static int fill_piece(dmk_context *ctx, int32_t k, void *data)
+{
+    (void)ctx;
+    sort_halves(data, k, true);
+    return DMK_OK;
+}
+
+/* The edges of vertex v behind *n_edges; false where triangles clash. */
+static bool match_halves(const edging *w, int32_t v, int32_t *last, int32_t *n_edges)
+{
+    const struct dmk_mesh *m = w->mesh;
+    const int32_t first = *n_edges;
+    for (int32_t i = w->row[v]; i < w->row[v + 1]; i++) {
+        int32_t a, b, h = w->half[i];
+        half_edge(m->triangle, h, &a, &b);
+        const int32_t other = dmk_max_i(a, b), side = a < b ? 0 : 1;
+        const int32_t e = find_edge(m, first, *n_edges, last != NULL, last, other);
+        if (e == *n_edges) {
+            if (last) last[other] = e;
+            m->edge_vertex[2 * e] = v;
+            m->edge_vertex[2 * e + 1] = other;
+            m->edge_triangle[2 * e] = m->edge_triangle[2 * e + 1] = -1;
+            (*n_edges)++;
+        }
+        int32_t *slot = &m->edge_triangle[2 * e + side];
+        if (*slot >= 0) return false;
+        *slot = h / 3;
+        m->triangle_edge[h] = e;
+    }
+    return true;
+}
+
+static int edge_piece(dmk_context *ctx, int32_t k, void *data)
+{
+    enum { MANY = 64 };
+    int rc = DMK_OK;
+    edging *w = data;
+    const int32_t lo = range_first(w, k), hi = range_first(w, k + 1), base = w->row[lo];
+    int32_t n_edges = base, *last = NULL;
+    for (int32_t v = lo; v < hi && !w->clash[k]; v++) {
+        const bool many = w->row[v + 1] - w->row[v] > MANY;
+        if (many && !last) DMK_TRY(DMK_NEW(ctx, last, (size_t)w->mesh->n_vertices));
+        w->clash[k] = !match_halves(w, v, many ? last : NULL, &n_edges);
+    }
     /* A border edge keeps its only triangle in slot 0. */
-    for (int32_t e = 0; e < n_edges; e++) {
-        int32_t *t = m->edge_triangle + 2 * e;
+    for (int32_t e = base; e < n_edges; e++) {
+        int32_t *t = w->mesh->edge_triangle + 2 * e;
         if (t[0] < 0) {
             t[0] = t[1];
             t[1] = -1;
         }
     }
-    m->n_edges = n_edges;
-    shrink(&m->edge_vertex, 2 * (size_t)n_edges);
-    shrink(&m->edge_triangle, 2 * (size_t)n_edges);
-    rc = DMK_OK;
+    w->n_edges[k] = n_edges - base;
 done:
-    free(row);
-    free(fill);
-    free(half);
+    free(last);
+    return rc;
+}
+
+static void renumber_range(int32_t begin, int32_t end, void *data)
+{
+    const edging *w = data;
+    int32_t base[MOST_RANGES], shift[MOST_RANGES], sum = 0;
+    for (int32_t k = 0; k < w->n_ranges; k++) {
+        base[k] = w->row[range_first(w, k)];
+        shift[k] = base[k] - sum;
+        sum += w->n_edges[k];
+    }
+    for (int32_t h = begin; h < end; h++) {
+        int32_t *e = w->mesh->triangle_edge + h, k = w->n_ranges - 1;
+        while (*e < base[k]) k--;
+        *e -= shift[k];
+    }
+}
+
+/* The ranges' edges behind each other. */
+static void join_ranges(dmk_context *ctx, edging *w)
+{
+    struct dmk_mesh *m = w->mesh;
+    if (w->n_ranges > 1) dmk_parallel(ctx, 3 * m->n_triangles, renumber_range, w);
+    for (int32_t k = 0; k < w->n_ranges; k++) {
+        const size_t from = 2 * (size_t)w->row[range_first(w, k)], to = 2 * (size_t)m->n_edges,
+                     bytes = 2 * (size_t)w->n_edges[k] * sizeof(int32_t);
+        if (from > to) {
+            memmove(m->edge_vertex + to, m->edge_vertex + from, bytes);
+            memmove(m->edge_triangle + to, m->edge_triangle + from, bytes);
+        }
+        m->n_edges += w->n_edges[k];
+    }
+    shrink(&m->edge_vertex, 2 * (size_t)m->n_edges);
+    shrink(&m->edge_triangle, 2 * (size_t)m->n_edges);
+}
+
+/* Group the half-edges by their smaller end vertex, then match equal larger ends within each
+ * group: linear in the mesh's size. Edges are numbered by (smaller end, first half-edge). */
+static int build_edges(dmk_context *ctx, struct dmk_mesh *m)
+{
+    int rc;
+    const size_t n_half = 3 * (size_t)m->n_triangles;
+    edging w = {.mesh = m, .n_ranges = 1};
+    if (m->n_triangles > LONG_RANGE) w.n_ranges = dmk_min_i(dmk_parallel_threads(ctx), MOST_RANGES);
+    DMK_TRY(DMK_NEW(ctx, w.row, (size_t)m->n_vertices + 1));
+    DMK_TRY(DMK_NEW(ctx, w.fill, (size_t)m->n_vertices));
+    DMK_TRY(DMK_NEW(ctx, w.half, n_half));
+    DMK_TRY(DMK_NEW(ctx, m->triangle_edge, n_half));
+    DMK_TRY(DMK_NEW(ctx, m->edge_vertex, 2 * n_half));
+    DMK_TRY(DMK_NEW(ctx, m->edge_triangle, 2 * n_half));
+    DMK_TRY(dmk_parallel_pieces(ctx, w.n_ranges, count_piece, &w));
+    count_to_rows(m->n_vertices, w.row);
+    memcpy(w.fill, w.row, (size_t)m->n_vertices * sizeof *w.fill);
+    DMK_TRY(dmk_parallel_pieces(ctx, w.n_ranges, fill_piece, &w));
+    DMK_TRY(dmk_parallel_pieces(ctx, w.n_ranges, edge_piece, &w));
+    for (int32_t k = 0; k < w.n_ranges; k++) {
+        if (w.clash[k]) DMK_TRY(dmk_check_explain_edges(ctx, m));
+    }
+    join_ranges(ctx, &w);
+done:
+    free(w.row);
+    free(w.fill);
+    free(w.half);
     return rc;
 }
 
