@@ -27,6 +27,29 @@ static void destroyed_with_work_under_way(void **state)
     }
 }
 
+/* Kernels that a thread of the device's own builds are waited for by who wants one, and by who gives the device
+ * back. */
+static void built_in_the_background(void **state)
+{
+    fixture *f = *state;
+    dmk_device_options options;
+    dmk_device_options_init(&options, sizeof options);
+    options.in_background = 1;
+    for (int i = 0; i < 3; i++) {
+        dmk_device *device = NULL;
+        dmk_kernel *kernel = NULL;
+        assert_int_equal(dmk_device_open(f->ctx, &options, &device), DMK_OK);
+        if (i < 2)
+            assert_int_equal(dmk_kernel_get(f->ctx, device, DMK_OUTER, "rows_apply", &kernel),
+                             DMK_OK);
+        if (i == 0)
+            assert_int_equal(dmk_kernel_get(f->ctx, device, DMK_OUTER, "none", &kernel),
+                             DMK_E_BUILD);
+        dmk_device_destroy(&device);
+        assert_null(device);
+    }
+}
+
 /* The default is a GPU, where there is one that computes in double precision. */
 static void the_best_device(void **state)
 {
@@ -157,8 +180,11 @@ const char *__asan_default_options(void)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {TEST(destroyed_with_work_under_way), TEST(the_best_device),
-                                       TEST(a_device_by_its_kind), TEST(launches_of_a_step),
+    const struct CMUnitTest tests[] = {TEST(destroyed_with_work_under_way),
+                                       TEST(built_in_the_background),
+                                       TEST(the_best_device),
+                                       TEST(a_device_by_its_kind),
+                                       TEST(launches_of_a_step),
                                        TEST(memory_is_looked_at_first)};
     return cmocka_run_group_tests_name("device", tests, NULL, NULL);
 }

@@ -1,6 +1,7 @@
 /* Paths back to the sources, and distances anywhere: windows from the point asked for, back to the next bend or
  * source, whose distance is known. What leads farther than some way found is dropped, by the least that the
- * distances at the ends of an edge leave for its points; so few triangles beside the path are looked at. */
+ * distances at the ends of an edge and at the corner behind it leave for its points; so few triangles beside the path
+ * are looked at. */
 #include "geodesic/trace.h"
 
 #include "base/parallel.h"
