@@ -452,6 +452,86 @@ static void test_refuses_bad_points(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* ---- large meshes, whose edges are built on several threads ------------------------------------- */
+
+enum {
+    SIDE = 101,
+    N_GRID = (SIDE + 1) * (SIDE + 1),
+    ALL_TRIANGLES = 2 * SIDE * SIDE + 4 * SIDE - 3
+};
+
+static int32_t node(int i, int j)
+{
+    return 1 + i * (SIDE + 1) + j;
+}
+
+/* Vertex k of the grid's border, counterclockwise. */
+static int32_t rim(int k)
+{
+    const int side = k / SIDE % 4, at = k % SIDE;
+    return side == 0   ? node(at, 0)
+           : side == 1 ? node(SIDE, at)
+           : side == 2 ? node(SIDE - at, SIDE)
+                       : node(0, SIDE - at);
+}
+
+/* A square, and below it a hub, vertex 0, joined to its border but for three edges. */
+static dmk_mesh *square_with_hub(dmk_context *ctx)
+{
+    double *xyz = calloc(3 * (N_GRID + 1), sizeof *xyz);
+    int32_t *triangle = malloc(3 * ALL_TRIANGLES * sizeof *triangle), *t = triangle;
+    assert_true(xyz && triangle);
+    xyz[0] = xyz[1] = 0.5 * SIDE, xyz[2] = -SIDE;
+    for (int i = 0; i <= SIDE; i++) {
+        for (int j = 0; j <= SIDE; j++) xyz[3 * node(i, j)] = i, xyz[3 * node(i, j) + 1] = j;
+    }
+    for (int i = 0; i < SIDE; i++) {
+        for (int j = 0; j < SIDE; j++) {
+            *t++ = node(i, j), *t++ = node(i + 1, j), *t++ = node(i + 1, j + 1);
+            *t++ = node(i, j), *t++ = node(i + 1, j + 1), *t++ = node(i, j + 1);
+        }
+    }
+    for (int k = 3; k < 4 * SIDE; k++) *t++ = rim(k + 1), *t++ = rim(k), *t++ = 0;
+    dmk_mesh *m = create(ctx, N_GRID + 1, xyz, ALL_TRIANGLES, triangle);
+    free(xyz);
+    free(triangle);
+    return m;
+}
+
+/* Every half-edge's edge has its ends, the smaller first, and its triangle, first the one that runs it from there. */
+static void check_edges(const dmk_mesh *m)
+{
+    assert_int_equal(m->n_edges, (3 * m->n_triangles + 5) / 2);
+    assert_int_equal(m->n_border_edges, 5);
+    for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
+        const int32_t a = m->triangle[dmk_next(h)], b = m->triangle[dmk_previous(h)];
+        const int32_t e = m->triangle_edge[h], *pair = m->edge_triangle + 2 * e;
+        assert_int_equal(m->edge_vertex[2 * e], a < b ? a : b);
+        assert_int_equal(m->edge_vertex[2 * e + 1], a < b ? b : a);
+        assert_int_equal(pair[a < b || pair[1] < 0 ? 0 : 1], h / 3);
+    }
+}
+
+static void test_edges_on_any_number_of_threads(void **state)
+{
+    dmk_context *ctx = *state;
+    dmk_mesh *one = NULL;
+    for (int threads = 1; threads <= 9; threads += 2) {
+        assert_int_equal(dmk_context_set_threads(ctx, threads), DMK_OK);
+        dmk_mesh *m = square_with_hub(ctx);
+        check_edges(m);
+        if (!one) {
+            one = m;
+            continue;
+        }
+        const size_t n = 3 * (size_t)m->n_triangles;
+        assert_memory_equal(m->triangle_edge, one->triangle_edge, n * sizeof *m->triangle_edge);
+        dmk_mesh_destroy(&m);
+    }
+    dmk_mesh_destroy(&one);
+    assert_int_equal(dmk_context_set_threads(ctx, 0), DMK_OK);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -471,6 +551,7 @@ int main(void)
         cmocka_unit_test(test_projects_to_the_nearest),
         cmocka_unit_test(test_vertex_points),
         cmocka_unit_test(test_refuses_bad_points),
+        cmocka_unit_test(test_edges_on_any_number_of_threads),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }
