@@ -15,7 +15,7 @@ static void adjacency_free(dmk_adjacency *g)
     memset(g, 0, sizeof *g);
 }
 
-static void coarsening_free(dmk_coarsening *c)
+void dmk_coarsening_free(dmk_coarsening *c)
 {
     free(c->coarse.edge);
     free(c->coarse.xyz);
@@ -32,7 +32,7 @@ static void coarsening_free(dmk_coarsening *c)
 
 void dmk_hierarchy_free(dmk_hierarchy *h)
 {
-    for (int l = 0; l < DMK_MAX_LEVELS; l++) coarsening_free(&h->level[l]);
+    for (int l = 0; l < DMK_MAX_LEVELS; l++) dmk_coarsening_free(&h->level[l]);
     memset(h, 0, sizeof *h);
 }
 
@@ -133,9 +133,10 @@ done:
 /* One level of the descent; *fine becomes the adjacency of the coarse level. Without enough gain
  * nothing is made and *stalled set. */
 static int coarsen(dmk_context *ctx, dmk_adjacency *fine, int32_t n_edges, const int32_t *edge,
-                   const double *xyz, dmk_coarsening *c, bool *stalled)
+                   const double *xyz, const dmk_dealing *dealing, dmk_coarsening *c, bool *stalled)
 {
     int rc;
+    const int32_t n_fine = fine->n;
     dmk_cells cells;
     dmk_adjacency coarse = {0};
     DMK_TRY(dmk_cells_create(ctx, fine, &cells));
@@ -143,20 +144,22 @@ static int coarsen(dmk_context *ctx, dmk_adjacency *fine, int32_t n_edges, const
     if (*stalled) goto done;
     c->coarse.n = cells.n;
     DMK_TRY(cell_adjacency(ctx, fine, &cells, &coarse));
+    adjacency_free(fine);
     DMK_TRY(cell_places(ctx, &cells, xyz, &c->coarse.xyz));
     DMK_TRY(measure_adjacency(ctx, c->coarse.xyz, &coarse));
     DMK_TRY(dmk_prolong_create(ctx, &cells, &coarse, xyz, c));
-    DMK_TRY(dmk_galerkin_create(ctx, fine->n, n_edges, edge, c));
-    adjacency_free(fine);
+    dmk_cells_free(&cells);
     *fine = coarse;
     memset(&coarse, 0, sizeof coarse);
+    DMK_TRY(dmk_galerkin_create(ctx, n_fine, n_edges, edge, dealing, c));
 done:
     adjacency_free(&coarse);
     dmk_cells_free(&cells);
     return rc;
 }
 
-int dmk_hierarchy_create(dmk_context *ctx, const dmk_mesh *m, int32_t coarsest, dmk_hierarchy *h)
+int dmk_hierarchy_deal(dmk_context *ctx, const dmk_mesh *m, int32_t coarsest,
+                       const dmk_dealing *dealing, dmk_hierarchy *h)
 {
     int rc;
     dmk_adjacency fine;
@@ -167,11 +170,16 @@ int dmk_hierarchy_create(dmk_context *ctx, const dmk_mesh *m, int32_t coarsest, 
     while (fine.n > coarsest && h->n < DMK_MAX_LEVELS && !stalled) {
         const dmk_graph *g = h->n ? &h->level[h->n - 1].coarse : NULL;
         DMK_TRY(coarsen(ctx, &fine, g ? g->n_edges : m->n_edges, g ? g->edge : m->edge_vertex,
-                        g ? g->xyz : m->xyz, &h->level[h->n], &stalled));
+                        g ? g->xyz : m->xyz, dealing, &h->level[h->n], &stalled));
         if (!stalled) h->n++;
     }
 done:
     adjacency_free(&fine);
     if (rc != DMK_OK) dmk_hierarchy_free(h);
     return rc;
+}
+
+int dmk_hierarchy_create(dmk_context *ctx, const dmk_mesh *m, int32_t coarsest, dmk_hierarchy *h)
+{
+    return dmk_hierarchy_deal(ctx, m, coarsest, NULL, h);
 }

@@ -32,6 +32,8 @@ typedef struct dmk_coarsening {
     int32_t *galerkin_row;  /* coarse.n_edges + 1 */
     int32_t *galerkin_edge; /* galerkin_row[coarse.n_edges]: fine links, increasing in each row */
     float *galerkin_coef;   /* galerkin_row[coarse.n_edges]: never 0 */
+    int32_t link_first;     /* of a level that is dealt out, the tables are of the own links alone,
+                               from this one on; else 0 */
 } dmk_coarsening;
 
 #define DMK_MAX_LEVELS 32
@@ -42,12 +44,28 @@ typedef struct dmk_hierarchy {
                                              edges, of level[l] the coarse side of level[l-1] */
 } dmk_hierarchy;
 
+/* For a mesh that several processes coarsen together: each makes the Galerkin tables, by far the largest,
+ * of its own part alone, and all have the same hierarchy. Both calls see the coarsening that is being made, with
+ * its prolongation, transposed too. */
+typedef struct dmk_dealing {
+    void *user;
+    /* The coarse vertices *first .. *end - 1 whose links, by their smaller end, are wanted here. */
+    int (*own)(dmk_context *context, void *user, const dmk_coarsening *c, int32_t *first,
+               int32_t *end);
+    /* coarse.edge, n_edges and link_first of the whole level in place of those links'. */
+    int (*join)(dmk_context *context, void *user, dmk_coarsening *c);
+} dmk_dealing;
+
 /* Coarsen until at most `coarsest` vertices (0: 128) are left, or until a step would not bring the
  * number of vertices down to two thirds. The mesh should be in the order of dmk_order_create; a
  * connected mesh gives connected levels. On failure *h is empty. */
 int dmk_hierarchy_create(dmk_context *context, const dmk_mesh *mesh, int32_t coarsest,
                          dmk_hierarchy *h);
+/* With a dealing, or NULL. */
+int dmk_hierarchy_deal(dmk_context *context, const dmk_mesh *mesh, int32_t coarsest,
+                       const dmk_dealing *dealing, dmk_hierarchy *h);
 void dmk_hierarchy_free(dmk_hierarchy *h);
+void dmk_coarsening_free(dmk_coarsening *c);
 
 /* ---- the steps of one coarsening, for coarsen.c only --------------------------------------- */
 
@@ -83,6 +101,6 @@ int dmk_prolong_create(dmk_context *context, const dmk_cells *cells, const dmk_a
 /* galerkin.c: given the prolongation of c (rows of `n_fine` vertices) and the fine links, fill its
  * coarse links (coarse.edge), the transposed prolongation and the Galerkin tables. */
 int dmk_galerkin_create(dmk_context *context, int32_t n_fine, int32_t n_fine_edges,
-                        const int32_t *fine_edge, dmk_coarsening *c);
+                        const int32_t *fine_edge, const dmk_dealing *dealing, dmk_coarsening *c);
 
 #endif

@@ -19,8 +19,9 @@ enum { MOST = 6 }; /* nonzero entries of a d */
 /* The nonzero entries of d for each fine link. */
 typedef struct difference {
     int32_t n_links;
-    int32_t *row;    /* n_links: first place of the link's entries */
-    uint8_t *length; /* n_links: their number */
+    int32_t first, end; /* the coarse vertices whose links are wanted */
+    int32_t *row;       /* n_links: first place of the link's entries */
+    uint8_t *length;    /* n_links: their number */
     int32_t
         *coarse; /* MOST * n_links, of which few are used: coarse vertices, increasing for a link */
     float *value; /* as many */
@@ -66,6 +67,20 @@ typedef struct difference_job {
     difference *d;
 } difference_job;
 
+static bool is_wanted(const difference *d, int32_t a)
+{
+    return a >= d->first && a < d->end;
+}
+
+/* Whether a link that has these n entries has a share of a wanted coarse link. */
+static bool has_wanted(const difference *d, int n, const int32_t *coarse)
+{
+    for (int k = 0; k + 1 < n; k++) {
+        if (is_wanted(d, coarse[k])) return true;
+    }
+    return false;
+}
+
 /* A range's links lie one after another from the place of its first one on: pages behind the last one
  * are never touched. */
 static void difference_range(int32_t begin, int32_t end, void *data)
@@ -75,6 +90,7 @@ static void difference_range(int32_t begin, int32_t end, void *data)
     float value[MOST + 1];
     for (int32_t e = begin; e < end; e++) {
         int n = subtract_rows(job->c, job->link[2 * e], job->link[2 * e + 1], coarse, value);
+        if (!has_wanted(job->d, n, coarse)) n = 0;
         job->d->row[e] = at;
         job->d->length[e] = (uint8_t)n;
         for (int k = 0; k < n; k++, at++) {
@@ -133,6 +149,7 @@ static int bucket_create(dmk_context *ctx, const difference *d, int32_t n_coarse
     DMK_TRY(DMK_NEW(ctx, fill, (size_t)n_coarse));
     for (int32_t e = 0; e < d->n_links; e++) {
         for (int32_t p = d->row[e]; p + 1 < d->row[e] + d->length[e]; p++) {
+            if (!is_wanted(d, d->coarse[p])) continue;
             k->row[d->coarse[p] + 1]++;
             k->entry[d->coarse[p] + 1] += d->row[e] + d->length[e] - 1 - p;
         }
@@ -145,6 +162,7 @@ static int bucket_create(dmk_context *ctx, const difference *d, int32_t n_coarse
     DMK_TRY(DMK_NEW(ctx, k->link, (size_t)k->row[n_coarse]));
     for (int32_t e = 0; e < d->n_links; e++) {
         for (int32_t p = d->row[e]; p + 1 < d->row[e] + d->length[e]; p++) {
+            if (!is_wanted(d, d->coarse[p])) continue;
             k->link[fill[d->coarse[p]]++] = (uint32_t)e * 8 + (uint32_t)(p - d->row[e]);
         }
     }
@@ -212,6 +230,8 @@ static int emit_range(dmk_context *own, int32_t begin, int32_t end, void *data)
     int rc;
     const emitter *m = data;
     scratch s = {0};
+    begin += m->d->first;
+    end += m->d->first;
     int32_t at = m->by_end->entry[begin]; /* there are no more links than entries */
     DMK_TRY(DMK_NEW(own, s.stamp, (size_t)m->c->coarse.n));
     DMK_TRY(DMK_NEW(own, s.fill, (size_t)m->c->coarse.n));
@@ -226,7 +246,7 @@ done:
     return rc;
 }
 
-/* The links of all coarse vertices, one after another. */
+/* The links of the wanted coarse vertices, one after another. */
 static int pack_links(dmk_context *ctx, const emitter *m)
 {
     int rc;
@@ -260,7 +280,7 @@ static int emit_all(dmk_context *ctx, const difference *d, const bucket *by_end,
     DMK_TRY(DMK_NEW(ctx, m.begin, n_entries));
     DMK_TRY(DMK_NEW(ctx, c->galerkin_edge, n_entries));
     DMK_TRY(DMK_NEW(ctx, c->galerkin_coef, n_entries));
-    DMK_TRY(dmk_parallel_try(ctx, c->coarse.n, emit_range, &m));
+    DMK_TRY(dmk_parallel_try(ctx, d->end - d->first, emit_range, &m));
     DMK_TRY(pack_links(ctx, &m));
 done:
     free(m.first);
@@ -271,11 +291,12 @@ done:
 }
 
 static int galerkin_tables(dmk_context *ctx, int32_t n_links, const int32_t *fine_edge,
-                           dmk_coarsening *c)
+                           const dmk_dealing *dealing, dmk_coarsening *c)
 {
     int rc;
-    difference d = {0};
+    difference d = {.first = 0, .end = c->coarse.n};
     bucket by_end = {0};
+    if (dealing) DMK_TRY(dealing->own(ctx, dealing->user, c, &d.first, &d.end));
     DMK_TRY(difference_create(ctx, c, n_links, fine_edge, &d));
     int64_t n_pairs = count_pairs(&d);
     if (n_pairs > INT32_MAX / 2) {
@@ -285,6 +306,9 @@ static int galerkin_tables(dmk_context *ctx, int32_t n_links, const int32_t *fin
     }
     DMK_TRY(bucket_create(ctx, &d, c->coarse.n, &by_end));
     DMK_TRY(emit_all(ctx, &d, &by_end, c));
+    difference_free(&d);
+    d = (difference){0};
+    if (dealing) DMK_TRY(dealing->join(ctx, dealing->user, c));
 done:
     difference_free(&d);
     bucket_free(&by_end);
@@ -323,11 +347,11 @@ done:
 }
 
 int dmk_galerkin_create(dmk_context *ctx, int32_t n_fine, int32_t n_fine_edges,
-                        const int32_t *fine_edge, dmk_coarsening *c)
+                        const int32_t *fine_edge, const dmk_dealing *dealing, dmk_coarsening *c)
 {
     int rc;
     DMK_TRY(transpose(ctx, n_fine, c));
-    DMK_TRY(galerkin_tables(ctx, n_fine_edges, fine_edge, c));
+    DMK_TRY(galerkin_tables(ctx, n_fine_edges, fine_edge, dealing, c));
 done:
     return rc;
 }

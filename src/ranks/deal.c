@@ -273,28 +273,32 @@ static void forget(dmk_share *s)
 }
 
 int dmk_share_create(dmk_context *ctx, const dmk_ranks *ranks, dmk_device *device,
-                     const dmk_mesh *mesh, const dmk_hierarchy *hierarchy, dmk_share **share,
-                     dmk_local *local)
+                     const dmk_mesh *mesh, int32_t coarsest, dmk_hierarchy *hierarchy,
+                     dmk_share **share, dmk_local *local)
 {
     int rc;
     dmk_share *s = NULL;
     marks k = {0};
     int32_t part = (int32_t)dmk_launch_part(device);
-    if (!ranks || hierarchy->n == 0 || mesh->n_vertices / part < ranks->size) return DMK_OK;
+    if (!ranks || mesh->n_vertices / part < ranks->size)
+        return dmk_hierarchy_create(ctx, mesh, coarsest, hierarchy);
     DMK_TRY(DMK_NEW(ctx, s, 1));
+    const dmk_dealing dealing = {s, dmk_deal_own, dmk_deal_join};
     s->ranks = *ranks;
     s->device = device;
     s->part = part;
     DMK_TRY(check_parts(ctx, s));
     DMK_TRY(get_kernels(ctx, s));
     DMK_TRY(own_items(ctx, s, mesh));
-    DMK_TRY(dmk_deal_bounds(ctx, s, hierarchy));
+    DMK_TRY(dmk_hierarchy_deal(ctx, mesh, coarsest, &dealing, hierarchy));
+    if (hierarchy->n == 0) goto done;
     DMK_TRY(mark_elements(ctx, s, mesh, &k));
     DMK_TRY(mark_levels(ctx, s, mesh, hierarchy, &k));
     DMK_TRY(create_spaces(ctx, s, &k));
     DMK_TRY(create_halos(ctx, s, &k));
     DMK_TRY(local_mesh(ctx, s, mesh, &s->mesh));
     DMK_TRY(dmk_local_levels(ctx, s, hierarchy, local));
+    for (int32_t i = 0; i < s->first_whole; i++) dmk_coarsening_free(&hierarchy->level[i]);
     forget(s);
     *share = s;
     s = NULL;

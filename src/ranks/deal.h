@@ -8,8 +8,11 @@
  * 10,000 takes 10 us on a device that moves 100 GB/s, as long as one message). */
 enum { DMK_GATHER_BELOW = 10000 };
 
-/* Own ranges of the levels below T, and the first level that is whole. */
-int dmk_deal_bounds(dmk_context *context, dmk_share *share, const dmk_hierarchy *hierarchy);
+/* The calls of a dmk_dealing whose user is a share: own ranges of the levels below T, and the first level that
+ * is whole. */
+int dmk_deal_own(dmk_context *context, void *share, const dmk_coarsening *c, int32_t *first,
+                 int32_t *end);
+int dmk_deal_join(dmk_context *context, void *share, dmk_coarsening *c);
 /* Mark the vertices and links of a level that the rank reads; own ones may stay unmarked. */
 void dmk_deal_mark(const dmk_share *share, const dmk_mesh *mesh, const dmk_hierarchy *hierarchy,
                    int32_t level, uint8_t *vertex_mark, uint8_t *link_mark);

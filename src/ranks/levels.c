@@ -44,38 +44,65 @@ static void set_own(const dmk_share *s, dmk_space *space)
     space->end = space->bound[s->ranks.rank + 1];
 }
 
-/* A rank owns as many coarse vertices as have their main vertices among its fine ones, and the
- * links whose smaller end it owns. */
-static int bound_level(dmk_context *ctx, dmk_share *s, const dmk_coarsening *c, int32_t level)
+/* A rank owns as many coarse vertices as have their main vertices among its fine ones. */
+static int bound_vertices(dmk_context *ctx, dmk_share *s, const dmk_coarsening *c, int32_t level)
 {
     int rc, size = s->ranks.size;
-    dmk_space *vertex = &s->vertex[level], *link = &s->link[level];
-    int32_t k = 0;
+    dmk_space *vertex = &s->vertex[level];
     DMK_TRY(own_range(ctx, s, c->coarse.n, vertex));
-    DMK_TRY(own_range(ctx, s, c->coarse.n_edges, link));
     for (int32_t a = 0; a < c->coarse.n; a++) {
         vertex->bound[owner_of(&s->vertex[level - 1], size, main_vertex(c, a)) + 1]++;
     }
-    for (int r = 0; r < size; r++) {
-        vertex->bound[r + 1] += vertex->bound[r];
-        while (k < link->n_whole && c->coarse.edge[2 * k] < vertex->bound[r + 1]) k++;
-        link->bound[r + 1] = k;
-    }
+    for (int r = 0; r < size; r++) vertex->bound[r + 1] += vertex->bound[r];
     set_own(s, vertex);
-    set_own(s, link);
 done:
     return rc;
 }
 
-int dmk_deal_bounds(dmk_context *ctx, dmk_share *s, const dmk_hierarchy *h)
+int dmk_deal_own(dmk_context *ctx, void *user, const dmk_coarsening *c, int32_t *first,
+                 int32_t *end)
 {
     int rc = DMK_OK;
-    int32_t below = s->ranks.gather_below > 0 ? s->ranks.gather_below : DMK_GATHER_BELOW;
-    do {
-        s->first_whole++;
-        DMK_TRY(bound_level(ctx, s, &h->level[s->first_whole - 1], s->first_whole));
-    } while (s->first_whole < h->n && h->level[s->first_whole - 1].coarse.n >= below);
+    dmk_share *s = user;
+    const int32_t below = s->ranks.gather_below > 0 ? s->ranks.gather_below : DMK_GATHER_BELOW;
+    s->deals = s->first_whole == 0 || (s->deals && s->vertex[s->first_whole].n_whole >= below);
+    if (!s->deals) return DMK_OK;
+    s->first_whole++;
+    DMK_TRY(bound_vertices(ctx, s, c, s->first_whole));
+    *first = s->vertex[s->first_whole].first;
+    *end = s->vertex[s->first_whole].end;
 done:
+    return rc;
+}
+
+/* And the links whose smaller end it owns, which are those that it has made. */
+int dmk_deal_join(dmk_context *ctx, void *user, dmk_coarsening *c)
+{
+    int rc;
+    dmk_share *s = user;
+    dmk_space *link = &s->link[s->first_whole];
+    int32_t *own = c->coarse.edge, *n = NULL;
+    size_t *bytes = NULL;
+    if (!s->deals) return DMK_OK;
+    DMK_TRY(DMK_NEW(ctx, n, (size_t)s->ranks.size));
+    DMK_TRY(DMK_NEW(ctx, bytes, (size_t)s->ranks.size));
+    for (int r = 0; r < s->ranks.size; r++) bytes[r] = sizeof *n;
+    DMK_TRY(dmk_share_check(ctx, s, s->ranks.gather(s->ranks.user, &c->coarse.n_edges, n, bytes)));
+    DMK_TRY(own_range(ctx, s, 0, link));
+    for (int r = 0; r < s->ranks.size; r++) {
+        link->bound[r + 1] = link->bound[r] + n[r];
+        bytes[r] = 2 * (size_t)n[r] * sizeof *own;
+    }
+    link->n_whole = c->coarse.n_edges = link->bound[s->ranks.size];
+    set_own(s, link);
+    c->link_first = link->first;
+    c->coarse.edge = NULL;
+    DMK_TRY(DMK_NEW(ctx, c->coarse.edge, 2 * (size_t)link->n_whole));
+    DMK_TRY(dmk_share_check(ctx, s, s->ranks.gather(s->ranks.user, own, c->coarse.edge, bytes)));
+done:
+    if (c->coarse.edge != own) free(own);
+    free(n);
+    free(bytes);
     return rc;
 }
 
@@ -99,7 +126,8 @@ static void mark_sources(const dmk_coarsening *c, const dmk_space *vertex, const
     for (int32_t k = c->restrict_row[vertex->first]; k < c->restrict_row[vertex->end]; k++) {
         vertex_mark[c->restrict_fine[k]] = 1;
     }
-    for (int32_t k = c->galerkin_row[link->first]; k < c->galerkin_row[link->end]; k++) {
+    const int32_t own = link->end - link->first;
+    for (int32_t k = c->galerkin_row[0]; k < c->galerkin_row[own]; k++) {
         link_mark[c->galerkin_edge[k]] = 1;
     }
 }
@@ -168,28 +196,31 @@ done:
     return rc;
 }
 
-/* A table of compressed rows: those of own items, with their entries' local places. */
+/* A table of compressed rows: those of own items, `row` from the first one on; or with their entries' local
+ * places, of all local items. */
 typedef struct table {
     int32_t *row, *entry;
     float *value;
 } table;
 
 static int local_table(dmk_context *ctx, const dmk_space *rows, const dmk_space *entries,
-                       const table *whole, table *local)
+                       const table *own, table *local)
 {
     int rc;
-    int32_t from = whole->row[rows->first], n = whole->row[rows->end] - from, at = 0;
+    const int32_t from = own->row[0], n = own->row[rows->end - rows->first] - from;
+    int32_t at = 0;
     DMK_TRY(DMK_NEW(ctx, local->row, (size_t)rows->n + 1));
     DMK_TRY(DMK_NEW(ctx, local->entry, (size_t)n));
     DMK_TRY(DMK_NEW(ctx, local->value, (size_t)n));
     for (int32_t i = 0; i < rows->n; i++) {
         int32_t g = rows->whole[i];
-        if (g >= 0 && dmk_space_owns(rows, g)) at += whole->row[g + 1] - whole->row[g];
+        const int32_t *row = own->row + (g - rows->first);
+        if (g >= 0 && dmk_space_owns(rows, g)) at += row[1] - row[0];
         local->row[i + 1] = at;
     }
     for (int32_t k = 0; k < n; k++) {
-        local->entry[k] = entries->at[whole->entry[from + k]];
-        local->value[k] = whole->value[from + k];
+        local->entry[k] = entries->at[own->entry[from + k]];
+        local->value[k] = own->value[from + k];
     }
 done:
     return rc;
@@ -203,9 +234,10 @@ static int local_level(dmk_context *ctx, const dmk_share *s, int32_t level,
     table restriction = {0}, galerkin = {0};
     DMK_TRY(local_links(ctx, coarse, &s->link[level + 1], &whole->coarse, &local->coarse));
     DMK_TRY(local_prolongation(ctx, fine, coarse, whole, local));
-    rc = local_table(ctx, coarse, fine,
-                     &(table){whole->restrict_row, whole->restrict_fine, whole->restrict_weight},
-                     &restriction);
+    rc = local_table(
+        ctx, coarse, fine,
+        &(table){whole->restrict_row + coarse->first, whole->restrict_fine, whole->restrict_weight},
+        &restriction);
     local->restrict_row = restriction.row;
     local->restrict_fine = restriction.entry;
     local->restrict_weight = restriction.value;

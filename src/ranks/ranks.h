@@ -44,6 +44,7 @@ typedef struct dmk_share {
     dmk_kernel *pack[DMK_N_PROGRAMS], *unpack[DMK_N_PROGRAMS];
     int32_t part;        /* items of a launch's part */
     int32_t first_whole; /* levels from this one on are on all ranks */
+    bool deals;          /* while they are made: the last one was dealt out */
     dmk_space element, edge;
     dmk_space vertex[DMK_SHARE_LEVELS],
         link[DMK_SHARE_LEVELS]; /* by level, 0 = T; link[0] is `edge` */
@@ -63,11 +64,11 @@ typedef struct dmk_local {
     int32_t first_whole;
 } dmk_local;
 
-/* Rank `ranks->rank`'s share of an ordered mesh; *share stays NULL where the mesh has no more parts
- * than ranks, or no levels: then every rank does all of it. */
+/* Rank `ranks->rank`'s share of an ordered mesh, with the hierarchy, of whose dealt levels it has its part;
+ * *share stays NULL where the mesh has no more parts than ranks, or no levels: then every rank does all of it. */
 int dmk_share_create(dmk_context *context, const dmk_ranks *ranks, dmk_device *device,
-                     const dmk_mesh *mesh, const dmk_hierarchy *hierarchy, dmk_share **share,
-                     dmk_local *local);
+                     const dmk_mesh *mesh, int32_t coarsest, dmk_hierarchy *hierarchy,
+                     dmk_share **share, dmk_local *local);
 void dmk_share_destroy(dmk_share **share);
 void dmk_local_free(dmk_local *local);
 

@@ -565,23 +565,24 @@ static void set_counts(dmk_system *s, const dmk_mesh *packed)
 }
 
 /* The share takes the mesh's place; all of it, if there is none. */
-static int pack_share(const packer *p, const dmk_ranks *ranks)
+static int pack_share(const packer *p, const dmk_ranks *ranks, const dmk_system_dealt *dealt)
 {
     int rc;
-    coarsener c = {.mesh = p->mesh};
+    dmk_hierarchy whole = {.n = 0};
     dmk_local local = {.first_whole = 0};
     packer mine = *p;
-    DMK_TRY(coarsen(p->ctx, &c));
-    DMK_TRY(dmk_share_create(p->ctx, ranks, p->dev, p->mesh, &c.hierarchy, &p->sys->share, &local));
+    DMK_TRY(
+        dmk_share_create(p->ctx, ranks, p->dev, p->mesh, COARSEST, &whole, &p->sys->share, &local));
     if (p->sys->share) {
         mine.mesh = &p->sys->share->mesh;
         set_counts(p->sys, mine.mesh);
+        if (dealt) DMK_TRY(dealt->call(p->ctx, dealt->user, p->sys));
     }
     DMK_TRY(pack_fine(&mine));
-    DMK_TRY(pack_levels(&mine, p->sys->share ? &local.hierarchy : &c.hierarchy));
+    DMK_TRY(pack_levels(&mine, p->sys->share ? &local.hierarchy : &whole));
 done:
     if (p->sys->share || rc != DMK_OK) dmk_local_free(&local);
-    dmk_hierarchy_free(&c.hierarchy);
+    dmk_hierarchy_free(&whole);
     return rc;
 }
 
@@ -600,6 +601,12 @@ dmk_counts dmk_system_counts(const dmk_device *device, const dmk_mesh *mesh)
 int dmk_system_create(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh,
                       const dmk_ranks *ranks, dmk_system **system)
 {
+    return dmk_system_deal(ctx, device, mesh, ranks, NULL, system);
+}
+
+int dmk_system_deal(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh,
+                    const dmk_ranks *ranks, const dmk_system_dealt *dealt, dmk_system **system)
+{
     int rc;
     double area = 0;
     dmk_system *s = NULL;
@@ -612,7 +619,7 @@ int dmk_system_create(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh
     set_counts(s, mesh);
     packer p = {ctx, device, mesh, s};
     if (ranks)
-        DMK_TRY(pack_share(&p, ranks));
+        DMK_TRY(pack_share(&p, ranks, dealt));
     else
         DMK_TRY(pack_all(&p));
     DMK_TRY(dmk_kernels_create(ctx, device, &s->kernels)); /* they may have been built meanwhile */

@@ -92,6 +92,14 @@ dmk_counts dmk_system_counts(const dmk_device *device, const dmk_mesh *mesh);
  * dmk_system_allocate and may go in between: the host's arrays for start and end have room then. */
 int dmk_system_create(dmk_context *context, dmk_device *device, const dmk_mesh *mesh,
                       const dmk_ranks *ranks, dmk_system **system);
+/* The same, and a call as soon as the share is made, if there is one: the whole mesh is not read any more, and
+ * the call may free its arrays. */
+typedef struct dmk_system_dealt {
+    int (*call)(dmk_context *context, void *user, dmk_system *system);
+    void *user;
+} dmk_system_dealt;
+int dmk_system_deal(dmk_context *context, dmk_device *device, const dmk_mesh *mesh,
+                    const dmk_ranks *ranks, const dmk_system_dealt *dealt, dmk_system **system);
 void dmk_system_destroy(dmk_system **system);
 /* mu, u and f, zeroed; and with them all work arrays. Nothing to do for what is there; on failure nothing
  * is. */
