@@ -381,6 +381,8 @@ typedef struct dmk_solve_options {
     int normalise;    /* dmk_solve_measures: 1 scales the second measure to the mass of the first */
     double threshold; /* absolute bound of the approximate cut locus {mu <= eps}; 0 = a rule without
                              a tolerance to choose, see dmk_result_acl */
+    int density_only; /* 1: dmk_solve gives density, potential and bounds of the cost, from mu = 1: no
+                         distance (so no cut locus and no paths) and no approximate cut locus */
 } dmk_solve_options;
 
 void dmk_solve_options_init(dmk_solve_options *options, size_t size);
@@ -573,6 +575,10 @@ typedef struct dmk_traffic {
  * density, potential and stats, with the bits that one rank would compute; the first one also the distance,
  * and what cut locus and paths are made from. NULL: this process has all of it. */
 int dmk_solver_set_ranks(dmk_context *context, dmk_solver *solver, const dmk_ranks *ranks);
+/* The solver takes its mesh over, *mesh becomes NULL: it is freed as soon as it has been put in order, and no more
+ * than one solve is possible. With density_only on several ranks no rank then keeps more than its share of the mesh
+ * and 12 bytes per triangle; while it is set up, some 200. */
+int dmk_solver_give_mesh(dmk_context *context, dmk_solver *solver, dmk_mesh **mesh);
 void dmk_solver_get_traffic(const dmk_solver *solver, dmk_traffic *traffic);
 
 /* ---- cut locus -------------------------------------------------------------------------------- */

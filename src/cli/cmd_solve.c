@@ -50,6 +50,11 @@ static int check_request(solve_request *request)
         request->locus.n == 0 && request->tangent.n == 0) {
         code = cli_error(EXIT_USAGE, "solve: --resume looks for files, and none is to be written");
     }
+    if (code == EXIT_OK && request->density_only &&
+        (request->locus.n > 0 || request->tangent.n > 0 || request->sources)) {
+        code = cli_error(EXIT_USAGE, "solve: --density-only goes with one source, and makes no cut "
+                                     "locus: leave out --locus, --tangent and --sources");
+    }
     if (code == EXIT_OK) code = cli_check_outputs("out", &request->out, CLI_RESULT);
     if (code == EXIT_OK) code = cli_check_outputs("locus", &request->locus, CLI_LOCUS);
     if (code == EXIT_OK) code = cli_check_outputs("tangent", &request->tangent, CLI_ANY);
@@ -75,6 +80,11 @@ static void add_files(solve_table *table, solve_request *request, raw_options *r
          .help = "of --sources, leave out those whose files are all there",
          .kind = CLI_FLAG,
          .target = &request->resume},
+        {.name = "density-only",
+         .help = "density, potential and cost alone, no distance and no cut locus; of\n"
+                 "several ranks each then has a share of the mesh only",
+         .kind = CLI_FLAG,
+         .target = &request->density_only},
         {.name = "dry-run",
          .help = "read and check the mesh and the source, tell how much memory a solve\n"
                  "takes on host and device, and end; opens no device",

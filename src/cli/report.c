@@ -142,7 +142,7 @@ void solve_report_fields(cli_json *json, const solve_request *request, const sol
     write_seconds(json, &run->seconds, &stats);
     json_integer(json, "peak_memory", (int64_t)cli_peak_memory());
     write_ranks(json, run);
-    write_locus(json, run->locus);
+    if (run->locus) write_locus(json, run->locus);
     write_names(json, "out", &request->out);
     write_names(json, "locus_out", &request->locus);
     write_names(json, "tangent_out", &request->tangent);
@@ -306,9 +306,11 @@ static void print_cost(const dmk_stats *stats)
     printf("between %.8g and %.8g", stats->cost_lower, stats->cost_upper);
     if (isfinite(stats->gap)) printf(" (gap %.2g %%)", 100 * stats->gap);
     printf(", of the discrete problem\n");
-    print_label("");
-    printf("%.8g on the polyhedron itself, the integral of the distance (quadrature error %.1g)\n",
-           stats->cost_exact, stats->cost_exact_error);
+    if (isfinite(stats->cost_exact)) print_label("");
+    if (isfinite(stats->cost_exact))
+        printf(
+            "%.8g on the polyhedron itself, the integral of the distance (quadrature error %.1g)\n",
+            stats->cost_exact, stats->cost_exact_error);
     print_gap(stats);
 }
 
@@ -366,7 +368,7 @@ static void print_files(const solve_request *request)
 {
     for (int i = 0; i < request->out.n; i++) {
         print_label("wrote");
-        printf("%s: density, distance\n", request->out.path[i]);
+        printf("%s: density%s\n", request->out.path[i], request->density_only ? "" : ", distance");
     }
     for (int i = 0; i < request->locus.n; i++) {
         print_label("wrote");
@@ -410,7 +412,7 @@ void solve_summary(const solve_request *request, const solve_run *run)
     print_device(run);
     print_ranks(run);
     print_cost(&stats);
-    print_locus(run->locus);
+    if (run->locus) print_locus(run->locus);
     print_time(&run->seconds, &stats);
     print_files(request);
 }

@@ -223,6 +223,7 @@ void solve_request_convert(solve_request *request)
     request->device.single_precision = request->single;
     request->solve.method = (dmk_method)request->method;
     request->solve.start = (dmk_start)request->start;
+    request->solve.density_only = request->density_only;
     request->solve.max_steps = (int)request->max_steps;
     if (request->json) request->report = "-";
 }

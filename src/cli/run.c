@@ -165,19 +165,41 @@ static int gather_ranks(solve_run *run)
     return cli_ranks_gather(&mine, run->ranks, sizeof mine);
 }
 
+/* A share of the mesh is all that a rank keeps while it solves; the first one reads the mesh again at the end, when
+ * the rest of its memory is free. */
+static int solve_lean(const solve_request *request, solve_run *run)
+{
+    const dmk_solve_options solve = show_gap(request, run);
+    const cli_reading again = {.repair = request->repair, .quiet = true};
+    int rc = dmk_solver_give_mesh(run->context, run->solver, &run->mesh);
+    if (rc == DMK_OK) rc = dmk_solve(run->context, run->solver, &run->source, &solve, &run->result);
+    if (rc == DMK_OK) rc = gather_ranks(run);
+    dmk_solver_destroy(&run->solver);
+    if (rc != DMK_OK || !cli_ranks_first()) return rc;
+    dmk_repairs_free(&run->repairs);
+    return cli_read_mesh(run->context, request->mesh, &again, &run->repairs, &run->mesh);
+}
+
+static int solve_whole(const solve_request *request, solve_run *run)
+{
+    const dmk_solve_options solve = show_gap(request, run);
+    const int rc = dmk_solve(run->context, run->solver, &run->source, &solve, &run->result);
+    return rc == DMK_OK ? gather_ranks(run) : rc;
+}
+
 int solve_compute(const solve_request *request, solve_run *run)
 {
     dmk_context *context = run->context;
-    const dmk_solve_options solve = show_gap(request, run);
     dmk_locus_destroy(&run->locus);
     dmk_result_destroy(&run->result);
-    int rc = dmk_solve(context, run->solver, &run->source, &solve, &run->result);
-    if (rc == DMK_OK) rc = gather_ranks(run);
+    int rc = request->density_only && run->n_ranks > 0 ? solve_lean(request, run)
+                                                       : solve_whole(request, run);
     if (rc != DMK_OK) return solve_fail(run, rc);
     if (run->n_ranks > 0 && !cli_ranks_first()) return EXIT_OK; /* the first one has all of it */
     dmk_stats stats;
     dmk_result_get_stats(run->result, &stats);
     run->seconds.setup = stats.seconds[DMK_STAGE_SETUP];
+    if (request->density_only) return EXIT_OK;
     double mark = cli_seconds();
     rc = dmk_locus_compute(context, run->mesh, run->result, &request->trace, &run->locus);
     run->seconds.locus = lap(&mark);

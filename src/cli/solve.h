@@ -21,8 +21,9 @@ typedef struct solve_request {
     int method, start;
     bool single;
     bool repair, json;
-    bool bare; /* the command needs no device and no solver */
-    bool dry;  /* tell what the run would take, and end */
+    bool bare;         /* the command needs no device and no solver */
+    bool density_only; /* no distance, no cut locus */
+    bool dry;          /* tell what the run would take, and end */
     bool quiet, verbose;
 } solve_request;
 

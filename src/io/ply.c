@@ -303,7 +303,7 @@ static void put_header(dmk_output *out, const dmk_fields *f)
     dmk_output_integer(out, f->mesh->n_vertices);
     dmk_output_text(out, "\nproperty double x\nproperty double y\nproperty double z\n");
     if (f->mu) dmk_output_text(out, "property double u\n");
-    if (f->mu && !f->flux) dmk_output_text(out, "property double distance\n");
+    if (f->mu && f->distance) dmk_output_text(out, "property double distance\n");
     if (f->nearest) {
         dmk_output_text(
             out, "property double distance\nproperty double direction\nproperty int nearest\n");
@@ -351,7 +351,7 @@ static void put_vertices(dmk_output *out, const dmk_fields *f)
         dmk_output_number(out, xyz[0]);
         put_numbers(out, xyz + 1, 2);
         if (f->mu) put_numbers(out, &f->u[v], 1);
-        if (f->mu && !f->flux) put_numbers(out, &f->distance[v], 1);
+        if (f->mu && f->distance) put_numbers(out, &f->distance[v], 1);
         if (f->nearest) {
             put_numbers(out, &f->distance[v], 1);
             put_numbers(out, &f->direction[v], 1);

@@ -147,13 +147,11 @@ static void put_arrays(dmk_output *out, const dmk_fields *f)
     if (f->mu) {
         dmk_output_text(out, "<PPointData>\n");
         put_array(out, "Float64", "u", "");
-        if (!f->flux) put_array(out, "Float64", "distance", "");
+        if (f->distance) put_array(out, "Float64", "distance", "");
         dmk_output_text(out, "</PPointData>\n<PCellData Scalars=\"mu\">\n");
         put_array(out, "Float64", "mu", "");
-        if (f->flux)
-            put_array(out, "Float64", "flux", " NumberOfComponents=\"3\"");
-        else
-            put_array(out, "UInt8", "acl", "");
+        if (f->flux) put_array(out, "Float64", "flux", " NumberOfComponents=\"3\"");
+        if (f->acl) put_array(out, "UInt8", "acl", "");
         dmk_output_text(out, "</PCellData>\n");
     }
     dmk_output_text(out, "<PPoints>\n");

@@ -134,7 +134,7 @@ void dmk_vtk_result(dmk_vtk *vtk, const dmk_fields *f)
     if (!f->mu) return;
     dmk_output_text(vtk->out, "<PointData>\n");
     dmk_vtk_array(vtk, DMK_VTK_FLOAT64, "u", 1, f->u, n_vertices);
-    if (!f->flux) dmk_vtk_array(vtk, DMK_VTK_FLOAT64, "distance", 1, f->distance, n_vertices);
+    if (f->distance) dmk_vtk_array(vtk, DMK_VTK_FLOAT64, "distance", 1, f->distance, n_vertices);
     dmk_output_text(vtk->out, "</PointData>\n<CellData Scalars=\"mu\">\n");
     dmk_vtk_array(vtk, DMK_VTK_FLOAT64, "mu", 1, f->mu, n_triangles);
     if (f->flux) dmk_vtk_array(vtk, DMK_VTK_FLOAT64, "flux", 3, f->flux, n_triangles);

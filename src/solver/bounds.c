@@ -68,17 +68,16 @@ static double steepness(const double l[3], double area, const double x[3])
     return (1 + 16 * eps) * (along * along + across * across);
 }
 
-/* q of triangle t: the mean over its four parts. */
-static double q_of(const dmk_iteration *o, int32_t t, const double *x)
+/* q of triangle t of the packed mesh m: the mean over its four parts. */
+static double q_of(const dmk_iteration *o, const dmk_mesh *m, int32_t t, const double *x)
 {
     static const int part[4][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}, {3, 4, 5}};
-    const dmk_mesh *m = o->mesh;
     const double unit = o->sys->unit;
     double l[3], value[6], sum = 0;
     for (int k = 0; k < 3; k++) {
         const size_t h = 3 * (size_t)t + (size_t)k;
         l[k] = 0.5 * m->length[m->triangle_edge[h]] / unit;
-        value[k] = x[o->sys->whole.vertex_row + m->triangle[h]];
+        value[k] = x[o->sys->vertex_row + m->triangle[h]];
         value[3 + k] = x[m->triangle_edge[h]];
     }
     for (int p = 0; p < 4; p++) {
@@ -88,22 +87,68 @@ static double q_of(const dmk_iteration *o, int32_t t, const double *x)
     return sum;
 }
 
+/* f.v and the size of its terms over own rows begin .. end - 1. */
+typedef struct product {
+    const double *f, *x;
+    int32_t begin, end;
+} product;
+
+static void add_product(void *data, double *sum)
+{
+    const product *p = data;
+    for (int32_t i = p->begin; i < p->end; i++) *sum += p->f[i] * p->x[i];
+}
+
+static void add_sizes(void *data, double *sum)
+{
+    const product *p = data;
+    for (int32_t i = p->begin; i < p->end; i++) *sum += fabs(p->f[i] * p->x[i]);
+}
+
+/* The largest q of the own elements. */
+typedef struct steepest {
+    const dmk_iteration *o;
+    const dmk_mesh *mesh;
+    const double *x;
+    int32_t begin, end;
+} steepest;
+
+static void find_top(void *data, double *top)
+{
+    const steepest *s = data;
+    for (int32_t t = s->begin; t < s->end; t++) *top = fmax(*top, q_of(s->o, s->mesh, t, s->x));
+}
+
 /* q and f.v on the host: where single precision, or needles, would spoil the bound by the rounding of q. */
 static int bound_by_host(dmk_iteration *o, const dmk_buffer *v, double *bound)
 {
     int rc;
     dmk_system *s = o->sys;
+    dmk_share *share = s->share;
+    const size_t n = (size_t)s->n_rows_pad;
     const bool wide = dmk_device_real(s->device, DMK_OUTER) == sizeof(double);
     double *x = NULL, *f = NULL, fv = 0, size = 0;
-    DMK_TRY(DMK_NEW(o->ctx, x, (size_t)s->whole.n_rows_pad));
-    DMK_TRY(DMK_NEW(o->ctx, f, (size_t)s->whole.n_rows_pad));
-    DMK_TRY(dmk_rows_read(o->ctx, s, v, x));
-    DMK_TRY(dmk_rows_read(o->ctx, s, s->f, f));
+    DMK_TRY(DMK_NEW(o->ctx, x, n));
+    DMK_TRY(DMK_NEW(o->ctx, f, n));
+    DMK_TRY(dmk_share_rows(o->ctx, share, DMK_OUTER, v));
+    DMK_TRY(dmk_buffer_read_real(o->ctx, s->device, DMK_OUTER, v, n, x));
+    DMK_TRY(dmk_buffer_read_real(o->ctx, s->device, DMK_OUTER, s->f, n, f));
+    steepest all = {o, share ? &share->mesh : o->mesh, x, 0, s->n_elements};
+    product part[2] = {{f, x, 0, s->vertex_row}, {f, x, s->vertex_row, s->n_rows}};
+    if (share) {
+        const dmk_space *space[2] = {&share->edge, &share->vertex[0]};
+        for (int k = 0; k < 2; k++) {
+            part[k].begin += space[k]->at_first;
+            part[k].end = part[k].begin + space[k]->end - space[k]->first;
+        }
+        all.begin = share->element.at_first;
+        all.end = all.begin + share->element.end - share->element.first;
+    }
     o->top = 0;
-    for (int32_t t = 0; t < s->whole.n_elements; t++) o->top = fmax(o->top, q_of(o, t, x));
-    for (int32_t i = 0; i < s->whole.n_rows; i++) {
-        fv += f[i] * x[i];
-        size += fabs(f[i] * x[i]);
+    DMK_TRY(dmk_share_in_turn(o->ctx, share, &o->top, find_top, &all));
+    for (int k = 0; k < 2; k++) {
+        DMK_TRY(dmk_share_in_turn(o->ctx, share, &fv, add_product, &part[k]));
+        DMK_TRY(dmk_share_in_turn(o->ctx, share, &size, add_sizes, &part[k]));
     }
     *bound =
         (fv - (wide ? DMK_ENERGY_ROUNDING : 6e-8) * size) / sqrt(o->top); /* f is rounded, too */

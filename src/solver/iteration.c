@@ -80,11 +80,7 @@ done:
 /* The message for a divergence: what happened, and what the caller can change in the method asked for. */
 int dmk_iteration_diverged(const dmk_iteration *o, int step, const char *what)
 {
-    int32_t worst = 0; /* half-edge with the largest cotangent */
     char advice[160];
-    for (int32_t h = 1; h < 3 * o->mesh->n_triangles; h++)
-        if (dmk_cot(o->mesh, h) > dmk_cot(o->mesh, worst)) worst = h;
-    const double angle = atan2(1, dmk_cot(o->mesh, worst)) * 57.295779513082320877;
     const double dt = o->options->dt > 0 ? o->options->dt : 0.5;
     if (o->asked == DMK_EULER)
         snprintf(advice, sizeof advice, "try a dt below %g, or", dt);
@@ -92,6 +88,15 @@ int dmk_iteration_diverged(const dmk_iteration *o, int step, const char *what)
         snprintf(advice, sizeof advice, "try a smaller inertia, or");
     else
         snprintf(advice, sizeof advice, "neither Newton's steps nor explicit ones converge:");
+    if (!o->mesh->triangle)
+        return dmk_fail(
+            o->ctx, DMK_E_DIVERGED,
+            "the iteration diverged at step %d (%s); %s improve the mesh's worst triangles", step,
+            what, advice);
+    int32_t worst = 0; /* half-edge with the largest cotangent */
+    for (int32_t h = 1; h < 3 * o->mesh->n_triangles; h++)
+        if (dmk_cot(o->mesh, h) > dmk_cot(o->mesh, worst)) worst = h;
+    const double angle = atan2(1, dmk_cot(o->mesh, worst)) * 57.295779513082320877;
     return dmk_fail(o->ctx, DMK_E_DIVERGED,
                     "the iteration diverged at step %d (%s); %s improve the mesh's worst "
                     "triangles: its smallest "

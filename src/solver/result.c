@@ -34,17 +34,19 @@ done:
     return rc;
 }
 
-int dmk_result_allocate(dmk_context *ctx, dmk_result *r)
+int dmk_result_allocate(dmk_context *ctx, dmk_result *r, bool with_distance)
 {
     int rc;
     DMK_TRY(DMK_NEW(ctx, r->density, r->n_triangles));
-    DMK_TRY(DMK_NEW(ctx, r->acl, r->n_triangles));
+    if (with_distance) {
+        DMK_TRY(DMK_NEW(ctx, r->acl, r->n_triangles));
+        DMK_TRY(DMK_NEW(ctx, r->distance, r->n_vertices));
+    }
     DMK_TRY(DMK_NEW(ctx, r->potential, r->n_vertices));
-    DMK_TRY(DMK_NEW(ctx, r->distance, r->n_vertices));
     DMK_TRY(DMK_NEW(ctx, r->potential_mid, r->n_edges));
     for (size_t i = 0; i < r->n_vertices; i++) {
         r->potential[i] = -INFINITY;
-        r->distance[i] = INFINITY;
+        if (r->distance) r->distance[i] = INFINITY;
     }
     for (size_t i = 0; i < r->n_edges; i++) {
         r->potential_mid[i] = -INFINITY;
@@ -81,7 +83,7 @@ int dmk_result_restore(dmk_context *ctx, const dmk_mesh *m, const dmk_result_dat
     }
     DMK_TRY(dmk_point_check(ctx, m, "source", &data->source));
     DMK_TRY(dmk_result_create(ctx, m, &r));
-    DMK_TRY(dmk_result_allocate(ctx, r));
+    DMK_TRY(dmk_result_allocate(ctx, r, true));
     memcpy(r->density, data->density, r->n_triangles * sizeof *r->density);
     memcpy(r->acl, data->acl, r->n_triangles * sizeof *r->acl);
     memcpy(r->potential, data->potential, r->n_vertices * sizeof *r->potential);

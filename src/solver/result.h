@@ -29,7 +29,7 @@ struct dmk_result {
 
 /* For the input mesh, without its arrays. */
 int dmk_result_create(dmk_context *context, const dmk_mesh *mesh, dmk_result **result);
-/* These: mu = 0 and infinite distance until they are set. */
-int dmk_result_allocate(dmk_context *context, dmk_result *result);
+/* These: mu = 0 and infinite distance until they are set; or neither distance nor acl. */
+int dmk_result_allocate(dmk_context *context, dmk_result *result, bool with_distance);
 
 #endif

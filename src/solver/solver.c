@@ -18,6 +18,17 @@ static void forget_component(dmk_solver *s)
     if (s->order && s->order->order.mesh) dmk_mollify_free(s->order->order.mesh, &s->mollified);
     dmk_shared_order_release(&s->order);
     s->component = -1;
+    free(s->f);
+    s->f = NULL;
+    s->lean = false;
+}
+
+static void free_given(dmk_solver *s)
+{
+    if (!s->given) return;
+    dmk_mesh_destroy(&s->given);
+    s->mesh = NULL;
+    s->spent = true;
 }
 
 /* The component's mesh in the order of the device, not packed yet. */
@@ -32,6 +43,7 @@ int dmk_solver_order(dmk_context *ctx, dmk_solver *s, int32_t component)
     DMK_TRY(DMK_NEW(ctx, s->order, 1));
     atomic_init(&s->order->users, 1);
     DMK_TRY(dmk_order_create(ctx, s->mesh, component, &s->order->order));
+    free_given(s);
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(dmk_mollify(ctx, s->order->order.mesh, &s->mollified));
     s->component = component;
@@ -61,8 +73,19 @@ void dmk_solver_destroy(dmk_solver **solver)
     dmk_solver *s = solver ? *solver : NULL;
     if (!s) return;
     forget_component(s);
+    free_given(s);
     free(s);
     *solver = NULL;
+}
+
+int dmk_solver_give_mesh(dmk_context *ctx, dmk_solver *s, dmk_mesh **mesh)
+{
+    if (dmk_missing(ctx, "solver", s, "mesh", mesh)) return DMK_E_ARG;
+    if (*mesh != s->mesh)
+        return dmk_fail(ctx, DMK_E_ARG, "the mesh is not the one that the solver was made for");
+    s->given = *mesh;
+    *mesh = NULL;
+    return DMK_OK;
 }
 
 int dmk_solver_set_ranks(dmk_context *ctx, dmk_solver *s, const dmk_ranks *ranks)
@@ -120,6 +143,9 @@ int dmk_solver_take_options(dmk_context *ctx, const dmk_solve_options *given, dm
     if ((int)o->start < DMK_START_DISTANCE || o->start > DMK_START_UNIFORM) {
         return dmk_fail(ctx, DMK_E_ARG, "start %d is none of dmk_start", (int)o->start);
     }
+    if (o->density_only != 0 && o->density_only != 1)
+        return dmk_fail(ctx, DMK_E_ARG, "density_only = %d: expected 0 or 1", o->density_only);
+    if (o->density_only) o->start = DMK_START_UNIFORM;
     return DMK_OK;
 }
 
@@ -134,7 +160,7 @@ static int32_t find_triangle(const dmk_order *order, int64_t old)
 /* The source, and the distance from it, on the ordered mesh. */
 typedef struct start {
     const dmk_mesh *mesh; /* with the metric that is computed with */
-    const dmk_mesh *own;  /* with that of the input */
+    const dmk_mesh *own;  /* with that of the input; NULL: no distance is wanted */
     const dmk_point *source;
     dmk_geodesics *geodesics; /* of `own` */
     double integral, integral_error;
@@ -148,6 +174,57 @@ static int measure(dmk_context *ctx, void *data)
     return dmk_geodesics_compute(ctx, near->own, 1, near->source, &options, &near->geodesics);
 }
 
+/* ---- a share of the mesh and no more ---------------------------------------------------------- */
+
+/* Give the ordered mesh's arrays back; its counts and its numbers in the input stay. */
+static void free_mesh(dmk_solver *s)
+{
+    struct dmk_mesh *m = s->order->order.mesh;
+    dmk_mesh counts = {.n_vertices = m->n_vertices,
+                       .n_triangles = m->n_triangles,
+                       .n_edges = m->n_edges,
+                       .n_components = m->n_components};
+    dmk_mollify_free(m, &s->mollified);
+    dmk_mesh_destroy(&s->order->order.mesh);
+    s->mollified = counts;
+}
+
+/* What is still wanted of the whole mesh when the share is made. */
+typedef struct farewell {
+    dmk_solver *solver;
+    const dmk_point *source;
+} farewell;
+
+static int keep_share(dmk_context *ctx, void *user, dmk_system *sys)
+{
+    int rc;
+    const farewell *last = user;
+    dmk_solver *s = last->solver;
+    const dmk_mesh *m = &s->mollified;
+    double *f = NULL;
+    for (int k = 0; k < 3; k++) {
+        const size_t h = 3 * (size_t)last->source->triangle + (size_t)k;
+        s->node[k] = sys->whole.vertex_row + m->triangle[h];
+        s->node[3 + k] = m->triangle_edge[h];
+    }
+    DMK_TRY(DMK_NEW(ctx, f, (size_t)sys->whole.n_rows_pad));
+    DMK_TRY(DMK_NEW(ctx, s->f, (size_t)sys->n_rows_pad));
+    DMK_TRY(dmk_right_hand_side(ctx, m, sys, last->source, f));
+    dmk_share_take(sys->share, true, sys->whole.vertex_row, f, s->f);
+    free_mesh(s);
+    s->lean = true;
+done:
+    free(f);
+    return rc;
+}
+
+static int pack_lean(dmk_context *ctx, dmk_solver *s, const dmk_point *source)
+{
+    farewell last = {s, source};
+    const dmk_system_dealt dealt = {keep_share, &last};
+    return dmk_system_deal(ctx, s->device, &s->mollified, &s->ranks, &dealt, &s->system);
+}
+
 int dmk_solver_pack(dmk_context *ctx, dmk_solver *s)
 {
     if (s->system) return DMK_OK;
@@ -155,7 +232,7 @@ int dmk_solver_pack(dmk_context *ctx, dmk_solver *s)
                              &s->system);
 }
 
-int dmk_solver_clear(dmk_context *ctx, dmk_solver *s)
+int dmk_solver_clear(dmk_context *ctx, const dmk_solver *s)
 {
     int rc;
     const size_t bytes = (size_t)s->system->n_rows_pad * sizeof(float);
@@ -188,9 +265,11 @@ static int set_up(dmk_context *ctx, dmk_solver *s, start *near)
 {
     dmk_task task;
     int rc = DMK_OK;
+    if (!near->own && s->ranks.size > 1)
+        return s->system ? DMK_OK : pack_lean(ctx, s, near->source);
     const bool beside = !s->system && s->ranks.size <= 1;
     if (beside) dmk_task_begin(ctx, &task, pack, s);
-    if (measures(s)) rc = measure(ctx, near);
+    if (near->own && measures(s)) rc = measure(ctx, near);
     if (beside) return dmk_task_end(ctx, &task, rc);
     return rc == DMK_OK ? dmk_solver_pack(ctx, s) : rc;
 }
@@ -219,6 +298,27 @@ done:
     return rc;
 }
 
+/* u = 0, mu = 1 and f on a share whose mesh is gone. */
+static int set_lean_start(dmk_context *ctx, const dmk_solver *s)
+{
+    int rc;
+    dmk_system *sys = s->system;
+    double *mu = NULL;
+    DMK_TRY(DMK_NEW(ctx, mu, (size_t)sys->n_elements_pad));
+    for (int32_t t = 0; t < sys->n_elements; t++) mu[t] = sys->share->element.whole[t] >= 0;
+    DMK_TRY(dmk_system_allocate_state(ctx, sys));
+    DMK_TRY(dmk_buffer_clear(ctx, sys->device, sys->u,
+                             (size_t)sys->n_rows_pad * dmk_device_real(sys->device, DMK_OUTER)));
+    DMK_TRY(dmk_buffer_write_real(ctx, sys->device, DMK_OUTER, sys->mu, (size_t)sys->n_elements_pad,
+                                  mu));
+    DMK_TRY(
+        dmk_buffer_write_real(ctx, sys->device, DMK_OUTER, sys->f, (size_t)sys->n_rows_pad, s->f));
+    rc = dmk_solver_clear(ctx, s);
+done:
+    free(mu);
+    return rc;
+}
+
 /* u and mu to start from, on the device. */
 static int set_start(dmk_context *ctx, dmk_solver *s, start *near, dmk_start from)
 {
@@ -228,6 +328,7 @@ static int set_start(dmk_context *ctx, dmk_solver *s, start *near, dmk_start fro
     const dmk_point *p = near->source;
     double *u = NULL, *mu = NULL;
     size_t n_rows = (size_t)sys->whole.n_rows_pad, n_elements = (size_t)sys->whole.n_elements_pad;
+    if (s->lean) return set_lean_start(ctx, s);
     DMK_TRY(DMK_NEW(ctx, u, n_rows));
     DMK_TRY(DMK_NEW(ctx, mu, n_elements));
     if (from == DMK_START_DISTANCE) {
@@ -272,14 +373,15 @@ done:
 }
 
 /* u at the source, by the macro-element's interpolation. */
-static double value_at(const dmk_system *sys, const dmk_mesh *m, const dmk_point *p,
-                       const double *u)
+static double value_at(const dmk_solver *s, const dmk_point *p, const double *u)
 {
     double w[6], sum = 0;
+    const dmk_mesh *m = &s->mollified;
     dmk_point_weights(p->weight, w);
     for (int k = 0; k < 3; k++) {
-        sum += w[k] * u[sys->whole.vertex_row + m->triangle[3 * p->triangle + k]];
-        sum += w[3 + k] * u[m->triangle_edge[3 * p->triangle + k]];
+        const size_t h = 3 * (size_t)p->triangle + (size_t)k;
+        sum += w[k] * u[s->lean ? s->node[k] : s->system->whole.vertex_row + m->triangle[h]];
+        sum += w[3 + k] * u[s->lean ? s->node[3 + k] : m->triangle_edge[h]];
     }
     return sum;
 }
@@ -320,8 +422,8 @@ static int collect(dmk_context *ctx, dmk_solver *s, const start *near, double th
     DMK_TRY(dmk_rows_read(ctx, sys, sys->u, u));
     DMK_TRY(dmk_elements_read(ctx, sys, sys->mu, mu));
     if (sys->whole.n_elements >= RELEASED) dmk_system_release(sys);
-    DMK_TRY(dmk_result_allocate(ctx, r));
-    double at_source = value_at(sys, o->mesh, near->source, u);
+    DMK_TRY(dmk_result_allocate(ctx, r, near->own));
+    double at_source = value_at(s, near->source, u);
     for (int32_t t = 0; t < sys->whole.n_elements; t++)
         r->density[o->triangle_old[t]] = mu[t] * sys->unit;
     for (int32_t v = 0; v < sys->whole.n_vertices; v++) {
@@ -332,7 +434,7 @@ static int collect(dmk_context *ctx, dmk_solver *s, const start *near, double th
     for (int32_t e = 0; e < sys->whole.n_edges; e++) {
         r->potential_mid[o->edge_old[e]] = (u[e] - at_source) * sys->unit;
     }
-    rc = mark_acl(ctx, s, threshold, mu, u, r);
+    if (near->own) rc = mark_acl(ctx, s, threshold, mu, u, r);
 done:
     free(u);
     free(mu);
@@ -386,8 +488,12 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     dmk_solve_options chosen;
     if (dmk_missing(ctx, "solver", s, "source", source, "result", result)) return DMK_E_ARG;
     DMK_TRY(dmk_device_owned(ctx, s->device));
+    if (s->spent)
+        return dmk_fail(ctx, DMK_E_ARG,
+                        "the solver's mesh was given to it for one solve, and is gone");
     DMK_TRY(dmk_point_check(ctx, s->mesh, "the source", source));
     DMK_TRY(dmk_solver_take_options(ctx, options, &chosen));
+    if (s->lean) forget_component(s); /* its right-hand side is another source's */
     DMK_TRY(dmk_result_create(ctx, s->mesh, &r));
     double began = dmk_seconds();
     int32_t component = dmk_mesh_component(s->mesh, (int32_t)source->triangle);
@@ -400,7 +506,7 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     p.triangle = r->source_triangle;
 
     near.mesh = &s->mollified;
-    near.own = s->order->order.mesh;
+    near.own = chosen.density_only ? NULL : s->order->order.mesh;
     near.source = &p;
     DMK_TRY(prepare(ctx, s, &near, chosen.start, began, r->stats.seconds));
     double t1 = dmk_seconds();
@@ -422,7 +528,7 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     r->geodesics = near.geodesics;
     near.geodesics = NULL;
     dmk_solver_scale_stats(s, s->system->unit * s->system->unit, &r->stats);
-    double exact[2] = {near.integral, near.integral_error};
+    double exact[2] = {near.own ? near.integral : NAN, near.own ? near.integral_error : NAN};
     DMK_TRY(dmk_ranks_spread(ctx, &s->ranks, exact, sizeof exact));
     r->stats.cost_exact = exact[0];
     r->stats.cost_exact_error = exact[1];

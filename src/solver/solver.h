@@ -8,11 +8,16 @@
 struct dmk_solver {
     dmk_device *device;
     const dmk_mesh *mesh;
+    dmk_mesh *given;   /* the same, where it is the solver's to free; */
+    bool spent;        /* and has been */
     dmk_ranks ranks;   /* size 0: none */
     int32_t component; /* the one that is packed, or -1 */
     dmk_shared_order *order;
     dmk_mesh mollified; /* the ordered mesh with the metric that is computed with */
     dmk_system *system;
+    bool lean;       /* of the mesh there is a share only: */
+    double *f;       /* its right-hand side */
+    int32_t node[6]; /* whole rows of the source's nodes */
 };
 
 /* DMK_E_ARG for options out of their range. */
@@ -22,7 +27,7 @@ int dmk_solver_take_options(dmk_context *context, const dmk_solve_options *given
 int dmk_solver_order(dmk_context *context, dmk_solver *solver, int32_t component);
 int dmk_solver_pack(dmk_context *context, dmk_solver *solver);
 /* Work arrays may hold the NaN of an earlier solve that diverged: clear them. */
-int dmk_solver_clear(dmk_context *context, dmk_solver *solver);
+int dmk_solver_clear(dmk_context *context, const dmk_solver *solver);
 /* Triangles in stats->steep by their numbers in the input; areas, costs from the packed problem's units, of
  * which `mass` is that of mass. */
 void dmk_solver_name_steep(const dmk_solver *solver, dmk_stats *stats);
