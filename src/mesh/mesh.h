@@ -86,6 +86,8 @@ typedef struct dmk_order {
 } dmk_order;
 int dmk_order_create(dmk_context *context, const dmk_mesh *mesh, int32_t component,
                      dmk_order *order);
+/* Of a mesh that is not wanted any more: it is freed on the way, also on failure. */
+int dmk_order_adopt(dmk_context *context, dmk_mesh **mesh, int32_t component, dmk_order *order);
 void dmk_order_free(dmk_order *order);
 
 /* point.c: the point of a triangle nearest to xyz, as weights of its corners, and how far it is from there. */

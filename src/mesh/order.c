@@ -168,22 +168,20 @@ static void gather_vertices(int32_t begin, int32_t end, void *data)
     }
 }
 
-/* Topology and geometry of the renumbered mesh: those of the old one, which has been checked. */
+/* The rest of the renumbered mesh's topology and geometry: those of the old one, which has been checked. */
 static int gather(dmk_context *ctx, const dmk_mesh *m, const renumbering *number, dmk_order *o)
 {
     int rc;
     struct dmk_mesh *to = o->mesh;
     gather_job job = {m, number, o};
-    size_t n_v = (size_t)to->n_vertices, n_e = (size_t)to->n_edges, n_t = (size_t)to->n_triangles;
+    size_t n_v = (size_t)to->n_vertices, n_e = (size_t)to->n_edges;
     DMK_TRY(DMK_NEW(ctx, to->xyz, 3 * n_v));
     DMK_TRY(DMK_NEW(ctx, to->edge_vertex, 2 * n_e));
     DMK_TRY(DMK_NEW(ctx, to->edge_triangle, 2 * n_e));
     DMK_TRY(DMK_NEW(ctx, to->length, n_e));
-    DMK_TRY(DMK_NEW(ctx, to->area, n_t));
     to->n_components = 1;
     dmk_parallel(ctx, to->n_vertices, gather_vertices, &job);
     dmk_parallel(ctx, to->n_edges, gather_edges, &job);
-    dmk_parallel(ctx, to->n_triangles, gather_triangles, &job);
     if (m->n_border_edges > 0)
         DMK_TRY(dmk_mesh_count(ctx, to));
     else
@@ -192,7 +190,18 @@ done:
     return rc;
 }
 
-int dmk_order_create(dmk_context *ctx, const dmk_mesh *m, int32_t component, dmk_order *o)
+/* Its triangles are not read once everything has its new number. */
+static void free_triangles(struct dmk_mesh *m)
+{
+    free(m->triangle);
+    free(m->triangle_edge);
+    free(m->area);
+    m->triangle = m->triangle_edge = NULL;
+    m->area = NULL;
+}
+
+static int create(dmk_context *ctx, const dmk_mesh *m, dmk_mesh *own, int32_t component,
+                  dmk_order *o)
 {
     int rc;
     dmk_keyed *sorted = NULL;
@@ -202,6 +211,11 @@ int dmk_order_create(dmk_context *ctx, const dmk_mesh *m, int32_t component, dmk
     DMK_TRY(morton_order(ctx, m, component, &sorted, &o->mesh->n_triangles));
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(renumber(ctx, m, sorted, &number, o));
+    free(sorted);
+    sorted = NULL;
+    DMK_TRY(DMK_NEW(ctx, o->mesh->area, (size_t)o->mesh->n_triangles));
+    dmk_parallel(ctx, o->mesh->n_triangles, gather_triangles, &(gather_job){m, &number, o});
+    if (own) free_triangles(own);
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(gather(ctx, m, &number, o));
 done:
@@ -210,6 +224,18 @@ done:
     free(number.edge);
     free(number.triangle);
     if (rc != DMK_OK) dmk_order_free(o);
+    return rc;
+}
+
+int dmk_order_create(dmk_context *ctx, const dmk_mesh *m, int32_t component, dmk_order *o)
+{
+    return create(ctx, m, NULL, component, o);
+}
+
+int dmk_order_adopt(dmk_context *ctx, dmk_mesh **mesh, int32_t component, dmk_order *o)
+{
+    const int rc = create(ctx, *mesh, *mesh, component, o);
+    dmk_mesh_destroy(mesh);
     return rc;
 }
 

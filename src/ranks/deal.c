@@ -274,7 +274,7 @@ static void forget(dmk_share *s)
 
 int dmk_share_create(dmk_context *ctx, const dmk_ranks *ranks, dmk_device *device,
                      const dmk_mesh *mesh, int32_t coarsest, dmk_hierarchy *hierarchy,
-                     dmk_share **share, dmk_local *local)
+                     dmk_share **share)
 {
     int rc;
     dmk_share *s = NULL;
@@ -296,15 +296,21 @@ int dmk_share_create(dmk_context *ctx, const dmk_ranks *ranks, dmk_device *devic
     DMK_TRY(mark_levels(ctx, s, mesh, hierarchy, &k));
     DMK_TRY(create_spaces(ctx, s, &k));
     DMK_TRY(create_halos(ctx, s, &k));
+    marks_free(&k);
+    k = (marks){0};
     DMK_TRY(local_mesh(ctx, s, mesh, &s->mesh));
-    DMK_TRY(dmk_local_levels(ctx, s, hierarchy, local));
-    for (int32_t i = 0; i < s->first_whole; i++) dmk_coarsening_free(&hierarchy->level[i]);
-    forget(s);
     *share = s;
     s = NULL;
 done:
     marks_free(&k);
     dmk_share_destroy(&s);
+    return rc;
+}
+
+int dmk_share_levels(dmk_context *ctx, dmk_share *share, dmk_hierarchy *whole, dmk_local *local)
+{
+    const int rc = dmk_local_levels(ctx, share, whole, local);
+    forget(share);
     return rc;
 }
 

@@ -252,7 +252,7 @@ done:
     return rc;
 }
 
-int dmk_local_levels(dmk_context *ctx, const dmk_share *s, const dmk_hierarchy *h, dmk_local *local)
+int dmk_local_levels(dmk_context *ctx, const dmk_share *s, dmk_hierarchy *h, dmk_local *local)
 {
     int rc = DMK_OK;
     local->first_whole = s->first_whole;
@@ -260,6 +260,7 @@ int dmk_local_levels(dmk_context *ctx, const dmk_share *s, const dmk_hierarchy *
     for (int32_t i = s->first_whole; i < h->n; i++) local->hierarchy.level[i] = h->level[i];
     for (int32_t i = 0; i < s->first_whole; i++) {
         DMK_TRY(local_level(ctx, s, i, &h->level[i], &local->hierarchy.level[i]));
+        dmk_coarsening_free(&h->level[i]);
     }
 done:
     return rc;

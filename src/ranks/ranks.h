@@ -68,7 +68,10 @@ typedef struct dmk_local {
  * *share stays NULL where the mesh has no more parts than ranks, or no levels: then every rank does all of it. */
 int dmk_share_create(dmk_context *context, const dmk_ranks *ranks, dmk_device *device,
                      const dmk_mesh *mesh, int32_t coarsest, dmk_hierarchy *hierarchy,
-                     dmk_share **share, dmk_local *local);
+                     dmk_share **share);
+/* Then the local hierarchy, without the mesh; the whole one's dealt levels are freed. */
+int dmk_share_levels(dmk_context *context, dmk_share *share, dmk_hierarchy *whole,
+                     dmk_local *local);
 void dmk_share_destroy(dmk_share **share);
 void dmk_local_free(dmk_local *local);
 
@@ -150,7 +153,7 @@ int dmk_halo_keep(dmk_context *context, const dmk_share *share, dmk_halo *halo);
 void dmk_halo_free(dmk_halo *halo);
 
 /* levels.c: the rank's part of the tables between levels. */
-int dmk_local_levels(dmk_context *context, const dmk_share *share, const dmk_hierarchy *whole,
+int dmk_local_levels(dmk_context *context, const dmk_share *share, dmk_hierarchy *whole,
                      dmk_local *local);
 
 #endif

@@ -23,12 +23,13 @@ static void forget_component(dmk_solver *s)
     s->lean = false;
 }
 
-static void free_given(dmk_solver *s)
+/* The component in order; a mesh that was given goes on the way. */
+static int order_mesh(dmk_context *ctx, dmk_solver *s, int32_t component)
 {
-    if (!s->given) return;
-    dmk_mesh_destroy(&s->given);
+    if (!s->given) return dmk_order_create(ctx, s->mesh, component, &s->order->order);
     s->mesh = NULL;
     s->spent = true;
+    return dmk_order_adopt(ctx, &s->given, component, &s->order->order);
 }
 
 /* The component's mesh in the order of the device, not packed yet. */
@@ -42,8 +43,7 @@ int dmk_solver_order(dmk_context *ctx, dmk_solver *s, int32_t component)
     DMK_TRY(dmk_stage_begin(ctx, "levels"));
     DMK_TRY(DMK_NEW(ctx, s->order, 1));
     atomic_init(&s->order->users, 1);
-    DMK_TRY(dmk_order_create(ctx, s->mesh, component, &s->order->order));
-    free_given(s);
+    DMK_TRY(order_mesh(ctx, s, component));
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(dmk_mollify(ctx, s->order->order.mesh, &s->mollified));
     s->component = component;
@@ -73,7 +73,7 @@ void dmk_solver_destroy(dmk_solver **solver)
     dmk_solver *s = solver ? *solver : NULL;
     if (!s) return;
     forget_component(s);
-    free_given(s);
+    dmk_mesh_destroy(&s->given);
     free(s);
     *solver = NULL;
 }
@@ -211,6 +211,8 @@ static int keep_share(dmk_context *ctx, void *user, dmk_system *sys)
     DMK_TRY(DMK_NEW(ctx, s->f, (size_t)sys->n_rows_pad));
     DMK_TRY(dmk_right_hand_side(ctx, m, sys, last->source, f));
     dmk_share_take(sys->share, true, sys->whole.vertex_row, f, s->f);
+    free(f);
+    f = NULL;
     free_mesh(s);
     s->lean = true;
 done:
@@ -299,7 +301,7 @@ done:
 }
 
 /* u = 0, mu = 1 and f on a share whose mesh is gone. */
-static int set_lean_start(dmk_context *ctx, const dmk_solver *s)
+static int set_lean_start(dmk_context *ctx, dmk_solver *s)
 {
     int rc;
     dmk_system *sys = s->system;
@@ -311,8 +313,13 @@ static int set_lean_start(dmk_context *ctx, const dmk_solver *s)
                              (size_t)sys->n_rows_pad * dmk_device_real(sys->device, DMK_OUTER)));
     DMK_TRY(dmk_buffer_write_real(ctx, sys->device, DMK_OUTER, sys->mu, (size_t)sys->n_elements_pad,
                                   mu));
-    DMK_TRY(
-        dmk_buffer_write_real(ctx, sys->device, DMK_OUTER, sys->f, (size_t)sys->n_rows_pad, s->f));
+    if (s->f) { /* else it is there from an earlier try */
+        DMK_TRY(dmk_buffer_write_real(ctx, sys->device, DMK_OUTER, sys->f, (size_t)sys->n_rows_pad,
+                                      s->f));
+    }
+    free(s->f);
+    free(mu);
+    s->f = mu = NULL;
     rc = dmk_solver_clear(ctx, s);
 done:
     free(mu);

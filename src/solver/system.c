@@ -571,12 +571,12 @@ static int pack_share(const packer *p, const dmk_ranks *ranks, const dmk_system_
     dmk_hierarchy whole = {.n = 0};
     dmk_local local = {.first_whole = 0};
     packer mine = *p;
-    DMK_TRY(
-        dmk_share_create(p->ctx, ranks, p->dev, p->mesh, COARSEST, &whole, &p->sys->share, &local));
+    DMK_TRY(dmk_share_create(p->ctx, ranks, p->dev, p->mesh, COARSEST, &whole, &p->sys->share));
     if (p->sys->share) {
         mine.mesh = &p->sys->share->mesh;
         set_counts(p->sys, mine.mesh);
         if (dealt) DMK_TRY(dealt->call(p->ctx, dealt->user, p->sys));
+        DMK_TRY(dmk_share_levels(p->ctx, p->sys->share, &whole, &local));
     }
     DMK_TRY(pack_fine(&mine));
     DMK_TRY(pack_levels(&mine, p->sys->share ? &local.hierarchy : &whole));

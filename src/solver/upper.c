@@ -213,7 +213,8 @@ typedef struct canopy {
     branch *branch;
     int32_t n;
     int32_t *order, *root, *links, *key;
-    double *r, *doubt, *flow; /* whole vertices, 2 for each branch */
+    double *r, *doubt; /* of the whole mesh's vertices */
+    double *flow;      /* 2 for each branch */
 } canopy;
 
 static void canopy_free(canopy *c)
@@ -266,7 +267,28 @@ static void sort_branches(const canopy *c)
     for (int32_t i = 0; i < c->n; i++) c->order[first[c->branch[i].bin]++] = i;
 }
 
-static int gather_canopy(const router *p, canopy *c)
+/* r and doubt of all vertices; the own ones are not read again, nor is u for a while. */
+static int gather_loads(router *p, canopy *c)
+{
+    int rc;
+    dmk_context *ctx = p->o->ctx;
+    const size_t vertices = (size_t)p->o->sys->whole.n_vertices;
+    free(p->u);
+    p->u = NULL;
+    DMK_TRY(DMK_NEW(ctx, c->r, vertices));
+    DMK_TRY(dmk_share_give_vertices(ctx, p->share, p->r + p->n.vertex_row, c->r));
+    free(p->r);
+    p->r = NULL;
+    DMK_TRY(DMK_NEW(ctx, c->doubt, vertices));
+    DMK_TRY(dmk_share_give_vertices(ctx, p->share, p->doubt + p->n.vertex_row, c->doubt));
+    free(p->doubt);
+    p->doubt = NULL;
+done:
+    return rc;
+}
+
+/* The branches of all ranks, and the tree among them. */
+static int gather_canopy(router *p, canopy *c)
 {
     int rc;
     dmk_context *ctx = p->o->ctx;
@@ -276,38 +298,41 @@ static int gather_canopy(const router *p, canopy *c)
     DMK_TRY(list_branches(p, &own, &n_own));
     DMK_TRY(
         dmk_share_join(ctx, p->share, (size_t)n_own, sizeof *own, own, &c->n, (void **)&c->branch));
-    free(own);
-    own = NULL;
     DMK_TRY(DMK_NEW(ctx, c->order, (size_t)c->n));
-    DMK_TRY(DMK_NEW(ctx, c->flow, 2 * (size_t)c->n));
     DMK_TRY(DMK_NEW(ctx, c->root, vertices));
     DMK_TRY(DMK_NEW(ctx, c->links, vertices));
     DMK_TRY(DMK_NEW(ctx, c->key, vertices));
-    DMK_TRY(DMK_NEW(ctx, c->r, vertices));
-    DMK_TRY(DMK_NEW(ctx, c->doubt, vertices));
-    DMK_TRY(dmk_share_give_vertices(ctx, p->share, p->r + p->n.vertex_row, c->r));
-    DMK_TRY(dmk_share_give_vertices(ctx, p->share, p->doubt + p->n.vertex_row, c->doubt));
+    sort_branches(c);
+    const tree t = {.n_vertices = p->o->sys->whole.n_vertices,
+                    .end = c->branch[0].end,
+                    .stride = sizeof(branch) / sizeof(int32_t),
+                    .root = c->root,
+                    .links = c->links,
+                    .key = c->key};
+    link_tree(&t, grow_tree(&t, c->n, c->order), c->order);
+    free(c->order);
+    free(c->root);
+    c->order = c->root = NULL;
 done:
     free(own);
     return rc;
 }
 
 /* Every rank sends along the whole tree, and keeps the flows of the edges that it has. */
-static int send_along_branches(const router *p, double *cost)
+static int send_along_branches(router *p, double *cost)
 {
     int rc;
     canopy c = {.n = 0};
     DMK_TRY(gather_canopy(p, &c));
-    const tree t = {p->o->sys->whole.n_vertices,
-                    c.branch[0].end,
-                    sizeof(branch) / sizeof(int32_t),
-                    &c.branch[0].length,
-                    sizeof(branch) / sizeof(double),
-                    c.root,
-                    c.links,
-                    c.key};
-    sort_branches(&c);
-    link_tree(&t, grow_tree(&t, c.n, c.order), c.order);
+    DMK_TRY(gather_loads(p, &c));
+    DMK_TRY(DMK_NEW(p->o->ctx, c.flow, 2 * (size_t)c.n));
+    const tree t = {.n_vertices = p->o->sys->whole.n_vertices,
+                    .end = c.branch[0].end,
+                    .stride = sizeof(branch) / sizeof(int32_t),
+                    .length = &c.branch[0].length,
+                    .length_stride = sizeof(branch) / sizeof(double),
+                    .links = c.links,
+                    .key = c.key};
     *cost += send_vertices(&t, c.r, c.doubt, c.flow);
     for (int32_t i = 0; i < c.n; i++) {
         const int32_t e = dmk_space_place(&p->share->edge, c.branch[i].edge);
@@ -468,8 +493,6 @@ static int allocate(router *p)
     DMK_TRY(DMK_NEW(ctx, p->u, rows));
     DMK_TRY(DMK_NEW(ctx, p->r, rows));
     DMK_TRY(DMK_NEW(ctx, p->doubt, rows));
-    p->beside = p->r; /* both are sent by then */
-    p->cost = p->doubt;
     DMK_TRY(DMK_NEW(ctx, p->flow, 2 * edges));
     DMK_TRY(DMK_NEW(ctx, p->order, edges));
     DMK_TRY(DMK_NEW(ctx, p->root, vertices));
@@ -514,6 +537,19 @@ done:
     return rc;
 }
 
+/* Of a share: u again, and room for what is left to do. */
+static int restore_rows(router *p)
+{
+    int rc;
+    const size_t n = (size_t)p->n.n_rows_pad;
+    DMK_TRY(DMK_NEW(p->o->ctx, p->u, n));
+    DMK_TRY(DMK_NEW(p->o->ctx, p->r, n));
+    DMK_TRY(DMK_NEW(p->o->ctx, p->doubt, n));
+    rc = dmk_buffer_read_real(p->o->ctx, p->o->sys->device, DMK_OUTER, p->o->sys->u, n, p->u);
+done:
+    return rc;
+}
+
 static int route(router *p, double *bound)
 {
     int rc;
@@ -524,10 +560,14 @@ static int route(router *p, double *bound)
     DMK_TRY(dmk_share_ghosts(ctx, p->share, p->doubt));
     DMK_TRY(dmk_share_in_turn(ctx, p->share, &cost, add_doubts, p));
     send_midpoints(p);
-    if (p->share)
+    if (p->share) {
         DMK_TRY(send_along_branches(p, &cost));
-    else
+        DMK_TRY(restore_rows(p));
+    } else {
         cost += send_along_tree(p);
+    }
+    p->beside = p->r; /* both are sent */
+    p->cost = p->doubt;
     add_sides(p);
     DMK_TRY(dmk_share_ghosts(ctx, p->share, p->beside));
     dmk_parallel(ctx, p->elements.end - p->elements.begin, cost_range, p);
