@@ -189,6 +189,18 @@ static void free_mesh(dmk_solver *s)
     s->mollified = counts;
 }
 
+/* What the right-hand side is not made from. */
+static void free_edges(dmk_solver *s)
+{
+    struct dmk_mesh *m = s->order->order.mesh;
+    free(m->xyz);
+    free(m->edge_vertex);
+    free(m->edge_triangle);
+    m->xyz = s->mollified.xyz = NULL;
+    m->edge_vertex = s->mollified.edge_vertex = NULL;
+    m->edge_triangle = s->mollified.edge_triangle = NULL;
+}
+
 /* What is still wanted of the whole mesh when the share is made. */
 typedef struct farewell {
     dmk_solver *solver;
@@ -207,6 +219,7 @@ static int keep_share(dmk_context *ctx, void *user, dmk_system *sys)
         s->node[k] = sys->whole.vertex_row + m->triangle[h];
         s->node[3 + k] = m->triangle_edge[h];
     }
+    free_edges(s);
     DMK_TRY(DMK_NEW(ctx, f, (size_t)sys->whole.n_rows_pad));
     DMK_TRY(DMK_NEW(ctx, s->f, (size_t)sys->n_rows_pad));
     DMK_TRY(dmk_right_hand_side(ctx, m, sys, last->source, f));

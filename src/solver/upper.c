@@ -48,6 +48,8 @@ typedef struct tree {
     size_t stride;
     const double *length; /* of edge e at length_stride * e */
     size_t length_stride;
+    const int32_t
+        *slot; /* of edge e's flows, at stride * e, negative where they are not wanted; NULL: e */
     int32_t *root;        /* vertices: the union-find forest */
     int32_t *links, *key; /* vertices: number of tree edges at it, and their exclusive or */
 } tree;
@@ -172,11 +174,12 @@ static double send_vertices(const tree *t, double *r, double *doubt, double *flo
     for (int32_t i = 0; i < t->n_vertices; i++) {
         for (int32_t v = i; t->links[v] == 1;) {
             const int32_t e = t->key[v], *end = t->end + t->stride * (size_t)e;
-            const size_t mine = 2 * (size_t)e + (end[1] == v),
-                         other = 2 * (size_t)e + (end[0] == v);
             const int32_t w = end[0] == v ? end[1] : end[0];
-            flow[mine] += r[v];
-            flow[other] -= r[v];
+            const int32_t slot = t->slot ? t->slot[t->stride * (size_t)e] : e;
+            if (slot >= 0) {
+                flow[2 * (size_t)slot + (end[1] == v)] += r[v];
+                flow[2 * (size_t)slot + (end[0] == v)] -= r[v];
+            }
             cost += 2 * t->length[t->length_stride * (size_t)e] * doubt[v];
             r[w] += r[v];
             doubt[w] += doubt[v];
@@ -193,7 +196,14 @@ static double send_vertices(const tree *t, double *r, double *doubt, double *flo
 static double send_along_tree(const router *p)
 {
     const dmk_mesh *m = p->mesh;
-    const tree t = {m->n_vertices, m->edge_vertex, 2, m->length, 1, p->root, p->links, p->key};
+    const tree t = {.n_vertices = m->n_vertices,
+                    .end = m->edge_vertex,
+                    .stride = 2,
+                    .length = m->length,
+                    .length_stride = 1,
+                    .root = p->root,
+                    .links = p->links,
+                    .key = p->key};
     sort_edges(p);
     link_tree(&t, grow_tree(&t, m->n_edges, p->order), p->order);
     return send_vertices(&t, p->r + p->n.vertex_row, p->doubt + p->n.vertex_row, p->flow);
@@ -214,7 +224,6 @@ typedef struct canopy {
     int32_t n;
     int32_t *order, *root, *links, *key;
     double *r, *doubt; /* of the whole mesh's vertices */
-    double *flow;      /* 2 for each branch */
 } canopy;
 
 static void canopy_free(canopy *c)
@@ -226,7 +235,6 @@ static void canopy_free(canopy *c)
     free(c->key);
     free(c->r);
     free(c->doubt);
-    free(c->flow);
 }
 
 static int compare_branches(const void *a, const void *b)
@@ -287,34 +295,47 @@ done:
     return rc;
 }
 
+static int gather_branches(router *p, canopy *c)
+{
+    int rc;
+    branch *own = NULL;
+    int32_t n_own;
+    DMK_TRY(list_branches(p, &own, &n_own));
+    free(p->order);
+    free(p->root);
+    p->order = p->root = NULL;
+    rc = dmk_share_join(p->o->ctx, p->share, (size_t)n_own, sizeof *own, own, &c->n,
+                        (void **)&c->branch);
+done:
+    free(own);
+    return rc;
+}
+
 /* The branches of all ranks, and the tree among them. */
 static int gather_canopy(router *p, canopy *c)
 {
     int rc;
     dmk_context *ctx = p->o->ctx;
-    branch *own = NULL;
-    int32_t n_own;
     const size_t vertices = (size_t)p->o->sys->whole.n_vertices;
-    DMK_TRY(list_branches(p, &own, &n_own));
-    DMK_TRY(
-        dmk_share_join(ctx, p->share, (size_t)n_own, sizeof *own, own, &c->n, (void **)&c->branch));
+    DMK_TRY(gather_branches(p, c));
     DMK_TRY(DMK_NEW(ctx, c->order, (size_t)c->n));
     DMK_TRY(DMK_NEW(ctx, c->root, vertices));
+    sort_branches(c);
+    tree t = {.n_vertices = p->o->sys->whole.n_vertices,
+              .end = c->branch[0].end,
+              .stride = sizeof(branch) / sizeof(int32_t),
+              .root = c->root};
+    const int32_t chosen = grow_tree(&t, c->n, c->order);
+    free(c->root);
+    c->root = NULL;
     DMK_TRY(DMK_NEW(ctx, c->links, vertices));
     DMK_TRY(DMK_NEW(ctx, c->key, vertices));
-    sort_branches(c);
-    const tree t = {.n_vertices = p->o->sys->whole.n_vertices,
-                    .end = c->branch[0].end,
-                    .stride = sizeof(branch) / sizeof(int32_t),
-                    .root = c->root,
-                    .links = c->links,
-                    .key = c->key};
-    link_tree(&t, grow_tree(&t, c->n, c->order), c->order);
+    t.links = c->links;
+    t.key = c->key;
+    link_tree(&t, chosen, c->order);
     free(c->order);
-    free(c->root);
-    c->order = c->root = NULL;
+    c->order = NULL;
 done:
-    free(own);
     return rc;
 }
 
@@ -323,22 +344,19 @@ static int send_along_branches(router *p, double *cost)
 {
     int rc;
     canopy c = {.n = 0};
-    DMK_TRY(gather_canopy(p, &c));
     DMK_TRY(gather_loads(p, &c));
-    DMK_TRY(DMK_NEW(p->o->ctx, c.flow, 2 * (size_t)c.n));
+    DMK_TRY(gather_canopy(p, &c));
+    for (int32_t i = 0; i < c.n; i++)
+        c.branch[i].edge = dmk_space_place(&p->share->edge, c.branch[i].edge);
     const tree t = {.n_vertices = p->o->sys->whole.n_vertices,
                     .end = c.branch[0].end,
                     .stride = sizeof(branch) / sizeof(int32_t),
                     .length = &c.branch[0].length,
                     .length_stride = sizeof(branch) / sizeof(double),
+                    .slot = &c.branch[0].edge,
                     .links = c.links,
                     .key = c.key};
-    *cost += send_vertices(&t, c.r, c.doubt, c.flow);
-    for (int32_t i = 0; i < c.n; i++) {
-        const int32_t e = dmk_space_place(&p->share->edge, c.branch[i].edge);
-        for (size_t k = 0; e >= 0 && k < 2; k++)
-            p->flow[2 * (size_t)e + k] += c.flow[2 * (size_t)i + k];
-    }
+    *cost += send_vertices(&t, c.r, c.doubt, p->flow);
 done:
     canopy_free(&c);
     return rc;
