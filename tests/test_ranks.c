@@ -12,6 +12,7 @@
 
 typedef struct task {
     const dmk_mesh *mesh;
+    bool given; /* each rank gives its solver a mesh of its own */
     dmk_device_options device;
     dmk_solve_options options;
     int32_t gather_below;
@@ -24,7 +25,7 @@ typedef struct seat {
     dmk_result *result;
     dmk_stats stats;
     dmk_traffic traffic;
-    int rc, locus_rc;
+    int rc, locus_rc, second_rc;
     char message[300];
 } seat;
 
@@ -32,13 +33,28 @@ static int solve_on(seat *s, dmk_context *ctx, dmk_device **device, dmk_solver *
 {
     dmk_point source;
     const dmk_ranks ranks = ranks_of(&s->m, s->t->gather_below);
+    dmk_mesh *own = NULL;
+    const dmk_mesh *mesh = s->t->mesh;
     int rc = dmk_device_open(ctx, &s->t->device, device);
-    if (rc == DMK_OK) rc = dmk_solver_create(ctx, *device, s->t->mesh, solver);
+    if (rc == DMK_OK && s->t->given) {
+        dmk_mesh_info info;
+        dmk_mesh_get_info(mesh, &info);
+        rc = dmk_mesh_create(ctx, info.n_vertices, dmk_mesh_vertices(mesh), info.n_triangles,
+                             dmk_mesh_triangles(mesh), &own);
+        mesh = own;
+    }
+    if (rc == DMK_OK) rc = dmk_solver_create(ctx, *device, mesh, solver);
+    if (rc == DMK_OK && own) rc = dmk_solver_give_mesh(ctx, *solver, &own);
     if (rc == DMK_OK) rc = dmk_solver_set_ranks(ctx, *solver, &ranks);
     if (rc == DMK_OK) rc = dmk_mesh_vertex_point(ctx, s->t->mesh, 5, &source);
     if (rc == DMK_OK) rc = dmk_solve(ctx, *solver, &source, &s->t->options, &s->result);
     if (rc == DMK_OK) dmk_result_get_stats(s->result, &s->stats);
     dmk_solver_get_traffic(*solver, &s->traffic);
+    if (rc == DMK_OK && s->t->given) {
+        dmk_result *second = NULL;
+        s->second_rc = dmk_solve(ctx, *solver, &source, &s->t->options, &second);
+        dmk_result_destroy(&second);
+    }
     if (rc == DMK_OK) {
         dmk_locus *locus = NULL;
         s->locus_rc = dmk_locus_compute(ctx, s->t->mesh, s->result, NULL, &locus);
@@ -89,7 +105,7 @@ static void same_results(const seat *a, const seat *b)
     x = dmk_result_potential_mid(a->result, &n);
     same_numbers(x, dmk_result_potential_mid(b->result, NULL), n);
     x = dmk_result_distance(a->result, &n);
-    if (b->m.rank == 0) same_numbers(x, dmk_result_distance(b->result, NULL), n);
+    if (x && b->m.rank == 0) same_numbers(x, dmk_result_distance(b->result, NULL), n);
     same_numbers(&a->stats.cost_exact, &b->stats.cost_exact, 1);
     same_numbers(&a->stats.cost_upper, &b->stats.cost_upper, 1);
     same_numbers(&a->stats.cost_lower, &b->stats.cost_lower, 1);
@@ -111,7 +127,9 @@ static void try_ranks(const task *t, int least)
             assert_int_equal(many[k].rc, DMK_OK);
             assert_true(many[k].traffic.exchanges > 0 && many[k].traffic.bytes > 0);
             same_results(&one[0], &many[k]);
-            assert_int_equal(many[k].locus_rc, k == 0 ? DMK_OK : DMK_E_ARG);
+            const bool has_distance = k == 0 && !t->options.density_only;
+            assert_int_equal(many[k].locus_rc, has_distance ? DMK_OK : DMK_E_ARG);
+            assert_int_equal(many[k].second_rc, t->given ? DMK_E_ARG : DMK_OK);
             dmk_result_destroy(&many[k].result);
         }
     }
@@ -237,6 +255,28 @@ static void test_lost_touch(void **state)
     dmk_mesh_destroy(&mesh);
 }
 
+/* Without distance, a rank's mesh goes when it has its share: in double precision, and in single where the
+ * lower bound is the host's, of needles too. */
+static void test_density_only(void **state)
+{
+    bench *b = *state;
+    for (int k = 0; k < 4; k++) {
+        dmk_mesh *mesh = surface(b, k < 2 ? "quartic" : "ellipsoid", 9000);
+        task t = {.mesh = mesh,
+                  .given = k % 2 == 1,
+                  .device = {.struct_size = sizeof t.device, .single_precision = k == 1},
+                  .gather_below = 500};
+        dmk_solve_options_init(&t.options, sizeof t.options);
+        t.options.density_only = 1;
+        if (k == 3) {
+            t.options.method = DMK_INERTIAL;
+            t.options.tolerance = 0.3;
+        }
+        try_ranks(&t, 2);
+        dmk_mesh_destroy(&mesh);
+    }
+}
+
 static void test_wrong_ranks(void **state)
 {
     bench *b = *state;
@@ -268,6 +308,7 @@ int main(void)
         cmocka_unit_test(test_single_precision), cmocka_unit_test(test_explicit_steps),
         cmocka_unit_test(test_borders),          cmocka_unit_test(test_small_mesh),
         cmocka_unit_test(test_lost_touch),       cmocka_unit_test(test_wrong_ranks),
+        cmocka_unit_test(test_density_only),
     };
     return cmocka_run_group_tests_name("ranks", tests, bench_setup, bench_teardown);
 }
