@@ -460,7 +460,8 @@ const double *dmk_result_potential(const dmk_result *result,
                                    size_t *n); /* u per vertex, u(p) = 0 */
 const double *dmk_result_potential_mid(const dmk_result *result,
                                        size_t *n); /* u per edge midpoint */
-/* The exact distance from the source (see dmk_geodesics), per vertex; -u differs from it by the discretisation. */
+/* The exact distance from the source (see dmk_geodesics), per vertex; -u differs from it by the discretisation.
+ * NULL after density_only, and so is dmk_result_acl. */
 const double *dmk_result_distance(const dmk_result *result, size_t *n);
 void dmk_result_source(const dmk_result *result, dmk_point *source);
 

@@ -118,6 +118,7 @@ static void try_ranks(const task *t, int least)
 {
     seat one[MOST_RANKS], many[MOST_RANKS];
     sit_all(t, 1, false, one);
+    if (one[0].rc != DMK_OK) print_message("%s\n", one[0].message);
     assert_int_equal(one[0].rc, DMK_OK);
     assert_int_equal(one[0].traffic.exchanges, 0);
     for (int size = least; size <= MOST_RANKS; size++) {

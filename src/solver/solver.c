@@ -356,7 +356,7 @@ static int set_start(dmk_context *ctx, dmk_solver *s, start *near, dmk_start fro
         DMK_TRY(dmk_ranks_spread(ctx, &s->ranks, u, n_rows * sizeof *u));
         DMK_TRY(dmk_ranks_spread(ctx, &s->ranks, mu, n_elements * sizeof *mu));
     } else {
-        if (measures(s))
+        if (near->geodesics)
             DMK_TRY(dmk_geodesics_integrate(ctx, near->geodesics, &near->integral,
                                             &near->integral_error));
         for (int32_t t = 0; t < m->n_triangles; t++) mu[t] = 1;
