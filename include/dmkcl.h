@@ -139,9 +139,9 @@ typedef struct dmk_repairs {
     int32_t *triangle_old; /* n_triangles of it */
 } dmk_repairs;
 
-/* A mesh of triangles that dmk_mesh_create may refuse, repaired: equal vertices become one; triangles
- * without area are flipped or dropped, duplicates dropped; at an edge of more than two triangles the pairs
- * that fit stay joined; triangles are turned to agree; vertices whose triangles meet in nothing else are
+/* A mesh of triangles that dmk_mesh_create may refuse, repaired: coincident vertices become one; zero-area
+ * triangles are flipped or dropped, duplicates dropped; at an edge of more than two triangles the pairs
+ * that fit stay joined; triangles are oriented consistently; vertices whose triangles share no edge are
  * split. repair: what was done, or NULL. DMK_E_MESH if a triangle names a vertex that does not exist or is
  * not finite, or nothing is left. */
 int dmk_mesh_repair(dmk_context *context, size_t n_vertices, const double *xyz, size_t n_triangles,
@@ -196,9 +196,10 @@ int dmk_mesh_point_xyz(dmk_context *context, const dmk_mesh *mesh, const dmk_poi
 typedef struct dmk_surface_options {
     size_t struct_size; /* by dmk_surface_options_init, as in all option structs */
     const char *name;
-    double size[3];     /* a, b, c */
-    size_t n_triangles; /* of the coarse mesh, about; 0 = the surface's default */
-    int refine;         /* midpoint subdivisions, each new point lifted to the surface */
+    double size[3]; /* a, b, c */
+    size_t
+        n_triangles; /* approximate number of triangles of the coarse mesh; 0 = the surface's default */
+    int refine;      /* midpoint subdivisions, each new point lifted to the surface */
     int has_source; /* 1: `source` is lifted to the surface and made an exact vertex, number 0 */
     double source[3];
 } dmk_surface_options;

@@ -209,7 +209,7 @@ check 'a mesh in pieces is warned of, with the way out' \
     has "$work/errors" 'warning: .*soup.off is in 12 pieces.*--repair.* leaves 1'
 "$tool" solve "$work/soup.off" --repair --vertex 35 --report "$work/soup.json" > "$work/told" 2> "$work/errors"
 check '--repair tells what it does' \
-    has "$work/errors" 'repaired: 28 vertices merged with equal ones, 2 triangles turned over$'
+    has "$work/errors" 'repaired: 28 vertices merged with coincident ones, 2 triangles reoriented$'
 check 'the vertices are those of the file' has "$work/told" '^source +\(1, 1, 1\)'
 check 'the report has it, too' has "$work/soup.json" '"merged_vertices": 28'
 check 'mesh --repair writes the repaired mesh' "$tool" mesh "$work/soup.off" --repair --out "$work/cube.off"

@@ -94,7 +94,7 @@ static void memory_is_looked_at_first(void **state)
     assert_int_equal(dmk_memory_check(f->ctx, device, 1000), DMK_OK);
     assert_int_equal(dmk_memory_check(f->ctx, device, INT64_C(100000000000)), DMK_E_NOMEM);
     assert_non_null(strstr(dmk_context_message(f->ctx), "100000000000 triangles need about 69"));
-    assert_non_null(strstr(dmk_context_message(f->ctx), "GB are there; use a coarser mesh"));
+    assert_non_null(strstr(dmk_context_message(f->ctx), "GB are available; use a coarser mesh"));
     dmk_solve_memory(1000, 1, &small);
     dmk_solve_memory(1000, 0, &large);
     assert_true(small.device < large.device);

@@ -109,7 +109,7 @@ static const refusal ply_refusals[] = {
     {"m.ply", "ply\nformat ascii 2.0\n", DMK_E_FORMAT, "m.ply:2: this is not version 1.0"},
     {"m.ply", "ply\nformat utf 1.0\n", DMK_E_FORMAT, "m.ply:2: the format is not ascii"},
     {"m.ply", "ply\nend_header\n", DMK_E_FORMAT, "m.ply:2: the header names no format"},
-    {"m.ply", FORMAT "hello\n", DMK_E_FORMAT, "m.ply:3: 'hello' is no line of a PLY header"},
+    {"m.ply", FORMAT "hello\n", DMK_E_FORMAT, "m.ply:3: 'hello' is not a line of a PLY header"},
     {"m.ply", FORMAT "property int x\n", DMK_E_FORMAT, "m.ply:3: a property before"},
     {"m.ply", FORMAT "element vertex x\n", DMK_E_FORMAT, "m.ply:3: 'x' where the number"},
     {"m.ply", FORMAT "element vertex -1\n", DMK_E_FORMAT, "m.ply:3: a negative number"},
@@ -125,8 +125,10 @@ static const refusal ply_refusals[] = {
     {"m.ply", HEADER VERTICES, DMK_E_FORMAT, "m.ply: 2 of element 'face' do not fit into the 1"},
     {"m.ply", HEADER VERTICES "3 0 1 2\n", DMK_E_FORMAT, "m.ply:15: the file ends before"},
     {"m.ply", HEADER VERTICES "3 0 1 2\n3 0 2 \n", DMK_E_FORMAT, "m.ply:16: the file ends before"},
-    {"m.ply", HEADER VERTICES "3 0 1 2\n3 0 2 4\n", DMK_E_FORMAT, "m.ply:15: vertex 4 is not"},
-    {"m.ply", HEADER VERTICES "3 0 1 2\n3 0 2 -1\n", DMK_E_FORMAT, "m.ply:15: vertex -1 is not"},
+    {"m.ply", HEADER VERTICES "3 0 1 2\n3 0 2 4\n", DMK_E_FORMAT,
+     "m.ply:15: vertex 4 is out of range [0, 3]"},
+    {"m.ply", HEADER VERTICES "3 0 1 2\n3 0 2 -1\n", DMK_E_FORMAT,
+     "m.ply:15: vertex -1 is out of range [0, 3]"},
     {"m.ply", HEADER VERTICES "3 0 1 2\n3 0 2 2.5\n", DMK_E_FORMAT, "m.ply:15: vertex 2.5 is"},
     {"m.ply", HEADER VERTICES "3 0 1 2\n2 0 2\n", DMK_E_FORMAT, "a face with 2 corners"},
     {"m.ply", HEADER "0 0 0\n1 0 0\n1 x 0\n0 1 0\n3 0 1 2\n3 0 2 3\n", DMK_E_FORMAT,
@@ -233,7 +235,7 @@ static void test_stl_binary_variants(void **state)
     dmk_mesh *m = NULL;
     put_file(f, "m.stl", file, n);
     assert_int_equal(dmk_mesh_read(f->ctx, f->path, &m), DMK_E_FORMAT);
-    assert_non_null(strstr(dmk_context_message(f->ctx), "m.stl: no facet in it"));
+    assert_non_null(strstr(dmk_context_message(f->ctx), "m.stl: contains no facets"));
     remove_file(f, "m.stl");
 }
 
@@ -303,7 +305,7 @@ static void test_stl_places_of_one_hash(void **state)
 }
 
 static const refusal stl_refusals[] = {
-    {"m.stl", "solid\nendsolid\n", DMK_E_FORMAT, "m.stl: no facet in it"},
+    {"m.stl", "solid\nendsolid\n", DMK_E_FORMAT, "m.stl: contains no facets"},
     {"m.stl", "facet\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nendloop\nendfacet\n", DMK_E_FORMAT,
      "m.stl:5: a facet with 2 corners"},
     {"m.stl", "solid\nouter loop\nvertex 0 0 a\n", DMK_E_FORMAT, "m.stl:3: 'a' where a vertex"},

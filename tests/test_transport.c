@@ -453,7 +453,7 @@ static void bad_measures_are_refused(void **state)
     b[17] = 0;
     a[4] = -0.5;
     refuse(&p, &from, &to, "vertex 4");
-    refuse(&p, &from, NULL, "wanted is 0");
+    refuse(&p, &from, NULL, "expected 0");
     problem_free(&p);
     free(a);
     free(b);

@@ -38,7 +38,7 @@ check 'a larger mesh' "$tool" mesh sphere --triangles 99000 --out "$work/big.off
 check 'and its arrays' "$tool" solve "$work/big.off" --vertex 0 --out "$work/big.vtp" --quiet
 fails 'an array of another mesh' 3 'more than the' "$tool" transport $mesh --from "$work/big.vtp:mu" --to uniform
 usage 'no measure' 'what is to be moved' $mesh
-usage 'masses that differ' '3 is to be moved, 1 is wanted' $mesh --from "$work/a" --to "$work/vertices"
+usage 'masses that differ' '3 to be moved, 1 at the target' $mesh --from "$work/a" --to "$work/vertices"
 printf 'vertex 99999999 3\n' > "$work/far"
 usage 'a vertex that is not there' '99999999' $mesh --from "$work/far" --to "$work/b"
 usage 'a negative mass' 'vertex 70 has the value -1' $mesh --from "$work/signed" --to "$work/b"

@@ -220,8 +220,8 @@ typedef struct cli_reading {
 } cli_reading;
 
 #define CLI_REPAIR_HELP                                                                            \
-    "merge equal vertices, drop triangles without area or there twice,\n"                          \
-    "turn triangles to agree, part what is not a surface"
+    "merge coincident vertices, drop zero-area and duplicate triangles,\n"                         \
+    "orient triangles consistently, split non-manifold edges and vertices"
 
 /* Read a mesh file. On the standard error: what was repaired, and a warning of a mesh in pieces. The status of the
  * library; *did is the caller's to free, and zero without a repair. */

@@ -52,8 +52,8 @@ static void add_batch(solve_table *table, batch_request *request)
          .kind = CLI_FLAG,
          .target = &request->json},
         {.name = "resume",
-         .help = "do what the report lacks: a source stays if its files are there and\n"
-                 "mesh (by content), source and options are those of its line",
+         .help = "do only what the report lacks: a source is skipped if its files exist\n"
+                 "and mesh (by content), source and options are those of its line",
          .kind = CLI_FLAG,
          .target = &request->each.resume},
     };
@@ -79,15 +79,16 @@ static int parse(batch_request *request, cli_words *meshes, int argc, char **arg
                    "folder on each line. Without a source it is vertex 0 of each mesh.",
         .operand = "MESH",
         .operands = meshes,
-        .notes = "Files are DIR/NAME.SUFFIX, of several sources DIR/NAME-0000.SUFFIX and so on; "
-                 "without\n"
-                 "--out, --locus and --tangent they are .vtp and .locus.obj. A mesh or source that "
-                 "fails is\n"
-                 "told, has a line with its error, and the others go on; the exit code is that of "
-                 "the first\n"
-                 "failure. However the run ends, what the report tells of is whole, and --resume "
-                 "does the\n"
-                 "rest, what failed, and what has changed since.",
+        .notes =
+            "Files are DIR/NAME.SUFFIX, with several sources DIR/NAME-0000.SUFFIX and so on; "
+            "without\n"
+            "--out, --locus and --tangent they are .vtp and .locus.obj. A mesh or source that "
+            "fails is\n"
+            "reported and has a line with its error; the rest are solved. The exit code is that of "
+            "the first\n"
+            "failure. However the run ends, what the report lists is complete, and --resume "
+            "does the\n"
+            "rest, what failed, and what has changed since.",
         .options = table.row,
         .n_options = table.n,
     };

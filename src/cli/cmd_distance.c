@@ -251,12 +251,12 @@ static int parse(distance_request *r, const char *out_help, int argc, char **arg
          .expected = "a vertex number, from 0"},
         {.name = "sources",
          .value = "FILE",
-         .help = "all sources of a file, as one set: a line each, X,Y,Z or vertex I",
+         .help = "all sources of a file, as one set, one per line: X,Y,Z or `vertex I`",
          .kind = CLI_TEXT,
          .target = &r->sources},
         {.name = "repair", .help = CLI_REPAIR_HELP, .kind = CLI_FLAG, .target = &r->repair},
         {.name = "border",
-         .help = "the border of the mesh is a source, too",
+         .help = "the border of the mesh is a source too",
          .kind = CLI_FLAG,
          .target = &r->border},
         {.name = "tolerance",
@@ -275,13 +275,10 @@ static int parse(distance_request *r, const char *out_help, int argc, char **arg
         {.name = "out", .value = "FILE", .help = out_help, .kind = CLI_FILES, .target = &r->out},
         {.name = "report",
          .value = "FILE",
-         .help = "write a JSON report; - is the standard output",
+         .help = "write the figures of the run as JSON; - is the standard output",
          .kind = CLI_TEXT,
          .target = &r->report},
-        {.name = "json",
-         .help = "print the report instead of the summary",
-         .kind = CLI_FLAG,
-         .target = &r->json},
+        {.name = "json", .help = "the same as --report -", .kind = CLI_FLAG, .target = &r->json},
         {.name = "threads",
          .value = "N",
          .help = "threads to use; default: one for each core",
@@ -311,7 +308,8 @@ static int parse(distance_request *r, const char *out_help, int argc, char **arg
             "the\n"
             "shortest path leaves it; nearest, the number of that source, from 0 in the order of "
             "the\n"
-            "file, the border last. Where no source leads the distance is infinite and nearest -1.",
+            "file, the border last. Where no source reaches, the distance is infinite and nearest "
+            "is -1.",
         .options = rows,
         .n_options = sizeof rows / sizeof *rows,
     };

@@ -73,11 +73,11 @@ static void add_files(solve_table *table, solve_request *request, raw_options *r
     const cli_option rows[] = {
         {.name = "sources",
          .value = "FILE",
-         .help = "many sources, a line each: X,Y,Z or `vertex I`; # begins a comment",
+         .help = "many sources, one per line: X,Y,Z or `vertex I`; # begins a comment",
          .kind = CLI_TEXT,
          .target = &request->sources},
         {.name = "resume",
-         .help = "of --sources, leave out those whose files are all there",
+         .help = "of --sources, skip those whose files all exist",
          .kind = CLI_FLAG,
          .target = &request->resume},
         {.name = "density-only",
@@ -86,7 +86,7 @@ static void add_files(solve_table *table, solve_request *request, raw_options *r
          .kind = CLI_FLAG,
          .target = &request->density_only},
         {.name = "dry-run",
-         .help = "read and check the mesh and the source, tell how much memory a solve\n"
+         .help = "read and check the mesh and the source, report how much memory a solve\n"
                  "takes on host and device, and end; opens no device",
          .kind = CLI_FLAG,
          .target = &request->dry},
@@ -104,7 +104,7 @@ static void add_files(solve_table *table, solve_request *request, raw_options *r
          .value = "FILE",
          .help = "write the tangent cut locus as CSV, sorted by angle: direction at\n"
                  "the source in radians, cut time, place and kind of the point\n"
-                 "(0 ordinary, 1 end, 2 branch point, 3 alone)",
+                 "(0 ordinary, 1 end, 2 branch point, 3 isolated)",
          .kind = CLI_FILES,
          .target = &request->tangent},
     };

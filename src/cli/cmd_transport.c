@@ -239,7 +239,8 @@ static int parse(transport_request *r, const char *out_help, int argc, char **ar
          .target = &r->from},
         {.name = "to",
          .value = "FILE",
-         .help = "where it goes; without, the first one is signed, and its positive\npart goes to "
+         .help = "where it goes; without it, the first measure is signed, and its positive\npart "
+                 "goes to "
                  "the negative one",
          .kind = CLI_TEXT,
          .target = &r->to},

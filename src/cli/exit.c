@@ -18,7 +18,7 @@ static const exit_code exit_codes[] = {
     {EXIT_OK, {DMK_OK, 0}, "success"},
     {EXIT_USAGE, {DMK_E_ARG, 0}, "a bad option or value"},
     {EXIT_IO, {DMK_E_IO, 0}, "a file cannot be opened, read or written"},
-    {3, {DMK_E_FORMAT, 0}, "a file is not what it says it is"},
+    {3, {DMK_E_FORMAT, 0}, "a malformed or unrecognised file"},
     {4, {DMK_E_MESH, 0}, "the mesh is not a surface this method can treat"},
     {EXIT_DEVICE, {DMK_E_DEVICE, DMK_E_BUILD}, "no OpenCL device, or it failed"},
     {6, {DMK_E_DIVERGED, 0}, "the iteration diverged"},

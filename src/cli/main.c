@@ -28,7 +28,7 @@ static const command commands[] = {
     {"cut", cmd_cut, "the surface cut open along the cut locus, a disk", false},
     {"mesh", cmd_mesh, "make a mesh of a built-in surface, or turn a file into another format",
      false},
-    {"info", cmd_info, "tell what a mesh is: counts, topology, quality", false},
+    {"info", cmd_info, "describe a mesh: counts, topology, quality", false},
     {"devices", cmd_devices, "list the OpenCL devices and the machine", false},
 };
 enum { N_COMMANDS = sizeof commands / sizeof *commands };

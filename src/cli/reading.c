@@ -11,16 +11,15 @@ typedef struct count {
 static void tell_repairs(const char *path, const dmk_repairs *did)
 {
     const count counts[] = {
-        {did->merged_vertices, "vertex merged with an equal one",
-         "vertices merged with equal ones"},
-        {did->flipped_triangles, "triangle without area flipped", "triangles without area flipped"},
-        {did->degenerate_triangles, "triangle without area dropped",
-         "triangles without area dropped"},
+        {did->merged_vertices, "vertex merged with a coincident one",
+         "vertices merged with coincident ones"},
+        {did->flipped_triangles, "zero-area triangle flipped", "zero-area triangles flipped"},
+        {did->degenerate_triangles, "zero-area triangle dropped", "zero-area triangles dropped"},
         {did->duplicate_triangles, "duplicate triangle dropped", "duplicate triangles dropped"},
-        {did->split_edges, "edge parted", "edges parted"},
-        {did->turned_triangles, "triangle turned over", "triangles turned over"},
-        {did->split_vertices, "vertex added where triangles met in a point only",
-         "vertices added where triangles met in a point only"},
+        {did->split_edges, "non-manifold edge split", "non-manifold edges split"},
+        {did->turned_triangles, "triangle reoriented", "triangles reoriented"},
+        {did->split_vertices, "vertex added at a non-manifold vertex",
+         "vertices added at non-manifold vertices"},
     };
     const char *before = "";
     fprintf(stderr, "dmkcl: %s repaired: ", path);
@@ -30,7 +29,7 @@ static void tell_repairs(const char *path, const dmk_repairs *did)
                 counts[i].n == 1 ? counts[i].one : counts[i].many);
         before = ", ";
     }
-    fprintf(stderr, "%s\n", *before ? "" : "nothing was broken");
+    fprintf(stderr, "%s\n", *before ? "" : "nothing needed repair");
 }
 
 /* A mesh in pieces is most often one whose triangles do not share their vertices. */
@@ -50,7 +49,8 @@ static void warn_of_pieces(dmk_context *context, const char *path, const dmk_mes
     fprintf(stderr, "dmkcl: warning: %s is in %zu pieces, and only those with a source take part",
             path, info.n_components);
     if (whole.n_components > 0 && whole.n_components < info.n_components) {
-        fprintf(stderr, "; --repair, which merges equal vertices, leaves %zu", whole.n_components);
+        fprintf(stderr, "; --repair, which merges coincident vertices, leaves %zu",
+                whole.n_components);
     }
     fputc('\n', stderr);
 }

@@ -46,7 +46,7 @@ void solve_add_strength(solve_table *table, solve_request *request)
         .name = "strength",
         .value = "LENGTH",
         .help = "leave out branches of the cut locus of less strength: by how much a path\n"
-                "must grow to be moved around the branch's end; default: 0.2 mean edges,\n"
+                "must lengthen to be moved around the branch's end; default: 0.2 mean edges,\n"
                 "more on a noisy mesh",
         .kind = CLI_NUMBER,
         .target = &request->trace.strength,
@@ -148,7 +148,7 @@ void solve_add_iteration(solve_table *table, solve_request *request)
          .choices = methods},
         {.name = "dt",
          .value = "STEP",
-         .help = "time step of euler, in (0, 1]; default: 0.5",
+         .help = "time step for euler, in (0, 1]; default: 0.5",
          .kind = CLI_NUMBER,
          .target = &solve_options->dt,
          .lo = DBL_MIN,
@@ -156,7 +156,7 @@ void solve_add_iteration(solve_table *table, solve_request *request)
          .expected = "a number in (0, 1]"},
         {.name = "inertia",
          .value = "BETA",
-         .help = "inertia of inertial, in [0, 1); default: 0.8, reached gradually",
+         .help = "inertia for inertial, in [0, 1); default: 0.8, reached gradually",
          .kind = CLI_NUMBER,
          .target = &solve_options->inertia,
          .lo = 0,
@@ -164,8 +164,8 @@ void solve_add_iteration(solve_table *table, solve_request *request)
          .expected = "a number in [0, 1)"},
         {.name = "tolerance",
          .value = "TOL",
-         .help = "stop when the relative change of mu per unit time is below;\ndefault: 3e-3, of "
-                 "inertial 2e-3, of euler 5e-4",
+         .help = "stop when the relative change of mu per unit time is less;\ndefault: 3e-3; "
+                 "2e-3 for inertial, 5e-4 for euler",
          .kind = CLI_NUMBER,
          .target = &solve_options->tolerance,
          .lo = DBL_MIN,
@@ -173,7 +173,7 @@ void solve_add_iteration(solve_table *table, solve_request *request)
          .expected = "a number in (0, 1]"},
         {.name = "gap",
          .value = "GAP",
-         .help = "stop when the relative gap of the cost is below; if the run ends with\na larger "
+         .help = "stop when the relative gap of the cost is less; if the run ends with\na larger "
                  "one, the exit code is 9; default: not used",
          .kind = CLI_NUMBER,
          .target = &solve_options->gap_tolerance,
@@ -183,7 +183,7 @@ void solve_add_iteration(solve_table *table, solve_request *request)
         {.name = "max-steps",
          .value = "N",
          .help =
-             "give up after so many steps (exit code 7); default: 60, of inertial\nand euler 2000",
+             "give up after so many steps (exit code 7); default: 60; 2000 for\ninertial and euler",
          .kind = CLI_INTEGER,
          .target = &request->max_steps,
          .lo = 1,
@@ -208,7 +208,8 @@ void solve_add_method(solve_table *table, solve_request *request)
          .expected = "a number above 0"},
         {.name = "start",
          .value = "NAME",
-         .help = "from a distance estimate (default: distance) or from mu = 1\n(uniform)",
+         .help = "what the iteration starts from: distance (default), the exact\ndistance, or "
+                 "uniform, mu = 1",
          .kind = CLI_CHOICE,
          .target = &request->start,
          .choices = starts},

@@ -20,8 +20,8 @@ static int claim_opencl(dmk_context *ctx)
     if (atomic_compare_exchange_strong(&opencl_process, &first, getpid()) || first == getpid())
         return DMK_OK;
     return dmk_fail(ctx, DMK_E_DEVICE,
-                    "OpenCL was used in process %ld before it forked this one, %ld: no driver "
-                    "bears that; fork first, then open devices",
+                    "OpenCL was used in process %ld before it forked this one, %ld: OpenCL "
+                    "drivers do not support that; fork first, then open devices",
                     (long)first, (long)getpid());
 }
 
@@ -193,7 +193,7 @@ static int choose_best(dmk_context *ctx, const char *type, const found *all, siz
     *chosen = dmk_device_best(infos, n, type);
     if (*chosen < n) return DMK_OK;
     return dmk_fail(ctx, DMK_E_DEVICE,
-                    "no OpenCL device is a %s; the list of devices shows what there is", type);
+                    "no OpenCL device is a %s; the list of devices shows those available", type);
 }
 
 static int choose(dmk_context *ctx, const char *select, const found *all, size_t n, size_t *chosen)

@@ -32,7 +32,7 @@ static int check_options(dmk_context *ctx, const dmk_mesh *m, size_t n_sources,
         return dmk_fail(ctx, DMK_E_ARG, "line is NULL, but n_lines is %zu", o->n_lines);
     for (size_t i = 0; i < 2 * o->n_lines; i++) {
         if (o->line[i] >= 0 && o->line[i] < m->n_vertices) continue;
-        return dmk_fail(ctx, DMK_E_ARG, "line %zu: vertex %d is not among the mesh's 0..%d", i / 2,
+        return dmk_fail(ctx, DMK_E_ARG, "line %zu: vertex %d is out of range [0, %d]", i / 2,
                         o->line[i], m->n_vertices - 1);
     }
     return DMK_OK;

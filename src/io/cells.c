@@ -113,7 +113,7 @@ int dmk_cells_end(dmk_context *ctx, const char *path, const dmk_soup *soup, cons
                         path, cells->n_volume);
     }
     return dmk_fail(ctx, DMK_E_FORMAT,
-                    "%s: no face in it, only %zu points and lines; export the "
+                    "%s: contains no faces, only %zu points and lines; export the "
                     "triangles",
                     path, cells->n_thin);
 }

@@ -77,7 +77,7 @@ static int skip_section(msh *m, const char *name, size_t n)
         return dmk_text_fail(t, "'%.*s' is no section of MSH", n > 40 ? 40 : (int)n, name);
     memcpy(end + 4, name + 1, n - 1);
     const char *p = memmem(t->at, (size_t)(t->end - t->at), end, n + 3);
-    if (!p) return dmk_text_fail(t, "no %s behind it: the file is cut short", end);
+    if (!p) return dmk_text_fail(t, "no %s after it: the file is cut short", end);
     t->at = p + n + 3;
     dmk_text_skip_line(t);
     return DMK_OK;
@@ -277,7 +277,7 @@ static int sort_nodes(msh *m)
     if (!sorted) qsort(m->node, n, sizeof *m->node, by_tag);
     for (size_t i = 1; i < n; i++) {
         if (m->node[i - 1].tag == m->node[i].tag) {
-            return dmk_values_fail(&m->in, "node %lld stands twice before",
+            return dmk_values_fail(&m->in, "node %lld appears twice before",
                                    (long long)m->node[i].tag);
         }
     }
@@ -294,7 +294,7 @@ static int find_vertex(const msh *m, int64_t tag, int32_t *vertex)
                                                    : bsearch(&key, m->node, n, sizeof key, by_tag);
     }
     if (!x) {
-        return dmk_values_fail(&m->in, "node %lld of an element is not among the %zu of $Nodes",
+        return dmk_values_fail(&m->in, "node %lld of an element is none of the %zu in $Nodes",
                                (long long)tag, n);
     }
     *vertex = x->vertex;
@@ -390,8 +390,8 @@ static int read_section(msh *m)
     const char *name = t->at;
     const size_t n = dmk_text_word(t);
     if (*name != '$') {
-        return dmk_text_fail(t, "'%.*s' where a section ($Nodes) should begin",
-                             n > 40 ? 40 : (int)n, name);
+        return dmk_text_fail(t, "'%.*s' where a section ($Nodes) is expected", n > 40 ? 40 : (int)n,
+                             name);
     }
     if (take_word(m, "$NOD")) return dmk_text_fail(t, "version 1 of MSH; export version 2 or 4");
     if (take_word(m, "$MeshFormat")) {

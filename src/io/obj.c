@@ -67,14 +67,14 @@ static int read_corner(dmk_text *t, size_t n_vertices, size_t seen, int32_t *ver
     const char *p = t->at, *word_end = t->at + dmk_text_word(t);
     if (!dmk_integer_read(&p, word_end, &i) || (p < word_end && *p != '/')) {
         return dmk_text_fail(t,
-                             "'%.*s' where a face's vertex should stand: write i, i/t, i//n or "
+                             "'%.*s' where a face's vertex is expected: write i, i/t, i//n or "
                              "i/t/n",
                              (int)dmk_min_i((int32_t)(word_end - t->at), 40), t->at);
     }
     int64_t v = i > 0 ? i - 1 : (int64_t)seen + i;
     if (i == 0 || v < 0 || v >= (int64_t)n_vertices) {
         return dmk_text_fail(t,
-                             "vertex %lld of a face is not among the %zu of the file (OBJ "
+                             "vertex %lld of a face is out of range: the file has %zu (OBJ "
                              "counts from 1)",
                              (long long)i, n_vertices);
     }
@@ -173,8 +173,8 @@ int dmk_obj_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
         dmk_text_skip_line(&t);
     }
     if (soup->n_triangles == 0) {
-        rc = dmk_fail(ctx, DMK_E_FORMAT, "%s: no face (\"f\" line) in it: not a mesh in OBJ format",
-                      file->path);
+        rc = dmk_fail(ctx, DMK_E_FORMAT,
+                      "%s: contains no faces (\"f\" lines): not a mesh in OBJ format", file->path);
     }
 done:
     dmk_text_close(&t);

@@ -164,7 +164,8 @@ static int read_header(ply *p)
         } else if (take_word(t, "property")) {
             rc = read_property_line(p);
         } else if (!take_word(t, "comment") && !take_word(t, "obj_info")) {
-            rc = dmk_text_fail(t, "'%.*s' is no line of a PLY header", n > 40 ? 40 : (int)n, t->at);
+            rc = dmk_text_fail(t, "'%.*s' is not a line of a PLY header", n > 40 ? 40 : (int)n,
+                               t->at);
         }
         if (rc != DMK_OK) return rc;
     }
@@ -181,7 +182,8 @@ static int read_whole(ply *p, int type, const char *what, int64_t limit, int64_t
         *value = (int64_t)x;
         return DMK_OK;
     }
-    return dmk_values_fail(&p->in, "%s %.17g is not among 0..%lld", what, x, (long long)limit - 1);
+    return dmk_values_fail(&p->in, "%s %.17g is out of range [0, %lld]", what, x,
+                           (long long)limit - 1);
 }
 
 /* ---- elements ---- */

@@ -129,9 +129,9 @@ int dmk_stl_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
     DMK_TRY(dmk_text_open(ctx, file, &t));
     rc = is_binary(file) ? read_binary(ctx, file, &c) : read_text(&t, &c);
     if (rc == DMK_OK && soup->n_triangles == 0) {
-        rc =
-            dmk_fail(ctx, DMK_E_FORMAT,
-                     "%s: no facet in it: not STL, or a binary file that is cut short", file->path);
+        rc = dmk_fail(ctx, DMK_E_FORMAT,
+                      "%s: contains no facets: not STL, or a binary file that is cut short",
+                      file->path);
     }
     if (rc == DMK_OK) rc = dmk_soup_weld(ctx, soup);
 done:

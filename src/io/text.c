@@ -84,7 +84,7 @@ static int fail_word(const dmk_text *text, const char *what, const char *wanted)
                              what);
     }
     if (n == 0) return dmk_text_fail(text, "%s is missing", what);
-    return dmk_text_fail(text, "'%.*s' where %s should stand: write %s", n > 40 ? 40 : (int)n,
+    return dmk_text_fail(text, "'%.*s' where %s is expected: write %s", n > 40 ? 40 : (int)n,
                          text->at, what, wanted);
 }
 

@@ -132,8 +132,8 @@ int dmk_values_index(dmk_values *values, dmk_type type, const char *what, size_t
 {
     const int rc = dmk_values_integer(values, type, what, value);
     if (rc != DMK_OK || (*value >= 0 && (uint64_t)*value < limit)) return rc;
-    return dmk_values_fail(values, "%s is %lld, not among the %zu from 0", what, (long long)*value,
-                           limit);
+    return dmk_values_fail(values, "%s is %lld, out of range: there are %zu, counted from 0", what,
+                           (long long)*value, limit);
 }
 
 int dmk_values_skip(dmk_values *values, dmk_type type, size_t n)

@@ -88,7 +88,7 @@ static int open_stream(const reader *r, stream *s)
     const dmk_vtk_coding *c = r->coding;
     *s = (stream){.at = v->at, .end = v->end, .base64 = true};
     if (v->place != DMK_VTK_APPENDED) return DMK_OK;
-    if (!c->appended) return fail(r, "appended data is told of and not there");
+    if (!c->appended) return fail(r, "appended data is referenced but missing");
     s->base64 = c->appended_base64;
     s->end = r->file->data + r->file->size;
     if (v->offset > (uint64_t)(s->end - c->appended)) return fail(r, cut_short);

@@ -67,7 +67,7 @@ static int read_type(legacy *v, dmk_type *type)
     }
     const size_t n = dmk_text_word(&v->in.text);
     return dmk_text_fail(&v->in.text,
-                         "'%.*s' is no type of numbers that is read; export float, "
+                         "'%.*s' is not a supported number type; export float, "
                          "double or int",
                          n > 40 ? 40 : (int)n, v->in.text.at);
 }
@@ -196,7 +196,7 @@ static int read_offset_lists(legacy *v, int64_t n, int64_t size)
         DMK_TRY(dmk_values_index(&v->in, type, "an offset", (size_t)size + 1, &v->offset[c]));
         if (v->offset[c] < before) return dmk_values_fail(&v->in, "offsets that fall");
     }
-    if (!take_word(v, "CONNECTIVITY")) return dmk_text_fail(t, "no CONNECTIVITY behind OFFSETS");
+    if (!take_word(v, "CONNECTIVITY")) return dmk_text_fail(t, "no CONNECTIVITY after OFFSETS");
     DMK_TRY(read_type(v, &type));
     begin_data(v);
     DMK_TRY(dmk_values_room(&v->in, "corners", size, 1, type));
@@ -313,7 +313,7 @@ static int read_part(legacy *v, bool *done)
         if (take_word(v, "TRIANGLE_STRIPS")) return read_poly_cells(v, DMK_CELL_STRIP);
     }
     const size_t n = dmk_text_word(t);
-    return dmk_text_fail(t, "'%.*s' is no part of this kind of data set", n > 40 ? 40 : (int)n,
+    return dmk_text_fail(t, "'%.*s' does not belong in this kind of data set", n > 40 ? 40 : (int)n,
                          t->at);
 }
 

@@ -103,9 +103,10 @@ static int add_cell(vtk *v, const list *l, size_t i, dmk_cell cell)
     for (size_t k = 0; k < n; k++) {
         const int64_t c = l->corner[first + k];
         if (c < 0 || (uint64_t)c >= v->n_points) {
-            return dmk_fail(v->context, DMK_E_FORMAT,
-                            "%s: point %lld of cell %zu is not among the %zu from 0", v->file->path,
-                            (long long)c, i, v->n_points);
+            return dmk_fail(
+                v->context, DMK_E_FORMAT,
+                "%s: point %lld of cell %zu is out of range: there are %zu, counted from 0",
+                v->file->path, (long long)c, i, v->n_points);
         }
         v->corners.vertex[k] = (int32_t)(v->first + (size_t)c);
     }

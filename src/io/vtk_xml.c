@@ -88,7 +88,7 @@ static void open_file(walk *w, const char **attribute)
     c->swap = is(order, "BigEndian") == dmk_is_little_endian();
     c->header_type = is(header, "UInt64") ? DMK_UINT64 : DMK_UINT32;
     if (header && !is(header, "UInt64") && !is(header, "UInt32")) {
-        fail(w, "' is no header_type that is read; write UInt32 or UInt64", header);
+        fail(w, "' is not a supported header_type; write UInt32 or UInt64", header);
     }
     c->packed = packer && *packer;
     if (c->packed && strcmp(packer, "vtkZLibDataCompressor") != 0) {
@@ -150,7 +150,7 @@ static void find_type(walk *w, const char *name, dmk_type *type)
         *type = (dmk_type)i;
         return;
     }
-    fail(w, "' is no type of numbers", name ? name : "?");
+    fail(w, "' is not a supported number type", name ? name : "?");
 }
 
 static const char *tag_end(const walk *w)
@@ -165,7 +165,7 @@ static void open_array(walk *w, const char **attribute)
     if (role == DMK_VTK_N_ROLES || w->tags->n_pieces == 0) return;
     dmk_vtk_values *v = &w->tags->piece[w->tags->n_pieces - 1].values[role];
     if (v->there) {
-        fail(w, "' stands twice (time steps are not read)", find(attribute, "Name"));
+        fail(w, "' appears twice (time steps are not read)", find(attribute, "Name"));
         return;
     }
     if (role == DMK_VTK_POINTS && find_count(w, attribute, "NumberOfComponents") != 3) {
@@ -173,7 +173,7 @@ static void open_array(walk *w, const char **attribute)
     }
     if (role >= DMK_VTK_POINT_DATA && find(attribute, "NumberOfComponents") &&
         find_count(w, attribute, "NumberOfComponents") > 1) {
-        fail(w, "' has several components; wanted is one number for each", find(attribute, "Name"));
+        fail(w, "' has several components; expected one number for each", find(attribute, "Name"));
     }
     v->there = true;
     v->place = is(format, "appended") ? DMK_VTK_APPENDED
@@ -222,7 +222,7 @@ static void XMLCALL on_start(void *user, const char *name, const char **attribut
     } else if (is(name, "VTKFile")) {
         open_file(w, attribute);
     } else if (!w->is_vtk) {
-        fail(w, "' where <VTKFile> should stand: not a file of VTK", name);
+        fail(w, "' where <VTKFile> is expected: not a file of VTK", name);
     } else if (is(name, "Piece")) {
         open_piece(w, attribute);
     } else if (is(name, "AppendedData")) {
@@ -274,7 +274,7 @@ static void parse(walk *w)
         w->rc = dmk_fail(w->context, DMK_E_NOMEM, "out of memory: reading XML");
         return;
     }
-    w->rc = dmk_fail(w->context, DMK_E_FORMAT, "%s:%lu: no well-formed XML: %s", w->file->path,
+    w->rc = dmk_fail(w->context, DMK_E_FORMAT, "%s:%lu: not well-formed XML: %s", w->file->path,
                      (unsigned long)XML_GetCurrentLineNumber(w->parser), XML_ErrorString(error));
 }
 

@@ -117,7 +117,7 @@ int dmk_mesh_project(dmk_context *ctx, const dmk_mesh *m, const double xyz[3], d
 {
     if (dmk_missing(ctx, "mesh", m, "xyz", xyz, "point", point)) return DMK_E_ARG;
     if (!isfinite(xyz[0]) || !isfinite(xyz[1]) || !isfinite(xyz[2])) {
-        return dmk_fail(ctx, DMK_E_ARG, "the place (%g, %g, %g) is not finite", xyz[0], xyz[1],
+        return dmk_fail(ctx, DMK_E_ARG, "the point (%g, %g, %g) is not finite", xyz[0], xyz[1],
                         xyz[2]);
     }
     double best = INFINITY, w[3];
@@ -133,7 +133,7 @@ int dmk_mesh_project(dmk_context *ctx, const dmk_mesh *m, const double xyz[3], d
     }
     if (nearest.triangle < 0) {
         return dmk_fail(ctx, DMK_E_ARG,
-                        "the place (%g, %g, %g) is too far from the mesh for double precision",
+                        "the point (%g, %g, %g) is too far from the mesh for double precision",
                         xyz[0], xyz[1], xyz[2]);
     }
     snap(nearest.weight);

@@ -28,7 +28,7 @@ static int check_one(const check *k, const char *what, int64_t i, double value, 
 {
     if (!isfinite(value) || (value < 0 && !k->is_signed)) {
         return dmk_fail(k->ctx, DMK_E_ARG,
-                        "the %s measure: %s %lld has the value %g; wanted is a finite number%s",
+                        "the %s measure: %s %lld has the value %g; expected a finite number%s",
                         k->name, what, (long long)i, value,
                         k->is_signed ? "" : " from 0 (one signed measure may be given alone)");
     }
@@ -99,7 +99,7 @@ int dmk_measure_check(dmk_context *ctx, const dmk_mesh *mesh, const dmk_measure 
     *component = -1;
     if (dmk_measure_is_free(from) && (!to || dmk_measure_is_free(to))) {
         return dmk_fail(ctx, DMK_E_ARG,
-                        "atoms without masses take those that the other measure has nearest to "
+                        "points without a mass take what the other measure has nearest to "
                         "them: the other measure is missing");
     }
     DMK_TRY(DMK_NEW(ctx, of_vertex, (size_t)mesh->n_vertices));
@@ -337,7 +337,7 @@ static int balance_signed(dmk_context *ctx, size_t n, double *f, double *mass)
     for (size_t i = 0; i < n; i++) size += fabs(f[i]);
     *mass = size / 2;
     if (fabs(sum) > balanced * size) {
-        return dmk_fail(ctx, DMK_E_ARG, "the signed measure has the mass %.15g in all: wanted is 0",
+        return dmk_fail(ctx, DMK_E_ARG, "the signed measure has the total mass %.15g: expected 0",
                         sum);
     }
     for (size_t i = 0; i < n; i++) f[i] /= *mass;
@@ -354,7 +354,7 @@ static int balance(dmk_context *ctx, size_t n, bool normalise, double *f, const 
     }
     if (!normalise && fabs(a - b) > balanced * (a + b)) {
         return dmk_fail(ctx, DMK_E_ARG,
-                        "the masses differ: %.15g is to be moved, %.15g is wanted; make them "
+                        "the masses differ: %.15g to be moved, %.15g at the target; make them "
                         "equal, or ask for the "
                         "second to be scaled (normalise)",
                         a, b);

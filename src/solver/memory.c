@@ -63,12 +63,13 @@ uint64_t dmk_memory_available(void)
 
 static int refuse(dmk_context *ctx, const char *where, int64_t n, uint64_t needed, uint64_t there)
 {
-    return dmk_fail(ctx, DMK_E_NOMEM,
-                    "%lld triangles need about %.1f GB of memory on the %s, and %.1f GB are there; "
-                    "use a coarser "
-                    "mesh, more memory%s",
-                    (long long)n, 1e-9 * (double)needed, where, 1e-9 * (double)there,
-                    strcmp(where, "host") == 0 ? "" : ", or single precision");
+    return dmk_fail(
+        ctx, DMK_E_NOMEM,
+        "%lld triangles need about %.1f GB of memory on the %s, and %.1f GB are available; "
+        "use a coarser "
+        "mesh, more memory%s",
+        (long long)n, 1e-9 * (double)needed, where, 1e-9 * (double)there,
+        strcmp(where, "host") == 0 ? "" : ", or single precision");
 }
 
 int dmk_memory_check(dmk_context *ctx, const dmk_device *device, int64_t n_triangles)

@@ -31,7 +31,7 @@ static int find_surface(dmk_context *ctx, const char *name, const dmk_surface **
         strncat(known, i ? ", " : "", sizeof known - strlen(known) - 1);
         strncat(known, s->name, sizeof known - strlen(known) - 1);
     }
-    return dmk_fail(ctx, DMK_E_ARG, "no surface is called '%s'; there are: %s", name ? name : "",
+    return dmk_fail(ctx, DMK_E_ARG, "there is no surface '%s'; choose one of %s", name ? name : "",
                     known);
 }
 

@@ -34,7 +34,7 @@ def from_meshio(mesh: Any) -> "tuple[Any, Any]":
             others.add(block.type)
     if not parts:
         raise MeshError(
-            f"no triangles: {', '.join(sorted(others)) or 'no cells'} only; a surface is wanted"
+            f"no triangles: {', '.join(sorted(others)) or 'no cells'} only; expected a surface"
         )
     return mesh.points, np.vstack(parts)
 

@@ -35,7 +35,7 @@ class FileError(Error, OSError):
 
 
 class FormatError(Error, ValueError):
-    """A file is not what it says it is, or nothing here reads it."""
+    """A file is malformed, or of a format that is not read."""
 
 
 class MeshError(Error, ValueError):

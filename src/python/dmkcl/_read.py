@@ -22,7 +22,7 @@ MeshLike = Union[Mesh, "os.PathLike[str]", str, Sequence[Any], Any]
 class Repaired(NamedTuple):
     """A repaired mesh, and what was done.
 
-    mesh: a `Mesh`. Counts: merged_vertices, flipped_triangles and degenerate_triangles (without area:
+    mesh: a `Mesh`. Counts: merged_vertices, flipped_triangles and degenerate_triangles (zero area:
     mended, dropped), duplicate_triangles, split_edges, turned_triangles, split_vertices (added).
     vertex_new: (old n,) the new number of each old vertex, -1 where it has gone; vertex_old: (n,) and
     face_old: (m,) old numbers, the first of several.
@@ -42,7 +42,7 @@ class Repaired(NamedTuple):
 
     def __repr__(self) -> str:
         done = [f"{getattr(self, name)} {name}" for name in _COUNTS if getattr(self, name)]
-        return f"<dmkcl.Repaired: {self.mesh!r}; {', '.join(done) or 'nothing was broken'}>"
+        return f"<dmkcl.Repaired: {self.mesh!r}; {', '.join(done) or 'nothing needed repair'}>"
 
 
 _COUNTS = Repaired._fields[1:8]
@@ -92,10 +92,10 @@ def _repair_file(path: str) -> Repaired:
 def repair(vertices: "Union[ArrayLike, MeshLike]", faces: Optional[ArrayLike] = None) -> Repaired:
     """Mend a mesh that is refused, or one that falls into pieces: ``repair(V, F).mesh``.
 
-    Equal vertices become one; triangles without area are flipped away or dropped, those there twice
-    dropped; at edges of more than two triangles pairs that fit stay joined; triangles are turned to
-    agree with their neighbours (a surface with one side is cut open); vertices whose triangles do not
-    hang together become several. Takes what `CutLocus` takes: arrays, a file name, another package's
+    Coincident vertices become one; zero-area triangles are flipped away or dropped, duplicates
+    dropped; at edges of more than two triangles pairs that fit stay joined; triangles are oriented
+    consistently (a surface with one side is cut open); a vertex whose triangles are not joined by
+    edges becomes several. Takes what `CutLocus` takes: arrays, a file name, another package's
     mesh. MeshError if a triangle names a vertex that does not exist, or nothing is left.
     """
     if faces is None and isinstance(vertices, (str, os.PathLike)):
@@ -190,7 +190,7 @@ def _arrays(mesh: Any) -> "tuple[Any, Any]":
     found = from_object(mesh)
     if found is None:
         raise ArgumentError(
-            "a mesh is wanted: vertices and faces, a file name, or a mesh of trimesh, meshio, "
+            "expected a mesh: vertices and faces, a file name, or a mesh of trimesh, meshio, "
             f"PyVista or Open3D, not {type(mesh).__name__}"
         )
     return found
@@ -215,7 +215,7 @@ def warning_of_pieces(mesh: Mesh) -> Optional[str]:
         return None
     whole = _repair_arrays(mesh.vertices, mesh.faces).mesh.info["n_components"]
     return f"the mesh is in {pieces} pieces, and only the one with the source takes part" + (
-        f"; dmkcl.repair(mesh).mesh, which merges equal vertices, leaves {whole}"
+        f"; dmkcl.repair(mesh).mesh, which merges coincident vertices, leaves {whole}"
         if whole < pieces
         else ""
     )

@@ -150,7 +150,7 @@ def test_meshio_cells(small):
 
 
 def test_no_mesh_at_all():
-    with pytest.raises(dmkcl.ArgumentError, match="a mesh is wanted"):
+    with pytest.raises(dmkcl.ArgumentError, match="expected a mesh"):
         dmkcl.CutLocus(17)
 
 
