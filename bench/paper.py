@@ -217,10 +217,11 @@ def figure_torus(runs, path):
     look = (-1.5, -0.9, 1.7), 2.3
     views = []
     for k, (run, bound, title) in enumerate(shown):
-        actors = [pale_surface(run), part_below(run, bound), part_below(run, bound, 3)]
+        actors = [pale_surface(run), part_below(run, bound), part_below(run, bound, 3),
+                  ring_actor(run, *look)]
         views.append(view(grid(k, columns, rows), actors, run, *look, title, 22))
     if len(shown) < columns * rows:
-        actors = [pale_surface(runs[-1]), locus_actor(runs[-1])]
+        actors = [pale_surface(runs[-1]), locus_actor(runs[-1]), ring_actor(runs[-1], *look)]
         views.append(view(grid(len(shown), columns, rows), actors, runs[-1], *look,
                           "the cut locus as a graph", 22))
     write_png(views, (600 * columns, 420 * rows), path)
@@ -234,8 +235,8 @@ def figure_ellipsoid(rows, path):
         direction = (2.2, 0.9, -0.5) if r == 0 else (1.6, 1.7, 0.1)
         for c, run in enumerate(runs):
             actors = [pale_surface(run), part_below(run, 0.04), picture.contour_actor(run.result),
-                      ring_actor(run, direction, 3.3)]
-            views.append(view(grid(r * columns + c, columns, len(rows)), actors, run, direction, 3.3,
+                      ring_actor(run, direction, 3.9)]
+            views.append(view(grid(r * columns + c, columns, len(rows)), actors, run, direction, 3.9,
                               f"p{r + 1}, {len(run.mu):,} triangles", 22))
     write_png(views, (380 * columns, 520 * len(rows)), path)
 
