@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
 """The cut locus on real meshes, judged by distances that share no code with it.
 
-usage: scan.py [--program DMKCL] [--meshes FOLDER] [--names bear,camel,...] [--stability] [--out FILE.csv]
+usage: scan.py [--program DMKCL] [--meshes FOLDER] [--names bear,camel,...] [--stability] [--store FOLDER]
+               [--out FILE.csv]
     scan.py --meshes /usr/share/doc/libcgal-demo/examples --out bench/results/scan.csv
+    scan.py --meshes tests/data --names rough --stability --store tests/data --out bench/results/scan.csv
 The meshes are those of Debian's libcgal-demo (data/meshes), three sources each. The judge: exact distances
 on the polyhedron by pygeodesic, on the mesh cut 1:4 without moving it, so that the gradient of the distance
 is known on four pieces of each triangle; across a piece of the cut locus it jumps. Lengths in h, the mean edge.
@@ -13,7 +15,9 @@ is known on four pieces of each triangle; across a piece of the cut locus it jum
   long     edges of the locus that do not lie in one triangle
 --stability solves again on the mesh cut 1:4, with slid vertices and with 2 % noise:
   moved    the largest share of the locus farther than 3 h from the other one with half the strength, both ways
-Needs numpy, scipy, pygeodesic.
+--store writes NAME-SOURCE.jumps, points of the edges that `false` and `missed` are measured by: `weak` or `strong`,
+x, y, z. tests/test_locus.c measures tests/data/rough.off by those again, a bumpy sphere of 5,120 triangles with fine
+bumps and 2 % noise; rows of other meshes in FILE.csv stay. Needs numpy, scipy, pygeodesic.
 """
 import argparse
 import csv
@@ -136,7 +140,15 @@ def locus_of(program, mesh, source, folder, strength=0):
     return x[ends[:, 0]], x[ends[:, 1]], info
 
 
-def judge(program, mesh, source, folder):
+def store(path, points, step):
+    """The points, those in a cube of side `step` once."""
+    with open(path, "w") as f:
+        for kind, x in points.items():
+            _, first = np.unique(np.floor(x / step), axis=0, return_index=True)
+            f.writelines(f"{kind} {p[0]:.4f} {p[1]:.4f} {p[2]:.4f}\n" for p in x[np.sort(first)])
+
+
+def judge(program, mesh, source, folder, keep):
     x, t = load(mesh)
     h = accuracy.mean_edge(x, t)
     a, b, info = locus_of(program, mesh, source, folder)
@@ -146,6 +158,9 @@ def judge(program, mesh, source, folder):
     strong = turn > STRONG
     strong[strong] = groups(p[strong], q[strong], NEAR * h)
     ref = sampled(p[strong], q[strong], h / 4)
+    if keep:
+        name = os.path.splitext(os.path.basename(mesh))[0]
+        store(os.path.join(keep, f"{name}-{source}.jumps"), {"weak": weak[0], "strong": ref[0]}, h / 2)
     longest = np.linalg.norm(x[t] - x[np.roll(t, 1, axis=1)], axis=2).max()
     return {"false": far(*out, weak[0], NEAR * h), "missed": far(*ref, out[0], NEAR * h),
             "long": int((np.linalg.norm(a - b, axis=1) > longest).sum()), "length": out[1].sum(),
@@ -172,6 +187,15 @@ def moved(program, mesh, source, folder):
 
 
 COLUMNS = ["mesh", "source", "triangles", "false", "missed", "long", "moved", "length", "ends", "branches", "strength"]
+REAL = ("false", "missed", "moved", "length", "strength")
+
+
+def read_rows(path):
+    if not path or not os.path.exists(path):
+        return []
+    with open(path) as f:
+        return [{k: v if k == "mesh" or v == "" else float(v) if k in REAL else int(v) for k, v in r.items()}
+                for r in csv.DictReader(f)]
 
 
 def write_tables(path, rows):
@@ -195,16 +219,18 @@ def main():
     parser.add_argument("--meshes", default="/usr/share/doc/libcgal-demo/examples/data/meshes")
     parser.add_argument("--names", default=NAMES)
     parser.add_argument("--stability", action="store_true")
+    parser.add_argument("--store")
     parser.add_argument("--out")
     a = parser.parse_args()
-    rows = []
+    names = a.names.split(",")
+    rows = [r for r in read_rows(a.out) if r["mesh"] not in names]
     with tempfile.TemporaryDirectory() as folder:
-        for name in a.names.split(","):
+        for name in names:
             mesh = os.path.join(a.meshes, name + ".off")
             x, t = load(mesh)
             for source in (0, len(x) // 3, 2 * len(x) // 3):
                 row = {"mesh": name, "source": source, "triangles": len(t), "moved": "",
-                       **judge(a.program, mesh, source, folder)}
+                       **judge(a.program, mesh, source, folder, a.store)}
                 if a.stability:
                     row["moved"] = moved(a.program, mesh, source, folder)
                 rows.append(row)

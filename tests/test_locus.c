@@ -7,6 +7,7 @@
 #include <sched.h>
 #include <setjmp.h>
 #include <stdarg.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -936,6 +937,263 @@ static void test_short_arc(void **state)
     }
     assert_true(fabs(length[0] - length[1]) < 0.5 * h);
     check_point("ellipsoid", 1, (double[3]){-sqrt(1.0 / 75), 0, sqrt(2.0 / 3)});
+    scene s = surface("ellipsoid", 1, (double[3]){-sqrt(1.0 / 75) + 0.02, 0, sqrt(2.0 / 3)});
+    dmk_locus *l = trace(&s); /* an arc of 0.6 edges */
+    assert_int_equal(check_object(l).n_vertices, 1);
+    dmk_locus_destroy(&l);
+    free_scene(&s);
+}
+
+/* ---- the rules ------------------------------------------------------------------------------ */
+
+/* tie: an edge's jump is what each end's family is too long at the other, and 0.03 of the largest difference of the
+ * two at the corners beside the edge. */
+static void test_tie(void **state)
+{
+    (void)state;
+    scene s = surface("torus", 0, (double[3]){3, 0, 0});
+    const dmk_geodesics *g = s.geodesics;
+    const double unit = g->star.unit;
+    int n = 0;
+    for (int32_t h = 0; h < 3 * s.mesh->n_triangles; h++) {
+        const double length = s.mesh->length[s.mesh->triangle_edge[h]] / unit;
+        const int32_t v = s.mesh->triangle[dmk_next(h)], w = s.mesh->triangle[dmk_previous(h)];
+        const dmk_image a = dmk_image_at_start(g, h), b = dmk_image_at_end(g, h);
+        double at[4][2] = {{0, 0}, {length, 0}}, most = 0;
+        dmk_apex(g, h, &at[2][0], &at[2][1]);
+        dmk_apex(g, g->star.twin[h], &at[3][0], &at[3][1]);
+        at[3][0] = length - at[3][0];
+        at[3][1] = -at[3][1];
+        for (int k = 0; k < 4; k++)
+            most = fmax(most, fabs(dmk_image_length(&a, at[k][0], at[k][1]) -
+                                   dmk_image_length(&b, at[k][0], at[k][1])));
+        if (most < 1e-6) continue;
+        const double beyond = fmax(0, dmk_image_length(&a, length, 0) - g->distance[w] / unit) +
+                              fmax(0, dmk_image_length(&b, 0, 0) - g->distance[v] / unit);
+        assert_true(fabs((dmk_jump(g, h) - beyond) / most - 0.03) < 1e-6);
+        n++;
+    }
+    assert_true(n > 1000);
+    free_scene(&s);
+}
+
+/* angle: inwards a branch's worth grows by (1 - cos(alpha / 2)) of its length less what it would be at 0.126. */
+static void test_angle(void **state)
+{
+    (void)state;
+    scene s = surface("quartic", 1, (double[3]){0.533843, 0.800764, 0.844080});
+    dmk_cotree t = {0};
+    int n = 0, exact = 0;
+    assert_int_equal(dmk_cotree_complete(ctx, s.geodesics, &t), DMK_OK);
+    for (int32_t i = 0; i < s.mesh->n_triangles; i++) {
+        const int32_t *on = t.on + 3 * i;
+        for (int k = 0; k < 3; k++) {
+            if (on[k] < 0 || on[(k + 1) % 3] < 0 || on[(k + 2) % 3] >= 0) continue;
+            const dmk_crossing *from = &t.crossing[on[k]], *to = &t.crossing[on[(k + 1) % 3]];
+            if (to->onward == on[k]) {
+                const dmk_crossing *swap = from;
+                from = to;
+                to = swap;
+            }
+            if (&t.crossing[from->onward] != to || !(from->worth < to->worth)) continue;
+            double step = 0;
+            for (int j = 0; j < 3; j++)
+                step += (from->xyz[j] - to->xyz[j]) * (from->xyz[j] - to->xyz[j]);
+            const double gain = cos(0.063) - cos(0.25 * (from->alpha + to->alpha));
+            exact += fabs(to->worth - from->worth - gain * sqrt(step)) < 1e-9 * s.h;
+            n++;
+        }
+    }
+    assert_true(n > 100 && exact > 0.9 * n);
+    dmk_cotree_free(&t);
+    free_scene(&s);
+}
+
+/* gap: the default is sqrt(5) times the strongest of a noisy mesh's own branches, and the next is 5 times as strong. */
+static void test_gap(void **state)
+{
+    (void)state;
+    int raised = 0;
+    for (uint32_t seed = 0; seed < 4; seed++) {
+        scene s = shaken(surface("torus", 1, (double[3]){3, 0, 0}), 0.008, seed);
+        dmk_cotree t = {0};
+        double own = 0, next = HUGE_VAL;
+        assert_int_equal(dmk_cotree_complete(ctx, s.geodesics, &t), DMK_OK);
+        for (int32_t i = 0; i < s.mesh->n_triangles; i++) {
+            const double b = dmk_branch_at(&t, i);
+            if (b < t.strength)
+                own = fmax(own, b);
+            else
+                next = fmin(next, b);
+        }
+        if (t.strength > 0.21 * s.h) {
+            assert_true(fabs(t.strength - sqrt(5) * own) < 1e-9 * s.h && next >= 5 * own);
+            raised++;
+        }
+        dmk_cotree_free(&t);
+        free_scene(&s);
+    }
+    assert_true(raised > 0);
+}
+
+/* width: a crossing's place hangs on the line within half an edge, and on nothing beyond. */
+static void test_width(void **state)
+{
+    (void)state;
+    scene s = surface("torus", 1, (double[3]){3, 0, 0});
+    dmk_cotree t = {0};
+    double reach = 0;
+    assert_int_equal(dmk_cotree_complete(ctx, s.geodesics, &t), DMK_OK);
+    for (int32_t i = 0; i < t.n; i++) {
+        const dmk_crossing *c = &t.crossing[i];
+        if (c->onward < 0 || c->strength < t.strength) continue;
+        const double *v = s.mesh->xyz + 3 * s.mesh->triangle[dmk_next(c->half)],
+                     *w = s.mesh->xyz + 3 * s.mesh->triangle[dmk_previous(c->half)];
+        dmk_locus_vertex before, after;
+        double length = 0;
+        dmk_place_crossing(&t, i, &before);
+        for (int32_t j = c->onward, last = i; j >= 0 && length < 2 * s.h;
+             j = t.crossing[j].onward) {
+            dmk_crossing *x = &t.crossing[j];
+            double kept[3], step = 0;
+            memcpy(kept, x->xyz, sizeof kept);
+            for (int k = 0; k < 3; k++) x->xyz[k] += 1e-3 * (w[k] - v[k]);
+            dmk_place_crossing(&t, i, &after);
+            memcpy(x->xyz, kept, sizeof kept);
+            if (memcmp(before.xyz, after.xyz, sizeof after.xyz) != 0) reach = fmax(reach, length);
+            for (int k = 0; k < 3; k++) step += pow(x->xyz[k] - t.crossing[last].xyz[k], 2);
+            length += sqrt(step);
+            last = j;
+        }
+    }
+    assert_true(reach > 0.45 * s.h && reach < 0.501 * s.h);
+    dmk_cotree_free(&t);
+    free_scene(&s);
+}
+
+static double apart(const double *a, const double *b)
+{
+    return hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]);
+}
+
+/* margin: the points of a cut keep 0.15 of their edges to the ends, and no more. */
+static void test_margin(void **state)
+{
+    (void)state;
+    scene s = surface("quartic", 1, (double[3]){0.533843, 0.800764, 0.844080});
+    const dmk_mesh *m = s.mesh;
+    dmk_mesh *cut = NULL;
+    int32_t *origin = NULL;
+    double *plane = NULL, least = 1;
+    assert_int_equal(dmk_locus_cut(ctx, s.geodesics, NULL, &cut, &origin, &plane), DMK_OK);
+    for (int32_t v = 0; v < cut->n_vertices; v++) {
+        for (int32_t e = 0; e < m->n_edges && origin[v] < 0; e++) {
+            const double *x = cut->xyz + 3 * v, length = m->length[e];
+            const double *a = m->xyz + 3 * m->edge_vertex[2 * e],
+                         *b = m->xyz + 3 * m->edge_vertex[2 * e + 1];
+            if (fabs(x[0] - a[0]) > length || fabs(x[1] - a[1]) > length) continue;
+            const double to_a = apart(x, a), to_b = apart(x, b);
+            if (to_a + to_b < length * (1 + 1e-12)) least = fmin(least, fmin(to_a, to_b) / length);
+        }
+    }
+    assert_true(fabs(least - 0.15) < 1e-9);
+    free(origin);
+    free(plane);
+    dmk_mesh_destroy(&cut);
+    free_scene(&s);
+}
+
+/* ---- a scan --------------------------------------------------------------------------------- */
+
+enum { MOST_POINTS = 8000 };
+
+/* Points of this kind in a file of bench/scan.py. */
+static int read_jumps(int source, const char *kind, double (*x)[3])
+{
+    char path[64], word[8];
+    double p[3];
+    int n = 0;
+    snprintf(path, sizeof path, "tests/data/rough-%d.jumps", source);
+    FILE *f = fopen(path, "r");
+    assert_non_null(f);
+    while (n < MOST_POINTS && fscanf(f, "%7s %lf %lf %lf", word, &p[0], &p[1], &p[2]) == 4) {
+        if (strcmp(word, kind) == 0) memcpy(x[n++], p, sizeof p);
+    }
+    fclose(f);
+    assert_in_range(n, 50, MOST_POINTS - 1);
+    return n;
+}
+
+/* Points along the locus, a quarter of an edge apart at most, and what length each stands for. */
+static int sample(const dmk_locus *l, double h, double (*x)[3], double *weight)
+{
+    size_t n_edges;
+    int n = 0;
+    const dmk_locus_edge *e = dmk_locus_edges(l, &n_edges);
+    const dmk_locus_vertex *v = dmk_locus_vertices(l, NULL);
+    for (size_t i = 0; i < n_edges; i++) {
+        const double *a = v[e[i].vertex[0]].xyz, *b = v[e[i].vertex[1]].xyz, length = apart(a, b);
+        const int pieces = (int)ceil(4 * length / h);
+        for (int k = 0; k < pieces; k++, n++) {
+            assert_true(n < MOST_POINTS);
+            for (int j = 0; j < 3; j++) x[n][j] = a[j] + (k + 0.5) / pieces * (b[j] - a[j]);
+            weight[n] = length / pieces;
+        }
+    }
+    return n;
+}
+
+/* Share of the weight of points farther than `reach` from all of others. */
+static double far_share(int n, double (*x)[3], const double *weight, int m, double (*y)[3],
+                        double reach)
+{
+    double all = 0, far = 0;
+    for (int i = 0; i < n; i++) {
+        bool near = false;
+        for (int k = 0; k < m && !near; k++) near = apart(x[i], y[k]) <= reach;
+        all += weight ? weight[i] : 1;
+        if (!near) far += weight ? weight[i] : 1;
+    }
+    return far / all;
+}
+
+/* Part of bench/results/scan.csv again: a mesh as scans are, by the jumps that its judge found. */
+static void test_scan(void **state)
+{
+    (void)state;
+    static double x[MOST_POINTS][3], y[MOST_POINTS][3], weight[MOST_POINTS];
+    for (int source = 0; source <= 1708; source += 1708) {
+        char line[512];
+        double wrong = -1, missed = -1;
+        int row, ends = -1;
+        FILE *f = fopen("bench/results/scan.csv", "r");
+        assert_non_null(f);
+        while (fgets(line, sizeof line, f)) {
+            double w, m;
+            int e;
+            if (sscanf(line, "rough,%d,%*d,%lf,%lf,%*d,%*f,%*f,%d", &row, &w, &m, &e) == 4 &&
+                row == source)
+                wrong = w, missed = m, ends = e;
+        }
+        fclose(f);
+        assert_true(wrong >= 0);
+        dmk_mesh *mesh = NULL;
+        dmk_point p;
+        assert_int_equal(dmk_mesh_read(ctx, "tests/data/rough.off", &mesh), DMK_OK);
+        assert_int_equal(dmk_mesh_vertex_point(ctx, mesh, source, &p), DMK_OK);
+        scene s = scene_of(mesh, p);
+        dmk_locus *l = trace(&s);
+        const int n = sample(l, s.h, x, weight);
+        int m = read_jumps(source, "weak", y);
+        const double now = far_share(n, x, weight, m, y, 3 * s.h);
+        m = read_jumps(source, "strong", y);
+        const double lost = far_share(m, y, NULL, n, x, 3 * s.h);
+        print_message("false %.4f, missed %.4f\n", now, lost);
+        assert_true(now <= wrong + 0.005 && lost <= missed + 0.005);
+        assert_int_equal(check_object(l).endpoints, ends);
+        dmk_locus_destroy(&l);
+        free_scene(&s);
+    }
 }
 
 /* ---- the rest ------------------------------------------------------------------------------- */
@@ -1058,6 +1316,9 @@ int main(void)
         cmocka_unit_test(test_strength),      cmocka_unit_test(test_accuracy_torus),
         cmocka_unit_test(test_accuracy_ends), cmocka_unit_test(test_short_arc),
         cmocka_unit_test(test_excess),        cmocka_unit_test(test_threads),
+        cmocka_unit_test(test_tie),           cmocka_unit_test(test_angle),
+        cmocka_unit_test(test_gap),           cmocka_unit_test(test_width),
+        cmocka_unit_test(test_margin),        cmocka_unit_test(test_scan),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }

@@ -56,9 +56,7 @@ void dmk_apex(const dmk_geodesics *g, int32_t h, double *x, double *y)
     *y = side * sin(angle);
 }
 
-/* By how much the family of each end is too long at the other. Both are equally long across a locus on which the ends
- * themselves lie, so a small part of the families' difference at the corners of the two triangles breaks the tie. */
-static double jump_of(const dmk_geodesics *g, int32_t h)
+double dmk_jump(const dmk_geodesics *g, int32_t h)
 {
     const dmk_mesh *m = g->mesh;
     const double length = length_of(g, h), unit = g->star.unit;
@@ -91,7 +89,7 @@ static void find_jumps(int32_t begin, int32_t end, void *data)
 {
     jumps *j = data;
     for (int32_t e = begin; e < end; e++) {
-        const float jump = (float)(jump_of(j->geodesics, j->half[e]) / j->unit);
+        const float jump = (float)(dmk_jump(j->geodesics, j->half[e]) / j->unit);
         uint32_t bits;
         memcpy(&bits, &jump, sizeof bits);
         j->edge[e] = (dmk_keyed){bits, e};

@@ -49,6 +49,11 @@ typedef struct dmk_cotree {
 int dmk_cotree_create(dmk_context *ctx, const dmk_geodesics *geodesics, dmk_cotree *cotree);
 void dmk_cotree_free(dmk_cotree *cotree);
 
+/* By how much the family of each end of half-edge h is too long at the other, in the star's unit. Both are equally long
+ * across a locus on which the ends themselves lie, so a small part of the families' difference at the corners of the
+ * two triangles breaks the tie. */
+double dmk_jump(const dmk_geodesics *geodesics, int32_t h);
+
 /* strength.c: excess of every crossing, strength of every branch, the default strength. */
 int dmk_cotree_peel(dmk_context *ctx, dmk_cotree *cotree);
 /* Excess of the weakest way into a triangle where three meet, that of a branch which ends there; else 0. */
