@@ -3,7 +3,7 @@
 . tests/checks/lib.sh
 
 static=$build/libdmkcl.a
-shared=$(ls "$build"/libdmkcl.so.*.*.*) || exit 1
+shared=$(readlink -e "$build/libdmkcl.so") || exit 1
 nm -A --defined-only "$static" > "$work/static" || exit 1
 nm -u "$static" | awk '{ print $2 }' | sort -u > "$work/used"
 try 'names begin with dmk_' \
