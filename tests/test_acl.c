@@ -180,7 +180,7 @@ static void faint_lines_are_marked_in_small_triangles(void **state)
     double share[2];
     mark_roof(*state, 0.07, share);
     print_message("# faint: %g of the small, %g of the large\n", share[0], share[1]);
-    assert_true(share[0] > 0.8 && share[1] < 0.1);
+    assert_true(share[0] > 0.9 && share[1] < 0.1);
     mark_roof(*state, 0.2, share);
     print_message("# clear: %g of the small, %g of the large\n", share[0], share[1]);
     assert_true(share[0] == 1 && share[1] == 1);
