@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._geodesics import Path, traced
-from ._lib import Context, Handle, copy_struct, ffi, lib, path_bytes, view
+from ._lib import ArgumentError, Context, Handle, copy_struct, ffi, lib, path_bytes, view
 from ._locus import Locus
 from ._mesh import Mesh, Point
 
@@ -29,6 +29,7 @@ _ARRAYS = {
     "distance": np.float64,
     "acl": np.uint8,
 }
+_DISTANCE_ARRAYS = ("distance", "acl")  # those that density_only leaves out
 _C_NAMES: "dict[Any, str]" = {np.float64: "double", np.uint8: "uint8_t"}
 
 
@@ -88,13 +89,20 @@ class Result:
     """
 
     def __init__(
-        self, mesh: Mesh, handle: Handle, source: Point, history: NDArray[np.void], strength: float
+        self,
+        mesh: Mesh,
+        handle: Handle,
+        source: Point,
+        history: NDArray[np.void],
+        strength: float,
+        density_only: bool,
     ):
         self.mesh: Mesh = mesh
         #: The source on the mesh.
         self.source: Point = source
         self._made: Optional[Handle] = handle
         self._strength = strength
+        self._density_only = density_only
         #: (steps,) with the fields step, cg_iterations, change, tolerance, gap, seconds.
         self.history: NDArray[np.void] = _gaps(history, self.certificate.gap)
 
@@ -119,6 +127,8 @@ class Result:
         return self._handle.pointer
 
     def _restore(self) -> Handle:
+        if self._density_only:
+            raise ArgumentError("an unpickled result of density_only holds its arrays and no more")
         data = ffi.new("dmk_result_data *")
         for name, dtype in _ARRAYS.items():
             array = getattr(self, name).view(dtype)
@@ -135,12 +145,12 @@ class Result:
 
     def __getstate__(self) -> "dict[str, Any]":
         """Arrays, numbers and the mesh; the library's object is made again where it is needed."""
-        kept = ("mesh", "source", "_strength", "history", "_fields", *_ARRAYS)
+        kept = ("mesh", "source", "_strength", "_density_only", "history", "_fields", *self._arrays())
         return {name: getattr(self, name) for name in kept}
 
     def __setstate__(self, state: "dict[str, Any]") -> None:
         self.__dict__.update(state, _made=None)
-        for name in (*_ARRAYS, "history"):
+        for name in (*self._arrays(), "history"):
             getattr(self, name).flags.writeable = False
 
     def __copy__(self) -> "Result":
@@ -151,7 +161,13 @@ class Result:
 
     # ---- arrays ----------------------------------------------------------------------------------
 
+    def _arrays(self) -> "list[str]":
+        """The names of those that the result has."""
+        return [name for name in _ARRAYS if not (self._density_only and name in _DISTANCE_ARRAYS)]
+
     def _array(self, name: str, dtype: Any = np.float64) -> NDArray[Any]:
+        if self._density_only and name in _DISTANCE_ARRAYS:
+            raise ArgumentError(f"a result of density_only has no {name}: solve without density_only")
         n = ffi.new("size_t *")
         pointer = getattr(lib, "dmk_result_" + name)(self._pointer, n)
         return view(self._handle, pointer, n[0], dtype)
@@ -311,20 +327,23 @@ class Result:
         """A pyvista.PolyData with the cell arrays mu, acl and gradient, the point arrays distance
         and u. The locus: `Locus.to_pyvista`."""
         data = self.mesh.to_pyvista()
-        data.cell_data["acl"] = self.acl.astype(np.uint8)
         data.cell_data["gradient"] = self.gradient
         data.cell_data["mu"] = self.density
         data.point_data["u"] = self.potential
-        data.point_data["distance"] = self.distance
+        if not self._density_only:
+            data.cell_data["acl"] = self.acl.astype(np.uint8)
+            data.point_data["distance"] = self.distance
         data.set_active_scalars("mu")
         return data
 
     def to_trimesh(self) -> Any:
         """A trimesh.Trimesh; face_attributes mu, acl, gradient; vertex_attributes distance, u."""
         mesh = self.mesh.to_trimesh()
-        acl = self.acl.astype(np.uint8)  # trimesh writes no truth values to PLY
-        mesh.face_attributes.update(mu=self.density, acl=acl, gradient=self.gradient)
-        mesh.vertex_attributes.update(distance=self.distance, u=self.potential)
+        mesh.face_attributes.update(mu=self.density, gradient=self.gradient)
+        mesh.vertex_attributes.update(u=self.potential)
+        if not self._density_only:
+            mesh.face_attributes["acl"] = self.acl.astype(np.uint8)  # trimesh writes no truth values to PLY
+            mesh.vertex_attributes["distance"] = self.distance
         return mesh
 
     # ---- pictures -----------------------------------------------------------------------------

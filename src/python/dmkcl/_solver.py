@@ -52,6 +52,7 @@ class SolveOptions(TypedDict, total=False):
     inertia: Optional[float]
     cg_tolerance: float
     strength: float
+    density_only: bool
 
 
 def _choose(table: "dict[str, int]", name: str, value: str) -> int:
@@ -71,6 +72,7 @@ def _options(
     dt: float = 0,
     inertia: Optional[float] = None,
     cg_tolerance: float = 0,
+    density_only: bool = False,
 ) -> Any:
     options = ffi.new("dmk_solve_options *")
     lib.dmk_solve_options_init(options, ffi.sizeof(options[0]))
@@ -79,6 +81,7 @@ def _options(
     options.tolerance, options.gap_tolerance = tolerance, gap
     options.max_steps, options.threshold = max_steps, threshold
     options.dt, options.cg_tolerance = dt, cg_tolerance
+    options.density_only = density_only
     if inertia is not None:
         options.inertia = inertia
     return options
@@ -187,6 +190,7 @@ class CutLocus:
         inertia: Optional[float] = None,
         cg_tolerance: float = 0,
         strength: float = 0,
+        density_only: bool = False,
         progress: ProgressOption = False,
     ) -> Result:
         """Density, potential, distance and cut locus of one source.
@@ -223,6 +227,10 @@ class CutLocus:
         dt, inertia, cg_tolerance : float
             Time step of "euler" in (0, 1], inertia of "inertial" in [0, 1), tolerance of the inner
             solves.
+        density_only : bool
+            Density, potential and bounds of the cost only, from mu = 1 (`start` is then not
+            used): the distance, `acl`, the cut locus and paths are not computed, and asking the
+            result for them is an ArgumentError.
 
         Returns
         -------
@@ -245,6 +253,7 @@ class CutLocus:
             dt=dt,
             inertia=inertia,
             cg_tolerance=cg_tolerance,
+            density_only=density_only,
         )
         return self._solve(
             self.mesh.place(point=point, vertex=vertex, face=face, bary=bary),
@@ -264,7 +273,9 @@ class CutLocus:
                 )
         finally:
             watch.close()
-        return Result(self.mesh, handle, source, watch.history(), strength)
+        return Result(
+            self.mesh, handle, source, watch.history(), strength, bool(options.density_only)
+        )
 
     def solve_many(
         self,
@@ -283,6 +294,7 @@ class CutLocus:
         inertia: Optional[float] = None,
         cg_tolerance: float = 0,
         strength: float = 0,
+        density_only: bool = False,
         progress: bool = False,
     ) -> Iterator[Result]:
         """Results for many sources, one after another, as an iterator.
@@ -302,6 +314,7 @@ class CutLocus:
             dt=dt,
             inertia=inertia,
             cg_tolerance=cg_tolerance,
+            density_only=density_only,
         )
         if points is not None and np.ndim(points) != 2:
             raise ArgumentError(f"points have the shape {np.shape(points)}; expected (k, 3)")

@@ -337,6 +337,25 @@ def test_locus_pickles(result, tmp_path):
     assert copy.copy(result.locus).loops == result.locus.loops
 
 
+def test_density_only(solver, result, tmp_path):
+    lean = solver.solve(vertex=0, density_only=True)
+    assert lean.certificate.lower < result.certificate.upper * 1.001
+    assert result.certificate.lower < lean.certificate.upper * 1.001
+    assert np.abs(lean.potential - result.potential).max() < 0.01 * -result.potential.min()
+    for again in (lean, pickle.loads(pickle.dumps(lean))):
+        assert np.array_equal(again.density, lean.density)
+        for name in ("distance", "acl"):
+            with pytest.raises(dmkcl.ArgumentError, match=f"density_only has no {name}"):
+                getattr(again, name)
+        for ask in (lambda r: r.locus, lambda r: r.path(vertex=5), lambda r: r.cut_open()):
+            with pytest.raises(dmkcl.ArgumentError, match="density_only"):
+                ask(again)
+    lean.write(tmp_path / "lean.vtp")
+    assert "mu" in lean.to_pyvista().cell_data and "distance" not in lean.to_pyvista().point_data
+    assert set(lean.to_trimesh().vertex_attributes) == {"u"}
+    assert [r.density.size for r in solver.solve_many(vertices=[0, 3], density_only=True)] == [lean.density.size] * 2
+
+
 def test_unknown_options_are_errors(solver):
     with pytest.raises(TypeError, match="tolerence"):
         solver.solve(vertex=0, tolerence=1e-3)
