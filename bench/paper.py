@@ -9,6 +9,7 @@ coarsest mesh of each surface only. Needs numpy, scipy, vtk, matplotlib and pill
 import argparse
 import json
 import os
+import resource
 import subprocess
 import sys
 import time
@@ -40,6 +41,12 @@ LABELS = {"torus": "torus, p = (3, 0, 0)", "umbilic": "ellipsoid, p1 (umbilic)",
           "ellipsoid": "ellipsoid, p2", "quartic": "quartic"}
 
 
+def seconds_of_children():
+    """Processor time, which other work on the machine hardly changes."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
 class Run:
     """One mesh, solved; the arrays that figures and tables need."""
 
@@ -51,11 +58,11 @@ class Run:
         mesh = stem + ".off"
         subprocess.run([program, "mesh", surface, f"--source={point}", "--refine", str(refine),
                         "--out", mesh, "--quiet"], check=True)
-        begin = time.perf_counter()
+        begin = seconds_of_children()
         subprocess.run([program, "solve", mesh, f"--source={point}", "--out", stem + ".vtp",
                         "--locus", stem + "-locus.obj", "--tangent", stem + "-tangent.csv",
                         "--report", stem + ".json", "--quiet"], check=True)
-        self.seconds = time.perf_counter() - begin
+        self.seconds = seconds_of_children() - begin
         self.locus, self.tangent = stem + "-locus.obj", stem + "-tangent.csv"
         self.result = picture.read(vtk.vtkXMLPolyDataReader(), stem + ".vtp")
         with open(stem + ".json") as file:
@@ -76,6 +83,10 @@ class Run:
 
 
 # ---- views ---------------------------------------------------------------------------------------
+
+
+TEXT_SIZE = 22  # pixels
+BAR_SHARE = 0.17  # of a panel's width: the bar of colours and its numbers
 
 
 def table_of_colours(top):
@@ -137,14 +148,48 @@ def coloured_surface(run, top):
     return shown
 
 
-def title_actor(text, size):
+def text_style(style, size):
+    style.SetColor(0.1, 0.1, 0.1)
+    style.SetFontSize(size)
+    style.ShadowOff()
+    style.ItalicOff()
+    style.BoldOff()
+
+
+def strip(viewport, actor):
+    """A part of the picture beside the shape."""
+    shown = vtk.vtkRenderer()
+    shown.SetViewport(viewport)
+    shown.SetBackground(1, 1, 1)
+    shown.AddViewProp(actor)
+    return shown
+
+
+def title_actor(text):
     shown = vtk.vtkTextActor()
     shown.SetInput(text)
-    shown.GetTextProperty().SetColor(0.1, 0.1, 0.1)
-    shown.GetTextProperty().SetFontSize(size)
+    text_style(shown.GetTextProperty(), TEXT_SIZE)
     shown.GetPositionCoordinate().SetCoordinateSystemToNormalizedViewport()
-    shown.SetPosition(0.03, 0.90)
+    shown.SetPosition(0.03, 0.2)
     return shown
+
+
+def bar_actor(top):
+    """What the colours up to `top` mean."""
+    bar = vtk.vtkScalarBarActor()
+    bar.SetLookupTable(table_of_colours(top))
+    bar.SetTitle("mu")
+    bar.SetNumberOfLabels(3)
+    bar.SetLabelFormat("%g")
+    bar.UnconstrainedFontSizeOn()
+    for style in bar.GetTitleTextProperty(), bar.GetLabelTextProperty():
+        text_style(style, TEXT_SIZE - 4)
+    bar.SetBarRatio(0.2)
+    bar.SetVerticalTitleSeparation(8)
+    bar.SetPosition(0.02, 0.1)
+    bar.SetWidth(0.96)
+    bar.SetHeight(0.8)
+    return bar
 
 
 def eye(run, direction, distance):
@@ -174,12 +219,18 @@ def locus_actor(run):
                                0.003 * run.result.GetLength())
 
 
-def view(panel, actors, run, direction, distance, title, size):
+def view(panel, actors, run, direction, distance, title, top=None):
+    """The renderers of one panel: the shape, the title above it and, with `top`, the colours' bar beside it."""
+    left, low, right, high = panel
+    edge = high - 0.1 * (high - low)
+    side = right if top is None else right - BAR_SHARE * (right - left)
     focus, camera = eye(run, direction, distance)
-    shown = picture.half(actors, panel, camera - focus, focus, 1)
-    shown.AddViewProp(title_actor(title, size))
+    shown = picture.half(actors, (left, low, side, edge), camera - focus, focus, 1)
     shown.ResetCameraClippingRange()
-    return shown
+    views = [shown, strip((left, edge, right, high), title_actor(title))]
+    if top is not None:
+        views.append(strip((side, low, right, edge), bar_actor(top)))
+    return views
 
 
 def write_png(views, size, path):
@@ -219,11 +270,11 @@ def figure_torus(runs, path):
     for k, (run, bound, title) in enumerate(shown):
         actors = [pale_surface(run), part_below(run, bound), part_below(run, bound, 3),
                   ring_actor(run, *look)]
-        views.append(view(grid(k, columns, rows), actors, run, *look, title, 22))
+        views += view(grid(k, columns, rows), actors, run, *look, title, bound)
     if len(shown) < columns * rows:
         actors = [pale_surface(runs[-1]), locus_actor(runs[-1]), ring_actor(runs[-1], *look)]
-        views.append(view(grid(len(shown), columns, rows), actors, runs[-1], *look,
-                          "the cut locus as a graph", 22))
+        views += view(grid(len(shown), columns, rows), actors, runs[-1], *look,
+                      "the cut locus as a graph")
     write_png(views, (600 * columns, 420 * rows), path)
 
 
@@ -235,24 +286,25 @@ def figure_ellipsoid(rows, path):
         direction = (2.2, 0.9, -0.5) if r == 0 else (1.6, 1.7, 0.1)
         for c, run in enumerate(runs):
             actors = [pale_surface(run), part_below(run, 0.04), picture.contour_actor(run.result),
-                      ring_actor(run, direction, 3.9)]
-            views.append(view(grid(r * columns + c, columns, len(rows)), actors, run, direction, 3.9,
-                              f"p{r + 1}, {len(run.mu):,} triangles", 22))
-    write_png(views, (380 * columns, 520 * len(rows)), path)
+                      ring_actor(run, direction, 3.3)]
+            views += view(grid(r * columns + c, columns, len(rows)), actors, run, direction, 3.3,
+                          f"p{r + 1}, {len(run.mu):,} triangles", 0.04)
+    write_png(views, (430 * columns, 520 * len(rows)), path)
 
 
 def figure_quartic(runs, path):
-    """mu from behind, the scale ending at 0.01; and the cut locus as a graph."""
+    """mu from behind, up to 0.01; and the cut locus as a graph. The source lies on the far side, in the ring."""
     direction, n = (-1.25, -1.65, -0.75), len(runs)
     views = []
     for k, run in enumerate(runs):
-        actors = [coloured_surface(run, 0.01), part_below(run, 0.01, 2)]
-        views.append(view(grid(k, n + 1, 1), actors, run, direction, 2.75,
-                          f"{len(run.mu):,} triangles, mu up to 0.01", 22))
+        actors = [coloured_surface(run, 0.01), part_below(run, 0.01, 2), ring_actor(run, direction, 2.75)]
+        views += view(grid(k, n + 1, 1), actors, run, direction, 2.75,
+                      f"{len(run.mu):,} triangles, mu up to 0.01", 0.01)
     run = runs[-1]
-    actors = [pale_surface(run), picture.contour_actor(run.result), locus_actor(run)]
-    views.append(view(grid(n, n + 1, 1), actors, run, direction, 2.75, "the cut locus as a graph", 22))
-    write_png(views, (560 * (n + 1), 560), path)
+    actors = [pale_surface(run), picture.contour_actor(run.result), locus_actor(run),
+              ring_actor(run, direction, 2.75)]
+    views += view(grid(n, n + 1, 1), actors, run, direction, 2.75, "the cut locus as a graph")
+    write_png(views, (620 * (n + 1), 560), path)
 
 
 def exact_tangent_torus(angles):
@@ -314,10 +366,10 @@ def figure_tangent(run, path):
     axes.fill(*curve.T, color="#f6d87a", alpha=0.3)
     axes.plot(*curve.T, color="0.3", lw=1, label="exact")
     axes.plot(*points.T, ".", color="#cc1c21", ms=3, label=f"computed, {len(run.mu):,} triangles")
-    axes.plot(0, 0, "o", color="black", ms=4)
+    axes.plot(0, 0, "o", color="black", ms=4, label="source")
     axes.set_aspect("equal")
     axes.set_title("Tangent cut locus of the torus, p = (3, 0, 0)", fontsize=11)
-    axes.legend(loc=(0.2, 0.56), frameon=False)
+    axes.legend(loc=(0.2, 0.55), frameon=False)
     figure.tight_layout()
     figure.savefig(path, dpi=160)
     plt.close(figure)
@@ -330,7 +382,7 @@ def write_small(path, to, width):
     with Image.open(path) as whole:
         height = round(whole.height * width / whole.width)
         small = whole.convert("RGB").resize((width, height), Image.LANCZOS)
-        small.quantize(256, dither=Image.Dither.NONE).save(to, optimize=True)
+        small.quantize(256, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(to, optimize=True)
 
 
 # ---- tables --------------------------------------------------------------------------------------
@@ -349,7 +401,7 @@ def distance_text(run):
 
 
 def rows_of_runs(runs):
-    yield ("| | triangles | seconds | in the paper | cost | (exact) | length | (exact) | "
+    yield ("| | triangles | processor seconds | in the paper | cost | (exact) | length | (exact) | "
            "ends (exact) | branch points (exact) | distance, edges | missed, false |")
     yield "|---|--:|--:|--:|---|--:|--:|--:|---|---|---|---|"
     for run in runs:
@@ -376,12 +428,13 @@ def rows_of_bounds(torus):
                f"{100 * b['missed']:.1f} % | {100 * b['false']:.1f} % |")
 
 
-def rows_of_tables(runs, off, seconds):
+def rows_of_tables(runs, off):
     device = runs["torus"][0].report["device"]
+    seconds = sum(run.seconds for name in runs for run in runs[name])
     yield "# The experiments of the paper"
     yield ""
     yield (f"`make paper`, {time.strftime('%Y-%m-%d', time.gmtime())}, {os.cpu_count()} cores, "
-           f"{device['name']} (driver {device['driver']}); all of it in {seconds:.0f} s.")
+           f"{device['name']} (driver {device['driver']}); {seconds:.0f} processor seconds.")
     yield ""
     yield "## Cost and cut locus"
     yield ""
@@ -405,9 +458,9 @@ def rows_of_tables(runs, off, seconds):
 
 
 TEXT_RUNS = """\
-The meshes are those of `dmkcl mesh` and have as many triangles as the paper's. Seconds: whole runs from
-file to files; the paper's are of a laptop of 2014 with an Intel Core i5. The cost is the integral of the
-distance: bounds for the problem on the mesh, and its value on the smooth surface. Distance: of the
+The meshes are those of `dmkcl mesh` and have as many triangles as the paper's. Processor seconds:
+of all threads, whole runs from file to files; the paper's are seconds of a laptop of 2014 with an Intel
+Core i5. The cost is the integral of the distance: bounds for the problem on the mesh, and its value on the smooth surface. Distance: of the
 computed cut locus from the exact one, and back, in mean edge lengths; missed and false: shares of their
 lengths farther than three from each other. Ends and branch points nearer than three edges count once:
 of the quartic's four branch points two pairs lie 0.007 and 0.010 apart."""
@@ -442,14 +495,14 @@ def main():
         for refine in experiment[2][:1] if o.quick else experiment[2]:
             run = Run(o.program, o.out, name, refine)
             runs[name].append(run)
-            print(f"{LABELS[name]}: {len(run.mu):,} triangles in {run.seconds:.2f} s", flush=True)
+            print(f"{LABELS[name]}: {len(run.mu):,} triangles in {run.seconds:.2f} processor seconds", flush=True)
     figures = {"torus": 900, "tangent": 640, "ellipsoid": 700, "quartic": 800}
     paths = {name: os.path.join(o.out, name + ".png") for name in figures}
     figure_torus(runs["torus"], paths["torus"])
     off = figure_tangent(runs["torus"][-1], paths["tangent"])
     figure_ellipsoid([runs["umbilic"], runs["ellipsoid"]], paths["ellipsoid"])
     figure_quartic(runs["quartic"], paths["quartic"])
-    text = "\n".join(rows_of_tables(runs, off, time.perf_counter() - begin)) + "\n"
+    text = "\n".join(rows_of_tables(runs, off)) + "\n"
     for folder in filter(None, (o.out, o.small)):
         os.makedirs(folder, exist_ok=True)
         with open(os.path.join(folder, "table.md"), "w") as file:
