@@ -196,10 +196,9 @@ int dmk_mesh_point_xyz(dmk_context *context, const dmk_mesh *mesh, const dmk_poi
 typedef struct dmk_surface_options {
     size_t struct_size; /* by dmk_surface_options_init, as in all option structs */
     const char *name;
-    double size[3]; /* a, b, c */
-    size_t
-        n_triangles; /* approximate number of triangles of the coarse mesh; 0 = the surface's default */
-    int refine;      /* midpoint subdivisions, each new point lifted to the surface */
+    double size[3];     /* a, b, c */
+    size_t n_triangles; /* of the coarse mesh, roughly; 0 = the surface's default */
+    int refine;         /* midpoint subdivisions, each new point lifted to the surface */
     int has_source; /* 1: `source` is lifted to the surface and made an exact vertex, number 0 */
     double source[3];
 } dmk_surface_options;
