@@ -382,7 +382,7 @@ static void bad_options_are_refused(void **state)
     fixture *f = *state;
     dmk_surface_options good = options_of(&surfaces[0], 0), o = good;
     o.name = "klein";
-    refuse(f->ctx, &o, "there are: torus, ellipsoid");
+    refuse(f->ctx, &o, "choose one of torus, ellipsoid");
     o.name = NULL;
     refuse(f->ctx, &o, "torus");
     static const double wrong[] = {-1, NAN, INFINITY};

@@ -489,6 +489,7 @@ static int iterate(dmk_solver *s, start *near, const dmk_solve_options *options,
     rc = dmk_newton(o, options->start == DMK_START_DISTANCE);
     if (options->max_steps > 0 || (rc != DMK_E_DIVERGED && rc != DMK_E_LIMIT)) return rc;
     slow.method = DMK_INERTIAL;
+    slow.max_steps = DMK_FALLBACK_STEPS;
     steps = o->stats->steps;
     o->options = &slow;
     DMK_TRY(set_start(o->ctx, s, near, options->start));

@@ -93,6 +93,7 @@ static int iterate(dmk_solver *s, const double *f, dmk_iteration *o)
     }
     if (options->max_steps > 0 || (rc != DMK_E_DIVERGED && rc != DMK_E_LIMIT)) return rc;
     slow.method = DMK_INERTIAL;
+    slow.max_steps = DMK_FALLBACK_STEPS;
     steps = o->stats->steps;
     o->options = &slow;
     DMK_TRY(set_start(o->ctx, s, f));
