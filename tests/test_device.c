@@ -50,6 +50,38 @@ static void built_in_the_background(void **state)
     }
 }
 
+/* What is written where a buffer is mapped is the buffer's; single precision is not given as double. */
+static void mapped(void **state)
+{
+    fixture *f = *state;
+    dmk_device_options options;
+    dmk_device_options_init(&options, sizeof options);
+    for (int single = 0; single < 2; single++) {
+        dmk_device *device = NULL;
+        dmk_buffer *buffer = NULL;
+        double *numbers = NULL, there[2];
+        const double init[2] = {3, 4};
+        dmk_device_info info;
+        options.single_precision = single;
+        assert_int_equal(dmk_device_open(f->ctx, &options, &device), DMK_OK);
+        dmk_device_get_info(device, &info);
+        assert_int_equal(dmk_buffer_create(f->ctx, device, sizeof init, init, &buffer), DMK_OK);
+        assert_int_equal(dmk_buffer_map(f->ctx, device, buffer, 2, &numbers), DMK_OK);
+        const bool can = !single && info.fp64 && strcmp(info.type, "CPU") == 0;
+        assert_int_equal(numbers != NULL, can);
+        if (numbers) {
+            assert_true(numbers[0] == 3 && numbers[1] == 4);
+            numbers[1] = 5;
+            dmk_buffer_unmap(device, buffer, numbers);
+            assert_int_equal(dmk_buffer_read(f->ctx, device, buffer, 0, sizeof there, there),
+                             DMK_OK);
+            assert_true(there[0] == 3 && there[1] == 5);
+        }
+        dmk_buffer_destroy(&buffer);
+        dmk_device_destroy(&device);
+    }
+}
+
 /* The default is a GPU, where there is one that computes in double precision. */
 static void the_best_device(void **state)
 {
@@ -182,6 +214,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {TEST(destroyed_with_work_under_way),
                                        TEST(built_in_the_background),
+                                       TEST(mapped),
                                        TEST(the_best_device),
                                        TEST(a_device_by_its_kind),
                                        TEST(launches_of_a_step),

@@ -148,3 +148,22 @@ done:
     free(narrow);
     return rc;
 }
+
+int dmk_buffer_map(dmk_context *ctx, dmk_device *dev, dmk_buffer *buffer, size_t n,
+                   double **numbers)
+{
+    cl_int error;
+    *numbers = NULL;
+    if (strcmp(dev->info.type, "CPU") != 0 || !dev->double_precision || n == 0) return DMK_OK;
+    dev->work.reads++;
+    double *at = clEnqueueMapBuffer(dev->queue, mem_of(buffer), CL_TRUE, CL_MAP_READ | CL_MAP_WRITE,
+                                    0, n * sizeof *at, 0, NULL, NULL, &error);
+    const int rc = dmk_cl_check(ctx, error, "clEnqueueMapBuffer");
+    if (rc == DMK_OK) *numbers = at;
+    return rc;
+}
+
+void dmk_buffer_unmap(dmk_device *dev, dmk_buffer *buffer, double *numbers)
+{
+    clEnqueueUnmapMemObject(dev->queue, mem_of(buffer), numbers, 0, NULL, NULL);
+}

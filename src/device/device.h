@@ -46,6 +46,13 @@ int dmk_buffer_write_real(dmk_context *context, dmk_device *device, dmk_program 
 int dmk_buffer_read_real(dmk_context *context, dmk_device *device, dmk_program program,
                          const dmk_buffer *buffer, size_t n, double *to);
 
+/* The first n numbers of the outer program's working type where they lie, to read and to write, until they are
+ * unmapped; kernels must leave the buffer alone meanwhile. *numbers = NULL, and nothing to unmap, where that would
+ * take memory of its own: on a device other than a CPU, and where they are not double. Blocking. */
+int dmk_buffer_map(dmk_context *context, dmk_device *device, dmk_buffer *buffer, size_t n,
+                   double **numbers);
+void dmk_buffer_unmap(dmk_device *device, dmk_buffer *buffer, double *numbers);
+
 /* The kernel `name` of a program. Kernels live as long as the device. */
 int dmk_kernel_get(dmk_context *context, dmk_device *device, dmk_program program, const char *name,
                    dmk_kernel **kernel);

@@ -19,6 +19,7 @@ typedef struct packer {
     dmk_device *dev;
     const dmk_mesh *mesh;
     dmk_system *sys;
+    bool spend; /* free the hierarchy's arrays as soon as they are packed */
 } packer;
 
 static int upload(const packer *p, size_t count, size_t size, const void *data, dmk_buffer **b)
@@ -298,13 +299,47 @@ done:
     return rc;
 }
 
-/* Prolongation, restriction and Galerkin table from a level of n_fine vertices to the next. */
-static int pack_transfer(const packer *p, int32_t n_fine, const dmk_coarsening *c, dmk_level *l)
+static void spend_numbers(const packer *p, int32_t **array)
+{
+    if (!p->spend) return;
+    free(*array);
+    *array = NULL;
+}
+
+static void spend_weights(const packer *p, float **array)
+{
+    if (!p->spend) return;
+    free(*array);
+    *array = NULL;
+}
+
+/* The Galerkin table; 120 bytes per triangle come and go here, most of them of the first level. */
+static int pack_galerkin(const packer *p, dmk_coarsening *c, dmk_level *l)
+{
+    int rc;
+    const size_t table = (size_t)c->galerkin_row[c->coarse.n_edges];
+    DMK_TRY(upload(p, table, sizeof(int32_t), c->galerkin_edge, &l->galerkin_link));
+    spend_numbers(p, &c->galerkin_edge);
+    DMK_TRY(pack_coefficients(p, table, c->galerkin_coef, &l->galerkin_coef));
+    spend_weights(p, &c->galerkin_coef);
+    DMK_TRY(upload(p, (size_t)c->coarse.n_edges + 1, sizeof(int32_t), c->galerkin_row,
+                   &l->galerkin_row));
+    spend_numbers(p, &c->galerkin_row);
+done:
+    return rc;
+}
+
+/* Prolongation and restriction from a level of n_fine vertices to the next. */
+static int pack_transfer(const packer *p, int32_t n_fine, dmk_coarsening *c, dmk_level *l)
 {
     int rc;
     int32_t pad = dmk_padded(n_fine), *index = NULL;
     float *weight = NULL;
-    size_t table = (size_t)c->galerkin_row[c->coarse.n_edges];
+    /* A row's filler is any fine row: its weight is 0. */
+    DMK_TRY(pack_rows(p, c->coarse.n, c->restrict_row, c->restrict_fine, c->restrict_weight, 0,
+                      &l->restrict_slice, &l->restrict_entry, &l->restrict_weight));
+    spend_numbers(p, &c->restrict_fine);
+    spend_weights(p, &c->restrict_weight);
     DMK_TRY(DMK_NEW(p->ctx, index, 3 * (size_t)pad));
     DMK_TRY(DMK_NEW(p->ctx, weight, 3 * (size_t)pad));
     for (int32_t i = 0; i < n_fine; i++) {
@@ -313,15 +348,10 @@ static int pack_transfer(const packer *p, int32_t n_fine, const dmk_coarsening *
             weight[dmk_place(i, k, 3)] = c->prolong_weight[3 * i + k];
         }
     }
+    spend_numbers(p, &c->prolong_index);
+    spend_weights(p, &c->prolong_weight);
     DMK_TRY(upload(p, 3 * (size_t)pad, sizeof *index, index, &l->prolong_index));
     DMK_TRY(upload(p, 3 * (size_t)pad, sizeof *weight, weight, &l->prolong_weight));
-    /* A row's filler is any fine row: its weight is 0. */
-    DMK_TRY(pack_rows(p, c->coarse.n, c->restrict_row, c->restrict_fine, c->restrict_weight, 0,
-                      &l->restrict_slice, &l->restrict_entry, &l->restrict_weight));
-    DMK_TRY(upload(p, (size_t)c->coarse.n_edges + 1, sizeof(int32_t), c->galerkin_row,
-                   &l->galerkin_row));
-    DMK_TRY(upload(p, table, sizeof(int32_t), c->galerkin_edge, &l->galerkin_link));
-    DMK_TRY(pack_coefficients(p, table, c->galerkin_coef, &l->galerkin_coef));
 done:
     free(index);
     free(weight);
@@ -401,7 +431,7 @@ done:
     return rc;
 }
 
-static int pack_levels(const packer *p, const dmk_hierarchy *h)
+static int pack_levels(const packer *p, dmk_hierarchy *h)
 {
     int rc;
     dmk_system *s = p->sys;
@@ -409,12 +439,13 @@ static int pack_levels(const packer *p, const dmk_hierarchy *h)
     const int32_t *links = p->mesh->edge_vertex;
     s->n_levels = 1;
     for (int32_t i = 0; i < h->n; i++) {
-        const dmk_coarsening *c = &h->level[i];
+        dmk_coarsening *c = &h->level[i];
         dmk_level *l = &s->level[s->n_levels];
         n_links = c->coarse.n_edges;
         links = c->coarse.edge;
-        DMK_TRY(pack_graph(p, c->coarse.n, n_links, links, l));
+        DMK_TRY(pack_galerkin(p, c, l));
         DMK_TRY(pack_transfer(p, s->level[s->n_levels - 1].n, c, l));
+        DMK_TRY(pack_graph(p, c->coarse.n, n_links, links, l));
         DMK_TRY(dmk_poll(p->ctx));
         s->n_levels++;
     }
@@ -572,6 +603,7 @@ static int pack_share(const packer *p, const dmk_ranks *ranks, const dmk_system_
     dmk_local local = {.first_whole = 0};
     packer mine = *p;
     DMK_TRY(dmk_share_create(p->ctx, ranks, p->dev, p->mesh, COARSEST, &whole, &p->sys->share));
+    mine.spend = !p->sys->share; /* else two hierarchies have the levels that are whole */
     if (p->sys->share) {
         mine.mesh = &p->sys->share->mesh;
         set_counts(p->sys, mine.mesh);
@@ -617,7 +649,7 @@ int dmk_system_deal(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh,
     s->fine_degree = share_of_needles(mesh, &s->sharpest) > 0.05 ? 3 : 2;
     s->whole = dmk_system_counts(device, mesh);
     set_counts(s, mesh);
-    packer p = {ctx, device, mesh, s};
+    packer p = {ctx, device, mesh, s, true};
     if (ranks)
         DMK_TRY(pack_share(&p, ranks, dealt));
     else

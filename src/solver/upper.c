@@ -25,20 +25,30 @@ typedef struct span {
     int32_t begin, end;
 } span;
 
+/* A device buffer in whose memory an array lies. */
+typedef struct loan {
+    dmk_buffer *from;
+    double *at;
+} loan;
+
+enum { LOANS = 5 };
+
 typedef struct router {
     dmk_iteration *o;
     dmk_share *share; /* NULL: all is the whole mesh's; else local, with ghosts */
     const dmk_mesh *mesh;
-    dmk_counts n;                /* of `mesh` */
-    span elements, edges;        /* the own ones */
-    double *mu, *u;              /* elements, rows */
-    double *r, *doubt;           /* rows: what is to be sent, and what rounding may hide of it */
-    double *beside;              /* edges, once r is sent from there: the sum of both sides' mu */
-    double *flow;                /* 2 for each edge, from its ends to its midpoint */
-    double *cost;                /* of each triangle */
-    double *mean;                /* 3 for each triangle: the flux; NULL: not wanted */
-    int32_t *order;              /* own edges, heavy ones first */
-    int32_t *root, *links, *key; /* vertices: see `tree` */
+    dmk_counts n;         /* of `mesh` */
+    span elements, edges; /* the own ones */
+    double *mu, *u;       /* elements, rows */
+    double *r, *doubt;    /* rows: what is to be sent, and what rounding may hide of it */
+    double *half, *sent;  /* edges: from the ends to the midpoint go half + sent and half - sent */
+    double *beside;       /* edges, once the doubt is sent: the sum of both sides' mu */
+    double *cost;         /* of each own triangle */
+    double *mean;         /* 3 for each triangle: the flux; NULL: not wanted */
+    int32_t *order;       /* own edges, heavy ones first; room for two numbers a vertex at least */
+    int32_t *root;        /* vertices: see `tree` */
+    loan loan[LOANS];     /* all of mu, u, r, doubt and sent, or none */
+    int n_loans;
 } router;
 
 /* A spanning tree of some vertices among edges that are given as a list. */
@@ -49,7 +59,7 @@ typedef struct tree {
     const double *length; /* of edge e at length_stride * e */
     size_t length_stride;
     const int32_t
-        *slot; /* of edge e's flows, at stride * e, negative where they are not wanted; NULL: e */
+        *slot; /* of edge e's flow, at stride * e, negative where they are not wanted; NULL: e */
     int32_t *root;        /* vertices: the union-find forest */
     int32_t *links, *key; /* vertices: number of tree edges at it, and their exclusive or */
 } tree;
@@ -96,10 +106,11 @@ static void send_midpoints(const router *p)
     for (int32_t e = 0; e < m->n_edges; e++) {
         for (int k = 0; k < 2; k++) {
             const int32_t v = p->n.vertex_row + m->edge_vertex[2 * (size_t)e + (size_t)k];
-            p->flow[2 * (size_t)e + (size_t)k] = -0.5 * p->r[e];
             p->r[v] += 0.5 * p->r[e];
             p->doubt[v] += 0.5 * p->doubt[e];
         }
+        p->half[e] = -0.5 * p->r[e]; /* may be r[e] itself */
+        p->sent[e] = 0;
     }
 }
 
@@ -168,7 +179,7 @@ static void link_tree(const tree *t, int32_t n, const int32_t *chosen)
 }
 
 /* The vertices' r along the tree, of which leaf after leaf is cut off; the cost of the doubt. */
-static double send_vertices(const tree *t, double *r, double *doubt, double *flow)
+static double send_vertices(const tree *t, double *r, double *doubt, double *sent)
 {
     double cost = 0;
     for (int32_t i = 0; i < t->n_vertices; i++) {
@@ -176,10 +187,7 @@ static double send_vertices(const tree *t, double *r, double *doubt, double *flo
             const int32_t e = t->key[v], *end = t->end + t->stride * (size_t)e;
             const int32_t w = end[0] == v ? end[1] : end[0];
             const int32_t slot = t->slot ? t->slot[t->stride * (size_t)e] : e;
-            if (slot >= 0) {
-                flow[2 * (size_t)slot + (end[1] == v)] += r[v];
-                flow[2 * (size_t)slot + (end[0] == v)] -= r[v];
-            }
+            if (slot >= 0) sent[slot] = end[0] == v ? r[v] : -r[v];
             cost += 2 * t->length[t->length_stride * (size_t)e] * doubt[v];
             r[w] += r[v];
             doubt[w] += doubt[v];
@@ -196,17 +204,22 @@ static double send_vertices(const tree *t, double *r, double *doubt, double *flo
 static double send_along_tree(const router *p)
 {
     const dmk_mesh *m = p->mesh;
+    const size_t bytes = (size_t)m->n_vertices * sizeof(int32_t);
+    /* The forest, and the edges that are not chosen, give their room to the tree. */
     const tree t = {.n_vertices = m->n_vertices,
                     .end = m->edge_vertex,
                     .stride = 2,
                     .length = m->length,
                     .length_stride = 1,
                     .root = p->root,
-                    .links = p->links,
-                    .key = p->key};
+                    .links = p->root,
+                    .key = p->order + m->n_vertices};
     sort_edges(p);
-    link_tree(&t, grow_tree(&t, m->n_edges, p->order), p->order);
-    return send_vertices(&t, p->r + p->n.vertex_row, p->doubt + p->n.vertex_row, p->flow);
+    const int32_t chosen = grow_tree(&t, m->n_edges, p->order);
+    memset(t.links, 0, bytes);
+    memset(t.key, 0, bytes);
+    link_tree(&t, chosen, p->order);
+    return send_vertices(&t, p->r + p->n.vertex_row, p->doubt + p->n.vertex_row, p->sent);
 }
 
 /* ---- the tree of a mesh that is dealt out ------------------------------------------------------ */
@@ -356,7 +369,7 @@ static int send_along_branches(router *p, double *cost)
                     .slot = &c.branch[0].edge,
                     .links = c.links,
                     .key = c.key};
-    *cost += send_vertices(&t, c.r, c.doubt, p->flow);
+    *cost += send_vertices(&t, c.r, c.doubt, p->sent);
 done:
     canopy_free(&c);
     return rc;
@@ -380,8 +393,8 @@ static void corner_flows(const router *p, int32_t t, int k, double flow[2])
     const int32_t here = m->triangle[3 * (size_t)t + (size_t)k];
     for (int side = 0; side < 2; side++) {
         const int32_t e = m->triangle_edge[3 * (size_t)t + (size_t)((k + 1 + side) % 3)];
-        flow[side] = p->flow[2 * (size_t)e + (m->edge_vertex[2 * (size_t)e + 1] == here)] *
-                     (p->mu[t] + tiny) / (p->beside[e] + 2 * tiny);
+        const double sent = m->edge_vertex[2 * (size_t)e + 1] == here ? -p->sent[e] : p->sent[e];
+        flow[side] = (p->half[e] + sent) * (p->mu[t] + tiny) / (p->beside[e] + 2 * tiny);
     }
 }
 
@@ -501,37 +514,74 @@ static double worst_balance(const router *p, double *f)
 
 /* ---- all of it -------------------------------------------------------------------------------- */
 
-static int allocate(router *p)
+/* n numbers in a buffer's memory, as it stands, or new ones. */
+static int borrow(router *p, dmk_buffer *from, size_t n, double **at)
 {
-    int rc;
+    int rc = DMK_OK;
     dmk_context *ctx = p->o->ctx;
-    const size_t rows = (size_t)p->n.n_rows_pad, edges = (size_t)p->n.n_edges,
-                 vertices = (size_t)p->n.n_vertices;
-    DMK_TRY(DMK_NEW(ctx, p->mu, (size_t)p->n.n_elements_pad));
-    DMK_TRY(DMK_NEW(ctx, p->u, rows));
-    DMK_TRY(DMK_NEW(ctx, p->r, rows));
-    DMK_TRY(DMK_NEW(ctx, p->doubt, rows));
-    DMK_TRY(DMK_NEW(ctx, p->flow, 2 * edges));
-    DMK_TRY(DMK_NEW(ctx, p->order, edges));
-    DMK_TRY(DMK_NEW(ctx, p->root, vertices));
-    if (p->share) goto done;
-    DMK_TRY(DMK_NEW(ctx, p->links, vertices));
-    DMK_TRY(DMK_NEW(ctx, p->key, vertices));
+    dmk_system *s = p->o->sys;
+    /* With a share the buffers hold it alone, and what is sent takes turns with what is read again. */
+    if (!s->share) DMK_TRY(dmk_buffer_map(ctx, s->device, from, n, at));
+    if (*at)
+        p->loan[p->n_loans++] = (loan){from, *at};
+    else
+        DMK_TRY(DMK_NEW(ctx, *at, n));
 done:
     return rc;
 }
 
-static void release(router *p)
+static void give_back(router *p, double **at)
 {
-    free(p->mu);
-    free(p->u);
-    free(p->r);
-    free(p->doubt);
-    free(p->flow);
+    bool lent = false;
+    for (int i = 0; i < p->n_loans; i++) {
+        if (*at != p->loan[i].at) continue;
+        dmk_buffer_unmap(p->o->sys->device, p->loan[i].from, *at);
+        lent = true;
+    }
+    if (!lent) free(*at);
+    *at = NULL;
+}
+
+/* Conjugate gradients are at rest: their vectors' rows are free, but for the padding, which stays 0. */
+static int allocate(router *p)
+{
+    int rc;
+    dmk_context *ctx = p->o->ctx;
+    const dmk_system *s = p->o->sys;
+    const size_t rows = (size_t)p->n.n_rows_pad, edges = (size_t)p->n.n_edges,
+                 vertices = (size_t)p->n.n_vertices;
+    DMK_TRY(borrow(p, s->mu, (size_t)p->n.n_elements_pad, &p->mu));
+    DMK_TRY(borrow(p, s->u, rows, &p->u));
+    DMK_TRY(borrow(p, s->cg[DMK_OUTER].r, rows, &p->r));
+    DMK_TRY(borrow(p, s->cg[DMK_OUTER].ap, rows, &p->doubt));
+    DMK_TRY(borrow(p, s->cg[DMK_OUTER].p, edges, &p->sent));
+    if (p->share)
+        DMK_TRY(DMK_NEW(ctx, p->half, edges));
+    else
+        p->half = p->r;
+    DMK_TRY(DMK_NEW(ctx, p->order, edges > 2 * vertices ? edges : 2 * vertices));
+    DMK_TRY(DMK_NEW(ctx, p->root, vertices));
+done:
+    return rc;
+}
+
+static void release_tree(router *p)
+{
     free(p->order);
     free(p->root);
-    free(p->links);
-    free(p->key);
+    p->order = p->root = NULL;
+}
+
+static void release(router *p)
+{
+    if (p->share) free(p->half);
+    give_back(p, &p->mu);
+    give_back(p, &p->u);
+    give_back(p, &p->r);
+    give_back(p, &p->doubt);
+    give_back(p, &p->sent);
+    free(p->cost);
+    release_tree(p);
 }
 
 /* mu, u, and f as r; of a share its own items' and ghosts'. */
@@ -548,20 +598,21 @@ static int read_pair(const router *p)
             dmk_buffer_read_real(ctx, s->device, DMK_OUTER, s->u, (size_t)p->n.n_rows_pad, p->u));
         return dmk_buffer_read_real(ctx, s->device, DMK_OUTER, s->f, (size_t)p->n.n_rows_pad, p->r);
     }
-    DMK_TRY(dmk_elements_read(ctx, s, s->mu, p->mu));
-    DMK_TRY(dmk_rows_read(ctx, s, s->u, p->u));
+    if (p->n_loans == 0) { /* else they lie there */
+        DMK_TRY(dmk_elements_read(ctx, s, s->mu, p->mu));
+        DMK_TRY(dmk_rows_read(ctx, s, s->u, p->u));
+    }
     DMK_TRY(dmk_rows_read(ctx, s, s->f, p->r));
 done:
     return rc;
 }
 
-/* Of a share: u again, and room for what is left to do. */
+/* Of a share: u again, and room for what the edges have beside them. */
 static int restore_rows(router *p)
 {
     int rc;
     const size_t n = (size_t)p->n.n_rows_pad;
     DMK_TRY(DMK_NEW(p->o->ctx, p->u, n));
-    DMK_TRY(DMK_NEW(p->o->ctx, p->r, n));
     DMK_TRY(DMK_NEW(p->o->ctx, p->doubt, n));
     rc = dmk_buffer_read_real(p->o->ctx, p->o->sys->device, DMK_OUTER, p->o->sys->u, n, p->u);
 done:
@@ -584,8 +635,9 @@ static int route(router *p, double *bound)
     } else {
         cost += send_along_tree(p);
     }
-    p->beside = p->r; /* both are sent */
-    p->cost = p->doubt;
+    release_tree(p);
+    p->beside = p->doubt; /* it is sent */
+    DMK_TRY(DMK_NEW(ctx, p->cost, (size_t)(p->elements.end - p->elements.begin)));
     add_sides(p);
     DMK_TRY(dmk_share_ghosts(ctx, p->share, p->beside));
     dmk_parallel(ctx, p->elements.end - p->elements.begin, cost_range, p);

@@ -382,6 +382,32 @@ WRAP_CREATE(cl_program, clCreateProgramWithBinary,
 WRAP_CREATE(cl_kernel, clCreateKernel, (cl_program p, const char *name, cl_int *error),
             (p, name, error))
 
+void *__real_clEnqueueMapBuffer(cl_command_queue, cl_mem, cl_bool, cl_map_flags, size_t, size_t,
+                                cl_uint, const cl_event *, cl_event *, cl_int *);
+void *__wrap_clEnqueueMapBuffer(cl_command_queue, cl_mem, cl_bool, cl_map_flags, size_t, size_t,
+                                cl_uint, const cl_event *, cl_event *, cl_int *);
+void *__wrap_clEnqueueMapBuffer(cl_command_queue q, cl_mem m, cl_bool wait, cl_map_flags f,
+                                size_t offset, size_t n, cl_uint ne, const cl_event *e,
+                                cl_event *out, cl_int *error)
+{
+    if (fails(FAULT_OPENCL)) {
+        *error = armed.code;
+        return NULL;
+    }
+    return keep(__real_clEnqueueMapBuffer(q, m, wait, f, offset, n, ne, e, out, error));
+}
+/* Giving back, as above. */
+cl_int __real_clEnqueueUnmapMemObject(cl_command_queue, cl_mem, void *, cl_uint, const cl_event *,
+                                      cl_event *);
+cl_int __wrap_clEnqueueUnmapMemObject(cl_command_queue, cl_mem, void *, cl_uint, const cl_event *,
+                                      cl_event *);
+cl_int __wrap_clEnqueueUnmapMemObject(cl_command_queue q, cl_mem m, void *at, cl_uint ne,
+                                      const cl_event *e, cl_event *out)
+{
+    gave();
+    return __real_clEnqueueUnmapMemObject(q, m, at, ne, e, out);
+}
+
 WRAP_CALL(clGetPlatformIDs, (cl_uint n, cl_platform_id *p, cl_uint *count), (n, p, count))
 WRAP_CALL(clGetPlatformInfo,
           (cl_platform_id p, cl_platform_info i, size_t n, void *v, size_t *size),
