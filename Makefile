@@ -3,7 +3,8 @@
 MAKEFLAGS += --no-builtin-rules
 
 CONFIG ?= release
-PREFIX ?= /usr/local
+prefix ?= /usr/local
+PREFIX ?= $(prefix)
 DESTDIR ?=
 # The processor to build for, as gcc's -march: `native` is for this machine only.
 ARCH ?= native
@@ -418,7 +419,7 @@ help:
 	@echo 'make clean      remove build/'
 	@echo
 	@echo 'CONFIG=release|debug|sanitize|thread|coverage|fuzz   flags, and the folder build/$$(CONFIG)'
-	@echo 'PREFIX=/usr/local  DESTDIR=              where to install'
+	@echo 'PREFIX=/usr/local  DESTDIR=              where to install; prefix= means the same'
 	@echo 'ARCH=native        the -march of gcc; for other machines ARCH=x86-64-v3, or ARCH= for any'
 	@echo 'CC=gcc  CFLAGS=  LDFLAGS=  V=1           compiler, flags to add, show commands'
 

@@ -19,6 +19,8 @@ EOF
 
 check 'make install with DESTDIR and PREFIX' \
     make -s CONFIG="$config" install PREFIX=/usr DESTDIR="$stage"
+check 'prefix= means PREFIX=' \
+    grep -q "$stage/opt/bin" <(make -n CONFIG="$config" install prefix=/opt DESTDIR="$stage")
 for file in bin/dmkcl include/dmkcl.h lib/libdmkcl.a lib/libdmkcl.so lib/pkgconfig/dmkcl.pc \
     share/man/man1/dmkcl.1 share/man/man3/dmkcl.3 share/bash-completion/completions/dmkcl; do
     check "installed: $file" test -s "$stage/usr/$file"
