@@ -25,7 +25,7 @@ typedef struct batch_request {
 } batch_request;
 
 /* The meshes of the operands: mesh files, folders, and files with a list of either. The exit code, with
- * the error told. batch_list_free in any case. */
+ * the error printed. batch_list_free in any case. */
 int batch_list_create(const cli_words *operands, const char *out_folder, batch_list *list);
 void batch_list_free(batch_list *list);
 

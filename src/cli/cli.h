@@ -113,7 +113,7 @@ const char *cli_nearest(const char *word, const char *const *names);
 typedef enum cli_what { CLI_MESH, CLI_RESULT, CLI_LOCUS, CLI_ANY } cli_what;
 
 /* See before the work starts that `path` of --`option` has a suffix that can hold `what` and a
- * folder that can be written to. EXIT_OK, or the exit code with the error told. */
+ * folder that can be written to. EXIT_OK, or the exit code with the error printed. */
 int cli_check_output(const char *option, const char *path, cli_what what);
 int cli_check_outputs(const char *option, const cli_files *files, cli_what what);
 /* The files of a run, those that it reads before those that it writes. */
@@ -135,7 +135,7 @@ int cli_check_uses(const cli_uses *uses);
 void cli_suffixes(cli_what what, char *text, size_t size);
 
 /* A file that comes into being whole or not at all, when it is closed. The results are exit codes, with
- * errors told. */
+ * errors printed. */
 typedef struct cli_file {
     FILE *stream;
     const char *path;

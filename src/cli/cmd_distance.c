@@ -92,7 +92,7 @@ static int compute(const distance_request *request, distance_run *run)
     return rc == DMK_OK ? EXIT_OK : fail(run, rc);
 }
 
-/* ---- what is told --------------------------------------------------------------------------- */
+/* ---- what is printed ------------------------------------------------------------------------ */
 
 static void write_report(FILE *file, const distance_request *request, const distance_run *run)
 {
@@ -191,8 +191,8 @@ static int run_distance(const distance_request *request)
     int code = rc == DMK_OK ? place_all(request, &run) : fail(&run, rc);
     if (code == EXIT_OK) code = compute(request, &run);
     if (code == EXIT_OK) code = report(request, &run);
-    const bool told = request->json || (request->report && strcmp(request->report, "-") == 0);
-    if (code == EXIT_OK && !request->quiet && !told) {
+    const bool reported = request->json || (request->report && strcmp(request->report, "-") == 0);
+    if (code == EXIT_OK && !request->quiet && !reported) {
         print_summary(request, &run);
         code = cli_flush();
     }

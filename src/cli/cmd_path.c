@@ -31,14 +31,14 @@ static void print_path(const path_request *request, const solve_run *run, const 
 }
 
 /* What the report says of the path. */
-typedef struct told {
+typedef struct outcome {
     const path_request *request;
     const dmk_path *path;
-} told;
+} outcome;
 
 static void report_path(cli_json *json, const solve_run *run, const void *data)
 {
-    const told *t = data;
+    const outcome *t = data;
     const dmk_path *path = t->path;
     const dmk_point *end = &path->point[path->n - 1];
     double xyz[3] = {NAN, NAN, NAN};
@@ -87,7 +87,7 @@ static int run_path(const path_request *request)
     int code = solve_begin(&request->solve, &run);
     if (code == EXIT_OK) code = trace(request, &run, &path);
     if (code == EXIT_OK && request->solve.report) {
-        const told t = {request, &path};
+        const outcome t = {request, &path};
         code = solve_report_more(&request->solve, &run, report_path, &t);
     }
     if (code == EXIT_OK && solve_tells_summary(&request->solve)) {

@@ -63,7 +63,7 @@ static int compute(const transport_request *r, transport_run *run)
     return rc == DMK_OK ? EXIT_OK : fail(run, rc);
 }
 
-/* ---- what is told --------------------------------------------------------------------------- */
+/* ---- what is printed ------------------------------------------------------------------------ */
 
 static void write_report(FILE *file, const transport_request *r, const transport_run *run)
 {
@@ -190,8 +190,8 @@ static int run_transport(const transport_request *r)
     int code = read_all(r, &run);
     if (code == EXIT_OK) code = compute(r, &run);
     if (code == EXIT_OK) code = report(r, &run);
-    const bool told = r->solve.report && strcmp(r->solve.report, "-") == 0;
-    if (code == EXIT_OK && !r->solve.quiet && !told) {
+    const bool reported = r->solve.report && strcmp(r->solve.report, "-") == 0;
+    if (code == EXIT_OK && !r->solve.quiet && !reported) {
         print_summary(r, &run);
         code = cli_flush();
     }

@@ -354,15 +354,15 @@ static void do_mesh(worker *w, size_t k)
 
 /* ---- workers -------------------------------------------------------------------------------- */
 
-typedef struct crew {
+typedef struct pool {
     farm *farm;
     bool dealt; /* each mesh to one of the ranks, not to each of them */
     void (*task)(worker *w, size_t mesh);
-} crew;
+} pool;
 
 static void *work(void *argument)
 {
-    const crew *c = argument;
+    const pool *c = argument;
     farm *f = c->farm;
     worker w = {.farm = f, .silent.gap = NAN};
     if (dmk_context_create(&w.context) != DMK_OK) return NULL; /* the others do its part */
@@ -390,7 +390,7 @@ static int count_workers(const farm *f)
 static void for_all(farm *f, bool dealt, void (*task)(worker *w, size_t mesh))
 {
     pthread_t thread[MOST_WORKERS];
-    crew c = {f, dealt, task};
+    pool c = {f, dealt, task};
     const int n = count_workers(f);
     int started = 1;
     atomic_store(&f->next, 0);

@@ -1,4 +1,4 @@
-/* Mesh files as the commands read them: with --repair or without, and what is told of them. */
+/* Mesh files as the commands read them: with --repair or without, and what is reported of them. */
 #include "cli.h"
 
 #include <math.h>
@@ -8,7 +8,7 @@ typedef struct count {
     const char *one, *many;
 } count;
 
-static void tell_repairs(const char *path, const dmk_repairs *did)
+static void print_repairs(const char *path, const dmk_repairs *did)
 {
     const count counts[] = {
         {did->merged_vertices, "vertex merged with a coincident one",
@@ -62,7 +62,7 @@ int cli_read_mesh(dmk_context *context, const char *path, const cli_reading *how
                                : dmk_mesh_read(context, path, mesh);
     if (rc != DMK_OK || how->quiet) return rc;
     if (how->progress) cli_progress_end(how->progress);
-    if (how->repair) tell_repairs(path, did);
+    if (how->repair) print_repairs(path, did);
     warn_of_pieces(context, path, *mesh, how->repair);
     return rc;
 }

@@ -6,7 +6,7 @@
 #include "cli.h"
 
 typedef struct solve_request {
-    const char *command; /* whose errors are told */
+    const char *command; /* in the errors */
     const char *mesh;
     cli_numbers source;
     int64_t vertex;      /* -1: not given */
@@ -83,12 +83,12 @@ void solve_add_method(solve_table *table, solve_request *request);
 /* After parsing: what is in types of the command line to those of the library. */
 void solve_request_convert(solve_request *request);
 /* And, of a command with one source or a file of them, what the rows of these two have in common. EXIT_OK
- * or the code with the error told. */
+ * or the code with the error printed. */
 int solve_request_settle(solve_request *request);
 /* The files that the request reads and writes. */
 void solve_request_uses(const solve_request *order, cli_uses *uses);
 
-/* ---- run.c: the exit code, EXIT_OK or with the error told ----------------------------------- */
+/* ---- run.c: the exit code, EXIT_OK or with the error printed -------------------------------- */
 
 /* Mesh, device and solver; and the source's place, if there is just one. */
 int solve_begin(const solve_request *request, solve_run *run);

@@ -411,12 +411,12 @@ done:
 
 /* Threads run windows down in any order. What the filters drop is longer than some way by more than rounding,
  * whenever they look, so the least value at each vertex and the way it comes are the same. */
-typedef struct crew {
+typedef struct pool {
     worker *one;         /* whose stack is shared out */
     worker *own;         /* of each thread */
     _Atomic bool *taken; /* of each window of the stack */
     int n_threads;
-} crew;
+} pool;
 /* Windows to share out, and the steps before, some 0.05 s, by one thread: how many windows several make depends on
  * when they see each other's distances, on stretched meshes by a factor of three, and few are left to share on small
  * ones. */
@@ -427,7 +427,7 @@ enum { shares = 2048, alone = 500000 };
 static int run_share(dmk_context *ctx, int32_t i, void *data)
 {
     int rc = DMK_OK;
-    crew *c = data;
+    pool *c = data;
     worker *me = c->own + i;
     const size_t n = c->one->n_stack, first = n * (size_t)i / (size_t)c->n_threads;
     me->ctx = ctx;
@@ -483,7 +483,7 @@ static void worker_free(worker *me)
 static int run_shared(worker *me, int n_threads)
 {
     int rc;
-    crew c = {.one = me, .n_threads = n_threads};
+    pool c = {.one = me, .n_threads = n_threads};
     DMK_TRY(spread(me));
     DMK_TRY(DMK_NEW(me->ctx, c.own, (size_t)n_threads));
     DMK_TRY(DMK_NEW(me->ctx, c.taken, me->n_stack));

@@ -107,7 +107,7 @@ int dmk_measure_check(dmk_context *ctx, const dmk_mesh *mesh, const dmk_measure 
     for (int32_t h = 0; h < 3 * mesh->n_triangles; h++)
         of_vertex[mesh->triangle[h]] = dmk_mesh_component(mesh, h / 3);
     check k = {ctx, mesh, of_vertex, "first", !to, component};
-    /* The even part takes any component, so it is looked at when the other measure has told which. */
+    /* The even part takes any component, so it is looked at when the other measure has shown which. */
     if (to && (from->uniform != 0 || dmk_measure_is_free(from))) {
         k.name = "second";
         DMK_TRY(check_measure(&k, to));

@@ -78,7 +78,7 @@ static double error_estimate(const step_control *p, double change)
 static const double settled_gap = 3e-3;
 enum { TIGHTENED = 2 };
 
-/* The change of mu is small enough. Where the gap tells that mu has not settled all the same, and
+/* The change of mu is small enough. Where the gap shows that mu has not settled all the same, and
  * the tolerance is our own, it becomes smaller. */
 static int has_settled(dmk_iteration *o, const step_control *p, double change, bool *settled)
 {

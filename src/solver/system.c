@@ -398,7 +398,7 @@ static void list_tail(dmk_level *l, dmk_buffer **list[TAIL_ARRAYS])
     memcpy(list, all, sizeof all);
 }
 
-/* The arrays of the coarsest levels become parts of one buffer, and a table tells where they lie. */
+/* The arrays of the coarsest levels become parts of one buffer, and a table holds where they lie. */
 static int pack_tail(const packer *p)
 {
     int rc = DMK_OK;

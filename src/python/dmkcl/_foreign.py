@@ -59,7 +59,7 @@ def from_pyvista(data: Any) -> "tuple[Any, Any]":
 
 
 def from_object(mesh: Any) -> "Optional[tuple[Any, Any]]":
-    """Vertices and faces of another package's object, told by what it has; None: it is none of them."""
+    """Vertices and faces of another package's object, recognised by its attributes; None: it is none of them."""
     if hasattr(mesh, "geometry") and (hasattr(mesh, "to_mesh") or hasattr(mesh, "dump")):
         return from_trimesh(mesh)
     if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):

@@ -1,4 +1,4 @@
-"""What the library tells while it works: the history, a progress bar, a caller's own function."""
+"""What the library reports while it works: the history, a progress bar, a caller's own function."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ _C_NAMES: "dict[Any, str]" = {np.float64: "double", np.uint8: "uint8_t"}
 
 
 def _gaps(rows: NDArray[np.void], last: float) -> NDArray[np.void]:
-    """The steps; a report tells the gap after the step before, so the gaps move up by one."""
+    """The steps; a report has the gap after the step before, so the gaps move up by one."""
     if len(rows):
         rows["gap"] = np.append(rows["gap"][1:], last)
     rows.flags.writeable = False

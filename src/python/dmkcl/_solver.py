@@ -120,7 +120,7 @@ class CutLocus:
     Berti, Fasso, Putti, "Computing the cut locus of a Riemannian manifold via optimal transport").
 
     Objects may be used from several threads; solves on one device wait for each other, and the GIL
-    is free meanwhile. After a fork OpenCL does not work in the child, as a DeviceError tells: let
+    is free meanwhile. After a fork OpenCL does not work in the child, as a DeviceError says: let
     multiprocessing spawn.
 
     Examples

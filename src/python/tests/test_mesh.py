@@ -63,16 +63,16 @@ def test_edges_and_face_edges(small):
     ],
 )
 def test_bad_arrays_are_named(V, F, words):
-    with pytest.raises((dmkcl.ArgumentError, dmkcl.MeshError), match=words) as told:
+    with pytest.raises((dmkcl.ArgumentError, dmkcl.MeshError), match=words) as raised:
         dmkcl.Mesh(V, F)
-    assert isinstance(told.value, ValueError)
+    assert isinstance(raised.value, ValueError)
 
 
 def test_library_words_and_code():
     V = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]]
-    with pytest.raises(dmkcl.MeshError, match="edge") as told:
+    with pytest.raises(dmkcl.MeshError, match="edge") as raised:
         dmkcl.Mesh(V, [[0, 1, 2], [1, 0, 3], [0, 1, 4]])
-    assert told.value.code == -5
+    assert raised.value.code == -5
 
 
 def test_points(small):

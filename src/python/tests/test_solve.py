@@ -278,9 +278,9 @@ def test_write(tmp_path, torus, result):
     assert np.array_equal(again.vertices, torus.vertices) and np.array_equal(
         again.faces, torus.faces
     )
-    with pytest.raises(dmkcl.FileError, match="no-such-folder") as told:
+    with pytest.raises(dmkcl.FileError, match="no-such-folder") as raised:
         result.write(tmp_path / "no-such-folder" / "x.vtp")
-    assert isinstance(told.value, OSError)
+    assert isinstance(raised.value, OSError)
 
 
 def test_to_pyvista(result):
