@@ -151,7 +151,7 @@ done:
 static void renumber_range(int32_t begin, int32_t end, void *data)
 {
     const edging *w = data;
-    int32_t base[MOST_RANGES], shift[MOST_RANGES], sum = 0;
+    int32_t base[MOST_RANGES] = {0}, shift[MOST_RANGES] = {0}, sum = 0;
     for (int32_t k = 0; k < w->n_ranges; k++) {
         base[k] = w->row[range_first(w, k)];
         shift[k] = base[k] - sum;
