@@ -258,6 +258,9 @@ typedef struct dmk_device_options {
 
 void dmk_device_options_init(dmk_device_options *options, size_t size);
 int dmk_device_open(dmk_context *context, const dmk_device_options *options, dmk_device **device);
+/* How many devices are being looked for, opened, or have their kernels built in the background, in this process. For
+ * handlers of signals: drivers that crash, or end the program, mostly do it then. */
+int dmk_devices_opening(void);
 void dmk_device_get_info(const dmk_device *device, dmk_device_info *info);
 void dmk_device_destroy(dmk_device **device);
 

@@ -40,23 +40,26 @@ if "$tool" devices | grep -q 'Portable Computing Language'; then
     else
         skip 'no /sys, a full disk' 'nothing can be mounted here'
     fi
-    # A driver that crashes all the same: a library in front of it whose calls do so.
+    # A driver that crashes all the same: a library in front of it whose calls do so, the one that finds devices and
+    # the one that builds kernels beside the rest of the work.
     cat > "$work/crash.c" << 'EOF'
 #include <stdlib.h>
-#include <unistd.h>
-int clGetPlatformIDs(unsigned n, void *p, unsigned *count)
+int CALL(void)
 {
-    (void)n, (void)p, (void)count;
     if (getenv("HOW")[0] == 'a') abort();
     if (getenv("HOW")[0] == 'e') exit(1);
     return *(volatile int *)8;
 }
 EOF
-    if [ "${DMKCL_BUILD##*/}" = release ] && gcc -shared -fPIC "$work/crash.c" -o "$work/crash.so"; then
-        wrong 'a driver that crashes' 'driver crashed while the device was opened; try without .*POCL_ODD=1' \
-            LD_PRELOAD="$work/crash.so" HOW=crash POCL_ODD=1
-        wrong 'a driver that gives up' 'driver gave up while' LD_PRELOAD="$work/crash.so" HOW=abort
-        wrong 'a driver that ends the program' 'driver ended the program while' LD_PRELOAD="$work/crash.so" HOW=exit
+    if [ "${DMKCL_BUILD##*/}" = release ] && gcc -shared -fPIC -DCALL=none "$work/crash.c" -o "$work/crash.so"; then
+        for call in clGetPlatformIDs clBuildProgram; do
+            gcc -shared -fPIC -DCALL=$call "$work/crash.c" -o "$work/crash.so"
+            wrong "a driver that crashes in $call" 'driver crashed while the device was opened; try without .*POCL_ODD=1' \
+                LD_PRELOAD="$work/crash.so" HOW=crash POCL_ODD=1
+            wrong "a driver that gives up in $call" 'driver gave up while' LD_PRELOAD="$work/crash.so" HOW=abort
+            wrong "a driver that ends the program in $call" 'driver ended the program while' \
+                LD_PRELOAD="$work/crash.so" HOW=exit
+        done
     else
         skip 'a driver that crashes' 'this build has a runtime that wants to be loaded first'
     fi

@@ -164,7 +164,7 @@ bool cli_first_to_tell(void);
 void cli_keep_last_word(const char *word);
 /* Whether the word is still the caller's to tell, in words of its own; after this it is told. */
 bool cli_has_last_word(void);
-/* dmk_device_open; see above. */
+/* dmk_device_open, with the driver's crashes named; see above. */
 int cli_device_open(dmk_context *context, const dmk_device_options *options, dmk_device **device);
 
 /* ---- terminal.c: colour, progress ----------------------------------------------------------- */

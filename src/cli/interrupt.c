@@ -22,7 +22,6 @@ enum {
 
 static atomic_bool interrupted, told;
 static _Atomic(const char *) last_word;
-static atomic_int n_opening; /* threads that are opening a device */
 
 static void say(const char *text)
 {
@@ -111,7 +110,7 @@ static void on_crash(int number)
 {
     const bool in_main = syscall(SYS_gettid) == getpid();
     signal(number, SIG_DFL);
-    if (atomic_load(&n_opening) > 0 && !in_main) {
+    if (dmk_devices_opening() > 0 && !in_main) {
         say_reason(number == SIGABRT ? "gave up" : "crashed");
         _exit(EXIT_DEVICE);
     }
@@ -120,7 +119,7 @@ static void on_crash(int number)
 
 static void on_exit_of_others(void)
 {
-    if (atomic_load(&n_opening) == 0) return;
+    if (dmk_devices_opening() == 0) return;
     say_reason("ended the program");
     _exit(EXIT_DEVICE);
 }
@@ -128,26 +127,28 @@ static void on_exit_of_others(void)
 static void catch_crashes(void)
 {
     static const int signals[] = {SIGSEGV, SIGBUS, SIGILL, SIGABRT};
+    static atomic_bool ours[sizeof signals / sizeof *signals]; /* else a sanitizer's */
     const struct sigaction action = {.sa_handler = on_crash, .sa_flags = SA_NODEFER};
     for (size_t i = 0; i < sizeof signals / sizeof *signals; i++) {
         struct sigaction before;
-        if (sigaction(signals[i], NULL, &before) != 0 || before.sa_handler != SIG_DFL)
-            continue; /* a sanitizer's */
-        sigaction(signals[i], &action, NULL);
+        if (sigaction(signals[i], NULL, &before) != 0) continue;
+        if (before.sa_handler == SIG_DFL) atomic_store(&ours[i], true);
+        if (atomic_load(&ours[i])) sigaction(signals[i], &action, NULL);
     }
-    atexit(on_exit_of_others);
 }
 
+/* Drivers may put handlers of their own in place when they are first asked, as PoCL's LLVM does. */
 int cli_device_open(dmk_context *context, const dmk_device_options *options, dmk_device **device)
 {
-    atomic_fetch_add(&n_opening, 1);
-    const int rc = dmk_device_open(context, options, device);
-    atomic_fetch_sub(&n_opening, 1);
-    return rc;
+    size_t n;
+    dmk_device_list(context, NULL, 0, &n);
+    catch_crashes();
+    return dmk_device_open(context, options, device);
 }
 
 void cli_catch_signals(void)
 {
     catch_crashes();
+    atexit(on_exit_of_others);
     catch_interrupt();
 }

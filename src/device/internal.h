@@ -55,6 +55,8 @@ int dmk_cl_check(dmk_context *context, cl_int error, const char *call);
 int dmk_programs_build(dmk_context *context, dmk_device *device);
 void dmk_programs_begin(dmk_device *device);
 int dmk_programs_wait(dmk_context *context, dmk_device *device);
+/* One more, or with -1 one less, of dmk_devices_opening. */
+void dmk_opening(int change);
 /* cache.c: the binary kept under a key made of everything it depends on. */
 int dmk_cache_load(dmk_context *context, dmk_device *device, const char *options,
                    cl_program *program);

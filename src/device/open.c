@@ -154,7 +154,9 @@ int dmk_device_list(dmk_context *ctx, dmk_device_info *infos, size_t capacity, s
     size_t n;
     if (dmk_missing(ctx, "count", count, "infos", capacity ? (void *)infos : count))
         return DMK_E_ARG;
+    dmk_opening(1);
     int rc = find_all(ctx, all, &n);
+    dmk_opening(-1);
     if (rc != DMK_OK) return rc;
     for (size_t i = 0; i < n && i < capacity; i++) describe(&all[i], &infos[i]);
     *count = n;
@@ -271,7 +273,7 @@ static int check_options(dmk_context *ctx, const dmk_device_options *o)
     return DMK_OK;
 }
 
-int dmk_device_open(dmk_context *ctx, const dmk_device_options *options, dmk_device **device)
+static int open_device(dmk_context *ctx, const dmk_device_options *options, dmk_device **device)
 {
     int rc;
     cl_int error;
@@ -315,6 +317,14 @@ int dmk_device_open(dmk_context *ctx, const dmk_device_options *options, dmk_dev
     dev = NULL;
 done:
     dmk_device_destroy(&dev);
+    return rc;
+}
+
+int dmk_device_open(dmk_context *ctx, const dmk_device_options *options, dmk_device **device)
+{
+    dmk_opening(1);
+    const int rc = open_device(ctx, options, device);
+    dmk_opening(-1);
     return rc;
 }
 

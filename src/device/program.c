@@ -3,6 +3,7 @@
 
 #include "dmk_shared.h"
 
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -76,17 +77,31 @@ done:
     return rc;
 }
 
+static atomic_int n_opening;
+
+void dmk_opening(int change)
+{
+    atomic_fetch_add(&n_opening, change);
+}
+
+int dmk_devices_opening(void)
+{
+    return atomic_load(&n_opening);
+}
+
 static void *build_beside(void *data)
 {
     dmk_device *dev = data;
     dmk_building *b = &dev->building;
     b->rc = dmk_programs_build(&b->record, dev);
+    dmk_opening(-1);
     return NULL;
 }
 
 /* Without a thread it is done at once. */
 void dmk_programs_begin(dmk_device *dev)
 {
+    dmk_opening(1);
     dev->building.begun = pthread_create(&dev->building.thread, NULL, build_beside, dev) == 0;
     if (!dev->building.begun) build_beside(dev);
 }

@@ -147,9 +147,6 @@ int dmk_iteration_step_done(dmk_iteration *o, int step, int max_steps, int itera
 
 int dmk_iteration_limit(dmk_iteration *o, int max_steps)
 {
-    if (o->options->method != o->asked) {
-        return dmk_iteration_diverged(o, max_steps, "mu goes on changing");
-    }
     return dmk_fail(
         o->ctx, DMK_E_LIMIT,
         "%d steps did not reach the tolerance: relative change of mu per unit time %.2g, "

@@ -25,10 +25,6 @@ typedef struct dmk_iteration {
 } dmk_iteration;
 
 enum { DMK_NEWTON_STEPS = 60, DMK_EXPLICIT_STEPS = 2000 };
-/* Explicit steps after Newton's, where these have failed. Of 22 meshes (needles, stretched 1:1000, CAD) on which they
- * come to an end, the slowest takes 108; on others 2,000 do not. */
-enum { DMK_FALLBACK_STEPS = 250 };
-
 /* Relative L1 change of mu that ends the default method: the density's error is about as large. */
 static const double DMK_DEFAULT_TOLERANCE = 3e-3;
 /* The floor of mu to begin with, so that logarithms exist. */
@@ -66,6 +62,8 @@ int dmk_iteration_limit(dmk_iteration *o, int max_steps);
 /* The methods: from the start in s->mu, s->u to convergence. */
 int dmk_newton(dmk_iteration *o, bool from_distance);
 int dmk_explicit(dmk_iteration *o);
+/* From the start again by explicit steps, a limited number of them, where Newton's have failed. */
+int dmk_fall_back(dmk_iteration *o);
 
 /* certificate.c: stats->cost_upper, cost_lower and gap of the present pair (units of the packed
  * problem), which stays as it is. last: it is the pair that the iteration ends with; then nothing is done

@@ -483,20 +483,13 @@ void dmk_solver_scale_stats(const dmk_solver *s, double mass, dmk_stats *stats)
  * from the start again: slower, and of another kind, for each solves its linear system well. */
 static int iterate(dmk_solver *s, start *near, const dmk_solve_options *options, dmk_iteration *o)
 {
-    int rc, steps;
-    dmk_solve_options slow = *options;
+    int rc;
     if (options->method != DMK_NEWTON) return dmk_explicit(o);
     rc = dmk_newton(o, options->start == DMK_START_DISTANCE);
     if (options->max_steps > 0 || (rc != DMK_E_DIVERGED && rc != DMK_E_LIMIT)) return rc;
-    slow.method = DMK_INERTIAL;
-    slow.max_steps = DMK_FALLBACK_STEPS;
-    steps = o->stats->steps;
-    o->options = &slow;
     DMK_TRY(set_start(o->ctx, s, near, options->start));
-    DMK_TRY(dmk_explicit(o));
-    o->stats->steps += steps;
+    rc = dmk_fall_back(o);
 done:
-    o->options = options;
     return rc;
 }
 

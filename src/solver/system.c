@@ -299,19 +299,14 @@ done:
     return rc;
 }
 
-static void spend_numbers(const packer *p, int32_t **array)
-{
-    if (!p->spend) return;
-    free(*array);
-    *array = NULL;
-}
-
-static void spend_weights(const packer *p, float **array)
-{
-    if (!p->spend) return;
-    free(*array);
-    *array = NULL;
-}
+/* What is on the device now. */
+#define SPEND(p, array)                                                                            \
+    do {                                                                                           \
+        if ((p)->spend) {                                                                          \
+            free(array);                                                                           \
+            (array) = NULL;                                                                        \
+        }                                                                                          \
+    } while (0)
 
 /* The Galerkin table; 120 bytes per triangle come and go here, most of them of the first level. */
 static int pack_galerkin(const packer *p, dmk_coarsening *c, dmk_level *l)
@@ -319,12 +314,12 @@ static int pack_galerkin(const packer *p, dmk_coarsening *c, dmk_level *l)
     int rc;
     const size_t table = (size_t)c->galerkin_row[c->coarse.n_edges];
     DMK_TRY(upload(p, table, sizeof(int32_t), c->galerkin_edge, &l->galerkin_link));
-    spend_numbers(p, &c->galerkin_edge);
+    SPEND(p, c->galerkin_edge);
     DMK_TRY(pack_coefficients(p, table, c->galerkin_coef, &l->galerkin_coef));
-    spend_weights(p, &c->galerkin_coef);
+    SPEND(p, c->galerkin_coef);
     DMK_TRY(upload(p, (size_t)c->coarse.n_edges + 1, sizeof(int32_t), c->galerkin_row,
                    &l->galerkin_row));
-    spend_numbers(p, &c->galerkin_row);
+    SPEND(p, c->galerkin_row);
 done:
     return rc;
 }
@@ -338,8 +333,8 @@ static int pack_transfer(const packer *p, int32_t n_fine, dmk_coarsening *c, dmk
     /* A row's filler is any fine row: its weight is 0. */
     DMK_TRY(pack_rows(p, c->coarse.n, c->restrict_row, c->restrict_fine, c->restrict_weight, 0,
                       &l->restrict_slice, &l->restrict_entry, &l->restrict_weight));
-    spend_numbers(p, &c->restrict_fine);
-    spend_weights(p, &c->restrict_weight);
+    SPEND(p, c->restrict_fine);
+    SPEND(p, c->restrict_weight);
     DMK_TRY(DMK_NEW(p->ctx, index, 3 * (size_t)pad));
     DMK_TRY(DMK_NEW(p->ctx, weight, 3 * (size_t)pad));
     for (int32_t i = 0; i < n_fine; i++) {
@@ -348,8 +343,8 @@ static int pack_transfer(const packer *p, int32_t n_fine, dmk_coarsening *c, dmk
             weight[dmk_place(i, k, 3)] = c->prolong_weight[3 * i + k];
         }
     }
-    spend_numbers(p, &c->prolong_index);
-    spend_weights(p, &c->prolong_weight);
+    SPEND(p, c->prolong_index);
+    SPEND(p, c->prolong_weight);
     DMK_TRY(upload(p, 3 * (size_t)pad, sizeof *index, index, &l->prolong_index));
     DMK_TRY(upload(p, 3 * (size_t)pad, sizeof *weight, weight, &l->prolong_weight));
 done:

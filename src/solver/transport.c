@@ -80,9 +80,8 @@ static const double unique_enough = 1e-3;
 /* Newton, and where it fails explicit steps from the start again, as for a point. */
 static int iterate(dmk_solver *s, const double *f, dmk_iteration *o)
 {
-    int rc, steps;
+    int rc;
     const dmk_solve_options *options = o->options;
-    dmk_solve_options slow = *options;
     if (options->method != DMK_NEWTON) return dmk_explicit(o);
     rc = dmk_newton(o, false);
     if (rc == DMK_E_LIMIT && options->max_steps == 0 && options->tolerance == 0) {
@@ -92,15 +91,9 @@ static int iterate(dmk_solver *s, const double *f, dmk_iteration *o)
         rc = DMK_E_LIMIT;
     }
     if (options->max_steps > 0 || (rc != DMK_E_DIVERGED && rc != DMK_E_LIMIT)) return rc;
-    slow.method = DMK_INERTIAL;
-    slow.max_steps = DMK_FALLBACK_STEPS;
-    steps = o->stats->steps;
-    o->options = &slow;
     DMK_TRY(set_start(o->ctx, s, f));
-    DMK_TRY(dmk_explicit(o));
-    o->stats->steps += steps;
+    rc = dmk_fall_back(o);
 done:
-    o->options = options;
     return rc;
 }
 

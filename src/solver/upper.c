@@ -134,12 +134,18 @@ static int bin_of(const router *p, int32_t e)
     return BINS - 1 - (int)(key.bits >> 20);
 }
 
+/* begin .. end - 1 into `order`, by their bins, in each by their numbers. */
+#define SORT(i, begin, end, bin, order)                                                            \
+    do {                                                                                           \
+        int32_t first[BINS + 1] = {0};                                                             \
+        for (int32_t i = begin; i < (end); i++) first[(bin) + 1]++;                                \
+        for (int b = 0; b < BINS; b++) first[b + 1] += first[b];                                   \
+        for (int32_t i = begin; i < (end); i++) (order)[first[bin]++] = i;                         \
+    } while (0)
+
 static void sort_edges(const router *p)
 {
-    int32_t first[BINS + 1] = {0};
-    for (int32_t e = p->edges.begin; e < p->edges.end; e++) first[bin_of(p, e) + 1]++;
-    for (int b = 0; b < BINS; b++) first[b + 1] += first[b];
-    for (int32_t e = p->edges.begin; e < p->edges.end; e++) p->order[first[bin_of(p, e)]++] = e;
+    SORT(e, p->edges.begin, p->edges.end, bin_of(p, e), p->order);
 }
 
 static int32_t find(int32_t *root, int32_t v)
@@ -279,13 +285,17 @@ done:
     return rc;
 }
 
-/* The branches by bins, in each by their numbers. */
-static void sort_branches(const canopy *c)
+static tree branch_tree(const router *p, const canopy *c)
 {
-    int32_t first[BINS + 1] = {0};
-    for (int32_t i = 0; i < c->n; i++) first[c->branch[i].bin + 1]++;
-    for (int b = 0; b < BINS; b++) first[b + 1] += first[b];
-    for (int32_t i = 0; i < c->n; i++) c->order[first[c->branch[i].bin]++] = i;
+    return (tree){.n_vertices = p->o->sys->whole.n_vertices,
+                  .end = c->branch[0].end,
+                  .stride = sizeof(branch) / sizeof(int32_t),
+                  .length = &c->branch[0].length,
+                  .length_stride = sizeof(branch) / sizeof(double),
+                  .slot = &c->branch[0].edge,
+                  .root = c->root,
+                  .links = c->links,
+                  .key = c->key};
 }
 
 /* r and doubt of all vertices; the own ones are not read again, nor is u for a while. */
@@ -333,18 +343,14 @@ static int gather_canopy(router *p, canopy *c)
     DMK_TRY(gather_branches(p, c));
     DMK_TRY(DMK_NEW(ctx, c->order, (size_t)c->n));
     DMK_TRY(DMK_NEW(ctx, c->root, vertices));
-    sort_branches(c);
-    tree t = {.n_vertices = p->o->sys->whole.n_vertices,
-              .end = c->branch[0].end,
-              .stride = sizeof(branch) / sizeof(int32_t),
-              .root = c->root};
+    SORT(i, 0, c->n, c->branch[i].bin, c->order);
+    tree t = branch_tree(p, c);
     const int32_t chosen = grow_tree(&t, c->n, c->order);
     free(c->root);
     c->root = NULL;
     DMK_TRY(DMK_NEW(ctx, c->links, vertices));
     DMK_TRY(DMK_NEW(ctx, c->key, vertices));
-    t.links = c->links;
-    t.key = c->key;
+    t = branch_tree(p, c);
     link_tree(&t, chosen, c->order);
     free(c->order);
     c->order = NULL;
@@ -361,14 +367,7 @@ static int send_along_branches(router *p, double *cost)
     DMK_TRY(gather_canopy(p, &c));
     for (int32_t i = 0; i < c.n; i++)
         c.branch[i].edge = dmk_space_place(&p->share->edge, c.branch[i].edge);
-    const tree t = {.n_vertices = p->o->sys->whole.n_vertices,
-                    .end = c.branch[0].end,
-                    .stride = sizeof(branch) / sizeof(int32_t),
-                    .length = &c.branch[0].length,
-                    .length_stride = sizeof(branch) / sizeof(double),
-                    .slot = &c.branch[0].edge,
-                    .links = c.links,
-                    .key = c.key};
+    const tree t = branch_tree(p, &c);
     *cost += send_vertices(&t, c.r, c.doubt, p->sent);
 done:
     canopy_free(&c);
