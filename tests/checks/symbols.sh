@@ -8,9 +8,9 @@ nm -A --defined-only "$static" > "$work/static" || exit 1
 nm -u "$static" | awk '{ print $2 }' | sort -u > "$work/used"
 try 'names begin with dmk_' \
     says_nothing awk '$(NF - 1) ~ /^[A-Z]$/ && $NF !~ /^dmk_/' "$work/static"
-# Constant tables of pointers lie in .data.rel.ro, which the loader closes. opencl_process, of open.c, is
-# what it takes to refuse OpenCL in a forked child.
-try 'no data that can be written' says_nothing sh -c "objdump -t '$static' | grep -E ' O (\\.data|\\.bss|\\.tdata|\\.tbss|\\*COM\\*)[[:space:]]' | grep -vw opencl_process"
+# Constant tables of pointers lie in .data.rel.ro, which the loader closes. opencl_process, of open.c, is what it takes
+# to refuse OpenCL in a forked child; n_opening, of program.c, what a handler of signals can ask for.
+try 'no data that can be written' says_nothing sh -c "objdump -t '$static' | grep -E ' O (\\.data|\\.bss|\\.tdata|\\.tbss|\\*COM\\*)[[:space:]]' | grep -vwE 'opencl_process|n_opening'"
 for name in printf puts putchar perror exit abort system popen execve setlocale signal sigaction \
     rand srand strtok gets sprintf strcpy strcat mktemp tmpnam; do
     try "$name is not called" says_nothing grep -xE "(__)?$name(_chk)?(@.*)?" "$work/used"
