@@ -98,6 +98,11 @@ void dmk_context_set_progress(dmk_context *context, dmk_progress_fn fn, void *us
  * process may use. Results are the same bits for any number. DMK_E_ARG if negative. How many the
  * device uses is dmk_device_options.threads. */
 int dmk_context_set_threads(dmk_context *context, int threads);
+/* The format of files whose name has no suffix of one that can hold them: a name of dmk_format_get, in whatever case;
+ * NULL, as at first: such names are refused, but for streams, which get VTP. Streams are pipes, character devices as
+ * /dev/null, and open descriptors as /dev/stdout: they are written as it comes, other files whole or not at all.
+ * DMK_E_ARG for a name that is no format's, and for PVTP, which is several files. */
+int dmk_context_set_format(dmk_context *context, const char *format);
 
 /* ---- mesh ------------------------------------------------------------------------------------ */
 
@@ -120,7 +125,7 @@ int dmk_mesh_read(dmk_context *context, const char *path, dmk_mesh **mesh);
  * name of its faces, into values[0 .. *n); DMK_E_FORMAT if there is none, or more than `room` numbers. */
 int dmk_array_read(dmk_context *context, const char *path, const char *name, size_t room,
                    double *values, size_t *n);
-/* Write the bare mesh; the suffix chooses the format (see dmk_format_get). */
+/* Write the bare mesh; the suffix chooses the format (see dmk_format_get, dmk_context_set_format). */
 int dmk_mesh_write(dmk_context *context, const dmk_mesh *mesh, const char *path);
 void dmk_mesh_destroy(dmk_mesh **mesh);
 

@@ -246,6 +246,7 @@ static bool may_be(const char *function, const char *argument)
     static const char *const list[] = {
         "dmk_context_set_progress fn",
         "dmk_context_set_progress user",
+        "dmk_context_set_format format",
         "dmk_device_list infos",
         "dmk_solve options",
         "dmk_solve_measures options",

@@ -70,8 +70,13 @@ fails '--out in no folder' 2 'cannot write into the folder' \
     "$tool" solve x.off --vertex 0 --out "$work/no/x.vtp"
 fails '--report in no folder' 2 'cannot write into the folder' \
     "$tool" solve x.off --vertex 0 --report "$work/no/x.json"
-fails '--report on a device' 2 'not a regular file' \
-    "$tool" solve x.off --vertex 0 --report /dev/null
+fails '--report on a folder' 2 'neither a regular file nor a pipe' \
+    "$tool" solve x.off --vertex 0 --report "$work"
+usage '--format of none' "'png' is not one of ply, vtp" solve x.off --vertex 0 --out x --format png
+usage '--format of several files' "'pvtp' is not one of ply, vtp" solve x.off --vertex 0 --out x --format pvtp
+usage '--format of what is only read' "'stl' is not one of ply, vtp" mesh torus --out x --format stl
+usage '--format that holds no result' "'x' has no suffix of a format for a result" \
+    solve x.off --vertex 0 --out x --format off
 
 usage 'mesh: no --out' '--out FILE is missing' mesh torus
 usage 'mesh: an unknown surface' "did you mean 'torus'" mesh tours --out "$work/x.off"

@@ -448,7 +448,7 @@ static void test_refuses_to_write(void **state)
                  {"m", DMK_E_ARG, "suffix"},
                  {"m.csv", DMK_E_ARG, "suffix"},
                  {"none/m.off", DMK_E_IO, "none/m.off: cannot create: No such file"},
-                 {"folder.off", DMK_E_IO, "folder.off: exists and is not a regular file"}};
+                 {"folder.off", DMK_E_IO, "folder.off: exists and is neither a regular file nor"}};
     fixture *f = *state;
     dmk_mesh *m = make_mesh(f);
     assert_int_equal(mkdir(path_of(f, "folder.off"), 0777), 0);
@@ -457,6 +457,16 @@ static void test_refuses_to_write(void **state)
         assert_non_null(strstr(dmk_context_message(f->ctx), cases[i].message));
         assert_int_equal(count_files(f), 1);
     }
+    assert_int_equal(dmk_context_set_format(f->ctx, "pvtp"), DMK_E_ARG);
+    assert_int_equal(dmk_context_set_format(f->ctx, "STL"), DMK_E_ARG);
+    assert_int_equal(dmk_context_set_format(f->ctx, ".off"), DMK_E_ARG);
+    assert_int_equal(dmk_context_set_format(f->ctx, "csv"), DMK_OK); /* which holds no mesh */
+    assert_int_equal(dmk_mesh_write(f->ctx, m, path_of(f, "m")), DMK_E_ARG);
+    assert_int_equal(dmk_context_set_format(f->ctx, "off"), DMK_OK);
+    assert_int_equal(dmk_mesh_write(f->ctx, m, path_of(f, "m")), DMK_OK);
+    assert_int_equal(dmk_context_set_format(f->ctx, NULL), DMK_OK);
+    assert_int_equal(dmk_mesh_write(f->ctx, m, path_of(f, "m")), DMK_E_ARG);
+    remove_file(f, "m");
     assert_int_equal(rmdir(path_of(f, "folder.off")), 0);
     assert_int_equal(dmk_fields_write(f->ctx, &(dmk_fields){.mesh = m}, path_of(f, "r.off")),
                      DMK_E_ARG);

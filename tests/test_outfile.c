@@ -141,15 +141,60 @@ static void links_and_modes_stay(fixture *f)
     remove_file(f, "longer");
 }
 
-static void special_files_are_refused(fixture *f)
+/* What a stream that is written as it comes has taken, from its reader's end. */
+static void takes(const char *path, int reader, const char *text)
+{
+    char came[16] = {0};
+    dmk_outfile file;
+    assert_true(dmk_outfile_is_stream(path));
+    assert_int_equal(begin(path, text, &file), 0);
+    assert_int_equal(read(reader, came, sizeof came - 1), strlen(text));
+    assert_string_equal(came, text);
+    assert_int_equal(dmk_outfile_commit(&file), 0);
+    assert_int_equal(begin(path, text, &file), 0);
+    dmk_outfile_discard(&file); /* what was written stays */
+    assert_int_equal(read(reader, came, sizeof came - 1), strlen(text));
+}
+
+static void streams_are_written_as_it_comes(fixture *f)
+{
+    int ends[2];
+    char name[64], link[400];
+    assert_int_equal(mkfifo(path_of(f, "pipe"), 0600), 0);
+    const int reader = open(f->path, O_RDONLY | O_NONBLOCK);
+    takes(f->path, reader, "one");
+    snprintf(link, sizeof link, "%s/link", f->folder);
+    assert_int_equal(symlink("pipe", link), 0);
+    takes(link, reader, "two");
+    assert_int_equal(close(reader) + unlink(link), 0);
+    remove_file(f, "pipe");
+    /* A descriptor goes on behind what was written. */
+    const int fd = open(path_of(f, "a"), O_RDWR | O_CREAT | O_TRUNC);
+    assert_int_equal(write(fd, "one", 3), 3);
+    snprintf(name, sizeof name, "/dev/fd/%d", fd);
+    assert_int_equal(put(name, "two"), 0);
+    snprintf(name, sizeof name, "/proc/self/fd/%d", fd);
+    assert_int_equal(put(name, "three"), 0);
+    holds(f, "a", "onetwothree");
+    close(fd);
+    assert_int_equal(put(name, "four"), EBADF);
+    remove_file(f, "a");
+    assert_int_equal(pipe(ends), 0);
+    snprintf(name, sizeof name, "/dev/fd/%d", ends[1]);
+    takes(name, ends[0], "five");
+    close(ends[0]);
+    close(ends[1]);
+    assert_int_equal(put("/dev/null", "six"), 0);
+    assert_false(dmk_outfile_is_stream(path_of(f, "b")) || dmk_outfile_is_stream(f->folder));
+    assert_false(dmk_outfile_is_stream("/dev/fd/x") || dmk_outfile_is_stream("/dev/fd/"));
+    assert_int_equal(count_files(f), 0);
+}
+
+static void other_special_files_are_refused(fixture *f)
 {
     dmk_outfile file;
     char missing[400];
-    assert_int_equal(dmk_outfile_open("/dev/null", &file), DMK_OUTFILE_NOT_REGULAR);
     assert_int_equal(dmk_outfile_open(f->folder, &file), DMK_OUTFILE_NOT_REGULAR);
-    assert_int_equal(mkfifo(path_of(f, "pipe"), 0600), 0);
-    assert_int_equal(dmk_outfile_open(f->path, &file), DMK_OUTFILE_NOT_REGULAR);
-    remove_file(f, "pipe");
     snprintf(missing, sizeof missing, "%s/no/file", f->folder);
     assert_int_equal(dmk_outfile_open(missing, &file), ENOENT);
     assert_int_equal(file.fd, -1);
@@ -226,16 +271,21 @@ static void both_ways(fixture *f, void (*test)(fixture *))
 BOTH(whole_or_not_there)
 BOTH(two_at_a_time)
 BOTH(links_and_modes_stay)
-BOTH(special_files_are_refused)
+BOTH(streams_are_written_as_it_comes)
+BOTH(other_special_files_are_refused)
 BOTH(killed_while_writing)
 BOTH(others_files_are_left_alone)
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        TEST(test_whole_or_not_there),   TEST(test_two_at_a_time),
-        TEST(test_links_and_modes_stay), TEST(test_special_files_are_refused),
-        TEST(test_killed_while_writing), TEST(test_others_files_are_left_alone),
+        TEST(test_whole_or_not_there),
+        TEST(test_two_at_a_time),
+        TEST(test_links_and_modes_stay),
+        TEST(test_streams_are_written_as_it_comes),
+        TEST(test_other_special_files_are_refused),
+        TEST(test_killed_while_writing),
+        TEST(test_others_files_are_left_alone),
     };
     return cmocka_run_group_tests_name("outfile", tests, NULL, NULL);
 }

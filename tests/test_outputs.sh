@@ -55,9 +55,83 @@ for kind in out:vtp locus:obj tangent:csv report:json; do
     check "--$option: makes its file" test -f "$work/new.${kind#*:}" -a -L "$work/dangling.${kind#*:}"
     check "--$option: with the mode of a new file" \
         test "$(stat -c %a "$work/new.${kind#*:}")" = "$(printf '%o' $((0666 & ~0$(umask))))"
-    mkfifo "$work/pipe.${kind#*:}"
-    fails "--$option on a pipe" 2 'not a regular file' "$tool" solve "$mesh" --vertex 0 --$option "$work/pipe.${kind#*:}"
 done
+
+# ---- pipes and devices ------------------------------------------------------------------------
+
+# COMMAND OPTION SUFFIX ARGUMENT...: what --OPTION writes to a file named by its suffix is what it writes anywhere else.
+streams() {
+    local command=$1 option=$2 suffix=$3 file=$work/stream.$3 name="$1 --$2" format=--format
+    shift 3
+    case $option in report | tangent | picture) format= ;; esac
+    check "$name: a file" "$tool" "$command" "$@" --quiet "--$option" "$file"
+    seconds() { sed -E 's/"(read|device|setup|start|solve|certify|locus|write|total|distance|peak_memory)": [^,]*/"\1": 0/;
+        s/stream\.[a-z]*|pipe\.[a-z]*|none|-"$/FILE/' "$1"; }
+    same() { cmp <(seconds "$1") <(seconds "$file"); }
+    rm -f "$work/pipe.$suffix" "$work/pipe"
+    mkfifo "$work/pipe.$suffix" "$work/pipe"
+    cat "$work/pipe.$suffix" > "$work/came" &
+    check "$name: a pipe with a name" "$tool" "$command" "$@" --quiet "--$option" "$work/pipe.$suffix"
+    wait $!
+    check "$name: brings the same" same "$work/came"
+    check "$name: the pipe stays" test -p "$work/pipe.$suffix"
+    cat "$work/pipe" > "$work/came" &
+    check "$name: a pipe without a suffix" "$tool" "$command" "$@" --quiet "--$option" "$work/pipe" ${format:+$format $suffix}
+    wait $!
+    check "$name: brings the same again" same "$work/came"
+    check "$name: /dev/null" "$tool" "$command" "$@" --quiet "--$option" /dev/null
+    check "$name: /dev/null stays" test -c /dev/null
+    check "$name: nothing takes its place" sh -c '! ls "$1"/.dmkcl-* /dev/.dmkcl-* 2> /dev/null' - "$work"
+    [ "$option" = report ] && return # whose standard output is tested with the reports
+    for out in - /dev/stdout /dev/fd/1 /proc/self/fd/1; do
+        echo before > "$work/came"
+        check "$name $out: into a file" sh -c 'out=$1 err=$2; shift 2; "$@" >> "$out" 2> "$err"' - "$work/came" "$work/err" \
+            "$tool" "$command" "$@" "--$option" "$out" ${format:+$format $suffix}
+        check "$name $out: behind what is there" test "$(head -n 1 "$work/came")" = before
+        sed -i 1d "$work/came"
+        check "$name $out: and nothing else" same "$work/came"
+        check "$name $out: the summary elsewhere" grep -qE '^(wrote|[^ ]*: )' "$work/err"
+    done
+}
+printf 'vertex 0 1\n' > "$work/a.txt"
+printf 'vertex 7 1\n' > "$work/b.txt"
+streams solve out ply "$mesh" --vertex 0
+streams solve locus obj "$mesh" --vertex 0
+streams solve tangent csv "$mesh" --vertex 0
+streams solve report json "$mesh" --vertex 0
+streams distance out vtu "$mesh" --vertex 0
+streams distance report json "$mesh" --vertex 0
+streams path out csv "$mesh" --vertex 0 --to-vertex 9
+streams cut out obj "$mesh" --vertex 0
+streams cut picture svg "$mesh" --vertex 0
+streams transport out vtp "$mesh" --from "$work/a.txt" --to "$work/b.txt"
+streams mesh out off sphere --triangles 300
+
+check 'without --format it is VTP' sh -c '"$1" solve "$2" --vertex 0 --quiet --out - | grep -q "<VTKFile type=.PolyData" &&
+    "$1" solve "$2" --vertex 0 --quiet --locus - | grep -q "<Lines>" && "$1" mesh "$2" --quiet --out - |
+    "$1" info - | grep -q "152 vertices"' - "$tool" "$mesh"
+check 'the suffix goes before --format' sh -c '"$1" mesh "$2" --quiet --out "$3/suffix.off" --format ply &&
+    cmp "$2" "$3/suffix.off"' - "$tool" "$mesh" "$work"
+check '--format names that of a file without a suffix' sh -c '"$1" mesh "$2" --quiet --out "$3/none" --format off &&
+    cmp "$2" "$3/none"' - "$tool" "$mesh" "$work"
+check 'an input from a pipe' sh -c 'cat "$2" | "$1" distance - --vertex 0 --quiet --out "$3/in.ply" &&
+    "$1" distance "$2" --vertex 0 --quiet --out "$3/direct.ply" && cmp "$3/in.ply" "$3/direct.ply"' - "$tool" "$mesh" "$work"
+check 'sources from a pipe' sh -c 'echo vertex 0 | "$1" distance "$2" --sources - --quiet --out "$3/in.ply" &&
+    cmp "$3/in.ply" "$3/direct.ply"' - "$tool" "$mesh" "$work"
+check 'a measure from a pipe' sh -c '"$1" transport "$2" --from - --to "$3/b.txt" --quiet --out "$3/in.vtp" < "$3/a.txt" &&
+    cmp "$3/in.vtp" "$3/stream.vtp"' - "$tool" "$mesh" "$work"
+check 'two outputs may go to /dev/null' "$tool" solve "$mesh" --vertex 0 --quiet --out /dev/null --locus /dev/null --report /dev/null
+check 'and those of many sources' "$tool" solve "$mesh" --sources "$work/list.txt" --quiet --out /dev/null
+refused 'two files on the standard output' "--locus: '-' is also a file of --out" solve "$mesh" --vertex 0 --out - --locus -
+refused 'a file and the report' "--report: '-' is also a file of --out" solve "$mesh" --vertex 0 --out /dev/stdout --json
+refused 'two files in one pipe' "--locus: .*pipe' is also a file of --out" solve "$mesh" --vertex 0 --out "$work/pipe" --locus "$work/pipe"
+refused 'many sources on the standard output' "--sources writes a file for each source, and '-' is one stream" \
+    solve "$mesh" --sources "$work/list.txt" --out -
+ln -s /dev/null "$work/null.pvtp"
+refused 'several files in one stream' 'PVTP is several files' solve "$mesh" --vertex 0 --out "$work/null.pvtp"
+fails 'the standard output is full' 2 'cannot write' bash -c "'$tool' mesh '$mesh' --out - > /dev/full"
+check 'the reader has gone' bash -c "set -o pipefail; '$tool' mesh torus --refine 1 --quiet --out - | head -c 1; test \$? -eq 141"
+check 'what the reader takes is enough' sh -c '"$1" mesh "$2" --quiet --out - --format off | head -n 1 | grep -q OFF' - "$tool" "$mesh"
 
 # ---- names in the report ----------------------------------------------------------------------
 

@@ -18,6 +18,7 @@ struct dmk_context {
     int threads;           /* 0: one for each processor; see parallel.h */
     struct dmk_pool *pool; /* NULL until it is needed */
     bool borrows_pool;     /* the pool is another context's */
+    const char *format;    /* of files whose name has no suffix: a name in the table, or NULL */
 };
 
 /* Put a message in the record, unless that is NULL, and return `status`; the printf-like text says what

@@ -1,4 +1,4 @@
-/* Files written under another name, or under none, and then put in place at once. */
+/* Files written under another name, or under none, and then put in place at once; and streams. */
 #include "base/outfile.h"
 
 #include <errno.h>
@@ -33,6 +33,21 @@ static size_t folder_length(const char *path)
     return slash ? (size_t)(slash - path) + 1 : 0;
 }
 
+/* The number of a descriptor that a path names, or -1. */
+static int descriptor(const char *path)
+{
+    static const char *const folders[] = {"/dev/fd/", "/proc/self/fd/"};
+    if (strcmp(path, "/dev/stdout") == 0) return STDOUT_FILENO;
+    if (strcmp(path, "/dev/stderr") == 0) return STDERR_FILENO;
+    for (size_t i = 0; i < sizeof folders / sizeof *folders; i++) {
+        const size_t n = strlen(folders[i]);
+        if (strncmp(path, folders[i], n) != 0) continue;
+        const size_t digits = strspn(path + n, "0123456789");
+        if (digits > 0 && digits < 9 && !path[n + digits]) return atoi(path + n);
+    }
+    return -1;
+}
+
 /* Where a link leads: absolute, or from the folder it lies in. */
 static char *follow(const char *link)
 {
@@ -48,13 +63,13 @@ static char *follow(const char *link)
     return path;
 }
 
-/* The file that `path` stands for, there or not, and its mode: 0 if it is not there. */
+/* The file that `path` stands for, there or not, and its mode: 0 if it is not there. A descriptor's path stays. */
 static int resolve(const char *path, char **resolved, mode_t *mode)
 {
     struct stat st;
     char *at = copy(path, strlen(path));
     *mode = 0;
-    for (int i = 0; at && lstat(at, &st) == 0 && S_ISLNK(st.st_mode); i++) {
+    for (int i = 0; at && descriptor(at) < 0 && lstat(at, &st) == 0 && S_ISLNK(st.st_mode); i++) {
         errno = ELOOP;
         char *next = i < MOST_LINKS ? follow(at) : NULL;
         free(at);
@@ -62,9 +77,39 @@ static int resolve(const char *path, char **resolved, mode_t *mode)
     }
     *resolved = at;
     if (!at) return errno ? errno : ENOMEM;
+    if (descriptor(at) >= 0) return DMK_OUTFILE_NOT_REGULAR;
     if (stat(at, &st) != 0) return 0;
     *mode = st.st_mode & 07777;
     return S_ISREG(st.st_mode) ? 0 : DMK_OUTFILE_NOT_REGULAR;
+}
+
+/* ---- streams --------------------------------------------------------------------------------- */
+
+/* Of a path without links that is no regular file. */
+static bool is_stream(const char *path)
+{
+    struct stat st;
+    if (descriptor(path) >= 0) return true;
+    return stat(path, &st) == 0 && (S_ISCHR(st.st_mode) || S_ISFIFO(st.st_mode));
+}
+
+bool dmk_outfile_is_stream(const char *path)
+{
+    char *at;
+    mode_t mode;
+    const bool is = resolve(path, &at, &mode) == DMK_OUTFILE_NOT_REGULAR && is_stream(at);
+    free(at);
+    return is;
+}
+
+static int open_stream(dmk_outfile *file)
+{
+    const int fd = descriptor(file->path);
+    if (!is_stream(file->path)) return DMK_OUTFILE_NOT_REGULAR;
+    file->stream = true;
+    file->fd =
+        fd >= 0 ? fcntl(fd, F_DUPFD_CLOEXEC, 0) : open(file->path, O_WRONLY | O_NOCTTY | O_CLOEXEC);
+    return file->fd >= 0 ? 0 : errno;
 }
 
 /* ---- names until the end -------------------------------------------------------------------- */
@@ -164,7 +209,10 @@ int dmk_outfile_open(const char *path, dmk_outfile *file)
     *file = (dmk_outfile){.fd = -1};
     errno = 0;
     int error = resolve(path, &file->path, &mode);
-    if (error == 0) error = open_new(file);
+    if (error == 0)
+        error = open_new(file);
+    else if (error == DMK_OUTFILE_NOT_REGULAR)
+        error = open_stream(file);
     if (error != 0)
         give_back(file);
     else if (mode)
@@ -180,9 +228,9 @@ static int sync_file(int fd)
 
 int dmk_outfile_commit(dmk_outfile *file)
 {
-    int error = sync_file(file->fd);
-    bool placed = false;
-    if (error == 0 && !file->name) { /* at once where nothing is to be replaced */
+    int error = file->stream ? 0 : sync_file(file->fd);
+    bool placed = file->stream;
+    if (error == 0 && !file->name && !placed) { /* at once where nothing is to be replaced */
         error = take_name(file->path, &file->fd);
         placed = error == 0;
         if (error == EEXIST) error = find_name(file->path, &file->fd, &file->name);

@@ -1,20 +1,27 @@
-/* A file that comes into being whole or not at all. POSIX only: the tool's own outputs use it as
- * well. */
+/* A file that comes into being whole or not at all; or, where there is no place to put one, a stream that is written
+ * as it comes. POSIX only: the tool's own outputs use it as well. */
 #ifndef DMK_OUTFILE_H
 #define DMK_OUTFILE_H
+
+#include <stdbool.h>
 
 /* Until it is committed the file has no name, where the file system can do that, and else one in
  * the same folder that the next run finds and removes if this one is killed. */
 typedef struct dmk_outfile {
-    int fd;     /* to be written to, from its begin */
-    char *path; /* where it ends up: links are followed, so that they stay */
-    char *name; /* until then, or NULL */
+    int fd;      /* to be written to */
+    char *path;  /* where it ends up: links are followed, so that they stay */
+    char *name;  /* until then, or NULL */
+    bool stream; /* written as it comes: what was written stays when the file is discarded */
 } dmk_outfile;
 
 enum { DMK_OUTFILE_NOT_REGULAR = -1 };
 
-/* Open a new file for `path`, with the permissions of the file that is there, if any. 0; or errno;
- * or DMK_OUTFILE_NOT_REGULAR for the path of a device, a pipe, a folder. */
+/* Whether `path` is a stream: a pipe, a character device, or a descriptor that is open already (/dev/stdout,
+ * /dev/stderr, /dev/fd/N, /proc/self/fd/N, which is written from where it stands, whatever is behind it). */
+bool dmk_outfile_is_stream(const char *path);
+/* Open a new file for `path`, with the permissions of the file that is there, if any, or the stream that it is; a
+ * pipe waits for its reader. 0; or errno, EINTR if a signal came while it waited; or DMK_OUTFILE_NOT_REGULAR for what
+ * is neither: a folder, a block device, a socket. */
 int dmk_outfile_open(const char *path, dmk_outfile *file);
 /* Put it on the disk, and in its place: 0 or errno, and then nothing has changed there. Closed in
  * any case. */

@@ -17,12 +17,13 @@ typedef struct batch {
 
 /* ---- the files of source k ------------------------------------------------------------------ */
 
-/* "dir/name.vtp" -> "dir/name-0007.vtp"; NULL without memory. */
+/* "dir/name.vtp" -> "dir/name-0007.vtp", but a device stays; NULL without memory. */
 static char *number_name(const char *path, size_t k)
 {
     const size_t n = strlen(path);
     const char *slash = strrchr(path, '/');
     const char *dot = strrchr(slash ? slash : path, '.');
+    if (cli_is_stream(path)) return strdup(path);
     const int stem = (int)(dot ? (size_t)(dot - path) : n);
     char *name = malloc(n + 32);
     if (name) snprintf(name, n + 32, "%.*s-%04zu%s", stem, path, k, path + stem);

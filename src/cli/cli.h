@@ -112,10 +112,22 @@ const char *cli_nearest(const char *word, const char *const *names);
 
 typedef enum cli_what { CLI_MESH, CLI_RESULT, CLI_LOCUS, CLI_ANY } cli_what;
 
-/* See before the work starts that `path` of --`option` has a suffix that can hold `what` and a
- * folder that can be written to. EXIT_OK, or the exit code with the error printed. */
-int cli_check_output(const char *option, const char *path, cli_what what);
-int cli_check_outputs(const char *option, const cli_files *files, cli_what what);
+/* See before the work starts that `path` of --`option` can hold `what`, by its suffix, by `format` (of --format, or
+ * NULL) or as a stream, and lies in a folder that can be written to. EXIT_OK, or the exit code with the error
+ * printed. */
+int cli_check_output(const char *option, const char *path, cli_what what, const char *format);
+int cli_check_outputs(const char *option, const cli_files *files, cli_what what,
+                      const char *format);
+/* The row of --format. */
+cli_option cli_format_option(const char **format);
+/* Whether a path is the standard output: "-", /dev/stdout or the like; or nothing, as /dev/null; or another pipe or
+ * device. */
+bool cli_is_stdout(const char *path);
+bool cli_is_sink(const char *path);
+bool cli_is_stream(const char *path);
+/* The name for the library of a path of the command line: that of the standard output as it was, where a file has
+ * taken it. */
+const char *cli_path(const char *path);
 /* The files of a run, those that it reads before those that it writes. */
 enum { CLI_MAX_USES = 5 * CLI_MAX_FILES };
 typedef struct cli_uses {
@@ -126,10 +138,11 @@ typedef struct cli_uses {
     int n;
 } cli_uses;
 
-/* `option` is NULL for a file that is read; a path of NULL or "-" is none. */
+/* `option` is NULL for a file that is read; a path of NULL is none. */
 void cli_use(cli_uses *uses, const char *option, const char *path);
 void cli_use_files(cli_uses *uses, const char *option, const cli_files *files);
-/* No file is written that is read, and none is written twice, by whatever names. EXIT_OK or EXIT_USAGE. */
+/* No file is written that is read, and none is written twice, by whatever names. EXIT_OK or EXIT_USAGE. Where one is
+ * the standard output, that carries nothing else from now on: what is printed goes to the standard error. */
 int cli_check_uses(const cli_uses *uses);
 /* Print the suffixes that hold `what`, as ".vtp .vtu", into `text`. */
 void cli_suffixes(cli_what what, char *text, size_t size);

@@ -147,11 +147,11 @@ static int settle(batch_request *request, char report[PATH_MAX])
         }
         each->report = report;
     }
+    solve_request_convert(each);
     if (each->resume && strcmp(each->report, "-") == 0) {
         return cli_error(EXIT_USAGE,
                          "batch: --resume reads the report of the run before; give --report FILE");
     }
-    solve_request_convert(each);
     int code = check_suffixes("out", &each->out, CLI_RESULT);
     if (code == EXIT_OK) code = check_suffixes("locus", &each->locus, CLI_LOCUS);
     if (code == EXIT_OK) code = check_suffixes("tangent", &each->tangent, CLI_ANY);

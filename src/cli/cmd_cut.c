@@ -62,7 +62,8 @@ static int cut_open(const cut_request *request, solve_run *run, dmk_mesh **cut, 
     int rc = dmk_cut(run->context, run->mesh, run->result, &request->solve.trace, cut, NULL, plane);
     for (int i = 0; i < request->out.n && rc == DMK_OK; i++) {
         rc = solve_go_on();
-        if (rc == DMK_OK) rc = dmk_cut_write(run->context, *cut, *plane, request->out.path[i]);
+        if (rc == DMK_OK)
+            rc = dmk_cut_write(run->context, *cut, *plane, cli_path(request->out.path[i]));
     }
     for (int i = 0; i < request->picture.n && rc == DMK_OK && code == EXIT_OK; i++)
         code = cli_draw_plane(*cut, *plane, request->picture.path[i]);
@@ -99,8 +100,9 @@ static int check_request(cut_request *request)
         !request->solve.report) {
         code = cli_error(EXIT_USAGE, "cut: --out FILE or --picture FILE is missing");
     }
-    if (code == EXIT_OK) code = cli_check_outputs("out", &request->out, CLI_MESH);
-    if (code == EXIT_OK) code = cli_check_outputs("picture", &request->picture, CLI_ANY);
+    if (code == EXIT_OK)
+        code = cli_check_outputs("out", &request->out, CLI_MESH, request->solve.format);
+    if (code == EXIT_OK) code = cli_check_outputs("picture", &request->picture, CLI_ANY, NULL);
     cli_uses uses = {.n = 0};
     solve_request_uses(&request->solve, &uses);
     cli_use_files(&uses, "out", &request->out);
@@ -123,9 +125,10 @@ static int parse(cut_request *request, const char *out_help, int argc, char **ar
                  "outline is the tangent cut locus",
          .kind = CLI_FILES,
          .target = &request->picture},
+        cli_format_option(&request->solve.format),
     };
     solve_add_source(&table, &request->solve);
-    solve_add(&table, out, 2);
+    solve_add(&table, out, sizeof out / sizeof *out);
     solve_add_strength(&table, &request->solve);
     solve_add_report(&table, &request->solve);
     solve_add_device(&table, &request->solve);

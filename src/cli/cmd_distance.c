@@ -15,6 +15,7 @@ typedef struct distance_request {
     double tolerance; /* 0: not given */
     int64_t threads;
     cli_files out;
+    const char *format; /* of files without a suffix, or NULL */
     const char *report; /* NULL: none; "-": standard output */
 } distance_request;
 
@@ -85,7 +86,7 @@ static int compute(const distance_request *request, distance_run *run)
     run->distance = cli_seconds() - mark;
     mark = cli_seconds();
     for (int i = 0; rc == DMK_OK && i < request->out.n; i++) {
-        rc = dmk_geodesics_write(run->context, run->geodesics, request->out.path[i]);
+        rc = dmk_geodesics_write(run->context, run->geodesics, cli_path(request->out.path[i]));
     }
     run->write = cli_seconds() - mark;
     cli_progress_end(&run->progress);
@@ -161,7 +162,7 @@ static void print_summary(const distance_request *request, const distance_run *r
 
 static int report(const distance_request *request, const distance_run *run)
 {
-    const char *path = request->json ? "-" : request->report;
+    const char *path = request->report;
     if (!path) return EXIT_OK;
     if (strcmp(path, "-") == 0) {
         write_report(stdout, request, run);
@@ -184,6 +185,7 @@ static int run_distance(const distance_request *request)
     int rc = dmk_context_create(&run.context);
     if (rc != DMK_OK) return cli_library_error(NULL, rc);
     dmk_context_set_threads(run.context, (int)request->threads);
+    dmk_context_set_format(run.context, request->format); /* checked when it was asked for */
     cli_watch(run.context, &run.progress);
     const cli_reading how = {request->repair, request->quiet, &run.progress};
     rc = cli_read_mesh(run.context, request->mesh, &how, &run.repairs, &run.mesh);
@@ -191,7 +193,7 @@ static int run_distance(const distance_request *request)
     int code = rc == DMK_OK ? place_all(request, &run) : fail(&run, rc);
     if (code == EXIT_OK) code = compute(request, &run);
     if (code == EXIT_OK) code = report(request, &run);
-    const bool reported = request->json || (request->report && strcmp(request->report, "-") == 0);
+    const bool reported = request->report && strcmp(request->report, "-") == 0;
     if (code == EXIT_OK && !request->quiet && !reported) {
         print_summary(request, &run);
         code = cli_flush();
@@ -206,7 +208,7 @@ static int run_distance(const distance_request *request)
 
 /* ---- the command line ----------------------------------------------------------------------- */
 
-static int check_request(const distance_request *r)
+static int check_request(distance_request *r)
 {
     const int n = (r->source.n > 0) + (r->vertex >= 0) + (r->sources != NULL);
     if (n == 0 && !r->border) {
@@ -224,7 +226,8 @@ static int check_request(const distance_request *r)
     }
     if (r->quiet && r->verbose)
         return cli_error(EXIT_USAGE, "distance: give --quiet or --verbose, not both");
-    const int code = cli_check_outputs("out", &r->out, CLI_RESULT);
+    if (r->json || (r->report && cli_is_stdout(r->report))) r->report = "-";
+    const int code = cli_check_outputs("out", &r->out, CLI_RESULT, r->format);
     cli_uses uses = {.n = 0};
     cli_use(&uses, NULL, r->mesh);
     cli_use(&uses, NULL, r->sources);
@@ -273,6 +276,7 @@ static int parse(distance_request *r, const char *out_help, int argc, char **arg
          .kind = CLI_FLAG,
          .target = &r->exact},
         {.name = "out", .value = "FILE", .help = out_help, .kind = CLI_FILES, .target = &r->out},
+        cli_format_option(&r->format),
         {.name = "report",
          .value = "FILE",
          .help = "write the figures of the run as JSON; - is the standard output",

@@ -60,7 +60,7 @@ static void print_made(const char *path, const dmk_surface_options *surface, con
 
 /* Of a surface, or, if it has no name, of the mesh file `from`. */
 static int make(const dmk_surface_options *surface, const char *from, const char *path,
-                const cli_reading *how)
+                const char *format, const cli_reading *how)
 {
     dmk_context *context;
     dmk_mesh *mesh = NULL;
@@ -69,11 +69,12 @@ static int make(const dmk_surface_options *surface, const char *from, const char
     int rc = dmk_context_create(&context);
     if (rc == DMK_OK) {
         cli_watch(context, &progress);
+        dmk_context_set_format(context, format); /* checked when it was asked for */
         rc = surface->name ? dmk_mesh_surface(context, surface, &mesh)
                            : cli_read_mesh(context, from, how, &repairs, &mesh);
     }
     if (rc == DMK_OK && cli_interrupted()) rc = DMK_E_CANCELLED;
-    if (rc == DMK_OK) rc = dmk_mesh_write(context, mesh, path);
+    if (rc == DMK_OK) rc = dmk_mesh_write(context, mesh, cli_path(path));
     if (rc != DMK_OK) {
         rc = cli_library_error(context, rc);
     } else if (!how->quiet) {
@@ -88,7 +89,7 @@ static int make(const dmk_surface_options *surface, const char *from, const char
 
 int cmd_mesh(int argc, char **argv)
 {
-    const char *name, *out = NULL;
+    const char *name, *out = NULL, *format = NULL;
     cli_numbers size = {.n = 0}, source = {.n = 0};
     int64_t n_triangles = 0, refine = 0;
     cli_reading how = {0};
@@ -98,6 +99,7 @@ int cmd_mesh(int argc, char **argv)
     describe_surfaces(surfaces, sizeof surfaces);
     const cli_option options[] = {
         {.name = "out", .value = "FILE", .help = out_help, .kind = CLI_TEXT, .target = &out},
+        cli_format_option(&format),
         {.name = "size",
          .value = "A[,B[,C]]",
          .help = "sizes of the surface (see below)",
@@ -161,10 +163,10 @@ int cmd_mesh(int argc, char **argv)
     surface.has_source = source.n == 3;
     if (surface.has_source) memcpy(surface.source, source.value, sizeof surface.source);
 
-    code = cli_check_output("out", out, CLI_MESH);
+    code = cli_check_outputs("out", &(cli_files){{out}, 1}, CLI_MESH, format);
     cli_uses uses = {.n = 0};
     cli_use(&uses, NULL, surface.name ? NULL : name);
     cli_use(&uses, "out", out);
     if (code == EXIT_OK) code = cli_check_uses(&uses);
-    return code == EXIT_OK ? make(&surface, name, out, &how) : code;
+    return code == EXIT_OK ? make(&surface, name, out, format, &how) : code;
 }

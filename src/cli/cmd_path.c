@@ -74,7 +74,8 @@ static int trace(const path_request *request, solve_run *run, dmk_path *path)
     dmk_geodesics_destroy(&geodesics);
     for (int i = 0; i < request->out.n && rc == DMK_OK; i++) {
         rc = solve_go_on();
-        if (rc == DMK_OK) rc = dmk_path_write(run->context, run->mesh, path, request->out.path[i]);
+        if (rc == DMK_OK)
+            rc = dmk_path_write(run->context, run->mesh, path, cli_path(request->out.path[i]));
     }
     cli_progress_end(&run->progress);
     return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
@@ -105,7 +106,8 @@ static int check_request(path_request *request)
     if (code == EXIT_OK && (request->to.n > 0) + (request->to_vertex >= 0) != 1) {
         code = cli_error(EXIT_USAGE, "path: where to? Give one of --to X,Y,Z and --to-vertex J");
     }
-    if (code == EXIT_OK) code = cli_check_outputs("out", &request->out, CLI_LOCUS);
+    if (code == EXIT_OK)
+        code = cli_check_outputs("out", &request->out, CLI_LOCUS, request->solve.format);
     cli_uses uses = {.n = 0};
     solve_request_uses(&request->solve, &uses);
     cli_use_files(&uses, "out", &request->out);
@@ -134,6 +136,7 @@ static int parse(path_request *request, const char *out_help, int argc, char **a
          .help = out_help,
          .kind = CLI_FILES,
          .target = &request->out},
+        cli_format_option(&request->solve.format),
     };
     solve_add_source(&table, &request->solve);
     solve_add(&table, rows, sizeof rows / sizeof *rows);

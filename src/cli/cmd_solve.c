@@ -39,6 +39,23 @@ static int plan(solve_request *request)
     return code;
 }
 
+/* The files of many sources are numbered: one stream cannot be all of them, but it may swallow them. */
+static int check_many(const solve_request *request)
+{
+    const cli_files *const files[] = {&request->out, &request->locus, &request->tangent};
+    for (size_t k = 0; request->sources && k < sizeof files / sizeof *files; k++) {
+        for (int i = 0; i < files[k]->n; i++) {
+            const char *path = files[k]->path[i];
+            if (!cli_is_stream(path) || cli_is_sink(path)) continue;
+            return cli_error(EXIT_USAGE,
+                             "solve: --sources writes a file for each source, and '%s' "
+                             "is one stream: give a name",
+                             path);
+        }
+    }
+    return EXIT_OK;
+}
+
 static int check_request(solve_request *request)
 {
     const bool report = request->report && strcmp(request->report, "-") != 0;
@@ -55,9 +72,12 @@ static int check_request(solve_request *request)
         code = cli_error(EXIT_USAGE, "solve: --density-only goes with one source, and makes no cut "
                                      "locus: leave out --locus, --tangent and --sources");
     }
-    if (code == EXIT_OK) code = cli_check_outputs("out", &request->out, CLI_RESULT);
-    if (code == EXIT_OK) code = cli_check_outputs("locus", &request->locus, CLI_LOCUS);
-    if (code == EXIT_OK) code = cli_check_outputs("tangent", &request->tangent, CLI_ANY);
+    if (code == EXIT_OK)
+        code = cli_check_outputs("out", &request->out, CLI_RESULT, request->format);
+    if (code == EXIT_OK)
+        code = cli_check_outputs("locus", &request->locus, CLI_LOCUS, request->format);
+    if (code == EXIT_OK) code = cli_check_outputs("tangent", &request->tangent, CLI_ANY, NULL);
+    if (code == EXIT_OK) code = check_many(request);
     cli_uses uses = {.n = 0};
     solve_request_uses(request, &uses);
     return code == EXIT_OK ? cli_check_uses(&uses) : code;
@@ -107,6 +127,7 @@ static void add_files(solve_table *table, solve_request *request, raw_options *r
                  "(0 ordinary, 1 end, 2 branch point, 3 isolated)",
          .kind = CLI_FILES,
          .target = &request->tangent},
+        cli_format_option(&request->format),
     };
     solve_add(table, rows, sizeof rows / sizeof *rows);
 }

@@ -57,7 +57,8 @@ static int compute(const transport_request *r, transport_run *run)
     }
     mark = cli_seconds();
     for (int i = 0; rc == DMK_OK && i < r->solve.out.n; i++)
-        rc = dmk_transport_write(run->context, run->mesh, run->transport, r->solve.out.path[i]);
+        rc = dmk_transport_write(run->context, run->mesh, run->transport,
+                                 cli_path(r->solve.out.path[i]));
     run->write = cli_seconds() - mark;
     cli_progress_end(&run->progress);
     return rc == DMK_OK ? EXIT_OK : fail(run, rc);
@@ -186,6 +187,7 @@ static int run_transport(const transport_request *r)
     const int rc = dmk_context_create(&run.context);
     if (rc != DMK_OK) return cli_library_error(NULL, rc);
     dmk_context_set_threads(run.context, r->solve.device.threads);
+    dmk_context_set_format(run.context, r->solve.format); /* checked when it was asked for */
     cli_watch(run.context, &run.progress);
     int code = read_all(r, &run);
     if (code == EXIT_OK) code = compute(r, &run);
@@ -218,7 +220,7 @@ static int check_request(const transport_request *r)
             "transport: what is to be moved? Give --from FILE, and --to FILE unless the "
             "first is signed");
     }
-    const int code = cli_check_outputs("out", &r->solve.out, CLI_RESULT);
+    const int code = cli_check_outputs("out", &r->solve.out, CLI_RESULT, r->solve.format);
     cli_uses uses = {.n = 0};
     cli_use(&uses, NULL, r->solve.mesh);
     if (strcmp(r->from, "uniform") != 0) cli_use(&uses, NULL, r->from);
@@ -253,6 +255,7 @@ static int parse(transport_request *r, const char *out_help, int argc, char **ar
          .help = out_help,
          .kind = CLI_FILES,
          .target = &r->solve.out},
+        cli_format_option(&r->solve.format),
         {.name = "repair", .help = CLI_REPAIR_HELP, .kind = CLI_FLAG, .target = &r->solve.repair},
     };
     solve_add(&table, rows, sizeof rows / sizeof *rows);

@@ -1,8 +1,8 @@
-/* Output files are looked at before the work begins: a slip in a name should not cost a long run.
- */
+/* Output files are looked at before the work begins: a slip in a name should not cost a long run. */
 #include "cli.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <limits.h>
 #include <stdlib.h>
 #include <string.h>
@@ -46,15 +46,88 @@ static bool has_suffix(const char *path, const char *suffixes)
     return false;
 }
 
+/* ---- streams -------------------------------------------------------------------------------- */
+
+/* The standard output as it was, once a file has taken it: see cli_check_uses. */
+static int stdout_fd = -1;
+static char stdout_path[32];
+
+bool cli_is_stdout(const char *path)
+{
+    static const char *const names[] = {"-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"};
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        if (strcmp(path, names[i]) == 0) return true;
+    }
+    return false;
+}
+
+bool cli_is_stream(const char *path)
+{
+    return cli_is_stdout(path) || dmk_outfile_is_stream(path);
+}
+
+bool cli_is_sink(const char *path)
+{
+    struct stat file, null;
+    return !cli_is_stdout(path) && stat(path, &file) == 0 && stat("/dev/null", &null) == 0 &&
+           S_ISCHR(file.st_mode) && file.st_rdev == null.st_rdev;
+}
+
+const char *cli_path(const char *path)
+{
+    if (!cli_is_stdout(path)) return path;
+    return stdout_fd < 0 ? "/dev/stdout" : stdout_path;
+}
+
+/* All that is printed goes to the standard error from now on. */
+static int take_stdout(void)
+{
+    if (stdout_fd >= 0) return EXIT_OK;
+    stdout_fd = fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, STDERR_FILENO + 1);
+    if (stdout_fd < 0 || dup2(STDERR_FILENO, STDOUT_FILENO) < 0) {
+        return cli_error(EXIT_IO, "cannot write to the standard output: %s", strerror(errno));
+    }
+    snprintf(stdout_path, sizeof stdout_path, "/dev/fd/%d", stdout_fd);
+    return EXIT_OK;
+}
+
+/* ---- before the work ------------------------------------------------------------------------ */
+
+cli_option cli_format_option(const char **format)
+{
+    return (cli_option){
+        .name = "format",
+        .value = "NAME",
+        .help = "format of files whose name has no suffix: ply, vtp, vtu, off, obj, csv;\n"
+                "default: of pipes, devices and the standard output (-) vtp",
+        .kind = CLI_TEXT,
+        .target = (void *)format,
+    };
+}
+
+/* The format of that name, if single files of it are written. */
+static bool find_format(const char *name, dmk_format_info *format)
+{
+    for (size_t i = 0; dmk_format_get(i, format) == DMK_OK; i++) {
+        if (strcasecmp(name, format->name) == 0)
+            return (format->writes_mesh || format->writes_locus) &&
+                   strcmp(format->name, "PVTP") != 0;
+    }
+    return false;
+}
+
 static int check_folder(const char *option, const char *path)
 {
     char folder[PATH_MAX] = ".";
     const char *slash = strrchr(path, '/');
     if (slash) snprintf(folder, sizeof folder, "%.*s", (int)(slash - path) + 1, path);
     struct stat file;
+    if (cli_is_stream(path)) return EXIT_OK;
     if (stat(path, &file) == 0 && !S_ISREG(file.st_mode)) {
-        /* A finished file takes the name's place: a device or a pipe would be gone. */
-        return cli_error(EXIT_IO, "--%s: '%s' exists and is not a regular file", option, path);
+        return cli_error(EXIT_IO,
+                         "--%s: '%s' exists and is neither a regular file nor a pipe or character "
+                         "device",
+                         option, path);
     }
     if (access(folder, W_OK | X_OK) != 0) {
         return cli_error(EXIT_IO, "--%s: cannot write into the folder of '%s': %s", option, path,
@@ -63,12 +136,19 @@ static int check_folder(const char *option, const char *path)
     return EXIT_OK;
 }
 
-int cli_check_output(const char *option, const char *path, cli_what what)
+int cli_check_output(const char *option, const char *path, cli_what what, const char *format)
 {
     static const char *const words[] = {"a mesh", "a result", "a cut locus", ""};
     char suffixes[512];
+    dmk_format_info chosen;
     cli_suffixes(what, suffixes, sizeof suffixes);
-    if (what != CLI_ANY && !has_suffix(path, suffixes)) {
+    const bool by_name = format && find_format(format, &chosen) && format_holds(&chosen, what);
+    const bool stream = cli_is_stream(path);
+    if (stream && what != CLI_ANY && has_suffix(path, ".pvtp")) {
+        return cli_error(EXIT_USAGE, "--%s: '%s': PVTP is several files, and this is one stream",
+                         option, path);
+    }
+    if (what != CLI_ANY && !has_suffix(path, suffixes) && !by_name && !stream) {
         return cli_error(EXIT_USAGE,
                          "--%s: '%s' has no suffix of a format for %s; expected one of %s", option,
                          path, words[what], suffixes);
@@ -84,6 +164,7 @@ typedef struct place {
     dev_t device;
     ino_t inode;      /* of the file, or, if it does not exist, of its folder */
     const char *name; /* then its name there */
+    bool out, sink;   /* the standard output; a device that takes anything */
 } place;
 
 static place find_place(const char *path)
@@ -92,8 +173,10 @@ static place find_place(const char *path)
     char folder[PATH_MAX] = ".";
     const char *slash = strrchr(path, '/');
     place p = {.exists = stat(path, &st) == 0, .name = slash ? slash + 1 : path};
+    p.out = cli_is_stdout(path);
+    p.sink = cli_is_sink(path);
     if (!p.exists && slash) snprintf(folder, sizeof folder, "%.*s", (int)(slash - path) + 1, path);
-    if (!p.exists && stat(folder, &st) != 0) return p; /* told when it is used */
+    if (!p.exists && stat(folder, &st) != 0) return p; /* reported when it is used */
     p.device = st.st_dev;
     p.inode = st.st_ino;
     return p;
@@ -101,13 +184,15 @@ static place find_place(const char *path)
 
 static bool same_place(const place *a, const place *b)
 {
+    if (a->out && b->out) return true;
+    if (a->out || b->out || a->sink) return false;
     if (a->exists != b->exists || a->device != b->device || a->inode != b->inode) return false;
     return a->exists || strcmp(a->name, b->name) == 0;
 }
 
 void cli_use(cli_uses *uses, const char *option, const char *path)
 {
-    if (!path || strcmp(path, "-") == 0 || uses->n == CLI_MAX_USES) return;
+    if (!path || uses->n == CLI_MAX_USES) return;
     uses->use[uses->n].option = option;
     uses->use[uses->n++].path = path;
 }
@@ -120,9 +205,12 @@ void cli_use_files(cli_uses *uses, const char *option, const cli_files *files)
 int cli_check_uses(const cli_uses *uses)
 {
     place at[CLI_MAX_USES];
+    bool takes_stdout = false; /* by a file: reports are printed */
     for (int i = 0; i < uses->n; i++) {
         const char *option = uses->use[i].option, *path = uses->use[i].path;
         at[i] = find_place(path);
+        if (!option) at[i].out = false; /* read from the standard input */
+        takes_stdout = takes_stdout || (at[i].out && strcmp(option, "report") != 0);
         for (int j = 0; j < i && option; j++) {
             const char *other = uses->use[j].option;
             if (!same_place(&at[i], &at[j])) continue;
@@ -134,7 +222,7 @@ int cli_check_uses(const cli_uses *uses)
                              option, path, other);
         }
     }
-    return EXIT_OK;
+    return takes_stdout ? take_stdout() : EXIT_OK;
 }
 
 /* ---- files that the tool writes itself ------------------------------------------------------ */
@@ -142,14 +230,15 @@ int cli_check_uses(const cli_uses *uses)
 static int cannot_write(const char *path, int error)
 {
     return cli_error(error == ENOMEM ? EXIT_MEMORY : EXIT_IO, "cannot write '%s': %s", path,
-                     error == DMK_OUTFILE_NOT_REGULAR ? "it exists and is not a regular file"
-                                                      : strerror(error));
+                     error == DMK_OUTFILE_NOT_REGULAR
+                         ? "it exists and is neither a regular file nor a pipe or character device"
+                         : strerror(error));
 }
 
 int cli_file_open(const char *path, cli_file *file)
 {
     file->path = path;
-    const int error = dmk_outfile_open(path, &file->file);
+    const int error = dmk_outfile_open(cli_path(path), &file->file);
     if (error != 0) return cannot_write(path, error);
     const int copy = dup(file->file.fd); /* which the stream closes */
     file->stream = copy < 0 ? NULL : fdopen(copy, "w");
@@ -173,11 +262,18 @@ int cli_file_close(cli_file *file)
     return code;
 }
 
-int cli_check_outputs(const char *option, const cli_files *files, cli_what what)
+int cli_check_outputs(const char *option, const cli_files *files, cli_what what, const char *format)
 {
     int code = EXIT_OK;
+    dmk_format_info chosen;
+    if (format && !find_format(format, &chosen)) {
+        return cli_error(EXIT_USAGE,
+                         "--format: '%s' is not one of ply, vtp, vtu, off, obj, csv; PVTP, which "
+                         "is several files, is chosen by the suffix .pvtp",
+                         format);
+    }
     for (int i = 0; i < files->n && code == EXIT_OK; i++) {
-        code = cli_check_output(option, files->path[i], what);
+        code = cli_check_output(option, files->path[i], what, format);
     }
     return code;
 }

@@ -226,7 +226,7 @@ void solve_request_convert(solve_request *request)
     request->solve.start = (dmk_start)request->start;
     request->solve.density_only = request->density_only;
     request->solve.max_steps = (int)request->max_steps;
-    if (request->json) request->report = "-";
+    if (request->json || (request->report && cli_is_stdout(request->report))) request->report = "-";
 }
 
 int solve_request_settle(solve_request *request)
@@ -245,7 +245,7 @@ int solve_request_settle(solve_request *request)
         return cli_error(EXIT_USAGE, "%s: give --quiet or --verbose, not both", request->command);
     }
     const bool file = request->report && strcmp(request->report, "-") != 0;
-    return file ? cli_check_output("report", request->report, CLI_ANY) : EXIT_OK;
+    return file ? cli_check_output("report", request->report, CLI_ANY, NULL) : EXIT_OK;
 }
 
 void solve_request_uses(const solve_request *request, cli_uses *uses)

@@ -116,6 +116,7 @@ int solve_begin(const solve_request *request, solve_run *run)
     int rc = dmk_context_create(&run->context);
     if (rc != DMK_OK) return cli_library_error(NULL, rc);
     dmk_context_set_threads(run->context, request->device.threads);
+    dmk_context_set_format(run->context, request->format); /* checked when it was asked for */
     cli_watch(run->context, &run->progress);
     if (request->bare) {
         rc = read_mesh(request, run);
@@ -219,11 +220,11 @@ int solve_write(const solve_request *request, solve_run *run)
     double mark = cli_seconds();
     if (run->n_ranks > 0 && !cli_ranks_first()) return EXIT_OK;
     for (int i = 0; i < request->out.n && rc == DMK_OK; i++) {
-        rc = dmk_result_write(run->context, run->mesh, run->result, request->out.path[i]);
+        rc = dmk_result_write(run->context, run->mesh, run->result, cli_path(request->out.path[i]));
         if (rc == DMK_OK) rc = solve_go_on();
     }
     for (int i = 0; i < request->locus.n && rc == DMK_OK; i++) {
-        rc = dmk_locus_write(run->context, run->locus, request->locus.path[i]);
+        rc = dmk_locus_write(run->context, run->locus, cli_path(request->locus.path[i]));
         if (rc == DMK_OK) rc = solve_go_on();
     }
     for (int i = 0; i < request->tangent.n && rc == DMK_OK && code == EXIT_OK; i++) {

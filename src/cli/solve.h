@@ -13,6 +13,7 @@ typedef struct solve_request {
     const char *sources; /* file of many sources, or NULL */
     bool resume;         /* of many sources: leave out those whose files are there */
     cli_files out, locus, tangent;
+    const char *format; /* of files without a suffix, or NULL */
     const char *report; /* NULL: none; "-": standard output */
     dmk_solve_options solve;
     dmk_locus_options trace; /* of the cut locus */

@@ -1,6 +1,8 @@
 /* The table of formats, and reading and writing through it. */
 #include "io/io.h"
 
+#include "base/outfile.h"
+
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -98,11 +100,43 @@ static int find_reader(dmk_context *ctx, const dmk_file *file, const dmk_format 
                     file->path, list_suffixes(READ_MESH, list, sizeof list));
 }
 
+static const dmk_format *find_by_name(const char *name)
+{
+    for (size_t i = 0; i < N_FORMATS; i++) {
+        if (strcasecmp(formats[i].name, name) == 0) return &formats[i];
+    }
+    return NULL;
+}
+
+int dmk_context_set_format(dmk_context *ctx, const char *name)
+{
+    if (!ctx) return DMK_E_ARG;
+    const dmk_format *f = name ? find_by_name(name) : NULL;
+    const bool writes = f && (f->write_mesh || f->write_result || f->write_locus);
+    if (name && (!writes || f->write_mesh == dmk_pvtp_write)) {
+        return dmk_fail(ctx, DMK_E_ARG, "'%s' is not a format of single files that is written",
+                        name);
+    }
+    ctx->format = f ? f->name : NULL;
+    return DMK_OK;
+}
+
+/* By suffix, then by the context's choice; of a stream the one that holds everything. */
 static int find_writer(dmk_context *ctx, const char *path, int what, const dmk_format **format)
 {
     char list[256];
+    const bool stream = dmk_outfile_is_stream(path);
     *format = find_by_suffix(path, what);
-    if (*format) return DMK_OK;
+    if (*format && stream && (*format)->write_mesh == dmk_pvtp_write) {
+        return dmk_fail(ctx, DMK_E_ARG, "%s: PVTP is several files, and this is a pipe or device",
+                        path);
+    }
+    if (!*format && ctx->format) *format = find_by_name(ctx->format);
+    if (*format && can(*format, what)) return DMK_OK;
+    if (stream) {
+        *format = find_by_name("VTP");
+        return DMK_OK;
+    }
     return dmk_fail(ctx, DMK_E_ARG, "%s: the suffix chooses the format; use one of %s", path,
                     list_suffixes(what, list, sizeof list));
 }

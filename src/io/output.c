@@ -4,6 +4,7 @@
 #include "base/outfile.h"
 
 #include <errno.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -37,9 +38,16 @@ int dmk_output_open(dmk_context *ctx, const char *path, dmk_output **out)
     DMK_TRY(dmk_alloc(ctx, "file name", strlen(path) + 1, 1, (void **)&s->path));
     memcpy(s->path, path, strlen(path) + 1);
     DMK_TRY(dmk_numbers_create(ctx, &s->numbers));
-    const int error = dmk_outfile_open(path, &s->file);
+    int error = dmk_outfile_open(path, &s->file);
+    while (error ==
+           EINTR) { /* while it waited for the reader of a pipe: the caller may want to stop */
+        DMK_TRY(dmk_report(ctx, &(dmk_progress){.stage = "write", .change = NAN, .gap = NAN}));
+        error = dmk_outfile_open(path, &s->file);
+    }
     if (error == DMK_OUTFILE_NOT_REGULAR) {
-        rc = dmk_fail(ctx, DMK_E_IO, "%s: exists and is not a regular file; choose another name",
+        rc = dmk_fail(ctx, DMK_E_IO,
+                      "%s: exists and is neither a regular file nor a pipe or character device; "
+                      "choose another name",
                       path);
     } else if (error != 0) {
         rc = dmk_fail(ctx, error == ENOMEM ? DMK_E_NOMEM : DMK_E_IO, "%s: cannot create: %s", path,
@@ -111,13 +119,14 @@ int dmk_output_close(dmk_output **out, int rc)
     if (!s) return rc;
     *out = NULL;
     if (rc == DMK_OK) write_out(s, s->buffer, s->fill);
+    const char *left = s->file.stream ? "" : "; nothing was written";
     if (rc != DMK_OK || s->error)
         dmk_outfile_discard(&s->file);
     else
         s->error = dmk_outfile_commit(&s->file);
     if (s->error) {
-        rc = dmk_fail(s->context, DMK_E_IO, "%s: cannot write: %s; nothing was written", s->path,
-                      strerror(s->error));
+        rc = dmk_fail(s->context, DMK_E_IO, "%s: cannot write: %s%s", s->path, strerror(s->error),
+                      left);
     }
     output_free(s);
     return rc;
