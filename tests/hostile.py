@@ -241,7 +241,7 @@ class Trial:
             file.write(f"OFF\n{len(self.points)} {len(self.triangles)} 0\n")
             file.writelines(" ".join(map(repr, p)) + "\n" for p in self.points)
             file.writelines("3 %d %d %d\n" % t for t in self.triangles)
-        self.wrong, self.codes = [], {}
+        self.wrong, self.codes, self.judged = [], {}, False
 
     def run(self, name, *options):
         """Whether the command succeeded."""
@@ -302,7 +302,8 @@ class Trial:
         if self.arguments.judge:
             judged = subprocess.run([self.arguments.judge, self.mesh, str(s)], capture_output=True, text=True, check=False)
             exact = [float(x) for x in judged.stdout.split()]
-            if judged.returncode == 0 and len(exact) == len(d):
+            self.judged = judged.returncode == 0 and len(exact) == len(d)
+            if self.judged:
                 worst = max((abs(a - b) for a, b, v in zip(d, exact, range(len(d))) if self.component.get(v) == home), default=0)
                 self.check(worst <= 1e-9 * size, f"distance: {worst / size:.2g} of the judge's")
         if self.component[e] == home and e != s:
@@ -348,7 +349,7 @@ def main():
     parser.add_argument("--judge")
     parser.add_argument("--keep")
     arguments = parser.parse_args()
-    failed, codes = 0, {}
+    failed, judged, codes = 0, 0, {}
     for number in range(arguments.first, arguments.first + arguments.count):
         work = tempfile.mkdtemp()
         trial = Trial(arguments, work, number)
@@ -358,6 +359,7 @@ def main():
             trial.wrong.append(f"{type(error).__name__}: {error}")
         for name, code in trial.codes.items():
             codes[name, code] = codes.get((name, code), 0) + 1
+        judged += trial.judged
         if trial.wrong:
             failed += 1
             print(f"FAILED: mesh {number}, {len(trial.triangles)} triangles, source {trial.source}: "
@@ -366,6 +368,8 @@ def main():
                 os.makedirs(arguments.keep, exist_ok=True)
                 shutil.copy(trial.mesh, f"{arguments.keep}/hostile-{number}.off")
         shutil.rmtree(work)
+    if arguments.judge:
+        print(f"distances compared with the judge's on {judged} meshes")
     print("exit codes: " + ", ".join(f"{name} {code}: {n}" for (name, code), n in sorted(codes.items())))
     print(f"# tried {arguments.count}: failed {failed}")
     return failed > 0
