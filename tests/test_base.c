@@ -63,16 +63,18 @@ static void keyed_items_keep_their_order(void **state)
     free(a);
 }
 
-/* L X = I - J / n, and the rows of X sum to 0: that is the pseudo-inverse. */
+/* L X = I - J / n, and the rows of X sum to 0: that is the pseudo-inverse, whatever the unit. */
 static void laplacians_are_inverted(void **state)
 {
     (void)state;
     enum { MOST = 40 };
+    static const double units[] = {1, 1e-15, 1e15};
     for (int32_t n = 1; n <= MOST; n += 13) {
         double *l = calloc((size_t)(n * n), sizeof *l), *x = calloc((size_t)(n * n), sizeof *x);
+        const double unit = units[n / 13 % 3];
         for (int32_t i = 0; i + 1 < n; i++) {
             for (int32_t j = i + 1; j < n; j += 5) { /* a path, and some more */
-                const double w = 0.1 + random_bits() / 1e6;
+                const double w = unit * (0.1 + random_bits() / 1e6);
                 l[i * n + j] -= w;
                 l[j * n + i] -= w;
                 l[i * n + i] += w;
@@ -86,13 +88,44 @@ static void laplacians_are_inverted(void **state)
                 double sum = 0;
                 for (int32_t k = 0; k < n; k++) sum += l[i * n + k] * x[k * n + j];
                 assert_true(fabs(sum - ((i == j) - 1.0 / n)) < 1e-10);
-                row += x[i * n + j];
+                row += x[i * n + j] * unit;
             }
             assert_true(fabs(row) < 1e-10);
         }
         free(l);
         free(x);
     }
+}
+
+/* Two pairs without a link: the last pivot is rounding, and that unknown is left out. Right-hand sides that
+ * sum to 0 on each pair are solved all the same, in any unit. */
+static void loose_unknowns_are_left_out(void **state)
+{
+    (void)state;
+    for (double unit = 1e-18; unit < 1e19; unit *= 1e3) {
+        const double w[] = {0.7 * unit, 0.3 * unit};
+        double l[16] = {0}, x[16];
+        for (int p = 0; p < 2; p++) {
+            l[10 * p] = l[10 * p + 5] = w[p];
+            l[10 * p + 1] = l[10 * p + 4] = -w[p];
+        }
+        assert_int_equal(dmk_laplacian_inverse(ctx, 4, l, x), DMK_OK);
+        for (int p = 0; p < 2; p++) { /* one unit in at 2p, out at 2p + 1 */
+            const double *column = x + 2 * p;
+            const double drop =
+                column[8 * p] - column[8 * p + 1] - column[8 * p + 4] + column[8 * p + 5];
+            assert_true(fabs(drop * w[p] - 1) < 1e-12);
+        }
+    }
+}
+
+/* A call without a context has nowhere to put its message, and still tells that it failed. */
+static void a_missing_context_has_no_message(void **state)
+{
+    (void)state;
+    assert_int_equal(dmk_fail(NULL, DMK_E_MESH, "triangle %d", 3), DMK_E_MESH);
+    assert_true(dmk_missing(NULL, "mesh", (void *)NULL));
+    assert_true(dmk_missing(NULL, "mesh", &ctx));
 }
 
 /* The regular octahedron around (1, 2, 3), of edge sqrt 2, and a vertex in no triangle far away. */
@@ -158,6 +191,8 @@ int main(void)
         cmocka_unit_test(numbers_are_sorted),
         cmocka_unit_test(keyed_items_keep_their_order),
         cmocka_unit_test(laplacians_are_inverted),
+        cmocka_unit_test(loose_unknowns_are_left_out),
+        cmocka_unit_test(a_missing_context_has_no_message),
         cmocka_unit_test(a_mesh_is_measured),
         cmocka_unit_test(numbers_that_are_none_are_refused),
     };

@@ -33,6 +33,7 @@ done
 usage 'no command' 'command is missing'
 usage 'an unknown command' "did you mean 'solve'" slove
 usage 'a command like no other' 'dmkcl --help' xxxxxxxxxx
+fails 'a word that is like none' 1 "no command 'iqqq'; .dmkcl --help. lists" "$tool" iqqq
 usage 'an unknown option' "no option '--sorce'; did you mean '--source'" solve x.off --sorce 1,2,3
 usage 'an option like no other' 'solve --help' solve x.off --xxxxxxxxxxxx 1
 usage 'a single dash' 'two dashes' solve x.off -source
@@ -273,6 +274,15 @@ check 'a cut as OBJ has a texture coordinate for each vertex' \
     sh -c "[ \$(grep -c '^vt ' '$work/cut.obj') = \$(grep -c '^v ' '$work/cut.obj') ] && grep -q '^f [0-9]*/[0-9]* ' '$work/cut.obj'"
 check 'as VTP it has the plane' grep -qa 'Name="plane"' "$work/cut.vtp"
 check 'and the picture is a drawing' sh -c "grep -q '^<svg ' '$work/cut.svg' && tail -1 '$work/cut.svg' | grep -q '</svg>'"
+check 'which fills its frame' awk '
+    match($0, /viewBox="0 0 [0-9]+/) { side = substr($0, RSTART + 13, RLENGTH - 13) + 0 }
+    { n = split($0, point, /[ML]/)
+      for (i = 2; i <= n; i++) { split(point[i], x, " ")
+        for (k = 1; k <= 2; k++) { if (!seen || x[k] + 0 < low[k]) low[k] = x[k] + 0
+            if (!seen || x[k] + 0 > high[k]) high[k] = x[k] + 0 }
+        seen = 1 } }
+    END { w = high[1] - low[1]; h = high[2] - low[2]; if (h > w) w = h; print side, low[1], high[1], low[2], high[2]
+        exit !(low[1] > 0 && low[2] > 0 && high[1] < side && high[2] < side && w > 0.9 * side) }' "$work/cut.svg"
 for strength in 0.04 3; do
     "$tool" solve "$torus" --vertex 0 --strength $strength --locus "$work/l$strength.csv" --quiet
 done

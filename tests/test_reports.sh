@@ -8,13 +8,13 @@ mesh=$work/torus.off
 # The mesh comes through a pipe, half a second late: reading takes that long, and nothing else does.
 mkfifo "$work/slow.off"
 (sleep 0.6; cat "$mesh" > "$work/slow.off") &
-"$tool" solve "$work/slow.off" --vertex 0 --quiet --locus "$work/l.csv" --tangent "$work/t.csv" --out "$work/o.vtp" \
-    --report "$work/r.json"
+"$tool" solve "$work/slow.off" --vertex 0 --locus "$work/l.csv" --tangent "$work/t.csv" --out "$work/o.vtp" \
+    --report "$work/r.json" > "$work/summary"
 check 'a run with all its files' test $? -eq 0
 wait
 "$tool" info --json "$mesh" > "$work/info.json"
 cat > "$work/look.py" << 'EOF'
-import csv, json, math, resource, subprocess, sys
+import csv, json, math, re, resource, subprocess, sys
 tool, mesh, work, what = sys.argv[1:]
 r, info = json.load(open(work + "/r.json")), json.load(open(work + "/info.json"))
 s = r["seconds"]
@@ -57,6 +57,21 @@ def times():
     parts = s["setup"] + s["start"] + s["solve"] + s["certify"] + s["locus"] + s["write"]
     assert parts <= s["total"] - s["read"] + 1e-3, s      # they follow the reading
     assert max(s["read"], s["device"]) + parts >= 0.5 * s["total"], s
+def summary():
+    text, l = " ".join(open(work + "/summary").read().split()), r["locus"]
+    number = lambda n, word: f"{n:,} {word}" + ("" if n == 1 else "s")
+    for part in (f"mesh {r['mesh']['file']}: {number(nv, 'vertice')}, {number(nt, 'triangle')}, closed, genus 1 ",
+                 f"vertex 0 device {r['device']['name']} ",
+                 f"solved in {number(r['steps'], 'step')} with {number(r['cg_iterations'], 'CG iteration')}, {r['precision']}",
+                 f"cost between {r['cost_lower']:.8g} and {r['cost_upper']:.8g} (gap {100 * r['gap']:.2g} %), of the",
+                 f"cut locus length {l['length']:.6g} in {number(l['components'], 'piece')}, {number(l['loops'], 'loop')}, "
+                 f"{number(l['endpoints'], 'end')}, {number(l['branch_points'], 'branch point')} time",
+                 f"wrote {work}/r.json: report"):
+        assert part in text, (part, text)
+    times = dict(re.findall(r"(\w+) ([.0-9]+)[,;]", text[text.index("s: read"):]))
+    for stage in ("read", "device", "setup", "start", "solve", "certify", "locus", "write"):
+        assert abs(float(times[stage]) - s[stage]) < 0.00501, (stage, times, s)
+    assert abs(float(re.search(r"time ([.0-9]+) s", text).group(1)) - s["total"]) < 0.05 + 0.2 * s["total"], (text, s)
 def memory():
     p = subprocess.run([tool, "solve", mesh, "--vertex", "0", "--json"], stdout=subprocess.PIPE, check=True)
     kernel = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024
@@ -88,11 +103,54 @@ look() { python3 "$work/look.py" "$PWD/$tool" "$mesh" "$work" "$1"; }
 check 'the mesh in the report' look mesh_figures
 check 'costs and gap' look costs
 check 'the seconds of each stage' look times
+check 'the summary tells the same' look summary
 check 'the memory' look memory
 check 'the cut locus in the report' look locus
 check 'the tangent cut locus' look tangent
 
-# ---- many sources: the exit code of the first failure -----------------------------------------
+# ---- distances: two unit squares side by side, and a vertex in no triangle ---------------------
+
+squares=$work/squares.off
+awk 'BEGIN { n = 20; m = (n + 1)^2; print "OFF"; print 2 * m + 1, 4 * n * n, 0
+    for (s = 0; s < 2; s++) for (j = 0; j <= n; j++) for (i = 0; i <= n; i++) print i / n + 3 * s, j / n, 0
+    print 0, 0, 9
+    for (s = 0; s < 2; s++) for (j = 0; j < n; j++) for (i = 0; i < n; i++) { a = s * m + j * (n + 1) + i
+        print 3, a, a + 1, a + n + 2; print 3, a, a + n + 2, a + n + 1 } }' > "$squares"
+cat > "$work/distance.py" << 'EOF'
+import json, math, sys
+r, n_sources, border, n_reached, farthest, integral = json.load(open(sys.argv[1])), *map(eval, sys.argv[2:])
+assert r["n_sources"] == n_sources and r["border"] is border and r["n_reached"] == n_reached, r
+assert abs(r["farthest"] - farthest) < 1e-12 and r["error"] == 0 and r["windows"] > r["n_reached"], r
+assert abs(r["integral"] - integral) < 3 * r["integral_error"] < 0.02 * integral, (r, integral)
+m, s = r["mesh"], r["seconds"]
+assert m["n_vertices"] == 883 and m["n_triangles"] == 1600 and m["n_unused_vertices"] == 1, m
+assert m["file"].endswith("squares.off") and r["out"] == [m["file"][:-11] + "a.ply"], r
+assert 0 < s["read"] and 0 < s["distance"] and 0 < s["write"] <= s["total"] < 20 and 1e6 < r["peak_memory"] < 1e9, r
+assert s["read"] + s["distance"] + s["write"] <= s["total"] + 1e-6, s
+EOF
+from() { # N_SOURCES BORDER N_REACHED FARTHEST INTEGRAL OPTION...: the report of `distance`
+    local expected=("${@:1:5}")
+    "$tool" distance "$squares" "${@:6}" --quiet --out "$work/a.ply" --report "$work/d.json" &&
+        python3 "$work/distance.py" "$work/d.json" "${expected[@]}"
+}
+printf 'vertex 0\n3,0,0\n' > "$work/corners.txt"
+corner='(math.sqrt(2) + math.log(1 + math.sqrt(2))) / 3' # the mean distance from a corner of the unit square
+check 'distance from one corner' from 1 False 441 'math.sqrt(2)' "$corner" --vertex 0
+check 'from a corner of each' from 2 False 882 'math.sqrt(2)' "2 * $corner" --sources "$work/corners.txt"
+check 'from the border' from 0 True 882 0.5 1/3 --border
+check 'from both' from 2 True 882 0.5 1/3 --sources "$work/corners.txt" --border
+# prints EXPECTED COMMAND...: these lines, but for the one of times and memory.
+prints() {
+    "${@:2}" 2> "$work/err" | grep -v '^time' > "$work/lines"
+    printf "$1" | cmp - "$work/lines" || { cat "$work/lines"; return 1; }
+}
+on="mesh       $squares: 883 vertices, 1,600 triangles\n"
+check 'a summary of one corner' prints "${on}sources    1 point\ndistance   farthest 1.414213562, exact\n           441 vertices lie on \
+components without a source\n" "$tool" distance "$squares" --vertex 0
+check 'a summary of both and the border' prints "${on}sources    2 points and the border\ndistance   farthest 0.5, exact\n" \
+    "$tool" distance "$squares" --sources "$work/corners.txt" --border
+
+# ---- many sources: the line of each, the exit code of the first failure ------------------------
 
 many() { # LIST OPTION...
     printf "$1" > "$work/list.txt"
@@ -106,6 +164,28 @@ code() { # CODE LIST OPTION...
     status=$?
     test $status -eq "$code" || { echo "status $status"; cat "$work/err"; return 1; }
 }
+mkdir "$work/lines.d"
+printf 'vertex 0\n1,2,3\n' > "$work/list.txt"
+"$tool" solve "$mesh" --sources "$work/list.txt" --report "$work/lines.d/r.json" --locus "$work/lines.d/l.obj" > "$work/lines"
+cat > "$work/lines.py" << 'EOF'
+import json, math, re, sys
+work = sys.argv[1]
+lines = [l for l in open(work + "/lines") if re.match(r"\d{4}  ", l)]
+assert len(lines) == 2, lines
+for k, line in enumerate(lines):
+    r = json.load(open(f"{work}/lines.d/r-{k:04}.json"))
+    l, at = r["locus"], r["source"]["xyz"]
+    point = re.search(r"\((.*?)\)", line).group(1).replace(",", " ").split()
+    assert all(abs(float(a) - b) < 1e-4 for a, b in zip(point, at)), (line, at)
+    away = re.search(r", ([-+.0-9e]+) from the point asked for", line)
+    assert bool(away) == (k == 1) and (not away or abs(float(away.group(1)) / math.dist(at, (1, 2, 3)) - 1) < 0.05), line
+    for text in (f"{r['steps']} steps", f"cost {r['cost_upper']:.8g}", f"gap {100 * r['gap']:.2g} %",
+                 f"cut locus {l['length']:.6g}", f"loops {l['loops']}", f"ends {l['endpoints']}",
+                 f"branch points {l['branch_points']}"):
+        assert f" {text}," in line, (text, line)
+    assert float(re.search(r"([.0-9]+) s$", line).group(1)) <= 30, line
+EOF
+check 'the line of each source is its report' python3 "$work/lines.py" "$work"
 few='--method euler --max-steps 1'
 check 'no source that fails' code 0 'vertex 0\nvertex 5\n'
 check 'the code of a bad source first' code 1 'vertex 99999999\nvertex 0\n' $few

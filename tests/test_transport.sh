@@ -17,8 +17,11 @@ awk -v n="$n" 'BEGIN { for (i = 0; i < n; i++) print i == 7 ? 1 : 0 }' > "$work/
 awk -v n="$faces" 'BEGIN { for (i = 0; i < n; i++) print 1 + i % 2 }' > "$work/faces"
 awk -v n="$n" 'BEGIN { for (i = 0; i < n; i++) print i == 7 ? 1 : i == 70 ? -1 : 0 }' > "$work/signed"
 
-check 'atoms to atoms' "$tool" transport $mesh --from "$work/a" --to "$work/b" --out "$work/o.vtp" \
-    --out "$work/o.vtu" --out "$work/o.ply" --report "$work/r.json"
+"$tool" transport $mesh --from "$work/a" --to "$work/b" --out "$work/o.vtp" \
+    --out "$work/o.vtu" --out "$work/o.ply" --report "$work/r.json" > "$work/summary" 2> "$work/errors"
+check 'atoms to atoms' test $? -eq 0
+check 'says nothing where there is no terminal' test ! -s "$work/errors"
+check 'the report is JSON' is_json "$work/r.json"
 check 'the file has the flux' has "$work/o.vtp" 'Name="flux" NumberOfComponents="3"'
 check 'and no distance' sh -c "! grep -aq 'Name=\"distance\"' '$work/o.vtp'"
 for key in cost_upper cost_lower gap mass balance steps; do
@@ -31,6 +34,8 @@ check 'one signed measure' "$tool" transport $mesh --from "$work/signed"
 
 check 'a file of arrays' "$tool" solve $mesh --vertex 3 --out "$work/n.vtp" --out "$work/n.vtu"
 check 'an array of points' "$tool" transport $mesh --from "$work/n.vtp:distance" --to uniform --normalise
+by_name() { (cd "$work" && "$OLDPWD/$tool" transport "$OLDPWD/$mesh" --from n.vtp:mu --to uniform --normalise); }
+check 'an array of a file with a short name' by_name
 check 'an array of triangles' "$tool" transport $mesh --from "$work/n.vtu:mu" --to uniform --normalise --report "$work/by_name"
 fails 'an array that is not there' 3 "no array 'nothing'" "$tool" transport $mesh --from "$work/n.vtp:nothing" --to uniform
 fails 'an array of vectors' 3 'several components' "$tool" transport $mesh --from "$work/o.vtp:flux" --to uniform

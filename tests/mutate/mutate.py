@@ -1,19 +1,27 @@
 #!/usr/bin/env python3
 """Small wrong changes of the sources, one at a time, and whether a test notices.
 
-usage: mutate.py [--count N] [--seed S] [--rooms ROOM,...] [--files PATTERN] [--all-tests] [--list] [--floor SHARE]
+usage: mutate.py [--count N] [--seed S] [--rooms ROOM,...] [--files PATTERN,...] [--tests PATTERN,...]
+                 [--budget SECONDS] [--seconds SECONDS] [--floor SHARE] [--list | --table]
        mutate.py --only 'FILE:LINE:OPERATOR'
 
 A copy of the repository in build/mutate is changed, built and tested; the working tree stays as it is. Each mutant
-is one operator at one place of a C file or kernel; one that compiles to the same object is none. The tests of its
-room run first, the fastest first, until one fails; a mutant that none notices is a survivor. Survivors that cannot
-be noticed stand in known.txt with the reason. The sample is drawn by the seed, the same share of each room. Prints
-the survivors, a table by room, and at last "# tried N: failed M", M counting survivors without a reason beyond what
---floor (0.95) allows."""
+is one operator at one place of a C file or kernel; one that compiles to the same object is none. First each test is
+run once with line counters: what it reaches and how long it takes. A mutant is then tried by the tests that reach
+its line, those that noticed others of its file first, then the fastest, up to --budget seconds (60; 0: all of them);
+one that none notices is a survivor. Survivors that cannot be noticed stand in known.txt with the reason.
+
+The sample is the same as long as its lines are: mutants are ranked by a hash of the seed and what they are, and each
+room gives the first of them. What a mutant came to is kept in build/mutate-*.json and holds until its file or the test
+that noticed it changes; a survivor is tried again, at the end, by tests that it has not met. So a run can end
+(--seconds) and go on later. Prints the survivors, a table by room, and at last "# tried N: failed M", M counting
+survivors without a reason beyond what --floor (0.95) allows."""
 import argparse
+import collections
 import fnmatch
+import hashlib
+import json
 import os
-import random
 import re
 import shutil
 import signal
@@ -24,28 +32,12 @@ import time
 HERE = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.dirname(os.path.dirname(HERE))
 TREE = os.path.join(ROOT, "build", "mutate")
-BUILD = "build/release"
-
-# Tests by room: these first; then, with --all-tests, all others. Rooms without a line: GENERAL.
-GENERAL = ["api", "mesh", "solver", "operator", "exact", "same", "cancel", "hostile"]
-ROOM_TESTS = {
-    "base": ["base", "outfile", "parallel", "number", "mesh", "arguments", "cancel", "coarsen", "solver", "geodesic"],
-    "mesh": ["base", "mesh", "repair", "units", "operator", "coarsen", "solver", "geodesic", "surface", "hostile",
-             "meshes.sh", "cli.sh"],
-    "surfaces": ["surface", "mesh", "geometry.sh"],
-    "levels": ["coarsen", "units", "solver", "operator"],
-    "io": ["number", "io", "foreign", "ply_stl", "repair", "meshes.sh", "outputs.sh"],
-    "geodesic": ["geodesic", "units", "start", "slender", "hostile", "once.sh"],
-    "device": ["device", "cache", "operator", "solver", "arguments", "environment.sh"],
-    "solver": ["operator", "units", "solver", "transport", "start", "certificate", "acl", "exact", "coarsen", "same", "cancel",
-               "once.sh", "transport.sh"],
-    "locus": ["locus", "units", "cancel", "hostile", "geometry.sh", "once.sh"],
-    "api": ["arguments", "api", "solver", "cancel", "locus", "geodesic", "acl", "io", "hostile", "cli.sh", "once.sh",
-            "reports.sh", "outputs.sh"],
-    "cli": ["json", "cli.sh", "outputs.sh", "reports.sh", "batch.sh", "meshes.sh", "messages.sh", "environment.sh"],
-    "ranks": ["ranks"],
-    "kernels": ["operator", "units", "solver", "transport", "certificate", "acl", "exact", "same", "layers.sh"],
-}
+KEPT = os.path.join(ROOT, "build", "mutate-%s.json") # tests, mutants, files
+BUILD, COUNTED = "build/release", "build/coverage"
+MAKE = ["make", "-s", f"-j{os.cpu_count()}", "OPT_release=-O1 -march=native -fno-math-errno -Wno-unused -Wno-unused-parameter",
+        "OPT_coverage=-O1 -g --coverage -fprofile-update=atomic"]
+# Tests of the text of the sources, of packages and of what other programs make of files.
+NOT_TESTS = ["layers.sh", "install.sh", "runner.sh", "formats.sh", "paper.sh", "python.sh", "mpi.sh", "random.sh", "memory.sh"]
 
 # ---- operators: what is found in a line, and what takes its place ---------------------------
 
@@ -82,7 +74,7 @@ OPERATORS = [
     ("term", r"(?<=[\w)\]]) [-+] [\w.>\[\]-]+ \* [\w.>\[\]-]+(?=[;)])", lambda m: ""),
     ("negated", r"\bif \((.*)\)(?=( \{| return| goto| break| continue|$))", lambda m: f"if (!({m.group(1)}))"),
     ("statement", r"^( +)((?!return|goto|break|continue|case|const|static|DMK_TRY\(DMK_NEW|va_|int |size_t |double |float |bool "
-                  r"|char |real |struct |dmk_\w+ \*?\w+( =|;|\[))[\w*(].*;)$", lambda m: f"{m.group(1)};"),
+                  r"|char |real |struct |free\(|dmk_\w+ \*?\w+( =|;|\[))[\w*(].*;)$", lambda m: f"{m.group(1)};"),
     ("extreme", r"\b(fmin|fmax|dmk_min_i|dmk_max_i)(?=\()",
      exchange({"fmin": "fmax", "fmax": "fmin", "dmk_min_i": "dmk_max_i", "dmk_max_i": "dmk_min_i"})),
     ("arguments", r"(?<=\()([\w.>-]+), ([\w.>-]+)(?=\);)", lambda m: f"{m.group(2)}, {m.group(1)}"),
@@ -130,57 +122,76 @@ def is_size(line, place):
     return False
 
 
+Mutant = collections.namedtuple("Mutant", "path line operator old new key")
+
+
+# `if (a > b) a = b;` is the same with >=.
+CLAMP = re.compile(r"if \((\S+) [<>]=? (\S+)\) (?:\1 = \2|\2 = \1);")
+
+
 def mutants_of(path):
+    seen = collections.Counter()
     for number, line in code_lines(os.path.join(ROOT, path)):
+        seen[line] += 1
         for name, pattern, change in OPERATORS:
             for at, match in enumerate(re.finditer(pattern, line)):
                 new = change(match)
-                if new is not None and new != match.group(0) and not is_size(line, match.start()):
-                    yield (path, number, f"{name}#{at}", line, line[:match.start()] + new + line[match.end():])
+                idle = is_size(line, match.start()) or name == "comparison" and CLAMP.search(line)
+                if new is not None and new != match.group(0) and not idle:
+                    key = f"{path} | {name}#{at} | {line.strip()} | {seen[line]}"
+                    new = line[:match.start()] + new + line[match.end():]
+                    yield Mutant(path, number, f"{name}#{at}", line, new, key)
 
 
 def room_of(path):
     return "kernels" if path.startswith("kernels/") else path.split("/")[1]
 
 
-def all_files(patterns):
-    known = subprocess.run(["git", "ls-files", "src", "kernels"], cwd=ROOT, capture_output=True, text=True, check=True)
-    for path in known.stdout.split():
-        if path.startswith("src/python") or not path.endswith((".c", ".cl")) or path.count("/") < 1:
-            continue
-        if not os.path.exists(os.path.join(ROOT, path)):
-            continue
-        if not patterns or any(fnmatch.fnmatch(path, p) for p in patterns.split(",")):
-            yield path
+def matches(name, patterns):
+    return not patterns or any(fnmatch.fnmatch(name, p) for p in patterns.split(","))
 
 
-# ---- the copy, its build and its tests ------------------------------------------------------
+def draw(arguments):
+    """Half of the sample in equal parts from the rooms, half by their sizes."""
+    if arguments.only:
+        path, number, operator = arguments.only.split(":")
+        return [m for m in mutants_of(path) if m.line == int(number) and m.operator.startswith(operator)]
+    rooms = collections.defaultdict(list)
+    for path in subprocess.check_output(["git", "ls-files", "src", "kernels"], cwd=ROOT, text=True).split():
+        if path.endswith((".c", ".cl")) and not path.startswith("src/python") and matches(path, arguments.files):
+            if os.path.exists(os.path.join(ROOT, path)) and matches(room_of(path), arguments.rooms):
+                rooms[room_of(path)] += mutants_of(path)
+    total, drawn = sum(map(len, rooms.values())), []
+    for room in sorted(rooms):
+        count = round(arguments.count / 2 / len(rooms) + arguments.count / 2 * len(rooms[room]) / total)
+        ranked = sorted(rooms[room], key=lambda m: hashlib.sha1(f"{arguments.seed} {m.key}".encode()).digest())
+        drawn += sorted(ranked[:count], key=lambda m: (m.path, m.line))
+    return drawn
+
+
+# ---- the copy, its builds and its tests -----------------------------------------------------
 
 
 def copy_tree():
-    os.makedirs(TREE, exist_ok=True)
-    names = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split("\n")
-    for name in filter(None, names):
+    """The files that git knows or would take, where they differ; what is gone here is gone there."""
+    names = subprocess.check_output(["git", "ls-files", "-co", "--exclude-standard"], cwd=ROOT, text=True).split("\n")
+    names = {n for n in names if n and os.path.isfile(os.path.join(ROOT, n))}
+    for name in names:
         source, target = os.path.join(ROOT, name), os.path.join(TREE, name)
-        if not os.path.exists(source):
-            if os.path.exists(target):
-                os.remove(target)
-            continue
         os.makedirs(os.path.dirname(target), exist_ok=True)
-        if not os.path.exists(target) or open(source, "rb").read() != open(target, "rb").read():
+        if not os.path.exists(target) or content(source) != content(target):
             shutil.copy(source, target)
-    for folder in ("src", "kernels", "tests"): # what is gone in the tree is gone in the copy
+    for folder in ("src", "kernels", "tests", "include"):
         for base, _, files in os.walk(os.path.join(TREE, folder)):
-            for name in files:
-                relative = os.path.relpath(os.path.join(base, name), TREE)
-                if not os.path.exists(os.path.join(ROOT, relative)):
-                    os.remove(os.path.join(base, name))
+            for path in (os.path.join(base, name) for name in files):
+                if os.path.relpath(path, TREE) not in names:
+                    os.remove(path)
 
 
-def run(command, seconds, environment=None):
-    """(exit status, output); 124 when it took too long."""
-    process = subprocess.Popen(command, cwd=TREE, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-                               stderr=subprocess.STDOUT, start_new_session=True)
+def run(command, seconds, **environment):
+    """(exit status, output) in the copy; 124 when it took too long."""
+    process = subprocess.Popen(command, cwd=TREE, env={**os.environ, **environment}, stdin=subprocess.DEVNULL,
+                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True)
     try:
         text = process.communicate(timeout=seconds)[0]
         return process.returncode, text.decode(errors="replace")
@@ -190,38 +201,102 @@ def run(command, seconds, environment=None):
         return 124, ""
 
 
-class Tests:
-    """Tests by name, "solver" or "cli.sh", with their seconds on the sources as they are."""
+def build(folder, test=None, *objects):
+    """Whether it builds: what the test "units:name" or the script "cli.sh" needs, or everything."""
+    targets = [f"{folder}/dmkcl", f"{folder}/faults/dmkcl", f"{folder}/faults/library"]
+    if not test or not test.endswith(".sh"):
+        targets = [f"{folder}/tests/test_{test.split(':')[0]}"] if test else ["all", *targets]
+    status, text = run([*MAKE, f"CONFIG={os.path.basename(folder)}", *objects, *targets], 600)
+    return status == 0 or test is None and sys.exit(text[-4000:] + "the sources do not build as they are")
 
-    def __init__(self, wanted):
-        self.environment, self.seconds = dict(os.environ, KEEP_SCRATCH="1", INTERRUPTS="0"), {}
-        self.targets = sorted(f"{BUILD}/tests/test_{n}" for n in wanted if not n.endswith(".sh"))
-        self.targets += [f"{BUILD}/dmkcl"] if any(n.endswith(".sh") for n in wanted) else []
-        self.targets += [f"{BUILD}/faults/dmkcl", f"{BUILD}/faults/library"] if "faults.sh" in wanted else []
-        status, text = self.build()
-        if status != 0:
-            sys.exit(text[-4000:] + "the sources do not build as they are")
-        for name in wanted:
-            begin = time.monotonic()
-            if self.passes(name, 900):
-                self.seconds[name] = time.monotonic() - begin
-            else:
-                print(f"test_{name} fails on the sources as they are: left out", flush=True)
 
-    def build(self):
-        return run(["make", "-s", f"-j{os.cpu_count()}", "CONFIG=release", "OPT_release=-O1 -march=native -fno-math-errno",
-                    *self.targets], 600)
+def passes(folder, test, limit):
+    name, _, function = test.partition(":")
+    path = f"tests/test_{name}" if name.endswith(".sh") else f"{folder}/tests/test_{name}"
+    filters = {"DMKCL_TEST": function} if function else {}
+    return run(["sh", "tests/run.sh", folder, path], limit, KEEP_SCRATCH="1", INTERRUPTS="0", **filters)[0] == 0
 
-    def passes(self, name, limit):
-        test = f"tests/test_{name}" if name.endswith(".sh") else f"{BUILD}/tests/test_{name}"
-        return run(["sh", "tests/run.sh", BUILD, test], limit, self.environment)[0] == 0
 
-    def kill(self, names):
-        """The test that fails, or None."""
-        for name in names:
-            if name in self.seconds and not self.passes(name, 20 + 5 * self.seconds[name]):
-                return name
-        return None
+def source_of(test):
+    name = test.split(":")[0]
+    return f"tests/test_{name}" if name.endswith(".sh") else f"tests/test_{name}.c"
+
+
+def all_tests(patterns):
+    """"cli.sh" for each script, "units:name" for each test of a program."""
+    for file in sorted(os.listdir(os.path.join(ROOT, "tests"))):
+        name = re.sub(r"^test_|\.c$", "", file)
+        if not file.startswith("test_") or name in NOT_TESTS or not matches(name, patterns):
+            continue
+        if file.endswith(".sh"):
+            yield name
+            continue
+        text = open(os.path.join(ROOT, "tests", file), encoding="utf-8").read()
+        yield from (f"{name}:{function}" for function in re.findall(r"(?:cmocka_unit_test\w*|\bTEST)\((\w+)", text))
+
+
+def content(path):
+    with open(path, "rb") as file:
+        return file.read()
+
+
+def digest(path):
+    return hashlib.sha1(content(os.path.join(TREE, path))).hexdigest()[:12]
+
+
+# ---- which test reaches which line ----------------------------------------------------------
+
+
+def lines_reached(report):
+    """{file: texts of its lines that were run}, from gcov's JSON. A line without a counter goes with the one before;
+    one outside functions, "", with the file. Texts, because they stay what they are when lines move."""
+    reached = {}
+    for text in filter(None, report.split("\n")):
+        for file in json.loads(text)["files"]:
+            if not file["file"].startswith("src/") or not any(line["count"] for line in file["lines"]):
+                continue
+            counts = {}
+            for line in file["lines"]:
+                counts[line["line_number"]] = counts.get(line["line_number"], 0) + line["count"]
+            hit, texts = True, {""}
+            with open(os.path.join(TREE, file["file"]), encoding="utf-8") as source:
+                for number, line in enumerate(source, 1):
+                    hit = counts.get(number, hit) > 0
+                    texts |= {line.strip()} if hit else set()
+                    hit = hit or line.startswith("}")
+            reached[file["file"]] = sorted(texts)
+    return reached
+
+
+def record(test):
+    """{"source", "seconds", "reached"} of a test that passes on the sources as they are; else "reached" is empty."""
+    for base, _, files in os.walk(os.path.join(TREE, COUNTED)):
+        for name in files:
+            if name.endswith(".gcda"):
+                os.remove(os.path.join(base, name))
+    begin = time.monotonic()
+    passed = passes(COUNTED, test, 900)
+    seconds = time.monotonic() - begin
+    command = f"find {COUNTED} -name '*.gcda' -exec gcov -t -j {{}} +"
+    reached = lines_reached(run(["sh", "-c", command + " 2> /dev/null"], 600)[1]) if passed else {}
+    print(f"{'reached by' if passed else 'FAILS: left out:'} {test}: {sum(map(len, reached.values()))} lines, "
+          f"{seconds:.1f} s", flush=True)
+    return {"source": digest(source_of(test)), "seconds": seconds, "reached": reached}
+
+
+def tests_for(mutant, kept):
+    """Those that reach the line; of a kernel, and of a line that no test reached in a file that has changed since,
+    those that reach the file."""
+    path = mutant.path if mutant.path.endswith(".c") else "src/device/launch.c"
+    lines = {test: r["reached"][path] for test, r in kept["tests"].items() if path in r["reached"]}
+    reaching = [test for test, texts in lines.items() if mutant.old.strip() in texts]
+    if not reaching and kept["files"].get(mutant.path) != digest(mutant.path):
+        reaching = list(lines)
+    noticed = collections.Counter(r["end"] for key, r in kept["mutants"].items() if key.startswith(mutant.path + " "))
+    return sorted(reaching, key=lambda t: (-noticed[t], kept["tests"][t]["seconds"]))
+
+
+# ---- trying ---------------------------------------------------------------------------------
 
 
 def load_known():
@@ -235,105 +310,139 @@ def load_known():
     return known
 
 
-def draw(arguments):
-    rooms = {}
-    for path in all_files(arguments.files):
-        rooms.setdefault(room_of(path), []).extend(mutants_of(path))
-    if arguments.rooms:
-        rooms = {room: m for room, m in rooms.items() if room in arguments.rooms.split(",")}
-    if arguments.only:
-        file, number, operator = arguments.only.split(":")
-        return [m for m in mutants_of(file) if m[1] == int(number) and m[2].startswith(operator)]
-    chance, drawn = random.Random(arguments.seed), []
-    total = sum(len(m) for m in rooms.values())
-    for room in sorted(rooms):
-        count = round(arguments.count / 2 / len(rooms) + arguments.count / 2 * len(rooms[room]) / total)
-        drawn += chance.sample(rooms[room], min(count, len(rooms[room])))
-    return drawn
+def still_holds(result, mutant):
+    """What it came to, on this file and with the test that noticed it as they are."""
+    if not result or result["source"] != digest(mutant.path):
+        return False
+    return not result["end"] or result["end"] == "none" or result["tests"][result["end"]] == digest(source_of(result["end"]))
 
 
-def object_of(path):
-    """What the C file compiles to, or None: kernels are compiled by their device."""
+def changed(text, mutant):
+    lines = text.decode().split("\n")
+    lines[mutant.line - 1] = lines[mutant.line - 1].replace(mutant.old.strip(), mutant.new.strip() or ";", 1)
+    return "\n".join(lines).encode()
+
+
+def try_mutant(mutant, tests, kept, before, budget):
+    """{"source", "end": the test that notices it, None, or "none" for no mutant, "tests": those tried}. The object of
+    the file comes back as it was, so that only the archive and one program are made anew."""
+    path, tried = os.path.join(TREE, mutant.path), dict(before)
+    made = f"{BUILD}/{mutant.path[:-1]}o" if mutant.path.endswith(".c") else f"{BUILD}/kernels.o"
+    times, whole, whole_object = os.stat(path), content(path), content(os.path.join(TREE, made))
+    end, spent = None, 0
     try:
-        with open(os.path.join(TREE, BUILD, path[:-1] + "o"), "rb") as file:
-            return file.read() if path.endswith(".c") else None
-    except FileNotFoundError:
-        return None
-
-
-def try_mutant(mutant, tests, order, original):
-    """"no mutant" if it does not build or compiles to the same, the test that fails, or None."""
-    path, number, _, old, new = mutant
-    target = os.path.join(TREE, path)
-    with open(target, encoding="utf-8") as file:
-        lines = file.read().split("\n")
-    whole = list(lines)
-    lines[number - 1] = lines[number - 1].replace(old.strip(), new.strip() or ";", 1)
-    try:
-        with open(target, "w", encoding="utf-8") as file:
-            file.write("\n".join(lines))
-        status, _ = tests.build()
-        same = original is not None and original == object_of(path)
-        return "no mutant" if status != 0 or same else tests.kill(order)
+        with open(path, "wb") as file:
+            file.write(changed(whole, mutant))
+        for test in tests:
+            spent += kept["tests"][test]["seconds"]
+            if budget and spent > budget and test != tests[0]:
+                break
+            if not build(BUILD, test, made) or content(os.path.join(TREE, made)) == whole_object:
+                end = "none"
+                break
+            tried[test] = digest(source_of(test))
+            if not passes(BUILD, test, 5 + 5 * kept["tests"][test]["seconds"]):
+                end = test
+                break
     finally:
-        with open(target, "w", encoding="utf-8") as file:
-            file.write("\n".join(whole))
+        with open(path, "wb") as file:
+            file.write(whole)
+        if mutant.path.endswith(".c"):
+            os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+            with open(os.path.join(TREE, made), "wb") as file:
+                file.write(whole_object)
+    return {"source": digest(mutant.path), "end": end, "tests": tried}
+
+
+def load(part):
+    return json.load(open(KEPT % part, encoding="utf-8")) if os.path.exists(KEPT % part) else {}
+
+
+def keep(kept, part):
+    with open(KEPT % part + ".tmp", "w", encoding="utf-8") as file:
+        json.dump(kept[part], file)
+    os.replace(KEPT % part + ".tmp", KEPT % part)
+
+
+def in_time(items, stop):
+    """The items until the time is over."""
+    for item in items:
+        if time.monotonic() > stop:
+            print("# the time is over: the next run goes on here")
+            sys.exit(0)
+        yield item
+
+
+def print_table(drawn, known, kept, floor):
+    """Returns the number of survivors beyond the floor."""
+    columns = ["tried", "died", "known", "survived"]
+    table = collections.defaultdict(collections.Counter)
+    for mutant in drawn:
+        result, reason = kept["mutants"].get(mutant.key), reason_of(mutant, known)
+        if not reason and (not still_holds(result, mutant) or result["end"] == "none"):
+            continue
+        column = "known" if reason else "died" if result["end"] else "survived"
+        for room in (room_of(mutant.path), "~all"):
+            table[room].update(["tried", column])
+        if column == "survived":
+            print(f"SURVIVED {mutant.path}:{mutant.line}: {mutant.operator}: {mutant.old.strip()} -> "
+                  f"{mutant.new.strip() or ';'}  [{len(result['tests'])} tests]")
+    print(f"\n{'room':12}" + "".join(f"{c:>9}" for c in columns) + f"{'share':>9}")
+    for room, row in sorted(table.items()):
+        share = row["died"] / max(1, row["tried"] - row["known"])
+        print(f"{room.strip('~'):12}" + "".join(f"{row[c]:9}" for c in columns) + f"{100 * share:8.1f}%")
+    total = table["~all"]
+    failed = 0 if total["died"] >= floor * (total["tried"] - total["known"]) else total["survived"]
+    print(f"# tried {total['tried']}: failed {failed}")
+    return failed
+
+
+def reason_of(mutant, known):
+    return known.get((mutant.path, mutant.operator.split("#")[0], re.sub(r"\s", "", mutant.old)))
 
 
 def main():
     parser = argparse.ArgumentParser()
-    parser.add_argument("--count", type=int, default=300)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--rooms", default="")
-    parser.add_argument("--files", default="")
-    parser.add_argument("--only", default="")
-    parser.add_argument("--all-tests", action="store_true")
+    for name, kind, value in (("count", int, 300), ("seed", int, 1), ("rooms", str, ""), ("files", str, ""),
+                              ("tests", str, ""), ("only", str, ""), ("budget", float, 60), ("seconds", float, 1e9),
+                              ("floor", float, 0.95)):
+        parser.add_argument(f"--{name}", type=kind, default=value)
     parser.add_argument("--list", action="store_true")
-    parser.add_argument("--floor", type=float, default=0.95)
+    parser.add_argument("--table", action="store_true")
     arguments = parser.parse_args()
-    drawn, known = draw(arguments), load_known()
+    drawn, known, stop = draw(arguments), load_known(), time.monotonic() + arguments.seconds
     if arguments.list:
-        for path, number, operator, _, new in drawn:
-            print(f"{path}:{number}: {operator}: {new.strip()}")
+        for mutant in drawn:
+            print(f"{mutant.path}:{mutant.line}: {mutant.operator}: {mutant.new.strip()}")
         return 0
-    available = {f[5:-2] if f.endswith(".c") else f[5:] for f in os.listdir(os.path.join(ROOT, "tests"))
-                 if f.startswith("test_") and f.endswith((".c", ".sh"))}
-    wanted = set()
-    for room in {room_of(m[0]) for m in drawn}:
-        wanted |= set(ROOM_TESTS.get(room, GENERAL))
+    kept = {part: load(part) for part in ("tests", "mutants", "files")}
+    if arguments.table:
+        return print_table(drawn, known, kept, arguments.floor) > 0
     copy_tree()
-    tests = Tests(sorted((available if arguments.all_tests else wanted) & available))
-    objects = {path: object_of(path) for path in {m[0] for m in drawn}}
-    table, survivors = {}, []
-    for mutant in drawn:
-        path, number, operator, old, new = mutant
-        room = room_of(path)
-        order = [n for n in ROOM_TESTS.get(room, GENERAL) if n in tests.seconds]
-        order += sorted(set(tests.seconds) - set(order), key=tests.seconds.get) if arguments.all_tests else []
-        row = table.setdefault(room, {"tried": 0, "died": 0, "known": 0, "survived": 0, "no mutant": 0})
-        reason = known.get((path, operator.split("#")[0], re.sub(r"\s", "", old)))
-        end = "known" if reason else try_mutant(mutant, tests, order, objects[path])
-        if end == "no mutant":
-            row["no mutant"] += 1
+    kept["files"] = {path: digest(path) for path in {m.path for m in drawn}} | kept["files"]
+    keep(kept, "files")
+    wanted = [t for t in all_tests(arguments.tests) if kept["tests"].get(t, {}).get("source") != digest(source_of(t))]
+    if wanted:
+        build(COUNTED)
+    for test in in_time(wanted, stop):
+        kept["tests"][test] = record(test)
+        keep(kept, "tests")
+    build(BUILD)
+    drawn.sort(key=lambda m: m.key in kept["mutants"]) # survivors again at the end
+    for n, mutant in enumerate(in_time(drawn, stop), 1):
+        result = kept["mutants"].get(mutant.key)
+        holds, reason = still_holds(result, mutant), reason_of(mutant, known)
+        if reason or holds and result["end"]:
             continue
-        row["tried"] += 1
-        row["known" if end == "known" else "died" if end else "survived"] += 1
-        if not end:
-            survivors.append(mutant)
-        print(f"{'died' if end else 'SURVIVED'} {path}:{number}: {operator}: {old.strip()} -> {new.strip() or ';'}"
-              f"{'  [' + end + ']' if end else ''}", flush=True)
-    print(f"\n{'room':12} {'tried':>6} {'died':>6} {'known':>6} {'survived':>9} {'share':>7}")
-    total = {"tried": 0, "died": 0, "known": 0, "survived": 0}
-    for room, row in sorted(table.items()):
-        for key in total:
-            total[key] += row[key]
-    for room, row in [*sorted(table.items()), ("all", total)]:
-        share = row["died"] / max(1, row["tried"] - row["known"])
-        print(f"{room:12} {row['tried']:6} {row['died']:6} {row['known']:6} {row['survived']:9} {100 * share:6.1f}%")
-    meant = total["tried"] - total["known"]
-    failed = 0 if total["died"] >= arguments.floor * meant else total["survived"]
-    print(f"# tried {total['tried']}: failed {failed}")
-    return failed > 0
+        before = result["tests"] if holds else {}
+        tests = [t for t in tests_for(mutant, kept) if before.get(t) != digest(source_of(t))]
+        if holds and not tests:
+            continue
+        result = kept["mutants"][mutant.key] = try_mutant(mutant, tests, kept, before, arguments.budget)
+        keep(kept, "mutants")
+        print(f"{n}/{len(drawn)} {'died' if result['end'] else 'SURVIVED'} {mutant.path}:{mutant.line}: "
+              f"{mutant.operator}: {mutant.old.strip()} -> {mutant.new.strip() or ';'}  [{result['end']}]", flush=True)
+    return print_table(drawn, known, kept, arguments.floor) > 0
 
 
 if __name__ == "__main__":
