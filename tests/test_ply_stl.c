@@ -100,6 +100,37 @@ static void test_ply_data_like_line_ends(void **state)
     dmk_mesh_destroy(&m);
 }
 
+static void refuse_bytes(fixture *f, const void *content, size_t n, const char *message)
+{
+    dmk_mesh *m = NULL;
+    put_file(f, "m.ply", content, n);
+    assert_int_equal(dmk_mesh_read(f->ctx, path_of(f, "m.ply"), &m), DMK_E_FORMAT);
+    assert_null(m);
+    if (!strstr(dmk_context_message(f->ctx), message)) fail_msg("%s", dmk_context_message(f->ctx));
+    remove_file(f, "m.ply");
+}
+
+/* Records of one size, read side by side, and what is not of that size or not right, one after the other. */
+static void test_ply_binary_records(void **state)
+{
+#define RECORDS(faces)                                                                             \
+    "ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty uchar red\nproperty char "   \
+    "x\n"                                                                                          \
+    "property char y\nproperty char z\nelement face " faces                                        \
+    "\nproperty uchar flag\nproperty list uchar char vertex_indices\nproperty short last\n"        \
+    "end_header\n\11\0\0\0\11\1\0\0\11\1\1\0\11\0\1\0"
+    static const char triangles[] = RECORDS("2") "\7\3\0\1\2xx\7\3\0\2\3xx";
+    static const char quad[] = RECORDS("1") "\7\4\0\1\2\3xx";
+    static const char wrong[] = RECORDS("2") "\7\3\0\1\2xx\7\3\0\2\4xx";
+    static const char negative[] = RECORDS("2") "\7\3\0\1\2xx\7\3\0\2\377xx";
+    static const char cut_short[] = RECORDS("2") "\7\3\0\1\2xx\7\3\0\2\3x";
+    check_square(read_bytes(*state, "m.ply", triangles, sizeof triangles - 1));
+    check_square(read_bytes(*state, "m.ply", quad, sizeof quad - 1));
+    refuse_bytes(*state, wrong, sizeof wrong - 1, "vertex 4 is out of range [0, 3]");
+    refuse_bytes(*state, negative, sizeof negative - 1, "vertex -1 is out of range [0, 3]");
+    refuse_bytes(*state, cut_short, sizeof cut_short - 1, "the file ends before");
+}
+
 #define FORMAT "ply\nformat ascii 1.0\n"
 #define FACE "element face 1\nproperty list uchar int vertex_indices\n"
 
@@ -413,6 +444,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(test_ply_text_variants),
         TEST(test_ply_binary_variants),
+        TEST(test_ply_binary_records),
         TEST(test_ply_data_like_line_ends),
         TEST(test_ply_refusals),
         TEST(test_ply_keeps_every_bit),

@@ -5,6 +5,7 @@
  * doubles; a result, which adds u and distance to the vertices, mu and acl to the faces, as text.
  *
  * librply is not used: it parses text by the program's locale and trusts the header. */
+#include "base/parallel.h"
 #include "io/values.h"
 
 #include <stdlib.h>
@@ -238,11 +239,80 @@ static int check_room(const ply *p, const element *e)
                     e->name, p->in.text.end - p->in.text.at);
 }
 
+/* Binary records of one size: vertices without lists, triangles without other lists. */
+typedef struct records {
+    const ply *p;
+    const element *e;
+    const char *begin;
+    size_t size, offset[MAX_PROPERTIES]; /* bytes; of each property, at its number */
+    dmk_soup *soup;
+} records;
+
+static bool have_one_size(records *r)
+{
+    if (!r->p->in.binary || r->e->count > INT32_MAX) return false;
+    for (int k = r->e->first; k < r->e->first + r->e->n; k++) {
+        const property *q = &r->p->property[k];
+        const size_t one = dmk_type_bytes((dmk_type)q->type);
+        if (q->length_type >= 0 && q->role != ROLE_CORNERS) return false;
+        r->offset[k] = r->size;
+        r->size += q->length_type < 0 ? one : dmk_type_bytes((dmk_type)q->length_type) + 3 * one;
+    }
+    return (size_t)r->e->count <= (size_t)(r->p->in.text.end - r->begin) / r->size;
+}
+
+/* Take record i; whether it is another thing than a vertex or triangle. */
+static bool is_odd(int32_t i, void *data)
+{
+    const records *r = data;
+    const bool swap = r->p->in.swap;
+    for (int k = r->e->first; k < r->e->first + r->e->n; k++) {
+        const property *q = &r->p->property[k];
+        const dmk_type type = (dmk_type)q->type, length = (dmk_type)q->length_type;
+        const char *at = r->begin + (size_t)i * r->size + r->offset[k];
+        if (q->role < 3)
+            r->soup->xyz[3 * (size_t)i + (size_t)q->role] = dmk_decode_number(type, at, swap);
+        if (q->role != ROLE_CORNERS) continue;
+        if (dmk_decode_number(length, at, swap) != 3) return true;
+        at += dmk_type_bytes(length);
+        for (size_t c = 0; c < 3; c++, at += dmk_type_bytes(type)) {
+            const double v = dmk_decode_number(type, at, swap);
+            if (!(v >= 0 && v < (double)r->soup->n_vertices && v == (double)(int32_t)v))
+                return true;
+            r->soup->triangle[3 * (size_t)i + c] = (int32_t)v;
+        }
+    }
+    return false;
+}
+
+/* By all threads; not done where a record has another size, or is wrong. */
+static int read_records(ply *p, const element *e, dmk_soup *soup, bool *done)
+{
+    int rc;
+    dmk_context *ctx = p->in.text.context;
+    records r = {.p = p, .e = e, .begin = p->in.text.at, .soup = soup};
+    *done = e->n > 0 && have_one_size(&r);
+    if (!*done) return DMK_OK;
+    if (e->is_face) {
+        DMK_TRY(DMK_NEW(ctx, soup->triangle, 3 * (size_t)e->count));
+        soup->triangle_room = (size_t)e->count;
+    }
+    *done = dmk_parallel_first(ctx, (int32_t)e->count, is_odd, &r) < 0;
+    if (!*done) goto done;
+    if (e->is_face) soup->n_triangles = (size_t)e->count;
+    p->in.text.at += (size_t)e->count * r.size;
+done:
+    return rc;
+}
+
 static int read_element(ply *p, const element *e, dmk_soup *soup)
 {
     int rc;
+    bool plain;
     DMK_TRY(check_room(p, e));
     if (e->is_vertex) DMK_TRY(DMK_NEW(p->in.text.context, soup->xyz, 3 * (size_t)e->count));
+    DMK_TRY(read_records(p, e, soup, &plain));
+    if (plain) return DMK_OK;
     for (int64_t i = 0; e->n > 0 && i < e->count; i++) {
         for (int k = e->first; k < e->first + e->n; k++) {
             DMK_TRY(read_property(p, &p->property[k], i, soup));
