@@ -536,7 +536,8 @@ void dmk_transport_destroy(dmk_transport **transport);
 /* cost_upper and cost_lower are the bounds of W1, in mass times length. */
 void dmk_transport_get_stats(const dmk_transport *transport, dmk_stats *stats);
 void dmk_transport_get_info(const dmk_transport *transport, dmk_transport_info *info);
-/* Borrowed, for the whole mesh, 0 off the component. */
+/* Borrowed, for the whole mesh, 0 off the component. Where nothing moves mu is not 0 but its floor, a fifth of the
+ * square root of the triangle's part of the area times the mean of mu. */
 const double *dmk_transport_density(const dmk_transport *transport,
                                     size_t *n); /* mu: mass per length, per triangle */
 const double *dmk_transport_flux(const dmk_transport *transport,

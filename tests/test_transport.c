@@ -427,6 +427,70 @@ static void runs_give_the_same_bits(void **state)
     free(b);
 }
 
+/* ---- where nothing moves ---------------------------------------------------------------------- */
+
+/* A heap of mass 1 and this width around a point. */
+static void heap_up(const problem *p, const double centre[3], double width, double *mass)
+{
+    const double *x = dmk_mesh_vertices(p->mesh);
+    const size_t nv = problem_vertices(p);
+    double sum = 0;
+    for (size_t v = 0; v < nv; v++) {
+        double square = 0;
+        for (int k = 0; k < 3; k++)
+            square += (x[3 * v + k] - centre[k]) * (x[3 * v + k] - centre[k]);
+        mass[v] = exp(-square / (2 * width * width));
+        sum += mass[v];
+    }
+    for (size_t v = 0; v < nv; v++) mass[v] /= sum;
+}
+
+static void on_torus(int i, double x[3])
+{
+    const double a = 2.4 * i, b = 3.9 * i;
+    x[0] = (2 + cos(b)) * cos(a);
+    x[1] = (2 + cos(b)) * sin(a);
+    x[2] = sin(b);
+}
+
+/* Narrow heaps: most of the surface carries nothing. Its potential is repaired soon, and little density is left. */
+static void narrow_heaps(void **state)
+{
+    dmk_surface_options o;
+    dmk_surface_options_init(&o, sizeof o);
+    o.name = "torus";
+    o.n_triangles = 8000;
+    problem p = problem_surface(*state, &o);
+    const size_t nv = problem_vertices(&p), nt = problem_triangles(&p);
+    double *a = calloc(nv, sizeof *a), *b = calloc(nv, sizeof *b);
+    int sweeps = 0, closed = 0;
+    p.options.normalise = 1;
+    for (int i = 0; i < 8; i++) {
+        double x[3], y[3], least = INFINITY;
+        on_torus(i, x);
+        on_torus(i + 3, y);
+        heap_up(&p, x, 0.3 + 0.05 * i, a);
+        heap_up(&p, y, 0.3 + 0.05 * i, b);
+        moved m = move(&p, &(dmk_measure){.vertex_mass = a}, &(dmk_measure){.vertex_mass = b});
+        const double *mu = dmk_transport_density(m.transport, NULL);
+        for (size_t t = 0; t < nt; t++) least = fmin(least, mu[t] / sqrt(problem_area(&p, t)));
+        least *= p.info.area * sqrt(p.info.area) / m.stats.cost_upper;
+        sweeps += m.stats.sweeps;
+        closed += m.stats.gap <= 1e-3;
+        print_message("# gap %.2e, %d steps, %d sweeps, least %.3f\n", m.stats.gap, m.stats.steps,
+                      m.stats.sweeps, least);
+        assert_true(m.stats.gap <= 3e-3);
+        /* The floor of mu: lower it takes the repair longer, higher mu is off by more. */
+        if (!(least > 0.15 && least < 0.3)) fail_msg("%g of the mean where nothing moves", least);
+        dmk_transport_destroy(&m.transport);
+    }
+    /* With half the sweeps before three times the goal will do, none; with twice as many, 560. */
+    if (!(closed >= 2 && sweeps <= 460)) fail_msg("%d gaps closed by %d sweeps", closed, sweeps);
+    problem_free(&p);
+    free(a);
+    free(b);
+}
+
 /* ---- what is refused -------------------------------------------------------------------------- */
 
 static void bad_measures_are_refused(void **state)
@@ -488,6 +552,7 @@ int main(void)
         cmocka_unit_test(free_masses_are_those_of_the_cells),
         cmocka_unit_test(many_ways_are_equally_long),
         cmocka_unit_test(runs_give_the_same_bits),
+        cmocka_unit_test(narrow_heaps),
         cmocka_unit_test(bad_measures_are_refused),
         cmocka_unit_test(other_components_and_unused_vertices),
     };

@@ -19,7 +19,8 @@ typedef struct dmk_iteration {
     double tolerance; /* relative change of mu that ends the iteration */
     double mass;      /* integral of mu */
     double rho, top;  /* weighted mean of (1/2 log q)^2, rooted; largest q */
-    double floor;     /* mu stays above this many square roots of the element's area */
+    double floor;     /* mu stays above this many square roots of the element's area; in Newton's
+                         steps that do not begin at a distance: times the mean of mu */
     bool goes_on;     /* a large gap will be answered by more steps rather than by a long repair */
     bool certified;   /* stats has the bounds of the present pair */
 } dmk_iteration;

@@ -52,12 +52,13 @@ done:
     return rc;
 }
 
-static int update(dmk_iteration *o, double alpha, const step_control *p, double *change)
+static int update(dmk_iteration *o, double alpha, const step_control *p, double lowest,
+                  double *change)
 {
     int rc;
     double sums[2];
     dmk_system *s = o->sys;
-    DMK_TRY(dmk_newton_update(o->ctx, s, alpha, p->D, o->floor, 2));
+    DMK_TRY(dmk_newton_update(o->ctx, s, alpha, p->D, lowest, 2));
     DMK_TRY(dmk_scale_add(o->ctx, s, alpha, 1));
     DMK_TRY(dmk_iteration_energies_and(o, 2, sums)); /* the next step's: one read for both */
     *change = sums[0] / sums[1];
@@ -94,8 +95,7 @@ done:
     return rc;
 }
 
-/* From mu = 1, u = 0: the constant mu of least cost, sqrt(f.A(1)^-1 f), nearly, and its potential; the floor
- * of mu keeps its proportion to it, as the way may be short. */
+/* From mu = 1, u = 0: the constant mu of least cost, sqrt(f.A(1)^-1 f), nearly, and its potential. */
 static int start_cold(dmk_iteration *o)
 {
     int rc;
@@ -106,7 +106,6 @@ static int start_cold(dmk_iteration *o)
     DMK_TRY(dmk_iteration_energies(o));
     for (int32_t t = 0; t < s->whole.n_elements; t++) mu[t] = o->fu > 0 ? sqrt(o->fu) : 1;
     DMK_TRY(dmk_elements_write(o->ctx, s, s->mu, mu));
-    o->floor *= fmin(1, mu[0]);
 done:
     free(mu);
     return rc;
@@ -131,7 +130,9 @@ int dmk_newton(dmk_iteration *o, bool from_distance)
         /* A distance satisfies |grad u| = 1 whatever mu is: the first rho is no measure. */
         if (step == 1 && from_distance) p.rho_before = 0;
         DMK_TRY(solve_step(o, alpha, &p));
-        DMK_TRY(update(o, alpha, &p, &change));
+        /* Not from a distance the way may be short, and mu small everywhere. */
+        const double lowest = from_distance ? o->floor : o->floor * o->mass;
+        DMK_TRY(update(o, alpha, &p, lowest, &change));
         DMK_TRY(dmk_iteration_step_done(o, step, max_steps, p.iterations, change));
         DMK_TRY(has_settled(o, &p, change, &settled));
         if (settled) goto done;

@@ -11,12 +11,15 @@
 #include <stdlib.h>
 
 enum {
-    BATCH = 20,    /* sweeps between two looks at all triangles */
-    RINGS = 2,     /* of elements around those that move */
-    PATIENCE = 60, /* sweeps after which three times the goal will do */
-    DESPAIR = 200, /* from here on, that grows with their number */
-    MAX_SWEEPS = 400,
-    SWEEPS_IN_BETWEEN = 40 /* when the iteration goes on */
+    BATCH = 20, /* sweeps between two looks at all triangles */
+    RINGS = 2,  /* of elements around those that move */
+    /* Sweeps after which three times the goal will do, and the most where the iteration goes on: steps of that bring
+     * more then. Against 60 sweeps, and 200 where it goes on, 73 solves from points on the meshes of libcgal-demo that
+     * need any take 2,100 sweeps for 2,300, and 26 between narrow heaps take 720; the worst gap stays 0.28 %. */
+    PATIENCE = 40,
+    /* Of these 99 none takes more than 140; a torus with a needle of 0.03 degrees in every fifth triangle 220 in
+     * the shape for GPUs (tests/test_certificate.c). */
+    MAX_SWEEPS = 400
 };
 
 /* Of the goal, what u is scaled down by: of 0.3, 0.5, 0.7 and 1 the one with the fewest sweeps on 15 scans and CAD
@@ -132,9 +135,8 @@ done:
 static bool good_enough(const repair *r, double goal)
 {
     const dmk_stats *stats = r->o->stats;
-    double gap = 1 - stats->cost_lower / stats->cost_upper;
-    double enough = r->sweeps < PATIENCE ? goal : 3 * fmax(1, r->sweeps / (double)DESPAIR) * goal;
-    return gap <= enough || r->sweeps >= r->max_sweeps;
+    const double gap = 1 - stats->cost_lower / stats->cost_upper;
+    return gap <= (r->sweeps < PATIENCE ? 1 : 3) * goal || r->sweeps >= r->max_sweeps;
 }
 
 int dmk_repair(dmk_iteration *o, double goal, bool last)
@@ -143,9 +145,7 @@ int dmk_repair(dmk_iteration *o, double goal, bool last)
     repair r = {.o = o,
                 .delta = share * goal,
                 .theta = 1,
-                .max_sweeps = !last        ? SWEEPS_IN_BETWEEN
-                              : o->goes_on ? MAX_SWEEPS / 2
-                                           : MAX_SWEEPS};
+                .max_sweeps = last && !o->goes_on ? MAX_SWEEPS : PATIENCE};
     DMK_TRY(begin(&r));
     for (;;) {
         double bound;

@@ -74,6 +74,12 @@ done:
     return rc;
 }
 
+/* Newton's floor of mu, over the mean density times the square root of the element's area. Where nothing moves the
+ * potential is free, and the smaller mu the less it is solved for, so that it comes out too steep. Between narrow
+ * heaps, 26 pairs on four meshes: with 0.0001 a gap of 2.3 % at worst and 7,700 sweeps of the repair, with 0.1, 0.2
+ * and 0.4 of 0.21 to 0.25 % and 900, 720 and 540; the L1 error of mu at 0.4 is up to twice that at 0.1. */
+static const double measure_floor = 0.2;
+
 /* A gap at which the cost is settled, if mu is not. */
 static const double unique_enough = 1e-3;
 
@@ -83,7 +89,9 @@ static int iterate(dmk_solver *s, const double *f, dmk_iteration *o)
     int rc;
     const dmk_solve_options *options = o->options;
     if (options->method != DMK_NEWTON) return dmk_explicit(o);
+    o->floor = measure_floor;
     rc = dmk_newton(o, false);
+    o->floor = DMK_FLOOR;
     if (rc == DMK_E_LIMIT && options->max_steps == 0 && options->tolerance == 0) {
         /* Where many ways are equally long, as between two poles, mu is not unique and wanders on. */
         DMK_TRY(dmk_certify(o, true));
