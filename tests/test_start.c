@@ -34,6 +34,7 @@ static void start_from(fixture *f, dmk_point source)
     f->mu = calloc((size_t)f->mesh->n_triangles, sizeof *f->mu);
     dmk_geodesics *g;
     assert_int_equal(dmk_geodesics_create(f->ctx, f->mesh, 1, &source, NULL, &g), DMK_OK);
+    dmk_geodesics_midpoints(f->ctx, g, f->mid);
     assert_int_equal(dmk_start_density(f->ctx, f->mesh, g, f->mid, f->mu), DMK_OK);
     memcpy(f->d, g->distance, n_vertices * sizeof *f->d);
     dmk_geodesics_destroy(&g);

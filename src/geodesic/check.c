@@ -136,13 +136,15 @@ void dmk_geodesics_midpoints(dmk_context *ctx, const dmk_geodesics *g, double *m
 static double at_centre(const dmk_geodesics *g, int32_t t)
 {
     const dmk_mesh *m = g->mesh;
+    const double unit = g->star.unit, area = m->area[t] / unit / unit;
     double best = INFINITY;
     for (int32_t c = 3 * t; c < 3 * t + 3; c++) {
-        double p = m->length[m->triangle_edge[dmk_previous(c)]],
-               q = m->length[m->triangle_edge[dmk_next(c)]];
-        double angle = g->star.corner_angle[c], x = (p + q * cos(angle)) / 3,
-               y = q * sin(angle) / 3;
-        best = fmin(best, beyond(g, m->triangle[c], g->star.angle[c] + atan2(y, x), hypot(x, y)));
+        const double p = m->length[m->triangle_edge[dmk_previous(c)]] / unit,
+                     q = m->length[m->triangle_edge[dmk_next(c)]] / unit,
+                     o = m->length[m->triangle_edge[c]] / unit;
+        const double x = (p + (p * p + (q - o) * (q + o)) / (2 * p)) / 3, y = 2 * area / (3 * p);
+        const double angle = g->star.angle[c] + atan2(y, x), r = unit * sqrt(x * x + y * y);
+        best = fmin(best, beyond(g, m->triangle[c], angle, r));
     }
     return best;
 }

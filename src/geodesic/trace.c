@@ -7,6 +7,7 @@
 #include "base/parallel.h"
 
 #include <math.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -611,6 +612,7 @@ typedef struct repairs {
     int n_threads;
     mended *list;
     int32_t n;
+    _Atomic int32_t next; /* of the list, to be taken: searches differ in length */
 } repairs;
 
 /* Vertex `m` by a path of its own. Paths end where distances are known: what others mend is not looked at. */
@@ -633,8 +635,8 @@ done:
 static int mend_share(dmk_context *ctx, int32_t thread, void *data)
 {
     int rc = DMK_OK;
-    const repairs *r = data;
-    for (int32_t i = thread; i < r->n; i += r->n_threads) {
+    repairs *r = data;
+    for (int32_t i; (i = atomic_fetch_add(&r->next, 1)) < r->n;) {
         DMK_TRY(mend(ctx, r->tracer[thread], r->list + i));
     }
 done:
@@ -646,6 +648,7 @@ int dmk_tracer_repair(dmk_context *ctx, dmk_geodesics *g)
     int rc;
     mended list[most_repairs];
     repairs r = {.g = g, .list = list};
+    atomic_init(&r.next, 0);
     for (int32_t v = 0; v < g->mesh->n_vertices && r.n < most_repairs; v++) {
         if (g->arrival[v].source < 0 || is_source(g, v) ||
             !(g->error[v] > 2 * g->tolerance * g->distance[v]))

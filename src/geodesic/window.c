@@ -151,8 +151,8 @@ static int bound(dmk_context *ctx, engine *e)
             const dmk_facet *f = e->front.facet + c / 3;
             int k = c % 3, a = (k + 1) % 3, b = (k + 2) % 3;
             DMK_TRY(offer(ctx, e, &q, f->vertex[a], top.key + f->length[b]));
-            DMK_TRY(offer(ctx, e, &q, f->vertex[b], top.key + f->length[a]));
             c = dmk_star_next(s, c);
+            if (c < 0) DMK_TRY(offer(ctx, e, &q, f->vertex[b], top.key + f->length[a]));
         }
     }
     for (int32_t v = 0; v < e->front.g->mesh->n_vertices; v++)

@@ -289,6 +289,19 @@ static int set_up(dmk_context *ctx, dmk_solver *s, start *near)
     return rc == DMK_OK ? dmk_solver_pack(ctx, s) : rc;
 }
 
+typedef struct integral {
+    start *near;
+    const double *mid; /* distance at the midpoints */
+} integral;
+
+static int integrate(dmk_context *ctx, void *data)
+{
+    const integral *i = data;
+    start *near = i->near;
+    return dmk_geodesics_integrate_from(ctx, near->geodesics, i->mid, &near->integral,
+                                        &near->integral_error);
+}
+
 /* u and mu that belong to the distance. */
 static int start_from_distance(dmk_context *ctx, const dmk_solver *s, start *near, double *u,
                                double *mu)
@@ -298,10 +311,12 @@ static int start_from_distance(dmk_context *ctx, const dmk_solver *s, start *nea
     const dmk_system *sys = s->system;
     const double *vertex = near->geodesics->distance;
     double *mid = NULL;
+    dmk_task task;
     DMK_TRY(DMK_NEW(ctx, mid, (size_t)m->n_edges));
-    DMK_TRY(dmk_start_density(ctx, m, near->geodesics, mid, mu));
-    DMK_TRY(dmk_geodesics_integrate_from(ctx, near->geodesics, mid, &near->integral,
-                                         &near->integral_error));
+    dmk_geodesics_midpoints(ctx, near->geodesics, mid);
+    dmk_task_begin(ctx, &task, integrate, &(integral){near, mid});
+    rc = dmk_start_density(ctx, m, near->geodesics, mid, mu); /* by one thread, for the most part */
+    DMK_TRY(dmk_task_end(ctx, &task, rc));
     DMK_TRY(dmk_poll(ctx));
     for (int32_t e = 0; e < m->n_edges; e++) u[e] = mid[e] / -sys->unit;
     for (int32_t v = 0; v < m->n_vertices; v++) {

@@ -294,11 +294,10 @@ static void mark_sinks(const dmk_mesh *mesh, const dmk_point *source, uint8_t *s
 }
 
 int dmk_start_density(dmk_context *ctx, const dmk_mesh *mesh, const dmk_geodesics *geodesics,
-                      double *mid, double *mu)
+                      const double *mid, double *mu)
 {
     int rc;
     sweep s = {.mesh = mesh, .d = geodesics->distance, .mid = mid, .mu = mu};
-    dmk_geodesics_midpoints(ctx, geodesics, mid);
     DMK_TRY(DMK_NEW(ctx, s.width, (size_t)mesh->n_edges));
     DMK_TRY(DMK_NEW(ctx, s.load, (size_t)mesh->n_edges));
     DMK_TRY(DMK_NEW(ctx, s.waiting, (size_t)mesh->n_triangles));

@@ -11,6 +11,6 @@
  * mesh has the numbers of theirs; its lengths may differ.
  * mid: n_edges, the distance at the edges' midpoints; mu: n_triangles, > 0. */
 int dmk_start_density(dmk_context *ctx, const dmk_mesh *mesh, const dmk_geodesics *geodesics,
-                      double *mid, double *mu);
+                      const double *mid, double *mu);
 
 #endif

@@ -313,6 +313,7 @@ static void work(const dmk_mesh *m)
     REQUIRE(dmk_hierarchy_create(ctx, m, 8, &h) == DMK_OK);
     dmk_hierarchy_free(&h);
     REQUIRE(dmk_geodesics_create(ctx, m, 1, &source, NULL, &g) == DMK_OK);
+    dmk_geodesics_midpoints(ctx, g, mid);
     REQUIRE(dmk_start_density(ctx, m, g, mid, mu) == DMK_OK);
     REQUIRE(all_finite(g->distance, m->n_vertices) && all_finite(mid, m->n_edges));
     for (int32_t t = 0; t < m->n_triangles; t++) REQUIRE(isfinite(mu[t]) && mu[t] > 0);
