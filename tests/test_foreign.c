@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <zlib.h>
 
 #define MSH2 "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n"
 #define MSH40 "$MeshFormat\n4 0 8\n$EndMeshFormat\n"
@@ -116,6 +117,136 @@ static void test_pieces_follow_each_other(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* Nodes of each element type by Gmsh's reference manual: those without a face are passed over, whatever their size. */
+static void test_elements_without_faces(void **state)
+{
+    static const struct {
+        int type, n_nodes;
+    } others[] = {{1, 2},   {4, 4},   {5, 8},   {6, 6},   {7, 5},   {8, 3},   {11, 10}, {12, 27},
+                  {13, 18}, {14, 14}, {15, 1},  {17, 20}, {18, 15}, {19, 13}, {26, 4},  {27, 5},
+                  {28, 6},  {29, 20}, {30, 35}, {31, 56}, {92, 64}, {93, 125}};
+    for (size_t i = 0; i < COUNT(others); i++) {
+        char text[2000];
+        int n = snprintf(text, sizeof text,
+                         MSH2 "$Nodes\n4\n1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n$EndNodes\n"
+                              "$Elements\n3\n1 2 0 1 2 3\n2 %d 2 7 7",
+                         others[i].type);
+        for (int k = 0; k < others[i].n_nodes; k++) n += snprintf(text + n, 8, " %d", k + 1);
+        snprintf(text + n, 60, "\n3 2 0 1 3 4\n$EndElements\n");
+        check_square(read_text(*state, "m.msh", text));
+    }
+}
+
+/* What version 2 tells of a node: 0 to 2 parameters by the dimension of its entity. */
+static void test_parameters_of_nodes(void **state)
+{
+    check_square(read_text(
+        *state, "m.msh",
+        MSH2 "$ParametricNodes\n4\n1 0 0 0 0 7\n2 1 0 0 1 7 .5\n3 1 1 0 2 7 .5 .6\n"
+             "4 0 1 0 3 7\n$EndParametricNodes\n$Elements\n1\n1 3 0 1 2 3 4\n$EndElements\n"));
+}
+
+/* ---- binary ---- */
+
+typedef struct bytes {
+    char text[4000];
+    size_t n;
+    bool swap; /* numbers the other way round */
+} bytes;
+
+static void add(bytes *b, const char *text)
+{
+    b->n += (size_t)snprintf(b->text + b->n, sizeof b->text - b->n, "%s", text);
+}
+
+static void add_number(bytes *b, const void *number, size_t size)
+{
+    for (size_t k = 0; k < size; k++)
+        b->text[b->n++] = ((const char *)number)[b->swap ? size - 1 - k : k];
+}
+
+static void add_integers(bytes *b, const int32_t *integer, size_t n)
+{
+    for (size_t i = 0; i < n; i++) add_number(b, &integer[i], 4);
+}
+
+static void test_binary_msh(void **state)
+{
+    static const int32_t one = 1, run[] = {2, 2, 1, 8, 5, 1, 2, 3, 9, 5, 1, 3, 4};
+    static const int32_t point[] = {15, 1, 0, 7, 1};
+    for (int swap = 0; swap < 2; swap++) {
+        bytes b = {.swap = swap};
+        add(&b, "$MeshFormat\n2.2 1 8\n");
+        add_integers(&b, &one, 1);
+        add(&b, "\n$EndMeshFormat\n$Nodes\n4\n");
+        for (int32_t v = 0; v < 4; v++) {
+            const int32_t tag = v + 1;
+            add_integers(&b, &tag, 1);
+            for (int k = 0; k < 3; k++) add_number(&b, &square_xyz[3 * v + k], 8);
+        }
+        add(&b, "\n$EndNodes\n$Elements\n3\n");
+        add_integers(&b, point, COUNT(point));
+        add_integers(&b, run, COUNT(run));
+        add(&b, "\n$EndElements\n");
+        check_square(read_bytes(*state, "m.msh", b.text, b.n));
+    }
+}
+
+static void add_base64(bytes *b, const unsigned char *data, size_t n)
+{
+    static const char digit[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    for (size_t i = 0; i < n; i += 3) {
+        uint32_t w = 0;
+        for (size_t k = 0; k < 3; k++) w = w << 8 | (i + k < n ? data[i + k] : 0);
+        for (size_t k = 0; k < 4; k++)
+            b->text[b->n++] = i + k > n ? '=' : digit[w >> (18 - 6 * k) & 63];
+    }
+    b->text[b->n] = '\0';
+}
+
+/* A VTP whose points are packed in blocks of so many bytes; the packed size of the last is wrong by so many. */
+static bytes packed_points(size_t block, uint32_t wrong)
+{
+    bytes b = {.n = 0};
+    unsigned char packed[1000];
+    uint32_t head[20] = {(uint32_t)((sizeof square_xyz + block - 1) / block), (uint32_t)block,
+                         (uint32_t)(sizeof square_xyz % block)};
+    size_t n = 0;
+    for (uint32_t i = 0; i < head[0]; i++) {
+        const size_t first = i * block, left = sizeof square_xyz - first;
+        uLongf size = sizeof packed - n;
+        assert_int_equal(compress(packed + n, &size, (const Bytef *)square_xyz + first,
+                                  left < block ? left : block),
+                         Z_OK);
+        head[3 + i] = (uint32_t)size;
+        n += size;
+    }
+    head[2] -= wrong;
+    add(&b, "<VTKFile type=\"PolyData\" byte_order=\"LittleEndian\" "
+            "compressor=\"vtkZLibDataCompressor\"><PolyData>"
+            "<Piece NumberOfPoints=\"4\" NumberOfPolys=\"2\"><Points><DataArray type=\"Float64\" "
+            "NumberOfComponents=\"3\" format=\"binary\">");
+    add_base64(&b, (const unsigned char *)head, (3 + head[0]) * sizeof *head);
+    add_base64(&b, packed, n);
+    add(&b, "</DataArray></Points>" POLYS "</Piece></PolyData></VTKFile>\n");
+    return b;
+}
+
+static void test_packed_arrays(void **state)
+{
+    static const size_t blocks[] = {96, 48, 40, 24, 8, 1000};
+    for (size_t i = 0; i < COUNT(blocks); i++) {
+        const bytes b = packed_points(blocks[i], 0);
+        check_square(read_bytes(*state, "m.vtp", b.text, b.n));
+    }
+    for (uint32_t wrong = 1; wrong <= 16;
+         wrong *= 2) { /* the last block unpacks to more than it should */
+        const bytes b = packed_points(40, wrong);
+        const refusal r = {"m.vtp", b.text, DMK_E_FORMAT, "blocks that do not make up the array"};
+        check_refusals(*state, &r, 1);
+    }
+}
+
 static void test_refusals(void **state)
 {
 #define NODES "$Nodes\n3\n1 0 0 0\n2 1 0 0\n3 1 1 0\n$EndNodes\n"
@@ -125,6 +256,11 @@ static void test_refusals(void **state)
         {"m.msh", "$MeshFormat\n3 0 8\n$EndMeshFormat\n", DMK_E_FORMAT, "version 3 of MSH"},
         {"m.msh", "$MeshFormat\n1e300 0 8\n$EndMeshFormat\n", DMK_E_FORMAT,
          "version 1e+300 of MSH"},
+        {"m.msh", "$MeshFormat\n2.2 2 8\n$EndMeshFormat\n", DMK_E_FORMAT,
+         "a file type other than 0 and 1"},
+        {"m.msh", "$MeshFormat\n2.2 0 5\n$EndMeshFormat\n", DMK_E_FORMAT,
+         "a data size other than 4 and 8"},
+        {"m", "$ABC\n2.2 0 8\n$EndABC\n", DMK_E_FORMAT, "m: neither its content nor its suffix"},
         {"m.msh", "$MeshFormat\n2.2 0 8\n", DMK_E_FORMAT, "no $EndMeshFormat after it"},
         {"m.msh", MSH2 "Nodes\n", DMK_E_FORMAT, "m.msh:4: 'Nodes' where a section"},
         {"m.msh", MSH2 "$Nodes\n3\n1 0 0 0\n", DMK_E_FORMAT, "3 nodes do not fit into"},
@@ -258,6 +394,10 @@ int main(void)
         TEST(test_strips_and_second_order),
         TEST(test_single_precision_text),
         TEST(test_pieces_follow_each_other),
+        TEST(test_elements_without_faces),
+        TEST(test_parameters_of_nodes),
+        TEST(test_binary_msh),
+        TEST(test_packed_arrays),
         TEST(test_refusals),
         TEST(test_every_cut),
         TEST(test_every_wrong_byte),

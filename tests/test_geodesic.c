@@ -674,6 +674,63 @@ static void paths_are_the_log_map(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* The same mesh with triangle `first` as number 0, the others behind it, their corners turned; of a point too. */
+static dmk_mesh *rotate(dmk_context *ctx, const dmk_mesh *m, int32_t first, dmk_point *p)
+{
+    dmk_mesh *other;
+    const int32_t n_t = m->n_triangles;
+    int32_t *triangle = calloc(3 * (size_t)n_t, sizeof *triangle);
+    for (int32_t t = 0; t < n_t; t++) {
+        const int32_t old = (t + first) % n_t;
+        for (int k = 0; k < 3; k++) triangle[3 * t + (k + first) % 3] = m->triangle[3 * old + k];
+    }
+    assert_int_equal(
+        dmk_mesh_create(ctx, (size_t)m->n_vertices, m->xyz, (size_t)n_t, triangle, &other), DMK_OK);
+    const dmk_point old = *p;
+    p->triangle = (old.triangle + n_t - first) % n_t;
+    for (int k = 0; k < 3; k++) p->weight[(k + first) % 3] = old.weight[k];
+    free(triangle);
+    return other;
+}
+
+/* Whichever triangle is number 0: a plane with two reentrant corners, from inside a triangle, from an edge and a
+ * vertex; distances and paths of all vertices. */
+static void any_triangle_may_be_the_first(void **state)
+{
+    dmk_context *ctx = *state;
+    static const double at[5][3] = {{0, 1, 0}, {0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {2, 1, 0}},
+                        x[3] = {1, 0, 0}, y[3] = {0, 1, 0};
+    uint32_t noisy = 7;
+    soup *s = new_soup();
+    for (int i = 0; i < 5; i++) add_grid(s, at[i], x, y, 2, 2, 0.3, &noisy);
+    dmk_mesh *m = finish(ctx, s);
+    const dmk_point source[3] = {{6, {0.2, 0.3, 0.5}}, {7, {0.6, 0, 0.4}}, at_vertex(ctx, m, 7)};
+    for (int i = 0; i < 3; i++) {
+        dmk_geodesics *g = run(ctx, m, 1, source + i, NULL);
+        int n_bent = 0;
+        for (int32_t first = 0; first < m->n_triangles; first++) {
+            dmk_point p = source[i];
+            dmk_mesh *other = rotate(ctx, m, first, &p);
+            dmk_geodesics *h = run(ctx, other, 1, &p, NULL);
+            for (int32_t v = 0; v < m->n_vertices; v++) {
+                dmk_path path;
+                const dmk_point end = at_vertex(ctx, other, v);
+                assert_true(fabs(g->distance[v] - h->distance[v]) < 1e-12);
+                n_bent += h->arrival[v].pseudo_source >= 0;
+                assert_int_equal(dmk_geodesics_paths(ctx, h, 1, &end, &path), DMK_OK);
+                assert_true(fabs(path.length - g->distance[v]) < 1e-12);
+                if (g->distance[v] > 0) check_line(ctx, other, &path);
+                dmk_path_free(&path);
+            }
+            dmk_geodesics_destroy(&h);
+            dmk_mesh_destroy(&other);
+        }
+        assert_true(n_bent > 5 * m->n_triangles);
+        dmk_geodesics_destroy(&g);
+    }
+    dmk_mesh_destroy(&m);
+}
+
 /* Inside triangles: what the geodesics from there give at the source. */
 static void values_inside_triangles(void **state)
 {
@@ -851,6 +908,7 @@ int main(void)
         cmocka_unit_test(any_number_of_threads),
         cmocka_unit_test(another_mesh_of_the_surface),
         cmocka_unit_test(paths_are_the_log_map),
+        cmocka_unit_test(any_triangle_may_be_the_first),
         cmocka_unit_test(values_inside_triangles),
         cmocka_unit_test(several_components),
         cmocka_unit_test(wrong_distances_are_found),

@@ -338,6 +338,44 @@ static void test_results(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* In pieces: the file that names them tells what arrays they have; they stand beside it, whatever it is called. */
+static void test_results_in_pieces(void **state)
+{
+    fixture *f = *state;
+    size_t n;
+    dmk_mesh *m = make_mesh(f);
+    dmk_fields fields = {.mesh = m, .mu = mu, .u = u, .distance = distance};
+    fields.source = (dmk_point){2, {0, 0.25, 0.75}};
+    assert_int_equal(dmk_fields_write(f->ctx, &fields, path_of(f, "a&b\"<.pvtp")), DMK_OK);
+    assert_int_equal(count_files(f), 2);
+    char *content = get_file(f, "a&b\"<.pvtp", &n);
+    assert_non_null(
+        strstr(content, "<Piece Source=\"a&amp;b&quot;&lt;_0000.vtp\"/>\n</PPolyData>"));
+    for (int i = 0; i < 3; i++) {
+        static const char *const names[] = {"mu", "u", "distance"};
+        char word[60];
+        snprintf(word, sizeof word, "<PDataArray type=\"Float64\" Name=\"%s\"/>", names[i]);
+        const char *found = strstr(content, word);
+        const char *begin = strstr(content, i == 0 ? "<PCellData" : "<PPointData");
+        const char *end = strstr(content, i == 0 ? "</PCellData>" : "</PPointData>");
+        if (!(found && begin && end && begin < found && found < end))
+            fail_msg("%s in %s", word, content);
+    }
+    assert_non_null(
+        strstr(content, "<PDataArray type=\"Float64\" Name=\"Points\" NumberOfComponents=\"3\"/>"));
+    free(content);
+    content = get_file(f, "a&b\"<_0000.vtp", &n);
+    check_array(content, "<CellData", "mu", mu, sizeof mu);
+    free(content);
+    dmk_mesh *back = read_mesh(f, "a&b\"<_0000.vtp");
+    assert_int_equal(back->n_vertices, 4); /* without the one in no triangle */
+    assert_int_equal(back->n_triangles, m->n_triangles);
+    dmk_mesh_destroy(&back);
+    remove_file(f, "a&b\"<_0000.vtp");
+    remove_file(f, "a&b\"<.pvtp");
+    dmk_mesh_destroy(&m);
+}
+
 static void test_large_vtk_files(void **state)
 {
     fixture *f = *state;
@@ -548,6 +586,7 @@ int main(void)
         TEST(test_missing_files_and_folders),
         TEST(test_damaged_files),
         TEST(test_results),
+        TEST(test_results_in_pieces),
         TEST(test_large_vtk_files),
         TEST(test_locus_as_obj),
         TEST(test_locus_as_csv),

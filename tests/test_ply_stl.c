@@ -216,6 +216,59 @@ static void test_ply_keeps_every_bit(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* Properties that the header names from here to there. */
+static int count_properties(const char *at, const char *end)
+{
+    int n = 0;
+    for (; (at = strstr(at, "property ")) && at < end; at++) n++;
+    return n;
+}
+
+/* Whatever a result has, each row has as many numbers as the header says, in its order. */
+static void test_ply_rows_fit_their_header(void **state)
+{
+    static const double xyz[] = {0, 0, 0, 1, 0, 0, 0, 1, 0}, mu[] = {3}, u[] = {4, 5, 6},
+                        distance[] = {7, 8, 9};
+    static const double direction[] = {10, 11, 12}, flux[] = {13, 14, 15};
+    static const int32_t t[] = {0, 1, 2}, nearest[] = {16, 17, 18};
+    static const uint8_t acl[] = {1};
+    fixture *f = *state;
+    dmk_mesh *m = NULL;
+    assert_int_equal(dmk_mesh_create(f->ctx, 3, xyz, 1, t, &m), DMK_OK);
+    const struct {
+        dmk_fields fields;
+        const char *vertex, *face; /* the last row of each */
+    } cases[] = {
+        {{m, .mu = mu, .u = u}, "\n0 1 0 6\n", "\n3 0 1 2 3\n"},
+        {{m, .mu = mu, .u = u, .acl = acl, .distance = distance},
+         "\n0 1 0 6 9\n",
+         "\n3 0 1 2 3 1\n"},
+        {{m, .mu = mu, .u = u, .flux = flux}, "\n0 1 0 6\n", "\n3 0 1 2 3 13 14 15\n"},
+        {{m, .distance = distance, .direction = direction, .nearest = nearest},
+         "\n0 1 0 9 12 18\n",
+         "\n3 0 1 2\n"},
+    };
+    for (size_t i = 0; i < COUNT(cases); i++) {
+        size_t n;
+        assert_int_equal(dmk_fields_write(f->ctx, &cases[i].fields, path_of(f, "m.ply")), DMK_OK);
+        char *content = get_file(f, "m.ply", &n);
+        const char *vertex = strstr(content, "element vertex 3\n"),
+                   *face = strstr(content, "element face 1\n");
+        const char *end = strstr(content, "end_header\n"), *row = strstr(content, cases[i].vertex);
+        assert_true(vertex && face && end && row && vertex < face && face < end && end < row);
+        int blanks = 0;
+        for (const char *c = row + 1; *c != '\n'; c++) blanks += *c == ' ';
+        assert_int_equal(blanks + 1, count_properties(vertex, face));
+        assert_string_equal(row + strlen(cases[i].vertex) - 1, cases[i].face);
+        blanks = 0;
+        for (const char *c = cases[i].face; *c; c++) blanks += *c == ' ';
+        assert_int_equal(blanks - 2, count_properties(face, end)); /* the list is one */
+        free(content);
+        remove_file(f, "m.ply");
+    }
+    dmk_mesh_destroy(&m);
+}
+
 /* ---- STL ---- */
 
 static void test_stl_text_variants(void **state)
@@ -448,6 +501,7 @@ int main(void)
         TEST(test_ply_data_like_line_ends),
         TEST(test_ply_refusals),
         TEST(test_ply_keeps_every_bit),
+        TEST(test_ply_rows_fit_their_header),
         TEST(test_stl_text_variants),
         TEST(test_stl_binary_variants),
         TEST(test_stl_joins_equal_corners),

@@ -7,21 +7,21 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Elements by Gmsh's type number. */
+/* Elements by Gmsh's type number. Curved faces are refused before their nodes are read. */
 static const struct {
     uint8_t cell, n_nodes;
 } elements[] = {
     [1] = {DMK_CELL_THIN, 2},     [2] = {DMK_CELL_POLYGON, 3},  [3] = {DMK_CELL_POLYGON, 4},
     [4] = {DMK_CELL_VOLUME, 4},   [5] = {DMK_CELL_VOLUME, 8},   [6] = {DMK_CELL_VOLUME, 6},
     [7] = {DMK_CELL_VOLUME, 5},   [8] = {DMK_CELL_THIN, 3},     [9] = {DMK_CELL_TRIANGLE6, 6},
-    [10] = {DMK_CELL_CURVED, 9},  [11] = {DMK_CELL_VOLUME, 10}, [12] = {DMK_CELL_VOLUME, 27},
+    [10] = {DMK_CELL_CURVED, 0},  [11] = {DMK_CELL_VOLUME, 10}, [12] = {DMK_CELL_VOLUME, 27},
     [13] = {DMK_CELL_VOLUME, 18}, [14] = {DMK_CELL_VOLUME, 14}, [15] = {DMK_CELL_THIN, 1},
-    [16] = {DMK_CELL_CURVED, 8},  [17] = {DMK_CELL_VOLUME, 20}, [18] = {DMK_CELL_VOLUME, 15},
-    [19] = {DMK_CELL_VOLUME, 13}, [20] = {DMK_CELL_CURVED, 9},  [21] = {DMK_CELL_CURVED, 10},
-    [22] = {DMK_CELL_CURVED, 12}, [23] = {DMK_CELL_CURVED, 15}, [24] = {DMK_CELL_CURVED, 15},
-    [25] = {DMK_CELL_CURVED, 21}, [26] = {DMK_CELL_THIN, 4},    [27] = {DMK_CELL_THIN, 5},
+    [16] = {DMK_CELL_CURVED, 0},  [17] = {DMK_CELL_VOLUME, 20}, [18] = {DMK_CELL_VOLUME, 15},
+    [19] = {DMK_CELL_VOLUME, 13}, [20] = {DMK_CELL_CURVED, 0},  [21] = {DMK_CELL_CURVED, 0},
+    [22] = {DMK_CELL_CURVED, 0},  [23] = {DMK_CELL_CURVED, 0},  [24] = {DMK_CELL_CURVED, 0},
+    [25] = {DMK_CELL_CURVED, 0},  [26] = {DMK_CELL_THIN, 4},    [27] = {DMK_CELL_THIN, 5},
     [28] = {DMK_CELL_THIN, 6},    [29] = {DMK_CELL_VOLUME, 20}, [30] = {DMK_CELL_VOLUME, 35},
-    [31] = {DMK_CELL_VOLUME, 56}, [36] = {DMK_CELL_CURVED, 16}, [37] = {DMK_CELL_CURVED, 25},
+    [31] = {DMK_CELL_VOLUME, 56}, [36] = {DMK_CELL_CURVED, 0},  [37] = {DMK_CELL_CURVED, 0},
     [92] = {DMK_CELL_VOLUME, 64}, [93] = {DMK_CELL_VOLUME, 125}};
 
 /* Nodes go by tags, any positive numbers. */

@@ -32,7 +32,7 @@ import time
 HERE = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.dirname(os.path.dirname(HERE))
 TREE = os.path.join(ROOT, "build", "mutate")
-KEPT = os.path.join(ROOT, "build", "mutate-%s.json") # tests, mutants, files
+KEPT = os.path.join(ROOT, "build", "mutate-%s.json") # tests, mutants
 BUILD, COUNTED = "build/release", "build/coverage"
 MAKE = ["make", "-s", f"-j{os.cpu_count()}", "OPT_release=-O1 -march=native -fno-math-errno -Wno-unused -Wno-unused-parameter",
         "OPT_coverage=-O1 -g --coverage -fprofile-update=atomic"]
@@ -285,13 +285,11 @@ def record(test):
 
 
 def tests_for(mutant, kept):
-    """Those that reach the line; of a kernel, and of a line that no test reached in a file that has changed since,
-    those that reach the file."""
+    """Those that reach the line; those that reach the file where none does, as the compiler may have folded the line;
+    of a kernel those that launch."""
     path = mutant.path if mutant.path.endswith(".c") else "src/device/launch.c"
     lines = {test: r["reached"][path] for test, r in kept["tests"].items() if path in r["reached"]}
-    reaching = [test for test, texts in lines.items() if mutant.old.strip() in texts]
-    if not reaching and kept["files"].get(mutant.path) != digest(mutant.path):
-        reaching = list(lines)
+    reaching = [test for test, texts in lines.items() if mutant.old.strip() in texts] or list(lines)
     noticed = collections.Counter(r["end"] for key, r in kept["mutants"].items() if key.startswith(mutant.path + " "))
     return sorted(reaching, key=lambda t: (-noticed[t], kept["tests"][t]["seconds"]))
 
@@ -415,12 +413,10 @@ def main():
         for mutant in drawn:
             print(f"{mutant.path}:{mutant.line}: {mutant.operator}: {mutant.new.strip()}")
         return 0
-    kept = {part: load(part) for part in ("tests", "mutants", "files")}
+    kept = {part: load(part) for part in ("tests", "mutants")}
     if arguments.table:
         return print_table(drawn, known, kept, arguments.floor) > 0
     copy_tree()
-    kept["files"] = {path: digest(path) for path in {m.path for m in drawn}} | kept["files"]
-    keep(kept, "files")
     wanted = [t for t in all_tests(arguments.tests) if kept["tests"].get(t, {}).get("source") != digest(source_of(t))]
     if wanted:
         build(COUNTED)
