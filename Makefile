@@ -87,7 +87,7 @@ tests: $(TESTS)
 
 # ---- what the build stands on ----------------------------------------------------------------
 
-# Looked at once for each list. What is named here installs; the other targets tell what is missing.
+# Looked at once for each list. What is named here installs; the other targets say what is missing.
 INSTALLING := deps demo docs paper test ci coverage fuzz faults real check-%
 # What these need is less than what the tests do, which look at browsers and other programs.
 BUILDING := demo docs install uninstall dist

@@ -2,7 +2,7 @@
 # See that the Debian packages of a list are there.
 # usage: deps.sh check|install LIST
 # check names the missing ones and fails; install gets them, as root or through sudo where that asks
-# no password, and otherwise fails like check. Elsewhere than on Debian it only tells the list.
+# no password, and otherwise fails like check. Elsewhere than on Debian it only prints the list.
 set -eu
 mode=$1
 list=$(sed 's/#.*//' "$2" | tr -s ' \n' ' ')

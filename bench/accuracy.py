@@ -362,7 +362,7 @@ def write_tables(path, rows, rivals):
         writer.writerows(rows)
     own = [r for r in rows if r["test"] == "locus"]
     text = ["# The cut locus against exact ones", "",
-            "`bench/accuracy.py --rivals --out bench/results/accuracy.csv`; it tells what the columns are.",
+            "`bench/accuracy.py --rivals --out bench/results/accuracy.csv`; it explains the columns.",
             "", *markdown([r for r in own if r["surface"] != "umbilic"],
                           ["surface", "mesh", "triangles", "false", "missed", "out", "ref", "max", "tip",
                            "length", "ends", "branches", "loops", "components", "rate"]),

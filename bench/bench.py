@@ -3,7 +3,7 @@
 
 usage: bench.py [quick|usual|full] [--program DMKCL] [--work build/bench] [--results bench/results]
 Every run is a process of its own: wall time from its start to its end, peak memory as the system
-tells it (ru_maxrss). Programs take turns on a mesh; the least of several rounds counts. dmkcl solves,
+reports it (ru_maxrss). Programs take turns on a mesh; the least of several rounds counts. dmkcl solves,
 certifies and writes the cut locus; `distance` is `dmkcl distance`, which like the peers gives a
 distance only and writes nothing. Kernel caches are
 warm; one cold run stands beside. A MB is 10^6 bytes. `quick` is one surface up to 270k triangles;

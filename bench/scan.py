@@ -204,7 +204,7 @@ def write_tables(path, rows):
         writer.writeheader()
         writer.writerows(rows)
     with open(os.path.splitext(path)[0] + ".md", "w") as f:
-        f.write("# The cut locus on real meshes\n\n`bench/scan.py --stability --out bench/results/scan.csv`; it tells "
+        f.write("# The cut locus on real meshes\n\n`bench/scan.py --stability --out bench/results/scan.csv`; it explains "
                 "what the columns are.\n\n| mesh | source | triangles | false, % | missed, % | long | moved, % | "
                 "ends | branches | strength, h |\n|---|" + "--:|" * 9 + "\n")
         for r in rows:

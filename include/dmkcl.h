@@ -8,7 +8,7 @@
  *   - Arguments are checked: NULL where a pointer must be, numbers out of range, points that are none of
  *     the mesh give DMK_E_ARG, and accessors give NULL or zeros for NULL. What may be NULL says so:
  *     options of a call (its defaults then), the `n` of accessors. Strings end with 0, arrays have the
- *     length that is told: that nobody can check.
+ *     stated length: that nobody can check.
  *   - Threads: a context, a device and the solvers on it are used by one thread at a time; different ones
  *     may work at the same time. Meshes, results and loci do not change: any number of threads reads
  *     them, each with a context of its own.
@@ -229,7 +229,7 @@ typedef struct dmk_device_info {
     uint64_t memory; /* bytes */
 } dmk_device_info;
 
-/* What hwloc tells of the machine; zero where unknown. */
+/* What hwloc knows of the machine; zero where unknown. */
 typedef struct dmk_machine_info {
     int packages, numa_nodes, cores, threads;
     uint64_t l1, l2, l3; /* bytes, of one cache each */
@@ -257,7 +257,7 @@ typedef struct dmk_device_options {
     const char *cache; /* folder for kernel binaries; NULL = the user's cache folder, "" = none */
     dmk_shape shape;   /* DMK_SHAPE_AUTO: by the device's type */
     int in_background; /* 1: a thread of the device's own builds the kernels while the caller goes on; what is
-                          wrong with them is told by the first call that needs them. Needs
+                          wrong with them is reported by the first call that needs them. Needs
                           dmk_device_destroy before the process ends. */
 } dmk_device_options;
 
@@ -483,8 +483,9 @@ typedef struct dmk_result_data {
 } dmk_result_data;
 
 /* The result again, from copies of these arrays and the same mesh: for dmk_locus_compute,
- * dmk_path_compute, dmk_cut and dmk_result_write. Runs the geodesics anew, and needs no device.
- * DMK_E_ARG if the source is no point of the mesh. */
+ * dmk_path_compute, dmk_cut and dmk_result_write. Runs the geodesics anew, and needs no device. With distance and acl
+ * NULL it is a result of density_only again. DMK_E_ARG if the source is no point of the mesh, or of distance and acl one
+ * is NULL. */
 int dmk_result_restore(dmk_context *context, const dmk_mesh *mesh, const dmk_result_data *data,
                        dmk_result **result);
 
@@ -615,7 +616,7 @@ typedef enum dmk_locus_kind {
  * end from one of its two shortest paths to the other, the largest d(x) + l(x, c) - d(c) over the points x
  * of the branch behind it: the integral of 1 - cos(alpha / 2) along the branch from its end, alpha being the
  * angle at which the two shortest paths meet. Where alpha is less than 0.126 radians, so that the mesh hardly
- * tells where the line is, a branch loses: its strength is the integral of 1 - cos(alpha / 2) - 0.002, not less
+ * shows where the line is, a branch loses: its strength is the integral of 1 - cos(alpha / 2) - 0.002, not less
  * than 0 on the way, from its end to where it joins a stronger one. It is infinite on loops and on lines between
  * borders. All points of a branch have its strength: with a larger `strength` asked
  * for whole branches go, and nothing else changes. */
@@ -674,7 +675,7 @@ int dmk_path_compute(dmk_context *context, const dmk_mesh *mesh, const dmk_resul
  * points are vertices once for each side, and keep 0.15 of an edge from the edge's ends, so that no
  * slivers are created. A locus that crosses fewer than three edges of a sphere becomes a slit of two edges
  * at the farthest vertex; with a border around a disk there is nothing to cut. The mesh begins with the
- * component's vertices in the input's order. *origin (NULL: not wanted) tells for each vertex of the
+ * component's vertices in the input's order. *origin (NULL: not wanted) gives for each vertex of the
  * cut mesh the vertex of `mesh` at the same place, or -1 for points of the locus; freed with free().
  * *plane (NULL: not wanted): 2 coordinates for each vertex of the cut mesh, the logarithmic map, that is the
  * distance times the direction at the source, on the locus' two sides each its own; freed with free(). */

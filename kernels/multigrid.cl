@@ -1,6 +1,6 @@
 /* The V-cycle, in single precision: transfers, smoothing on the graph levels, refresh of the coarse
- * operators. Level 0 is T/2 (operator.cl); level 1 is T, its links the mesh's edges; deeper levels
- * are graphs. A graph operator is y_i = sum_j w_ij (x_i - x_j): zero row sums also in rounding.
+ * operators. Finest is T/2 (operator.cl), which has no number; level 0 is T, its links the mesh's edges; deeper
+ * levels are graphs. A graph operator is y_i = sum_j w_ij (x_i - x_j): zero row sums also in rounding.
  * Rows lie in slices of 8: columns slice[s]..slice[s+1] hold neighbours (short rows: the row itself
  * with weight 0) and the numbers of their links. */
 #if !DMK_DOUBLE

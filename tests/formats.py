@@ -624,7 +624,7 @@ def our_results():
             vtk_to_numpy(result.GetPointData().GetArray(n)), ply[n])]
         report(f"{kind.upper()} and PLY hold the same numbers", problem)
         source = vtk_to_numpy(result.GetFieldData().GetArray("source"))
-        report(f"{kind.upper()} tells the source", None if abs(source[0, 0] - 3) < 0.1 else source)
+        report(f"{kind.upper()} holds the source", None if abs(source[0, 0] - 3) < 0.1 else source)
     for kind in ("vtu", "ply"):
         mesh = meshio.read(path("r." + kind))
         same = np.array_equal(np.ravel(mesh.cell_data["mu"][0]), ply["mu"]) and \

@@ -139,6 +139,18 @@ static void a_result_is_restored(void **state)
     dmk_path_free(&path[0]);
     dmk_path_free(&path[1]);
     dmk_result_destroy(&again);
+    /* Without distance and acl it is one of density_only; one of them alone is missing the other. */
+    dmk_result_data lean = data;
+    lean.distance = NULL;
+    assert_int_equal(dmk_result_restore(p.b->ctx, p.mesh, &lean, &again), DMK_E_ARG);
+    assert_non_null(strstr(dmk_context_message(p.b->ctx), "`distance`"));
+    lean.acl = NULL;
+    bench_ok(p.b, dmk_result_restore(p.b->ctx, p.mesh, &lean, &again));
+    assert_true(!dmk_result_distance(again, NULL) && !dmk_result_acl(again, NULL));
+    assert_memory_equal(dmk_result_density(again, NULL), data.density,
+                        problem_triangles(&p) * sizeof(double));
+    assert_int_equal(dmk_locus_compute(p.b->ctx, p.mesh, again, NULL, &locus[0]), DMK_E_ARG);
+    dmk_result_destroy(&again);
     problem_free(&p);
 }
 

@@ -240,8 +240,8 @@ static const size_t wrong_size_t[] = {SIZE_MAX, SIZE_MAX / 2, (size_t)1 << 40};
 
 /* ---- what may be so ---- */
 
-/* The header says that these may be NULL, though not wrong; or, behind the "", nothing is told of their size by the
- * caller. */
+/* The header says that these may be NULL, though not wrong; or, behind the "", the caller gives no size of
+ * them. */
 static bool may_be(const char *function, const char *argument, bool null)
 {
     static const char *const list[] = {

@@ -1,4 +1,4 @@
-/* Sorting, small dense matrices, and what a mesh tells of itself, by their definitions. */
+/* Sorting, small dense matrices, and what a mesh reports of itself, by their definitions. */
 #include "base/dense.h"
 #include "base/sort.h"
 #include "mesh/mesh.h"

@@ -40,7 +40,7 @@ bad 'a vertex below 0' 1 'vertex -1\n'
 bad 'half a vertex' 1 'vertex 1.5\n'
 bad 'a vertex too far up' 1 'vertex 99999999999999999999999\n'
 printf '# nothing\n\n' > "$work/bad.txt"
-fails 'sources: none' 3 'no source in it' "$tool" solve "$torus" --sources "$work/bad.txt"
+fails 'sources: none' 3 'contains no sources' "$tool" solve "$torus" --sources "$work/bad.txt"
 fails 'sources: no file' 2 'none.txt' "$tool" solve "$torus" --sources "$work/none.txt"
 printf '3,0,0\n' > "$list"
 fails 'sources and a source' 1 'not both' "$tool" solve "$torus" --sources "$list" --vertex 0
@@ -56,9 +56,9 @@ batch "$list" > "$work/summary" 2> "$work/errors"
 check 'three sources' test $? -eq 0
 check 'are quiet on the standard error' test ! -s "$work/errors"
 check 'write their numbered files and nothing else' holds "$out" "$(all 0000 0001 0002)"
-check 'tell a line each' test "$(grep -cE '^000[012]  \(.*cut locus [0-9]' "$work/summary")" -eq 3
+check 'print a line each' test "$(grep -cE '^000[012]  \(.*cut locus [0-9]' "$work/summary")" -eq 3
 check 'and their number' has "$work/summary" '^of 3 sources 3 solved, 0 kept, 0 failed'
-check 'the mesh is told once' test "$(grep -c '^mesh' "$work/summary")" -eq 1
+check 'the mesh is reported once' test "$(grep -c '^mesh' "$work/summary")" -eq 1
 for k in 0 1 2; do
     check "report $k is JSON" is_json "$out/d-000$k.json"
 done
@@ -94,9 +94,9 @@ mkdir "$out"
 printf '3,0,0\nvertex 99999999\nvertex 7\n' > "$list"
 batch "$list" > "$work/summary" 2> "$work/errors"
 check 'a source that fails gives the exit code' test $? -eq 1
-check 'is told with its line' has "$work/errors" 'list.txt:2: .*99999999'
+check 'is reported with its line' has "$work/errors" 'list.txt:2: .*99999999'
 check 'and the others go on' holds "$out" "$(all 0000 0002)"
-check 'the number of failures is told' has "$work/summary" '2 solved, 0 kept, 1 failed'
+check 'the number of failures is reported' has "$work/summary" '2 solved, 0 kept, 1 failed'
 
 echo kept > "$out/a-0000.vtp"
 rm "$out/d-0002.json"

@@ -1,4 +1,4 @@
-/* Calls that take long ask again and again whether to go on, and end at once when told not to. */
+/* Calls that take long ask again and again whether to go on, and end at once when asked to. */
 #include "base/base.h"
 #include "solving.h"
 
@@ -146,7 +146,7 @@ static void short_calls_only_tell_their_stage(void **state)
     assert_int_equal(dmk_context_create(&ctx), DMK_OK);
     dmk_context_set_progress(ctx, answer, &q);
     assert_int_equal(dmk_poll(ctx), DMK_OK);
-    assert_int_equal(q.asked, 0); /* no stage, nothing to tell */
+    assert_int_equal(q.asked, 0); /* no stage, nothing to report */
     assert_int_equal(dmk_stage_begin(ctx, "locus"), DMK_OK);
     assert_int_equal(q.asked, 1);
     ctx->poll_every = 1e9;

@@ -28,7 +28,7 @@ for command in solve mesh info devices; do
     check "--help knows $command" output_has "^  $command " "$tool" --help
 done
 for code in 0 1 2 3 4 5 6 7 8 130; do
-    check "--help tells exit code $code" output_has "^  $code  " "$tool" --help
+    check "--help lists exit code $code" output_has "^  $code  " "$tool" --help
 done
 usage 'no command' 'command is missing'
 usage 'an unknown command' "did you mean 'solve'" slove
@@ -133,7 +133,7 @@ if [ "${DMKCL_BUILD##*/}" != sanitize ]; then
 else
     skip 'exit code 8: too little memory' 'the address sanitizer needs all the memory there is'
 fi
-interrupt() { # as Ctrl-C does, once the first step is told
+interrupt() { # as Ctrl-C does, once the first step is reported
     "$tool" solve "$torus" --vertex 0 --method euler --start uniform --tolerance 1e-300 --verbose \
         --out "$work/full/x.vtp" 2> "$work/steps" &
     local pid=$!
@@ -173,7 +173,7 @@ done
 check 'the locus has lines' has "$work/run/c.obj" '^[lp] '
 check 'the summary fits a screen' test "$(wc -l < "$work/summary")" -le 20
 for word in mesh source device solved cost 'cut locus' time wrote; do
-    check "the summary tells the $word" has "$work/summary" "^$word"
+    check "the summary has the $word" has "$work/summary" "^$word"
 done
 check 'the summary has no colours in a pipe' test -z "$(tr -cd '\033' < "$work/summary")"
 
@@ -184,7 +184,7 @@ for key in mesh n_vertices n_triangles n_edges euler area device precision steps
     total peak_memory length loops components endpoints branch_points; do
     check "the report has $key" has "$report" "^ *\"$key\": [^n]"
 done
-# Two tori side by side, in one file: all there is to tell of the second one is about the second one.
+# Two tori side by side, in one file: all there is to say of the second one is about the second one.
 two_meshes "$torus" > "$work/two.off"
 m=$(awk 'NR == 2 { print $2 / 2 }' "$work/two.off")
 check 'of two components the one with the source is solved' \
@@ -197,9 +197,9 @@ check '--report - prints the report alone' \
     is_json <("$tool" solve "$torus" --vertex 0 --report -)
 check '--json does so too' is_json <("$tool" solve "$torus" --vertex 0 --json)
 check '--quiet prints nothing' test -z "$("$tool" solve "$torus" --vertex 0 --quiet 2>&1)"
-check 'without files it only tells' output_has '^cost' "$tool" solve "$torus" --source=-3,0,0
+check 'without files it only prints' output_has '^cost' "$tool" solve "$torus" --source=-3,0,0
 "$tool" solve "$torus" --vertex 0 --verbose > /dev/null 2> "$work/errors"
-check '--verbose tells each step' has "$work/errors" '^solve +step 1 '
+check '--verbose reports each step' has "$work/errors" '^solve +step 1 '
 check 'and its gap' has "$work/errors" '^solve +step [2-9] .* gap [0-9.]+e-'
 check 'a pipe has no colours' test -z "$("$tool" info "$torus" | grep $'\033')"
 
@@ -209,14 +209,14 @@ awk 'BEGIN { n = split("0 2 1 1 2 3 4 5 6 5 7 6 0 1 4 1 5 4 2 6 3 3 6 7 0 2 4 2 
     for (i = 1; i <= n; i++) print c[i] % 2, int(c[i] / 2) % 2, int(c[i] / 4)
     for (i = 0; i < n; i += 3) print 3, i, i + 1, i + 2 }' > "$work/soup.off"
 "$tool" solve "$work/soup.off" --vertex 0 --quiet --report "$work/soup.json" 2> "$work/errors"
-check '--quiet tells nothing of pieces' test ! -s "$work/errors"
+check '--quiet says nothing of pieces' test ! -s "$work/errors"
 "$tool" info "$work/soup.off" > /dev/null 2> "$work/errors"
 check 'a mesh in pieces is warned of, with the way out' \
     has "$work/errors" 'warning: .*soup.off is in 12 pieces.*--repair.* leaves 1'
-"$tool" solve "$work/soup.off" --repair --vertex 35 --report "$work/soup.json" > "$work/told" 2> "$work/errors"
-check '--repair tells what it does' \
+"$tool" solve "$work/soup.off" --repair --vertex 35 --report "$work/soup.json" > "$work/printed" 2> "$work/errors"
+check '--repair says what it does' \
     has "$work/errors" 'repaired: 28 vertices merged with coincident ones, 2 triangles reoriented$'
-check 'the vertices are those of the file' has "$work/told" '^source +\(1, 1, 1\)'
+check 'the vertices are those of the file' has "$work/printed" '^source +\(1, 1, 1\)'
 check 'the report has it, too' has "$work/soup.json" '"merged_vertices": 28'
 check 'mesh --repair writes the repaired mesh' "$tool" mesh "$work/soup.off" --repair --out "$work/cube.off"
 check 'which is whole' output_has 'closed, genus 0' "$tool" info "$work/cube.off"
@@ -235,16 +235,16 @@ for command in 'distance --source 9,0,0' 'path --source 3,0,0 --to 9,0,0' 'batch
 done
 printf '3.1,0,0\nvertex 0\n' > "$work/two.txt"
 "$tool" solve "$torus" --sources "$work/two.txt" > "$work/lines" 2> /dev/null
-check 'a line of many sources tells the offset' has "$work/lines" '^0000 .*\), 0\.1[0-9]* from the point asked for: '
+check 'a line of many sources has the offset' has "$work/lines" '^0000 .*\), 0\.1[0-9]* from the point asked for: '
 check 'but not of a vertex' has "$work/lines" '^0001  \([^:]*\): '
 check 'and so does one of a batch' output_has '0\.1[0-9]* from the point asked for' "$tool" batch "$torus" --source 3.1,0,0 --out-dir "$work/one-folder"
 
 # No device is opened: with one that is not there it ends well all the same.
-"$tool" solve "$torus" --vertex 0 --dry-run --device none-of-these --out "$work/dry.vtp" > "$work/told"
+"$tool" solve "$torus" --vertex 0 --dry-run --device none-of-these --out "$work/dry.vtp" > "$work/printed"
 check '--dry-run opens no device' test $? -eq 0
 check 'and writes no result' test ! -e "$work/dry.vtp"
-check 'it tells the memory as info does' test "$(sed -n 's/^memory *//p' "$work/told")" = \
-    "$("$tool" info "$torus" | sed -n 's/^memory *//p')" -a "$(grep -c '^memory .* on the device' "$work/told")" -eq 1
+check 'it prints the memory as info does' test "$(sed -n 's/^memory *//p' "$work/printed")" = \
+    "$("$tool" info "$torus" | sed -n 's/^memory *//p')" -a "$(grep -c '^memory .* on the device' "$work/printed")" -eq 1
 memory() { sed -n '/"memory": {/,/}/p' "$1"; } # of a report
 "$tool" solve "$torus" --vertex 0 --dry-run --json > "$work/dry.json"
 "$tool" solve "$torus" --vertex 0 --dry-run --json --single > "$work/single.json"
@@ -261,15 +261,15 @@ check 'and is the same' sh -c "[ \$(wc -l < '$work/cut.json') = \$(wc -l < '$wor
 "$tool" path "$torus" --vertex 0 --to-vertex 40 --json > "$work/path.json"
 check 'path --json prints a report and no summary' is_json "$work/path.json"
 length=$(sed -n 's/.*"length": \([0-9.e+-]*\),*$/\1/p' "$work/path.json")
-"$tool" path "$torus" --vertex 0 --to-vertex 40 --report "$work/path2.json" --out "$work/path.csv" > "$work/told"
+"$tool" path "$torus" --vertex 0 --to-vertex 40 --report "$work/path2.json" --out "$work/path.csv" > "$work/printed"
 check 'its length is that of the summary' awk -v a="${length:-none}" \
-    '{ sub(/.*length /, ""); if (a + 0 > 0 && ($0 - a)^2 < 1e-16 * a^2) good = 1; exit !good }' "$work/told"
+    '{ sub(/.*length /, ""); if (a + 0 > 0 && ($0 - a)^2 < 1e-16 * a^2) good = 1; exit !good }' "$work/printed"
 check 'path --report writes it' is_json "$work/path2.json"
 check 'with the files and the number of triangles' sh -c \
     "grep -q '/path.csv\"' '$work/path2.json' && grep -q '\"n_triangles\": '\$((\$(wc -l < '$work/path.csv') - 2)) '$work/path2.json'"
 usage 'a report on the mesh' 'a.off' path a.off --vertex 0 --to-vertex 1 --report a.off
-"$tool" cut "$torus" --vertex 0 --out "$work/cut.obj" --out "$work/cut.vtp" --picture "$work/cut.svg" > "$work/told"
-check 'cut tells of flipped triangles' has "$work/told" '^in the plane [0-9]+ triangles? (is|are) flipped'
+"$tool" cut "$torus" --vertex 0 --out "$work/cut.obj" --out "$work/cut.vtp" --picture "$work/cut.svg" > "$work/printed"
+check 'cut reports flipped triangles' has "$work/printed" '^in the plane [0-9]+ triangles? (is|are) flipped'
 check 'a cut as OBJ has a texture coordinate for each vertex' \
     sh -c "[ \$(grep -c '^vt ' '$work/cut.obj') = \$(grep -c '^v ' '$work/cut.obj') ] && grep -q '^f [0-9]*/[0-9]* ' '$work/cut.obj'"
 check 'as VTP it has the plane' grep -qa 'Name="plane"' "$work/cut.vtp"
@@ -295,7 +295,7 @@ sh src/cli/man.sh "$tool" > "$work/manual"
 check 'the manual lists every command in its synopsis' \
     test "$(sed '/^.SH DESC/,$d' "$work/manual" | grep -c '^.B dmkcl')" = "$(grep -c '^.SH DMKCL' "$work/manual")"
 for option in tolerance max-steps method start threads gap dt inertia; do
-    check "the help tells the default of --$option" \
+    check "the help gives the default of --$option" \
         sh -c "'$tool' solve --help | awk '/^  --/ { on = 0 } /^  --$option / { on = 1 } on' | grep -q default"
 done
 

@@ -59,22 +59,22 @@ rm "$work/files"/*
 
 # ---- a signal within a stage that has no steps ---------------------------------------------------
 
-stop_in() { # STAGE COMMAND...: the stage is told when it begins; a signal that comes too late: again
+stop_in() { # STAGE COMMAND...: the stage is reported when it starts; a signal that comes too late: again
     local stage=$1 status try
     shift
-    mkfifo "$work/told"
+    mkfifo "$work/stages"
     for try in 1 2 3 4 5; do
         rm -f "$work/files"/*
-        "$tool" "$@" --verbose > "$work/said_out" 2> "$work/told" &
+        "$tool" "$@" --verbose > "$work/said_out" 2> "$work/stages" &
         while read -r word _; do
             [ "$word" != "$stage" ] || kill -TERM $!
-        done < "$work/told"
+        done < "$work/stages"
         wait $!
         status=$?
         [ $status -ne 0 ] || continue
         break
     done
-    rm "$work/told"
+    rm "$work/stages"
     test $status -eq 130 && empty "$work/files" || { echo "status $status"; return 1; }
 }
 "$tool" mesh torus --source 3,0,0 --triangles 200000 --out "$large" > "$work/said_out"

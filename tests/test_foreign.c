@@ -267,7 +267,7 @@ static void test_refusals(void **state)
         {"m.msh", MSH2 "$Nodes\n2\n1 0 0 0\n1 1 0 0\n$EndNodes\n", DMK_E_FORMAT,
          "node 1 appears twice"},
         {"m.msh", MSH2 NODES "$Elements\n1\n1 2 0 1 2 4\n$EndElements\n", DMK_E_FORMAT,
-         "node 4 of an element is none of the 3 in $Nodes"},
+         "node 4 of an element is not among the 3 in $Nodes"},
         {"m.msh", MSH2 NODES "$Elements\n1\n1 10 0 1 2 4\n$EndElements\n", DMK_E_FORMAT,
          "high order"},
         {"m.msh", MSH2 NODES "$Elements\n1\n1 99 0 1 2 4\n$EndElements\n", DMK_E_FORMAT,

@@ -822,7 +822,7 @@ static void integral_of_the_distance(void **state)
 
 /* ---- merged windows and lines ---------------------------------------------------------------- */
 
-/* With a tolerance: within it but for single vertices, fewer windows, and an estimate that tells.
+/* With a tolerance: within it but for single vertices, fewer windows, and an estimate that means something.
  */
 static void merged_windows(void **state)
 {

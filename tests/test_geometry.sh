@@ -20,8 +20,8 @@ for command in path cut; do
     check "--help knows $command" output_has "^  $command " "$tool" --help
     fails "$command: no source" 1 "$command: no source given" "$tool" $command x.off
 done
-fails 'path: no end' 1 'where to' "$tool" path x.off --vertex 0
-fails 'path: two ends' 1 'where to' "$tool" path x.off --vertex 0 --to 1,2,3 --to-vertex 1
+fails 'path: no end' 1 'no end given' "$tool" path x.off --vertex 0
+fails 'path: two ends' 1 'no end given' "$tool" path x.off --vertex 0 --to 1,2,3 --to-vertex 1
 fails 'path: a strange suffix' 1 'expected one of .*.obj' \
     "$tool" path x.off --vertex 0 --to-vertex 1 --out x.png
 fails 'path: a vertex that is not there' 1 '99999999' \
@@ -34,7 +34,7 @@ fails 'cut: a strange suffix' 1 'expected one of .*.obj' "$tool" cut x.off --ver
 check 'a path over the sphere' "$tool" path "$sphere" --source 0,0,1 --to 0.6,0,-0.8 \
     --out "$work/p.obj" --out "$work/p.vtp" --out "$work/p.csv"
 # The great circle has the angle acos(-0.8) = 2.4981; the polyhedron is a little smaller.
-check 'its length is told' output_has 'length 2\.4[89]' \
+check 'its length is printed' output_has 'length 2\.4[89]' \
     "$tool" path "$sphere" --source 0,0,1 --to 0.6,0,-0.8
 check 'OBJ has one line' test "$(grep -c '^l ' "$work/p.obj")" -eq 1
 check 'VTP is whole' has "$work/p.vtp" '</VTKFile>'
@@ -147,7 +147,7 @@ check 'gives a disk there' is_disk "$work/second.obj"
 check 'of that component alone' awk '/^v / && $2 < 6 { exit 1 }' "$work/second.obj"
 
 # A smooth surface of genus 3, of which large parts curve negatively: rays that meet there have left the
-# source in nearly one direction, and 6,000 triangles do not tell well where. 80,000 have a locus of 25.02.
+# source in nearly one direction, and 6,000 triangles do not show well where. 80,000 have a locus of 25.02.
 gzip -dc tests/data/triple_torus.off.gz > "$work/triple.off"
 check 'the locus on the triple torus has no detours' output_has \
     'cut locus  length 25\.[0-3][0-9]* in 1 piece, 6 loops, 1 end' \

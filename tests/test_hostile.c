@@ -589,7 +589,7 @@ static void sources_may_lie_anywhere(void **state)
         bench_ok(b, dmk_mesh_project(b->ctx, q.mesh, places[i], &p));
         cost_at(&q, &p);
     }
-    /* A vertex, and a point that rounding tells from it. */
+    /* A vertex, and a point that rounding tells apart from it. */
     bench_ok(b, dmk_mesh_vertex_point(b->ctx, q.mesh, 0, &p));
     double at_vertex = cost_at(&q, &p);
     bench_ok(b, dmk_mesh_project(b->ctx, q.mesh, (double[3]){1e-16, 1e-16, 1 - 1e-16}, &p));

@@ -1239,7 +1239,7 @@ static void test_excess(void **state)
     dmk_cotree t = {0};
     assert_int_equal(dmk_cotree_complete(ctx, s.geodesics, &t), DMK_OK);
     assert_int_equal(t.n, s.mesh->n_triangles - 1);
-    assert_int_equal(t.n_tips, 2);
+    assert_int_equal(t.n_ends, 2);
     assert_true(t.last >= 0);
     int far = 0;
     for (int32_t i = 0; i < t.n; i++) {

@@ -46,12 +46,12 @@ rm -rf "$out"
 
 "$tool" batch "$in" --out-dir "$out" > "$work/summary" 2> "$work/errors"
 check 'a bad mesh gives the exit code' test $? -eq 3
-check 'is told once' test "$(grep -c 'bad.off' "$work/errors")" -eq 1
+check 'is reported once' test "$(grep -c 'bad.off' "$work/errors")" -eq 1
 check 'and the others are solved' test "$(names)" = 'a 0 done;bad 0 failed;c 0 done;d 0 done;sub/b 0 done;'
 check 'the files are named as the meshes' test "$(cd "$out" && find . -type f | sort | tr '\n' ' ')" = \
     './a.locus.obj ./a.vtp ./c.locus.obj ./c.vtp ./d.locus.obj ./d.vtp ./report.jsonl ./sub/b.locus.obj ./sub/b.vtp '
 check 'each line is JSON' lines_are_json "$report"
-check 'the end is told' has "$work/summary" '^of 5 sources on 5 meshes 4 solved, 0 kept, 1 failed'
+check 'the end is reported' has "$work/summary" '^of 5 sources on 5 meshes 4 solved, 0 kept, 1 failed'
 "$tool" solve "$in/sub/b.off" --vertex 0 --quiet --out "$work/b.vtp" --locus "$work/b.obj"
 check 'a mesh of many is solved as if alone' cmp "$work/b.vtp" "$out/sub/b.vtp"
 check 'its locus too' cmp "$work/b.obj" "$out/sub/b.locus.obj"
@@ -92,7 +92,7 @@ check 'keeps the rest' has "$work/summary" '2 solved, 2 kept, 0 failed'
 check 'one line for each' test "$(names)" = 'a 0 done;bad 0 failed;c 0 done;d 0 done;sub/b 0 done;'
 again --vertex 1
 check 'another source is done' has "$work/summary" '4 solved, 0 kept'
-check 'and told' has "$work/summary" '^d: done again: the source is another'
+check 'and reported' has "$work/summary" '^d: done again: the source is another'
 again --vertex 1 --tolerance 0.1
 check 'other options are done' has "$work/summary" '^sub/b: done again: the options are others'
 again --vertex 1 --tolerance 0.1
@@ -149,6 +149,6 @@ kill -INT "$pid"
 wait "$pid"
 check 'an interruption ends it' test $? -eq 130
 # In numbers, or on a busy machine, which has to end within the second, in words.
-check 'and tells how to go on' has "$work/errors" 'dmkcl: interrupted.*: --resume does '
-check 'what is told of is whole' lines_are_json "$work/stopped/report.jsonl"
+check 'and says how to go on' has "$work/errors" 'dmkcl: interrupted.*: --resume does '
+check 'what is reported is whole' lines_are_json "$work/stopped/report.jsonl"
 tap_end

@@ -1,5 +1,5 @@
 # The tool under mpirun: one to four ranks give the files of the plain program; sources are dealt out; slips are
-# told once, and a rank that fails or is killed ends the job.
+# reported once, and a rank that fails or is killed ends the job.
 . tests/tap.sh
 
 export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_rmaps_base_oversubscribe=1
@@ -51,7 +51,7 @@ for key in cost_upper cost_lower steps cg_iterations; do
     check "4 ranks: $key of the plain program" \
         test "$(figure "$work/plain.json" $key)" = "$(figure "$work/r4.json" $key)"
 done
-check 'the report tells of four ranks' test "$(grep -c own_rows "$work/r4.json")" -eq 4
+check 'the report lists four ranks' test "$(grep -c own_rows "$work/r4.json")" -eq 4
 check 'one rank deals nothing out' test "$(grep -c own_rows "$work/r1.json")" -eq 0
 # ---- the density alone ------------------------------------------------------------------------
 
@@ -78,7 +78,7 @@ summary() {
     ranks 3 solve "$mesh" --vertex 7 > "$work/summary" && test "$(grep -c 'cut locus' "$work/summary")" -eq 1 &&
         has "$work/summary" '^ranks +3, [0-9.]+ % of the rows'
 }
-check 'one summary, which tells of the ranks' summary
+check 'one summary, which names the ranks' summary
 check 'commands without a share of the work run once' \
     sh -c "test \$(timeout 60 mpirun -n 3 '$mpi' info '$mesh' | grep -c triangles) -eq \$('$mpi' info '$mesh' | grep -c triangles)"
 
@@ -138,10 +138,10 @@ once() { # CODE PATTERN ARGUMENTS...: three ranks end with the code and say so o
     cat "$work/out" "$work/err"
     return 1
 }
-check 'a bad option is told once' once 1 "no option '--sauce'" solve "$mesh" --sauce 3
-check 'a missing file is told once' once 2 'none.ply' solve "$work/none.ply" --vertex 0
-check 'a vertex out of range is told once' once 1 'vertex' solve "$mesh" --vertex 99999999
-check 'too few steps are told once' once 7 'did not reach the tolerance' solve "$mesh" --vertex 7 --max-steps 1
+check 'a bad option is reported once' once 1 "no option '--sauce'" solve "$mesh" --sauce 3
+check 'a missing file is reported once' once 2 'none.ply' solve "$work/none.ply" --vertex 0
+check 'a vertex out of range is reported once' once 1 'vertex' solve "$mesh" --vertex 99999999
+check 'too few steps are reported once' once 7 'did not reach the tolerance' solve "$mesh" --vertex 7 --max-steps 1
 # The second rank alone cannot write where its device's kernels are kept, has no device, or the like.
 lonely() {
     local begin=$SECONDS status

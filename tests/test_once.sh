@@ -76,7 +76,7 @@ check 'transport on needles: no result, and soon' gives_up
 # Needles on which neither kind of step comes to an end, which took minutes.
 no_end() {
     timeout 60 "$tool" solve "$data/needles-1307.off.gz" --vertex 26 --quiet 2> "$work/err"
-    [ $? = 6 ] && grep -q 'mu goes on changing.*neither Newton.s steps nor explicit ones converge' "$work/err"
+    [ $? = 6 ] && grep -q 'mu keeps changing.*neither Newton.s steps nor explicit ones converge' "$work/err"
 }
 check 'needles without an end: the reason, and soon' no_end
 

@@ -419,7 +419,7 @@ static void test_gzip(void **state)
     put_packed(f, "m.off.gz", "OFF 4 2 0\n" VERTICES "3 0 1 2\n3 0 2 3\n", "wb");
     check_square(read_mesh(f, "m.off.gz"));
     remove_file(f, "m.off.gz");
-    /* the suffix before .gz counts where the content does not tell; two packed parts */
+    /* the suffix before .gz counts where the content does not decide; two packed parts */
     put_packed(f, "m.OFF.GZ", "4 2 0\n" VERTICES, "wb");
     put_packed(f, "m.OFF.GZ", "3 0 1 2\n3 0 2 3\n", "ab");
     check_square(read_mesh(f, "m.OFF.GZ"));

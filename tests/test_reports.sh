@@ -1,4 +1,4 @@
-# What the tool tells in figures is what there is: report, tangent cut locus, exit codes of many sources, and what a
+# The figures that the tool prints are what there is: report, tangent cut locus, exit codes of many sources, and what a
 # resumed run does again. Times and memory within bounds that a wrong unit or place would break.
 . tests/tap.sh
 

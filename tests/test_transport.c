@@ -164,7 +164,7 @@ static void loads_by_latitude(void **state)
     check_sphere(*state, 5120, &coarse, &cost[0]);
     check_sphere(*state, 20480, &fine, &cost[1]);
     if (!(fine <= 0.0075 && fine <= 0.52 * coarse)) fail_msg("L1 errors %g, %g", coarse, fine);
-    /* The polyhedron's own error falls with the square of the size; both together tell of W1. */
+    /* The polyhedron's own error falls with the square of the size; both together show W1. */
     const double limit = (4 * cost[1] - cost[0]) / 3;
     if (!(fabs(limit) <= 5e-5 && fabs(cost[1]) <= 5e-5))
         fail_msg("costs off by %g, %g", cost[0], cost[1]);

@@ -42,7 +42,7 @@ fails 'an array of vectors' 3 'several components' "$tool" transport $mesh --fro
 check 'a larger mesh' "$tool" mesh sphere --triangles 99000 --out "$work/big.off" --quiet
 check 'and its arrays' "$tool" solve "$work/big.off" --vertex 0 --out "$work/big.vtp" --quiet
 fails 'an array of another mesh' 3 'more than the' "$tool" transport $mesh --from "$work/big.vtp:mu" --to uniform
-usage 'no measure' 'what is to be moved' $mesh
+usage 'no measure' 'no measure given' $mesh
 usage 'masses that differ' '3 to be moved, 1 at the target' $mesh --from "$work/a" --to "$work/vertices"
 printf 'vertex 99999999 3\n' > "$work/far"
 usage 'a vertex that is not there' '99999999' $mesh --from "$work/far" --to "$work/b"

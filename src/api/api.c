@@ -50,9 +50,7 @@ int dmk_locus_compute(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *
     DMK_TRY(DMK_NEW(ctx, density, (size_t)order->mesh->n_triangles));
     pick(dmk_result_density(result, NULL), order->triangle_old, order->mesh->n_triangles, density);
     DMK_TRY(dmk_locus_trace(ctx, result->geodesics, density, &chosen, locus));
-    size_t n;
-    dmk_locus_vertex *v = (dmk_locus_vertex *)dmk_locus_vertices(*locus, &n);
-    for (size_t i = 0; i < n; i++) v[i].place.triangle = order->triangle_old[v[i].place.triangle];
+    dmk_locus_renumber(*locus, order->triangle_old);
 done:
     dmk_stage_end(ctx);
     free(density);

@@ -89,17 +89,17 @@ static bool is_done(const solve_request *one)
            (!one->report || strcmp(one->report, "-") == 0 || is_there(one->report));
 }
 
-/* The exit code of a source that was done before, as far as its report tells. */
+/* The exit code of a source that was done before, as far as its report says. */
 static int code_of_kept(const solve_request *one)
 {
     char text[8192];
-    const bool told = one->report && strcmp(one->report, "-") != 0;
-    FILE *file = told ? fopen(one->report, "r") : NULL;
+    const bool reported = one->report && strcmp(one->report, "-") != 0;
+    FILE *file = reported ? fopen(one->report, "r") : NULL;
     if (!file) return EXIT_OK;
     const size_t n = fread(text, 1, sizeof text - 1, file);
     text[n] = '\0';
     fclose(file);
-    return solve_misses(one, solve_told_gap(text, n)) ? EXIT_GAP : EXIT_OK;
+    return solve_misses(one, solve_reported_gap(text, n)) ? EXIT_GAP : EXIT_OK;
 }
 
 /* ---- the run -------------------------------------------------------------------------------- */

@@ -48,7 +48,7 @@ int batch_record_open(const batch_request *request, const batch_list *list, batc
 /* The same by another rank, to append to it, once the first one has begun it. */
 int batch_record_join(const batch_request *request, const batch_list *list, batch_record **record);
 /* Why a source must be done (again), or NULL if its line can stay: called once for each source of a mesh
- * with a digest, before batch_record_begin. "" : it was never done. *gap: what a line that stays tells. */
+ * with a digest, before batch_record_begin. "" : it was never done. *gap: that of a line that stays. */
 const char *batch_record_check(batch_record *record, const batch_entry *entry, double *gap);
 /* Drop the lines that cannot stay. */
 int batch_record_begin(batch_record *record);

@@ -77,7 +77,7 @@ typedef struct cli_option {
     const char *value; /* what stands for the value in the help; NULL for a flag */
     const char *help;
     cli_kind kind;
-    void *target; /* of the type that `kind` tells; untouched if the option is not given */
+    void *target; /* of the type that goes with `kind`; untouched if the option is not given */
     double lo, hi;
     const char *expected;       /* of a number out of range: "a number in (0, 1]" */
     const char *const *choices; /* NULL-terminated */
@@ -170,12 +170,12 @@ int cli_draw_plane(const dmk_mesh *cut, const double *plane, const char *path);
  * opened, or ends the program itself, has the exit code of a device that failed, with a message. */
 void cli_catch_signals(void);
 bool cli_interrupted(void);
-/* Whether nobody has told yet that the run was cancelled; after this somebody has. */
+/* Whether nobody has reported yet that the run was cancelled; after this somebody has. */
 bool cli_first_to_tell(void);
-/* From now on the caller tells of an interruption, and nobody else; if it does not come to it, the program ends
+/* From now on the caller reports an interruption, and nobody else does; if it does not come to it, the program ends
  * with this word, a static text. */
 void cli_keep_last_word(const char *word);
-/* Whether the word is still the caller's to tell, in words of its own; after this it is told. */
+/* Whether the report is still the caller's to make, in words of its own; after this it is made. */
 bool cli_has_last_word(void);
 /* dmk_device_open, with the driver's crashes named; see above. */
 int cli_device_open(dmk_context *context, const dmk_device_options *options, dmk_device **device);
@@ -191,7 +191,7 @@ typedef struct cli_progress {
     bool line;            /* one line that is rewritten, for terminals */
     bool steps;           /* a line for each step */
     double shown;         /* seconds of the last update */
-    const char *stage;    /* and what it told of */
+    const char *stage;    /* and its stage */
     bool open;            /* the line is on the screen */
     const char *prefix;   /* of the line, for instance the number of the source; may be NULL */
     double gap;           /* the last that was computed, or NaN */
@@ -228,8 +228,8 @@ double cli_seconds(void);
 
 typedef struct cli_reading {
     bool repair;
-    bool quiet;             /* tell nothing of it */
-    cli_progress *progress; /* whose line gives way to what is told, or NULL */
+    bool quiet;             /* print nothing of it */
+    cli_progress *progress; /* whose line gives way to what is printed, or NULL */
 } cli_reading;
 
 #define CLI_REPAIR_HELP                                                                            \

@@ -27,15 +27,15 @@ static void print_cut(const cut_request *request, const dmk_mesh *cut, size_t fl
 }
 
 /* What the report says of the cut. */
-typedef struct told {
+typedef struct outcome {
     const cut_request *request;
     const dmk_mesh *cut;
     size_t flipped;
-} told;
+} outcome;
 
 static void report_cut(cli_json *json, const solve_run *run, const void *data)
 {
-    const told *t = data;
+    const outcome *t = data;
     dmk_mesh_info info;
     (void)run;
     dmk_mesh_get_info(t->cut, &info);
@@ -80,10 +80,10 @@ static int run_cut(const cut_request *request)
     if (code == EXIT_OK) code = cut_open(request, &run, &cut, &plane);
     const size_t flipped = dmk_cut_flipped(cut, plane);
     if (code == EXIT_OK && request->solve.report) {
-        const told t = {request, cut, flipped};
+        const outcome t = {request, cut, flipped};
         code = solve_report_more(&request->solve, &run, report_cut, &t);
     }
-    if (code == EXIT_OK && solve_tells_summary(&request->solve)) {
+    if (code == EXIT_OK && solve_prints_summary(&request->solve)) {
         print_cut(request, cut, flipped, run.locus);
         code = cli_flush();
     }

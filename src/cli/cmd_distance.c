@@ -212,9 +212,10 @@ static int check_request(distance_request *r)
 {
     const int n = (r->source.n > 0) + (r->vertex >= 0) + (r->sources != NULL);
     if (n == 0 && !r->border) {
-        return cli_error(EXIT_USAGE,
-                         "distance: from where? Give --source X,Y,Z, --vertex I, --sources FILE or "
-                         "--border");
+        return cli_error(
+            EXIT_USAGE,
+            "distance: no source given: use --source X,Y,Z, --vertex I, --sources FILE or "
+            "--border");
     }
     if (n > 1) {
         return cli_error(

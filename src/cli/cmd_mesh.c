@@ -16,7 +16,7 @@ static bool is_file(const char *word)
     return strpbrk(word, "./") || stat(word, &st) == 0;
 }
 
-/* The surface of that name, or NULL with the error told. */
+/* The surface of that name, or NULL with the error printed. */
 static const char *find_surface(const char *word)
 {
     const char *names[MAX_SURFACES + 1] = {NULL};

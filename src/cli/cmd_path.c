@@ -91,7 +91,7 @@ static int run_path(const path_request *request)
         const outcome t = {request, &path};
         code = solve_report_more(&request->solve, &run, report_path, &t);
     }
-    if (code == EXIT_OK && solve_tells_summary(&request->solve)) {
+    if (code == EXIT_OK && solve_prints_summary(&request->solve)) {
         print_path(request, &run, &path);
         code = cli_flush();
     }
@@ -104,7 +104,7 @@ static int check_request(path_request *request)
 {
     int code = solve_request_settle(&request->solve);
     if (code == EXIT_OK && (request->to.n > 0) + (request->to_vertex >= 0) != 1) {
-        code = cli_error(EXIT_USAGE, "path: where to? Give one of --to X,Y,Z and --to-vertex J");
+        code = cli_error(EXIT_USAGE, "path: no end given: use one of --to X,Y,Z and --to-vertex J");
     }
     if (code == EXIT_OK)
         code = cli_check_outputs("out", &request->out, CLI_LOCUS, request->solve.format);

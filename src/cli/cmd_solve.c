@@ -34,7 +34,7 @@ static int plan(solve_request *request)
     if (code != EXIT_OK) return code;
     code = solve_begin(request, &run);
     cli_progress_end(&run.progress);
-    if (code == EXIT_OK && cli_ranks_first()) code = solve_tell_plan(request, &run);
+    if (code == EXIT_OK && cli_ranks_first()) code = solve_print_plan(request, &run);
     solve_end(&run);
     return code;
 }
@@ -65,7 +65,8 @@ static int check_request(solve_request *request)
     }
     if (code == EXIT_OK && request->resume && !report && request->out.n == 0 &&
         request->locus.n == 0 && request->tangent.n == 0) {
-        code = cli_error(EXIT_USAGE, "solve: --resume looks for files, and none is to be written");
+        code = cli_error(EXIT_USAGE, "solve: --resume skips sources whose files exist: give --out, "
+                                     "--locus, --tangent or --report");
     }
     if (code == EXIT_OK && request->density_only &&
         (request->locus.n > 0 || request->tangent.n > 0 || request->sources)) {

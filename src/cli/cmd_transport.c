@@ -215,10 +215,9 @@ static int run_transport(const transport_request *r)
 static int check_request(const transport_request *r)
 {
     if (!r->from) {
-        return cli_error(
-            EXIT_USAGE,
-            "transport: what is to be moved? Give --from FILE, and --to FILE unless the "
-            "first is signed");
+        return cli_error(EXIT_USAGE,
+                         "transport: no measure given: use --from FILE, and --to FILE unless the "
+                         "first is signed");
     }
     const int code = cli_check_outputs("out", &r->solve.out, CLI_RESULT, r->solve.format);
     cli_uses uses = {.n = 0};

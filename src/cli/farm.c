@@ -33,7 +33,7 @@ typedef struct farm {
     atomic_bool missed; /* a gap; this changes the exit code of a run without failures */
     atomic_bool stop;   /* nothing can be done any more */
     size_t n_done, n_kept, n_failed;
-    pthread_mutex_t large, opening, telling;
+    pthread_mutex_t large, opening, printing;
 } farm;
 
 typedef struct worker {
@@ -134,7 +134,7 @@ static uint8_t *kept(const farm *f, size_t mesh, size_t source)
 }
 
 /* A word on standard output, or on standard error where that is taken by the report. */
-static void tell(farm *f, const char *name, size_t source, const char *text)
+static void print_word(farm *f, const char *name, size_t source, const char *text)
 {
     if (f->request->each.quiet) return;
     char number[32] = "";
@@ -148,7 +148,7 @@ static void check_mesh(worker *w, size_t k)
     farm *f = w->farm;
     batch_mesh *mesh = &f->list->mesh[k];
     if (!batch_digest_file(mesh->path, mesh->digest)) return; /* its reader will say why */
-    pthread_mutex_lock(&f->telling);
+    pthread_mutex_lock(&f->printing);
     for (size_t i = 0; i < f->n_sources; i++) {
         char wanted[WANTED_SIZE], text[96];
         const batch_entry entry = entry_of(f, k, i, wanted);
@@ -159,9 +159,9 @@ static void check_mesh(worker *w, size_t k)
         f->n_kept += !why;
         if (!why || !*why) continue;
         snprintf(text, sizeof text, "done again: %s", why);
-        tell(f, mesh->name, i, text);
+        print_word(f, mesh->name, i, text);
     }
-    pthread_mutex_unlock(&f->telling);
+    pthread_mutex_unlock(&f->printing);
 }
 
 /* ---- one source ----------------------------------------------------------------------------- */
@@ -203,7 +203,7 @@ static void tell_solved(farm *f, const batch_entry *entry, const solve_request *
                  solve_offset(one, run));
     snprintf(text, sizeof text, "%d steps, cost %.8g, gap %.2g %%, cut locus %.6g%s, %.3f s",
              stats.steps, stats.cost_upper, 100 * stats.gap, info.length, away, run->seconds.total);
-    if (f->summary) tell(f, f->list->mesh[entry->mesh].name, entry->source, text);
+    if (f->summary) print_word(f, f->list->mesh[entry->mesh].name, entry->source, text);
 }
 
 /* Count what became of a source, and put it down. */
@@ -218,7 +218,7 @@ static void finish(farm *f, const batch_entry *entry, const solve_request *one,
         atomic_compare_exchange_strong(&f->code, &none, written != EXIT_OK ? written : code);
     }
     if (code == EXIT_OK && solve_check_gap(one, run) != EXIT_OK) atomic_store(&f->missed, true);
-    pthread_mutex_lock(&f->telling);
+    pthread_mutex_lock(&f->printing);
     f->n_done += code == EXIT_OK;
     f->n_failed += code != EXIT_OK;
     if (code == EXIT_OK && written == EXIT_OK) tell_solved(f, entry, one, run);
@@ -229,7 +229,7 @@ static void finish(farm *f, const batch_entry *entry, const solve_request *one,
                  all, f->n_failed, cli_seconds() - f->begin);
         cli_progress_say(&f->progress, text);
     }
-    pthread_mutex_unlock(&f->telling);
+    pthread_mutex_unlock(&f->printing);
 }
 
 /* The sources of a mesh: `place` becomes that of number i. */
@@ -483,7 +483,7 @@ int batch_run(const batch_request *request, batch_list *list)
     if (!f.kept) return cli_library_error(NULL, DMK_E_NOMEM);
     pthread_mutex_init(&f.large, NULL);
     pthread_mutex_init(&f.opening, NULL);
-    pthread_mutex_init(&f.telling, NULL);
+    pthread_mutex_init(&f.printing, NULL);
     int code = cli_ranks_first() ? begin(&f) : EXIT_OK;
     if (code == EXIT_OK) code = join(&f);
     if (code == EXIT_OK) {
@@ -496,7 +496,7 @@ int batch_run(const batch_request *request, batch_list *list)
     batch_record_close(&f.record);
     pthread_mutex_destroy(&f.large);
     pthread_mutex_destroy(&f.opening);
-    pthread_mutex_destroy(&f.telling);
+    pthread_mutex_destroy(&f.printing);
     free(f.kept);
     return code;
 }

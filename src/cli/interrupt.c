@@ -1,4 +1,4 @@
-/* How the program ends when it is told to, or when the OpenCL driver ends it.
+/* How the program ends when it is asked to, or when the OpenCL driver ends it.
  *
  * SIGINT and SIGTERM are blocked in all threads but one, which waits for them. So they come at any moment, also
  * while a driver compiles, which nobody can interrupt; and compilers that the driver starts inherit the block:
@@ -20,7 +20,7 @@ enum {
     GRACE = 500
 };
 
-static atomic_bool interrupted, told;
+static atomic_bool interrupted, reported;
 static _Atomic(const char *) last_word;
 
 static void say(const char *text)
@@ -35,13 +35,13 @@ bool cli_interrupted(void)
 
 bool cli_first_to_tell(void)
 {
-    return !atomic_exchange(&told, true);
+    return !atomic_exchange(&reported, true);
 }
 
 void cli_keep_last_word(const char *word)
 {
     atomic_store(&last_word, word);
-    atomic_store(&told, true);
+    atomic_store(&reported, true);
 }
 
 bool cli_has_last_word(void)

@@ -65,7 +65,7 @@ static int unknown_command(const char *name)
 
 /* PoCL reads POCL_AFFINITY once, when it starts its threads, and then pins thread i to processor i.
  * Left to wander they share a core when the machine does other work too, and every kernel waits for
- * the last one. But it gives up the whole program where processor i is not to be had, so this is for
+ * the last one. But it gives up the whole program where processor i is not available, so this is for
  * those who may use all processors and have not asked for another number of threads. */
 static void pin_device_threads(void)
 {
@@ -119,8 +119,9 @@ int main(int argc, char **argv)
 {
     fill_standard_streams();
     cli_catch_signals();
-    signal(SIGXFSZ,
-           SIG_IGN); /* a file that grows too long is an error of the write, told with its name */
+    signal(
+        SIGXFSZ,
+        SIG_IGN); /* a file that grows too long is an error of the write, reported with its name */
     /* Decimal points whatever the user's language. The program never asks for another locale, but
      * an OpenCL driver might. */
     locale_t c = newlocale(LC_ALL_MASK, "C", (locale_t)0);

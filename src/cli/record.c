@@ -20,7 +20,7 @@ typedef struct seen {
     int64_t source;
     char digest[33], options[33];
     bool failed, drop;
-    double gap;           /* NAN: none told */
+    double gap;           /* NAN: none reported */
     size_t begin, length; /* in the text */
 } seen;
 
@@ -181,7 +181,7 @@ static bool read_line(const char *at, seen *line)
                       read_hex(&at, ", \"options\": ", line->options) &&
                       (state = read_text(&at, ", \"state\": ")) != NULL;
     line->failed = good && strcmp(state, "done") != 0;
-    line->gap = solve_told_gap(at, strcspn(at, "\n"));
+    line->gap = solve_reported_gap(at, strcspn(at, "\n"));
     free(state);
     return good;
 }

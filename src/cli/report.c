@@ -177,7 +177,7 @@ int solve_report(const solve_request *request, const solve_run *run)
     return solve_report_more(request, run, NULL, NULL);
 }
 
-bool solve_tells_summary(const solve_request *request)
+bool solve_prints_summary(const solve_request *request)
 {
     return !request->quiet && !(request->report && strcmp(request->report, "-") == 0);
 }
@@ -319,7 +319,7 @@ bool solve_misses(const solve_request *request, double gap)
     return request->solve.gap_tolerance > 0 && gap > request->solve.gap_tolerance;
 }
 
-double solve_told_gap(const char *text, size_t n)
+double solve_reported_gap(const char *text, size_t n)
 {
     static const char name[] = "\"gap\": ";
     const char *found = memmem(text, n, name, sizeof name - 1);
@@ -425,7 +425,7 @@ static void report_plan(cli_json *json, const solve_run *run, const void *data)
     json_memory(json, info.n_triangles, request->single);
 }
 
-int solve_tell_plan(const solve_request *request, const solve_run *run)
+int solve_print_plan(const solve_request *request, const solve_run *run)
 {
     dmk_mesh_info info;
     dmk_mesh_get_info(run->mesh, &info);
@@ -433,7 +433,7 @@ int solve_tell_plan(const solve_request *request, const solve_run *run)
         const int code = solve_report_more(request, run, report_plan, request);
         if (code != EXIT_OK) return code;
     }
-    if (!solve_tells_summary(request)) return EXIT_OK;
+    if (!solve_prints_summary(request)) return EXIT_OK;
     print_mesh(request, &info);
     if (!request->sources) print_source(request, run);
     print_label("memory");

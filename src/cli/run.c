@@ -37,7 +37,7 @@ static void begin_opening(opening *o, const dmk_device_options *options)
     o->threaded = pthread_create(&o->thread, NULL, open_device, o) == 0;
 }
 
-/* Hand the device over to `run`; EXIT_OK or the exit code with the error told, unless `silent`. */
+/* Hand the device over to `run`; EXIT_OK or the exit code with the error printed, unless `silent`. */
 static int end_opening(opening *o, solve_run *run, bool silent)
 {
     int code = EXIT_OK;

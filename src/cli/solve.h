@@ -1,5 +1,5 @@
-/* dmkcl solve, and the commands that begin by solving: the run that run.c makes and report.c tells
- * of. */
+/* dmkcl solve, and the commands that begin by solving: the run that run.c makes and report.c
+ * describes. */
 #ifndef DMK_CLI_SOLVE_H
 #define DMK_CLI_SOLVE_H
 
@@ -24,7 +24,7 @@ typedef struct solve_request {
     bool repair, json;
     bool bare;         /* the command needs no device and no solver */
     bool density_only; /* no distance, no cut locus */
-    bool dry;          /* tell what the run would take, and end */
+    bool dry;          /* report what the run would take, and end */
     bool quiet, verbose;
 } solve_request;
 
@@ -132,16 +132,16 @@ typedef void (*solve_more)(cli_json *json, const solve_run *run, const void *dat
 int solve_report_more(const solve_request *request, const solve_run *run, solve_more more,
                       const void *data);
 /* Whether the summary is printed: neither --quiet nor a report on the standard output. */
-bool solve_tells_summary(const solve_request *request);
+bool solve_prints_summary(const solve_request *request);
 /* The summary for a person, on the standard output. */
 void solve_summary(const solve_request *request, const solve_run *run);
 /* EXIT_OK, or EXIT_GAP with the words, when the gap that was asked for is not reached. */
 int solve_check_gap(const solve_request *request, const solve_run *run);
 /* Whether that would be its answer to this gap; and the gap in n bytes of a report, or NAN. */
 bool solve_misses(const solve_request *request, double gap);
-double solve_told_gap(const char *text, size_t n);
-/* Mesh, source and what a solve would take, as the request wants it told: report or summary. */
-int solve_tell_plan(const solve_request *request, const solve_run *run);
+double solve_reported_gap(const char *text, size_t n);
+/* Mesh, source and what a solve would take, as the request wants it: report or summary. */
+int solve_print_plan(const solve_request *request, const solve_run *run);
 /* Its part that holds for all sources: mesh and device. */
 void solve_summary_mesh(const solve_request *request, const solve_run *run);
 /* The tangent cut locus as CSV, whole or not at all. The exit code. */

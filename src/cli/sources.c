@@ -96,7 +96,7 @@ int solve_read_sources(const char *path, solve_source **sources, size_t *n)
     int code = read_lines(file, path, sources, n);
     fclose(file);
     if (code == EXIT_OK && *n == 0) {
-        code = cli_error(cli_exit_code(DMK_E_FORMAT), "%s: there is no source in it", path);
+        code = cli_error(cli_exit_code(DMK_E_FORMAT), "%s: contains no sources", path);
     }
     if (code != EXIT_OK) {
         free(*sources);

@@ -23,7 +23,7 @@ const char *cli_plain(void)
     return has_colour() ? "\033[0m" : "";
 }
 
-/* Seconds until `change` reaches the tolerance; NaN when that cannot be told. The change falls
+/* Seconds until `change` reaches the tolerance; NaN when that cannot be estimated. The change falls
  * exponentially (Newton) or like a power of time (explicit steps): its logarithm is continued with
  * the slope since about half the time ago. */
 static double time_left(cli_progress *progress, const dmk_progress *report)
@@ -83,7 +83,7 @@ static int on_progress(const dmk_progress *report, void *user)
     if (progress->steps) {
         progress->stage = report->stage;
         if (!new_stage && report->step == 0)
-            return 0;                               /* a stage without steps: its begin is told */
+            return 0; /* a stage without steps: its start is reported */
         if (report->step <= 1) progress->gap = NAN; /* of the source before */
         if (isfinite(report->gap)) progress->gap = report->gap;
         describe(report, progress->gap, NAN, stderr);

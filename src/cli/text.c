@@ -1,4 +1,4 @@
-/* Figures for people, and what the operating system tells of the run. */
+/* Figures for people, and what the operating system knows of the run. */
 #include "cli.h"
 
 #include <inttypes.h>

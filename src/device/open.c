@@ -92,7 +92,7 @@ static int name_platform(cl_platform_id platform, char name[128])
     return clGetPlatformInfo(platform, CL_PLATFORM_NAME, 127, name, NULL) == CL_SUCCESS;
 }
 
-/* The reason, as far as it can be told. */
+/* The reason, as far as it is known. */
 static int no_device(dmk_context *ctx, const cl_platform_id *platforms, cl_uint n)
 {
     static const char *const steer[] = {"POCL_DEVICES", "OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH",
@@ -223,7 +223,7 @@ static int choose(dmk_context *ctx, const char *select, const found *all, size_t
     }
     return dmk_fail(ctx, DMK_E_DEVICE,
                     "no OpenCL device or platform has '%s' in its name; the list of devices shows "
-                    "what there is",
+                    "those available",
                     select);
 }
 
@@ -268,7 +268,7 @@ static int check_options(dmk_context *ctx, const dmk_device_options *o)
     if (o->threads < 0)
         return dmk_fail(ctx, DMK_E_ARG, "threads = %d: expected 0 or more", o->threads);
     if ((int)o->shape < DMK_SHAPE_AUTO || o->shape > DMK_SHAPE_GPU) {
-        return dmk_fail(ctx, DMK_E_ARG, "shape %d is none of dmk_shape", (int)o->shape);
+        return dmk_fail(ctx, DMK_E_ARG, "shape = %d: expected a dmk_shape", (int)o->shape);
     }
     return DMK_OK;
 }

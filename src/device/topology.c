@@ -1,4 +1,4 @@
-/* What hwloc tells of the machine. */
+/* What hwloc knows of the machine. */
 #include "base/base.h"
 
 #include <hwloc.h>

@@ -93,7 +93,7 @@ typedef struct engine {
 } engine;
 
 /* Around a needle or a thin tube windows come back to a half-edge again and again, each hardly longer than the one
- * before, and no vertex is near enough to tell that they are of no use. From so many visits on, a half-edge keeps
+ * before, and no vertex is near enough to show that they are of no use. From so many visits on, a half-edge keeps
  * what has run on from it, for the lower envelope. Other half-edges are visited some four times. */
 enum { often = 32 };
 /* What is kept has this in `next` while it is in the list of the half-edge that is visited. */

@@ -67,7 +67,7 @@ int dmk_gzip_unpack(dmk_context *ctx, dmk_file *file)
     int rc = inflate_all(ctx, &z, file, &out);
     inflateEnd(&z);
     if (rc == DMK_OK && out.size == 0) {
-        rc = dmk_fail(ctx, DMK_E_FORMAT, "%s: there is nothing in it", file->path);
+        rc = dmk_fail(ctx, DMK_E_FORMAT, "%s: contains nothing", file->path);
     }
     if (rc != DMK_OK) {
         free(out.data);

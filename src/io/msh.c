@@ -157,7 +157,7 @@ static int read_tag(msh *m, dmk_type type, node *x)
     return dmk_values_integer(&m->in, type, "a node's tag", &x->tag);
 }
 
-/* What $ParametricNodes of version 2 tell of a node: dimension and tag of its entity, a parameter
+/* What $ParametricNodes of version 2 say of a node: dimension and tag of its entity, a parameter
  * for each dimension of a curve or surface. */
 static int skip_parameters(msh *m)
 {
@@ -227,7 +227,7 @@ done:
 }
 
 /* The head of a block: dimension and tag of its entity (the other way round in 4.0), a number that
- * tells more, the count. */
+ * says more, the count. */
 static int read_block(msh *m, int64_t *dimension, int64_t *more, int64_t *count)
 {
     int rc;
@@ -294,7 +294,7 @@ static int find_vertex(const msh *m, int64_t tag, int32_t *vertex)
                                                    : bsearch(&key, m->node, n, sizeof key, by_tag);
     }
     if (!x) {
-        return dmk_values_fail(&m->in, "node %lld of an element is none of the %zu in $Nodes",
+        return dmk_values_fail(&m->in, "node %lld of an element is not among the %zu in $Nodes",
                                (long long)tag, n);
     }
     *vertex = x->vertex;
@@ -335,7 +335,7 @@ done:
 }
 
 /* Each with a number, a type and some tags of its own; in binary files type and number of tags are
- * told once for a run of elements. */
+ * given once for a run of elements. */
 static int read_elements_2(msh *m)
 {
     int rc;

@@ -87,7 +87,7 @@ int dmk_values_fail(const dmk_values *values, const char *format, ...)
                     t->at - t->file->data, what);
 }
 
-/* The next n binary values of the type, or NULL with the error told. */
+/* The next n binary values of the type, or NULL with the error recorded. */
 static const char *take(dmk_values *values, dmk_type type, size_t n, const char *what)
 {
     dmk_text *t = &values->text;

@@ -35,7 +35,7 @@ typedef struct dmk_values {
 /* Fail with DMK_E_FORMAT and "path:line: " in text, "path: byte N: " in binary data. */
 int dmk_values_fail(const dmk_values *values, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
-/* The next number; `what` names it in errors. Of text that is told to be in single precision the
+/* The next number; `what` names it in errors. Of text that is declared to be in single precision the
  * nearest single is taken: that is what its writer had. */
 int dmk_values_number(dmk_values *values, dmk_type type, const char *what, double *value);
 int dmk_values_integer(dmk_values *values, dmk_type type, const char *what, int64_t *value);

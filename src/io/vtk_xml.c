@@ -199,7 +199,7 @@ static void open_appended(walk *w, const char **attribute)
 
 /* ---- the walk ---- */
 
-/* The values of an array stand before its first child (which tells of their range), or after it. */
+/* The values of an array stand before its first child (which holds their range), or after it. */
 static void end_values(walk *w)
 {
     dmk_vtk_values *v = w->values;

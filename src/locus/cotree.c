@@ -248,6 +248,6 @@ void dmk_cotree_free(dmk_cotree *t)
 {
     free(t->crossing);
     free(t->on);
-    free(t->tip);
+    free(t->end);
     memset(t, 0, sizeof *t);
 }

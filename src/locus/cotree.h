@@ -1,7 +1,7 @@
 /* The cut locus of the polyhedron as a tree-cotree decomposition. Internal to src/locus.
  *
  * Every vertex v is reached by one shortest path; its last bend, unfolded into the plane around v, is the image of v's
- * family. The jump of a mesh edge vw tells by how much the family of one end is too long at the other. A spanning tree
+ * family. The jump of a mesh edge vw is how much the family of one end is too long at the other. A spanning tree
  * of the vertices by least jump keeps families together; the mesh edges that it does not take, dual, are what families
  * meet across: a graph of the triangles that is connected and has first Betti number 2g, each border loop being one
  * node (tree-cotree decomposition: Eppstein 2003; as a cut graph: Erickson and Whittlesey 2005). */
@@ -26,10 +26,10 @@ typedef struct dmk_crossing {
 } dmk_crossing;
 
 /* Where a branch ends inside a triangle. */
-typedef struct dmk_tip {
+typedef struct dmk_end_point {
     int32_t triangle, crossing; /* reached through this crossing */
     double weight[3];
-} dmk_tip;
+} dmk_end_point;
 
 typedef struct dmk_cotree {
     const dmk_geodesics *geodesics;
@@ -39,10 +39,10 @@ typedef struct dmk_cotree {
     dmk_crossing *crossing; /* n */
     int32_t *on;            /* 3*n_triangles: crossing on each half-edge, -1: none */
     int32_t last; /* crossing peeled last, the middle of a locus without loops; -1: none */
-    int32_t n_tips;
-    size_t tip_room;
-    dmk_tip *tip;  /* n_tips */
-    bool is_point; /* no line: the whole locus is the tip 0 */
+    int32_t n_ends;
+    size_t end_room;
+    dmk_end_point *end; /* n_ends */
+    bool is_point;      /* no line: the whole locus is end point 0 */
 } dmk_cotree;
 
 /* Jumps, spanning tree and crossings; freed also after a failure. */
@@ -59,7 +59,7 @@ int dmk_cotree_peel(dmk_context *ctx, dmk_cotree *cotree);
 /* Excess of the weakest way into a triangle where three meet, that of a branch which ends there; else 0. */
 double dmk_branch_at(const dmk_cotree *cotree, int32_t triangle);
 
-/* ends.c: all of it, and the tips of all branches of default strength. */
+/* ends.c: all of it, and the end points of all branches of default strength. */
 int dmk_cotree_complete(dmk_context *ctx, const dmk_geodesics *geodesics, dmk_cotree *cotree);
 
 static inline double dmk_strength_asked(const dmk_cotree *t, const dmk_locus_options *options)
@@ -100,7 +100,7 @@ bool dmk_cusp_fit(dmk_patch *patch, int32_t triangle, dmk_cusp *cusp);
 /* The middle of a short locus around `xyz`, in `triangle`, and from there to one of its ends. */
 bool dmk_focus_fit(dmk_patch *patch, int32_t triangle, double xyz[3], double half[3]);
 
-/* ---- places.c: crossings, forks and tips as vertices of the locus ------------------------------- */
+/* ---- places.c: crossings, forks and end points as vertices of the locus ------------------------------- */
 
 /* All but kind, degree and mu; angles as in the source's chart. None depends on the strength asked for. */
 
@@ -109,7 +109,7 @@ void dmk_place_crossing(const dmk_cotree *cotree, int32_t i, dmk_locus_vertex *v
 /* In a triangle with three crossings: where the families of its corners are equally long if three
  * branches of default strength meet, else on the straight line between the two strongest. */
 void dmk_place_fork(const dmk_cotree *cotree, int32_t triangle, dmk_locus_vertex *vertex);
-void dmk_place_tip(const dmk_cotree *cotree, const dmk_tip *tip, dmk_locus_vertex *vertex);
+void dmk_place_end(const dmk_cotree *cotree, const dmk_end_point *end, dmk_locus_vertex *vertex);
 
 /* The logarithmic map at xyz, a point of the corner's triangle reached by the geodesics of its family: length
  * times direction at the source, a full turn being 2 pi. In the shadow of a pseudo-source, where all paths start
@@ -119,8 +119,8 @@ void dmk_place_in_plane(const dmk_cotree *cotree, int32_t corner, const double x
 
 /* Whether three branches of default strength meet in the triangle. */
 bool dmk_is_fork(const dmk_cotree *cotree, int32_t triangle);
-/* The tip in a triangle, or NULL: the tips are in the order of this comparison. */
-int dmk_tip_by_triangle(const void *a, const void *b);
-const dmk_tip *dmk_tip_in(const dmk_cotree *cotree, int32_t triangle);
+/* The end point in a triangle, or NULL: the end points are in the order of this comparison. */
+int dmk_end_by_triangle(const void *a, const void *b);
+const dmk_end_point *dmk_end_in(const dmk_cotree *cotree, int32_t triangle);
 
 #endif

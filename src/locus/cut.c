@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-typedef struct knife {
+typedef struct splitter {
     const dmk_cotree *cotree;
     int32_t *point;    /* cotree->n: the new vertex on a crossing, or -1 */
     double *xyz;       /* 3 per vertex of the split mesh */
@@ -16,7 +16,7 @@ typedef struct knife {
     int32_t *kin;  /* 3 per triangle: the mesh's corner (3t + k) whose family the corner is of */
     uint8_t *side; /* 3 per triangle: edge opposite the corner is to be cut */
     int32_t n_vertices, n_triangles;
-} knife;
+} splitter;
 
 /* A corner of a split triangle: a vertex, and the corner of the mesh on whose side of the cut it lies. */
 typedef struct corner {
@@ -24,7 +24,7 @@ typedef struct corner {
 } corner;
 
 /* cut: the corner whose opposite edge is to be cut, or -1. */
-static void add(knife *k, corner a, corner b, corner c, int cut)
+static void add(splitter *k, corner a, corner b, corner c, int cut)
 {
     const corner x[3] = {a, b, c};
     for (int i = 0; i < 3; i++) {
@@ -36,7 +36,7 @@ static void add(knife *k, corner a, corner b, corner c, int cut)
 }
 
 /* Three points on the edges: a star around a point between them. */
-static void split_in_six(knife *k, int32_t t, const int32_t *v, const int32_t *p)
+static void split_in_six(splitter *k, int32_t t, const int32_t *v, const int32_t *p)
 {
     const int32_t c = k->n_vertices++;
     for (int i = 0; i < 3; i++) {
@@ -53,7 +53,7 @@ static void split_in_six(knife *k, int32_t t, const int32_t *v, const int32_t *p
 
 /* The part of a triangle between the corners b, c and the points q on the side a-b and r on c-a, which
  * the cut joins: by the diagonal that leaves the better triangles. */
-static void split_rest(knife *k, corner b, corner c, int32_t on_ab, int32_t on_ca)
+static void split_rest(splitter *k, corner b, corner c, int32_t on_ab, int32_t on_ca)
 {
     const corner q = {on_ab, b.kin}, r = {on_ca, c.kin};
     const double *xb = k->xyz + 3 * (size_t)b.vertex, *xc = k->xyz + 3 * (size_t)c.vertex;
@@ -69,7 +69,7 @@ static void split_rest(knife *k, corner b, corner c, int32_t on_ab, int32_t on_c
 }
 
 /* p[i]: the point on the edge opposite corner i, or -1. */
-static void split(knife *k, int32_t t, const int32_t *p)
+static void split(splitter *k, int32_t t, const int32_t *p)
 {
     const int32_t *v = k->cotree->geodesics->mesh->triangle + 3 * t;
     const int n = (p[0] >= 0) + (p[1] >= 0) + (p[2] >= 0);
@@ -91,7 +91,7 @@ static void split(knife *k, int32_t t, const int32_t *p)
 }
 
 /* A slit of two edges at the farthest vertex, roughly opposite each other. */
-static void slit(knife *k)
+static void slit(splitter *k)
 {
     const dmk_geodesics *g = k->cotree->geodesics;
     int32_t far = 0, n = 0;
@@ -106,7 +106,7 @@ static void slit(knife *k)
     }
 }
 
-static int allocate(dmk_context *ctx, int32_t n_points, knife *k)
+static int allocate(dmk_context *ctx, int32_t n_points, splitter *k)
 {
     int rc;
     const dmk_mesh *m = k->cotree->geodesics->mesh;
@@ -123,7 +123,7 @@ done:
 }
 
 /* The new vertex of crossing i, not too near to the ends of its edge. */
-static void add_point(knife *k, int32_t i)
+static void add_point(splitter *k, int32_t i)
 {
     const dmk_mesh *m = k->cotree->geodesics->mesh;
     const int32_t h = k->cotree->crossing[i].half;
@@ -141,7 +141,7 @@ static void add_point(knife *k, int32_t i)
 
 /* Points on the edges that the locus crosses, then the split triangles. On a sphere, what crosses fewer than
  * three edges opens nothing: a slit does. */
-static int split_all(dmk_context *ctx, double strength, knife *k)
+static int split_all(dmk_context *ctx, double strength, splitter *k)
 {
     const dmk_cotree *t = k->cotree;
     int32_t n = 0;
@@ -163,7 +163,7 @@ static int split_all(dmk_context *ctx, double strength, knife *k)
 }
 
 /* Pieces of a triangle that is almost flat may be flat: the culprit is that triangle. */
-static int refuse_thin(dmk_context *ctx, const knife *k)
+static int refuse_thin(dmk_context *ctx, const splitter *k)
 {
     int32_t thin = 0;
     double least = INFINITY;
@@ -185,7 +185,7 @@ static int refuse_thin(dmk_context *ctx, const knife *k)
 }
 
 /* Sets of corners that uncut edges join. */
-static int join_corners(dmk_context *ctx, const knife *k, int32_t *parent)
+static int join_corners(dmk_context *ctx, const splitter *k, int32_t *parent)
 {
     int rc;
     dmk_mesh *whole = NULL; /* the split mesh, for its edges */
@@ -214,7 +214,7 @@ done:
 }
 
 /* The vertices of the cut mesh: a corner that stands for each, those of the mesh first, in their order. */
-static int number_corners(dmk_context *ctx, const knife *k, int32_t *parent, int32_t **first,
+static int number_corners(dmk_context *ctx, const splitter *k, int32_t *parent, int32_t **first,
                           int32_t *n)
 {
     int rc;
@@ -238,7 +238,7 @@ done:
     return rc;
 }
 
-static int separate(dmk_context *ctx, const knife *k, dmk_mesh **cut, int32_t **origin,
+static int separate(dmk_context *ctx, const splitter *k, dmk_mesh **cut, int32_t **origin,
                     double **plane)
 {
     int rc;
@@ -274,7 +274,7 @@ int dmk_locus_cut(dmk_context *ctx, const dmk_geodesics *g, const dmk_locus_opti
 {
     int rc;
     dmk_cotree t = {0};
-    knife k = {.cotree = &t};
+    splitter k = {.cotree = &t};
     *origin = NULL;
     *plane = NULL;
     DMK_TRY(dmk_cotree_complete(ctx, g, &t));

@@ -122,19 +122,19 @@ static bool find_cusp(const dmk_cotree *t, dmk_patch *patch, const route *r, dou
     return false;
 }
 
-static int add_tip(dmk_context *ctx, dmk_cotree *t, dmk_tip tip)
+static int add_end(dmk_context *ctx, dmk_cotree *t, dmk_end_point end)
 {
-    int rc = DMK_GROW(ctx, t->tip, (size_t)t->n_tips + 1, t->tip_room);
-    if (rc == DMK_OK) t->tip[t->n_tips++] = tip;
+    int rc = DMK_GROW(ctx, t->end, (size_t)t->n_ends + 1, t->end_room);
+    if (rc == DMK_OK) t->end[t->n_ends++] = end;
     return rc;
 }
 
-/* The branch's strength up to the crossing before the tip; behind it, less than the default. */
+/* The branch's strength up to the crossing before the end; behind it, less than the default. */
 static int lead_to(dmk_context *ctx, dmk_cotree *t, const route *r, const double xyz[3])
 {
     const dmk_mesh *m = t->geodesics->mesh;
     const int32_t near = nearest_on(t, r, xyz);
-    dmk_tip tip = {.triangle = -1};
+    dmk_end_point end = {.triangle = -1};
     double least = HUGE_VAL;
     int32_t upto = 0;
     for (int32_t k = near > 0 ? near - 1 : 0; k <= near; k++) {
@@ -145,16 +145,16 @@ static int lead_to(dmk_context *ctx, dmk_cotree *t, const route *r, const double
         if (!(d < least) || d > sqrt(2 * m->area[triangle])) continue;
         least = d;
         upto = k;
-        tip = (dmk_tip){triangle, r->crossing[k], {weight[0], weight[1], weight[2]}};
+        end = (dmk_end_point){triangle, r->crossing[k], {weight[0], weight[1], weight[2]}};
     }
-    if (tip.triangle < 0) return DMK_OK;
+    if (end.triangle < 0) return DMK_OK;
     const double strength = t->crossing[r->crossing[0]].strength;
     for (int32_t k = 0; k <= upto; k++) t->crossing[r->crossing[k]].strength = strength;
     for (int32_t k = upto + 1; k < r->n; k++) {
         dmk_crossing *c = &t->crossing[r->crossing[k]];
         c->strength = fmin(c->worth, nextafter(t->strength, 0));
     }
-    return add_tip(ctx, t, tip);
+    return add_end(ctx, t, end);
 }
 
 /* half: the locus is a short one, from its middle to an end; else NULL. */
@@ -186,7 +186,7 @@ static int become_point(dmk_context *ctx, dmk_cotree *t, const double xyz[3])
 {
     const dmk_crossing *c = &t->crossing[t->last];
     const dmk_mesh *m = t->geodesics->mesh;
-    dmk_tip best = {.triangle = c->node[0], .crossing = t->last};
+    dmk_end_point best = {.triangle = c->node[0], .crossing = t->last};
     double least = HUGE_VAL, weight[3];
     for (int32_t i = 0; i < t->n; i++) { /* triangles near it have crossings near it */
         if (dmk_distance(t->crossing[i].xyz, xyz) > 2 * t->mean_edge && i != t->last) continue;
@@ -197,12 +197,12 @@ static int become_point(dmk_context *ctx, dmk_cotree *t, const double xyz[3])
                                  : HUGE_VAL;
             if (!(d < least)) continue;
             least = d;
-            best = (dmk_tip){triangle, i, {weight[0], weight[1], weight[2]}};
+            best = (dmk_end_point){triangle, i, {weight[0], weight[1], weight[2]}};
         }
     }
     t->is_point = true;
-    t->n_tips = 0;
-    return add_tip(ctx, t, best);
+    t->n_ends = 0;
+    return add_end(ctx, t, best);
 }
 
 /* A small locus: a point, or an arc of which the ends are found by themselves, if *half is not 0. */
@@ -234,7 +234,7 @@ static int find_ends(dmk_context *ctx, dmk_cotree *t)
             DMK_TRY(find_end(ctx, t, patch, middle, arc, i, c->node[side]));
         }
     }
-    if (t->n_tips > 1) qsort(t->tip, (size_t)t->n_tips, sizeof *t->tip, dmk_tip_by_triangle);
+    if (t->n_ends > 1) qsort(t->end, (size_t)t->n_ends, sizeof *t->end, dmk_end_by_triangle);
 done:
     dmk_patch_free(&patch);
     return rc;

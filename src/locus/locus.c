@@ -58,7 +58,7 @@ static int join(dmk_context *ctx, sketch *s, int32_t a, int32_t b, double streng
     return DMK_OK;
 }
 
-/* The crossings kept in a triangle are joined to a vertex in it, a tip or a fork, or to each other. The vertex
+/* The crossings kept in a triangle are joined to a vertex in it, an end point or a fork, or to each other. The vertex
  * does not depend on the strength asked for; forks with branches weaker than the default lie on straight lines. */
 static int join_triangle(dmk_context *ctx, const dmk_cotree *t, int32_t triangle, sketch *s)
 {
@@ -69,12 +69,12 @@ static int join_triangle(dmk_context *ctx, const dmk_cotree *t, int32_t triangle
         if (i >= 0 && s->number[i] >= 0) kept[n++] = i;
     }
     if (n == 0) return DMK_OK;
-    const dmk_tip *tip = dmk_tip_in(t, triangle);
-    const bool is_tip = tip && s->number[tip->crossing] >= 0;
-    if (is_tip || n == 3 || (n == 2 && dmk_is_fork(t, triangle))) {
+    const dmk_end_point *end = dmk_end_in(t, triangle);
+    const bool is_end = end && s->number[end->crossing] >= 0;
+    if (is_end || n == 3 || (n == 2 && dmk_is_fork(t, triangle))) {
         DMK_TRY(add_vertex(ctx, s, &v));
-        if (is_tip)
-            dmk_place_tip(t, tip, &s->locus->vertex[v]);
+        if (is_end)
+            dmk_place_end(t, end, &s->locus->vertex[v]);
         else
             dmk_place_fork(t, triangle, &s->locus->vertex[v]);
         for (int k = 0; k < n; k++)
@@ -96,7 +96,7 @@ static int draw_point(dmk_context *ctx, const dmk_cotree *t, sketch *s)
     int rc = add_vertex(ctx, s, &v);
     if (rc != DMK_OK) return rc;
     if (t->is_point)
-        dmk_place_tip(t, &t->tip[0], &s->locus->vertex[v]);
+        dmk_place_end(t, &t->end[0], &s->locus->vertex[v]);
     else
         dmk_place_crossing(t, t->last, &s->locus->vertex[v]);
     s->locus->vertex[v].strength = c->excess;
@@ -237,6 +237,12 @@ done:
     dmk_locus_destroy(&s.locus);
     dmk_cotree_free(&t);
     return rc;
+}
+
+void dmk_locus_renumber(dmk_locus *l, const int32_t *triangle_old)
+{
+    for (size_t i = 0; i < l->info.n_vertices; i++)
+        l->vertex[i].place.triangle = triangle_old[l->vertex[i].place.triangle];
 }
 
 void dmk_locus_destroy(dmk_locus **locus)

@@ -46,6 +46,9 @@ static const dmk_locus_rules dmk_rules = {
 int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *geodesics, const double *density,
                     const dmk_locus_options *opt, dmk_locus **locus);
 
+/* The numbers of the triangles at the vertices, from those of the geodesics' mesh to triangle_old of them. */
+void dmk_locus_renumber(dmk_locus *locus, const int32_t *triangle_old);
+
 /* cut.c: the surface cut open along its locus: a disk, with one border loop and Euler characteristic 1.
  * The triangles that the locus crosses are split so that it runs along edges; its vertices are doubled,
  * one for each side. A locus that crosses fewer than three edges of a sphere becomes a slit of two edges; a

@@ -7,17 +7,18 @@
 
 static const double pi = 3.14159265358979323846;
 
-int dmk_tip_by_triangle(const void *a, const void *b)
+int dmk_end_by_triangle(const void *a, const void *b)
 {
-    const int32_t x = ((const dmk_tip *)a)->triangle, y = ((const dmk_tip *)b)->triangle;
+    const int32_t x = ((const dmk_end_point *)a)->triangle,
+                  y = ((const dmk_end_point *)b)->triangle;
     return (x > y) - (x < y);
 }
 
-const dmk_tip *dmk_tip_in(const dmk_cotree *t, int32_t triangle)
+const dmk_end_point *dmk_end_in(const dmk_cotree *t, int32_t triangle)
 {
-    const dmk_tip key = {.triangle = triangle};
-    if (t->n_tips == 0) return NULL;
-    return bsearch(&key, t->tip, (size_t)t->n_tips, sizeof key, dmk_tip_by_triangle);
+    const dmk_end_point key = {.triangle = triangle};
+    if (t->n_ends == 0) return NULL;
+    return bsearch(&key, t->end, (size_t)t->n_ends, sizeof key, dmk_end_by_triangle);
 }
 
 bool dmk_is_fork(const dmk_cotree *t, int32_t triangle)
@@ -192,11 +193,11 @@ void dmk_place_fork(const dmk_cotree *t, int32_t triangle, dmk_locus_vertex *v)
     set_widest(t, triangle, v);
 }
 
-void dmk_place_tip(const dmk_cotree *t, const dmk_tip *tip, dmk_locus_vertex *v)
+void dmk_place_end(const dmk_cotree *t, const dmk_end_point *end, dmk_locus_vertex *v)
 {
-    set_place(t->geodesics->mesh, tip->triangle, tip->weight, v);
-    set_widest(t, tip->triangle, v);
-    v->strength = t->crossing[tip->crossing].strength;
+    set_place(t->geodesics->mesh, end->triangle, end->weight, v);
+    set_widest(t, end->triangle, v);
+    v->strength = t->crossing[end->crossing].strength;
 }
 
 /* The line that leaves a crossing to one side, up to an end, a fork or the length wanted. */
@@ -220,14 +221,14 @@ static void go(const dmk_cotree *t, int32_t i, int32_t node, double length, walk
             next = j;
             n++;
         }
-        const dmk_tip *tip = n == 0 ? dmk_tip_in(t, node) : NULL;
-        if (n == 0 && !tip) return;
+        const dmk_end_point *end = n == 0 ? dmk_end_in(t, node) : NULL;
+        if (n == 0 && !end) return;
         if (n == 1) {
             memcpy(v.xyz, t->crossing[next].xyz, sizeof v.xyz);
         } else {
             double weight[3];
-            if (!tip) fork_weights(t, node, true, weight);
-            set_place(t->geodesics->mesh, node, tip ? tip->weight : weight, &v);
+            if (!end) fork_weights(t, node, true, weight);
+            set_place(t->geodesics->mesh, node, end ? end->weight : weight, &v);
         }
         memcpy(w->x[w->n], v.xyz, sizeof v.xyz);
         w->s[w->n] = w->s[w->n - 1] + dmk_distance(w->x[w->n - 1], v.xyz);

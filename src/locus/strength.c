@@ -7,7 +7,7 @@
  * on loops are never peeled: their excess is infinite.
  *
  * A small piece with a large angle at the far end of a long line with a small one has much excess though the mesh
- * hardly tells where that line runs: on the way inwards a branch's worth is what it gains at angles above the one
+ * hardly shows where that line runs: on the way inwards a branch's worth is what it gains at angles above the one
  * of the rules less what it loses below. Without the loss 5.9 instead of 1.3 % of the worst scan's locus is false.
  *
  * Where branches join, the one with the largest worth goes on and the others end: a branch runs from a leaf to
@@ -184,7 +184,7 @@ double dmk_branch_at(const dmk_cotree *t, int32_t i)
 }
 
 /* The mesh's own branches are weak and many; on a noisy mesh some are stronger than the default. They
- * are told from the surface's by a gap: above the strongest of them, which is no lone one, the next
+ * are told apart from the surface's by a gap: above the strongest of them, which is no lone one, the next
  * is `gap` times as strong, and is no loop; on a sphere the longest line always counts as next. The default is then
  * in the middle of the gap, on the side of the mesh's own. */
 static int find_default(dmk_context *ctx, dmk_cotree *t)

@@ -37,7 +37,7 @@ static void shrink(int32_t **array, size_t n)
 }
 
 /* The edge from the vertex whose edges begin at `first` to `other`, or n_edges if there is none yet. Few are
- * looked through; of many, as at the centre of a large star, last[other] tells the only one it can be. */
+ * looked through; of many, as at the centre of a large star, last[other] names the only one it can be. */
 static int32_t find_edge(const struct dmk_mesh *m, int32_t first, int32_t n_edges, bool many,
                          const int32_t *last, int32_t other)
 {
@@ -288,7 +288,7 @@ static int measure_triangle(dmk_context *ctx, const struct dmk_mesh *m, int32_t 
                         "the mesh",
                         t, a, a > 1 ? "long" : "short");
     }
-    /* The longest side is the sum of the others as far as rounded lengths can tell. */
+    /* The longest side is the sum of the others as far as rounded lengths can show. */
     if (!(c - (a - b) > 4 * DBL_EPSILON * a)) {
         if (!ctx) return DMK_E_MESH;
         return dmk_fail(ctx, DMK_E_MESH,

@@ -193,7 +193,7 @@ done:
 /* ---- triangles without area ----------------------------------------------------------------- */
 
 /* Half-edge of the longest side. As mesh.c sees it, the triangle is flat if that is the sum of the others
- * as far as rounded lengths tell. */
+ * as far as rounded lengths show. */
 static bool is_flat(const soup *s, int32_t t, int32_t *longest)
 {
     const int32_t *c = s->triangle + 3 * (size_t)t;

@@ -16,7 +16,7 @@ typedef struct queued {
 typedef struct sampler {
     dmk_context *context;
     const dmk_mesh *mesh;
-    dmk_vertex_stars fan;
+    dmk_vertex_stars star;
     double *distance; /* n_vertices: to the nearest sample; infinite where no path leads */
     queued *heap;     /* the least distance first; entries that are out of date are skipped */
     size_t n, room;
@@ -61,7 +61,7 @@ static int reach(sampler *s, int32_t v, double distance)
 
 /* From corner k of t across the opposite edge, the neighbour laid flat: *length to its far corner, which
  * is returned; -1 at a border, or where the straight line would leave the two triangles. */
-static int32_t across(const dmk_mesh *m, int32_t t, int k, double *length)
+static int32_t unfold(const dmk_mesh *m, int32_t t, int k, double *length)
 {
     const int32_t e = m->triangle_edge[3 * t + k], *pair = m->edge_triangle + 2 * (size_t)e;
     const int32_t other = pair[0] == t ? pair[1] : pair[0];
@@ -83,15 +83,15 @@ static int relax(sampler *s, queued from)
 {
     int rc = DMK_OK;
     const dmk_mesh *m = s->mesh;
-    for (int32_t i = s->fan.row[from.vertex]; i < s->fan.row[from.vertex + 1]; i++) {
-        const int32_t t = s->fan.triangle[i] / 4;
-        const int k = s->fan.triangle[i] % 4;
+    for (int32_t i = s->star.row[from.vertex]; i < s->star.row[from.vertex + 1]; i++) {
+        const int32_t t = s->star.triangle[i] / 4;
+        const int k = s->star.triangle[i] % 4;
         for (int j = 1; j < 3; j++) {
             const int32_t e = m->triangle_edge[3 * t + (k + 3 - j) % 3];
             DMK_TRY(reach(s, m->triangle[3 * t + (k + j) % 3], from.distance + m->length[e]));
         }
         double length;
-        const int32_t far = across(m, t, k, &length);
+        const int32_t far = unfold(m, t, k, &length);
         if (far >= 0) DMK_TRY(reach(s, far, from.distance + length));
     }
 done:
@@ -117,7 +117,7 @@ static int32_t farthest(const sampler *s)
 {
     int32_t best = -1;
     for (int32_t v = 0; v < s->mesh->n_vertices; v++) {
-        if (s->fan.row[v] == s->fan.row[v + 1] || !(s->distance[v] > 0)) continue;
+        if (s->star.row[v] == s->star.row[v + 1] || !(s->distance[v] > 0)) continue;
         if (best < 0 || s->distance[v] > s->distance[best]) best = v;
     }
     return best;
@@ -126,7 +126,7 @@ static int32_t farthest(const sampler *s)
 static int check(dmk_context *ctx, const sampler *s, size_t n, int64_t first)
 {
     const dmk_mesh *m = s->mesh;
-    if (first < 0 || first >= m->n_vertices || s->fan.row[first] == s->fan.row[first + 1]) {
+    if (first < 0 || first >= m->n_vertices || s->star.row[first] == s->star.row[first + 1]) {
         return dmk_fail(
             ctx, DMK_E_ARG, "vertex %lld cannot be the first sample: %s", (long long)first,
             first < 0 || first >= m->n_vertices ? "out of range" : "it is in no triangle");
@@ -144,7 +144,7 @@ int dmk_mesh_sample(dmk_context *ctx, const dmk_mesh *mesh, size_t n, int64_t fi
     int rc;
     if (dmk_missing(ctx, "mesh", mesh, "vertex", vertex)) return DMK_E_ARG;
     sampler s = {.context = ctx, .mesh = mesh};
-    DMK_TRY(dmk_vertex_stars_create(ctx, mesh, &s.fan));
+    DMK_TRY(dmk_vertex_stars_create(ctx, mesh, &s.star));
     DMK_TRY(check(ctx, &s, n, first));
     DMK_TRY(DMK_NEW(ctx, s.distance, (size_t)mesh->n_vertices));
     for (int32_t v = 0; v < mesh->n_vertices; v++) s.distance[v] = INFINITY;
@@ -153,7 +153,7 @@ int dmk_mesh_sample(dmk_context *ctx, const dmk_mesh *mesh, size_t n, int64_t fi
         if (i + 1 < n) DMK_TRY(spread_from(&s, (int32_t)vertex[i]));
     }
 done:
-    dmk_vertex_stars_free(&s.fan);
+    dmk_vertex_stars_free(&s.star);
     free(s.distance);
     free(s.heap);
     return rc;

@@ -1,4 +1,4 @@
-"""What cffi is told: the declarations of the real header, and how to link the static library."""
+"""What cffi needs: the declarations of the real header, and how to link the static library."""
 
 import os
 import re

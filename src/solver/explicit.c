@@ -80,7 +80,7 @@ int dmk_fall_back(dmk_iteration *o)
     slow.max_steps = FALLBACK_STEPS;
     o->options = &slow;
     int rc = dmk_explicit(o);
-    if (rc == DMK_E_LIMIT) rc = dmk_iteration_diverged(o, FALLBACK_STEPS, "mu goes on changing");
+    if (rc == DMK_E_LIMIT) rc = dmk_iteration_diverged(o, FALLBACK_STEPS, "mu keeps changing");
     if (rc == DMK_OK) o->stats->steps += before;
     o->options = options;
     return rc;

@@ -78,20 +78,26 @@ int dmk_result_restore(dmk_context *ctx, const dmk_mesh *m, const dmk_result_dat
     dmk_result *r = NULL;
     if (dmk_missing(ctx, "mesh", m, "data", data, "result", result)) return DMK_E_ARG;
     if (dmk_missing(ctx, "density", data->density, "potential", data->potential, "potential_mid",
-                    data->potential_mid, "distance", data->distance, "acl", data->acl)) {
+                    data->potential_mid)) {
+        return DMK_E_ARG;
+    }
+    const bool with_distance = data->distance || data->acl; /* else it is one of density_only */
+    if (with_distance && dmk_missing(ctx, "distance", data->distance, "acl", data->acl)) {
         return DMK_E_ARG;
     }
     DMK_TRY(dmk_point_check(ctx, m, "source", &data->source));
     DMK_TRY(dmk_result_create(ctx, m, &r));
-    DMK_TRY(dmk_result_allocate(ctx, r, true));
+    DMK_TRY(dmk_result_allocate(ctx, r, with_distance));
     memcpy(r->density, data->density, r->n_triangles * sizeof *r->density);
-    memcpy(r->acl, data->acl, r->n_triangles * sizeof *r->acl);
     memcpy(r->potential, data->potential, r->n_vertices * sizeof *r->potential);
-    memcpy(r->distance, data->distance, r->n_vertices * sizeof *r->distance);
     memcpy(r->potential_mid, data->potential_mid, r->n_edges * sizeof *r->potential_mid);
     r->source = data->source;
     r->stats = data->stats;
-    DMK_TRY(restore_component(ctx, m, r));
+    if (with_distance) {
+        memcpy(r->acl, data->acl, r->n_triangles * sizeof *r->acl);
+        memcpy(r->distance, data->distance, r->n_vertices * sizeof *r->distance);
+        DMK_TRY(restore_component(ctx, m, r));
+    }
     *result = r;
     r = NULL;
 done:

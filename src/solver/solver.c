@@ -138,10 +138,10 @@ int dmk_solver_take_options(dmk_context *ctx, const dmk_solve_options *given, dm
     if (o->max_steps < 0)
         return dmk_fail(ctx, DMK_E_ARG, "max_steps = %d: expected 0 or more", o->max_steps);
     if ((int)o->method < DMK_NEWTON || o->method > DMK_EULER) {
-        return dmk_fail(ctx, DMK_E_ARG, "method %d is none of dmk_method", (int)o->method);
+        return dmk_fail(ctx, DMK_E_ARG, "method = %d: expected a dmk_method", (int)o->method);
     }
     if ((int)o->start < DMK_START_DISTANCE || o->start > DMK_START_UNIFORM) {
-        return dmk_fail(ctx, DMK_E_ARG, "start %d is none of dmk_start", (int)o->start);
+        return dmk_fail(ctx, DMK_E_ARG, "start = %d: expected a dmk_start", (int)o->start);
     }
     if (o->density_only != 0 && o->density_only != 1)
         return dmk_fail(ctx, DMK_E_ARG, "density_only = %d: expected 0 or 1", o->density_only);

@@ -129,12 +129,12 @@ static int pack_rows(const packer *p, int32_t n, const int32_t *row, const int32
 static int corners_create(const packer *p, dmk_sell *corners)
 {
     int rc;
-    dmk_vertex_stars fan = {0};
-    DMK_TRY(dmk_vertex_stars_create(p->ctx, p->mesh, &fan));
-    DMK_TRY(dmk_sell_create(p->ctx, p->mesh->n_vertices, fan.row, fan.triangle, NULL,
+    dmk_vertex_stars star = {0};
+    DMK_TRY(dmk_vertex_stars_create(p->ctx, p->mesh, &star));
+    DMK_TRY(dmk_sell_create(p->ctx, p->mesh->n_vertices, star.row, star.triangle, NULL,
                             4 * (p->sys->n_elements_pad - 1), corners));
 done:
-    dmk_vertex_stars_free(&fan);
+    dmk_vertex_stars_free(&star);
     return rc;
 }
 

@@ -74,7 +74,7 @@ typedef struct dmk_system {
     dmk_level level[DMK_SYSTEM_LEVELS];
     int32_t n_levels;
     /* Levels from this one on are done by one work-group in one launch (n_levels: none): their arrays are parts
-     * of tail_arena, as tail_table tells (dmk_shared.h). */
+     * of tail_arena, laid out by tail_table (dmk_shared.h). */
     int32_t tail;
     dmk_buffer *tail_arena, *tail_table;
     int32_t n_coarse_links;      /* of the coarsest level, for its inverse */

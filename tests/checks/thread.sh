@@ -16,7 +16,7 @@ try 'solve' "$tool" solve "$work/torus.off" --source 1,1,1 --out "$work/x.vtp" \
 try 'solve, uniform start' "$tool" solve "$work/torus.off" --source 1,1,1 --start uniform
 try 'path' "$tool" path "$work/torus.off" --vertex 0 --to-vertex 999
 try 'cut' "$tool" cut "$work/torus.off" --vertex 0 --out "$work/cut.obj"
-# The last source is none, which the exit code tells; ThreadSanitizer's own is 66.
+# The last source is none, which the exit code says; ThreadSanitizer's own is 66.
 try 'many sources' sh -c "'$tool' solve '$work/torus.off' --sources '$work/sources' \
     --out '$work/m.vtp'; [ \$? -eq 1 ]"
 finish

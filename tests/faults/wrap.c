@@ -248,7 +248,7 @@ WRAP(int, mkstemp, char *name)
 WRAP(int, close, int fd)
 {
     gave();
-    int rc = __real_close(fd); /* as close does it: gone even where an error is told */
+    int rc = __real_close(fd); /* as close does it: gone even where an error is reported */
     return fails(FAULT_FILE) ? no_file() : rc;
 }
 WRAP(int, fstat, int fd, struct stat *st)
@@ -325,7 +325,7 @@ WRAP(size_t, fread, void *to, size_t size, size_t n, FILE *f)
 
 /* ---- OpenCL ---- */
 
-/* Calls that tell their error through a place, and give an object. */
+/* Calls that return their error through a place, and give an object. */
 #define WRAP_CREATE(type, name, params, args)                                                      \
     type __real_##name params;                                                                     \
     type __wrap_##name params;                                                                     \

@@ -14,7 +14,7 @@
 
 enum { MAX_NAMES = 32, MAX_SIZE = 8192 };
 
-/* Readers, and how often each was tried and took a mesh: printed at the end. The suffix tells where the
+/* Readers, and how often each was tried and took a mesh: printed at the end. The suffix decides where the
  * content does not. */
 static struct reader {
     const char *names; /* of format.c's table */

@@ -44,7 +44,7 @@ class Watch:
 
     def __init__(self, progress: ProgressOption):
         self.rows: "list[tuple[Any, ...]]" = []
-        self.tell: Optional[Callable[[Progress], Any]] = progress if callable(progress) else None
+        self.callback: Optional[Callable[[Progress], Any]] = progress if callable(progress) else None
         self.bar: Any = None
         if progress is True:
             from tqdm.auto import tqdm
@@ -76,8 +76,8 @@ class Watch:
         if self.bar is not None and report.stage == "solve":
             self.bar.update(report.step - self.bar.n)
             self.bar.set_postfix_str(f"change {report.change:.1e}, ends at {report.tolerance:.1e}")
-        if self.tell is not None:
-            self.tell(report)
+        if self.callback is not None:
+            self.callback(report)
 
     def close(self) -> None:
         if self.bar is not None:

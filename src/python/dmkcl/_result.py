@@ -127,10 +127,9 @@ class Result:
         return self._handle.pointer
 
     def _restore(self) -> Handle:
-        if self._density_only:
-            raise ArgumentError("an unpickled result of density_only holds its arrays and no more")
         data = ffi.new("dmk_result_data *")
-        for name, dtype in _ARRAYS.items():
+        for name in self._arrays():
+            dtype = _ARRAYS[name]
             array = getattr(self, name).view(dtype)
             setattr(data, name, ffi.from_buffer(_C_NAMES[dtype] + "[]", array))
         data.source = (self.source.face, self.source.bary)

@@ -514,7 +514,7 @@ function pick(x, y) {
 }
 const corner = (hit, values) => [0, 1, 2].reduce((sum, k) => sum + hit.weight[k] * values[faces[3 * hit.face + k]], 0);
 const reached = hit => [0, 1, 2].every(k => data.all || distance[faces[3 * hit.face + k]] > 0);
-function tell(x, y) {
+function showValues(x, y) {
     const hit = under(x, y), tip = element("tip");
     tip.hidden = !hit;
     if (!hit) return;
@@ -549,7 +549,7 @@ canvas.onpointerdown = event => {
 canvas.onpointermove = event => {
     const before = held.get(event.pointerId);
     if (!before) {
-        if (!hovering) requestAnimationFrame(() => { tell(...hovering); hovering = null; });
+        if (!hovering) requestAnimationFrame(() => { showValues(...hovering); hovering = null; });
         hovering = [event.clientX, event.clientY];
         return;
     }
@@ -571,7 +571,7 @@ canvas.onpointerup = event => {
     held.delete(event.pointerId);
     if (!pressed || event.button > 0) return;
     pick(...pressed);
-    if (event.pointerType === "touch") tell(...pressed);
+    if (event.pointerType === "touch") showValues(...pressed);
     pressed = null;
 };
 canvas.onpointercancel = event => held.delete(event.pointerId);

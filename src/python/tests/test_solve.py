@@ -350,7 +350,11 @@ def test_density_only(solver, result, tmp_path):
         for ask in (lambda r: r.locus, lambda r: r.path(vertex=5), lambda r: r.cut_open()):
             with pytest.raises(dmkcl.ArgumentError, match="density_only"):
                 ask(again)
-    lean.write(tmp_path / "lean.vtp")
+    for suffix in (".vtp", ".vtu", ".ply", ".pvtp"):
+        lean.write(tmp_path / f"lean{suffix}")
+        pickle.loads(pickle.dumps(lean)).write(tmp_path / f"again{suffix}")
+        names = ("lean_0000.vtp", "again_0000.vtp") if suffix == ".pvtp" else (f"lean{suffix}", f"again{suffix}")
+        assert (tmp_path / names[0]).read_bytes() == (tmp_path / names[1]).read_bytes()
     assert "mu" in lean.to_pyvista().cell_data and "distance" not in lean.to_pyvista().point_data
     assert set(lean.to_trimesh().vertex_attributes) == {"u"}
     assert [r.density.size for r in solver.solve_many(vertices=[0, 3], density_only=True)] == [lean.density.size] * 2
