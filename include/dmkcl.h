@@ -484,8 +484,8 @@ typedef struct dmk_result_data {
 
 /* The result again, from copies of these arrays and the same mesh: for dmk_locus_compute,
  * dmk_path_compute, dmk_cut and dmk_result_write. Runs the geodesics anew, and needs no device. With distance and acl
- * NULL it is a result of density_only again. DMK_E_ARG if the source is no point of the mesh, or of distance and acl one
- * is NULL. */
+ * NULL it is a result of density_only again. DMK_E_ARG if the source is no point of the mesh, or one of distance and
+ * acl is NULL. */
 int dmk_result_restore(dmk_context *context, const dmk_mesh *mesh, const dmk_result_data *data,
                        dmk_result **result);
 

@@ -45,7 +45,7 @@ fails 'sources: no file' 2 'none.txt' "$tool" solve "$torus" --sources "$work/no
 printf '3,0,0\n' > "$list"
 fails 'sources and a source' 1 'not both' "$tool" solve "$torus" --sources "$list" --vertex 0
 fails 'resume alone' 1 '--sources' "$tool" solve "$torus" --vertex 0 --resume
-fails 'resume without files' 1 'none is to be written' \
+fails 'resume without files' 1 'skips sources whose files exist' \
     "$tool" solve "$torus" --sources "$list" --resume
 
 # ---- a batch ----------------------------------------------------------------------------------

@@ -168,7 +168,7 @@ static const refusal refusals[] = {
     {"m.off", "", DMK_E_FORMAT, "m.off: the file is empty"},
     {"m.off", "# nothing\n", DMK_E_FORMAT, "m.off:2: nothing but comments"},
     {"m.txt", "hello\n", DMK_E_FORMAT, "m.txt: neither its content nor its suffix"},
-    {"m.txt", "hello\n", DMK_E_FORMAT, ".off .coff .noff .obj"},
+    {"m.txt", "hello\n", DMK_E_FORMAT, ".off .coff .noff "},
     {"m.off", "hello\n", DMK_E_FORMAT, "m.off:1: 'hello' where the number of vertices"},
     {"m.off", "OFF BINARY\n4 2 0\n", DMK_E_FORMAT, "m.off:1: binary OFF"},
     {"m.off", "4OFF\n4 2 0\n", DMK_E_FORMAT, "m.off:1: vertices that are not in three"},

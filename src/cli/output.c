@@ -1,6 +1,7 @@
 /* Output files are looked at before the work begins: a slip in a name should not cost a long run. */
 #include "cli.h"
 
+#include <ctype.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
@@ -93,13 +94,38 @@ static int take_stdout(void)
 
 /* ---- before the work ------------------------------------------------------------------------ */
 
+/* Whether single files of the format are written. */
+static bool is_written(const dmk_format_info *format)
+{
+    return (format->writes_mesh || format->writes_result || format->writes_locus) &&
+           strcmp(format->name, "PVTP") != 0;
+}
+
+/* "ply, vtp, ..." */
+static void list_formats(char *text, size_t size)
+{
+    dmk_format_info format;
+    text[0] = '\0';
+    for (size_t i = 0; dmk_format_get(i, &format) == DMK_OK; i++) {
+        if (!is_written(&format)) continue;
+        snprintf(text + strlen(text), size - strlen(text), "%s%s", *text ? ", " : "", format.name);
+    }
+    for (char *c = text; *c; c++) *c = (char)tolower((unsigned char)*c);
+}
+
 cli_option cli_format_option(const char **format)
 {
+    static char help[300];
+    char names[128];
+    list_formats(names, sizeof names);
+    snprintf(help, sizeof help,
+             "format of files whose name has no suffix: %s;\n"
+             "default: of pipes, devices and the standard output (-) vtp",
+             names);
     return (cli_option){
         .name = "format",
         .value = "NAME",
-        .help = "format of files whose name has no suffix: ply, vtp, vtu, off, obj, csv;\n"
-                "default: of pipes, devices and the standard output (-) vtp",
+        .help = help,
         .kind = CLI_TEXT,
         .target = (void *)format,
     };
@@ -109,9 +135,7 @@ cli_option cli_format_option(const char **format)
 static bool find_format(const char *name, dmk_format_info *format)
 {
     for (size_t i = 0; dmk_format_get(i, format) == DMK_OK; i++) {
-        if (strcasecmp(name, format->name) == 0)
-            return (format->writes_mesh || format->writes_locus) &&
-                   strcmp(format->name, "PVTP") != 0;
+        if (strcasecmp(name, format->name) == 0) return is_written(format);
     }
     return false;
 }
@@ -267,10 +291,12 @@ int cli_check_outputs(const char *option, const cli_files *files, cli_what what,
     int code = EXIT_OK;
     dmk_format_info chosen;
     if (format && !find_format(format, &chosen)) {
+        char names[128];
+        list_formats(names, sizeof names);
         return cli_error(EXIT_USAGE,
-                         "--format: '%s' is not one of ply, vtp, vtu, off, obj, csv; PVTP, which "
-                         "is several files, is chosen by the suffix .pvtp",
-                         format);
+                         "--format: '%s' is not one of %s; PVTP, which is several files, is chosen "
+                         "by the suffix .pvtp",
+                         format, names);
     }
     for (int i = 0; i < files->n && code == EXIT_OK; i++) {
         code = cli_check_output(option, files->path[i], what, format);

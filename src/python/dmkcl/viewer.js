@@ -364,7 +364,7 @@ function leastStrength() {
     const [low, high] = data.strengths;
     return low * (high / low) ** (element("least").value / 1000);
 }
-function tellStrength() {
+function showStrength() {
     element("strength").textContent = short(leastStrength());
 }
 
@@ -591,7 +591,7 @@ canvas.onkeydown = event => {
     else if (event.key === "-") nearer(1 / 0.9);
 };
 for (const id of ["colour", "log", "lines", "cut", "hidden"]) element(id).onchange = () => { bar(); ask(); };
-element("least").oninput = () => { tellStrength(); ask(); };
+element("least").oninput = () => { showStrength(); ask(); };
 // The picture with its title and scale.
 function picture() {
     draw(); // what is drawn is there until the browser shows the next frame
@@ -629,7 +629,7 @@ canvas.addEventListener("webglcontextlost", () => location.reload());
     least.value = Math.round(1000 * Math.log(Math.max(data.least, low) / low) / Math.log(high / low));
     element("branches").hidden = !strength.some(s => s < Infinity);
 }
-tellStrength();
+showStrength();
 bar();
 reset();
 ask();
