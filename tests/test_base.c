@@ -119,7 +119,7 @@ static void loose_unknowns_are_left_out(void **state)
     }
 }
 
-/* A call without a context has nowhere to put its message, and still tells that it failed. */
+/* A call without a context has nowhere to put its message, and still returns that it failed. */
 static void a_missing_context_has_no_message(void **state)
 {
     (void)state;

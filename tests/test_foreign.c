@@ -137,7 +137,7 @@ static void test_elements_without_faces(void **state)
     }
 }
 
-/* What version 2 tells of a node: 0 to 2 parameters by the dimension of its entity. */
+/* What version 2 says of a node: 0 to 2 parameters by the dimension of its entity. */
 static void test_parameters_of_nodes(void **state)
 {
     check_square(read_text(

@@ -338,7 +338,7 @@ static void test_results(void **state)
     dmk_mesh_destroy(&m);
 }
 
-/* In pieces: the file that names them tells what arrays they have; they stand beside it, whatever it is called. */
+/* In pieces: the file that names them lists their arrays; they stand beside it, whatever it is called. */
 static void test_results_in_pieces(void **state)
 {
     fixture *f = *state;

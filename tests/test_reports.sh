@@ -103,7 +103,7 @@ look() { python3 "$work/look.py" "$PWD/$tool" "$mesh" "$work" "$1"; }
 check 'the mesh in the report' look mesh_figures
 check 'costs and gap' look costs
 check 'the seconds of each stage' look times
-check 'the summary tells the same' look summary
+check 'the summary says the same' look summary
 check 'the memory' look memory
 check 'the cut locus in the report' look locus
 check 'the tangent cut locus' look tangent
