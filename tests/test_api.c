@@ -245,6 +245,27 @@ static void a_path_is_written_in_order(void **state)
     problem_free(&p);
 }
 
+/* Of the ends of several paths the one without a path is named: here on the second of two tetrahedra. */
+static void the_end_without_a_path_is_named(void **state)
+{
+    bench *b = *state;
+    double xyz[24] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1};
+    int32_t triangle[24] = {0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3};
+    for (int i = 0; i < 12; i++) xyz[12 + i] = xyz[i] + 5, triangle[12 + i] = triangle[i] + 4;
+    problem p = problem_create(b, 8, xyz, 8, triangle);
+    problem_solve(&p);
+    for (int bad = 0; bad < 3; bad++) {
+        dmk_point to[3] = {{1, {1, 0, 0}}, {2, {0, 1, 0}}, {3, {0.5, 0.5, 0}}};
+        dmk_path path[3];
+        to[bad].triangle = 4 + bad;
+        assert_int_equal(dmk_path_compute(b->ctx, p.mesh, p.result, 3, to, path), DMK_E_ARG);
+        char word[40];
+        snprintf(word, sizeof word, "triangle %d is not on the component", 4 + bad);
+        if (!strstr(dmk_context_message(b->ctx), word)) fail_msg("%s", dmk_context_message(b->ctx));
+    }
+    problem_free(&p);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -256,6 +277,7 @@ int main(void)
         cmocka_unit_test(a_result_is_restored),
         cmocka_unit_test(the_locus_has_the_density_of_its_triangles),
         cmocka_unit_test(a_path_is_written_in_order),
+        cmocka_unit_test(the_end_without_a_path_is_named),
     };
     return cmocka_run_group_tests(tests, bench_setup, bench_teardown);
 }

@@ -3,6 +3,7 @@
 #include "files.h"
 #include "solver/memory.h"
 
+#include <stdio.h>
 #include <string.h>
 
 /* What was asked for and not waited for, as after an error, ends before the device goes away: PoCL's
@@ -100,6 +101,36 @@ static void the_best_device(void **state)
     assert_int_equal(dmk_device_best(some, 3, "gpu"), 2); /* ... but when it is asked for */
     assert_int_equal(dmk_device_best(some, 6, "cpu"), 1);
     assert_int_equal(dmk_device_best(some, 1, "GPU"), 1); /* none */
+}
+
+/* Each device of the list is the one that its number opens; no more are told than there is room for. */
+static void devices_are_listed(void **state)
+{
+    fixture *f = *state;
+    dmk_device_info list[8] = {0}, info;
+    size_t n = 0, same = 0;
+    assert_int_equal(dmk_device_list(f->ctx, list, 8, &n), DMK_OK);
+    assert_true(n > 0 && n <= 8);
+    for (size_t i = 0; i < 8; i++)
+        assert_int_equal(i < n, list[i].name[0] != '\0' && list[i].platform[0] != '\0');
+    for (size_t i = 0; i < n; i++) {
+        char number[8];
+        dmk_device *device = NULL;
+        dmk_device_options options;
+        dmk_device_options_init(&options, sizeof options);
+        snprintf(number, sizeof number, "%zu", i);
+        options.select = number;
+        assert_int_equal(dmk_device_open(f->ctx, &options, &device), DMK_OK);
+        dmk_device_get_info(device, &info);
+        assert_string_equal(info.name, list[i].name);
+        assert_string_equal(info.type, list[i].type);
+        assert_int_equal(info.compute_units, list[i].compute_units);
+        dmk_device_destroy(&device);
+    }
+    memset(list, 0, sizeof list);
+    assert_int_equal(dmk_device_list(f->ctx, list, n - 1, &same), DMK_OK);
+    assert_int_equal(same, n);
+    assert_int_equal(list[n - 1].name[0], '\0');
 }
 
 static void a_device_by_its_kind(void **state)
@@ -216,6 +247,7 @@ int main(void)
                                        TEST(built_in_the_background),
                                        TEST(mapped),
                                        TEST(the_best_device),
+                                       TEST(devices_are_listed),
                                        TEST(a_device_by_its_kind),
                                        TEST(launches_of_a_step),
                                        TEST(memory_is_looked_at_first)};

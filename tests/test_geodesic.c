@@ -693,6 +693,44 @@ static dmk_mesh *rotate(dmk_context *ctx, const dmk_mesh *m, int32_t first, dmk_
     return other;
 }
 
+/* In the triangle of the source paths are straight. */
+static void check_own_triangle(dmk_context *ctx, const dmk_geodesics *g, const dmk_point *source)
+{
+    static const double weights[3][3] = {{0.5, 0.2, 0.3}, {0.1, 0.1, 0.8}, {0.1, 0.7, 0.2}};
+    double x[3], y[3];
+    assert_int_equal(dmk_mesh_point_xyz(ctx, g->mesh, source, x), DMK_OK);
+    for (int i = 0; i < 3; i++) {
+        dmk_path path;
+        const dmk_point end = {source->triangle, {weights[i][0], weights[i][1], weights[i][2]}};
+        assert_int_equal(dmk_mesh_point_xyz(ctx, g->mesh, &end, y), DMK_OK);
+        assert_int_equal(dmk_geodesics_paths(ctx, g, 1, &end, &path), DMK_OK);
+        assert_true(fabs(path.length - hypot(x[0] - y[0], x[1] - y[1])) < 1e-12);
+        dmk_path_free(&path);
+    }
+}
+
+/* Needles with angles of 1e-6: the small ones to all digits, wherever the long side is. */
+static void angles_of_needles(void **state)
+{
+    dmk_context *ctx = *state;
+    const double h = 1e-6, xyz[] = {0, 0, 0, 1, 0, 0, 0.25, h, 0};
+    for (int turn = 0; turn < 3; turn++) {
+        const int32_t triangle[3] = {turn, (turn + 1) % 3, (turn + 2) % 3};
+        dmk_mesh *m;
+        assert_int_equal(dmk_mesh_create(ctx, 3, xyz, 1, triangle, &m), DMK_OK);
+        const dmk_point source = at_vertex(ctx, m, 0);
+        dmk_geodesics *g = run(ctx, m, 1, &source, NULL);
+        const double left = atan(4 * h), right = atan(h / 0.75),
+                     exact[] = {left, right, pi - left - right};
+        for (int k = 0; k < 3; k++) {
+            const double angle = g->star.corner_angle[k];
+            assert_true(fabs(angle / exact[triangle[k]] - 1) < 1e-12);
+        }
+        dmk_geodesics_destroy(&g);
+        dmk_mesh_destroy(&m);
+    }
+}
+
 /* Whichever triangle is number 0: a plane with two reentrant corners, from inside a triangle, from an edge and a
  * vertex; distances and paths of all vertices. */
 static void any_triangle_may_be_the_first(void **state)
@@ -722,6 +760,12 @@ static void any_triangle_may_be_the_first(void **state)
                 if (g->distance[v] > 0) check_line(ctx, other, &path);
                 dmk_path_free(&path);
             }
+            check_own_triangle(ctx, h, &p);
+            const dmk_geodesics_options near = {.struct_size = sizeof near, .tolerance = 1e-6};
+            dmk_geodesics *merged = run_with(ctx, other, 1, &p, &near);
+            for (int32_t v = 0; v < m->n_vertices; v++)
+                assert_true(fabs(g->distance[v] - merged->distance[v]) < 1e-5);
+            dmk_geodesics_destroy(&merged);
             dmk_geodesics_destroy(&h);
             dmk_mesh_destroy(&other);
         }
@@ -908,6 +952,7 @@ int main(void)
         cmocka_unit_test(any_number_of_threads),
         cmocka_unit_test(another_mesh_of_the_surface),
         cmocka_unit_test(paths_are_the_log_map),
+        cmocka_unit_test(angles_of_needles),
         cmocka_unit_test(any_triangle_may_be_the_first),
         cmocka_unit_test(values_inside_triangles),
         cmocka_unit_test(several_components),

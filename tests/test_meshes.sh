@@ -95,8 +95,8 @@ check 'another source is done' has "$work/summary" '4 solved, 0 kept'
 check 'and reported' has "$work/summary" '^d: done again: the source is another'
 again --vertex 1 --tolerance 0.1
 check 'other options are done' has "$work/summary" '^sub/b: done again: the options are others'
-again --vertex 1 --tolerance 0.1
-check 'with all there is nothing to do' has "$work/summary" '0 solved, 4 kept'
+POCL_DEVICES=none again --vertex 1 --tolerance 0.1
+check 'with all there is nothing to do, and no device is looked for' has "$work/summary" '0 solved, 4 kept'
 (
     flock 9
     again

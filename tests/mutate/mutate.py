@@ -36,6 +36,7 @@ KEPT = os.path.join(ROOT, "build", "mutate-%s.json") # tests, mutants
 BUILD, COUNTED = "build/release", "build/coverage"
 MAKE = ["make", "-s", f"-j{os.cpu_count()}", "OPT_release=-O1 -march=native -fno-math-errno -Wno-unused -Wno-unused-parameter",
         "OPT_coverage=-O1 -g --coverage -fprofile-update=atomic"]
+PATIENCE = 60 # seconds beyond five times its own until a test hangs: a changed kernel is compiled in 5, on a busy machine in 40
 # Tests of the text of the sources, of packages and of what other programs make of files.
 NOT_TESTS = ["layers.sh", "install.sh", "runner.sh", "formats.sh", "paper.sh", "python.sh", "mpi.sh", "random.sh", "memory.sh"]
 
@@ -339,7 +340,7 @@ def try_mutant(mutant, tests, kept, before, budget):
                 end = "none"
                 break
             tried[test] = digest(source_of(test))
-            if not passes(BUILD, test, 5 + 5 * kept["tests"][test]["seconds"]):
+            if not passes(BUILD, test, PATIENCE + 5 * kept["tests"][test]["seconds"]):
                 end = test
                 break
     finally:
@@ -396,7 +397,9 @@ def print_table(drawn, known, kept, floor):
 
 
 def reason_of(mutant, known):
-    return known.get((mutant.path, mutant.operator.split("#")[0], re.sub(r"\s", "", mutant.old)))
+    """Of the operator wherever it stands in the line, or at its one place, as in "double#1"."""
+    name, line = mutant.operator, re.sub(r"\s", "", mutant.old)
+    return known.get((mutant.path, name, line)) or known.get((mutant.path, name.split("#")[0], line))
 
 
 def main():
