@@ -427,7 +427,7 @@ def main():
         kept["tests"][test] = record(test)
         keep(kept, "tests")
     build(BUILD)
-    drawn.sort(key=lambda m: m.key in kept["mutants"]) # survivors again at the end
+    drawn.sort(key=lambda m: (m.key in kept["mutants"], m.path.endswith(".cl"))) # survivors again at the end
     for n, mutant in enumerate(in_time(drawn, stop), 1):
         result = kept["mutants"].get(mutant.key)
         holds, reason = still_holds(result, mutant), reason_of(mutant, known)
