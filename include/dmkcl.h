@@ -549,7 +549,10 @@ const double *dmk_transport_potential_mid(const dmk_transport *transport,
                                           size_t *n); /* u per edge midpoint */
 /* Of the measure whose atoms came without masses, those that they took; n = 0 where all had theirs. */
 const double *dmk_transport_atom_mass(const dmk_transport *transport, size_t *n);
-/* Write mesh, mu, flux and u: PLY, VTP or VTU. */
+/* Where atoms came without masses: 1 in the approximate cut locus of their set, the borders of its Voronoi cells and
+ * what the cells have inside, by dmk_result_acl's rule from u; NULL, n = 0 where all had theirs. */
+const uint8_t *dmk_transport_acl(const dmk_transport *transport, size_t *n);
+/* Write mesh, mu, flux, u and, if it is there, acl: PLY, VTP or VTU. */
 int dmk_transport_write(dmk_context *context, const dmk_mesh *mesh, const dmk_transport *transport,
                         const char *path);
 

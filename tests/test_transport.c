@@ -387,6 +387,66 @@ static void free_masses_are_those_of_the_cells(void **state)
     problem_free(&p);
 }
 
+/* How many of the triangles marked in `from` have no triangle marked in `to` at a corner. */
+static double share_apart(const problem *p, const uint8_t *from, const uint8_t *to)
+{
+    const size_t nt = problem_triangles(p);
+    const int32_t *v = dmk_mesh_triangles(p->mesh);
+    char *near = calloc(problem_vertices(p), 1);
+    double apart = 0, all = 0;
+    assert_non_null(near);
+    for (size_t t = 0; t < nt; t++)
+        for (int k = 0; k < 3; k++) near[v[3 * t + k]] |= to[t];
+    for (size_t t = 0; t < nt; t++) {
+        const int met = near[v[3 * t]] || near[v[3 * t + 1]] || near[v[3 * t + 2]];
+        all += from[t];
+        apart += from[t] && !met;
+    }
+    free(near);
+    return apart / all;
+}
+
+/* On a sphere the cut locus of several points is the borders of their Voronoi cells: where the corners of a
+ * triangle have different nearest points by the exact distances. It does not matter which measure they are. */
+static void locus_of_a_set(void **state)
+{
+    enum { N = 12 };
+    problem p = sphere(*state, 5120);
+    const size_t nt = problem_triangles(&p), nv = problem_vertices(&p);
+    const int32_t *v = dmk_mesh_triangles(p.mesh);
+    dmk_point atoms[N];
+    dmk_geodesics *g = NULL;
+    uint8_t *border = calloc(nt, 1);
+    size_t n;
+    for (int i = 0; i < N; i++) {
+        bench_ok(p.b, dmk_mesh_vertex_point(p.b->ctx, p.mesh, (int64_t)((size_t)i * 211 % nv),
+                                            &atoms[i]));
+    }
+    bench_ok(p.b, dmk_geodesics_create(p.b->ctx, p.mesh, N, atoms, NULL, &g));
+    const dmk_arrival *a = dmk_geodesics_arrivals(g, NULL);
+    for (size_t t = 0; t < nt; t++)
+        border[t] = a[v[3 * t]].source != a[v[3 * t + 1]].source ||
+                    a[v[3 * t]].source != a[v[3 * t + 2]].source;
+    const dmk_measure set = {.n_atoms = N, .atoms = atoms}, even = {.uniform = p.info.area};
+    for (int k = 0; k < 2; k++) {
+        moved m = k == 0 ? move(&p, &set, &even) : move(&p, &even, &set);
+        const uint8_t *acl = dmk_transport_acl(m.transport, &n);
+        assert_int_equal(n, nt);
+        const double missed = share_apart(&p, border, acl), beside = share_apart(&p, acl, border);
+        print_message("# borders missed %.4f, beside them %.4f\n", missed, beside);
+        if (!(missed <= 0.01 && beside <= 0.03)) fail_msg("missed %g, beside %g", missed, beside);
+        dmk_transport_destroy(&m.transport);
+    }
+    moved m =
+        move(&p, &(dmk_measure){.n_atoms = 1, .atoms = atoms, .atom_mass = &p.info.area}, &even);
+    assert_null(dmk_transport_acl(m.transport, &n));
+    assert_int_equal(n, 0);
+    dmk_transport_destroy(&m.transport);
+    dmk_geodesics_destroy(&g);
+    problem_free(&p);
+    free(border);
+}
+
 /* Between the poles all meridians are equally long: mu is not unique, the cost is. */
 static void many_ways_are_equally_long(void **state)
 {
@@ -550,6 +610,7 @@ int main(void)
         cmocka_unit_test(atoms_and_their_mass),
         cmocka_unit_test(lines_are_many_atoms),
         cmocka_unit_test(free_masses_are_those_of_the_cells),
+        cmocka_unit_test(locus_of_a_set),
         cmocka_unit_test(many_ways_are_equally_long),
         cmocka_unit_test(runs_give_the_same_bits),
         cmocka_unit_test(narrow_heaps),

@@ -30,6 +30,11 @@ done
 check 'the mass' has "$work/r.json" '"mass": 3(\.0*[0-9]*|),'
 check 'vertices to triangles, scaled' "$tool" transport $mesh --from "$work/vertices" --to "$work/faces" --normalise
 check 'to the even measure' "$tool" transport $mesh --from "$work/vertices" --to uniform --normalise --json
+printf 'vertex 5\nvertex 70\n-1 0 0\n' > "$work/set"
+"$tool" transport $mesh --from uniform --to "$work/set" --normalise --out "$work/set.vtp" > "$work/summary"
+check 'points without masses: how much is their cut locus' has "$work/summary" '^acl +[1-9][0-9,]* triangles'
+check 'and the file marks it' has "$work/set.vtp" 'Name="acl"'
+check 'one with masses has none' sh -c "! grep -aq 'Name=\"acl\"' '$work/o.vtp'"
 check 'one signed measure' "$tool" transport $mesh --from "$work/signed"
 
 check 'a file of arrays' "$tool" solve $mesh --vertex 3 --out "$work/n.vtp" --out "$work/n.vtu"

@@ -36,6 +36,7 @@ int dmk_transport_write(dmk_context *ctx, const dmk_mesh *mesh, const dmk_transp
     f.mu = dmk_transport_density(transport, &n_mu);
     f.flux = dmk_transport_flux(transport, &n_flux);
     f.u = dmk_transport_potential(transport, &n_u);
+    f.acl = dmk_transport_acl(transport, NULL);
     if (n_mu != (size_t)mesh->n_triangles || n_u != (size_t)mesh->n_vertices) {
         return dmk_fail(ctx, DMK_E_ARG,
                         "%s: the transport has %zu triangles and %zu vertices, the mesh %d and %d: "

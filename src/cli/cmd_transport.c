@@ -161,8 +161,15 @@ static void print_summary(const transport_request *r, const transport_run *run)
         "time", cli_seconds() - run->begin, run->read, run->device_seconds,
         stats.seconds[DMK_STAGE_SETUP], stats.seconds[DMK_STAGE_SOLVE],
         stats.seconds[DMK_STAGE_CERTIFY], cli_bytes(cli_peak_memory(), v));
+    size_t n;
+    const uint8_t *acl = dmk_transport_acl(run->transport, &n);
+    if (acl) {
+        int64_t marked = 0;
+        for (size_t i = 0; i < n; i++) marked += acl[i];
+        printf("%-10s %s triangles, the cut locus of the points\n", "acl", cli_count(marked, t));
+    }
     for (int i = 0; i < r->solve.out.n; i++)
-        printf("%-10s %s: mu, flux, u\n", "wrote", r->solve.out.path[i]);
+        printf("%-10s %s: mu, flux, u%s\n", "wrote", r->solve.out.path[i], acl ? ", acl" : "");
 }
 
 static int check_gap(const transport_request *r, const transport_run *run)
@@ -273,7 +280,9 @@ static int parse(transport_request *r, const char *out_help, int argc, char **ar
             "A measure is a text file, # begins a comment: a number a line, as many as vertices\n"
             "(masses) or as triangles (mass per area); or lines `vertex I MASS` and `X,Y,Z MASS`.\n"
             "FILE.vtp:NAME or .vtu: an array of its points (masses) or faces (mass per area).\n"
-            "Points without a mass take what the other measure has nearest to them.\n"
+            "Points without a mass take what the other measure has nearest to them; `acl` then "
+            "marks the\n"
+            "cut locus of their set, the borders of their Voronoi cells.\n"
             "Both measures have the same mass, all of it on one component of the mesh.",
         .options = table.row,
         .n_options = table.n,
@@ -287,7 +296,9 @@ int cmd_transport(int argc, char **argv)
     char suffixes[512], help[600];
     solve_request_init(&request.solve, "transport");
     cli_suffixes(CLI_RESULT, suffixes, sizeof suffixes);
-    snprintf(help, sizeof help, "write mesh, mu, flux and u; may be given again:\n%s", suffixes);
+    snprintf(help, sizeof help,
+             "write mesh, mu, flux and u, of points without masses acl;\nmay be given again:\n%s",
+             suffixes);
     int code = parse(&request, help, argc, argv);
     if (code != CLI_GO_ON) return code;
     solve_request_convert(&request.solve);

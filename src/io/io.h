@@ -88,10 +88,10 @@ int dmk_output_close(dmk_output **out, int rc);
 
 typedef struct dmk_fields {
     const dmk_mesh *mesh;
-    const double *mu;   /* n_triangles, or NULL for the bare mesh: then nothing below either */
-    const uint8_t *acl; /* n_triangles */
-    const double *flux; /* 3 n_triangles; then there is no acl, distance and source: transport */
-    const double *u;    /* n_vertices */
+    const double *mu;       /* n_triangles, or NULL for the bare mesh: then nothing below either */
+    const uint8_t *acl;     /* n_triangles */
+    const double *flux;     /* 3 n_triangles; then there is no distance and source: transport */
+    const double *u;        /* n_vertices */
     const double *distance; /* n_vertices */
     dmk_point source;
     const double *direction; /* n_vertices; these two and distance without mu: geodesics */

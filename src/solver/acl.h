@@ -1,4 +1,4 @@
-/* The approximate cut locus {mu <= eps} of a point, from mu and u alone. */
+/* The approximate cut locus {mu <= eps} of a point, or a set of them, from mu and u alone. */
 #ifndef DMK_ACL_H
 #define DMK_ACL_H
 

@@ -1,4 +1,5 @@
 /* Transport between measures: the same iteration as for a point, from mu = constant. */
+#include "solver/acl.h"
 #include "solver/kernels.h"
 #include "solver/measure.h"
 #include "solver/solver.h"
@@ -11,6 +12,7 @@ struct dmk_transport {
     size_t n_vertices, n_triangles, n_edges; /* of the input mesh */
     double *density, *flux;                  /* n_triangles, 3 n_triangles */
     double *potential, *potential_mid;       /* n_vertices, n_edges */
+    uint8_t *acl;      /* n_triangles, of a set of atoms without masses; else NULL */
     double *atom_mass; /* n_atoms, of the measure whose atoms came without masses */
     size_t n_atoms;
     double mass, balance;
@@ -30,6 +32,7 @@ void dmk_transport_destroy(dmk_transport **transport)
     free(r->potential);
     free(r->potential_mid);
     free(r->atom_mass);
+    free(r->acl);
     free(r);
     *transport = NULL;
 }
@@ -126,6 +129,25 @@ done:
     return rc;
 }
 
+/* The approximate cut locus of a set: u, which collect_pair has read, is minus the distance to it. */
+static int collect_acl(dmk_context *ctx, const dmk_solver *s, double *u, double sign,
+                       dmk_transport *r)
+{
+    int rc;
+    const dmk_system *sys = s->system;
+    const dmk_acl_input in = {.mesh = &s->mollified, .u = u + sys->whole.vertex_row, .u_mid = u};
+    uint8_t *acl = NULL;
+    DMK_TRY(DMK_NEW(ctx, acl, (size_t)sys->whole.n_elements));
+    DMK_TRY(DMK_NEW(ctx, r->acl, r->n_triangles));
+    for (int32_t i = 0; i < sys->whole.n_rows; i++) u[i] *= sign * sys->unit;
+    DMK_TRY(dmk_acl_mark(ctx, &in, 0, acl));
+    for (int32_t t = 0; t < sys->whole.n_elements; t++)
+        r->acl[s->order->order.triangle_old[t]] = acl[t];
+done:
+    free(acl);
+    return rc;
+}
+
 /* The flux of mu with its exact potential, and what that leaves sent along edges (upper.c), so that it delivers
  * the measures: the iteration's u is inexact. Its cost is the upper bound, where it is the better one. */
 static int collect_flux(dmk_iteration *o, dmk_solver *s, dmk_transport *r)
@@ -149,9 +171,10 @@ done:
     return rc;
 }
 
-/* From f on the device's order to the result; seconds of the stages that are not there yet. */
+/* From f on the device's order to the result; seconds of the stages that are not there yet. `set`: the sign of the
+ * measure whose atoms have no masses, or 0. */
 static int solve(dmk_context *ctx, dmk_solver *s, const dmk_solve_options *options, const double *f,
-                 double began, dmk_transport *r)
+                 double began, double set, dmk_transport *r)
 {
     int rc;
     double *mu = NULL, *u = NULL;
@@ -174,6 +197,7 @@ static int solve(dmk_context *ctx, dmk_solver *s, const dmk_solve_options *optio
     DMK_TRY(dmk_certify(&o, true));
     dmk_solver_name_steep(s, &r->stats);
     DMK_TRY(collect_pair(ctx, s, mu, u, r));
+    if (set != 0) DMK_TRY(collect_acl(ctx, s, u, set, r));
     DMK_TRY(collect_flux(&o, s, r));
     dmk_solver_scale_stats(s, r->mass, &r->stats);
     r->stats.seconds[DMK_STAGE_SOLVE] = dmk_seconds() - start - r->stats.seconds[DMK_STAGE_CERTIFY];
@@ -204,13 +228,12 @@ int dmk_solve_measures(dmk_context *ctx, dmk_solver *s, const dmk_measure *from,
     if (fresh) r->stats.seconds[DMK_STAGE_SETUP] = dmk_seconds() - began;
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(DMK_NEW(ctx, f, (size_t)s->system->whole.n_rows_pad));
-    r->n_atoms = dmk_measure_is_free(from)       ? from->n_atoms
-                 : to && dmk_measure_is_free(to) ? to->n_atoms
-                                                 : 0;
+    const double set = dmk_measure_is_free(from) ? 1 : to && dmk_measure_is_free(to) ? -1 : 0;
+    r->n_atoms = set > 0 ? from->n_atoms : set < 0 ? to->n_atoms : 0;
     DMK_TRY(DMK_NEW(ctx, r->atom_mass, r->n_atoms));
     DMK_TRY(dmk_measure_load(ctx, s->mesh, &s->order->order, s->system, from, to, chosen.normalise,
                              f, &r->mass, r->atom_mass));
-    DMK_TRY(solve(ctx, s, &chosen, f, began, r));
+    DMK_TRY(solve(ctx, s, &chosen, f, began, set, r));
     *transport = r;
     r = NULL;
 done:
@@ -261,4 +284,10 @@ const double *dmk_transport_potential_mid(const dmk_transport *r, size_t *n)
 const double *dmk_transport_atom_mass(const dmk_transport *r, size_t *n)
 {
     return r ? borrow(r->atom_mass, r->n_atoms, n) : borrow(NULL, 0, n);
+}
+
+const uint8_t *dmk_transport_acl(const dmk_transport *r, size_t *n)
+{
+    if (n) *n = r && r->acl ? r->n_triangles : 0;
+    return r ? r->acl : NULL;
 }

@@ -148,8 +148,15 @@ class Transport:
         """(k,) what the points with "free" masses take: the mass of their Voronoi cells; else empty."""
         return self._array("atom_mass")
 
+    @cached_property
+    def acl(self) -> NDArray[np.bool_]:
+        """(m,) of points with "free" masses: the approximate cut locus of their set; else empty."""
+        n = ffi.new("size_t *")
+        pointer = lib.dmk_transport_acl(self._handle.pointer, n)
+        return view(self._handle, pointer, (n[0],), np.uint8).view(np.bool_)
+
     def write(self, path: "os.PathLike[str] | str") -> None:
-        """Write mesh, mu, flux and u; the suffix chooses VTP, VTU or PLY."""
+        """Write mesh, mu, flux, u and acl; the suffix chooses VTP, VTU or PLY."""
         with Context() as context:
             context.check(
                 lib.dmk_transport_write(

@@ -49,7 +49,10 @@ def test_free_masses_are_those_of_the_nearest_points(sphere):
     distance = np.arccos(np.clip((sphere.mesh.vertices @ points.T).max(axis=1), -1, 1))
     assert np.abs(found.potential - found.potential.max() + distance).mean() < 0.02
     fixed = sphere.transport(dmkcl.Measure(points=points[:1]), dmkcl.Measure(uniform=1), normalise=True)
-    assert fixed.atom_mass.shape == (0,)
+    assert fixed.atom_mass.shape == (0,) and fixed.acl.shape == (0,)
+    x = np.sort(np.abs(sphere.mesh.vertices[sphere.mesh.faces].mean(axis=1)), axis=1)
+    even = x[:, 2] - x[:, 1]  # 0 where two of the points are equally near
+    assert found.acl.dtype == bool and found.acl[even < 0.1].all() and even[found.acl].max() < 0.25
     with pytest.raises(dmkcl.ArgumentError, match="free"):
         sphere.transport(dmkcl.Measure(points=points, masses="fre"), dmkcl.Measure(uniform=1))
 
