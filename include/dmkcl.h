@@ -681,7 +681,9 @@ int dmk_path_compute(dmk_context *context, const dmk_mesh *mesh, const dmk_resul
  * component's vertices in the input's order. *origin (NULL: not wanted) gives for each vertex of the
  * cut mesh the vertex of `mesh` at the same place, or -1 for points of the locus; freed with free().
  * *plane (NULL: not wanted): 2 coordinates for each vertex of the cut mesh, the logarithmic map, that is the
- * distance times the direction at the source, on the locus' two sides each its own; freed with free(). */
+ * distance times the direction at the source, on the locus' two sides each its own; freed with free(). Directions are
+ * exact but around triangles that would turn over or be flat in the plane, as behind saddle vertices of the polyhedron:
+ * there they are averaged over neighbours. */
 int dmk_cut(dmk_context *context, const dmk_mesh *mesh, const dmk_result *result,
             const dmk_locus_options *options, dmk_mesh **cut, int32_t **origin, double **plane);
 /* Write a cut mesh with its plane coordinates: OBJ with them as vt, VTP with them as the point array `plane`,

@@ -814,6 +814,35 @@ static void check_cut(scene *s, size_t most_flipped)
     free_scene(s);
 }
 
+/* A fan around the source whose outer corner is turned over its neighbours: it comes back, at its distance, and the
+ * farther half of the fan stays as it is. */
+static void test_unfold(void **state)
+{
+    (void)state;
+    enum { N = 8 };
+    double xyz[3 * (N + 1)] = {0}, plane[2 * (N + 1)] = {0}, before[2 * (N + 1)];
+    int32_t triangle[3 * N];
+    dmk_mesh *fan = NULL;
+    for (int i = 0; i < N; i++) {
+        const double a = 2 * pi * i / N;
+        for (int k = 0; k < 3; k++) triangle[3 * i + k] = k == 0 ? 0 : 1 + (i + k - 1) % N;
+        xyz[3 * (i + 1)] = cos(a);
+        xyz[3 * (i + 1) + 1] = sin(a);
+        plane[2 * (i + 1)] = cos(i == 3 ? a + 1 : a);
+        plane[2 * (i + 1) + 1] = sin(i == 3 ? a + 1 : a);
+    }
+    memcpy(before, plane, sizeof plane);
+    assert_int_equal(dmk_mesh_create(ctx, N + 1, xyz, N, triangle, &fan), DMK_OK);
+    assert_int_equal(dmk_plane_flipped(fan, plane, NULL), 1);
+    assert_int_equal(dmk_plane_unfold(ctx, fan, plane), DMK_OK);
+    assert_int_equal(dmk_plane_flipped(fan, plane, NULL), 0);
+    for (int v = 0; v <= N; v++)
+        assert_true(fabs(hypot(plane[2 * v], plane[2 * v + 1]) - (v > 0)) < 1e-12);
+    for (int v = 7; v != 2; v = v % N + 1)
+        assert_memory_equal(plane + 2 * v, before + 2 * v, 2 * sizeof *plane);
+    dmk_mesh_destroy(&fan);
+}
+
 static void test_cut(void **state)
 {
     (void)state;
@@ -824,9 +853,13 @@ static void test_cut(void **state)
     scene s = plate_scene(133, 1);
     check_cut(&s, SIZE_MAX);
     s = surface("torus", 1, (double[3]){3, 0, 0});
-    check_cut(&s, 200);
+    check_cut(&s, 5);
+    s = surface("torus", 0, (double[3]){1.2, 0.3, 0.9});
+    check_cut(&s, 5);
     s = surface("quartic", 1, (double[3]){0.533843, 0.800764, 0.844080});
-    check_cut(&s, 10);
+    check_cut(&s, 0);
+    s = surface("quartic", 1, (double[3]){0.1, 0.9, -0.4});
+    check_cut(&s, 0);
     s = surface("sphere", 1, (double[3]){0, 0, 1});
     check_cut(&s, SIZE_MAX);
     s = strip(90, true);
@@ -1305,20 +1338,21 @@ static int teardown(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_torus),         cmocka_unit_test(test_source_anywhere),
-        cmocka_unit_test(test_point),         cmocka_unit_test(test_quartic),
-        cmocka_unit_test(test_narrow),        cmocka_unit_test(test_hyperbolic),
-        cmocka_unit_test(test_noise),         cmocka_unit_test(test_genus),
-        cmocka_unit_test(test_connected),     cmocka_unit_test(test_border),
-        cmocka_unit_test(test_path),          cmocka_unit_test(test_path_saddle),
-        cmocka_unit_test(test_path_box),      cmocka_unit_test(test_path_rough),
-        cmocka_unit_test(test_cut),           cmocka_unit_test(test_cut_coarse),
-        cmocka_unit_test(test_strength),      cmocka_unit_test(test_accuracy_torus),
-        cmocka_unit_test(test_accuracy_ends), cmocka_unit_test(test_short_arc),
-        cmocka_unit_test(test_excess),        cmocka_unit_test(test_threads),
-        cmocka_unit_test(test_tie),           cmocka_unit_test(test_angle),
-        cmocka_unit_test(test_gap),           cmocka_unit_test(test_width),
-        cmocka_unit_test(test_margin),        cmocka_unit_test(test_scan),
+        cmocka_unit_test(test_torus),          cmocka_unit_test(test_source_anywhere),
+        cmocka_unit_test(test_point),          cmocka_unit_test(test_quartic),
+        cmocka_unit_test(test_narrow),         cmocka_unit_test(test_hyperbolic),
+        cmocka_unit_test(test_noise),          cmocka_unit_test(test_genus),
+        cmocka_unit_test(test_connected),      cmocka_unit_test(test_border),
+        cmocka_unit_test(test_path),           cmocka_unit_test(test_path_saddle),
+        cmocka_unit_test(test_path_box),       cmocka_unit_test(test_path_rough),
+        cmocka_unit_test(test_unfold),         cmocka_unit_test(test_cut),
+        cmocka_unit_test(test_cut_coarse),     cmocka_unit_test(test_strength),
+        cmocka_unit_test(test_accuracy_torus), cmocka_unit_test(test_accuracy_ends),
+        cmocka_unit_test(test_short_arc),      cmocka_unit_test(test_excess),
+        cmocka_unit_test(test_threads),        cmocka_unit_test(test_tie),
+        cmocka_unit_test(test_angle),          cmocka_unit_test(test_gap),
+        cmocka_unit_test(test_width),          cmocka_unit_test(test_margin),
+        cmocka_unit_test(test_scan),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }

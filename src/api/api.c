@@ -231,12 +231,5 @@ done:
 
 size_t dmk_cut_flipped(const dmk_mesh *cut, const double *plane)
 {
-    size_t n = 0;
-    for (int32_t t = 0; cut && plane && t < cut->n_triangles; t++) {
-        const double *a = plane + 2 * (size_t)cut->triangle[3 * t];
-        const double *b = plane + 2 * (size_t)cut->triangle[3 * t + 1];
-        const double *c = plane + 2 * (size_t)cut->triangle[3 * t + 2];
-        n += !((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0);
-    }
-    return n;
+    return cut && plane ? dmk_plane_flipped(cut, plane, NULL) : 0;
 }

@@ -262,6 +262,7 @@ static int separate(dmk_context *ctx, const splitter *k, dmk_mesh **cut, int32_t
     rc = dmk_mesh_adopt(ctx, (size_t)n, xyz, (size_t)k->n_triangles, number, cut);
     xyz = NULL;
     number = NULL;
+    if (rc == DMK_OK) rc = dmk_plane_unfold(ctx, *cut, *plane);
 done:
     free(number);
     free(first);

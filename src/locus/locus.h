@@ -9,7 +9,8 @@
  * - ends.c: ends moved there; a locus that is one point.
  * - places.c: the points of the lines: forks, and crossings without the zigzag of the mesh.
  * - locus.c: the public object.
- * - cut.c: the surface cut open along it. */
+ * - cut.c: the surface cut open along it.
+ * - plane.c: and laid out in the plane. */
 #ifndef DMK_LOCUS_H
 #define DMK_LOCUS_H
 
@@ -54,8 +55,15 @@ void dmk_locus_renumber(dmk_locus *locus, const int32_t *triangle_old);
  * one for each side. A locus that crosses fewer than three edges of a sphere becomes a slit of two edges; a
  * disk with a border needs no cut. The mesh begins with the vertices of geodesics->mesh in their order.
  * *origin: for each vertex the one of that mesh at the same place, or -1 where it is new; *plane: 2 for each
- * vertex, distance times the direction at the source of the geodesics on its side (the caller frees both). */
+ * vertex, distance times the direction at the source of the geodesics on its side, averaged as dmk_plane_unfold does
+ * (the caller frees both). */
 int dmk_locus_cut(dmk_context *ctx, const dmk_geodesics *geodesics, const dmk_locus_options *opt,
                   dmk_mesh **cut, int32_t **origin, double **plane);
+
+/* plane.c: directions averaged around triangles that lie the other way round, or are flat, in the plane, round after
+ * round, until none is left or two rounds leave no fewer; distances stay. plane: 2 for each vertex of the cut mesh. */
+int dmk_plane_unfold(dmk_context *ctx, const dmk_mesh *cut, double *plane);
+/* How many such triangles there are; turned (NULL: not wanted): true for their corners, else it stays. */
+size_t dmk_plane_flipped(const dmk_mesh *cut, const double *plane, bool *turned);
 
 #endif

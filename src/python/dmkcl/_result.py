@@ -65,7 +65,8 @@ class Cut(_CutArrays):
     the same place, -1 for points of the cut locus. The input's vertices keep their order.
 
     plane: (n, 2) the logarithmic map, distance times direction at the source, on the two sides of
-    the cut each its own: texture coordinates."""
+    the cut each its own: texture coordinates. Around triangles that would turn over or be flat in
+    the plane directions are averaged; distances are exact everywhere."""
 
     plane: NDArray[np.float64]
 
