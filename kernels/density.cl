@@ -27,11 +27,12 @@ static six scaled(realv k, six x)
  * reads index, cot, area, mu, u (gathered); writes g, q, scalars
  * moves 24 E + 12 real E + real R bytes, 50 E flops
  * shape blocks of E; numerics the sum in sum_t, in the order of parts */
-KERNEL element_energy(int n, int keep, float slack, global const int *index, global const real *cot,
-                      global const real *area, global const real *mu, GATHERED real *u,
-                      global real *g, global real *q, volatile global sum_t *partial, int at,
-                      global sum_t *scalars, volatile global int *done, volatile global int *shares,
-                      int4 launch)
+KERNEL element_energy(int n, int keep, float slack, global const int *restrict index,
+                      global const real *restrict cot, global const real *restrict area,
+                      global const real *restrict mu, GATHERED real *restrict u,
+                      global real *restrict g, global real *restrict q,
+                      volatile global sum_t *partial, int at, global sum_t *restrict scalars,
+                      volatile global int *done, volatile global int *shares, int4 launch)
 {
     local group_memory group;
     const sums s = {partial, scalars, done, &group, at, launch.s3};
@@ -66,10 +67,10 @@ static realv log_slope(realv q)
  * reads area, mu, q; writes scalars
  * moves 3 real E bytes, 9 E flops
  * shape blocks of E; numerics the sums in sum_t, in the order of parts */
-KERNEL element_measure(int n, float alpha, global const real *area, global const real *mu,
-                       global const real *q, volatile global sum_t *partial, int at,
-                       global sum_t *scalars, volatile global int *done,
-                       volatile global int *shares, int4 launch)
+KERNEL element_measure(int n, float alpha, global const real *restrict area,
+                       global const real *restrict mu, global const real *restrict q,
+                       volatile global sum_t *partial, int at, global sum_t *restrict scalars,
+                       volatile global int *done, volatile global int *shares, int4 launch)
 {
     local group_memory group;
     const sums s = {partial, scalars, done, &group, at, launch.s3};
@@ -121,10 +122,10 @@ static floatv link_bound(floatv w0, floatv w1, floatv w2, floatv d0, floatv d1, 
  * reads cot, mu; writes weight_real, weight, diag, link, diag_coarse
  * moves 7 real E + 60 E bytes, 40 E flops
  * shape blocks of E; numerics the diagonals' sums in the program's precision, then single */
-KERNEL element_prepare(int n, global const real *cot, global const real *mu,
-                       global real *weight_real, global float *weight, global float *diag,
-                       global float *link, global float *diag_coarse, volatile global int *shares,
-                       int4 launch)
+KERNEL element_prepare(int n, global const real *restrict cot, global const real *restrict mu,
+                       global real *restrict weight_real, global float *restrict weight,
+                       global float *restrict diag, global float *restrict link,
+                       global float *restrict diag_coarse, volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
@@ -134,9 +135,9 @@ KERNEL element_prepare(int n, global const real *cot, global const real *mu,
         STORE3(r0, r1, r2, weight_real, b)
         const floatv w0 = TO_FLOAT(r0), w1 = TO_FLOAT(r1), w2 = TO_FLOAT(r2);
         STORE3(w0, w1, w2, weight, b)
-        const floatv l = stiffness_bound(TO_FLOAT(LOAD(cot, AT_K(b, 0, 3))),
-                                         TO_FLOAT(LOAD(cot, AT_K(b, 1, 3))),
-                                         TO_FLOAT(LOAD(cot, AT_K(b, 2, 3))));
+        const floatv l =
+            stiffness_bound(TO_FLOAT(LOAD(cot, AT_K(b, 0, 3))), TO_FLOAT(LOAD(cot, AT_K(b, 1, 3))),
+                            TO_FLOAT(LOAD(cot, AT_K(b, 2, 3))));
         /* At an angle near pi single precision would lose these sums. */
         const floatv v0 = TO_FLOAT(r1 + r2), v1 = TO_FLOAT(r0 + r2), v2 = TO_FLOAT(r0 + r1);
         const floatv d0 = 0.5f * l * v0, d1 = 0.5f * l * v1, d2 = 0.5f * l * v2,
@@ -161,10 +162,12 @@ KERNEL element_prepare(int n, global const real *cot, global const real *mu,
  * reads cot, area, mu, q, g_and_rhs; writes g_and_rhs, weight, rank_one, link, diag_coarse
  * moves 18 real E + 60 E bytes, 100 E flops
  * shape blocks of E; numerics as element_prepare; sums that cancel are avoided */
-KERNEL newton_prepare(int n, float alpha, float D, global const real *cot, global const real *area,
-                      global const real *mu, global const real *q, global real *g_and_rhs,
-                      global float *weight, global float *rank_one, global float *link,
-                      global float *diag_coarse, volatile global int *shares, int4 launch)
+KERNEL newton_prepare(int n, float alpha, float D, global const real *restrict cot,
+                      global const real *restrict area, global const real *restrict mu,
+                      global const real *restrict q, global real *restrict g_and_rhs,
+                      global float *restrict weight, global float *restrict rank_one,
+                      global float *restrict link, global float *restrict diag_coarse,
+                      volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
@@ -173,12 +176,14 @@ KERNEL newton_prepare(int n, float alpha, float D, global const real *cot, globa
         store_six(scaled(-m * (1 + (real)D * log_slope(e)), g), g_and_rhs, b);
 
         const three r = load_three(cot, b);
-        const floatv c0 = TO_FLOAT(r.c0), c1 = TO_FLOAT(r.c1), c2 = TO_FLOAT(r.c2), mf = TO_FLOAT(m);
+        const floatv c0 = TO_FLOAT(r.c0), c1 = TO_FLOAT(r.c1), c2 = TO_FLOAT(r.c2),
+                     mf = TO_FLOAT(m);
         const floatv w0 = mf * c0, w1 = mf * c1, w2 = mf * c2;
         const floatv v0 = mf * TO_FLOAT(r.c1 + r.c2), v1 = mf * TO_FLOAT(r.c0 + r.c2),
                      v2 = mf * TO_FLOAT(r.c0 + r.c1);
         STORE3(w0, w1, w2, weight, b)
-        const floatv root = TO_FLOAT(sqrt((real)D * m / (LOAD(area, AT(b)) * fmax(e, (realv)0.25f))));
+        const floatv root =
+            TO_FLOAT(sqrt((real)D * m / (LOAD(area, AT(b)) * fmax(e, (realv)0.25f))));
         const floatv s0 = root * TO_FLOAT(g.v0), s1 = root * TO_FLOAT(g.v1),
                      s2 = root * TO_FLOAT(g.v2), s3 = root * TO_FLOAT(g.m0),
                      s4 = root * TO_FLOAT(g.m1), s5 = root * TO_FLOAT(g.m2);
@@ -190,11 +195,11 @@ KERNEL newton_prepare(int n, float alpha, float D, global const real *cot, globa
         STORE(s5, rank_one, AT_K(b, 5, 6));
 
         /* On T: P'g takes half of each adjacent midpoint. */
-        const floatv t0 = s0 + 0.5f * (s4 + s5), t1 = s1 + 0.5f * (s3 + s5), t2 = s2 + 0.5f * (s3 + s4);
+        const floatv t0 = s0 + 0.5f * (s4 + s5), t1 = s1 + 0.5f * (s3 + s5),
+                     t2 = s2 + 0.5f * (s3 + s4);
         const floatv k0 = 0.5f * w0 - t1 * t2, k1 = 0.5f * w1 - t0 * t2, k2 = 0.5f * w2 - t0 * t1;
         /* k1 + k2 and the like, without cancellation: t0 + t1 + t2 = 0. */
-        const floatv d0 = 0.5f * v0 + t0 * t0, d1 = 0.5f * v1 + t1 * t1,
-                     d2 = 0.5f * v2 + t2 * t2;
+        const floatv d0 = 0.5f * v0 + t0 * t0, d1 = 0.5f * v1 + t1 * t1, d2 = 0.5f * v2 + t2 * t2;
         const floatv bound = link_bound(k0, k1, k2, d0, d1, d2);
         STORE3(k0, k1, k2, link, b)
         STORE3(bound * d0, bound * d1, bound * d2, diag_coarse, b)
@@ -205,8 +210,8 @@ KERNEL newton_prepare(int n, float alpha, float D, global const real *cot, globa
  * reads cot, mu, rank_one; writes diag
  * moves 4 real E + 48 E bytes, 45 E flops
  * shape blocks of E; numerics as element_prepare */
-KERNEL newton_diagonal(int n, global const real *cot, global const real *mu,
-                       global const float *rank_one, global float *diag,
+KERNEL newton_diagonal(int n, global const real *restrict cot, global const real *restrict mu,
+                       global const float *restrict rank_one, global float *restrict diag,
                        volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
@@ -236,8 +241,9 @@ KERNEL newton_diagonal(int n, global const real *cot, global const real *mu,
  * reads slice, slot, out (gathered), f; writes rhs
  * moves 4 P + 6 real E + real R + 4 R bytes, 6 E + R flops
  * shape blocks of R */
-KERNEL rows_rhs(int n, global const int *slice, global const int *slot, GATHERED real *out,
-                global const real *f, global float *rhs, volatile global int *shares, int4 launch)
+KERNEL rows_rhs(int n, global const int *restrict slice, global const int *restrict slot,
+                GATHERED real *restrict out, global const real *restrict f,
+                global float *restrict rhs, volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
@@ -250,9 +256,10 @@ KERNEL rows_rhs(int n, global const int *slice, global const int *slot, GATHERED
  * reads slice, slot, out (gathered), f; writes r, narrow
  * moves 4 P + 6 real E + 2 real R + 4 R bytes, 6 E + R flops
  * shape blocks of R */
-KERNEL rows_outer_residual(int n, global const int *slice, global const int *slot,
-                           GATHERED real *out, global const real *f, global real *r,
-                           global float *narrow, volatile global int *shares, int4 launch)
+KERNEL rows_outer_residual(int n, global const int *restrict slice, global const int *restrict slot,
+                           GATHERED real *restrict out, global const real *restrict f,
+                           global real *r, global float *narrow, volatile global int *shares,
+                           int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
@@ -268,11 +275,12 @@ KERNEL rows_outer_residual(int n, global const int *slice, global const int *slo
  * reads index, area, q, rank_one, w (gathered), mu; writes mu, scalars
  * moves 48 E + 4 real E + 4 R bytes, 40 E flops
  * shape blocks of E; numerics g.w in single precision by differences to m0; the sums in sum_t */
-KERNEL newton_update(int n, float alpha, float D, float lowest, global const int *index,
-                     global const real *area, global const real *q, global const float *rank_one,
-                     GATHERED float *w, global real *mu, volatile global sum_t *partial, int at,
-                     global sum_t *scalars, volatile global int *done, volatile global int *shares,
-                     int4 launch)
+KERNEL newton_update(int n, float alpha, float D, float lowest, global const int *restrict index,
+                     global const real *restrict area, global const real *restrict q,
+                     global const float *restrict rank_one, GATHERED float *restrict w,
+                     global real *restrict mu, volatile global sum_t *partial, int at,
+                     global sum_t *restrict scalars, volatile global int *done,
+                     volatile global int *shares, int4 launch)
 {
     local group_memory group;
     const sums s = {partial, scalars, done, &group, at, launch.s3};
@@ -294,7 +302,8 @@ KERNEL newton_update(int n, float alpha, float D, float lowest, global const int
                              LOAD(rank_one, AT_K(b, 5, 6)) * (w5 - w3);
             const realv a = LOAD(area, AT(b)), e = (real)alpha * (real)alpha * LOAD(q, AT(b)),
                         old = LOAD(mu, AT(b));
-            const realv ratio = sqrt((real)D / (fmax(old, (realv)1e-30f) * a * fmax(e, (realv)0.25f)));
+            const realv ratio =
+                sqrt((real)D / (fmax(old, (realv)1e-30f) * a * fmax(e, (realv)0.25f)));
             const realv dy = (real)D * log_slope(e) + ratio * TO_REAL(s);
             const realv grown = old * exp(clamp(dy, (realv)-1, (realv)1));
             const realv next = LOAD(mu, AT(b)) > 0 ? fmax(grown, (real)lowest * sqrt(a)) : grown;
@@ -314,10 +323,10 @@ KERNEL newton_update(int n, float alpha, float D, float lowest, global const int
  * moves 6 real E bytes, 15 E flops
  * shape blocks of E; numerics the sums in sum_t, in the order of parts */
 KERNEL explicit_update(int n, int inertial, float dt, float beta, float lowest,
-                       global const real *area, global const real *q, global real *mu,
-                       global real *before, volatile global sum_t *partial, int at,
-                       global sum_t *scalars, volatile global int *done,
-                       volatile global int *shares, int4 launch)
+                       global const real *restrict area, global const real *restrict q,
+                       global real *restrict mu, global real *restrict before,
+                       volatile global sum_t *partial, int at, global sum_t *restrict scalars,
+                       volatile global int *done, volatile global int *shares, int4 launch)
 {
     local group_memory group;
     const sums s = {partial, scalars, done, &group, at, launch.s3};
@@ -326,8 +335,7 @@ KERNEL explicit_update(int n, int inertial, float dt, float beta, float lowest,
         sumv change = 0, mass = 0;
         FOR_PART_BLOCKS(b, n, part)
         {
-            const realv a = LOAD(area, AT(b)), old = LOAD(mu, AT(b)),
-                        slope = sqrt(LOAD(q, AT(b)));
+            const realv a = LOAD(area, AT(b)), old = LOAD(mu, AT(b)), slope = sqrt(LOAD(q, AT(b)));
             realv grown = old * (1 + (real)dt * (slope - 1));
             if (inertial) {
                 const realv ratio = old / fmax(LOAD(before, AT(b)), (realv)1e-37f);
@@ -349,8 +357,8 @@ KERNEL explicit_update(int n, int inertial, float dt, float beta, float lowest,
  * reads mu, g; writes g
  * moves 13 real E bytes, 6 E flops
  * shape blocks of E */
-KERNEL element_scale(int n, global const real *mu, global real *g, volatile global int *shares,
-                     int4 launch)
+KERNEL element_scale(int n, global const real *restrict mu, global real *restrict g,
+                     volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
@@ -366,8 +374,9 @@ KERNEL element_scale(int n, global const real *mu, global real *g, volatile glob
  * moves 24 E + real E + real R bytes, 16 E flops
  * shape rows, one an element; numerics single precision, raised by 1e-6 for its rounding; maxima do not
  * hang on the order */
-KERNEL band_slopes(int n, int n_bands, float u_low, float inv_band, global const int *index,
-                   global const real *u, global const real *q, volatile global int *slope_max,
+KERNEL band_slopes(int n, int n_bands, float u_low, float inv_band,
+                   global const int *restrict index, global const real *restrict u,
+                   global const real *restrict q, volatile global int *slope_max,
                    volatile global int *shares, int4 launch)
 {
     FOR_ROWS(t, n, shares, launch)
@@ -392,8 +401,9 @@ KERNEL band_slopes(int n, int n_bands, float u_low, float inv_band, global const
  * reads phi (gathered), u; writes v
  * moves 2 real R bytes, 6 R flops
  * shape rows */
-KERNEL band_map(int n, int n_bands, float u_low, float inv_band, global const real *phi,
-                global const real *u, global real *v, volatile global int *shares, int4 launch)
+KERNEL band_map(int n, int n_bands, float u_low, float inv_band, global const real *restrict phi,
+                global const real *restrict u, global real *restrict v, volatile global int *shares,
+                int4 launch)
 {
     FOR_ROWS(i, n, shares, launch)
     {

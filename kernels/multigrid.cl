@@ -9,8 +9,9 @@
  * reads inv_diag, rhs; writes x
  * moves 12 R bytes, 2 R flops
  * shape blocks of R */
-KERNEL smooth_first(int n, float step, global const float *inv_diag, global const float *rhs,
-                    global float *x, volatile global int *shares, int4 launch)
+KERNEL smooth_first(int n, float step, global const float *restrict inv_diag,
+                    global const float *restrict rhs, global float *restrict x,
+                    volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
@@ -19,7 +20,7 @@ KERNEL smooth_first(int n, float step, global const float *inv_diag, global cons
 }
 
 /* The place among 3 numbers per element of what has place p among 6: corner k, or side k at 3 + k. */
-#define CORNER_PLACE(p) ((p) - 3 * DMK_WIDTH * ((p) / (6 * DMK_WIDTH)))
+#define CORNER_PLACE(p) ((p)-3 * DMK_WIDTH * ((p) / (6 * DMK_WIDTH)))
 #define SIDE_PLACE(p) (CORNER_PLACE(p) - 3 * DMK_WIDTH)
 
 /* First phase of A x (M x with newton != 0) where only the restriction to T of its result is wanted: each
@@ -27,8 +28,9 @@ KERNEL smooth_first(int n, float step, global const float *inv_diag, global cons
  * reads index, weight, g, x (gathered); writes out
  * moves 36 E + 24 E + 4 R + 12 E bytes, 65 E flops; 24 E of them with newton
  * shape blocks of E */
-KERNEL element_down(int n, int newton, global const int *index, global const float *weight,
-                    global const float *g, GATHERED float *x, global float *out,
+KERNEL element_down(int n, int newton, global const int *restrict index,
+                    global const float *restrict weight, global const float *restrict g,
+                    GATHERED float *restrict x, global float *restrict out,
                     volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
@@ -46,10 +48,10 @@ KERNEL element_down(int n, int newton, global const int *index, global const flo
  * reads index, weight, g, x and coarse (gathered); writes out
  * moves 36 E + 24 E + 4 R + 4 V + 24 E bytes, 71 E flops; 24 E of them with newton
  * shape blocks of E */
-KERNEL element_up(int n, int newton, int vertex_row, global const int *index,
-                  global const float *weight, global const float *g, GATHERED float *x,
-                  GATHERED float *coarse, global float *out, volatile global int *shares,
-                  int4 launch)
+KERNEL element_up(int n, int newton, int vertex_row, global const int *restrict index,
+                  global const float *restrict weight, global const float *restrict g,
+                  GATHERED float *restrict x, GATHERED float *restrict coarse,
+                  global float *restrict out, volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
@@ -74,10 +76,11 @@ KERNEL element_up(int n, int newton, int vertex_row, global const int *index,
  * reads slice, slot, out and coarse (gathered), rhs, inv_diag, ends, x; writes x, x_old
  * moves 4 P + 24 E + 8 R + 4 V + 20 R bytes, 6 E + 6 R flops
  * shape blocks of R */
-KERNEL rows_up(int n, global const int *slice, global const int *slot, GATHERED float *out,
-               global const float *rhs, global const float *inv_diag, global const int *ends,
-               GATHERED float *coarse, global float *x, global float *x_old, float step,
-               volatile global int *shares, int4 launch)
+KERNEL rows_up(int n, global const int *restrict slice, global const int *restrict slot,
+               GATHERED float *restrict out, global const float *restrict rhs,
+               global const float *restrict inv_diag, global const int *restrict ends,
+               GATHERED float *restrict coarse, global float *restrict x,
+               global float *restrict x_old, float step, volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
@@ -95,11 +98,12 @@ KERNEL rows_up(int n, global const int *slice, global const int *slot, GATHERED 
  * reads slice, slot, out (gathered), rhs, inv_diag, x, x_old, ap; writes x_old, scalars
  * moves 4 P + 24 E + 24 R bytes, 6 E + 11 R flops
  * shape blocks of R; numerics the sums in sum_t, in the order of parts */
-KERNEL rows_chebyshev_dots(int n, int first, global const int *slice, global const int *slot,
-                           GATHERED float *out, global const float *rhs,
-                           global const float *inv_diag, global const float *x, global float *x_old,
-                           float momentum, float keep, float step, global const float *ap,
-                           volatile global sum_t *partial, int at, global sum_t *scalars,
+KERNEL rows_chebyshev_dots(int n, int first, global const int *restrict slice,
+                           global const int *restrict slot, GATHERED float *restrict out,
+                           global const float *restrict rhs, global const float *restrict inv_diag,
+                           global const float *restrict x, global float *restrict x_old,
+                           float momentum, float keep, float step, global const float *restrict ap,
+                           volatile global sum_t *partial, int at, global sum_t *restrict scalars,
                            volatile global int *done, volatile global int *shares, int4 launch)
 {
     local group_memory group;
@@ -129,10 +133,12 @@ KERNEL rows_chebyshev_dots(int n, int first, global const int *slice, global con
  * reads slice, link, fine (gathered), corner_slice, corner, down (gathered), inv_diag; writes rhs, x
  * moves 4 L + 4 R + 24 E + 12 V bytes, L + 3 E + 4 V flops
  * shape blocks of V */
-KERNEL restrict_midpoints(int n, int vertex_row, global const int *slice, global const int *link,
-                          GATHERED float *fine, int first, global const int *corner_slice,
-                          global const int *corner, GATHERED float *down, float step,
-                          global const float *inv_diag, global float *rhs, global float *x,
+KERNEL restrict_midpoints(int n, int vertex_row, global const int *restrict slice,
+                          global const int *restrict link, GATHERED float *restrict fine, int first,
+                          global const int *restrict corner_slice,
+                          global const int *restrict corner, GATHERED float *restrict down,
+                          float step, global const float *restrict inv_diag,
+                          global float *restrict rhs, global float *restrict x,
                           volatile global int *shares, int4 launch)
 {
     global const float *at_vertex = (global const float *)(fine + vertex_row);
@@ -143,8 +149,8 @@ KERNEL restrict_midpoints(int n, int vertex_row, global const int *slice, global
             const intv i = LOAD(link, COLUMN(b, j));
             sum += (floatv)(GATHER(fine, i));
         }
-        for (int j = corner_slice[first + SLICE(b)], end = corner_slice[first + SLICE(b) + 1]; j < end;
-             j++) {
+        for (int j = corner_slice[first + SLICE(b)], end = corner_slice[first + SLICE(b) + 1];
+             j < end; j++) {
             const intv p = LOAD(corner, COLUMN(b, j));
             const intv i = CORNER_PLACE(p);
             ax += (floatv)(GATHER(down, i));
@@ -229,23 +235,27 @@ static void coarse_block(int b, int n, int n_pad, global const float *inverse,
  * reads slice, neighbour, weight, x (gathered), rhs; writes r
  * moves 8 L + 12 V bytes, 3 L + V flops
  * shape blocks of V; numerics differences first, so that constants give 0 exactly */
-KERNEL graph_residual(int n, global const int *slice, global const int *neighbour,
-                      global const float *weight, global const float *x, global const float *rhs,
-                      global float *r, volatile global int *shares, int4 launch)
+KERNEL graph_residual(int n, global const int *restrict slice, global const int *restrict neighbour,
+                      global const float *restrict weight, global const float *restrict x,
+                      global const float *restrict rhs, global float *restrict r,
+                      volatile global int *shares, int4 launch)
 {
     const graph g = {slice, neighbour, weight};
-    FOR_BLOCKS(b, n, shares, launch) { residual_block(b, g, x, rhs, r); }
+    FOR_BLOCKS(b, n, shares, launch)
+    {
+        residual_block(b, g, x, rhs, r);
+    }
 }
 
 /* A Chebyshev step on a graph level, as rows_chebyshev.
  * reads slice, neighbour, weight, rhs, inv_diag, x (gathered), x_old; writes x_old
  * moves 8 L + 20 V bytes, 3 L + 7 V flops
  * shape blocks of V; numerics as graph_residual */
-KERNEL graph_chebyshev(int n, global const int *slice, global const int *neighbour,
-                       global const float *weight, global const float *rhs,
-                       global const float *inv_diag, global const float *x, global float *x_old,
-                       float momentum, float keep, float step, volatile global int *shares,
-                       int4 launch)
+KERNEL graph_chebyshev(int n, global const int *restrict slice,
+                       global const int *restrict neighbour, global const float *restrict weight,
+                       global const float *restrict rhs, global const float *restrict inv_diag,
+                       global const float *restrict x, global float *restrict x_old, float momentum,
+                       float keep, float step, volatile global int *shares, int4 launch)
 {
     const graph g = {slice, neighbour, weight};
     FOR_BLOCKS(b, n, shares, launch)
@@ -258,10 +268,10 @@ KERNEL graph_chebyshev(int n, global const int *slice, global const int *neighbo
  * reads slice, fine, weight, r (gathered), inv_diag; writes rhs, x
  * moves 8 C + 12 V bytes and the finer residual, 2 C + 2 V flops
  * shape blocks of V */
-KERNEL restrict_rows(int n, global const int *slice, global const int *fine,
-                     global const float *weight, GATHERED float *r, float step,
-                     global const float *inv_diag, global float *rhs, global float *x,
-                     volatile global int *shares, int4 launch)
+KERNEL restrict_rows(int n, global const int *restrict slice, global const int *restrict fine,
+                     global const float *restrict weight, GATHERED float *restrict r, float step,
+                     global const float *restrict inv_diag, global float *restrict rhs,
+                     global float *restrict x, volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
@@ -273,21 +283,28 @@ KERNEL restrict_rows(int n, global const int *slice, global const int *fine,
  * reads index, weight, coarse (gathered), x; writes x
  * moves 32 V bytes and the coarser x, 6 V flops
  * shape blocks of V, the finer level's */
-KERNEL prolong_rows(int n, global const int *index, global const float *weight,
-                    GATHERED float *coarse, global float *x, volatile global int *shares,
-                    int4 launch)
+KERNEL prolong_rows(int n, global const int *restrict index, global const float *restrict weight,
+                    GATHERED float *restrict coarse, global float *restrict x,
+                    volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(b, n, shares, launch) { prolong_block(b, index, weight, coarse, x); }
+    FOR_BLOCKS(b, n, shares, launch)
+    {
+        prolong_block(b, index, weight, coarse, x);
+    }
 }
 
 /* x = inverse * rhs on the coarsest level.
  * reads inverse, rhs; writes x
  * moves 4 N^2 + 8 N bytes, 2 N^2 flops
  * shape blocks of V; numerics a column after the other */
-KERNEL coarse_solve(int n, int n_pad, global const float *inverse, global const float *rhs,
-                    global float *x, volatile global int *shares, int4 launch)
+KERNEL coarse_solve(int n, int n_pad, global const float *restrict inverse,
+                    global const float *restrict rhs, global float *restrict x,
+                    volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(b, n_pad, shares, launch) { coarse_block(b, n, n_pad, inverse, rhs, x); }
+    FOR_BLOCKS(b, n_pad, shares, launch)
+    {
+        coarse_block(b, n, n_pad, inverse, rhs, x);
+    }
 }
 
 /* ---- the tail: the coarsest levels in one launch of one work-group ---- */
@@ -362,8 +379,8 @@ static void tail_prolong(tail t, int l)
     FOR_ALL_BLOCKS(b, tail_count(t, l - 1, DMK_TAIL_ROWS))
     {
         prolong_block(b, tail_ints(t, l, DMK_TAIL_PROLONG_INDEX),
-                      tail_floats(t, l, DMK_TAIL_PROLONG_WEIGHT),
-                      tail_floats(t, l, DMK_TAIL_X_OLD), tail_floats(t, l - 1, DMK_TAIL_X_OLD));
+                      tail_floats(t, l, DMK_TAIL_PROLONG_WEIGHT), tail_floats(t, l, DMK_TAIL_X_OLD),
+                      tail_floats(t, l - 1, DMK_TAIL_X_OLD));
     }
     TOGETHER
 }
@@ -384,9 +401,10 @@ static void tail_solve(tail t, int l, global const float *inverse)
  * reads table, arena, r (gathered), inverse; writes arena
  * moves 32 L + 68 V + 8 C bytes, 12 L + 15 V + 2 C flops at each level
  * shape one work-group, which waits between its loops */
-KERNEL tail_cycle(int levels, int above, global const int *table, global int *arena,
-                  GATHERED float *r, global const float *inverse, float first, float momentum,
-                  float step, volatile global int *shares, int4 launch)
+KERNEL tail_cycle(int levels, int above, global const int *restrict table,
+                  global int *restrict arena, GATHERED float *restrict r,
+                  global const float *restrict inverse, float first, float momentum, float step,
+                  volatile global int *shares, int4 launch)
 {
     const int last = levels - 1, x = DMK_TAIL_X, x_old = DMK_TAIL_X_OLD;
     const tail t = {table, arena};
@@ -425,8 +443,9 @@ static void dense_laplacian(int n, graph g, global sum_t *a)
  * reads slice, neighbour, weight, a; writes a, inverse; moves 2 n^3 numbers, 2 n^3 flops
  * shape one work-group; numerics in sum_t, Gauss-Jordan steps in place without pivoting, for L + c J is
  * positive definite; a pivot lost to rounding is left out */
-KERNEL coarse_inverse(int n, int n_pad, global const int *slice, global const int *neighbour,
-                      global const float *weight, global sum_t *a, global float *inverse,
+KERNEL coarse_inverse(int n, int n_pad, global const int *restrict slice,
+                      global const int *restrict neighbour, global const float *restrict weight,
+                      global sum_t *restrict a, global float *restrict inverse,
                       volatile global int *shares, int4 launch)
 {
     const graph g = {slice, neighbour, weight};
@@ -441,7 +460,8 @@ KERNEL coarse_inverse(int n, int n_pad, global const int *slice, global const in
     FOR_ITEMS(i, n)
     {
         for (int j = 0; j < n; j++) a[i * n + j] += shift;
-        least[i] = 1e-12f * a[i * n + i]; /* rounding of the links may leave a pivot at 0: it is left out */
+        least[i] = 1e-12f *
+                   a[i * n + i]; /* rounding of the links may leave a pivot at 0: it is left out */
     }
     for (int k = 0; k < n; k++) {
         TOGETHER
@@ -455,7 +475,8 @@ KERNEL coarse_inverse(int n, int n_pad, global const int *slice, global const in
         FOR_ITEMS(i, n)
         {
             const sum_t c = column[i];
-            for (int j = 0; j < n && i != k; j++) a[i * n + j] = (j == k ? 0 : a[i * n + j]) - c * row[j];
+            for (int j = 0; j < n && i != k; j++)
+                a[i * n + j] = (j == k ? 0 : a[i * n + j]) - c * row[j];
             for (int j = 0; j < n && i == k; j++) a[i * n + j] = row[j];
         }
     }
@@ -475,8 +496,9 @@ KERNEL coarse_inverse(int n, int n_pad, global const int *slice, global const in
  * reads slot, triangle_link (gathered); writes link
  * moves 12 K + 12 E bytes, K flops
  * shape blocks of K */
-KERNEL links_from_triangles(int n, global const int *slot, GATHERED float *triangle_link,
-                            global float *link, volatile global int *shares, int4 launch)
+KERNEL links_from_triangles(int n, global const int *restrict slot,
+                            GATHERED float *restrict triangle_link, global float *restrict link,
+                            volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
@@ -491,7 +513,8 @@ static float link_sum(int i, global const int *row, global const int *fine, glob
                       global const float *fine_link)
 {
     float sum = 0;
-    for (int j = row[i]; j < row[i + 1]; j++) sum += vload_half((size_t)j, coef) * fine_link[fine[j]];
+    for (int j = row[i]; j < row[i + 1]; j++)
+        sum += vload_half((size_t)j, coef) * fine_link[fine[j]];
     return sum;
 }
 
@@ -499,11 +522,14 @@ static float link_sum(int i, global const int *row, global const int *fine, glob
  * reads row, fine, coef, fine_link (gathered); writes link
  * moves 10 C + 8 K bytes, 2 C flops
  * shape rows; numerics coefficients in half precision (see system.c) */
-KERNEL links_from_links(int n, global const int *row, global const int *fine,
-                        global const half *coef, global const float *fine_link, global float *link,
-                        volatile global int *shares, int4 launch)
+KERNEL links_from_links(int n, global const int *restrict row, global const int *restrict fine,
+                        global const half *restrict coef, global const float *restrict fine_link,
+                        global float *restrict link, volatile global int *shares, int4 launch)
 {
-    FOR_ROWS(i, n, shares, launch) { link[i] = link_sum(i, row, fine, coef, fine_link); }
+    FOR_ROWS(i, n, shares, launch)
+    {
+        link[i] = link_sum(i, row, fine, coef, fine_link);
+    }
 }
 
 /* Copy link weights to rows; D = a_ii + sum |a_ij| bounds A by 1 (row sums of magnitudes), so the
@@ -531,9 +557,9 @@ static floatv inverse_of(floatv size)
  * reads slice, number, link (gathered); writes weight, inv_diag
  * moves 8 L + 4 K + 4 V bytes, 2 L + 2 V flops
  * shape blocks of V */
-KERNEL graph_weights(int n, global const int *slice, global const int *number, GATHERED float *link,
-                     global float *weight, global float *inv_diag, volatile global int *shares,
-                     int4 launch)
+KERNEL graph_weights(int n, global const int *restrict slice, global const int *restrict number,
+                     GATHERED float *restrict link, global float *restrict weight,
+                     global float *restrict inv_diag, volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
@@ -546,17 +572,18 @@ KERNEL graph_weights(int n, global const int *slice, global const int *number, G
  * reads slice, number, link (gathered), corner_slice, corner, diag (gathered); writes weight, inv_diag
  * moves 8 L + 4 K + 24 E + 4 V bytes, 3 E + V flops
  * shape blocks of V */
-KERNEL mesh_weights(int n, global const int *slice, global const int *number, GATHERED float *link,
-                    global float *weight, int first, global const int *corner_slice,
-                    global const int *corner, GATHERED float *diag, global float *inv_diag,
+KERNEL mesh_weights(int n, global const int *restrict slice, global const int *restrict number,
+                    GATHERED float *restrict link, global float *restrict weight, int first,
+                    global const int *restrict corner_slice, global const int *restrict corner,
+                    GATHERED float *restrict diag, global float *restrict inv_diag,
                     volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
         floatv sum = 0;
         weights_block(b, slice, number, link, weight);
-        for (int j = corner_slice[first + SLICE(b)], end = corner_slice[first + SLICE(b) + 1]; j < end;
-             j++) {
+        for (int j = corner_slice[first + SLICE(b)], end = corner_slice[first + SLICE(b) + 1];
+             j < end; j++) {
             const intv p = LOAD(corner, COLUMN(b, j));
             const intv i = CORNER_PLACE(p);
             sum += (floatv)(GATHER(diag, i));
@@ -569,8 +596,9 @@ KERNEL mesh_weights(int n, global const int *slice, global const int *number, GA
  * reads slice, slot, out (gathered); writes inv_diag
  * moves 4 P + 24 E + 4 R bytes, 6 E + R flops
  * shape blocks of R */
-KERNEL inverse_diagonal(int n, global const int *slice, global const int *slot, GATHERED float *out,
-                        global float *inv_diag, volatile global int *shares, int4 launch)
+KERNEL inverse_diagonal(int n, global const int *restrict slice, global const int *restrict slot,
+                        GATHERED float *restrict out, global float *restrict inv_diag,
+                        volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
@@ -597,24 +625,21 @@ static void tail_links(tail t, int l)
     TOGETHER
 }
 
-static void tail_weights(tail t, int l)
-{
-    FOR_ALL_BLOCKS(b, tail_count(t, l, DMK_TAIL_ROWS))
-    {
-        const floatv size = weights_block(b, tail_ints(t, l, DMK_TAIL_SLICE),
-                                          tail_ints(t, l, DMK_TAIL_NUMBER),
-                                          tail_floats(t, l, DMK_TAIL_LINK),
-                                          tail_floats(t, l, DMK_TAIL_WEIGHT));
-        STORE(inverse_of(size), tail_floats(t, l, DMK_TAIL_INV_DIAG), AT(b));
-    }
-    TOGETHER
+static void tail_weights(tail t, int l){FOR_ALL_BLOCKS(b, tail_count(t, l, DMK_TAIL_ROWS)){
+    const floatv size = weights_block(b, tail_ints(t, l, DMK_TAIL_SLICE),
+                                      tail_ints(t, l, DMK_TAIL_NUMBER),
+                                      tail_floats(t, l, DMK_TAIL_LINK),
+                                      tail_floats(t, l, DMK_TAIL_WEIGHT));
+STORE(inverse_of(size), tail_floats(t, l, DMK_TAIL_INV_DIAG), AT(b));
+}
+TOGETHER
 }
 
 /* Weights of the tail's levels, and the links of all but the first, by links_from_links and graph_weights.
  * reads table, arena; writes arena
  * moves 10 C + 4 K + 12 L + 4 V bytes, 2 C + 2 L + 2 V flops at each level
  * shape one work-group, which waits between its loops */
-KERNEL tail_refresh(int levels, global const int *table, global int *arena,
+KERNEL tail_refresh(int levels, global const int *restrict table, global int *restrict arena,
                     volatile global int *shares, int4 launch)
 {
     const tail t = {table, arena};

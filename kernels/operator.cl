@@ -96,9 +96,9 @@ static six stiffness(three w, six x)
  * reads index, weight, x (gathered); writes out
  * moves 24 E + 9 real E + real R bytes, 33 E flops
  * shape blocks of E; numerics differences first, so that constants give 0 exactly */
-KERNEL element_stiffness(int n, global const int *index, global const real *weight,
-                         GATHERED real *x, global real *out, volatile global int *shares,
-                         int4 launch)
+KERNEL element_stiffness(int n, global const int *restrict index,
+                         global const real *restrict weight, GATHERED real *restrict x,
+                         global real *restrict out, volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
@@ -125,9 +125,9 @@ static six add_rank_one(six y, six g, six x)
  * reads index, weight, g, x (gathered); writes out
  * moves 24 E + 15 real E + real R bytes, 59 E flops
  * shape blocks of E; numerics as element_stiffness */
-KERNEL element_newton(int n, global const int *index, global const real *weight,
-                      global const real *g, GATHERED real *x, global real *out,
-                      volatile global int *shares, int4 launch)
+KERNEL element_newton(int n, global const int *restrict index, global const real *restrict weight,
+                      global const real *restrict g, GATHERED real *restrict x,
+                      global real *restrict out, volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
@@ -151,10 +151,11 @@ static realv row_sum(global const int *slice, global const int *slot, GATHERED r
  * reads slice, slot, out (gathered), x; writes y, scalars
  * moves 4 P + 6 real E + 2 real R bytes, 6 E + 2 R flops
  * shape blocks of R; numerics x.y in sum_t, in the order of parts */
-KERNEL rows_apply(int n, global const int *slice, global const int *slot, GATHERED real *out,
-                  global const real *x, global real *y, volatile global sum_t *partial, int at,
-                  global sum_t *scalars, volatile global int *done, volatile global int *shares,
-                  int4 launch)
+KERNEL rows_apply(int n, global const int *restrict slice, global const int *restrict slot,
+                  GATHERED real *restrict out, global const real *restrict x,
+                  global real *restrict y, volatile global sum_t *partial, int at,
+                  global sum_t *restrict scalars, volatile global int *done,
+                  volatile global int *shares, int4 launch)
 {
     local group_memory group;
     const sums s = {partial, scalars, done, &group, at, launch.s3};
@@ -177,9 +178,10 @@ KERNEL rows_apply(int n, global const int *slice, global const int *slot, GATHER
  * reads slice, slot, out (gathered), rhs, inv_diag, x, x_old; writes x_old
  * moves 4 P + 6 real E + 5 real R bytes, 6 E + 7 R flops
  * shape blocks of R */
-KERNEL rows_chebyshev(int n, global const int *slice, global const int *slot, GATHERED real *out,
-                      global const real *rhs, global const real *inv_diag, global const real *x,
-                      global real *x_old, float momentum, float keep, float step,
+KERNEL rows_chebyshev(int n, global const int *restrict slice, global const int *restrict slot,
+                      GATHERED real *restrict out, global const real *restrict rhs,
+                      global const real *restrict inv_diag, global const real *restrict x,
+                      global real *restrict x_old, float momentum, float keep, float step,
                       volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)

@@ -3,16 +3,19 @@
 /* scalars[at] = a.b
  * reads a, b; writes scalars; moves 2 real R bytes, 2 R flops
  * shape blocks of R; numerics in sum_t, in the order of parts */
-KERNEL dot_real(int n, global const real *a, global const real *b, volatile global sum_t *partial,
-                int at, global sum_t *scalars, volatile global int *done,
-                volatile global int *shares, int4 launch)
+KERNEL dot_real(int n, global const real *restrict a, global const real *restrict b,
+                volatile global sum_t *partial, int at, global sum_t *restrict scalars,
+                volatile global int *done, volatile global int *shares, int4 launch)
 {
     local group_memory group;
     const sums s = {partial, scalars, done, &group, at, launch.s3};
     FOR_PARTS(part, shares, launch)
     {
         sumv sum = 0;
-        FOR_PART_BLOCKS(i, n, part) { sum += TO_SUM(LOAD(a, AT(i))) * TO_SUM(LOAD(b, AT(i))); }
+        FOR_PART_BLOCKS(i, n, part)
+        {
+            sum += TO_SUM(LOAD(a, AT(i))) * TO_SUM(LOAD(b, AT(i)));
+        }
         leave_sum(s, 0, part, sum);
         finish_sums(s, 1, 0);
     }
@@ -21,9 +24,10 @@ KERNEL dot_real(int n, global const real *a, global const real *b, volatile glob
 /* r.z and Ap.z, z in single precision, and beta of them.
  * reads r, ap, z; writes scalars, which are the state; moves 2 real R + 4 R bytes, 4 R flops
  * shape blocks of R; numerics in sum_t, in the order of parts */
-KERNEL cg_dots(int n, int first, global const real *r, global const real *ap, global const float *z,
-               volatile global sum_t *partial, int at, global sum_t *scalars,
-               volatile global int *done, volatile global int *shares, int4 launch)
+KERNEL cg_dots(int n, int first, global const real *restrict r, global const real *restrict ap,
+               global const float *restrict z, volatile global sum_t *partial, int at,
+               global sum_t *restrict scalars, volatile global int *done,
+               volatile global int *shares, int4 launch)
 {
     local group_memory group;
     const sums s = {partial, scalars, done, &group, at, launch.s3};
@@ -45,9 +49,9 @@ KERNEL cg_dots(int n, int first, global const real *r, global const real *ap, gl
 /* The largest u and the largest -u (padding rows count as 0).
  * reads u; writes scalars; moves real R bytes, 3 R flops
  * shape blocks of R; numerics exact, but u is rounded to sum_t */
-KERNEL rows_range(int n, global const real *u, volatile global sum_t *partial, int at,
-                  global sum_t *scalars, volatile global int *done, volatile global int *shares,
-                  int4 launch)
+KERNEL rows_range(int n, global const real *restrict u, volatile global sum_t *partial, int at,
+                  global sum_t *restrict scalars, volatile global int *done,
+                  volatile global int *shares, int4 launch)
 {
     local group_memory group;
     const sums s = {partial, scalars, done, &group, at, launch.s3};
@@ -70,7 +74,8 @@ KERNEL rows_range(int n, global const real *u, volatile global sum_t *partial, i
  * reads partial; writes scalars; moves at most 24 bytes and 3 flops a part
  * shape one work-group; numerics the order of parts */
 KERNEL sum_partials(int parts, int count, int maxima, volatile global sum_t *partial,
-                    global sum_t *scalars, int at, volatile global int *shares, int4 launch)
+                    global sum_t *restrict scalars, int at, volatile global int *shares,
+                    int4 launch)
 {
     local group_memory group;
     const sums s = {partial, scalars, 0, &group, at, parts};
@@ -78,7 +83,7 @@ KERNEL sum_partials(int parts, int count, int maxima, volatile global sum_t *par
 }
 
 /* reads partial, scalars; writes scalars; moves 16 bytes and 2 flops a part; shape one work-group */
-KERNEL cg_beta(int parts, int first, volatile global sum_t *partial, global sum_t *scalars,
+KERNEL cg_beta(int parts, int first, volatile global sum_t *partial, global sum_t *restrict scalars,
                volatile global int *shares, int4 launch)
 {
     local group_memory group;
@@ -87,7 +92,7 @@ KERNEL cg_beta(int parts, int first, volatile global sum_t *partial, global sum_
 }
 
 /* reads partial, scalars; writes scalars; moves 8 bytes, flops 1, a part; shape one work-group */
-KERNEL cg_alpha(int parts, volatile global sum_t *partial, global sum_t *scalars,
+KERNEL cg_alpha(int parts, volatile global sum_t *partial, global sum_t *restrict scalars,
                 volatile global int *shares, int4 launch)
 {
     local group_memory group;
@@ -97,8 +102,8 @@ KERNEL cg_alpha(int parts, volatile global sum_t *partial, global sum_t *scalars
 
 /* p = z + beta p; p is not read at the first iteration, when beta is 0.
  * reads state, z, p; writes p; moves 4 R + 2 real R bytes, 2 R flops; shape blocks of R */
-KERNEL cg_direction(int n, global const sum_t *state, global const float *z, global real *p,
-                    volatile global int *shares, int4 launch)
+KERNEL cg_direction(int n, global const sum_t *restrict state, global const float *restrict z,
+                    global real *restrict p, volatile global int *shares, int4 launch)
 {
     const real beta = (real)state[3];
     FOR_BLOCKS(i, n, shares, launch)
@@ -113,10 +118,10 @@ KERNEL cg_direction(int n, global const sum_t *state, global const float *z, glo
  * preconditioner (r itself in single precision), and z = step D^-1 r its first smoothing step from 0.
  * reads state, p, ap, x, r, inv_diag; writes x, r, narrow, z
  * moves 6 real R + 12 R bytes, 6 R flops; shape blocks of R */
-KERNEL cg_step(int n, int last, global const sum_t *state, global const real *p,
-               global const real *ap, global real *x, global real *r, global float *narrow,
-               float step, global const float *inv_diag, global float *z,
-               volatile global int *shares, int4 launch)
+KERNEL cg_step(int n, int last, global const sum_t *restrict state, global const real *restrict p,
+               global const real *restrict ap, global real *restrict x, global real *r,
+               global float *narrow, float step, global const float *restrict inv_diag,
+               global float *restrict z, volatile global int *shares, int4 launch)
 {
     const real alpha = (real)state[2];
     FOR_BLOCKS(i, n, shares, launch)
@@ -135,18 +140,22 @@ KERNEL cg_step(int n, int last, global const sum_t *state, global const real *p,
 
 /* to = from in single precision; the benchmark's copy.
  * reads from; writes to; moves real R + 4 R bytes, 0 flops; shape blocks of R */
-KERNEL narrow_copy(int n, global const real *from, global float *to, volatile global int *shares,
-                   int4 launch)
+KERNEL narrow_copy(int n, global const real *restrict from, global float *restrict to,
+                   volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(i, n, shares, launch) { STORE(TO_FLOAT(LOAD(from, AT(i))), to, AT(i)); }
+    FOR_BLOCKS(i, n, shares, launch)
+    {
+        STORE(TO_FLOAT(LOAD(from, AT(i))), to, AT(i));
+    }
 }
 
 /* x <- alpha x + add, and f.x
  * reads x, add, f; writes x, scalars; moves 3 real R + 4 R bytes, 4 R flops
  * shape blocks of R; numerics f.x in sum_t, in the order of parts */
-KERNEL scale_add(int n, float alpha, global real *x, global const float *add, global const real *f,
-                 volatile global sum_t *partial, int at, global sum_t *scalars,
-                 volatile global int *done, volatile global int *shares, int4 launch)
+KERNEL scale_add(int n, float alpha, global real *restrict x, global const float *restrict add,
+                 global const real *restrict f, volatile global sum_t *partial, int at,
+                 global sum_t *restrict scalars, volatile global int *done,
+                 volatile global int *shares, int4 launch)
 {
     local group_memory group;
     const sums s = {partial, scalars, done, &group, at, launch.s3};
