@@ -49,7 +49,7 @@ skip() {
     printf 'ok %d # SKIP %s\n' "$tap_n" "$1"
 }
 
-# The packages of tests/requirements.txt; without PyPI the rest is skipped, and that is counted.
+# The packages of tests/requirements.txt and data.txt; without PyPI the rest is skipped, and that is counted.
 need_packages() { # WHAT IS SKIPPED
     sh tests/pyenv.sh > "$work/pyenv" 2>&1
     [ $? -ne 75 ] || { skip "$1" "PyPI cannot be reached: $(tail -n 1 "$work/pyenv")"; tap_end; exit 0; }
