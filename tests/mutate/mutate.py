@@ -34,11 +34,14 @@ ROOT = os.path.dirname(os.path.dirname(HERE))
 TREE = os.path.join(ROOT, "build", "mutate")
 KEPT = os.path.join(ROOT, "build", "mutate-%s.json") # tests, mutants
 BUILD, COUNTED = "build/release", "build/coverage"
-MAKE = ["make", "-s", f"-j{os.cpu_count()}", "OPT_release=-O1 -march=native -fno-math-errno -Wno-unused -Wno-unused-parameter",
+MAKE = ["make", "-s", f"-j{os.cpu_count()}",
+        "OPT_release=-O1 -march=native -fno-math-errno -Wno-unused -Wno-unused-parameter",
         "OPT_coverage=-O1 -g --coverage -fprofile-update=atomic"]
-PATIENCE = 60 # seconds beyond five times its own until a test hangs: a changed kernel is compiled in 5, on a busy machine in 40
+# Seconds beyond five times its own until a test hangs: a changed kernel is compiled in 5, on a busy machine in 40.
+PATIENCE = 60
 # Tests of the text of the sources, of packages and of what other programs make of files.
-NOT_TESTS = ["layers.sh", "install.sh", "runner.sh", "formats.sh", "paper.sh", "python.sh", "mpi.sh", "random.sh", "memory.sh"]
+NOT_TESTS = ["layers.sh", "wheel.sh", "install.sh", "runner.sh", "formats.sh", "paper.sh", "python.sh", "mpi.sh",
+             "random.sh", "memory.sh"]
 
 # ---- operators: what is found in a line, and what takes its place ---------------------------
 
@@ -197,9 +200,11 @@ def run(command, seconds, **environment):
         text = process.communicate(timeout=seconds)[0]
         return process.returncode, text.decode(errors="replace")
     except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
         return 124, ""
+    finally: # whatever ends it takes its children with it
+        if process.returncode is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
 
 
 def build(folder, test=None, *objects):
@@ -313,7 +318,8 @@ def still_holds(result, mutant):
     """What it came to, on this file and with the test that noticed it as they are."""
     if not result or result["source"] != digest(mutant.path):
         return False
-    return not result["end"] or result["end"] == "none" or result["tests"][result["end"]] == digest(source_of(result["end"]))
+    end = result["end"]
+    return end in (None, "none") or result["tests"][end] == digest(source_of(end))
 
 
 def changed(text, mutant):
