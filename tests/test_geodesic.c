@@ -700,12 +700,16 @@ static void check_own_triangle(dmk_context *ctx, const dmk_geodesics *g, const d
     double x[3], y[3];
     assert_int_equal(dmk_mesh_point_xyz(ctx, g->mesh, source, x), DMK_OK);
     for (int i = 0; i < 3; i++) {
-        dmk_path path;
-        const dmk_point end = {source->triangle, {weights[i][0], weights[i][1], weights[i][2]}};
-        assert_int_equal(dmk_mesh_point_xyz(ctx, g->mesh, &end, y), DMK_OK);
-        assert_int_equal(dmk_geodesics_paths(ctx, g, 1, &end, &path), DMK_OK);
-        assert_true(fabs(path.length - hypot(x[0] - y[0], x[1] - y[1])) < 1e-12);
-        dmk_path_free(&path);
+        dmk_path path[2], untouched; /* a call for one path leaves the next place alone */
+        memset(path, 0x5a, sizeof path);
+        memset(&untouched, 0x5a, sizeof untouched);
+        const dmk_point end[2] = {{source->triangle, {weights[i][0], weights[i][1], weights[i][2]}},
+                                  *source};
+        assert_int_equal(dmk_mesh_point_xyz(ctx, g->mesh, end, y), DMK_OK);
+        assert_int_equal(dmk_geodesics_paths(ctx, g, 1, end, path), DMK_OK);
+        assert_true(fabs(path[0].length - hypot(x[0] - y[0], x[1] - y[1])) < 1e-12);
+        assert_memory_equal(&path[1], &untouched, sizeof untouched);
+        dmk_path_free(path);
     }
 }
 

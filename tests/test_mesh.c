@@ -532,6 +532,94 @@ static void test_edges_on_any_number_of_threads(void **state)
     assert_int_equal(dmk_context_set_threads(ctx, 0), DMK_OK);
 }
 
+/* ---- samples ---- */
+
+enum { ACROSS = 7, PLACES = ACROSS * ACROSS, ALL = PLACES + 3 };
+
+/* A plane of uneven squares, and a triangle beside it; returns the number of triangles. */
+static int32_t scatter(double *xyz, int32_t *triangle)
+{
+    static const double beside[9] = {20, 0, 0, 21, 0, 0, 20, 1, 0};
+    int32_t n = 0;
+    uint32_t noise = 5;
+    for (int v = 0; v < PLACES; v++) {
+        for (int k = 0; k < 2; k++) {
+            noise = noise * 1664525u + 1013904223u;
+            xyz[3 * v + k] = (k ? v / ACROSS : v % ACROSS) + 0.5 * (noise / 4294967296.0 - 0.5);
+        }
+    }
+    memcpy(xyz + 3 * PLACES, beside, sizeof beside);
+    for (int32_t v = 0; v < PLACES - ACROSS; v++) {
+        if (v % ACROSS == ACROSS - 1) continue;
+        const int32_t two[6] = {v, v + 1, v + ACROSS + 1, v, v + ACROSS + 1, v + ACROSS};
+        memcpy(triangle + 3 * n, two, sizeof two);
+        n += 2;
+    }
+    memcpy(triangle + 3 * n, (int32_t[]){PLACES, PLACES + 1, PLACES + 2}, 3 * sizeof *triangle);
+    return n + 1;
+}
+
+static double turn_of(const double *a, const double *b, const double *c)
+{
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+}
+
+static void link_two(double (*way)[ALL], const double *xyz, int32_t a, int32_t b)
+{
+    way[a][b] = way[b][a] = hypot(xyz[3 * a] - xyz[3 * b], xyz[3 * a + 1] - xyz[3 * b + 1]);
+}
+
+/* The shortest ways along edges and across pairs of triangles, by Floyd and Warshall. */
+static void find_ways(const double *xyz, int32_t n, const int32_t *triangle, double (*way)[ALL])
+{
+    for (int a = 0; a < ALL; a++) {
+        for (int b = 0; b < ALL; b++) way[a][b] = a == b ? 0 : INFINITY;
+    }
+    for (int32_t h = 0; h < 3 * n; h++) {
+        const int32_t a = triangle[h], b = triangle[h % 3 == 2 ? h - 2 : h + 1];
+        const int32_t c = triangle[h / 3 * 3 + (h + 2) % 3];
+        link_two(way, xyz, a, b);
+        for (int32_t g = 0; g < 3 * n; g++) { /* its twin, and the way from c across it */
+            if (triangle[g] != b || triangle[g % 3 == 2 ? g - 2 : g + 1] != a) continue;
+            const int32_t d = triangle[g / 3 * 3 + (g + 2) % 3];
+            const double *x = xyz + 3 * c, *y = xyz + 3 * d;
+            if (turn_of(x, y, xyz + 3 * a) * turn_of(x, y, xyz + 3 * b) < 0)
+                link_two(way, xyz, c, d);
+        }
+    }
+    for (int k = 0; k < ALL; k++) {
+        for (int a = 0; a < ALL; a++) {
+            for (int b = 0; b < ALL; b++) way[a][b] = fmin(way[a][b], way[a][k] + way[k][b]);
+        }
+    }
+}
+
+/* Each sample is the farthest from those before it; another component comes second, an unused vertex never. */
+static void test_samples_are_the_farthest(void **state)
+{
+    static double way[ALL][ALL];
+    double xyz[3 * (ALL + 1)] = {0}, away[ALL];
+    int32_t triangle[6 * PLACES];
+    int64_t sample[ALL];
+    const int32_t n = scatter(xyz, triangle);
+    find_ways(xyz, n, triangle, way);
+    dmk_mesh *m = create(*state, ALL + 1, xyz, (size_t)n, triangle);
+    assert_int_equal(dmk_mesh_sample(*state, m, ALL, 8, sample), DMK_OK);
+    assert_true(sample[0] == 8 && sample[1] == PLACES);
+    for (int b = 0; b < ALL; b++) away[b] = INFINITY;
+    for (int i = 0; i < ALL; i++) {
+        double most = 0;
+        for (int b = 0; b < ALL; b++) most = fmax(most, away[b]);
+        if (isinf(most))
+            assert_true(isinf(away[sample[i]]));
+        else
+            assert_near(away[sample[i]], most, 1e-12);
+        for (int b = 0; b < ALL; b++) away[b] = fmin(away[b], way[sample[i]][b]);
+        assert_true(away[sample[i]] == 0);
+    }
+    dmk_mesh_destroy(&m);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -552,6 +640,7 @@ int main(void)
         cmocka_unit_test(test_vertex_points),
         cmocka_unit_test(test_refuses_bad_points),
         cmocka_unit_test(test_edges_on_any_number_of_threads),
+        cmocka_unit_test(test_samples_are_the_farthest),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }

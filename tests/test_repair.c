@@ -2,6 +2,7 @@
 #include "solving.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -82,6 +83,52 @@ static void a_soup_becomes_the_cube(void **state)
     assert_true(m.info.n_vertices == 8 && m.info.n_triangles == 12 && m.info.euler == 2);
     assert_true(m.info.n_border_edges == 0 && m.info.n_components == 1);
     forget(&m);
+}
+
+/* Of a piece the fewer are turned, whichever they are and however the file begins. */
+static void the_fewer_are_turned(void **state)
+{
+    for (int32_t odd = 0; odd < 12; odd++) {
+        for (int most = 0; most < 2; most++) {
+            int32_t triangle[36];
+            for (int32_t t = 0; t < 12; t++) {
+                const bool turned = (t == odd) != most;
+                for (int k = 0; k < 3; k++)
+                    triangle[3 * t + k] = cube[3 * t + (turned ? (3 - k) % 3 : k)];
+            }
+            mended m = mend(*state, 8, cube_xyz, 12, triangle);
+            assert_int_equal(m.did.turned_triangles, 1);
+            for (int32_t t = 0; t < 12; t++) { /* where most were */
+                const int32_t *v = dmk_mesh_triangles(m.mesh) + 3 * t, *c = cube + 3 * t;
+                const bool same = (v[0] == c[0] && v[1] == c[1]) ||
+                                  (v[1] == c[0] && v[2] == c[1]) || (v[2] == c[0] && v[0] == c[1]);
+                assert_int_equal(same, !most);
+            }
+            forget(&m);
+        }
+    }
+}
+
+/* A vertex on the side of its neighbour, a flat triangle between: the side is flipped, whatever the numbers. */
+static void flat_triangles_are_flipped(void **state)
+{
+    static const double xyz[] = {0, 0, 0, 2, 0, 0, 1, 0, 0, 1, 1, 0, 1, -1, 0};
+    static const int32_t four[] = {0, 1, 2, 1, 0, 4, 0, 2, 3, 2, 1, 3};
+    for (int first = 0; first < 4; first++) {
+        for (int turn = 0; turn < 9; turn++) {
+            int32_t triangle[12];
+            for (int t = 0; t < 4; t++) {
+                const int32_t *c = four + 3 * ((t + first) % 4);
+                for (int k = 0; k < 3; k++)
+                    triangle[3 * t + (k + (t % 2 ? turn / 3 : turn)) % 3] = c[k];
+            }
+            mended m = mend(*state, 5, xyz, 4, triangle);
+            assert_int_equal(m.did.flipped_triangles, 1);
+            assert_true(m.info.n_triangles == 4 && m.info.n_border_edges == 4 && m.info.euler == 1);
+            assert_true(fabs(m.info.area - 2) < 1e-12 && m.did.degenerate_triangles == 0);
+            forget(&m);
+        }
+    }
 }
 
 /* Two cubes that share an edge, four triangles at it, and two that share a corner. */
@@ -173,6 +220,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_good_mesh_stays_as_it_is),
         cmocka_unit_test(a_soup_becomes_the_cube),
+        cmocka_unit_test(the_fewer_are_turned),
+        cmocka_unit_test(flat_triangles_are_flipped),
         cmocka_unit_test(touching_bodies_part),
         cmocka_unit_test(a_fin_comes_off),
         cmocka_unit_test(a_moebius_strip_is_cut),
