@@ -4,6 +4,8 @@
  * are looked at. */
 #include "geodesic/trace.h"
 
+#include "geodesic/front.h"
+
 #include "base/parallel.h"
 
 #include <math.h>
@@ -13,8 +15,6 @@
 
 /* On smooth meshes a search keeps some ten windows for each edge that the path crosses. */
 enum { most_windows = 1 << 22 };
-/* Rounding, over the length of the edge: a ray so little beside an interval is in it. */
-static const double same_place = 1e-11;
 
 /* A source inside a triangle or on an edge, as one of its triangles sees it. */
 typedef struct spot {
@@ -242,7 +242,8 @@ static void look_for_spots(dmk_tracer *t, int32_t i, const angle *s)
         double x = p[w->half % 3] * s->cx + p[dmk_previous(w->half) % 3] * s->length,
                y = p[w->half % 3] * s->cy;
         double at = w->x - (x - w->x) * w->y / (y - w->y);
-        if (at < w->lo - same_place * s->length || at > w->hi + same_place * s->length) continue;
+        if (at < w->lo - DMK_SAME_PLACE * s->length || at > w->hi + DMK_SAME_PLACE * s->length)
+            continue;
         double length =
             hypot(x - w->x, y - w->y) + g->source[t->spot[lo].source].offset / g->star.unit;
         finish_at(t, (finish){.window = i, .vertex = -1, .source = t->spot[lo].source}, length);
@@ -262,7 +263,7 @@ static int advance(dmk_context *ctx, dmk_tracer *t, int32_t i)
         bsearch(&w.half, t->line, g->n_lines, sizeof *t->line, by_number)) {
         finish_at(t, (finish){.window = i, .vertex = -1, .source = g->n_sources}, -w.y);
     }
-    double at = w.x - (s.cx - w.x) * w.y / (s.cy - w.y), slack = same_place * s.length;
+    double at = w.x - (s.cx - w.x) * w.y / (s.cy - w.y), slack = DMK_SAME_PLACE * s.length;
     if (at >= w.lo - slack && at <= w.hi + slack) {
         double length = hypot(s.cx - w.x, s.cy - w.y) + g->distance[s.c] / g->star.unit;
         finish_at(t, (finish){.window = i, .vertex = s.c, .source = -1}, length);
