@@ -299,7 +299,8 @@ for option in tolerance max-steps method start threads gap dt inertia; do
         sh -c "'$tool' solve --help | awk '/^  --/ { on = 0 } /^  --$option / { on = 1 } on' | grep -q default"
 done
 
-if command -v script > /dev/null; then
+if script -qec true /dev/null > /dev/null 2>&1 < /dev/null; then
+    export TERM=xterm # whatever that of the caller is
     script -qec "'$tool' solve '$torus' --vertex 0" /dev/null > "$work/screen" < /dev/null
     check 'a terminal shows the progress' has "$work/screen" 'solve +step'
     check 'on one line that is wiped' has "$work/screen" $'\r\033\\[K'
@@ -320,6 +321,6 @@ if command -v script > /dev/null; then
     tr '\r' '\n' < "$work/narrow" | grep 'solve  *step' | sed 's/\x1b\[K//g' > "$work/lines"
     check 'a narrow terminal has short lines' awk 'length > 29 { exit 1 } END { exit NR < 1 }' "$work/lines"
 else
-    skip 'a terminal' 'there is no `script` here to make one'
+    skip 'a terminal' 'there is no `script` here to make one, or no /dev/pts'
 fi
 tap_end
