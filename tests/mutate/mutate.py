@@ -12,9 +12,9 @@ its line, those that noticed others of its file first, then the fastest, up to -
 one that none notices is a survivor. Survivors that cannot be noticed stand in known.txt with the reason.
 
 The sample is the same as long as its lines are: mutants are ranked by a hash of the seed and what they are, and each
-room gives the first of them. What a mutant came to is kept in build/mutate-*.json and holds until its file or the test
-that noticed it changes; a survivor is tried again, at the end, by tests that it has not met. So a run can end
-(--seconds) and go on later. Prints the survivors, a table by room, and at last "# tried N: failed M", M counting
+room gives the first of them. What a mutant came to is kept in build/mutate-*.json and holds until its file changes; a
+survivor is tried again, at the end, by tests that are new or that it has not met. So a run can end (--seconds) and go
+on later; remove build/mutate-mutants.json to begin anew. Prints the survivors, a table by room, and at last "# tried N: failed M", M counting
 survivors without a reason beyond what --floor (0.95) allows."""
 import argparse
 import collections
@@ -315,11 +315,10 @@ def load_known():
 
 
 def still_holds(result, mutant):
-    """What it came to, on this file and with the test that noticed it as they are."""
+    """What it came to, on this file as it is and with the test that noticed it still there."""
     if not result or result["source"] != digest(mutant.path):
         return False
-    end = result["end"]
-    return end in (None, "none") or result["tests"][end] == digest(source_of(end))
+    return result["end"] in (None, "none") or os.path.exists(os.path.join(TREE, source_of(result["end"])))
 
 
 def changed(text, mutant):
