@@ -81,8 +81,8 @@ static void check_count(dmk_context *ctx, const dmk_mesh *m, double tolerance, d
 static void merging(void **state)
 {
     dmk_mesh *m = make(*state, 160, 80, on_torus, 0.4);
-    check_count(*state, m, 1e-6, 405842);
-    check_count(*state, m, 1e-4, 91540);
+    check_count(*state, m, 1e-6, 415506);
+    check_count(*state, m, 1e-4, 93875);
     dmk_mesh_destroy(&m);
 }
 
