@@ -14,8 +14,8 @@ one that none notices is a survivor. Survivors that cannot be noticed stand in k
 The sample is the same as long as its lines are: mutants are ranked by a hash of the seed and what they are, and each
 room gives the first of them. What a mutant came to is kept in build/mutate-*.json and holds until its file changes; a
 survivor is tried again, at the end, by tests that are new or that it has not met. So a run can end (--seconds) and go
-on later; remove build/mutate-mutants.json to begin anew. Prints the survivors, a table by room, and at last "# tried N: failed M", M counting
-survivors without a reason beyond what --floor (0.95) allows."""
+on later; remove build/mutate-mutants.json to begin anew. Prints the survivors, a table by room, and at last
+"# tried N: failed M", M counting survivors without a reason beyond what --floor (0.95) allows."""
 import argparse
 import collections
 import fnmatch
