@@ -135,9 +135,9 @@ KERNEL element_prepare(int n, global const real *restrict cot, global const real
         STORE3(r0, r1, r2, weight_real, b)
         const floatv w0 = TO_FLOAT(r0), w1 = TO_FLOAT(r1), w2 = TO_FLOAT(r2);
         STORE3(w0, w1, w2, weight, b)
-        const floatv l =
-            stiffness_bound(TO_FLOAT(LOAD(cot, AT_K(b, 0, 3))), TO_FLOAT(LOAD(cot, AT_K(b, 1, 3))),
-                            TO_FLOAT(LOAD(cot, AT_K(b, 2, 3))));
+        const floatv l = stiffness_bound(TO_FLOAT(LOAD(cot, AT_K(b, 0, 3))),
+                                         TO_FLOAT(LOAD(cot, AT_K(b, 1, 3))),
+                                         TO_FLOAT(LOAD(cot, AT_K(b, 2, 3))));
         /* At an angle near pi single precision would lose these sums. */
         const floatv v0 = TO_FLOAT(r1 + r2), v1 = TO_FLOAT(r0 + r2), v2 = TO_FLOAT(r0 + r1);
         const floatv d0 = 0.5f * l * v0, d1 = 0.5f * l * v1, d2 = 0.5f * l * v2,
@@ -176,14 +176,12 @@ KERNEL newton_prepare(int n, float alpha, float D, global const real *restrict c
         store_six(scaled(-m * (1 + (real)D * log_slope(e)), g), g_and_rhs, b);
 
         const three r = load_three(cot, b);
-        const floatv c0 = TO_FLOAT(r.c0), c1 = TO_FLOAT(r.c1), c2 = TO_FLOAT(r.c2),
-                     mf = TO_FLOAT(m);
+        const floatv c0 = TO_FLOAT(r.c0), c1 = TO_FLOAT(r.c1), c2 = TO_FLOAT(r.c2), mf = TO_FLOAT(m);
         const floatv w0 = mf * c0, w1 = mf * c1, w2 = mf * c2;
         const floatv v0 = mf * TO_FLOAT(r.c1 + r.c2), v1 = mf * TO_FLOAT(r.c0 + r.c2),
                      v2 = mf * TO_FLOAT(r.c0 + r.c1);
         STORE3(w0, w1, w2, weight, b)
-        const floatv root =
-            TO_FLOAT(sqrt((real)D * m / (LOAD(area, AT(b)) * fmax(e, (realv)0.25f))));
+        const floatv root = TO_FLOAT(sqrt((real)D * m / (LOAD(area, AT(b)) * fmax(e, (realv)0.25f))));
         const floatv s0 = root * TO_FLOAT(g.v0), s1 = root * TO_FLOAT(g.v1),
                      s2 = root * TO_FLOAT(g.v2), s3 = root * TO_FLOAT(g.m0),
                      s4 = root * TO_FLOAT(g.m1), s5 = root * TO_FLOAT(g.m2);
@@ -195,11 +193,11 @@ KERNEL newton_prepare(int n, float alpha, float D, global const real *restrict c
         STORE(s5, rank_one, AT_K(b, 5, 6));
 
         /* On T: P'g takes half of each adjacent midpoint. */
-        const floatv t0 = s0 + 0.5f * (s4 + s5), t1 = s1 + 0.5f * (s3 + s5),
-                     t2 = s2 + 0.5f * (s3 + s4);
+        const floatv t0 = s0 + 0.5f * (s4 + s5), t1 = s1 + 0.5f * (s3 + s5), t2 = s2 + 0.5f * (s3 + s4);
         const floatv k0 = 0.5f * w0 - t1 * t2, k1 = 0.5f * w1 - t0 * t2, k2 = 0.5f * w2 - t0 * t1;
         /* k1 + k2 and the like, without cancellation: t0 + t1 + t2 = 0. */
-        const floatv d0 = 0.5f * v0 + t0 * t0, d1 = 0.5f * v1 + t1 * t1, d2 = 0.5f * v2 + t2 * t2;
+        const floatv d0 = 0.5f * v0 + t0 * t0, d1 = 0.5f * v1 + t1 * t1,
+                     d2 = 0.5f * v2 + t2 * t2;
         const floatv bound = link_bound(k0, k1, k2, d0, d1, d2);
         STORE3(k0, k1, k2, link, b)
         STORE3(bound * d0, bound * d1, bound * d2, diag_coarse, b)
@@ -302,8 +300,7 @@ KERNEL newton_update(int n, float alpha, float D, float lowest, global const int
                              LOAD(rank_one, AT_K(b, 5, 6)) * (w5 - w3);
             const realv a = LOAD(area, AT(b)), e = (real)alpha * (real)alpha * LOAD(q, AT(b)),
                         old = LOAD(mu, AT(b));
-            const realv ratio =
-                sqrt((real)D / (fmax(old, (realv)1e-30f) * a * fmax(e, (realv)0.25f)));
+            const realv ratio = sqrt((real)D / (fmax(old, (realv)1e-30f) * a * fmax(e, (realv)0.25f)));
             const realv dy = (real)D * log_slope(e) + ratio * TO_REAL(s);
             const realv grown = old * exp(clamp(dy, (realv)-1, (realv)1));
             const realv next = LOAD(mu, AT(b)) > 0 ? fmax(grown, (real)lowest * sqrt(a)) : grown;
@@ -335,7 +332,8 @@ KERNEL explicit_update(int n, int inertial, float dt, float beta, float lowest,
         sumv change = 0, mass = 0;
         FOR_PART_BLOCKS(b, n, part)
         {
-            const realv a = LOAD(area, AT(b)), old = LOAD(mu, AT(b)), slope = sqrt(LOAD(q, AT(b)));
+            const realv a = LOAD(area, AT(b)), old = LOAD(mu, AT(b)),
+                        slope = sqrt(LOAD(q, AT(b)));
             realv grown = old * (1 + (real)dt * (slope - 1));
             if (inertial) {
                 const realv ratio = old / fmax(LOAD(before, AT(b)), (realv)1e-37f);

@@ -20,7 +20,7 @@ KERNEL smooth_first(int n, float step, global const float *restrict inv_diag,
 }
 
 /* The place among 3 numbers per element of what has place p among 6: corner k, or side k at 3 + k. */
-#define CORNER_PLACE(p) ((p)-3 * DMK_WIDTH * ((p) / (6 * DMK_WIDTH)))
+#define CORNER_PLACE(p) ((p) - 3 * DMK_WIDTH * ((p) / (6 * DMK_WIDTH)))
 #define SIDE_PLACE(p) (CORNER_PLACE(p) - 3 * DMK_WIDTH)
 
 /* First phase of A x (M x with newton != 0) where only the restriction to T of its result is wanted: each
@@ -149,8 +149,8 @@ KERNEL restrict_midpoints(int n, int vertex_row, global const int *restrict slic
             const intv i = LOAD(link, COLUMN(b, j));
             sum += (floatv)(GATHER(fine, i));
         }
-        for (int j = corner_slice[first + SLICE(b)], end = corner_slice[first + SLICE(b) + 1];
-             j < end; j++) {
+        for (int j = corner_slice[first + SLICE(b)], end = corner_slice[first + SLICE(b) + 1]; j < end;
+             j++) {
             const intv p = LOAD(corner, COLUMN(b, j));
             const intv i = CORNER_PLACE(p);
             ax += (floatv)(GATHER(down, i));
@@ -241,10 +241,7 @@ KERNEL graph_residual(int n, global const int *restrict slice, global const int 
                       volatile global int *shares, int4 launch)
 {
     const graph g = {slice, neighbour, weight};
-    FOR_BLOCKS(b, n, shares, launch)
-    {
-        residual_block(b, g, x, rhs, r);
-    }
+    FOR_BLOCKS(b, n, shares, launch) { residual_block(b, g, x, rhs, r); }
 }
 
 /* A Chebyshev step on a graph level, as rows_chebyshev.
@@ -287,10 +284,7 @@ KERNEL prolong_rows(int n, global const int *restrict index, global const float 
                     GATHERED float *restrict coarse, global float *restrict x,
                     volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(b, n, shares, launch)
-    {
-        prolong_block(b, index, weight, coarse, x);
-    }
+    FOR_BLOCKS(b, n, shares, launch) { prolong_block(b, index, weight, coarse, x); }
 }
 
 /* x = inverse * rhs on the coarsest level.
@@ -301,10 +295,7 @@ KERNEL coarse_solve(int n, int n_pad, global const float *restrict inverse,
                     global const float *restrict rhs, global float *restrict x,
                     volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(b, n_pad, shares, launch)
-    {
-        coarse_block(b, n, n_pad, inverse, rhs, x);
-    }
+    FOR_BLOCKS(b, n_pad, shares, launch) { coarse_block(b, n, n_pad, inverse, rhs, x); }
 }
 
 /* ---- the tail: the coarsest levels in one launch of one work-group ---- */
@@ -379,8 +370,8 @@ static void tail_prolong(tail t, int l)
     FOR_ALL_BLOCKS(b, tail_count(t, l - 1, DMK_TAIL_ROWS))
     {
         prolong_block(b, tail_ints(t, l, DMK_TAIL_PROLONG_INDEX),
-                      tail_floats(t, l, DMK_TAIL_PROLONG_WEIGHT), tail_floats(t, l, DMK_TAIL_X_OLD),
-                      tail_floats(t, l - 1, DMK_TAIL_X_OLD));
+                      tail_floats(t, l, DMK_TAIL_PROLONG_WEIGHT),
+                      tail_floats(t, l, DMK_TAIL_X_OLD), tail_floats(t, l - 1, DMK_TAIL_X_OLD));
     }
     TOGETHER
 }
@@ -460,8 +451,7 @@ KERNEL coarse_inverse(int n, int n_pad, global const int *restrict slice,
     FOR_ITEMS(i, n)
     {
         for (int j = 0; j < n; j++) a[i * n + j] += shift;
-        least[i] = 1e-12f *
-                   a[i * n + i]; /* rounding of the links may leave a pivot at 0: it is left out */
+        least[i] = 1e-12f * a[i * n + i]; /* rounding of the links may leave a pivot at 0: it is left out */
     }
     for (int k = 0; k < n; k++) {
         TOGETHER
@@ -475,8 +465,7 @@ KERNEL coarse_inverse(int n, int n_pad, global const int *restrict slice,
         FOR_ITEMS(i, n)
         {
             const sum_t c = column[i];
-            for (int j = 0; j < n && i != k; j++)
-                a[i * n + j] = (j == k ? 0 : a[i * n + j]) - c * row[j];
+            for (int j = 0; j < n && i != k; j++) a[i * n + j] = (j == k ? 0 : a[i * n + j]) - c * row[j];
             for (int j = 0; j < n && i == k; j++) a[i * n + j] = row[j];
         }
     }
@@ -513,8 +502,7 @@ static float link_sum(int i, global const int *row, global const int *fine, glob
                       global const float *fine_link)
 {
     float sum = 0;
-    for (int j = row[i]; j < row[i + 1]; j++)
-        sum += vload_half((size_t)j, coef) * fine_link[fine[j]];
+    for (int j = row[i]; j < row[i + 1]; j++) sum += vload_half((size_t)j, coef) * fine_link[fine[j]];
     return sum;
 }
 
@@ -526,10 +514,7 @@ KERNEL links_from_links(int n, global const int *restrict row, global const int 
                         global const half *restrict coef, global const float *restrict fine_link,
                         global float *restrict link, volatile global int *shares, int4 launch)
 {
-    FOR_ROWS(i, n, shares, launch)
-    {
-        link[i] = link_sum(i, row, fine, coef, fine_link);
-    }
+    FOR_ROWS(i, n, shares, launch) { link[i] = link_sum(i, row, fine, coef, fine_link); }
 }
 
 /* Copy link weights to rows; D = a_ii + sum |a_ij| bounds A by 1 (row sums of magnitudes), so the
@@ -582,8 +567,8 @@ KERNEL mesh_weights(int n, global const int *restrict slice, global const int *r
     {
         floatv sum = 0;
         weights_block(b, slice, number, link, weight);
-        for (int j = corner_slice[first + SLICE(b)], end = corner_slice[first + SLICE(b) + 1];
-             j < end; j++) {
+        for (int j = corner_slice[first + SLICE(b)], end = corner_slice[first + SLICE(b) + 1]; j < end;
+             j++) {
             const intv p = LOAD(corner, COLUMN(b, j));
             const intv i = CORNER_PLACE(p);
             sum += (floatv)(GATHER(diag, i));
@@ -625,14 +610,17 @@ static void tail_links(tail t, int l)
     TOGETHER
 }
 
-static void tail_weights(tail t, int l){FOR_ALL_BLOCKS(b, tail_count(t, l, DMK_TAIL_ROWS)){
-    const floatv size = weights_block(b, tail_ints(t, l, DMK_TAIL_SLICE),
-                                      tail_ints(t, l, DMK_TAIL_NUMBER),
-                                      tail_floats(t, l, DMK_TAIL_LINK),
-                                      tail_floats(t, l, DMK_TAIL_WEIGHT));
-STORE(inverse_of(size), tail_floats(t, l, DMK_TAIL_INV_DIAG), AT(b));
-}
-TOGETHER
+static void tail_weights(tail t, int l)
+{
+    FOR_ALL_BLOCKS(b, tail_count(t, l, DMK_TAIL_ROWS))
+    {
+        const floatv size = weights_block(b, tail_ints(t, l, DMK_TAIL_SLICE),
+                                          tail_ints(t, l, DMK_TAIL_NUMBER),
+                                          tail_floats(t, l, DMK_TAIL_LINK),
+                                          tail_floats(t, l, DMK_TAIL_WEIGHT));
+        STORE(inverse_of(size), tail_floats(t, l, DMK_TAIL_INV_DIAG), AT(b));
+    }
+    TOGETHER
 }
 
 /* Weights of the tail's levels, and the links of all but the first, by links_from_links and graph_weights.

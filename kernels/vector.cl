@@ -12,10 +12,7 @@ KERNEL dot_real(int n, global const real *restrict a, global const real *restric
     FOR_PARTS(part, shares, launch)
     {
         sumv sum = 0;
-        FOR_PART_BLOCKS(i, n, part)
-        {
-            sum += TO_SUM(LOAD(a, AT(i))) * TO_SUM(LOAD(b, AT(i)));
-        }
+        FOR_PART_BLOCKS(i, n, part) { sum += TO_SUM(LOAD(a, AT(i))) * TO_SUM(LOAD(b, AT(i))); }
         leave_sum(s, 0, part, sum);
         finish_sums(s, 1, 0);
     }
@@ -143,10 +140,7 @@ KERNEL cg_step(int n, int last, global const sum_t *restrict state, global const
 KERNEL narrow_copy(int n, global const real *restrict from, global float *restrict to,
                    volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(i, n, shares, launch)
-    {
-        STORE(TO_FLOAT(LOAD(from, AT(i))), to, AT(i));
-    }
+    FOR_BLOCKS(i, n, shares, launch) { STORE(TO_FLOAT(LOAD(from, AT(i))), to, AT(i)); }
 }
 
 /* x <- alpha x + add, and f.x
