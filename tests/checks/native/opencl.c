@@ -340,8 +340,9 @@ cl_int clEnqueueReadBuffer(cl_command_queue q, cl_mem m, cl_bool blocking, size_
     memcpy(to, (char *)m->data + at, n);
     return CL_SUCCESS;
 }
-void *clEnqueueMapBuffer(cl_command_queue q, cl_mem m, cl_bool blocking, cl_map_flags how, size_t at,
-                         size_t n, cl_uint n_wait, const cl_event *wait, cl_event *e, cl_int *error)
+void *clEnqueueMapBuffer(cl_command_queue q, cl_mem m, cl_bool blocking, cl_map_flags how,
+                         size_t at, size_t n, cl_uint n_wait, const cl_event *wait, cl_event *e,
+                         cl_int *error)
 {
     CHECK(q == &the_queue && blocking && how == (CL_MAP_READ | CL_MAP_WRITE));
     CHECK(!n_wait && !wait && !e && n > 0 && at + n <= m->size);
