@@ -43,7 +43,7 @@ static int descriptor(const char *path)
         const size_t n = strlen(folders[i]);
         if (strncmp(path, folders[i], n) != 0) continue;
         const size_t digits = strspn(path + n, "0123456789");
-        if (digits > 0 && digits < 9 && !path[n + digits]) return atoi(path + n);
+        if (digits > 0 && digits < 9 && !path[n + digits]) return (int)strtol(path + n, NULL, 10);
     }
     return -1;
 }

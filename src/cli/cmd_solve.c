@@ -42,8 +42,9 @@ static int plan(solve_request *request)
 /* The files of many sources are numbered: one stream cannot be all of them, but it may swallow them. */
 static int check_many(const solve_request *request)
 {
-    const cli_files *const files[] = {&request->out, &request->locus, &request->tangent};
-    for (size_t k = 0; request->sources && k < sizeof files / sizeof *files; k++) {
+    enum { N = 3 };
+    const cli_files *const files[N] = {&request->out, &request->locus, &request->tangent};
+    for (size_t k = 0; request->sources && k < N; k++) {
         for (int i = 0; i < files[k]->n; i++) {
             const char *path = files[k]->path[i];
             if (!cli_is_stream(path) || cli_is_sink(path)) continue;

@@ -184,11 +184,10 @@ int cli_check_output(const char *option, const char *path, cli_what what, const 
 
 /* Where a file is, or would be: names may differ. */
 typedef struct place {
-    bool exists;
     dev_t device;
-    ino_t inode;      /* of the file, or, if it does not exist, of its folder */
-    const char *name; /* then its name there */
-    bool out, sink;   /* the standard output; a device that takes anything */
+    ino_t inode;            /* of the file, or, if it does not exist, of its folder */
+    const char *name;       /* then its name there */
+    bool exists, out, sink; /* out: the standard output; sink: a device that takes anything */
 } place;
 
 static place find_place(const char *path)

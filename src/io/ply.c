@@ -258,7 +258,7 @@ static bool have_one_size(records *r)
         r->offset[k] = r->size;
         r->size += q->length_type < 0 ? one : dmk_type_bytes((dmk_type)q->length_type) + 3 * one;
     }
-    return (size_t)r->e->count <= (size_t)(r->p->in.text.end - r->begin) / r->size;
+    return (size_t)r->e->count * r->size <= (size_t)(r->p->in.text.end - r->begin);
 }
 
 /* Take record i; whether it is another thing than a vertex or triangle. */
@@ -288,7 +288,7 @@ static bool is_odd(int32_t i, void *data)
 /* By all threads; not done where a record has another size, or is wrong. */
 static int read_records(ply *p, const element *e, dmk_soup *soup, bool *done)
 {
-    int rc;
+    int rc = DMK_OK;
     dmk_context *ctx = p->in.text.context;
     records r = {.p = p, .e = e, .begin = p->in.text.at, .soup = soup};
     *done = e->n > 0 && have_one_size(&r);

@@ -228,12 +228,14 @@ int dmk_solve_measures(dmk_context *ctx, dmk_solver *s, const dmk_measure *from,
     if (fresh) r->stats.seconds[DMK_STAGE_SETUP] = dmk_seconds() - began;
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(DMK_NEW(ctx, f, (size_t)s->system->whole.n_rows_pad));
-    const double set = dmk_measure_is_free(from) ? 1 : to && dmk_measure_is_free(to) ? -1 : 0;
-    r->n_atoms = set > 0 ? from->n_atoms : set < 0 ? to->n_atoms : 0;
+    const dmk_measure *set = dmk_measure_is_free(from)       ? from
+                             : to && dmk_measure_is_free(to) ? to
+                                                             : NULL;
+    r->n_atoms = set ? set->n_atoms : 0;
     DMK_TRY(DMK_NEW(ctx, r->atom_mass, r->n_atoms));
     DMK_TRY(dmk_measure_load(ctx, s->mesh, &s->order->order, s->system, from, to, chosen.normalise,
                              f, &r->mass, r->atom_mass));
-    DMK_TRY(solve(ctx, s, &chosen, f, began, set, r));
+    DMK_TRY(solve(ctx, s, &chosen, f, began, set == from ? 1 : set ? -1 : 0, r));
     *transport = r;
     r = NULL;
 done:

@@ -123,8 +123,9 @@ static void add_doubts(void *data, double *cost)
 }
 
 /* The bin of the larger mu beside an edge; large ones come first. */
-static int bin_of(const router *p, int32_t e)
+static int bin_of(const void *data, int32_t e)
 {
+    const router *p = data;
     const int32_t *t = p->mesh->edge_triangle + 2 * (size_t)e;
     const double mu = t[1] < 0 ? p->mu[t[0]] : fmax(p->mu[t[0]], p->mu[t[1]]);
     const union {
@@ -134,18 +135,19 @@ static int bin_of(const router *p, int32_t e)
     return BINS - 1 - (int)(key.bits >> 20);
 }
 
-/* begin .. end - 1 into `order`, by their bins, in each by their numbers. */
-#define SORT(i, begin, end, bin, order)                                                            \
-    do {                                                                                           \
-        int32_t first[BINS + 1] = {0};                                                             \
-        for (int32_t i = begin; i < (end); i++) first[(bin) + 1]++;                                \
-        for (int b = 0; b < BINS; b++) first[b + 1] += first[b];                                   \
-        for (int32_t i = begin; i < (end); i++) (order)[first[bin]++] = i;                         \
-    } while (0)
+/* begin .. end - 1 into `order` by their bins, in each by their numbers. */
+static void sort_by_bin(const void *data, int32_t begin, int32_t end,
+                        int (*bin)(const void *data, int32_t i), int32_t *order)
+{
+    int32_t first[BINS + 1] = {0};
+    for (int32_t i = begin; i < end; i++) first[bin(data, i) + 1]++;
+    for (int b = 0; b < BINS; b++) first[b + 1] += first[b];
+    for (int32_t i = begin; i < end; i++) order[first[bin(data, i)]++] = i;
+}
 
 static void sort_edges(const router *p)
 {
-    SORT(e, p->edges.begin, p->edges.end, bin_of(p, e), p->order);
+    sort_by_bin(p, p->edges.begin, p->edges.end, bin_of, p->order);
 }
 
 static int32_t find(int32_t *root, int32_t v)
@@ -285,6 +287,12 @@ done:
     return rc;
 }
 
+static int branch_bin(const void *data, int32_t i)
+{
+    const canopy *c = data;
+    return c->branch[i].bin;
+}
+
 static tree branch_tree(const router *p, const canopy *c)
 {
     return (tree){.n_vertices = p->o->sys->whole.n_vertices,
@@ -343,7 +351,7 @@ static int gather_canopy(router *p, canopy *c)
     DMK_TRY(gather_branches(p, c));
     DMK_TRY(DMK_NEW(ctx, c->order, (size_t)c->n));
     DMK_TRY(DMK_NEW(ctx, c->root, vertices));
-    SORT(i, 0, c->n, c->branch[i].bin, c->order);
+    sort_by_bin(c, 0, c->n, branch_bin, c->order);
     tree t = branch_tree(p, c);
     const int32_t chosen = grow_tree(&t, c->n, c->order);
     free(c->root);
