@@ -1,4 +1,5 @@
 /* Exact distances: closed forms, and what holds on every mesh. */
+#include "context.h"
 #include "geodesic/geodesic.h"
 
 #include "base/vec3.h"
@@ -115,21 +116,6 @@ static dmk_mesh *make_square(dmk_context *ctx, int n, double jitter)
 }
 
 /* ---- the object ------------------------------------------------------------------------------ */
-
-static int setup(void **state)
-{
-    dmk_context *ctx;
-    if (dmk_context_create(&ctx) != DMK_OK) return -1;
-    *state = ctx;
-    return 0;
-}
-
-static int teardown(void **state)
-{
-    dmk_context *ctx = *state;
-    dmk_context_destroy(&ctx);
-    return 0;
-}
 
 /* What holds of every result: nothing negative, everything reached, no edge violated. */
 static dmk_geodesics *run(dmk_context *ctx, const dmk_mesh *m, size_t n, const dmk_point *source,
@@ -963,5 +949,5 @@ int main(void)
         cmocka_unit_test(wrong_distances_are_found),
         cmocka_unit_test(integral_of_the_distance),
     };
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, context_setup, context_teardown);
 }

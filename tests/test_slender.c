@@ -1,5 +1,6 @@
 /* Exact distances on shapes that windows do not like: thin tubes, needles, stretched spheres, hubs. They take about
  * as many windows as other meshes of their size, or the test would not end. */
+#include "context.h"
 #include "geodesic/geodesic.h"
 
 #include <math.h>
@@ -218,26 +219,11 @@ static void flat_torus(void **state)
     dmk_mesh_destroy(&m);
 }
 
-static int setup(void **state)
-{
-    dmk_context *ctx;
-    if (dmk_context_create(&ctx) != DMK_OK) return -1;
-    *state = ctx;
-    return 0;
-}
-
-static int teardown(void **state)
-{
-    dmk_context *ctx = *state;
-    dmk_context_destroy(&ctx);
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(thin_tube), cmocka_unit_test(stretched_sphere), cmocka_unit_test(needle),
         cmocka_unit_test(hub),       cmocka_unit_test(flat_torus),
     };
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, context_setup, context_teardown);
 }

@@ -1,4 +1,5 @@
 /* The constants of the geodesic engines: each case fails when its constant is doubled or halved. */
+#include "context.h"
 #include "geodesic/front.h"
 
 #include <math.h>
@@ -188,17 +189,8 @@ static void straight_border(void **state)
 
 static int setup(void **state)
 {
-    dmk_context *ctx;
-    if (dmk_context_create(&ctx) != DMK_OK) return 1;
-    dmk_context_set_threads(ctx, 1);
-    *state = ctx;
-    return 0;
-}
-
-static int teardown(void **state)
-{
-    dmk_context *ctx = *state;
-    dmk_context_destroy(&ctx);
+    if (context_setup(state) != 0) return -1;
+    dmk_context_set_threads(*state, 1);
     return 0;
 }
 
@@ -212,5 +204,5 @@ int main(void)
         cmocka_unit_test(rays_of_a_sector),
         cmocka_unit_test(straight_border),
     };
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, setup, context_teardown);
 }

@@ -33,8 +33,7 @@ static size_t folder_length(const char *path)
     return slash ? (size_t)(slash - path) + 1 : 0;
 }
 
-/* The number of a descriptor that a path names, or -1. */
-static int descriptor(const char *path)
+int dmk_outfile_descriptor(const char *path)
 {
     static const char *const folders[] = {"/dev/fd/", "/proc/self/fd/"};
     if (strcmp(path, "/dev/stdout") == 0) return STDOUT_FILENO;
@@ -69,7 +68,8 @@ static int resolve(const char *path, char **resolved, mode_t *mode)
     struct stat st;
     char *at = copy(path, strlen(path));
     *mode = 0;
-    for (int i = 0; at && descriptor(at) < 0 && lstat(at, &st) == 0 && S_ISLNK(st.st_mode); i++) {
+    for (int i = 0;
+         at && dmk_outfile_descriptor(at) < 0 && lstat(at, &st) == 0 && S_ISLNK(st.st_mode); i++) {
         errno = ELOOP;
         char *next = i < MOST_LINKS ? follow(at) : NULL;
         free(at);
@@ -77,7 +77,7 @@ static int resolve(const char *path, char **resolved, mode_t *mode)
     }
     *resolved = at;
     if (!at) return errno ? errno : ENOMEM;
-    if (descriptor(at) >= 0) return DMK_OUTFILE_NOT_REGULAR;
+    if (dmk_outfile_descriptor(at) >= 0) return DMK_OUTFILE_NOT_REGULAR;
     if (stat(at, &st) != 0) return 0;
     *mode = st.st_mode & 07777;
     return S_ISREG(st.st_mode) ? 0 : DMK_OUTFILE_NOT_REGULAR;
@@ -89,7 +89,7 @@ static int resolve(const char *path, char **resolved, mode_t *mode)
 static bool is_stream(const char *path)
 {
     struct stat st;
-    if (descriptor(path) >= 0) return true;
+    if (dmk_outfile_descriptor(path) >= 0) return true;
     return stat(path, &st) == 0 && (S_ISCHR(st.st_mode) || S_ISFIFO(st.st_mode));
 }
 
@@ -104,7 +104,7 @@ bool dmk_outfile_is_stream(const char *path)
 
 static int open_stream(dmk_outfile *file)
 {
-    const int fd = descriptor(file->path);
+    const int fd = dmk_outfile_descriptor(file->path);
     if (!is_stream(file->path)) return DMK_OUTFILE_NOT_REGULAR;
     file->stream = true;
     file->fd =

@@ -16,8 +16,10 @@ typedef struct dmk_outfile {
 
 enum { DMK_OUTFILE_NOT_REGULAR = -1 };
 
-/* Whether `path` is a stream: a pipe, a character device, or a descriptor that is open already (/dev/stdout,
- * /dev/stderr, /dev/fd/N, /proc/self/fd/N, which is written from where it stands, whatever is behind it). */
+/* The number of the open descriptor that a path names (/dev/stdout, /dev/stderr, /dev/fd/N, /proc/self/fd/N), or -1. */
+int dmk_outfile_descriptor(const char *path);
+/* Whether `path` is a stream: a pipe, a character device, or one of these descriptors, which is written
+ * from where it stands, whatever is behind it. */
 bool dmk_outfile_is_stream(const char *path);
 /* Open a new file for `path`, with the permissions of the file that is there, if any, or the stream that it is; a
  * pipe waits for its reader. 0; or errno, EINTR if a signal came while it waited; or DMK_OUTFILE_NOT_REGULAR for what

@@ -227,7 +227,7 @@ int solve_batch(const solve_request *request)
     solve_source *sources;
     batch b = {
         .request = request,
-        .summary = !request->quiet && !(request->report && strcmp(request->report, "-") == 0),
+        .summary = solve_prints_summary(request),
     };
     int code = solve_read_sources(request->sources, &sources, &b.n);
     if (code != EXIT_OK) return code;

@@ -236,6 +236,8 @@ typedef struct cli_reading {
     "merge coincident vertices, drop zero-area and duplicate triangles,\n"                         \
     "orient triangles consistently, split non-manifold edges and vertices"
 
+/* A text to be read; "-" is the standard input. NULL with the error printed, EXIT_IO. */
+FILE *cli_open_text(const char *path);
 /* Read a mesh file. On the standard error: what was repaired, and a warning of a mesh in pieces. The status of the
  * library; *did is the caller's to free, and zero without a repair. */
 int cli_read_mesh(dmk_context *context, const char *path, const cli_reading *how, dmk_repairs *did,

@@ -8,7 +8,7 @@
 static int solve(const solve_request *request)
 {
     solve_run run;
-    const bool summary = !request->quiet && !(request->report && strcmp(request->report, "-") == 0);
+    const bool summary = solve_prints_summary(request);
     int code = solve_begin(request, &run);
     if (code == EXIT_OK) code = solve_together(&run);
     if (code == EXIT_OK) code = solve_compute(request, &run);

@@ -199,8 +199,7 @@ static int run_transport(const transport_request *r)
     int code = read_all(r, &run);
     if (code == EXIT_OK) code = compute(r, &run);
     if (code == EXIT_OK) code = report(r, &run);
-    const bool reported = r->solve.report && strcmp(r->solve.report, "-") == 0;
-    if (code == EXIT_OK && !r->solve.quiet && !reported) {
+    if (code == EXIT_OK && solve_prints_summary(&r->solve)) {
         print_summary(r, &run);
         code = cli_flush();
     }

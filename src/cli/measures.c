@@ -167,8 +167,8 @@ int cli_measure_read(dmk_context *context, const dmk_mesh *mesh, const char *pat
     }
     int code = EXIT_OK;
     if (read_array(context, mesh, path, m, &code)) return code;
-    FILE *file = fopen(strcmp(path, "-") == 0 ? "/dev/stdin" : path, "r");
-    if (!file) return cli_error(EXIT_IO, "cannot open '%s': %s", path, strerror(errno));
+    FILE *file = cli_open_text(path);
+    if (!file) return EXIT_IO;
     code = read_lines(file, context, mesh, path, m);
     fclose(file);
     return code == EXIT_OK ? settle(mesh, path, m) : code;

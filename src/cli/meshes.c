@@ -89,8 +89,8 @@ static int add_folder(lister *l, const char *folder, size_t head)
 /* A file of paths, a line each; "#" begins a comment. */
 static int add_list(lister *l, const char *path)
 {
-    FILE *file = strcmp(path, "-") == 0 ? stdin : fopen(path, "r");
-    if (!file) return cli_error(EXIT_IO, "cannot open '%s': %s", path, strerror(errno));
+    FILE *file = cli_open_text(path);
+    if (!file) return EXIT_IO;
     char *line = NULL;
     size_t room = 0;
     int code = EXIT_OK;
@@ -104,7 +104,7 @@ static int add_list(lister *l, const char *path)
                          strerror(errno));
     }
     free(line);
-    if (file != stdin) fclose(file);
+    fclose(file);
     return code;
 }
 

@@ -55,11 +55,7 @@ static char stdout_path[32];
 
 bool cli_is_stdout(const char *path)
 {
-    static const char *const names[] = {"-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"};
-    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
-        if (strcmp(path, names[i]) == 0) return true;
-    }
-    return false;
+    return strcmp(path, "-") == 0 || dmk_outfile_descriptor(path) == STDOUT_FILENO;
 }
 
 bool cli_is_stream(const char *path)

@@ -91,8 +91,8 @@ int solve_read_sources(const char *path, solve_source **sources, size_t *n)
 {
     *sources = NULL;
     *n = 0;
-    FILE *file = fopen(strcmp(path, "-") == 0 ? "/dev/stdin" : path, "r");
-    if (!file) return cli_error(EXIT_IO, "cannot open '%s': %s", path, strerror(errno));
+    FILE *file = cli_open_text(path);
+    if (!file) return EXIT_IO;
     int code = read_lines(file, path, sources, n);
     fclose(file);
     if (code == EXIT_OK && *n == 0) {

@@ -14,7 +14,7 @@ typedef struct disk {
     double *plane;           /* 2 for each vertex */
     double *direction, *sum; /* vertices; sum: of how far the neighbours are off */
     int32_t *neighbours;     /* vertices: with a direction; counted where `moves` */
-    bool *turned, *moves; /* vertices: of a triangle that is turned over; the same and neighbours */
+    bool *turned, *moves;    /* vertices: of a triangle that is turned over; what moves with it */
 } disk;
 
 static bool is_source(const disk *d, int32_t v)
@@ -92,15 +92,16 @@ int dmk_plane_unfold(dmk_context *ctx, const dmk_mesh *cut, double *plane)
     memcpy(d.plane, plane, bytes);
     for (size_t v = 0; v < n; v++) d.direction[v] = atan2(plane[2 * v + 1], plane[2 * v]);
     size_t least = dmk_plane_flipped(cut, plane, d.turned);
-    for (int rings = 1; least > 0 && rings <= 2; rings++) {
+    int rings = 1; /* 2: once more, farther around, after a round in vain */
+    while (least > 0 && rings <= 2) {
         DMK_TRY(dmk_poll(ctx));
         average(&d, rings);
         memset(d.turned, 0, n * sizeof *d.turned);
         const size_t left = dmk_plane_flipped(cut, d.plane, d.turned);
-        if (left >= least) continue; /* once more, farther around; then it stays so */
+        rings = left < least ? 1 : rings + 1;
+        if (left >= least) continue;
         least = left;
         memcpy(plane, d.plane, bytes);
-        rings = 0;
     }
 done:
     free(d.plane);

@@ -421,20 +421,17 @@ static double value_at(const dmk_solver *s, const dmk_point *p, const double *u)
     return sum;
 }
 
-/* The approximate cut locus, from mu and u in the order and units of the packed problem. */
-static int mark_acl(dmk_context *ctx, const dmk_solver *s, double threshold, double *mu, double *u,
-                    dmk_result *r)
+int dmk_solver_mark_acl(dmk_context *ctx, const dmk_solver *s, double threshold, const double *mu,
+                        const double *u, uint8_t *marked)
 {
     int rc;
     const dmk_system *sys = s->system;
     const dmk_acl_input in = {&s->mollified, mu, u + sys->whole.vertex_row, u};
     uint8_t *acl = NULL;
     DMK_TRY(DMK_NEW(ctx, acl, (size_t)sys->whole.n_elements));
-    for (int32_t t = 0; t < sys->whole.n_elements; t++) mu[t] *= sys->unit;
-    for (int32_t i = 0; i < sys->whole.n_rows; i++) u[i] *= sys->unit;
     DMK_TRY(dmk_acl_mark(ctx, &in, threshold, acl));
     for (int32_t t = 0; t < sys->whole.n_elements; t++)
-        r->acl[s->order->order.triangle_old[t]] = acl[t];
+        marked[s->order->order.triangle_old[t]] = acl[t];
 done:
     free(acl);
     return rc;
@@ -469,7 +466,10 @@ static int collect(dmk_context *ctx, dmk_solver *s, const start *near, double th
     for (int32_t e = 0; e < sys->whole.n_edges; e++) {
         r->potential_mid[o->edge_old[e]] = (u[e] - at_source) * sys->unit;
     }
-    if (near->own) rc = mark_acl(ctx, s, threshold, mu, u, r);
+    if (!near->own) goto done;
+    for (int32_t t = 0; t < sys->whole.n_elements; t++) mu[t] *= sys->unit;
+    for (int32_t i = 0; i < sys->whole.n_rows; i++) u[i] *= sys->unit;
+    rc = dmk_solver_mark_acl(ctx, s, threshold, mu, u, r->acl);
 done:
     free(u);
     free(mu);

@@ -1,5 +1,4 @@
 /* Transport between measures: the same iteration as for a point, from mu = constant. */
-#include "solver/acl.h"
 #include "solver/kernels.h"
 #include "solver/measure.h"
 #include "solver/solver.h"
@@ -135,16 +134,10 @@ static int collect_acl(dmk_context *ctx, const dmk_solver *s, double *u, double 
 {
     int rc;
     const dmk_system *sys = s->system;
-    const dmk_acl_input in = {.mesh = &s->mollified, .u = u + sys->whole.vertex_row, .u_mid = u};
-    uint8_t *acl = NULL;
-    DMK_TRY(DMK_NEW(ctx, acl, (size_t)sys->whole.n_elements));
     DMK_TRY(DMK_NEW(ctx, r->acl, r->n_triangles));
     for (int32_t i = 0; i < sys->whole.n_rows; i++) u[i] *= sign * sys->unit;
-    DMK_TRY(dmk_acl_mark(ctx, &in, 0, acl));
-    for (int32_t t = 0; t < sys->whole.n_elements; t++)
-        r->acl[s->order->order.triangle_old[t]] = acl[t];
+    rc = dmk_solver_mark_acl(ctx, s, 0, NULL, u, r->acl);
 done:
-    free(acl);
     return rc;
 }
 
