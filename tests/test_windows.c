@@ -145,7 +145,7 @@ static void slack_of_the_check(void **state)
     dmk_mesh_destroy(&m);
 }
 
-/* Edges within 1e-9 of a wedge are in it; a beam is 1e-9 wider, unless it is narrower than 1e-12. */
+/* Edges within 1e-9 of a range of directions are in it; a beam is 1e-9 wider, unless it is narrower than 1e-12. */
 static void rays_of_a_sector(void **state)
 {
     dmk_mesh *m = make_square(*state, 1);
@@ -169,7 +169,7 @@ static void rays_of_a_sector(void **state)
     dmk_mesh_destroy(&m);
 }
 
-/* At a border vertices count as bends from 1e-6 below pi on. */
+/* At a border vertices count as pseudo-sources from 1e-6 below pi on. */
 static void straight_border(void **state)
 {
     for (int i = 0; i < 2; i++) {
@@ -180,7 +180,7 @@ static void straight_border(void **state)
         assert_int_equal(dmk_mesh_create(*state, 4, xyz, 2, triangle, &m), DMK_OK);
         dmk_geodesics *g = from_corner(*state, m, 0.3);
         assert_int_equal(dmk_front_create(*state, g, &front), DMK_OK);
-        assert_true(front.bend[1] == (i == 0));
+        assert_true(front.pseudo_source[1] == (i == 0));
         dmk_front_free(&front);
         dmk_geodesics_destroy(&g);
         dmk_mesh_destroy(&m);

@@ -93,7 +93,7 @@ done:
 /* ---- between the vertices -------------------------------------------------------------------- */
 
 /* From vertex v straight to what lies at the distance r in direction `angle` of its chart, seen
- * from the last bend. */
+ * from the last pseudo-source. */
 static double beyond(const dmk_geodesics *g, int32_t v, double angle, double r)
 {
     const dmk_arrival *a = g->arrival + v;

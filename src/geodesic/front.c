@@ -8,12 +8,12 @@
 #include <string.h>
 
 static const double pi = 3.14159265358979323846;
-/* Radians over 2 pi that make a bend; and below pi at a border, whose straight vertices all count.
+/* Radians over 2 pi that make a pseudo-source; and below pi at a border, whose straight vertices all count.
  */
 static const double least_excess = 1e-10, straight = 1e-6;
 /* Radians: an edge so near the rays is one. */
 static const double same_direction = 1e-9;
-/* Over the length of the edge: a wedge is taken so much wider. */
+/* Over the length of the edge: a range is taken so much wider. */
 static const double margin = 1e-9;
 
 static void facet_range(int32_t begin, int32_t end, void *data)
@@ -47,11 +47,11 @@ int dmk_front_create(dmk_context *ctx, dmk_geodesics *g, dmk_front *e)
     const dmk_star *s = &g->star;
     *e = (dmk_front){.g = g, .d = g->distance};
     DMK_TRY(DMK_NEW(ctx, e->facet, (size_t)m->n_triangles));
-    DMK_TRY(DMK_NEW(ctx, e->bend, (size_t)m->n_vertices));
+    DMK_TRY(DMK_NEW(ctx, e->pseudo_source, (size_t)m->n_vertices));
     dmk_parallel(ctx, m->n_triangles, facet_range, e);
     for (int32_t v = 0; v < m->n_vertices; v++) {
-        e->bend[v] = s->first[v] >= 0 &&
-                     s->total[v] > (s->border[v] ? pi - straight : 2 * pi + least_excess);
+        e->pseudo_source[v] = s->first[v] >= 0 &&
+                              s->total[v] > (s->border[v] ? pi - straight : 2 * pi + least_excess);
         e->d[v] = INFINITY;
     }
 done:
@@ -62,7 +62,7 @@ done:
 void dmk_front_free(dmk_front *e)
 {
     free(e->facet);
-    free(e->bend);
+    free(e->pseudo_source);
     memset(e, 0, sizeof *e);
 }
 
@@ -82,17 +82,17 @@ dmk_sector dmk_front_corner(const dmk_front *e, int32_t c)
                         f->angle[k], c};
 }
 
-int dmk_front_wedges(const dmk_front *e, int32_t v, double back, double wedge[2][2])
+int dmk_front_directions(const dmk_front *e, int32_t v, double back, double range[2][2])
 {
     int n = 0;
     double total = e->g->star.total[v];
     if (!e->g->star.border[v]) {
-        wedge[0][0] = fmod(back + pi, total);
-        wedge[0][1] = wedge[0][0] + total - 2 * pi;
+        range[0][0] = fmod(back + pi, total);
+        range[0][1] = range[0][0] + total - 2 * pi;
         return 1;
     }
-    if (back - pi > -straight) wedge[n][0] = -straight, wedge[n++][1] = back - pi;
-    if (back + pi < total + straight) wedge[n][0] = back + pi, wedge[n++][1] = total + straight;
+    if (back - pi > -straight) range[n][0] = -straight, range[n++][1] = back - pi;
+    if (back + pi < total + straight) range[n][0] = back + pi, range[n++][1] = total + straight;
     return n;
 }
 

@@ -15,9 +15,9 @@ typedef struct dmk_facet {
 /* What both engines stand on. Lengths are in the star's unit. */
 typedef struct dmk_front {
     dmk_geodesics *g;
-    dmk_facet *facet; /* n_triangles */
-    double *d;        /* n_vertices: the object's */
-    bool *bend;       /* n_vertices: paths may bend here */
+    dmk_facet *facet;    /* n_triangles */
+    double *d;           /* n_vertices: the object's */
+    bool *pseudo_source; /* n_vertices: paths may bend here */
 } dmk_front;
 
 /* Rounding, over the mesh's extent, the unit of length: ways so much longer count as equally long.
@@ -35,9 +35,9 @@ void dmk_front_free(dmk_front *front);
 dmk_sector dmk_front_site(const dmk_front *front, const dmk_site *site, int32_t k);
 dmk_sector dmk_front_corner(const dmk_front *front, int32_t corner);
 
-/* The directions lo..hi that a bend radiates into, which a path reaches from the direction `back`:
+/* The directions lo..hi that a pseudo-source radiates into, which a path reaches from the direction `back`:
  * those that make no angle below pi with it. How many intervals there are. */
-int dmk_front_wedges(const dmk_front *front, int32_t v, double back, double wedge[2][2]);
+int dmk_front_directions(const dmk_front *front, int32_t v, double back, double range[2][2]);
 
 /* An end of a sector's half-edge, if it lies within the directions lo..hi: one path leads straight
  * there. */

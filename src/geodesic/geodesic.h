@@ -9,7 +9,7 @@
  *
  * - star.c: directions at every vertex.
  * - source.c: the triangles around a source, and where its rays enter the next ones.
- * - front.c: triangles as the engines read them, and what sources and bends radiate.
+ * - front.c: triangles as the engines read them, and what sources and pseudo-sources radiate.
  * - window.c: windows, depth first: exact distances.
  * - wave.c: merged windows: distances of large meshes, and from lines.
  * - trace.c: paths, and distances anywhere.

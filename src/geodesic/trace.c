@@ -1,5 +1,5 @@
-/* Paths back to the sources, and distances anywhere: windows from the point asked for, back to the next bend or
- * source, whose distance is known. What leads farther than some way found is dropped, by the least that the
+/* Paths back to the sources, and distances anywhere: windows from the point asked for, back to the next pseudo-source
+ * or source, whose distance is known. What leads farther than some way found is dropped, by the least that the
  * distances at the ends of an edge and at the corner behind it leave for its points; so few triangles beside the path
  * are looked at. */
 #include "geodesic/trace.h"
@@ -17,10 +17,10 @@
 enum { most_windows = 1 << 22 };
 
 /* A source inside a triangle or on an edge, as one of its triangles sees it. */
-typedef struct spot {
+typedef struct source_point {
     int32_t triangle, source;
     double weight[3];
-} spot;
+} source_point;
 
 /* An interval of a half-edge seen straight from the point, unfolded at (x, y), y < 0. */
 typedef struct sight {
@@ -39,8 +39,8 @@ typedef struct finish {
 
 struct dmk_tracer {
     const dmk_geodesics *g;
-    spot *spot; /* by triangle */
-    size_t n_spots;
+    source_point *point; /* by triangle */
+    size_t n_points;
     int32_t *line; /* half-edges, sorted */
     sight *sight;
     size_t n_sights, room;
@@ -52,7 +52,7 @@ struct dmk_tracer {
 
 static int by_triangle(const void *a, const void *b)
 {
-    const spot *p = a, *q = b;
+    const source_point *p = a, *q = b;
     if (p->triangle != q->triangle) return p->triangle < q->triangle ? -1 : 1;
     return (p->source > q->source) - (p->source < q->source);
 }
@@ -64,25 +64,27 @@ static int by_number(const void *a, const void *b)
 }
 
 /* The triangles that a site lies in and its weights there: at a vertex all around, two on an edge. */
-static size_t list_spots(const dmk_geodesics *g, const dmk_site *site, int32_t number, spot *to)
+static size_t list_points(const dmk_geodesics *g, const dmk_site *site, int32_t number,
+                          source_point *to)
 {
     size_t n = 0;
     if (site->vertex >= 0) {
         for (int32_t k = 0; k < site->n_sectors; k++) {
             int32_t c = site->sector[k].half;
-            to[n] = (spot){c / 3, number, {0}};
+            to[n] = (source_point){c / 3, number, {0}};
             to[n++].weight[c % 3] = 1;
         }
         return n;
     }
     const dmk_point *p = &site->point;
-    to[n] = (spot){(int32_t)p->triangle, number, {p->weight[0], p->weight[1], p->weight[2]}};
+    to[n] =
+        (source_point){(int32_t)p->triangle, number, {p->weight[0], p->weight[1], p->weight[2]}};
     n++;
     int32_t other = site->sector[site->n_sectors - 1].half;
     if (other / 3 == p->triangle) return n;
     /* The last sector lies before the edge in the triangle across. */
     int32_t edge = dmk_next(other), own = g->star.twin[edge];
-    to[n] = (spot){edge / 3, number, {0}};
+    to[n] = (source_point){edge / 3, number, {0}};
     to[n].weight[dmk_next(edge) % 3] = p->weight[dmk_previous(own) % 3];
     to[n++].weight[dmk_previous(edge) % 3] = p->weight[dmk_next(own) % 3];
     return n;
@@ -94,13 +96,13 @@ int dmk_tracer_create(dmk_context *ctx, const dmk_geodesics *g, dmk_tracer **tra
     dmk_tracer *t = NULL;
     DMK_TRY(DMK_NEW(ctx, t, 1));
     t->g = g;
-    DMK_TRY(DMK_NEW(ctx, t->spot, 2 * (size_t)g->n_sources));
+    DMK_TRY(DMK_NEW(ctx, t->point, 2 * (size_t)g->n_sources));
     DMK_TRY(DMK_NEW(ctx, t->line, g->n_lines));
     for (int32_t i = 0; i < g->n_sources; i++) {
         if (g->source[i].vertex < 0)
-            t->n_spots += list_spots(g, g->source + i, i, t->spot + t->n_spots);
+            t->n_points += list_points(g, g->source + i, i, t->point + t->n_points);
     }
-    qsort(t->spot, t->n_spots, sizeof *t->spot, by_triangle);
+    qsort(t->point, t->n_points, sizeof *t->point, by_triangle);
     if (g->n_lines > 0) memcpy(t->line, g->line, g->n_lines * sizeof *t->line);
     qsort(t->line, g->n_lines, sizeof *t->line, by_number);
     *tracer = t;
@@ -114,7 +116,7 @@ void dmk_tracer_destroy(dmk_tracer **tracer)
 {
     dmk_tracer *t = *tracer;
     if (!t) return;
-    free(t->spot);
+    free(t->point);
     free(t->line);
     free(t->sight);
     free(t);
@@ -123,7 +125,7 @@ void dmk_tracer_destroy(dmk_tracer **tracer)
 
 /* ---- the search ------------------------------------------------------------------------------ */
 
-/* Whether the path may end here: a source or a bend. */
+/* Whether the path may end here: a source or a pseudo-source. */
 static bool is_bend(const dmk_geodesics *g, int32_t v)
 {
     const double pi = 3.14159265358979323846;
@@ -224,20 +226,20 @@ static sight child(const sight *w, int32_t i, bool right, double lo, double hi, 
 }
 
 /* Sources inside the triangle above window i. */
-static void look_for_spots(dmk_tracer *t, int32_t i, const angle *s)
+static void look_for_sources(dmk_tracer *t, int32_t i, const angle *s)
 {
     const dmk_geodesics *g = t->g;
     const sight *w = t->sight + i;
-    size_t lo = 0, hi = t->n_spots;
+    size_t lo = 0, hi = t->n_points;
     while (lo < hi) {
         size_t middle = (lo + hi) / 2;
-        if (t->spot[middle].triangle < w->half / 3)
+        if (t->point[middle].triangle < w->half / 3)
             lo = middle + 1;
         else
             hi = middle;
     }
-    for (; lo < t->n_spots && t->spot[lo].triangle == w->half / 3; lo++) {
-        const double *p = t->spot[lo].weight;
+    for (; lo < t->n_points && t->point[lo].triangle == w->half / 3; lo++) {
+        const double *p = t->point[lo].weight;
         if (p[w->half % 3] == 0) continue; /* on the edge: seen from the triangle before */
         double x = p[w->half % 3] * s->cx + p[dmk_previous(w->half) % 3] * s->length,
                y = p[w->half % 3] * s->cy;
@@ -245,8 +247,8 @@ static void look_for_spots(dmk_tracer *t, int32_t i, const angle *s)
         if (at < w->lo - DMK_SAME_PLACE * s->length || at > w->hi + DMK_SAME_PLACE * s->length)
             continue;
         double length =
-            hypot(x - w->x, y - w->y) + g->source[t->spot[lo].source].offset / g->star.unit;
-        finish_at(t, (finish){.window = i, .vertex = -1, .source = t->spot[lo].source}, length);
+            hypot(x - w->x, y - w->y) + g->source[t->point[lo].source].offset / g->star.unit;
+        finish_at(t, (finish){.window = i, .vertex = -1, .source = t->point[lo].source}, length);
     }
 }
 
@@ -258,7 +260,7 @@ static int advance(dmk_context *ctx, dmk_tracer *t, int32_t i)
     const dmk_geodesics *g = t->g;
     if (w.least > t->bound + t->slack) return DMK_OK;
     look(g, w.half, &s);
-    if (t->n_spots > 0) look_for_spots(t, i, &s);
+    if (t->n_points > 0) look_for_sources(t, i, &s);
     if (g->n_lines > 0 && w.x >= w.lo && w.x <= w.hi &&
         bsearch(&w.half, t->line, g->n_lines, sizeof *t->line, by_number)) {
         finish_at(t, (finish){.window = i, .vertex = -1, .source = g->n_sources}, -w.y);
@@ -281,7 +283,7 @@ done:
 }
 
 /* Ways within the point's own triangles: to their corners, and to sources there. */
-static void look_around(dmk_tracer *t, const dmk_site *site, const spot *own)
+static void look_around(dmk_tracer *t, const dmk_site *site, const source_point *own)
 {
     const dmk_geodesics *g = t->g;
     angle s;
@@ -295,8 +297,8 @@ static void look_around(dmk_tracer *t, const dmk_site *site, const spot *own)
         finish_at(t, (finish){.window = -1, .vertex = v, .source = -1, .triangle = own->triangle},
                   hypot(at[k][0] - x, at[k][1] - y) + g->distance[v] / unit);
     }
-    for (size_t i = 0; i < t->n_spots; i++) {
-        const spot *p = t->spot + i;
+    for (size_t i = 0; i < t->n_points; i++) {
+        const source_point *p = t->point + i;
         if (p->triangle != own->triangle) continue;
         double px = 0, py = 0;
         for (int k = 0; k < 3; k++) px += p->weight[k] * at[k][0], py += p->weight[k] * at[k][1];
@@ -312,7 +314,7 @@ static int search(dmk_context *ctx, dmk_tracer *t, const dmk_site *site)
     int rc;
     const dmk_geodesics *g = t->g;
     const double unit = g->star.unit;
-    spot *own = NULL;
+    source_point *own = NULL;
     t->best =
         (finish){.length = INFINITY, .key = INFINITY, .window = -1, .vertex = -1, .source = -1};
     t->bound = INFINITY;
@@ -323,7 +325,7 @@ static int search(dmk_context *ctx, dmk_tracer *t, const dmk_site *site)
         if (g->error) t->bound += 2 * g->error[site->vertex] / unit;
     }
     DMK_TRY(DMK_NEW(ctx, own, (size_t)site->n_sectors + 2));
-    size_t n = list_spots(g, site, 0, own);
+    size_t n = list_points(g, site, 0, own);
     for (size_t i = 0; i < n; i++) look_around(t, site, own + i);
     t->n_sights = 0;
     for (int32_t k = 0; k < site->n_sectors; k++) {
@@ -439,8 +441,8 @@ static void end_of_sight(const dmk_tracer *t, int32_t i, double *x, double *y)
     *x = s.cx, *y = s.cy;
     if (f->vertex >= 0) return;
     *x = w->x, *y = 0;
-    for (size_t k = 0; f->source < g->n_sources && k < t->n_spots; k++) {
-        const spot *p = t->spot + k;
+    for (size_t k = 0; f->source < g->n_sources && k < t->n_points; k++) {
+        const source_point *p = t->point + k;
         if (p->source != f->source || p->triangle != w->half / 3) continue;
         *x = p->weight[w->half % 3] * s.cx + p->weight[dmk_previous(w->half) % 3] * s.length;
         *y = p->weight[w->half % 3] * s.cy;
@@ -468,9 +470,9 @@ static bool is_source(const dmk_geodesics *g, int32_t v)
 static dmk_point seen_in(const dmk_geodesics *g, const dmk_site *at, int32_t triangle)
 {
     dmk_point p = at->point;
-    spot own[2];
+    source_point own[2];
     if (at->vertex < 0 && p.triangle == triangle) return p;
-    if (at->vertex < 0 && list_spots(g, at, 0, own) == 2) {
+    if (at->vertex < 0 && list_points(g, at, 0, own) == 2) {
         p = (dmk_point){triangle, {own[1].weight[0], own[1].weight[1], own[1].weight[2]}};
     }
     for (int32_t k = 0; at->vertex >= 0 && k < at->n_sectors; k++) {
@@ -511,7 +513,7 @@ static int follow(dmk_context *ctx, dmk_tracer *t, const dmk_site *from, trail *
     int rc;
     const dmk_geodesics *g = t->g;
     const dmk_site *at = from;
-    dmk_site bend = {0};
+    dmk_site stop = {0};
     dmk_point before = from->point;
     *direction = 0;
     DMK_TRY(append(l, from->point));
@@ -529,12 +531,12 @@ static int follow(dmk_context *ctx, dmk_tracer *t, const dmk_site *from, trail *
             if (source < g->n_sources) *direction = direction_to(g, g->source + source, &before);
             break;
         }
-        dmk_site_free(&bend);
-        DMK_TRY(dmk_site_create(ctx, g->mesh, &g->star, &end, 0, &bend));
-        at = &bend;
+        dmk_site_free(&stop);
+        DMK_TRY(dmk_site_create(ctx, g->mesh, &g->star, &end, 0, &stop));
+        at = &stop;
     }
 done:
-    dmk_site_free(&bend);
+    dmk_site_free(&stop);
     return rc;
 }
 

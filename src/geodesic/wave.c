@@ -81,7 +81,7 @@ typedef struct engine {
     bucket *bucket;
     size_t n_buckets, bucket_room, current;
     double width, least;
-    dmk_heap bends;
+    dmk_heap pseudo_sources;
     wave *list, *merged; /* of the half-edge that is visited */
     size_t list_room, merged_room;
     int32_t *taken; /* half-edges of the bucket */
@@ -175,7 +175,7 @@ done:
 static void engine_free(engine *e)
 {
     dmk_front_free(&e->front);
-    dmk_heap_free(&e->bends);
+    dmk_heap_free(&e->pseudo_sources);
     free(e->error);
     free(e->mark);
     free(e->radiated);
@@ -254,7 +254,7 @@ static int reach(dmk_context *ctx, engine *e, int32_t v, double d, const mark *m
     *known = d;
     e->mark[v] = *m;
     e->error[v] = error + excess;
-    return e->front.bend[v] ? dmk_heap_push(ctx, &e->bends, d, v) : DMK_OK;
+    return e->front.pseudo_source[v] ? dmk_heap_push(ctx, &e->pseudo_sources, d, v) : DMK_OK;
 }
 
 /* ---- one step -------------------------------------------------------------------------------- */
@@ -636,7 +636,7 @@ done:
     return rc;
 }
 
-/* ---- sources and bends ----------------------------------------------------------------------- */
+/* ---- sources and pseudo-sources ------------------------------------------------------------------ */
 
 typedef struct rays {
     double base, lo, hi, direction, error;
@@ -708,7 +708,7 @@ static int radiate_star(dmk_context *ctx, engine *e, int32_t v, const rays *a, i
     int32_t c = s->first[v];
     do {
         dmk_sector sector = dmk_front_corner(&e->front, c);
-        for (int k = -turns; k <= turns; k++) { /* the wedge may go around */
+        for (int k = -turns; k <= turns; k++) { /* the range may go around */
             rays b = *a;
             b.lo += k * s->total[v];
             b.hi += k * s->total[v];
@@ -720,16 +720,16 @@ done:
     return rc;
 }
 
-static int radiate_bend(dmk_context *ctx, engine *e, int32_t v)
+static int radiate_pseudo_source(dmk_context *ctx, engine *e, int32_t v)
 {
     int rc = DMK_OK;
     const dmk_star *s = &e->front.g->star;
     const mark *m = e->mark + v;
-    double wedge[2][2];
-    int n = dmk_front_wedges(&e->front, v, back_of(e, v), wedge);
+    double range[2][2];
+    int n = dmk_front_directions(&e->front, v, back_of(e, v), range);
     e->radiated[v] = e->front.d[v];
     for (int i = 0; i < n; i++) {
-        rays a = {e->front.d[v], wedge[i][0], wedge[i][1], m->direction,
+        rays a = {e->front.d[v], range[i][0], range[i][1], m->direction,
                   e->error[v],   m->source,   v,           s->border[v] ? 2 : 1};
         DMK_TRY(radiate_star(ctx, e, v, &a, s->border[v] ? 0 : 1));
     }
@@ -786,18 +786,18 @@ static void fetch(const engine *e, int32_t half)
     __builtin_prefetch((const char *)(e->pool + e->head[half]) + 64);
 }
 
-/* Bends of the current bucket: true if one radiated. */
-static int radiate_bends(dmk_context *ctx, engine *e, bool *any)
+/* Pseudo-sources of the current bucket: true if one radiated. */
+static int radiate_pseudo_sources(dmk_context *ctx, engine *e, bool *any)
 {
     int rc = DMK_OK;
     double limit =
         e->current < most_buckets ? e->least + (double)(e->current + 1) * e->width : INFINITY;
     *any = false;
-    while (e->bends.n > 0 && e->bends.at[0].key < limit) {
-        dmk_heap_item top = dmk_heap_pop(&e->bends);
+    while (e->pseudo_sources.n > 0 && e->pseudo_sources.at[0].key < limit) {
+        dmk_heap_item top = dmk_heap_pop(&e->pseudo_sources);
         if (top.key > e->front.d[top.item] || !(top.key < e->radiated[top.item])) continue;
         *any = true;
-        DMK_TRY(radiate_bend(ctx, e, top.item));
+        DMK_TRY(radiate_pseudo_source(ctx, e, top.item));
     }
 done:
     return rc;
@@ -808,9 +808,9 @@ static int sweep(dmk_context *ctx, engine *e)
     int rc = DMK_OK;
     size_t n;
     bool any;
-    while (e->current < e->n_buckets || e->bends.n > 0) {
-        if (e->current >= e->n_buckets) { /* only bends are left: go to the first */
-            double place = fmin((e->bends.at[0].key - e->least) / e->width, most_buckets);
+    while (e->current < e->n_buckets || e->pseudo_sources.n > 0) {
+        if (e->current >= e->n_buckets) { /* only pseudo-sources are left: go to the first */
+            double place = fmin((e->pseudo_sources.at[0].key - e->least) / e->width, most_buckets);
             if (place > (double)e->current) e->current = (size_t)place;
         }
         do {
@@ -822,7 +822,7 @@ static int sweep(dmk_context *ctx, engine *e)
             }
             DMK_TRY(dmk_poll(ctx));
             any = false;
-            if (n == 0) DMK_TRY(radiate_bends(ctx, e, &any));
+            if (n == 0) DMK_TRY(radiate_pseudo_sources(ctx, e, &any));
         } while (n > 0 || any);
         e->current++;
     }

@@ -23,30 +23,26 @@
  */
 static const double gap = 1e-6;
 
-/* An interval of a half-edge, all of whose points see the last bend (or source) straight, unfolded
- * at (x, y), y < 0. */
+/* An interval of a half-edge, all of whose points see the root straight, unfolded at (x, y), y < 0: the last
+ * pseudo-source, or the source. */
 typedef struct window {
     double lo, hi, x, y;
-    double base; /* length of the path up to the bend */
-    double turn; /* direction at the source of the frame's x axis; of no meaning behind a bend */
+    double base; /* length of the path up to the root */
+    double turn; /* direction of the frame's x axis at a source that is the root */
     int32_t half;
-    int32_t root; /* vertex that the path bends at, or ~number of the source */
+    int32_t root; /* the pseudo-source, or ~number of the source */
 } window;
 
 /* The path that gave a vertex its distance. */
 typedef struct trace {
     double at;    /* where it crosses the half-edge */
-    double x, y;  /* from the bend to the vertex, in the frame of the half-edge; else directions at
-                     source, vertex */
+    double x, y;  /* from the root to the vertex, in its frame; else directions at source, vertex */
     double turn;  /* of the window */
     int32_t half; /* entered last; one of the two below */
     int32_t root; /* of the window */
 } trace;
-enum {
-    UNREACHED = -2,
-    STRAIGHT = -1
-}; /* only bounded so far; by no window: inside the source's triangle,
-      or along an edge from the bend */
+/* Only bounded so far; by no window: inside the source's triangle, or along an edge from the root. */
+enum { UNREACHED = -2, STRAIGHT = -1 };
 
 /* What the rule of one split asks of a vertex, kept apart for the cache. `turn` is odd while it is written. */
 typedef struct split {
@@ -59,10 +55,10 @@ typedef struct engine {
     dmk_front front;
     trace *trace;
     split *split;
-    dmk_heap bends;         /* reached, to radiate */
-    bool shared;            /* by several threads at the moment */
-    int64_t limit;          /* of windows */
-    _Atomic int64_t n_made; /* windows, in pieces of 65,536 */
+    dmk_heap pseudo_sources; /* reached, to radiate */
+    bool shared;             /* by several threads at the moment */
+    int64_t limit;           /* of windows */
+    _Atomic int64_t n_made;  /* windows, in pieces of 65,536 */
 } engine;
 
 /* A thread's own, in cache lines that no other thread's share: it is written at each step. */
@@ -71,7 +67,7 @@ typedef struct worker {
     engine *e;
     window *stack;
     size_t n_stack, capacity;
-    dmk_heap_item *reached; /* bends */
+    dmk_heap_item *reached; /* pseudo-sources */
     size_t n_reached, reached_room;
     int64_t n_made;
     char apart[128];
@@ -111,7 +107,7 @@ static void engine_free(engine *e)
     dmk_front_free(&e->front);
     free(e->trace);
     free(e->split);
-    dmk_heap_free(&e->bends);
+    dmk_heap_free(&e->pseudo_sources);
 }
 
 /* ---- upper bounds ---------------------------------------------------------------------------- */
@@ -219,7 +215,7 @@ static int reach(worker *me, int32_t v, double d, trace t)
         e->trace[v] = t;
     }
     if (e->shared) unlock(s);
-    if (!better || !e->front.bend[v] || d == before) return DMK_OK;
+    if (!better || !e->front.pseudo_source[v] || d == before) return DMK_OK;
     if (me->n_reached == me->reached_room) {
         int rc = DMK_GROW(me->ctx, me->reached, me->n_reached + 1, me->reached_room);
         if (rc != DMK_OK) return rc;
@@ -250,7 +246,7 @@ static inline bool beats(double dv, double r2, double base, double q2)
     return k < 0 || k * k < q2;
 }
 
-/* Whether a window of half-edge `half` with its ends at the squared distances ql, qh of the bend is
+/* Whether a window of half-edge `half` with its ends at the squared distances ql, qh of the root is
  * late at the edge's own ends, d[0] and d[1]. */
 static inline bool late(const window *w, double length, double d0, double d1)
 {
@@ -467,7 +463,8 @@ static int absorb(worker *me, worker *from)
 {
     int rc = DMK_OK;
     for (size_t i = 0; i < from->n_reached; i++) {
-        DMK_TRY(dmk_heap_push(me->ctx, &me->e->bends, from->reached[i].key, from->reached[i].item));
+        DMK_TRY(dmk_heap_push(me->ctx, &me->e->pseudo_sources, from->reached[i].key,
+                              from->reached[i].item));
     }
     from->n_reached = 0;
 done:
@@ -503,7 +500,7 @@ done:
     return rc;
 }
 
-/* Run down all windows on the stack; then the bends that were reached wait in the heap. */
+/* Run down all windows on the stack; then the pseudo-sources that were reached wait in the heap. */
 static int run_all(worker *me)
 {
     int rc, n_threads = dmk_parallel_threads(me->ctx);
@@ -514,9 +511,9 @@ done:
     return rc;
 }
 
-/* ---- sources and bends ----------------------------------------------------------------------- */
+/* ---- sources and pseudo-sources ------------------------------------------------------------------ */
 
-/* Rays within the directions lo..hi, from a source or bend. */
+/* Rays within the directions lo..hi, from a source or pseudo-source. */
 typedef struct rays {
     double base, lo, hi;
     int32_t root;
@@ -577,21 +574,21 @@ static double back_of(const engine *e, int32_t v)
     return dmk_front_turn(back, s->total[v], s->border[v]);
 }
 
-static int radiate_bend(worker *me, int32_t v)
+static int radiate_pseudo_source(worker *me, int32_t v)
 {
     int rc = DMK_OK;
     const engine *e = me->e;
     const dmk_star *s = &e->front.g->star;
-    double wedge[2][2];
-    int n_wedges = dmk_front_wedges(&e->front, v, back_of(e, v), wedge),
+    double range[2][2];
+    int n_ranges = dmk_front_directions(&e->front, v, back_of(e, v), range),
         turns = s->border[v] ? 0 : 1;
     int32_t c = s->first[v];
     do {
         dmk_sector sector = dmk_front_corner(&e->front, c);
-        for (int i = 0; i < n_wedges; i++) {
-            for (int k = -turns; k <= turns; k++) { /* the wedge may go around */
+        for (int i = 0; i < n_ranges; i++) {
+            for (int k = -turns; k <= turns; k++) { /* the range may go around */
                 double turn = k * s->total[v];
-                rays a = {e->front.d[v], wedge[i][0] + turn, wedge[i][1] + turn, v,
+                rays a = {e->front.d[v], range[i][0] + turn, range[i][1] + turn, v,
                           s->border[v] ? 2 : 1};
                 DMK_TRY(send(me, &sector, &a));
             }
@@ -604,7 +601,7 @@ done:
 
 /* ---- arrivals -------------------------------------------------------------------------------- */
 
-/* Source and direction come from the first bend of the path. */
+/* Source and direction come from the first pseudo-source of the path. */
 static void arrive(const engine *e, int32_t v)
 {
     const trace *t = e->trace + v;
@@ -629,7 +626,7 @@ static void arrive_range(int32_t begin, int32_t end, void *data)
     for (int32_t v = begin; v < end; v++) arrive(data, v);
 }
 
-/* All bends within `width` of the nearest radiate at once, so that threads have windows to share; one that is
+/* All pseudo-sources within `width` of the nearest radiate at once, so that threads have windows to share; one that is
  * reached by a shorter way later does so again. */
 static int radiate_next(worker *me, double width, bool *any)
 {
@@ -637,12 +634,12 @@ static int radiate_next(worker *me, double width, bool *any)
     engine *e = me->e;
     double until = INFINITY;
     *any = false;
-    while (e->bends.n > 0 && e->bends.at[0].key <= until) {
-        dmk_heap_item top = dmk_heap_pop(&e->bends);
+    while (e->pseudo_sources.n > 0 && e->pseudo_sources.at[0].key <= until) {
+        dmk_heap_item top = dmk_heap_pop(&e->pseudo_sources);
         if (top.key > e->front.d[top.item]) continue;
         if (!*any) until = top.key + width;
         *any = true;
-        DMK_TRY(radiate_bend(me, top.item));
+        DMK_TRY(radiate_pseudo_source(me, top.item));
     }
 done:
     return rc;

@@ -130,7 +130,7 @@ static void set_crossing(const dmk_geodesics *g, const int32_t *loop, int32_t h,
                   twin = g->star.twin[h];
     const dmk_image a = dmk_image_at_start(g, h), b = dmk_image_at_end(g, h);
     double x = meeting(&a, &b, length);
-    /* behind a bend the paths are those to it gone on */
+    /* behind a pseudo-source the paths are those to it, continued */
     if (g->arrival[w].pseudo_source == v) x = 0;
     if (g->arrival[v].pseudo_source == w) x = length;
     c->half = h;

@@ -1,10 +1,11 @@
 /* The cut locus of the polyhedron as a tree-cotree decomposition. Internal to src/locus.
  *
- * Every vertex v is reached by one shortest path; its last bend, unfolded into the plane around v, is the image of v's
- * family. The jump of a mesh edge vw is how much the family of one end is too long at the other. A spanning tree
- * of the vertices by least jump keeps families together; the mesh edges that it does not take, dual, are what families
- * meet across: a graph of the triangles that is connected and has first Betti number 2g, each border loop being one
- * node (tree-cotree decomposition: Eppstein 2003; as a cut graph: Erickson and Whittlesey 2005). */
+ * Every vertex v is reached by one shortest path; its last pseudo-source (or the source), unfolded into the plane
+ * around v, is the image of v's family. The jump of a mesh edge vw is how much the family of one end is too long at
+ * the other. A spanning tree of the vertices by least jump keeps families together; the mesh edges that it does not
+ * take, dual, are what families meet across: a graph of the triangles that is connected and has first Betti number
+ * 2g, each border loop being one node (tree-cotree decomposition: Eppstein 2003; as a cut graph: Erickson and
+ * Whittlesey 2005). */
 #ifndef DMK_COTREE_H
 #define DMK_COTREE_H
 
@@ -67,9 +68,9 @@ static inline double dmk_strength_asked(const dmk_cotree *t, const dmk_locus_opt
     return options && options->strength > 0 ? options->strength : t->strength;
 }
 
-/* The last bend of a family, unfolded into the frame of half-edge h: h runs along the x axis from
- * (0, 0), its triangle lies above. The family's length at a point of the frame is `before` plus the
- * distance from here. In the star's unit. */
+/* The last pseudo-source of a family (or the source), unfolded into the frame of half-edge h: h runs along the x axis
+ * from (0, 0), its triangle lies above. The family's length at a point of the frame is `before` plus the distance
+ * from here. In the star's unit. */
 typedef struct dmk_image {
     double x, y, before;
 } dmk_image;

@@ -57,12 +57,12 @@ static void set_corners(const dmk_geodesics *g, int32_t triangle, corners *c)
         (dmk_image){length + own.x * ux - own.y * uy, own.x * uy + own.y * ux, own.before};
 }
 
-/* Angle at the last bend between the paths of corner k's family to the corner and to (x, y); straight: as if the
+/* Angle at the image between the paths of corner k's family to the corner and to (x, y); straight: as if the
  * whole path to the corner were straight. */
 static double turn_to(const corners *c, int k, double x, double y, bool straight)
 {
-    const double bent = dmk_image_length(&c->image[k], c->x[k][0], c->x[k][1]);
-    const double longer = straight ? bent / (bent - c->image[k].before) : 1;
+    const double length = dmk_image_length(&c->image[k], c->x[k][0], c->x[k][1]);
+    const double longer = straight ? length / (length - c->image[k].before) : 1;
     const double vx = (c->x[k][0] - c->image[k].x) * longer,
                  vy = (c->x[k][1] - c->image[k].y) * longer;
     const double px = vx + x - c->x[k][0], py = vy + y - c->x[k][1];

@@ -62,8 +62,8 @@ static double steepness(const double l[3], double area, const double x[3])
     const int i = (k + 1) % 3, j = (k + 2) % 3;
     const double share = (l[j] * l[j] + l[k] * l[k] - l[i] * l[i]) / (2 * l[k] * l[k]);
     const double side = x[j] - x[i], off = x[k] - x[i];
-    const double doubt = 8 * eps * (fabs(side) + fabs(off));
-    const double across = (fabs(off - share * side) + doubt) * l[k] / (2 * area),
+    const double rounding = 8 * eps * (fabs(side) + fabs(off));
+    const double across = (fabs(off - share * side) + rounding) * l[k] / (2 * area),
                  along = side / l[k];
     return (1 + 16 * eps) * (along * along + across * across);
 }

@@ -40,14 +40,14 @@ typedef struct router {
     dmk_counts n;         /* of `mesh` */
     span elements, edges; /* the own ones */
     double *mu, *u;       /* elements, rows */
-    double *r, *doubt;    /* rows: what is to be sent, and what rounding may hide of it */
+    double *r, *rounding; /* rows: what is to be sent, and a bound of the rounding error in it */
     double *half, *sent;  /* edges: from the ends to the midpoint go half + sent and half - sent */
-    double *beside;       /* edges, once the doubt is sent: the sum of both sides' mu */
+    double *beside;       /* edges, once the rounding is sent: the sum of both sides' mu */
     double *cost;         /* of each own triangle */
     double *mean;         /* 3 for each triangle: the flux; NULL: not wanted */
     int32_t *order;       /* own edges, heavy ones first; room for two numbers a vertex at least */
     int32_t *root;        /* vertices: see `tree` */
-    loan loan[LOANS];     /* all of mu, u, r, doubt and sent, or none */
+    loan loan[LOANS];     /* all of mu, u, r, rounding and sent, or none */
     int n_loans;
 } router;
 
@@ -79,12 +79,12 @@ static void links_of(const router *p, int32_t t, int32_t a[9], int32_t b[9])
     }
 }
 
-/* r = f - A(mu) u and its doubt, from f in r. */
+/* r = f - A(mu) u and a bound of its rounding error, from f in r. */
 static void subtract(const router *p)
 {
     const bool wide = dmk_device_real(p->o->sys->device, DMK_OUTER) == sizeof(double);
     for (int32_t i = 0; i < p->n.n_rows; i++)
-        p->doubt[i] = fabs(p->r[i]) * (wide ? DMK_ENERGY_ROUNDING : float_rounding);
+        p->rounding[i] = fabs(p->r[i]) * (wide ? DMK_ENERGY_ROUNDING : float_rounding);
     for (int32_t t = 0; t < p->mesh->n_triangles; t++) {
         int32_t a[9], b[9];
         links_of(p, t, a, b);
@@ -93,8 +93,8 @@ static void subtract(const router *p)
             const double flow = (l % 3 < 2 ? 0.5 : 1) * w * (p->u[a[l]] - p->u[b[l]]);
             p->r[a[l]] -= flow;
             p->r[b[l]] += flow;
-            p->doubt[a[l]] += DMK_ENERGY_ROUNDING * fabs(flow);
-            p->doubt[b[l]] += DMK_ENERGY_ROUNDING * fabs(flow);
+            p->rounding[a[l]] += DMK_ENERGY_ROUNDING * fabs(flow);
+            p->rounding[b[l]] += DMK_ENERGY_ROUNDING * fabs(flow);
         }
     }
 }
@@ -107,19 +107,19 @@ static void send_midpoints(const router *p)
         for (int k = 0; k < 2; k++) {
             const int32_t v = p->n.vertex_row + m->edge_vertex[2 * (size_t)e + (size_t)k];
             p->r[v] += 0.5 * p->r[e];
-            p->doubt[v] += 0.5 * p->doubt[e];
+            p->rounding[v] += 0.5 * p->rounding[e];
         }
         p->half[e] = -0.5 * p->r[e]; /* may be r[e] itself */
         p->sent[e] = 0;
     }
 }
 
-/* What the doubt of the midpoints costs. */
-static void add_doubts(void *data, double *cost)
+/* What it costs to send the rounding errors of the midpoints. */
+static void add_rounding(void *data, double *cost)
 {
     const router *p = data;
     for (int32_t e = p->edges.begin; e < p->edges.end; e++)
-        *cost += p->mesh->length[e] * p->doubt[e];
+        *cost += p->mesh->length[e] * p->rounding[e];
 }
 
 /* The bin of the larger mu beside an edge; large ones come first. */
@@ -186,8 +186,8 @@ static void link_tree(const tree *t, int32_t n, const int32_t *chosen)
     }
 }
 
-/* The vertices' r along the tree, of which leaf after leaf is cut off; the cost of the doubt. */
-static double send_vertices(const tree *t, double *r, double *doubt, double *sent)
+/* The vertices' r along the tree, of which leaf after leaf is cut off; the cost of the rounding errors. */
+static double send_vertices(const tree *t, double *r, double *rounding, double *sent)
 {
     double cost = 0;
     for (int32_t i = 0; i < t->n_vertices; i++) {
@@ -196,9 +196,9 @@ static double send_vertices(const tree *t, double *r, double *doubt, double *sen
             const int32_t w = end[0] == v ? end[1] : end[0];
             const int32_t slot = t->slot ? t->slot[t->stride * (size_t)e] : e;
             if (slot >= 0) sent[slot] = end[0] == v ? r[v] : -r[v];
-            cost += 2 * t->length[t->length_stride * (size_t)e] * doubt[v];
+            cost += 2 * t->length[t->length_stride * (size_t)e] * rounding[v];
             r[w] += r[v];
-            doubt[w] += doubt[v];
+            rounding[w] += rounding[v];
             t->links[v]--;
             t->links[w]--;
             t->key[w] ^= e;
@@ -227,7 +227,7 @@ static double send_along_tree(const router *p)
     memset(t.links, 0, bytes);
     memset(t.key, 0, bytes);
     link_tree(&t, chosen, p->order);
-    return send_vertices(&t, p->r + p->n.vertex_row, p->doubt + p->n.vertex_row, p->sent);
+    return send_vertices(&t, p->r + p->n.vertex_row, p->rounding + p->n.vertex_row, p->sent);
 }
 
 /* ---- the tree of a mesh that is dealt out ------------------------------------------------------ */
@@ -244,7 +244,7 @@ typedef struct canopy {
     branch *branch;
     int32_t n;
     int32_t *order, *root, *links, *key;
-    double *r, *doubt; /* of the whole mesh's vertices */
+    double *r, *rounding; /* of the whole mesh's vertices */
 } canopy;
 
 static void canopy_free(canopy *c)
@@ -255,7 +255,7 @@ static void canopy_free(canopy *c)
     free(c->links);
     free(c->key);
     free(c->r);
-    free(c->doubt);
+    free(c->rounding);
 }
 
 static int compare_branches(const void *a, const void *b)
@@ -306,7 +306,7 @@ static tree branch_tree(const router *p, const canopy *c)
                   .key = c->key};
 }
 
-/* r and doubt of all vertices; the own ones are not read again, nor is u for a while. */
+/* r and rounding of all vertices; the own ones are not read again, nor is u for a while. */
 static int gather_loads(router *p, canopy *c)
 {
     int rc;
@@ -318,10 +318,10 @@ static int gather_loads(router *p, canopy *c)
     DMK_TRY(dmk_share_give_vertices(ctx, p->share, p->r + p->n.vertex_row, c->r));
     free(p->r);
     p->r = NULL;
-    DMK_TRY(DMK_NEW(ctx, c->doubt, vertices));
-    DMK_TRY(dmk_share_give_vertices(ctx, p->share, p->doubt + p->n.vertex_row, c->doubt));
-    free(p->doubt);
-    p->doubt = NULL;
+    DMK_TRY(DMK_NEW(ctx, c->rounding, vertices));
+    DMK_TRY(dmk_share_give_vertices(ctx, p->share, p->rounding + p->n.vertex_row, c->rounding));
+    free(p->rounding);
+    p->rounding = NULL;
 done:
     return rc;
 }
@@ -376,7 +376,7 @@ static int send_along_branches(router *p, double *cost)
     for (int32_t i = 0; i < c.n; i++)
         c.branch[i].edge = dmk_space_place(&p->share->edge, c.branch[i].edge);
     const tree t = branch_tree(p, &c);
-    *cost += send_vertices(&t, c.r, c.doubt, p->sent);
+    *cost += send_vertices(&t, c.r, c.rounding, p->sent);
 done:
     canopy_free(&c);
     return rc;
@@ -560,7 +560,7 @@ static int allocate(router *p)
     DMK_TRY(borrow(p, s->mu, (size_t)p->n.n_elements_pad, &p->mu));
     DMK_TRY(borrow(p, s->u, rows, &p->u));
     DMK_TRY(borrow(p, s->cg[DMK_OUTER].r, rows, &p->r));
-    DMK_TRY(borrow(p, s->cg[DMK_OUTER].ap, rows, &p->doubt));
+    DMK_TRY(borrow(p, s->cg[DMK_OUTER].ap, rows, &p->rounding));
     DMK_TRY(borrow(p, s->cg[DMK_OUTER].p, edges, &p->sent));
     if (p->share)
         DMK_TRY(DMK_NEW(ctx, p->half, edges));
@@ -585,7 +585,7 @@ static void release(router *p)
     give_back(p, &p->mu);
     give_back(p, &p->u);
     give_back(p, &p->r);
-    give_back(p, &p->doubt);
+    give_back(p, &p->rounding);
     give_back(p, &p->sent);
     free(p->cost);
     release_tree(p);
@@ -620,7 +620,7 @@ static int restore_rows(router *p)
     int rc;
     const size_t n = (size_t)p->n.n_rows_pad;
     DMK_TRY(DMK_NEW(p->o->ctx, p->u, n));
-    DMK_TRY(DMK_NEW(p->o->ctx, p->doubt, n));
+    DMK_TRY(DMK_NEW(p->o->ctx, p->rounding, n));
     rc = dmk_buffer_read_real(p->o->ctx, p->o->sys->device, DMK_OUTER, p->o->sys->u, n, p->u);
 done:
     return rc;
@@ -633,8 +633,8 @@ static int route(router *p, double *bound)
     double cost = 0;
     subtract(p);
     DMK_TRY(dmk_share_ghosts(ctx, p->share, p->r));
-    DMK_TRY(dmk_share_ghosts(ctx, p->share, p->doubt));
-    DMK_TRY(dmk_share_in_turn(ctx, p->share, &cost, add_doubts, p));
+    DMK_TRY(dmk_share_ghosts(ctx, p->share, p->rounding));
+    DMK_TRY(dmk_share_in_turn(ctx, p->share, &cost, add_rounding, p));
     send_midpoints(p);
     if (p->share) {
         DMK_TRY(send_along_branches(p, &cost));
@@ -643,7 +643,7 @@ static int route(router *p, double *bound)
         cost += send_along_tree(p);
     }
     release_tree(p);
-    p->beside = p->doubt; /* it is sent */
+    p->beside = p->rounding; /* it is sent */
     DMK_TRY(DMK_NEW(ctx, p->cost, (size_t)(p->elements.end - p->elements.begin)));
     add_sides(p);
     DMK_TRY(dmk_share_ghosts(ctx, p->share, p->beside));

@@ -79,7 +79,7 @@ def _data(result: "Result") -> "dict[str, Any]":
         "distance": _pack(result.distance, "<f4"),
         "potential": _pack(result.potential, "<f4"),
         "back": _pack(arrivals["back"], "<f4"),
-        "bend": _pack(arrivals["pseudo_source"], "<i4"),
+        "pseudo_source": _pack(arrivals["pseudo_source"], "<i4"),
         "leaving": _pack(arrivals["direction"], "<f4"),
         "turn": _turn(result),
         "locus": _pack((locus.vertices - centre) / size, "<f4"),

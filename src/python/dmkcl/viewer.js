@@ -24,9 +24,9 @@ const potential = new Float32Array(bytes(data.potential));
 const locus = new Float32Array(bytes(data.locus)), edges = new Uint32Array(bytes(data.edges));
 const strength = new Float32Array(bytes(data.strength)).map(s => s < 0 ? Infinity : s);
 const colours = new Uint8Array(bytes(data.colours));
-// How geodesics arrive at each vertex: the direction back, in its chart; the last vertex they bend at, or -1; the
+// How geodesics arrive at each vertex: the direction back, in its chart; the last pseudo-source, or -1; the
 // direction at the source.
-const back = new Float32Array(bytes(data.back)), bend = new Int32Array(bytes(data.bend));
+const back = new Float32Array(bytes(data.back)), pseudoSource = new Int32Array(bytes(data.pseudo_source));
 const leaving = new Float32Array(bytes(data.leaving));
 
 // What colours can show: values of the surface (null: none), their range, whether a logarithmic scale can be chosen.
@@ -458,11 +458,11 @@ function trace(v, length) {
     }
     return points;
 }
-// The minimal geodesic from vertex v back to the source: straight from bend to bend.
+// The minimal geodesic from vertex v back to the source: straight between pseudo-sources.
 function geodesic(v) {
     let points = [];
     for (let k = 0; k < 10000; k++) {
-        const stop = bend[v];
+        const stop = pseudoSource[v];
         const before = stop < 0 ? 0 : distance[stop];
         points = points.concat(trace(v, (distance[v] - before) / data.size));
         if (stop < 0) break;

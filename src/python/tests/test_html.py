@@ -147,8 +147,8 @@ def test_a_click_shows_minimal_geodesics(browser, page, result):
 @needs_browser
 def test_geodesics_bend_at_saddle_vertices(browser, tmp_path):
     mesh = dmkcl.surfaces.torus(n_triangles=300)
-    bends = dmkcl.Geodesics(mesh, 0)._arrivals["pseudo_source"]
-    assert (bends >= 0).any()
+    last = dmkcl.Geodesics(mesh, 0)._arrivals["pseudo_source"]
+    assert (last >= 0).any()
     result = dmkcl.CutLocus(mesh).solve(vertex=0)
     result.export_html(tmp_path / "coarse.html")
     browser.open(tmp_path / "coarse.html")
@@ -162,7 +162,7 @@ def test_geodesics_bend_at_saddle_vertices(browser, tmp_path):
                 length = json.loads(browser.value("document.getElementById('picked').dataset.lengths"))[0]
                 assert length == pytest.approx(result.distance[vertex], rel=1e-4)
                 seen.add(vertex)
-    assert len(seen) > 15 and (bends[list(seen)] >= 0).sum() >= 2
+    assert len(seen) > 15 and (last[list(seen)] >= 0).sum() >= 2
 
 
 @needs_browser

@@ -35,8 +35,8 @@ def test_masses_at_vertices_signed_and_written(sphere, tmp_path):
 
 
 def test_matrix(sphere):
-    spots = [dmkcl.Measure(points=[x]) for x in np.eye(3)]
-    matrix = sphere.w1_matrix(spots)
+    points = [dmkcl.Measure(points=[x]) for x in np.eye(3)]
+    matrix = sphere.w1_matrix(points)
     assert np.array_equal(matrix, matrix.T) and np.all(np.diag(matrix) == 0)
     assert np.allclose(matrix[np.triu_indices(3, 1)], np.pi / 2, atol=0.05)
 
