@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any, Iterator, Optional, Union
 
-from ._lib import Context, DeviceError, Handle, copy_struct, ffi, lib, path_bytes
+from ._lib import Context, DeviceError, Handle, copy_struct, ffi, lib, path_bytes, switch, whole
 
 # The process that first used OpenCL: its drivers have threads, which a fork does not take along.
 _first_process: "list[int]" = []
@@ -84,4 +84,4 @@ def open_device(
     select = None if device is None else str(device)
     folder = None if cache is None else path_bytes(cache)
     with _opening:
-        return _open(select, bool(single), int(threads), folder)
+        return _open(select, switch("single", single), whole("threads", threads), folder)

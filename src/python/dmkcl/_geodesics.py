@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Optional, Sequence, Union
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._lib import ArgumentError, Context, Handle, copy_struct, ffi, lib, path_bytes, view
+from ._lib import ArgumentError, Context, Handle, copy_struct, ffi, lib, path_bytes, switch, view, whole
 from ._mesh import Mesh, Point
 from ._read import MeshLike, as_mesh
 
@@ -26,13 +26,15 @@ def _points(
     points: Optional[ArrayLike],
 ) -> "list[Point]":
     """The sources, however they are given."""
+    if np.ndim(sources) == 0 and sources is not None:  # type: ignore[arg-type]
+        raise ArgumentError(f"sources = {sources!r}: expected several; one is given as source={sources!r}")
     single: "list[Union[int, Point]]" = [] if source is None else [source]
     places: "list[Point]" = []
     for given in [*single, *(sources if sources is not None else [])]:
         if isinstance(given, Point):
             places.append(given)
         elif np.ndim(given) == 0 and np.asarray(given).dtype.kind in "iu":
-            places.append(mesh.at_vertex(int(given)))
+            places.append(mesh.at_vertex(given))
         else:
             raise ArgumentError(
                 f"{given!r} is no vertex number; several are given as sources=[...], points in space "
@@ -60,6 +62,9 @@ class Path(NamedTuple):
     bary: NDArray[np.float64]
     length: float
     angle: float
+
+    def __repr__(self) -> str:
+        return f"<dmkcl.Path: {len(self.points)} points, length {self.length:.6g}>"
 
 
 _POINT = np.dtype([("triangle", np.int64), ("weight", np.float64, 3)])
@@ -104,7 +109,7 @@ class Geodesics:
     exact : no error, whatever the size
 
     Sources are numbered in the order source, sources, point, points; curve and border come last, as
-    one. Distance, direction and nearest are arrays over the vertices.
+    one. Distance, direction and nearest are arrays over the vertices. It can be pickled.
 
     Notes
     -----
@@ -130,21 +135,28 @@ class Geodesics:
         self.mesh: Mesh = as_mesh(mesh)
         #: The sources that are points.
         self.sources: "list[Point]" = _points(self.mesh, source, sources, point, points)
+        along = None if curve is None else [whole("curve", v) for v in curve]
+        apart = None if offsets is None else np.asarray(offsets, np.float64).tolist()
+        if apart is not None and len(apart) != len(self.sources):
+            raise ArgumentError(f"{len(apart)} offsets for {len(self.sources)} sources")
+        self._asked = (along, switch("border", border), apart, tolerance, switch("exact", exact))
+        self._made: Optional[Handle] = self._compute(whole("threads", threads))
+
+    def _compute(self, threads: int = 0) -> Handle:
+        curve, border, offsets, tolerance, exact = self._asked
         options = ffi.new("dmk_geodesics_options *")
         lib.dmk_geodesics_options_init(options, ffi.sizeof(options[0]))
         options.border, options.tolerance, options.exact = border, tolerance, exact
         keep: "list[Any]" = []  # what the options point to, until the call is over
         if offsets is not None:
-            keep.append(ffi.new("double[]", np.asarray(offsets, np.float64).tolist()))
-            if len(keep[-1]) != len(self.sources):
-                raise ArgumentError(f"{len(keep[-1])} offsets for {len(self.sources)} sources")
+            keep.append(ffi.new("double[]", offsets))
             options.offset = keep[-1]
         if curve is not None:
-            line = [int(v) for pair in zip(curve[:-1], curve[1:]) for v in pair]
+            line = [v for pair in zip(curve[:-1], curve[1:]) for v in pair]
             keep.append(ffi.new("int32_t[]", line))
             options.line, options.n_lines = keep[-1], len(line) // 2
         places = ffi.new("dmk_point[]", [(at.face, at.bary) for at in self.sources])
-        self._handle = Handle("dmk_geodesics", self.mesh._handle)
+        handle = Handle("dmk_geodesics", self.mesh._handle)
         with Context(threads=threads) as context:
             context.check(
                 lib.dmk_geodesics_create(
@@ -153,9 +165,34 @@ class Geodesics:
                     len(self.sources),
                     places,
                     options,
-                    self._handle.box,
+                    handle.box,
                 )
             )
+        return handle
+
+    # ---- copies ----------------------------------------------------------------------------------
+
+    @property
+    def _handle(self) -> Handle:
+        """The library's object; where this was unpickled it is computed anew when first needed, the same bit for bit."""
+        if self._made is None:
+            self._made = self._compute()
+        return self._made
+
+    def __getstate__(self) -> "dict[str, Any]":
+        """The arrays, and what was asked."""
+        kept = ("mesh", "sources", "_asked", "info", "distance", "_arrivals")
+        return {name: getattr(self, name) for name in kept}
+
+    def __setstate__(self, state: "dict[str, Any]") -> None:
+        self.__dict__.update(state, _made=None)
+        self.distance.flags.writeable = self._arrivals.flags.writeable = False
+
+    def __copy__(self) -> "Geodesics":
+        return self  # nothing of it can be changed
+
+    def __deepcopy__(self, memo: Any) -> "Geodesics":
+        return self
 
     def __repr__(self) -> str:
         return (

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ._colour import density_map
 from ._geodesics import Geodesics
+from ._lib import FileError
 from ._locus import Locus
 from .plotting import density_range
 
@@ -131,5 +132,7 @@ def export_html(result: "Result", path: "os.PathLike[str] | str", title: Optiona
     try:
         unfinished.write_text(page(result, title), encoding="utf-8")
         os.replace(unfinished, path)
+    except OSError as error:
+        raise FileError(f"{path}: cannot write: {error.strerror}") from None
     finally:
         unfinished.unlink(missing_ok=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import os
 import re
 from functools import partial
@@ -79,6 +80,23 @@ def text(chars: Any) -> str:
 
 def path_bytes(path: "os.PathLike[str] | str") -> bytes:
     return os.fsencode(path)
+
+
+def whole(name: str, value: Any) -> int:
+    """A whole number as it is; nothing is rounded, and no truth value or text taken for one."""
+    try:
+        if isinstance(value, (bool, np.bool_)):
+            raise TypeError
+        return operator.index(value)
+    except TypeError:
+        raise ArgumentError(f"{name} = {value!r}: expected a whole number") from None
+
+
+def switch(name: str, value: Any) -> bool:
+    """True or False; no text is taken for either."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise ArgumentError(f"{name} = {value!r}: expected True or False")
+    return bool(value)
 
 
 # ---- handles ----------------------------------------------------------------------------------

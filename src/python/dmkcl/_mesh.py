@@ -9,7 +9,7 @@ from typing import Any, Iterator, NamedTuple, Optional
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._lib import ArgumentError, Context, Handle, MeshError, copy_struct, ffi, lib, path_bytes, view
+from ._lib import ArgumentError, Context, Handle, MeshError, copy_struct, ffi, lib, path_bytes, view, whole
 
 
 class Point(NamedTuple):
@@ -182,7 +182,9 @@ class Mesh:
         found = ffi.new("dmk_point *")
         with Context() as context:
             context.check(
-                lib.dmk_mesh_vertex_point(context.pointer, self._pointer, int(vertex), found)
+                lib.dmk_mesh_vertex_point(
+                    context.pointer, self._pointer, whole("vertex", vertex), found
+                )
             )
         return self._place(found)
 
@@ -192,7 +194,7 @@ class Mesh:
         Weights are scaled to sum 1. ArgumentError if one is negative or the triangle is not there.
         """
         weight = np.full(3, 1 / 3) if bary is None else np.asarray(bary, dtype=np.float64)
-        if not 0 <= int(face) < len(self.faces):
+        if not 0 <= whole("face", face) < len(self.faces):
             raise ArgumentError(f"triangle {face}: expected 0 to {len(self.faces) - 1}")
         if weight.shape != (3,) or not (weight >= 0).all() or not 0 < weight.sum() < np.inf:
             raise ArgumentError(f"bary = {bary!r}: expected three weights that are not negative")

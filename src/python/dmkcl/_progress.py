@@ -7,7 +7,7 @@ from typing import Any, Callable, NamedTuple, Optional, Union
 import numpy as np
 from numpy.typing import NDArray
 
-from ._lib import text
+from ._lib import ArgumentError, text
 
 
 class Progress(NamedTuple):
@@ -43,6 +43,8 @@ class Watch:
     """Gathers the steps of one solve and hands each report on."""
 
     def __init__(self, progress: ProgressOption):
+        if not (isinstance(progress, bool) or callable(progress)):
+            raise ArgumentError(f"progress = {progress!r}: expected True, False or a function")
         self.rows: "list[tuple[Any, ...]]" = []
         self.callback: Optional[Callable[[Progress], Any]] = progress if callable(progress) else None
         self.bar: Any = None

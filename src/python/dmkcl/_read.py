@@ -125,11 +125,13 @@ def _by_trimesh(path: str) -> "tuple[Any, Any]":
     return loaded.vertices, loaded.faces
 
 
-def _named(error: Error, path: str) -> Error:
-    """The error with the user's file in its text."""
-    named = type(error)(f"{path}: {error}")
-    named.code = error.code
-    return named
+def named(error: Error, path: str) -> Error:
+    """The error with the user's file in its text, where that is not there."""
+    if path in str(error):
+        return error
+    again = type(error)(f"{path}: {error}")
+    again.code = error.code
+    return again
 
 
 def _try(reader: Callable[[str], Any], name: str, path: str) -> Any:
@@ -139,8 +141,10 @@ def _try(reader: Callable[[str], Any], name: str, path: str) -> Any:
     except ImportError as missing:
         return f"{missing.name or name} is not installed"
     except Error as error:
-        raise _named(error, path) from None
-    except (Exception, SystemExit) as error:  # meshio ends the program on some files
+        raise named(error, path) from None
+    except SystemExit:  # meshio ends the program on some files
+        return "cannot read it"
+    except Exception as error:
         words = str(error).strip() or type(error).__name__
         return words.splitlines()[0]
 
@@ -160,7 +164,7 @@ def _load(path: str, own: Callable[[str], Any], make: Callable[[Any, Any], Any])
             try:
                 return make(*found)
             except Error as error:
-                raise _named(error, path) from None
+                raise named(error, path) from None
         said.append(f"{name}: {found}")
     raise FormatError("; ".join(said)) from refused
 
@@ -199,6 +203,8 @@ def _arrays(mesh: Any) -> "tuple[Any, Any]":
 def as_mesh(mesh: MeshLike, faces: Optional[ArrayLike] = None) -> Mesh:
     """A Mesh of: a Mesh; vertices and faces; a mesh of another package; a file name."""
     if faces is not None:
+        if isinstance(mesh, (Mesh, str, os.PathLike)) or from_object(mesh) is not None:
+            raise ArgumentError("a mesh has its faces; give what follows by name: source=17, not 17")
         vertices: Any = mesh
         return Mesh(vertices, faces)
     if isinstance(mesh, Mesh):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from functools import cached_property
-from typing import Any, NamedTuple, Optional
+from typing import Any, Literal, NamedTuple, Optional, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -70,6 +70,9 @@ class Cut(_CutArrays):
 
     plane: NDArray[np.float64]
 
+    def __repr__(self) -> str:
+        return f"<dmkcl.Cut: {len(self.vertices)} vertices, {len(self.faces)} triangles>"
+
 
 class Tangent(NamedTuple):
     """The tangent cut locus: in the direction angle[i] (radians, [0, 2 pi), ascending) from the
@@ -79,6 +82,9 @@ class Tangent(NamedTuple):
     angle: NDArray[np.float64]
     time: NDArray[np.float64]
     vertex: NDArray[np.int64]
+
+    def __repr__(self) -> str:
+        return f"<dmkcl.Tangent: {len(self.angle)} directions>"
 
 
 class Result:
@@ -348,24 +354,42 @@ class Result:
 
     # ---- pictures -----------------------------------------------------------------------------
 
-    def plot(self, **options: Any) -> Any:
+    def plot(
+        self,
+        *,
+        log: bool = True,
+        contours: int = 20,
+        locus: bool = True,
+        source: bool = True,
+        cmap: Any = None,
+        clim: Optional[Sequence[float]] = None,
+        scalars: str = "mu",
+        views: Literal[1, 2] = 2,
+        plotter: Any = None,
+        show: bool = True,
+        screenshot: "None | str | os.PathLike[str]" = None,
+        mesh_options: "Optional[dict[str, Any]]" = None,
+    ) -> Any:
         """Show the surface with PyVista: the density in colour, lines of equal distance, the cut
         locus as tubes, the source as a ball. Options: see `dmkcl.plotting.plot`."""
         from .plotting import plot
 
-        return plot(self, **options)
+        return plot(
+            self, log=log, contours=contours, locus=locus, source=source, cmap=cmap, clim=clim, scalars=scalars,
+            views=views, plotter=plotter, show=show, screenshot=screenshot, mesh_options=mesh_options,
+        )  # fmt: skip
 
-    def plot_tangent(self, **options: Any) -> Any:
+    def plot_tangent(self, *, ax: Any = None, line_options: "Optional[dict[str, Any]]" = None) -> Any:
         """Draw the tangent cut locus with Matplotlib; see `dmkcl.plotting.plot_tangent`."""
         from .plotting import plot_tangent
 
-        return plot_tangent(self, **options)
+        return plot_tangent(self, ax=ax, line_options=line_options)
 
-    def plot_history(self, **options: Any) -> Any:
-        """Draw the convergence with Matplotlib. Options: see `dmkcl.plotting.plot_history`."""
+    def plot_history(self, *, ax: Any = None) -> Any:
+        """Draw the convergence with Matplotlib; see `dmkcl.plotting.plot_history`."""
         from .plotting import plot_history
 
-        return plot_history(self, **options)
+        return plot_history(self, ax=ax)
 
     def view(self, *, height: int = 500, title: Optional[str] = None) -> Any:
         """The page of `export_html` for the output of a notebook's cell, `height` pixels high."""

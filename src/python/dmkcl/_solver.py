@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import warnings
 from typing import (
-    TYPE_CHECKING,
     Any,
     Callable,
     Iterable,
@@ -13,7 +12,6 @@ from typing import (
     Literal,
     Optional,
     Sequence,
-    TypedDict,
     Union,
 )
 
@@ -22,37 +20,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._device import open_device
 from ._geodesics import Geodesics
-from ._lib import ArgumentError, Context, Error, Handle, ffi, lib
+from ._lib import ArgumentError, Context, Error, Handle, ffi, lib, switch
 from ._mesh import Mesh, Point
 from ._progress import ProgressOption, Watch
-from ._read import MeshLike, as_mesh, warning_of_pieces
+from ._read import MeshLike, as_mesh, named, warning_of_pieces
 from ._result import Cut, Result
 from ._transport import MeasureLike, Transport, solve_measures
-
-if TYPE_CHECKING:
-    from typing_extensions import Unpack
 
 Method = Literal["newton", "inertial", "euler"]
 Start = Literal["distance", "uniform"]
 
 _METHODS = {"newton": lib.DMK_NEWTON, "inertial": lib.DMK_INERTIAL, "euler": lib.DMK_EULER}
 _STARTS = {"distance": lib.DMK_START_DISTANCE, "uniform": lib.DMK_START_UNIFORM}
-
-
-class SolveOptions(TypedDict, total=False):
-    """The options of `CutLocus.solve` where they are handed on; their meaning stands there."""
-
-    method: Method
-    start: Start
-    tolerance: float
-    gap: float
-    max_steps: int
-    threshold: float
-    dt: float
-    inertia: Optional[float]
-    cg_tolerance: float
-    strength: float
-    density_only: bool
 
 
 def _choose(table: "dict[str, int]", name: str, value: str) -> int:
@@ -81,7 +60,7 @@ def _options(
     options.tolerance, options.gap_tolerance = tolerance, gap
     options.max_steps, options.threshold = max_steps, threshold
     options.dt, options.cg_tolerance = dt, cg_tolerance
-    options.density_only = density_only
+    options.density_only = switch("density_only", density_only)
     if inertia is not None:
         options.inertia = inertia
     return options
@@ -318,12 +297,14 @@ class CutLocus:
         )
         if points is not None and np.ndim(points) != 2:
             raise ArgumentError(f"points have the shape {np.shape(points)}; expected (k, 3)")
-        given = {"point": points, "vertex": vertices, "face": faces}
-        named = [(name, values) for name, values in given.items() if values is not None]
-        if len(named) != 1:
+        given = {"points": points, "vertices": vertices, "faces": faces}
+        chosen: "list[tuple[str, Any]]" = [(name, of) for name, of in given.items() if of is not None]
+        if len(chosen) != 1:
             raise ArgumentError("say where by one of: points, vertices, faces with bary")
-        name = named[0][0]
-        values: Any = named[0][1]
+        several, values = chosen[0]
+        if np.ndim(values) == 0:
+            raise ArgumentError(f"{several} = {values!r}: expected several")
+        name = {"points": "point", "vertices": "vertex", "faces": "face"}[several]
         weights = [None] * len(values) if bary is None else list(np.asarray(bary))
         if len(weights) != len(values):
             raise ArgumentError(f"{len(values)} faces, but {len(weights)} rows of bary")
@@ -426,7 +407,17 @@ def solve_meshes(
     single: bool = False,
     threads: int = 0,
     cache: "Union[None, str, os.PathLike[str]]" = None,
-    **options: Unpack[SolveOptions],
+    method: Method = "newton",
+    start: Start = "distance",
+    tolerance: float = 0,
+    gap: float = 0,
+    max_steps: int = 0,
+    threshold: float = 0,
+    dt: float = 0,
+    inertia: Optional[float] = None,
+    cg_tolerance: float = 0,
+    strength: float = 0,
+    density_only: bool = False,
 ) -> "Iterator[Union[Result, Error]]":
     """Results of many meshes, one for each and in their order, as an iterator.
 
@@ -442,7 +433,7 @@ def solve_meshes(
         and nothing is yielded for it.
     device, single, threads, cache
         As of `CutLocus`; the device is opened once.
-    **options
+    method to density_only
         As of `CutLocus.solve`.
 
     Each result is computed when it is asked for, so that memory holds one mesh at a time:
@@ -455,20 +446,35 @@ def solve_meshes(
     if isinstance(meshes, (str, os.PathLike, Mesh)):
         raise ArgumentError("one mesh; expected several, as in a list: [mesh]")
     where = _one_place(source)
-    choice = (device, single, threads, cache)
-    return (
-        found for mesh in meshes for found in _solve_mesh(mesh, where, on_error, choice, options)
+    settings = _options(
+        method=method,
+        start=start,
+        tolerance=tolerance,
+        gap=gap,
+        max_steps=max_steps,
+        threshold=threshold,
+        dt=dt,
+        inertia=inertia,
+        cg_tolerance=cg_tolerance,
+        density_only=density_only,
     )
+
+    def solve(mesh: Any) -> Result:
+        solver = _make(as_mesh(mesh), device, single, threads, cache)
+        return solver._solve(solver.mesh.place(**where), settings, False, strength)
+
+    return (found for mesh in meshes for found in _solve_mesh(mesh, solve, on_error))
 
 
 def _solve_mesh(
-    mesh: Any, where: "dict[str, Any]", on_error: OnError, choice: Any, options: SolveOptions
+    mesh: Any, solve: Callable[[Any], Result], on_error: OnError
 ) -> "list[Union[Result, Error]]":
     try:
-        return [_make(as_mesh(mesh), *choice).solve(**where, **options)]
-    except Error as error:
+        return [solve(mesh)]
+    except Error as said:
+        error = named(said, os.fspath(mesh)) if isinstance(mesh, (str, os.PathLike)) else said
         if on_error == "raise":
-            raise
+            raise error from None
         if not callable(on_error):
             return [error]
         on_error(mesh, error)
@@ -504,12 +510,13 @@ def shortest_path(
 def cut_open(
     vertices: Union[ArrayLike, MeshLike],
     faces: Optional[ArrayLike] = None,
-    source: ArrayLike = 0,
-    **options: Unpack[SolveOptions],
+    source: Union[int, ArrayLike] = 0,
+    *,
+    strength: float = 0,
 ) -> Cut:
-    """The surface cut open along the cut locus of a source (vertex number or point): a disk.
-    See `Result.cut_open`."""
-    return CutLocus(vertices, faces).solve(**_one_place(source), **options).cut_open()
+    """The surface cut open along the cut locus of a source (vertex number or point): a disk. See
+    `Result.cut_open`, and `CutLocus.solve` for the strength."""
+    return CutLocus(vertices, faces).solve(**_one_place(source), strength=strength).cut_open()
 
 
 def transport(

@@ -30,6 +30,13 @@ class Measure:
     masses: Union[None, Literal["free"], ArrayLike] = None
     uniform: float = 0.0
 
+    def __repr__(self) -> str:
+        given = {name: getattr(self, name) for name in ("vertex_mass", "face_density", "points")}
+        parts = [f"{name} of {len(a)}" for name, a in given.items() if a is not None]
+        parts += ["masses free"] if isinstance(self.masses, str) else []
+        parts += [f"uniform {self.uniform:.6g}"] if self.uniform else []
+        return f"<dmkcl.Measure: {', '.join(parts) or 'nothing'}>"
+
 
 #: A `Measure`, or an array of masses at the vertices.
 MeasureLike = Union[Measure, ArrayLike]
@@ -71,15 +78,40 @@ def _pack(mesh: Mesh, measure: MeasureLike, keep: "list[Any]") -> Any:
     return packed
 
 
+_ARRAYS = ("density", "flux", "potential", "atom_mass", "acl")
+
+
 class Transport:
     """What `CutLocus.transport` found. Arrays are read-only views of the library's memory.
 
-    Solved is ``-div(mu grad u) = a - b`` with ``|grad u| <= 1``, equal to 1 where ``mu > 0``.
+    Solved is ``-div(mu grad u) = a - b`` with ``|grad u| <= 1``, equal to 1 where ``mu > 0``. It can be
+    pickled, with all but `write`.
     """
 
     def __init__(self, mesh: Mesh, handle: Handle):
         self.mesh: Mesh = mesh
-        self._handle = handle
+        self._made: Optional[Handle] = handle
+
+    @property
+    def _handle(self) -> Handle:
+        if self._made is None:
+            raise ArgumentError("a transport that was pickled cannot be written; write it before")
+        return self._made
+
+    def __getstate__(self) -> "dict[str, Any]":
+        """Arrays, numbers and the mesh."""
+        return {name: getattr(self, name) for name in ("mesh", "stats", "_info", *_ARRAYS)}
+
+    def __setstate__(self, state: "dict[str, Any]") -> None:
+        self.__dict__.update(state, _made=None)
+        for name in _ARRAYS:
+            getattr(self, name).flags.writeable = False
+
+    def __copy__(self) -> "Transport":
+        return self  # nothing of it can be changed
+
+    def __deepcopy__(self, memo: Any) -> "Transport":
+        return self
 
     def __repr__(self) -> str:
         return f"<dmkcl.Transport: mass {self.mass:.6g}, W1 from {self.lower:.6g} to {self.upper:.6g}>"

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any, Optional, Sequence
+from typing import TYPE_CHECKING, Any, Literal, Optional, Sequence
 
 import numpy as np
 
 from ._colour import density_map
+from ._lib import ArgumentError
 
 if TYPE_CHECKING:
     from ._result import Result
@@ -39,11 +40,11 @@ def plot(
     cmap: Any = None,
     clim: Optional[Sequence[float]] = None,
     scalars: str = "mu",
-    views: int = 2,
+    views: Literal[1, 2] = 2,
     plotter: Any = None,
     show: bool = True,
     screenshot: "None | str | os.PathLike[str]" = None,
-    **mesh_options: Any,
+    mesh_options: "Optional[dict[str, Any]]" = None,
 ) -> Any:
     """Show a result with PyVista: from the source's side, and from the other one, where the cut locus is.
 
@@ -58,12 +59,14 @@ def plot(
     plotter : add to this pyvista.Plotter, in its active subplot, instead of a new one; one view.
     show : open a window (or, in a notebook, a view); False: only hand the plotter back.
     screenshot : write a picture to this file, without a window.
-    mesh_options : passed on to pyvista.Plotter.add_mesh of the surface.
+    mesh_options : more of pyvista.Plotter.add_mesh for the surface, as {"show_edges": True}.
 
     Returns the plotter, to which more can be added when `show` is False.
     """
     import pyvista
 
+    if views not in (1, 2):
+        raise ArgumentError(f"views = {views!r}: expected 1 or 2")
     own = plotter is None
     if own:
         plotter = pyvista.Plotter(
@@ -78,7 +81,7 @@ def plot(
         if own:
             plotter.subplot(0, number)
         plotter.set_background("white")
-        shown = {**settings, "show_scalar_bar": number + 1 == len(sides), **mesh_options}
+        shown = {**settings, "show_scalar_bar": number + 1 == len(sides), **(mesh_options or {})}
         surface = plotter.add_mesh(data.copy(deep=False), **shown)
         # The surface steps back behind the lines that lie on it.
         surface.mapper.SetResolveCoincidentTopologyToPolygonOffset()
@@ -173,12 +176,15 @@ def _add_locus(plotter: Any, result: "Result", radius: float) -> None:
         )
 
 
-def plot_tangent(result: "Result", *, ax: Any = None, **line_options: Any) -> Any:
+def plot_tangent(
+    result: "Result", *, ax: Any = None, line_options: "Optional[dict[str, Any]]" = None
+) -> Any:
     """Draw the tangent cut locus with Matplotlib: directions and lengths at the source.
 
     The disk inside is the part of the tangent plane that the exponential map lays on the surface
     once. Polar axes: angle in turns of the source, radius in the unit of the coordinates. With a
-    border, where geodesics end at it, the line has gaps. Returns the axes.
+    border, where geodesics end at it, the line has gaps. line_options: of Axes.plot, as {"lw": 2}. Returns
+    the axes.
     """
     import matplotlib.pyplot as plt
 
@@ -193,7 +199,7 @@ def plot_tangent(result: "Result", *, ax: Any = None, **line_options: Any) -> An
     else:
         wide = np.flatnonzero(np.diff(angle) > 12 * np.pi / len(angle)) + 1
         angle, time = np.insert(angle, wide, np.nan), np.insert(time, wide, np.nan)
-    ax.plot(angle, time, **{"color": LOCUS_COLOUR, **line_options})
+    ax.plot(angle, time, **{"color": LOCUS_COLOUR, **(line_options or {})})
     if closed:
         ax.fill(angle, time, color=SOURCE_COLOUR, alpha=0.15, linewidth=0)
     ax.plot(0, 0, "o", color=SOURCE_COLOUR)

@@ -1,3 +1,6 @@
+import copy
+import pickle
+
 import dmkcl
 import numpy as np
 import pytest
@@ -60,6 +63,20 @@ def test_as_functions(plane):
 def test_what_is_no_vertex_is_refused(plane, wrong):
     with pytest.raises(dmkcl.ArgumentError, match="points in space"):
         dmkcl.distance(plane, None, wrong)
+
+
+def test_they_pickle_and_copy(plane, tmp_path):
+    found = dmkcl.Geodesics(plane, 3, point=(1, 0, 0), curve=[0, 1], offsets=[0.5, 0])
+    again = pickle.loads(pickle.dumps(found))
+    for name in ("distance", "nearest", "direction"):
+        assert np.array_equal(getattr(again, name), getattr(found, name)), name
+        assert not getattr(again, name).flags.writeable
+    assert again._made is None and repr(again) == repr(found) and again.info == found.info
+    assert again.path(vertex=300).length == found.path(vertex=300).length
+    found.write(tmp_path / "a.vtp")
+    again.write(tmp_path / "b.vtp")
+    assert (tmp_path / "a.vtp").read_bytes() == (tmp_path / "b.vtp").read_bytes()
+    assert copy.copy(found) is copy.deepcopy(found) is found
 
 
 def test_no_source_is_refused(plane):

@@ -225,7 +225,7 @@ def test_huge_and_far_coordinates(browser, small, tmp_path):
 
 
 def test_nothing_is_left_of_a_failed_export(result, tmp_path):
-    with pytest.raises(OSError):
+    with pytest.raises(dmkcl.FileError, match=r"folder.x\.html: cannot write: No such file"):
         result.export_html(tmp_path / "no-such-folder" / "x.html")
     (tmp_path / "folder").mkdir()
     with pytest.raises(OSError):

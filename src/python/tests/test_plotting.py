@@ -68,6 +68,9 @@ def test_plot_options(result):
     assert len(plotter.actors) <= 2
     mine = pyvista.Plotter(off_screen=True)
     assert result.plot(plotter=mine, show=False, scalars="distance", cmap="viridis") is mine
+    assert result.plot(plotter=mine, show=False, mesh_options={"show_edges": True}) is mine
+    with pytest.raises(dmkcl.ArgumentError, match="views = 3"):
+        result.plot(views=3, show=False)
     plotter.close()
     mine.close()
 
@@ -83,7 +86,7 @@ def test_plot_of_a_point_and_of_components(small):
 def test_plot_tangent(result):
     from matplotlib import pyplot
 
-    axes = result.plot_tangent(linewidth=2)
+    axes = result.plot_tangent(line_options={"linewidth": 2})
     line = axes.lines[0]
     assert line.get_linewidth() == 2
     angle, time = line.get_data()

@@ -4,6 +4,7 @@ import copy
 import gc
 import inspect
 import pickle
+import re
 
 import numpy as np
 import pytest
@@ -306,6 +307,11 @@ def test_to_trimesh(result, tmp_path):
 def test_printed_forms(solver, result):
     assert "source (3, 0, 0), cost 3" in repr(result) and len(repr(result)) < 90
     assert "2 loops" in repr(result.locus) and "CutLocus" in repr(solver)
+    assert repr(result.path(vertex=9)).startswith("<dmkcl.Path: ") and len(repr(result.path(vertex=9))) < 60
+    assert re.fullmatch(r"<dmkcl.Cut: \d+ vertices, \d+ triangles>", repr(result.cut_open()))
+    assert re.fullmatch(r"<dmkcl.Tangent: \d+ directions>", repr(result.tangent))
+    kept = pickle.loads(pickle.dumps((result.cut_open(), result.tangent, result.certificate)))
+    assert np.array_equal(kept[0].plane, result.cut_open().plane) and kept[2] == result.certificate
 
 
 def test_results_pickle_and_copy(result, tmp_path):
@@ -365,8 +371,49 @@ def test_unknown_options_are_errors(solver):
         solver.solve(vertex=0, tolerence=1e-3)
     with pytest.raises(TypeError, match="max_step"):
         solver.solve_many(vertices=[0], max_step=3)
-    options = inspect.signature(solver.solve).parameters
-    assert "tolerance" in options and "options" not in options
+    with pytest.raises(TypeError, match="tolerence"):
+        dmkcl.solve_meshes([], tolerence=1e-3)
+    with pytest.raises(dmkcl.ArgumentError, match="'oiler'"):
+        dmkcl.solve_meshes([], method="oiler")
+
+
+def test_all_options_have_names():
+    """No function takes arguments that its signature does not name: typos are errors, editors list what there is."""
+    public = [getattr(dmkcl, name) for name in dmkcl.__all__]
+    methods = [f for c in public if inspect.isclass(c) for f in vars(c).values() if inspect.isfunction(f)]
+    functions = [f for f in public if inspect.isfunction(f)] + list(vars(dmkcl.surfaces).values())
+    asked = {f for f in [*methods, *functions] if inspect.isfunction(f) and f.__module__.startswith("dmkcl")}
+    asked = {f for f in asked if not f.__name__.startswith("__") or f.__name__ == "__init__"}
+    assert {dmkcl.solve_meshes, dmkcl.CutLocus.solve, dmkcl.Result.plot, dmkcl.surfaces.torus} < asked
+    for f in asked:
+        kinds = {p.kind for p in inspect.signature(f).parameters.values()}
+        assert not kinds & {inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL}, f
+
+
+@pytest.mark.parametrize(
+    "call, words",
+    [
+        (lambda s: s.solve(vertex=1.7), "vertex = 1.7: expected a whole number"),
+        (lambda s: s.solve(vertex=True), "vertex = True: expected a whole number"),
+        (lambda s: s.solve(vertex="1"), "vertex = '1': expected a whole number"),
+        (lambda s: s.solve(vertex=[1, 2]), "expected a whole number"),
+        (lambda s: s.solve(face=0.5), "face = 0.5: expected a whole number"),
+        (lambda s: s.solve(vertex=0, progress="no"), "progress = 'no'"),
+        (lambda s: s.solve(vertex=0, density_only="no"), "density_only = 'no'"),
+        (lambda s: s.solve_many(vertices=3), "vertices = 3: expected several"),
+        (lambda s: s.solve_many(vertices=[1.5]), "expected a whole number"),
+        (lambda s: dmkcl.distance(s.mesh, 17), "source=17, not 17"),
+        (lambda s: dmkcl.distance("mesh.off", 17), "source=17, not 17"),
+        (lambda s: dmkcl.cut_open(s.mesh.to_trimesh(), 17), "source=17, not 17"),
+        (lambda s: dmkcl.distance(s.mesh, sources=3), "given as source=3"),
+        (lambda s: dmkcl.Geodesics(s.mesh, curve=[0, 1.5]), "curve = 1.5"),
+        (lambda s: dmkcl.CutLocus(s.mesh, threads=1.5), "threads = 1.5"),
+        (lambda s: dmkcl.CutLocus(s.mesh, single="no"), "single = 'no'"),
+    ],
+)
+def test_arguments_mean_one_thing(solver, call, words):
+    with pytest.raises(dmkcl.ArgumentError, match=re.escape(words)):
+        call(solver)
 
 
 def test_many_meshes(small, tmp_path):
@@ -393,6 +440,9 @@ def test_many_meshes(small, tmp_path):
 
 def test_many_meshes_with_errors(small, tmp_path):
     missing, failed = tmp_path / "missing.off", []
+    small.write(tmp_path / "small.off")
+    with pytest.raises(dmkcl.ArgumentError, match="small.off: vertex 1000000"):
+        next(dmkcl.solve_meshes([tmp_path / "small.off"], source=10**6))
     found = dmkcl.solve_meshes([small, missing, small])
     next(found)
     with pytest.raises(dmkcl.FileError, match="missing.off"):

@@ -1,3 +1,6 @@
+import copy
+import pickle
+
 import dmkcl
 import numpy as np
 import pytest
@@ -32,6 +35,22 @@ def test_masses_at_vertices_signed_and_written(sphere, tmp_path):
         sphere.transport(a, 2 * a)
     with pytest.raises(dmkcl.ArgumentError, match="vertex_mass"):
         sphere.transport(a[:-1], b)
+
+
+def test_it_pickles_and_copies(sphere):
+    free = dmkcl.Measure(points=[(1, 0, 0), (0, 0, 1)], masses="free")
+    found = sphere.transport(dmkcl.Measure(uniform=1), free)
+    again = pickle.loads(pickle.dumps(found))
+    for name in ("density", "flux", "potential", "atom_mass", "acl"):
+        assert np.array_equal(getattr(again, name), getattr(found, name)), name
+        assert not getattr(again, name).flags.writeable
+    assert repr(again) == repr(found) and again.balance == found.balance
+    assert again.stats["steps"] == found.stats["steps"] and again.lower == found.lower
+    assert len(again.atom_mass) == 2 and copy.copy(found) is copy.deepcopy(found) is found
+    with pytest.raises(dmkcl.ArgumentError, match="pickled"):
+        again.write("nowhere.vtp")
+    assert repr(free) == "<dmkcl.Measure: points of 2, masses free>"
+    assert repr(dmkcl.Measure(vertex_mass=np.ones(3))) == "<dmkcl.Measure: vertex_mass of 3>"
 
 
 def test_matrix(sphere):

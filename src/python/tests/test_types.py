@@ -12,6 +12,9 @@ import dmkcl
 solver = dmkcl.CutLocus(dmkcl.surfaces.torus())
 result = solver.solve(vertex=0, method="euler", tolerance=1e-3, progress=True)
 length: float = result.path(vertex=5).length
+result.plot(contours=3)
+dmkcl.solve_meshes(["a.off"], gap=0.1)
+dmkcl.cut_open("a.off", strength=0.1)
 """
 
 
@@ -38,7 +41,10 @@ def test_right_programs_pass_and_typos_do_not(mypy, tmp_path):
     path.write_text(RIGHT)
     done = mypy(path)
     assert done.returncode == 0, done.stdout
-    for right, wrong in (("tolerance", "tolerence"), ('"euler"', '"oiler"'), ("float", "str")):
+    for right, wrong in (
+        ("tolerance", "tolerence"), ('"euler"', '"oiler"'), ("float", "str"), ("contours", "contour"), ("gap", "gab"),
+        ("strength", "strenght"),
+    ):  # fmt: skip
         path = tmp_path / f"{wrong.strip(chr(34))}.py"  # mypy knows a file by its size and second
         path.write_text(RIGHT.replace(right, wrong))
         assert mypy(path).returncode == 1, wrong
