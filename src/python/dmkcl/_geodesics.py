@@ -174,7 +174,7 @@ class Geodesics:
 
     @property
     def _handle(self) -> Handle:
-        """The library's object; where this was unpickled it is computed anew when first needed, the same bit for bit."""
+        """The library's object; after unpickling it is computed anew when first needed, bit for bit."""
         if self._made is None:
             self._made = self._compute()
         return self._made
