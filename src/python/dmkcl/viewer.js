@@ -575,7 +575,9 @@ canvas.onpointerup = event => {
     pressed = null;
 };
 canvas.onpointercancel = event => held.delete(event.pointerId);
-canvas.onpointerleave = () => { element("tip").hidden = true; };
+canvas.onpointerleave = event => { // a finger that is lifted leaves, too: what it has asked for stays
+    if (event.pointerType !== "touch") element("tip").hidden = true;
+};
 canvas.oncontextmenu = event => event.preventDefault();
 canvas.addEventListener("wheel", event => {
     event.preventDefault();

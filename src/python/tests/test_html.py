@@ -182,8 +182,25 @@ def test_fingers(browser, page):
     browser.open(page)
     first = browser.screenshot()
     browser.fingers([[(350, 300), (450, 300)], [(250, 300), (550, 300)]])
-    assert (browser.screenshot() != 255).any(axis=2).sum() > 1.2 * (first != 255).any(axis=2).sum()
+    near = browser.screenshot()
+    assert (near != 255).any(axis=2).sum() > 1.2 * (first != 255).any(axis=2).sum()
+    browser.fingers([[(400, 300)], [(430, 300)], [(480, 320)]])  # one turns
+    turned = browser.screenshot()
+    assert (turned != near).any(axis=2).mean() > 0.05
+    browser.fingers([[(300, 300), (500, 300)], [(350, 330), (550, 330)]])  # two move
+    assert (browser.screenshot() != turned).any(axis=2).mean() > 0.05
     assert browser.complaints == []
+
+
+@needs_browser
+def test_a_tap_shows_values_and_geodesics(browser, page):
+    browser.open(page)
+    browser.drawn(lambda: browser.fingers([[(420, 330)]]))
+    assert "Minimal geodesic" in browser.value("document.getElementById('picked').textContent")
+    assert browser.value("document.getElementById('tip').hidden") is False
+    assert "density" in browser.value("document.getElementById('tip').textContent")
+    browser.fingers([[(420, 330)], [(470, 330)]])
+    assert browser.value("document.getElementById('tip').hidden") is True
 
 
 @needs_browser
