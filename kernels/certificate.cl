@@ -26,8 +26,9 @@ static real energy_of(const real *c, const real *x, real *y)
  * reads index, q, mark, u and before (gathered); writes ring
  * moves 28 E + real E + 2 real R + 4 R bytes, 0 flops
  * shape rows, one an element; all write the same 1 */
-KERNEL repair_mark(int n, global const int *index, global const real *q, global const int *mark,
-                   global const real *u, global const real *before, global int *ring,
+KERNEL repair_mark(int n, global const int *restrict index, global const real *restrict q,
+                   global const int *restrict mark, global const real *restrict u,
+                   global const real *restrict before, global int *restrict ring,
                    volatile global int *shares, int4 launch)
 {
     FOR_ROWS(t, n, shares, launch)
@@ -56,7 +57,7 @@ static int is_hot(global const int *index, global const int *ring, int base, int
  * reads index, ring (gathered); writes ring
  * moves 24 E + 8 R bytes, 0 flops
  * shape rows, one an element; a row of the next ring is as little of this one as no ring is */
-KERNEL repair_grow(int n, int round, global const int *index, global int *ring,
+KERNEL repair_grow(int n, int round, global const int *restrict index, global int *restrict ring,
                    volatile global int *shares, int4 launch)
 {
     FOR_ROWS(t, n, shares, launch)
@@ -74,9 +75,9 @@ KERNEL repair_grow(int n, int round, global const int *index, global int *ring,
  * reads index, ring (gathered); writes count, list
  * moves 24 E + 4 R bytes, 0 flops
  * shape rows, one an element */
-KERNEL repair_list_elements(int n, int round, global const int *index, global const int *ring,
-                            volatile global int *count, global int *list,
-                            volatile global int *shares, int4 launch)
+KERNEL repair_list_elements(int n, int round, global const int *restrict index,
+                            global const int *restrict ring, volatile global int *count,
+                            global int *restrict list, volatile global int *shares, int4 launch)
 {
     FOR_ROWS(t, n, shares, launch)
     {
@@ -88,8 +89,8 @@ KERNEL repair_list_elements(int n, int round, global const int *index, global co
  * reads ring; writes ring, count, list
  * moves 8 R bytes, 0 flops
  * shape rows */
-KERNEL repair_list_rows(int n, global int *ring, volatile global int *count, global int *list,
-                        volatile global int *shares, int4 launch)
+KERNEL repair_list_rows(int n, global int *restrict ring, volatile global int *count,
+                        global int *restrict list, volatile global int *shares, int4 launch)
 {
     FOR_ROWS(i, n, shares, launch)
     {
@@ -105,11 +106,12 @@ KERNEL repair_list_rows(int n, global int *ring, volatile global int *count, glo
  * reads list, index, cot, area, inv_diag and u (gathered), mark, broken; writes out, mark, moved, broken
  * moves 80 N + 16 real N bytes, 50 to 900 N flops
  * shape rows, one a listed element; numerics at most 12 steps, to 1e-4 of the target */
-KERNEL repair_elements(int n, int sweep, int stamp, float target, global const int *list,
-                       global const int *index, global const real *cot, global const real *area,
-                       global const float *inv_diag, global const real *u, global real *out,
-                       global int *mark, global int *moved, volatile global int *broken,
-                       volatile global int *shares, int4 launch)
+KERNEL repair_elements(int n, int sweep, int stamp, float target, global const int *restrict list,
+                       global const int *restrict index, global const real *restrict cot,
+                       global const real *restrict area, global const float *restrict inv_diag,
+                       global const real *restrict u, global real *restrict out,
+                       global int *restrict mark, global int *restrict moved,
+                       volatile global int *broken, volatile global int *shares, int4 launch)
 {
     const real s = target, enough = s * s * (real)1.0002f;
     FOR_ROWS(i, n, shares, launch)
@@ -147,10 +149,11 @@ KERNEL repair_elements(int n, int sweep, int stamp, float target, global const i
  * reads list, slice, slot, out (gathered), moved, broken, u, before; writes u, before
  * moves 40 N + 10 real N bytes, 12 N flops
  * shape rows, the listed ones */
-KERNEL repair_rows(int n, int sweep, int stamp, float momentum, global const int *list,
-                   global const int *slice, global const int *slot, global const real *out,
-                   global const int *moved, global const int *broken, global real *u,
-                   global real *before, volatile global int *shares, int4 launch)
+KERNEL repair_rows(int n, int sweep, int stamp, float momentum, global const int *restrict list,
+                   global const int *restrict slice, global const int *restrict slot,
+                   global const real *restrict out, global const int *restrict moved,
+                   global const int *restrict broken, global real *restrict u,
+                   global real *restrict before, volatile global int *shares, int4 launch)
 {
     FOR_ROWS(l, n, shares, launch)
     {
@@ -179,8 +182,8 @@ KERNEL repair_rows(int n, int sweep, int stamp, float momentum, global const int
  * reads from; writes u, before
  * moves 3 real R bytes, R flops
  * shape blocks of R */
-KERNEL repair_start(int n, float scale, global const real *from, global real *u,
-                    global real *before, volatile global int *shares, int4 launch)
+KERNEL repair_start(int n, float scale, global const real *restrict from, global real *restrict u,
+                    global real *restrict before, volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
     {

@@ -9,16 +9,16 @@ typedef uint word_t;
 
 /* packed[k] = x[place[k]]
  * reads place, x (gathered); writes packed; moves 4 N + 2 real N bytes, 0 flops; shape rows */
-KERNEL halo_pack(int n, global const int *place, global const word_t *x, global word_t *packed,
-                 volatile global int *shares, int4 launch)
+KERNEL halo_pack(int n, global const int *restrict place, global const word_t *restrict x,
+                 global word_t *restrict packed, volatile global int *shares, int4 launch)
 {
     FOR_ROWS(k, n, shares, launch) { packed[k] = x[place[k]]; }
 }
 
 /* x[place[k]] = packed[k]; the places differ.
  * reads place, packed; writes x (scattered); moves 4 N + 2 real N bytes, 0 flops; shape rows */
-KERNEL halo_unpack(int n, global const int *place, global const word_t *packed, global word_t *x,
-                   volatile global int *shares, int4 launch)
+KERNEL halo_unpack(int n, global const int *restrict place, global const word_t *restrict packed,
+                   global word_t *restrict x, volatile global int *shares, int4 launch)
 {
     FOR_ROWS(k, n, shares, launch) { x[place[k]] = packed[k]; }
 }
