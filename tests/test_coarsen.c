@@ -1,4 +1,6 @@
 /* The hierarchy of coarse graphs: prolongation, its transpose, the Galerkin tables. */
+#include "../src/levels/prolong.c" /* for its static functions; the library's own are then left out */
+
 #include "levels/coarsen.h"
 
 #include <math.h>
@@ -335,6 +337,28 @@ static void same_tables_twice(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* Vertex 0 takes coarse vertex 0, which no other has; that leaves coarse vertex 1 without any, so vertex 1 takes it,
+ * and so on to the last. */
+static void columns_are_filled_again(void **state)
+{
+    (void)state;
+    enum { N = 5 };
+    int32_t sample[N], index[3 * N] = {0};
+    float weight[3 * N] = {0};
+    const dmk_cells cells = {.n_fine = N, .n = N, .sample = sample};
+    dmk_coarsening c = {.prolong_index = index, .prolong_weight = weight};
+    for (int i = 0; i < N; i++) {
+        sample[i] = i;
+        index[3 * i] = i + 1 < N ? i + 1 : i;
+        weight[3 * i] = 1;
+    }
+    assert_int_equal(fill_empty_columns(ctx, &cells, &c), DMK_OK);
+    for (int i = 0; i < N; i++) {
+        assert_int_equal(index[3 * i], i);
+        assert_true(weight[3 * i] == 1 && weight[3 * i + 1] == 0 && weight[3 * i + 2] == 0);
+    }
+}
+
 /* Two cones over one ring: every vertex of the ring beside two hubs. What is taken hub by hub for each
  * neighbour of a hub takes 4e10 steps here, and more. */
 static void hubs(void **state)
@@ -369,6 +393,7 @@ int main(void)
         cmocka_unit_test(graded_surface),           cmocka_unit_test(coarse_to_the_end),
         cmocka_unit_test(small_mesh_has_no_levels), cmocka_unit_test(linear_functions),
         cmocka_unit_test(same_tables_twice),        cmocka_unit_test(hubs),
+        cmocka_unit_test(columns_are_filled_again),
     };
     if (dmk_context_create(&ctx) != DMK_OK) return 1;
     int failed = cmocka_run_group_tests(tests, NULL, NULL);

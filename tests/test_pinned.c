@@ -643,12 +643,19 @@ static void pin_levels(const char *mesh_name, dmk_context *ctx, const dmk_mesh *
 static void levels_are_pinned(void **state)
 {
     const bench *b = *state;
-    dmk_mesh *m = sheet(b->ctx, 24), *rough = NULL;
-    bench_ok(b, dmk_mesh_read(b->ctx, "tests/data/rough.off", &rough));
+    static const char *const files[] = {"rough.off", "once/valence-132.off.gz",
+                                        "once/disc-76.off.gz", "once/needles-441.off.gz",
+                                        "once/spike-81.off.gz"};
+    dmk_mesh *m = sheet(b->ctx, 24);
     pin_levels("sheet", b->ctx, m);
-    pin_levels("rough", b->ctx, rough);
     dmk_mesh_destroy(&m);
-    dmk_mesh_destroy(&rough);
+    for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
+        char path[64];
+        snprintf(path, sizeof path, "tests/data/%s", files[i]);
+        bench_ok(b, dmk_mesh_read(b->ctx, path, &m));
+        pin_levels(files[i], b->ctx, m);
+        dmk_mesh_destroy(&m);
+    }
     all_pins_hold();
 }
 

@@ -1,6 +1,7 @@
 /* The start: distance and density against surfaces where both are known. */
+#include "../src/solver/start.c" /* for its static functions; the library's own are then left out */
+
 #include "geodesic/geodesic.h"
-#include "solver/start.h"
 
 #include <math.h>
 #include <setjmp.h>
@@ -328,13 +329,67 @@ static void test_needles(void **state)
     fixture_free(&f);
 }
 
+/* Triangles into which all edges run get a way out through the edge nearest the source, in turn until one has its own;
+ * the widths in and out of a triangle are those of its edges. */
+static void test_dents_are_opened(void **state)
+{
+    (void)state;
+    fixture f = {0};
+    make_square(&f, 6, 1, 0.4);
+    const dmk_mesh *m = f.mesh;
+    double *mid = calloc((size_t)m->n_edges, sizeof *mid),
+           *width = calloc((size_t)m->n_edges, sizeof *width);
+    uint8_t *sink = calloc((size_t)m->n_triangles, 1);
+    sweep s = {.mesh = m, .mid = mid, .width = width, .sink = sink};
+    for (int32_t e = 0; e < m->n_edges; e++) mid[e] = m->xyz[3 * m->edge_vertex[2 * e]] + 0.01 * e;
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        const int32_t *edge = m->triangle_edge + 3 * t;
+        int best = -1;
+        for (int32_t e = 0; e < m->n_edges; e++) width[e] = m->edge_triangle[2 * e] == t ? -1 : 1;
+        for (int k = 0; k < 3; k++) {
+            if (m->edge_triangle[2 * edge[k] + 1] >= 0 &&
+                (best < 0 || mid[edge[k]] < mid[edge[best]]))
+                best = k;
+        }
+        const int32_t next = twin_triangle(m, t, edge[best]);
+        memset(sink, 0, (size_t)m->n_triangles);
+        sink[next] = 1;
+        open_triangle(&s, t);
+        for (int k = 0; k < 3; k++) {
+            const double out = width_out(&s, t, k);
+            assert_true(k == best ? fabs(out - 1e-3 * m->length[edge[k]]) < 1e-15 : out == -1);
+        }
+        open_triangle(&s, t); /* it has a way out */
+        for (int k = 0; k < 3; k++) assert_true((width_out(&s, t, k) > 0) == (k == best));
+        width[edge[best]] = m->edge_triangle[2 * edge[best]] == t ? -1 : 1;
+        sink[t] = 1;
+        open_triangle(&s, t); /* what holds the source needs none */
+        for (int k = 0; k < 3; k++) assert_true(width_out(&s, t, k) < 0);
+        sink[t] = 0;
+        sink[next] = 0; /* the neighbour gets one in turn */
+        for (int k = 0; k < 3; k++) {
+            const int32_t e = m->triangle_edge[3 * next + k];
+            width[e] = m->edge_triangle[2 * e] == next ? -1 : 1;
+        }
+        width[edge[best]] = m->edge_triangle[2 * edge[best]] == t ? -1 : 1;
+        open_triangle(&s, t);
+        bool open = false;
+        for (int k = 0; k < 3; k++) open = open || width_out(&s, next, k) > 0;
+        assert_true(open);
+    }
+    free(mid);
+    free(width);
+    free(sink);
+    fixture_free(&f);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_flat_is_exact),    cmocka_unit_test(test_flat_with_needles),
         cmocka_unit_test(test_sphere_converges), cmocka_unit_test(test_mass_is_kept),
         cmocka_unit_test(test_tetrahedron),      cmocka_unit_test(test_needles),
-        cmocka_unit_test(test_border),
+        cmocka_unit_test(test_border),           cmocka_unit_test(test_dents_are_opened),
     };
     return cmocka_run_group_tests_name("start", tests, NULL, NULL);
 }

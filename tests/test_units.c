@@ -334,6 +334,32 @@ static void slopes_of_flat_triangles(void **state)
     }
 }
 
+/* phi over bands, of which those beyond the ends do not count: a band's slope is the mean of three, each the least of
+ * three around it. */
+static void bands_end_at_the_ends(void **state)
+{
+    (void)state;
+    enum { N = 6 };
+    static const float q[N] = {0, 2, 0.5f, 4, 1, 8};
+    double least[N + 2] = {0}, phi[N + 1], sum = 0;
+    float around[N + 4] = {1e30f, 1e30f};
+    int32_t bits[N + 4];
+    memcpy(around + 2, q, sizeof q);
+    around[N + 2] = around[N + 3] = 1e30f;
+    memcpy(bits, around, sizeof bits);
+    integrate_bands(N, bits + 2, 0.25, phi);
+    for (int k = -1; k <= N; k++) {
+        least[k + 1] = 1;
+        for (int j = k < 1 ? 0 : k - 1; j < N && j <= k + 1; j++)
+            if (q[j] > 0) least[k + 1] = fmin(least[k + 1], 1 / (double)q[j]);
+    }
+    for (int l = 0; l < N; l++) {
+        assert_true(fabs(phi[l] - sum) < 1e-15);
+        sum += 0.25 * (least[l] + least[l + 1] + least[l + 2]) / 3;
+    }
+    assert_true(fabs(phi[N] - sum) < 1e-15);
+}
+
 /* ---- pseudo time ---- */
 
 static void steps_grow_and_shrink(void **state)
@@ -543,6 +569,7 @@ int main(void)
         cmocka_unit_test(bounds_hold_for_any_potential),
         cmocka_unit_test(both_kinds_of_slopes_agree),
         cmocka_unit_test(slopes_of_flat_triangles),
+        cmocka_unit_test(bands_end_at_the_ends),
         cmocka_unit_test(steps_grow_and_shrink),
         cmocka_unit_test(solves_take_their_steps),
         cmocka_unit_test(divergence_leaves_nothing),
