@@ -472,6 +472,14 @@ static int child_solves(void)
     return refused(dmk_solve(good.b.ctx, good.p.solver, &good.p.source, NULL, &result)) || result;
 }
 
+static int child_transports(void)
+{
+    dmk_transport *transport = NULL;
+    const dmk_measure even = {.uniform = 1}, at = {.n_atoms = 1, .atoms = &good.p.source};
+    return refused(dmk_solve_measures(good.b.ctx, good.p.solver, &even, &at, NULL, &transport)) ||
+           transport;
+}
+
 static int child_makes_solver(void)
 {
     dmk_solver *solver = NULL;
@@ -510,6 +518,7 @@ static void a_forked_child_has_no_device(void **state)
 {
     (void)state;
     assert_int_equal(in_child(child_solves), 0);
+    assert_int_equal(in_child(child_transports), 0);
     assert_int_equal(in_child(child_makes_solver), 0);
     assert_int_equal(in_child(child_opens), 0);
     assert_int_equal(in_child(child_gives_back), 0);
