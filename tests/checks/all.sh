@@ -52,7 +52,7 @@ if [ "$short" ]; then
 fi
 script headers 'headers alone, in C99, C11, C17, C++98 to C++20'
 long script layers 'which folder knows which'
-long script mutate 'small wrong changes of the sources that a test notices'
+script mutate 'small wrong changes of the sources that a test notices'
 script symbols 'exported symbols, globals, calls that must not be'
 script format 'form of the sources, by clang-format and rules'
 script compilers 'C files by gcc and clang, warnings are errors'

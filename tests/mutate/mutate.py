@@ -2,14 +2,15 @@
 """Small wrong changes of the sources, one at a time, and whether a test notices.
 
 usage: mutate.py [--count N] [--seed S] [--rooms ROOM,...] [--files PATTERN,...] [--tests PATTERN,...]
-                 [--budget SECONDS] [--seconds SECONDS] [--floor SHARE] [--list | --table]
+                 [--budget SECONDS] [--seconds SECONDS] [--floor SHARE] [--list | --table [--page FILE.md] | --direct]
        mutate.py --only 'FILE:LINE:OPERATOR'
 
 A copy of the repository in build/mutate is changed, built and tested; the working tree stays as it is. Each mutant
 is one operator at one place of a C file or kernel; one that compiles to the same object is none. First each test is
 run once with line counters: what it reaches and how long it takes. A mutant is then tried by the tests that reach
 its line, those that noticed others of its file first, then the fastest, up to --budget seconds (60; 0: all of them);
-one that none notices is a survivor. Survivors that cannot be noticed stand in known.txt with the reason.
+one that none notices is a survivor. Survivors that cannot be noticed stand in known.txt with the reason. --direct: no
+lines are counted; each mutant meets all test programs that --tests names, as a whole.
 
 The sample is the same as long as its lines are: mutants are ranked by a hash of the seed and what they are, and each
 room gives the first of them. What a mutant came to is kept in build/mutate-*.json and holds until its file changes; a
@@ -129,6 +130,8 @@ def is_size(line, place):
 Mutant = collections.namedtuple("Mutant", "path line operator old new key")
 
 
+COLUMNS = ["tried", "died", "known", "survived"]
+
 # `if (a > b) a = b;` is the same with >=.
 CLAMP = re.compile(r"if \((\S+) [<>]=? (\S+)\) (?:\1 = \2|\2 = \1);")
 
@@ -208,7 +211,7 @@ def run(command, seconds, **environment):
 
 
 def build(folder, test=None, *objects):
-    """Whether it builds: what the test "units:name" or the script "cli.sh" needs, or everything."""
+    """Whether it builds: what the test "units:name", the program "units", the script "cli.sh" needs, or everything."""
     targets = [f"{folder}/dmkcl", f"{folder}/faults/dmkcl", f"{folder}/faults/library"]
     if not test or not test.endswith(".sh"):
         targets = [f"{folder}/tests/test_{test.split(':')[0]}"] if test else ["all", *targets]
@@ -241,6 +244,17 @@ def all_tests(patterns):
             continue
         text = open(os.path.join(ROOT, "tests", file), encoding="utf-8").read()
         yield from (f"{name}:{function}" for function in re.findall(r"(?:cmocka_unit_test\w*|\bTEST)\((\w+)", text))
+
+
+def take_directly(patterns, kept):
+    """The test programs as they are, as if each reached every line."""
+    programs = {t.split(":")[0] for t in all_tests(patterns) if not t.endswith(".sh")}
+    for program in sorted(programs):
+        build(BUILD, program) or sys.exit(f"{program} does not build as it is")
+        passes(BUILD, program, 600) or sys.exit(f"{program} fails as it is")
+        begin = time.monotonic()
+        passes(BUILD, program, 600) # the first run may have built kernels
+        kept["tests"][program] = {"source": digest(source_of(program)), "seconds": time.monotonic() - begin}
 
 
 def content(path):
@@ -295,6 +309,8 @@ def record(test):
 def tests_for(mutant, kept):
     """Those that reach the line; those that reach the file where none does, as the compiler may have folded the line;
     of a kernel those that launch."""
+    if all("reached" not in r for r in kept["tests"].values()):
+        return sorted(kept["tests"], key=lambda t: kept["tests"][t]["seconds"])
     path = mutant.path if mutant.path.endswith(".c") else "src/device/launch.c"
     lines = {test: r["reached"][path] for test, r in kept["tests"].items() if path in r["reached"]}
     reaching = [test for test, texts in lines.items() if mutant.old.strip() in texts] or list(lines)
@@ -379,10 +395,13 @@ def in_time(items, stop):
         yield item
 
 
-def print_table(drawn, known, kept, floor):
-    """Returns the number of survivors beyond the floor."""
-    columns = ["tried", "died", "known", "survived"]
-    table = collections.defaultdict(collections.Counter)
+def tell(mutant):
+    return f"{mutant.path}:{mutant.line}: {mutant.operator}: {mutant.old.strip()} -> {mutant.new.strip() or ';'}"
+
+
+def sort_out(drawn, known, kept):
+    """{room: Counter of the columns}, with "~all"; survivors; those that are known, with the reasons."""
+    table, survivors, reasons = collections.defaultdict(collections.Counter), [], []
     for mutant in drawn:
         result, reason = kept["mutants"].get(mutant.key), reason_of(mutant, known)
         if not reason and (not still_holds(result, mutant) or result["end"] == "none"):
@@ -390,17 +409,51 @@ def print_table(drawn, known, kept, floor):
         column = "known" if reason else "died" if result["end"] else "survived"
         for room in (room_of(mutant.path), "~all"):
             table[room].update(["tried", column])
-        if column == "survived":
-            print(f"SURVIVED {mutant.path}:{mutant.line}: {mutant.operator}: {mutant.old.strip()} -> "
-                  f"{mutant.new.strip() or ';'}  [{len(result['tests'])} tests]")
-    print(f"\n{'room':12}" + "".join(f"{c:>9}" for c in columns) + f"{'share':>9}")
+        if reason:
+            reasons.append((mutant, reason))
+        elif column == "survived":
+            survivors.append((mutant, len(result["tests"])))
+    return table, survivors, reasons
+
+
+def share_of(row):
+    return 100 * row["died"] / max(1, row["tried"] - row["known"])
+
+
+def print_table(drawn, known, kept, floor):
+    """Returns the number of survivors beyond the floor."""
+    table, survivors, _ = sort_out(drawn, known, kept)
+    for mutant, n_tests in survivors:
+        print(f"SURVIVED {tell(mutant)}  [{n_tests} tests]")
+    print(f"\n{'room':12}" + "".join(f"{c:>9}" for c in COLUMNS) + f"{'share':>9}")
     for room, row in sorted(table.items()):
-        share = row["died"] / max(1, row["tried"] - row["known"])
-        print(f"{room.strip('~'):12}" + "".join(f"{row[c]:9}" for c in columns) + f"{100 * share:8.1f}%")
+        print(f"{room.strip('~'):12}" + "".join(f"{row[c]:9}" for c in COLUMNS) + f"{share_of(row):8.1f}%")
     total = table["~all"]
     failed = 0 if total["died"] >= floor * (total["tried"] - total["known"]) else total["survived"]
     print(f"# tried {total['tried']}: failed {failed}")
     return failed
+
+
+def write_page(path, arguments, drawn, known, kept):
+    table, survivors, reasons = sort_out(drawn, known, kept)
+    commit = subprocess.check_output(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, text=True).strip()
+    lines = f"""# Mutants
+
+Small wrong changes of the sources, one at a time, and whether a test of `make test` notices: `make mutate`
+(`mutate.py`). Sources of {commit}, `--count {arguments.count} --seed {arguments.seed}`: {len(drawn)} drawn, half of \
+them in equal parts from
+the rooms, half by their sizes; those that do not compile, or to the same object, are none and not counted. Known: cannot
+be noticed, or by other checks only. Share: of those that are not known, how many died.
+
+| room | tried | died | known | survived | share |
+|---|---:|---:|---:|---:|---:|""".split("\n")
+    lines += ["| " + " | ".join([room.strip("~")] + [str(row[c]) for c in COLUMNS] + [f"{share_of(row):.1f} %"]) + " |"
+              for room, row in sorted(table.items())]
+    quoted = lambda mutant: "`" + tell(mutant).replace("|", "\\|") + "`"
+    lines += ["", "Survivors:", ""] + [f"- {quoted(m)}" for m, _ in survivors]
+    lines += ["", "Known, with the reason:", ""] + [f"- {quoted(m)}: {reason}" for m, reason in reasons]
+    with open(path, "w", encoding="utf-8") as file:
+        file.write("\n".join(lines) + "\n")
 
 
 def reason_of(mutant, known):
@@ -412,11 +465,11 @@ def reason_of(mutant, known):
 def main():
     parser = argparse.ArgumentParser()
     for name, kind, value in (("count", int, 300), ("seed", int, 1), ("rooms", str, ""), ("files", str, ""),
-                              ("tests", str, ""), ("only", str, ""), ("budget", float, 60), ("seconds", float, 1e9),
-                              ("floor", float, 0.95)):
+                              ("tests", str, ""), ("only", str, ""), ("page", str, ""), ("budget", float, 60),
+                              ("seconds", float, 1e9), ("floor", float, 0.95)):
         parser.add_argument(f"--{name}", type=kind, default=value)
-    parser.add_argument("--list", action="store_true")
-    parser.add_argument("--table", action="store_true")
+    for name in ("list", "table", "direct"):
+        parser.add_argument(f"--{name}", action="store_true")
     arguments = parser.parse_args()
     drawn, known, stop = draw(arguments), load_known(), time.monotonic() + arguments.seconds
     if arguments.list:
@@ -424,16 +477,23 @@ def main():
             print(f"{mutant.path}:{mutant.line}: {mutant.operator}: {mutant.new.strip()}")
         return 0
     kept = {part: load(part) for part in ("tests", "mutants")}
+    if arguments.page:
+        write_page(arguments.page, arguments, drawn, known, kept)
     if arguments.table:
         return print_table(drawn, known, kept, arguments.floor) > 0
     copy_tree()
-    wanted = [t for t in all_tests(arguments.tests) if kept["tests"].get(t, {}).get("source") != digest(source_of(t))]
-    if wanted:
-        build(COUNTED)
-    for test in in_time(wanted, stop):
-        kept["tests"][test] = record(test)
-        keep(kept, "tests")
-    build(BUILD)
+    if arguments.direct:
+        kept = {"tests": {}, "mutants": {}}
+        take_directly(arguments.tests, kept)
+    else:
+        wanted = [t for t in all_tests(arguments.tests)
+                  if kept["tests"].get(t, {}).get("source") != digest(source_of(t))]
+        if wanted:
+            build(COUNTED)
+        for test in in_time(wanted, stop):
+            kept["tests"][test] = record(test)
+            keep(kept, "tests")
+        build(BUILD)
     drawn.sort(key=lambda m: (m.key in kept["mutants"], m.path.endswith(".cl"))) # survivors again at the end
     for n, mutant in enumerate(in_time(drawn, stop), 1):
         result = kept["mutants"].get(mutant.key)
@@ -445,9 +505,10 @@ def main():
         if holds and not tests:
             continue
         result = kept["mutants"][mutant.key] = try_mutant(mutant, tests, kept, before, arguments.budget)
-        keep(kept, "mutants")
-        print(f"{n}/{len(drawn)} {'died' if result['end'] else 'SURVIVED'} {mutant.path}:{mutant.line}: "
-              f"{mutant.operator}: {mutant.old.strip()} -> {mutant.new.strip() or ';'}  [{result['end']}]", flush=True)
+        if not arguments.direct:
+            keep(kept, "mutants")
+        word = "died" if result["end"] else "SURVIVED"
+        print(f"{n}/{len(drawn)} {word} {tell(mutant)}  [{result['end']}]", flush=True)
     return print_table(drawn, known, kept, arguments.floor) > 0
 
 
