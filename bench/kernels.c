@@ -239,7 +239,7 @@ done:
 static int run_copy(bench *b, double bytes)
 {
     int32_t n = (int32_t)(bytes / 8); /* numbers read; as many written */
-    return DMK_LAUNCH(b->ctx, b->device, b->copy, ((dmk_range){(size_t)n, 0}), DMK_INT(n),
+    return DMK_LAUNCH(b->ctx, b->device, b->copy, ((dmk_range){.items = (size_t)n}), DMK_INT(n),
                       DMK_BUF(b->from), DMK_BUF(b->to));
 }
 

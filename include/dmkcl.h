@@ -574,6 +574,11 @@ typedef struct dmk_ranks {
     int (*gather)(void *user, const void *mine, void *all, const size_t *bytes);
     /* Each of the n values becomes the largest of all ranks. */
     int (*largest)(void *user, int32_t *value, size_t n);
+    /* exchange in two halves, or both NULL: what is sent and where it arrives stays as it is from `begin` to
+     * `finish`, and nothing else is called in between; the device works on what no other rank reaches. */
+    int (*begin)(void *user, const void *const *send, const size_t *send_bytes,
+                 void *const *receive, const size_t *receive_bytes);
+    int (*finish)(void *user);
 } dmk_ranks;
 
 /* What a rank has sent so far, and how its share of the mesh is cut. All 0 without ranks, and where the
@@ -581,6 +586,7 @@ typedef struct dmk_ranks {
 typedef struct dmk_traffic {
     int64_t own_rows, ghost_rows; /* unknowns that it owns, and those of others that it reads */
     int64_t exchanges;            /* of vectors over rows, vertices or links */
+    int64_t overlapped;           /* those with work of the device meanwhile */
     int64_t messages, bytes;      /* sent in them */
     int64_t sums, sum_bytes;      /* sums over all ranks, and what this rank gave to them */
 } dmk_traffic;
@@ -594,6 +600,11 @@ int dmk_solver_set_ranks(dmk_context *context, dmk_solver *solver, const dmk_ran
  * and 12 bytes per triangle; while it is set up, some 200. */
 int dmk_solver_give_mesh(dmk_context *context, dmk_solver *solver, dmk_mesh **mesh);
 void dmk_solver_get_traffic(const dmk_solver *solver, dmk_traffic *traffic);
+/* dmk_mesh_read by all ranks together, each of which has the mesh then. Of a binary PLY of triangles, and of a VTP of
+ * one piece in appended raw data, each reads its range of the bytes; any other file is read by the first one, and
+ * sent. DMK_E_DEVICE when a rank is lost. ranks NULL: dmk_mesh_read. */
+int dmk_mesh_read_dealt(dmk_context *context, const char *path, const dmk_ranks *ranks,
+                        dmk_mesh **mesh);
 
 /* ---- cut locus -------------------------------------------------------------------------------- */
 

@@ -82,15 +82,17 @@ typedef sum_t sumv;
 #define GATHERED const global
 #define GATHER(p, i) (p)[i]
 #define FOR_PART_BLOCKS(b, n, part)                                                                \
-    for (int b = (int)get_global_id(0), b##_once = b < (n); b##_once; b##_once = 0)
-#define FOR_BLOCKS(b, n, shares, launch) FOR_PART_BLOCKS(b, n, 0)
+    for (int b = (part) * DMK_GROUP + (int)get_local_id(0), b##_once = b < (n); b##_once;          \
+         b##_once = 0)
+#define FOR_BLOCKS(b, n, shares, launch)                                                           \
+    FOR_PART_BLOCKS(b, n, part_of_group(shares, launch))
 #define AT(b) (b)
 #define AT_K(b, k, K) (DMK_WIDTH * ((K) * ((b) / DMK_WIDTH) + (k)) + (b) % DMK_WIDTH)
 #define SLICE(b) ((b) / DMK_WIDTH)
 #define COLUMN(b, j) (DMK_WIDTH * (j) + (b) % DMK_WIDTH)
 #define LOAD(p, at) (p)[at]
 #define STORE(v, p, at) (p)[at] = (v)
-#define FOR_ROWS(i, n, shares, launch) FOR_PART_BLOCKS(i, n, 0)
+#define FOR_ROWS(i, n, shares, launch) FOR_BLOCKS(i, n, shares, launch)
 #endif
 
 /* Work distribution in the CPU shape. Drivers hand work-groups to their threads as they come, so that what
@@ -99,10 +101,17 @@ typedef sum_t sumv;
  * share of them, the same one in launch after launch, and a work-group does the parts of its thread's
  * share one by one. Then it helps where a thread has not come at all, or is far behind. Which thread
  * does a part changes no result: sums are kept by part.
- *   launch  the launch's tag, threads (0: each work-group does the part of its number), parts of the
- *           first range (see dmk_range), parts; the GPU shape needs but the last
+ *   launch  the launch's tag, threads (0: each work-group does the part of its number, -1: the one that
+ *           `shares` lists), parts of the first range (see dmk_range), parts; the GPU shape needs but
+ *           the list and the last
  *   shares  a word for each thread on a line of its own: tag << 21 | the thread has come << 20 | parts
  *           taken; then their keys */
+static int part_of_group(volatile global int *shares, int4 launch)
+{
+    const int group = (int)get_group_id(0);
+    return launch.s1 < 0 ? shares[group] : group;
+}
+
 #if DMK_CPU
 static int take_part(volatile global int *word, int tag, int size, int mine)
 {
@@ -135,7 +144,7 @@ static int thread_number(volatile global int *keys, int threads)
 static int next_part(volatile global int *shares, int4 launch, int *at)
 {
     const int tag = launch.s0, threads = launch.s1, first = launch.s2, second = launch.s3 - first;
-    if (threads == 0) return at[1]++ == 0 ? (int)get_group_id(0) : -1;
+    if (threads <= 0) return at[1]++ == 0 ? part_of_group(shares, launch) : -1;
     if (at[0] < 0) at[0] = thread_number(shares + DMK_LINE * threads, threads);
     for (; at[1] < threads; at[1]++) {
         const int t = (at[0] + at[1]) % threads;
@@ -153,7 +162,7 @@ static int next_part(volatile global int *shares, int4 launch, int *at)
          part = next_part(shares, launch, part##_at))
 #define KERNEL kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 #else
-#define FOR_PARTS(part, shares, launch) const int part = (int)get_group_id(0);
+#define FOR_PARTS(part, shares, launch) const int part = part_of_group(shares, launch);
 #define KERNEL kernel __attribute__((reqd_work_group_size(DMK_GROUP, 1, 1))) void
 #endif
 

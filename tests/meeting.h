@@ -23,6 +23,10 @@ typedef struct meeting {
 typedef struct member {
     meeting *all;
     int rank;
+    bool at_once;                 /* no exchange in two halves */
+    const void *send[MOST_RANKS]; /* of the one that has begun */
+    void *receive[MOST_RANKS];
+    size_t send_bytes[MOST_RANKS], receive_bytes[MOST_RANKS];
 } member;
 
 static inline int exchange(void *user, const void *const *send, const size_t *send_bytes,
@@ -42,6 +46,24 @@ static inline int exchange(void *user, const void *const *send, const size_t *se
     }
     pthread_barrier_wait(&all->barrier);
     return wrong;
+}
+
+/* All of it happens at the end: until then what arrives has its old value. */
+static inline int begin(void *user, const void *const *send, const size_t *send_bytes,
+                        void *const *receive, const size_t *receive_bytes)
+{
+    member *m = user;
+    memcpy(m->receive, receive, (size_t)m->all->size * sizeof *receive);
+    memcpy(m->send, send, (size_t)m->all->size * sizeof *send);
+    memcpy(m->send_bytes, send_bytes, (size_t)m->all->size * sizeof *send_bytes);
+    memcpy(m->receive_bytes, receive_bytes, (size_t)m->all->size * sizeof *receive_bytes);
+    return 0;
+}
+
+static inline int finish(void *user)
+{
+    member *m = user;
+    return exchange(user, m->send, m->send_bytes, m->receive, m->receive_bytes);
 }
 
 static inline int gather(void *user, const void *mine, void *to, const size_t *bytes)
@@ -73,7 +95,7 @@ static inline int largest(void *user, int32_t *value, size_t n)
     pthread_barrier_wait(&m->all->barrier);
     memcpy(value, top, n * sizeof *top);
     free(top);
-    return 0;
+    return m->all->broken;
 }
 
 static inline dmk_ranks ranks_of(member *m, int32_t gather_below)
@@ -84,7 +106,9 @@ static inline dmk_ranks ranks_of(member *m, int32_t gather_below)
                        .user = m,
                        .exchange = exchange,
                        .gather = gather,
-                       .largest = largest};
+                       .largest = largest,
+                       .begin = m->at_once ? NULL : begin,
+                       .finish = m->at_once ? NULL : finish};
 }
 
 #endif

@@ -231,9 +231,9 @@ static void every_part_is_done_once(void **state)
     dmk_kernel *add;
     ok(x, dmk_kernel_get(x->ctx, x->dev, DMK_INNER, "scale_add", &add));
     for (int k = 1; k <= LAUNCHES; k++) {
-        ok(x, DMK_LAUNCH(x->ctx, x->dev, add, ((dmk_range){N, N / 3}), DMK_INT(N), DMK_FLOAT(1),
-                         DMK_BUF(sum), DMK_BUF(one), DMK_BUF(one), DMK_BUF(partial), DMK_INT(-1),
-                         DMK_BUF(partial), DMK_BUF(x->sys->done)));
+        ok(x, DMK_LAUNCH(x->ctx, x->dev, add, ((dmk_range){.items = N, .first = N / 3}), DMK_INT(N),
+                         DMK_FLOAT(1), DMK_BUF(sum), DMK_BUF(one), DMK_BUF(one), DMK_BUF(partial),
+                         DMK_INT(-1), DMK_BUF(partial), DMK_BUF(x->sys->done)));
         if (k % LOOK) continue;
         ok(x, dmk_buffer_read(x->ctx, x->dev, sum, 0, N * sizeof *v, v));
         for (int i = 0; i < N; i++) assert_true(v[i] == (float)k);
@@ -241,6 +241,39 @@ static void every_part_is_done_once(void **state)
     dmk_buffer_destroy(&sum);
     dmk_buffer_destroy(&one);
     dmk_buffer_destroy(&partial);
+    free(v);
+}
+
+/* x += 1 over the listed parts alone, the last one, which is not a whole part, among them. */
+static void listed_parts_alone_are_done(void **state)
+{
+    fixture *x = *state;
+    enum { N = 60003 };
+    const int part = (int)dmk_launch_part(x->dev), parts = (int)dmk_launch_parts(x->dev, N);
+    dmk_buffer *sum = NULL, *one = NULL, *partial = NULL, *list = NULL;
+    dmk_kernel *add;
+    int n = 0;
+    float *v = calloc(N, sizeof *v);
+    int32_t *number = calloc((size_t)parts, sizeof *number);
+    for (int i = 0; i < N; i++) v[i] = 1;
+    for (int p = parts - 1; p >= 0; p -= 3) number[n++] = p;
+    ok(x, dmk_buffer_create(x->ctx, x->dev, (N + 8) * sizeof *v, NULL, &sum));
+    ok(x, dmk_buffer_create(x->ctx, x->dev, (N + 8) * sizeof *v, NULL, &one));
+    ok(x, dmk_buffer_write(x->ctx, x->dev, one, 0, N * sizeof *v, v));
+    ok(x, dmk_buffer_create(x->ctx, x->dev, N * sizeof(double), NULL, &partial));
+    ok(x, dmk_buffer_create(x->ctx, x->dev, (size_t)n * sizeof *number, number, &list));
+    ok(x, dmk_kernel_get(x->ctx, x->dev, DMK_INNER, "scale_add", &add));
+    const dmk_range range = {.items = N, .parts = list, .n_parts = (size_t)n};
+    ok(x, DMK_LAUNCH(x->ctx, x->dev, add, range, DMK_INT(N), DMK_FLOAT(1), DMK_BUF(sum),
+                     DMK_BUF(one), DMK_BUF(one), DMK_BUF(partial), DMK_INT(-1), DMK_BUF(partial),
+                     DMK_BUF(x->sys->done)));
+    ok(x, dmk_buffer_read(x->ctx, x->dev, sum, 0, N * sizeof *v, v));
+    for (int i = 0; i < N; i++) assert_true(v[i] == (float)((parts - 1 - i / part) % 3 == 0));
+    dmk_buffer_destroy(&sum);
+    dmk_buffer_destroy(&one);
+    dmk_buffer_destroy(&partial);
+    dmk_buffer_destroy(&list);
+    free(number);
     free(v);
 }
 
@@ -257,6 +290,7 @@ int main(void)
         BOTH(v_cycle_is_symmetric_and_contracts),
         BOTH(two_runs_give_the_same_bits),
         BOTH(every_part_is_done_once),
+        BOTH(listed_parts_alone_are_done),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -16,6 +16,7 @@ typedef struct task {
     dmk_device_options device;
     dmk_solve_options options;
     int32_t gather_below;
+    bool at_once; /* exchanges are not in two halves */
 } task;
 
 typedef struct seat {
@@ -83,7 +84,7 @@ static void sit_all(const task *t, int size, bool broken, seat seats[MOST_RANKS]
     meeting all = {.size = size, .broken = broken};
     assert_int_equal(pthread_barrier_init(&all.barrier, NULL, (unsigned)size), 0);
     for (int k = 0; k < size; k++) {
-        seats[k] = (seat){.t = t, .m = {&all, k}};
+        seats[k] = (seat){.t = t, .m = {.all = &all, .rank = k, .at_once = t->at_once}};
         assert_int_equal(pthread_create(&seats[k].thread, NULL, sit, &seats[k]), 0);
     }
     for (int k = 0; k < size; k++) pthread_join(seats[k].thread, NULL);
@@ -126,7 +127,13 @@ static void try_ranks(const task *t, int least)
         for (int k = 0; k < size; k++) {
             if (many[k].rc != DMK_OK) print_message("%s\n", many[k].message);
             assert_int_equal(many[k].rc, DMK_OK);
-            assert_true(many[k].traffic.exchanges > 0 && many[k].traffic.bytes > 0);
+            const dmk_traffic *sent = &many[k].traffic;
+            assert_true(sent->exchanges > 0 && sent->bytes > 0);
+            /* Those of operators on T/2 and the larger levels; the last ranks of few parts have no interior. */
+            if (t->at_once)
+                assert_int_equal(sent->overlapped, 0);
+            else if (k == 0)
+                assert_true(20 * sent->overlapped > sent->exchanges);
             same_results(&one[0], &many[k]);
             const bool has_distance = k == 0 && !t->options.density_only;
             assert_int_equal(many[k].locus_rc, has_distance ? DMK_OK : DMK_E_ARG);
@@ -157,6 +164,17 @@ static void test_same_bits(void **state)
     task t = {.mesh = mesh, .device.struct_size = sizeof t.device, .gather_below = 300};
     dmk_solve_options_init(&t.options, sizeof t.options);
     try_ranks(&t, 2);
+    dmk_mesh_destroy(&mesh);
+}
+
+static void test_at_once(void **state)
+{
+    bench *b = *state;
+    dmk_mesh *mesh = surface(b, "torus", 9000);
+    task t = {.mesh = mesh, .device.struct_size = sizeof t.device, .gather_below = 300};
+    t.at_once = true;
+    dmk_solve_options_init(&t.options, sizeof t.options);
+    try_ranks(&t, 3);
     dmk_mesh_destroy(&mesh);
 }
 
@@ -284,16 +302,17 @@ static void test_wrong_ranks(void **state)
     dmk_solver *solver;
     dmk_mesh *mesh = surface(b, "sphere", 1000);
     const dmk_ranks good = {.size = 1, .exchange = exchange, .gather = gather, .largest = largest};
-    dmk_ranks wrong[6];
-    for (int i = 0; i < 6; i++) wrong[i] = good;
+    dmk_ranks wrong[7];
+    for (int i = 0; i < 7; i++) wrong[i] = good;
     wrong[0].size = 0;
     wrong[1].rank = 1;
     wrong[2].rank = -1;
     wrong[3].exchange = NULL;
     wrong[4].largest = NULL;
     wrong[5].gather_below = -1;
+    wrong[6].begin = begin;
     bench_ok(b, dmk_solver_create(b->ctx, b->dev, mesh, &solver));
-    for (int i = 0; i < 6; i++) {
+    for (int i = 0; i < 7; i++) {
         assert_int_equal(dmk_solver_set_ranks(b->ctx, solver, &wrong[i]), DMK_E_ARG);
     }
     bench_ok(b, dmk_solver_set_ranks(b->ctx, solver, &good));
@@ -309,7 +328,7 @@ int main(void)
         cmocka_unit_test(test_single_precision), cmocka_unit_test(test_explicit_steps),
         cmocka_unit_test(test_borders),          cmocka_unit_test(test_small_mesh),
         cmocka_unit_test(test_lost_touch),       cmocka_unit_test(test_wrong_ranks),
-        cmocka_unit_test(test_density_only),
+        cmocka_unit_test(test_density_only),     cmocka_unit_test(test_at_once),
     };
     return cmocka_run_group_tests_name("ranks", tests, bench_setup, bench_teardown);
 }

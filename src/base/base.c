@@ -17,6 +17,14 @@ int dmk_fail(dmk_context *context, int status, const char *format, ...)
     return status;
 }
 
+int dmk_ranks_check(dmk_context *ctx, const dmk_ranks *ranks, int status)
+{
+    if (status == 0) return DMK_OK;
+    if (status == DMK_E_CANCELLED) return dmk_fail(ctx, status, "interrupted");
+    return dmk_fail(ctx, DMK_E_DEVICE, "rank %d of %d lost touch with the others (%d)", ranks->rank,
+                    ranks->size, status);
+}
+
 bool dmk_any_missing(dmk_context *context, ...)
 {
     const char *missing = NULL;

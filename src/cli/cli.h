@@ -230,6 +230,7 @@ typedef struct cli_reading {
     bool repair;
     bool quiet;             /* print nothing of it */
     cli_progress *progress; /* whose line gives way to what is printed, or NULL */
+    const dmk_ranks *ranks; /* that all read it, or NULL */
 } cli_reading;
 
 #define CLI_REPAIR_HELP                                                                            \

@@ -187,7 +187,8 @@ static int run_distance(const distance_request *request)
     dmk_context_set_threads(run.context, (int)request->threads);
     dmk_context_set_format(run.context, request->format); /* checked when it was asked for */
     cli_watch(run.context, &run.progress);
-    const cli_reading how = {request->repair, request->quiet, &run.progress};
+    const cli_reading how = {
+        .repair = request->repair, .quiet = request->quiet, .progress = &run.progress};
     rc = cli_read_mesh(run.context, request->mesh, &how, &run.repairs, &run.mesh);
     run.read = cli_seconds() - run.begin;
     int code = rc == DMK_OK ? place_all(request, &run) : fail(&run, rc);

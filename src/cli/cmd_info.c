@@ -60,7 +60,7 @@ static int show(const char *path, bool repair, bool as_json)
     dmk_mesh *mesh = NULL;
     dmk_mesh_info info;
     int rc = dmk_context_create(&context);
-    const cli_reading how = {repair, as_json, NULL};
+    const cli_reading how = {.repair = repair, .quiet = as_json, .progress = NULL};
     dmk_repairs repairs = {0};
     if (rc == DMK_OK) rc = cli_read_mesh(context, path, &how, &repairs, &mesh);
     if (rc != DMK_OK) {

@@ -177,6 +177,7 @@ int cmd_solve(int argc, char **argv)
              "write the cut locus as lines; may be given again:\n%s", suffixes);
 
     solve_request_init(&request, "solve");
+    request.dealt = true;
     int code = parse(&request, &raw, argc, argv);
     if (code != CLI_GO_ON) return code;
     code = check_request(&request);

@@ -34,7 +34,8 @@ static int fail(transport_run *run, int rc)
 
 static int read_all(const transport_request *r, transport_run *run)
 {
-    const cli_reading how = {r->solve.repair, r->solve.quiet, &run->progress};
+    const cli_reading how = {
+        .repair = r->solve.repair, .quiet = r->solve.quiet, .progress = &run->progress};
     const int rc = cli_read_mesh(run->context, r->solve.mesh, &how, &run->repairs, &run->mesh);
     if (rc != DMK_OK) return fail(run, rc);
     int code = cli_measure_read(run->context, run->mesh, r->from, &run->from);

@@ -265,7 +265,9 @@ static int make_ready(farm *f, const batch_mesh *mesh, solve_run *run, int64_t *
 {
     const double begin = cli_seconds();
     const size_t n = f->n_sources;
-    const cli_reading how = {f->request->each.repair, f->request->each.quiet, &run->progress};
+    const cli_reading how = {.repair = f->request->each.repair,
+                             .quiet = f->request->each.quiet,
+                             .progress = &run->progress};
     int rc = cli_read_mesh(run->context, mesh->path, &how, &run->repairs, &run->mesh);
     if (rc != DMK_OK) run->where = ""; /* the message names the file */
     if (rc == DMK_OK) rc = dmk_solver_create(run->context, run->device, run->mesh, &run->solver);

@@ -59,11 +59,13 @@ int cli_ranks_gather(const void *mine, void *all, size_t bytes)
 enum { PATIENCE = 10 };
 
 static struct {
-    dmk_ranks ranks; /* size 1: alone */
-    MPI_Comm work;   /* the solver's */
-    MPI_Comm end;    /* of cli_ranks_end: a rank may come to it while others work */
-    MPI_Win window;  /* with the first rank's counter */
-    long long *next; /* that counter */
+    dmk_ranks ranks;      /* size 1: alone */
+    MPI_Comm work;        /* the solver's */
+    MPI_Comm end;         /* of cli_ranks_end: a rank may come to it while others work */
+    MPI_Win window;       /* with the first rank's counter */
+    long long *next;      /* that counter */
+    MPI_Request *request; /* room for 2 size: of the exchange that is under way */
+    int n_requests;
     int held, output,
         error; /* a file of messages, and where to print; held -1: nothing is held back */
 } self = {.ranks = {.size = 1}, .held = -1};
@@ -151,13 +153,12 @@ static int units(const size_t *bytes, MPI_Datatype *type, int *count, int *offse
 
 /* ---- the solver's calls ---------------------------------------------------------------------- */
 
-static int exchange(void *user, const void *const *send, const size_t *send_bytes,
-                    void *const *receive, const size_t *receive_bytes)
+static int begin(void *user, const void *const *send, const size_t *send_bytes,
+                 void *const *receive, const size_t *receive_bytes)
 {
     (void)user;
     int n = 0, status = 0;
-    MPI_Request *request = malloc(2 * (size_t)self.ranks.size * sizeof(MPI_Request));
-    if (!request) return 1;
+    MPI_Request *request = self.request;
     for (int k = 0; k < self.ranks.size && status == 0; k++) {
         if (receive_bytes[k] > INT_MAX || send_bytes[k] > INT_MAX) status = 1;
         if (status != 0 || receive_bytes[k] == 0) continue;
@@ -168,9 +169,21 @@ static int exchange(void *user, const void *const *send, const size_t *send_byte
         if (send_bytes[k] == 0) continue;
         status = MPI_Isend(send[k], (int)send_bytes[k], MPI_BYTE, k, 0, self.work, &request[n++]);
     }
-    if (status == 0) status = wait_all(n, request);
-    free(request);
+    self.n_requests = n;
     return status;
+}
+
+static int finish(void *user)
+{
+    (void)user;
+    return wait_all(self.n_requests, self.request);
+}
+
+static int exchange(void *user, const void *const *send, const size_t *send_bytes,
+                    void *const *receive, const size_t *receive_bytes)
+{
+    const int status = begin(user, send, send_bytes, receive, receive_bytes);
+    return status == 0 ? finish(user) : status;
 }
 
 static int gather(void *user, const void *mine, void *all, const size_t *bytes)
@@ -270,6 +283,10 @@ void cli_ranks_begin(int *argc, char ***argv)
     self.ranks.exchange = exchange;
     self.ranks.gather = gather;
     self.ranks.largest = largest;
+    self.ranks.begin = begin;
+    self.ranks.finish = finish;
+    self.request = calloc(2 * (size_t)self.ranks.size, sizeof *self.request);
+    if (!self.request) MPI_Abort(MPI_COMM_WORLD, EXIT_FAILURE);
     MPI_Comm_dup(MPI_COMM_WORLD, &self.work); /* both return errors, as their parent does */
     MPI_Comm_dup(MPI_COMM_WORLD, &self.end);
     MPI_Win_allocate(self.ranks.rank == 0 ? (MPI_Aint)sizeof *self.next : 0, sizeof *self.next,
@@ -320,6 +337,7 @@ int cli_ranks_end(int code)
     MPI_Win_free(&self.window);
     MPI_Comm_free(&self.work);
     MPI_Comm_free(&self.end);
+    free(self.request);
     MPI_Finalize();
     return code;
 }

@@ -68,7 +68,7 @@ int cli_read_mesh(dmk_context *context, const char *path, const cli_reading *how
                   dmk_mesh **mesh)
 {
     const int rc = how->repair ? dmk_mesh_read_repaired(context, path, did, mesh)
-                               : dmk_mesh_read(context, path, mesh);
+                               : dmk_mesh_read_dealt(context, path, how->ranks, mesh);
     if (rc != DMK_OK || how->quiet) return rc;
     if (how->progress) cli_progress_end(how->progress);
     if (how->repair) print_repairs(path, did);

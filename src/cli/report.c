@@ -94,6 +94,7 @@ static void write_ranks(cli_json *json, const solve_run *run)
         json_integer(json, "own_rows", t->own_rows);
         json_integer(json, "ghost_rows", t->ghost_rows);
         json_integer(json, "exchanges", t->exchanges);
+        json_integer(json, "overlapped", t->overlapped);
         json_integer(json, "messages", t->messages);
         json_integer(json, "bytes", t->bytes);
         json_integer(json, "sums", t->sums);

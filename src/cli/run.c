@@ -96,7 +96,10 @@ int solve_place(const solve_request *request, solve_run *run)
 static int read_mesh(const solve_request *request, solve_run *run)
 {
     double mark = run->seconds.begin;
-    const cli_reading how = {request->repair, request->quiet, &run->progress};
+    const cli_reading how = {.repair = request->repair,
+                             .quiet = request->quiet,
+                             .progress = &run->progress,
+                             .ranks = request->dealt ? cli_ranks() : NULL};
     int rc = cli_read_mesh(run->context, request->mesh, &how, &run->repairs, &run->mesh);
     if (rc == DMK_OK && !request->sources) rc = place(request, run);
     run->seconds.read = lap(&mark);

@@ -23,6 +23,7 @@ typedef struct solve_request {
     bool single;
     bool repair, json;
     bool bare;         /* the command needs no device and no solver */
+    bool dealt;        /* several ranks read the mesh together */
     bool density_only; /* no distance, no cut locus */
     bool dry;          /* report what the run would take, and end */
     bool quiet, verbose;

@@ -70,7 +70,9 @@ typedef struct dmk_arg {
  * follow the mesh each by itself (midpoints, then vertices): on a CPU a thread's share is then a piece of
  * both. */
 typedef struct dmk_range {
-    size_t items, first; /* first: 0 for one range */
+    size_t items, first;     /* first: 0 for one range */
+    const dmk_buffer *parts; /* n_parts numbers of parts, which alone are done; NULL: all of them */
+    size_t n_parts;
 } dmk_range;
 
 /* What was asked of the device so far, for benchmarks and tests. */
@@ -85,6 +87,8 @@ int dmk_launch(dmk_context *context, dmk_device *device, const dmk_kernel *kerne
 #define DMK_LAUNCH(context, device, kernel, range, ...)                                            \
     dmk_launch((context), (device), (kernel), (range),                                             \
                sizeof((dmk_arg[]){__VA_ARGS__}) / sizeof(dmk_arg), (dmk_arg[]){__VA_ARGS__})
+/* Begin what is queued, without waiting for it. */
+int dmk_device_flush(dmk_context *context, dmk_device *device);
 /* Parts of a launch over `items` items: the number of partial sums a reduction leaves. */
 size_t dmk_launch_parts(const dmk_device *device, size_t items);
 /* Items of each part but the last. */

@@ -56,7 +56,7 @@ static int launch_failed(dmk_context *ctx, cl_int error, const dmk_kernel *kerne
 }
 
 /* The last two arguments, the distribution of the work (base.cl). *groups: the parts of the launch, then its
- * work-groups: with shares (in the CPU shape), some for each thread, as drivers may hand several to the
+ * work-groups: as many as are listed; with shares (in the CPU shape), some for each thread, as drivers may hand several to the
  * thread that comes first. */
 static cl_int share_out(dmk_device *dev, const dmk_kernel *kernel, dmk_range range, cl_uint arg,
                         size_t *groups)
@@ -65,15 +65,28 @@ static cl_int share_out(dmk_device *dev, const dmk_kernel *kernel, dmk_range ran
     size_t threads = (size_t)dev->info.compute_units, parts = *groups, first = parts;
     bool shares = dev->cpu_shape && threads > 1 && parts >= 2 * threads && parts < most &&
                   threads < most / 1024;
+    const dmk_buffer *table = range.parts ? range.parts : dev->shares;
     if (range.first > 0) first = dmk_launch_parts(dev, range.first);
-    if (shares) {
+    if (range.parts) {
+        shares = false;
+        *groups = range.n_parts;
+    } else if (shares) {
         dev->tag = (dev->tag + 1) % 1023;
         *groups = 4 * threads;
     }
-    cl_int4 launch = {{dev->tag, shares ? (cl_int)threads : 0, (cl_int)first, (cl_int)parts}};
-    cl_int error = clSetKernelArg(kernel->cl, arg, sizeof(cl_mem), &dev->shares);
+    cl_int4 launch = {{dev->tag,
+                       range.parts ? -1
+                       : shares    ? (cl_int)threads
+                                   : 0,
+                       (cl_int)first, (cl_int)parts}};
+    cl_int error = clSetKernelArg(kernel->cl, arg, sizeof(cl_mem), &table);
     if (error != CL_SUCCESS) return error;
     return clSetKernelArg(kernel->cl, arg + 1, sizeof launch, &launch);
+}
+
+int dmk_device_flush(dmk_context *ctx, dmk_device *dev)
+{
+    return dmk_cl_check(ctx, clFlush(dev->queue), "clFlush");
 }
 
 int dmk_launch(dmk_context *ctx, dmk_device *dev, const dmk_kernel *kernel, dmk_range range,

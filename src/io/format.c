@@ -1,5 +1,5 @@
 /* The table of formats, and reading and writing through it. */
-#include "io/io.h"
+#include "io/dealt.h"
 
 #include "base/outfile.h"
 
@@ -150,12 +150,13 @@ static int name_file(dmk_context *ctx, const char *path, int rc)
 }
 
 /* The file's triangles, as they are. */
-static int read_soup(dmk_context *ctx, const char *path, dmk_soup *soup)
+int dmk_soup_read(dmk_context *ctx, const char *path, dmk_soup *soup, uint64_t *bytes)
 {
     int rc;
     dmk_file file = {0};
     const dmk_format *format;
     DMK_TRY(dmk_file_load(ctx, path, &file));
+    *bytes += file.size;
     DMK_TRY(find_reader(ctx, &file, &format));
     DMK_TRY(format->read_mesh(ctx, &file, soup));
 done:
@@ -163,12 +164,24 @@ done:
     return rc;
 }
 
+static int read_soup(dmk_context *ctx, const char *path, const dmk_ranks *ranks, dmk_soup *soup)
+{
+    uint64_t bytes = 0;
+    return ranks && ranks->size > 1 ? dmk_soup_read_dealt(ctx, path, ranks, soup, &bytes)
+                                    : dmk_soup_read(ctx, path, soup, &bytes);
+}
+
 int dmk_mesh_read(dmk_context *ctx, const char *path, dmk_mesh **mesh)
+{
+    return dmk_mesh_read_dealt(ctx, path, NULL, mesh);
+}
+
+int dmk_mesh_read_dealt(dmk_context *ctx, const char *path, const dmk_ranks *ranks, dmk_mesh **mesh)
 {
     int rc;
     dmk_soup soup = {0};
     if (dmk_missing(ctx, "path", path, "mesh", mesh)) return DMK_E_ARG;
-    DMK_TRY(read_soup(ctx, path, &soup));
+    DMK_TRY(read_soup(ctx, path, ranks, &soup));
     rc = dmk_mesh_adopt(ctx, soup.n_vertices, soup.xyz, soup.n_triangles, soup.triangle, mesh);
     soup = (dmk_soup){0};
     if (rc != DMK_OK) rc = name_file(ctx, path, rc);
@@ -182,7 +195,7 @@ int dmk_mesh_read_repaired(dmk_context *ctx, const char *path, dmk_repairs *repa
     int rc;
     dmk_soup soup = {0};
     if (dmk_missing(ctx, "path", path, "mesh", mesh)) return DMK_E_ARG;
-    DMK_TRY(read_soup(ctx, path, &soup));
+    DMK_TRY(read_soup(ctx, path, NULL, &soup));
     rc = dmk_mesh_repair(ctx, soup.n_vertices, soup.xyz, soup.n_triangles, soup.triangle, repair,
                          mesh);
     if (rc != DMK_OK) rc = name_file(ctx, path, rc);

@@ -6,7 +6,7 @@
  *
  * librply is not used: it parses text by the program's locale and trusts the header. */
 #include "base/parallel.h"
-#include "io/values.h"
+#include "io/dealt.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -250,6 +250,7 @@ typedef struct records {
 
 static bool have_one_size(records *r)
 {
+    r->size = 0;
     if (!r->p->in.binary || r->e->count > INT32_MAX) return false;
     for (int k = r->e->first; k < r->e->first + r->e->n; k++) {
         const property *q = &r->p->property[k];
@@ -258,7 +259,7 @@ static bool have_one_size(records *r)
         r->offset[k] = r->size;
         r->size += q->length_type < 0 ? one : dmk_type_bytes((dmk_type)q->length_type) + 3 * one;
     }
-    return (size_t)r->e->count * r->size <= (size_t)(r->p->in.text.end - r->begin);
+    return true;
 }
 
 /* Take record i; whether it is another thing than a vertex or triangle. */
@@ -291,7 +292,8 @@ static int read_records(ply *p, const element *e, dmk_soup *soup, bool *done)
     int rc = DMK_OK;
     dmk_context *ctx = p->in.text.context;
     records r = {.p = p, .e = e, .begin = p->in.text.at, .soup = soup};
-    *done = e->n > 0 && have_one_size(&r);
+    *done = e->n > 0 && have_one_size(&r) &&
+            (size_t)e->count * r.size <= (size_t)(p->in.text.end - r.begin);
     if (!*done) return DMK_OK;
     if (e->is_face) {
         DMK_TRY(DMK_NEW(ctx, soup->triangle, 3 * (size_t)e->count));
@@ -355,6 +357,58 @@ done:
     if (p) dmk_text_close(&p->in.text);
     free(p);
     return rc;
+}
+
+/* ---- by ranges ---- */
+
+/* The columns of an element whose records begin at byte `at`. */
+static void set_columns(const records *r, uint64_t at, dmk_layout *l)
+{
+    for (int k = r->e->first; k < r->e->first + r->e->n; k++) {
+        const property *q = &r->p->property[k];
+        const dmk_type type = (dmk_type)q->type;
+        dmk_column c = {at + r->offset[k], r->size, type};
+        if (q->role < 3) l->xyz[q->role] = c;
+        if (q->role != ROLE_CORNERS) continue;
+        c.type = (dmk_type)q->length_type;
+        l->n_triangles = (size_t)r->e->count;
+        l->check[l->n_checks++] = (dmk_column_check){c, l->n_triangles, 3, 0};
+        c.at += dmk_type_bytes(c.type);
+        c.type = type;
+        for (size_t i = 0; i < 3; i++, c.at += dmk_type_bytes(type)) l->corner[i] = c;
+    }
+}
+
+/* Up to the faces all records must be of one size. */
+static bool set_layout(const ply *p, const dmk_soup *soup, dmk_layout *l)
+{
+    uint64_t at = (uint64_t)(p->in.text.at - p->in.text.file->data);
+    l->swap = p->in.swap;
+    l->n_vertices = soup->n_vertices;
+    for (int i = 0; i < p->n_elements && (l->n_triangles == 0 || l->xyz[0].stride == 0); i++) {
+        records r = {.p = p, .e = &p->element[i]};
+        if (!have_one_size(&r)) return false;
+        set_columns(&r, at, l);
+        at += (uint64_t)r.e->count * r.size;
+    }
+    return true;
+}
+
+bool dmk_ply_layout(dmk_context *ctx, const dmk_file *head, dmk_layout *layout)
+{
+    int rc;
+    bool found = false;
+    dmk_soup soup = {0};
+    ply *p = NULL;
+    DMK_TRY(DMK_NEW(ctx, p, 1));
+    DMK_TRY(dmk_text_open(ctx, head, &p->in.text));
+    DMK_TRY(read_header(p));
+    DMK_TRY(check_header(p, &soup));
+    found = set_layout(p, &soup, layout);
+done:
+    if (p) dmk_text_close(&p->in.text);
+    free(p);
+    return found;
 }
 
 /* ---- writing ---- */

@@ -2,6 +2,7 @@
  * in their order; faces become triangles (see cells.h), of PolyData first polygons, then strips.
  * Of the data on points and cells the array that is asked for by name. */
 #include "io/cells.h"
+#include "io/dealt.h"
 #include "io/vtk_xml.h"
 
 #include <stdlib.h>
@@ -168,6 +169,54 @@ done:
     dmk_vtk_tags_free(&v.tags);
     free(v.corners.vertex);
     return rc;
+}
+
+/* ---- by ranges ---- */
+
+/* Numbers of an array of appended raw data, `each` in a record; the size that stands before them is checked. */
+static void set_column(const vtk *v, const dmk_vtk_values *a, size_t n, size_t each, dmk_layout *l,
+                       dmk_column *column)
+{
+    const dmk_type type = v->tags.coding.header_type;
+    const uint64_t at = (uint64_t)(v->tags.coding.appended - v->file->data) + a->offset;
+    const size_t size = dmk_type_bytes(a->type);
+    l->check[l->n_checks++] = (dmk_column_check){{at, 1, type}, 1, (int64_t)(n * each * size), 0};
+    for (size_t k = 0; k < each; k++)
+        column[k] = (dmk_column){at + dmk_type_bytes(type) + k * size, each * size, a->type};
+}
+
+/* One piece of triangles alone, in raw bytes behind the tags. */
+static bool is_plain(const dmk_vtk_tags *tags)
+{
+    static const dmk_vtk_role wanted[] = {DMK_VTK_POINTS, DMK_VTK_POLY_CORNERS, DMK_VTK_POLY_ENDS};
+    const dmk_vtk_piece *p = tags->piece;
+    if (tags->n_pieces != 1 || !tags->coding.appended || tags->coding.appended_base64 ||
+        tags->coding.packed || p->n_strips + p->n_cells + p->n_thin > 0)
+        return false;
+    for (int k = 0; k < 3; k++) {
+        const dmk_vtk_values *a = &p->values[wanted[k]];
+        if (!a->there || a->place != DMK_VTK_APPENDED) return false;
+    }
+    return true;
+}
+
+bool dmk_vtk_layout(dmk_context *ctx, const dmk_file *head, dmk_layout *l)
+{
+    vtk v = {.context = ctx, .file = head};
+    dmk_column ends;
+    const bool found = dmk_vtk_tags_read(ctx, head, &v.tags) == DMK_OK && is_plain(&v.tags);
+    if (found) {
+        const dmk_vtk_piece *p = v.tags.piece;
+        l->swap = v.tags.coding.swap;
+        l->n_vertices = (size_t)p->n_points;
+        l->n_triangles = (size_t)p->n_polys;
+        set_column(&v, &p->values[DMK_VTK_POINTS], l->n_vertices, 3, l, l->xyz);
+        set_column(&v, &p->values[DMK_VTK_POLY_CORNERS], l->n_triangles, 3, l, l->corner);
+        set_column(&v, &p->values[DMK_VTK_POLY_ENDS], l->n_triangles, 1, l, &ends);
+        l->check[l->n_checks++] = (dmk_column_check){ends, l->n_triangles, 3, 3};
+    }
+    dmk_vtk_tags_free(&v.tags);
+    return found;
 }
 
 /* ---- data ---- */

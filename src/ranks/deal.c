@@ -299,6 +299,8 @@ int dmk_share_create(dmk_context *ctx, const dmk_ranks *ranks, dmk_device *devic
     marks_free(&k);
     k = (marks){0};
     DMK_TRY(local_mesh(ctx, s, mesh, &s->mesh));
+    DMK_TRY(dmk_split_elements(ctx, s));
+    DMK_TRY(dmk_split_graph(ctx, s, 0, s->mesh.n_edges, s->mesh.edge_vertex));
     *share = s;
     s = NULL;
 done:
@@ -328,7 +330,9 @@ void dmk_share_destroy(dmk_share **share)
         dmk_space_free(&s->link[l]);
         dmk_halo_free(&s->vertices[l]);
         dmk_halo_free(&s->links[l]);
+        dmk_split_free(&s->graph[l]);
     }
+    dmk_split_free(&s->elements);
     dmk_buffer_destroy(&s->staging);
     free(s->host);
     free(s);

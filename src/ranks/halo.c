@@ -5,14 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-int dmk_ranks_check(dmk_context *ctx, const dmk_ranks *ranks, int status)
-{
-    if (status == 0) return DMK_OK;
-    if (status == DMK_E_CANCELLED) return dmk_fail(ctx, status, "interrupted");
-    return dmk_fail(ctx, DMK_E_DEVICE, "rank %d of %d lost touch with the others (%d)", ranks->rank,
-                    ranks->size, status);
-}
-
 int dmk_share_check(dmk_context *ctx, const dmk_share *share, int status)
 {
     return dmk_ranks_check(ctx, &share->ranks, status);
@@ -76,9 +68,12 @@ done:
     return rc;
 }
 
-/* Send and receive `item` bytes for each item of the halo (back: the other way round). */
-static int exchange(dmk_context *ctx, const dmk_share *share, const dmk_halo *halo, bool back,
-                    size_t item, const void *send, void *receive)
+typedef int call(void *user, const void *const *send, const size_t *send_bytes,
+                 void *const *receive, const size_t *receive_bytes);
+
+/* Send and receive `item` bytes for each item of the halo (back: the other way round), or begin to. */
+static int exchange_by(call *by, dmk_context *ctx, const dmk_share *share, const dmk_halo *halo,
+                       bool back, size_t item, const void *send, void *receive)
 {
     int rc;
     size_t size = (size_t)share->ranks.size, at_send = 0, at_receive = 0;
@@ -96,14 +91,19 @@ static int exchange(dmk_context *ctx, const dmk_share *share, const dmk_halo *ha
         at_send += bytes[r] = item * (size_t)out[r];
         at_receive += bytes[size + r] = item * (size_t)in[r];
     }
-    DMK_TRY(dmk_share_check(
-        ctx, share,
-        share->ranks.exchange(share->ranks.user, sends, bytes, receives, bytes + size)));
+    DMK_TRY(
+        dmk_share_check(ctx, share, by(share->ranks.user, sends, bytes, receives, bytes + size)));
 done:
     free(sends);
     free(receives);
     free(bytes);
     return rc;
+}
+
+static int exchange(dmk_context *ctx, const dmk_share *share, const dmk_halo *halo, bool back,
+                    size_t item, const void *send, void *receive)
+{
+    return exchange_by(share->ranks.exchange, ctx, share, halo, back, item, send, receive);
 }
 
 /* Numbers that others asked for to places. */
@@ -186,6 +186,11 @@ void dmk_halo_free(dmk_halo *halo)
 
 /* ---- an exchange ----------------------------------------------------------------------------- */
 
+static dmk_range items(int32_t n)
+{
+    return (dmk_range){.items = (size_t)n};
+}
+
 static void count_traffic(dmk_share *share, const dmk_halo *halo, size_t item)
 {
     share->traffic.exchanges++;
@@ -195,32 +200,63 @@ static void count_traffic(dmk_share *share, const dmk_halo *halo, size_t item)
     }
 }
 
-/* One packed message to each neighbour, one from each. */
-static int fill(dmk_context *ctx, dmk_share *share, const dmk_halo *halo, dmk_program program,
-                const dmk_buffer *x)
+static bool is_empty(const dmk_halo *halo)
+{
+    return halo->n_send == 0 && halo->n_receive == 0;
+}
+
+/* One packed message to each neighbour, one from each: from here on they are on their way, if ranks can do that. */
+static int begin(dmk_context *ctx, dmk_share *share, const dmk_halo *halo, dmk_program program,
+                 const dmk_buffer *x)
 {
     int rc = DMK_OK;
-    if (halo->n_send == 0 && halo->n_receive == 0) return DMK_OK;
     dmk_device *dev = share->device;
-    size_t item = dmk_device_real(dev, program);
-    size_t sent = item * (size_t)halo->n_send, received = item * (size_t)halo->n_receive;
+    const size_t item = dmk_device_real(dev, program), sent = item * (size_t)halo->n_send;
     char *send = share->host, *receive = share->host + share->staging_bytes;
+    if (is_empty(halo)) return DMK_OK;
     if (sent > 0) {
-        DMK_TRY(DMK_LAUNCH(ctx, dev, share->pack[program], ((dmk_range){(size_t)halo->n_send, 0}),
+        DMK_TRY(DMK_LAUNCH(ctx, dev, share->pack[program], items(halo->n_send),
                            DMK_INT(halo->n_send), DMK_BUF(halo->send), DMK_BUF(x),
                            DMK_BUF(share->staging)));
         DMK_TRY(dmk_buffer_read(ctx, dev, share->staging, 0, sent, send));
     }
-    DMK_TRY(exchange(ctx, share, halo, false, item, send, receive));
-    if (received > 0) {
-        DMK_TRY(dmk_buffer_write(ctx, dev, share->staging, 0, received, receive));
-        DMK_TRY(DMK_LAUNCH(ctx, dev, share->unpack[program],
-                           ((dmk_range){(size_t)halo->n_receive, 0}), DMK_INT(halo->n_receive),
-                           DMK_BUF(halo->receive), DMK_BUF(share->staging), DMK_BUF(x)));
-    }
-    count_traffic(share, halo, item);
+    if (share->ranks.begin)
+        rc = exchange_by(share->ranks.begin, ctx, share, halo, false, item, send, receive);
 done:
     return rc;
+}
+
+/* Until they are there, and at their places. */
+static int end(dmk_context *ctx, dmk_share *share, const dmk_halo *halo, dmk_program program,
+               const dmk_buffer *x, bool went_ahead)
+{
+    int rc = DMK_OK;
+    dmk_device *dev = share->device;
+    const size_t item = dmk_device_real(dev, program), received = item * (size_t)halo->n_receive;
+    char *send = share->host, *receive = share->host + share->staging_bytes;
+    if (is_empty(halo)) return DMK_OK;
+    if (went_ahead) DMK_TRY(dmk_device_flush(ctx, dev));
+    if (share->ranks.begin)
+        DMK_TRY(dmk_share_check(ctx, share, share->ranks.finish(share->ranks.user)));
+    else
+        DMK_TRY(exchange(ctx, share, halo, false, item, send, receive));
+    if (received > 0) {
+        DMK_TRY(dmk_buffer_write(ctx, dev, share->staging, 0, received, receive));
+        DMK_TRY(DMK_LAUNCH(ctx, dev, share->unpack[program], items(halo->n_receive),
+                           DMK_INT(halo->n_receive), DMK_BUF(halo->receive),
+                           DMK_BUF(share->staging), DMK_BUF(x)));
+    }
+    count_traffic(share, halo, item);
+    share->traffic.overlapped += went_ahead && share->ranks.begin;
+done:
+    return rc;
+}
+
+static int fill(dmk_context *ctx, dmk_share *share, const dmk_halo *halo, dmk_program program,
+                const dmk_buffer *x)
+{
+    const int rc = begin(ctx, share, halo, program, x);
+    return rc == DMK_OK ? end(ctx, share, halo, program, x, false) : rc;
 }
 
 int dmk_share_ghosts(dmk_context *ctx, dmk_share *share, double *x)
@@ -238,9 +274,34 @@ done:
     return rc;
 }
 
+int dmk_share_rows_begin(dmk_context *ctx, dmk_share *share, dmk_program program,
+                         const dmk_buffer *x)
+{
+    return share ? begin(ctx, share, &share->rows, program, x) : DMK_OK;
+}
+
+int dmk_share_rows_end(dmk_context *ctx, dmk_share *share, dmk_program program, const dmk_buffer *x,
+                       bool went_ahead)
+{
+    return share ? end(ctx, share, &share->rows, program, x, went_ahead) : DMK_OK;
+}
+
 int dmk_share_rows(dmk_context *ctx, dmk_share *share, dmk_program program, const dmk_buffer *x)
 {
     return share ? fill(ctx, share, &share->rows, program, x) : DMK_OK;
+}
+
+int dmk_share_vertices_begin(dmk_context *ctx, dmk_share *share, int32_t level, const dmk_buffer *x)
+{
+    if (!share || level >= share->first_whole) return DMK_OK;
+    return begin(ctx, share, &share->vertices[level], DMK_INNER, x);
+}
+
+int dmk_share_vertices_end(dmk_context *ctx, dmk_share *share, int32_t level, const dmk_buffer *x,
+                           bool went_ahead)
+{
+    if (!share || level >= share->first_whole) return DMK_OK;
+    return end(ctx, share, &share->vertices[level], DMK_INNER, x, went_ahead);
 }
 
 int dmk_share_vertices(dmk_context *ctx, dmk_share *share, int32_t level, const dmk_buffer *x)

@@ -252,14 +252,16 @@ done:
     return rc;
 }
 
-int dmk_local_levels(dmk_context *ctx, const dmk_share *s, dmk_hierarchy *h, dmk_local *local)
+int dmk_local_levels(dmk_context *ctx, dmk_share *s, dmk_hierarchy *h, dmk_local *local)
 {
     int rc = DMK_OK;
     local->first_whole = s->first_whole;
     local->hierarchy.n = h->n;
     for (int32_t i = s->first_whole; i < h->n; i++) local->hierarchy.level[i] = h->level[i];
     for (int32_t i = 0; i < s->first_whole; i++) {
+        const dmk_graph *g = &local->hierarchy.level[i].coarse;
         DMK_TRY(local_level(ctx, s, i, &h->level[i], &local->hierarchy.level[i]));
+        if (i + 1 < s->first_whole) DMK_TRY(dmk_split_graph(ctx, s, i + 1, g->n_edges, g->edge));
         dmk_coarsening_free(&h->level[i]);
     }
 done:

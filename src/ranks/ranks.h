@@ -36,6 +36,13 @@ typedef struct dmk_halo {
     int32_t *send_place, *receive_place; /* of the rows: the same on the host; else NULL */
 } dmk_halo;
 
+/* The parts of a launch that reads ghosts: those that need them, and those that do not, which go ahead while the
+ * ghosts are on their way. Nothing goes ahead where n_interior is 0. */
+typedef struct dmk_split {
+    dmk_buffer *interior, *boundary;
+    size_t n_interior, n_boundary;
+} dmk_split;
+
 enum { DMK_SHARE_LEVELS = DMK_MAX_LEVELS + 1 };
 
 typedef struct dmk_share {
@@ -51,6 +58,8 @@ typedef struct dmk_share {
     int32_t vertex_row;         /* of the local rows */
     dmk_mesh mesh;              /* what is packed */
     dmk_halo rows, vertices[DMK_SHARE_LEVELS], links[DMK_SHARE_LEVELS];
+    dmk_split elements,
+        graph[DMK_SHARE_LEVELS]; /* of launches over T, and over a dealt level's vertices */
     dmk_buffer *staging;
     char *host; /* as long */
     size_t staging_bytes;
@@ -76,6 +85,18 @@ void dmk_share_destroy(dmk_share **share);
 void dmk_local_free(dmk_local *local);
 
 /* ---- halo.c: bring the ghosts of a vector up to date, own values are only read ---- */
+
+/* In two halves: what is queued in between goes on meanwhile, and must not touch x's ghosts. Its launch is over the
+ * interior parts of the split, and where that has any `went_ahead` tells so. */
+int dmk_share_rows_begin(dmk_context *context, dmk_share *share, dmk_program program,
+                         const dmk_buffer *x);
+int dmk_share_rows_end(dmk_context *context, dmk_share *share, dmk_program program,
+                       const dmk_buffer *x, bool went_ahead);
+int dmk_share_vertices_begin(dmk_context *context, dmk_share *share, int32_t level,
+                             const dmk_buffer *x);
+int dmk_share_vertices_end(dmk_context *context, dmk_share *share, int32_t level,
+                           const dmk_buffer *x, bool went_ahead);
+/* And at once. */
 
 /* Over the rows of T/2, in the program's precision. */
 int dmk_share_rows(dmk_context *context, dmk_share *share, dmk_program program,
@@ -125,8 +146,7 @@ int dmk_ranks_spread(dmk_context *context, const dmk_ranks *ranks, void *data, s
 
 /* ---- within the room ---- */
 
-/* DMK_OK, or the failure of a call of ranks->... that gave `status`. */
-int dmk_ranks_check(dmk_context *context, const dmk_ranks *ranks, int status);
+/* DMK_OK, or the failure of a call of share->ranks that gave `status`. */
 int dmk_share_check(dmk_context *context, const dmk_share *share, int status);
 /* space.c: local places for the marked items and the own ones. part > 1: see above. `spare`: gaps
  * at the end. */
@@ -152,8 +172,14 @@ int dmk_halo_create(dmk_context *context, dmk_share *share, int n, const dmk_nee
 int dmk_halo_keep(dmk_context *context, const dmk_share *share, dmk_halo *halo);
 void dmk_halo_free(dmk_halo *halo);
 
+/* split.c: of T's elements by own rows; of a level's vertices by own neighbours, `link` the ends of its links. */
+int dmk_split_elements(dmk_context *context, dmk_share *share);
+int dmk_split_graph(dmk_context *context, dmk_share *share, int32_t level, int32_t n_links,
+                    const int32_t *link);
+void dmk_split_free(dmk_split *split);
+
 /* levels.c: the rank's part of the tables between levels. */
-int dmk_local_levels(dmk_context *context, const dmk_share *share, dmk_hierarchy *whole,
+int dmk_local_levels(dmk_context *context, dmk_share *share, dmk_hierarchy *whole,
                      dmk_local *local);
 
 #endif

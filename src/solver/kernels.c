@@ -107,12 +107,12 @@ void dmk_kernels_destroy(struct dmk_kernels **kernels)
 /* The rows: midpoints, then vertices, which follow the mesh each by itself. */
 static dmk_range rows(const dmk_system *s)
 {
-    return (dmk_range){(size_t)s->n_rows, (size_t)s->vertex_row};
+    return (dmk_range){.items = (size_t)s->n_rows, .first = (size_t)s->vertex_row};
 }
 
 static dmk_range items(int32_t n)
 {
-    return (dmk_range){(size_t)n, 0};
+    return (dmk_range){.items = (size_t)n};
 }
 
 static dmk_range elements(const dmk_system *s)
@@ -155,6 +155,47 @@ done:
     return rc;
 }
 
+/* Parts of a launch that go ahead while ghosts are on their way; none where n is 0. */
+static dmk_range ahead(const dmk_split *split, dmk_range all)
+{
+    all.parts = split ? split->interior : NULL;
+    all.n_parts = split ? split->n_interior : 0;
+    return all;
+}
+
+/* And the others, which are all of them without such. */
+static dmk_range behind(const dmk_split *split, dmk_range all)
+{
+    if (!split || split->n_interior == 0) return all;
+    all.parts = split->boundary;
+    all.n_parts = split->n_boundary;
+    return all;
+}
+
+static const dmk_split *split_elements(const dmk_system *s)
+{
+    return s->share && s->share->ranks.begin ? &s->share->elements : NULL;
+}
+
+static const dmk_split *split_level(const dmk_system *s, int32_t level)
+{
+    return s->share && s->share->ranks.begin && level < s->share->first_whole
+               ? &s->share->graph[level]
+               : NULL;
+}
+
+/* RUN over `range` once `halo`_begin and `halo`_end, with this argument, have brought the ghosts of x; a split's
+ * interior between the two. */
+#define RUN_WITH(halo, argument, split, program, name, range, ...)                                 \
+    do {                                                                                           \
+        const dmk_split *parts = (split);                                                          \
+        const dmk_range early = ahead(parts, range), late = behind(parts, range);                  \
+        DMK_TRY(halo##_begin(ctx, s->share, argument, x));                                         \
+        if (early.n_parts > 0) DMK_TRY(RUN(program, name, early, __VA_ARGS__));                    \
+        DMK_TRY(halo##_end(ctx, s->share, argument, x, early.n_parts > 0));                        \
+        if (!late.parts || late.n_parts > 0) DMK_TRY(RUN(program, name, late, __VA_ARGS__));       \
+    } while (0)
+
 /* ---- operator.cl ----------------------------------------------------------------------------- */
 
 /* The elements' parts in the program's precision. */
@@ -167,9 +208,9 @@ int dmk_element_stiffness(dmk_context *ctx, dmk_system *s, dmk_program p, const 
 {
     int rc;
     const dmk_buffer *weight = p == DMK_INNER ? s->weight : s->weight_real;
-    DMK_TRY(dmk_share_rows(ctx, s->share, p, x));
-    rc = RUN(p, element_stiffness, padded_elements(s), DMK_INT(s->n_elements_pad),
-             DMK_BUF(s->index), DMK_BUF(weight), DMK_BUF(x), DMK_BUF(out_of(s, p)));
+    RUN_WITH(dmk_share_rows, p, split_elements(s), p, element_stiffness, padded_elements(s),
+             DMK_INT(s->n_elements_pad), DMK_BUF(s->index), DMK_BUF(weight), DMK_BUF(x),
+             DMK_BUF(out_of(s, p)));
 done:
     return rc;
 }
@@ -177,10 +218,9 @@ done:
 int dmk_element_newton(dmk_context *ctx, dmk_system *s, const dmk_buffer *x)
 {
     int rc;
-    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_INNER, x));
-    rc = RUN(DMK_INNER, element_newton, padded_elements(s), DMK_INT(s->n_elements_pad),
-             DMK_BUF(s->index), DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(x),
-             DMK_BUF(s->out));
+    RUN_WITH(dmk_share_rows, DMK_INNER, split_elements(s), DMK_INNER, element_newton,
+             padded_elements(s), DMK_INT(s->n_elements_pad), DMK_BUF(s->index), DMK_BUF(s->weight),
+             DMK_BUF(s->rank_one), DMK_BUF(x), DMK_BUF(s->out));
 done:
     return rc;
 }
@@ -301,10 +341,10 @@ int dmk_smooth_first(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, dou
 int dmk_element_down(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_buffer *x)
 {
     int rc;
-    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_INNER, x));
-    rc = RUN(DMK_INNER, element_down, padded_elements(s), DMK_INT(s->n_elements_pad),
-             DMK_INT(op == DMK_NEWTON_MATRIX), DMK_BUF(s->index), DMK_BUF(s->weight),
-             DMK_BUF(s->rank_one), DMK_BUF(x), DMK_BUF(s->out));
+    RUN_WITH(dmk_share_rows, DMK_INNER, split_elements(s), DMK_INNER, element_down,
+             padded_elements(s), DMK_INT(s->n_elements_pad), DMK_INT(op == DMK_NEWTON_MATRIX),
+             DMK_BUF(s->index), DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(x),
+             DMK_BUF(s->out));
 done:
     return rc;
 }
@@ -313,12 +353,11 @@ int dmk_element_up(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_b
 {
     int rc;
     const dmk_buffer *coarse = s->level[0].x_old;
-    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_INNER, x));
     DMK_TRY(dmk_share_vertices(ctx, s->share, 0, coarse));
-    rc =
-        RUN(DMK_INNER, element_up, padded_elements(s), DMK_INT(s->n_elements_pad),
-            DMK_INT(op == DMK_NEWTON_MATRIX), DMK_INT(s->vertex_row), DMK_BUF(s->index),
-            DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(x), DMK_BUF(coarse), DMK_BUF(s->out));
+    RUN_WITH(dmk_share_rows, DMK_INNER, split_elements(s), DMK_INNER, element_up,
+             padded_elements(s), DMK_INT(s->n_elements_pad), DMK_INT(op == DMK_NEWTON_MATRIX),
+             DMK_INT(s->vertex_row), DMK_BUF(s->index), DMK_BUF(s->weight), DMK_BUF(s->rank_one),
+             DMK_BUF(x), DMK_BUF(coarse), DMK_BUF(s->out));
 done:
     return rc;
 }
@@ -335,10 +374,9 @@ int dmk_graph_residual(dmk_context *ctx, dmk_system *s, int32_t level, const dmk
 {
     int rc;
     dmk_level *l = &s->level[level];
-    DMK_TRY(dmk_share_vertices(ctx, s->share, level, x));
-    rc = RUN(DMK_INNER, graph_residual, items(l->n), DMK_INT(l->n), DMK_BUF(l->slice),
-             DMK_BUF(l->neighbour), DMK_BUF(l->weight), DMK_BUF(x), DMK_BUF(l->rhs),
-             DMK_BUF(l->residual));
+    RUN_WITH(dmk_share_vertices, level, split_level(s, level), DMK_INNER, graph_residual,
+             items(l->n), DMK_INT(l->n), DMK_BUF(l->slice), DMK_BUF(l->neighbour),
+             DMK_BUF(l->weight), DMK_BUF(x), DMK_BUF(l->rhs), DMK_BUF(l->residual));
 done:
     return rc;
 }
@@ -348,11 +386,10 @@ int dmk_graph_chebyshev(dmk_context *ctx, dmk_system *s, int32_t level, const dm
 {
     int rc;
     dmk_level *l = &s->level[level];
-    DMK_TRY(dmk_share_vertices(ctx, s->share, level, x));
-    rc = RUN(DMK_INNER, graph_chebyshev, items(l->n), DMK_INT(l->n), DMK_BUF(l->slice),
-             DMK_BUF(l->neighbour), DMK_BUF(l->weight), DMK_BUF(l->rhs), DMK_BUF(l->inv_diag),
-             DMK_BUF(x), DMK_BUF(x_old), DMK_FLOAT(c.momentum), DMK_FLOAT(c.keep),
-             DMK_FLOAT(c.step));
+    RUN_WITH(dmk_share_vertices, level, split_level(s, level), DMK_INNER, graph_chebyshev,
+             items(l->n), DMK_INT(l->n), DMK_BUF(l->slice), DMK_BUF(l->neighbour),
+             DMK_BUF(l->weight), DMK_BUF(l->rhs), DMK_BUF(l->inv_diag), DMK_BUF(x), DMK_BUF(x_old),
+             DMK_FLOAT(c.momentum), DMK_FLOAT(c.keep), DMK_FLOAT(c.step));
 done:
     return rc;
 }

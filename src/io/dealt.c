@@ -1,0 +1,295 @@
+/* A mesh file read by several ranks; see dealt.h. */
+#include "io/dealt.h"
+
+#include "base/parallel.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+/* The longest header that is looked through; those of common writers have some 1 kB. */
+enum { HEAD = 65536 };
+
+/* ---- ranges of a file ------------------------------------------------------------------------- */
+
+typedef struct source {
+    dmk_context *context;
+    int fd;
+    uint64_t size;  /* of the file */
+    uint64_t bytes; /* that have been read */
+} source;
+
+/* Without a message: what cannot be read so is read by other means. */
+static bool read_bytes(source *s, uint64_t from, size_t n, char *to)
+{
+    while (n > 0) {
+        const ssize_t got = pread(s->fd, to, n, (off_t)from);
+        if (got < 0 && errno == EINTR) continue;
+        if (got <= 0) return false;
+        from += (uint64_t)got;
+        to += got;
+        n -= (size_t)got;
+        s->bytes += (uint64_t)got;
+    }
+    return true;
+}
+
+static bool open_source(source *s, const char *path)
+{
+    struct stat st;
+    s->fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    if (s->fd < 0 || fstat(s->fd, &st) != 0 || !S_ISREG(st.st_mode)) return false;
+    s->size = (uint64_t)st.st_size;
+    return true;
+}
+
+/* Records begin .. end - 1 of columns of one stride, as they stand in the file. */
+typedef struct window {
+    char *data;
+    uint64_t at; /* in the file */
+} window;
+
+static bool read_window(source *s, int n, const dmk_column *column, size_t begin, size_t end,
+                        window *w)
+{
+    uint64_t first = UINT64_MAX, last = 0;
+    *w = (window){0};
+    if (begin == end) return true;
+    for (int k = 0; k < n; k++) {
+        const dmk_column *c = &column[k];
+        const uint64_t to = c->at + (end - 1) * c->stride + dmk_type_bytes(c->type);
+        if (c->at + begin * c->stride < first) first = c->at + begin * c->stride;
+        if (to > last) last = to;
+    }
+    w->at = first;
+    if (last > s->size || DMK_NEW(s->context, w->data, last - first) != DMK_OK) return false;
+    return read_bytes(s, first, last - first, w->data);
+}
+
+static const char *in_window(const window *w, const dmk_column *c, size_t i)
+{
+    return w->data + (c->at + i * c->stride - w->at);
+}
+
+/* ---- own vertices and triangles ---------------------------------------------------------------- */
+
+/* Rank r's records of n are first_of(r) .. first_of(r + 1) - 1. */
+static size_t first_of(const dmk_ranks *ranks, int r, size_t n)
+{
+    return (size_t)((uint64_t)n * (uint64_t)r / (uint64_t)ranks->size);
+}
+
+typedef struct range {
+    size_t begin, end;
+} range;
+
+static range own_range(const dmk_ranks *ranks, size_t n)
+{
+    return (range){first_of(ranks, ranks->rank, n), first_of(ranks, ranks->rank + 1, n)};
+}
+
+static bool passes(const window *w, const dmk_layout *l, const dmk_column_check *c, range own)
+{
+    bool good = true;
+    for (size_t i = own.begin; i < own.end && good; i++) {
+        good = dmk_decode_integer(c->column.type, in_window(w, &c->column, i), l->swap) ==
+               c->first + (int64_t)i * c->step;
+    }
+    return good;
+}
+
+/* What stands among the corners is read with them. */
+static bool is_among_corners(const dmk_layout *l, const dmk_column_check *c)
+{
+    return c->n == l->n_triangles && c->column.stride == l->corner[0].stride;
+}
+
+static bool read_check(source *s, const dmk_layout *l, const dmk_column_check *c, range own)
+{
+    window w;
+    const bool good =
+        read_window(s, 1, &c->column, own.begin, own.end, &w) && passes(&w, l, c, own);
+    free(w.data);
+    return good;
+}
+
+static bool read_vertices(source *s, const dmk_layout *l, range own, double *xyz)
+{
+    window w;
+    const bool good = read_window(s, 3, l->xyz, own.begin, own.end, &w);
+    for (size_t i = own.begin; i < own.end && good; i++) {
+        for (int k = 0; k < 3; k++)
+            *xyz++ = dmk_decode_number(l->xyz[k].type, in_window(&w, &l->xyz[k], i), l->swap);
+    }
+    free(w.data);
+    return good;
+}
+
+static bool read_triangles(source *s, const dmk_layout *l, range own, int32_t *triangle)
+{
+    window w;
+    dmk_column column[3 + DMK_LAYOUT_CHECKS];
+    int n = 3;
+    memcpy(column, l->corner, sizeof l->corner);
+    for (int k = 0; k < l->n_checks; k++)
+        if (is_among_corners(l, &l->check[k])) column[n++] = l->check[k].column;
+    bool good = read_window(s, n, column, own.begin, own.end, &w);
+    for (int k = 0; k < l->n_checks && good; k++)
+        good = !is_among_corners(l, &l->check[k]) || passes(&w, l, &l->check[k], own);
+    for (size_t i = own.begin; i < own.end && good; i++) {
+        for (int k = 0; k < 3; k++) {
+            const char *at = in_window(&w, &l->corner[k], i);
+            const double v = dmk_decode_number(l->corner[k].type, at, l->swap);
+            good = good && v >= 0 && v < (double)l->n_vertices && v == (double)(int32_t)v;
+            *triangle++ = good ? (int32_t)v : 0;
+        }
+    }
+    free(w.data);
+    return good;
+}
+
+/* Room for the own range, and what stands there; false where it is not as it should be. */
+static bool read_own(source *s, const dmk_layout *l, const dmk_ranks *ranks, dmk_soup *own)
+{
+    const range vertices = own_range(ranks, l->n_vertices),
+                triangles = own_range(ranks, l->n_triangles);
+    for (int k = 0; k < l->n_checks; k++) {
+        const dmk_column_check *c = &l->check[k];
+        if (!is_among_corners(l, c) && !read_check(s, l, c, own_range(ranks, c->n))) return false;
+    }
+    own->n_vertices = vertices.end - vertices.begin;
+    own->n_triangles = triangles.end - triangles.begin;
+    return DMK_NEW(s->context, own->xyz, 3 * own->n_vertices) == DMK_OK &&
+           DMK_NEW(s->context, own->triangle, 3 * own->n_triangles) == DMK_OK &&
+           read_vertices(s, l, vertices, own->xyz) &&
+           read_triangles(s, l, triangles, own->triangle);
+}
+
+static bool find_layout(source *s, const char *path, dmk_layout *l)
+{
+    dmk_file head = {.path = path};
+    bool found = false;
+    if (!open_source(s, path)) return false;
+    head.size = s->size < HEAD ? (size_t)s->size : HEAD;
+    if (DMK_NEW(s->context, head.data, head.size + 1) == DMK_OK &&
+        read_bytes(s, 0, head.size, head.data)) {
+        found = dmk_ply_sniff(&head)   ? dmk_ply_layout(s->context, &head, l)
+                : dmk_vtk_sniff(&head) ? dmk_vtk_layout(s->context, &head, l)
+                                       : false;
+    }
+    dmk_file_free(&head);
+    return found && l->n_vertices <= INT32_MAX && l->n_triangles <= INT32_MAX && l->n_triangles > 0;
+}
+
+/* ---- all ranks together ------------------------------------------------------------------------ */
+
+/* Whether it is so on all ranks, and all see the same counts. */
+static int agree(dmk_context *ctx, const dmk_ranks *ranks, bool good, const dmk_layout *l,
+                 bool *all)
+{
+    const int32_t v = good ? (int32_t)l->n_vertices : 0, t = good ? (int32_t)l->n_triangles : 0;
+    int32_t most[5] = {!good, v, -v, t, -t};
+    const int rc = dmk_ranks_check(ctx, ranks, ranks->largest(ranks->user, most, 5));
+    *all = most[0] == 0 && most[1] == -most[2] && most[3] == -most[4];
+    return rc;
+}
+
+/* 3 numbers of `item` bytes for each of n records: everybody's one after the other. */
+static int join(dmk_context *ctx, const dmk_ranks *ranks, size_t n, size_t item, const void *mine,
+                void *all)
+{
+    int rc;
+    size_t *bytes = NULL;
+    DMK_TRY(DMK_NEW(ctx, bytes, (size_t)ranks->size));
+    for (int r = 0; r < ranks->size; r++)
+        bytes[r] = 3 * item * (first_of(ranks, r + 1, n) - first_of(ranks, r, n));
+    rc = dmk_ranks_check(ctx, ranks, ranks->gather(ranks->user, mine, all, bytes));
+done:
+    free(bytes);
+    return rc;
+}
+
+static int make_room(dmk_context *ctx, size_t n_vertices, size_t n_triangles, dmk_soup *soup)
+{
+    int rc;
+    soup->n_vertices = n_vertices;
+    soup->n_triangles = soup->triangle_room = n_triangles;
+    DMK_TRY(DMK_NEW(ctx, soup->xyz, 3 * n_vertices));
+    DMK_TRY(DMK_NEW(ctx, soup->triangle, 3 * n_triangles));
+done:
+    return rc;
+}
+
+/* The first rank's data to all. */
+static int spread(dmk_context *ctx, const dmk_ranks *ranks, const void *mine, void *all, size_t n)
+{
+    int rc;
+    size_t *bytes = NULL;
+    DMK_TRY(DMK_NEW(ctx, bytes, (size_t)ranks->size));
+    bytes[0] = n;
+    rc = dmk_ranks_check(ctx, ranks, ranks->gather(ranks->user, mine, all, bytes));
+done:
+    free(bytes);
+    return rc;
+}
+
+/* How the first rank's reading went. */
+typedef struct news {
+    int64_t rc, n_vertices, n_triangles;
+    char message[sizeof((dmk_context *)0)->message];
+} news;
+
+/* What has no layout: the first rank's soup, or its failure. */
+static int read_once(dmk_context *ctx, const char *path, const dmk_ranks *ranks, dmk_soup *soup,
+                     uint64_t *bytes)
+{
+    int rc;
+    dmk_soup first = {0};
+    news mine = {0}, said = {0};
+    if (ranks->rank == 0) {
+        mine.rc = dmk_soup_read(ctx, path, &first, bytes);
+        mine.n_vertices = (int64_t)first.n_vertices;
+        mine.n_triangles = (int64_t)first.n_triangles;
+        strncpy(mine.message, dmk_context_message(ctx), sizeof mine.message - 1);
+    }
+    DMK_TRY(spread(ctx, ranks, &mine, &said, sizeof said));
+    if (said.rc != DMK_OK) {
+        rc = dmk_fail(ctx, (int)said.rc, "%s", said.message);
+        goto done;
+    }
+    DMK_TRY(make_room(ctx, (size_t)said.n_vertices, (size_t)said.n_triangles, soup));
+    DMK_TRY(spread(ctx, ranks, first.xyz, soup->xyz, 3 * soup->n_vertices * sizeof *soup->xyz));
+    rc = spread(ctx, ranks, first.triangle, soup->triangle,
+                3 * soup->n_triangles * sizeof *soup->triangle);
+done:
+    dmk_soup_free(&first);
+    return rc;
+}
+
+int dmk_soup_read_dealt(dmk_context *ctx, const char *path, const dmk_ranks *ranks, dmk_soup *soup,
+                        uint64_t *bytes)
+{
+    int rc;
+    bool good, all;
+    dmk_layout l = {0};
+    dmk_soup own = {0};
+    source s = {.context = ctx, .fd = -1};
+    good = find_layout(&s, path, &l) && read_own(&s, &l, ranks, &own);
+    if (s.fd >= 0) close(s.fd);
+    *bytes = s.bytes;
+    DMK_TRY(agree(ctx, ranks, good, &l, &all));
+    if (!all) {
+        dmk_soup_free(&own);
+        own = (dmk_soup){0};
+        return read_once(ctx, path, ranks, soup, bytes);
+    }
+    DMK_TRY(make_room(ctx, l.n_vertices, l.n_triangles, soup));
+    DMK_TRY(join(ctx, ranks, l.n_vertices, sizeof *own.xyz, own.xyz, soup->xyz));
+    rc = join(ctx, ranks, l.n_triangles, sizeof *own.triangle, own.triangle, soup->triangle);
+done:
+    dmk_soup_free(&own);
+    return rc;
+}

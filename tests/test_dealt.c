@@ -1,0 +1,233 @@
+/* A mesh file read by several ranks, threads of this process: the mesh of dmk_mesh_read, of which each rank has read
+ * its range of the bytes, or the first one all of it. */
+#include "files.h"
+#include "meeting.h"
+
+#include "io/dealt.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+enum { ROWS = 40, COLUMNS = 50, N_VERTICES = ROWS * COLUMNS };
+enum { N_TRIANGLES = 2 * (ROWS - 1) * (COLUMNS - 1) };
+
+/* A patch of a paraboloid. */
+static double xyz[3 * N_VERTICES];
+static int32_t triangle[3 * N_TRIANGLES];
+
+static void make_patch(void)
+{
+    int32_t *t = triangle;
+    for (int v = 0; v < N_VERTICES; v++) {
+        const double x = v % COLUMNS, y = (double)(v / COLUMNS);
+        memcpy(xyz + 3 * (size_t)v, (double[]){x, y, (x * x + y * y) / 64}, 3 * sizeof *xyz);
+        if (v % COLUMNS == COLUMNS - 1 || v / COLUMNS == ROWS - 1) continue;
+        const int32_t pair[6] = {v, v + 1, v + COLUMNS + 1, v, v + COLUMNS + 1, v + COLUMNS};
+        memcpy(t, pair, sizeof pair);
+        t += 6;
+    }
+}
+
+typedef struct seat {
+    const char *path;
+    member m;
+    pthread_t thread;
+    dmk_soup soup;
+    uint64_t bytes;
+    int rc, mesh_rc;
+    char message[1024];
+} seat;
+
+static void *sit(void *argument)
+{
+    seat *s = argument;
+    dmk_context *ctx = NULL;
+    dmk_mesh *mesh = NULL;
+    const dmk_ranks ranks = ranks_of(&s->m, 0);
+    s->rc = dmk_context_create(&ctx);
+    if (s->rc == DMK_OK) s->rc = dmk_soup_read_dealt(ctx, s->path, &ranks, &s->soup, &s->bytes);
+    snprintf(s->message, sizeof s->message, "%s", dmk_context_message(ctx));
+    s->mesh_rc = dmk_mesh_read_dealt(ctx, s->path, &ranks, &mesh);
+    dmk_mesh_destroy(&mesh);
+    dmk_context_destroy(&ctx);
+    return NULL;
+}
+
+static void sit_all(const char *path, int size, bool broken, seat seats[MOST_RANKS])
+{
+    meeting all = {.size = size, .broken = broken};
+    assert_int_equal(pthread_barrier_init(&all.barrier, NULL, (unsigned)size), 0);
+    for (int k = 0; k < size; k++) {
+        seats[k] = (seat){.path = path, .m = {.all = &all, .rank = k}};
+        assert_int_equal(pthread_create(&seats[k].thread, NULL, sit, &seats[k]), 0);
+    }
+    for (int k = 0; k < size; k++) pthread_join(seats[k].thread, NULL);
+    pthread_barrier_destroy(&all.barrier);
+}
+
+/* The file at f->path by 1 to MOST_RANKS ranks; `by_range`: each of several reads its share of `n` bytes and no more
+ * than a header and some sizes beside. */
+static void try_file(fixture *f, size_t n, bool by_range)
+{
+    seat seats[MOST_RANKS];
+    for (int size = 1; size <= MOST_RANKS; size++) {
+        sit_all(f->path, size, false, seats);
+        for (int k = 0; k < size; k++) {
+            seat *s = &seats[k];
+            if (s->rc != DMK_OK) print_message("%s\n", s->message);
+            assert_int_equal(s->rc, DMK_OK);
+            assert_int_equal(s->mesh_rc, DMK_OK);
+            assert_int_equal(s->soup.n_vertices, N_VERTICES);
+            assert_int_equal(s->soup.n_triangles, N_TRIANGLES);
+            assert_memory_equal(s->soup.xyz, xyz, sizeof xyz);
+            assert_memory_equal(s->soup.triangle, triangle, sizeof triangle);
+            if (by_range)
+                assert_in_range(s->bytes, n / (unsigned)size / 2, n / (unsigned)size + 65536 + 64);
+            else if (k == 0)
+                assert_true(s->bytes >= n);
+            dmk_soup_free(&s->soup);
+        }
+    }
+    remove(f->path);
+}
+
+/* ---- files ------------------------------------------------------------------------------------ */
+
+static size_t size_of(const char *path)
+{
+    FILE *file = fopen(path, "rb");
+    assert_non_null(file);
+    fseek(file, 0, SEEK_END);
+    const long n = ftell(file);
+    fclose(file);
+    return (size_t)n;
+}
+
+static void test_written(void **state)
+{
+    static const struct {
+        const char *name;
+        bool by_range;
+    } files[] = {{"m.ply", true}, {"m.vtp", true}, {"m.vtu", false}, {"m.off", false}};
+    fixture *f = *state;
+    for (size_t i = 0; i < COUNT(files); i++) {
+        dmk_mesh *mesh;
+        assert_int_equal(dmk_mesh_create(f->ctx, N_VERTICES, xyz, N_TRIANGLES, triangle, &mesh),
+                         DMK_OK);
+        assert_int_equal(dmk_mesh_write(f->ctx, mesh, path_of(f, files[i].name)), DMK_OK);
+        dmk_mesh_destroy(&mesh);
+        try_file(f, size_of(f->path), files[i].by_range);
+    }
+}
+
+/* n bytes, the other way round. */
+static void put_swapped(FILE *file, const void *value, size_t n)
+{
+    const char *at = value;
+    while (n > 0) fputc(at[--n], file);
+}
+
+/* Single precision and a colour; an element before and one between; indices behind a flag, in the byte order that is
+ * not ours. `corners` of triangle `odd`. */
+static size_t put_foreign(fixture *f, int odd, uint8_t corners)
+{
+    FILE *file = fopen(path_of(f, "foreign.ply"), "wb");
+    assert_non_null(file);
+    fprintf(file, "ply\nformat binary_%s_endian 1.0\nelement camera 1\nproperty double fov\n",
+            dmk_is_little_endian() ? "big" : "little");
+    fprintf(file, "element vertex %d\nproperty uchar red\nproperty float z\nproperty float x\n",
+            N_VERTICES);
+    fprintf(file, "property float y\nelement light 2\nproperty short s\nelement face %d\n",
+            N_TRIANGLES);
+    fprintf(file, "property uchar flag\nproperty list uchar uint vertex_index\nend_header\n");
+    put_swapped(file, &(double){1}, sizeof(double));
+    for (size_t v = 0; v < N_VERTICES; v++) {
+        const float p[3] = {(float)xyz[3 * v + 2], (float)xyz[3 * v], (float)xyz[3 * v + 1]};
+        fputc(7, file);
+        for (int k = 0; k < 3; k++) put_swapped(file, &p[k], sizeof *p);
+    }
+    for (int k = 0; k < 4; k++) fputc(9, file);
+    for (int t = 0; t < N_TRIANGLES; t++) {
+        fputc(1, file);
+        fputc(t == odd ? corners : 3, file);
+        for (size_t k = 0; k < 3; k++)
+            put_swapped(file, &triangle[3 * (size_t)t + k], sizeof *triangle);
+        for (int k = 3; t == odd && k < corners; k++) put_swapped(file, &triangle[0], 4);
+    }
+    fclose(file);
+    return size_of(f->path);
+}
+
+static void test_foreign(void **state)
+{
+    fixture *f = *state;
+    try_file(f, put_foreign(f, -1, 3), true);
+}
+
+/* A polygon far behind: all ranks see what one of them saw. */
+static void test_polygon(void **state)
+{
+    fixture *f = *state;
+    seat seats[MOST_RANKS];
+    put_foreign(f, N_TRIANGLES - 5, 4);
+    sit_all(f->path, 3, false, seats);
+    for (int k = 0; k < 3; k++) {
+        assert_int_equal(seats[k].rc, DMK_OK);
+        assert_int_equal(seats[k].soup.n_triangles, N_TRIANGLES + 1);
+        assert_memory_equal(seats[k].soup.triangle, seats[0].soup.triangle,
+                            3 * (N_TRIANGLES + 1) * sizeof *triangle);
+    }
+    for (int k = 0; k < 3; k++) dmk_soup_free(&seats[k].soup);
+    remove(f->path);
+}
+
+/* Failures are the first rank's, with its words, on all. */
+static void refused(fixture *f, int status, const char *message)
+{
+    seat seats[MOST_RANKS];
+    sit_all(f->path, 3, false, seats);
+    for (int k = 0; k < 3; k++) {
+        assert_int_equal(seats[k].rc, status);
+        if (!strstr(seats[k].message, message)) print_message("%s\n", seats[k].message);
+        assert_non_null(strstr(seats[k].message, message));
+        dmk_soup_free(&seats[k].soup);
+    }
+    remove(f->path);
+}
+
+static void test_refused(void **state)
+{
+    fixture *f = *state;
+    path_of(f, "none.ply");
+    refused(f, DMK_E_IO, "cannot open");
+    const size_t n = put_foreign(f, -1, 3);
+    assert_int_equal(truncate(f->path, (off_t)n - 5), 0);
+    refused(f, DMK_E_FORMAT, "cut short");
+    put_foreign(f, N_TRIANGLES / 2, 2);
+    refused(f, DMK_E_FORMAT, "2 corners");
+    put_file(f, "m.vtp", "<VTKFile", 8);
+    refused(f, DMK_E_FORMAT, "not well-formed");
+}
+
+static void test_lost_touch(void **state)
+{
+    fixture *f = *state;
+    seat seats[MOST_RANKS];
+    put_foreign(f, -1, 3);
+    sit_all(f->path, 2, true, seats);
+    for (int k = 0; k < 2; k++) {
+        assert_int_equal(seats[k].rc, DMK_E_DEVICE);
+        assert_non_null(strstr(seats[k].message, "lost touch"));
+    }
+    remove(f->path);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {TEST(test_written), TEST(test_foreign), TEST(test_polygon),
+                                       TEST(test_refused), TEST(test_lost_touch)};
+    make_patch();
+    return cmocka_run_group_tests_name("dealt", tests, NULL, NULL);
+}
