@@ -17,6 +17,16 @@ int dmk_fail(dmk_context *context, int status, const char *format, ...)
     return status;
 }
 
+int dmk_ranks_given(dmk_context *ctx, const dmk_ranks *ranks)
+{
+    if (ranks->size >= 1 && ranks->rank >= 0 && ranks->rank < ranks->size &&
+        ranks->gather_below >= 0 && ranks->exchange && ranks->gather && ranks->largest &&
+        !ranks->begin == !ranks->finish)
+        return DMK_OK;
+    return dmk_fail(ctx, DMK_E_ARG, "rank %d of %d: expected one of 0 to size - 1, with all calls",
+                    ranks->rank, ranks->size);
+}
+
 int dmk_ranks_check(dmk_context *ctx, const dmk_ranks *ranks, int status)
 {
     if (status == 0) return DMK_OK;

@@ -25,6 +25,8 @@ struct dmk_context {
  * is wrong and what to do. An earlier message is replaced. */
 int dmk_fail(dmk_context *context, int status, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
+/* DMK_OK, or DMK_E_ARG if ranks are not what the header asks for. */
+int dmk_ranks_given(dmk_context *context, const dmk_ranks *ranks);
 /* DMK_OK, or the failure of a call of ranks->... that gave `status`. */
 int dmk_ranks_check(dmk_context *context, const dmk_ranks *ranks, int status);
 /* Whether an argument is missing, of pairs of a name and a pointer. Then the message names the first one

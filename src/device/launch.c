@@ -56,8 +56,8 @@ static int launch_failed(dmk_context *ctx, cl_int error, const dmk_kernel *kerne
 }
 
 /* The last two arguments, the distribution of the work (base.cl). *groups: the parts of the launch, then its
- * work-groups: as many as are listed; with shares (in the CPU shape), some for each thread, as drivers may hand several to the
- * thread that comes first. */
+ * work-groups: as many as are listed; with shares (in the CPU shape), some for each thread, as drivers may hand
+ * several to the thread that comes first. */
 static cl_int share_out(dmk_device *dev, const dmk_kernel *kernel, dmk_range range, cl_uint arg,
                         size_t *groups)
 {

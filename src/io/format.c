@@ -181,6 +181,7 @@ int dmk_mesh_read_dealt(dmk_context *ctx, const char *path, const dmk_ranks *ran
     int rc;
     dmk_soup soup = {0};
     if (dmk_missing(ctx, "path", path, "mesh", mesh)) return DMK_E_ARG;
+    if (ranks && dmk_ranks_given(ctx, ranks) != DMK_OK) return DMK_E_ARG;
     DMK_TRY(read_soup(ctx, path, ranks, &soup));
     rc = dmk_mesh_adopt(ctx, soup.n_vertices, soup.xyz, soup.n_triangles, soup.triangle, mesh);
     soup = (dmk_soup){0};

@@ -10,6 +10,8 @@ int dmk_share_check(dmk_context *ctx, const dmk_share *share, int status)
     return dmk_ranks_check(ctx, &share->ranks, status);
 }
 
+enum { PARCELS = 2 }; /* vectors that one message brings at most */
+
 /* ---- who needs what -------------------------------------------------------------------------- */
 
 /* Items of all spaces as one list of numbers: those of space i behind those of the ones before. */
@@ -71,14 +73,12 @@ done:
 typedef int call(void *user, const void *const *send, const size_t *send_bytes,
                  void *const *receive, const size_t *receive_bytes);
 
-/* Send and receive `item` bytes for each item of the halo (back: the other way round), or begin to. */
-static int exchange_by(call *by, dmk_context *ctx, const dmk_share *share, const dmk_halo *halo,
-                       bool back, size_t item, const void *send, void *receive)
+/* Send out[r] items of `item` bytes to rank r, and receive in[r]: by one call, or begin to by another. */
+static int exchange(call *by, dmk_context *ctx, const dmk_share *share, const int32_t *out,
+                    const int32_t *in, size_t item, const void *send, void *receive)
 {
     int rc;
     size_t size = (size_t)share->ranks.size, at_send = 0, at_receive = 0;
-    const int32_t *out = back ? halo->receive_count : halo->send_count;
-    const int32_t *in = back ? halo->send_count : halo->receive_count;
     const void **sends = NULL;
     void **receives = NULL;
     size_t *bytes = NULL;
@@ -100,12 +100,6 @@ done:
     return rc;
 }
 
-static int exchange(dmk_context *ctx, const dmk_share *share, const dmk_halo *halo, bool back,
-                    size_t item, const void *send, void *receive)
-{
-    return exchange_by(share->ranks.exchange, ctx, share, halo, back, item, send, receive);
-}
-
 /* Numbers that others asked for to places. */
 static void find_places(int n, const dmk_need *need, int32_t count, const int32_t *number,
                         int32_t *place)
@@ -117,18 +111,20 @@ static void find_places(int n, const dmk_need *need, int32_t count, const int32_
     }
 }
 
-/* Staging memory for the largest halo. */
+/* Staging memory for two of the largest halo; on the host for what is sent and what comes, each as the device has it
+ * and as the messages do. */
 static int make_room(dmk_context *ctx, dmk_share *share, const dmk_halo *halo)
 {
     int rc = DMK_OK;
-    size_t n = (size_t)dmk_max_i(halo->n_send, halo->n_receive), bytes = n * sizeof(double);
+    const size_t n = (size_t)dmk_max_i(halo->n_send, halo->n_receive),
+                 bytes = PARCELS * n * sizeof(double);
     if (bytes <= share->staging_bytes) return DMK_OK;
     share->staging_bytes = 0;
     dmk_buffer_destroy(&share->staging);
     free(share->host);
     share->host = NULL;
     DMK_TRY(dmk_buffer_create(ctx, share->device, bytes, NULL, &share->staging));
-    DMK_TRY(DMK_NEW(ctx, share->host, 2 * bytes));
+    DMK_TRY(DMK_NEW(ctx, share->host, 4 * bytes));
     share->staging_bytes = bytes;
 done:
     return rc;
@@ -145,7 +141,8 @@ int dmk_halo_create(dmk_context *ctx, dmk_share *share, int n, const dmk_need *n
     for (int r = 0; r < share->ranks.size; r++) {
         if (r != share->ranks.rank) at += list_needs(n, need, r, number + at, place + at);
     }
-    DMK_TRY(exchange(ctx, share, halo, true, sizeof *number, number, asked));
+    DMK_TRY(exchange(share->ranks.exchange, ctx, share, halo->receive_count, halo->send_count,
+                     sizeof *number, number, asked));
     DMK_TRY(dmk_buffer_create(ctx, share->device, (size_t)halo->n_receive * sizeof *place, place,
                               &halo->receive));
     find_places(n, need, halo->n_send, asked, place);
@@ -186,77 +183,187 @@ void dmk_halo_free(dmk_halo *halo)
 
 /* ---- an exchange ----------------------------------------------------------------------------- */
 
+/* One or two vectors, whose ghosts come in one message from each rank. */
+typedef struct shipment {
+    dmk_share *share;
+    dmk_program program;
+    int n;
+    const dmk_halo *halo[PARCELS];
+    const dmk_buffer *x[PARCELS];
+} shipment;
+
 static dmk_range items(int32_t n)
 {
     return (dmk_range){.items = (size_t)n};
 }
 
-static void count_traffic(dmk_share *share, const dmk_halo *halo, size_t item)
+/* Items of all vectors together that rank r gets, or gives. */
+static int32_t count(const shipment *s, bool out, int r)
 {
-    share->traffic.exchanges++;
-    for (int r = 0; r < share->ranks.size; r++) {
-        share->traffic.messages += halo->send_count[r] > 0;
-        share->traffic.bytes += (int64_t)item * halo->send_count[r];
+    int32_t n = 0;
+    for (int i = 0; i < s->n; i++)
+        n += out ? s->halo[i]->send_count[r] : s->halo[i]->receive_count[r];
+    return n;
+}
+
+static int32_t count_ranks(const shipment *s, bool out)
+{
+    int32_t n = 0;
+    for (int i = 0; i < s->n; i++) n += out ? s->halo[i]->n_send : s->halo[i]->n_receive;
+    return n;
+}
+
+static bool is_empty(const shipment *s)
+{
+    return count_ranks(s, true) == 0 && count_ranks(s, false) == 0;
+}
+
+static void count_traffic(const shipment *s, size_t item)
+{
+    dmk_traffic *t = &s->share->traffic;
+    t->exchanges++;
+    for (int r = 0; r < s->share->ranks.size; r++) {
+        t->messages += count(s, true, r) > 0;
+        t->bytes += (int64_t)item * count(s, true, r);
     }
 }
 
-static bool is_empty(const dmk_halo *halo)
+/* The device has vector after vector, each by rank; a message has all of a rank's. */
+static void sort(const shipment *s, bool out, size_t item, const char *from, char *to)
 {
-    return halo->n_send == 0 && halo->n_receive == 0;
+    size_t before = 0;
+    for (int i = 0; i < s->n; i++) {
+        const int32_t *n = out ? s->halo[i]->send_count : s->halo[i]->receive_count;
+        size_t message = 0;
+        for (int r = 0; r < s->share->ranks.size; r++) {
+            size_t place = message;
+            for (int k = 0; k < i; k++)
+                place +=
+                    item * (size_t)(out ? s->halo[k]->send_count : s->halo[k]->receive_count)[r];
+            const size_t bytes = item * (size_t)n[r];
+            memcpy(to + (out ? place : before), from + (out ? before : place), bytes);
+            before += bytes;
+            message += item * (size_t)count(s, out, r);
+        }
+    }
+}
+
+/* Where on the host what is sent (0) and received (1) lies, and both in the device's order (2, 3). */
+static char *room(const shipment *s, int which)
+{
+    return s->share->host + (size_t)which * s->share->staging_bytes;
+}
+
+static int pack(dmk_context *ctx, const shipment *s, size_t item)
+{
+    int rc = DMK_OK;
+    dmk_share *share = s->share;
+    size_t at = 0;
+    for (int i = 0; i < s->n; i++) {
+        const dmk_halo *halo = s->halo[i];
+        const size_t bytes = item * (size_t)halo->n_send;
+        if (bytes == 0) continue;
+        DMK_TRY(DMK_LAUNCH(ctx, share->device, share->pack[s->program], items(halo->n_send),
+                           DMK_INT(halo->n_send), DMK_BUF(halo->send), DMK_BUF(s->x[i]),
+                           DMK_BUF(share->staging)));
+        DMK_TRY(dmk_buffer_read(ctx, share->device, share->staging, 0, bytes, room(s, 2) + at));
+        at += bytes;
+    }
+    sort(s, true, item, room(s, 2), room(s, 0));
+done:
+    return rc;
+}
+
+static int unpack(dmk_context *ctx, const shipment *s, size_t item)
+{
+    int rc = DMK_OK;
+    dmk_share *share = s->share;
+    size_t at = 0;
+    sort(s, false, item, room(s, 1), room(s, 3));
+    for (int i = 0; i < s->n; i++) {
+        const dmk_halo *halo = s->halo[i];
+        const size_t bytes = item * (size_t)halo->n_receive;
+        if (bytes == 0) continue;
+        DMK_TRY(dmk_buffer_write(ctx, share->device, share->staging, 0, bytes, room(s, 3) + at));
+        DMK_TRY(DMK_LAUNCH(ctx, share->device, share->unpack[s->program], items(halo->n_receive),
+                           DMK_INT(halo->n_receive), DMK_BUF(halo->receive),
+                           DMK_BUF(share->staging), DMK_BUF(s->x[i])));
+        at += bytes;
+    }
+done:
+    return rc;
+}
+
+/* All messages, by one call, or begin to send and receive them by another. */
+static int send(dmk_context *ctx, const shipment *s, call *by, size_t item)
+{
+    int rc;
+    const int size = s->share->ranks.size;
+    int32_t *n = NULL;
+    DMK_TRY(DMK_NEW(ctx, n, 2 * (size_t)size));
+    for (int r = 0; r < size; r++) {
+        n[r] = count(s, true, r);
+        n[size + r] = count(s, false, r);
+    }
+    rc = exchange(by, ctx, s->share, n, n + size, item, room(s, 0), room(s, 1));
+done:
+    free(n);
+    return rc;
 }
 
 /* One packed message to each neighbour, one from each: from here on they are on their way, if ranks can do that. */
-static int begin(dmk_context *ctx, dmk_share *share, const dmk_halo *halo, dmk_program program,
-                 const dmk_buffer *x)
+static int begin(dmk_context *ctx, const shipment *s)
 {
     int rc = DMK_OK;
-    dmk_device *dev = share->device;
-    const size_t item = dmk_device_real(dev, program), sent = item * (size_t)halo->n_send;
-    char *send = share->host, *receive = share->host + share->staging_bytes;
-    if (is_empty(halo)) return DMK_OK;
-    if (sent > 0) {
-        DMK_TRY(DMK_LAUNCH(ctx, dev, share->pack[program], items(halo->n_send),
-                           DMK_INT(halo->n_send), DMK_BUF(halo->send), DMK_BUF(x),
-                           DMK_BUF(share->staging)));
-        DMK_TRY(dmk_buffer_read(ctx, dev, share->staging, 0, sent, send));
-    }
-    if (share->ranks.begin)
-        rc = exchange_by(share->ranks.begin, ctx, share, halo, false, item, send, receive);
+    if (!s->share || is_empty(s)) return DMK_OK;
+    const size_t item = dmk_device_real(s->share->device, s->program);
+    DMK_TRY(pack(ctx, s, item));
+    if (s->share->ranks.begin) rc = send(ctx, s, s->share->ranks.begin, item);
 done:
     return rc;
 }
 
 /* Until they are there, and at their places. */
-static int end(dmk_context *ctx, dmk_share *share, const dmk_halo *halo, dmk_program program,
-               const dmk_buffer *x, bool went_ahead)
+static int end(dmk_context *ctx, const shipment *s, bool went_ahead)
 {
     int rc = DMK_OK;
-    dmk_device *dev = share->device;
-    const size_t item = dmk_device_real(dev, program), received = item * (size_t)halo->n_receive;
-    char *send = share->host, *receive = share->host + share->staging_bytes;
-    if (is_empty(halo)) return DMK_OK;
-    if (went_ahead) DMK_TRY(dmk_device_flush(ctx, dev));
+    dmk_share *share = s->share;
+    if (!share || is_empty(s)) return DMK_OK;
+    const size_t item = dmk_device_real(share->device, s->program);
+    if (went_ahead) DMK_TRY(dmk_device_flush(ctx, share->device));
     if (share->ranks.begin)
         DMK_TRY(dmk_share_check(ctx, share, share->ranks.finish(share->ranks.user)));
     else
-        DMK_TRY(exchange(ctx, share, halo, false, item, send, receive));
-    if (received > 0) {
-        DMK_TRY(dmk_buffer_write(ctx, dev, share->staging, 0, received, receive));
-        DMK_TRY(DMK_LAUNCH(ctx, dev, share->unpack[program], items(halo->n_receive),
-                           DMK_INT(halo->n_receive), DMK_BUF(halo->receive),
-                           DMK_BUF(share->staging), DMK_BUF(x)));
-    }
-    count_traffic(share, halo, item);
+        DMK_TRY(send(ctx, s, share->ranks.exchange, item));
+    DMK_TRY(unpack(ctx, s, item));
+    count_traffic(s, item);
     share->traffic.overlapped += went_ahead && share->ranks.begin;
 done:
     return rc;
 }
 
-static int fill(dmk_context *ctx, dmk_share *share, const dmk_halo *halo, dmk_program program,
-                const dmk_buffer *x)
+static int fill(dmk_context *ctx, const shipment *s)
 {
-    const int rc = begin(ctx, share, halo, program, x);
-    return rc == DMK_OK ? end(ctx, share, halo, program, x, false) : rc;
+    const int rc = begin(ctx, s);
+    return rc == DMK_OK ? end(ctx, s, false) : rc;
+}
+
+static shipment of_rows(dmk_share *share, dmk_program program, const dmk_buffer *x)
+{
+    return (shipment){share, program, 1, {share ? &share->rows : NULL}, {x}};
+}
+
+static shipment of_vertices(dmk_share *share, int32_t level, const dmk_buffer *x)
+{
+    return (shipment){share, DMK_INNER, 1, {share ? &share->vertices[level] : NULL}, {x}};
+}
+
+/* With a second vector. */
+static shipment with(shipment s, const dmk_halo *halo, const dmk_buffer *x)
+{
+    s.halo[s.n] = halo;
+    s.x[s.n++] = x;
+    return s;
 }
 
 int dmk_share_ghosts(dmk_context *ctx, dmk_share *share, double *x)
@@ -267,9 +374,10 @@ int dmk_share_ghosts(dmk_context *ctx, dmk_share *share, double *x)
     double *send = (double *)(void *)share->host,
            *receive = send + share->staging_bytes / sizeof *send;
     for (int32_t i = 0; i < halo->n_send; i++) send[i] = x[halo->send_place[i]];
-    DMK_TRY(exchange(ctx, share, halo, false, sizeof *x, send, receive));
+    DMK_TRY(exchange(share->ranks.exchange, ctx, share, halo->send_count, halo->receive_count,
+                     sizeof *x, send, receive));
     for (int32_t i = 0; i < halo->n_receive; i++) x[halo->receive_place[i]] = receive[i];
-    count_traffic(share, halo, sizeof *x);
+    count_traffic(&(shipment){share, DMK_OUTER, 1, {halo}, {NULL}}, sizeof *x);
 done:
     return rc;
 }
@@ -277,47 +385,80 @@ done:
 int dmk_share_rows_begin(dmk_context *ctx, dmk_share *share, dmk_program program,
                          const dmk_buffer *x)
 {
-    return share ? begin(ctx, share, &share->rows, program, x) : DMK_OK;
+    const shipment s = of_rows(share, program, x);
+    return begin(ctx, &s);
 }
 
 int dmk_share_rows_end(dmk_context *ctx, dmk_share *share, dmk_program program, const dmk_buffer *x,
                        bool went_ahead)
 {
-    return share ? end(ctx, share, &share->rows, program, x, went_ahead) : DMK_OK;
+    const shipment s = of_rows(share, program, x);
+    return end(ctx, &s, went_ahead);
 }
 
 int dmk_share_rows(dmk_context *ctx, dmk_share *share, dmk_program program, const dmk_buffer *x)
 {
-    return share ? fill(ctx, share, &share->rows, program, x) : DMK_OK;
+    const shipment s = of_rows(share, program, x);
+    return fill(ctx, &s);
+}
+
+int dmk_share_two_rows(dmk_context *ctx, dmk_share *share, dmk_program program, const dmk_buffer *x,
+                       const dmk_buffer *y)
+{
+    if (!share) return DMK_OK;
+    const shipment s = with(of_rows(share, program, x), &share->rows, y);
+    return fill(ctx, &s);
+}
+
+int dmk_share_up_begin(dmk_context *ctx, dmk_share *share, const dmk_buffer *coarse,
+                       const dmk_buffer *x)
+{
+    if (!share) return DMK_OK;
+    const shipment s = with(of_rows(share, DMK_INNER, x), &share->vertices[0], coarse);
+    return begin(ctx, &s);
+}
+
+int dmk_share_up_end(dmk_context *ctx, dmk_share *share, const dmk_buffer *coarse,
+                     const dmk_buffer *x, bool went_ahead)
+{
+    if (!share) return DMK_OK;
+    const shipment s = with(of_rows(share, DMK_INNER, x), &share->vertices[0], coarse);
+    return end(ctx, &s, went_ahead);
 }
 
 int dmk_share_vertices_begin(dmk_context *ctx, dmk_share *share, int32_t level, const dmk_buffer *x)
 {
     if (!share || level >= share->first_whole) return DMK_OK;
-    return begin(ctx, share, &share->vertices[level], DMK_INNER, x);
+    const shipment s = of_vertices(share, level, x);
+    return begin(ctx, &s);
 }
 
 int dmk_share_vertices_end(dmk_context *ctx, dmk_share *share, int32_t level, const dmk_buffer *x,
                            bool went_ahead)
 {
     if (!share || level >= share->first_whole) return DMK_OK;
-    return end(ctx, share, &share->vertices[level], DMK_INNER, x, went_ahead);
+    const shipment s = of_vertices(share, level, x);
+    return end(ctx, &s, went_ahead);
 }
 
 int dmk_share_vertices(dmk_context *ctx, dmk_share *share, int32_t level, const dmk_buffer *x)
 {
     if (!share || level >= share->first_whole) return DMK_OK;
-    return fill(ctx, share, &share->vertices[level], DMK_INNER, x);
+    const shipment s = of_vertices(share, level, x);
+    return fill(ctx, &s);
 }
 
-int dmk_share_gather(dmk_context *ctx, dmk_share *share, int32_t level, const dmk_buffer *x)
+int dmk_share_gather(dmk_context *ctx, dmk_share *share, int32_t level, const dmk_buffer *x,
+                     const dmk_buffer *y)
 {
     if (!share || level != share->first_whole) return DMK_OK;
-    return fill(ctx, share, &share->vertices[level], DMK_INNER, x);
+    const shipment s = with(of_vertices(share, level, x), &share->vertices[level], y);
+    return fill(ctx, &s);
 }
 
 int dmk_share_links(dmk_context *ctx, dmk_share *share, int32_t level, const dmk_buffer *link)
 {
     if (!share || level > share->first_whole) return DMK_OK;
-    return fill(ctx, share, &share->links[level], DMK_INNER, link);
+    const shipment s = {share, DMK_INNER, 1, {&share->links[level]}, {link}};
+    return fill(ctx, &s);
 }

@@ -106,8 +106,16 @@ int dmk_share_ghosts(dmk_context *context, dmk_share *share, double *rows);
 /* Over a level's vertices or links, in single precision; levels that are whole need none ... */
 int dmk_share_vertices(dmk_context *context, dmk_share *share, int32_t level, const dmk_buffer *x);
 int dmk_share_links(dmk_context *context, dmk_share *share, int32_t level, const dmk_buffer *link);
-/* ... but for what own parts of the first whole one were computed of: all ranks get all of it. */
-int dmk_share_gather(dmk_context *context, dmk_share *share, int32_t level, const dmk_buffer *x);
+/* ... but for what own parts of the first whole one were computed of: all ranks get all of it, of two vectors. */
+int dmk_share_gather(dmk_context *context, dmk_share *share, int32_t level, const dmk_buffer *x,
+                     const dmk_buffer *y);
+/* Two vectors in one message: over the rows, or over the rows and, `coarse`, the vertices of level 0. */
+int dmk_share_two_rows(dmk_context *context, dmk_share *share, dmk_program program,
+                       const dmk_buffer *x, const dmk_buffer *y);
+int dmk_share_up_begin(dmk_context *context, dmk_share *share, const dmk_buffer *coarse,
+                       const dmk_buffer *x);
+int dmk_share_up_end(dmk_context *context, dmk_share *share, const dmk_buffer *coarse,
+                     const dmk_buffer *x, bool went_ahead);
 
 /* ---- sums.c ---- */
 

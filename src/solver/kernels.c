@@ -353,11 +353,10 @@ int dmk_element_up(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_b
 {
     int rc;
     const dmk_buffer *coarse = s->level[0].x_old;
-    DMK_TRY(dmk_share_vertices(ctx, s->share, 0, coarse));
-    RUN_WITH(dmk_share_rows, DMK_INNER, split_elements(s), DMK_INNER, element_up,
-             padded_elements(s), DMK_INT(s->n_elements_pad), DMK_INT(op == DMK_NEWTON_MATRIX),
-             DMK_INT(s->vertex_row), DMK_BUF(s->index), DMK_BUF(s->weight), DMK_BUF(s->rank_one),
-             DMK_BUF(x), DMK_BUF(coarse), DMK_BUF(s->out));
+    RUN_WITH(dmk_share_up, coarse, split_elements(s), DMK_INNER, element_up, padded_elements(s),
+             DMK_INT(s->n_elements_pad), DMK_INT(op == DMK_NEWTON_MATRIX), DMK_INT(s->vertex_row),
+             DMK_BUF(s->index), DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(x),
+             DMK_BUF(coarse), DMK_BUF(s->out));
 done:
     return rc;
 }
@@ -417,8 +416,7 @@ int dmk_restrict(dmk_context *ctx, dmk_system *s, int32_t level, double step)
                 DMK_BUF(l->restrict_entry), DMK_BUF(l->restrict_weight),
                 DMK_BUF(s->level[level - 1].residual), DMK_FLOAT(step), DMK_BUF(l->inv_diag),
                 DMK_BUF(l->rhs), DMK_BUF(l->x)));
-    DMK_TRY(dmk_share_gather(ctx, s->share, level, l->rhs));
-    DMK_TRY(dmk_share_gather(ctx, s->share, level, l->x));
+    DMK_TRY(dmk_share_gather(ctx, s->share, level, l->rhs, l->x));
 done:
     return rc;
 }
@@ -639,8 +637,7 @@ done:
 int dmk_repair_mark(dmk_context *ctx, dmk_system *s, const dmk_repair_work *w)
 {
     int rc;
-    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_OUTER, w->u));
-    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_OUTER, w->before));
+    DMK_TRY(dmk_share_two_rows(ctx, s->share, DMK_OUTER, w->u, w->before));
     rc = RUN(DMK_OUTER, repair_mark, elements(s), DMK_INT(s->n_elements), DMK_BUF(s->index),
              DMK_BUF(s->q), DMK_BUF(w->mark), DMK_BUF(w->u), DMK_BUF(w->before), DMK_BUF(w->ring));
 done:

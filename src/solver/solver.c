@@ -91,14 +91,7 @@ int dmk_solver_give_mesh(dmk_context *ctx, dmk_solver *s, dmk_mesh **mesh)
 int dmk_solver_set_ranks(dmk_context *ctx, dmk_solver *s, const dmk_ranks *ranks)
 {
     if (dmk_missing(ctx, "solver", s)) return DMK_E_ARG;
-    if (ranks &&
-        (ranks->size < 1 || ranks->rank < 0 || ranks->rank >= ranks->size ||
-         ranks->gather_below < 0 || !ranks->exchange || !ranks->gather || !ranks->largest ||
-         !ranks->begin != !ranks->finish)) {
-        return dmk_fail(ctx, DMK_E_ARG,
-                        "rank %d of %d: expected one of 0 to size - 1, with all calls", ranks->rank,
-                        ranks->size);
-    }
+    if (ranks && dmk_ranks_given(ctx, ranks) != DMK_OK) return DMK_E_ARG;
     forget_component(s);
     s->ranks = ranks ? *ranks : (dmk_ranks){0};
     return DMK_OK;
