@@ -259,7 +259,7 @@ static void the_end_without_a_path_is_named(void **state)
         dmk_path path[3];
         to[bad].triangle = 4 + bad;
         assert_int_equal(dmk_path_compute(b->ctx, p.mesh, p.result, 3, to, path), DMK_E_ARG);
-        char word[40];
+        char word[64];
         snprintf(word, sizeof word, "triangle %d is not on the component", 4 + bad);
         if (!strstr(dmk_context_message(b->ctx), word)) fail_msg("%s", dmk_context_message(b->ctx));
     }

@@ -114,7 +114,7 @@ static void devices_are_listed(void **state)
     for (size_t i = 0; i < 8; i++)
         assert_int_equal(i < n, list[i].name[0] != '\0' && list[i].platform[0] != '\0');
     for (size_t i = 0; i < n; i++) {
-        char number[8];
+        char number[24];
         dmk_device *device = NULL;
         dmk_device_options options;
         dmk_device_options_init(&options, sizeof options);
