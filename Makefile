@@ -181,7 +181,7 @@ test: $(TESTS) $(STATIC) $(SHARED) $(TOOL) $B/faults/library $B/faults/dmkcl
 
 .PHONY: fuzz fuzzers replayers faults
 FUZZERS := $(patsubst tests/fuzz/%.c,%,$(filter-out %/replay.c,$(wildcard tests/fuzz/*.c)))
-FUZZ_CLI_OBJ := $(addprefix $B/src/cli/,sources.o exit.o interrupt.o)
+FUZZ_CLI_OBJ := $(addprefix $B/src/cli/,sources.o text.o exit.o interrupt.o)
 
 # libFuzzer's main, or for any compiler the one of replay.c.
 $B/fuzz/%: $B/tests/fuzz/%.o $(FUZZ_CLI_OBJ) $(STATIC)

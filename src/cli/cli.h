@@ -156,6 +156,8 @@ typedef struct cli_file {
 } cli_file;
 
 int cli_file_open(const char *path, cli_file *file);
+/* A report's: "-" is the standard output. */
+int cli_report_open(const char *path, cli_file *file);
 int cli_file_close(cli_file *file);
 
 /* ---- drawing.c ------------------------------------------------------------------------------ */
@@ -208,10 +210,12 @@ void cli_progress_say(cli_progress *progress, const char *text);
 /* Wipe the progress line. */
 void cli_progress_end(cli_progress *progress);
 
-/* ---- text.c: figures for people ------------------------------------------------------------- */
+/* ---- text.c: texts that are read, figures for people ----------------------------------------- */
 
 enum { CLI_TEXT_SIZE = 48 };
 
+/* A text to be read; "-" is the standard input. NULL with the error printed, EXIT_IO. */
+FILE *cli_open_text(const char *path);
 /* 86784 -> "86,784" */
 const char *cli_count(int64_t n, char text[CLI_TEXT_SIZE]);
 /* Bytes as "1.5 GiB". */
@@ -237,8 +241,6 @@ typedef struct cli_reading {
     "merge coincident vertices, drop zero-area and duplicate triangles,\n"                         \
     "orient triangles consistently, split non-manifold edges and vertices"
 
-/* A text to be read; "-" is the standard input. NULL with the error printed, EXIT_IO. */
-FILE *cli_open_text(const char *path);
 /* Read a mesh file. On the standard error: what was repaired, and a warning of a mesh in pieces. The status of the
  * library; *did is the caller's to free, and zero without a repair. */
 int cli_read_mesh(dmk_context *context, const char *path, const cli_reading *how, dmk_repairs *did,

@@ -162,14 +162,9 @@ static void print_summary(const distance_request *request, const distance_run *r
 
 static int report(const distance_request *request, const distance_run *run)
 {
-    const char *path = request->report;
-    if (!path) return EXIT_OK;
-    if (strcmp(path, "-") == 0) {
-        write_report(stdout, request, run);
-        return cli_flush();
-    }
     cli_file file;
-    int code = cli_file_open(path, &file);
+    if (!request->report) return EXIT_OK;
+    const int code = cli_report_open(request->report, &file);
     if (code != EXIT_OK) return code;
     write_report(file.stream, request, run);
     return cli_file_close(&file);

@@ -118,14 +118,9 @@ static void write_report(FILE *file, const transport_request *r, const transport
 
 static int report(const transport_request *r, const transport_run *run)
 {
-    const char *path = r->solve.report;
-    if (!path) return EXIT_OK;
-    if (strcmp(path, "-") == 0) {
-        write_report(stdout, r, run);
-        return cli_flush();
-    }
     cli_file file;
-    const int code = cli_file_open(path, &file);
+    if (!r->solve.report) return EXIT_OK;
+    const int code = cli_report_open(r->solve.report, &file);
     if (code != EXIT_OK) return code;
     write_report(file.stream, r, run);
     return cli_file_close(&file);

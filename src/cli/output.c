@@ -268,8 +268,16 @@ int cli_file_open(const char *path, cli_file *file)
     return code;
 }
 
+int cli_report_open(const char *path, cli_file *file)
+{
+    if (strcmp(path, "-") != 0) return cli_file_open(path, file);
+    *file = (cli_file){.stream = stdout, .path = path};
+    return EXIT_OK;
+}
+
 int cli_file_close(cli_file *file)
 {
+    if (file->stream == stdout) return cli_flush();
     const bool whole = !ferror(file->stream);
     errno = EIO;
     if (fclose(file->stream) == 0 && whole) {

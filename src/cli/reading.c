@@ -1,7 +1,6 @@
 /* Mesh files as the commands read them: with --repair or without, and what is reported of them. */
 #include "cli.h"
 
-#include <errno.h>
 #include <math.h>
 #include <string.h>
 
@@ -55,13 +54,6 @@ static void warn_of_pieces(dmk_context *context, const char *path, const dmk_mes
                 whole.n_components);
     }
     fputc('\n', stderr);
-}
-
-FILE *cli_open_text(const char *path)
-{
-    FILE *file = fopen(strcmp(path, "-") == 0 ? "/dev/stdin" : path, "r");
-    if (!file) cli_error(EXIT_IO, "cannot open '%s': %s", path, strerror(errno));
-    return file;
 }
 
 int cli_read_mesh(dmk_context *context, const char *path, const cli_reading *how, dmk_repairs *did,

@@ -162,14 +162,11 @@ static void write_report(FILE *file, bool one_line, const solve_request *request
 int solve_report_more(const solve_request *request, const solve_run *run, solve_more more,
                       const void *data)
 {
-    if (strcmp(request->report, "-") == 0) {
-        write_report(stdout, request->sources != NULL, request, run, more, data);
-        return cli_flush();
-    }
     cli_file file;
-    int code = cli_file_open(request->report, &file);
+    const int code = cli_report_open(request->report, &file);
     if (code != EXIT_OK) return code;
-    write_report(file.stream, false, request, run, more, data);
+    const bool one_line = request->sources && file.stream == stdout;
+    write_report(file.stream, one_line, request, run, more, data);
     return cli_file_close(&file);
 }
 

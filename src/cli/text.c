@@ -1,10 +1,18 @@
-/* Figures for people, and what the operating system knows of the run. */
+/* Texts: files that are read as such, figures for people, what the operating system knows of the run. */
 #include "cli.h"
 
+#include <errno.h>
 #include <inttypes.h>
 #include <string.h>
 #include <sys/resource.h>
 #include <time.h>
+
+FILE *cli_open_text(const char *path)
+{
+    FILE *file = fopen(strcmp(path, "-") == 0 ? "/dev/stdin" : path, "r");
+    if (!file) cli_error(EXIT_IO, "cannot open '%s': %s", path, strerror(errno));
+    return file;
+}
 
 const char *cli_count(int64_t n, char text[CLI_TEXT_SIZE])
 {

@@ -13,16 +13,16 @@ typedef struct dmk_iteration {
     const dmk_solve_options *options;
     dmk_method asked; /* the caller's method: options may be those of another that takes over */
     dmk_stats *stats;
-    double began;     /* dmk_seconds() */
-    double fu, uau;   /* f.u and u.Au of the last energies */
-    bool fresh;       /* fu, uau, q and out_real are u's */
-    double tolerance; /* relative change of mu that ends the iteration */
-    double mass;      /* integral of mu */
-    double rho, top;  /* weighted mean of (1/2 log q)^2, rooted; largest q */
-    double floor;     /* mu stays above this many square roots of the element's area; in Newton's
-                         steps that do not begin at a distance: times the mean of mu */
-    bool goes_on;     /* a large gap will be answered by more steps rather than by a long repair */
-    bool certified;   /* stats has the bounds of the present pair */
+    double began;      /* dmk_seconds() */
+    double fu, uau;    /* f.u and u.Au of the last energies */
+    bool fresh;        /* fu, uau, q and out_real are u's */
+    double tolerance;  /* relative change of mu that ends the iteration */
+    double mass;       /* integral of mu */
+    double rho, top;   /* weighted mean of (1/2 log q)^2, rooted; largest q */
+    double floor;      /* mu stays above this many square roots of the element's area; */
+    double mean_floor; /* in Newton's steps that do not begin at a distance: times mu's mean */
+    bool goes_on;      /* a large gap will be answered by more steps rather than by a long repair */
+    bool certified;    /* stats has the bounds of the present pair */
 } dmk_iteration;
 
 enum { DMK_NEWTON_STEPS = 60, DMK_EXPLICIT_STEPS = 2000 };

@@ -131,7 +131,7 @@ int dmk_newton(dmk_iteration *o, bool from_distance)
         if (step == 1 && from_distance) p.rho_before = 0;
         DMK_TRY(solve_step(o, alpha, &p));
         /* Not from a distance the way may be short, and mu small everywhere. */
-        const double lowest = from_distance ? o->floor : o->floor * o->mass;
+        const double lowest = from_distance ? o->floor : o->mean_floor * o->mass;
         DMK_TRY(update(o, alpha, &p, lowest, &change));
         DMK_TRY(dmk_iteration_step_done(o, step, max_steps, p.iterations, change));
         DMK_TRY(has_settled(o, &p, change, &settled));

@@ -540,6 +540,7 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
                        .options = &chosen,
                        .asked = chosen.method,
                        .floor = DMK_FLOOR,
+                       .mean_floor = DMK_FLOOR,
                        .stats = &r->stats,
                        .began = began};
     dmk_stage_end(ctx);

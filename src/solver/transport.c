@@ -91,9 +91,7 @@ static int iterate(dmk_solver *s, const double *f, dmk_iteration *o)
     int rc;
     const dmk_solve_options *options = o->options;
     if (options->method != DMK_NEWTON) return dmk_explicit(o);
-    o->floor = measure_floor;
     rc = dmk_newton(o, false);
-    o->floor = DMK_FLOOR;
     if (rc == DMK_E_LIMIT && options->max_steps == 0 && options->tolerance == 0) {
         /* Where many ways are equally long, as between two poles, mu is not unique and wanders on. */
         DMK_TRY(dmk_certify(o, true));
@@ -178,6 +176,7 @@ static int solve(dmk_context *ctx, dmk_solver *s, const dmk_solve_options *optio
                        .options = options,
                        .asked = options->method,
                        .floor = DMK_FLOOR,
+                       .mean_floor = measure_floor,
                        .stats = &r->stats,
                        .began = began};
     DMK_TRY(DMK_NEW(ctx, mu, (size_t)s->system->whole.n_elements_pad));
