@@ -16,7 +16,7 @@
 #include <string.h>
 
 /* The host's arithmetic; and what follows from steps of the device that end at a tolerance. */
-static const double host = 1e-9, solved = 1e-6;
+static const double host = 1e-9, solved = 5e-6;
 
 /* ---- the numbers ------------------------------------------------------------------------------ */
 
@@ -359,16 +359,16 @@ static void loads_are_pinned(void **state)
 static void pin_stats(const char *group, const dmk_stats *s, double tolerance)
 {
     pin_count(group, "steps", s->steps);
-    pin_near(group, "cg_iterations", s->cg_iterations, 1);
-    pin_near(group, "v_cycles", s->v_cycles, 1);
+    pin_near(group, "cg_iterations", s->cg_iterations, 2);
+    pin_near(group, "v_cycles", s->v_cycles, 2);
     pin_count(group, "levels", s->levels);
     pin_near(group, "sweeps", s->sweeps, 1);
     pin_near(group, "n_steep", (double)s->n_steep, 1);
     pin_count(group, "double", s->double_precision);
-    pin_one(group, "change", s->change, 1e-3);
-    pin_one(group, "cost_upper", s->cost_upper, tolerance);
-    pin_one(group, "cost_lower", s->cost_lower, tolerance);
-    pin_near(group, "gap", s->gap, 2 * tolerance);
+    pin_one(group, "change", s->change, 2e-3);
+    pin_one(group, "cost_upper", s->cost_upper, 0.2 * tolerance);
+    pin_one(group, "cost_lower", s->cost_lower, 0.2 * tolerance);
+    pin_near(group, "gap", s->gap, 0.4 * tolerance);
     pin_one(group, "area", s->area, host);
     if (!isnan(s->cost_exact)) pin_one(group, "cost_exact", s->cost_exact, host);
     if (!isnan(s->cost_exact)) pin_one(group, "cost_exact_error", s->cost_exact_error, 1e-4);
@@ -415,7 +415,7 @@ static void pin_solve(const char *group, problem *p)
         snprintf(name, sizeof name, "step%d.iterations", i + 1);
         pin_near(group, name, t.iterations[i], 1);
         snprintf(name, sizeof name, "step%d.change", i + 1);
-        pin_one(group, name, t.change[i], 1e-4);
+        pin_one(group, name, t.change[i], 1e-3);
     }
     pin_stats(group, &p->stats, solved);
     size_t n;
