@@ -52,11 +52,13 @@ static int close_pins(void **state)
     return bench_teardown(state);
 }
 
-/* "group.name" is `value` to within `most`. */
+/* "group.name" is `value` to within `most`. What is computed in GPUs' work shape is compared, but not written. */
+static bool gpu_shape;
 static void pin_near(const char *group, const char *name, double value, double most)
 {
     char full[80];
     snprintf(full, sizeof full, "%s.%s", group, name);
+    if (fresh && gpu_shape) return;
     if (fresh) {
         fprintf(fresh, "%s %.12g\n", full, value);
         return;
@@ -431,14 +433,13 @@ static void pin_solve(const char *group, problem *p)
     pin_near(group, "acl", marked, 2);
 }
 
-static void solves_are_pinned(void **state)
+static void pin_solves(bench *b, int n_ways)
 {
-    bench *b = *state;
     static const char *const method[] = {"newton", "inertial", "euler"};
     for (int mesh = 0; mesh < 2; mesh++) {
         problem p =
             mesh ? problem_file(b, "meshes/ellipsoid.off") : problem_of(b, sheet(b->ctx, 24));
-        for (int i = 0; i < 6; i++) {
+        for (int i = 0; i < n_ways; i++) {
             char group[64];
             snprintf(group, sizeof group, "solve.%s.%s.%s", mesh ? "ellipsoid" : "sheet",
                      method[i % 3], i < 3 ? "distance" : "uniform");
@@ -449,9 +450,15 @@ static void solves_are_pinned(void **state)
         }
         dmk_solve_options_init(&p.options, sizeof p.options);
         p.options.gap_tolerance = 1e-4;
+        p.source = places[2];
         pin_solve(mesh ? "solve.ellipsoid.gap" : "solve.sheet.gap", &p);
         problem_free(&p);
     }
+}
+
+static void solves_are_pinned(void **state)
+{
+    pin_solves(*state, 6);
     all_pins_hold();
 }
 
@@ -495,10 +502,10 @@ static void pin_transport(const char *group, problem *p, const dmk_measure *from
     dmk_transport_destroy(&t);
 }
 
-static void transports_are_pinned(void **state)
+static void pin_transports(bench *b)
 {
     parts all;
-    problem p = problem_of(*state, sheet(((bench *)*state)->ctx, 20));
+    problem p = problem_of(b, sheet(b->ctx, 20));
     make_parts(p.b, p.mesh, &all);
     p.options.normalise = 1;
     const dmk_measure even = {.uniform = 2},
@@ -513,6 +520,27 @@ static void transports_are_pinned(void **state)
     free(all.vertex_mass);
     free(all.triangle_density);
     problem_free(&p);
+}
+
+static void transports_are_pinned(void **state)
+{
+    pin_transports(*state);
+    all_pins_hold();
+}
+
+static void the_gpu_shape_has_the_same_numbers(void **state)
+{
+    (void)state;
+    bench b;
+    dmk_device_options o;
+    dmk_device_options_init(&o, sizeof o);
+    o.shape = DMK_SHAPE_GPU;
+    bench_open(&b, &o);
+    gpu_shape = true;
+    pin_solves(&b, 2);
+    pin_transports(&b);
+    gpu_shape = false;
+    bench_close(&b);
     all_pins_hold();
 }
 
@@ -691,10 +719,15 @@ static void surfaces_are_pinned(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_start_is_pinned),      cmocka_unit_test(distances_are_pinned),
-        cmocka_unit_test(loads_are_pinned),         cmocka_unit_test(solves_are_pinned),
-        cmocka_unit_test(a_larger_solve_is_pinned), cmocka_unit_test(transports_are_pinned),
-        cmocka_unit_test(loci_are_pinned),          cmocka_unit_test(levels_are_pinned),
+        cmocka_unit_test(the_start_is_pinned),
+        cmocka_unit_test(distances_are_pinned),
+        cmocka_unit_test(loads_are_pinned),
+        cmocka_unit_test(solves_are_pinned),
+        cmocka_unit_test(a_larger_solve_is_pinned),
+        cmocka_unit_test(transports_are_pinned),
+        cmocka_unit_test(the_gpu_shape_has_the_same_numbers),
+        cmocka_unit_test(loci_are_pinned),
+        cmocka_unit_test(levels_are_pinned),
         cmocka_unit_test(surfaces_are_pinned),
     };
     return cmocka_run_group_tests_name("pinned", tests, read_pins, close_pins);

@@ -308,14 +308,19 @@ def record(test):
 
 def tests_for(mutant, kept):
     """Those that reach the line; those that reach the file where none does, as the compiler may have folded the line;
-    of a kernel those that launch."""
+    of a kernel those that launch. The cheapest first."""
     if all("reached" not in r for r in kept["tests"].values()):
         return sorted(kept["tests"], key=lambda t: kept["tests"][t]["seconds"])
     path = mutant.path if mutant.path.endswith(".c") else "src/device/launch.c"
     lines = {test: r["reached"][path] for test, r in kept["tests"].items() if path in r["reached"]}
     reaching = [test for test, texts in lines.items() if mutant.old.strip() in texts] or list(lines)
     noticed = collections.Counter(r["end"] for key, r in kept["mutants"].items() if key.startswith(mutant.path + " "))
-    return sorted(reaching, key=lambda t: (-noticed[t], kept["tests"][t]["seconds"]))
+    def price(test): # of kernels, whose lines are not counted, those first that go through much of the solver
+        r = kept["tests"][test]
+        solver = sum(len(texts) for file, texts in r["reached"].items() if file.startswith("src/solver/"))
+        return r["seconds"] / (1 if mutant.path.endswith(".c") else 1 + solver ** 2)
+
+    return sorted(reaching, key=lambda t: (-noticed[t], price(t)))
 
 
 # ---- trying ---------------------------------------------------------------------------------
