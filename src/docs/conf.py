@@ -62,5 +62,22 @@ def formula(display):
     return visit
 
 
+def whole_sentences(app, what, name, obj, options, lines):
+    """What napoleon takes for the type of a property or attribute is the beginning of its sentence: back to its place."""
+    begin, colon = 0, ": "
+    for i, line in enumerate(lines):
+        if line.startswith(".. attribute::"):
+            begin, colon = i + 1, " "
+        if not line.lstrip().startswith(":type: "):
+            continue
+        indent, text = line[: -len(line.lstrip())], line.split(":type: ", 1)[1]
+        rest = [k for k in range(begin, i) if lines[k].strip()]
+        if rest:
+            text += colon + lines[rest[0]].lstrip()
+        lines[i] = ""
+        lines[rest[0] if rest else i] = indent + text
+
+
 def setup(app):
+    app.connect("autodoc-process-docstring", whole_sentences, priority=600)
     app.add_html_math_renderer("mathml", (formula("inline"), None), (formula("block"), None))

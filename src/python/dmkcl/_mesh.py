@@ -53,6 +53,8 @@ def _face_array(faces: ArrayLike, n_vertices: int) -> NDArray[np.int32]:
 class Mesh:
     """A triangulated surface, checked: borders, several components and unused vertices are fine.
 
+    A mesh unpacks to its arrays: ``V, F = mesh``.
+
     Parameters
     ----------
     vertices : (n, 3) or (n, 2) array of float
@@ -63,11 +65,9 @@ class Mesh:
     Raises
     ------
     MeshError
-        An edge has more than two triangles, two fans meet in a vertex, neighbours are turned
+        An edge has more than two triangles, two vertex stars meet in a vertex, neighbours are turned
         against each other, a triangle has no area, a coordinate is not finite. The text names the
         first offender.
-
-    A mesh unpacks to its arrays: ``V, F = mesh``.
     """
 
     def __init__(self, vertices: ArrayLike, faces: ArrayLike):
