@@ -29,6 +29,13 @@ typedef struct batch_request {
 int batch_list_create(const cli_words *operands, const char *out_folder, batch_list *list);
 void batch_list_free(batch_list *list);
 
+/* ---- names.c -------------------------------------------------------------------------------- */
+
+/* The files of a source: names in `one`, freed by batch_free_files. false without memory. */
+bool batch_name_files(const batch_request *request, const batch_mesh *mesh, size_t source,
+                      solve_request *one);
+void batch_free_files(solve_request *one);
+
 /* ---- record.c: the report, which is also the record of what is done ------------------------- */
 
 typedef struct batch_record batch_record;
@@ -58,11 +65,6 @@ int batch_record_append(batch_record *record, const char *line, size_t length);
 void batch_record_fields(const batch_record *record, cli_json *json, const batch_entry *entry,
                          bool failed);
 void batch_record_close(batch_record **record);
-
-/* The files of a source: names in `one`, freed by batch_free_files. false without memory. */
-bool batch_name_files(const batch_request *request, const batch_mesh *mesh, size_t source,
-                      solve_request *one);
-void batch_free_files(solve_request *one);
 
 /* ---- farm.c --------------------------------------------------------------------------------- */
 

@@ -175,6 +175,12 @@ int solve_report(const solve_request *request, const solve_run *run)
     return solve_report_more(request, run, NULL, NULL);
 }
 
+double solve_offset(const solve_request *request, const solve_run *run)
+{
+    if (request->source.n == 0) return 0;
+    return cli_offset(run->context, run->mesh, request->source.value, &run->source);
+}
+
 bool solve_prints_summary(const solve_request *request)
 {
     return !request->quiet && !(request->report && strcmp(request->report, "-") == 0);

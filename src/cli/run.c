@@ -81,12 +81,6 @@ static int place(const solve_request *request, solve_run *run)
     return cli_project(run->context, run->mesh, xyz, request->quiet, &run->source);
 }
 
-double solve_offset(const solve_request *request, const solve_run *run)
-{
-    if (request->source.n == 0) return 0;
-    return cli_offset(run->context, run->mesh, request->source.value, &run->source);
-}
-
 int solve_place(const solve_request *request, solve_run *run)
 {
     const int rc = place(request, run);

@@ -96,8 +96,6 @@ void solve_request_uses(const solve_request *order, cli_uses *uses);
 int solve_begin(const solve_request *request, solve_run *run);
 /* The source's place, when there are many. */
 int solve_place(const solve_request *request, solve_run *run);
-/* From the point asked for to the source; 0 for a vertex. */
-double solve_offset(const solve_request *request, const solve_run *run);
 /* Where there are several ranks: let them solve together, each a share of the mesh. Every rank has the
  * result then, and the first one alone the cut locus and the files. */
 int solve_together(solve_run *run);
@@ -123,6 +121,8 @@ int solve_batch(const solve_request *request);
 
 /* ---- report.c, tangent.c -------------------------------------------------------------------- */
 
+/* From the point asked for to the source; 0 for a vertex. */
+double solve_offset(const solve_request *request, const solve_run *run);
 /* The report's fields, into an object that is open; of a bare request mesh, source and memory. */
 void solve_report_fields(cli_json *json, const solve_request *request, const solve_run *run);
 /* The JSON report, whole or not at all; of many sources on the standard output a line for each. The exit
