@@ -13,7 +13,7 @@
  *                   real: bytes of the program's number
  *   shape           what is handed out: blocks of 8, single rows, or all to one work-group
  *   numerics        precision and order, where it is not simply the program's and that of the lists
- * Arrays are `restrict` in the kernels of the iteration (operator, vector, multigrid, density), but for r and its
+ * Arrays are `restrict`, but for those of atomic operations, and but for r and its
  * narrow copy, which are one where the program works in single precision.
  * Build options: DMK_CPU, DMK_CHUNK, DMK_DOUBLE (this program's real type), DMK_FP64 (the device's
  * double precision may be used for sums). */

@@ -66,6 +66,13 @@ done
 # Files come into being in one way, whoever writes them.
 check 'the tool knows the public header, and of the library how files are written' \
     sh -c "! grep -n '#include \"[a-z_]*/' src/cli/*.[ch] | grep -v '\"base/outfile.h\"'"
+pages() { # each folder's own page: there, and short
+    local folder
+    for folder in src/*/ kernels/ tests/ bench/ meshes/; do
+        [ -s "$folder/README.md" ] && [ "$(wc -l < "$folder/README.md")" -le 30 ] || { echo "$folder"; return 1; }
+    done
+}
+check 'each folder has a page of at most 30 lines' pages
 check 'only src/device sees OpenCL' \
     nothing '#include <CL/' $(library | grep -v '^src/device/') src/cli/*.[ch]
 check 'only solver/kernels.c and ranks/halo.c launch kernels' nothing 'DMK_LAUNCH|dmk_launch\(' \

@@ -253,7 +253,7 @@ static int read_once(dmk_context *ctx, const char *path, const dmk_ranks *ranks,
         mine.rc = dmk_soup_read(ctx, path, &first, bytes);
         mine.n_vertices = (int64_t)first.n_vertices;
         mine.n_triangles = (int64_t)first.n_triangles;
-        strncpy(mine.message, dmk_context_message(ctx), sizeof mine.message - 1);
+        memcpy(mine.message, ctx->message, sizeof mine.message);
     }
     DMK_TRY(spread(ctx, ranks, &mine, &said, sizeof said));
     if (said.rc != DMK_OK) {
@@ -291,5 +291,20 @@ int dmk_soup_read_dealt(dmk_context *ctx, const char *path, const dmk_ranks *ran
     rc = join(ctx, ranks, l.n_triangles, sizeof *own.triangle, own.triangle, soup->triangle);
 done:
     dmk_soup_free(&own);
+    return rc;
+}
+
+int dmk_mesh_read_dealt(dmk_context *ctx, const char *path, const dmk_ranks *ranks, dmk_mesh **mesh)
+{
+    int rc;
+    uint64_t bytes = 0;
+    dmk_soup soup = {0};
+    if (dmk_missing(ctx, "path", path, "mesh", mesh)) return DMK_E_ARG;
+    if (ranks && dmk_ranks_given(ctx, ranks) != DMK_OK) return DMK_E_ARG;
+    if (!ranks || ranks->size == 1) return dmk_mesh_read(ctx, path, mesh);
+    DMK_TRY(dmk_soup_read_dealt(ctx, path, ranks, &soup, &bytes));
+    rc = dmk_soup_adopt(ctx, path, &soup, mesh);
+done:
+    dmk_soup_free(&soup);
     return rc;
 }

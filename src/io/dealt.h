@@ -36,6 +36,8 @@ bool dmk_vtk_layout(dmk_context *context, const dmk_file *head, dmk_layout *layo
 
 /* format.c: a file's triangles, as they are; its size, unpacked, is added to *bytes. */
 int dmk_soup_read(dmk_context *context, const char *path, dmk_soup *soup, uint64_t *bytes);
+/* The mesh of a file's triangles, which are its own then; errors name the file. */
+int dmk_soup_adopt(dmk_context *context, const char *path, dmk_soup *soup, dmk_mesh **mesh);
 /* The same on every rank. Each reads its range of a file that has a layout; others are read by the first
  * rank, and sent. *bytes: what this rank has read of it. */
 int dmk_soup_read_dealt(dmk_context *context, const char *path, const dmk_ranks *ranks,

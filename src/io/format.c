@@ -164,28 +164,22 @@ done:
     return rc;
 }
 
-static int read_soup(dmk_context *ctx, const char *path, const dmk_ranks *ranks, dmk_soup *soup)
+int dmk_soup_adopt(dmk_context *ctx, const char *path, dmk_soup *soup, dmk_mesh **mesh)
 {
-    uint64_t bytes = 0;
-    return ranks && ranks->size > 1 ? dmk_soup_read_dealt(ctx, path, ranks, soup, &bytes)
-                                    : dmk_soup_read(ctx, path, soup, &bytes);
+    const int rc =
+        dmk_mesh_adopt(ctx, soup->n_vertices, soup->xyz, soup->n_triangles, soup->triangle, mesh);
+    *soup = (dmk_soup){0};
+    return rc == DMK_OK ? DMK_OK : name_file(ctx, path, rc);
 }
 
 int dmk_mesh_read(dmk_context *ctx, const char *path, dmk_mesh **mesh)
 {
-    return dmk_mesh_read_dealt(ctx, path, NULL, mesh);
-}
-
-int dmk_mesh_read_dealt(dmk_context *ctx, const char *path, const dmk_ranks *ranks, dmk_mesh **mesh)
-{
     int rc;
+    uint64_t bytes = 0;
     dmk_soup soup = {0};
     if (dmk_missing(ctx, "path", path, "mesh", mesh)) return DMK_E_ARG;
-    if (ranks && dmk_ranks_given(ctx, ranks) != DMK_OK) return DMK_E_ARG;
-    DMK_TRY(read_soup(ctx, path, ranks, &soup));
-    rc = dmk_mesh_adopt(ctx, soup.n_vertices, soup.xyz, soup.n_triangles, soup.triangle, mesh);
-    soup = (dmk_soup){0};
-    if (rc != DMK_OK) rc = name_file(ctx, path, rc);
+    DMK_TRY(dmk_soup_read(ctx, path, &soup, &bytes));
+    rc = dmk_soup_adopt(ctx, path, &soup, mesh);
 done:
     dmk_soup_free(&soup);
     return rc;
@@ -194,9 +188,10 @@ done:
 int dmk_mesh_read_repaired(dmk_context *ctx, const char *path, dmk_repairs *repair, dmk_mesh **mesh)
 {
     int rc;
+    uint64_t bytes = 0;
     dmk_soup soup = {0};
     if (dmk_missing(ctx, "path", path, "mesh", mesh)) return DMK_E_ARG;
-    DMK_TRY(read_soup(ctx, path, NULL, &soup));
+    DMK_TRY(dmk_soup_read(ctx, path, &soup, &bytes));
     rc = dmk_mesh_repair(ctx, soup.n_vertices, soup.xyz, soup.n_triangles, soup.triangle, repair,
                          mesh);
     if (rc != DMK_OK) rc = name_file(ctx, path, rc);
