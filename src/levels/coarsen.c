@@ -130,48 +130,58 @@ done:
     return rc;
 }
 
-/* One level of the descent; *fine becomes the adjacency of the coarse level. Without enough gain
- * nothing is made and *stalled set. */
-static int coarsen(dmk_context *ctx, dmk_adjacency *fine, int32_t n_edges, const int32_t *edge,
-                   const double *xyz, const dmk_dealing *dealing, dmk_coarsening *c, bool *stalled)
+/* The coarse vertices and the prolongation; *fine becomes the adjacency of the coarse level. Without enough gain nothing
+ * is made. */
+static int make_weights(dmk_context *ctx, dmk_adjacency *fine, const double *xyz, dmk_coarsening *c)
 {
     int rc;
-    const int32_t n_fine = fine->n;
     dmk_cells cells;
     dmk_adjacency coarse = {0};
     DMK_TRY(dmk_cells_create(ctx, fine, &cells));
-    *stalled = cells.n > fine->n / 3 * 2;
-    if (*stalled) goto done;
+    if (cells.n > fine->n / 3 * 2) goto done;
     c->coarse.n = cells.n;
     DMK_TRY(cell_adjacency(ctx, fine, &cells, &coarse));
     adjacency_free(fine);
     DMK_TRY(cell_places(ctx, &cells, xyz, &c->coarse.xyz));
     DMK_TRY(measure_adjacency(ctx, c->coarse.xyz, &coarse));
     DMK_TRY(dmk_prolong_create(ctx, &cells, &coarse, xyz, c));
-    dmk_cells_free(&cells);
     *fine = coarse;
     memset(&coarse, 0, sizeof coarse);
-    DMK_TRY(dmk_galerkin_create(ctx, n_fine, n_edges, edge, dealing, c));
 done:
     adjacency_free(&coarse);
     dmk_cells_free(&cells);
     return rc;
 }
 
+/* One level of the descent; c->coarse.n is 0 without enough gain. */
+static int coarsen(dmk_context *ctx, dmk_adjacency *fine, int32_t n_edges, const int32_t *edge,
+                   const double *xyz, const dmk_dealing *dealing, dmk_coarsening *c)
+{
+    int rc;
+    const int32_t n_fine = fine->n;
+    const bool handed = dealing && dealing->hand;
+    if (!handed || dealing->makes) DMK_TRY(make_weights(ctx, fine, xyz, c));
+    if (handed && (!dealing->makes || c->coarse.n == 0))
+        DMK_TRY(dealing->hand(ctx, dealing->user, n_fine, c));
+    fine->n = c->coarse.n;
+    if (c->coarse.n > 0) rc = dmk_galerkin_create(ctx, n_fine, n_edges, edge, dealing, c);
+done:
+    return rc;
+}
+
 int dmk_hierarchy_deal(dmk_context *ctx, const dmk_mesh *m, int32_t coarsest,
                        const dmk_dealing *dealing, dmk_hierarchy *h)
 {
-    int rc;
-    dmk_adjacency fine;
-    bool stalled = false;
+    int rc = DMK_OK;
+    dmk_adjacency fine = {.n = m->n_vertices};
     memset(h, 0, sizeof *h);
     if (coarsest <= 0) coarsest = 128;
-    DMK_TRY(mesh_adjacency(ctx, m, &fine));
-    while (fine.n > coarsest && h->n < DMK_MAX_LEVELS && !stalled) {
+    if (!dealing || !dealing->hand || dealing->makes) DMK_TRY(mesh_adjacency(ctx, m, &fine));
+    while (fine.n > coarsest && h->n < DMK_MAX_LEVELS) {
         const dmk_graph *g = h->n ? &h->level[h->n - 1].coarse : NULL;
         DMK_TRY(coarsen(ctx, &fine, g ? g->n_edges : m->n_edges, g ? g->edge : m->edge_vertex,
-                        g ? g->xyz : m->xyz, dealing, &h->level[h->n], &stalled));
-        if (!stalled) h->n++;
+                        g ? g->xyz : m->xyz, dealing, &h->level[h->n]));
+        h->n += fine.n > 0;
     }
 done:
     adjacency_free(&fine);

@@ -247,10 +247,11 @@ done:
 }
 
 /* Sums go by the parts of launches, whose length is the device's. */
-static int check_parts(dmk_context *ctx, dmk_share *s)
+int dmk_share_check_devices(dmk_context *ctx, const dmk_ranks *ranks, const dmk_device *device)
 {
-    int32_t ends[2] = {s->part, -s->part};
-    int rc = dmk_share_largest(ctx, s, 2, ends);
+    const int32_t part = (int32_t)dmk_launch_part(device);
+    int32_t ends[2] = {part, -part};
+    const int rc = dmk_ranks_check(ctx, ranks, ranks->largest(ranks->user, ends, 2));
     if (rc != DMK_OK || ends[0] == -ends[1]) return rc;
     return dmk_fail(ctx, DMK_E_DEVICE,
                     "the ranks' devices work in parts of %d to %d items: all must be of one kind",
@@ -273,7 +274,7 @@ static void forget(dmk_share *s)
 }
 
 int dmk_share_create(dmk_context *ctx, const dmk_ranks *ranks, dmk_device *device,
-                     const dmk_mesh *mesh, int32_t coarsest, dmk_hierarchy *hierarchy,
+                     const dmk_mesh *mesh, bool handed, int32_t coarsest, dmk_hierarchy *hierarchy,
                      dmk_share **share)
 {
     int rc;
@@ -283,11 +284,11 @@ int dmk_share_create(dmk_context *ctx, const dmk_ranks *ranks, dmk_device *devic
     if (!ranks || mesh->n_vertices / part < ranks->size)
         return dmk_hierarchy_create(ctx, mesh, coarsest, hierarchy);
     DMK_TRY(DMK_NEW(ctx, s, 1));
-    const dmk_dealing dealing = {s, dmk_deal_own, dmk_deal_join};
+    const dmk_dealing dealing = {s, dmk_deal_own, dmk_deal_join, handed ? dmk_deal_hand : NULL,
+                                 ranks->rank == ranks->size - 1};
     s->ranks = *ranks;
     s->device = device;
     s->part = part;
-    DMK_TRY(check_parts(ctx, s));
     DMK_TRY(get_kernels(ctx, s));
     DMK_TRY(own_items(ctx, s, mesh));
     DMK_TRY(dmk_hierarchy_deal(ctx, mesh, coarsest, &dealing, hierarchy));

@@ -75,6 +75,28 @@ done:
     return rc;
 }
 
+int dmk_deal_hand(dmk_context *ctx, void *user, int32_t n_fine, dmk_coarsening *c)
+{
+    int rc;
+    const dmk_share *s = user;
+    const int maker = s->ranks.size - 1;
+    DMK_TRY(dmk_ranks_spread_from(ctx, &s->ranks, maker, &c->coarse.n, sizeof c->coarse.n));
+    const size_t n = 3 * (size_t)c->coarse.n, n_weights = 3 * (size_t)n_fine;
+    if (n == 0) return DMK_OK;
+    if (s->ranks.rank != maker) {
+        DMK_TRY(DMK_NEW(ctx, c->coarse.xyz, n));
+        DMK_TRY(DMK_NEW(ctx, c->prolong_index, n_weights));
+        DMK_TRY(DMK_NEW(ctx, c->prolong_weight, n_weights));
+    }
+    DMK_TRY(dmk_ranks_spread_from(ctx, &s->ranks, maker, c->coarse.xyz, n * sizeof *c->coarse.xyz));
+    DMK_TRY(dmk_ranks_spread_from(ctx, &s->ranks, maker, c->prolong_index,
+                                  n_weights * sizeof *c->prolong_index));
+    rc = dmk_ranks_spread_from(ctx, &s->ranks, maker, c->prolong_weight,
+                               n_weights * sizeof *c->prolong_weight);
+done:
+    return rc;
+}
+
 /* And the links whose smaller end it owns, which are those that it has made. */
 int dmk_deal_join(dmk_context *ctx, void *user, dmk_coarsening *c)
 {

@@ -74,10 +74,14 @@ typedef struct dmk_local {
 } dmk_local;
 
 /* Rank `ranks->rank`'s share of an ordered mesh, with the hierarchy, of whose dealt levels it has its part;
- * *share stays NULL where the mesh has no more parts than ranks, or no levels: then every rank does all of it. */
+ * *share stays NULL where the mesh has no more parts than ranks, or no levels: then every rank does all of it.
+ * handed: the first rank comes later than the others, and the last one meanwhile makes the coarse vertices and weights
+ * of all. */
 int dmk_share_create(dmk_context *context, const dmk_ranks *ranks, dmk_device *device,
-                     const dmk_mesh *mesh, int32_t coarsest, dmk_hierarchy *hierarchy,
+                     const dmk_mesh *mesh, bool handed, int32_t coarsest, dmk_hierarchy *hierarchy,
                      dmk_share **share);
+/* Before: that the ranks' devices are of one kind. */
+int dmk_share_check_devices(dmk_context *context, const dmk_ranks *ranks, const dmk_device *device);
 /* Then the local hierarchy, without the mesh; the whole one's dealt levels are freed. */
 int dmk_share_levels(dmk_context *context, dmk_share *share, dmk_hierarchy *whole,
                      dmk_local *local);
@@ -151,6 +155,9 @@ int dmk_share_give_vertices(dmk_context *context, dmk_share *share, const double
 
 /* `bytes` of the first rank's data to all others; nothing for ranks of size 0 or 1. */
 int dmk_ranks_spread(dmk_context *context, const dmk_ranks *ranks, void *data, size_t bytes);
+/* Rank `from`'s data to all others. */
+int dmk_ranks_spread_from(dmk_context *context, const dmk_ranks *ranks, int from, void *data,
+                          size_t bytes);
 
 /* ---- within the room ---- */
 

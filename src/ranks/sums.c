@@ -152,8 +152,8 @@ done:
     return rc;
 }
 
-/* Rank `from`'s data to all others. */
-static int spread(dmk_context *ctx, const dmk_ranks *ranks, int from, void *data, size_t bytes)
+int dmk_ranks_spread_from(dmk_context *ctx, const dmk_ranks *ranks, int from, void *data,
+                          size_t bytes)
 {
     int rc;
     size_t *count = NULL;
@@ -174,7 +174,7 @@ done:
 
 int dmk_ranks_spread(dmk_context *ctx, const dmk_ranks *ranks, void *data, size_t bytes)
 {
-    return spread(ctx, ranks, 0, data, bytes);
+    return dmk_ranks_spread_from(ctx, ranks, 0, data, bytes);
 }
 
 int dmk_share_in_turn(dmk_context *ctx, dmk_share *s, double *sum,
@@ -187,7 +187,7 @@ int dmk_share_in_turn(dmk_context *ctx, dmk_share *s, double *sum,
     }
     for (int r = 0; r < s->ranks.size; r++) {
         if (r == s->ranks.rank) add(data, sum);
-        DMK_TRY(spread(ctx, &s->ranks, r, sum, sizeof *sum));
+        DMK_TRY(dmk_ranks_spread_from(ctx, &s->ranks, r, sum, sizeof *sum));
     }
 done:
     return rc;

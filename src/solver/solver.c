@@ -46,6 +46,7 @@ int dmk_solver_order(dmk_context *ctx, dmk_solver *s, int32_t component)
     DMK_TRY(order_mesh(ctx, s, component));
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(dmk_mollify(ctx, s->order->order.mesh, &s->mollified));
+    if (s->ranks.size > 1) DMK_TRY(dmk_share_check_devices(ctx, &s->ranks, s->device));
     s->component = component;
 done:
     if (rc != DMK_OK) forget_component(s);

@@ -597,7 +597,8 @@ static int pack_share(const packer *p, const dmk_ranks *ranks, const dmk_system_
     dmk_hierarchy whole = {.n = 0};
     dmk_local local = {.first_whole = 0};
     packer mine = *p;
-    DMK_TRY(dmk_share_create(p->ctx, ranks, p->dev, p->mesh, COARSEST, &whole, &p->sys->share));
+    DMK_TRY(
+        dmk_share_create(p->ctx, ranks, p->dev, p->mesh, !dealt, COARSEST, &whole, &p->sys->share));
     mine.spend = !p->sys->share; /* else two hierarchies have the levels that are whole */
     if (p->sys->share) {
         mine.mesh = &p->sys->share->mesh;
