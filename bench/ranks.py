@@ -128,14 +128,16 @@ def check(program, triangles, lines):
         share = 100 * worst(r, "ghost_rows") / (2 * triangles / ranks)
         text = [f"{measured:,.0f} / {modelled:,.0f}" if measured > 100 else f"{measured:.2g} / {modelled:.2g}"
                 for measured, modelled in pairs]
-        lines.append(f"| {ranks} | {r['cg_iterations']} | {text[0]} | {share:.1f} % | {text[1]} | {worst(r, 'overlapped')} | {text[2]} | {text[3]} | "
+        lines.append(f"| {ranks} | {r['cg_iterations']} | {text[0]} | {share:.1f} % | {text[1]} | "
+                     f"{worst(r, 'overlapped')} | {text[2]} | {text[3]} | "
                      f"{worst(r, 'peak_memory') / 1e6:.0f} |")
     return a, b, good
 
 
 def extrapolate(a, b, lines):
     lines += ["", "One CG step with its V-cycle, by the model, on ranks with a GPU of "
-              f"{MEMORY / 1e12:.0f} TB/s each, {LATENCY * 1e6:.0f} us a message and {NETWORK / 1e9:.0f} GB/s, no message hidden behind work:", "",
+              f"{MEMORY / 1e12:.0f} TB/s each, {LATENCY * 1e6:.0f} us a message and {NETWORK / 1e9:.0f} GB/s, "
+              "no message hidden behind work:", "",
               "| triangles | ranks | ghosts of own rows | messages | kB sent | work, ms | messages, ms | efficiency |",
               "|--:|--:|--:|--:|--:|--:|--:|--:|"]
     for triangles in (1e7, 1e8, 1e9):
