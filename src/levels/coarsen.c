@@ -130,8 +130,8 @@ done:
     return rc;
 }
 
-/* The coarse vertices and the prolongation; *fine becomes the adjacency of the coarse level. Without enough gain nothing
- * is made. */
+/* The coarse vertices and the prolongation; *fine becomes the adjacency of the coarse level. Without enough
+ * gain nothing is made. */
 static int make_weights(dmk_context *ctx, dmk_adjacency *fine, const double *xyz, dmk_coarsening *c)
 {
     int rc;
