@@ -459,7 +459,7 @@ typedef struct dmk_stats {
 void dmk_result_get_stats(const dmk_result *result, dmk_stats *stats);
 /* Borrowed arrays; each also gives its length through n when n is not NULL. */
 const double *dmk_result_density(const dmk_result *result, size_t *n); /* mu per triangle */
-/* Per triangle, 1 in the approximate cut locus: mu <= threshold, or, where that is 0, by u alone in pure
+/* Per triangle, 1 in the approximate cut locus: mu <= threshold, or, where that is 0, by u and mu in pure
  * numbers, an answer to the paper's question how to choose eps: the mean of grad u in the triangle is shorter
  * than 1, as where two families of rays meet (cos(alpha/2)), and the rays around converge, the more so the
  * larger the triangle is. Only triangles of the source's component. */

@@ -144,11 +144,10 @@ static void mark_roof(bench *b, double half, double share[2])
     problem p = sheet(b, 30);
     const dmk_mesh *m = p.mesh;
     const size_t nt = problem_triangles(&p);
-    double *u = calloc((size_t)(m->n_vertices + m->n_edges), sizeof *u),
-           *mu = calloc(nt, sizeof *mu);
+    double *u = calloc((size_t)(m->n_vertices + m->n_edges), sizeof *u);
     double marked[2] = {0}, all[2] = {0}, area = 0;
     uint8_t *acl = malloc(nt);
-    assert_true(u && mu && acl);
+    assert_true(u && acl);
     for (int32_t v = 0; v < m->n_vertices; v++) u[v] = roof(half, m->xyz + 3 * v);
     for (int32_t e = 0; e < m->n_edges; e++) {
         double mid[3];
@@ -156,7 +155,7 @@ static void mark_roof(bench *b, double half, double share[2])
         for (int k = 0; k < 3; k++) mid[k] = (m->xyz[3 * v[0] + k] + m->xyz[3 * v[1] + k]) / 2;
         u[m->n_vertices + e] = roof(half, mid);
     }
-    const dmk_acl_input in = {m, mu, u, u + m->n_vertices};
+    const dmk_acl_input in = {m, NULL, u, u + m->n_vertices};
     assert_int_equal(dmk_acl_mark(b->ctx, &in, 0, acl), DMK_OK);
     for (size_t t = 0; t < nt; t++) area += m->area[t] / (double)nt;
     for (size_t t = 0; t < nt; t++) {
@@ -169,7 +168,6 @@ static void mark_roof(bench *b, double half, double share[2])
     }
     for (int k = 0; k < 2; k++) share[k] = marked[k] / all[k];
     free(u);
-    free(mu);
     free(acl);
     problem_free(&p);
 }
@@ -178,14 +176,99 @@ static void mark_roof(bench *b, double half, double share[2])
 static void faint_lines_are_marked_in_small_triangles(void **state)
 {
     double share[2];
-    mark_roof(*state, 0.07, share);
+    mark_roof(*state, 0.084, share);
     print_message("# faint: %g of the small, %g of the large\n", share[0], share[1]);
     assert_true(share[0] > 0.9 && share[1] < 0.1);
     mark_roof(*state, 0.2, share);
     print_message("# clear: %g of the small, %g of the large\n", share[0], share[1]);
     assert_true(share[0] == 1 && share[1] == 1);
-    mark_roof(*state, 0.03, share);
+    mark_roof(*state, 0.035, share);
     assert_true(share[0] == 0 && share[1] == 0);
+}
+
+/* ---- crests ------------------------------------------------------------------------------------ */
+
+/* The same rays, but those of slope `half` turn over evenly within `blur` of a line y = at. */
+typedef struct crease {
+    double at, half, blur;
+} crease;
+
+static double bent(const crease *c, int n, const double x[3])
+{
+    double sum = -x[0];
+    for (int i = 0; i < n; i++) {
+        const double y = fabs(x[1] - c[i].at), b = c[i].blur;
+        sum += sin(c[i].half) * (y < b ? (y * y + b * b) / (2 * b) : y);
+    }
+    return sum;
+}
+
+typedef struct crest {
+    double
+        found; /* share of a line's middle third within 1.5 of which a triangle's centre is marked */
+    double reach; /* the farthest from it of those within 8 */
+} crest;
+
+/* What is marked along the first of n lines on a sheet of unit squares, mu being `mu` times the root of a triangle's
+ * area. */
+static crest mark_creases(bench *b, const crease *c, int n, double mu)
+{
+    problem p = sheet(b, 1);
+    const dmk_mesh *m = p.mesh;
+    const size_t nt = problem_triangles(&p);
+    double *u = calloc((size_t)(m->n_vertices + m->n_edges), sizeof *u),
+           *density = calloc(nt, sizeof *density);
+    uint8_t *acl = malloc(nt);
+    bool seen[GRID] = {false};
+    crest found = {0, 0};
+    assert_true(u && density && acl);
+    for (int32_t v = 0; v < m->n_vertices; v++) u[v] = bent(c, n, m->xyz + 3 * v);
+    for (int32_t e = 0; e < m->n_edges; e++) {
+        double mid[3];
+        const int32_t *v = m->edge_vertex + 2 * e;
+        for (int k = 0; k < 3; k++) mid[k] = (m->xyz[3 * v[0] + k] + m->xyz[3 * v[1] + k]) / 2;
+        u[m->n_vertices + e] = bent(c, n, mid);
+    }
+    for (size_t t = 0; t < nt; t++) density[t] = mu * sqrt(m->area[t]);
+    const dmk_acl_input in = {m, density, u, u + m->n_vertices};
+    assert_int_equal(dmk_acl_mark(b->ctx, &in, 0, acl), DMK_OK);
+    for (size_t t = 0; t < nt; t++) {
+        double x[3];
+        centre(&p, t, x);
+        const double y = fabs(x[1] - c[0].at);
+        if (!acl[t] || x[0] < GRID / 3 || x[0] > 2 * GRID / 3 || y > 8) continue;
+        if (y <= 1.5) seen[(int)x[0]] = true;
+        found.reach = fmax(found.reach, y);
+    }
+    for (int i = GRID / 3; i < 2 * GRID / 3; i++) found.found += 3.0 * seen[i] / GRID;
+    free(u);
+    free(density);
+    free(acl);
+    problem_free(&p);
+    return found;
+}
+
+/* A line on which rays turn within two triangles is a crest of their convergence, however faint; where mu is large,
+ * rays end far away; and beside a stronger one it is a part of that. */
+static void crests_are_marked(void **state)
+{
+    const double y = GRID / 2 - 0.5;
+    const crease clear = {y, 0.06, 1}, faint = {y, 0.04, 1}, wide = {y, 0.16, 2},
+                 level = {y, 0.1, 2};
+    const crease beside[2] = {clear, {y + 4, 0.1, 1}}, apart_from[2] = {clear, {y + 8, 0.3, 1}};
+    const struct {
+        const crease *line;
+        int n;
+        double mu, found, reach;
+    } cases[] = {{&clear, 1, 20, 1, 0.2}, {&clear, 1, 35, 0, 0}, {&faint, 1, 1, 0, 0},
+                 {&wide, 1, 1, 1, 0.9},   {&level, 1, 1, 0, 0},  {beside, 2, 1, 0, 4.2},
+                 {apart_from, 2, 1, 1, 8}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const crest c = mark_creases(*state, cases[i].line, cases[i].n, cases[i].mu);
+        print_message("# %g of the line found, up to %g beside\n", c.found, c.reach);
+        if (!(fabs(c.found - cases[i].found) < 0.02 && c.reach <= cases[i].reach))
+            fail_msg("case %zu: %g found, %g beside", i, c.found, c.reach);
+    }
 }
 
 /* The marks do not change with the unit of length. */
@@ -211,6 +294,7 @@ int main(void)
         cmocka_unit_test(the_rule_marks_the_locus),
         cmocka_unit_test(what_does_not_meet_is_not_marked),
         cmocka_unit_test(faint_lines_are_marked_in_small_triangles),
+        cmocka_unit_test(crests_are_marked),
         cmocka_unit_test(the_rule_knows_no_unit),
     };
     return cmocka_run_group_tests(tests, bench_setup, bench_teardown);

@@ -41,6 +41,7 @@ int dmk_explicit(dmk_iteration *o)
     double inertia = opt->inertia >= 0 ? opt->inertia : 0.8;
     int unsolved = 0;
     double change = 1, cg = opt->cg_tolerance > 0 ? opt->cg_tolerance : 1e-4;
+    o->loose = false;
     DMK_TRY(begin(o));
     for (int step = 1; step <= max_steps; step++) {
         int before = o->stats->cg_iterations;

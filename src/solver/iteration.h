@@ -23,6 +23,8 @@ typedef struct dmk_iteration {
     double mean_floor; /* in Newton's steps that do not begin at a distance: times mu's mean */
     bool goes_on;      /* a large gap will be answered by more steps rather than by a long repair */
     bool certified;    /* stats has the bounds of the present pair */
+    bool loose;        /* its u comes from a few iterations of CG only */
+    double *flux, *balance; /* of the upper bound's flux, see dmk_bound_upper; NULL: not wanted */
 } dmk_iteration;
 
 enum { DMK_NEWTON_STEPS = 60, DMK_EXPLICIT_STEPS = 2000 };

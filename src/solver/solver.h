@@ -28,7 +28,7 @@ int dmk_solver_order(dmk_context *context, dmk_solver *solver, int32_t component
 int dmk_solver_pack(dmk_context *context, dmk_solver *solver);
 /* Work arrays may hold the NaN of an earlier solve that diverged: clear them. */
 int dmk_solver_clear(dmk_context *context, const dmk_solver *solver);
-/* The approximate cut locus (acl.h) from mu, NULL without a threshold, and u in the packed problem's order and the
+/* The approximate cut locus (acl.h) from mu, or NULL, and u in the packed problem's order and the
  * mesh's units, at the mesh's own triangles in `marked`. */
 int dmk_solver_mark_acl(dmk_context *context, const dmk_solver *solver, double threshold,
                         const double *mu, const double *u, uint8_t *marked);

@@ -18,10 +18,6 @@ struct dmk_transport {
     dmk_stats stats;
 };
 
-/* r.z of the solve that gives the flux, rooted, over the energy: below it is rounding. */
-static const double flux_tolerance = 1e-11;
-enum { FLUX_ITERATIONS = 100 };
-
 void dmk_transport_destroy(dmk_transport **transport)
 {
     dmk_transport *r = transport ? *transport : NULL;
@@ -139,27 +135,15 @@ done:
     return rc;
 }
 
-/* The flux of mu with its exact potential, and what that leaves sent along edges (upper.c), so that it delivers
- * the measures: the iteration's u is inexact. Its cost is the upper bound, where it is the better one. */
-static int collect_flux(dmk_iteration *o, dmk_solver *s, dmk_transport *r)
+/* The flux, which the upper bound is the cost of, by the mesh's own triangles. */
+static void collect_flux(const dmk_solver *s, const double *flux, dmk_transport *r)
 {
-    int rc;
-    double *flux = NULL, upper;
     const dmk_order *order = &s->order->order;
-    DMK_TRY(DMK_NEW(o->ctx, flux, 3 * (size_t)order->mesh->n_triangles));
-    rc = dmk_iteration_solve(o, flux_tolerance, FLUX_ITERATIONS);
-    if (rc != DMK_OK && rc != DMK_E_DIVERGED) goto done;
-    DMK_TRY(dmk_bound_upper(o, flux, &r->balance, &upper));
-    o->stats->cost_upper = fmin(o->stats->cost_upper, upper);
-    dmk_certify_gap(o->stats);
     for (int32_t t = 0; t < order->mesh->n_triangles; t++) {
         for (int k = 0; k < 3; k++)
             r->flux[3 * (size_t)order->triangle_old[t] + (size_t)k] =
                 flux[3 * (size_t)t + (size_t)k] * r->mass;
     }
-done:
-    free(flux);
-    return rc;
 }
 
 /* From f on the device's order to the result; seconds of the stages that are not there yet. `set`: the sign of the
@@ -168,7 +152,7 @@ static int solve(dmk_context *ctx, dmk_solver *s, const dmk_solve_options *optio
                  double began, double set, dmk_transport *r)
 {
     int rc;
-    double *mu = NULL, *u = NULL;
+    double *mu = NULL, *u = NULL, *flux = NULL;
     dmk_iteration o = {.ctx = ctx,
                        .sys = s->system,
                        .mesh = &s->mollified,
@@ -181,6 +165,9 @@ static int solve(dmk_context *ctx, dmk_solver *s, const dmk_solve_options *optio
                        .began = began};
     DMK_TRY(DMK_NEW(ctx, mu, (size_t)s->system->whole.n_elements_pad));
     DMK_TRY(DMK_NEW(ctx, u, (size_t)s->system->whole.n_rows_pad));
+    DMK_TRY(DMK_NEW(ctx, flux, 3 * (size_t)s->order->order.mesh->n_triangles));
+    o.flux = flux;
+    o.balance = &r->balance;
     DMK_TRY(set_start(ctx, s, f));
     r->stats.seconds[DMK_STAGE_START] = dmk_seconds() - began - r->stats.seconds[DMK_STAGE_SETUP];
     const double start = dmk_seconds();
@@ -190,12 +177,13 @@ static int solve(dmk_context *ctx, dmk_solver *s, const dmk_solve_options *optio
     dmk_solver_name_steep(s, &r->stats);
     DMK_TRY(collect_pair(ctx, s, mu, u, r));
     if (set != 0) DMK_TRY(collect_acl(ctx, s, u, set, r));
-    DMK_TRY(collect_flux(&o, s, r));
+    collect_flux(s, flux, r);
     dmk_solver_scale_stats(s, r->mass, &r->stats);
     r->stats.seconds[DMK_STAGE_SOLVE] = dmk_seconds() - start - r->stats.seconds[DMK_STAGE_CERTIFY];
 done:
     free(mu);
     free(u);
+    free(flux);
     return rc;
 }
 
