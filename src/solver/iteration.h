@@ -23,7 +23,7 @@ typedef struct dmk_iteration {
     double mean_floor; /* in Newton's steps that do not begin at a distance: times mu's mean */
     bool goes_on;      /* a large gap will be answered by more steps rather than by a long repair */
     bool certified;    /* stats has the bounds of the present pair */
-    bool loose;        /* its u comes from a few iterations of CG only */
+    bool loose; /* its u is far from solving A(mu) u = f: a few iterations of CG from mu = const */
     double *flux, *balance; /* of the upper bound's flux, see dmk_bound_upper; NULL: not wanted */
 } dmk_iteration;
 

@@ -118,7 +118,7 @@ int dmk_newton(dmk_iteration *o, bool from_distance)
     const dmk_solve_options *opt = o->options;
     int max_steps = opt->max_steps ? opt->max_steps : DMK_NEWTON_STEPS;
     double change = 1;
-    o->loose = true;
+    o->loose = !from_distance;
     o->tolerance = opt->tolerance > 0 ? opt->tolerance : DMK_DEFAULT_TOLERANCE;
     step_control p = {
         .D = from_distance ? 50 : 1, .longest = 150, .growth = from_distance ? 1.5 : 1.6};
