@@ -468,6 +468,7 @@ def reason_of(mutant, known):
 
 
 def main():
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143)) # what runs goes with it
     parser = argparse.ArgumentParser()
     for name, kind, value in (("count", int, 300), ("seed", int, 1), ("rooms", str, ""), ("files", str, ""),
                               ("tests", str, ""), ("only", str, ""), ("page", str, ""), ("budget", float, 60),
