@@ -38,8 +38,9 @@ BUILD, COUNTED = "build/release", "build/coverage"
 MAKE = ["make", "-s", f"-j{os.cpu_count()}",
         "OPT_release=-O1 -march=native -fno-math-errno -Wno-unused -Wno-unused-parameter",
         "OPT_coverage=-O1 -g --coverage -fprofile-update=atomic"]
-# Seconds beyond five times its own until a test hangs: a changed kernel is compiled in 5, on a busy machine in 40.
-PATIENCE = 60
+# Seconds beyond five times its own until a test hangs; of a changed kernel, which is compiled in 5, on a busy machine
+# in 40.
+PATIENCE, PATIENCE_KERNEL = 20, 60
 # Tests of the text of the sources, of packages and of what other programs make of files.
 NOT_TESTS = ["layers.sh", "wheel.sh", "install.sh", "runner.sh", "formats.sh", "paper.sh", "python.sh", "mpi.sh",
              "random.sh", "memory.sh"]
@@ -368,7 +369,8 @@ def try_mutant(mutant, tests, kept, before, budget):
                 end = "none"
                 break
             tried[test] = digest(source_of(test))
-            if not passes(BUILD, test, PATIENCE + 5 * kept["tests"][test]["seconds"]):
+            patience = PATIENCE if mutant.path.endswith(".c") else PATIENCE_KERNEL
+            if not passes(BUILD, test, patience + 5 * kept["tests"][test]["seconds"]):
                 end = test
                 break
     finally:
