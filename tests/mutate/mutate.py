@@ -196,6 +196,16 @@ def copy_tree():
                     os.remove(path)
 
 
+def kill_session(leader):
+    """All its processes: `timeout` gives those below it a group of their own."""
+    for name in filter(str.isdigit, os.listdir("/proc")):
+        try:
+            if os.getsid(int(name)) == leader:
+                os.kill(int(name), signal.SIGKILL)
+        except OSError:
+            pass # it has ended
+
+
 def run(command, seconds, **environment):
     """(exit status, output) in the copy; 124 when it took too long."""
     process = subprocess.Popen(command, cwd=TREE, env={**os.environ, **environment}, stdin=subprocess.DEVNULL,
@@ -207,7 +217,7 @@ def run(command, seconds, **environment):
         return 124, ""
     finally: # whatever ends it takes its children with it
         if process.returncode is None:
-            os.killpg(process.pid, signal.SIGKILL)
+            kill_session(process.pid)
             process.communicate()
 
 
