@@ -453,7 +453,8 @@ def print_table(drawn, known, kept, floor):
 
 def write_page(path, arguments, drawn, known, kept):
     table, survivors, reasons = sort_out(drawn, known, kept)
-    commit = subprocess.check_output(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, text=True).strip()
+    last = ["git", "log", "-1", "--format=%h", "--", "src", "kernels"]
+    commit = subprocess.check_output(last, cwd=ROOT, text=True).strip()
     lines = f"""# Mutants
 
 Small wrong changes of the sources, one at a time, and whether a test of `make test` notices: `make mutate`
