@@ -263,6 +263,23 @@ static void both_ways(fixture *f, void (*test)(fixture *))
     no_tmpfile = no_proc = false;
 }
 
+/* Descriptor 0 is one as any other, also where a regular file lies behind it. */
+static void descriptor_zero(fixture *f)
+{
+    const int before = dup(STDIN_FILENO), fd = open(path_of(f, "zero"), O_RDWR | O_CREAT);
+    assert_true(fd >= 0 && dup2(fd, STDIN_FILENO) == STDIN_FILENO);
+    assert_true(dmk_outfile_is_stream("/dev/fd/0") && dmk_outfile_is_stream("/proc/self/fd/0"));
+    assert_int_equal(put("/dev/fd/0", "as it comes"), 0);
+    if (before >= 0)
+        dup2(before, STDIN_FILENO);
+    else
+        close(STDIN_FILENO);
+    close(before);
+    close(fd);
+    holds(f, "zero", "as it comes");
+    remove_file(f, "zero");
+}
+
 #define BOTH(name)                                                                                 \
     static void test_##name(void **state)                                                          \
     {                                                                                              \
@@ -275,6 +292,7 @@ BOTH(streams_are_written_as_it_comes)
 BOTH(other_special_files_are_refused)
 BOTH(killed_while_writing)
 BOTH(others_files_are_left_alone)
+BOTH(descriptor_zero)
 
 int main(void)
 {
@@ -286,6 +304,7 @@ int main(void)
         TEST(test_other_special_files_are_refused),
         TEST(test_killed_while_writing),
         TEST(test_others_files_are_left_alone),
+        TEST(test_descriptor_zero),
     };
     return cmocka_run_group_tests_name("outfile", tests, NULL, NULL);
 }
