@@ -11,7 +11,7 @@ so are its ghosts: G = a sqrt(n). Of a level with v vertices it has 1 / R, and H
     V-cycle     5 exchanges of rows, one of them with the first level's vertices, else 6 of each dealt level, and 1
                 that gathers two vectors of the first whole one
     CG step     1 V-cycle, 1 exchange of rows, 2 sums
-    Newton step 1 exchange of rows in double precision, 1 in single, 1 of links per level, 4 sums
+    Newton step 1 exchange of rows in double precision, 1 in single, 1 of edges per level, 4 sums
 Levels thin out by 6; those of fewer than 10,000 vertices are whole.
 """
 import argparse
@@ -102,8 +102,8 @@ def total(report, triangles, ranks, a, b):
     steps, cycles = report["steps"] + 2, report["v_cycles"]  # two of the certificate
     refresh = len(dealt) + 1
     rows = 4 * ghosts(triangles, ranks, a)
-    links = sum(4 * 3 * b * math.sqrt(v / ranks) for v in dealt)
-    return (cycles * exchanges + steps * (refresh + 2), cycles * sent + steps * (3 * rows + links),
+    edges = sum(4 * 3 * b * math.sqrt(v / ranks) for v in dealt)
+    return (cycles * exchanges + steps * (refresh + 2), cycles * sent + steps * (3 * rows + edges),
             2 * cycles + 4 * steps)
 
 

@@ -9,7 +9,7 @@
  *   moves           the bytes of its streams once and of its vectors once (a gather counts as one pass over
  *                   the vector it gathers from), and the flops; `make bench-kernels` reads them. E elements,
  *                   R rows of T/2, P entries of their lists, V vertices of a level, L entries of its lists,
- *                   C entries of the lists of its transfer, K its links, N what the first argument counts,
+ *                   C entries of the lists of its transfer, K its edges, N what the first argument counts,
  *                   real: bytes of the program's number
  *   shape           what is handed out: blocks of 8, single rows, or all to one work-group
  *   numerics        precision and order, where it is not simply the program's and that of the lists

@@ -102,9 +102,9 @@ static floatv stiffness_bound(floatv c0, floatv c1, floatv c2)
     return 1.5f + sqrt(fmax(2.25f - s, (floatv)0));
 }
 
-/* Larger eigenvalue of D^-1 A for the 3x3 Laplacian with link weights w (A positive semidefinite): in
+/* Larger eigenvalue of D^-1 A for the 3x3 Laplacian with edge weights w (A positive semidefinite): in
  * [1.5, 3], whatever rounding and overflow make of it for needles. */
-static floatv link_bound(floatv w0, floatv w1, floatv w2, floatv d0, floatv d1, floatv d2)
+static floatv edge_bound(floatv w0, floatv w1, floatv w2, floatv d0, floatv d1, floatv d2)
 {
     const floatv minor = w0 * w1 + w1 * w2 + w0 * w2;
     const floatv p = minor * (d0 + d1 + d2) / fmax(d0 * d1 * d2, (floatv)1e-37f);
@@ -117,14 +117,14 @@ static floatv link_bound(floatv w0, floatv w1, floatv w2, floatv d0, floatv d1, 
     STORE(a2, p, AT_K(b, 2, 3));
 
 /* Coefficients of A(mu) in single precision for the V-cycle: weight = mu cot (3), the elements'
- * weighted diagonals on T/2 (6) and T (3), and the link weights on T (3). With an element's diagonal
+ * weighted diagonals on T/2 (6) and T (3), and the edge weights on T (3). With an element's diagonal
  * weighted by its own bound lambda_T, sum lambda_T D_T >= A whatever mu is.
- * reads cot, mu; writes weight_real, weight, diag, link, diag_coarse
+ * reads cot, mu; writes weight_real, weight, diag, edge, diag_coarse
  * moves 7 real E + 60 E bytes, 40 E flops
  * shape blocks of E; numerics the diagonals' sums in the program's precision, then single */
 KERNEL element_prepare(int n, global const real *restrict cot, global const real *restrict mu,
                        global real *restrict weight_real, global float *restrict weight,
-                       global float *restrict diag, global float *restrict link,
+                       global float *restrict diag, global float *restrict edge,
                        global float *restrict diag_coarse, volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
@@ -143,7 +143,7 @@ KERNEL element_prepare(int n, global const real *restrict cot, global const real
         const floatv d0 = 0.5f * l * v0, d1 = 0.5f * l * v1, d2 = 0.5f * l * v2,
                      dm = 0.5f * l * (v0 + v1 + v2);
         STORE3(d0, d1, d2, diag_coarse, b)
-        STORE3(0.5f * w0, 0.5f * w1, 0.5f * w2, link, b)
+        STORE3(0.5f * w0, 0.5f * w1, 0.5f * w2, edge, b)
         STORE(d0, diag, AT_K(b, 0, 6));
         STORE(d1, diag, AT_K(b, 1, 6));
         STORE(d2, diag, AT_K(b, 2, 6));
@@ -159,14 +159,14 @@ KERNEL element_prepare(int n, global const real *restrict cot, global const real
  * with u, hence g and sqrt(q), scaled by alpha. The rank-one part is bounded by |g_i| sum |g_j| on the
  * diagonal; on T the exact bound of the summed 3x3 element is used. rank_one = sqrt(c_T) g_T. The
  * right-hand side's parts take the place of g, and newton_diagonal, once they are summed up, that of them.
- * reads cot, area, mu, q, g_and_rhs; writes g_and_rhs, weight, rank_one, link, diag_coarse
+ * reads cot, area, mu, q, g_and_rhs; writes g_and_rhs, weight, rank_one, edge, diag_coarse
  * moves 18 real E + 60 E bytes, 100 E flops
  * shape blocks of E; numerics as element_prepare; sums that cancel are avoided */
 KERNEL newton_prepare(int n, float alpha, float D, global const real *restrict cot,
                       global const real *restrict area, global const real *restrict mu,
                       global const real *restrict q, global real *restrict g_and_rhs,
                       global float *restrict weight, global float *restrict rank_one,
-                      global float *restrict link, global float *restrict diag_coarse,
+                      global float *restrict edge, global float *restrict diag_coarse,
                       volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
@@ -198,8 +198,8 @@ KERNEL newton_prepare(int n, float alpha, float D, global const real *restrict c
         /* k1 + k2 and the like, without cancellation: t0 + t1 + t2 = 0. */
         const floatv d0 = 0.5f * v0 + t0 * t0, d1 = 0.5f * v1 + t1 * t1,
                      d2 = 0.5f * v2 + t2 * t2;
-        const floatv bound = link_bound(k0, k1, k2, d0, d1, d2);
-        STORE3(k0, k1, k2, link, b)
+        const floatv bound = edge_bound(k0, k1, k2, d0, d1, d2);
+        STORE3(k0, k1, k2, edge, b)
         STORE3(bound * d0, bound * d1, bound * d2, diag_coarse, b)
     }
 }

@@ -10,16 +10,16 @@
                          where coarsening stalls */
 
 /* The levels of a few thousand rows, which one work-group does in one launch: their arrays lie in one buffer,
- * and a table has so many numbers for each level: its rows, links and, counted in numbers of 4 bytes, where
+ * and a table has so many numbers for each level: its rows, edges and, counted in numbers of 4 bytes, where
  * its arrays begin. */
 #define DMK_TAIL_ROWS 0
 #define DMK_TAIL_PAD 1
-#define DMK_TAIL_LINKS 2
+#define DMK_TAIL_EDGES 2
 #define DMK_TAIL_SLICE 3
 #define DMK_TAIL_NEIGHBOUR 4
 #define DMK_TAIL_NUMBER 5
 #define DMK_TAIL_WEIGHT 6
-#define DMK_TAIL_LINK 7
+#define DMK_TAIL_EDGE 7
 #define DMK_TAIL_INV_DIAG 8
 #define DMK_TAIL_RHS 9
 #define DMK_TAIL_X 10
@@ -30,7 +30,7 @@
 #define DMK_TAIL_PROLONG_INDEX 15
 #define DMK_TAIL_PROLONG_WEIGHT 16
 #define DMK_TAIL_GALERKIN_ROW 17
-#define DMK_TAIL_GALERKIN_LINK 18
+#define DMK_TAIL_GALERKIN_EDGE 18
 #define DMK_TAIL_GALERKIN_COEF 19
 #define DMK_TAIL_FIELDS 20
 

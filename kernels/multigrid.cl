@@ -1,8 +1,8 @@
 /* The V-cycle, in single precision: transfers, smoothing on the graph levels, refresh of the coarse
- * operators. Finest is T/2 (operator.cl), which has no number; level 0 is T, its links the mesh's edges; deeper
+ * operators. Finest is T/2 (operator.cl), which has no number; level 0 is T, its edges the mesh's edges; deeper
  * levels are graphs. A graph operator is y_i = sum_j w_ij (x_i - x_j): zero row sums also in rounding.
  * Rows lie in slices of 8: columns slice[s]..slice[s+1] hold neighbours (short rows: the row itself
- * with weight 0) and the numbers of their links. */
+ * with weight 0) and the numbers of their edges. */
 #if !DMK_DOUBLE
 
 /* x = step D^-1 b: the first Chebyshev step from 0.
@@ -127,14 +127,14 @@ KERNEL rows_chebyshev_dots(int n, int first, global const int *restrict slice,
     }
 }
 
-/* Restriction of a residual from T/2 to T, b = P'(rhs - A x), and the first smoothing step there. link:
+/* Restriction of a residual from T/2 to T, b = P'(rhs - A x), and the first smoothing step there. edge:
  * the midpoints of v's edges; down: the elements' parts of P'A x, found by the rows' places, first: slice of
  * vertex 0 among the rows.
- * reads slice, link, fine (gathered), corner_slice, corner, down (gathered), inv_diag; writes rhs, x
+ * reads slice, edge, fine (gathered), corner_slice, corner, down (gathered), inv_diag; writes rhs, x
  * moves 4 L + 4 R + 24 E + 12 V bytes, L + 3 E + 4 V flops
  * shape blocks of V */
 KERNEL restrict_midpoints(int n, int vertex_row, global const int *restrict slice,
-                          global const int *restrict link, GATHERED float *restrict fine, int first,
+                          global const int *restrict edge, GATHERED float *restrict fine, int first,
                           global const int *restrict corner_slice,
                           global const int *restrict corner, GATHERED float *restrict down,
                           float step, global const float *restrict inv_diag,
@@ -146,7 +146,7 @@ KERNEL restrict_midpoints(int n, int vertex_row, global const int *restrict slic
     {
         floatv sum = 0, ax = 0;
         for (int j = slice[SLICE(b)], e = slice[SLICE(b) + 1]; j < e; j++) {
-            const intv i = LOAD(link, COLUMN(b, j));
+            const intv i = LOAD(edge, COLUMN(b, j));
             sum += (floatv)(GATHER(fine, i));
         }
         for (int j = corner_slice[first + SLICE(b)], end = corner_slice[first + SLICE(b) + 1]; j < end;
@@ -451,7 +451,7 @@ KERNEL coarse_inverse(int n, int n_pad, global const int *restrict slice,
     FOR_ITEMS(i, n)
     {
         for (int j = 0; j < n; j++) a[i * n + j] += shift;
-        least[i] = 1e-12f * a[i * n + i]; /* rounding of the links may leave a pivot at 0: it is left out */
+        least[i] = 1e-12f * a[i * n + i]; /* rounding of the edges may leave a pivot at 0: it is left out */
     }
     for (int k = 0; k < n; k++) {
         TOGETHER
@@ -480,52 +480,52 @@ KERNEL coarse_inverse(int n, int n_pad, global const int *restrict slice,
 
 /* ---- refresh --------------------------------------------------------------------------------- */
 
-/* Level 1: an edge's link weight is the sum over its two triangles. slot: the midpoints' two places among
+/* Level 1: an edge's weight is the sum over its two triangles. slot: the midpoints' two places among
  * the elements' parts; a border edge's second one is of an element whose numbers stay 0.
- * reads slot, triangle_link (gathered); writes link
+ * reads slot, triangle_edge (gathered); writes edge
  * moves 12 K + 12 E bytes, K flops
  * shape blocks of K */
-KERNEL links_from_triangles(int n, global const int *restrict slot,
-                            GATHERED float *restrict triangle_link, global float *restrict link,
+KERNEL edges_from_triangles(int n, global const int *restrict slot,
+                            GATHERED float *restrict triangle_edge, global float *restrict edge,
                             volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
         const intv p = LOAD(slot, AT_K(b, 0, 2)), q = LOAD(slot, AT_K(b, 1, 2));
         const intv i = SIDE_PLACE(p), j = SIDE_PLACE(q);
-        STORE((floatv)(GATHER(triangle_link, i)) + (floatv)(GATHER(triangle_link, j)), link, AT(b));
+        STORE((floatv)(GATHER(triangle_edge, i)) + (floatv)(GATHER(triangle_edge, j)), edge, AT(b));
     }
 }
 
-/* Link i of the coarser level. */
-static float link_sum(int i, global const int *row, global const int *fine, global const half *coef,
-                      global const float *fine_link)
+/* Edge i of the coarser level. */
+static float edge_sum(int i, global const int *row, global const int *fine, global const half *coef,
+                      global const float *fine_edge)
 {
     float sum = 0;
-    for (int j = row[i]; j < row[i + 1]; j++) sum += vload_half((size_t)j, coef) * fine_link[fine[j]];
+    for (int j = row[i]; j < row[i + 1]; j++) sum += vload_half((size_t)j, coef) * fine_edge[fine[j]];
     return sum;
 }
 
 /* Deeper levels: w_coarse = R w_fine, the Galerkin product as a table of the mesh alone.
- * reads row, fine, coef, fine_link (gathered); writes link
+ * reads row, fine, coef, fine_edge (gathered); writes edge
  * moves 10 C + 8 K bytes, 2 C flops
  * shape rows; numerics coefficients in half precision (see system.c) */
-KERNEL links_from_links(int n, global const int *restrict row, global const int *restrict fine,
-                        global const half *restrict coef, global const float *restrict fine_link,
-                        global float *restrict link, volatile global int *shares, int4 launch)
+KERNEL edges_from_edges(int n, global const int *restrict row, global const int *restrict fine,
+                        global const half *restrict coef, global const float *restrict fine_edge,
+                        global float *restrict edge, volatile global int *shares, int4 launch)
 {
-    FOR_ROWS(i, n, shares, launch) { link[i] = link_sum(i, row, fine, coef, fine_link); }
+    FOR_ROWS(i, n, shares, launch) { edge[i] = edge_sum(i, row, fine, coef, fine_edge); }
 }
 
-/* Copy link weights to rows; D = a_ii + sum |a_ij| bounds A by 1 (row sums of magnitudes), so the
- * smoother needs no eigenvalue estimate. number: links by row, a short row's filler has weight 0. */
+/* Copy edge weights to rows; D = a_ii + sum |a_ij| bounds A by 1 (row sums of magnitudes), so the
+ * smoother needs no eigenvalue estimate. number: edges by row, a short row's filler has weight 0. */
 static floatv weights_block(int b, global const int *slice, global const int *number,
-                            GATHERED float *link, global float *weight)
+                            GATHERED float *edge, global float *weight)
 {
     floatv diag = 0, size = 0;
     for (int j = slice[SLICE(b)], e = slice[SLICE(b) + 1]; j < e; j++) {
         const intv i = LOAD(number, COLUMN(b, j));
-        const floatv w = (floatv)(GATHER(link, i));
+        const floatv w = (floatv)(GATHER(edge, i));
         STORE(w, weight, COLUMN(b, j));
         diag += w;
         size += fabs(w);
@@ -539,26 +539,26 @@ static floatv inverse_of(floatv size)
 }
 
 /* A graph level's weights by row, and its inverse diagonal.
- * reads slice, number, link (gathered); writes weight, inv_diag
+ * reads slice, number, edge (gathered); writes weight, inv_diag
  * moves 8 L + 4 K + 4 V bytes, 2 L + 2 V flops
  * shape blocks of V */
 KERNEL graph_weights(int n, global const int *restrict slice, global const int *restrict number,
-                     GATHERED float *restrict link, global float *restrict weight,
+                     GATHERED float *restrict edge, global float *restrict weight,
                      global float *restrict inv_diag, volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
-        STORE(inverse_of(weights_block(b, slice, number, link, weight)), inv_diag, AT(b));
+        STORE(inverse_of(weights_block(b, slice, number, edge, weight)), inv_diag, AT(b));
     }
 }
 
 /* The same on T, where the elements' bound is sharper than the rows': the inverse diagonal is from theirs,
  * 3 per element. first: slice of vertex 0 among the rows.
- * reads slice, number, link (gathered), corner_slice, corner, diag (gathered); writes weight, inv_diag
+ * reads slice, number, edge (gathered), corner_slice, corner, diag (gathered); writes weight, inv_diag
  * moves 8 L + 4 K + 24 E + 4 V bytes, 3 E + V flops
  * shape blocks of V */
 KERNEL mesh_weights(int n, global const int *restrict slice, global const int *restrict number,
-                    GATHERED float *restrict link, global float *restrict weight, int first,
+                    GATHERED float *restrict edge, global float *restrict weight, int first,
                     global const int *restrict corner_slice, global const int *restrict corner,
                     GATHERED float *restrict diag, global float *restrict inv_diag,
                     volatile global int *shares, int4 launch)
@@ -566,7 +566,7 @@ KERNEL mesh_weights(int n, global const int *restrict slice, global const int *r
     FOR_BLOCKS(b, n, shares, launch)
     {
         floatv sum = 0;
-        weights_block(b, slice, number, link, weight);
+        weights_block(b, slice, number, edge, weight);
         for (int j = corner_slice[first + SLICE(b)], end = corner_slice[first + SLICE(b) + 1]; j < end;
              j++) {
             const intv p = LOAD(corner, COLUMN(b, j));
@@ -596,16 +596,16 @@ KERNEL inverse_diagonal(int n, global const int *restrict slice, global const in
     }
 }
 
-static void tail_links(tail t, int l)
+static void tail_edges(tail t, int l)
 {
     global const half *coef = (global const half *)tail_ints(t, l, DMK_TAIL_GALERKIN_COEF);
-    global float *link = tail_floats(t, l, DMK_TAIL_LINK);
-    const int n = tail_count(t, l, DMK_TAIL_LINKS);
+    global float *edge = tail_floats(t, l, DMK_TAIL_EDGE);
+    const int n = tail_count(t, l, DMK_TAIL_EDGES);
     FOR_ITEMS(i, n)
     {
-        link[i] = link_sum(i, tail_ints(t, l, DMK_TAIL_GALERKIN_ROW),
-                           tail_ints(t, l, DMK_TAIL_GALERKIN_LINK), coef,
-                           tail_floats(t, l - 1, DMK_TAIL_LINK));
+        edge[i] = edge_sum(i, tail_ints(t, l, DMK_TAIL_GALERKIN_ROW),
+                           tail_ints(t, l, DMK_TAIL_GALERKIN_EDGE), coef,
+                           tail_floats(t, l - 1, DMK_TAIL_EDGE));
     }
     TOGETHER
 }
@@ -616,14 +616,14 @@ static void tail_weights(tail t, int l)
     {
         const floatv size = weights_block(b, tail_ints(t, l, DMK_TAIL_SLICE),
                                           tail_ints(t, l, DMK_TAIL_NUMBER),
-                                          tail_floats(t, l, DMK_TAIL_LINK),
+                                          tail_floats(t, l, DMK_TAIL_EDGE),
                                           tail_floats(t, l, DMK_TAIL_WEIGHT));
         STORE(inverse_of(size), tail_floats(t, l, DMK_TAIL_INV_DIAG), AT(b));
     }
     TOGETHER
 }
 
-/* Weights of the tail's levels, and the links of all but the first, by links_from_links and graph_weights.
+/* Weights of the tail's levels, and the edges of all but the first, by edges_from_edges and graph_weights.
  * reads table, arena; writes arena
  * moves 10 C + 4 K + 12 L + 4 V bytes, 2 C + 2 L + 2 V flops at each level
  * shape one work-group, which waits between its loops */
@@ -633,7 +633,7 @@ KERNEL tail_refresh(int levels, global const int *restrict table, global int *re
     const tail t = {table, arena};
     tail_weights(t, 0);
     for (int l = 1; l < levels; l++) {
-        tail_links(t, l);
+        tail_edges(t, l);
         tail_weights(t, l);
     }
 }

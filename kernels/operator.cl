@@ -1,7 +1,7 @@
 /* The macro-element operators on the mesh refined once (T/2).
  *
  * A macro-element is a triangle of T with its corners v0 v1 v2 and edge midpoints m0 m1 m2 (m_i
- * opposite v_i). Its stiffness is a graph Laplacian with nine links (cotangents c_i of T):
+ * opposite v_i). Its stiffness is a graph Laplacian with nine edges (cotangents c_i of T):
  *     v_i - m_j: c_j / 2  (i != j),    m_i - m_j: c_k.
  * An operator is applied in two phases without atomics: every element writes its six contributions,
  * then every row (unknown) sums those that belong to it, in a fixed order.
@@ -23,7 +23,7 @@ typedef struct three {
     realv c0, c1, c2;
 } three;
 
-/* The nine flows along an element's links: f_ij from v_i to m_j; fa between m1 and m2, and so on. */
+/* The nine flows along an element's edges: f_ij from v_i to m_j; fa between m1 and m2, and so on. */
 typedef struct flows {
     realv f10, f20, f01, f21, f02, f12, fa, fb, fc;
 } flows;
@@ -86,7 +86,7 @@ static six divergence(flows f)
     return y;
 }
 
-/* K x with link weights from w_i = (density *) c_i. */
+/* K x with edge weights from w_i = (density *) c_i. */
 static six stiffness(three w, six x)
 {
     return divergence(flows_of(w, x));

@@ -105,7 +105,7 @@ static void check_transpose(const dmk_graph *fine, const dmk_coarsening *c)
     }
 }
 
-static void check_links(const dmk_graph *g)
+static void check_edges(const dmk_graph *g)
 {
     for (int32_t e = 0; e < g->n_edges; e++) {
         const int32_t *v = g->edge + 2 * (size_t)e;
@@ -144,7 +144,7 @@ static double *random_weights(int32_t n)
     return w;
 }
 
-/* y = A x for the links of g with weights w. */
+/* y = A x for the edges of g with weights w. */
 static void apply(const dmk_graph *g, const double *w, const double *x, double *y)
 {
     memset(y, 0, (size_t)g->n * sizeof *y);
@@ -169,7 +169,7 @@ static double *coarse_weights(const dmk_coarsening *c, const double *w)
     return wc;
 }
 
-/* P'APx for every `stride`-th unit vector x, against the coarse links. */
+/* P'APx for every `stride`-th unit vector x, against the coarse edges. */
 static void check_galerkin(const dmk_graph *fine, const dmk_coarsening *c, int32_t stride)
 {
     const dmk_graph *g = &c->coarse;
@@ -215,7 +215,7 @@ static void check_hierarchy(const dmk_mesh *m, const dmk_hierarchy *h)
         assert_true(c->coarse.n <= fine.n / 3 * 2);
         check_prolongation(&fine, c);
         check_transpose(&fine, c);
-        check_links(&c->coarse);
+        check_edges(&c->coarse);
         check_connected(&c->coarse);
         check_galerkin(&fine, c, 1 + c->coarse.n / 40);
     }
@@ -267,7 +267,7 @@ static void small_mesh_has_no_levels(void **state)
     assert_int_equal(dmk_hierarchy_create(ctx, m, 0, &h), DMK_OK);
     assert_int_equal(h.n, 0);
     dmk_hierarchy_free(&h);
-    /* And down to one vertex: an operator without links. */
+    /* And down to one vertex: an operator without edges. */
     assert_int_equal(dmk_hierarchy_create(ctx, m, 1, &h), DMK_OK);
     assert_int_equal(h.n, 1);
     assert_int_equal(h.level[0].coarse.n, 1);

@@ -649,20 +649,20 @@ static void pin_levels(const char *mesh_name, dmk_context *ctx, const dmk_mesh *
     size_t n_fine = (size_t)m->n_vertices;
     for (int32_t i = 0; i < h.n; i++) {
         const dmk_coarsening *c = &h.level[i];
-        const size_t n = (size_t)c->coarse.n, n_links = (size_t)c->coarse.n_edges;
+        const size_t n = (size_t)c->coarse.n, n_edges = (size_t)c->coarse.n_edges;
         char group[64];
         snprintf(group, sizeof group, "level.%s.%d", mesh_name, (int)i);
         pin_count(group, "n", (double)n);
-        pin_ints(group, "edge", 2 * n_links, c->coarse.edge);
+        pin_ints(group, "edge", 2 * n_edges, c->coarse.edge);
         pin_doubles(group, "xyz", 3 * n, c->coarse.xyz, host);
         pin_ints(group, "prolong_index", 3 * n_fine, c->prolong_index);
         pin_floats(group, "prolong_weight", 3 * n_fine, c->prolong_weight);
         pin_ints(group, "restrict_row", n + 1, c->restrict_row);
         pin_ints(group, "restrict_fine", (size_t)c->restrict_row[n], c->restrict_fine);
         pin_floats(group, "restrict_weight", (size_t)c->restrict_row[n], c->restrict_weight);
-        pin_ints(group, "galerkin_row", n_links + 1, c->galerkin_row);
-        pin_ints(group, "galerkin_edge", (size_t)c->galerkin_row[n_links], c->galerkin_edge);
-        pin_floats(group, "galerkin_coef", (size_t)c->galerkin_row[n_links], c->galerkin_coef);
+        pin_ints(group, "galerkin_row", n_edges + 1, c->galerkin_row);
+        pin_ints(group, "galerkin_edge", (size_t)c->galerkin_row[n_edges], c->galerkin_edge);
+        pin_floats(group, "galerkin_coef", (size_t)c->galerkin_row[n_edges], c->galerkin_coef);
         n_fine = n;
     }
     dmk_hierarchy_free(&h);

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A sample covers what lies within this many times the mean length of its own links. The radius is
+/* A sample covers what lies within this many times the mean length of its own edges. The radius is
  * local, so that graded meshes are thinned out evenly. Against 1.3 (which thins out by 3.5 instead
  * of 6), 2 halves the Galerkin tables and saves a tenth of a V-cycle and a third of the levels; to
  * a residual of 1e-4 CG takes the same number of iterations or one more, to 1e-8 up to two more. */
@@ -21,30 +21,30 @@ static float mean_length(const dmk_adjacency *g, int32_t v)
     return degree ? sum / (float)degree : 0;
 }
 
-typedef struct link {
+typedef struct edge {
     float length;
     int32_t to;
-} link;
+} edge;
 
-static int compare_links(const void *a, const void *b)
+static int compare_edges(const void *a, const void *b)
 {
-    const link *p = a, *q = b;
+    const edge *p = a, *q = b;
     if (p->length != q->length) return p->length < q->length ? -1 : 1;
     return (p->to > q->to) - (p->to < q->to);
 }
 
-/* The links of hubs, the shortest first. */
+/* The edges of hubs, the shortest first. */
 static int sort_hubs(dmk_context *ctx, dmk_adjacency *g)
 {
     int rc = DMK_OK;
-    link *list = NULL;
+    edge *list = NULL;
     for (int32_t v = 0; v < g->n; v++) {
         int32_t from = g->row[v], n = g->row[v + 1] - from;
         if (n <= DMK_HUB) continue;
         free(list);
         DMK_TRY(DMK_NEW(ctx, list, (size_t)n));
-        for (int32_t i = 0; i < n; i++) list[i] = (link){g->length[from + i], g->to[from + i]};
-        qsort(list, (size_t)n, sizeof *list, compare_links);
+        for (int32_t i = 0; i < n; i++) list[i] = (edge){g->length[from + i], g->to[from + i]};
+        qsort(list, (size_t)n, sizeof *list, compare_edges);
         for (int32_t i = 0; i < n; i++) {
             g->length[from + i] = list[i].length;
             g->to[from + i] = list[i].to;
@@ -59,10 +59,10 @@ done:
 typedef struct cover {
     const dmk_adjacency *g;
     uint8_t *covered; /* n */
-    int32_t *next;    /* n: for a hub, its links before this one lead to what is covered */
+    int32_t *next;    /* n: for a hub, its edges before this one lead to what is covered */
 } cover;
 
-/* Cover the ends of the links of w no longer than `rest`. */
+/* Cover the ends of the edges of w no longer than `rest`. */
 static void cover_around(const cover *c, int32_t w, float rest)
 {
     const dmk_adjacency *g = c->g;
@@ -78,7 +78,7 @@ static void cover_around(const cover *c, int32_t w, float rest)
     }
 }
 
-/* Mark what lies within the radius of sample v over paths of one or two links. */
+/* Mark what lies within the radius of sample v over paths of one or two edges. */
 static void cover_sample(const cover *c, int32_t v)
 {
     const dmk_adjacency *g = c->g;
@@ -113,9 +113,9 @@ done:
     return rc;
 }
 
-/* Each vertex goes to the sample that is nearest along the links: shortest paths by label
- * correction with a queue. All paths are a few links long: each vertex enters only a few times, and is
- * not let in more often. (On a path of many short links a hub would fall again and again; a cell that is
+/* Each vertex goes to the sample that is nearest along the edges: shortest paths by label
+ * correction with a queue. All paths are a few edges long: each vertex enters only a few times, and is
+ * not let in more often. (On a path of many short edges a hub would fall again and again; a cell that is
  * not quite the nearest does no harm.) */
 static int grow_cells(dmk_context *ctx, const dmk_adjacency *g, dmk_cells *cells)
 {

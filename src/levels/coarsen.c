@@ -62,22 +62,22 @@ done:
     return rc;
 }
 
-/* Two cells are adjacent when a fine link joins them. Connected if the fine graph is. */
+/* Two cells are adjacent when a fine edge joins them. Connected if the fine graph is. */
 static int cell_adjacency(dmk_context *ctx, const dmk_adjacency *fine, const dmk_cells *cells,
                           dmk_adjacency *g)
 {
     int rc;
-    int32_t *stamp = NULL, n_links = 0;
+    int32_t *stamp = NULL, n_edges = 0;
     memset(g, 0, sizeof *g);
     g->n = cells->n;
     for (int32_t v = 0; v < fine->n; v++) {
         for (int32_t i = fine->row[v]; i < fine->row[v + 1]; i++) {
-            n_links += cells->owner[fine->to[i]] != cells->owner[v];
+            n_edges += cells->owner[fine->to[i]] != cells->owner[v];
         }
     }
     DMK_TRY(DMK_NEW(ctx, stamp, (size_t)g->n));
     DMK_TRY(DMK_NEW(ctx, g->row, (size_t)g->n + 1));
-    DMK_TRY(DMK_NEW(ctx, g->to, (size_t)n_links)); /* an upper bound */
+    DMK_TRY(DMK_NEW(ctx, g->to, (size_t)n_edges)); /* an upper bound */
     for (int32_t a = 0; a < g->n; a++) {
         int32_t begin = g->row[a], end = begin;
         for (int32_t m = cells->row[a]; m < cells->row[a + 1]; m++) {

@@ -1,7 +1,7 @@
 /* The hierarchy of coarse graphs below a mesh, and the tables that carry vectors and operators down
  * and up. Everything here depends on the mesh alone, never on the density.
  *
- * An operator is a list of weighted links: y_i = sum_j w_ij (x_i - x_j). Its Galerkin coarsening
+ * An operator is a list of weighted edges: y_i = sum_j w_ij (x_i - x_j). Its Galerkin coarsening
  * P'AP is again one, and linear in the weights, so a new density needs only gathers:
  *     w_coarse[k] = sum_{galerkin_row[k] <= i < galerkin_row[k+1]} coef[i] * w_fine[edge[i]]. */
 #ifndef DMK_COARSEN_H
@@ -14,7 +14,7 @@
  * no step may take the square of their number. */
 enum { DMK_HUB = DMK_SHORT_LIST };
 
-/* Vertices of one level and the links between them. */
+/* Vertices of one level and the edges between them. */
 typedef struct dmk_graph {
     int32_t n, n_edges;
     int32_t *edge; /* 2*n_edges: end vertices, the smaller first; sorted lexicographically */
@@ -30,9 +30,9 @@ typedef struct dmk_coarsening {
     int32_t *restrict_fine; /* restrict_row[coarse.n]: fine vertices, increasing in each row */
     float *restrict_weight; /* restrict_row[coarse.n] */
     int32_t *galerkin_row;  /* coarse.n_edges + 1 */
-    int32_t *galerkin_edge; /* galerkin_row[coarse.n_edges]: fine links, increasing in each row */
+    int32_t *galerkin_edge; /* galerkin_row[coarse.n_edges]: fine edges, increasing in each row */
     float *galerkin_coef;   /* galerkin_row[coarse.n_edges]: never 0 */
-    int32_t link_first;     /* of a level that is dealt out, the tables are of the own links alone,
+    int32_t edge_first;     /* of a level that is dealt out, the tables are of the own edges alone,
                                from this one on; else 0 */
 } dmk_coarsening;
 
@@ -49,10 +49,10 @@ typedef struct dmk_hierarchy {
  * its prolongation, transposed too. */
 typedef struct dmk_dealing {
     void *user;
-    /* The coarse vertices *first .. *end - 1 whose links, by their smaller end, are wanted here. */
+    /* The coarse vertices *first .. *end - 1 whose edges, by their smaller end, are wanted here. */
     int (*own)(dmk_context *context, void *user, const dmk_coarsening *c, int32_t *first,
                int32_t *end);
-    /* coarse.edge, n_edges and link_first of the whole level in place of those links'. */
+    /* coarse.edge, n_edges and edge_first of the whole level in place of those edges'. */
     int (*join)(dmk_context *context, void *user, dmk_coarsening *c);
     /* NULL: each makes the cells and weights, too. Else one process does, as `makes` says: it gives coarse.n,
      * coarse.xyz and the prolongation of n_fine vertices before it joins, and the others take them first of all.
@@ -75,7 +75,7 @@ void dmk_coarsening_free(dmk_coarsening *c);
 /* ---- the steps of one coarsening, for coarsen.c only --------------------------------------- */
 
 /* Who neighbours whom, as compressed rows. Below the mesh this is the adjacency of cells, with some
- * six neighbours a vertex, and not the Galerkin links, which are two to three times as many. */
+ * six neighbours a vertex, and not the Galerkin edges, which are two to three times as many. */
 typedef struct dmk_adjacency {
     int32_t n;
     int32_t *row; /* n + 1 */
@@ -103,8 +103,8 @@ void dmk_cells_free(dmk_cells *cells);
 int dmk_prolong_create(dmk_context *context, const dmk_cells *cells, const dmk_adjacency *coarse,
                        const double *fine_xyz, dmk_coarsening *c);
 
-/* galerkin.c: given the prolongation of c (rows of `n_fine` vertices) and the fine links, fill its
- * coarse links (coarse.edge), the transposed prolongation and the Galerkin tables. */
+/* galerkin.c: given the prolongation of c (rows of `n_fine` vertices) and the fine edges, fill its
+ * coarse edges (coarse.edge), the transposed prolongation and the Galerkin tables. */
 int dmk_galerkin_create(dmk_context *context, int32_t n_fine, int32_t n_fine_edges,
                         const int32_t *fine_edge, const dmk_dealing *dealing, dmk_coarsening *c);
 

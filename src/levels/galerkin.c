@@ -1,9 +1,9 @@
-/* Tables of the Galerkin product P'AP for operators given as weighted links; see coarsen.h.
+/* Tables of the Galerkin product P'AP for operators given as weighted edges; see coarsen.h.
  *
- * The energy of the fine link (i,j) is w (x_i - x_j)^2, and with x = P c
+ * The energy of the fine edge (i,j) is w (x_i - x_j)^2, and with x = P c
  *     x_i - x_j = sum_a d_a c_a,   d = row i of P - row j of P,   sum_a d_a = 0,
- * so that w (x_i - x_j)^2 = sum_{a<b} (-w d_a d_b) (c_a - c_b)^2: the fine link's share of the
- * coarse link (a,b) is -w d_a d_b. */
+ * so that w (x_i - x_j)^2 = sum_{a<b} (-w d_a d_b) (c_a - c_b)^2: the fine edge's share of the
+ * coarse edge (a,b) is -w d_a d_b. */
 #include "levels/coarsen.h"
 
 #include "base/parallel.h"
@@ -16,14 +16,14 @@
 
 enum { MOST = 6 }; /* nonzero entries of a d */
 
-/* The nonzero entries of d for each fine link. */
+/* The nonzero entries of d for each fine edge. */
 typedef struct difference {
-    int32_t n_links;
-    int32_t first, end; /* the coarse vertices whose links are wanted */
-    int32_t *row;       /* n_links: first place of the link's entries */
-    uint8_t *length;    /* n_links: their number */
-    int32_t
-        *coarse; /* MOST * n_links, of which few are used: coarse vertices, increasing for a link */
+    int32_t n_edges;
+    int32_t first, end; /* the coarse vertices whose edges are wanted */
+    int32_t *row;       /* n_edges: first place of the edge's entries */
+    uint8_t *length;    /* n_edges: their number */
+    int32_t *
+        coarse; /* MOST * n_edges, of which few are used: coarse vertices, increasing for an edge */
     float *value; /* as many */
 } difference;
 
@@ -63,7 +63,7 @@ static int subtract_rows(const dmk_coarsening *c, int32_t i, int32_t j, int32_t 
 
 typedef struct difference_job {
     const dmk_coarsening *c;
-    const int32_t *link;
+    const int32_t *edge;
     difference *d;
 } difference_job;
 
@@ -72,7 +72,7 @@ static bool is_wanted(const difference *d, int32_t a)
     return a >= d->first && a < d->end;
 }
 
-/* Whether a link that has these n entries has a share of a wanted coarse link. */
+/* Whether an edge that has these n entries has a share of a wanted coarse edge. */
 static bool has_wanted(const difference *d, int n, const int32_t *coarse)
 {
     for (int k = 0; k + 1 < n; k++) {
@@ -81,7 +81,7 @@ static bool has_wanted(const difference *d, int n, const int32_t *coarse)
     return false;
 }
 
-/* A range's links lie one after another from the place of its first one on: pages behind the last one
+/* A range's edges lie one after another from the place of its first one on: pages behind the last one
  * are never touched. */
 static void difference_range(int32_t begin, int32_t end, void *data)
 {
@@ -89,7 +89,7 @@ static void difference_range(int32_t begin, int32_t end, void *data)
     int32_t at = MOST * begin, coarse[MOST + 1]; /* one more to write a zero into */
     float value[MOST + 1];
     for (int32_t e = begin; e < end; e++) {
-        int n = subtract_rows(job->c, job->link[2 * e], job->link[2 * e + 1], coarse, value);
+        int n = subtract_rows(job->c, job->edge[2 * e], job->edge[2 * e + 1], coarse, value);
         if (!has_wanted(job->d, n, coarse)) n = 0;
         job->d->row[e] = at;
         job->d->length[e] = (uint8_t)n;
@@ -100,32 +100,32 @@ static void difference_range(int32_t begin, int32_t end, void *data)
     }
 }
 
-static int difference_create(dmk_context *ctx, const dmk_coarsening *c, int32_t n_links,
-                             const int32_t *link, difference *d)
+static int difference_create(dmk_context *ctx, const dmk_coarsening *c, int32_t n_edges,
+                             const int32_t *edge, difference *d)
 {
     int rc;
-    difference_job job = {c, link, d};
-    d->n_links = n_links;
-    DMK_TRY(DMK_NEW(ctx, d->row, (size_t)n_links));
-    DMK_TRY(DMK_NEW(ctx, d->length, (size_t)n_links));
-    DMK_TRY(DMK_NEW(ctx, d->coarse, MOST * (size_t)n_links));
-    DMK_TRY(DMK_NEW(ctx, d->value, MOST * (size_t)n_links));
-    dmk_parallel(ctx, n_links, difference_range, &job);
+    difference_job job = {c, edge, d};
+    d->n_edges = n_edges;
+    DMK_TRY(DMK_NEW(ctx, d->row, (size_t)n_edges));
+    DMK_TRY(DMK_NEW(ctx, d->length, (size_t)n_edges));
+    DMK_TRY(DMK_NEW(ctx, d->coarse, MOST * (size_t)n_edges));
+    DMK_TRY(DMK_NEW(ctx, d->value, MOST * (size_t)n_edges));
+    dmk_parallel(ctx, n_edges, difference_range, &job);
 done:
     return rc;
 }
 
-/* By coarse vertex a, the fine links in whose d it occurs and is not the largest. */
+/* By coarse vertex a, the fine edges in whose d it occurs and is not the largest. */
 typedef struct bucket {
     int32_t *row;   /* n_coarse + 1 */
-    uint32_t *link; /* row[n_coarse], increasing for each a: link * 8 + place of a among its d */
-    int32_t *entry; /* n_coarse + 1: table entries before those of the coarse links (a, b > a) */
+    uint32_t *edge; /* row[n_coarse], increasing for each a: edge * 8 + place of a among its d */
+    int32_t *entry; /* n_coarse + 1: table entries before those of the coarse edges (a, b > a) */
 } bucket;
 
 static void bucket_free(bucket *k)
 {
     free(k->row);
-    free(k->link);
+    free(k->edge);
     free(k->entry);
 }
 
@@ -133,7 +133,7 @@ static void bucket_free(bucket *k)
 static int64_t count_pairs(const difference *d)
 {
     int64_t sum = 0;
-    for (int32_t e = 0; e < d->n_links; e++) {
+    for (int32_t e = 0; e < d->n_edges; e++) {
         int64_t n = d->length[e];
         sum += n * (n - 1) / 2;
     }
@@ -147,7 +147,7 @@ static int bucket_create(dmk_context *ctx, const difference *d, int32_t n_coarse
     DMK_TRY(DMK_NEW(ctx, k->row, (size_t)n_coarse + 1));
     DMK_TRY(DMK_NEW(ctx, k->entry, (size_t)n_coarse + 1));
     DMK_TRY(DMK_NEW(ctx, fill, (size_t)n_coarse));
-    for (int32_t e = 0; e < d->n_links; e++) {
+    for (int32_t e = 0; e < d->n_edges; e++) {
         for (int32_t p = d->row[e]; p + 1 < d->row[e] + d->length[e]; p++) {
             if (!is_wanted(d, d->coarse[p])) continue;
             k->row[d->coarse[p] + 1]++;
@@ -159,11 +159,11 @@ static int bucket_create(dmk_context *ctx, const difference *d, int32_t n_coarse
         k->row[a + 1] += k->row[a];
         k->entry[a + 1] += k->entry[a];
     }
-    DMK_TRY(DMK_NEW(ctx, k->link, (size_t)k->row[n_coarse]));
-    for (int32_t e = 0; e < d->n_links; e++) {
+    DMK_TRY(DMK_NEW(ctx, k->edge, (size_t)k->row[n_coarse]));
+    for (int32_t e = 0; e < d->n_edges; e++) {
         for (int32_t p = d->row[e]; p + 1 < d->row[e] + d->length[e]; p++) {
             if (!is_wanted(d, d->coarse[p])) continue;
-            k->link[fill[d->coarse[p]]++] = (uint32_t)e * 8 + (uint32_t)(p - d->row[e]);
+            k->edge[fill[d->coarse[p]]++] = (uint32_t)e * 8 + (uint32_t)(p - d->row[e]);
         }
     }
 done:
@@ -171,31 +171,31 @@ done:
     return rc;
 }
 
-/* The coarse links by their smaller end, before they are packed one after another. */
+/* The coarse edges by their smaller end, before they are packed one after another. */
 typedef struct emitter {
     dmk_coarsening *c;
     const difference *d;
     const bucket *by_end;
-    int32_t *first; /* n_coarse: place in the next two of the links of a */
-    int32_t *count; /* n_coarse: number of links (a, b > a) */
+    int32_t *first; /* n_coarse: place in the next two of the edges of a */
+    int32_t *count; /* n_coarse: number of edges (a, b > a) */
     int32_t *other; /* room for as many as table entries: b, increasing */
-    int32_t *begin; /* as many: the link's first table entry */
+    int32_t *begin; /* as many: the edge's first table entry */
 } emitter;
 
 /* Working space of one thread. */
 typedef struct scratch {
     int32_t *stamp; /* n_coarse: 1 + the vertex that met this one last, 0 = none */
-    int32_t *fill;  /* n_coarse: number, then next free place, of the entries of that link */
+    int32_t *fill;  /* n_coarse: number, then next free place, of the entries of that edge */
 } scratch;
 
-/* The links of a to place `at`, and their table rows; returns their number. */
-static int32_t emit_links(const emitter *m, int32_t a, int32_t at, scratch *s)
+/* The edges of a to place `at`, and their table rows; returns their number. */
+static int32_t emit_edges(const emitter *m, int32_t a, int32_t at, scratch *s)
 {
     const difference *d = m->d;
     int32_t *other = m->other + at, n = 0, entry = m->by_end->entry[a];
     int32_t from = m->by_end->row[a], to = m->by_end->row[a + 1];
     for (int32_t i = from; i < to; i++) {
-        uint32_t e = m->by_end->link[i] / 8, place = m->by_end->link[i] % 8;
+        uint32_t e = m->by_end->edge[i] / 8, place = m->by_end->edge[i] % 8;
         for (int32_t p = d->row[e] + (int32_t)place + 1; p < d->row[e] + d->length[e]; p++) {
             int32_t b = d->coarse[p];
             if (s->stamp[b] != a + 1) {
@@ -213,7 +213,7 @@ static int32_t emit_links(const emitter *m, int32_t a, int32_t at, scratch *s)
         entry += entries;
     }
     for (int32_t i = from; i < to; i++) {
-        uint32_t e = m->by_end->link[i] / 8, place = m->by_end->link[i] % 8;
+        uint32_t e = m->by_end->edge[i] / 8, place = m->by_end->edge[i] % 8;
         int32_t p = d->row[e] + (int32_t)place;
         float da = d->value[p];
         for (p++; p < d->row[e] + d->length[e]; p++) {
@@ -232,12 +232,12 @@ static int emit_range(dmk_context *own, int32_t begin, int32_t end, void *data)
     scratch s = {0};
     begin += m->d->first;
     end += m->d->first;
-    int32_t at = m->by_end->entry[begin]; /* there are no more links than entries */
+    int32_t at = m->by_end->entry[begin]; /* there are no more edges than entries */
     DMK_TRY(DMK_NEW(own, s.stamp, (size_t)m->c->coarse.n));
     DMK_TRY(DMK_NEW(own, s.fill, (size_t)m->c->coarse.n));
     for (int32_t a = begin; a < end; a++) {
         m->first[a] = at;
-        m->count[a] = emit_links(m, a, at, &s);
+        m->count[a] = emit_edges(m, a, at, &s);
         at += m->count[a];
     }
 done:
@@ -246,8 +246,8 @@ done:
     return rc;
 }
 
-/* The links of the wanted coarse vertices, one after another. */
-static int pack_links(dmk_context *ctx, const emitter *m)
+/* The edges of the wanted coarse vertices, one after another. */
+static int pack_edges(dmk_context *ctx, const emitter *m)
 {
     int rc;
     dmk_coarsening *c = m->c;
@@ -281,7 +281,7 @@ static int emit_all(dmk_context *ctx, const difference *d, const bucket *by_end,
     DMK_TRY(DMK_NEW(ctx, c->galerkin_edge, n_entries));
     DMK_TRY(DMK_NEW(ctx, c->galerkin_coef, n_entries));
     DMK_TRY(dmk_parallel_try(ctx, d->end - d->first, emit_range, &m));
-    DMK_TRY(pack_links(ctx, &m));
+    DMK_TRY(pack_edges(ctx, &m));
 done:
     free(m.first);
     free(m.count);
@@ -290,14 +290,14 @@ done:
     return rc;
 }
 
-static int galerkin_tables(dmk_context *ctx, int32_t n_fine, int32_t n_links,
+static int galerkin_tables(dmk_context *ctx, int32_t n_fine, int32_t n_edges,
                            const int32_t *fine_edge, const dmk_dealing *dealing, dmk_coarsening *c)
 {
     int rc;
     difference d = {.first = 0, .end = c->coarse.n};
     bucket by_end = {0};
     if (dealing) DMK_TRY(dealing->own(ctx, dealing->user, c, &d.first, &d.end));
-    DMK_TRY(difference_create(ctx, c, n_links, fine_edge, &d));
+    DMK_TRY(difference_create(ctx, c, n_edges, fine_edge, &d));
     int64_t n_pairs = count_pairs(&d);
     if (n_pairs > INT32_MAX / 2) {
         rc = dmk_fail(ctx, DMK_E_MESH, "the mesh is too large for 32-bit tables: %lld entries",

@@ -11,7 +11,7 @@ enum { SPARE_VERTICES = 64 };
 /* What a rank reads of a level beside its own items. */
 typedef struct marks {
     uint8_t *element, *edge, *vertex; /* edges and vertices: of the marked elements */
-    uint8_t *level_vertex[DMK_SHARE_LEVELS], *level_link[DMK_SHARE_LEVELS];
+    uint8_t *level_vertex[DMK_SHARE_LEVELS], *level_edge[DMK_SHARE_LEVELS];
 } marks;
 
 static void marks_free(marks *m)
@@ -21,7 +21,7 @@ static void marks_free(marks *m)
     free(m->vertex);
     for (int l = 0; l < DMK_SHARE_LEVELS; l++) {
         free(m->level_vertex[l]);
-        free(m->level_link[l]);
+        free(m->level_edge[l]);
     }
 }
 
@@ -99,10 +99,10 @@ static int mark_levels(dmk_context *ctx, const dmk_share *s, const dmk_mesh *m,
 {
     int rc = DMK_OK;
     for (int32_t l = 0; l <= s->first_whole; l++) {
-        size_t links = (size_t)(l > 0 ? s->link[l].n_whole : m->n_edges);
+        size_t edges = (size_t)(l > 0 ? s->level_edge[l].n_whole : m->n_edges);
         DMK_TRY(DMK_NEW(ctx, k->level_vertex[l], (size_t)s->vertex[l].n_whole));
-        DMK_TRY(DMK_NEW(ctx, k->level_link[l], links));
-        dmk_deal_mark(s, m, h, l, k->level_vertex[l], k->level_link[l]);
+        DMK_TRY(DMK_NEW(ctx, k->level_edge[l], edges));
+        dmk_deal_mark(s, m, h, l, k->level_vertex[l], k->level_edge[l]);
     }
     for (int32_t v = 0; v < m->n_vertices; v++) k->level_vertex[0][v] |= k->vertex[v];
 done:
@@ -116,16 +116,16 @@ static int create_spaces(dmk_context *ctx, dmk_share *s, const marks *k)
     int rc;
     uint8_t *edge = NULL;
     DMK_TRY(DMK_NEW(ctx, edge, (size_t)s->edge.n_whole));
-    for (int32_t e = 0; e < s->edge.n_whole; e++) edge[e] = k->edge[e] | k->level_link[0][e];
+    for (int32_t e = 0; e < s->edge.n_whole; e++) edge[e] = k->edge[e] | k->level_edge[0][e];
     DMK_TRY(dmk_space_create(ctx, k->element, s->part, 0, &s->element));
     DMK_TRY(dmk_space_create(ctx, edge, s->part, 1, &s->edge));
     DMK_TRY(dmk_space_create(ctx, k->level_vertex[0], s->part, SPARE_VERTICES, &s->vertex[0]));
     for (int32_t l = 1; l <= s->first_whole; l++) {
         DMK_TRY(dmk_space_create(ctx, k->level_vertex[l], 1, l < s->first_whole, &s->vertex[l]));
-        DMK_TRY(dmk_space_create(ctx, k->level_link[l], 1, 0, &s->link[l]));
+        DMK_TRY(dmk_space_create(ctx, k->level_edge[l], 1, 0, &s->level_edge[l]));
     }
     s->vertex_row = (s->edge.n / s->part + 1) * s->part;
-    s->link[0] = s->edge;
+    s->level_edge[0] = s->edge;
 done:
     free(edge);
     return rc;
@@ -139,9 +139,9 @@ static int create_halos(dmk_context *ctx, dmk_share *s, const marks *k)
     DMK_TRY(dmk_halo_keep(ctx, s, &s->rows));
     for (int32_t l = 0; l <= s->first_whole; l++) {
         const dmk_need vertices = {&s->vertex[l], k->level_vertex[l], 0};
-        const dmk_need links = {&s->link[l], k->level_link[l], 0};
+        const dmk_need edges = {&s->level_edge[l], k->level_edge[l], 0};
         DMK_TRY(dmk_halo_create(ctx, s, 1, &vertices, &s->vertices[l]));
-        DMK_TRY(dmk_halo_create(ctx, s, 1, &links, &s->links[l]));
+        DMK_TRY(dmk_halo_create(ctx, s, 1, &edges, &s->level_edges[l]));
     }
     s->traffic.own_rows = s->edge.end - s->edge.first + s->vertex[0].end - s->vertex[0].first;
     s->traffic.ghost_rows = s->rows.n_receive;
@@ -175,7 +175,7 @@ static void local_triangles(const dmk_share *s, const dmk_mesh *m, double area, 
     }
 }
 
-/* A gap, and an edge of which only the link's weight is wanted, lead from a gap to itself. */
+/* A gap, and an edge of which only its weight is wanted, lead from a gap to itself. */
 static void local_edges(const dmk_share *s, const dmk_mesh *m, dmk_mesh *l)
 {
     int32_t gap = next_gap(&s->vertex[0], -1);
@@ -262,14 +262,14 @@ int dmk_share_check_devices(dmk_context *ctx, const dmk_ranks *ranks, const dmk_
 static void forget(dmk_share *s)
 {
     dmk_space *all[] = {&s->element, &s->edge, &s->vertex[0]};
-    s->link[0] = (dmk_space){0};
+    s->level_edge[0] = (dmk_space){0};
     for (int i = 0; i < 3; i++) {
         free(all[i]->at);
         all[i]->at = NULL;
     }
     for (int l = 1; l < DMK_SHARE_LEVELS; l++) {
         dmk_space_free(&s->vertex[l]);
-        dmk_space_free(&s->link[l]);
+        dmk_space_free(&s->level_edge[l]);
     }
 }
 
@@ -321,16 +321,16 @@ void dmk_share_destroy(dmk_share **share)
 {
     dmk_share *s = *share;
     if (!s) return;
-    s->link[0] = (dmk_space){0};
+    s->level_edge[0] = (dmk_space){0};
     local_mesh_free(&s->mesh);
     dmk_space_free(&s->element);
     dmk_space_free(&s->edge);
     dmk_halo_free(&s->rows);
     for (int l = 0; l < DMK_SHARE_LEVELS; l++) {
         dmk_space_free(&s->vertex[l]);
-        dmk_space_free(&s->link[l]);
+        dmk_space_free(&s->level_edge[l]);
         dmk_halo_free(&s->vertices[l]);
-        dmk_halo_free(&s->links[l]);
+        dmk_halo_free(&s->level_edges[l]);
         dmk_split_free(&s->graph[l]);
     }
     dmk_split_free(&s->elements);

@@ -456,9 +456,10 @@ int dmk_share_gather(dmk_context *ctx, dmk_share *share, int32_t level, const dm
     return fill(ctx, &s);
 }
 
-int dmk_share_links(dmk_context *ctx, dmk_share *share, int32_t level, const dmk_buffer *link)
+int dmk_share_edge_weights(dmk_context *ctx, dmk_share *share, int32_t level,
+                           const dmk_buffer *edge)
 {
     if (!share || level > share->first_whole) return DMK_OK;
-    const shipment s = {share, DMK_INNER, 1, {&share->links[level]}, {link}};
+    const shipment s = {share, DMK_INNER, 1, {&share->level_edges[level]}, {edge}};
     return fill(ctx, &s);
 }

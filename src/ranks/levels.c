@@ -1,4 +1,4 @@
-/* The coarse levels of a share: which vertices and links a rank owns and needs, and its part of the
+/* The coarse levels of a share: which vertices and edges a rank owns and needs, and its part of the
  * tables between two levels. */
 #include "ranks/ranks.h"
 
@@ -97,12 +97,12 @@ done:
     return rc;
 }
 
-/* And the links whose smaller end it owns, which are those that it has made. */
+/* And the edges whose smaller end it owns, which are those that it has made. */
 int dmk_deal_join(dmk_context *ctx, void *user, dmk_coarsening *c)
 {
     int rc;
     dmk_share *s = user;
-    dmk_space *link = &s->link[s->first_whole];
+    dmk_space *edge = &s->level_edge[s->first_whole];
     int32_t *own = c->coarse.edge, *n = NULL;
     size_t *bytes = NULL;
     if (!s->deals) return DMK_OK;
@@ -110,16 +110,16 @@ int dmk_deal_join(dmk_context *ctx, void *user, dmk_coarsening *c)
     DMK_TRY(DMK_NEW(ctx, bytes, (size_t)s->ranks.size));
     for (int r = 0; r < s->ranks.size; r++) bytes[r] = sizeof *n;
     DMK_TRY(dmk_share_check(ctx, s, s->ranks.gather(s->ranks.user, &c->coarse.n_edges, n, bytes)));
-    DMK_TRY(own_range(ctx, s, 0, link));
+    DMK_TRY(own_range(ctx, s, 0, edge));
     for (int r = 0; r < s->ranks.size; r++) {
-        link->bound[r + 1] = link->bound[r] + n[r];
+        edge->bound[r + 1] = edge->bound[r] + n[r];
         bytes[r] = 2 * (size_t)n[r] * sizeof *own;
     }
-    link->n_whole = c->coarse.n_edges = link->bound[s->ranks.size];
-    set_own(s, link);
-    c->link_first = link->first;
+    edge->n_whole = c->coarse.n_edges = edge->bound[s->ranks.size];
+    set_own(s, edge);
+    c->edge_first = edge->first;
     c->coarse.edge = NULL;
-    DMK_TRY(DMK_NEW(ctx, c->coarse.edge, 2 * (size_t)link->n_whole));
+    DMK_TRY(DMK_NEW(ctx, c->coarse.edge, 2 * (size_t)edge->n_whole));
     DMK_TRY(dmk_share_check(ctx, s, s->ranks.gather(s->ranks.user, own, c->coarse.edge, bytes)));
 done:
     if (c->coarse.edge != own) free(own);
@@ -130,27 +130,27 @@ done:
 
 /* ---- who needs what -------------------------------------------------------------------------- */
 
-/* Links at own vertices, and their other ends. */
-static void mark_neighbours(const dmk_space *own, int32_t n_links, const int32_t *link,
-                            uint8_t *vertex_mark, uint8_t *link_mark)
+/* Edges at own vertices, and their other ends. */
+static void mark_neighbours(const dmk_space *own, int32_t n_edges, const int32_t *edge,
+                            uint8_t *vertex_mark, uint8_t *edge_mark)
 {
-    for (int32_t k = 0; k < n_links; k++) {
-        const int32_t *end = link + 2 * (size_t)k;
+    for (int32_t k = 0; k < n_edges; k++) {
+        const int32_t *end = edge + 2 * (size_t)k;
         if (!dmk_space_owns(own, end[0]) && !dmk_space_owns(own, end[1])) continue;
-        link_mark[k] = vertex_mark[end[0]] = vertex_mark[end[1]] = 1;
+        edge_mark[k] = vertex_mark[end[0]] = vertex_mark[end[1]] = 1;
     }
 }
 
-/* What the coarser level's own vertices and links are computed from. */
-static void mark_sources(const dmk_coarsening *c, const dmk_space *vertex, const dmk_space *link,
-                         uint8_t *vertex_mark, uint8_t *link_mark)
+/* What the coarser level's own vertices and edges are computed from. */
+static void mark_sources(const dmk_coarsening *c, const dmk_space *vertex, const dmk_space *edge,
+                         uint8_t *vertex_mark, uint8_t *edge_mark)
 {
     for (int32_t k = c->restrict_row[vertex->first]; k < c->restrict_row[vertex->end]; k++) {
         vertex_mark[c->restrict_fine[k]] = 1;
     }
-    const int32_t own = link->end - link->first;
+    const int32_t own = edge->end - edge->first;
     for (int32_t k = c->galerkin_row[0]; k < c->galerkin_row[own]; k++) {
-        link_mark[c->galerkin_edge[k]] = 1;
+        edge_mark[c->galerkin_edge[k]] = 1;
     }
 }
 
@@ -163,34 +163,34 @@ static void mark_targets(const dmk_coarsening *c, const dmk_space *fine, uint8_t
 }
 
 void dmk_deal_mark(const dmk_share *s, const dmk_mesh *m, const dmk_hierarchy *h, int32_t level,
-                   uint8_t *vertex_mark, uint8_t *link_mark)
+                   uint8_t *vertex_mark, uint8_t *edge_mark)
 {
     if (level == s->first_whole) {
         memset(vertex_mark, 1, (size_t)s->vertex[level].n_whole);
-        memset(link_mark, 1, (size_t)s->link[level].n_whole);
+        memset(edge_mark, 1, (size_t)s->level_edge[level].n_whole);
         return;
     }
     const dmk_graph *g = level > 0 ? &h->level[level - 1].coarse : NULL;
     mark_neighbours(&s->vertex[level], g ? g->n_edges : m->n_edges, g ? g->edge : m->edge_vertex,
-                    vertex_mark, link_mark);
-    mark_sources(&h->level[level], &s->vertex[level + 1], &s->link[level + 1], vertex_mark,
-                 link_mark);
+                    vertex_mark, edge_mark);
+    mark_sources(&h->level[level], &s->vertex[level + 1], &s->level_edge[level + 1], vertex_mark,
+                 edge_mark);
     if (level > 0) mark_targets(&h->level[level - 1], &s->vertex[level - 1], vertex_mark);
 }
 
 /* ---- the local tables ------------------------------------------------------------------------ */
 
-/* Links of which an end is not here lead from the last vertex, a gap, to itself: only their weights
+/* Edges of which an end is not here lead from the last vertex, a gap, to itself: only their weights
  * are wanted. */
-static int local_links(dmk_context *ctx, const dmk_space *vertex, const dmk_space *link,
+static int local_edges(dmk_context *ctx, const dmk_space *vertex, const dmk_space *edge,
                        const dmk_graph *whole, dmk_graph *local)
 {
     int rc;
     local->n = vertex->n;
-    local->n_edges = link->n;
-    DMK_TRY(DMK_NEW(ctx, local->edge, 2 * (size_t)link->n));
-    for (int32_t k = 0; k < link->n; k++) {
-        const int32_t *end = whole->edge + 2 * (size_t)link->whole[k];
+    local->n_edges = edge->n;
+    DMK_TRY(DMK_NEW(ctx, local->edge, 2 * (size_t)edge->n));
+    for (int32_t k = 0; k < edge->n; k++) {
+        const int32_t *end = whole->edge + 2 * (size_t)edge->whole[k];
         int32_t a = vertex->at[end[0]], b = vertex->at[end[1]];
         bool here = a >= 0 && b >= 0;
         local->edge[2 * k] = here ? a : vertex->n - 1;
@@ -254,7 +254,7 @@ static int local_level(dmk_context *ctx, const dmk_share *s, int32_t level,
     int rc;
     const dmk_space *fine = &s->vertex[level], *coarse = &s->vertex[level + 1];
     table restriction = {0}, galerkin = {0};
-    DMK_TRY(local_links(ctx, coarse, &s->link[level + 1], &whole->coarse, &local->coarse));
+    DMK_TRY(local_edges(ctx, coarse, &s->level_edge[level + 1], &whole->coarse, &local->coarse));
     DMK_TRY(local_prolongation(ctx, fine, coarse, whole, local));
     rc = local_table(
         ctx, coarse, fine,
@@ -264,7 +264,7 @@ static int local_level(dmk_context *ctx, const dmk_share *s, int32_t level,
     local->restrict_fine = restriction.entry;
     local->restrict_weight = restriction.value;
     if (rc != DMK_OK) goto done;
-    rc = local_table(ctx, &s->link[level + 1], &s->link[level],
+    rc = local_table(ctx, &s->level_edge[level + 1], &s->level_edge[level],
                      &(table){whole->galerkin_row, whole->galerkin_edge, whole->galerkin_coef},
                      &galerkin);
     local->galerkin_row = galerkin.row;

@@ -1,7 +1,7 @@
 /* One mesh on many ranks: what a rank has of it, and how it gets the rest; see README.md beside.
  *
  * A rank owns a run of the whole mesh's elements, edges and vertices (all numbered along the Morton
- * curve), and of the vertices and links of the coarser levels. Beside them it holds ghosts: what
+ * curve), and of the vertices and edges of the coarser levels. Beside them it holds ghosts: what
  * others own and its kernels read. Local numbers increase with whole ones; own elements, edges and
  * vertices begin at a multiple of a launch's part, with gaps before and behind. So every row has
  * its terms in the order of the whole mesh, every part of a sum holds the same items as without
@@ -54,10 +54,10 @@ typedef struct dmk_share {
     bool deals;          /* while they are made: the last one was dealt out */
     dmk_space element, edge;
     dmk_space vertex[DMK_SHARE_LEVELS],
-        link[DMK_SHARE_LEVELS]; /* by level, 0 = T; link[0] is `edge` */
-    int32_t vertex_row;         /* of the local rows */
-    dmk_mesh mesh;              /* what is packed */
-    dmk_halo rows, vertices[DMK_SHARE_LEVELS], links[DMK_SHARE_LEVELS];
+        level_edge[DMK_SHARE_LEVELS]; /* by level, 0 = T; level_edge[0] is `edge` */
+    int32_t vertex_row;               /* of the local rows */
+    dmk_mesh mesh;                    /* what is packed */
+    dmk_halo rows, vertices[DMK_SHARE_LEVELS], level_edges[DMK_SHARE_LEVELS];
     dmk_split elements,
         graph[DMK_SHARE_LEVELS]; /* of launches over T, and over a dealt level's vertices */
     dmk_buffer *staging;
@@ -107,9 +107,10 @@ int dmk_share_rows(dmk_context *context, dmk_share *share, dmk_program program,
                    const dmk_buffer *x);
 /* Of a local host vector. */
 int dmk_share_ghosts(dmk_context *context, dmk_share *share, double *rows);
-/* Over a level's vertices or links, in single precision; levels that are whole need none ... */
+/* Over a level's vertices or edges, in single precision; levels that are whole need none ... */
 int dmk_share_vertices(dmk_context *context, dmk_share *share, int32_t level, const dmk_buffer *x);
-int dmk_share_links(dmk_context *context, dmk_share *share, int32_t level, const dmk_buffer *link);
+int dmk_share_edge_weights(dmk_context *context, dmk_share *share, int32_t level,
+                           const dmk_buffer *edge);
 /* ... but for what own parts of the first whole one were computed of: all ranks get all of it, of two vectors. */
 int dmk_share_gather(dmk_context *context, dmk_share *share, int32_t level, const dmk_buffer *x,
                      const dmk_buffer *y);
@@ -187,10 +188,10 @@ int dmk_halo_create(dmk_context *context, dmk_share *share, int n, const dmk_nee
 int dmk_halo_keep(dmk_context *context, const dmk_share *share, dmk_halo *halo);
 void dmk_halo_free(dmk_halo *halo);
 
-/* split.c: of T's elements by own rows; of a level's vertices by own neighbours, `link` the ends of its links. */
+/* split.c: of T's elements by own rows; of a level's vertices by own neighbours, `edge` the ends of its edges. */
 int dmk_split_elements(dmk_context *context, dmk_share *share);
-int dmk_split_graph(dmk_context *context, dmk_share *share, int32_t level, int32_t n_links,
-                    const int32_t *link);
+int dmk_split_graph(dmk_context *context, dmk_share *share, int32_t level, int32_t n_edges,
+                    const int32_t *edge);
 void dmk_split_free(dmk_split *split);
 
 /* levels.c: the rank's part of the tables between levels. */

@@ -57,16 +57,16 @@ done:
     return rc;
 }
 
-int dmk_split_graph(dmk_context *ctx, dmk_share *s, int32_t level, int32_t n_links,
-                    const int32_t *link)
+int dmk_split_graph(dmk_context *ctx, dmk_share *s, int32_t level, int32_t n_edges,
+                    const int32_t *edge)
 {
     int rc;
     const dmk_space *vertex = &s->vertex[level];
     const size_t n = dmk_launch_parts(s->device, (size_t)vertex->n);
     uint8_t *boundary = NULL;
     DMK_TRY(DMK_NEW(ctx, boundary, n));
-    for (int32_t k = 0; k < n_links; k++) {
-        const int32_t *end = link + 2 * (size_t)k;
+    for (int32_t k = 0; k < n_edges; k++) {
+        const int32_t *end = edge + 2 * (size_t)k;
         if (!is_ghost(vertex, end[0]) && !is_ghost(vertex, end[1])) continue;
         boundary[end[0] / s->part] = boundary[end[1] / s->part] = 1;
     }

@@ -33,8 +33,8 @@ enum { IN_INNER = 1 << DMK_INNER, IN_OUTER = 1 << DMK_OUTER, IN_BOTH = IN_INNER 
     X(prolong_rows, IN_INNER)                                                                      \
     X(coarse_solve, IN_INNER)                                                                      \
     X(coarse_inverse, IN_INNER)                                                                    \
-    X(links_from_triangles, IN_INNER)                                                              \
-    X(links_from_links, IN_INNER)                                                                  \
+    X(edges_from_triangles, IN_INNER)                                                              \
+    X(edges_from_edges, IN_INNER)                                                                  \
     X(graph_weights, IN_INNER)                                                                     \
     X(mesh_weights, IN_INNER)                                                                      \
     X(inverse_diagonal, IN_INNER)                                                                  \
@@ -449,8 +449,8 @@ done:
 int dmk_tail_refresh(dmk_context *ctx, dmk_system *s)
 {
     int rc;
-    /* The links of the first level are many: a launch of their own spreads them. */
-    DMK_TRY(dmk_links(ctx, s, s->tail));
+    /* The edges of the first level are many: a launch of their own spreads them. */
+    DMK_TRY(dmk_edge_weights(ctx, s, s->tail));
     rc = RUN(DMK_INNER, tail_refresh, items(1), DMK_INT(s->n_levels - s->tail),
              DMK_BUF(s->tail_table), DMK_BUF(s->tail_arena));
 done:
@@ -472,19 +472,19 @@ int dmk_coarse_inverse(dmk_context *ctx, dmk_system *s)
                DMK_BUF(s->coarse_inverse));
 }
 
-int dmk_links(dmk_context *ctx, dmk_system *s, int32_t level)
+int dmk_edge_weights(dmk_context *ctx, dmk_system *s, int32_t level)
 {
     int rc;
     dmk_level *l = &s->level[level];
     if (level == 0) {
-        DMK_TRY(RUN(DMK_INNER, links_from_triangles, items(l->n_links), DMK_INT(l->n_links),
-                    DMK_BUF(s->slot), DMK_BUF(s->link), DMK_BUF(l->link)));
+        DMK_TRY(RUN(DMK_INNER, edges_from_triangles, items(l->n_edges), DMK_INT(l->n_edges),
+                    DMK_BUF(s->slot), DMK_BUF(s->edge), DMK_BUF(l->edge)));
     } else {
-        DMK_TRY(RUN(DMK_INNER, links_from_links, items(l->n_links), DMK_INT(l->n_links),
-                    DMK_BUF(l->galerkin_row), DMK_BUF(l->galerkin_link), DMK_BUF(l->galerkin_coef),
-                    DMK_BUF(s->level[level - 1].link), DMK_BUF(l->link)));
+        DMK_TRY(RUN(DMK_INNER, edges_from_edges, items(l->n_edges), DMK_INT(l->n_edges),
+                    DMK_BUF(l->galerkin_row), DMK_BUF(l->galerkin_edge), DMK_BUF(l->galerkin_coef),
+                    DMK_BUF(s->level[level - 1].edge), DMK_BUF(l->edge)));
     }
-    DMK_TRY(dmk_share_links(ctx, s->share, level, l->link));
+    DMK_TRY(dmk_share_edge_weights(ctx, s->share, level, l->edge));
 done:
     return rc;
 }
@@ -493,14 +493,14 @@ int dmk_graph_weights(dmk_context *ctx, dmk_system *s, int32_t level)
 {
     dmk_level *l = &s->level[level];
     return RUN(DMK_INNER, graph_weights, items(l->n), DMK_INT(l->n), DMK_BUF(l->slice),
-               DMK_BUF(l->number), DMK_BUF(l->link), DMK_BUF(l->weight), DMK_BUF(l->inv_diag));
+               DMK_BUF(l->number), DMK_BUF(l->edge), DMK_BUF(l->weight), DMK_BUF(l->inv_diag));
 }
 
 int dmk_mesh_weights(dmk_context *ctx, dmk_system *s)
 {
     dmk_level *t = &s->level[0];
     return RUN(DMK_INNER, mesh_weights, items(t->n), DMK_INT(t->n), DMK_BUF(t->slice),
-               DMK_BUF(t->number), DMK_BUF(t->link), DMK_BUF(t->weight),
+               DMK_BUF(t->number), DMK_BUF(t->edge), DMK_BUF(t->weight),
                DMK_INT(s->vertex_row / DMK_WIDTH), DMK_BUF(s->slice), DMK_BUF(s->slot),
                DMK_BUF(s->diag_coarse), DMK_BUF(t->inv_diag));
 }
@@ -547,7 +547,7 @@ int dmk_element_prepare(dmk_context *ctx, dmk_system *s)
 {
     return RUN(DMK_OUTER, element_prepare, padded_elements(s), DMK_INT(s->n_elements_pad),
                DMK_BUF(s->cot), DMK_BUF(s->mu), DMK_BUF(s->weight_real), DMK_BUF(s->weight),
-               DMK_BUF(s->out), DMK_BUF(s->link), DMK_BUF(s->diag_coarse));
+               DMK_BUF(s->out), DMK_BUF(s->edge), DMK_BUF(s->diag_coarse));
 }
 
 int dmk_newton_prepare(dmk_context *ctx, dmk_system *s, double alpha, double D)
@@ -555,7 +555,7 @@ int dmk_newton_prepare(dmk_context *ctx, dmk_system *s, double alpha, double D)
     return RUN(DMK_OUTER, newton_prepare, padded_elements(s), DMK_INT(s->n_elements_pad),
                DMK_FLOAT(alpha), DMK_FLOAT(D), DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu),
                DMK_BUF(s->q), DMK_BUF(s->out_real), DMK_BUF(s->weight), DMK_BUF(s->rank_one),
-               DMK_BUF(s->link), DMK_BUF(s->diag_coarse));
+               DMK_BUF(s->edge), DMK_BUF(s->diag_coarse));
 }
 
 int dmk_newton_diagonal(dmk_context *ctx, dmk_system *s)

@@ -81,11 +81,11 @@ int dmk_coarse_inverse(dmk_context *context, dmk_system *s);
 /* The cycle on the levels from s->tail on, with its restriction: x_old of the first of them. Steps of the
  * smoother: first D^-1 r, then momentum and step. */
 int dmk_tail_cycle(dmk_context *context, dmk_system *s, double first, double momentum, double step);
-/* Their links and weights. */
+/* Their edges and weights. */
 int dmk_tail_refresh(dmk_context *context, dmk_system *s);
-/* Link weights of a level from the triangles' (level 0) or from those of the next finer one. */
-int dmk_links(dmk_context *context, dmk_system *s, int32_t level);
-/* Link weights by row, and the inverse diagonal: below T from the rows' sums, on T from the elements'
+/* Edge weights of a level from the triangles' (level 0) or from those of the next finer one. */
+int dmk_edge_weights(dmk_context *context, dmk_system *s, int32_t level);
+/* Edge weights by row, and the inverse diagonal: below T from the rows' sums, on T from the elements'
  * bounds, diag_coarse. */
 int dmk_graph_weights(dmk_context *context, dmk_system *s, int32_t level);
 int dmk_mesh_weights(dmk_context *context, dmk_system *s);
@@ -102,7 +102,7 @@ int dmk_element_energy(dmk_context *context, dmk_system *s, const dmk_buffer *v,
 int dmk_element_measure(dmk_context *context, dmk_system *s, double alpha, int at);
 /* out_real: g becomes mu g. */
 int dmk_element_scale(dmk_context *context, dmk_system *s);
-/* weight, weight_real, link, diag_coarse and, in out, the weighted diagonals of A(mu). */
+/* weight, weight_real, edge, diag_coarse and, in out, the weighted diagonals of A(mu). */
 int dmk_element_prepare(dmk_context *context, dmk_system *s);
 /* The same of Newton's M at pseudo-time step D, its rank_one, and its right-hand side's parts in
  * out_real, which has g before; all but its weighted diagonals. */

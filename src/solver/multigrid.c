@@ -50,21 +50,21 @@ static int refresh_coarsest(dmk_context *ctx, dmk_system *s)
 {
     int rc;
     const dmk_level *l = &s->level[s->n_levels - 1];
-    size_t n = (size_t)l->n, links = (size_t)s->n_coarse_links;
-    float *link = NULL, *columns = NULL;
+    size_t n = (size_t)l->n, edges = (size_t)s->n_coarse_edges;
+    float *edge = NULL, *columns = NULL;
     double *laplacian = NULL, *inverse = NULL;
-    DMK_TRY(DMK_NEW(ctx, link, links));
+    DMK_TRY(DMK_NEW(ctx, edge, edges));
     DMK_TRY(DMK_NEW(ctx, laplacian, n * n));
     DMK_TRY(DMK_NEW(ctx, inverse, n * n));
     DMK_TRY(DMK_NEW(ctx, columns, n * (size_t)l->n_pad));
-    DMK_TRY(dmk_buffer_read(ctx, s->device, l->link, 0, links * sizeof *link, link));
-    for (size_t k = 0; k < links; k++) {
-        size_t i = (size_t)s->coarse_link_vertex[2 * k],
-               j = (size_t)s->coarse_link_vertex[2 * k + 1];
-        laplacian[i * n + i] += link[k];
-        laplacian[j * n + j] += link[k];
-        laplacian[i * n + j] -= link[k];
-        laplacian[j * n + i] -= link[k];
+    DMK_TRY(dmk_buffer_read(ctx, s->device, l->edge, 0, edges * sizeof *edge, edge));
+    for (size_t k = 0; k < edges; k++) {
+        size_t i = (size_t)s->coarse_edge_vertex[2 * k],
+               j = (size_t)s->coarse_edge_vertex[2 * k + 1];
+        laplacian[i * n + i] += edge[k];
+        laplacian[j * n + j] += edge[k];
+        laplacian[i * n + j] -= edge[k];
+        laplacian[j * n + i] -= edge[k];
     }
     DMK_TRY(dmk_laplacian_inverse(ctx, l->n, laplacian, inverse));
     for (size_t c = 0; c < n; c++) {
@@ -74,7 +74,7 @@ static int refresh_coarsest(dmk_context *ctx, dmk_system *s)
     DMK_TRY(dmk_buffer_write(ctx, s->device, s->coarse_inverse, 0,
                              n * (size_t)l->n_pad * sizeof *columns, columns));
 done:
-    free(link);
+    free(edge);
     free(laplacian);
     free(inverse);
     free(columns);
@@ -85,10 +85,10 @@ int dmk_multigrid_refresh(dmk_context *ctx, dmk_system *s)
 {
     int rc;
     DMK_TRY(dmk_inverse_diagonal(ctx, s));
-    DMK_TRY(dmk_links(ctx, s, 0));
+    DMK_TRY(dmk_edge_weights(ctx, s, 0));
     DMK_TRY(dmk_mesh_weights(ctx, s));
     for (int32_t i = 1; i < s->tail && i < s->n_levels; i++) {
-        DMK_TRY(dmk_links(ctx, s, i));
+        DMK_TRY(dmk_edge_weights(ctx, s, i));
         DMK_TRY(dmk_graph_weights(ctx, s, i));
     }
     if (s->tail < s->n_levels) DMK_TRY(dmk_tail_refresh(ctx, s));

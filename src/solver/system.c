@@ -227,8 +227,8 @@ done:
     return rc;
 }
 
-/* A graph's rows: neighbours with their link numbers. */
-static int pack_graph(const packer *p, int32_t n, int32_t n_links, const int32_t *link_vertex,
+/* A graph's rows: neighbours with their edge numbers. */
+static int pack_graph(const packer *p, int32_t n, int32_t n_edges, const int32_t *edge_vertex,
                       dmk_level *l)
 {
     int rc;
@@ -236,27 +236,27 @@ static int pack_graph(const packer *p, int32_t n, int32_t n_links, const int32_t
     dmk_sell s = {0};
     l->n = n;
     l->n_pad = dmk_padded(n);
-    l->n_links = n_links;
+    l->n_edges = n_edges;
     DMK_TRY(DMK_NEW(p->ctx, row, (size_t)n + 1));
     DMK_TRY(DMK_NEW(p->ctx, fill, (size_t)n + 1));
-    DMK_TRY(DMK_NEW(p->ctx, neighbour, 2 * (size_t)n_links));
-    DMK_TRY(DMK_NEW(p->ctx, number, 2 * (size_t)n_links));
-    for (int32_t i = 0; i < 2 * n_links; i++) row[link_vertex[i] + 1]++;
+    DMK_TRY(DMK_NEW(p->ctx, neighbour, 2 * (size_t)n_edges));
+    DMK_TRY(DMK_NEW(p->ctx, number, 2 * (size_t)n_edges));
+    for (int32_t i = 0; i < 2 * n_edges; i++) row[edge_vertex[i] + 1]++;
     for (int32_t i = 0; i < n; i++) row[i + 1] += row[i];
     for (int32_t i = 0; i < n; i++) fill[i] = row[i];
-    for (int32_t k = 0; k < n_links; k++) {
+    for (int32_t k = 0; k < n_edges; k++) {
         for (int side = 0; side < 2; side++) {
-            int32_t at = fill[link_vertex[2 * k + side]]++;
-            neighbour[at] = link_vertex[2 * k + !side];
+            int32_t at = fill[edge_vertex[2 * k + side]]++;
+            neighbour[at] = edge_vertex[2 * k + !side];
             number[at] = k;
         }
     }
     DMK_TRY(pack_rows(p, n, row, neighbour, NULL, -1, &l->slice, &l->neighbour, NULL));
-    DMK_TRY(dmk_sell_create(p->ctx, n, row, number, NULL, n_links, &s));
+    DMK_TRY(dmk_sell_create(p->ctx, n, row, number, NULL, n_edges, &s));
     size_t places = (size_t)s.slice[s.n_slices] * DMK_WIDTH;
     DMK_TRY(upload(p, places, sizeof *s.entry, s.entry, &l->number));
     DMK_TRY(work(p, DMK_INNER, places, &l->weight));
-    DMK_TRY(work(p, DMK_INNER, (size_t)dmk_padded(n_links), &l->link));
+    DMK_TRY(work(p, DMK_INNER, (size_t)dmk_padded(n_edges), &l->edge));
     DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->inv_diag));
     DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->rhs));
     DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->x));
@@ -313,7 +313,7 @@ static int pack_galerkin(const packer *p, dmk_coarsening *c, dmk_level *l)
 {
     int rc;
     const size_t table = (size_t)c->galerkin_row[c->coarse.n_edges];
-    DMK_TRY(upload(p, table, sizeof(int32_t), c->galerkin_edge, &l->galerkin_link));
+    DMK_TRY(upload(p, table, sizeof(int32_t), c->galerkin_edge, &l->galerkin_edge));
     SPEND(p, c->galerkin_edge);
     DMK_TRY(pack_coefficients(p, table, c->galerkin_coef, &l->galerkin_coef));
     SPEND(p, c->galerkin_coef);
@@ -377,7 +377,7 @@ static void list_tail(dmk_level *l, dmk_buffer **list[TAIL_ARRAYS])
                                      &l->neighbour,
                                      &l->number,
                                      &l->weight,
-                                     &l->link,
+                                     &l->edge,
                                      &l->inv_diag,
                                      &l->rhs,
                                      &l->x,
@@ -388,7 +388,7 @@ static void list_tail(dmk_level *l, dmk_buffer **list[TAIL_ARRAYS])
                                      &l->prolong_index,
                                      &l->prolong_weight,
                                      &l->galerkin_row,
-                                     &l->galerkin_link,
+                                     &l->galerkin_edge,
                                      &l->galerkin_coef};
     memcpy(list, all, sizeof all);
 }
@@ -416,7 +416,7 @@ static int pack_tail(const packer *p)
         l->residual = l->x;
         field[DMK_TAIL_ROWS] = l->n;
         field[DMK_TAIL_PAD] = l->n_pad;
-        field[DMK_TAIL_LINKS] = l->n_links;
+        field[DMK_TAIL_EDGES] = l->n_edges;
         for (int k = 0; k < TAIL_ARRAYS; k++) {
             field[DMK_TAIL_SLICE + k] = (int32_t)(place[i * TAIL_ARRAYS + k] / sizeof(int32_t));
         }
@@ -430,24 +430,24 @@ static int pack_levels(const packer *p, dmk_hierarchy *h)
 {
     int rc;
     dmk_system *s = p->sys;
-    int32_t n_links = p->mesh->n_edges;
-    const int32_t *links = p->mesh->edge_vertex;
+    int32_t n_edges = p->mesh->n_edges;
+    const int32_t *edges = p->mesh->edge_vertex;
     s->n_levels = 1;
     for (int32_t i = 0; i < h->n; i++) {
         dmk_coarsening *c = &h->level[i];
         dmk_level *l = &s->level[s->n_levels];
-        n_links = c->coarse.n_edges;
-        links = c->coarse.edge;
+        n_edges = c->coarse.n_edges;
+        edges = c->coarse.edge;
         DMK_TRY(pack_galerkin(p, c, l));
         DMK_TRY(pack_transfer(p, s->level[s->n_levels - 1].n, c, l));
-        DMK_TRY(pack_graph(p, c->coarse.n, n_links, links, l));
+        DMK_TRY(pack_graph(p, c->coarse.n, n_edges, edges, l));
         DMK_TRY(dmk_poll(p->ctx));
         s->n_levels++;
     }
     const dmk_level *last = &s->level[s->n_levels - 1];
-    s->n_coarse_links = n_links;
-    DMK_TRY(DMK_NEW(p->ctx, s->coarse_link_vertex, 2 * (size_t)n_links));
-    memcpy(s->coarse_link_vertex, links, 2 * (size_t)n_links * sizeof *links);
+    s->n_coarse_edges = n_edges;
+    DMK_TRY(DMK_NEW(p->ctx, s->coarse_edge_vertex, 2 * (size_t)n_edges));
+    memcpy(s->coarse_edge_vertex, edges, 2 * (size_t)n_edges * sizeof *edges);
     DMK_TRY(work(p, DMK_INNER, (size_t)last->n * (size_t)last->n_pad, &s->coarse_inverse));
     if (last->n <= DMK_DENSE && dmk_device_real(p->dev, DMK_OUTER) == sizeof(double)) {
         DMK_TRY(work(p, DMK_OUTER, (size_t)last->n * (size_t)last->n, &s->dense));
@@ -472,7 +472,7 @@ static int allocate_cg(const packer *p)
     DMK_TRY(work(p, DMK_OUTER, n, &s->cg[DMK_OUTER].r));
     DMK_TRY(dmk_buffer_create(p->ctx, p->dev, shared, NULL, &s->cg[DMK_OUTER].p));
     DMK_TRY(dmk_buffer_create(p->ctx, p->dev, shared, NULL, &s->cg[DMK_OUTER].ap));
-    s->link = s->cg[DMK_OUTER].p;
+    s->edge = s->cg[DMK_OUTER].p;
     s->diag_coarse = s->cg[DMK_OUTER].ap;
     if (wide)
         DMK_TRY(work(p, DMK_INNER, n, &s->cg[DMK_OUTER].narrow));
@@ -620,7 +620,7 @@ dmk_counts dmk_system_counts(const dmk_device *device, const dmk_mesh *mesh)
     dmk_counts c = {
         .n_elements = mesh->n_triangles, .n_edges = mesh->n_edges, .n_vertices = mesh->n_vertices};
     c.n_elements_pad = dmk_padded(mesh->n_triangles);
-    c.vertex_row = (mesh->n_edges / part + 1) * part; /* a padding row: filler links read it */
+    c.vertex_row = (mesh->n_edges / part + 1) * part; /* a padding row: filler edges read it */
     c.n_rows = c.vertex_row + mesh->n_vertices;
     c.n_rows_pad = dmk_padded(c.n_rows);
     return c;
@@ -727,7 +727,7 @@ void dmk_system_destroy(dmk_system **system)
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) dmk_buffer_destroy(all[i]);
     dmk_system_release(s);
     for (int32_t i = 0; i < DMK_SYSTEM_LEVELS; i++) free_level(&s->level[i]);
-    free(s->coarse_link_vertex);
+    free(s->coarse_edge_vertex);
     dmk_kernels_destroy(&s->kernels);
     dmk_share_destroy(&s->share);
     free(s);

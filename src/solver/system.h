@@ -21,15 +21,15 @@ typedef enum dmk_operator { DMK_STIFFNESS, DMK_NEWTON_MATRIX } dmk_operator;
 
 /* One graph level of the hierarchy; level 0 of the array is T. */
 typedef struct dmk_level {
-    int32_t n, n_pad, n_links;
-    dmk_buffer *slice, *neighbour, *number; /* rows: neighbours and links (filler: link n_links) */
-    dmk_buffer *weight;                     /* link weights by row, refreshed */
-    dmk_buffer *link;                       /* n_links (+ spare 0s): link weights, refreshed */
+    int32_t n, n_pad, n_edges;
+    dmk_buffer *slice, *neighbour, *number; /* rows: neighbours and edges (filler: edge n_edges) */
+    dmk_buffer *weight;                     /* edge weights by row, refreshed */
+    dmk_buffer *edge;                       /* n_edges (+ spare 0s): edge weights, refreshed */
     dmk_buffer *inv_diag, *rhs, *x, *x_old, *residual;
     /* To the finer level: T/2 for the first. */
     dmk_buffer *restrict_slice, *restrict_entry, *restrict_weight; /* graph levels */
     dmk_buffer *prolong_index, *prolong_weight;                    /* 3 per finer row */
-    dmk_buffer *galerkin_row, *galerkin_link, *galerkin_coef;
+    dmk_buffer *galerkin_row, *galerkin_edge, *galerkin_coef;
 } dmk_level;
 
 enum { DMK_SYSTEM_LEVELS = DMK_MAX_LEVELS + 1 };
@@ -61,7 +61,7 @@ typedef struct dmk_system {
     dmk_buffer *before;   /* mu of the step before, or a copy kept by the certificate */
     /* Single precision: coefficients of the inner operator, contributions, V-cycle on T/2. */
     dmk_buffer *weight, *rank_one, *out; /* out: out_real's memory */
-    dmk_buffer *link, *diag_coarse;      /* 3 per element, until CG begins: its p and ap */
+    dmk_buffer *edge, *diag_coarse;      /* 3 per element, until CG begins: its p and ap */
     dmk_buffer *inv_diag, *x, *x_old;
     /* Conjugate gradients, inner and outer. */
     struct {
@@ -77,8 +77,8 @@ typedef struct dmk_system {
      * of tail_arena, laid out by tail_table (dmk_shared.h). */
     int32_t tail;
     dmk_buffer *tail_arena, *tail_table;
-    int32_t n_coarse_links;      /* of the coarsest level, for its inverse */
-    int32_t *coarse_link_vertex; /* 2 per link */
+    int32_t n_coarse_edges;      /* of the coarsest level, for its inverse */
+    int32_t *coarse_edge_vertex; /* 2 per edge */
     dmk_buffer *coarse_inverse;  /* n_pad columns */
     dmk_buffer
         *dense; /* n * n numbers to find it in; NULL: the host does, where the device has no double

@@ -60,12 +60,12 @@ typedef struct tree {
     size_t length_stride;
     const int32_t
         *slot; /* of edge e's flow, at stride * e, negative where they are not wanted; NULL: e */
-    int32_t *root;        /* vertices: the union-find forest */
-    int32_t *links, *key; /* vertices: number of tree edges at it, and their exclusive or */
+    int32_t *root;         /* vertices: the union-find forest */
+    int32_t *degree, *key; /* vertices: number of tree edges at it, and their exclusive or */
 } tree;
 
-/* The rows of triangle t's nine links, at whose ends the flows below enter and leave. */
-static void links_of(const router *p, int32_t t, int32_t a[9], int32_t b[9])
+/* The rows of triangle t's nine edges, at whose ends the flows below enter and leave. */
+static void edges_of(const router *p, int32_t t, int32_t a[9], int32_t b[9])
 {
     const int32_t *corner = p->mesh->triangle + 3 * (size_t)t,
                   *mid = p->mesh->triangle_edge + 3 * (size_t)t;
@@ -87,7 +87,7 @@ static void subtract(const router *p)
         p->rounding[i] = fabs(p->r[i]) * (wide ? DMK_ENERGY_ROUNDING : float_rounding);
     for (int32_t t = 0; t < p->mesh->n_triangles; t++) {
         int32_t a[9], b[9];
-        links_of(p, t, a, b);
+        edges_of(p, t, a, b);
         for (int l = 0; l < 9; l++) {
             const double w = p->mu[t] * dmk_cot(p->mesh, 3 * t + l / 3);
             const double flow = (l % 3 < 2 ? 0.5 : 1) * w * (p->u[a[l]] - p->u[b[l]]);
@@ -175,12 +175,12 @@ static int32_t grow_tree(const tree *t, int32_t n, int32_t *order)
     return chosen;
 }
 
-static void link_tree(const tree *t, int32_t n, const int32_t *chosen)
+static void join_tree(const tree *t, int32_t n, const int32_t *chosen)
 {
     for (int32_t i = 0; i < n; i++) {
         const int32_t e = chosen[i], *end = t->end + t->stride * (size_t)e;
         for (int k = 0; k < 2; k++) {
-            t->links[end[k]]++;
+            t->degree[end[k]]++;
             t->key[end[k]] ^= e;
         }
     }
@@ -191,7 +191,7 @@ static double send_vertices(const tree *t, double *r, double *rounding, double *
 {
     double cost = 0;
     for (int32_t i = 0; i < t->n_vertices; i++) {
-        for (int32_t v = i; t->links[v] == 1;) {
+        for (int32_t v = i; t->degree[v] == 1;) {
             const int32_t e = t->key[v], *end = t->end + t->stride * (size_t)e;
             const int32_t w = end[0] == v ? end[1] : end[0];
             const int32_t slot = t->slot ? t->slot[t->stride * (size_t)e] : e;
@@ -199,8 +199,8 @@ static double send_vertices(const tree *t, double *r, double *rounding, double *
             cost += 2 * t->length[t->length_stride * (size_t)e] * rounding[v];
             r[w] += r[v];
             rounding[w] += rounding[v];
-            t->links[v]--;
-            t->links[w]--;
+            t->degree[v]--;
+            t->degree[w]--;
             t->key[w] ^= e;
             v = w;
         }
@@ -220,13 +220,13 @@ static double send_along_tree(const router *p)
                     .length = m->length,
                     .length_stride = 1,
                     .root = p->root,
-                    .links = p->root,
+                    .degree = p->root,
                     .key = p->order + m->n_vertices};
     sort_edges(p);
     const int32_t chosen = grow_tree(&t, m->n_edges, p->order);
-    memset(t.links, 0, bytes);
+    memset(t.degree, 0, bytes);
     memset(t.key, 0, bytes);
-    link_tree(&t, chosen, p->order);
+    join_tree(&t, chosen, p->order);
     return send_vertices(&t, p->r + p->n.vertex_row, p->rounding + p->n.vertex_row, p->sent);
 }
 
@@ -243,7 +243,7 @@ typedef struct branch {
 typedef struct canopy {
     branch *branch;
     int32_t n;
-    int32_t *order, *root, *links, *key;
+    int32_t *order, *root, *degree, *key;
     double *r, *rounding; /* of the whole mesh's vertices */
 } canopy;
 
@@ -252,7 +252,7 @@ static void canopy_free(canopy *c)
     free(c->branch);
     free(c->order);
     free(c->root);
-    free(c->links);
+    free(c->degree);
     free(c->key);
     free(c->r);
     free(c->rounding);
@@ -302,7 +302,7 @@ static tree branch_tree(const router *p, const canopy *c)
                   .length_stride = sizeof(branch) / sizeof(double),
                   .slot = &c->branch[0].edge,
                   .root = c->root,
-                  .links = c->links,
+                  .degree = c->degree,
                   .key = c->key};
 }
 
@@ -356,10 +356,10 @@ static int gather_canopy(router *p, canopy *c)
     const int32_t chosen = grow_tree(&t, c->n, c->order);
     free(c->root);
     c->root = NULL;
-    DMK_TRY(DMK_NEW(ctx, c->links, vertices));
+    DMK_TRY(DMK_NEW(ctx, c->degree, vertices));
     DMK_TRY(DMK_NEW(ctx, c->key, vertices));
     t = branch_tree(p, c);
-    link_tree(&t, chosen, c->order);
+    join_tree(&t, chosen, c->order);
     free(c->order);
     c->order = NULL;
 done:
@@ -413,7 +413,7 @@ static double cost_of(const router *p, int32_t t)
     const double area = m->area[t], mu = p->mu[t];
     double sum = 0, size = 0, flow[2], square[3];
     int32_t a[9], b[9];
-    links_of(p, t, a, b);
+    edges_of(p, t, a, b);
     for (int k = 0; k < 3; k++) square[k] = m->length[edge[k]] * m->length[edge[k]];
     for (int k = 0; k < 3; k++) {
         const int i = (k + 1) % 3, j = (k + 2) % 3;
@@ -498,7 +498,7 @@ static double worst_balance(const router *p, double *f)
     for (int32_t t = 0; t < p->mesh->n_triangles; t++) {
         const int32_t *edge = p->mesh->triangle_edge + 3 * (size_t)t;
         int32_t a[9], b[9];
-        links_of(p, t, a, b);
+        edges_of(p, t, a, b);
         for (int k = 0; k < 3; k++) {
             const int32_t here = p->n.vertex_row + p->mesh->triangle[3 * (size_t)t + (size_t)k];
             double flow[2];
