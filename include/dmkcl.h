@@ -26,8 +26,8 @@
  *     structs stay as they are as long as the soname does (until 1.0: major and minor version).
  *   - Indices count from 0; lengths are in the unit of the mesh's coordinates.
  *
- * The problem (method: Facca, Berti, Fasso, Putti, "Computing the cut locus of a Riemannian manifold
- * via optimal transport"): f+ = |M| delta_p, f- = area measure of the surface M;
+ * The problem, by Facca, Berti, Fasso, Putti, "Computing the cut locus of a Riemannian manifold via optimal transport":
+ *     f+ = |M| delta_p,   f- = area measure of the surface M,
  *     -div(mu grad u) = f+ - f-,   |grad u| <= 1,   |grad u| = 1 where mu > 0.
  * Then u = -dist(., p) + const, and the zero set of the density mu is the cut locus of p.
  */

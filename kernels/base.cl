@@ -187,9 +187,9 @@ typedef struct sums {
     int at, parts;
 } sums;
 
-static void put_sum(volatile global sum_t *place, sum_t x)
+static void put_sum(volatile global sum_t *at, sum_t x)
 {
-    volatile global int *word = (volatile global int *)place;
+    volatile global int *word = (volatile global int *)at;
 #if DMK_FP64
     const int2 bits = as_int2(x);
     atomic_xchg(word, bits.s0);
@@ -199,9 +199,9 @@ static void put_sum(volatile global sum_t *place, sum_t x)
 #endif
 }
 
-static sum_t take_sum(volatile global sum_t *place)
+static sum_t take_sum(volatile global sum_t *at)
 {
-    volatile global int *word = (volatile global int *)place;
+    volatile global int *word = (volatile global int *)at;
 #if DMK_FP64
     const int low = atomic_or(word, 0), high = atomic_or(word + 1, 0);
     return as_double((int2)(low, high));

@@ -19,7 +19,7 @@ KERNEL smooth_first(int n, float step, global const float *restrict inv_diag,
     }
 }
 
-/* The place among 3 numbers per element of what has place p among 6: corner k, or side k at 3 + k. */
+/* The slot among 3 numbers per element of what has slot p among 6: corner k, or side k at 3 + k. */
 #define CORNER_PLACE(p) ((p) - 3 * DMK_WIDTH * ((p) / (6 * DMK_WIDTH)))
 #define SIDE_PLACE(p) (CORNER_PLACE(p) - 3 * DMK_WIDTH)
 
@@ -128,7 +128,7 @@ KERNEL rows_chebyshev_dots(int n, int first, global const int *restrict slice,
 }
 
 /* Restriction of a residual from T/2 to T, b = P'(rhs - A x), and the first smoothing step there. edge:
- * the midpoints of v's edges; down: the elements' parts of P'A x, found by the rows' places, first: slice of
+ * the midpoints of v's edges; down: the elements' parts of P'A x, found by the rows' slots, first: slice of
  * vertex 0 among the rows.
  * reads slice, edge, fine (gathered), corner_slice, corner, down (gathered), inv_diag; writes rhs, x
  * moves 4 L + 4 R + 24 E + 12 V bytes, L + 3 E + 4 V flops
@@ -480,7 +480,7 @@ KERNEL coarse_inverse(int n, int n_pad, global const int *restrict slice,
 
 /* ---- refresh --------------------------------------------------------------------------------- */
 
-/* Level 1: an edge's weight is the sum over its two triangles. slot: the midpoints' two places among
+/* Level 1: an edge's weight is the sum over its two triangles. slot: the midpoints' two slots among
  * the elements' parts; a border edge's second one is of an element whose numbers stay 0.
  * reads slot, triangle_edge (gathered); writes edge
  * moves 12 K + 12 E bytes, K flops

@@ -8,7 +8,7 @@
  *   index   6 per element: rows of v0 v1 v2 m0 m1 m2
  *   out     6 per element: contributions
  *   slice, slot   rows in slices of 8 (sliced ELLPACK): columns slice[s]..slice[s+1] of slice s hold
- *                 places in `out`; short rows are filled with a place that stays 0. */
+ *                 slots in `out`; short rows are filled with a slot that stays 0. */
 
 /* The rows of an element's (or a block's elements') six points, and numbers at these. */
 typedef struct six_rows {

@@ -11,15 +11,15 @@ int dmk_sort_keyed(dmk_context *ctx, dmk_keyed *a, size_t n)
     DMK_TRY(DMK_NEW(ctx, b, n));
     dmk_keyed *to = b;
     for (int shift = 0; shift < DMK_KEY_BITS; shift += DIGIT) {
-        size_t place[1 << DIGIT] = {0}, sum = 0;
+        size_t offset[1 << DIGIT] = {0}, sum = 0;
         const uint64_t mask = (1 << DIGIT) - 1;
-        for (size_t i = 0; i < n; i++) place[from[i].key >> shift & mask]++;
+        for (size_t i = 0; i < n; i++) offset[from[i].key >> shift & mask]++;
         for (int k = 0; k < 1 << DIGIT; k++) {
-            size_t count = place[k];
-            place[k] = sum;
+            size_t count = offset[k];
+            offset[k] = sum;
             sum += count;
         }
-        for (size_t i = 0; i < n; i++) to[place[from[i].key >> shift & mask]++] = from[i];
+        for (size_t i = 0; i < n; i++) to[offset[from[i].key >> shift & mask]++] = from[i];
         dmk_keyed *swap = from;
         from = to;
         to = swap;

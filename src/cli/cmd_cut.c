@@ -149,7 +149,8 @@ static int parse(cut_request *request, const char *out_help, int argc, char **ar
             "surface\n"
             "with a border that is a disk already stays as it is.\n"
             "\n"
-            "Each vertex also has a place in the plane: its distance, times its direction at the\n"
+            "Each vertex also has a position in the plane: its distance, times its direction at "
+            "the\n"
             "source (the logarithmic map). OBJ has them as texture coordinates `vt`, VTP as the "
             "array\n"
             "`plane`; --picture draws them.",

@@ -39,7 +39,7 @@ static int fail(distance_run *run, int rc)
 
 /* ---- the run -------------------------------------------------------------------------------- */
 
-static int place(distance_run *run, const solve_source *s, dmk_point *point)
+static int find_source(distance_run *run, const solve_source *s, dmk_point *point)
 {
     if (s->vertex >= 0)
         return cli_vertex_point(run->context, run->mesh, &run->repairs, s->vertex, point);
@@ -59,7 +59,7 @@ static int place_all(const distance_request *request, distance_run *run)
         if (!run->source) code = cli_library_error(NULL, DMK_E_NOMEM);
     }
     for (size_t i = 0; code == EXIT_OK && i < n; i++) {
-        rc = place(run, list ? list + i : &one, run->source + i);
+        rc = find_source(run, list ? list + i : &one, run->source + i);
         if (rc == DMK_OK) continue;
         if (list) {
             code = cli_error(cli_exit_code(rc), "%s:%lld: %s", request->sources,

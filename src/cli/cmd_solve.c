@@ -125,7 +125,7 @@ static void add_files(solve_table *table, solve_request *request, raw_options *r
         {.name = "tangent",
          .value = "FILE",
          .help = "write the tangent cut locus as CSV, sorted by angle: direction at\n"
-                 "the source in radians, cut time, place and kind of the point\n"
+                 "the source in radians, cut time, position and kind of the point\n"
                  "(0 ordinary, 1 end, 2 branch point, 3 isolated)",
          .kind = CLI_FILES,
          .target = &request->tangent},

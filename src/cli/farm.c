@@ -183,8 +183,8 @@ static void finish(farm *f, const batch_entry *entry, const solve_request *one,
     pthread_mutex_unlock(&f->printing);
 }
 
-/* The sources of a mesh: `place` becomes that of number i. */
-static int find_place(const farm *f, const int64_t *sample, size_t i, solve_run *run)
+/* The sources of a mesh: run->source becomes number i. */
+static int find_source(const farm *f, const int64_t *sample, size_t i, solve_run *run)
 {
     const solve_request *each = &f->request->each;
     if (sample) return dmk_mesh_vertex_point(run->context, run->mesh, sample[i], &run->source);
@@ -197,7 +197,7 @@ static int do_source(farm *f, const int64_t *sample, size_t i, const solve_reque
                      solve_run *run)
 {
     int code = EXIT_OK;
-    const int rc = find_place(f, sample, i, run);
+    const int rc = find_source(f, sample, i, run);
     if (rc != DMK_OK) return solve_fail(run, rc);
     for (int k = 0; k < one->out.n && code == EXIT_OK; k++) code = make_folders(one->out.path[k]);
     for (int k = 0; k < one->locus.n && code == EXIT_OK; k++)

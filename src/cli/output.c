@@ -179,19 +179,19 @@ int cli_check_output(const char *option, const char *path, cli_what what, const 
 /* ---- files that are one and the same -------------------------------------------------------- */
 
 /* Where a file is, or would be: names may differ. */
-typedef struct place {
+typedef struct destination {
     dev_t device;
     ino_t inode;            /* of the file, or, if it does not exist, of its folder */
     const char *name;       /* then its name there */
     bool exists, out, sink; /* out: the standard output; sink: a device that takes anything */
-} place;
+} destination;
 
-static place find_place(const char *path)
+static destination find_destination(const char *path)
 {
     struct stat st;
     char folder[PATH_MAX] = ".";
     const char *slash = strrchr(path, '/');
-    place p = {.exists = stat(path, &st) == 0, .name = slash ? slash + 1 : path};
+    destination p = {.exists = stat(path, &st) == 0, .name = slash ? slash + 1 : path};
     p.out = cli_is_stdout(path);
     p.sink = cli_is_sink(path);
     if (!p.exists && slash) snprintf(folder, sizeof folder, "%.*s", (int)(slash - path) + 1, path);
@@ -201,7 +201,7 @@ static place find_place(const char *path)
     return p;
 }
 
-static bool same_place(const place *a, const place *b)
+static bool same_destination(const destination *a, const destination *b)
 {
     if (a->out && b->out) return true;
     if (a->out || b->out || a->sink) return false;
@@ -223,16 +223,16 @@ void cli_use_files(cli_uses *uses, const char *option, const cli_files *files)
 
 int cli_check_uses(const cli_uses *uses)
 {
-    place at[CLI_MAX_USES];
+    destination at[CLI_MAX_USES];
     bool takes_stdout = false; /* by a file: reports are printed */
     for (int i = 0; i < uses->n; i++) {
         const char *option = uses->use[i].option, *path = uses->use[i].path;
-        at[i] = find_place(path);
+        at[i] = find_destination(path);
         if (!option) at[i].out = false; /* read from the standard input */
         takes_stdout = takes_stdout || (at[i].out && strcmp(option, "report") != 0);
         for (int j = 0; j < i && option; j++) {
             const char *other = uses->use[j].option;
-            if (!same_place(&at[i], &at[j])) continue;
+            if (!same_destination(&at[i], &at[j])) continue;
             if (!other) {
                 return cli_error(EXIT_USAGE, "--%s: '%s' is read by this run; choose another name",
                                  option, path);

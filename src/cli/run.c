@@ -70,7 +70,7 @@ int solve_fail(solve_run *run, int rc)
     return cli_error(cli_exit_code(rc), "%s%s", run->where, message);
 }
 
-static int place(const solve_request *request, solve_run *run)
+static int find_source(const solve_request *request, solve_run *run)
 {
     if (request->vertex >= 0) {
         return cli_vertex_point(run->context, run->mesh, &run->repairs, request->vertex,
@@ -83,7 +83,7 @@ static int place(const solve_request *request, solve_run *run)
 
 int solve_place(const solve_request *request, solve_run *run)
 {
-    const int rc = place(request, run);
+    const int rc = find_source(request, run);
     return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
 }
 
@@ -95,7 +95,7 @@ static int read_mesh(const solve_request *request, solve_run *run)
                              .progress = &run->progress,
                              .ranks = request->dealt ? cli_ranks() : NULL};
     int rc = cli_read_mesh(run->context, request->mesh, &how, &run->repairs, &run->mesh);
-    if (rc == DMK_OK && !request->sources) rc = place(request, run);
+    if (rc == DMK_OK && !request->sources) rc = find_source(request, run);
     run->seconds.read = lap(&mark);
     return rc;
 }

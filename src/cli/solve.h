@@ -92,9 +92,9 @@ void solve_request_uses(const solve_request *order, cli_uses *uses);
 
 /* ---- run.c: the exit code, EXIT_OK or with the error printed -------------------------------- */
 
-/* Mesh, device and solver; and the source's place, if there is just one. */
+/* Mesh, device and solver; and the source as a surface point, if there is just one. */
 int solve_begin(const solve_request *request, solve_run *run);
-/* The source's place, when there are many. */
+/* The source as a surface point, when there are many. */
 int solve_place(const solve_request *request, solve_run *run);
 /* Where there are several ranks: let them solve together, each a share of the mesh. Every rank has the
  * result then, and the first one alone the cut locus and the files. */

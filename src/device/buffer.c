@@ -48,8 +48,8 @@ int dmk_buffer_clear(dmk_context *ctx, dmk_device *dev, dmk_buffer *buffer, size
 }
 
 /* Where the parts of `whole` begin, a multiple of what the device asks for; their sum. */
-static int place_parts(dmk_context *ctx, const dmk_device *dev, size_t n,
-                       dmk_buffer **const *buffers, size_t *bytes, size_t *place, size_t *sum)
+static int lay_out(dmk_context *ctx, const dmk_device *dev, size_t n, dmk_buffer **const *buffers,
+                   size_t *bytes, size_t *offset, size_t *sum)
 {
     int rc;
     cl_uint bits = 0;
@@ -59,7 +59,7 @@ static int place_parts(dmk_context *ctx, const dmk_device *dev, size_t n,
     for (size_t i = 0; i < n; i++) {
         DMK_CL(
             clGetMemObjectInfo(mem_of(*buffers[i]), CL_MEM_SIZE, sizeof bytes[i], &bytes[i], NULL));
-        place[i] = *sum;
+        offset[i] = *sum;
         *sum += (bytes[i] + align - 1) / align * align;
     }
 done:
@@ -67,19 +67,19 @@ done:
 }
 
 int dmk_buffer_gather(dmk_context *ctx, dmk_device *dev, size_t n, dmk_buffer **const *buffers,
-                      size_t *place, dmk_buffer **whole)
+                      size_t *offset, dmk_buffer **whole)
 {
     int rc;
     size_t sum, *bytes = NULL;
     DMK_TRY(DMK_NEW(ctx, bytes, n));
-    DMK_TRY(place_parts(ctx, dev, n, buffers, bytes, place, &sum));
+    DMK_TRY(lay_out(ctx, dev, n, buffers, bytes, offset, &sum));
     DMK_TRY(dmk_buffer_create(ctx, dev, sum, NULL, whole));
     for (size_t i = 0; i < n; i++) {
         cl_int error;
-        const cl_buffer_region part = {place[i], bytes[i]};
+        const cl_buffer_region part = {offset[i], bytes[i]};
         cl_mem from = mem_of(*buffers[i]);
-        DMK_CL(clEnqueueCopyBuffer(dev->queue, from, mem_of(*whole), 0, place[i], bytes[i], 0, NULL,
-                                   NULL));
+        DMK_CL(clEnqueueCopyBuffer(dev->queue, from, mem_of(*whole), 0, offset[i], bytes[i], 0,
+                                   NULL, NULL));
         cl_mem to = clCreateSubBuffer(mem_of(*whole), CL_MEM_READ_WRITE,
                                       CL_BUFFER_CREATE_TYPE_REGION, &part, &error);
         DMK_TRY(dmk_cl_check(ctx, error, "clCreateSubBuffer"));

@@ -30,9 +30,9 @@ int dmk_device_owned(dmk_context *context, const dmk_device *device);
 int dmk_buffer_create(dmk_context *context, dmk_device *device, size_t bytes, const void *init,
                       dmk_buffer **buffer);
 void dmk_buffer_destroy(dmk_buffer **buffer);
-/* Move n buffers into a new one: each becomes a part of it, from the byte place[i] on. */
+/* Move n buffers into a new one: each becomes a part of it, from the byte offset[i] on. */
 int dmk_buffer_gather(dmk_context *context, dmk_device *device, size_t n,
-                      dmk_buffer **const *buffers, size_t *place, dmk_buffer **whole);
+                      dmk_buffer **const *buffers, size_t *offset, dmk_buffer **whole);
 /* Queue the filling of a buffer's first `bytes` with 0. */
 int dmk_buffer_clear(dmk_context *context, dmk_device *device, dmk_buffer *buffer, size_t bytes);
 /* Blocking: all queued work is done when these return. */

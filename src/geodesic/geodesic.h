@@ -78,8 +78,8 @@ typedef struct dmk_site {
 } dmk_site;
 
 int dmk_site_create(dmk_context *context, const dmk_mesh *mesh, const dmk_star *star,
-                    const dmk_point *point, double offset, dmk_site *place);
-void dmk_site_free(dmk_site *place);
+                    const dmk_point *point, double offset, dmk_site *site);
+void dmk_site_free(dmk_site *site);
 
 struct dmk_geodesics {
     const dmk_mesh *mesh; /* as it was handed in (in dmk_solve: the ordered component) */

@@ -194,8 +194,8 @@ static void engine_free(engine *e)
 
 static int schedule(dmk_context *ctx, engine *e, int32_t half, double key)
 {
-    double place = (key - e->least) / e->width;
-    size_t i = place > 0 ? place < most_buckets ? (size_t)place : most_buckets : 0;
+    double index = (key - e->least) / e->width;
+    size_t i = index > 0 ? index < most_buckets ? (size_t)index : most_buckets : 0;
     if (i < e->current) i = e->current;
     if (i >= e->bucket_room) {
         int rc = DMK_GROW(ctx, e->bucket, i + 1, e->bucket_room);
@@ -810,8 +810,8 @@ static int sweep(dmk_context *ctx, engine *e)
     bool any;
     while (e->current < e->n_buckets || e->pseudo_sources.n > 0) {
         if (e->current >= e->n_buckets) { /* only pseudo-sources are left: go to the first */
-            double place = fmin((e->pseudo_sources.at[0].key - e->least) / e->width, most_buckets);
-            if (place > (double)e->current) e->current = (size_t)place;
+            double index = fmin((e->pseudo_sources.at[0].key - e->least) / e->width, most_buckets);
+            if (index > (double)e->current) e->current = (size_t)index;
         }
         do {
             n = 0;

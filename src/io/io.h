@@ -21,7 +21,7 @@ void dmk_file_free(dmk_file *file);
 bool dmk_gzip_sniff(const dmk_file *file);
 int dmk_gzip_unpack(dmk_context *context, dmk_file *file);
 
-/* A place in a text. Blanks are space, tab, CR, VT, FF; '#' starts a comment that runs to the end
+/* A position in a text. Blanks are space, tab, CR, VT, FF; '#' starts a comment that runs to the end
  * of its line. */
 typedef struct dmk_text {
     dmk_context *context;
@@ -62,9 +62,9 @@ int dmk_soup_grow(dmk_context *context, dmk_soup *soup);
 /* Add the next corner of a polygon that began at `first` (its first two corners so far in fan[0],
  * fan[1]): from the third corner on each one closes a triangle with the first corner and the one
  * before it. */
-int dmk_soup_corner(dmk_context *context, dmk_soup *soup, size_t place, int32_t fan[2],
+int dmk_soup_corner(dmk_context *context, dmk_soup *soup, size_t corner, int32_t fan[2],
                     int32_t vertex);
-/* weld.c: vertices at exactly the same place (-0 and 0 are the same) become one; they are numbered as
+/* weld.c: vertices at exactly the same position (-0 and 0 are the same) become one; they are numbered as
  * they first appear. */
 int dmk_soup_weld(dmk_context *context, dmk_soup *soup);
 
@@ -105,7 +105,7 @@ typedef struct dmk_curves {
     const int32_t *index;           /* offset[n_polylines] */
     const int32_t *offset;          /* n_polylines + 1 */
     size_t n_vertices, n_edges, n_polylines;
-    bool bare; /* a path: of the vertices only place and distance mean anything */
+    bool bare; /* a path: of the vertices only position and distance mean anything */
 } dmk_curves;
 
 int dmk_fields_write(dmk_context *context, const dmk_fields *fields, const char *path);

@@ -185,7 +185,7 @@ done:
     return rc;
 }
 
-/* n nodes, each with its tag before its place. */
+/* n nodes, each with its tag before its position. */
 static int read_mixed_nodes(msh *m, int64_t n, size_t n_more)
 {
     int rc;
@@ -200,7 +200,7 @@ done:
     return rc;
 }
 
-/* n tags, then n places. */
+/* n tags, then n positions. */
 static int read_parted_nodes(msh *m, int64_t n, size_t n_more)
 {
     int rc;

@@ -24,9 +24,9 @@ int dmk_soup_grow(dmk_context *ctx, dmk_soup *soup)
     return DMK_OK;
 }
 
-int dmk_soup_corner(dmk_context *ctx, dmk_soup *soup, size_t place, int32_t fan[2], int32_t vertex)
+int dmk_soup_corner(dmk_context *ctx, dmk_soup *soup, size_t corner, int32_t fan[2], int32_t vertex)
 {
-    if (place >= 2) {
+    if (corner >= 2) {
         int rc = dmk_soup_grow(ctx, soup);
         if (rc != DMK_OK) return rc;
         int32_t *t = soup->triangle + 3 * soup->n_triangles++;
@@ -34,6 +34,6 @@ int dmk_soup_corner(dmk_context *ctx, dmk_soup *soup, size_t place, int32_t fan[
         t[1] = fan[1];
         t[2] = vertex;
     }
-    fan[place == 0 ? 0 : 1] = vertex;
+    fan[corner == 0 ? 0 : 1] = vertex;
     return DMK_OK;
 }

@@ -1,4 +1,4 @@
-/* STL, text and binary: triangles without shared vertices. Corners at exactly the same place become
+/* STL, text and binary: triangles without shared vertices. Corners at exactly the same position become
  * one vertex (-0 and 0 are the same); vertices are numbered as they first appear. */
 #include "io/io.h"
 
@@ -53,13 +53,14 @@ static int corners_grow(dmk_context *ctx, corners *c, size_t room)
     return DMK_OK;
 }
 
-static int add_corner(dmk_context *ctx, corners *c, size_t place, int32_t fan[2], const double x[3])
+static int add_corner(dmk_context *ctx, corners *c, size_t corner, int32_t fan[2],
+                      const double x[3])
 {
     int rc = DMK_OK;
     dmk_soup *soup = c->soup;
     if (soup->n_vertices == c->room) DMK_TRY(corners_grow(ctx, c, 2 * c->room + 1024));
     memcpy(soup->xyz + 3 * soup->n_vertices, x, 3 * sizeof *x);
-    rc = dmk_soup_corner(ctx, soup, place, fan, (int32_t)soup->n_vertices++);
+    rc = dmk_soup_corner(ctx, soup, corner, fan, (int32_t)soup->n_vertices++);
 done:
     return rc;
 }
@@ -93,7 +94,7 @@ done:
 static int read_text(dmk_text *t, corners *c)
 {
     int rc = DMK_OK;
-    size_t place = 0;
+    size_t corner = 0;
     int32_t fan[2] = {0, 0};
     while (dmk_text_seek(t)) {
         size_t n = dmk_text_word(t);
@@ -104,12 +105,12 @@ static int read_text(dmk_text *t, corners *c)
                 dmk_text_seek(t);
                 DMK_TRY(dmk_text_number(t, "a vertex coordinate", &x[i]));
             }
-            DMK_TRY(add_corner(t->context, c, place++, fan, x));
-        } else if (is_word(t->at, n, "endloop") && place < 3) {
-            rc = dmk_text_fail(t, "a facet with %zu corners; remove it", place);
+            DMK_TRY(add_corner(t->context, c, corner++, fan, x));
+        } else if (is_word(t->at, n, "endloop") && corner < 3) {
+            rc = dmk_text_fail(t, "a facet with %zu corners; remove it", corner);
             goto done;
         } else if (is_word(t->at, n, "loop")) {
-            place = 0;
+            corner = 0;
             t->at += 4;
         } else if (is_word(t->at, n, "solid") || is_word(t->at, n, "endsolid")) {
             dmk_text_skip_line(t);

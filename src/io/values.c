@@ -72,7 +72,7 @@ int64_t dmk_decode_integer(dmk_type type, const char *p, bool swap)
     }
 }
 
-/* ---- a place in a file ---- */
+/* ---- a position in a file ---- */
 
 int dmk_values_fail(const dmk_values *values, const char *format, ...)
 {

@@ -26,7 +26,7 @@ double dmk_decode_number(dmk_type type, const char *p, bool swap);
 /* The same as an integer: of a float its integral part, and -1 for what does not fit 63 bits. */
 int64_t dmk_decode_integer(dmk_type type, const char *p, bool swap);
 
-/* A place in a file whose numbers are words of text, or binary. */
+/* A position in a file whose numbers are words of text, or binary. */
 typedef struct dmk_values {
     dmk_text text;
     bool binary, swap;

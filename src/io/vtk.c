@@ -93,8 +93,8 @@ void dmk_vtk_cells(dmk_vtk *vtk, const char *tag, int corners, const int32_t *co
     dmk_output_text(vtk->out, ">\n");
 }
 
-/* The place of a point on the mesh in space. */
-static void place(const dmk_mesh *m, const dmk_point *p, double xyz[3])
+/* Where a point on the mesh lies in space. */
+static void locate(const dmk_mesh *m, const dmk_point *p, double xyz[3])
 {
     for (int i = 0; i < 3; i++) {
         xyz[i] = 0;
@@ -107,7 +107,7 @@ static void place(const dmk_mesh *m, const dmk_point *p, double xyz[3])
 void dmk_vtk_source(dmk_vtk *vtk, const dmk_fields *f)
 {
     if (!f->mu || f->flux) return;
-    place(f->mesh, &f->source, vtk->source);
+    locate(f->mesh, &f->source, vtk->source);
     dmk_output_text(vtk->out, "<FieldData>\n");
     dmk_vtk_array(vtk, DMK_VTK_FLOAT64, "source", 3, vtk->source, 1);
     dmk_vtk_array(vtk, DMK_VTK_INT64, "source_triangle", 1, &f->source.triangle, 1);

@@ -87,7 +87,7 @@ static int open_stream(const reader *r, stream *s)
     const dmk_vtk_values *v = r->values;
     const dmk_vtk_coding *c = r->coding;
     *s = (stream){.at = v->at, .end = v->end, .base64 = true};
-    if (v->place != DMK_VTK_APPENDED) return DMK_OK;
+    if (v->storage != DMK_VTK_APPENDED) return DMK_OK;
     if (!c->appended) return fail(r, "appended data is referenced but missing");
     s->base64 = c->appended_base64;
     s->end = r->file->data + r->file->size;
@@ -205,11 +205,11 @@ static int open_text(const reader *r, size_t n, dmk_text *t)
     return rc;
 }
 
-/* The array's numbers as a place to read them from: its text, or its bytes unpacked into *data. */
+/* The array's numbers as a position to read them from: its text, or its bytes unpacked into *data. */
 static int open_values(const reader *r, size_t n, dmk_values *in, char **data)
 {
     int rc;
-    *in = (dmk_values){.binary = r->values->place != DMK_VTK_TEXT, .swap = r->coding->swap};
+    *in = (dmk_values){.binary = r->values->storage != DMK_VTK_TEXT, .swap = r->coding->swap};
     if (!in->binary) return open_text(r, n, &in->text);
     DMK_TRY(read_bytes(r, n, data));
     in->text.at = *data;

@@ -14,12 +14,12 @@ typedef struct dmk_vtk_coding {
     const char *appended; /* in the file: behind the underscore; NULL if there is none */
 } dmk_vtk_coding;
 
-typedef enum dmk_vtk_place { DMK_VTK_TEXT, DMK_VTK_BASE64, DMK_VTK_APPENDED } dmk_vtk_place;
+typedef enum dmk_vtk_storage { DMK_VTK_TEXT, DMK_VTK_BASE64, DMK_VTK_APPENDED } dmk_vtk_storage;
 
 typedef struct dmk_vtk_values {
     bool there; /* false: no such array */
     dmk_type type;
-    dmk_vtk_place place;
+    dmk_vtk_storage storage;
     const char *at, *end; /* in the file: between the tags */
     uint64_t offset;      /* behind `appended` */
 } dmk_vtk_values;

@@ -195,7 +195,7 @@ static bool is_plain(const dmk_vtk_tags *tags)
         return false;
     for (int k = 0; k < 3; k++) {
         const dmk_vtk_values *a = &p->values[wanted[k]];
-        if (!a->there || a->place != DMK_VTK_APPENDED) return false;
+        if (!a->there || a->storage != DMK_VTK_APPENDED) return false;
     }
     return true;
 }

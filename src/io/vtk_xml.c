@@ -176,9 +176,9 @@ static void open_array(walk *w, const char **attribute)
         fail(w, "' has several components; expected one number for each", find(attribute, "Name"));
     }
     v->there = true;
-    v->place = is(format, "appended") ? DMK_VTK_APPENDED
-               : is(format, "binary") ? DMK_VTK_BASE64
-                                      : DMK_VTK_TEXT;
+    v->storage = is(format, "appended") ? DMK_VTK_APPENDED
+                 : is(format, "binary") ? DMK_VTK_BASE64
+                                        : DMK_VTK_TEXT;
     v->offset = (uint64_t)find_count(w, attribute, "offset");
     v->at = v->end = NULL;
     find_type(w, find(attribute, "type"), &v->type);

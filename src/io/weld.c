@@ -1,5 +1,5 @@
-/* Corners at exactly the same place become one vertex. By sorting, so that no file can make it slow,
- * as it can with a table of hashes: places of equal hash only cost a second sort. */
+/* Corners at exactly the same position become one vertex. By sorting, so that no file can make it slow,
+ * as it can with a table of hashes: positions of equal hash only cost a second sort. */
 #include "io/io.h"
 
 #include "base/sort.h"
@@ -7,14 +7,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-typedef struct place {
+typedef struct corner_key {
     double x[3];
     int32_t corner;
-} place;
+} corner_key;
 
-static int compare_places(const void *a, const void *b)
+static int compare_positions(const void *a, const void *b)
 {
-    const place *p = a, *q = b;
+    const corner_key *p = a, *q = b;
     int order = memcmp(p->x, q->x, sizeof p->x);
     return order ? order : (p->corner > q->corner) - (p->corner < q->corner);
 }
@@ -35,7 +35,7 @@ typedef struct weld {
     size_t n_keys;
     dmk_keyed *key; /* n_keys: hash and number of each corner that is to be sorted */
     int32_t
-        *first; /* for each corner one before it at the same place, or itself; then the vertex */
+        *first; /* for each corner one before it at the same position, or itself; then the vertex */
 } weld;
 
 enum { SEEN_BITS = 14 };
@@ -60,23 +60,23 @@ static void look_back(weld *w, int32_t n)
     }
 }
 
-static const double *place_of(const weld *w, size_t i)
+static const double *position_of(const weld *w, size_t i)
 {
     return w->xyz + 3 * (size_t)w->key[i].item;
 }
 
-/* Different places of one hash. */
+/* Different positions of one hash. */
 static int weld_mixed(dmk_context *ctx, const weld *w, size_t begin, size_t end)
 {
     int rc;
-    place *list = NULL;
+    corner_key *list = NULL;
     size_t n = end - begin, first = 0;
     DMK_TRY(DMK_NEW(ctx, list, n));
     for (size_t i = 0; i < n; i++) {
-        memcpy(list[i].x, place_of(w, begin + i), sizeof list[i].x);
+        memcpy(list[i].x, position_of(w, begin + i), sizeof list[i].x);
         list[i].corner = w->key[begin + i].item;
     }
-    qsort(list, n, sizeof *list, compare_places);
+    qsort(list, n, sizeof *list, compare_positions);
     for (size_t i = 0; i < n; i++) {
         if (memcmp(list[i].x, list[first].x, sizeof list[i].x) != 0) first = i;
         w->first[list[i].corner] = list[first].corner;
@@ -86,11 +86,11 @@ done:
     return rc;
 }
 
-/* Corners of one hash, in increasing order: nearly always those of one place. */
+/* Corners of one hash, in increasing order: nearly always those of one position. */
 static int weld_run(dmk_context *ctx, const weld *w, size_t begin, size_t end)
 {
     for (size_t i = begin; i < end; i++) {
-        if (memcmp(place_of(w, i), place_of(w, begin), 3 * sizeof(double)) != 0) {
+        if (memcmp(position_of(w, i), position_of(w, begin), 3 * sizeof(double)) != 0) {
             return weld_mixed(ctx, w, begin, end);
         }
         w->first[w->key[i].item] = w->key[begin].item;
@@ -98,7 +98,7 @@ static int weld_run(dmk_context *ctx, const weld *w, size_t begin, size_t end)
     return DMK_OK;
 }
 
-/* Vertices are numbered as they first appear, and take the first places of xyz. */
+/* Vertices are numbered as they first appear, and take the first rows of xyz. */
 static size_t number_vertices(const weld *w, size_t n_corners)
 {
     size_t n = 0;

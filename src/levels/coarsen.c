@@ -1,5 +1,5 @@
 /* The hierarchy of coarse graphs; see coarsen.h. Each step: samples and their cells (cells.c), the
- * adjacency of the cells with each cell's mean place, interpolation weights (prolong.c), tables of
+ * adjacency of the cells with each cell's mean position, interpolation weights (prolong.c), tables of
  * the Galerkin product (galerkin.c). */
 #include "levels/coarsen.h"
 
@@ -114,8 +114,8 @@ done:
     return rc;
 }
 
-static int cell_places(dmk_context *ctx, const dmk_cells *cells, const double *fine_xyz,
-                       double **xyz)
+static int cell_positions(dmk_context *ctx, const dmk_cells *cells, const double *fine_xyz,
+                          double **xyz)
 {
     int rc;
     DMK_TRY(DMK_NEW(ctx, *xyz, 3 * (size_t)cells->n));
@@ -142,7 +142,7 @@ static int make_weights(dmk_context *ctx, dmk_adjacency *fine, const double *xyz
     c->coarse.n = cells.n;
     DMK_TRY(cell_adjacency(ctx, fine, &cells, &coarse));
     adjacency_free(fine);
-    DMK_TRY(cell_places(ctx, &cells, xyz, &c->coarse.xyz));
+    DMK_TRY(cell_positions(ctx, &cells, xyz, &c->coarse.xyz));
     DMK_TRY(measure_adjacency(ctx, c->coarse.xyz, &coarse));
     DMK_TRY(dmk_prolong_create(ctx, &cells, &coarse, xyz, c));
     *fine = coarse;

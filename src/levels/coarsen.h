@@ -18,7 +18,7 @@ enum { DMK_HUB = DMK_SHORT_LIST };
 typedef struct dmk_graph {
     int32_t n, n_edges;
     int32_t *edge; /* 2*n_edges: end vertices, the smaller first; sorted lexicographically */
-    double *xyz;   /* 3*n: the mean place of the fine vertices in each cell */
+    double *xyz;   /* 3*n: the mean position of the fine vertices in each cell */
 } dmk_graph;
 
 /* From one level, the fine one, to the next coarser. */
@@ -82,7 +82,7 @@ typedef struct dmk_adjacency {
     int32_t
         *to; /* row[n]: neighbours, in increasing order below the mesh until there are cells; then
                       those of hubs are in the order of their distance */
-    float *length; /* row[n]: distance of the two places in space */
+    float *length; /* row[n]: distance of the two positions in space */
 } dmk_adjacency;
 
 /* A partition of the vertices of one level into cells, one for each coarse vertex. */

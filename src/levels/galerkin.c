@@ -20,7 +20,7 @@ enum { MOST = 6 }; /* nonzero entries of a d */
 typedef struct difference {
     int32_t n_edges;
     int32_t first, end; /* the coarse vertices whose edges are wanted */
-    int32_t *row;       /* n_edges: first place of the edge's entries */
+    int32_t *row;       /* n_edges: first slot of the edge's entries */
     uint8_t *length;    /* n_edges: their number */
     int32_t *
         coarse; /* MOST * n_edges, of which few are used: coarse vertices, increasing for an edge */
@@ -81,7 +81,7 @@ static bool has_wanted(const difference *d, int n, const int32_t *coarse)
     return false;
 }
 
-/* A range's edges lie one after another from the place of its first one on: pages behind the last one
+/* A range's edges lie one after another from the slot of its first one on: pages behind the last one
  * are never touched. */
 static void difference_range(int32_t begin, int32_t end, void *data)
 {
@@ -118,7 +118,7 @@ done:
 /* By coarse vertex a, the fine edges in whose d it occurs and is not the largest. */
 typedef struct bucket {
     int32_t *row;   /* n_coarse + 1 */
-    uint32_t *edge; /* row[n_coarse], increasing for each a: edge * 8 + place of a among its d */
+    uint32_t *edge; /* row[n_coarse], increasing for each a: edge * 8 + slot of a among its d */
     int32_t *entry; /* n_coarse + 1: table entries before those of the coarse edges (a, b > a) */
 } bucket;
 
@@ -176,7 +176,7 @@ typedef struct emitter {
     dmk_coarsening *c;
     const difference *d;
     const bucket *by_end;
-    int32_t *first; /* n_coarse: place in the next two of the edges of a */
+    int32_t *first; /* n_coarse: slot in the next two of the edges of a */
     int32_t *count; /* n_coarse: number of edges (a, b > a) */
     int32_t *other; /* room for as many as table entries: b, increasing */
     int32_t *begin; /* as many: the edge's first table entry */
@@ -185,18 +185,18 @@ typedef struct emitter {
 /* Working space of one thread. */
 typedef struct scratch {
     int32_t *stamp; /* n_coarse: 1 + the vertex that met this one last, 0 = none */
-    int32_t *fill;  /* n_coarse: number, then next free place, of the entries of that edge */
+    int32_t *fill;  /* n_coarse: number, then next free slot, of the entries of that edge */
 } scratch;
 
-/* The edges of a to place `at`, and their table rows; returns their number. */
+/* The edges of a to slot `at`, and their table rows; returns their number. */
 static int32_t emit_edges(const emitter *m, int32_t a, int32_t at, scratch *s)
 {
     const difference *d = m->d;
     int32_t *other = m->other + at, n = 0, entry = m->by_end->entry[a];
     int32_t from = m->by_end->row[a], to = m->by_end->row[a + 1];
     for (int32_t i = from; i < to; i++) {
-        uint32_t e = m->by_end->edge[i] / 8, place = m->by_end->edge[i] % 8;
-        for (int32_t p = d->row[e] + (int32_t)place + 1; p < d->row[e] + d->length[e]; p++) {
+        uint32_t e = m->by_end->edge[i] / 8, slot = m->by_end->edge[i] % 8;
+        for (int32_t p = d->row[e] + (int32_t)slot + 1; p < d->row[e] + d->length[e]; p++) {
             int32_t b = d->coarse[p];
             if (s->stamp[b] != a + 1) {
                 s->stamp[b] = a + 1;
@@ -213,8 +213,8 @@ static int32_t emit_edges(const emitter *m, int32_t a, int32_t at, scratch *s)
         entry += entries;
     }
     for (int32_t i = from; i < to; i++) {
-        uint32_t e = m->by_end->edge[i] / 8, place = m->by_end->edge[i] % 8;
-        int32_t p = d->row[e] + (int32_t)place;
+        uint32_t e = m->by_end->edge[i] / 8, slot = m->by_end->edge[i] % 8;
+        int32_t p = d->row[e] + (int32_t)slot;
         float da = d->value[p];
         for (p++; p < d->row[e] + d->length[e]; p++) {
             int32_t to_entry = s->fill[d->coarse[p]]++;

@@ -14,12 +14,12 @@
  * quarter and costs no CG iteration; 0.1 shortens them by half and costs one now and then. */
 #define SMALLEST 0.05f
 
-/* The surroundings of one cell c, all relative to the place of c. Arrays grow as needed. */
+/* The surroundings of one cell c, all relative to the position of c. Arrays grow as needed. */
 typedef struct star {
     int32_t n_spokes, n_triangles;
     size_t spoke_room, triangle_room;
     int32_t *cell;     /* n_spokes: adjacent cells */
-    double (*q)[3];    /* n_spokes: their places minus that of c */
+    double (*q)[3];    /* n_spokes: their positions minus that of c */
     double *qq;        /* n_spokes: q.q */
     double *qp;        /* n_spokes: q.p of the fine vertex p at hand */
     int32_t (*tri)[2]; /* n_triangles: spokes i < k such that c, i, k are mutually adjacent */

@@ -1,4 +1,4 @@
-/* Points on the surface: the nearest one, a vertex's, and their places in space. */
+/* Points on the surface: the nearest one, a vertex's, and their positions in space. */
 #include "mesh/mesh.h"
 
 #include "base/vec3.h"

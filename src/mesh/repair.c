@@ -42,25 +42,25 @@ static bool is_finite(const double *x)
 
 /* ---- equal vertices ------------------------------------------------------------------------- */
 
-typedef struct placed {
+typedef struct positioned {
     double x[3];
     int32_t vertex;
-} placed;
+} positioned;
 
-static int by_place(const void *left, const void *right)
+static int by_position(const void *left, const void *right)
 {
-    const placed *a = left, *b = right;
+    const positioned *a = left, *b = right;
     for (int k = 0; k < 3; k++) {
         if (a->x[k] != b->x[k]) return a->x[k] < b->x[k] ? -1 : 1;
     }
     return (a->vertex > b->vertex) - (a->vertex < b->vertex);
 }
 
-/* Name every vertex by the first one at its place: first[v] <= v. Vertices in no triangle stay out of it. */
+/* Name every vertex by the first one at its position: first[v] <= v. Vertices in no triangle stay out of it. */
 static int merge_vertices(soup *s, int32_t *first)
 {
     int rc;
-    placed *list = NULL;
+    positioned *list = NULL;
     bool *used = NULL;
     int32_t n = 0;
     DMK_TRY(DMK_NEW(s->ctx, used, (size_t)s->n_vertices));
@@ -72,7 +72,7 @@ static int merge_vertices(soup *s, int32_t *first)
         for (int k = 0; k < 3; k++) list[n].x[k] = point(s, v)[k] + 0.0; /* -0 is 0 */
         list[n++].vertex = v;
     }
-    qsort(list, (size_t)n, sizeof *list, by_place);
+    qsort(list, (size_t)n, sizeof *list, by_position);
     for (int32_t i = 1; i < n; i++) {
         if (memcmp(list[i].x, list[i - 1].x, sizeof list[i].x) != 0) continue;
         first[list[i].vertex] = first[list[i - 1].vertex];
@@ -385,7 +385,7 @@ static void link_corners(const soup *s, int32_t *set)
 }
 
 /* Numbers for the vertices that stay, as many as returned: not those that first[] merged away, nor unused
- * ones without a place. */
+ * ones without a position. */
 static int32_t keep_vertices(soup *s, const int32_t *first)
 {
     int32_t n = 0, *old = s->count->vertex_old, *new = s->count->vertex_new;

@@ -109,7 +109,7 @@ done:
     return rc;
 }
 
-/* Local places: T's elements, edges and vertices by parts, those of the levels below one after
+/* Local slots: T's elements, edges and vertices by parts, those of the levels below one after
  * another. */
 static int create_spaces(dmk_context *ctx, dmk_share *s, const marks *k)
 {
@@ -151,7 +151,7 @@ done:
 
 /* ---- the mesh that is packed ----------------------------------------------------------------- */
 
-/* The places of a space that are gaps, in turn. */
+/* The slots of a space that are gaps, in turn. */
 static int32_t next_gap(const dmk_space *s, int32_t before)
 {
     for (int32_t i = before + 1;; i = i + 1 < s->n ? i + 1 : 0) {

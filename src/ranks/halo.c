@@ -22,8 +22,8 @@ static int32_t first_of(const dmk_need *need, int i)
     return sum;
 }
 
-/* Numbers and places of what rank r owns and this one needs, from `to` on (or NULL: count). */
-static int32_t list_needs(int n, const dmk_need *need, int r, int32_t *number, int32_t *place)
+/* Numbers and slots of what rank r owns and this one needs, from `to` on (or NULL: count). */
+static int32_t list_needs(int n, const dmk_need *need, int r, int32_t *number, int32_t *slot)
 {
     int32_t count = 0;
     for (int i = 0; i < n; i++) {
@@ -33,7 +33,7 @@ static int32_t list_needs(int n, const dmk_need *need, int r, int32_t *number, i
             if (!need[i].mark[g]) continue;
             if (number) {
                 number[count] = first_of(need, i) + g;
-                place[count] = need[i].offset + s->at[g];
+                slot[count] = need[i].offset + s->at[g];
             }
             count++;
         }
@@ -100,14 +100,14 @@ done:
     return rc;
 }
 
-/* Numbers that others asked for to places. */
-static void find_places(int n, const dmk_need *need, int32_t count, const int32_t *number,
-                        int32_t *place)
+/* Numbers that others asked for to slots. */
+static void find_slots(int n, const dmk_need *need, int32_t count, const int32_t *number,
+                       int32_t *slot)
 {
     for (int32_t k = 0; k < count; k++) {
         int i = n - 1;
         while (number[k] < first_of(need, i)) i--;
-        place[k] = need[i].offset + need[i].space->at[number[k] - first_of(need, i)];
+        slot[k] = need[i].offset + need[i].space->at[number[k] - first_of(need, i)];
     }
 }
 
@@ -133,25 +133,25 @@ done:
 int dmk_halo_create(dmk_context *ctx, dmk_share *share, int n, const dmk_need *need, dmk_halo *halo)
 {
     int rc;
-    int32_t *number = NULL, *place = NULL, *asked = NULL, at = 0;
+    int32_t *number = NULL, *slot = NULL, *asked = NULL, at = 0;
     DMK_TRY(count_all(ctx, share, n, need, halo));
     DMK_TRY(DMK_NEW(ctx, number, (size_t)halo->n_receive));
-    DMK_TRY(DMK_NEW(ctx, place, (size_t)dmk_max_i(halo->n_receive, halo->n_send)));
+    DMK_TRY(DMK_NEW(ctx, slot, (size_t)dmk_max_i(halo->n_receive, halo->n_send)));
     DMK_TRY(DMK_NEW(ctx, asked, (size_t)halo->n_send));
     for (int r = 0; r < share->ranks.size; r++) {
-        if (r != share->ranks.rank) at += list_needs(n, need, r, number + at, place + at);
+        if (r != share->ranks.rank) at += list_needs(n, need, r, number + at, slot + at);
     }
     DMK_TRY(exchange(share->ranks.exchange, ctx, share, halo->receive_count, halo->send_count,
                      sizeof *number, number, asked));
-    DMK_TRY(dmk_buffer_create(ctx, share->device, (size_t)halo->n_receive * sizeof *place, place,
+    DMK_TRY(dmk_buffer_create(ctx, share->device, (size_t)halo->n_receive * sizeof *slot, slot,
                               &halo->receive));
-    find_places(n, need, halo->n_send, asked, place);
-    DMK_TRY(dmk_buffer_create(ctx, share->device, (size_t)halo->n_send * sizeof *place, place,
+    find_slots(n, need, halo->n_send, asked, slot);
+    DMK_TRY(dmk_buffer_create(ctx, share->device, (size_t)halo->n_send * sizeof *slot, slot,
                               &halo->send));
     DMK_TRY(make_room(ctx, share, halo));
 done:
     free(number);
-    free(place);
+    free(slot);
     free(asked);
     return rc;
 }
@@ -160,12 +160,12 @@ int dmk_halo_keep(dmk_context *ctx, const dmk_share *share, dmk_halo *halo)
 {
     int rc;
     const size_t n[2] = {(size_t)halo->n_send, (size_t)halo->n_receive};
-    DMK_TRY(DMK_NEW(ctx, halo->send_place, n[0]));
-    DMK_TRY(DMK_NEW(ctx, halo->receive_place, n[1]));
-    DMK_TRY(dmk_buffer_read(ctx, share->device, halo->send, 0, n[0] * sizeof *halo->send_place,
-                            halo->send_place));
-    DMK_TRY(dmk_buffer_read(ctx, share->device, halo->receive, 0,
-                            n[1] * sizeof *halo->receive_place, halo->receive_place));
+    DMK_TRY(DMK_NEW(ctx, halo->send_slot, n[0]));
+    DMK_TRY(DMK_NEW(ctx, halo->receive_slot, n[1]));
+    DMK_TRY(dmk_buffer_read(ctx, share->device, halo->send, 0, n[0] * sizeof *halo->send_slot,
+                            halo->send_slot));
+    DMK_TRY(dmk_buffer_read(ctx, share->device, halo->receive, 0, n[1] * sizeof *halo->receive_slot,
+                            halo->receive_slot));
 done:
     return rc;
 }
@@ -174,8 +174,8 @@ void dmk_halo_free(dmk_halo *halo)
 {
     free(halo->send_count);
     free(halo->receive_count);
-    free(halo->send_place);
-    free(halo->receive_place);
+    free(halo->send_slot);
+    free(halo->receive_slot);
     dmk_buffer_destroy(&halo->send);
     dmk_buffer_destroy(&halo->receive);
     memset(halo, 0, sizeof *halo);
@@ -236,12 +236,12 @@ static void sort(const shipment *s, bool out, size_t item, const char *from, cha
         const int32_t *n = out ? s->halo[i]->send_count : s->halo[i]->receive_count;
         size_t message = 0;
         for (int r = 0; r < s->share->ranks.size; r++) {
-            size_t place = message;
+            size_t slot = message;
             for (int k = 0; k < i; k++)
-                place +=
+                slot +=
                     item * (size_t)(out ? s->halo[k]->send_count : s->halo[k]->receive_count)[r];
             const size_t bytes = item * (size_t)n[r];
-            memcpy(to + (out ? place : before), from + (out ? before : place), bytes);
+            memcpy(to + (out ? slot : before), from + (out ? before : slot), bytes);
             before += bytes;
             message += item * (size_t)count(s, out, r);
         }
@@ -323,7 +323,7 @@ done:
     return rc;
 }
 
-/* Until they are there, and at their places. */
+/* Until they are there, and at their slots. */
 static int end(dmk_context *ctx, const shipment *s, bool went_ahead)
 {
     int rc = DMK_OK;
@@ -373,10 +373,10 @@ int dmk_share_ghosts(dmk_context *ctx, dmk_share *share, double *x)
     const dmk_halo *halo = &share->rows;
     double *send = (double *)(void *)share->host,
            *receive = send + share->staging_bytes / sizeof *send;
-    for (int32_t i = 0; i < halo->n_send; i++) send[i] = x[halo->send_place[i]];
+    for (int32_t i = 0; i < halo->n_send; i++) send[i] = x[halo->send_slot[i]];
     DMK_TRY(exchange(share->ranks.exchange, ctx, share, halo->send_count, halo->receive_count,
                      sizeof *x, send, receive));
-    for (int32_t i = 0; i < halo->n_receive; i++) x[halo->receive_place[i]] = receive[i];
+    for (int32_t i = 0; i < halo->n_receive; i++) x[halo->receive_slot[i]] = receive[i];
     count_traffic(&(shipment){share, DMK_OUTER, 1, {halo}, {NULL}}, sizeof *x);
 done:
     return rc;

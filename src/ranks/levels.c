@@ -219,7 +219,7 @@ done:
 }
 
 /* A table of compressed rows: those of own items, `row` from the first one on; or with their entries' local
- * places, of all local items. */
+ * slots, of all local items. */
 typedef struct table {
     int32_t *row, *entry;
     float *value;

@@ -20,11 +20,11 @@
 typedef struct dmk_space {
     int32_t n_whole;    /* of all ranks */
     int32_t first, end; /* the own ones */
-    int32_t n;          /* local places, gaps among them */
-    int32_t at_first;   /* place of `first` */
-    int32_t after;      /* place of the first ghost from `end` on */
-    int32_t *whole;     /* n: whole number at a place, or -1 for a gap */
-    int32_t *at;        /* n_whole: place, or -1; while shares are made */
+    int32_t n;          /* local slots, gaps among them */
+    int32_t at_first;   /* slot of `first` */
+    int32_t after;      /* slot of the first ghost from `end` on */
+    int32_t *whole;     /* n: whole number at a slot, or -1 for a gap */
+    int32_t *at;        /* n_whole: slot, or -1; while shares are made */
     int32_t *bound;     /* ranks + 1: rank r owns bound[r] .. bound[r + 1] - 1 */
 } dmk_space;
 
@@ -32,8 +32,8 @@ typedef struct dmk_space {
 typedef struct dmk_halo {
     int32_t n_send, n_receive;
     int32_t *send_count, *receive_count; /* by rank */
-    dmk_buffer *send, *receive;          /* places on the device, by rank */
-    int32_t *send_place, *receive_place; /* of the rows: the same on the host; else NULL */
+    dmk_buffer *send, *receive;          /* slots on the device, by rank */
+    int32_t *send_slot, *receive_slot;   /* of the rows: the same on the host; else NULL */
 } dmk_halo;
 
 /* The parts of a launch that reads ghosts: those that need them, and those that do not, which go ahead while the
@@ -164,19 +164,19 @@ int dmk_ranks_spread_from(dmk_context *context, const dmk_ranks *ranks, int from
 
 /* DMK_OK, or the failure of a call of share->ranks that gave `status`. */
 int dmk_share_check(dmk_context *context, const dmk_share *share, int status);
-/* space.c: local places for the marked items and the own ones. part > 1: see above. `spare`: gaps
+/* space.c: local slots for the marked items and the own ones. part > 1: see above. `spare`: gaps
  * at the end. */
 int dmk_space_create(dmk_context *context, const uint8_t *mark, int32_t part, int32_t spare,
                      dmk_space *space);
 void dmk_space_free(dmk_space *space);
-/* The local place of a whole number, or -1. */
-int32_t dmk_space_place(const dmk_space *space, int32_t whole);
+/* The local slot of a whole number, or -1. */
+int32_t dmk_space_slot(const dmk_space *space, int32_t whole);
 static inline bool dmk_space_owns(const dmk_space *s, int32_t whole)
 {
     return whole >= s->first && whole < s->end;
 }
 
-/* What a halo brings: the marked items of a space that others own, to places from `offset` on. */
+/* What a halo brings: the marked items of a space that others own, to slots from `offset` on. */
 typedef struct dmk_need {
     const dmk_space *space;
     const uint8_t *mark;
@@ -184,7 +184,7 @@ typedef struct dmk_need {
 } dmk_need;
 int dmk_halo_create(dmk_context *context, dmk_share *share, int n, const dmk_need *need,
                     dmk_halo *halo);
-/* Its places on the host, too. */
+/* Its slots on the host, too. */
 int dmk_halo_keep(dmk_context *context, const dmk_share *share, dmk_halo *halo);
 void dmk_halo_free(dmk_halo *halo);
 

@@ -4,10 +4,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* The next place that begins a part. */
-static int32_t align(int32_t place, int32_t part)
+/* The next slot that begins a part. */
+static int32_t align(int32_t slot, int32_t part)
 {
-    return (place + part - 1) / part * part;
+    return (slot + part - 1) / part * part;
 }
 
 static int32_t count_marks(const uint8_t *mark, int32_t begin, int32_t end)
@@ -17,15 +17,15 @@ static int32_t count_marks(const uint8_t *mark, int32_t begin, int32_t end)
     return n;
 }
 
-/* Places from `place` on for the items begin .. end - 1, all of them or the marked ones. */
-static int32_t put(dmk_space *s, const uint8_t *mark, int32_t begin, int32_t end, int32_t place)
+/* Slots from `slot` on for the items begin .. end - 1, all of them or the marked ones. */
+static int32_t put(dmk_space *s, const uint8_t *mark, int32_t begin, int32_t end, int32_t slot)
 {
     for (int32_t i = begin; i < end; i++) {
         if (mark && !mark[i]) continue;
-        s->whole[place] = i;
-        s->at[i] = place++;
+        s->whole[slot] = i;
+        s->at[i] = slot++;
     }
-    return place;
+    return slot;
 }
 
 int dmk_space_create(dmk_context *ctx, const uint8_t *mark, int32_t part, int32_t spare,
@@ -61,7 +61,7 @@ static int32_t search(const dmk_space *s, int32_t begin, int32_t end, int32_t wh
     return -1;
 }
 
-int32_t dmk_space_place(const dmk_space *s, int32_t whole)
+int32_t dmk_space_slot(const dmk_space *s, int32_t whole)
 {
     if (dmk_space_owns(s, whole)) return s->at_first + whole - s->first;
     if (whole < s->first) return search(s, 0, s->at_first, whole);

@@ -4,10 +4,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Whether a local place holds an item of another rank. */
-static bool is_ghost(const dmk_space *s, int32_t place)
+/* Whether a local slot holds an item of another rank. */
+static bool is_ghost(const dmk_space *s, int32_t slot)
 {
-    return s->whole[place] >= 0 && !dmk_space_owns(s, s->whole[place]);
+    return s->whole[slot] >= 0 && !dmk_space_owns(s, s->whole[slot]);
 }
 
 static int upload(dmk_context *ctx, const dmk_share *share, size_t n, const int32_t *list,

@@ -48,7 +48,7 @@ size_t dmk_share_most_parts(const dmk_share *s)
     return (size_t)dmk_max_i(rows, elements);
 }
 
-/* Own parts of the local sums, or everybody's to their places in the whole: `mine` and `all` hold
+/* Own parts of the local sums, or everybody's to their slots in the whole: `mine` and `all` hold
  * rank by rank, quantity by quantity, run by run. */
 typedef struct exchange {
     const run *list;
@@ -66,18 +66,18 @@ static size_t copy_rank(const dmk_share *s, const exchange *e, int r, bool out, 
             const run *one = &e->list[i];
             int32_t first = out ? one->local : one->whole + one->space->bound[r] / s->part;
             size_t bytes = e->item * (size_t)parts_of(s, one->space, r);
-            char *place = e->table + e->item * ((size_t)k * (size_t)e->stride + (size_t)first);
+            char *slot = e->table + e->item * ((size_t)k * (size_t)e->stride + (size_t)first);
             if (out)
-                memcpy(at, place, bytes);
+                memcpy(at, slot, bytes);
             else
-                memcpy(place, at, bytes);
+                memcpy(slot, at, bytes);
             at += bytes;
         }
     }
     return (size_t)(at - packed);
 }
 
-/* The sums of all ranks at their places in `to`. */
+/* The sums of all ranks at their slots in `to`. */
 static int gather_parts(dmk_context *ctx, dmk_share *s, const exchange *from, const exchange *to)
 {
     int rc;

@@ -128,12 +128,12 @@ static dmk_range padded_elements(const dmk_system *s)
 }
 
 /* Sums that a kernel leaves, over the rows or the elements: where to, or nowhere yet (-1). */
-static int32_t place_of_sums(const dmk_system *s, int at)
+static int32_t slot_of_sums(const dmk_system *s, int at)
 {
     return s->share ? -1 : at;
 }
 #define SUMS(at, to)                                                                               \
-    DMK_BUF(s->partial), DMK_INT(place_of_sums(s, at)), DMK_BUF(to), DMK_BUF(s->done)
+    DMK_BUF(s->partial), DMK_INT(slot_of_sums(s, at)), DMK_BUF(to), DMK_BUF(s->done)
 
 /* With a share: the partial sums of all ranks; *parts: their number. */
 static int all_parts(dmk_context *ctx, dmk_system *s, bool rows, int count, int32_t *parts)

@@ -138,7 +138,7 @@ int dmk_band_map(dmk_context *context, dmk_system *s, const dmk_bands *bands, co
 /* The repair of a potential under way. */
 typedef struct dmk_repair_work {
     dmk_buffer *u, *before; /* rows, real; before: without the momentum */
-    dmk_buffer *mark;       /* per element: its places in out_real are not 0 */
+    dmk_buffer *mark;       /* per element: its slots in out_real are not 0 */
     dmk_buffer *ring,
         *moved; /* per row: ring around the hot ones; stamp of the last that moved it */
     dmk_buffer *elements, *rows; /* the lists */

@@ -22,9 +22,9 @@ static void fill_range(int32_t begin, int32_t end, void *data)
         int32_t first = s->slice[i / DMK_WIDTH], columns = s->slice[i / DMK_WIDTH + 1] - first;
         int32_t at = i < job->n ? job->row[i] : 0, length = i < job->n ? job->row[i + 1] - at : 0;
         for (int32_t j = 0; j < columns; j++) {
-            size_t place = (size_t)(first + j) * DMK_WIDTH + (size_t)(i % DMK_WIDTH);
-            s->entry[place] = j < length ? job->entry[at + j] : job->filler < 0 ? i : job->filler;
-            if (job->weight && j < length) s->weight[place] = job->weight[at + j];
+            size_t slot = (size_t)(first + j) * DMK_WIDTH + (size_t)(i % DMK_WIDTH);
+            s->entry[slot] = j < length ? job->entry[at + j] : job->filler < 0 ? i : job->filler;
+            if (job->weight && j < length) s->weight[slot] = job->weight[at + j];
         }
     }
 }
@@ -43,9 +43,9 @@ int dmk_sell_create(dmk_context *ctx, int32_t n, const int32_t *row, const int32
         }
         s->slice[k + 1] = s->slice[k] + longest;
     }
-    size_t places = (size_t)s->slice[s->n_slices] * DMK_WIDTH;
-    DMK_TRY(DMK_NEW(ctx, s->entry, places));
-    if (weight) DMK_TRY(DMK_NEW(ctx, s->weight, places));
+    size_t n_slots = (size_t)s->slice[s->n_slices] * DMK_WIDTH;
+    DMK_TRY(DMK_NEW(ctx, s->entry, n_slots));
+    if (weight) DMK_TRY(DMK_NEW(ctx, s->weight, n_slots));
     fill_job job = {n, filler, row, entry, weight, s};
     dmk_parallel(ctx, s->n_slices, fill_range, &job);
 done:

@@ -52,7 +52,7 @@ static double outflow(const sweep *s, int32_t t, int k)
     return g2 > 0 ? flow * sqrt(mesh->area[t] / g2) : 0;
 }
 
-static int edge_place(const dmk_mesh *mesh, int32_t t, int32_t e)
+static int edge_side(const dmk_mesh *mesh, int32_t t, int32_t e)
 {
     const int32_t *edge = mesh->triangle_edge + 3 * (size_t)t;
     return edge[0] == e ? 0 : edge[1] == e ? 1 : 2;
@@ -67,8 +67,8 @@ static void width_range(int32_t begin, int32_t end, void *data)
             s->width[e] = 0;
             continue;
         }
-        double w = 0.5 * (outflow(s, a, edge_place(s->mesh, a, e)) -
-                          outflow(s, b, edge_place(s->mesh, b, e)));
+        double w = 0.5 * (outflow(s, a, edge_side(s->mesh, a, e)) -
+                          outflow(s, b, edge_side(s->mesh, b, e)));
         if (s->sink[a]) w = -fmax(-w, 1e-3 * s->mesh->length[e]);
         if (s->sink[b]) w = fmax(w, 1e-3 * s->mesh->length[e]);
         s->width[e] = w;

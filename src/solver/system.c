@@ -52,9 +52,9 @@ static void element_range(int32_t begin, int32_t end, void *data)
     const dmk_system *s = job->p->sys;
     for (int32_t t = begin; t < end; t++) {
         for (int k = 0; k < 3; k++) {
-            job->index[dmk_place(t, k, 6)] = s->vertex_row + m->triangle[3 * t + k];
-            job->index[dmk_place(t, 3 + k, 6)] = m->triangle_edge[3 * t + k];
-            job->cot[dmk_place(t, k, 3)] = dmk_cot(m, 3 * t + k);
+            job->index[dmk_slot(t, k, 6)] = s->vertex_row + m->triangle[3 * t + k];
+            job->index[dmk_slot(t, 3 + k, 6)] = m->triangle_edge[3 * t + k];
+            job->cot[dmk_slot(t, k, 3)] = dmk_cot(m, 3 * t + k);
         }
         job->area[t] = m->area[t] / (s->unit * s->unit);
     }
@@ -71,7 +71,7 @@ static int pack_elements(const packer *p)
     DMK_TRY(DMK_NEW(p->ctx, job.cot, 3 * n));
     DMK_TRY(DMK_NEW(p->ctx, job.area, n));
     for (int32_t t = s->n_elements; t < s->n_elements_pad; t++) {
-        for (int k = 0; k < 3; k++) job.index[dmk_place(t, k, 6)] = s->vertex_row;
+        for (int k = 0; k < 3; k++) job.index[dmk_slot(t, k, 6)] = s->vertex_row;
         job.area[t] = 1;
     }
     dmk_parallel(p->ctx, s->n_elements, element_range, &job);
@@ -104,10 +104,10 @@ static int upload_slices(const packer *p, const dmk_sell *s, dmk_buffer **slice,
                          dmk_buffer **weight)
 {
     int rc;
-    size_t places = (size_t)s->slice[s->n_slices] * DMK_WIDTH;
+    size_t n_slots = (size_t)s->slice[s->n_slices] * DMK_WIDTH;
     DMK_TRY(upload(p, (size_t)s->n_slices + 1, sizeof *s->slice, s->slice, slice));
-    DMK_TRY(upload(p, places, sizeof *s->entry, s->entry, entry));
-    if (weight) DMK_TRY(upload(p, places, sizeof *s->weight, s->weight, weight));
+    DMK_TRY(upload(p, n_slots, sizeof *s->entry, s->entry, entry));
+    if (weight) DMK_TRY(upload(p, n_slots, sizeof *s->weight, s->weight, weight));
 done:
     return rc;
 }
@@ -139,16 +139,16 @@ done:
 }
 
 /* Places among the elements' numbers, 6 or 3 for each, of what belongs to an edge or a corner. */
-typedef struct place_job {
+typedef struct slot_job {
     const dmk_mesh *mesh;
     const dmk_sell *corners;
     int32_t *edge;   /* 2 for each edge: its sides k in its triangles; a border edge has one */
-    int32_t *corner; /* for each place of `corners` */
-} place_job;
+    int32_t *corner; /* for each slot of `corners` */
+} slot_job;
 
-static void edge_place_range(int32_t begin, int32_t end, void *data)
+static void edge_slot_range(int32_t begin, int32_t end, void *data)
 {
-    const place_job *job = data;
+    const slot_job *job = data;
     const dmk_mesh *m = job->mesh;
     for (int32_t e = begin; e < end; e++) {
         for (int side = 0; side < 2; side++) {
@@ -156,27 +156,27 @@ static void edge_place_range(int32_t begin, int32_t end, void *data)
             if (t < 0) continue;
             const int32_t *edge = m->triangle_edge + 3 * t;
             int k = edge[0] == e ? 0 : edge[1] == e ? 1 : 2;
-            job->edge[dmk_place(e, side, 2)] = (int32_t)dmk_place(t, 3 + k, 6);
+            job->edge[dmk_slot(e, side, 2)] = (int32_t)dmk_slot(t, 3 + k, 6);
         }
     }
 }
 
-static void corner_place_range(int32_t begin, int32_t end, void *data)
+static void corner_slot_range(int32_t begin, int32_t end, void *data)
 {
-    const place_job *job = data;
+    const slot_job *job = data;
     for (int32_t s = begin; s < end; s++) {
         int32_t first = DMK_WIDTH * job->corners->slice[s],
                 last = DMK_WIDTH * job->corners->slice[s + 1];
         for (int32_t i = first; i < last; i++) {
             int32_t t = job->corners->entry[i] / 4, k = job->corners->entry[i] % 4;
-            job->corner[i] = (int32_t)dmk_place(t, k, 6);
+            job->corner[i] = (int32_t)dmk_slot(t, k, 6);
         }
     }
 }
 
 /* Rows of T/2, midpoints in two columns, then vertices: where the elements leave what each row sums up.
- * Edges and vertices of T find theirs among 3 numbers per element by these places, see density.cl. */
-static int pack_places(const packer *p)
+ * Edges and vertices of T find theirs among 3 numbers per element by these slots, see density.cl. */
+static int pack_slots(const packer *p)
 {
     int rc;
     dmk_system *s = p->sys;
@@ -186,19 +186,19 @@ static int pack_places(const packer *p)
     size_t edges = 2 * (size_t)s->vertex_row;
     DMK_TRY(corners_create(p, &corners));
     size_t n_slices = (size_t)(edge_slices + corners.n_slices);
-    size_t places = DMK_WIDTH * (size_t)corners.slice[corners.n_slices];
+    size_t n_slots = DMK_WIDTH * (size_t)corners.slice[corners.n_slices];
     DMK_TRY(DMK_NEW(p->ctx, slice, n_slices + 1));
-    DMK_TRY(DMK_NEW(p->ctx, slot, edges + places));
+    DMK_TRY(DMK_NEW(p->ctx, slot, edges + n_slots));
     for (int32_t k = 0; k < edge_slices; k++) slice[k] = 2 * k;
     for (int32_t k = 0; k <= corners.n_slices; k++) {
         slice[edge_slices + k] = 2 * edge_slices + corners.slice[k];
     }
-    for (size_t i = 0; i < edges; i++) slot[i] = (int32_t)dmk_place(s->n_elements_pad - 1, 3, 6);
-    place_job job = {p->mesh, &corners, slot, slot + edges};
-    dmk_parallel(p->ctx, s->n_edges, edge_place_range, &job);
-    dmk_parallel(p->ctx, corners.n_slices, corner_place_range, &job);
+    for (size_t i = 0; i < edges; i++) slot[i] = (int32_t)dmk_slot(s->n_elements_pad - 1, 3, 6);
+    slot_job job = {p->mesh, &corners, slot, slot + edges};
+    dmk_parallel(p->ctx, s->n_edges, edge_slot_range, &job);
+    dmk_parallel(p->ctx, corners.n_slices, corner_slot_range, &job);
     DMK_TRY(upload(p, n_slices + 1, sizeof *slice, slice, &s->slice));
-    DMK_TRY(upload(p, edges + places, sizeof *slot, slot, &s->slot));
+    DMK_TRY(upload(p, edges + n_slots, sizeof *slot, slot, &s->slot));
 done:
     dmk_sell_free(&corners);
     free(slice);
@@ -216,10 +216,10 @@ static int pack_ends(const packer *p)
     DMK_TRY(DMK_NEW(p->ctx, ends, 2 * (size_t)s->n_rows_pad));
     for (int32_t i = 0; i < 2 * s->n_rows_pad; i++) ends[i] = m->n_vertices; /* stays 0 on T */
     for (int32_t e = 0; e < m->n_edges; e++) {
-        for (int k = 0; k < 2; k++) ends[dmk_place(e, k, 2)] = m->edge_vertex[2 * e + k];
+        for (int k = 0; k < 2; k++) ends[dmk_slot(e, k, 2)] = m->edge_vertex[2 * e + k];
     }
     for (int32_t v = 0; v < m->n_vertices; v++) {
-        for (int k = 0; k < 2; k++) ends[dmk_place(s->vertex_row + v, k, 2)] = v;
+        for (int k = 0; k < 2; k++) ends[dmk_slot(s->vertex_row + v, k, 2)] = v;
     }
     DMK_TRY(upload(p, 2 * (size_t)s->n_rows_pad, sizeof *ends, ends, &s->ends));
 done:
@@ -253,9 +253,9 @@ static int pack_graph(const packer *p, int32_t n, int32_t n_edges, const int32_t
     }
     DMK_TRY(pack_rows(p, n, row, neighbour, NULL, -1, &l->slice, &l->neighbour, NULL));
     DMK_TRY(dmk_sell_create(p->ctx, n, row, number, NULL, n_edges, &s));
-    size_t places = (size_t)s.slice[s.n_slices] * DMK_WIDTH;
-    DMK_TRY(upload(p, places, sizeof *s.entry, s.entry, &l->number));
-    DMK_TRY(work(p, DMK_INNER, places, &l->weight));
+    size_t n_slots = (size_t)s.slice[s.n_slices] * DMK_WIDTH;
+    DMK_TRY(upload(p, n_slots, sizeof *s.entry, s.entry, &l->number));
+    DMK_TRY(work(p, DMK_INNER, n_slots, &l->weight));
     DMK_TRY(work(p, DMK_INNER, (size_t)dmk_padded(n_edges), &l->edge));
     DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->inv_diag));
     DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->rhs));
@@ -339,8 +339,8 @@ static int pack_transfer(const packer *p, int32_t n_fine, dmk_coarsening *c, dmk
     DMK_TRY(DMK_NEW(p->ctx, weight, 3 * (size_t)pad));
     for (int32_t i = 0; i < n_fine; i++) {
         for (int k = 0; k < 3; k++) {
-            index[dmk_place(i, k, 3)] = c->prolong_index[3 * i + k];
-            weight[dmk_place(i, k, 3)] = c->prolong_weight[3 * i + k];
+            index[dmk_slot(i, k, 3)] = c->prolong_index[3 * i + k];
+            weight[dmk_slot(i, k, 3)] = c->prolong_weight[3 * i + k];
         }
     }
     SPEND(p, c->prolong_index);
@@ -400,7 +400,7 @@ static int pack_tail(const packer *p)
     dmk_system *s = p->sys;
     const int32_t most = dmk_device_cpu_shape(p->dev) ? TAIL_ROWS_CPU : TAIL_ROWS_GPU;
     dmk_buffer **list[DMK_SYSTEM_LEVELS * TAIL_ARRAYS];
-    size_t place[DMK_SYSTEM_LEVELS * TAIL_ARRAYS];
+    size_t offset[DMK_SYSTEM_LEVELS * TAIL_ARRAYS];
     int32_t table[DMK_SYSTEM_LEVELS * DMK_TAIL_FIELDS];
     int n = s->share ? dmk_max_i(1, s->share->first_whole) : 1;
     while (n < s->n_levels && s->level[n].n > most) n++;
@@ -409,7 +409,7 @@ static int pack_tail(const packer *p)
     if (n <= 0) goto done;
     for (int i = 0; i < n; i++) list_tail(&s->level[s->tail + i], list + i * TAIL_ARRAYS);
     DMK_TRY(
-        dmk_buffer_gather(p->ctx, p->dev, (size_t)n * TAIL_ARRAYS, list, place, &s->tail_arena));
+        dmk_buffer_gather(p->ctx, p->dev, (size_t)n * TAIL_ARRAYS, list, offset, &s->tail_arena));
     for (int i = 0; i < n; i++) {
         dmk_level *l = &s->level[s->tail + i];
         int32_t *field = table + i * DMK_TAIL_FIELDS;
@@ -418,7 +418,7 @@ static int pack_tail(const packer *p)
         field[DMK_TAIL_PAD] = l->n_pad;
         field[DMK_TAIL_EDGES] = l->n_edges;
         for (int k = 0; k < TAIL_ARRAYS; k++) {
-            field[DMK_TAIL_SLICE + k] = (int32_t)(place[i * TAIL_ARRAYS + k] / sizeof(int32_t));
+            field[DMK_TAIL_SLICE + k] = (int32_t)(offset[i * TAIL_ARRAYS + k] / sizeof(int32_t));
         }
     }
     DMK_TRY(upload(p, (size_t)n * DMK_TAIL_FIELDS, sizeof *table, table, &s->tail_table));
@@ -555,7 +555,7 @@ static int pack_fine(const packer *p)
     const dmk_mesh *m = p->mesh;
     DMK_TRY(pack_elements(p));
     DMK_TRY(dmk_poll(p->ctx));
-    DMK_TRY(pack_places(p));
+    DMK_TRY(pack_slots(p));
     DMK_TRY(dmk_poll(p->ctx));
     DMK_TRY(pack_ends(p));
     DMK_TRY(dmk_poll(p->ctx));

@@ -34,7 +34,7 @@ typedef struct dmk_level {
 
 enum { DMK_SYSTEM_LEVELS = DMK_MAX_LEVELS + 1 };
 
-/* Items and places of a mesh's system: see the head of this file. */
+/* Items and slots of a mesh's system: see the head of this file. */
 typedef struct dmk_counts {
     int32_t n_elements, n_elements_pad, n_edges, n_vertices, vertex_row, n_rows, n_rows_pad;
 } dmk_counts;
@@ -52,7 +52,7 @@ typedef struct dmk_system {
     /* The mesh: see operator.cl. real = the outer program's type. */
     dmk_buffer *index;        /* 6 per element */
     dmk_buffer *cot, *area;   /* real, 3 and 1 per element */
-    dmk_buffer *slice, *slot; /* rows -> places in 6-per-element arrays */
+    dmk_buffer *slice, *slot; /* rows -> slots in 6-per-element arrays */
     dmk_buffer *ends;         /* 2 per row: vertices (on T) whose mean is the row's value */
 
     /* State, in real: density, potential, right-hand side; energies of the elements. */
@@ -118,7 +118,7 @@ int dmk_elements_read(dmk_context *context, dmk_system *system, const dmk_buffer
                       double *whole);
 
 /* Where element t's k-th of K numbers lies. */
-static inline size_t dmk_place(int32_t t, int k, int K)
+static inline size_t dmk_slot(int32_t t, int k, int K)
 {
     return (size_t)(t / 8) * 8 * (size_t)K + 8 * (size_t)k + (size_t)(t % 8);
 }

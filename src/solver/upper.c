@@ -374,7 +374,7 @@ static int send_along_branches(router *p, double *cost)
     DMK_TRY(gather_loads(p, &c));
     DMK_TRY(gather_canopy(p, &c));
     for (int32_t i = 0; i < c.n; i++)
-        c.branch[i].edge = dmk_space_place(&p->share->edge, c.branch[i].edge);
+        c.branch[i].edge = dmk_space_slot(&p->share->edge, c.branch[i].edge);
     const tree t = branch_tree(p, &c);
     *cost += send_vertices(&t, c.r, c.rounding, p->sent);
 done:

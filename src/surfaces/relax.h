@@ -9,7 +9,7 @@ typedef struct dmk_relaxer {
     dmk_context *context;
     dmk_body body;
     dmk_halfedge *mesh; /* its vertices lie on the body */
-    int32_t fixed;      /* vertex that keeps its place, or -1 */
+    int32_t fixed;      /* vertex that keeps its position, or -1 */
     double rest;        /* length of the springs; dmk_relax sets it */
     double began;       /* dmk_seconds, for progress reports */
 } dmk_relaxer;
