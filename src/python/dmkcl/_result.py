@@ -292,7 +292,7 @@ class Result:
 
         Triangles that the locus crosses are split, so that it runs along edges, and its points are
         vertices once for each side. A locus that is one point becomes a slit of two edges.
-        MeshError if the cut surface is no disk, which a finer mesh may mend.
+        MeshError if cutting did not produce a disk; a finer mesh may help.
         """
         options = ffi.new("dmk_locus_options *")
         lib.dmk_locus_options_init(options, ffi.sizeof(options[0]))
