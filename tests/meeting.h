@@ -111,4 +111,18 @@ static inline dmk_ranks ranks_of(member *m, int32_t gather_below)
                        .finish = m->at_once ? NULL : finish};
 }
 
+/* All ranks of the meeting at once: sit is called with each of all->size seats of `each` bytes, on a thread of its own.
+ * 0, or what pthreads failed with. */
+static inline int meet(meeting *all, void *(*sit)(void *), void *seats, size_t each)
+{
+    pthread_t thread[MOST_RANKS];
+    int rc = pthread_barrier_init(&all->barrier, NULL, (unsigned)all->size);
+    for (int k = 0; k < all->size && rc == 0; k++)
+        rc = pthread_create(&thread[k], NULL, sit, (char *)seats + (size_t)k * each);
+    if (rc != 0) return rc; /* the others would wait for ever */
+    for (int k = 0; k < all->size; k++) pthread_join(thread[k], NULL);
+    pthread_barrier_destroy(&all->barrier);
+    return 0;
+}
+
 #endif

@@ -33,7 +33,6 @@ static void make_patch(void)
 typedef struct seat {
     const char *path;
     member m;
-    pthread_t thread;
     dmk_soup soup;
     uint64_t bytes;
     int rc, mesh_rc;
@@ -58,13 +57,8 @@ static void *sit(void *argument)
 static void sit_all(const char *path, int size, bool broken, seat seats[MOST_RANKS])
 {
     meeting all = {.size = size, .broken = broken};
-    assert_int_equal(pthread_barrier_init(&all.barrier, NULL, (unsigned)size), 0);
-    for (int k = 0; k < size; k++) {
-        seats[k] = (seat){.path = path, .m = {.all = &all, .rank = k}};
-        assert_int_equal(pthread_create(&seats[k].thread, NULL, sit, &seats[k]), 0);
-    }
-    for (int k = 0; k < size; k++) pthread_join(seats[k].thread, NULL);
-    pthread_barrier_destroy(&all.barrier);
+    for (int k = 0; k < size; k++) seats[k] = (seat){.path = path, .m = {.all = &all, .rank = k}};
+    assert_int_equal(meet(&all, sit, seats, sizeof *seats), 0);
 }
 
 /* The file at f->path by 1 to MOST_RANKS ranks; `by_range`: each of several reads its share of `n` bytes and no more

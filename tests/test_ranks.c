@@ -22,7 +22,6 @@ typedef struct task {
 typedef struct seat {
     const task *t;
     member m;
-    pthread_t thread;
     dmk_result *result;
     dmk_stats stats;
     dmk_traffic traffic;
@@ -82,13 +81,9 @@ static void *sit(void *argument)
 static void sit_all(const task *t, int size, bool broken, seat seats[MOST_RANKS])
 {
     meeting all = {.size = size, .broken = broken};
-    assert_int_equal(pthread_barrier_init(&all.barrier, NULL, (unsigned)size), 0);
-    for (int k = 0; k < size; k++) {
+    for (int k = 0; k < size; k++)
         seats[k] = (seat){.t = t, .m = {.all = &all, .rank = k, .at_once = t->at_once}};
-        assert_int_equal(pthread_create(&seats[k].thread, NULL, sit, &seats[k]), 0);
-    }
-    for (int k = 0; k < size; k++) pthread_join(seats[k].thread, NULL);
-    pthread_barrier_destroy(&all.barrier);
+    assert_int_equal(meet(&all, sit, seats, sizeof *seats), 0);
 }
 
 static void same_numbers(const double *a, const double *b, size_t n)

@@ -83,7 +83,7 @@ int main(int argc, char **argv)
     if (argc == 4) return 0;
     seats[1] = seats[0];
     for (int k = 0; k < 2; k++) {
-        seats[k].m = (member){&all, k};
+        seats[k].m = (member){.all = &all, .rank = k};
         seats[k].mesh = argv[4];
     }
     if (pthread_barrier_init(&all.barrier, NULL, 2) || pthread_create(&other, NULL, sit, seats + 1))
