@@ -102,8 +102,8 @@ static void laplacians_are_inverted(void **state)
 static void loose_unknowns_are_left_out(void **state)
 {
     (void)state;
-    for (double unit = 1e-18; unit < 1e19; unit *= 1e3) {
-        const double w[] = {0.7 * unit, 0.3 * unit};
+    for (int power = -18; power <= 18; power += 3) {
+        const double unit = pow(10, power), w[] = {0.7 * unit, 0.3 * unit};
         double l[16] = {0}, x[16];
         for (int p = 0; p < 2; p++) {
             l[10 * p] = l[10 * p + 5] = w[p];

@@ -77,6 +77,7 @@ static void borders_are_no_end(void **state)
     c.outer = 0;
     assert_int_equal(lead_to(*state, &t, &r, inside), DMK_OK);
     assert_int_equal(t.n_ends, 1);
+    assert_non_null(t.end);
     assert_int_equal(t.end[0].triangle, 0);
     for (int k = 0; k < 3; k++)
         assert_true(fabs(t.end[0].weight[k] - (const double[]){0.5, 0.3, 0.2}[k]) < 1e-15);

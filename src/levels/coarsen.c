@@ -157,7 +157,7 @@ done:
 static int coarsen(dmk_context *ctx, dmk_adjacency *fine, int32_t n_edges, const int32_t *edge,
                    const double *xyz, const dmk_dealing *dealing, dmk_coarsening *c)
 {
-    int rc;
+    int rc = DMK_OK;
     const int32_t n_fine = fine->n;
     const bool handed = dealing && dealing->hand;
     if (!handed || dealing->makes) DMK_TRY(make_weights(ctx, fine, xyz, c));
