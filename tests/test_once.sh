@@ -74,6 +74,13 @@ spikes() {
 check 'spikes: a result or the reason' spikes spike-81
 check 'more spikes: a result or the reason' spikes spike-249
 
+# Windows wind around spikes: merged ones, too, must be compared with those before. They were 116 million.
+few_windows() {
+    "$tool" distance "$data/spike-249.off.gz" --vertex 0 --tolerance 1e-6 --quiet --report "$work/few.json" &&
+        grep -q '"windows": [0-9]\{1,5\},' "$work/few.json"
+}
+check 'merged windows around spikes are few' few_windows
+
 # A plate with five holes, 1:1000 and with needles, which took minutes: no step of the way back solves its system.
 gives_up() {
     echo 'vertex 32 1' > "$work/from" && echo 'vertex 84 1' > "$work/to"

@@ -73,7 +73,7 @@ typedef struct engine {
     mark *mark;           /* n_vertices */
     double *radiated;     /* n_vertices: at this distance */
     int32_t *head, *next; /* of each half-edge: its windows; the next half-edge of the bucket */
-    int32_t *kept;   /* of each half-edge: windows that have run on; NULL where windows merge */
+    int32_t *kept;   /* of each half-edge: windows that have run on; NULL while none keeps them */
     uint8_t *visits; /* of each half-edge, up to `often` */
     wave *pool;
     size_t n_pool, pool_room;
@@ -139,8 +139,7 @@ static int engine_create(dmk_context *ctx, dmk_geodesics *g, double tolerance, e
 {
     int rc;
     size_t n = (size_t)g->mesh->n_vertices, n_half = 3 * (size_t)g->mesh->n_triangles;
-    const bool exact = tolerance == 0;
-    if (exact) tolerance = exact_tolerance;
+    if (tolerance == 0) tolerance = exact_tolerance;
     memset(e, 0, sizeof *e);
     e->allow = (allowance){tolerance, most_jump * tolerance, sqrt(tolerance)};
     e->free = -1;
@@ -151,11 +150,7 @@ static int engine_create(dmk_context *ctx, dmk_geodesics *g, double tolerance, e
     DMK_TRY(DMK_NEW(ctx, e->head, n_half));
     DMK_TRY(DMK_NEW(ctx, e->next, n_half));
     memset(e->head, 0xff, n_half * sizeof *e->head);
-    if (exact) {
-        DMK_TRY(DMK_NEW(ctx, e->kept, n_half));
-        DMK_TRY(DMK_NEW(ctx, e->visits, n_half));
-        memset(e->kept, 0xff, n_half * sizeof *e->kept);
-    }
+    DMK_TRY(DMK_NEW(ctx, e->visits, n_half));
     for (size_t v = 0; v < n; v++) {
         e->mark[v].half = UNREACHED;
         e->radiated[v] = INFINITY;
@@ -604,11 +599,17 @@ static int gather(dmk_context *ctx, engine *e, int32_t *head, bool kept, const a
 }
 
 /* One more visit: whether the half-edge keeps its windows now. */
-static bool keeps(engine *e, int32_t half)
+static int keeps(dmk_context *ctx, engine *e, int32_t half, bool *keep)
 {
-    if (!e->kept) return false;
+    int rc = DMK_OK;
+    const size_t n_half = 3 * (size_t)e->front.g->mesh->n_triangles;
     if (e->visits[half] < often) e->visits[half]++;
-    return e->visits[half] == often;
+    *keep = e->visits[half] == often;
+    if (!*keep || e->kept) return DMK_OK;
+    DMK_TRY(DMK_NEW(ctx, e->kept, n_half));
+    memset(e->kept, 0xff, n_half * sizeof *e->kept);
+done:
+    return rc;
 }
 
 static int visit(dmk_context *ctx, engine *e, int32_t half)
@@ -616,7 +617,8 @@ static int visit(dmk_context *ctx, engine *e, int32_t half)
     int rc;
     size_t n = 0;
     angle s;
-    const bool keep = keeps(e, half);
+    bool keep;
+    DMK_TRY(keeps(ctx, e, half, &keep));
     look(e, half, &s);
     DMK_TRY(gather(ctx, e, e->head + half, false, &s, &n));
     if (keep) DMK_TRY(gather(ctx, e, e->kept + half, true, &s, &n));
