@@ -36,6 +36,11 @@ static const double DMK_FLOOR = 1e-4;
  * and is not worth a repair of u. */
 static const double DMK_GAP_SHOWN = 1e-7;
 
+/* A density that has settled leaves a gap far below this, as the cost is right to the square of its
+ * error; on meshes of a few triangles, or next to none of it moving, the change of mu may be small
+ * too early. */
+static const double DMK_SETTLED_GAP = 3e-3;
+
 /* What rounding may make of u.K u of an element, relative to the sum of its terms' sizes: no term goes through
  * more than about 20 roundings of 2^-53, and the cotangents come with a few. */
 static const double DMK_ENERGY_ROUNDING = 16 * 2.220446049250313e-16;

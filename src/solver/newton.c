@@ -73,10 +73,6 @@ static double error_estimate(const step_control *p, double change)
     return change * fmax(1, 100 / p->D);
 }
 
-/* A density that has settled leaves a gap far below this, as the cost is right to the square of its
- * error; on meshes of a few triangles, or next to none of it moving, the change of mu may be small
- * too early. */
-static const double settled_gap = 3e-3;
 enum { TIGHTENED = 2 };
 
 /* The change of mu is small enough. Where the gap shows that mu has not settled all the same, and
@@ -88,7 +84,7 @@ static int has_settled(dmk_iteration *o, const step_control *p, double change, b
     if (!*settled || o->options->tolerance > 0) return DMK_OK;
     o->goes_on = o->tolerance > DMK_DEFAULT_TOLERANCE / pow(3, TIGHTENED - 0.5);
     DMK_TRY(dmk_certify(o, true));
-    *settled = o->stats->gap <= settled_gap || !o->goes_on;
+    *settled = o->stats->gap <= DMK_SETTLED_GAP || !o->goes_on;
     if (!*settled) o->tolerance /= 3;
     o->goes_on = false;
 done:

@@ -153,8 +153,10 @@ int dmk_repair(dmk_iteration *o, double goal, bool last)
         bool feasible = o->top <= 1;
         o->stats->cost_lower = fmax(o->stats->cost_lower, bound);
         if (!feasible) DMK_TRY(list_hot(&r));
-        DMK_TRY(dmk_bound_banded(o, r.work.u, &bound));
-        o->stats->cost_lower = fmax(o->stats->cost_lower, bound);
+        if (r.sweeps > 0) { /* at first it is no more than u's */
+            DMK_TRY(dmk_bound_banded(o, r.work.u, &bound));
+            o->stats->cost_lower = fmax(o->stats->cost_lower, bound);
+        }
         if (feasible || good_enough(&r, goal)) break;
         DMK_TRY(sweep(&r));
     }

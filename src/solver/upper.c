@@ -208,26 +208,48 @@ static double send_vertices(const tree *t, double *r, double *rounding, double *
     return cost;
 }
 
-/* On the whole mesh. */
-static double send_along_tree(const router *p)
+/* The tree of the whole mesh. The forest, and the edges that are not chosen, give their room to it. */
+static tree whole_tree(const router *p)
 {
     const dmk_mesh *m = p->mesh;
-    const size_t bytes = (size_t)m->n_vertices * sizeof(int32_t);
-    /* The forest, and the edges that are not chosen, give their room to the tree. */
-    const tree t = {.n_vertices = m->n_vertices,
-                    .end = m->edge_vertex,
-                    .stride = 2,
-                    .length = m->length,
-                    .length_stride = 1,
-                    .root = p->root,
-                    .degree = p->root,
-                    .key = p->order + m->n_vertices};
+    return (tree){.n_vertices = m->n_vertices,
+                  .end = m->edge_vertex,
+                  .stride = 2,
+                  .length = m->length,
+                  .length_stride = 1,
+                  .root = p->root,
+                  .degree = p->root,
+                  .key = p->order + m->n_vertices};
+}
+
+static int plant(dmk_context *ctx, void *data)
+{
+    (void)ctx;
+    const router *p = data;
+    const size_t bytes = (size_t)p->mesh->n_vertices * sizeof(int32_t);
+    const tree t = whole_tree(p);
     sort_edges(p);
-    const int32_t chosen = grow_tree(&t, m->n_edges, p->order);
+    const int32_t chosen = grow_tree(&t, p->mesh->n_edges, p->order);
     memset(t.degree, 0, bytes);
     memset(t.key, 0, bytes);
     join_tree(&t, chosen, p->order);
-    return send_vertices(&t, p->r + p->n.vertex_row, p->rounding + p->n.vertex_row, p->sent);
+    return DMK_OK;
+}
+
+/* All r on the whole mesh, by a tree that is made while r is. */
+static int send_on_whole(router *p, double *cost)
+{
+    int rc;
+    dmk_task task;
+    const tree t = whole_tree(p);
+    dmk_task_begin(p->o->ctx, &task, plant, p);
+    subtract(p);
+    add_rounding(p, cost);
+    send_midpoints(p);
+    DMK_TRY(dmk_task_end(p->o->ctx, &task, DMK_OK));
+    *cost += send_vertices(&t, p->r + p->n.vertex_row, p->rounding + p->n.vertex_row, p->sent);
+done:
+    return rc;
 }
 
 /* ---- the tree of a mesh that is dealt out ------------------------------------------------------ */
@@ -626,22 +648,28 @@ done:
     return rc;
 }
 
+/* All r of a share. */
+static int send_of_share(router *p, double *cost)
+{
+    int rc;
+    dmk_context *ctx = p->o->ctx;
+    subtract(p);
+    DMK_TRY(dmk_share_ghosts(ctx, p->share, p->r));
+    DMK_TRY(dmk_share_ghosts(ctx, p->share, p->rounding));
+    DMK_TRY(dmk_share_in_turn(ctx, p->share, cost, add_rounding, p));
+    send_midpoints(p);
+    DMK_TRY(send_along_branches(p, cost));
+    rc = restore_rows(p);
+done:
+    return rc;
+}
+
 static int route(router *p, double *bound)
 {
     int rc;
     dmk_context *ctx = p->o->ctx;
     double cost = 0;
-    subtract(p);
-    DMK_TRY(dmk_share_ghosts(ctx, p->share, p->r));
-    DMK_TRY(dmk_share_ghosts(ctx, p->share, p->rounding));
-    DMK_TRY(dmk_share_in_turn(ctx, p->share, &cost, add_rounding, p));
-    send_midpoints(p);
-    if (p->share) {
-        DMK_TRY(send_along_branches(p, &cost));
-        DMK_TRY(restore_rows(p));
-    } else {
-        cost += send_along_tree(p);
-    }
+    DMK_TRY(p->share ? send_of_share(p, &cost) : send_on_whole(p, &cost));
     release_tree(p);
     p->beside = p->rounding; /* it is sent */
     DMK_TRY(DMK_NEW(ctx, p->cost, (size_t)(p->elements.end - p->elements.begin)));
