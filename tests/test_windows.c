@@ -1,6 +1,8 @@
-/* The constants of the geodesic engines: each case fails when its constant is doubled or halved. */
+/* The geodesic engines: their waves by themselves, and their constants, each case of which fails when its constant is
+ * doubled or halved. */
+#include "../src/geodesic/wave.c" /* for its static functions; the library's own are then left out */
+
 #include "context.h"
-#include "geodesic/front.h"
 
 #include <math.h>
 #include <setjmp.h>
@@ -66,6 +68,109 @@ static dmk_geodesics *run(dmk_context *ctx, const dmk_mesh *m, double tolerance)
     return g;
 }
 
+/* ---- waves of merged windows ------------------------------------------------------------------- */
+
+/* From (x, -y) over lo..hi of a half-edge, seen from o. */
+static wave wave_from(double x, double y, double lo, double hi, double o)
+{
+    const double r = hypot(o - x, y);
+    return (wave){
+        .lo = lo, .hi = hi, .o = o, .ux = (o - x) / r, .uy = y / r, .k = 1 / r, .D = r, .next = -1};
+}
+
+/* Distances of a point, their slopes, and of a line. */
+static void waves_are_distances(void **state)
+{
+    (void)state;
+    uint32_t random = 11;
+    for (int trial = 0; trial < 1000; trial++) {
+        const double x = 4 * noise(&random), y = 0.01 + 2 + 4 * noise(&random) * (trial % 2),
+                     o = noise(&random), t = noise(&random), r = hypot(t - x, y);
+        if (!(y > 0)) continue;
+        const wave w = wave_from(x, y, 0, 1, o), line = {.o = o, .ux = 0.6, .uy = 0.8, .D = 5};
+        assert_true(fabs(value(&w, t) - r) < 1e-14 * fmax(r, w.D));
+        assert_true(fabs(slope(&w, t) - (t - x) / r) < 1e-14 * fmax(1, w.D / r));
+        assert_true(fabs(value(&line, t) - 5 - 0.6 * (t - o)) < 1e-15 * 5);
+    }
+}
+
+/* Where two of them are equally long, whichever is the shorter one at first. */
+static void waves_cross(void **state)
+{
+    (void)state;
+    const engine e = {.allow = {.error = 0}};
+    uint32_t random = 3;
+    int n[2] = {0, 0};
+    for (int trial = 0; trial < 2000; trial++) {
+        const double p[2] = {3 * noise(&random), 1.6 + 3 * noise(&random)},
+                     q[2] = {3 * noise(&random), 1.6 + 3 * noise(&random)};
+        /* |t - p|^2 = |t - q|^2 */
+        const double at =
+            0.5 * (q[0] * q[0] + q[1] * q[1] - p[0] * p[0] - p[1] * p[1]) / (q[0] - p[0]);
+        const wave u = wave_from(p[0], p[1], 0, 1, 0.2), w = wave_from(q[0], q[1], 0, 1, 0.7);
+        if (!(at > 0.01 && at < 0.99) || fabs(q[0] - p[0]) < 0.1) continue;
+        const double t = crossing(&e, &u, &w, 0, 1, 1);
+        if (fabs(t - at) > 1e-12) fail_msg("at %.17g, not %.17g", t, at);
+        n[longer(&u, &w, 0) > 0]++;
+    }
+    assert_true(n[0] > 100 && n[1] > 100);
+}
+
+/* Of windows that overlap the shortest is kept everywhere. */
+static void shortest_waves_are_kept(void **state)
+{
+    (void)state;
+    enum { MOST = 12, SAMPLES = 500 };
+    uint32_t random = 5;
+    for (int trial = 0; trial < 500; trial++) {
+        wave all[MOST], list[MOST];
+        engine e = {.list = list};
+        size_t n = 0;
+        double lo = 0;
+        const int wanted = 2 + trial % (MOST - 1);
+        for (int i = 0; i < wanted; i++, lo += 0.05 * (0.5 + noise(&random)))
+            all[n++] = wave_from(2 * noise(&random), 0.6 + noise(&random), lo,
+                                 fmin(1, lo + 0.6 + noise(&random)), 0.5);
+        memcpy(list, all, n * sizeof *all);
+        const size_t left = trim(&e, n, 1);
+        for (int k = 0; k <= SAMPLES; k++) {
+            const double t = (double)k / SAMPLES;
+            double best = INFINITY, kept = INFINITY;
+            for (size_t i = 0; i < n; i++)
+                if (t >= all[i].lo && t <= all[i].hi) best = fmin(best, value(all + i, t));
+            for (size_t i = 0; i < left; i++)
+                if (t >= list[i].lo - 1e-12 && t <= list[i].hi + 1e-12)
+                    kept = fmin(kept, value(list + i, t));
+            if (best != kept && !(fabs(best - kept) < 1e-11))
+                fail_msg("trial %d, at %g: %.17g, not %.17g", trial, t, kept, best);
+        }
+    }
+}
+
+/* One wave through neighbours that are parts of it is that wave; none focuses before it is 20 edges on. */
+static void parts_become_whole(void **state)
+{
+    (void)state;
+    static const double curvature[] = {0.5, 0.01, 0, -0.01, -0.049, -0.051};
+    for (size_t i = 0; i < sizeof curvature / sizeof *curvature; i++) {
+        wave part[3], found,
+            whole = {
+                .lo = 0.1, .hi = 0.9, .o = 0.5, .ux = 0.28, .uy = 0.96, .k = curvature[i], .D = 3};
+        for (int j = 0; j < 3; j++) {
+            part[j] = whole;
+            part[j].lo = 0.1 + 0.8 * j / 3;
+            part[j].hi = 0.1 + 0.8 * (j + 1) / 3;
+        }
+        const bool good = interpolate(part, 3, 1, &found);
+        assert_true(good == (curvature[i] > -0.05));
+        if (!good) continue;
+        assert_true(found.lo == part[0].lo && found.hi == part[2].hi);
+        for (double t = 0.1; t <= 0.9; t += 0.1)
+            assert_true(fabs(value(&found, t) - value(&whole, t)) < 1e-14);
+        assert_true(fabs(found.k - whole.k) < 1e-13 && fabs(found.ux - whole.ux) < 1e-13);
+    }
+}
+
 /* ---- merged windows ---------------------------------------------------------------------------- */
 
 /* The number of windows, within a hundredth. */
@@ -84,6 +189,14 @@ static void merging(void **state)
     dmk_mesh *m = make(*state, 160, 80, on_torus, 0.4);
     check_count(*state, m, 1e-6, 415506);
     check_count(*state, m, 1e-4, 93875);
+    dmk_mesh_destroy(&m);
+}
+
+/* Exact windows, on one thread: as many as the filters leave. */
+static void exact_windows(void **state)
+{
+    dmk_mesh *m = make(*state, 100, 50, on_torus, 0.4);
+    check_count(*state, m, 0, 272695);
     dmk_mesh_destroy(&m);
 }
 
@@ -197,7 +310,12 @@ static int setup(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(waves_are_distances),
+        cmocka_unit_test(waves_cross),
+        cmocka_unit_test(shortest_waves_are_kept),
+        cmocka_unit_test(parts_become_whole),
         cmocka_unit_test(merging),
+        cmocka_unit_test(exact_windows),
         cmocka_unit_test(line_between_engines),
         cmocka_unit_test(source_at_a_vertex),
         cmocka_unit_test(slack_of_the_check),
