@@ -162,6 +162,39 @@ static void multigrid_keeps_its_rate(void **state)
     }
 }
 
+/* The host's inverse of the coarsest operator, for devices without double precision, is that of the device. */
+static void both_kinds_of_coarsest_inverse_agree(void **state)
+{
+    fixture *x = *state;
+    dmk_system *s = x->sys;
+    const dmk_level *l = &s->level[s->n_levels - 1];
+    const size_t n = (size_t)l->n, size = n * (size_t)l->n_pad * sizeof(float);
+    float *inverse[2], largest = 0;
+    dmk_buffer *dense = s->dense;
+    assert_true(dense && n > 8);
+    for (int k = 0; k < 2; k++) {
+        inverse[k] = malloc(size);
+        assert_non_null(inverse[k]);
+        s->dense = k == 0 ? dense : NULL;
+        random_state = 7; /* the same density */
+        set_density(x, 2);
+        ok(x, dmk_buffer_read(x->b.ctx, x->b.dev, s->coarse_inverse, 0, size, inverse[k]));
+    }
+    s->dense = dense;
+    for (size_t c = 0; c < n; c++) {
+        for (size_t i = 0; i < n; i++)
+            largest = fmaxf(largest, fabsf(inverse[0][c * (size_t)l->n_pad + i]));
+    }
+    for (size_t c = 0; c < n; c++) {
+        for (size_t i = 0; i < n; i++) {
+            const size_t at = c * (size_t)l->n_pad + i;
+            assert_true(fabsf(inverse[0][at] - inverse[1][at]) <= 1e-5f * largest);
+        }
+    }
+    free(inverse[0]);
+    free(inverse[1]);
+}
+
 /* ---- conjugate gradients ---- */
 
 /* Solve A dx = A v from 0; the energy norm of the error, relative to v's. */
@@ -440,11 +473,38 @@ static void divergence_leaves_nothing(void **state)
         bench_ok(&b, dmk_buffer_write(b.ctx, b.dev, s->level[i].x, 0, n * sizeof *nan, nan));
         free(nan);
     }
+    const size_t rows = (size_t)s->n_rows_pad;
+    float *nan = malloc(rows * sizeof *nan);
+    assert_non_null(nan);
+    for (size_t k = 0; k < rows; k++) nan[k] = NAN;
+    bench_ok(&b, dmk_buffer_write(b.ctx, b.dev, s->x, 0, rows * sizeof *nan, nan));
+    bench_ok(&b, dmk_buffer_write(b.ctx, b.dev, s->x_old, 0, rows * sizeof *nan, nan));
+    free(nan);
     problem_solve(&p);
     assert_memory_equal(problem_mu(&p), problem_mu(&fresh), problem_triangles(&p) * sizeof(double));
     problem_free(&p);
     problem_free(&fresh);
     bench_close(&b);
+}
+
+/* A change that is no number, or beyond all bounds, ends the steps. */
+static void steps_that_diverge_are_told(void **state)
+{
+    fixture *x = *state;
+    dmk_stats stats = {0};
+    const dmk_solve_options options = {.struct_size = sizeof options};
+    dmk_iteration o = {.ctx = x->b.ctx,
+                       .sys = x->sys,
+                       .mesh = x->order.mesh,
+                       .triangle_old = x->order.triangle_old,
+                       .stats = &stats,
+                       .options = &options};
+    static const double change[] = {NAN, INFINITY, 2e6, 5e5, 0};
+    for (size_t i = 0; i < sizeof change / sizeof *change; i++) {
+        const int rc = dmk_iteration_step_done(&o, 3, 9, 4, change[i]);
+        assert_int_equal(rc, i < 3 ? DMK_E_DIVERGED : DMK_OK);
+        if (i < 3) assert_non_null(strstr(dmk_context_message(x->b.ctx), "diverged at step 3"));
+    }
 }
 
 /* ---- the right-hand side ---- */
@@ -573,9 +633,11 @@ int main(void)
         cmocka_unit_test(steps_grow_and_shrink),
         cmocka_unit_test(solves_take_their_steps),
         cmocka_unit_test(divergence_leaves_nothing),
+        cmocka_unit_test(steps_that_diverge_are_told),
         cmocka_unit_test(points_are_weighted),
         cmocka_unit_test(sliced_rows_hold_all_entries),
         cmocka_unit_test(the_first_offender_is_named),
+        cmocka_unit_test(both_kinds_of_coarsest_inverse_agree),
     };
     return cmocka_run_group_tests_name("units", tests, setup, teardown);
 }
