@@ -1,5 +1,6 @@
-/* What is said of a triangle that the cut cannot split. */
-#include "../src/locus/cut.c" /* for its static functions; the library's own are then left out */
+/* What is said of a triangle that the cut cannot split, and of a cut that is no disk. */
+#include "../src/api/api.c" /* for their static functions; the library's own are then left out */
+#include "../src/locus/cut.c"
 
 #include "context.h"
 
@@ -31,8 +32,36 @@ static void the_thinnest_triangle_is_named(void **state)
     if (!strstr(said, "triangle 8 (vertices 124 125 126) ")) fail_msg("%s", said);
 }
 
+/* Not disks: a tetrahedron, a ring of six triangles, two triangles apart. */
+static void only_disks_are_cuts(void **state)
+{
+    static const double xyz[] = {0, 0,   0,   3, 0,   0,   0, 3, 0, 0.5, 0.5,
+                                 0, 1.5, 0.5, 0, 0.5, 1.5, 0, 0, 0, 2};
+    static const struct {
+        size_t n;
+        int32_t triangle[18];
+        const char *said; /* NULL: a disk */
+    } cases[] = {
+        {1, {0, 1, 2}, NULL},
+        {4, {0, 1, 2, 0, 6, 1, 1, 6, 2, 2, 6, 0}, "Euler characteristic 2, 0 border loops, 1 comp"},
+        {6,
+         {0, 1, 4, 0, 4, 3, 1, 2, 5, 1, 5, 4, 2, 0, 3, 2, 3, 5},
+         "Euler characteristic 0, 2 border loops, 1 comp"},
+        {2, {0, 1, 2, 3, 4, 5}, "Euler characteristic 2, 2 border loops, 2 comp"},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        dmk_mesh *m;
+        assert_int_equal(dmk_mesh_create(*state, 7, xyz, cases[i].n, cases[i].triangle, &m),
+                         DMK_OK);
+        assert_int_equal(check_disk(*state, m), cases[i].said ? DMK_E_MESH : DMK_OK);
+        if (cases[i].said) assert_non_null(strstr(dmk_context_message(*state), cases[i].said));
+        dmk_mesh_destroy(&m);
+    }
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(the_thinnest_triangle_is_named)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(the_thinnest_triangle_is_named),
+                                       cmocka_unit_test(only_disks_are_cuts)};
     return cmocka_run_group_tests_name("cut", tests, context_setup, context_teardown);
 }
