@@ -26,6 +26,16 @@ if "$tool" devices | grep -q 'Portable Computing Language'; then
         -u POCL_CACHE_DIR XDG_CACHE_HOME="$work/file"
     wrong 'devices that PoCL does not know' 'no device; try without POCL_DEVICES=none' POCL_DEVICES=none
     wrong 'fewer threads than one' 'POCL_MAX_PTHREAD_COUNT=-3; set it to a number from 1' POCL_MAX_PTHREAD_COUNT=-3
+    # Drivers reserve memory, and give up in ways of their own where there is none.
+    if [ "${DMKCL_BUILD##*/}" = release ]; then
+        bounded() { bash -c 'ulimit -v "$1"; shift; exec "$@"' - "$@"; }
+        fails 'no room for the driver' 5 'no OpenCL platform .* or try without .ulimit -v., as drivers' \
+            bounded 150000 "$tool" solve "$mesh" --vertex 0
+        fails 'little room for the driver' 5 'without .ulimit -v., as drivers reserve up to 1 GB' \
+            bounded 300000 "$tool" solve "$mesh" --vertex 0
+    else
+        skip 'a bound of the memory' 'this build has a runtime that reserves some itself'
+    fi
     check 'no home at all' run -u HOME -u XDG_CACHE_HOME -u POCL_CACHE_DIR
     if unshare -m true 2> /dev/null; then
         mkdir "$work/tiny"

@@ -10,6 +10,7 @@
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/syscall.h>
 #include <time.h>
 #include <unistd.h>
@@ -85,10 +86,12 @@ static void catch_interrupt(void)
 
 /* ---- drivers that end the program ----------------------------------------------------------- */
 
-/* The variables that steer the driver, for they are the usual reason; but for the one of main.c. */
+/* The variables that steer the driver, for they are the usual reason, but for the one of main.c; and a bound of the
+ * memory. */
 static void say_reason(const char *what)
 {
     static const char *const begin[] = {"POCL_", "OCL_ICD_", "OPENCL_", "LP_", "RUSTICL_"};
+    struct rlimit space;
     bool any = false;
     say("dmkcl: the OpenCL driver ");
     say(what);
@@ -102,6 +105,11 @@ static void say_reason(const char *what)
             say(*e);
             any = true;
         }
+    }
+    if (getrlimit(RLIMIT_AS, &space) == 0 && space.rlim_cur != RLIM_INFINITY) {
+        say(any ? " and without `ulimit -v`" : "; try without `ulimit -v`");
+        say(", as drivers reserve up to 1 GB");
+        any = true;
     }
     say(any ? "\n" : "; see that it is installed well, and that /proc and /sys are there\n");
 }

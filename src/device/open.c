@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 /* The process that first asked for OpenCL, or 0: the only thing that this library keeps for itself. Drivers
@@ -113,6 +114,12 @@ static int no_device(dmk_context *ctx, const cl_platform_id *platforms, cl_uint 
                     n == 1 ? "" : "s", name, hint);
 }
 
+static bool space_is_bounded(void)
+{
+    struct rlimit space;
+    return getrlimit(RLIMIT_AS, &space) == 0 && space.rlim_cur != RLIM_INFINITY;
+}
+
 /* All devices of all platforms, in the order the loader gives them. */
 static int find_all(dmk_context *ctx, found *all, size_t *count)
 {
@@ -125,8 +132,11 @@ static int find_all(dmk_context *ctx, found *all, size_t *count)
     if (error != CL_SUCCESS || n_platforms == 0) {
         return dmk_fail(ctx, DMK_E_DEVICE,
                         "no OpenCL platform (%s); install one, for instance the package "
-                        "pocl-opencl-icd",
-                        dmk_cl_text(error));
+                        "pocl-opencl-icd%s",
+                        dmk_cl_text(error),
+                        space_is_bounded()
+                            ? ", or try without `ulimit -v`, as drivers reserve up to 1 GB"
+                            : "");
     }
     if (n_platforms > MAX_PLATFORMS) n_platforms = MAX_PLATFORMS;
     for (cl_uint p = 0; p < n_platforms; p++) {
