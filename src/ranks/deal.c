@@ -168,8 +168,9 @@ static void local_triangles(const dmk_share *s, const dmk_mesh *m, double area, 
         l->area[t] = whole < 0 ? area : m->area[whole];
         for (size_t k = 0; k < 3; k++) {
             size_t to = 3 * (size_t)t + k, from = 3 * (size_t)whole + k;
-            l->triangle[to] = whole < 0 ? gap : s->vertex[0].at[m->triangle[from]];
-            l->triangle_edge[to] = whole < 0 ? gap_edge : s->edge.at[m->triangle_edge[from]];
+            l->triangle[to] = whole < 0 ? gap : dmk_space_slot(&s->vertex[0], m->triangle[from]);
+            l->triangle_edge[to] =
+                whole < 0 ? gap_edge : dmk_space_slot(&s->edge, m->triangle_edge[from]);
         }
         if (whole < 0) gap = next_gap(&s->vertex[0], gap);
     }
@@ -184,8 +185,9 @@ static void local_edges(const dmk_share *s, const dmk_mesh *m, dmk_mesh *l)
         l->length[e] = whole < 0 ? 0 : m->length[whole];
         for (size_t k = 0; k < 2; k++) {
             int32_t t = whole < 0 ? -1 : m->edge_triangle[2 * (size_t)whole + k];
-            l->edge_triangle[2 * (size_t)e + k] = t < 0 ? -1 : s->element.at[t];
-            if (whole >= 0) end[k] = s->vertex[0].at[m->edge_vertex[2 * (size_t)whole + k]];
+            l->edge_triangle[2 * (size_t)e + k] = t < 0 ? -1 : dmk_space_slot(&s->element, t);
+            if (whole >= 0)
+                end[k] = dmk_space_slot(&s->vertex[0], m->edge_vertex[2 * (size_t)whole + k]);
         }
         bool here = end[0] >= 0 && end[1] >= 0;
         if (!here) gap = next_gap(&s->vertex[0], gap);
@@ -258,15 +260,10 @@ int dmk_share_check_devices(dmk_context *ctx, const dmk_ranks *ranks, const dmk_
                     -ends[1], ends[0]);
 }
 
-/* Numbers of the whole mesh are not asked for any more. */
+/* Numbers on the coarser levels are not asked for any more. */
 static void forget(dmk_share *s)
 {
-    dmk_space *all[] = {&s->element, &s->edge, &s->vertex[0]};
     s->level_edge[0] = (dmk_space){0};
-    for (int i = 0; i < 3; i++) {
-        free(all[i]->at);
-        all[i]->at = NULL;
-    }
     for (int l = 1; l < DMK_SHARE_LEVELS; l++) {
         dmk_space_free(&s->vertex[l]);
         dmk_space_free(&s->level_edge[l]);

@@ -33,7 +33,7 @@ static int32_t list_needs(int n, const dmk_need *need, int r, int32_t *number, i
             if (!need[i].mark[g]) continue;
             if (number) {
                 number[count] = first_of(need, i) + g;
-                slot[count] = need[i].offset + s->at[g];
+                slot[count] = need[i].offset + dmk_space_slot(s, g);
             }
             count++;
         }
@@ -107,7 +107,7 @@ static void find_slots(int n, const dmk_need *need, int32_t count, const int32_t
     for (int32_t k = 0; k < count; k++) {
         int i = n - 1;
         while (number[k] < first_of(need, i)) i--;
-        slot[k] = need[i].offset + need[i].space->at[number[k] - first_of(need, i)];
+        slot[k] = need[i].offset + dmk_space_slot(need[i].space, number[k] - first_of(need, i));
     }
 }
 

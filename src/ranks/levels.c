@@ -191,7 +191,7 @@ static int local_edges(dmk_context *ctx, const dmk_space *vertex, const dmk_spac
     DMK_TRY(DMK_NEW(ctx, local->edge, 2 * (size_t)edge->n));
     for (int32_t k = 0; k < edge->n; k++) {
         const int32_t *end = whole->edge + 2 * (size_t)edge->whole[k];
-        int32_t a = vertex->at[end[0]], b = vertex->at[end[1]];
+        const int32_t a = dmk_space_slot(vertex, end[0]), b = dmk_space_slot(vertex, end[1]);
         bool here = a >= 0 && b >= 0;
         local->edge[2 * k] = here ? a : vertex->n - 1;
         local->edge[2 * k + 1] = here ? b : vertex->n - 1;
@@ -209,8 +209,9 @@ static int local_prolongation(dmk_context *ctx, const dmk_space *fine, const dmk
     DMK_TRY(DMK_NEW(ctx, local->prolong_weight, 3 * (size_t)fine->n));
     for (int32_t i = fine->first; i < fine->end; i++) {
         for (int k = 0; k < 3; k++) {
-            size_t to = 3 * (size_t)fine->at[i] + (size_t)k, from = 3 * (size_t)i + (size_t)k;
-            local->prolong_index[to] = coarse->at[whole->prolong_index[from]];
+            size_t to = 3 * (size_t)dmk_space_slot(fine, i) + (size_t)k,
+                   from = 3 * (size_t)i + (size_t)k;
+            local->prolong_index[to] = dmk_space_slot(coarse, whole->prolong_index[from]);
             local->prolong_weight[to] = whole->prolong_weight[from];
         }
     }
@@ -241,7 +242,7 @@ static int local_table(dmk_context *ctx, const dmk_space *rows, const dmk_space 
         local->row[i + 1] = at;
     }
     for (int32_t k = 0; k < n; k++) {
-        local->entry[k] = entries->at[own->entry[from + k]];
+        local->entry[k] = dmk_space_slot(entries, own->entry[from + k]);
         local->value[k] = own->value[from + k];
     }
 done:

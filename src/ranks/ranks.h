@@ -24,7 +24,6 @@ typedef struct dmk_space {
     int32_t at_first;   /* slot of `first` */
     int32_t after;      /* slot of the first ghost from `end` on */
     int32_t *whole;     /* n: whole number at a slot, or -1 for a gap */
-    int32_t *at;        /* n_whole: slot, or -1; while shares are made */
     int32_t *bound;     /* ranks + 1: rank r owns bound[r] .. bound[r + 1] - 1 */
 } dmk_space;
 

@@ -22,8 +22,7 @@ static int32_t put(dmk_space *s, const uint8_t *mark, int32_t begin, int32_t end
 {
     for (int32_t i = begin; i < end; i++) {
         if (mark && !mark[i]) continue;
-        s->whole[slot] = i;
-        s->at[i] = slot++;
+        s->whole[slot++] = i;
     }
     return slot;
 }
@@ -37,9 +36,7 @@ int dmk_space_create(dmk_context *ctx, const uint8_t *mark, int32_t part, int32_
     const int32_t after = s->after = align(s->at_first + own, part);
     s->n = after + count_marks(mark, s->end, s->n_whole) + spare;
     DMK_TRY(DMK_NEW(ctx, s->whole, (size_t)s->n));
-    DMK_TRY(DMK_NEW(ctx, s->at, (size_t)s->n_whole));
     for (int32_t i = 0; i < s->n; i++) s->whole[i] = -1;
-    for (int32_t i = 0; i < s->n_whole; i++) s->at[i] = -1;
     put(s, mark, 0, s->first, 0);
     put(s, NULL, s->first, s->end, s->at_first);
     put(s, mark, s->end, s->n_whole, after);
@@ -71,7 +68,6 @@ int32_t dmk_space_slot(const dmk_space *s, int32_t whole)
 void dmk_space_free(dmk_space *s)
 {
     free(s->whole);
-    free(s->at);
     free(s->bound);
     memset(s, 0, sizeof *s);
 }

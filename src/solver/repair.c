@@ -108,26 +108,71 @@ done:
     return rc;
 }
 
+/* A triangle of the whole mesh. */
+typedef struct steep {
+    double q;
+    int64_t triangle;
+} steep;
+
+/* What a rank knows: the steepest of its own triangles, and how many are above 1. */
+typedef struct survey {
+    int64_t n_steep;
+    steep top[DMK_N_STEEP];
+} survey;
+
+/* By falling q, then by numbers. */
+static int compare_steep(const void *a, const void *b)
+{
+    const steep *x = a, *y = b;
+    if (x->q != y->q) return x->q < y->q ? 1 : -1;
+    return (x->triangle > y->triangle) - (x->triangle < y->triangle);
+}
+
+/* n triangles from number `first` on; their q are used up. */
+static void look_at(size_t n, int32_t first, double *q, survey *s)
+{
+    for (size_t t = 0; t < n; t++) s->n_steep += q[t] > 1;
+    for (int k = 0; k < DMK_N_STEEP; k++) {
+        size_t top = 0;
+        for (size_t t = 1; t < n; t++) top = q[t] > q[top] ? t : top;
+        s->top[k] = (steep){n > 0 ? q[top] : 0, first + (int64_t)top};
+        if (n > 0) q[top] = 0;
+    }
+}
+
 /* The triangles of the repaired u that are steepest, in stats->steep, and how many are above 1. */
 static int find_steep(repair *r)
 {
     int rc;
+    dmk_system *s = r->o->sys;
+    dmk_share *dealt = s->share;
     dmk_stats *stats = r->o->stats;
-    size_t n = (size_t)r->o->sys->whole.n_elements;
+    const dmk_space *space = dealt ? &dealt->element : NULL;
+    const size_t n = (size_t)(space ? space->end - space->first : s->n_elements);
+    survey own = {.n_steep = 0}, *all = NULL;
+    steep *list = NULL;
     double *q = NULL, unused;
-    DMK_TRY(DMK_NEW(r->o->ctx, q, (size_t)r->o->sys->whole.n_elements_pad));
+    int32_t n_all = 1;
+    DMK_TRY(DMK_NEW(r->o->ctx, q, (size_t)s->n_elements_pad));
     DMK_TRY(dmk_bound_plain(r->o, r->work.u, &unused));
-    DMK_TRY(dmk_elements_read(r->o->ctx, r->o->sys, r->o->sys->q, q));
+    DMK_TRY(
+        dmk_buffer_read_real(r->o->ctx, s->device, DMK_OUTER, s->q, (size_t)s->n_elements_pad, q));
+    look_at(n, space ? space->first : 0, q + (space ? space->at_first : 0), &own);
+    if (dealt)
+        DMK_TRY(dmk_share_join(r->o->ctx, dealt, 1, sizeof own, &own, &n_all, (void **)&all));
+    DMK_TRY(DMK_NEW(r->o->ctx, list, DMK_N_STEEP * (size_t)n_all));
     stats->n_steep = 0;
-    for (size_t t = 0; t < n; t++) stats->n_steep += q[t] > 1;
-    for (int k = 0; k < DMK_N_STEEP; k++) {
-        size_t top = 0;
-        for (size_t t = 1; t < n; t++) top = q[t] > q[top] ? t : top;
-        stats->steep[k] = q[top] > 1 ? (int64_t)top : -1;
-        q[top] = 0;
+    for (int32_t i = 0; i < n_all; i++) {
+        const survey *one = all ? &all[i] : &own;
+        stats->n_steep += one->n_steep;
+        for (int k = 0; k < DMK_N_STEEP; k++) list[DMK_N_STEEP * i + k] = one->top[k];
     }
+    qsort(list, DMK_N_STEEP * (size_t)n_all, sizeof *list, compare_steep);
+    for (int k = 0; k < DMK_N_STEEP; k++) stats->steep[k] = list[k].q > 1 ? list[k].triangle : -1;
 done:
     free(q);
+    free(all);
+    free(list);
     return rc;
 }
 

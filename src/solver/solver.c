@@ -436,6 +436,40 @@ done:
  * of the time of the next source; small meshes keep it, for them its making is a tenth. */
 enum { RELEASED = 100000 };
 
+/* A vector of the whole mesh in place of a share's own and ghosts. */
+static int make_whole(dmk_context *ctx, const dmk_system *sys, bool rows, double **x)
+{
+    int rc;
+    double *whole = NULL;
+    if (!sys->share) return DMK_OK;
+    DMK_TRY(
+        DMK_NEW(ctx, whole, (size_t)(rows ? sys->whole.n_rows_pad : sys->whole.n_elements_pad)));
+    DMK_TRY(dmk_share_give(ctx, sys->share, rows, sys->whole.vertex_row, *x, whole));
+    free(*x);
+    *x = whole;
+    whole = NULL;
+done:
+    free(whole);
+    return rc;
+}
+
+/* u and mu of the whole mesh, the caller's to free; of a large one the state on the device goes on the way. */
+static int take_pair(dmk_context *ctx, const dmk_solver *s, double **u, double **mu)
+{
+    int rc;
+    dmk_system *sys = s->system;
+    const size_t rows = (size_t)sys->n_rows_pad, elements = (size_t)sys->n_elements_pad;
+    DMK_TRY(DMK_NEW(ctx, *u, rows));
+    DMK_TRY(DMK_NEW(ctx, *mu, elements));
+    DMK_TRY(dmk_buffer_read_real(ctx, s->device, DMK_OUTER, sys->u, rows, *u));
+    DMK_TRY(dmk_buffer_read_real(ctx, s->device, DMK_OUTER, sys->mu, elements, *mu));
+    if (sys->whole.n_elements >= RELEASED) dmk_system_release(sys);
+    DMK_TRY(make_whole(ctx, sys, true, u));
+    rc = make_whole(ctx, sys, false, mu);
+done:
+    return rc;
+}
+
 /* Read mu and u back once and put them in the input's order and units. */
 static int collect(dmk_context *ctx, dmk_solver *s, const start *near, double threshold,
                    dmk_result *r)
@@ -444,11 +478,7 @@ static int collect(dmk_context *ctx, dmk_solver *s, const start *near, double th
     dmk_system *sys = s->system;
     const dmk_order *o = &s->order->order;
     double *u = NULL, *mu = NULL;
-    DMK_TRY(DMK_NEW(ctx, u, (size_t)sys->whole.n_rows_pad));
-    DMK_TRY(DMK_NEW(ctx, mu, (size_t)sys->whole.n_elements_pad));
-    DMK_TRY(dmk_rows_read(ctx, sys, sys->u, u));
-    DMK_TRY(dmk_elements_read(ctx, sys, sys->mu, mu));
-    if (sys->whole.n_elements >= RELEASED) dmk_system_release(sys);
+    DMK_TRY(take_pair(ctx, s, &u, &mu));
     DMK_TRY(dmk_result_allocate(ctx, r, near->own));
     double at_source = value_at(s, near->source, u);
     for (int32_t t = 0; t < sys->whole.n_elements; t++)

@@ -1,13 +1,14 @@
 /* The upper bound: the cost of a flux that delivers f, the sum over the triangles T of |T| times the root mean
  * square of the flux over T's four parts. The flux is mu grad u, and what that fails to deliver,
  * r = f - A(mu) u, is sent along edges: each midpoint's r in halves to both ends, then the vertices' along a
- * spanning tree of T's edges, of heavy mu first. A flow a from i to j in a part s is the constant field
+ * spanning tree of T's edges, of heavy mu first (tree.c). A flow a from i to j in a part s is the constant field
  * a (x_i - x_j) / |s|, whose cost alone is a times twice the length; the triangles beside an edge share it in the
  * ratio of their mu. What rounding may hide of r, row by row, goes the same ways. So the bound holds whatever the
  * iteration, the linear solver and single precision did; a u that solves A(mu) u = f makes it sharp. */
 #include "solver/iteration.h"
 
 #include "base/parallel.h"
+#include "solver/tree.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -17,8 +18,6 @@
 static const double tiny = 1e-30;
 /* Of f, where the device has no double precision: of a float. */
 static const double float_rounding = 6e-8;
-
-enum { BINS = 1 << 11 }; /* of the bits of a float: eight for each power of 2 */
 
 /* begin .. end - 1 */
 typedef struct span {
@@ -45,24 +44,9 @@ typedef struct router {
     double *beside;       /* edges, once the rounding is sent: the sum of both sides' mu */
     double *cost;         /* of each own triangle */
     double *mean;         /* 3 for each triangle: the flux; NULL: not wanted */
-    int32_t *order;       /* own edges, heavy ones first; room for two numbers a vertex at least */
-    int32_t *root;        /* vertices: see `tree` */
     loan loan[LOANS];     /* all of mu, u, r, rounding and sent, or none */
     int n_loans;
 } router;
-
-/* A spanning tree of some vertices among edges that are given as a list. */
-typedef struct tree {
-    int32_t n_vertices;
-    const int32_t *end; /* edge e's end vertices are end[stride * e] and the next number */
-    size_t stride;
-    const double *length; /* of edge e at length_stride * e */
-    size_t length_stride;
-    const int32_t
-        *slot; /* of edge e's flow, at stride * e, negative where they are not wanted; NULL: e */
-    int32_t *root;         /* vertices: the union-find forest */
-    int32_t *degree, *key; /* vertices: number of tree edges at it, and their exclusive or */
-} tree;
 
 /* The rows of triangle t's nine edges, at whose ends the flows below enter and leave. */
 static void edges_of(const router *p, int32_t t, int32_t a[9], int32_t b[9])
@@ -109,8 +93,8 @@ static void send_midpoints(const router *p)
             p->r[v] += 0.5 * p->r[e];
             p->rounding[v] += 0.5 * p->rounding[e];
         }
-        p->half[e] = -0.5 * p->r[e]; /* may be r[e] itself */
-        p->sent[e] = 0;
+        p->half[e] *= -0.5;
+        p->sent[e] = p->rounding[e] = 0;
     }
 }
 
@@ -132,276 +116,40 @@ static int bin_of(const void *data, int32_t e)
         float f;
         uint32_t bits;
     } key = {.f = (float)fmax(mu, tiny)};
-    return BINS - 1 - (int)(key.bits >> 20);
+    return DMK_TREE_BINS - 1 - (int)(key.bits >> 20); /* eight for each power of 2 */
 }
 
-/* begin .. end - 1 into `order` by their bins, in each by their numbers. */
-static void sort_by_bin(const void *data, int32_t begin, int32_t end,
-                        int (*bin)(const void *data, int32_t i), int32_t *order)
+/* Of the vertices' r; the errors that edges carry take the place of the midpoints'. */
+static dmk_tree tree_of(const router *p)
 {
-    int32_t first[BINS + 1] = {0};
-    for (int32_t i = begin; i < end; i++) first[bin(data, i) + 1]++;
-    for (int b = 0; b < BINS; b++) first[b + 1] += first[b];
-    for (int32_t i = begin; i < end; i++) order[first[bin(data, i)]++] = i;
-}
-
-static void sort_edges(const router *p)
-{
-    sort_by_bin(p, p->edges.begin, p->edges.end, bin_of, p->order);
-}
-
-static int32_t find(int32_t *root, int32_t v)
-{
-    while (root[v] != v) {
-        root[v] = root[root[v]];
-        v = root[v];
-    }
-    return v;
-}
-
-/* Kruskal's spanning tree, or forest, of n edges in this order, in which the chosen ones come first then; their
- * number. */
-static int32_t grow_tree(const tree *t, int32_t n, int32_t *order)
-{
-    int32_t chosen = 0;
-    for (int32_t v = 0; v < t->n_vertices; v++) t->root[v] = v;
-    for (int32_t i = 0; chosen < t->n_vertices - 1 && i < n; i++) {
-        const int32_t e = order[i], *end = t->end + t->stride * (size_t)e;
-        const int32_t a = find(t->root, end[0]), b = find(t->root, end[1]);
-        if (a == b) continue;
-        t->root[a] = b;
-        order[chosen++] = e;
-    }
-    return chosen;
-}
-
-static void join_tree(const tree *t, int32_t n, const int32_t *chosen)
-{
-    for (int32_t i = 0; i < n; i++) {
-        const int32_t e = chosen[i], *end = t->end + t->stride * (size_t)e;
-        for (int k = 0; k < 2; k++) {
-            t->degree[end[k]]++;
-            t->key[end[k]] ^= e;
-        }
-    }
-}
-
-/* The vertices' r along the tree, of which leaf after leaf is cut off; the cost of the rounding errors. */
-static double send_vertices(const tree *t, double *r, double *rounding, double *sent)
-{
-    double cost = 0;
-    for (int32_t i = 0; i < t->n_vertices; i++) {
-        for (int32_t v = i; t->degree[v] == 1;) {
-            const int32_t e = t->key[v], *end = t->end + t->stride * (size_t)e;
-            const int32_t w = end[0] == v ? end[1] : end[0];
-            const int32_t slot = t->slot ? t->slot[t->stride * (size_t)e] : e;
-            if (slot >= 0) sent[slot] = end[0] == v ? r[v] : -r[v];
-            cost += 2 * t->length[t->length_stride * (size_t)e] * rounding[v];
-            r[w] += r[v];
-            rounding[w] += rounding[v];
-            t->degree[v]--;
-            t->degree[w]--;
-            t->key[w] ^= e;
-            v = w;
-        }
-    }
-    return cost;
-}
-
-/* The tree of the whole mesh. The forest, and the edges that are not chosen, give their room to it. */
-static tree whole_tree(const router *p)
-{
-    const dmk_mesh *m = p->mesh;
-    return (tree){.n_vertices = m->n_vertices,
-                  .end = m->edge_vertex,
-                  .stride = 2,
-                  .length = m->length,
-                  .length_stride = 1,
-                  .root = p->root,
-                  .degree = p->root,
-                  .key = p->order + m->n_vertices};
-}
-
-static int plant(dmk_context *ctx, void *data)
-{
-    (void)ctx;
-    const router *p = data;
-    const size_t bytes = (size_t)p->mesh->n_vertices * sizeof(int32_t);
-    const tree t = whole_tree(p);
-    sort_edges(p);
-    const int32_t chosen = grow_tree(&t, p->mesh->n_edges, p->order);
-    memset(t.degree, 0, bytes);
-    memset(t.key, 0, bytes);
-    join_tree(&t, chosen, p->order);
-    return DMK_OK;
-}
-
-/* All r on the whole mesh, by a tree that is made while r is. */
-static int send_on_whole(router *p, double *cost)
-{
-    int rc;
-    dmk_task task;
-    const tree t = whole_tree(p);
-    dmk_task_begin(p->o->ctx, &task, plant, p);
-    subtract(p);
-    add_rounding(p, cost);
-    send_midpoints(p);
-    DMK_TRY(dmk_task_end(p->o->ctx, &task, DMK_OK));
-    *cost += send_vertices(&t, p->r + p->n.vertex_row, p->rounding + p->n.vertex_row, p->sent);
-done:
-    return rc;
-}
-
-/* ---- the tree of a mesh that is dealt out ------------------------------------------------------ */
-
-/* An edge of the own edges' heaviest forest. The heaviest tree of the whole mesh is made of such edges alone, as
- * an edge that closes a circle of heavier ones is in neither. */
-typedef struct branch {
-    int32_t edge, end[2], bin; /* in the whole mesh */
-    double length;
-} branch;
-
-/* Those of all ranks in the order of the whole mesh's edges, and the tree of them. */
-typedef struct canopy {
-    branch *branch;
-    int32_t n;
-    int32_t *order, *root, *degree, *key;
-    double *r, *rounding; /* of the whole mesh's vertices */
-} canopy;
-
-static void canopy_free(canopy *c)
-{
-    free(c->branch);
-    free(c->order);
-    free(c->root);
-    free(c->degree);
-    free(c->key);
-    free(c->r);
-    free(c->rounding);
-}
-
-static int compare_branches(const void *a, const void *b)
-{
-    const branch *x = a, *y = b;
-    return (x->edge > y->edge) - (x->edge < y->edge);
-}
-
-/* The own forest; *n branches, the caller's to free. */
-static int list_branches(const router *p, branch **list, int32_t *n)
-{
-    int rc;
-    const dmk_mesh *m = p->mesh;
-    const tree t = {
-        .n_vertices = m->n_vertices, .end = m->edge_vertex, .stride = 2, .root = p->root};
-    sort_edges(p);
-    *n = grow_tree(&t, p->edges.end - p->edges.begin, p->order);
-    DMK_TRY(DMK_NEW(p->o->ctx, *list, (size_t)*n));
-    for (int32_t i = 0; i < *n; i++) {
-        const int32_t e = p->order[i], *end = m->edge_vertex + 2 * (size_t)e;
+    dmk_tree tree = {.share = p->share,
+                     .mesh = p->mesh,
+                     .vertices = {0, p->mesh->n_vertices},
+                     .edges = {p->edges.begin, p->edges.end},
+                     .bin = bin_of,
+                     .user = p,
+                     .load = p->r + p->n.vertex_row,
+                     .error = p->rounding + p->n.vertex_row,
+                     .sent = p->sent,
+                     .carried = p->rounding};
+    if (p->share) {
         const dmk_space *vertex = &p->share->vertex[0];
-        (*list)[i] = (branch){p->share->edge.whole[e],
-                              {vertex->whole[end[0]], vertex->whole[end[1]]},
-                              bin_of(p, e),
-                              m->length[e]};
+        tree.vertices[0] = vertex->at_first;
+        tree.vertices[1] = vertex->at_first + vertex->end - vertex->first;
     }
-    qsort(*list, (size_t)*n, sizeof **list, compare_branches);
-done:
-    return rc;
+    return tree;
 }
 
-static int branch_bin(const void *data, int32_t i)
+static int grow_tree(dmk_context *ctx, void *data)
 {
-    const canopy *c = data;
-    return c->branch[i].bin;
+    return dmk_tree_grow(ctx, data);
 }
 
-static tree branch_tree(const router *p, const canopy *c)
+static void add_carried(void *data, double *cost)
 {
-    return (tree){.n_vertices = p->o->sys->whole.n_vertices,
-                  .end = c->branch[0].end,
-                  .stride = sizeof(branch) / sizeof(int32_t),
-                  .length = &c->branch[0].length,
-                  .length_stride = sizeof(branch) / sizeof(double),
-                  .slot = &c->branch[0].edge,
-                  .root = c->root,
-                  .degree = c->degree,
-                  .key = c->key};
-}
-
-/* r and rounding of all vertices; the own ones are not read again, nor is u for a while. */
-static int gather_loads(router *p, canopy *c)
-{
-    int rc;
-    dmk_context *ctx = p->o->ctx;
-    const size_t vertices = (size_t)p->o->sys->whole.n_vertices;
-    free(p->u);
-    p->u = NULL;
-    DMK_TRY(DMK_NEW(ctx, c->r, vertices));
-    DMK_TRY(dmk_share_give_vertices(ctx, p->share, p->r + p->n.vertex_row, c->r));
-    free(p->r);
-    p->r = NULL;
-    DMK_TRY(DMK_NEW(ctx, c->rounding, vertices));
-    DMK_TRY(dmk_share_give_vertices(ctx, p->share, p->rounding + p->n.vertex_row, c->rounding));
-    free(p->rounding);
-    p->rounding = NULL;
-done:
-    return rc;
-}
-
-static int gather_branches(router *p, canopy *c)
-{
-    int rc;
-    branch *own = NULL;
-    int32_t n_own;
-    DMK_TRY(list_branches(p, &own, &n_own));
-    free(p->order);
-    free(p->root);
-    p->order = p->root = NULL;
-    rc = dmk_share_join(p->o->ctx, p->share, (size_t)n_own, sizeof *own, own, &c->n,
-                        (void **)&c->branch);
-done:
-    free(own);
-    return rc;
-}
-
-/* The branches of all ranks, and the tree among them. */
-static int gather_canopy(router *p, canopy *c)
-{
-    int rc;
-    dmk_context *ctx = p->o->ctx;
-    const size_t vertices = (size_t)p->o->sys->whole.n_vertices;
-    DMK_TRY(gather_branches(p, c));
-    DMK_TRY(DMK_NEW(ctx, c->order, (size_t)c->n));
-    DMK_TRY(DMK_NEW(ctx, c->root, vertices));
-    sort_by_bin(c, 0, c->n, branch_bin, c->order);
-    tree t = branch_tree(p, c);
-    const int32_t chosen = grow_tree(&t, c->n, c->order);
-    free(c->root);
-    c->root = NULL;
-    DMK_TRY(DMK_NEW(ctx, c->degree, vertices));
-    DMK_TRY(DMK_NEW(ctx, c->key, vertices));
-    t = branch_tree(p, c);
-    join_tree(&t, chosen, c->order);
-    free(c->order);
-    c->order = NULL;
-done:
-    return rc;
-}
-
-/* Every rank sends along the whole tree, and keeps the flows of the edges that it has. */
-static int send_along_branches(router *p, double *cost)
-{
-    int rc;
-    canopy c = {.n = 0};
-    DMK_TRY(gather_loads(p, &c));
-    DMK_TRY(gather_canopy(p, &c));
-    for (int32_t i = 0; i < c.n; i++)
-        c.branch[i].edge = dmk_space_slot(&p->share->edge, c.branch[i].edge);
-    const tree t = branch_tree(p, &c);
-    *cost += send_vertices(&t, c.r, c.rounding, p->sent);
-done:
-    canopy_free(&c);
-    return rc;
+    const router *p = data;
+    for (int32_t e = p->edges.begin; e < p->edges.end; e++)
+        *cost += 2 * p->mesh->length[e] * p->rounding[e];
 }
 
 /* ---- costs ------------------------------------------------------------------------------------ */
@@ -549,8 +297,8 @@ static int borrow(router *p, dmk_buffer *from, size_t n, double **at)
     int rc = DMK_OK;
     dmk_context *ctx = p->o->ctx;
     dmk_system *s = p->o->sys;
-    /* With a share the buffers hold it alone, and what is sent takes turns with what is read again. */
-    if (!s->share) DMK_TRY(dmk_buffer_map(ctx, s->device, from, n, at));
+    /* With a share the buffers hold it alone, which is not enough where all of the mesh is wanted. */
+    if (p->share == s->share) DMK_TRY(dmk_buffer_map(ctx, s->device, from, n, at));
     if (*at)
         p->loan[p->n_loans++] = (loan){from, *at};
     else
@@ -575,81 +323,51 @@ static void give_back(router *p, double **at)
 static int allocate(router *p)
 {
     int rc;
-    dmk_context *ctx = p->o->ctx;
     const dmk_system *s = p->o->sys;
-    const size_t rows = (size_t)p->n.n_rows_pad, edges = (size_t)p->n.n_edges,
-                 vertices = (size_t)p->n.n_vertices;
+    const size_t rows = (size_t)p->n.n_rows_pad;
     DMK_TRY(borrow(p, s->mu, (size_t)p->n.n_elements_pad, &p->mu));
     DMK_TRY(borrow(p, s->u, rows, &p->u));
     DMK_TRY(borrow(p, s->cg[DMK_OUTER].r, rows, &p->r));
     DMK_TRY(borrow(p, s->cg[DMK_OUTER].ap, rows, &p->rounding));
-    DMK_TRY(borrow(p, s->cg[DMK_OUTER].p, edges, &p->sent));
-    if (p->share)
-        DMK_TRY(DMK_NEW(ctx, p->half, edges));
-    else
-        p->half = p->r;
-    DMK_TRY(DMK_NEW(ctx, p->order, edges > 2 * vertices ? edges : 2 * vertices));
-    DMK_TRY(DMK_NEW(ctx, p->root, vertices));
+    DMK_TRY(borrow(p, s->cg[DMK_OUTER].p, rows, &p->sent));
+    p->half = p->r;
 done:
     return rc;
 }
 
-static void release_tree(router *p)
-{
-    free(p->order);
-    free(p->root);
-    p->order = p->root = NULL;
-}
-
 static void release(router *p)
 {
-    if (p->share) free(p->half);
     give_back(p, &p->mu);
     give_back(p, &p->u);
     give_back(p, &p->r);
     give_back(p, &p->rounding);
     give_back(p, &p->sent);
     free(p->cost);
-    release_tree(p);
 }
 
-/* mu, u, and f as r; of a share its own items' and ghosts'. */
+/* mu, u, and f as r. */
 static int read_pair(const router *p)
 {
-    int rc;
+    int rc = DMK_OK;
     dmk_context *ctx = p->o->ctx;
     dmk_system *s = p->o->sys;
-    if (p->share) {
-        DMK_TRY(dmk_share_rows(ctx, p->share, DMK_OUTER, s->u));
-        DMK_TRY(dmk_buffer_read_real(ctx, s->device, DMK_OUTER, s->mu, (size_t)p->n.n_elements_pad,
-                                     p->mu));
-        DMK_TRY(
-            dmk_buffer_read_real(ctx, s->device, DMK_OUTER, s->u, (size_t)p->n.n_rows_pad, p->u));
-        return dmk_buffer_read_real(ctx, s->device, DMK_OUTER, s->f, (size_t)p->n.n_rows_pad, p->r);
-    }
-    if (p->n_loans == 0) { /* else they lie there */
+    const size_t elements = (size_t)p->n.n_elements_pad, rows = (size_t)p->n.n_rows_pad;
+    if (p->share != s->share) {
         DMK_TRY(dmk_elements_read(ctx, s, s->mu, p->mu));
         DMK_TRY(dmk_rows_read(ctx, s, s->u, p->u));
+        return dmk_rows_read(ctx, s, s->f, p->r);
     }
-    DMK_TRY(dmk_rows_read(ctx, s, s->f, p->r));
+    if (p->n_loans == 0) { /* else they lie there */
+        DMK_TRY(dmk_buffer_read_real(ctx, s->device, DMK_OUTER, s->mu, elements, p->mu));
+        DMK_TRY(dmk_buffer_read_real(ctx, s->device, DMK_OUTER, s->u, rows, p->u));
+    }
+    rc = dmk_buffer_read_real(ctx, s->device, DMK_OUTER, s->f, rows, p->r);
 done:
     return rc;
 }
 
-/* Of a share: u again, and room for what the edges have beside them. */
-static int restore_rows(router *p)
-{
-    int rc;
-    const size_t n = (size_t)p->n.n_rows_pad;
-    DMK_TRY(DMK_NEW(p->o->ctx, p->u, n));
-    DMK_TRY(DMK_NEW(p->o->ctx, p->rounding, n));
-    rc = dmk_buffer_read_real(p->o->ctx, p->o->sys->device, DMK_OUTER, p->o->sys->u, n, p->u);
-done:
-    return rc;
-}
-
-/* All r of a share. */
-static int send_of_share(router *p, double *cost)
+/* r, and the midpoints' sent. */
+static int find_residuals(router *p, double *cost)
 {
     int rc;
     dmk_context *ctx = p->o->ctx;
@@ -658,9 +376,24 @@ static int send_of_share(router *p, double *cost)
     DMK_TRY(dmk_share_ghosts(ctx, p->share, p->rounding));
     DMK_TRY(dmk_share_in_turn(ctx, p->share, cost, add_rounding, p));
     send_midpoints(p);
-    DMK_TRY(send_along_branches(p, cost));
-    rc = restore_rows(p);
 done:
+    return rc;
+}
+
+/* All r, by a tree that grows meanwhile. */
+static int send_all(router *p, double *cost)
+{
+    int rc;
+    dmk_context *ctx = p->o->ctx;
+    dmk_tree tree = tree_of(p);
+    dmk_task task;
+    dmk_task_begin(ctx, &task, grow_tree, &tree);
+    DMK_TRY(dmk_task_end(ctx, &task, find_residuals(p, cost)));
+    DMK_TRY(dmk_tree_send(ctx, &tree));
+    DMK_TRY(dmk_share_in_turn(ctx, p->share, cost, add_carried, p));
+    rc = dmk_share_ghosts(ctx, p->share, p->sent);
+done:
+    dmk_tree_free(&tree);
     return rc;
 }
 
@@ -669,8 +402,7 @@ static int route(router *p, double *bound)
     int rc;
     dmk_context *ctx = p->o->ctx;
     double cost = 0;
-    DMK_TRY(p->share ? send_of_share(p, &cost) : send_on_whole(p, &cost));
-    release_tree(p);
+    DMK_TRY(send_all(p, &cost));
     p->beside = p->rounding; /* it is sent */
     DMK_TRY(DMK_NEW(ctx, p->cost, (size_t)(p->elements.end - p->elements.begin)));
     add_sides(p);
@@ -708,6 +440,7 @@ int dmk_bound_upper(dmk_iteration *o, double *flux, double *balance, double *bou
         p.elements.end = p.elements.begin + share->element.end - share->element.first;
         p.edges.end = p.edges.begin + share->edge.end - share->edge.first;
     }
+    DMK_TRY(dmk_share_rows(o->ctx, share, DMK_OUTER, s->u));
     DMK_TRY(allocate(&p));
     DMK_TRY(read_pair(&p));
     DMK_TRY(route(&p, bound));
