@@ -1,5 +1,6 @@
 /* The cotree by itself: jumps and crossings where they are known, and what leaves hand on along a tree made by hand. */
 #include "../src/locus/cotree.c" /* for their static functions; the library's own are then left out */
+#include "../src/locus/places.c"
 #include "../src/locus/strength.c"
 
 #include "context.h"
@@ -9,8 +10,6 @@
 #include <stddef.h>
 
 #include <cmocka.h>
-
-static const double pi = 3.14159265358979323846;
 
 /* ---- a flat torus -------------------------------------------------------------------------------- */
 
@@ -244,6 +243,28 @@ static void leaves_hand_on(void **state)
     }
 }
 
+/* From crossing 3 of an arm outwards to its end, or as far as the room for points or the length allows. */
+static void walks_have_their_room(void **state)
+{
+    (void)state;
+    static arms a;
+    static const int length[3] = {38, 1, 1};
+    static const struct {
+        double length;
+        int n;
+    } cases[] = {{1e9, MAX_WALK + 1}, {3.5, 5}, {3, 4}, {0, 1}};
+    make_arms(&a, length, 1, 0.9);
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        walk w;
+        go(&a.t, 3, a.crossing[3].node[1], cases[i].length, &w);
+        assert_int_equal(w.n, cases[i].n);
+        for (int k = 0; k < w.n; k++) {
+            near(w.x[k][0], 3.5 + k);
+            near(w.s[k], k);
+        }
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -251,6 +272,7 @@ int main(void)
         cmocka_unit_test(jumps_of_a_flat_torus),
         cmocka_unit_test(families_meet),
         cmocka_unit_test(leaves_hand_on),
+        cmocka_unit_test(walks_have_their_room),
     };
     return cmocka_run_group_tests_name("cotree", tests, context_setup, context_teardown);
 }

@@ -146,6 +146,22 @@ static void test_parameters_of_nodes(void **state)
              "4 0 1 0 3 7\n$EndParametricNodes\n$Elements\n1\n1 3 0 1 2 3 4\n$EndElements\n"));
 }
 
+/* As little text as nodes can take: 99 of them, most in no triangle. */
+static void test_short_nodes(void **state)
+{
+    char text[2000];
+    size_t n = (size_t)snprintf(text, sizeof text, MSH2 "$Nodes\n99\n");
+    for (int i = 1; i < 100; i++)
+        n += (size_t)snprintf(text + n, sizeof text - n, "%d %d %d 0\n", i, i % 3 > 0, i % 2);
+    snprintf(text + n, sizeof text - n, "$EndNodes\n$Elements\n1\n1 2 0 1 2 3\n$EndElements\n");
+    dmk_mesh *m = read_text(*state, "m.msh", text);
+    dmk_mesh_info info;
+    dmk_mesh_get_info(m, &info);
+    assert_int_equal(info.n_vertices, 99);
+    assert_int_equal(info.n_triangles, 1);
+    dmk_mesh_destroy(&m);
+}
+
 /* ---- binary ---- */
 
 typedef struct bytes {
@@ -396,6 +412,7 @@ int main(void)
         TEST(test_pieces_follow_each_other),
         TEST(test_elements_without_faces),
         TEST(test_parameters_of_nodes),
+        TEST(test_short_nodes),
         TEST(test_binary_msh),
         TEST(test_packed_arrays),
         TEST(test_refusals),
