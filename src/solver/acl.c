@@ -144,11 +144,10 @@ static int look_around(dmk_context *ctx, const dmk_mesh *m, convergence *c)
 {
     int rc;
     double *top = NULL;
-    DMK_TRY(DMK_NEW(ctx, top, (size_t)m->n_vertices));
+    DMK_TRY(DMK_NEW(ctx, top, (size_t)m->n_vertices)); /* 0: no lower crest counts */
     DMK_TRY(DMK_NEW(ctx, c->around, (size_t)m->n_triangles));
     memcpy(c->around, c->crest, (size_t)m->n_triangles * sizeof *c->around);
     for (int n = 0; n < RINGS; n++) {
-        for (int32_t v = 0; v < m->n_vertices; v++) top[v] = -INFINITY;
         for (size_t h = 0; h < 3 * (size_t)m->n_triangles; h++)
             top[m->triangle[h]] = fmax(top[m->triangle[h]], c->around[h / 3]);
         for (int32_t t = 0; t < m->n_triangles; t++) {
