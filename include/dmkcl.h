@@ -644,7 +644,9 @@ typedef struct dmk_locus_vertex {
     int32_t kind;    /* dmk_locus_kind */
     int32_t degree;
     double meeting_angle; /* between the minimal geodesics where they meet here, radians, 0 to pi */
-    double source_angle;  /* between them at p, radians, 0 to pi */
+    double
+        source_angle; /* between them at p, radians, 0 to pi; of two sources: of their directions */
+    int32_t source[2]; /* numbers of the sources that they come from */
 } dmk_locus_vertex;
 
 typedef struct dmk_locus_edge {
@@ -666,6 +668,14 @@ typedef struct dmk_locus_info {
  * surface of genus g; with borders, once each border is contracted to a point. */
 int dmk_locus_compute(dmk_context *context, const dmk_mesh *mesh, const dmk_result *result,
                       const dmk_locus_options *options, dmk_locus **locus);
+/* The cut locus of all the geodesics' sources as one set: the points that have several shortest paths to it. Where
+ * these lead to two sources, the borders between the cells of points with the same nearest source (Voronoi diagram),
+ * with infinite strength; within a cell its source's own, with a strength as for one source. Between any two vertices
+ * with another nearest source the locus crosses the edge. With k sources, each nearest to some vertex next to it, its
+ * first Betti number is 2g + k - 1. mu is 0. DMK_E_ARG for geodesics from lines or a border, and for a mesh of several
+ * components. */
+int dmk_geodesics_locus(dmk_context *context, const dmk_geodesics *geodesics,
+                        const dmk_locus_options *options, dmk_locus **locus);
 void dmk_locus_options_init(dmk_locus_options *options, size_t size);
 void dmk_locus_destroy(dmk_locus **locus);
 void dmk_locus_get_info(const dmk_locus *locus, dmk_locus_info *info);

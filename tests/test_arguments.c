@@ -256,6 +256,7 @@ static bool may_be(const char *function, const char *argument, bool null)
         "dmk_mesh_read_dealt ranks",
         "dmk_device_open options",
         "dmk_locus_compute options",
+        "dmk_geodesics_locus options",
         "dmk_cut options",
         "dmk_cut origin",
         "dmk_mesh_repair repair",
@@ -377,19 +378,21 @@ static void options_may_be_missing(void **state)
     problem *p = &good.p;
     dmk_device *device = NULL;
     dmk_result *result = NULL;
-    dmk_locus *locus = NULL;
+    dmk_locus *locus = NULL, *of_set = NULL;
     dmk_mesh *cut = NULL;
     dmk_geodesics *geodesics = NULL;
     bench_ok(&good.b, dmk_device_open(good.b.ctx, NULL, &device));
     bench_ok(&good.b, dmk_solve(good.b.ctx, p->solver, &p->source, NULL, &result));
     bench_ok(&good.b, dmk_locus_compute(good.b.ctx, p->mesh, result, NULL, &locus));
     bench_ok(&good.b, dmk_geodesics_create(good.b.ctx, p->mesh, 1, &p->source, NULL, &geodesics));
+    bench_ok(&good.b, dmk_geodesics_locus(good.b.ctx, geodesics, NULL, &of_set));
     bench_ok(&good.b, dmk_cut(good.b.ctx, p->mesh, result, NULL, &cut, NULL, NULL));
     assert_memory_equal(dmk_result_density(result, NULL), problem_mu(p),
                         problem_triangles(p) * sizeof(double));
     dmk_mesh_destroy(&cut);
     dmk_geodesics_destroy(&geodesics);
     dmk_locus_destroy(&locus);
+    dmk_locus_destroy(&of_set);
     dmk_result_destroy(&result);
     dmk_device_destroy(&device);
     size_t n = 0;

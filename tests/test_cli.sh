@@ -67,6 +67,8 @@ usage '--method' "'fast' is not one of newton, inertial, euler" solve x.off --me
 usage '--start' "'cold' is not one of distance, uniform" solve x.off --start cold
 usage '--out with a strange suffix' "expected one of .*.vtp" solve x.off --vertex 0 --out x.png
 usage '--locus with a strange suffix' "expected one of .*.obj" solve x.off --vertex 0 --locus x.png
+usage '--locus of a border' "leave out --border" distance x.off --border --locus x.obj
+usage '--strength of no locus' "without --locus" distance x.off --vertex 0 --strength 1
 fails '--out in no folder' 2 'cannot write into the folder' \
     "$tool" solve x.off --vertex 0 --out "$work/no/x.vtp"
 fails '--report in no folder' 2 'cannot write into the folder' \
@@ -234,6 +236,13 @@ for command in 'distance --source 9,0,0' 'path --source 3,0,0 --to 9,0,0' 'batch
     check "and by ${command%% *}, too" has "$work/errors" 'warning: \(9, 0, 0\) is 6 away from the surface'
 done
 printf '3.1,0,0\nvertex 0\n' > "$work/two.txt"
+printf '3,0,0\n-3,0,0\n' > "$work/far.txt"
+"$tool" distance "$torus" --sources "$work/far.txt" --locus "$work/far.obj" --locus "$work/far.vtp" > "$work/lines"
+check 'the cut locus of a set has 2g + k - 1 loops' has "$work/lines" '^cut locus  length [0-9.]* in 1 piece, 3 loops'
+check 'and is written as lines' has "$work/far.obj" '^l [0-9]+ [0-9]+'
+check 'in the other format, too' has "$work/far.vtp" 'Name="strength"'
+"$tool" distance "$torus" --sources "$work/far.txt" --locus "$work/far.obj" --json > "$work/lines"
+check 'and stands in the report' has "$work/lines" '"loops": 3'
 "$tool" solve "$torus" --sources "$work/two.txt" > "$work/lines" 2> /dev/null
 check 'a line of many sources has the offset' has "$work/lines" '^0000 .*\), 0\.1[0-9]* from the point asked for: '
 check 'but not of a vertex' has "$work/lines" '^0001  \([^:]*\): '

@@ -401,10 +401,11 @@ static const dmk_locus_vertex vertices[4] = {
      DMK_LOCUS_END,
      1,
      0.5,
-     0.75},
-    {{1, 0, 1e-300}, {1, {1, 0, 0}}, 2.25, 0, 2.9, {1, 2}, DMK_LOCUS_ORDINARY, 2, 3, 2},
-    {{2, 0, 0}, {2, {0.25, 0.25, 0.5}}, 2, 3, 0.5, {-1, -2}, DMK_LOCUS_END, 1, 0, 1},
-    {{7, 8, 9}, {3, {0, 0, 1}}, 4, 0, 6.25, {0, 3}, DMK_LOCUS_POINT, 0, 1, 3}};
+     0.75,
+     {0, 0}},
+    {{1, 0, 1e-300}, {1, {1, 0, 0}}, 2.25, 0, 2.9, {1, 2}, DMK_LOCUS_ORDINARY, 2, 3, 2, {0, 0}},
+    {{2, 0, 0}, {2, {0.25, 0.25, 0.5}}, 2, 3, 0.5, {-1, -2}, DMK_LOCUS_END, 1, 0, 1, {0, 0}},
+    {{7, 8, 9}, {3, {0, 0, 1}}, 4, 0, 6.25, {0, 3}, DMK_LOCUS_POINT, 0, 1, 3, {0, 0}}};
 static const dmk_locus_edge edges[2] = {{{0, 1}, 2.75}, {{1, 2}, 1.0 / 7}};
 static const int32_t line_index[] = {0, 1, 2, 3};
 static const int32_t line_offset[] = {0, 3, 4};

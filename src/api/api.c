@@ -57,6 +57,27 @@ done:
     return rc;
 }
 
+int dmk_geodesics_locus(dmk_context *ctx, const dmk_geodesics *geodesics,
+                        const dmk_locus_options *options, dmk_locus **locus)
+{
+    int rc;
+    dmk_locus_options chosen;
+    if (dmk_missing(ctx, "geodesics", geodesics, "locus", locus)) return DMK_E_ARG;
+    DMK_TRY(take_options(ctx, options, &chosen));
+    if (geodesics->n_lines > 0)
+        return dmk_fail(ctx, DMK_E_ARG,
+                        "the cut locus of lines and borders is not traced: give points as sources");
+    if (geodesics->mesh->n_components > 1)
+        return dmk_fail(ctx, DMK_E_ARG,
+                        "the mesh has %d components, and a cut locus is one component's: split it",
+                        (int)geodesics->mesh->n_components);
+    DMK_TRY(dmk_stage_begin(ctx, "locus"));
+    rc = dmk_locus_trace(ctx, geodesics, NULL, &chosen, locus);
+done:
+    dmk_stage_end(ctx);
+    return rc;
+}
+
 /* ---- paths ---------------------------------------------------------------------------------- */
 
 /* New number of each triangle of the mesh, -1 outside of the component. */

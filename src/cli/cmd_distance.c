@@ -1,6 +1,7 @@
 /* dmkcl distance: exact geodesic distances from points and from the border. */
 #include "solve.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,7 +15,8 @@ typedef struct distance_request {
     bool border, exact, quiet, verbose, json, repair;
     double tolerance; /* 0: not given */
     int64_t threads;
-    cli_files out;
+    cli_files out, locus;
+    double strength;
     const char *format; /* of files without a suffix, or NULL */
     const char *report; /* NULL: none; "-": standard output */
 } distance_request;
@@ -24,9 +26,10 @@ typedef struct distance_run {
     dmk_mesh *mesh;
     dmk_repairs repairs;
     dmk_geodesics *geodesics;
+    dmk_locus *locus;  /* of the sources as a set; NULL: not asked for */
     dmk_point *source; /* n */
     size_t n;
-    double begin, read, distance, write; /* seconds */
+    double begin, read, distance, trace, write; /* seconds */
     bool quiet;
     cli_progress progress;
 } distance_run;
@@ -73,6 +76,25 @@ static int place_all(const distance_request *request, distance_run *run)
     return code;
 }
 
+static int trace(const distance_request *request, distance_run *run)
+{
+    dmk_locus_options options;
+    if (request->locus.n == 0) return DMK_OK;
+    dmk_locus_options_init(&options, sizeof options);
+    options.strength = request->strength;
+    return dmk_geodesics_locus(run->context, run->geodesics, &options, &run->locus);
+}
+
+static int write_files(const distance_request *request, const distance_run *run)
+{
+    int rc = DMK_OK;
+    for (int i = 0; rc == DMK_OK && i < request->out.n; i++)
+        rc = dmk_geodesics_write(run->context, run->geodesics, cli_path(request->out.path[i]));
+    for (int i = 0; rc == DMK_OK && i < request->locus.n; i++)
+        rc = dmk_locus_write(run->context, run->locus, cli_path(request->locus.path[i]));
+    return rc;
+}
+
 static int compute(const distance_request *request, distance_run *run)
 {
     dmk_geodesics_options options;
@@ -85,15 +107,23 @@ static int compute(const distance_request *request, distance_run *run)
                                   &run->geodesics);
     run->distance = cli_seconds() - mark;
     mark = cli_seconds();
-    for (int i = 0; rc == DMK_OK && i < request->out.n; i++) {
-        rc = dmk_geodesics_write(run->context, run->geodesics, cli_path(request->out.path[i]));
-    }
+    if (rc == DMK_OK) rc = trace(request, run);
+    run->trace = cli_seconds() - mark;
+    mark = cli_seconds();
+    if (rc == DMK_OK) rc = write_files(request, run);
     run->write = cli_seconds() - mark;
     cli_progress_end(&run->progress);
     return rc == DMK_OK ? EXIT_OK : fail(run, rc);
 }
 
 /* ---- what is printed ------------------------------------------------------------------------ */
+
+static void write_names(cli_json *json, const char *name, const cli_files *files)
+{
+    json_open(json, name, '[');
+    for (int i = 0; i < files->n; i++) json_text(json, NULL, files->path[i]);
+    json_close(json, '[');
+}
 
 static void write_report(FILE *file, const distance_request *request, const distance_run *run)
 {
@@ -122,13 +152,14 @@ static void write_report(FILE *file, const distance_request *request, const dist
     json_open(&json, "seconds", '{');
     json_number(&json, "read", run->read);
     json_number(&json, "distance", run->distance);
+    if (run->locus) json_number(&json, "locus", run->trace);
     json_number(&json, "write", run->write);
     json_number(&json, "total", cli_seconds() - run->begin);
     json_close(&json, '{');
     json_integer(&json, "peak_memory", (int64_t)cli_peak_memory());
-    json_open(&json, "out", '[');
-    for (int i = 0; i < request->out.n; i++) json_text(&json, NULL, request->out.path[i]);
-    json_close(&json, '[');
+    if (run->locus) solve_report_locus(&json, run->locus);
+    write_names(&json, "out", &request->out);
+    if (run->locus) write_names(&json, "locus_out", &request->locus);
     json_close(&json, '{');
 }
 
@@ -154,10 +185,14 @@ static void print_summary(const distance_request *request, const distance_run *r
             "%-10s %s vertices lie on components without a source\n", "",
             cli_count((int64_t)(mesh.n_vertices - mesh.n_unused_vertices - info.n_reached), text));
     }
-    printf("%-10s %.2f s: read %.2f, distance %.2f, write %.2f; memory %s\n", "time",
-           cli_seconds() - run->begin, run->read, run->distance, run->write,
-           cli_bytes(cli_peak_memory(), text));
+    if (run->locus) solve_summary_locus(run->locus);
+    printf("%-10s %.2f s: read %.2f, distance %.2f, ", "time", cli_seconds() - run->begin,
+           run->read, run->distance);
+    if (run->locus) printf("locus %.2f, ", run->trace);
+    printf("write %.2f; memory %s\n", run->write, cli_bytes(cli_peak_memory(), text));
     for (int i = 0; i < request->out.n; i++) printf("%-10s %s\n", "wrote", request->out.path[i]);
+    for (int i = 0; i < request->locus.n; i++)
+        printf("%-10s %s: cut locus\n", "wrote", request->locus.path[i]);
 }
 
 static int report(const distance_request *request, const distance_run *run)
@@ -195,6 +230,7 @@ static int run_distance(const distance_request *request)
         code = cli_flush();
     }
     free(run.source);
+    dmk_locus_destroy(&run.locus);
     dmk_geodesics_destroy(&run.geodesics);
     dmk_mesh_destroy(&run.mesh);
     dmk_repairs_free(&run.repairs);
@@ -224,16 +260,23 @@ static int check_request(distance_request *r)
     if (r->quiet && r->verbose)
         return cli_error(EXIT_USAGE, "distance: give --quiet or --verbose, not both");
     if (r->json || (r->report && cli_is_stdout(r->report))) r->report = "-";
-    const int code = cli_check_outputs("out", &r->out, CLI_RESULT, r->format);
+    if (r->border && r->locus.n > 0)
+        return cli_error(EXIT_USAGE, "distance: --locus is that of points; leave out --border");
+    if (r->strength > 0 && r->locus.n == 0)
+        return cli_error(EXIT_USAGE, "distance: --strength without --locus");
+    int code = cli_check_outputs("out", &r->out, CLI_RESULT, r->format);
+    if (code == EXIT_OK) code = cli_check_outputs("locus", &r->locus, CLI_LOCUS, r->format);
     cli_uses uses = {.n = 0};
     cli_use(&uses, NULL, r->mesh);
     cli_use(&uses, NULL, r->sources);
     cli_use_files(&uses, "out", &r->out);
+    cli_use_files(&uses, "locus", &r->locus);
     cli_use(&uses, "report", r->report);
     return code == EXIT_OK ? cli_check_uses(&uses) : code;
 }
 
-static int parse(distance_request *r, const char *out_help, int argc, char **argv)
+static int parse(distance_request *r, const char *out_help, const char *locus_help, int argc,
+                 char **argv)
 {
     const cli_option rows[] = {
         {.name = "source",
@@ -273,6 +316,19 @@ static int parse(distance_request *r, const char *out_help, int argc, char **arg
          .kind = CLI_FLAG,
          .target = &r->exact},
         {.name = "out", .value = "FILE", .help = out_help, .kind = CLI_FILES, .target = &r->out},
+        {.name = "locus",
+         .value = "FILE",
+         .help = locus_help,
+         .kind = CLI_FILES,
+         .target = &r->locus},
+        {.name = "strength",
+         .value = "LENGTH",
+         .help = "of the locus, leave out branches of less strength, as in solve",
+         .kind = CLI_NUMBER,
+         .target = &r->strength,
+         .lo = DBL_MIN,
+         .hi = DBL_MAX,
+         .expected = "a number above 0"},
         cli_format_option(&r->format),
         {.name = "report",
          .value = "FILE",
@@ -320,11 +376,16 @@ static int parse(distance_request *r, const char *out_help, int argc, char **arg
 int cmd_distance(int argc, char **argv)
 {
     distance_request request = {.vertex = -1};
-    char suffixes[512], help[600];
+    char suffixes[512], help[700], locus[700];
     cli_suffixes(CLI_RESULT, suffixes, sizeof suffixes);
     snprintf(help, sizeof help,
              "write mesh, distance, direction and nearest; may be given\nagain: %s", suffixes);
-    int code = parse(&request, help, argc, argv);
+    cli_suffixes(CLI_LOCUS, suffixes, sizeof suffixes);
+    snprintf(locus, sizeof locus,
+             "write the cut locus of the sources as one set: borders of their\n"
+             "Voronoi cells and what these have inside, as lines; may be given again:\n%s",
+             suffixes);
+    int code = parse(&request, help, locus, argc, argv);
     if (code != CLI_GO_ON) return code;
     code = check_request(&request);
     return code == EXIT_OK ? run_distance(&request) : code;

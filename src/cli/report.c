@@ -67,7 +67,7 @@ static void write_seconds(cli_json *json, const solve_times *seconds, const dmk_
     json_close(json, '{');
 }
 
-static void write_locus(cli_json *json, const dmk_locus *locus)
+void solve_report_locus(cli_json *json, const dmk_locus *locus)
 {
     dmk_locus_info info;
     dmk_locus_get_info(locus, &info);
@@ -143,7 +143,7 @@ void solve_report_fields(cli_json *json, const solve_request *request, const sol
     write_seconds(json, &run->seconds, &stats);
     json_integer(json, "peak_memory", (int64_t)cli_peak_memory());
     write_ranks(json, run);
-    if (run->locus) write_locus(json, run->locus);
+    if (run->locus) solve_report_locus(json, run->locus);
     write_names(json, "out", &request->out);
     write_names(json, "locus_out", &request->locus);
     write_names(json, "tangent_out", &request->tangent);
@@ -342,7 +342,7 @@ int solve_check_gap(const solve_request *request, const solve_run *run)
                      run->where, stats.gap, asked);
 }
 
-static void print_locus(const dmk_locus *locus)
+void solve_summary_locus(const dmk_locus *locus)
 {
     char n[4][CLI_TEXT_SIZE];
     dmk_locus_info info;
@@ -416,7 +416,7 @@ void solve_summary(const solve_request *request, const solve_run *run)
     print_device(run);
     print_ranks(run);
     print_cost(&stats);
-    if (run->locus) print_locus(run->locus);
+    if (run->locus) solve_summary_locus(run->locus);
     print_time(&run->seconds, &stats);
     print_files(request);
 }

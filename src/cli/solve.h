@@ -132,6 +132,9 @@ int solve_report(const solve_request *request, const solve_run *run);
 typedef void (*solve_more)(cli_json *json, const solve_run *run, const void *data);
 int solve_report_more(const solve_request *request, const solve_run *run, solve_more more,
                       const void *data);
+/* The object `locus` of a report, and the line of a summary. */
+void solve_report_locus(cli_json *json, const dmk_locus *locus);
+void solve_summary_locus(const dmk_locus *locus);
 /* Whether the summary is printed: neither --quiet nor a report on the standard output. */
 bool solve_prints_summary(const solve_request *request);
 /* The summary for a person, on the standard output. */

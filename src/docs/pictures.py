@@ -147,6 +147,23 @@ def locus(folder):
     save(figure, folder, "locus")
 
 
+def of_a_set(folder):
+    figure, ax = plt.subplots(figsize=(6, 3.9))
+    mesh = dmkcl.surfaces.torus(n_triangles=16000)
+    at = dmkcl.Geodesics(mesh, points=[(2.7, 1.2, 0), (-0.4, 2.9, 0.2)])
+    locus = at.locus()
+    pairs = locus.vertices[locus.edges]
+    between = (locus.sources[locus.edges] != locus.sources[locus.edges][..., ::-1]).any(axis=(1, 2))
+    scene = Scene(mesh, (-0.5, -0.9, 1.0))
+    tints = np.array([(0.95, 0.91, 0.84), (0.90, 0.94, 0.87)])
+    scene.surface(tints[at.nearest[mesh.faces[:, 0]]])
+    scene.lines(contour_lines(mesh, at.distance, np.arange(0.25, 5, 0.25)), "#9aa4ad", 0.5)
+    scene.lines(pairs[between], RED, 2, lift=2)
+    scene.lines(pairs[~between], BLUE, 2, lift=2)
+    scene.draw(ax)
+    save(figure, folder, "set")
+
+
 def edges_crossed(mesh, graph):
     """Mesh edges on which a vertex of the locus lies: two of its three weights are not 0."""
     on = (graph.bary > 1e-9).sum(axis=1) == 2
@@ -210,5 +227,5 @@ def save(figure, folder, name):
 if __name__ == "__main__":
     folder = Path(sys.argv[1])
     folder.mkdir(parents=True, exist_ok=True)
-    for draw in (geodesics, locus, newton, multigrid, certificate):
+    for draw in (geodesics, locus, of_a_set, newton, multigrid, certificate):
         draw(folder)

@@ -77,6 +77,13 @@ double dmk_jump(const dmk_geodesics *g, int32_t h)
            fmax(0, dmk_image_length(&b, 0, 0) - g->distance[v] / unit) + dmk_rules.tie * differ;
 }
 
+/* The cells of two sources meet across the edge. */
+static bool parts_cells(const dmk_geodesics *g, int32_t e)
+{
+    const int32_t *v = g->mesh->edge_vertex + 2 * (size_t)e;
+    return g->arrival[v[0]].source != g->arrival[v[1]].source;
+}
+
 typedef struct jumps {
     const dmk_geodesics *geodesics;
     const int32_t *half; /* n_edges: one half-edge of each edge */
@@ -84,7 +91,8 @@ typedef struct jumps {
     dmk_keyed *edge;
 } jumps;
 
-/* Jumps as keys: the bits of a float keep the order of numbers that are not negative. */
+/* Jumps as keys: the bits of a float keep the order of numbers that are not negative. Edges between the cells of
+ * two sources come behind all others, so that the tree of a source takes its own cell. */
 static void find_jumps(int32_t begin, int32_t end, void *data)
 {
     jumps *j = data;
@@ -92,6 +100,7 @@ static void find_jumps(int32_t begin, int32_t end, void *data)
         const float jump = (float)(dmk_jump(j->geodesics, j->half[e]) / j->unit);
         uint32_t bits;
         memcpy(&bits, &jump, sizeof bits);
+        if (parts_cells(j->geodesics, e)) bits |= UINT32_C(1) << 31;
         j->edge[e] = (dmk_keyed){bits, e};
     }
 }
@@ -183,16 +192,26 @@ done:
     return rc;
 }
 
-/* Several sources are one root of the tree: their cells may fall apart. */
+/* A vertex that has source i nearest, if one next to it does; else -1. */
+static int32_t vertex_of(const dmk_geodesics *g, int32_t i)
+{
+    const dmk_site *s = g->source + i;
+    if (s->vertex >= 0) return g->arrival[s->vertex].source == i ? s->vertex : -1;
+    for (int32_t k = 0; k < s->n_sectors; k++) {
+        const int32_t v = g->mesh->triangle[dmk_next(s->sector[k].half)];
+        if (g->arrival[v].source == i) return v;
+    }
+    return -1;
+}
+
+/* Several sources are one root of the tree: their cells fall apart. */
 static void unite_sources(const dmk_geodesics *g, int32_t *parent)
 {
     int32_t first = -1;
     for (int32_t i = 0; i < g->n_sources; i++) {
-        const dmk_site *s = g->source + i;
-        const int32_t v =
-            s->vertex >= 0 ? s->vertex : g->mesh->triangle[dmk_next(s->sector[0].half)];
-        if (first >= 0) dmk_set_unite(parent, first, v);
-        first = v;
+        const int32_t v = vertex_of(g, i);
+        if (first >= 0 && v >= 0) dmk_set_unite(parent, first, v);
+        if (v >= 0) first = v;
     }
 }
 

@@ -85,6 +85,8 @@ static void set_families(const dmk_cotree *t, const corners *c, int i, int j, dm
     const double full = dmk_full_turn(g);
     v->distance = 0.5 * g->star.unit *
                   (dmk_image_length(&c->image[i], x, y) + dmk_image_length(&c->image[j], x, y));
+    v->source[0] = g->arrival[c->vertex[i]].source;
+    v->source[1] = g->arrival[c->vertex[j]].source;
     v->angle[0] = direction_of(g, c, i, x, y);
     v->angle[1] = direction_of(g, c, j, x, y);
     v->source_angle = fabs(dmk_turn_between(full, v->angle[0], v->angle[1]));

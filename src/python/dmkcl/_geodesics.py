@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._lib import ArgumentError, Context, Handle, copy_struct, ffi, lib, path_bytes, switch, view, whole
+from ._locus import Locus
 from ._mesh import Mesh, Point
 from ._read import MeshLike, as_mesh
 
@@ -273,6 +274,12 @@ class Geodesics:
                 )
             )
         return paths.found[0]
+
+    def locus(self, *, strength: float = 0) -> Locus:
+        """The cut locus of the sources as one set: the borders of their Voronoi cells, of infinite
+        strength, and what each cell has inside; branches of less strength (a length) are left out,
+        0 being the default of `CutLocus.solve`. Not of a curve or a border."""
+        return Locus(None, self._handle, strength)
 
     def write(self, path: "os.PathLike[str] | str") -> None:
         """Write mesh, distance, direction and nearest; the suffix chooses VTP, VTU or PLY."""

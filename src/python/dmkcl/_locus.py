@@ -39,6 +39,7 @@ _VERTEX = _dtype(
         "angle": ("f8", 2),
         "kind": "i4",
         "degree": "i4",
+        "source": ("i4", 2),
     },
 )
 _EDGE = _dtype("dmk_locus_edge", {"vertex": ("i4", 2), "strength": "f8"})
@@ -64,6 +65,8 @@ class Locus:
     strength : (k,) that of the strongest edge at each vertex, a length
     meeting_angle : (k,) between the minimal geodesics where they meet here, radians
     source_angle : (k,) between them at the source, radians
+    sources : (k, 2) numbers of the sources that they come from; of a set they differ on the borders
+        of its Voronoi cells
     angle : (k, 2) directions at the source of the two outermost of them, radians
     distance : (k,) to the source
     mu : (k,) density of the triangle the vertex lies in
@@ -75,17 +78,22 @@ class Locus:
     loops, components, endpoints, branch_points : counts; loops is the first Betti number
     """
 
-    def __init__(self, mesh: Mesh, result: Handle, strength: float = 0):
+    def __init__(self, mesh: Optional[Mesh], of: Handle, strength: float = 0):
+        """Of a result on a mesh, or, where that is None, of geodesics."""
         options = ffi.new("dmk_locus_options *")
         lib.dmk_locus_options_init(options, ffi.sizeof(options[0]))
         options.strength = strength
         self._handle: Optional[Handle] = Handle("dmk_locus")
         with Context() as context:
-            context.check(
-                lib.dmk_locus_compute(
-                    context.pointer, mesh._pointer, result.pointer, options, self._handle.box
+            if mesh is None:
+                status = lib.dmk_geodesics_locus(
+                    context.pointer, of.pointer, options, self._handle.box
                 )
-            )
+            else:
+                status = lib.dmk_locus_compute(
+                    context.pointer, mesh._pointer, of.pointer, options, self._handle.box
+                )
+            context.check(status)
         self._read_info()
         self._read_vertices()
         self._read_edges()
@@ -121,6 +129,7 @@ class Locus:
         self.angle: NDArray[np.float64] = raw["angle"].copy()
         self.kind: NDArray[np.int32] = raw["kind"].copy()
         self.degree: NDArray[np.int32] = raw["degree"].copy()
+        self.sources: NDArray[np.int32] = raw["source"].copy()
 
     def _read_edges(self) -> None:
         n = ffi.new("size_t *")

@@ -79,6 +79,25 @@ def test_they_pickle_and_copy(plane, tmp_path):
     assert copy.copy(found) is copy.deepcopy(found) is found
 
 
+def test_cut_locus_of_a_set(tmp_path):
+    """Between two poles of a sphere the equator."""
+    ball = dmkcl.surfaces.sphere(n_triangles=5000)
+    z = ball.vertices[:, 2]
+    at = dmkcl.Geodesics(ball, sources=[int(z.argmax()), int(z.argmin())])
+    locus = at.locus()
+    assert (locus.loops, locus.components, locus.endpoints) == (1, 1, 0)
+    assert abs(locus.vertices[:, 2]).max() < 0.05 and abs(locus.length / (2 * np.pi) - 1) < 0.01
+    assert (np.sort(locus.sources) == [0, 1]).all() and np.isinf(locus.edge_strength).all()
+    locus.write(tmp_path / "equator.obj")
+    assert (tmp_path / "equator.obj").stat().st_size > 1000
+    assert copy.deepcopy(at.locus(strength=0.1)).length == locus.length
+
+
+def test_cut_locus_of_a_border_is_refused(plane):
+    with pytest.raises(dmkcl.ArgumentError, match="borders is not traced"):
+        dmkcl.Geodesics(plane, border=True).locus()
+
+
 def test_no_source_is_refused(plane):
     with pytest.raises(dmkcl.ArgumentError):
         dmkcl.Geodesics(plane)
