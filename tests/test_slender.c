@@ -165,6 +165,17 @@ static void needle(void **state)
         dmk_geodesics_destroy(&g);
     }
     check_both_ways(ctx, m, (const int32_t[3]){pulled, 52, 0}, 1000);
+    /* With a tolerance, too. A half-edge keeps what has run on from its 32nd visit on: 846 windows are made, and 654 or
+     * 1,230 if it were the 16th or the 64th. */
+    dmk_geodesics *g;
+    dmk_point p;
+    dmk_geodesics_options options;
+    dmk_geodesics_options_init(&options, sizeof options);
+    options.tolerance = 1e-6;
+    assert_int_equal(dmk_mesh_vertex_point(ctx, m, 3, &p), DMK_OK);
+    assert_int_equal(dmk_geodesics_create(ctx, m, 1, &p, &options, &g), DMK_OK);
+    assert_in_range(g->n_windows, 740, 1000);
+    dmk_geodesics_destroy(&g);
     dmk_mesh_destroy(&m);
 }
 

@@ -3,6 +3,7 @@
 #include "../src/geodesic/wave.c" /* for its static functions; the library's own are then left out */
 
 #include "context.h"
+#include "geodesic/trace.h"
 
 #include <math.h>
 #include <setjmp.h>
@@ -54,6 +55,41 @@ static void on_torus(double a, double b, double x[3])
 {
     const double r = 2 + cos(2 * pi * b);
     x[0] = r * cos(2 * pi * a), x[1] = r * sin(2 * pi * a), x[2] = sin(2 * pi * b);
+}
+
+/* An open tube of 12 sides. */
+static dmk_mesh *make_tube(dmk_context *ctx, int32_t rings)
+{
+    enum { n = 12 };
+    dmk_mesh *mesh;
+    double *xyz = calloc(3 * n * (size_t)rings, sizeof *xyz);
+    int32_t *triangle = calloc(6 * n * (size_t)rings, sizeof *triangle), *t = triangle;
+    for (int32_t v = 0; v < n * rings; v++) {
+        const double a = 2 * pi * (v % n) / n;
+        memcpy(xyz + 3 * v, (const double[3]){cos(a), sin(a), 2 * (v / n)}, 3 * sizeof *xyz);
+        const int32_t next = v / n * n + (v + 1) % n;
+        const int32_t two[6] = {v, next, next + n, v, next + n, v + n};
+        if (v < n * (rings - 1)) memcpy(t, two, sizeof two), t += 6;
+    }
+    const int rc =
+        dmk_mesh_create(ctx, n * (size_t)rings, xyz, 2 * n * (size_t)(rings - 1), triangle, &mesh);
+    if (rc != DMK_OK) fail_msg("%s", dmk_context_message(ctx));
+    free(xyz);
+    free(triangle);
+    return mesh;
+}
+
+static dmk_geodesics *from_vertex(dmk_context *ctx, const dmk_mesh *m, size_t v, double tolerance)
+{
+    dmk_geodesics *g;
+    dmk_point source;
+    dmk_geodesics_options options;
+    dmk_geodesics_options_init(&options, sizeof options);
+    options.tolerance = tolerance;
+    assert_int_equal(dmk_mesh_vertex_point(ctx, m, v, &source), DMK_OK);
+    const int rc = dmk_geodesics_create(ctx, m, 1, &source, &options, &g);
+    if (rc != DMK_OK) fail_msg("%s", dmk_context_message(ctx));
+    return g;
 }
 
 static dmk_geodesics *run(dmk_context *ctx, const dmk_mesh *m, double tolerance)
@@ -214,6 +250,76 @@ static void line_between_engines(void **state)
     }
 }
 
+/* Buckets half as wide or twice as wide change these by 7 and 4 %. */
+static void buckets(void **state)
+{
+    dmk_mesh *m = make(*state, 160, 80, on_torus, 0.4);
+    dmk_geodesics *g = from_vertex(*state, m, 17, 1e-4);
+    if (g->n_windows < 87000 || g->n_windows > 91000)
+        fail_msg("%lld windows", (long long)g->n_windows);
+    dmk_geodesics_destroy(&g);
+    dmk_mesh_destroy(&m);
+}
+
+/* ---- exact windows ----------------------------------------------------------------------------- */
+
+/* How many windows may be made: two constants say. With 520 rings 1.5 million are made of 1.8 that may be, and with
+ * one of the constants halved that would be too many; with 700 rings it would be 2.8 of 2.3, and they stop; doubled,
+ * either would let them go on.
+ * Merged windows, made then, are far fewer. */
+static void most_of_all(void **state)
+{
+    static const int32_t n[2] = {520, 700};
+    for (int i = 0; i < 2; i++) {
+        dmk_mesh *m = make_tube(*state, n[i]);
+        dmk_geodesics *g = from_vertex(*state, m, 5, 0);
+        if ((g->n_windows > 1000000) != (i == 0))
+            fail_msg("%d rings: %lld windows", n[i], (long long)g->n_windows);
+        dmk_geodesics_destroy(&g);
+        dmk_mesh_destroy(&m);
+    }
+}
+
+/* One thread goes ahead with 500,000 steps, of 380,000 or 600,000; then there are 2,048 windows to share out, or up to
+ * twice as many. */
+static void sharing(void **state)
+{
+    static const size_t n[2] = {18000, 24000};
+    dmk_context_set_threads(*state, 2);
+    for (int i = 0; i < 2; i++) {
+        dmk_mesh *m;
+        dmk_surface_options surface;
+        dmk_surface_options_init(&surface, sizeof surface);
+        surface.name = "ellipsoid"; /* no pseudo-sources: all windows are the source's */
+        surface.n_triangles = n[i];
+        assert_int_equal(dmk_mesh_surface(*state, &surface, &m), DMK_OK);
+        dmk_geodesics *g = from_vertex(*state, m, 5, 0);
+        if (i == 0)
+            assert_int_equal(g->n_shared, 0);
+        else
+            assert_in_range(g->n_shared, 2048, 4095);
+        dmk_geodesics_destroy(&g);
+        dmk_mesh_destroy(&m);
+    }
+    dmk_context_set_threads(*state, 1);
+}
+
+/* ---- repair -------------------------------------------------------------------------------------- */
+
+/* 200 vertices are looked at again, however many have too large an error. */
+static void repairs(void **state)
+{
+    dmk_mesh *m = make(*state, 60, 40, on_torus, 0.4);
+    dmk_geodesics *g = run(*state, m, 1e-4);
+    int32_t mended = 0;
+    for (int32_t v = 0; v < m->n_vertices; v++) g->error[v] = 1 + 1e-6 * v;
+    assert_int_equal(dmk_tracer_repair(*state, g), DMK_OK);
+    for (int32_t v = 0; v < m->n_vertices; v++) mended += g->error[v] != 1 + 1e-6 * v;
+    assert_in_range(mended, 190, 200);
+    dmk_geodesics_destroy(&g);
+    dmk_mesh_destroy(&m);
+}
+
 /* ---- rounding ---------------------------------------------------------------------------------- */
 
 /* Two triangles, a square of side 1 with the source at corner 0 of the first. */
@@ -256,6 +362,35 @@ static void slack_of_the_check(void **state)
     assert_int_equal(dmk_geodesics_check(*state, g), DMK_E_MESH);
     dmk_geodesics_destroy(&g);
     dmk_mesh_destroy(&m);
+}
+
+/* A vertex counts as a pseudo-source from 1e-10 more than 2 pi on: a star of six triangles, every other corner up and
+ * the rest down, has some square of the height more. */
+static void least_angle(void **state)
+{
+    double excess = 0, height = 1e-3;
+    static const double wanted[3] = {0, 0.7e-10, 1.4e-10};
+    for (int i = 0; i < 3; i++) {
+        dmk_mesh *m;
+        dmk_front front;
+        double xyz[21] = {0};
+        int32_t triangle[18];
+        if (i > 0) height = 1e-3 * sqrt(wanted[i] / excess);
+        for (int32_t k = 0; k < 6; k++) {
+            double *x = xyz + 3 * (k + 1);
+            x[0] = cos(pi * k / 3), x[1] = sin(pi * k / 3), x[2] = k % 2 ? height : -height;
+            int32_t *t = triangle + 3 * k;
+            t[0] = 0, t[1] = k + 1, t[2] = (k + 1) % 6 + 1;
+        }
+        assert_int_equal(dmk_mesh_create(*state, 7, xyz, 6, triangle, &m), DMK_OK);
+        dmk_geodesics *g = from_corner(*state, m, 0.3);
+        if (i == 0) excess = g->star.total[0] - 2 * pi;
+        assert_int_equal(dmk_front_create(*state, g, &front), DMK_OK);
+        assert_true(excess > 0 && front.pseudo_source[0] == (i != 1));
+        dmk_front_free(&front);
+        dmk_geodesics_destroy(&g);
+        dmk_mesh_destroy(&m);
+    }
 }
 
 /* Edges within 1e-9 of a range of directions are in it; a beam is 1e-9 wider, unless it is narrower than 1e-12. */
@@ -316,9 +451,14 @@ int main(void)
         cmocka_unit_test(parts_become_whole),
         cmocka_unit_test(merging),
         cmocka_unit_test(exact_windows),
+        cmocka_unit_test(buckets),
+        cmocka_unit_test(most_of_all),
+        cmocka_unit_test(sharing),
+        cmocka_unit_test(repairs),
         cmocka_unit_test(line_between_engines),
         cmocka_unit_test(source_at_a_vertex),
         cmocka_unit_test(slack_of_the_check),
+        cmocka_unit_test(least_angle),
         cmocka_unit_test(rays_of_a_sector),
         cmocka_unit_test(straight_border),
     };

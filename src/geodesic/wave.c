@@ -26,7 +26,6 @@
 
 /* A bucket, in mean edges: wider ones cost visits of half-edges, narrower ones empty buckets. */
 static const double bucket_width = 0.1;
-enum { most_buckets = 1 << 22 };
 /* Rounding, over the length of the edge, of comparisons with ways over vertices. */
 static const double rounding = 1e-9;
 
@@ -81,6 +80,7 @@ typedef struct engine {
     bucket *bucket;
     size_t n_buckets, bucket_room, current;
     double width, least;
+    size_t most_buckets; /* the last one has the rest, far behind other sources' offsets */
     dmk_heap pseudo_sources;
     wave *list, *merged; /* of the half-edge that is visited */
     size_t list_room, merged_room;
@@ -156,6 +156,8 @@ static int engine_create(dmk_context *ctx, dmk_geodesics *g, double tolerance, e
         e->radiated[v] = INFINITY;
     }
     e->width = bucket_width * mean_edge(g->mesh) / g->star.unit;
+    e->most_buckets =
+        (size_t)(g->mesh->n_edges / bucket_width); /* no way is longer than all edges */
     e->least = INFINITY;
     for (int32_t i = 0; i < g->n_sources; i++)
         e->least = fmin(e->least, g->source[i].offset / g->star.unit);
@@ -190,7 +192,7 @@ static void engine_free(engine *e)
 static int schedule(dmk_context *ctx, engine *e, int32_t half, double key)
 {
     double index = (key - e->least) / e->width;
-    size_t i = index > 0 ? index < most_buckets ? (size_t)index : most_buckets : 0;
+    size_t i = index > 0 ? (size_t)fmin(index, (double)e->most_buckets) : 0;
     if (i < e->current) i = e->current;
     if (i >= e->bucket_room) {
         int rc = DMK_GROW(ctx, e->bucket, i + 1, e->bucket_room);
@@ -554,24 +556,22 @@ static size_t merge_all(engine *e, size_t n, double length)
     return out;
 }
 
-static int by_place(const void *a, const void *b)
+/* By place; at the same one what is kept comes first, for what has run on again may be the same. */
+static bool comes_before(const wave *a, const wave *b)
 {
-    const wave *u = a, *w = b;
-    return u->lo < w->lo ? -1 : u->lo > w->lo;
+    return a->lo < b->lo || (a->lo == b->lo && a->next == KEPT && b->next != KEPT);
 }
 
+/* Shell's sort: mostly there are a few, around needles hundreds. */
 static void sort(wave *l, size_t n)
 {
-    enum { few = 12 };
-    if (n > few) {
-        qsort(l, n, sizeof *l, by_place);
-        return;
-    }
-    for (size_t i = 1; i < n; i++) {
-        wave w = l[i];
-        size_t j = i;
-        for (; j > 0 && l[j - 1].lo > w.lo; j--) l[j] = l[j - 1];
-        l[j] = w;
+    for (size_t step = n / 2; step > 0; step /= 2) {
+        for (size_t i = step; i < n; i++) {
+            wave w = l[i];
+            size_t j = i;
+            for (; j >= step && comes_before(&w, l + j - step); j -= step) l[j] = l[j - step];
+            l[j] = w;
+        }
     }
 }
 
@@ -793,7 +793,7 @@ static int radiate_pseudo_sources(dmk_context *ctx, engine *e, bool *any)
 {
     int rc = DMK_OK;
     double limit =
-        e->current < most_buckets ? e->least + (double)(e->current + 1) * e->width : INFINITY;
+        e->current < e->most_buckets ? e->least + (double)(e->current + 1) * e->width : INFINITY;
     *any = false;
     while (e->pseudo_sources.n > 0 && e->pseudo_sources.at[0].key < limit) {
         dmk_heap_item top = dmk_heap_pop(&e->pseudo_sources);
@@ -812,7 +812,8 @@ static int sweep(dmk_context *ctx, engine *e)
     bool any;
     while (e->current < e->n_buckets || e->pseudo_sources.n > 0) {
         if (e->current >= e->n_buckets) { /* only pseudo-sources are left: go to the first */
-            double index = fmin((e->pseudo_sources.at[0].key - e->least) / e->width, most_buckets);
+            double index =
+                fmin((e->pseudo_sources.at[0].key - e->least) / e->width, (double)e->most_buckets);
             if (index > (double)e->current) e->current = (size_t)index;
         }
         do {

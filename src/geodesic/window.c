@@ -18,11 +18,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Beside the interval by less, over the edge's length, a path bends at its end if it gets hardly
- * longer: behind vertices whose angle is 2 pi but for rounding the windows of the two sides part.
- */
-static const double gap = 1e-6;
-
 /* An interval of a half-edge, all of whose points see the root straight, unfolded at (x, y), y < 0: the last
  * pseudo-source, or the source. */
 typedef struct window {
@@ -318,12 +313,13 @@ static inline bool step_right(const engine *e, const window *w, const dmk_facet 
     return !beats(known(e, f->vertex[k1]), ax * ax + ay * ay, w->base, ph * ph + o->y * o->y);
 }
 
-/* The ray to the vertex above passes beside the interval, but by so little that a path around its
- * end is no longer. */
+/* The ray to the vertex above passes beside the interval, but by so little that a path around its end is no longer:
+ * behind vertices whose angle is 2 pi but for rounding the windows of the two sides part. What a path gets longer by
+ * goes with the square of how far it bends. */
 static int reach_around(worker *me, const window *w, const angle *s, int32_t v)
 {
     double end = s->at < w->lo ? w->lo : w->hi;
-    if (!(fabs(s->at - end) < gap * s->length)) return DMK_OK;
+    if (!(fabs(s->at - end) < sqrt(DMK_SAME_LENGTH) * s->length)) return DMK_OK;
     double px = s->cx - w->x, py = s->cy - w->y, direct = w->base + sqrt(px * px + py * py);
     if (!(direct < known(me->e, v))) return DMK_OK;
     double d = w->base + hypot(end - w->x, w->y) + hypot(s->cx - end, s->cy);
@@ -482,6 +478,8 @@ static int run_shared(worker *me, int n_threads)
     int rc;
     pool c = {.one = me, .n_threads = n_threads};
     DMK_TRY(spread(me));
+    dmk_geodesics *g = me->e->front.g;
+    if (g->n_shared < (int64_t)me->n_stack) g->n_shared = (int64_t)me->n_stack;
     DMK_TRY(DMK_NEW(me->ctx, c.own, (size_t)n_threads));
     DMK_TRY(DMK_NEW(me->ctx, c.taken, me->n_stack));
     for (int i = 0; i < n_threads; i++) c.own[i].e = me->e;

@@ -1,0 +1,78 @@
+/* Exact windows from within: what counts as equally long, and as the same place. Each case fails when its constant is
+ * doubled or halved. */
+#include "context.h"
+#include "../src/geodesic/window.c" /* for its static functions; the library's own are then left out */
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+
+#include <cmocka.h>
+
+/* Two triangles, a square of side 1 with the source at corner 0 of the first. */
+static dmk_mesh *make_square(dmk_context *ctx, double last)
+{
+    dmk_mesh *m;
+    const double xyz[12] = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, last, 0};
+    const int32_t triangle[6] = {0, 1, 2, 0, 2, 3};
+    assert_int_equal(dmk_mesh_create(ctx, 4, xyz, 2, triangle, &m), DMK_OK);
+    return m;
+}
+
+static dmk_geodesics *from_corner(dmk_context *ctx, const dmk_mesh *m, double weight)
+{
+    dmk_geodesics *g;
+    const dmk_point p = {0, {1 - 2 * weight, weight, weight}};
+    assert_int_equal(dmk_geodesics_create(ctx, m, 1, &p, NULL, &g), DMK_OK);
+    return g;
+}
+
+/* A way over a vertex counts as shorter, and a path around the end of an interval as no longer, by 1e-12. */
+static void same_length(void **state)
+{
+    (void)state;
+    const window w = {.lo = 0, .hi = 1, .x = 0.5, .y = -1, .base = 2};
+    const double q = hypot(0.5, 1),
+                 most = w.base + q - 1; /* of an end's distance, the edge's length added */
+    assert_false(beats(w.base + q - 1 - 0.7e-12, 1, w.base, q * q));
+    assert_true(beats(w.base + q - 1 - 1.4e-12, 1, w.base, q * q));
+    assert_false(late(&w, 1, most - 0.7e-12, 9));
+    assert_true(late(&w, 1, most - 1.4e-12, 9));
+    assert_false(late(&w, 1, 9, most - 0.7e-12));
+    assert_true(late(&w, 1, 9, most - 1.4e-12));
+}
+
+/* A ray to the vertex above that passes the interval by 1e-11 of its edge is in it. */
+static void same_place(void **state)
+{
+    static const double beside[2] = {0.7e-11, 1.4e-11};
+    dmk_mesh *m = make_square(*state, 1);
+    dmk_geodesics *g = from_corner(*state, m, 0);
+    for (int i = 0; i < 2; i++) {
+        engine e;
+        window o[2];
+        int n;
+        worker me = {.ctx = *state, .e = &e};
+        assert_int_equal(engine_create(*state, g, &e), DMK_OK);
+        /* Half-edge 0 runs from vertex 1 to 2, vertex 0 above it; from below, (1/2, -1), the ray to it crosses at a
+         * place that is found as the engine does. */
+        const dmk_facet *f = e.front.facet;
+        const double length = f->length[0], cx = f->length[2] * f->cosine[1],
+                     cy = f->length[2] * f->sine[1], x = 0.5 * length, y = -length;
+        const double at = x - (cx - x) * y / (cy - y);
+        const window w = {at + beside[i] * length, length, x, y, 0, 0, 0, ~0};
+        assert_int_equal(step(&me, &w, o, &n), DMK_OK);
+        assert_int_equal(e.trace[0].half, 0);
+        assert_true(isnan(e.trace[0].at) == (i == 1)); /* else around the end */
+        worker_free(&me);
+        engine_free(&e);
+    }
+    dmk_geodesics_destroy(&g);
+    dmk_mesh_destroy(&m);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(same_length), cmocka_unit_test(same_place)};
+    return cmocka_run_group_tests(tests, context_setup, context_teardown);
+}
