@@ -644,9 +644,8 @@ typedef struct dmk_locus_vertex {
     int32_t kind;    /* dmk_locus_kind */
     int32_t degree;
     double meeting_angle; /* between the minimal geodesics where they meet here, radians, 0 to pi */
-    double
-        source_angle; /* between them at p, radians, 0 to pi; of two sources: of their directions */
-    int32_t source[2]; /* numbers of the sources that they come from */
+    double source_angle;  /* between them at p, or at the two sources, radians, 0 to pi */
+    int32_t source[2];    /* numbers of the sources that they come from */
 } dmk_locus_vertex;
 
 typedef struct dmk_locus_edge {
