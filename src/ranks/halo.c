@@ -10,8 +10,6 @@ int dmk_share_check(dmk_context *ctx, const dmk_share *share, int status)
     return dmk_ranks_check(ctx, &share->ranks, status);
 }
 
-enum { PARCELS = 2 }; /* vectors that one message brings at most */
-
 /* ---- who needs what -------------------------------------------------------------------------- */
 
 /* Items of all spaces as one list of numbers: those of space i behind those of the ones before. */
@@ -117,7 +115,7 @@ static int make_room(dmk_context *ctx, dmk_share *share, const dmk_halo *halo)
 {
     int rc = DMK_OK;
     const size_t n = (size_t)dmk_max_i(halo->n_send, halo->n_receive),
-                 bytes = PARCELS * n * sizeof(double);
+                 bytes = DMK_PARCELS * n * sizeof(double);
     if (bytes <= share->staging_bytes) return DMK_OK;
     share->staging_bytes = 0;
     dmk_buffer_destroy(&share->staging);
@@ -183,22 +181,13 @@ void dmk_halo_free(dmk_halo *halo)
 
 /* ---- an exchange ----------------------------------------------------------------------------- */
 
-/* One or two vectors, whose ghosts come in one message from each rank. */
-typedef struct shipment {
-    dmk_share *share;
-    dmk_program program;
-    int n;
-    const dmk_halo *halo[PARCELS];
-    const dmk_buffer *x[PARCELS];
-} shipment;
-
 static dmk_range items(int32_t n)
 {
     return (dmk_range){.items = (size_t)n};
 }
 
 /* Items of all vectors together that rank r gets, or gives. */
-static int32_t count(const shipment *s, bool out, int r)
+static int32_t count(const dmk_shipment *s, bool out, int r)
 {
     int32_t n = 0;
     for (int i = 0; i < s->n; i++)
@@ -206,19 +195,19 @@ static int32_t count(const shipment *s, bool out, int r)
     return n;
 }
 
-static int32_t count_ranks(const shipment *s, bool out)
+static int32_t count_ranks(const dmk_shipment *s, bool out)
 {
     int32_t n = 0;
     for (int i = 0; i < s->n; i++) n += out ? s->halo[i]->n_send : s->halo[i]->n_receive;
     return n;
 }
 
-static bool is_empty(const shipment *s)
+static bool is_empty(const dmk_shipment *s)
 {
-    return count_ranks(s, true) == 0 && count_ranks(s, false) == 0;
+    return s->n == 0 || (count_ranks(s, true) == 0 && count_ranks(s, false) == 0);
 }
 
-static void count_traffic(const shipment *s, size_t item)
+static void count_traffic(const dmk_shipment *s, size_t item)
 {
     dmk_traffic *t = &s->share->traffic;
     t->exchanges++;
@@ -229,7 +218,7 @@ static void count_traffic(const shipment *s, size_t item)
 }
 
 /* The device has vector after vector, each by rank; a message has all of a rank's. */
-static void sort(const shipment *s, bool out, size_t item, const char *from, char *to)
+static void sort(const dmk_shipment *s, bool out, size_t item, const char *from, char *to)
 {
     size_t before = 0;
     for (int i = 0; i < s->n; i++) {
@@ -249,12 +238,12 @@ static void sort(const shipment *s, bool out, size_t item, const char *from, cha
 }
 
 /* Where on the host what is sent (0) and received (1) lies, and both in the device's order (2, 3). */
-static char *room(const shipment *s, int which)
+static char *room(const dmk_shipment *s, int which)
 {
     return s->share->host + (size_t)which * s->share->staging_bytes;
 }
 
-static int pack(dmk_context *ctx, const shipment *s, size_t item)
+static int pack(dmk_context *ctx, const dmk_shipment *s, size_t item)
 {
     int rc = DMK_OK;
     dmk_share *share = s->share;
@@ -274,7 +263,7 @@ done:
     return rc;
 }
 
-static int unpack(dmk_context *ctx, const shipment *s, size_t item)
+static int unpack(dmk_context *ctx, const dmk_shipment *s, size_t item)
 {
     int rc = DMK_OK;
     dmk_share *share = s->share;
@@ -295,7 +284,7 @@ done:
 }
 
 /* All messages, by one call, or begin to send and receive them by another. */
-static int send(dmk_context *ctx, const shipment *s, call *by, size_t item)
+static int transfer(dmk_context *ctx, const dmk_shipment *s, call *by, size_t item)
 {
     int rc;
     const int size = s->share->ranks.size;
@@ -312,29 +301,29 @@ done:
 }
 
 /* One packed message to each neighbour, one from each: from here on they are on their way, if ranks can do that. */
-static int begin(dmk_context *ctx, const shipment *s)
+static int begin(dmk_context *ctx, const dmk_shipment *s)
 {
     int rc = DMK_OK;
-    if (!s->share || is_empty(s)) return DMK_OK;
+    if (is_empty(s)) return DMK_OK;
     const size_t item = dmk_device_real(s->share->device, s->program);
     DMK_TRY(pack(ctx, s, item));
-    if (s->share->ranks.begin) rc = send(ctx, s, s->share->ranks.begin, item);
+    if (s->share->ranks.begin) rc = transfer(ctx, s, s->share->ranks.begin, item);
 done:
     return rc;
 }
 
 /* Until they are there, and at their slots. */
-static int end(dmk_context *ctx, const shipment *s, bool went_ahead)
+static int end(dmk_context *ctx, const dmk_shipment *s, bool went_ahead)
 {
     int rc = DMK_OK;
     dmk_share *share = s->share;
-    if (!share || is_empty(s)) return DMK_OK;
+    if (is_empty(s)) return DMK_OK;
     const size_t item = dmk_device_real(share->device, s->program);
     if (went_ahead) DMK_TRY(dmk_device_flush(ctx, share->device));
     if (share->ranks.begin)
         DMK_TRY(dmk_share_check(ctx, share, share->ranks.finish(share->ranks.user)));
     else
-        DMK_TRY(send(ctx, s, share->ranks.exchange, item));
+        DMK_TRY(transfer(ctx, s, share->ranks.exchange, item));
     DMK_TRY(unpack(ctx, s, item));
     count_traffic(s, item);
     share->traffic.overlapped += went_ahead && share->ranks.begin;
@@ -342,28 +331,20 @@ done:
     return rc;
 }
 
-static int fill(dmk_context *ctx, const shipment *s)
+int dmk_send_begin(dmk_context *ctx, dmk_shipment shipment)
 {
-    const int rc = begin(ctx, s);
-    return rc == DMK_OK ? end(ctx, s, false) : rc;
+    return begin(ctx, &shipment);
 }
 
-static shipment of_rows(dmk_share *share, dmk_program program, const dmk_buffer *x)
+int dmk_send_end(dmk_context *ctx, dmk_shipment shipment, bool went_ahead)
 {
-    return (shipment){share, program, 1, {share ? &share->rows : NULL}, {x}};
+    return end(ctx, &shipment, went_ahead);
 }
 
-static shipment of_vertices(dmk_share *share, int32_t level, const dmk_buffer *x)
+int dmk_send(dmk_context *ctx, dmk_shipment shipment)
 {
-    return (shipment){share, DMK_INNER, 1, {share ? &share->vertices[level] : NULL}, {x}};
-}
-
-/* With a second vector. */
-static shipment with(shipment s, const dmk_halo *halo, const dmk_buffer *x)
-{
-    s.halo[s.n] = halo;
-    s.x[s.n++] = x;
-    return s;
+    const int rc = begin(ctx, &shipment);
+    return rc == DMK_OK ? end(ctx, &shipment, false) : rc;
 }
 
 int dmk_share_ghosts(dmk_context *ctx, dmk_share *share, double *x)
@@ -377,89 +358,56 @@ int dmk_share_ghosts(dmk_context *ctx, dmk_share *share, double *x)
     DMK_TRY(exchange(share->ranks.exchange, ctx, share, halo->send_count, halo->receive_count,
                      sizeof *x, send, receive));
     for (int32_t i = 0; i < halo->n_receive; i++) x[halo->receive_slot[i]] = receive[i];
-    count_traffic(&(shipment){share, DMK_OUTER, 1, {halo}, {NULL}}, sizeof *x);
+    count_traffic(&(dmk_shipment){share, DMK_OUTER, 1, {halo}, {NULL}}, sizeof *x);
 done:
     return rc;
 }
 
-int dmk_share_rows_begin(dmk_context *ctx, dmk_share *share, dmk_program program,
-                         const dmk_buffer *x)
+/* ---- what is shipped ------------------------------------------------------------------------- */
+
+/* With one more vector. */
+static dmk_shipment with(dmk_shipment s, const dmk_halo *halo, const dmk_buffer *x)
 {
-    const shipment s = of_rows(share, program, x);
-    return begin(ctx, &s);
+    s.halo[s.n] = halo;
+    s.x[s.n++] = x;
+    return s;
 }
 
-int dmk_share_rows_end(dmk_context *ctx, dmk_share *share, dmk_program program, const dmk_buffer *x,
-                       bool went_ahead)
+dmk_shipment dmk_ship_rows(dmk_share *share, dmk_program program, const dmk_buffer *x)
 {
-    const shipment s = of_rows(share, program, x);
-    return end(ctx, &s, went_ahead);
+    const dmk_shipment none = {.share = share, .program = program};
+    return share ? with(none, &share->rows, x) : none;
 }
 
-int dmk_share_rows(dmk_context *ctx, dmk_share *share, dmk_program program, const dmk_buffer *x)
+dmk_shipment dmk_ship_two_rows(dmk_share *share, dmk_program program, const dmk_buffer *x,
+                               const dmk_buffer *y)
 {
-    const shipment s = of_rows(share, program, x);
-    return fill(ctx, &s);
+    const dmk_shipment one = dmk_ship_rows(share, program, x);
+    return share ? with(one, &share->rows, y) : one;
 }
 
-int dmk_share_two_rows(dmk_context *ctx, dmk_share *share, dmk_program program, const dmk_buffer *x,
-                       const dmk_buffer *y)
+dmk_shipment dmk_ship_up(dmk_share *share, const dmk_buffer *x, const dmk_buffer *coarse)
 {
-    if (!share) return DMK_OK;
-    const shipment s = with(of_rows(share, program, x), &share->rows, y);
-    return fill(ctx, &s);
+    const dmk_shipment one = dmk_ship_rows(share, DMK_INNER, x);
+    return share ? with(one, &share->vertices[0], coarse) : one;
 }
 
-int dmk_share_up_begin(dmk_context *ctx, dmk_share *share, const dmk_buffer *coarse,
-                       const dmk_buffer *x)
+dmk_shipment dmk_ship_vertices(dmk_share *share, int32_t level, const dmk_buffer *x)
 {
-    if (!share) return DMK_OK;
-    const shipment s = with(of_rows(share, DMK_INNER, x), &share->vertices[0], coarse);
-    return begin(ctx, &s);
+    const dmk_shipment none = {.share = share, .program = DMK_INNER};
+    return share && level < share->first_whole ? with(none, &share->vertices[level], x) : none;
 }
 
-int dmk_share_up_end(dmk_context *ctx, dmk_share *share, const dmk_buffer *coarse,
-                     const dmk_buffer *x, bool went_ahead)
+dmk_shipment dmk_ship_edge_weights(dmk_share *share, int32_t level, const dmk_buffer *edge)
 {
-    if (!share) return DMK_OK;
-    const shipment s = with(of_rows(share, DMK_INNER, x), &share->vertices[0], coarse);
-    return end(ctx, &s, went_ahead);
+    const dmk_shipment none = {.share = share, .program = DMK_INNER};
+    return share && level <= share->first_whole ? with(none, &share->level_edges[level], edge)
+                                                : none;
 }
 
-int dmk_share_vertices_begin(dmk_context *ctx, dmk_share *share, int32_t level, const dmk_buffer *x)
+dmk_shipment dmk_ship_all(dmk_share *share, int32_t level, const dmk_buffer *x, const dmk_buffer *y)
 {
-    if (!share || level >= share->first_whole) return DMK_OK;
-    const shipment s = of_vertices(share, level, x);
-    return begin(ctx, &s);
-}
-
-int dmk_share_vertices_end(dmk_context *ctx, dmk_share *share, int32_t level, const dmk_buffer *x,
-                           bool went_ahead)
-{
-    if (!share || level >= share->first_whole) return DMK_OK;
-    const shipment s = of_vertices(share, level, x);
-    return end(ctx, &s, went_ahead);
-}
-
-int dmk_share_vertices(dmk_context *ctx, dmk_share *share, int32_t level, const dmk_buffer *x)
-{
-    if (!share || level >= share->first_whole) return DMK_OK;
-    const shipment s = of_vertices(share, level, x);
-    return fill(ctx, &s);
-}
-
-int dmk_share_gather(dmk_context *ctx, dmk_share *share, int32_t level, const dmk_buffer *x,
-                     const dmk_buffer *y)
-{
-    if (!share || level != share->first_whole) return DMK_OK;
-    const shipment s = with(of_vertices(share, level, x), &share->vertices[level], y);
-    return fill(ctx, &s);
-}
-
-int dmk_share_edge_weights(dmk_context *ctx, dmk_share *share, int32_t level,
-                           const dmk_buffer *edge)
-{
-    if (!share || level > share->first_whole) return DMK_OK;
-    const shipment s = {share, DMK_INNER, 1, {&share->level_edges[level]}, {edge}};
-    return fill(ctx, &s);
+    const dmk_shipment none = {.share = share, .program = DMK_INNER};
+    if (!share || level != share->first_whole) return none;
+    return with(with(none, &share->vertices[level], x), &share->vertices[level], y);
 }

@@ -87,39 +87,39 @@ int dmk_share_levels(dmk_context *context, dmk_share *share, dmk_hierarchy *whol
 void dmk_share_destroy(dmk_share **share);
 void dmk_local_free(dmk_local *local);
 
-/* ---- halo.c: bring the ghosts of a vector up to date, own values are only read ---- */
+/* ---- halo.c: bring the ghosts of vectors up to date, own values are only read ---- */
 
-/* In two halves: what is queued in between goes on meanwhile, and must not touch x's ghosts. Its launch is over the
- * interior parts of the split, and where that has any `went_ahead` tells so. */
-int dmk_share_rows_begin(dmk_context *context, dmk_share *share, dmk_program program,
-                         const dmk_buffer *x);
-int dmk_share_rows_end(dmk_context *context, dmk_share *share, dmk_program program,
-                       const dmk_buffer *x, bool went_ahead);
-int dmk_share_vertices_begin(dmk_context *context, dmk_share *share, int32_t level,
-                             const dmk_buffer *x);
-int dmk_share_vertices_end(dmk_context *context, dmk_share *share, int32_t level,
-                           const dmk_buffer *x, bool went_ahead);
-/* And at once. */
+enum { DMK_PARCELS = 2 }; /* vectors that one message brings at most */
 
-/* Over the rows of T/2, in the program's precision. */
-int dmk_share_rows(dmk_context *context, dmk_share *share, dmk_program program,
-                   const dmk_buffer *x);
-/* Of a local host vector. */
-int dmk_share_ghosts(dmk_context *context, dmk_share *share, double *rows);
+/* One or two vectors, whose ghosts come in one message from each rank; without a vector nothing does. */
+typedef struct dmk_shipment {
+    dmk_share *share;
+    dmk_program program; /* of their precision */
+    int n;
+    const dmk_halo *halo[DMK_PARCELS];
+    const dmk_buffer *x[DMK_PARCELS];
+} dmk_shipment;
+
+/* Vectors over the rows of T/2. */
+dmk_shipment dmk_ship_rows(dmk_share *share, dmk_program program, const dmk_buffer *x);
+dmk_shipment dmk_ship_two_rows(dmk_share *share, dmk_program program, const dmk_buffer *x,
+                               const dmk_buffer *y);
+/* x over the rows, and one over the vertices of level 0. */
+dmk_shipment dmk_ship_up(dmk_share *share, const dmk_buffer *x, const dmk_buffer *coarse);
 /* Over a level's vertices or edges, in single precision; levels that are whole need none ... */
-int dmk_share_vertices(dmk_context *context, dmk_share *share, int32_t level, const dmk_buffer *x);
-int dmk_share_edge_weights(dmk_context *context, dmk_share *share, int32_t level,
-                           const dmk_buffer *edge);
+dmk_shipment dmk_ship_vertices(dmk_share *share, int32_t level, const dmk_buffer *x);
+dmk_shipment dmk_ship_edge_weights(dmk_share *share, int32_t level, const dmk_buffer *edge);
 /* ... but for what own parts of the first whole one were computed of: all ranks get all of it, of two vectors. */
-int dmk_share_gather(dmk_context *context, dmk_share *share, int32_t level, const dmk_buffer *x,
-                     const dmk_buffer *y);
-/* Two vectors in one message: over the rows, or over the rows and, `coarse`, the vertices of level 0. */
-int dmk_share_two_rows(dmk_context *context, dmk_share *share, dmk_program program,
-                       const dmk_buffer *x, const dmk_buffer *y);
-int dmk_share_up_begin(dmk_context *context, dmk_share *share, const dmk_buffer *coarse,
-                       const dmk_buffer *x);
-int dmk_share_up_end(dmk_context *context, dmk_share *share, const dmk_buffer *coarse,
-                     const dmk_buffer *x, bool went_ahead);
+dmk_shipment dmk_ship_all(dmk_share *share, int32_t level, const dmk_buffer *x,
+                          const dmk_buffer *y);
+
+int dmk_send(dmk_context *context, dmk_shipment shipment);
+/* In two halves: what is queued in between goes on meanwhile, and must not touch the ghosts. Its launch is over the
+ * interior parts of the split, and where that has any `went_ahead` tells so. */
+int dmk_send_begin(dmk_context *context, dmk_shipment shipment);
+int dmk_send_end(dmk_context *context, dmk_shipment shipment, bool went_ahead);
+/* The rows of a local host vector. */
+int dmk_share_ghosts(dmk_context *context, dmk_share *share, double *rows);
 
 /* ---- sums.c ---- */
 

@@ -130,7 +130,7 @@ static int bound_by_host(dmk_iteration *o, const dmk_buffer *v, double *bound)
     double *x = NULL, *f = NULL, fv = 0, size = 0;
     DMK_TRY(DMK_NEW(o->ctx, x, n));
     DMK_TRY(DMK_NEW(o->ctx, f, n));
-    DMK_TRY(dmk_share_rows(o->ctx, share, DMK_OUTER, v));
+    DMK_TRY(dmk_send(o->ctx, dmk_ship_rows(share, DMK_OUTER, v)));
     DMK_TRY(dmk_buffer_read_real(o->ctx, s->device, DMK_OUTER, v, n, x));
     DMK_TRY(dmk_buffer_read_real(o->ctx, s->device, DMK_OUTER, s->f, n, f));
     steepest all = {o, share ? &share->mesh : o->mesh, x, 0, s->n_elements};

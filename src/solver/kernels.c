@@ -184,15 +184,15 @@ static const dmk_split *split_level(const dmk_system *s, int32_t level)
                : NULL;
 }
 
-/* RUN over `range` once `halo`_begin and `halo`_end, with this argument, have brought the ghosts of x; a split's
- * interior between the two. */
-#define RUN_WITH(halo, argument, split, program, name, range, ...)                                 \
+/* RUN over `range` once the ghosts of a shipment have come; a split's interior while they are under way. */
+#define RUN_WITH(shipment, split, program, name, range, ...)                                       \
     do {                                                                                           \
+        const dmk_shipment ghosts = (shipment);                                                    \
         const dmk_split *parts = (split);                                                          \
         const dmk_range early = ahead(parts, range), late = behind(parts, range);                  \
-        DMK_TRY(halo##_begin(ctx, s->share, argument, x));                                         \
+        DMK_TRY(dmk_send_begin(ctx, ghosts));                                                      \
         if (early.n_parts > 0) DMK_TRY(RUN(program, name, early, __VA_ARGS__));                    \
-        DMK_TRY(halo##_end(ctx, s->share, argument, x, early.n_parts > 0));                        \
+        DMK_TRY(dmk_send_end(ctx, ghosts, early.n_parts > 0));                                     \
         if (!late.parts || late.n_parts > 0) DMK_TRY(RUN(program, name, late, __VA_ARGS__));       \
     } while (0)
 
@@ -208,9 +208,9 @@ int dmk_element_stiffness(dmk_context *ctx, dmk_system *s, dmk_program p, const 
 {
     int rc;
     const dmk_buffer *weight = p == DMK_INNER ? s->weight : s->weight_real;
-    RUN_WITH(dmk_share_rows, p, split_elements(s), p, element_stiffness, padded_elements(s),
-             DMK_INT(s->n_elements_pad), DMK_BUF(s->index), DMK_BUF(weight), DMK_BUF(x),
-             DMK_BUF(out_of(s, p)));
+    RUN_WITH(dmk_ship_rows(s->share, p, x), split_elements(s), p, element_stiffness,
+             padded_elements(s), DMK_INT(s->n_elements_pad), DMK_BUF(s->index), DMK_BUF(weight),
+             DMK_BUF(x), DMK_BUF(out_of(s, p)));
 done:
     return rc;
 }
@@ -218,7 +218,7 @@ done:
 int dmk_element_newton(dmk_context *ctx, dmk_system *s, const dmk_buffer *x)
 {
     int rc;
-    RUN_WITH(dmk_share_rows, DMK_INNER, split_elements(s), DMK_INNER, element_newton,
+    RUN_WITH(dmk_ship_rows(s->share, DMK_INNER, x), split_elements(s), DMK_INNER, element_newton,
              padded_elements(s), DMK_INT(s->n_elements_pad), DMK_BUF(s->index), DMK_BUF(s->weight),
              DMK_BUF(s->rank_one), DMK_BUF(x), DMK_BUF(s->out));
 done:
@@ -341,7 +341,7 @@ int dmk_smooth_first(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, dou
 int dmk_element_down(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_buffer *x)
 {
     int rc;
-    RUN_WITH(dmk_share_rows, DMK_INNER, split_elements(s), DMK_INNER, element_down,
+    RUN_WITH(dmk_ship_rows(s->share, DMK_INNER, x), split_elements(s), DMK_INNER, element_down,
              padded_elements(s), DMK_INT(s->n_elements_pad), DMK_INT(op == DMK_NEWTON_MATRIX),
              DMK_BUF(s->index), DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(x),
              DMK_BUF(s->out));
@@ -353,10 +353,10 @@ int dmk_element_up(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_b
 {
     int rc;
     const dmk_buffer *coarse = s->level[0].x_old;
-    RUN_WITH(dmk_share_up, coarse, split_elements(s), DMK_INNER, element_up, padded_elements(s),
-             DMK_INT(s->n_elements_pad), DMK_INT(op == DMK_NEWTON_MATRIX), DMK_INT(s->vertex_row),
-             DMK_BUF(s->index), DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(x),
-             DMK_BUF(coarse), DMK_BUF(s->out));
+    RUN_WITH(dmk_ship_up(s->share, x, coarse), split_elements(s), DMK_INNER, element_up,
+             padded_elements(s), DMK_INT(s->n_elements_pad), DMK_INT(op == DMK_NEWTON_MATRIX),
+             DMK_INT(s->vertex_row), DMK_BUF(s->index), DMK_BUF(s->weight), DMK_BUF(s->rank_one),
+             DMK_BUF(x), DMK_BUF(coarse), DMK_BUF(s->out));
 done:
     return rc;
 }
@@ -373,8 +373,8 @@ int dmk_graph_residual(dmk_context *ctx, dmk_system *s, int32_t level, const dmk
 {
     int rc;
     dmk_level *l = &s->level[level];
-    RUN_WITH(dmk_share_vertices, level, split_level(s, level), DMK_INNER, graph_residual,
-             items(l->n), DMK_INT(l->n), DMK_BUF(l->slice), DMK_BUF(l->neighbour),
+    RUN_WITH(dmk_ship_vertices(s->share, level, x), split_level(s, level), DMK_INNER,
+             graph_residual, items(l->n), DMK_INT(l->n), DMK_BUF(l->slice), DMK_BUF(l->neighbour),
              DMK_BUF(l->weight), DMK_BUF(x), DMK_BUF(l->rhs), DMK_BUF(l->residual));
 done:
     return rc;
@@ -385,8 +385,8 @@ int dmk_graph_chebyshev(dmk_context *ctx, dmk_system *s, int32_t level, const dm
 {
     int rc;
     dmk_level *l = &s->level[level];
-    RUN_WITH(dmk_share_vertices, level, split_level(s, level), DMK_INNER, graph_chebyshev,
-             items(l->n), DMK_INT(l->n), DMK_BUF(l->slice), DMK_BUF(l->neighbour),
+    RUN_WITH(dmk_ship_vertices(s->share, level, x), split_level(s, level), DMK_INNER,
+             graph_chebyshev, items(l->n), DMK_INT(l->n), DMK_BUF(l->slice), DMK_BUF(l->neighbour),
              DMK_BUF(l->weight), DMK_BUF(l->rhs), DMK_BUF(l->inv_diag), DMK_BUF(x), DMK_BUF(x_old),
              DMK_FLOAT(c.momentum), DMK_FLOAT(c.keep), DMK_FLOAT(c.step));
 done:
@@ -397,7 +397,7 @@ int dmk_restrict_rows(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, do
 {
     int rc;
     dmk_level *l = &s->level[0];
-    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_INNER, rhs));
+    DMK_TRY(dmk_send(ctx, dmk_ship_rows(s->share, DMK_INNER, rhs)));
     rc =
         RUN(DMK_INNER, restrict_midpoints, items(l->n), DMK_INT(l->n), DMK_INT(s->vertex_row),
             DMK_BUF(l->slice), DMK_BUF(l->number), DMK_BUF(rhs), DMK_INT(s->vertex_row / DMK_WIDTH),
@@ -411,12 +411,12 @@ int dmk_restrict(dmk_context *ctx, dmk_system *s, int32_t level, double step)
 {
     int rc;
     dmk_level *l = &s->level[level];
-    DMK_TRY(dmk_share_vertices(ctx, s->share, level - 1, s->level[level - 1].residual));
+    DMK_TRY(dmk_send(ctx, dmk_ship_vertices(s->share, level - 1, s->level[level - 1].residual)));
     DMK_TRY(RUN(DMK_INNER, restrict_rows, items(l->n), DMK_INT(l->n), DMK_BUF(l->restrict_slice),
                 DMK_BUF(l->restrict_entry), DMK_BUF(l->restrict_weight),
                 DMK_BUF(s->level[level - 1].residual), DMK_FLOAT(step), DMK_BUF(l->inv_diag),
                 DMK_BUF(l->rhs), DMK_BUF(l->x)));
-    DMK_TRY(dmk_share_gather(ctx, s->share, level, l->rhs, l->x));
+    DMK_TRY(dmk_send(ctx, dmk_ship_all(s->share, level, l->rhs, l->x)));
 done:
     return rc;
 }
@@ -425,7 +425,7 @@ int dmk_prolong(dmk_context *ctx, dmk_system *s, int32_t level)
 {
     int rc;
     dmk_level *l = &s->level[level], *fine = l - 1;
-    DMK_TRY(dmk_share_vertices(ctx, s->share, level, l->x_old));
+    DMK_TRY(dmk_send(ctx, dmk_ship_vertices(s->share, level, l->x_old)));
     rc = RUN(DMK_INNER, prolong_rows, items(fine->n), DMK_INT(fine->n), DMK_BUF(l->prolong_index),
              DMK_BUF(l->prolong_weight), DMK_BUF(l->x_old), DMK_BUF(fine->x_old));
 done:
@@ -484,7 +484,7 @@ int dmk_edge_weights(dmk_context *ctx, dmk_system *s, int32_t level)
                     DMK_BUF(l->galerkin_row), DMK_BUF(l->galerkin_edge), DMK_BUF(l->galerkin_coef),
                     DMK_BUF(s->level[level - 1].edge), DMK_BUF(l->edge)));
     }
-    DMK_TRY(dmk_share_edge_weights(ctx, s->share, level, l->edge));
+    DMK_TRY(dmk_send(ctx, dmk_ship_edge_weights(s->share, level, l->edge)));
 done:
     return rc;
 }
@@ -517,7 +517,7 @@ int dmk_element_energy(dmk_context *ctx, dmk_system *s, const dmk_buffer *v, boo
                        double slack, int at)
 {
     int rc;
-    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_OUTER, v));
+    DMK_TRY(dmk_send(ctx, dmk_ship_rows(s->share, DMK_OUTER, v)));
     DMK_TRY(RUN(DMK_OUTER, element_energy, elements(s), DMK_INT(s->n_elements), DMK_INT(keep),
                 DMK_FLOAT(slack), DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area),
                 DMK_BUF(s->mu), DMK_BUF(v), DMK_BUF(s->out_real), DMK_BUF(s->q),
@@ -581,7 +581,7 @@ int dmk_newton_update(dmk_context *ctx, dmk_system *s, double alpha, double D, d
                       int at)
 {
     int rc;
-    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_INNER, s->w));
+    DMK_TRY(dmk_send(ctx, dmk_ship_rows(s->share, DMK_INNER, s->w)));
     DMK_TRY(RUN(DMK_OUTER, newton_update, elements(s), DMK_INT(s->n_elements), DMK_FLOAT(alpha),
                 DMK_FLOAT(D), DMK_FLOAT(lowest), DMK_BUF(s->index), DMK_BUF(s->area), DMK_BUF(s->q),
                 DMK_BUF(s->rank_one), DMK_BUF(s->w), DMK_BUF(s->mu), SUMS(at, s->scalars)));
@@ -606,7 +606,7 @@ int dmk_band_slopes(dmk_context *ctx, dmk_system *s, const dmk_bands *b, const d
                     dmk_buffer *slopes)
 {
     int rc;
-    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_OUTER, u));
+    DMK_TRY(dmk_send(ctx, dmk_ship_rows(s->share, DMK_OUTER, u)));
     rc = RUN(DMK_OUTER, band_slopes, elements(s), DMK_INT(s->n_elements), DMK_INT(b->n),
              DMK_FLOAT(b->start), DMK_FLOAT(b->inverse), DMK_BUF(s->index), DMK_BUF(u),
              DMK_BUF(s->q), DMK_BUF(slopes));
@@ -627,7 +627,7 @@ int dmk_repair_start(dmk_context *ctx, dmk_system *s, const dmk_repair_work *w, 
                      const dmk_buffer *from)
 {
     int rc;
-    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_INNER, s->inv_diag));
+    DMK_TRY(dmk_send(ctx, dmk_ship_rows(s->share, DMK_INNER, s->inv_diag)));
     rc = RUN(DMK_OUTER, repair_start, rows(s), DMK_INT(s->n_rows), DMK_FLOAT(scale), DMK_BUF(from),
              DMK_BUF(w->u), DMK_BUF(w->before));
 done:
@@ -637,7 +637,7 @@ done:
 int dmk_repair_mark(dmk_context *ctx, dmk_system *s, const dmk_repair_work *w)
 {
     int rc;
-    DMK_TRY(dmk_share_two_rows(ctx, s->share, DMK_OUTER, w->u, w->before));
+    DMK_TRY(dmk_send(ctx, dmk_ship_two_rows(s->share, DMK_OUTER, w->u, w->before)));
     rc = RUN(DMK_OUTER, repair_mark, elements(s), DMK_INT(s->n_elements), DMK_BUF(s->index),
              DMK_BUF(s->q), DMK_BUF(w->mark), DMK_BUF(w->u), DMK_BUF(w->before), DMK_BUF(w->ring));
 done:
@@ -647,7 +647,7 @@ done:
 int dmk_repair_grow(dmk_context *ctx, dmk_system *s, const dmk_repair_work *w, int ring)
 {
     int rc;
-    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_INNER, w->ring));
+    DMK_TRY(dmk_send(ctx, dmk_ship_rows(s->share, DMK_INNER, w->ring)));
     rc = RUN(DMK_OUTER, repair_grow, elements(s), DMK_INT(s->n_elements), DMK_INT(ring),
              DMK_BUF(s->index), DMK_BUF(w->ring));
 done:
@@ -657,7 +657,7 @@ done:
 int dmk_repair_list(dmk_context *ctx, dmk_system *s, const dmk_repair_work *w, int ring)
 {
     int rc;
-    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_INNER, w->ring));
+    DMK_TRY(dmk_send(ctx, dmk_ship_rows(s->share, DMK_INNER, w->ring)));
     DMK_TRY(dmk_buffer_clear(ctx, s->device, w->count, 2 * sizeof(int32_t)));
     DMK_TRY(RUN(DMK_OUTER, repair_list_elements, elements(s), DMK_INT(s->n_elements), DMK_INT(ring),
                 DMK_BUF(s->index), DMK_BUF(w->ring), DMK_BUF(w->count), DMK_BUF(w->elements)));
@@ -671,7 +671,7 @@ int dmk_repair_elements(dmk_context *ctx, dmk_system *s, const dmk_repair_work *
                         int stamp, double target)
 {
     int rc;
-    DMK_TRY(dmk_share_rows(ctx, s->share, DMK_OUTER, w->u));
+    DMK_TRY(dmk_send(ctx, dmk_ship_rows(s->share, DMK_OUTER, w->u)));
     DMK_TRY(RUN(DMK_OUTER, repair_elements, items(w->n_elements), DMK_INT(w->n_elements),
                 DMK_INT(sweep), DMK_INT(stamp), DMK_FLOAT(target), DMK_BUF(w->elements),
                 DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->inv_diag),

@@ -440,7 +440,7 @@ int dmk_bound_upper(dmk_iteration *o, double *flux, double *balance, double *bou
         p.elements.end = p.elements.begin + share->element.end - share->element.first;
         p.edges.end = p.edges.begin + share->edge.end - share->edge.first;
     }
-    DMK_TRY(dmk_share_rows(o->ctx, share, DMK_OUTER, s->u));
+    DMK_TRY(dmk_send(o->ctx, dmk_ship_rows(share, DMK_OUTER, s->u)));
     DMK_TRY(allocate(&p));
     DMK_TRY(read_pair(&p));
     DMK_TRY(route(&p, bound));
