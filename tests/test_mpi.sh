@@ -28,6 +28,9 @@ ranks() { # N ARGUMENTS...
     shift
     timeout -k 5 120 mpirun -n "$n" "$mpi" "$@"
 }
+# One rank never comes; looked at in the end.
+timeout -k 5 60 mpirun -n 1 "$mpi" devices : -n 1 sleep 55 > "$work/waited" 2>&1 &
+waiting=$!
 "$plain" mesh quartic --triangles 20000 --out "$mesh" > "$work/said_out"
 
 # ---- the same results -------------------------------------------------------------------------
@@ -176,6 +179,14 @@ killed() { # SECONDS RANK: it dies by SIGKILL then; the job ends, and no file is
         test -z "$(ls -A "$work/kill")" && test -z "$(pgrep -f "^$mpi solve $mesh --vertex 7 --method euler")" &&
         rm -rf "$work/kill"
 }
+missed() {
+    local status
+    wait "$waiting"
+    status=$?
+    echo "status $status:" && cat "$work/waited"
+    test "$status" -eq 5 && has "$work/waited" '^dmkcl: the other ranks do not answer'
+}
+check 'a rank that never comes is missed' missed
 # Other moments each time, counted from when all three are there; KILLS=20 tries as many.
 for k in $(seq "${KILLS:-6}"); do
     seconds=$((RANDOM % 2)).$((RANDOM % 10))$((RANDOM % 10))
