@@ -60,7 +60,7 @@ int cli_ranks_gather(const void *mine, void *all, size_t bytes)
 enum { PATIENCE = 10 };
 
 /* Seconds in which the ranks must have found each other. A rank that is killed in the first tenth of a second or so is
- * missed by Open MPI's mpirun (4.1: 1 of some 100 kills), and the others would wait for it for ever. They find each
+ * missed by Open MPI's mpirun (4.1: 1 of 300 kills), and the others would wait for it for ever. They find each
  * other in 0.2 s here, four ranks on two cores. */
 enum { MEETING = 30 };
 
