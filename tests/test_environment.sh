@@ -80,8 +80,13 @@ fi
 # ---- inputs without an end --------------------------------------------------------------------
 
 fails '/dev/zero' 2 '/dev/zero: is a device' "$tool" info /dev/zero
-fails 'a pipe without an end' 8 'out of memory: [0-9]+ bytes and no end|out of memory' \
-    bash -c 'ulimit -v 2000000; exec "$@" < <(cat /dev/zero)' - "$tool" info /dev/stdin
+case ${DMKCL_BUILD##*/} in
+sanitize | thread) skip 'a pipe without an end' 'this build has a runtime that reserves more than any bound' ;;
+*)
+    fails 'a pipe without an end' 8 'out of memory: [0-9]+ bytes and no end|out of memory' \
+        bash -c 'ulimit -v 2000000; exec "$@" < <(cat /dev/zero)' - "$tool" info /dev/stdin
+    ;;
+esac
 
 # ---- interruptions ----------------------------------------------------------------------------
 

@@ -461,7 +461,7 @@ static dmk_point corner_point(const dmk_geodesics *g, int32_t v)
 static bool is_source(const dmk_geodesics *g, int32_t v)
 {
     const dmk_arrival *a = g->arrival + v;
-    if (a->pseudo_source >= 0) return false;
+    if (a->pseudo_source >= 0 || a->source < 0) return false; /* < 0: of another component */
     if (a->source >= g->n_sources) return g->distance[v] == 0;
     return g->source[a->source].vertex == v;
 }
