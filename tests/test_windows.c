@@ -209,11 +209,12 @@ static void parts_become_whole(void **state)
 
 /* ---- merged windows ---------------------------------------------------------------------------- */
 
-/* The number of windows, within a hundredth. */
-static void check_count(dmk_context *ctx, const dmk_mesh *m, double tolerance, double windows)
+/* The number of windows, but for a share of them. */
+static void check_count(dmk_context *ctx, const dmk_mesh *m, double tolerance, double windows,
+                        double share)
 {
     dmk_geodesics *g = run(ctx, m, tolerance);
-    if (fabs((double)g->n_windows - windows) > 0.01 * windows)
+    if (fabs((double)g->n_windows - windows) > share * windows)
         fail_msg("%lld windows for %g", (long long)g->n_windows, windows);
     dmk_geodesics_destroy(&g);
 }
@@ -223,16 +224,16 @@ static void check_count(dmk_context *ctx, const dmk_mesh *m, double tolerance, d
 static void merging(void **state)
 {
     dmk_mesh *m = make(*state, 160, 80, on_torus, 0.4);
-    check_count(*state, m, 1e-6, 415506);
-    check_count(*state, m, 1e-4, 93875);
+    check_count(*state, m, 1e-6, 415506, 0.01);
+    check_count(*state, m, 1e-4, 93875, 0.01);
     dmk_mesh_destroy(&m);
 }
 
-/* Exact windows, on one thread: as many as the filters leave. */
+/* Exact windows, on one thread: as many as the filters leave. The least of them leaves out 1.6e-3 of all. */
 static void exact_windows(void **state)
 {
     dmk_mesh *m = make(*state, 100, 50, on_torus, 0.4);
-    check_count(*state, m, 0, 272695);
+    check_count(*state, m, 0, 272695, 5e-4);
     dmk_mesh_destroy(&m);
 }
 
