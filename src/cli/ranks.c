@@ -59,9 +59,9 @@ int cli_ranks_gather(const void *mine, void *all, size_t bytes)
  * and are apart by no more than the time that one of them takes longer to read a file. */
 enum { PATIENCE = 10 };
 
-/* Seconds in which the ranks must have found each other. A rank that is killed in the first tenth of a second or so is
- * missed by Open MPI's mpirun (4.1: 1 of 300 kills), and the others would wait for it for ever. They find each
- * other in 0.2 s here, four ranks on two cores. */
+/* Seconds in which the ranks must have found each other. Of a rank that is killed just after its start mpirun
+ * may not tell the others (Open MPI 4.1: 1 of 300 kills), which would wait for it for ever. A whole run of
+ * `devices` takes 0.8 s, four ranks on two cores. */
 enum { MEETING = 30 };
 
 static struct {
