@@ -261,7 +261,8 @@ static int check_request(distance_request *r)
         return cli_error(EXIT_USAGE, "distance: give --quiet or --verbose, not both");
     if (r->json || (r->report && cli_is_stdout(r->report))) r->report = "-";
     if (r->border && r->locus.n > 0)
-        return cli_error(EXIT_USAGE, "distance: --locus is that of points; leave out --border");
+        return cli_error(EXIT_USAGE,
+                         "distance: --locus needs points as sources; leave out --border");
     if (r->strength > 0 && r->locus.n == 0)
         return cli_error(EXIT_USAGE, "distance: --strength without --locus");
     int code = cli_check_outputs("out", &r->out, CLI_RESULT, r->format);
