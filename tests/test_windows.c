@@ -159,7 +159,7 @@ static void shortest_waves_are_kept(void **state)
     enum { MOST = 12, SAMPLES = 500 };
     uint32_t random = 5;
     for (int trial = 0; trial < 500; trial++) {
-        wave all[MOST], list[MOST];
+        wave all[MOST] = {{0}}, list[MOST];
         engine e = {.list = list};
         size_t n = 0;
         double lo = 0;
