@@ -118,13 +118,6 @@ static int compute(const distance_request *request, distance_run *run)
 
 /* ---- what is printed ------------------------------------------------------------------------ */
 
-static void write_names(cli_json *json, const char *name, const cli_files *files)
-{
-    json_open(json, name, '[');
-    for (int i = 0; i < files->n; i++) json_text(json, NULL, files->path[i]);
-    json_close(json, '[');
-}
-
 static void write_report(FILE *file, const distance_request *request, const distance_run *run)
 {
     cli_json json = {.file = file};
@@ -158,8 +151,8 @@ static void write_report(FILE *file, const distance_request *request, const dist
     json_close(&json, '{');
     json_integer(&json, "peak_memory", (int64_t)cli_peak_memory());
     if (run->locus) solve_report_locus(&json, run->locus);
-    write_names(&json, "out", &request->out);
-    if (run->locus) write_names(&json, "locus_out", &request->locus);
+    solve_report_names(&json, "out", &request->out);
+    if (run->locus) solve_report_names(&json, "locus_out", &request->locus);
     json_close(&json, '{');
 }
 

@@ -105,7 +105,7 @@ static void write_ranks(cli_json *json, const solve_run *run)
     json_close(json, '[');
 }
 
-static void write_names(cli_json *json, const char *key, const cli_files *files)
+void solve_report_names(cli_json *json, const char *key, const cli_files *files)
 {
     json_open(json, key, '[');
     for (int i = 0; i < files->n; i++) json_text(json, NULL, files->path[i]);
@@ -144,9 +144,9 @@ void solve_report_fields(cli_json *json, const solve_request *request, const sol
     json_integer(json, "peak_memory", (int64_t)cli_peak_memory());
     write_ranks(json, run);
     if (run->locus) solve_report_locus(json, run->locus);
-    write_names(json, "out", &request->out);
-    write_names(json, "locus_out", &request->locus);
-    write_names(json, "tangent_out", &request->tangent);
+    solve_report_names(json, "out", &request->out);
+    solve_report_names(json, "locus_out", &request->locus);
+    solve_report_names(json, "tangent_out", &request->tangent);
 }
 
 static void write_report(FILE *file, bool one_line, const solve_request *request,

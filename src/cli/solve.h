@@ -132,6 +132,8 @@ int solve_report(const solve_request *request, const solve_run *run);
 typedef void (*solve_more)(cli_json *json, const solve_run *run, const void *data);
 int solve_report_more(const solve_request *request, const solve_run *run, solve_more more,
                       const void *data);
+/* The names of files of one kind, as a list of a report. */
+void solve_report_names(cli_json *json, const char *key, const cli_files *files);
 /* The object `locus` of a report, and the line of a summary. */
 void solve_report_locus(cli_json *json, const dmk_locus *locus);
 void solve_summary_locus(const dmk_locus *locus);
