@@ -1,24 +1,15 @@
 /* dmkcl distance: exact geodesic distances from points and from the border. */
 #include "solve.h"
 
-#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
 typedef struct distance_request {
-    const char *mesh;
-    cli_numbers source;
-    int64_t vertex;      /* -1: not given */
-    const char *sources; /* file, or NULL */
-    bool border, exact, quiet, verbose, json, repair;
+    solve_request solve; /* what it shares with the commands that solve */
+    bool border, exact;
     double tolerance; /* 0: not given */
-    int64_t threads;
-    cli_files out, locus;
-    double strength;
-    const char *format; /* of files without a suffix, or NULL */
-    const char *report; /* NULL: none; "-": standard output */
 } distance_request;
 
 typedef struct distance_run {
@@ -53,10 +44,10 @@ static int find_source(distance_run *run, const solve_source *s, dmk_point *poin
 static int place_all(const distance_request *request, distance_run *run)
 {
     int code = EXIT_OK, rc = DMK_OK;
-    solve_source *list = NULL, one = {.line = 0, .vertex = request->vertex};
-    size_t n = request->vertex >= 0 || request->source.n > 0;
-    memcpy(one.xyz, request->source.value, sizeof one.xyz);
-    if (request->sources) code = solve_read_sources(request->sources, &list, &n);
+    solve_source *list = NULL, one = {.line = 0, .vertex = request->solve.vertex};
+    size_t n = request->solve.vertex >= 0 || request->solve.source.n > 0;
+    memcpy(one.xyz, request->solve.source.value, sizeof one.xyz);
+    if (request->solve.sources) code = solve_read_sources(request->solve.sources, &list, &n);
     if (code == EXIT_OK && n > 0) {
         run->source = calloc(n, sizeof *run->source);
         if (!run->source) code = cli_library_error(NULL, DMK_E_NOMEM);
@@ -65,7 +56,7 @@ static int place_all(const distance_request *request, distance_run *run)
         rc = find_source(run, list ? list + i : &one, run->source + i);
         if (rc == DMK_OK) continue;
         if (list) {
-            code = cli_error(cli_exit_code(rc), "%s:%lld: %s", request->sources,
+            code = cli_error(cli_exit_code(rc), "%s:%lld: %s", request->solve.sources,
                              (long long)list[i].line, dmk_context_message(run->context));
         } else {
             code = fail(run, rc);
@@ -78,20 +69,18 @@ static int place_all(const distance_request *request, distance_run *run)
 
 static int trace(const distance_request *request, distance_run *run)
 {
-    dmk_locus_options options;
-    if (request->locus.n == 0) return DMK_OK;
-    dmk_locus_options_init(&options, sizeof options);
-    options.strength = request->strength;
-    return dmk_geodesics_locus(run->context, run->geodesics, &options, &run->locus);
+    if (request->solve.locus.n == 0) return DMK_OK;
+    return dmk_geodesics_locus(run->context, run->geodesics, &request->solve.trace, &run->locus);
 }
 
 static int write_files(const distance_request *request, const distance_run *run)
 {
     int rc = DMK_OK;
-    for (int i = 0; rc == DMK_OK && i < request->out.n; i++)
-        rc = dmk_geodesics_write(run->context, run->geodesics, cli_path(request->out.path[i]));
-    for (int i = 0; rc == DMK_OK && i < request->locus.n; i++)
-        rc = dmk_locus_write(run->context, run->locus, cli_path(request->locus.path[i]));
+    for (int i = 0; rc == DMK_OK && i < request->solve.out.n; i++)
+        rc =
+            dmk_geodesics_write(run->context, run->geodesics, cli_path(request->solve.out.path[i]));
+    for (int i = 0; rc == DMK_OK && i < request->solve.locus.n; i++)
+        rc = dmk_locus_write(run->context, run->locus, cli_path(request->solve.locus.path[i]));
     return rc;
 }
 
@@ -130,7 +119,7 @@ static void write_report(FILE *file, const distance_request *request, const dist
     json_open(&json, NULL, '{');
     json_text(&json, "dmkcl", dmk_version());
     json_open(&json, "mesh", '{');
-    json_text(&json, "file", request->mesh);
+    json_text(&json, "file", request->solve.mesh);
     json_mesh(&json, &mesh);
     json_repairs(&json, &run->repairs);
     json_close(&json, '{');
@@ -151,8 +140,8 @@ static void write_report(FILE *file, const distance_request *request, const dist
     json_close(&json, '{');
     json_integer(&json, "peak_memory", (int64_t)cli_peak_memory());
     if (run->locus) solve_report_locus(&json, run->locus);
-    solve_report_names(&json, "out", &request->out);
-    if (run->locus) solve_report_names(&json, "locus_out", &request->locus);
+    solve_report_names(&json, "out", &request->solve.out);
+    if (run->locus) solve_report_names(&json, "locus_out", &request->solve.locus);
     json_close(&json, '{');
 }
 
@@ -163,7 +152,7 @@ static void print_summary(const distance_request *request, const distance_run *r
     dmk_geodesics_info info;
     dmk_mesh_get_info(run->mesh, &mesh);
     dmk_geodesics_get_info(run->geodesics, &info);
-    printf("%-10s %s: %s vertices, %s triangles\n", "mesh", request->mesh,
+    printf("%-10s %s: %s vertices, %s triangles\n", "mesh", request->solve.mesh,
            cli_count((int64_t)mesh.n_vertices, text), cli_count((int64_t)mesh.n_triangles, more));
     printf("%-10s %s point%s%s\n", "sources", cli_count((int64_t)run->n, text),
            run->n == 1 ? "" : "s", request->border ? " and the border" : "");
@@ -183,16 +172,17 @@ static void print_summary(const distance_request *request, const distance_run *r
            run->read, run->distance);
     if (run->locus) printf("locus %.2f, ", run->trace);
     printf("write %.2f; memory %s\n", run->write, cli_bytes(cli_peak_memory(), text));
-    for (int i = 0; i < request->out.n; i++) printf("%-10s %s\n", "wrote", request->out.path[i]);
-    for (int i = 0; i < request->locus.n; i++)
-        printf("%-10s %s: cut locus\n", "wrote", request->locus.path[i]);
+    for (int i = 0; i < request->solve.out.n; i++)
+        printf("%-10s %s\n", "wrote", request->solve.out.path[i]);
+    for (int i = 0; i < request->solve.locus.n; i++)
+        printf("%-10s %s: cut locus\n", "wrote", request->solve.locus.path[i]);
 }
 
 static int report(const distance_request *request, const distance_run *run)
 {
     cli_file file;
-    if (!request->report) return EXIT_OK;
-    const int code = cli_report_open(request->report, &file);
+    if (!request->solve.report) return EXIT_OK;
+    const int code = cli_report_open(request->solve.report, &file);
     if (code != EXIT_OK) return code;
     write_report(file.stream, request, run);
     return cli_file_close(&file);
@@ -201,24 +191,24 @@ static int report(const distance_request *request, const distance_run *run)
 static int run_distance(const distance_request *request)
 {
     distance_run run = {.begin = cli_seconds(),
-                        .quiet = request->quiet,
-                        .progress.line = isatty(STDERR_FILENO) && !request->quiet,
-                        .progress.steps = request->verbose,
+                        .quiet = request->solve.quiet,
+                        .progress.line = isatty(STDERR_FILENO) && !request->solve.quiet,
+                        .progress.steps = request->solve.verbose,
                         .progress.gap = NAN};
     int rc = dmk_context_create(&run.context);
     if (rc != DMK_OK) return cli_library_error(NULL, rc);
-    dmk_context_set_threads(run.context, (int)request->threads);
-    dmk_context_set_format(run.context, request->format); /* checked when it was asked for */
+    dmk_context_set_threads(run.context, (int)request->solve.threads);
+    dmk_context_set_format(run.context, request->solve.format); /* checked when it was asked for */
     cli_watch(run.context, &run.progress);
     const cli_reading how = {
-        .repair = request->repair, .quiet = request->quiet, .progress = &run.progress};
-    rc = cli_read_mesh(run.context, request->mesh, &how, &run.repairs, &run.mesh);
+        .repair = request->solve.repair, .quiet = request->solve.quiet, .progress = &run.progress};
+    rc = cli_read_mesh(run.context, request->solve.mesh, &how, &run.repairs, &run.mesh);
     run.read = cli_seconds() - run.begin;
     int code = rc == DMK_OK ? place_all(request, &run) : fail(&run, rc);
     if (code == EXIT_OK) code = compute(request, &run);
     if (code == EXIT_OK) code = report(request, &run);
-    const bool reported = request->report && strcmp(request->report, "-") == 0;
-    if (code == EXIT_OK && !request->quiet && !reported) {
+    const bool reported = request->solve.report && strcmp(request->solve.report, "-") == 0;
+    if (code == EXIT_OK && !request->solve.quiet && !reported) {
         print_summary(request, &run);
         code = cli_flush();
     }
@@ -235,7 +225,7 @@ static int run_distance(const distance_request *request)
 
 static int check_request(distance_request *r)
 {
-    const int n = (r->source.n > 0) + (r->vertex >= 0) + (r->sources != NULL);
+    const int n = (r->solve.source.n > 0) + (r->solve.vertex >= 0) + (r->solve.sources != NULL);
     if (n == 0 && !r->border) {
         return cli_error(
             EXIT_USAGE,
@@ -250,48 +240,32 @@ static int check_request(distance_request *r)
     if (r->exact && r->tolerance > 0) {
         return cli_error(EXIT_USAGE, "distance: give --exact or --tolerance, not both");
     }
-    if (r->quiet && r->verbose)
-        return cli_error(EXIT_USAGE, "distance: give --quiet or --verbose, not both");
-    if (r->json || (r->report && cli_is_stdout(r->report))) r->report = "-";
-    if (r->border && r->locus.n > 0)
+    if (r->border && r->solve.locus.n > 0)
         return cli_error(EXIT_USAGE,
                          "distance: --locus needs points as sources; leave out --border");
-    if (r->strength > 0 && r->locus.n == 0)
+    if (r->solve.trace.strength > 0 && r->solve.locus.n == 0)
         return cli_error(EXIT_USAGE, "distance: --strength without --locus");
-    int code = cli_check_outputs("out", &r->out, CLI_RESULT, r->format);
-    if (code == EXIT_OK) code = cli_check_outputs("locus", &r->locus, CLI_LOCUS, r->format);
+    solve_request_convert(&r->solve);
+    int code = solve_request_settle_words(&r->solve);
+    if (code == EXIT_OK)
+        code = cli_check_outputs("out", &r->solve.out, CLI_RESULT, r->solve.format);
+    if (code == EXIT_OK)
+        code = cli_check_outputs("locus", &r->solve.locus, CLI_LOCUS, r->solve.format);
     cli_uses uses = {.n = 0};
-    cli_use(&uses, NULL, r->mesh);
-    cli_use(&uses, NULL, r->sources);
-    cli_use_files(&uses, "out", &r->out);
-    cli_use_files(&uses, "locus", &r->locus);
-    cli_use(&uses, "report", r->report);
+    solve_request_uses(&r->solve, &uses);
     return code == EXIT_OK ? cli_check_uses(&uses) : code;
 }
 
 static int parse(distance_request *r, const char *out_help, const char *locus_help, int argc,
                  char **argv)
 {
+    solve_table table = {.n = 0};
     const cli_option rows[] = {
-        {.name = "source",
-         .value = "X,Y,Z",
-         .help = "the source: the point of the surface nearest to this one",
-         .kind = CLI_POINT,
-         .target = &r->source},
-        {.name = "vertex",
-         .value = "I",
-         .help = "the source is vertex I, counted from 0",
-         .kind = CLI_INTEGER,
-         .target = &r->vertex,
-         .lo = 0,
-         .hi = INT_MAX,
-         .expected = "a vertex number, from 0"},
         {.name = "sources",
          .value = "FILE",
          .help = "all sources of a file, as one set, one per line: X,Y,Z or `vertex I`",
          .kind = CLI_TEXT,
-         .target = &r->sources},
-        {.name = "repair", .help = CLI_REPAIR_HELP, .kind = CLI_FLAG, .target = &r->repair},
+         .target = &r->solve.sources},
         {.name = "border",
          .help = "the border of the mesh is a source too",
          .kind = CLI_FLAG,
@@ -309,44 +283,23 @@ static int parse(distance_request *r, const char *out_help, const char *locus_he
          .help = "no error, whatever the size",
          .kind = CLI_FLAG,
          .target = &r->exact},
-        {.name = "out", .value = "FILE", .help = out_help, .kind = CLI_FILES, .target = &r->out},
+        {.name = "out",
+         .value = "FILE",
+         .help = out_help,
+         .kind = CLI_FILES,
+         .target = &r->solve.out},
         {.name = "locus",
          .value = "FILE",
          .help = locus_help,
          .kind = CLI_FILES,
-         .target = &r->locus},
-        {.name = "strength",
-         .value = "LENGTH",
-         .help = "of the locus, leave out branches of less strength, as in solve",
-         .kind = CLI_NUMBER,
-         .target = &r->strength,
-         .lo = DBL_MIN,
-         .hi = DBL_MAX,
-         .expected = "a number above 0"},
-        cli_format_option(&r->format),
-        {.name = "report",
-         .value = "FILE",
-         .help = "write the figures of the run as JSON; - is the standard output",
-         .kind = CLI_TEXT,
-         .target = &r->report},
-        {.name = "json", .help = "the same as --report -", .kind = CLI_FLAG, .target = &r->json},
-        {.name = "threads",
-         .value = "N",
-         .help = "threads to use; default: one for each core",
-         .kind = CLI_INTEGER,
-         .target = &r->threads,
-         .lo = 1,
-         .hi = INT_MAX,
-         .expected = "a whole number from 1"},
-        {.name = "quiet",
-         .help = "print nothing but errors",
-         .kind = CLI_FLAG,
-         .target = &r->quiet},
-        {.name = "verbose",
-         .help = "a line for each stage, on the standard error",
-         .kind = CLI_FLAG,
-         .target = &r->verbose},
+         .target = &r->solve.locus},
+        cli_format_option(&r->solve.format),
     };
+    solve_add_source(&table, &r->solve);
+    solve_add(&table, rows, sizeof rows / sizeof *rows);
+    solve_add_strength(&table, &r->solve);
+    solve_add_report(&table, &r->solve);
+    solve_add_host(&table, &r->solve);
     const cli_syntax syntax = {
         .command = "distance",
         .usage = "MESH (--source X,Y,Z | --vertex I | --sources FILE | --border) [OPTIONS]",
@@ -361,16 +314,18 @@ static int parse(distance_request *r, const char *out_help, const char *locus_he
             "the\n"
             "file, the border last. Where no source reaches, the distance is infinite and nearest "
             "is -1.",
-        .options = rows,
-        .n_options = sizeof rows / sizeof *rows,
+        .options = table.row,
+        .n_options = table.n,
     };
-    return cli_parse(&syntax, argc, argv, &r->mesh);
+    return cli_parse(&syntax, argc, argv, &r->solve.mesh);
 }
 
 int cmd_distance(int argc, char **argv)
 {
-    distance_request request = {.vertex = -1};
+    distance_request request = {.border = false};
     char suffixes[512], help[700], locus[700];
+    solve_request_init(&request.solve, "distance");
+    request.solve.bare = true;
     cli_suffixes(CLI_RESULT, suffixes, sizeof suffixes);
     snprintf(help, sizeof help,
              "write mesh, distance, direction and nearest; may be given\nagain: %s", suffixes);

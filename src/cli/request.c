@@ -241,6 +241,11 @@ int solve_request_settle(solve_request *request)
         return cli_error(EXIT_USAGE, "%s: give --source or --vertex%s, not both", request->command,
                          request->sources ? " or --sources" : "");
     }
+    return solve_request_settle_words(request);
+}
+
+int solve_request_settle_words(const solve_request *request)
+{
     if (request->quiet && request->verbose) {
         return cli_error(EXIT_USAGE, "%s: give --quiet or --verbose, not both", request->command);
     }

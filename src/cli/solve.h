@@ -87,6 +87,8 @@ void solve_request_convert(solve_request *request);
 /* And, of a command with one source or a file of them, what the rows of these two have in common. EXIT_OK
  * or the code with the error printed. */
 int solve_request_settle(solve_request *request);
+/* Of these, what the run prints and reports. */
+int solve_request_settle_words(const solve_request *request);
 /* The files that the request reads and writes. */
 void solve_request_uses(const solve_request *order, cli_uses *uses);
 
