@@ -55,7 +55,7 @@ LDLIBS := -lOpenCL -lhwloc -lz -lexpat -lpthread -lm
 # ---- files -----------------------------------------------------------------------------------
 
 # Each knows the rooms before it only: tests/test_layers.sh.
-ROOMS := base mesh surfaces levels geodesic io device ranks solver locus api
+ROOMS := base mesh surfaces levels geodesic io device ranks solver locus cut api
 LIB_SRC := $(sort $(foreach room,$(ROOMS),$(wildcard src/$(room)/*.c)))
 CLI_SRC := $(sort $(wildcard src/cli/*.c))
 # One program source, in this order: what a file uses stands before it.

@@ -1,6 +1,6 @@
 /* What is said of a triangle that the cut cannot split, and of a cut that is no disk. */
 #include "../src/api/api.c" /* for their static functions; the library's own are then left out */
-#include "../src/locus/cut.c"
+#include "../src/cut/cut.c"
 
 #include "context.h"
 

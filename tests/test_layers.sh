@@ -15,6 +15,7 @@ knows() {
     ranks) echo base mesh levels device ;;
     solver) echo base mesh levels geodesic device ranks ;;
     locus) echo base mesh geodesic ;;
+    cut) echo base mesh geodesic locus ;;
     api) echo "$rooms" ;;
     esac
 }

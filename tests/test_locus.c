@@ -1,6 +1,6 @@
 /* The cut locus as a graph: place, ends and topology against exact loci; borders; sources anywhere.
  */
-#include "locus/locus.h"
+#include "cut/cut.h"
 #include "locus/cotree.h"
 
 #include <math.h>

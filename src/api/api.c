@@ -1,5 +1,5 @@
 /* Public calls that join rooms. */
-#include "locus/locus.h"
+#include "cut/cut.h"
 #include "geodesic/trace.h"
 #include "mesh/mesh.h"
 #include "solver/result.h"

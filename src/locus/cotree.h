@@ -1,4 +1,4 @@
-/* The cut locus of the polyhedron as a tree-cotree decomposition. Internal to src/locus.
+/* The cut locus of the polyhedron as a tree-cotree decomposition. Internal to src/locus and src/cut.
  *
  * Every vertex v is reached by one shortest path; its last pseudo-source (or the source), unfolded into the plane
  * around v, is the image of v's family. The jump of a mesh edge vw is how much the family of one end is too long at

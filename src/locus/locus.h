@@ -8,9 +8,7 @@
  * - cusp.c: where a branch ends on the surface that the mesh stands for.
  * - ends.c: ends moved there; a locus that is one point.
  * - places.c: the points of the lines: forks, and crossings without the zigzag of the mesh.
- * - locus.c: the public object.
- * - cut.c: the surface cut open along it.
- * - plane.c: and laid out in the plane. */
+ * - locus.c: the public object. */
 #ifndef DMK_LOCUS_H
 #define DMK_LOCUS_H
 
@@ -26,7 +24,6 @@ typedef struct dmk_locus_rules {
     double window;   /* h: radius of the neighbourhood a cusp or a point is fitted to */
     double arc;      /* h: a shorter locus is one point */
     double width;    /* h: lines are averaged over so much to both sides */
-    double margin;   /* share of an edge: a cut keeps away from its ends */
 } dmk_locus_rules;
 
 static const dmk_locus_rules dmk_rules = {
@@ -37,7 +34,6 @@ static const dmk_locus_rules dmk_rules = {
     .window = 4,
     .arc = 1,
     .width = 0.5,
-    .margin = 0.15,
 };
 
 /* The locus of the geodesics' sources; density: per triangle of their mesh, only carried through to
@@ -49,21 +45,5 @@ int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *geodesics, const doub
 
 /* The numbers of the triangles at the vertices, from those of the geodesics' mesh to triangle_old of them. */
 void dmk_locus_renumber(dmk_locus *locus, const int32_t *triangle_old);
-
-/* cut.c: the surface cut open along its locus: a disk, with one border loop and Euler characteristic 1.
- * The triangles that the locus crosses are split so that it runs along edges; its vertices are doubled,
- * one for each side. A locus that crosses fewer than three edges of a sphere becomes a slit of two edges; a
- * disk with a border needs no cut. The mesh begins with the vertices of geodesics->mesh in their order.
- * *origin: for each vertex the one of that mesh at the same place, or -1 where it is new; *plane: 2 for each
- * vertex, distance times the direction at the source of the geodesics on its side, averaged as dmk_plane_unfold does
- * (the caller frees both). */
-int dmk_locus_cut(dmk_context *ctx, const dmk_geodesics *geodesics, const dmk_locus_options *opt,
-                  dmk_mesh **cut, int32_t **origin, double **plane);
-
-/* plane.c: directions averaged around triangles that lie the other way round, or are flat, in the plane, round after
- * round, until none is left or two rounds leave no fewer; distances stay. plane: 2 for each vertex of the cut mesh. */
-int dmk_plane_unfold(dmk_context *ctx, const dmk_mesh *cut, double *plane);
-/* How many such triangles there are; turned (NULL: not wanted): true for their corners, else it stays. */
-size_t dmk_plane_flipped(const dmk_mesh *cut, const double *plane, bool *turned);
 
 #endif

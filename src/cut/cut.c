@@ -2,11 +2,15 @@
  * vertex that no uncut edge joins are separated. */
 #include "base/sets.h"
 #include "base/vec3.h"
+#include "cut/cut.h"
 #include "locus/cotree.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+
+/* Share of an edge: the cut keeps away from its ends. tests/test_locus.c holds what more or less would give. */
+static const double margin = 0.15;
 
 typedef struct splitter {
     const dmk_cotree *cotree;
@@ -129,8 +133,7 @@ static void add_point(splitter *k, int32_t i)
     const int32_t h = k->cotree->crossing[i].half;
     dmk_locus_vertex v;
     dmk_place_crossing(k->cotree, i, &v);
-    const double s =
-        fmin(1 - dmk_rules.margin, fmax(dmk_rules.margin, v.place.weight[dmk_previous(h) % 3]));
+    const double s = fmin(1 - margin, fmax(margin, v.place.weight[dmk_previous(h) % 3]));
     for (int j = 0; j < 3; j++) {
         k->xyz[3 * (size_t)k->n_vertices + j] =
             (1 - s) * m->xyz[3 * (size_t)m->triangle[dmk_next(h)] + j] +

@@ -1,7 +1,7 @@
 /* The disk in the plane: distance times direction at the source. On a polyhedron directions are not those of the
  * surface that it stands for: behind a saddle vertex all paths start in one direction, and near a conjugate point
  * they jump. So triangles turn over, or are flat, in the plane; around these, directions are averaged. */
-#include "locus/locus.h"
+#include "cut/cut.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -1,0 +1,23 @@
+/* The surface cut open along its cut locus, and laid out in the plane. Host arrays in and out; no device. */
+#ifndef DMK_CUT_H
+#define DMK_CUT_H
+
+#include "locus/locus.h"
+
+/* cut.c: a disk, with one border loop and Euler characteristic 1.
+ * The triangles that the locus crosses are split so that it runs along edges; its vertices are doubled,
+ * one for each side. A locus that crosses fewer than three edges of a sphere becomes a slit of two edges; a
+ * disk with a border needs no cut. The mesh begins with the vertices of geodesics->mesh in their order.
+ * *origin: for each vertex the one of that mesh at the same place, or -1 where it is new; *plane: 2 for each
+ * vertex, distance times the direction at the source of the geodesics on its side, averaged as dmk_plane_unfold does
+ * (the caller frees both). */
+int dmk_locus_cut(dmk_context *ctx, const dmk_geodesics *geodesics, const dmk_locus_options *opt,
+                  dmk_mesh **cut, int32_t **origin, double **plane);
+
+/* plane.c: directions averaged around triangles that lie the other way round, or are flat, in the plane, round after
+ * round, until none is left or two rounds leave no fewer; distances stay. plane: 2 for each vertex of the cut mesh. */
+int dmk_plane_unfold(dmk_context *ctx, const dmk_mesh *cut, double *plane);
+/* How many such triangles there are; turned (NULL: not wanted): true for their corners, else it stays. */
+size_t dmk_plane_flipped(const dmk_mesh *cut, const double *plane, bool *turned);
+
+#endif
