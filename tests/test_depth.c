@@ -9,24 +9,6 @@
 
 #include <cmocka.h>
 
-/* Two triangles, a square of side 1 with the source at corner 0 of the first. */
-static dmk_mesh *make_square(dmk_context *ctx, double last)
-{
-    dmk_mesh *m;
-    const double xyz[12] = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, last, 0};
-    const int32_t triangle[6] = {0, 1, 2, 0, 2, 3};
-    assert_int_equal(dmk_mesh_create(ctx, 4, xyz, 2, triangle, &m), DMK_OK);
-    return m;
-}
-
-static dmk_geodesics *from_corner(dmk_context *ctx, const dmk_mesh *m, double weight)
-{
-    dmk_geodesics *g;
-    const dmk_point p = {0, {1 - 2 * weight, weight, weight}};
-    assert_int_equal(dmk_geodesics_create(ctx, m, 1, &p, NULL, &g), DMK_OK);
-    return g;
-}
-
 /* A way over a vertex counts as shorter, and a path around the end of an interval as no longer, by 1e-12. */
 static void same_length(void **state)
 {
@@ -46,7 +28,7 @@ static void same_length(void **state)
 static void same_place(void **state)
 {
     static const double beside[2] = {0.7e-11, 1.4e-11};
-    dmk_mesh *m = make_square(*state, 1);
+    dmk_mesh *m = unit_square(*state, 1);
     dmk_geodesics *g = from_corner(*state, m, 0);
     for (int i = 0; i < 2; i++) {
         engine e;

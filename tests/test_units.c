@@ -422,6 +422,33 @@ static void steps_grow_and_shrink(void **state)
     assert_true(error_estimate(&(step_control){.D = 150}, 1) == 1);
 }
 
+/* A small change of mu ends the steps where the gap is small, too; else the tolerance becomes a third, twice. */
+static void steps_go_on_for_a_gap(void **state)
+{
+    fixture *x = *state;
+    static const struct {
+        double gap, tolerance;
+        bool settled;
+    } cases[] = {
+        {2.1e-3, 3e-3, true}, {4.2e-3, 3e-3, false}, {4.2e-3, 1e-3, false}, {4.2e-3, 3.4e-4, true}};
+    const step_control p = {.D = 100};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        dmk_stats stats = {.gap = cases[i].gap};
+        const dmk_solve_options options = {.struct_size = sizeof options};
+        dmk_iteration o = {.ctx = x->b.ctx,
+                           .stats = &stats,
+                           .options = &options,
+                           .tolerance = cases[i].tolerance,
+                           .certified = true}; /* the gap is there */
+        bool settled;
+        ok(x, has_settled(&o, &p, 1.01 * cases[i].tolerance, &settled));
+        assert_true(!settled && o.tolerance == cases[i].tolerance);
+        ok(x, has_settled(&o, &p, 0.99 * cases[i].tolerance, &settled));
+        assert_true(settled == cases[i].settled && !o.goes_on);
+        assert_true(o.tolerance == cases[i].tolerance / (settled ? 1 : 3));
+    }
+}
+
 /* The work of whole solves, from a distance and from nothing. */
 static void solves_take_their_steps(void **state)
 {
@@ -631,6 +658,7 @@ int main(void)
         cmocka_unit_test(slopes_of_flat_triangles),
         cmocka_unit_test(bands_end_at_the_ends),
         cmocka_unit_test(steps_grow_and_shrink),
+        cmocka_unit_test(steps_go_on_for_a_gap),
         cmocka_unit_test(solves_take_their_steps),
         cmocka_unit_test(divergence_leaves_nothing),
         cmocka_unit_test(steps_that_diverge_are_told),

@@ -247,7 +247,6 @@ int dmk_solver_clear(dmk_context *ctx, const dmk_solver *s)
     int rc;
     const size_t bytes = (size_t)s->system->n_rows_pad * sizeof(float);
     DMK_TRY(dmk_system_allocate(ctx, s->system));
-    DMK_TRY(dmk_buffer_clear(ctx, s->device, s->system->x, bytes));
     DMK_TRY(dmk_buffer_clear(ctx, s->device, s->system->x_old, bytes));
     for (int32_t i = 0; i < s->system->n_levels; i++) {
         const dmk_level *l = &s->system->level[i];
