@@ -340,9 +340,9 @@ $(PC): $B/flags include/dmkcl.h FORCE
 $B/dmkcl.1: $(TOOL) src/cli/man.sh
 	$(Q)sh src/cli/man.sh $(TOOL) > $@
 
-$B/dmkcl.3: include/dmkcl.h src/reference.awk
+$B/dmkcl.3: include/dmkcl.h src/docs/reference.awk
 	@mkdir -p $(@D)
-	$(Q)awk -v version=$(VERSION) -f src/reference.awk $< > $@
+	$(Q)awk -v version=$(VERSION) -f src/docs/reference.awk $< > $@
 
 # The HTML pages: reference of tool, library and package, a page for each algorithm, the tutorial. See src/docs/README.md.
 DOCS := build/docs

@@ -26,7 +26,7 @@ NATIVE = HERE / "native"
 ROOT = NATIVE if NATIVE.exists() else HERE.parents[1]
 # What the library and the tool are built from.
 SOURCES = ("Makefile", "LICENSE", "README.md", "CITATION.cff", ".ci/*packages", ".ci/deps.sh",
-           "include/*", "kernels/*", "src/*/*.[ch]", "src/cli/man.sh", "src/reference.awk")
+           "include/*", "kernels/*", "src/*/*.[ch]", "src/cli/man.sh", "src/docs/reference.awk")
 NEEDED = (
     "gcc make libc6-dev libhwloc-dev ocl-icd-opencl-dev opencl-c-headers zlib1g-dev "
     "libexpat1-dev python3-dev"

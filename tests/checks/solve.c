@@ -73,7 +73,6 @@ int main(int argc, char **argv)
 {
     meeting all = {.size = 2};
     seat seats[2] = {{.mesh = argv[1]}};
-    pthread_t other;
     if (argc < 4) return 3;
     dmk_device_options_init(&seats->device, sizeof seats->device);
     seats->device.shape = strcmp(argv[2], "gpu") == 0 ? DMK_SHAPE_GPU : DMK_SHAPE_CPU;
@@ -86,10 +85,5 @@ int main(int argc, char **argv)
         seats[k].m = (member){.all = &all, .rank = k};
         seats[k].mesh = argv[4];
     }
-    if (pthread_barrier_init(&all.barrier, NULL, 2) || pthread_create(&other, NULL, sit, seats + 1))
-        return 4;
-    sit(seats);
-    pthread_join(other, NULL);
-    pthread_barrier_destroy(&all.barrier);
-    return 0;
+    return meet(&all, sit, seats, sizeof *seats) ? 4 : 0;
 }

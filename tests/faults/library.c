@@ -193,6 +193,26 @@ done:
     return rc;
 }
 
+/* Distances from three sources, and where the nearest of them changes. */
+static int find_set_locus(uint64_t *h)
+{
+    int rc;
+    dmk_geodesics *g = NULL;
+    dmk_locus *locus = NULL;
+    dmk_locus_info info;
+    dmk_point source[3];
+    for (int i = 0; i < 3; i++) TRY(dmk_mesh_vertex_point(ctx, mesh, 100 * i, &source[i]));
+    TRY(dmk_geodesics_create(ctx, mesh, 3, source, NULL, &g));
+    TRY(dmk_geodesics_locus(ctx, g, NULL, &locus));
+    dmk_locus_get_info(locus, &info);
+    *h = digest(1, &info.length, sizeof info.length);
+    TRY(dmk_locus_write(ctx, locus, file[5]));
+done:
+    dmk_locus_destroy(&locus);
+    dmk_geodesics_destroy(&g);
+    return rc;
+}
+
 static int find_path(uint64_t *h)
 {
     int rc;
@@ -255,6 +275,7 @@ static const scenario scenarios[] = {
     {"newton", solve_newton, 1 << FAULT_MEMORY | 1 << FAULT_OPENCL, 1},
     {"inertial", solve_inertial, 1 << FAULT_MEMORY | 1 << FAULT_OPENCL, 1},
     {"locus", find_locus, 1 << FAULT_MEMORY | 1 << FAULT_FILE, 1},
+    {"set locus", find_set_locus, 1 << FAULT_MEMORY | 1 << FAULT_FILE, 1},
     {"path", find_path, 1 << FAULT_MEMORY | 1 << FAULT_FILE, 1},
     {"cut", cut_open, 1 << FAULT_MEMORY | 1 << FAULT_FILE, 1},
     {"result", write_result, 1 << FAULT_MEMORY | 1 << FAULT_FILE, 1},

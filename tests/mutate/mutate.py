@@ -496,11 +496,11 @@ def main():
             print(f"{mutant.path}:{mutant.line}: {mutant.operator}: {mutant.new.strip()}")
         return 0
     kept = {part: load(part) for part in ("tests", "mutants")}
+    copy_tree() # what it came to holds for files as they are now
     if arguments.page:
         write_page(arguments.page, arguments, drawn, known, kept)
     if arguments.table:
         return print_table(drawn, known, kept, arguments.floor) > 0
-    copy_tree()
     if arguments.direct:
         kept = {"tests": {}, "mutants": {}}
         take_directly(arguments.tests, kept)
