@@ -158,14 +158,18 @@ done:
     return rc;
 }
 
+bool dmk_bound_is_rough(const dmk_iteration *o)
+{
+    return o->sys->sharpest > most_cot;
+}
+
 int dmk_bound_plain(dmk_iteration *o, const dmk_buffer *v, double *bound)
 {
     int rc;
     double fv;
     DMK_TRY(dmk_iteration_energies_of(o, v, &fv));
-    if (dmk_device_real(o->sys->device, DMK_OUTER) == sizeof(float) || o->sys->sharpest > most_cot)
+    if (dmk_device_real(o->sys->device, DMK_OUTER) == sizeof(float) || dmk_bound_is_rough(o))
         return bound_by_host(o, v, bound);
-    DMK_TRY(dmk_iteration_measure(o, 1));
     *bound = fv / sqrt(o->top); /* q has its rounding on top */
 done:
     return rc;

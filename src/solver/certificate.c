@@ -34,17 +34,25 @@ void dmk_certify_gap(dmk_stats *stats)
     stats->gap = (stats->cost_upper - stats->cost_lower) / stats->cost_upper;
 }
 
-/* The upper bound from the present pair; of F at the best multiple of mu, sqrt(f.A^-1 f * sum mu |T|), what is
- * known from below: f.A^-1 f >= 2 f.u - u.Au. */
+/* Of F at the best multiple of mu, sqrt(f.A^-1 f * sum mu |T|), what is known from below: f.A^-1 f >= 2 f.u - u.Au. */
+static int find_least(dmk_iteration *o, search *s)
+{
+    int rc;
+    DMK_TRY(dmk_iteration_energies(o));
+    DMK_TRY(dmk_iteration_measure(o, 1));
+    s->least = sqrt(fmax(2 * o->fu - o->uau, 0) * o->mass);
+done:
+    return rc;
+}
+
+/* The upper bound from the present pair, too. */
 static int try_upper(dmk_iteration *o, search *s)
 {
     int rc;
     double bound;
-    DMK_TRY(dmk_iteration_energies(o));
-    DMK_TRY(dmk_iteration_measure(o, 1));
+    DMK_TRY(find_least(o, s));
     DMK_TRY(dmk_bound_upper(o, o->flux, o->balance, &bound));
     s->upper = fmin(s->upper, bound);
-    s->least = sqrt(fmax(2 * o->fu - o->uau, 0) * o->mass);
 done:
     return rc;
 }
@@ -80,27 +88,58 @@ done:
     return rc;
 }
 
-static int certify(dmk_iteration *o, bool last)
+/* stats->cost_lower from u as it is. */
+static int try_lower(dmk_iteration *o)
 {
     int rc;
-    double plain, banded, asked = o->options->gap_tolerance;
-    dmk_stats *stats = o->stats;
-    const bool wanted = asked >= DMK_GAP_SHOWN;
-    const double goal = wanted ? fmin(asked, usual_goal) : usual_goal;
-    search s = {.upper = INFINITY,
-                .tolerance = o->options->cg_tolerance > 0 ? o->options->cg_tolerance : 1e-3};
+    double plain, banded;
     DMK_TRY(dmk_bound_plain(o, o->sys->u, &plain));
     DMK_TRY(dmk_bound_banded(o, o->sys->u, &banded));
     /* A bound from an earlier pair is one of this problem, too. */
-    stats->cost_lower = fmax(stats->cost_lower, fmax(plain, banded));
+    o->stats->cost_lower = fmax(o->stats->cost_lower, fmax(plain, banded));
+done:
+    return rc;
+}
+
+/* Where more steps answer a large gap, and u nearly solves A(mu) u = f: is it one? What an upper bound cannot get
+ * below says so without it, which takes as long as some 60 sweeps of the repair. */
+static int look_ahead(dmk_iteration *o, search *s, double goal, bool *large)
+{
+    int rc;
+    dmk_stats *stats = o->stats;
+    DMK_TRY(find_least(o, s));
+    o->fresh = false;
+    if (stats->cost_lower < (1 - goal) * s->least) DMK_TRY(dmk_repair(o, goal, s->least, true));
+    *large = stats->cost_lower < (1 - DMK_SETTLED_GAP) * s->least;
+    if (*large) stats->gap = 1 - stats->cost_lower / s->least;
+done:
+    return rc;
+}
+
+static int certify(dmk_iteration *o, bool last)
+{
+    int rc;
+    bool large = false;
+    dmk_stats *stats = o->stats;
+    const double asked = o->options->gap_tolerance;
+    const bool wanted = asked >= DMK_GAP_SHOWN;
+    /* Among the sharpest needles no one knows which pair's upper bound will be the best. */
+    const bool ahead = o->goes_on && !o->loose && !dmk_bound_is_rough(o);
+    const double goal = wanted ? fmin(asked, usual_goal) : usual_goal;
+    search s = {.upper = INFINITY,
+                .tolerance = o->options->cg_tolerance > 0 ? o->options->cg_tolerance : 1e-3};
+    DMK_TRY(try_lower(o));
+    if (ahead) DMK_TRY(look_ahead(o, &s, goal, &large));
+    o->certified = false;
+    if (large) goto done;
     /* The iteration's own u obeys |grad u| <= 1 better than mu's exact potential, which is free
      * where mu is next to 0: so the lower bound is that of the first, the upper of the second. */
     DMK_TRY(find_upper(o, &s, slack * (o->goes_on ? DMK_SETTLED_GAP : goal)));
     /* The repaired u will not get far above f.u: in between it is worth it only when that is
      * enough. */
     const bool hopeful = last || (wanted && o->fu >= (1 - goal) * stats->cost_upper);
-    if (hopeful && stats->cost_lower < (1 - goal) * stats->cost_upper)
-        DMK_TRY(dmk_repair(o, goal, last));
+    if (hopeful && !ahead && stats->cost_lower < (1 - goal) * stats->cost_upper)
+        DMK_TRY(dmk_repair(o, goal, stats->cost_upper, last));
     dmk_certify_gap(stats);
     /* Where the iteration goes on, this mu's bound will not be the last. */
     if (last && !(o->goes_on && stats->gap > DMK_SETTLED_GAP)) {

@@ -39,12 +39,14 @@ done:
 int dmk_iteration_energies_of(dmk_iteration *o, const dmk_buffer *v, double *fv)
 {
     int rc;
-    double sums[2];
+    double sums[5];
     const bool wide = dmk_device_real(o->sys->device, DMK_OUTER) == sizeof(double);
     DMK_TRY(dmk_dot(o->ctx, o->sys, o->sys->f, v, 1));
     DMK_TRY(queue_energy(o, v, false, wide ? DMK_ENERGY_ROUNDING : 0));
-    DMK_TRY(dmk_iteration_scalars(o, 2, sums));
+    DMK_TRY(dmk_element_measure(o->ctx, o->sys, 1, 2));
+    DMK_TRY(dmk_iteration_scalars(o, 5, sums));
     *fv = sums[1];
+    o->top = sums[4];
 done:
     return rc;
 }

@@ -49,8 +49,8 @@ static const double DMK_ENERGY_ROUNDING = 16 * 2.220446049250313e-16;
 int dmk_iteration_energies(dmk_iteration *o);
 /* The same where f.u is queued for scalars[1], and in one read `n` sums that are for scalars[2 .. 2 + n). */
 int dmk_iteration_energies_and(dmk_iteration *o, int n, double *others);
-/* q and f.v of any row vector in place of u, in double precision q with its rounding on top, so that it is not
- * below the true one. out_real stays as it is. */
+/* q, its largest in o->top, and f.v of any row vector in place of u, in double precision q with its rounding on top,
+ * so that it is not below the true one. out_real stays as it is. */
 int dmk_iteration_energies_of(dmk_iteration *o, const dmk_buffer *v, double *fv);
 /* rho, mass and top of q scaled by alpha^2. */
 int dmk_iteration_measure(dmk_iteration *o, double alpha);
@@ -83,15 +83,17 @@ void dmk_certify_gap(dmk_stats *stats);
  * the same of phi(v), which goes through q of v as dmk_bound_plain left it. cg[DMK_OUTER].p is scratch. */
 int dmk_bound_plain(dmk_iteration *o, const dmk_buffer *v, double *bound);
 int dmk_bound_banded(dmk_iteration *o, const dmk_buffer *v, double *bound);
+/* Needles so sharp that rounding on the device would spoil the bounds. */
+bool dmk_bound_is_rough(const dmk_iteration *o);
 
 /* upper.c: an upper bound of the optimal cost, that of a flux which delivers f to rounding: mu grad u of the
  * present pair and a small remainder. Where they are not NULL, flux[3 t ..] becomes minus its mean over triangle
  * t, and *balance the most that it fails to deliver to a row, over the largest f. The pair stays. */
 int dmk_bound_upper(dmk_iteration *o, double *flux, double *balance, double *bound);
 
-/* repair.c: raise stats->cost_lower by a repair of u until the gap to stats->cost_upper is at most
+/* repair.c: raise stats->cost_lower by a repair of u until the gap to `upper` is at most
  * `goal`, or all triangles obey |grad u| <= 1, or it takes too long. */
-int dmk_repair(dmk_iteration *o, double goal, bool last);
+int dmk_repair(dmk_iteration *o, double goal, double upper, bool last);
 
 /* rhs.c: f+ - f- on the rows of T/2 for a source at `point` of the packed mesh. */
 int dmk_right_hand_side(dmk_context *context, const dmk_mesh *mesh, const dmk_system *system,

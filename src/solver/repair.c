@@ -30,6 +30,7 @@ typedef struct repair {
     dmk_iteration *o;
     dmk_repair_work work;
     int sweeps, max_sweeps;
+    double upper; /* bound of the cost */
     double
         delta; /* u is scaled by 1 - delta first, to have room; what moves goes to 1 - delta / 2 */
     double theta; /* Nesterov's */
@@ -179,15 +180,15 @@ done:
 /* What is left is small enough for the work that it would take. */
 static bool good_enough(const repair *r, double goal)
 {
-    const dmk_stats *stats = r->o->stats;
-    const double gap = 1 - stats->cost_lower / stats->cost_upper;
+    const double gap = 1 - r->o->stats->cost_lower / r->upper;
     return gap <= (r->sweeps < PATIENCE ? 1 : 3) * goal || r->sweeps >= r->max_sweeps;
 }
 
-int dmk_repair(dmk_iteration *o, double goal, bool last)
+int dmk_repair(dmk_iteration *o, double goal, double upper, bool last)
 {
     int rc;
     repair r = {.o = o,
+                .upper = upper,
                 .delta = share * goal,
                 .theta = 1,
                 .max_sweeps = last && !o->goes_on ? MAX_SWEEPS : PATIENCE};

@@ -41,7 +41,7 @@ typedef struct router {
     double *mu, *u;       /* elements, rows */
     double *r, *rounding; /* rows: what is to be sent, and a bound of the rounding error in it */
     double *half, *sent;  /* edges: from the ends to the midpoint go half + sent and half - sent */
-    double *beside;       /* edges, once the rounding is sent: the sum of both sides' mu */
+    double *beside;       /* edges, once the rounding is sent: 1 over the sum of both sides' mu */
     double *cost;         /* of each own triangle */
     double *mean;         /* 3 for each triangle: the flux; NULL: not wanted */
     loan loan[LOANS];     /* all of mu, u, r, rounding and sent, or none */
@@ -154,24 +154,27 @@ static void add_carried(void *data, double *cost)
 
 /* ---- costs ------------------------------------------------------------------------------------ */
 
-/* What both sides of each own edge have of mu together. */
+/* The inverse of what both sides of each own edge have of mu together. */
 static void add_sides(const router *p)
 {
     for (int32_t e = p->edges.begin; e < p->edges.end; e++) {
         const int32_t *t = p->mesh->edge_triangle + 2 * (size_t)e;
-        p->beside[e] = p->mu[t[0]] + (t[1] < 0 ? -tiny : p->mu[t[1]]);
+        p->beside[e] = 1 / (p->mu[t[0]] + (t[1] < 0 ? 0 : p->mu[t[1]] + tiny) + tiny);
     }
 }
 
-/* What triangle t has of the flows at its corner k, along its edges i and j. */
-static void corner_flows(const router *p, int32_t t, int k, double flow[2])
+/* What triangle t has of the flows at its corners: flow[k][i] at corner k towards the middle of edge i. */
+static void flows_of(const router *p, int32_t t, double flow[3][3])
 {
     const dmk_mesh *m = p->mesh;
-    const int32_t here = m->triangle[3 * (size_t)t + (size_t)k];
-    for (int side = 0; side < 2; side++) {
-        const int32_t e = m->triangle_edge[3 * (size_t)t + (size_t)((k + 1 + side) % 3)];
-        const double sent = m->edge_vertex[2 * (size_t)e + 1] == here ? -p->sent[e] : p->sent[e];
-        flow[side] = (p->half[e] + sent) * (p->mu[t] + tiny) / (p->beside[e] + 2 * tiny);
+    const int32_t *corner = m->triangle + 3 * (size_t)t, *edge = m->triangle_edge + 3 * (size_t)t;
+    for (int i = 0; i < 3; i++) {
+        const int j = (i + 1) % 3, k = (i + 2) % 3;
+        const int32_t e = edge[i];
+        const double share = (p->mu[t] + tiny) * p->beside[e], half = p->half[e],
+                     sent = m->edge_vertex[2 * (size_t)e] == corner[j] ? p->sent[e] : -p->sent[e];
+        flow[j][i] = (half + sent) * share;
+        flow[k][i] = (half - sent) * share;
     }
 }
 
@@ -179,27 +182,24 @@ static void corner_flows(const router *p, int32_t t, int k, double flow[2])
 static double cost_of(const router *p, int32_t t)
 {
     const dmk_mesh *m = p->mesh;
-    const int32_t *edge = m->triangle_edge + 3 * (size_t)t;
-    const double area = m->area[t], mu = p->mu[t];
-    double sum = 0, size = 0, flow[2], square[3];
-    int32_t a[9], b[9];
-    edges_of(p, t, a, b);
-    for (int k = 0; k < 3; k++) square[k] = m->length[edge[k]] * m->length[edge[k]];
+    const int32_t *corner = m->triangle + 3 * (size_t)t, *edge = m->triangle_edge + 3 * (size_t)t;
+    const double area = m->area[t], mu = p->mu[t], per_area = 1 / area;
+    double sum = 0, size = 0, flow[3][3], square[3], end[3], mid[3];
+    flows_of(p, t, flow);
+    for (int k = 0; k < 3; k++) {
+        square[k] = m->length[edge[k]] * m->length[edge[k]];
+        end[k] = p->u[p->n.vertex_row + corner[k]];
+        mid[k] = p->u[edge[k]];
+    }
     for (int k = 0; k < 3; k++) {
         const int i = (k + 1) % 3, j = (k + 2) % 3;
-        double steep = 0;
-        for (int l = 0; l < 3; l++) {
-            const double d = p->u[a[3 * k + l]] - p->u[b[3 * k + l]];
-            steep += (l < 2 ? 0.5 : 1) * d * d;
-        }
-        corner_flows(p, t, k, flow);
-        const double here = p->u[p->n.vertex_row + m->triangle[3 * (size_t)t + (size_t)k]];
-        const double term = mu * mu * dmk_cot(m, 3 * t + k) * steep;
-        const double mixed =
-            2 * mu * (flow[0] * (here - p->u[edge[i]]) + flow[1] * (here - p->u[edge[j]]));
-        const double own = (flow[0] * flow[0] * square[i] + flow[1] * flow[1] * square[j] +
-                            flow[0] * flow[1] * (square[i] + square[j] - square[k])) /
-                           area;
+        const double a = end[i] - mid[k], b = end[j] - mid[k], c = mid[i] - mid[j];
+        const double to_i = flow[k][i], to_j = flow[k][j];
+        const double term = mu * mu * dmk_cot(m, 3 * t + k) * (0.5 * (a * a + b * b) + c * c);
+        const double mixed = 2 * mu * (to_i * (end[k] - mid[i]) + to_j * (end[k] - mid[j]));
+        const double own = (to_i * to_i * square[i] + to_j * to_j * square[j] +
+                            to_i * to_j * (square[i] + square[j] - square[k])) *
+                           per_area;
         sum += term + mixed + own;
         size += fabs(term) + fabs(mixed) + fabs(own);
     }
@@ -227,7 +227,7 @@ static void mean_range(int32_t begin, int32_t end, void *data)
     const router *p = data;
     const dmk_mesh *m = p->mesh;
     for (int32_t t = begin; t < end; t++) {
-        double x[3][3], value[3], *mean = p->mean + 3 * (size_t)t;
+        double x[3][3], value[3], flow[3][3], *mean = p->mean + 3 * (size_t)t;
         const int32_t *corner = m->triangle + 3 * (size_t)t,
                       *edge = m->triangle_edge + 3 * (size_t)t;
         for (int k = 0; k < 3; k++) {
@@ -247,14 +247,13 @@ static void mean_range(int32_t begin, int32_t end, void *data)
                 mean[c] -=
                     0.5 * (to_j * (x[k][c] - x[i][c]) + to_i * (x[k][c] - x[j][c])) / m->area[t];
         }
+        flows_of(p, t, flow);
         for (int k = 0; k < 3; k++) {
-            double flow[2];
-            corner_flows(p, t, k, flow);
+            const int i = (k + 1) % 3, j = (k + 2) % 3;
             /* Edge i joins k and j, edge j k and i; the flows go half the way. */
             for (int c = 0; c < 3; c++)
                 mean[c] -= 0.5 *
-                           (flow[0] * (x[k][c] - x[(k + 2) % 3][c]) +
-                            flow[1] * (x[k][c] - x[(k + 1) % 3][c])) /
+                           (flow[k][i] * (x[k][c] - x[j][c]) + flow[k][j] * (x[k][c] - x[i][c])) /
                            m->area[t];
         }
     }
@@ -268,14 +267,14 @@ static double worst_balance(const router *p, double *f)
     for (int32_t t = 0; t < p->mesh->n_triangles; t++) {
         const int32_t *edge = p->mesh->triangle_edge + 3 * (size_t)t;
         int32_t a[9], b[9];
+        double flow[3][3];
         edges_of(p, t, a, b);
+        flows_of(p, t, flow);
         for (int k = 0; k < 3; k++) {
             const int32_t here = p->n.vertex_row + p->mesh->triangle[3 * (size_t)t + (size_t)k];
-            double flow[2];
-            corner_flows(p, t, k, flow);
-            for (int side = 0; side < 2; side++) {
-                f[here] -= flow[side];
-                f[edge[(k + 1 + side) % 3]] += flow[side];
+            for (int side = 1; side < 3; side++) {
+                f[here] -= flow[k][(k + side) % 3];
+                f[edge[(k + side) % 3]] += flow[k][(k + side) % 3];
             }
             for (int l = 3 * k; l < 3 * k + 3; l++) {
                 const double w = p->mu[t] * dmk_cot(p->mesh, 3 * t + k);
