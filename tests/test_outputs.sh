@@ -35,6 +35,12 @@ refused 'two outputs of one name' "--report: .*a.csv' is also a file of --tangen
 refused 'by another way' "--tangent: .*is also a file of --locus" \
     solve "$mesh" --vertex 0 --locus "$work/a.csv" --tangent "$work/folder/../a.csv"
 refused 'of one option' '--out: .*is also a file of --out' solve "$mesh" --vertex 0 --out "$work/a.vtp" --out "$work/a.vtp"
+ln -s ../a.vtp "$work/folder/to-a.vtp"
+refused 'by a link to where no file is yet' "--locus: .*to-a.vtp' is also a file of --out" \
+    solve "$mesh" --vertex 0 --out "$work/a.vtp" --locus "$work/folder/to-a.vtp"
+rm "$work/folder/to-a.vtp"
+fails 'a path has lines' 1 "has no suffix of a format for lines; expected one of .vtp .obj .csv" \
+    "$tool" path "$mesh" --vertex 0 --to 1,0,0 --out "$work/a.off"
 check 'nothing was written' sh -c '! ls "$1"/a.* 2> /dev/null' - "$work"
 check 'names that only look alike are fine' "$tool" solve "$mesh" --vertex 0 --quiet --out "$work/folder/mesh.ply" \
     --tangent "$work/mesh.csv" --report "$work/folder/mesh.csv"

@@ -83,6 +83,14 @@ static int resolve(const char *path, char **resolved, mode_t *mode)
     return S_ISREG(st.st_mode) ? 0 : DMK_OUTFILE_NOT_REGULAR;
 }
 
+char *dmk_outfile_target(const char *path)
+{
+    char *at;
+    mode_t mode;
+    resolve(path, &at, &mode);
+    return at;
+}
+
 /* ---- streams --------------------------------------------------------------------------------- */
 
 /* Of a path without links that is no regular file. */

@@ -158,7 +158,7 @@ static int check_folder(const char *option, const char *path)
 
 int cli_check_output(const char *option, const char *path, cli_what what, const char *format)
 {
-    static const char *const words[] = {"a mesh", "a result", "a cut locus", ""};
+    static const char *const words[] = {"a mesh", "a result", "lines", ""};
     char suffixes[512];
     dmk_format_info chosen;
     cli_suffixes(what, suffixes, sizeof suffixes);
@@ -181,20 +181,22 @@ int cli_check_output(const char *option, const char *path, cli_what what, const 
 /* Where a file is, or would be: names may differ. */
 typedef struct destination {
     dev_t device;
-    ino_t inode;            /* of the file, or, if it does not exist, of its folder */
-    const char *name;       /* then its name there */
-    bool exists, out, sink; /* out: the standard output; sink: a device that takes anything */
+    ino_t inode;             /* of the file, or, if it does not exist, of its folder */
+    char name[NAME_MAX + 1]; /* then its name there */
+    bool exists, out, sink;  /* out: the standard output; sink: a device that takes anything */
 } destination;
 
 static destination find_destination(const char *path)
 {
     struct stat st;
-    char folder[PATH_MAX] = ".";
-    const char *slash = strrchr(path, '/');
-    destination p = {.exists = stat(path, &st) == 0, .name = slash ? slash + 1 : path};
+    char *target = dmk_outfile_target(path), folder[PATH_MAX] = ".";
+    const char *at = target ? target : path, *slash = strrchr(at, '/');
+    destination p = {.exists = stat(path, &st) == 0};
     p.out = cli_is_stdout(path);
     p.sink = cli_is_sink(path);
-    if (!p.exists && slash) snprintf(folder, sizeof folder, "%.*s", (int)(slash - path) + 1, path);
+    if (slash) snprintf(folder, sizeof folder, "%.*s", (int)(slash - at) + 1, at);
+    snprintf(p.name, sizeof p.name, "%s", slash ? slash + 1 : at);
+    free(target);
     if (!p.exists && stat(folder, &st) != 0) return p; /* reported when it is used */
     p.device = st.st_dev;
     p.inode = st.st_ino;

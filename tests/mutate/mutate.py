@@ -497,6 +497,8 @@ def main():
         return 0
     kept = {part: load(part) for part in ("tests", "mutants")}
     copy_tree() # what it came to holds for files as they are now
+    for test in [t for t in kept["tests"] if not os.path.exists(os.path.join(TREE, source_of(t)))]:
+        del kept["tests"][test]
     if arguments.page:
         write_page(arguments.page, arguments, drawn, known, kept)
     if arguments.table:
