@@ -26,6 +26,9 @@ if "$tool" devices | grep -q 'Portable Computing Language'; then
         -u POCL_CACHE_DIR XDG_CACHE_HOME="$work/file"
     wrong 'devices that PoCL does not know' 'no device; try without POCL_DEVICES=none' POCL_DEVICES=none
     wrong 'fewer threads than one' 'POCL_MAX_PTHREAD_COUNT=-3; set it to a number from 1' POCL_MAX_PTHREAD_COUNT=-3
+    wrong 'more threads than there can be' 'POCL_MAX_PTHREAD_COUNT=4097; set it to a number from 1 to 4096' \
+        POCL_MAX_PTHREAD_COUNT=4097
+    check 'many threads' env POCL_MAX_PTHREAD_COUNT=2100 "$tool" solve "$mesh" --vertex 0
     # Drivers reserve memory, and give up in ways of their own where there is none.
     if [ "${DMKCL_BUILD##*/}" = release ]; then
         bounded() { bash -c 'ulimit -v "$1"; shift; exec "$@"' - "$@"; }

@@ -71,14 +71,19 @@ static bool is_pocl(const char *platform)
     return strcmp(platform, "Portable Computing Language") == 0;
 }
 
+/* More than any machine's processors; systems let a user have some 30,000 threads. */
+enum { MOST_THREADS = 4096 };
+
 /* PoCL ends the whole program, or crashes, where it is started like this. */
 static int check_pocl(dmk_context *ctx)
 {
     const char *threads = getenv("POCL_MAX_PTHREAD_COUNT");
-    if (threads && strtol(threads, NULL, 10) < 0) {
-        return dmk_fail(ctx, DMK_E_DEVICE,
-                        "PoCL crashes with POCL_MAX_PTHREAD_COUNT=%.60s; set it to a number from 1",
-                        threads);
+    const long n = threads ? strtol(threads, NULL, 10) : 1;
+    if (n < 0 || n > MOST_THREADS) {
+        return dmk_fail(
+            ctx, DMK_E_DEVICE,
+            "PoCL crashes with POCL_MAX_PTHREAD_COUNT=%.60s; set it to a number from 1 to %d",
+            threads, (int)MOST_THREADS);
     }
     if (access("/sys/devices/system/cpu", F_OK) != 0) {
         return dmk_fail(ctx, DMK_E_DEVICE,
