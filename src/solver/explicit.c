@@ -72,6 +72,14 @@ done:
  * takes 108; on others 2,000 do not. */
 enum { FALLBACK_STEPS = 250 };
 
+bool dmk_falls_back(const dmk_iteration *o, int rc)
+{
+    const dmk_solve_options *asked = o->options;
+    if (asked->max_steps > 0 || (rc != DMK_E_DIVERGED && rc != DMK_E_LIMIT)) return false;
+    const bool finer = asked->tolerance > 0 && asked->tolerance < DMK_DEFAULT_TOLERANCE;
+    return rc == DMK_E_DIVERGED || !finer || o->stats->change > DMK_DEFAULT_TOLERANCE;
+}
+
 int dmk_fall_back(dmk_iteration *o)
 {
     const dmk_solve_options *options = o->options;

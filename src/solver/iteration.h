@@ -70,6 +70,9 @@ int dmk_iteration_limit(dmk_iteration *o, int max_steps);
 /* The methods: from the start in s->mu, s->u to convergence. */
 int dmk_newton(dmk_iteration *o, bool from_distance);
 int dmk_explicit(dmk_iteration *o);
+/* Whether Newton's steps, which ended with `rc`, have failed: not where the caller asks for fewer, or for less of a
+ * change than usual and they have come as near as ever. */
+bool dmk_falls_back(const dmk_iteration *o, int rc);
 /* From the start again by explicit steps, a limited number of them, where Newton's have failed. */
 int dmk_fall_back(dmk_iteration *o);
 

@@ -525,7 +525,7 @@ static int iterate(dmk_solver *s, start *near, const dmk_solve_options *options,
     int rc;
     if (options->method != DMK_NEWTON) return dmk_explicit(o);
     rc = dmk_newton(o, options->start == DMK_START_DISTANCE);
-    if (options->max_steps > 0 || (rc != DMK_E_DIVERGED && rc != DMK_E_LIMIT)) return rc;
+    if (!dmk_falls_back(o, rc)) return rc;
     DMK_TRY(set_start(o->ctx, s, near, options->start));
     rc = dmk_fall_back(o);
 done:

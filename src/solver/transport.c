@@ -94,7 +94,7 @@ static int iterate(dmk_solver *s, const double *f, dmk_iteration *o)
         if (fabs(o->stats->gap) <= unique_enough) return DMK_OK;
         rc = DMK_E_LIMIT;
     }
-    if (options->max_steps > 0 || (rc != DMK_E_DIVERGED && rc != DMK_E_LIMIT)) return rc;
+    if (!dmk_falls_back(o, rc)) return rc;
     DMK_TRY(set_start(o->ctx, s, f));
     rc = dmk_fall_back(o);
 done:
