@@ -21,7 +21,8 @@ int dmk_outfile_descriptor(const char *path);
 /* Whether `path` is a stream: a pipe, a character device, or one of these descriptors, which is written
  * from where it stands, whatever is behind it. */
 bool dmk_outfile_is_stream(const char *path);
-/* The file that `path` stands for, there or not: where its links lead. NULL if they lead nowhere; the caller frees it. */
+/* The file that `path` stands for, there or not: where its links lead. NULL if they lead nowhere; the caller frees
+ * it. */
 char *dmk_outfile_target(const char *path);
 /* Open a new file for `path`, with the permissions of the file that is there, if any, or the stream that it is; a
  * pipe waits for its reader. 0; or errno, EINTR if a signal came while it waited; or DMK_OUTFILE_NOT_REGULAR for what
