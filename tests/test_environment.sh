@@ -40,6 +40,25 @@ if "$tool" devices | grep -q 'Portable Computing Language'; then
         skip 'a bound of the memory' 'this build has a runtime that reserves some itself'
     fi
     check 'no home at all' run -u HOME -u XDG_CACHE_HOME -u POCL_CACHE_DIR
+    # Both programs are kept, and kernels are compiled for them as they are kept.
+    keeps() { # the two files are whole, and the same as before
+        "$tool" solve "$mesh" --vertex 0 --quiet --cache "$work/kept" --out "$work/kept.ply" || return 1
+        cat "$work"/kept/*.bin > "$work/kept.now"
+        [ "$(ls "$work"/kept | wc -l)" = 2 ] && cat "$work/kept.ply" >> "$work/kept.now" || return 1
+        [ -e "$work/kept.first" ] || cp "$work/kept.now" "$work/kept.first"
+        cmp "$work/kept.now" "$work/kept.first"
+    }
+    programs() { find "${POCL_CACHE_DIR:-${XDG_CACHE_HOME:-$HOME/.cache}/pocl/kcache}" -name program.bc | wc -l; }
+    check 'programs are kept' keeps
+    before=$(programs)
+    check 'and found, with the same result' keeps
+    for file in "$work"/kept/*.bin; do truncate -s 9999 "$file"; done
+    check 'damaged ones are made anew' keeps
+    rm "$work"/kept/*.bin
+    check 'and so are those that have been removed' keeps
+    check 'by which no program is built again' test "$(programs)" = "$before"
+    "$tool" solve "$mesh" --vertex 0 --quiet --cache '' --out "$work/unkept.ply"
+    check 'without a folder the result is the same' cmp "$work/unkept.ply" "$work/kept.ply"
     if unshare -m true 2> /dev/null; then
         mkdir "$work/tiny"
         fails 'no /sys' 5 'PoCL does not start without /sys' \

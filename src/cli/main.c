@@ -130,10 +130,6 @@ int main(int argc, char **argv)
     pin_device_threads();
     /* What one thread frees another may use again: threads with heaps of their own keep it. */
     mallopt(M_ARENA_MAX, 1);
-    /* Arrays of large meshes go back to the system when they are freed; smaller ones are used again, for fresh
-     * pages cost time: 0.02 of the 0.35 s of a solve of 68,000 triangles. With twice as much kept, that of a million
-     * takes 5 MB more. */
-    mallopt(M_MMAP_THRESHOLD, 3 << 19);
-    mallopt(M_TRIM_THRESHOLD, 2 << 20);
+    cli_keep_memory();
     return cli_ranks_end(run(argc, argv));
 }

@@ -29,6 +29,7 @@ struct dmk_device {
     cl_platform_id platform;
     cl_device_id id; /* what the queue runs on: the root device or a sub-device of it */
     int is_sub_device;
+    bool pocl; /* the platform is PoCL */
     cl_context cl;
     cl_command_queue queue;
     cl_program program[DMK_N_PROGRAMS]; /* the same one twice when both are in single precision */
@@ -57,7 +58,8 @@ void dmk_programs_begin(dmk_device *device);
 int dmk_programs_wait(dmk_context *context, dmk_device *device);
 /* One more, or with -1 one less, of dmk_devices_opening. */
 void dmk_opening(int change);
-/* cache.c: the binary kept under a key made of everything it depends on. */
+/* cache.c: the binary kept under a key made of everything it depends on. For PoCL the program is one that has been
+ * compiled and not linked, and its bitcode is kept. */
 int dmk_cache_load(dmk_context *context, dmk_device *device, const char *options,
                    cl_program *program);
 void dmk_cache_store(dmk_device *device, const char *options, cl_program program);

@@ -432,6 +432,10 @@ WRAP_CALL(clBuildProgram,
           (cl_program p, cl_uint n, const cl_device_id *d, const char *options, program_fn fn,
            void *user),
           (p, n, d, options, fn, user))
+WRAP_CALL(clCompileProgram,
+          (cl_program p, cl_uint n, const cl_device_id *d, const char *options, cl_uint nh,
+           const cl_program *h, const char **names, program_fn fn, void *user),
+          (p, n, d, options, nh, h, names, fn, user))
 WRAP_CALL(clSetKernelArg, (cl_kernel k, cl_uint i, size_t n, const void *v), (k, i, n, v))
 WRAP_CALL(clEnqueueFillBuffer,
           (cl_command_queue q, cl_mem m, const void *v, size_t size, size_t offset, size_t n,

@@ -253,6 +253,15 @@ cl_int clReleaseProgram(cl_program p)
     free(p);
     return CL_SUCCESS;
 }
+cl_int clCompileProgram(cl_program p, cl_uint n, const cl_device_id *ids, const char *options,
+                        cl_uint n_headers, const cl_program *headers, const char **names,
+                        void(CL_CALLBACK *notify)(cl_program, void *), void *data)
+{
+    (void)p, (void)n, (void)ids, (void)options, (void)n_headers, (void)headers, (void)names;
+    (void)notify, (void)data;
+    return CL_COMPILER_NOT_AVAILABLE;
+}
+
 cl_program clCreateProgramWithBinary(cl_context c, cl_uint n, const cl_device_id *ids,
                                      const size_t *sizes, const unsigned char **binaries,
                                      cl_int *status, cl_int *error)
