@@ -59,9 +59,39 @@ static void only_disks_are_cuts(void **state)
     }
 }
 
+/* Two edges at the vertex below an octahedron's source, the only one so far away, that lead away from each other. */
+static void a_slit_is_at_the_farthest_vertex(void **state)
+{
+    static const double xyz[] = {1, 0, 0, -1, 0, 0, 0, 1, 0, 0, -1, 0, 0, 0, 1, 0, 0, -1.5};
+    static const int32_t triangle[] = {0, 2, 4, 2, 1, 4, 1, 3, 4, 3, 0, 4,
+                                       2, 0, 5, 1, 2, 5, 3, 1, 5, 0, 3, 5};
+    const dmk_point top = {0, {0, 0, 1}};
+    dmk_mesh *m;
+    dmk_geodesics *g;
+    uint8_t side[24] = {0};
+    int n = 0, ends = 0;
+    assert_int_equal(dmk_mesh_create(*state, 6, xyz, 8, triangle, &m), DMK_OK);
+    assert_int_equal(dmk_geodesics_create(*state, m, 1, &top, NULL, &g), DMK_OK);
+    const dmk_cotree cotree = {.geodesics = g};
+    splitter k = {.cotree = &cotree, .side = side};
+    slit(&k);
+    for (int32_t c = 0; c < 24; c++) {
+        if (!side[c]) continue;
+        const int32_t a = triangle[dmk_next(c)], b = triangle[dmk_previous(c)];
+        n++;
+        assert_true((a == 5) != (b == 5));
+        ends |= 1 << (a == 5 ? b : a);
+    }
+    assert_int_equal(n, 4); /* both sides of two edges */
+    assert_true(ends == (1 << 0 | 1 << 1) || ends == (1 << 2 | 1 << 3));
+    dmk_geodesics_destroy(&g);
+    dmk_mesh_destroy(&m);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(the_thinnest_triangle_is_named),
-                                       cmocka_unit_test(only_disks_are_cuts)};
+                                       cmocka_unit_test(only_disks_are_cuts),
+                                       cmocka_unit_test(a_slit_is_at_the_farthest_vertex)};
     return cmocka_run_group_tests_name("cut", tests, context_setup, context_teardown);
 }

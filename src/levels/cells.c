@@ -78,12 +78,11 @@ static void cover_around(const cover *c, int32_t w, float rest)
     }
 }
 
-/* Mark what lies within the radius of sample v over paths of one or two edges. */
+/* Mark what lies within the radius of sample v, which is not asked for again, over paths of one or two edges. */
 static void cover_sample(const cover *c, int32_t v)
 {
     const dmk_adjacency *g = c->g;
     float radius = RADIUS * mean_length(g, v);
-    c->covered[v] = 1;
     for (int32_t i = g->row[v]; i < g->row[v + 1]; i++) {
         float rest = radius - g->length[i];
         if (rest < 0) continue;
