@@ -72,8 +72,9 @@ static int find_upper(dmk_iteration *o, search *s, double allowed)
         rc = dmk_iteration_solve(o, s->tolerance, 200);
         if (rc == DMK_E_DIVERGED) break; /* the bound from u is one all the same */
         if (rc != DMK_OK) goto done;
-        s->tolerance /= 10;
         DMK_TRY(try_upper(o, s));
+        /* As much closer as the bound has to come, twice over. */
+        s->tolerance *= fmax(0.1, 0.5 * allowed * s->least / (s->upper - s->least));
     }
     if (own) DMK_TRY(dmk_buffer_write_real(o->ctx, o->sys->device, DMK_OUTER, o->sys->u, n, own));
     if (s->upper == INFINITY) DMK_TRY(try_upper(o, s));

@@ -206,7 +206,9 @@ int dmk_repair(dmk_iteration *o, double goal, double upper, bool last)
         if (feasible || good_enough(&r, goal)) break;
         DMK_TRY(sweep(&r));
     }
-    DMK_TRY(find_steep(&r));
+    /* Else there will be another one. */
+    if (!o->goes_on || o->stats->cost_lower >= (1 - DMK_SETTLED_GAP) * upper)
+        DMK_TRY(find_steep(&r));
     o->stats->sweeps += r.sweeps;
 done:
     end(&r);
