@@ -257,13 +257,17 @@ static void crests_are_marked(void **state)
                  level = {y, 0.1, 2};
     const crease beside[2] = {clear, {y + 4, 0.1, 1}}, apart_from[2] = {clear, {y + 8, 0.3, 1}},
                  within_five[2] = {{y, 0.07, 1}, {y + 5, 0.13, 1}};
+    /* Where rays part on both sides, a line on which they hardly meet is a crest, too. */
+    const crease parted[3] = {{y, 0.04, 1}, {y - 4, -0.1, 2}, {y + 4, -0.1, 2}},
+                 hardly[3] = {{y, 0.03, 1}, {y - 4, -0.1, 2}, {y + 4, -0.1, 2}};
     const struct {
         const crease *line;
         int n;
         double mu, found, reach;
-    } cases[] = {{&clear, 1, 20, 1, 0.2},  {&clear, 1, 35, 0, 0},      {&faint, 1, 1, 0, 0},
-                 {&wide, 1, 1, 1, 0.9},    {&level, 1, 1, 0, 0},       {beside, 2, 1, 0, 4.2},
-                 {apart_from, 2, 1, 1, 8}, {within_five, 2, 1, 0, 5.2}};
+    } cases[] = {{&clear, 1, 20, 1, 0.2},  {&clear, 1, 35, 0, 0},       {&faint, 1, 1, 0, 0},
+                 {&wide, 1, 1, 1, 0.9},    {&level, 1, 1, 0, 0},        {beside, 2, 1, 0, 4.2},
+                 {apart_from, 2, 1, 1, 8}, {within_five, 2, 1, 0, 5.2}, {parted, 3, 1, 1, 0.2},
+                 {hardly, 3, 1, 0, 0}};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         const crest c = mark_creases(*state, cases[i].line, cases[i].n, cases[i].mu);
         print_message("# %g of the line found, up to %g beside\n", c.found, c.reach);
