@@ -34,7 +34,7 @@ OPT_release := -O3 $(MARCH) -fno-math-errno
 OPT_debug := -O0 -g
 OPT_sanitize := -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
 OPT_thread := -O1 -g -fsanitize=thread -fno-omit-frame-pointer
-OPT_coverage := -O0 -g --coverage
+OPT_coverage := -O0 -g --coverage -include tests/coverage.h
 # For tests/fuzz; with clang.
 OPT_fuzz := -O1 -g -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=all \
     -fno-omit-frame-pointer
