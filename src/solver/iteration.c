@@ -151,7 +151,7 @@ int dmk_iteration_limit(dmk_iteration *o, int max_steps)
 {
     return dmk_fail(
         o->ctx, DMK_E_LIMIT,
-        "%d steps did not reach the tolerance: relative change of mu per unit time %.2g, "
+        "%d step%s did not reach the tolerance: relative change of mu per unit time %.2g, "
         "wanted %.2g; raise max_steps or tolerance",
-        max_steps, o->stats->change, o->tolerance);
+        max_steps, max_steps == 1 ? "" : "s", o->stats->change, o->tolerance);
 }
