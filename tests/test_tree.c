@@ -37,7 +37,7 @@ static uint32_t draw(uint32_t *state, uint32_t n)
 static graph make_graph(uint32_t *state)
 {
     graph g = {.n = 2 + (int32_t)draw(state, N - 2)};
-    int32_t order[N];
+    int32_t order[N] = {0};
     g.m = g.n - 1 + (int32_t)draw(state, M - N + 1);
     for (int32_t v = 0; v < g.n; v++) {
         const int32_t at = (int32_t)draw(state, (uint32_t)v + 1);
