@@ -4,7 +4,7 @@
 #include "fuzz.h"
 
 #include "base/vec3.h"
-#include "locus/locus.h"
+#include "cut/cut.h"
 #include "levels/coarsen.h"
 #include "solver/start.h"
 
