@@ -73,8 +73,8 @@ static int find_upper(dmk_iteration *o, search *s, double allowed)
         if (rc == DMK_E_DIVERGED) break; /* the bound from u is one all the same */
         if (rc != DMK_OK) goto done;
         DMK_TRY(try_upper(o, s));
-        /* As much closer as the bound has to come, twice over. */
-        s->tolerance *= fmax(0.1, 0.5 * allowed * s->least / (s->upper - s->least));
+        /* As much closer as the bound has to come, twice over; never looser, for a sharper bound may be asked for. */
+        s->tolerance *= fmin(0.5, fmax(0.1, 0.5 * allowed * s->least / (s->upper - s->least)));
     }
     if (own) DMK_TRY(dmk_buffer_write_real(o->ctx, o->sys->device, DMK_OUTER, o->sys->u, n, own));
     if (s->upper == INFINITY) DMK_TRY(try_upper(o, s));
