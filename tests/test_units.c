@@ -330,6 +330,30 @@ static void bounds_hold_for_any_potential(void **state)
     }
 }
 
+/* A gap that more steps will answer is told without an upper bound: of a rough v, whose slopes are nowhere alike. */
+static void a_gap_ahead_is_told(void **state)
+{
+    fixture *x = *state;
+    dmk_system *s = x->sys;
+    const dmk_solve_options options = {.struct_size = sizeof options};
+    dmk_stats stats = {0};
+    dmk_iteration o = {.ctx = x->b.ctx,
+                       .sys = s,
+                       .mesh = x->order.mesh,
+                       .options = &options,
+                       .stats = &stats,
+                       .goes_on = true};
+    set_density(x, 2);
+    double *v = random_rows(x), *f = apply(x, v);
+    ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_OUTER, s->f, x->n, f));
+    ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_OUTER, s->u, x->n, v));
+    ok(x, dmk_certify(&o, true));
+    assert_true(stats.cost_lower > 0 && stats.cost_upper == 0 && !o.certified);
+    assert_true(stats.gap > 0.54 && stats.gap < 0.67);
+    free(v);
+    free(f);
+}
+
 /* The host's q, which stands in for the device's where cotangents are large, is the same where they are not. */
 static void both_kinds_of_slopes_agree(void **state)
 {
@@ -654,6 +678,7 @@ int main(void)
         cmocka_unit_test(conjugate_gradients_converge),
         cmocka_unit_test(conjugate_gradients_stop),
         cmocka_unit_test(bounds_hold_for_any_potential),
+        cmocka_unit_test(a_gap_ahead_is_told),
         cmocka_unit_test(both_kinds_of_slopes_agree),
         cmocka_unit_test(slopes_of_flat_triangles),
         cmocka_unit_test(bands_end_at_the_ends),
