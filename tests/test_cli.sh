@@ -63,6 +63,14 @@ number tolerance 0 -1 2 x
 number gap 0 -1 2 x
 number max-steps 0 -1 1.5 x
 number threads 0 -1 x
+usage '--dt of another method' '--dt is for --method euler' solve x.off --vertex 0 --dt 0.3 --method inertial
+usage '--inertia of another method' '--inertia is for --method inertial' solve x.off --vertex 0 --inertia 0.3
+usage "--inertia of a batch" "--inertia is for --method inertial" batch x.off --inertia 0
+usage "--dt of transport" "--dt is for --method euler" transport x.off --from a --dt 0.1
+for command in 'cut --vertex 0' 'distance --vertex 0' 'path --vertex 0 --to-vertex 1' 'solve --vertex 0' 'transport --from a'; do
+    fails "${command%% *}: a report without its folder is seen before the mesh is read" 2 '--report: cannot write' \
+        "$tool" ${command%% *} x.off ${command#* } --report "$work/nowhere/x.json"
+done
 usage '--method' "'fast' is not one of newton, inertial, euler" solve x.off --method fast
 usage '--start' "'cold' is not one of distance, uniform" solve x.off --start cold
 usage '--out with a strange suffix' "expected one of .*.vtp" solve x.off --vertex 0 --out x.png

@@ -147,12 +147,13 @@ static int settle(batch_request *request, char report[PATH_MAX])
         }
         each->report = report;
     }
-    solve_request_convert(each);
+    int code = solve_request_convert(each);
+    if (code != EXIT_OK) return code;
     if (each->resume && strcmp(each->report, "-") == 0) {
         return cli_error(EXIT_USAGE,
                          "batch: --resume reads the report of the run before; give --report FILE");
     }
-    int code = check_suffixes("out", &each->out, CLI_RESULT);
+    code = check_suffixes("out", &each->out, CLI_RESULT);
     if (code == EXIT_OK) code = check_suffixes("locus", &each->locus, CLI_LOCUS);
     if (code == EXIT_OK) code = check_suffixes("tangent", &each->tangent, CLI_ANY);
     if (code == EXIT_OK && request->folder) code = make_folder(request->folder);

@@ -245,8 +245,8 @@ static int check_request(distance_request *r)
                          "distance: --locus needs points as sources; leave out --border");
     if (r->solve.trace.strength > 0 && r->solve.locus.n == 0)
         return cli_error(EXIT_USAGE, "distance: --strength without --locus");
-    solve_request_convert(&r->solve);
-    int code = solve_request_settle_words(&r->solve);
+    int code = solve_request_convert(&r->solve);
+    if (code == EXIT_OK) code = solve_request_check_report(&r->solve);
     if (code == EXIT_OK)
         code = cli_check_outputs("out", &r->solve.out, CLI_RESULT, r->solve.format);
     if (code == EXIT_OK)

@@ -221,7 +221,8 @@ static int check_request(const transport_request *r)
                          "transport: no measure given: use --from FILE, and --to FILE unless the "
                          "first is signed");
     }
-    const int code = cli_check_outputs("out", &r->solve.out, CLI_RESULT, r->solve.format);
+    int code = cli_check_outputs("out", &r->solve.out, CLI_RESULT, r->solve.format);
+    if (code == EXIT_OK) code = solve_request_check_report(&r->solve);
     cli_uses uses = {.n = 0};
     cli_use(&uses, NULL, r->solve.mesh);
     if (strcmp(r->from, "uniform") != 0) cli_use(&uses, NULL, r->from);
@@ -296,7 +297,7 @@ int cmd_transport(int argc, char **argv)
              suffixes);
     int code = parse(&request, help, argc, argv);
     if (code != CLI_GO_ON) return code;
-    solve_request_convert(&request.solve);
-    code = check_request(&request);
+    code = solve_request_convert(&request.solve);
+    if (code == EXIT_OK) code = check_request(&request);
     return code == EXIT_OK ? run_transport(&request) : code;
 }

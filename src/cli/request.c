@@ -218,7 +218,7 @@ void solve_add_method(solve_table *table, solve_request *request)
     solve_add_iteration(table, request);
 }
 
-void solve_request_convert(solve_request *request)
+int solve_request_convert(solve_request *request)
 {
     request->device.threads = (int)request->threads;
     request->device.single_precision = request->single;
@@ -227,12 +227,23 @@ void solve_request_convert(solve_request *request)
     request->solve.density_only = request->density_only;
     request->solve.max_steps = (int)request->max_steps;
     if (request->json || (request->report && cli_is_stdout(request->report))) request->report = "-";
+    if (request->quiet && request->verbose) {
+        return cli_error(EXIT_USAGE, "%s: give --quiet or --verbose, not both", request->command);
+    }
+    if (request->solve.dt > 0 && request->solve.method != DMK_EULER) {
+        return cli_error(EXIT_USAGE, "%s: --dt is for --method euler", request->command);
+    }
+    if (request->solve.inertia >= 0 && request->solve.method != DMK_INERTIAL) {
+        return cli_error(EXIT_USAGE, "%s: --inertia is for --method inertial", request->command);
+    }
+    return EXIT_OK;
 }
 
 int solve_request_settle(solve_request *request)
 {
     const int n = (request->source.n > 0) + (request->vertex >= 0) + (request->sources != NULL);
-    solve_request_convert(request);
+    const int code = solve_request_convert(request);
+    if (code != EXIT_OK) return code;
     if (n == 0) {
         return cli_error(EXIT_USAGE, "%s: no source given: use --source X,Y,Z or --vertex I",
                          request->command);
@@ -241,14 +252,11 @@ int solve_request_settle(solve_request *request)
         return cli_error(EXIT_USAGE, "%s: give --source or --vertex%s, not both", request->command,
                          request->sources ? " or --sources" : "");
     }
-    return solve_request_settle_words(request);
+    return solve_request_check_report(request);
 }
 
-int solve_request_settle_words(const solve_request *request)
+int solve_request_check_report(const solve_request *request)
 {
-    if (request->quiet && request->verbose) {
-        return cli_error(EXIT_USAGE, "%s: give --quiet or --verbose, not both", request->command);
-    }
     const bool file = request->report && strcmp(request->report, "-") != 0;
     return file ? cli_check_output("report", request->report, CLI_ANY, NULL) : EXIT_OK;
 }

@@ -82,13 +82,14 @@ void solve_add_device(solve_table *table, solve_request *request);
 /* Method, steps, tolerances; solve_add_method: these, and the start and the threshold. */
 void solve_add_iteration(solve_table *table, solve_request *request);
 void solve_add_method(solve_table *table, solve_request *request);
-/* After parsing: what is in types of the command line to those of the library. */
-void solve_request_convert(solve_request *request);
+/* After parsing: what is in types of the command line to those of the library. EXIT_OK, or the code of options
+ * that do not go together, with the error printed. */
+int solve_request_convert(solve_request *request);
 /* And, of a command with one source or a file of them, what the rows of these two have in common. EXIT_OK
  * or the code with the error printed. */
 int solve_request_settle(solve_request *request);
-/* Of these, what the run prints and reports. */
-int solve_request_settle_words(const solve_request *request);
+/* Of these, whether the report can be written. */
+int solve_request_check_report(const solve_request *request);
 /* The files that the request reads and writes. */
 void solve_request_uses(const solve_request *order, cli_uses *uses);
 

@@ -61,6 +61,10 @@ def _options(
     options.max_steps, options.threshold = max_steps, threshold
     options.dt, options.cg_tolerance = dt, cg_tolerance
     options.density_only = switch("density_only", density_only)
+    if dt and method != "euler":
+        raise ArgumentError(f'dt = {dt}: only method="euler" has a time step')
+    if inertia is not None and method != "inertial":
+        raise ArgumentError(f'inertia = {inertia}: only method="inertial" has inertia')
     if inertia is not None:
         options.inertia = inertia
     return options

@@ -400,6 +400,8 @@ def test_all_options_have_names():
         (lambda s: s.solve(face=0.5), "face = 0.5: expected a whole number"),
         (lambda s: s.solve(vertex=0, progress="no"), "progress = 'no'"),
         (lambda s: s.solve(vertex=0, density_only="no"), "density_only = 'no'"),
+        (lambda s: s.solve(vertex=0, dt=0.3), 'dt = 0.3: only method="euler"'),
+        (lambda s: s.solve(vertex=0, inertia=0.0), 'inertia = 0.0: only method="inertial"'),
         (lambda s: s.solve_many(vertices=3), "vertices = 3: expected several"),
         (lambda s: s.solve_many(vertices=[1.5]), "expected a whole number"),
         (lambda s: dmkcl.distance(s.mesh, 17), "source=17, not 17"),
