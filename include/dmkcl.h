@@ -591,9 +591,9 @@ typedef struct dmk_traffic {
     int64_t sums, sum_bytes;      /* sums over all ranks, and what this rank gave to them */
 } dmk_traffic;
 
-/* Before the first solve: deal the mesh out to ranks. dmk_solve is then collective, and every rank gets
- * density, potential and stats, with the bits that one rank would compute; the first one also the distance,
- * and what cut locus and paths are made from. NULL: this process has all of it. */
+/* Before the first solve: deal the mesh out to ranks. dmk_solve is then collective, and every rank gets all of the
+ * result, with the bits that one rank would compute. The distance is the first one's work meanwhile, which the others
+ * get from it. NULL: this process has all of it. */
 int dmk_solver_set_ranks(dmk_context *context, dmk_solver *solver, const dmk_ranks *ranks);
 /* The solver takes its mesh over, *mesh becomes NULL: it is freed as soon as it has been put in order, and no more
  * than one solve is possible. With density_only on several ranks no rank then keeps more than its share of the mesh

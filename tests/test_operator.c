@@ -71,7 +71,7 @@ static int setup_shape(void **state, dmk_shape shape)
     ok(x, dmk_device_open(x->ctx, &o, &x->dev));
     ok(x, dmk_mesh_read(x->ctx, "tests/data/sphere_1280.off", &x->input));
     ok(x, dmk_order_create(x->ctx, x->input, 0, &x->order));
-    ok(x, dmk_system_create(x->ctx, x->dev, x->order.mesh, NULL, &x->sys));
+    ok(x, dmk_system_create(x->ctx, x->dev, x->order.mesh, &x->sys));
     ok(x, dmk_system_allocate(x->ctx, x->sys));
     x->n = (size_t)x->sys->n_rows_pad;
     x->mu = calloc((size_t)x->sys->n_elements_pad, sizeof *x->mu);

@@ -44,7 +44,7 @@ static int setup(void **state)
     bench_open(&x.b, NULL);
     ok(&x, dmk_mesh_surface(x.b.ctx, &torus, &x.input));
     ok(&x, dmk_order_create(x.b.ctx, x.input, 0, &x.order));
-    ok(&x, dmk_system_create(x.b.ctx, x.b.dev, x.order.mesh, NULL, &x.sys));
+    ok(&x, dmk_system_create(x.b.ctx, x.b.dev, x.order.mesh, &x.sys));
     ok(&x, dmk_system_allocate(x.b.ctx, x.sys));
     x.n = (size_t)x.sys->n_rows_pad;
     x.mu = calloc((size_t)x.sys->n_elements_pad, sizeof *x.mu);

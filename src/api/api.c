@@ -20,10 +20,7 @@ static int check_mesh(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *
         return dmk_fail(ctx, DMK_E_ARG, "the result belongs to another mesh");
     }
     if (!result->geodesics) {
-        return dmk_fail(ctx, DMK_E_ARG,
-                        result->distance
-                            ? "of several ranks only the first one has the distance"
-                            : "the result is one of density_only, and has no distance");
+        return dmk_fail(ctx, DMK_E_ARG, "the result is one of density_only, and has no distance");
     }
     return DMK_OK;
 }

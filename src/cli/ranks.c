@@ -157,6 +157,14 @@ static int units(const size_t *bytes, MPI_Datatype *type, int *count, int *offse
     return 0;
 }
 
+static int unit(size_t bytes, MPI_Datatype *type, int *count)
+{
+    const size_t word = bytes % 8 == 0 ? 8 : 1;
+    *type = word == 8 ? MPI_DOUBLE : MPI_BYTE;
+    *count = (int)(bytes / word);
+    return bytes / word > INT_MAX;
+}
+
 /* ---- the solver's calls ---------------------------------------------------------------------- */
 
 static int begin(void *user, const void *const *send, const size_t *send_bytes,
@@ -165,15 +173,18 @@ static int begin(void *user, const void *const *send, const size_t *send_bytes,
     (void)user;
     int n = 0, status = 0;
     MPI_Request *request = self.request;
+    MPI_Datatype type;
+    int count;
     for (int k = 0; k < self.ranks.size && status == 0; k++) {
-        if (receive_bytes[k] > INT_MAX || send_bytes[k] > INT_MAX) status = 1;
-        if (status != 0 || receive_bytes[k] == 0) continue;
-        status =
-            MPI_Irecv(receive[k], (int)receive_bytes[k], MPI_BYTE, k, 0, self.work, &request[n++]);
+        if (receive_bytes[k] == 0) continue;
+        status = unit(receive_bytes[k], &type, &count);
+        if (status == 0)
+            status = MPI_Irecv(receive[k], count, type, k, 0, self.work, &request[n++]);
     }
     for (int k = 0; k < self.ranks.size && status == 0; k++) {
         if (send_bytes[k] == 0) continue;
-        status = MPI_Isend(send[k], (int)send_bytes[k], MPI_BYTE, k, 0, self.work, &request[n++]);
+        status = unit(send_bytes[k], &type, &count);
+        if (status == 0) status = MPI_Isend(send[k], count, type, k, 0, self.work, &request[n++]);
     }
     self.n_requests = n;
     return status;

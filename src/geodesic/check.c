@@ -152,7 +152,8 @@ static double at_centre(const dmk_geodesics *g, int32_t t)
 typedef struct integrand {
     const dmk_geodesics *g;
     const double *mid;
-    double *sum, *error; /* n_triangles */
+    int32_t first;
+    double *sum, *error; /* of triangles from `first` on */
 } integrand;
 
 /* Exact for polynomials of degree 3, and beside it for degree 2. */
@@ -160,16 +161,23 @@ static void integrate_range(int32_t begin, int32_t end, void *data)
 {
     const integrand *i = data;
     const dmk_mesh *m = i->g->mesh;
-    for (int32_t t = begin; t < end; t++) {
+    for (int32_t k = begin; k < end; k++) {
+        const int32_t t = i->first + k;
         double corners = 0, mids = 0, centre = at_centre(i->g, t);
         for (size_t h = 3 * (size_t)t; h < 3 * (size_t)t + 3; h++) {
             corners += i->g->distance[m->triangle[h]];
             mids += i->mid[m->triangle_edge[h]];
         }
         bool reached = corners < INFINITY;
-        i->sum[t] = reached ? m->area[t] * (3 * corners + 8 * mids + 27 * centre) / 60 : 0;
-        i->error[t] = reached ? fabs(i->sum[t] - m->area[t] * mids / 3) : 0;
+        i->sum[k] = reached ? m->area[t] * (3 * corners + 8 * mids + 27 * centre) / 60 : 0;
+        i->error[k] = reached ? fabs(i->sum[k] - m->area[t] * mids / 3) : 0;
     }
+}
+
+void dmk_geodesics_integrate_parts(dmk_context *ctx, const dmk_geodesics *g, const double *mid,
+                                   int32_t begin, int32_t end, double *sum, double *error)
+{
+    dmk_parallel(ctx, end - begin, integrate_range, &(integrand){g, mid, begin, sum, error});
 }
 
 int dmk_geodesics_integrate_from(dmk_context *ctx, const dmk_geodesics *g, const double *mid,
@@ -180,8 +188,7 @@ int dmk_geodesics_integrate_from(dmk_context *ctx, const dmk_geodesics *g, const
     const dmk_mesh *m = g->mesh;
     DMK_TRY(DMK_NEW(ctx, sum, (size_t)m->n_triangles));
     DMK_TRY(DMK_NEW(ctx, off, (size_t)m->n_triangles));
-    integrand i = {g, mid, sum, off};
-    dmk_parallel(ctx, m->n_triangles, integrate_range, &i);
+    dmk_geodesics_integrate_parts(ctx, g, mid, 0, m->n_triangles, sum, off);
     *integral = *error = 0;
     for (int32_t t = 0; t < m->n_triangles; t++) {
         *integral += sum[t];

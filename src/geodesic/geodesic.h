@@ -106,6 +106,10 @@ double dmk_turn_between(double full, double a, double b);
 int dmk_geodesics_compute(dmk_context *context, const dmk_mesh *mesh, size_t n_sources,
                           const dmk_point *source, const dmk_geodesics_options *options,
                           dmk_geodesics **geodesics);
+/* All of the object but what is found: distance and arrival are 0, error and tolerance not set. */
+int dmk_geodesics_prepare(dmk_context *context, const dmk_mesh *mesh, size_t n_sources,
+                          const dmk_point *source, const dmk_geodesics_options *options,
+                          dmk_geodesics **geodesics);
 /* check.c: DMK_E_MESH, naming the first vertex, if the distances cannot be right. */
 int dmk_geodesics_check(dmk_context *context, const dmk_geodesics *geodesics);
 
@@ -115,6 +119,10 @@ void dmk_geodesics_midpoints(dmk_context *context, const dmk_geodesics *geodesic
 /* dmk_geodesics_integrate where these distances are there already. */
 int dmk_geodesics_integrate_from(dmk_context *context, const dmk_geodesics *geodesics,
                                  const double *mid, double *integral, double *error);
+/* The terms of that, of triangles begin .. end - 1: theirs of sum and error, to be added in this order. */
+void dmk_geodesics_integrate_parts(dmk_context *context, const dmk_geodesics *geodesics,
+                                   const double *mid, int32_t begin, int32_t end, double *sum,
+                                   double *error);
 
 /* wave.c: the same with merged windows, whose error is estimated unless the tolerance is 0; lines,
  * too. */

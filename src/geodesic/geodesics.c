@@ -110,7 +110,7 @@ static int run(dmk_context *ctx, dmk_geodesics *g, const dmk_geodesics_options *
     return rc == DMK_OK && tolerance > 0 ? dmk_tracer_repair(ctx, g) : rc;
 }
 
-int dmk_geodesics_compute(dmk_context *ctx, const dmk_mesh *mesh, size_t n_sources,
+int dmk_geodesics_prepare(dmk_context *ctx, const dmk_mesh *mesh, size_t n_sources,
                           const dmk_point *source, const dmk_geodesics_options *options,
                           dmk_geodesics **geodesics)
 {
@@ -124,6 +124,20 @@ int dmk_geodesics_compute(dmk_context *ctx, const dmk_mesh *mesh, size_t n_sourc
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(set_sources(ctx, g, n_sources, source, options->offset));
     DMK_TRY(set_lines(ctx, g, options));
+    *geodesics = g;
+    g = NULL;
+done:
+    dmk_geodesics_destroy(&g);
+    return rc;
+}
+
+int dmk_geodesics_compute(dmk_context *ctx, const dmk_mesh *mesh, size_t n_sources,
+                          const dmk_point *source, const dmk_geodesics_options *options,
+                          dmk_geodesics **geodesics)
+{
+    int rc;
+    dmk_geodesics *g = NULL;
+    DMK_TRY(dmk_geodesics_prepare(ctx, mesh, n_sources, source, options, &g));
     DMK_TRY(run(ctx, g, options));
     DMK_TRY(dmk_geodesics_check(ctx, g));
     *geodesics = g;

@@ -159,10 +159,7 @@ static int coarsen(dmk_context *ctx, dmk_adjacency *fine, int32_t n_edges, const
 {
     int rc = DMK_OK;
     const int32_t n_fine = fine->n;
-    const bool handed = dealing && dealing->hand;
-    if (!handed || dealing->makes) DMK_TRY(make_weights(ctx, fine, xyz, c));
-    if (handed && (!dealing->makes || c->coarse.n == 0))
-        DMK_TRY(dealing->hand(ctx, dealing->user, n_fine, c));
+    DMK_TRY(make_weights(ctx, fine, xyz, c));
     fine->n = c->coarse.n;
     if (c->coarse.n > 0) rc = dmk_galerkin_create(ctx, n_fine, n_edges, edge, dealing, c);
 done:
@@ -173,10 +170,10 @@ int dmk_hierarchy_deal(dmk_context *ctx, const dmk_mesh *m, int32_t coarsest,
                        const dmk_dealing *dealing, dmk_hierarchy *h)
 {
     int rc = DMK_OK;
-    dmk_adjacency fine = {.n = m->n_vertices};
+    dmk_adjacency fine = {0};
     memset(h, 0, sizeof *h);
     if (coarsest <= 0) coarsest = 128;
-    if (!dealing || !dealing->hand || dealing->makes) DMK_TRY(mesh_adjacency(ctx, m, &fine));
+    DMK_TRY(mesh_adjacency(ctx, m, &fine));
     while (fine.n > coarsest && h->n < DMK_MAX_LEVELS) {
         const dmk_graph *g = h->n ? &h->level[h->n - 1].coarse : NULL;
         DMK_TRY(coarsen(ctx, &fine, g ? g->n_edges : m->n_edges, g ? g->edge : m->edge_vertex,

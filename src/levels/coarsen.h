@@ -54,11 +54,6 @@ typedef struct dmk_dealing {
                int32_t *end);
     /* coarse.edge, n_edges and edge_first of the whole level in place of those edges'. */
     int (*join)(dmk_context *context, void *user, dmk_coarsening *c);
-    /* NULL: each makes the cells and weights, too. Else one process does, as `makes` says: it gives coarse.n,
-     * coarse.xyz and the prolongation of n_fine vertices before it joins, and the others take them first of all.
-     * Without a coarsening, coarse.n = 0, the level is not made. */
-    int (*hand)(dmk_context *context, void *user, int32_t n_fine, dmk_coarsening *c);
-    bool makes;
 } dmk_dealing;
 
 /* Coarsen until at most `coarsest` vertices (0: 128) are left, or until a step would not bring the

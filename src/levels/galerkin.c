@@ -290,8 +290,8 @@ done:
     return rc;
 }
 
-static int galerkin_tables(dmk_context *ctx, int32_t n_fine, int32_t n_edges,
-                           const int32_t *fine_edge, const dmk_dealing *dealing, dmk_coarsening *c)
+static int galerkin_tables(dmk_context *ctx, int32_t n_edges, const int32_t *fine_edge,
+                           const dmk_dealing *dealing, dmk_coarsening *c)
 {
     int rc;
     difference d = {.first = 0, .end = c->coarse.n};
@@ -308,8 +308,6 @@ static int galerkin_tables(dmk_context *ctx, int32_t n_fine, int32_t n_edges,
     DMK_TRY(emit_all(ctx, &d, &by_end, c));
     difference_free(&d);
     d = (difference){0};
-    if (dealing && dealing->hand && dealing->makes)
-        DMK_TRY(dealing->hand(ctx, dealing->user, n_fine, c));
     if (dealing) DMK_TRY(dealing->join(ctx, dealing->user, c));
 done:
     difference_free(&d);
@@ -353,7 +351,7 @@ int dmk_galerkin_create(dmk_context *ctx, int32_t n_fine, int32_t n_fine_edges,
 {
     int rc;
     DMK_TRY(transpose(ctx, n_fine, c));
-    DMK_TRY(galerkin_tables(ctx, n_fine, n_fine_edges, fine_edge, dealing, c));
+    DMK_TRY(galerkin_tables(ctx, n_fine_edges, fine_edge, dealing, c));
 done:
     return rc;
 }

@@ -9,13 +9,14 @@
 enum { SPARE_VERTICES = 64 };
 
 /* What a rank reads of a level beside its own items. */
-typedef struct marks {
+typedef struct dmk_marks {
     uint8_t *element, *edge, *vertex; /* edges and vertices: of the marked elements */
     uint8_t *level_vertex[DMK_SHARE_LEVELS], *level_edge[DMK_SHARE_LEVELS];
 } marks;
 
 static void marks_free(marks *m)
 {
+    if (!m) return;
     free(m->element);
     free(m->edge);
     free(m->vertex);
@@ -23,6 +24,7 @@ static void marks_free(marks *m)
         free(m->level_vertex[l]);
         free(m->level_edge[l]);
     }
+    free(m);
 }
 
 /* ---- own items ------------------------------------------------------------------------------- */
@@ -260,8 +262,63 @@ int dmk_share_check_devices(dmk_context *ctx, const dmk_ranks *ranks, const dmk_
                     -ends[1], ends[0]);
 }
 
-/* Numbers on the coarser levels are not asked for any more. */
-static void forget(dmk_share *s)
+int dmk_share_begin(dmk_context *ctx, const dmk_ranks *ranks, dmk_device *device,
+                    const dmk_mesh *mesh, dmk_share **share)
+{
+    int rc;
+    dmk_share *s = NULL;
+    int32_t part = (int32_t)dmk_launch_part(device);
+    if (mesh->n_vertices / part < ranks->size) return DMK_OK;
+    DMK_TRY(DMK_NEW(ctx, s, 1));
+    s->ranks = *ranks;
+    s->device = device;
+    s->part = part;
+    DMK_TRY(get_kernels(ctx, s));
+    DMK_TRY(own_items(ctx, s, mesh));
+    *share = s;
+    s = NULL;
+done:
+    dmk_share_destroy(&s);
+    return rc;
+}
+
+int dmk_share_coarsen(dmk_context *ctx, dmk_share *s, const dmk_mesh *mesh, int32_t coarsest,
+                      dmk_hierarchy *hierarchy)
+{
+    const dmk_dealing dealing = {s, dmk_deal_own, dmk_deal_join};
+    return dmk_hierarchy_deal(ctx, mesh, coarsest, &dealing, hierarchy);
+}
+
+int dmk_share_deal(dmk_context *ctx, dmk_share *s, const dmk_mesh *mesh, const dmk_hierarchy *h)
+{
+    int rc;
+    DMK_TRY(DMK_NEW(ctx, s->marks, 1));
+    DMK_TRY(mark_elements(ctx, s, mesh, s->marks));
+    DMK_TRY(mark_levels(ctx, s, mesh, h, s->marks));
+    DMK_TRY(create_spaces(ctx, s, s->marks));
+done:
+    return rc;
+}
+
+int dmk_share_connect(dmk_context *ctx, dmk_share *s)
+{
+    const int rc = create_halos(ctx, s, s->marks);
+    marks_free(s->marks);
+    s->marks = NULL;
+    return rc;
+}
+
+int dmk_share_fill(dmk_context *ctx, dmk_share *s, const dmk_mesh *mesh)
+{
+    int rc;
+    DMK_TRY(local_mesh(ctx, s, mesh, &s->mesh));
+    DMK_TRY(dmk_split_elements(ctx, s));
+    DMK_TRY(dmk_split_graph(ctx, s, 0, s->mesh.n_edges, s->mesh.edge_vertex));
+done:
+    return rc;
+}
+
+void dmk_share_forget(dmk_share *s)
 {
     s->level_edge[0] = (dmk_space){0};
     for (int l = 1; l < DMK_SHARE_LEVELS; l++) {
@@ -270,55 +327,12 @@ static void forget(dmk_share *s)
     }
 }
 
-int dmk_share_create(dmk_context *ctx, const dmk_ranks *ranks, dmk_device *device,
-                     const dmk_mesh *mesh, bool handed, int32_t coarsest, dmk_hierarchy *hierarchy,
-                     dmk_share **share)
-{
-    int rc;
-    dmk_share *s = NULL;
-    marks k = {0};
-    int32_t part = (int32_t)dmk_launch_part(device);
-    if (!ranks || mesh->n_vertices / part < ranks->size)
-        return dmk_hierarchy_create(ctx, mesh, coarsest, hierarchy);
-    DMK_TRY(DMK_NEW(ctx, s, 1));
-    const dmk_dealing dealing = {s, dmk_deal_own, dmk_deal_join, handed ? dmk_deal_hand : NULL,
-                                 ranks->rank == ranks->size - 1};
-    s->ranks = *ranks;
-    s->device = device;
-    s->part = part;
-    DMK_TRY(get_kernels(ctx, s));
-    DMK_TRY(own_items(ctx, s, mesh));
-    DMK_TRY(dmk_hierarchy_deal(ctx, mesh, coarsest, &dealing, hierarchy));
-    if (hierarchy->n == 0) goto done;
-    DMK_TRY(mark_elements(ctx, s, mesh, &k));
-    DMK_TRY(mark_levels(ctx, s, mesh, hierarchy, &k));
-    DMK_TRY(create_spaces(ctx, s, &k));
-    DMK_TRY(create_halos(ctx, s, &k));
-    marks_free(&k);
-    k = (marks){0};
-    DMK_TRY(local_mesh(ctx, s, mesh, &s->mesh));
-    DMK_TRY(dmk_split_elements(ctx, s));
-    DMK_TRY(dmk_split_graph(ctx, s, 0, s->mesh.n_edges, s->mesh.edge_vertex));
-    *share = s;
-    s = NULL;
-done:
-    marks_free(&k);
-    dmk_share_destroy(&s);
-    return rc;
-}
-
-int dmk_share_levels(dmk_context *ctx, dmk_share *share, dmk_hierarchy *whole, dmk_local *local)
-{
-    const int rc = dmk_local_levels(ctx, share, whole, local);
-    forget(share);
-    return rc;
-}
-
 void dmk_share_destroy(dmk_share **share)
 {
     dmk_share *s = *share;
     if (!s) return;
     s->level_edge[0] = (dmk_space){0};
+    marks_free(s->marks);
     local_mesh_free(&s->mesh);
     dmk_space_free(&s->element);
     dmk_space_free(&s->edge);

@@ -13,8 +13,6 @@ enum { DMK_GATHER_BELOW = 10000 };
 int dmk_deal_own(dmk_context *context, void *share, const dmk_coarsening *c, int32_t *first,
                  int32_t *end);
 int dmk_deal_join(dmk_context *context, void *share, dmk_coarsening *c);
-/* The last rank's weights to all. */
-int dmk_deal_hand(dmk_context *context, void *share, int32_t n_fine, dmk_coarsening *c);
 /* Mark the vertices and edges of a level that the rank reads; own ones may stay unmarked. */
 void dmk_deal_mark(const dmk_share *share, const dmk_mesh *mesh, const dmk_hierarchy *hierarchy,
                    int32_t level, uint8_t *vertex_mark, uint8_t *edge_mark);

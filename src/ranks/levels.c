@@ -32,6 +32,12 @@ static int32_t main_vertex(const dmk_coarsening *c, int32_t a)
     return c->restrict_fine[best];
 }
 
+/* The rows of the own edges, which a level's table may have beside others. */
+static const int32_t *own_rows(const dmk_coarsening *c, const dmk_space *edge)
+{
+    return c->galerkin_row + (edge->first - c->edge_first);
+}
+
 static int own_range(dmk_context *ctx, const dmk_share *s, int32_t n, dmk_space *space)
 {
     space->n_whole = n;
@@ -75,28 +81,6 @@ done:
     return rc;
 }
 
-int dmk_deal_hand(dmk_context *ctx, void *user, int32_t n_fine, dmk_coarsening *c)
-{
-    int rc;
-    const dmk_share *s = user;
-    const int maker = s->ranks.size - 1;
-    DMK_TRY(dmk_ranks_spread_from(ctx, &s->ranks, maker, &c->coarse.n, sizeof c->coarse.n));
-    const size_t n = 3 * (size_t)c->coarse.n, n_weights = 3 * (size_t)n_fine;
-    if (n == 0) return DMK_OK;
-    if (s->ranks.rank != maker) {
-        DMK_TRY(DMK_NEW(ctx, c->coarse.xyz, n));
-        DMK_TRY(DMK_NEW(ctx, c->prolong_index, n_weights));
-        DMK_TRY(DMK_NEW(ctx, c->prolong_weight, n_weights));
-    }
-    DMK_TRY(dmk_ranks_spread_from(ctx, &s->ranks, maker, c->coarse.xyz, n * sizeof *c->coarse.xyz));
-    DMK_TRY(dmk_ranks_spread_from(ctx, &s->ranks, maker, c->prolong_index,
-                                  n_weights * sizeof *c->prolong_index));
-    rc = dmk_ranks_spread_from(ctx, &s->ranks, maker, c->prolong_weight,
-                               n_weights * sizeof *c->prolong_weight);
-done:
-    return rc;
-}
-
 /* And the edges whose smaller end it owns, which are those that it has made. */
 int dmk_deal_join(dmk_context *ctx, void *user, dmk_coarsening *c)
 {
@@ -128,6 +112,26 @@ done:
     return rc;
 }
 
+int dmk_share_bound(dmk_context *ctx, dmk_share *s, const dmk_hierarchy *h)
+{
+    int rc = DMK_OK;
+    for (int32_t i = 0; i < h->n; i++) {
+        const dmk_graph *g = &h->level[i].coarse;
+        int32_t first, end, k = 0;
+        DMK_TRY(dmk_deal_own(ctx, s, &h->level[i], &first, &end));
+        if (!s->deals) break;
+        dmk_space *edge = &s->level_edge[i + 1];
+        DMK_TRY(own_range(ctx, s, g->n_edges, edge));
+        for (int r = 0; r < s->ranks.size; r++) {
+            while (k < g->n_edges && g->edge[2 * (size_t)k] < s->vertex[i + 1].bound[r + 1]) k++;
+            edge->bound[r + 1] = k;
+        }
+        set_own(s, edge);
+    }
+done:
+    return rc;
+}
+
 /* ---- who needs what -------------------------------------------------------------------------- */
 
 /* Edges at own vertices, and their other ends. */
@@ -148,8 +152,8 @@ static void mark_sources(const dmk_coarsening *c, const dmk_space *vertex, const
     for (int32_t k = c->restrict_row[vertex->first]; k < c->restrict_row[vertex->end]; k++) {
         vertex_mark[c->restrict_fine[k]] = 1;
     }
-    const int32_t own = edge->end - edge->first;
-    for (int32_t k = c->galerkin_row[0]; k < c->galerkin_row[own]; k++) {
+    const int32_t *row = own_rows(c, edge);
+    for (int32_t k = row[0]; k < row[edge->end - edge->first]; k++) {
         edge_mark[c->galerkin_edge[k]] = 1;
     }
 }
@@ -266,7 +270,8 @@ static int local_level(dmk_context *ctx, const dmk_share *s, int32_t level,
     local->restrict_weight = restriction.value;
     if (rc != DMK_OK) goto done;
     rc = local_table(ctx, &s->level_edge[level + 1], &s->level_edge[level],
-                     &(table){whole->galerkin_row, whole->galerkin_edge, whole->galerkin_coef},
+                     &(table){(int32_t *)(uintptr_t)own_rows(whole, &s->level_edge[level + 1]),
+                              whole->galerkin_edge, whole->galerkin_coef},
                      &galerkin);
     local->galerkin_row = galerkin.row;
     local->galerkin_edge = galerkin.entry;
@@ -275,7 +280,7 @@ done:
     return rc;
 }
 
-int dmk_local_levels(dmk_context *ctx, dmk_share *s, dmk_hierarchy *h, dmk_local *local)
+int dmk_share_levels(dmk_context *ctx, dmk_share *s, dmk_hierarchy *h, bool keep, dmk_local *local)
 {
     int rc = DMK_OK;
     local->first_whole = s->first_whole;
@@ -285,7 +290,7 @@ int dmk_local_levels(dmk_context *ctx, dmk_share *s, dmk_hierarchy *h, dmk_local
         const dmk_graph *g = &local->hierarchy.level[i].coarse;
         DMK_TRY(local_level(ctx, s, i, &h->level[i], &local->hierarchy.level[i]));
         if (i + 1 < s->first_whole) DMK_TRY(dmk_split_graph(ctx, s, i + 1, g->n_edges, g->edge));
-        dmk_coarsening_free(&h->level[i]);
+        if (!keep) dmk_coarsening_free(&h->level[i]);
     }
 done:
     return rc;

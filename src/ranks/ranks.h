@@ -57,6 +57,7 @@ typedef struct dmk_share {
     int32_t vertex_row;               /* of the local rows */
     dmk_mesh mesh;                    /* what is packed */
     dmk_halo rows, vertices[DMK_SHARE_LEVELS], level_edges[DMK_SHARE_LEVELS];
+    struct dmk_marks *marks; /* what the halos bring, until they are made */
     dmk_split elements,
         graph[DMK_SHARE_LEVELS]; /* of launches over T, and over a dealt level's vertices */
     dmk_buffer *staging;
@@ -72,18 +73,39 @@ typedef struct dmk_local {
     int32_t first_whole;
 } dmk_local;
 
-/* Rank `ranks->rank`'s share of an ordered mesh, with the hierarchy, of whose dealt levels it has its part;
- * *share stays NULL where the mesh has no more parts than ranks, or no levels: then every rank does all of it.
- * handed: the first rank comes later than the others, and the last one meanwhile makes the coarse vertices and weights
- * of all. */
-int dmk_share_create(dmk_context *context, const dmk_ranks *ranks, dmk_device *device,
-                     const dmk_mesh *mesh, bool handed, int32_t coarsest, dmk_hierarchy *hierarchy,
-                     dmk_share **share);
+/* A share of an ordered mesh comes into being in steps. All ranks together, if no one has other work:
+ *     begin, coarsen, deal, connect, fill, levels, forget;
+ * or, where the first one comes later, the last one makes the hierarchy and its own share before the others:
+ *     last rank: begin, (dmk_hierarchy_create), bound, deal, fill, levels, hand, connect, forget
+ *     others:    begin, hand, deal, fill, levels, connect, forget. */
+
+/* Own ranges of rank `ranks->rank`. *share stays NULL where the mesh has no more parts than ranks: then every rank does
+ * all of it, and so without levels, hierarchy.n = 0. */
+int dmk_share_begin(dmk_context *context, const dmk_ranks *ranks, dmk_device *device,
+                    const dmk_mesh *mesh, dmk_share **share);
+/* The hierarchy, of whose dealt levels each rank has its part. Collective. */
+int dmk_share_coarsen(dmk_context *context, dmk_share *share, const dmk_mesh *mesh,
+                      int32_t coarsest, dmk_hierarchy *hierarchy);
+/* levels.c: own ranges of all levels of a hierarchy that is whole here. */
+int dmk_share_bound(dmk_context *context, dmk_share *share, const dmk_hierarchy *hierarchy);
+/* hand.c: the same from the last rank's hierarchy, which is whole. Collective. */
+int dmk_share_hand(dmk_context *context, dmk_share *share, const dmk_mesh *mesh,
+                   dmk_hierarchy *hierarchy);
+/* Ghosts and local slots. */
+int dmk_share_deal(dmk_context *context, dmk_share *share, const dmk_mesh *mesh,
+                   const dmk_hierarchy *hierarchy);
+/* Who sends what to whom. Collective. */
+int dmk_share_connect(dmk_context *context, dmk_share *share);
+/* share->mesh. */
+int dmk_share_fill(dmk_context *context, dmk_share *share, const dmk_mesh *mesh);
 /* Before: that the ranks' devices are of one kind. */
 int dmk_share_check_devices(dmk_context *context, const dmk_ranks *ranks, const dmk_device *device);
-/* Then the local hierarchy, without the mesh; the whole one's dealt levels are freed. */
-int dmk_share_levels(dmk_context *context, dmk_share *share, dmk_hierarchy *whole,
+/* levels.c: the local hierarchy, without the mesh; the whole one's dealt levels are freed, unless they are to be
+ * kept. */
+int dmk_share_levels(dmk_context *context, dmk_share *share, dmk_hierarchy *whole, bool keep,
                      dmk_local *local);
+/* Numbers on the coarser levels are not asked for any more. */
+void dmk_share_forget(dmk_share *share);
 void dmk_share_destroy(dmk_share **share);
 void dmk_local_free(dmk_local *local);
 
@@ -192,9 +214,5 @@ int dmk_split_elements(dmk_context *context, dmk_share *share);
 int dmk_split_graph(dmk_context *context, dmk_share *share, int32_t level, int32_t n_edges,
                     const int32_t *edge);
 void dmk_split_free(dmk_split *split);
-
-/* levels.c: the rank's part of the tables between levels. */
-int dmk_local_levels(dmk_context *context, dmk_share *share, dmk_hierarchy *whole,
-                     dmk_local *local);
 
 #endif

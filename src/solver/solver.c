@@ -4,6 +4,7 @@
 
 #include "mesh/mollify.h"
 #include "solver/acl.h"
+#include "solver/sell.h"
 #include "solver/start.h"
 
 #include "base/parallel.h"
@@ -154,19 +155,137 @@ static int32_t find_triangle(const dmk_order *order, int64_t old)
 
 /* The source, and the distance from it, on the ordered mesh. */
 typedef struct start {
+    dmk_solver *solver;
     const dmk_mesh *mesh; /* with the metric that is computed with */
     const dmk_mesh *own;  /* with that of the input; NULL: no distance is wanted */
     const dmk_point *source;
+    dmk_start from;
     dmk_geodesics *geodesics; /* of `own` */
+    double *mid;              /* n_edges: distance at the midpoints */
+    double *mu; /* padded: the density that belongs to the distance, in the mesh's units */
     double integral, integral_error;
 } start;
 
+static void free_start(start *near)
+{
+    dmk_geodesics_destroy(&near->geodesics);
+    free(near->mid);
+    free(near->mu);
+    near->mid = near->mu = NULL;
+}
+
+/* The distance is the first rank's work, */
+static bool measures(const dmk_solver *s)
+{
+    return s->ranks.rank == 0;
+}
+
+/* and the last one's what is made of it to start from, for it has packed its share by then. */
+static bool makes_density(const dmk_solver *s)
+{
+    return s->ranks.size <= 1 || s->ranks.rank == s->ranks.size - 1;
+}
+
+/* On the other ranks all but the distance itself. */
 static int measure(dmk_context *ctx, void *data)
 {
     start *near = data;
     dmk_geodesics_options options;
     dmk_geodesics_options_init(&options, sizeof options);
-    return dmk_geodesics_compute(ctx, near->own, 1, near->source, &options, &near->geodesics);
+    return (measures(near->solver) ? dmk_geodesics_compute : dmk_geodesics_prepare)(
+        ctx, near->own, 1, near->source, &options, &near->geodesics);
+}
+
+static int integrate(dmk_context *ctx, void *data)
+{
+    start *near = data;
+    return dmk_geodesics_integrate_from(ctx, near->geodesics, near->mid, &near->integral,
+                                        &near->integral_error);
+}
+
+/* mid and mu; without ranks the integral beside them, as mu is one thread's work for the most part. */
+static int make_density(dmk_context *ctx, start *near)
+{
+    int rc;
+    const dmk_mesh *m = near->mesh;
+    const bool alone = near->solver->ranks.size <= 1;
+    dmk_task task;
+    DMK_TRY(DMK_NEW(ctx, near->mid, (size_t)m->n_edges));
+    DMK_TRY(DMK_NEW(ctx, near->mu, (size_t)dmk_padded(m->n_triangles)));
+    dmk_geodesics_midpoints(ctx, near->geodesics, near->mid);
+    if (alone) dmk_task_begin(ctx, &task, integrate, near);
+    rc = dmk_start_density(ctx, m, near->geodesics, near->mid, near->mu);
+    if (alone) rc = dmk_task_end(ctx, &task, rc);
+done:
+    return rc;
+}
+
+/* ---- the distance on all ranks ---------------------------------------------------------------- */
+
+static int spread_geodesics(dmk_context *ctx, const dmk_ranks *ranks, dmk_geodesics *g)
+{
+    int rc;
+    const size_t n = (size_t)g->mesh->n_vertices;
+    double tolerance[2] = {g->tolerance, g->error != NULL};
+    int64_t counts[2] = {g->n_windows, g->n_shared};
+    DMK_TRY(dmk_ranks_spread(ctx, ranks, tolerance, sizeof tolerance));
+    DMK_TRY(dmk_ranks_spread(ctx, ranks, counts, sizeof counts));
+    g->tolerance = tolerance[0];
+    g->n_windows = counts[0];
+    g->n_shared = counts[1];
+    DMK_TRY(dmk_ranks_spread(ctx, ranks, g->distance, n * sizeof *g->distance));
+    DMK_TRY(dmk_ranks_spread(ctx, ranks, g->arrival, n * sizeof *g->arrival));
+    if (tolerance[1] == 0) goto done;
+    if (!g->error) DMK_TRY(DMK_NEW(ctx, g->error, n));
+    rc = dmk_ranks_spread(ctx, ranks, g->error, n * sizeof *g->error);
+done:
+    return rc;
+}
+
+/* As soon as the first rank has the distance. */
+static int tell_distance(dmk_context *ctx, void *user, dmk_system *sys)
+{
+    int rc = DMK_OK;
+    start *near = user;
+    (void)sys;
+    if (!near->own) return DMK_OK;
+    DMK_TRY(spread_geodesics(ctx, &near->solver->ranks, near->geodesics));
+    if (near->from == DMK_START_DISTANCE && makes_density(near->solver))
+        rc = make_density(ctx, near);
+done:
+    return rc;
+}
+
+typedef struct terms {
+    const double *term;
+    int32_t n;
+} terms;
+
+static void add_terms(void *data, double *sum)
+{
+    const terms *t = data;
+    for (int32_t i = 0; i < t->n; i++) *sum += t->term[i];
+}
+
+/* The integral, of own elements by each rank, added in the order of the whole mesh. */
+static int integrate_in_turn(dmk_context *ctx, start *near)
+{
+    int rc;
+    dmk_share *share = near->solver->system->share;
+    const int32_t begin = share ? share->element.first : 0,
+                  end = share ? share->element.end : near->own->n_triangles;
+    double *sum = NULL, *off = NULL;
+    DMK_TRY(DMK_NEW(ctx, sum, (size_t)(end - begin)));
+    DMK_TRY(DMK_NEW(ctx, off, (size_t)(end - begin)));
+    dmk_geodesics_integrate_parts(ctx, near->geodesics, near->mid, begin, end, sum, off);
+    near->integral = near->integral_error = 0;
+    DMK_TRY(dmk_share_in_turn(ctx, share, &near->integral, add_terms, &(terms){sum, end - begin}));
+    rc =
+        dmk_share_in_turn(ctx, share, &near->integral_error, add_terms, &(terms){off, end - begin});
+done:
+    free(sum);
+    free(off);
+    return rc;
 }
 
 /* ---- a share of the mesh and no more ---------------------------------------------------------- */
@@ -231,15 +350,22 @@ done:
 static int pack_lean(dmk_context *ctx, dmk_solver *s, const dmk_point *source)
 {
     farewell last = {s, source};
-    const dmk_system_dealt dealt = {keep_share, &last};
+    const dmk_system_dealt dealt = {.call = keep_share, .user = &last};
+    return dmk_system_deal(ctx, s->device, &s->mollified, &s->ranks, &dealt, &s->system);
+}
+
+/* near: what is done while the others pack, or NULL. */
+static int pack_beside(dmk_context *ctx, dmk_solver *s, start *near)
+{
+    const dmk_system_dealt dealt = {
+        .call = near ? tell_distance : NULL, .user = near, .handed = true};
+    if (s->ranks.size <= 1) return dmk_system_create(ctx, s->device, &s->mollified, &s->system);
     return dmk_system_deal(ctx, s->device, &s->mollified, &s->ranks, &dealt, &s->system);
 }
 
 int dmk_solver_pack(dmk_context *ctx, dmk_solver *s)
 {
-    if (s->system) return DMK_OK;
-    return dmk_system_create(ctx, s->device, &s->mollified, s->ranks.size > 1 ? &s->ranks : NULL,
-                             &s->system);
+    return s->system ? DMK_OK : pack_beside(ctx, s, NULL);
 }
 
 int dmk_solver_clear(dmk_context *ctx, const dmk_solver *s)
@@ -256,69 +382,77 @@ done:
     return rc;
 }
 
-/* The distance is the first rank's work; the others get what it makes of it to start from. */
-static bool measures(const dmk_solver *s)
-{
-    return s->ranks.rank == 0;
-}
-
 static int pack(dmk_context *ctx, void *data)
 {
     return dmk_solver_pack(ctx, data);
 }
 
 /* The distance, and the system of the ordered mesh, if it is not there. What of either keeps one thread busy only, and
- * the wait for the device's kernels, leaves the others to the other. Ranks talk to each other, all in the same order:
- * there it is one after the other. */
-static int set_up(dmk_context *ctx, dmk_solver *s, start *near)
+ * the wait for the device's kernels, leaves the others to the other. */
+static int set_up_alone(dmk_context *ctx, dmk_solver *s, start *near)
 {
     dmk_task task;
     int rc = DMK_OK;
-    if (!near->own && s->ranks.size > 1)
-        return s->system ? DMK_OK : pack_lean(ctx, s, near->source);
-    const bool beside = !s->system && s->ranks.size <= 1;
+    const bool beside = !s->system;
     if (beside) dmk_task_begin(ctx, &task, pack, s);
-    if (near->own && measures(s)) rc = measure(ctx, near);
-    if (beside) return dmk_task_end(ctx, &task, rc);
-    return rc == DMK_OK ? dmk_solver_pack(ctx, s) : rc;
+    if (near->own) rc = measure(ctx, near);
+    return beside ? dmk_task_end(ctx, &task, rc) : rc;
 }
 
-typedef struct integral {
-    start *near;
-    const double *mid; /* distance at the midpoints */
-} integral;
-
-static int integrate(dmk_context *ctx, void *data)
+/* Ranks talk to each other, all in the same order. */
+static int set_up(dmk_context *ctx, dmk_solver *s, start *near)
 {
-    const integral *i = data;
-    start *near = i->near;
-    return dmk_geodesics_integrate_from(ctx, near->geodesics, i->mid, &near->integral,
-                                        &near->integral_error);
+    int rc = DMK_OK;
+    if (s->ranks.size <= 1) return set_up_alone(ctx, s, near);
+    if (!near->own) return s->system ? DMK_OK : pack_lean(ctx, s, near->source);
+    DMK_TRY(measure(ctx, near));
+    rc = s->system ? tell_distance(ctx, near, s->system) : pack_beside(ctx, s, near);
+done:
+    return rc;
 }
 
-/* u and mu that belong to the distance. */
+/* u and mu that belong to the distance; u as long as a vector over all rows, mu the caller's. */
 static int start_from_distance(dmk_context *ctx, const dmk_solver *s, start *near, double *u,
-                               double *mu)
+                               double **mu)
 {
-    int rc;
+    int rc = DMK_OK;
     const dmk_mesh *m = near->mesh;
     const dmk_system *sys = s->system;
+    const dmk_ranks *ranks = &s->ranks;
     const double *vertex = near->geodesics->distance;
-    double *mid = NULL;
-    dmk_task task;
-    DMK_TRY(DMK_NEW(ctx, mid, (size_t)m->n_edges));
-    dmk_geodesics_midpoints(ctx, near->geodesics, mid);
-    dmk_task_begin(ctx, &task, integrate, &(integral){near, mid});
-    rc = dmk_start_density(ctx, m, near->geodesics, mid, mu); /* by one thread, for the most part */
-    DMK_TRY(dmk_task_end(ctx, &task, rc));
+    if (makes_density(s) && !near->mu) DMK_TRY(make_density(ctx, near));
     DMK_TRY(dmk_poll(ctx));
-    for (int32_t e = 0; e < m->n_edges; e++) u[e] = mid[e] / -sys->unit;
+    if (!near->mid) DMK_TRY(DMK_NEW(ctx, near->mid, (size_t)m->n_edges));
+    if (!near->mu) DMK_TRY(DMK_NEW(ctx, near->mu, (size_t)sys->whole.n_elements_pad));
+    DMK_TRY(dmk_ranks_spread_from(ctx, ranks, ranks->size - 1, near->mid,
+                                  (size_t)m->n_edges * sizeof *near->mid));
+    DMK_TRY(dmk_ranks_spread_from(ctx, ranks, ranks->size - 1, near->mu,
+                                  (size_t)m->n_triangles * sizeof *near->mu));
+    if (ranks->size > 1) DMK_TRY(integrate_in_turn(ctx, near));
+    for (int32_t e = 0; e < m->n_edges; e++) u[e] = near->mid[e] / -sys->unit;
     for (int32_t v = 0; v < m->n_vertices; v++) {
         u[sys->whole.vertex_row + v] = vertex[v] / -sys->unit;
     }
-    for (int32_t t = 0; t < m->n_triangles; t++) mu[t] /= sys->unit;
+    for (int32_t t = 0; t < m->n_triangles; t++) near->mu[t] /= sys->unit;
+    *mu = near->mu;
+    near->mu = NULL;
+    free(near->mid);
+    near->mid = NULL;
 done:
-    free(mid);
+    return rc;
+}
+
+/* Nothing is known but what the source gives. */
+static int start_uniform(dmk_context *ctx, const dmk_solver *s, start *near, double **mu)
+{
+    int rc = DMK_OK;
+    DMK_TRY(DMK_NEW(ctx, *mu, (size_t)s->system->whole.n_elements_pad));
+    for (int32_t t = 0; t < near->mesh->n_triangles; t++) (*mu)[t] = 1;
+    if (!near->geodesics) goto done;
+    if (!near->mid) DMK_TRY(DMK_NEW(ctx, near->mid, (size_t)near->mesh->n_edges));
+    dmk_geodesics_midpoints(ctx, near->geodesics, near->mid);
+    rc = s->ranks.size > 1 ? integrate_in_turn(ctx, near) : integrate(ctx, near);
+done:
     return rc;
 }
 
@@ -349,31 +483,21 @@ done:
 }
 
 /* u and mu to start from, on the device. */
-static int set_start(dmk_context *ctx, dmk_solver *s, start *near, dmk_start from)
+static int set_start(dmk_context *ctx, dmk_solver *s, start *near)
 {
     int rc;
     dmk_system *sys = s->system;
-    const dmk_mesh *m = near->mesh;
-    const dmk_point *p = near->source;
     double *u = NULL, *mu = NULL;
-    size_t n_rows = (size_t)sys->whole.n_rows_pad, n_elements = (size_t)sys->whole.n_elements_pad;
     if (s->lean) return set_lean_start(ctx, s);
-    DMK_TRY(DMK_NEW(ctx, u, n_rows));
-    DMK_TRY(DMK_NEW(ctx, mu, n_elements));
-    if (from == DMK_START_DISTANCE) {
-        if (measures(s)) DMK_TRY(start_from_distance(ctx, s, near, u, mu));
-        DMK_TRY(dmk_ranks_spread(ctx, &s->ranks, u, n_rows * sizeof *u));
-        DMK_TRY(dmk_ranks_spread(ctx, &s->ranks, mu, n_elements * sizeof *mu));
-    } else {
-        if (near->geodesics)
-            DMK_TRY(dmk_geodesics_integrate(ctx, near->geodesics, &near->integral,
-                                            &near->integral_error));
-        for (int32_t t = 0; t < m->n_triangles; t++) mu[t] = 1;
-    }
+    DMK_TRY(DMK_NEW(ctx, u, (size_t)sys->whole.n_rows_pad));
+    if (near->from == DMK_START_DISTANCE)
+        DMK_TRY(start_from_distance(ctx, s, near, u, &mu));
+    else
+        DMK_TRY(start_uniform(ctx, s, near, &mu));
     DMK_TRY(dmk_system_allocate_state(ctx, sys));
     DMK_TRY(dmk_rows_write(ctx, sys, sys->u, u));
     DMK_TRY(dmk_elements_write(ctx, sys, sys->mu, mu));
-    DMK_TRY(dmk_right_hand_side(ctx, m, sys, p, u));
+    DMK_TRY(dmk_right_hand_side(ctx, near->mesh, sys, near->source, u));
     DMK_TRY(dmk_rows_write(ctx, sys, sys->f, u));
     free(u);
     free(mu);
@@ -386,15 +510,14 @@ done:
 }
 
 /* System, u and mu, ready for the first step; the seconds go to set-up and start. */
-static int prepare(dmk_context *ctx, dmk_solver *s, start *near, dmk_start from, double began,
-                   double seconds[])
+static int prepare(dmk_context *ctx, dmk_solver *s, start *near, double began, double seconds[])
 {
     int rc;
     bool fresh = !s->system;
     DMK_TRY(set_up(ctx, s, near));
     if (fresh) seconds[DMK_STAGE_SETUP] = dmk_seconds() - began;
     DMK_TRY(dmk_poll(ctx));
-    DMK_TRY(set_start(ctx, s, near, from));
+    DMK_TRY(set_start(ctx, s, near));
     seconds[DMK_STAGE_START] = dmk_seconds() - began - seconds[DMK_STAGE_SETUP];
     rc = dmk_poll(ctx);
 done:
@@ -526,7 +649,7 @@ static int iterate(dmk_solver *s, start *near, const dmk_solve_options *options,
     if (options->method != DMK_NEWTON) return dmk_explicit(o);
     rc = dmk_newton(o, options->start == DMK_START_DISTANCE);
     if (!dmk_falls_back(o, rc)) return rc;
-    DMK_TRY(set_start(o->ctx, s, near, options->start));
+    DMK_TRY(set_start(o->ctx, s, near));
     rc = dmk_fall_back(o);
 done:
     return rc;
@@ -558,10 +681,12 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     dmk_point p = *source;
     p.triangle = r->source_triangle;
 
+    near.solver = s;
+    near.from = chosen.start;
     near.mesh = &s->mollified;
     near.own = chosen.density_only ? NULL : s->order->order.mesh;
     near.source = &p;
-    DMK_TRY(prepare(ctx, s, &near, chosen.start, began, r->stats.seconds));
+    DMK_TRY(prepare(ctx, s, &near, began, r->stats.seconds));
     double t1 = dmk_seconds();
     dmk_iteration o = {.ctx = ctx,
                        .sys = s->system,
@@ -582,15 +707,13 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     r->geodesics = near.geodesics;
     near.geodesics = NULL;
     dmk_solver_scale_stats(s, s->system->unit * s->system->unit, &r->stats);
-    double exact[2] = {near.own ? near.integral : NAN, near.own ? near.integral_error : NAN};
-    DMK_TRY(dmk_ranks_spread(ctx, &s->ranks, exact, sizeof exact));
-    r->stats.cost_exact = exact[0];
-    r->stats.cost_exact_error = exact[1];
+    r->stats.cost_exact = near.own ? near.integral : NAN;
+    r->stats.cost_exact_error = near.own ? near.integral_error : NAN;
     *result = r;
     r = NULL;
 done:
     dmk_stage_end(ctx);
     dmk_result_destroy(&r);
-    dmk_geodesics_destroy(&near.geodesics);
+    free_start(&near);
     return rc;
 }

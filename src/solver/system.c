@@ -590,26 +590,100 @@ static void set_counts(dmk_system *s, const dmk_mesh *packed)
     s->n_rows_pad = c.n_rows_pad;
 }
 
-/* The share takes the mesh's place; all of it, if there is none. */
+/* The share in the mesh's place, whose neighbours are not known yet. `keep`: the whole hierarchy stays. */
+static int pack_own(const packer *p, dmk_hierarchy *whole, bool keep)
+{
+    int rc;
+    dmk_share *share = p->sys->share;
+    dmk_local local = {.first_whole = 0};
+    packer mine = *p;
+    mine.spend = false; /* two hierarchies have the levels that are whole */
+    mine.mesh = &share->mesh;
+    DMK_TRY(dmk_share_levels(p->ctx, share, whole, keep, &local));
+    DMK_TRY(pack_fine(&mine));
+    DMK_TRY(pack_levels(&mine, &local.hierarchy));
+done:
+    dmk_local_free(&local);
+    return rc;
+}
+
+static int pack_whole(const packer *p, dmk_hierarchy *whole)
+{
+    int rc;
+    dmk_share_destroy(&p->sys->share);
+    DMK_TRY(pack_fine(p));
+    DMK_TRY(pack_levels(p, whole));
+done:
+    return rc;
+}
+
+static int fill_share(const packer *p)
+{
+    const int rc = dmk_share_fill(p->ctx, p->sys->share, p->mesh);
+    if (rc == DMK_OK) set_counts(p->sys, &p->sys->share->mesh);
+    return rc;
+}
+
+/* All ranks at the same step. */
+static int pack_together(const packer *p, const dmk_system_dealt *dealt, dmk_hierarchy *whole)
+{
+    int rc;
+    dmk_share *share = p->sys->share;
+    if (!share) {
+        DMK_TRY(dmk_hierarchy_create(p->ctx, p->mesh, COARSEST, whole));
+        return pack_whole(p, whole);
+    }
+    DMK_TRY(dmk_share_coarsen(p->ctx, share, p->mesh, COARSEST, whole));
+    if (whole->n == 0) return pack_whole(p, whole);
+    DMK_TRY(dmk_share_deal(p->ctx, share, p->mesh, whole));
+    DMK_TRY(dmk_share_connect(p->ctx, share));
+    DMK_TRY(fill_share(p));
+    DMK_TRY(dealt->call(p->ctx, dealt->user, p->sys));
+    rc = pack_own(p, whole, false);
+    dmk_share_forget(share);
+done:
+    return rc;
+}
+
+static int deal_own(const packer *p, dmk_hierarchy *whole)
+{
+    int rc;
+    DMK_TRY(dmk_share_deal(p->ctx, p->sys->share, p->mesh, whole));
+    DMK_TRY(fill_share(p));
+    rc = pack_own(p, whole, true);
+done:
+    return rc;
+}
+
+/* The first rank comes later: the last one has coarsened the mesh and packed its own share by then, and after the
+ * call it has time, while the others do. */
+static int pack_handed(const packer *p, const dmk_system_dealt *dealt, dmk_hierarchy *whole)
+{
+    int rc = DMK_OK;
+    dmk_share *share = p->sys->share;
+    const bool makes = !share || share->ranks.rank == share->ranks.size - 1;
+    if (makes) DMK_TRY(dmk_hierarchy_create(p->ctx, p->mesh, COARSEST, whole));
+    if (share && makes) {
+        DMK_TRY(dmk_share_bound(p->ctx, share, whole));
+        if (whole->n > 0) DMK_TRY(deal_own(p, whole));
+    }
+    if (share) DMK_TRY(dmk_share_hand(p->ctx, share, p->mesh, whole));
+    if (dealt->call) DMK_TRY(dealt->call(p->ctx, dealt->user, p->sys));
+    if (!share || whole->n == 0) return pack_whole(p, whole);
+    if (!makes) DMK_TRY(deal_own(p, whole));
+    DMK_TRY(dmk_share_connect(p->ctx, share));
+    dmk_share_forget(share);
+done:
+    return rc;
+}
+
 static int pack_share(const packer *p, const dmk_ranks *ranks, const dmk_system_dealt *dealt)
 {
     int rc;
     dmk_hierarchy whole = {.n = 0};
-    dmk_local local = {.first_whole = 0};
-    packer mine = *p;
-    DMK_TRY(
-        dmk_share_create(p->ctx, ranks, p->dev, p->mesh, !dealt, COARSEST, &whole, &p->sys->share));
-    mine.spend = !p->sys->share; /* else two hierarchies have the levels that are whole */
-    if (p->sys->share) {
-        mine.mesh = &p->sys->share->mesh;
-        set_counts(p->sys, mine.mesh);
-        if (dealt) DMK_TRY(dealt->call(p->ctx, dealt->user, p->sys));
-        DMK_TRY(dmk_share_levels(p->ctx, p->sys->share, &whole, &local));
-    }
-    DMK_TRY(pack_fine(&mine));
-    DMK_TRY(pack_levels(&mine, p->sys->share ? &local.hierarchy : &whole));
+    DMK_TRY(dmk_share_begin(p->ctx, ranks, p->dev, p->mesh, &p->sys->share));
+    rc = dealt->handed ? pack_handed(p, dealt, &whole) : pack_together(p, dealt, &whole);
 done:
-    if (p->sys->share || rc != DMK_OK) dmk_local_free(&local);
     dmk_hierarchy_free(&whole);
     return rc;
 }
@@ -627,9 +701,9 @@ dmk_counts dmk_system_counts(const dmk_device *device, const dmk_mesh *mesh)
 }
 
 int dmk_system_create(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh,
-                      const dmk_ranks *ranks, dmk_system **system)
+                      dmk_system **system)
 {
-    return dmk_system_deal(ctx, device, mesh, ranks, NULL, system);
+    return dmk_system_deal(ctx, device, mesh, NULL, NULL, system);
 }
 
 int dmk_system_deal(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh,
