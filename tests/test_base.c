@@ -2,6 +2,7 @@
 #include "base/dense.h"
 #include "base/sort.h"
 #include "mesh/mesh.h"
+#include "context.h"
 
 #include <math.h>
 #include <setjmp.h>
@@ -174,15 +175,9 @@ static void numbers_that_are_none_are_refused(void **state)
 
 static int setup(void **state)
 {
-    (void)state;
-    return dmk_context_create(&ctx);
-}
-
-static int teardown(void **state)
-{
-    (void)state;
-    dmk_context_destroy(&ctx);
-    return 0;
+    const int rc = context_setup(state);
+    ctx = *state;
+    return rc;
 }
 
 int main(void)
@@ -196,5 +191,5 @@ int main(void)
         cmocka_unit_test(a_mesh_is_measured),
         cmocka_unit_test(numbers_that_are_none_are_refused),
     };
-    return cmocka_run_group_tests_name("base", tests, setup, teardown);
+    return cmocka_run_group_tests_name("base", tests, setup, context_teardown);
 }

@@ -2,6 +2,7 @@
  */
 #include "cut/cut.h"
 #include "locus/cotree.h"
+#include "context.h"
 
 #include <math.h>
 #include <sched.h>
@@ -1324,15 +1325,9 @@ static void test_threads(void **state)
 
 static int setup(void **state)
 {
-    (void)state;
-    return dmk_context_create(&ctx);
-}
-
-static int teardown(void **state)
-{
-    (void)state;
-    dmk_context_destroy(&ctx);
-    return 0;
+    const int rc = context_setup(state);
+    ctx = *state;
+    return rc;
 }
 
 int main(void)
@@ -1354,5 +1349,5 @@ int main(void)
         cmocka_unit_test(test_width),          cmocka_unit_test(test_margin),
         cmocka_unit_test(test_scan),
     };
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, setup, context_teardown);
 }

@@ -2,6 +2,7 @@
  * closed form and the nearest sources of the exact distances. */
 #include "geodesic/geodesic.h"
 #include "mesh/mesh.h"
+#include "context.h"
 
 #include <math.h>
 #include <setjmp.h>
@@ -197,15 +198,9 @@ static void lines_and_pieces_are_refused(void **state)
 
 static int setup(void **state)
 {
-    (void)state;
-    return dmk_context_create(&ctx);
-}
-
-static int teardown(void **state)
-{
-    (void)state;
-    dmk_context_destroy(&ctx);
-    return 0;
+    const int rc = context_setup(state);
+    ctx = *state;
+    return rc;
 }
 
 int main(void)
@@ -216,5 +211,5 @@ int main(void)
         cmocka_unit_test(on_a_torus),
         cmocka_unit_test(lines_and_pieces_are_refused),
     };
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, setup, context_teardown);
 }
