@@ -55,7 +55,7 @@ tested() {
     local name=$1 line
     shift
     "$@" > "$work/said" 2>&1
-    line=$(tail -n 1 "$work/said")
+    line=$(grep -v '^make: ' "$work/said" | tail -n 1)
     case $line in
     *' passed, '*' failed'*)
         set -- $line
