@@ -441,6 +441,14 @@ static void steps_grow_and_shrink(void **state)
     assert_true(p.D == 75 && !p.shrunk);
     for (int i = 0; i < 20; i++) choose_step(&p, ldexp(1, i));
     assert_true(p.D == 5 && !p.shrunk && p.iterations == 3);
+    step_control brief = {.D = 4, .longest = 150, .growth = 1.6, .brief = 5};
+    choose_step(&brief, 1);
+    assert_true(brief.D == 4 && brief.iterations == 1);
+    choose_step(&brief, 0.5);
+    assert_true(brief.iterations == 3);
+    for (int i = 0; i < 20; i++)
+        choose_step(&brief, ldexp(1, i)); /* a step that shrinks is not brief */
+    assert_true(brief.D == 5 && brief.iterations == 3);
     assert_true(error_estimate(&(step_control){.D = 50}, 1) == 2);
     assert_true(error_estimate(&(step_control){.D = 100}, 1) == 1);
     assert_true(error_estimate(&(step_control){.D = 150}, 1) == 1);

@@ -13,6 +13,7 @@
  */
 typedef struct step_control {
     double D, longest, growth;
+    double brief;      /* below it one iteration is enough */
     int iterations;    /* of CG in each step */
     double rho_before; /* 0: none to compare with */
     bool shrunk;
@@ -31,7 +32,7 @@ static void choose_step(step_control *p, double rho)
     }
     p->rho_before = rho;
     /* The operator is stiffer along the rays the longer D is. */
-    p->iterations = p->D > 100 ? 4 : 3;
+    p->iterations = p->D > 100 ? 4 : p->D < p->brief ? 1 : 3;
 }
 
 /* Coefficients, right-hand side, inner solve: s->w. */
@@ -116,8 +117,10 @@ int dmk_newton(dmk_iteration *o, bool from_distance)
     double change = 1;
     o->loose = !from_distance;
     o->tolerance = opt->tolerance > 0 ? opt->tolerance : DMK_DEFAULT_TOLERANCE;
-    step_control p = {
-        .D = from_distance ? 50 : 1, .longest = 150, .growth = from_distance ? 1.5 : 1.6};
+    step_control p = {.D = from_distance ? 50 : 1,
+                      .longest = 150,
+                      .growth = from_distance ? 1.5 : 1.6,
+                      .brief = o->brief};
     if (!from_distance) DMK_TRY(start_cold(o));
     for (int step = 1; step <= max_steps; step++) {
         if (!o->fresh) DMK_TRY(dmk_iteration_energies(o));
