@@ -592,8 +592,8 @@ typedef struct dmk_traffic {
 } dmk_traffic;
 
 /* Before the first solve: deal the mesh out to ranks. dmk_solve is then collective, and every rank gets all of the
- * result, with the bits that one rank would compute. The distance is the first one's work meanwhile, which the others
- * get from it. NULL: this process has all of it. */
+ * result, with the bits that one rank would compute, but for dmk_result_acl, which the first one has alone. The
+ * distance is the first one's work, too, which the others get from it. NULL: this process has all of it. */
 int dmk_solver_set_ranks(dmk_context *context, dmk_solver *solver, const dmk_ranks *ranks);
 /* The solver takes its mesh over, *mesh becomes NULL: it is freed as soon as it has been put in order, and no more
  * than one solve is possible. With density_only on several ranks no rank then keeps more than its share of the mesh
@@ -667,6 +667,9 @@ typedef struct dmk_locus_info {
  * surface of genus g; with borders, once each border is contracted to a point. */
 int dmk_locus_compute(dmk_context *context, const dmk_mesh *mesh, const dmk_result *result,
                       const dmk_locus_options *options, dmk_locus **locus);
+/* Rank `from`'s cut locus to all ranks, which call this together: *locus is there on that one, and new on the others.
+ * DMK_E_DEVICE when a rank is lost; the locus is not to be used then. */
+int dmk_locus_spread(dmk_context *context, const dmk_ranks *ranks, int from, dmk_locus **locus);
 /* The cut locus of all the geodesics' sources as one set: the points that have several shortest paths to it. Where
  * these lead to two sources, the borders between the cells of points with the same nearest source (Voronoi diagram),
  * with infinite strength; within a cell its source's own, with a strength as for one source. Between any two vertices

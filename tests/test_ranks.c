@@ -26,8 +26,37 @@ typedef struct seat {
     dmk_stats stats;
     dmk_traffic traffic;
     int rc, locus_rc, second_rc;
+    bool same_locus;
     char message[300];
 } seat;
+
+static bool same_locus(const dmk_locus *a, const dmk_locus *b)
+{
+    size_t n, other;
+    const int32_t *from, *to;
+    const dmk_locus_vertex *vertex = dmk_locus_vertices(a, &n);
+    bool same = !memcmp(vertex, dmk_locus_vertices(b, &other), n * sizeof *vertex) && n == other;
+    const dmk_locus_edge *edge = dmk_locus_edges(a, &n);
+    same = same && !memcmp(edge, dmk_locus_edges(b, &other), n * sizeof *edge) && n == other;
+    const int32_t *index = dmk_locus_polylines(a, &from, &n);
+    const int32_t *its = dmk_locus_polylines(b, &to, &other);
+    same = same && n == other && !memcmp(from, to, (n + 1) * sizeof *from);
+    return same && !memcmp(index, its, (size_t)from[n] * sizeof *index);
+}
+
+/* The cut locus that each rank traces against the last one's. */
+static int share_locus(seat *s, dmk_context *ctx, const dmk_ranks *ranks, dmk_locus *own)
+{
+    const int last = ranks->size - 1;
+    dmk_locus *theirs = ranks->rank == last ? own : NULL;
+    if (dmk_locus_spread(ctx, ranks, ranks->size, &theirs) != DMK_E_ARG ||
+        !strstr(dmk_context_message(ctx), "there are"))
+        return DMK_E_CANCELLED;
+    const int rc = dmk_locus_spread(ctx, ranks, last, &theirs);
+    s->same_locus = rc == DMK_OK && same_locus(own, theirs);
+    if (theirs != own) dmk_locus_destroy(&theirs);
+    return rc;
+}
 
 static int solve_on(seat *s, dmk_context *ctx, dmk_device **device, dmk_solver **solver)
 {
@@ -58,6 +87,7 @@ static int solve_on(seat *s, dmk_context *ctx, dmk_device **device, dmk_solver *
     if (rc == DMK_OK) {
         dmk_locus *locus = NULL;
         s->locus_rc = dmk_locus_compute(ctx, s->t->mesh, s->result, NULL, &locus);
+        if (s->locus_rc == DMK_OK) rc = share_locus(s, ctx, &ranks, locus);
         dmk_locus_destroy(&locus);
     }
     return rc;
@@ -100,6 +130,10 @@ static void same_results(const seat *a, const seat *b)
     same_numbers(x, dmk_result_potential(b->result, NULL), n);
     x = dmk_result_potential_mid(a->result, &n);
     same_numbers(x, dmk_result_potential_mid(b->result, NULL), n);
+    const uint8_t *acl = dmk_result_acl(b->result, &n);
+    const bool has_acl = b->m.rank == 0 && dmk_result_acl(a->result, NULL);
+    assert_true(has_acl == (acl != NULL));
+    if (acl) assert_memory_equal(dmk_result_acl(a->result, NULL), acl, n);
     x = dmk_result_distance(a->result, &n);
     if (x) same_numbers(x, dmk_result_distance(b->result, NULL), n);
     same_numbers(&a->stats.cost_exact, &b->stats.cost_exact, 1);
@@ -130,6 +164,7 @@ static void try_ranks(const task *t, int least)
             else if (k == 0)
                 assert_true(20 * sent->overlapped > sent->exchanges);
             same_results(&one[0], &many[k]);
+            assert_true(many[k].same_locus == (t->options.density_only == 0));
             assert_int_equal(many[k].locus_rc, t->options.density_only ? DMK_E_ARG : DMK_OK);
             assert_int_equal(many[k].second_rc, t->given ? DMK_E_ARG : DMK_OK);
             dmk_result_destroy(&many[k].result);

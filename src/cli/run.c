@@ -185,6 +185,13 @@ static int solve_whole(const solve_request *request, solve_run *run)
     return rc == DMK_OK ? gather_ranks(run) : rc;
 }
 
+/* Of several ranks the last one traces the cut locus, while the first one writes the density. */
+static bool traces(const solve_run *run)
+{
+    const dmk_ranks *ranks = cli_ranks();
+    return run->n_ranks == 0 || (ranks && ranks->rank == ranks->size - 1);
+}
+
 int solve_compute(const solve_request *request, solve_run *run)
 {
     dmk_context *context = run->context;
@@ -193,15 +200,37 @@ int solve_compute(const solve_request *request, solve_run *run)
     int rc = request->density_only && run->n_ranks > 0 ? solve_lean(request, run)
                                                        : solve_whole(request, run);
     if (rc != DMK_OK) return solve_fail(run, rc);
-    if (run->n_ranks > 0 && !cli_ranks_first()) return EXIT_OK; /* the first one has all of it */
     dmk_stats stats;
     dmk_result_get_stats(run->result, &stats);
     run->seconds.setup = stats.seconds[DMK_STAGE_SETUP];
-    if (request->density_only) return EXIT_OK;
+    if (request->density_only || !traces(run)) return EXIT_OK;
     double mark = cli_seconds();
     rc = dmk_locus_compute(context, run->mesh, run->result, &request->trace, &run->locus);
     run->seconds.locus = lap(&mark);
     if (rc == DMK_OK) rc = solve_go_on();
+    if (run->n_ranks > 0) {
+        run->locus_rc = rc; /* the others want to know */
+        return EXIT_OK;
+    }
+    return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
+}
+
+/* The last rank's cut locus to all; of its failure it speaks itself. */
+static int take_locus(solve_run *run)
+{
+    const dmk_ranks *ranks = cli_ranks();
+    const int last = ranks->size - 1;
+    int *all = calloc((size_t)ranks->size, sizeof *all);
+    int rc = all ? cli_ranks_gather(&run->locus_rc, all, sizeof *all) : DMK_E_NOMEM;
+    const int theirs = rc == DMK_OK ? all[last] : DMK_OK;
+    free(all);
+    if (rc != DMK_OK) return solve_fail(run, rc);
+    if (theirs != DMK_OK && ranks->rank != last) return cli_exit_code(theirs);
+    if (theirs != DMK_OK) {
+        if (!cli_interrupted()) cli_ranks_speak();
+        return solve_fail(run, theirs);
+    }
+    rc = dmk_locus_spread(run->context, ranks, last, &run->locus);
     return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
 }
 
@@ -210,16 +239,19 @@ int solve_go_on(void)
     return cli_interrupted() ? DMK_E_CANCELLED : DMK_OK;
 }
 
-/* Each file is written under another name first, so that it is whole or not there. */
-int solve_write(const solve_request *request, solve_run *run)
+static int write_result(const solve_request *request, solve_run *run)
 {
-    int rc = solve_go_on(), code = EXIT_OK;
-    double mark = cli_seconds();
-    if (run->n_ranks > 0 && !cli_ranks_first()) return EXIT_OK;
+    int rc = solve_go_on();
     for (int i = 0; i < request->out.n && rc == DMK_OK; i++) {
         rc = dmk_result_write(run->context, run->mesh, run->result, cli_path(request->out.path[i]));
         if (rc == DMK_OK) rc = solve_go_on();
     }
+    return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
+}
+
+static int write_locus(const solve_request *request, solve_run *run)
+{
+    int rc = DMK_OK, code = EXIT_OK;
     for (int i = 0; i < request->locus.n && rc == DMK_OK; i++) {
         rc = dmk_locus_write(run->context, run->locus, cli_path(request->locus.path[i]));
         if (rc == DMK_OK) rc = solve_go_on();
@@ -228,10 +260,27 @@ int solve_write(const solve_request *request, solve_run *run)
         code = solve_tangent(run->locus, request->tangent.path[i]);
         rc = solve_go_on();
     }
+    return rc == DMK_OK ? code : solve_fail(run, rc);
+}
+
+/* Each file is written under another name first, so that it is whole or not there. */
+int solve_write(const solve_request *request, solve_run *run)
+{
+    int code = EXIT_OK;
+    double mark = cli_seconds();
+    const bool first = run->n_ranks == 0 || cli_ranks_first();
+    if (first) code = write_result(request, run);
     run->seconds.write = lap(&mark);
+    if (run->n_ranks > 0 && !request->density_only) {
+        const int theirs = take_locus(run);
+        if (code == EXIT_OK) code = theirs;
+        if (first) run->seconds.locus = lap(&mark);
+    }
+    if (!first || code != EXIT_OK) return code;
+    code = write_locus(request, run);
+    run->seconds.write += lap(&mark);
     run->seconds.total = mark - run->seconds.begin;
     cli_progress_end(&run->progress);
-    if (rc != DMK_OK) return solve_fail(run, rc);
     if (code == EXIT_OK && request->report) code = solve_report(request, run);
     return code;
 }

@@ -57,6 +57,7 @@ typedef struct solve_run {
     solve_rank
         *ranks; /* n_ranks, filled on all of them; n_ranks is 0 where this one solves alone */
     int n_ranks;
+    int locus_rc;      /* on ranks, of the cut locus */
     const char *where; /* of the source, in front of errors: "FILE:LINE: ", or "" */
 } solve_run;
 

@@ -156,19 +156,26 @@ int dmk_ranks_spread_from(dmk_context *ctx, const dmk_ranks *ranks, int from, vo
                           size_t bytes)
 {
     int rc;
+    const bool sends = ranks->rank == from;
+    const void **send = NULL;
+    void **receive = NULL;
     size_t *count = NULL;
-    void *mine = NULL;
     if (ranks->size < 2) return DMK_OK;
-    DMK_TRY(DMK_NEW(ctx, count, (size_t)ranks->size));
-    count[from] = bytes;
-    if (ranks->rank == from) { /* what is sent must not be where it arrives */
-        DMK_TRY(dmk_alloc(ctx, "spread", bytes, 1, &mine));
-        memcpy(mine, data, bytes);
+    const size_t size = (size_t)ranks->size;
+    DMK_TRY(DMK_NEW(ctx, send, size));
+    DMK_TRY(DMK_NEW(ctx, receive, size));
+    DMK_TRY(DMK_NEW(ctx, count, 2 * size));
+    for (int r = 0; r < ranks->size; r++) {
+        send[r] = receive[r] = data;
+        count[r] = sends && r != from ? bytes : 0;
     }
-    DMK_TRY(dmk_ranks_check(ctx, ranks, ranks->gather(ranks->user, mine, data, count)));
+    count[size + (size_t)from] = sends ? 0 : bytes;
+    DMK_TRY(dmk_ranks_check(ctx, ranks,
+                            ranks->exchange(ranks->user, send, count, receive, count + size)));
 done:
+    free(send);
+    free(receive);
     free(count);
-    free(mine);
     return rc;
 }
 

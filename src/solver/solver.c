@@ -614,6 +614,11 @@ static int collect(dmk_context *ctx, dmk_solver *s, const start *near, double th
         r->potential_mid[o->edge_old[e]] = (u[e] - at_source) * sys->unit;
     }
     if (!near->own) goto done;
+    if (!measures(s)) { /* one has it for all, and the last one may trace the cut locus meanwhile */
+        free(r->acl);
+        r->acl = NULL;
+        goto done;
+    }
     for (int32_t t = 0; t < sys->whole.n_elements; t++) mu[t] *= sys->unit;
     for (int32_t i = 0; i < sys->whole.n_rows; i++) u[i] *= sys->unit;
     rc = dmk_solver_mark_acl(ctx, s, threshold, mu, u, r->acl);
