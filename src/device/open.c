@@ -9,6 +9,7 @@
 #include <string.h>
 #include <strings.h>
 #include <sys/resource.h>
+#include <time.h>
 #include <unistd.h>
 
 /* The process that first asked for OpenCL, or 0: the only thing that this library keeps for itself. Drivers
@@ -353,6 +354,21 @@ int dmk_device_owned(dmk_context *ctx, const dmk_device *device)
                     (long)device->owner, (long)getpid());
 }
 
+/* After clFinish threads of PoCL still release the events of what they have done, looking at the queue's device,
+ * and neither the queue nor the context keeps a part of a device: it can go when no event holds the queue any more.
+ * Another driver may hold the queue itself: after a second (in steps of 0.1 ms) that is taken to be so. */
+static void wait_for_events(const dmk_device *dev)
+{
+    const struct timespec step = {.tv_nsec = 100000};
+    cl_uint holders = 2;
+    for (int i = 0; i < 10000 && holders > 1; i++) {
+        if (clGetCommandQueueInfo(dev->queue, CL_QUEUE_REFERENCE_COUNT, sizeof holders, &holders,
+                                  NULL) != CL_SUCCESS)
+            return;
+        if (holders > 1) nanosleep(&step, NULL);
+    }
+}
+
 void dmk_device_destroy(dmk_device **device)
 {
     dmk_device *dev = device ? *device : NULL;
@@ -363,8 +379,10 @@ void dmk_device_destroy(dmk_device **device)
         return;
     }
     dmk_programs_wait(NULL, dev);
-    /* After an error there may be work under way; PoCL does not keep a part of a device for it. */
-    if (dev->queue) clFinish(dev->queue);
+    if (dev->queue) { /* after an error there may be work under way */
+        clFinish(dev->queue);
+        if (dev->is_sub_device) wait_for_events(dev);
+    }
     dmk_buffer_destroy(&dev->shares);
     for (int i = 0; i < dev->n_kernels; i++) clReleaseKernel(dev->kernel[i].cl);
     for (int p = 0; p < DMK_N_PROGRAMS; p++) {
