@@ -553,6 +553,22 @@ static void narrow_heaps(void **state)
 
 /* ---- what is refused -------------------------------------------------------------------------- */
 
+static void equal_measures_move_nothing(void **state)
+{
+    problem p = sphere(*state, 2000);
+    const dmk_measure even = {.uniform = 3};
+    dmk_stats stats;
+    dmk_transport *t;
+    bench_ok(p.b, try_moving(&p, &even, &even, &t));
+    dmk_transport_get_stats(t, &stats);
+    assert_true(stats.cost_upper == 0 && stats.cost_lower == 0 && stats.gap == 0);
+    assert_true(stats.steps == 0 && stats.steep[0] == -1);
+    for (size_t i = 0; i < 3 * problem_triangles(&p); i++)
+        assert_true(dmk_transport_flux(t, NULL)[i] == 0);
+    dmk_transport_destroy(&t);
+    problem_free(&p);
+}
+
 static void bad_measures_are_refused(void **state)
 {
     problem p = problem_file(*state, "tests/data/sphere_1280.off");
@@ -614,6 +630,7 @@ int main(void)
         cmocka_unit_test(many_ways_are_equally_long),
         cmocka_unit_test(runs_give_the_same_bits),
         cmocka_unit_test(narrow_heaps),
+        cmocka_unit_test(equal_measures_move_nothing),
         cmocka_unit_test(bad_measures_are_refused),
         cmocka_unit_test(other_components_and_unused_vertices),
     };

@@ -151,6 +151,22 @@ static void collect_flux(const dmk_solver *s, const double *flux, dmk_transport 
     }
 }
 
+static bool is_zero(const double *f, size_t n)
+{
+    size_t i = 0;
+    while (i < n && f[i] == 0) i++;
+    return i == n;
+}
+
+/* Both measures are the same: nothing is moved, and the result stays as it was created, 0. */
+static int move_nothing(const dmk_solver *s, dmk_transport *r)
+{
+    r->stats.gap = 0;
+    dmk_solver_name_steep(s, &r->stats);
+    dmk_solver_scale_stats(s, r->mass, &r->stats);
+    return DMK_OK;
+}
+
 /* From f on the device's order to the result; seconds of the stages that are not there yet. `set`: the sign of the
  * measure whose atoms have no masses, or 0. */
 static int solve(dmk_context *ctx, dmk_solver *s, const dmk_solve_options *options, const double *f,
@@ -169,6 +185,7 @@ static int solve(dmk_context *ctx, dmk_solver *s, const dmk_solve_options *optio
                        .brief = brief_steps,
                        .stats = &r->stats,
                        .began = began};
+    if (is_zero(f, (size_t)s->system->whole.n_rows_pad)) return move_nothing(s, r);
     DMK_TRY(DMK_NEW(ctx, mu, (size_t)s->system->whole.n_elements_pad));
     DMK_TRY(DMK_NEW(ctx, u, (size_t)s->system->whole.n_rows_pad));
     DMK_TRY(DMK_NEW(ctx, flux, 3 * (size_t)s->order->order.mesh->n_triangles));
