@@ -359,7 +359,9 @@ class CutLocus:
     def w1_matrix(
         self, measures: Sequence[MeasureLike], *, normalise: bool = False, progress: bool = False
     ) -> NDArray[np.float64]:
-        """(k, k) earth mover's distances between all pairs of k measures, symmetric."""
+        """(k, k) earth mover's distances between all pairs of k measures, symmetric.
+
+        An error names the pair: the first measure by its number, then the second."""
         pairs: Any = [(i, j) for i in range(len(measures)) for j in range(i)]
         if progress:
             from tqdm.auto import tqdm
@@ -367,7 +369,11 @@ class CutLocus:
             pairs = tqdm(pairs, unit=" pairs")
         found = np.zeros((len(measures), len(measures)))
         for i, j in pairs:
-            pair = self.transport(measures[i], measures[j], normalise=normalise)
+            try:
+                pair = self.transport(measures[i], measures[j], normalise=normalise)
+            except Error as error:
+                error.args = (f"measures {i} and {j}: {error}",)
+                raise
             found[i, j] = found[j, i] = pair.w1
         return found
 

@@ -117,3 +117,9 @@ def test_matrix_of_twenty_with_progress(sphere, capsys):
     assert np.abs(matrix - exact)[~np.eye(20, dtype=bool)].max() < 0.08
     assert (matrix[:, :, None] <= matrix[:, None, :] + matrix[None] + 0.05).all()
     assert "190" in capsys.readouterr().err
+
+
+def test_matrix_names_the_pair(sphere):
+    even = np.ones(len(sphere.mesh.vertices))
+    with pytest.raises(dmkcl.ArgumentError, match="^measures 2 and 0: the masses differ"):
+        sphere.w1_matrix([even, even, 2 * even])
