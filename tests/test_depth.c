@@ -1,7 +1,9 @@
 /* Exact windows from within: what counts as equally long, and as the same place. Each case fails when its constant is
  * doubled or halved. */
 #include "context.h"
-#include "../src/geodesic/window.c" /* for its static functions; the library's own are then left out */
+#include "../src/geodesic/window.c" /* for their static functions; the library's own are then left out */
+#include "../src/geodesic/lanes.c"
+#include "../src/geodesic/step.c"
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -27,7 +29,7 @@ static void same_length(void **state)
 /* A ray to the vertex above that passes the interval by 1e-11 of its edge is in it. */
 static void same_place(void **state)
 {
-    static const double beside[2] = {0.7e-11, 1.4e-11};
+    static const double off[2] = {0.7e-11, 1.4e-11};
     dmk_mesh *m = unit_square(*state, 1);
     dmk_geodesics *g = from_corner(*state, m, 0);
     for (int i = 0; i < 2; i++) {
@@ -42,8 +44,8 @@ static void same_place(void **state)
         const double length = f->length[0], cx = f->length[2] * f->cosine[1],
                      cy = f->length[2] * f->sine[1], x = 0.5 * length, y = -length;
         const double at = x - (cx - x) * y / (cy - y);
-        const window w = {at + beside[i] * length, length, x, y, 0, 0, 0, ~0};
-        assert_int_equal(step(&me, &w, o, &n), DMK_OK);
+        const window w = {at + off[i] * length, length, x, y, 0, 0, 0, ~0};
+        assert_int_equal(dmk_windows_step(&me, &w, o, &n), DMK_OK);
         assert_int_equal(e.trace[0].half, 0);
         assert_true(isnan(e.trace[0].at) == (i == 1)); /* else around the end */
         worker_free(&me);
@@ -53,8 +55,50 @@ static void same_place(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* All distances and ways, with the loop of any processor or with this one's. */
+static void run_down(dmk_context *ctx, dmk_geodesics *g, bool plain, engine *e)
+{
+    bool any = true;
+    worker me = {.ctx = ctx, .e = e};
+    assert_int_equal(engine_create(ctx, g, e), DMK_OK);
+    assert_int_equal(dmk_lanes_create(ctx, e), DMK_OK);
+    if (plain) e->advance = advance;
+    assert_int_equal(bound(ctx, e), DMK_OK);
+    assert_int_equal(radiate_source(&me, 0), DMK_OK);
+    while (any) {
+        assert_int_equal(run_all(&me), DMK_OK);
+        assert_int_equal(radiate_next(&me, &any), DMK_OK);
+    }
+    worker_free(&me);
+}
+
+/* Whatever the width of the processor's vectors, the bits are the same. */
+static void forms_of_the_loop(void **state)
+{
+    dmk_mesh *m;
+    dmk_surface_options surface;
+    dmk_surface_options_init(&surface, sizeof surface);
+    surface.name = "torus";
+    surface.n_triangles = 4000;
+    assert_int_equal(dmk_mesh_surface(*state, &surface, &m), DMK_OK);
+    dmk_geodesics *g[2] = {from_corner(*state, m, 0), from_corner(*state, m, 0)};
+    engine e[2];
+    for (int i = 0; i < 2; i++) run_down(*state, g[i], i == 0, e + i);
+    for (int32_t v = 0; v < m->n_vertices; v++) {
+        const trace *a = e[0].trace + v, *b = e[1].trace + v;
+        assert_true(g[0]->distance[v] == g[1]->distance[v]);
+        assert_true(a->x == b->x && a->y == b->y && a->turn == b->turn && a->half == b->half);
+    }
+    for (int i = 0; i < 2; i++) {
+        engine_free(e + i);
+        dmk_geodesics_destroy(g + i);
+    }
+    dmk_mesh_destroy(&m);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(same_length), cmocka_unit_test(same_place)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(same_length), cmocka_unit_test(same_place),
+                                       cmocka_unit_test(forms_of_the_loop)};
     return cmocka_run_group_tests(tests, context_setup, context_teardown);
 }

@@ -1,0 +1,226 @@
+/* One step of a window, into the triangle above it: see window.c. */
+#include "geodesic/window.h"
+
+#include "base/base.h"
+
+static const double eps = DMK_SAME_LENGTH;
+
+int dmk_windows_push(worker *me, const window *w)
+{
+    if (me->n_stack == me->capacity) {
+        int rc = DMK_GROW(me->ctx, me->stack, me->n_stack + 1, me->capacity);
+        if (rc != DMK_OK) return rc;
+    }
+    me->stack[me->n_stack++] = *w;
+    return DMK_OK;
+}
+
+static void lock(split *s)
+{
+    uint32_t turn = __atomic_load_n(&s->turn, __ATOMIC_RELAXED);
+    while ((turn & 1) || !__atomic_compare_exchange_n(&s->turn, &turn, turn + 1, true,
+                                                      __ATOMIC_ACQUIRE, __ATOMIC_RELAXED)) {
+        turn = __atomic_load_n(&s->turn, __ATOMIC_RELAXED);
+    }
+}
+
+static void unlock(split *s)
+{
+    __atomic_fetch_add(&s->turn, 1, __ATOMIC_RELEASE);
+}
+
+/* Of equally short ways one, whichever comes first. */
+static bool comes_first(const trace *a, const trace *b)
+{
+    if (a->half != b->half) return a->half > b->half;
+    if (a->root != b->root) return a->root > b->root;
+    return a->turn > b->turn;
+}
+
+int dmk_windows_reach(worker *me, int32_t v, double d, trace t)
+{
+    engine *e = me->e;
+    split *s = e->split + v;
+    if (!(d <= dmk_windows_known(e, v))) return DMK_OK;
+    if (e->shared) lock(s);
+    double before = e->front.d[v];
+    bool better = d < before || (d == before && comes_first(&t, e->trace + v));
+    if (better) {
+        __atomic_store(e->front.d + v, &d, __ATOMIC_RELEASE);
+        __atomic_store(&s->at, &t.at, __ATOMIC_RELEASE);
+        __atomic_store_n(&s->half, t.half, __ATOMIC_RELEASE);
+        e->trace[v] = t;
+    }
+    if (e->shared) unlock(s);
+    if (!better || !e->front.pseudo_source[v] || d == before) return DMK_OK;
+    if (me->n_reached == me->reached_room) {
+        int rc = DMK_GROW(me->ctx, me->reached, me->n_reached + 1, me->reached_room);
+        if (rc != DMK_OK) return rc;
+    }
+    me->reached[me->n_reached++] = (dmk_heap_item){d, v};
+    return DMK_OK;
+}
+
+/* Where the shortest way to v through half-edge `half` crosses it, if it is the shortest of all and shorter than
+ * d; else NaN. */
+static double better_way(const engine *e, int32_t v, int32_t half, double d)
+{
+    double at;
+    const split *s = e->split + v;
+    if (__atomic_load_n(&s->half, __ATOMIC_RELAXED) != half) return NAN;
+    uint32_t turn = __atomic_load_n(&s->turn, __ATOMIC_ACQUIRE);
+    __atomic_load(&s->at, &at, __ATOMIC_ACQUIRE);
+    bool shorter =
+        d > dmk_windows_known(e, v) + eps && __atomic_load_n(&s->half, __ATOMIC_ACQUIRE) == half;
+    bool whole = (turn & 1) == 0 && turn == __atomic_load_n(&s->turn, __ATOMIC_RELAXED);
+    return whole && shorter ? at : NAN;
+}
+
+/* Whether dv and the way to a place from there, r2 its square, is less than base and a way with the
+ * square q2. */
+static inline bool beats(double dv, double r2, double base, double q2)
+{
+    double k = dv + sqrt(r2) - base + eps;
+    return k < 0 || k * k < q2;
+}
+
+/* Whether a window of half-edge `half` with its ends at the squared distances ql, qh of the root is
+ * late at the edge's own ends, d[0] and d[1]. */
+static inline bool late(const window *w, double length, double d0, double d1)
+{
+    double pl = w->lo - w->x, ph = w->hi - w->x, y2 = w->y * w->y;
+    double k1 = d1 + (length - w->lo) - w->base + eps, k0 = d0 + w->hi - w->base + eps;
+    return !(k1 > 0 && k1 * k1 > pl * pl + y2 && k0 > 0 && k0 * k0 > ph * ph + y2);
+}
+
+/* The triangle above a window. */
+typedef struct angle {
+    double length, left, right; /* sides a-b, a-c, c-b */
+    double ca, sa, cb, sb;      /* cosine and sine of the angles at a and b */
+    double cx, cy, at;          /* c; where the ray to it crosses a-b */
+} angle;
+
+/* The part of w through side a-c; the rays reach up to `last` of a-b. */
+static inline bool step_left(const engine *e, const window *w, const dmk_facet *f, const angle *s,
+                             double last, window *o)
+{
+    int k = w->half % 3, k1 = k == 2 ? 0 : k + 1, k2 = k == 0 ? 2 : k - 1;
+    if (f->twin[k2] < 0) return false;
+    const double ny = -w->y;
+    double lo = ny * w->lo / (ny * s->ca - s->sa * (w->lo - w->x));
+    double hi = last >= s->at ? s->left : ny * last / (ny * s->ca - s->sa * (last - w->x));
+    if (hi > s->left || !(hi >= 0)) hi = s->left;
+    if (!(lo >= 0)) lo = 0;
+    if (!(hi - lo > DMK_NO_WIDTH * s->left)) return false;
+    *o = (window){lo,
+                  hi,
+                  w->x * s->ca + w->y * s->sa,
+                  w->y * s->ca - w->x * s->sa,
+                  w->base,
+                  w->turn + f->angle[k1],
+                  f->twin[k2],
+                  w->root};
+    if (!(o->y < 0) ||
+        late(o, s->left, dmk_windows_known(e, f->vertex[k1]), dmk_windows_known(e, f->vertex[k])))
+        return false;
+    double bx = s->length * s->ca - lo, by = s->length * s->sa, pl = lo - o->x;
+    return !beats(dmk_windows_known(e, f->vertex[k2]), bx * bx + by * by, w->base,
+                  pl * pl + o->y * o->y);
+}
+
+/* The part through side c-b, from `first` of a-b on. */
+static inline bool step_right(const engine *e, const window *w, const dmk_facet *f, const angle *s,
+                              double first, window *o)
+{
+    int k = w->half % 3, k1 = k == 2 ? 0 : k + 1, k2 = k == 0 ? 2 : k - 1;
+    if (f->twin[k1] < 0) return false;
+    const double ny = -w->y;
+    double lo = first <= s->at ? s->right
+                               : ny * (s->length - first) / (ny * s->cb + s->sb * (first - w->x));
+    double hi = ny * (s->length - w->hi) / (ny * s->cb + s->sb * (w->hi - w->x)); /* both from b */
+    if (lo > s->right || !(lo >= 0)) lo = s->right;
+    if (!(hi >= 0)) hi = 0;
+    lo = s->right - lo, hi = s->right - hi;
+    if (!(hi - lo > DMK_NO_WIDTH * s->right)) return false;
+    double px = w->x - s->cx, py = w->y - s->cy;
+    *o = (window){lo,
+                  hi,
+                  px * s->cb - py * s->sb,
+                  py * s->cb + px * s->sb,
+                  w->base,
+                  w->turn - f->angle[k2],
+                  f->twin[k1],
+                  w->root};
+    if (!(o->y < 0) ||
+        late(o, s->right, dmk_windows_known(e, f->vertex[k]), dmk_windows_known(e, f->vertex[k2])))
+        return false;
+    double ax = -s->cx * s->cb + s->cy * s->sb - hi, ay = -s->cy * s->cb - s->cx * s->sb,
+           ph = hi - o->x;
+    return !beats(dmk_windows_known(e, f->vertex[k1]), ax * ax + ay * ay, w->base,
+                  ph * ph + o->y * o->y);
+}
+
+/* The ray to the vertex above passes beside the interval, but by so little that a path around its end is no longer:
+ * behind vertices whose angle is 2 pi but for rounding the windows of the two sides part. What a path gets longer by
+ * goes with the square of how far it bends. */
+static int reach_around(worker *me, const window *w, const angle *s, int32_t v)
+{
+    double end = s->at < w->lo ? w->lo : w->hi;
+    if (!(fabs(s->at - end) < sqrt(DMK_SAME_LENGTH) * s->length)) return DMK_OK;
+    double px = s->cx - w->x, py = s->cy - w->y, direct = w->base + sqrt(px * px + py * py);
+    if (!(direct < dmk_windows_known(me->e, v))) return DMK_OK;
+    double d = w->base + hypot(end - w->x, w->y) + hypot(s->cx - end, s->cy);
+    if (d > direct + eps) return DMK_OK;
+    return dmk_windows_reach(me, v, d, (trace){NAN, px, py, w->turn, w->half, w->root});
+}
+
+int dmk_windows_step(worker *me, const window *w, window *o, int *n)
+{
+    const engine *e = me->e;
+    const dmk_facet *f = e->front.facet + w->half / 3;
+    int k = w->half % 3, k1 = k == 2 ? 0 : k + 1, k2 = k == 0 ? 2 : k - 1, rc = DMK_OK;
+    const int32_t v = f->vertex[k];
+    angle s = {f->length[k],
+               f->length[k2],
+               f->length[k1],
+               f->cosine[k1],
+               f->sine[k1],
+               f->cosine[k2],
+               f->sine[k2],
+               0,
+               0,
+               0};
+    s.cx = s.left * s.ca, s.cy = s.left * s.sa;
+    s.at = w->x - (s.cx - w->x) * w->y / (s.cy - w->y);
+    const double slack = DMK_SAME_PLACE * s.length;
+    bool left = w->lo<s.at, right = w->hi> s.at;
+    double last = w->hi, first = w->lo;
+    if (s.at >= w->lo - slack && s.at <= w->hi + slack) {
+        double px = s.cx - w->x, py = s.cy - w->y, d = w->base + sqrt(px * px + py * py);
+        double dv = dmk_windows_known(e, v);
+        if (d <= dv) {
+            rc = dmk_windows_reach(me, v, d, (trace){s.at, px, py, w->turn, w->half, w->root});
+        } else if (d > dv + eps) {
+            double at = better_way(e, v, w->half, d);
+            if (s.at < at - slack)
+                right = false; /* those rays cross the shorter way */
+            else if (s.at > at + slack)
+                left = false;
+        }
+        if (left) last = fmin(w->hi, s.at);
+        if (right) first = fmax(w->lo, s.at);
+    } else {
+        rc = reach_around(me, w, &s, v);
+    }
+    *n = left && step_left(e, w, f, &s, last, o);
+    *n += right && step_right(e, w, f, &s, first, o + *n);
+    return rc;
+}
+
+int dmk_windows_count(worker *me, int64_t n)
+{
+    me->n_made += n;
+    if ((me->n_made & 0xffff) >= n) return DMK_OK;
+    me->e->n_made += 0x10000;
+    return dmk_poll(me->ctx);
+}

@@ -1,0 +1,117 @@
+/* What window.c, lanes.c and step.c share. Internal to src/geodesic. */
+#ifndef DMK_GEODESIC_WINDOW_H
+#define DMK_GEODESIC_WINDOW_H
+
+#include "geodesic/front.h"
+#include "geodesic/heap.h"
+
+#include <math.h>
+#include <stdatomic.h>
+
+/* An interval of a half-edge, all of whose points see the root straight, unfolded at (x, y), y < 0: the last
+ * pseudo-source, or the source. */
+typedef struct window {
+    double lo, hi, x, y;
+    double base; /* length of the path up to the root */
+    double turn; /* direction of the frame's x axis at a source that is the root */
+    int32_t half;
+    int32_t root; /* the pseudo-source, or ~number of the source */
+} window;
+
+/* The path that gave a vertex its distance. */
+typedef struct trace {
+    double at;    /* where it crosses the half-edge */
+    double x, y;  /* from the root to the vertex, in its frame; else directions at source, vertex */
+    double turn;  /* of the window */
+    int32_t half; /* entered last; one of the two below */
+    int32_t root; /* of the window */
+} trace;
+/* Only bounded so far; by no window: inside the source's triangle, or along an edge from the root. */
+enum { UNREACHED = -2, STRAIGHT = -1 };
+
+/* What the rule of one split asks of a vertex, kept apart for the cache. `turn` is odd while it is written. */
+typedef struct split {
+    double at;
+    int32_t half;
+    uint32_t turn;
+} split;
+
+/* All that a step of lanes.c asks of the mesh, in one cache line: into the triangle above a half-edge and out through
+ * the side at its start, the near end, as seen from there; or, mirrored, at its end. Number 2 half + mirrored. */
+typedef struct stride {
+    double side;         /* its length; NaN: a border */
+    double cosine, sine; /* of the angle at the near end */
+    double turn;         /* what the window's turn changes by */
+    double x,
+        y; /* the corner opposite the side in the next triangle, from the near end along the side */
+    int32_t next;   /* the stride on the other side, from the same near end */
+    int32_t corner; /* the vertex at (x, y) */
+    double unused;
+} stride;
+
+struct lanes;
+
+typedef struct engine {
+    dmk_front front;
+    trace *trace;
+    split *split;
+    void *room; /* of `stride` */
+    stride *stride;
+    /* The fastest form of a lanes.c's loop that the processor has. */
+    int (*advance)(const struct engine *e, struct lanes *lanes, int most);
+    dmk_heap pseudo_sources; /* reached, to radiate */
+    bool shared;             /* by several threads at the moment */
+    int64_t limit;           /* of windows */
+    _Atomic int64_t n_made;  /* windows, in pieces of 65,536 */
+} engine;
+
+/* Windows that threads share out among them. */
+typedef struct shares {
+    const window *window;
+    _Atomic bool *taken; /* n; NULL: one thread's */
+    size_t n;
+} shares;
+
+/* A thread's own, in cache lines that no other thread's share: it is written at each step. */
+typedef struct worker {
+    dmk_context *ctx;
+    engine *e;
+    window *stack;
+    size_t n_stack, capacity;
+    const shares *shares;   /* to take from when the stack is empty, or NULL */
+    size_t first, n_tried;  /* of the shares */
+    bool spreads;           /* it takes shares only */
+    dmk_heap_item *reached; /* pseudo-sources */
+    size_t n_reached, reached_room;
+    int64_t n_made;
+    char apart[128];
+} worker;
+
+static inline bool dmk_windows_spent(const engine *e)
+{
+    return e->n_made > e->limit;
+}
+
+/* The distance of v as other threads have left it. */
+static inline double dmk_windows_known(const engine *e, int32_t v)
+{
+    double d;
+    __atomic_load(e->front.d + v, &d, __ATOMIC_ACQUIRE);
+    return d;
+}
+
+/* step.c: a way of length d to vertex v, kept if it is the shortest. */
+int dmk_windows_reach(worker *me, int32_t v, double d, trace t);
+/* Children of w into o[0..1]; the vertex above is reached. *n: how many. */
+int dmk_windows_step(worker *me, const window *w, window *o, int *n);
+int dmk_windows_push(worker *me, const window *w);
+/* n windows more; DMK_E_CANCELLED if the caller wants no more. */
+int dmk_windows_count(worker *me, int64_t n);
+
+/* lanes.c: what the engine needs for it, and its memory back. */
+int dmk_lanes_create(dmk_context *context, engine *e);
+void dmk_lanes_free(engine *e);
+/* Run down the windows on the stack and the shares, `most` steps; the rest is on the stack then. */
+int dmk_lanes_run(worker *me, int64_t most);
+
+#endif
