@@ -472,6 +472,11 @@ WRAP(cl_int, clFinish, cl_command_queue q)
 {
     return __real_clFinish(q);
 }
+WRAP(cl_int, clGetCommandQueueInfo, cl_command_queue q, cl_command_queue_info i, size_t n, void *v,
+     size_t *size)
+{
+    return __real_clGetCommandQueueInfo(q, i, n, v, size);
+}
 WRAP_RELEASE(clReleaseContext, cl_context)
 WRAP_RELEASE(clReleaseCommandQueue, cl_command_queue)
 WRAP_RELEASE(clReleaseMemObject, cl_mem)
