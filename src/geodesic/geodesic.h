@@ -103,6 +103,10 @@ double dmk_full_turn(const dmk_geodesics *g);
 /* From direction a to b, the short way around. */
 double dmk_turn_between(double full, double a, double b);
 
+/* Up to so many triangles distances are exact unless asked otherwise: there windows take less time
+ * than the rest of the run, on smooth meshes too; beyond, their number per edge still grows. */
+enum { DMK_EXACT_TRIANGLES = 300000 };
+
 /* dmk_geodesics_create without a stage of its own and without the argument checks. */
 int dmk_geodesics_compute(dmk_context *context, const dmk_mesh *mesh, size_t n_sources,
                           const dmk_point *source, const dmk_geodesics_options *options,

@@ -90,15 +90,12 @@ static int set_lines(dmk_context *ctx, dmk_geodesics *g, const dmk_geodesics_opt
     return DMK_OK;
 }
 
-/* Up to so many triangles distances are exact unless asked otherwise: there windows take less time
- * than the rest of the run, on smooth meshes too; beyond, their number per edge still grows. */
-enum { exact_triangles = 300000 };
 static const double usual_tolerance = 1e-6;
 
 static int run(dmk_context *ctx, dmk_geodesics *g, const dmk_geodesics_options *o)
 {
     double tolerance = o->tolerance;
-    if (tolerance == 0 && g->mesh->n_triangles > exact_triangles) tolerance = usual_tolerance;
+    if (tolerance == 0 && g->mesh->n_triangles > DMK_EXACT_TRIANGLES) tolerance = usual_tolerance;
     if (o->exact) tolerance = 0;
     g->tolerance = tolerance;
     if (g->n_lines == 0 && tolerance == 0) {

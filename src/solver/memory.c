@@ -1,6 +1,8 @@
 /* What a solve will need, and what there is. */
 #include "solver/memory.h"
 
+#include "geodesic/geodesic.h"
+
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -15,7 +17,8 @@ enum {
     SINGLE_SAVES = 72,
     PER_TRIANGLE_HOST =
         300, /* the mesh as given and in order, geodesics, maps, working space, result */
-    FIXED_HOST = 90 << 20 /* OpenCL drivers with their compilers, the kernels */
+    PER_TRIANGLE_EXACT = 384, /* six strides of exact windows, while the system is packed */
+    FIXED_HOST = 90 << 20     /* OpenCL drivers with their compilers, the kernels */
 };
 
 void dmk_solve_memory(size_t n_triangles, int single_precision, dmk_memory *memory)
@@ -25,6 +28,7 @@ void dmk_solve_memory(size_t n_triangles, int single_precision, dmk_memory *memo
     memory->device = n * (PER_TRIANGLE_PACKED + PER_TRIANGLE_STATE);
     if (single_precision) memory->device -= n * SINGLE_SAVES;
     memory->host = n * PER_TRIANGLE_HOST + FIXED_HOST;
+    if (n <= DMK_EXACT_TRIANGLES) memory->host += n * PER_TRIANGLE_EXACT;
 }
 
 /* The number behind `name` in a file of "name: number kB" lines or, with name "", at its beginning. */
