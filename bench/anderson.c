@@ -55,7 +55,7 @@ static int prepare(bench *b, const char *path, int depth)
     DMK_TRY(dmk_order_create(b->ctx, b->mesh, dmk_mesh_component(b->mesh, (int32_t)p.triangle),
                              &b->order));
     DMK_TRY(dmk_mollify(b->ctx, b->order.mesh, &b->mollified));
-    DMK_TRY(dmk_system_create(b->ctx, b->device, &b->mollified, NULL, &b->sys));
+    DMK_TRY(dmk_system_create(b->ctx, b->device, &b->mollified, &b->sys));
     DMK_TRY(dmk_system_allocate(b->ctx, b->sys));
     b->source = p;
     b->source.triangle = 0;

@@ -204,7 +204,7 @@ static int prepare(bench *b, const char *path)
     DMK_TRY(dmk_device_open(b->ctx, &o, &b->device));
     DMK_TRY(path ? dmk_mesh_read(b->ctx, path, &b->mesh) : quartic(b));
     DMK_TRY(dmk_order_create(b->ctx, b->mesh, 0, &b->order));
-    DMK_TRY(dmk_system_create(b->ctx, b->device, b->order.mesh, NULL, &b->sys));
+    DMK_TRY(dmk_system_create(b->ctx, b->device, b->order.mesh, &b->sys));
     DMK_TRY(dmk_system_allocate(b->ctx, b->sys));
     dmk_system *s = b->sys;
     DMK_TRY(places_of(b, s->slice, s->n_rows_pad, &b->row_places));

@@ -720,7 +720,7 @@ int dmk_system_deal(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh,
     s->whole = dmk_system_counts(device, mesh);
     set_counts(s, mesh);
     packer p = {ctx, device, mesh, s, true};
-    if (ranks)
+    if (dealt)
         DMK_TRY(pack_share(&p, ranks, dealt));
     else
         DMK_TRY(pack_all(&p));
