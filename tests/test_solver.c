@@ -201,20 +201,6 @@ static void gap_tolerance_ends_explicit_steps(void **state)
     problem_free(&p);
 }
 
-/* An inner tolerance that rounding does not allow: CG reaches its limit in each step, and the tenth is the last. */
-static void solves_that_reach_their_limit_end_explicit_steps(void **state)
-{
-    problem p = problem_file(*state, small);
-    p.options.method = DMK_EULER;
-    p.options.cg_tolerance = 1e-60;
-    p.options.max_steps = 10;
-    assert_int_equal(problem_try(&p), DMK_E_DIVERGED);
-    assert_non_null(strstr(dmk_context_message(p.b->ctx), "in step after step"));
-    p.options.max_steps = 9;
-    assert_int_equal(problem_try(&p), DMK_E_LIMIT);
-    problem_free(&p);
-}
-
 static void bad_options_are_refused(void **state)
 {
     problem p = problem_file(*state, small);
@@ -439,7 +425,6 @@ int main(void)
         cmocka_unit_test(a_used_solver_equals_a_fresh_one),
         cmocka_unit_test(after_an_early_end_the_next_solve_is_right),
         cmocka_unit_test(gap_tolerance_ends_explicit_steps),
-        cmocka_unit_test(solves_that_reach_their_limit_end_explicit_steps),
         cmocka_unit_test(bad_options_are_refused),
         cmocka_unit_test(threshold_marks_the_approximate_locus),
         cmocka_unit_test(border_is_solved),

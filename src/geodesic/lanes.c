@@ -324,7 +324,7 @@ static int fill(worker *me, lanes *w, int i, bool *filled)
     int rc = DMK_OK, n;
     window one, o[2];
     *filled = false;
-    while (take(me, &one)) {
+    while (!dmk_windows_spent(me->e) && take(me, &one)) {
         *filled = put(me->e, w, i, &one);
         if (*filled) break;
         DMK_TRY(dmk_windows_step(me, &one, o, &n));
