@@ -31,9 +31,6 @@ typedef struct lanes {
     int32_t root[GROUPS * LANES];
 } lanes;
 
-/* Over the length of the edge: rays so near the corner above are not plain: see reach_around of step.c. */
-static const double beside = 1e-6;
-
 /* ---- strides --------------------------------------------------------------------------------- */
 
 static void make_stride(const dmk_front *front, int32_t half, int mirrored, stride *s)
@@ -126,7 +123,7 @@ WITHIN bool stride_on(const engine *e, group *g, const fields *f)
         const double ray = x - (f->x[i] - x) * y / (f->y[i] - y), below = lo - ray,
                      above = ray - hi;
         const double off = below > 0 ? below : above;
-        const double kind = off >= beside * side ? found : ODD;
+        const double kind = off >= DMK_BESIDE * side ? found : ODD;
         const double state = found == PLAIN ? kind : DROPPED, before = g->state[i];
         g->state[i] = before == PLAIN ? state : before;
         const double end_lo = side - hi, end_hi = side - lo, end_x = side - x;
@@ -268,7 +265,7 @@ static bool put(const engine *e, lanes *all, int i, const window *w)
     const double ray = w->x - (x - w->x) * w->y / (y - w->y);
     const bool mirrored = ray < w->lo;
     const double off = mirrored ? w->lo - ray : ray - w->hi;
-    if (!(off >= beside * length)) return false;
+    if (!(off >= DMK_BESIDE * length)) return false;
     g->lo[lane] = mirrored ? length - w->hi : w->lo;
     g->hi[lane] = mirrored ? length - w->lo : w->hi;
     g->x[lane] = mirrored ? length - w->x : w->x;

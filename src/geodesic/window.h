@@ -36,6 +36,10 @@ typedef struct split {
     uint32_t turn;
 } split;
 
+/* Over the length of the edge: where rays pass the corner above nearer than this, a path around their end may be no
+ * longer (reach_around of step.c), and their step is not plain (lanes.c). The root of DMK_SAME_LENGTH. */
+#define DMK_BESIDE 1e-6
+
 /* All that a step of lanes.c asks of the mesh, in one cache line: into the triangle above a half-edge and out through
  * the side at its start, the near end, as seen from there; or, mirrored, at its end. Number 2 half + mirrored. */
 typedef struct stride {
