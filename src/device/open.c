@@ -379,11 +379,9 @@ void dmk_device_destroy(dmk_device **device)
         return;
     }
     dmk_programs_wait(NULL, dev);
-    if (dev->queue) { /* after an error there may be work under way */
-        clFinish(dev->queue);
-        if (dev->is_sub_device) wait_for_events(dev);
-    }
-    dmk_buffer_destroy(&dev->shares);
+    if (dev->queue) clFinish(dev->queue); /* after an error there may be work under way */
+    dmk_buffer_destroy(&dev->shares);     /* which keeps the last event that wrote to it */
+    if (dev->queue && dev->is_sub_device) wait_for_events(dev);
     for (int i = 0; i < dev->n_kernels; i++) clReleaseKernel(dev->kernel[i].cl);
     for (int p = 0; p < DMK_N_PROGRAMS; p++) {
         if (dev->program[p]) clReleaseProgram(dev->program[p]);
