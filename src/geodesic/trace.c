@@ -45,8 +45,11 @@ struct dmk_tracer {
     sight *sight;
     size_t n_sights, room;
     finish best;
-    double bound, slack; /* nothing longer is of use; lengths that are equal */
+    double bound; /* nothing longer is of use */
 };
+
+/* In units: lengths that are equal. */
+static const double same_length = 1e-11;
 
 /* ---- set-up ---------------------------------------------------------------------------------- */
 
@@ -134,11 +137,19 @@ static bool is_bend(const dmk_geodesics *g, int32_t v)
     return a->source >= 0 && a->source < g->n_sources && g->source[a->source].vertex == v;
 }
 
+/* What may be wrong with the distance at a vertex: merged windows estimate their errors. Not more than that, as ways are
+ * looked for as wide as the root of it: of a million triangles, a vertex whose error is 1e-5 takes 200,000 windows. */
+static inline double doubt(const dmk_geodesics *g, int32_t v)
+{
+    return g->error ? g->error[v] / g->star.unit : 0;
+}
+
 static void finish_at(dmk_tracer *t, finish f, double length)
 {
     const dmk_geodesics *g = t->g;
     f.length = f.key = length;
-    if (f.vertex >= 0 && !is_bend(g, f.vertex)) f.key += t->slack; /* others are better to end at */
+    if (f.vertex >= 0 && !is_bend(g, f.vertex))
+        f.key += same_length + doubt(g, f.vertex); /* others are better to end at */
     if (f.key < t->best.key) t->best = f;
     t->bound = fmin(t->bound, f.key);
 }
@@ -175,14 +186,15 @@ typedef struct behind {
  * more than the way. From both ends of the half-edge that bound falls towards one place and grows behind it, and by
  * less than |X - (x, y)| changes: that place, or the end nearest to it, has the least. From the corner behind,
  * |X - (x, y)| - |X - corner| grows towards the ray through that corner and falls behind it: one of the ends has. */
-static double least(const dmk_tracer *t, const sight *w, const behind *c)
+static double least(const dmk_geodesics *g, const sight *w, const behind *c)
 {
-    const dmk_geodesics *g = t->g;
     const dmk_mesh *m = g->mesh;
     const double unit = g->star.unit, *d = g->distance;
     const double length = m->length[m->triangle_edge[w->half]] / unit;
-    double a = d[m->triangle[dmk_next(w->half)]] / unit,
-           b = d[m->triangle[dmk_previous(w->half)]] / unit;
+    const int32_t first_end = m->triangle[dmk_next(w->half)],
+                  last_end = m->triangle[dmk_previous(w->half)];
+    double a = d[first_end] / unit - doubt(g, first_end),
+           b = d[last_end] / unit - doubt(g, last_end);
     double at = fmin(w->hi, fmax(w->lo, 0.5 * (a - b + length))), x = at - w->x;
     double way = sqrt(x * x + w->y * w->y) + fmax(0, fmax(a - at, b - length + at));
     if (c->vertex < 0) return way;
@@ -190,15 +202,15 @@ static double least(const dmk_tracer *t, const sight *w, const behind *c)
                    sqrt((w->lo - c->x) * (w->lo - c->x) + c->y * c->y);
     double last = sqrt((w->hi - w->x) * (w->hi - w->x) + w->y * w->y) -
                   sqrt((w->hi - c->x) * (w->hi - c->x) + c->y * c->y);
-    return fmax(way, d[c->vertex] / unit + fmin(first, last));
+    return fmax(way, d[c->vertex] / unit - doubt(g, c->vertex) + fmin(first, last));
 }
 
 static int keep(dmk_context *ctx, dmk_tracer *t, sight *w, const behind *c)
 {
     if (w->half < 0 || !(w->y < 0) || !(w->hi - w->lo > 1e-12 * (fabs(w->hi) + fabs(w->lo))))
         return DMK_OK;
-    w->least = least(t, w, c);
-    if (w->least > t->bound + t->slack || t->n_sights >= most_windows) return DMK_OK;
+    w->least = least(t->g, w, c);
+    if (w->least > t->bound + same_length || t->n_sights >= most_windows) return DMK_OK;
     if (t->n_sights == t->room) {
         int rc = DMK_GROW(ctx, t->sight, t->n_sights + 1, t->room);
         if (rc != DMK_OK) return rc;
@@ -258,7 +270,7 @@ static int advance(dmk_context *ctx, dmk_tracer *t, int32_t i)
     angle s;
     const sight w = t->sight[i];
     const dmk_geodesics *g = t->g;
-    if (w.least > t->bound + t->slack) return DMK_OK;
+    if (w.least > t->bound + same_length) return DMK_OK;
     look(g, w.half, &s);
     if (t->n_points > 0) look_for_sources(t, i, &s);
     if (g->n_lines > 0 && w.x >= w.lo && w.x <= w.hi &&
@@ -318,12 +330,8 @@ static int search(dmk_context *ctx, dmk_tracer *t, const dmk_site *site)
     t->best =
         (finish){.length = INFINITY, .key = INFINITY, .window = -1, .vertex = -1, .source = -1};
     t->bound = INFINITY;
-    t->slack =
-        1e-11 + 4 * g->tolerance * g->distance[g->mesh->triangle[3 * site->point.triangle]] / unit;
-    if (site->vertex >= 0) {
-        t->bound = g->distance[site->vertex] / unit + t->slack;
-        if (g->error) t->bound += 2 * g->error[site->vertex] / unit;
-    }
+    if (site->vertex >= 0)
+        t->bound = g->distance[site->vertex] / unit + same_length + doubt(g, site->vertex);
     DMK_TRY(DMK_NEW(ctx, own, (size_t)site->n_sectors + 2));
     size_t n = list_points(g, site, 0, own);
     for (size_t i = 0; i < n; i++) look_around(t, site, own + i);
