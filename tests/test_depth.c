@@ -55,6 +55,37 @@ static void same_place(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* A ray that passes the interval by 1e-6 of its edge goes around its end. The edge is short, so that the path is no
+ * longer for it; its end is at 0 or at the edge's length. */
+static void beside(void **state)
+{
+    static const double off[2] = {0.7e-6, 1.4e-6};
+    dmk_mesh *m = unit_square(*state, 1);
+    dmk_geodesics *g = from_corner(*state, m, 0);
+    for (int i = 0; i < 4; i++) {
+        engine e;
+        window o[2];
+        lanes lane = {0};
+        int n;
+        worker me = {.ctx = *state, .e = &e};
+        assert_int_equal(engine_create(*state, g, &e), DMK_OK);
+        assert_int_equal(dmk_lanes_create(*state, &e), DMK_OK);
+        dmk_facet *f = e.front.facet;
+        for (int k = 0; k < 3; k++) f->length[k] *= 1e-3;
+        const double length = f->length[0], cx = f->length[2] * f->cosine[1],
+                     cy = f->length[2] * f->sine[1], x = 0.5 * length, y = -length;
+        const double at = x - (cx - x) * y / (cy - y), away = off[i % 2] * length;
+        const window w = {i < 2 ? at + away : 0, i < 2 ? length : at - away, x, y, 0, 0, 0, ~0};
+        assert_true(put(&e, &lane, 0, &w) == (i % 2 == 1)); /* nearer, and its step is not plain */
+        assert_int_equal(dmk_windows_step(&me, &w, o, &n), DMK_OK);
+        assert_int_equal(e.trace[0].half, i % 2 == 0 ? 0 : UNREACHED);
+        worker_free(&me);
+        engine_free(&e);
+    }
+    dmk_geodesics_destroy(&g);
+    dmk_mesh_destroy(&m);
+}
+
 /* All distances and ways, with the loop of any processor or with this one's. */
 static void run_down(dmk_context *ctx, dmk_geodesics *g, bool plain, engine *e)
 {
@@ -99,6 +130,7 @@ static void forms_of_the_loop(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(same_length), cmocka_unit_test(same_place),
+                                       cmocka_unit_test(beside),
                                        cmocka_unit_test(forms_of_the_loop)};
     return cmocka_run_group_tests(tests, context_setup, context_teardown);
 }

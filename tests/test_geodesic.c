@@ -924,6 +924,29 @@ static void lines(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* A vertex in the shadow of one that has 9e-11 more than 2 pi around it, too little to bend paths: the windows of
+ * both sides pass it by 0.7e-6 of the last edge. */
+static void behind_a_nearly_flat_vertex(void **state)
+{
+    enum { source, flat, up, down, over, under, behind };
+    const double h = sqrt(9e-11 / 4), half = 32e-6, x = 1 - 50e-6;
+    const double xyz[] = {-1, 0, -h,   0,  0, 0,     0,  1, h, 0, -1,
+                          h,  x, half, -h, x, -half, -h, 1, 0, -h};
+    const int32_t triangle[] = {source, flat, up,    source, down, flat, flat,   over,
+                                up,     flat, under, over,   flat, down, under,  under,
+                                behind, over, over,  behind, up,   down, behind, under};
+    dmk_mesh *m;
+    dmk_context *ctx = *state;
+    assert_int_equal(dmk_mesh_create(ctx, 7, xyz, 8, triangle, &m), DMK_OK);
+    const dmk_point p = {0, {1, 0, 0}};
+    dmk_geodesics *g = run(ctx, m, 1, &p, NULL);
+    const double excess = g->star.total[flat] - 2 * pi;
+    assert_true(excess > 0.8e-10 && excess < 1e-10);
+    assert_true(fabs(g->distance[behind] - 2) < 1e-10);
+    dmk_geodesics_destroy(&g);
+    dmk_mesh_destroy(&m);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -942,6 +965,7 @@ int main(void)
         cmocka_unit_test(any_number_of_threads),
         cmocka_unit_test(another_mesh_of_the_surface),
         cmocka_unit_test(paths_are_the_log_map),
+        cmocka_unit_test(behind_a_nearly_flat_vertex),
         cmocka_unit_test(angles_of_needles),
         cmocka_unit_test(any_triangle_may_be_the_first),
         cmocka_unit_test(values_inside_triangles),

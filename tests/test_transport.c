@@ -569,6 +569,44 @@ static void equal_measures_move_nothing(void **state)
     problem_free(&p);
 }
 
+/* So do those that are equal but for 1e-12 of their masses, scaled or not; what is more is moved. */
+static void rounding_moves_nothing(void **state)
+{
+    problem p = problem_file(*state, "tests/data/sphere_1280.off");
+    static const double off[2] = {0.7e-12, 1.4e-12};
+    const size_t nv = problem_vertices(&p);
+    double *a = calloc(nv, sizeof *a), *b = calloc(nv, sizeof *b);
+    dmk_stats stats;
+    dmk_transport *t;
+    p.options.normalise = 1;
+    for (size_t v = 0; v < nv; v++) {
+        a[v] = 0.1 * (double)(v % 7);
+        b[v] = 3 * a[v];
+    }
+    bench_ok(p.b, try_moving(&p, &(dmk_measure){.vertex_mass = a}, &(dmk_measure){.vertex_mass = b},
+                             &t));
+    dmk_transport_get_stats(t, &stats);
+    assert_true(stats.cost_upper == 0 && stats.gap == 0 && stats.steps == 0);
+    dmk_transport_destroy(&t);
+    memset(a, 0, nv * sizeof *a);
+    memset(b, 0, nv * sizeof *b);
+    for (int i = 0; i < 2; i++) {
+        a[3] = a[600] = b[3] = b[600] = 0.5;
+        a[3] += off[i];
+        a[600] -= off[i];
+        bench_ok(p.b, try_moving(&p, &(dmk_measure){.vertex_mass = a},
+                                 &(dmk_measure){.vertex_mass = b}, &t));
+        dmk_transport_get_stats(t, &stats);
+        print_message("# %g of the mass: %d steps, cost %g\n", off[i], stats.steps,
+                      stats.cost_upper);
+        assert_true((stats.cost_upper > 0) == (i == 1));
+        dmk_transport_destroy(&t);
+    }
+    problem_free(&p);
+    free(a);
+    free(b);
+}
+
 static void bad_measures_are_refused(void **state)
 {
     problem p = problem_file(*state, "tests/data/sphere_1280.off");
@@ -631,6 +669,7 @@ int main(void)
         cmocka_unit_test(runs_give_the_same_bits),
         cmocka_unit_test(narrow_heaps),
         cmocka_unit_test(equal_measures_move_nothing),
+        cmocka_unit_test(rounding_moves_nothing),
         cmocka_unit_test(bad_measures_are_refused),
         cmocka_unit_test(other_components_and_unused_vertices),
     };

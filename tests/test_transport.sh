@@ -38,11 +38,14 @@ check 'one with masses has none' sh -c "! grep -aq 'Name=\"acl\"' '$work/o.vtp'"
 check 'one signed measure' "$tool" transport $mesh --from "$work/signed"
 
 check 'a file of arrays' "$tool" solve $mesh --vertex 3 --out "$work/n.vtp" --out "$work/n.vtu"
+check 'a file without arrays' "$tool" mesh $mesh --out "$work/bare.vtp" --quiet
 check 'an array of points' "$tool" transport $mesh --from "$work/n.vtp:distance" --to uniform --normalise
 by_name() { (cd "$work" && "$OLDPWD/$tool" transport "$OLDPWD/$mesh" --from n.vtp:mu --to uniform --normalise); }
 check 'an array of a file with a short name' by_name
 check 'an array of triangles' "$tool" transport $mesh --from "$work/n.vtu:mu" --to uniform --normalise --report "$work/by_name"
-fails 'an array that is not there' 3 "no array 'nothing'" "$tool" transport $mesh --from "$work/n.vtp:nothing" --to uniform
+fails 'an array that is not there' 3 "no array 'nothing' on points or cells; it has 'u', 'distance', 'mu', 'acl'" \
+    "$tool" transport $mesh --from "$work/n.vtp:nothing" --to uniform
+fails 'no array at all' 3 'it has none of one number each' "$tool" transport $mesh --from "$work/bare.vtp:mu" --to uniform
 fails 'an array of vectors' 3 'several components' "$tool" transport $mesh --from "$work/o.vtp:flux" --to uniform
 check 'a larger mesh' "$tool" mesh sphere --triangles 99000 --out "$work/big.off" --quiet
 check 'and its arrays' "$tool" solve "$work/big.off" --vertex 0 --out "$work/big.vtp" --quiet

@@ -57,14 +57,16 @@ static void warn_of_pieces(dmk_context *context, const char *path, const dmk_mes
     fputc('\n', stderr);
 }
 
+/* Sizes are speed only: a solve of 273,000 triangles has 88,000 page faults, with halves of them 97,000, with the C
+ * library's own 108,000 (and 373 MB for 387). */
 void cli_keep_memory(void)
 {
     mallopt(M_MMAP_THRESHOLD, 64 << 20);
     mallopt(M_TRIM_THRESHOLD, 128 << 20);
 }
 
-/* Of a large mesh all arrays but small ones go back to the system when they are freed: of a million triangles 0.85 kB
- * each are taken then, and 0.98 else. */
+/* Of a large mesh all arrays but small ones go back to the system when they are freed: of a million triangles 832 MB
+ * are taken then, with halves of the sizes 829, with doubles 841, and 949 else, which saves 0.3 of 5.4 s. */
 static void save_memory(const dmk_mesh *mesh)
 {
     enum { LARGE = 500000 }; /* triangles */

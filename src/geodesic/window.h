@@ -37,7 +37,8 @@ typedef struct split {
 } split;
 
 /* Over the length of the edge: where rays pass the corner above nearer than this, a path around their end may be no
- * longer (reach_around of step.c), and their step is not plain (lanes.c). The root of DMK_SAME_LENGTH. */
+ * longer (reach_around of step.c), and their step is not plain (lanes.c). The root of DMK_SAME_LENGTH: with less,
+ * vertices behind one of next to 2 pi are lost (test_geodesic.c), with more some steps are slower. */
 #define DMK_BESIDE 1e-6
 
 /* All that a step of lanes.c asks of the mesh, in one cache line: into the triangle above a half-edge and out through

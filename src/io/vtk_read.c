@@ -274,7 +274,9 @@ int dmk_array_read(dmk_context *ctx, const char *path, const char *name, size_t 
     const dmk_vtk_role role =
         has(&v.tags, DMK_VTK_POINT_DATA) ? DMK_VTK_POINT_DATA : DMK_VTK_CELL_DATA;
     if (!has(&v.tags, role)) {
-        rc = dmk_fail(ctx, DMK_E_FORMAT, "%s: no array '%s' on points or cells", path, name);
+        const char *others = v.tags.others;
+        rc = dmk_fail(ctx, DMK_E_FORMAT, "%s: no array '%s' on points or cells; it has %s", path,
+                      name, *others ? others : "none of one number each");
         goto done;
     }
     for (size_t i = 0; i < v.tags.n_pieces; i++)

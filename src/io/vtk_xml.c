@@ -1,6 +1,7 @@
 #include "io/vtk_xml.h"
 
 #include <expat.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -158,9 +159,29 @@ static const char *tag_end(const walk *w)
     return w->file->data + XML_GetCurrentByteIndex(w->parser) + XML_GetCurrentByteCount(w->parser);
 }
 
+/* One more of the arrays that could have been asked for. Names stand in a message: those with other than plain text
+ * are left out. */
+static void note_array(walk *w, const char **attribute)
+{
+    char one[64];
+    const char *name = find(attribute, "Name"), *parts = find(attribute, "NumberOfComponents");
+    size_t used = strlen(w->tags->others);
+    if (!w->tags->wanted || (w->in != POINT_DATA && w->in != CELL_DATA) || !name) return;
+    if (parts && !is(parts, "1")) return;
+    for (const char *c = name; *c; c++) {
+        if ((unsigned char)*c < ' ' || *c == 127) return;
+    }
+    const int n = snprintf(one, sizeof one, "'%s'", name);
+    if (n <= 2 || n >= (int)sizeof one || strstr(w->tags->others, one)) return;
+    if (used + (size_t)n + sizeof ", " > sizeof w->tags->others) return;
+    if (used > 0) memcpy(w->tags->others + used, ", ", sizeof ", ");
+    strcat(w->tags->others, one);
+}
+
 static void open_array(walk *w, const char **attribute)
 {
     const char *format = find(attribute, "format");
+    note_array(w, attribute);
     const dmk_vtk_role role = find_role(w->in, find(attribute, "Name"), w->tags->wanted);
     if (role == DMK_VTK_N_ROLES || w->tags->n_pieces == 0) return;
     dmk_vtk_values *v = &w->tags->piece[w->tags->n_pieces - 1].values[role];

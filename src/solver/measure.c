@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Masses that differ by less than this part of their sum are equal but for rounding. */
+/* Masses, and measures, that differ by less than this part of their sum are equal but for rounding. */
 static const double balanced = 1e-12;
 
 /* ---- what is refused -------------------------------------------------------------------------- */
@@ -359,7 +359,12 @@ static int balance(dmk_context *ctx, size_t n, bool normalise, double *f, const 
                         "second to be scaled (normalise)",
                         a, b);
     }
-    for (size_t i = 0; i < n; i++) f[i] = f[i] / a - g[i] / b;
+    double moved = 0;
+    for (size_t i = 0; i < n; i++) {
+        f[i] = f[i] / a - g[i] / b;
+        moved += fabs(f[i]);
+    }
+    if (moved < balanced * 2) memset(f, 0, n * sizeof *f); /* of two masses of 1 */
     return DMK_OK;
 }
 

@@ -345,16 +345,24 @@ class CutLocus:
 
         a, b : a `Measure`, or (n,) masses at the vertices. Without b, a is signed: its positive part
         goes to its negative part. Both must have the same mass, unless normalise, which scales b
-        to the mass of a. The other options are those of `solve`.
+        to the mass of a. The other options are those of `solve`; a gap that is asked for and not
+        reached is a warning.
         """
         settings = _options(tolerance=tolerance, gap=gap, max_steps=max_steps)
         settings.normalise = normalise
         watch = Watch(progress)
         try:
             with self._device.use(), Context(watch, self._choice[2]) as context:
-                return solve_measures(self.mesh, self._handle, context, a, b, settings)
+                found = solve_measures(self.mesh, self._handle, context, a, b, settings)
         finally:
             watch.close()
+        if 0 < gap < found.stats["gap"]:
+            warnings.warn(
+                f"the gap is {found.stats['gap']:.2g}, above the {gap:.2g} that was asked for; a smaller "
+                "tolerance may bring it down",
+                stacklevel=2,
+            )
+        return found
 
     def w1_matrix(
         self, measures: Sequence[MeasureLike], *, normalise: bool = False, progress: bool = False

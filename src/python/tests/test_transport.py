@@ -119,6 +119,16 @@ def test_matrix_of_twenty_with_progress(sphere, capsys):
     assert "190" in capsys.readouterr().err
 
 
+def test_a_gap_that_is_not_reached_warns(sphere, recwarn):
+    a, b = dmkcl.Measure(points=[(0, 0, 1)]), dmkcl.Measure(points=[(1, 0, 0)])
+    sphere.transport(a, b)
+    sphere.transport(a, b, gap=0.5)
+    assert not recwarn
+    with pytest.warns(UserWarning, match="the gap is .* above the 1e-09 that was asked for") as warned:
+        sphere.transport(a, b, gap=1e-9)
+    assert warned[0].filename == __file__
+
+
 def test_matrix_names_the_pair(sphere):
     even = np.ones(len(sphere.mesh.vertices))
     with pytest.raises(dmkcl.ArgumentError, match="^measures 2 and 0: the masses differ"):
