@@ -72,24 +72,68 @@ KERNEL element_up(int n, int newton, int vertex_row, global const int *restrict 
     }
 }
 
-/* Second phase: x += P c (ends: a row's two vertices), and x_old = x + step D^-1 (b - A x).
+/* x + P c in block b of the rows: a vertex takes its own value, a midpoint the mean of its ends'. */
+static floatv prolonged(int b, int vertex_row, global const int *ends, global const float *coarse,
+                        global const float *x)
+{
+    GATHERED float *at_end = coarse;
+    const floatv now = LOAD(x, AT(b));
+    if (AT(b) >= vertex_row) return now + LOAD(coarse, AT(b) - vertex_row);
+    const intv i = LOAD(ends, AT_K(b, 0, 2)), j = LOAD(ends, AT_K(b, 1, 2));
+    return now + 0.5f * ((floatv)(GATHER(at_end, i)) + (floatv)(GATHER(at_end, j)));
+}
+
+/* Second phase: x += P c (ends: a midpoint's two vertices), and x_old = x + step D^-1 (b - A x).
  * reads slice, slot, out and coarse (gathered), rhs, inv_diag, ends, x; writes x, x_old
  * moves 4 P + 24 E + 8 R + 4 V + 20 R bytes, 6 E + 6 R flops
  * shape blocks of R */
-KERNEL rows_up(int n, global const int *restrict slice, global const int *restrict slot,
-               GATHERED float *restrict out, global const float *restrict rhs,
-               global const float *restrict inv_diag, global const int *restrict ends,
-               GATHERED float *restrict coarse, global float *restrict x,
-               global float *restrict x_old, float step, volatile global int *shares, int4 launch)
+KERNEL rows_up(int n, int vertex_row, global const int *restrict slice,
+               global const int *restrict slot, GATHERED float *restrict out,
+               global const float *restrict rhs, global const float *restrict inv_diag,
+               global const int *restrict ends, global const float *restrict coarse,
+               global float *restrict x, global float *restrict x_old, float step,
+               volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
+        const floatv now = prolonged(b, vertex_row, ends, coarse, x);
         const realv a = row_sum(slice, slot, out, b);
-        const intv i = LOAD(ends, AT_K(b, 0, 2)), j = LOAD(ends, AT_K(b, 1, 2));
-        const floatv now =
-            LOAD(x, AT(b)) + 0.5f * ((floatv)(GATHER(coarse, i)) + (floatv)(GATHER(coarse, j)));
         STORE(now, x, AT(b));
         STORE(now + step * LOAD(inv_diag, AT(b)) * (LOAD(rhs, AT(b)) - a), x_old, AT(b));
+    }
+}
+
+/* The same where that step is the cycle's last: its result z alone, and with it the sums r.z and Ap.z
+ * of conjugate gradients, r = rhs, and beta of them.
+ * reads slice, slot, out and coarse (gathered), rhs, inv_diag, ends, x, ap; writes x_old, scalars
+ * moves 4 P + 24 E + 8 R + 4 V + 20 R bytes, 6 E + 10 R flops
+ * shape blocks of R; numerics the sums in sum_t, in the order of parts */
+KERNEL rows_up_dots(int n, int first, int vertex_row, global const int *restrict slice,
+                    global const int *restrict slot, GATHERED float *restrict out,
+                    global const float *restrict rhs, global const float *restrict inv_diag,
+                    global const int *restrict ends, global const float *restrict coarse,
+                    global const float *restrict x, global float *restrict x_old, float step,
+                    global const float *restrict ap, volatile global sum_t *partial, int at,
+                    global sum_t *restrict scalars, volatile global int *done,
+                    volatile global int *shares, int4 launch)
+{
+    local group_memory group;
+    const sums s = {partial, scalars, done, &group, at, launch.s3};
+    FOR_PARTS(part, shares, launch)
+    {
+        sumv rz = 0, apz = 0;
+        FOR_PART_BLOCKS(b, n, part)
+        {
+            const floatv now = prolonged(b, vertex_row, ends, coarse, x), r = LOAD(rhs, AT(b));
+            const realv a = row_sum(slice, slot, out, b);
+            const floatv next = now + step * LOAD(inv_diag, AT(b)) * (r - a);
+            STORE(next, x_old, AT(b));
+            rz += TO_SUM(r) * TO_SUM(next);
+            apz += TO_SUM(LOAD(ap, AT(b))) * TO_SUM(next);
+        }
+        leave_sum(s, 0, part, rz);
+        leave_sum(s, 1, part, apz);
+        cg_beta_of(s, first, is_last_part(s));
     }
 }
 
@@ -497,12 +541,25 @@ KERNEL edges_from_triangles(int n, global const int *restrict slot,
     }
 }
 
+/* A number of half precision, for a GPU by its own instruction. Drivers of CPUs may write vload_half out in a dozen
+ * and more; here the bits go where single precision has them, and the exponent is set right: exact for all that is
+ * finite. */
+static float half_at(global const half *p, int i)
+{
+#if DMK_CPU
+    const int bits = ((global const ushort *)p)[i];
+    return as_float((bits & 0x8000) << 16 | (bits & 0x7fff) << 13) * 0x1p112f;
+#else
+    return vload_half((size_t)i, p);
+#endif
+}
+
 /* Edge i of the coarser level. */
 static float edge_sum(int i, global const int *row, global const int *fine, global const half *coef,
                       global const float *fine_edge)
 {
     float sum = 0;
-    for (int j = row[i]; j < row[i + 1]; j++) sum += vload_half((size_t)j, coef) * fine_edge[fine[j]];
+    for (int j = row[i]; j < row[i + 1]; j++) sum += half_at(coef, j) * fine_edge[fine[j]];
     return sum;
 }
 

@@ -204,6 +204,45 @@ static void v_cycle_is_symmetric_and_contracts(void **state)
     free(e);
 }
 
+/* With either number of smoothing steps Newton's cycle finds what conjugate gradients go on with; here its matrix is
+ * A. One step leaves more of the error than two, and not all of it. */
+static void cycles_of_newton_find_the_sums(void **state)
+{
+    fixture *x = *state;
+    dmk_system *s = x->sys;
+    double left[3];
+    prepare(x);
+    double *v = random_rows(x), *r = apply(x, v), *ap = random_rows(x),
+           *z = calloc(x->n, sizeof *z);
+    for (int degree = 1; degree <= 2; degree++) {
+        s->newton_degree = degree;
+        ok(x, dmk_buffer_clear(x->ctx, x->dev, s->rank_one,
+                               6 * sizeof(float) * (size_t)s->n_elements_pad));
+        double sums[5] = {3, 0, 0.7, 0, 0}; /* r.z before, and alpha */
+        ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_INNER, s->cg[DMK_INNER].r, x->n, r));
+        ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_INNER, s->cg[DMK_INNER].ap, x->n, ap));
+        ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, s->state, 5, sums));
+        ok(x, dmk_v_cycle(x->ctx, s, DMK_NEWTON_MATRIX, s->cg[DMK_INNER].r,
+                          (dmk_cycle){.dots = true}));
+        ok(x, dmk_buffer_read_real(x->ctx, x->dev, DMK_INNER, s->x_old, x->n, z));
+        ok(x, dmk_buffer_read_real(x->ctx, x->dev, DMK_OUTER, s->state, 5, sums));
+        const double rz = dot(x->n, r, z), beta = -0.7 * dot(x->n, ap, z) / 3;
+        assert_true(fabs(sums[0] - rz) <= 1e-5 * fabs(rz));
+        assert_true(fabs(sums[3] - beta) <= 1e-5 * sqrt(dot(x->n, ap, ap) * dot(x->n, z, z)));
+        prepare(x); /* A's weights lie where rank_one was */
+        for (size_t i = 0; i < x->n; i++) z[i] = v[i] - z[i];
+        double *e = apply(x, z);
+        left[degree] = sqrt(dot(x->n, z, e) / dot(x->n, v, r));
+        free(e);
+    }
+    if (!(left[2] < left[1] && left[1] < 0.4))
+        fail_msg("one step leaves %.3f of the energy error, two %.3f", left[1], left[2]);
+    free(v);
+    free(r);
+    free(ap);
+    free(z);
+}
+
 static void two_runs_give_the_same_bits(void **state)
 {
     fixture *x = *state;
@@ -288,6 +327,7 @@ int main(void)
         BOTH(operator_equals_dense),
         BOTH(operator_is_symmetric_with_constants_in_its_null_space),
         BOTH(v_cycle_is_symmetric_and_contracts),
+        BOTH(cycles_of_newton_find_the_sums),
         BOTH(two_runs_give_the_same_bits),
         BOTH(every_part_is_done_once),
         BOTH(listed_parts_alone_are_done),

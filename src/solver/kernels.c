@@ -25,6 +25,7 @@ enum { IN_INNER = 1 << DMK_INNER, IN_OUTER = 1 << DMK_OUTER, IN_BOTH = IN_INNER 
     X(element_down, IN_INNER)                                                                      \
     X(element_up, IN_INNER)                                                                        \
     X(rows_up, IN_INNER)                                                                           \
+    X(rows_up_dots, IN_INNER)                                                                      \
     X(rows_chebyshev_dots, IN_INNER)                                                               \
     X(graph_residual, IN_INNER)                                                                    \
     X(graph_chebyshev, IN_INNER)                                                                   \
@@ -364,9 +365,24 @@ done:
 int dmk_rows_up(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, dmk_buffer *x,
                 dmk_buffer *x_old, double step)
 {
-    return RUN(DMK_INNER, rows_up, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->slice), DMK_BUF(s->slot),
-               DMK_BUF(s->out), DMK_BUF(rhs), DMK_BUF(s->inv_diag), DMK_BUF(s->ends),
-               DMK_BUF(s->level[0].x_old), DMK_BUF(x), DMK_BUF(x_old), DMK_FLOAT(step));
+    return RUN(DMK_INNER, rows_up, rows(s), DMK_INT(s->n_rows), DMK_INT(s->vertex_row),
+               DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out), DMK_BUF(rhs),
+               DMK_BUF(s->inv_diag), DMK_BUF(s->ends), DMK_BUF(s->level[0].x_old), DMK_BUF(x),
+               DMK_BUF(x_old), DMK_FLOAT(step));
+}
+
+int dmk_rows_up_dots(dmk_context *ctx, dmk_system *s, bool first, const dmk_buffer *x,
+                     dmk_buffer *x_old, double step)
+{
+    int rc;
+    DMK_TRY(RUN(DMK_INNER, rows_up_dots, rows(s), DMK_INT(s->n_rows), DMK_INT(first),
+                DMK_INT(s->vertex_row), DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out),
+                DMK_BUF(s->cg[DMK_INNER].r), DMK_BUF(s->inv_diag), DMK_BUF(s->ends),
+                DMK_BUF(s->level[0].x_old), DMK_BUF(x), DMK_BUF(x_old), DMK_FLOAT(step),
+                DMK_BUF(s->cg[DMK_INNER].ap), SUMS(1, s->state)));
+    rc = finish_beta(ctx, s, DMK_INNER, first);
+done:
+    return rc;
 }
 
 int dmk_graph_residual(dmk_context *ctx, dmk_system *s, int32_t level, const dmk_buffer *x)

@@ -63,6 +63,9 @@ int dmk_restrict_rows(dmk_context *context, dmk_system *s, const dmk_buffer *rhs
 int dmk_element_up(dmk_context *context, dmk_system *s, dmk_operator op, const dmk_buffer *x);
 int dmk_rows_up(dmk_context *context, dmk_system *s, const dmk_buffer *rhs, dmk_buffer *x,
                 dmk_buffer *x_old, double step);
+/* The same to rhs cg[DMK_INNER].r, of x_old only, and dmk_cg_dots of it; x stays. */
+int dmk_rows_up_dots(dmk_context *context, dmk_system *s, bool first, const dmk_buffer *x,
+                     dmk_buffer *x_old, double step);
 /* dmk_rows_chebyshev to rhs cg[DMK_INNER].r, and dmk_cg_dots of its result. */
 int dmk_rows_chebyshev_dots(dmk_context *context, dmk_system *s, bool first, const dmk_buffer *x,
                             dmk_buffer *x_old, dmk_chebyshev_step c);

@@ -159,18 +159,22 @@ int dmk_v_cycle(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_buff
 {
     int rc = DMK_OK;
     iterates x = {s->x, s->x_old};
-    /* Newton's few loose iterations gain nothing from a higher degree. */
-    chebyshev fine = polynomial(op == DMK_STIFFNESS ? s->fine_degree : 2), coarse = polynomial(2);
+    chebyshev fine = polynomial(op == DMK_STIFFNESS ? s->fine_degree : s->newton_degree),
+              coarse = polynomial(2);
+    const dmk_cycle *dots = cycle.dots ? &cycle : NULL;
     if (!cycle.begun) DMK_TRY(dmk_smooth_first(ctx, s, rhs, fine.first));
     DMK_TRY(smooth(ctx, s, op, rhs, &fine, true, NULL, &x));
     DMK_TRY(dmk_element_down(ctx, s, op, x.now));
     DMK_TRY(dmk_restrict_rows(ctx, s, rhs, coarse.first));
     DMK_TRY(graph_cycle(ctx, s, 0, &coarse));
     DMK_TRY(dmk_element_up(ctx, s, op, x.now));
-    DMK_TRY(dmk_rows_up(ctx, s, rhs, x.now, x.old, fine.first));
+    if (dots && fine.degree == 1)
+        DMK_TRY(dmk_rows_up_dots(ctx, s, dots->first, x.now, x.old, fine.first));
+    else
+        DMK_TRY(dmk_rows_up(ctx, s, rhs, x.now, x.old, fine.first));
     swap(&x);
     /* As many steps again, so x ends in x_old whatever the degree. */
-    DMK_TRY(smooth(ctx, s, op, rhs, &fine, false, cycle.dots ? &cycle : NULL, &x));
+    DMK_TRY(smooth(ctx, s, op, rhs, &fine, false, dots, &x));
 done:
     return rc;
 }

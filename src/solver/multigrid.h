@@ -1,4 +1,5 @@
-/* The V(2,2)-cycle that preconditions A(mu) and Newton's M; in single precision on the device. */
+/* The V-cycle that preconditions A(mu) and Newton's M, with one to three smoothing steps on T/2 and two on the other
+ * levels before and after; in single precision on the device. */
 #ifndef DMK_MULTIGRID_H
 #define DMK_MULTIGRID_H
 

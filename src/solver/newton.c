@@ -14,10 +14,14 @@
 typedef struct step_control {
     double D, longest, growth;
     double brief;      /* below it one iteration is enough */
+    double light;      /* and up to this one smoothing step */
     int iterations;    /* of CG in each step */
     double rho_before; /* 0: none to compare with */
     bool shrunk;
 } step_control;
+
+/* The operator is stiffer along the rays the longer D is. */
+static const double stiff = 100;
 
 static void choose_step(step_control *p, double rho)
 {
@@ -31,8 +35,16 @@ static void choose_step(step_control *p, double rho)
         }
     }
     p->rho_before = rho;
-    /* The operator is stiffer along the rays the longer D is. */
-    p->iterations = p->D > 100 ? 4 : p->D < p->brief ? 1 : 3;
+    p->iterations = p->D > stiff ? 4 : p->D < p->brief ? 1 : 3;
+}
+
+/* Where one smoothing step before and after is as good as two: between measures, until D is long, on a mesh without
+ * small angles. 66 pairs on eleven of these take 16.2 steps for 16.7 and 51 iterations for 53, each for 0.7 of the
+ * time; 26 on six with thinner triangles would take 22.6 for 18.4. */
+static double light_until(const dmk_iteration *o, bool from_distance)
+{
+    const double cot_20 = 2.747; /* of an angle of 20 degrees */
+    return !from_distance && o->sys->sharpest < cot_20 ? stiff : 0;
 }
 
 /* Coefficients, right-hand side, inner solve: s->w. */
@@ -46,6 +58,8 @@ static int solve_step(dmk_iteration *o, double alpha, const step_control *p)
     DMK_TRY(dmk_newton_diagonal(o->ctx, s));
     DMK_TRY(dmk_multigrid_refresh(o->ctx, s));
     DMK_TRY(dmk_buffer_clear(o->ctx, s->device, s->w, vector));
+    /* Few loose iterations gain nothing from a higher degree. */
+    s->newton_degree = p->D > p->light ? 2 : 1;
     DMK_TRY(dmk_pcg(o->ctx, s, DMK_INNER, DMK_NEWTON_MATRIX, s->w, p->iterations, 0, 0,
                     &o->stats->cg_iterations));
     o->stats->v_cycles += o->stats->cg_iterations - before;
@@ -120,7 +134,8 @@ int dmk_newton(dmk_iteration *o, bool from_distance)
     step_control p = {.D = from_distance ? 50 : 1,
                       .longest = 150,
                       .growth = from_distance ? 1.5 : 1.6,
-                      .brief = o->brief};
+                      .brief = o->brief,
+                      .light = light_until(o, from_distance)};
     if (!from_distance) DMK_TRY(start_cold(o));
     for (int step = 1; step <= max_steps; step++) {
         if (!o->fresh) DMK_TRY(dmk_iteration_energies(o));

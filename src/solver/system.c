@@ -717,6 +717,7 @@ int dmk_system_deal(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh,
     for (int32_t t = 0; t < mesh->n_triangles; t++) area += mesh->area[t];
     s->unit = sqrt(area);
     s->fine_degree = share_of_needles(mesh, &s->sharpest) > 0.05 ? 3 : 2;
+    s->newton_degree = 2;
     s->whole = dmk_system_counts(device, mesh);
     set_counts(s, mesh);
     packer p = {ctx, device, mesh, s, true};

@@ -45,9 +45,10 @@ typedef struct dmk_system {
     dmk_share *share; /* NULL: all is the whole mesh's */
     dmk_counts whole; /* of host vectors over the whole mesh */
     int32_t n_elements, n_elements_pad, n_edges, n_vertices, vertex_row, n_rows, n_rows_pad;
-    double sharpest; /* largest cotangent, of either sign */
-    int fine_degree; /* of the smoother on T/2: 2, or 3 on meshes with many needles */
-    double unit;     /* length of one unit of the packed problem, in the mesh's unit */
+    double sharpest;   /* largest cotangent, of either sign */
+    int fine_degree;   /* of the smoother on T/2: 2, or 3 on meshes with many needles */
+    int newton_degree; /* the same for Newton's matrix: 1 or 2, as its steps want it (newton.c) */
+    double unit;       /* length of one unit of the packed problem, in the mesh's unit */
 
     /* The mesh: see operator.cl. real = the outer program's type. */
     dmk_buffer *index;        /* 6 per element */
