@@ -61,7 +61,10 @@ static void *sit(void *argument)
     for (int method = DMK_NEWTON; method <= (s->m.all ? DMK_NEWTON : DMK_EULER); method++) {
         solve(solver, &source, (dmk_method)method, DMK_START_DISTANCE);
     }
-    if (!s->m.all) solve(solver, &source, DMK_EULER, DMK_START_UNIFORM);
+    if (!s->m.all) {
+        solve(solver, &source, DMK_EULER, DMK_START_UNIFORM);
+        solve(solver, &source, DMK_NEWTON, DMK_START_UNIFORM); /* with one smoothing step, too */
+    }
     dmk_solver_destroy(&solver);
     dmk_mesh_destroy(&mesh);
     dmk_device_destroy(&device);
