@@ -1,4 +1,4 @@
-# All checks, one after another, and a table of them: what was tried, how often, how much of it failed,
+# All checks, in two rows side by side, and a table of them: what was tried, how often, how much of it failed,
 # in how many seconds. Logs: build/checks/NAME.log. ONLY='NAME ...' takes these alone.
 # CHECK_SHORT=1: what continuous integration has time for, the tests beside the tools; the last line
 # counts it all.
@@ -37,19 +37,21 @@ row() { # NAME WHAT COMMAND...
 script() { row "$1" "$2" env DMKCL_BUILD="$build" bash "tests/checks/$1.sh"; }
 # What the tests themselves do in short.
 long() { [ "$short" ] || "$@"; }
-# Rows that run beside the others in short.
+# Rows that run beside the others.
 beside() {
     row tests 'all tests' make -s test
     script thread 'own threads under ThreadSanitizer'
     script valgrind 'the tool under memcheck'
+    long script sanitize 'tests under ASan and UBSan'
+    long script coverage 'share of lines that tests run, above a floor'
 }
 
 head -n 1 "$table"
 if [ "$short" ]; then
     # The tests replay fuzzing drivers with this build, which `sanitize` uses too.
     ! wanted tests || make -s -j"$(nproc)" CONFIG=sanitize tests replayers > "$logs/sanitize.log" 2>&1
-    beside &
 fi
+beside &
 script headers 'headers alone, in C99, C11, C17, C++98 to C++20'
 long script layers 'which folder knows which'
 script mutate 'small wrong changes of the sources that a test notices'
@@ -58,9 +60,7 @@ script format 'form of the sources, by clang-format and rules'
 script compilers 'C files by gcc and clang, warnings are errors'
 script cppcheck 'C files by cppcheck'
 long script tidy 'C files by clang-tidy'
-long beside
-script sanitize "${short:+C }tests under ASan and UBSan"
-long script coverage 'share of lines that tests run, above a floor'
+[ -z "$short" ] || script sanitize 'C tests under ASan and UBSan'
 script kernels 'kernels as native code under ASan and UBSan'
 script oclgrind 'kernels under Oclgrind: races, bounds, wrong calls'
 long row fuzz 'executions of fuzzing drivers, all readers' make -s fuzz FUZZ_SECONDS="${FUZZ_SECONDS:-60}"

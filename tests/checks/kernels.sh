@@ -13,8 +13,9 @@ sources=$(find src -name '*.c' ! -path 'src/cli/*' ! -path 'src/python/*' | sort
 sanitize='-g -O1 -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
     -shared-libsan'
 "$build/dmkcl" mesh sphere --triangles 320 --source 0,0,1 --out "$work/gpu.off" --quiet || exit 1
-# Large enough for the CPU shape to share the work among threads, and for two ranks.
-"$build/dmkcl" mesh sphere --triangles 2400 --source 0,0,1 --out "$work/cpu.off" --quiet || exit 1
+# Large enough for the CPU shape to share the work among threads, and for two ranks: each has a chunk of vertices
+# at least, and a chunk is up to 256 blocks of 8, by the size of the processor's first cache.
+"$build/dmkcl" mesh sphere --triangles 9000 --source 0,0,1 --out "$work/cpu.off" --quiet || exit 1
 clang $flags -Itests $sanitize -w -rdynamic tests/checks/solve.c tests/checks/native/opencl.c $sources \
     "$build/kernels.c" -o "$work/solve" -ldl ${libs/-lOpenCL/} \
     -Wl,-rpath,"$(dirname "$(clang -print-file-name=libclang_rt.asan-x86_64.so)")" || exit 1
