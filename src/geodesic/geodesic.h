@@ -40,8 +40,6 @@ typedef struct dmk_star {
 
 int dmk_star_create(dmk_context *context, const dmk_mesh *mesh, dmk_star *star);
 void dmk_star_free(dmk_star *star);
-/* *half: n_edges, the first half-edge of each edge; the caller frees it. */
-int dmk_mesh_halves(dmk_context *context, const dmk_mesh *mesh, int32_t **half);
 /* *loop: n_vertices, the border loop of each border vertex, counted from 0 to *n_loops, -1 inside; the caller frees
  * it. parent: n_vertices, for the work. */
 int dmk_star_loops(dmk_context *context, const dmk_mesh *mesh, const dmk_star *star,

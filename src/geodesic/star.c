@@ -147,14 +147,6 @@ void dmk_star_free(dmk_star *s)
     memset(s, 0, sizeof *s);
 }
 
-int dmk_mesh_halves(dmk_context *ctx, const dmk_mesh *m, int32_t **half)
-{
-    int rc = DMK_NEW(ctx, *half, (size_t)m->n_edges);
-    if (rc != DMK_OK) return rc;
-    for (int32_t h = 3 * m->n_triangles - 1; h >= 0; h--) (*half)[m->triangle_edge[h]] = h;
-    return DMK_OK;
-}
-
 int dmk_star_loops(dmk_context *ctx, const dmk_mesh *m, const dmk_star *star, int32_t *parent,
                    int32_t **loop, int32_t *n_loops)
 {

@@ -84,9 +84,14 @@ static bool parts_cells(const dmk_geodesics *g, int32_t e)
     return g->arrival[v[0]].source != g->arrival[v[1]].source;
 }
 
+/* Of the half-edges of an edge, the first. */
+static bool is_first(const dmk_geodesics *g, int32_t h)
+{
+    return g->star.twin[h] < 0 || h < g->star.twin[h];
+}
+
 typedef struct jumps {
     const dmk_geodesics *geodesics;
-    const int32_t *half; /* n_edges: one half-edge of each edge */
     double unit;
     dmk_keyed *edge;
 } jumps;
@@ -96,8 +101,10 @@ typedef struct jumps {
 static void find_jumps(int32_t begin, int32_t end, void *data)
 {
     jumps *j = data;
-    for (int32_t e = begin; e < end; e++) {
-        const float jump = (float)(dmk_jump(j->geodesics, j->half[e]) / j->unit);
+    for (int32_t h = begin; h < end; h++) {
+        if (!is_first(j->geodesics, h)) continue;
+        const int32_t e = j->geodesics->mesh->triangle_edge[h];
+        const float jump = (float)(dmk_jump(j->geodesics, h) / j->unit);
         uint32_t bits;
         memcpy(&bits, &jump, sizeof bits);
         if (parts_cells(j->geodesics, e)) bits |= UINT32_C(1) << 31;
@@ -105,29 +112,40 @@ static void find_jumps(int32_t begin, int32_t end, void *data)
     }
 }
 
-/* Where the families of both ends are equally long: by bisection and false position. */
+/* Where the families of both ends are equally long: by Newton's method from where their images are equally far, by
+ * bisection where that leaves the bracket or does not end. */
 static double meeting(const dmk_image *a, const dmk_image *b, double length)
 {
-    double lo = 0, hi = length, flo = dmk_image_length(a, 0, 0) - dmk_image_length(b, 0, 0);
-    double fhi = dmk_image_length(a, length, 0) - dmk_image_length(b, length, 0);
+    double lo = 0, hi = length;
+    const double small = 1e-12 * length;
+    const double flo = dmk_image_length(a, 0, 0) - dmk_image_length(b, 0, 0);
+    const double fhi = dmk_image_length(a, length, 0) - dmk_image_length(b, length, 0);
     if (flo >= 0) return 0; /* the start's own family is not the shorter one there */
     if (fhi <= 0) return length;
-    for (int i = 0; i < 60 && hi - lo > 1e-12 * length; i++) {
-        double x = i % 3 == 2 ? 0.5 * (lo + hi) : lo - flo * (hi - lo) / (fhi - flo);
-        const double f = dmk_image_length(a, x, 0) - dmk_image_length(b, x, 0);
-        if (f == 0) return x;
+    double x = 0.5 * (b->x * b->x + b->y * b->y - a->x * a->x - a->y * a->y) / (b->x - a->x);
+    if (!(x > 0 && x < length)) x = -flo * length / (fhi - flo);
+    for (int i = 0; i < 60; i++) {
+        const double la = dmk_image_length(a, x, 0), lb = dmk_image_length(b, x, 0), f = la - lb;
+        if (f == 0) break;
         if (f < 0)
-            lo = x, flo = f;
+            lo = x;
         else
-            hi = x, fhi = f;
+            hi = x;
+        const double slope = (x - a->x) / (la - a->before) - (x - b->x) / (lb - b->before);
+        double next = x - f / slope;
+        if (!(i < 10 && next > lo && next < hi)) next = 0.5 * (lo + hi);
+        const bool ends = fabs(next - x) <= small;
+        x = next;
+        if (ends) break;
     }
-    return 0.5 * (lo + hi);
+    return x < small ? 0 : x > length - small ? length : x; /* not beside where a family begins */
 }
 
 double dmk_meeting_angle(const dmk_image *a, const dmk_image *b, double x, double y)
 {
-    const double ax = a->x - x, ay = a->y - y, bx = b->x - x, by = b->y - y;
-    if (fmin(hypot(ax, ay), hypot(bx, by)) < 1e-9 * hypot(a->x - b->x, a->y - b->y)) return 0;
+    const double ax = a->x - x, ay = a->y - y, bx = b->x - x, by = b->y - y, cx = ax - bx,
+                 cy = ay - by;
+    if (fmin(ax * ax + ay * ay, bx * bx + by * by) < 1e-18 * (cx * cx + cy * cy)) return 0;
     return fabs(atan2(ax * by - ay * bx, ax * bx + ay * by));
 }
 
@@ -162,32 +180,30 @@ typedef struct crossings {
 static void set_range(int32_t begin, int32_t end, void *data)
 {
     const crossings *c = data;
-    for (int32_t i = begin; i < end; i++)
-        set_crossing(c->cotree->geodesics, c->loop, c->cotree->crossing[i].half,
-                     &c->cotree->crossing[i]);
+    dmk_cotree *t = c->cotree;
+    for (int32_t h = begin; h < end; h++) {
+        if (t->on[h] >= 0 && is_first(t->geodesics, h))
+            set_crossing(t->geodesics, c->loop, h, &t->crossing[t->on[h]]);
+    }
 }
 
 /* Crossings of the edges that are not in the tree. */
-static int set_crossings(dmk_context *ctx, const int32_t *half, const int32_t *loop,
-                         const bool *in_tree, dmk_cotree *t)
+static int set_crossings(dmk_context *ctx, const int32_t *loop, const bool *in_tree, dmk_cotree *t)
 {
     int rc;
     const dmk_geodesics *g = t->geodesics;
     const dmk_mesh *m = g->mesh;
     DMK_TRY(DMK_NEW(ctx, t->crossing, (size_t)t->n));
     DMK_TRY(DMK_NEW(ctx, t->on, 3 * (size_t)m->n_triangles));
-    for (int32_t h = 0; h < 3 * m->n_triangles; h++) t->on[h] = -1;
     t->n = 0;
     for (int32_t h = 0; h < 3 * m->n_triangles;
          h++) { /* triangle by triangle: neighbours stay near in memory */
-        const int32_t e = m->triangle_edge[h];
-        if (in_tree[e] || half[e] != h) continue;
-        t->crossing[t->n].half = h;
-        t->on[h] = t->n;
-        if (g->star.twin[h] >= 0) t->on[g->star.twin[h]] = t->n;
-        t->n++;
+        if (is_first(g, h))
+            t->on[h] = in_tree[m->triangle_edge[h]] ? -1 : t->n++;
+        else
+            t->on[h] = t->on[g->star.twin[h]];
     }
-    dmk_parallel(ctx, t->n, set_range, &(crossings){loop, t});
+    dmk_parallel(ctx, 3 * m->n_triangles, set_range, &(crossings){loop, t});
 done:
     return rc;
 }
@@ -204,32 +220,33 @@ static int32_t vertex_of(const dmk_geodesics *g, int32_t i)
     return -1;
 }
 
-/* Several sources are one root of the tree: their cells fall apart. */
-static void unite_sources(const dmk_geodesics *g, int32_t *parent)
+/* Several sources are one root of the tree: their cells fall apart. Returns by how much there are fewer roots. */
+static int32_t unite_sources(const dmk_geodesics *g, int32_t *parent)
 {
-    int32_t first = -1;
+    int32_t first = -1, n = 0;
     for (int32_t i = 0; i < g->n_sources; i++) {
         const int32_t v = vertex_of(g, i);
-        if (first >= 0 && v >= 0) dmk_set_unite(parent, first, v);
+        if (first >= 0 && v >= 0) n += dmk_set_unite(parent, first, v);
         if (v >= 0) first = v;
     }
+    return n;
 }
 
 /* Kruskal's algorithm: least jumps first. */
-static int span(dmk_context *ctx, const dmk_geodesics *g, const int32_t *half, int32_t *parent,
-                bool *in_tree, dmk_cotree *t)
+static int span(dmk_context *ctx, const dmk_geodesics *g, int32_t *parent, bool *in_tree,
+                dmk_cotree *t)
 {
     int rc;
     const dmk_mesh *m = g->mesh;
-    jumps j = {.geodesics = g, .half = half, .unit = t->mean_edge / g->star.unit};
+    jumps j = {.geodesics = g, .unit = t->mean_edge / g->star.unit};
     DMK_TRY(DMK_NEW(ctx, j.edge, (size_t)m->n_edges));
-    dmk_parallel(ctx, m->n_edges, find_jumps, &j);
+    dmk_parallel(ctx, 3 * m->n_triangles, find_jumps, &j);
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(dmk_sort_keyed(ctx, j.edge, (size_t)m->n_edges));
     for (int32_t v = 0; v < m->n_vertices; v++) parent[v] = v;
-    unite_sources(g, parent);
+    const int32_t n_roots = m->n_components + unite_sources(g, parent);
     t->n = m->n_edges;
-    for (int32_t i = 0; i < m->n_edges; i++) {
+    for (int32_t i = 0; i < m->n_edges && m->n_edges - t->n < m->n_used_vertices - n_roots; i++) {
         const int32_t e = j.edge[i].item;
         in_tree[e] = dmk_set_unite(parent, m->edge_vertex[2 * e], m->edge_vertex[2 * e + 1]);
         t->n -= in_tree[e];
@@ -243,20 +260,19 @@ int dmk_cotree_create(dmk_context *ctx, const dmk_geodesics *g, dmk_cotree *t)
 {
     int rc;
     const dmk_mesh *m = g->mesh;
-    int32_t *half = NULL, *parent = NULL, *loop = NULL;
+    int32_t *parent = NULL, *loop = NULL;
     bool *in_tree = NULL;
     memset(t, 0, sizeof *t);
     t->geodesics = g;
     for (int32_t e = 0; e < m->n_edges; e++) t->mean_edge += m->length[e] / m->n_edges;
-    DMK_TRY(dmk_mesh_halves(ctx, m, &half));
+
     DMK_TRY(DMK_NEW(ctx, parent, (size_t)m->n_vertices));
     DMK_TRY(DMK_NEW(ctx, in_tree, (size_t)m->n_edges));
     DMK_TRY(dmk_star_loops(ctx, m, &g->star, parent, &loop, &t->n_loops));
-    DMK_TRY(span(ctx, g, half, parent, in_tree, t));
+    DMK_TRY(span(ctx, g, parent, in_tree, t));
     DMK_TRY(dmk_poll(ctx));
-    DMK_TRY(set_crossings(ctx, half, loop, in_tree, t));
+    DMK_TRY(set_crossings(ctx, loop, in_tree, t));
 done:
-    free(half);
     free(parent);
     free(loop);
     free(in_tree);

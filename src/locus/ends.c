@@ -143,7 +143,7 @@ static int lead_to(dmk_context *ctx, dmk_cotree *t, const route *r, const double
         if (triangle >= m->n_triangles) continue;
         const double d = dmk_mesh_nearest_in(m, triangle, xyz, weight);
         if (!(d < least) || d > sqrt(2 * m->area[triangle])) continue;
-        least = d;
+        least = (1 - 1e-9) * d; /* on the edge between two: in the inner one */
         upto = k;
         end = (dmk_end_point){triangle, r->crossing[k], {weight[0], weight[1], weight[2]}};
     }

@@ -14,6 +14,7 @@
  * there, and its strength is its worth there (the persistence of its end). All of a branch has this strength, but
  * for what lies beyond its end, where its worth is less than the default, which has its own worth: so whole
  * branches come and go with the strength asked for, and nothing else changes. */
+#include "base/parallel.h"
 #include "base/sort.h"
 #include "base/vec3.h"
 #include "geodesic/heap.h"
@@ -21,156 +22,187 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
-/* By how much P grows on the way. */
-static double growth(const dmk_crossing *from, const dmk_crossing *to)
+/* What triangle `node` hands on to crossing i: excess and worth. The strongest of its other crossings is the heir of
+ * i's branch. */
+static dmk_crossing receive(dmk_cotree *t, int32_t i, int32_t node)
 {
-    return (1 - cos(0.25 * (from->alpha + to->alpha))) * dmk_distance(from->xyz, to->xyz);
-}
-
-static double worth_of(const dmk_crossing *from, const dmk_crossing *to)
-{
-    const double loss = (1 - cos(0.5 * dmk_rules.angle)) * dmk_distance(from->xyz, to->xyz);
-    return fmax(0, from->worth + growth(from, to) - loss);
-}
-
-/* What the leaf at a triangle hands on, and to which crossing: the only one not peeled. */
-static double excess_of(const dmk_cotree *t, int32_t triangle, int32_t *out)
-{
-    const int32_t *on = t->on + 3 * triangle;
-    double excess = 0;
+    const dmk_crossing *to = &t->crossing[i];
+    dmk_crossing got = {0}, *heir = NULL;
+    double most = -1;
     for (int k = 0; k < 3; k++) {
-        if (on[k] >= 0 && t->crossing[on[k]].excess == HUGE_VAL) *out = on[k];
+        const int32_t j = t->on[3 * node + k];
+        if (j < 0 || j == i) continue;
+        dmk_crossing *from = &t->crossing[j];
+        const double way = dmk_distance(from->xyz, to->xyz);
+        const double growth = (1 - cos(0.25 * (from->alpha + to->alpha))) * way;
+        const double loss = (1 - cos(0.5 * dmk_rules.angle)) * way;
+        const double worth = fmax(0, from->worth + growth - loss);
+        got.excess = fmax(got.excess, from->excess + growth);
+        got.worth = fmax(got.worth, worth);
+        from->onward = i;
+        from->heir = worth > most || (worth == most && from->excess > heir->excess);
+        if (!from->heir) continue;
+        if (heir) heir->heir = false;
+        heir = from;
+        most = worth;
     }
-    for (int k = 0; k < 3; k++) {
-        if (on[k] < 0 || on[k] == *out) continue;
-        excess = fmax(excess,
-                      t->crossing[on[k]].excess + growth(&t->crossing[on[k]], &t->crossing[*out]));
-    }
-    return excess;
+    return got;
 }
 
-/* Those that hand on to crossing i: the strongest goes on with i's strength, the others end there. */
-static void end_branches(dmk_cotree *t, int32_t i)
+/* The crossing of a leaf that is not peeled. */
+static int32_t way_out(const dmk_cotree *t, int32_t leaf)
 {
-    const dmk_crossing *out = &t->crossing[i];
-    for (int side = 0; side < 2; side++) {
-        int32_t best = -1;
-        double most = -1;
-        for (int k = 0; k < 3 && out->node[side] < t->geodesics->mesh->n_triangles; k++) {
-            const int32_t j = t->on[3 * out->node[side] + k];
-            if (j < 0 || t->crossing[j].onward != i) continue;
-            const double p = worth_of(&t->crossing[j], out);
-            if (p > most || (p == most && t->crossing[j].excess > t->crossing[best].excess))
-                most = p, best = j;
-        }
-        if (best >= 0) t->crossing[best].strength = out->strength;
+    for (int k = 2;; k--) {
+        const int32_t i = t->on[3 * leaf + k];
+        if (k == 0 || (i >= 0 && t->crossing[i].excess == HUGE_VAL)) return i;
     }
 }
 
-/* From the inside out: what lies behind a place of less worth has no more than that. */
-static void set_branches(dmk_cotree *t, const int32_t *order, int32_t n)
+/* Triangles are peeled block by block, many at once, as far as a block's own ones will do. */
+enum { BLOCK = 16384 };
+
+typedef struct peeling {
+    dmk_cotree *cotree;
+    double least;    /* excess of a leaf that waits for the weaker ones */
+    uint8_t *degree; /* n_triangles: crossings not peeled */
+    int32_t *early,
+        *n_early; /* crossings peeled within the blocks, each block's from its first triangle's place on */
+    int32_t *late, n_late; /* after that */
+    dmk_heap heap;
+} peeling;
+
+static int32_t block_end(const dmk_cotree *t, int32_t b)
 {
-    for (int32_t i = 0; i < t->n; i++) t->crossing[i].strength = t->crossing[i].worth;
-    for (int32_t i = n - 1; i >= 0; i--) {
-        dmk_crossing *c = &t->crossing[order[i]];
-        if (c->onward >= 0) {
-            c->worth = fmin(c->worth, t->crossing[c->onward].worth);
-            c->strength = fmin(c->strength, t->crossing[c->onward].strength);
-        }
-        if (c->worth < t->strength) c->strength = c->worth;
-        end_branches(t, order[i]);
+    return dmk_min_i((b + 1) * BLOCK, t->geodesics->mesh->n_triangles);
+}
+
+/* Peel the leaf at a triangle. Returns the triangle behind it if that is a leaf now, else -1. */
+static int32_t take_leaf(peeling *p, int32_t leaf, int32_t out, const dmk_crossing *got)
+{
+    dmk_crossing *c = &p->cotree->crossing[out];
+    c->excess = got->excess;
+    c->worth = got->worth;
+    c->outer = c->node[1] == leaf;
+    p->degree[leaf] = 0;
+    const int32_t next = dmk_other_node(c, leaf);
+    return next < p->cotree->geodesics->mesh->n_triangles && --p->degree[next] == 1 ? next : -1;
+}
+
+/* Leaves of less than the least in any order. */
+static int peel_block(dmk_context *ctx, int32_t b, void *data)
+{
+    peeling *p = data;
+    dmk_cotree *t = p->cotree;
+    const int32_t begin = b * BLOCK, end = block_end(t, b), all = t->geodesics->mesh->n_triangles;
+    (void)ctx;
+    for (int32_t i = begin; i < end; i++) {
+        p->degree[i] = 0;
+        for (int k = 0; k < 3; k++) p->degree[i] += t->on[3 * i + k] >= 0;
     }
+    for (int32_t i = begin; i < end; i++) {
+        for (int32_t leaf = p->degree[i] == 1 ? i : -1; leaf >= 0;) {
+            const int32_t out = way_out(t, leaf), next = dmk_other_node(&t->crossing[out], leaf);
+            if (next < all && (next < begin || next >= end)) break;
+            const dmk_crossing got = receive(t, out, leaf);
+            if (!(got.excess < p->least)) break;
+            p->early[begin + p->n_early[b]++] = out;
+            leaf = take_leaf(p, leaf, out, &got);
+        }
+    }
+    return DMK_OK;
+}
+
+/* What the blocks have left: leaves of less than the least in any order, the others into the heap. */
+static int peel_weak(dmk_context *ctx, peeling *p)
+{
+    int rc = DMK_OK;
+    dmk_cotree *t = p->cotree;
+    for (int32_t i = 0; i < t->geodesics->mesh->n_triangles; i++) {
+        for (int32_t leaf = p->degree[i] == 1 ? i : -1; leaf >= 0;) {
+            const int32_t out = way_out(t, leaf);
+            const dmk_crossing got = receive(t, out, leaf);
+            if (!(got.excess < p->least)) {
+                DMK_TRY(dmk_heap_push(ctx, &p->heap, got.excess, leaf));
+                break;
+            }
+            p->late[p->n_late++] = out;
+            leaf = take_leaf(p, leaf, out, &got);
+        }
+    }
+done:
+    return rc;
+}
+
+/* All in the order of strength. What is peeled and what it hands on does not depend on the order, only which crossing
+ * is the last one of a tree: so most leaves, the mesh's own, are not sorted. */
+static int peel(dmk_context *ctx, peeling *p)
+{
+    int rc;
+    dmk_cotree *t = p->cotree;
+    const int32_t n_blocks = (t->geodesics->mesh->n_triangles + BLOCK - 1) / BLOCK;
+    int32_t n = 0;
+    DMK_TRY(dmk_parallel_pieces(ctx, n_blocks, peel_block, p));
+    DMK_TRY(peel_weak(ctx, p));
+    for (int32_t b = 0; b < n_blocks; b++) n += p->n_early[b];
+    if (n + p->n_late == t->n) { /* a tree without a strong leaf: all of it by strength */
+        for (int32_t i = 0; i < t->n; i++) t->crossing[i].excess = HUGE_VAL;
+        p->least = 0;
+        p->n_late = 0;
+        memset(p->n_early, 0, (size_t)n_blocks * sizeof *p->n_early);
+        DMK_TRY(dmk_parallel_pieces(ctx, n_blocks, peel_block, p));
+        DMK_TRY(peel_weak(ctx, p));
+    }
+    while (p->heap.n > 0) {
+        const dmk_heap_item leaf = dmk_heap_pop(&p->heap);
+        if (p->degree[leaf.item] != 1) continue; /* the other end of the last crossing */
+        const int32_t out = way_out(t, leaf.item);
+        const dmk_crossing got = receive(t, out, leaf.item);
+        const int32_t next = take_leaf(p, leaf.item, out, &got);
+        p->late[p->n_late++] = out;
+        if (next < 0) continue;
+        DMK_TRY(dmk_heap_push(ctx, &p->heap, receive(t, way_out(t, next), next).excess, next));
+    }
+done:
+    return rc;
 }
 
 /* The triangle at the last crossing's other end has nothing left: it hands on to that crossing, too. */
 static void close_last(dmk_cotree *t, int32_t last)
 {
     const dmk_crossing *c = &t->crossing[last];
+    if (c->node[1] >= t->geodesics->mesh->n_triangles) return;
     for (int side = 0; side < 2; side++) {
-        if (c->node[side] >= t->geodesics->mesh->n_triangles) return;
         for (int k = 0; k < 3; k++) {
             const int32_t j = t->on[3 * c->node[side] + k];
-            if (j < 0 || j == last) continue;
-            if (t->crossing[j].excess == HUGE_VAL) return;
-            t->crossing[j].onward = last;
+            if (j >= 0 && j != last && t->crossing[j].excess == HUGE_VAL) return;
         }
     }
+    for (int side = 0; side < 2; side++) receive(t, last, c->node[side]);
+    t->crossing[last].onward = -1;
     t->last = last;
 }
 
-/* Peel the leaf at a triangle. Returns the triangle behind it if that is a leaf now, else -1. */
-static int32_t take_leaf(dmk_cotree *t, int32_t leaf, double excess, int32_t out, uint8_t *degree)
+/* From the inside out: what lies behind a place of less worth has no more than that. */
+static void set_branch(dmk_cotree *t, int32_t i)
 {
-    dmk_crossing *c = &t->crossing[out];
-    c->excess = excess;
-    c->worth = 0;
-    c->outer = c->node[1] == leaf;
-    degree[leaf] = 0;
-    for (int k = 0; k < 3; k++) {
-        const int32_t i = t->on[3 * leaf + k];
-        if (i < 0 || i == out) continue;
-        c->worth = fmax(c->worth, worth_of(&t->crossing[i], c));
-        t->crossing[i].onward = out;
+    dmk_crossing *c = &t->crossing[i];
+    c->strength = c->worth;
+    if (c->onward >= 0) {
+        const dmk_crossing *on = &t->crossing[c->onward];
+        c->strength = c->heir ? on->strength : fmin(c->worth, on->strength);
+        c->worth = fmin(c->worth, on->worth);
     }
-    const int32_t next = dmk_other_node(c, leaf);
-    return next < t->geodesics->mesh->n_triangles && --degree[next] == 1 ? next : -1;
+    if (c->worth < t->strength) c->strength = c->worth;
 }
 
-/* Leaves of less than `least` in any order, the others into the heap. */
-static int peel_weak(dmk_context *ctx, dmk_cotree *t, double least, uint8_t *degree, dmk_heap *heap,
-                     int32_t *order, int32_t *n_peeled)
+static int set_block(dmk_context *ctx, int32_t b, void *data)
 {
-    int rc = DMK_OK;
-    const int32_t n_triangles = t->geodesics->mesh->n_triangles;
-    for (int32_t i = 0; i < n_triangles; i++) {
-        degree[i] = 0;
-        for (int k = 0; k < 3; k++) degree[i] += t->on[3 * i + k] >= 0;
-    }
-    *n_peeled = 0;
-    for (int32_t i = 0; i < n_triangles; i++) {
-        for (int32_t leaf = degree[i] == 1 ? i : -1; leaf >= 0;) {
-            int32_t out = -1;
-            const double excess = excess_of(t, leaf, &out);
-            if (!(excess < least)) {
-                DMK_TRY(dmk_heap_push(ctx, heap, excess, leaf));
-                break;
-            }
-            leaf = take_leaf(t, leaf, excess, out, degree);
-            order[(*n_peeled)++] = out;
-        }
-    }
-done:
-    return rc;
-}
-
-/* Crossings in the order in which they are peeled. What is peeled and what it hands on does not depend on the order,
- * only which crossing is the last one of a tree: so most leaves, the mesh's own, are not sorted. */
-static int peel(dmk_context *ctx, dmk_cotree *t, int32_t *order, int32_t *n_peeled)
-{
-    int rc;
-    uint8_t *degree = NULL;
-    dmk_heap heap = {0};
-    int32_t out = -1;
-    DMK_TRY(DMK_NEW(ctx, degree, (size_t)t->geodesics->mesh->n_triangles));
-    DMK_TRY(peel_weak(ctx, t, dmk_rules.strength / dmk_rules.gap * t->mean_edge, degree, &heap,
-                      order, n_peeled));
-    if (*n_peeled == t->n) { /* a tree without a strong leaf: all of it by strength */
-        for (int32_t i = 0; i < t->n; i++) t->crossing[i].excess = HUGE_VAL;
-        DMK_TRY(peel_weak(ctx, t, 0, degree, &heap, order, n_peeled));
-    }
-    while (heap.n > 0) {
-        const dmk_heap_item leaf = dmk_heap_pop(&heap);
-        if (degree[leaf.item] != 1) continue; /* the other end of the last crossing */
-        excess_of(t, leaf.item, &out);
-        const int32_t next = take_leaf(t, leaf.item, leaf.key, out, degree);
-        order[(*n_peeled)++] = out;
-        if (next >= 0) DMK_TRY(dmk_heap_push(ctx, &heap, excess_of(t, next, &out), next));
-    }
-done:
-    free(degree);
-    dmk_heap_free(&heap);
-    return rc;
+    const peeling *p = data;
+    (void)ctx;
+    for (int32_t i = p->n_early[b] - 1; i >= 0; i--) set_branch(p->cotree, p->early[b * BLOCK + i]);
+    return DMK_OK;
 }
 
 double dmk_branch_at(const dmk_cotree *t, int32_t i)
@@ -183,6 +215,17 @@ double dmk_branch_at(const dmk_cotree *t, int32_t i)
     return least;
 }
 
+typedef struct branches {
+    const dmk_cotree *cotree;
+    double *at; /* n_triangles */
+} branches;
+
+static void find_branches(int32_t begin, int32_t end, void *data)
+{
+    const branches *b = data;
+    for (int32_t i = begin; i < end; i++) b->at[i] = dmk_branch_at(b->cotree, i);
+}
+
 /* The mesh's own branches are weak and many; on a noisy mesh some are stronger than the default. They
  * are told apart from the surface's by a gap: above the strongest of them, which is no lone one, the next
  * is `gap` times as strong, and is no loop; on a sphere the longest line always counts as next. The default is then
@@ -193,13 +236,14 @@ static int find_default(dmk_context *ctx, dmk_cotree *t)
     const double h = t->mean_edge, least = dmk_rules.strength * h / sqrt(dmk_rules.gap);
     double *branch = NULL;
     size_t n = 0;
+    const int32_t n_triangles = t->geodesics->mesh->n_triangles;
     t->strength = dmk_rules.strength * h;
-    DMK_TRY(DMK_NEW(ctx, branch, (size_t)t->geodesics->mesh->n_triangles + 2));
+    DMK_TRY(DMK_NEW(ctx, branch, (size_t)n_triangles + 2));
     branch[n++] = least;
     if (t->last >= 0) branch[n++] = HUGE_VAL;
-    for (int32_t i = 0; i < t->geodesics->mesh->n_triangles; i++) {
-        const double b = dmk_branch_at(t, i);
-        if (b > least && b < HUGE_VAL) branch[n++] = b;
+    dmk_parallel(ctx, n_triangles, find_branches, &(branches){t, branch + n});
+    for (const double *b = branch + n, *end = b + n_triangles; b < end; b++) {
+        if (*b > least && *b < HUGE_VAL) branch[n++] = *b;
     }
     dmk_sort_doubles(branch, n);
     for (size_t i = 0; i + 1 < n && branch[i] <= dmk_rules.gap * dmk_rules.strength * h; i++) {
@@ -216,14 +260,24 @@ done:
 int dmk_cotree_peel(dmk_context *ctx, dmk_cotree *t)
 {
     int rc;
-    int32_t *order = NULL, n = 0;
+    peeling p = {.cotree = t, .least = dmk_rules.strength / dmk_rules.gap * t->mean_edge};
+    const int32_t n_triangles = t->geodesics->mesh->n_triangles;
+    const int32_t n_blocks = (n_triangles + BLOCK - 1) / BLOCK;
     t->last = -1;
-    DMK_TRY(DMK_NEW(ctx, order, (size_t)t->n));
-    DMK_TRY(peel(ctx, t, order, &n));
-    if (n > 0) close_last(t, order[n - 1]);
+    DMK_TRY(DMK_NEW(ctx, p.degree, (size_t)n_triangles));
+    DMK_TRY(DMK_NEW(ctx, p.early, (size_t)n_triangles));
+    DMK_TRY(DMK_NEW(ctx, p.n_early, (size_t)n_blocks));
+    DMK_TRY(DMK_NEW(ctx, p.late, (size_t)t->n));
+    DMK_TRY(peel(ctx, &p));
+    if (p.n_late > 0) close_last(t, p.late[p.n_late - 1]);
     DMK_TRY(find_default(ctx, t));
-    set_branches(t, order, n);
+    while (p.n_late > 0) set_branch(t, p.late[--p.n_late]);
+    rc = dmk_parallel_pieces(ctx, n_blocks, set_block, &p);
 done:
-    free(order);
+    free(p.degree);
+    free(p.early);
+    free(p.n_early);
+    free(p.late);
+    dmk_heap_free(&p.heap);
     return rc;
 }
