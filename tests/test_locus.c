@@ -1043,6 +1043,32 @@ static void test_angle(void **state)
     free_scene(&s);
 }
 
+/* On several blocks of triangles: what is peeled first, and by how many threads, changes nothing; and all that is
+ * handed on has come from a crossing that is handed on to. */
+static void test_blocks(void **state)
+{
+    (void)state;
+    scene s = surface("torus", 1, (double[3]){3, 0, 0});
+    dmk_cotree one = {0}, many = {0};
+    assert_true(s.mesh->n_triangles > 16384);
+    assert_int_equal(dmk_context_set_threads(ctx, 1), DMK_OK);
+    assert_int_equal(dmk_cotree_complete(ctx, s.geodesics, &one), DMK_OK);
+    assert_int_equal(dmk_context_set_threads(ctx, 4), DMK_OK);
+    assert_int_equal(dmk_cotree_complete(ctx, s.geodesics, &many), DMK_OK);
+    assert_int_equal(dmk_context_set_threads(ctx, 0), DMK_OK);
+    assert_int_equal(one.n, many.n);
+    assert_memory_equal(one.crossing, many.crossing, (size_t)one.n * sizeof *one.crossing);
+    for (int32_t i = 0; i < one.n; i++) {
+        const dmk_crossing *c = &one.crossing[i],
+                           *on = &one.crossing[c->onward < 0 ? i : c->onward];
+        assert_true((c->excess < HUGE_VAL) == (c->outer >= 0));
+        assert_true(c->excess <= on->excess && c->worth <= on->worth && c->worth <= c->excess);
+    }
+    dmk_cotree_free(&one);
+    dmk_cotree_free(&many);
+    free_scene(&s);
+}
+
 /* gap: the default is sqrt(5) times the strongest of a noisy mesh's own branches, and the next is 5 times as strong. */
 static void test_gap(void **state)
 {
@@ -1347,7 +1373,7 @@ int main(void)
         cmocka_unit_test(test_threads),        cmocka_unit_test(test_tie),
         cmocka_unit_test(test_angle),          cmocka_unit_test(test_gap),
         cmocka_unit_test(test_width),          cmocka_unit_test(test_margin),
-        cmocka_unit_test(test_scan),
+        cmocka_unit_test(test_scan),           cmocka_unit_test(test_blocks),
     };
     return cmocka_run_group_tests(tests, setup, context_teardown);
 }
