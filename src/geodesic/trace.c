@@ -137,8 +137,9 @@ static bool is_bend(const dmk_geodesics *g, int32_t v)
     return a->source >= 0 && a->source < g->n_sources && g->source[a->source].vertex == v;
 }
 
-/* What may be wrong with the distance at a vertex: merged windows estimate their errors. Not more than that, as ways are
- * looked for as wide as the root of it: of a million triangles, a vertex whose error is 1e-5 takes 200,000 windows. */
+/* What may be wrong with the distance at a vertex: merged windows estimate their errors. Not more than that, as paths
+ * are looked for as wide as the root of it: of a million triangles, a vertex whose error is 1e-5 takes 200,000
+ * windows. */
 static inline double doubt(const dmk_geodesics *g, int32_t v)
 {
     return g->error ? g->error[v] / g->star.unit : 0;

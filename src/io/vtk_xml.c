@@ -174,8 +174,8 @@ static void note_array(walk *w, const char **attribute)
     const int n = snprintf(one, sizeof one, "'%s'", name);
     if (n <= 2 || n >= (int)sizeof one || strstr(w->tags->others, one)) return;
     if (used + (size_t)n + sizeof ", " > sizeof w->tags->others) return;
-    if (used > 0) memcpy(w->tags->others + used, ", ", sizeof ", ");
-    strcat(w->tags->others, one);
+    snprintf(w->tags->others + used, sizeof w->tags->others - used, "%s%s", used > 0 ? ", " : "",
+             one);
 }
 
 static void open_array(walk *w, const char **attribute)

@@ -30,7 +30,7 @@ static dmk_crossing receive(dmk_cotree *t, int32_t i, int32_t node)
 {
     const dmk_crossing *to = &t->crossing[i];
     dmk_crossing got = {0}, *heir = NULL;
-    double most = -1;
+    double most = 0;
     for (int k = 0; k < 3; k++) {
         const int32_t j = t->on[3 * node + k];
         if (j < 0 || j == i) continue;
@@ -42,7 +42,7 @@ static dmk_crossing receive(dmk_cotree *t, int32_t i, int32_t node)
         got.excess = fmax(got.excess, from->excess + growth);
         got.worth = fmax(got.worth, worth);
         from->onward = i;
-        from->heir = worth > most || (worth == most && from->excess > heir->excess);
+        from->heir = !heir || worth > most || (worth == most && from->excess > heir->excess);
         if (!from->heir) continue;
         if (heir) heir->heir = false;
         heir = from;
