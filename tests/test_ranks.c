@@ -30,18 +30,25 @@ typedef struct seat {
     char message[300];
 } seat;
 
+/* A locus of one point has no edges, and no array of them. */
+static bool same_bytes(const void *a, const void *b, size_t size)
+{
+    return size == 0 || !memcmp(a, b, size);
+}
+
 static bool same_locus(const dmk_locus *a, const dmk_locus *b)
 {
     size_t n, other;
     const int32_t *from, *to;
-    const dmk_locus_vertex *vertex = dmk_locus_vertices(a, &n);
-    bool same = !memcmp(vertex, dmk_locus_vertices(b, &other), n * sizeof *vertex) && n == other;
-    const dmk_locus_edge *edge = dmk_locus_edges(a, &n);
-    same = same && !memcmp(edge, dmk_locus_edges(b, &other), n * sizeof *edge) && n == other;
-    const int32_t *index = dmk_locus_polylines(a, &from, &n);
-    const int32_t *its = dmk_locus_polylines(b, &to, &other);
-    same = same && n == other && !memcmp(from, to, (n + 1) * sizeof *from);
-    return same && !memcmp(index, its, (size_t)from[n] * sizeof *index);
+    const dmk_locus_vertex *vertex = dmk_locus_vertices(a, &n),
+                           *its_vertex = dmk_locus_vertices(b, &other);
+    if (n != other || !same_bytes(vertex, its_vertex, n * sizeof *vertex)) return false;
+    const dmk_locus_edge *edge = dmk_locus_edges(a, &n), *its_edge = dmk_locus_edges(b, &other);
+    if (n != other || !same_bytes(edge, its_edge, n * sizeof *edge)) return false;
+    const int32_t *index = dmk_locus_polylines(a, &from, &n),
+                  *its = dmk_locus_polylines(b, &to, &other);
+    if (n != other || !same_bytes(from, to, (n + 1) * sizeof *from)) return false;
+    return same_bytes(index, its, (size_t)from[n] * sizeof *index);
 }
 
 /* The cut locus that each rank traces against the last one's. */

@@ -245,7 +245,7 @@ void dmk_locus_renumber(dmk_locus *l, const int32_t *triangle_old)
         l->vertex[i].place.triangle = triangle_old[l->vertex[i].place.triangle];
 }
 
-/* n items of rank `from`'s array to all. */
+/* n items of rank `from`'s array to all, as a new one on each: the others' pointers are only written. */
 static int spread(dmk_context *ctx, const dmk_ranks *ranks, int from, size_t n, size_t item,
                   void **array)
 {
@@ -273,9 +273,9 @@ int dmk_locus_spread(dmk_context *ctx, const dmk_ranks *ranks, int from, dmk_loc
     if (from < 0 || from >= ranks->size)
         return dmk_fail(ctx, DMK_E_ARG, "from = %d: there are %d ranks", from, ranks->size);
     if (ranks->rank == from && dmk_missing(ctx, "*locus", *locus)) return DMK_E_ARG;
-    DMK_TRY(DMK_NEW(ctx, info, 1));
     if (ranks->rank == from) {
         l = *locus;
+        DMK_TRY(DMK_NEW(ctx, info, 1));
         *info = l->info;
     } else {
         DMK_TRY(DMK_NEW(ctx, l, 1));

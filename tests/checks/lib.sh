@@ -55,7 +55,7 @@ tested() {
     local name=$1 line
     shift
     "$@" > "$work/said" 2>&1
-    line=$(grep -v '^make: ' "$work/said" | tail -n 1)
+    line=$(grep -vE '^make(\[[0-9]+\])?: ' "$work/said" | tail -n 1)
     case $line in
     *' passed, '*' failed'*)
         set -- $line
