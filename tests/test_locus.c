@@ -1096,6 +1096,28 @@ static void test_gap(void **state)
     assert_true(raised > 0);
 }
 
+/* noise: from an umbilic all of the branches are the mesh's own. The strongest is of 0.24 edges and raises the default
+ * where it is 31 times the median of the jumps, on a noisy mesh, and of 0.21 and does not where it is 67 times. */
+static void test_noise_level(void **state)
+{
+    (void)state;
+    for (int noisy = 0; noisy < 2; noisy++) {
+        scene s = surface("ellipsoid", 2, (double[3]){-sqrt(1.0 / 75), 0, sqrt(2.0 / 3)});
+        if (noisy) s = shaken(s, 0.035 * s.h, 3);
+        dmk_cotree t = {0};
+        double own = 0;
+        assert_int_equal(dmk_cotree_complete(ctx, s.geodesics, &t), DMK_OK);
+        for (int32_t i = 0; i < s.mesh->n_triangles; i++) {
+            const double b = dmk_branch_at(&t, i);
+            if (b < HUGE_VAL) own = fmax(own, b);
+        }
+        assert_true(fabs(own / t.noise - (noisy ? 31 : 67)) < 1 && own > 0.2 * s.h);
+        assert_true(fabs(t.strength - (noisy ? sqrt(5) * own : 0.2 * s.h)) < 1e-9 * s.h);
+        dmk_cotree_free(&t);
+        free_scene(&s);
+    }
+}
+
 /* width: a crossing's place hangs on the line within half an edge, and on nothing beyond. */
 static void test_width(void **state)
 {
@@ -1371,6 +1393,7 @@ int main(void)
         cmocka_unit_test(test_accuracy_torus), cmocka_unit_test(test_accuracy_ends),
         cmocka_unit_test(test_short_arc),      cmocka_unit_test(test_excess),
         cmocka_unit_test(test_threads),        cmocka_unit_test(test_tie),
+        cmocka_unit_test(test_noise_level),
         cmocka_unit_test(test_angle),          cmocka_unit_test(test_gap),
         cmocka_unit_test(test_width),          cmocka_unit_test(test_margin),
         cmocka_unit_test(test_scan),           cmocka_unit_test(test_blocks),

@@ -112,6 +112,14 @@ static void find_jumps(int32_t begin, int32_t end, void *data)
     }
 }
 
+static float jump_of(const dmk_keyed *edge)
+{
+    float jump;
+    const uint32_t bits = edge->key & ~(UINT32_C(1) << 31);
+    memcpy(&jump, &bits, sizeof jump);
+    return jump;
+}
+
 /* Where the families of both ends are equally long: by Newton's method from where their images are equally far, by
  * bisection where that leaves the bracket or does not end. */
 static double meeting(const dmk_image *a, const dmk_image *b, double length)
@@ -243,6 +251,7 @@ static int span(dmk_context *ctx, const dmk_geodesics *g, int32_t *parent, bool 
     dmk_parallel(ctx, 3 * m->n_triangles, find_jumps, &j);
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(dmk_sort_keyed(ctx, j.edge, (size_t)m->n_edges));
+    t->noise = t->mean_edge * jump_of(j.edge + m->n_edges / 2);
     for (int32_t v = 0; v < m->n_vertices; v++) parent[v] = v;
     const int32_t n_roots = m->n_components + unite_sources(g, parent);
     t->n = m->n_edges;

@@ -36,6 +36,7 @@ typedef struct dmk_end_point {
 typedef struct dmk_cotree {
     const dmk_geodesics *geodesics;
     double mean_edge;       /* h */
+    double noise;           /* median of the edges' jumps */
     double strength;        /* default: branches of less are the mesh's own */
     int32_t n, n_loops;     /* crossings; border loops */
     dmk_crossing *crossing; /* n */

@@ -19,6 +19,7 @@
 typedef struct dmk_locus_rules {
     double strength; /* h: default strength */
     double gap;      /* ratio: the mesh's own branches and the surface's differ by at least this */
+    double noise;    /* median jumps: the mesh's own branches have no more */
     double angle;    /* radians: where families meet at less a branch loses strength */
     double tie;      /* ratio: share of the families' difference beside an edge in its jump */
     double window;   /* h: radius of the neighbourhood a cusp or a point is fitted to */
@@ -29,6 +30,7 @@ typedef struct dmk_locus_rules {
 static const dmk_locus_rules dmk_rules = {
     .strength = 0.2,
     .gap = 5,
+    .noise = 45,
     .angle = 0.126,
     .tie = 0.03,
     .window = 4,
