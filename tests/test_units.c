@@ -198,7 +198,7 @@ static void both_kinds_of_coarsest_inverse_agree(void **state)
 /* ---- conjugate gradients ---- */
 
 /* Solve A dx = A v from 0; the energy norm of the error, relative to v's. */
-static double solve(fixture *x, const double *v, int most, double tolerance, int *iterations)
+static double solve(fixture *x, const double *v, int most, double tolerance, dmk_stats *stats)
 {
     dmk_system *s = x->sys;
     double *rhs = apply(x, v), *found = new_rows(x), *zero = new_rows(x);
@@ -207,8 +207,8 @@ static double solve(fixture *x, const double *v, int most, double tolerance, int
     ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_OUTER, unknown, x->n, zero));
     ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_OUTER, s->cg[DMK_OUTER].r, x->n, rhs));
     ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_INNER, s->cg[DMK_OUTER].narrow, x->n, rhs));
-    *iterations = 0;
-    ok(x, dmk_pcg(x->b.ctx, s, DMK_OUTER, DMK_STIFFNESS, unknown, most, tolerance, 0, iterations));
+    *stats = (dmk_stats){0};
+    ok(x, dmk_pcg(x->b.ctx, s, DMK_OUTER, DMK_STIFFNESS, unknown, most, tolerance, 0, stats));
     ok(x, dmk_buffer_read_real(x->b.ctx, x->b.dev, DMK_OUTER, unknown, x->n, found));
     for (size_t i = 0; i < x->n; i++) found[i] -= v[i];
     double *error = apply(x, found), left = sqrt(fmax(0, dot(x, found, error)) / dot(x, v, rhs));
@@ -227,38 +227,43 @@ static void conjugate_gradients_converge(void **state)
         double decades, tolerance;
         int iterations;
     } cases[] = {{0, 1e-2, 2}, {0, 1e-8, 6}, {3, 1e-2, 2}, {3, 1e-8, 16}};
+    int spared = 0;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        int iterations;
+        dmk_stats stats;
         set_density(x, cases[i].decades);
         double *v = random_rows(x);
-        const double left = solve(x, v, 100, cases[i].tolerance, &iterations);
-        print_message("%g decades to %g: %d iterations, error %.2g\n", cases[i].decades,
-                      cases[i].tolerance, iterations, left);
+        const double left = solve(x, v, 100, cases[i].tolerance, &stats);
+        print_message("%g decades to %g: %d iterations, %d V-cycles, error %.2g\n",
+                      cases[i].decades, cases[i].tolerance, stats.cg_iterations, stats.v_cycles,
+                      left);
         assert_true(left <= 3 * cases[i].tolerance);
-        assert_true(iterations <= cases[i].iterations && iterations >= 1);
+        assert_true(stats.cg_iterations <= cases[i].iterations && stats.cg_iterations >= 1);
+        assert_in_range(stats.v_cycles - stats.cg_iterations, 0, 1);
+        spared += stats.v_cycles == stats.cg_iterations;
         free(v);
     }
+    assert_true(spared >= 2); /* where the last iteration was known to be enough */
 }
 
 static void conjugate_gradients_stop(void **state)
 {
     fixture *x = *state;
-    int iterations, fewer;
+    dmk_stats stats, fewer;
     set_density(x, 1);
     double *v = random_rows(x);
-    const double one = solve(x, v, 1, 0, &iterations);
-    assert_int_equal(iterations, 1);
-    const double four = solve(x, v, 4, 0, &iterations);
-    assert_int_equal(iterations, 4);
+    const double one = solve(x, v, 1, 0, &stats);
+    assert_int_equal(stats.cg_iterations, 1);
+    const double four = solve(x, v, 4, 0, &stats);
+    assert_int_equal(stats.cg_iterations, 4);
     assert_true(four < one && one < 1);
-    solve(x, v, 100, 1e-6, &iterations);
+    solve(x, v, 100, 1e-6, &stats);
     solve(x, v, 100, 1e-3, &fewer);
-    assert_true(fewer < iterations);
+    assert_true(fewer.cg_iterations < stats.cg_iterations);
     v[0] = NAN;
     dmk_system *s = x->sys;
     ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_OUTER, s->cg[DMK_OUTER].r, x->n, v));
     ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_INNER, s->cg[DMK_OUTER].narrow, x->n, v));
-    assert_int_equal(dmk_pcg(x->b.ctx, s, DMK_OUTER, DMK_STIFFNESS, s->u, 20, 1e-6, 0, &iterations),
+    assert_int_equal(dmk_pcg(x->b.ctx, s, DMK_OUTER, DMK_STIFFNESS, s->u, 20, 1e-6, 0, &stats),
                      DMK_E_DIVERGED);
     assert_non_null(strstr(dmk_context_message(x->b.ctx), "broke down"));
     free(v);
@@ -445,10 +450,15 @@ static void steps_grow_and_shrink(void **state)
     choose_step(&brief, 1);
     assert_true(brief.D == 4 && brief.iterations == 1);
     choose_step(&brief, 0.5);
-    assert_true(brief.iterations == 3);
+    assert_true(brief.D == 6.4 && brief.iterations == 2);
+    brief.D = 12.45;
+    choose_step(&brief, 0.25);
+    assert_true(brief.D < 20 && brief.iterations == 2);
+    choose_step(&brief, 0.125);
+    assert_true(brief.D > 20 && brief.iterations == 3);
     for (int i = 0; i < 20; i++)
         choose_step(&brief, ldexp(1, i)); /* a step that shrinks is not brief */
-    assert_true(brief.D == 5 && brief.iterations == 3);
+    assert_true(brief.D == 5 && brief.iterations == 2);
     assert_true(error_estimate(&(step_control){.D = 50}, 1) == 2);
     assert_true(error_estimate(&(step_control){.D = 100}, 1) == 1);
     assert_true(error_estimate(&(step_control){.D = 150}, 1) == 1);

@@ -108,19 +108,17 @@ int dmk_iteration_diverged(const dmk_iteration *o, int step, const char *what)
 
 int dmk_iteration_solve(dmk_iteration *o, double tolerance, int max_iterations)
 {
-    int rc, before = o->stats->cg_iterations;
+    int rc;
     DMK_TRY(prepare_solve(o));
     /* Of f.A^-1 f, which is short by the square of u's error only. */
     const double known = fabs(2 * o->fu - o->uau);
     rc = dmk_pcg(o->ctx, o->sys, DMK_OUTER, DMK_STIFFNESS, o->sys->u, max_iterations, tolerance,
-                 known, &o->stats->cg_iterations);
+                 known, o->stats);
     if (rc == DMK_E_DIVERGED) {
         char what[200];
         snprintf(what, sizeof what, "%.199s", o->ctx->message);
         rc = dmk_iteration_diverged(o, o->stats->steps + 1, what);
     }
-    if (rc != DMK_OK) goto done;
-    o->stats->v_cycles += o->stats->cg_iterations - before + 1;
 done:
     return rc;
 }

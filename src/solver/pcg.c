@@ -4,7 +4,14 @@
 
 #include <math.h>
 
-enum { LOOK_EVERY = 2 };
+/* Whether r.z is small enough, or will be after one more iteration that gains as much as the last one: this one is the
+ * last then, and saves the V-cycle that would show it. `before`: r.z of the iteration before, or 0. On extreme needles
+ * single precision makes the V-cycle indefinite: r.z < 0 is no convergence. */
+static bool is_done(double rz, double before, double wanted, bool *last)
+{
+    *last = rz > 0 && before > 0 && rz * (rz / before) <= wanted;
+    return fabs(rz) <= wanted;
+}
 
 /* z = V-cycle(r), then beta and the new direction. */
 static int direction(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op, bool first)
@@ -35,12 +42,15 @@ done:
 }
 
 int dmk_pcg(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op, dmk_buffer *x,
-            int max_iterations, double tolerance, double energy, int *iterations)
+            int max_iterations, double tolerance, double energy, dmk_stats *stats)
 {
     int rc = DMK_OK;
-    for (int i = 0; i < max_iterations; i++) {
+    double before = 0;
+    bool last = false;
+    for (int i = 0; i < max_iterations && !last; i++) {
         DMK_TRY(direction(ctx, s, p, op, i == 0));
-        if (tolerance > 0 && i % LOOK_EVERY == 0) {
+        stats->v_cycles++;
+        if (tolerance > 0) {
             double state[5];
             DMK_TRY(dmk_buffer_read_real(ctx, s->device, DMK_OUTER, s->state, 5, state));
             if (!(state[0] < 1e300)) {
@@ -49,13 +59,12 @@ int dmk_pcg(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op, dmk
                               state[0]);
                 goto done;
             }
-            /* On extreme needles single precision makes the V-cycle indefinite: r.z < 0 is no convergence. */
-            const double left = fabs(state[0]);
-            double reference = energy > state[4] ? energy : state[4];
-            if (left <= tolerance * tolerance * reference) break;
+            const double reference = energy > state[4] ? energy : state[4];
+            if (is_done(state[0], before, tolerance * tolerance * reference, &last)) break;
+            before = state[0];
         }
-        DMK_TRY(step(ctx, s, p, op, x, i == max_iterations - 1));
-        ++*iterations;
+        DMK_TRY(step(ctx, s, p, op, x, last || i == max_iterations - 1));
+        stats->cg_iterations++;
     }
 done:
     return rc;
