@@ -20,8 +20,7 @@ typedef struct dmk_front {
     bool *pseudo_source; /* n_vertices: paths may bend here */
 } dmk_front;
 
-/* Rounding, over the mesh's extent, the unit of length: ways so much longer count as equally long.
- */
+/* Rounding, over the mesh's extent, the unit of length: ways so much longer count as equal. */
 #define DMK_SAME_LENGTH 1e-12
 /* Rounding, over the length of the edge: a ray so little beside an interval is in it; an interval
  * so narrow is none. */

@@ -19,7 +19,7 @@ typedef struct group {
     double lo[LANES], hi[LANES], x[LANES], y[LANES], base[LANES], turn[LANES];
     double length[LANES]; /* of the half-edge */
     double d_near[LANES], d_far[LANES],
-        d_up[LANES];     /* of the triangle's vertices, when they were last asked for */
+        d_up[LANES];     /* of the triangle's vertices, as last asked for */
     double state[LANES]; /* one of the below */
     int32_t at[LANES];   /* the stride that is next */
 } group;

@@ -47,8 +47,7 @@ typedef struct stride {
     double side;         /* its length; NaN: a border */
     double cosine, sine; /* of the angle at the near end */
     double turn;         /* what the window's turn changes by */
-    double x,
-        y; /* the corner opposite the side in the next triangle, from the near end along the side */
+    double x, y;    /* the next triangle's corner opposite the side, from the near end along it */
     int32_t next;   /* the stride on the other side, from the same near end */
     int32_t corner; /* the vertex at (x, y) */
     double unused;

@@ -29,8 +29,7 @@ typedef struct dmk_vtk_tags {
     dmk_vtk_piece *piece; /* n_pieces */
     size_t n_pieces, room;
     const char *wanted; /* name of the array of data, or NULL: none */
-    char others
-        [512]; /* where one is wanted: the names of those of one number each, as far as they fit */
+    char others[512];   /* where one is wanted: those of one number each, as far as they fit */
 } dmk_vtk_tags;
 
 /* Find out where everything stands; only `wanted` may be set before. dmk_vtk_tags_free also after a failure. */

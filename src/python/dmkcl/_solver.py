@@ -70,6 +70,15 @@ def _options(
     return options
 
 
+def _warn_of_gap(asked: float, found: float, stacklevel: int) -> None:
+    if 0 < asked < found:
+        warnings.warn(
+            f"the gap is {found:.2g}, above the {asked:.2g} that was asked for; a smaller tolerance may "
+            "bring it down",
+            stacklevel=stacklevel,
+        )
+
+
 class CutLocus:
     """A surface made ready on a device: solve for one source after another.
 
@@ -201,7 +210,7 @@ class CutLocus:
             Ends when the relative change of mu per unit time is below; 0: the method's default.
         gap : float
             Ends also when the certificate's relative gap is below; the gap is then computed, and
-            in the history, at every step. 0: not used.
+            in the history, at every step. One that is not reached is a warning. 0: not used.
         max_steps : int
             0: the method's default.
         threshold : float
@@ -256,9 +265,11 @@ class CutLocus:
                 )
         finally:
             watch.close()
-        return Result(
+        found = Result(
             self.mesh, handle, source, watch.history(), strength, bool(options.density_only)
         )
+        _warn_of_gap(options.gap_tolerance, found.stats["gap"], 4)
+        return found
 
     def solve_many(
         self,
@@ -356,12 +367,7 @@ class CutLocus:
                 found = solve_measures(self.mesh, self._handle, context, a, b, settings)
         finally:
             watch.close()
-        if 0 < gap < found.stats["gap"]:
-            warnings.warn(
-                f"the gap is {found.stats['gap']:.2g}, above the {gap:.2g} that was asked for; a smaller "
-                "tolerance may bring it down",
-                stacklevel=2,
-            )
+        _warn_of_gap(gap, found.stats["gap"], 3)
         return found
 
     def w1_matrix(

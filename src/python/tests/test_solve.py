@@ -142,7 +142,9 @@ def test_single_precision(small, result):
 
 
 def test_history(solver):
-    found = solver.solve(vertex=0, gap=1e-12, tolerance=1e-3)
+    with pytest.warns(UserWarning, match="the gap is .* above the 1e-12 that was asked for") as warned:
+        found = solver.solve(vertex=0, gap=1e-12, tolerance=1e-3)
+    assert warned[0].filename == __file__
     history = found.history
     assert np.array_equal(history["step"], np.arange(1, found.stats["steps"] + 1))
     assert history["cg_iterations"].sum() <= found.stats["cg_iterations"]
