@@ -101,17 +101,11 @@ typedef sum_t sumv;
  * share of them, the same one in launch after launch, and a work-group does the parts of its thread's
  * share one by one. Then it helps where a thread has not come at all, or is far behind. Which thread
  * does a part changes no result: sums are kept by part.
- *   launch  the launch's tag, threads (0: each work-group does the part of its number, -1: the one that
- *           `shares` lists), parts of the first range (see dmk_range), parts; the GPU shape needs but
- *           the list and the last
+ *   launch  the launch's tag, threads (0: the parts are divided among the work-groups, -1: those are that
+ *           `shares` lists), parts of the first range (see dmk_range) or of the list, parts; the GPU shape,
+ *           with a work-group for each part, needs but the list and the last
  *   shares  a word for each thread on a line of its own: tag << 21 | the thread has come << 20 | parts
  *           taken; then their keys */
-static int part_of_group(volatile global int *shares, int4 launch)
-{
-    const int group = (int)get_group_id(0);
-    return launch.s1 < 0 ? shares[group] : group;
-}
-
 #if DMK_CPU
 static int take_part(volatile global int *word, int tag, int size, int mine)
 {
@@ -144,7 +138,13 @@ static int thread_number(volatile global int *keys, int threads)
 static int next_part(volatile global int *shares, int4 launch, int *at)
 {
     const int tag = launch.s0, threads = launch.s1, first = launch.s2, second = launch.s3 - first;
-    if (threads <= 0) return at[1]++ == 0 ? part_of_group(shares, launch) : -1;
+    if (threads <= 0) {
+        const int n = threads < 0 ? launch.s2 : launch.s3;
+        const long group = get_group_id(0), groups = get_num_groups(0);
+        const int k = (int)(n * group / groups) + at[1]++;
+        if (k >= (int)(n * (group + 1) / groups)) return -1;
+        return threads < 0 ? shares[k] : k;
+    }
     if (at[0] < 0) at[0] = thread_number(shares + DMK_LINE * threads, threads);
     for (; at[1] < threads; at[1]++) {
         const int t = (at[0] + at[1]) % threads;
@@ -156,12 +156,18 @@ static int next_part(volatile global int *shares, int4 launch, int *at)
     return -1;
 }
 
-/* The parts of this work-group, one after the other; in the GPU shape there is one. */
+/* The parts of this work-group, one after the other. */
 #define FOR_PARTS(part, shares, launch)                                                            \
     for (int part##_at[2] = {-1, 0}, part = next_part(shares, launch, part##_at); part >= 0;       \
          part = next_part(shares, launch, part##_at))
 #define KERNEL kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 #else
+static int part_of_group(volatile global int *shares, int4 launch)
+{
+    const int group = (int)get_group_id(0);
+    return launch.s1 < 0 ? shares[group] : group;
+}
+
 #define FOR_PARTS(part, shares, launch) const int part = part_of_group(shares, launch);
 #define KERNEL kernel __attribute__((reqd_work_group_size(DMK_GROUP, 1, 1))) void
 #endif

@@ -1,9 +1,10 @@
-/* A device given back while it works. */
+/* Devices opened, used and given back. */
 #include "device/internal.h"
 #include "files.h"
 #include "solver/memory.h"
 
 #include <math.h>
+#include <pthread.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -32,6 +33,63 @@ static void destroyed_with_work_under_way(void **state)
         least = fmin(least, dmk_seconds() - before);
     }
     assert_true(least < 0.5);
+}
+
+/* In a process that has not used OpenCL before, by several threads at the same moment: PoCL 3.1 tells those that come
+ * second of no device, or of one that is not ready. The first of the tests, or it tells nothing. */
+enum { AT_ONCE = 6 };
+
+typedef struct crowd {
+    pthread_barrier_t barrier;
+    _Atomic int opened;
+} crowd;
+
+static void *one_of_many(void *argument)
+{
+    crowd *c = argument;
+    dmk_context *ctx = NULL;
+    dmk_device *device = NULL;
+    const int rc = dmk_context_create(&ctx);
+    pthread_barrier_wait(&c->barrier);
+    if (rc == DMK_OK) c->opened += dmk_device_open(ctx, NULL, &device) == DMK_OK;
+    dmk_device_destroy(&device);
+    dmk_context_destroy(&ctx);
+    return NULL;
+}
+
+static void opened_by_many_at_once(void **state)
+{
+    (void)state;
+    crowd c = {.opened = 0};
+    pthread_t thread[AT_ONCE];
+    assert_int_equal(pthread_barrier_init(&c.barrier, NULL, AT_ONCE), 0);
+    for (int i = 0; i < AT_ONCE; i++)
+        assert_int_equal(pthread_create(&thread[i], NULL, one_of_many, &c), 0);
+    for (int i = 0; i < AT_ONCE; i++) pthread_join(thread[i], NULL);
+    pthread_barrier_destroy(&c.barrier);
+    assert_int_equal(c.opened, AT_ONCE);
+}
+
+/* On a CPU a launch has as many work-groups as any other, whatever it goes over: see dmk_launch_groups. */
+static void launches_are_equally_wide(void **state)
+{
+    fixture *f = *state;
+    dmk_device *device = NULL;
+    dmk_buffer *list = NULL;
+    const int32_t parts[2] = {0, 3};
+    assert_int_equal(dmk_device_open(f->ctx, NULL, &device), DMK_OK);
+    assert_int_equal(dmk_buffer_create(f->ctx, device, sizeof parts, parts, &list), DMK_OK);
+    assert_true(device->cpu_shape);
+    const size_t usual = dmk_launch_groups(device, (dmk_range){.items = 2});
+    for (size_t items = 3; items < 100000000; items += items / 2) {
+        const dmk_range all = {.items = items, .first = items / 3},
+                        some = {.items = items, .parts = list, .n_parts = 2};
+        assert_int_equal(dmk_launch_groups(device, all), usual);
+        assert_int_equal(dmk_launch_groups(device, some), usual);
+    }
+    assert_int_equal(dmk_launch_groups(device, (dmk_range){.items = 1}), 1);
+    dmk_buffer_destroy(&list);
+    dmk_device_destroy(&device);
 }
 
 /* Kernels that a thread of the device's own builds are waited for by who wants one, and by who gives the device
@@ -249,7 +307,9 @@ const char *__asan_default_options(void)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {TEST(destroyed_with_work_under_way),
+    const struct CMUnitTest tests[] = {TEST(opened_by_many_at_once),
+                                       TEST(launches_are_equally_wide),
+                                       TEST(destroyed_with_work_under_way),
                                        TEST(built_in_the_background),
                                        TEST(mapped),
                                        TEST(the_best_device),

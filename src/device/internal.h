@@ -48,6 +48,8 @@ struct dmk_device {
 
 /* "CL_OUT_OF_RESOURCES" and the like. */
 const char *dmk_cl_text(cl_int error);
+/* launch.c: work-groups of a launch over the range. */
+size_t dmk_launch_groups(const dmk_device *device, dmk_range range);
 /* DMK_OK, or a failure that names the call. */
 int dmk_cl_check(dmk_context *context, cl_int error, const char *call);
 #define DMK_CL(call) DMK_TRY(dmk_cl_check(ctx, (call), #call))

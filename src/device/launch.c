@@ -55,25 +55,28 @@ static int launch_failed(dmk_context *ctx, cl_int error, const dmk_kernel *kerne
                     error, kernel->name, items);
 }
 
-/* The last two arguments, the distribution of the work (base.cl). *groups: the parts of the launch, then its
- * work-groups: as many as are listed; with shares (in the CPU shape), some for each thread, as drivers may hand
- * several to the thread that comes first. */
-static cl_int share_out(dmk_device *dev, const dmk_kernel *kernel, dmk_range range, cl_uint arg,
-                        size_t *groups)
+/* In the CPU shape some for each thread, as drivers may hand several to the thread that comes first, and always as
+ * many: PoCL 3.1 loads a kernel anew for a launch that is wider than all before, and ends the process if three contexts
+ * or more run it just then. */
+size_t dmk_launch_groups(const dmk_device *dev, dmk_range range)
+{
+    if (dev->cpu_shape && range.items > 1) return 4 * (size_t)dev->info.compute_units;
+    return range.parts ? range.n_parts : dmk_launch_parts(dev, range.items);
+}
+
+/* The last two arguments, the distribution of the work: see base.cl. */
+static cl_int share_out(dmk_device *dev, const dmk_kernel *kernel, dmk_range range, cl_uint arg)
 {
     const size_t most = 1 << 20; /* a word of `shares` counts to it */
-    size_t threads = (size_t)dev->info.compute_units, parts = *groups, first = parts;
-    bool shares = dev->cpu_shape && threads > 1 && parts >= 2 * threads && parts < most &&
-                  threads < most / 1024;
+    const size_t threads = (size_t)dev->info.compute_units;
+    const size_t parts = dmk_launch_parts(dev, range.items);
+    const bool shares = dev->cpu_shape && !range.parts && threads > 1 && parts >= 2 * threads &&
+                        parts < most && threads < most / 1024;
     const dmk_buffer *table = range.parts ? range.parts : dev->shares;
-    if (range.first > 0) first = dmk_launch_parts(dev, range.first);
-    if (range.parts) {
-        shares = false;
-        *groups = range.n_parts;
-    } else if (shares) {
-        dev->tag = (dev->tag + 1) % 1023;
-        *groups = 4 * threads;
-    }
+    const size_t first = range.parts       ? range.n_parts
+                         : range.first > 0 ? dmk_launch_parts(dev, range.first)
+                                           : parts;
+    if (shares) dev->tag = (dev->tag + 1) % 1023;
     cl_int4 launch = {{dev->tag,
                        range.parts ? -1
                        : shares    ? (cl_int)threads
@@ -101,10 +104,10 @@ int dmk_launch(dmk_context *ctx, dmk_device *dev, const dmk_kernel *kernel, dmk_
                             dmk_cl_text(error), error, i, kernel->name);
         }
     }
-    size_t local = dev->cpu_shape ? 1 : DMK_GROUP, groups = dmk_launch_parts(dev, range.items);
-    cl_int error = share_out(dev, kernel, range, (cl_uint)n_args, &groups);
+    const size_t local = dev->cpu_shape ? 1 : DMK_GROUP;
+    const size_t global = dmk_launch_groups(dev, range) * local;
+    cl_int error = share_out(dev, kernel, range, (cl_uint)n_args);
     if (error != CL_SUCCESS) return launch_failed(ctx, error, kernel, range.items);
-    size_t global = groups * local;
     error = clEnqueueNDRangeKernel(dev->queue, kernel->cl, 1, NULL, &global, &local, 0, NULL, NULL);
     /* Drivers may keep what is queued until somebody waits; a device that is fed early idles less. */
     if (++dev->work.launches % FLUSH_EVERY == 0 && error == CL_SUCCESS) error = clFlush(dev->queue);

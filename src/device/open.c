@@ -12,19 +12,26 @@
 #include <time.h>
 #include <unistd.h>
 
-/* The process that first asked for OpenCL, or 0: the only thing that this library keeps for itself. Drivers
- * start threads of their own and keep their locks; in a child that was forked then, they wait for ever. */
+/* The process that first asked for OpenCL, or 0; less than 0 as long as it does: the only thing that this library keeps
+ * for itself. Drivers start threads of their own and keep their locks; in a child that was forked then, they wait for
+ * ever. And PoCL 3.1 hands out devices that are not ready while another thread's first call makes them. */
 static _Atomic pid_t opencl_process;
 
-static int claim_opencl(dmk_context *ctx)
+/* *first: no other thread has asked; the others wait until opencl_process is the process. */
+static int claim_opencl(dmk_context *ctx, bool *first)
 {
-    pid_t first = 0;
-    if (atomic_compare_exchange_strong(&opencl_process, &first, getpid()) || first == getpid())
-        return DMK_OK;
-    return dmk_fail(ctx, DMK_E_DEVICE,
-                    "OpenCL was used in process %ld before it forked this one, %ld: OpenCL "
-                    "drivers do not support that; fork first, then open devices",
-                    (long)first, (long)getpid());
+    const struct timespec step = {.tv_nsec = 1000000};
+    const pid_t own = getpid();
+    pid_t seen = 0;
+    *first = atomic_compare_exchange_strong(&opencl_process, &seen, -own);
+    if (!*first && seen != own && seen != -own) {
+        return dmk_fail(ctx, DMK_E_DEVICE,
+                        "OpenCL was used in process %ld before it forked this one, %ld: OpenCL "
+                        "drivers do not support that; fork first, then open devices",
+                        labs((long)seen), (long)own);
+    }
+    while (!*first && atomic_load(&opencl_process) == -own) nanosleep(&step, NULL);
+    return DMK_OK;
 }
 
 enum { MAX_PLATFORMS = 16, MAX_DEVICES = 64 };
@@ -127,13 +134,11 @@ static bool space_is_bounded(void)
 }
 
 /* All devices of all platforms, in the order the loader gives them. */
-static int find_all(dmk_context *ctx, found *all, size_t *count)
+static int ask_all(dmk_context *ctx, found *all, size_t *count)
 {
     cl_platform_id platforms[MAX_PLATFORMS];
     cl_uint n_platforms = 0;
-    *count = 0;
-    int rc = claim_opencl(ctx);
-    if (rc != DMK_OK) return rc;
+    int rc = DMK_OK;
     cl_int error = clGetPlatformIDs(MAX_PLATFORMS, platforms, &n_platforms);
     if (error != CL_SUCCESS || n_platforms == 0) {
         return dmk_fail(ctx, DMK_E_DEVICE,
@@ -162,6 +167,16 @@ static int find_all(dmk_context *ctx, found *all, size_t *count)
     }
     if (*count == 0) return rc != DMK_OK ? rc : no_device(ctx, platforms, n_platforms);
     return DMK_OK;
+}
+
+static int find_all(dmk_context *ctx, found *all, size_t *count)
+{
+    bool first;
+    *count = 0;
+    int rc = claim_opencl(ctx, &first);
+    if (rc == DMK_OK) rc = ask_all(ctx, all, count);
+    if (first) atomic_store(&opencl_process, getpid());
+    return rc;
 }
 
 int dmk_device_list(dmk_context *ctx, dmk_device_info *infos, size_t capacity, size_t *count)
