@@ -229,6 +229,18 @@ static void test_sphere_converges(void **state)
 
 /* ---- density --------------------------------------------------------------------------------- */
 
+/* The integral of mu over that of the distance. */
+static double carried_over_cost(const fixture *f)
+{
+    double carried = 0, cost = 0;
+    for (int32_t t = 0; t < f->mesh->n_triangles; t++) {
+        const int32_t *e = f->mesh->triangle_edge + 3 * t;
+        carried += f->mesh->area[t] * f->mu[t];
+        cost += f->mesh->area[t] * (f->mid[e[0]] + f->mid[e[1]] + f->mid[e[2]]) / 3;
+    }
+    return carried / cost;
+}
+
 /* All mass arrives: the integral of mu is that of the distance, each unit of area being counted
  * once per unit of its way. */
 static void test_mass_is_kept(void **state)
@@ -239,13 +251,7 @@ static void test_mass_is_kept(void **state)
         fixture f = {0};
         make_square(&f, 48, 0.7, jitters[i]);
         start_from(&f, (dmk_point){2000, {0.2, 0.5, 0.3}});
-        double carried = 0, cost = 0;
-        for (int32_t t = 0; t < f.mesh->n_triangles; t++) {
-            const int32_t *e = f.mesh->triangle_edge + 3 * t;
-            carried += f.mesh->area[t] * f.mu[t];
-            cost += f.mesh->area[t] * (f.mid[e[0]] + f.mid[e[1]] + f.mid[e[2]]) / 3;
-        }
-        assert_true(fabs(carried / cost - 1) < 0.02);
+        assert_true(fabs(carried_over_cost(&f) - 1) < 0.02);
         fixture_free(&f);
     }
 }
@@ -304,6 +310,20 @@ static void test_border(void **state)
     }
 }
 
+/* Heights by chance, up to `most`. */
+static void roughen(fixture *f, double most, uint32_t *random)
+{
+    const size_t n_vertices = (size_t)f->mesh->n_vertices,
+                 n_triangles = (size_t)f->mesh->n_triangles;
+    double *xyz = malloc(3 * n_vertices * sizeof *xyz);
+    int32_t *tri = malloc(3 * n_triangles * sizeof *tri);
+    memcpy(xyz, f->mesh->xyz, 3 * n_vertices * sizeof *xyz);
+    memcpy(tri, f->mesh->triangle, 3 * n_triangles * sizeof *tri);
+    for (size_t v = 0; v < n_vertices; v++) xyz[3 * v + 2] = most * noise(random);
+    dmk_mesh_destroy(&f->mesh);
+    assert_int_equal(dmk_mesh_adopt(f->ctx, n_vertices, xyz, n_triangles, tri, &f->mesh), DMK_OK);
+}
+
 /* Needles: a rough height field over a rectangle of aspect 1:1000. */
 static void test_needles(void **state)
 {
@@ -311,14 +331,7 @@ static void test_needles(void **state)
     fixture f = {0};
     make_square(&f, 20, 1e-3, 0.9);
     uint32_t random = 3;
-    for (int32_t v = 0; v < f.mesh->n_vertices; v++) f.mesh->xyz[3 * v + 2] = 0.02 * noise(&random);
-    size_t n_vertices = (size_t)f.mesh->n_vertices, n_triangles = (size_t)f.mesh->n_triangles;
-    double *xyz = malloc(3 * n_vertices * sizeof *xyz);
-    int32_t *tri = malloc(3 * n_triangles * sizeof *tri);
-    memcpy(xyz, f.mesh->xyz, 3 * n_vertices * sizeof *xyz);
-    memcpy(tri, f.mesh->triangle, 3 * n_triangles * sizeof *tri);
-    dmk_mesh_destroy(&f.mesh);
-    assert_int_equal(dmk_mesh_adopt(f.ctx, n_vertices, xyz, n_triangles, tri, &f.mesh), DMK_OK);
+    roughen(&f, 0.02, &random);
     dmk_point source = {333, {0.1, 0.1, 0.8}};
     start_from(&f, source);
     for (int32_t e = 0; e < f.mesh->n_edges; e++) {
@@ -326,6 +339,34 @@ static void test_needles(void **state)
         assert_true(fabs(f.d[v[0]] - f.d[v[1]]) < 1.1 * f.mesh->length[e]);
         assert_true(f.mid[e] < fmin(f.d[v[0]], f.d[v[1]]) + 0.51 * f.mesh->length[e]);
     }
+    fixture_free(&f);
+}
+
+/* On rough ground triangles wait for each other in rings, which are opened: the flow has been through all of them. */
+static void test_rings_are_opened(void **state)
+{
+    (void)state;
+    fixture f = {0};
+    uint32_t random = 5;
+    make_square(&f, 48, 1, 0);
+    roughen(&f, 0.12, &random);
+    start_from(&f, (dmk_point){2000, {0.2, 0.5, 0.3}});
+    const int32_t n = f.mesh->n_triangles;
+    sweep s = {.mesh = f.mesh, .d = f.d, .mid = f.mid, .mu = f.mu};
+    s.width = calloc((size_t)f.mesh->n_edges, sizeof *s.width);
+    s.load = calloc((size_t)f.mesh->n_edges, sizeof *s.load);
+    s.waiting = calloc((size_t)n, sizeof *s.waiting);
+    s.sink = calloc((size_t)n, sizeof *s.sink);
+    s.queue = calloc((size_t)n, sizeof *s.queue);
+    dmk_parallel(f.ctx, f.mesh->n_edges, width_range, &s);
+    for (int32_t t = 0; t < n; t++) open_triangle(&s, t);
+    assert_int_equal(sweep_run(f.ctx, &s), DMK_OK);
+    for (int32_t t = 0; t < n; t++) assert_true(s.waiting[t] <= 0);
+    free(s.width);
+    free(s.load);
+    free(s.waiting);
+    free(s.sink);
+    free(s.queue);
     fixture_free(&f);
 }
 
@@ -390,6 +431,7 @@ int main(void)
         cmocka_unit_test(test_sphere_converges), cmocka_unit_test(test_mass_is_kept),
         cmocka_unit_test(test_tetrahedron),      cmocka_unit_test(test_needles),
         cmocka_unit_test(test_border),           cmocka_unit_test(test_dents_are_opened),
+        cmocka_unit_test(test_rings_are_opened),
     };
     return cmocka_run_group_tests_name("start", tests, NULL, NULL);
 }
