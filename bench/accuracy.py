@@ -131,6 +131,9 @@ def score(name, locus, h):
         opposite = -np.array(SURFACES[name][1])
         far = np.linalg.norm(x - opposite, axis=1).max() / h if len(x) else np.inf
         return dict(max=far, points=len(x), lines=len(lines))
+    if not lines:  # one point, or nothing that strong
+        return {**dict.fromkeys(("out", "ref", "max", "tip"), np.inf), "false": 0.0, "missed": 1.0,
+                "length": -1.0, "ends": 0, "branches": 0}
     degree = np.bincount([v for l in lines for e in zip(l, l[1:]) for v in e], minlength=len(x))
     exact = exact_lines(name)
     out, ref = sample([x[l] for l in lines], h / 4), sample(exact, h / 4)
