@@ -215,6 +215,7 @@ static int prepare(bench *b, const char *path)
     DMK_TRY(fill(b, DMK_INNER, s->level[0].x, s->level[0].n, -1, 1));
     DMK_TRY(fill(b, DMK_INNER, s->rank_one, 6 * s->n_elements, 0.1, 1));
     DMK_TRY(dmk_element_prepare(b->ctx, s));
+    DMK_TRY(dmk_inverse_diagonal(b->ctx, s));
     DMK_TRY(dmk_multigrid_refresh(b->ctx, s));
 done:
     return rc;

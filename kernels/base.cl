@@ -95,6 +95,53 @@ typedef sum_t sumv;
 #define FOR_ROWS(i, n, shares, launch) FOR_BLOCKS(i, n, shares, launch)
 #endif
 
+/* Two numbers for each slot, side by side, so that both are found by one gather. */
+typedef struct two {
+    floatv first, second;
+} two;
+
+#if DMK_CPU
+#if DMK_FP64
+typedef double both_t; /* of both at once */
+typedef double8 bothv;
+#else
+typedef long both_t;
+typedef long8 bothv;
+#endif
+
+static void store_pairs(floatv a, floatv b, global float *p, int at)
+{
+    vstore16((float16)(a.s0, b.s0, a.s1, b.s1, a.s2, b.s2, a.s3, b.s3, a.s4, b.s4, a.s5, b.s5, a.s6,
+                       b.s6, a.s7, b.s7),
+             0, p + 2 * at);
+}
+
+static two gather_pairs(GATHERED float *p, intv i)
+{
+    const bothv both = (bothv)(GATHER((GATHERED both_t *)p, i));
+    const float16 x = as_float16(both);
+    const two found = {x.even, x.odd};
+    return found;
+}
+#else
+static void store_pairs(floatv a, floatv b, global float *p, int at)
+{
+    vstore2((float2)(a, b), at, p);
+}
+
+static two gather_pairs(GATHERED float *p, intv i)
+{
+    const float2 x = vload2(i, p);
+    const two found = {x.x, x.y};
+    return found;
+}
+#endif
+
+static floatv inverse_of(floatv size)
+{
+    return size > 0 ? 1 / size : 0 * size;
+}
+
 /* Work distribution in the CPU shape. Drivers hand work-groups to their threads as they come, so that what
  * one core has written another reads in the next kernel; between cores that do not share a cache this
  * costs more than the work. Here the work is cut into parts (DMK_CHUNK blocks each), every thread has a

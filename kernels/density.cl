@@ -153,16 +153,32 @@ KERNEL element_prepare(int n, global const real *restrict cot, global const real
     }
 }
 
+/* Newton's weighted diagonals on T/2: cotangents, sums of two of them times mu, sizes of rank_one. */
+typedef struct six_floats {
+    floatv v0, v1, v2, m0, m1, m2;
+} six_floats;
+
+static six_floats weighted_diagonals(floatv c0, floatv c1, floatv c2, floatv v0, floatv v1, floatv v2,
+                                     six_floats s)
+{
+    const floatv l = 0.5f * stiffness_bound(c0, c1, c2);
+    const floatv dm = l * (v0 + v1 + v2), size = s.v0 + s.v1 + s.v2 + s.m0 + s.m1 + s.m2;
+    const six_floats d = {l * v0 + size * s.v0, l * v1 + size * s.v1, l * v2 + size * s.v2,
+                          dm + size * s.m0,     dm + size * s.m1,     dm + size * s.m2};
+    return d;
+}
+
 /* Newton's coefficients at pseudo time D (implicit Euler in y = log mu):
  *     M = A + sum_T c_T g_T g_T',  c_T = D mu_T / (|T| s_T),  s_T = max(q_T, 1/4),
  *     right-hand side  f - sum_T mu_T (1 + D L_T) g_T,
  * with u, hence g and sqrt(q), scaled by alpha. The rank-one part is bounded by |g_i| sum |g_j| on the
  * diagonal; on T the exact bound of the summed 3x3 element is used. rank_one = sqrt(c_T) g_T. The
- * right-hand side's parts take the place of g, and newton_diagonal, once they are summed up, that of them.
+ * right-hand side's parts take the place of g, and newton_diagonal, once they are summed up, that of them; or,
+ * paired, in double precision, these parts rounded to single precision and the weighted diagonals side by side.
  * reads cot, area, mu, q, g_and_rhs; writes g_and_rhs, weight, rank_one, edge, diag_coarse
- * moves 18 real E + 60 E bytes, 100 E flops
+ * moves 18 real E + 60 E bytes, 145 E flops
  * shape blocks of E; numerics as element_prepare; sums that cancel are avoided */
-KERNEL newton_prepare(int n, float alpha, float D, global const real *restrict cot,
+KERNEL newton_prepare(int n, int paired, float alpha, float D, global const real *restrict cot,
                       global const real *restrict area, global const real *restrict mu,
                       global const real *restrict q, global real *restrict g_and_rhs,
                       global float *restrict weight, global float *restrict rank_one,
@@ -173,7 +189,8 @@ KERNEL newton_prepare(int n, float alpha, float D, global const real *restrict c
     {
         const realv m = LOAD(mu, AT(b)), e = (real)alpha * (real)alpha * LOAD(q, AT(b));
         const six g = scaled((realv)((real)alpha), load_six(g_and_rhs, b));
-        store_six(scaled(-m * (1 + (real)D * log_slope(e)), g), g_and_rhs, b);
+        const six rhs = scaled(-m * (1 + (real)D * log_slope(e)), g);
+        if (!paired) store_six(rhs, g_and_rhs, b);
 
         const three r = load_three(cot, b);
         const floatv c0 = TO_FLOAT(r.c0), c1 = TO_FLOAT(r.c1), c2 = TO_FLOAT(r.c2), mf = TO_FLOAT(m);
@@ -191,6 +208,19 @@ KERNEL newton_prepare(int n, float alpha, float D, global const real *restrict c
         STORE(s3, rank_one, AT_K(b, 3, 6));
         STORE(s4, rank_one, AT_K(b, 4, 6));
         STORE(s5, rank_one, AT_K(b, 5, 6));
+#if DMK_DOUBLE
+        if (paired) {
+            global float *pairs = (global float *)g_and_rhs;
+            const six_floats size = {fabs(s0), fabs(s1), fabs(s2), fabs(s3), fabs(s4), fabs(s5)};
+            const six_floats d = weighted_diagonals(c0, c1, c2, v0, v1, v2, size);
+            store_pairs(TO_FLOAT(rhs.v0), d.v0, pairs, AT_K(b, 0, 6));
+            store_pairs(TO_FLOAT(rhs.v1), d.v1, pairs, AT_K(b, 1, 6));
+            store_pairs(TO_FLOAT(rhs.v2), d.v2, pairs, AT_K(b, 2, 6));
+            store_pairs(TO_FLOAT(rhs.m0), d.m0, pairs, AT_K(b, 3, 6));
+            store_pairs(TO_FLOAT(rhs.m1), d.m1, pairs, AT_K(b, 4, 6));
+            store_pairs(TO_FLOAT(rhs.m2), d.m2, pairs, AT_K(b, 5, 6));
+        }
+#endif
 
         /* On T: P'g takes half of each adjacent midpoint. */
         const floatv t0 = s0 + 0.5f * (s4 + s5), t1 = s1 + 0.5f * (s3 + s5), t2 = s2 + 0.5f * (s3 + s4);
@@ -218,20 +248,18 @@ KERNEL newton_diagonal(int n, global const real *restrict cot, global const real
         const floatv mf = TO_FLOAT(LOAD(mu, AT(b)));
         const floatv v0 = mf * TO_FLOAT(r.c1 + r.c2), v1 = mf * TO_FLOAT(r.c0 + r.c2),
                      v2 = mf * TO_FLOAT(r.c0 + r.c1);
-        const floatv s0 = fabs(LOAD(rank_one, AT_K(b, 0, 6))),
-                     s1 = fabs(LOAD(rank_one, AT_K(b, 1, 6))),
-                     s2 = fabs(LOAD(rank_one, AT_K(b, 2, 6))),
-                     s3 = fabs(LOAD(rank_one, AT_K(b, 3, 6))),
-                     s4 = fabs(LOAD(rank_one, AT_K(b, 4, 6))),
-                     s5 = fabs(LOAD(rank_one, AT_K(b, 5, 6)));
-        const floatv l = 0.5f * stiffness_bound(TO_FLOAT(r.c0), TO_FLOAT(r.c1), TO_FLOAT(r.c2));
-        const floatv dm = l * (v0 + v1 + v2), size = s0 + s1 + s2 + s3 + s4 + s5;
-        STORE(l * v0 + size * s0, diag, AT_K(b, 0, 6));
-        STORE(l * v1 + size * s1, diag, AT_K(b, 1, 6));
-        STORE(l * v2 + size * s2, diag, AT_K(b, 2, 6));
-        STORE(dm + size * s3, diag, AT_K(b, 3, 6));
-        STORE(dm + size * s4, diag, AT_K(b, 4, 6));
-        STORE(dm + size * s5, diag, AT_K(b, 5, 6));
+        const six_floats size = {
+            fabs(LOAD(rank_one, AT_K(b, 0, 6))), fabs(LOAD(rank_one, AT_K(b, 1, 6))),
+            fabs(LOAD(rank_one, AT_K(b, 2, 6))), fabs(LOAD(rank_one, AT_K(b, 3, 6))),
+            fabs(LOAD(rank_one, AT_K(b, 4, 6))), fabs(LOAD(rank_one, AT_K(b, 5, 6)))};
+        const six_floats d = weighted_diagonals(TO_FLOAT(r.c0), TO_FLOAT(r.c1), TO_FLOAT(r.c2), v0, v1,
+                                                v2, size);
+        STORE(d.v0, diag, AT_K(b, 0, 6));
+        STORE(d.v1, diag, AT_K(b, 1, 6));
+        STORE(d.v2, diag, AT_K(b, 2, 6));
+        STORE(d.m0, diag, AT_K(b, 3, 6));
+        STORE(d.m1, diag, AT_K(b, 4, 6));
+        STORE(d.m2, diag, AT_K(b, 5, 6));
     }
 }
 
@@ -247,6 +275,33 @@ KERNEL rows_rhs(int n, global const int *restrict slice, global const int *restr
     {
         const realv a = row_sum(slice, slot, out, b);
         STORE(TO_FLOAT(LOAD(f, AT(b)) + a), rhs, AT(b));
+    }
+}
+
+/* rows_rhs, inverse_diagonal and smooth_first at once, from the pairs of newton_prepare: rhs = f + the sum of the elements' parts, the inverse of the sum of their diagonals, and z = step D^-1 rhs.
+ * reads slice, slot, pairs (gathered), f; writes rhs, inv_diag, z
+ * moves 4 P + 48 E + real R + 12 R bytes, 12 E + 4 R flops
+ * shape blocks of R; numerics sums of the right-hand side in the program's precision */
+KERNEL newton_rows(int n, float step, global const int *restrict slice,
+                   global const int *restrict slot, GATHERED float *restrict pairs,
+                   global const real *restrict f, global float *restrict rhs,
+                   global float *restrict inv_diag, global float *restrict z,
+                   volatile global int *shares, int4 launch)
+{
+    FOR_BLOCKS(b, n, shares, launch)
+    {
+        realv sum = 0;
+        floatv diag = 0;
+        for (int j = slice[SLICE(b)], end = slice[SLICE(b) + 1]; j < end; j++) {
+            const intv s = LOAD(slot, COLUMN(b, j));
+            const two p = gather_pairs(pairs, s);
+            sum += TO_REAL(p.first);
+            diag += p.second;
+        }
+        const floatv r = TO_FLOAT(LOAD(f, AT(b)) + sum), inverse = inverse_of(diag);
+        STORE(r, rhs, AT(b));
+        STORE(inverse, inv_diag, AT(b));
+        STORE(step * inverse * r, z, AT(b));
     }
 }
 

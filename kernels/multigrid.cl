@@ -590,11 +590,6 @@ static floatv weights_block(int b, global const int *slice, global const int *nu
     return size + fabs(diag);
 }
 
-static floatv inverse_of(floatv size)
-{
-    return size > 0 ? 1 / size : 0 * size;
-}
-
 /* A graph level's weights by row, and its inverse diagonal.
  * reads slice, number, edge (gathered); writes weight, inv_diag
  * moves 8 L + 4 K + 4 V bytes, 2 L + 2 V flops

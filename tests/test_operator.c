@@ -126,6 +126,7 @@ static void prepare(const fixture *x)
 {
     dmk_system *s = x->sys;
     ok(x, dmk_element_prepare(x->ctx, s));
+    ok(x, dmk_inverse_diagonal(x->ctx, s));
     ok(x, dmk_multigrid_refresh(x->ctx, s));
 }
 

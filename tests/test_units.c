@@ -106,6 +106,7 @@ static void set_density(fixture *x, double decades)
     ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_OUTER, x->sys->mu,
                                 (size_t)x->sys->n_elements_pad, x->mu));
     ok(x, dmk_element_prepare(x->b.ctx, x->sys));
+    ok(x, dmk_inverse_diagonal(x->b.ctx, x->sys));
     ok(x, dmk_multigrid_refresh(x->b.ctx, x->sys));
 }
 

@@ -74,6 +74,7 @@ static int prepare_solve(dmk_iteration *o)
     DMK_TRY(dmk_element_scale(o->ctx, s));
     DMK_TRY(dmk_rows_outer_residual(o->ctx, s));
     DMK_TRY(dmk_element_prepare(o->ctx, s));
+    DMK_TRY(dmk_inverse_diagonal(o->ctx, s));
     DMK_TRY(dmk_multigrid_refresh(o->ctx, s));
 done:
     return rc;

@@ -46,10 +46,11 @@ enum { IN_INNER = 1 << DMK_INNER, IN_OUTER = 1 << DMK_OUTER, IN_BOTH = IN_INNER 
     X(element_prepare, IN_OUTER)                                                                   \
     X(element_scale, IN_OUTER)                                                                     \
     X(newton_prepare, IN_OUTER)                                                                    \
-    X(newton_diagonal, IN_OUTER)                                                                   \
     X(newton_update, IN_OUTER)                                                                     \
     X(explicit_update, IN_OUTER)                                                                   \
+    X(newton_diagonal, IN_OUTER)                                                                   \
     X(rows_rhs, IN_OUTER)                                                                          \
+    X(newton_rows, IN_OUTER)                                                                       \
     X(rows_outer_residual, IN_OUTER)                                                               \
     X(band_slopes, IN_OUTER)                                                                       \
     X(band_map, IN_OUTER)                                                                          \
@@ -566,12 +567,12 @@ int dmk_element_prepare(dmk_context *ctx, dmk_system *s)
                DMK_BUF(s->out), DMK_BUF(s->edge), DMK_BUF(s->diag_coarse));
 }
 
-int dmk_newton_prepare(dmk_context *ctx, dmk_system *s, double alpha, double D)
+int dmk_newton_prepare(dmk_context *ctx, dmk_system *s, bool paired, double alpha, double D)
 {
     return RUN(DMK_OUTER, newton_prepare, padded_elements(s), DMK_INT(s->n_elements_pad),
-               DMK_FLOAT(alpha), DMK_FLOAT(D), DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu),
-               DMK_BUF(s->q), DMK_BUF(s->out_real), DMK_BUF(s->weight), DMK_BUF(s->rank_one),
-               DMK_BUF(s->edge), DMK_BUF(s->diag_coarse));
+               DMK_INT(paired), DMK_FLOAT(alpha), DMK_FLOAT(D), DMK_BUF(s->cot), DMK_BUF(s->area),
+               DMK_BUF(s->mu), DMK_BUF(s->q), DMK_BUF(s->out_real), DMK_BUF(s->weight),
+               DMK_BUF(s->rank_one), DMK_BUF(s->edge), DMK_BUF(s->diag_coarse));
 }
 
 int dmk_newton_diagonal(dmk_context *ctx, dmk_system *s)
@@ -584,6 +585,13 @@ int dmk_rows_rhs(dmk_context *ctx, dmk_system *s)
 {
     return RUN(DMK_OUTER, rows_rhs, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->slice),
                DMK_BUF(s->slot), DMK_BUF(s->out_real), DMK_BUF(s->f), DMK_BUF(s->cg[DMK_INNER].r));
+}
+
+int dmk_newton_rows(dmk_context *ctx, dmk_system *s, double step)
+{
+    return RUN(DMK_OUTER, newton_rows, rows(s), DMK_INT(s->n_rows), DMK_FLOAT(step),
+               DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out_real), DMK_BUF(s->f),
+               DMK_BUF(s->cg[DMK_INNER].r), DMK_BUF(s->inv_diag), DMK_BUF(s->x));
 }
 
 int dmk_rows_outer_residual(dmk_context *ctx, dmk_system *s)

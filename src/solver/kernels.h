@@ -108,12 +108,14 @@ int dmk_element_scale(dmk_context *context, dmk_system *s);
 /* weight, weight_real, edge, diag_coarse and, in out, the weighted diagonals of A(mu). */
 int dmk_element_prepare(dmk_context *context, dmk_system *s);
 /* The same of Newton's M at pseudo-time step D, its rank_one, and its right-hand side's parts in
- * out_real, which has g before; all but its weighted diagonals. */
-int dmk_newton_prepare(dmk_context *context, dmk_system *s, double alpha, double D);
+ * out_real, which has g before; all but its weighted diagonals. Paired: these, too, beside the parts. */
+int dmk_newton_prepare(dmk_context *context, dmk_system *s, bool paired, double alpha, double D);
 /* These, in out: the right-hand side must have been summed up. */
 int dmk_newton_diagonal(dmk_context *context, dmk_system *s);
 /* The inner right-hand side cg[DMK_INNER].r = f + the rows' sums of out_real. */
 int dmk_rows_rhs(dmk_context *context, dmk_system *s);
+/* From pairs: that, the inverse diagonal on T/2, and in x the first smoothing step. */
+int dmk_newton_rows(dmk_context *context, dmk_system *s, double step);
 /* The outer residual cg[DMK_OUTER].r (and narrow) = f - the rows' sums of out_real. */
 int dmk_rows_outer_residual(dmk_context *context, dmk_system *s);
 /* mu after a Newton step w, of which rank_one knows the rest; sums of area |change of mu| and of area mu. */

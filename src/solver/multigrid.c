@@ -84,7 +84,6 @@ done:
 int dmk_multigrid_refresh(dmk_context *ctx, dmk_system *s)
 {
     int rc;
-    DMK_TRY(dmk_inverse_diagonal(ctx, s));
     DMK_TRY(dmk_edge_weights(ctx, s, 0));
     DMK_TRY(dmk_mesh_weights(ctx, s));
     for (int32_t i = 1; i < s->tail && i < s->n_levels; i++) {

@@ -17,7 +17,9 @@ static bool is_done(double rz, double before, double wanted, bool *last)
 static int direction(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op, bool first)
 {
     int rc;
-    const dmk_cycle cycle = {.begun = !first, .dots = p == DMK_INNER, .first = first};
+    /* The inner right-hand side comes with its first smoothing step. */
+    const dmk_cycle cycle = {
+        .begun = !first || p == DMK_INNER, .dots = p == DMK_INNER, .first = first};
     DMK_TRY(dmk_v_cycle(ctx, s, op, s->cg[p].narrow, cycle));
     if (!cycle.dots) DMK_TRY(dmk_cg_dots(ctx, s, p, first, s->x_old));
     DMK_TRY(dmk_cg_direction(ctx, s, p, s->x_old));
