@@ -31,8 +31,8 @@ clean() { # SHAPE:PRECISION
 each clean $runs
 for run in $runs; do
     for kernel in $kernels; do
-        # In single precision the host inverts.
-        [ $kernel$run != coarse_inverse${run%:*}:single ] || continue
+        # In single precision the host inverts, and nothing is rounded on the way.
+        case $kernel:$run in coarse_inverse:*:single | newton_rows:*:single) continue ;; esac
         try "$run: $kernel ran" grep -qx $kernel "$work/seen:$run"
     done
 done

@@ -1,7 +1,7 @@
 /* Solve MESH from vertex 0 in a given shape and precision, by all methods, for checks of kernels:
  *     solve MESH cpu|gpu double|single [LARGER]
- * Steps are few: the same kernels run at each. Then the larger mesh, of a launch's part of vertices for each, on
- * two ranks, threads of this process. */
+ * Steps are few: the same kernels run at each. Then the mesh with a needle, and the larger mesh, of a launch's part of
+ * vertices for each, on two ranks, threads of this process. */
 #include "meeting.h"
 
 #include <stdio.h>
@@ -35,6 +35,31 @@ static void solve(dmk_solver *solver, const dmk_point *source, dmk_method method
     dmk_result_destroy(&result);
 }
 
+/* Newton's steps where a needle forbids that parts are rounded: the last vertex next to another one. */
+static void solve_needle(dmk_device *device, const dmk_mesh *mesh)
+{
+    dmk_mesh_info info;
+    dmk_mesh *sharp = NULL;
+    dmk_solver *solver = NULL;
+    dmk_point source;
+    dmk_mesh_get_info(mesh, &info);
+    const int32_t *triangle = dmk_mesh_triangles(mesh), last = (int32_t)info.n_vertices - 1;
+    double *x = malloc(3 * info.n_vertices * sizeof *x);
+    size_t h = 0;
+    if (!x) exit(1);
+    memcpy(x, dmk_mesh_vertices(mesh), 3 * info.n_vertices * sizeof *x);
+    while (triangle[h] != last) h++;
+    const int32_t next = triangle[h % 3 == 2 ? h - 2 : h + 1];
+    for (int k = 0; k < 3; k++) x[3 * last + k] += 0.999 * (x[3 * next + k] - x[3 * last + k]);
+    ok(dmk_mesh_create(context, info.n_vertices, x, info.n_triangles, triangle, &sharp));
+    ok(dmk_solver_create(context, device, sharp, &solver));
+    ok(dmk_mesh_vertex_point(context, sharp, 0, &source));
+    solve(solver, &source, DMK_NEWTON, DMK_START_DISTANCE);
+    dmk_solver_destroy(&solver);
+    dmk_mesh_destroy(&sharp);
+    free(x);
+}
+
 typedef struct seat {
     dmk_device_options device;
     const char *mesh;
@@ -64,6 +89,7 @@ static void *sit(void *argument)
     if (!s->m.all) {
         solve(solver, &source, DMK_EULER, DMK_START_UNIFORM);
         solve(solver, &source, DMK_NEWTON, DMK_START_UNIFORM); /* with one smoothing step, too */
+        solve_needle(device, mesh);
     }
     dmk_solver_destroy(&solver);
     dmk_mesh_destroy(&mesh);

@@ -92,6 +92,13 @@ VECTOR(double, double8)
 MEMORY(float, float8)
 MEMORY(double, double8)
 MEMORY(int, int8)
+float2 OVER vload2(size_t i, const global float *p) { return (float2)(p[2 * i], p[2 * i + 1]); }
+void OVER vstore2(float2 x, size_t i, global float *p) { p[2 * i] = x.s0, p[2 * i + 1] = x.s1; }
+void OVER vstore16(float16 x, size_t i, global float *p)
+{
+    vstore8(x.lo, 2 * i, p);
+    vstore8(x.hi, 2 * i + 1, p);
+}
 float8 OVER convert_float8(float8 x) { return x; }
 float8 OVER convert_float8(double8 x) { return (float8)(EIGHT((float), x)); }
 double8 OVER convert_double8(double8 x) { return x; }
