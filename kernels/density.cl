@@ -278,7 +278,8 @@ KERNEL rows_rhs(int n, global const int *restrict slice, global const int *restr
     }
 }
 
-/* rows_rhs, inverse_diagonal and smooth_first at once, from the pairs of newton_prepare: rhs = f + the sum of the elements' parts, the inverse of the sum of their diagonals, and z = step D^-1 rhs.
+/* rows_rhs, inverse_diagonal and smooth_first at once, from the pairs of newton_prepare: rhs = f + the sum of the
+ * elements' parts, the inverse of the sum of their diagonals, and z = step D^-1 rhs.
  * reads slice, slot, pairs (gathered), f; writes rhs, inv_diag, z
  * moves 4 P + 48 E + real R + 12 R bytes, 12 E + 4 R flops
  * shape blocks of R; numerics sums of the right-hand side in the program's precision */
