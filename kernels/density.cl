@@ -111,6 +111,10 @@ static floatv edge_bound(floatv w0, floatv w1, floatv w2, floatv d0, floatv d1, 
     return 1.5f + sqrt(fmin(fmax(2.25f - p, (floatv)0), (floatv)2.25f));
 }
 
+typedef struct six_floats {
+    floatv v0, v1, v2, m0, m1, m2;
+} six_floats;
+
 #define STORE3(a0, a1, a2, p, b)                                                                   \
     STORE(a0, p, AT_K(b, 0, 3));                                                                   \
     STORE(a1, p, AT_K(b, 1, 3));                                                                   \
@@ -144,20 +148,12 @@ KERNEL element_prepare(int n, global const real *restrict cot, global const real
                      dm = 0.5f * l * (v0 + v1 + v2);
         STORE3(d0, d1, d2, diag_coarse, b)
         STORE3(0.5f * w0, 0.5f * w1, 0.5f * w2, edge, b)
-        STORE(d0, diag, AT_K(b, 0, 6));
-        STORE(d1, diag, AT_K(b, 1, 6));
-        STORE(d2, diag, AT_K(b, 2, 6));
-        STORE(dm, diag, AT_K(b, 3, 6));
-        STORE(dm, diag, AT_K(b, 4, 6));
-        STORE(dm, diag, AT_K(b, 5, 6));
+        const six_floats d = {d0, d1, d2, dm, dm, dm};
+        STORE6(d, diag, b)
     }
 }
 
 /* Newton's weighted diagonals on T/2: cotangents, sums of two of them times mu, sizes of rank_one. */
-typedef struct six_floats {
-    floatv v0, v1, v2, m0, m1, m2;
-} six_floats;
-
 static six_floats weighted_diagonals(floatv c0, floatv c1, floatv c2, floatv v0, floatv v1, floatv v2,
                                      six_floats s)
 {
@@ -199,19 +195,14 @@ KERNEL newton_prepare(int n, int paired, float alpha, float D, global const real
                      v2 = mf * TO_FLOAT(r.c0 + r.c1);
         STORE3(w0, w1, w2, weight, b)
         const floatv root = TO_FLOAT(sqrt((real)D * m / (LOAD(area, AT(b)) * fmax(e, (realv)0.25f))));
-        const floatv s0 = root * TO_FLOAT(g.v0), s1 = root * TO_FLOAT(g.v1),
-                     s2 = root * TO_FLOAT(g.v2), s3 = root * TO_FLOAT(g.m0),
-                     s4 = root * TO_FLOAT(g.m1), s5 = root * TO_FLOAT(g.m2);
-        STORE(s0, rank_one, AT_K(b, 0, 6));
-        STORE(s1, rank_one, AT_K(b, 1, 6));
-        STORE(s2, rank_one, AT_K(b, 2, 6));
-        STORE(s3, rank_one, AT_K(b, 3, 6));
-        STORE(s4, rank_one, AT_K(b, 4, 6));
-        STORE(s5, rank_one, AT_K(b, 5, 6));
+        const six_floats p = {root * TO_FLOAT(g.v0), root * TO_FLOAT(g.v1), root * TO_FLOAT(g.v2),
+                              root * TO_FLOAT(g.m0), root * TO_FLOAT(g.m1), root * TO_FLOAT(g.m2)};
+        STORE6(p, rank_one, b)
 #if DMK_DOUBLE
         if (paired) {
             global float *pairs = (global float *)g_and_rhs;
-            const six_floats size = {fabs(s0), fabs(s1), fabs(s2), fabs(s3), fabs(s4), fabs(s5)};
+            const six_floats size = {fabs(p.v0), fabs(p.v1), fabs(p.v2),
+                                     fabs(p.m0), fabs(p.m1), fabs(p.m2)};
             const six_floats d = weighted_diagonals(c0, c1, c2, v0, v1, v2, size);
             store_pairs(TO_FLOAT(rhs.v0), d.v0, pairs, AT_K(b, 0, 6));
             store_pairs(TO_FLOAT(rhs.v1), d.v1, pairs, AT_K(b, 1, 6));
@@ -223,7 +214,8 @@ KERNEL newton_prepare(int n, int paired, float alpha, float D, global const real
 #endif
 
         /* On T: P'g takes half of each adjacent midpoint. */
-        const floatv t0 = s0 + 0.5f * (s4 + s5), t1 = s1 + 0.5f * (s3 + s5), t2 = s2 + 0.5f * (s3 + s4);
+        const floatv t0 = p.v0 + 0.5f * (p.m1 + p.m2), t1 = p.v1 + 0.5f * (p.m0 + p.m2),
+                     t2 = p.v2 + 0.5f * (p.m0 + p.m1);
         const floatv k0 = 0.5f * w0 - t1 * t2, k1 = 0.5f * w1 - t0 * t2, k2 = 0.5f * w2 - t0 * t1;
         /* k1 + k2 and the like, without cancellation: t0 + t1 + t2 = 0. */
         const floatv d0 = 0.5f * v0 + t0 * t0, d1 = 0.5f * v1 + t1 * t1,
@@ -254,12 +246,7 @@ KERNEL newton_diagonal(int n, global const real *restrict cot, global const real
             fabs(LOAD(rank_one, AT_K(b, 4, 6))), fabs(LOAD(rank_one, AT_K(b, 5, 6)))};
         const six_floats d = weighted_diagonals(TO_FLOAT(r.c0), TO_FLOAT(r.c1), TO_FLOAT(r.c2), v0, v1,
                                                 v2, size);
-        STORE(d.v0, diag, AT_K(b, 0, 6));
-        STORE(d.v1, diag, AT_K(b, 1, 6));
-        STORE(d.v2, diag, AT_K(b, 2, 6));
-        STORE(d.m0, diag, AT_K(b, 3, 6));
-        STORE(d.m1, diag, AT_K(b, 4, 6));
-        STORE(d.m2, diag, AT_K(b, 5, 6));
+        STORE6(d, diag, b)
     }
 }
 

@@ -56,15 +56,11 @@ static three load_three(global const real *p, int b)
     return x;
 }
 
-static void store_six(six y, global real *out, int b)
-{
-    STORE(y.v0, out, AT_K(b, 0, 6));
-    STORE(y.v1, out, AT_K(b, 1, 6));
-    STORE(y.v2, out, AT_K(b, 2, 6));
-    STORE(y.m0, out, AT_K(b, 3, 6));
-    STORE(y.m1, out, AT_K(b, 4, 6));
-    STORE(y.m2, out, AT_K(b, 5, 6));
-}
+#define STORE6(y, p, b)                                                                           \
+    STORE(y.v0, p, AT_K(b, 0, 6)); STORE(y.v1, p, AT_K(b, 1, 6)); STORE(y.v2, p, AT_K(b, 2, 6)); \
+    STORE(y.m0, p, AT_K(b, 3, 6)); STORE(y.m1, p, AT_K(b, 4, 6)); STORE(y.m2, p, AT_K(b, 5, 6));
+
+static void store_six(six y, global real *out, int b) { STORE6(y, out, b) }
 
 static flows flows_of(three w, six x)
 {

@@ -229,18 +229,6 @@ static void test_sphere_converges(void **state)
 
 /* ---- density --------------------------------------------------------------------------------- */
 
-/* The integral of mu over that of the distance. */
-static double carried_over_cost(const fixture *f)
-{
-    double carried = 0, cost = 0;
-    for (int32_t t = 0; t < f->mesh->n_triangles; t++) {
-        const int32_t *e = f->mesh->triangle_edge + 3 * t;
-        carried += f->mesh->area[t] * f->mu[t];
-        cost += f->mesh->area[t] * (f->mid[e[0]] + f->mid[e[1]] + f->mid[e[2]]) / 3;
-    }
-    return carried / cost;
-}
-
 /* All mass arrives: the integral of mu is that of the distance, each unit of area being counted
  * once per unit of its way. */
 static void test_mass_is_kept(void **state)
@@ -251,7 +239,13 @@ static void test_mass_is_kept(void **state)
         fixture f = {0};
         make_square(&f, 48, 0.7, jitters[i]);
         start_from(&f, (dmk_point){2000, {0.2, 0.5, 0.3}});
-        assert_true(fabs(carried_over_cost(&f) - 1) < 0.02);
+        double carried = 0, cost = 0;
+        for (int32_t t = 0; t < f.mesh->n_triangles; t++) {
+            const int32_t *e = f.mesh->triangle_edge + 3 * t;
+            carried += f.mesh->area[t] * f.mu[t];
+            cost += f.mesh->area[t] * (f.mid[e[0]] + f.mid[e[1]] + f.mid[e[2]]) / 3;
+        }
+        assert_true(fabs(carried / cost - 1) < 0.02);
         fixture_free(&f);
     }
 }
@@ -351,22 +345,11 @@ static void test_rings_are_opened(void **state)
     make_square(&f, 48, 1, 0);
     roughen(&f, 0.12, &random);
     start_from(&f, (dmk_point){2000, {0.2, 0.5, 0.3}});
-    const int32_t n = f.mesh->n_triangles;
     sweep s = {.mesh = f.mesh, .d = f.d, .mid = f.mid, .mu = f.mu};
-    s.width = calloc((size_t)f.mesh->n_edges, sizeof *s.width);
-    s.load = calloc((size_t)f.mesh->n_edges, sizeof *s.load);
-    s.waiting = calloc((size_t)n, sizeof *s.waiting);
-    s.sink = calloc((size_t)n, sizeof *s.sink);
-    s.queue = calloc((size_t)n, sizeof *s.queue);
-    dmk_parallel(f.ctx, f.mesh->n_edges, width_range, &s);
-    for (int32_t t = 0; t < n; t++) open_triangle(&s, t);
-    assert_int_equal(sweep_run(f.ctx, &s), DMK_OK);
-    for (int32_t t = 0; t < n; t++) assert_true(s.waiting[t] <= 0);
-    free(s.width);
-    free(s.load);
-    free(s.waiting);
-    free(s.sink);
-    free(s.queue);
+    assert_int_equal(sweep_create(f.ctx, &s), DMK_OK);
+    assert_int_equal(sweep_all(f.ctx, &s), DMK_OK);
+    for (int32_t t = 0; t < f.mesh->n_triangles; t++) assert_true(s.waiting[t] <= 0);
+    sweep_free(&s);
     fixture_free(&f);
 }
 

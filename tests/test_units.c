@@ -376,6 +376,19 @@ static void both_kinds_of_slopes_agree(void **state)
     free(v);
 }
 
+/* A right-hand side's parts are rounded only where no angle is below half a degree. */
+static void needles_are_not_rounded(void **state)
+{
+    fixture *x = *state;
+    const double degree = acos(-1) / 180, sharpest = x->sys->sharpest;
+    x->sys->sharpest = 1 / tan(0.6 * degree);
+    const bool above = is_paired(x->sys);
+    x->sys->sharpest = 1 / tan(0.4 * degree);
+    const bool below = is_paired(x->sys);
+    x->sys->sharpest = sharpest;
+    assert_true(above && !below);
+}
+
 /* Flat triangles, the slope along them being 1: never below it, and above by the rounding of the values only. */
 static void slopes_of_flat_triangles(void **state)
 {
@@ -699,6 +712,7 @@ int main(void)
         cmocka_unit_test(bounds_hold_for_any_potential),
         cmocka_unit_test(a_gap_ahead_is_told),
         cmocka_unit_test(both_kinds_of_slopes_agree),
+        cmocka_unit_test(needles_are_not_rounded),
         cmocka_unit_test(slopes_of_flat_triangles),
         cmocka_unit_test(bands_end_at_the_ends),
         cmocka_unit_test(steps_grow_and_shrink),

@@ -46,9 +46,9 @@ enum { IN_INNER = 1 << DMK_INNER, IN_OUTER = 1 << DMK_OUTER, IN_BOTH = IN_INNER 
     X(element_prepare, IN_OUTER)                                                                   \
     X(element_scale, IN_OUTER)                                                                     \
     X(newton_prepare, IN_OUTER)                                                                    \
+    X(newton_diagonal, IN_OUTER)                                                                   \
     X(newton_update, IN_OUTER)                                                                     \
     X(explicit_update, IN_OUTER)                                                                   \
-    X(newton_diagonal, IN_OUTER)                                                                   \
     X(rows_rhs, IN_OUTER)                                                                          \
     X(newton_rows, IN_OUTER)                                                                       \
     X(rows_outer_residual, IN_OUTER)                                                               \

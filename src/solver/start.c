@@ -33,6 +33,28 @@ typedef struct sweep {
 
 enum { done_mark = -1 };
 
+static int sweep_create(dmk_context *ctx, sweep *s)
+{
+    int rc;
+    size_t n_edges = (size_t)s->mesh->n_edges, n_triangles = (size_t)s->mesh->n_triangles;
+    DMK_TRY(DMK_NEW(ctx, s->width, n_edges));
+    DMK_TRY(DMK_NEW(ctx, s->load, n_edges));
+    DMK_TRY(DMK_NEW(ctx, s->waiting, n_triangles));
+    DMK_TRY(DMK_NEW(ctx, s->sink, n_triangles));
+    DMK_TRY(DMK_NEW(ctx, s->queue, n_triangles));
+done:
+    return rc;
+}
+
+static void sweep_free(sweep *s)
+{
+    free(s->width);
+    free(s->load);
+    free(s->waiting);
+    free(s->sink);
+    free(s->queue);
+}
+
 /* Flow of -grad d out of triangle t through its edge k, times the edge's length. The gradient is
  * that of the quadratic through all six values, at the edge's midpoint, scaled to 1: there it is
  * the gradient of the linear function with value -dk - 2 mk + 2 mi + 2 mj at corner k. */
@@ -262,6 +284,16 @@ static int sweep_run(dmk_context *ctx, sweep *s)
     return sweep_rings(ctx, s, &head);
 }
 
+/* The whole flow: the widths, a way out of every triangle, the loads. */
+static int sweep_all(dmk_context *ctx, sweep *s)
+{
+    dmk_parallel(ctx, s->mesh->n_edges, width_range, s);
+    for (int32_t t = 0; t < s->mesh->n_triangles; t++) {
+        if (!s->sink[t]) open_triangle(s, t);
+    }
+    return sweep_run(ctx, s);
+}
+
 /* Where the source lies: mu = load / (r * angle), so the integral over the part of the triangle
  * seen through an edge is the load through the edge times the mean distance to it. */
 static void sink_density(sweep *s, int32_t t)
@@ -298,26 +330,14 @@ int dmk_start_density(dmk_context *ctx, const dmk_mesh *mesh, const dmk_geodesic
 {
     int rc;
     sweep s = {.mesh = mesh, .d = geodesics->distance, .mid = mid, .mu = mu};
-    DMK_TRY(DMK_NEW(ctx, s.width, (size_t)mesh->n_edges));
-    DMK_TRY(DMK_NEW(ctx, s.load, (size_t)mesh->n_edges));
-    DMK_TRY(DMK_NEW(ctx, s.waiting, (size_t)mesh->n_triangles));
-    DMK_TRY(DMK_NEW(ctx, s.sink, (size_t)mesh->n_triangles));
-    DMK_TRY(DMK_NEW(ctx, s.queue, (size_t)mesh->n_triangles));
+    DMK_TRY(sweep_create(ctx, &s));
     mark_sinks(mesh, &geodesics->source->point, s.sink);
-    dmk_parallel(ctx, mesh->n_edges, width_range, &s);
-    for (int32_t t = 0; t < mesh->n_triangles; t++) {
-        if (!s.sink[t]) open_triangle(&s, t);
-    }
-    DMK_TRY(sweep_run(ctx, &s));
+    DMK_TRY(sweep_all(ctx, &s));
     for (int32_t t = 0; t < mesh->n_triangles; t++) {
         if (s.sink[t]) sink_density(&s, t);
         mu[t] = fmax(mu[t], 0.1 * sqrt(mesh->area[t]));
     }
 done:
-    free(s.width);
-    free(s.load);
-    free(s.waiting);
-    free(s.sink);
-    free(s.queue);
+    sweep_free(&s);
     return rc;
 }
