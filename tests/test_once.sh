@@ -81,20 +81,27 @@ few_windows() {
 }
 check 'merged windows around spikes are few' few_windows
 
+# given_up WHY: the run ended as diverged, for a reason that matches WHY and within the steps of its methods.
+given_up() {
+    grep -q "($1); neither Newton's steps nor explicit ones converge: improve" "$work/err" &&
+        [ "$(sed -n 's/.*diverged at step \([0-9]*\) .*/\1/p' "$work/err")" -le 250 ]
+}
+
 # A plate with five holes, 1:1000 and with needles, which took minutes: no step of the way back solves its system.
 gives_up() {
     echo 'vertex 32 1' > "$work/from" && echo 'vertex 84 1' > "$work/to"
-    timeout 60 "$tool" transport "$data/needles-441.off.gz" --from "$work/from" --to "$work/to" --quiet 2> "$work/err"
-    [ $? = 6 ] && grep -q 'limit of iterations in step after step' "$work/err"
+    "$tool" transport "$data/needles-441.off.gz" --from "$work/from" --to "$work/to" --quiet 2> "$work/err"
+    [ $? = 6 ] && given_up 'CG reaches its limit of iterations in step after step'
 }
-check 'transport on needles: no result, and soon' gives_up
+check 'transport on needles: no result, in few steps' gives_up
 
-# Needles on which neither kind of step comes to an end, which took minutes.
+# Needles on which neither kind of step comes to an end, which took minutes. Whether mu runs away or goes on changing
+# is a matter of the processor's rounding.
 no_end() {
-    timeout 60 "$tool" solve "$data/needles-1307.off.gz" --vertex 26 --quiet 2> "$work/err"
-    [ $? = 6 ] && grep -q 'mu keeps changing.*neither Newton.s steps nor explicit ones converge' "$work/err"
+    "$tool" solve "$data/needles-1307.off.gz" --vertex 26 --quiet 2> "$work/err"
+    [ $? = 6 ] && given_up 'mu keeps changing\|relative change of mu .*'
 }
-check 'needles without an end: the reason, and soon' no_end
+check 'needles without an end: the reason, in few steps' no_end
 
 # A V-cycle that rounding makes indefinite: the bounds of the cost are in order and the gap is that of a solve.
 in_order() {
