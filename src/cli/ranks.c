@@ -304,9 +304,18 @@ static void watch_meeting(bool begin)
     alarm(begin ? MEETING : 0);
 }
 
+/* Ranks of one machine talk through its memory. Without this word Open MPI 4.1 looks for networks first: 0.22 s of the
+ * 0.25 s that its start takes. */
+static void stay_on_machine(void)
+{
+    const char *all = getenv("OMPI_COMM_WORLD_SIZE"), *here = getenv("OMPI_COMM_WORLD_LOCAL_SIZE");
+    if (all && here && strcmp(all, here) == 0) setenv("OMPI_MCA_pml", "ob1", 0);
+}
+
 static void meet(int *argc, char ***argv)
 {
     int support;
+    stay_on_machine();
     if (MPI_Init_thread(argc, argv, MPI_THREAD_SERIALIZED, &support) != MPI_SUCCESS) return;
     MPI_Comm_set_errhandler(MPI_COMM_WORLD, MPI_ERRORS_RETURN);
     MPI_Comm_size(MPI_COMM_WORLD, &self.ranks.size);
