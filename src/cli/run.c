@@ -154,11 +154,10 @@ int solve_together(solve_run *run)
     return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
 }
 
-/* What each rank has done, for the report. */
+/* What each rank has done, for the report and for the others. */
 static int gather_ranks(solve_run *run)
 {
-    solve_rank mine = {.peak_memory = cli_peak_memory()};
-    if (run->n_ranks == 0) return DMK_OK;
+    solve_rank mine = {.peak_memory = cli_peak_memory(), .locus_rc = run->locus_rc};
     dmk_solver_get_traffic(run->solver, &mine.traffic);
     return cli_ranks_gather(&mine, run->ranks, sizeof mine);
 }
@@ -181,11 +180,10 @@ static int solve_lean(const solve_request *request, solve_run *run)
 static int solve_whole(const solve_request *request, solve_run *run)
 {
     const dmk_solve_options solve = show_gap(request, run);
-    const int rc = dmk_solve(run->context, run->solver, &run->source, &solve, &run->result);
-    return rc == DMK_OK ? gather_ranks(run) : rc;
+    return dmk_solve(run->context, run->solver, &run->source, &solve, &run->result);
 }
 
-/* Of several ranks the last one traces the cut locus, while the first one writes the density. */
+/* Of several ranks the last one traces the cut locus, while the first one marks the approximate one and writes. */
 static bool traces(const solve_run *run)
 {
     const dmk_ranks *ranks = cli_ranks();
@@ -220,11 +218,9 @@ static int take_locus(solve_run *run)
 {
     const dmk_ranks *ranks = cli_ranks();
     const int last = ranks->size - 1;
-    int *all = calloc((size_t)ranks->size, sizeof *all);
-    int rc = all ? cli_ranks_gather(&run->locus_rc, all, sizeof *all) : DMK_E_NOMEM;
-    const int theirs = rc == DMK_OK ? all[last] : DMK_OK;
-    free(all);
+    int rc = gather_ranks(run);
     if (rc != DMK_OK) return solve_fail(run, rc);
+    const int theirs = run->ranks[last].locus_rc;
     if (theirs != DMK_OK && ranks->rank != last) return cli_exit_code(theirs);
     if (theirs != DMK_OK) {
         if (!cli_interrupted()) cli_ranks_speak();

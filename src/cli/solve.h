@@ -41,6 +41,7 @@ typedef struct solve_times {
 typedef struct solve_rank {
     dmk_traffic traffic;
     uint64_t peak_memory;
+    int locus_rc;
 } solve_rank;
 
 typedef struct solve_run {
