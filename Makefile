@@ -174,7 +174,7 @@ $B/arguments.h: tests/arguments.awk tests/test_arguments.c include/dmkcl.h
 $B/tests/test_arguments.o: $B/arguments.h
 $B/tests/test_arguments.o: private FLAGS += -I$B
 
-test: $(TESTS) $(STATIC) $(SHARED) $(TOOL) $B/faults/library $B/faults/dmkcl
+test: $(TESTS) $(STATIC) $(SHARED) $(TOOL) $B/faults/library $B/faults/dmkcl $B/bench-anderson $B/bench-kernels
 	@sh tests/run.sh $B $(TESTS) $(TEST_SCRIPTS)
 
 # ---- fuzzing ---------------------------------------------------------------------------------

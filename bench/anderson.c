@@ -84,6 +84,7 @@ static int start(bench *b)
     DMK_TRY(DMK_NEW(b->ctx, f, n_rows));
     /* Midpoints are the first rows. */
     DMK_TRY(dmk_geodesics_create(b->ctx, m, 1, &b->source, NULL, &g));
+    dmk_geodesics_midpoints(b->ctx, g, u);
     DMK_TRY(dmk_start_density(b->ctx, m, g, u, b->mu));
     for (int32_t e = 0; e < m->n_edges; e++) u[e] /= -s->unit;
     for (int32_t v = 0; v < m->n_vertices; v++) u[s->vertex_row + v] = g->distance[v] / -s->unit;
@@ -95,6 +96,10 @@ static int start(bench *b)
     memset(&b->stats, 0, sizeof b->stats);
     b->outer = (dmk_iteration){.ctx = b->ctx,
                                .sys = s,
+                               .mesh = m,
+                               .triangle_old = b->order.triangle_old,
+                               .floor = DMK_FLOOR,
+                               .mean_floor = DMK_FLOOR,
                                .options = &b->options,
                                .stats = &b->stats,
                                .began = dmk_seconds()};
@@ -226,6 +231,7 @@ static int iterate(bench *b, int depth, int steps, double error)
         seconds += dmk_seconds() - began;
         double now = error_of(b);
         int v_cycles = b->stats.v_cycles;
+        b->outer.certified = false;
         DMK_TRY(dmk_certify(&b->outer, true));
         printf("%d,%d,%.4f,%.5f,%.3e,%.3e\n", number + 1, b->stats.v_cycles, seconds, now,
                b->stats.cost_upper / b->best_cost - 1, b->stats.gap);

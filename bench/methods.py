@@ -30,26 +30,22 @@ COMPARED = 0.01  # error that the sentence below each table is about
 
 
 def density(path):
-    """(area, mu) per triangle of a binary PLY file that dmkcl wrote."""
-    with open(path, "rb") as f:
-        blob = f.read()
-    end = blob.index(b"end_header\n") + 11
-    types = {"double": "<f8", "float": "<f4", "uchar": "u1", "int": "<i4"}
-    columns, count, element = {}, {}, None
-    for line in blob[:end].decode().splitlines():
-        w = line.split()
-        if w[0] == "element":
-            element = w[1]
-            count[element], columns[element] = int(w[2]), []
-        elif w[0] == "property" and w[1] == "list":
-            columns[element] += [("n", types[w[2]]), (w[4], types[w[3]], 3)]
-        elif w[0] == "property":
-            columns[element].append((w[2], types[w[1]]))
-    v = np.frombuffer(blob, np.dtype(columns["vertex"]), count["vertex"], end)
-    f = np.frombuffer(blob, np.dtype(columns["face"]), count["face"], end + v.nbytes)
-    x = np.c_[v["x"], v["y"], v["z"]].astype(float)[f["vertex_indices"]]
+    """(area, mu) per triangle of a PLY file of results, which is text."""
+    with open(path) as f:
+        lines = f.read().split("\n")
+    end = lines.index("end_header")
+    count, names = {}, {}
+    for word in map(str.split, lines[:end]):
+        if word[0] == "element":
+            element, count[word[1]] = word[1], int(word[2])
+        elif word[0] == "property":
+            names.setdefault(element, []).append(word[-1])
+    n = end + 1 + count["vertex"]
+    vertex = np.loadtxt(lines[end + 1 : n])
+    face = np.loadtxt(lines[n : n + count["face"]])
+    x = vertex[face[:, 1:4].astype(int), :3]
     area = 0.5 * np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1)
-    return area, f["mu"].astype(float)
+    return area, face[:, 3 + names["face"].index("mu")]
 
 
 def solve(o, mesh, more, tolerance):
