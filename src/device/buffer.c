@@ -38,13 +38,28 @@ done:
     return rc;
 }
 
+static int fill(dmk_context *ctx, dmk_device *dev, dmk_buffer *buffer, size_t bytes,
+                const void *pattern, size_t size)
+{
+    return dmk_cl_check(
+        ctx,
+        clEnqueueFillBuffer(dev->queue, mem_of(buffer), pattern, size, 0, bytes, 0, NULL, NULL),
+        "clEnqueueFillBuffer");
+}
+
 int dmk_buffer_clear(dmk_context *ctx, dmk_device *dev, dmk_buffer *buffer, size_t bytes)
 {
     const cl_uint zero = 0;
-    return dmk_cl_check(ctx,
-                        clEnqueueFillBuffer(dev->queue, mem_of(buffer), &zero, sizeof zero, 0,
-                                            bytes, 0, NULL, NULL),
-                        "clEnqueueFillBuffer");
+    return fill(ctx, dev, buffer, bytes, &zero, sizeof zero);
+}
+
+int dmk_buffer_fill_real(dmk_context *ctx, dmk_device *dev, dmk_program program, dmk_buffer *buffer,
+                         size_t n, double value)
+{
+    const float narrow = (float)value;
+    const size_t size = dmk_device_real(dev, program);
+    const void *pattern = size == sizeof value ? (const void *)&value : &narrow;
+    return fill(ctx, dev, buffer, n * size, pattern, size);
 }
 
 /* Where the parts of `whole` begin, a multiple of what the device asks for; their sum. */

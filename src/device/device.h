@@ -35,6 +35,9 @@ int dmk_buffer_gather(dmk_context *context, dmk_device *device, size_t n,
                       dmk_buffer **const *buffers, size_t *offset, dmk_buffer **whole);
 /* Queue the filling of a buffer's first `bytes` with 0. */
 int dmk_buffer_clear(dmk_context *context, dmk_device *device, dmk_buffer *buffer, size_t bytes);
+/* Queue: its first n numbers of the program's working type become `value`. */
+int dmk_buffer_fill_real(dmk_context *context, dmk_device *device, dmk_program program,
+                         dmk_buffer *buffer, size_t n, double value);
 /* Blocking: all queued work is done when these return. */
 int dmk_buffer_write(dmk_context *context, dmk_device *device, dmk_buffer *buffer, size_t offset,
                      size_t bytes, const void *from);

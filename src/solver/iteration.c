@@ -110,6 +110,7 @@ int dmk_iteration_diverged(const dmk_iteration *o, int step, const char *what)
 int dmk_iteration_solve(dmk_iteration *o, double tolerance, int max_iterations)
 {
     int rc;
+    o->sys->fine_degree = o->light ? 1 : o->sys->usual_degree;
     DMK_TRY(prepare_solve(o));
     /* Of f.A^-1 f, which is short by the square of u's error only. */
     const double known = fabs(2 * o->fu - o->uau);

@@ -25,6 +25,7 @@ typedef struct dmk_iteration {
     bool goes_on;      /* a large gap will be answered by more steps rather than by a long repair */
     bool certified;    /* stats has the bounds of the present pair */
     bool loose; /* its u is far from solving A(mu) u = f: a few iterations of CG from mu = const */
+    bool light; /* one smoothing step on T/2 is as good as two: see newton.c */
     double *flux, *balance; /* of the upper bound's flux, see dmk_bound_upper; NULL: not wanted */
 } dmk_iteration;
 

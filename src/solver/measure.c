@@ -2,6 +2,7 @@
  * the mesh and of the lists, so the same measure gives the same bits. */
 #include "solver/measure.h"
 
+#include "base/parallel.h"
 #include "geodesic/geodesic.h"
 #include "solver/iteration.h"
 
@@ -104,8 +105,10 @@ int dmk_measure_check(dmk_context *ctx, const dmk_mesh *mesh, const dmk_measure 
     }
     DMK_TRY(DMK_NEW(ctx, of_vertex, (size_t)mesh->n_vertices));
     for (int32_t v = 0; v < mesh->n_vertices; v++) of_vertex[v] = -1;
-    for (int32_t h = 0; h < 3 * mesh->n_triangles; h++)
-        of_vertex[mesh->triangle[h]] = dmk_mesh_component(mesh, h / 3);
+    for (int32_t t = 0; t < mesh->n_triangles; t++) {
+        const int32_t c = dmk_mesh_component(mesh, t);
+        for (int k = 0; k < 3; k++) of_vertex[mesh->triangle[3 * (size_t)t + (size_t)k]] = c;
+    }
     check k = {ctx, mesh, of_vertex, "first", !to, component};
     /* The even part takes any component, so it is looked at when the other measure has shown which. */
     if (to && (from->uniform != 0 || dmk_measure_is_free(from))) {
@@ -160,20 +163,21 @@ static void add_linear(const load *l, int32_t t, const double d[3])
 static int add_vertices(const load *l, const double *mass)
 {
     int rc;
-    double *area = NULL;
+    double *density = NULL; /* at first the area */
     const dmk_mesh *m = l->mesh;
-    DMK_TRY(DMK_NEW(l->ctx, area, (size_t)m->n_vertices));
-    for (int32_t h = 0; h < 3 * m->n_triangles; h++) area[m->triangle[h]] += m->area[h / 3] / 3;
+    DMK_TRY(DMK_NEW(l->ctx, density, (size_t)m->n_vertices));
     for (int32_t t = 0; t < m->n_triangles; t++) {
-        double d[3];
-        for (int k = 0; k < 3; k++) {
-            const int32_t v = m->triangle[3 * (size_t)t + (size_t)k];
-            d[k] = mass[l->order->vertex_old[v]] / area[v];
-        }
-        add_linear(l, t, d);
+        const double third = m->area[t] / 3;
+        for (int k = 0; k < 3; k++) density[m->triangle[3 * (size_t)t + (size_t)k]] += third;
+    }
+    for (int32_t v = 0; v < m->n_vertices; v++)
+        density[v] = mass[l->order->vertex_old[v]] / density[v];
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        const int32_t *v = m->triangle + 3 * (size_t)t;
+        add_linear(l, t, (const double[3]){density[v[0]], density[v[1]], density[v[2]]});
     }
 done:
-    free(area);
+    free(density);
     return rc;
 }
 
@@ -307,10 +311,11 @@ done:
 static int add_measure(load *l, const dmk_measure *m)
 {
     int rc = DMK_OK;
+    const bool even = m->triangle_density || m->uniform != 0;
     double area = 0;
     if (m->vertex_mass) DMK_TRY(add_vertices(l, m->vertex_mass));
-    for (int32_t t = 0; t < l->mesh->n_triangles; t++) area += l->mesh->area[t];
-    for (int32_t t = 0; t < l->mesh->n_triangles && (m->triangle_density || m->uniform != 0); t++) {
+    for (int32_t t = 0; even && t < l->mesh->n_triangles; t++) area += l->mesh->area[t];
+    for (int32_t t = 0; even && t < l->mesh->n_triangles; t++) {
         const double d =
             (m->triangle_density ? m->triangle_density[l->order->triangle_old[t]] : 0) +
             m->uniform / area;
@@ -320,6 +325,21 @@ static int add_measure(load *l, const dmk_measure *m)
         add_atom(l, &m->atoms[i], m->atom_mass[i]);
     DMK_TRY(add_lines(l, m));
 done:
+    return rc;
+}
+
+/* The second measure, by another thread. */
+typedef struct other {
+    load l;
+    const dmk_measure *measure;
+} other;
+
+static int add_other(dmk_context *own, void *data)
+{
+    other *o = data;
+    o->l.ctx = own;
+    const int rc = add_measure(&o->l, o->measure);
+    dmk_vertex_stars_free(&o->l.stars);
     return rc;
 }
 
@@ -377,14 +397,19 @@ int dmk_measure_load(dmk_context *ctx, const dmk_mesh *mesh, const dmk_order *or
     load l = {
         .ctx = ctx, .mesh = order->mesh, .order = order, .vertex_row = s->whole.vertex_row, .f = f};
     double *g = NULL;
+    dmk_task task;
     DMK_TRY(DMK_NEW(ctx, g, n));
     DMK_TRY(DMK_NEW(ctx, l.number, (size_t)mesh->n_triangles));
     for (int32_t t = 0; t < mesh->n_triangles; t++) l.number[t] = -1;
     for (int32_t t = 0; t < order->mesh->n_triangles; t++) l.number[order->triangle_old[t]] = t;
     memset(f, 0, n * sizeof *f);
-    DMK_TRY(add_measure(&l, from));
+    other second = {l, to};
+    second.l.f = g;
+    if (to) dmk_task_begin(ctx, &task, add_other, &second);
+    rc = add_measure(&l, from);
+    if (to) rc = dmk_task_end(ctx, &task, rc);
+    if (rc != DMK_OK) goto done;
     l.f = g;
-    if (to) DMK_TRY(add_measure(&l, to));
     if (to && dmk_measure_is_free(to)) DMK_TRY(add_free(&l, to, f, atom_mass));
     l.f = f;
     if (dmk_measure_is_free(from)) DMK_TRY(add_free(&l, from, g, atom_mass));

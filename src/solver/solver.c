@@ -461,24 +461,18 @@ static int set_lean_start(dmk_context *ctx, dmk_solver *s)
 {
     int rc;
     dmk_system *sys = s->system;
-    double *mu = NULL;
-    DMK_TRY(DMK_NEW(ctx, mu, (size_t)sys->n_elements_pad));
-    for (int32_t t = 0; t < sys->n_elements; t++) mu[t] = sys->share->element.whole[t] >= 0;
     DMK_TRY(dmk_system_allocate_state(ctx, sys));
     DMK_TRY(dmk_buffer_clear(ctx, sys->device, sys->u,
                              (size_t)sys->n_rows_pad * dmk_device_real(sys->device, DMK_OUTER)));
-    DMK_TRY(dmk_buffer_write_real(ctx, sys->device, DMK_OUTER, sys->mu, (size_t)sys->n_elements_pad,
-                                  mu));
+    DMK_TRY(dmk_elements_fill(ctx, sys, sys->mu, 1));
     if (s->f) { /* else it is there from an earlier try */
         DMK_TRY(dmk_buffer_write_real(ctx, sys->device, DMK_OUTER, sys->f, (size_t)sys->n_rows_pad,
                                       s->f));
     }
     free(s->f);
-    free(mu);
-    s->f = mu = NULL;
+    s->f = NULL;
     rc = dmk_solver_clear(ctx, s);
 done:
-    free(mu);
     return rc;
 }
 

@@ -716,7 +716,8 @@ int dmk_system_deal(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh,
     s->device = device;
     for (int32_t t = 0; t < mesh->n_triangles; t++) area += mesh->area[t];
     s->unit = sqrt(area);
-    s->fine_degree = share_of_needles(mesh, &s->sharpest) > 0.05 ? 3 : 2;
+    s->usual_degree = share_of_needles(mesh, &s->sharpest) > 0.05 ? 3 : 2;
+    s->fine_degree = s->usual_degree;
     s->newton_degree = 2;
     s->whole = dmk_system_counts(device, mesh);
     set_counts(s, mesh);
@@ -778,6 +779,20 @@ int dmk_rows_read(dmk_context *ctx, dmk_system *s, const dmk_buffer *rows, doubl
 int dmk_elements_write(dmk_context *ctx, dmk_system *s, dmk_buffer *elements, const double *whole)
 {
     return write_whole(ctx, s, false, elements, whole);
+}
+
+int dmk_elements_fill(dmk_context *ctx, dmk_system *s, dmk_buffer *elements, double value)
+{
+    int rc;
+    double *local = NULL;
+    const size_t n = (size_t)s->n_elements;
+    if (!s->share) return dmk_buffer_fill_real(ctx, s->device, DMK_OUTER, elements, n, value);
+    DMK_TRY(DMK_NEW(ctx, local, n));
+    for (size_t t = 0; t < n; t++) local[t] = s->share->element.whole[t] >= 0 ? value : 0;
+    DMK_TRY(dmk_buffer_write_real(ctx, s->device, DMK_OUTER, elements, n, local));
+done:
+    free(local);
+    return rc;
 }
 
 int dmk_elements_read(dmk_context *ctx, dmk_system *s, const dmk_buffer *elements, double *whole)

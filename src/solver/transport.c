@@ -57,18 +57,13 @@ static int set_start(dmk_context *ctx, dmk_solver *s, const double *f)
 {
     int rc;
     dmk_system *sys = s->system;
-    double *ones = NULL, *zeros = NULL;
-    DMK_TRY(DMK_NEW(ctx, ones, (size_t)sys->whole.n_elements_pad));
-    DMK_TRY(DMK_NEW(ctx, zeros, (size_t)sys->whole.n_rows_pad));
-    for (int32_t t = 0; t < sys->whole.n_elements; t++) ones[t] = 1;
     DMK_TRY(dmk_system_allocate_state(ctx, sys));
-    DMK_TRY(dmk_rows_write(ctx, sys, sys->u, zeros));
-    DMK_TRY(dmk_elements_write(ctx, sys, sys->mu, ones));
+    DMK_TRY(dmk_buffer_clear(ctx, sys->device, sys->u,
+                             (size_t)sys->n_rows_pad * dmk_device_real(sys->device, DMK_OUTER)));
+    DMK_TRY(dmk_elements_fill(ctx, sys, sys->mu, 1));
     DMK_TRY(dmk_rows_write(ctx, sys, sys->f, f));
     DMK_TRY(dmk_solver_clear(ctx, s));
 done:
-    free(ones);
-    free(zeros);
     return rc;
 }
 

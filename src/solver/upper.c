@@ -63,6 +63,12 @@ static void edges_of(const router *p, int32_t t, int32_t a[9], int32_t b[9])
     }
 }
 
+/* mu times the cotangents of triangle t. */
+static void weights_of(const router *p, int32_t t, double w[3])
+{
+    for (int k = 0; k < 3; k++) w[k] = p->mu[t] * dmk_cot(p->mesh, 3 * t + k);
+}
+
 /* r = f - A(mu) u and a bound of its rounding error, from f in r. */
 static void subtract(const router *p)
 {
@@ -71,10 +77,11 @@ static void subtract(const router *p)
         p->rounding[i] = fabs(p->r[i]) * (wide ? DMK_ENERGY_ROUNDING : float_rounding);
     for (int32_t t = 0; t < p->mesh->n_triangles; t++) {
         int32_t a[9], b[9];
+        double w[3];
         edges_of(p, t, a, b);
+        weights_of(p, t, w);
         for (int l = 0; l < 9; l++) {
-            const double w = p->mu[t] * dmk_cot(p->mesh, 3 * t + l / 3);
-            const double flow = (l % 3 < 2 ? 0.5 : 1) * w * (p->u[a[l]] - p->u[b[l]]);
+            const double flow = (l % 3 < 2 ? 0.5 : 1) * w[l / 3] * (p->u[a[l]] - p->u[b[l]]);
             p->r[a[l]] -= flow;
             p->r[b[l]] += flow;
             p->rounding[a[l]] += DMK_ENERGY_ROUNDING * fabs(flow);
@@ -267,9 +274,10 @@ static double worst_balance(const router *p, double *f)
     for (int32_t t = 0; t < p->mesh->n_triangles; t++) {
         const int32_t *edge = p->mesh->triangle_edge + 3 * (size_t)t;
         int32_t a[9], b[9];
-        double flow[3][3];
+        double flow[3][3], w[3];
         edges_of(p, t, a, b);
         flows_of(p, t, flow);
+        weights_of(p, t, w);
         for (int k = 0; k < 3; k++) {
             const int32_t here = p->n.vertex_row + p->mesh->triangle[3 * (size_t)t + (size_t)k];
             for (int side = 1; side < 3; side++) {
@@ -277,8 +285,7 @@ static double worst_balance(const router *p, double *f)
                 f[edge[(k + side) % 3]] += flow[k][(k + side) % 3];
             }
             for (int l = 3 * k; l < 3 * k + 3; l++) {
-                const double w = p->mu[t] * dmk_cot(p->mesh, 3 * t + k);
-                const double down = (l % 3 < 2 ? 0.5 : 1) * w * (p->u[a[l]] - p->u[b[l]]);
+                const double down = (l % 3 < 2 ? 0.5 : 1) * w[k] * (p->u[a[l]] - p->u[b[l]]);
                 f[a[l]] -= down;
                 f[b[l]] += down;
             }
@@ -413,15 +420,39 @@ done:
     return rc;
 }
 
-static int find_balance(const router *p, double *balance)
+/* f, which is used up, and what worst_balance makes of it. */
+typedef struct account {
+    const router *p;
+    double *f, worst;
+} account;
+
+static int check_balance(dmk_context *own, void *data)
 {
-    int rc;
-    double *f = NULL;
-    DMK_TRY(DMK_NEW(p->o->ctx, f, (size_t)p->n.n_rows_pad));
-    DMK_TRY(dmk_rows_read(p->o->ctx, p->o->sys, p->o->sys->f, f));
-    *balance = worst_balance(p, f);
+    account *a = data;
+    (void)own;
+    a->worst = worst_balance(a->p, a->f);
+    return DMK_OK;
+}
+
+/* The mean flux and, by another thread meanwhile, the balance; either may be NULL. */
+static int find_flux(const router *p, double *balance)
+{
+    int rc = DMK_OK;
+    dmk_context *ctx = p->o->ctx;
+    dmk_task task;
+    account a = {.p = p};
+    if (balance) {
+        DMK_TRY(DMK_NEW(ctx, a.f, (size_t)p->n.n_rows_pad));
+        DMK_TRY(dmk_rows_read(ctx, p->o->sys, p->o->sys->f, a.f));
+        dmk_task_begin(ctx, &task, check_balance, &a);
+    }
+    if (p->mean) dmk_parallel(ctx, p->mesh->n_triangles, mean_range, (void *)(uintptr_t)p);
+    if (balance) {
+        rc = dmk_task_end(ctx, &task, DMK_OK);
+        *balance = a.worst;
+    }
 done:
-    free(f);
+    free(a.f);
     return rc;
 }
 
@@ -443,8 +474,7 @@ int dmk_bound_upper(dmk_iteration *o, double *flux, double *balance, double *bou
     DMK_TRY(allocate(&p));
     DMK_TRY(read_pair(&p));
     DMK_TRY(route(&p, bound));
-    if (flux) dmk_parallel(o->ctx, o->mesh->n_triangles, mean_range, &p);
-    if (balance) rc = find_balance(&p, balance);
+    rc = find_flux(&p, balance);
 done:
     release(&p);
     return rc;
