@@ -95,8 +95,8 @@ const char *dmk_context_message(const dmk_context *context);
 void dmk_context_set_progress(dmk_context *context, dmk_progress_fn fn, void *user);
 /* Threads of the host's stages (reading, topology, ordering, coarsening, packing, geodesics, writing) in
  * the calls on this context, the caller's thread among them; 0, as at first: one for each processor the
- * process may use. Results are the same bits for any number. DMK_E_ARG if negative. How many the
- * device uses is dmk_device_options.threads. */
+ * process may use. They are started here, or by the first call that needs them. Results are the same bits
+ * for any number. DMK_E_ARG if negative. How many the device uses is dmk_device_options.threads. */
 int dmk_context_set_threads(dmk_context *context, int threads);
 /* The format of files whose name has no suffix of one that can hold them: a name of dmk_format_get, in whatever case;
  * NULL, as at first: such names are refused, but for streams, which get VTP. Streams are pipes, character devices as

@@ -52,8 +52,9 @@ int dmk_context_set_threads(dmk_context *context, int threads)
     if (!context) return DMK_E_ARG;
     if (threads < 0)
         return dmk_fail(context, DMK_E_ARG, "threads = %d: expected 0 or more", threads);
-    dmk_pool_destroy(&context->pool); /* the next call that needs one starts it */
+    dmk_pool_destroy(&context->pool);
     context->threads = threads;
+    dmk_pool_of(context); /* now: none starts while a driver is being loaded */
     return DMK_OK;
 }
 
