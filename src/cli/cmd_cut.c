@@ -167,6 +167,7 @@ int cmd_cut(int argc, char **argv)
     cli_suffixes(CLI_MESH, suffixes, sizeof suffixes);
     snprintf(help, sizeof help, "the mesh file to write; may be given again:\n%s", suffixes);
     solve_request_init(&request.solve, "cut");
+    request.solve.once = true;
     int code = parse(&request, help, argc, argv);
     if (code != CLI_GO_ON) return code;
     code = check_request(&request);

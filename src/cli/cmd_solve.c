@@ -183,5 +183,6 @@ int cmd_solve(int argc, char **argv)
     code = check_request(&request);
     if (code != EXIT_OK) return code;
     if (request.dry) return plan(&request);
+    request.once = !request.sources;
     return request.sources ? solve_batch(&request) : solve(&request);
 }

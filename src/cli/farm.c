@@ -294,6 +294,7 @@ static void do_mesh(worker *w, size_t k)
                      .where = where,
                      .seconds.begin = cli_seconds(),
                      .progress.gap = NAN};
+    dmk_device_get_info(run.device, &run.opened);
     const size_t failed = f->n_failed;
     do_sources(w, k, &run);
     dmk_locus_destroy(&run.locus);

@@ -20,14 +20,12 @@ static void write_source(cli_json *json, const solve_run *run)
 
 static void write_device(cli_json *json, const solve_run *run)
 {
-    dmk_device_info device;
-    dmk_device_get_info(run->device, &device);
     json_open(json, "device", '{');
-    json_text(json, "name", device.name);
-    json_text(json, "platform", device.platform);
-    json_text(json, "driver", device.driver);
-    json_text(json, "type", device.type);
-    json_integer(json, "compute_units", device.compute_units);
+    json_text(json, "name", run->opened.name);
+    json_text(json, "platform", run->opened.platform);
+    json_text(json, "driver", run->opened.driver);
+    json_text(json, "type", run->opened.type);
+    json_integer(json, "compute_units", run->opened.compute_units);
     json_close(json, '{');
 }
 
@@ -390,11 +388,9 @@ static void print_files(const solve_request *request)
 
 static void print_device(const solve_run *run)
 {
-    dmk_device_info device;
-    dmk_device_get_info(run->device, &device);
     print_label("device");
-    printf("%s (%s), %d compute unit%s\n", device.name, device.platform, device.compute_units,
-           plural(device.compute_units));
+    printf("%s (%s), %d compute unit%s\n", run->opened.name, run->opened.platform,
+           run->opened.compute_units, plural(run->opened.compute_units));
 }
 
 void solve_summary_mesh(const solve_request *request, const solve_run *run)

@@ -44,10 +44,34 @@ static int end_opening(opening *o, solve_run *run, bool silent)
     if (o->threaded) pthread_join(o->thread, NULL);
     if (!o->threaded) open_device(o);
     run->device = o->device;
+    dmk_device_get_info(run->device, &run->opened);
     run->seconds.device = o->seconds;
     if (o->rc != DMK_OK && !silent) code = cli_library_error(o->context, o->rc);
     dmk_context_destroy(&o->context);
     return code;
+}
+
+/* ---- and closed while the cut locus is traced ------------------------------------------------ */
+
+static void *close_device(void *argument)
+{
+    solve_run *run = argument;
+    dmk_solver_destroy(&run->solver);
+    dmk_device_destroy(&run->device);
+    return NULL;
+}
+
+/* What PoCL has of the kernels takes 5 ms to free. */
+static void begin_closing(solve_run *run)
+{
+    run->closing = pthread_create(&run->closer, NULL, close_device, run) == 0;
+}
+
+static void end_closing(solve_run *run)
+{
+    if (run->closing) pthread_join(run->closer, NULL);
+    run->closing = false;
+    close_device(run);
 }
 
 /* ---- the run -------------------------------------------------------------------------------- */
@@ -203,6 +227,7 @@ int solve_compute(const solve_request *request, solve_run *run)
     run->seconds.setup = stats.seconds[DMK_STAGE_SETUP];
     if (request->density_only || !traces(run)) return EXIT_OK;
     double mark = cli_seconds();
+    if (request->once) begin_closing(run);
     rc = dmk_locus_compute(context, run->mesh, run->result, &request->trace, &run->locus);
     run->seconds.locus = lap(&mark);
     if (rc == DMK_OK) rc = solve_go_on();
@@ -284,12 +309,11 @@ int solve_write(const solve_request *request, solve_run *run)
 void solve_end(solve_run *run)
 {
     cli_progress_end(&run->progress);
+    end_closing(run);
     free(run->ranks);
     dmk_locus_destroy(&run->locus);
     dmk_result_destroy(&run->result);
-    dmk_solver_destroy(&run->solver);
     dmk_mesh_destroy(&run->mesh);
     dmk_repairs_free(&run->repairs);
-    dmk_device_destroy(&run->device);
     dmk_context_destroy(&run->context);
 }

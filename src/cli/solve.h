@@ -5,6 +5,8 @@
 
 #include "cli.h"
 
+#include <pthread.h>
+
 typedef struct solve_request {
     const char *command; /* in the errors */
     const char *mesh;
@@ -22,6 +24,7 @@ typedef struct solve_request {
     int method, start;
     bool single;
     bool repair, json;
+    bool once;         /* one source: solver and device go before its cut locus is traced */
     bool bare;         /* the command needs no device and no solver */
     bool dealt;        /* several ranks read the mesh together */
     bool density_only; /* no distance, no cut locus */
@@ -49,6 +52,9 @@ typedef struct solve_run {
     dmk_mesh *mesh;
     dmk_repairs repairs;
     dmk_device *device;
+    dmk_device_info opened; /* of the device, which may be closed by then */
+    pthread_t closer;       /* closes it */
+    bool closing;
     dmk_solver *solver;
     dmk_result *result;
     dmk_locus *locus;
