@@ -148,6 +148,7 @@ int solve_begin(const solve_request *request, solve_run *run)
     cli_progress_say(&run->progress, "opening the device and building its kernels");
     const int code = end_opening(&device, run, rc != DMK_OK);
     if (code != EXIT_OK) return code;
+    if (rc == DMK_OK) cli_make_room(run->mesh);
     if (rc == DMK_OK) rc = dmk_solver_create(run->context, run->device, run->mesh, &run->solver);
     return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
 }
