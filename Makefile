@@ -143,6 +143,7 @@ MPI ?=
 MPI_B := build/mpi$(if $(filter-out release,$(CONFIG)),-$(CONFIG))
 MPI_OBJ := $(CLI_SRC:%.c=$(MPI_B)/%.o)
 MPI_PACKAGES := build/mpi-packages.ok
+MPI_LIBS = $$(pkg-config --libs ompi-c 2> /dev/null || mpicc -showme:link)
 ifneq ($(MPI),)
 all: $(MPI_B)/dmkcl
 endif
@@ -156,7 +157,7 @@ $(MPI_B)/%.o: %.c $B/flags | $(PACKAGES) $(MPI_PACKAGES)
 	$(Q)$(CC) $(FLAGS) -DDMK_MPI $$(pkg-config --cflags ompi-c 2> /dev/null || mpicc -showme:compile) -MMD -MP -c $< -o $@
 $(MPI_B)/dmkcl: $(MPI_OBJ) $(STATIC)
 	$(call say,LD,$@)
-	$(Q)$(CC) $(LINK) $^ -o $@ $(LDLIBS) $$(pkg-config --libs ompi-c 2> /dev/null || mpicc -showme:link)
+	$(Q)$(CC) $(LINK) $^ -o $@ $(LDLIBS) $(MPI_LIBS)
 .PHONY: mpi
 mpi: $(MPI_B)/dmkcl
 
@@ -215,6 +216,11 @@ $B/faults/dmkcl: $(CLI_OBJ) $(WRAP_OBJ) $(STATIC)
 	@mkdir -p $(@D)
 	$(call say,LD,$@)
 	$(Q)$(CC) $(LINK) $^ $(WRAP) -o $@ $(LDLIBS)
+
+$(MPI_B)/faults/dmkcl: $(MPI_OBJ) $(WRAP_OBJ) $(STATIC)
+	@mkdir -p $(@D)
+	$(call say,LD,$@)
+	$(Q)$(CC) $(LINK) $^ $(WRAP) -o $@ $(LDLIBS) $(MPI_LIBS)
 
 # Each call of the library in turn (FAULT_STRIDE=1), and FAULT_RUNS of the tool for each command and kind.
 FAULT_STRIDE ?= 1

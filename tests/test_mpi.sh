@@ -165,6 +165,35 @@ lonely() {
     return 1
 }
 check 'a rank that fails alone ends the job with its message' lonely
+# Of two ranks the last one, which traces the cut locus, gets no memory at a call near its end.
+faulty() { # AT FOLDER
+    timeout -k 5 60 mpirun -n 1 "$faults" solve "$work/small.off" --vertex 7 --quiet --out "$2/a.vtp" --locus "$2/a.obj" : \
+        -n 1 -x "DMK_FAULT=memory:$1" -x "DMK_FAULT_LOG=$2/log" \
+        "$faults" solve "$work/small.off" --vertex 7 --quiet --out "$2/a.vtp" --locus "$2/a.obj" 2> "$work/err"
+}
+lost_locus() { # CALLS SECONDS: so many before the last one; all is over in so many seconds, as the others are told or not
+    local begin=$SECONDS status
+    mkdir "$work/lost"
+    faulty $((calls - $1)) "$work/lost"
+    status=$?
+    test "$status" -eq 8 && test "$(grep -c '^dmkcl: ' "$work/err")" -eq 1 && has "$work/err" '^dmkcl: out of memory' &&
+        cmp "$work/small.vtp" "$work/lost/a.vtp" && test "$(cd "$work/lost" && echo a*)" = a.vtp &&
+        test $((SECONDS - begin)) -lt "$2" && rm -r "$work/lost" && return 0
+    echo "status $status after $((SECONDS - begin)) s:" && ls -A "$work/lost"
+    cat "$work/err"
+    rm -r "$work/lost"
+    return 1
+}
+faults=build/mpi$([ "$config" = release ] || echo "-$config")/faults/dmkcl
+check 'the tool for mpirun is built with faults' make -s CONFIG="$config" MPI=1 "$faults"
+"$plain" mesh quartic --triangles 2000 --quiet --out "$work/small.off"
+"$plain" solve "$work/small.off" --vertex 7 --quiet --out "$work/small.vtp"
+mkdir "$work/whole"
+check 'no call fails that is not there' faulty 1000000 "$work/whole"
+calls=$(cut -d ' ' -f 1 "$work/whole/log")
+check 'a cut locus that the last rank fails at early: its message, and the density is written' lost_locus 50 9
+check 'one that it fails at late' lost_locus 25 9
+check 'one that is traced and cannot be told to the others' lost_locus 8 40
 they() { pgrep -f "^$mpi solve $mesh --vertex 7 --method euler"; }
 met() { # how many ranks have OpenCL, which they open when all are there
     local pid
