@@ -24,6 +24,7 @@ import tempfile
 
 FITTED = 4
 PART = 512  # items of a launch's part
+SUM_SHORT, SUM_BLOCK = 8192, 32  # of more parts than that, blocks are summed first (kernels/dmk_shared.h)
 THINNING, GATHER_BELOW = 6, 10000
 FINE, LEVEL, GATHERED = 5, 6, 2  # vectors that a V-cycle exchanges, and gathers
 # A large GPU in each rank and a fast network: seconds a message, bytes a second of network and memory,
@@ -54,7 +55,15 @@ def cycle(triangles, ranks, a, b):
     sent = 4 * (FINE + 1) * ghosts(triangles, ranks, a)
     sent += sum(4 * LEVEL * b * math.sqrt(v / ranks) for v in dealt)
     sent += 4 * GATHERED * whole / ranks * (ranks - 1)
-    return exchanges, messages, sent, 2 * 8 * 1.5 * 2 * triangles / ranks / PART
+    return exchanges, messages, sent, 2 * 8 * 1.5 * given(triangles, ranks)
+
+
+def given(triangles, ranks):
+    """Numbers that a rank tells the others for one quantity's sum over the rows: a run of edges and one of vertices."""
+    parts = 2 * triangles / PART
+    if parts <= SUM_SHORT:
+        return parts / ranks
+    return parts / ranks / SUM_BLOCK + 2 * (SUM_BLOCK - 1)
 
 
 def seconds(triangles, ranks, a, b):
@@ -159,8 +168,10 @@ def main():
     lines = ["# What several ranks send", "", "`make bench-ranks`; the model stands at the head of `bench/ranks.py`.", ""]
     a, b, good = check(options.program, options.triangles, lines)
     extrapolate(a, b, lines)
-    lines += ["", "Messages of 3 us eat what more than some ten ranks gain on 10^7 triangles, and from 10^9 on the sums do: each",
-              "brings all parts to all ranks, 94 MB at 10^9. There sums by two stages would be due.", "No run had more than 8 ranks: what is above 8 is the model's alone. Above 10^8 triangles indices of 64",
+    least, most = (24 * given(1e9, ranks) * ranks / 1e6 for ranks in (1, 1024))
+    lines += ["", "Messages of 3 us eat what more than some ten ranks gain on 10^7 triangles. The sums of a CG step are "
+              f"{least:.1f} to {most:.1f} MB", "at 10^9 triangles, of 1 to 1,024 ranks: sums of blocks. Without those they were 94.",
+              "No run had more than 8 ranks: what is above 8 is the model's alone. Above 10^8 triangles indices of 64",
               "bits and a divided set-up are needed, which there are not (see src/ranks/RANKS.md).", ""]
     with open(options.out, "w", encoding="utf-8") as file:
         file.write("\n".join(lines))

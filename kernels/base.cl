@@ -229,7 +229,7 @@ typedef struct group_memory {
 
 /* Sums: each part leaves one partial sum per quantity k at partial[k * parts + part], and the last one to be
  * done adds them up into scalars[at + k], unless at < 0: with ranks there are more of them elsewhere. The
- * order of additions is fixed by the number of items, so the same launch gives the same bits. Partial sums
+ * order of additions is fixed by the number of items, so the same launch gives the same bits, on ranks as without. Partial sums
  * pass from group to group within a launch, so they are written and read by atomic operations, which caches
  * do not hide. `done` counts the parts that are, and is 0 again at the end. */
 typedef struct sums {
@@ -238,6 +238,7 @@ typedef struct sums {
     volatile global int *done;
     local group_memory *group;
     int at, parts;
+    int joined; /* the partial sums are of blocks already */
 } sums;
 
 static void put_sum(volatile global sum_t *at, sum_t x)
@@ -261,6 +262,27 @@ static sum_t take_sum(volatile global sum_t *at)
 #else
     return as_float(atomic_or(word, 0));
 #endif
+}
+
+/* Partial sums that are added first: see DMK_SUM_SHORT. */
+static int block_of(sums s)
+{
+    return !s.joined && s.parts > DMK_SUM_SHORT ? DMK_SUM_BLOCK : 1;
+}
+
+static int blocks_of(sums s)
+{
+    return (s.parts + block_of(s) - 1) / block_of(s);
+}
+
+/* Quantity k's of block b: their sum or maximum. */
+static sum_t take_block(sums s, int k, int top, int b)
+{
+    volatile global sum_t *x = s.partial + k * s.parts;
+    const int begin = b * block_of(s), end = min(begin + block_of(s), s.parts);
+    sum_t sum = top ? take_sum(x + begin) : 0;
+    for (int g = begin; g < end; g++) sum = top ? fmax(sum, take_sum(x + g)) : sum + take_sum(x + g);
+    return sum;
 }
 
 static int is_last(sums s)
@@ -307,8 +329,8 @@ static sum_t total(sums s, int k, int top, int when)
 {
     sum_t sum = 0;
     if (when && top) sum = take_sum(s.partial + k * s.parts);
-    for (int g = 0; when && g < s.parts; g++) {
-        const sum_t x = take_sum(s.partial + k * s.parts + g);
+    for (int b = 0; when && b < blocks_of(s); b++) {
+        const sum_t x = take_block(s, k, top, b);
         sum = top ? fmax(sum, x) : sum + x;
     }
     return sum;
@@ -354,8 +376,8 @@ static sum_t total(sums s, int k, int top, int when)
 {
     sum_t sum = 0;
     if (when && top) sum = take_sum(s.partial + k * s.parts);
-    for (int g = (int)get_local_id(0); when && g < s.parts; g += DMK_GROUP) {
-        const sum_t x = take_sum(s.partial + k * s.parts + g);
+    for (int b = (int)get_local_id(0); when && b < blocks_of(s); b += DMK_GROUP) {
+        const sum_t x = take_block(s, k, top, b);
         sum = top ? fmax(sum, x) : sum + x;
     }
     s.group->sum[get_local_id(0)] = sum;

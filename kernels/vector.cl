@@ -66,8 +66,8 @@ KERNEL rows_range(int n, global const real *restrict u, volatile global sum_t *p
     }
 }
 
-/* The next three: what the last part of another kernel does, by itself: partial sums of all ranks are there
- * now. parts: how many there are.
+/* The next three: what the last part of another kernel does, by itself: partial sums of all ranks, or of
+ * their blocks, are there now. parts: how many there are.
  * reads partial; writes scalars; moves at most 24 bytes and 3 flops a part
  * shape one work-group; numerics the order of parts */
 KERNEL sum_partials(int parts, int count, int maxima, volatile global sum_t *partial,
@@ -75,7 +75,7 @@ KERNEL sum_partials(int parts, int count, int maxima, volatile global sum_t *par
                     int4 launch)
 {
     local group_memory group;
-    const sums s = {partial, scalars, 0, &group, at, parts};
+    const sums s = {partial, scalars, 0, &group, at, parts, 1};
     add_up(s, count, maxima, 1);
 }
 
@@ -84,7 +84,7 @@ KERNEL cg_beta(int parts, int first, volatile global sum_t *partial, global sum_
                volatile global int *shares, int4 launch)
 {
     local group_memory group;
-    const sums s = {partial, scalars, 0, &group, 0, parts};
+    const sums s = {partial, scalars, 0, &group, 0, parts, 1};
     cg_beta_of(s, first, 1);
 }
 
@@ -93,7 +93,7 @@ KERNEL cg_alpha(int parts, volatile global sum_t *partial, global sum_t *restric
                 volatile global int *shares, int4 launch)
 {
     local group_memory group;
-    const sums s = {partial, scalars, 0, &group, 0, parts};
+    const sums s = {partial, scalars, 0, &group, 0, parts, 1};
     cg_alpha_of(s, 1);
 }
 

@@ -146,11 +146,12 @@ int dmk_share_ghosts(dmk_context *context, dmk_share *share, double *rows);
 /* ---- sums.c ---- */
 
 /* The partial sums that a launch over all rows (or all elements) left, `count` quantities one after
- * the other: those of all ranks in the order of the whole mesh take their place. *parts: their
- * number, which without a share stays as it is. */
-int dmk_share_parts(dmk_context *context, dmk_share *share, bool rows, int count,
+ * the other, the last `maxima` of them maxima: those of all ranks in the order of the whole mesh take
+ * their place, many of them as sums of blocks (DMK_SUM_SHORT). *parts: their number, which without a
+ * share stays as it is. */
+int dmk_share_parts(dmk_context *context, dmk_share *share, bool rows, int count, int maxima,
                     const dmk_buffer *partial, int32_t *parts);
-/* The number of parts of the whole mesh: room that dmk_share_parts takes for each quantity. */
+/* Room that dmk_share_parts takes for each quantity. */
 size_t dmk_share_most_parts(const dmk_share *share);
 /* Each of n values becomes the largest of all ranks. */
 int dmk_share_largest(dmk_context *context, dmk_share *share, size_t n, int32_t *value);

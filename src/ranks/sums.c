@@ -1,6 +1,9 @@
 /* Sums over all ranks in an order that does not depend on them, and whole vectors. */
 #include "ranks/ranks.h"
 
+#include "dmk_shared.h"
+
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -38,98 +41,182 @@ static int list_runs(const dmk_share *s, bool rows, run list[2], int32_t *whole)
     return 2;
 }
 
+/* Sums of one launch on their way. A rank's message has quantity by quantity, run by run, the sums of the blocks that
+ * are its own, and the parts of those that it has with others. */
+typedef struct passing {
+    const run *list;
+    int n, count, maxima;
+    size_t item;
+    int32_t block, n_blocks; /* parts of a block; blocks of the whole */
+} passing;
+
+static passing find_passing(const dmk_share *s, bool rows, run list[2])
+{
+    int32_t whole;
+    passing p = {.list = list, .count = 1, .item = dmk_device_real(s->device, DMK_OUTER)};
+    p.n = list_runs(s, rows, list, &whole);
+    p.block = whole > DMK_SUM_SHORT ? DMK_SUM_BLOCK : 1;
+    p.n_blocks = (whole + p.block - 1) / p.block;
+    return p;
+}
+
 size_t dmk_share_most_parts(const dmk_share *s)
 {
     run list[2];
-    int32_t rows, elements;
     if (!s) return 0;
-    list_runs(s, true, list, &rows);
-    list_runs(s, false, list, &elements);
-    return (size_t)dmk_max_i(rows, elements);
+    return (size_t)dmk_max_i(find_passing(s, true, list).n_blocks,
+                             find_passing(s, false, list).n_blocks);
 }
 
-/* Own parts of the local sums, or everybody's to their slots in the whole: `mine` and `all` hold
- * rank by rank, quantity by quantity, run by run. */
-typedef struct exchange {
-    const run *list;
-    int n, count;
-    size_t item;
-    int32_t stride;
-    char *table; /* count * stride items: quantity k's part p at k * stride + p */
-} exchange;
-
-static size_t copy_rank(const dmk_share *s, const exchange *e, int r, bool out, char *packed)
+/* Whether a block begins at part i, and ends before `end`. */
+static bool has_block(const passing *p, int32_t i, int32_t end)
 {
-    char *at = packed;
-    for (int k = 0; k < e->count; k++) {
-        for (int i = 0; i < e->n; i++) {
-            const run *one = &e->list[i];
-            int32_t first = out ? one->local : one->whole + one->space->bound[r] / s->part;
-            size_t bytes = e->item * (size_t)parts_of(s, one->space, r);
-            char *slot = e->table + e->item * ((size_t)k * (size_t)e->stride + (size_t)first);
-            if (out)
-                memcpy(at, slot, bytes);
-            else
-                memcpy(slot, at, bytes);
-            at += bytes;
+    return i % p->block == 0 && end - i >= p->block;
+}
+
+/* Rank r's parts of a run in the whole. */
+static int32_t first_part(const dmk_share *s, const run *one, int r)
+{
+    return one->whole + one->space->bound[r] / s->part;
+}
+
+static int32_t end_part(const dmk_share *s, const run *one, int r)
+{
+    return first_part(s, one, r) + parts_of(s, one->space, r);
+}
+
+/* Numbers of a run in rank r's message. */
+static size_t count_run(const dmk_share *s, const passing *p, const run *one, int r)
+{
+    size_t n = 0;
+    const int32_t end = end_part(s, one, r);
+    for (int32_t i = first_part(s, one, r); i < end; n++) i += has_block(p, i, end) ? p->block : 1;
+    return n;
+}
+
+/* One more for a sum, or a maximum of numbers from 0 on; either begins at 0. */
+static void add_number(const passing *p, bool top, const char *more, char *sum)
+{
+    if (p->item == sizeof(double)) {
+        double x, y;
+        memcpy(&x, more, sizeof x);
+        memcpy(&y, sum, sizeof y);
+        y = top ? fmax(y, x) : y + x;
+        memcpy(sum, &y, sizeof y);
+    } else {
+        float x, y;
+        memcpy(&x, more, sizeof x);
+        memcpy(&y, sum, sizeof y);
+        y = top ? fmaxf(y, x) : y + x;
+        memcpy(sum, &y, sizeof y);
+    }
+}
+
+static bool is_maximum(const passing *p, int k)
+{
+    return k >= p->count - p->maxima;
+}
+
+/* The own message from the launch's sums, `stride` of them for each quantity. */
+static void fill_message(const dmk_share *s, const passing *p, const char *table, size_t stride,
+                         char *message)
+{
+    for (int k = 0; k < p->count; k++) {
+        for (int j = 0; j < p->n; j++) {
+            const run *one = &p->list[j];
+            const char *at = table + p->item * ((size_t)k * stride + (size_t)one->local);
+            const int32_t end = end_part(s, one, s->ranks.rank);
+            for (int32_t i = first_part(s, one, s->ranks.rank); i < end; message += p->item) {
+                const int32_t n = has_block(p, i, end) ? p->block : 1;
+                if (n == 1) memcpy(message, at, p->item);
+                for (int32_t g = 0; n > 1 && g < n; g++)
+                    add_number(p, is_maximum(p, k), at + p->item * (size_t)g, message);
+                at += p->item * (size_t)n;
+                i += n;
+            }
         }
     }
-    return (size_t)(at - packed);
 }
 
-/* The sums of all ranks at their slots in `to`. */
-static int gather_parts(dmk_context *ctx, dmk_share *s, const exchange *from, const exchange *to)
+/* Rank r's numbers of one quantity and run to the blocks; those before it have come. */
+static void join_message(const dmk_share *s, const passing *p, int k, const run *one, int r,
+                         const char *message, char *blocks)
+{
+    const int32_t end = end_part(s, one, r);
+    for (int32_t i = first_part(s, one, r); i < end; message += p->item) {
+        char *sum = blocks + p->item * (size_t)(i / p->block);
+        const int32_t n = has_block(p, i, end) ? p->block : 1;
+        if (n == p->block)
+            memcpy(sum, message, p->item);
+        else
+            add_number(p, is_maximum(p, k), message, sum);
+        i += n;
+    }
+}
+
+/* All ranks' messages, and from them the blocks of the whole, quantity by quantity. */
+static int gather_parts(dmk_context *ctx, dmk_share *s, const passing *p, const char *table,
+                        size_t stride, char *blocks)
 {
     int rc;
-    size_t *bytes = NULL, sum = 0;
-    char *mine = NULL, *all = NULL, *at;
-    DMK_TRY(DMK_NEW(ctx, bytes, (size_t)s->ranks.size));
+    const size_t size = (size_t)s->ranks.size;
+    size_t *bytes = NULL, *length = NULL, sum = 0;
+    char *mine = NULL, *all = NULL;
+    DMK_TRY(DMK_NEW(ctx, bytes, size));
+    DMK_TRY(DMK_NEW(ctx, length, 2 * size)); /* of a run, in numbers */
     for (int r = 0; r < s->ranks.size; r++) {
-        for (int i = 0; i < from->n; i++) {
-            bytes[r] +=
-                from->item * (size_t)from->count * (size_t)parts_of(s, from->list[i].space, r);
-        }
+        size_t *own = length + 2 * r;
+        for (int j = 0; j < p->n; j++) own[j] = count_run(s, p, &p->list[j], r);
+        bytes[r] = p->item * (size_t)p->count * (own[0] + own[1]);
         sum += bytes[r];
     }
     DMK_TRY(DMK_NEW(ctx, mine, bytes[s->ranks.rank]));
     DMK_TRY(DMK_NEW(ctx, all, sum));
-    copy_rank(s, from, s->ranks.rank, true, mine);
+    fill_message(s, p, table, stride, mine);
     DMK_TRY(dmk_share_check(ctx, s, s->ranks.gather(s->ranks.user, mine, all, bytes)));
-    at = all;
-    for (int r = 0; r < s->ranks.size; r++) at += copy_rank(s, to, r, false, at);
+    for (int k = 0; k < p->count; k++) {
+        for (int j = 0; j < p->n; j++) {
+            const char *message = all;
+            for (int r = 0; r < s->ranks.size; message += bytes[r++]) {
+                const size_t *own = length + 2 * r,
+                             before = (size_t)k * (own[0] + own[1]) + (j > 0 ? own[0] : 0);
+                join_message(s, p, k, &p->list[j], r, message + p->item * before,
+                             blocks + p->item * (size_t)k * (size_t)p->n_blocks);
+            }
+        }
+    }
     s->traffic.sums++;
     s->traffic.sum_bytes += (int64_t)bytes[s->ranks.rank];
 done:
     free(bytes);
+    free(length);
     free(mine);
     free(all);
     return rc;
 }
 
-int dmk_share_parts(dmk_context *ctx, dmk_share *s, bool rows, int count, const dmk_buffer *partial,
-                    int32_t *n_parts)
+int dmk_share_parts(dmk_context *ctx, dmk_share *s, bool rows, int count, int maxima,
+                    const dmk_buffer *partial, int32_t *n_parts)
 {
     int rc;
     run list[2];
-    int32_t whole;
+    char *table = NULL, *blocks = NULL;
     if (!s) return DMK_OK;
-    exchange from = {.list = list, .count = count, .item = dmk_device_real(s->device, DMK_OUTER)};
-    from.n = list_runs(s, rows, list, &whole);
-    from.stride = *n_parts;
-    exchange to = from;
-    to.stride = whole;
-    size_t local_bytes = from.item * (size_t)count * (size_t)from.stride;
-    size_t whole_bytes = from.item * (size_t)count * (size_t)whole;
-    DMK_TRY(DMK_NEW(ctx, from.table, local_bytes));
-    DMK_TRY(DMK_NEW(ctx, to.table, whole_bytes));
-    DMK_TRY(dmk_buffer_read(ctx, s->device, partial, 0, local_bytes, from.table));
-    DMK_TRY(gather_parts(ctx, s, &from, &to));
-    DMK_TRY(dmk_buffer_write(ctx, s->device, (dmk_buffer *)(uintptr_t)partial, 0, whole_bytes,
-                             to.table));
-    *n_parts = whole;
+    passing p = find_passing(s, rows, list);
+    p.count = count;
+    p.maxima = maxima;
+    const size_t stride = (size_t)*n_parts, table_bytes = p.item * (size_t)count * stride,
+                 block_bytes = p.item * (size_t)count * (size_t)p.n_blocks;
+    DMK_TRY(DMK_NEW(ctx, table, table_bytes));
+    DMK_TRY(DMK_NEW(ctx, blocks, block_bytes));
+    DMK_TRY(dmk_buffer_read(ctx, s->device, partial, 0, table_bytes, table));
+    DMK_TRY(gather_parts(ctx, s, &p, table, stride, blocks));
+    DMK_TRY(
+        dmk_buffer_write(ctx, s->device, (dmk_buffer *)(uintptr_t)partial, 0, block_bytes, blocks));
+    *n_parts = p.n_blocks;
 done:
-    free(from.table);
-    free(to.table);
+    free(table);
+    free(blocks);
     return rc;
 }
 

@@ -138,10 +138,11 @@ static int32_t slot_of_sums(const dmk_system *s, int at)
     DMK_BUF(s->partial), DMK_INT(slot_of_sums(s, at)), DMK_BUF(to), DMK_BUF(s->done)
 
 /* With a share: the partial sums of all ranks; *parts: their number. */
-static int all_parts(dmk_context *ctx, dmk_system *s, bool rows, int count, int32_t *parts)
+static int all_parts(dmk_context *ctx, dmk_system *s, bool rows, int count, int maxima,
+                     int32_t *parts)
 {
     *parts = (int32_t)dmk_launch_parts(s->device, (size_t)(rows ? s->n_rows : s->n_elements));
-    return dmk_share_parts(ctx, s->share, rows, count, s->partial, parts);
+    return dmk_share_parts(ctx, s->share, rows, count, maxima, s->partial, parts);
 }
 
 /* What a kernel leaves in partial: without a share it has added it up itself. */
@@ -150,7 +151,7 @@ static int finish_sums(dmk_context *ctx, dmk_system *s, bool rows, int count, in
     int rc;
     int32_t parts;
     if (!s->share) return DMK_OK;
-    DMK_TRY(all_parts(ctx, s, rows, count, &parts));
+    DMK_TRY(all_parts(ctx, s, rows, count, maxima, &parts));
     rc = RUN(DMK_OUTER, sum_partials, items(1), DMK_INT(parts), DMK_INT(count), DMK_INT(maxima),
              DMK_BUF(s->partial), DMK_BUF(s->scalars), DMK_INT(at));
 done:
@@ -235,7 +236,7 @@ int dmk_rows_apply(dmk_context *ctx, dmk_system *s, dmk_program p, const dmk_buf
     DMK_TRY(RUN(p, rows_apply, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->slice), DMK_BUF(s->slot),
                 DMK_BUF(out_of(s, p)), DMK_BUF(x), DMK_BUF(y), SUMS(1, s->state)));
     if (!s->share) return DMK_OK;
-    DMK_TRY(all_parts(ctx, s, true, 1, &parts));
+    DMK_TRY(all_parts(ctx, s, true, 1, 0, &parts));
     rc = RUN(p, cg_alpha, items(1), DMK_INT(parts), DMK_BUF(s->partial), DMK_BUF(s->state));
 done:
     return rc;
@@ -257,7 +258,7 @@ static int finish_beta(dmk_context *ctx, dmk_system *s, dmk_program p, bool firs
     int rc;
     int32_t parts;
     if (!s->share) return DMK_OK;
-    DMK_TRY(all_parts(ctx, s, true, 2, &parts));
+    DMK_TRY(all_parts(ctx, s, true, 2, 0, &parts));
     rc = RUN(p, cg_beta, items(1), DMK_INT(parts), DMK_INT(first), DMK_BUF(s->partial),
              DMK_BUF(s->state));
 done:
