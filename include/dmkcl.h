@@ -407,9 +407,12 @@ void dmk_solve_memory(size_t n_triangles, int single_precision, dmk_memory *memo
 
 /* A solver for many sources on one mesh: the first solve packs the mesh (the source's connected
  * component) for `device` and sets up its multigrid hierarchy, which the next ones find ready. Both
- * must outlive the solver. */
+ * must outlive the solver. Without a device (NULL) it does now what needs none on a mesh of one component, so that
+ * another thread can open the device meanwhile, and solves when it has one. */
 int dmk_solver_create(dmk_context *context, dmk_device *device, const dmk_mesh *mesh,
                       dmk_solver **solver);
+/* The device of a solver that has none yet. DMK_E_ARG if it has. */
+int dmk_solver_set_device(dmk_context *context, dmk_solver *solver, dmk_device *device);
 void dmk_solver_destroy(dmk_solver **solver);
 
 typedef struct dmk_result dmk_result;

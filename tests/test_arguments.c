@@ -252,6 +252,7 @@ static bool may_be(const char *function, const char *argument, bool null)
         "dmk_solve options",
         "dmk_solve_measures options",
         "dmk_solve_measures to",
+        "dmk_solver_create device",
         "dmk_solver_set_ranks ranks",
         "dmk_mesh_read_dealt ranks",
         "dmk_device_open options",

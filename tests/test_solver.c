@@ -150,6 +150,23 @@ static void a_used_solver_equals_a_fresh_one(void **state)
     problem_free(&used);
 }
 
+static void its_device_may_come_later(void **state)
+{
+    problem first = problem_file(*state, large), later = problem_file(*state, large);
+    dmk_context *ctx = later.b->ctx;
+    problem_solve(&first);
+    assert_int_equal(dmk_solver_set_device(ctx, later.solver, later.b->dev), DMK_E_ARG);
+    dmk_solver_destroy(&later.solver);
+    bench_ok(later.b, dmk_solver_create(ctx, NULL, later.mesh, &later.solver));
+    assert_int_equal(problem_try(&later), DMK_E_ARG);
+    assert_non_null(strstr(dmk_context_message(ctx), "no device"));
+    bench_ok(later.b, dmk_solver_set_device(ctx, later.solver, later.b->dev));
+    problem_solve(&later);
+    assert_same_bits(&later, problem_mu(&first), problem_distance(&first));
+    problem_free(&first);
+    problem_free(&later);
+}
+
 /* ---- solves that end early ------------------------------------------------------------------- */
 
 static int stop_at_two(const dmk_progress *progress, void *user)
@@ -423,6 +440,7 @@ int main(void)
         cmocka_unit_test(lengths_scale),
         cmocka_unit_test(two_runs_give_the_same_bits),
         cmocka_unit_test(a_used_solver_equals_a_fresh_one),
+        cmocka_unit_test(its_device_may_come_later),
         cmocka_unit_test(after_an_early_end_the_next_solve_is_right),
         cmocka_unit_test(gap_tolerance_ends_explicit_steps),
         cmocka_unit_test(bad_options_are_refused),

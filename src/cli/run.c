@@ -145,11 +145,17 @@ int solve_begin(const solve_request *request, solve_run *run)
     }
     begin_opening(&device, &request->device);
     rc = read_mesh(request, run);
+    double mark = cli_seconds();
+    if (rc == DMK_OK && !cli_ranks()) /* who look at their devices before they order the mesh */
+        rc = dmk_solver_create(run->context, NULL, run->mesh, &run->solver);
+    run->seconds.setup = lap(&mark);
     cli_progress_say(&run->progress, "opening the device and building its kernels");
     const int code = end_opening(&device, run, rc != DMK_OK);
     if (code != EXIT_OK) return code;
     if (rc == DMK_OK) cli_make_room(run->mesh);
-    if (rc == DMK_OK) rc = dmk_solver_create(run->context, run->device, run->mesh, &run->solver);
+    if (rc == DMK_OK)
+        rc = run->solver ? dmk_solver_set_device(run->context, run->solver, run->device)
+                         : dmk_solver_create(run->context, run->device, run->mesh, &run->solver);
     return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
 }
 
@@ -160,11 +166,10 @@ static dmk_solve_options show_gap(const solve_request *request, const solve_run 
     enum { LONG = 500000 }; /* triangles, some seconds */
     dmk_solve_options solve = request->solve;
     dmk_mesh_info info;
+    if (solve.gap_tolerance > 0 || (!run->progress.steps && !run->progress.line)) return solve;
     dmk_mesh_get_info(run->mesh, &info);
     const bool is_long = solve.method != DMK_NEWTON || info.n_triangles > LONG;
-    if (solve.gap_tolerance <= 0 && (run->progress.steps || (run->progress.line && is_long))) {
-        solve.gap_tolerance = DBL_MIN;
-    }
+    if (run->progress.steps || is_long) solve.gap_tolerance = DBL_MIN;
     return solve;
 }
 
@@ -225,7 +230,7 @@ int solve_compute(const solve_request *request, solve_run *run)
     if (rc != DMK_OK) return solve_fail(run, rc);
     dmk_stats stats;
     dmk_result_get_stats(run->result, &stats);
-    run->seconds.setup = stats.seconds[DMK_STAGE_SETUP];
+    run->seconds.setup += stats.seconds[DMK_STAGE_SETUP];
     if (request->density_only || !traces(run)) return EXIT_OK;
     double mark = cli_seconds();
     if (request->once) begin_closing(run);

@@ -40,7 +40,8 @@ int dmk_solver_order(dmk_context *ctx, dmk_solver *s, int32_t component)
     if (component == s->component) return DMK_OK;
     forget_component(s);
     /* Of several components the size of this one is not known yet. */
-    if (s->mesh->n_components == 1) DMK_TRY(dmk_memory_check(ctx, s->device, s->mesh->n_triangles));
+    if (s->device && s->mesh->n_components == 1)
+        DMK_TRY(dmk_memory_check(ctx, s->device, s->mesh->n_triangles));
     DMK_TRY(dmk_stage_begin(ctx, "levels"));
     DMK_TRY(DMK_NEW(ctx, s->order, 1));
     atomic_init(&s->order->users, 1);
@@ -59,15 +60,38 @@ int dmk_solver_create(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh
 {
     int rc;
     dmk_solver *s = NULL;
-    if (dmk_missing(ctx, "device", device, "mesh", mesh, "solver", solver)) return DMK_E_ARG;
-    DMK_TRY(dmk_device_owned(ctx, device));
+    if (dmk_missing(ctx, "mesh", mesh, "solver", solver)) return DMK_E_ARG;
     DMK_TRY(DMK_NEW(ctx, s, 1));
-    s->device = device;
     s->mesh = mesh;
     s->component = -1; /* the first source decides which one to pack */
+    if (device)
+        DMK_TRY(dmk_solver_set_device(ctx, s, device));
+    else if (mesh->n_components == 1)
+        DMK_TRY(dmk_solver_order(ctx, s, 0));
     *solver = s;
+    s = NULL;
+done:
+    dmk_stage_end(ctx);
+    dmk_solver_destroy(&s);
+    return rc;
+}
+
+int dmk_solver_set_device(dmk_context *ctx, dmk_solver *s, dmk_device *device)
+{
+    int rc;
+    if (dmk_missing(ctx, "solver", s, "device", device)) return DMK_E_ARG;
+    if (s->device) return dmk_fail(ctx, DMK_E_ARG, "the solver has a device already");
+    DMK_TRY(dmk_device_owned(ctx, device));
+    if (s->order) DMK_TRY(dmk_memory_check(ctx, device, s->mesh->n_triangles));
+    s->device = device;
 done:
     return rc;
+}
+
+int dmk_solver_ready(dmk_context *ctx, const dmk_solver *s)
+{
+    if (s->device) return dmk_device_owned(ctx, s->device);
+    return dmk_fail(ctx, DMK_E_ARG, "the solver has no device yet");
 }
 
 void dmk_solver_destroy(dmk_solver **solver)
@@ -662,7 +686,7 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     start near = {0};
     dmk_solve_options chosen;
     if (dmk_missing(ctx, "solver", s, "source", source, "result", result)) return DMK_E_ARG;
-    DMK_TRY(dmk_device_owned(ctx, s->device));
+    DMK_TRY(dmk_solver_ready(ctx, s));
     if (s->spent)
         return dmk_fail(ctx, DMK_E_ARG,
                         "the solver's mesh was given to it for one solve, and is gone");

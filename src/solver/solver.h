@@ -26,6 +26,8 @@ int dmk_solver_take_options(dmk_context *context, const dmk_solve_options *given
 /* Order `component`, unless that was the last one; its system comes into being with the next call. */
 int dmk_solver_order(dmk_context *context, dmk_solver *solver, int32_t component);
 int dmk_solver_pack(dmk_context *context, dmk_solver *solver);
+/* DMK_OK if it has a device, and that is this process's. */
+int dmk_solver_ready(dmk_context *context, const dmk_solver *solver);
 /* Work arrays may hold the NaN of an earlier solve that diverged: clear them. */
 int dmk_solver_clear(dmk_context *context, const dmk_solver *solver);
 /* The approximate cut locus (acl.h) from mu, or NULL, and u in the packed problem's order and the

@@ -215,7 +215,7 @@ int dmk_solve_measures(dmk_context *ctx, dmk_solver *s, const dmk_measure *from,
     dmk_transport *r = NULL;
     dmk_solve_options chosen;
     if (dmk_missing(ctx, "solver", s, "from", from, "transport", transport)) return DMK_E_ARG;
-    DMK_TRY(dmk_device_owned(ctx, s->device));
+    DMK_TRY(dmk_solver_ready(ctx, s));
     DMK_TRY(dmk_solver_take_options(ctx, options, &chosen));
     DMK_TRY(dmk_measure_check(ctx, s->mesh, from, to, &component));
     DMK_TRY(create(ctx, s->mesh, &r));
