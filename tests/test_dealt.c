@@ -99,6 +99,36 @@ static size_t size_of(const char *path)
     return (size_t)n;
 }
 
+/* More triangles than numbers of 32 bits count, in a file of zeros but for its header: said before any is read. */
+static void test_too_many(void **state)
+{
+    static const char *const count[] = {"200000000", "3000000000"};
+    fixture *f = *state;
+    for (size_t i = 0; i < COUNT(count); i++) {
+        seat seats[MOST_RANKS];
+        FILE *file = fopen(path_of(f, "huge.ply"), "wb");
+        assert_non_null(file);
+        const int n = fprintf(file,
+                              "ply\nformat binary_little_endian 1.0\nelement vertex 1000\n"
+                              "property float x\nproperty float y\nproperty float z\n"
+                              "element face %s\nproperty list uchar int vertex_indices\n"
+                              "end_header\n",
+                              count[i]);
+        assert_int_equal(fclose(file), 0);
+        assert_int_equal(truncate(f->path, n + 12000 + 13 * strtoll(count[i], NULL, 10)), 0);
+        sit_all(f->path, 3, false, seats);
+        for (int k = 0; k < 3; k++) {
+            assert_int_equal(seats[k].rc, DMK_E_MESH);
+            assert_int_equal(seats[k].mesh_rc, DMK_E_MESH);
+            assert_non_null(strstr(seats[k].message, "too many for 32-bit indices"));
+            assert_non_null(strstr(seats[k].message, "huge.ply: "));
+            assert_non_null(strstr(seats[k].message, count[i]));
+            assert_true(seats[k].bytes <= 65536);
+        }
+        remove(f->path);
+    }
+}
+
 static void test_written(void **state)
 {
     static const struct {
@@ -220,8 +250,9 @@ static void test_lost_touch(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {TEST(test_written), TEST(test_foreign), TEST(test_polygon),
-                                       TEST(test_refused), TEST(test_lost_touch)};
+    const struct CMUnitTest tests[] = {TEST(test_written),    TEST(test_foreign),
+                                       TEST(test_polygon),    TEST(test_refused),
+                                       TEST(test_lost_touch), TEST(test_too_many)};
     make_patch();
     return cmocka_run_group_tests_name("dealt", tests, NULL, NULL);
 }

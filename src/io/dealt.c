@@ -2,6 +2,7 @@
 #include "io/dealt.h"
 
 #include "base/parallel.h"
+#include "mesh/mesh.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -181,19 +182,45 @@ static bool find_layout(source *s, const char *path, dmk_layout *l)
                                        : false;
     }
     dmk_file_free(&head);
-    return found && l->n_vertices <= INT32_MAX && l->n_triangles <= INT32_MAX && l->n_triangles > 0;
+    return found && l->n_triangles > 0;
 }
 
 /* ---- all ranks together ------------------------------------------------------------------------ */
 
-/* Whether it is so on all ranks, and all see the same counts. */
-static int agree(dmk_context *ctx, const dmk_ranks *ranks, bool good, const dmk_layout *l,
-                 bool *all)
+/* Counts of a layout: of files larger than any mesh here may be, too. */
+typedef struct counts {
+    uint64_t vertices, triangles; /* 0: no layout */
+} counts;
+
+/* Whether all ranks see the same layout. Of more than a mesh may have nothing is read. */
+static int agree_on_layout(dmk_context *ctx, const char *path, const dmk_ranks *ranks, bool found,
+                           const dmk_layout *l, bool *all)
 {
-    const int32_t v = good ? (int32_t)l->n_vertices : 0, t = good ? (int32_t)l->n_triangles : 0;
-    int32_t most[5] = {!good, v, -v, t, -t};
-    const int rc = dmk_ranks_check(ctx, ranks, ranks->largest(ranks->user, most, 5));
-    *all = most[0] == 0 && most[1] == -most[2] && most[3] == -most[4];
+    int rc;
+    const counts own = {found ? l->n_vertices : 0, found ? l->n_triangles : 0};
+    counts *seen = NULL;
+    size_t *bytes = NULL;
+    DMK_TRY(DMK_NEW(ctx, seen, (size_t)ranks->size));
+    DMK_TRY(DMK_NEW(ctx, bytes, (size_t)ranks->size));
+    for (int r = 0; r < ranks->size; r++) bytes[r] = sizeof own;
+    DMK_TRY(dmk_ranks_check(ctx, ranks, ranks->gather(ranks->user, &own, seen, bytes)));
+    *all = true;
+    for (int r = 0; r < ranks->size; r++)
+        *all = *all && seen[r].triangles > 0 && !memcmp(&seen[r], &seen[0], sizeof *seen);
+    if (*all) rc = dmk_mesh_check_counts(ctx, l->n_vertices, l->n_triangles);
+    if (rc != DMK_OK) rc = dmk_name_file(ctx, path, rc);
+done:
+    free(seen);
+    free(bytes);
+    return rc;
+}
+
+/* Whether it is so on all ranks. */
+static int agree(dmk_context *ctx, const dmk_ranks *ranks, bool good, bool *all)
+{
+    int32_t bad = !good;
+    const int rc = dmk_ranks_check(ctx, ranks, ranks->largest(ranks->user, &bad, 1));
+    *all = bad == 0;
     return rc;
 }
 
@@ -277,19 +304,22 @@ int dmk_soup_read_dealt(dmk_context *ctx, const char *path, const dmk_ranks *ran
     dmk_layout l = {0};
     dmk_soup own = {0};
     source s = {.context = ctx, .fd = -1};
-    good = find_layout(&s, path, &l) && read_own(&s, &l, ranks, &own);
-    if (s.fd >= 0) close(s.fd);
+    good = find_layout(&s, path, &l);
+    DMK_TRY(agree_on_layout(ctx, path, ranks, good, &l, &all));
+    good = all && read_own(&s, &l, ranks, &own);
     *bytes = s.bytes;
-    DMK_TRY(agree(ctx, ranks, good, &l, &all));
+    DMK_TRY(agree(ctx, ranks, good, &all));
     if (!all) {
         dmk_soup_free(&own);
         own = (dmk_soup){0};
-        return read_once(ctx, path, ranks, soup, bytes);
+        rc = read_once(ctx, path, ranks, soup, bytes);
+        goto done;
     }
     DMK_TRY(make_room(ctx, l.n_vertices, l.n_triangles, soup));
     DMK_TRY(join(ctx, ranks, l.n_vertices, sizeof *own.xyz, own.xyz, soup->xyz));
     rc = join(ctx, ranks, l.n_triangles, sizeof *own.triangle, own.triangle, soup->triangle);
 done:
+    if (s.fd >= 0) close(s.fd);
     dmk_soup_free(&own);
     return rc;
 }

@@ -36,6 +36,8 @@ bool dmk_vtk_layout(dmk_context *context, const dmk_file *head, dmk_layout *layo
 
 /* format.c: a file's triangles, as they are; its size, unpacked, is added to *bytes. */
 int dmk_soup_read(dmk_context *context, const char *path, dmk_soup *soup, uint64_t *bytes);
+/* Put the file's name in front of what the checks of the mesh said. */
+int dmk_name_file(dmk_context *context, const char *path, int rc);
 /* The mesh of a file's triangles, which are its own then; errors name the file. */
 int dmk_soup_adopt(dmk_context *context, const char *path, dmk_soup *soup, dmk_mesh **mesh);
 /* The same on every rank. Each reads its range of a file that has a layout; others are read by the first

@@ -141,8 +141,7 @@ static int find_writer(dmk_context *ctx, const char *path, int what, const dmk_f
                     list_suffixes(what, list, sizeof list));
 }
 
-/* Put the file's name in front of what the mesh checks said. */
-static int name_file(dmk_context *ctx, const char *path, int rc)
+int dmk_name_file(dmk_context *ctx, const char *path, int rc)
 {
     char what[sizeof ctx->message];
     memcpy(what, ctx->message, sizeof what);
@@ -169,7 +168,7 @@ int dmk_soup_adopt(dmk_context *ctx, const char *path, dmk_soup *soup, dmk_mesh 
     const int rc =
         dmk_mesh_adopt(ctx, soup->n_vertices, soup->xyz, soup->n_triangles, soup->triangle, mesh);
     *soup = (dmk_soup){0};
-    return rc == DMK_OK ? DMK_OK : name_file(ctx, path, rc);
+    return rc == DMK_OK ? DMK_OK : dmk_name_file(ctx, path, rc);
 }
 
 int dmk_mesh_read(dmk_context *ctx, const char *path, dmk_mesh **mesh)
@@ -194,7 +193,7 @@ int dmk_mesh_read_repaired(dmk_context *ctx, const char *path, dmk_repairs *repa
     DMK_TRY(dmk_soup_read(ctx, path, &soup, &bytes));
     rc = dmk_mesh_repair(ctx, soup.n_vertices, soup.xyz, soup.n_triangles, soup.triangle, repair,
                          mesh);
-    if (rc != DMK_OK) rc = name_file(ctx, path, rc);
+    if (rc != DMK_OK) rc = dmk_name_file(ctx, path, rc);
 done:
     dmk_soup_free(&soup);
     return rc;

@@ -251,7 +251,7 @@ typedef struct records {
 static bool have_one_size(records *r)
 {
     r->size = 0;
-    if (!r->p->in.binary || r->e->count > INT32_MAX) return false;
+    if (!r->p->in.binary) return false;
     for (int k = r->e->first; k < r->e->first + r->e->n; k++) {
         const property *q = &r->p->property[k];
         const size_t one = dmk_type_bytes((dmk_type)q->type);
@@ -292,7 +292,7 @@ static int read_records(ply *p, const element *e, dmk_soup *soup, bool *done)
     int rc = DMK_OK;
     dmk_context *ctx = p->in.text.context;
     records r = {.p = p, .e = e, .begin = p->in.text.at, .soup = soup};
-    *done = e->n > 0 && have_one_size(&r) &&
+    *done = e->n > 0 && e->count <= INT32_MAX && have_one_size(&r) &&
             (size_t)e->count * r.size <= (size_t)(p->in.text.end - r.begin);
     if (!*done) return DMK_OK;
     if (e->is_face) {
@@ -388,6 +388,7 @@ static bool set_layout(const ply *p, const dmk_soup *soup, dmk_layout *l)
     for (int i = 0; i < p->n_elements && (l->n_triangles == 0 || l->xyz[0].stride == 0); i++) {
         records r = {.p = p, .e = &p->element[i]};
         if (!have_one_size(&r)) return false;
+        if (r.size > 0 && (uint64_t)r.e->count > (UINT64_MAX - at) / r.size) return false;
         set_columns(&r, at, l);
         at += (uint64_t)r.e->count * r.size;
     }
