@@ -43,11 +43,10 @@ static void facet_range(int32_t begin, int32_t end, void *data)
 int dmk_front_create(dmk_context *ctx, dmk_geodesics *g, dmk_front *e)
 {
     int rc;
-    size_t room = 0;
     const dmk_mesh *m = g->mesh;
     const dmk_star *s = &g->star;
     *e = (dmk_front){.g = g, .d = g->distance};
-    DMK_TRY(DMK_GROW(ctx, e->facet, (size_t)m->n_triangles, room));
+    DMK_TRY(DMK_NEW_UNSET(ctx, e->facet, (size_t)m->n_triangles));
     DMK_TRY(DMK_NEW(ctx, e->pseudo_source, (size_t)m->n_vertices));
     dmk_parallel(ctx, m->n_triangles, facet_range, e);
     for (int32_t v = 0; v < m->n_vertices; v++) {

@@ -232,9 +232,8 @@ int dmk_lanes_create(dmk_context *ctx, engine *e)
     int rc;
     const size_t line = sizeof(stride);
     char *room = NULL;
-    size_t bytes = 0; /* not cleared: a sixth of a run's memory */
     const int32_t n = e->front.g->mesh->n_triangles;
-    DMK_TRY(DMK_GROW(ctx, room, (6 * (size_t)n + 1) * line, bytes));
+    DMK_TRY(DMK_NEW_UNSET(ctx, room, (6 * (size_t)n + 1) * line)); /* a sixth of a run's memory */
     e->room = room;
     e->stride = (stride *)(void *)(room + (line - (uintptr_t)room % line) % line);
     dmk_parallel(ctx, n, stride_range, e);

@@ -467,11 +467,10 @@ done:
 }
 
 /* Nothing is known but what the source gives. */
-static int start_uniform(dmk_context *ctx, const dmk_solver *s, start *near, double **mu)
+static int start_uniform(dmk_context *ctx, const dmk_solver *s, start *near)
 {
-    int rc = DMK_OK;
-    DMK_TRY(DMK_NEW(ctx, *mu, (size_t)s->system->whole.n_elements_pad));
-    for (int32_t t = 0; t < near->mesh->n_triangles; t++) (*mu)[t] = 1;
+    int rc;
+    DMK_TRY(dmk_system_start_even(ctx, s->system));
     if (!near->geodesics) goto done;
     if (!near->mid) DMK_TRY(DMK_NEW(ctx, near->mid, (size_t)near->mesh->n_edges));
     dmk_geodesics_midpoints(ctx, near->geodesics, near->mid);
@@ -485,10 +484,7 @@ static int set_lean_start(dmk_context *ctx, dmk_solver *s)
 {
     int rc;
     dmk_system *sys = s->system;
-    DMK_TRY(dmk_system_allocate_state(ctx, sys));
-    DMK_TRY(dmk_buffer_clear(ctx, sys->device, sys->u,
-                             (size_t)sys->n_rows_pad * dmk_device_real(sys->device, DMK_OUTER)));
-    DMK_TRY(dmk_elements_fill(ctx, sys, sys->mu, 1));
+    DMK_TRY(dmk_system_start_even(ctx, sys));
     if (s->f) { /* else it is there from an earlier try */
         DMK_TRY(dmk_buffer_write_real(ctx, sys->device, DMK_OUTER, sys->f, (size_t)sys->n_rows_pad,
                                       s->f));
@@ -508,13 +504,14 @@ static int set_start(dmk_context *ctx, dmk_solver *s, start *near)
     double *u = NULL, *mu = NULL;
     if (s->lean) return set_lean_start(ctx, s);
     DMK_TRY(DMK_NEW(ctx, u, (size_t)sys->whole.n_rows_pad));
-    if (near->from == DMK_START_DISTANCE)
+    if (near->from == DMK_START_DISTANCE) {
         DMK_TRY(start_from_distance(ctx, s, near, u, &mu));
-    else
-        DMK_TRY(start_uniform(ctx, s, near, &mu));
-    DMK_TRY(dmk_system_allocate_state(ctx, sys));
-    DMK_TRY(dmk_rows_write(ctx, sys, sys->u, u));
-    DMK_TRY(dmk_elements_write(ctx, sys, sys->mu, mu));
+        DMK_TRY(dmk_system_allocate_state(ctx, sys));
+        DMK_TRY(dmk_rows_write(ctx, sys, sys->u, u));
+        DMK_TRY(dmk_elements_write(ctx, sys, sys->mu, mu));
+    } else {
+        DMK_TRY(start_uniform(ctx, s, near));
+    }
     DMK_TRY(dmk_right_hand_side(ctx, near->mesh, sys, near->source, u));
     DMK_TRY(dmk_rows_write(ctx, sys, sys->f, u));
     free(u);

@@ -795,6 +795,16 @@ done:
     return rc;
 }
 
+int dmk_system_start_even(dmk_context *ctx, dmk_system *s)
+{
+    int rc;
+    DMK_TRY(dmk_system_allocate_state(ctx, s));
+    DMK_TRY(dmk_buffer_fill_real(ctx, s->device, DMK_OUTER, s->u, (size_t)s->n_rows_pad, 0));
+    rc = dmk_elements_fill(ctx, s, s->mu, 1);
+done:
+    return rc;
+}
+
 int dmk_elements_read(dmk_context *ctx, dmk_system *s, const dmk_buffer *elements, double *whole)
 {
     return read_whole(ctx, s, false, elements, whole);

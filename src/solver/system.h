@@ -110,6 +110,8 @@ void dmk_system_destroy(dmk_system **system);
  * is. */
 int dmk_system_allocate_state(dmk_context *context, dmk_system *system);
 int dmk_system_allocate(dmk_context *context, dmk_system *system);
+/* The start from nothing, u = 0 and mu = 1, in their arrays, which are made if need be; not collective. */
+int dmk_system_start_even(dmk_context *context, dmk_system *system);
 void dmk_system_release(dmk_system *system);
 
 /* Vectors over the whole mesh's rows (whole.n_rows_pad numbers, edges at 0, vertices at
@@ -119,7 +121,7 @@ int dmk_rows_write(dmk_context *context, dmk_system *system, dmk_buffer *rows, c
 int dmk_rows_read(dmk_context *context, dmk_system *system, const dmk_buffer *rows, double *whole);
 int dmk_elements_write(dmk_context *context, dmk_system *system, dmk_buffer *elements,
                        const double *whole);
-/* All of them the same; not collective. */
+/* The same value for all elements that a rank has; not collective. */
 int dmk_elements_fill(dmk_context *context, dmk_system *system, dmk_buffer *elements, double value);
 int dmk_elements_read(dmk_context *context, dmk_system *system, const dmk_buffer *elements,
                       double *whole);

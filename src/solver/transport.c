@@ -57,10 +57,7 @@ static int set_start(dmk_context *ctx, dmk_solver *s, const double *f)
 {
     int rc;
     dmk_system *sys = s->system;
-    DMK_TRY(dmk_system_allocate_state(ctx, sys));
-    DMK_TRY(dmk_buffer_clear(ctx, sys->device, sys->u,
-                             (size_t)sys->n_rows_pad * dmk_device_real(sys->device, DMK_OUTER)));
-    DMK_TRY(dmk_elements_fill(ctx, sys, sys->mu, 1));
+    DMK_TRY(dmk_system_start_even(ctx, sys));
     DMK_TRY(dmk_rows_write(ctx, sys, sys->f, f));
     DMK_TRY(dmk_solver_clear(ctx, s));
 done:
