@@ -1,5 +1,6 @@
 /* The solver's behaviour: the same answer in any order, unit and sequence; borders, components,
  * limits. */
+#include "mesh/mesh.h"
 #include "solving.h"
 
 #include <math.h>
@@ -160,6 +161,10 @@ static void its_device_may_come_later(void **state)
     bench_ok(later.b, dmk_solver_create(ctx, NULL, later.mesh, &later.solver));
     assert_int_equal(problem_try(&later), DMK_E_ARG);
     assert_non_null(strstr(dmk_context_message(ctx), "no device"));
+    const int32_t n = later.mesh->n_triangles;
+    later.mesh->n_triangles = INT32_MAX; /* is refused now, not in the middle of a solve */
+    assert_int_equal(dmk_solver_set_device(ctx, later.solver, later.b->dev), DMK_E_NOMEM);
+    later.mesh->n_triangles = n;
     bench_ok(later.b, dmk_solver_set_device(ctx, later.solver, later.b->dev));
     problem_solve(&later);
     assert_same_bits(&later, problem_mu(&first), problem_distance(&first));
