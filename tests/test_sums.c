@@ -125,7 +125,7 @@ static void take_parts(const dmk_share *share, const whole *w, const char *all, 
 
 static int sum_share(seat *s, dmk_context *ctx, dmk_device *dev, dmk_share *share, bool maxima)
 {
-    int rc;
+    int rc = DMK_E_NOMEM;
     const whole *w = s->w;
     dmk_kernel *k;
     char got[8 * SCALARS];
@@ -135,7 +135,7 @@ static int sum_share(seat *s, dmk_context *ctx, dmk_device *dev, dmk_share *shar
     char *local = malloc(table);
     dmk_buffer *partial = zeros(ctx, dev, table > most ? table : most),
                *to = zeros(ctx, dev, SCALARS * w->real);
-    if (!local || !partial || !to) return DMK_E_NOMEM;
+    if (!local || !partial || !to) goto done;
     take_parts(share, w, maxima ? w->range : w->dots, parts, local);
     DMK_TRY(dmk_buffer_write(ctx, dev, partial, 0, table, local));
     DMK_TRY(dmk_share_parts(ctx, share, true, QUANTITIES, maxima ? 2 : 0, partial, &parts));

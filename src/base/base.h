@@ -71,7 +71,7 @@ int dmk_grow(dmk_context *context, const char *what, size_t wanted, size_t size,
 
 /* DMK_NEW without zeroing, for arrays of one item or more that are filled at once; the pointer is NULL before. */
 #define DMK_NEW_UNSET(context, pointer, count)                                                     \
-    dmk_grow((context), #pointer, (count), sizeof *(pointer), &(size_t){0}, (void **)&(pointer))
+    dmk_grow((context), #pointer, (count), sizeof *(pointer), (size_t[]){0}, (void **)&(pointer))
 
 /* Seconds of a monotonic clock. */
 double dmk_seconds(void);
