@@ -92,19 +92,35 @@ static int set_lines(dmk_context *ctx, dmk_geodesics *g, const dmk_geodesics_opt
 
 static const double usual_tolerance = 1e-6;
 
-static int run(dmk_context *ctx, dmk_geodesics *g, const dmk_geodesics_options *o)
+static double tolerance_of(const dmk_mesh *m, const dmk_geodesics_options *o)
 {
-    double tolerance = o->tolerance;
-    if (tolerance == 0 && g->mesh->n_triangles > DMK_EXACT_TRIANGLES) tolerance = usual_tolerance;
-    if (o->exact) tolerance = 0;
+    if (o->exact) return 0;
+    if (o->tolerance > 0) return o->tolerance;
+    return m->n_triangles > DMK_EXACT_TRIANGLES ? usual_tolerance : 0;
+}
+
+static int run(dmk_context *ctx, dmk_geodesics *g, double tolerance)
+{
+    int rc;
+    bool finished = false;
     g->tolerance = tolerance;
-    if (g->n_lines == 0 && tolerance == 0) {
-        bool finished;
-        int rc = dmk_windows_run(ctx, g, &finished);
-        if (rc != DMK_OK || finished) return rc;
-    }
-    int rc = dmk_waves_run(ctx, g, tolerance);
-    return rc == DMK_OK && tolerance > 0 ? dmk_tracer_repair(ctx, g) : rc;
+    if (g->n_lines == 0 && tolerance == 0) DMK_TRY(dmk_windows_run(ctx, g, &finished));
+    if (!finished) DMK_TRY(dmk_waves_run(ctx, g, tolerance));
+    if (tolerance > 0) DMK_TRY(dmk_tracer_repair(ctx, g));
+    rc = dmk_geodesics_check(ctx, g);
+done:
+    return rc;
+}
+
+/* Where merged windows miss a vertex, or give neighbours distances that cannot be, exact ones take their place: scans
+ * cut 1:16, whose new vertices are flat, are such. */
+static int run_or_repeat(dmk_context *ctx, dmk_geodesics *g, double tolerance)
+{
+    const int rc = run(ctx, g, tolerance);
+    if (rc != DMK_E_MESH || tolerance == 0) return rc;
+    free(g->error);
+    g->error = NULL;
+    return run(ctx, g, 0);
 }
 
 int dmk_geodesics_prepare(dmk_context *ctx, const dmk_mesh *mesh, size_t n_sources,
@@ -135,8 +151,7 @@ int dmk_geodesics_compute(dmk_context *ctx, const dmk_mesh *mesh, size_t n_sourc
     int rc;
     dmk_geodesics *g = NULL;
     DMK_TRY(dmk_geodesics_prepare(ctx, mesh, n_sources, source, options, &g));
-    DMK_TRY(run(ctx, g, options));
-    DMK_TRY(dmk_geodesics_check(ctx, g));
+    DMK_TRY(run_or_repeat(ctx, g, tolerance_of(mesh, options)));
     *geodesics = g;
     g = NULL;
 done:

@@ -9,9 +9,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A group is one vector wide; while one computes, what the other needs is on its way from memory: 136k vertices, one
- * thread, one group 0.52 s, two 0.37, four 0.40. Speed only: a lane's numbers do not depend on its neighbours. */
-enum { LANES = 8, GROUPS = 2 };
+/* A group is one vector wide; while one computes, what the others need is on its way from memory: 136k vertices, two
+ * threads, vectors of 512 bits: two groups 0.149 s, three 0.140, four 0.134, six no less. Speed only: a lane's numbers
+ * do not depend on its neighbours. */
+enum { LANES = 8, GROUPS = 4, ALL_LANES = LANES * GROUPS };
 
 /* Windows whose rays all cross the side at one end of their half-edge, the near end. They are seen from there: the
  * near end is the origin, the half-edge the x axis, mirrored if it is the half-edge's end. */
@@ -23,13 +24,17 @@ typedef struct group {
     double state[LANES]; /* one of the below */
     int32_t at[LANES];   /* the stride that is next */
 } group;
-/* Of a lane: no shortest path among its rays; to go on; to go on by step.c; no window. */
-enum { DROPPED, PLAIN, ODD, EMPTY };
+/* Of a lane: to go on; no window; and, to be looked at: no shortest path among its rays; to go on by step.c. */
+enum { PLAIN, EMPTY, LOOK, DROPPED = LOOK, ODD };
 
+/* Sets of lanes: bit k * LANES + i is lane i of group k. */
 typedef struct lanes {
     group group[GROUPS];
-    int32_t root[GROUPS * LANES];
+    int32_t root[ALL_LANES];
+    uint32_t look; /* dropped or odd since the last look */
+    uint32_t empty;
 } lanes;
+_Static_assert(ALL_LANES <= 32, "a set of lanes fits into its type");
 
 /* ---- strides --------------------------------------------------------------------------------- */
 
@@ -105,11 +110,10 @@ WITHIN double lives(const group *g, const fields *f, int i, double lo, double hi
     return far * far >= ql ? yes : DROPPED;
 }
 
-/* One step of each lane; whether all are plain again. No branches: this becomes vector code. */
-WITHIN bool stride_on(const engine *e, group *g, const fields *f)
+/* One step of each lane. No branches: this becomes vector code. */
+WITHIN void stride_on(const engine *e, group *g, const fields *f)
 {
     double mirror[LANES];
-    int others = 0;
     for (int i = 0; i < LANES; i++) {
         const double side = f->side[i], c = f->cosine[i], s = f->sine[i], x0 = g->x[i],
                      y0 = g->y[i];
@@ -119,11 +123,11 @@ WITHIN bool stride_on(const engine *e, group *g, const fields *f)
         const double lo = cut_lo >= 0 ? cut_lo : 0, hi = within >= 0 ? within : side;
         const double x = x0 * c + y0 * s, y = y0 * c - x0 * s;
         const double found = lives(g, f, i, lo, hi, x, y);
-        /* where the ray to the next corner up crosses the side; which of its ends is near */
-        const double ray = x - (f->x[i] - x) * y / (f->y[i] - y), below = lo - ray,
-                     above = ray - hi;
+        /* how far to the side of all rays the next corner up is, times its height above the root */
+        const double rise = f->y[i] - y, shift = (f->x[i] - x) * y;
+        const double below = (lo - x) * rise + shift, above = (x - hi) * rise - shift;
         const double off = below > 0 ? below : above;
-        const double kind = off >= DMK_BESIDE * side ? found : ODD;
+        const double kind = off >= DMK_BESIDE * side * rise ? found : ODD;
         const double state = found == PLAIN ? kind : DROPPED, before = g->state[i];
         g->state[i] = before == PLAIN ? state : before;
         const double end_lo = side - hi, end_hi = side - lo, end_x = side - x;
@@ -139,38 +143,57 @@ WITHIN bool stride_on(const engine *e, group *g, const fields *f)
         g->d_up[i] = f->d[i];
         mirror[i] = below > 0 ? 1.0 : 0.0;
     }
-    for (int i = 0; i < LANES; i++) {
-        g->at[i] = f->next[i] ^ (int32_t)mirror[i];
-        others |= (g->state[i] == DROPPED) | (g->state[i] == ODD);
-    }
+    for (int i = 0; i < LANES; i++) g->at[i] = f->next[i] ^ (int32_t)mirror[i];
     for (int i = 0; i < LANES; i++) __builtin_prefetch(e->stride + g->at[i]);
-    return !others;
 }
 
-/* Steps of all groups until a lane's is not plain, `most` at most; their number. */
-static int advance(const engine *e, lanes *w, int most)
+/* The lanes to look at. */
+WITHIN uint32_t looks(const group *g)
+{
+    uint32_t set = 0;
+    for (int i = 0; i < LANES; i++) set |= (uint32_t)(g->state[i] >= LOOK) << i;
+    return set;
+}
+
+/* Steps of all groups until there is a lane to look at, `most` at most; their number. */
+WITHIN int steps(const engine *e, lanes *w, int most,
+                 void (*fetch_fields)(const engine *, const group *, fields *),
+                 uint32_t (*looks_of)(const group *))
 {
     fields f;
     int n = 0;
-    for (bool plain = true; plain && n < most; n++) {
+    for (w->look = 0; w->look == 0 && n < most; n++) {
         for (int k = 0; k < GROUPS; k++) {
-            fetch(e, w->group + k, &f);
-            plain &= stride_on(e, w->group + k, &f);
+            fetch_fields(e, w->group + k, &f);
+            stride_on(e, w->group + k, &f);
+            w->look |= looks_of(w->group + k) << (k * LANES);
         }
     }
     return n;
+}
+
+static int advance(const engine *e, lanes *w, int most)
+{
+    return steps(e, w, most, fetch, looks);
 }
 
 /* ---- for wide vectors --------------------------------------------------------------------------- */
 
 #if defined(__x86_64__) && defined(__has_builtin)
 #if __has_builtin(__builtin_shufflevector)
-#define WIDE __attribute__((target("avx512f,avx512dq,avx512vl,avx512bw")))
+#define WIDE_TARGET "avx512f,avx512dq,avx512vl,avx512bw"
+#ifdef __clang__
+#define WIDE __attribute__((target(WIDE_TARGET), min_vector_width(512)))
+#else
+#define WIDE __attribute__((target(WIDE_TARGET ",prefer-vector-width=512")))
+#endif
 #endif
 #endif
 
 #ifdef WIDE
-typedef double wide __attribute__((vector_size(64)));
+#include <immintrin.h>
+
+typedef double wide __attribute__((vector_size(64), may_alias));
 
 /* Pairs of rows, then of pairs, then of halves change places. */
 WITHIN void transpose(wide r[8])
@@ -191,15 +214,15 @@ WITHIN void transpose(wide r[8])
     }
 }
 
-/* A stride is a row of eight. */
-WITHIN void fetch_rows(const engine *e, const group *g, fields *f)
+/* A stride is a row of eight, loaded as one: what is stored in pieces is not to be had as a whole at once. */
+WIDE WITHIN void fetch_rows(const engine *e, const group *g, fields *f)
 {
     wide row[8];
     int64_t link[LANES];
     _Static_assert(LANES == 8 && sizeof(stride) == sizeof *row, "a stride fills a vector");
     for (int i = 0; i < LANES; i++) {
         const stride *s = e->stride + g->at[i];
-        memcpy(row + i, s, sizeof *row);
+        row[i] = *(const wide *)(const void *)s;
         f->d[i] = dmk_windows_known(e, s->corner);
     }
     transpose(row);
@@ -213,17 +236,14 @@ WITHIN void fetch_rows(const engine *e, const group *g, fields *f)
     for (int i = 0; i < LANES; i++) f->next[i] = (int32_t)link[i]; /* the lower half */
 }
 
+WIDE WITHIN uint32_t looks_wide(const group *g)
+{
+    return _mm512_cmp_pd_mask(_mm512_loadu_pd(g->state), _mm512_set1_pd(LOOK), _CMP_GE_OQ);
+}
+
 WIDE static int advance_wide(const engine *e, lanes *w, int most)
 {
-    fields f;
-    int n = 0;
-    for (bool plain = true; plain && n < most; n++) {
-        for (int k = 0; k < GROUPS; k++) {
-            fetch_rows(e, w->group + k, &f);
-            plain &= stride_on(e, w->group + k, &f);
-        }
-    }
-    return n;
+    return steps(e, w, most, fetch_rows, looks_wide);
 }
 #endif
 
@@ -262,10 +282,11 @@ static bool put(const engine *e, lanes *all, int i, const window *w)
     const dmk_facet *f = e->front.facet + w->half / 3;
     const double length = f->length[k], x = f->length[k2] * f->cosine[k1],
                  y = f->length[k2] * f->sine[k1];
-    const double ray = w->x - (x - w->x) * w->y / (y - w->y);
-    const bool mirrored = ray < w->lo;
-    const double off = mirrored ? w->lo - ray : ray - w->hi;
-    if (!(off >= DMK_BESIDE * length)) return false;
+    const double rise = y - w->y, shift = (x - w->x) * w->y;
+    const double below = (w->lo - w->x) * rise + shift, above = (w->x - w->hi) * rise - shift;
+    const bool mirrored = below > 0;
+    const double off = mirrored ? below : above;
+    if (!(off >= DMK_BESIDE * length * rise)) return false;
     g->lo[lane] = mirrored ? length - w->hi : w->lo;
     g->hi[lane] = mirrored ? length - w->lo : w->hi;
     g->x[lane] = mirrored ? length - w->x : w->x;
@@ -332,21 +353,23 @@ done:
     return rc;
 }
 
-/* Lanes that have dropped their window, or hold one whose next step is not plain, are empty then. */
-static int clear(worker *me, lanes *w, int *n_full, int *n_dropped)
+/* Lanes that have dropped their window, or hold one whose next step is not plain, are empty then. *n_dropped: how many
+ * have dropped it. */
+static int clear(worker *me, lanes *w, int *n_dropped)
 {
     int rc = DMK_OK;
     *n_dropped = 0;
-    for (int i = 0; i < GROUPS * LANES; i++) {
-        group *g = w->group + i / LANES;
-        const int state = (int)g->state[i % LANES];
-        if (state == PLAIN || state == EMPTY) continue;
+    for (uint32_t set = w->look; set; set &= set - 1) {
+        const int i = __builtin_ctz(set);
+        double *state = &w->group[i / LANES].state[i % LANES];
         const window one = get(w, i);
-        if (state == ODD) DMK_TRY(dmk_windows_push(me, &one));
-        if (state == DROPPED) ++*n_dropped;
-        g->state[i % LANES] = EMPTY;
-        --*n_full;
+        if (*state == ODD)
+            DMK_TRY(dmk_windows_push(me, &one));
+        else
+            ++*n_dropped;
+        *state = EMPTY;
     }
+    w->empty |= w->look;
 done:
     return rc;
 }
@@ -357,18 +380,21 @@ int dmk_lanes_run(worker *me, int64_t most)
 {
     /* Steps, between looks at a full limit: speed only, and the same with 32 or 128. */
     enum { AT_ONCE = 64 };
-    int rc = DMK_OK, n_full = 0, n_dropped;
-    lanes w = {0};
-    for (int i = 0; i < GROUPS * LANES; i++) w.group[i / LANES].state[i % LANES] = EMPTY;
+    int rc = DMK_OK, n_dropped;
+    lanes w = {.empty = UINT32_MAX >> (32 - ALL_LANES)};
+    const uint32_t all = w.empty;
+    for (int i = 0; i < ALL_LANES; i++) w.group[i / LANES].state[i % LANES] = EMPTY;
     while (!dmk_windows_spent(me->e)) {
-        for (int i = 0; i < GROUPS * LANES && most > 0; i++) {
-            bool filled = false;
-            if (w.group[i / LANES].state[i % LANES] == EMPTY) DMK_TRY(fill(me, &w, i, &filled));
-            n_full += filled;
+        bool filled = most > 0;
+        for (uint32_t set = w.empty; set && filled; set &= set - 1) {
+            const int i = __builtin_ctz(set);
+            DMK_TRY(fill(me, &w, i, &filled));
+            if (filled) w.empty &= ~(UINT32_C(1) << i);
         }
-        if (n_full == 0) break;
-        const int64_t n = (int64_t)me->e->advance(me->e, &w, AT_ONCE) * n_full;
-        DMK_TRY(clear(me, &w, &n_full, &n_dropped));
+        if (w.empty == all) break;
+        const int64_t n =
+            (int64_t)me->e->advance(me->e, &w, AT_ONCE) * __builtin_popcount(all & ~w.empty);
+        DMK_TRY(clear(me, &w, &n_dropped));
         DMK_TRY(dmk_windows_count(me, n - n_dropped));
         most -= n;
     }
