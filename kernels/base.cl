@@ -16,7 +16,7 @@
  * Arrays are `restrict`, but for those of atomic operations, and but for r and its
  * narrow copy, which are one where the program works in single precision.
  * Build options: DMK_CPU, DMK_CHUNK, DMK_DOUBLE (this program's real type), DMK_FP64 (the device's
- * double precision may be used for sums). */
+ * double precision may be used for sums), DMK_GATHERS (vector gathers, on a CPU). */
 #if DMK_FP64
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 typedef double sum_t;
@@ -47,8 +47,12 @@ typedef float8 sumv;
 #define TO_SUM(v) convert_float8(v)
 #endif
 #define TO_FLOAT(v) convert_float8(v)
-/* Gathers through a volatile pointer: scalar loads, which CPUs do faster than vector gathers. */
+/* Gathers through a volatile pointer: scalar loads, which most CPUs do faster than vector gathers. */
+#if DMK_GATHERS
+#define GATHERED const global
+#else
 #define GATHERED const volatile global
+#endif
 #define GATHER(p, i)                                                                               \
     (p)[i.s0], (p)[i.s1], (p)[i.s2], (p)[i.s3], (p)[i.s4], (p)[i.s5], (p)[i.s6], (p)[i.s7]
 /* The blocks of a part; of all parts that are this work-group's. */

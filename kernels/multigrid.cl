@@ -547,8 +547,8 @@ KERNEL edges_from_triangles(int n, global const int *restrict slot,
 static float half_at(global const half *p, int i)
 {
 #if DMK_CPU
-    const uint bits = ((global const ushort *)p)[i];
-    return as_float((bits & 0x8000u) << 16 | (bits & 0x7fffu) << 13) * 0x1p112f;
+    const int bits = ((global const short *)p)[i];
+    return as_float(bits << 13 & 0x8fffe000) * 0x1p112f;
 #else
     return vload_half((size_t)i, p);
 #endif
