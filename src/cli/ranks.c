@@ -44,6 +44,8 @@ int cli_ranks_gather(const void *mine, void *all, size_t bytes)
 
 #else
 
+#include "life.h"
+
 #include <fcntl.h>
 #include <mpi.h>
 #include <pthread.h>
@@ -64,6 +66,10 @@ enum { PATIENCE = 10 };
  * `devices` takes 0.8 s, four ranks on two cores. */
 enum { MEETING = 30 };
 
+/* Seconds that mpirun has to end all ranks when one has been killed, before the others do so themselves: Open MPI 4.1
+ * misses some kills (on one machine 4 of 60 in the first second), else it takes less than one. */
+enum { GRACE = 3 };
+
 static struct {
     dmk_ranks ranks;      /* size 1: alone */
     MPI_Comm work;        /* the solver's */
@@ -72,6 +78,11 @@ static struct {
     long long *next;      /* that counter */
     MPI_Request *request; /* room for 2 size: of the exchange that is under way */
     int n_requests;
+    MPI_Win lives; /* with those of the ranks of this machine, which watch each other */
+    cli_life **life;
+    int n_lives, my_life;
+    bool watched;
+    pthread_t watcher;
     int held, output,
         error; /* a file of messages, and where to print; held -1: nothing is held back */
 } self = {.ranks = {.size = 1}, .held = -1};
@@ -263,23 +274,80 @@ int cli_ranks_gather(const void *mine, void *all, size_t bytes)
     return status == 0 || status == DMK_E_CANCELLED ? status : DMK_E_DEVICE;
 }
 
+/* ---- the other ranks of this machine --------------------------------------------------------- */
+
+/* How many ranks have ended without a word, *lost one of them; *first: whether no rank before this one is left. */
+static int lost_ranks(int *lost, bool *first)
+{
+    int n = 0;
+    *first = true;
+    for (int k = 0; k < self.n_lives; k++) {
+        if (k == self.my_life) continue;
+        if (cli_life_lost(self.life[k])) {
+            *lost = self.life[k]->rank;
+            n++;
+        } else if (k < self.my_life) {
+            *first = false;
+        }
+    }
+    return n;
+}
+
+/* A thread, as the others may be in a call that never comes back. The first rank that is left ends with a word, which
+ * mpirun sees; if it does not, the next one. */
+static void *watch(void *unused)
+{
+    const struct timespec pause = {.tv_nsec = 200000000};
+    double since = 0;
+    int lost = -1;
+    bool first;
+    for (int n, before = 0;; before = n) {
+        n = lost_ranks(&lost, &first);
+        if (n != before) since = cli_seconds();
+        if (n > 0 && first && cli_seconds() - since > GRACE) break;
+        nanosleep(&pause, NULL);
+    }
+    dprintf(self.held < 0 ? STDERR_FILENO : self.error,
+            "dmkcl: rank %d has ended without a word: has it been killed? Start again\n", lost);
+    _exit(EXIT_DEVICE);
+    return unused;
+}
+
+static void watch_others(MPI_Comm machine)
+{
+    cli_life *mine;
+    MPI_Aint bytes;
+    int unit, ready;
+    MPI_Comm_rank(machine, &self.my_life);
+    MPI_Win_allocate_shared(sizeof *mine, sizeof *mine, MPI_INFO_NULL, machine, &mine, &self.lives);
+    for (int k = 0; k < self.n_lives; k++)
+        MPI_Win_shared_query(self.lives, k, &bytes, &unit, &self.life[k]);
+    ready = cli_life_begin(mine, self.ranks.rank) == 0;
+    MPI_Allreduce(MPI_IN_PLACE, &ready, 1, MPI_INT, MPI_MIN, machine); /* all hold theirs */
+    self.watched = ready && pthread_create(&self.watcher, NULL, watch, NULL) == 0;
+}
+
+static void end_watch(void)
+{
+    if (self.watched) {
+        pthread_cancel(self.watcher);
+        pthread_join(self.watcher, NULL);
+    }
+    MPI_Barrier(self.end); /* nobody looks any more */
+    cli_life_end(self.life[self.my_life]);
+    MPI_Win_free(&self.lives);
+    free(self.life);
+}
+
 /* ---- begin and end --------------------------------------------------------------------------- */
 
-/* Ranks that share a machine share its processors, unless mpirun has bound each to its own or the user has
+/* n ranks that share a machine share its processors, unless mpirun has bound each to its own or the user has
  * chosen: PoCL would take all of them for each rank. */
-static void divide_processors(void)
+static void divide_processors(int n)
 {
-    MPI_Comm machine;
     cpu_set_t allowed;
-    int n = 1;
     char text[32];
     if (getenv("POCL_MAX_PTHREAD_COUNT")) return;
-    if (MPI_Comm_split_type(MPI_COMM_WORLD, MPI_COMM_TYPE_SHARED, 0, MPI_INFO_NULL, &machine) !=
-        MPI_SUCCESS) {
-        return;
-    }
-    MPI_Comm_size(machine, &n);
-    MPI_Comm_free(&machine);
     if (n < 2 || sched_getaffinity(0, sizeof allowed, &allowed) != 0) return;
     const long all = sysconf(_SC_NPROCESSORS_ONLN), mine = CPU_COUNT(&allowed);
     const long threads = mine < all ? mine : all / n > 1 ? all / n : 1;
@@ -315,6 +383,7 @@ static void stay_on_machine(void)
 static void meet(int *argc, char ***argv)
 {
     int support;
+    MPI_Comm machine;
     stay_on_machine();
     if (MPI_Init_thread(argc, argv, MPI_THREAD_SERIALIZED, &support) != MPI_SUCCESS) return;
     MPI_Comm_set_errhandler(MPI_COMM_WORLD, MPI_ERRORS_RETURN);
@@ -328,16 +397,23 @@ static void meet(int *argc, char ***argv)
     self.ranks.largest = largest;
     self.ranks.begin = begin;
     self.ranks.finish = finish;
+    if (MPI_Comm_split_type(MPI_COMM_WORLD, MPI_COMM_TYPE_SHARED, 0, MPI_INFO_NULL, &machine) !=
+        MPI_SUCCESS)
+        MPI_Abort(MPI_COMM_WORLD, EXIT_DEVICE);
+    MPI_Comm_size(machine, &self.n_lives);
+    self.life = calloc((size_t)self.n_lives, sizeof *self.life);
     self.request = calloc(2 * (size_t)self.ranks.size, sizeof *self.request);
-    if (!self.request) MPI_Abort(MPI_COMM_WORLD, EXIT_FAILURE);
+    if (!self.request || !self.life) MPI_Abort(MPI_COMM_WORLD, EXIT_FAILURE);
     MPI_Comm_dup(MPI_COMM_WORLD, &self.work); /* both return errors, as their parent does */
     MPI_Comm_dup(MPI_COMM_WORLD, &self.end);
     MPI_Win_allocate(self.ranks.rank == 0 ? (MPI_Aint)sizeof *self.next : 0, sizeof *self.next,
                      MPI_INFO_NULL, self.work, &self.next, &self.window);
     if (self.ranks.rank == 0) *self.next = 0;
     MPI_Win_lock_all(0, self.window);
+    watch_others(machine);
+    MPI_Comm_free(&machine);
     MPI_Barrier(self.work);
-    divide_processors();
+    divide_processors(self.n_lives);
     if (self.ranks.rank > 0) hold_back();
 }
 
@@ -383,6 +459,7 @@ int cli_ranks_end(int code)
     if (code != EXIT_OK && self.ranks.rank == first) print_held(); /* the others say the same */
     code = codes[first];
     free(codes);
+    end_watch();
     MPI_Win_unlock_all(self.window);
     MPI_Win_free(&self.window);
     MPI_Comm_free(&self.work);
