@@ -367,6 +367,7 @@ int dmk_mesh_adopt(dmk_context *ctx, size_t n_vertices, double *xyz, size_t n_tr
     DMK_TRY(build_components(ctx, m));
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(build_geometry(ctx, m));
+    DMK_TRY(dmk_mesh_describe(ctx, m));
     *mesh = m;
     m = NULL;
 done:

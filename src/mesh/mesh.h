@@ -22,6 +22,7 @@ struct dmk_mesh {
     double *length; /* n_edges */
     double *area;   /* n_triangles; cotangents: dmk_cot */
     int32_t n_used_vertices, n_border_edges, n_border_loops;
+    dmk_mesh_info info; /* none of a mesh that order.c has made */
 };
 
 /* The next half-edge (or corner) of the triangle, counterclockwise, and the one before. */
@@ -73,6 +74,9 @@ void dmk_measure_sides(const double l[3], double *area, double cot[3]);
 
 /* info.c: fill in n_used_vertices, n_border_edges, n_border_loops of a mesh with edges. */
 int dmk_mesh_count(dmk_context *context, dmk_mesh *mesh);
+
+/* info.c: fill in `info` of a mesh that is complete else. */
+int dmk_mesh_describe(dmk_context *context, dmk_mesh *mesh);
 
 /* order.c: the component `component` of `mesh` as a mesh of its own, in an order that keeps
  * neighbours near in memory: triangles along a space-filling (Morton) curve of their centroids,
