@@ -94,5 +94,14 @@ static inline int32_t dmk_max_i(int32_t a, int32_t b)
 {
     return a > b ? a : b;
 }
+/* Of two numbers, `a` where b is not one: instructions, where the C library's fmin and fmax are calls. */
+static inline double dmk_min(double a, double b)
+{
+    return b < a ? b : a;
+}
+static inline double dmk_max(double a, double b)
+{
+    return b > a ? b : a;
+}
 
 #endif

@@ -74,7 +74,7 @@ int dmk_geodesics_check(dmk_context *ctx, const dmk_geodesics *g)
         goto done;
     }
     for (int32_t v = 0; v < m->n_vertices; v++) {
-        if (g->distance[v] < INFINITY) a.slack = fmax(a.slack, 1e-11 * g->distance[v]);
+        if (g->distance[v] < INFINITY) a.slack = dmk_max(a.slack, 1e-11 * g->distance[v]);
     }
     int32_t e = dmk_parallel_first(ctx, m->n_edges, bad_edge, &a);
     if (e >= 0) {
@@ -101,7 +101,7 @@ static double beyond(const dmk_geodesics *g, int32_t v, double angle, double r)
     double base = a->source < g->n_sources ? g->source[a->source].offset : 0;
     if (a->pseudo_source >= 0) base = g->distance[a->pseudo_source];
     double turn = fabs(angle - a->back), straight = g->distance[v] - base;
-    if (!g->star.border[v]) turn = fmin(turn, g->star.total[v] - turn);
+    if (!g->star.border[v]) turn = dmk_min(turn, g->star.total[v] - turn);
     double x = (straight - r * cos(turn)) / g->star.unit, y = r * sin(turn) / g->star.unit;
     return base + g->star.unit * sqrt(x * x + y * y);
 }
@@ -122,8 +122,8 @@ static void halve_range(int32_t begin, int32_t end, void *data)
         if (m->edge_triangle[2 * (size_t)e] != h / 3) continue;
         double r = 0.5 * m->length[e];
         w->mid[e] =
-            fmin(beyond(g, m->triangle[from], g->star.angle[from], r),
-                 beyond(g, m->triangle[to], g->star.angle[to] + g->star.corner_angle[to], r));
+            dmk_min(beyond(g, m->triangle[from], g->star.angle[from], r),
+                    beyond(g, m->triangle[to], g->star.angle[to] + g->star.corner_angle[to], r));
     }
 }
 
@@ -144,7 +144,7 @@ static double at_centre(const dmk_geodesics *g, int32_t t)
                      o = m->length[m->triangle_edge[c]] / unit;
         const double x = (p + (p * p + (q - o) * (q + o)) / (2 * p)) / 3, y = 2 * area / (3 * p);
         const double angle = g->star.angle[c] + atan2(y, x), r = unit * sqrt(x * x + y * y);
-        best = fmin(best, beyond(g, m->triangle[c], angle, r));
+        best = dmk_min(best, beyond(g, m->triangle[c], angle, r));
     }
     return best;
 }

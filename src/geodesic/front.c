@@ -115,7 +115,7 @@ bool dmk_front_end(const dmk_front *e, const dmk_sector *c, bool last, double lo
 
 bool dmk_front_beam(const dmk_front *e, const dmk_sector *c, double lo, double hi, dmk_beam *b)
 {
-    double l = fmax(lo - c->angle, 0), r = fmin(hi - c->angle, c->span);
+    double l = dmk_max(lo - c->angle, 0), r = dmk_min(hi - c->angle, c->span);
     const dmk_facet *f = e->facet + c->half / 3;
     b->half = f->twin[c->half % 3];
     if (!(r - l >= DMK_NO_WIDTH) || b->half < 0) return false;
@@ -125,8 +125,8 @@ bool dmk_front_beam(const dmk_front *e, const dmk_sector *c, double lo, double h
     double length = f->length[c->half % 3], radius = hypot(c->x, c->y), start = atan2(c->y, c->x);
     b->hi = l <= 0 ? length : length - radius * sin(l) / sin(l + start);
     b->lo = r >= c->span ? 0 : length - radius * sin(r) / sin(r + start);
-    b->lo = fmax(0, b->lo - margin * length);
-    b->hi = fmin(length, b->hi + margin * length);
+    b->lo = dmk_max(0, b->lo - margin * length);
+    b->hi = dmk_min(length, b->hi + margin * length);
     b->x = length - c->x;
     b->y = -c->y;
     b->turn = c->angle - start;
@@ -135,7 +135,7 @@ bool dmk_front_beam(const dmk_front *e, const dmk_sector *c, double lo, double h
 
 double dmk_front_turn(double direction, double total, bool border)
 {
-    if (border) return fmin(fmax(direction, 0), total);
+    if (border) return dmk_min(dmk_max(direction, 0), total);
     direction -= total * floor(direction / total);
     return direction < total ? direction : 0;
 }

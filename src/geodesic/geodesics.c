@@ -202,9 +202,9 @@ void dmk_geodesics_get_info(const dmk_geodesics *g, dmk_geodesics_info *info)
     for (int32_t v = 0; v < g->mesh->n_vertices; v++) {
         if (g->arrival[v].source < 0) continue;
         info->n_reached++;
-        info->farthest = fmax(info->farthest, g->distance[v]);
+        info->farthest = dmk_max(info->farthest, g->distance[v]);
         if (g->error && g->distance[v] > 0)
-            info->error = fmax(info->error, g->error[v] / g->distance[v]);
+            info->error = dmk_max(info->error, g->error[v] / g->distance[v]);
     }
 }
 

@@ -207,8 +207,8 @@ int dmk_windows_step(worker *me, const window *w, window *o, int *n)
             else if (s.at > at + slack)
                 left = false;
         }
-        if (left) last = fmin(w->hi, s.at);
-        if (right) first = fmax(w->lo, s.at);
+        if (left) last = dmk_min(w->hi, s.at);
+        if (right) first = dmk_max(w->lo, s.at);
     } else {
         rc = reach_around(me, w, &s, v);
     }

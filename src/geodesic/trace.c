@@ -152,7 +152,7 @@ static void finish_at(dmk_tracer *t, finish f, double length)
     if (f.vertex >= 0 && !is_bend(g, f.vertex))
         f.key += same_length + doubt(g, f.vertex); /* others are better to end at */
     if (f.key < t->best.key) t->best = f;
-    t->bound = fmin(t->bound, f.key);
+    t->bound = dmk_min(t->bound, f.key);
 }
 
 /* The triangle above half-edge h, with its base on the x axis from (0, 0). */
@@ -196,14 +196,14 @@ static double least(const dmk_geodesics *g, const sight *w, const behind *c)
                   last_end = m->triangle[dmk_previous(w->half)];
     double a = d[first_end] / unit - doubt(g, first_end),
            b = d[last_end] / unit - doubt(g, last_end);
-    double at = fmin(w->hi, fmax(w->lo, 0.5 * (a - b + length))), x = at - w->x;
-    double way = sqrt(x * x + w->y * w->y) + fmax(0, fmax(a - at, b - length + at));
+    double at = dmk_min(w->hi, dmk_max(w->lo, 0.5 * (a - b + length))), x = at - w->x;
+    double way = sqrt(x * x + w->y * w->y) + dmk_max(0, dmk_max(a - at, b - length + at));
     if (c->vertex < 0) return way;
     double first = sqrt((w->lo - w->x) * (w->lo - w->x) + w->y * w->y) -
                    sqrt((w->lo - c->x) * (w->lo - c->x) + c->y * c->y);
     double last = sqrt((w->hi - w->x) * (w->hi - w->x) + w->y * w->y) -
                   sqrt((w->hi - c->x) * (w->hi - c->x) + c->y * c->y);
-    return fmax(way, d[c->vertex] / unit - doubt(g, c->vertex) + fmin(first, last));
+    return dmk_max(way, d[c->vertex] / unit - doubt(g, c->vertex) + dmk_min(first, last));
 }
 
 static int keep(dmk_context *ctx, dmk_tracer *t, sight *w, const behind *c)
@@ -228,7 +228,7 @@ static sight child(const sight *w, int32_t i, bool right, double lo, double hi, 
     double end[2] = {lo, hi};
     for (int k = 0; k < 2; k++) {
         double rx = end[k] - w->x, ry = -w->y;
-        end[k] = fmin(length, fmax(0, (px * ry - py * rx) / (dx * ry - dy * rx)));
+        end[k] = dmk_min(length, dmk_max(0, (px * ry - py * rx) / (dx * ry - dy * rx)));
     }
     return (sight){.lo = end[0],
                    .hi = end[1],
@@ -283,8 +283,8 @@ static int advance(dmk_context *ctx, dmk_tracer *t, int32_t i)
         double length = hypot(s.cx - w.x, s.cy - w.y) + g->distance[s.c] / g->star.unit;
         finish_at(t, (finish){.window = i, .vertex = s.c, .source = -1}, length);
     }
-    sight l = child(&w, i, false, w.lo, fmin(w.hi, at), &s),
-          r = child(&w, i, true, fmax(w.lo, at), w.hi, &s);
+    sight l = child(&w, i, false, w.lo, dmk_min(w.hi, at), &s),
+          r = child(&w, i, true, dmk_max(w.lo, at), w.hi, &s);
     l.half = w.lo < at ? g->star.twin[dmk_previous(w.half)] : -1;
     r.half = w.hi > at ? g->star.twin[dmk_next(w.half)] : -1;
     if (w.hi >= at) l.hi = s.left; /* not by rounding */
@@ -373,8 +373,8 @@ static double direction_to(const dmk_geodesics *g, const dmk_site *site, const d
         double y = p->weight[c->half % 3] * s.cy, ax = -c->x / g->star.unit,
                ay = -c->y / g->star.unit;
         double dx = x + ax, dy = y + ay, turn = atan2(ax * dy - ay * dx, ax * dx + ay * dy);
-        double off = fmax(0, fmax(-turn, turn - c->span));
-        if (off < best) best = off, angle_there = c->angle + fmin(fmax(turn, 0), c->span);
+        double off = dmk_max(0, dmk_max(-turn, turn - c->span));
+        if (off < best) best = off, angle_there = c->angle + dmk_min(dmk_max(turn, 0), c->span);
     }
     if (angle_there >= site->total && !(site->vertex >= 0 && g->star.border[site->vertex]))
         return 0;
@@ -423,7 +423,7 @@ static int list_crossings(dmk_tracer *t, dmk_context *ctx, int32_t i, double x, 
         const sight *w = t->sight + i;
         angle s;
         look(t->g, w->half, &s);
-        double at = fmin(s.length, fmax(0, w->x - (x - w->x) * w->y / (y - w->y)));
+        double at = dmk_min(s.length, dmk_max(0, w->x - (x - w->x) * w->y / (y - w->y)));
         dmk_point p = {.triangle = w->half / 3};
         p.weight[dmk_next(w->half) % 3] = 1 - at / s.length;
         p.weight[dmk_previous(w->half) % 3] = at / s.length;

@@ -160,7 +160,7 @@ static int engine_create(dmk_context *ctx, dmk_geodesics *g, double tolerance, e
         (size_t)(g->mesh->n_edges / bucket_width); /* no way is longer than all edges */
     e->least = INFINITY;
     for (int32_t i = 0; i < g->n_sources; i++)
-        e->least = fmin(e->least, g->source[i].offset / g->star.unit);
+        e->least = dmk_min(e->least, g->source[i].offset / g->star.unit);
     if (g->n_lines > 0) e->least = 0;
     const dmk_site *one = g->source;
     if (g->n_sources == 1 && !(one->vertex >= 0 && g->star.border[one->vertex]))
@@ -192,7 +192,7 @@ static void engine_free(engine *e)
 static int schedule(dmk_context *ctx, engine *e, int32_t half, double key)
 {
     double index = (key - e->least) / e->width;
-    size_t i = index > 0 ? (size_t)fmin(index, (double)e->most_buckets) : 0;
+    size_t i = index > 0 ? (size_t)dmk_min(index, (double)e->most_buckets) : 0;
     if (i < e->current) i = e->current;
     if (i >= e->bucket_room) {
         int rc = DMK_GROW(ctx, e->bucket, i + 1, e->bucket_room);
@@ -235,7 +235,7 @@ static int put(dmk_context *ctx, engine *e, const wave *w, double length, double
     int rc = store(ctx, e, w, e->head + w->half);
     e->n_made++;
     if (rc != DMK_OK || waits) return rc;
-    return schedule(ctx, e, w->half, fmin(fmax(value(w, 0), value(w, length)), most));
+    return schedule(ctx, e, w->half, dmk_min(dmk_max(value(w, 0), value(w, length)), most));
 }
 
 /* All values are lengths of paths up to their error, so the best estimate of any of them counts. */
@@ -244,10 +244,10 @@ static int reach(dmk_context *ctx, engine *e, int32_t v, double d, const mark *m
 {
     double *known = e->front.d + v;
     if (!(d < *known)) {
-        e->error[v] = fmin(e->error[v], error + excess + d - *known);
+        e->error[v] = dmk_min(e->error[v], error + excess + d - *known);
         return DMK_OK;
     }
-    if (*known < INFINITY) excess = fmin(excess, e->error[v] + *known - d);
+    if (*known < INFINITY) excess = dmk_min(excess, e->error[v] + *known - d);
     *known = d;
     e->mark[v] = *m;
     e->error[v] = error + excess;
@@ -310,7 +310,7 @@ static int step_left(dmk_context *ctx, engine *e, const wave *w, const angle *s,
     double bx = s->length * s->ca - lo, by = s->length * s->sa;
     if (late > 0 && late * late > bx * bx + by * by) return DMK_OK;
     c.half = s->through_left;
-    return put(ctx, e, &c, s->left, fmax(d[s->a], d[s->c]));
+    return put(ctx, e, &c, s->left, dmk_max(d[s->a], d[s->c]));
 }
 
 static int step_right(dmk_context *ctx, engine *e, const wave *w, const angle *s, double first)
@@ -334,7 +334,7 @@ static int step_right(dmk_context *ctx, engine *e, const wave *w, const angle *s
     double ax = -s->cx * s->cb + s->cy * s->sb - hi, ay = -s->cy * s->cb - s->cx * s->sb;
     if (late > 0 && late * late > ax * ax + ay * ay) return DMK_OK;
     c.half = s->through_right;
-    return put(ctx, e, &c, s->right, fmax(d[s->b], d[s->c]));
+    return put(ctx, e, &c, s->right, dmk_max(d[s->b], d[s->c]));
 }
 
 /* The vertex above by the ray through t of the edge: s->at, or the nearer end of the interval. */
@@ -370,7 +370,7 @@ static int step(dmk_context *ctx, engine *e, const wave *w, angle *s)
     if (!(den > 0)) return DMK_OK; /* the rays meet before */
     s->at = ((w->o * w->k - w->ux) * s->cy + s->cx * w->uy) / den;
     bool left = w->lo<s->at, right = w->hi> s->at;
-    double last = w->hi, first = w->lo, t = fmin(fmax(s->at, w->lo), w->hi);
+    double last = w->hi, first = w->lo, t = dmk_min(dmk_max(s->at, w->lo), w->hi);
     const mark *m = e->mark + s->c;
     double before = e->front.d[s->c];
     int rc = reach_above(ctx, e, w, s, t);
@@ -407,7 +407,7 @@ static double crossing(const engine *e, const wave *u, const wave *w, double a, 
                        double length)
 {
     double fa = longer(u, w, a), fb = longer(u, w, b), t = a;
-    const double zero = fmax(1e-15 * w->D, 1e-2 * e->allow.error * length);
+    const double zero = dmk_max(1e-15 * w->D, 1e-2 * e->allow.error * length);
     for (int i = 0; i < 60 && b - a > DMK_NO_WIDTH * length;
          i++) { /* secants, each third time halves */
         t = i % 3 == 2 ? 0.5 * (a + b) : a + (b - a) * fa / (fa - fb);
@@ -437,7 +437,7 @@ static void close_gap(const engine *e, wave *u, wave *w, double length)
  * one before. */
 static bool trim_two(const engine *e, wave *u, wave *w, double length, bool *again)
 {
-    double a = w->lo, b = fmin(u->hi, w->hi);
+    double a = w->lo, b = dmk_min(u->hi, w->hi);
     *again = false;
     if (b <= a) {
         close_gap(e, u, w, length);
@@ -513,11 +513,11 @@ static double change(const wave *r, size_t n, wave *o)
     double most = 0;
     for (size_t i = 0; i < n; i++) {
         double middle = 0.5 * (r[i].lo + r[i].hi);
-        o->error = fmax(o->error, r[i].error);
+        o->error = dmk_max(o->error, r[i].error);
         if (r[i].root != o->root) o->root = -1;
-        most = fmax(most, fabs(value(o, middle) - value(r + i, middle)));
-        if (i > 0) most = fmax(most, fabs(value(o, r[i].lo) - value(r + i, r[i].lo)));
-        if (i + 1 < n) most = fmax(most, fabs(value(o, r[i].hi) - value(r + i, r[i].hi)));
+        most = dmk_max(most, fabs(value(o, middle) - value(r + i, middle)));
+        if (i > 0) most = dmk_max(most, fabs(value(o, r[i].lo) - value(r + i, r[i].lo)));
+        if (i + 1 < n) most = dmk_max(most, fabs(value(o, r[i].hi) - value(r + i, r[i].hi)));
     }
     return beyond_samples * most;
 }
@@ -671,7 +671,7 @@ static int send(dmk_context *ctx, engine *e, const dmk_sector *c, const rays *a)
               a->direction, 0,    a->error, b.half, -1,       a->source, a->root};
     if (own) w.direction = b.turn + atan2(-b.y, x), w.turn = w.k;
     rc = put(ctx, e, &w, f->length[k],
-             fmax(e->front.d[f->vertex[(k + 1) % 3]], e->front.d[f->vertex[(k + 2) % 3]]));
+             dmk_max(e->front.d[f->vertex[(k + 1) % 3]], e->front.d[f->vertex[(k + 2) % 3]]));
 done:
     return rc;
 }
@@ -813,8 +813,8 @@ static int sweep(dmk_context *ctx, engine *e)
     bool any;
     while (e->current < e->n_buckets || e->pseudo_sources.n > 0) {
         if (e->current >= e->n_buckets) { /* only pseudo-sources are left: go to the first */
-            double index =
-                fmin((e->pseudo_sources.at[0].key - e->least) / e->width, (double)e->most_buckets);
+            double index = dmk_min((e->pseudo_sources.at[0].key - e->least) / e->width,
+                                   (double)e->most_buckets);
             if (index > (double)e->current) e->current = (size_t)index;
         }
         do {

@@ -44,16 +44,6 @@ done:
     return rc;
 }
 
-static double lower(double a, double b)
-{
-    return b < a ? b : a;
-}
-
-static double higher(double a, double b)
-{
-    return b > a ? b : a;
-}
-
 /* Sums and extremes of a piece of the mesh. */
 typedef struct measures {
     double edges, min_edge, max_edge, area, min_cot, max_cot, box_min[3], box_max[3];
@@ -72,8 +62,8 @@ static void measure_edges(const dmk_mesh *m, int32_t begin, int32_t end, measure
     for (int32_t e = begin; e < end; e++) {
         const double l = m->length[e];
         of->edges += l;
-        of->min_edge = lower(of->min_edge, l);
-        of->max_edge = higher(of->max_edge, l);
+        of->min_edge = dmk_min(of->min_edge, l);
+        of->max_edge = dmk_max(of->max_edge, l);
     }
 }
 
@@ -82,11 +72,11 @@ static void measure_triangles(const dmk_mesh *m, int32_t begin, int32_t end, mea
     for (int32_t t = begin; t < end; t++) of->area += m->area[t];
     for (int32_t h = 3 * begin; h < 3 * end; h++) {
         const double cot = dmk_cot(m, h), *x = m->xyz + 3 * (size_t)m->triangle[h];
-        of->min_cot = lower(of->min_cot, cot);
-        of->max_cot = higher(of->max_cot, cot);
+        of->min_cot = dmk_min(of->min_cot, cot);
+        of->max_cot = dmk_max(of->max_cot, cot);
         for (int k = 0; k < 3; k++) {
-            of->box_min[k] = lower(of->box_min[k], x[k]);
-            of->box_max[k] = higher(of->box_max[k], x[k]);
+            of->box_min[k] = dmk_min(of->box_min[k], x[k]);
+            of->box_max[k] = dmk_max(of->box_max[k], x[k]);
         }
     }
 }
@@ -119,13 +109,13 @@ static void add(measures *to, const measures *p)
 {
     to->edges += p->edges;
     to->area += p->area;
-    to->min_edge = lower(to->min_edge, p->min_edge);
-    to->max_edge = higher(to->max_edge, p->max_edge);
-    to->min_cot = lower(to->min_cot, p->min_cot);
-    to->max_cot = higher(to->max_cot, p->max_cot);
+    to->min_edge = dmk_min(to->min_edge, p->min_edge);
+    to->max_edge = dmk_max(to->max_edge, p->max_edge);
+    to->min_cot = dmk_min(to->min_cot, p->min_cot);
+    to->max_cot = dmk_max(to->max_cot, p->max_cot);
     for (int k = 0; k < 3; k++) {
-        to->box_min[k] = lower(to->box_min[k], p->box_min[k]);
-        to->box_max[k] = higher(to->box_max[k], p->box_max[k]);
+        to->box_min[k] = dmk_min(to->box_min[k], p->box_min[k]);
+        to->box_max[k] = dmk_max(to->box_max[k], p->box_max[k]);
     }
 }
 
