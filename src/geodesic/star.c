@@ -94,20 +94,12 @@ static void turn_range(int32_t begin, int32_t end, void *data)
     }
 }
 
+/* A power of two near half of the mesh's size. */
 static double find_unit(const dmk_mesh *m)
 {
-    double most = 0, lo[3] = {HUGE_VAL, HUGE_VAL, HUGE_VAL},
-           hi[3] = {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
-    const bool all = m->n_used_vertices == m->n_vertices;
+    double most = 0;
     int exponent;
-    for (int32_t i = 0; i < (all ? m->n_vertices : 3 * m->n_triangles); i++) {
-        const double *x = m->xyz + 3 * (size_t)(all ? i : m->triangle[i]);
-        for (int k = 0; k < 3; k++) {
-            if (x[k] < lo[k]) lo[k] = x[k];
-            if (x[k] > hi[k]) hi[k] = x[k];
-        }
-    }
-    for (int k = 0; k < 3; k++) most = fmax(most, hi[k] / 2 - lo[k] / 2);
+    for (int k = 0; k < 3; k++) most = fmax(most, m->info.box_max[k] / 2 - m->info.box_min[k] / 2);
     frexp(most, &exponent);
     return ldexp(1, exponent);
 }

@@ -22,7 +22,7 @@ struct dmk_mesh {
     double *length; /* n_edges */
     double *area;   /* n_triangles; cotangents: dmk_cot */
     int32_t n_used_vertices, n_border_edges, n_border_loops;
-    dmk_mesh_info info; /* none of a mesh that order.c has made */
+    dmk_mesh_info info; /* none of a rank's share */
 };
 
 /* The next half-edge (or corner) of the triangle, counterclockwise, and the one before. */
