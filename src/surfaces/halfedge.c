@@ -71,12 +71,14 @@ int dmk_halfedge_create(dmk_context *ctx, int32_t n_vertices, const double *xyz,
     m->n_triangles = n_triangles;
     DMK_TRY(DMK_NEW(ctx, m->xyz, 3 * room));
     DMK_TRY(DMK_NEW(ctx, m->corner, room));
+    DMK_TRY(DMK_NEW(ctx, m->degree, room));
     DMK_TRY(DMK_NEW(ctx, m->triangle, 3 * max_triangles));
     DMK_TRY(DMK_NEW(ctx, m->twin, 3 * max_triangles));
     memcpy(m->xyz, xyz, 3 * (size_t)n_vertices * sizeof *xyz);
     for (int32_t t = 0; t < n_triangles; t++) {
         set_triangle(m, t, triangle[3 * t], triangle[3 * t + 1], triangle[3 * t + 2]);
     }
+    for (int32_t c = 0; c < 3 * n_triangles; c++) m->degree[triangle[c]]++;
     DMK_TRY(find_twins(ctx, m));
 done:
     if (rc != DMK_OK) dmk_halfedge_free(m);
@@ -89,6 +91,7 @@ void dmk_halfedge_free(dmk_halfedge *m)
     free(m->triangle);
     free(m->twin);
     free(m->corner);
+    free(m->degree);
     memset(m, 0, sizeof *m);
 }
 
@@ -100,16 +103,6 @@ bool dmk_halfedge_joined(const dmk_halfedge *m, int32_t a, int32_t b)
         c = dmk_next_corner(m, c);
     } while (c != m->corner[a]);
     return false;
-}
-
-int32_t dmk_halfedge_degree(const dmk_halfedge *m, int32_t vertex)
-{
-    int32_t c = m->corner[vertex], degree = 0;
-    do {
-        degree++;
-        c = dmk_next_corner(m, c);
-    } while (c != m->corner[vertex]);
-    return degree;
 }
 
 /*        d                 d
@@ -130,6 +123,10 @@ void dmk_halfedge_flip(dmk_halfedge *m, int32_t h)
     link_halves(m, 3 * t + 2, ab);
     link_halves(m, 3 * s, da);
     link_halves(m, 3 * s + 2, cd);
+    m->degree[a]++;
+    m->degree[b]--;
+    m->degree[c]++;
+    m->degree[d]--;
 }
 
 /* With the letters above and the new vertex v on b-d: t = (a, b, v), s = (c, d, v), and new
@@ -155,4 +152,7 @@ void dmk_halfedge_split(dmk_halfedge *m, int32_t h, const double xyz[3])
     link_halves(m, 3 * s + 2, cd);
     link_halves(m, 3 * p + 1, da);
     link_halves(m, 3 * q + 1, bc);
+    m->degree[a]++;
+    m->degree[c]++;
+    m->degree[v] = 4;
 }

@@ -13,6 +13,7 @@ typedef struct dmk_halfedge {
     int32_t *triangle; /* 3 per triangle: corner vertices, counterclockwise */
     int32_t *twin;     /* 3 per triangle: twin of half-edge c */
     int32_t *corner;   /* per vertex: one of its corners */
+    int32_t *degree;   /* per vertex: its edges */
 } dmk_halfedge;
 
 /* Copy a closed triangulation, with room to grow to max_vertices. DMK_E_MESH if it is not closed
@@ -30,7 +31,6 @@ static inline int32_t dmk_next_corner(const dmk_halfedge *m, int32_t c)
 
 /* True if an edge joins a and b. */
 bool dmk_halfedge_joined(const dmk_halfedge *mesh, int32_t a, int32_t b);
-int32_t dmk_halfedge_degree(const dmk_halfedge *mesh, int32_t vertex);
 /* Turn half-edge h in the quadrangle of its two triangles. The caller has checked that the new edge
  * does not exist yet. The two triangles keep their numbers. */
 void dmk_halfedge_flip(dmk_halfedge *mesh, int32_t h);

@@ -109,8 +109,7 @@ static bool wants_delaunay(const dmk_halfedge *m, quad q)
 /* The sum of (degree - 6)^2 falls: a and c gain an edge, b and d lose one. */
 static bool wants_degrees(const dmk_halfedge *m, quad q)
 {
-    return dmk_halfedge_degree(m, q.a) + dmk_halfedge_degree(m, q.c) + 2 <
-           dmk_halfedge_degree(m, q.b) + dmk_halfedge_degree(m, q.d);
+    return m->degree[q.a] + m->degree[q.c] + 2 < m->degree[q.b] + m->degree[q.d];
 }
 
 /* The flip makes no turned triangle, or a less turned one, and no second edge a-c. */
