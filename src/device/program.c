@@ -16,7 +16,7 @@ extern const size_t dmk_kernel_n_lines;
 
 /* Whether the processor gathers by one instruction at least as fast as by as many loads: a step takes 0.92 of the time
  * on Intel's from Sapphire Rapids on, which are known by their 16-bit floats. Microcode slows the gathers of those
- * before, and AMD's are slow. */
+ * before, and AMD's are slow (Zen 5: 1.16 of a solve). */
 static bool gathers_fast(void)
 {
 #ifdef __x86_64__
