@@ -1,5 +1,5 @@
-/* Whether other processes of this machine still run: each holds a lock in memory that they share, which the system gives
- * up when its owner ends, however that happens. */
+/* Whether other processes of this machine still run: each holds a lock in memory that they share, which the
+ * system gives up when its owner ends, however that happens. */
 #ifndef DMK_CLI_LIFE_H
 #define DMK_CLI_LIFE_H
 
