@@ -78,7 +78,7 @@ static void ended(void **state)
     shared *s = share();
     const pid_t child = start(s, 0);
     assert_int_equal(waitpid(child, NULL, 0), child);
-    for (int i = 0; i < 3; i++) assert_false(cli_life_lost(&s->life) || lost_to_another(s));
+    for (int i = 0; i < 3; i++) assert_false(lost_to_another(s) || cli_life_lost(&s->life));
     munmap(s, sizeof *s);
 }
 
