@@ -200,8 +200,10 @@ static int run_distance(const distance_request *request)
     dmk_context_set_threads(run.context, (int)request->solve.threads);
     dmk_context_set_format(run.context, request->solve.format); /* checked when it was asked for */
     cli_watch(run.context, &run.progress);
-    const cli_reading how = {
-        .repair = request->solve.repair, .quiet = request->solve.quiet, .progress = &run.progress};
+    const cli_reading how = {.repair = request->solve.repair,
+                             .quiet = request->solve.quiet,
+                             .progress = &run.progress,
+                             .keep_memory = true};
     rc = cli_read_mesh(run.context, request->solve.mesh, &how, &run.repairs, &run.mesh);
     if (rc == DMK_OK) cli_make_room(run.mesh);
     run.read = cli_seconds() - run.begin;
