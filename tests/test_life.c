@@ -19,17 +19,17 @@ typedef struct shared {
     atomic_int begun;
 } shared;
 
-/* A process that holds its life until it is killed, or ends it when asked to by `rest` = 0. */
-static pid_t start(shared *s, int rest)
+/* A process that stays until it is killed, or ends as it should. */
+static pid_t start(shared *s, bool stays)
 {
     const pid_t child = fork();
     if (child == 0) {
         prctl(PR_SET_PDEATHSIG, SIGKILL); /* also where an assertion fails */
         const int rc = cli_life_begin(&s->life, 7);
-        if (rest == 0) cli_life_end(&s->life);
+        if (!stays) cli_life_end(&s->life);
         atomic_store(&s->begun, rc == 0 ? 1 : -1);
-        while (rest) pause();
-        _exit(0);
+        if (!stays) _exit(0);
+        for (;;) pause();
     }
     while (atomic_load(&s->begun) == 0) usleep(1000);
     return child;
@@ -58,7 +58,7 @@ static void killed(void **state)
 {
     (void)state;
     shared *s = share();
-    const pid_t child = start(s, 1);
+    const pid_t child = start(s, true);
     assert_int_equal(atomic_load(&s->begun), 1);
     assert_int_equal(s->life.rank, 7);
     for (int i = 0; i < 3; i++) assert_false(cli_life_lost(&s->life) || lost_to_another(s));
@@ -76,7 +76,7 @@ static void ended(void **state)
 {
     (void)state;
     shared *s = share();
-    const pid_t child = start(s, 0);
+    const pid_t child = start(s, false);
     assert_int_equal(waitpid(child, NULL, 0), child);
     for (int i = 0; i < 3; i++) assert_false(lost_to_another(s) || cli_life_lost(&s->life));
     munmap(s, sizeof *s);
