@@ -57,7 +57,7 @@ LDLIBS := -lOpenCL -lhwloc -lz -lexpat -lpthread -lm
 # Each knows the rooms before it only: tests/test_layers.sh.
 ROOMS := base mesh surfaces levels geodesic io device ranks solver locus cut api
 LIB_SRC := $(sort $(foreach room,$(ROOMS),$(wildcard src/$(room)/*.c)))
-CLI_SRC := $(sort $(wildcard src/cli/*.c))
+CLI_SRC := $(filter-out src/cli/life.c,$(sort $(wildcard src/cli/*.c))) # life.c: only with MPI
 # One program source, in this order: what a file uses stands before it.
 KERNELS := $(addprefix kernels/,dmk_shared.h base.cl operator.cl vector.cl multigrid.cl density.cl \
     certificate.cl ranks.cl)
@@ -141,7 +141,7 @@ $B/dmkcl: $(CLI_OBJ) $(STATIC)
 # With MPI=1 the tool once more, as what mpirun starts: only its own files are built anew, against MPI.
 MPI ?=
 MPI_B := build/mpi$(if $(filter-out release,$(CONFIG)),-$(CONFIG))
-MPI_OBJ := $(CLI_SRC:%.c=$(MPI_B)/%.o)
+MPI_OBJ := $(CLI_SRC:%.c=$(MPI_B)/%.o) $(MPI_B)/src/cli/life.o
 MPI_PACKAGES := build/mpi-packages.ok
 MPI_LIBS = $$(pkg-config --libs ompi-c 2> /dev/null || mpicc -showme:link)
 ifneq ($(MPI),)

@@ -216,9 +216,9 @@ start() { # COUNT: three ranks; comes back when COUNT, met or count, says three
 }
 # mpirun itself may linger when all its ranks have ended, or miss that one has (Open MPI 4.1); it is told to end then.
 lingers=0
-wait_for_end() { # no rank is left after 45 s, and no file or half of one; the status of mpirun
+wait_for_end() { # SECONDS: no rank is left then, and no file or half of one; the status of mpirun
     local begin=$SECONDS
-    while [ -n "$(they)" ] && [ $((SECONDS - begin)) -lt 45 ]; do sleep 0.1; done
+    while [ -n "$(they)" ] && [ $((SECONDS - begin)) -lt "$1" ]; do sleep 0.1; done
     echo "rank $victim killed, after $((SECONDS - begin)) s there are:" && they
     test -z "$(they)" && test -z "$(ls -A "$work/kill")" || return 1
     for _ in $(seq 100); do kill -0 "$job" 2> "$work/late" && sleep 0.1; done
@@ -237,7 +237,7 @@ killed() { # SECONDS RANK: it dies by SIGKILL then, and the job ends
     sleep "$1"
     victim=$(process_of "$2")
     test -n "$victim" && kill -KILL "$victim"
-    wait_for_end && test "$status" -ne 0 && test "$status" -ne 124 && return 0
+    wait_for_end 40 && test "$status" -ne 0 && test "$status" -ne 124 && return 0
     echo "status $status"
     return 1
 }
@@ -246,7 +246,7 @@ killed_early() { # which, until all ranks have found each other, half a minute e
     start count
     victim=$(process_of 1)
     test -n "$victim" && kill -KILL "$victim"
-    wait_for_end
+    wait_for_end 45
 }
 missed() {
     wait "$waiting"

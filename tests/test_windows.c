@@ -4,6 +4,7 @@
 
 #include "context.h"
 #include "geodesic/trace.h"
+#include "surfaces/refine.h"
 
 #include <math.h>
 #include <setjmp.h>
@@ -102,31 +103,6 @@ static dmk_geodesics *run(dmk_context *ctx, const dmk_mesh *m, double tolerance)
     const int rc = dmk_geodesics_create(ctx, m, 1, &source, &options, &g);
     if (rc != DMK_OK) fail_msg("%s", dmk_context_message(ctx));
     return g;
-}
-
-/* Each triangle cut into four; the surface stays. */
-static dmk_mesh *quarter(dmk_context *ctx, const dmk_mesh *m)
-{
-    dmk_mesh *cut;
-    const int32_t n_v = m->n_vertices, n_e = m->n_edges, n_t = m->n_triangles;
-    double *xyz = calloc(3 * (size_t)(n_v + n_e), sizeof *xyz);
-    int32_t *triangle = calloc(12 * (size_t)n_t, sizeof *triangle);
-    memcpy(xyz, m->xyz, 3 * (size_t)n_v * sizeof *xyz);
-    for (int32_t i = 0; i < 3 * n_e; i++) {
-        const int32_t *v = m->edge_vertex + 2 * (i / 3);
-        xyz[3 * n_v + i] = 0.5 * (m->xyz[3 * v[0] + i % 3] + m->xyz[3 * v[1] + i % 3]);
-    }
-    for (int32_t t = 0; t < n_t; t++) {
-        const int32_t *v = m->triangle + 3 * t, *e = m->triangle_edge + 3 * t, a = n_v + e[0],
-                      b = n_v + e[1], c = n_v + e[2];
-        const int32_t four[12] = {v[0], c, b, c, v[1], a, b, a, v[2], a, b, c};
-        memcpy(triangle + 12 * t, four, sizeof four);
-    }
-    const int rc = dmk_mesh_create(ctx, (size_t)(n_v + n_e), xyz, 4 * (size_t)n_t, triangle, &cut);
-    if (rc != DMK_OK) fail_msg("%s", dmk_context_message(ctx));
-    free(xyz);
-    free(triangle);
-    return cut;
 }
 
 /* ---- waves of merged windows ------------------------------------------------------------------- */
@@ -267,7 +243,8 @@ static void exact_where_merged_fail(void **state)
 {
     dmk_mesh *m[3];
     assert_int_equal(dmk_mesh_read(*state, "tests/data/rough.off", &m[0]), DMK_OK);
-    for (int i = 0; i < 2; i++) m[i + 1] = quarter(*state, m[i]);
+    for (int i = 0; i < 2; i++)
+        assert_int_equal(dmk_mesh_refine(*state, m[i], NULL, NULL, &m[i + 1]), DMK_OK);
     dmk_geodesics *merged = run(*state, m[2], 1e-2), *exact = run(*state, m[2], 0);
     assert_true(merged->tolerance == 0 && !merged->error);
     for (int32_t v = 0; v < m[2]->n_vertices; v++)

@@ -33,7 +33,7 @@ typedef struct loop {
 
 static int32_t range_begin(const loop *l, int32_t k)
 {
-    return (int32_t)((int64_t)l->n * k / l->n_ranges);
+    return dmk_range_begin(l->n, k, l->n_ranges);
 }
 
 static void run_range(int32_t k, void *data)

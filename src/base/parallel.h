@@ -6,6 +6,12 @@
 
 #include "base/pool.h"
 
+/* Where range k of n_ranges begins; range n_ranges, where 0..n ends. */
+static inline int32_t dmk_range_begin(int32_t n, int32_t k, int32_t n_ranges)
+{
+    return (int32_t)((int64_t)n * k / n_ranges);
+}
+
 /* Call body(begin, end, data) on disjoint ranges that cover 0..n; short loops stay on the calling
  * thread. The result must not depend on how the range is cut. */
 void dmk_parallel(dmk_context *context, int32_t n,

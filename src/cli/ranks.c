@@ -297,6 +297,7 @@ static int lost_ranks(int *lost, bool *first)
  * mpirun sees; if it does not, the next one. */
 static void *watch(void *unused)
 {
+    (void)unused;
     const struct timespec pause = {.tv_nsec = 200000000};
     double since = 0;
     int lost = -1;
@@ -310,7 +311,6 @@ static void *watch(void *unused)
     dprintf(self.held < 0 ? STDERR_FILENO : self.error,
             "dmkcl: rank %d has ended without a word: has it been killed? Start again\n", lost);
     _exit(EXIT_DEVICE);
-    return unused;
 }
 
 static void watch_others(MPI_Comm machine)

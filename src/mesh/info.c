@@ -90,7 +90,7 @@ static const measures nothing = {.min_edge = INFINITY,
 
 static int32_t part_of(int32_t n, int32_t k)
 {
-    return (int32_t)((int64_t)n * k / PIECES);
+    return dmk_range_begin(n, k, PIECES);
 }
 
 static int measure_piece(dmk_context *ctx, int32_t k, void *data)

@@ -61,7 +61,7 @@ typedef struct edging {
 
 static int32_t range_first(const edging *w, int32_t k)
 {
-    return (int32_t)((int64_t)w->mesh->n_vertices * k / w->n_ranges);
+    return dmk_range_begin(w->mesh->n_vertices, k, w->n_ranges);
 }
 
 /* Of all half-edges those of the range: into row how many each vertex has; or, with `fill`, themselves into half. */
