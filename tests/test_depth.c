@@ -44,7 +44,8 @@ static void same_place(void **state)
         const double length = f->length[0], cx = f->length[2] * f->cosine[1],
                      cy = f->length[2] * f->sine[1], x = 0.5 * length, y = -length;
         const double at = x - (cx - x) * y / (cy - y);
-        const window w = {at + off[i] * length, length, x, y, 0, 0, 0, ~0};
+        const window w = {
+            .lo = at + off[i] * length, .hi = length, .x = x, .y = y, .length = length, .root = ~0};
         assert_int_equal(dmk_windows_step(&me, &w, o, &n), DMK_OK);
         assert_int_equal(e.trace[0].half, 0);
         assert_true(isnan(e.trace[0].at) == (i == 1)); /* else around the end */
@@ -65,18 +66,20 @@ static void beside(void **state)
     for (int i = 0; i < 4; i++) {
         engine e;
         window o[2];
-        lanes lane = {0};
         int n;
         worker me = {.ctx = *state, .e = &e};
         assert_int_equal(engine_create(*state, g, &e), DMK_OK);
-        assert_int_equal(dmk_lanes_create(*state, &e), DMK_OK);
         dmk_facet *f = e.front.facet;
         for (int k = 0; k < 3; k++) f->length[k] *= 1e-3;
         const double length = f->length[0], cx = f->length[2] * f->cosine[1],
                      cy = f->length[2] * f->sine[1], x = 0.5 * length, y = -length;
         const double at = x - (cx - x) * y / (cy - y), away = off[i % 2] * length;
-        const window w = {i < 2 ? at + away : 0, i < 2 ? length : at - away, x, y, 0, 0, 0, ~0};
-        assert_true(put(&e, &lane, 0, &w) == (i % 2 == 1)); /* nearer, and its step is not plain */
+        const window w = {.lo = i < 2 ? at + away : 0,
+                          .hi = i < 2 ? length : at - away,
+                          .x = x,
+                          .y = y,
+                          .length = length,
+                          .root = ~0};
         assert_int_equal(dmk_windows_step(&me, &w, o, &n), DMK_OK);
         assert_int_equal(e.trace[0].half, i % 2 == 0 ? 0 : UNREACHED);
         worker_free(&me);
@@ -86,6 +89,82 @@ static void beside(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* A step is plain where the corner above is farther from all rays than 4e-6 of the half-edge; here it is right above
+ * the half-edge's middle, half of its length high, and the root as far below. What is not plain stays as it was, and
+ * comes back as the window that was put there. */
+static void plain_steps(void **state)
+{
+    static const double off[2] = {0.7 * 4e-6, 1.4 * 4e-6};
+    (void)state;
+    for (int i = 0; i < 4; i++) {
+        lanes lane = {.look = 0};
+        const fields_plain f = {
+            .p = {0.5}, .q = {0.5}, .rest = {0.5}, .next = {link_of(6 + i, 12 + i)}};
+        /* the corner is twice as far from the root as the half-edge */
+        const double at = 0.5 + (i < 2 ? 1 : -1) * off[i % 2] / 2;
+        const window w = {.lo = i < 2 ? at : 0,
+                          .hi = i < 2 ? 1 : at,
+                          .x = 0.5,
+                          .y = -0.5,
+                          .base = 3,
+                          .turn = 0.25,
+                          .length = 1,
+                          .half = 4,
+                          .root = ~0};
+        put(&lane, 0, &w);
+        stride_on_plain(&lane, 0, &f);
+        assert_int_equal(lane.state[0], i % 2 == 0 ? ODD : PLAIN);
+        assert_int_equal(lane.at[0], i % 2 == 0 ? 4 : i < 2 ? 12 + i : 6 + i);
+        const window back = get(&lane, 0);
+        if (i % 2 == 1) { /* the next half-edge is at 45 degrees, seen from its start */
+            assert_true(fabs(back.length - sqrt(0.5)) < 1e-15);
+            assert_true(fabs(back.turn - (i < 2 ? 0.25 - atan(1) : 0.25 + atan(1))) < 1e-15);
+            continue;
+        }
+        assert_true(back.odd && back.half == w.half && back.root == w.root);
+        assert_true(fabs(back.lo - w.lo) < 1e-15 && fabs(back.hi - w.hi) < 1e-15);
+        assert_true(back.x == w.x && back.y == w.y && back.base == w.base && back.turn == w.turn);
+    }
+}
+
+/* Beyond a border there is nothing to go on for. */
+static void over_a_border(void **state)
+{
+    (void)state;
+    lanes lane = {.look = 0};
+    const fields_plain f = {.p = {0.9}, .q = {0.5}, .rest = {0.1}, .next = {link_of(-1, 12)}};
+    const window w = {.lo = 0, .hi = 0.3, .x = 0.5, .y = -0.5, .length = 1, .root = ~0};
+    put(&lane, 0, &w);
+    stride_on_plain(&lane, 0, &f);
+    assert_int_equal(lane.state[0], DROPPED);
+}
+
+/* A window is dropped where a way over one of three corners is shorter by 1e-12: over the half-edge's ends to its
+ * other end, and over the other corner to the end that is nearer to the side that the rays came through. */
+static void filtered(void **state)
+{
+    (void)state;
+    for (int i = 0; i < 8; i++) {
+        const bool left = i / 2 == 3;
+        const double late = i % 2 == 0 ? 0.7e-12 : 1.4e-12;
+        lanes lane = {.look = 0};
+        const window w = {
+            .lo = 0.25, .hi = 0.5, .x = 0.5, .y = -1, .base = 2, .length = 1, .root = ~0};
+        const passed_plain p = {.left = {left ? -1 : 0}, .x = {left ? 0 : 1}, .y = {-0.5}};
+        const double lo = 2 + hypot(0.25, 1), hi = 2 + 1;
+        sides_plain s = {.length = {1}, .start = {9}, .end = {9}, .other = {9}};
+        switch (i / 2) {
+        case 0: s.end[0] = lo - 0.75 - late; break;
+        case 1: s.start[0] = hi - 0.5 - late; break;
+        case 2: s.other[0] = lo - hypot(0.75, 0.5) - late; break;
+        default: s.other[0] = hi - hypot(0.5, 0.5) - late;
+        }
+        put(&lane, 0, &w);
+        filter_plain(&lane, 0, &p, &s);
+        assert_int_equal(lane.state[0], i % 2 == 0 ? PLAIN : DROPPED);
+    }
+}
+
 /* All distances and ways, with the loop of any processor or with this one's. */
 static void run_down(dmk_context *ctx, dmk_geodesics *g, bool plain, engine *e)
 {
@@ -93,7 +172,7 @@ static void run_down(dmk_context *ctx, dmk_geodesics *g, bool plain, engine *e)
     worker me = {.ctx = ctx, .e = e};
     assert_int_equal(engine_create(ctx, g, e), DMK_OK);
     assert_int_equal(dmk_lanes_create(ctx, e), DMK_OK);
-    if (plain) e->advance = advance;
+    if (plain) e->advance = advance_plain;
     assert_int_equal(bound(ctx, e), DMK_OK);
     assert_int_equal(radiate_source(&me, 0), DMK_OK);
     while (any) {
@@ -101,6 +180,45 @@ static void run_down(dmk_context *ctx, dmk_geodesics *g, bool plain, engine *e)
         assert_int_equal(radiate_next(&me, &any), DMK_OK);
     }
     worker_free(&me);
+}
+
+/* A flat square whose vertices lie on lines, but for the sixth digit: rays that are to reach the next vertex of a line
+ * graze its edges, and places on these are rough. */
+static void grazing_rays(void **state)
+{
+    enum { n = 30 };
+    double xyz[3 * n * n] = {0};
+    int32_t triangle[6 * (n - 1) * (n - 1)], *t = triangle;
+    uint32_t random = 5;
+    for (int k = 0; k < 3 * n * n; k++) {
+        const int v = k / 3, i = k % 3 == 0 ? v % n : v / n;
+        random = random * 1664525u + 1013904223u;
+        if (k % 3 < 2) xyz[k] = 0.0625 * i + 1e-6 * (random / 2147483648.0 - 1);
+    }
+    for (int v = 0; v < n * (n - 1); v++) {
+        const int32_t two[6] = {v, v + 1, v + n + 1, v, v + n + 1, v + n};
+        if (v % n == n - 1) continue;
+        memcpy(t, two, sizeof two);
+        t += 6;
+    }
+    dmk_mesh *m;
+    assert_int_equal(dmk_mesh_create(*state, n * n, xyz, 2 * (n - 1) * (n - 1), triangle, &m),
+                     DMK_OK);
+    for (int32_t from = 0; from < n * n; from += 7) {
+        dmk_geodesics *g;
+        dmk_point source;
+        assert_int_equal(dmk_mesh_vertex_point(*state, m, (size_t)from, &source), DMK_OK);
+        if (dmk_geodesics_create(*state, m, 1, &source, NULL, &g) != DMK_OK)
+            fail_msg("from %d: %s", from, dmk_context_message(*state));
+        for (int32_t v = 0; v < n * n; v++) {
+            const double d = hypot(xyz[3 * v] - xyz[3 * from], xyz[3 * v + 1] - xyz[3 * from + 1]);
+            /* its sides are not straight: ways along them are longer by some 1e-12 */
+            if (fabs(g->distance[v] - d) > 1e-10)
+                fail_msg("from %d to %d: %.17g, not %.17g", from, v, g->distance[v], d);
+        }
+        dmk_geodesics_destroy(&g);
+    }
+    dmk_mesh_destroy(&m);
 }
 
 /* Whatever the width of the processor's vectors, the bits are the same. */
@@ -129,8 +247,10 @@ static void forms_of_the_loop(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(same_length), cmocka_unit_test(same_place),
-                                       cmocka_unit_test(beside),
-                                       cmocka_unit_test(forms_of_the_loop)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(same_length),   cmocka_unit_test(same_place),
+        cmocka_unit_test(beside),        cmocka_unit_test(plain_steps),
+        cmocka_unit_test(over_a_border), cmocka_unit_test(filtered),
+        cmocka_unit_test(grazing_rays),  cmocka_unit_test(forms_of_the_loop)};
     return cmocka_run_group_tests(tests, context_setup, context_teardown);
 }

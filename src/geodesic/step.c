@@ -112,14 +112,15 @@ static inline bool step_left(const engine *e, const window *w, const dmk_facet *
     if (hi > s->left || !(hi >= 0)) hi = s->left;
     if (!(lo >= 0)) lo = 0;
     if (!(hi - lo > DMK_NO_WIDTH * s->left)) return false;
-    *o = (window){lo,
-                  hi,
-                  w->x * s->ca + w->y * s->sa,
-                  w->y * s->ca - w->x * s->sa,
-                  w->base,
-                  w->turn + f->angle[k1],
-                  f->twin[k2],
-                  w->root};
+    *o = (window){.lo = lo,
+                  .hi = hi,
+                  .x = w->x * s->ca + w->y * s->sa,
+                  .y = w->y * s->ca - w->x * s->sa,
+                  .base = w->base,
+                  .turn = w->turn + f->angle[k1],
+                  .length = s->left,
+                  .half = f->twin[k2],
+                  .root = w->root};
     if (!(o->y < 0) ||
         late(o, s->left, dmk_windows_known(e, f->vertex[k1]), dmk_windows_known(e, f->vertex[k])))
         return false;
@@ -143,14 +144,15 @@ static inline bool step_right(const engine *e, const window *w, const dmk_facet 
     lo = s->right - lo, hi = s->right - hi;
     if (!(hi - lo > DMK_NO_WIDTH * s->right)) return false;
     double px = w->x - s->cx, py = w->y - s->cy;
-    *o = (window){lo,
-                  hi,
-                  px * s->cb - py * s->sb,
-                  py * s->cb + px * s->sb,
-                  w->base,
-                  w->turn - f->angle[k2],
-                  f->twin[k1],
-                  w->root};
+    *o = (window){.lo = lo,
+                  .hi = hi,
+                  .x = px * s->cb - py * s->sb,
+                  .y = py * s->cb + px * s->sb,
+                  .base = w->base,
+                  .turn = w->turn - f->angle[k2],
+                  .length = s->right,
+                  .half = f->twin[k1],
+                  .root = w->root};
     if (!(o->y < 0) ||
         late(o, s->right, dmk_windows_known(e, f->vertex[k]), dmk_windows_known(e, f->vertex[k2])))
         return false;

@@ -224,7 +224,16 @@ static int send(worker *me, const dmk_sector *c, const rays *a)
     }
     if (!dmk_front_beam(front, c, a->lo, a->hi, &b)) goto done;
     me->n_made++;
-    rc = dmk_windows_push(me, &(window){b.lo, b.hi, b.x, b.y, a->base, b.turn, b.half, a->root});
+    const window first = {.lo = b.lo,
+                          .hi = b.hi,
+                          .x = b.x,
+                          .y = b.y,
+                          .base = a->base,
+                          .turn = b.turn,
+                          .length = front->facet[c->half / 3].length[c->half % 3],
+                          .half = b.half,
+                          .root = a->root};
+    rc = dmk_windows_push(me, &first);
 done:
     return rc;
 }

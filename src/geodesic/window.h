@@ -12,10 +12,12 @@
  * pseudo-source, or the source. */
 typedef struct window {
     double lo, hi, x, y;
-    double base; /* length of the path up to the root */
-    double turn; /* direction of the frame's x axis at a source that is the root */
+    double base;   /* length of the path up to the root */
+    double turn;   /* direction of the frame's x axis at a source that is the root */
+    double length; /* of the half-edge */
     int32_t half;
     int32_t root; /* the pseudo-source, or ~number of the source */
+    bool odd;     /* its next step is known not to be plain */
 } window;
 
 /* The path that gave a vertex its distance. */
@@ -41,16 +43,12 @@ typedef struct split {
  * vertices behind one of next to 2 pi are lost (test_geodesic.c), with more some steps are slower. */
 #define DMK_BESIDE 1e-6
 
-/* All that a step of lanes.c asks of the mesh, in one cache line: into the triangle above a half-edge and out through
- * the side at its start, the near end, as seen from there; or, mirrored, at its end. Number 2 half + mirrored. */
+/* All that a plain step asks of a triangle, seen from half-edge a-b: with the complex number z = p + iq the corner
+ * above is a + z (b - a). Half a cache line. */
 typedef struct stride {
-    double side;         /* its length; NaN: a border */
-    double cosine, sine; /* of the angle at the near end */
-    double turn;         /* what the window's turn changes by */
-    double x, y;    /* the next triangle's corner opposite the side, from the near end along it */
-    int32_t next;   /* the stride on the other side, from the same near end */
-    int32_t corner; /* the vertex at (x, y) */
-    double unused;
+    double p, q, rest; /* rest: 1 - p, exact where that is small */
+    int64_t
+        next; /* the half-edges on the other sides: lower half the left one, upper half the right */
 } stride;
 
 struct lanes;
@@ -88,6 +86,8 @@ typedef struct worker {
     dmk_heap_item *reached; /* pseudo-sources */
     size_t n_reached, reached_room;
     int64_t n_made;
+    int64_t n_run, n_dropped; /* lanes.c: steps and dropped windows since `period` was set */
+    int period;               /* of the filter; 0: not known */
     char apart[128];
 } worker;
 

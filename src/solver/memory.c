@@ -17,8 +17,8 @@ enum {
     SINGLE_SAVES = 72,
     PER_TRIANGLE_HOST =
         300, /* the mesh as given and in order, geodesics, maps, working space, result */
-    PER_TRIANGLE_EXACT = 384, /* six strides of exact windows, while the system is packed */
-    FIXED_HOST = 90 << 20     /* OpenCL drivers with their compilers, the kernels */
+    PER_TRIANGLE_EXACT = 96, /* three strides of exact windows, while the system is packed */
+    FIXED_HOST = 90 << 20    /* OpenCL drivers with their compilers, the kernels */
 };
 
 void dmk_solve_memory(size_t n_triangles, int single_precision, dmk_memory *memory)
