@@ -10,10 +10,10 @@
 enum { LANES = 32 };
 
 /* Which windows are of no use is seen in looks, each as long as a step; they run on until the next one. So many steps
- * lie between two looks that one window in SHARE is dropped at each, MOST at most; this is set anew after OFTEN steps of
- * windows. Quartic of 273k triangles, two threads, one in 6 / 10 / 20: 104, 109 and 118 ms, a look in each 4th / 8th
- * step always: 119 and 107; armadillo 73, 83, 84, 70 and 78; a sphere of 1 : 10,000 makes twice as many windows with the
- * last. Speed only: what is dropped late gives no vertex its distance. */
+ * lie between two looks that one window in SHARE is dropped at each, MOST at most; this is set anew after OFTEN steps
+ * of windows. Quartic of 273k triangles, two threads, one in 6 / 10 / 20: 104, 109 and 118 ms, a look in each 4th / 8th
+ * step always: 119 and 107; armadillo 73, 83, 84, 70 and 78; a sphere of 1 : 10,000 makes twice as many windows with
+ * the last. Speed only: what is dropped late gives no vertex its distance. */
 enum { SHARE = 6, MOST = 16, OFTEN = 4096 };
 
 /* Of a lane: to go on; no window; and, to be looked at: no shortest path among its rays; to go on by step.c. */
