@@ -95,6 +95,8 @@ static void beside(void **state)
 static void plain_steps(void **state)
 {
     static const double off[2] = {0.7 * 4e-6, 1.4 * 4e-6};
+    stride flat[5] = {{.q = 0.5}, {.q = 0.5}, {.q = 0.5}, {.q = 0.5}, {.q = 0.5}};
+    const engine e = {.stride = flat};
     (void)state;
     for (int i = 0; i < 4; i++) {
         lanes lane = {.look = 0};
@@ -111,7 +113,7 @@ static void plain_steps(void **state)
                           .length = 1,
                           .half = 4,
                           .root = ~0};
-        put(&lane, 0, &w);
+        assert_true(put(&e, &lane, 0, &w));
         stride_on_plain(&lane, 0, &f);
         assert_int_equal(lane.state[0], i % 2 == 0 ? ODD : PLAIN);
         assert_int_equal(lane.at[0], i % 2 == 0 ? 4 : i < 2 ? 12 + i : 6 + i);
@@ -127,14 +129,30 @@ static void plain_steps(void **state)
     }
 }
 
+/* Nor is a step where the corner above is four times as far from the root as the half-edge. */
+static void next_to_a_root(void **state)
+{
+    stride high = {.q = 0.5};
+    const engine e = {.stride = &high};
+    (void)state;
+    for (int i = 0; i < 2; i++) {
+        lanes lane = {.look = 0};
+        const window w = {
+            .lo = 0, .hi = 1, .x = 0.5, .y = -0.5 / (i == 0 ? 2.9 : 3.1), .length = 1, .root = ~0};
+        assert_true(put(&e, &lane, 0, &w) == (i == 0));
+    }
+}
+
 /* Beyond a border there is nothing to go on for. */
 static void over_a_border(void **state)
 {
+    stride flat = {.q = 0.5};
+    const engine e = {.stride = &flat};
     (void)state;
     lanes lane = {.look = 0};
     const fields_plain f = {.p = {0.9}, .q = {0.5}, .rest = {0.1}, .next = {link_of(-1, 12)}};
     const window w = {.lo = 0, .hi = 0.3, .x = 0.5, .y = -0.5, .length = 1, .root = ~0};
-    put(&lane, 0, &w);
+    assert_true(put(&e, &lane, 0, &w));
     stride_on_plain(&lane, 0, &f);
     assert_int_equal(lane.state[0], DROPPED);
 }
@@ -143,6 +161,8 @@ static void over_a_border(void **state)
  * other end, and over the other corner to the end that is nearer to the side that the rays came through. */
 static void filtered(void **state)
 {
+    stride flat = {.q = 0.5};
+    const engine e = {.stride = &flat};
     (void)state;
     for (int i = 0; i < 8; i++) {
         const bool left = i / 2 == 3;
@@ -159,7 +179,7 @@ static void filtered(void **state)
         case 2: s.other[0] = lo - hypot(0.75, 0.5) - late; break;
         default: s.other[0] = hi - hypot(0.5, 0.5) - late;
         }
-        put(&lane, 0, &w);
+        assert_true(put(&e, &lane, 0, &w));
         filter_plain(&lane, 0, &p, &s);
         assert_int_equal(lane.state[0], i % 2 == 0 ? PLAIN : DROPPED);
     }
@@ -248,9 +268,10 @@ static void forms_of_the_loop(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(same_length),   cmocka_unit_test(same_place),
-        cmocka_unit_test(beside),        cmocka_unit_test(plain_steps),
-        cmocka_unit_test(over_a_border), cmocka_unit_test(filtered),
-        cmocka_unit_test(grazing_rays),  cmocka_unit_test(forms_of_the_loop)};
+        cmocka_unit_test(same_length),      cmocka_unit_test(same_place),
+        cmocka_unit_test(beside),           cmocka_unit_test(plain_steps),
+        cmocka_unit_test(next_to_a_root),   cmocka_unit_test(over_a_border),
+        cmocka_unit_test(filtered),         cmocka_unit_test(grazing_rays),
+        cmocka_unit_test(forms_of_the_loop)};
     return cmocka_run_group_tests(tests, context_setup, context_teardown);
 }

@@ -122,9 +122,11 @@ void dmk_lanes_free(engine *e)
 
 /* ---- windows into lanes and out ------------------------------------------------------------------- */
 
-/* Window one into lane i. */
-static void put(lanes *w, int i, const window *one)
+/* Window one into lane i; false if its next step is not plain. */
+static bool put(const engine *e, lanes *w, int i, const window *one)
 {
+    if (one->odd || e->stride[one->half].q * one->length > (DMK_FARTHER - 1) * -one->y)
+        return false;
     const double lx = one->lo - one->x, hx = one->hi - one->x, y = -one->y;
     const double lo = 1 / sqrt(lx * lx + y * y), hi = 1 / sqrt(hx * hx + y * y);
     w->lx[i] = lx * lo;
@@ -142,6 +144,7 @@ static void put(lanes *w, int i, const window *one)
     w->state[i] = PLAIN;
     w->at[i] = one->half;
     w->root[i] = one->root;
+    return true;
 }
 
 /* The window of lane i, whose next step is not plain. */
@@ -187,11 +190,8 @@ static int fill(worker *me, lanes *w, int i, bool *filled)
     window one, o[2];
     *filled = false;
     while (!dmk_windows_spent(me->e) && take(me, &one)) {
-        if (!one.odd) {
-            put(w, i, &one);
-            *filled = true;
-            break;
-        }
+        *filled = put(me->e, w, i, &one);
+        if (*filled) break;
         DMK_TRY(dmk_windows_step(me, &one, o, &n));
         DMK_TRY(dmk_windows_count(me, n));
         for (int k = 0; k < n; k++) DMK_TRY(dmk_windows_push(me, o + n - 1 - k));

@@ -16,6 +16,11 @@ enum { LANES = 32 };
  * the last. Speed only: what is dropped late gives no vertex its distance. */
 enum { SHARE = 6, MOST = 16, OFTEN = 4096 };
 
+/* Where the corner above may be more than so many times as far from the root as the half-edge, as next to the root, a
+ * step is not plain: paths around the end of an interval (reach_around of step.c), which plain steps leave out, would
+ * count there far beside the rays (test_depth.c). */
+#define DMK_FARTHER 4
+
 /* Of a lane: to go on; no window; and, to be looked at: no shortest path among its rays; to go on by step.c. */
 enum { PLAIN, EMPTY, LOOK, DROPPED = LOOK, ODD };
 

@@ -70,7 +70,8 @@ FOR INLINE fields FORM(fetch)(const engine *e, const lanes *w, int i)
 }
 
 /* One step of each lane. A step is not plain where the corner passes a ray by less than paths around its end ask for,
- * and that at the corner: it is up to four times as far as the end on the half-edge, but for the first triangles. */
+ * which is more at the corner than on the half-edge. At the shortest edges rounding, which goes with the mesh's extent,
+ * is more. */
 FOR INLINE passed FORM(stride_on)(lanes *w, int i, const fields *f)
 {
     const reals vx = REALS(vx), vy = REALS(vy), qx = f->q * vx, qy = f->q * vy;
@@ -83,7 +84,8 @@ FOR INLINE passed FORM(stride_on)(lanes *w, int i, const fields *f)
     const integers was = INTEGERS(state), at = INTEGERS(at), left = lo > 0,
                    positive = (integers){0} + INT64_MAX;
     const reals size = (reals)((integers)vx & positive) + (reals)((integers)vy & positive);
-    const integers plain = SELECT(left, lo, -hi) >= 4 * DMK_BESIDE * size;
+    const integers plain =
+        SELECT(left, lo, -hi) >= DMK_FARTHER * DMK_BESIDE * size + DMK_SAME_LENGTH;
     const integers next = (integers)SELECT(left, (patterns)f->next >> 32, f->next & DMK_NOWHERE);
     const integers goes = (was == PLAIN) & plain & (next != DMK_NOWHERE), shifts = goes & left;
     REALS(sx) = SELECT(shifts, REALS(sx) + cx, REALS(sx));

@@ -168,7 +168,7 @@ static inline bool step_right(const engine *e, const window *w, const dmk_facet 
 static int reach_around(worker *me, const window *w, const angle *s, int32_t v)
 {
     double end = s->at < w->lo ? w->lo : w->hi;
-    if (!(fabs(s->at - end) < DMK_BESIDE * s->length)) return DMK_OK;
+    if (!(fabs(s->at - end) < DMK_BESIDE * s->length + DMK_SAME_LENGTH)) return DMK_OK;
     double px = s->cx - w->x, py = s->cy - w->y, direct = w->base + sqrt(px * px + py * py);
     if (!(direct < dmk_windows_known(me->e, v))) return DMK_OK;
     double d = w->base + hypot(end - w->x, w->y) + hypot(s->cx - end, s->cy);
