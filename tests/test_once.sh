@@ -43,6 +43,18 @@ assert max(abs(x - y) / y for x, y in zip(b, a) if y > 0) < 1e-4' "$work/m.ply" 
 }
 check 'a disc: merged windows' merged disc-76 0
 
+# Spikes a billion times as high as wide, around which exact ways wind without end.
+wound() {
+    "$tool" distance "$data/wound-55.off.gz" --vertex 0 --quiet --out "$work/d.ply" &&
+        PYTHONDONTWRITEBYTECODE=1 python3 "$work/look.py" "$data/wound-55.off.gz" 0 "$work/d.ply" "$work/d.ply"
+}
+refuses_wound() {
+    "$tool" distance "$data/wound-55.off.gz" --vertex 0 --exact --quiet --out "$work/wound.ply" 2> "$work/err"
+    [ $? = 4 ] && [ ! -e "$work/wound.ply" ] && grep -q 'without end: .* or do not ask for exact distances$' "$work/err"
+}
+check 'ways that wind around spikes have an end' wound
+check 'exact ones have none, and are refused' refuses_wound
+
 disk() { # MESH VERTEX
     "$tool" cut "$data/$1.off.gz" --vertex "$2" --quiet --out "$work/cut.off" &&
         "$tool" info "$work/cut.off" > "$work/said_out" &&

@@ -128,8 +128,8 @@ void dmk_geodesics_integrate_parts(dmk_context *context, const dmk_geodesics *ge
                                    double *error);
 
 /* wave.c: the same with merged windows, whose error is estimated unless the tolerance is 0; lines,
- * too. */
-int dmk_waves_run(dmk_context *context, dmk_geodesics *geodesics, double tolerance);
+ * too. *finished: false if there are too many. */
+int dmk_waves_run(dmk_context *context, dmk_geodesics *geodesics, double tolerance, bool *finished);
 
 /* window.c: distance and arrival of an object whose star and sources are set. Not *finished, and nothing is set: far
  * more windows than on other meshes of the size, as around needles. */

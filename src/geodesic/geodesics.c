@@ -99,13 +99,17 @@ static double tolerance_of(const dmk_mesh *m, const dmk_geodesics_options *o)
     return m->n_triangles > DMK_EXACT_TRIANGLES ? usual_tolerance : 0;
 }
 
-static int run(dmk_context *ctx, dmk_geodesics *g, double tolerance)
+/* *finished: false if there are more windows than an end can be expected of. */
+static int run(dmk_context *ctx, dmk_geodesics *g, double tolerance, bool *finished)
 {
-    int rc;
-    bool finished = false;
+    int rc = DMK_OK;
+    *finished = false;
+    free(g->error);
+    g->error = NULL;
     g->tolerance = tolerance;
-    if (g->n_lines == 0 && tolerance == 0) DMK_TRY(dmk_windows_run(ctx, g, &finished));
-    if (!finished) DMK_TRY(dmk_waves_run(ctx, g, tolerance));
+    if (g->n_lines == 0 && tolerance == 0) DMK_TRY(dmk_windows_run(ctx, g, finished));
+    if (!*finished) DMK_TRY(dmk_waves_run(ctx, g, tolerance, finished));
+    if (!*finished) goto done;
     if (tolerance > 0) DMK_TRY(dmk_tracer_repair(ctx, g));
     rc = dmk_geodesics_check(ctx, g);
 done:
@@ -113,14 +117,19 @@ done:
 }
 
 /* Where merged windows miss a vertex, or give neighbours distances that cannot be, exact ones take their place: scans
- * cut 1:16, whose new vertices are flat, are such. */
-static int run_or_repeat(dmk_context *ctx, dmk_geodesics *g, double tolerance)
+ * cut 1:16, whose new vertices are flat, are such. Where exact ones have no end, merged ones do. */
+static int run_or_repeat(dmk_context *ctx, dmk_geodesics *g, const dmk_geodesics_options *o)
 {
-    const int rc = run(ctx, g, tolerance);
-    if (rc != DMK_E_MESH || tolerance == 0) return rc;
-    free(g->error);
-    g->error = NULL;
-    return run(ctx, g, 0);
+    bool finished;
+    const double tolerance = tolerance_of(g->mesh, o);
+    int rc = run(ctx, g, tolerance, &finished);
+    if (rc == DMK_E_MESH && tolerance > 0) rc = run(ctx, g, 0, &finished);
+    if (rc == DMK_OK && !finished && !o->exact) rc = run(ctx, g, usual_tolerance, &finished);
+    if (rc == DMK_OK && !finished)
+        rc = dmk_fail(ctx, DMK_E_MESH,
+                      "paths wind around the mesh's spikes without end: improve its worst triangles%s",
+                      o->exact ? ", or do not ask for exact distances" : "");
+    return rc;
 }
 
 int dmk_geodesics_prepare(dmk_context *ctx, const dmk_mesh *mesh, size_t n_sources,
@@ -151,7 +160,7 @@ int dmk_geodesics_compute(dmk_context *ctx, const dmk_mesh *mesh, size_t n_sourc
     int rc;
     dmk_geodesics *g = NULL;
     DMK_TRY(dmk_geodesics_prepare(ctx, mesh, n_sources, source, options, &g));
-    DMK_TRY(run_or_repeat(ctx, g, tolerance_of(mesh, options)));
+    DMK_TRY(run_or_repeat(ctx, g, options));
     *geodesics = g;
     g = NULL;
 done:

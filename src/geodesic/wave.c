@@ -86,7 +86,7 @@ typedef struct engine {
     size_t list_room, merged_room;
     int32_t *taken; /* half-edges of the bucket */
     size_t taken_room;
-    int64_t n_made;
+    int64_t n_made, n_looks;
     double closed; /* angle around the source if it is one point inside: directions are mod that;
                       else 0 */
 } engine;
@@ -95,6 +95,10 @@ typedef struct engine {
  * before, and no vertex is near enough to show that they are of no use. From so many visits on, a half-edge keeps
  * what has run on from it, for the lower envelope. Other half-edges are visited some four times. */
 enum { often = 32 };
+/* Looks at windows at most, over half-edges: meshes of all kinds need 35 and less, from borders or with a tolerance of
+ * 1e-9, too. On spikes a billion times as high as wide, ways that wind around them differ less than what rounding
+ * leaves, and there is no end. Small meshes may need some more. */
+enum { most_looks = 1000, always = 5000000 };
 /* What is kept has this in `next` while it is in the list of the half-edge that is visited. */
 enum { KEPT = -2 };
 
@@ -623,6 +627,7 @@ static int visit(dmk_context *ctx, engine *e, int32_t half)
     DMK_TRY(gather(ctx, e, e->head + half, false, &s, &n));
     if (keep) DMK_TRY(gather(ctx, e, e->kept + half, true, &s, &n));
     const wave *l = e->list;
+    e->n_looks += (int64_t)n;
     if (n > 1) {
         sort(e->list, n);
         n = trim(e, n, s.length);
@@ -806,6 +811,11 @@ done:
     return rc;
 }
 
+static bool spent(const engine *e)
+{
+    return e->n_looks > always + most_looks * 3LL * e->front.g->mesh->n_triangles;
+}
+
 static int sweep(dmk_context *ctx, engine *e)
 {
     int rc = DMK_OK;
@@ -827,7 +837,8 @@ static int sweep(dmk_context *ctx, engine *e)
             DMK_TRY(dmk_poll(ctx));
             any = false;
             if (n == 0) DMK_TRY(radiate_pseudo_sources(ctx, e, &any));
-        } while (n > 0 || any);
+        } while ((n > 0 || any) && !spent(e));
+        if (spent(e)) break;
         e->current++;
     }
 done:
@@ -853,7 +864,7 @@ static void arrive_range(int32_t begin, int32_t end, void *data)
     for (int32_t v = begin; v < end; v++) arrive(data, v);
 }
 
-int dmk_waves_run(dmk_context *ctx, dmk_geodesics *g, double tolerance)
+int dmk_waves_run(dmk_context *ctx, dmk_geodesics *g, double tolerance, bool *finished)
 {
     int rc;
     engine e;
@@ -861,7 +872,8 @@ int dmk_waves_run(dmk_context *ctx, dmk_geodesics *g, double tolerance)
     for (int32_t i = 0; i < g->n_sources; i++) DMK_TRY(radiate_source(ctx, &e, i));
     for (size_t i = 0; i < g->n_lines; i++) DMK_TRY(radiate_line(ctx, &e, g->line[i]));
     DMK_TRY(sweep(ctx, &e));
-    dmk_parallel(ctx, g->mesh->n_vertices, arrive_range, &e);
+    *finished = !spent(&e);
+    if (*finished) dmk_parallel(ctx, g->mesh->n_vertices, arrive_range, &e);
     g->n_windows = e.n_made;
     if (tolerance > 0) {
         g->error = e.error;
