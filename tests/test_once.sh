@@ -43,17 +43,19 @@ assert max(abs(x - y) / y for x, y in zip(b, a) if y > 0) < 1e-4' "$work/m.ply" 
 }
 check 'a disc: merged windows' merged disc-76 0
 
-# Spikes a billion times as high as wide, around which exact ways wind without end.
-wound() {
-    "$tool" distance "$data/wound-55.off.gz" --vertex 0 --quiet --out "$work/d.ply" &&
-        PYTHONDONTWRITEBYTECODE=1 python3 "$work/look.py" "$data/wound-55.off.gz" 0 "$work/d.ply" "$work/d.ply"
+# Spikes a billion times as high as wide, around which ways wind without end: distances, or a refusal that says why.
+wound() { # EXACT
+    "$tool" distance "$data/wound-55.off.gz" --vertex 0 $1 --quiet --out "$work/d.ply" 2> "$work/err"
+    case $? in
+    0) PYTHONDONTWRITEBYTECODE=1 python3 "$work/look.py" "$data/wound-55.off.gz" 0 "$work/d.ply" "$work/d.ply" ;;
+    4) [ ! -e "$work/d.ply" ] && grep -q "without end: ${1:+do not ask for .*or }improve .* degrees, in triangle [0-9]*$" "$work/err" ;;
+    *) return 1 ;;
+    esac
 }
-refuses_wound() {
-    "$tool" distance "$data/wound-55.off.gz" --vertex 0 --exact --quiet --out "$work/wound.ply" 2> "$work/err"
-    [ $? = 4 ] && [ ! -e "$work/wound.ply" ] && grep -q 'without end: .* or do not ask for exact distances$' "$work/err"
-}
-check 'ways that wind around spikes have an end' wound
-check 'exact ones have none, and are refused' refuses_wound
+rm -f "$work/d.ply"
+check 'ways that wind around spikes: a result or the reason' wound
+rm -f "$work/d.ply"
+check 'exact ones: a result or the reason' wound --exact
 
 disk() { # MESH VERTEX
     "$tool" cut "$data/$1.off.gz" --vertex "$2" --quiet --out "$work/cut.off" &&

@@ -274,7 +274,7 @@ static void buckets(void **state)
 {
     dmk_mesh *m = make(*state, 160, 80, on_torus, 0.4);
     dmk_geodesics *g = from_vertex(*state, m, 17, 1e-4);
-    if (g->n_windows < 87000 || g->n_windows > 91000)
+    if (g->n_windows < 89000 || g->n_windows > 93000)
         fail_msg("%lld windows", (long long)g->n_windows);
     dmk_geodesics_destroy(&g);
     dmk_mesh_destroy(&m);

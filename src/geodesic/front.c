@@ -16,6 +16,8 @@ static const double same_direction = 1e-9;
 /* Over the length of the edge: a range is taken so much wider. */
 static const double margin = 1e-9;
 
+/* Cosine and sine are those of one angle to the last bit, or turns would change lengths: at the shortest edges rounding
+ * leaves area and scalar products few digits. */
 static void facet_range(int32_t begin, int32_t end, void *data)
 {
     const dmk_front *e = data;
@@ -31,9 +33,10 @@ static void facet_range(int32_t begin, int32_t end, void *data)
         for (int k = 0; k < 3; k++) {
             size_t h = 3 * (size_t)t + (size_t)k;
             double sides = 1 / (f->length[(k + 1) % 3] * f->length[(k + 2) % 3]);
+            double c = dot[k] * sides, i = area2 * sides, turn = 1 / sqrt(c * c + i * i);
             f->angle[k] = s->corner_angle[h];
-            f->cosine[k] = dot[k] * sides;
-            f->sine[k] = area2 * sides;
+            f->cosine[k] = c * turn;
+            f->sine[k] = i * turn;
             f->vertex[k] = m->triangle[h];
             f->twin[k] = s->twin[h];
         }

@@ -116,19 +116,31 @@ done:
     return rc;
 }
 
+static int refuse(dmk_context *ctx, const dmk_geodesics *g, bool exact)
+{
+    const double *angle = g->star.corner_angle;
+    int32_t least = 0;
+    for (int32_t h = 1; h < 3 * g->mesh->n_triangles; h++)
+        if (angle[h] < angle[least]) least = h;
+    return dmk_fail(ctx, DMK_E_MESH,
+                    "paths wind around the mesh's spikes without end: %simprove its "
+                    "worst triangles; its smallest angle is %.2g degrees, in triangle %d",
+                    exact ? "do not ask for exact distances, or " : "",
+                    angle[least] * 57.295779513082320877, least / 3);
+}
+
 /* Where merged windows miss a vertex, or give neighbours distances that cannot be, exact ones take their place: scans
- * cut 1:16, whose new vertices are flat, are such. Where exact ones have no end, merged ones do. */
+ * cut 1:16, whose new vertices are flat, are such. Where exact ones have no end, or on triangles of 1e-8 of their height
+ * miss a vertex, merged ones do. */
 static int run_or_repeat(dmk_context *ctx, dmk_geodesics *g, const dmk_geodesics_options *o)
 {
     bool finished;
     const double tolerance = tolerance_of(g->mesh, o);
     int rc = run(ctx, g, tolerance, &finished);
     if (rc == DMK_E_MESH && tolerance > 0) rc = run(ctx, g, 0, &finished);
-    if (rc == DMK_OK && !finished && !o->exact) rc = run(ctx, g, usual_tolerance, &finished);
-    if (rc == DMK_OK && !finished)
-        rc = dmk_fail(ctx, DMK_E_MESH,
-                      "paths wind around the mesh's spikes without end: improve its worst triangles%s",
-                      o->exact ? ", or do not ask for exact distances" : "");
+    if ((rc == DMK_E_MESH || (rc == DMK_OK && !finished)) && !o->exact)
+        rc = run(ctx, g, usual_tolerance, &finished);
+    if (rc == DMK_OK && !finished) rc = refuse(ctx, g, o->exact);
     return rc;
 }
 

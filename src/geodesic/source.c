@@ -5,9 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A weight below this puts the source on the edge or vertex itself; it moves by so much of an edge.
- */
+/* A weight below this puts the source on the edge or vertex itself; it moves by so much of an edge. */
 static const double on_edge = 1e-12;
+/* So near to a vertex, over the mesh's extent, the source is that vertex: of its directions rounding leaves nothing. */
+static const double at_corner = 1e-15;
 
 static double side(const dmk_mesh *m, const dmk_star *s, int32_t h)
 {
@@ -74,6 +75,13 @@ static int inside(dmk_context *ctx, const dmk_mesh *m, const dmk_star *s, dmk_si
     return DMK_OK;
 }
 
+/* How far the point is from that corner of its triangle, at most. */
+static double to_corner(const dmk_mesh *m, const dmk_star *s, const dmk_point *point, int corner)
+{
+    const int32_t h = (int32_t)(3 * point->triangle) + corner, i = dmk_next(h), j = dmk_previous(h);
+    return point->weight[i % 3] * side(m, s, j) + point->weight[j % 3] * side(m, s, i);
+}
+
 int dmk_site_create(dmk_context *ctx, const dmk_mesh *m, const dmk_star *s, const dmk_point *point,
                     double offset, dmk_site *p)
 {
@@ -87,7 +95,7 @@ int dmk_site_create(dmk_context *ctx, const dmk_mesh *m, const dmk_star *s, cons
     }
     *p = (dmk_site){.point = *point, .offset = offset, .vertex = -1};
     int32_t base = (int32_t)(3 * point->triangle);
-    if (n_small == 2) {
+    if (n_small == 2 || to_corner(m, s, point, big) < at_corner) {
         p->vertex = m->triangle[base + big];
         return at_vertex(ctx, m, s, p);
     }

@@ -312,12 +312,18 @@ static void work(const dmk_mesh *m)
     dmk_point source = choose_source(m);
     REQUIRE(dmk_hierarchy_create(ctx, m, 8, &h) == DMK_OK);
     dmk_hierarchy_free(&h);
-    REQUIRE(dmk_geodesics_create(ctx, m, 1, &source, NULL, &g) == DMK_OK);
+    if (dmk_geodesics_create(ctx, m, 1, &source, NULL, &g) != DMK_OK) {
+        /* Of all the corpus one surface in ten thousand. */
+        REQUIRE(strstr(dmk_context_message(ctx), "paths wind around the mesh's spikes without end"));
+        goto done;
+    }
+    REQUIRE(g->tolerance == 0 || thinnest(m) < 1e-6);
     dmk_geodesics_midpoints(ctx, g, mid);
     REQUIRE(dmk_start_density(ctx, m, g, mid, mu) == DMK_OK);
     REQUIRE(all_finite(g->distance, m->n_vertices) && all_finite(mid, m->n_edges));
     for (int32_t t = 0; t < m->n_triangles; t++) REQUIRE(isfinite(mu[t]) && mu[t] > 0);
     follow(m, g);
+done:
     dmk_geodesics_destroy(&g);
     free(mid);
     free(mu);
