@@ -314,7 +314,8 @@ static void work(const dmk_mesh *m)
     dmk_hierarchy_free(&h);
     if (dmk_geodesics_create(ctx, m, 1, &source, NULL, &g) != DMK_OK) {
         /* Of all the corpus one surface in ten thousand. */
-        REQUIRE(strstr(dmk_context_message(ctx), "paths wind around the mesh's spikes without end"));
+        REQUIRE(
+            strstr(dmk_context_message(ctx), "paths wind around the mesh's spikes without end"));
         goto done;
     }
     REQUIRE(g->tolerance == 0 || thinnest(m) < 1e-6);
