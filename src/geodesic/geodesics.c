@@ -130,8 +130,8 @@ static int refuse(dmk_context *ctx, const dmk_geodesics *g, bool exact)
 }
 
 /* Where merged windows miss a vertex, or give neighbours distances that cannot be, exact ones take their place: scans
- * cut 1:16, whose new vertices are flat, are such. Where exact ones have no end, or miss a vertex as on triangles of 1e-8
- * of their height, merged ones do. */
+ * cut 1:16, whose new vertices are flat, are such. Where exact ones have no end, or miss a vertex as they may on
+ * triangles of 1e-8 of their height, merged ones do. */
 static int run_or_repeat(dmk_context *ctx, dmk_geodesics *g, const dmk_geodesics_options *o)
 {
     bool finished;
