@@ -123,9 +123,9 @@ static int refuse(dmk_context *ctx, const dmk_geodesics *g, bool exact)
     for (int32_t h = 1; h < 3 * g->mesh->n_triangles; h++)
         if (angle[h] < angle[least]) least = h;
     return dmk_fail(ctx, DMK_E_MESH,
-                    "paths wind around the mesh's spikes without end: %simprove its "
+                    "paths wind around the mesh's spikes without end: %s its "
                     "worst triangles; its smallest angle is %.2g degrees, in triangle %d",
-                    exact ? "do not ask for exact distances, or " : "",
+                    exact ? "do not ask for exact distances, or improve" : "improve",
                     angle[least] * 57.295779513082320877, least / 3);
 }
 
