@@ -20,6 +20,8 @@
  * lies beside the locus, and the rules that were worse. */
 #include "solver/acl.h"
 
+#include "base/parallel.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -37,10 +39,18 @@ typedef struct gathering {
 } gathering;
 
 typedef struct convergence {
-    gathering *at;  /* vertices */
+    const dmk_acl_input *in;
+    dmk_vertex_stars star;
+    gathering *at;     /* vertices */
+    gathering *spread; /* vertices: means around them */
+    gathering *mean;   /* triangles: of their corners */
+    double *
+        fine; /* vertices: the density within FINE, then what that is above the one within COARSE, as x */
+    double *top;    /* vertices: the largest of x around */
     double *crest;  /* triangles: x; NULL without mu */
     double *around; /* the largest of it within RINGS */
-    double mean;    /* area of a triangle */
+    double mean_area;
+    uint8_t *acl;
 } convergence;
 
 /* Corner values of the linear function with the mean of grad u over the four sub-triangles. */
@@ -55,14 +65,14 @@ static void mean_gradient(const dmk_acl_input *in, int32_t t, double x[3])
 }
 
 /* Nothing flows in at borders, where rays end. */
-static int sum_convergence(dmk_context *ctx, const dmk_acl_input *in, convergence *c)
+static int sum_convergence(dmk_context *ctx, convergence *c)
 {
     int rc;
-    const dmk_mesh *m = in->mesh;
+    const dmk_mesh *m = c->in->mesh;
     DMK_TRY(DMK_NEW(ctx, c->at, (size_t)m->n_vertices));
     for (int32_t t = 0; t < m->n_triangles; t++) {
         double x[3];
-        mean_gradient(in, t, x);
+        mean_gradient(c->in, t, x);
         for (int k = 0; k < 3; k++) {
             const int i = (k + 1) % 3, j = (k + 2) % 3;
             const int32_t *corner = m->triangle + 3 * (size_t)t;
@@ -71,7 +81,7 @@ static int sum_convergence(dmk_context *ctx, const dmk_acl_input *in, convergenc
             c->at[corner[j]].flow += flow;
             c->at[corner[k]].area += m->area[t] / 3;
         }
-        c->mean += m->area[t] / m->n_triangles;
+        c->mean_area += m->area[t] / m->n_triangles;
     }
     for (int32_t e = 0; e < m->n_edges; e++) {
         if (m->edge_triangle[2 * (size_t)e + 1] >= 0) continue;
@@ -81,88 +91,122 @@ done:
     return rc;
 }
 
-/* `times`: each vertex takes the mean of its triangles, and these have that of their corners. */
-static void spread(const dmk_mesh *m, const int32_t *degree, int times, gathering *f,
-                   gathering *next)
+/* ---- from vertices to triangles and back ------------------------------------------------------------ */
+
+static void means_of_corners(int32_t begin, int32_t end, void *data)
 {
-    for (int n = 0; n < times; n++) {
-        memset(next, 0, (size_t)m->n_vertices * sizeof *next);
-        for (int32_t t = 0; t < m->n_triangles; t++) {
-            const int32_t *v = m->triangle + 3 * (size_t)t;
-            const gathering mean = {(f[v[0]].flow + f[v[1]].flow + f[v[2]].flow) / 3,
-                                    (f[v[0]].area + f[v[1]].area + f[v[2]].area) / 3};
-            for (int k = 0; k < 3; k++) {
-                next[v[k]].flow += mean.flow;
-                next[v[k]].area += mean.area;
-            }
-        }
-        for (int32_t v = 0; v < m->n_vertices; v++) {
-            if (degree[v] > 0)
-                f[v] = (gathering){next[v].flow / degree[v], next[v].area / degree[v]};
-        }
+    const convergence *c = data;
+    const gathering *f = c->spread;
+    for (int32_t t = begin; t < end; t++) {
+        const int32_t *v = c->in->mesh->triangle + 3 * (size_t)t;
+        c->mean[t] = (gathering){(f[v[0]].flow + f[v[1]].flow + f[v[2]].flow) / 3,
+                                 (f[v[0]].area + f[v[1]].area + f[v[2]].area) / 3};
     }
 }
+
+static void means_of_triangles(int32_t begin, int32_t end, void *data)
+{
+    const convergence *c = data;
+    for (int32_t v = begin; v < end; v++) {
+        const int32_t first = c->star.row[v], last = c->star.row[v + 1];
+        gathering sum = {0, 0};
+        for (int32_t i = first; i < last; i++) {
+            sum.flow += c->mean[c->star.triangle[i] / 4].flow;
+            sum.area += c->mean[c->star.triangle[i] / 4].area;
+        }
+        if (last > first)
+            c->spread[v] = (gathering){sum.flow / (last - first), sum.area / (last - first)};
+    }
+}
+
+static void tops_of_triangles(int32_t begin, int32_t end, void *data)
+{
+    const convergence *c = data;
+    for (int32_t v = begin; v < end; v++) {
+        for (int32_t i = c->star.row[v]; i < c->star.row[v + 1]; i++)
+            c->top[v] = dmk_max(c->top[v], c->around[c->star.triangle[i] / 4]);
+    }
+}
+
+static void tops_of_corners(int32_t begin, int32_t end, void *data)
+{
+    const convergence *c = data;
+    for (int32_t t = begin; t < end; t++) {
+        const int32_t *v = c->in->mesh->triangle + 3 * (size_t)t;
+        c->around[t] = dmk_max(dmk_max(c->top[v[0]], c->top[v[1]]), c->top[v[2]]);
+    }
+}
+
+/* `times` there and back. */
+static void repeat(dmk_context *ctx, convergence *c, int times,
+                   void (*of_corners)(int32_t, int32_t, void *),
+                   void (*of_triangles)(int32_t, int32_t, void *))
+{
+    for (int n = 0; n < times; n++) {
+        dmk_parallel(ctx, c->in->mesh->n_triangles, of_corners, c);
+        dmk_parallel(ctx, c->in->mesh->n_vertices, of_triangles, c);
+    }
+}
+
+/* ---- crests -------------------------------------------------------------------------------------- */
 
 static double density(gathering g)
 {
     return g.area > 0 ? g.flow / g.area : 0;
 }
 
+static void fine_range(int32_t begin, int32_t end, void *data)
+{
+    const convergence *c = data;
+    for (int32_t v = begin; v < end; v++) c->fine[v] = density(c->spread[v]);
+}
+
+static void above_range(int32_t begin, int32_t end, void *data)
+{
+    const convergence *c = data;
+    for (int32_t v = begin; v < end; v++)
+        c->fine[v] = (c->fine[v] - density(c->spread[v])) * sqrt(c->at[v].area);
+}
+
 /* x at the triangles, the mean of their corners'. */
-static int find_crests(dmk_context *ctx, const dmk_mesh *m, convergence *c)
+static void crest_range(int32_t begin, int32_t end, void *data)
+{
+    const convergence *c = data;
+    for (int32_t t = begin; t < end; t++) {
+        const int32_t *v = c->in->mesh->triangle + 3 * (size_t)t;
+        c->around[t] = c->crest[t] = (c->fine[v[0]] + c->fine[v[1]] + c->fine[v[2]]) / 3;
+    }
+}
+
+static int find_crests(dmk_context *ctx, convergence *c)
 {
     int rc;
-    const size_t nv = (size_t)m->n_vertices;
-    int32_t *degree = NULL;
-    gathering *f = NULL, *next = NULL;
-    double *fine = NULL;
-    DMK_TRY(DMK_NEW(ctx, degree, nv));
-    DMK_TRY(DMK_NEW(ctx, f, nv));
-    DMK_TRY(DMK_NEW(ctx, next, nv));
-    DMK_TRY(DMK_NEW(ctx, fine, nv));
-    DMK_TRY(DMK_NEW(ctx, c->crest, (size_t)m->n_triangles));
-    for (size_t h = 0; h < 3 * (size_t)m->n_triangles; h++) degree[m->triangle[h]]++;
-    memcpy(f, c->at, nv * sizeof *f);
-    spread(m, degree, FINE, f, next);
-    for (size_t v = 0; v < nv; v++) fine[v] = density(f[v]);
-    spread(m, degree, COARSE - FINE, f, next);
-    for (size_t v = 0; v < nv; v++) fine[v] = (fine[v] - density(f[v])) * sqrt(c->at[v].area);
-    for (int32_t t = 0; t < m->n_triangles; t++) {
-        const int32_t *v = m->triangle + 3 * (size_t)t;
-        c->crest[t] = (fine[v[0]] + fine[v[1]] + fine[v[2]]) / 3;
-    }
+    const dmk_mesh *m = c->in->mesh;
+    const size_t nv = (size_t)m->n_vertices, nt = (size_t)m->n_triangles;
+    DMK_TRY(dmk_vertex_stars_create(ctx, m, &c->star));
+    DMK_TRY(DMK_NEW_UNSET(ctx, c->spread, nv));
+    DMK_TRY(DMK_NEW_UNSET(ctx, c->mean, nt));
+    DMK_TRY(DMK_NEW_UNSET(ctx, c->fine, nv));
+    DMK_TRY(DMK_NEW(ctx, c->top, nv)); /* 0: no lower crest counts */
+    DMK_TRY(DMK_NEW_UNSET(ctx, c->crest, nt));
+    DMK_TRY(DMK_NEW_UNSET(ctx, c->around, nt));
+    memcpy(c->spread, c->at, nv * sizeof *c->at);
+    repeat(ctx, c, FINE, means_of_corners, means_of_triangles);
+    dmk_parallel(ctx, m->n_vertices, fine_range, c);
+    repeat(ctx, c, COARSE - FINE, means_of_corners, means_of_triangles);
+    dmk_parallel(ctx, m->n_vertices, above_range, c);
+    dmk_parallel(ctx, m->n_triangles, crest_range, c);
+    dmk_parallel(ctx, m->n_vertices, tops_of_triangles, c);
+    repeat(ctx, c, RINGS - 1, tops_of_corners, tops_of_triangles);
+    dmk_parallel(ctx, m->n_triangles, tops_of_corners, c);
 done:
-    free(degree);
-    free(f);
-    free(next);
-    free(fine);
     return rc;
 }
 
-/* The largest crest within RINGS of each triangle. */
-static int look_around(dmk_context *ctx, const dmk_mesh *m, convergence *c)
-{
-    int rc;
-    double *top = NULL;
-    DMK_TRY(DMK_NEW(ctx, top, (size_t)m->n_vertices)); /* 0: no lower crest counts */
-    DMK_TRY(DMK_NEW(ctx, c->around, (size_t)m->n_triangles));
-    memcpy(c->around, c->crest, (size_t)m->n_triangles * sizeof *c->around);
-    for (int n = 0; n < RINGS; n++) {
-        for (size_t h = 0; h < 3 * (size_t)m->n_triangles; h++)
-            top[m->triangle[h]] = fmax(top[m->triangle[h]], c->around[h / 3]);
-        for (int32_t t = 0; t < m->n_triangles; t++) {
-            const int32_t *v = m->triangle + 3 * (size_t)t;
-            c->around[t] = fmax(fmax(top[v[0]], top[v[1]]), top[v[2]]);
-        }
-    }
-done:
-    free(top);
-    return rc;
-}
-
-static bool is_marked(const dmk_acl_input *in, const convergence *c, int32_t t)
+static bool is_marked(const convergence *c, int32_t t)
 {
     double x[3], square = 0, flow = 0, area = 0;
+    const dmk_acl_input *in = c->in;
     const dmk_mesh *m = in->mesh;
     mean_gradient(in, t, x);
     for (int k = 0; k < 3; k++) {
@@ -172,27 +216,39 @@ static bool is_marked(const dmk_acl_input *in, const convergence *c, int32_t t)
         flow += v->flow;
         area += v->area;
     }
-    const double sine = sqrt(fmax(0, 1 - square)), size = fmax(1, sqrt(m->area[t] / c->mean)),
-                 sum = flow / sqrt(area);
+    const double sine = sqrt(dmk_max(0, 1 - square)),
+                 size = dmk_max(1, sqrt(m->area[t] / c->mean_area)), sum = flow / sqrt(area);
     if (sine >= least_sine * size && sine + sum >= least_sum * size) return true;
     return c->crest && c->crest[t] >= least_crest * size * size &&
            c->crest[t] >= crest_share * c->around[t] && sum >= 0.5 * least_sum * size &&
            in->mu[t] <= most_mu * sqrt(m->area[t]);
 }
 
+static void mark_range(int32_t begin, int32_t end, void *data)
+{
+    const convergence *c = data;
+    for (int32_t t = begin; t < end; t++) c->acl[t] = is_marked(c, t);
+}
+
 int dmk_acl_mark(dmk_context *ctx, const dmk_acl_input *in, double threshold, uint8_t *acl)
 {
     int rc = DMK_OK;
-    convergence c = {.mean = 0};
-    if (threshold <= 0) DMK_TRY(sum_convergence(ctx, in, &c));
-    if (threshold <= 0 && in->mu) {
-        DMK_TRY(find_crests(ctx, in->mesh, &c));
-        DMK_TRY(look_around(ctx, in->mesh, &c));
+    const int32_t n = in->mesh->n_triangles;
+    convergence c = {.in = in, .acl = acl};
+    if (threshold > 0) {
+        for (int32_t t = 0; t < n; t++) acl[t] = in->mu[t] <= threshold;
+        return DMK_OK;
     }
-    for (int32_t t = 0; t < in->mesh->n_triangles; t++)
-        acl[t] = threshold > 0 ? in->mu[t] <= threshold : is_marked(in, &c, t);
+    DMK_TRY(sum_convergence(ctx, &c));
+    if (in->mu) DMK_TRY(find_crests(ctx, &c));
+    dmk_parallel(ctx, n, mark_range, &c);
 done:
+    dmk_vertex_stars_free(&c.star);
     free(c.at);
+    free(c.spread);
+    free(c.mean);
+    free(c.fine);
+    free(c.top);
     free(c.crest);
     free(c.around);
     return rc;

@@ -91,8 +91,8 @@ static void width_range(int32_t begin, int32_t end, void *data)
         }
         double w = 0.5 * (outflow(s, a, edge_side(s->mesh, a, e)) -
                           outflow(s, b, edge_side(s->mesh, b, e)));
-        if (s->sink[a]) w = -fmax(-w, 1e-3 * s->mesh->length[e]);
-        if (s->sink[b]) w = fmax(w, 1e-3 * s->mesh->length[e]);
+        if (s->sink[a]) w = -dmk_max(-w, 1e-3 * s->mesh->length[e]);
+        if (s->sink[b]) w = dmk_max(w, 1e-3 * s->mesh->length[e]);
         s->width[e] = w;
     }
 }
@@ -152,7 +152,7 @@ static double split_load(sweep *s, int32_t t, int k, const double *w)
 {
     const int32_t *edge = s->mesh->triangle_edge + 3 * (size_t)t;
     int i = (k + 1) % 3, j = (k + 2) % 3;
-    double wi = fmax(w[i], 0), wj = fmax(w[j], 0), area = s->mesh->area[t];
+    double wi = dmk_max(w[i], 0), wj = dmk_max(w[j], 0), area = s->mesh->area[t];
     double f = wj / (wi + wj), g = 1 - f;
     profile in = load_get(s, t, edge[k]); /* from corner i to corner j */
     /* edge j runs k to i: reversed; edge i runs j to k: reversed */
@@ -168,7 +168,7 @@ static double join_load(sweep *s, int32_t t, int k, const double *w)
 {
     const int32_t *edge = s->mesh->triangle_edge + 3 * (size_t)t;
     int i = (k + 1) % 3, j = (k + 2) % 3;
-    double wi = fmax(-w[i], 0), wj = fmax(-w[j], 0), area = s->mesh->area[t];
+    double wi = dmk_max(-w[i], 0), wj = dmk_max(-w[j], 0), area = s->mesh->area[t];
     double f = wi + wj > 0 ? wj / (wi + wj) : 0.5, g = 1 - f;
     profile pi = load_get(s, t, edge[i]), pj = load_get(s, t, edge[j]);
     pi.m = -pi.m; /* now both from corner i over k to j */
@@ -202,7 +202,7 @@ static double least_width(const dmk_mesh *mesh, int32_t t)
 {
     const int32_t *edge = mesh->triangle_edge + 3 * (size_t)t;
     const double *length = mesh->length;
-    return 2 * mesh->area[t] / fmax(fmax(length[edge[0]], length[edge[1]]), length[edge[2]]);
+    return 2 * mesh->area[t] / dmk_max(dmk_max(length[edge[0]], length[edge[1]]), length[edge[2]]);
 }
 
 static void sweep_triangle(sweep *s, int32_t t)
@@ -216,7 +216,7 @@ static void sweep_triangle(sweep *s, int32_t t)
         sum += fabs(w[k]);
     }
     double load = pass_load(s, t, w);
-    s->mu[t] = load / fmax(0.5 * sum, least_width(s->mesh, t));
+    s->mu[t] = load / dmk_max(0.5 * sum, least_width(s->mesh, t));
     s->waiting[t] = done_mark;
     for (int k = 0; k < 3; k++) {
         int32_t other = twin_triangle(s->mesh, t, s->mesh->triangle_edge[3 * (size_t)t + k]);
@@ -335,7 +335,7 @@ int dmk_start_density(dmk_context *ctx, const dmk_mesh *mesh, const dmk_geodesic
     DMK_TRY(sweep_all(ctx, &s));
     for (int32_t t = 0; t < mesh->n_triangles; t++) {
         if (s.sink[t]) sink_density(&s, t);
-        mu[t] = fmax(mu[t], 0.1 * sqrt(mesh->area[t]));
+        mu[t] = dmk_max(mu[t], 0.1 * sqrt(mesh->area[t]));
     }
 done:
     sweep_free(&s);
