@@ -55,12 +55,9 @@ static void pair_range(int32_t begin, int32_t end, void *data)
         for (int k = 0; k < 3; k++) {
             int32_t e = m->triangle_edge[3 * (size_t)t + k],
                     *twin = w->star->twin + 3 * (size_t)t + k;
-            int32_t o = m->edge_triangle[2 * (size_t)e] == t ? m->edge_triangle[2 * (size_t)e + 1]
-                                                             : m->edge_triangle[2 * (size_t)e];
-            *twin = -1;
-            for (int j = 0; o >= 0 && j < 3; j++) {
-                if (m->triangle_edge[3 * (size_t)o + j] == e) *twin = 3 * o + j;
-            }
+            const int32_t *pair = m->edge_triangle + 2 * (size_t)e,
+                          o = pair[0] == t ? pair[1] : pair[0];
+            *twin = o < 0 ? -1 : dmk_half_edge_on(m, o, e);
         }
     }
 }

@@ -303,8 +303,12 @@ int dmk_check_stars(dmk_context *ctx, dmk_mesh *m)
     DMK_TRY(DMK_NEW(ctx, job.first, (size_t)m->n_vertices));
     DMK_TRY(DMK_NEW(ctx, job.count, (size_t)m->n_vertices));
     for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
-        int32_t v = m->triangle[h], before = m->triangle_edge[3 * (h / 3) + (h % 3 + 2) % 3];
-        if (job.count[v]++ == 0 || m->edge_triangle[2 * (size_t)before + 1] < 0) job.first[v] = h;
+        if (job.count[m->triangle[h]]++ == 0) job.first[m->triangle[h]] = h;
+    }
+    for (int32_t e = 0; e < m->n_edges; e++) {
+        if (m->edge_triangle[2 * (size_t)e + 1] >= 0) continue;
+        int32_t h = dmk_half_edge_on(m, m->edge_triangle[2 * (size_t)e], e);
+        job.first[m->triangle[dmk_next(h)]] = dmk_next(h);
     }
     int32_t v = dmk_parallel_first(ctx, m->n_vertices, star_is_split, &job);
     if (v >= 0) rc = fail_star(ctx, m, job.first[v]);

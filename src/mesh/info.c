@@ -32,10 +32,10 @@ int dmk_mesh_count(dmk_context *ctx, dmk_mesh *m)
         if (next[m->triangle[h]] == -2) next[m->triangle[h]] = -1;
     }
     for (int32_t v = 0; v < m->n_vertices; v++) m->n_used_vertices += next[v] != -2;
-    for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
-        if (m->edge_triangle[2 * (size_t)m->triangle_edge[h] + 1] >= 0) continue;
-        const int32_t *c = m->triangle + 3 * (size_t)(h / 3);
-        next[c[(h % 3 + 1) % 3]] = c[(h % 3 + 2) % 3];
+    for (int32_t e = 0; e < m->n_edges; e++) {
+        if (m->edge_triangle[2 * (size_t)e + 1] >= 0) continue;
+        const int32_t h = dmk_half_edge_on(m, m->edge_triangle[2 * (size_t)e], e);
+        next[m->triangle[dmk_next(h)]] = m->triangle[dmk_previous(h)];
         m->n_border_edges++;
     }
     if (m->n_border_edges > 0) m->n_border_loops = count_loops(next, m->n_vertices);

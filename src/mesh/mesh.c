@@ -2,6 +2,7 @@
 #include "mesh/check.h"
 
 #include "base/parallel.h"
+#include "base/sets.h"
 #include "base/vec3.h"
 
 #include <float.h>
@@ -47,28 +48,38 @@ static int32_t find_edge(const struct dmk_mesh *m, int32_t first, int32_t n_edge
     return e;
 }
 
-/* Edges are built by ranges of vertices, each range those whose smaller end it holds. */
+/* Edges are built by ranges of vertices, each range those whose smaller end it holds. Subdivision numbers new vertices
+ * last, so that early ones have most of the edges: once they are counted, ranges have as many half-edges each. */
 enum { MOST_RANGES = 8, LONG_RANGE = 20000 };
 
 typedef struct edging {
     struct dmk_mesh *mesh;
-    int32_t *row, *fill, *half; /* half-edges by smaller end */
-    int32_t n_ranges;
-    int32_t n_edges
-        [MOST_RANGES]; /* from row[first vertex of the range] on, until all are moved together */
-    bool clash[MOST_RANGES]; /* more than two triangles at an edge, or two of one direction */
+    int32_t *row, *fill, *half;               /* half-edges by smaller end */
+    int32_t n_ranges, first[MOST_RANGES + 1]; /* vertex of each range */
+    int32_t n_edges[MOST_RANGES]; /* from row[first[k]] on, until all are moved together */
+    bool clash[MOST_RANGES];      /* more than two triangles at an edge, or two of one direction */
 } edging;
 
-static int32_t range_first(const edging *w, int32_t k)
+static void set_ranges_by_vertices(edging *w)
 {
-    return dmk_range_begin(w->mesh->n_vertices, k, w->n_ranges);
+    for (int32_t k = 0; k <= w->n_ranges; k++)
+        w->first[k] = dmk_range_begin(w->mesh->n_vertices, k, w->n_ranges);
+}
+
+static void set_ranges_by_half_edges(edging *w)
+{
+    const int32_t n = w->mesh->n_vertices;
+    for (int32_t v = 0, k = 1; k < w->n_ranges; k++) {
+        while (v < n && w->row[v] < dmk_range_begin(w->row[n], k, w->n_ranges)) v++;
+        w->first[k] = v;
+    }
 }
 
 /* Of all half-edges those of the range: into row how many each vertex has; or, with `fill`, themselves into half. */
 static void sort_halves(const edging *w, int32_t k, bool fill)
 {
     const struct dmk_mesh *m = w->mesh;
-    const int32_t lo = range_first(w, k), hi = range_first(w, k + 1);
+    const int32_t lo = w->first[k], hi = w->first[k + 1];
     for (int32_t t = 0; t < m->n_triangles; t++) {
         for (int32_t h = 3 * t; h < 3 * t + 3; h++) {
             int32_t a, b;
@@ -127,7 +138,7 @@ static int edge_piece(dmk_context *ctx, int32_t k, void *data)
     enum { MANY = 64 };
     int rc = DMK_OK;
     edging *w = data;
-    const int32_t lo = range_first(w, k), hi = range_first(w, k + 1), base = w->row[lo];
+    const int32_t lo = w->first[k], hi = w->first[k + 1], base = w->row[lo];
     int32_t n_edges = base, *last = NULL;
     for (int32_t v = lo; v < hi && !w->clash[k]; v++) {
         const bool many = w->row[v + 1] - w->row[v] > MANY;
@@ -153,7 +164,7 @@ static void renumber_range(int32_t begin, int32_t end, void *data)
     const edging *w = data;
     int32_t base[MOST_RANGES] = {0}, shift[MOST_RANGES] = {0}, sum = 0;
     for (int32_t k = 0; k < w->n_ranges; k++) {
-        base[k] = w->row[range_first(w, k)];
+        base[k] = w->row[w->first[k]];
         shift[k] = base[k] - sum;
         sum += w->n_edges[k];
     }
@@ -170,7 +181,7 @@ static void join_ranges(dmk_context *ctx, edging *w)
     struct dmk_mesh *m = w->mesh;
     if (w->n_ranges > 1) dmk_parallel(ctx, 3 * m->n_triangles, renumber_range, w);
     for (int32_t k = 0; k < w->n_ranges; k++) {
-        const size_t from = 2 * (size_t)w->row[range_first(w, k)], to = 2 * (size_t)m->n_edges,
+        const size_t from = 2 * (size_t)w->row[w->first[k]], to = 2 * (size_t)m->n_edges,
                      bytes = 2 * (size_t)w->n_edges[k] * sizeof(int32_t);
         if (from > to) {
             memmove(m->edge_vertex + to, m->edge_vertex + from, bytes);
@@ -196,8 +207,10 @@ static int build_edges(dmk_context *ctx, struct dmk_mesh *m)
     DMK_TRY(DMK_NEW(ctx, m->triangle_edge, n_half));
     DMK_TRY(DMK_NEW(ctx, m->edge_vertex, 2 * n_half));
     DMK_TRY(DMK_NEW(ctx, m->edge_triangle, 2 * n_half));
+    set_ranges_by_vertices(&w);
     DMK_TRY(dmk_parallel_pieces(ctx, w.n_ranges, count_piece, &w));
     count_to_rows(m->n_vertices, w.row);
+    set_ranges_by_half_edges(&w);
     memcpy(w.fill, w.row, (size_t)m->n_vertices * sizeof *w.fill);
     DMK_TRY(dmk_parallel_pieces(ctx, w.n_ranges, fill_piece, &w));
     DMK_TRY(dmk_parallel_pieces(ctx, w.n_ranges, edge_piece, &w));
@@ -212,39 +225,29 @@ done:
     return rc;
 }
 
-/* Number the components by flooding over edges. */
+/* Number the components by their first triangles. Triangles that share a vertex are of one: those at it follow each
+ * other over edges (dmk_check_stars). */
 static int build_components(dmk_context *ctx, struct dmk_mesh *m)
 {
     int rc;
-    int32_t *stack = NULL;
-    DMK_TRY(DMK_NEW(ctx, m->component, (size_t)m->n_triangles));
-    DMK_TRY(DMK_NEW(ctx, stack, (size_t)m->n_triangles));
-    for (int32_t t = 0; t < m->n_triangles; t++) m->component[t] = -1;
-    for (int32_t seed = 0; seed < m->n_triangles; seed++) {
-        if (m->component[seed] >= 0) continue;
-        int32_t top = 0;
-        stack[top++] = seed;
-        m->component[seed] = m->n_components;
-        while (top > 0) {
-            int32_t t = stack[--top];
-            for (int k = 0; k < 3; k++) {
-                const int32_t *pair = m->edge_triangle + 2 * m->triangle_edge[3 * t + k];
-                int32_t other = pair[0] == t ? pair[1] : pair[0];
-                if (other >= 0 && m->component[other] < 0) {
-                    m->component[other] = m->n_components;
-                    stack[top++] = other;
-                }
-            }
-        }
-        m->n_components++;
+    int32_t *parent = NULL;
+    DMK_TRY(DMK_NEW_UNSET(ctx, parent, (size_t)m->n_vertices));
+    for (int32_t v = 0; v < m->n_vertices; v++) parent[v] = v;
+    m->n_components = m->n_used_vertices;
+    for (int32_t e = 0; e < m->n_edges; e++)
+        m->n_components -= dmk_set_unite(parent, m->edge_vertex[2 * e], m->edge_vertex[2 * e + 1]);
+    if (m->n_components == 1) goto done;
+    DMK_TRY(DMK_NEW_UNSET(ctx, m->component, (size_t)m->n_triangles));
+    for (int32_t t = 0; t < m->n_triangles; t++)
+        m->component[t] = dmk_set_find(parent, m->triangle[3 * (size_t)t]);
+    for (int32_t v = 0; v < m->n_vertices; v++) parent[v] = -1; /* now the number of a set */
+    for (int32_t t = 0, n = 0; t < m->n_triangles; t++) {
+        int32_t *number = parent + m->component[t];
+        if (*number < 0) *number = n++;
+        m->component[t] = *number;
     }
-    if (m->n_components == 1) {
-        free(m->component);
-        m->component = NULL;
-    }
-    rc = DMK_OK;
 done:
-    free(stack);
+    free(parent);
     return rc;
 }
 

@@ -35,6 +35,14 @@ static inline int32_t dmk_previous(int32_t h)
     return h % 3 == 0 ? h + 2 : h - 1;
 }
 
+/* The half-edge of triangle t on its edge e. */
+static inline int32_t dmk_half_edge_on(const dmk_mesh *m, int32_t t, int32_t e)
+{
+    int32_t h = 3 * t;
+    while (m->triangle_edge[h] != e) h++;
+    return h;
+}
+
 static inline int32_t dmk_mesh_component(const dmk_mesh *m, int32_t t)
 {
     return m->component ? m->component[t] : 0;
