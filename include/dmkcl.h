@@ -176,6 +176,11 @@ const int32_t *dmk_mesh_triangles(const dmk_mesh *mesh);
 /* Borrowed: 2*n_edges vertex indices, the smaller first; the edges' order is that of the results'
  * midpoint arrays. */
 const int32_t *dmk_mesh_edges(const dmk_mesh *mesh);
+/* Give back what is not needed to write results: edges, their lengths and the triangles' areas, 56 bytes per triangle.
+ * A solver that has put the mesh in order (dmk_solver_create without a device, of one component) solves on; results
+ * are written, and cut loci and paths made of them. Solvers, geodesics, samples and cuts from then on are DMK_E_ARG,
+ * and dmk_mesh_edges is NULL. */
+void dmk_mesh_forget_edges(dmk_mesh *mesh);
 
 /* The point of the surface nearest to xyz (in space). DMK_E_ARG for NaN or infinite xyz. */
 int dmk_mesh_project(dmk_context *context, const dmk_mesh *mesh, const double xyz[3],

@@ -622,6 +622,32 @@ static void test_samples_are_the_farthest(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* Points and triangles stay; what would read the edges is refused, and what a solver has ordered before is not. */
+static void test_forgets_edges(void **state)
+{
+    dmk_context *ctx = *state;
+    int64_t vertex = -1;
+    dmk_mesh_info info;
+    dmk_geodesics *g = NULL;
+    dmk_solver *before = NULL, *after = NULL;
+    const dmk_point p = {.weight = {1}};
+    dmk_mesh *m = create(ctx, 4, tetra_xyz, 4, tetra);
+    assert_int_equal(dmk_solver_create(ctx, NULL, m, &before), DMK_OK);
+    dmk_mesh_forget_edges(m);
+    dmk_mesh_get_info(m, &info);
+    assert_int_equal(info.n_edges, 6);
+    assert_memory_equal(dmk_mesh_triangles(m), tetra, sizeof tetra);
+    assert_null(dmk_mesh_edges(m));
+    assert_int_equal(dmk_mesh_sample(ctx, m, 1, 0, &vertex), DMK_E_ARG);
+    assert_int_equal(dmk_geodesics_create(ctx, m, 1, &p, NULL, &g), DMK_E_ARG);
+    assert_int_equal(dmk_solver_create(ctx, NULL, m, &after), DMK_E_ARG);
+    assert_non_null(strstr(dmk_context_message(ctx), "no edges any more"));
+    assert_true(before && !after && !g);
+    dmk_solver_destroy(&before);
+    dmk_mesh_destroy(&m);
+    dmk_mesh_forget_edges(NULL);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -643,6 +669,7 @@ int main(void)
         cmocka_unit_test(test_refuses_bad_points),
         cmocka_unit_test(test_edges_on_any_number_of_threads),
         cmocka_unit_test(test_samples_are_the_farthest),
+        cmocka_unit_test(test_forgets_edges),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }

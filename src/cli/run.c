@@ -124,6 +124,15 @@ static int read_mesh(const solve_request *request, solve_run *run)
     return rc;
 }
 
+/* Of one source nothing but the result is made of the mesh, which the solver has put in order: 61 of 923 MB of a
+ * solve of 1,094,000 triangles. */
+static void forget_edges(const solve_request *request, solve_run *run)
+{
+    dmk_mesh_info info;
+    dmk_mesh_get_info(run->mesh, &info);
+    if (request->once && info.n_components == 1) dmk_mesh_forget_edges(run->mesh);
+}
+
 int solve_begin(const solve_request *request, solve_run *run)
 {
     *run = (solve_run){
@@ -148,6 +157,7 @@ int solve_begin(const solve_request *request, solve_run *run)
     double mark = cli_seconds();
     if (rc == DMK_OK && !cli_ranks()) /* who look at their devices before they order the mesh */
         rc = dmk_solver_create(run->context, NULL, run->mesh, &run->solver);
+    if (rc == DMK_OK && run->solver) forget_edges(request, run);
     run->seconds.setup = lap(&mark);
     cli_progress_say(&run->progress, "opening the device and building its kernels");
     const int code = end_opening(&device, run, rc != DMK_OK);

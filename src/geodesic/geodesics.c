@@ -188,6 +188,7 @@ int dmk_geodesics_create(dmk_context *ctx, const dmk_mesh *mesh, size_t n_source
     dmk_geodesics_options chosen = defaults;
     if (dmk_missing(ctx, "mesh", mesh, "geodesics", geodesics)) return DMK_E_ARG;
     if (n_sources > 0 && dmk_missing(ctx, "sources", sources)) return DMK_E_ARG;
+    DMK_TRY(dmk_mesh_check_edges(ctx, mesh));
     DMK_TRY(dmk_options_take(ctx, "dmk_geodesics_options", options, &chosen, sizeof chosen));
     DMK_TRY(check_options(ctx, mesh, n_sources, &chosen));
     for (size_t i = 0; i < n_sources; i++)

@@ -415,6 +415,26 @@ void dmk_mesh_destroy(dmk_mesh **mesh)
     *mesh = NULL;
 }
 
+void dmk_mesh_forget_edges(dmk_mesh *m)
+{
+    if (!m) return;
+    free(m->triangle_edge);
+    free(m->edge_vertex);
+    free(m->edge_triangle);
+    free(m->length);
+    free(m->area);
+    m->triangle_edge = m->edge_vertex = m->edge_triangle = NULL;
+    m->length = m->area = NULL;
+}
+
+int dmk_mesh_check_edges(dmk_context *ctx, const dmk_mesh *m)
+{
+    return m->length ? DMK_OK
+                     : dmk_fail(ctx, DMK_E_ARG,
+                                "the mesh has no edges any more, they were given back: make what "
+                                "needs them before, or create the mesh anew");
+}
+
 int dmk_vertex_stars_create(dmk_context *ctx, const dmk_mesh *m, dmk_vertex_stars *stars)
 {
     int rc;

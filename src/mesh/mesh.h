@@ -72,6 +72,9 @@ void dmk_vertex_stars_free(dmk_vertex_stars *stars);
 int dmk_mesh_adopt(dmk_context *context, size_t n_vertices, double *xyz, size_t n_triangles,
                    int32_t *triangle, dmk_mesh **mesh);
 
+/* mesh.c: DMK_E_ARG after dmk_mesh_forget_edges. */
+int dmk_mesh_check_edges(dmk_context *context, const dmk_mesh *mesh);
+
 /* mesh.c: DMK_E_MESH if there is no triangle or 32 bits cannot number them. */
 int dmk_mesh_check_counts(dmk_context *context, size_t n_vertices, size_t n_triangles);
 

@@ -208,6 +208,7 @@ static int create(dmk_context *ctx, const dmk_mesh *m, dmk_mesh *own, int32_t co
     dmk_keyed *sorted = NULL;
     renumbering number = {0};
     memset(o, 0, sizeof *o);
+    DMK_TRY(dmk_mesh_check_edges(ctx, m));
     DMK_TRY(DMK_NEW(ctx, o->mesh, 1));
     DMK_TRY(morton_order(ctx, m, component, &sorted, &o->mesh->n_triangles));
     DMK_TRY(dmk_poll(ctx));
