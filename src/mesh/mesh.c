@@ -399,22 +399,6 @@ done:
     return rc;
 }
 
-void dmk_mesh_destroy(dmk_mesh **mesh)
-{
-    struct dmk_mesh *m = mesh ? *mesh : NULL;
-    if (!m) return;
-    free(m->xyz);
-    free(m->triangle);
-    free(m->triangle_edge);
-    free(m->edge_vertex);
-    free(m->edge_triangle);
-    free(m->component);
-    free(m->length);
-    free(m->area);
-    free(m);
-    *mesh = NULL;
-}
-
 void dmk_mesh_forget_edges(dmk_mesh *m)
 {
     if (!m) return;
@@ -425,6 +409,18 @@ void dmk_mesh_forget_edges(dmk_mesh *m)
     free(m->area);
     m->triangle_edge = m->edge_vertex = m->edge_triangle = NULL;
     m->length = m->area = NULL;
+}
+
+void dmk_mesh_destroy(dmk_mesh **mesh)
+{
+    struct dmk_mesh *m = mesh ? *mesh : NULL;
+    if (!m) return;
+    dmk_mesh_forget_edges(m);
+    free(m->xyz);
+    free(m->triangle);
+    free(m->component);
+    free(m);
+    *mesh = NULL;
 }
 
 int dmk_mesh_check_edges(dmk_context *ctx, const dmk_mesh *m)
