@@ -47,21 +47,25 @@ static void numbers_are_sorted(void **state)
     }
 }
 
+/* On one thread and on several; of the digit in the middle one item alone has another value. */
 static void keyed_items_keep_their_order(void **state)
 {
     (void)state;
-    enum { N = 5000 };
-    dmk_keyed *a = calloc(N, sizeof *a);
-    for (int32_t i = 0; i < N; i++) {
-        const uint64_t high = (uint64_t)(random_bits() % 50) << (DMK_KEY_BITS - 8);
-        a[i] = (dmk_keyed){high | random_bits() % 7, i};
+    static const int32_t sizes[] = {1, 5000, 120001};
+    for (int k = 0; k < 3; k++) {
+        const int32_t n = sizes[k];
+        dmk_keyed *a = calloc((size_t)n, sizeof *a);
+        for (int32_t i = 0; i < n; i++) {
+            const uint64_t high = (uint64_t)(random_bits() % 50) << (DMK_KEY_BITS - 8);
+            a[i] = (dmk_keyed){high | (uint64_t)(i == n / 2) << 20 | random_bits() % 7, i};
+        }
+        assert_int_equal(dmk_sort_keyed(ctx, a, (size_t)n), DMK_OK);
+        for (int32_t i = 1; i < n; i++) {
+            assert_true(a[i - 1].key <= a[i].key);
+            if (a[i - 1].key == a[i].key) assert_true(a[i - 1].item < a[i].item);
+        }
+        free(a);
     }
-    assert_int_equal(dmk_sort_keyed(ctx, a, N), DMK_OK);
-    for (int32_t i = 1; i < N; i++) {
-        assert_true(a[i - 1].key <= a[i].key);
-        if (a[i - 1].key == a[i].key) assert_true(a[i - 1].item < a[i].item);
-    }
-    free(a);
 }
 
 /* L X = I - J / n, and the rows of X sum to 0: that is the pseudo-inverse, whatever the unit. */
