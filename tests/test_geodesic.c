@@ -514,29 +514,35 @@ static void any_scale(void **state)
     dmk_mesh_destroy(&m);
 }
 
-/* As many threads as there are: the same bits, of distances and of the ways. */
+/* As many threads as there are: the same bits, of distances and of the ways, of exact and of merged windows. */
 static void any_number_of_threads(void **state)
 {
     dmk_context *ctx = *state;
     dmk_surface_options surface;
+    dmk_geodesics_options options;
     dmk_mesh *m;
     dmk_surface_options_init(&surface, sizeof surface);
     surface.name = "quartic";
     surface.n_triangles = 30000;
     assert_int_equal(dmk_mesh_surface(ctx, &surface, &m), DMK_OK);
+    const size_t n_vertices = (size_t)m->n_vertices;
     const dmk_point p = {999, {0.2, 0.3, 0.5}};
-    assert_int_equal(dmk_context_set_threads(ctx, 1), DMK_OK);
-    dmk_geodesics *one = run(ctx, m, 1, &p, NULL);
-    for (int n = 2; n <= 8; n++) {
-        assert_int_equal(dmk_context_set_threads(ctx, n), DMK_OK);
-        dmk_geodesics *g = run(ctx, m, 1, &p, NULL);
-        assert_memory_equal(g->distance, one->distance,
-                            (size_t)m->n_vertices * sizeof *g->distance);
-        assert_memory_equal(g->arrival, one->arrival, (size_t)m->n_vertices * sizeof *g->arrival);
-        dmk_geodesics_destroy(&g);
+    dmk_geodesics_options_init(&options, sizeof options);
+    for (int merged = 0; merged < 2; merged++) {
+        options.tolerance = merged ? 1e-6 : 0;
+        assert_int_equal(dmk_context_set_threads(ctx, 1), DMK_OK);
+        dmk_geodesics *one = run_with(ctx, m, 1, &p, &options);
+        for (int n = 2; n <= 8; n++) {
+            assert_int_equal(dmk_context_set_threads(ctx, n), DMK_OK);
+            dmk_geodesics *g = run_with(ctx, m, 1, &p, &options);
+            assert_memory_equal(g->distance, one->distance, n_vertices * sizeof *g->distance);
+            assert_memory_equal(g->arrival, one->arrival, n_vertices * sizeof *g->arrival);
+            if (merged) assert_memory_equal(g->error, one->error, n_vertices * sizeof *g->error);
+            dmk_geodesics_destroy(&g);
+        }
+        dmk_geodesics_destroy(&one);
     }
     dmk_context_set_threads(ctx, 0);
-    dmk_geodesics_destroy(&one);
     dmk_mesh_destroy(&m);
 }
 

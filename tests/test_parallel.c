@@ -1,5 +1,5 @@
 /* The pool: what is done, by how many threads, and what a failure says. */
-#include "base/parallel.h"
+#include "base/crew.h"
 
 #include <pthread.h>
 #include <setjmp.h>
@@ -176,6 +176,73 @@ static void test_failures_tell_of_the_first(void **state)
     record_free(r);
 }
 
+/* ---- crews ---------------------------------------------------------------------------------- */
+
+enum { ROUNDS = 3000, MOST_PARTS = 17 };
+
+typedef struct rounds {
+    int32_t number;          /* of the round, written between rounds */
+    int32_t met[MOST_PARTS]; /* the round in which each part was met last */
+    _Atomic int busy[DMK_MOST_CREW];
+    _Atomic bool twice, late; /* a part or member met twice; one of another round */
+    _Atomic int by_others;
+} rounds;
+
+static void meet_part(int32_t k, int member, void *data)
+{
+    rounds *r = data;
+    if (atomic_fetch_add(r->busy + member, 1) != 0 || r->met[k] == r->number) r->twice = true;
+    if (r->met[k] > r->number) r->late = true;
+    r->met[k] = r->number;
+    if (member > 0) r->by_others++;
+    atomic_fetch_sub(r->busy + member, 1);
+}
+
+/* Each part once in each round, whatever the number of threads, and never behind the round's end. */
+static void test_crews_do_each_part_once(void **state)
+{
+    (void)state;
+    for (int threads = 1; threads <= 6; threads++) {
+        record *r = record_create(threads);
+        rounds all = {.number = 0};
+        dmk_crew crew;
+        dmk_crew_begin(r->ctx, &crew, meet_part, &all);
+        assert_int_equal(crew.n_members, threads < DMK_MOST_CREW ? threads : DMK_MOST_CREW);
+        for (int32_t i = 1; i <= ROUNDS; i++) {
+            const int32_t n = i % (MOST_PARTS + 1);
+            all.number = i;
+            dmk_crew_round(&crew, n);
+            for (int32_t k = 0; k < n; k++) assert_int_equal(all.met[k], i);
+            for (int32_t k = n; k < MOST_PARTS; k++) assert_true(all.met[k] < i);
+        }
+        dmk_crew_end(r->ctx, &crew);
+        assert_false(all.twice || all.late);
+        if (threads == 1) assert_int_equal(all.by_others, 0);
+        record_free(r);
+    }
+}
+
+static void rest_part(int32_t k, int member, void *data)
+{
+    (void)k;
+    (void)member;
+    see(data);
+    rest();
+}
+
+/* Other threads come, and end with the crew. */
+static void test_crews_share(void **state)
+{
+    (void)state;
+    record *r = record_create(3);
+    dmk_crew crew;
+    dmk_crew_begin(r->ctx, &crew, rest_part, r);
+    for (int i = 0; i < 50; i++) dmk_crew_round(&crew, 12);
+    dmk_crew_end(r->ctx, &crew);
+    assert_int_equal(r->n_seen, 3);
+    record_free(r);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -184,6 +251,8 @@ int main(void)
         cmocka_unit_test(test_loops_in_tasks_share_the_threads),
         cmocka_unit_test(test_the_first_culprit),
         cmocka_unit_test(test_failures_tell_of_the_first),
+        cmocka_unit_test(test_crews_do_each_part_once),
+        cmocka_unit_test(test_crews_share),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,4 +1,4 @@
-/* Paths back to the sources from within: how many windows a search keeps. */
+/* Paths back to the sources from within: how many windows a search keeps, and what repairs leave. */
 #include "../src/geodesic/trace.c" /* for its static functions; the library's own are then left out */
 
 #include "context.h"
@@ -37,8 +37,46 @@ static void windows_are_limited(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* A repaired distance may be longer than the shortest by the tolerance, and says so. */
+static void repairs_end_within_the_tolerance(void **state)
+{
+    dmk_mesh *m = unit_square(*state, 1);
+    dmk_geodesics *g = from_corner(*state, m, 0);
+    dmk_tracer *t = NULL;
+    g->tolerance = 0.01;
+    g->error = calloc((size_t)m->n_vertices, sizeof *g->error);
+    assert_non_null(g->error);
+    assert_int_equal(dmk_tracer_create(*state, g, &t), DMK_OK);
+    if (!t) return;
+    for (int32_t v = 0; v < m->n_vertices; v++) {
+        const double exact = g->distance[v];
+        mended one = {.vertex = v};
+        if (is_source(g, v)) continue;
+        assert_int_equal(mend(*state, t, &one), DMK_OK);
+        assert_true(one.distance >= exact * (1 - 1e-14) && one.distance <= 1.01 * exact);
+        assert_true(fabs(one.error - 0.01 * exact) < 1e-14);
+    }
+    for (int i = 0; i < 2; i++) {
+        sight w = {.hi = 1, .x = 0.5, .y = -1};
+        t->n_sights = 0;
+        t->bound = INFINITY;
+        assert_int_equal(keep(*state, t, &w, &(behind){.vertex = -1}), DMK_OK);
+        t->n_sights = 0;
+        t->slack = 0.1;
+        t->bound = w.least + (i == 0 ? 0.09 : 0.11);
+        assert_int_equal(keep(*state, t, &w, &(behind){.vertex = -1}), DMK_OK);
+        assert_int_equal(t->n_sights, i);
+    }
+    dmk_tracer_destroy(&t);
+    dmk_geodesics_destroy(&g);
+    dmk_mesh_destroy(&m);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(windows_are_limited)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(windows_are_limited),
+        cmocka_unit_test(repairs_end_within_the_tolerance),
+    };
     return cmocka_run_group_tests_name("trace", tests, context_setup, context_teardown);
 }

@@ -161,7 +161,7 @@ static void shortest_waves_are_kept(void **state)
     uint32_t random = 5;
     for (int trial = 0; trial < 500; trial++) {
         wave all[MOST] = {{0}}, list[MOST];
-        engine e = {.list = list};
+        const engine e = {.allow = {.error = 0}};
         size_t n = 0;
         double lo = 0;
         const int wanted = 2 + trial % (MOST - 1);
@@ -169,7 +169,7 @@ static void shortest_waves_are_kept(void **state)
             all[n++] = wave_from(2 * noise(&random), 0.6 + noise(&random), lo,
                                  fmin(1, lo + 0.6 + noise(&random)), 0.5);
         memcpy(list, all, n * sizeof *all);
-        const size_t left = trim(&e, n, 1);
+        const size_t left = trim(&e, list, n, 1);
         for (int k = 0; k <= SAMPLES; k++) {
             const double t = (double)k / SAMPLES;
             double best = INFINITY, kept = INFINITY;
@@ -226,7 +226,7 @@ static void merging(void **state)
 {
     dmk_mesh *m = make(*state, 160, 80, on_torus, 0.4);
     check_count(*state, m, 1e-6, 415506, 0.01);
-    check_count(*state, m, 1e-4, 93875, 0.01);
+    check_count(*state, m, 1e-4, 95483, 0.01);
     dmk_mesh_destroy(&m);
 }
 
@@ -269,12 +269,12 @@ static void line_between_engines(void **state)
     }
 }
 
-/* Buckets half as wide or twice as wide change these by 7 and 4 %. */
+/* Buckets half as wide or twice as wide change these by 12 and 16 %. */
 static void buckets(void **state)
 {
     dmk_mesh *m = make(*state, 160, 80, on_torus, 0.4);
     dmk_geodesics *g = from_vertex(*state, m, 17, 1e-4);
-    if (g->n_windows < 89000 || g->n_windows > 93000)
+    if (g->n_windows < 93500 || g->n_windows > 97300)
         fail_msg("%lld windows", (long long)g->n_windows);
     dmk_geodesics_destroy(&g);
     dmk_mesh_destroy(&m);
@@ -487,9 +487,12 @@ static void rounding_of_filters(void **state)
                 d[s.a] = value(&w, w.hi) - w.hi - shorter[i] * length;
             else
                 d[s.b] = value(&w, w.lo) - (length - w.lo) - shorter[i] * length;
+            look(&q.e, 0, &s);
             assert_int_equal(store(*state, &q.e, &w, q.e.head), DMK_OK);
-            assert_int_equal(gather(*state, &q.e, q.e.head, false, &s, &n), DMK_OK);
+            assert_int_equal(gather(q.e.worker, &q.e, q.e.head, false, &s, &n), DMK_OK);
             assert_int_equal(n, i == 0);
+            assert_int_equal(q.e.worker->n.spent, 1);
+            assert_int_equal(q.e.head[0], -1);
             end(&q);
         }
     }

@@ -18,7 +18,7 @@
 #include "geodesic/front.h"
 #include "geodesic/heap.h"
 
-#include "base/parallel.h"
+#include "base/crew.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -61,31 +61,88 @@ typedef struct mark {
 } mark;
 enum { UNREACHED = -2, STRAIGHT = -1 };
 
+/* Half-edges of a bucket, in their order, so many together that a chain of them costs few cache misses. */
+enum { BLOCK = 30 };
+typedef struct block {
+    int32_t half[BLOCK], n, next; /* next: of the bucket, or of the free blocks; -1: none */
+} block;
+
 typedef struct bucket {
-    int32_t first, last; /* half-edges, -1: none */
+    int32_t first, last; /* blocks, -1: none */
 } bucket;
+
+/* What a visit sends to the next half-edges: see `worker`. */
+typedef struct child {
+    wave wave;
+    double key;
+} child;
+
+typedef struct hit {
+    mark mark;
+    double d, error;
+    int32_t vertex;
+} hit;
+
+typedef struct chain { /* of windows in the pool */
+    int32_t first, last;
+} chain;
+
+/* Half-edges of a bucket are visited in chunks, on all threads. Visits read the state as it was when the round began,
+ * and what they find is entered when all have ended, in the order of the half-edges: the result does not depend on the
+ * threads. */
+enum { CHUNK = 16 }; /* half-edges; speed only: 32 takes the same time */
+
+typedef struct counts {
+    size_t spent, child, hit, kept;
+} counts;
+
+/* What one thread finds in its chunks of a round. */
+typedef struct worker {
+    dmk_context own;
+    int rc;
+    wave *list, *merged; /* of the half-edge that is visited */
+    size_t list_room, merged_room;
+    chain *spent; /* windows to give back */
+    child *child;
+    hit *hit;
+    wave *kept;
+    counts n, room;
+    int64_t n_looks;
+    bool keeps; /* a half-edge wants to keep windows */
+} worker;
+
+/* Where a chunk's finds lie. */
+typedef struct finds {
+    int member;
+    counts from, to;
+} finds;
 
 typedef struct engine {
     dmk_front front;
     allowance allow;
-    double *error;        /* n_vertices */
-    mark *mark;           /* n_vertices */
-    double *radiated;     /* n_vertices: at this distance */
-    int32_t *head, *next; /* of each half-edge: its windows; the next half-edge of the bucket */
-    int32_t *kept;   /* of each half-edge: windows that have run on; NULL while none keeps them */
-    uint8_t *visits; /* of each half-edge, up to `often` */
+    double *error;    /* n_vertices */
+    mark *mark;       /* n_vertices */
+    double *radiated; /* n_vertices: at this distance */
+    int32_t *head;    /* of each half-edge: its windows */
+    int32_t *kept;    /* of each half-edge: windows that have run on; NULL while none keeps them */
+    uint8_t *visits;  /* of each half-edge, up to `often` */
     wave *pool;
     size_t n_pool, pool_room;
     int32_t free;
+    block *block;
+    size_t n_blocks, block_room;
+    int32_t free_block;
     bucket *bucket;
     size_t n_buckets, bucket_room, current;
     double width, least;
     size_t most_buckets; /* the last one has the rest, far behind other sources' offsets */
     dmk_heap pseudo_sources;
-    wave *list, *merged; /* of the half-edge that is visited */
-    size_t list_room, merged_room;
     int32_t *taken; /* half-edges of the bucket */
-    size_t taken_room;
+    size_t n_taken, taken_room;
+    finds *finds; /* of each chunk of them */
+    size_t finds_room;
+    worker *worker;
+    dmk_crew crew;
     int64_t n_made, n_looks;
     double closed; /* angle around the source if it is one point inside: directions are mod that;
                       else 0 */
@@ -146,15 +203,16 @@ static int engine_create(dmk_context *ctx, dmk_geodesics *g, double tolerance, e
     if (tolerance == 0) tolerance = exact_tolerance;
     memset(e, 0, sizeof *e);
     e->allow = (allowance){tolerance, most_jump * tolerance, sqrt(tolerance)};
-    e->free = -1;
+    e->free = e->free_block = -1;
     DMK_TRY(dmk_front_create(ctx, g, &e->front));
     DMK_TRY(DMK_NEW(ctx, e->error, n));
     DMK_TRY(DMK_NEW(ctx, e->mark, n));
     DMK_TRY(DMK_NEW(ctx, e->radiated, n));
-    DMK_TRY(DMK_NEW(ctx, e->head, n_half));
-    DMK_TRY(DMK_NEW(ctx, e->next, n_half));
+    DMK_TRY(DMK_NEW_UNSET(ctx, e->head, n_half));
     memset(e->head, 0xff, n_half * sizeof *e->head);
     DMK_TRY(DMK_NEW(ctx, e->visits, n_half));
+    DMK_TRY(DMK_NEW(ctx, e->worker, DMK_MOST_CREW));
+    for (int i = 0; i < DMK_MOST_CREW; i++) dmk_context_lend(ctx, &e->worker[i].own);
     for (size_t v = 0; v < n; v++) {
         e->mark[v].half = UNREACHED;
         e->radiated[v] = INFINITY;
@@ -173,6 +231,16 @@ done:
     return rc;
 }
 
+static void worker_free(worker *w)
+{
+    free(w->list);
+    free(w->merged);
+    free(w->spent);
+    free(w->child);
+    free(w->hit);
+    free(w->kept);
+}
+
 static void engine_free(engine *e)
 {
     dmk_front_free(&e->front);
@@ -181,17 +249,41 @@ static void engine_free(engine *e)
     free(e->mark);
     free(e->radiated);
     free(e->head);
-    free(e->next);
     free(e->kept);
     free(e->visits);
     free(e->pool);
+    free(e->block);
     free(e->bucket);
-    free(e->list);
-    free(e->merged);
     free(e->taken);
+    free(e->finds);
+    for (int i = 0; e->worker && i < DMK_MOST_CREW; i++) worker_free(e->worker + i);
+    free(e->worker);
 }
 
 /* ---- the queue ------------------------------------------------------------------------------- */
+
+/* An empty block at the end of a bucket. */
+static int add_block(dmk_context *ctx, engine *e, bucket *b)
+{
+    int32_t i = e->free_block;
+    if (i >= 0) {
+        e->free_block = e->block[i].next;
+    } else {
+        if (e->n_blocks == e->block_room) {
+            int rc = DMK_GROW(ctx, e->block, e->n_blocks + 1, e->block_room);
+            if (rc != DMK_OK) return rc;
+        }
+        i = (int32_t)e->n_blocks++;
+    }
+    e->block[i].n = 0;
+    e->block[i].next = -1;
+    if (b->first < 0)
+        b->first = i;
+    else
+        e->block[b->last].next = i;
+    b->last = i;
+    return DMK_OK;
+}
 
 static int schedule(dmk_context *ctx, engine *e, int32_t half, double key)
 {
@@ -204,12 +296,12 @@ static int schedule(dmk_context *ctx, engine *e, int32_t half, double key)
     }
     for (; e->n_buckets <= i; e->n_buckets++) e->bucket[e->n_buckets] = (bucket){-1, -1};
     bucket *b = e->bucket + i;
-    e->next[half] = -1;
-    if (b->first < 0)
-        b->first = half;
-    else
-        e->next[b->last] = half;
-    b->last = half;
+    if (b->last < 0 || e->block[b->last].n == BLOCK) {
+        int rc = add_block(ctx, e, b);
+        if (rc != DMK_OK) return rc;
+    }
+    block *k = e->block + b->last;
+    k->half[k->n++] = half;
     return DMK_OK;
 }
 
@@ -232,29 +324,39 @@ static int store(dmk_context *ctx, engine *e, const wave *w, int32_t *head)
     return DMK_OK;
 }
 
-/* A window of a half-edge of this length, whose ends are reached by `most`. */
-static int put(dmk_context *ctx, engine *e, const wave *w, double length, double most)
+/* When a half-edge of this length, whose ends are reached by `most`, is to be visited for this window. */
+static double key_of(const wave *w, double length, double most)
+{
+    return dmk_min(dmk_max(value(w, 0), value(w, length)), most);
+}
+
+/* A window of its half-edge. */
+static int put(dmk_context *ctx, engine *e, const wave *w, double key)
 {
     const bool waits = e->head[w->half] >= 0;
     int rc = store(ctx, e, w, e->head + w->half);
     e->n_made++;
-    if (rc != DMK_OK || waits) return rc;
-    return schedule(ctx, e, w->half, dmk_min(dmk_max(value(w, 0), value(w, length)), most));
+    return rc != DMK_OK || waits ? rc : schedule(ctx, e, w->half, key);
 }
 
-/* All values are lengths of paths up to their error, so the best estimate of any of them counts. */
-static int reach(dmk_context *ctx, engine *e, int32_t v, double d, const mark *m, double error,
-                 double excess)
+/* All values are lengths of paths up to their error, so the best estimate of any of them counts. Whether this one is
+ * the shortest. */
+static inline bool improve(double *known, double *error, double d, double its_error, double excess)
 {
-    double *known = e->front.d + v;
     if (!(d < *known)) {
-        e->error[v] = dmk_min(e->error[v], error + excess + d - *known);
-        return DMK_OK;
+        *error = dmk_min(*error, its_error + excess + d - *known);
+        return false;
     }
-    if (*known < INFINITY) excess = dmk_min(excess, e->error[v] + *known - d);
+    if (*known < INFINITY) excess = dmk_min(excess, *error + *known - d);
     *known = d;
+    *error = its_error + excess;
+    return true;
+}
+
+static int reach(dmk_context *ctx, engine *e, int32_t v, double d, const mark *m, double error)
+{
+    if (!improve(e->front.d + v, e->error + v, d, error, 0)) return DMK_OK;
     e->mark[v] = *m;
-    e->error[v] = error + excess;
     return e->front.pseudo_source[v] ? dmk_heap_push(ctx, &e->pseudo_sources, d, v) : DMK_OK;
 }
 
@@ -264,6 +366,11 @@ typedef struct angle {
     double length, left, right;
     double ca, sa, cb, sb, cx, cy, at;
     int32_t a, b, c, through_left, through_right;
+    double d_a, d_b, d_c,
+        error; /* what is known of the vertices, with the finds of this visit; error: of c */
+    const mark *known; /* of c */
+    mark mark;
+    bool reached; /* c has another value now */
 } angle;
 
 static inline void look(const engine *e, int32_t half, angle *s)
@@ -275,6 +382,9 @@ static inline void look(const engine *e, int32_t half, angle *s)
     s->cx = s->left * s->ca, s->cy = s->left * s->sa;
     s->a = f->vertex[k1], s->b = f->vertex[k2], s->c = f->vertex[k];
     s->through_left = f->twin[k2], s->through_right = f->twin[k1];
+    s->d_a = e->front.d[s->a], s->d_b = e->front.d[s->b], s->d_c = e->front.d[s->c];
+    s->error = e->error[s->c], s->known = e->mark + s->c;
+    s->reached = false;
 }
 
 /* The wave seen from the edge through (px, py) along (ex, ey), on lo..hi of it. */
@@ -295,10 +405,17 @@ static inline bool carry(const wave *w, double px, double py, double ex, double 
     return c->uy > 0 && (w->k >= 0 || 1 + w->k * xi > 0);
 }
 
-static int step_left(dmk_context *ctx, engine *e, const wave *w, const angle *s, double last)
+static int add_child(worker *me, const wave *w, double key)
+{
+    int rc = DMK_GROW(&me->own, me->child, me->n.child + 1, me->room.child);
+    if (rc == DMK_OK) me->child[me->n.child++] = (child){*w, key};
+    return rc;
+}
+
+static int step_left(worker *me, const wave *w, const angle *s, double last)
 {
     wave c;
-    const double *d = e->front.d, eps = DMK_SAME_LENGTH + rounding * s->length;
+    const double eps = DMK_SAME_LENGTH + rounding * s->length;
     if (s->through_left < 0) return DMK_OK;
     double lo = w->uy * w->lo / (w->uy * s->ca - s->sa * (w->ux + w->k * (w->lo - w->o)));
     double hi = last >= s->at
@@ -308,19 +425,19 @@ static int step_left(dmk_context *ctx, engine *e, const wave *w, const angle *s,
     if (!(lo >= 0)) lo = 0;
     if (!(hi - lo > DMK_NO_WIDTH * s->left) || !carry(w, 0, 0, s->ca, s->sa, lo, hi, &c))
         return DMK_OK;
-    double at_lo = value(&c, lo), late = at_lo - d[s->b] - eps;
-    if (d[s->c] + (s->left - lo) + eps <= at_lo || d[s->a] + hi + eps <= value(&c, hi))
-        return DMK_OK;
+    double at_lo = value(&c, lo), at_hi = value(&c, hi), late = at_lo - s->d_b - eps;
+    if (s->d_c + (s->left - lo) + eps <= at_lo || s->d_a + hi + eps <= at_hi) return DMK_OK;
     double bx = s->length * s->ca - lo, by = s->length * s->sa;
     if (late > 0 && late * late > bx * bx + by * by) return DMK_OK;
     c.half = s->through_left;
-    return put(ctx, e, &c, s->left, dmk_max(d[s->a], d[s->c]));
+    return add_child(me, &c,
+                     dmk_min(dmk_max(at_lo + lo, at_hi + (s->left - hi)), dmk_max(s->d_a, s->d_c)));
 }
 
-static int step_right(dmk_context *ctx, engine *e, const wave *w, const angle *s, double first)
+static int step_right(worker *me, const wave *w, const angle *s, double first)
 {
     wave c;
-    const double *d = e->front.d, eps = DMK_SAME_LENGTH + rounding * s->length;
+    const double eps = DMK_SAME_LENGTH + rounding * s->length;
     if (s->through_right < 0) return DMK_OK;
     double lo = first <= s->at ? s->right
                                : w->uy * (s->length - first) /
@@ -332,17 +449,17 @@ static int step_right(dmk_context *ctx, engine *e, const wave *w, const angle *s
     lo = s->right - lo, hi = s->right - hi; /* both were from b */
     if (!(hi - lo > DMK_NO_WIDTH * s->right) || !carry(w, s->cx, s->cy, s->cb, -s->sb, lo, hi, &c))
         return DMK_OK;
-    double at_hi = value(&c, hi), late = at_hi - d[s->a] - eps;
-    if (d[s->b] + (s->right - lo) + eps <= value(&c, lo) || d[s->c] + hi + eps <= at_hi)
-        return DMK_OK;
+    double at_lo = value(&c, lo), at_hi = value(&c, hi), late = at_hi - s->d_a - eps;
+    if (s->d_b + (s->right - lo) + eps <= at_lo || s->d_c + hi + eps <= at_hi) return DMK_OK;
     double ax = -s->cx * s->cb + s->cy * s->sb - hi, ay = -s->cy * s->cb - s->cx * s->sb;
     if (late > 0 && late * late > ax * ax + ay * ay) return DMK_OK;
     c.half = s->through_right;
-    return put(ctx, e, &c, s->right, dmk_max(d[s->b], d[s->c]));
+    return add_child(
+        me, &c, dmk_min(dmk_max(at_lo + lo, at_hi + (s->right - hi)), dmk_max(s->d_b, s->d_c)));
 }
 
 /* The vertex above by the ray through t of the edge: s->at, or the nearer end of the interval. */
-static int reach_above(dmk_context *ctx, engine *e, const wave *w, const angle *s, double t)
+static void reach_above(const wave *w, angle *s, double t)
 {
     bool direct = t == s->at;
     double ax = s->cx - w->o, dx = direct ? ax : t - w->o, dy = direct ? s->cy : 0, excess = 0;
@@ -350,36 +467,40 @@ static int reach_above(dmk_context *ctx, engine *e, const wave *w, const angle *
     double xi = w->ux * dx + w->uy * dy, d = w->D + (2 * xi + w->k * (dx * dx + dy * dy)) / (1 + n);
     double bx = direct ? qx : s->cx - t, by = direct ? qy : s->cy;
     if (!direct) d += sqrt(bx * bx + by * by);
-    if (!(d < e->front.d[s->c] || w->error + d - e->front.d[s->c] < e->error[s->c])) return DMK_OK;
+    if (!(d < s->d_c || w->error + d - s->d_c < s->error)) return;
     if (!direct) {
         double px = w->k * ax + w->ux, py = w->k * s->cy + w->uy;
         excess = d - (w->D + (2 * (w->ux * ax + w->uy * s->cy) + w->k * (ax * ax + s->cy * s->cy)) /
                                  (1 + sqrt(px * px + py * py)));
     }
-    mark m = {w->direction,
-              s->cx * bx + s->cy * by,
-              s->cx * by - s->cy * bx,
-              direct ? t : HUGE_VAL,
-              w->half,
-              w->source,
-              w->root};
-    if (w->turn != 0) m.direction += w->turn * psi(w->k, xi, w->ux * dy - w->uy * dx);
-    return reach(ctx, e, s->c, d, &m, w->error, excess);
+    const mark m = {w->direction +
+                        (w->turn != 0 ? w->turn * psi(w->k, xi, w->ux * dy - w->uy * dx) : 0),
+                    s->cx * bx + s->cy * by,
+                    s->cx * by - s->cy * bx,
+                    direct ? t : HUGE_VAL,
+                    w->half,
+                    w->source,
+                    w->root};
+    if (improve(&s->d_c, &s->error, d, w->error, excess)) {
+        s->mark = m;
+        s->known = &s->mark;
+    }
+    s->reached = true;
 }
 
-static int step(dmk_context *ctx, engine *e, const wave *w, angle *s)
+static int step(worker *me, const wave *w, angle *s)
 {
     const double slack = DMK_SAME_PLACE * s->length, den = w->k * s->cy + w->uy;
     const double eps = DMK_SAME_LENGTH + rounding * s->length;
-    if (!(den > 0)) return DMK_OK; /* the rays meet before */
+    int rc = DMK_OK;
+    if (!(den > 0)) return rc; /* the rays meet before */
     s->at = ((w->o * w->k - w->ux) * s->cy + s->cx * w->uy) / den;
     bool left = w->lo<s->at, right = w->hi> s->at;
     double last = w->hi, first = w->lo, t = dmk_min(dmk_max(s->at, w->lo), w->hi);
-    const mark *m = e->mark + s->c;
-    double before = e->front.d[s->c];
-    int rc = reach_above(ctx, e, w, s, t);
-    if (rc != DMK_OK) return rc;
-    if (t == s->at && e->front.d[s->c] == before && m->half == w->half && m->at < HUGE_VAL) {
+    const double before = s->d_c;
+    reach_above(w, s, t);
+    const mark *m = s->known;
+    if (t == s->at && s->d_c == before && m->half == w->half && m->at < HUGE_VAL) {
         double dx = s->cx - w->o, qx = w->k * dx + w->ux, qy = w->k * s->cy + w->uy;
         double d = w->D + (2 * (w->ux * dx + w->uy * s->cy) + w->k * (dx * dx + s->cy * s->cy)) /
                               (1 + sqrt(qx * qx + qy * qy));
@@ -392,8 +513,8 @@ static int step(dmk_context *ctx, engine *e, const wave *w, angle *s)
         if (left) last = s->at;
         if (right) first = s->at;
     }
-    if (left) rc = step_left(ctx, e, w, s, last);
-    if (rc == DMK_OK && right) rc = step_right(ctx, e, w, s, first);
+    if (left) rc = step_left(me, w, s, last);
+    if (rc == DMK_OK && right) rc = step_right(me, w, s, first);
     return rc;
 }
 
@@ -468,9 +589,8 @@ static bool trim_two(const engine *e, wave *u, wave *w, double length, bool *aga
 }
 
 /* The lower envelope of neighbours in the list, sorted by lo. How many are left. */
-static size_t trim(engine *e, size_t n, double length)
+static size_t trim(const engine *e, wave *l, size_t n, double length)
 {
-    wave *l = e->list;
     size_t k = 0; /* l[0..k] are done */
     for (size_t i = 1; i < n; i++) {
         wave w = l[i];
@@ -545,17 +665,17 @@ static bool merge(const engine *e, const wave *r, size_t n, double length, wave 
     return true;
 }
 
-/* Merge runs of the n windows in the list into e->merged. How many there are then. */
-static size_t merge_all(engine *e, size_t n, double length)
+/* Merge runs of the n windows l into `merged`. How many there are then. */
+static size_t merge_all(const engine *e, const wave *l, size_t n, double length, wave *merged)
 {
     size_t out = 0;
     for (size_t i = 0, j; i < n; i = j) {
-        wave best = e->list[i], t;
-        for (j = i + 1; j < n && fabs(e->list[j].lo - e->list[j - 1].hi) < rounding * length; j++) {
-            if (!merge(e, e->list + i, j - i + 1, length, &t)) break;
+        wave best = l[i], t;
+        for (j = i + 1; j < n && fabs(l[j].lo - l[j - 1].hi) < rounding * length; j++) {
+            if (!merge(e, l + i, j - i + 1, length, &t)) break;
             best = t;
         }
-        e->merged[out++] = best;
+        merged[out++] = best;
     }
     return out;
 }
@@ -579,66 +699,66 @@ static void sort(wave *l, size_t n)
     }
 }
 
-/* Take the windows of one of a half-edge's lists that are still of use into the engine's. */
-static int gather(dmk_context *ctx, engine *e, int32_t *head, bool kept, const angle *s, size_t *n)
-{
-    const double eps = DMK_SAME_LENGTH + rounding * s->length, at_a = e->front.d[s->a] + eps;
-    const double at_b = e->front.d[s->b] + s->length + eps;
-    for (int32_t i = *head, next; i >= 0; i = next) {
-        wave *w = e->pool + i;
-        if (at_b - w->lo >= value(w, w->lo) && at_a + w->hi >= value(w, w->hi)) {
-            if (*n == e->list_room) {
-                int rc = DMK_GROW(ctx, e->list, *n + 1, e->list_room);
-                if (rc != DMK_OK) return rc;
-            }
-            e->list[*n] = *w;
-            e->list[(*n)++].next = kept ? KEPT : -1;
-        }
-        next = w->next;
-        w->next = e->free;
-        e->free = i;
-    }
-    *head = -1;
-    return DMK_OK;
-}
-
-/* One more visit: whether the half-edge keeps its windows now. */
-static int keeps(dmk_context *ctx, engine *e, int32_t half, bool *keep)
+/* Take the windows of one of a half-edge's lists that are still of use into the worker's. */
+static int gather(worker *me, const engine *e, int32_t *head, bool kept, const angle *s, size_t *n)
 {
     int rc = DMK_OK;
-    const size_t n_half = 3 * (size_t)e->front.g->mesh->n_triangles;
-    if (e->visits[half] < often) e->visits[half]++;
-    *keep = e->visits[half] == often;
-    if (!*keep || e->kept) return DMK_OK;
-    DMK_TRY(DMK_NEW(ctx, e->kept, n_half));
-    memset(e->kept, 0xff, n_half * sizeof *e->kept);
+    const double eps = DMK_SAME_LENGTH + rounding * s->length, at_a = s->d_a + eps;
+    const double at_b = s->d_b + s->length + eps;
+    chain all = {*head, -1};
+    for (int32_t i = *head; i >= 0; i = e->pool[i].next) {
+        const wave *w = e->pool + i;
+        all.last = i;
+        if (at_b - w->lo < value(w, w->lo) || at_a + w->hi < value(w, w->hi)) continue;
+        DMK_TRY(DMK_GROW(&me->own, me->list, *n + 1, me->list_room));
+        me->list[*n] = *w;
+        me->list[(*n)++].next = kept ? KEPT : -1;
+    }
+    if (all.first < 0) goto done;
+    DMK_TRY(DMK_GROW(&me->own, me->spent, me->n.spent + 1, me->room.spent));
+    me->spent[me->n.spent++] = all;
+    *head = -1;
 done:
     return rc;
 }
 
-static int visit(dmk_context *ctx, engine *e, int32_t half)
+/* One more visit: whether the half-edge keeps its windows now. */
+static bool keeps(worker *me, const engine *e, int32_t half)
+{
+    if (e->visits[half] < often) e->visits[half]++;
+    if (e->visits[half] < often) return false;
+    me->keeps = true;
+    return e->kept != NULL;
+}
+
+static int visit(worker *me, const engine *e, int32_t half)
 {
     int rc;
     size_t n = 0;
     angle s;
-    bool keep;
-    DMK_TRY(keeps(ctx, e, half, &keep));
+    const bool keep = keeps(me, e, half);
     look(e, half, &s);
-    DMK_TRY(gather(ctx, e, e->head + half, false, &s, &n));
-    if (keep) DMK_TRY(gather(ctx, e, e->kept + half, true, &s, &n));
-    const wave *l = e->list;
-    e->n_looks += (int64_t)n;
+    DMK_TRY(gather(me, e, e->head + half, false, &s, &n));
+    if (keep) DMK_TRY(gather(me, e, e->kept + half, true, &s, &n));
+    const wave *l = me->list;
+    me->n_looks += (int64_t)n;
     if (n > 1) {
-        sort(e->list, n);
-        n = trim(e, n, s.length);
-        if (n > e->merged_room) DMK_TRY(DMK_GROW(ctx, e->merged, n, e->merged_room));
-        n = merge_all(e, n, s.length);
-        l = e->merged;
+        sort(me->list, n);
+        n = trim(e, me->list, n, s.length);
+        DMK_TRY(DMK_GROW(&me->own, me->merged, n, me->merged_room));
+        n = merge_all(e, me->list, n, s.length, me->merged);
+        l = me->merged;
     }
     for (size_t i = 0; i < n; i++) {
-        if (keep) DMK_TRY(store(ctx, e, l + i, e->kept + half));
-        if (l[i].next != KEPT) DMK_TRY(step(ctx, e, l + i, &s));
+        if (keep) {
+            DMK_TRY(DMK_GROW(&me->own, me->kept, me->n.kept + 1, me->room.kept));
+            me->kept[me->n.kept++] = l[i];
+        }
+        if (l[i].next != KEPT) DMK_TRY(step(me, l + i, &s));
     }
+    if (!s.reached) goto done;
+    DMK_TRY(DMK_GROW(&me->own, me->hit, me->n.hit + 1, me->room.hit));
+    me->hit[me->n.hit++] = (hit){*s.known, s.d_c, s.error, s.c};
 done:
     return rc;
 }
@@ -666,7 +786,7 @@ static int send(dmk_context *ctx, engine *e, const dmk_sector *c, const rays *a)
                   STRAIGHT,
                   a->source,
                   a->root};
-        DMK_TRY(reach(ctx, e, end.vertex, a->base + end.length, &m, a->error, 0));
+        DMK_TRY(reach(ctx, e, end.vertex, a->base + end.length, &m, a->error));
     }
     if (!dmk_front_beam(&e->front, c, a->lo, a->hi, &b)) goto done;
     double o = 0.5 * (b.lo + b.hi), x = o - b.x, r = hypot(x, b.y);
@@ -675,8 +795,9 @@ static int send(dmk_context *ctx, engine *e, const dmk_sector *c, const rays *a)
     wave w = {b.lo,         b.hi, o,        x / r,  -b.y / r, 1 / r,     a->base + r,
               a->direction, 0,    a->error, b.half, -1,       a->source, a->root};
     if (own) w.direction = b.turn + atan2(-b.y, x), w.turn = w.k;
-    rc = put(ctx, e, &w, f->length[k],
-             dmk_max(e->front.d[f->vertex[(k + 1) % 3]], e->front.d[f->vertex[(k + 2) % 3]]));
+    const double most =
+        dmk_max(e->front.d[f->vertex[(k + 1) % 3]], e->front.d[f->vertex[(k + 2) % 3]]);
+    rc = put(ctx, e, &w, key_of(&w, f->length[k], most));
 done:
     return rc;
 }
@@ -690,7 +811,7 @@ static int radiate_source(dmk_context *ctx, engine *e, int32_t number)
         mark m = {0, 0, 0, HUGE_VAL, STRAIGHT, number, -1};
         if (a.base >= e->front.d[p->vertex]) return DMK_OK;
         e->radiated[p->vertex] = a.base;
-        DMK_TRY(reach(ctx, e, p->vertex, a.base, &m, 0, 0));
+        DMK_TRY(reach(ctx, e, p->vertex, a.base, &m, 0));
     }
     for (int32_t k = 0; k < p->n_sectors; k++) {
         dmk_sector c = dmk_front_site(&e->front, p, k);
@@ -757,11 +878,11 @@ static int radiate_line(dmk_context *ctx, engine *e, int32_t h)
         mark m = {0, 0, 0, HUGE_VAL, STRAIGHT, g->n_sources, -1};
         if (e->radiated[v] == 0) continue;
         e->radiated[v] = 0;
-        DMK_TRY(reach(ctx, e, v, 0, &m, 0, 0));
+        DMK_TRY(reach(ctx, e, v, 0, &m, 0));
         DMK_TRY(radiate_star(ctx, e, v, &a, 0));
     }
     rc = put(ctx, e, &(wave){0, length, length / 2, 0, 1, 0, 0, 0, 0, 0, h, -1, g->n_sources, -1},
-             length, 0);
+             0);
 done:
     return rc;
 }
@@ -769,29 +890,122 @@ done:
 /* ---- the run --------------------------------------------------------------------------------- */
 
 /* The half-edges of the current bucket, as they are now, into e->taken. */
-static int take_bucket(dmk_context *ctx, engine *e, size_t *n)
+static int take_bucket(dmk_context *ctx, engine *e)
 {
+    size_t *n = &e->n_taken;
     *n = 0;
+    if (e->current >= e->n_buckets) return DMK_OK;
     bucket *b = e->bucket + e->current;
-    for (int32_t h = b->first; h >= 0; h = e->next[h]) {
-        if (*n == e->taken_room) {
-            int rc = DMK_GROW(ctx, e->taken, *n + 1, e->taken_room);
+    for (int32_t i = b->first, next; i >= 0; i = next) {
+        block *k = e->block + i;
+        if (*n + BLOCK > e->taken_room) {
+            int rc = DMK_GROW(ctx, e->taken, *n + BLOCK, e->taken_room);
             if (rc != DMK_OK) return rc;
         }
-        e->taken[(*n)++] = h;
+        for (int32_t j = 0; j < k->n; j++) e->taken[(*n)++] = k->half[j];
+        next = k->next;
+        k->next = e->free_block;
+        e->free_block = i;
     }
     *b = (bucket){-1, -1};
     return DMK_OK;
 }
 
-/* In line by all means: gcc takes a function that does nothing but this for one without effect, and its calls away. */
-static inline __attribute__((always_inline)) void fetch(const engine *e, int32_t half)
+/* Visits are mostly waits for memory: what the visits to come will read is fetched in two steps, as where the second
+ * part lies is in the first. In line by all means: gcc takes a function that does nothing but this for one without
+ * effect, and its calls away. */
+enum { FAR = 8, NEAR = 4 }; /* visits ahead; speed only */
+static inline __attribute__((always_inline)) void fetch_two(const void *at)
 {
-    __builtin_prefetch(e->front.facet + half / 3);
-    __builtin_prefetch((const char *)(e->front.facet + half / 3) + 64);
-    if (e->head[half] < 0) return;
-    __builtin_prefetch(e->pool + e->head[half]);
-    __builtin_prefetch((const char *)(e->pool + e->head[half]) + 64);
+    __builtin_prefetch(at);
+    __builtin_prefetch((const char *)at + 64);
+}
+
+static inline __attribute__((always_inline)) void fetch_half(const engine *e, int32_t half)
+{
+    fetch_two(e->front.facet + half / 3);
+    __builtin_prefetch(e->head + half);
+    __builtin_prefetch(e->visits + half);
+}
+
+static inline __attribute__((always_inline)) void fetch_rest(const engine *e, int32_t half)
+{
+    const dmk_facet *f = e->front.facet + half / 3;
+    if (e->head[half] >= 0) fetch_two(e->pool + e->head[half]);
+    for (int32_t k = 0; k < 3; k++) __builtin_prefetch(e->front.d + f->vertex[k]);
+    __builtin_prefetch(e->mark + f->vertex[half % 3]);
+    __builtin_prefetch(e->error + f->vertex[half % 3]);
+    for (int32_t k = 1; k < 3; k++) {
+        const int32_t twin = f->twin[(half + k) % 3];
+        if (twin >= 0) __builtin_prefetch(e->head + twin);
+    }
+}
+
+static size_t chunk_end(const engine *e, int32_t k)
+{
+    const size_t end = (size_t)(k + 1) * CHUNK;
+    return end < e->n_taken ? end : e->n_taken;
+}
+
+/* Visit the half-edges of a chunk. */
+static void visit_chunk(int32_t k, int member, void *data)
+{
+    const engine *e = data;
+    worker *me = e->worker + member;
+    finds *f = e->finds + k;
+    const size_t end = chunk_end(e, k);
+    *f = (finds){.member = member, .from = me->n};
+    for (size_t i = (size_t)k * CHUNK; i < end && me->rc == DMK_OK; i++) {
+        if (i + FAR < e->n_taken) fetch_half(e, e->taken[i + FAR]);
+        if (i + NEAR < e->n_taken) fetch_rest(e, e->taken[i + NEAR]);
+        me->rc = visit(me, e, e->taken[i]);
+    }
+    f->to = me->n;
+}
+
+/* What the visits of a chunk have found. */
+static int enter(dmk_context *ctx, engine *e, const finds *f)
+{
+    int rc = DMK_OK;
+    const worker *w = e->worker + f->member;
+    for (size_t i = f->from.spent; i < f->to.spent; i++) {
+        e->pool[w->spent[i].last].next = e->free;
+        e->free = w->spent[i].first;
+    }
+    for (size_t i = f->from.hit; i < f->to.hit; i++) {
+        const hit *h = w->hit + i;
+        DMK_TRY(reach(ctx, e, h->vertex, h->d, &h->mark, h->error));
+    }
+    for (size_t i = f->from.kept; i < f->to.kept; i++)
+        DMK_TRY(store(ctx, e, w->kept + i, e->kept + w->kept[i].half));
+    for (size_t i = f->from.child; i < f->to.child; i++)
+        DMK_TRY(put(ctx, e, &w->child[i].wave, w->child[i].key));
+done:
+    return rc;
+}
+
+/* Visit all half-edges that are taken. */
+static int visit_all(dmk_context *ctx, engine *e)
+{
+    int rc;
+    const size_t n_chunks = (e->n_taken + CHUNK - 1) / CHUNK;
+    DMK_TRY(DMK_GROW(ctx, e->finds, n_chunks, e->finds_room));
+    dmk_crew_round(&e->crew, (int32_t)n_chunks);
+    for (int i = 0; i < DMK_MOST_CREW; i++) {
+        worker *w = e->worker + i;
+        if (w->rc != DMK_OK) return dmk_fail(ctx, w->rc, "%s", w->own.message);
+        w->n = (counts){0, 0, 0, 0};
+        e->n_looks += w->n_looks;
+        w->n_looks = 0;
+        if (w->keeps && !e->kept) {
+            const size_t n_half = 3 * (size_t)e->front.g->mesh->n_triangles;
+            DMK_TRY(DMK_NEW_UNSET(ctx, e->kept, n_half));
+            memset(e->kept, 0xff, n_half * sizeof *e->kept);
+        }
+    }
+    for (size_t k = 0; k < n_chunks; k++) DMK_TRY(enter(ctx, e, e->finds + k));
+done:
+    return rc;
 }
 
 /* Pseudo-sources of the current bucket: true if one radiated. */
@@ -819,7 +1033,6 @@ static bool spent(const engine *e)
 static int sweep(dmk_context *ctx, engine *e)
 {
     int rc = DMK_OK;
-    size_t n;
     bool any;
     while (e->current < e->n_buckets || e->pseudo_sources.n > 0) {
         if (e->current >= e->n_buckets) { /* only pseudo-sources are left: go to the first */
@@ -828,16 +1041,14 @@ static int sweep(dmk_context *ctx, engine *e)
             if (index > (double)e->current) e->current = (size_t)index;
         }
         do {
-            n = 0;
-            if (e->current < e->n_buckets) DMK_TRY(take_bucket(ctx, e, &n));
-            for (size_t i = 0; i < n; i++) {
-                if (i + 4 < n) fetch(e, e->taken[i + 4]);
-                DMK_TRY(visit(ctx, e, e->taken[i]));
-            }
+            DMK_TRY(take_bucket(ctx, e));
+            any = e->n_taken > 0;
+            if (any)
+                DMK_TRY(visit_all(ctx, e));
+            else
+                DMK_TRY(radiate_pseudo_sources(ctx, e, &any));
             DMK_TRY(dmk_poll(ctx));
-            any = false;
-            if (n == 0) DMK_TRY(radiate_pseudo_sources(ctx, e, &any));
-        } while ((n > 0 || any) && !spent(e));
+        } while (any && !spent(e));
         if (spent(e)) break;
         e->current++;
     }
@@ -871,7 +1082,10 @@ int dmk_waves_run(dmk_context *ctx, dmk_geodesics *g, double tolerance, bool *fi
     DMK_TRY(engine_create(ctx, g, tolerance, &e));
     for (int32_t i = 0; i < g->n_sources; i++) DMK_TRY(radiate_source(ctx, &e, i));
     for (size_t i = 0; i < g->n_lines; i++) DMK_TRY(radiate_line(ctx, &e, g->line[i]));
-    DMK_TRY(sweep(ctx, &e));
+    dmk_crew_begin(ctx, &e.crew, visit_chunk, &e);
+    rc = sweep(ctx, &e);
+    dmk_crew_end(ctx, &e.crew);
+    if (rc != DMK_OK) goto done;
     *finished = !spent(&e);
     if (*finished) dmk_parallel(ctx, g->mesh->n_vertices, arrive_range, &e);
     g->n_windows = e.n_made;
