@@ -43,20 +43,26 @@ static void facet_range(int32_t begin, int32_t end, void *data)
     }
 }
 
-int dmk_front_create(dmk_context *ctx, dmk_geodesics *g, dmk_front *e)
+static void clear_range(int32_t begin, int32_t end, void *data)
 {
-    int rc;
-    const dmk_mesh *m = g->mesh;
-    const dmk_star *s = &g->star;
-    *e = (dmk_front){.g = g, .d = g->distance};
-    DMK_TRY(DMK_NEW_UNSET(ctx, e->facet, (size_t)m->n_triangles));
-    DMK_TRY(DMK_NEW(ctx, e->pseudo_source, (size_t)m->n_vertices));
-    dmk_parallel(ctx, m->n_triangles, facet_range, e);
-    for (int32_t v = 0; v < m->n_vertices; v++) {
+    const dmk_front *e = data;
+    const dmk_star *s = &e->g->star;
+    for (int32_t v = begin; v < end; v++) {
         e->pseudo_source[v] = s->first[v] >= 0 &&
                               s->total[v] > (s->border[v] ? pi - straight : 2 * pi + least_excess);
         e->d[v] = INFINITY;
     }
+}
+
+int dmk_front_create(dmk_context *ctx, dmk_geodesics *g, dmk_front *e)
+{
+    int rc;
+    const dmk_mesh *m = g->mesh;
+    *e = (dmk_front){.g = g, .d = g->distance};
+    DMK_TRY(DMK_NEW_UNSET(ctx, e->facet, (size_t)m->n_triangles));
+    DMK_TRY(DMK_NEW(ctx, e->pseudo_source, (size_t)m->n_vertices));
+    dmk_parallel(ctx, m->n_triangles, facet_range, e);
+    dmk_parallel(ctx, m->n_vertices, clear_range, e);
 done:
     if (rc != DMK_OK) dmk_front_free(e);
     return rc;

@@ -189,11 +189,19 @@ static double direction_at(const wave *w, double t)
 
 /* ---- set-up ---------------------------------------------------------------------------------- */
 
-static double mean_edge(const dmk_mesh *m)
+static void clear_range(int32_t begin, int32_t end, void *data)
 {
-    double sum = 0;
-    for (int32_t e = 0; e < m->n_edges; e++) sum += m->length[e];
-    return sum / m->n_edges;
+    const engine *e = data;
+    for (int32_t v = begin; v < end; v++) {
+        e->mark[v].half = UNREACHED;
+        e->radiated[v] = INFINITY;
+    }
+}
+
+static void clear_halves(int32_t begin, int32_t end, void *data)
+{
+    const engine *e = data;
+    memset(e->head + begin, 0xff, (size_t)(end - begin) * sizeof *e->head);
 }
 
 static int engine_create(dmk_context *ctx, dmk_geodesics *g, double tolerance, engine *e)
@@ -209,15 +217,12 @@ static int engine_create(dmk_context *ctx, dmk_geodesics *g, double tolerance, e
     DMK_TRY(DMK_NEW(ctx, e->mark, n));
     DMK_TRY(DMK_NEW(ctx, e->radiated, n));
     DMK_TRY(DMK_NEW_UNSET(ctx, e->head, n_half));
-    memset(e->head, 0xff, n_half * sizeof *e->head);
     DMK_TRY(DMK_NEW(ctx, e->visits, n_half));
     DMK_TRY(DMK_NEW(ctx, e->worker, DMK_MOST_CREW));
     for (int i = 0; i < DMK_MOST_CREW; i++) dmk_context_lend(ctx, &e->worker[i].own);
-    for (size_t v = 0; v < n; v++) {
-        e->mark[v].half = UNREACHED;
-        e->radiated[v] = INFINITY;
-    }
-    e->width = bucket_width * mean_edge(g->mesh) / g->star.unit;
+    dmk_parallel(ctx, g->mesh->n_vertices, clear_range, e);
+    dmk_parallel(ctx, 3 * g->mesh->n_triangles, clear_halves, e);
+    e->width = bucket_width * g->mesh->info.mean_edge / g->star.unit;
     e->most_buckets =
         (size_t)(g->mesh->n_edges / bucket_width); /* no way is longer than all edges */
     e->least = INFINITY;

@@ -21,6 +21,15 @@
 static const double most_windows = 0.4;
 enum { always = 1000000 };
 
+static void clear_range(int32_t begin, int32_t end, void *data)
+{
+    const engine *e = data;
+    for (int32_t v = begin; v < end; v++) {
+        e->trace[v] = (trace){.half = UNREACHED, .root = ~e->front.g->n_sources};
+        e->split[v].half = UNREACHED;
+    }
+}
+
 static int engine_create(dmk_context *ctx, dmk_geodesics *g, engine *e)
 {
     int rc;
@@ -28,11 +37,8 @@ static int engine_create(dmk_context *ctx, dmk_geodesics *g, engine *e)
     DMK_TRY(dmk_front_create(ctx, g, &e->front));
     DMK_TRY(DMK_NEW(ctx, e->trace, (size_t)g->mesh->n_vertices));
     DMK_TRY(DMK_NEW(ctx, e->split, (size_t)g->mesh->n_vertices));
+    dmk_parallel(ctx, g->mesh->n_vertices, clear_range, e);
     e->limit = always + (int64_t)(most_windows * sqrt(g->mesh->n_triangles) * g->mesh->n_edges);
-    for (int32_t v = 0; v < g->mesh->n_vertices; v++) {
-        e->trace[v] = (trace){.half = UNREACHED, .root = ~g->n_sources};
-        e->split[v].half = UNREACHED;
-    }
 done:
     return rc;
 }
@@ -48,50 +54,115 @@ static void engine_free(engine *e)
 
 /* ---- upper bounds ---------------------------------------------------------------------------- */
 
-static int offer(dmk_context *ctx, engine *e, dmk_heap *q, int32_t v, double d)
+/* Vertices whose edges are to be looked along: those nearer than `limit` in turn, the others later. */
+typedef struct bounds {
+    engine *e;
+    int32_t *list, *later;
+    size_t n, n_later, room, room_later;
+    uint8_t *scans; /* n_vertices; the highest bit: on a list */
+    double limit;
+} bounds;
+enum { LISTED = 0x80, MOST_SCANS = 0x7f }; /* what fits beside it */
+
+static int offer(dmk_context *ctx, bounds *q, int32_t v, double d)
 {
-    if (!(d < e->front.d[v])) return DMK_OK;
-    e->front.d[v] = d;
-    return dmk_heap_push(ctx, q, d, v);
+    if (!(d < q->e->front.d[v])) return DMK_OK;
+    q->e->front.d[v] = d;
+    if (q->scans[v] & LISTED || q->scans[v] == MOST_SCANS) return DMK_OK;
+    q->scans[v] |= LISTED;
+    if (q->n == q->room) {
+        int rc = DMK_GROW(ctx, q->list, q->n + 1, q->room);
+        if (rc != DMK_OK) return rc;
+    }
+    q->list[q->n++] = v;
+    return DMK_OK;
 }
 
-/* Lengths of paths along edges (Dijkstra), and a little more: a bound must be reached, not only
- * met. */
-static int bound(dmk_context *ctx, void *data)
+static int offer_sources(dmk_context *ctx, bounds *q)
 {
     int rc = DMK_OK;
-    engine *e = data;
-    dmk_heap q = {0};
-    const dmk_star *s = &e->front.g->star;
-    for (int32_t i = 0; i < e->front.g->n_sources; i++) {
-        const dmk_site *p = e->front.g->source + i;
-        if (p->vertex >= 0) DMK_TRY(offer(ctx, e, &q, p->vertex, p->offset / s->unit));
+    const dmk_front *front = &q->e->front;
+    const double unit = front->g->star.unit;
+    for (int32_t i = 0; i < front->g->n_sources; i++) {
+        const dmk_site *p = front->g->source + i;
+        if (p->vertex >= 0) DMK_TRY(offer(ctx, q, p->vertex, p->offset / unit));
         for (int32_t k = 0; k < p->n_sectors; k++) {
-            const dmk_sector in = dmk_front_site(&e->front, p, k), *c = &in;
-            const dmk_facet *f = e->front.facet + c->half / 3;
-            int h = c->half % 3;
-            DMK_TRY(
-                offer(ctx, e, &q, f->vertex[(h + 1) % 3], p->offset / s->unit + hypot(c->x, c->y)));
-            DMK_TRY(offer(ctx, e, &q, f->vertex[(h + 2) % 3],
-                          p->offset / s->unit + hypot(f->length[h] - c->x, c->y)));
+            const dmk_sector c = dmk_front_site(front, p, k);
+            const dmk_facet *f = front->facet + c.half / 3;
+            int h = c.half % 3;
+            DMK_TRY(offer(ctx, q, f->vertex[(h + 1) % 3], p->offset / unit + hypot(c.x, c.y)));
+            DMK_TRY(offer(ctx, q, f->vertex[(h + 2) % 3],
+                          p->offset / unit + hypot(f->length[h] - c.x, c.y)));
         }
     }
+done:
+    return rc;
+}
+
+static int scan(dmk_context *ctx, bounds *q, int32_t v)
+{
+    int rc = DMK_OK;
+    const dmk_front *front = &q->e->front;
+    const dmk_star *s = &front->g->star;
+    const double d = front->d[v];
+    int32_t c = s->first[v];
+    q->scans[v] = (uint8_t)((q->scans[v] & ~LISTED) + 1);
+    do {
+        const dmk_facet *f = front->facet + c / 3;
+        int k = c % 3, a = (k + 1) % 3, b = (k + 2) % 3;
+        DMK_TRY(offer(ctx, q, f->vertex[a], d + f->length[b]));
+        c = f->twin[a] < 0 ? -1 : dmk_next(f->twin[a]);
+        if (c < 0) DMK_TRY(offer(ctx, q, f->vertex[b], d + f->length[a]));
+    } while (c >= 0 && c != s->first[v]);
+done:
+    return rc;
+}
+
+/* All on the list up to the limit; those beyond it wait. */
+static int scan_list(dmk_context *ctx, bounds *q)
+{
+    int rc = DMK_OK;
+    for (size_t i = 0; i < q->n; i++) {
+        const int32_t v = q->list[i];
+        if (q->e->front.d[v] <= q->limit) {
+            DMK_TRY(scan(ctx, q, v));
+            continue;
+        }
+        DMK_TRY(DMK_GROW(ctx, q->later, q->n_later + 1, q->room_later));
+        q->later[q->n_later++] = v;
+    }
+done:
+    return rc;
+}
+
+/* Lengths of paths along edges, and a little more: a bound must be reached, not only met. The shortest ones, in bands of a
+ * mean edge (Meyer and Sanders's delta-stepping): 0.7 of the time that a heap takes on 273,000 triangles; but for vertices that
+ * have been looked at too often, whose paths do as well. */
+static int bound(dmk_context *ctx, void *data)
+{
+    int rc;
+    engine *e = data;
+    const dmk_mesh *m = e->front.g->mesh;
+    const double band = m->info.mean_edge / e->front.g->star.unit;
+    bounds q = {.e = e};
+    DMK_TRY(DMK_NEW(ctx, q.scans, (size_t)m->n_vertices));
+    DMK_TRY(offer_sources(ctx, &q));
     while (q.n > 0) {
-        dmk_heap_item top = dmk_heap_pop(&q);
-        if (top.key > e->front.d[top.item]) continue;
-        for (int32_t c = s->first[top.item], n = 0; c >= 0 && (n == 0 || c != s->first[top.item]);
-             n++) {
-            const dmk_facet *f = e->front.facet + c / 3;
-            int k = c % 3, a = (k + 1) % 3, b = (k + 2) % 3;
-            DMK_TRY(offer(ctx, e, &q, f->vertex[a], top.key + f->length[b]));
-            c = dmk_star_next(s, c);
-            if (c < 0) DMK_TRY(offer(ctx, e, &q, f->vertex[b], top.key + f->length[a]));
-        }
+        double least = INFINITY;
+        for (size_t i = 0; i < q.n; i++) least = dmk_min(least, e->front.d[q.list[i]]);
+        q.limit = least + band;
+        DMK_TRY(scan_list(ctx, &q));
+        int32_t *list = q.list;
+        const size_t room = q.room;
+        q.list = q.later, q.n = q.n_later, q.room = q.room_later;
+        q.later = list, q.n_later = 0, q.room_later = room;
     }
-    for (int32_t v = 0; v < e->front.g->mesh->n_vertices; v++)
+    for (int32_t v = 0; v < m->n_vertices; v++)
         e->front.d[v] = e->front.d[v] * (1 + DMK_SAME_LENGTH) + 1000 * DMK_SAME_LENGTH;
 done:
-    dmk_heap_free(&q);
+    free(q.list);
+    free(q.later);
+    free(q.scans);
     return rc;
 }
 
