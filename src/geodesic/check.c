@@ -92,18 +92,24 @@ done:
 
 /* ---- between the vertices -------------------------------------------------------------------- */
 
-/* From vertex v straight to what lies at the distance r in direction `angle` of its chart, seen
- * from the last pseudo-source. */
-static double beyond(const dmk_geodesics *g, int32_t v, double angle, double r)
+/* From vertex v straight to what lies at the distance r in the direction of cosine `along` to the way back, seen from
+ * the last pseudo-source. */
+static double beyond(const dmk_geodesics *g, int32_t v, double along, double r)
 {
     const dmk_arrival *a = g->arrival + v;
     if (a->source < 0) return INFINITY;
     double base = a->source < g->n_sources ? g->source[a->source].offset : 0;
     if (a->pseudo_source >= 0) base = g->distance[a->pseudo_source];
-    double turn = fabs(angle - a->back), straight = g->distance[v] - base;
-    if (!g->star.border[v]) turn = dmk_min(turn, g->star.total[v] - turn);
-    double x = (straight - r * cos(turn)) / g->star.unit, y = r * sin(turn) / g->star.unit;
-    return base + g->star.unit * sqrt(x * x + y * y);
+    const double straight = (g->distance[v] - base) / g->star.unit, ahead = r / g->star.unit;
+    const double square = straight * straight + ahead * (ahead - 2 * straight * along);
+    return base + g->star.unit * sqrt(dmk_max(0, square));
+}
+
+/* The turn from direction `angle` of vertex v to the way back, the short way around. */
+static double turn_back(const dmk_geodesics *g, int32_t v, double angle)
+{
+    const double turn = fabs(angle - g->arrival[v].back);
+    return g->star.border[v] ? turn : dmk_min(turn, g->star.total[v] - turn);
 }
 
 typedef struct halving {
@@ -121,15 +127,35 @@ static void halve_range(int32_t begin, int32_t end, void *data)
         int32_t e = m->triangle_edge[h], from = dmk_next(h), to = dmk_previous(h);
         if (m->edge_triangle[2 * (size_t)e] != h / 3) continue;
         double r = 0.5 * m->length[e];
-        w->mid[e] =
-            dmk_min(beyond(g, m->triangle[from], g->star.angle[from], r),
-                    beyond(g, m->triangle[to], g->star.angle[to] + g->star.corner_angle[to], r));
+        const int32_t a = m->triangle[from], b = m->triangle[to];
+        const double at_b = g->star.angle[to] + g->star.corner_angle[to];
+        w->mid[e] = dmk_min(beyond(g, a, cos(turn_back(g, a, g->star.angle[from])), r),
+                            beyond(g, b, cos(turn_back(g, b, at_b)), r));
     }
 }
 
 void dmk_geodesics_midpoints(dmk_context *ctx, const dmk_geodesics *g, double *mid)
 {
     dmk_parallel(ctx, g->mesh->n_triangles, halve_range, &(halving){g, mid});
+}
+
+/* Cosine of the turn to the way back from the direction (x, y) in the frame of corner c, whose first side is the x axis.
+ * Without the angle of (x, y), but where the short way around is not that of the whole corner. */
+static double cosine_back(const dmk_geodesics *g, int32_t c, double x, double y)
+{
+    const int32_t v = g->mesh->triangle[c];
+    const double total = g->star.total[v], first = g->star.angle[c] - g->arrival[v].back;
+    const double last = first + g->star.corner_angle[c], half = 0.5 * total;
+    double from = first;
+    if (!g->star.border[v] && (first < -half || last > half)) {
+        if (last <= -half)
+            from += total;
+        else if (first >= half)
+            from -= total;
+        else
+            return cos(turn_back(g, v, g->star.angle[c] + atan2(y, x)));
+    }
+    return x * cos(from) - y * sin(from);
 }
 
 /* At the centre of gravity of triangle t. */
@@ -143,8 +169,8 @@ static double at_centre(const dmk_geodesics *g, int32_t t)
                      q = m->length[m->triangle_edge[dmk_next(c)]] / unit,
                      o = m->length[m->triangle_edge[c]] / unit;
         const double x = (p + (p * p + (q - o) * (q + o)) / (2 * p)) / 3, y = 2 * area / (3 * p);
-        const double angle = g->star.angle[c] + atan2(y, x), r = unit * sqrt(x * x + y * y);
-        best = dmk_min(best, beyond(g, m->triangle[c], angle, r));
+        const double r = sqrt(x * x + y * y);
+        best = dmk_min(best, beyond(g, m->triangle[c], cosine_back(g, c, x / r, y / r), unit * r));
     }
     return best;
 }
