@@ -245,14 +245,9 @@ typedef struct cli_reading {
 /* Let freed memory be used again rather than go back to the system at once, for fresh pages cost time: 0.09 of
  * the 1.3 s of a solve of 273,000 triangles. This ends when a large mesh has been read, unless `keep_memory` is set. */
 void cli_keep_memory(void);
-/* Before the work on a mesh: its heap in pages of 2 MB, where the system gives them to those who ask. Of 68,000
- * triangles a solve has 9,400 page faults then in place of 25,000, and `dmkcl distance` of 1.09 million takes 0.88 of
- * the time. What is not used takes no memory. */
-typedef struct cli_room {
-    size_t per_triangle; /* bytes */
-    bool of_large;       /* also for a large mesh, which must keep its memory: see cli_reading */
-} cli_room;
-void cli_make_room(const dmk_mesh *mesh, const cli_room *room);
+/* Before the work on a mesh that is not large: its heap in pages of 2 MB, where the system gives them to those who
+ * ask. Of 68,000 triangles a solve has 9,400 page faults then in place of 25,000. What is not used takes no memory. */
+void cli_make_room(const dmk_mesh *mesh);
 /* Read a mesh file. On the standard error: what was repaired, and a warning of a mesh in pieces. The status of the
  * library; *did is the caller's to free, and zero without a repair. */
 int cli_read_mesh(dmk_context *context, const char *path, const cli_reading *how, dmk_repairs *did,

@@ -99,20 +99,17 @@ static void keep_all_memory(void)
     mallopt(M_TRIM_THRESHOLD, INT_MAX);
 }
 
-void cli_make_room(const dmk_mesh *mesh, const cli_room *room)
+void cli_make_room(const dmk_mesh *mesh)
 {
-    enum { PAGE = 2 << 20, MOST = 1 << 30 };
+    enum { PAGE = 2 << 20, PER_TRIANGLE = 1024 };
     dmk_mesh_info info;
     dmk_mesh_get_info(mesh, &info);
-    size_t size = info.n_triangles * room->per_triangle;
-    if (size > MOST) size = MOST;
-    size -= size % PAGE;
-    if ((info.n_triangles >= LARGE && !room->of_large) || size == 0) return;
+    const size_t size = info.n_triangles * PER_TRIANGLE / PAGE * PAGE;
+    if (info.n_triangles >= LARGE || size == 0) return;
     keep_all_memory();
     char *heap = malloc(size + PAGE);
     if (heap) madvise(heap + PAGE - (uintptr_t)heap % PAGE, size, MADV_HUGEPAGE);
     free(heap);
-    if (info.n_triangles >= LARGE) return;
     mallopt(M_MMAP_THRESHOLD, piece);
     mallopt(M_TRIM_THRESHOLD, kept + (int)size);
 }

@@ -162,7 +162,7 @@ int solve_begin(const solve_request *request, solve_run *run)
     cli_progress_say(&run->progress, "opening the device and building its kernels");
     const int code = end_opening(&device, run, rc != DMK_OK);
     if (code != EXIT_OK) return code;
-    if (rc == DMK_OK) cli_make_room(run->mesh, &(cli_room){.per_triangle = 1024});
+    if (rc == DMK_OK) cli_make_room(run->mesh);
     if (rc == DMK_OK)
         rc = run->solver ? dmk_solver_set_device(run->context, run->solver, run->device)
                          : dmk_solver_create(run->context, run->device, run->mesh, &run->solver);
