@@ -1,7 +1,7 @@
 # The library's and the tool's own threads under ThreadSanitizer; OpenCL's libraries are not looked at.
 . tests/checks/lib.sh
 
-tests='api coarsen long solver start'
+tests='api coarsen long parallel solver start'
 [ "$short" ] && export DMKCL_LONG=16 || tests="$tests locus same"
 tool=build/thread/dmkcl
 make -s CONFIG=thread "$tool" $(printf 'build/thread/tests/test_%s ' $tests) || exit 1
@@ -14,6 +14,7 @@ printf '3,0,0\n1,1,1\nvertex 7\nvertex 12345678\n' > "$work/sources"
 try 'solve' "$tool" solve "$work/torus.off" --source 1,1,1 --out "$work/x.vtp" \
     --locus "$work/x.obj" --tangent "$work/x.csv"
 try 'solve, uniform start' "$tool" solve "$work/torus.off" --source 1,1,1 --start uniform
+try 'distance, merged' "$tool" distance "$work/torus.off" --vertex 0 --tolerance 1e-6 --threads 3
 try 'path' "$tool" path "$work/torus.off" --vertex 0 --to-vertex 999
 try 'cut' "$tool" cut "$work/torus.off" --vertex 0 --out "$work/cut.obj"
 # The last source is none, which the exit code says; ThreadSanitizer's own is 66.
