@@ -153,22 +153,32 @@ done:
     return rc;
 }
 
+int dmk_pieces_ship(dmk_context *ctx, dmk_pieces *p, const int32_t *count)
+{
+    dmk_mail mail = {.item = sizeof *p->tile, .data = (void *)p->tile};
+    p->tile = NULL;
+    const int rc = dmk_mail_pass(ctx, &p->ranks, &mail, count);
+    if (rc == DMK_OK) {
+        p->tile = (void *)mail.data;
+        p->n_tiles = mail.n;
+        mail.data = NULL;
+    }
+    dmk_mail_free(&mail);
+    return rc;
+}
+
 static int ship_tiles(dmk_context *ctx, dmk_pieces *p, const uint64_t *first)
 {
-    int rc = DMK_OK, to = 0;
-    dmk_mail mail = {.item = sizeof *p->tile};
+    int rc, to = 0;
+    int32_t *count = NULL;
+    DMK_TRY(DMK_NEW(ctx, count, (size_t)p->ranks.size));
     for (size_t i = 0; i < p->n_tiles; i++) {
         while (to + 1 < p->ranks.size && p->tile[i].key >= first[to + 1]) to++;
-        DMK_TRY(dmk_mail_add(ctx, &mail, to, &p->tile[i]));
+        count[to]++;
     }
-    free(p->tile);
-    p->tile = NULL;
-    DMK_TRY(dmk_mail_send(ctx, &p->ranks, &mail));
-    p->tile = (void *)mail.data;
-    p->n_tiles = mail.n;
-    mail.data = NULL;
+    rc = dmk_pieces_ship(ctx, p, count);
 done:
-    dmk_mail_free(&mail);
+    free(count);
     return rc;
 }
 

@@ -47,25 +47,22 @@ static int ship_to_owners(dmk_context *ctx, dmk_pieces *p, int32_t part, dmk_plo
     int rc;
     const int size = p->ranks.size;
     int64_t *at = NULL;
-    int to = 0;
-    dmk_mail mail = {.item = sizeof *p->tile};
+    int32_t *count = NULL;
     DMK_TRY(DMK_NEW(ctx, at, (size_t)size + 1));
+    DMK_TRY(DMK_NEW(ctx, count, (size_t)size));
     DMK_TRY(dmk_ranks_bound(ctx, &p->ranks, (int64_t)p->n_tiles, at));
     DMK_TRY(DMK_NEW(ctx, plot->bound[0], (size_t)size + 1));
     for (int r = 0; r <= size; r++) plot->bound[0][r] = dmk_bound_elements(part, at[size], r, size);
-    for (size_t t = 0; t < p->n_tiles; t++) {
-        while (at[p->ranks.rank] + (int64_t)t >= plot->bound[0][to + 1]) to++;
-        DMK_TRY(dmk_mail_add(ctx, &mail, to, &p->tile[t]));
+    const int64_t first = at[p->ranks.rank], end = at[p->ranks.rank + 1];
+    for (int r = 0; r < size; r++) {
+        const int64_t *bound = plot->bound[0] + r, from = bound[0] > first ? bound[0] : first,
+                      to = bound[1] < end ? bound[1] : end;
+        count[r] = to > from ? (int32_t)(to - from) : 0;
     }
-    free(p->tile);
-    p->tile = NULL;
-    DMK_TRY(dmk_mail_send(ctx, &p->ranks, &mail));
-    p->tile = (void *)mail.data;
-    p->n_tiles = mail.n;
-    mail.data = NULL;
+    rc = dmk_pieces_ship(ctx, p, count);
 done:
     free(at);
-    dmk_mail_free(&mail);
+    free(count);
     return rc;
 }
 

@@ -32,6 +32,8 @@ int dmk_pieces_adopt(dmk_context *context, const dmk_ranks *ranks, int64_t n_ver
 int dmk_pieces_corners(dmk_context *context, const dmk_pieces *pieces, double **xyz);
 /* Tiles, which have these corners, along the curve in the box of them all, about as many on each rank. */
 int dmk_pieces_sort(dmk_context *context, dmk_pieces *pieces, const double *xyz);
+/* The first count[0] tiles to rank 0, the next ones to rank 1, and so on. */
+int dmk_pieces_ship(dmk_context *context, dmk_pieces *pieces, const int32_t *count);
 /* topology.c: edges, with all checks of them and of the vertices' stars; counts; components. */
 int dmk_pieces_connect(dmk_context *context, dmk_pieces *pieces);
 int dmk_pieces_find_components(dmk_context *context, dmk_pieces *pieces);

@@ -219,30 +219,38 @@ done:
     return rc;
 }
 
+int dmk_mail_pass(dmk_context *ctx, const dmk_ranks *ranks, dmk_mail *m, const int32_t *count)
+{
+    int rc;
+    int32_t *in = NULL;
+    char *came = NULL;
+    DMK_TRY(DMK_NEW(ctx, in, (size_t)ranks->size));
+    DMK_TRY(DMK_NEW(ctx, m->first, (size_t)ranks->size + 1));
+    DMK_TRY(swap_counts(ctx, ranks, count, in));
+    for (int r = 0; r < ranks->size; r++) m->first[r + 1] = m->first[r] + (size_t)in[r];
+    m->n = m->first[ranks->size];
+    DMK_TRY(dmk_alloc(ctx, "mail", m->n, m->item, (void **)&came));
+    DMK_TRY(trade(ctx, ranks, count, in, m->item, m->data, came));
+    free(m->data);
+    m->data = came;
+    came = NULL;
+done:
+    free(in);
+    free(came);
+    return rc;
+}
+
 int dmk_mail_send(dmk_context *ctx, const dmk_ranks *ranks, dmk_mail *m)
 {
     int rc;
-    const size_t size = (size_t)ranks->size;
-    int32_t *out = NULL, *in = NULL;
-    char *came = NULL;
-    DMK_TRY(DMK_NEW(ctx, out, size));
-    DMK_TRY(DMK_NEW(ctx, in, size));
-    DMK_TRY(DMK_NEW(ctx, m->first, size + 1));
-    DMK_TRY(sort_mail(ctx, ranks, m, out));
+    int32_t *count = NULL;
+    DMK_TRY(DMK_NEW(ctx, count, (size_t)ranks->size));
+    DMK_TRY(sort_mail(ctx, ranks, m, count));
     free(m->to);
     m->to = NULL;
-    DMK_TRY(swap_counts(ctx, ranks, out, in));
-    for (size_t r = 0; r < size; r++) m->first[r + 1] = m->first[r] + (size_t)in[r];
-    DMK_TRY(dmk_alloc(ctx, "mail", m->first[size], m->item, (void **)&came));
-    DMK_TRY(trade(ctx, ranks, out, in, m->item, m->data, came));
-    free(m->data);
-    m->data = came;
-    m->n = m->first[size];
-    came = NULL;
+    rc = dmk_mail_pass(ctx, ranks, m, count);
 done:
-    free(out);
-    free(in);
-    free(came);
+    free(count);
     return rc;
 }
 

@@ -32,6 +32,9 @@ typedef struct dmk_mail {
 int dmk_mail_expect(dmk_context *context, dmk_mail *mail, size_t n);
 int dmk_mail_add(dmk_context *context, dmk_mail *mail, int to, const void *record);
 int dmk_mail_send(dmk_context *context, const dmk_ranks *ranks, dmk_mail *mail);
+/* The same of records that are by rank in mail->data, count[r] for rank r, without dmk_mail_add. */
+int dmk_mail_pass(dmk_context *context, const dmk_ranks *ranks, dmk_mail *mail,
+                  const int32_t *count);
 /* An answer of `item` bytes to each record that has come, and the answers to those that were sent: by rank, and by the
  * order in which they were put in. */
 int dmk_mail_answer(dmk_context *context, const dmk_ranks *ranks, const dmk_mail *mail, size_t item,

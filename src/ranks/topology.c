@@ -62,19 +62,33 @@ typedef struct stars {
     size_t n_spokes, room;
 } stars;
 
+/* Each to the rank that looks after its vertex. */
 static int mail_corners(dmk_context *ctx, const dmk_pieces *p, dmk_mail *mail)
 {
     int rc;
-    DMK_TRY(dmk_mail_expect(ctx, mail, 3 * p->n_tiles));
-    for (size_t t = 0; t < p->n_tiles; t++) {
-        const int64_t *v = p->tile[t].vertex;
-        for (int k = 0; k < 3; k++) {
-            const corner c = {v[k], v[(k + 1) % 3], v[(k + 2) % 3], 3 * p->tile[t].number + k};
-            DMK_TRY(dmk_mail_add(ctx, mail, dmk_owner(p->vertex_bound, p->ranks.size, v[k]), &c));
-        }
+    const size_t n = 3 * p->n_tiles;
+    const int size = p->ranks.size;
+    int32_t *count = NULL;
+    corner *list = NULL, **at = NULL;
+    DMK_TRY(DMK_NEW(ctx, count, (size_t)size));
+    DMK_TRY(DMK_NEW(ctx, at, (size_t)size));
+    DMK_TRY(DMK_NEW(ctx, list, n));
+    for (size_t i = 0; i < n; i++)
+        count[dmk_owner(p->vertex_bound, size, p->tile[i / 3].vertex[i % 3])]++;
+    for (int r = 0; r < size; r++) at[r] = r == 0 ? list : at[r - 1] + count[r - 1];
+    for (size_t i = 0; i < n; i++) {
+        const int64_t *v = p->tile[i / 3].vertex;
+        const size_t k = i % 3;
+        *at[dmk_owner(p->vertex_bound, size, v[k])]++ =
+            (corner){v[k], v[(k + 1) % 3], v[(k + 2) % 3], 3 * p->tile[i / 3].number + (int64_t)k};
     }
-    rc = dmk_mail_send(ctx, &p->ranks, mail);
+    mail->data = (void *)list;
+    list = NULL;
+    rc = dmk_mail_pass(ctx, &p->ranks, mail, count);
 done:
+    free(count);
+    free(at);
+    free(list);
     return rc;
 }
 
