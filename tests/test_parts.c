@@ -228,9 +228,11 @@ static void compare(dmk_context *ctx, dmk_mesh *mesh)
     dmk_mesh_destroy(&mesh);
 }
 
-/* A square of n x n vertices, with a wave: regular, so that as far is as near in many places; `thin`: its rows are a
- * millionth as far apart as its columns, where k is odd. */
-static dmk_mesh *square(dmk_context *ctx, int n, bool thin)
+/* A square of n x n vertices. With a wave: regular, so that as far is as near in many places. Thin: every other of its
+ * columns is a millionth from the next one. Crumpled: neighbours in the mesh are far from each other in space, and cells
+ * get no weight. */
+enum { WAVE, THIN, CRUMPLED };
+static dmk_mesh *square(dmk_context *ctx, int n, int kind)
 {
     dmk_mesh *mesh = NULL;
     double *xyz = malloc(3 * (size_t)(n * n) * sizeof *xyz);
@@ -239,9 +241,12 @@ static dmk_mesh *square(dmk_context *ctx, int n, bool thin)
     for (int i = 0; i < n; i++) {
         for (int k = 0; k < n; k++) {
             double *x = xyz + 3 * (i * n + k);
-            x[0] = i;
-            x[1] = thin ? k / 2 + (k % 2) * 1e-6 : k; // NOLINT: whole rows
-            x[2] = thin ? 0 : ((i + k) % 7) * 0.125;
+            x[0] = kind == CRUMPLED ? (i * 37 + k * 11) % 53 : i;
+            x[1] = kind == CRUMPLED ? (i * 5 + k * 29) % 47 : k;
+            x[2] = kind == CRUMPLED ? (i * i + 3 * k) % 31
+                   : kind == WAVE   ? ((i + k) % 7) * 0.125
+                                    : 0;
+            if (kind == THIN && k % 2 == 1) x[1] = k - 1 + 1e-6;
         }
     }
     for (int i = 0; i + 1 < n; i++) {
@@ -293,8 +298,9 @@ static void test_levels(void **state)
     dmk_context *ctx = *state;
     compare(ctx, body(ctx, "quartic", 12000));
     compare(ctx, body(ctx, "torus", 7000));
-    compare(ctx, square(ctx, 60, false));
-    compare(ctx, square(ctx, 60, true));
+    compare(ctx, square(ctx, 60, WAVE));
+    compare(ctx, square(ctx, 60, THIN));
+    compare(ctx, square(ctx, 60, CRUMPLED));
     compare(ctx, cones(ctx, 4000));
 }
 

@@ -273,7 +273,28 @@ static void test_components(void **state)
     soup_free(&c);
 }
 
-/* Needles, whose sides are made longer in turn, across ranks too. */
+/* Many triangles are all but flat, one corner on the side between the others: sides are made longer in turn,
+ * across ranks too. */
+static void test_flat(void **state)
+{
+    soup s = body(*state, "quartic", 14000);
+    uint8_t *moved = calloc((size_t)s.n_vertices, 1);
+    assert_non_null(moved);
+    for (int64_t t = 0; t < s.n_triangles; t += 7) {
+        const int64_t *c = s.triangle + 3 * t;
+        if (moved[c[0]] || moved[c[1]] || moved[c[2]]) continue;
+        double *x = s.xyz + 3 * c[0];
+        const double *y = s.xyz + 3 * c[1], *z = s.xyz + 3 * c[2];
+        for (int k = 0; k < 3; k++) x[k] = 0.5 * (y[k] + z[k]) + 1e-5 * (x[k] - y[k]);
+        moved[c[0]] = moved[c[1]] = moved[c[2]] = 1;
+    }
+    free(moved);
+    task t = task_of(&s);
+    try_ranks(*state, &t, true);
+    soup_free(&s);
+}
+
+/* Thin everywhere, so that nothing is made longer. */
 static void test_needles(void **state)
 {
     soup s = body(*state, "sphere", 8000);
@@ -355,8 +376,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_closed),  cmocka_unit_test(test_shuffled),
         cmocka_unit_test(test_borders), cmocka_unit_test(test_components),
-        cmocka_unit_test(test_needles), cmocka_unit_test(test_small),
-        cmocka_unit_test(test_refused),
+        cmocka_unit_test(test_needles), cmocka_unit_test(test_flat),
+        cmocka_unit_test(test_small),   cmocka_unit_test(test_refused),
     };
     return cmocka_run_group_tests_name("pieces", tests, bench_setup, bench_teardown);
 }
