@@ -229,8 +229,8 @@ static void compare(dmk_context *ctx, dmk_mesh *mesh)
 }
 
 /* A square of n x n vertices. With a wave: regular, so that as far is as near in many places. Thin: every other of its
- * columns is a millionth from the next one. Crumpled: neighbours in the mesh are far from each other in space, and cells
- * get no weight. */
+ * columns is a millionth from the next one. Crumpled: neighbours in the mesh are far from each other in space, and
+ * some cells get no weight. */
 enum { WAVE, THIN, CRUMPLED };
 static dmk_mesh *square(dmk_context *ctx, int n, int kind)
 {

@@ -27,7 +27,8 @@ typedef struct seat {
     dmk_traffic traffic;
     dmk_mesh_info info;
     dmk_point source;
-    int rc;
+    dmk_result *second;
+    int rc, second_rc; /* no more than one solve is possible */
     char message[400];
 } seat;
 
@@ -55,6 +56,8 @@ static int solve_on(seat *s, dmk_context *ctx, dmk_device **device, dmk_pieces *
     if (rc == DMK_OK) rc = dmk_solve(ctx, *solver, &s->source, &t->options, &s->result);
     if (rc == DMK_OK) dmk_result_get_stats(s->result, &s->stats);
     dmk_solver_get_traffic(*solver, &s->traffic);
+    if (rc == DMK_OK && s->traffic.exchanges > 0)
+        s->second_rc = dmk_solve(ctx, *solver, &s->source, &t->options, &s->second);
     return rc;
 }
 
@@ -145,6 +148,9 @@ static void try_ranks(bench *b, task *t, bool dealt)
             assert_true((seats[k].traffic.exchanges > 0) == (dealt && size > 1));
             for (int i = 0; i < DMK_N_STEEP; i++)
                 assert_true(seats[k].stats.steep[i] == stats.steep[i]);
+            assert_int_equal(seats[k].second_rc, dealt && size > 1 ? DMK_E_ARG : DMK_OK);
+            assert_true((dmk_result_density(seats[k].result, NULL) != NULL) ==
+                        (k == 0 || !dealt || size == 1));
             if (k == 0 || !dealt || size == 1) same_results(whole, seats[k].result);
             dmk_result_destroy(&seats[k].result);
         }
