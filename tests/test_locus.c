@@ -1043,6 +1043,27 @@ static void test_angle(void **state)
     free_scene(&s);
 }
 
+/* off: joints on a bumpy sphere. By 1.5 the locus is 1.6 and 2.4 h shorter, by 6 14 and 4.3 h longer. */
+static void test_off(void **state)
+{
+    static const struct {
+        int32_t source;
+        double length; /* h */
+    } of[] = {{508, 238.1}, {386, 262.2}};
+    (void)state;
+    for (int i = 0; i < 2; i++) {
+        dmk_mesh *mesh = NULL;
+        dmk_point p;
+        assert_int_equal(dmk_mesh_read(ctx, "tests/data/rough.off", &mesh), DMK_OK);
+        assert_int_equal(dmk_mesh_vertex_point(ctx, mesh, of[i].source, &p), DMK_OK);
+        scene s = scene_of(mesh, p);
+        dmk_locus *l = trace(&s);
+        assert_true(fabs(check_object(l).length / s.h - of[i].length) < 0.8);
+        dmk_locus_destroy(&l);
+        free_scene(&s);
+    }
+}
+
 /* On several blocks of triangles: what is peeled first, and by how many threads, changes nothing; and all that is
  * handed on has come from a crossing that is handed on to. */
 static void test_blocks(void **state)
@@ -1407,6 +1428,7 @@ int main(void)
         cmocka_unit_test(test_tie),
         cmocka_unit_test(test_noise_level),
         cmocka_unit_test(test_angle),
+        cmocka_unit_test(test_off),
         cmocka_unit_test(test_gap),
         cmocka_unit_test(test_width),
         cmocka_unit_test(test_margin),

@@ -15,6 +15,7 @@
  * - wave.c: merged windows: distances of large meshes, and from lines.
  * - trace.c: paths, and distances anywhere.
  * - check.c: what must hold of the result; its integral.
+ * - ways.c: the least ways that join parts of the mesh.
  * - geodesics.c: the object.
  *
  * Half-edge h = 3 t + k lies opposite corner k of triangle t and runs from corner k+1 to corner
@@ -134,5 +135,14 @@ int dmk_waves_run(dmk_context *context, dmk_geodesics *geodesics, double toleran
 /* window.c: distance and arrival of an object whose star and sources are set. Not *finished, and nothing is set: far
  * more windows than on other meshes of the size, as around needles. */
 int dmk_windows_run(dmk_context *context, dmk_geodesics *geodesics, bool *finished);
+
+/* ways.c: from the centroid of h's triangle over the middle of h to that of the next one. */
+double dmk_way_across(const dmk_geodesics *geodesics, int32_t h);
+/* Parts are sets of nodes, of which `parent` (base/sets.h) is that of n_triangles and the border loops behind
+ * them; in_part: n_triangles, those that belong to one; each border loop is one, or of one; loop: n_vertices. step:
+ * n_edges, the length of a way across an edge. Sets kept[edge] where the least ways cross that join all parts, and
+ * unites the sets. */
+int dmk_join_parts(dmk_context *context, const dmk_geodesics *geodesics, const int32_t *loop,
+                   const double *step, const bool *in_part, int32_t *parent, bool *kept);
 
 #endif

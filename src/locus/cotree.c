@@ -77,8 +77,7 @@ double dmk_jump(const dmk_geodesics *g, int32_t h)
            fmax(0, dmk_image_length(&b, 0, 0) - g->distance[v] / unit) + dmk_rules.tie * differ;
 }
 
-/* The cells of two sources meet across the edge. */
-static bool parts_cells(const dmk_geodesics *g, int32_t e)
+bool dmk_parts_cells(const dmk_geodesics *g, int32_t e)
 {
     const int32_t *v = g->mesh->edge_vertex + 2 * (size_t)e;
     return g->arrival[v[0]].source != g->arrival[v[1]].source;
@@ -107,7 +106,7 @@ static void find_jumps(int32_t begin, int32_t end, void *data)
         const float jump = (float)(dmk_jump(j->geodesics, h) / j->unit);
         uint32_t bits;
         memcpy(&bits, &jump, sizeof bits);
-        if (parts_cells(j->geodesics, e)) bits |= UINT32_C(1) << 31;
+        if (dmk_parts_cells(j->geodesics, e)) bits |= UINT32_C(1) << 31;
         j->edge[e] = (dmk_keyed){bits, e};
     }
 }
@@ -181,7 +180,7 @@ static void set_crossing(const dmk_geodesics *g, const int32_t *loop, int32_t h,
 }
 
 typedef struct crossings {
-    const int32_t *loop;
+    const bool *kept;
     dmk_cotree *cotree;
 } crossings;
 
@@ -190,28 +189,29 @@ static void set_range(int32_t begin, int32_t end, void *data)
     const crossings *c = data;
     dmk_cotree *t = c->cotree;
     for (int32_t h = begin; h < end; h++) {
-        if (t->on[h] >= 0 && is_first(t->geodesics, h))
-            set_crossing(t->geodesics, c->loop, h, &t->crossing[t->on[h]]);
+        if (t->on[h] < 0 || !is_first(t->geodesics, h)) continue;
+        dmk_crossing *to = &t->crossing[t->on[h]];
+        set_crossing(t->geodesics, t->loop, h, to);
+        to->least = c->kept && c->kept[t->geodesics->mesh->triangle_edge[h]] ? t->strength : 0;
     }
 }
 
-/* Crossings of the edges that are not in the tree. */
-static int set_crossings(dmk_context *ctx, const int32_t *loop, const bool *in_tree, dmk_cotree *t)
+/* Crossings of the edges that are not in the tree, in place of others. */
+static int set_crossings(dmk_context *ctx, const bool *in_tree, const bool *kept, dmk_cotree *t)
 {
-    int rc;
+    int rc = DMK_OK;
     const dmk_geodesics *g = t->geodesics;
     const dmk_mesh *m = g->mesh;
-    DMK_TRY(DMK_NEW(ctx, t->crossing, (size_t)t->n));
-    DMK_TRY(DMK_NEW(ctx, t->on, 3 * (size_t)m->n_triangles));
     t->n = 0;
-    for (int32_t h = 0; h < 3 * m->n_triangles;
-         h++) { /* triangle by triangle: neighbours stay near in memory */
+    /* triangle by triangle: neighbours stay near in memory */
+    for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
         if (is_first(g, h))
             t->on[h] = in_tree[m->triangle_edge[h]] ? -1 : t->n++;
         else
             t->on[h] = t->on[g->star.twin[h]];
     }
-    dmk_parallel(ctx, 3 * m->n_triangles, set_range, &(crossings){loop, t});
+    if (!t->crossing) DMK_TRY(DMK_NEW(ctx, t->crossing, (size_t)t->n)); /* as many each time */
+    dmk_parallel(ctx, 3 * m->n_triangles, set_range, &(crossings){kept, t});
 done:
     return rc;
 }
@@ -240,28 +240,27 @@ static int32_t unite_sources(const dmk_geodesics *g, int32_t *parent)
     return n;
 }
 
-/* Kruskal's algorithm: least jumps first. */
-static int span(dmk_context *ctx, const dmk_geodesics *g, int32_t *parent, bool *in_tree,
-                dmk_cotree *t)
+/* Kruskal's algorithm: least jumps first, but the edges to be kept last. */
+int dmk_cotree_span(dmk_context *ctx, dmk_cotree *t, const bool *kept)
 {
     int rc;
-    const dmk_mesh *m = g->mesh;
-    jumps j = {.geodesics = g, .unit = t->mean_edge / g->star.unit};
-    DMK_TRY(DMK_NEW(ctx, j.edge, (size_t)m->n_edges));
-    dmk_parallel(ctx, 3 * m->n_triangles, find_jumps, &j);
-    DMK_TRY(dmk_poll(ctx));
-    DMK_TRY(dmk_sort_keyed(ctx, j.edge, (size_t)m->n_edges));
-    t->noise = t->mean_edge * jump_of(j.edge + m->n_edges / 2);
+    const dmk_mesh *m = t->geodesics->mesh;
+    int32_t *parent = NULL, n_wanted;
+    bool *in_tree = NULL;
+    DMK_TRY(DMK_NEW(ctx, parent, (size_t)m->n_vertices));
+    DMK_TRY(DMK_NEW(ctx, in_tree, (size_t)m->n_edges));
     for (int32_t v = 0; v < m->n_vertices; v++) parent[v] = v;
-    const int32_t n_roots = m->n_components + unite_sources(g, parent);
-    t->n = m->n_edges;
-    for (int32_t i = 0; i < m->n_edges && m->n_edges - t->n < m->n_used_vertices - n_roots; i++) {
-        const int32_t e = j.edge[i].item;
+    n_wanted = m->n_used_vertices - m->n_components - unite_sources(t->geodesics, parent);
+    for (int32_t k = 0; k < 2 * m->n_edges && n_wanted > 0; k++) {
+        const int32_t e = t->order[k % m->n_edges].item;
+        if ((kept && kept[e]) != (k >= m->n_edges)) continue;
         in_tree[e] = dmk_set_unite(parent, m->edge_vertex[2 * e], m->edge_vertex[2 * e + 1]);
-        t->n -= in_tree[e];
+        n_wanted -= in_tree[e];
     }
+    rc = set_crossings(ctx, in_tree, kept, t);
 done:
-    free(j.edge);
+    free(parent);
+    free(in_tree);
     return rc;
 }
 
@@ -269,27 +268,30 @@ int dmk_cotree_create(dmk_context *ctx, const dmk_geodesics *g, dmk_cotree *t)
 {
     int rc;
     const dmk_mesh *m = g->mesh;
-    int32_t *parent = NULL, *loop = NULL;
-    bool *in_tree = NULL;
+    int32_t *parent = NULL;
     memset(t, 0, sizeof *t);
     t->geodesics = g;
     for (int32_t e = 0; e < m->n_edges; e++) t->mean_edge += m->length[e] / m->n_edges;
-
     DMK_TRY(DMK_NEW(ctx, parent, (size_t)m->n_vertices));
-    DMK_TRY(DMK_NEW(ctx, in_tree, (size_t)m->n_edges));
-    DMK_TRY(dmk_star_loops(ctx, m, &g->star, parent, &loop, &t->n_loops));
-    DMK_TRY(span(ctx, g, parent, in_tree, t));
+    DMK_TRY(DMK_NEW(ctx, t->on, 3 * (size_t)m->n_triangles));
+    DMK_TRY(dmk_star_loops(ctx, m, &g->star, parent, &t->loop, &t->n_loops));
+    DMK_TRY(DMK_NEW(ctx, t->order, (size_t)m->n_edges));
+    jumps j = {g, t->mean_edge / g->star.unit, t->order};
+    dmk_parallel(ctx, 3 * m->n_triangles, find_jumps, &j);
     DMK_TRY(dmk_poll(ctx));
-    DMK_TRY(set_crossings(ctx, loop, in_tree, t));
+    DMK_TRY(dmk_sort_keyed(ctx, t->order, (size_t)m->n_edges));
+    t->noise = t->mean_edge * jump_of(t->order + m->n_edges / 2);
+    DMK_TRY(dmk_poll(ctx));
+    rc = dmk_cotree_span(ctx, t, NULL);
 done:
     free(parent);
-    free(loop);
-    free(in_tree);
     return rc;
 }
 
 void dmk_cotree_free(dmk_cotree *t)
 {
+    free(t->order);
+    free(t->loop);
     free(t->crossing);
     free(t->on);
     free(t->end);

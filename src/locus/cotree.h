@@ -9,6 +9,7 @@
 #ifndef DMK_COTREE_H
 #define DMK_COTREE_H
 
+#include "base/sort.h"
 #include "locus/locus.h"
 
 /* Where the locus crosses a mesh edge: the point at which the families of its ends are equally long. */
@@ -24,6 +25,7 @@ typedef struct dmk_crossing {
     double alpha;    /* angle at which the two families meet, radians in [0, pi] */
     double excess;   /* P: by how much a path must grow to be moved from one family to the other */
     double worth;    /* P as far as it counts: see strength.c */
+    double least;    /* worth that it has in any case: see joints.c */
     double strength; /* that by which it is pruned: see strength.c */
 } dmk_crossing;
 
@@ -38,7 +40,9 @@ typedef struct dmk_cotree {
     double mean_edge;       /* h */
     double noise;           /* median of the edges' jumps */
     double strength;        /* default: branches of less are the mesh's own */
+    dmk_keyed *order;       /* edges by jump */
     int32_t n, n_loops;     /* crossings; border loops */
+    int32_t *loop;          /* n_vertices: border loop, -1: none */
     dmk_crossing *crossing; /* n */
     int32_t *on;            /* 3*n_triangles: crossing on each half-edge, -1: none */
     int32_t last; /* crossing peeled last, the middle of a locus without loops; -1: none */
@@ -51,6 +55,10 @@ typedef struct dmk_cotree {
 /* Jumps, spanning tree and crossings; freed also after a failure. */
 int dmk_cotree_create(dmk_context *ctx, const dmk_geodesics *geodesics, dmk_cotree *cotree);
 void dmk_cotree_free(dmk_cotree *cotree);
+/* Spanning tree and crossings from the jumps; the edges to be kept out of the tree come last, but for NULL. */
+int dmk_cotree_span(dmk_context *ctx, dmk_cotree *cotree, const bool *kept);
+/* The cells of two sources meet across edge e. */
+bool dmk_parts_cells(const dmk_geodesics *geodesics, int32_t e);
 
 /* By how much the family of each end of half-edge h is too long at the other, in the star's unit. Both are equally long
  * across a locus on which the ends themselves lie, so a small part of the families' difference at the corners of the
@@ -61,6 +69,15 @@ double dmk_jump(const dmk_geodesics *geodesics, int32_t h);
 int dmk_cotree_peel(dmk_context *ctx, dmk_cotree *cotree);
 /* Excess of the weakest way into a triangle where three meet, that of a branch which ends there; else 0. */
 double dmk_branch_at(const dmk_cotree *cotree, int32_t triangle);
+
+/* What less excess has is the mesh's own. */
+static inline double dmk_least_excess(const dmk_cotree *t)
+{
+    return dmk_rules.strength / dmk_rules.gap * t->mean_edge;
+}
+
+/* joints.c: the strong parts joined by the shortest ways, and peeled again. */
+int dmk_cotree_join(dmk_context *ctx, dmk_cotree *cotree);
 
 /* ends.c: all of it, and the end points of all branches of default strength. */
 int dmk_cotree_complete(dmk_context *ctx, const dmk_geodesics *geodesics, dmk_cotree *cotree);

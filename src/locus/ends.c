@@ -212,7 +212,7 @@ static int find_small(dmk_context *ctx, dmk_cotree *t, dmk_patch *patch, double 
     const dmk_crossing *c = &t->crossing[t->last];
     memcpy(middle, c->xyz, sizeof c->xyz);
     const bool fits = dmk_focus_fit(patch, c->half / 3, middle, half);
-    const bool arc = 2 * sqrt(dmk_dot(half, half)) >= dmk_rules.arc * t->mean_edge;
+    const bool arc = 2 * sqrt(dmk_dot(half, half)) >= t->mean_edge; /* a shorter one is a point */
     if (c->worth >= t->strength && (arc || !fits)) return DMK_OK;
     return become_point(ctx, t, fits ? middle : c->xyz);
 }
@@ -246,6 +246,8 @@ int dmk_cotree_complete(dmk_context *ctx, const dmk_geodesics *g, dmk_cotree *t)
     DMK_TRY(dmk_cotree_create(ctx, g, t));
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(dmk_cotree_peel(ctx, t));
+    DMK_TRY(dmk_poll(ctx));
+    DMK_TRY(dmk_cotree_join(ctx, t));
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(find_ends(ctx, t));
 done:

@@ -5,6 +5,7 @@
  * - cotree.c: how much too long neighbours' families are for each other; a spanning tree of the
  *   vertices by least jump; where the edges that it does not take are crossed.
  * - strength.c: the excess P of each crossing, branches, and which of them are the mesh's own.
+ * - joints.c: strong parts joined the shortest way, and peeled again.
  * - cusp.c: where a branch ends on the surface that the mesh stands for.
  * - ends.c: ends moved there; a locus that is one point.
  * - places.c: the points of the lines: forks, and crossings without the zigzag of the mesh.
@@ -23,7 +24,7 @@ typedef struct dmk_locus_rules {
     double angle;    /* radians: where families meet at less a branch loses strength */
     double tie;      /* ratio: share of the families' difference beside an edge in its jump */
     double window;   /* h: radius of the neighbourhood a cusp or a point is fitted to */
-    double arc;      /* h: a shorter locus is one point */
+    double off;      /* ratio: a joint's length off the tree's lines counts so often */
     double width;    /* h: lines are averaged over so much to both sides */
 } dmk_locus_rules;
 
@@ -34,7 +35,7 @@ static const dmk_locus_rules dmk_rules = {
     .angle = 0.126,
     .tie = 0.03,
     .window = 4,
-    .arc = 1,
+    .off = 3,
     .width = 0.5,
 };
 

@@ -29,7 +29,7 @@
 static dmk_crossing receive(dmk_cotree *t, int32_t i, int32_t node)
 {
     const dmk_crossing *to = &t->crossing[i];
-    dmk_crossing got = {0}, *heir = NULL;
+    dmk_crossing got = {.worth = to->least}, *heir = NULL;
     double most = 0;
     for (int k = 0; k < 3; k++) {
         const int32_t j = t->on[3 * node + k];
@@ -263,7 +263,7 @@ done:
 int dmk_cotree_peel(dmk_context *ctx, dmk_cotree *t)
 {
     int rc;
-    peeling p = {.cotree = t, .least = dmk_rules.strength / dmk_rules.gap * t->mean_edge};
+    peeling p = {.cotree = t, .least = dmk_least_excess(t)};
     const int32_t n_triangles = t->geodesics->mesh->n_triangles;
     const int32_t n_blocks = (n_triangles + BLOCK - 1) / BLOCK;
     t->last = -1;
@@ -273,7 +273,7 @@ int dmk_cotree_peel(dmk_context *ctx, dmk_cotree *t)
     DMK_TRY(DMK_NEW(ctx, p.late, (size_t)t->n));
     DMK_TRY(peel(ctx, &p));
     if (p.n_late > 0) close_last(t, p.late[p.n_late - 1]);
-    DMK_TRY(find_default(ctx, t));
+    if (!(t->strength > 0)) DMK_TRY(find_default(ctx, t));
     while (p.n_late > 0) set_branch(t, p.late[--p.n_late]);
     rc = dmk_parallel_pieces(ctx, n_blocks, set_block, &p);
 done:
