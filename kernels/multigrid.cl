@@ -372,11 +372,12 @@ static graph tail_graph(tail t, int l)
     return g;
 }
 
-/* to <- Chebyshev step from `from`; both are fields of the table. */
-static void tail_chebyshev(tail t, int l, int from, int to, float momentum, float keep, float step)
+/* to <- Chebyshev step from `from`, unless it is left out; both are fields of the table. */
+static void tail_chebyshev(tail t, int l, int taken, int from, int to, float momentum, float keep,
+                           float step)
 {
     const graph g = tail_graph(t, l);
-    FOR_ALL_BLOCKS(b, tail_count(t, l, DMK_TAIL_ROWS))
+    FOR_ALL_BLOCKS(b, taken ? tail_count(t, l, DMK_TAIL_ROWS) : 0)
     {
         chebyshev_block(b, g, tail_floats(t, l, DMK_TAIL_RHS), tail_floats(t, l, DMK_TAIL_INV_DIAG),
                         tail_floats(t, l, from), tail_floats(t, l, to), momentum, keep, step);
@@ -395,8 +396,8 @@ static void tail_residual(tail t, int l)
     TOGETHER
 }
 
-/* n: its rows, or 0 where that has been done. */
-static void tail_restrict(tail t, int l, int n, GATHERED float *r, float step)
+/* n: its rows, or 0 where that has been done. to: the field of the first step. */
+static void tail_restrict(tail t, int l, int n, GATHERED float *r, int to, float step)
 {
     FOR_ALL_BLOCKS(b, n)
     {
@@ -404,7 +405,7 @@ static void tail_restrict(tail t, int l, int n, GATHERED float *r, float step)
                        tail_ints(t, l, DMK_TAIL_RESTRICT_ENTRY),
                        tail_floats(t, l, DMK_TAIL_RESTRICT_WEIGHT), r, step,
                        tail_floats(t, l, DMK_TAIL_INV_DIAG), tail_floats(t, l, DMK_TAIL_RHS),
-                       tail_floats(t, l, DMK_TAIL_X));
+                       tail_floats(t, l, to));
     }
     TOGETHER
 }
@@ -432,28 +433,30 @@ static void tail_solve(tail t, int l, global const float *inverse)
 }
 
 /* The V-cycle on the tail's levels: x_old of the first from its rhs or, where `above` counts, from the
- * residual r of the level above; steps as in multigrid.c.
+ * residual r of the level above; steps, `before` of them on the way down, as in multigrid.c.
  * reads table, arena, r (gathered), inverse; writes arena
  * moves 32 L + 68 V + 8 C bytes, 12 L + 15 V + 2 C flops at each level
  * shape one work-group, which waits between its loops */
-KERNEL tail_cycle(int levels, int above, global const int *restrict table,
+KERNEL tail_cycle(int levels, int above, int before, global const int *restrict table,
                   global int *restrict arena, GATHERED float *restrict r,
                   global const float *restrict inverse, float first, float momentum, float step,
                   volatile global int *shares, int4 launch)
 {
-    const int last = levels - 1, x = DMK_TAIL_X, x_old = DMK_TAIL_X_OLD;
+    const int last = levels - 1, x = DMK_TAIL_X, x_old = DMK_TAIL_X_OLD,
+              first_to = before > 1 ? x : x_old;
     const tail t = {table, arena};
-    tail_restrict(t, 0, above ? tail_count(t, 0, DMK_TAIL_ROWS) : 0, r, first);
+    tail_restrict(t, 0, above ? tail_count(t, 0, DMK_TAIL_ROWS) : 0, r, first_to, first);
     for (int l = 0; l < last; l++) {
-        tail_chebyshev(t, l, x, x_old, momentum, 0, step);
+        tail_chebyshev(t, l, before > 1, x, x_old, momentum, 0, step);
         tail_residual(t, l);
-        tail_restrict(t, l + 1, tail_count(t, l + 1, DMK_TAIL_ROWS), tail_floats(t, l, x), first);
+        tail_restrict(t, l + 1, tail_count(t, l + 1, DMK_TAIL_ROWS), tail_floats(t, l, x), first_to,
+                      first);
     }
     tail_solve(t, last, inverse);
     for (int l = last - 1; l >= 0; l--) {
         tail_prolong(t, l + 1);
-        tail_chebyshev(t, l, x_old, x, 0, 1, first);
-        tail_chebyshev(t, l, x, x_old, momentum, 1, step);
+        tail_chebyshev(t, l, 1, x_old, x, 0, 1, first);
+        tail_chebyshev(t, l, 1, x, x_old, momentum, 1, step);
     }
 }
 

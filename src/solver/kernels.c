@@ -411,7 +411,14 @@ done:
     return rc;
 }
 
-int dmk_restrict_rows(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, double step)
+/* Where a level's first step goes, so that after all of them before the next level x_old is the iterate. */
+static dmk_buffer *first_iterate(const dmk_level *l, int before)
+{
+    return before > 1 ? l->x : l->x_old;
+}
+
+int dmk_restrict_rows(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, int before,
+                      double step)
 {
     int rc;
     dmk_level *l = &s->level[0];
@@ -420,12 +427,12 @@ int dmk_restrict_rows(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, do
         RUN(DMK_INNER, restrict_midpoints, items(l->n), DMK_INT(l->n), DMK_INT(s->vertex_row),
             DMK_BUF(l->slice), DMK_BUF(l->number), DMK_BUF(rhs), DMK_INT(s->vertex_row / DMK_WIDTH),
             DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out), DMK_FLOAT(step),
-            DMK_BUF(l->inv_diag), DMK_BUF(l->rhs), DMK_BUF(l->x));
+            DMK_BUF(l->inv_diag), DMK_BUF(l->rhs), DMK_BUF(first_iterate(l, before)));
 done:
     return rc;
 }
 
-int dmk_restrict(dmk_context *ctx, dmk_system *s, int32_t level, double step)
+int dmk_restrict(dmk_context *ctx, dmk_system *s, int32_t level, int before, double step)
 {
     int rc;
     dmk_level *l = &s->level[level];
@@ -433,8 +440,9 @@ int dmk_restrict(dmk_context *ctx, dmk_system *s, int32_t level, double step)
     DMK_TRY(RUN(DMK_INNER, restrict_rows, items(l->n), DMK_INT(l->n), DMK_BUF(l->restrict_slice),
                 DMK_BUF(l->restrict_entry), DMK_BUF(l->restrict_weight),
                 DMK_BUF(s->level[level - 1].residual), DMK_FLOAT(step), DMK_BUF(l->inv_diag),
-                DMK_BUF(l->rhs), DMK_BUF(l->x)));
-    DMK_TRY(dmk_send(ctx, dmk_ship_all(s->share, level, l->rhs, l->x)));
+                DMK_BUF(l->rhs), DMK_BUF(first_iterate(l, before))));
+    DMK_TRY(
+        dmk_send(ctx, dmk_ship_all(s->share, level, l->rhs, first_iterate(l, before))));
 done:
     return rc;
 }
@@ -450,15 +458,16 @@ done:
     return rc;
 }
 
-int dmk_tail_cycle(dmk_context *ctx, dmk_system *s, double first, double momentum, double step)
+int dmk_tail_cycle(dmk_context *ctx, dmk_system *s, int before, double first, double momentum,
+                   double step)
 {
     int rc;
     const dmk_level *above = &s->level[s->tail - 1];
     /* With ranks a level may be all of a mesh's and the one above a share of it. */
     const bool with_above = !s->share;
-    if (!with_above) DMK_TRY(dmk_restrict(ctx, s, s->tail, first));
+    if (!with_above) DMK_TRY(dmk_restrict(ctx, s, s->tail, before, first));
     rc = RUN(DMK_INNER, tail_cycle, items(1), DMK_INT(s->n_levels - s->tail), DMK_INT(with_above),
-             DMK_BUF(s->tail_table), DMK_BUF(s->tail_arena), DMK_BUF(above->residual),
+             DMK_INT(before), DMK_BUF(s->tail_table), DMK_BUF(s->tail_arena), DMK_BUF(above->residual),
              DMK_BUF(s->coarse_inverse), DMK_FLOAT(first), DMK_FLOAT(momentum), DMK_FLOAT(step));
 done:
     return rc;

@@ -55,9 +55,10 @@ int dmk_scale_add(dmk_context *context, dmk_system *s, double alpha, int at);
 /* x = step D^-1 rhs on T/2: the first smoothing step from 0. */
 int dmk_smooth_first(dmk_context *context, dmk_system *s, const dmk_buffer *rhs, double step);
 /* T/2 to T: the elements' parts of P'(operator x), into out; then rhs of T = P'rhs - their sums, and
- * x = step D^-1 of it. */
+ * x_old = step D^-1 of it, or x where this is not the only step before the next level. */
 int dmk_element_down(dmk_context *context, dmk_system *s, dmk_operator op, const dmk_buffer *x);
-int dmk_restrict_rows(dmk_context *context, dmk_system *s, const dmk_buffer *rhs, double step);
+int dmk_restrict_rows(dmk_context *context, dmk_system *s, const dmk_buffer *rhs, int before,
+                      double step);
 /* T to T/2, c the x_old of T: the elements' parts of the operator on x + P c, into out; then x += P c and,
  * with these, x_old = x + step D^-1 (rhs - A x). */
 int dmk_element_up(dmk_context *context, dmk_system *s, dmk_operator op, const dmk_buffer *x);
@@ -73,8 +74,8 @@ int dmk_rows_chebyshev_dots(dmk_context *context, dmk_system *s, bool first, con
 int dmk_graph_residual(dmk_context *context, dmk_system *s, int32_t level, const dmk_buffer *x);
 int dmk_graph_chebyshev(dmk_context *context, dmk_system *s, int32_t level, const dmk_buffer *x,
                         dmk_buffer *x_old, dmk_chebyshev_step c);
-/* rhs of a level below T = the restricted residual of the next finer one; x = step D^-1 rhs. */
-int dmk_restrict(dmk_context *context, dmk_system *s, int32_t level, double step);
+/* rhs of a level below T = the restricted residual of the next finer one; x_old or x as there. */
+int dmk_restrict(dmk_context *context, dmk_system *s, int32_t level, int before, double step);
 /* x_old of the next finer level += the level's prolonged x_old. */
 int dmk_prolong(dmk_context *context, dmk_system *s, int32_t level);
 /* x_old = coarse_inverse * rhs on the coarsest level. */
@@ -82,8 +83,9 @@ int dmk_coarse_solve(dmk_context *context, dmk_system *s);
 /* coarse_inverse from the coarsest level's weights; where s->dense is. */
 int dmk_coarse_inverse(dmk_context *context, dmk_system *s);
 /* The cycle on the levels from s->tail on, with its restriction: x_old of the first of them. Steps of the
- * smoother: first D^-1 r, then momentum and step. */
-int dmk_tail_cycle(dmk_context *context, dmk_system *s, double first, double momentum, double step);
+ * smoother: first D^-1 r, then momentum and step; `before` of them before the next level. */
+int dmk_tail_cycle(dmk_context *context, dmk_system *s, int before, double first, double momentum,
+                   double step);
 /* Their edges and weights. */
 int dmk_tail_refresh(dmk_context *context, dmk_system *s);
 /* Edge weights of a level from the triangles' (level 0) or from those of the next finer one. */
