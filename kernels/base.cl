@@ -74,11 +74,11 @@ typedef float8 sumv;
 #define STORE(v, p, at) vstore8((v), 0, (p) + (at))
 #define SELECT(no, yes, when) select((no), (yes), (when))
 /* One row at a time, for work that does not go in blocks. */
+#define PART_ITEMS (DMK_CHUNK * DMK_WIDTH)
+#define FOR_PART_ROWS(i, n, part)                                                                  \
+    for (int i = (part) * PART_ITEMS, i##_end = min(i + PART_ITEMS, (n)); i < i##_end; i++)
 #define FOR_ROWS(i, n, shares, launch)                                                             \
-    FOR_PARTS(i##_part, shares, launch)                                                            \
-    for (int i = i##_part * DMK_CHUNK * DMK_WIDTH,                                                 \
-             i##_end = min(i + DMK_CHUNK * DMK_WIDTH, (n));                                        \
-         i < i##_end; i++)
+    FOR_PARTS(i##_part, shares, launch) FOR_PART_ROWS(i, n, i##_part)
 #else
 typedef int intv;
 typedef float floatv;
@@ -100,6 +100,8 @@ typedef sum_t sumv;
 #define COLUMN(b, j) (DMK_WIDTH * (j) + (b) % DMK_WIDTH)
 #define LOAD(p, at) (p)[at]
 #define STORE(v, p, at) (p)[at] = (v)
+#define PART_ITEMS DMK_GROUP
+#define FOR_PART_ROWS(i, n, part) FOR_PART_BLOCKS(i, n, part)
 #define FOR_ROWS(i, n, shares, launch) FOR_BLOCKS(i, n, shares, launch)
 #endif
 

@@ -19,10 +19,6 @@ KERNEL smooth_first(int n, float step, global const float *restrict inv_diag,
     }
 }
 
-/* The slot among 3 numbers per element of what has slot p among 6: corner k, or side k at 3 + k. */
-#define CORNER_PLACE(p) ((p) - 3 * DMK_WIDTH * ((p) / (6 * DMK_WIDTH)))
-#define SIDE_PLACE(p) (CORNER_PLACE(p) - 3 * DMK_WIDTH)
-
 /* First phase of A x (M x with newton != 0) where only the restriction to T of its result is wanted: each
  * element's parts, those of the midpoints half to each end, 3 per element.
  * reads index, weight, g, x (gathered); writes out
@@ -477,17 +473,12 @@ static void dense_laplacian(int n, graph g, global sum_t *a)
 }
 
 /* The inverse for coarse_solve: the pseudo-inverse (L + c J)^-1 - J / (c n^2) of the coarsest graph's
- * Laplacian L, J all ones, c of the size of its diagonal. a: n rows of n numbers. n is at most DMK_DENSE.
- * reads slice, neighbour, weight, a; writes a, inverse; moves 2 n^3 numbers, 2 n^3 flops
- * shape one work-group; numerics in sum_t, Gauss-Jordan steps in place without pivoting, for L + c J is
- * positive definite; a pivot lost to rounding is left out */
-KERNEL coarse_inverse(int n, int n_pad, global const int *restrict slice,
-                      global const int *restrict neighbour, global const float *restrict weight,
-                      global sum_t *restrict a, global float *restrict inverse,
-                      volatile global int *shares, int4 launch)
+ * Laplacian L, J all ones, c of the size of its diagonal. a: n rows of n numbers; row, column, least: room for n.
+ * Gauss-Jordan steps in place without pivoting, for L + c J is positive definite; a pivot lost to rounding is left
+ * out. All work-items go through it, and with n = 0 nothing is done. */
+static void invert_laplacian(int n, int n_pad, graph g, global sum_t *a, global float *inverse,
+                             local sum_t *row, local sum_t *column, local sum_t *least)
 {
-    const graph g = {slice, neighbour, weight};
-    local sum_t row[DMK_DENSE], column[DMK_DENSE], least[DMK_DENSE];
     sum_t shift = 0;
     dense_laplacian(n, g, a);
     TOGETHER
@@ -525,24 +516,20 @@ KERNEL coarse_inverse(int n, int n_pad, global const int *restrict slice,
     }
 }
 
-/* ---- refresh --------------------------------------------------------------------------------- */
-
-/* Level 1: an edge's weight is the sum over its two triangles. slot: the midpoints' two slots among
- * the elements' parts; a border edge's second one is of an element whose numbers stay 0.
- * reads slot, triangle_edge (gathered); writes edge
- * moves 12 K + 12 E bytes, K flops
- * shape blocks of K */
-KERNEL edges_from_triangles(int n, global const int *restrict slot,
-                            GATHERED float *restrict triangle_edge, global float *restrict edge,
-                            volatile global int *shares, int4 launch)
+/* The coarsest level's inverse, where it is not one of the tail's. n is at most DMK_DENSE.
+ * reads slice, neighbour, weight, a; writes a, inverse; moves 2 n^3 numbers, 2 n^3 flops
+ * shape one work-group; numerics in sum_t */
+KERNEL coarse_inverse(int n, int n_pad, global const int *restrict slice,
+                      global const int *restrict neighbour, global const float *restrict weight,
+                      global sum_t *restrict a, global float *restrict inverse,
+                      volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(b, n, shares, launch)
-    {
-        const intv p = LOAD(slot, AT_K(b, 0, 2)), q = LOAD(slot, AT_K(b, 1, 2));
-        const intv i = SIDE_PLACE(p), j = SIDE_PLACE(q);
-        STORE((floatv)(GATHER(triangle_edge, i)) + (floatv)(GATHER(triangle_edge, j)), edge, AT(b));
-    }
+    const graph g = {slice, neighbour, weight};
+    local sum_t row[DMK_DENSE], column[DMK_DENSE], least[DMK_DENSE];
+    invert_laplacian(n, n_pad, g, a, inverse, row, column, least);
 }
+
+/* ---- refresh --------------------------------------------------------------------------------- */
 
 /* A number of half precision, for a GPU by its own instruction. Drivers of CPUs may write vload_half out in a dozen
  * and more; here the bits go where single precision has them, and the exponent is set right: exact for all that is
@@ -566,17 +553,6 @@ static float edge_sum(int i, global const int *row, global const int *fine, glob
     return sum;
 }
 
-/* Deeper levels: w_coarse = R w_fine, the Galerkin product as a table of the mesh alone.
- * reads row, fine, coef, fine_edge (gathered); writes edge
- * moves 10 C + 8 K bytes, 2 C flops
- * shape rows; numerics coefficients in half precision (see system.c) */
-KERNEL edges_from_edges(int n, global const int *restrict row, global const int *restrict fine,
-                        global const half *restrict coef, global const float *restrict fine_edge,
-                        global float *restrict edge, volatile global int *shares, int4 launch)
-{
-    FOR_ROWS(i, n, shares, launch) { edge[i] = edge_sum(i, row, fine, coef, fine_edge); }
-}
-
 /* Copy edge weights to rows; D = a_ii + sum |a_ij| bounds A by 1 (row sums of magnitudes), so the
  * smoother needs no eigenvalue estimate. number: edges by row, a short row's filler has weight 0. */
 static floatv weights_block(int b, global const int *slice, global const int *number,
@@ -593,61 +569,58 @@ static floatv weights_block(int b, global const int *slice, global const int *nu
     return size + fabs(diag);
 }
 
-/* A graph level's weights by row, and its inverse diagonal.
- * reads slice, number, edge (gathered); writes weight, inv_diag
- * moves 8 L + 4 K + 4 V bytes, 2 L + 2 V flops
- * shape blocks of V */
-KERNEL graph_weights(int n, global const int *restrict slice, global const int *restrict number,
-                     GATHERED float *restrict edge, global float *restrict weight,
-                     global float *restrict inv_diag, volatile global int *shares, int4 launch)
+/* A graph level's weights by row and its inverse diagonal, from its edges; and the edges of the next level,
+ * w_coarse = R w_fine, the Galerkin product as a table of the mesh alone. given: the inverse diagonal is there: on T
+ * the elements' bound is sharper than the rows'.
+ * reads slice, number, edge (gathered), row, fine, coef; writes weight, inv_diag, coarse_edge
+ * moves 8 L + 4 K + 4 V + 10 C bytes, 2 L + 2 V + 2 C flops, and 8 bytes for each edge of the next level
+ * shape blocks of V, then rows, one for each edge of the next level; numerics coefficients in half precision (see
+ * system.c) */
+KERNEL graph_refresh(int n, int given, global const int *restrict slice,
+                     global const int *restrict number, global const float *restrict edge,
+                     global float *restrict weight, global float *restrict inv_diag, int n_coarse,
+                     global const int *restrict row, global const int *restrict fine,
+                     global const half *restrict coef, global float *restrict coarse_edge,
+                     volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(b, n, shares, launch)
+    const int parts = (n + PART_ITEMS - 1) / PART_ITEMS;
+    FOR_PARTS(part, shares, launch)
     {
-        STORE(inverse_of(weights_block(b, slice, number, edge, weight)), inv_diag, AT(b));
-    }
-}
-
-/* The same on T, where the elements' bound is sharper than the rows': the inverse diagonal is from theirs,
- * 3 per element. first: slice of vertex 0 among the rows.
- * reads slice, number, edge (gathered), corner_slice, corner, diag (gathered); writes weight, inv_diag
- * moves 8 L + 4 K + 24 E + 4 V bytes, 3 E + V flops
- * shape blocks of V */
-KERNEL mesh_weights(int n, global const int *restrict slice, global const int *restrict number,
-                    GATHERED float *restrict edge, global float *restrict weight, int first,
-                    global const int *restrict corner_slice, global const int *restrict corner,
-                    GATHERED float *restrict diag, global float *restrict inv_diag,
-                    volatile global int *shares, int4 launch)
-{
-    FOR_BLOCKS(b, n, shares, launch)
-    {
-        floatv sum = 0;
-        weights_block(b, slice, number, edge, weight);
-        for (int j = corner_slice[first + SLICE(b)], end = corner_slice[first + SLICE(b) + 1]; j < end;
-             j++) {
-            const intv p = LOAD(corner, COLUMN(b, j));
-            const intv i = CORNER_PLACE(p);
-            sum += (floatv)(GATHER(diag, i));
+        FOR_PART_BLOCKS(b, n, part)
+        {
+            const floatv size = weights_block(b, slice, number, edge, weight);
+            if (!given) STORE(inverse_of(size), inv_diag, AT(b));
         }
-        STORE(inverse_of(sum), inv_diag, AT(b));
+        if (part >= parts) {
+            FOR_PART_ROWS(i, n_coarse, part - parts)
+            {
+                coarse_edge[i] = edge_sum(i, row, fine, coef, edge);
+            }
+        }
     }
 }
 
-/* 1 / (sum of the elements' weighted diagonals): see element_prepare.
- * reads slice, slot, out (gathered); writes inv_diag
- * moves 4 P + 24 E + 4 R bytes, 6 E + R flops
+/* On T/2 1 / (sum of the elements' weighted diagonals): see element_prepare; and T's edges and inverse diagonal.
+ * reads slice, slot, out, sides and corners (gathered); writes inv_diag, edge, inv_diag_coarse
+ * moves 4 P + 48 E + 8 R bytes, 12 E + R flops
  * shape blocks of R */
-KERNEL inverse_diagonal(int n, global const int *restrict slice, global const int *restrict slot,
-                        GATHERED float *restrict out, global float *restrict inv_diag,
-                        volatile global int *shares, int4 launch)
+KERNEL inverse_diagonal(int n, int vertex_row, int n_edges, global const int *restrict slice,
+                        global const int *restrict slot, GATHERED float *restrict out,
+                        GATHERED float *restrict sides, GATHERED float *restrict corners,
+                        global float *restrict inv_diag, global float *restrict edge,
+                        global float *restrict inv_diag_coarse, volatile global int *shares,
+                        int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
-        floatv sum = 0;
+        floatv sum = 0, coarse = 0;
         for (int j = slice[SLICE(b)], e = slice[SLICE(b) + 1]; j < e; j++) {
             const intv s = LOAD(slot, COLUMN(b, j));
             sum += (floatv)(GATHER(out, s));
+            coarse += coarse_part(AT(b) < vertex_row, s, sides, corners);
         }
         STORE(inverse_of(sum), inv_diag, AT(b));
+        store_coarse(b, vertex_row, n_edges, coarse, edge, inv_diag_coarse);
     }
 }
 
@@ -678,18 +651,24 @@ static void tail_weights(tail t, int l)
     TOGETHER
 }
 
-/* Weights of the tail's levels, and the edges of all but the first, by edges_from_edges and graph_weights.
- * reads table, arena; writes arena
- * moves 10 C + 4 K + 12 L + 4 V bytes, 2 C + 2 L + 2 V flops at each level
- * shape one work-group, which waits between its loops */
-KERNEL tail_refresh(int levels, global const int *restrict table, global int *restrict arena,
-                    volatile global int *shares, int4 launch)
+/* Weights of the tail's levels, the edges of all but the first as in graph_refresh, and the coarsest level's
+ * inverse, if it is wanted.
+ * reads table, arena, a; writes arena, a, inverse
+ * moves 10 C + 4 K + 12 L + 4 V bytes, 2 C + 2 L + 2 V flops at each level, and what coarse_inverse moves
+ * shape one work-group, which waits between its loops; numerics the inverse in sum_t */
+KERNEL tail_refresh(int levels, int inverted, global const int *restrict table,
+                    global int *restrict arena, global sum_t *restrict a,
+                    global float *restrict inverse, volatile global int *shares, int4 launch)
 {
     const tail t = {table, arena};
+    const int last = levels - 1;
+    local sum_t row[DMK_DENSE], column[DMK_DENSE], least[DMK_DENSE];
     tail_weights(t, 0);
     for (int l = 1; l < levels; l++) {
         tail_edges(t, l);
         tail_weights(t, l);
     }
+    invert_laplacian(inverted ? tail_count(t, last, DMK_TAIL_ROWS) : 0, tail_count(t, last, DMK_TAIL_PAD),
+                     tail_graph(t, last), a, inverse, row, column, least);
 }
 #endif

@@ -34,10 +34,7 @@ enum { IN_INNER = 1 << DMK_INNER, IN_OUTER = 1 << DMK_OUTER, IN_BOTH = IN_INNER 
     X(prolong_rows, IN_INNER)                                                                      \
     X(coarse_solve, IN_INNER)                                                                      \
     X(coarse_inverse, IN_INNER)                                                                    \
-    X(edges_from_triangles, IN_INNER)                                                              \
-    X(edges_from_edges, IN_INNER)                                                                  \
-    X(graph_weights, IN_INNER)                                                                     \
-    X(mesh_weights, IN_INNER)                                                                      \
+    X(graph_refresh, IN_INNER)                                                                     \
     X(inverse_diagonal, IN_INNER)                                                                  \
     X(tail_cycle, IN_INNER)                                                                        \
     X(tail_refresh, IN_INNER)                                                                      \
@@ -476,10 +473,10 @@ done:
 int dmk_tail_refresh(dmk_context *ctx, dmk_system *s)
 {
     int rc;
-    /* The edges of the first level are many: a launch of their own spreads them. */
-    DMK_TRY(dmk_edge_weights(ctx, s, s->tail));
+    DMK_TRY(dmk_send(ctx, dmk_ship_edge_weights(s->share, s->tail, s->level[s->tail].edge)));
     rc = RUN(DMK_INNER, tail_refresh, items(1), DMK_INT(s->n_levels - s->tail),
-             DMK_BUF(s->tail_table), DMK_BUF(s->tail_arena));
+             DMK_INT(s->dense != NULL), DMK_BUF(s->tail_table), DMK_BUF(s->tail_arena),
+             DMK_BUF(s->dense ? s->dense : s->partial), DMK_BUF(s->coarse_inverse));
 done:
     return rc;
 }
@@ -499,43 +496,37 @@ int dmk_coarse_inverse(dmk_context *ctx, dmk_system *s)
                DMK_BUF(s->coarse_inverse));
 }
 
-int dmk_edge_weights(dmk_context *ctx, dmk_system *s, int32_t level)
+/* Its rows, and from a part of their own on the next level's edges. */
+static dmk_range rows_and_edges(const dmk_system *s, const dmk_level *l, int32_t n_edges)
+{
+    const size_t first =
+        dmk_launch_parts(s->device, (size_t)l->n) * dmk_launch_part(s->device);
+    return n_edges > 0 ? (dmk_range){.items = first + (size_t)n_edges, .first = first}
+                       : items(l->n);
+}
+
+int dmk_graph_refresh(dmk_context *ctx, dmk_system *s, int32_t level)
 {
     int rc;
-    dmk_level *l = &s->level[level];
-    if (level == 0) {
-        DMK_TRY(RUN(DMK_INNER, edges_from_triangles, items(l->n_edges), DMK_INT(l->n_edges),
-                    DMK_BUF(s->slot), DMK_BUF(s->edge), DMK_BUF(l->edge)));
-    } else {
-        DMK_TRY(RUN(DMK_INNER, edges_from_edges, items(l->n_edges), DMK_INT(l->n_edges),
-                    DMK_BUF(l->galerkin_row), DMK_BUF(l->galerkin_edge), DMK_BUF(l->galerkin_coef),
-                    DMK_BUF(s->level[level - 1].edge), DMK_BUF(l->edge)));
-    }
+    const dmk_level *l = &s->level[level], *next = level + 1 < s->n_levels ? l + 1 : NULL;
+    const int32_t n_edges = next ? next->n_edges : 0;
+    if (!next) next = l; /* its tables are not read */
     DMK_TRY(dmk_send(ctx, dmk_ship_edge_weights(s->share, level, l->edge)));
+    rc = RUN(DMK_INNER, graph_refresh, rows_and_edges(s, l, n_edges), DMK_INT(l->n),
+             DMK_INT(level == 0), DMK_BUF(l->slice), DMK_BUF(l->number), DMK_BUF(l->edge),
+             DMK_BUF(l->weight), DMK_BUF(l->inv_diag), DMK_INT(n_edges), DMK_BUF(next->galerkin_row),
+             DMK_BUF(next->galerkin_edge), DMK_BUF(next->galerkin_coef), DMK_BUF(next->edge));
 done:
     return rc;
 }
 
-int dmk_graph_weights(dmk_context *ctx, dmk_system *s, int32_t level)
-{
-    dmk_level *l = &s->level[level];
-    return RUN(DMK_INNER, graph_weights, items(l->n), DMK_INT(l->n), DMK_BUF(l->slice),
-               DMK_BUF(l->number), DMK_BUF(l->edge), DMK_BUF(l->weight), DMK_BUF(l->inv_diag));
-}
-
-int dmk_mesh_weights(dmk_context *ctx, dmk_system *s)
-{
-    dmk_level *t = &s->level[0];
-    return RUN(DMK_INNER, mesh_weights, items(t->n), DMK_INT(t->n), DMK_BUF(t->slice),
-               DMK_BUF(t->number), DMK_BUF(t->edge), DMK_BUF(t->weight),
-               DMK_INT(s->vertex_row / DMK_WIDTH), DMK_BUF(s->slice), DMK_BUF(s->slot),
-               DMK_BUF(s->diag_coarse), DMK_BUF(t->inv_diag));
-}
-
 int dmk_inverse_diagonal(dmk_context *ctx, dmk_system *s)
 {
-    return RUN(DMK_INNER, inverse_diagonal, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->slice),
-               DMK_BUF(s->slot), DMK_BUF(s->out), DMK_BUF(s->inv_diag));
+    const dmk_level *t = &s->level[0];
+    return RUN(DMK_INNER, inverse_diagonal, rows(s), DMK_INT(s->n_rows), DMK_INT(s->vertex_row),
+               DMK_INT(t->n_edges), DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out),
+               DMK_BUF(s->edge), DMK_BUF(s->diag_coarse), DMK_BUF(s->inv_diag), DMK_BUF(t->edge),
+               DMK_BUF(t->inv_diag));
 }
 
 /* ---- density.cl ------------------------------------------------------------------------------ */
@@ -599,9 +590,12 @@ int dmk_rows_rhs(dmk_context *ctx, dmk_system *s)
 
 int dmk_newton_rows(dmk_context *ctx, dmk_system *s, double step)
 {
+    const dmk_level *t = &s->level[0];
     return RUN(DMK_OUTER, newton_rows, rows(s), DMK_INT(s->n_rows), DMK_FLOAT(step),
-               DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out_real), DMK_BUF(s->f),
-               DMK_BUF(s->cg[DMK_INNER].r), DMK_BUF(s->inv_diag), DMK_BUF(s->x));
+               DMK_INT(s->vertex_row), DMK_INT(t->n_edges), DMK_BUF(s->slice), DMK_BUF(s->slot),
+               DMK_BUF(s->out_real), DMK_BUF(s->edge), DMK_BUF(s->diag_coarse), DMK_BUF(s->f),
+               DMK_BUF(s->cg[DMK_INNER].r), DMK_BUF(s->inv_diag), DMK_BUF(s->x), DMK_BUF(t->edge),
+               DMK_BUF(t->inv_diag));
 }
 
 int dmk_rows_outer_residual(dmk_context *ctx, dmk_system *s)

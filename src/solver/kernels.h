@@ -80,21 +80,17 @@ int dmk_restrict(dmk_context *context, dmk_system *s, int32_t level, int before,
 int dmk_prolong(dmk_context *context, dmk_system *s, int32_t level);
 /* x_old = coarse_inverse * rhs on the coarsest level. */
 int dmk_coarse_solve(dmk_context *context, dmk_system *s);
-/* coarse_inverse from the coarsest level's weights; where s->dense is. */
+/* coarse_inverse from the weights of the coarsest level, which is not of the tail; where s->dense is. */
 int dmk_coarse_inverse(dmk_context *context, dmk_system *s);
 /* The cycle on the levels from s->tail on, with its restriction: x_old of the first of them. Steps of the
  * smoother: first D^-1 r, then momentum and step; `before` of them before the next level. */
 int dmk_tail_cycle(dmk_context *context, dmk_system *s, int before, double first, double momentum,
                    double step);
-/* Their edges and weights. */
+/* Their edges and weights, and, where s->dense is, coarse_inverse. */
 int dmk_tail_refresh(dmk_context *context, dmk_system *s);
-/* Edge weights of a level from the triangles' (level 0) or from those of the next finer one. */
-int dmk_edge_weights(dmk_context *context, dmk_system *s, int32_t level);
-/* Edge weights by row, and the inverse diagonal: below T from the rows' sums, on T from the elements'
- * bounds, diag_coarse. */
-int dmk_graph_weights(dmk_context *context, dmk_system *s, int32_t level);
-int dmk_mesh_weights(dmk_context *context, dmk_system *s);
-/* The inverse diagonal on T/2 from the elements' bounds in out. */
+/* Of a level above: edge weights by row and, below T, the inverse diagonal; and the next level's edge weights. */
+int dmk_graph_refresh(dmk_context *context, dmk_system *s, int32_t level);
+/* The inverse diagonal on T/2 from the elements' bounds in out; that of T from diag_coarse, and T's edge weights. */
 int dmk_inverse_diagonal(dmk_context *context, dmk_system *s);
 
 /* ---- density.cl ------------------------------------------------------------------------------ */
@@ -116,7 +112,7 @@ int dmk_newton_prepare(dmk_context *context, dmk_system *s, bool paired, double 
 int dmk_newton_diagonal(dmk_context *context, dmk_system *s);
 /* The inner right-hand side cg[DMK_INNER].r = f + the rows' sums of out_real. */
 int dmk_rows_rhs(dmk_context *context, dmk_system *s);
-/* From pairs: that, the inverse diagonal on T/2, and in x the first smoothing step. */
+/* From pairs: that, all of dmk_inverse_diagonal, and in x the first smoothing step. */
 int dmk_newton_rows(dmk_context *context, dmk_system *s, double step);
 /* The outer residual cg[DMK_OUTER].r (and narrow) = f - the rows' sums of out_real. */
 int dmk_rows_outer_residual(dmk_context *context, dmk_system *s);
