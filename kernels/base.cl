@@ -305,7 +305,7 @@ static int is_last(sums s)
     return last;
 }
 
-/* The functions from here to cg_alpha_of are for all work-items of a group: they wait for each other.
+/* The functions from here to cg_both_of are for all work-items of a group: they wait for each other.
  * leave_sum, leave_max: the part's sum or maximum of v becomes the partial sum of quantity k.
  * is_last_part: all parts have left theirs.
  * total: where `when` holds, the sum (or, with top != 0, the maximum) of all partial sums of quantity k, known
@@ -440,6 +440,23 @@ static void cg_alpha_of(sums s, int when)
     if (!is_writer(when)) return;
     state[1] = pap;
     state[2] = pap > 0 ? state[0] / pap : 0;
+}
+
+/* Both at once from the partial sums of r.z, (Ap).z and z.Az, where A z is known before the direction
+ * p = z + beta p is made: p.Ap = z.Az + 2 beta z.(Ap) + beta^2 (p.Ap)_before (Chronopoulos and Gear, J. Comput. Appl.
+ * Math. 25, 1989). */
+static void cg_both_of(sums s, int first, int when)
+{
+    const sum_t rz = total(s, 0, 0, when), apz = total(s, 1, 0, when), zaz = total(s, 2, 0, when);
+    global sum_t *state = s.scalars;
+    if (!is_writer(when)) return;
+    const sum_t beta = first || !(state[0] > 0) ? 0 : -state[2] * apz / state[0];
+    const sum_t pap = beta == 0 ? zaz : zaz + beta * (2 * apz + beta * state[1]);
+    state[0] = rz;
+    state[1] = pap;
+    state[2] = pap > 0 ? rz / pap : 0;
+    state[3] = beta;
+    if (first) state[4] = rz;
 }
 
 /* All items of a loop by one work-group, and the wait between two loops. */

@@ -79,11 +79,12 @@ static floatv prolonged(int b, int vertex_row, global const int *ends, global co
     return now + 0.5f * ((floatv)(GATHER(at_end, i)) + (floatv)(GATHER(at_end, j)));
 }
 
-/* Second phase: x += P c (ends: a midpoint's two vertices), and x_old = x + step D^-1 (b - A x).
+/* Second phase: x += P c (ends: a midpoint's two vertices), and x_old = x + step D^-1 (b - A x). keep: x is
+ * stored, too, as another step needs it.
  * reads slice, slot, out and coarse (gathered), rhs, inv_diag, ends, x; writes x, x_old
  * moves 4 P + 24 E + 8 R + 4 V + 20 R bytes, 6 E + 6 R flops
  * shape blocks of R */
-KERNEL rows_up(int n, int vertex_row, global const int *restrict slice,
+KERNEL rows_up(int n, int keep, int vertex_row, global const int *restrict slice,
                global const int *restrict slot, GATHERED float *restrict out,
                global const float *restrict rhs, global const float *restrict inv_diag,
                global const int *restrict ends, global const float *restrict coarse,
@@ -94,76 +95,8 @@ KERNEL rows_up(int n, int vertex_row, global const int *restrict slice,
     {
         const floatv now = prolonged(b, vertex_row, ends, coarse, x);
         const realv a = row_sum(slice, slot, out, b);
-        STORE(now, x, AT(b));
+        if (keep) STORE(now, x, AT(b));
         STORE(now + step * LOAD(inv_diag, AT(b)) * (LOAD(rhs, AT(b)) - a), x_old, AT(b));
-    }
-}
-
-/* The same where that step is the cycle's last: its result z alone, and with it the sums r.z and Ap.z
- * of conjugate gradients, r = rhs, and beta of them.
- * reads slice, slot, out and coarse (gathered), rhs, inv_diag, ends, x, ap; writes x_old, scalars
- * moves 4 P + 24 E + 8 R + 4 V + 20 R bytes, 6 E + 10 R flops
- * shape blocks of R; numerics the sums in sum_t, in the order of parts */
-KERNEL rows_up_dots(int n, int first, int vertex_row, global const int *restrict slice,
-                    global const int *restrict slot, GATHERED float *restrict out,
-                    global const float *restrict rhs, global const float *restrict inv_diag,
-                    global const int *restrict ends, global const float *restrict coarse,
-                    global const float *restrict x, global float *restrict x_old, float step,
-                    global const float *restrict ap, volatile global sum_t *partial, int at,
-                    global sum_t *restrict scalars, volatile global int *done,
-                    volatile global int *shares, int4 launch)
-{
-    local group_memory group;
-    const sums s = {partial, scalars, done, &group, at, launch.s3};
-    FOR_PARTS(part, shares, launch)
-    {
-        sumv rz = 0, apz = 0;
-        FOR_PART_BLOCKS(b, n, part)
-        {
-            const floatv now = prolonged(b, vertex_row, ends, coarse, x), r = LOAD(rhs, AT(b));
-            const realv a = row_sum(slice, slot, out, b);
-            const floatv next = now + step * LOAD(inv_diag, AT(b)) * (r - a);
-            STORE(next, x_old, AT(b));
-            rz += TO_SUM(r) * TO_SUM(next);
-            apz += TO_SUM(LOAD(ap, AT(b))) * TO_SUM(next);
-        }
-        leave_sum(s, 0, part, rz);
-        leave_sum(s, 1, part, apz);
-        cg_beta_of(s, first, is_last_part(s));
-    }
-}
-
-/* rows_chebyshev (operator.cl) at the end of a cycle, and with its result z the sums r.z and Ap.z of
- * conjugate gradients, r = rhs, and beta of them.
- * reads slice, slot, out (gathered), rhs, inv_diag, x, x_old, ap; writes x_old, scalars
- * moves 4 P + 24 E + 24 R bytes, 6 E + 11 R flops
- * shape blocks of R; numerics the sums in sum_t, in the order of parts */
-KERNEL rows_chebyshev_dots(int n, int first, global const int *restrict slice,
-                           global const int *restrict slot, GATHERED float *restrict out,
-                           global const float *restrict rhs, global const float *restrict inv_diag,
-                           global const float *restrict x, global float *restrict x_old,
-                           float momentum, float keep, float step, global const float *restrict ap,
-                           volatile global sum_t *partial, int at, global sum_t *restrict scalars,
-                           volatile global int *done, volatile global int *shares, int4 launch)
-{
-    local group_memory group;
-    const sums s = {partial, scalars, done, &group, at, launch.s3};
-    FOR_PARTS(part, shares, launch)
-    {
-        sumv rz = 0, apz = 0;
-        FOR_PART_BLOCKS(b, n, part)
-        {
-            const realv a = row_sum(slice, slot, out, b);
-            const floatv r = LOAD(rhs, AT(b)), now = LOAD(x, AT(b));
-            const floatv next = now + momentum * (now - keep * LOAD(x_old, AT(b))) +
-                                step * LOAD(inv_diag, AT(b)) * (r - a);
-            STORE(next, x_old, AT(b));
-            rz += TO_SUM(r) * TO_SUM(next);
-            apz += TO_SUM(LOAD(ap, AT(b))) * TO_SUM(next);
-        }
-        leave_sum(s, 0, part, rz);
-        leave_sum(s, 1, part, apz);
-        cg_beta_of(s, first, is_last_part(s));
     }
 }
 

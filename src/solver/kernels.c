@@ -10,23 +10,24 @@ enum { IN_INNER = 1 << DMK_INNER, IN_OUTER = 1 << DMK_OUTER, IN_BOTH = IN_INNER 
 #define KERNEL_LIST(X)                                                                             \
     X(element_stiffness, IN_BOTH)                                                                  \
     X(element_newton, IN_INNER)                                                                    \
-    X(rows_apply, IN_BOTH)                                                                         \
+    X(rows_apply, IN_OUTER)                                                                        \
     X(rows_chebyshev, IN_INNER)                                                                    \
-    X(cg_dots, IN_BOTH)                                                                            \
-    X(cg_beta, IN_BOTH)                                                                            \
-    X(cg_direction, IN_BOTH)                                                                       \
-    X(cg_alpha, IN_BOTH)                                                                           \
-    X(cg_step, IN_BOTH)                                                                            \
+    X(cg_dots, IN_OUTER)                                                                           \
+    X(cg_beta, IN_OUTER)                                                                           \
+    X(cg_direction, IN_OUTER)                                                                      \
+    X(cg_alpha, IN_OUTER)                                                                          \
+    X(cg_step, IN_OUTER)                                                                           \
+    X(inner_apply, IN_INNER)                                                                       \
+    X(inner_scalars, IN_INNER)                                                                     \
+    X(inner_step, IN_INNER)                                                                        \
     X(dot_real, IN_OUTER)                                                                          \
     X(rows_range, IN_OUTER)                                                                        \
     X(sum_partials, IN_OUTER)                                                                      \
-    X(scale_add, IN_OUTER)                                                                         \
+    X(inner_finish, IN_OUTER)                                                                      \
     X(smooth_first, IN_INNER)                                                                      \
     X(element_down, IN_INNER)                                                                      \
     X(element_up, IN_INNER)                                                                        \
     X(rows_up, IN_INNER)                                                                           \
-    X(rows_up_dots, IN_INNER)                                                                      \
-    X(rows_chebyshev_dots, IN_INNER)                                                               \
     X(graph_residual, IN_INNER)                                                                    \
     X(graph_chebyshev, IN_INNER)                                                                   \
     X(restrict_midpoints, IN_INNER)                                                                \
@@ -39,7 +40,6 @@ enum { IN_INNER = 1 << DMK_INNER, IN_OUTER = 1 << DMK_OUTER, IN_BOTH = IN_INNER 
     X(tail_cycle, IN_INNER)                                                                        \
     X(tail_refresh, IN_INNER)                                                                      \
     X(element_energy, IN_OUTER)                                                                    \
-    X(element_measure, IN_OUTER)                                                                   \
     X(element_prepare, IN_OUTER)                                                                   \
     X(element_scale, IN_OUTER)                                                                     \
     X(newton_prepare, IN_OUTER)                                                                    \
@@ -225,16 +225,15 @@ done:
     return rc;
 }
 
-int dmk_rows_apply(dmk_context *ctx, dmk_system *s, dmk_program p, const dmk_buffer *x,
-                   dmk_buffer *y)
+int dmk_rows_apply(dmk_context *ctx, dmk_system *s, const dmk_buffer *x, dmk_buffer *y)
 {
     int rc;
     int32_t parts;
-    DMK_TRY(RUN(p, rows_apply, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->slice), DMK_BUF(s->slot),
-                DMK_BUF(out_of(s, p)), DMK_BUF(x), DMK_BUF(y), SUMS(1, s->state)));
+    DMK_TRY(RUN(DMK_OUTER, rows_apply, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->slice),
+                DMK_BUF(s->slot), DMK_BUF(s->out_real), DMK_BUF(x), DMK_BUF(y), SUMS(1, s->state)));
     if (!s->share) return DMK_OK;
     DMK_TRY(all_parts(ctx, s, true, 1, 0, &parts));
-    rc = RUN(p, cg_alpha, items(1), DMK_INT(parts), DMK_BUF(s->partial), DMK_BUF(s->state));
+    rc = RUN(DMK_OUTER, cg_alpha, items(1), DMK_INT(parts), DMK_BUF(s->partial), DMK_BUF(s->state));
 done:
     return rc;
 }
@@ -249,55 +248,67 @@ int dmk_rows_chebyshev(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, c
 
 /* ---- vector.cl ------------------------------------------------------------------------------- */
 
-/* beta where the sums of all ranks are needed for it. */
-static int finish_beta(dmk_context *ctx, dmk_system *s, dmk_program p, bool first)
+int dmk_cg_dots(dmk_context *ctx, dmk_system *s, bool first, const dmk_buffer *z)
 {
     int rc;
     int32_t parts;
+    DMK_TRY(RUN(DMK_OUTER, cg_dots, rows(s), DMK_INT(s->n_rows), DMK_INT(first),
+                DMK_BUF(s->cg[DMK_OUTER].r), DMK_BUF(s->cg[DMK_OUTER].ap), DMK_BUF(z),
+                SUMS(1, s->state)));
     if (!s->share) return DMK_OK;
     DMK_TRY(all_parts(ctx, s, true, 2, 0, &parts));
-    rc = RUN(p, cg_beta, items(1), DMK_INT(parts), DMK_INT(first), DMK_BUF(s->partial),
+    rc = RUN(DMK_OUTER, cg_beta, items(1), DMK_INT(parts), DMK_INT(first), DMK_BUF(s->partial),
              DMK_BUF(s->state));
 done:
     return rc;
 }
 
-int dmk_cg_dots(dmk_context *ctx, dmk_system *s, dmk_program p, bool first, const dmk_buffer *z)
+int dmk_cg_direction(dmk_context *ctx, dmk_system *s, const dmk_buffer *z)
 {
-    int rc;
-    DMK_TRY(RUN(p, cg_dots, rows(s), DMK_INT(s->n_rows), DMK_INT(first), DMK_BUF(s->cg[p].r),
-                DMK_BUF(s->cg[p].ap), DMK_BUF(z), SUMS(1, s->state)));
-    rc = finish_beta(ctx, s, p, first);
-done:
-    return rc;
+    return RUN(DMK_OUTER, cg_direction, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->state), DMK_BUF(z),
+               DMK_BUF(s->cg[DMK_OUTER].p));
 }
 
-int dmk_rows_chebyshev_dots(dmk_context *ctx, dmk_system *s, bool first, const dmk_buffer *x,
-                            dmk_buffer *x_old, dmk_chebyshev_step c)
+int dmk_cg_step(dmk_context *ctx, dmk_system *s, dmk_buffer *x, double step, bool last)
+{
+    return RUN(DMK_OUTER, cg_step, rows(s), DMK_INT(s->n_rows), DMK_INT(last), DMK_BUF(s->state),
+               DMK_BUF(s->cg[DMK_OUTER].p), DMK_BUF(s->cg[DMK_OUTER].ap), DMK_BUF(x),
+               DMK_BUF(s->cg[DMK_OUTER].r), DMK_BUF(s->cg[DMK_OUTER].narrow), DMK_FLOAT(step),
+               DMK_BUF(s->inv_diag), DMK_BUF(s->x));
+}
+
+int dmk_inner_apply(dmk_context *ctx, dmk_system *s, bool first)
 {
     int rc;
-    DMK_TRY(RUN(DMK_INNER, rows_chebyshev_dots, rows(s), DMK_INT(s->n_rows), DMK_INT(first),
+    int32_t parts;
+    DMK_TRY(RUN(DMK_INNER, inner_apply, rows(s), DMK_INT(s->n_rows), DMK_INT(first),
                 DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out), DMK_BUF(s->cg[DMK_INNER].r),
-                DMK_BUF(s->inv_diag), DMK_BUF(x), DMK_BUF(x_old), DMK_FLOAT(c.momentum),
-                DMK_FLOAT(c.keep), DMK_FLOAT(c.step), DMK_BUF(s->cg[DMK_INNER].ap),
-                SUMS(1, s->state)));
-    rc = finish_beta(ctx, s, DMK_INNER, first);
+                DMK_BUF(s->cg[DMK_INNER].ap), DMK_BUF(s->x_old), DMK_BUF(s->x), SUMS(1, s->state)));
+    if (!s->share) return DMK_OK;
+    DMK_TRY(all_parts(ctx, s, true, 3, 0, &parts));
+    rc = RUN(DMK_INNER, inner_scalars, items(1), DMK_INT(parts), DMK_INT(first),
+             DMK_BUF(s->partial), DMK_BUF(s->state));
 done:
     return rc;
 }
 
-int dmk_cg_direction(dmk_context *ctx, dmk_system *s, dmk_program p, const dmk_buffer *z)
+int dmk_inner_step(dmk_context *ctx, dmk_system *s, bool first, double step)
 {
-    return RUN(p, cg_direction, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->state), DMK_BUF(z),
-               DMK_BUF(s->cg[p].p));
+    return RUN(DMK_INNER, inner_step, rows(s), DMK_INT(s->n_rows), DMK_INT(first), DMK_FLOAT(step),
+               DMK_BUF(s->state), DMK_BUF(s->x_old), DMK_BUF(s->inv_diag),
+               DMK_BUF(s->cg[DMK_INNER].p), DMK_BUF(s->cg[DMK_INNER].ap), DMK_BUF(s->w),
+               DMK_BUF(s->cg[DMK_INNER].r), DMK_BUF(s->x));
 }
 
-int dmk_cg_step(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_buffer *x, double step,
-                bool last)
+int dmk_inner_finish(dmk_context *ctx, dmk_system *s, bool first, double scale, int at)
 {
-    return RUN(p, cg_step, rows(s), DMK_INT(s->n_rows), DMK_INT(last), DMK_BUF(s->state),
-               DMK_BUF(s->cg[p].p), DMK_BUF(s->cg[p].ap), DMK_BUF(x), DMK_BUF(s->cg[p].r),
-               DMK_BUF(s->cg[p].narrow), DMK_FLOAT(step), DMK_BUF(s->inv_diag), DMK_BUF(s->x));
+    int rc;
+    DMK_TRY(RUN(DMK_OUTER, inner_finish, rows(s), DMK_INT(s->n_rows), DMK_INT(first),
+                DMK_FLOAT(scale), DMK_BUF(s->state), DMK_BUF(s->x_old), DMK_BUF(s->cg[DMK_INNER].p),
+                DMK_BUF(s->w), DMK_BUF(s->u), DMK_BUF(s->f), SUMS(at, s->scalars)));
+    rc = finish_sums(ctx, s, true, 1, 0, at);
+done:
+    return rc;
 }
 
 int dmk_dot(dmk_context *ctx, dmk_system *s, const dmk_buffer *a, const dmk_buffer *b, int at)
@@ -316,16 +327,6 @@ int dmk_rows_range(dmk_context *ctx, dmk_system *s, const dmk_buffer *u, int at)
     DMK_TRY(
         RUN(DMK_OUTER, rows_range, rows(s), DMK_INT(s->n_rows), DMK_BUF(u), SUMS(at, s->scalars)));
     rc = finish_sums(ctx, s, true, 2, 2, at);
-done:
-    return rc;
-}
-
-int dmk_scale_add(dmk_context *ctx, dmk_system *s, double alpha, int at)
-{
-    int rc;
-    DMK_TRY(RUN(DMK_OUTER, scale_add, rows(s), DMK_INT(s->n_rows), DMK_FLOAT(alpha), DMK_BUF(s->u),
-                DMK_BUF(s->w), DMK_BUF(s->f), SUMS(at, s->scalars)));
-    rc = finish_sums(ctx, s, true, 1, 0, at);
 done:
     return rc;
 }
@@ -361,27 +362,13 @@ done:
     return rc;
 }
 
-int dmk_rows_up(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, dmk_buffer *x,
+int dmk_rows_up(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, bool keep, dmk_buffer *x,
                 dmk_buffer *x_old, double step)
 {
-    return RUN(DMK_INNER, rows_up, rows(s), DMK_INT(s->n_rows), DMK_INT(s->vertex_row),
-               DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out), DMK_BUF(rhs),
-               DMK_BUF(s->inv_diag), DMK_BUF(s->ends), DMK_BUF(s->level[0].x_old), DMK_BUF(x),
-               DMK_BUF(x_old), DMK_FLOAT(step));
-}
-
-int dmk_rows_up_dots(dmk_context *ctx, dmk_system *s, bool first, const dmk_buffer *x,
-                     dmk_buffer *x_old, double step)
-{
-    int rc;
-    DMK_TRY(RUN(DMK_INNER, rows_up_dots, rows(s), DMK_INT(s->n_rows), DMK_INT(first),
-                DMK_INT(s->vertex_row), DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out),
-                DMK_BUF(s->cg[DMK_INNER].r), DMK_BUF(s->inv_diag), DMK_BUF(s->ends),
-                DMK_BUF(s->level[0].x_old), DMK_BUF(x), DMK_BUF(x_old), DMK_FLOAT(step),
-                DMK_BUF(s->cg[DMK_INNER].ap), SUMS(1, s->state)));
-    rc = finish_beta(ctx, s, DMK_INNER, first);
-done:
-    return rc;
+    return RUN(DMK_INNER, rows_up, rows(s), DMK_INT(s->n_rows), DMK_INT(keep),
+               DMK_INT(s->vertex_row), DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out),
+               DMK_BUF(rhs), DMK_BUF(s->inv_diag), DMK_BUF(s->ends), DMK_BUF(s->level[0].x_old),
+               DMK_BUF(x), DMK_BUF(x_old), DMK_FLOAT(step));
 }
 
 int dmk_graph_residual(dmk_context *ctx, dmk_system *s, int32_t level, const dmk_buffer *x)
@@ -438,8 +425,7 @@ int dmk_restrict(dmk_context *ctx, dmk_system *s, int32_t level, int before, dou
                 DMK_BUF(l->restrict_entry), DMK_BUF(l->restrict_weight),
                 DMK_BUF(s->level[level - 1].residual), DMK_FLOAT(step), DMK_BUF(l->inv_diag),
                 DMK_BUF(l->rhs), DMK_BUF(first_iterate(l, before))));
-    DMK_TRY(
-        dmk_send(ctx, dmk_ship_all(s->share, level, l->rhs, first_iterate(l, before))));
+    DMK_TRY(dmk_send(ctx, dmk_ship_all(s->share, level, l->rhs, first_iterate(l, before))));
 done:
     return rc;
 }
@@ -464,8 +450,9 @@ int dmk_tail_cycle(dmk_context *ctx, dmk_system *s, int before, double first, do
     const bool with_above = !s->share;
     if (!with_above) DMK_TRY(dmk_restrict(ctx, s, s->tail, before, first));
     rc = RUN(DMK_INNER, tail_cycle, items(1), DMK_INT(s->n_levels - s->tail), DMK_INT(with_above),
-             DMK_INT(before), DMK_BUF(s->tail_table), DMK_BUF(s->tail_arena), DMK_BUF(above->residual),
-             DMK_BUF(s->coarse_inverse), DMK_FLOAT(first), DMK_FLOAT(momentum), DMK_FLOAT(step));
+             DMK_INT(before), DMK_BUF(s->tail_table), DMK_BUF(s->tail_arena),
+             DMK_BUF(above->residual), DMK_BUF(s->coarse_inverse), DMK_FLOAT(first),
+             DMK_FLOAT(momentum), DMK_FLOAT(step));
 done:
     return rc;
 }
@@ -499,8 +486,7 @@ int dmk_coarse_inverse(dmk_context *ctx, dmk_system *s)
 /* Its rows, and from a part of their own on the next level's edges. */
 static dmk_range rows_and_edges(const dmk_system *s, const dmk_level *l, int32_t n_edges)
 {
-    const size_t first =
-        dmk_launch_parts(s->device, (size_t)l->n) * dmk_launch_part(s->device);
+    const size_t first = dmk_launch_parts(s->device, (size_t)l->n) * dmk_launch_part(s->device);
     return n_edges > 0 ? (dmk_range){.items = first + (size_t)n_edges, .first = first}
                        : items(l->n);
 }
@@ -512,10 +498,11 @@ int dmk_graph_refresh(dmk_context *ctx, dmk_system *s, int32_t level)
     const int32_t n_edges = next ? next->n_edges : 0;
     if (!next) next = l; /* its tables are not read */
     DMK_TRY(dmk_send(ctx, dmk_ship_edge_weights(s->share, level, l->edge)));
-    rc = RUN(DMK_INNER, graph_refresh, rows_and_edges(s, l, n_edges), DMK_INT(l->n),
-             DMK_INT(level == 0), DMK_BUF(l->slice), DMK_BUF(l->number), DMK_BUF(l->edge),
-             DMK_BUF(l->weight), DMK_BUF(l->inv_diag), DMK_INT(n_edges), DMK_BUF(next->galerkin_row),
-             DMK_BUF(next->galerkin_edge), DMK_BUF(next->galerkin_coef), DMK_BUF(next->edge));
+    rc =
+        RUN(DMK_INNER, graph_refresh, rows_and_edges(s, l, n_edges), DMK_INT(l->n),
+            DMK_INT(level == 0), DMK_BUF(l->slice), DMK_BUF(l->number), DMK_BUF(l->edge),
+            DMK_BUF(l->weight), DMK_BUF(l->inv_diag), DMK_INT(n_edges), DMK_BUF(next->galerkin_row),
+            DMK_BUF(next->galerkin_edge), DMK_BUF(next->galerkin_coef), DMK_BUF(next->edge));
 done:
     return rc;
 }
@@ -540,17 +527,7 @@ int dmk_element_energy(dmk_context *ctx, dmk_system *s, const dmk_buffer *v, boo
                 DMK_FLOAT(slack), DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area),
                 DMK_BUF(s->mu), DMK_BUF(v), DMK_BUF(s->out_real), DMK_BUF(s->q),
                 SUMS(at, s->scalars)));
-    rc = finish_sums(ctx, s, false, 1, 0, at);
-done:
-    return rc;
-}
-
-int dmk_element_measure(dmk_context *ctx, dmk_system *s, double alpha, int at)
-{
-    int rc;
-    DMK_TRY(RUN(DMK_OUTER, element_measure, elements(s), DMK_INT(s->n_elements), DMK_FLOAT(alpha),
-                DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->q), SUMS(at, s->scalars)));
-    rc = finish_sums(ctx, s, false, 3, 1, at);
+    rc = finish_sums(ctx, s, false, 5, 1, at);
 done:
     return rc;
 }
@@ -610,10 +587,12 @@ int dmk_newton_update(dmk_context *ctx, dmk_system *s, double alpha, double D, d
 {
     int rc;
     DMK_TRY(dmk_send(ctx, dmk_ship_rows(s->share, DMK_INNER, s->w)));
+    DMK_TRY(dmk_send(ctx, dmk_ship_rows(s->share, DMK_OUTER, s->u)));
     DMK_TRY(RUN(DMK_OUTER, newton_update, elements(s), DMK_INT(s->n_elements), DMK_FLOAT(alpha),
-                DMK_FLOAT(D), DMK_FLOAT(lowest), DMK_BUF(s->index), DMK_BUF(s->area), DMK_BUF(s->q),
-                DMK_BUF(s->rank_one), DMK_BUF(s->w), DMK_BUF(s->mu), SUMS(at, s->scalars)));
-    rc = finish_sums(ctx, s, false, 2, 0, at);
+                DMK_FLOAT(D), DMK_FLOAT(lowest), DMK_BUF(s->index), DMK_BUF(s->cot),
+                DMK_BUF(s->area), DMK_BUF(s->rank_one), DMK_BUF(s->w), DMK_BUF(s->u),
+                DMK_BUF(s->mu), DMK_BUF(s->out_real), DMK_BUF(s->q), SUMS(at, s->scalars)));
+    rc = finish_sums(ctx, s, false, 6, 1, at);
 done:
     return rc;
 }

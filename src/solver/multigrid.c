@@ -141,47 +141,37 @@ static void swap(iterates *x)
     *x = (iterates){x->old, x->now};
 }
 
-/* Smoothing steps on T/2 from the second one on, up to the polynomial's degree; with the dots, if they are
- * wanted of the last one. */
+/* The steps after the first one. `from_zero`: that was from 0. */
 static int smooth(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_buffer *rhs,
-                  const chebyshev *c, bool from_zero, const dmk_cycle *dots, iterates *x)
+                  const chebyshev *c, bool from_zero, iterates *x)
 {
     int rc = DMK_OK;
     for (int k = 1; k < c->degree; k++) {
-        const dmk_chebyshev_step step = step_of(c, k, from_zero);
         DMK_TRY(dmk_inner_elements(ctx, s, op, x->now));
-        if (dots && k == c->degree - 1)
-            DMK_TRY(dmk_rows_chebyshev_dots(ctx, s, dots->first, x->now, x->old, step));
-        else
-            DMK_TRY(dmk_rows_chebyshev(ctx, s, rhs, x->now, x->old, step));
+        DMK_TRY(dmk_rows_chebyshev(ctx, s, rhs, x->now, x->old, step_of(c, k, from_zero)));
         swap(x);
     }
 done:
     return rc;
 }
 
-int dmk_v_cycle(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_buffer *rhs,
-                dmk_cycle cycle)
+int dmk_v_cycle(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_buffer *rhs, bool begun)
 {
     int rc = DMK_OK;
     iterates x = {s->x, s->x_old};
     chebyshev fine = polynomial(op == DMK_STIFFNESS ? s->fine_degree : s->newton_degree),
               coarse = polynomial(2);
-    const dmk_cycle *dots = cycle.dots ? &cycle : NULL;
     const int before = steps_before(op);
-    if (!cycle.begun) DMK_TRY(dmk_smooth_first(ctx, s, rhs, fine.first));
-    DMK_TRY(smooth(ctx, s, op, rhs, &fine, true, NULL, &x));
+    if (!begun) DMK_TRY(dmk_smooth_first(ctx, s, rhs, fine.first));
+    DMK_TRY(smooth(ctx, s, op, rhs, &fine, true, &x));
     DMK_TRY(dmk_element_down(ctx, s, op, x.now));
     DMK_TRY(dmk_restrict_rows(ctx, s, rhs, before, coarse.first));
     DMK_TRY(graph_cycle(ctx, s, 0, &coarse, before));
     DMK_TRY(dmk_element_up(ctx, s, op, x.now));
-    if (dots && fine.degree == 1)
-        DMK_TRY(dmk_rows_up_dots(ctx, s, dots->first, x.now, x.old, fine.first));
-    else
-        DMK_TRY(dmk_rows_up(ctx, s, rhs, x.now, x.old, fine.first));
+    DMK_TRY(dmk_rows_up(ctx, s, rhs, fine.degree > 1, x.now, x.old, fine.first));
     swap(&x);
     /* As many steps again, so x ends in x_old whatever the degree. */
-    DMK_TRY(smooth(ctx, s, op, rhs, &fine, false, dots, &x));
+    DMK_TRY(smooth(ctx, s, op, rhs, &fine, false, &x));
 done:
     return rc;
 }
