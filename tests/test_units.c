@@ -264,8 +264,7 @@ static void conjugate_gradients_stop(void **state)
     dmk_system *s = x->sys;
     ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_OUTER, s->cg[DMK_OUTER].r, x->n, v));
     ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_INNER, s->cg[DMK_OUTER].narrow, x->n, v));
-    assert_int_equal(dmk_pcg(x->b.ctx, s, s->u, 20, 1e-6, 0, &stats),
-                     DMK_E_DIVERGED);
+    assert_int_equal(dmk_pcg(x->b.ctx, s, s->u, 20, 1e-6, 0, &stats), DMK_E_DIVERGED);
     assert_non_null(strstr(dmk_context_message(x->b.ctx), "broke down"));
     free(v);
 }

@@ -102,11 +102,12 @@ double dmk_first_step(void)
 }
 
 /* Smoothing steps on the graph levels before they are left for the next; after it there are two. One is as good for
- * Newton's matrix: 39 solves on 13 meshes take 1,448 iterations of CG for 1,503. That makes the cycle unsymmetric,
- * which the beta of Newton's inner solve bears (vector.cl); A's stays symmetric. */
-static int steps_before(dmk_operator op)
+ * Newton's matrix, if T/2 has two: 39 solves on 13 meshes take 1,448 iterations of CG for 1,503. (Where it has one, 8
+ * pairs of heaps take 118 steps for 113.) That makes the cycle unsymmetric, which the beta of Newton's inner solve
+ * bears (base.cl); A's stays symmetric. */
+static int steps_before(const dmk_system *s, dmk_operator op)
 {
-    return op == DMK_NEWTON_MATRIX ? 1 : 2;
+    return op == DMK_NEWTON_MATRIX && s->newton_degree > 1 ? 1 : 2;
 }
 
 /* Level i and those below: x_old of level i from its rhs, with its first smoothing step in x_old, or in x where
@@ -161,7 +162,7 @@ int dmk_v_cycle(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_buff
     iterates x = {s->x, s->x_old};
     chebyshev fine = polynomial(op == DMK_STIFFNESS ? s->fine_degree : s->newton_degree),
               coarse = polynomial(2);
-    const int before = steps_before(op);
+    const int before = steps_before(s, op);
     if (!begun) DMK_TRY(dmk_smooth_first(ctx, s, rhs, fine.first));
     DMK_TRY(smooth(ctx, s, op, rhs, &fine, true, &x));
     DMK_TRY(dmk_element_down(ctx, s, op, x.now));
