@@ -263,34 +263,30 @@ KERNEL rows_rhs(int n, global const int *restrict slice, global const int *restr
 }
 
 /* rows_rhs, inverse_diagonal and smooth_first at once, from the pairs of newton_prepare: rhs = f + the sum of the
- * elements' parts, the inverse of the sum of their diagonals, and z = step D^-1 rhs; and T's edges and diagonal.
- * reads slice, slot, pairs, sides and corners (gathered), f; writes rhs, inv_diag, z, edge, inv_diag_coarse
- * moves 4 P + 72 E + real R + 16 R bytes, 18 E + 4 R flops
+ * elements' parts, the inverse of the sum of their diagonals, and z = step D^-1 rhs.
+ * reads slice, slot, pairs (gathered), f; writes rhs, inv_diag, z
+ * moves 4 P + 48 E + real R + 12 R bytes, 12 E + 4 R flops
  * shape blocks of R; numerics sums of the right-hand side in the program's precision */
-KERNEL newton_rows(int n, float step, int vertex_row, int n_edges, global const int *restrict slice,
+KERNEL newton_rows(int n, float step, global const int *restrict slice,
                    global const int *restrict slot, GATHERED float *restrict pairs,
-                   GATHERED float *restrict sides, GATHERED float *restrict corners,
                    global const real *restrict f, global float *restrict rhs,
                    global float *restrict inv_diag, global float *restrict z,
-                   global float *restrict edge, global float *restrict inv_diag_coarse,
                    volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
         realv sum = 0;
-        floatv diag = 0, coarse = 0;
+        floatv diag = 0;
         for (int j = slice[SLICE(b)], end = slice[SLICE(b) + 1]; j < end; j++) {
             const intv s = LOAD(slot, COLUMN(b, j));
             const two p = gather_pairs(pairs, s);
             sum += TO_REAL(p.first);
             diag += p.second;
-            coarse += coarse_part(AT(b) < vertex_row, s, sides, corners);
         }
         const floatv r = TO_FLOAT(LOAD(f, AT(b)) + sum), inverse = inverse_of(diag);
         STORE(r, rhs, AT(b));
         STORE(inverse, inv_diag, AT(b));
         STORE(step * inverse * r, z, AT(b));
-        store_coarse(b, vertex_row, n_edges, coarse, edge, inv_diag_coarse);
     }
 }
 

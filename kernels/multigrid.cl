@@ -19,6 +19,10 @@ KERNEL smooth_first(int n, float step, global const float *restrict inv_diag,
     }
 }
 
+/* The slot among 3 numbers per element of what has slot p among 6: corner k, or side k at 3 + k. */
+#define CORNER_PLACE(p) ((p) - 3 * DMK_WIDTH * ((p) / (6 * DMK_WIDTH)))
+#define SIDE_PLACE(p) (CORNER_PLACE(p) - 3 * DMK_WIDTH)
+
 /* First phase of A x (M x with newton != 0) where only the restriction to T of its result is wanted: each
  * element's parts, those of the midpoints half to each end, 3 per element.
  * reads index, weight, g, x (gathered); writes out
@@ -416,7 +420,7 @@ static void invert_laplacian(int n, int n_pad, graph g, global sum_t *a, global 
     dense_laplacian(n, g, a);
     TOGETHER
     for (int i = 0; i < n; i++) shift += a[i * n + i];
-    shift /= (sum_t)n * n;
+    shift /= (sum_t)max(n, 1) * max(n, 1);
     if (!(shift > 0)) shift = 1;
     TOGETHER
     FOR_ITEMS(i, n)
@@ -464,6 +468,23 @@ KERNEL coarse_inverse(int n, int n_pad, global const int *restrict slice,
 
 /* ---- refresh --------------------------------------------------------------------------------- */
 
+/* Level 1: an edge's weight is the sum over its two triangles. slot: the midpoints' two slots among
+ * the elements' parts; a border edge's second one is of an element whose numbers stay 0.
+ * reads slot, triangle_edge (gathered); writes edge
+ * moves 12 K + 12 E bytes, K flops
+ * shape blocks of K */
+KERNEL edges_from_triangles(int n, global const int *restrict slot,
+                            GATHERED float *restrict triangle_edge, global float *restrict edge,
+                            volatile global int *shares, int4 launch)
+{
+    FOR_BLOCKS(b, n, shares, launch)
+    {
+        const intv p = LOAD(slot, AT_K(b, 0, 2)), q = LOAD(slot, AT_K(b, 1, 2));
+        const intv i = SIDE_PLACE(p), j = SIDE_PLACE(q);
+        STORE((floatv)(GATHER(triangle_edge, i)) + (floatv)(GATHER(triangle_edge, j)), edge, AT(b));
+    }
+}
+
 /* A number of half precision, for a GPU by its own instruction. Drivers of CPUs may write vload_half out in a dozen
  * and more; here the bits go where single precision has them, and the exponent is set right: exact for all that is
  * finite. */
@@ -502,58 +523,86 @@ static floatv weights_block(int b, global const int *slice, global const int *nu
     return size + fabs(diag);
 }
 
+/* A part of the next level's edges, if it is one of them. */
+static void refresh_edges(int part, int n, global const int *row, global const int *fine,
+                          global const half *coef, global const float *edge, global float *coarse_edge)
+{
+    if (part < 0) return;
+    FOR_PART_ROWS(i, n, part) { coarse_edge[i] = edge_sum(i, row, fine, coef, edge); }
+}
+
 /* A graph level's weights by row and its inverse diagonal, from its edges; and the edges of the next level,
- * w_coarse = R w_fine, the Galerkin product as a table of the mesh alone. given: the inverse diagonal is there: on T
- * the elements' bound is sharper than the rows'.
+ * w_coarse = R w_fine, the Galerkin product as a table of the mesh alone.
  * reads slice, number, edge (gathered), row, fine, coef; writes weight, inv_diag, coarse_edge
  * moves 8 L + 4 K + 4 V + 10 C bytes, 2 L + 2 V + 2 C flops, and 8 bytes for each edge of the next level
  * shape blocks of V, then rows, one for each edge of the next level; numerics coefficients in half precision (see
  * system.c) */
-KERNEL graph_refresh(int n, int given, global const int *restrict slice,
-                     global const int *restrict number, global const float *restrict edge,
-                     global float *restrict weight, global float *restrict inv_diag, int n_coarse,
-                     global const int *restrict row, global const int *restrict fine,
-                     global const half *restrict coef, global float *restrict coarse_edge,
-                     volatile global int *shares, int4 launch)
+KERNEL graph_refresh(int n, global const int *restrict slice, global const int *restrict number,
+                     global const float *restrict edge, global float *restrict weight,
+                     global float *restrict inv_diag, int n_coarse, global const int *restrict row,
+                     global const int *restrict fine, global const half *restrict coef,
+                     global float *restrict coarse_edge, volatile global int *shares, int4 launch)
 {
     const int parts = (n + PART_ITEMS - 1) / PART_ITEMS;
     FOR_PARTS(part, shares, launch)
     {
         FOR_PART_BLOCKS(b, n, part)
         {
-            const floatv size = weights_block(b, slice, number, edge, weight);
-            if (!given) STORE(inverse_of(size), inv_diag, AT(b));
+            STORE(inverse_of(weights_block(b, slice, number, edge, weight)), inv_diag, AT(b));
         }
-        if (part >= parts) {
-            FOR_PART_ROWS(i, n_coarse, part - parts)
-            {
-                coarse_edge[i] = edge_sum(i, row, fine, coef, edge);
-            }
-        }
+        refresh_edges(part - parts, n_coarse, row, fine, coef, edge, coarse_edge);
     }
 }
 
-/* On T/2 1 / (sum of the elements' weighted diagonals): see element_prepare; and T's edges and inverse diagonal.
- * reads slice, slot, out, sides and corners (gathered); writes inv_diag, edge, inv_diag_coarse
- * moves 4 P + 48 E + 8 R bytes, 12 E + R flops
+/* The same on T, where the elements' bound is sharper than the rows': the inverse diagonal is from theirs,
+ * 3 per element. first: slice of vertex 0 among the rows.
+ * reads slice, number, edge (gathered), corner_slice, corner, diag (gathered), row, fine, coef; writes weight,
+ * inv_diag, coarse_edge
+ * moves 8 L + 4 K + 24 E + 4 V + 10 C bytes, 3 E + V + 2 C flops, and 8 bytes for each edge of the next level
+ * shape and numerics as graph_refresh */
+KERNEL mesh_refresh(int n, global const int *restrict slice, global const int *restrict number,
+                    global const float *restrict edge, global float *restrict weight, int first,
+                    global const int *restrict corner_slice, global const int *restrict corner,
+                    GATHERED float *restrict diag, global float *restrict inv_diag, int n_coarse,
+                    global const int *restrict row, global const int *restrict fine,
+                    global const half *restrict coef, global float *restrict coarse_edge,
+                    volatile global int *shares, int4 launch)
+{
+    const int parts = (n + PART_ITEMS - 1) / PART_ITEMS;
+    FOR_PARTS(part, shares, launch)
+    {
+        FOR_PART_BLOCKS(b, n, part)
+        {
+            floatv sum = 0;
+            weights_block(b, slice, number, edge, weight);
+            for (int j = corner_slice[first + SLICE(b)], end = corner_slice[first + SLICE(b) + 1]; j < end;
+                 j++) {
+                const intv p = LOAD(corner, COLUMN(b, j));
+                const intv i = CORNER_PLACE(p);
+                sum += (floatv)(GATHER(diag, i));
+            }
+            STORE(inverse_of(sum), inv_diag, AT(b));
+        }
+        refresh_edges(part - parts, n_coarse, row, fine, coef, edge, coarse_edge);
+    }
+}
+
+/* 1 / (sum of the elements' weighted diagonals): see element_prepare.
+ * reads slice, slot, out (gathered); writes inv_diag
+ * moves 4 P + 24 E + 4 R bytes, 6 E + R flops
  * shape blocks of R */
-KERNEL inverse_diagonal(int n, int vertex_row, int n_edges, global const int *restrict slice,
-                        global const int *restrict slot, GATHERED float *restrict out,
-                        GATHERED float *restrict sides, GATHERED float *restrict corners,
-                        global float *restrict inv_diag, global float *restrict edge,
-                        global float *restrict inv_diag_coarse, volatile global int *shares,
-                        int4 launch)
+KERNEL inverse_diagonal(int n, global const int *restrict slice, global const int *restrict slot,
+                        GATHERED float *restrict out, global float *restrict inv_diag,
+                        volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
-        floatv sum = 0, coarse = 0;
+        floatv sum = 0;
         for (int j = slice[SLICE(b)], e = slice[SLICE(b) + 1]; j < e; j++) {
             const intv s = LOAD(slot, COLUMN(b, j));
             sum += (floatv)(GATHER(out, s));
-            coarse += coarse_part(AT(b) < vertex_row, s, sides, corners);
         }
         STORE(inverse_of(sum), inv_diag, AT(b));
-        store_coarse(b, vertex_row, n_edges, coarse, edge, inv_diag_coarse);
     }
 }
 

@@ -143,30 +143,6 @@ static realv row_sum(global const int *slice, global const int *slot, GATHERED r
     return y;
 }
 
-/* The slot among 3 numbers per element of what has slot p among 6: corner k, or side k at 3 + k. */
-#define CORNER_PLACE(p) ((p) - 3 * DMK_WIDTH * ((p) / (6 * DMK_WIDTH)))
-#define SIDE_PLACE(p) (CORNER_PLACE(p) - 3 * DMK_WIDTH)
-
-/* The operator of T takes three numbers per element for its sides, and three for its corners. A midpoint's row finds
- * the weight of its edge among the first, at its own slots, and a vertex' row its diagonal among the others.
- * coarse_part: what a slot adds; store_coarse: their sum, to the edges (from 0 on) or inverted to the vertices. */
-static floatv coarse_part(int at_edge, intv slot, GATHERED float *sides, GATHERED float *corners)
-{
-    GATHERED float *from = at_edge ? sides : corners;
-    const intv i = at_edge ? SIDE_PLACE(slot) : CORNER_PLACE(slot);
-    return (floatv)(GATHER(from, i));
-}
-
-static void store_coarse(int b, int vertex_row, int n_edges, floatv sum, global float *edge,
-                         global float *inv_diag)
-{
-    if (AT(b) >= vertex_row) {
-        STORE(inverse_of(sum), inv_diag, AT(b) - vertex_row);
-    } else if (AT(b) < n_edges) {
-        STORE(sum, edge, AT(b));
-    }
-}
-
 /* Second phase, y = A x, and x.y: where it is summed up, at = 1, CG's step follows from it (vector.cl).
  * reads slice, slot, out (gathered), x; writes y, scalars
  * moves 4 P + 6 real E + 2 real R bytes, 6 E + 2 R flops

@@ -35,7 +35,9 @@ enum { IN_INNER = 1 << DMK_INNER, IN_OUTER = 1 << DMK_OUTER, IN_BOTH = IN_INNER 
     X(prolong_rows, IN_INNER)                                                                      \
     X(coarse_solve, IN_INNER)                                                                      \
     X(coarse_inverse, IN_INNER)                                                                    \
+    X(edges_from_triangles, IN_INNER)                                                              \
     X(graph_refresh, IN_INNER)                                                                     \
+    X(mesh_refresh, IN_INNER)                                                                      \
     X(inverse_diagonal, IN_INNER)                                                                  \
     X(tail_cycle, IN_INNER)                                                                        \
     X(tail_refresh, IN_INNER)                                                                      \
@@ -491,29 +493,38 @@ static dmk_range rows_and_edges(const dmk_system *s, const dmk_level *l, int32_t
                        : items(l->n);
 }
 
+/* The next level's edges, and tables for them; without one they are not read. */
+#define EDGES_OF(next, n_edges)                                                                    \
+    DMK_INT(n_edges), DMK_BUF((next)->galerkin_row), DMK_BUF((next)->galerkin_edge),               \
+        DMK_BUF((next)->galerkin_coef), DMK_BUF((next)->edge)
+
 int dmk_graph_refresh(dmk_context *ctx, dmk_system *s, int32_t level)
 {
     int rc;
-    const dmk_level *l = &s->level[level], *next = level + 1 < s->n_levels ? l + 1 : NULL;
-    const int32_t n_edges = next ? next->n_edges : 0;
-    if (!next) next = l; /* its tables are not read */
+    const dmk_level *l = &s->level[level], *next = level + 1 < s->n_levels ? l + 1 : l;
+    const int32_t n_edges = next != l ? next->n_edges : 0;
+    const dmk_range range = rows_and_edges(s, l, n_edges);
+    if (level == 0)
+        DMK_TRY(RUN(DMK_INNER, edges_from_triangles, items(l->n_edges), DMK_INT(l->n_edges),
+                    DMK_BUF(s->slot), DMK_BUF(s->edge), DMK_BUF(l->edge)));
     DMK_TRY(dmk_send(ctx, dmk_ship_edge_weights(s->share, level, l->edge)));
-    rc =
-        RUN(DMK_INNER, graph_refresh, rows_and_edges(s, l, n_edges), DMK_INT(l->n),
-            DMK_INT(level == 0), DMK_BUF(l->slice), DMK_BUF(l->number), DMK_BUF(l->edge),
-            DMK_BUF(l->weight), DMK_BUF(l->inv_diag), DMK_INT(n_edges), DMK_BUF(next->galerkin_row),
-            DMK_BUF(next->galerkin_edge), DMK_BUF(next->galerkin_coef), DMK_BUF(next->edge));
+    if (level == 0)
+        DMK_TRY(RUN(DMK_INNER, mesh_refresh, range, DMK_INT(l->n), DMK_BUF(l->slice),
+                    DMK_BUF(l->number), DMK_BUF(l->edge), DMK_BUF(l->weight),
+                    DMK_INT(s->vertex_row / DMK_WIDTH), DMK_BUF(s->slice), DMK_BUF(s->slot),
+                    DMK_BUF(s->diag_coarse), DMK_BUF(l->inv_diag), EDGES_OF(next, n_edges)));
+    else
+        DMK_TRY(RUN(DMK_INNER, graph_refresh, range, DMK_INT(l->n), DMK_BUF(l->slice),
+                    DMK_BUF(l->number), DMK_BUF(l->edge), DMK_BUF(l->weight), DMK_BUF(l->inv_diag),
+                    EDGES_OF(next, n_edges)));
 done:
     return rc;
 }
 
 int dmk_inverse_diagonal(dmk_context *ctx, dmk_system *s)
 {
-    const dmk_level *t = &s->level[0];
-    return RUN(DMK_INNER, inverse_diagonal, rows(s), DMK_INT(s->n_rows), DMK_INT(s->vertex_row),
-               DMK_INT(t->n_edges), DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out),
-               DMK_BUF(s->edge), DMK_BUF(s->diag_coarse), DMK_BUF(s->inv_diag), DMK_BUF(t->edge),
-               DMK_BUF(t->inv_diag));
+    return RUN(DMK_INNER, inverse_diagonal, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->slice),
+               DMK_BUF(s->slot), DMK_BUF(s->out), DMK_BUF(s->inv_diag));
 }
 
 /* ---- density.cl ------------------------------------------------------------------------------ */
@@ -567,12 +578,9 @@ int dmk_rows_rhs(dmk_context *ctx, dmk_system *s)
 
 int dmk_newton_rows(dmk_context *ctx, dmk_system *s, double step)
 {
-    const dmk_level *t = &s->level[0];
     return RUN(DMK_OUTER, newton_rows, rows(s), DMK_INT(s->n_rows), DMK_FLOAT(step),
-               DMK_INT(s->vertex_row), DMK_INT(t->n_edges), DMK_BUF(s->slice), DMK_BUF(s->slot),
-               DMK_BUF(s->out_real), DMK_BUF(s->edge), DMK_BUF(s->diag_coarse), DMK_BUF(s->f),
-               DMK_BUF(s->cg[DMK_INNER].r), DMK_BUF(s->inv_diag), DMK_BUF(s->x), DMK_BUF(t->edge),
-               DMK_BUF(t->inv_diag));
+               DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out_real), DMK_BUF(s->f),
+               DMK_BUF(s->cg[DMK_INNER].r), DMK_BUF(s->inv_diag), DMK_BUF(s->x));
 }
 
 int dmk_rows_outer_residual(dmk_context *ctx, dmk_system *s)

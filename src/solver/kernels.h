@@ -84,9 +84,10 @@ int dmk_tail_cycle(dmk_context *context, dmk_system *s, int before, double first
                    double step);
 /* Their edges and weights, and, where s->dense is, coarse_inverse. */
 int dmk_tail_refresh(dmk_context *context, dmk_system *s);
-/* Of a level above: edge weights by row and, below T, the inverse diagonal; and the next level's edge weights. */
+/* Of a level above: edge weights by row, on T first those from the triangles', the inverse diagonal, from the rows' sums
+ * or on T from the elements' bounds, diag_coarse; and the next level's edge weights. */
 int dmk_graph_refresh(dmk_context *context, dmk_system *s, int32_t level);
-/* The inverse diagonal on T/2 from the elements' bounds in out; that of T from diag_coarse, and T's edge weights. */
+/* The inverse diagonal on T/2 from the elements' bounds in out. */
 int dmk_inverse_diagonal(dmk_context *context, dmk_system *s);
 
 /* ---- density.cl ------------------------------------------------------------------------------ */
@@ -106,7 +107,7 @@ int dmk_newton_prepare(dmk_context *context, dmk_system *s, bool paired, double 
 int dmk_newton_diagonal(dmk_context *context, dmk_system *s);
 /* The inner right-hand side cg[DMK_INNER].r = f + the rows' sums of out_real. */
 int dmk_rows_rhs(dmk_context *context, dmk_system *s);
-/* From pairs: that, all of dmk_inverse_diagonal, and in x the first smoothing step. */
+/* From pairs: that, the inverse diagonal on T/2, and in x the first smoothing step. */
 int dmk_newton_rows(dmk_context *context, dmk_system *s, double step);
 /* The outer residual cg[DMK_OUTER].r (and narrow) = f - the rows' sums of out_real. */
 int dmk_rows_outer_residual(dmk_context *context, dmk_system *s);

@@ -9,8 +9,8 @@
 int dmk_inner_elements(dmk_context *context, dmk_system *system, dmk_operator op,
                        const dmk_buffer *x);
 
-/* Bring the coarse operators and their diagonals up to date with the prepared coefficients; what dmk_inverse_diagonal
- * or dmk_newton_rows leave comes first. Without system->dense the host inverts the coarsest operator. */
+/* Bring the coarse operators and their diagonals up to date with the prepared coefficients; that of T/2 is
+ * dmk_inverse_diagonal's or dmk_newton_rows'. Without system->dense the host inverts the coarsest operator. */
 int dmk_multigrid_refresh(dmk_context *context, dmk_system *system);
 
 /* system->x_old = V-cycle applied to rhs (a row vector in single precision), in system->x another one. begun:
