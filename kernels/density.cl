@@ -21,12 +21,52 @@ static six scaled(realv k, six x)
     return y;
 }
 
-/* g = K u (without mu), stored if it is to be kept, and q = u.g / area, the mean of |grad u|^2; the
- * sum of mu u.g = u.Au. slack > 0: u.g with its rounding on top, `slack` times what its terms would be
- * without cancellation: at large cotangents of both signs they are up to cot^2 times as large as their sum.
+/* L = 1/2 log(alpha^2 q), kept in [-1, 1]. */
+static realv log_slope(realv q)
+{
+    return clamp((real)0.5 * log(fmax(q, (realv)1e-30f)), (realv)-1, (realv)1);
+}
+
+/* Sums over elements: of mu u.g = u.Au, of area mu, and of this times L and L^2 at alpha = 1; and the largest q. */
+typedef struct measures {
+    sumv energy, mass, slope, square, top;
+} measures;
+
+/* g = K u in block b, whose corners and midpoints are at x's six, and q = u.g / area, the mean of |grad u|^2; to
+ * the sums what it adds to them. slack > 0: u.g with its rounding on top, `slack` times what its terms would be
+ * without cancellation: at large cotangents of both signs they are up to cot^2 times as large as their sum. */
+static void measure_block(int b, int keep, float slack, six x, global const real *cot, realv area,
+                          realv mu, global real *g, global real *q, measures *sum)
+{
+    const flows f = flows_of(load_three(cot, b), x);
+    const six y = divergence(f);
+    if (keep) store_six(y, g, b);
+    realv e = y.v0 * (x.v0 - x.m0) + y.v1 * (x.v1 - x.m0) + y.v2 * (x.v2 - x.m0) +
+              y.m1 * (x.m1 - x.m0) + y.m2 * (x.m2 - x.m0);
+    e = fmax(e, (realv)0);
+    if (slack > 0) e += (real)slack * farthest(x) * total_flow(f);
+    const realv square = e / area, m = area * mu, l = log_slope(square);
+    STORE(square, q, AT(b));
+    sum->energy += TO_SUM(mu * e);
+    sum->mass += TO_SUM(m);
+    sum->slope += TO_SUM(m * l);
+    sum->square += TO_SUM(m * l * l);
+    sum->top = fmax(sum->top, TO_SUM(square));
+}
+
+/* The four sums. */
+static void leave_measures(sums s, int part, measures sum)
+{
+    leave_sum(s, 0, part, sum.energy);
+    leave_sum(s, 1, part, sum.mass);
+    leave_sum(s, 2, part, sum.slope);
+    leave_sum(s, 3, part, sum.square);
+}
+
+/* g = K u (without mu), stored if it is to be kept, and q; the sums, then the maximum: see measure_block.
  * reads index, cot, area, mu, u (gathered); writes g, q, scalars
- * moves 24 E + 12 real E + real R bytes, 50 E flops
- * shape blocks of E; numerics the sum in sum_t, in the order of parts */
+ * moves 24 E + 12 real E + real R bytes, 60 E flops
+ * shape blocks of E; numerics the sums in sum_t, in the order of parts */
 KERNEL element_energy(int n, int keep, float slack, global const int *restrict index,
                       global const real *restrict cot, global const real *restrict area,
                       global const real *restrict mu, GATHERED real *restrict u,
@@ -38,58 +78,15 @@ KERNEL element_energy(int n, int keep, float slack, global const int *restrict i
     const sums s = {partial, scalars, done, &group, at, launch.s3};
     FOR_PARTS(part, shares, launch)
     {
-        sumv sum = 0;
+        measures sum = {0, 0, 0, 0, 0};
         FOR_PART_BLOCKS(b, n, part)
         {
-            const six x = gather_six(u, load_rows(index, b));
-            const flows f = flows_of(load_three(cot, b), x);
-            const six y = divergence(f);
-            if (keep) store_six(y, g, b);
-            realv e = y.v0 * (x.v0 - x.m0) + y.v1 * (x.v1 - x.m0) + y.v2 * (x.v2 - x.m0) +
-                      y.m1 * (x.m1 - x.m0) + y.m2 * (x.m2 - x.m0);
-            e = fmax(e, (realv)0);
-            if (slack > 0) e += (real)slack * farthest(x) * total_flow(f);
-            STORE(e / LOAD(area, AT(b)), q, AT(b));
-            sum += TO_SUM(LOAD(mu, AT(b)) * e);
+            measure_block(b, keep, slack, gather_six(u, load_rows(index, b)), cot, LOAD(area, AT(b)),
+                          LOAD(mu, AT(b)), g, q, &sum);
         }
-        leave_sum(s, 0, part, sum);
-        finish_sums(s, 1, 0);
-    }
-}
-
-/* L = 1/2 log(alpha^2 q), kept in [-1, 1]. */
-static realv log_slope(realv q)
-{
-    return clamp((real)0.5 * log(fmax(q, (realv)1e-30f)), (realv)-1, (realv)1);
-}
-
-/* Sums of area mu L^2 and area mu, and the largest q where mu counts.
- * reads area, mu, q; writes scalars
- * moves 3 real E bytes, 9 E flops
- * shape blocks of E; numerics the sums in sum_t, in the order of parts */
-KERNEL element_measure(int n, float alpha, global const real *restrict area,
-                       global const real *restrict mu, global const real *restrict q,
-                       volatile global sum_t *partial, int at, global sum_t *restrict scalars,
-                       volatile global int *done, volatile global int *shares, int4 launch)
-{
-    local group_memory group;
-    const sums s = {partial, scalars, done, &group, at, launch.s3};
-    FOR_PARTS(part, shares, launch)
-    {
-        sumv sum = 0, mass = 0, top = 0;
-        const real a2 = (real)alpha * (real)alpha;
-        FOR_PART_BLOCKS(b, n, part)
-        {
-            const realv m = LOAD(area, AT(b)) * LOAD(mu, AT(b)), e = a2 * LOAD(q, AT(b)),
-                        l = log_slope(e);
-            sum += TO_SUM(m * l * l);
-            mass += TO_SUM(m);
-            top = fmax(top, TO_SUM(e));
-        }
-        leave_sum(s, 0, part, sum);
-        leave_sum(s, 1, part, mass);
-        leave_max(s, 2, part, top);
-        finish_sums(s, 3, 1);
+        leave_measures(s, part, sum);
+        leave_max(s, 4, part, sum.top);
+        finish_sums(s, 5, 1);
     }
 }
 
@@ -312,14 +309,16 @@ KERNEL rows_outer_residual(int n, global const int *restrict slice, global const
 }
 
 /* dy = D (L + g.w / (area s)) = D L + sqrt(D / (mu area s)) sqrt(c) g.w, kept in [-1, 1];
- * mu <- max(mu exp(dy), lowest sqrt(area)). Sums of area |change of mu| and area mu.
- * reads index, area, q, rank_one, w (gathered), mu; writes mu, scalars
- * moves 48 E + 4 real E + 4 R bytes, 40 E flops
+ * mu <- max(mu exp(dy), lowest sqrt(area)). Then element_energy of it and of u, which has w already: the same
+ * sums, that of area |change of mu|, and the maximum.
+ * reads index, cot, area, rank_one, w and u (gathered), mu, q; writes mu, g, q, scalars
+ * moves 48 E + 14 real E + real R + 4 R bytes, 100 E flops
  * shape blocks of E; numerics g.w in single precision by differences to m0; the sums in sum_t */
 KERNEL newton_update(int n, float alpha, float D, float lowest, global const int *restrict index,
-                     global const real *restrict area, global const real *restrict q,
+                     global const real *restrict cot, global const real *restrict area,
                      global const float *restrict rank_one, GATHERED float *restrict w,
-                     global real *restrict mu, volatile global sum_t *partial, int at,
+                     GATHERED real *restrict u, global real *restrict mu, global real *restrict g,
+                     global real *restrict q, volatile global sum_t *partial, int at,
                      global sum_t *restrict scalars, volatile global int *done,
                      volatile global int *shares, int4 launch)
 {
@@ -327,33 +326,33 @@ KERNEL newton_update(int n, float alpha, float D, float lowest, global const int
     const sums s = {partial, scalars, done, &group, at, launch.s3};
     FOR_PARTS(part, shares, launch)
     {
-        sumv change = 0, mass = 0;
+        sumv change = 0;
+        measures sum = {0, 0, 0, 0, 0};
         FOR_PART_BLOCKS(b, n, part)
         {
-            const intv i0 = LOAD(index, AT_K(b, 0, 6)), i1 = LOAD(index, AT_K(b, 1, 6)),
-                       i2 = LOAD(index, AT_K(b, 2, 6)), i3 = LOAD(index, AT_K(b, 3, 6)),
-                       i4 = LOAD(index, AT_K(b, 4, 6)), i5 = LOAD(index, AT_K(b, 5, 6));
-            const floatv w0 = (floatv)(GATHER(w, i0)), w1 = (floatv)(GATHER(w, i1)),
-                         w2 = (floatv)(GATHER(w, i2)), w3 = (floatv)(GATHER(w, i3)),
-                         w4 = (floatv)(GATHER(w, i4)), w5 = (floatv)(GATHER(w, i5));
-            const floatv s = LOAD(rank_one, AT_K(b, 0, 6)) * (w0 - w3) +
-                             LOAD(rank_one, AT_K(b, 1, 6)) * (w1 - w3) +
-                             LOAD(rank_one, AT_K(b, 2, 6)) * (w2 - w3) +
-                             LOAD(rank_one, AT_K(b, 4, 6)) * (w4 - w3) +
-                             LOAD(rank_one, AT_K(b, 5, 6)) * (w5 - w3);
+            const six_rows i = load_rows(index, b);
+            const floatv w0 = (floatv)(GATHER(w, i.v0)), w1 = (floatv)(GATHER(w, i.v1)),
+                         w2 = (floatv)(GATHER(w, i.v2)), w3 = (floatv)(GATHER(w, i.m0)),
+                         w4 = (floatv)(GATHER(w, i.m1)), w5 = (floatv)(GATHER(w, i.m2));
+            const floatv gw = LOAD(rank_one, AT_K(b, 0, 6)) * (w0 - w3) +
+                              LOAD(rank_one, AT_K(b, 1, 6)) * (w1 - w3) +
+                              LOAD(rank_one, AT_K(b, 2, 6)) * (w2 - w3) +
+                              LOAD(rank_one, AT_K(b, 4, 6)) * (w4 - w3) +
+                              LOAD(rank_one, AT_K(b, 5, 6)) * (w5 - w3);
             const realv a = LOAD(area, AT(b)), e = (real)alpha * (real)alpha * LOAD(q, AT(b)),
                         old = LOAD(mu, AT(b));
             const realv ratio = sqrt((real)D / (fmax(old, (realv)1e-30f) * a * fmax(e, (realv)0.25f)));
-            const realv dy = (real)D * log_slope(e) + ratio * TO_REAL(s);
+            const realv dy = (real)D * log_slope(e) + ratio * TO_REAL(gw);
             const realv grown = old * exp(clamp(dy, (realv)-1, (realv)1));
-            const realv next = LOAD(mu, AT(b)) > 0 ? fmax(grown, (real)lowest * sqrt(a)) : grown;
+            const realv next = old > 0 ? fmax(grown, (real)lowest * sqrt(a)) : grown;
             STORE(next, mu, AT(b));
             change += TO_SUM(a * fabs(next - old));
-            mass += TO_SUM(a * next);
+            measure_block(b, 1, 0, gather_six(u, i), cot, a, next, g, q, &sum);
         }
-        leave_sum(s, 0, part, change);
-        leave_sum(s, 1, part, mass);
-        finish_sums(s, 2, 0);
+        leave_measures(s, part, sum);
+        leave_sum(s, 4, part, change);
+        leave_max(s, 5, part, sum.top);
+        finish_sums(s, 6, 1);
     }
 }
 

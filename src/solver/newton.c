@@ -79,32 +79,16 @@ done:
     return rc;
 }
 
-/* That, and the inner solve: s->w. */
+/* That, and the inner solve but for its last step. */
 static int solve_step(dmk_iteration *o, double alpha, const step_control *p)
 {
     int rc;
     dmk_system *s = o->sys;
-    size_t vector = (size_t)s->n_rows_pad * sizeof(float);
     DMK_TRY(prepare(o, alpha, p));
     DMK_TRY(dmk_multigrid_refresh(o->ctx, s));
-    DMK_TRY(dmk_buffer_clear(o->ctx, s->device, s->w, vector));
     /* Few loose iterations gain nothing from a higher degree. */
     s->newton_degree = p->D > p->light ? 2 : 1;
-    rc = dmk_pcg(o->ctx, s, DMK_INNER, DMK_NEWTON_MATRIX, s->w, p->iterations, 0, 0, o->stats);
-done:
-    return rc;
-}
-
-static int update(dmk_iteration *o, double alpha, const step_control *p, double lowest,
-                  double *change)
-{
-    int rc;
-    double sums[2];
-    dmk_system *s = o->sys;
-    DMK_TRY(dmk_newton_update(o->ctx, s, alpha, p->D, lowest, 2));
-    DMK_TRY(dmk_scale_add(o->ctx, s, alpha, 1));
-    DMK_TRY(dmk_iteration_energies_and(o, 2, sums)); /* the next step's: one read for both */
-    *change = sums[0] / sums[1];
+    rc = dmk_inner_solve(o->ctx, s, p->iterations, o->stats);
 done:
     return rc;
 }
@@ -143,7 +127,9 @@ static int start_cold(dmk_iteration *o)
      * on four with thin triangles would take 62.1 for 58.8. */
     DMK_TRY(dmk_iteration_solve(o, o->light ? 5e-2 : 1e-2, 100));
     DMK_TRY(dmk_iteration_energies(o));
-    DMK_TRY(dmk_elements_fill(o->ctx, s, s->mu, o->fu > 0 ? sqrt(o->fu) : 1));
+    const double least = o->fu > 0 ? sqrt(o->fu) : 1;
+    DMK_TRY(dmk_elements_fill(o->ctx, s, s->mu, least));
+    o->mass *= least;
 done:
     return rc;
 }
@@ -167,14 +153,14 @@ int dmk_newton(dmk_iteration *o, bool from_distance)
     for (int step = 1; step <= max_steps; step++) {
         if (!o->fresh) DMK_TRY(dmk_iteration_energies(o));
         double alpha = o->uau > 0 ? o->fu / o->uau : 1;
-        DMK_TRY(dmk_iteration_measure(o, alpha));
+        dmk_iteration_measure(o, alpha);
         choose_step(&p, o->rho);
         /* A distance satisfies |grad u| = 1 whatever mu is: the first rho is no measure. */
         if (step == 1 && from_distance) p.rho_before = 0;
         DMK_TRY(solve_step(o, alpha, &p));
         /* Not from a distance the way may be short, and mu small everywhere. */
         const double lowest = from_distance ? o->floor : o->mean_floor * o->mass;
-        DMK_TRY(update(o, alpha, &p, lowest, &change));
+        DMK_TRY(dmk_iteration_update(o, p.iterations == 1, alpha, p.D, lowest, &change));
         DMK_TRY(dmk_iteration_step_done(o, step, max_steps, p.iterations, change));
         DMK_TRY(has_settled(o, &p, change, &settled));
         if (settled) goto done;

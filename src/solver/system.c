@@ -504,7 +504,7 @@ static int allocate_work(const packer *p)
     DMK_TRY(work(p, DMK_INNER, n, &s->x));
     DMK_TRY(work(p, DMK_INNER, n, &s->x_old));
     DMK_TRY(allocate_cg(p));
-    DMK_TRY(work(p, DMK_OUTER, 4 * parts, &s->partial));
+    DMK_TRY(work(p, DMK_OUTER, 6 * parts, &s->partial)); /* quantities that newton_update sums */
     DMK_TRY(work(p, DMK_OUTER, 8, &s->state));
     DMK_TRY(work(p, DMK_INNER, 1, &s->done));
     DMK_TRY(work(p, DMK_OUTER, 16, &s->scalars));
