@@ -255,6 +255,209 @@ static void two_runs_give_the_same_bits(void **state)
     free(b);
 }
 
+/* ---- Newton's steps on T ---------------------------------------------------------------------- */
+
+static const double scale = 0.9, pseudo_time = 3, bend = 0.7;
+
+/* One element with u linear on T, by the formulas: its rows, K u, q of u, and the step that is its own. */
+typedef struct linear {
+    size_t row[3];
+    double g[3]; /* scale K u, without mu */
+    double q, slope, step;
+} linear;
+
+static linear linear_of(const fixture *x, int32_t t, const double *u)
+{
+    const dmk_mesh *m = x->order.mesh;
+    const double unit = x->sys->unit, area = m->area[t] / (unit * unit);
+    linear l = {.q = 0};
+    for (int k = 0; k < 3; k++) l.row[k] = (size_t)(x->sys->vertex_row + m->triangle[3 * t + k]);
+    for (int k = 0; k < 3; k++) {
+        const int i = (k + 1) % 3, j = (k + 2) % 3;
+        const double flow = 0.5 * dmk_cot(m, 3 * t + k) * scale * (u[l.row[i]] - u[l.row[j]]);
+        l.g[i] += flow;
+        l.g[j] -= flow;
+        l.q += flow * scale * (u[l.row[i]] - u[l.row[j]]) / area;
+    }
+    l.slope = fmax(-1, fmin(1, 0.5 * log(l.q)));
+    l.step = pseudo_time / fmax(1, pseudo_time * bend * fabs(l.slope));
+    return l;
+}
+
+/* g.w / (area s) of it. */
+static double along(const fixture *x, int32_t t, const linear *l, const double *w)
+{
+    const double unit = x->sys->unit, area = x->order.mesh->area[t] / (unit * unit);
+    double sum = 0;
+    for (int k = 0; k < 3; k++) sum += l->g[k] * w[l->row[k]];
+    return sum / (area * fmax(l->q, 0.25));
+}
+
+/* Newton's matrix times w and its right-hand side without f, at the vertices' rows; the sum of u.Au. */
+static double assemble_linear(const fixture *x, const double *u, const double *w, double *mw,
+                              double *rhs)
+{
+    const dmk_mesh *m = x->order.mesh;
+    double energy = 0;
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        const linear l = linear_of(x, t, u);
+        const double moved = l.step * along(x, t, &l, w);
+        for (int k = 0; k < 3; k++) {
+            const size_t i = l.row[(k + 1) % 3], j = l.row[(k + 2) % 3];
+            const double flow = 0.5 * x->mu[t] * dmk_cot(m, 3 * t + k) * (w[i] - w[j]);
+            mw[i] += flow;
+            mw[j] -= flow;
+            mw[l.row[k]] += x->mu[t] * moved * l.g[k];
+            rhs[l.row[k]] -= x->mu[t] * (1 + l.step * l.slope) * l.g[k];
+            energy += x->mu[t] * l.g[k] * u[l.row[k]] / scale;
+        }
+    }
+    return energy;
+}
+
+static void near_rows(const char *what, size_t n, const double *found, const double *expected)
+{
+    double size = 0, off = 0;
+    for (size_t i = 0; i < n; i++) {
+        size = fmax(size, fabs(expected[i]));
+        off = fmax(off, fabs(found[i] - expected[i]));
+    }
+    if (!(size > 0 && off <= 1e-5 * size)) fail_msg("%s: off by %g of %g", what, off, size);
+}
+
+/* What a buffer has from its beginning on, in the place of the vertices' rows. */
+static double *read_vertices(const fixture *x, dmk_program p, const dmk_buffer *b)
+{
+    double *v = calloc(x->n, sizeof *v);
+    ok(x, dmk_buffer_read_real(x->ctx, x->dev, p, b, (size_t)x->sys->n_vertices,
+                               v + x->sys->vertex_row));
+    return v;
+}
+
+static void write_vertices(const fixture *x, dmk_program p, dmk_buffer *b, const double *v)
+{
+    ok(x, dmk_buffer_write_real(x->ctx, x->dev, p, b, (size_t)x->sys->n_vertices,
+                                v + x->sys->vertex_row));
+}
+
+/* Matrix and right-hand side on T, its load from the midpoints, and the energy. */
+static void steps_on_t_have_newtons_system(void **state)
+{
+    fixture *x = *state;
+    dmk_system *s = x->sys;
+    const dmk_mesh *m = x->order.mesh;
+    double *u = random_rows(x), *w = random_rows(x), *f = random_rows(x), energy;
+    double *mw = calloc(x->n, sizeof *mw), *rhs = calloc(x->n, sizeof *rhs);
+    const double expected = assemble_linear(x, u, w, mw, rhs);
+    for (int32_t v = 0; v < m->n_vertices; v++) rhs[s->vertex_row + v] += f[s->vertex_row + v];
+    for (int32_t i = 0; i < 2 * m->n_edges; i++)
+        rhs[s->vertex_row + m->edge_vertex[i]] += 0.5 * f[i / 2];
+    ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, s->u, x->n, u));
+    ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, s->f, x->n, f));
+    ok(x, dmk_nested_load(x->ctx, s));
+    ok(x, dmk_nested_energy(x->ctx, s, 3));
+    ok(x, dmk_buffer_read_real(x->ctx, x->dev, DMK_OUTER, s->scalars, 4, f));
+    energy = f[3];
+    assert_true(fabs(energy - expected) <= 1e-9 * expected);
+    ok(x, dmk_nested_prepare(x->ctx, s, scale, pseudo_time, bend));
+    ok(x, dmk_multigrid_refresh(x->ctx, s));
+    ok(x, dmk_nested_rhs(x->ctx, s, dmk_first_step()));
+    double *found = read_vertices(x, DMK_INNER, s->level[0].rhs);
+    near_rows("right-hand side", x->n, found, rhs);
+    free(found);
+    write_vertices(x, DMK_INNER, s->cg[DMK_INNER].p, w);
+    ok(x, dmk_graph_apply(x->ctx, s));
+    found = read_vertices(x, DMK_INNER, s->cg[DMK_INNER].ap);
+    near_rows("matrix", x->n, found, mw);
+    free(found);
+    free(u);
+    free(w);
+    free(f);
+    free(mw);
+    free(rhs);
+}
+
+/* mu and u after a step, its sums, and u at the midpoints. */
+static void steps_on_t_move_mu_and_u(void **state)
+{
+    fixture *x = *state;
+    dmk_system *s = x->sys;
+    const dmk_mesh *m = x->order.mesh;
+    const double unit = s->unit, lowest = 2;
+    const size_t e = (size_t)s->n_elements_pad;
+    double *u = random_rows(x), *w = random_rows(x), *f = random_rows(x), sums[3], fu = 0, mass = 0;
+    double *next = calloc(e, sizeof *next), *mu = calloc(e, sizeof *mu), change = 0;
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        const linear l = linear_of(x, t, u);
+        const double area = m->area[t] / (unit * unit);
+        const double dy = l.step * (l.slope + along(x, t, &l, w));
+        next[t] = fmax(x->mu[t] * exp(fmax(-1, fmin(1, dy))), lowest * sqrt(area));
+        change += area * fabs(next[t] - x->mu[t]);
+        mass += area * next[t];
+    }
+    ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, s->u, x->n, u));
+    write_vertices(x, DMK_OUTER, s->load, f);
+    write_vertices(x, DMK_INNER, s->w, w);
+    ok(x, dmk_nested_energy(x->ctx, s, 0));
+    ok(x, dmk_nested_update(x->ctx, s, scale, pseudo_time, bend, lowest, 1));
+    ok(x, dmk_nested_add(x->ctx, s, scale, 0));
+    ok(x, dmk_buffer_read_real(x->ctx, x->dev, DMK_OUTER, s->scalars, 3, sums));
+    ok(x, dmk_buffer_read_real(x->ctx, x->dev, DMK_OUTER, s->mu, e, mu));
+    near_rows("mu", e, mu, next);
+    assert_true(fabs(sums[1] - change) <= 1e-5 * change && fabs(sums[2] - mass) <= 1e-5 * mass);
+    ok(x, dmk_nested_refine(x->ctx, s));
+    for (int32_t i = s->vertex_row; i < s->n_rows; i++) {
+        u[i] = scale * u[i] + w[i];
+        fu += u[i] * f[i];
+    }
+    for (int32_t i = 0; i < m->n_edges; i++)
+        u[i] = 0.5 * (u[s->vertex_row + m->edge_vertex[2 * i]] +
+                      u[s->vertex_row + m->edge_vertex[2 * i + 1]]);
+    ok(x, dmk_buffer_read_real(x->ctx, x->dev, DMK_OUTER, s->u, x->n, w));
+    near_rows("u", x->n, w, u);
+    assert_true(fabs(sums[0] - fu) <= 1e-5 * sqrt(dot(x->n, u, u) * dot(x->n, f, f)));
+    free(u);
+    free(w);
+    free(f);
+    free(next);
+    free(mu);
+}
+
+/* Conjugate gradients on T: fourteen iterations solve A w = A v. */
+static void steps_on_t_are_solved(void **state)
+{
+    fixture *x = *state;
+    dmk_system *s = x->sys;
+    dmk_stats stats = {.steps = 0};
+    double *v = random_rows(x), *none = calloc(x->n, sizeof *none), mean = 0;
+    ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, s->u, x->n, none));
+    ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, s->f, x->n, none));
+    ok(x, dmk_nested_load(x->ctx, s));
+    ok(x, dmk_nested_energy(x->ctx, s, 0));
+    ok(x, dmk_nested_prepare(x->ctx, s, 1, 0, 0));
+    ok(x, dmk_multigrid_refresh(x->ctx, s));
+    write_vertices(x, DMK_INNER, s->cg[DMK_INNER].p, v);
+    ok(x, dmk_graph_apply(x->ctx, s));
+    double *load = read_vertices(x, DMK_INNER, s->cg[DMK_INNER].ap);
+    write_vertices(x, DMK_OUTER, s->load, load);
+    ok(x, dmk_nested_prepare(x->ctx, s, 1, 0, 0));
+    ok(x, dmk_nested_rhs(x->ctx, s, dmk_first_step()));
+    ok(x, dmk_buffer_clear(x->ctx, x->dev, s->w, x->n * sizeof(float)));
+    ok(x, dmk_pcg_mesh(x->ctx, s, 14, &stats));
+    assert_int_equal(stats.cg_iterations, 14);
+    double *found = read_vertices(x, DMK_INNER, s->w);
+    for (int32_t i = s->vertex_row; i < s->n_rows; i++) mean += (v[i] - found[i]) / s->n_vertices;
+    for (int32_t i = 0; i < s->n_rows; i++) {
+        if (i < s->vertex_row) v[i] = 0;
+        if (i >= s->vertex_row) found[i] += mean;
+    }
+    near_rows("solution", x->n, found, v);
+    free(v);
+    free(none);
+    free(load);
+    free(found);
+}
+
 /* x += 1 in launch after launch, more of them than a launch's tag has values (base.cl), also with an end
  * that is not a whole part: after each every number has grown by 1, by no more and no less. */
 static void every_part_is_done_once(void **state)
@@ -329,6 +532,9 @@ int main(void)
         BOTH(operator_is_symmetric_with_constants_in_its_null_space),
         BOTH(v_cycle_is_symmetric_and_contracts),
         BOTH(cycles_of_newton_find_the_sums),
+        BOTH(steps_on_t_have_newtons_system),
+        BOTH(steps_on_t_move_mu_and_u),
+        BOTH(steps_on_t_are_solved),
         BOTH(two_runs_give_the_same_bits),
         BOTH(every_part_is_done_once),
         BOTH(listed_parts_alone_are_done),

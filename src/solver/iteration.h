@@ -21,7 +21,7 @@ typedef struct dmk_iteration {
     double rho, top;   /* weighted mean of (1/2 log q)^2, rooted; largest q */
     double floor;      /* mu stays above this many square roots of the element's area; */
     double mean_floor; /* in Newton's steps that do not begin at a distance: times mu's mean */
-    double brief;      /* below this pseudo-time step Newton's inner solve is one iteration of CG */
+    bool between;      /* measures: see newton.c for what its steps do then */
     bool goes_on;      /* a large gap will be answered by more steps rather than by a long repair */
     bool certified;    /* stats has the bounds of the present pair */
     bool loose; /* its u is far from solving A(mu) u = f: a few iterations of CG from mu = const */

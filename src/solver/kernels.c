@@ -48,6 +48,14 @@ enum { IN_INNER = 1 << DMK_INNER, IN_OUTER = 1 << DMK_OUTER, IN_BOTH = IN_INNER 
     X(newton_prepare, IN_OUTER)                                                                    \
     X(newton_diagonal, IN_OUTER)                                                                   \
     X(newton_update, IN_OUTER)                                                                     \
+    X(nested_load, IN_OUTER)                                                                       \
+    X(nested_energy, IN_OUTER)                                                                     \
+    X(nested_prepare, IN_OUTER)                                                                    \
+    X(nested_rhs, IN_OUTER)                                                                        \
+    X(nested_update, IN_OUTER)                                                                     \
+    X(nested_add, IN_OUTER)                                                                        \
+    X(nested_refine, IN_OUTER)                                                                     \
+    X(graph_apply, IN_INNER)                                                                       \
     X(explicit_update, IN_OUTER)                                                                   \
     X(rows_rhs, IN_OUTER)                                                                          \
     X(newton_rows, IN_OUTER)                                                                       \
@@ -138,20 +146,24 @@ static int32_t slot_of_sums(const dmk_system *s, int at)
     DMK_BUF(s->partial), DMK_INT(slot_of_sums(s, at)), DMK_BUF(to), DMK_BUF(s->done)
 
 /* With a share: the partial sums of all ranks; *parts: their number. */
-static int all_parts(dmk_context *ctx, dmk_system *s, bool rows, int count, int maxima,
+static int all_parts(dmk_context *ctx, dmk_system *s, dmk_items over, int count, int maxima,
                      int32_t *parts)
 {
-    *parts = (int32_t)dmk_launch_parts(s->device, (size_t)(rows ? s->n_rows : s->n_elements));
-    return dmk_share_parts(ctx, s->share, rows, count, maxima, s->partial, parts);
+    const int32_t n = over == DMK_ROWS       ? s->n_rows
+                      : over == DMK_VERTICES ? s->level[0].n
+                                             : s->n_elements;
+    *parts = (int32_t)dmk_launch_parts(s->device, (size_t)n);
+    return dmk_share_parts(ctx, s->share, over, count, maxima, s->partial, parts);
 }
 
 /* What a kernel leaves in partial: without a share it has added it up itself. */
-static int finish_sums(dmk_context *ctx, dmk_system *s, bool rows, int count, int maxima, int at)
+static int finish_sums(dmk_context *ctx, dmk_system *s, dmk_items over, int count, int maxima,
+                       int at)
 {
     int rc;
     int32_t parts;
     if (!s->share) return DMK_OK;
-    DMK_TRY(all_parts(ctx, s, rows, count, maxima, &parts));
+    DMK_TRY(all_parts(ctx, s, over, count, maxima, &parts));
     rc = RUN(DMK_OUTER, sum_partials, items(1), DMK_INT(parts), DMK_INT(count), DMK_INT(maxima),
              DMK_BUF(s->partial), DMK_BUF(s->scalars), DMK_INT(at));
 done:
@@ -228,16 +240,25 @@ done:
     return rc;
 }
 
+/* alpha where the sums of all ranks are needed for it. */
+static int finish_alpha(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_items over)
+{
+    int rc;
+    int32_t parts;
+    if (!s->share) return DMK_OK;
+    DMK_TRY(all_parts(ctx, s, over, 1, 0, &parts));
+    rc = RUN(p, cg_alpha, items(1), DMK_INT(parts), DMK_BUF(s->partial), DMK_BUF(s->state));
+done:
+    return rc;
+}
+
 int dmk_rows_apply(dmk_context *ctx, dmk_system *s, dmk_program p, const dmk_buffer *x,
                    dmk_buffer *y)
 {
     int rc;
-    int32_t parts;
     DMK_TRY(RUN(p, rows_apply, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->slice), DMK_BUF(s->slot),
                 DMK_BUF(out_of(s, p)), DMK_BUF(x), DMK_BUF(y), SUMS(1, s->state)));
-    if (!s->share) return DMK_OK;
-    DMK_TRY(all_parts(ctx, s, true, 1, 0, &parts));
-    rc = RUN(p, cg_alpha, items(1), DMK_INT(parts), DMK_BUF(s->partial), DMK_BUF(s->state));
+    rc = finish_alpha(ctx, s, p, DMK_ROWS);
 done:
     return rc;
 }
@@ -253,12 +274,12 @@ int dmk_rows_chebyshev(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, c
 /* ---- vector.cl ------------------------------------------------------------------------------- */
 
 /* beta where the sums of all ranks are needed for it. */
-static int finish_beta(dmk_context *ctx, dmk_system *s, dmk_program p, bool first)
+static int finish_beta(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_items over, bool first)
 {
     int rc;
     int32_t parts;
     if (!s->share) return DMK_OK;
-    DMK_TRY(all_parts(ctx, s, true, 2, 0, &parts));
+    DMK_TRY(all_parts(ctx, s, over, 2, 0, &parts));
     rc = RUN(p, cg_beta, items(1), DMK_INT(parts), DMK_INT(first), DMK_BUF(s->partial),
              DMK_BUF(s->state));
 done:
@@ -270,7 +291,7 @@ int dmk_cg_dots(dmk_context *ctx, dmk_system *s, dmk_program p, bool first, cons
     int rc;
     DMK_TRY(RUN(p, cg_dots, rows(s), DMK_INT(s->n_rows), DMK_INT(first), DMK_BUF(s->cg[p].r),
                 DMK_BUF(s->cg[p].ap), DMK_BUF(z), SUMS(1, s->state)));
-    rc = finish_beta(ctx, s, p, first);
+    rc = finish_beta(ctx, s, p, DMK_ROWS, first);
 done:
     return rc;
 }
@@ -284,7 +305,7 @@ int dmk_rows_chebyshev_dots(dmk_context *ctx, dmk_system *s, bool first, const d
                 DMK_BUF(s->inv_diag), DMK_BUF(x), DMK_BUF(x_old), DMK_FLOAT(c.momentum),
                 DMK_FLOAT(c.keep), DMK_FLOAT(c.step), DMK_BUF(s->cg[DMK_INNER].ap),
                 SUMS(1, s->state)));
-    rc = finish_beta(ctx, s, DMK_INNER, first);
+    rc = finish_beta(ctx, s, DMK_INNER, DMK_ROWS, first);
 done:
     return rc;
 }
@@ -308,7 +329,7 @@ int dmk_dot(dmk_context *ctx, dmk_system *s, const dmk_buffer *a, const dmk_buff
     int rc;
     DMK_TRY(RUN(DMK_OUTER, dot_real, rows(s), DMK_INT(s->n_rows), DMK_BUF(a), DMK_BUF(b),
                 SUMS(at, s->scalars)));
-    rc = finish_sums(ctx, s, true, 1, 0, at);
+    rc = finish_sums(ctx, s, DMK_ROWS, 1, 0, at);
 done:
     return rc;
 }
@@ -318,7 +339,7 @@ int dmk_rows_range(dmk_context *ctx, dmk_system *s, const dmk_buffer *u, int at)
     int rc;
     DMK_TRY(
         RUN(DMK_OUTER, rows_range, rows(s), DMK_INT(s->n_rows), DMK_BUF(u), SUMS(at, s->scalars)));
-    rc = finish_sums(ctx, s, true, 2, 2, at);
+    rc = finish_sums(ctx, s, DMK_ROWS, 2, 2, at);
 done:
     return rc;
 }
@@ -328,7 +349,7 @@ int dmk_scale_add(dmk_context *ctx, dmk_system *s, double alpha, int at)
     int rc;
     DMK_TRY(RUN(DMK_OUTER, scale_add, rows(s), DMK_INT(s->n_rows), DMK_FLOAT(alpha), DMK_BUF(s->u),
                 DMK_BUF(s->w), DMK_BUF(s->f), SUMS(at, s->scalars)));
-    rc = finish_sums(ctx, s, true, 1, 0, at);
+    rc = finish_sums(ctx, s, DMK_ROWS, 1, 0, at);
 done:
     return rc;
 }
@@ -382,7 +403,7 @@ int dmk_rows_up_dots(dmk_context *ctx, dmk_system *s, bool first, const dmk_buff
                 DMK_BUF(s->cg[DMK_INNER].r), DMK_BUF(s->inv_diag), DMK_BUF(s->ends),
                 DMK_BUF(s->level[0].x_old), DMK_BUF(x), DMK_BUF(x_old), DMK_FLOAT(step),
                 DMK_BUF(s->cg[DMK_INNER].ap), SUMS(1, s->state)));
-    rc = finish_beta(ctx, s, DMK_INNER, first);
+    rc = finish_beta(ctx, s, DMK_INNER, DMK_ROWS, first);
 done:
     return rc;
 }
@@ -540,7 +561,7 @@ int dmk_element_energy(dmk_context *ctx, dmk_system *s, const dmk_buffer *v, boo
                 DMK_FLOAT(slack), DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area),
                 DMK_BUF(s->mu), DMK_BUF(v), DMK_BUF(s->out_real), DMK_BUF(s->q),
                 SUMS(at, s->scalars)));
-    rc = finish_sums(ctx, s, false, 1, 0, at);
+    rc = finish_sums(ctx, s, DMK_ELEMENTS, 1, 0, at);
 done:
     return rc;
 }
@@ -550,7 +571,7 @@ int dmk_element_measure(dmk_context *ctx, dmk_system *s, double alpha, int at)
     int rc;
     DMK_TRY(RUN(DMK_OUTER, element_measure, elements(s), DMK_INT(s->n_elements), DMK_FLOAT(alpha),
                 DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->q), SUMS(at, s->scalars)));
-    rc = finish_sums(ctx, s, false, 3, 1, at);
+    rc = finish_sums(ctx, s, DMK_ELEMENTS, 3, 1, at);
 done:
     return rc;
 }
@@ -568,12 +589,13 @@ int dmk_element_prepare(dmk_context *ctx, dmk_system *s)
                DMK_BUF(s->out), DMK_BUF(s->edge), DMK_BUF(s->diag_coarse));
 }
 
-int dmk_newton_prepare(dmk_context *ctx, dmk_system *s, bool paired, double alpha, double D)
+int dmk_newton_prepare(dmk_context *ctx, dmk_system *s, bool paired, double alpha, double D,
+                       double bend)
 {
     return RUN(DMK_OUTER, newton_prepare, padded_elements(s), DMK_INT(s->n_elements_pad),
-               DMK_INT(paired), DMK_FLOAT(alpha), DMK_FLOAT(D), DMK_BUF(s->cot), DMK_BUF(s->area),
-               DMK_BUF(s->mu), DMK_BUF(s->q), DMK_BUF(s->out_real), DMK_BUF(s->weight),
-               DMK_BUF(s->rank_one), DMK_BUF(s->edge), DMK_BUF(s->diag_coarse));
+               DMK_INT(paired), DMK_FLOAT(alpha), DMK_FLOAT(D), DMK_FLOAT(bend), DMK_BUF(s->cot),
+               DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->q), DMK_BUF(s->out_real),
+               DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(s->edge), DMK_BUF(s->diag_coarse));
 }
 
 int dmk_newton_diagonal(dmk_context *ctx, dmk_system *s)
@@ -602,15 +624,16 @@ int dmk_rows_outer_residual(dmk_context *ctx, dmk_system *s)
                DMK_BUF(s->cg[DMK_OUTER].narrow));
 }
 
-int dmk_newton_update(dmk_context *ctx, dmk_system *s, double alpha, double D, double lowest,
-                      int at)
+int dmk_newton_update(dmk_context *ctx, dmk_system *s, double alpha, double D, double bend,
+                      double lowest, int at)
 {
     int rc;
     DMK_TRY(dmk_send(ctx, dmk_ship_rows(s->share, DMK_INNER, s->w)));
     DMK_TRY(RUN(DMK_OUTER, newton_update, elements(s), DMK_INT(s->n_elements), DMK_FLOAT(alpha),
-                DMK_FLOAT(D), DMK_FLOAT(lowest), DMK_BUF(s->index), DMK_BUF(s->area), DMK_BUF(s->q),
-                DMK_BUF(s->rank_one), DMK_BUF(s->w), DMK_BUF(s->mu), SUMS(at, s->scalars)));
-    rc = finish_sums(ctx, s, false, 2, 0, at);
+                DMK_FLOAT(D), DMK_FLOAT(bend), DMK_FLOAT(lowest), DMK_BUF(s->index),
+                DMK_BUF(s->area), DMK_BUF(s->q), DMK_BUF(s->rank_one), DMK_BUF(s->w),
+                DMK_BUF(s->mu), SUMS(at, s->scalars)));
+    rc = finish_sums(ctx, s, DMK_ELEMENTS, 2, 0, at);
 done:
     return rc;
 }
@@ -622,7 +645,7 @@ int dmk_explicit_update(dmk_context *ctx, dmk_system *s, bool inertial, double d
     DMK_TRY(RUN(DMK_OUTER, explicit_update, elements(s), DMK_INT(s->n_elements), DMK_INT(inertial),
                 DMK_FLOAT(dt), DMK_FLOAT(beta), DMK_FLOAT(lowest), DMK_BUF(s->area), DMK_BUF(s->q),
                 DMK_BUF(s->mu), DMK_BUF(s->before), SUMS(at, s->scalars)));
-    rc = finish_sums(ctx, s, false, 2, 0, at);
+    rc = finish_sums(ctx, s, DMK_ELEMENTS, 2, 0, at);
 done:
     return rc;
 }
@@ -644,6 +667,128 @@ int dmk_band_map(dmk_context *ctx, dmk_system *s, const dmk_bands *b, const dmk_
 {
     return RUN(DMK_OUTER, band_map, rows(s), DMK_INT(s->n_rows), DMK_INT(b->n), DMK_FLOAT(b->start),
                DMK_FLOAT(b->inverse), DMK_BUF(phi), DMK_BUF(u), DMK_BUF(v));
+}
+
+/* ---- nested.cl ------------------------------------------------------------------------------- */
+
+/* T's vertices, and the first slice of theirs among the rows. */
+static dmk_range vertices(const dmk_system *s)
+{
+    return items(s->level[0].n);
+}
+
+static int32_t first_slice(const dmk_system *s)
+{
+    return s->vertex_row / DMK_WIDTH;
+}
+
+int dmk_nested_load(dmk_context *ctx, dmk_system *s)
+{
+    int rc;
+    const dmk_level *t = &s->level[0];
+    DMK_TRY(dmk_send(ctx, dmk_ship_rows(s->share, DMK_OUTER, s->f)));
+    rc = RUN(DMK_OUTER, nested_load, vertices(s), DMK_INT(t->n), DMK_INT(s->vertex_row),
+             DMK_BUF(t->slice), DMK_BUF(t->number), DMK_BUF(s->f), DMK_BUF(s->load));
+done:
+    return rc;
+}
+
+int dmk_nested_energy(dmk_context *ctx, dmk_system *s, int at)
+{
+    int rc;
+    DMK_TRY(RUN(DMK_OUTER, nested_energy, elements(s), DMK_INT(s->n_elements), DMK_BUF(s->index),
+                DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->u), DMK_BUF(s->q),
+                SUMS(at, s->scalars)));
+    rc = finish_sums(ctx, s, DMK_ELEMENTS, 1, 0, at);
+done:
+    return rc;
+}
+
+int dmk_nested_prepare(dmk_context *ctx, dmk_system *s, double alpha, double D, double bend)
+{
+    return RUN(DMK_OUTER, nested_prepare, padded_elements(s), DMK_INT(s->n_elements_pad),
+               DMK_FLOAT(alpha), DMK_FLOAT(D), DMK_FLOAT(bend), DMK_BUF(s->index), DMK_BUF(s->cot),
+               DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->q), DMK_BUF(s->u), DMK_BUF(s->edge),
+               DMK_BUF(s->diag_coarse), DMK_BUF(s->out));
+}
+
+int dmk_nested_rhs(dmk_context *ctx, dmk_system *s, double step)
+{
+    const dmk_level *t = &s->level[0];
+    return RUN(DMK_OUTER, nested_rhs, vertices(s), DMK_INT(t->n), DMK_INT(first_slice(s)),
+               DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out), DMK_BUF(s->load),
+               DMK_FLOAT(step), DMK_BUF(t->inv_diag), DMK_BUF(t->rhs), DMK_BUF(t->x));
+}
+
+int dmk_nested_update(dmk_context *ctx, dmk_system *s, double alpha, double D, double bend,
+                      double lowest, int at)
+{
+    int rc;
+    DMK_TRY(dmk_send(ctx, dmk_ship_vertices(s->share, 0, s->w)));
+    DMK_TRY(RUN(DMK_OUTER, nested_update, elements(s), DMK_INT(s->n_elements),
+                DMK_INT(s->vertex_row), DMK_FLOAT(alpha), DMK_FLOAT(D), DMK_FLOAT(bend),
+                DMK_FLOAT(lowest), DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area),
+                DMK_BUF(s->q), DMK_BUF(s->u), DMK_BUF(s->w), DMK_BUF(s->mu), SUMS(at, s->scalars)));
+    rc = finish_sums(ctx, s, DMK_ELEMENTS, 2, 0, at);
+done:
+    return rc;
+}
+
+int dmk_nested_add(dmk_context *ctx, dmk_system *s, double alpha, int at)
+{
+    int rc;
+    DMK_TRY(RUN(DMK_OUTER, nested_add, vertices(s), DMK_INT(s->level[0].n), DMK_INT(s->vertex_row),
+                DMK_FLOAT(alpha), DMK_BUF(s->u), DMK_BUF(s->w), DMK_BUF(s->load),
+                SUMS(at, s->scalars)));
+    rc = finish_sums(ctx, s, DMK_VERTICES, 1, 0, at);
+done:
+    return rc;
+}
+
+int dmk_nested_refine(dmk_context *ctx, dmk_system *s)
+{
+    return RUN(DMK_OUTER, nested_refine, items(s->n_edges), DMK_INT(s->n_edges),
+               DMK_INT(s->vertex_row), DMK_BUF(s->ends), DMK_BUF(s->u));
+}
+
+int dmk_graph_dots(dmk_context *ctx, dmk_system *s, bool first)
+{
+    int rc;
+    const dmk_level *t = &s->level[0];
+    DMK_TRY(RUN(DMK_INNER, cg_dots, vertices(s), DMK_INT(t->n), DMK_INT(first), DMK_BUF(t->rhs),
+                DMK_BUF(s->cg[DMK_INNER].ap), DMK_BUF(t->x_old), SUMS(1, s->state)));
+    rc = finish_beta(ctx, s, DMK_INNER, DMK_VERTICES, first);
+done:
+    return rc;
+}
+
+int dmk_graph_direction(dmk_context *ctx, dmk_system *s)
+{
+    const dmk_level *t = &s->level[0];
+    return RUN(DMK_INNER, cg_direction, vertices(s), DMK_INT(t->n), DMK_BUF(s->state),
+               DMK_BUF(t->x_old), DMK_BUF(s->cg[DMK_INNER].p));
+}
+
+int dmk_graph_apply(dmk_context *ctx, dmk_system *s)
+{
+    int rc;
+    const dmk_level *t = &s->level[0];
+    DMK_TRY(dmk_send(ctx, dmk_ship_vertices(s->share, 0, s->cg[DMK_INNER].p)));
+    DMK_TRY(RUN(DMK_INNER, graph_apply, vertices(s), DMK_INT(t->n), DMK_BUF(t->slice),
+                DMK_BUF(t->neighbour), DMK_BUF(t->weight), DMK_BUF(s->cg[DMK_INNER].p),
+                DMK_BUF(s->cg[DMK_INNER].ap), SUMS(1, s->state)));
+    rc = finish_alpha(ctx, s, DMK_INNER, DMK_VERTICES);
+done:
+    return rc;
+}
+
+int dmk_graph_step(dmk_context *ctx, dmk_system *s, double step, bool last)
+{
+    const dmk_level *t = &s->level[0];
+    return RUN(DMK_INNER, cg_step, vertices(s), DMK_INT(t->n), DMK_INT(last), DMK_BUF(s->state),
+               DMK_BUF(s->cg[DMK_INNER].p), DMK_BUF(s->cg[DMK_INNER].ap), DMK_BUF(s->w),
+               DMK_BUF(t->rhs), DMK_BUF(t->rhs), DMK_FLOAT(step), DMK_BUF(t->inv_diag),
+               DMK_BUF(t->x));
 }
 
 /* ---- certificate.cl -------------------------------------------------------------------------- */

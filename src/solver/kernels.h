@@ -108,8 +108,10 @@ int dmk_element_scale(dmk_context *context, dmk_system *s);
 /* weight, weight_real, edge, diag_coarse and, in out, the weighted diagonals of A(mu). */
 int dmk_element_prepare(dmk_context *context, dmk_system *s);
 /* The same of Newton's M at pseudo-time step D, its rank_one, and its right-hand side's parts in
- * out_real, which has g before; all but its weighted diagonals. Paired: these, too, beside the parts. */
-int dmk_newton_prepare(dmk_context *context, dmk_system *s, bool paired, double alpha, double D);
+ * out_real, which has g before; all but its weighted diagonals. Paired: these, too, beside the parts. bend: D times
+ * |L| of an element is kept below 1 / bend. */
+int dmk_newton_prepare(dmk_context *context, dmk_system *s, bool paired, double alpha, double D,
+                       double bend);
 /* These, in out: the right-hand side must have been summed up. */
 int dmk_newton_diagonal(dmk_context *context, dmk_system *s);
 /* The inner right-hand side cg[DMK_INNER].r = f + the rows' sums of out_real. */
@@ -119,8 +121,8 @@ int dmk_newton_rows(dmk_context *context, dmk_system *s, double step);
 /* The outer residual cg[DMK_OUTER].r (and narrow) = f - the rows' sums of out_real. */
 int dmk_rows_outer_residual(dmk_context *context, dmk_system *s);
 /* mu after a Newton step w, of which rank_one knows the rest; sums of area |change of mu| and of area mu. */
-int dmk_newton_update(dmk_context *context, dmk_system *s, double alpha, double D, double lowest,
-                      int at);
+int dmk_newton_update(dmk_context *context, dmk_system *s, double alpha, double D, double bend,
+                      double lowest, int at);
 /* mu after an explicit step (see density.cl); the same sums. */
 int dmk_explicit_update(dmk_context *context, dmk_system *s, bool inertial, double dt, double beta,
                         double lowest, int at);
@@ -137,6 +139,30 @@ int dmk_band_slopes(dmk_context *context, dmk_system *s, const dmk_bands *bands,
 /* v = phi(u), phi linear between its values at the bands' ends. */
 int dmk_band_map(dmk_context *context, dmk_system *s, const dmk_bands *bands, const dmk_buffer *phi,
                  const dmk_buffer *u, dmk_buffer *v);
+
+/* ---- nested.cl ------------------------------------------------------------------------------- */
+
+/* Newton's steps with u linear on T: its values at the vertices' rows of s->u, what a step adds to them in s->w from
+ * 0 on. load = P'f, once. */
+int dmk_nested_load(dmk_context *context, dmk_system *s);
+/* q, and the sum u.Au. */
+int dmk_nested_energy(dmk_context *context, dmk_system *s, int at);
+/* Newton's edge, diag_coarse and, in out, the parts of its right-hand side; then, once the multigrid is refreshed,
+ * rhs of T and the first smoothing step there. */
+int dmk_nested_prepare(dmk_context *context, dmk_system *s, double alpha, double D, double bend);
+int dmk_nested_rhs(dmk_context *context, dmk_system *s, double step);
+/* As dmk_newton_update and dmk_scale_add. */
+int dmk_nested_update(dmk_context *context, dmk_system *s, double alpha, double D, double bend,
+                      double lowest, int at);
+int dmk_nested_add(dmk_context *context, dmk_system *s, double alpha, int at);
+/* u at the midpoints from the vertices'. */
+int dmk_nested_refine(dmk_context *context, dmk_system *s);
+/* Conjugate gradients on T, its rhs the residual, its x_old what the cycle makes of that: as dmk_cg_dots,
+ * dmk_cg_direction, dmk_rows_apply of p and dmk_cg_step, which adds to s->w. */
+int dmk_graph_dots(dmk_context *context, dmk_system *s, bool first);
+int dmk_graph_direction(dmk_context *context, dmk_system *s);
+int dmk_graph_apply(dmk_context *context, dmk_system *s);
+int dmk_graph_step(dmk_context *context, dmk_system *s, double step, bool last);
 
 /* ---- certificate.cl -------------------------------------------------------------------------- */
 

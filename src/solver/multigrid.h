@@ -22,6 +22,8 @@ typedef struct dmk_cycle {
 /* system->x_old = V-cycle applied to rhs (a row vector in single precision). */
 int dmk_v_cycle(dmk_context *context, dmk_system *system, dmk_operator op, const dmk_buffer *rhs,
                 dmk_cycle cycle);
+/* x_old of T = the cycle's part from T on, applied to its rhs, whose first step from 0 is in its x. */
+int dmk_mesh_cycle(dmk_context *context, dmk_system *system);
 /* The step that a cycle's first smoothing step takes: x = step D^-1 rhs. */
 double dmk_first_step(void);
 

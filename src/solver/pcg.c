@@ -71,3 +71,19 @@ int dmk_pcg(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op, dmk
 done:
     return rc;
 }
+
+int dmk_pcg_mesh(dmk_context *ctx, dmk_system *s, int iterations, dmk_stats *stats)
+{
+    int rc = DMK_OK;
+    for (int i = 0; i < iterations; i++) {
+        DMK_TRY(dmk_mesh_cycle(ctx, s));
+        DMK_TRY(dmk_graph_dots(ctx, s, i == 0));
+        DMK_TRY(dmk_graph_direction(ctx, s));
+        DMK_TRY(dmk_graph_apply(ctx, s));
+        DMK_TRY(dmk_graph_step(ctx, s, dmk_first_step(), i == iterations - 1));
+        stats->v_cycles++;
+        stats->cg_iterations++;
+    }
+done:
+    return rc;
+}

@@ -13,4 +13,7 @@
 int dmk_pcg(dmk_context *context, dmk_system *system, dmk_program program, dmk_operator op,
             dmk_buffer *x, int max_iterations, double tolerance, double energy, dmk_stats *stats);
 
+/* The same on T alone, from dmk_nested_rhs: system->w += the solution by so many iterations, which are counted, too. */
+int dmk_pcg_mesh(dmk_context *context, dmk_system *system, int iterations, dmk_stats *stats);
+
 #endif
