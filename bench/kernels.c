@@ -41,7 +41,7 @@ static int run_newton_elements(bench *b)
 static int run_rows(bench *b)
 {
     dmk_system *s = b->sys;
-    return dmk_inner_apply(b->ctx, s, false);
+    return dmk_inner_apply(b->ctx, s, DMK_ROWS, false);
 }
 
 static int run_stiffness(bench *b)

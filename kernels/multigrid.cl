@@ -3,6 +3,11 @@
  * levels are graphs. A graph operator is y_i = sum_j w_ij (x_i - x_j): zero row sums also in rounding.
  * Rows lie in slices of 8: columns slice[s]..slice[s+1] hold neighbours (short rows: the row itself
  * with weight 0) and the numbers of their edges. */
+
+/* The slot among 3 numbers per element of what has slot p among 6: corner k, or side k at 3 + k. */
+#define CORNER_PLACE(p) ((p) - 3 * DMK_WIDTH * ((p) / (6 * DMK_WIDTH)))
+#define SIDE_PLACE(p) (CORNER_PLACE(p) - 3 * DMK_WIDTH)
+
 #if !DMK_DOUBLE
 
 /* x = step D^-1 b: the first Chebyshev step from 0.
@@ -18,10 +23,6 @@ KERNEL smooth_first(int n, float step, global const float *restrict inv_diag,
         STORE(step * LOAD(inv_diag, AT(b)) * LOAD(rhs, AT(b)), x, AT(b));
     }
 }
-
-/* The slot among 3 numbers per element of what has slot p among 6: corner k, or side k at 3 + k. */
-#define CORNER_PLACE(p) ((p) - 3 * DMK_WIDTH * ((p) / (6 * DMK_WIDTH)))
-#define SIDE_PLACE(p) (CORNER_PLACE(p) - 3 * DMK_WIDTH)
 
 /* First phase of A x (M x with newton != 0) where only the restriction to T of its result is wanted: each
  * element's parts, those of the midpoints half to each end, 3 per element.

@@ -136,8 +136,31 @@ KERNEL cg_step(int n, int last, global const sum_t *restrict state, global const
 }
 
 #if !DMK_DOUBLE
-/* The inner solve, of Newton's matrix, goes by two kernels an iteration beside the V-cycle: this one has w = A z from
- * its elements' parts, and alpha and beta; the next one the vectors. `first`: there is no ap yet.
+/* The inner solve, of Newton's matrix, goes by two kernels an iteration beside the V-cycle: the first one has w = A z,
+ * and alpha and beta, the second one the vectors. These are the sums that alpha and beta are of. */
+typedef struct products {
+    sumv rz, apz, zaz;
+} products;
+
+/* What a block of w = A z adds to them. `first`: there is no ap yet. */
+static void add_products(int b, int first, global const float *r, global const float *ap, floatv z,
+                         floatv az, products *sum)
+{
+    const sumv zb = TO_SUM(z);
+    sum->rz += TO_SUM(LOAD(r, AT(b))) * zb;
+    if (!first) sum->apz += TO_SUM(LOAD(ap, AT(b))) * zb;
+    sum->zaz += TO_SUM(az) * zb;
+}
+
+static void finish_products(sums s, int part, int first, products sum)
+{
+    leave_sum(s, 0, part, sum.rz);
+    leave_sum(s, 1, part, sum.apz);
+    leave_sum(s, 2, part, sum.zaz);
+    cg_both_of(s, first, is_last_part(s));
+}
+
+/* w = A z from its elements' parts, and alpha and beta.
  * reads slice, slot, out (gathered), r, ap, z; writes w, scalars, which are the state
  * moves 4 P + 24 E + 16 R bytes, 6 E + 6 R flops
  * shape blocks of R; numerics the sums in sum_t, in the order of parts */
@@ -152,24 +175,18 @@ KERNEL inner_apply(int n, int first, global const int *restrict slice,
     const sums s = {partial, scalars, done, &group, at, launch.s3};
     FOR_PARTS(part, shares, launch)
     {
-        sumv rz = 0, apz = 0, zaz = 0;
+        products sum = {0, 0, 0};
         FOR_PART_BLOCKS(b, n, part)
         {
             const floatv az = row_sum(slice, slot, out, b);
-            const sumv zb = TO_SUM(LOAD(z, AT(b)));
             STORE(az, w, AT(b));
-            rz += TO_SUM(LOAD(r, AT(b))) * zb;
-            if (!first) apz += TO_SUM(LOAD(ap, AT(b))) * zb;
-            zaz += TO_SUM(az) * zb;
+            add_products(b, first, r, ap, LOAD(z, AT(b)), az, &sum);
         }
-        leave_sum(s, 0, part, rz);
-        leave_sum(s, 1, part, apz);
-        leave_sum(s, 2, part, zaz);
-        cg_both_of(s, first, is_last_part(s));
+        finish_products(s, part, first, sum);
     }
 }
 
-/* What the last part of inner_apply does, by itself, from the partial sums of all ranks.
+/* What the last part does, by itself, from the partial sums of all ranks.
  * reads partial, scalars; writes scalars; moves 24 bytes and 3 flops a part; shape one work-group */
 KERNEL inner_scalars(int parts, int first, volatile global sum_t *partial,
                      global sum_t *restrict scalars, volatile global int *shares, int4 launch)
@@ -217,10 +234,10 @@ KERNEL narrow_copy(int n, global const real *restrict from, global float *restri
 }
 
 /* The inner solve's last step, w += alpha p with p = z + beta p, and what follows from it: u <- scale u + w, and f.u.
- * `first`: that step is the only one, and w and p are 0.
+ * `first`: that step is the only one, and w and p are 0. row: where u's values begin.
  * reads state, z, p, w, u, f; writes w, u, scalars; moves 3 real R + 16 R bytes, 8 R flops
  * shape blocks of R; numerics f.u in sum_t, in the order of parts */
-KERNEL inner_finish(int n, int first, float scale, global const sum_t *restrict state,
+KERNEL inner_finish(int n, int row, int first, float scale, global const sum_t *restrict state,
                     global const float *restrict z, global const float *restrict p,
                     global float *restrict w, global real *restrict u,
                     global const real *restrict f, volatile global sum_t *partial, int at,
@@ -230,6 +247,7 @@ KERNEL inner_finish(int n, int first, float scale, global const sum_t *restrict 
     local group_memory group;
     const sums s = {partial, scalars, done, &group, at, launch.s3};
     const float alpha = (float)state[2], beta = (float)state[3];
+    global real *values = u + row;
     FOR_PARTS(part, shares, launch)
     {
         sumv sum = 0;
@@ -241,9 +259,9 @@ KERNEL inner_finish(int n, int first, float scale, global const sum_t *restrict 
                 whole = LOAD(w, AT(b));
             }
             whole += alpha * along;
-            const realv next = (real)scale * LOAD(u, AT(b)) + TO_REAL(whole);
+            const realv next = (real)scale * LOAD(values, AT(b)) + TO_REAL(whole);
             STORE(whole, w, AT(b));
-            STORE(next, u, AT(b));
+            STORE(next, values, AT(b));
             sum += TO_SUM(LOAD(f, AT(b))) * TO_SUM(next);
         }
         leave_sum(s, 0, part, sum);

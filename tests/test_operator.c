@@ -294,8 +294,8 @@ static void the_inner_solve_is_conjugate_gradients(void **state)
         ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, s->f, n, f));
         ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_INNER, s->cg[DMK_INNER].r, n, r));
         ok(x, dmk_smooth_first(x->ctx, s, s->cg[DMK_INNER].r, dmk_first_step()));
-        ok(x, dmk_inner_solve(x->ctx, s, iterations, &stats));
-        ok(x, dmk_inner_finish(x->ctx, s, iterations == 1, 0.5, 0));
+        ok(x, dmk_inner_solve(x->ctx, s, DMK_ROWS, iterations, &stats));
+        ok(x, dmk_inner_finish(x->ctx, s, DMK_ROWS, iterations == 1, 0.5, 0));
         ok(x, dmk_buffer_read_real(x->ctx, x->dev, DMK_INNER, s->w, n, w));
         ok(x, dmk_buffer_read_real(x->ctx, x->dev, DMK_OUTER, s->u, n, u));
         ok(x, dmk_buffer_read_real(x->ctx, x->dev, DMK_OUTER, s->scalars, 1, &fu));
@@ -326,6 +326,225 @@ static void two_runs_give_the_same_bits(void **state)
     free(v);
     free(a);
     free(b);
+}
+
+/* ---- Newton's steps on T ---------------------------------------------------------------------- */
+
+static const dmk_newton_step step = {.alpha = 0.9, .D = 3, .bend = 0.7, .lowest = 2};
+
+/* One element with u linear on T, by the formulas: its rows, K u, q of u, and the step that is its own. */
+typedef struct linear {
+    size_t row[3];
+    double g[3]; /* alpha K u, without mu */
+    double q, slope, step;
+} linear;
+
+static double slope_of(double q)
+{
+    return fmax(-1, fmin(1, 0.5 * log(q)));
+}
+
+static linear linear_of(const fixture *x, int32_t t, const double *u)
+{
+    const dmk_mesh *m = x->order.mesh;
+    const double unit = x->sys->unit, area = m->area[t] / (unit * unit);
+    linear l = {.q = 0};
+    for (int k = 0; k < 3; k++) l.row[k] = (size_t)(x->sys->vertex_row + m->triangle[3 * t + k]);
+    for (int k = 0; k < 3; k++) {
+        const int i = (k + 1) % 3, j = (k + 2) % 3;
+        const double flow = 0.5 * dmk_cot(m, 3 * t + k) * step.alpha * (u[l.row[i]] - u[l.row[j]]);
+        l.g[i] += flow;
+        l.g[j] -= flow;
+        l.q += flow * step.alpha * (u[l.row[i]] - u[l.row[j]]) / area;
+    }
+    l.slope = slope_of(l.q);
+    l.step = step.D / fmax(1, step.D * step.bend * fabs(l.slope));
+    return l;
+}
+
+/* g.w / (area s) of it. */
+static double along(const fixture *x, int32_t t, const linear *l, const double *w)
+{
+    const double unit = x->sys->unit, area = x->order.mesh->area[t] / (unit * unit);
+    double sum = 0;
+    for (int k = 0; k < 3; k++) sum += l->g[k] * w[l->row[k]];
+    return sum / (area * fmax(l->q, 0.25));
+}
+
+/* Newton's matrix times w and its right-hand side without f, at the vertices' rows; the sum of u.Au. */
+static double assemble_linear(const fixture *x, const double *u, const double *w, double *mw,
+                              double *rhs)
+{
+    const dmk_mesh *m = x->order.mesh;
+    double energy = 0;
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        const linear l = linear_of(x, t, u);
+        const double moved = l.step * along(x, t, &l, w);
+        for (int k = 0; k < 3; k++) {
+            const size_t i = l.row[(k + 1) % 3], j = l.row[(k + 2) % 3];
+            const double flow = 0.5 * x->mu[t] * dmk_cot(m, 3 * t + k) * (w[i] - w[j]);
+            mw[i] += flow;
+            mw[j] -= flow;
+            mw[l.row[k]] += x->mu[t] * moved * l.g[k];
+            rhs[l.row[k]] -= x->mu[t] * (1 + l.step * l.slope) * l.g[k];
+            energy += x->mu[t] * l.g[k] * u[l.row[k]] / step.alpha;
+        }
+    }
+    return energy;
+}
+
+static void near_rows(const char *what, size_t n, const double *found, const double *expected)
+{
+    double size = 0, off = 0;
+    for (size_t i = 0; i < n; i++) {
+        size = fmax(size, fabs(expected[i]));
+        off = fmax(off, fabs(found[i] - expected[i]));
+    }
+    if (!(size > 0 && off <= 1e-5 * size)) fail_msg("%s: off by %g of %g", what, off, size);
+}
+
+/* What a buffer has from its beginning on, in the place of the vertices' rows. */
+static double *read_vertices(const fixture *x, dmk_program p, const dmk_buffer *b)
+{
+    double *v = calloc(x->n, sizeof *v);
+    ok(x, dmk_buffer_read_real(x->ctx, x->dev, p, b, (size_t)x->sys->n_vertices,
+                               v + x->sys->vertex_row));
+    return v;
+}
+
+static void write_vertices(const fixture *x, dmk_program p, dmk_buffer *b, const double *v)
+{
+    ok(x, dmk_buffer_write_real(x->ctx, x->dev, p, b, (size_t)x->sys->n_vertices,
+                                v + x->sys->vertex_row));
+}
+
+/* Matrix and right-hand side on T, its load from the midpoints, and the energy. */
+static void steps_on_t_have_newtons_system(void **state)
+{
+    fixture *x = *state;
+    dmk_system *s = x->sys;
+    const dmk_mesh *m = x->order.mesh;
+    double *u = random_rows(x), *w = random_rows(x), *f = random_rows(x), energy;
+    double *mw = calloc(x->n, sizeof *mw), *rhs = calloc(x->n, sizeof *rhs);
+    const double expected = assemble_linear(x, u, w, mw, rhs);
+    for (int32_t v = 0; v < m->n_vertices; v++) rhs[s->vertex_row + v] += f[s->vertex_row + v];
+    for (int32_t i = 0; i < 2 * m->n_edges; i++)
+        rhs[s->vertex_row + m->edge_vertex[i]] += 0.5 * f[i / 2];
+    ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, s->u, x->n, u));
+    ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, s->f, x->n, f));
+    ok(x, dmk_nested_load(x->ctx, s));
+    ok(x, dmk_nested_energy(x->ctx, s, 3));
+    ok(x, dmk_buffer_read_real(x->ctx, x->dev, DMK_OUTER, s->scalars, 4, f));
+    energy = f[3];
+    assert_true(fabs(energy - expected) <= 1e-9 * expected);
+    ok(x, dmk_nested_prepare(x->ctx, s, &step));
+    ok(x, dmk_multigrid_refresh(x->ctx, s));
+    ok(x, dmk_nested_rhs(x->ctx, s, dmk_first_step()));
+    double *found = read_vertices(x, DMK_INNER, s->level[0].rhs);
+    near_rows("right-hand side", x->n, found, rhs);
+    free(found);
+    write_vertices(x, DMK_INNER, s->level[0].x_old, w);
+    ok(x, dmk_inner_apply(x->ctx, s, DMK_VERTICES, true));
+    found = read_vertices(x, DMK_INNER, s->level[0].x);
+    near_rows("matrix", x->n, found, mw);
+    free(found);
+    free(u);
+    free(w);
+    free(f);
+    free(mw);
+    free(rhs);
+}
+
+/* mu and u after a step, its sums, and u at the midpoints. */
+static void steps_on_t_move_mu_and_u(void **state)
+{
+    fixture *x = *state;
+    dmk_system *s = x->sys;
+    const dmk_mesh *m = x->order.mesh;
+    const double unit = s->unit,
+                 one[5] = {0, 0, 1, 0, 0}; /* alpha of the inner solve's last step */
+    const size_t e = (size_t)s->n_elements_pad;
+    double *u = random_rows(x), *w = random_rows(x), *f = random_rows(x), sums[7], want[7] = {0};
+    double *next = calloc(e, sizeof *next), *mu = calloc(e, sizeof *mu);
+    ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, s->u, x->n, u));
+    write_vertices(x, DMK_OUTER, s->load, f);
+    write_vertices(x, DMK_INNER, s->level[0].x_old, w);
+    ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, s->state, 5, one));
+    ok(x, dmk_nested_energy(x->ctx, s, 0));
+    ok(x, dmk_inner_finish(x->ctx, s, DMK_VERTICES, true, step.alpha, 6));
+    ok(x, dmk_nested_update(x->ctx, s, &step, 0));
+    ok(x, dmk_buffer_read_real(x->ctx, x->dev, DMK_OUTER, s->scalars, 7, sums));
+    ok(x, dmk_buffer_read_real(x->ctx, x->dev, DMK_OUTER, s->mu, e, mu));
+    ok(x, dmk_nested_refine(x->ctx, s));
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        const linear l = linear_of(x, t, u);
+        const double area = m->area[t] / (unit * unit);
+        const double dy = l.step * (l.slope + along(x, t, &l, w));
+        next[t] = fmax(x->mu[t] * exp(fmax(-1, fmin(1, dy))), step.lowest * sqrt(area));
+        want[4] += area * fabs(next[t] - x->mu[t]);
+    }
+    for (int32_t i = s->vertex_row; i < s->n_rows; i++) {
+        u[i] = step.alpha * u[i] + w[i];
+        want[6] += u[i] * f[i];
+    }
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        const double q = linear_of(x, t, u).q / (step.alpha * step.alpha), slope = slope_of(q);
+        const double mass = m->area[t] / (unit * unit) * next[t];
+        want[0] += mass * q;
+        want[1] += mass;
+        want[2] += mass * slope;
+        want[3] += mass * slope * slope;
+        want[5] = fmax(want[5], q);
+    }
+    for (int32_t i = 0; i < m->n_edges; i++)
+        u[i] = 0.5 * (u[s->vertex_row + m->edge_vertex[2 * i]] +
+                      u[s->vertex_row + m->edge_vertex[2 * i + 1]]);
+    near_rows("mu", e, mu, next);
+    for (int k = 0; k < 6; k++) assert_true(fabs(sums[k] - want[k]) <= 1e-5 * fabs(want[k]));
+    assert_true(fabs(sums[6] - want[6]) <= 1e-5 * sqrt(dot(x->n, u, u) * dot(x->n, f, f)));
+    ok(x, dmk_buffer_read_real(x->ctx, x->dev, DMK_OUTER, s->u, x->n, w));
+    near_rows("u", x->n, w, u);
+    free(u);
+    free(w);
+    free(f);
+    free(next);
+    free(mu);
+}
+
+/* Conjugate gradients on T: fourteen iterations solve A w = A v. */
+static void steps_on_t_are_solved(void **state)
+{
+    fixture *x = *state;
+    dmk_system *s = x->sys;
+    dmk_stats stats = {.steps = 0};
+    const dmk_newton_step even = {.alpha = 1};
+    double *v = random_rows(x), *none = calloc(x->n, sizeof *none), mean = 0;
+    ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, s->u, x->n, none));
+    ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, s->f, x->n, none));
+    ok(x, dmk_nested_load(x->ctx, s));
+    ok(x, dmk_nested_energy(x->ctx, s, 0));
+    ok(x, dmk_nested_prepare(x->ctx, s, &even));
+    ok(x, dmk_multigrid_refresh(x->ctx, s));
+    write_vertices(x, DMK_INNER, s->level[0].x_old, v);
+    ok(x, dmk_inner_apply(x->ctx, s, DMK_VERTICES, true));
+    double *load = read_vertices(x, DMK_INNER, s->level[0].x);
+    write_vertices(x, DMK_OUTER, s->load, load);
+    ok(x, dmk_nested_prepare(x->ctx, s, &even));
+    ok(x, dmk_nested_rhs(x->ctx, s, dmk_first_step()));
+    ok(x, dmk_inner_solve(x->ctx, s, DMK_VERTICES, 14, &stats));
+    ok(x, dmk_inner_finish(x->ctx, s, DMK_VERTICES, false, 0, 0));
+    assert_int_equal(stats.cg_iterations, 14);
+    double *found = read_vertices(x, DMK_INNER, s->w);
+    for (int32_t i = s->vertex_row; i < s->n_rows; i++) mean += (v[i] - found[i]) / s->n_vertices;
+    for (int32_t i = 0; i < s->n_rows; i++) {
+        if (i < s->vertex_row) v[i] = 0;
+        if (i >= s->vertex_row) found[i] += mean;
+    }
+    near_rows("solution", x->n, found, v);
+    free(v);
+    free(none);
+    free(load);
+    free(found);
 }
 
 /* x += 1 over `range` by a kernel; one: as many ones. */
@@ -401,6 +620,9 @@ int main(void)
         BOTH(v_cycle_is_symmetric_and_contracts),
         BOTH(cycles_of_newton_contract),
         BOTH(the_inner_solve_is_conjugate_gradients),
+        BOTH(steps_on_t_have_newtons_system),
+        BOTH(steps_on_t_move_mu_and_u),
+        BOTH(steps_on_t_are_solved),
         BOTH(two_runs_give_the_same_bits),
         BOTH(every_part_is_done_once),
         BOTH(listed_parts_alone_are_done),

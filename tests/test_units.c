@@ -440,7 +440,7 @@ static void bands_end_at_the_ends(void **state)
 static void steps_grow_and_shrink(void **state)
 {
     (void)state;
-    step_control p = {.D = 50, .longest = 150, .growth = 1.5};
+    step_control p = control_of(&(dmk_iteration){.between = false}, true);
     choose_step(&p, 1); /* nothing to compare with */
     assert_true(p.D == 50 && !p.shrunk && p.rho_before == 1 && p.iterations == 3);
     choose_step(&p, 0.89);
@@ -459,7 +459,8 @@ static void steps_grow_and_shrink(void **state)
     assert_true(p.D == 75 && !p.shrunk);
     for (int i = 0; i < 20; i++) choose_step(&p, ldexp(1, i));
     assert_true(p.D == 5 && !p.shrunk && p.iterations == 3);
-    step_control brief = {.D = 4, .longest = 150, .growth = 1.6, .brief = 5};
+    step_control brief = {
+        .D = 4, .longest = 150, .growth = 1.6, .brief = 5, .most = 3, .stiff = 100};
     choose_step(&brief, 1);
     assert_true(brief.D == 4 && brief.iterations == 1);
     choose_step(&brief, 0.5);
@@ -472,9 +473,9 @@ static void steps_grow_and_shrink(void **state)
     for (int i = 0; i < 20; i++)
         choose_step(&brief, ldexp(1, i)); /* a step that shrinks is not brief */
     assert_true(brief.D == 5 && brief.iterations == 2);
-    assert_true(error_estimate(&(step_control){.D = 50}, 1) == 2);
-    assert_true(error_estimate(&(step_control){.D = 100}, 1) == 1);
-    assert_true(error_estimate(&(step_control){.D = 150}, 1) == 1);
+    assert_true(error_estimate(&(step_control){.D = 50, .slow = 100}, 1) == 2);
+    assert_true(error_estimate(&(step_control){.D = 100, .slow = 100}, 1) == 1);
+    assert_true(error_estimate(&(step_control){.D = 150, .slow = 100}, 1) == 1);
 }
 
 /* A small change of mu ends the steps where the gap is small, too; else the tolerance becomes a third, twice. */
@@ -486,7 +487,7 @@ static void steps_go_on_for_a_gap(void **state)
         bool settled;
     } cases[] = {
         {2.1e-3, 3e-3, true}, {4.2e-3, 3e-3, false}, {4.2e-3, 1e-3, false}, {4.2e-3, 3.4e-4, true}};
-    const step_control p = {.D = 100};
+    const step_control p = {.D = 100, .slow = 100};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         dmk_stats stats = {.gap = cases[i].gap};
         const dmk_solve_options options = {.struct_size = sizeof options};

@@ -36,14 +36,15 @@ done:
     return rc;
 }
 
-int dmk_iteration_update(dmk_iteration *o, bool first, double alpha, double D, double lowest,
+int dmk_iteration_update(dmk_iteration *o, dmk_items over, bool first, const dmk_newton_step *step,
                          double *change)
 {
     int rc;
     double sums[N_SCALARS];
-    o->fresh = true;
-    DMK_TRY(dmk_inner_finish(o->ctx, o->sys, first, alpha, FU));
-    DMK_TRY(dmk_newton_update(o->ctx, o->sys, alpha, D, lowest, 0));
+    o->fresh = over == DMK_ROWS;
+    DMK_TRY(dmk_inner_finish(o->ctx, o->sys, over, first, step->alpha, FU));
+    DMK_TRY(over == DMK_ROWS ? dmk_newton_update(o->ctx, o->sys, step, 0)
+                             : dmk_nested_update(o->ctx, o->sys, step, 0));
     DMK_TRY(dmk_iteration_scalars(o, N_SCALARS, sums));
     take(o, sums, sums[NEWTON_TOP]);
     *change = sums[CHANGE] / sums[MASS];

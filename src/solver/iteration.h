@@ -2,6 +2,7 @@
 #ifndef DMK_ITERATION_H
 #define DMK_ITERATION_H
 
+#include "solver/kernels.h"
 #include "solver/pcg.h"
 
 /* One solve under way. Quantities are in the packed problem's units (area 1). */
@@ -23,7 +24,7 @@ typedef struct dmk_iteration {
     double rho, top;   /* the root of that of L^2, and the largest, of q at a scale; see below */
     double floor;      /* mu stays above this many square roots of the element's area; */
     double mean_floor; /* in Newton's steps that do not begin at a distance: times mu's mean */
-    double brief;      /* below this pseudo-time step Newton's inner solve is one iteration of CG */
+    bool between;      /* measures: see newton.c for what its steps do then */
     bool goes_on;      /* a large gap will be answered by more steps rather than by a long repair */
     bool certified;    /* stats has the bounds of the present pair */
     bool loose; /* its u is far from solving A(mu) u = f: a few iterations of CG from mu = const */
@@ -53,7 +54,7 @@ static const double DMK_ENERGY_ROUNDING = 16 * 2.220446049250313e-16;
 int dmk_iteration_energies(dmk_iteration *o);
 /* The last step of the inner solve (`first`: of one) and what follows: u, mu, its relative change, and their
  * energies. */
-int dmk_iteration_update(dmk_iteration *o, bool first, double alpha, double D, double lowest,
+int dmk_iteration_update(dmk_iteration *o, dmk_items over, bool first, const dmk_newton_step *step,
                          double *change);
 /* q, its largest in o->top, and f.v of any row vector in place of u, in double precision q with its rounding on top,
  * so that it is not below the true one. out_real stays as it is. */

@@ -47,6 +47,13 @@ enum { IN_INNER = 1 << DMK_INNER, IN_OUTER = 1 << DMK_OUTER, IN_BOTH = IN_INNER 
     X(newton_prepare, IN_OUTER)                                                                    \
     X(newton_diagonal, IN_OUTER)                                                                   \
     X(newton_update, IN_OUTER)                                                                     \
+    X(nested_load, IN_OUTER)                                                                       \
+    X(nested_energy, IN_OUTER)                                                                     \
+    X(nested_prepare, IN_OUTER)                                                                    \
+    X(nested_rhs, IN_OUTER)                                                                        \
+    X(nested_update, IN_OUTER)                                                                     \
+    X(nested_refine, IN_OUTER)                                                                     \
+    X(nested_apply, IN_INNER)                                                                      \
     X(explicit_update, IN_OUTER)                                                                   \
     X(rows_rhs, IN_OUTER)                                                                          \
     X(newton_rows, IN_OUTER)                                                                       \
@@ -137,20 +144,24 @@ static int32_t slot_of_sums(const dmk_system *s, int at)
     DMK_BUF(s->partial), DMK_INT(slot_of_sums(s, at)), DMK_BUF(to), DMK_BUF(s->done)
 
 /* With a share: the partial sums of all ranks; *parts: their number. */
-static int all_parts(dmk_context *ctx, dmk_system *s, bool rows, int count, int maxima,
+static int all_parts(dmk_context *ctx, dmk_system *s, dmk_items over, int count, int maxima,
                      int32_t *parts)
 {
-    *parts = (int32_t)dmk_launch_parts(s->device, (size_t)(rows ? s->n_rows : s->n_elements));
-    return dmk_share_parts(ctx, s->share, rows, count, maxima, s->partial, parts);
+    const int32_t n = over == DMK_ROWS       ? s->n_rows
+                      : over == DMK_VERTICES ? s->level[0].n
+                                             : s->n_elements;
+    *parts = (int32_t)dmk_launch_parts(s->device, (size_t)n);
+    return dmk_share_parts(ctx, s->share, over, count, maxima, s->partial, parts);
 }
 
 /* What a kernel leaves in partial: without a share it has added it up itself. */
-static int finish_sums(dmk_context *ctx, dmk_system *s, bool rows, int count, int maxima, int at)
+static int finish_sums(dmk_context *ctx, dmk_system *s, dmk_items over, int count, int maxima,
+                       int at)
 {
     int rc;
     int32_t parts;
     if (!s->share) return DMK_OK;
-    DMK_TRY(all_parts(ctx, s, rows, count, maxima, &parts));
+    DMK_TRY(all_parts(ctx, s, over, count, maxima, &parts));
     rc = RUN(DMK_OUTER, sum_partials, items(1), DMK_INT(parts), DMK_INT(count), DMK_INT(maxima),
              DMK_BUF(s->partial), DMK_BUF(s->scalars), DMK_INT(at));
 done:
@@ -234,7 +245,7 @@ int dmk_rows_apply(dmk_context *ctx, dmk_system *s, const dmk_buffer *x, dmk_buf
     DMK_TRY(RUN(DMK_OUTER, rows_apply, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->slice),
                 DMK_BUF(s->slot), DMK_BUF(s->out_real), DMK_BUF(x), DMK_BUF(y), SUMS(1, s->state)));
     if (!s->share) return DMK_OK;
-    DMK_TRY(all_parts(ctx, s, true, 1, 0, &parts));
+    DMK_TRY(all_parts(ctx, s, DMK_ROWS, 1, 0, &parts));
     rc = RUN(DMK_OUTER, cg_alpha, items(1), DMK_INT(parts), DMK_BUF(s->partial), DMK_BUF(s->state));
 done:
     return rc;
@@ -258,7 +269,7 @@ int dmk_cg_dots(dmk_context *ctx, dmk_system *s, bool first, const dmk_buffer *z
                 DMK_BUF(s->cg[DMK_OUTER].r), DMK_BUF(s->cg[DMK_OUTER].ap), DMK_BUF(z),
                 SUMS(1, s->state)));
     if (!s->share) return DMK_OK;
-    DMK_TRY(all_parts(ctx, s, true, 2, 0, &parts));
+    DMK_TRY(all_parts(ctx, s, DMK_ROWS, 2, 0, &parts));
     rc = RUN(DMK_OUTER, cg_beta, items(1), DMK_INT(parts), DMK_INT(first), DMK_BUF(s->partial),
              DMK_BUF(s->state));
 done:
@@ -279,36 +290,62 @@ int dmk_cg_step(dmk_context *ctx, dmk_system *s, dmk_buffer *x, double step, boo
                DMK_BUF(s->inv_diag), DMK_BUF(s->x));
 }
 
-int dmk_inner_apply(dmk_context *ctx, dmk_system *s, bool first)
+/* What the inner solve is of, on T/2 or on T. */
+typedef struct unknowns {
+    int32_t n;
+    dmk_buffer *r, *z, *x, *inv_diag;
+} unknowns;
+
+static unknowns unknowns_of(const dmk_system *s, dmk_items over)
+{
+    const dmk_level *t = &s->level[0];
+    return over == DMK_ROWS ? (unknowns){s->n_rows, s->cg[DMK_INNER].r, s->x_old, s->x, s->inv_diag}
+                            : (unknowns){t->n, t->rhs, t->x_old, t->x, t->inv_diag};
+}
+
+int dmk_inner_apply(dmk_context *ctx, dmk_system *s, dmk_items over, bool first)
 {
     int rc;
     int32_t parts;
-    DMK_TRY(RUN(DMK_INNER, inner_apply, rows(s), DMK_INT(s->n_rows), DMK_INT(first),
-                DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out), DMK_BUF(s->cg[DMK_INNER].r),
-                DMK_BUF(s->cg[DMK_INNER].ap), DMK_BUF(s->x_old), DMK_BUF(s->x), SUMS(1, s->state)));
+    const dmk_level *t = &s->level[0];
+    const unknowns v = unknowns_of(s, over);
+    if (over == DMK_ROWS) {
+        DMK_TRY(RUN(DMK_INNER, inner_apply, items(v.n), DMK_INT(v.n), DMK_INT(first),
+                    DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out), DMK_BUF(v.r),
+                    DMK_BUF(s->cg[DMK_INNER].ap), DMK_BUF(v.z), DMK_BUF(v.x), SUMS(1, s->state)));
+    } else {
+        DMK_TRY(dmk_send(ctx, dmk_ship_vertices(s->share, 0, v.z)));
+        DMK_TRY(RUN(DMK_INNER, nested_apply, items(v.n), DMK_INT(v.n), DMK_INT(first),
+                    DMK_BUF(t->slice), DMK_BUF(t->neighbour), DMK_BUF(t->weight), DMK_BUF(v.r),
+                    DMK_BUF(s->cg[DMK_INNER].ap), DMK_BUF(v.z), DMK_BUF(v.x), SUMS(1, s->state)));
+    }
     if (!s->share) return DMK_OK;
-    DMK_TRY(all_parts(ctx, s, true, 3, 0, &parts));
+    DMK_TRY(all_parts(ctx, s, over, 3, 0, &parts));
     rc = RUN(DMK_INNER, inner_scalars, items(1), DMK_INT(parts), DMK_INT(first),
              DMK_BUF(s->partial), DMK_BUF(s->state));
 done:
     return rc;
 }
 
-int dmk_inner_step(dmk_context *ctx, dmk_system *s, bool first, double step)
+int dmk_inner_step(dmk_context *ctx, dmk_system *s, dmk_items over, bool first, double step)
 {
-    return RUN(DMK_INNER, inner_step, rows(s), DMK_INT(s->n_rows), DMK_INT(first), DMK_FLOAT(step),
-               DMK_BUF(s->state), DMK_BUF(s->x_old), DMK_BUF(s->inv_diag),
-               DMK_BUF(s->cg[DMK_INNER].p), DMK_BUF(s->cg[DMK_INNER].ap), DMK_BUF(s->w),
-               DMK_BUF(s->cg[DMK_INNER].r), DMK_BUF(s->x));
+    const unknowns v = unknowns_of(s, over);
+    return RUN(DMK_INNER, inner_step, items(v.n), DMK_INT(v.n), DMK_INT(first), DMK_FLOAT(step),
+               DMK_BUF(s->state), DMK_BUF(v.z), DMK_BUF(v.inv_diag), DMK_BUF(s->cg[DMK_INNER].p),
+               DMK_BUF(s->cg[DMK_INNER].ap), DMK_BUF(s->w), DMK_BUF(v.r), DMK_BUF(v.x));
 }
 
-int dmk_inner_finish(dmk_context *ctx, dmk_system *s, bool first, double scale, int at)
+int dmk_inner_finish(dmk_context *ctx, dmk_system *s, dmk_items over, bool first, double scale,
+                     int at)
 {
     int rc;
-    DMK_TRY(RUN(DMK_OUTER, inner_finish, rows(s), DMK_INT(s->n_rows), DMK_INT(first),
-                DMK_FLOAT(scale), DMK_BUF(s->state), DMK_BUF(s->x_old), DMK_BUF(s->cg[DMK_INNER].p),
-                DMK_BUF(s->w), DMK_BUF(s->u), DMK_BUF(s->f), SUMS(at, s->scalars)));
-    rc = finish_sums(ctx, s, true, 1, 0, at);
+    const unknowns v = unknowns_of(s, over);
+    const bool on_rows = over == DMK_ROWS;
+    DMK_TRY(RUN(DMK_OUTER, inner_finish, items(v.n), DMK_INT(v.n),
+                DMK_INT(on_rows ? 0 : s->vertex_row), DMK_INT(first), DMK_FLOAT(scale),
+                DMK_BUF(s->state), DMK_BUF(v.z), DMK_BUF(s->cg[DMK_INNER].p), DMK_BUF(s->w),
+                DMK_BUF(s->u), DMK_BUF(on_rows ? s->f : s->load), SUMS(at, s->scalars)));
+    rc = finish_sums(ctx, s, over, 1, 0, at);
 done:
     return rc;
 }
@@ -318,7 +355,7 @@ int dmk_dot(dmk_context *ctx, dmk_system *s, const dmk_buffer *a, const dmk_buff
     int rc;
     DMK_TRY(RUN(DMK_OUTER, dot_real, rows(s), DMK_INT(s->n_rows), DMK_BUF(a), DMK_BUF(b),
                 SUMS(at, s->scalars)));
-    rc = finish_sums(ctx, s, true, 1, 0, at);
+    rc = finish_sums(ctx, s, DMK_ROWS, 1, 0, at);
 done:
     return rc;
 }
@@ -328,7 +365,7 @@ int dmk_rows_range(dmk_context *ctx, dmk_system *s, const dmk_buffer *u, int at)
     int rc;
     DMK_TRY(
         RUN(DMK_OUTER, rows_range, rows(s), DMK_INT(s->n_rows), DMK_BUF(u), SUMS(at, s->scalars)));
-    rc = finish_sums(ctx, s, true, 2, 2, at);
+    rc = finish_sums(ctx, s, DMK_ROWS, 2, 2, at);
 done:
     return rc;
 }
@@ -538,7 +575,7 @@ int dmk_element_energy(dmk_context *ctx, dmk_system *s, const dmk_buffer *v, boo
                 DMK_FLOAT(slack), DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area),
                 DMK_BUF(s->mu), DMK_BUF(v), DMK_BUF(s->out_real), DMK_BUF(s->q),
                 SUMS(at, s->scalars)));
-    rc = finish_sums(ctx, s, false, 5, 1, at);
+    rc = finish_sums(ctx, s, DMK_ELEMENTS, 5, 1, at);
 done:
     return rc;
 }
@@ -556,12 +593,13 @@ int dmk_element_prepare(dmk_context *ctx, dmk_system *s)
                DMK_BUF(s->out), DMK_BUF(s->edge), DMK_BUF(s->diag_coarse));
 }
 
-int dmk_newton_prepare(dmk_context *ctx, dmk_system *s, bool paired, double alpha, double D)
+int dmk_newton_prepare(dmk_context *ctx, dmk_system *s, bool paired, const dmk_newton_step *step)
 {
     return RUN(DMK_OUTER, newton_prepare, padded_elements(s), DMK_INT(s->n_elements_pad),
-               DMK_INT(paired), DMK_FLOAT(alpha), DMK_FLOAT(D), DMK_BUF(s->cot), DMK_BUF(s->area),
-               DMK_BUF(s->mu), DMK_BUF(s->q), DMK_BUF(s->out_real), DMK_BUF(s->weight),
-               DMK_BUF(s->rank_one), DMK_BUF(s->edge), DMK_BUF(s->diag_coarse));
+               DMK_INT(paired), DMK_FLOAT(step->alpha), DMK_FLOAT(step->D), DMK_FLOAT(step->bend),
+               DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->q),
+               DMK_BUF(s->out_real), DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(s->edge),
+               DMK_BUF(s->diag_coarse));
 }
 
 int dmk_newton_diagonal(dmk_context *ctx, dmk_system *s)
@@ -590,17 +628,17 @@ int dmk_rows_outer_residual(dmk_context *ctx, dmk_system *s)
                DMK_BUF(s->cg[DMK_OUTER].narrow));
 }
 
-int dmk_newton_update(dmk_context *ctx, dmk_system *s, double alpha, double D, double lowest,
-                      int at)
+int dmk_newton_update(dmk_context *ctx, dmk_system *s, const dmk_newton_step *step, int at)
 {
     int rc;
     DMK_TRY(dmk_send(ctx, dmk_ship_rows(s->share, DMK_INNER, s->w)));
     DMK_TRY(dmk_send(ctx, dmk_ship_rows(s->share, DMK_OUTER, s->u)));
-    DMK_TRY(RUN(DMK_OUTER, newton_update, elements(s), DMK_INT(s->n_elements), DMK_FLOAT(alpha),
-                DMK_FLOAT(D), DMK_FLOAT(lowest), DMK_BUF(s->index), DMK_BUF(s->cot),
-                DMK_BUF(s->area), DMK_BUF(s->rank_one), DMK_BUF(s->w), DMK_BUF(s->u),
-                DMK_BUF(s->mu), DMK_BUF(s->out_real), DMK_BUF(s->q), SUMS(at, s->scalars)));
-    rc = finish_sums(ctx, s, false, 6, 1, at);
+    DMK_TRY(RUN(DMK_OUTER, newton_update, elements(s), DMK_INT(s->n_elements),
+                DMK_FLOAT(step->alpha), DMK_FLOAT(step->D), DMK_FLOAT(step->bend),
+                DMK_FLOAT(step->lowest), DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area),
+                DMK_BUF(s->rank_one), DMK_BUF(s->w), DMK_BUF(s->u), DMK_BUF(s->mu),
+                DMK_BUF(s->out_real), DMK_BUF(s->q), SUMS(at, s->scalars)));
+    rc = finish_sums(ctx, s, DMK_ELEMENTS, 6, 1, at);
 done:
     return rc;
 }
@@ -612,7 +650,7 @@ int dmk_explicit_update(dmk_context *ctx, dmk_system *s, bool inertial, double d
     DMK_TRY(RUN(DMK_OUTER, explicit_update, elements(s), DMK_INT(s->n_elements), DMK_INT(inertial),
                 DMK_FLOAT(dt), DMK_FLOAT(beta), DMK_FLOAT(lowest), DMK_BUF(s->area), DMK_BUF(s->q),
                 DMK_BUF(s->mu), DMK_BUF(s->before), SUMS(at, s->scalars)));
-    rc = finish_sums(ctx, s, false, 2, 0, at);
+    rc = finish_sums(ctx, s, DMK_ELEMENTS, 2, 0, at);
 done:
     return rc;
 }
@@ -634,6 +672,77 @@ int dmk_band_map(dmk_context *ctx, dmk_system *s, const dmk_bands *b, const dmk_
 {
     return RUN(DMK_OUTER, band_map, rows(s), DMK_INT(s->n_rows), DMK_INT(b->n), DMK_FLOAT(b->start),
                DMK_FLOAT(b->inverse), DMK_BUF(phi), DMK_BUF(u), DMK_BUF(v));
+}
+
+/* ---- nested.cl ------------------------------------------------------------------------------- */
+
+/* T's vertices, and the first slice of theirs among the rows. */
+static dmk_range vertices(const dmk_system *s)
+{
+    return items(s->level[0].n);
+}
+
+static int32_t first_slice(const dmk_system *s)
+{
+    return s->vertex_row / DMK_WIDTH;
+}
+
+int dmk_nested_load(dmk_context *ctx, dmk_system *s)
+{
+    int rc;
+    const dmk_level *t = &s->level[0];
+    DMK_TRY(dmk_send(ctx, dmk_ship_rows(s->share, DMK_OUTER, s->f)));
+    rc = RUN(DMK_OUTER, nested_load, vertices(s), DMK_INT(t->n), DMK_INT(s->vertex_row),
+             DMK_BUF(t->slice), DMK_BUF(t->number), DMK_BUF(s->f), DMK_BUF(s->load));
+done:
+    return rc;
+}
+
+int dmk_nested_energy(dmk_context *ctx, dmk_system *s, int at)
+{
+    int rc;
+    DMK_TRY(RUN(DMK_OUTER, nested_energy, elements(s), DMK_INT(s->n_elements), DMK_BUF(s->index),
+                DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->u), DMK_BUF(s->q),
+                SUMS(at, s->scalars)));
+    rc = finish_sums(ctx, s, DMK_ELEMENTS, 5, 1, at);
+done:
+    return rc;
+}
+
+int dmk_nested_prepare(dmk_context *ctx, dmk_system *s, const dmk_newton_step *step)
+{
+    return RUN(DMK_OUTER, nested_prepare, padded_elements(s), DMK_INT(s->n_elements_pad),
+               DMK_FLOAT(step->alpha), DMK_FLOAT(step->D), DMK_FLOAT(step->bend), DMK_BUF(s->index),
+               DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->q), DMK_BUF(s->u),
+               DMK_BUF(s->edge), DMK_BUF(s->diag_coarse), DMK_BUF(s->out));
+}
+
+int dmk_nested_rhs(dmk_context *ctx, dmk_system *s, double step)
+{
+    const dmk_level *t = &s->level[0];
+    return RUN(DMK_OUTER, nested_rhs, vertices(s), DMK_INT(t->n), DMK_INT(first_slice(s)),
+               DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out), DMK_BUF(s->load),
+               DMK_FLOAT(step), DMK_BUF(t->inv_diag), DMK_BUF(t->rhs), DMK_BUF(t->x));
+}
+
+int dmk_nested_update(dmk_context *ctx, dmk_system *s, const dmk_newton_step *step, int at)
+{
+    int rc;
+    /* w and u are right at ghosts, too: so is each z that they are of. */
+    DMK_TRY(RUN(DMK_OUTER, nested_update, elements(s), DMK_INT(s->n_elements),
+                DMK_INT(s->vertex_row), DMK_FLOAT(step->alpha), DMK_FLOAT(step->D),
+                DMK_FLOAT(step->bend), DMK_FLOAT(step->lowest), DMK_BUF(s->index), DMK_BUF(s->cot),
+                DMK_BUF(s->area), DMK_BUF(s->w), DMK_BUF(s->u), DMK_BUF(s->mu), DMK_BUF(s->q),
+                SUMS(at, s->scalars)));
+    rc = finish_sums(ctx, s, DMK_ELEMENTS, 6, 1, at);
+done:
+    return rc;
+}
+
+int dmk_nested_refine(dmk_context *ctx, dmk_system *s)
+{
+    return RUN(DMK_OUTER, nested_refine, items(s->n_edges), DMK_INT(s->n_edges),
+               DMK_INT(s->vertex_row), DMK_BUF(s->ends), DMK_BUF(s->u));
 }
 
 /* ---- certificate.cl -------------------------------------------------------------------------- */

@@ -40,12 +40,14 @@ int dmk_cg_direction(dmk_context *context, dmk_system *s, const dmk_buffer *z);
 /* But for the last step, s->x = step D^-1 r, where the next cycle begins. */
 int dmk_cg_step(dmk_context *context, dmk_system *s, dmk_buffer *x, double step, bool last);
 
-/* The same on cg[DMK_INNER], whose solution is w, z in x_old. apply: x = A z from the elements' parts in out, alpha
- * and beta. Then step makes the vectors and s->x as there; after the last iteration finish, where `first` tells
- * that it was the only one, makes w, u <- scale u + w, and f.u. */
-int dmk_inner_apply(dmk_context *context, dmk_system *s, bool first);
-int dmk_inner_step(dmk_context *context, dmk_system *s, bool first, double step);
-int dmk_inner_finish(dmk_context *context, dmk_system *s, bool first, double scale, int at);
+/* The same for w by cg[DMK_INNER]'s p and ap: on T/2 (DMK_ROWS) with its r, z being x_old, or on T (DMK_VERTICES) with
+ * level 0's rhs for r. apply: x = A z, on T/2 from the elements' parts in out, alpha and beta. Then step makes the
+ * vectors and x as there; after the last iteration finish, where `first` tells that it was the only one, makes w,
+ * u <- scale u + w, and f.u. */
+int dmk_inner_apply(dmk_context *context, dmk_system *s, dmk_items over, bool first);
+int dmk_inner_step(dmk_context *context, dmk_system *s, dmk_items over, bool first, double step);
+int dmk_inner_finish(dmk_context *context, dmk_system *s, dmk_items over, bool first, double scale,
+                     int at);
 
 /* a.b over the rows, in the outer program. */
 int dmk_dot(dmk_context *context, dmk_system *s, const dmk_buffer *a, const dmk_buffer *b, int at);
@@ -100,9 +102,16 @@ int dmk_element_energy(dmk_context *context, dmk_system *s, const dmk_buffer *v,
 int dmk_element_scale(dmk_context *context, dmk_system *s);
 /* weight, weight_real, edge, diag_coarse and, in out, the weighted diagonals of A(mu). */
 int dmk_element_prepare(dmk_context *context, dmk_system *s);
-/* The same of Newton's M at pseudo-time step D, its rank_one, and its right-hand side's parts in
+/* One of Newton's steps: what u is scaled by, pseudo-time D, where D times |L| of an element is kept below 1 / bend
+ * (0: nowhere), and mu's lower bound for the root of an area. */
+typedef struct dmk_newton_step {
+    double alpha, D, bend, lowest;
+} dmk_newton_step;
+
+/* The same of Newton's M, its rank_one, and its right-hand side's parts in
  * out_real, which has g before; all but its weighted diagonals. Paired: these, too, beside the parts. */
-int dmk_newton_prepare(dmk_context *context, dmk_system *s, bool paired, double alpha, double D);
+int dmk_newton_prepare(dmk_context *context, dmk_system *s, bool paired,
+                       const dmk_newton_step *step);
 /* These, in out: the right-hand side must have been summed up. */
 int dmk_newton_diagonal(dmk_context *context, dmk_system *s);
 /* The inner right-hand side cg[DMK_INNER].r = f + the rows' sums of out_real. */
@@ -113,8 +122,7 @@ int dmk_newton_rows(dmk_context *context, dmk_system *s, double step);
 int dmk_rows_outer_residual(dmk_context *context, dmk_system *s);
 /* mu after a Newton step w, of which rank_one knows the rest, and dmk_element_energy of u, kept; its four sums, that of
  * area |change of mu|, and the maximum. */
-int dmk_newton_update(dmk_context *context, dmk_system *s, double alpha, double D, double lowest,
-                      int at);
+int dmk_newton_update(dmk_context *context, dmk_system *s, const dmk_newton_step *step, int at);
 /* mu after an explicit step (see density.cl); sums of area |change of mu| and of area mu. */
 int dmk_explicit_update(dmk_context *context, dmk_system *s, bool inertial, double dt, double beta,
                         double lowest, int at);
@@ -131,6 +139,22 @@ int dmk_band_slopes(dmk_context *context, dmk_system *s, const dmk_bands *bands,
 /* v = phi(u), phi linear between its values at the bands' ends. */
 int dmk_band_map(dmk_context *context, dmk_system *s, const dmk_bands *bands, const dmk_buffer *phi,
                  const dmk_buffer *u, dmk_buffer *v);
+
+/* ---- nested.cl ------------------------------------------------------------------------------- */
+
+/* Newton's steps with u linear on T: its values at the vertices' rows of s->u, what a step adds to them in s->w from
+ * 0 on. load = P'f, once. */
+int dmk_nested_load(dmk_context *context, dmk_system *s);
+/* q, and dmk_element_energy's sums. */
+int dmk_nested_energy(dmk_context *context, dmk_system *s, int at);
+/* Newton's edge, diag_coarse and, in out, the parts of its right-hand side; then, once the multigrid is refreshed,
+ * rhs of T and the first smoothing step there. */
+int dmk_nested_prepare(dmk_context *context, dmk_system *s, const dmk_newton_step *step);
+int dmk_nested_rhs(dmk_context *context, dmk_system *s, double step);
+/* As dmk_newton_update. */
+int dmk_nested_update(dmk_context *context, dmk_system *s, const dmk_newton_step *step, int at);
+/* u at the midpoints from the vertices'. */
+int dmk_nested_refine(dmk_context *context, dmk_system *s);
 
 /* ---- certificate.cl -------------------------------------------------------------------------- */
 

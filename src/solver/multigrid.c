@@ -132,6 +132,12 @@ done:
     return rc;
 }
 
+int dmk_mesh_cycle(dmk_context *ctx, dmk_system *s)
+{
+    const chebyshev coarse = polynomial(2);
+    return graph_cycle(ctx, s, 0, &coarse, 2);
+}
+
 /* The two iterates of T/2 take turns. */
 typedef struct iterates {
     dmk_buffer *now, *old;

@@ -17,6 +17,8 @@ int dmk_multigrid_refresh(dmk_context *context, dmk_system *system);
  * system->x has its first step from 0 (see dmk_first_step). */
 int dmk_v_cycle(dmk_context *context, dmk_system *system, dmk_operator op, const dmk_buffer *rhs,
                 bool begun);
+/* x_old of T = the cycle's part from T on, applied to its rhs, whose first step from 0 is in its x. */
+int dmk_mesh_cycle(dmk_context *context, dmk_system *system);
 /* The step that a cycle's first smoothing step takes: x = step D^-1 rhs. */
 double dmk_first_step(void);
 

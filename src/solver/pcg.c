@@ -64,15 +64,20 @@ done:
     return rc;
 }
 
-int dmk_inner_solve(dmk_context *ctx, dmk_system *s, int iterations, dmk_stats *stats)
+int dmk_inner_solve(dmk_context *ctx, dmk_system *s, dmk_items over, int iterations,
+                    dmk_stats *stats)
 {
     int rc = DMK_OK;
     for (int i = 0; i < iterations; i++) {
         /* The right-hand side comes with its first smoothing step. */
-        DMK_TRY(dmk_v_cycle(ctx, s, DMK_NEWTON_MATRIX, s->cg[DMK_INNER].r, true));
-        DMK_TRY(dmk_element_newton(ctx, s, s->x_old));
-        DMK_TRY(dmk_inner_apply(ctx, s, i == 0));
-        if (i + 1 < iterations) DMK_TRY(dmk_inner_step(ctx, s, i == 0, dmk_first_step()));
+        if (over == DMK_ROWS) {
+            DMK_TRY(dmk_v_cycle(ctx, s, DMK_NEWTON_MATRIX, s->cg[DMK_INNER].r, true));
+            DMK_TRY(dmk_element_newton(ctx, s, s->x_old));
+        } else {
+            DMK_TRY(dmk_mesh_cycle(ctx, s));
+        }
+        DMK_TRY(dmk_inner_apply(ctx, s, over, i == 0));
+        if (i + 1 < iterations) DMK_TRY(dmk_inner_step(ctx, s, over, i == 0, dmk_first_step()));
         stats->v_cycles++;
         stats->cg_iterations++;
     }

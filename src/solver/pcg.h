@@ -11,9 +11,10 @@
  * Constants, the null space, take no part: r sums to 0 and the V-cycle is symmetric. */
 int dmk_pcg(dmk_context *context, dmk_system *system, dmk_buffer *x, int max_iterations,
             double tolerance, double energy, dmk_stats *stats);
-/* The same for Newton's matrix and system->w, by so many iterations, at least one, in single precision: on entry
- * cg[DMK_INNER].r and its first smoothing step in system->x, on return all but the last step, which is
- * dmk_inner_finish's. */
-int dmk_inner_solve(dmk_context *context, dmk_system *system, int iterations, dmk_stats *stats);
+/* The same for Newton's matrix and system->w, by so many iterations, at least one, in single precision: on entry the
+ * right-hand side and its first smoothing step, for DMK_ROWS cg[DMK_INNER].r and system->x, for DMK_VERTICES those of T
+ * from dmk_nested_rhs, on return all but the last step, which is dmk_inner_finish's. */
+int dmk_inner_solve(dmk_context *context, dmk_system *system, dmk_items over, int iterations,
+                    dmk_stats *stats);
 
 #endif
