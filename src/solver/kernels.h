@@ -86,8 +86,8 @@ int dmk_tail_cycle(dmk_context *context, dmk_system *s, int before, double first
                    double step);
 /* Their edges and weights, and, where s->dense is, coarse_inverse. */
 int dmk_tail_refresh(dmk_context *context, dmk_system *s);
-/* Of a level above: edge weights by row, on T first those from the triangles', the inverse diagonal, from the rows' sums
- * or on T from the elements' bounds, diag_coarse; and the next level's edge weights. */
+/* Of a level above: edge weights by row, on T first those from the triangles', the inverse diagonal, from the
+ * rows' sums or on T from the elements' bounds, diag_coarse; and the next level's edge weights. */
 int dmk_graph_refresh(dmk_context *context, dmk_system *s, int32_t level);
 /* The inverse diagonal on T/2 from the elements' bounds in out. */
 int dmk_inverse_diagonal(dmk_context *context, dmk_system *s);
