@@ -57,8 +57,9 @@ static void add_measures(int b, realv e, realv area, realv mu, global real *q, m
     sum->top = fmax(sum->top, TO_SUM(square));
 }
 
-/* g = K u in block b, whose corners and midpoints are at x's six, and add_measures of it. slack > 0: u.g with its rounding on top, `slack` times what its terms would be
- * without cancellation: at large cotangents of both signs they are up to cot^2 times as large as their sum. */
+/* g = K u in block b, whose corners and midpoints are at x's six, and add_measures of it. slack > 0: u.g with its
+ * rounding on top, `slack` times what its terms would be without cancellation: at large cotangents of both signs they
+ * are up to cot^2 times as large as their sum. */
 static void measure_block(int b, int keep, float slack, six x, global const real *cot, realv area,
                           realv mu, global real *g, global real *q, measures *sum)
 {
