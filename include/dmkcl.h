@@ -616,6 +616,33 @@ void dmk_solver_get_traffic(const dmk_solver *solver, dmk_traffic *traffic);
 int dmk_mesh_read_dealt(dmk_context *context, const char *path, const dmk_ranks *ranks,
                         dmk_mesh **mesh);
 
+/* A mesh of which no rank has more than a piece, for a density alone. All calls are collective, and what they give is
+ * the same on every rank. */
+typedef struct dmk_pieces dmk_pieces;
+/* As dmk_mesh_create, of n_vertices and n_triangles in all: `xyz` and `triangles` are this rank's, which come behind
+ * those of the ranks before; rank r's of n begin at n * r / size, rounded down. The ranks' calls must
+ * last as long as the pieces, and what is made of them. */
+int dmk_pieces_create(dmk_context *context, const dmk_ranks *ranks, int64_t n_vertices,
+                      const double *xyz, int64_t n_triangles, const int64_t *triangles,
+                      dmk_pieces **pieces);
+/* As dmk_mesh_read. Each rank reads its range of a file as dmk_mesh_read_dealt does. Of any other file, and with
+ * less than two ranks, *pieces becomes NULL, and it is to be read by that. */
+int dmk_pieces_read(dmk_context *context, const char *path, const dmk_ranks *ranks,
+                    dmk_pieces **pieces);
+void dmk_pieces_destroy(dmk_pieces **pieces);
+/* The counts but for the loops; lengths and angles stay 0. Not collective. */
+void dmk_pieces_get_info(const dmk_pieces *pieces, dmk_mesh_info *info);
+/* As dmk_mesh_vertex_point and dmk_mesh_project. */
+int dmk_pieces_vertex_point(dmk_context *context, const dmk_pieces *pieces, int64_t vertex,
+                            dmk_point *point);
+int dmk_pieces_project(dmk_context *context, const dmk_pieces *pieces, const double xyz[3],
+                       dmk_point *point);
+/* The solver takes the pieces over, *pieces becomes NULL, for one solve with density_only. Each rank then orders and
+ * coarsens its share; the first one alone gets the result's arrays. A component too small to be dealt out is
+ * gathered on every rank. */
+int dmk_solver_create_of_pieces(dmk_context *context, dmk_device *device, dmk_pieces **pieces,
+                                dmk_solver **solver);
+
 /* ---- cut locus -------------------------------------------------------------------------------- */
 
 typedef struct dmk_locus dmk_locus;

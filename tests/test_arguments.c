@@ -17,6 +17,7 @@ static struct {
     dmk_locus *locus;
     dmk_geodesics *geodesics;
     dmk_transport *transport;
+    dmk_pieces *pieces;  /* one, of a tetrahedron */
     dmk_measure measure; /* atoms at two vertices */
     dmk_point atoms[2];
     double atom_mass[2];
@@ -46,6 +47,30 @@ static int no_largest(void *user, int32_t *value, size_t n)
     (void)user, (void)value, (void)n;
     return 1;
 }
+
+/* Ranks that are one, for pieces. */
+static int only_gather(void *user, const void *mine, void *all, const size_t *bytes)
+{
+    (void)user;
+    if (*bytes > 0) memcpy(all, mine, *bytes);
+    return 0;
+}
+
+static int only_exchange(void *user, const void *const *send, const size_t *send_bytes,
+                         void *const *receive, const size_t *receive_bytes)
+{
+    (void)user, (void)send, (void)send_bytes, (void)receive, (void)receive_bytes;
+    return 0;
+}
+
+static int only_largest(void *user, int32_t *value, size_t n)
+{
+    (void)user, (void)value, (void)n;
+    return 0;
+}
+
+static const dmk_ranks only = {
+    .size = 1, .exchange = only_exchange, .gather = only_gather, .largest = only_largest};
 
 #define ALONE .exchange = no_exchange, .gather = no_gather, .largest = no_largest
 static const dmk_ranks alone = {.size = 1, ALONE};
@@ -110,6 +135,8 @@ static const dmk_ranks alone = {.size = 1, ALONE};
 #define good_dmk_format_info_p (void *)good.scratch
 #define good_dmk_progress_fn NULL
 #define good_dmk_ranks_p &alone
+#define good_dmk_pieces_p good.pieces
+#define good_dmk_pieces_pp (void *)&good.none
 #define good_dmk_traffic_p (void *)good.scratch
 #define good_void_p NULL
 #define good_char_p good.file
@@ -255,6 +282,7 @@ static bool may_be(const char *function, const char *argument, bool null)
         "dmk_solver_create device",
         "dmk_solver_set_ranks ranks",
         "dmk_mesh_read_dealt ranks",
+        "dmk_pieces_read ranks",
         "dmk_device_open options",
         "dmk_locus_compute options",
         "dmk_geodesics_locus options",
@@ -276,6 +304,7 @@ static bool may_be(const char *function, const char *argument, bool null)
         "dmk_geodesics_paths n_points",
         "dmk_geodesics_create n_sources",
         "dmk_mesh_create xyz",
+        "dmk_pieces_create xyz",
     };
     char both[200];
     snprintf(both, sizeof both, "%s %s", function, argument);
@@ -308,7 +337,9 @@ static void check_status(const char *function, const char *argument, size_t inde
     char name[64];
     const char *message = dmk_context_message(good.b.ctx);
     snprintf(name, sizeof name, "`%s`", argument);
-    const bool too_many = !null && strcmp(function, "dmk_mesh_create") == 0; /* for any mesh */
+    const bool too_many =
+        !null && (strcmp(function, "dmk_mesh_create") == 0 || /* for any mesh */
+                  (strcmp(function, "dmk_pieces_create") == 0 && *argument == 'n'));
     if (status != (too_many ? DMK_E_MESH : DMK_E_ARG))
         complain(function, argument, index, "another status than DMK_E_ARG");
     if (strcmp(argument, "context") == 0 || strcmp(function, "dmk_format_get") == 0) return;
@@ -550,6 +581,9 @@ static int setup(void **state)
     bench_ok(&good.b, dmk_mesh_vertex_point(good.b.ctx, good.p.mesh, 100, &good.atoms[1]));
     good.atom_mass[0] = 1;
     good.atom_mass[1] = -1;
+    static const double corner[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1};
+    static const int64_t face[] = {0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3};
+    bench_ok(&good.b, dmk_pieces_create(good.b.ctx, &only, 4, corner, 4, face, &good.pieces));
     bench_ok(&good.b, dmk_solve_measures(good.b.ctx, good.p.solver, &good.measure, NULL, NULL,
                                          &good.transport));
     good.atom_mass[1] = 1;
@@ -568,6 +602,7 @@ static int teardown(void **state)
     dmk_path_free(&good.path);
     dmk_geodesics_destroy(&good.geodesics);
     dmk_transport_destroy(&good.transport);
+    dmk_pieces_destroy(&good.pieces);
     dmk_locus_destroy(&good.locus);
     problem_free(&good.p);
     bench_close(&good.b);

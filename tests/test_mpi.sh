@@ -151,6 +151,19 @@ once() { # CODE PATTERN ARGUMENTS...: three ranks end with the code and say so o
 check 'a bad option is reported once' once 1 "no option '--sauce'" solve "$mesh" --sauce 3
 check 'a missing file is reported once' once 2 'none.ply' solve "$work/none.ply" --vertex 0
 check 'a vertex out of range is reported once' once 1 'vertex' solve "$mesh" --vertex 99999999
+check 'one of a mesh in pieces, too' once 1 'vertex 99999999 is out of range' solve "$mesh" --vertex 99999999 --density-only
+cat > "$work/sheets.py" <<'END'
+import struct, sys
+x = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, -1)]
+t = [(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3), (0, 1, 4)]
+head = "ply\nformat binary_little_endian 1.0\nelement vertex 5\nproperty double x\nproperty double y\nproperty double z\n"
+head += "element face 5\nproperty list uchar int vertex_indices\nend_header\n"
+open(sys.argv[1], "wb").write(head.encode() + b"".join(struct.pack("<3d", *v) for v in x) +
+                              b"".join(struct.pack("<B3i", 3, *f) for f in t))
+END
+python3 "$work/sheets.py" "$work/sheets.ply"
+check 'a mesh in pieces that is refused is refused once' once 4 'sheets.ply: non-manifold edge 0-1: triangles 0, 1 and 4 share it' \
+    solve "$work/sheets.ply" --vertex 0 --density-only
 check 'too few steps are reported once' once 7 'did not reach the tolerance' solve "$mesh" --vertex 7 --max-steps 1
 # The second rank alone cannot write where its device's kernels are kept, has no device, or the like.
 lonely() {

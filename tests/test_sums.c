@@ -94,14 +94,14 @@ typedef struct seat {
 } seat;
 
 /* Parts begin .. end - 1 are its own, behind `gap` parts of others. */
-static int32_t own(dmk_space *space, int32_t *bound, const seat *s, int32_t n, int32_t gap)
+static int32_t own(dmk_space *space, int64_t *bound, const seat *s, int32_t n, int32_t gap)
 {
     const int32_t part = s->w->part, size = s->m.all->size, parts = (n + part - 1) / part;
     for (int32_t r = 0; r <= size; r++) bound[r] = r < size ? parts * r / size * part : n;
     *space = (dmk_space){.n_whole = n, .bound = bound, .at_first = gap * part};
     space->first = bound[s->m.rank];
     space->end = bound[s->m.rank + 1];
-    space->n = space->at_first + (space->end - space->first + part - 1) / part * part + part;
+    space->n = space->at_first + (dmk_space_own(space) + part - 1) / part * part + part;
     return space->n;
 }
 
@@ -162,7 +162,7 @@ static void *sit(void *argument)
     seat *s = argument;
     dmk_context *ctx = NULL;
     dmk_device *dev = NULL;
-    int32_t edge[MOST_RANKS + 1], vertex[MOST_RANKS + 1];
+    int64_t edge[MOST_RANKS + 1], vertex[MOST_RANKS + 1];
     s->rc = dmk_context_create(&ctx);
     if (s->rc == DMK_OK) s->rc = dmk_device_open(ctx, &s->w->device, &dev);
     dmk_share share = {.ranks = ranks_of(&s->m, 0), .device = dev, .part = s->w->part};

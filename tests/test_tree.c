@@ -84,6 +84,17 @@ static int bin_of(const void *user, int32_t e)
     return l->bin[e];
 }
 
+/* The marked items that others own are ghosts. */
+static int create_space(dmk_context *ctx, int32_t n, const uint8_t *mark, dmk_space *space)
+{
+    int64_t ghost[M + N];
+    size_t n_ghosts = 0;
+    for (int32_t i = 0; i < n; i++) {
+        if (mark[i] && !dmk_space_owns(space, i)) ghost[n_ghosts++] = i;
+    }
+    return dmk_space_create(ctx, n_ghosts, ghost, 1, 0, space);
+}
+
 /* The own runs, the edges that meet own vertices, and all ends. */
 static int mark(dmk_context *ctx, const seat *s, local *l)
 {
@@ -100,8 +111,8 @@ static int mark(dmk_context *ctx, const seat *s, local *l)
             dmk_space_owns(edges, e) || dmk_space_owns(own, v[0]) || dmk_space_owns(own, v[1]);
         if (edge[e]) vertex[v[0]] = vertex[v[1]] = 1;
     }
-    DMK_TRY(dmk_space_create(ctx, vertex, 1, 0, own));
-    DMK_TRY(dmk_space_create(ctx, edge, 1, 0, edges));
+    DMK_TRY(create_space(ctx, g->n, vertex, own));
+    DMK_TRY(create_space(ctx, g->m, edge, edges));
 done:
     return rc;
 }
@@ -111,15 +122,15 @@ static void fill(const graph *g, local *l)
     const dmk_space *vertex = &l->share.vertex[0], *edge = &l->share.edge;
     l->mesh = (dmk_mesh){.n_vertices = vertex->n, .n_edges = edge->n, .edge_vertex = l->end};
     for (int32_t e = 0; e < edge->n; e++) {
-        const int32_t whole = edge->whole[e];
+        const int64_t whole = dmk_space_whole(edge, e);
         for (int k = 0; k < 2; k++)
             l->end[2 * e + k] = dmk_space_slot(vertex, g->end[2 * whole + k]);
         l->bin[e] = g->bin[whole];
     }
     for (int32_t v = 0; v < vertex->n; v++) { /* of ghosts whatever there is */
-        const bool own = dmk_space_owns(vertex, vertex->whole[v]);
-        l->load[v] = own ? g->load[vertex->whole[v]] : 1e9;
-        l->error[v] = own ? g->error[vertex->whole[v]] : 1e9;
+        const bool own = dmk_space_owns(vertex, dmk_space_whole(vertex, v));
+        l->load[v] = own ? g->load[dmk_space_whole(vertex, v)] : 1e9;
+        l->error[v] = own ? g->error[dmk_space_whole(vertex, v)] : 1e9;
     }
 }
 
@@ -127,9 +138,10 @@ static void take(const local *l, const dmk_tree *t, flow *f)
 {
     const dmk_space *edge = &l->share.edge;
     for (int32_t e = t->edges[0]; e < t->edges[1]; e++) {
-        f->sent[edge->whole[e]] = l->sent[e];
-        f->carried[edge->whole[e]] = l->carried[e];
-        f->chosen[edge->whole[e]] = l->carried[e] > 0; /* by rounding, if by nothing else */
+        f->sent[dmk_space_whole(edge, e)] = l->sent[e];
+        f->carried[dmk_space_whole(edge, e)] = l->carried[e];
+        f->chosen[dmk_space_whole(edge, e)] =
+            l->carried[e] > 0; /* by rounding, if by nothing else */
     }
 }
 

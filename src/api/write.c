@@ -16,6 +16,8 @@ int dmk_result_write(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *r
     f.u = dmk_result_potential(result, &n_u);
     f.distance = dmk_result_distance(result, &n_distance);
     dmk_result_source(result, &f.source);
+    if (!f.mu)
+        return dmk_fail(ctx, DMK_E_ARG, "the result of a mesh in pieces is the first rank's alone");
     size_t n_triangles = (size_t)mesh->n_triangles, n_vertices = (size_t)mesh->n_vertices;
     if (n_mu != n_triangles || n_acl != n_triangles || n_u != n_vertices ||
         n_distance != n_vertices) {

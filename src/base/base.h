@@ -27,6 +27,11 @@ int dmk_fail(dmk_context *context, int status, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 /* DMK_OK, or DMK_E_ARG if ranks are not what the header asks for. */
 int dmk_ranks_given(dmk_context *context, const dmk_ranks *ranks);
+/* Rank r's even share of n items begins here. */
+static inline int64_t dmk_even_bound(int64_t n, int r, int size)
+{
+    return (int64_t)((uint64_t)n * (uint64_t)r / (uint64_t)size);
+}
 /* DMK_OK, or the failure of a call of ranks->... that gave `status`. */
 int dmk_ranks_check(dmk_context *context, const dmk_ranks *ranks, int status);
 /* Whether an argument is missing, of pairs of a name and a pointer. Then the message names the first one

@@ -81,15 +81,18 @@ static const int large_piece = 20 << 20, large_kept = 32 << 20;
  * process takes 862 MB and 3.61 s so. */
 static const int rank_piece = 3 << 19, rank_kept = 2 << 20;
 
-static void save_memory(const dmk_mesh *mesh, const dmk_ranks *ranks)
+static void return_memory(bool deals)
 {
-    const bool deals = ranks && ranks->size > 1;
-    dmk_mesh_info info;
-    dmk_mesh_get_info(mesh, &info);
-    if (info.n_triangles < LARGE) return;
     mallopt(M_MMAP_THRESHOLD, deals ? rank_piece : large_piece);
     mallopt(M_TRIM_THRESHOLD, deals ? rank_kept : large_kept);
     malloc_trim(0);
+}
+
+static void save_memory(const dmk_mesh *mesh, const dmk_ranks *ranks)
+{
+    dmk_mesh_info info;
+    dmk_mesh_get_info(mesh, &info);
+    if (info.n_triangles >= LARGE) return_memory(ranks && ranks->size > 1);
 }
 
 /* Distances of 4.4 million triangles have 380,000 page faults so, for 514,000, and take no more memory. */
@@ -128,6 +131,13 @@ int cli_read_mesh(dmk_context *context, const char *path, const cli_reading *how
     return rc;
 }
 
+int cli_read_pieces(dmk_context *context, const char *path, const dmk_ranks *ranks,
+                    dmk_pieces **pieces)
+{
+    return_memory(true); /* before it is known how large the mesh is: then it is too late */
+    return dmk_pieces_read(context, path, ranks, pieces);
+}
+
 double cli_offset(dmk_context *context, const dmk_mesh *mesh, const double xyz[3],
                   const dmk_point *point)
 {
@@ -136,22 +146,27 @@ double cli_offset(dmk_context *context, const dmk_mesh *mesh, const double xyz[3
     return hypot(hypot(at[0] - xyz[0], at[1] - xyz[1]), at[2] - xyz[2]);
 }
 
-int cli_project(dmk_context *context, const dmk_mesh *mesh, const double xyz[3], bool quiet,
-                dmk_point *point)
+void cli_warn_away(dmk_context *context, const dmk_mesh *mesh, const double xyz[3],
+                   const dmk_point *point)
 {
     char wanted[CLI_TEXT_SIZE], found[CLI_TEXT_SIZE];
     double at[3];
     dmk_mesh_info info;
-    int rc = dmk_mesh_project(context, mesh, xyz, point);
-    if (rc == DMK_OK) rc = dmk_mesh_point_xyz(context, mesh, point, at);
-    if (rc != DMK_OK || quiet) return rc;
+    if (dmk_mesh_point_xyz(context, mesh, point, at) != DMK_OK) return;
     const double away = cli_offset(context, mesh, xyz, point);
     dmk_mesh_get_info(mesh, &info);
-    if (!(away > info.mean_edge)) return DMK_OK;
+    if (!(away > info.mean_edge)) return;
     fprintf(stderr,
             "dmkcl: warning: (%s) is %.3g away from the surface; its nearest point (%s) is taken\n",
             cli_point(xyz, wanted), away, cli_point(at, found));
-    return DMK_OK;
+}
+
+int cli_project(dmk_context *context, const dmk_mesh *mesh, const double xyz[3], bool quiet,
+                dmk_point *point)
+{
+    const int rc = dmk_mesh_project(context, mesh, xyz, point);
+    if (rc == DMK_OK && !quiet) cli_warn_away(context, mesh, xyz, point);
+    return rc;
 }
 
 int cli_vertex_point(dmk_context *context, const dmk_mesh *mesh, const dmk_repairs *did,

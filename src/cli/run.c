@@ -94,8 +94,16 @@ int solve_fail(solve_run *run, int rc)
     return cli_error(cli_exit_code(rc), "%s%s", run->where, message);
 }
 
+static int find_source_in_pieces(const solve_request *request, solve_run *run)
+{
+    return request->vertex >= 0
+               ? dmk_pieces_vertex_point(run->context, run->pieces, request->vertex, &run->source)
+               : dmk_pieces_project(run->context, run->pieces, request->source.value, &run->source);
+}
+
 static int find_source(const solve_request *request, solve_run *run)
 {
+    if (run->pieces) return find_source_in_pieces(request, run);
     if (request->vertex >= 0) {
         return cli_vertex_point(run->context, run->mesh, &run->repairs, request->vertex,
                                 &run->source);
@@ -118,7 +126,12 @@ static int read_mesh(const solve_request *request, solve_run *run)
                              .quiet = request->quiet,
                              .progress = &run->progress,
                              .ranks = request->dealt ? cli_ranks() : NULL};
-    int rc = cli_read_mesh(run->context, request->mesh, &how, &run->repairs, &run->mesh);
+    int rc = DMK_OK;
+    if (how.ranks && request->density_only && !request->repair && !request->bare)
+        rc = cli_read_pieces(run->context, request->mesh, how.ranks, &run->pieces);
+    run->apart = run->pieces != NULL;
+    if (rc == DMK_OK && !run->pieces)
+        rc = cli_read_mesh(run->context, request->mesh, &how, &run->repairs, &run->mesh);
     if (rc == DMK_OK && !request->sources) rc = find_source(request, run);
     run->seconds.read = lap(&mark);
     return rc;
@@ -131,6 +144,14 @@ static void forget_edges(const solve_request *request, solve_run *run)
     dmk_mesh_info info;
     dmk_mesh_get_info(run->mesh, &info);
     if (request->once && info.n_components == 1) dmk_mesh_forget_edges(run->mesh);
+}
+
+static int create_solver(solve_run *run)
+{
+    if (run->solver) return dmk_solver_set_device(run->context, run->solver, run->device);
+    if (!run->pieces) return dmk_solver_create(run->context, run->device, run->mesh, &run->solver);
+    dmk_pieces_get_info(run->pieces, &run->counts);
+    return dmk_solver_create_of_pieces(run->context, run->device, &run->pieces, &run->solver);
 }
 
 int solve_begin(const solve_request *request, solve_run *run)
@@ -162,10 +183,8 @@ int solve_begin(const solve_request *request, solve_run *run)
     cli_progress_say(&run->progress, "opening the device and building its kernels");
     const int code = end_opening(&device, run, rc != DMK_OK);
     if (code != EXIT_OK) return code;
-    if (rc == DMK_OK) cli_make_room(run->mesh);
-    if (rc == DMK_OK)
-        rc = run->solver ? dmk_solver_set_device(run->context, run->solver, run->device)
-                         : dmk_solver_create(run->context, run->device, run->mesh, &run->solver);
+    if (rc == DMK_OK && run->mesh) cli_make_room(run->mesh);
+    if (rc == DMK_OK) rc = create_solver(run);
     return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
 }
 
@@ -175,9 +194,9 @@ static dmk_solve_options show_gap(const solve_request *request, const solve_run 
 {
     enum { LONG = 500000 }; /* triangles, some seconds */
     dmk_solve_options solve = request->solve;
-    dmk_mesh_info info;
+    dmk_mesh_info info = run->counts;
     if (solve.gap_tolerance > 0 || (!run->progress.steps && !run->progress.line)) return solve;
-    dmk_mesh_get_info(run->mesh, &info);
+    if (!run->apart) dmk_mesh_get_info(run->mesh, &info);
     const bool is_long = solve.method != DMK_NEWTON || info.n_triangles > LONG;
     if (run->progress.steps || is_long) solve.gap_tolerance = DBL_MIN;
     return solve;
@@ -190,7 +209,7 @@ int solve_together(solve_run *run)
     run->ranks = calloc((size_t)ranks->size, sizeof *run->ranks);
     if (!run->ranks) return cli_library_error(NULL, DMK_E_NOMEM);
     run->n_ranks = ranks->size;
-    const int rc = dmk_solver_set_ranks(run->context, run->solver, ranks);
+    const int rc = run->apart ? DMK_OK : dmk_solver_set_ranks(run->context, run->solver, ranks);
     return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
 }
 
@@ -207,14 +226,20 @@ static int gather_ranks(solve_run *run)
 static int solve_lean(const solve_request *request, solve_run *run)
 {
     const dmk_solve_options solve = show_gap(request, run);
-    const cli_reading again = {.repair = request->repair, .quiet = true};
-    int rc = dmk_solver_give_mesh(run->context, run->solver, &run->mesh);
+    const cli_reading again = {.repair = request->repair, .quiet = !run->apart || request->quiet};
+    int rc = DMK_OK;
+    if (!run->apart) rc = dmk_solver_give_mesh(run->context, run->solver, &run->mesh);
     if (rc == DMK_OK) rc = dmk_solve(run->context, run->solver, &run->source, &solve, &run->result);
     if (rc == DMK_OK) rc = gather_ranks(run);
     dmk_solver_destroy(&run->solver);
     if (rc != DMK_OK || !cli_ranks_first()) return rc;
     dmk_repairs_free(&run->repairs);
-    return cli_read_mesh(run->context, request->mesh, &again, &run->repairs, &run->mesh);
+    rc = cli_read_mesh(run->context, request->mesh, &again, &run->repairs, &run->mesh);
+    if (rc == DMK_OK && !again.quiet && request->vertex < 0) {
+        cli_progress_end(&run->progress);
+        cli_warn_away(run->context, run->mesh, request->source.value, &run->source);
+    }
+    return rc;
 }
 
 static int solve_whole(const solve_request *request, solve_run *run)
@@ -330,6 +355,7 @@ void solve_end(solve_run *run)
     dmk_locus_destroy(&run->locus);
     dmk_result_destroy(&run->result);
     dmk_mesh_destroy(&run->mesh);
+    dmk_pieces_destroy(&run->pieces);
     dmk_repairs_free(&run->repairs);
     dmk_context_destroy(&run->context);
 }

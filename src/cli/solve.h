@@ -50,6 +50,10 @@ typedef struct solve_rank {
 typedef struct solve_run {
     dmk_context *context;
     dmk_mesh *mesh;
+    dmk_pieces *
+        pieces; /* in its place, of a density alone on ranks: the first one reads the mesh at the end */
+    bool apart;           /* it has been so, */
+    dmk_mesh_info counts; /* with these counts */
     dmk_repairs repairs;
     dmk_device *device;
     dmk_device_info opened; /* of the device, which may be closed by then */

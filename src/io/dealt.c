@@ -80,7 +80,7 @@ static const char *in_window(const window *w, const dmk_column *c, size_t i)
 /* Rank r's records of n are first_of(r) .. first_of(r + 1) - 1. */
 static size_t first_of(const dmk_ranks *ranks, int r, size_t n)
 {
-    return (size_t)((uint64_t)n * (uint64_t)r / (uint64_t)ranks->size);
+    return (size_t)dmk_even_bound((int64_t)n, r, ranks->size);
 }
 
 typedef struct range {
@@ -129,7 +129,7 @@ static bool read_vertices(source *s, const dmk_layout *l, range own, double *xyz
     return good;
 }
 
-static bool read_triangles(source *s, const dmk_layout *l, range own, int32_t *triangle)
+static bool read_triangles(source *s, const dmk_layout *l, range own, int64_t *triangle)
 {
     window w;
     dmk_column column[3 + DMK_LAYOUT_CHECKS];
@@ -144,8 +144,8 @@ static bool read_triangles(source *s, const dmk_layout *l, range own, int32_t *t
         for (int k = 0; k < 3; k++) {
             const char *at = in_window(&w, &l->corner[k], i);
             const double v = dmk_decode_number(l->corner[k].type, at, l->swap);
-            good = good && v >= 0 && v < (double)l->n_vertices && v == (double)(int32_t)v;
-            *triangle++ = good ? (int32_t)v : 0;
+            good = good && v >= 0 && v < (double)l->n_vertices && v == (double)(int64_t)v;
+            *triangle++ = good ? (int64_t)v : 0;
         }
     }
     free(w.data);
@@ -153,7 +153,7 @@ static bool read_triangles(source *s, const dmk_layout *l, range own, int32_t *t
 }
 
 /* Room for the own range, and what stands there; false where it is not as it should be. */
-static bool read_own(source *s, const dmk_layout *l, const dmk_ranks *ranks, dmk_soup *own)
+static bool read_own(source *s, const dmk_layout *l, const dmk_ranks *ranks, dmk_dealt *own)
 {
     const range vertices = own_range(ranks, l->n_vertices),
                 triangles = own_range(ranks, l->n_triangles);
@@ -296,31 +296,61 @@ done:
     return rc;
 }
 
+int dmk_dealt_read(dmk_context *ctx, const char *path, const dmk_ranks *ranks, dmk_dealt *own,
+                   uint64_t *bytes, bool *all)
+{
+    int rc;
+    dmk_layout l = {0};
+    source s = {.context = ctx, .fd = -1};
+    bool good = find_layout(&s, path, &l);
+    DMK_TRY(agree_on_layout(ctx, path, ranks, good, &l, all));
+    good = *all && read_own(&s, &l, ranks, own);
+    own->all_vertices = l.n_vertices;
+    own->all_triangles = l.n_triangles;
+    *bytes = s.bytes;
+    rc = agree(ctx, ranks, good, all);
+done:
+    if (s.fd >= 0) close(s.fd);
+    if (rc != DMK_OK || !*all) dmk_dealt_free(own);
+    return rc;
+}
+
+void dmk_dealt_free(dmk_dealt *own)
+{
+    free(own->xyz);
+    free(own->triangle);
+    *own = (dmk_dealt){0};
+}
+
+/* Own triangles as all of them have them. */
+static int narrow(dmk_context *ctx, const dmk_dealt *own, int32_t **triangle)
+{
+    int rc;
+    DMK_TRY(DMK_NEW(ctx, *triangle, 3 * own->n_triangles));
+    for (size_t i = 0; i < 3 * own->n_triangles; i++) (*triangle)[i] = (int32_t)own->triangle[i];
+done:
+    return rc;
+}
+
 int dmk_soup_read_dealt(dmk_context *ctx, const char *path, const dmk_ranks *ranks, dmk_soup *soup,
                         uint64_t *bytes)
 {
     int rc;
-    bool good, all;
-    dmk_layout l = {0};
-    dmk_soup own = {0};
-    source s = {.context = ctx, .fd = -1};
-    good = find_layout(&s, path, &l);
-    DMK_TRY(agree_on_layout(ctx, path, ranks, good, &l, &all));
-    good = all && read_own(&s, &l, ranks, &own);
-    *bytes = s.bytes;
-    DMK_TRY(agree(ctx, ranks, good, &all));
+    bool all;
+    dmk_dealt own = {0};
+    int32_t *triangle = NULL;
+    DMK_TRY(dmk_dealt_read(ctx, path, ranks, &own, bytes, &all));
     if (!all) {
-        dmk_soup_free(&own);
-        own = (dmk_soup){0};
         rc = read_once(ctx, path, ranks, soup, bytes);
         goto done;
     }
-    DMK_TRY(make_room(ctx, l.n_vertices, l.n_triangles, soup));
-    DMK_TRY(join(ctx, ranks, l.n_vertices, sizeof *own.xyz, own.xyz, soup->xyz));
-    rc = join(ctx, ranks, l.n_triangles, sizeof *own.triangle, own.triangle, soup->triangle);
+    DMK_TRY(narrow(ctx, &own, &triangle));
+    DMK_TRY(make_room(ctx, own.all_vertices, own.all_triangles, soup));
+    DMK_TRY(join(ctx, ranks, own.all_vertices, sizeof *own.xyz, own.xyz, soup->xyz));
+    rc = join(ctx, ranks, own.all_triangles, sizeof *triangle, triangle, soup->triangle);
 done:
-    if (s.fd >= 0) close(s.fd);
-    dmk_soup_free(&own);
+    free(triangle);
+    dmk_dealt_free(&own);
     return rc;
 }
 

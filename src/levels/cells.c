@@ -11,7 +11,9 @@
  * a residual of 1e-4 CG takes the same number of iterations or one more, to 1e-8 up to two more. */
 #define RADIUS 2.0f
 
-enum { MOST_ENTRIES = 32 };
+/* All paths are a few edges long: so many rounds are enough. (On a path of many short edges a hub would fall again and
+ * again; a cell that is not quite the nearest does no harm.) */
+enum { MOST_ROUNDS = 32 };
 
 static float mean_length(const dmk_adjacency *g, int32_t v)
 {
@@ -34,7 +36,7 @@ static int compare_edges(const void *a, const void *b)
 }
 
 /* The edges of hubs, the shortest first. */
-static int sort_hubs(dmk_context *ctx, dmk_adjacency *g)
+int dmk_cells_sort_hubs(dmk_context *ctx, dmk_adjacency *g)
 {
     int rc = DMK_OK;
     edge *list = NULL;
@@ -92,72 +94,107 @@ static void cover_sample(const cover *c, int32_t v)
 }
 
 /* Greedy disk sampling: each vertex not yet covered, in increasing order, becomes a sample. */
-static int sample_vertices(dmk_context *ctx, const dmk_adjacency *g, dmk_cells *cells)
+int dmk_cells_sample(dmk_context *ctx, const dmk_adjacency *g, int32_t first, int32_t end,
+                     uint8_t *covered, int32_t *sample, int32_t *n)
 {
     int rc;
-    cover c = {.g = g};
-    DMK_TRY(DMK_NEW(ctx, c.covered, (size_t)g->n));
+    cover c = {.g = g, .covered = covered};
     DMK_TRY(DMK_NEW(ctx, c.next, (size_t)g->n));
-    DMK_TRY(DMK_NEW(ctx, cells->sample, (size_t)g->n));
     memcpy(c.next, g->row, (size_t)g->n * sizeof *c.next);
-    cells->n = 0;
-    for (int32_t v = 0; v < g->n; v++) {
+    *n = 0;
+    for (int32_t v = first; v < end; v++) {
         if (c.covered[v]) continue;
-        cells->sample[cells->n++] = v;
+        sample[(*n)++] = v;
         cover_sample(&c, v);
     }
 done:
-    free(c.covered);
     free(c.next);
     return rc;
 }
 
-/* Each vertex goes to the sample that is nearest along the edges: shortest paths by label
- * correction with a queue. All paths are a few edges long: each vertex enters only a few times, and is
- * not let in more often. (On a path of many short edges a hub would fall again and again; a cell that is
- * not quite the nearest does no harm.) */
+static int sample_vertices(dmk_context *ctx, const dmk_adjacency *g, dmk_cells *cells)
+{
+    int rc;
+    uint8_t *covered = NULL;
+    DMK_TRY(DMK_NEW(ctx, covered, (size_t)g->n));
+    DMK_TRY(DMK_NEW(ctx, cells->sample, (size_t)g->n));
+    rc = dmk_cells_sample(ctx, g, 0, g->n, covered, cells->sample, &cells->n);
+done:
+    free(covered);
+    return rc;
+}
+
+int dmk_growth_begin(dmk_context *ctx, const dmk_adjacency *g, dmk_growth *w)
+{
+    int rc;
+    const size_t n = (size_t)g->n;
+    w->g = g;
+    DMK_TRY(DMK_NEW_UNSET(ctx, w->label, n + 1));
+    DMK_TRY(DMK_NEW_UNSET(ctx, w->frozen, n + 1));
+    DMK_TRY(DMK_NEW_UNSET(ctx, w->front, n + 1));
+    DMK_TRY(DMK_NEW_UNSET(ctx, w->next, n + 1));
+    DMK_TRY(DMK_NEW(ctx, w->entered, n));
+    for (size_t v = 0; v < n; v++) w->label[v] = (dmk_label){.distance = INFINITY};
+done:
+    return rc;
+}
+
+void dmk_growth_set(dmk_growth *w, int32_t v, dmk_label label)
+{
+    if (!dmk_label_before(label, w->label[v])) return;
+    w->label[v] = label;
+    if (w->entered[v] == w->round + 1) return;
+    w->entered[v] = (uint8_t)(w->round + 1);
+    w->next[w->n_next++] = v;
+}
+
+bool dmk_growth_ends(const dmk_growth *w)
+{
+    return w->round == MOST_ROUNDS || w->n_next == 0;
+}
+
+void dmk_growth_round(dmk_growth *w, int32_t first, int32_t end)
+{
+    int32_t *const front = w->next;
+    const int32_t n = w->n_next;
+    w->next = w->front;
+    w->front = front;
+    w->n_next = 0;
+    w->round++;
+    for (int32_t i = 0; i < n; i++) w->frozen[i] = w->label[front[i]];
+    for (int32_t i = 0; i < n; i++) {
+        for (int32_t k = w->g->row[front[i]]; k < w->g->row[front[i] + 1]; k++) {
+            if (w->g->to[k] < first || w->g->to[k] >= end) continue;
+            dmk_label here = w->frozen[i];
+            here.distance += w->g->length[k];
+            here.steps++;
+            dmk_growth_set(w, w->g->to[k], here);
+        }
+    }
+}
+
+void dmk_growth_end(dmk_growth *w)
+{
+    free(w->label);
+    free(w->frozen);
+    free(w->front);
+    free(w->next);
+    free(w->entered);
+    memset(w, 0, sizeof *w);
+}
+
+/* Each vertex goes to the sample that is nearest along the edges. */
 static int grow_cells(dmk_context *ctx, const dmk_adjacency *g, dmk_cells *cells)
 {
     int rc;
-    int32_t *queue = NULL, head = 0, length = 0;
-    uint8_t *queued = NULL, *entries = NULL;
-    float *distance = NULL;
-    DMK_TRY(DMK_NEW(ctx, queue, (size_t)g->n));
-    DMK_TRY(DMK_NEW(ctx, queued, (size_t)g->n));
-    DMK_TRY(DMK_NEW(ctx, entries, (size_t)g->n));
-    DMK_TRY(DMK_NEW(ctx, distance, (size_t)g->n));
-    for (int32_t v = 0; v < g->n; v++) distance[v] = INFINITY;
-    for (int32_t a = 0; a < cells->n; a++) {
-        int32_t v = cells->sample[a];
-        distance[v] = 0;
-        cells->owner[v] = a;
-        queue[length++] = v;
-        queued[v] = 1;
-    }
-    while (length > 0) {
-        int32_t v = queue[head];
-        head = head + 1 < g->n ? head + 1 : 0;
-        length--;
-        queued[v] = 0;
-        for (int32_t i = g->row[v]; i < g->row[v + 1]; i++) {
-            int32_t w = g->to[i];
-            float d = distance[v] + g->length[i];
-            if (d >= distance[w]) continue;
-            distance[w] = d;
-            cells->owner[w] = cells->owner[v];
-            if (queued[w] || entries[w] == MOST_ENTRIES) continue;
-            entries[w]++;
-            int32_t tail = length < g->n - head ? head + length : length - (g->n - head);
-            queue[tail] = w;
-            queued[w] = 1;
-            length++;
-        }
-    }
+    dmk_growth w = {.round = 0};
+    DMK_TRY(dmk_growth_begin(ctx, g, &w));
+    for (int32_t a = 0; a < cells->n; a++)
+        dmk_growth_set(&w, cells->sample[a], (dmk_label){.cell = a});
+    while (!dmk_growth_ends(&w)) dmk_growth_round(&w, 0, g->n);
+    for (int32_t v = 0; v < g->n; v++) cells->owner[v] = (int32_t)w.label[v].cell;
 done:
-    free(queue);
-    free(queued);
-    free(entries);
-    free(distance);
+    dmk_growth_end(&w);
     return rc;
 }
 
@@ -185,7 +222,7 @@ int dmk_cells_create(dmk_context *ctx, dmk_adjacency *fine, dmk_cells *cells)
     memset(cells, 0, sizeof *cells);
     cells->n_fine = fine->n;
     DMK_TRY(DMK_NEW(ctx, cells->owner, (size_t)fine->n));
-    DMK_TRY(sort_hubs(ctx, fine));
+    DMK_TRY(dmk_cells_sort_hubs(ctx, fine));
     DMK_TRY(sample_vertices(ctx, fine, cells));
     DMK_TRY(grow_cells(ctx, fine, cells));
     DMK_TRY(list_members(ctx, cells));

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static void adjacency_free(dmk_adjacency *g)
+void dmk_adjacency_free(dmk_adjacency *g)
 {
     free(g->row);
     free(g->to);
@@ -58,7 +58,7 @@ static int mesh_adjacency(dmk_context *ctx, const dmk_mesh *m, dmk_adjacency *g)
     }
 done:
     free(fill);
-    if (rc != DMK_OK) adjacency_free(g);
+    if (rc != DMK_OK) dmk_adjacency_free(g);
     return rc;
 }
 
@@ -94,8 +94,14 @@ static int cell_adjacency(dmk_context *ctx, const dmk_adjacency *fine, const dmk
     }
 done:
     free(stamp);
-    if (rc != DMK_OK) adjacency_free(g);
+    if (rc != DMK_OK) dmk_adjacency_free(g);
     return rc;
+}
+
+float dmk_link_length(const double p[3], const double q[3])
+{
+    const double x = q[0] - p[0], y = q[1] - p[1], z = q[2] - p[2];
+    return (float)sqrt(x * x + y * y + z * z);
 }
 
 static int measure_adjacency(dmk_context *ctx, const double *xyz, dmk_adjacency *g)
@@ -105,9 +111,7 @@ static int measure_adjacency(dmk_context *ctx, const double *xyz, dmk_adjacency 
     for (int32_t v = 0; v < g->n; v++) {
         const double *p = xyz + 3 * (size_t)v;
         for (int32_t i = g->row[v]; i < g->row[v + 1]; i++) {
-            const double *q = xyz + 3 * (size_t)g->to[i];
-            double x = q[0] - p[0], y = q[1] - p[1], z = q[2] - p[2];
-            g->length[i] = (float)sqrt(x * x + y * y + z * z);
+            g->length[i] = dmk_link_length(p, xyz + 3 * (size_t)g->to[i]);
         }
     }
 done:
@@ -138,55 +142,54 @@ static int make_weights(dmk_context *ctx, dmk_adjacency *fine, const double *xyz
     dmk_cells cells;
     dmk_adjacency coarse = {0};
     DMK_TRY(dmk_cells_create(ctx, fine, &cells));
-    if (cells.n > fine->n / 3 * 2) goto done;
+    if (dmk_gains_nothing(cells.n, fine->n)) goto done;
     c->coarse.n = cells.n;
     DMK_TRY(cell_adjacency(ctx, fine, &cells, &coarse));
-    adjacency_free(fine);
+    dmk_adjacency_free(fine);
     DMK_TRY(cell_positions(ctx, &cells, xyz, &c->coarse.xyz));
     DMK_TRY(measure_adjacency(ctx, c->coarse.xyz, &coarse));
     DMK_TRY(dmk_prolong_create(ctx, &cells, &coarse, xyz, c));
     *fine = coarse;
     memset(&coarse, 0, sizeof coarse);
 done:
-    adjacency_free(&coarse);
+    dmk_adjacency_free(&coarse);
     dmk_cells_free(&cells);
     return rc;
 }
 
 /* One level of the descent; c->coarse.n is 0 without enough gain. */
-static int coarsen(dmk_context *ctx, dmk_adjacency *fine, int32_t n_edges, const int32_t *edge,
-                   const double *xyz, const dmk_dealing *dealing, dmk_coarsening *c)
+static int coarsen(dmk_context *ctx, dmk_adjacency *fine, const dmk_graph *graph, dmk_coarsening *c)
 {
     int rc = DMK_OK;
     const int32_t n_fine = fine->n;
-    DMK_TRY(make_weights(ctx, fine, xyz, c));
+    DMK_TRY(make_weights(ctx, fine, graph->xyz, c));
     fine->n = c->coarse.n;
-    if (c->coarse.n > 0) rc = dmk_galerkin_create(ctx, n_fine, n_edges, edge, dealing, c);
+    if (fine->n > 0)
+        rc = dmk_galerkin_create(ctx, n_fine, graph->n_edges, graph->edge, 0, fine->n, c);
 done:
     return rc;
 }
 
-int dmk_hierarchy_deal(dmk_context *ctx, const dmk_mesh *m, int32_t coarsest,
-                       const dmk_dealing *dealing, dmk_hierarchy *h)
+int dmk_hierarchy_go_on(dmk_context *ctx, const dmk_graph *mesh, int32_t coarsest,
+                        dmk_adjacency *fine, dmk_hierarchy *h)
 {
     int rc = DMK_OK;
-    dmk_adjacency fine = {0};
-    memset(h, 0, sizeof *h);
-    if (coarsest <= 0) coarsest = 128;
-    DMK_TRY(mesh_adjacency(ctx, m, &fine));
-    while (fine.n > coarsest && h->n < DMK_MAX_LEVELS) {
-        const dmk_graph *g = h->n ? &h->level[h->n - 1].coarse : NULL;
-        DMK_TRY(coarsen(ctx, &fine, g ? g->n_edges : m->n_edges, g ? g->edge : m->edge_vertex,
-                        g ? g->xyz : m->xyz, dealing, &h->level[h->n]));
-        h->n += fine.n > 0;
+    if (coarsest <= 0) coarsest = DMK_COARSEST;
+    while (fine->n > coarsest && h->n < DMK_MAX_LEVELS) {
+        DMK_TRY(coarsen(ctx, fine, h->n ? &h->level[h->n - 1].coarse : mesh, &h->level[h->n]));
+        h->n += fine->n > 0;
     }
 done:
-    adjacency_free(&fine);
+    dmk_adjacency_free(fine);
     if (rc != DMK_OK) dmk_hierarchy_free(h);
     return rc;
 }
 
 int dmk_hierarchy_create(dmk_context *ctx, const dmk_mesh *m, int32_t coarsest, dmk_hierarchy *h)
 {
-    return dmk_hierarchy_deal(ctx, m, coarsest, NULL, h);
+    dmk_adjacency fine;
+    const dmk_graph mesh = {m->n_vertices, m->n_edges, m->edge_vertex, m->xyz};
+    memset(h, 0, sizeof *h);
+    const int rc = mesh_adjacency(ctx, m, &fine);
+    return rc == DMK_OK ? dmk_hierarchy_go_on(ctx, &mesh, coarsest, &fine, h) : rc;
 }

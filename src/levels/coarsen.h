@@ -32,8 +32,6 @@ typedef struct dmk_coarsening {
     int32_t *galerkin_row;  /* coarse.n_edges + 1 */
     int32_t *galerkin_edge; /* galerkin_row[coarse.n_edges]: fine edges, increasing in each row */
     float *galerkin_coef;   /* galerkin_row[coarse.n_edges]: never 0 */
-    int32_t edge_first;     /* of a level that is dealt out, the tables are of the own edges alone,
-                               from this one on; else 0 */
 } dmk_coarsening;
 
 #define DMK_MAX_LEVELS 32
@@ -44,30 +42,15 @@ typedef struct dmk_hierarchy {
                                              edges, of level[l] the coarse side of level[l-1] */
 } dmk_hierarchy;
 
-/* For a mesh that several processes coarsen together: each makes the Galerkin tables, by far the largest,
- * of its own part alone, and all have the same hierarchy. Both calls see the coarsening that is being made, with
- * its prolongation, transposed too. */
-typedef struct dmk_dealing {
-    void *user;
-    /* The coarse vertices *first .. *end - 1 whose edges, by their smaller end, are wanted here. */
-    int (*own)(dmk_context *context, void *user, const dmk_coarsening *c, int32_t *first,
-               int32_t *end);
-    /* coarse.edge, n_edges and edge_first of the whole level in place of those edges'. */
-    int (*join)(dmk_context *context, void *user, dmk_coarsening *c);
-} dmk_dealing;
-
 /* Coarsen until at most `coarsest` vertices (0: 128) are left, or until a step would not bring the
  * number of vertices down to two thirds. The mesh should be in the order of dmk_order_create; a
  * connected mesh gives connected levels. On failure *h is empty. */
 int dmk_hierarchy_create(dmk_context *context, const dmk_mesh *mesh, int32_t coarsest,
                          dmk_hierarchy *h);
-/* With a dealing, or NULL. */
-int dmk_hierarchy_deal(dmk_context *context, const dmk_mesh *mesh, int32_t coarsest,
-                       const dmk_dealing *dealing, dmk_hierarchy *h);
 void dmk_hierarchy_free(dmk_hierarchy *h);
 void dmk_coarsening_free(dmk_coarsening *c);
 
-/* ---- the steps of one coarsening, for coarsen.c only --------------------------------------- */
+/* ---- the steps of one coarsening, for coarsen.c and ranks/ only ----------------------------- */
 
 /* Who neighbours whom, as compressed rows. Below the mesh this is the adjacency of cells, with some
  * six neighbours a vertex, and not the Galerkin edges, which are two to three times as many. */
@@ -89,18 +72,80 @@ typedef struct dmk_cells {
     int32_t *member; /* n_fine: ... increasing */
 } dmk_cells;
 
+void dmk_adjacency_free(dmk_adjacency *graph);
+/* The length of a link of cells that lie at p and q. */
+float dmk_link_length(const double p[3], const double q[3]);
+/* From the level h->n on, whose adjacency is `fine`, which is used up, and whose graph is that of the mesh or of
+ * level[h->n - 1]; on failure *h is empty. */
+int dmk_hierarchy_go_on(dmk_context *context, const dmk_graph *mesh, int32_t coarsest,
+                        dmk_adjacency *fine, dmk_hierarchy *h);
+enum { DMK_COARSEST = 128 };
+/* Whether so many coarse vertices are too many to be worth a level. */
+static inline bool dmk_gains_nothing(int64_t n_coarse, int64_t n_fine)
+{
+    return n_coarse > n_fine / 3 * 2;
+}
+
 /* cells.c: samples thinned out by a factor of about 6, and their graph Voronoi cells. */
 int dmk_cells_create(dmk_context *context, dmk_adjacency *fine, dmk_cells *cells);
 void dmk_cells_free(dmk_cells *cells);
+
+/* The steps of it, of which a rank that has some of the vertices and their surroundings does its part. First hubs'
+ * edges are put in the order of their lengths. Then each vertex of first .. end - 1 that no sample covers becomes
+ * one, in increasing order, and covers others. */
+int dmk_cells_sort_hubs(dmk_context *context, dmk_adjacency *graph);
+int dmk_cells_sample(dmk_context *context, const dmk_adjacency *graph, int32_t first, int32_t end,
+                     uint8_t *covered, int32_t *sample, int32_t *n);
+
+/* Then cells grow along the edges by rounds. What changed in one round tells its neighbours in the next, so that no
+ * order matters, of vertices as little as of ranks. */
+typedef struct dmk_label {
+    float distance;
+    int32_t
+        steps; /* edges on the way: a sample stays in its own cell, even if all edges are too short for floats */
+    int64_t cell;
+} dmk_label;
+
+/* The nearer one; of two as near that over fewer edges, and then the first. */
+static inline bool dmk_label_before(dmk_label a, dmk_label b)
+{
+    if (a.distance != b.distance) return a.distance < b.distance;
+    return a.steps != b.steps ? a.steps < b.steps : a.cell < b.cell;
+}
+
+typedef struct dmk_growth {
+    const dmk_adjacency *g;
+    dmk_label *label;      /* n */
+    dmk_label *frozen;     /* those of the front as the round begins */
+    int32_t *front, *next; /* vertices that changed in the last round, and in this one */
+    uint8_t *entered;      /* n: 1 + the last round in which it did */
+    int32_t n_next, round;
+} dmk_growth;
+
+int dmk_growth_begin(dmk_context *context, const dmk_adjacency *graph, dmk_growth *growth);
+/* A label from outside, of a sample or another rank's vertex; nothing if it is not nearer. */
+void dmk_growth_set(dmk_growth *growth, int32_t vertex, dmk_label label);
+/* Whether the last round was the last, as far as is seen here. */
+bool dmk_growth_ends(const dmk_growth *growth);
+/* Labels change at vertices first .. end - 1 alone. */
+void dmk_growth_round(dmk_growth *growth, int32_t first, int32_t end);
+void dmk_growth_end(dmk_growth *growth);
 
 /* prolong.c: the weights of the fine vertices at `fine_xyz` on the corners of the nearest triangle
  * of adjacent cells. Sets c->prolong_index and prolong_weight, from c->coarse.xyz. */
 int dmk_prolong_create(dmk_context *context, const dmk_cells *cells, const dmk_adjacency *coarse,
                        const double *fine_xyz, dmk_coarsening *c);
+/* The same where some coarse vertices may be left without weights; */
+int dmk_prolong_weights(dmk_context *context, const dmk_cells *cells, const dmk_adjacency *coarse,
+                        const double *fine_xyz, dmk_coarsening *c);
+/* that would make the operator singular: each one's sample then takes it alone. That may empty others, so repeat; each
+ * sample changes once at most. All weight on one: */
+void dmk_prolong_point(int32_t c, int32_t *index, float *weight);
 
-/* galerkin.c: given the prolongation of c (rows of `n_fine` vertices) and the fine edges, fill its
- * coarse edges (coarse.edge), the transposed prolongation and the Galerkin tables. */
+/* galerkin.c: given the prolongation of c (rows of `n_fine` vertices) and the fine edges, fill in the transposed
+ * prolongation, and of the coarse vertices first .. end - 1 the coarse edges, by their smaller ends, (coarse.edge) with
+ * the Galerkin tables. */
 int dmk_galerkin_create(dmk_context *context, int32_t n_fine, int32_t n_fine_edges,
-                        const int32_t *fine_edge, const dmk_dealing *dealing, dmk_coarsening *c);
+                        const int32_t *fine_edge, int32_t first, int32_t end, dmk_coarsening *c);
 
 #endif

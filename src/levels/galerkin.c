@@ -291,12 +291,11 @@ done:
 }
 
 static int galerkin_tables(dmk_context *ctx, int32_t n_edges, const int32_t *fine_edge,
-                           const dmk_dealing *dealing, dmk_coarsening *c)
+                           int32_t first, int32_t end, dmk_coarsening *c)
 {
     int rc;
-    difference d = {.first = 0, .end = c->coarse.n};
+    difference d = {.first = first, .end = end};
     bucket by_end = {0};
-    if (dealing) DMK_TRY(dealing->own(ctx, dealing->user, c, &d.first, &d.end));
     DMK_TRY(difference_create(ctx, c, n_edges, fine_edge, &d));
     int64_t n_pairs = count_pairs(&d);
     if (n_pairs > INT32_MAX / 2) {
@@ -305,10 +304,7 @@ static int galerkin_tables(dmk_context *ctx, int32_t n_edges, const int32_t *fin
         goto done;
     }
     DMK_TRY(bucket_create(ctx, &d, c->coarse.n, &by_end));
-    DMK_TRY(emit_all(ctx, &d, &by_end, c));
-    difference_free(&d);
-    d = (difference){0};
-    if (dealing) DMK_TRY(dealing->join(ctx, dealing->user, c));
+    rc = emit_all(ctx, &d, &by_end, c);
 done:
     difference_free(&d);
     bucket_free(&by_end);
@@ -347,11 +343,11 @@ done:
 }
 
 int dmk_galerkin_create(dmk_context *ctx, int32_t n_fine, int32_t n_fine_edges,
-                        const int32_t *fine_edge, const dmk_dealing *dealing, dmk_coarsening *c)
+                        const int32_t *fine_edge, int32_t first, int32_t end, dmk_coarsening *c)
 {
     int rc;
     DMK_TRY(transpose(ctx, n_fine, c));
-    DMK_TRY(galerkin_tables(ctx, n_fine_edges, fine_edge, dealing, c));
+    DMK_TRY(galerkin_tables(ctx, n_fine_edges, fine_edge, first, end, c));
 done:
     return rc;
 }

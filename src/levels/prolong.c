@@ -204,7 +204,7 @@ static void store_row(const star *st, int32_t c, const nearest *at, int32_t *ind
     }
 }
 
-static void set_point_row(int32_t c, int32_t *index, float *weight)
+void dmk_prolong_point(int32_t c, int32_t *index, float *weight)
 {
     for (int k = 0; k < 3; k++) {
         index[k] = c;
@@ -212,8 +212,6 @@ static void set_point_row(int32_t c, int32_t *index, float *weight)
     }
 }
 
-/* A coarse vertex without any weight would make the operator singular: its sample then takes it
- * alone. That may empty another column, so repeat; each sample changes once at most. */
 static int fill_empty_columns(dmk_context *ctx, const dmk_cells *cells, dmk_coarsening *c)
 {
     int rc;
@@ -229,7 +227,7 @@ static int fill_empty_columns(dmk_context *ctx, const dmk_cells *cells, dmk_coar
         for (int32_t a = 0; a < cells->n; a++) {
             size_t at = 3 * (size_t)cells->sample[a];
             if (used[a]) continue;
-            set_point_row(a, c->prolong_index + at, c->prolong_weight + at);
+            dmk_prolong_point(a, c->prolong_index + at, c->prolong_weight + at);
             changed = true;
         }
     }
@@ -267,6 +265,7 @@ static int prolong_range(dmk_context *own, int32_t begin, int32_t end, void *dat
     DMK_TRY(DMK_NEW(own, spoke_of, (size_t)job->cells->n));
     for (int32_t a = 0; a < job->cells->n; a++) spoke_of[a] = -1;
     for (int32_t a = begin; a < end; a++) {
+        if (job->cells->row[a] == job->cells->row[a + 1]) continue; /* only surroundings */
         DMK_TRY(star_set(own, &st, job->coarse, job->c->coarse.xyz, a, spoke_of));
         prolong_cell(job, &st, a);
     }
@@ -276,15 +275,21 @@ done:
     return rc;
 }
 
-int dmk_prolong_create(dmk_context *ctx, const dmk_cells *cells, const dmk_adjacency *coarse,
-                       const double *fine_xyz, dmk_coarsening *c)
+int dmk_prolong_weights(dmk_context *ctx, const dmk_cells *cells, const dmk_adjacency *coarse,
+                        const double *fine_xyz, dmk_coarsening *c)
 {
     int rc;
     prolong_job job = {.cells = cells, .coarse = coarse, .fine_xyz = fine_xyz, .c = c};
     DMK_TRY(DMK_NEW(ctx, c->prolong_index, 3 * (size_t)cells->n_fine));
     DMK_TRY(DMK_NEW(ctx, c->prolong_weight, 3 * (size_t)cells->n_fine));
-    DMK_TRY(dmk_parallel_try(ctx, cells->n, prolong_range, &job));
-    DMK_TRY(fill_empty_columns(ctx, cells, c));
+    rc = dmk_parallel_try(ctx, cells->n, prolong_range, &job);
 done:
     return rc;
+}
+
+int dmk_prolong_create(dmk_context *ctx, const dmk_cells *cells, const dmk_adjacency *coarse,
+                       const double *fine_xyz, dmk_coarsening *c)
+{
+    const int rc = dmk_prolong_weights(ctx, cells, coarse, fine_xyz, c);
+    return rc == DMK_OK ? fill_empty_columns(ctx, cells, c) : rc;
 }

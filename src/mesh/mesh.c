@@ -276,32 +276,37 @@ void dmk_measure_sides(const double l[3], double *area, double cot[3])
     }
 }
 
-/* Without a context a failure says nothing. */
-static int measure_triangle(dmk_context *ctx, const struct dmk_mesh *m, int32_t t)
+int dmk_measure_checked(dmk_context *ctx, const double l[3], int64_t t, const int64_t v[3],
+                        double *area)
 {
-    const int32_t *e = m->triangle_edge + 3 * (size_t)t, *v = m->triangle + 3 * (size_t)t;
-    const double l[3] = {m->length[e[0]], m->length[e[1]], m->length[e[2]]};
-    double sorted[3] = {l[0], l[1], l[2]};
+    double sorted[3] = {l[0], l[1], l[2]}, cot[3];
     sort_sides(sorted);
     double a = sorted[0], b = sorted[1], c = sorted[2];
     if (a > LONGEST || (a > 0 && a < SHORTEST)) {
         if (!ctx) return DMK_E_MESH;
         return dmk_fail(ctx, DMK_E_MESH,
-                        "triangle %d has a side of %g, too %s to compute with its powers; scale "
+                        "triangle %lld has a side of %g, too %s to compute with its powers; scale "
                         "the mesh",
-                        t, a, a > 1 ? "long" : "short");
+                        (long long)t, a, a > 1 ? "long" : "short");
     }
     /* The longest side is the sum of the others as far as rounded lengths can show. */
     if (!(c - (a - b) > 4 * DBL_EPSILON * a)) {
         if (!ctx) return DMK_E_MESH;
         return dmk_fail(ctx, DMK_E_MESH,
-                        "triangle %d (vertices %d %d %d) is degenerate: its area is zero; remove "
-                        "it or merge its corners; a repair does that",
-                        t, v[0], v[1], v[2]);
+                        "triangle %lld (vertices %lld %lld %lld) is degenerate: its area is zero; "
+                        "remove it or merge its corners; a repair does that",
+                        (long long)t, (long long)v[0], (long long)v[1], (long long)v[2]);
     }
-    double cot[3];
-    dmk_measure_sides(l, &m->area[t], cot);
+    dmk_measure_sides(l, area, cot);
     return DMK_OK;
+}
+
+static int measure_triangle(dmk_context *ctx, const struct dmk_mesh *m, int32_t t)
+{
+    const int32_t *e = m->triangle_edge + 3 * (size_t)t, *v = m->triangle + 3 * (size_t)t;
+    const double l[3] = {m->length[e[0]], m->length[e[1]], m->length[e[2]]};
+    const int64_t corner[3] = {v[0], v[1], v[2]};
+    return dmk_measure_checked(ctx, l, t, corner, &m->area[t]);
 }
 
 static bool cannot_be_measured(int32_t t, void *data)

@@ -83,6 +83,11 @@ int dmk_mesh_check_counts(dmk_context *context, size_t n_vertices, size_t n_tria
  * (b^2 + c^2 - a^2) / (4 area). */
 void dmk_measure_sides(const double l[3], double *area, double cot[3]);
 
+/* mesh.c: the same with the checks of a triangle that has sides l and the number t and corners v in the input;
+ * without a context a failure says nothing. */
+int dmk_measure_checked(dmk_context *context, const double l[3], int64_t t, const int64_t v[3],
+                        double *area);
+
 /* info.c: fill in n_used_vertices, n_border_edges, n_border_loops of a mesh with edges. */
 int dmk_mesh_count(dmk_context *context, dmk_mesh *mesh);
 
@@ -104,10 +109,18 @@ int dmk_order_create(dmk_context *context, const dmk_mesh *mesh, int32_t compone
 /* Of a mesh that is not wanted any more: it is freed on the way, also on failure. */
 int dmk_order_adopt(dmk_context *context, dmk_mesh **mesh, int32_t component, dmk_order *order);
 void dmk_order_free(dmk_order *order);
+/* The place of a triangle with the corners a, b, c along the curve, DMK_KEY_BITS bits, in a box from lo to hi. */
+double dmk_morton_scale(const double lo[3], const double hi[3]);
+uint64_t dmk_morton_key(const double a[3], const double b[3], const double c[3], const double lo[3],
+                        double scale);
 
 /* point.c: the point of a triangle nearest to xyz, as weights of its corners, and how far it is from there. */
 double dmk_mesh_nearest_in(const dmk_mesh *mesh, int32_t triangle, const double xyz[3],
                            double weight[3]);
+
+/* point.c: the same of any corners, and the squared distance; small weights are rounding, and become 0. */
+double dmk_project_corners(const double *const corner[3], const double xyz[3], double weight[3]);
+void dmk_point_snap(double weight[3]);
 
 /* point.c: DMK_E_ARG unless it is a point of the mesh; `what` names it in the message. */
 int dmk_point_check(dmk_context *context, const dmk_mesh *mesh, const char *what,

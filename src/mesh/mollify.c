@@ -16,8 +16,6 @@ static const double harmless = 300;
 /* Where all triangles are thin, as on a surface that was stretched, longer short sides would add up:
  * then the area would grow by more than this part, and the metric stays as it is. */
 static const double area_slack = 1e-4;
-/* What is given to one triangle may be taken from the next one: a few rounds. */
-enum { MAX_ROUNDS = 40 };
 
 /* The sides of a triangle, the longest first. */
 static void sort_sides(const double *length, int32_t e[3])
@@ -34,19 +32,18 @@ static double lacks(const double *length, const int32_t e[3])
     return mollification * length[e[0]] - (length[e[2]] - (length[e[0]] - length[e[1]]));
 }
 
-static bool needs_nothing(const dmk_mesh *m)
+bool dmk_needs_no_mollifying(const dmk_mesh *m, int32_t begin, int32_t end)
 {
-    for (int32_t i = 0; i < 3 * m->n_triangles; i++) {
+    for (int32_t i = 3 * begin; i < 3 * end; i++) {
         if (fabs(dmk_cot(m, i)) > harmless) return false;
     }
     return true;
 }
 
-/* Number of triangles that were too thin. */
-static int32_t lengthen(const dmk_mesh *m, double *length)
+int32_t dmk_lengthen(const dmk_mesh *m, int32_t begin, int32_t end, double *length)
 {
     int32_t n = 0;
-    for (int32_t t = 0; t < m->n_triangles; t++) {
+    for (int32_t t = begin; t < end; t++) {
         int32_t e[3];
         memcpy(e, m->triangle_edge + 3 * (size_t)t, sizeof e);
         sort_sides(length, e);
@@ -58,6 +55,11 @@ static int32_t lengthen(const dmk_mesh *m, double *length)
         length[e[2]] += 0.5001 * more;
     }
     return n;
+}
+
+bool dmk_mollified_is_good(double before, double after)
+{
+    return after <= (1 + area_slack) * before;
 }
 
 /* Areas and cotangents; whether the whole area is still about the same. */
@@ -73,7 +75,7 @@ static bool measure(const dmk_mesh *m, dmk_mesh *mollified)
         before += m->area[t];
         after += mollified->area[t];
     }
-    return after <= (1 + area_slack) * before;
+    return dmk_mollified_is_good(before, after);
 }
 
 int dmk_mollify(dmk_context *ctx, const dmk_mesh *m, dmk_mesh *mollified)
@@ -81,12 +83,14 @@ int dmk_mollify(dmk_context *ctx, const dmk_mesh *m, dmk_mesh *mollified)
     int rc;
     bool good = false;
     *mollified = *m;
-    if (needs_nothing(m)) return DMK_OK;
+    if (dmk_needs_no_mollifying(m, 0, m->n_triangles)) return DMK_OK;
     mollified->length = mollified->area = NULL;
     DMK_TRY(DMK_NEW(ctx, mollified->length, (size_t)m->n_edges));
     DMK_TRY(DMK_NEW(ctx, mollified->area, (size_t)m->n_triangles));
     memcpy(mollified->length, m->length, (size_t)m->n_edges * sizeof *m->length);
-    for (int round = 0; round < MAX_ROUNDS && lengthen(m, mollified->length) > 0; round++) {
+    for (int round = 0;
+         round < DMK_MOLLIFY_ROUNDS && dmk_lengthen(m, 0, m->n_triangles, mollified->length) > 0;
+         round++) {
     }
     good = measure(m, mollified);
 done:

@@ -20,6 +20,24 @@ static uint64_t spread3(uint64_t x)
     return x;
 }
 
+double dmk_morton_scale(const double lo[3], const double hi[3])
+{
+    double span = 0;
+    for (int k = 0; k < 3; k++) span = fmax(span, hi[k] - lo[k]);
+    return ((1 << BITS) - 1) / (3.0 * span);
+}
+
+uint64_t dmk_morton_key(const double a[3], const double b[3], const double c[3], const double lo[3],
+                        double scale)
+{
+    uint64_t key = 0;
+    for (int k = 0; k < 3; k++) {
+        const double sum = (a[k] - lo[k]) + (b[k] - lo[k]) + (c[k] - lo[k]);
+        key |= spread3((uint64_t)(sum * scale)) << k;
+    }
+    return key;
+}
+
 typedef struct key_job {
     const dmk_mesh *mesh;
     double lo[3], scale;
@@ -29,14 +47,11 @@ typedef struct key_job {
 static void key_range(int32_t begin, int32_t end, void *data)
 {
     const key_job *job = data;
-    const dmk_mesh *m = job->mesh;
+    const double *xyz = job->mesh->xyz;
     for (int32_t i = begin; i < end; i++) {
-        const int32_t *c = m->triangle + 3 * (size_t)job->keys[i].item;
-        for (int k = 0; k < 3; k++) {
-            double sum = 0;
-            for (int j = 0; j < 3; j++) sum += m->xyz[3 * (size_t)c[j] + (size_t)k] - job->lo[k];
-            job->keys[i].key |= spread3((uint64_t)(sum * job->scale)) << k;
-        }
+        const int32_t *c = job->mesh->triangle + 3 * (size_t)job->keys[i].item;
+        job->keys[i].key = dmk_morton_key(xyz + 3 * (size_t)c[0], xyz + 3 * (size_t)c[1],
+                                          xyz + 3 * (size_t)c[2], job->lo, job->scale);
     }
 }
 
@@ -46,7 +61,7 @@ static int morton_order(dmk_context *ctx, const dmk_mesh *m, int32_t component, 
 {
     int rc;
     key_job job = {.mesh = m, .lo = {INFINITY, INFINITY, INFINITY}};
-    double hi[3] = {-INFINITY, -INFINITY, -INFINITY}, span = 0;
+    double hi[3] = {-INFINITY, -INFINITY, -INFINITY};
     *n = 0;
     DMK_TRY(DMK_NEW(ctx, job.keys, (size_t)m->n_triangles));
     for (int32_t t = 0; t < m->n_triangles; t++) {
@@ -60,8 +75,7 @@ static int morton_order(dmk_context *ctx, const dmk_mesh *m, int32_t component, 
             }
         }
     }
-    for (int k = 0; k < 3; k++) span = fmax(span, hi[k] - job.lo[k]);
-    job.scale = ((1 << BITS) - 1) / (3.0 * span);
+    job.scale = dmk_morton_scale(job.lo, hi);
     dmk_parallel(ctx, *n, key_range, &job);
     DMK_TRY(dmk_sort_keyed(ctx, job.keys, (size_t)*n));
     *sorted = job.keys;

@@ -52,7 +52,7 @@ static void project_plane(const double *const corner[3], const double x[3], doub
 
 /* The nearest point of a triangle: the foot if it lies inside, else the nearest one of the sides.
  * Gives the squared distance. */
-static double project_triangle(const double *const corner[3], const double x[3], double w[3])
+double dmk_project_corners(const double *const corner[3], const double x[3], double w[3])
 {
     project_plane(corner, x, w);
     if (w[0] >= 0 && w[1] >= 0 && w[2] >= 0) return distance2(corner, w, x);
@@ -83,7 +83,7 @@ static double box_distance2(const double *const corner[3], const double x[3])
     return sum;
 }
 
-static void snap(double w[3])
+void dmk_point_snap(double w[3])
 {
     double sum = 0;
     for (int k = 0; k < 3; k++) {
@@ -126,7 +126,7 @@ int dmk_mesh_project(dmk_context *ctx, const dmk_mesh *m, const double xyz[3], d
         const double *corner[3];
         get_corners(m, t, corner);
         if (box_distance2(corner, xyz) >= best) continue;
-        double d = project_triangle(corner, xyz, w);
+        double d = dmk_project_corners(corner, xyz, w);
         if (!(d < best)) continue;
         best = d;
         nearest = (dmk_point){t, {w[0], w[1], w[2]}};
@@ -136,7 +136,7 @@ int dmk_mesh_project(dmk_context *ctx, const dmk_mesh *m, const double xyz[3], d
                         "the point (%g, %g, %g) is too far from the mesh for double precision",
                         xyz[0], xyz[1], xyz[2]);
     }
-    snap(nearest.weight);
+    dmk_point_snap(nearest.weight);
     *point = nearest;
     return DMK_OK;
 }
@@ -146,7 +146,7 @@ double dmk_mesh_nearest_in(const dmk_mesh *m, int32_t triangle, const double xyz
 {
     const double *corner[3];
     get_corners(m, triangle, corner);
-    return sqrt(project_triangle(corner, xyz, weight));
+    return sqrt(dmk_project_corners(corner, xyz, weight));
 }
 
 int dmk_mesh_vertex_point(dmk_context *ctx, const dmk_mesh *m, int64_t vertex, dmk_point *point)

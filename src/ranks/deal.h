@@ -2,19 +2,23 @@
 #ifndef DMK_DEAL_H
 #define DMK_DEAL_H
 
-#include "ranks/ranks.h"
+#include "ranks/part.h"
 
-/* Levels of fewer vertices are on all ranks: there an exchange costs more than the work (a level of
- * 10,000 takes 10 us on a device that moves 100 GB/s, as long as one message). */
-enum { DMK_GATHER_BELOW = 10000 };
+static inline int32_t dmk_gather_below(const dmk_share *s)
+{
+    return s->ranks.gather_below > 0 ? s->ranks.gather_below : DMK_GATHER_BELOW;
+}
 
-/* The calls of a dmk_dealing whose user is a share: own ranges of the levels below T, and the first level that
- * is whole. */
-int dmk_deal_own(dmk_context *context, void *share, const dmk_coarsening *c, int32_t *first,
-                 int32_t *end);
-int dmk_deal_join(dmk_context *context, void *share, dmk_coarsening *c);
-/* Mark the vertices and edges of a level that the rank reads; own ones may stay unmarked. */
-void dmk_deal_mark(const dmk_share *share, const dmk_mesh *mesh, const dmk_hierarchy *hierarchy,
-                   int32_t level, uint8_t *vertex_mark, uint8_t *edge_mark);
+/* first and end from bound. */
+static inline void dmk_space_set_own(const dmk_share *s, dmk_space *space)
+{
+    space->first = space->bound[s->ranks.rank];
+    space->end = space->bound[s->ranks.rank + 1];
+}
+
+/* levels.c: the vertices and edges of a level that the rank reads for the levels beside it, and on a coarse one for its
+ * own vertices; sorted. */
+int dmk_deal_need(dmk_context *context, const dmk_share *share, const dmk_parts *parts,
+                  int32_t level, dmk_list *vertex, dmk_list *edge);
 
 #endif

@@ -1,6 +1,6 @@
 /* Halos: who sends which items to whom, found once, and the exchanges of every operator
  * application. */
-#include "ranks/ranks.h"
+#include "ranks/post.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -13,25 +13,38 @@ int dmk_share_check(dmk_context *ctx, const dmk_share *share, int status)
 /* ---- who needs what -------------------------------------------------------------------------- */
 
 /* Items of all spaces as one list of numbers: those of space i behind those of the ones before. */
-static int32_t first_of(const dmk_need *need, int i)
+static int64_t first_of(const dmk_need *need, int i)
 {
-    int32_t sum = 0;
+    int64_t sum = 0;
     for (int k = 0; k < i; k++) sum += need[k].space->n_whole;
     return sum;
 }
 
+/* The first ghost from a whole number on. */
+static size_t first_from(const dmk_need *need, int64_t number)
+{
+    size_t begin = 0, end = need->n;
+    while (begin < end) {
+        const size_t middle = begin + (end - begin) / 2;
+        if (need->ghost[middle] < number)
+            begin = middle + 1;
+        else
+            end = middle;
+    }
+    return begin;
+}
+
 /* Numbers and slots of what rank r owns and this one needs, from `to` on (or NULL: count). */
-static int32_t list_needs(int n, const dmk_need *need, int r, int32_t *number, int32_t *slot)
+static int32_t list_needs(int n, const dmk_need *need, int r, int64_t *number, int32_t *slot)
 {
     int32_t count = 0;
     for (int i = 0; i < n; i++) {
         const dmk_space *s = need[i].space;
-        if (s->bound[r] == s->first && s->bound[r + 1] == s->end) continue;
-        for (int32_t g = s->bound[r]; g < s->bound[r + 1]; g++) {
-            if (!need[i].mark[g]) continue;
+        size_t g = first_from(&need[i], s->bound[r]);
+        for (; g < need[i].n && need[i].ghost[g] < s->bound[r + 1]; g++) {
             if (number) {
-                number[count] = first_of(need, i) + g;
-                slot[count] = need[i].offset + dmk_space_slot(s, g);
+                number[count] = first_of(need, i) + need[i].ghost[g];
+                slot[count] = need[i].offset + dmk_space_slot(s, need[i].ghost[g]);
             }
             count++;
         }
@@ -39,7 +52,7 @@ static int32_t list_needs(int n, const dmk_need *need, int r, int32_t *number, i
     return count;
 }
 
-/* receive_count from the marks, send_count from everybody's receive_count. */
+/* receive_count from the needs, send_count from everybody's receive_count. */
 static int count_all(dmk_context *ctx, const dmk_share *share, int n, const dmk_need *need,
                      dmk_halo *halo)
 {
@@ -68,38 +81,8 @@ done:
     return rc;
 }
 
-typedef int call(void *user, const void *const *send, const size_t *send_bytes,
-                 void *const *receive, const size_t *receive_bytes);
-
-/* Send out[r] items of `item` bytes to rank r, and receive in[r]: by one call, or begin to by another. */
-static int exchange(call *by, dmk_context *ctx, const dmk_share *share, const int32_t *out,
-                    const int32_t *in, size_t item, const void *send, void *receive)
-{
-    int rc;
-    size_t size = (size_t)share->ranks.size, at_send = 0, at_receive = 0;
-    const void **sends = NULL;
-    void **receives = NULL;
-    size_t *bytes = NULL;
-    DMK_TRY(DMK_NEW(ctx, sends, size));
-    DMK_TRY(DMK_NEW(ctx, receives, size));
-    DMK_TRY(DMK_NEW(ctx, bytes, 2 * size));
-    for (size_t r = 0; r < size; r++) {
-        sends[r] = (const char *)send + at_send;
-        receives[r] = (char *)receive + at_receive;
-        at_send += bytes[r] = item * (size_t)out[r];
-        at_receive += bytes[size + r] = item * (size_t)in[r];
-    }
-    DMK_TRY(
-        dmk_share_check(ctx, share, by(share->ranks.user, sends, bytes, receives, bytes + size)));
-done:
-    free(sends);
-    free(receives);
-    free(bytes);
-    return rc;
-}
-
 /* Numbers that others asked for to slots. */
-static void find_slots(int n, const dmk_need *need, int32_t count, const int32_t *number,
+static void find_slots(int n, const dmk_need *need, int32_t count, const int64_t *number,
                        int32_t *slot)
 {
     for (int32_t k = 0; k < count; k++) {
@@ -131,7 +114,8 @@ done:
 int dmk_halo_create(dmk_context *ctx, dmk_share *share, int n, const dmk_need *need, dmk_halo *halo)
 {
     int rc;
-    int32_t *number = NULL, *slot = NULL, *asked = NULL, at = 0;
+    int64_t *number = NULL, *asked = NULL;
+    int32_t *slot = NULL, at = 0;
     DMK_TRY(count_all(ctx, share, n, need, halo));
     DMK_TRY(DMK_NEW(ctx, number, (size_t)halo->n_receive));
     DMK_TRY(DMK_NEW(ctx, slot, (size_t)dmk_max_i(halo->n_receive, halo->n_send)));
@@ -139,8 +123,8 @@ int dmk_halo_create(dmk_context *ctx, dmk_share *share, int n, const dmk_need *n
     for (int r = 0; r < share->ranks.size; r++) {
         if (r != share->ranks.rank) at += list_needs(n, need, r, number + at, slot + at);
     }
-    DMK_TRY(exchange(share->ranks.exchange, ctx, share, halo->receive_count, halo->send_count,
-                     sizeof *number, number, asked));
+    DMK_TRY(dmk_exchange(ctx, &share->ranks, halo->receive_count, halo->send_count, sizeof *number,
+                         number, asked));
     DMK_TRY(dmk_buffer_create(ctx, share->device, (size_t)halo->n_receive * sizeof *slot, slot,
                               &halo->receive));
     find_slots(n, need, halo->n_send, asked, slot);
@@ -284,7 +268,7 @@ done:
 }
 
 /* All messages, by one call, or begin to send and receive them by another. */
-static int transfer(dmk_context *ctx, const dmk_shipment *s, call *by, size_t item)
+static int transfer(dmk_context *ctx, const dmk_shipment *s, dmk_exchange_call *by, size_t item)
 {
     int rc;
     const int size = s->share->ranks.size;
@@ -294,7 +278,7 @@ static int transfer(dmk_context *ctx, const dmk_shipment *s, call *by, size_t it
         n[r] = count(s, true, r);
         n[size + r] = count(s, false, r);
     }
-    rc = exchange(by, ctx, s->share, n, n + size, item, room(s, 0), room(s, 1));
+    rc = dmk_exchange_by(by, ctx, &s->share->ranks, n, n + size, item, room(s, 0), room(s, 1));
 done:
     free(n);
     return rc;
@@ -355,8 +339,8 @@ int dmk_share_ghosts(dmk_context *ctx, dmk_share *share, double *x)
     double *send = (double *)(void *)share->host,
            *receive = send + share->staging_bytes / sizeof *send;
     for (int32_t i = 0; i < halo->n_send; i++) send[i] = x[halo->send_slot[i]];
-    DMK_TRY(exchange(share->ranks.exchange, ctx, share, halo->send_count, halo->receive_count,
-                     sizeof *x, send, receive));
+    DMK_TRY(dmk_exchange(ctx, &share->ranks, halo->send_count, halo->receive_count, sizeof *x, send,
+                         receive));
     for (int32_t i = 0; i < halo->n_receive; i++) x[halo->receive_slot[i]] = receive[i];
     count_traffic(&(dmk_shipment){share, DMK_OUTER, 1, {halo}, {NULL}}, sizeof *x);
 done:

@@ -1,6 +1,4 @@
 /* The last rank's hierarchy to all: to each its part of the levels that are dealt out, and all of the others. */
-#include "ranks/ranks.h"
-
 #include "ranks/deal.h"
 
 #include <stdlib.h>
@@ -13,19 +11,18 @@ typedef struct parcel {
     size_t at, bytes;
 } parcel;
 
-/* Items begin .. end - 1 of an array of `room` items, which the taker makes. */
-static int carry(dmk_context *ctx, parcel *p, size_t item, size_t begin, size_t end, size_t room,
-                 void **array)
+/* An array of n items, which the taker makes. */
+static int carry(dmk_context *ctx, parcel *p, size_t item, size_t n, void **array)
 {
     int rc = DMK_OK;
-    const size_t bytes = (end - begin) * item;
+    const size_t bytes = n * item;
     if (p->state == TAKEN) {
-        if (!*array) DMK_TRY(dmk_alloc(ctx, "levels", room, item, array));
+        if (!*array) DMK_TRY(dmk_alloc(ctx, "levels", n, item, array));
         if (p->at + bytes > p->bytes)
             return dmk_fail(ctx, DMK_E_DEVICE, "the last rank's levels have come in part only");
-        memcpy((char *)*array + begin * item, p->data + p->at, bytes);
-    } else if (p->state == GIVEN) {
-        memcpy(p->data + p->at, (const char *)*array + begin * item, bytes);
+        memcpy(*array, p->data + p->at, bytes);
+    } else if (p->state == GIVEN && bytes > 0) {
+        memcpy(p->data + p->at, *array, bytes);
     }
     p->at += bytes;
 done:
@@ -35,91 +32,104 @@ done:
 static int carry_number(dmk_context *ctx, parcel *p, int32_t *number)
 {
     void *at = number;
-    return carry(ctx, p, sizeof *number, 0, 1, 1, &at);
+    return carry(ctx, p, sizeof *number, 1, &at);
 }
 
-#define CARRY(array, begin, end, room)                                                             \
-    carry(ctx, p, sizeof *(array), (size_t)(begin), (size_t)(end), (size_t)(room),                 \
-          (void **)&(array))
+#define CARRY(array, n) carry(ctx, p, sizeof *(array), (size_t)(n), (void **)&(array))
 
-/* The rows begin .. end - 1 of a table with their entries, which keep their places. */
-static int carry_rows(dmk_context *ctx, parcel *p, int32_t begin, int32_t end, int32_t n,
-                      int32_t **row, int32_t **entry, float **value)
+/* Rank r's part of the step from a level on. */
+static int carry_part(dmk_context *ctx, parcel *p, const dmk_share *s, int r, int32_t level,
+                      dmk_part *part)
 {
     int rc;
-    DMK_TRY(CARRY(*row, begin, end + 1, n + 1));
-    const int32_t from = (*row)[begin], to = (*row)[end];
-    DMK_TRY(CARRY(*entry, from, to, to));
-    DMK_TRY(CARRY(*value, from, to, to));
+    const int64_t *fine = s->vertex[level].bound + r, *coarse = s->vertex[level + 1].bound + r,
+                  *edge = s->level_edge[level + 1].bound + r;
+    const int64_t n_fine = fine[1] - fine[0], n = coarse[1] - coarse[0],
+                  n_edges = edge[1] - edge[0];
+    DMK_TRY(CARRY(part->prolong_index, 3 * n_fine));
+    DMK_TRY(CARRY(part->prolong_weight, 3 * n_fine));
+    DMK_TRY(CARRY(part->restrict_row, n + 1));
+    DMK_TRY(CARRY(part->restrict_fine, part->restrict_row[n]));
+    DMK_TRY(CARRY(part->restrict_weight, part->restrict_row[n]));
+    DMK_TRY(CARRY(part->edge, 2 * n_edges));
+    DMK_TRY(CARRY(part->galerkin_row, n_edges + 1));
+    DMK_TRY(CARRY(part->galerkin_edge, part->galerkin_row[n_edges]));
+    DMK_TRY(CARRY(part->galerkin_coef, part->galerkin_row[n_edges]));
+    DMK_TRY(carry_number(ctx, p, &part->n_others));
+    rc = CARRY(part->other, 3 * (size_t)part->n_others);
 done:
     return rc;
 }
 
-/* The step from `fine` on, rank r's part if it is dealt out. */
-static int carry_tables(dmk_context *ctx, parcel *p, const dmk_share *s, int r, int32_t level,
-                        int32_t n_fine, dmk_coarsening *c)
+static int carry_graph(dmk_context *ctx, parcel *p, dmk_graph *g)
 {
     int rc;
-    const bool dealt = level < s->first_whole;
-    const int32_t *fine = s->vertex[level].bound, *coarse = s->vertex[level + 1].bound,
-                  *edge = s->level_edge[level + 1].bound;
-    const int32_t begin = dealt ? fine[r] : 0, end = dealt ? fine[r + 1] : n_fine;
-    DMK_TRY(CARRY(c->prolong_index, 3 * (size_t)begin, 3 * (size_t)end, 3 * (size_t)n_fine));
-    DMK_TRY(CARRY(c->prolong_weight, 3 * (size_t)begin, 3 * (size_t)end, 3 * (size_t)n_fine));
-    DMK_TRY(carry_rows(ctx, p, dealt ? coarse[r] : 0, dealt ? coarse[r + 1] : c->coarse.n,
-                       c->coarse.n, &c->restrict_row, &c->restrict_fine, &c->restrict_weight));
-    rc = carry_rows(ctx, p, dealt ? edge[r] : 0, dealt ? edge[r + 1] : c->coarse.n_edges,
-                    c->coarse.n_edges, &c->galerkin_row, &c->galerkin_edge, &c->galerkin_coef);
+    DMK_TRY(carry_number(ctx, p, &g->n));
+    DMK_TRY(carry_number(ctx, p, &g->n_edges));
+    rc = CARRY(g->edge, 2 * (size_t)g->n_edges);
 done:
     return rc;
 }
 
-static int carry_bounds(dmk_context *ctx, parcel *p, const dmk_share *s, int32_t n,
-                        dmk_space *space)
+/* A step that is whole on all ranks. */
+static int carry_whole(dmk_context *ctx, parcel *p, int32_t n_fine, dmk_coarsening *c)
 {
     int rc;
-    DMK_TRY(CARRY(space->bound, 0, s->ranks.size + 1, s->ranks.size + 1));
-    space->n_whole = n;
-    space->first = space->bound[s->ranks.rank];
-    space->end = space->bound[s->ranks.rank + 1];
+    DMK_TRY(CARRY(c->prolong_index, 3 * (size_t)n_fine));
+    DMK_TRY(CARRY(c->prolong_weight, 3 * (size_t)n_fine));
+    DMK_TRY(CARRY(c->restrict_row, c->coarse.n + 1));
+    DMK_TRY(CARRY(c->restrict_fine, c->restrict_row[c->coarse.n]));
+    DMK_TRY(CARRY(c->restrict_weight, c->restrict_row[c->coarse.n]));
+    DMK_TRY(CARRY(c->galerkin_row, c->coarse.n_edges + 1));
+    DMK_TRY(CARRY(c->galerkin_edge, c->galerkin_row[c->coarse.n_edges]));
+    rc = CARRY(c->galerkin_coef, c->galerkin_row[c->coarse.n_edges]);
 done:
     return rc;
 }
 
-static int carry_all(dmk_context *ctx, parcel *p, dmk_share *s, int r, const dmk_mesh *mesh,
+static int carry_bounds(dmk_context *ctx, parcel *p, const dmk_share *s, dmk_space *space)
+{
+    int rc;
+    DMK_TRY(CARRY(space->bound, s->ranks.size + 1));
+    space->n_whole = space->bound[s->ranks.size];
+    dmk_space_set_own(s, space);
+done:
+    return rc;
+}
+
+static int carry_all(dmk_context *ctx, parcel *p, dmk_share *s, int r, dmk_part *part,
                      dmk_hierarchy *h)
 {
     int rc;
     DMK_TRY(carry_number(ctx, p, &h->n));
     DMK_TRY(carry_number(ctx, p, &s->first_whole));
-    for (int32_t i = 0; i < h->n; i++) {
-        dmk_coarsening *c = &h->level[i];
-        DMK_TRY(carry_number(ctx, p, &c->coarse.n));
-        DMK_TRY(carry_number(ctx, p, &c->coarse.n_edges));
-        DMK_TRY(
-            CARRY(c->coarse.edge, 0, 2 * (size_t)c->coarse.n_edges, 2 * (size_t)c->coarse.n_edges));
-        if (i < s->first_whole) {
-            DMK_TRY(carry_bounds(ctx, p, s, c->coarse.n, &s->vertex[i + 1]));
-            DMK_TRY(carry_bounds(ctx, p, s, c->coarse.n_edges, &s->level_edge[i + 1]));
-        }
-        DMK_TRY(
-            carry_tables(ctx, p, s, r, i, i > 0 ? h->level[i - 1].coarse.n : mesh->n_vertices, c));
+    for (int32_t l = 0; l < s->first_whole; l++) {
+        DMK_TRY(carry_bounds(ctx, p, s, &s->vertex[l + 1]));
+        DMK_TRY(carry_bounds(ctx, p, s, &s->level_edge[l + 1]));
+        DMK_TRY(carry_part(ctx, p, s, r, l, &part[l]));
+    }
+    for (int32_t l = dmk_max_i(s->first_whole - 1, 0); l < h->n; l++) {
+        dmk_coarsening *c = &h->level[l];
+        DMK_TRY(carry_graph(ctx, p, &c->coarse));
+        if (l >= s->first_whole) DMK_TRY(carry_whole(ctx, p, h->level[l - 1].coarse.n, c));
     }
 done:
     return rc;
 }
 
-static int give(dmk_context *ctx, dmk_share *s, int r, const dmk_mesh *mesh, dmk_hierarchy *h,
-                parcel *p)
+static int give(dmk_context *ctx, dmk_share *s, int r, dmk_hierarchy *h, parcel *p)
 {
     int rc;
-    DMK_TRY(carry_all(ctx, p, s, r, mesh, h));
+    dmk_parts theirs = {.whole.n = 0};
+    DMK_TRY(dmk_share_cut(ctx, s, h, r, theirs.part));
+    DMK_TRY(carry_all(ctx, p, s, r, theirs.part, h));
     p->bytes = (p->at + 7) / 8 * 8;
     DMK_TRY(DMK_NEW(ctx, p->data, p->bytes));
     p->state = GIVEN;
     p->at = 0;
-    rc = carry_all(ctx, p, s, r, mesh, h);
+    rc = carry_all(ctx, p, s, r, theirs.part, h);
 done:
+    dmk_parts_free(&theirs);
     return rc;
 }
 
@@ -155,16 +165,17 @@ done:
     return rc;
 }
 
-int dmk_share_hand(dmk_context *ctx, dmk_share *s, const dmk_mesh *mesh, dmk_hierarchy *h)
+int dmk_share_hand(dmk_context *ctx, dmk_share *s, dmk_parts *parts)
 {
     int rc;
     const int maker = s->ranks.size - 1;
     parcel in = {.state = TAKEN}, *out = NULL;
     DMK_TRY(DMK_NEW(ctx, out, (size_t)s->ranks.size));
     for (int r = 0; r < maker && s->ranks.rank == maker; r++)
-        DMK_TRY(give(ctx, s, r, mesh, h, &out[r]));
+        DMK_TRY(give(ctx, s, r, &parts->whole, &out[r]));
     DMK_TRY(ship(ctx, s, out, &in));
-    if (s->ranks.rank != maker) rc = carry_all(ctx, &in, s, s->ranks.rank, mesh, h);
+    if (s->ranks.rank != maker)
+        rc = carry_all(ctx, &in, s, s->ranks.rank, parts->part, &parts->whole);
 done:
     for (int r = 0; out && r < s->ranks.size; r++) free(out[r].data);
     free(out);

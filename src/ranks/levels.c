@@ -1,26 +1,11 @@
-/* The coarse levels of a share: which vertices and edges a rank owns and needs, and its part of the
- * tables between two levels. */
-#include "ranks/ranks.h"
-
+/* The coarse levels of a share: what a rank owns of a hierarchy that is whole on another one, which vertices and edges
+ * it needs, and its tables. */
 #include "ranks/deal.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-/* ---- who owns what --------------------------------------------------------------------------- */
-
-static int owner_of(const dmk_space *s, int n_ranks, int32_t item)
-{
-    int low = 0, high = n_ranks;
-    while (high - low > 1) {
-        int middle = (low + high) / 2;
-        if (s->bound[middle] <= item)
-            low = middle;
-        else
-            high = middle;
-    }
-    return low;
-}
+/* ---- parts of a hierarchy that is whole ------------------------------------------------------- */
 
 /* The fine vertex that takes most of coarse vertex a. */
 static int32_t main_vertex(const dmk_coarsening *c, int32_t a)
@@ -32,22 +17,10 @@ static int32_t main_vertex(const dmk_coarsening *c, int32_t a)
     return c->restrict_fine[best];
 }
 
-/* The rows of the own edges, which a level's table may have beside others. */
-static const int32_t *own_rows(const dmk_coarsening *c, const dmk_space *edge)
-{
-    return c->galerkin_row + (edge->first - c->edge_first);
-}
-
 static int own_range(dmk_context *ctx, const dmk_share *s, int32_t n, dmk_space *space)
 {
     space->n_whole = n;
     return DMK_NEW(ctx, space->bound, (size_t)s->ranks.size + 1);
-}
-
-static void set_own(const dmk_share *s, dmk_space *space)
-{
-    space->first = space->bound[s->ranks.rank];
-    space->end = space->bound[s->ranks.rank + 1];
 }
 
 /* A rank owns as many coarse vertices as have their main vertices among its fine ones. */
@@ -56,241 +29,297 @@ static int bound_vertices(dmk_context *ctx, dmk_share *s, const dmk_coarsening *
     int rc, size = s->ranks.size;
     dmk_space *vertex = &s->vertex[level];
     DMK_TRY(own_range(ctx, s, c->coarse.n, vertex));
-    for (int32_t a = 0; a < c->coarse.n; a++) {
-        vertex->bound[owner_of(&s->vertex[level - 1], size, main_vertex(c, a)) + 1]++;
-    }
+    for (int32_t a = 0; a < c->coarse.n; a++)
+        vertex->bound[dmk_owner(s->vertex[level - 1].bound, size, main_vertex(c, a)) + 1]++;
     for (int r = 0; r < size; r++) vertex->bound[r + 1] += vertex->bound[r];
-    set_own(s, vertex);
+    dmk_space_set_own(s, vertex);
 done:
     return rc;
 }
 
-int dmk_deal_own(dmk_context *ctx, void *user, const dmk_coarsening *c, int32_t *first,
-                 int32_t *end)
-{
-    int rc = DMK_OK;
-    dmk_share *s = user;
-    const int32_t below = s->ranks.gather_below > 0 ? s->ranks.gather_below : DMK_GATHER_BELOW;
-    s->deals = s->first_whole == 0 || (s->deals && s->vertex[s->first_whole].n_whole >= below);
-    if (!s->deals) return DMK_OK;
-    s->first_whole++;
-    DMK_TRY(bound_vertices(ctx, s, c, s->first_whole));
-    *first = s->vertex[s->first_whole].first;
-    *end = s->vertex[s->first_whole].end;
-done:
-    return rc;
-}
-
-/* And the edges whose smaller end it owns, which are those that it has made. */
-int dmk_deal_join(dmk_context *ctx, void *user, dmk_coarsening *c)
+/* And the edges whose smaller end it owns. */
+static int bound_edges(dmk_context *ctx, dmk_share *s, const dmk_graph *g, int32_t level)
 {
     int rc;
-    dmk_share *s = user;
-    dmk_space *edge = &s->level_edge[s->first_whole];
-    int32_t *own = c->coarse.edge, *n = NULL;
-    size_t *bytes = NULL;
-    if (!s->deals) return DMK_OK;
-    DMK_TRY(DMK_NEW(ctx, n, (size_t)s->ranks.size));
-    DMK_TRY(DMK_NEW(ctx, bytes, (size_t)s->ranks.size));
-    for (int r = 0; r < s->ranks.size; r++) bytes[r] = sizeof *n;
-    DMK_TRY(dmk_share_check(ctx, s, s->ranks.gather(s->ranks.user, &c->coarse.n_edges, n, bytes)));
-    DMK_TRY(own_range(ctx, s, 0, edge));
+    int32_t k = 0;
+    dmk_space *edge = &s->level_edge[level];
+    DMK_TRY(own_range(ctx, s, g->n_edges, edge));
     for (int r = 0; r < s->ranks.size; r++) {
-        edge->bound[r + 1] = edge->bound[r] + n[r];
-        bytes[r] = 2 * (size_t)n[r] * sizeof *own;
+        while (k < g->n_edges && g->edge[2 * (size_t)k] < s->vertex[level].bound[r + 1]) k++;
+        edge->bound[r + 1] = k;
     }
-    edge->n_whole = c->coarse.n_edges = edge->bound[s->ranks.size];
-    set_own(s, edge);
-    c->edge_first = edge->first;
-    c->coarse.edge = NULL;
-    DMK_TRY(DMK_NEW(ctx, c->coarse.edge, 2 * (size_t)edge->n_whole));
-    DMK_TRY(dmk_share_check(ctx, s, s->ranks.gather(s->ranks.user, own, c->coarse.edge, bytes)));
+    dmk_space_set_own(s, edge);
 done:
-    if (c->coarse.edge != own) free(own);
-    free(n);
-    free(bytes);
     return rc;
 }
 
 int dmk_share_bound(dmk_context *ctx, dmk_share *s, const dmk_hierarchy *h)
 {
     int rc = DMK_OK;
-    for (int32_t i = 0; i < h->n; i++) {
-        const dmk_graph *g = &h->level[i].coarse;
-        int32_t first, end, k = 0;
-        DMK_TRY(dmk_deal_own(ctx, s, &h->level[i], &first, &end));
-        if (!s->deals) break;
-        dmk_space *edge = &s->level_edge[i + 1];
-        DMK_TRY(own_range(ctx, s, g->n_edges, edge));
-        for (int r = 0; r < s->ranks.size; r++) {
-            while (k < g->n_edges && g->edge[2 * (size_t)k] < s->vertex[i + 1].bound[r + 1]) k++;
-            edge->bound[r + 1] = k;
-        }
-        set_own(s, edge);
+    for (int32_t l = 0; l < h->n; l++) {
+        if (l > 0 && s->vertex[l].n_whole < dmk_gather_below(s)) break;
+        s->first_whole = l + 1;
+        DMK_TRY(bound_vertices(ctx, s, &h->level[l], l + 1));
+        DMK_TRY(bound_edges(ctx, s, &h->level[l].coarse, l + 1));
     }
+done:
+    return rc;
+}
+
+/* Integers begin .. end - 1 as whole numbers. */
+static int cut_numbers(dmk_context *ctx, const int32_t *from, int64_t begin, int64_t end,
+                       int64_t **to)
+{
+    int rc;
+    DMK_TRY(DMK_NEW(ctx, *to, (size_t)(end - begin)));
+    for (int64_t i = begin; i < end; i++) (*to)[i - begin] = from[i];
+done:
+    return rc;
+}
+
+static int cut_weights(dmk_context *ctx, const float *from, int64_t begin, int64_t end, float **to)
+{
+    int rc;
+    DMK_TRY(DMK_NEW(ctx, *to, (size_t)(end - begin)));
+    memcpy(*to, from + begin, (size_t)(end - begin) * sizeof **to);
+done:
+    return rc;
+}
+
+/* Rows begin .. end - 1 of a table. */
+static int cut_rows(dmk_context *ctx, const int32_t *row, const int32_t *entry, const float *value,
+                    int64_t begin, int64_t end, int32_t **rows, int64_t **entries, float **values)
+{
+    int rc;
+    const int32_t from = row[begin];
+    DMK_TRY(DMK_NEW(ctx, *rows, (size_t)(end - begin) + 1));
+    for (int64_t i = begin; i <= end; i++) (*rows)[i - begin] = row[i] - from;
+    DMK_TRY(cut_numbers(ctx, entry, from, row[end], entries));
+    rc = cut_weights(ctx, value, from, row[end], values);
+done:
+    return rc;
+}
+
+/* Earlier ranks' edges at coarse vertices begin .. end - 1: later ranks' have both ends behind these. */
+static int cut_others(dmk_context *ctx, const dmk_graph *g, int64_t n, int64_t begin, int64_t end,
+                      dmk_part *part)
+{
+    int rc = DMK_OK;
+    size_t room = 0;
+    for (int64_t k = 0; k < n; k++) {
+        const int32_t *ends = g->edge + 2 * k;
+        if (ends[1] < begin || ends[1] >= end) continue;
+        DMK_TRY(DMK_GROW(ctx, part->other, 3 * (size_t)part->n_others + 3, room));
+        int64_t *at = part->other + 3 * (size_t)part->n_others++;
+        at[0] = k;
+        at[1] = ends[0];
+        at[2] = ends[1];
+    }
+done:
+    return rc;
+}
+
+static int cut_level(dmk_context *ctx, const dmk_share *s, const dmk_coarsening *c, int32_t level,
+                     int r, dmk_part *part)
+{
+    int rc;
+    const int64_t *fine = s->vertex[level].bound + r, *coarse = s->vertex[level + 1].bound + r,
+                  *edge = s->level_edge[level + 1].bound + r;
+    DMK_TRY(cut_numbers(ctx, c->prolong_index, 3 * fine[0], 3 * fine[1], &part->prolong_index));
+    DMK_TRY(cut_weights(ctx, c->prolong_weight, 3 * fine[0], 3 * fine[1], &part->prolong_weight));
+    DMK_TRY(cut_rows(ctx, c->restrict_row, c->restrict_fine, c->restrict_weight, coarse[0],
+                     coarse[1], &part->restrict_row, &part->restrict_fine, &part->restrict_weight));
+    DMK_TRY(cut_numbers(ctx, c->coarse.edge, 2 * edge[0], 2 * edge[1], &part->edge));
+    DMK_TRY(cut_rows(ctx, c->galerkin_row, c->galerkin_edge, c->galerkin_coef, edge[0], edge[1],
+                     &part->galerkin_row, &part->galerkin_edge, &part->galerkin_coef));
+    rc = cut_others(ctx, &c->coarse, edge[0], coarse[0], coarse[1], part);
+done:
+    return rc;
+}
+
+int dmk_share_cut(dmk_context *ctx, const dmk_share *s, const dmk_hierarchy *h, int r,
+                  dmk_part *part)
+{
+    int rc = DMK_OK;
+    for (int32_t l = 0; l < s->first_whole; l++)
+        DMK_TRY(cut_level(ctx, s, &h->level[l], l, r, &part[l]));
 done:
     return rc;
 }
 
 /* ---- who needs what -------------------------------------------------------------------------- */
 
-/* Edges at own vertices, and their other ends. */
-static void mark_neighbours(const dmk_space *own, int32_t n_edges, const int32_t *edge,
-                            uint8_t *vertex_mark, uint8_t *edge_mark)
+/* All that others own. */
+static int need_all(dmk_context *ctx, const dmk_space *s, dmk_list *list)
 {
-    for (int32_t k = 0; k < n_edges; k++) {
-        const int32_t *end = edge + 2 * (size_t)k;
-        if (!dmk_space_owns(own, end[0]) && !dmk_space_owns(own, end[1])) continue;
-        edge_mark[k] = vertex_mark[end[0]] = vertex_mark[end[1]] = 1;
+    int rc = DMK_OK;
+    for (int64_t i = 0; i < s->n_whole; i++) DMK_TRY(dmk_list_add_ghost(ctx, list, s, i));
+done:
+    return rc;
+}
+
+static int need_each(dmk_context *ctx, const dmk_space *s, size_t n, const int64_t *number,
+                     dmk_list *list)
+{
+    int rc = DMK_OK;
+    for (size_t i = 0; i < n; i++) DMK_TRY(dmk_list_add_ghost(ctx, list, s, number[i]));
+done:
+    return rc;
+}
+
+/* Edges at own vertices of a coarse level, their other ends, and what a finer level's own vertices are interpolated
+ * from. */
+static int need_of_step(dmk_context *ctx, const dmk_share *s, const dmk_part *p, int32_t level,
+                        dmk_list *vertex, dmk_list *edge)
+{
+    int rc;
+    const dmk_space *v = &s->vertex[level], *e = &s->level_edge[level];
+    DMK_TRY(need_each(ctx, v, 2 * (size_t)dmk_space_own(e), p->edge, vertex));
+    for (int32_t k = 0; k < p->n_others; k++) {
+        DMK_TRY(need_each(ctx, e, 1, p->other + 3 * (size_t)k, edge));
+        DMK_TRY(need_each(ctx, v, 2, p->other + 3 * (size_t)k + 1, vertex));
     }
+    rc = need_each(ctx, v, 3 * (size_t)dmk_space_own(&s->vertex[level - 1]), p->prolong_index,
+                   vertex);
+done:
+    return rc;
 }
 
 /* What the coarser level's own vertices and edges are computed from. */
-static void mark_sources(const dmk_coarsening *c, const dmk_space *vertex, const dmk_space *edge,
-                         uint8_t *vertex_mark, uint8_t *edge_mark)
+static int need_sources(dmk_context *ctx, const dmk_share *s, const dmk_part *p, int32_t level,
+                        dmk_list *vertex, dmk_list *edge)
 {
-    for (int32_t k = c->restrict_row[vertex->first]; k < c->restrict_row[vertex->end]; k++) {
-        vertex_mark[c->restrict_fine[k]] = 1;
-    }
-    const int32_t *row = own_rows(c, edge);
-    for (int32_t k = row[0]; k < row[edge->end - edge->first]; k++) {
-        edge_mark[c->galerkin_edge[k]] = 1;
-    }
+    int rc;
+    const int32_t *row = p->restrict_row, *galerkin = p->galerkin_row;
+    DMK_TRY(need_each(ctx, &s->vertex[level], (size_t)row[dmk_space_own(&s->vertex[level + 1])],
+                      p->restrict_fine, vertex));
+    rc = need_each(ctx, &s->level_edge[level],
+                   (size_t)galerkin[dmk_space_own(&s->level_edge[level + 1])], p->galerkin_edge,
+                   edge);
+done:
+    return rc;
 }
 
-/* What the finer level's own vertices are interpolated from. */
-static void mark_targets(const dmk_coarsening *c, const dmk_space *fine, uint8_t *vertex_mark)
+int dmk_deal_need(dmk_context *ctx, const dmk_share *s, const dmk_parts *p, int32_t level,
+                  dmk_list *vertex, dmk_list *edge)
 {
-    for (size_t k = 3 * (size_t)fine->first; k < 3 * (size_t)fine->end; k++) {
-        vertex_mark[c->prolong_index[k]] = 1;
-    }
-}
-
-void dmk_deal_mark(const dmk_share *s, const dmk_mesh *m, const dmk_hierarchy *h, int32_t level,
-                   uint8_t *vertex_mark, uint8_t *edge_mark)
-{
+    int rc = DMK_OK;
     if (level == s->first_whole) {
-        memset(vertex_mark, 1, (size_t)s->vertex[level].n_whole);
-        memset(edge_mark, 1, (size_t)s->level_edge[level].n_whole);
-        return;
+        DMK_TRY(need_all(ctx, &s->vertex[level], vertex));
+        return need_all(ctx, &s->level_edge[level], edge);
     }
-    const dmk_graph *g = level > 0 ? &h->level[level - 1].coarse : NULL;
-    mark_neighbours(&s->vertex[level], g ? g->n_edges : m->n_edges, g ? g->edge : m->edge_vertex,
-                    vertex_mark, edge_mark);
-    mark_sources(&h->level[level], &s->vertex[level + 1], &s->level_edge[level + 1], vertex_mark,
-                 edge_mark);
-    if (level > 0) mark_targets(&h->level[level - 1], &s->vertex[level - 1], vertex_mark);
+    DMK_TRY(need_sources(ctx, s, &p->part[level], level, vertex, edge));
+    if (level > 0) rc = need_of_step(ctx, s, &p->part[level - 1], level, vertex, edge);
+done:
+    dmk_list_sort(vertex);
+    dmk_list_sort(edge);
+    return rc;
 }
 
 /* ---- the local tables ------------------------------------------------------------------------ */
 
-/* Edges of which an end is not here lead from the last vertex, a gap, to itself: only their weights
- * are wanted. */
+static void put_edge(const dmk_space *vertex, int32_t at, const int64_t end[2], dmk_graph *g)
+{
+    for (size_t k = 0; k < 2; k++) g->edge[2 * (size_t)at + k] = dmk_space_slot(vertex, end[k]);
+}
+
+/* Edges of which only the weights are wanted lead from the last vertex, a gap, to itself. */
 static int local_edges(dmk_context *ctx, const dmk_space *vertex, const dmk_space *edge,
-                       const dmk_graph *whole, dmk_graph *local)
+                       const dmk_part *part, dmk_graph *local)
 {
     int rc;
     local->n = vertex->n;
     local->n_edges = edge->n;
     DMK_TRY(DMK_NEW(ctx, local->edge, 2 * (size_t)edge->n));
-    for (int32_t k = 0; k < edge->n; k++) {
-        const int32_t *end = whole->edge + 2 * (size_t)edge->whole[k];
-        const int32_t a = dmk_space_slot(vertex, end[0]), b = dmk_space_slot(vertex, end[1]);
-        bool here = a >= 0 && b >= 0;
-        local->edge[2 * k] = here ? a : vertex->n - 1;
-        local->edge[2 * k + 1] = here ? b : vertex->n - 1;
+    for (size_t k = 0; k < 2 * (size_t)edge->n; k++) local->edge[k] = vertex->n - 1;
+    for (int32_t k = 0; k < dmk_space_own(edge); k++)
+        put_edge(vertex, edge->at_first + k, part->edge + 2 * (size_t)k, local);
+    for (int32_t k = 0; k < part->n_others; k++) {
+        const int64_t *other = part->other + 3 * (size_t)k;
+        put_edge(vertex, dmk_space_slot(edge, other[0]), other + 1, local);
     }
+done:
+    return rc;
+}
+
+static int copy_edges(dmk_context *ctx, const dmk_graph *whole, dmk_graph *local)
+{
+    int rc;
+    *local = (dmk_graph){.n = whole->n, .n_edges = whole->n_edges};
+    DMK_TRY(DMK_NEW(ctx, local->edge, 2 * (size_t)whole->n_edges));
+    memcpy(local->edge, whole->edge, 2 * (size_t)whole->n_edges * sizeof *whole->edge);
 done:
     return rc;
 }
 
 /* Rows of own fine vertices; the others' stay without weights. */
 static int local_prolongation(dmk_context *ctx, const dmk_space *fine, const dmk_space *coarse,
-                              const dmk_coarsening *whole, dmk_coarsening *local)
+                              const dmk_part *part, dmk_coarsening *local)
 {
     int rc;
+    const size_t n = 3 * (size_t)dmk_space_own(fine), at = 3 * (size_t)fine->at_first;
     DMK_TRY(DMK_NEW(ctx, local->prolong_index, 3 * (size_t)fine->n));
     DMK_TRY(DMK_NEW(ctx, local->prolong_weight, 3 * (size_t)fine->n));
-    for (int32_t i = fine->first; i < fine->end; i++) {
-        for (int k = 0; k < 3; k++) {
-            size_t to = 3 * (size_t)dmk_space_slot(fine, i) + (size_t)k,
-                   from = 3 * (size_t)i + (size_t)k;
-            local->prolong_index[to] = dmk_space_slot(coarse, whole->prolong_index[from]);
-            local->prolong_weight[to] = whole->prolong_weight[from];
-        }
-    }
+    for (size_t k = 0; k < n; k++)
+        local->prolong_index[at + k] = dmk_space_slot(coarse, part->prolong_index[k]);
+    memcpy(local->prolong_weight + at, part->prolong_weight, n * sizeof *part->prolong_weight);
 done:
     return rc;
 }
 
-/* A table of compressed rows: those of own items, `row` from the first one on; or with their entries' local
- * slots, of all local items. */
-typedef struct table {
-    int32_t *row, *entry;
-    float *value;
-} table;
-
+/* A table of own rows as one of all local rows, with their entries' local slots. */
 static int local_table(dmk_context *ctx, const dmk_space *rows, const dmk_space *entries,
-                       const table *own, table *local)
+                       const int32_t *own_row, const int64_t *own_entry, int32_t **row,
+                       int32_t **entry)
 {
     int rc;
-    const int32_t from = own->row[0], n = own->row[rows->end - rows->first] - from;
-    int32_t at = 0;
-    DMK_TRY(DMK_NEW(ctx, local->row, (size_t)rows->n + 1));
-    DMK_TRY(DMK_NEW(ctx, local->entry, (size_t)n));
-    DMK_TRY(DMK_NEW(ctx, local->value, (size_t)n));
+    const int32_t own = dmk_space_own(rows), n = own_row[own];
+    DMK_TRY(DMK_NEW(ctx, *row, (size_t)rows->n + 1));
+    DMK_TRY(DMK_NEW(ctx, *entry, (size_t)n));
     for (int32_t i = 0; i < rows->n; i++) {
-        int32_t g = rows->whole[i];
-        const int32_t *row = own->row + (g - rows->first);
-        if (g >= 0 && dmk_space_owns(rows, g)) at += row[1] - row[0];
-        local->row[i + 1] = at;
+        const int32_t k = i + 1 - rows->at_first;
+        (*row)[i + 1] = own_row[k < 0 ? 0 : k > own ? own : k];
     }
-    for (int32_t k = 0; k < n; k++) {
-        local->entry[k] = dmk_space_slot(entries, own->entry[from + k]);
-        local->value[k] = own->value[from + k];
-    }
+    for (int32_t k = 0; k < n; k++) (*entry)[k] = dmk_space_slot(entries, own_entry[k]);
 done:
     return rc;
 }
 
-static int local_level(dmk_context *ctx, const dmk_share *s, int32_t level,
-                       const dmk_coarsening *whole, dmk_coarsening *local)
+static int local_level(dmk_context *ctx, const dmk_share *s, int32_t level, dmk_parts *p,
+                       dmk_coarsening *local)
 {
     int rc;
-    const dmk_space *fine = &s->vertex[level], *coarse = &s->vertex[level + 1];
-    table restriction = {0}, galerkin = {0};
-    DMK_TRY(local_edges(ctx, coarse, &s->level_edge[level + 1], &whole->coarse, &local->coarse));
-    DMK_TRY(local_prolongation(ctx, fine, coarse, whole, local));
-    rc = local_table(
-        ctx, coarse, fine,
-        &(table){whole->restrict_row + coarse->first, whole->restrict_fine, whole->restrict_weight},
-        &restriction);
-    local->restrict_row = restriction.row;
-    local->restrict_fine = restriction.entry;
-    local->restrict_weight = restriction.value;
-    if (rc != DMK_OK) goto done;
-    rc = local_table(ctx, &s->level_edge[level + 1], &s->level_edge[level],
-                     &(table){(int32_t *)(uintptr_t)own_rows(whole, &s->level_edge[level + 1]),
-                              whole->galerkin_edge, whole->galerkin_coef},
-                     &galerkin);
-    local->galerkin_row = galerkin.row;
-    local->galerkin_edge = galerkin.entry;
-    local->galerkin_coef = galerkin.value;
+    const dmk_space *fine = &s->vertex[level], *coarse = &s->vertex[level + 1],
+                    *edge = &s->level_edge[level + 1];
+    dmk_part *part = &p->part[level];
+    if (level + 1 == s->first_whole)
+        DMK_TRY(copy_edges(ctx, &p->whole.level[level].coarse, &local->coarse));
+    else
+        DMK_TRY(local_edges(ctx, coarse, edge, part, &local->coarse));
+    DMK_TRY(local_prolongation(ctx, fine, coarse, part, local));
+    DMK_TRY(local_table(ctx, coarse, fine, part->restrict_row, part->restrict_fine,
+                        &local->restrict_row, &local->restrict_fine));
+    DMK_TRY(local_table(ctx, edge, &s->level_edge[level], part->galerkin_row, part->galerkin_edge,
+                        &local->galerkin_row, &local->galerkin_edge));
+    local->restrict_weight = part->restrict_weight;
+    local->galerkin_coef = part->galerkin_coef;
+    part->restrict_weight = part->galerkin_coef = NULL;
 done:
     return rc;
 }
 
-int dmk_share_levels(dmk_context *ctx, dmk_share *s, dmk_hierarchy *h, bool keep, dmk_local *local)
+int dmk_share_levels(dmk_context *ctx, dmk_share *s, dmk_parts *p, dmk_local *local)
 {
     int rc = DMK_OK;
     local->first_whole = s->first_whole;
-    local->hierarchy.n = h->n;
-    for (int32_t i = s->first_whole; i < h->n; i++) local->hierarchy.level[i] = h->level[i];
+    local->hierarchy.n = p->whole.n;
+    for (int32_t i = s->first_whole; i < p->whole.n; i++)
+        local->hierarchy.level[i] = p->whole.level[i];
     for (int32_t i = 0; i < s->first_whole; i++) {
         const dmk_graph *g = &local->hierarchy.level[i].coarse;
-        DMK_TRY(local_level(ctx, s, i, &h->level[i], &local->hierarchy.level[i]));
+        DMK_TRY(local_level(ctx, s, i, p, &local->hierarchy.level[i]));
         if (i + 1 < s->first_whole) DMK_TRY(dmk_split_graph(ctx, s, i + 1, g->n_edges, g->edge));
-        if (!keep) dmk_coarsening_free(&h->level[i]);
+        dmk_part_free(&p->part[i]);
     }
 done:
     return rc;

@@ -16,15 +16,16 @@
 #include "levels/coarsen.h"
 #include "mesh/mesh.h"
 
-/* Items of one kind in the order of the whole mesh. */
+/* Items of one kind in the order of the whole mesh: whole numbers have 64 bits, local slots 32. */
 typedef struct dmk_space {
-    int32_t n_whole;    /* of all ranks */
-    int32_t first, end; /* the own ones */
-    int32_t n;          /* local slots, gaps among them */
-    int32_t at_first;   /* slot of `first` */
-    int32_t after;      /* slot of the first ghost from `end` on */
-    int32_t *whole;     /* n: whole number at a slot, or -1 for a gap */
-    int32_t *bound;     /* ranks + 1: rank r owns bound[r] .. bound[r + 1] - 1 */
+    int64_t n_whole;            /* of all ranks */
+    int64_t first, end;         /* the own ones */
+    int32_t n;                  /* local slots, gaps among them */
+    int32_t at_first;           /* slot of `first` */
+    int32_t after;              /* slot of the first ghost from `end` on */
+    int32_t n_ghosts, n_before; /* all, and those before `first`, whose slots are 0, 1 ... */
+    int64_t *ghost;             /* n_ghosts: their whole numbers, increasing */
+    int64_t *bound;             /* ranks + 1: rank r owns bound[r] .. bound[r + 1] - 1 */
 } dmk_space;
 
 /* Who sends what to whom for one kind of vectors. */
@@ -50,14 +51,13 @@ typedef struct dmk_share {
     dmk_kernel *pack[DMK_N_PROGRAMS], *unpack[DMK_N_PROGRAMS];
     int32_t part;        /* items of a launch's part */
     int32_t first_whole; /* levels from this one on are on all ranks */
-    bool deals;          /* while they are made: the last one was dealt out */
     dmk_space element, edge;
     dmk_space vertex[DMK_SHARE_LEVELS],
         level_edge[DMK_SHARE_LEVELS]; /* by level, 0 = T; level_edge[0] is `edge` */
     int32_t vertex_row;               /* of the local rows */
     dmk_mesh mesh;                    /* what is packed */
     dmk_halo rows, vertices[DMK_SHARE_LEVELS], level_edges[DMK_SHARE_LEVELS];
-    struct dmk_marks *marks; /* what the halos bring, until they are made */
+    struct dmk_needs *needs; /* what the halos bring, until they are made */
     dmk_split elements,
         graph[DMK_SHARE_LEVELS]; /* of launches over T, and over a dealt level's vertices */
     dmk_buffer *staging;
@@ -73,37 +73,79 @@ typedef struct dmk_local {
     int32_t first_whole;
 } dmk_local;
 
+/* T as a rank has it: a mesh of its own elements and those at its own edges and vertices, in the order of the whole;
+ * or the whole mesh. */
+typedef struct dmk_ground {
+    const dmk_mesh *mesh;
+    double area;                            /* of the whole */
+    const int64_t *element, *edge, *vertex; /* the items' whole numbers; NULL: the mesh is whole */
+    const int64_t *bound[3]; /* of elements, edges, vertices; NULL with a whole mesh */
+} dmk_ground;
+
+static inline int64_t dmk_whole_number(const int64_t *number, int32_t i)
+{
+    return number ? number[i] : i;
+}
+
+/* From one level to the next: what a dmk_coarsening has, of own items alone, in whole numbers. */
+typedef struct dmk_part {
+    int64_t *prolong_index; /* 3 for each own fine vertex */
+    float *prolong_weight;
+    int32_t *restrict_row; /* by own coarse vertex */
+    int64_t *restrict_fine;
+    float *restrict_weight;
+    int64_t *edge; /* 2 for each own coarse edge, whose smaller end is an own coarse vertex */
+    int32_t *galerkin_row; /* by own coarse edge */
+    int64_t *galerkin_edge;
+    float *galerkin_coef;
+    int64_t *
+        other; /* 3 for each of n_others coarse edges of other ranks at own coarse vertices: its number and ends */
+    int32_t n_others;
+} dmk_part;
+
+/* The levels down to share->first_whole in parts, the ones from there on whole. */
+typedef struct dmk_parts {
+    dmk_part part[DMK_MAX_LEVELS];
+    dmk_hierarchy whole; /* of level[first_whole - 1] at least the graph */
+} dmk_parts;
+
+void dmk_parts_free(dmk_parts *parts);
+
 /* A share of an ordered mesh comes into being in steps. All ranks together, if no one has other work:
  *     begin, coarsen, deal, connect, fill, levels, forget;
  * or, where the first one comes later, the last one makes the hierarchy and its own share before the others:
- *     last rank: begin, (dmk_hierarchy_create), bound, deal, fill, levels, hand, connect, forget
+ *     last rank: begin, (dmk_hierarchy_create of parts->whole), bound, cut, deal, fill, levels, hand, connect, forget
  *     others:    begin, hand, deal, fill, levels, connect, forget. */
 
 /* Own ranges of rank `ranks->rank`. *share stays NULL where the mesh has no more parts than ranks: then every rank does
- * all of it, and so without levels, hierarchy.n = 0. */
+ * all of it, and so without levels, parts->whole.n = 0. */
 int dmk_share_begin(dmk_context *context, const dmk_ranks *ranks, dmk_device *device,
-                    const dmk_mesh *mesh, dmk_share **share);
-/* The hierarchy, of whose dealt levels each rank has its part. Collective. */
-int dmk_share_coarsen(dmk_context *context, dmk_share *share, const dmk_mesh *mesh,
-                      int32_t coarsest, dmk_hierarchy *hierarchy);
-/* levels.c: own ranges of all levels of a hierarchy that is whole here. */
+                    const dmk_ground *ground, dmk_share **share);
+/* Where rank r's own elements begin, of n; and its own edges or vertices, n in all, of which earlier ranks' elements
+ * have `touched`, all of them with r = size, the `last`. */
+int64_t dmk_bound_elements(int32_t part, int64_t n, int r, int size);
+int64_t dmk_bound_touched(int32_t part, int64_t touched, int64_t n, bool last);
+/* coarsen.c: the levels, of which each rank makes its part. Collective. */
+int dmk_share_coarsen(dmk_context *context, dmk_share *share, const dmk_ground *ground,
+                      int32_t coarsest, dmk_parts *parts);
+/* levels.c: own ranges of all levels of a hierarchy that is whole here; and rank r's part of those that are dealt
+ * out. */
 int dmk_share_bound(dmk_context *context, dmk_share *share, const dmk_hierarchy *hierarchy);
-/* hand.c: the same from the last rank's hierarchy, which is whole. Collective. */
-int dmk_share_hand(dmk_context *context, dmk_share *share, const dmk_mesh *mesh,
-                   dmk_hierarchy *hierarchy);
+int dmk_share_cut(dmk_context *context, const dmk_share *share, const dmk_hierarchy *hierarchy,
+                  int r, dmk_part *part);
+/* hand.c: the parts of the last rank's hierarchy, which is whole in its `parts`, to all. Collective. */
+int dmk_share_hand(dmk_context *context, dmk_share *share, dmk_parts *parts);
 /* Ghosts and local slots. */
-int dmk_share_deal(dmk_context *context, dmk_share *share, const dmk_mesh *mesh,
-                   const dmk_hierarchy *hierarchy);
+int dmk_share_deal(dmk_context *context, dmk_share *share, const dmk_ground *ground,
+                   const dmk_parts *parts);
 /* Who sends what to whom. Collective. */
 int dmk_share_connect(dmk_context *context, dmk_share *share);
 /* share->mesh. */
-int dmk_share_fill(dmk_context *context, dmk_share *share, const dmk_mesh *mesh);
+int dmk_share_fill(dmk_context *context, dmk_share *share, const dmk_ground *ground);
 /* Before: that the ranks' devices are of one kind. */
 int dmk_share_check_devices(dmk_context *context, const dmk_ranks *ranks, const dmk_device *device);
-/* levels.c: the local hierarchy, without the mesh; the whole one's dealt levels are freed, unless they are to be
- * kept. */
-int dmk_share_levels(dmk_context *context, dmk_share *share, dmk_hierarchy *whole, bool keep,
-                     dmk_local *local);
+/* levels.c: the local hierarchy, without the mesh; the parts are used up. */
+int dmk_share_levels(dmk_context *context, dmk_share *share, dmk_parts *parts, dmk_local *local);
 /* Numbers on the coarser levels are not asked for any more. */
 void dmk_share_forget(dmk_share *share);
 void dmk_share_destroy(dmk_share **share);
@@ -170,6 +212,9 @@ int dmk_share_give(dmk_context *context, dmk_share *share, bool rows, int32_t ve
  * are those of one rank, to the bit. All have the sum then. */
 int dmk_share_in_turn(dmk_context *context, dmk_share *share, double *sum,
                       void (*add)(void *data, double *sum), void *data);
+/* The same before there is a share. */
+int dmk_ranks_in_turn(dmk_context *context, const dmk_ranks *ranks, double *sum,
+                      void (*add)(void *data, double *sum), void *data);
 /* n own items of `item` bytes become those of all ranks, one rank's behind the other's, n_all of them; the
  * caller frees *all. */
 int dmk_share_join(dmk_context *context, dmk_share *share, size_t n, size_t item, const void *own,
@@ -188,22 +233,28 @@ int dmk_ranks_spread_from(dmk_context *context, const dmk_ranks *ranks, int from
 
 /* DMK_OK, or the failure of a call of share->ranks that gave `status`. */
 int dmk_share_check(dmk_context *context, const dmk_share *share, int status);
-/* space.c: local slots for the marked items and the own ones. part > 1: see above. `spare`: gaps
- * at the end. */
-int dmk_space_create(dmk_context *context, const uint8_t *mark, int32_t part, int32_t spare,
-                     dmk_space *space);
+/* space.c: local slots for n ghosts, in increasing order, and the own items. part > 1: see above. `spare`: gaps at the
+ * end. */
+int dmk_space_create(dmk_context *context, size_t n, const int64_t *ghost, int32_t part,
+                     int32_t spare, dmk_space *space);
 void dmk_space_free(dmk_space *space);
-/* The local slot of a whole number, or -1. */
-int32_t dmk_space_slot(const dmk_space *space, int32_t whole);
-static inline bool dmk_space_owns(const dmk_space *s, int32_t whole)
+/* The local slot of a whole number, or -1; and the whole number at a slot, or -1 for a gap. */
+int32_t dmk_space_slot(const dmk_space *space, int64_t whole);
+int64_t dmk_space_whole(const dmk_space *space, int32_t slot);
+static inline bool dmk_space_owns(const dmk_space *s, int64_t whole)
 {
     return whole >= s->first && whole < s->end;
 }
+static inline int32_t dmk_space_own(const dmk_space *s)
+{
+    return (int32_t)(s->end - s->first);
+}
 
-/* What a halo brings: the marked items of a space that others own, to slots from `offset` on. */
+/* What a halo brings: ghosts of a space, to slots from `offset` on. */
 typedef struct dmk_need {
     const dmk_space *space;
-    const uint8_t *mark;
+    size_t n;
+    const int64_t *ghost; /* increasing */
     int32_t offset;
 } dmk_need;
 int dmk_halo_create(dmk_context *context, dmk_share *share, int n, const dmk_need *need,

@@ -10,64 +10,49 @@ static int32_t align(int32_t slot, int32_t part)
     return (slot + part - 1) / part * part;
 }
 
-static int32_t count_marks(const uint8_t *mark, int32_t begin, int32_t end)
-{
-    int32_t n = 0;
-    for (int32_t i = begin; i < end; i++) n += mark[i] != 0;
-    return n;
-}
-
-/* Slots from `slot` on for the items begin .. end - 1, all of them or the marked ones. */
-static int32_t put(dmk_space *s, const uint8_t *mark, int32_t begin, int32_t end, int32_t slot)
-{
-    for (int32_t i = begin; i < end; i++) {
-        if (mark && !mark[i]) continue;
-        s->whole[slot++] = i;
-    }
-    return slot;
-}
-
-int dmk_space_create(dmk_context *ctx, const uint8_t *mark, int32_t part, int32_t spare,
+int dmk_space_create(dmk_context *ctx, size_t n, const int64_t *ghost, int32_t part, int32_t spare,
                      dmk_space *s)
 {
     int rc;
-    int32_t before = count_marks(mark, 0, s->first), own = s->end - s->first;
-    s->at_first = align(before, part);
-    const int32_t after = s->after = align(s->at_first + own, part);
-    s->n = after + count_marks(mark, s->end, s->n_whole) + spare;
-    DMK_TRY(DMK_NEW(ctx, s->whole, (size_t)s->n));
-    for (int32_t i = 0; i < s->n; i++) s->whole[i] = -1;
-    put(s, mark, 0, s->first, 0);
-    put(s, NULL, s->first, s->end, s->at_first);
-    put(s, mark, s->end, s->n_whole, after);
+    DMK_TRY(DMK_NEW(ctx, s->ghost, n));
+    if (n > 0) memcpy(s->ghost, ghost, n * sizeof *ghost);
+    s->n_ghosts = (int32_t)n;
+    s->n_before = 0;
+    while (s->n_before < s->n_ghosts && ghost[s->n_before] < s->first) s->n_before++;
+    s->at_first = align(s->n_before, part);
+    s->after = align(s->at_first + dmk_space_own(s), part);
+    s->n = s->after + s->n_ghosts - s->n_before + spare;
 done:
     return rc;
 }
 
-/* Where ghosts lie from `begin` on, before the first gap or `end`. */
-static int32_t search(const dmk_space *s, int32_t begin, int32_t end, int32_t whole)
+int32_t dmk_space_slot(const dmk_space *s, int64_t whole)
 {
+    int32_t begin = 0, end = s->n_ghosts;
+    if (dmk_space_owns(s, whole)) return s->at_first + (int32_t)(whole - s->first);
     while (begin < end) {
-        const int32_t middle = begin + (end - begin) / 2, there = s->whole[middle];
-        if (there == whole) return middle;
-        if (there >= 0 && there < whole)
+        const int32_t middle = begin + (end - begin) / 2;
+        if (s->ghost[middle] < whole)
             begin = middle + 1;
         else
             end = middle;
     }
-    return -1;
+    if (begin == s->n_ghosts || s->ghost[begin] != whole) return -1;
+    return begin < s->n_before ? begin : s->after + begin - s->n_before;
 }
 
-int32_t dmk_space_slot(const dmk_space *s, int32_t whole)
+int64_t dmk_space_whole(const dmk_space *s, int32_t slot)
 {
-    if (dmk_space_owns(s, whole)) return s->at_first + whole - s->first;
-    if (whole < s->first) return search(s, 0, s->at_first, whole);
-    return search(s, s->after, s->n, whole);
+    if (slot < s->n_before) return s->ghost[slot];
+    if (slot < s->at_first) return -1;
+    if (slot - s->at_first < dmk_space_own(s)) return s->first + (slot - s->at_first);
+    const int32_t ghost = slot - s->after + s->n_before;
+    return slot < s->after || ghost >= s->n_ghosts ? -1 : s->ghost[ghost];
 }
 
 void dmk_space_free(dmk_space *s)
 {
-    free(s->whole);
+    free(s->ghost);
     free(s->bound);
     memset(s, 0, sizeof *s);
 }

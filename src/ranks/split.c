@@ -7,7 +7,8 @@
 /* Whether a local slot holds an item of another rank. */
 static bool is_ghost(const dmk_space *s, int32_t slot)
 {
-    return s->whole[slot] >= 0 && !dmk_space_owns(s, s->whole[slot]);
+    const int64_t whole = dmk_space_whole(s, slot);
+    return whole >= 0 && !dmk_space_owns(s, whole);
 }
 
 static int upload(dmk_context *ctx, const dmk_share *share, size_t n, const int32_t *list,

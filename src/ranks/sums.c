@@ -14,9 +14,9 @@ typedef struct run {
     int32_t whole; /* the whole mesh's part with its first item */
 } run;
 
-static int32_t parts(const dmk_share *s, int32_t items)
+static int32_t parts(const dmk_share *s, int64_t items)
 {
-    return (items + s->part - 1) / s->part;
+    return (int32_t)((items + s->part - 1) / s->part);
 }
 
 /* Parts of rank r. */
@@ -82,7 +82,7 @@ static bool has_block(const passing *p, int32_t i, int32_t end)
 /* Rank r's parts of a run in the whole. */
 static int32_t first_part(const dmk_share *s, const run *one, int r)
 {
-    return one->whole + one->space->bound[r] / s->part;
+    return one->whole + (int32_t)(one->space->bound[r] / s->part);
 }
 
 static int32_t end_part(const dmk_share *s, const run *one, int r)
@@ -276,20 +276,24 @@ int dmk_ranks_spread(dmk_context *ctx, const dmk_ranks *ranks, void *data, size_
     return dmk_ranks_spread_from(ctx, ranks, 0, data, bytes);
 }
 
-int dmk_share_in_turn(dmk_context *ctx, dmk_share *s, double *sum,
+int dmk_ranks_in_turn(dmk_context *ctx, const dmk_ranks *ranks, double *sum,
                       void (*add)(void *data, double *sum), void *data)
 {
     int rc = DMK_OK;
-    if (!s) {
-        add(data, sum);
-        return DMK_OK;
-    }
-    for (int r = 0; r < s->ranks.size; r++) {
-        if (r == s->ranks.rank) add(data, sum);
-        DMK_TRY(dmk_ranks_spread_from(ctx, &s->ranks, r, sum, sizeof *sum));
+    for (int r = 0; r < ranks->size; r++) {
+        if (r == ranks->rank) add(data, sum);
+        DMK_TRY(dmk_ranks_spread_from(ctx, ranks, r, sum, sizeof *sum));
     }
 done:
     return rc;
+}
+
+int dmk_share_in_turn(dmk_context *ctx, dmk_share *s, double *sum,
+                      void (*add)(void *data, double *sum), void *data)
+{
+    if (s) return dmk_ranks_in_turn(ctx, &s->ranks, sum, add, data);
+    add(data, sum);
+    return DMK_OK;
 }
 
 int dmk_share_join(dmk_context *ctx, dmk_share *s, size_t n, size_t item, const void *own,
@@ -320,7 +324,8 @@ done:
 static void take(const dmk_space *space, const double *whole, double *local)
 {
     for (int32_t i = 0; i < space->n; i++) {
-        if (space->whole[i] >= 0) local[i] = whole[space->whole[i]];
+        const int64_t from = dmk_space_whole(space, i);
+        if (from >= 0) local[i] = whole[from];
     }
 }
 

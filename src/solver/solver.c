@@ -21,7 +21,8 @@ static void forget_component(dmk_solver *s)
     s->component = -1;
     free(s->f);
     s->f = NULL;
-    s->lean = false;
+    s->lean = s->planted = false;
+    dmk_plot_free(&s->plot);
 }
 
 /* The component in order; a mesh that was given goes on the way. */
@@ -38,6 +39,9 @@ int dmk_solver_order(dmk_context *ctx, dmk_solver *s, int32_t component)
 {
     int rc;
     if (component == s->component) return DMK_OK;
+    if (s->pieces)
+        return dmk_fail(ctx, DMK_E_ARG,
+                        "of a mesh in pieces there is a density from a point alone");
     forget_component(s);
     /* Of several components the size of this one is not known yet. */
     if (s->device && s->mesh->n_components == 1)
@@ -100,6 +104,7 @@ void dmk_solver_destroy(dmk_solver **solver)
     if (!s) return;
     forget_component(s);
     dmk_mesh_destroy(&s->given);
+    dmk_pieces_destroy(&s->pieces);
     free(s);
     *solver = NULL;
 }
@@ -118,6 +123,7 @@ int dmk_solver_set_ranks(dmk_context *ctx, dmk_solver *s, const dmk_ranks *ranks
 {
     if (dmk_missing(ctx, "solver", s)) return DMK_E_ARG;
     if (ranks && dmk_ranks_given(ctx, ranks) != DMK_OK) return DMK_E_ARG;
+    if (s->pieces) return dmk_fail(ctx, DMK_E_ARG, "the ranks are those of the mesh's pieces");
     forget_component(s);
     s->ranks = ranks ? *ranks : (dmk_ranks){0};
     return DMK_OK;
@@ -375,7 +381,8 @@ static int pack_lean(dmk_context *ctx, dmk_solver *s, const dmk_point *source)
 {
     farewell last = {s, source};
     const dmk_system_dealt dealt = {.call = keep_share, .user = &last};
-    return dmk_system_deal(ctx, s->device, &s->mollified, &s->ranks, &dealt, &s->system);
+    const dmk_ground ground = {.mesh = &s->mollified};
+    return dmk_system_deal(ctx, s->device, &ground, &s->ranks, &dealt, &s->system);
 }
 
 /* near: what is done while the others pack, or NULL. */
@@ -383,8 +390,9 @@ static int pack_beside(dmk_context *ctx, dmk_solver *s, start *near)
 {
     const dmk_system_dealt dealt = {
         .call = near ? tell_distance : NULL, .user = near, .handed = true};
+    const dmk_ground ground = {.mesh = &s->mollified};
     if (s->ranks.size <= 1) return dmk_system_create(ctx, s->device, &s->mollified, &s->system);
-    return dmk_system_deal(ctx, s->device, &s->mollified, &s->ranks, &dealt, &s->system);
+    return dmk_system_deal(ctx, s->device, &ground, &s->ranks, &dealt, &s->system);
 }
 
 int dmk_solver_pack(dmk_context *ctx, dmk_solver *s)
@@ -427,6 +435,10 @@ static int set_up_alone(dmk_context *ctx, dmk_solver *s, start *near)
 static int set_up(dmk_context *ctx, dmk_solver *s, start *near)
 {
     int rc = DMK_OK;
+    if (s->planted) {
+        DMK_TRY(dmk_planted_pack(ctx, s, near->source));
+        if (s->planted) return DMK_OK;
+    }
     if (s->ranks.size <= 1) return set_up_alone(ctx, s, near);
     if (!near->own) return s->system ? DMK_OK : pack_lean(ctx, s, near->source);
     DMK_TRY(measure(ctx, near));
@@ -675,6 +687,14 @@ done:
     return rc;
 }
 
+/* The source in the order, which the result shares. */
+static void find_place(const dmk_solver *s, dmk_result *r, dmk_point *p)
+{
+    r->order = dmk_shared_order_keep(s->order);
+    r->source_triangle = find_triangle(&s->order->order, p->triangle);
+    p->triangle = r->source_triangle;
+}
+
 int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
               const dmk_solve_options *options, dmk_result **result)
 {
@@ -689,17 +709,20 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
                         "the solver's mesh was given to it for one solve, and is gone");
     DMK_TRY(dmk_point_check(ctx, s->mesh, "the source", source));
     DMK_TRY(dmk_solver_take_options(ctx, options, &chosen));
+    if (s->pieces && !chosen.density_only)
+        return dmk_fail(ctx, DMK_E_ARG,
+                        "of a mesh in pieces there is the density alone: density_only = 1");
     if (s->lean) forget_component(s); /* its right-hand side is another source's */
     DMK_TRY(dmk_result_create(ctx, s->mesh, &r));
     double began = dmk_seconds();
-    int32_t component = dmk_mesh_component(s->mesh, (int32_t)source->triangle);
-    DMK_TRY(dmk_solver_order(ctx, s, component));
+    if (s->pieces)
+        DMK_TRY(dmk_solver_plant(ctx, s, source->triangle));
+    else
+        DMK_TRY(dmk_solver_order(ctx, s, dmk_mesh_component(s->mesh, (int32_t)source->triangle)));
     r->stats.gap = NAN; /* until it is computed */
     r->source = *source;
-    r->order = dmk_shared_order_keep(s->order);
-    r->source_triangle = find_triangle(&s->order->order, source->triangle);
     dmk_point p = *source;
-    p.triangle = r->source_triangle;
+    if (!s->planted) find_place(s, r, &p);
 
     near.solver = s;
     near.from = chosen.start;
@@ -707,11 +730,12 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     near.own = chosen.density_only ? NULL : s->order->order.mesh;
     near.source = &p;
     DMK_TRY(prepare(ctx, s, &near, began, r->stats.seconds));
+    if (s->order && !r->order) find_place(s, r, &p); /* the share was too small after all */
     double t1 = dmk_seconds();
     dmk_iteration o = {.ctx = ctx,
                        .sys = s->system,
                        .mesh = near.mesh,
-                       .triangle_old = s->order->order.triangle_old,
+                       .triangle_old = s->order ? s->order->order.triangle_old : NULL,
                        .options = &chosen,
                        .asked = chosen.method,
                        .floor = DMK_FLOOR,
@@ -722,8 +746,12 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     DMK_TRY(iterate(s, &near, &chosen, &o));
     DMK_TRY(dmk_certify(&o, true));
     r->stats.seconds[DMK_STAGE_SOLVE] = dmk_seconds() - t1 - r->stats.seconds[DMK_STAGE_CERTIFY];
-    dmk_solver_name_steep(s, &r->stats);
-    DMK_TRY(collect(ctx, s, &near, chosen.threshold, r));
+    if (s->planted) {
+        DMK_TRY(dmk_planted_collect(ctx, s, source, r));
+    } else {
+        dmk_solver_name_steep(s, &r->stats);
+        DMK_TRY(collect(ctx, s, &near, chosen.threshold, r));
+    }
     r->geodesics = near.geodesics;
     near.geodesics = NULL;
     dmk_solver_scale_stats(s, s->system->unit * s->system->unit, &r->stats);

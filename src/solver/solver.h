@@ -2,6 +2,7 @@
 #ifndef DMK_SOLVER_H
 #define DMK_SOLVER_H
 
+#include "ranks/pieces.h"
 #include "solver/iteration.h"
 #include "solver/result.h"
 
@@ -15,11 +16,24 @@ struct dmk_solver {
     dmk_shared_order *order;
     dmk_mesh mollified; /* the ordered mesh with the metric that is computed with */
     dmk_system *system;
-    bool lean;       /* of the mesh there is a share only: */
-    double *f;       /* its right-hand side */
-    int32_t node[6]; /* whole rows of the source's nodes */
+    bool lean;          /* of the mesh there is a share only: */
+    double *f;          /* its right-hand side */
+    int32_t node[6];    /* whole rows of the source's nodes */
+    dmk_pieces *pieces; /* in place of a mesh, of which there are the counts alone; */
+    dmk_mesh counts;
+    dmk_plot
+        plot; /* then this rank's share of the component in order: its mesh until it is packed */
+    bool planted; /* it is that, and no rank has an order */
 };
 
+/* pieces.c: the component of a triangle of the input in order, of which each rank has its share; or all of a small one,
+ * as if it had been read whole. */
+int dmk_solver_plant(dmk_context *context, dmk_solver *solver, int64_t triangle);
+/* The system of the share, and f. */
+int dmk_planted_pack(dmk_context *context, dmk_solver *solver, const dmk_point *source);
+/* The results on the first rank, in the input's order and units. */
+int dmk_planted_collect(dmk_context *context, dmk_solver *solver, const dmk_point *source,
+                        dmk_result *result);
 /* DMK_E_ARG for options out of their range. */
 int dmk_solver_take_options(dmk_context *context, const dmk_solve_options *given,
                             dmk_solve_options *options);

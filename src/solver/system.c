@@ -18,6 +18,7 @@ typedef struct packer {
     dmk_context *ctx;
     dmk_device *dev;
     const dmk_mesh *mesh;
+    const dmk_ground *ground; /* with ranks: that mesh, or this one's part of it */
     dmk_system *sys;
     bool spend; /* free the hierarchy's arrays as soon as they are packed */
 } packer;
@@ -85,19 +86,60 @@ done:
     return rc;
 }
 
-/* Share of triangles with an element bound above 2.5 (see stiffness_bound in density.cl): flatter than
- * a right angle by far. Few do no harm, as a flat triangle damps its own nodes only.
- * And the largest cotangent. */
-static double share_of_needles(const dmk_mesh *m, double *sharpest)
+/* Triangles with an element bound above 2.5 (see stiffness_bound in density.cl): flatter than a right angle by far. Few
+ * do no harm, as a flat triangle damps its own nodes only. And the largest cotangent. */
+typedef struct needles {
+    const dmk_mesh *mesh;
+    int32_t begin, end; /* of its triangles */
+    int64_t n;
+    double sharpest;
+} needles;
+
+static void find_needles(needles *f)
 {
-    int32_t count = 0;
-    for (int32_t t = 0; t < m->n_triangles; t++) {
+    const dmk_mesh *m = f->mesh;
+    for (int32_t t = f->begin; t < f->end; t++) {
         const double c[3] = {dmk_cot(m, 3 * t), dmk_cot(m, 3 * t + 1), dmk_cot(m, 3 * t + 2)};
         double s = 1 / (1 + c[0] * c[0]) + 1 / (1 + c[1] * c[1]) + 1 / (1 + c[2] * c[2]);
-        *sharpest = fmax(*sharpest, fmax(fabs(c[0]), fmax(fabs(c[1]), fabs(c[2]))));
-        count += 1.5 + sqrt(fmax(2.25 - s, 0)) > 2.5;
+        f->sharpest = fmax(f->sharpest, fmax(fabs(c[0]), fmax(fabs(c[1]), fabs(c[2]))));
+        f->n += 1.5 + sqrt(fmax(2.25 - s, 0)) > 2.5;
     }
-    return (double)count / m->n_triangles;
+}
+
+static void add_needles(void *data, double *sum)
+{
+    const needles *f = data;
+    *sum += (double)f->n;
+}
+
+static void take_sharpest(void *data, double *sharpest)
+{
+    const needles *f = data;
+    *sharpest = fmax(*sharpest, f->sharpest);
+}
+
+/* What the smoother's degree hangs on; with a part of the mesh here, of all ranks. */
+static int look_at_angles(dmk_context *ctx, const dmk_ranks *ranks, const dmk_ground *g,
+                          dmk_system *s)
+{
+    int rc = DMK_OK;
+    needles f = {.mesh = g->mesh, .end = g->mesh->n_triangles};
+    double n;
+    if (g->element) {
+        while (f.begin < f.end && g->element[f.begin] < g->bound[0][ranks->rank]) f.begin++;
+        f.end = f.begin + (int32_t)(g->bound[0][ranks->rank + 1] - g->bound[0][ranks->rank]);
+    }
+    find_needles(&f);
+    n = (double)f.n;
+    s->sharpest = f.sharpest;
+    if (g->element) {
+        n = 0;
+        DMK_TRY(dmk_ranks_in_turn(ctx, ranks, &n, add_needles, &f));
+        DMK_TRY(dmk_ranks_in_turn(ctx, ranks, &s->sharpest, take_sharpest, &f));
+    }
+    s->usual_degree = n / s->whole.n_elements > 0.05 ? 3 : 2;
+done:
+    return rc;
 }
 
 static int upload_slices(const packer *p, const dmk_sell *s, dmk_buffer **slice, dmk_buffer **entry,
@@ -594,8 +636,8 @@ static void set_counts(dmk_system *s, const dmk_mesh *packed)
     s->n_rows_pad = c.n_rows_pad;
 }
 
-/* The share in the mesh's place, whose neighbours are not known yet. `keep`: the whole hierarchy stays. */
-static int pack_own(const packer *p, dmk_hierarchy *whole, bool keep)
+/* The share in the mesh's place, whose neighbours are not known yet. */
+static int pack_own(const packer *p, dmk_parts *parts)
 {
     int rc;
     dmk_share *share = p->sys->share;
@@ -603,7 +645,7 @@ static int pack_own(const packer *p, dmk_hierarchy *whole, bool keep)
     packer mine = *p;
     mine.spend = false; /* two hierarchies have the levels that are whole */
     mine.mesh = &share->mesh;
-    DMK_TRY(dmk_share_levels(p->ctx, share, whole, keep, &local));
+    DMK_TRY(dmk_share_levels(p->ctx, share, parts, &local));
     DMK_TRY(pack_fine(&mine));
     DMK_TRY(pack_levels(&mine, &local.hierarchy));
 done:
@@ -623,58 +665,73 @@ done:
 
 static int fill_share(const packer *p)
 {
-    const int rc = dmk_share_fill(p->ctx, p->sys->share, p->mesh);
+    const int rc = dmk_share_fill(p->ctx, p->sys->share, p->ground);
     if (rc == DMK_OK) set_counts(p->sys, &p->sys->share->mesh);
     return rc;
 }
 
 /* All ranks at the same step. */
-static int pack_together(const packer *p, const dmk_system_dealt *dealt, dmk_hierarchy *whole)
+static int pack_together(const packer *p, const dmk_system_dealt *dealt, dmk_parts *parts)
 {
     int rc;
     dmk_share *share = p->sys->share;
     if (!share) {
-        DMK_TRY(dmk_hierarchy_create(p->ctx, p->mesh, COARSEST, whole));
-        return pack_whole(p, whole);
+        if (p->ground->element) return DMK_OK;
+        DMK_TRY(dmk_hierarchy_create(p->ctx, p->mesh, COARSEST, &parts->whole));
+        return pack_whole(p, &parts->whole);
     }
-    DMK_TRY(dmk_share_coarsen(p->ctx, share, p->mesh, COARSEST, whole));
-    if (whole->n == 0) return pack_whole(p, whole);
-    DMK_TRY(dmk_share_deal(p->ctx, share, p->mesh, whole));
+    DMK_TRY(dmk_share_coarsen(p->ctx, share, p->ground, COARSEST, parts));
+    if (parts->whole.n == 0) {
+        if (!p->ground->element) return pack_whole(p, &parts->whole);
+        dmk_share_destroy(&p->sys->share);
+        return DMK_OK;
+    }
+    DMK_TRY(dmk_share_deal(p->ctx, share, p->ground, parts));
     DMK_TRY(dmk_share_connect(p->ctx, share));
     DMK_TRY(fill_share(p));
     DMK_TRY(dealt->call(p->ctx, dealt->user, p->sys));
-    rc = pack_own(p, whole, false);
+    rc = pack_own(p, parts);
     dmk_share_forget(share);
 done:
     return rc;
 }
 
-static int deal_own(const packer *p, dmk_hierarchy *whole)
+static int deal_own(const packer *p, dmk_parts *parts)
 {
     int rc;
-    DMK_TRY(dmk_share_deal(p->ctx, p->sys->share, p->mesh, whole));
+    DMK_TRY(dmk_share_deal(p->ctx, p->sys->share, p->ground, parts));
     DMK_TRY(fill_share(p));
-    rc = pack_own(p, whole, true);
+    rc = pack_own(p, parts);
+done:
+    return rc;
+}
+
+/* The last rank's, before the others come. */
+static int make_first(const packer *p, dmk_parts *parts)
+{
+    int rc;
+    dmk_share *share = p->sys->share;
+    DMK_TRY(dmk_hierarchy_create(p->ctx, p->mesh, COARSEST, &parts->whole));
+    if (!share || parts->whole.n == 0) return DMK_OK;
+    DMK_TRY(dmk_share_bound(p->ctx, share, &parts->whole));
+    DMK_TRY(dmk_share_cut(p->ctx, share, &parts->whole, share->ranks.rank, parts->part));
+    rc = deal_own(p, parts);
 done:
     return rc;
 }
 
 /* The first rank comes later: the last one has coarsened the mesh and packed its own share by then, and after the
  * call it has time, while the others do. */
-static int pack_handed(const packer *p, const dmk_system_dealt *dealt, dmk_hierarchy *whole)
+static int pack_handed(const packer *p, const dmk_system_dealt *dealt, dmk_parts *parts)
 {
     int rc = DMK_OK;
     dmk_share *share = p->sys->share;
     const bool makes = !share || share->ranks.rank == share->ranks.size - 1;
-    if (makes) DMK_TRY(dmk_hierarchy_create(p->ctx, p->mesh, COARSEST, whole));
-    if (share && makes) {
-        DMK_TRY(dmk_share_bound(p->ctx, share, whole));
-        if (whole->n > 0) DMK_TRY(deal_own(p, whole));
-    }
-    if (share) DMK_TRY(dmk_share_hand(p->ctx, share, p->mesh, whole));
+    if (makes) DMK_TRY(make_first(p, parts));
+    if (share) DMK_TRY(dmk_share_hand(p->ctx, share, parts));
     if (dealt->call) DMK_TRY(dealt->call(p->ctx, dealt->user, p->sys));
-    if (!share || whole->n == 0) return pack_whole(p, whole);
-    if (!makes) DMK_TRY(deal_own(p, whole));
+    if (!share || parts->whole.n == 0) return pack_whole(p, &parts->whole);
+    if (!makes) DMK_TRY(deal_own(p, parts));
     DMK_TRY(dmk_share_connect(p->ctx, share));
     dmk_share_forget(share);
 done:
@@ -684,11 +741,13 @@ done:
 static int pack_share(const packer *p, const dmk_ranks *ranks, const dmk_system_dealt *dealt)
 {
     int rc;
-    dmk_hierarchy whole = {.n = 0};
-    DMK_TRY(dmk_share_begin(p->ctx, ranks, p->dev, p->mesh, &p->sys->share));
-    rc = dealt->handed ? pack_handed(p, dealt, &whole) : pack_together(p, dealt, &whole);
+    dmk_parts *parts = NULL;
+    DMK_TRY(DMK_NEW(p->ctx, parts, 1));
+    DMK_TRY(dmk_share_begin(p->ctx, ranks, p->dev, p->ground, &p->sys->share));
+    rc = dealt->handed ? pack_handed(p, dealt, parts) : pack_together(p, dealt, parts);
 done:
-    dmk_hierarchy_free(&whole);
+    if (parts) dmk_parts_free(parts);
+    free(parts);
     return rc;
 }
 
@@ -704,32 +763,44 @@ dmk_counts dmk_system_counts(const dmk_device *device, const dmk_mesh *mesh)
     return c;
 }
 
+static dmk_counts count_whole(const dmk_device *device, const dmk_ranks *ranks, const dmk_ground *g)
+{
+    if (!g->element) return dmk_system_counts(device, g->mesh);
+    const dmk_mesh whole = {.n_triangles = (int32_t)g->bound[0][ranks->size],
+                            .n_edges = (int32_t)g->bound[1][ranks->size],
+                            .n_vertices = (int32_t)g->bound[2][ranks->size]};
+    return dmk_system_counts(device, &whole);
+}
+
 int dmk_system_create(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh,
                       dmk_system **system)
 {
-    return dmk_system_deal(ctx, device, mesh, NULL, NULL, system);
+    const dmk_ground ground = {.mesh = mesh};
+    return dmk_system_deal(ctx, device, &ground, NULL, NULL, system);
 }
 
-int dmk_system_deal(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh,
+int dmk_system_deal(dmk_context *ctx, dmk_device *device, const dmk_ground *given,
                     const dmk_ranks *ranks, const dmk_system_dealt *dealt, dmk_system **system)
 {
     int rc;
-    double area = 0;
     dmk_system *s = NULL;
+    dmk_ground ground = *given;
+    const dmk_mesh *mesh = ground.mesh;
+    for (int32_t t = 0; t < mesh->n_triangles && !ground.element; t++) ground.area += mesh->area[t];
     DMK_TRY(DMK_NEW(ctx, s, 1));
     s->device = device;
-    for (int32_t t = 0; t < mesh->n_triangles; t++) area += mesh->area[t];
-    s->unit = sqrt(area);
-    s->usual_degree = share_of_needles(mesh, &s->sharpest) > 0.05 ? 3 : 2;
+    s->unit = sqrt(ground.area);
+    s->whole = count_whole(device, ranks, &ground);
+    DMK_TRY(look_at_angles(ctx, ranks, &ground, s));
     s->fine_degree = s->usual_degree;
     s->newton_degree = 2;
-    s->whole = dmk_system_counts(device, mesh);
     set_counts(s, mesh);
-    packer p = {ctx, device, mesh, s, true};
+    packer p = {ctx, device, mesh, &ground, s, true};
     if (dealt)
         DMK_TRY(pack_share(&p, ranks, dealt));
     else
         DMK_TRY(pack_all(&p));
+    if (ground.element && !s->share) goto done;
     DMK_TRY(dmk_kernels_create(ctx, device, &s->kernels)); /* they may have been built meanwhile */
     *system = s;
     s = NULL;
@@ -792,7 +863,8 @@ int dmk_elements_fill(dmk_context *ctx, dmk_system *s, dmk_buffer *elements, dou
     const size_t n = (size_t)s->n_elements;
     if (!s->share) return dmk_buffer_fill_real(ctx, s->device, DMK_OUTER, elements, n, value);
     DMK_TRY(DMK_NEW(ctx, local, n));
-    for (size_t t = 0; t < n; t++) local[t] = s->share->element.whole[t] >= 0 ? value : 0;
+    for (size_t t = 0; t < n; t++)
+        local[t] = dmk_space_whole(&s->share->element, (int32_t)t) >= 0 ? value : 0;
     DMK_TRY(dmk_buffer_write_real(ctx, s->device, DMK_OUTER, elements, n, local));
 done:
     free(local);

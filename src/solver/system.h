@@ -104,7 +104,9 @@ typedef struct dmk_system_dealt {
     void *user;
     bool handed;
 } dmk_system_dealt;
-int dmk_system_deal(dmk_context *context, dmk_device *device, const dmk_mesh *mesh,
+/* ground: the mesh, whose area need not be there if it is whole. Of a part of one that is too small to be dealt out, or
+ * has no levels, nothing is made, *system stays as it is. */
+int dmk_system_deal(dmk_context *context, dmk_device *device, const dmk_ground *ground,
                     const dmk_ranks *ranks, const dmk_system_dealt *dealt, dmk_system **system);
 void dmk_system_destroy(dmk_system **system);
 /* mu, u and f, zeroed; and with them all work arrays. Nothing to do for what is there; on failure nothing

@@ -27,8 +27,9 @@ enum { KEPT = 1 << 30 };
 
 /* A path between two vertices that are kept, or at which more than two edges meet. */
 typedef struct path {
-    int32_t end[2];    /* whole numbers */
-    int32_t bin, edge; /* its worst edge, the last one in the order of the tree; whole number */
+    int64_t end[2]; /* whole numbers */
+    int64_t edge;   /* its worst edge, the last one in the order of the tree; whole number */
+    int32_t bin;
     double load[2], error[2]; /* of the vertices inside, before and behind that edge */
 } path;
 
@@ -41,7 +42,7 @@ typedef struct trail {
 
 /* What sits at an end of paths, or what one rank knows of it. */
 typedef struct node {
-    int32_t vertex;
+    int64_t vertex;
     double load, error;
 } node;
 
@@ -199,7 +200,7 @@ static void keep_ends(const dmk_tree *t, const forest *f)
         const bool own = e >= t->edges[0] && e < t->edges[1];
         for (size_t k = 0; k < 2; k++) {
             const int32_t v = t->mesh->edge_vertex[2 * (size_t)e + k];
-            if (own != dmk_space_owns(vertex, vertex->whole[v])) f->degree[v] |= KEPT;
+            if (own != dmk_space_owns(vertex, dmk_space_whole(vertex, v))) f->degree[v] |= KEPT;
         }
     }
 }
@@ -228,8 +229,8 @@ static void follow(const dmk_tree *t, const forest *f, trail *way)
     }
     way->vertex[1] = v;
     way->edge[1] = e;
-    p->edge = t->share->edge.whole[way->worst];
-    for (int k = 0; k < 2; k++) p->end[k] = t->share->vertex[0].whole[way->vertex[k]];
+    p->edge = dmk_space_whole(&t->share->edge, way->worst);
+    for (int k = 0; k < 2; k++) p->end[k] = dmk_space_whole(&t->share->vertex[0], way->vertex[k]);
 }
 
 static int compare_trails(const void *a, const void *b)
@@ -293,7 +294,7 @@ static int gather_nodes(dmk_context *ctx, const dmk_tree *t, const forest *f, sk
     n = 0;
     for (int32_t v = 0; v < f->n; v++) {
         if (f->degree[v] > 2)
-            own[n++] = (node){t->share->vertex[0].whole[v], f->load[v], f->error[v]};
+            own[n++] = (node){dmk_space_whole(&t->share->vertex[0], v), f->load[v], f->error[v]};
     }
     DMK_TRY(dmk_share_join(ctx, t->share, n, sizeof *own, own, &s->n_nodes, (void **)&s->node));
     merge_nodes(s);

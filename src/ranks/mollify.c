@@ -1,0 +1,177 @@
+/* The metric of mesh/mollify.c on a mesh in ranks' shares: triangles take their turn in the order of the whole, rank
+ * after rank, so that lengths have the same bits. */
+#include "ranks/pieces.h"
+
+#include "mesh/mollify.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* Edges that several ranks have: those here that others own, and those that others have of the own ones. */
+typedef struct borders {
+    const dmk_ranks *ranks;
+    int32_t *n_ghosts, *n_shown, *ghost, *shown; /* by rank: numbers, and local edges */
+} borders;
+
+static void borders_free(borders *b)
+{
+    free(b->n_ghosts);
+    free(b->n_shown);
+    free(b->ghost);
+    free(b->shown);
+}
+
+static int find_borders(dmk_context *ctx, const dmk_ranks *ranks, const dmk_plot *plot, borders *b)
+{
+    int rc;
+    const int32_t n = plot->mesh.n_edges;
+    int32_t k = 0, first = 0;
+    dmk_mail mail = {.item = sizeof *plot->edge};
+    b->ranks = ranks;
+    DMK_TRY(DMK_NEW(ctx, b->n_ghosts, (size_t)ranks->size));
+    DMK_TRY(DMK_NEW(ctx, b->n_shown, (size_t)ranks->size));
+    DMK_TRY(DMK_NEW(ctx, b->ghost, (size_t)n));
+    while (first < n && plot->edge[first] < plot->bound[1][ranks->rank]) first++;
+    for (int32_t e = 0; e < n; e++) {
+        const int owner = dmk_owner(plot->bound[1], ranks->size, plot->edge[e]);
+        if (owner == ranks->rank) continue;
+        b->n_ghosts[owner]++;
+        b->ghost[k++] = e;
+        DMK_TRY(dmk_mail_add(ctx, &mail, owner, &plot->edge[e]));
+    }
+    DMK_TRY(dmk_mail_send(ctx, ranks, &mail));
+    DMK_TRY(DMK_NEW(ctx, b->shown, mail.n));
+    const int64_t *number = (const void *)mail.data;
+    for (int r = 0; r < ranks->size; r++)
+        b->n_shown[r] = (int32_t)(mail.first[r + 1] - mail.first[r]);
+    /* Not all own edges are of elements here, but those that others have are. */
+    for (size_t i = 0; i < mail.n; i++) {
+        int32_t begin = first, end = n;
+        while (begin < end) {
+            const int32_t middle = begin + (end - begin) / 2;
+            if (plot->edge[middle] < number[i])
+                begin = middle + 1;
+            else
+                end = middle;
+        }
+        b->shown[i] = begin;
+    }
+done:
+    dmk_mail_free(&mail);
+    return rc;
+}
+
+static int32_t sum_of(const borders *b, const int32_t *n)
+{
+    int32_t sum = 0;
+    for (int r = 0; r < b->ranks->size; r++) sum += n[r];
+    return sum;
+}
+
+/* Rank r's lengths to the owners of its edges. */
+static int tell_owners(dmk_context *ctx, const borders *b, int r, double *length)
+{
+    int rc;
+    const size_t size = (size_t)b->ranks->size;
+    const int32_t n = b->ranks->rank == r ? sum_of(b, b->n_ghosts) : 0;
+    int32_t *none = NULL, *in = NULL, at = 0;
+    double *sent = NULL, *came = NULL;
+    DMK_TRY(DMK_NEW(ctx, none, size));
+    DMK_TRY(DMK_NEW(ctx, in, size));
+    if (b->ranks->rank != r) in[r] = b->n_shown[r];
+    DMK_TRY(DMK_NEW(ctx, sent, (size_t)n));
+    DMK_TRY(DMK_NEW(ctx, came, (size_t)in[r]));
+    for (int32_t i = 0; i < n; i++) sent[i] = length[b->ghost[i]];
+    DMK_TRY(dmk_exchange(ctx, b->ranks, b->ranks->rank == r ? b->n_ghosts : none, in, sizeof *sent,
+                         sent, came));
+    for (int q = 0; q < r; q++) at += b->n_shown[q];
+    for (int32_t i = 0; i < in[r]; i++) length[b->shown[at + i]] = came[i];
+done:
+    free(none);
+    free(in);
+    free(sent);
+    free(came);
+    return rc;
+}
+
+/* The owners' lengths to all. */
+static int tell_all(dmk_context *ctx, const borders *b, double *length)
+{
+    int rc;
+    const int32_t n_out = sum_of(b, b->n_shown), n_in = sum_of(b, b->n_ghosts);
+    double *sent = NULL, *came = NULL;
+    DMK_TRY(DMK_NEW(ctx, sent, (size_t)n_out));
+    DMK_TRY(DMK_NEW(ctx, came, (size_t)n_in));
+    for (int32_t i = 0; i < n_out; i++) sent[i] = length[b->shown[i]];
+    DMK_TRY(dmk_exchange(ctx, b->ranks, b->n_shown, b->n_ghosts, sizeof *sent, sent, came));
+    for (int32_t i = 0; i < n_in; i++) length[b->ghost[i]] = came[i];
+done:
+    free(sent);
+    free(came);
+    return rc;
+}
+
+/* The own elements of the mesh here: they follow each other. */
+static void own_range(const dmk_plot *plot, int32_t *begin, int32_t *end)
+{
+    *begin = 0;
+    while (*begin < plot->mesh.n_triangles && !dmk_plot_owns(plot, *begin)) (*begin)++;
+    *end = *begin + (int32_t)(plot->own[1] - plot->own[0]);
+}
+
+static int lengthen(dmk_context *ctx, const borders *b, const dmk_plot *plot, double *length)
+{
+    int rc = DMK_OK;
+    int32_t begin, end, thin = 1;
+    own_range(plot, &begin, &end);
+    for (int round = 0; round < DMK_MOLLIFY_ROUNDS && thin > 0; round++) {
+        thin = 0;
+        for (int r = 0; r < b->ranks->size; r++) {
+            if (r == b->ranks->rank) thin = dmk_lengthen(&plot->mesh, begin, end, length);
+            DMK_TRY(tell_owners(ctx, b, r, length));
+            DMK_TRY(tell_all(ctx, b, length));
+        }
+        DMK_TRY(dmk_ranks_check(ctx, b->ranks, b->ranks->largest(b->ranks->user, &thin, 1)));
+    }
+done:
+    return rc;
+}
+
+int dmk_plot_mollify(dmk_context *ctx, const dmk_ranks *ranks, dmk_plot *plot)
+{
+    int rc;
+    int32_t begin, end;
+    double *length = NULL, *area = NULL, after;
+    borders b = {.ghost = NULL};
+    own_range(plot, &begin, &end);
+    int32_t sharp = !dmk_needs_no_mollifying(&plot->mesh, begin, end);
+    DMK_TRY(dmk_ranks_check(ctx, ranks, ranks->largest(ranks->user, &sharp, 1)));
+    if (!sharp) return DMK_OK;
+    dmk_mesh *m = &plot->mesh;
+    DMK_TRY(find_borders(ctx, ranks, plot, &b));
+    DMK_TRY(DMK_NEW(ctx, length, (size_t)m->n_edges));
+    DMK_TRY(DMK_NEW(ctx, area, (size_t)m->n_triangles));
+    memcpy(length, m->length, (size_t)m->n_edges * sizeof *length);
+    DMK_TRY(lengthen(ctx, &b, plot, length));
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        const int32_t *e = m->triangle_edge + 3 * (size_t)t;
+        const double l[3] = {length[e[0]], length[e[1]], length[e[2]]};
+        double cot[3];
+        dmk_measure_sides(l, &area[t], cot);
+    }
+    double *const old_length = m->length, *const old_area = m->area;
+    m->area = area;
+    rc = dmk_plot_add_areas(ctx, ranks, plot, &after);
+    m->area = old_area;
+    if (rc != DMK_OK || !dmk_mollified_is_good(plot->area, after)) goto done;
+    m->length = length;
+    m->area = area;
+    plot->area = after;
+    length = old_length;
+    area = old_area;
+done:
+    borders_free(&b);
+    free(length);
+    free(area);
+    return rc;
+}
