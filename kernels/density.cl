@@ -45,10 +45,11 @@ typedef struct measures {
     sumv energy, mass, slope, square, top;
 } measures;
 
-/* What block b adds to them, where u.g = e; and q = e / area, the mean of |grad u|^2. */
-static void add_measures(int b, realv e, realv area, realv mu, global real *q, measures *sum)
+/* What block b adds to them, where u.g = e, but L at alpha = scale; and q = e / area, the mean of |grad u|^2. */
+static void add_measures(int b, realv e, realv area, realv mu, real scale, global real *q,
+                         measures *sum)
 {
-    const realv square = e / area, m = area * mu, l = log_slope(square);
+    const realv square = e / area, m = area * mu, l = log_slope(scale * scale * square);
     STORE(square, q, AT(b));
     sum->energy += TO_SUM(mu * e);
     sum->mass += TO_SUM(m);
@@ -70,7 +71,7 @@ static void measure_block(int b, int keep, float slack, six x, global const real
               y.m1 * (x.m1 - x.m0) + y.m2 * (x.m2 - x.m0);
     e = fmax(e, (realv)0);
     if (slack > 0) e += (real)slack * farthest(x) * total_flow(f);
-    add_measures(b, e, area, mu, q, sum);
+    add_measures(b, e, area, mu, 1, q, sum);
 }
 
 /* The four sums. */

@@ -46,11 +46,11 @@ KERNEL nested_load(int n, int vertex_row, global const int *restrict slice,
     }
 }
 
-/* q = |grad u|^2, and element_energy's sums.
+/* q = |grad u|^2, and element_energy's sums, L at a scale of u.
  * reads index, cot, area, mu, u (gathered); writes q, scalars
  * moves 12 E + 6 real E + real V bytes, 30 E flops
  * shape blocks of E; numerics the sums in sum_t, in the order of parts */
-KERNEL nested_energy(int n, global const int *restrict index, global const real *restrict cot,
+KERNEL nested_energy(int n, float scale, global const int *restrict index, global const real *restrict cot,
                      global const real *restrict area, global const real *restrict mu,
                      GATHERED real *restrict u, global real *restrict q,
                      volatile global sum_t *partial, int at, global sum_t *restrict scalars,
@@ -65,7 +65,7 @@ KERNEL nested_energy(int n, global const int *restrict index, global const real 
         {
             const three x = gather_corners(u, index, b);
             add_measures(b, linear_product(linear_stiffness(load_three(cot, b), x), x),
-                         LOAD(area, AT(b)), LOAD(mu, AT(b)), q, &sum);
+                         LOAD(area, AT(b)), LOAD(mu, AT(b)), scale, q, &sum);
         }
         leave_measures(s, part, sum);
         leave_max(s, 4, part, sum.top);
@@ -161,7 +161,7 @@ KERNEL nested_update(int n, int vertex_row, float alpha, float D, float bend, fl
             const realv next = grown(old, dy, a, lowest);
             STORE(next, mu, AT(b));
             change += TO_SUM(a * fabs(next - old));
-            add_measures(b, linear_product(linear_stiffness(r, x), x), a, next, q, &sum);
+            add_measures(b, linear_product(linear_stiffness(r, x), x), a, next, 1, q, &sum);
         }
         leave_measures(s, part, sum);
         leave_sum(s, 4, part, change);

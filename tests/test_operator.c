@@ -424,7 +424,7 @@ static void steps_on_t_have_newtons_system(void **state)
     fixture *x = *state;
     dmk_system *s = x->sys;
     const dmk_mesh *m = x->order.mesh;
-    double *u = random_rows(x), *w = random_rows(x), *f = random_rows(x), energy;
+    double *u = random_rows(x), *w = random_rows(x), *f = random_rows(x), slope = 0;
     double *mw = calloc(x->n, sizeof *mw), *rhs = calloc(x->n, sizeof *rhs);
     const double expected = assemble_linear(x, u, w, mw, rhs);
     for (int32_t v = 0; v < m->n_vertices; v++) rhs[s->vertex_row + v] += f[s->vertex_row + v];
@@ -433,10 +433,12 @@ static void steps_on_t_have_newtons_system(void **state)
     ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, s->u, x->n, u));
     ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, s->f, x->n, f));
     ok(x, dmk_nested_load(x->ctx, s));
-    ok(x, dmk_nested_energy(x->ctx, s, 3));
-    ok(x, dmk_buffer_read_real(x->ctx, x->dev, DMK_OUTER, s->scalars, 4, f));
-    energy = f[3];
-    assert_true(fabs(energy - expected) <= 1e-9 * expected);
+    ok(x, dmk_nested_energy(x->ctx, s, step.alpha, 3));
+    ok(x, dmk_buffer_read_real(x->ctx, x->dev, DMK_OUTER, s->scalars, 6, f));
+    assert_true(fabs(f[3] - expected) <= 1e-9 * expected);
+    for (int32_t t = 0; t < m->n_triangles; t++)
+        slope += x->mu[t] * m->area[t] / (s->unit * s->unit) * linear_of(x, t, u).slope;
+    assert_true(fabs(f[5] - slope) <= 1e-6 * f[4]);
     ok(x, dmk_nested_prepare(x->ctx, s, &step));
     ok(x, dmk_multigrid_refresh(x->ctx, s));
     ok(x, dmk_nested_rhs(x->ctx, s, dmk_first_step()));
@@ -470,7 +472,7 @@ static void steps_on_t_move_mu_and_u(void **state)
     write_vertices(x, DMK_OUTER, s->load, f);
     write_vertices(x, DMK_INNER, s->level[0].x_old, w);
     ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, s->state, 5, one));
-    ok(x, dmk_nested_energy(x->ctx, s, 0));
+    ok(x, dmk_nested_energy(x->ctx, s, 1, 0));
     ok(x, dmk_inner_finish(x->ctx, s, DMK_VERTICES, true, step.alpha, 6));
     ok(x, dmk_nested_update(x->ctx, s, &step, 0));
     ok(x, dmk_buffer_read_real(x->ctx, x->dev, DMK_OUTER, s->scalars, 7, sums));
@@ -522,7 +524,7 @@ static void steps_on_t_are_solved(void **state)
     ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, s->u, x->n, none));
     ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, s->f, x->n, none));
     ok(x, dmk_nested_load(x->ctx, s));
-    ok(x, dmk_nested_energy(x->ctx, s, 0));
+    ok(x, dmk_nested_energy(x->ctx, s, 1, 0));
     ok(x, dmk_nested_prepare(x->ctx, s, &even));
     ok(x, dmk_multigrid_refresh(x->ctx, s));
     write_vertices(x, DMK_INNER, s->level[0].x_old, v);

@@ -15,6 +15,7 @@ enum { UAU, MASS, SLOPE, SQUARE, TOP, CHANGE = TOP, NEWTON_TOP, FU, N_SCALARS };
 
 static void take(dmk_iteration *o, const double *sums, double top)
 {
+    o->scale = 1;
     o->uau = sums[UAU];
     o->fu = sums[FU];
     o->mass = sums[MASS];
@@ -52,6 +53,18 @@ done:
     return rc;
 }
 
+int dmk_iteration_measure_nested(dmk_iteration *o, double scale)
+{
+    int rc;
+    double sums[N_SCALARS];
+    DMK_TRY(dmk_nested_energy(o->ctx, o->sys, scale, 0));
+    DMK_TRY(dmk_iteration_scalars(o, N_SCALARS, sums));
+    take(o, sums, sums[TOP]);
+    o->scale = scale;
+done:
+    return rc;
+}
+
 int dmk_iteration_energies_of(dmk_iteration *o, const dmk_buffer *v, double *fv)
 {
     int rc;
@@ -69,7 +82,7 @@ done:
 
 void dmk_iteration_measure(dmk_iteration *o, double alpha)
 {
-    const double shift = log(fabs(alpha));
+    const double shift = log(fabs(alpha) / o->scale);
     o->rho = sqrt(fmax(0, o->square + shift * (2 * o->slope + shift)));
     o->top = alpha * alpha * o->largest;
 }

@@ -18,9 +18,9 @@ typedef struct dmk_iteration {
     double fu, uau;   /* f.u and u.Au of the last energies */
     bool fresh;       /* fu, uau, q and out_real are u's */
     double tolerance; /* relative change of mu that ends the iteration */
-    double
-        mass; /* integral of mu; with the next two, the means with weight mu of L = 1/2 log q and of L^2, */
-    double slope, square, largest; /* and the largest q, of the last energies */
+    /* Of the last energies: the integral of mu, the means with weight mu of L and L^2, L = 1/2 log(scale^2 q), and the
+     * largest q. */
+    double mass, slope, square, scale, largest;
     double rho, top;   /* the root of that of L^2, and the largest, of q at a scale; see below */
     double floor;      /* mu stays above this many square roots of the element's area; */
     double mean_floor; /* in Newton's steps that do not begin at a distance: times mu's mean */
@@ -56,6 +56,8 @@ int dmk_iteration_energies(dmk_iteration *o);
  * energies. */
 int dmk_iteration_update(dmk_iteration *o, dmk_items over, bool first, const dmk_newton_step *step,
                          double *change);
+/* The same after an update with u linear on T and another change of mu, L at this scale of u. */
+int dmk_iteration_measure_nested(dmk_iteration *o, double scale);
 /* q, its largest in o->top, and f.v of any row vector in place of u, in double precision q with its rounding on top,
  * so that it is not below the true one. out_real stays as it is. */
 int dmk_iteration_energies_of(dmk_iteration *o, const dmk_buffer *v, double *fv);

@@ -698,12 +698,12 @@ done:
     return rc;
 }
 
-int dmk_nested_energy(dmk_context *ctx, dmk_system *s, int at)
+int dmk_nested_energy(dmk_context *ctx, dmk_system *s, double scale, int at)
 {
     int rc;
-    DMK_TRY(RUN(DMK_OUTER, nested_energy, elements(s), DMK_INT(s->n_elements), DMK_BUF(s->index),
-                DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->u), DMK_BUF(s->q),
-                SUMS(at, s->scalars)));
+    DMK_TRY(RUN(DMK_OUTER, nested_energy, elements(s), DMK_INT(s->n_elements), DMK_FLOAT(scale),
+                DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->u),
+                DMK_BUF(s->q), SUMS(at, s->scalars)));
     rc = finish_sums(ctx, s, DMK_ELEMENTS, 5, 1, at);
 done:
     return rc;

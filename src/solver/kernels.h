@@ -145,8 +145,8 @@ int dmk_band_map(dmk_context *context, dmk_system *s, const dmk_bands *bands, co
 /* Newton's steps with u linear on T: its values at the vertices' rows of s->u, what a step adds to them in s->w from
  * 0 on. load = P'f, once. */
 int dmk_nested_load(dmk_context *context, dmk_system *s);
-/* q, and dmk_element_energy's sums. */
-int dmk_nested_energy(dmk_context *context, dmk_system *s, int at);
+/* q, and dmk_element_energy's sums, but L of u at this scale. */
+int dmk_nested_energy(dmk_context *context, dmk_system *s, double scale, int at);
 /* Newton's edge, diag_coarse and, in out, the parts of its right-hand side; then, once the multigrid is refreshed,
  * rhs of T and the first smoothing step there. */
 int dmk_nested_prepare(dmk_context *context, dmk_system *s, const dmk_newton_step *step);

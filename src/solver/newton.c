@@ -158,24 +158,24 @@ done:
     return rc;
 }
 
-/* mu from 1 to the constant of least cost, by f.u. */
-static int fill_least(dmk_iteration *o, double *least)
+/* The constant mu of least cost, where u solves A(1) u = f. */
+static double least_mu(const dmk_iteration *o)
 {
-    *least = o->fu > 0 ? sqrt(o->fu) : 1;
-    o->mass *= *least;
-    return dmk_elements_fill(o->ctx, o->sys, o->sys->mu, *least);
+    return o->fu > 0 ? sqrt(o->fu) : 1;
 }
 
 /* From mu = 1, u = 0: the constant mu of least cost, sqrt(f.A(1)^-1 f), nearly, and its potential. */
 static int start_cold(dmk_iteration *o)
 {
     int rc;
-    double least;
+    dmk_system *s = o->sys;
     /* 80 pairs on ten meshes without small angles take 46.9 iterations and 16.6 steps for 47.6 and 16.8 with 1e-2; 32
      * on four with thin triangles would take 62.1 for 58.8. */
     DMK_TRY(dmk_iteration_solve(o, o->light ? 5e-2 : 1e-2, 100));
     DMK_TRY(dmk_iteration_energies(o));
-    rc = fill_least(o, &least);
+    const double least = least_mu(o);
+    DMK_TRY(dmk_elements_fill(o->ctx, s, s->mu, least));
+    o->mass *= least;
 done:
     return rc;
 }
@@ -186,12 +186,13 @@ done:
 static int start_nested(dmk_iteration *o)
 {
     int rc;
-    double least, change;
+    double change;
     const step_control even = {.iterations = START_ITERATIONS};
     DMK_TRY(dmk_nested_load(o->ctx, o->sys));
     DMK_TRY(take_step(o, DMK_VERTICES, &(dmk_newton_step){.alpha = 1}, &even, &change));
-    DMK_TRY(fill_least(o, &least));
-    o->uau *= least;
+    const double least = least_mu(o);
+    DMK_TRY(dmk_elements_fill(o->ctx, o->sys, o->sys->mu, least));
+    rc = dmk_iteration_measure_nested(o, 1 / least); /* the first step's scale */
 done:
     return rc;
 }
