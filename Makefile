@@ -60,7 +60,7 @@ LIB_SRC := $(sort $(foreach room,$(ROOMS),$(wildcard src/$(room)/*.c)))
 CLI_SRC := $(filter-out src/cli/life.c,$(sort $(wildcard src/cli/*.c))) # life.c: only with MPI
 # One program source, in this order: what a file uses stands before it.
 KERNELS := $(addprefix kernels/,dmk_shared.h base.cl operator.cl vector.cl multigrid.cl density.cl \
-    certificate.cl ranks.cl)
+    nested.cl certificate.cl ranks.cl)
 TEST_SRC := $(sort $(wildcard tests/test_*.c))
 # What tests share: any other C file beside them.
 TEST_LIB_SRC := $(filter-out $(TEST_SRC),$(sort $(wildcard tests/*.c)))

@@ -41,7 +41,7 @@ static int run_newton_elements(bench *b)
 static int run_rows(bench *b)
 {
     dmk_system *s = b->sys;
-    return dmk_rows_apply(b->ctx, s, DMK_INNER, s->x, s->cg[DMK_INNER].ap);
+    return dmk_inner_apply(b->ctx, s, DMK_ROWS, false);
 }
 
 static int run_stiffness(bench *b)
@@ -127,7 +127,7 @@ static double evaluate(const bench *b, const char *at, double real)
 static double moved(const bench *b, const char *kernel, double real)
 {
     static const char *const sources[] = {"kernels/operator.cl", "kernels/multigrid.cl",
-                                          "kernels/density.cl"};
+                                          "kernels/density.cl", "kernels/vector.cl"};
     char head[64];
     double bytes = 0;
     snprintf(head, sizeof head, "KERNEL %s(", kernel);
@@ -150,7 +150,7 @@ static void model(const bench *b, measured *m)
 {
     const double real = (double)dmk_device_real(b->device, DMK_OUTER);
     const double stiffness = moved(b, "element_stiffness", 4),
-                 newton = moved(b, "element_newton", 4), rows = moved(b, "rows_apply", 4),
+                 newton = moved(b, "element_newton", 4), rows = moved(b, "inner_apply", 4),
                  smoother = moved(b, "rows_chebyshev", 4);
     m[0] = (measured){"operator A", run_stiffness, stiffness + rows, 1e9, 1e9};
     m[1] = (measured){"Newton operator M", run_newton, newton + rows, 1e9, 1e9};

@@ -21,12 +21,72 @@ static six scaled(realv k, six x)
     return y;
 }
 
-/* g = K u (without mu), stored if it is to be kept, and q = u.g / area, the mean of |grad u|^2; the
- * sum of mu u.g = u.Au. slack > 0: u.g with its rounding on top, `slack` times what its terms would be
- * without cancellation: at large cotangents of both signs they are up to cot^2 times as large as their sum.
+/* L = 1/2 log(alpha^2 q), kept in [-1, 1]. */
+static realv log_slope(realv q)
+{
+    return clamp((real)0.5 * log(fmax(q, (realv)1e-30f)), (realv)-1, (realv)1);
+}
+
+/* The pseudo-time step of an element: D, but no more than changes y by 1 / bend by L alone. */
+static realv local_step(float D, float bend, realv l)
+{
+    return (real)D / fmax((realv)1, (real)D * (real)bend * fabs(l));
+}
+
+/* mu after y has changed by dy, which is kept in [-1, 1]; elements without mu, the padding, have none. */
+static realv grown(realv mu, realv dy, realv area, float lowest)
+{
+    const realv next = mu * exp(clamp(dy, (realv)-1, (realv)1));
+    return mu > 0 ? fmax(next, (real)lowest * sqrt(area)) : next;
+}
+
+/* Sums over elements: of mu u.g = u.Au, of area mu, and of this times L and L^2 at alpha = 1; and the largest q. */
+typedef struct measures {
+    sumv energy, mass, slope, square, top;
+} measures;
+
+/* What block b adds to them, where u.g = e, but L at alpha = scale; and q = e / area, the mean of |grad u|^2. */
+static void add_measures(int b, realv e, realv area, realv mu, real scale, global real *q,
+                         measures *sum)
+{
+    const realv square = e / area, m = area * mu, l = log_slope(scale * scale * square);
+    STORE(square, q, AT(b));
+    sum->energy += TO_SUM(mu * e);
+    sum->mass += TO_SUM(m);
+    sum->slope += TO_SUM(m * l);
+    sum->square += TO_SUM(m * l * l);
+    sum->top = fmax(sum->top, TO_SUM(square));
+}
+
+/* g = K u in block b, whose corners and midpoints are at x's six, and add_measures of it. slack > 0: u.g with its
+ * rounding on top, `slack` times what its terms would be without cancellation: at large cotangents of both signs they
+ * are up to cot^2 times as large as their sum. */
+static void measure_block(int b, int keep, float slack, six x, global const real *cot, realv area,
+                          realv mu, global real *g, global real *q, measures *sum)
+{
+    const flows f = flows_of(load_three(cot, b), x);
+    const six y = divergence(f);
+    if (keep) store_six(y, g, b);
+    realv e = y.v0 * (x.v0 - x.m0) + y.v1 * (x.v1 - x.m0) + y.v2 * (x.v2 - x.m0) +
+              y.m1 * (x.m1 - x.m0) + y.m2 * (x.m2 - x.m0);
+    e = fmax(e, (realv)0);
+    if (slack > 0) e += (real)slack * farthest(x) * total_flow(f);
+    add_measures(b, e, area, mu, 1, q, sum);
+}
+
+/* The four sums. */
+static void leave_measures(sums s, int part, measures sum)
+{
+    leave_sum(s, 0, part, sum.energy);
+    leave_sum(s, 1, part, sum.mass);
+    leave_sum(s, 2, part, sum.slope);
+    leave_sum(s, 3, part, sum.square);
+}
+
+/* g = K u (without mu), stored if it is to be kept, and q; the sums, then the maximum: see measure_block.
  * reads index, cot, area, mu, u (gathered); writes g, q, scalars
- * moves 24 E + 12 real E + real R bytes, 50 E flops
- * shape blocks of E; numerics the sum in sum_t, in the order of parts */
+ * moves 24 E + 12 real E + real R bytes, 60 E flops
+ * shape blocks of E; numerics the sums in sum_t, in the order of parts */
 KERNEL element_energy(int n, int keep, float slack, global const int *restrict index,
                       global const real *restrict cot, global const real *restrict area,
                       global const real *restrict mu, GATHERED real *restrict u,
@@ -38,58 +98,15 @@ KERNEL element_energy(int n, int keep, float slack, global const int *restrict i
     const sums s = {partial, scalars, done, &group, at, launch.s3};
     FOR_PARTS(part, shares, launch)
     {
-        sumv sum = 0;
+        measures sum = {0, 0, 0, 0, 0};
         FOR_PART_BLOCKS(b, n, part)
         {
-            const six x = gather_six(u, load_rows(index, b));
-            const flows f = flows_of(load_three(cot, b), x);
-            const six y = divergence(f);
-            if (keep) store_six(y, g, b);
-            realv e = y.v0 * (x.v0 - x.m0) + y.v1 * (x.v1 - x.m0) + y.v2 * (x.v2 - x.m0) +
-                      y.m1 * (x.m1 - x.m0) + y.m2 * (x.m2 - x.m0);
-            e = fmax(e, (realv)0);
-            if (slack > 0) e += (real)slack * farthest(x) * total_flow(f);
-            STORE(e / LOAD(area, AT(b)), q, AT(b));
-            sum += TO_SUM(LOAD(mu, AT(b)) * e);
+            measure_block(b, keep, slack, gather_six(u, load_rows(index, b)), cot, LOAD(area, AT(b)),
+                          LOAD(mu, AT(b)), g, q, &sum);
         }
-        leave_sum(s, 0, part, sum);
-        finish_sums(s, 1, 0);
-    }
-}
-
-/* L = 1/2 log(alpha^2 q), kept in [-1, 1]. */
-static realv log_slope(realv q)
-{
-    return clamp((real)0.5 * log(fmax(q, (realv)1e-30f)), (realv)-1, (realv)1);
-}
-
-/* Sums of area mu L^2 and area mu, and the largest q where mu counts.
- * reads area, mu, q; writes scalars
- * moves 3 real E bytes, 9 E flops
- * shape blocks of E; numerics the sums in sum_t, in the order of parts */
-KERNEL element_measure(int n, float alpha, global const real *restrict area,
-                       global const real *restrict mu, global const real *restrict q,
-                       volatile global sum_t *partial, int at, global sum_t *restrict scalars,
-                       volatile global int *done, volatile global int *shares, int4 launch)
-{
-    local group_memory group;
-    const sums s = {partial, scalars, done, &group, at, launch.s3};
-    FOR_PARTS(part, shares, launch)
-    {
-        sumv sum = 0, mass = 0, top = 0;
-        const real a2 = (real)alpha * (real)alpha;
-        FOR_PART_BLOCKS(b, n, part)
-        {
-            const realv m = LOAD(area, AT(b)) * LOAD(mu, AT(b)), e = a2 * LOAD(q, AT(b)),
-                        l = log_slope(e);
-            sum += TO_SUM(m * l * l);
-            mass += TO_SUM(m);
-            top = fmax(top, TO_SUM(e));
-        }
-        leave_sum(s, 0, part, sum);
-        leave_sum(s, 1, part, mass);
-        leave_max(s, 2, part, top);
-        finish_sums(s, 3, 1);
+        leave_measures(s, part, sum);
+        leave_max(s, 4, part, sum.top);
+        finish_sums(s, 5, 1);
     }
 }
 
@@ -164,9 +181,23 @@ static six_floats weighted_diagonals(floatv c0, floatv c1, floatv c2, floatv v0,
     return d;
 }
 
-/* Newton's coefficients at pseudo time D (implicit Euler in y = log mu):
- *     M = A + sum_T c_T g_T g_T',  c_T = D mu_T / (|T| s_T),  s_T = max(q_T, 1/4),
- *     right-hand side  f - sum_T mu_T (1 + D L_T) g_T,
+/* Newton's weights on T of an element: w mu times its cotangents, v their sums by corner, t the root of the rank-one
+ * part; and the weighted diagonals. */
+static void store_linear(floatv w0, floatv w1, floatv w2, floatv v0, floatv v1, floatv v2, floatv t0,
+                         floatv t1, floatv t2, global float *edge, global float *diag_coarse, int b)
+{
+    const floatv k0 = 0.5f * w0 - t1 * t2, k1 = 0.5f * w1 - t0 * t2, k2 = 0.5f * w2 - t0 * t1;
+    /* k1 + k2 and the like, without cancellation: t0 + t1 + t2 = 0. */
+    const floatv d0 = 0.5f * v0 + t0 * t0, d1 = 0.5f * v1 + t1 * t1,
+                 d2 = 0.5f * v2 + t2 * t2;
+    const floatv bound = edge_bound(k0, k1, k2, d0, d1, d2);
+    STORE3(k0, k1, k2, edge, b)
+    STORE3(bound * d0, bound * d1, bound * d2, diag_coarse, b)
+}
+
+/* Newton's coefficients at pseudo time D (implicit Euler in y = log mu), an element's by its local_step:
+ *     M = A + sum_T c_T g_T g_T',  c_T = D_T mu_T / (|T| s_T),  s_T = max(q_T, 1/4),
+ *     right-hand side  f - sum_T mu_T (1 + D_T L_T) g_T,
  * with u, hence g and sqrt(q), scaled by alpha. The rank-one part is bounded by |g_i| sum |g_j| on the
  * diagonal; on T the exact bound of the summed 3x3 element is used. rank_one = sqrt(c_T) g_T. The
  * right-hand side's parts take the place of g, and newton_diagonal, once they are summed up, that of them; or,
@@ -174,8 +205,8 @@ static six_floats weighted_diagonals(floatv c0, floatv c1, floatv c2, floatv v0,
  * reads cot, area, mu, q, g_and_rhs; writes g_and_rhs, weight, rank_one, edge, diag_coarse
  * moves 18 real E + 60 E bytes, 145 E flops
  * shape blocks of E; numerics as element_prepare; sums that cancel are avoided */
-KERNEL newton_prepare(int n, int paired, float alpha, float D, global const real *restrict cot,
-                      global const real *restrict area, global const real *restrict mu,
+KERNEL newton_prepare(int n, int paired, float alpha, float D, float bend,
+                      global const real *restrict cot, global const real *restrict area, global const real *restrict mu,
                       global const real *restrict q, global real *restrict g_and_rhs,
                       global float *restrict weight, global float *restrict rank_one,
                       global float *restrict edge, global float *restrict diag_coarse,
@@ -185,7 +216,8 @@ KERNEL newton_prepare(int n, int paired, float alpha, float D, global const real
     {
         const realv m = LOAD(mu, AT(b)), e = (real)alpha * (real)alpha * LOAD(q, AT(b));
         const six g = scaled((realv)((real)alpha), load_six(g_and_rhs, b));
-        const six rhs = scaled(-m * (1 + (real)D * log_slope(e)), g);
+        const realv slope = log_slope(e), step = local_step(D, bend, slope);
+        const six rhs = scaled(-m * (1 + step * slope), g);
         if (!paired) store_six(rhs, g_and_rhs, b);
 
         const three r = load_three(cot, b);
@@ -194,7 +226,7 @@ KERNEL newton_prepare(int n, int paired, float alpha, float D, global const real
         const floatv v0 = mf * TO_FLOAT(r.c1 + r.c2), v1 = mf * TO_FLOAT(r.c0 + r.c2),
                      v2 = mf * TO_FLOAT(r.c0 + r.c1);
         STORE3(w0, w1, w2, weight, b)
-        const floatv root = TO_FLOAT(sqrt((real)D * m / (LOAD(area, AT(b)) * fmax(e, (realv)0.25f))));
+        const floatv root = TO_FLOAT(sqrt(step * m / (LOAD(area, AT(b)) * fmax(e, (realv)0.25f))));
         const six_floats p = {root * TO_FLOAT(g.v0), root * TO_FLOAT(g.v1), root * TO_FLOAT(g.v2),
                               root * TO_FLOAT(g.m0), root * TO_FLOAT(g.m1), root * TO_FLOAT(g.m2)};
         STORE6(p, rank_one, b)
@@ -216,13 +248,7 @@ KERNEL newton_prepare(int n, int paired, float alpha, float D, global const real
         /* On T: P'g takes half of each adjacent midpoint. */
         const floatv t0 = p.v0 + 0.5f * (p.m1 + p.m2), t1 = p.v1 + 0.5f * (p.m0 + p.m2),
                      t2 = p.v2 + 0.5f * (p.m0 + p.m1);
-        const floatv k0 = 0.5f * w0 - t1 * t2, k1 = 0.5f * w1 - t0 * t2, k2 = 0.5f * w2 - t0 * t1;
-        /* k1 + k2 and the like, without cancellation: t0 + t1 + t2 = 0. */
-        const floatv d0 = 0.5f * v0 + t0 * t0, d1 = 0.5f * v1 + t1 * t1,
-                     d2 = 0.5f * v2 + t2 * t2;
-        const floatv bound = edge_bound(k0, k1, k2, d0, d1, d2);
-        STORE3(k0, k1, k2, edge, b)
-        STORE3(bound * d0, bound * d1, bound * d2, diag_coarse, b)
+        store_linear(w0, w1, w2, v0, v1, v2, t0, t1, t2, edge, diag_coarse, b);
     }
 }
 
@@ -311,15 +337,18 @@ KERNEL rows_outer_residual(int n, global const int *restrict slice, global const
     }
 }
 
-/* dy = D (L + g.w / (area s)) = D L + sqrt(D / (mu area s)) sqrt(c) g.w, kept in [-1, 1];
- * mu <- max(mu exp(dy), lowest sqrt(area)). Sums of area |change of mu| and area mu.
- * reads index, area, q, rank_one, w (gathered), mu; writes mu, scalars
- * moves 48 E + 4 real E + 4 R bytes, 40 E flops
+/* dy = D (L + g.w / (area s)) = D L + sqrt(D / (mu area s)) sqrt(c) g.w, D the local_step, kept in [-1, 1];
+ * mu <- max(mu exp(dy), lowest sqrt(area)). Then element_energy of it and of u, which has w already: the same
+ * sums, that of area |change of mu|, and the maximum.
+ * reads index, cot, area, rank_one, w and u (gathered), mu, q; writes mu, g, q, scalars
+ * moves 48 E + 14 real E + real R + 4 R bytes, 100 E flops
  * shape blocks of E; numerics g.w in single precision by differences to m0; the sums in sum_t */
-KERNEL newton_update(int n, float alpha, float D, float lowest, global const int *restrict index,
-                     global const real *restrict area, global const real *restrict q,
+KERNEL newton_update(int n, float alpha, float D, float bend, float lowest,
+                     global const int *restrict index, global const real *restrict cot,
+                     global const real *restrict area,
                      global const float *restrict rank_one, GATHERED float *restrict w,
-                     global real *restrict mu, volatile global sum_t *partial, int at,
+                     GATHERED real *restrict u, global real *restrict mu, global real *restrict g,
+                     global real *restrict q, volatile global sum_t *partial, int at,
                      global sum_t *restrict scalars, volatile global int *done,
                      volatile global int *shares, int4 launch)
 {
@@ -327,33 +356,32 @@ KERNEL newton_update(int n, float alpha, float D, float lowest, global const int
     const sums s = {partial, scalars, done, &group, at, launch.s3};
     FOR_PARTS(part, shares, launch)
     {
-        sumv change = 0, mass = 0;
+        sumv change = 0;
+        measures sum = {0, 0, 0, 0, 0};
         FOR_PART_BLOCKS(b, n, part)
         {
-            const intv i0 = LOAD(index, AT_K(b, 0, 6)), i1 = LOAD(index, AT_K(b, 1, 6)),
-                       i2 = LOAD(index, AT_K(b, 2, 6)), i3 = LOAD(index, AT_K(b, 3, 6)),
-                       i4 = LOAD(index, AT_K(b, 4, 6)), i5 = LOAD(index, AT_K(b, 5, 6));
-            const floatv w0 = (floatv)(GATHER(w, i0)), w1 = (floatv)(GATHER(w, i1)),
-                         w2 = (floatv)(GATHER(w, i2)), w3 = (floatv)(GATHER(w, i3)),
-                         w4 = (floatv)(GATHER(w, i4)), w5 = (floatv)(GATHER(w, i5));
-            const floatv s = LOAD(rank_one, AT_K(b, 0, 6)) * (w0 - w3) +
-                             LOAD(rank_one, AT_K(b, 1, 6)) * (w1 - w3) +
-                             LOAD(rank_one, AT_K(b, 2, 6)) * (w2 - w3) +
-                             LOAD(rank_one, AT_K(b, 4, 6)) * (w4 - w3) +
-                             LOAD(rank_one, AT_K(b, 5, 6)) * (w5 - w3);
+            const six_rows i = load_rows(index, b);
+            const floatv w0 = (floatv)(GATHER(w, i.v0)), w1 = (floatv)(GATHER(w, i.v1)),
+                         w2 = (floatv)(GATHER(w, i.v2)), w3 = (floatv)(GATHER(w, i.m0)),
+                         w4 = (floatv)(GATHER(w, i.m1)), w5 = (floatv)(GATHER(w, i.m2));
+            const floatv gw = LOAD(rank_one, AT_K(b, 0, 6)) * (w0 - w3) +
+                              LOAD(rank_one, AT_K(b, 1, 6)) * (w1 - w3) +
+                              LOAD(rank_one, AT_K(b, 2, 6)) * (w2 - w3) +
+                              LOAD(rank_one, AT_K(b, 4, 6)) * (w4 - w3) +
+                              LOAD(rank_one, AT_K(b, 5, 6)) * (w5 - w3);
             const realv a = LOAD(area, AT(b)), e = (real)alpha * (real)alpha * LOAD(q, AT(b)),
                         old = LOAD(mu, AT(b));
-            const realv ratio = sqrt((real)D / (fmax(old, (realv)1e-30f) * a * fmax(e, (realv)0.25f)));
-            const realv dy = (real)D * log_slope(e) + ratio * TO_REAL(s);
-            const realv grown = old * exp(clamp(dy, (realv)-1, (realv)1));
-            const realv next = LOAD(mu, AT(b)) > 0 ? fmax(grown, (real)lowest * sqrt(a)) : grown;
+            const realv slope = log_slope(e), step = local_step(D, bend, slope);
+            const realv ratio = sqrt(step / (fmax(old, (realv)1e-30f) * a * fmax(e, (realv)0.25f)));
+            const realv next = grown(old, step * slope + ratio * TO_REAL(gw), a, lowest);
             STORE(next, mu, AT(b));
             change += TO_SUM(a * fabs(next - old));
-            mass += TO_SUM(a * next);
+            measure_block(b, 1, 0, gather_six(u, i), cot, a, next, g, q, &sum);
         }
-        leave_sum(s, 0, part, change);
-        leave_sum(s, 1, part, mass);
-        finish_sums(s, 2, 0);
+        leave_measures(s, part, sum);
+        leave_sum(s, 4, part, change);
+        leave_max(s, 5, part, sum.top);
+        finish_sums(s, 6, 1);
     }
 }
 

@@ -3,6 +3,11 @@
  * levels are graphs. A graph operator is y_i = sum_j w_ij (x_i - x_j): zero row sums also in rounding.
  * Rows lie in slices of 8: columns slice[s]..slice[s+1] hold neighbours (short rows: the row itself
  * with weight 0) and the numbers of their edges. */
+
+/* The slot among 3 numbers per element of what has slot p among 6: corner k, or side k at 3 + k. */
+#define CORNER_PLACE(p) ((p) - 3 * DMK_WIDTH * ((p) / (6 * DMK_WIDTH)))
+#define SIDE_PLACE(p) (CORNER_PLACE(p) - 3 * DMK_WIDTH)
+
 #if !DMK_DOUBLE
 
 /* x = step D^-1 b: the first Chebyshev step from 0.
@@ -18,10 +23,6 @@ KERNEL smooth_first(int n, float step, global const float *restrict inv_diag,
         STORE(step * LOAD(inv_diag, AT(b)) * LOAD(rhs, AT(b)), x, AT(b));
     }
 }
-
-/* The slot among 3 numbers per element of what has slot p among 6: corner k, or side k at 3 + k. */
-#define CORNER_PLACE(p) ((p) - 3 * DMK_WIDTH * ((p) / (6 * DMK_WIDTH)))
-#define SIDE_PLACE(p) (CORNER_PLACE(p) - 3 * DMK_WIDTH)
 
 /* First phase of A x (M x with newton != 0) where only the restriction to T of its result is wanted: each
  * element's parts, those of the midpoints half to each end, 3 per element.
@@ -83,11 +84,12 @@ static floatv prolonged(int b, int vertex_row, global const int *ends, global co
     return now + 0.5f * ((floatv)(GATHER(at_end, i)) + (floatv)(GATHER(at_end, j)));
 }
 
-/* Second phase: x += P c (ends: a midpoint's two vertices), and x_old = x + step D^-1 (b - A x).
+/* Second phase: x += P c (ends: a midpoint's two vertices), and x_old = x + step D^-1 (b - A x). keep: x is
+ * stored, too, as another step needs it.
  * reads slice, slot, out and coarse (gathered), rhs, inv_diag, ends, x; writes x, x_old
  * moves 4 P + 24 E + 8 R + 4 V + 20 R bytes, 6 E + 6 R flops
  * shape blocks of R */
-KERNEL rows_up(int n, int vertex_row, global const int *restrict slice,
+KERNEL rows_up(int n, int keep, int vertex_row, global const int *restrict slice,
                global const int *restrict slot, GATHERED float *restrict out,
                global const float *restrict rhs, global const float *restrict inv_diag,
                global const int *restrict ends, global const float *restrict coarse,
@@ -98,76 +100,8 @@ KERNEL rows_up(int n, int vertex_row, global const int *restrict slice,
     {
         const floatv now = prolonged(b, vertex_row, ends, coarse, x);
         const realv a = row_sum(slice, slot, out, b);
-        STORE(now, x, AT(b));
+        if (keep) STORE(now, x, AT(b));
         STORE(now + step * LOAD(inv_diag, AT(b)) * (LOAD(rhs, AT(b)) - a), x_old, AT(b));
-    }
-}
-
-/* The same where that step is the cycle's last: its result z alone, and with it the sums r.z and Ap.z
- * of conjugate gradients, r = rhs, and beta of them.
- * reads slice, slot, out and coarse (gathered), rhs, inv_diag, ends, x, ap; writes x_old, scalars
- * moves 4 P + 24 E + 8 R + 4 V + 20 R bytes, 6 E + 10 R flops
- * shape blocks of R; numerics the sums in sum_t, in the order of parts */
-KERNEL rows_up_dots(int n, int first, int vertex_row, global const int *restrict slice,
-                    global const int *restrict slot, GATHERED float *restrict out,
-                    global const float *restrict rhs, global const float *restrict inv_diag,
-                    global const int *restrict ends, global const float *restrict coarse,
-                    global const float *restrict x, global float *restrict x_old, float step,
-                    global const float *restrict ap, volatile global sum_t *partial, int at,
-                    global sum_t *restrict scalars, volatile global int *done,
-                    volatile global int *shares, int4 launch)
-{
-    local group_memory group;
-    const sums s = {partial, scalars, done, &group, at, launch.s3};
-    FOR_PARTS(part, shares, launch)
-    {
-        sumv rz = 0, apz = 0;
-        FOR_PART_BLOCKS(b, n, part)
-        {
-            const floatv now = prolonged(b, vertex_row, ends, coarse, x), r = LOAD(rhs, AT(b));
-            const realv a = row_sum(slice, slot, out, b);
-            const floatv next = now + step * LOAD(inv_diag, AT(b)) * (r - a);
-            STORE(next, x_old, AT(b));
-            rz += TO_SUM(r) * TO_SUM(next);
-            apz += TO_SUM(LOAD(ap, AT(b))) * TO_SUM(next);
-        }
-        leave_sum(s, 0, part, rz);
-        leave_sum(s, 1, part, apz);
-        cg_beta_of(s, first, is_last_part(s));
-    }
-}
-
-/* rows_chebyshev (operator.cl) at the end of a cycle, and with its result z the sums r.z and Ap.z of
- * conjugate gradients, r = rhs, and beta of them.
- * reads slice, slot, out (gathered), rhs, inv_diag, x, x_old, ap; writes x_old, scalars
- * moves 4 P + 24 E + 24 R bytes, 6 E + 11 R flops
- * shape blocks of R; numerics the sums in sum_t, in the order of parts */
-KERNEL rows_chebyshev_dots(int n, int first, global const int *restrict slice,
-                           global const int *restrict slot, GATHERED float *restrict out,
-                           global const float *restrict rhs, global const float *restrict inv_diag,
-                           global const float *restrict x, global float *restrict x_old,
-                           float momentum, float keep, float step, global const float *restrict ap,
-                           volatile global sum_t *partial, int at, global sum_t *restrict scalars,
-                           volatile global int *done, volatile global int *shares, int4 launch)
-{
-    local group_memory group;
-    const sums s = {partial, scalars, done, &group, at, launch.s3};
-    FOR_PARTS(part, shares, launch)
-    {
-        sumv rz = 0, apz = 0;
-        FOR_PART_BLOCKS(b, n, part)
-        {
-            const realv a = row_sum(slice, slot, out, b);
-            const floatv r = LOAD(rhs, AT(b)), now = LOAD(x, AT(b));
-            const floatv next = now + momentum * (now - keep * LOAD(x_old, AT(b))) +
-                                step * LOAD(inv_diag, AT(b)) * (r - a);
-            STORE(next, x_old, AT(b));
-            rz += TO_SUM(r) * TO_SUM(next);
-            apz += TO_SUM(LOAD(ap, AT(b))) * TO_SUM(next);
-        }
-        leave_sum(s, 0, part, rz);
-        leave_sum(s, 1, part, apz);
-        cg_beta_of(s, first, is_last_part(s));
     }
 }
 
@@ -372,11 +306,12 @@ static graph tail_graph(tail t, int l)
     return g;
 }
 
-/* to <- Chebyshev step from `from`; both are fields of the table. */
-static void tail_chebyshev(tail t, int l, int from, int to, float momentum, float keep, float step)
+/* to <- Chebyshev step from `from`, unless it is left out; both are fields of the table. */
+static void tail_chebyshev(tail t, int l, int taken, int from, int to, float momentum, float keep,
+                           float step)
 {
     const graph g = tail_graph(t, l);
-    FOR_ALL_BLOCKS(b, tail_count(t, l, DMK_TAIL_ROWS))
+    FOR_ALL_BLOCKS(b, taken ? tail_count(t, l, DMK_TAIL_ROWS) : 0)
     {
         chebyshev_block(b, g, tail_floats(t, l, DMK_TAIL_RHS), tail_floats(t, l, DMK_TAIL_INV_DIAG),
                         tail_floats(t, l, from), tail_floats(t, l, to), momentum, keep, step);
@@ -395,8 +330,8 @@ static void tail_residual(tail t, int l)
     TOGETHER
 }
 
-/* n: its rows, or 0 where that has been done. */
-static void tail_restrict(tail t, int l, int n, GATHERED float *r, float step)
+/* n: its rows, or 0 where that has been done. to: the field of the first step. */
+static void tail_restrict(tail t, int l, int n, GATHERED float *r, int to, float step)
 {
     FOR_ALL_BLOCKS(b, n)
     {
@@ -404,7 +339,7 @@ static void tail_restrict(tail t, int l, int n, GATHERED float *r, float step)
                        tail_ints(t, l, DMK_TAIL_RESTRICT_ENTRY),
                        tail_floats(t, l, DMK_TAIL_RESTRICT_WEIGHT), r, step,
                        tail_floats(t, l, DMK_TAIL_INV_DIAG), tail_floats(t, l, DMK_TAIL_RHS),
-                       tail_floats(t, l, DMK_TAIL_X));
+                       tail_floats(t, l, to));
     }
     TOGETHER
 }
@@ -432,28 +367,30 @@ static void tail_solve(tail t, int l, global const float *inverse)
 }
 
 /* The V-cycle on the tail's levels: x_old of the first from its rhs or, where `above` counts, from the
- * residual r of the level above; steps as in multigrid.c.
+ * residual r of the level above; steps, `before` of them on the way down, as in multigrid.c.
  * reads table, arena, r (gathered), inverse; writes arena
  * moves 32 L + 68 V + 8 C bytes, 12 L + 15 V + 2 C flops at each level
  * shape one work-group, which waits between its loops */
-KERNEL tail_cycle(int levels, int above, global const int *restrict table,
+KERNEL tail_cycle(int levels, int above, int before, global const int *restrict table,
                   global int *restrict arena, GATHERED float *restrict r,
                   global const float *restrict inverse, float first, float momentum, float step,
                   volatile global int *shares, int4 launch)
 {
-    const int last = levels - 1, x = DMK_TAIL_X, x_old = DMK_TAIL_X_OLD;
+    const int last = levels - 1, x = DMK_TAIL_X, x_old = DMK_TAIL_X_OLD,
+              first_to = before > 1 ? x : x_old;
     const tail t = {table, arena};
-    tail_restrict(t, 0, above ? tail_count(t, 0, DMK_TAIL_ROWS) : 0, r, first);
+    tail_restrict(t, 0, above ? tail_count(t, 0, DMK_TAIL_ROWS) : 0, r, first_to, first);
     for (int l = 0; l < last; l++) {
-        tail_chebyshev(t, l, x, x_old, momentum, 0, step);
+        tail_chebyshev(t, l, before > 1, x, x_old, momentum, 0, step);
         tail_residual(t, l);
-        tail_restrict(t, l + 1, tail_count(t, l + 1, DMK_TAIL_ROWS), tail_floats(t, l, x), first);
+        tail_restrict(t, l + 1, tail_count(t, l + 1, DMK_TAIL_ROWS), tail_floats(t, l, x), first_to,
+                      first);
     }
     tail_solve(t, last, inverse);
     for (int l = last - 1; l >= 0; l--) {
         tail_prolong(t, l + 1);
-        tail_chebyshev(t, l, x_old, x, 0, 1, first);
-        tail_chebyshev(t, l, x, x_old, momentum, 1, step);
+        tail_chebyshev(t, l, 1, x_old, x, 0, 1, first);
+        tail_chebyshev(t, l, 1, x, x_old, momentum, 1, step);
     }
 }
 
@@ -474,22 +411,17 @@ static void dense_laplacian(int n, graph g, global sum_t *a)
 }
 
 /* The inverse for coarse_solve: the pseudo-inverse (L + c J)^-1 - J / (c n^2) of the coarsest graph's
- * Laplacian L, J all ones, c of the size of its diagonal. a: n rows of n numbers. n is at most DMK_DENSE.
- * reads slice, neighbour, weight, a; writes a, inverse; moves 2 n^3 numbers, 2 n^3 flops
- * shape one work-group; numerics in sum_t, Gauss-Jordan steps in place without pivoting, for L + c J is
- * positive definite; a pivot lost to rounding is left out */
-KERNEL coarse_inverse(int n, int n_pad, global const int *restrict slice,
-                      global const int *restrict neighbour, global const float *restrict weight,
-                      global sum_t *restrict a, global float *restrict inverse,
-                      volatile global int *shares, int4 launch)
+ * Laplacian L, J all ones, c of the size of its diagonal. a: n rows of n numbers; row, column, least: room for n.
+ * Gauss-Jordan steps in place without pivoting, for L + c J is positive definite; a pivot lost to rounding is left
+ * out. All work-items go through it, and with n = 0 nothing is done. */
+static void invert_laplacian(int n, int n_pad, graph g, global sum_t *a, global float *inverse,
+                             local sum_t *row, local sum_t *column, local sum_t *least)
 {
-    const graph g = {slice, neighbour, weight};
-    local sum_t row[DMK_DENSE], column[DMK_DENSE], least[DMK_DENSE];
     sum_t shift = 0;
     dense_laplacian(n, g, a);
     TOGETHER
     for (int i = 0; i < n; i++) shift += a[i * n + i];
-    shift /= (sum_t)n * n;
+    shift /= (sum_t)max(n, 1) * max(n, 1);
     if (!(shift > 0)) shift = 1;
     TOGETHER
     FOR_ITEMS(i, n)
@@ -520,6 +452,19 @@ KERNEL coarse_inverse(int n, int n_pad, global const int *restrict slice,
             inverse[i * n_pad + j] = (float)(a[max(i, j) * n + min(i, j)] - 1 / (shift * n * n));
         }
     }
+}
+
+/* The coarsest level's inverse, where it is not one of the tail's. n is at most DMK_DENSE.
+ * reads slice, neighbour, weight, a; writes a, inverse; moves 2 n^3 numbers, 2 n^3 flops
+ * shape one work-group; numerics in sum_t */
+KERNEL coarse_inverse(int n, int n_pad, global const int *restrict slice,
+                      global const int *restrict neighbour, global const float *restrict weight,
+                      global sum_t *restrict a, global float *restrict inverse,
+                      volatile global int *shares, int4 launch)
+{
+    const graph g = {slice, neighbour, weight};
+    local sum_t row[DMK_DENSE], column[DMK_DENSE], least[DMK_DENSE];
+    invert_laplacian(n, n_pad, g, a, inverse, row, column, least);
 }
 
 /* ---- refresh --------------------------------------------------------------------------------- */
@@ -563,17 +508,6 @@ static float edge_sum(int i, global const int *row, global const int *fine, glob
     return sum;
 }
 
-/* Deeper levels: w_coarse = R w_fine, the Galerkin product as a table of the mesh alone.
- * reads row, fine, coef, fine_edge (gathered); writes edge
- * moves 10 C + 8 K bytes, 2 C flops
- * shape rows; numerics coefficients in half precision (see system.c) */
-KERNEL edges_from_edges(int n, global const int *restrict row, global const int *restrict fine,
-                        global const half *restrict coef, global const float *restrict fine_edge,
-                        global float *restrict edge, volatile global int *shares, int4 launch)
-{
-    FOR_ROWS(i, n, shares, launch) { edge[i] = edge_sum(i, row, fine, coef, fine_edge); }
-}
-
 /* Copy edge weights to rows; D = a_ii + sum |a_ij| bounds A by 1 (row sums of magnitudes), so the
  * smoother needs no eigenvalue estimate. number: edges by row, a short row's filler has weight 0. */
 static floatv weights_block(int b, global const int *slice, global const int *number,
@@ -590,42 +524,67 @@ static floatv weights_block(int b, global const int *slice, global const int *nu
     return size + fabs(diag);
 }
 
-/* A graph level's weights by row, and its inverse diagonal.
- * reads slice, number, edge (gathered); writes weight, inv_diag
- * moves 8 L + 4 K + 4 V bytes, 2 L + 2 V flops
- * shape blocks of V */
-KERNEL graph_weights(int n, global const int *restrict slice, global const int *restrict number,
-                     GATHERED float *restrict edge, global float *restrict weight,
-                     global float *restrict inv_diag, volatile global int *shares, int4 launch)
+/* A part of the next level's edges, if it is one of them. */
+static void refresh_edges(int part, int n, global const int *row, global const int *fine,
+                          global const half *coef, global const float *edge, global float *coarse_edge)
 {
-    FOR_BLOCKS(b, n, shares, launch)
+    if (part < 0) return;
+    FOR_PART_ROWS(i, n, part) { coarse_edge[i] = edge_sum(i, row, fine, coef, edge); }
+}
+
+/* A graph level's weights by row and its inverse diagonal, from its edges; and the edges of the next level,
+ * w_coarse = R w_fine, the Galerkin product as a table of the mesh alone.
+ * reads slice, number, edge (gathered), row, fine, coef; writes weight, inv_diag, coarse_edge
+ * moves 8 L + 4 K + 4 V + 10 C bytes, 2 L + 2 V + 2 C flops, and 8 bytes for each edge of the next level
+ * shape blocks of V, then rows, one for each edge of the next level; numerics coefficients in half precision (see
+ * system.c) */
+KERNEL graph_refresh(int n, global const int *restrict slice, global const int *restrict number,
+                     global const float *restrict edge, global float *restrict weight,
+                     global float *restrict inv_diag, int n_coarse, global const int *restrict row,
+                     global const int *restrict fine, global const half *restrict coef,
+                     global float *restrict coarse_edge, volatile global int *shares, int4 launch)
+{
+    const int parts = (n + PART_ITEMS - 1) / PART_ITEMS;
+    FOR_PARTS(part, shares, launch)
     {
-        STORE(inverse_of(weights_block(b, slice, number, edge, weight)), inv_diag, AT(b));
+        FOR_PART_BLOCKS(b, n, part)
+        {
+            STORE(inverse_of(weights_block(b, slice, number, edge, weight)), inv_diag, AT(b));
+        }
+        refresh_edges(part - parts, n_coarse, row, fine, coef, edge, coarse_edge);
     }
 }
 
 /* The same on T, where the elements' bound is sharper than the rows': the inverse diagonal is from theirs,
  * 3 per element. first: slice of vertex 0 among the rows.
- * reads slice, number, edge (gathered), corner_slice, corner, diag (gathered); writes weight, inv_diag
- * moves 8 L + 4 K + 24 E + 4 V bytes, 3 E + V flops
- * shape blocks of V */
-KERNEL mesh_weights(int n, global const int *restrict slice, global const int *restrict number,
-                    GATHERED float *restrict edge, global float *restrict weight, int first,
+ * reads slice, number, edge (gathered), corner_slice, corner, diag (gathered), row, fine, coef; writes weight,
+ * inv_diag, coarse_edge
+ * moves 8 L + 4 K + 24 E + 4 V + 10 C bytes, 3 E + V + 2 C flops, and 8 bytes for each edge of the next level
+ * shape and numerics as graph_refresh */
+KERNEL mesh_refresh(int n, global const int *restrict slice, global const int *restrict number,
+                    global const float *restrict edge, global float *restrict weight, int first,
                     global const int *restrict corner_slice, global const int *restrict corner,
-                    GATHERED float *restrict diag, global float *restrict inv_diag,
+                    GATHERED float *restrict diag, global float *restrict inv_diag, int n_coarse,
+                    global const int *restrict row, global const int *restrict fine,
+                    global const half *restrict coef, global float *restrict coarse_edge,
                     volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(b, n, shares, launch)
+    const int parts = (n + PART_ITEMS - 1) / PART_ITEMS;
+    FOR_PARTS(part, shares, launch)
     {
-        floatv sum = 0;
-        weights_block(b, slice, number, edge, weight);
-        for (int j = corner_slice[first + SLICE(b)], end = corner_slice[first + SLICE(b) + 1]; j < end;
-             j++) {
-            const intv p = LOAD(corner, COLUMN(b, j));
-            const intv i = CORNER_PLACE(p);
-            sum += (floatv)(GATHER(diag, i));
+        FOR_PART_BLOCKS(b, n, part)
+        {
+            floatv sum = 0;
+            weights_block(b, slice, number, edge, weight);
+            for (int j = corner_slice[first + SLICE(b)], end = corner_slice[first + SLICE(b) + 1]; j < end;
+                 j++) {
+                const intv p = LOAD(corner, COLUMN(b, j));
+                const intv i = CORNER_PLACE(p);
+                sum += (floatv)(GATHER(diag, i));
+            }
+            STORE(inverse_of(sum), inv_diag, AT(b));
         }
-        STORE(inverse_of(sum), inv_diag, AT(b));
+        refresh_edges(part - parts, n_coarse, row, fine, coef, edge, coarse_edge);
     }
 }
 
@@ -675,18 +634,24 @@ static void tail_weights(tail t, int l)
     TOGETHER
 }
 
-/* Weights of the tail's levels, and the edges of all but the first, by edges_from_edges and graph_weights.
- * reads table, arena; writes arena
- * moves 10 C + 4 K + 12 L + 4 V bytes, 2 C + 2 L + 2 V flops at each level
- * shape one work-group, which waits between its loops */
-KERNEL tail_refresh(int levels, global const int *restrict table, global int *restrict arena,
-                    volatile global int *shares, int4 launch)
+/* Weights of the tail's levels, the edges of all but the first as in graph_refresh, and the coarsest level's
+ * inverse, if it is wanted.
+ * reads table, arena, a; writes arena, a, inverse
+ * moves 10 C + 4 K + 12 L + 4 V bytes, 2 C + 2 L + 2 V flops at each level, and what coarse_inverse moves
+ * shape one work-group, which waits between its loops; numerics the inverse in sum_t */
+KERNEL tail_refresh(int levels, int inverted, global const int *restrict table,
+                    global int *restrict arena, global sum_t *restrict a,
+                    global float *restrict inverse, volatile global int *shares, int4 launch)
 {
     const tail t = {table, arena};
+    const int last = levels - 1;
+    local sum_t row[DMK_DENSE], column[DMK_DENSE], least[DMK_DENSE];
     tail_weights(t, 0);
     for (int l = 1; l < levels; l++) {
         tail_edges(t, l);
         tail_weights(t, l);
     }
+    invert_laplacian(inverted ? tail_count(t, last, DMK_TAIL_ROWS) : 0, tail_count(t, last, DMK_TAIL_PAD),
+                     tail_graph(t, last), a, inverse, row, column, least);
 }
 #endif

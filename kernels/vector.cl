@@ -135,6 +135,96 @@ KERNEL cg_step(int n, int last, global const sum_t *restrict state, global const
     }
 }
 
+#if !DMK_DOUBLE
+/* The inner solve, of Newton's matrix, goes by two kernels an iteration beside the V-cycle: the first one has w = A z,
+ * and alpha and beta, the second one the vectors. These are the sums that alpha and beta are of. */
+typedef struct products {
+    sumv rz, apz, zaz;
+} products;
+
+/* What a block of w = A z adds to them. `first`: there is no ap yet. */
+static void add_products(int b, int first, global const float *r, global const float *ap, floatv z,
+                         floatv az, products *sum)
+{
+    const sumv zb = TO_SUM(z);
+    sum->rz += TO_SUM(LOAD(r, AT(b))) * zb;
+    if (!first) sum->apz += TO_SUM(LOAD(ap, AT(b))) * zb;
+    sum->zaz += TO_SUM(az) * zb;
+}
+
+static void finish_products(sums s, int part, int first, products sum)
+{
+    leave_sum(s, 0, part, sum.rz);
+    leave_sum(s, 1, part, sum.apz);
+    leave_sum(s, 2, part, sum.zaz);
+    cg_both_of(s, first, is_last_part(s));
+}
+
+/* w = A z from its elements' parts, and alpha and beta.
+ * reads slice, slot, out (gathered), r, ap, z; writes w, scalars, which are the state
+ * moves 4 P + 24 E + 16 R bytes, 6 E + 6 R flops
+ * shape blocks of R; numerics the sums in sum_t, in the order of parts */
+KERNEL inner_apply(int n, int first, global const int *restrict slice,
+                   global const int *restrict slot, GATHERED float *restrict out,
+                   global const float *restrict r, global const float *restrict ap,
+                   global const float *restrict z, global float *restrict w,
+                   volatile global sum_t *partial, int at, global sum_t *restrict scalars,
+                   volatile global int *done, volatile global int *shares, int4 launch)
+{
+    local group_memory group;
+    const sums s = {partial, scalars, done, &group, at, launch.s3};
+    FOR_PARTS(part, shares, launch)
+    {
+        products sum = {0, 0, 0};
+        FOR_PART_BLOCKS(b, n, part)
+        {
+            const floatv az = row_sum(slice, slot, out, b);
+            STORE(az, w, AT(b));
+            add_products(b, first, r, ap, LOAD(z, AT(b)), az, &sum);
+        }
+        finish_products(s, part, first, sum);
+    }
+}
+
+/* What the last part does, by itself, from the partial sums of all ranks.
+ * reads partial, scalars; writes scalars; moves 24 bytes and 3 flops a part; shape one work-group */
+KERNEL inner_scalars(int parts, int first, volatile global sum_t *partial,
+                     global sum_t *restrict scalars, volatile global int *shares, int4 launch)
+{
+    local group_memory group;
+    const sums s = {partial, scalars, 0, &group, 0, parts, 1};
+    cg_both_of(s, first, 1);
+}
+
+/* p = z + beta p, ap = w + beta ap, x += alpha p, r -= alpha ap, and w = step D^-1 r, the first smoothing step of the
+ * next V-cycle. At the first iteration p, ap and x are not read: they are 0.
+ * reads state, z, w, p, ap, x, r, inv_diag; writes p, ap, x, r, w
+ * moves 48 R bytes, 10 R flops; shape blocks of R */
+KERNEL inner_step(int n, int first, float step, global const sum_t *restrict state,
+                  global const float *restrict z, global const float *restrict inv_diag,
+                  global float *restrict p, global float *restrict ap, global float *restrict x,
+                  global float *restrict r, global float *restrict w, volatile global int *shares,
+                  int4 launch)
+{
+    const float alpha = (float)state[2], beta = (float)state[3];
+    FOR_BLOCKS(b, n, shares, launch)
+    {
+        floatv along = LOAD(z, AT(b)), image = LOAD(w, AT(b)), sum = 0;
+        if (!first) {
+            along += beta * LOAD(p, AT(b));
+            image += beta * LOAD(ap, AT(b));
+            sum = LOAD(x, AT(b));
+        }
+        const floatv left = LOAD(r, AT(b)) - alpha * image;
+        STORE(along, p, AT(b));
+        STORE(image, ap, AT(b));
+        STORE(sum + alpha * along, x, AT(b));
+        STORE(left, r, AT(b));
+        STORE(step * LOAD(inv_diag, AT(b)) * left, w, AT(b));
+    }
+}
+#endif
+
 /* to = from in single precision; the benchmark's copy.
  * reads from; writes to; moves real R + 4 R bytes, 0 flops; shape blocks of R */
 KERNEL narrow_copy(int n, global const real *restrict from, global float *restrict to,
@@ -143,24 +233,36 @@ KERNEL narrow_copy(int n, global const real *restrict from, global float *restri
     FOR_BLOCKS(i, n, shares, launch) { STORE(TO_FLOAT(LOAD(from, AT(i))), to, AT(i)); }
 }
 
-/* x <- alpha x + add, and f.x
- * reads x, add, f; writes x, scalars; moves 3 real R + 4 R bytes, 4 R flops
- * shape blocks of R; numerics f.x in sum_t, in the order of parts */
-KERNEL scale_add(int n, float alpha, global real *restrict x, global const float *restrict add,
-                 global const real *restrict f, volatile global sum_t *partial, int at,
-                 global sum_t *restrict scalars, volatile global int *done,
-                 volatile global int *shares, int4 launch)
+/* The inner solve's last step, w += alpha p with p = z + beta p, and what follows from it: u <- scale u + w, and f.u.
+ * `first`: that step is the only one, and w and p are 0. row: where u's values begin.
+ * reads state, z, p, w, u, f; writes w, u, scalars; moves 3 real R + 16 R bytes, 8 R flops
+ * shape blocks of R; numerics f.u in sum_t, in the order of parts */
+KERNEL inner_finish(int n, int row, int first, float scale, global const sum_t *restrict state,
+                    global const float *restrict z, global const float *restrict p,
+                    global float *restrict w, global real *restrict u,
+                    global const real *restrict f, volatile global sum_t *partial, int at,
+                    global sum_t *restrict scalars, volatile global int *done,
+                    volatile global int *shares, int4 launch)
 {
     local group_memory group;
     const sums s = {partial, scalars, done, &group, at, launch.s3};
+    const float alpha = (float)state[2], beta = (float)state[3];
+    global real *values = u + row;
     FOR_PARTS(part, shares, launch)
     {
         sumv sum = 0;
-        FOR_PART_BLOCKS(i, n, part)
+        FOR_PART_BLOCKS(b, n, part)
         {
-            const realv next = (real)alpha * LOAD(x, AT(i)) + TO_REAL(LOAD(add, AT(i)));
-            STORE(next, x, AT(i));
-            sum += TO_SUM(LOAD(f, AT(i))) * TO_SUM(next);
+            floatv along = LOAD(z, AT(b)), whole = 0;
+            if (!first) {
+                along += beta * LOAD(p, AT(b));
+                whole = LOAD(w, AT(b));
+            }
+            whole += alpha * along;
+            const realv next = (real)scale * LOAD(values, AT(b)) + TO_REAL(whole);
+            STORE(whole, w, AT(b));
+            STORE(next, values, AT(b));
+            sum += TO_SUM(LOAD(f, AT(b))) * TO_SUM(next);
         }
         leave_sum(s, 0, part, sum);
         finish_sums(s, 1, 0);

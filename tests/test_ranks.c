@@ -4,6 +4,7 @@
 #include "meeting.h"
 #include "solving.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -332,6 +333,99 @@ static void test_density_only(void **state)
     }
 }
 
+/* ---- between measures ------------------------------------------------------------------------- */
+
+typedef struct mover {
+    const dmk_mesh *mesh;
+    const double *heap[2]; /* masses of the vertices */
+    member m;
+    dmk_transport *transport;
+    int rc;
+    char message[300];
+} mover;
+
+static int move_on(mover *s, dmk_context *ctx, dmk_device **device, dmk_solver **solver)
+{
+    const dmk_measure from = {.vertex_mass = s->heap[0]}, to = {.vertex_mass = s->heap[1]};
+    const dmk_ranks ranks = ranks_of(&s->m, 500);
+    dmk_device_options open;
+    dmk_solve_options options;
+    dmk_device_options_init(&open, sizeof open);
+    dmk_solve_options_init(&options, sizeof options);
+    options.normalise = 1;
+    int rc = dmk_device_open(ctx, &open, device);
+    if (rc == DMK_OK) rc = dmk_solver_create(ctx, *device, s->mesh, solver);
+    if (rc == DMK_OK) rc = dmk_solver_set_ranks(ctx, *solver, &ranks);
+    if (rc == DMK_OK) rc = dmk_solve_measures(ctx, *solver, &from, &to, &options, &s->transport);
+    return rc;
+}
+
+static void *sit_moving(void *argument)
+{
+    mover *s = argument;
+    dmk_context *ctx = NULL;
+    dmk_device *device = NULL;
+    dmk_solver *solver = NULL;
+    s->rc = dmk_context_create(&ctx);
+    if (s->rc == DMK_OK) s->rc = move_on(s, ctx, &device, &solver);
+    snprintf(s->message, sizeof s->message, "%s", dmk_context_message(ctx));
+    dmk_solver_destroy(&solver);
+    dmk_device_destroy(&device);
+    dmk_context_destroy(&ctx);
+    return NULL;
+}
+
+static void same_transports(const dmk_transport *a, const dmk_transport *b)
+{
+    size_t n;
+    dmk_stats s, t;
+    dmk_transport_get_stats(a, &s);
+    dmk_transport_get_stats(b, &t);
+    const double *x = dmk_transport_density(a, &n);
+    same_numbers(x, dmk_transport_density(b, NULL), n);
+    x = dmk_transport_flux(a, &n);
+    same_numbers(x, dmk_transport_flux(b, NULL), n);
+    x = dmk_transport_potential_mid(a, &n);
+    same_numbers(x, dmk_transport_potential_mid(b, NULL), n);
+    same_numbers(&s.cost_upper, &t.cost_upper, 1);
+    same_numbers(&s.cost_lower, &t.cost_lower, 1);
+    assert_int_equal(s.steps, t.steps);
+}
+
+/* Steps on T, too, whose sums go over its vertices. */
+static void test_measures(void **state)
+{
+    dmk_mesh *mesh = surface(*state, "torus", 9000);
+    dmk_mesh_info info;
+    dmk_mesh_get_info(mesh, &info);
+    const double *xyz = dmk_mesh_vertices(mesh);
+    double *heap[2];
+    dmk_transport *alone = NULL;
+    for (int k = 0; k < 2; k++) {
+        heap[k] = calloc(info.n_vertices, sizeof *heap[k]);
+        for (size_t v = 0; v < info.n_vertices; v++) heap[k][v] = exp(xyz[3 * v + (size_t)k]);
+    }
+    for (int size = 1; size <= MOST_RANKS; size++) {
+        mover movers[MOST_RANKS];
+        meeting all = {.size = size};
+        for (int k = 0; k < size; k++)
+            movers[k] =
+                (mover){.mesh = mesh, .heap = {heap[0], heap[1]}, .m = {.all = &all, .rank = k}};
+        assert_int_equal(meet(&all, sit_moving, movers, sizeof *movers), 0);
+        for (int k = 0; k < size; k++) {
+            if (movers[k].rc != DMK_OK) fail_msg("%d of %d: %s", k, size, movers[k].message);
+            if (size == 1)
+                alone = movers[k].transport;
+            else
+                same_transports(alone, movers[k].transport);
+            if (size > 1) dmk_transport_destroy(&movers[k].transport);
+        }
+    }
+    dmk_transport_destroy(&alone);
+    for (int k = 0; k < 2; k++) free(heap[k]);
+    dmk_mesh_destroy(&mesh);
+}
+
 static void test_wrong_ranks(void **state)
 {
     bench *b = *state;
@@ -363,8 +457,9 @@ int main(void)
         cmocka_unit_test(test_same_bits),        cmocka_unit_test(test_usual_levels),
         cmocka_unit_test(test_single_precision), cmocka_unit_test(test_explicit_steps),
         cmocka_unit_test(test_borders),          cmocka_unit_test(test_small_mesh),
-        cmocka_unit_test(test_lost_touch),       cmocka_unit_test(test_wrong_ranks),
-        cmocka_unit_test(test_density_only),     cmocka_unit_test(test_at_once),
+        cmocka_unit_test(test_lost_touch),       cmocka_unit_test(test_measures),
+        cmocka_unit_test(test_wrong_ranks),      cmocka_unit_test(test_density_only),
+        cmocka_unit_test(test_at_once),
     };
     return cmocka_run_group_tests_name("ranks", tests, bench_setup, bench_teardown);
 }

@@ -138,7 +138,7 @@ static int sum_share(seat *s, dmk_context *ctx, dmk_device *dev, dmk_share *shar
     if (!local || !partial || !to) goto done;
     take_parts(share, w, maxima ? w->range : w->dots, parts, local);
     DMK_TRY(dmk_buffer_write(ctx, dev, partial, 0, table, local));
-    DMK_TRY(dmk_share_parts(ctx, share, true, QUANTITIES, maxima ? 2 : 0, partial, &parts));
+    DMK_TRY(dmk_share_parts(ctx, share, DMK_ROWS, QUANTITIES, maxima ? 2 : 0, partial, &parts));
     DMK_TRY(dmk_kernel_get(ctx, dev, DMK_OUTER, maxima ? "sum_partials" : "cg_beta", &k));
     const dmk_range once = {.items = 1};
     if (maxima)

@@ -116,7 +116,7 @@ static double *apply(const fixture *x, const double *v)
     double *y = new_rows(x);
     ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_OUTER, s->cg[DMK_OUTER].p, x->n, v));
     ok(x, dmk_element_stiffness(x->b.ctx, s, DMK_OUTER, s->cg[DMK_OUTER].p));
-    ok(x, dmk_rows_apply(x->b.ctx, s, DMK_OUTER, s->cg[DMK_OUTER].p, s->cg[DMK_OUTER].ap));
+    ok(x, dmk_rows_apply(x->b.ctx, s, s->cg[DMK_OUTER].p, s->cg[DMK_OUTER].ap));
     ok(x, dmk_buffer_read_real(x->b.ctx, x->b.dev, DMK_OUTER, s->cg[DMK_OUTER].ap, x->n, y));
     return y;
 }
@@ -132,7 +132,7 @@ static double v_cycle_rate(const fixture *x)
     for (int cycle = 0; cycle < 12; cycle++) {
         double *av = apply(x, v), before = dot(x, v, av);
         ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_INNER, s->cg[DMK_INNER].r, x->n, av));
-        ok(x, dmk_v_cycle(x->b.ctx, s, DMK_STIFFNESS, s->cg[DMK_INNER].r, (dmk_cycle){0}));
+        ok(x, dmk_v_cycle(x->b.ctx, s, DMK_STIFFNESS, s->cg[DMK_INNER].r, false));
         ok(x, dmk_buffer_read_real(x->b.ctx, x->b.dev, DMK_INNER, s->x_old, x->n, z));
         for (size_t i = 0; i < x->n; i++) v[i] -= z[i];
         free(av);
@@ -209,7 +209,7 @@ static double solve(fixture *x, const double *v, int most, double tolerance, dmk
     ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_OUTER, s->cg[DMK_OUTER].r, x->n, rhs));
     ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_INNER, s->cg[DMK_OUTER].narrow, x->n, rhs));
     *stats = (dmk_stats){0};
-    ok(x, dmk_pcg(x->b.ctx, s, DMK_OUTER, DMK_STIFFNESS, unknown, most, tolerance, 0, stats));
+    ok(x, dmk_pcg(x->b.ctx, s, unknown, most, tolerance, 0, stats));
     ok(x, dmk_buffer_read_real(x->b.ctx, x->b.dev, DMK_OUTER, unknown, x->n, found));
     for (size_t i = 0; i < x->n; i++) found[i] -= v[i];
     double *error = apply(x, found), left = sqrt(fmax(0, dot(x, found, error)) / dot(x, v, rhs));
@@ -264,8 +264,7 @@ static void conjugate_gradients_stop(void **state)
     dmk_system *s = x->sys;
     ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_OUTER, s->cg[DMK_OUTER].r, x->n, v));
     ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_INNER, s->cg[DMK_OUTER].narrow, x->n, v));
-    assert_int_equal(dmk_pcg(x->b.ctx, s, DMK_OUTER, DMK_STIFFNESS, s->u, 20, 1e-6, 0, &stats),
-                     DMK_E_DIVERGED);
+    assert_int_equal(dmk_pcg(x->b.ctx, s, s->u, 20, 1e-6, 0, &stats), DMK_E_DIVERGED);
     assert_non_null(strstr(dmk_context_message(x->b.ctx), "broke down"));
     free(v);
 }
@@ -441,7 +440,7 @@ static void bands_end_at_the_ends(void **state)
 static void steps_grow_and_shrink(void **state)
 {
     (void)state;
-    step_control p = {.D = 50, .longest = 150, .growth = 1.5};
+    step_control p = control_of(&(dmk_iteration){.between = false}, true);
     choose_step(&p, 1); /* nothing to compare with */
     assert_true(p.D == 50 && !p.shrunk && p.rho_before == 1 && p.iterations == 3);
     choose_step(&p, 0.89);
@@ -460,7 +459,8 @@ static void steps_grow_and_shrink(void **state)
     assert_true(p.D == 75 && !p.shrunk);
     for (int i = 0; i < 20; i++) choose_step(&p, ldexp(1, i));
     assert_true(p.D == 5 && !p.shrunk && p.iterations == 3);
-    step_control brief = {.D = 4, .longest = 150, .growth = 1.6, .brief = 5};
+    step_control brief = {
+        .D = 4, .longest = 150, .growth = 1.6, .brief = 5, .most = 3, .stiff = 100};
     choose_step(&brief, 1);
     assert_true(brief.D == 4 && brief.iterations == 1);
     choose_step(&brief, 0.5);
@@ -473,9 +473,9 @@ static void steps_grow_and_shrink(void **state)
     for (int i = 0; i < 20; i++)
         choose_step(&brief, ldexp(1, i)); /* a step that shrinks is not brief */
     assert_true(brief.D == 5 && brief.iterations == 2);
-    assert_true(error_estimate(&(step_control){.D = 50}, 1) == 2);
-    assert_true(error_estimate(&(step_control){.D = 100}, 1) == 1);
-    assert_true(error_estimate(&(step_control){.D = 150}, 1) == 1);
+    assert_true(error_estimate(&(step_control){.D = 50, .slow = 100}, 1) == 2);
+    assert_true(error_estimate(&(step_control){.D = 100, .slow = 100}, 1) == 1);
+    assert_true(error_estimate(&(step_control){.D = 150, .slow = 100}, 1) == 1);
 }
 
 /* A small change of mu ends the steps where the gap is small, too; else the tolerance becomes a third, twice. */
@@ -487,7 +487,7 @@ static void steps_go_on_for_a_gap(void **state)
         bool settled;
     } cases[] = {
         {2.1e-3, 3e-3, true}, {4.2e-3, 3e-3, false}, {4.2e-3, 1e-3, false}, {4.2e-3, 3.4e-4, true}};
-    const step_control p = {.D = 100};
+    const step_control p = {.D = 100, .slow = 100};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         dmk_stats stats = {.gap = cases[i].gap};
         const dmk_solve_options options = {.struct_size = sizeof options};

@@ -187,11 +187,13 @@ int dmk_share_ghosts(dmk_context *context, dmk_share *share, double *rows);
 
 /* ---- sums.c ---- */
 
-/* The partial sums that a launch over all rows (or all elements) left, `count` quantities one after
- * the other, the last `maxima` of them maxima: those of all ranks in the order of the whole mesh take
- * their place, many of them as sums of blocks (DMK_SUM_SHORT). *parts: their number, which without a
- * share stays as it is. */
-int dmk_share_parts(dmk_context *context, dmk_share *share, bool rows, int count, int maxima,
+/* What a launch goes over: the elements, the rows of T/2, or T's vertices. */
+typedef enum dmk_items { DMK_ELEMENTS, DMK_ROWS, DMK_VERTICES } dmk_items;
+
+/* The partial sums that a launch over all of these left, `count` quantities one after the other, the last `maxima`
+ * of them maxima: those of all ranks in the order of the whole mesh take their place, many of them as sums of blocks
+ * (DMK_SUM_SHORT). *parts: their number, which without a share stays as it is. */
+int dmk_share_parts(dmk_context *context, dmk_share *share, dmk_items items, int count, int maxima,
                     const dmk_buffer *partial, int32_t *parts);
 /* Room that dmk_share_parts takes for each quantity. */
 size_t dmk_share_most_parts(const dmk_share *share);

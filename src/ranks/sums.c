@@ -25,10 +25,15 @@ static int32_t parts_of(const dmk_share *s, const dmk_space *space, int r)
     return parts(s, space->bound[r + 1] - space->bound[r]);
 }
 
-/* The runs of a launch over rows or elements; returns their number. *whole: all parts. */
-static int list_runs(const dmk_share *s, bool rows, run list[2], int32_t *whole)
+/* The runs of a launch; returns their number. *whole: all parts. */
+static int list_runs(const dmk_share *s, dmk_items items, run list[2], int32_t *whole)
 {
-    if (!rows) {
+    if (items == DMK_VERTICES) {
+        list[0] = (run){&s->vertex[0], s->vertex[0].at_first / s->part, 0};
+        *whole = parts(s, s->vertex[0].n_whole);
+        return 1;
+    }
+    if (items == DMK_ELEMENTS) {
         list[0] = (run){&s->element, s->element.at_first / s->part, 0};
         *whole = parts(s, s->element.n_whole);
         return 1;
@@ -50,11 +55,11 @@ typedef struct passing {
     int32_t block, n_blocks; /* parts of a block; blocks of the whole */
 } passing;
 
-static passing find_passing(const dmk_share *s, bool rows, run list[2])
+static passing find_passing(const dmk_share *s, dmk_items items, run list[2])
 {
     int32_t whole;
     passing p = {.list = list, .count = 1, .item = dmk_device_real(s->device, DMK_OUTER)};
-    p.n = list_runs(s, rows, list, &whole);
+    p.n = list_runs(s, items, list, &whole);
     p.block = whole > DMK_SUM_SHORT ? DMK_SUM_BLOCK : 1;
     p.n_blocks = (whole + p.block - 1) / p.block;
     return p;
@@ -64,8 +69,8 @@ size_t dmk_share_most_parts(const dmk_share *s)
 {
     run list[2];
     if (!s) return 0;
-    return (size_t)dmk_max_i(find_passing(s, true, list).n_blocks,
-                             find_passing(s, false, list).n_blocks);
+    return (size_t)dmk_max_i(find_passing(s, DMK_ROWS, list).n_blocks,
+                             find_passing(s, DMK_ELEMENTS, list).n_blocks);
 }
 
 /* Whether a block begins at part i, and ends before `end`. */
@@ -195,14 +200,14 @@ done:
     return rc;
 }
 
-int dmk_share_parts(dmk_context *ctx, dmk_share *s, bool rows, int count, int maxima,
+int dmk_share_parts(dmk_context *ctx, dmk_share *s, dmk_items items, int count, int maxima,
                     const dmk_buffer *partial, int32_t *n_parts)
 {
     int rc;
     run list[2];
     char *table = NULL, *blocks = NULL;
     if (!s) return DMK_OK;
-    passing p = find_passing(s, rows, list);
+    passing p = find_passing(s, items, list);
     p.count = count;
     p.maxima = maxima;
     const size_t stride = (size_t)*n_parts, table_bytes = p.item * (size_t)count * stride,

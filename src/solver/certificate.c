@@ -39,7 +39,6 @@ static int find_least(dmk_iteration *o, search *s)
 {
     int rc;
     DMK_TRY(dmk_iteration_energies(o));
-    DMK_TRY(dmk_iteration_measure(o, 1));
     s->least = sqrt(fmax(2 * o->fu - o->uau, 0) * o->mass);
 done:
     return rc;

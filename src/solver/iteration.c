@@ -10,28 +10,57 @@ int dmk_iteration_scalars(dmk_iteration *o, size_t n, double *sums)
     return dmk_buffer_read_real(o->ctx, o->sys->device, DMK_OUTER, o->sys->scalars, n, sums);
 }
 
-/* Queue them: v.Av comes to scalars[0]. */
-static int queue_energy(dmk_iteration *o, const dmk_buffer *v, bool keep, double slack)
+/* Where sums come to: the energies' from 0 on, see dmk_element_energy, and those of a Newton step one more. */
+enum { UAU, MASS, SLOPE, SQUARE, TOP, CHANGE = TOP, NEWTON_TOP, FU, N_SCALARS };
+
+static void take(dmk_iteration *o, const double *sums, double top)
 {
-    o->fresh = keep;
-    return dmk_element_energy(o->ctx, o->sys, v, keep, slack, 0);
+    o->scale = 1;
+    o->uau = sums[UAU];
+    o->fu = sums[FU];
+    o->mass = sums[MASS];
+    o->slope = sums[SLOPE] / o->mass;
+    o->square = sums[SQUARE] / o->mass;
+    o->top = o->largest = top;
 }
 
 int dmk_iteration_energies(dmk_iteration *o)
 {
-    int rc = dmk_dot(o->ctx, o->sys, o->sys->f, o->sys->u, 1);
-    return rc ? rc : dmk_iteration_energies_and(o, 0, NULL);
+    int rc;
+    double sums[N_SCALARS];
+    o->fresh = true;
+    DMK_TRY(dmk_dot(o->ctx, o->sys, o->sys->f, o->sys->u, FU));
+    DMK_TRY(dmk_element_energy(o->ctx, o->sys, o->sys->u, true, 0, 0));
+    DMK_TRY(dmk_iteration_scalars(o, N_SCALARS, sums));
+    take(o, sums, sums[TOP]);
+done:
+    return rc;
 }
 
-int dmk_iteration_energies_and(dmk_iteration *o, int n, double *others)
+int dmk_iteration_update(dmk_iteration *o, dmk_items over, bool first, const dmk_newton_step *step,
+                         double *change)
 {
     int rc;
-    double sums[16]; /* as many as there are scalars */
-    DMK_TRY(queue_energy(o, o->sys->u, true, 0));
-    DMK_TRY(dmk_iteration_scalars(o, 2 + (size_t)n, sums));
-    o->uau = sums[0];
-    o->fu = sums[1];
-    for (int i = 0; i < n; i++) others[i] = sums[2 + i];
+    double sums[N_SCALARS];
+    o->fresh = over == DMK_ROWS;
+    DMK_TRY(dmk_inner_finish(o->ctx, o->sys, over, first, step->alpha, FU));
+    DMK_TRY(over == DMK_ROWS ? dmk_newton_update(o->ctx, o->sys, step, 0)
+                             : dmk_nested_update(o->ctx, o->sys, step, 0));
+    DMK_TRY(dmk_iteration_scalars(o, N_SCALARS, sums));
+    take(o, sums, sums[NEWTON_TOP]);
+    *change = sums[CHANGE] / sums[MASS];
+done:
+    return rc;
+}
+
+int dmk_iteration_measure_nested(dmk_iteration *o, double scale)
+{
+    int rc;
+    double sums[N_SCALARS];
+    DMK_TRY(dmk_nested_energy(o->ctx, o->sys, scale, 0));
+    DMK_TRY(dmk_iteration_scalars(o, N_SCALARS, sums));
+    take(o, sums, sums[TOP]);
+    o->scale = scale;
 done:
     return rc;
 }
@@ -39,29 +68,23 @@ done:
 int dmk_iteration_energies_of(dmk_iteration *o, const dmk_buffer *v, double *fv)
 {
     int rc;
-    double sums[5];
+    double sums[N_SCALARS];
     const bool wide = dmk_device_real(o->sys->device, DMK_OUTER) == sizeof(double);
-    DMK_TRY(dmk_dot(o->ctx, o->sys, o->sys->f, v, 1));
-    DMK_TRY(queue_energy(o, v, false, wide ? DMK_ENERGY_ROUNDING : 0));
-    DMK_TRY(dmk_element_measure(o->ctx, o->sys, 1, 2));
-    DMK_TRY(dmk_iteration_scalars(o, 5, sums));
-    *fv = sums[1];
-    o->top = sums[4];
+    o->fresh = false;
+    DMK_TRY(dmk_dot(o->ctx, o->sys, o->sys->f, v, FU));
+    DMK_TRY(dmk_element_energy(o->ctx, o->sys, v, false, wide ? DMK_ENERGY_ROUNDING : 0, 0));
+    DMK_TRY(dmk_iteration_scalars(o, N_SCALARS, sums));
+    *fv = sums[FU];
+    o->top = sums[TOP];
 done:
     return rc;
 }
 
-int dmk_iteration_measure(dmk_iteration *o, double alpha)
+void dmk_iteration_measure(dmk_iteration *o, double alpha)
 {
-    int rc;
-    double sums[3];
-    DMK_TRY(dmk_element_measure(o->ctx, o->sys, alpha, 0));
-    DMK_TRY(dmk_iteration_scalars(o, 3, sums));
-    o->mass = sums[1];
-    o->rho = sqrt(sums[0] / sums[1]);
-    o->top = sums[2];
-done:
-    return rc;
+    const double shift = log(fabs(alpha) / o->scale);
+    o->rho = sqrt(fmax(0, o->square + shift * (2 * o->slope + shift)));
+    o->top = alpha * alpha * o->largest;
 }
 
 /* The outer residual f - A u for CG, and A's coefficients and coarse operators. */
@@ -114,8 +137,7 @@ int dmk_iteration_solve(dmk_iteration *o, double tolerance, int max_iterations)
     DMK_TRY(prepare_solve(o));
     /* Of f.A^-1 f, which is short by the square of u's error only. */
     const double known = fabs(2 * o->fu - o->uau);
-    rc = dmk_pcg(o->ctx, o->sys, DMK_OUTER, DMK_STIFFNESS, o->sys->u, max_iterations, tolerance,
-                 known, o->stats);
+    rc = dmk_pcg(o->ctx, o->sys, o->sys->u, max_iterations, tolerance, known, o->stats);
     if (rc == DMK_E_DIVERGED) {
         char what[200];
         snprintf(what, sizeof what, "%.199s", o->ctx->message);

@@ -2,6 +2,7 @@
 #ifndef DMK_ITERATION_H
 #define DMK_ITERATION_H
 
+#include "solver/kernels.h"
 #include "solver/pcg.h"
 
 /* One solve under way. Quantities are in the packed problem's units (area 1). */
@@ -13,15 +14,17 @@ typedef struct dmk_iteration {
     const dmk_solve_options *options;
     dmk_method asked; /* the caller's method: options may be those of another that takes over */
     dmk_stats *stats;
-    double began;      /* dmk_seconds() */
-    double fu, uau;    /* f.u and u.Au of the last energies */
-    bool fresh;        /* fu, uau, q and out_real are u's */
-    double tolerance;  /* relative change of mu that ends the iteration */
-    double mass;       /* integral of mu */
-    double rho, top;   /* weighted mean of (1/2 log q)^2, rooted; largest q */
+    double began;     /* dmk_seconds() */
+    double fu, uau;   /* f.u and u.Au of the last energies */
+    bool fresh;       /* fu, uau, q and out_real are u's */
+    double tolerance; /* relative change of mu that ends the iteration */
+    /* Of the last energies: the integral of mu, the means with weight mu of L and L^2, L = 1/2 log(scale^2 q), and the
+     * largest q. */
+    double mass, slope, square, scale, largest;
+    double rho, top;   /* the root of that of L^2, and the largest, of q at a scale; see below */
     double floor;      /* mu stays above this many square roots of the element's area; */
     double mean_floor; /* in Newton's steps that do not begin at a distance: times mu's mean */
-    double brief;      /* below this pseudo-time step Newton's inner solve is one iteration of CG */
+    bool between;      /* measures: see newton.c for what its steps do then */
     bool goes_on;      /* a large gap will be answered by more steps rather than by a long repair */
     bool certified;    /* stats has the bounds of the present pair */
     bool loose; /* its u is far from solving A(mu) u = f: a few iterations of CG from mu = const */
@@ -47,15 +50,20 @@ static const double DMK_SETTLED_GAP = 3e-3;
  * more than about 20 roundings of 2^-53, and the cotangents come with a few. */
 static const double DMK_ENERGY_ROUNDING = 16 * 2.220446049250313e-16;
 
-/* g in out_real, q of s->u; fu and uau. */
+/* g in out_real, q of s->u; fu, uau, mass and the like. */
 int dmk_iteration_energies(dmk_iteration *o);
-/* The same where f.u is queued for scalars[1], and in one read `n` sums that are for scalars[2 .. 2 + n). */
-int dmk_iteration_energies_and(dmk_iteration *o, int n, double *others);
+/* The last step of the inner solve (`first`: of one) and what follows: u, mu, its relative change, and their
+ * energies. */
+int dmk_iteration_update(dmk_iteration *o, dmk_items over, bool first, const dmk_newton_step *step,
+                         double *change);
+/* The same after an update with u linear on T and another change of mu, L at this scale of u. */
+int dmk_iteration_measure_nested(dmk_iteration *o, double scale);
 /* q, its largest in o->top, and f.v of any row vector in place of u, in double precision q with its rounding on top,
  * so that it is not below the true one. out_real stays as it is. */
 int dmk_iteration_energies_of(dmk_iteration *o, const dmk_buffer *v, double *fv);
-/* rho, mass and top of q scaled by alpha^2. */
-int dmk_iteration_measure(dmk_iteration *o, double alpha);
+/* rho and top of the last energies' q scaled by alpha^2. rho as if no L, kept in [-1, 1], came to its bounds or left
+ * them by that. */
+void dmk_iteration_measure(dmk_iteration *o, double alpha);
 /* Solve A(mu) du = f - A(mu) u to `tolerance` of the energy f.u and add du to s->u. */
 int dmk_iteration_solve(dmk_iteration *o, double tolerance, int max_iterations);
 /* Read the first n scalars, once all that is queued is done. */

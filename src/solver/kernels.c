@@ -10,23 +10,24 @@ enum { IN_INNER = 1 << DMK_INNER, IN_OUTER = 1 << DMK_OUTER, IN_BOTH = IN_INNER 
 #define KERNEL_LIST(X)                                                                             \
     X(element_stiffness, IN_BOTH)                                                                  \
     X(element_newton, IN_INNER)                                                                    \
-    X(rows_apply, IN_BOTH)                                                                         \
+    X(rows_apply, IN_OUTER)                                                                        \
     X(rows_chebyshev, IN_INNER)                                                                    \
-    X(cg_dots, IN_BOTH)                                                                            \
-    X(cg_beta, IN_BOTH)                                                                            \
-    X(cg_direction, IN_BOTH)                                                                       \
-    X(cg_alpha, IN_BOTH)                                                                           \
-    X(cg_step, IN_BOTH)                                                                            \
+    X(cg_dots, IN_OUTER)                                                                           \
+    X(cg_beta, IN_OUTER)                                                                           \
+    X(cg_direction, IN_OUTER)                                                                      \
+    X(cg_alpha, IN_OUTER)                                                                          \
+    X(cg_step, IN_OUTER)                                                                           \
+    X(inner_apply, IN_INNER)                                                                       \
+    X(inner_scalars, IN_INNER)                                                                     \
+    X(inner_step, IN_INNER)                                                                        \
     X(dot_real, IN_OUTER)                                                                          \
     X(rows_range, IN_OUTER)                                                                        \
     X(sum_partials, IN_OUTER)                                                                      \
-    X(scale_add, IN_OUTER)                                                                         \
+    X(inner_finish, IN_OUTER)                                                                      \
     X(smooth_first, IN_INNER)                                                                      \
     X(element_down, IN_INNER)                                                                      \
     X(element_up, IN_INNER)                                                                        \
     X(rows_up, IN_INNER)                                                                           \
-    X(rows_up_dots, IN_INNER)                                                                      \
-    X(rows_chebyshev_dots, IN_INNER)                                                               \
     X(graph_residual, IN_INNER)                                                                    \
     X(graph_chebyshev, IN_INNER)                                                                   \
     X(restrict_midpoints, IN_INNER)                                                                \
@@ -35,19 +36,24 @@ enum { IN_INNER = 1 << DMK_INNER, IN_OUTER = 1 << DMK_OUTER, IN_BOTH = IN_INNER 
     X(coarse_solve, IN_INNER)                                                                      \
     X(coarse_inverse, IN_INNER)                                                                    \
     X(edges_from_triangles, IN_INNER)                                                              \
-    X(edges_from_edges, IN_INNER)                                                                  \
-    X(graph_weights, IN_INNER)                                                                     \
-    X(mesh_weights, IN_INNER)                                                                      \
+    X(graph_refresh, IN_INNER)                                                                     \
+    X(mesh_refresh, IN_INNER)                                                                      \
     X(inverse_diagonal, IN_INNER)                                                                  \
     X(tail_cycle, IN_INNER)                                                                        \
     X(tail_refresh, IN_INNER)                                                                      \
     X(element_energy, IN_OUTER)                                                                    \
-    X(element_measure, IN_OUTER)                                                                   \
     X(element_prepare, IN_OUTER)                                                                   \
     X(element_scale, IN_OUTER)                                                                     \
     X(newton_prepare, IN_OUTER)                                                                    \
     X(newton_diagonal, IN_OUTER)                                                                   \
     X(newton_update, IN_OUTER)                                                                     \
+    X(nested_load, IN_OUTER)                                                                       \
+    X(nested_energy, IN_OUTER)                                                                     \
+    X(nested_prepare, IN_OUTER)                                                                    \
+    X(nested_rhs, IN_OUTER)                                                                        \
+    X(nested_update, IN_OUTER)                                                                     \
+    X(nested_refine, IN_OUTER)                                                                     \
+    X(nested_apply, IN_INNER)                                                                      \
     X(explicit_update, IN_OUTER)                                                                   \
     X(rows_rhs, IN_OUTER)                                                                          \
     X(newton_rows, IN_OUTER)                                                                       \
@@ -138,20 +144,24 @@ static int32_t slot_of_sums(const dmk_system *s, int at)
     DMK_BUF(s->partial), DMK_INT(slot_of_sums(s, at)), DMK_BUF(to), DMK_BUF(s->done)
 
 /* With a share: the partial sums of all ranks; *parts: their number. */
-static int all_parts(dmk_context *ctx, dmk_system *s, bool rows, int count, int maxima,
+static int all_parts(dmk_context *ctx, dmk_system *s, dmk_items over, int count, int maxima,
                      int32_t *parts)
 {
-    *parts = (int32_t)dmk_launch_parts(s->device, (size_t)(rows ? s->n_rows : s->n_elements));
-    return dmk_share_parts(ctx, s->share, rows, count, maxima, s->partial, parts);
+    const int32_t n = over == DMK_ROWS       ? s->n_rows
+                      : over == DMK_VERTICES ? s->level[0].n
+                                             : s->n_elements;
+    *parts = (int32_t)dmk_launch_parts(s->device, (size_t)n);
+    return dmk_share_parts(ctx, s->share, over, count, maxima, s->partial, parts);
 }
 
 /* What a kernel leaves in partial: without a share it has added it up itself. */
-static int finish_sums(dmk_context *ctx, dmk_system *s, bool rows, int count, int maxima, int at)
+static int finish_sums(dmk_context *ctx, dmk_system *s, dmk_items over, int count, int maxima,
+                       int at)
 {
     int rc;
     int32_t parts;
     if (!s->share) return DMK_OK;
-    DMK_TRY(all_parts(ctx, s, rows, count, maxima, &parts));
+    DMK_TRY(all_parts(ctx, s, over, count, maxima, &parts));
     rc = RUN(DMK_OUTER, sum_partials, items(1), DMK_INT(parts), DMK_INT(count), DMK_INT(maxima),
              DMK_BUF(s->partial), DMK_BUF(s->scalars), DMK_INT(at));
 done:
@@ -228,16 +238,15 @@ done:
     return rc;
 }
 
-int dmk_rows_apply(dmk_context *ctx, dmk_system *s, dmk_program p, const dmk_buffer *x,
-                   dmk_buffer *y)
+int dmk_rows_apply(dmk_context *ctx, dmk_system *s, const dmk_buffer *x, dmk_buffer *y)
 {
     int rc;
     int32_t parts;
-    DMK_TRY(RUN(p, rows_apply, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->slice), DMK_BUF(s->slot),
-                DMK_BUF(out_of(s, p)), DMK_BUF(x), DMK_BUF(y), SUMS(1, s->state)));
+    DMK_TRY(RUN(DMK_OUTER, rows_apply, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->slice),
+                DMK_BUF(s->slot), DMK_BUF(s->out_real), DMK_BUF(x), DMK_BUF(y), SUMS(1, s->state)));
     if (!s->share) return DMK_OK;
-    DMK_TRY(all_parts(ctx, s, true, 1, 0, &parts));
-    rc = RUN(p, cg_alpha, items(1), DMK_INT(parts), DMK_BUF(s->partial), DMK_BUF(s->state));
+    DMK_TRY(all_parts(ctx, s, DMK_ROWS, 1, 0, &parts));
+    rc = RUN(DMK_OUTER, cg_alpha, items(1), DMK_INT(parts), DMK_BUF(s->partial), DMK_BUF(s->state));
 done:
     return rc;
 }
@@ -252,55 +261,93 @@ int dmk_rows_chebyshev(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, c
 
 /* ---- vector.cl ------------------------------------------------------------------------------- */
 
-/* beta where the sums of all ranks are needed for it. */
-static int finish_beta(dmk_context *ctx, dmk_system *s, dmk_program p, bool first)
+int dmk_cg_dots(dmk_context *ctx, dmk_system *s, bool first, const dmk_buffer *z)
 {
     int rc;
     int32_t parts;
+    DMK_TRY(RUN(DMK_OUTER, cg_dots, rows(s), DMK_INT(s->n_rows), DMK_INT(first),
+                DMK_BUF(s->cg[DMK_OUTER].r), DMK_BUF(s->cg[DMK_OUTER].ap), DMK_BUF(z),
+                SUMS(1, s->state)));
     if (!s->share) return DMK_OK;
-    DMK_TRY(all_parts(ctx, s, true, 2, 0, &parts));
-    rc = RUN(p, cg_beta, items(1), DMK_INT(parts), DMK_INT(first), DMK_BUF(s->partial),
+    DMK_TRY(all_parts(ctx, s, DMK_ROWS, 2, 0, &parts));
+    rc = RUN(DMK_OUTER, cg_beta, items(1), DMK_INT(parts), DMK_INT(first), DMK_BUF(s->partial),
              DMK_BUF(s->state));
 done:
     return rc;
 }
 
-int dmk_cg_dots(dmk_context *ctx, dmk_system *s, dmk_program p, bool first, const dmk_buffer *z)
+int dmk_cg_direction(dmk_context *ctx, dmk_system *s, const dmk_buffer *z)
+{
+    return RUN(DMK_OUTER, cg_direction, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->state), DMK_BUF(z),
+               DMK_BUF(s->cg[DMK_OUTER].p));
+}
+
+int dmk_cg_step(dmk_context *ctx, dmk_system *s, dmk_buffer *x, double step, bool last)
+{
+    return RUN(DMK_OUTER, cg_step, rows(s), DMK_INT(s->n_rows), DMK_INT(last), DMK_BUF(s->state),
+               DMK_BUF(s->cg[DMK_OUTER].p), DMK_BUF(s->cg[DMK_OUTER].ap), DMK_BUF(x),
+               DMK_BUF(s->cg[DMK_OUTER].r), DMK_BUF(s->cg[DMK_OUTER].narrow), DMK_FLOAT(step),
+               DMK_BUF(s->inv_diag), DMK_BUF(s->x));
+}
+
+/* What the inner solve is of, on T/2 or on T. */
+typedef struct unknowns {
+    int32_t n;
+    dmk_buffer *r, *z, *x, *inv_diag;
+} unknowns;
+
+static unknowns unknowns_of(const dmk_system *s, dmk_items over)
+{
+    const dmk_level *t = &s->level[0];
+    return over == DMK_ROWS ? (unknowns){s->n_rows, s->cg[DMK_INNER].r, s->x_old, s->x, s->inv_diag}
+                            : (unknowns){t->n, t->rhs, t->x_old, t->x, t->inv_diag};
+}
+
+int dmk_inner_apply(dmk_context *ctx, dmk_system *s, dmk_items over, bool first)
 {
     int rc;
-    DMK_TRY(RUN(p, cg_dots, rows(s), DMK_INT(s->n_rows), DMK_INT(first), DMK_BUF(s->cg[p].r),
-                DMK_BUF(s->cg[p].ap), DMK_BUF(z), SUMS(1, s->state)));
-    rc = finish_beta(ctx, s, p, first);
+    int32_t parts;
+    const dmk_level *t = &s->level[0];
+    const unknowns v = unknowns_of(s, over);
+    if (over == DMK_ROWS) {
+        DMK_TRY(RUN(DMK_INNER, inner_apply, items(v.n), DMK_INT(v.n), DMK_INT(first),
+                    DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out), DMK_BUF(v.r),
+                    DMK_BUF(s->cg[DMK_INNER].ap), DMK_BUF(v.z), DMK_BUF(v.x), SUMS(1, s->state)));
+    } else {
+        DMK_TRY(dmk_send(ctx, dmk_ship_vertices(s->share, 0, v.z)));
+        DMK_TRY(RUN(DMK_INNER, nested_apply, items(v.n), DMK_INT(v.n), DMK_INT(first),
+                    DMK_BUF(t->slice), DMK_BUF(t->neighbour), DMK_BUF(t->weight), DMK_BUF(v.r),
+                    DMK_BUF(s->cg[DMK_INNER].ap), DMK_BUF(v.z), DMK_BUF(v.x), SUMS(1, s->state)));
+    }
+    if (!s->share) return DMK_OK;
+    DMK_TRY(all_parts(ctx, s, over, 3, 0, &parts));
+    rc = RUN(DMK_INNER, inner_scalars, items(1), DMK_INT(parts), DMK_INT(first),
+             DMK_BUF(s->partial), DMK_BUF(s->state));
 done:
     return rc;
 }
 
-int dmk_rows_chebyshev_dots(dmk_context *ctx, dmk_system *s, bool first, const dmk_buffer *x,
-                            dmk_buffer *x_old, dmk_chebyshev_step c)
+int dmk_inner_step(dmk_context *ctx, dmk_system *s, dmk_items over, bool first, double step)
+{
+    const unknowns v = unknowns_of(s, over);
+    return RUN(DMK_INNER, inner_step, items(v.n), DMK_INT(v.n), DMK_INT(first), DMK_FLOAT(step),
+               DMK_BUF(s->state), DMK_BUF(v.z), DMK_BUF(v.inv_diag), DMK_BUF(s->cg[DMK_INNER].p),
+               DMK_BUF(s->cg[DMK_INNER].ap), DMK_BUF(s->w), DMK_BUF(v.r), DMK_BUF(v.x));
+}
+
+int dmk_inner_finish(dmk_context *ctx, dmk_system *s, dmk_items over, bool first, double scale,
+                     int at)
 {
     int rc;
-    DMK_TRY(RUN(DMK_INNER, rows_chebyshev_dots, rows(s), DMK_INT(s->n_rows), DMK_INT(first),
-                DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out), DMK_BUF(s->cg[DMK_INNER].r),
-                DMK_BUF(s->inv_diag), DMK_BUF(x), DMK_BUF(x_old), DMK_FLOAT(c.momentum),
-                DMK_FLOAT(c.keep), DMK_FLOAT(c.step), DMK_BUF(s->cg[DMK_INNER].ap),
-                SUMS(1, s->state)));
-    rc = finish_beta(ctx, s, DMK_INNER, first);
+    const unknowns v = unknowns_of(s, over);
+    const bool on_rows = over == DMK_ROWS;
+    DMK_TRY(RUN(DMK_OUTER, inner_finish, items(v.n), DMK_INT(v.n),
+                DMK_INT(on_rows ? 0 : s->vertex_row), DMK_INT(first), DMK_FLOAT(scale),
+                DMK_BUF(s->state), DMK_BUF(v.z), DMK_BUF(s->cg[DMK_INNER].p), DMK_BUF(s->w),
+                DMK_BUF(s->u), DMK_BUF(on_rows ? s->f : s->load), SUMS(at, s->scalars)));
+    rc = finish_sums(ctx, s, over, 1, 0, at);
 done:
     return rc;
-}
-
-int dmk_cg_direction(dmk_context *ctx, dmk_system *s, dmk_program p, const dmk_buffer *z)
-{
-    return RUN(p, cg_direction, rows(s), DMK_INT(s->n_rows), DMK_BUF(s->state), DMK_BUF(z),
-               DMK_BUF(s->cg[p].p));
-}
-
-int dmk_cg_step(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_buffer *x, double step,
-                bool last)
-{
-    return RUN(p, cg_step, rows(s), DMK_INT(s->n_rows), DMK_INT(last), DMK_BUF(s->state),
-               DMK_BUF(s->cg[p].p), DMK_BUF(s->cg[p].ap), DMK_BUF(x), DMK_BUF(s->cg[p].r),
-               DMK_BUF(s->cg[p].narrow), DMK_FLOAT(step), DMK_BUF(s->inv_diag), DMK_BUF(s->x));
 }
 
 int dmk_dot(dmk_context *ctx, dmk_system *s, const dmk_buffer *a, const dmk_buffer *b, int at)
@@ -308,7 +355,7 @@ int dmk_dot(dmk_context *ctx, dmk_system *s, const dmk_buffer *a, const dmk_buff
     int rc;
     DMK_TRY(RUN(DMK_OUTER, dot_real, rows(s), DMK_INT(s->n_rows), DMK_BUF(a), DMK_BUF(b),
                 SUMS(at, s->scalars)));
-    rc = finish_sums(ctx, s, true, 1, 0, at);
+    rc = finish_sums(ctx, s, DMK_ROWS, 1, 0, at);
 done:
     return rc;
 }
@@ -318,17 +365,7 @@ int dmk_rows_range(dmk_context *ctx, dmk_system *s, const dmk_buffer *u, int at)
     int rc;
     DMK_TRY(
         RUN(DMK_OUTER, rows_range, rows(s), DMK_INT(s->n_rows), DMK_BUF(u), SUMS(at, s->scalars)));
-    rc = finish_sums(ctx, s, true, 2, 2, at);
-done:
-    return rc;
-}
-
-int dmk_scale_add(dmk_context *ctx, dmk_system *s, double alpha, int at)
-{
-    int rc;
-    DMK_TRY(RUN(DMK_OUTER, scale_add, rows(s), DMK_INT(s->n_rows), DMK_FLOAT(alpha), DMK_BUF(s->u),
-                DMK_BUF(s->w), DMK_BUF(s->f), SUMS(at, s->scalars)));
-    rc = finish_sums(ctx, s, true, 1, 0, at);
+    rc = finish_sums(ctx, s, DMK_ROWS, 2, 2, at);
 done:
     return rc;
 }
@@ -364,27 +401,13 @@ done:
     return rc;
 }
 
-int dmk_rows_up(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, dmk_buffer *x,
+int dmk_rows_up(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, bool keep, dmk_buffer *x,
                 dmk_buffer *x_old, double step)
 {
-    return RUN(DMK_INNER, rows_up, rows(s), DMK_INT(s->n_rows), DMK_INT(s->vertex_row),
-               DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out), DMK_BUF(rhs),
-               DMK_BUF(s->inv_diag), DMK_BUF(s->ends), DMK_BUF(s->level[0].x_old), DMK_BUF(x),
-               DMK_BUF(x_old), DMK_FLOAT(step));
-}
-
-int dmk_rows_up_dots(dmk_context *ctx, dmk_system *s, bool first, const dmk_buffer *x,
-                     dmk_buffer *x_old, double step)
-{
-    int rc;
-    DMK_TRY(RUN(DMK_INNER, rows_up_dots, rows(s), DMK_INT(s->n_rows), DMK_INT(first),
-                DMK_INT(s->vertex_row), DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out),
-                DMK_BUF(s->cg[DMK_INNER].r), DMK_BUF(s->inv_diag), DMK_BUF(s->ends),
-                DMK_BUF(s->level[0].x_old), DMK_BUF(x), DMK_BUF(x_old), DMK_FLOAT(step),
-                DMK_BUF(s->cg[DMK_INNER].ap), SUMS(1, s->state)));
-    rc = finish_beta(ctx, s, DMK_INNER, first);
-done:
-    return rc;
+    return RUN(DMK_INNER, rows_up, rows(s), DMK_INT(s->n_rows), DMK_INT(keep),
+               DMK_INT(s->vertex_row), DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out),
+               DMK_BUF(rhs), DMK_BUF(s->inv_diag), DMK_BUF(s->ends), DMK_BUF(s->level[0].x_old),
+               DMK_BUF(x), DMK_BUF(x_old), DMK_FLOAT(step));
 }
 
 int dmk_graph_residual(dmk_context *ctx, dmk_system *s, int32_t level, const dmk_buffer *x)
@@ -411,7 +434,14 @@ done:
     return rc;
 }
 
-int dmk_restrict_rows(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, double step)
+/* Where a level's first step goes, so that after all of them before the next level x_old is the iterate. */
+static dmk_buffer *first_iterate(const dmk_level *l, int before)
+{
+    return before > 1 ? l->x : l->x_old;
+}
+
+int dmk_restrict_rows(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, int before,
+                      double step)
 {
     int rc;
     dmk_level *l = &s->level[0];
@@ -420,12 +450,12 @@ int dmk_restrict_rows(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, do
         RUN(DMK_INNER, restrict_midpoints, items(l->n), DMK_INT(l->n), DMK_INT(s->vertex_row),
             DMK_BUF(l->slice), DMK_BUF(l->number), DMK_BUF(rhs), DMK_INT(s->vertex_row / DMK_WIDTH),
             DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out), DMK_FLOAT(step),
-            DMK_BUF(l->inv_diag), DMK_BUF(l->rhs), DMK_BUF(l->x));
+            DMK_BUF(l->inv_diag), DMK_BUF(l->rhs), DMK_BUF(first_iterate(l, before)));
 done:
     return rc;
 }
 
-int dmk_restrict(dmk_context *ctx, dmk_system *s, int32_t level, double step)
+int dmk_restrict(dmk_context *ctx, dmk_system *s, int32_t level, int before, double step)
 {
     int rc;
     dmk_level *l = &s->level[level];
@@ -433,8 +463,8 @@ int dmk_restrict(dmk_context *ctx, dmk_system *s, int32_t level, double step)
     DMK_TRY(RUN(DMK_INNER, restrict_rows, items(l->n), DMK_INT(l->n), DMK_BUF(l->restrict_slice),
                 DMK_BUF(l->restrict_entry), DMK_BUF(l->restrict_weight),
                 DMK_BUF(s->level[level - 1].residual), DMK_FLOAT(step), DMK_BUF(l->inv_diag),
-                DMK_BUF(l->rhs), DMK_BUF(l->x)));
-    DMK_TRY(dmk_send(ctx, dmk_ship_all(s->share, level, l->rhs, l->x)));
+                DMK_BUF(l->rhs), DMK_BUF(first_iterate(l, before))));
+    DMK_TRY(dmk_send(ctx, dmk_ship_all(s->share, level, l->rhs, first_iterate(l, before))));
 done:
     return rc;
 }
@@ -450,16 +480,18 @@ done:
     return rc;
 }
 
-int dmk_tail_cycle(dmk_context *ctx, dmk_system *s, double first, double momentum, double step)
+int dmk_tail_cycle(dmk_context *ctx, dmk_system *s, int before, double first, double momentum,
+                   double step)
 {
     int rc;
     const dmk_level *above = &s->level[s->tail - 1];
     /* With ranks a level may be all of a mesh's and the one above a share of it. */
     const bool with_above = !s->share;
-    if (!with_above) DMK_TRY(dmk_restrict(ctx, s, s->tail, first));
+    if (!with_above) DMK_TRY(dmk_restrict(ctx, s, s->tail, before, first));
     rc = RUN(DMK_INNER, tail_cycle, items(1), DMK_INT(s->n_levels - s->tail), DMK_INT(with_above),
-             DMK_BUF(s->tail_table), DMK_BUF(s->tail_arena), DMK_BUF(above->residual),
-             DMK_BUF(s->coarse_inverse), DMK_FLOAT(first), DMK_FLOAT(momentum), DMK_FLOAT(step));
+             DMK_INT(before), DMK_BUF(s->tail_table), DMK_BUF(s->tail_arena),
+             DMK_BUF(above->residual), DMK_BUF(s->coarse_inverse), DMK_FLOAT(first),
+             DMK_FLOAT(momentum), DMK_FLOAT(step));
 done:
     return rc;
 }
@@ -467,10 +499,10 @@ done:
 int dmk_tail_refresh(dmk_context *ctx, dmk_system *s)
 {
     int rc;
-    /* The edges of the first level are many: a launch of their own spreads them. */
-    DMK_TRY(dmk_edge_weights(ctx, s, s->tail));
+    DMK_TRY(dmk_send(ctx, dmk_ship_edge_weights(s->share, s->tail, s->level[s->tail].edge)));
     rc = RUN(DMK_INNER, tail_refresh, items(1), DMK_INT(s->n_levels - s->tail),
-             DMK_BUF(s->tail_table), DMK_BUF(s->tail_arena));
+             DMK_INT(s->dense != NULL), DMK_BUF(s->tail_table), DMK_BUF(s->tail_arena),
+             DMK_BUF(s->dense ? s->dense : s->partial), DMK_BUF(s->coarse_inverse));
 done:
     return rc;
 }
@@ -490,37 +522,40 @@ int dmk_coarse_inverse(dmk_context *ctx, dmk_system *s)
                DMK_BUF(s->coarse_inverse));
 }
 
-int dmk_edge_weights(dmk_context *ctx, dmk_system *s, int32_t level)
+/* Its rows, and from a part of their own on the next level's edges. */
+static dmk_range rows_and_edges(const dmk_system *s, const dmk_level *l, int32_t n_edges)
+{
+    const size_t first = dmk_launch_parts(s->device, (size_t)l->n) * dmk_launch_part(s->device);
+    return n_edges > 0 ? (dmk_range){.items = first + (size_t)n_edges, .first = first}
+                       : items(l->n);
+}
+
+/* The next level's edges, and tables for them; without one they are not read. */
+#define EDGES_OF(next, n_edges)                                                                    \
+    DMK_INT(n_edges), DMK_BUF((next)->galerkin_row), DMK_BUF((next)->galerkin_edge),               \
+        DMK_BUF((next)->galerkin_coef), DMK_BUF((next)->edge)
+
+int dmk_graph_refresh(dmk_context *ctx, dmk_system *s, int32_t level)
 {
     int rc;
-    dmk_level *l = &s->level[level];
-    if (level == 0) {
+    const dmk_level *l = &s->level[level], *next = level + 1 < s->n_levels ? l + 1 : l;
+    const int32_t n_edges = next != l ? next->n_edges : 0;
+    const dmk_range range = rows_and_edges(s, l, n_edges);
+    if (level == 0)
         DMK_TRY(RUN(DMK_INNER, edges_from_triangles, items(l->n_edges), DMK_INT(l->n_edges),
                     DMK_BUF(s->slot), DMK_BUF(s->edge), DMK_BUF(l->edge)));
-    } else {
-        DMK_TRY(RUN(DMK_INNER, edges_from_edges, items(l->n_edges), DMK_INT(l->n_edges),
-                    DMK_BUF(l->galerkin_row), DMK_BUF(l->galerkin_edge), DMK_BUF(l->galerkin_coef),
-                    DMK_BUF(s->level[level - 1].edge), DMK_BUF(l->edge)));
-    }
     DMK_TRY(dmk_send(ctx, dmk_ship_edge_weights(s->share, level, l->edge)));
+    if (level == 0)
+        DMK_TRY(RUN(DMK_INNER, mesh_refresh, range, DMK_INT(l->n), DMK_BUF(l->slice),
+                    DMK_BUF(l->number), DMK_BUF(l->edge), DMK_BUF(l->weight),
+                    DMK_INT(s->vertex_row / DMK_WIDTH), DMK_BUF(s->slice), DMK_BUF(s->slot),
+                    DMK_BUF(s->diag_coarse), DMK_BUF(l->inv_diag), EDGES_OF(next, n_edges)));
+    else
+        DMK_TRY(RUN(DMK_INNER, graph_refresh, range, DMK_INT(l->n), DMK_BUF(l->slice),
+                    DMK_BUF(l->number), DMK_BUF(l->edge), DMK_BUF(l->weight), DMK_BUF(l->inv_diag),
+                    EDGES_OF(next, n_edges)));
 done:
     return rc;
-}
-
-int dmk_graph_weights(dmk_context *ctx, dmk_system *s, int32_t level)
-{
-    dmk_level *l = &s->level[level];
-    return RUN(DMK_INNER, graph_weights, items(l->n), DMK_INT(l->n), DMK_BUF(l->slice),
-               DMK_BUF(l->number), DMK_BUF(l->edge), DMK_BUF(l->weight), DMK_BUF(l->inv_diag));
-}
-
-int dmk_mesh_weights(dmk_context *ctx, dmk_system *s)
-{
-    dmk_level *t = &s->level[0];
-    return RUN(DMK_INNER, mesh_weights, items(t->n), DMK_INT(t->n), DMK_BUF(t->slice),
-               DMK_BUF(t->number), DMK_BUF(t->edge), DMK_BUF(t->weight),
-               DMK_INT(s->vertex_row / DMK_WIDTH), DMK_BUF(s->slice), DMK_BUF(s->slot),
-               DMK_BUF(s->diag_coarse), DMK_BUF(t->inv_diag));
 }
 
 int dmk_inverse_diagonal(dmk_context *ctx, dmk_system *s)
@@ -540,17 +575,7 @@ int dmk_element_energy(dmk_context *ctx, dmk_system *s, const dmk_buffer *v, boo
                 DMK_FLOAT(slack), DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area),
                 DMK_BUF(s->mu), DMK_BUF(v), DMK_BUF(s->out_real), DMK_BUF(s->q),
                 SUMS(at, s->scalars)));
-    rc = finish_sums(ctx, s, false, 1, 0, at);
-done:
-    return rc;
-}
-
-int dmk_element_measure(dmk_context *ctx, dmk_system *s, double alpha, int at)
-{
-    int rc;
-    DMK_TRY(RUN(DMK_OUTER, element_measure, elements(s), DMK_INT(s->n_elements), DMK_FLOAT(alpha),
-                DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->q), SUMS(at, s->scalars)));
-    rc = finish_sums(ctx, s, false, 3, 1, at);
+    rc = finish_sums(ctx, s, DMK_ELEMENTS, 5, 1, at);
 done:
     return rc;
 }
@@ -568,12 +593,13 @@ int dmk_element_prepare(dmk_context *ctx, dmk_system *s)
                DMK_BUF(s->out), DMK_BUF(s->edge), DMK_BUF(s->diag_coarse));
 }
 
-int dmk_newton_prepare(dmk_context *ctx, dmk_system *s, bool paired, double alpha, double D)
+int dmk_newton_prepare(dmk_context *ctx, dmk_system *s, bool paired, const dmk_newton_step *step)
 {
     return RUN(DMK_OUTER, newton_prepare, padded_elements(s), DMK_INT(s->n_elements_pad),
-               DMK_INT(paired), DMK_FLOAT(alpha), DMK_FLOAT(D), DMK_BUF(s->cot), DMK_BUF(s->area),
-               DMK_BUF(s->mu), DMK_BUF(s->q), DMK_BUF(s->out_real), DMK_BUF(s->weight),
-               DMK_BUF(s->rank_one), DMK_BUF(s->edge), DMK_BUF(s->diag_coarse));
+               DMK_INT(paired), DMK_FLOAT(step->alpha), DMK_FLOAT(step->D), DMK_FLOAT(step->bend),
+               DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->q),
+               DMK_BUF(s->out_real), DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(s->edge),
+               DMK_BUF(s->diag_coarse));
 }
 
 int dmk_newton_diagonal(dmk_context *ctx, dmk_system *s)
@@ -602,15 +628,17 @@ int dmk_rows_outer_residual(dmk_context *ctx, dmk_system *s)
                DMK_BUF(s->cg[DMK_OUTER].narrow));
 }
 
-int dmk_newton_update(dmk_context *ctx, dmk_system *s, double alpha, double D, double lowest,
-                      int at)
+int dmk_newton_update(dmk_context *ctx, dmk_system *s, const dmk_newton_step *step, int at)
 {
     int rc;
     DMK_TRY(dmk_send(ctx, dmk_ship_rows(s->share, DMK_INNER, s->w)));
-    DMK_TRY(RUN(DMK_OUTER, newton_update, elements(s), DMK_INT(s->n_elements), DMK_FLOAT(alpha),
-                DMK_FLOAT(D), DMK_FLOAT(lowest), DMK_BUF(s->index), DMK_BUF(s->area), DMK_BUF(s->q),
-                DMK_BUF(s->rank_one), DMK_BUF(s->w), DMK_BUF(s->mu), SUMS(at, s->scalars)));
-    rc = finish_sums(ctx, s, false, 2, 0, at);
+    DMK_TRY(dmk_send(ctx, dmk_ship_rows(s->share, DMK_OUTER, s->u)));
+    DMK_TRY(RUN(DMK_OUTER, newton_update, elements(s), DMK_INT(s->n_elements),
+                DMK_FLOAT(step->alpha), DMK_FLOAT(step->D), DMK_FLOAT(step->bend),
+                DMK_FLOAT(step->lowest), DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area),
+                DMK_BUF(s->rank_one), DMK_BUF(s->w), DMK_BUF(s->u), DMK_BUF(s->mu),
+                DMK_BUF(s->out_real), DMK_BUF(s->q), SUMS(at, s->scalars)));
+    rc = finish_sums(ctx, s, DMK_ELEMENTS, 6, 1, at);
 done:
     return rc;
 }
@@ -622,7 +650,7 @@ int dmk_explicit_update(dmk_context *ctx, dmk_system *s, bool inertial, double d
     DMK_TRY(RUN(DMK_OUTER, explicit_update, elements(s), DMK_INT(s->n_elements), DMK_INT(inertial),
                 DMK_FLOAT(dt), DMK_FLOAT(beta), DMK_FLOAT(lowest), DMK_BUF(s->area), DMK_BUF(s->q),
                 DMK_BUF(s->mu), DMK_BUF(s->before), SUMS(at, s->scalars)));
-    rc = finish_sums(ctx, s, false, 2, 0, at);
+    rc = finish_sums(ctx, s, DMK_ELEMENTS, 2, 0, at);
 done:
     return rc;
 }
@@ -644,6 +672,77 @@ int dmk_band_map(dmk_context *ctx, dmk_system *s, const dmk_bands *b, const dmk_
 {
     return RUN(DMK_OUTER, band_map, rows(s), DMK_INT(s->n_rows), DMK_INT(b->n), DMK_FLOAT(b->start),
                DMK_FLOAT(b->inverse), DMK_BUF(phi), DMK_BUF(u), DMK_BUF(v));
+}
+
+/* ---- nested.cl ------------------------------------------------------------------------------- */
+
+/* T's vertices, and the first slice of theirs among the rows. */
+static dmk_range vertices(const dmk_system *s)
+{
+    return items(s->level[0].n);
+}
+
+static int32_t first_slice(const dmk_system *s)
+{
+    return s->vertex_row / DMK_WIDTH;
+}
+
+int dmk_nested_load(dmk_context *ctx, dmk_system *s)
+{
+    int rc;
+    const dmk_level *t = &s->level[0];
+    DMK_TRY(dmk_send(ctx, dmk_ship_rows(s->share, DMK_OUTER, s->f)));
+    rc = RUN(DMK_OUTER, nested_load, vertices(s), DMK_INT(t->n), DMK_INT(s->vertex_row),
+             DMK_BUF(t->slice), DMK_BUF(t->number), DMK_BUF(s->f), DMK_BUF(s->load));
+done:
+    return rc;
+}
+
+int dmk_nested_energy(dmk_context *ctx, dmk_system *s, double scale, int at)
+{
+    int rc;
+    DMK_TRY(RUN(DMK_OUTER, nested_energy, elements(s), DMK_INT(s->n_elements), DMK_FLOAT(scale),
+                DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->u),
+                DMK_BUF(s->q), SUMS(at, s->scalars)));
+    rc = finish_sums(ctx, s, DMK_ELEMENTS, 5, 1, at);
+done:
+    return rc;
+}
+
+int dmk_nested_prepare(dmk_context *ctx, dmk_system *s, const dmk_newton_step *step)
+{
+    return RUN(DMK_OUTER, nested_prepare, padded_elements(s), DMK_INT(s->n_elements_pad),
+               DMK_FLOAT(step->alpha), DMK_FLOAT(step->D), DMK_FLOAT(step->bend), DMK_BUF(s->index),
+               DMK_BUF(s->cot), DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->q), DMK_BUF(s->u),
+               DMK_BUF(s->edge), DMK_BUF(s->diag_coarse), DMK_BUF(s->out));
+}
+
+int dmk_nested_rhs(dmk_context *ctx, dmk_system *s, double step)
+{
+    const dmk_level *t = &s->level[0];
+    return RUN(DMK_OUTER, nested_rhs, vertices(s), DMK_INT(t->n), DMK_INT(first_slice(s)),
+               DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out), DMK_BUF(s->load),
+               DMK_FLOAT(step), DMK_BUF(t->inv_diag), DMK_BUF(t->rhs), DMK_BUF(t->x));
+}
+
+int dmk_nested_update(dmk_context *ctx, dmk_system *s, const dmk_newton_step *step, int at)
+{
+    int rc;
+    /* w and u are right at ghosts, too: so is each z that they are of. */
+    DMK_TRY(RUN(DMK_OUTER, nested_update, elements(s), DMK_INT(s->n_elements),
+                DMK_INT(s->vertex_row), DMK_FLOAT(step->alpha), DMK_FLOAT(step->D),
+                DMK_FLOAT(step->bend), DMK_FLOAT(step->lowest), DMK_BUF(s->index), DMK_BUF(s->cot),
+                DMK_BUF(s->area), DMK_BUF(s->w), DMK_BUF(s->u), DMK_BUF(s->mu), DMK_BUF(s->q),
+                SUMS(at, s->scalars)));
+    rc = finish_sums(ctx, s, DMK_ELEMENTS, 6, 1, at);
+done:
+    return rc;
+}
+
+int dmk_nested_refine(dmk_context *ctx, dmk_system *s)
+{
+    return RUN(DMK_OUTER, nested_refine, items(s->n_edges), DMK_INT(s->n_edges),
+               DMK_INT(s->vertex_row), DMK_BUF(s->ends), DMK_BUF(s->u));
 }
 
 /* ---- certificate.cl -------------------------------------------------------------------------- */

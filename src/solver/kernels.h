@@ -17,9 +17,8 @@ int dmk_element_stiffness(dmk_context *context, dmk_system *s, dmk_program progr
                           const dmk_buffer *x);
 /* The elements' parts of Newton's M x, into out. */
 int dmk_element_newton(dmk_context *context, dmk_system *s, const dmk_buffer *x);
-/* y = the rows' sums of the elements' parts (out or out_real), and of x.y CG's alpha (vector.cl). */
-int dmk_rows_apply(dmk_context *context, dmk_system *s, dmk_program program, const dmk_buffer *x,
-                   dmk_buffer *y);
+/* y = the rows' sums of the elements' parts out_real, and of x.y CG's alpha (vector.cl). */
+int dmk_rows_apply(dmk_context *context, dmk_system *s, const dmk_buffer *x, dmk_buffer *y);
 
 /* A Chebyshev step x_old <- x + momentum (x - keep x_old) + step D^-1 (rhs - A x). */
 typedef struct dmk_chebyshev_step {
@@ -34,82 +33,85 @@ int dmk_rows_chebyshev(dmk_context *context, dmk_system *s, const dmk_buffer *rh
 
 /* ---- vector.cl ------------------------------------------------------------------------------- */
 
-/* One iteration of conjugate gradients on cg[program]; z: the preconditioned residual. dots: beta, and at
+/* One iteration of conjugate gradients on cg[DMK_OUTER]; z: the preconditioned residual. dots: beta, and at
  * the first iteration the rest of state, too. */
-int dmk_cg_dots(dmk_context *context, dmk_system *s, dmk_program program, bool first,
-                const dmk_buffer *z);
-int dmk_cg_direction(dmk_context *context, dmk_system *s, dmk_program program, const dmk_buffer *z);
+int dmk_cg_dots(dmk_context *context, dmk_system *s, bool first, const dmk_buffer *z);
+int dmk_cg_direction(dmk_context *context, dmk_system *s, const dmk_buffer *z);
 /* But for the last step, s->x = step D^-1 r, where the next cycle begins. */
-int dmk_cg_step(dmk_context *context, dmk_system *s, dmk_program program, dmk_buffer *x,
-                double step, bool last);
+int dmk_cg_step(dmk_context *context, dmk_system *s, dmk_buffer *x, double step, bool last);
+
+/* The same for w by cg[DMK_INNER]'s p and ap: on T/2 (DMK_ROWS) with its r, z being x_old, or on T (DMK_VERTICES) with
+ * level 0's rhs for r. apply: x = A z, on T/2 from the elements' parts in out, alpha and beta. Then step makes the
+ * vectors and x as there; after the last iteration finish, where `first` tells that it was the only one, makes w,
+ * u <- scale u + w, and f.u. */
+int dmk_inner_apply(dmk_context *context, dmk_system *s, dmk_items over, bool first);
+int dmk_inner_step(dmk_context *context, dmk_system *s, dmk_items over, bool first, double step);
+int dmk_inner_finish(dmk_context *context, dmk_system *s, dmk_items over, bool first, double scale,
+                     int at);
 
 /* a.b over the rows, in the outer program. */
 int dmk_dot(dmk_context *context, dmk_system *s, const dmk_buffer *a, const dmk_buffer *b, int at);
 /* The maxima of u and of -u. */
 int dmk_rows_range(dmk_context *context, dmk_system *s, const dmk_buffer *u, int at);
-/* u <- alpha u + w, and f.u. */
-int dmk_scale_add(dmk_context *context, dmk_system *s, double alpha, int at);
 
 /* ---- multigrid.cl ---------------------------------------------------------------------------- */
 
 /* x = step D^-1 rhs on T/2: the first smoothing step from 0. */
 int dmk_smooth_first(dmk_context *context, dmk_system *s, const dmk_buffer *rhs, double step);
 /* T/2 to T: the elements' parts of P'(operator x), into out; then rhs of T = P'rhs - their sums, and
- * x = step D^-1 of it. */
+ * x_old = step D^-1 of it, or x where this is not the only step before the next level. */
 int dmk_element_down(dmk_context *context, dmk_system *s, dmk_operator op, const dmk_buffer *x);
-int dmk_restrict_rows(dmk_context *context, dmk_system *s, const dmk_buffer *rhs, double step);
-/* T to T/2, c the x_old of T: the elements' parts of the operator on x + P c, into out; then x += P c and,
- * with these, x_old = x + step D^-1 (rhs - A x). */
+int dmk_restrict_rows(dmk_context *context, dmk_system *s, const dmk_buffer *rhs, int before,
+                      double step);
+/* T to T/2, c the x_old of T: the elements' parts of the operator on x + P c, into out; then x += P c, if it is to
+ * be kept, and with these x_old = x + step D^-1 (rhs - A x). */
 int dmk_element_up(dmk_context *context, dmk_system *s, dmk_operator op, const dmk_buffer *x);
-int dmk_rows_up(dmk_context *context, dmk_system *s, const dmk_buffer *rhs, dmk_buffer *x,
-                dmk_buffer *x_old, double step);
-/* The same to rhs cg[DMK_INNER].r, of x_old only, and dmk_cg_dots of it; x stays. */
-int dmk_rows_up_dots(dmk_context *context, dmk_system *s, bool first, const dmk_buffer *x,
-                     dmk_buffer *x_old, double step);
-/* dmk_rows_chebyshev to rhs cg[DMK_INNER].r, and dmk_cg_dots of its result. */
-int dmk_rows_chebyshev_dots(dmk_context *context, dmk_system *s, bool first, const dmk_buffer *x,
-                            dmk_buffer *x_old, dmk_chebyshev_step c);
+int dmk_rows_up(dmk_context *context, dmk_system *s, const dmk_buffer *rhs, bool keep,
+                dmk_buffer *x, dmk_buffer *x_old, double step);
 /* residual = rhs - A x on a graph level. */
 int dmk_graph_residual(dmk_context *context, dmk_system *s, int32_t level, const dmk_buffer *x);
 int dmk_graph_chebyshev(dmk_context *context, dmk_system *s, int32_t level, const dmk_buffer *x,
                         dmk_buffer *x_old, dmk_chebyshev_step c);
-/* rhs of a level below T = the restricted residual of the next finer one; x = step D^-1 rhs. */
-int dmk_restrict(dmk_context *context, dmk_system *s, int32_t level, double step);
+/* rhs of a level below T = the restricted residual of the next finer one; x_old or x as there. */
+int dmk_restrict(dmk_context *context, dmk_system *s, int32_t level, int before, double step);
 /* x_old of the next finer level += the level's prolonged x_old. */
 int dmk_prolong(dmk_context *context, dmk_system *s, int32_t level);
 /* x_old = coarse_inverse * rhs on the coarsest level. */
 int dmk_coarse_solve(dmk_context *context, dmk_system *s);
-/* coarse_inverse from the coarsest level's weights; where s->dense is. */
+/* coarse_inverse from the weights of the coarsest level, which is not of the tail; where s->dense is. */
 int dmk_coarse_inverse(dmk_context *context, dmk_system *s);
 /* The cycle on the levels from s->tail on, with its restriction: x_old of the first of them. Steps of the
- * smoother: first D^-1 r, then momentum and step. */
-int dmk_tail_cycle(dmk_context *context, dmk_system *s, double first, double momentum, double step);
-/* Their edges and weights. */
+ * smoother: first D^-1 r, then momentum and step; `before` of them before the next level. */
+int dmk_tail_cycle(dmk_context *context, dmk_system *s, int before, double first, double momentum,
+                   double step);
+/* Their edges and weights, and, where s->dense is, coarse_inverse. */
 int dmk_tail_refresh(dmk_context *context, dmk_system *s);
-/* Edge weights of a level from the triangles' (level 0) or from those of the next finer one. */
-int dmk_edge_weights(dmk_context *context, dmk_system *s, int32_t level);
-/* Edge weights by row, and the inverse diagonal: below T from the rows' sums, on T from the elements'
- * bounds, diag_coarse. */
-int dmk_graph_weights(dmk_context *context, dmk_system *s, int32_t level);
-int dmk_mesh_weights(dmk_context *context, dmk_system *s);
+/* Of a level above: edge weights by row, on T first those from the triangles', the inverse diagonal, from the
+ * rows' sums or on T from the elements' bounds, diag_coarse; and the next level's edge weights. */
+int dmk_graph_refresh(dmk_context *context, dmk_system *s, int32_t level);
 /* The inverse diagonal on T/2 from the elements' bounds in out. */
 int dmk_inverse_diagonal(dmk_context *context, dmk_system *s);
 
 /* ---- density.cl ------------------------------------------------------------------------------ */
 
-/* q = v.g / area with g = K v, which goes to out_real if it is to be kept; the sum of mu v.g. slack:
- * the rounding that v.g is raised by, relative to its terms. */
+/* q = v.g / area with g = K v, which goes to out_real if it is to be kept; slack: the rounding that v.g is raised by,
+ * relative to its terms. Sums of mu v.g, of area mu, of this times L and L^2, L = 1/2 log q, and the maximum of q. */
 int dmk_element_energy(dmk_context *context, dmk_system *s, const dmk_buffer *v, bool keep,
                        double slack, int at);
-/* Sums of area mu L^2 and area mu, and the maximum of alpha^2 q, L = 1/2 log(alpha^2 q). */
-int dmk_element_measure(dmk_context *context, dmk_system *s, double alpha, int at);
 /* out_real: g becomes mu g. */
 int dmk_element_scale(dmk_context *context, dmk_system *s);
 /* weight, weight_real, edge, diag_coarse and, in out, the weighted diagonals of A(mu). */
 int dmk_element_prepare(dmk_context *context, dmk_system *s);
-/* The same of Newton's M at pseudo-time step D, its rank_one, and its right-hand side's parts in
+/* One of Newton's steps: what u is scaled by, pseudo-time D, where D times |L| of an element is kept below 1 / bend
+ * (0: nowhere), and mu's lower bound for the root of an area. */
+typedef struct dmk_newton_step {
+    double alpha, D, bend, lowest;
+} dmk_newton_step;
+
+/* The same of Newton's M, its rank_one, and its right-hand side's parts in
  * out_real, which has g before; all but its weighted diagonals. Paired: these, too, beside the parts. */
-int dmk_newton_prepare(dmk_context *context, dmk_system *s, bool paired, double alpha, double D);
+int dmk_newton_prepare(dmk_context *context, dmk_system *s, bool paired,
+                       const dmk_newton_step *step);
 /* These, in out: the right-hand side must have been summed up. */
 int dmk_newton_diagonal(dmk_context *context, dmk_system *s);
 /* The inner right-hand side cg[DMK_INNER].r = f + the rows' sums of out_real. */
@@ -118,10 +120,10 @@ int dmk_rows_rhs(dmk_context *context, dmk_system *s);
 int dmk_newton_rows(dmk_context *context, dmk_system *s, double step);
 /* The outer residual cg[DMK_OUTER].r (and narrow) = f - the rows' sums of out_real. */
 int dmk_rows_outer_residual(dmk_context *context, dmk_system *s);
-/* mu after a Newton step w, of which rank_one knows the rest; sums of area |change of mu| and of area mu. */
-int dmk_newton_update(dmk_context *context, dmk_system *s, double alpha, double D, double lowest,
-                      int at);
-/* mu after an explicit step (see density.cl); the same sums. */
+/* mu after a Newton step w, of which rank_one knows the rest, and dmk_element_energy of u, kept; its four sums, that of
+ * area |change of mu|, and the maximum. */
+int dmk_newton_update(dmk_context *context, dmk_system *s, const dmk_newton_step *step, int at);
+/* mu after an explicit step (see density.cl); sums of area |change of mu| and of area mu. */
 int dmk_explicit_update(dmk_context *context, dmk_system *s, bool inertial, double dt, double beta,
                         double lowest, int at);
 
@@ -137,6 +139,22 @@ int dmk_band_slopes(dmk_context *context, dmk_system *s, const dmk_bands *bands,
 /* v = phi(u), phi linear between its values at the bands' ends. */
 int dmk_band_map(dmk_context *context, dmk_system *s, const dmk_bands *bands, const dmk_buffer *phi,
                  const dmk_buffer *u, dmk_buffer *v);
+
+/* ---- nested.cl ------------------------------------------------------------------------------- */
+
+/* Newton's steps with u linear on T: its values at the vertices' rows of s->u, what a step adds to them in s->w from
+ * 0 on. load = P'f, once. */
+int dmk_nested_load(dmk_context *context, dmk_system *s);
+/* q, and dmk_element_energy's sums, but L of u at this scale. */
+int dmk_nested_energy(dmk_context *context, dmk_system *s, double scale, int at);
+/* Newton's edge, diag_coarse and, in out, the parts of its right-hand side; then, once the multigrid is refreshed,
+ * rhs of T and the first smoothing step there. */
+int dmk_nested_prepare(dmk_context *context, dmk_system *s, const dmk_newton_step *step);
+int dmk_nested_rhs(dmk_context *context, dmk_system *s, double step);
+/* As dmk_newton_update. */
+int dmk_nested_update(dmk_context *context, dmk_system *s, const dmk_newton_step *step, int at);
+/* u at the midpoints from the vertices'. */
+int dmk_nested_refine(dmk_context *context, dmk_system *s);
 
 /* ---- certificate.cl -------------------------------------------------------------------------- */
 

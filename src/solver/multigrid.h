@@ -13,15 +13,12 @@ int dmk_inner_elements(dmk_context *context, dmk_system *system, dmk_operator op
  * dmk_inverse_diagonal's or dmk_newton_rows'. Without system->dense the host inverts the coarsest operator. */
 int dmk_multigrid_refresh(dmk_context *context, dmk_system *system);
 
-/* What a cycle does beside its own work. begun: system->x has its first step from 0 (see
- * dmk_first_step). dots: its result's dmk_cg_dots, `first` or not; the rhs is cg[DMK_INNER].r then. */
-typedef struct dmk_cycle {
-    bool begun, dots, first;
-} dmk_cycle;
-
-/* system->x_old = V-cycle applied to rhs (a row vector in single precision). */
+/* system->x_old = V-cycle applied to rhs (a row vector in single precision), in system->x another one. begun:
+ * system->x has its first step from 0 (see dmk_first_step). */
 int dmk_v_cycle(dmk_context *context, dmk_system *system, dmk_operator op, const dmk_buffer *rhs,
-                dmk_cycle cycle);
+                bool begun);
+/* x_old of T = the cycle's part from T on, applied to its rhs, whose first step from 0 is in its x. */
+int dmk_mesh_cycle(dmk_context *context, dmk_system *system);
 /* The step that a cycle's first smoothing step takes: x = step D^-1 rhs. */
 double dmk_first_step(void);
 

@@ -1,7 +1,8 @@
 /* Inexact Newton (implicit Euler in y = log mu) on (u, mu): each step solves
  *     M w = f - sum_T mu_T (1 + D L_T) g_T,   M = A + sum_T c_T g_T g_T',  c_T = D mu_T / (|T| s_T)
  * by a few CG iterations, then u += w and y += D (L + g.w / (|T| s)). D is the pseudo time step: it
- * grows while the equation |grad u| = 1 gets better satisfied and shrinks when it does not. */
+ * grows while the equation |grad u| = 1 gets better satisfied and shrinks when it does not. Between measures the first
+ * steps are taken with u linear on T (kernels/nested.cl), and elements whose slope is far from 1 take shorter ones. */
 #include "solver/kernels.h"
 #include "solver/iteration.h"
 
@@ -13,15 +14,16 @@
  */
 typedef struct step_control {
     double D, longest, growth;
-    double brief;      /* below it one iteration is enough, and below four times as much two */
-    double light;      /* and up to this one smoothing step */
+    double slow;       /* from this D on the change of mu is about the error */
+    double bend;       /* see dmk_newton_prepare; 0: D is all elements' */
+    double brief;      /* below it one iteration is enough, and below four times as much two; */
+    int most;          /* then so many, and one more */
+    double stiff;      /* above this: the longer D, the stiffer the operator along the rays */
+    double light;      /* up to this one smoothing step */
     int iterations;    /* of CG in each step */
     double rho_before; /* 0: none to compare with */
     bool shrunk;
 } step_control;
-
-/* The operator is stiffer along the rays the longer D is. */
-static const double stiff = 100;
 
 static void choose_step(step_control *p, double rho)
 {
@@ -35,18 +37,31 @@ static void choose_step(step_control *p, double rho)
         }
     }
     p->rho_before = rho;
-    p->iterations = p->D > stiff ? 4 : p->D < p->brief ? 1 : p->D < 4 * p->brief ? 2 : 3;
+    p->iterations = p->D > p->stiff       ? p->most + 1
+                    : p->D < p->brief     ? 1
+                    : p->D < 4 * p->brief ? 2
+                                          : p->most;
 }
 
-/* The longest step: from a distance, and between measures, where the stiffer systems of longer steps take more
- * iterations than they save. With 150 for 130 and three iterations for two, 132 pairs on eleven meshes without small
- * angles take 41.2 of them for 37.6 and 14.1 steps for 14.0, 72 on six with thin triangles 54.3 for 51.0 and 17.6 for
- * 17.5; with 120 mu is up to 1.6 % off there for 0.9. */
-static const double longest_from_distance = 150, longest_between = 130;
+/* Between measures: the figures that chose them are in bench/results/transport.md, "Steps that begin on T". */
+static const double longest_between = 80, growth_between = 2, brief_between = 5;
 
-/* Whether one smoothing step before and after is as good as two: between measures, until D is long and where a system
- * is solved to a tolerance, on a mesh without small angles. 66 pairs on eleven of these take 16.2 steps for 16.7 and 51
- * iterations for 53, each for 0.7 of the time; 26 on six with thinner triangles would take 22.6 for 18.4. */
+/* An element whose slope alone would take mu to e^-1.5 or e^1.5 of what it is goes by a shorter step of its own: the
+ * linear system would else let it carry a flux the other way, or many times its own. */
+static const double most_by_slope = 1.5;
+
+/* With shorter steps in places the change of mu is less of the error. */
+static const double slow_light = 120, slow_thin = 140;
+
+/* The first steps are taken on T while D is below this: with u linear on T and a mu for each triangle there is more of
+ * that than u determines, and from D = 10 or so on mu changes from triangle to triangle by what the steps gain. */
+static const double nested_longest = 8;
+
+/* Of CG, for the potential to begin with there. */
+enum { START_ITERATIONS = 4 };
+
+/* Whether one smoothing step before and after is as good as two: on a mesh without small angles, between measures, and
+ * from an even mu until D is long and where a system is solved to a tolerance. */
 static bool is_light(const dmk_iteration *o, bool from_distance)
 {
     const double cot_20 = 2.747; /* of an angle of 20 degrees */
@@ -64,12 +79,12 @@ static bool is_paired(const dmk_system *s)
 }
 
 /* Coefficients, the right-hand side, and its first smoothing step. */
-static int prepare(dmk_iteration *o, double alpha, const step_control *p)
+static int prepare(dmk_iteration *o, const dmk_newton_step *step)
 {
     int rc;
     dmk_system *s = o->sys;
     const bool paired = is_paired(s);
-    DMK_TRY(dmk_newton_prepare(o->ctx, s, paired, alpha, p->D));
+    DMK_TRY(dmk_newton_prepare(o->ctx, s, paired, step));
     if (paired) return dmk_newton_rows(o->ctx, s, dmk_first_step());
     DMK_TRY(dmk_rows_rhs(o->ctx, s));
     DMK_TRY(dmk_newton_diagonal(o->ctx, s));
@@ -79,41 +94,50 @@ done:
     return rc;
 }
 
-/* That, and the inner solve: s->w. */
-static int solve_step(dmk_iteration *o, double alpha, const step_control *p)
+/* That, on T/2 (DMK_ROWS) or on T (DMK_VERTICES), and the inner solve but for its last step. */
+static int solve_step(dmk_iteration *o, dmk_items over, const dmk_newton_step *step,
+                      const step_control *p)
 {
     int rc;
     dmk_system *s = o->sys;
-    size_t vector = (size_t)s->n_rows_pad * sizeof(float);
-    DMK_TRY(prepare(o, alpha, p));
+    const bool nested = over == DMK_VERTICES;
+    DMK_TRY(nested ? dmk_nested_prepare(o->ctx, s, step) : prepare(o, step));
     DMK_TRY(dmk_multigrid_refresh(o->ctx, s));
-    DMK_TRY(dmk_buffer_clear(o->ctx, s->device, s->w, vector));
+    if (nested) DMK_TRY(dmk_nested_rhs(o->ctx, s, dmk_first_step()));
     /* Few loose iterations gain nothing from a higher degree. */
     s->newton_degree = p->D > p->light ? 2 : 1;
-    rc = dmk_pcg(o->ctx, s, DMK_INNER, DMK_NEWTON_MATRIX, s->w, p->iterations, 0, 0, o->stats);
+    rc = dmk_inner_solve(o->ctx, s, over, p->iterations, o->stats);
 done:
     return rc;
 }
 
-static int update(dmk_iteration *o, double alpha, const step_control *p, double lowest,
-                  double *change)
+/* The next step, by the energies of the last one. */
+static dmk_newton_step next_step(dmk_iteration *o, bool from_distance, step_control *p)
 {
-    int rc;
-    double sums[2];
-    dmk_system *s = o->sys;
-    DMK_TRY(dmk_newton_update(o->ctx, s, alpha, p->D, lowest, 2));
-    DMK_TRY(dmk_scale_add(o->ctx, s, alpha, 1));
-    DMK_TRY(dmk_iteration_energies_and(o, 2, sums)); /* the next step's: one read for both */
-    *change = sums[0] / sums[1];
-done:
-    return rc;
+    const double alpha = o->uau > 0 ? o->fu / o->uau : 1;
+    dmk_iteration_measure(o, alpha);
+    choose_step(p, o->rho);
+    return (dmk_newton_step){
+        .alpha = alpha,
+        .D = p->D,
+        .bend = p->bend,
+        /* Not from a distance the way may be short, and mu small everywhere. */
+        .lowest = from_distance ? o->floor : o->mean_floor * o->mass};
+}
+
+/* *change: mu's, relative. */
+static int take_step(dmk_iteration *o, dmk_items over, const dmk_newton_step *step,
+                     const step_control *p, double *change)
+{
+    const int rc = solve_step(o, over, step, p);
+    return rc ? rc : dmk_iteration_update(o, over, p->iterations == 1, step, change);
 }
 
 /* Modes of the error that relax slowly, at a rate r per unit time, lose r D / (1 + r D) of it in a
- * step: from D = 100 on the change of mu is about the error, below it is a part only. */
+ * step: if D is long the change of mu is about the error, below it is a part only. */
 static double error_estimate(const step_control *p, double change)
 {
-    return change * fmax(1, 100 / p->D);
+    return change * fmax(1, p->slow / p->D);
 }
 
 enum { TIGHTENED = 2 };
@@ -134,6 +158,12 @@ done:
     return rc;
 }
 
+/* The constant mu of least cost, where u solves A(1) u = f. */
+static double least_mu(const dmk_iteration *o)
+{
+    return o->fu > 0 ? sqrt(o->fu) : 1;
+}
+
 /* From mu = 1, u = 0: the constant mu of least cost, sqrt(f.A(1)^-1 f), nearly, and its potential. */
 static int start_cold(dmk_iteration *o)
 {
@@ -143,14 +173,76 @@ static int start_cold(dmk_iteration *o)
      * on four with thin triangles would take 62.1 for 58.8. */
     DMK_TRY(dmk_iteration_solve(o, o->light ? 5e-2 : 1e-2, 100));
     DMK_TRY(dmk_iteration_energies(o));
-    DMK_TRY(dmk_elements_fill(o->ctx, s, s->mu, o->fu > 0 ? sqrt(o->fu) : 1));
+    const double least = least_mu(o);
+    DMK_TRY(dmk_elements_fill(o->ctx, s, s->mu, least));
+    o->mass *= least;
 done:
     return rc;
 }
 
+/* ---- steps on T ------------------------------------------------------------------------------- */
+
+/* As start_cold: with D = 0 and u = 0 a step solves A(1) u = f, whatever q is, and leaves mu. */
+static int start_nested(dmk_iteration *o)
+{
+    int rc;
+    double change;
+    const step_control even = {.iterations = START_ITERATIONS};
+    DMK_TRY(dmk_nested_load(o->ctx, o->sys));
+    DMK_TRY(take_step(o, DMK_VERTICES, &(dmk_newton_step){.alpha = 1}, &even, &change));
+    const double least = least_mu(o);
+    DMK_TRY(dmk_elements_fill(o->ctx, o->sys, o->sys->mu, least));
+    rc = dmk_iteration_measure_nested(o, 1 / least); /* the first step's scale */
+done:
+    return rc;
+}
+
+/* The first steps, until D is long or grows no more; *step: the next one's number. */
+static int begin_nested(dmk_iteration *o, step_control *p, int max_steps, int *step)
+{
+    int rc;
+    bool grows = true;
+    DMK_TRY(start_nested(o));
+    for (; *step < max_steps && grows && p->D < nested_longest; ++*step) {
+        const double before = p->D;
+        const dmk_newton_step next = next_step(o, false, p);
+        double change;
+        DMK_TRY(take_step(o, DMK_VERTICES, &next, p, &change));
+        DMK_TRY(dmk_iteration_step_done(o, *step, max_steps, p->iterations, change));
+        grows = *step == 1 || p->D > before;
+    }
+    DMK_TRY(dmk_nested_refine(o->ctx, o->sys));
+    p->rho_before = 0; /* of another discretisation */
+done:
+    return rc;
+}
+
+/* ---- all steps -------------------------------------------------------------------------------- */
+
+static step_control control_of(const dmk_iteration *o, bool from_distance)
+{
+    const step_control point = {.D = from_distance ? 50 : 1,
+                                .longest = from_distance ? 150 : 130,
+                                .growth = from_distance ? 1.5 : 1.6,
+                                .slow = 100,
+                                .most = 3,
+                                .stiff = 100,
+                                .light = o->light ? 100 : 0};
+    const step_control measures = {.D = 1,
+                                   .longest = longest_between,
+                                   .growth = growth_between,
+                                   .slow = o->light ? slow_light : slow_thin,
+                                   .bend = 1 / most_by_slope,
+                                   .brief = brief_between,
+                                   .most = 4,
+                                   .stiff = longest_between,
+                                   .light = o->light ? longest_between : 0};
+    return o->between ? measures : point;
+}
+
 int dmk_newton(dmk_iteration *o, bool from_distance)
 {
-    int rc = DMK_OK;
+    int rc = DMK_OK, first = 1;
     bool settled;
     const dmk_solve_options *opt = o->options;
     int max_steps = opt->max_steps ? opt->max_steps : DMK_NEWTON_STEPS;
@@ -158,23 +250,17 @@ int dmk_newton(dmk_iteration *o, bool from_distance)
     o->loose = !from_distance;
     o->tolerance = opt->tolerance > 0 ? opt->tolerance : DMK_DEFAULT_TOLERANCE;
     o->light = is_light(o, from_distance);
-    step_control p = {.D = from_distance ? 50 : 1,
-                      .longest = from_distance ? longest_from_distance : longest_between,
-                      .growth = from_distance ? 1.5 : 1.6,
-                      .brief = o->brief,
-                      .light = o->light ? stiff : 0};
-    if (!from_distance) DMK_TRY(start_cold(o));
-    for (int step = 1; step <= max_steps; step++) {
+    step_control p = control_of(o, from_distance);
+    if (o->between)
+        DMK_TRY(begin_nested(o, &p, max_steps, &first));
+    else if (!from_distance)
+        DMK_TRY(start_cold(o));
+    for (int step = first; step <= max_steps; step++) {
         if (!o->fresh) DMK_TRY(dmk_iteration_energies(o));
-        double alpha = o->uau > 0 ? o->fu / o->uau : 1;
-        DMK_TRY(dmk_iteration_measure(o, alpha));
-        choose_step(&p, o->rho);
+        const dmk_newton_step next = next_step(o, from_distance, &p);
         /* A distance satisfies |grad u| = 1 whatever mu is: the first rho is no measure. */
         if (step == 1 && from_distance) p.rho_before = 0;
-        DMK_TRY(solve_step(o, alpha, &p));
-        /* Not from a distance the way may be short, and mu small everywhere. */
-        const double lowest = from_distance ? o->floor : o->mean_floor * o->mass;
-        DMK_TRY(update(o, alpha, &p, lowest, &change));
+        DMK_TRY(take_step(o, DMK_ROWS, &next, &p, &change));
         DMK_TRY(dmk_iteration_step_done(o, step, max_steps, p.iterations, change));
         DMK_TRY(has_settled(o, &p, change, &settled));
         if (settled) goto done;

@@ -14,43 +14,35 @@ static bool is_done(double rz, double before, double wanted, bool *last)
 }
 
 /* z = V-cycle(r), then beta and the new direction. */
-static int direction(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op, bool first)
+static int direction(dmk_context *ctx, dmk_system *s, bool first)
 {
     int rc;
-    /* The inner right-hand side comes with its first smoothing step. */
-    const dmk_cycle cycle = {
-        .begun = !first || p == DMK_INNER, .dots = p == DMK_INNER, .first = first};
-    DMK_TRY(dmk_v_cycle(ctx, s, op, s->cg[p].narrow, cycle));
-    if (!cycle.dots) DMK_TRY(dmk_cg_dots(ctx, s, p, first, s->x_old));
-    DMK_TRY(dmk_cg_direction(ctx, s, p, s->x_old));
+    DMK_TRY(dmk_v_cycle(ctx, s, DMK_STIFFNESS, s->cg[DMK_OUTER].narrow, !first));
+    DMK_TRY(dmk_cg_dots(ctx, s, first, s->x_old));
+    DMK_TRY(dmk_cg_direction(ctx, s, s->x_old));
 done:
     return rc;
 }
 
-/* ap = operator * p, which gives alpha, and the step. */
-static int step(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op, dmk_buffer *x,
-                bool last)
+/* ap = A p, which gives alpha, and the step. */
+static int step(dmk_context *ctx, dmk_system *s, dmk_buffer *x, bool last)
 {
     int rc;
-    if (p == DMK_INNER) {
-        DMK_TRY(dmk_inner_elements(ctx, s, op, s->cg[p].p));
-    } else {
-        DMK_TRY(dmk_element_stiffness(ctx, s, DMK_OUTER, s->cg[p].p));
-    }
-    DMK_TRY(dmk_rows_apply(ctx, s, p, s->cg[p].p, s->cg[p].ap));
-    DMK_TRY(dmk_cg_step(ctx, s, p, x, dmk_first_step(), last));
+    DMK_TRY(dmk_element_stiffness(ctx, s, DMK_OUTER, s->cg[DMK_OUTER].p));
+    DMK_TRY(dmk_rows_apply(ctx, s, s->cg[DMK_OUTER].p, s->cg[DMK_OUTER].ap));
+    DMK_TRY(dmk_cg_step(ctx, s, x, dmk_first_step(), last));
 done:
     return rc;
 }
 
-int dmk_pcg(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op, dmk_buffer *x,
-            int max_iterations, double tolerance, double energy, dmk_stats *stats)
+int dmk_pcg(dmk_context *ctx, dmk_system *s, dmk_buffer *x, int max_iterations, double tolerance,
+            double energy, dmk_stats *stats)
 {
     int rc = DMK_OK;
     double before = 0;
     bool last = false;
     for (int i = 0; i < max_iterations && !last; i++) {
-        DMK_TRY(direction(ctx, s, p, op, i == 0));
+        DMK_TRY(direction(ctx, s, i == 0));
         stats->v_cycles++;
         if (tolerance > 0) {
             double state[5];
@@ -65,7 +57,28 @@ int dmk_pcg(dmk_context *ctx, dmk_system *s, dmk_program p, dmk_operator op, dmk
             if (is_done(state[0], before, tolerance * tolerance * reference, &last)) break;
             before = state[0];
         }
-        DMK_TRY(step(ctx, s, p, op, x, last || i == max_iterations - 1));
+        DMK_TRY(step(ctx, s, x, last || i == max_iterations - 1));
+        stats->cg_iterations++;
+    }
+done:
+    return rc;
+}
+
+int dmk_inner_solve(dmk_context *ctx, dmk_system *s, dmk_items over, int iterations,
+                    dmk_stats *stats)
+{
+    int rc = DMK_OK;
+    for (int i = 0; i < iterations; i++) {
+        /* The right-hand side comes with its first smoothing step. */
+        if (over == DMK_ROWS) {
+            DMK_TRY(dmk_v_cycle(ctx, s, DMK_NEWTON_MATRIX, s->cg[DMK_INNER].r, true));
+            DMK_TRY(dmk_element_newton(ctx, s, s->x_old));
+        } else {
+            DMK_TRY(dmk_mesh_cycle(ctx, s));
+        }
+        DMK_TRY(dmk_inner_apply(ctx, s, over, i == 0));
+        if (i + 1 < iterations) DMK_TRY(dmk_inner_step(ctx, s, over, i == 0, dmk_first_step()));
+        stats->v_cycles++;
         stats->cg_iterations++;
     }
 done:

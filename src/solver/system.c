@@ -538,7 +538,11 @@ static int allocate_work(const packer *p)
     DMK_TRY(work(p, DMK_OUTER, e, &s->q));
     DMK_TRY(work(p, DMK_OUTER, 6 * e, &s->out_real));
     DMK_TRY(work(p, DMK_INNER, 3 * e, &s->weight));
-    DMK_TRY(work(p, DMK_INNER, 6 * e, &s->rank_one));
+    const size_t load = (size_t)s->level[0].n_pad * dmk_device_real(p->dev, DMK_OUTER),
+                 rank_one = 6 * e * sizeof(float);
+    DMK_TRY(
+        dmk_buffer_create(p->ctx, p->dev, load > rank_one ? load : rank_one, NULL, &s->rank_one));
+    s->load = s->rank_one;        /* Newton's steps on T have no use for that */
     s->weight_real = s->rank_one; /* A's operator in double, Newton's in single: in turn */
     s->out =
         s->out_real; /* what one program puts there is summed up before the other puts anything */
@@ -546,7 +550,7 @@ static int allocate_work(const packer *p)
     DMK_TRY(work(p, DMK_INNER, n, &s->x));
     DMK_TRY(work(p, DMK_INNER, n, &s->x_old));
     DMK_TRY(allocate_cg(p));
-    DMK_TRY(work(p, DMK_OUTER, 4 * parts, &s->partial));
+    DMK_TRY(work(p, DMK_OUTER, 6 * parts, &s->partial)); /* quantities that newton_update sums */
     DMK_TRY(work(p, DMK_OUTER, 8, &s->state));
     DMK_TRY(work(p, DMK_INNER, 1, &s->done));
     DMK_TRY(work(p, DMK_OUTER, 16, &s->scalars));

@@ -63,7 +63,8 @@ typedef struct dmk_system {
     dmk_buffer *before;   /* mu of the step before, or a copy kept by the certificate */
     /* Single precision: coefficients of the inner operator, contributions, V-cycle on T/2. */
     dmk_buffer *weight, *rank_one, *out; /* out: out_real's memory */
-    dmk_buffer *edge, *diag_coarse;      /* 3 per element, until CG begins: its p and ap */
+    dmk_buffer *load;               /* real, of T's vertices: see nested.cl; rank_one's memory */
+    dmk_buffer *edge, *diag_coarse; /* 3 per element, until CG begins: its p and ap */
     dmk_buffer *inv_diag, *x, *x_old;
     /* Conjugate gradients, inner and outer. */
     struct {

@@ -70,11 +70,6 @@ done:
  * and 0.4 of 0.21 to 0.25 % and 900, 720 and 540; the L1 error of mu at 0.4 is up to twice that at 0.1. */
 static const double measure_floor = 0.2;
 
-/* What one iteration of CG leaves of a small pseudo-time step the next ones make good: 132 pairs on eleven meshes take
- * 55 iterations for 63, and 17.1 steps for 16.9. With 10 the 60 on five of them take 51 for 53, but mu is up to 0.7 %
- * off for 0.5. A step that shrinks stays above. A point on camel took 40 steps for 16. */
-static const double brief_steps = 5;
-
 /* A gap at which the cost is settled, if mu is not. */
 static const double unique_enough = 1e-3;
 
@@ -174,7 +169,7 @@ static int solve(dmk_context *ctx, dmk_solver *s, const dmk_solve_options *optio
                        .asked = options->method,
                        .floor = DMK_FLOOR,
                        .mean_floor = measure_floor,
-                       .brief = brief_steps,
+                       .between = true,
                        .stats = &r->stats,
                        .began = began};
     if (is_zero(f, (size_t)s->system->whole.n_rows_pad)) return move_nothing(s, r);
