@@ -139,8 +139,8 @@ void dmk_geodesics_midpoints(dmk_context *ctx, const dmk_geodesics *g, double *m
     dmk_parallel(ctx, g->mesh->n_triangles, halve_range, &(halving){g, mid});
 }
 
-/* Cosine of the turn to the way back from the direction (x, y) in the frame of corner c, whose first side is the x axis.
- * Without the angle of (x, y), but where the short way around is not that of the whole corner. */
+/* Cosine of the turn to the way back from the direction (x, y) in the frame of corner c, whose first side is the x
+ * axis. Without the angle of (x, y), but where the short way around is not that of the whole corner. */
 static double cosine_back(const dmk_geodesics *g, int32_t c, double x, double y)
 {
     const int32_t v = g->mesh->triangle[c];

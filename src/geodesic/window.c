@@ -135,9 +135,9 @@ done:
     return rc;
 }
 
-/* Lengths of paths along edges, and a little more: a bound must be reached, not only met. The shortest ones, in bands of a
- * mean edge (Meyer and Sanders's delta-stepping): 0.7 of the time that a heap takes on 273,000 triangles; but for vertices that
- * have been looked at too often, whose paths do as well. */
+/* Lengths of paths along edges, and a little more: a bound must be reached, not only met. The shortest ones, in bands
+ * of a mean edge (Meyer and Sanders's delta-stepping): 0.7 of the time that a heap takes on 273,000 triangles; but for
+ * vertices that have been looked at too often, whose paths do as well. */
 static int bound(dmk_context *ctx, void *data)
 {
     int rc;
