@@ -9,7 +9,7 @@
 /* Where range k of n_ranges begins; range n_ranges, where 0..n ends. */
 static inline int32_t dmk_range_begin(int32_t n, int32_t k, int32_t n_ranges)
 {
-    return (int32_t)((int64_t)n * k / n_ranges);
+    return (int32_t)dmk_even_bound(n, k, n_ranges);
 }
 
 /* Call body(begin, end, data) on disjoint ranges that cover 0..n; short loops stay on the calling
