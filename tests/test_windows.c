@@ -235,7 +235,7 @@ static void merging(void **state)
 static void exact_windows(void **state)
 {
     dmk_mesh *m = make(*state, 100, 50, on_torus, 0.4);
-    check_count(*state, m, 0, 297633, 5e-4);
+    check_count(*state, m, 0, 317347, 5e-4);
     dmk_mesh_destroy(&m);
 }
 

@@ -54,115 +54,75 @@ static void engine_free(engine *e)
 
 /* ---- upper bounds ---------------------------------------------------------------------------- */
 
-/* Vertices whose edges are to be looked along: those nearer than `limit` in turn, the others later. */
+/* Triangles in the order of a search in breadth. */
 typedef struct bounds {
     engine *e;
-    int32_t *list, *later;
-    size_t n, n_later, room, room_later;
-    uint8_t *scans; /* n_vertices; the highest bit: on a list */
-    double limit;
+    int32_t *list, n;
+    bool *listed; /* n_triangles */
 } bounds;
-enum { LISTED = 0x80, MOST_SCANS = 0x7f }; /* what fits beside it */
 
-static int offer(dmk_context *ctx, bounds *q, int32_t v, double d)
+static void list_triangle(bounds *q, int32_t t)
 {
-    if (!(d < q->e->front.d[v])) return DMK_OK;
-    q->e->front.d[v] = d;
-    if (q->scans[v] & LISTED || q->scans[v] == MOST_SCANS) return DMK_OK;
-    q->scans[v] |= LISTED;
-    if (q->n == q->room) {
-        int rc = DMK_GROW(ctx, q->list, q->n + 1, q->room);
-        if (rc != DMK_OK) return rc;
-    }
-    q->list[q->n++] = v;
-    return DMK_OK;
+    if (q->listed[t]) return;
+    q->listed[t] = true;
+    q->list[q->n++] = t;
 }
 
-static int offer_sources(dmk_context *ctx, bounds *q)
+static void offer(const engine *e, int32_t v, double d)
 {
-    int rc = DMK_OK;
+    e->front.d[v] = dmk_min(e->front.d[v], d);
+}
+
+static void list_sources(bounds *q)
+{
     const dmk_front *front = &q->e->front;
     const double unit = front->g->star.unit;
     for (int32_t i = 0; i < front->g->n_sources; i++) {
         const dmk_site *p = front->g->source + i;
-        if (p->vertex >= 0) DMK_TRY(offer(ctx, q, p->vertex, p->offset / unit));
+        if (p->vertex >= 0) offer(q->e, p->vertex, p->offset / unit);
         for (int32_t k = 0; k < p->n_sectors; k++) {
             const dmk_sector c = dmk_front_site(front, p, k);
             const dmk_facet *f = front->facet + c.half / 3;
-            int h = c.half % 3;
-            DMK_TRY(offer(ctx, q, f->vertex[(h + 1) % 3], p->offset / unit + hypot(c.x, c.y)));
-            DMK_TRY(offer(ctx, q, f->vertex[(h + 2) % 3],
-                          p->offset / unit + hypot(f->length[h] - c.x, c.y)));
+            const int h = c.half % 3;
+            offer(q->e, f->vertex[(h + 1) % 3], p->offset / unit + hypot(c.x, c.y));
+            offer(q->e, f->vertex[(h + 2) % 3], p->offset / unit + hypot(f->length[h] - c.x, c.y));
+            list_triangle(q, c.half / 3);
         }
     }
-done:
-    return rc;
 }
 
-static int scan(dmk_context *ctx, bounds *q, int32_t v)
+/* Paths along the sides of a triangle. */
+static void offer_sides(bounds *q, int32_t t)
 {
-    int rc = DMK_OK;
-    const dmk_front *front = &q->e->front;
-    const dmk_star *s = &front->g->star;
-    const double d = front->d[v];
-    int32_t c = s->first[v];
-    q->scans[v] = (uint8_t)((q->scans[v] & ~LISTED) + 1);
-    do {
-        const dmk_facet *f = front->facet + c / 3;
-        int k = c % 3, a = (k + 1) % 3, b = (k + 2) % 3;
-        DMK_TRY(offer(ctx, q, f->vertex[a], d + f->length[b]));
-        c = f->twin[a] < 0 ? -1 : dmk_next(f->twin[a]);
-        if (c < 0) DMK_TRY(offer(ctx, q, f->vertex[b], d + f->length[a]));
-    } while (c >= 0 && c != s->first[v]);
-done:
-    return rc;
-}
-
-/* All on the list up to the limit; those beyond it wait. */
-static int scan_list(dmk_context *ctx, bounds *q)
-{
-    int rc = DMK_OK;
-    for (size_t i = 0; i < q->n; i++) {
-        const int32_t v = q->list[i];
-        if (q->e->front.d[v] <= q->limit) {
-            DMK_TRY(scan(ctx, q, v));
-            continue;
-        }
-        DMK_TRY(DMK_GROW(ctx, q->later, q->n_later + 1, q->room_later));
-        q->later[q->n_later++] = v;
+    const dmk_facet *f = q->e->front.facet + t;
+    const double *d = q->e->front.d;
+    for (int k = 0; k < 3; k++) {
+        const int a = k == 2 ? 0 : k + 1, b = k == 0 ? 2 : k - 1;
+        offer(q->e, f->vertex[k], d[f->vertex[a]] + f->length[b]);
+        offer(q->e, f->vertex[k], d[f->vertex[b]] + f->length[a]);
+        if (f->twin[k] >= 0) list_triangle(q, f->twin[k] / 3);
     }
-done:
-    return rc;
 }
 
-/* Lengths of paths along edges, and a little more: a bound must be reached, not only met. The shortest ones, in bands
- * of a mean edge (Meyer and Sanders's delta-stepping): 0.7 of the time that a heap takes on 273,000 triangles; but for
- * vertices that have been looked at too often, whose paths do as well. */
+/* Lengths of paths along edges, and a little more: a bound must be reached, not only met. Each triangle is looked at
+ * once, so these need not be the shortest of such paths. Bounds 1.3 times as long take no more windows on quartics and
+ * 20 % more on scans, none at all 10 % and up to twice as many. The shortest ones take 26 ms for 273,000 triangles,
+ * these 10. */
 static int bound(dmk_context *ctx, void *data)
 {
     int rc;
     engine *e = data;
     const dmk_mesh *m = e->front.g->mesh;
-    const double band = m->info.mean_edge / e->front.g->star.unit;
     bounds q = {.e = e};
-    DMK_TRY(DMK_NEW(ctx, q.scans, (size_t)m->n_vertices));
-    DMK_TRY(offer_sources(ctx, &q));
-    while (q.n > 0) {
-        double least = INFINITY;
-        for (size_t i = 0; i < q.n; i++) least = dmk_min(least, e->front.d[q.list[i]]);
-        q.limit = least + band;
-        DMK_TRY(scan_list(ctx, &q));
-        int32_t *list = q.list;
-        const size_t room = q.room;
-        q.list = q.later, q.n = q.n_later, q.room = q.room_later;
-        q.later = list, q.n_later = 0, q.room_later = room;
-    }
+    DMK_TRY(DMK_NEW_UNSET(ctx, q.list, (size_t)m->n_triangles));
+    DMK_TRY(DMK_NEW(ctx, q.listed, (size_t)m->n_triangles));
+    list_sources(&q);
+    for (int32_t i = 0; i < q.n; i++) offer_sides(&q, q.list[i]);
     for (int32_t v = 0; v < m->n_vertices; v++)
         e->front.d[v] = e->front.d[v] * (1 + DMK_SAME_LENGTH) + 1000 * DMK_SAME_LENGTH;
 done:
     free(q.list);
-    free(q.later);
-    free(q.scans);
+    free(q.listed);
     return rc;
 }
 
