@@ -1,6 +1,7 @@
 /* The geodesic engines: their waves by themselves, and their constants, each case of which fails when its constant is
  * doubled or halved. */
-#include "../src/geodesic/wave.c" /* for its static functions; the library's own are then left out */
+#include "../src/geodesic/envelope.c" /* for their static functions; the library's own are then left out */
+#include "../src/geodesic/wave.c"
 
 #include "context.h"
 #include "geodesic/trace.h"

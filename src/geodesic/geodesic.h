@@ -12,7 +12,7 @@
  * - front.c: triangles as the engines read them, and what sources and pseudo-sources radiate.
  * - window.c: windows, depth first: exact distances.
  * - step.c, lanes.c: their steps, one by one and many at once.
- * - wave.c: merged windows: distances of large meshes, and from lines.
+ * - wave.c, envelope.c: merged windows: distances of large meshes, and from lines.
  * - trace.c: paths, and distances anywhere.
  * - check.c: what must hold of the result; its integral.
  * - ways.c: the least ways that join parts of the mesh.
