@@ -83,7 +83,7 @@ static int run_graph(bench *b)
 static int run_energy(bench *b)
 {
     dmk_system *s = b->sys;
-    return dmk_element_energy(b->ctx, s, s->u, true, 0, 0);
+    return dmk_element_energy(b->ctx, s, s->u, DMK_KEEP_Q | DMK_KEEP_G, 0, 0);
 }
 
 /* ---- what they move, as it stands above them in kernels/ -------------------------------------- */

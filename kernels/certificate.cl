@@ -21,20 +21,20 @@ static real energy_of(const real *c, const real *x, real *y)
 
 #define ELEMENT_BASE(t, K) (DMK_WIDTH * (K) * ((t) / DMK_WIDTH) + (t) % DMK_WIDTH)
 
-/* ring = 1 on the rows of elements that break the bound, have moved their rows, or have one that still
+/* ring = 1 on the rows of elements with q above the limit, or that have moved their rows, or have one that still
  * moves.
  * reads index, q, mark, u and before (gathered); writes ring
  * moves 28 E + real E + 2 real R + 4 R bytes, 0 flops
  * shape rows, one an element; all write the same 1 */
-KERNEL repair_mark(int n, global const int *restrict index, global const real *restrict q,
-                   global const int *restrict mark, global const real *restrict u,
+KERNEL repair_mark(int n, float limit, global const int *restrict index,
+                   global const real *restrict q, global const int *restrict mark, global const real *restrict u,
                    global const real *restrict before, global int *restrict ring,
                    volatile global int *shares, int4 launch)
 {
     FOR_ROWS(t, n, shares, launch)
     {
         const int base = ELEMENT_BASE(t, 6);
-        int hot = mark[t] != 0 || q[t] > 1;
+        int hot = mark[t] != 0 || q[t] > (real)limit;
         for (int k = 0; k < 6 && !hot; k++) {
             const int i = index[base + DMK_WIDTH * k];
             hot = u[i] != before[i];

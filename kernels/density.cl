@@ -45,12 +45,13 @@ typedef struct measures {
     sumv energy, mass, slope, square, top;
 } measures;
 
-/* What block b adds to them, where u.g = e, but L at alpha = scale; and q = e / area, the mean of |grad u|^2. */
-static void add_measures(int b, realv e, realv area, realv mu, real scale, global real *q,
+/* What block b adds to them, where u.g = e, but L at alpha = scale; and q = e / area, the mean of |grad u|^2, stored if
+ * it is to be kept. */
+static void add_measures(int b, int keep, realv e, realv area, realv mu, real scale, global real *q,
                          measures *sum)
 {
     const realv square = e / area, m = area * mu, l = log_slope(scale * scale * square);
-    STORE(square, q, AT(b));
+    if (keep & DMK_KEEP_Q) STORE(square, q, AT(b));
     sum->energy += TO_SUM(mu * e);
     sum->mass += TO_SUM(m);
     sum->slope += TO_SUM(m * l);
@@ -66,12 +67,12 @@ static void measure_block(int b, int keep, float slack, six x, global const real
 {
     const flows f = flows_of(load_three(cot, b), x);
     const six y = divergence(f);
-    if (keep) store_six(y, g, b);
+    if (keep & DMK_KEEP_G) store_six(y, g, b);
     realv e = y.v0 * (x.v0 - x.m0) + y.v1 * (x.v1 - x.m0) + y.v2 * (x.v2 - x.m0) +
               y.m1 * (x.m1 - x.m0) + y.m2 * (x.m2 - x.m0);
     e = fmax(e, (realv)0);
     if (slack > 0) e += (real)slack * farthest(x) * total_flow(f);
-    add_measures(b, e, area, mu, 1, q, sum);
+    add_measures(b, keep, e, area, mu, 1, q, sum);
 }
 
 /* The four sums. */
@@ -83,7 +84,7 @@ static void leave_measures(sums s, int part, measures sum)
     leave_sum(s, 3, part, sum.square);
 }
 
-/* g = K u (without mu), stored if it is to be kept, and q; the sums, then the maximum: see measure_block.
+/* g = K u (without mu) and q, stored if they are to be kept; the sums, then the maximum: see measure_block.
  * reads index, cot, area, mu, u (gathered); writes g, q, scalars
  * moves 24 E + 12 real E + real R bytes, 60 E flops
  * shape blocks of E; numerics the sums in sum_t, in the order of parts */
@@ -376,7 +377,8 @@ KERNEL newton_update(int n, float alpha, float D, float bend, float lowest,
             const realv next = grown(old, step * slope + ratio * TO_REAL(gw), a, lowest);
             STORE(next, mu, AT(b));
             change += TO_SUM(a * fabs(next - old));
-            measure_block(b, 1, 0, gather_six(u, i), cot, a, next, g, q, &sum);
+            measure_block(b, DMK_KEEP_Q | DMK_KEEP_G, 0, gather_six(u, i), cot, a, next, g, q,
+                          &sum);
         }
         leave_measures(s, part, sum);
         leave_sum(s, 4, part, change);

@@ -5,6 +5,9 @@
 #define DMK_WIDTH 8   /* elements per block of the interleaved arrays */
 #define DMK_LINE 32   /* ints apart that two threads may write without taking a cache line away */
 #define DMK_GROUP 256 /* work-items per group in the GPU shape */
+/* What an energy leaves beside its sums: bits of a mask. */
+#define DMK_KEEP_Q 1
+#define DMK_KEEP_G 2
 /* Partial sums are added one after the other up to DMK_SUM_SHORT of them, which take a network of 20 GB/s no
  * longer than its latency of 3 us. Of more, DMK_SUM_BLOCK that follow each other are one sum first, and ranks
  * tell each other those: the fewest with which a work-group of a GPU has as many to add in turn as before. */

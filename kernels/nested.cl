@@ -64,7 +64,7 @@ KERNEL nested_energy(int n, float scale, global const int *restrict index, globa
         FOR_PART_BLOCKS(b, n, part)
         {
             const three x = gather_corners(u, index, b);
-            add_measures(b, linear_product(linear_stiffness(load_three(cot, b), x), x),
+            add_measures(b, DMK_KEEP_Q, linear_product(linear_stiffness(load_three(cot, b), x), x),
                          LOAD(area, AT(b)), LOAD(mu, AT(b)), scale, q, &sum);
         }
         leave_measures(s, part, sum);
@@ -161,7 +161,8 @@ KERNEL nested_update(int n, int vertex_row, float alpha, float D, float bend, fl
             const realv next = grown(old, dy, a, lowest);
             STORE(next, mu, AT(b));
             change += TO_SUM(a * fabs(next - old));
-            add_measures(b, linear_product(linear_stiffness(r, x), x), a, next, 1, q, &sum);
+            add_measures(b, DMK_KEEP_Q, linear_product(linear_stiffness(r, x), x), a, next, 1, q,
+                         &sum);
         }
         leave_measures(s, part, sum);
         leave_sum(s, 4, part, change);

@@ -422,6 +422,7 @@ static void test_vertex_points(void **state)
         assert_int_equal(dmk_mesh_vertex_point(*state, m, v, &p), DMK_OK);
         assert_int_equal(dmk_mesh_point_xyz(*state, m, &p, x), DMK_OK);
         assert_memory_equal(x, tetra_xyz + 3 * v, sizeof x);
+        for (int h = 0; h < 3 * p.triangle; h++) assert_int_not_equal(tetra[h], v); /* the first */
         /* projecting a vertex finds it exactly */
         assert_int_equal(dmk_mesh_project(*state, m, tetra_xyz + 3 * v, &p), DMK_OK);
         int k = p.weight[0] == 1 ? 0 : p.weight[1] == 1 ? 1 : 2;

@@ -281,7 +281,7 @@ static void bounds_of(fixture *x, const double *v, double share, double *lower, 
     for (size_t i = 0; i < x->n; i++) u[i] = share * v[i];
     ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_OUTER, s->f, x->n, f));
     ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_OUTER, s->u, x->n, u));
-    ok(x, dmk_bound_upper(&o, NULL, &balance, upper));
+    ok(x, dmk_bound_upper(&o, NULL, &balance, INFINITY, upper));
     assert_true(balance <= 1e-10);
     ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_OUTER, s->u, x->n, v));
     ok(x, dmk_bound_plain(&o, s->u, lower));

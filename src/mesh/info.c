@@ -26,12 +26,11 @@ int dmk_mesh_count(dmk_context *ctx, dmk_mesh *m)
 {
     int rc;
     int32_t *next = NULL;
-    DMK_TRY(DMK_NEW(ctx, next, (size_t)m->n_vertices));
-    for (int32_t v = 0; v < m->n_vertices; v++) next[v] = -2;
-    for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
-        if (next[m->triangle[h]] == -2) next[m->triangle[h]] = -1;
-    }
-    for (int32_t v = 0; v < m->n_vertices; v++) m->n_used_vertices += next[v] != -2;
+    DMK_TRY(DMK_NEW_UNSET(ctx, next, (size_t)m->n_vertices));
+    DMK_TRY(DMK_NEW_UNSET(ctx, m->corner, (size_t)m->n_vertices));
+    for (int32_t v = 0; v < m->n_vertices; v++) m->corner[v] = next[v] = -1;
+    for (int32_t h = 3 * m->n_triangles - 1; h >= 0; h--) m->corner[m->triangle[h]] = h;
+    for (int32_t v = 0; v < m->n_vertices; v++) m->n_used_vertices += m->corner[v] >= 0;
     for (int32_t e = 0; e < m->n_edges; e++) {
         if (m->edge_triangle[2 * (size_t)e + 1] >= 0) continue;
         const int32_t h = dmk_half_edge_on(m, m->edge_triangle[2 * (size_t)e], e);

@@ -423,6 +423,7 @@ void dmk_mesh_destroy(dmk_mesh **mesh)
     dmk_mesh_forget_edges(m);
     free(m->xyz);
     free(m->triangle);
+    free(m->corner);
     free(m->component);
     free(m);
     *mesh = NULL;

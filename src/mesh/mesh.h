@@ -16,7 +16,8 @@ struct dmk_mesh {
     int32_t *edge_triangle; /* 2*n_edges: the triangles on it, the one that runs it from
                                edge_vertex[2e] to [2e+1] first if it exists; -1 on a border
                                (always in slot 1) */
-    int32_t *component;     /* n_triangles: connected component, numbered by first triangle; NULL if
+    int32_t *corner;    /* n_vertices: the first triangle's corner at each, -1: in no triangle */
+    int32_t *component; /* n_triangles: connected component, numbered by first triangle; NULL if
                                there is only one: see dmk_mesh_component */
     int32_t n_components;
     double *length; /* n_edges */
@@ -88,7 +89,7 @@ void dmk_measure_sides(const double l[3], double *area, double cot[3]);
 int dmk_measure_checked(dmk_context *context, const double l[3], int64_t t, const int64_t v[3],
                         double *area);
 
-/* info.c: fill in n_used_vertices, n_border_edges, n_border_loops of a mesh with edges. */
+/* info.c: fill in corner, n_used_vertices, n_border_edges, n_border_loops of a mesh with edges. */
 int dmk_mesh_count(dmk_context *context, dmk_mesh *mesh);
 
 /* info.c: fill in `info` of a mesh that is complete else. */

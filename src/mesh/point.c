@@ -156,14 +156,14 @@ int dmk_mesh_vertex_point(dmk_context *ctx, const dmk_mesh *m, int64_t vertex, d
         return dmk_fail(ctx, DMK_E_ARG, "vertex %lld is out of range [0, %d]", (long long)vertex,
                         m->n_vertices - 1);
     }
-    for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
-        if (m->triangle[h] != vertex) continue;
-        *point = (dmk_point){h / 3, {0, 0, 0}};
-        point->weight[h % 3] = 1;
-        return DMK_OK;
+    const int32_t h = m->corner[vertex];
+    if (h < 0) {
+        return dmk_fail(ctx, DMK_E_ARG, "vertex %lld is in no triangle: choose one that is",
+                        (long long)vertex);
     }
-    return dmk_fail(ctx, DMK_E_ARG, "vertex %lld is in no triangle: choose one that is",
-                    (long long)vertex);
+    *point = (dmk_point){h / 3, {0, 0, 0}};
+    point->weight[h % 3] = 1;
+    return DMK_OK;
 }
 
 int dmk_mesh_point_xyz(dmk_context *ctx, const dmk_mesh *m, const dmk_point *point, double xyz[3])

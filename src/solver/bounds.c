@@ -163,16 +163,21 @@ bool dmk_bound_is_rough(const dmk_iteration *o)
     return o->sys->sharpest > most_cot;
 }
 
-int dmk_bound_plain(dmk_iteration *o, const dmk_buffer *v, double *bound)
+static int bound_of(dmk_iteration *o, const dmk_buffer *v, int keep, double *bound)
 {
     int rc;
     double fv;
-    DMK_TRY(dmk_iteration_energies_of(o, v, &fv));
+    DMK_TRY(dmk_iteration_energies_of(o, v, keep, &fv));
     if (dmk_device_real(o->sys->device, DMK_OUTER) == sizeof(float) || dmk_bound_is_rough(o))
         return bound_by_host(o, v, bound);
     *bound = fv / sqrt(o->top); /* q has its rounding on top */
 done:
     return rc;
+}
+
+int dmk_bound_plain(dmk_iteration *o, const dmk_buffer *v, double *bound)
+{
+    return bound_of(o, v, DMK_KEEP_Q, bound);
 }
 
 /* v = phi(u). */
@@ -215,7 +220,7 @@ int dmk_bound_banded(dmk_iteration *o, const dmk_buffer *u, double *bound)
     const dmk_bands bands = {n, (float)(low - 0.5 * width),
                              (float)((n - 1) / fmax(high - low, 1e-30))};
     DMK_TRY(map_bands(o, u, &bands, v));
-    DMK_TRY(dmk_bound_plain(o, v, bound));
+    DMK_TRY(bound_of(o, v, 0, bound));
 done:
     return rc;
 }

@@ -10,6 +10,7 @@ static int update(dmk_iteration *o, bool inertial, double dt, double beta, doubl
     int rc;
     double sums[2];
     dmk_system *s = o->sys;
+    o->ready = DMK_NOTHING;
     DMK_TRY(dmk_explicit_update(o->ctx, s, inertial, dt, beta, o->floor, 0));
     DMK_TRY(dmk_iteration_scalars(o, 2, sums));
     *change = sums[0] / sums[1] / dt;
@@ -42,6 +43,7 @@ int dmk_explicit(dmk_iteration *o)
     int unsolved = 0;
     double change = 1, cg = opt->cg_tolerance > 0 ? opt->cg_tolerance : 1e-4;
     o->loose = false;
+    o->ready = DMK_NOTHING;
     DMK_TRY(begin(o));
     for (int step = 1; step <= max_steps; step++) {
         int before = o->stats->cg_iterations;

@@ -5,6 +5,12 @@
 #include <math.h>
 #include <stdio.h>
 
+bool dmk_is_shapely(const dmk_system *s)
+{
+    const double cot_20 = 2.747; /* of an angle of 20 degrees */
+    return s->sharpest < cot_20;
+}
+
 int dmk_iteration_scalars(dmk_iteration *o, size_t n, double *sums)
 {
     return dmk_buffer_read_real(o->ctx, o->sys->device, DMK_OUTER, o->sys->scalars, n, sums);
@@ -30,7 +36,7 @@ int dmk_iteration_energies(dmk_iteration *o)
     double sums[N_SCALARS];
     o->fresh = true;
     DMK_TRY(dmk_dot(o->ctx, o->sys, o->sys->f, o->sys->u, FU));
-    DMK_TRY(dmk_element_energy(o->ctx, o->sys, o->sys->u, true, 0, 0));
+    DMK_TRY(dmk_element_energy(o->ctx, o->sys, o->sys->u, DMK_KEEP_Q | DMK_KEEP_G, 0, 0));
     DMK_TRY(dmk_iteration_scalars(o, N_SCALARS, sums));
     take(o, sums, sums[TOP]);
 done:
@@ -43,6 +49,7 @@ int dmk_iteration_update(dmk_iteration *o, dmk_items over, bool first, const dmk
     int rc;
     double sums[N_SCALARS];
     o->fresh = over == DMK_ROWS;
+    o->ready = DMK_NOTHING;
     DMK_TRY(dmk_inner_finish(o->ctx, o->sys, over, first, step->alpha, FU));
     DMK_TRY(over == DMK_ROWS ? dmk_newton_update(o->ctx, o->sys, step, 0)
                              : dmk_nested_update(o->ctx, o->sys, step, 0));
@@ -65,14 +72,14 @@ done:
     return rc;
 }
 
-int dmk_iteration_energies_of(dmk_iteration *o, const dmk_buffer *v, double *fv)
+int dmk_iteration_energies_of(dmk_iteration *o, const dmk_buffer *v, int keep, double *fv)
 {
     int rc;
     double sums[N_SCALARS];
     const bool wide = dmk_device_real(o->sys->device, DMK_OUTER) == sizeof(double);
     o->fresh = false;
     DMK_TRY(dmk_dot(o->ctx, o->sys, o->sys->f, v, FU));
-    DMK_TRY(dmk_element_energy(o->ctx, o->sys, v, false, wide ? DMK_ENERGY_ROUNDING : 0, 0));
+    DMK_TRY(dmk_element_energy(o->ctx, o->sys, v, keep, wide ? DMK_ENERGY_ROUNDING : 0, 0));
     DMK_TRY(dmk_iteration_scalars(o, N_SCALARS, sums));
     *fv = sums[FU];
     o->top = sums[TOP];
@@ -87,7 +94,19 @@ void dmk_iteration_measure(dmk_iteration *o, double alpha)
     o->top = alpha * alpha * o->largest;
 }
 
-/* The outer residual f - A u for CG, and A's coefficients and coarse operators. */
+int dmk_iteration_operator(dmk_iteration *o, dmk_ready wanted)
+{
+    int rc = DMK_OK;
+    if (o->ready >= wanted) return DMK_OK;
+    DMK_TRY(dmk_element_prepare(o->ctx, o->sys));
+    if (o->ready < DMK_DIAGONAL) DMK_TRY(dmk_inverse_diagonal(o->ctx, o->sys));
+    if (wanted == DMK_HIERARCHY) DMK_TRY(dmk_multigrid_refresh(o->ctx, o->sys));
+    o->ready = wanted;
+done:
+    return rc;
+}
+
+/* The outer residual f - A u for CG, and the operator. */
 static int prepare_solve(dmk_iteration *o)
 {
     int rc;
@@ -96,9 +115,7 @@ static int prepare_solve(dmk_iteration *o)
     o->fresh = false;
     DMK_TRY(dmk_element_scale(o->ctx, s));
     DMK_TRY(dmk_rows_outer_residual(o->ctx, s));
-    DMK_TRY(dmk_element_prepare(o->ctx, s));
-    DMK_TRY(dmk_inverse_diagonal(o->ctx, s));
-    DMK_TRY(dmk_multigrid_refresh(o->ctx, s));
+    DMK_TRY(dmk_iteration_operator(o, DMK_HIERARCHY));
 done:
     return rc;
 }

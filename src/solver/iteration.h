@@ -5,6 +5,9 @@
 #include "solver/kernels.h"
 #include "solver/pcg.h"
 
+/* What there is of an operator on the device: its weights and inverse diagonal, and the coarse graphs'. */
+typedef enum dmk_ready { DMK_NOTHING, DMK_DIAGONAL, DMK_HIERARCHY } dmk_ready;
+
 /* One solve under way. Quantities are in the packed problem's units (area 1). */
 typedef struct dmk_iteration {
     dmk_context *ctx;
@@ -27,6 +30,7 @@ typedef struct dmk_iteration {
     bool between;      /* measures: see newton.c for what its steps do then */
     bool goes_on;      /* a large gap will be answered by more steps rather than by a long repair */
     bool certified;    /* stats has the bounds of the present pair */
+    dmk_ready ready;   /* of A(mu) of the present mu, on the device */
     bool loose; /* its u is far from solving A(mu) u = f: a few iterations of CG from mu = const */
     bool light; /* one smoothing step on T/2 is as good as two: see newton.c */
     double *flux, *balance; /* of the upper bound's flux, see dmk_bound_upper; NULL: not wanted */
@@ -50,6 +54,8 @@ static const double DMK_SETTLED_GAP = 3e-3;
  * more than about 20 roundings of 2^-53, and the cotangents come with a few. */
 static const double DMK_ENERGY_ROUNDING = 16 * 2.220446049250313e-16;
 
+/* A mesh without small angles. */
+bool dmk_is_shapely(const dmk_system *system);
 /* g in out_real, q of s->u; fu, uau, mass and the like. */
 int dmk_iteration_energies(dmk_iteration *o);
 /* The last step of the inner solve (`first`: of one) and what follows: u, mu, its relative change, and their
@@ -59,11 +65,14 @@ int dmk_iteration_update(dmk_iteration *o, dmk_items over, bool first, const dmk
 /* The same after an update with u linear on T and another change of mu, L at this scale of u. */
 int dmk_iteration_measure_nested(dmk_iteration *o, double scale);
 /* q, its largest in o->top, and f.v of any row vector in place of u, in double precision q with its rounding on top,
- * so that it is not below the true one. out_real stays as it is. */
-int dmk_iteration_energies_of(dmk_iteration *o, const dmk_buffer *v, double *fv);
+ * so that it is not below the true one. keep: DMK_KEEP_Q, or 0 if the array of q is to stay as it is, as out_real does.
+ */
+int dmk_iteration_energies_of(dmk_iteration *o, const dmk_buffer *v, int keep, double *fv);
 /* rho and top of the last energies' q scaled by alpha^2. rho as if no L, kept in [-1, 1], came to its bounds or left
  * them by that. */
 void dmk_iteration_measure(dmk_iteration *o, double alpha);
+/* That much of A(mu), unless it is there. cg[DMK_OUTER].p and .ap are scratch. */
+int dmk_iteration_operator(dmk_iteration *o, dmk_ready wanted);
 /* Solve A(mu) du = f - A(mu) u to `tolerance` of the energy f.u and add du to s->u. */
 int dmk_iteration_solve(dmk_iteration *o, double tolerance, int max_iterations);
 /* Read the first n scalars, once all that is queued is done. */
@@ -93,20 +102,21 @@ int dmk_certify(dmk_iteration *o, bool last);
 /* stats->gap from the bounds, which differ by more than rounding in the right direction or not at all. */
 void dmk_certify_gap(dmk_stats *stats);
 /* bounds.c: lower bounds from a row vector: f.v / sqrt(max q), with q left in s->q and its maximum in o->top, and
- * the same of phi(v), which goes through q of v as dmk_bound_plain left it. cg[DMK_OUTER].p is scratch. */
+ * the same of phi(v), which goes through q of v as dmk_bound_plain left it; it stays. cg[DMK_OUTER].p is scratch. */
 int dmk_bound_plain(dmk_iteration *o, const dmk_buffer *v, double *bound);
 int dmk_bound_banded(dmk_iteration *o, const dmk_buffer *v, double *bound);
 /* Needles so sharp that rounding on the device would spoil the bounds. */
 bool dmk_bound_is_rough(const dmk_iteration *o);
 
 /* upper.c: an upper bound of the optimal cost, that of a flux which delivers f to rounding: mu grad u of the
- * present pair and a small remainder. Where they are not NULL, flux[3 t ..] becomes minus its mean over triangle
- * t, and *balance the most that it fails to deliver to a row, over the largest f. The pair stays. */
-int dmk_bound_upper(dmk_iteration *o, double *flux, double *balance, double *bound);
+ * present pair and a small remainder. If it is `enough` or less, and where they are not NULL, flux[3 t ..] becomes
+ * minus its mean over triangle t, and *balance the most that it fails to deliver to a row, over the largest f. The pair
+ * stays. */
+int dmk_bound_upper(dmk_iteration *o, double *flux, double *balance, double enough, double *bound);
 
-/* repair.c: raise stats->cost_lower by a repair of u until the gap to `upper` is at most
- * `goal`, or all triangles obey |grad u| <= 1, or it takes too long. */
-int dmk_repair(dmk_iteration *o, double goal, double upper, bool last);
+/* repair.c: raise stats->cost_lower by a repair of u until the gap to `upper` is at most goal[0], or goal[1] and more
+ * would take long, or all triangles obey |grad u| <= 1, or it takes too long. */
+int dmk_repair(dmk_iteration *o, const double goal[2], double upper, bool last);
 
 /* rhs.c: f+ - f- on the rows of T/2 for a source at `point` of the packed mesh. */
 int dmk_right_hand_side(dmk_context *context, const dmk_mesh *mesh, const dmk_system *system,

@@ -566,8 +566,8 @@ int dmk_inverse_diagonal(dmk_context *ctx, dmk_system *s)
 
 /* ---- density.cl ------------------------------------------------------------------------------ */
 
-int dmk_element_energy(dmk_context *ctx, dmk_system *s, const dmk_buffer *v, bool keep,
-                       double slack, int at)
+int dmk_element_energy(dmk_context *ctx, dmk_system *s, const dmk_buffer *v, int keep, double slack,
+                       int at)
 {
     int rc;
     DMK_TRY(dmk_send(ctx, dmk_ship_rows(s->share, DMK_OUTER, v)));
@@ -758,12 +758,13 @@ done:
     return rc;
 }
 
-int dmk_repair_mark(dmk_context *ctx, dmk_system *s, const dmk_repair_work *w)
+int dmk_repair_mark(dmk_context *ctx, dmk_system *s, const dmk_repair_work *w, double limit)
 {
     int rc;
     DMK_TRY(dmk_send(ctx, dmk_ship_two_rows(s->share, DMK_OUTER, w->u, w->before)));
-    rc = RUN(DMK_OUTER, repair_mark, elements(s), DMK_INT(s->n_elements), DMK_BUF(s->index),
-             DMK_BUF(s->q), DMK_BUF(w->mark), DMK_BUF(w->u), DMK_BUF(w->before), DMK_BUF(w->ring));
+    rc = RUN(DMK_OUTER, repair_mark, elements(s), DMK_INT(s->n_elements), DMK_FLOAT(limit),
+             DMK_BUF(s->index), DMK_BUF(s->q), DMK_BUF(w->mark), DMK_BUF(w->u), DMK_BUF(w->before),
+             DMK_BUF(w->ring));
 done:
     return rc;
 }

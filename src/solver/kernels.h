@@ -4,6 +4,7 @@
 #ifndef DMK_KERNELS_H
 #define DMK_KERNELS_H
 
+#include "dmk_shared.h"
 #include "solver/system.h"
 
 /* Get the system's kernels from its device. */
@@ -94,9 +95,9 @@ int dmk_inverse_diagonal(dmk_context *context, dmk_system *s);
 
 /* ---- density.cl ------------------------------------------------------------------------------ */
 
-/* q = v.g / area with g = K v, which goes to out_real if it is to be kept; slack: the rounding that v.g is raised by,
- * relative to its terms. Sums of mu v.g, of area mu, of this times L and L^2, L = 1/2 log q, and the maximum of q. */
-int dmk_element_energy(dmk_context *context, dmk_system *s, const dmk_buffer *v, bool keep,
+/* q = v.g / area and g = K v, which go to q and out_real if they are to be kept; slack: the rounding that v.g is raised
+ * by, relative to its terms. Sums of mu v.g, of area mu, of this times L and L^2, L = 1/2 log q; and q's maximum. */
+int dmk_element_energy(dmk_context *context, dmk_system *s, const dmk_buffer *v, int keep,
                        double slack, int at);
 /* out_real: g becomes mu g. */
 int dmk_element_scale(dmk_context *context, dmk_system *s);
@@ -173,8 +174,8 @@ typedef struct dmk_repair_work {
 /* u = before = scale * from. */
 int dmk_repair_start(dmk_context *context, dmk_system *s, const dmk_repair_work *w, double scale,
                      const dmk_buffer *from);
-/* ring = 1 on the rows of elements with q > 1, of marked ones and of those with a row that moves. */
-int dmk_repair_mark(dmk_context *context, dmk_system *s, const dmk_repair_work *w);
+/* ring = 1 on the rows of elements with q > limit, of marked ones and of those with a row that moves. */
+int dmk_repair_mark(dmk_context *context, dmk_system *s, const dmk_repair_work *w, double limit);
 /* Elements at rows of rings up to `ring` put their other rows into the next. */
 int dmk_repair_grow(dmk_context *context, dmk_system *s, const dmk_repair_work *w, int ring);
 /* The elements at rows of rings up to `ring`, and all rows of any, which are cleared; count. */

@@ -64,8 +64,7 @@ enum { START_ITERATIONS = 4 };
  * from an even mu until D is long and where a system is solved to a tolerance. */
 static bool is_light(const dmk_iteration *o, bool from_distance)
 {
-    const double cot_20 = 2.747; /* of an angle of 20 degrees */
-    return !from_distance && o->sys->sharpest < cot_20;
+    return !from_distance && dmk_is_shapely(o->sys);
 }
 
 /* Where the right-hand side's parts may be rounded to single precision, so that they go with the diagonals: needles'
@@ -175,6 +174,7 @@ static int start_cold(dmk_iteration *o)
     DMK_TRY(dmk_iteration_energies(o));
     const double least = least_mu(o);
     DMK_TRY(dmk_elements_fill(o->ctx, s, s->mu, least));
+    o->ready = DMK_NOTHING;
     o->mass *= least;
 done:
     return rc;

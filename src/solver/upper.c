@@ -234,7 +234,8 @@ static void mean_range(int32_t begin, int32_t end, void *data)
     const router *p = data;
     const dmk_mesh *m = p->mesh;
     for (int32_t t = begin; t < end; t++) {
-        double x[3][3], value[3], flow[3][3], *mean = p->mean + 3 * (size_t)t;
+        const double per_area = 0.5 / m->area[t];
+        double x[3][3], cot[3], value[3], flow[3][3], *mean = p->mean + 3 * (size_t)t;
         const int32_t *corner = m->triangle + 3 * (size_t)t,
                       *edge = m->triangle_edge + 3 * (size_t)t;
         for (int k = 0; k < 3; k++) {
@@ -243,25 +244,23 @@ static void mean_range(int32_t begin, int32_t end, void *data)
             value[k] =
                 0.5 * p->mu[t] *
                 (p->u[p->n.vertex_row + corner[k]] + p->u[edge[i]] + p->u[edge[j]] - p->u[edge[k]]);
+            cot[k] = dmk_cot(m, 3 * t + k);
             mean[k] = 0;
         }
         for (int k = 0; k < 3; k++) {
             const int i = (k + 1) % 3, j = (k + 2) % 3;
             /* grad phi_k is half the sum of the sides at k, each times the cotangent opposite, over the area. */
-            const double to_j = dmk_cot(m, 3 * t + j) * value[k],
-                         to_i = dmk_cot(m, 3 * t + i) * value[k];
+            const double to_j = cot[j] * value[k], to_i = cot[i] * value[k];
             for (int c = 0; c < 3; c++)
-                mean[c] -=
-                    0.5 * (to_j * (x[k][c] - x[i][c]) + to_i * (x[k][c] - x[j][c])) / m->area[t];
+                mean[c] -= (to_j * (x[k][c] - x[i][c]) + to_i * (x[k][c] - x[j][c])) * per_area;
         }
         flows_of(p, t, flow);
         for (int k = 0; k < 3; k++) {
             const int i = (k + 1) % 3, j = (k + 2) % 3;
             /* Edge i joins k and j, edge j k and i; the flows go half the way. */
             for (int c = 0; c < 3; c++)
-                mean[c] -= 0.5 *
-                           (flow[k][i] * (x[k][c] - x[j][c]) + flow[k][j] * (x[k][c] - x[i][c])) /
-                           m->area[t];
+                mean[c] -= (flow[k][i] * (x[k][c] - x[j][c]) + flow[k][j] * (x[k][c] - x[i][c])) *
+                           per_area;
         }
     }
 }
@@ -272,23 +271,29 @@ static double worst_balance(const router *p, double *f)
     double worst = 0, size = tiny;
     for (int32_t i = 0; i < p->n.n_rows; i++) size = fmax(size, fabs(f[i]));
     for (int32_t t = 0; t < p->mesh->n_triangles; t++) {
-        const int32_t *edge = p->mesh->triangle_edge + 3 * (size_t)t;
-        int32_t a[9], b[9];
-        double flow[3][3], w[3];
-        edges_of(p, t, a, b);
+        const int32_t *corner = p->mesh->triangle + 3 * (size_t)t,
+                      *edge = p->mesh->triangle_edge + 3 * (size_t)t;
+        double flow[3][3], w[3], end[3], mid[3], from_end[3] = {0}, from_mid[3] = {0};
         flows_of(p, t, flow);
         weights_of(p, t, w);
         for (int k = 0; k < 3; k++) {
-            const int32_t here = p->n.vertex_row + p->mesh->triangle[3 * (size_t)t + (size_t)k];
-            for (int side = 1; side < 3; side++) {
-                f[here] -= flow[k][(k + side) % 3];
-                f[edge[(k + side) % 3]] += flow[k][(k + side) % 3];
-            }
-            for (int l = 3 * k; l < 3 * k + 3; l++) {
-                const double down = (l % 3 < 2 ? 0.5 : 1) * w[k] * (p->u[a[l]] - p->u[b[l]]);
-                f[a[l]] -= down;
-                f[b[l]] += down;
-            }
+            end[k] = p->u[p->n.vertex_row + corner[k]];
+            mid[k] = p->u[edge[k]];
+        }
+        for (int k = 0; k < 3; k++) {
+            const int i = (k + 1) % 3, j = (k + 2) % 3;
+            const double across = w[k] * (mid[i] - mid[j]),
+                         from_i = 0.5 * w[k] * (end[i] - mid[k]) + flow[i][k],
+                         from_j = 0.5 * w[k] * (end[j] - mid[k]) + flow[j][k];
+            from_end[i] += from_i;
+            from_end[j] += from_j;
+            from_mid[k] -= from_i + from_j;
+            from_mid[i] += across;
+            from_mid[j] -= across;
+        }
+        for (int k = 0; k < 3; k++) {
+            f[p->n.vertex_row + corner[k]] -= from_end[k];
+            f[edge[k]] -= from_mid[k];
         }
     }
     for (int32_t i = 0; i < p->n.n_rows; i++) worst = fmax(worst, fabs(f[i]));
@@ -456,7 +461,7 @@ done:
     return rc;
 }
 
-int dmk_bound_upper(dmk_iteration *o, double *flux, double *balance, double *bound)
+int dmk_bound_upper(dmk_iteration *o, double *flux, double *balance, double enough, double *bound)
 {
     int rc;
     dmk_system *s = o->sys;
@@ -474,7 +479,7 @@ int dmk_bound_upper(dmk_iteration *o, double *flux, double *balance, double *bou
     DMK_TRY(allocate(&p));
     DMK_TRY(read_pair(&p));
     DMK_TRY(route(&p, bound));
-    rc = find_flux(&p, balance);
+    if (*bound <= enough) DMK_TRY(find_flux(&p, balance));
 done:
     release(&p);
     return rc;
