@@ -236,6 +236,7 @@ typedef struct cli_reading {
     cli_progress *progress; /* whose line gives way to what is printed, or NULL */
     const dmk_ranks *ranks; /* that all read it, or NULL */
     bool keep_memory;       /* also of a large mesh: see cli_keep_memory */
+    bool shares;            /* a rank that gives the mesh back for its share of it */
 } cli_reading;
 
 #define CLI_REPAIR_HELP                                                                            \

@@ -125,7 +125,8 @@ static int read_mesh(const solve_request *request, solve_run *run)
     const cli_reading how = {.repair = request->repair,
                              .quiet = request->quiet,
                              .progress = &run->progress,
-                             .ranks = request->dealt ? cli_ranks() : NULL};
+                             .ranks = request->dealt ? cli_ranks() : NULL,
+                             .shares = cli_ranks() && request->density_only};
     int rc = DMK_OK;
     if (how.ranks && request->density_only && !request->repair && !request->bare)
         rc = cli_read_pieces(run->context, request->mesh, how.ranks, &run->pieces);
