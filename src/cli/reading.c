@@ -72,6 +72,11 @@ void cli_keep_memory(void)
     mallopt(M_TRIM_THRESHOLD, kept);
 }
 
+void cli_trim_memory(void)
+{
+    malloc_trim(0);
+}
+
 enum { LARGE = 500000 }; /* triangles */
 
 /* Of a large mesh the larger arrays go back to the system when they are freed: a solve of 1,094,000 triangles takes
@@ -135,7 +140,6 @@ int cli_read_mesh(dmk_context *context, const char *path, const cli_reading *how
 int cli_read_pieces(dmk_context *context, const char *path, const dmk_ranks *ranks,
                     dmk_pieces **pieces)
 {
-    return_memory(true); /* before it is known how large the mesh is: then it is too late */
     return dmk_pieces_read(context, path, ranks, pieces);
 }
 

@@ -233,6 +233,7 @@ static int solve_lean(const solve_request *request, solve_run *run)
     if (rc == DMK_OK) rc = dmk_solve(run->context, run->solver, &run->source, &solve, &run->result);
     if (rc == DMK_OK) rc = gather_ranks(run);
     dmk_solver_destroy(&run->solver);
+    cli_trim_memory();
     if (rc != DMK_OK || !cli_ranks_first()) return rc;
     dmk_repairs_free(&run->repairs);
     rc = cli_read_mesh(run->context, request->mesh, &again, &run->repairs, &run->mesh);
