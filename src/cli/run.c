@@ -236,7 +236,10 @@ static int solve_lean(const solve_request *request, solve_run *run)
     cli_trim_memory();
     if (rc != DMK_OK || !cli_ranks_first()) return rc;
     dmk_repairs_free(&run->repairs);
-    rc = cli_read_mesh(run->context, request->mesh, &again, &run->repairs, &run->mesh);
+    /* Of several components something is said that hangs on the edges. */
+    rc = run->apart && run->counts.n_components == 1
+             ? dmk_mesh_read_known(run->context, request->mesh, &run->counts, &run->mesh)
+             : cli_read_mesh(run->context, request->mesh, &again, &run->repairs, &run->mesh);
     if (rc == DMK_OK && !again.quiet && request->vertex < 0) {
         cli_progress_end(&run->progress);
         cli_warn_away(run->context, run->mesh, request->source.value, &run->source);
