@@ -630,8 +630,13 @@ int dmk_pieces_create(dmk_context *context, const dmk_ranks *ranks, int64_t n_ve
 int dmk_pieces_read(dmk_context *context, const char *path, const dmk_ranks *ranks,
                     dmk_pieces **pieces);
 void dmk_pieces_destroy(dmk_pieces **pieces);
-/* The counts but for the loops; lengths and angles stay 0. Not collective. */
+/* What dmk_mesh_get_info gives for the whole, to the bit. Not collective. */
 void dmk_pieces_get_info(const dmk_pieces *pieces, dmk_mesh_info *info);
+/* The file's vertices and triangles once more, to write the result with: not checked again but for their counts, else
+ * DMK_E_FORMAT, with the `info` that the pieces had. It is a mesh as after dmk_mesh_forget_edges, of one component
+ * whatever the info says. Not collective. */
+int dmk_mesh_read_known(dmk_context *context, const char *path, const dmk_mesh_info *info,
+                        dmk_mesh **mesh);
 /* As dmk_mesh_vertex_point and dmk_mesh_project. */
 int dmk_pieces_vertex_point(dmk_context *context, const dmk_pieces *pieces, int64_t vertex,
                             dmk_point *point);

@@ -142,6 +142,29 @@ static void test_polygons_become_fans(void **state)
     }
 }
 
+/* To write a result with: no edges, and all that has been told of it. */
+static void test_reads_known(void **state)
+{
+    static const char text[] = "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n";
+    fixture *f = *state;
+    dmk_mesh_info info, told;
+    dmk_mesh *m = NULL;
+    put_file(f, "m.off", text, sizeof text - 1);
+    assert_int_equal(dmk_mesh_read(f->ctx, f->path, &m), DMK_OK);
+    dmk_mesh_get_info(m, &info);
+    dmk_mesh_destroy(&m);
+    assert_int_equal(dmk_mesh_read_known(f->ctx, f->path, &info, &m), DMK_OK);
+    dmk_mesh_get_info(m, &told);
+    assert_memory_equal(&told, &info, sizeof info);
+    assert_int_equal(dmk_mesh_check_edges(f->ctx, m), DMK_E_ARG);
+    check_square(m);
+    info.n_triangles = 3;
+    assert_int_equal(dmk_mesh_read_known(f->ctx, f->path, &info, &m), DMK_E_FORMAT);
+    assert_non_null(strstr(dmk_context_message(f->ctx),
+                           "m.off: 4 vertices and 2 triangles, but it had 4 and 3"));
+    remove_file(f, "m.off");
+}
+
 /* A pipe has no size to ask for. */
 static void test_reads_pipes(void **state)
 {
@@ -582,6 +605,7 @@ int main(void)
         TEST(test_off_variants),
         TEST(test_obj_variants),
         TEST(test_polygons_become_fans),
+        TEST(test_reads_known),
         TEST(test_reads_pipes),
         TEST(test_refusals),
         TEST(test_missing_files_and_folders),

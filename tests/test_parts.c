@@ -25,6 +25,7 @@ typedef struct task {
 typedef struct seat {
     const task *t;
     member m;
+    dmk_mesh_info info;
     dmk_plot plot;
     dmk_share share; /* its levels' bounds alone */
     dmk_parts parts;
@@ -46,6 +47,7 @@ static int plot_on(seat *s, dmk_context *ctx, const dmk_ranks *ranks)
     int rc = dmk_pieces_create(ctx, ranks, m->n_vertices, m->xyz + 3 * v, m->n_triangles, triangle,
                                &pieces);
     free(triangle);
+    dmk_pieces_get_info(pieces, &s->info);
     if (rc == DMK_OK) rc = dmk_plot_create(ctx, pieces, 0, PART, &s->plot);
     dmk_pieces_destroy(&pieces);
     return rc;
@@ -217,6 +219,7 @@ static void compare(dmk_context *ctx, dmk_mesh *mesh)
         for (int k = 0; k < size; k++) {
             if (seats[k].rc != DMK_OK) print_message("%s\n", seats[k].message);
             assert_int_equal(seats[k].rc, DMK_OK);
+            assert_memory_equal(&seats[k].info, &mesh->info, sizeof mesh->info);
             same_order(&order, &seats[k]);
             same_levels(&hierarchy, &seats[k]);
             leave(&seats[k]);
@@ -230,8 +233,8 @@ static void compare(dmk_context *ctx, dmk_mesh *mesh)
 
 /* A square of n x n vertices. With a wave: regular, so that as far is as near in many places. Thin: every other of its
  * columns is a millionth from the next one. Crumpled: neighbours in the mesh are far from each other in space, and
- * some cells get no weight. */
-enum { WAVE, THIN, CRUMPLED };
+ * some cells get no weight. Holed: with two borders more. */
+enum { WAVE, THIN, CRUMPLED, HOLED };
 static dmk_mesh *square(dmk_context *ctx, int n, int kind)
 {
     dmk_mesh *mesh = NULL;
@@ -252,6 +255,7 @@ static dmk_mesh *square(dmk_context *ctx, int n, int kind)
     for (int i = 0; i + 1 < n; i++) {
         for (int k = 0; k + 1 < n; k++) {
             const int32_t c = i * n + k, six[6] = {c, c + n, c + n + 1, c, c + n + 1, c + 1};
+            if (kind == HOLED && i % 30 == 20 && k > 20 && k < 40) continue;
             memcpy(tri + 6 * m++, six, sizeof six);
         }
     }
@@ -301,6 +305,7 @@ static void test_levels(void **state)
     compare(ctx, square(ctx, 60, WAVE));
     compare(ctx, square(ctx, 60, THIN));
     compare(ctx, square(ctx, 60, CRUMPLED));
+    compare(ctx, square(ctx, 60, HOLED));
     compare(ctx, cones(ctx, 4000));
 }
 

@@ -1,5 +1,6 @@
 #include "base/base.h"
 
+#include <malloc.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -108,6 +109,13 @@ int dmk_grow(dmk_context *context, const char *what, size_t wanted, size_t size,
     *memory = p;
     *capacity = room;
     return DMK_OK;
+}
+
+void dmk_trim_memory(void)
+{
+#ifdef __GLIBC__
+    malloc_trim(0);
+#endif
 }
 
 double dmk_seconds(void)

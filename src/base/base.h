@@ -78,6 +78,9 @@ int dmk_grow(dmk_context *context, const char *what, size_t wanted, size_t size,
 #define DMK_NEW_UNSET(context, pointer, count)                                                     \
     dmk_grow((context), #pointer, (count), sizeof *(pointer), (size_t[]){0}, (void **)&(pointer))
 
+/* What is free on the heap goes back to the system, where the C library can do that. */
+void dmk_trim_memory(void);
+
 /* Seconds of a monotonic clock. */
 double dmk_seconds(void);
 

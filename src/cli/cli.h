@@ -236,6 +236,7 @@ typedef struct cli_reading {
     cli_progress *progress; /* whose line gives way to what is printed, or NULL */
     const dmk_ranks *ranks; /* that all read it, or NULL */
     bool keep_memory;       /* also of a large mesh: see cli_keep_memory */
+    bool shares;            /* a rank that gives the mesh back for its share of it */
 } cli_reading;
 
 #define CLI_REPAIR_HELP                                                                            \
@@ -245,6 +246,8 @@ typedef struct cli_reading {
 /* Let freed memory be used again rather than go back to the system at once, for fresh pages cost time: 0.09 of
  * the 1.3 s of a solve of 273,000 triangles. This ends when a large mesh has been read, unless `keep_memory` is set. */
 void cli_keep_memory(void);
+/* What is free goes back to the system after all. */
+void cli_trim_memory(void);
 /* Before the work on a mesh that is not large: its heap in pages of 2 MB, where the system gives them to those who
  * ask. Of 68,000 triangles a solve has 9,400 page faults then in place of 25,000. What is not used takes no memory. */
 void cli_make_room(const dmk_mesh *mesh);

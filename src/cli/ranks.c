@@ -372,12 +372,21 @@ static void watch_meeting(bool begin)
     alarm(begin ? MEETING : 0);
 }
 
-/* Ranks of one machine talk through its memory. Without this word Open MPI 4.1 looks for networks first: 0.22 s of the
- * 0.25 s that its start takes. */
+#if defined OMPI_MAJOR_VERSION && OMPI_MAJOR_VERSION < 5
+static const char *const through_memory = "self,vader";
+#else
+static const char *const through_memory = "self,sm";
+#endif
+
+/* Ranks of one machine talk through its memory. Without the first word Open MPI 4.1 looks for networks first: 0.22 s of
+ * the 0.25 s that its start takes; without the second one it listens to sockets beside, and start and end of two ranks
+ * take 0.13 s more than those of one process, with it 0.05 s. */
 static void stay_on_machine(void)
 {
     const char *all = getenv("OMPI_COMM_WORLD_SIZE"), *here = getenv("OMPI_COMM_WORLD_LOCAL_SIZE");
-    if (all && here && strcmp(all, here) == 0) setenv("OMPI_MCA_pml", "ob1", 0);
+    if (!all || !here || strcmp(all, here) != 0) return;
+    setenv("OMPI_MCA_pml", "ob1", 0);
+    setenv("OMPI_MCA_btl", through_memory, 0);
 }
 
 static void meet(int *argc, char ***argv)

@@ -125,7 +125,8 @@ static int read_mesh(const solve_request *request, solve_run *run)
     const cli_reading how = {.repair = request->repair,
                              .quiet = request->quiet,
                              .progress = &run->progress,
-                             .ranks = request->dealt ? cli_ranks() : NULL};
+                             .ranks = request->dealt ? cli_ranks() : NULL,
+                             .shares = cli_ranks() && request->density_only};
     int rc = DMK_OK;
     if (how.ranks && request->density_only && !request->repair && !request->bare)
         rc = cli_read_pieces(run->context, request->mesh, how.ranks, &run->pieces);
@@ -232,9 +233,13 @@ static int solve_lean(const solve_request *request, solve_run *run)
     if (rc == DMK_OK) rc = dmk_solve(run->context, run->solver, &run->source, &solve, &run->result);
     if (rc == DMK_OK) rc = gather_ranks(run);
     dmk_solver_destroy(&run->solver);
+    cli_trim_memory();
     if (rc != DMK_OK || !cli_ranks_first()) return rc;
     dmk_repairs_free(&run->repairs);
-    rc = cli_read_mesh(run->context, request->mesh, &again, &run->repairs, &run->mesh);
+    /* Of several components something is said that hangs on the edges. */
+    rc = run->apart && run->counts.n_components == 1
+             ? dmk_mesh_read_known(run->context, request->mesh, &run->counts, &run->mesh)
+             : cli_read_mesh(run->context, request->mesh, &again, &run->repairs, &run->mesh);
     if (rc == DMK_OK && !again.quiet && request->vertex < 0) {
         cli_progress_end(&run->progress);
         cli_warn_away(run->context, run->mesh, request->source.value, &run->source);

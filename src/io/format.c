@@ -199,6 +199,29 @@ done:
     return rc;
 }
 
+int dmk_mesh_read_known(dmk_context *ctx, const char *path, const dmk_mesh_info *info,
+                        dmk_mesh **mesh)
+{
+    int rc;
+    uint64_t bytes = 0;
+    dmk_soup soup = {0};
+    if (dmk_missing(ctx, "path", path, "info", info, "mesh", mesh)) return DMK_E_ARG;
+    DMK_TRY(dmk_mesh_check_counts(ctx, info->n_vertices, info->n_triangles));
+    DMK_TRY(dmk_soup_read(ctx, path, &soup, &bytes));
+    if (soup.n_vertices != info->n_vertices || soup.n_triangles != info->n_triangles) {
+        rc = dmk_fail(ctx, DMK_E_FORMAT,
+                      "%s: %zu vertices and %zu triangles, but it had %zu and %zu: it has been "
+                      "changed; start again",
+                      path, soup.n_vertices, soup.n_triangles, info->n_vertices, info->n_triangles);
+        goto done;
+    }
+    rc = dmk_mesh_adopt_known(ctx, info, soup.xyz, soup.triangle, mesh);
+    soup = (dmk_soup){0};
+done:
+    dmk_soup_free(&soup);
+    return rc;
+}
+
 static int write_fields(dmk_context *ctx, const dmk_fields *fields, const char *path, int what)
 {
     int rc;

@@ -4,6 +4,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 /* next[v] is where the border goes from v, or -1; each border vertex has one way on, since its
  * triangles form one chain. */
@@ -43,20 +44,12 @@ done:
     return rc;
 }
 
-/* Sums and extremes of a piece of the mesh. */
-typedef struct measures {
-    double edges, min_edge, max_edge, area, min_cot, max_cot, box_min[3], box_max[3];
-} measures;
-
-/* Speed only, but the sums' last bits depend on it. */
-enum { PIECES = 64 };
-
 typedef struct measuring {
     const dmk_mesh *mesh;
-    measures piece[PIECES];
+    dmk_measures piece[DMK_MEASURE_PIECES];
 } measuring;
 
-static void measure_edges(const dmk_mesh *m, int32_t begin, int32_t end, measures *of)
+static void measure_edges(const dmk_mesh *m, int32_t begin, int32_t end, dmk_measures *of)
 {
     for (int32_t e = begin; e < end; e++) {
         const double l = m->length[e];
@@ -66,7 +59,7 @@ static void measure_edges(const dmk_mesh *m, int32_t begin, int32_t end, measure
     }
 }
 
-static void measure_triangles(const dmk_mesh *m, int32_t begin, int32_t end, measures *of)
+static void measure_triangles(const dmk_mesh *m, int32_t begin, int32_t end, dmk_measures *of)
 {
     for (int32_t t = begin; t < end; t++) of->area += m->area[t];
     for (int32_t h = 3 * begin; h < 3 * end; h++) {
@@ -80,16 +73,19 @@ static void measure_triangles(const dmk_mesh *m, int32_t begin, int32_t end, mea
     }
 }
 
-static const measures nothing = {.min_edge = INFINITY,
-                                 .max_edge = -INFINITY,
-                                 .min_cot = INFINITY,
-                                 .max_cot = -INFINITY,
-                                 .box_min = {INFINITY, INFINITY, INFINITY},
-                                 .box_max = {-INFINITY, -INFINITY, -INFINITY}};
+dmk_measures dmk_measures_none(void)
+{
+    return (dmk_measures){.min_edge = INFINITY,
+                          .max_edge = -INFINITY,
+                          .min_cot = INFINITY,
+                          .max_cot = -INFINITY,
+                          .box_min = {INFINITY, INFINITY, INFINITY},
+                          .box_max = {-INFINITY, -INFINITY, -INFINITY}};
+}
 
 static int32_t part_of(int32_t n, int32_t k)
 {
-    return dmk_range_begin(n, k, PIECES);
+    return dmk_range_begin(n, k, DMK_MEASURE_PIECES);
 }
 
 static int measure_piece(dmk_context *ctx, int32_t k, void *data)
@@ -97,14 +93,14 @@ static int measure_piece(dmk_context *ctx, int32_t k, void *data)
     (void)ctx;
     measuring *job = data;
     const dmk_mesh *m = job->mesh;
-    measures of = nothing;
+    dmk_measures of = dmk_measures_none();
     measure_edges(m, part_of(m->n_edges, k), part_of(m->n_edges, k + 1), &of);
     measure_triangles(m, part_of(m->n_triangles, k), part_of(m->n_triangles, k + 1), &of);
     job->piece[k] = of;
     return DMK_OK;
 }
 
-static void add(measures *to, const measures *p)
+void dmk_measures_add(dmk_measures *to, const dmk_measures *p)
 {
     to->edges += p->edges;
     to->area += p->area;
@@ -118,14 +114,26 @@ static void add(measures *to, const measures *p)
     }
 }
 
+void dmk_measures_tell(const dmk_measures *all, dmk_mesh_info *info)
+{
+    const double degree = 57.295779513082320877;
+    info->min_edge = all->min_edge;
+    info->max_edge = all->max_edge;
+    info->mean_edge = all->edges / (double)info->n_edges;
+    info->area = all->area;
+    info->min_angle = degree * atan2(1, all->max_cot); /* the cotangent falls with the angle */
+    info->max_angle = degree * atan2(1, all->min_cot);
+    memcpy(info->box_min, all->box_min, sizeof info->box_min);
+    memcpy(info->box_max, all->box_max, sizeof info->box_max);
+}
+
 int dmk_mesh_describe(dmk_context *ctx, dmk_mesh *m)
 {
     int rc;
     measuring job = {.mesh = m};
-    measures all = nothing;
-    DMK_TRY(dmk_parallel_pieces(ctx, PIECES, measure_piece, &job));
-    for (int k = 0; k < PIECES; k++) add(&all, &job.piece[k]);
-    const double degree = 57.295779513082320877;
+    dmk_measures all = dmk_measures_none();
+    DMK_TRY(dmk_parallel_pieces(ctx, DMK_MEASURE_PIECES, measure_piece, &job));
+    for (int k = 0; k < DMK_MEASURE_PIECES; k++) dmk_measures_add(&all, &job.piece[k]);
     m->info = (dmk_mesh_info){
         .n_vertices = (size_t)m->n_vertices,
         .n_triangles = (size_t)m->n_triangles,
@@ -135,16 +143,8 @@ int dmk_mesh_describe(dmk_context *ctx, dmk_mesh *m)
         .n_border_loops = (size_t)m->n_border_loops,
         .n_components = (size_t)m->n_components,
         .euler = (int64_t)m->n_used_vertices - m->n_edges + m->n_triangles,
-        .min_edge = all.min_edge,
-        .max_edge = all.max_edge,
-        .mean_edge = all.edges / m->n_edges,
-        .area = all.area,
-        /* the cotangent falls with the angle */
-        .min_angle = degree * atan2(1, all.max_cot),
-        .max_angle = degree * atan2(1, all.min_cot),
-        .box_min = {all.box_min[0], all.box_min[1], all.box_min[2]},
-        .box_max = {all.box_max[0], all.box_max[1], all.box_max[2]},
     };
+    dmk_measures_tell(&all, &m->info);
 done:
     return rc;
 }

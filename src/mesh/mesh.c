@@ -385,6 +385,30 @@ done:
     return rc;
 }
 
+int dmk_mesh_adopt_known(dmk_context *ctx, const dmk_mesh_info *info, double *xyz,
+                         int32_t *triangle, dmk_mesh **mesh)
+{
+    struct dmk_mesh *m = NULL;
+    const int rc = DMK_NEW(ctx, m, 1);
+    if (rc != DMK_OK) {
+        free(xyz);
+        free(triangle);
+        return rc;
+    }
+    m->xyz = xyz;
+    m->triangle = triangle;
+    m->info = *info;
+    m->n_vertices = (int32_t)info->n_vertices;
+    m->n_triangles = (int32_t)info->n_triangles;
+    m->n_edges = (int32_t)info->n_edges;
+    m->n_components = (int32_t)info->n_components;
+    m->n_used_vertices = (int32_t)(info->n_vertices - info->n_unused_vertices);
+    m->n_border_edges = (int32_t)info->n_border_edges;
+    m->n_border_loops = (int32_t)info->n_border_loops;
+    *mesh = m;
+    return DMK_OK;
+}
+
 int dmk_mesh_create(dmk_context *ctx, size_t n_vertices, const double *xyz, size_t n_triangles,
                     const int32_t *triangles, dmk_mesh **mesh)
 {

@@ -73,6 +73,10 @@ void dmk_vertex_stars_free(dmk_vertex_stars *stars);
 int dmk_mesh_adopt(dmk_context *context, size_t n_vertices, double *xyz, size_t n_triangles,
                    int32_t *triangle, dmk_mesh **mesh);
 
+/* mesh.c: the same of a mesh of which `info` is known, from checks of an earlier time: without edges. */
+int dmk_mesh_adopt_known(dmk_context *context, const dmk_mesh_info *info, double *xyz,
+                         int32_t *triangle, dmk_mesh **mesh);
+
 /* mesh.c: DMK_E_ARG after dmk_mesh_forget_edges. */
 int dmk_mesh_check_edges(dmk_context *context, const dmk_mesh *mesh);
 
@@ -94,6 +98,17 @@ int dmk_mesh_count(dmk_context *context, dmk_mesh *mesh);
 
 /* info.c: fill in `info` of a mesh that is complete else. */
 int dmk_mesh_describe(dmk_context *context, dmk_mesh *mesh);
+
+/* Sums and extremes, of a mesh or a piece of it. The sums are those of even ranges of the edges and of the triangles,
+ * one after another: speed only, but their last bits hang on the number of the ranges. */
+enum { DMK_MEASURE_PIECES = 64 };
+typedef struct dmk_measures {
+    double edges, min_edge, max_edge, area, min_cot, max_cot, box_min[3], box_max[3];
+} dmk_measures;
+dmk_measures dmk_measures_none(void);
+void dmk_measures_add(dmk_measures *to, const dmk_measures *more);
+/* All of `info` but the counts, of which it needs that of the edges. */
+void dmk_measures_tell(const dmk_measures *all, dmk_mesh_info *info);
 
 /* order.c: the component `component` of `mesh` as a mesh of its own, in an order that keeps
  * neighbours near in memory: triangles along a space-filling (Morton) curve of their centroids,

@@ -1,6 +1,8 @@
 /* Samples and cells of a level that is dealt out: those that one rank finds, from the same steps (levels/cells.c). */
 #include "ranks/part.h"
 
+#include "base/sort.h"
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -281,13 +283,6 @@ typedef struct pair {
     int64_t from, to;
 } pair;
 
-static int compare_pairs(const void *a, const void *b)
-{
-    const pair *x = a, *y = b;
-    if (x->from != y->from) return x->from < y->from ? -1 : 1;
-    return (x->to > y->to) - (x->to < y->to);
-}
-
 /* The cells of the own vertices' neighbours on other ranks. */
 typedef struct outside {
     dmk_list vertex;
@@ -321,36 +316,65 @@ static int64_t cell_of(const dmk_side *fine, const dmk_grown *grown, const outsi
     return o->cell[at - o->vertex.at];
 }
 
-/* Pairs of adjacent cells, by the owner of the first: own links make each a few times, and two of them
- * one after another most often. */
+/* Pairs of adjacent cells to the owner of the first: own links make each a few times, and two of them one after another
+ * most often. */
 static int mail_pairs(dmk_context *ctx, const dmk_ranks *ranks, const dmk_side *fine,
                       const dmk_grown *grown, const dmk_space *cells, dmk_mail *mail)
 {
     int rc;
     outside o = {.cell = NULL};
-    pair *list = NULL;
-    size_t n = 0, room = 0;
+    pair last = {-1, -1};
     DMK_TRY(find_outside(ctx, ranks, fine, grown, &o));
     for (int32_t v = 0; v < n_own(fine); v++) {
         for (int32_t i = fine->row[v]; i < fine->row[v + 1]; i++) {
             const pair p = {grown->cell[v], cell_of(fine, grown, &o, fine->link[i].to)};
-            if (p.from == p.to) continue;
-            if (n > 0 && compare_pairs(&p, &list[n - 1]) == 0) continue;
-            DMK_TRY(DMK_GROW(ctx, list, n + 1, room));
-            list[n++] = p;
+            if (p.from == p.to || (p.from == last.from && p.to == last.to)) continue;
+            last = p;
+            DMK_TRY(dmk_mail_add(ctx, mail, dmk_owner(cells->bound, ranks->size, p.from), &p));
         }
-    }
-    if (n > 0) qsort(list, n, sizeof *list, compare_pairs);
-    for (size_t i = 0; i < n; i++) {
-        if (i > 0 && compare_pairs(&list[i], &list[i - 1]) == 0) continue;
-        DMK_TRY(
-            dmk_mail_add(ctx, mail, dmk_owner(cells->bound, ranks->size, list[i].from), &list[i]));
     }
     rc = dmk_mail_send(ctx, ranks, mail);
 done:
     dmk_list_free(&o.vertex);
     free(o.cell);
-    free(list);
+    return rc;
+}
+
+/* In increasing order, each once; returns how many there are. Most often those are half a dozen. */
+static int32_t sort_row(int32_t n, int64_t *to)
+{
+    int32_t kept = 0;
+    const bool few = n <= 8 * DMK_SHORT_LIST;
+    if (!few) qsort(to, (size_t)n, sizeof *to, compare_to);
+    for (int32_t i = 0; i < n; i++) {
+        const int64_t x = to[i];
+        int32_t at = kept;
+        while (at > 0 && to[at - 1] > x) at--;
+        if (at > 0 && to[at - 1] == x) continue;
+        memmove(to + at + 1, to + at, (size_t)(kept++ - at) * sizeof *to);
+        to[at] = x;
+    }
+    return kept;
+}
+
+/* Neighbours by own cell, as often as they have come: row and *to. */
+static int sort_pairs(dmk_context *ctx, const dmk_mail *mail, const dmk_space *cells, int32_t *row,
+                      int64_t **to)
+{
+    int rc;
+    const int32_t n = dmk_space_own(cells);
+    const pair *p = (const void *)mail->data;
+    int32_t *fill = NULL;
+    DMK_TRY(DMK_NEW(ctx, fill, (size_t)n));
+    DMK_TRY(DMK_NEW(ctx, *to, mail->n));
+    for (size_t i = 0; i < mail->n; i++) row[p[i].from - cells->first + 1]++;
+    for (int32_t a = 0; a < n; a++) {
+        fill[a] = row[a];
+        row[a + 1] += row[a];
+    }
+    for (size_t i = 0; i < mail->n; i++) (*to)[fill[p[i].from - cells->first]++] = p[i].to;
+done:
+    free(fill);
     return rc;
 }
 
@@ -359,21 +383,22 @@ static int link_cells(dmk_context *ctx, const dmk_ranks *ranks, const dmk_side *
 {
     int rc;
     dmk_mail mail = {.item = sizeof(pair)};
-    DMK_TRY(mail_pairs(ctx, ranks, fine, grown, coarse->vertex, &mail));
-    const pair *p = (const void *)mail.data;
-    if (mail.n > 0) qsort(mail.data, mail.n, sizeof *p, compare_pairs);
-    DMK_TRY(DMK_NEW(ctx, coarse->row, (size_t)n_own(coarse) + 1));
-    DMK_TRY(DMK_NEW(ctx, coarse->link, mail.n));
+    int64_t *to = NULL;
     int32_t n = 0;
-    for (size_t i = 0; i < mail.n; i++) {
-        if (i > 0 && compare_pairs(&p[i], &p[i - 1]) == 0) continue;
-        coarse->link[n++].to = p[i].to;
-        coarse->row[p[i].from - coarse->vertex->first + 1] = n;
+    DMK_TRY(mail_pairs(ctx, ranks, fine, grown, coarse->vertex, &mail));
+    DMK_TRY(DMK_NEW(ctx, coarse->row, (size_t)n_own(coarse) + 1));
+    DMK_TRY(sort_pairs(ctx, &mail, coarse->vertex, coarse->row, &to));
+    for (int32_t a = 0, begin = 0, end; a < n_own(coarse); a++, begin = end) {
+        end = coarse->row[a + 1];
+        const int32_t kept = sort_row(end - begin, to + begin);
+        memmove(to + n, to + begin, (size_t)kept * sizeof *to);
+        coarse->row[a + 1] = n += kept;
     }
-    for (int32_t a = 0; a < n_own(coarse); a++)
-        coarse->row[a + 1] = dmk_max_i(coarse->row[a + 1], coarse->row[a]);
+    DMK_TRY(DMK_NEW(ctx, coarse->link, (size_t)n));
+    for (int32_t i = 0; i < n; i++) coarse->link[i].to = to[i];
 done:
     dmk_mail_free(&mail);
+    free(to);
     return rc;
 }
 

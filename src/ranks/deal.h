@@ -20,5 +20,8 @@ static inline void dmk_space_set_own(const dmk_share *s, dmk_space *space)
  * own vertices; sorted. */
 int dmk_deal_need(dmk_context *context, const dmk_share *share, const dmk_parts *parts,
                   int32_t level, dmk_list *vertex, dmk_list *edge);
+/* The edges of other ranks at rank r's vertices of a coarse level. */
+int dmk_deal_others(dmk_context *context, const dmk_share *share, const dmk_graph *graph,
+                    int32_t level, int r, dmk_part *part);
 
 #endif

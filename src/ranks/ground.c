@@ -284,36 +284,45 @@ static int compare_elements(const void *a, const void *b)
     return (x->number > y->number) - (x->number < y->number);
 }
 
-/* Own ones, and others' at own edges and vertices, by their numbers. */
-static int gather_elements(dmk_context *ctx, const dmk_pieces *p, const dmk_plot *plot,
-                           const int64_t *vertex, const int64_t *edge, const double *xyz,
-                           element **list, size_t *n)
+/* Own elements, the first of which has the number `first`. */
+typedef struct own_elements {
+    size_t n;
+    int64_t first;
+    const int64_t *vertex, *edge;
+    const double *xyz;
+} own_elements;
+
+static void put_element(const own_elements *own, size_t t, element *e)
 {
-    int rc;
-    element *own = NULL;
+    e->number = own->first + (int64_t)t;
+    memcpy(e->vertex, own->vertex + 3 * t, sizeof e->vertex);
+    memcpy(e->edge, own->edge + 3 * t, sizeof e->edge);
+    memcpy(e->xyz, own->xyz + 9 * t, sizeof e->xyz);
+}
+
+/* Own ones, and others' at own edges and vertices, by their numbers. */
+static int gather_elements(dmk_context *ctx, const dmk_ranks *ranks, const dmk_plot *plot,
+                           const own_elements *own, element **list, size_t *n)
+{
+    int rc = DMK_OK;
     dmk_mail mail = {.item = sizeof **list};
-    const size_t n_own = p->n_tiles;
-    DMK_TRY(DMK_NEW(ctx, own, n_own));
-    for (size_t t = 0; t < n_own; t++) {
-        own[t].number = plot->bound[0][p->ranks.rank] + (int64_t)t;
-        memcpy(own[t].vertex, vertex + 3 * t, sizeof own[t].vertex);
-        memcpy(own[t].edge, edge + 3 * t, sizeof own[t].edge);
-        memcpy(own[t].xyz, xyz + 9 * t, sizeof own[t].xyz);
-        DMK_TRY(mail_element(ctx, &p->ranks, plot, &own[t], &mail));
+    for (size_t t = 0; t < own->n; t++) {
+        element e;
+        put_element(own, t, &e);
+        DMK_TRY(mail_element(ctx, ranks, plot, &e, &mail));
     }
-    DMK_TRY(dmk_mail_send(ctx, &p->ranks, &mail));
+    DMK_TRY(dmk_mail_send(ctx, ranks, &mail));
     if (mail.n > 0) qsort(mail.data, mail.n, mail.item, compare_elements);
-    *n = n_own + mail.n;
+    *n = own->n + mail.n;
     DMK_TRY(DMK_NEW(ctx, *list, *n));
     const element *other = (const void *)mail.data;
     size_t before = 0;
-    while (before < mail.n && other[before].number < plot->bound[0][p->ranks.rank]) before++;
+    while (before < mail.n && other[before].number < own->first) before++;
     if (before > 0) memcpy(*list, other, before * sizeof *other);
-    if (n_own > 0) memcpy(*list + before, own, n_own * sizeof *own);
+    for (size_t t = 0; t < own->n; t++) put_element(own, t, *list + before + t);
     if (mail.n > before)
-        memcpy(*list + before + n_own, other + before, (mail.n - before) * sizeof *other);
+        memcpy(*list + before + own->n, other + before, (mail.n - before) * sizeof *other);
 done:
-    free(own);
     dmk_mail_free(&mail);
     return rc;
 }
@@ -447,7 +456,8 @@ int dmk_plot_create(dmk_context *ctx, dmk_pieces *p, int64_t triangle, int32_t p
     DMK_TRY(number_kind(ctx, p, false, part, plot, &vertex, &xyz));
     DMK_TRY(number_kind(ctx, p, true, part, plot, &edge, NULL));
     DMK_TRY(dmk_poll(ctx));
-    DMK_TRY(gather_elements(ctx, p, plot, vertex, edge, xyz, &list, &n));
+    const own_elements own = {p->n_tiles, plot->own[0], vertex, edge, xyz};
+    DMK_TRY(gather_elements(ctx, &p->ranks, plot, &own, &list, &n));
     free(vertex);
     free(edge);
     free(xyz);

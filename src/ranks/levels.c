@@ -100,13 +100,14 @@ done:
     return rc;
 }
 
-/* Earlier ranks' edges at coarse vertices begin .. end - 1: later ranks' have both ends behind these. */
-static int cut_others(dmk_context *ctx, const dmk_graph *g, int64_t n, int64_t begin, int64_t end,
-                      dmk_part *part)
+/* Those of earlier ranks: later ranks' have both ends behind the own vertices. */
+int dmk_deal_others(dmk_context *ctx, const dmk_share *s, const dmk_graph *g, int32_t level, int r,
+                    dmk_part *part)
 {
     int rc = DMK_OK;
     size_t room = 0;
-    for (int64_t k = 0; k < n; k++) {
+    const int64_t begin = s->vertex[level].bound[r], end = s->vertex[level].bound[r + 1];
+    for (int64_t k = 0; k < s->level_edge[level].bound[r]; k++) {
         const int32_t *ends = g->edge + 2 * k;
         if (ends[1] < begin || ends[1] >= end) continue;
         DMK_TRY(DMK_GROW(ctx, part->other, 3 * (size_t)part->n_others + 3, room));
@@ -120,9 +121,10 @@ done:
 }
 
 static int cut_level(dmk_context *ctx, const dmk_share *s, const dmk_coarsening *c, int32_t level,
-                     int r, dmk_part *part)
+                     dmk_part *part)
 {
     int rc;
+    const int r = s->ranks.rank;
     const int64_t *fine = s->vertex[level].bound + r, *coarse = s->vertex[level + 1].bound + r,
                   *edge = s->level_edge[level + 1].bound + r;
     DMK_TRY(cut_numbers(ctx, c->prolong_index, 3 * fine[0], 3 * fine[1], &part->prolong_index));
@@ -132,17 +134,16 @@ static int cut_level(dmk_context *ctx, const dmk_share *s, const dmk_coarsening 
     DMK_TRY(cut_numbers(ctx, c->coarse.edge, 2 * edge[0], 2 * edge[1], &part->edge));
     DMK_TRY(cut_rows(ctx, c->galerkin_row, c->galerkin_edge, c->galerkin_coef, edge[0], edge[1],
                      &part->galerkin_row, &part->galerkin_edge, &part->galerkin_coef));
-    rc = cut_others(ctx, &c->coarse, edge[0], coarse[0], coarse[1], part);
+    rc = dmk_deal_others(ctx, s, &c->coarse, level + 1, r, part);
 done:
     return rc;
 }
 
-int dmk_share_cut(dmk_context *ctx, const dmk_share *s, const dmk_hierarchy *h, int r,
-                  dmk_part *part)
+int dmk_share_cut(dmk_context *ctx, const dmk_share *s, dmk_parts *parts)
 {
     int rc = DMK_OK;
     for (int32_t l = 0; l < s->first_whole; l++)
-        DMK_TRY(cut_level(ctx, s, &h->level[l], l, r, &part[l]));
+        DMK_TRY(cut_level(ctx, s, &parts->whole.level[l], l, &parts->part[l]));
 done:
     return rc;
 }

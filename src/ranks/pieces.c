@@ -95,7 +95,8 @@ static size_t even_share(const dmk_ranks *ranks, int64_t n)
                     dmk_even_bound(n, ranks->rank, ranks->size));
 }
 
-/* The checks have the order of mesh.c's. */
+/* The checks have the order of mesh.c's. Edges come first, while triangles are where the input has them: near each
+ * other's vertices most often. */
 static int prepare(dmk_context *ctx, dmk_pieces *p)
 {
     int rc;
@@ -105,14 +106,15 @@ static int prepare(dmk_context *ctx, dmk_pieces *p)
     DMK_TRY(check_triangles(ctx, p));
     DMK_TRY(dmk_pieces_corners(ctx, p, &xyz));
     const int64_t bad = find_unmeasured(p, xyz, l, v);
-    DMK_TRY(dmk_pieces_sort(ctx, p, xyz));
-    free(xyz);
-    xyz = NULL;
-    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(dmk_pieces_connect(ctx, p));
     DMK_TRY(dmk_poll(ctx));
     if (bad < INT64_MAX) dmk_measure_checked(ctx, l, bad, v, &area);
     DMK_TRY(dmk_fail_first(ctx, &p->ranks, bad));
+    DMK_TRY(dmk_pieces_measure(ctx, p, xyz));
+    DMK_TRY(dmk_pieces_sort(ctx, p, xyz));
+    free(xyz);
+    xyz = NULL;
+    DMK_TRY(dmk_poll(ctx));
     rc = dmk_pieces_find_components(ctx, p);
 done:
     free(xyz);
@@ -176,8 +178,10 @@ void dmk_pieces_get_info(const dmk_pieces *p, dmk_mesh_info *info)
     info->n_edges = (size_t)p->n_edges;
     info->n_unused_vertices = (size_t)(p->n_vertices - p->n_used);
     info->n_border_edges = (size_t)p->n_border_edges;
+    info->n_border_loops = (size_t)p->n_border_loops;
     info->n_components = (size_t)p->n_components;
     info->euler = p->n_used - p->n_edges + p->n_triangles;
+    dmk_measures_tell(&p->measures, info);
 }
 
 /* ---- points ----------------------------------------------------------------------------------- */

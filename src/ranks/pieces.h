@@ -15,7 +15,8 @@ typedef struct dmk_tile {
 
 struct dmk_pieces {
     dmk_ranks ranks;
-    int64_t n_vertices, n_triangles, n_edges, n_components, n_used, n_border_edges;
+    int64_t n_vertices, n_triangles, n_edges, n_components, n_used, n_border_edges, n_border_loops;
+    dmk_measures measures;
     int64_t *vertex_bound, *edge_bound; /* of the input's, which ranks look after in even ranges */
     double *xyz;                        /* of own vertices by these */
     dmk_tile *tile;                     /* own triangles, along the curve */
@@ -37,6 +38,11 @@ int dmk_pieces_ship(dmk_context *context, dmk_pieces *pieces, const int32_t *cou
 /* topology.c: edges, with all checks of them and of the vertices' stars; counts; components. */
 int dmk_pieces_connect(dmk_context *context, dmk_pieces *pieces);
 int dmk_pieces_find_components(dmk_context *context, dmk_pieces *pieces);
+
+/* describe.c: what is measured of tiles that are still as the input has them, with these corners; and the border's
+ * loops, of own border edges by their two ends. */
+int dmk_pieces_measure(dmk_context *context, dmk_pieces *pieces, const double *xyz);
+int dmk_pieces_count_loops(dmk_context *context, dmk_pieces *pieces, size_t n, const int64_t *end);
 
 /* The failure whose key is the least of all ranks'; key INT64_MAX: none here. DMK_OK if there is none. `message` is
  * what the context says. */

@@ -128,11 +128,10 @@ int64_t dmk_bound_touched(int32_t part, int64_t touched, int64_t n, bool last);
 /* coarsen.c: the levels, of which each rank makes its part. Collective. */
 int dmk_share_coarsen(dmk_context *context, dmk_share *share, const dmk_ground *ground,
                       int32_t coarsest, dmk_parts *parts);
-/* levels.c: own ranges of all levels of a hierarchy that is whole here; and rank r's part of those that are dealt
+/* levels.c: own ranges of all levels of a hierarchy that is whole here; and the own part of those that are dealt
  * out. */
 int dmk_share_bound(dmk_context *context, dmk_share *share, const dmk_hierarchy *hierarchy);
-int dmk_share_cut(dmk_context *context, const dmk_share *share, const dmk_hierarchy *hierarchy,
-                  int r, dmk_part *part);
+int dmk_share_cut(dmk_context *context, const dmk_share *share, dmk_parts *parts);
 /* hand.c: the parts of the last rank's hierarchy, which is whole in its `parts`, to all. Collective. */
 int dmk_share_hand(dmk_context *context, dmk_share *share, dmk_parts *parts);
 /* Ghosts and local slots. */

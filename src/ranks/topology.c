@@ -60,6 +60,8 @@ typedef struct stars {
     int64_t n_edges, n_border, n_used;
     spoke *spoke; /* of the vertex at hand, by other ends */
     size_t n_spokes, room;
+    int64_t *border; /* the ends of each of n_border edges */
+    size_t border_room;
 } stars;
 
 /* Each to the rank that looks after its vertex. */
@@ -270,6 +272,16 @@ static void sort_rungs(size_t n, rung *r)
     }
 }
 
+static int note_border(dmk_context *ctx, stars *s, int64_t v, int64_t other)
+{
+    int rc;
+    DMK_TRY(DMK_GROW(ctx, s->border, 2 * (size_t)s->n_border + 2, s->border_room));
+    s->border[2 * s->n_border] = v;
+    s->border[2 * s->n_border++ + 1] = other;
+done:
+    return rc;
+}
+
 /* Edges of which v is the smaller end, numbered by their first half-edges. */
 static int number_edges(dmk_context *ctx, stars *s, int64_t v, slips *f)
 {
@@ -289,7 +301,8 @@ static int number_edges(dmk_context *ctx, stars *s, int64_t v, slips *f)
     }
     sort_rungs(n, list);
     for (size_t i = 0; i < n; i++, s->n_edges++) {
-        s->n_border += list[i].end - list[i].begin == 1;
+        if (list[i].end - list[i].begin == 1)
+            DMK_TRY(note_border(ctx, s, v, s->spoke[list[i].begin].other));
         for (size_t k = list[i].begin; k < list[i].end; k++)
             s->pair[s->spoke[k].corner / 2].edge[s->spoke[k].corner % 2] = s->n_edges;
     }
@@ -460,6 +473,7 @@ int dmk_pieces_connect(dmk_context *ctx, dmk_pieces *p)
     DMK_TRY(dmk_sort_keyed(ctx, s.order, s.n));
     DMK_TRY(make_edges(ctx, &s));
     DMK_TRY(add_counts(ctx, &s, &first));
+    DMK_TRY(dmk_pieces_count_loops(ctx, p, (size_t)s.n_border, s.border));
     for (size_t i = 0; i < 2 * s.n; i++) {
         if (s.pair[i / 2].edge[i % 2] >= 0) s.pair[i / 2].edge[i % 2] += first;
     }
@@ -471,6 +485,7 @@ done:
     free(s.order);
     free(s.pair);
     free(s.spoke);
+    free(s.border);
     free(came);
     return rc;
 }

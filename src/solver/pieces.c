@@ -166,6 +166,7 @@ int dmk_planted_pack(dmk_context *ctx, dmk_solver *s, const dmk_point *source)
     DMK_TRY(dmk_plot_mollify(ctx, &s->ranks, &s->plot));
     const dmk_ground ground = dmk_plot_ground(&s->plot);
     DMK_TRY(dmk_system_deal(ctx, s->device, &ground, &s->ranks, &dealt, &s->system));
+    dmk_trim_memory(); /* of a million triangles 10 MB on each of four ranks */
     if (!s->system) rc = unite(ctx, s);
 done:
     return rc;
@@ -266,6 +267,7 @@ int dmk_planted_collect(dmk_context *ctx, dmk_solver *s, const dmk_point *source
     DMK_TRY(dmk_buffer_read_real(ctx, s->device, DMK_OUTER, sys->u, rows, u));
     DMK_TRY(dmk_buffer_read_real(ctx, s->device, DMK_OUTER, sys->mu, elements, mu));
     dmk_system_release(sys);
+    dmk_trim_memory(); /* before there is the result */
     DMK_TRY(dmk_ranks_in_turn(ctx, &s->ranks, &base, add_value,
                               (void *[]){s, (void *)(uintptr_t)source, u}));
     DMK_TRY(name_steep(ctx, s, &r->stats));

@@ -714,7 +714,7 @@ static int make_first(const packer *p, dmk_parts *parts)
     DMK_TRY(dmk_hierarchy_create(p->ctx, p->mesh, COARSEST, &parts->whole));
     if (!share || parts->whole.n == 0) return DMK_OK;
     DMK_TRY(dmk_share_bound(p->ctx, share, &parts->whole));
-    DMK_TRY(dmk_share_cut(p->ctx, share, &parts->whole, share->ranks.rank, parts->part));
+    DMK_TRY(dmk_share_cut(p->ctx, share, parts));
     rc = deal_own(p, parts);
 done:
     return rc;
