@@ -53,12 +53,14 @@ fails 'an array of another mesh' 3 'more than the' "$tool" transport $mesh --fro
 usage 'no measure' 'no measure given' $mesh
 usage 'masses that differ' '3 to be moved, 1 at the target' $mesh --from "$work/a" --to "$work/vertices"
 printf 'vertex 99999999 3\n' > "$work/far"
-usage 'a vertex that is not there' '99999999' $mesh --from "$work/far" --to "$work/b"
+usage 'a vertex that is not there' 'far:1: vertex 99999999 is out of range' $mesh --from "$work/far" --to "$work/b"
 usage 'a negative mass' 'vertex 70 has the value -1' $mesh --from "$work/signed" --to "$work/b"
 head -n 9 "$work/vertices" > "$work/few"
 fails 'too few numbers' 3 'has 9 numbers; expected' "$tool" transport $mesh --from "$work/few" --to "$work/b"
 printf 'vertex 1 2\nabc\n' > "$work/words"
 fails 'words' 3 'words:2: expected' "$tool" transport $mesh --from "$work/words" --to "$work/b"
+printf 'vertex 1.5 2\n' > "$work/half"
+fails 'half a vertex' 3 'half:1: expected' "$tool" transport $mesh --from "$work/half" --to "$work/b"
 fails 'no file' 2 'none' "$tool" transport $mesh --from "$work/none" --to "$work/b"
 fails 'a gap that is not reached' 9 'the gap is' \
     "$tool" transport $mesh --from "$work/a" --to "$work/b" --gap 1e-6 --quiet

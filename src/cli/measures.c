@@ -34,7 +34,10 @@ static line read_line(char *text)
         l.n++;
         text = end;
     }
-    if (text[strspn(text, " \t")] != '\0') l.n = -1;
+    /* A vertex has a whole number, which the library looks up. */
+    const bool whole =
+        !l.vertex || (fabs(l.number[0]) <= 1e15 && floor(l.number[0]) == l.number[0]);
+    if (text[strspn(text, " \t")] != '\0' || !whole) l.n = -1;
     return l;
 }
 
@@ -54,7 +57,8 @@ static int add_value(cli_measure *m, double value)
     return code;
 }
 
-static int add_atom(dmk_context *context, const dmk_mesh *mesh, cli_measure *m, const line *l)
+static int add_atom(dmk_context *context, const dmk_mesh *mesh, const char *path, int64_t number,
+                    cli_measure *m, const line *l)
 {
     dmk_point p;
     const int masses = l->vertex ? 1 : 3; /* that many numbers stand before the mass */
@@ -66,7 +70,10 @@ static int add_atom(dmk_context *context, const dmk_mesh *mesh, cli_measure *m, 
         rc = dmk_mesh_vertex_point(context, mesh, (int64_t)l->number[0], &p);
     else
         rc = dmk_mesh_project(context, mesh, l->number, &p);
-    if (rc != DMK_OK) return cli_library_error(context, rc);
+    if (rc != DMK_OK) {
+        return cli_error(cli_exit_code(rc), "%s:%lld: %s", path, (long long)number,
+                         dmk_context_message(context));
+    }
     m->atom[m->n_atoms] = p;
     m->mass[m->n_atoms++] = l->n > masses ? l->number[masses] : 0;
     m->is_free = l->n == masses;
@@ -83,7 +90,7 @@ static int take_line(dmk_context *context, const dmk_mesh *mesh, const char *pat
     const bool has_mass = l.n == (l.vertex ? 2 : 4),
                is_place = has_mass || l.n == (l.vertex ? 1 : 3);
     if (is_place && m->n_values == 0 && (m->n_atoms == 0 || m->is_free != has_mass)) {
-        return add_atom(context, mesh, m, &l);
+        return add_atom(context, mesh, path, number, m, &l);
     }
     return cli_error(cli_exit_code(DMK_E_FORMAT), "%s:%lld: expected %s", path, (long long)number,
                      m->n_values > 0
