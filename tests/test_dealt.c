@@ -36,7 +36,7 @@ typedef struct seat {
     dmk_soup soup;
     uint64_t bytes;
     int rc, mesh_rc;
-    char message[1024];
+    char message[1024], mesh_message[1024];
 } seat;
 
 static void *sit(void *argument)
@@ -49,6 +49,7 @@ static void *sit(void *argument)
     if (s->rc == DMK_OK) s->rc = dmk_soup_read_dealt(ctx, s->path, &ranks, &s->soup, &s->bytes);
     snprintf(s->message, sizeof s->message, "%s", dmk_context_message(ctx));
     s->mesh_rc = dmk_mesh_read_dealt(ctx, s->path, &ranks, &mesh);
+    snprintf(s->mesh_message, sizeof s->mesh_message, "%s", dmk_context_message(ctx));
     dmk_mesh_destroy(&mesh);
     dmk_context_destroy(&ctx);
     return NULL;
@@ -124,6 +125,37 @@ static void test_too_many(void **state)
             assert_non_null(strstr(seats[k].message, "huge.ply: "));
             assert_non_null(strstr(seats[k].message, count[i]));
             assert_true(seats[k].bytes <= 65536);
+        }
+        remove(f->path);
+    }
+}
+
+/* Ranks share the search for what is wrong at edges and vertices: who looks there, all say it. */
+static void test_faulty(void **state)
+{
+    static const struct {
+        const char *text, *message;
+    } files[] = {{"OFF 7 8 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n2 0 0\n0 2 0\n0 0 2\n"
+                  "3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n3 0 5 4\n3 0 4 6\n3 0 6 5\n3 4 5 6\n",
+                  "m.off: non-manifold vertex 0: triangles 0 and 4"},
+                 {"OFF 7 8 0\n0 0 1\n1 0 0\n0 1 0\n0 0 2\n2 0 0\n0 2 0\n0 0 0\n"
+                  "3 6 2 1\n3 6 1 3\n3 6 3 2\n3 1 2 3\n3 6 5 4\n3 6 4 0\n3 6 0 5\n3 4 5 0\n",
+                  "m.off: non-manifold vertex 6: triangles 0 and 4"},
+                 {"OFF 7 6 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n2 0 0\n0 2 0\n0 0 2\n"
+                  "3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n3 4 5 6\n3 5 4 6\n",
+                  "m.off: triangles 4 and 5 are duplicates, back to back"}};
+    fixture *f = *state;
+    for (size_t i = 0; i < COUNT(files); i++) {
+        put_file(f, "m.off", files[i].text, strlen(files[i].text));
+        for (int size = 1; size <= MOST_RANKS; size++) {
+            seat seats[MOST_RANKS];
+            sit_all(f->path, size, false, seats);
+            for (int k = 0; k < size; k++) {
+                assert_int_equal(seats[k].mesh_rc, DMK_E_MESH);
+                if (!strstr(seats[k].mesh_message, files[i].message))
+                    fail_msg("%s", seats[k].mesh_message);
+                dmk_soup_free(&seats[k].soup);
+            }
         }
         remove(f->path);
     }
@@ -250,9 +282,9 @@ static void test_lost_touch(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {TEST(test_written),    TEST(test_foreign),
-                                       TEST(test_polygon),    TEST(test_refused),
-                                       TEST(test_lost_touch), TEST(test_too_many)};
+    const struct CMUnitTest tests[] = {
+        TEST(test_written), TEST(test_faulty),     TEST(test_foreign), TEST(test_polygon),
+        TEST(test_refused), TEST(test_lost_touch), TEST(test_too_many)};
     make_patch();
     return cmocka_run_group_tests_name("dealt", tests, NULL, NULL);
 }

@@ -84,6 +84,36 @@ int32_t dmk_parallel_first(dmk_context *ctx, int32_t n, bool (*bad)(int32_t i, v
     return first < n ? first : -1;
 }
 
+/* Items of a share, by their numbers in it. */
+typedef struct share {
+    bool (*bad)(int32_t, void *);
+    void *data;
+    int32_t begin;
+} share;
+
+static bool is_bad_of(int32_t i, void *data)
+{
+    const share *s = data;
+    return s->bad(s->begin + i, s->data);
+}
+
+int dmk_parallel_first_of(dmk_context *ctx, const dmk_ranks *ranks, int32_t n,
+                          bool (*bad)(int32_t i, void *data), void *data, int32_t *first)
+{
+    share s = {.bad = bad, .data = data};
+    if (!ranks || ranks->size < 2) {
+        *first = dmk_parallel_first(ctx, n, bad, data);
+        return DMK_OK;
+    }
+    s.begin = dmk_range_begin(n, ranks->rank, ranks->size);
+    const int32_t end = dmk_range_begin(n, ranks->rank + 1, ranks->size),
+                  i = dmk_parallel_first(ctx, end - s.begin, is_bad_of, &s);
+    int32_t left = i < 0 ? 0 : n - (s.begin + i); /* the more, the earlier */
+    const int rc = dmk_ranks_check(ctx, ranks, ranks->largest(ranks->user, &left, 1));
+    *first = left == 0 ? -1 : n - left;
+    return rc;
+}
+
 /* Bodies that may fail. */
 typedef struct attempt {
     dmk_context *context;

@@ -21,6 +21,10 @@ void dmk_parallel(dmk_context *context, int32_t n,
 int32_t dmk_parallel_first(dmk_context *context, int32_t n, bool (*bad)(int32_t i, void *data),
                            void *data);
 
+/* The same with all ranks that have the same items: each looks at its even share of them. Collective. */
+int dmk_parallel_first_of(dmk_context *context, const dmk_ranks *ranks, int32_t n,
+                          bool (*bad)(int32_t i, void *data), void *data, int32_t *first);
+
 /* dmk_parallel for a body that may fail, with a context of its own for each range, since a context
  * serves one thread at a time. There are at most as many ranges as threads, so that a range can have
  * working space of its own. DMK_OK, or the status of the first range that failed with its message in

@@ -363,7 +363,7 @@ int dmk_mesh_read_dealt(dmk_context *ctx, const char *path, const dmk_ranks *ran
     if (ranks && dmk_ranks_given(ctx, ranks) != DMK_OK) return DMK_E_ARG;
     if (!ranks || ranks->size == 1) return dmk_mesh_read(ctx, path, mesh);
     DMK_TRY(dmk_soup_read_dealt(ctx, path, ranks, &soup, &bytes));
-    rc = dmk_soup_adopt(ctx, path, &soup, mesh);
+    rc = dmk_soup_adopt(ctx, path, ranks, &soup, mesh);
 done:
     dmk_soup_free(&soup);
     return rc;

@@ -38,8 +38,9 @@ bool dmk_vtk_layout(dmk_context *context, const dmk_file *head, dmk_layout *layo
 int dmk_soup_read(dmk_context *context, const char *path, dmk_soup *soup, uint64_t *bytes);
 /* Put the file's name in front of what the checks of the mesh said. */
 int dmk_name_file(dmk_context *context, const char *path, int rc);
-/* The mesh of a file's triangles, which are its own then; errors name the file. */
-int dmk_soup_adopt(dmk_context *context, const char *path, dmk_soup *soup, dmk_mesh **mesh);
+/* The mesh of a file's triangles, which are its own then, on all ranks or (NULL) on one; errors name the file. */
+int dmk_soup_adopt(dmk_context *context, const char *path, const dmk_ranks *ranks, dmk_soup *soup,
+                   dmk_mesh **mesh);
 /* A rank's range of a file's vertices and triangles. */
 typedef struct dmk_dealt {
     size_t n_vertices, n_triangles, all_vertices, all_triangles;

@@ -163,10 +163,11 @@ done:
     return rc;
 }
 
-int dmk_soup_adopt(dmk_context *ctx, const char *path, dmk_soup *soup, dmk_mesh **mesh)
+int dmk_soup_adopt(dmk_context *ctx, const char *path, const dmk_ranks *ranks, dmk_soup *soup,
+                   dmk_mesh **mesh)
 {
-    const int rc =
-        dmk_mesh_adopt(ctx, soup->n_vertices, soup->xyz, soup->n_triangles, soup->triangle, mesh);
+    const int rc = dmk_mesh_adopt_together(ctx, ranks, soup->n_vertices, soup->xyz,
+                                           soup->n_triangles, soup->triangle, mesh);
     *soup = (dmk_soup){0};
     return rc == DMK_OK ? DMK_OK : dmk_name_file(ctx, path, rc);
 }
@@ -178,7 +179,7 @@ int dmk_mesh_read(dmk_context *ctx, const char *path, dmk_mesh **mesh)
     dmk_soup soup = {0};
     if (dmk_missing(ctx, "path", path, "mesh", mesh)) return DMK_E_ARG;
     DMK_TRY(dmk_soup_read(ctx, path, &soup, &bytes));
-    rc = dmk_soup_adopt(ctx, path, &soup, mesh);
+    rc = dmk_soup_adopt(ctx, path, NULL, &soup, mesh);
 done:
     dmk_soup_free(&soup);
     return rc;

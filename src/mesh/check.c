@@ -242,10 +242,11 @@ static bool edge_is_of_pillow(int32_t e, void *data)
     return t[1] >= 0 && third_vertex(m, e, t[0]) == third_vertex(m, e, t[1]);
 }
 
-static int check_pillows(dmk_context *ctx, dmk_mesh *m)
+static int check_pillows(dmk_context *ctx, const dmk_ranks *ranks, dmk_mesh *m)
 {
-    int32_t e = dmk_parallel_first(ctx, m->n_edges, edge_is_of_pillow, m);
-    if (e < 0) return DMK_OK;
+    int32_t e;
+    const int rc = dmk_parallel_first_of(ctx, ranks, m->n_edges, edge_is_of_pillow, m, &e);
+    if (rc != DMK_OK || e < 0) return rc;
     const int32_t *t = m->edge_triangle + 2 * (size_t)e, *ends = m->edge_vertex + 2 * (size_t)e;
     return dmk_fail(ctx, DMK_E_MESH,
                     "triangles %d and %d are duplicates, back to back: both have the vertices "
@@ -295,11 +296,12 @@ static bool star_is_split(int32_t v, void *data)
     return seen != job->count[v];
 }
 
-int dmk_check_stars(dmk_context *ctx, dmk_mesh *m)
+int dmk_check_stars(dmk_context *ctx, const dmk_ranks *ranks, dmk_mesh *m)
 {
     int rc;
+    int32_t v;
     star_job job = {.mesh = m};
-    DMK_TRY(check_pillows(ctx, m));
+    DMK_TRY(check_pillows(ctx, ranks, m));
     DMK_TRY(DMK_NEW(ctx, job.first, (size_t)m->n_vertices));
     DMK_TRY(DMK_NEW(ctx, job.count, (size_t)m->n_vertices));
     for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
@@ -310,7 +312,7 @@ int dmk_check_stars(dmk_context *ctx, dmk_mesh *m)
         int32_t h = dmk_half_edge_on(m, m->edge_triangle[2 * (size_t)e], e);
         job.first[m->triangle[dmk_next(h)]] = dmk_next(h);
     }
-    int32_t v = dmk_parallel_first(ctx, m->n_vertices, star_is_split, &job);
+    DMK_TRY(dmk_parallel_first_of(ctx, ranks, m->n_vertices, star_is_split, &job, &v));
     if (v >= 0) rc = fail_star(ctx, m, job.first[v]);
 done:
     free(job.first);

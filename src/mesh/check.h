@@ -13,7 +13,7 @@ int dmk_check_input(dmk_context *context, dmk_mesh *mesh);
 int dmk_check_explain_edges(dmk_context *context, const dmk_mesh *mesh);
 
 /* With edges: no two triangles back to back on the same corners, and around every vertex one chain
- * or one cycle of triangles. */
-int dmk_check_stars(dmk_context *context, dmk_mesh *mesh);
+ * or one cycle of triangles. `ranks`, which have the mesh, too, share the work; or NULL. */
+int dmk_check_stars(dmk_context *context, const dmk_ranks *ranks, dmk_mesh *mesh);
 
 #endif

@@ -355,6 +355,12 @@ int dmk_mesh_check_counts(dmk_context *ctx, size_t n_vertices, size_t n_triangle
 int dmk_mesh_adopt(dmk_context *ctx, size_t n_vertices, double *xyz, size_t n_triangles,
                    int32_t *triangle, dmk_mesh **mesh)
 {
+    return dmk_mesh_adopt_together(ctx, NULL, n_vertices, xyz, n_triangles, triangle, mesh);
+}
+
+int dmk_mesh_adopt_together(dmk_context *ctx, const dmk_ranks *ranks, size_t n_vertices,
+                            double *xyz, size_t n_triangles, int32_t *triangle, dmk_mesh **mesh)
+{
     int rc;
     struct dmk_mesh *m = NULL;
     DMK_TRY(DMK_NEW(ctx, m, 1));
@@ -369,7 +375,7 @@ int dmk_mesh_adopt(dmk_context *ctx, size_t n_vertices, double *xyz, size_t n_tr
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(build_edges(ctx, m));
     DMK_TRY(dmk_poll(ctx));
-    DMK_TRY(dmk_check_stars(ctx, m));
+    DMK_TRY(dmk_check_stars(ctx, ranks, m));
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(dmk_mesh_count(ctx, m));
     DMK_TRY(build_components(ctx, m));

@@ -72,6 +72,9 @@ void dmk_vertex_stars_free(dmk_vertex_stars *stars);
  * geometry, check (see dmk_mesh_create for what is refused). */
 int dmk_mesh_adopt(dmk_context *context, size_t n_vertices, double *xyz, size_t n_triangles,
                    int32_t *triangle, dmk_mesh **mesh);
+/* The same by several ranks together, each of which has all; or with NULL. */
+int dmk_mesh_adopt_together(dmk_context *context, const dmk_ranks *ranks, size_t n_vertices,
+                            double *xyz, size_t n_triangles, int32_t *triangle, dmk_mesh **mesh);
 
 /* mesh.c: the same of a mesh of which `info` is known, from checks of an earlier time: without edges. */
 int dmk_mesh_adopt_known(dmk_context *context, const dmk_mesh_info *info, double *xyz,
