@@ -17,6 +17,9 @@
     160 /* rows of the coarsest level that one work-group inverts; there are up to 96, or more
                          where coarsening stalls */
 
+/* Smoothing steps on levels of a few thousand rows, an even number up to 8: see multigrid.c. */
+#define DMK_TAIL_STEPS 8
+
 /* The levels of a few thousand rows, which one work-group does in one launch: their arrays lie in one buffer,
  * and a table has so many numbers for each level: its rows, edges and, counted in numbers of 4 bytes, where
  * its arrays begin. */

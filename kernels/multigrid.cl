@@ -105,19 +105,16 @@ KERNEL rows_up(int n, int keep, int vertex_row, global const int *restrict slice
     }
 }
 
-/* Restriction of a residual from T/2 to T, b = P'(rhs - A x), and the first smoothing step there. edge:
- * the midpoints of v's edges; down: the elements' parts of P'A x, found by the rows' slots, first: slice of
- * vertex 0 among the rows.
- * reads slice, edge, fine (gathered), corner_slice, corner, down (gathered), inv_diag; writes rhs, x
- * moves 4 L + 4 R + 24 E + 12 V bytes, L + 3 E + 4 V flops
+/* Restriction of a residual from T/2 to T, b = P'(rhs - A x). edge: the midpoints of v's edges; down: the
+ * elements' parts of P'A x, found by the rows' slots, first: slice of vertex 0 among the rows.
+ * reads slice, edge, fine (gathered), corner_slice, corner, down (gathered); writes rhs
+ * moves 4 L + 4 R + 24 E + 4 V bytes, L + 3 E + 2 V flops
  * shape blocks of V */
 KERNEL restrict_midpoints(int n, int vertex_row, global const int *restrict slice,
                           global const int *restrict edge, GATHERED float *restrict fine, int first,
                           global const int *restrict corner_slice,
                           global const int *restrict corner, GATHERED float *restrict down,
-                          float step, global const float *restrict inv_diag,
-                          global float *restrict rhs, global float *restrict x,
-                          volatile global int *shares, int4 launch)
+                          global float *restrict rhs, volatile global int *shares, int4 launch)
 {
     global const float *at_vertex = (global const float *)(fine + vertex_row);
     FOR_BLOCKS(b, n, shares, launch)
@@ -133,9 +130,7 @@ KERNEL restrict_midpoints(int n, int vertex_row, global const int *restrict slic
             const intv i = CORNER_PLACE(p);
             ax += (floatv)(GATHER(down, i));
         }
-        sum = LOAD(at_vertex, AT(b)) + 0.5f * sum - ax;
-        STORE(sum, rhs, AT(b));
-        STORE(step * LOAD(inv_diag, AT(b)) * sum, x, AT(b));
+        STORE(LOAD(at_vertex, AT(b)) + 0.5f * sum - ax, rhs, AT(b));
     }
 }
 
@@ -158,13 +153,6 @@ static floatv graph_sum(int b, graph g, global const float *x, floatv now)
     return y;
 }
 
-static void residual_block(int b, graph g, global const float *x, global const float *rhs,
-                           global float *r)
-{
-    const floatv now = LOAD(x, AT(b)), a = graph_sum(b, g, x, now);
-    STORE(LOAD(rhs, AT(b)) - a, r, AT(b));
-}
-
 static void chebyshev_block(int b, graph g, global const float *rhs, global const float *inv_diag,
                             global const float *x, global float *x_old, float momentum, float keep,
                             float step)
@@ -175,10 +163,9 @@ static void chebyshev_block(int b, graph g, global const float *rhs, global cons
           x_old, AT(b));
 }
 
-/* Restriction with general weights (the transposed prolongation), and the first smoothing step. */
+/* Restriction with general weights (the transposed prolongation). */
 static void restrict_block(int b, global const int *slice, global const int *fine,
-                           global const float *weight, GATHERED float *r, float step,
-                           global const float *inv_diag, global float *rhs, global float *x)
+                           global const float *weight, GATHERED float *r, global float *rhs)
 {
     floatv sum = 0;
     for (int j = slice[SLICE(b)], e = slice[SLICE(b) + 1]; j < e; j++) {
@@ -186,18 +173,36 @@ static void restrict_block(int b, global const int *slice, global const int *fin
         sum += LOAD(weight, COLUMN(b, j)) * (floatv)(GATHER(r, i));
     }
     STORE(sum, rhs, AT(b));
-    STORE(step * LOAD(inv_diag, AT(b)) * sum, x, AT(b));
 }
 
-static void prolong_block(int b, global const int *index, global const float *weight,
-                          GATHERED float *coarse, global float *x)
+/* The prolongation, and what it reads: three entries a row. */
+typedef struct transfer {
+    global const int *index;
+    global const float *weight, *coarse;
+} transfer;
+
+static floatv prolonged_block(int b, transfer p)
 {
-    const intv i = LOAD(index, AT_K(b, 0, 3)), j = LOAD(index, AT_K(b, 1, 3)),
-               k = LOAD(index, AT_K(b, 2, 3));
-    STORE(LOAD(x, AT(b)) + LOAD(weight, AT_K(b, 0, 3)) * (floatv)(GATHER(coarse, i)) +
-              LOAD(weight, AT_K(b, 1, 3)) * (floatv)(GATHER(coarse, j)) +
-              LOAD(weight, AT_K(b, 2, 3)) * (floatv)(GATHER(coarse, k)),
-          x, AT(b));
+    GATHERED float *coarse = p.coarse;
+    const intv i = LOAD(p.index, AT_K(b, 0, 3)), j = LOAD(p.index, AT_K(b, 1, 3)),
+               k = LOAD(p.index, AT_K(b, 2, 3));
+    return LOAD(p.weight, AT_K(b, 0, 3)) * (floatv)(GATHER(coarse, i)) +
+           LOAD(p.weight, AT_K(b, 1, 3)) * (floatv)(GATHER(coarse, j)) +
+           LOAD(p.weight, AT_K(b, 2, 3)) * (floatv)(GATHER(coarse, k));
+}
+
+/* The same in any rows. */
+static floatv prolonged_rows(intv row, transfer p)
+{
+    GATHERED int *index = p.index;
+    GATHERED float *weight = p.weight, *coarse = p.coarse;
+    floatv sum = 0;
+    for (int k = 0; k < 3; k++) {
+        const intv at = row + 2 * DMK_WIDTH * (row / DMK_WIDTH) + DMK_WIDTH * k;
+        const intv i = (intv)(GATHER(index, at));
+        sum += (floatv)(GATHER(weight, at)) * (floatv)(GATHER(coarse, i));
+    }
+    return sum;
 }
 
 /* Coarsest level: x = inverse * b, the symmetric pseudo-inverse stored by columns of n_pad. */
@@ -209,23 +214,10 @@ static void coarse_block(int b, int n, int n_pad, global const float *inverse,
     STORE(sum, x, AT(b));
 }
 
-/* r = rhs - A x on a graph level.
- * reads slice, neighbour, weight, x (gathered), rhs; writes r
- * moves 8 L + 12 V bytes, 3 L + V flops
- * shape blocks of V; numerics differences first, so that constants give 0 exactly */
-KERNEL graph_residual(int n, global const int *restrict slice, global const int *restrict neighbour,
-                      global const float *restrict weight, global const float *restrict x,
-                      global const float *restrict rhs, global float *restrict r,
-                      volatile global int *shares, int4 launch)
-{
-    const graph g = {slice, neighbour, weight};
-    FOR_BLOCKS(b, n, shares, launch) { residual_block(b, g, x, rhs, r); }
-}
-
 /* A Chebyshev step on a graph level, as rows_chebyshev.
  * reads slice, neighbour, weight, rhs, inv_diag, x (gathered), x_old; writes x_old
  * moves 8 L + 20 V bytes, 3 L + 7 V flops
- * shape blocks of V; numerics as graph_residual */
+ * shape blocks of V; numerics differences first, so that constants give 0 exactly */
 KERNEL graph_chebyshev(int n, global const int *restrict slice,
                        global const int *restrict neighbour, global const float *restrict weight,
                        global const float *restrict rhs, global const float *restrict inv_diag,
@@ -239,30 +231,54 @@ KERNEL graph_chebyshev(int n, global const int *restrict slice,
     }
 }
 
-/* rhs = P'r of the next finer level, and x = step D^-1 rhs.
- * reads slice, fine, weight, r (gathered), inv_diag; writes rhs, x
- * moves 8 C + 12 V bytes and the finer residual, 2 C + 2 V flops
+/* rhs = P'r of the next finer level.
+ * reads slice, fine, weight, r (gathered); writes rhs
+ * moves 8 C + 4 V bytes and the finer residual, 2 C flops
  * shape blocks of V */
 KERNEL restrict_rows(int n, global const int *restrict slice, global const int *restrict fine,
-                     global const float *restrict weight, GATHERED float *restrict r, float step,
-                     global const float *restrict inv_diag, global float *restrict rhs,
-                     global float *restrict x, volatile global int *shares, int4 launch)
+                     global const float *restrict weight, GATHERED float *restrict r,
+                     global float *restrict rhs, volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(b, n, shares, launch)
-    {
-        restrict_block(b, slice, fine, weight, r, step, inv_diag, rhs, x);
-    }
+    FOR_BLOCKS(b, n, shares, launch) { restrict_block(b, slice, fine, weight, r, rhs); }
 }
 
-/* x += P coarse, three entries a row.
- * reads index, weight, coarse (gathered), x; writes x
- * moves 32 V bytes and the coarser x, 6 V flops
+/* x = P coarse, three entries a row.
+ * reads index, weight, coarse (gathered); writes x
+ * moves 28 V bytes and the coarser x, 5 V flops
  * shape blocks of V, the finer level's */
 KERNEL prolong_rows(int n, global const int *restrict index, global const float *restrict weight,
-                    GATHERED float *restrict coarse, global float *restrict x,
+                    global const float *restrict coarse, global float *restrict x,
                     volatile global int *shares, int4 launch)
 {
-    FOR_BLOCKS(b, n, shares, launch) { prolong_block(b, index, weight, coarse, x); }
+    const transfer p = {index, weight, coarse};
+    FOR_BLOCKS(b, n, shares, launch) { STORE(prolonged_block(b, p), x, AT(b)); }
+}
+
+/* That and the first step of graph_chebyshev, x_next = x + step D^-1 (rhs - A x), at once: a row prolongs to its
+ * neighbours, too.
+ * reads slice, neighbour, weight, index and part and coarse (gathered), rhs, inv_diag; writes x, x_next
+ * moves 8 L + 40 V bytes and the coarser x, 8 L + 10 V flops
+ * shape blocks of V, the finer level's; numerics as graph_chebyshev */
+KERNEL prolong_chebyshev(int n, global const int *restrict slice,
+                         global const int *restrict neighbour, global const float *restrict weight,
+                         global const int *restrict index, global const float *restrict part,
+                         global const float *restrict coarse, global const float *restrict rhs,
+                         global const float *restrict inv_diag, global float *restrict x,
+                         global float *restrict x_next, float step, volatile global int *shares,
+                         int4 launch)
+{
+    const transfer p = {index, part, coarse};
+    FOR_BLOCKS(b, n, shares, launch)
+    {
+        const floatv now = prolonged_block(b, p);
+        floatv a = 0;
+        for (int j = slice[SLICE(b)], e = slice[SLICE(b) + 1]; j < e; j++) {
+            const intv i = LOAD(neighbour, COLUMN(b, j));
+            a += LOAD(weight, COLUMN(b, j)) * (now - prolonged_rows(i, p));
+        }
+        STORE(now, x, AT(b));
+        STORE(now + step * LOAD(inv_diag, AT(b)) * (LOAD(rhs, AT(b)) - a), x_next, AT(b));
+    }
 }
 
 /* x = inverse * rhs on the coarsest level.
@@ -306,51 +322,39 @@ static graph tail_graph(tail t, int l)
     return g;
 }
 
-/* to <- Chebyshev step from `from`, unless it is left out; both are fields of the table. */
-static void tail_chebyshev(tail t, int l, int taken, int from, int to, float momentum, float keep,
-                           float step)
-{
-    const graph g = tail_graph(t, l);
-    FOR_ALL_BLOCKS(b, taken ? tail_count(t, l, DMK_TAIL_ROWS) : 0)
-    {
-        chebyshev_block(b, g, tail_floats(t, l, DMK_TAIL_RHS), tail_floats(t, l, DMK_TAIL_INV_DIAG),
-                        tail_floats(t, l, from), tail_floats(t, l, to), momentum, keep, step);
-    }
-    TOGETHER
-}
-
-static void tail_residual(tail t, int l)
+/* to <- Chebyshev step from `from`; both are fields of the table. */
+static void tail_chebyshev(tail t, int l, int from, int to, float momentum, float step)
 {
     const graph g = tail_graph(t, l);
     FOR_ALL_BLOCKS(b, tail_count(t, l, DMK_TAIL_ROWS))
     {
-        residual_block(b, g, tail_floats(t, l, DMK_TAIL_X_OLD), tail_floats(t, l, DMK_TAIL_RHS),
-                       tail_floats(t, l, DMK_TAIL_X));
+        chebyshev_block(b, g, tail_floats(t, l, DMK_TAIL_RHS), tail_floats(t, l, DMK_TAIL_INV_DIAG),
+                        tail_floats(t, l, from), tail_floats(t, l, to), momentum, 1, step);
     }
     TOGETHER
 }
 
-/* n: its rows, or 0 where that has been done. to: the field of the first step. */
-static void tail_restrict(tail t, int l, int n, GATHERED float *r, int to, float step)
+/* rhs from r, that of the level above */
+static void tail_restrict(tail t, int l, int n, GATHERED float *r)
 {
     FOR_ALL_BLOCKS(b, n)
     {
         restrict_block(b, tail_ints(t, l, DMK_TAIL_RESTRICT_SLICE),
                        tail_ints(t, l, DMK_TAIL_RESTRICT_ENTRY),
-                       tail_floats(t, l, DMK_TAIL_RESTRICT_WEIGHT), r, step,
-                       tail_floats(t, l, DMK_TAIL_INV_DIAG), tail_floats(t, l, DMK_TAIL_RHS),
-                       tail_floats(t, l, to));
+                       tail_floats(t, l, DMK_TAIL_RESTRICT_WEIGHT), r, tail_floats(t, l, DMK_TAIL_RHS));
     }
     TOGETHER
 }
 
+/* x_old = P x_old of the next level */
 static void tail_prolong(tail t, int l)
 {
-    FOR_ALL_BLOCKS(b, tail_count(t, l - 1, DMK_TAIL_ROWS))
+    const transfer p = {tail_ints(t, l + 1, DMK_TAIL_PROLONG_INDEX),
+                        tail_floats(t, l + 1, DMK_TAIL_PROLONG_WEIGHT),
+                        tail_floats(t, l + 1, DMK_TAIL_X_OLD)};
+    FOR_ALL_BLOCKS(b, tail_count(t, l, DMK_TAIL_ROWS))
     {
-        prolong_block(b, tail_ints(t, l, DMK_TAIL_PROLONG_INDEX),
-                      tail_floats(t, l, DMK_TAIL_PROLONG_WEIGHT),
-                      tail_floats(t, l, DMK_TAIL_X_OLD), tail_floats(t, l - 1, DMK_TAIL_X_OLD));
+        STORE(prolonged_block(b, p), tail_floats(t, l, DMK_TAIL_X_OLD), AT(b));
     }
     TOGETHER
 }
@@ -366,31 +370,32 @@ static void tail_solve(tail t, int l, global const float *inverse)
     TOGETHER
 }
 
-/* The V-cycle on the tail's levels: x_old of the first from its rhs or, where `above` counts, from the
- * residual r of the level above; steps, `before` of them on the way down, as in multigrid.c.
+/* The V-cycle on the tail's levels, DMK_TAIL_STEPS on each on the way up: x_old of the first from its rhs or, where
+ * `above` counts, from that of the level above, r.
  * reads table, arena, r (gathered), inverse; writes arena
- * moves 32 L + 68 V + 8 C bytes, 12 L + 15 V + 2 C flops at each level
+ * moves 64 L + 192 V + 8 C bytes, 24 L + 61 V + 2 C flops at each level
  * shape one work-group, which waits between its loops */
-KERNEL tail_cycle(int levels, int above, int before, global const int *restrict table,
+KERNEL tail_cycle(int levels, int above, global const int *restrict table,
                   global int *restrict arena, GATHERED float *restrict r,
-                  global const float *restrict inverse, float first, float momentum, float step,
+                  global const float *restrict inverse, float8 momentum, float8 step,
                   volatile global int *shares, int4 launch)
 {
-    const int last = levels - 1, x = DMK_TAIL_X, x_old = DMK_TAIL_X_OLD,
-              first_to = before > 1 ? x : x_old;
+    const int last = levels - 1, x = DMK_TAIL_X, x_old = DMK_TAIL_X_OLD;
     const tail t = {table, arena};
-    tail_restrict(t, 0, above ? tail_count(t, 0, DMK_TAIL_ROWS) : 0, r, first_to, first);
-    for (int l = 0; l < last; l++) {
-        tail_chebyshev(t, l, before > 1, x, x_old, momentum, 0, step);
-        tail_residual(t, l);
-        tail_restrict(t, l + 1, tail_count(t, l + 1, DMK_TAIL_ROWS), tail_floats(t, l, x), first_to,
-                      first);
+    float m[8], s[8];
+    vstore8(momentum, 0, m);
+    vstore8(step, 0, s);
+    tail_restrict(t, 0, above ? tail_count(t, 0, DMK_TAIL_ROWS) : 0, r);
+    for (int l = 1; l < levels; l++) {
+        tail_restrict(t, l, tail_count(t, l, DMK_TAIL_ROWS), tail_floats(t, l - 1, DMK_TAIL_RHS));
     }
     tail_solve(t, last, inverse);
     for (int l = last - 1; l >= 0; l--) {
-        tail_prolong(t, l + 1);
-        tail_chebyshev(t, l, 1, x_old, x, 0, 1, first);
-        tail_chebyshev(t, l, 1, x, x_old, momentum, 1, step);
+        tail_prolong(t, l);
+        for (int k = 0; k < DMK_TAIL_STEPS; k += 2) {
+            tail_chebyshev(t, l, x_old, x, m[k], s[k]);
+            tail_chebyshev(t, l, x, x_old, m[k + 1], s[k + 1]);
+        }
     }
 }
 

@@ -102,15 +102,14 @@ KERNEL nested_prepare(int n, float alpha, float D, float bend, global const int 
     }
 }
 
-/* rhs = load + the sums of the elements' parts, and x = step D^-1 rhs. first: slice of vertex 0 among the rows.
- * reads corner_slice, corner, parts (gathered), load, inv_diag; writes rhs, x
- * moves 12 E + 12 E + real V + 12 V bytes, 3 E + 3 V flops
+/* rhs = load + the sums of the elements' parts. first: slice of vertex 0 among the rows.
+ * reads corner_slice, corner, parts (gathered), load; writes rhs
+ * moves 12 E + 12 E + real V + 4 V bytes, 3 E + V flops
  * shape blocks of V */
 KERNEL nested_rhs(int n, int first, global const int *restrict corner_slice,
                   global const int *restrict corner, GATHERED float *restrict parts,
-                  global const real *restrict load, float step,
-                  global const float *restrict inv_diag, global float *restrict rhs,
-                  global float *restrict x, volatile global int *shares, int4 launch)
+                  global const real *restrict load, global float *restrict rhs,
+                  volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
@@ -121,9 +120,7 @@ KERNEL nested_rhs(int n, int first, global const int *restrict corner_slice,
             const intv i = CORNER_PLACE(p);
             sum += TO_REAL((floatv)(GATHER(parts, i)));
         }
-        const floatv r = TO_FLOAT(sum);
-        STORE(r, rhs, AT(b));
-        STORE(step * LOAD(inv_diag, AT(b)) * r, x, AT(b));
+        STORE(TO_FLOAT(sum), rhs, AT(b));
     }
 }
 

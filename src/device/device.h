@@ -68,6 +68,7 @@ typedef struct dmk_arg {
 #define DMK_BUF(buffer) ((dmk_arg){0, (buffer)})
 #define DMK_INT(x) ((dmk_arg){sizeof(int32_t), &(const int32_t){(int32_t)(x)}})
 #define DMK_FLOAT(x) ((dmk_arg){sizeof(float), &(const float){(float)(x)}})
+#define DMK_FLOAT8(x) ((dmk_arg){8 * sizeof(float), (x)})
 
 /* What a launch goes over: `items` items in one range, or in two, the first of `first` items, that
  * follow the mesh each by itself (midpoints, then vertices): on a CPU a thread's share is then a piece of

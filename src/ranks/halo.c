@@ -389,9 +389,8 @@ dmk_shipment dmk_ship_edge_weights(dmk_share *share, int32_t level, const dmk_bu
                                                 : none;
 }
 
-dmk_shipment dmk_ship_all(dmk_share *share, int32_t level, const dmk_buffer *x, const dmk_buffer *y)
+dmk_shipment dmk_ship_all(dmk_share *share, int32_t level, const dmk_buffer *x)
 {
     const dmk_shipment none = {.share = share, .program = DMK_INNER};
-    if (!share || level != share->first_whole) return none;
-    return with(with(none, &share->vertices[level], x), &share->vertices[level], y);
+    return share && level == share->first_whole ? with(none, &share->vertices[level], x) : none;
 }

@@ -172,9 +172,8 @@ dmk_shipment dmk_ship_up(dmk_share *share, const dmk_buffer *x, const dmk_buffer
 /* Over a level's vertices or edges, in single precision; levels that are whole need none ... */
 dmk_shipment dmk_ship_vertices(dmk_share *share, int32_t level, const dmk_buffer *x);
 dmk_shipment dmk_ship_edge_weights(dmk_share *share, int32_t level, const dmk_buffer *edge);
-/* ... but for what own parts of the first whole one were computed of: all ranks get all of it, of two vectors. */
-dmk_shipment dmk_ship_all(dmk_share *share, int32_t level, const dmk_buffer *x,
-                          const dmk_buffer *y);
+/* ... but for what own parts of the first whole one were computed of: all ranks get all of it. */
+dmk_shipment dmk_ship_all(dmk_share *share, int32_t level, const dmk_buffer *x);
 
 int dmk_send(dmk_context *context, dmk_shipment shipment);
 /* In two halves: what is queued in between goes on meanwhile, and must not touch the ghosts. Its launch is over the

@@ -1,7 +1,5 @@
 #include "solver/kernels.h"
 
-#include "dmk_shared.h"
-
 #include <stdlib.h>
 
 enum { IN_INNER = 1 << DMK_INNER, IN_OUTER = 1 << DMK_OUTER, IN_BOTH = IN_INNER | IN_OUTER };
@@ -28,11 +26,11 @@ enum { IN_INNER = 1 << DMK_INNER, IN_OUTER = 1 << DMK_OUTER, IN_BOTH = IN_INNER 
     X(element_down, IN_INNER)                                                                      \
     X(element_up, IN_INNER)                                                                        \
     X(rows_up, IN_INNER)                                                                           \
-    X(graph_residual, IN_INNER)                                                                    \
     X(graph_chebyshev, IN_INNER)                                                                   \
     X(restrict_midpoints, IN_INNER)                                                                \
     X(restrict_rows, IN_INNER)                                                                     \
     X(prolong_rows, IN_INNER)                                                                      \
+    X(prolong_chebyshev, IN_INNER)                                                                 \
     X(coarse_solve, IN_INNER)                                                                      \
     X(coarse_inverse, IN_INNER)                                                                    \
     X(edges_from_triangles, IN_INNER)                                                              \
@@ -410,17 +408,6 @@ int dmk_rows_up(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, bool kee
                DMK_BUF(x), DMK_BUF(x_old), DMK_FLOAT(step));
 }
 
-int dmk_graph_residual(dmk_context *ctx, dmk_system *s, int32_t level, const dmk_buffer *x)
-{
-    int rc;
-    dmk_level *l = &s->level[level];
-    RUN_WITH(dmk_ship_vertices(s->share, level, x), split_level(s, level), DMK_INNER,
-             graph_residual, items(l->n), DMK_INT(l->n), DMK_BUF(l->slice), DMK_BUF(l->neighbour),
-             DMK_BUF(l->weight), DMK_BUF(x), DMK_BUF(l->rhs), DMK_BUF(l->residual));
-done:
-    return rc;
-}
-
 int dmk_graph_chebyshev(dmk_context *ctx, dmk_system *s, int32_t level, const dmk_buffer *x,
                         dmk_buffer *x_old, dmk_chebyshev_step c)
 {
@@ -434,14 +421,7 @@ done:
     return rc;
 }
 
-/* Where a level's first step goes, so that after all of them before the next level x_old is the iterate. */
-static dmk_buffer *first_iterate(const dmk_level *l, int before)
-{
-    return before > 1 ? l->x : l->x_old;
-}
-
-int dmk_restrict_rows(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, int before,
-                      double step)
+int dmk_restrict_rows(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs)
 {
     int rc;
     dmk_level *l = &s->level[0];
@@ -449,49 +429,61 @@ int dmk_restrict_rows(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs, in
     rc =
         RUN(DMK_INNER, restrict_midpoints, items(l->n), DMK_INT(l->n), DMK_INT(s->vertex_row),
             DMK_BUF(l->slice), DMK_BUF(l->number), DMK_BUF(rhs), DMK_INT(s->vertex_row / DMK_WIDTH),
-            DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out), DMK_FLOAT(step),
-            DMK_BUF(l->inv_diag), DMK_BUF(l->rhs), DMK_BUF(first_iterate(l, before)));
+            DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out), DMK_BUF(l->rhs));
 done:
     return rc;
 }
 
-int dmk_restrict(dmk_context *ctx, dmk_system *s, int32_t level, int before, double step)
-{
-    int rc;
-    dmk_level *l = &s->level[level];
-    DMK_TRY(dmk_send(ctx, dmk_ship_vertices(s->share, level - 1, s->level[level - 1].residual)));
-    DMK_TRY(RUN(DMK_INNER, restrict_rows, items(l->n), DMK_INT(l->n), DMK_BUF(l->restrict_slice),
-                DMK_BUF(l->restrict_entry), DMK_BUF(l->restrict_weight),
-                DMK_BUF(s->level[level - 1].residual), DMK_FLOAT(step), DMK_BUF(l->inv_diag),
-                DMK_BUF(l->rhs), DMK_BUF(first_iterate(l, before))));
-    DMK_TRY(dmk_send(ctx, dmk_ship_all(s->share, level, l->rhs, first_iterate(l, before))));
-done:
-    return rc;
-}
-
-int dmk_prolong(dmk_context *ctx, dmk_system *s, int32_t level)
+int dmk_restrict(dmk_context *ctx, dmk_system *s, int32_t level)
 {
     int rc;
     dmk_level *l = &s->level[level], *fine = l - 1;
-    DMK_TRY(dmk_send(ctx, dmk_ship_vertices(s->share, level, l->x_old)));
-    rc = RUN(DMK_INNER, prolong_rows, items(fine->n), DMK_INT(fine->n), DMK_BUF(l->prolong_index),
-             DMK_BUF(l->prolong_weight), DMK_BUF(l->x_old), DMK_BUF(fine->x_old));
+    DMK_TRY(dmk_send(ctx, dmk_ship_vertices(s->share, level - 1, fine->rhs)));
+    DMK_TRY(RUN(DMK_INNER, restrict_rows, items(l->n), DMK_INT(l->n), DMK_BUF(l->restrict_slice),
+                DMK_BUF(l->restrict_entry), DMK_BUF(l->restrict_weight), DMK_BUF(fine->rhs),
+                DMK_BUF(l->rhs)));
+    DMK_TRY(dmk_send(ctx, dmk_ship_all(s->share, level, l->rhs)));
 done:
     return rc;
 }
 
-int dmk_tail_cycle(dmk_context *ctx, dmk_system *s, int before, double first, double momentum,
-                   double step)
+/* On a GPU at once: a launch takes longer than the neighbours' prolongations, seven for one, for which a CPU needs four
+ * times as long as for the step itself. */
+int dmk_prolong_chebyshev(dmk_context *ctx, dmk_system *s, int32_t level, dmk_buffer *x,
+                          dmk_buffer *next, double step)
 {
     int rc;
+    dmk_level *l = &s->level[level], *fine = l - 1;
+    if (!s->share && !dmk_device_cpu_shape(s->device))
+        return RUN(DMK_INNER, prolong_chebyshev, items(fine->n), DMK_INT(fine->n),
+                   DMK_BUF(fine->slice), DMK_BUF(fine->neighbour), DMK_BUF(fine->weight),
+                   DMK_BUF(l->prolong_index), DMK_BUF(l->prolong_weight), DMK_BUF(l->x_old),
+                   DMK_BUF(fine->rhs), DMK_BUF(fine->inv_diag), DMK_BUF(x), DMK_BUF(next),
+                   DMK_FLOAT(step));
+    DMK_TRY(dmk_send(ctx, dmk_ship_vertices(s->share, level, l->x_old)));
+    DMK_TRY(RUN(DMK_INNER, prolong_rows, items(fine->n), DMK_INT(fine->n),
+                DMK_BUF(l->prolong_index), DMK_BUF(l->prolong_weight), DMK_BUF(l->x_old),
+                DMK_BUF(x)));
+    rc = dmk_graph_chebyshev(ctx, s, level - 1, x, next, (dmk_chebyshev_step){0, 1, step});
+done:
+    return rc;
+}
+
+int dmk_tail_cycle(dmk_context *ctx, dmk_system *s, const dmk_chebyshev_step step[DMK_TAIL_STEPS])
+{
+    int rc;
+    float momentums[8] = {0}, steps[8] = {0};
     const dmk_level *above = &s->level[s->tail - 1];
     /* With ranks a level may be all of a mesh's and the one above a share of it. */
     const bool with_above = !s->share;
-    if (!with_above) DMK_TRY(dmk_restrict(ctx, s, s->tail, before, first));
+    if (!with_above) DMK_TRY(dmk_restrict(ctx, s, s->tail));
+    for (int k = 0; k < DMK_TAIL_STEPS; k++) {
+        momentums[k] = (float)step[k].momentum;
+        steps[k] = (float)step[k].step;
+    }
     rc = RUN(DMK_INNER, tail_cycle, items(1), DMK_INT(s->n_levels - s->tail), DMK_INT(with_above),
-             DMK_INT(before), DMK_BUF(s->tail_table), DMK_BUF(s->tail_arena),
-             DMK_BUF(above->residual), DMK_BUF(s->coarse_inverse), DMK_FLOAT(first),
-             DMK_FLOAT(momentum), DMK_FLOAT(step));
+             DMK_BUF(s->tail_table), DMK_BUF(s->tail_arena), DMK_BUF(above->rhs),
+             DMK_BUF(s->coarse_inverse), DMK_FLOAT8(momentums), DMK_FLOAT8(steps));
 done:
     return rc;
 }
@@ -717,12 +709,12 @@ int dmk_nested_prepare(dmk_context *ctx, dmk_system *s, const dmk_newton_step *s
                DMK_BUF(s->edge), DMK_BUF(s->diag_coarse), DMK_BUF(s->out));
 }
 
-int dmk_nested_rhs(dmk_context *ctx, dmk_system *s, double step)
+int dmk_nested_rhs(dmk_context *ctx, dmk_system *s)
 {
     const dmk_level *t = &s->level[0];
     return RUN(DMK_OUTER, nested_rhs, vertices(s), DMK_INT(t->n), DMK_INT(first_slice(s)),
                DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out), DMK_BUF(s->load),
-               DMK_FLOAT(step), DMK_BUF(t->inv_diag), DMK_BUF(t->rhs), DMK_BUF(t->x));
+               DMK_BUF(t->rhs));
 }
 
 int dmk_nested_update(dmk_context *ctx, dmk_system *s, const dmk_newton_step *step, int at)

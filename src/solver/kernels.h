@@ -7,6 +7,8 @@
 #include "dmk_shared.h"
 #include "solver/system.h"
 
+#include "dmk_shared.h"
+
 /* Get the system's kernels from its device. */
 int dmk_kernels_create(dmk_context *context, dmk_device *device, struct dmk_kernels **kernels);
 void dmk_kernels_destroy(struct dmk_kernels **kernels);
@@ -59,32 +61,29 @@ int dmk_rows_range(dmk_context *context, dmk_system *s, const dmk_buffer *u, int
 
 /* x = step D^-1 rhs on T/2: the first smoothing step from 0. */
 int dmk_smooth_first(dmk_context *context, dmk_system *s, const dmk_buffer *rhs, double step);
-/* T/2 to T: the elements' parts of P'(operator x), into out; then rhs of T = P'rhs - their sums, and
- * x_old = step D^-1 of it, or x where this is not the only step before the next level. */
+/* T/2 to T: the elements' parts of P'(operator x), into out; then rhs of T = P'rhs - their sums. */
 int dmk_element_down(dmk_context *context, dmk_system *s, dmk_operator op, const dmk_buffer *x);
-int dmk_restrict_rows(dmk_context *context, dmk_system *s, const dmk_buffer *rhs, int before,
-                      double step);
+int dmk_restrict_rows(dmk_context *context, dmk_system *s, const dmk_buffer *rhs);
 /* T to T/2, c the x_old of T: the elements' parts of the operator on x + P c, into out; then x += P c, if it is to
  * be kept, and with these x_old = x + step D^-1 (rhs - A x). */
 int dmk_element_up(dmk_context *context, dmk_system *s, dmk_operator op, const dmk_buffer *x);
 int dmk_rows_up(dmk_context *context, dmk_system *s, const dmk_buffer *rhs, bool keep,
                 dmk_buffer *x, dmk_buffer *x_old, double step);
-/* residual = rhs - A x on a graph level. */
-int dmk_graph_residual(dmk_context *context, dmk_system *s, int32_t level, const dmk_buffer *x);
 int dmk_graph_chebyshev(dmk_context *context, dmk_system *s, int32_t level, const dmk_buffer *x,
                         dmk_buffer *x_old, dmk_chebyshev_step c);
-/* rhs of a level below T = the restricted residual of the next finer one; x_old or x as there. */
-int dmk_restrict(dmk_context *context, dmk_system *s, int32_t level, int before, double step);
-/* x_old of the next finer level += the level's prolonged x_old. */
-int dmk_prolong(dmk_context *context, dmk_system *s, int32_t level);
+/* rhs of a level below T = the restricted rhs of the next finer one. */
+int dmk_restrict(dmk_context *context, dmk_system *s, int32_t level);
+/* On the next finer level: x = the level's prolonged x_old, next = x + step D^-1 (rhs - A x). */
+int dmk_prolong_chebyshev(dmk_context *context, dmk_system *s, int32_t level, dmk_buffer *x,
+                          dmk_buffer *next, double step);
 /* x_old = coarse_inverse * rhs on the coarsest level. */
 int dmk_coarse_solve(dmk_context *context, dmk_system *s);
 /* coarse_inverse from the weights of the coarsest level, which is not of the tail; where s->dense is. */
 int dmk_coarse_inverse(dmk_context *context, dmk_system *s);
-/* The cycle on the levels from s->tail on, with its restriction: x_old of the first of them. Steps of the
- * smoother: first D^-1 r, then momentum and step; `before` of them before the next level. */
-int dmk_tail_cycle(dmk_context *context, dmk_system *s, int before, double first, double momentum,
-                   double step);
+/* The cycle on the levels from s->tail on, with its restriction: x_old of the first of them, with these
+ * steps on each. */
+int dmk_tail_cycle(dmk_context *context, dmk_system *s,
+                   const dmk_chebyshev_step step[DMK_TAIL_STEPS]);
 /* Their edges and weights, and, where s->dense is, coarse_inverse. */
 int dmk_tail_refresh(dmk_context *context, dmk_system *s);
 /* Of a level above: edge weights by row, on T first those from the triangles', the inverse diagonal, from the
@@ -148,10 +147,9 @@ int dmk_band_map(dmk_context *context, dmk_system *s, const dmk_bands *bands, co
 int dmk_nested_load(dmk_context *context, dmk_system *s);
 /* q, and dmk_element_energy's sums, but L of u at this scale. */
 int dmk_nested_energy(dmk_context *context, dmk_system *s, double scale, int at);
-/* Newton's edge, diag_coarse and, in out, the parts of its right-hand side; then, once the multigrid is refreshed,
- * rhs of T and the first smoothing step there. */
+/* Newton's edge, diag_coarse and, in out, the parts of its right-hand side; then rhs of T. */
 int dmk_nested_prepare(dmk_context *context, dmk_system *s, const dmk_newton_step *step);
-int dmk_nested_rhs(dmk_context *context, dmk_system *s, double step);
+int dmk_nested_rhs(dmk_context *context, dmk_system *s);
 /* As dmk_newton_update. */
 int dmk_nested_update(dmk_context *context, dmk_system *s, const dmk_newton_step *step, int at);
 /* u at the midpoints from the vertices'. */

@@ -1,5 +1,5 @@
-/* The V-cycle that preconditions A(mu) and Newton's M, with one to three smoothing steps on T/2 and two on the other
- * levels before and after; in single precision on the device. */
+/* The V-cycle that preconditions A(mu) and Newton's M, with one to three smoothing steps on T/2 before and after, and
+ * on the other levels as multigrid.c says; in single precision on the device. */
 #ifndef DMK_MULTIGRID_H
 #define DMK_MULTIGRID_H
 
@@ -17,7 +17,7 @@ int dmk_multigrid_refresh(dmk_context *context, dmk_system *system);
  * system->x has its first step from 0 (see dmk_first_step). */
 int dmk_v_cycle(dmk_context *context, dmk_system *system, dmk_operator op, const dmk_buffer *rhs,
                 bool begun);
-/* x_old of T = the cycle's part from T on, applied to its rhs, whose first step from 0 is in its x. */
+/* x_old of T = the cycle's part from T on, applied to its rhs. */
 int dmk_mesh_cycle(dmk_context *context, dmk_system *system);
 /* The step that a cycle's first smoothing step takes: x = step D^-1 rhs. */
 double dmk_first_step(void);

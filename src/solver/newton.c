@@ -102,7 +102,7 @@ static int solve_step(dmk_iteration *o, dmk_items over, const dmk_newton_step *s
     const bool nested = over == DMK_VERTICES;
     DMK_TRY(nested ? dmk_nested_prepare(o->ctx, s, step) : prepare(o, step));
     DMK_TRY(dmk_multigrid_refresh(o->ctx, s));
-    if (nested) DMK_TRY(dmk_nested_rhs(o->ctx, s, dmk_first_step()));
+    if (nested) DMK_TRY(dmk_nested_rhs(o->ctx, s));
     /* Few loose iterations gain nothing from a higher degree. */
     s->newton_degree = p->D > p->light ? 2 : 1;
     rc = dmk_inner_solve(o->ctx, s, over, p->iterations, o->stats);

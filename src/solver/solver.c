@@ -408,6 +408,7 @@ int dmk_solver_clear(dmk_context *ctx, const dmk_solver *s)
     DMK_TRY(dmk_buffer_clear(ctx, s->device, s->system->x_old, bytes));
     for (int32_t i = 0; i < s->system->n_levels; i++) {
         const dmk_level *l = &s->system->level[i];
+        DMK_TRY(dmk_buffer_clear(ctx, s->device, l->x, (size_t)l->n_pad * sizeof(float)));
         DMK_TRY(dmk_buffer_clear(ctx, s->device, l->x_old, (size_t)l->n_pad * sizeof(float)));
     }
 done:

@@ -303,7 +303,6 @@ static int pack_graph(const packer *p, int32_t n, int32_t n_edges, const int32_t
     DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->rhs));
     DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->x));
     DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->x_old));
-    l->residual = l->x; /* after the first two smoothing steps x_old is the iterate */
 done:
     dmk_sell_free(&s);
     free(row);
@@ -407,10 +406,6 @@ static int coarsen(dmk_context *own, void *data)
     return dmk_hierarchy_create(own, c->mesh, COARSEST, &c->hierarchy);
 }
 
-/* Rows up to which levels are done in one launch. A launch takes a GPU some 5 microseconds, in which one
- * work-group does a pass over these; on a CPU fewer are worth a second thread. */
-enum { TAIL_ROWS_GPU = 4096, TAIL_ROWS_CPU = 1024 };
-
 /* In the order of dmk_shared.h. */
 enum { TAIL_ARRAYS = DMK_TAIL_FIELDS - DMK_TAIL_SLICE };
 static void list_tail(dmk_level *l, dmk_buffer **list[TAIL_ARRAYS])
@@ -440,12 +435,11 @@ static int pack_tail(const packer *p)
 {
     int rc = DMK_OK;
     dmk_system *s = p->sys;
-    const int32_t most = dmk_device_cpu_shape(p->dev) ? TAIL_ROWS_CPU : TAIL_ROWS_GPU;
     dmk_buffer **list[DMK_SYSTEM_LEVELS * TAIL_ARRAYS];
     size_t offset[DMK_SYSTEM_LEVELS * TAIL_ARRAYS];
     int32_t table[DMK_SYSTEM_LEVELS * DMK_TAIL_FIELDS];
     int n = s->share ? dmk_max_i(1, s->share->first_whole) : 1;
-    while (n < s->n_levels && s->level[n].n > most) n++;
+    while (n < s->n_levels && s->level[n].n > DMK_TAIL_MOST) n++;
     s->tail = n;
     n = s->n_levels - s->tail;
     if (n <= 0) goto done;
@@ -455,7 +449,6 @@ static int pack_tail(const packer *p)
     for (int i = 0; i < n; i++) {
         dmk_level *l = &s->level[s->tail + i];
         int32_t *field = table + i * DMK_TAIL_FIELDS;
-        l->residual = l->x;
         field[DMK_TAIL_ROWS] = l->n;
         field[DMK_TAIL_PAD] = l->n_pad;
         field[DMK_TAIL_EDGES] = l->n_edges;

@@ -25,7 +25,7 @@ typedef struct dmk_level {
     dmk_buffer *slice, *neighbour, *number; /* rows: neighbours and edges (filler: edge n_edges) */
     dmk_buffer *weight;                     /* edge weights by row, refreshed */
     dmk_buffer *edge;                       /* n_edges (+ spare 0s): edge weights, refreshed */
-    dmk_buffer *inv_diag, *rhs, *x, *x_old, *residual;
+    dmk_buffer *inv_diag, *rhs, *x, *x_old;
     /* To the finer level: T/2 for the first. */
     dmk_buffer *restrict_slice, *restrict_entry, *restrict_weight; /* graph levels */
     dmk_buffer *prolong_index, *prolong_weight;                    /* 3 per finer row */
@@ -33,6 +33,10 @@ typedef struct dmk_level {
 } dmk_level;
 
 enum { DMK_SYSTEM_LEVELS = DMK_MAX_LEVELS + 1 };
+
+/* Rows up to which levels are done in one launch. A launch takes a GPU some 5 microseconds, in which one
+ * work-group does a pass over these. */
+enum { DMK_TAIL_MOST = 4096 };
 
 /* Items and slots of a mesh's system: see the head of this file. */
 typedef struct dmk_counts {
