@@ -205,6 +205,7 @@ static int step(bench *b, int number, int depth)
         b->y[t] = next;
         b->mu[t] = exp(next);
     }
+    b->outer.ready = DMK_NOTHING;
     return dmk_buffer_write_real(b->ctx, b->device, DMK_OUTER, b->sys->mu, b->n, b->mu);
 }
 

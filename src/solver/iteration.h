@@ -5,7 +5,8 @@
 #include "solver/kernels.h"
 #include "solver/pcg.h"
 
-/* What there is of an operator on the device: its weights and inverse diagonal, and the coarse graphs'. */
+/* What there is of an operator on the device: its weights and inverse diagonal, and the coarse graphs'. Who changes mu
+ * sets it back to nothing. */
 typedef enum dmk_ready { DMK_NOTHING, DMK_DIAGONAL, DMK_HIERARCHY } dmk_ready;
 
 /* One solve under way. Quantities are in the packed problem's units (area 1). */
