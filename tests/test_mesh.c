@@ -413,6 +413,35 @@ static void test_projects_to_the_nearest(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* Many at once as each alone, also where several triangles are equally near. */
+static void test_projects_many(void **state)
+{
+    enum { N = 600 };
+    double x[3 * N];
+    dmk_point all[N], one;
+    dmk_mesh *m;
+    assert_int_equal(dmk_mesh_read(*state, "tests/data/rough.off", &m), DMK_OK);
+    assert_true(m->n_triangles > 600); /* three larger boxes */
+    for (int i = 0; i < N; i++) {
+        const double *a = m->xyz + 3 * (size_t)(7 * i % m->n_vertices),
+                     *b = m->xyz + 3 * (size_t)(11 * i % m->n_vertices), s = i % 3 / 2.0;
+        for (int k = 0; k < 3; k++) x[3 * i + k] = a[k] + s * (b[k] - a[k]);
+    }
+    assert_int_equal(dmk_mesh_project_all(*state, m, N, x, all), DMK_OK);
+    for (int i = 0; i < N; i++) {
+        assert_int_equal(dmk_mesh_project(*state, m, x + 3 * i, &one), DMK_OK);
+        assert_int_equal(all[i].triangle, one.triangle);
+        assert_memory_equal(all[i].weight, one.weight, sizeof one.weight);
+    }
+    assert_int_equal(dmk_mesh_project_all(*state, m, 0, NULL, NULL), DMK_OK);
+    for (size_t n = 5; n <= N; n += N - 5) { /* a few are looked for one at a time */
+        x[9] = NAN;
+        assert_int_equal(dmk_mesh_project_all(*state, m, n, x, all), DMK_E_ARG);
+        assert_non_null(strstr(dmk_context_message(*state), "point 3: the point (nan,"));
+    }
+    dmk_mesh_destroy(&m);
+}
+
 static void test_vertex_points(void **state)
 {
     dmk_mesh *m = create(*state, N_SPARE, tetra_xyz, 4, tetra);
@@ -666,6 +695,7 @@ int main(void)
         cmocka_unit_test(test_refuses_one_sided_surfaces),
         cmocka_unit_test(test_projects_to_inside_edge_and_vertex),
         cmocka_unit_test(test_projects_to_the_nearest),
+        cmocka_unit_test(test_projects_many),
         cmocka_unit_test(test_vertex_points),
         cmocka_unit_test(test_refuses_bad_points),
         cmocka_unit_test(test_edges_on_any_number_of_threads),

@@ -65,11 +65,13 @@ static int add_atom(dmk_context *context, const dmk_mesh *mesh, const char *path
     int code = grow((void **)&m->atom, m->n_atoms, sizeof *m->atom);
     if (code == EXIT_OK) code = grow((void **)&m->mass, m->n_atoms, sizeof *m->mass);
     if (code != EXIT_OK) return code;
-    int rc = DMK_E_ARG;
+    int rc = DMK_OK;
     if (l->vertex)
         rc = dmk_mesh_vertex_point(context, mesh, (int64_t)l->number[0], &p);
-    else
+    else if (!isfinite(l->number[0]) || !isfinite(l->number[1]) || !isfinite(l->number[2]))
         rc = dmk_mesh_project(context, mesh, l->number, &p);
+    else /* found with the others of its kind: see find_places */
+        p = (dmk_point){-1, {l->number[0], l->number[1], l->number[2]}};
     if (rc != DMK_OK) {
         return cli_error(cli_exit_code(rc), "%s:%lld: %s", path, (long long)number,
                          dmk_context_message(context));
@@ -96,6 +98,27 @@ static int take_line(dmk_context *context, const dmk_mesh *mesh, const char *pat
                      m->n_values > 0
                          ? "one number, as on the lines before"
                          : "one number, `vertex I MASS` or `X,Y,Z MASS`, all with a mass or none");
+}
+
+/* The points of the surface of all lines that have coordinates, which stand where a point has its weights. */
+static int find_places(dmk_context *context, const dmk_mesh *mesh, const char *path, cli_measure *m)
+{
+    size_t n = 0;
+    double *xyz = calloc(m->n_atoms + 1, 3 * sizeof *xyz);
+    dmk_point *point = calloc(m->n_atoms + 1, sizeof *point);
+    int rc = xyz && point ? DMK_OK : DMK_E_NOMEM;
+    for (size_t i = 0; rc == DMK_OK && i < m->n_atoms; i++) {
+        if (m->atom[i].triangle < 0) memcpy(xyz + 3 * n++, m->atom[i].weight, 3 * sizeof *xyz);
+    }
+    if (rc == DMK_OK) rc = dmk_mesh_project_all(context, mesh, n, xyz, point);
+    for (size_t i = m->n_atoms; rc == DMK_OK && i-- > 0;) {
+        if (m->atom[i].triangle < 0) m->atom[i] = point[--n];
+    }
+    free(xyz);
+    free(point);
+    if (rc == DMK_OK) return EXIT_OK;
+    return cli_error(cli_exit_code(rc), "%s: %s", path,
+                     rc == DMK_E_NOMEM ? "out of memory" : dmk_context_message(context));
 }
 
 static int read_lines(FILE *file, dmk_context *context, const dmk_mesh *mesh, const char *path,
@@ -178,6 +201,7 @@ int cli_measure_read(dmk_context *context, const dmk_mesh *mesh, const char *pat
     if (!file) return EXIT_IO;
     code = read_lines(file, context, mesh, path, m);
     fclose(file);
+    if (code == EXIT_OK) code = find_places(context, mesh, path, m);
     return code == EXIT_OK ? settle(mesh, path, m) : code;
 }
 

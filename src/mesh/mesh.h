@@ -6,6 +6,7 @@
 #define DMK_MESH_H
 
 #include "base/base.h"
+#include "base/sort.h"
 
 struct dmk_mesh {
     int32_t n_vertices, n_triangles, n_edges;
@@ -132,6 +133,11 @@ void dmk_order_free(dmk_order *order);
 double dmk_morton_scale(const double lo[3], const double hi[3]);
 uint64_t dmk_morton_key(const double a[3], const double b[3], const double c[3], const double lo[3],
                         double scale);
+
+/* The component's triangles along the curve, *n of them; the caller frees *sorted. */
+enum { DMK_ALL_COMPONENTS = -1 };
+int dmk_morton_order(dmk_context *context, const dmk_mesh *mesh, int32_t component,
+                     dmk_keyed **sorted, int32_t *n);
 
 /* point.c: the point of a triangle nearest to xyz, as weights of its corners, and how far it is from there. */
 double dmk_mesh_nearest_in(const dmk_mesh *mesh, int32_t triangle, const double xyz[3],

@@ -2,7 +2,6 @@
 #include "mesh/mesh.h"
 
 #include "base/parallel.h"
-#include "base/sort.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -55,9 +54,8 @@ static void key_range(int32_t begin, int32_t end, void *data)
     }
 }
 
-/* The component's triangles along the curve; the caller frees *sorted. */
-static int morton_order(dmk_context *ctx, const dmk_mesh *m, int32_t component, dmk_keyed **sorted,
-                        int32_t *n)
+int dmk_morton_order(dmk_context *ctx, const dmk_mesh *m, int32_t component, dmk_keyed **sorted,
+                     int32_t *n)
 {
     int rc;
     key_job job = {.mesh = m, .lo = {INFINITY, INFINITY, INFINITY}};
@@ -65,7 +63,7 @@ static int morton_order(dmk_context *ctx, const dmk_mesh *m, int32_t component, 
     *n = 0;
     DMK_TRY(DMK_NEW(ctx, job.keys, (size_t)m->n_triangles));
     for (int32_t t = 0; t < m->n_triangles; t++) {
-        if (dmk_mesh_component(m, t) != component) continue;
+        if (component != DMK_ALL_COMPONENTS && dmk_mesh_component(m, t) != component) continue;
         job.keys[(*n)++].item = t;
         for (int j = 0; j < 3; j++) {
             const double *x = m->xyz + 3 * (size_t)m->triangle[3 * t + j];
@@ -224,7 +222,7 @@ static int create(dmk_context *ctx, const dmk_mesh *m, dmk_mesh *own, int32_t co
     memset(o, 0, sizeof *o);
     DMK_TRY(dmk_mesh_check_edges(ctx, m));
     DMK_TRY(DMK_NEW(ctx, o->mesh, 1));
-    DMK_TRY(morton_order(ctx, m, component, &sorted, &o->mesh->n_triangles));
+    DMK_TRY(dmk_morton_order(ctx, m, component, &sorted, &o->mesh->n_triangles));
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(renumber(ctx, m, sorted, &number, o));
     free(sorted);
