@@ -171,8 +171,8 @@ def main():
     least, most = (24 * given(1e9, ranks) * ranks / 1e6 for ranks in (1, 1024))
     lines += ["", "Messages of 3 us eat what more than some ten ranks gain on 10^7 triangles. The sums of a CG step are "
               f"{least:.1f} to {most:.1f} MB", "at 10^9 triangles, of 1 to 1,024 ranks: sums of blocks. Without those they were 94.",
-              "No run had more than 8 ranks: what is above 8 is the model's alone. Above 10^8 triangles indices of 64",
-              "bits and a divided set-up are needed, which there are not (see src/ranks/RANKS.md).", ""]
+              "No run had more than 8 ranks: what is above 8 is the model's alone. Above 134,217,727 triangles the result's",
+              "arrays stand in the way, whose numbers have 32 bits (see src/ranks/RANKS.md).", ""]
     with open(options.out, "w", encoding="utf-8") as file:
         file.write("\n".join(lines))
     print("\n".join(lines))
