@@ -243,6 +243,49 @@ static void test_crews_share(void **state)
     record_free(r);
 }
 
+/* ---- who waits for a task --------------------------------------------------------------------- */
+
+typedef struct encounter {
+    _Atomic int begun, inside;
+    bool alone; /* for five seconds */
+} encounter;
+
+/* Waits for the other piece to come. */
+static int meet_once(dmk_context *own, int32_t i, void *data)
+{
+    encounter *m = data;
+    const time_t late = time(NULL) + 5;
+    (void)own;
+    (void)i;
+    atomic_fetch_add(&m->inside, 1);
+    while (atomic_load(&m->inside) < 2 && time(NULL) < late) continue;
+    if (time(NULL) >= late) m->alone = true;
+    return DMK_OK;
+}
+
+static int meet_within(dmk_context *own, void *data)
+{
+    encounter *m = data;
+    atomic_store(&m->begun, 1);
+    return dmk_parallel_pieces(own, 2, meet_once, m);
+}
+
+/* The only other thread does the task, whose loop is offered to the one that waits. */
+static void test_who_waits_for_a_task_helps(void **state)
+{
+    record *r = record_create(2);
+    (void)state;
+    for (int k = 0; k < 50; k++) {
+        encounter m = {.alone = false};
+        dmk_task task;
+        dmk_task_begin(r->ctx, &task, meet_within, &m);
+        while (!atomic_load(&m.begun)) continue;
+        assert_int_equal(dmk_task_end(r->ctx, &task, DMK_OK), DMK_OK);
+        assert_false(m.alone);
+    }
+    record_free(r);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -253,6 +296,7 @@ int main(void)
         cmocka_unit_test(test_failures_tell_of_the_first),
         cmocka_unit_test(test_crews_do_each_part_once),
         cmocka_unit_test(test_crews_share),
+        cmocka_unit_test(test_who_waits_for_a_task_helps),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -62,7 +62,8 @@ void dmk_crew_begin(dmk_context *ctx, dmk_crew *crew,
     atomic_init(&crew->round, 0);
     atomic_init(&crew->done, 0);
     atomic_init(&crew->joined, 0);
-    for (int k = 0; k + 1 < crew->n_members; k++) dmk_task_begin(ctx, crew->task + k, stay, crew);
+    for (int k = 0; k + 1 < crew->n_members; k++)
+        dmk_task_begin_staying(ctx, crew->task + k, stay, crew);
 }
 
 void dmk_crew_round(dmk_crew *crew, int32_t n_parts)

@@ -174,19 +174,31 @@ static void run_task(int32_t k, void *data)
     task->rc = task->work(&task->own, task->data);
 }
 
-void dmk_task_begin(dmk_context *ctx, dmk_task *task, int (*work)(dmk_context *own, void *data),
-                    void *data)
+static void begin(dmk_context *ctx, dmk_task *task, int (*work)(dmk_context *own, void *data),
+                  void *data, bool stays)
 {
     *task = (dmk_task){.work = work, .data = data, .pool = dmk_pool_of(ctx)};
     dmk_context_lend(ctx, &task->own);
-    task->job = (dmk_job){.part = run_task, .data = task, .n_parts = 1};
+    task->job = (dmk_job){.part = run_task, .data = task, .n_parts = 1, .stays = stays};
     if (task->pool) dmk_pool_post(task->pool, &task->job);
+}
+
+void dmk_task_begin(dmk_context *ctx, dmk_task *task, int (*work)(dmk_context *own, void *data),
+                    void *data)
+{
+    begin(ctx, task, work, data, false);
+}
+
+void dmk_task_begin_staying(dmk_context *ctx, dmk_task *task,
+                            int (*work)(dmk_context *own, void *data), void *data)
+{
+    begin(ctx, task, work, data, true);
 }
 
 int dmk_task_end(dmk_context *ctx, dmk_task *task, int rc)
 {
     if (task->pool)
-        dmk_pool_finish(task->pool, &task->job);
+        (task->job.stays ? dmk_pool_finish : dmk_pool_finish_helping)(task->pool, &task->job);
     else
         run_task(0, task);
     if (rc != DMK_OK || task->rc == DMK_OK) return rc;

@@ -54,8 +54,12 @@ typedef struct dmk_task {
 
 void dmk_task_begin(dmk_context *context, dmk_task *task, int (*work)(dmk_context *own, void *data),
                     void *data);
-/* Wait for it, or do it if nobody has begun. `rc` is what the caller's work came to: that, if it failed;
- * else the task's status, with its message in `context`. */
+/* That stays as long as others work: who waits for another task and does what there is to do meanwhile does not take
+ * it. */
+void dmk_task_begin_staying(dmk_context *context, dmk_task *task,
+                            int (*work)(dmk_context *own, void *data), void *data);
+/* Wait for it, doing meanwhile what others offer, or do it if nobody has begun. `rc` is what the caller's work came
+ * to: that, if it failed; else the task's status, with its message in `context`. */
 int dmk_task_end(dmk_context *context, dmk_task *task, int rc);
 
 #endif

@@ -12,10 +12,11 @@ enum { MOST_THREADS = 256 };
 struct dmk_pool {
     pid_t owner; /* process whose threads these are: a forked child has none of them */
     pthread_mutex_t lock;
-    pthread_cond_t posted, progress; /* a job has come; a job's last part is done */
-    dmk_job *first;                  /* jobs with parts that nobody has taken, the newest first */
+    pthread_cond_t posted;   /* a job has come */
+    pthread_cond_t progress; /* a job's last part is done; or, for who helps, that */
+    dmk_job *first;          /* jobs with parts that nobody has taken, the newest first */
     bool stop;
-    int n_threads;
+    int n_threads, n_helpers;
     pthread_t thread[];
 };
 
@@ -108,6 +109,7 @@ void dmk_pool_post(struct dmk_pool *pool, dmk_job *job)
         pthread_cond_signal(&pool->posted);
     else
         pthread_cond_broadcast(&pool->posted);
+    if (pool->n_helpers > 0) pthread_cond_broadcast(&pool->progress);
     pthread_mutex_unlock(&pool->lock);
 }
 
@@ -116,6 +118,25 @@ void dmk_pool_finish(struct dmk_pool *pool, dmk_job *job)
     pthread_mutex_lock(&pool->lock);
     while (job->next < job->n_parts) do_part(pool, job);
     while (job->done < job->n_parts) pthread_cond_wait(&pool->progress, &pool->lock);
+    pthread_mutex_unlock(&pool->lock);
+}
+
+/* Jobs wait for those alone that they have posted, so two threads that help cannot wait for what lies beneath, on each
+ * other's stack: each would have begun before the other. */
+void dmk_pool_finish_helping(struct dmk_pool *pool, dmk_job *job)
+{
+    pthread_mutex_lock(&pool->lock);
+    while (job->next < job->n_parts) do_part(pool, job);
+    pool->n_helpers++;
+    while (job->done < job->n_parts) {
+        dmk_job *other = pool->first;
+        while (other && other->stays) other = other->later;
+        if (other)
+            do_part(pool, other);
+        else
+            pthread_cond_wait(&pool->progress, &pool->lock);
+    }
+    pool->n_helpers--;
     pthread_mutex_unlock(&pool->lock);
 }
 

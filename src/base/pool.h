@@ -10,6 +10,7 @@ typedef struct dmk_job {
     void (*part)(int32_t k, void *data);
     void *data;
     int32_t n_parts, next, done; /* next: the first that nobody has taken */
+    bool stays;                  /* as long as others work: who helps leaves it */
     struct dmk_job *later;       /* in the pool's list */
 } dmk_job;
 
@@ -24,6 +25,8 @@ void dmk_context_lend(dmk_context *context, dmk_context *own);
 void dmk_pool_post(struct dmk_pool *pool, dmk_job *job);
 /* Do what nobody has taken of the job, and wait for the rest. */
 void dmk_pool_finish(struct dmk_pool *pool, dmk_job *job);
+/* The same, and meanwhile parts of other jobs: a long one has posted them, most likely. They may end later. */
+void dmk_pool_finish_helping(struct dmk_pool *pool, dmk_job *job);
 void dmk_pool_destroy(struct dmk_pool **pool);
 
 #endif

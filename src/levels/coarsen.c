@@ -67,17 +67,12 @@ static int cell_adjacency(dmk_context *ctx, const dmk_adjacency *fine, const dmk
                           dmk_adjacency *g)
 {
     int rc;
-    int32_t *stamp = NULL, n_edges = 0;
+    int32_t *stamp = NULL;
     memset(g, 0, sizeof *g);
     g->n = cells->n;
-    for (int32_t v = 0; v < fine->n; v++) {
-        for (int32_t i = fine->row[v]; i < fine->row[v + 1]; i++) {
-            n_edges += cells->owner[fine->to[i]] != cells->owner[v];
-        }
-    }
     DMK_TRY(DMK_NEW(ctx, stamp, (size_t)g->n));
     DMK_TRY(DMK_NEW(ctx, g->row, (size_t)g->n + 1));
-    DMK_TRY(DMK_NEW(ctx, g->to, (size_t)n_edges)); /* an upper bound */
+    DMK_TRY(DMK_NEW_UNSET(ctx, g->to, (size_t)fine->row[fine->n])); /* an upper bound */
     for (int32_t a = 0; a < g->n; a++) {
         int32_t begin = g->row[a], end = begin;
         for (int32_t m = cells->row[a]; m < cells->row[a + 1]; m++) {

@@ -14,6 +14,8 @@
 /* Differences of two float weights below this are rounding. */
 #define TINY 1e-6f
 
+/* Arrays that are filled at once are not cleared before, and have room for one item more: there may be none. */
+
 enum { MOST = 6 }; /* nonzero entries of a d */
 
 /* The nonzero entries of d for each fine edge. */
@@ -106,10 +108,10 @@ static int difference_create(dmk_context *ctx, const dmk_coarsening *c, int32_t 
     int rc;
     difference_job job = {c, edge, d};
     d->n_edges = n_edges;
-    DMK_TRY(DMK_NEW(ctx, d->row, (size_t)n_edges));
-    DMK_TRY(DMK_NEW(ctx, d->length, (size_t)n_edges));
-    DMK_TRY(DMK_NEW(ctx, d->coarse, MOST * (size_t)n_edges));
-    DMK_TRY(DMK_NEW(ctx, d->value, MOST * (size_t)n_edges));
+    DMK_TRY(DMK_NEW_UNSET(ctx, d->row, (size_t)n_edges + 1));
+    DMK_TRY(DMK_NEW_UNSET(ctx, d->length, (size_t)n_edges + 1));
+    DMK_TRY(DMK_NEW_UNSET(ctx, d->coarse, MOST * (size_t)n_edges + 1));
+    DMK_TRY(DMK_NEW_UNSET(ctx, d->value, MOST * (size_t)n_edges + 1));
     dmk_parallel(ctx, n_edges, difference_range, &job);
 done:
     return rc;
@@ -140,34 +142,82 @@ static int64_t count_pairs(const difference *d)
     return sum;
 }
 
+/* The edges are dealt out in pieces: where each begins among those of a coarse vertex follows from their counts. */
+typedef struct filling {
+    const difference *d;
+    bucket *k;
+    int32_t n_coarse, n_pieces;
+    /* n_pieces * n_coarse: a piece's edges at a coarse vertex, then where its next one goes */
+    int32_t *next;
+} filling;
+
+/* Of a piece's edges: count them, or put them where they belong. */
+static void visit_piece(const filling *f, int32_t piece, bool put)
+{
+    const difference *d = f->d;
+    int32_t *next = f->next + (size_t)piece * (size_t)f->n_coarse;
+    const int32_t begin = dmk_range_begin(d->n_edges, piece, f->n_pieces),
+                  end = dmk_range_begin(d->n_edges, piece + 1, f->n_pieces);
+    for (int32_t e = begin; e < end; e++) {
+        for (int32_t p = d->row[e]; p + 1 < d->row[e] + d->length[e]; p++) {
+            if (!is_wanted(d, d->coarse[p])) continue;
+            int32_t *at = next + d->coarse[p];
+            if (put) f->k->edge[*at] = (uint32_t)e * 8 + (uint32_t)(p - d->row[e]);
+            ++*at;
+        }
+    }
+}
+
+static int count_piece(dmk_context *own, int32_t piece, void *data)
+{
+    (void)own;
+    visit_piece(data, piece, false);
+    return DMK_OK;
+}
+
+static int put_piece(dmk_context *own, int32_t piece, void *data)
+{
+    (void)own;
+    visit_piece(data, piece, true);
+    return DMK_OK;
+}
+
+static void entry_range(int32_t begin, int32_t end, void *data)
+{
+    const filling *f = data;
+    for (int32_t a = begin; a < end; a++) {
+        for (int32_t i = f->k->row[a]; i < f->k->row[a + 1]; i++) {
+            const uint32_t e = f->k->edge[i] / 8, slot = f->k->edge[i] % 8;
+            f->k->entry[a + 1] += f->d->length[e] - 1 - (int32_t)slot;
+        }
+    }
+}
+
 static int bucket_create(dmk_context *ctx, const difference *d, int32_t n_coarse, bucket *k)
 {
     int rc;
-    int32_t *fill = NULL;
-    DMK_TRY(DMK_NEW(ctx, k->row, (size_t)n_coarse + 1));
+    filling f = {.d = d, .k = k, .n_coarse = n_coarse, .n_pieces = dmk_parallel_threads(ctx)};
+    int32_t sum = 0;
+    DMK_TRY(DMK_NEW_UNSET(ctx, k->row, (size_t)n_coarse + 1));
     DMK_TRY(DMK_NEW(ctx, k->entry, (size_t)n_coarse + 1));
-    DMK_TRY(DMK_NEW(ctx, fill, (size_t)n_coarse));
-    for (int32_t e = 0; e < d->n_edges; e++) {
-        for (int32_t p = d->row[e]; p + 1 < d->row[e] + d->length[e]; p++) {
-            if (!is_wanted(d, d->coarse[p])) continue;
-            k->row[d->coarse[p] + 1]++;
-            k->entry[d->coarse[p] + 1] += d->row[e] + d->length[e] - 1 - p;
-        }
-    }
+    DMK_TRY(DMK_NEW(ctx, f.next, (size_t)f.n_pieces * (size_t)n_coarse));
+    DMK_TRY(dmk_parallel_pieces(ctx, f.n_pieces, count_piece, &f));
     for (int32_t a = 0; a < n_coarse; a++) {
-        fill[a] = k->row[a];
-        k->row[a + 1] += k->row[a];
-        k->entry[a + 1] += k->entry[a];
-    }
-    DMK_TRY(DMK_NEW(ctx, k->edge, (size_t)k->row[n_coarse]));
-    for (int32_t e = 0; e < d->n_edges; e++) {
-        for (int32_t p = d->row[e]; p + 1 < d->row[e] + d->length[e]; p++) {
-            if (!is_wanted(d, d->coarse[p])) continue;
-            k->edge[fill[d->coarse[p]]++] = (uint32_t)e * 8 + (uint32_t)(p - d->row[e]);
+        k->row[a] = sum;
+        for (int32_t piece = 0; piece < f.n_pieces; piece++) {
+            int32_t *next = f.next + (size_t)piece * (size_t)n_coarse + a;
+            const int32_t n = *next;
+            *next = sum;
+            sum += n;
         }
     }
+    k->row[n_coarse] = sum;
+    DMK_TRY(DMK_NEW_UNSET(ctx, k->edge, (size_t)sum + 1));
+    DMK_TRY(dmk_parallel_pieces(ctx, f.n_pieces, put_piece, &f));
+    dmk_parallel(ctx, n_coarse, entry_range, &f);
+    for (int32_t a = 0; a < n_coarse; a++) k->entry[a + 1] += k->entry[a];
 done:
-    free(fill);
+    free(f.next);
     return rc;
 }
 
@@ -253,7 +303,7 @@ static int pack_edges(dmk_context *ctx, const emitter *m)
     dmk_coarsening *c = m->c;
     int32_t n = 0;
     for (int32_t a = 0; a < c->coarse.n; a++) n += m->count[a];
-    DMK_TRY(DMK_NEW(ctx, c->galerkin_row, (size_t)n + 1));
+    DMK_TRY(DMK_NEW_UNSET(ctx, c->galerkin_row, (size_t)n + 1));
     DMK_TRY(DMK_NEW(ctx, c->coarse.edge, 2 * (size_t)n));
     c->coarse.n_edges = n;
     n = 0;
@@ -276,10 +326,10 @@ static int emit_all(dmk_context *ctx, const difference *d, const bucket *by_end,
     emitter m = {.c = c, .d = d, .by_end = by_end};
     DMK_TRY(DMK_NEW(ctx, m.first, n));
     DMK_TRY(DMK_NEW(ctx, m.count, n));
-    DMK_TRY(DMK_NEW(ctx, m.other, n_entries));
-    DMK_TRY(DMK_NEW(ctx, m.begin, n_entries));
-    DMK_TRY(DMK_NEW(ctx, c->galerkin_edge, n_entries));
-    DMK_TRY(DMK_NEW(ctx, c->galerkin_coef, n_entries));
+    DMK_TRY(DMK_NEW_UNSET(ctx, m.other, n_entries + 1));
+    DMK_TRY(DMK_NEW_UNSET(ctx, m.begin, n_entries + 1));
+    DMK_TRY(DMK_NEW_UNSET(ctx, c->galerkin_edge, n_entries + 1));
+    DMK_TRY(DMK_NEW_UNSET(ctx, c->galerkin_coef, n_entries + 1));
     DMK_TRY(dmk_parallel_try(ctx, d->end - d->first, emit_range, &m));
     DMK_TRY(pack_edges(ctx, &m));
 done:
@@ -317,7 +367,7 @@ static int transpose(dmk_context *ctx, int32_t n_fine, dmk_coarsening *c)
     size_t n = (size_t)c->coarse.n;
     int32_t *fill = NULL, sum = 0;
     DMK_TRY(DMK_NEW(ctx, fill, n));
-    DMK_TRY(DMK_NEW(ctx, c->restrict_row, n + 1));
+    DMK_TRY(DMK_NEW_UNSET(ctx, c->restrict_row, n + 1));
     for (size_t k = 0; k < 3 * (size_t)n_fine; k++) {
         if (c->prolong_weight[k] != 0) fill[c->prolong_index[k]]++;
     }
@@ -327,8 +377,8 @@ static int transpose(dmk_context *ctx, int32_t n_fine, dmk_coarsening *c)
         fill[a] = c->restrict_row[a];
     }
     c->restrict_row[n] = sum;
-    DMK_TRY(DMK_NEW(ctx, c->restrict_fine, (size_t)sum));
-    DMK_TRY(DMK_NEW(ctx, c->restrict_weight, (size_t)sum));
+    DMK_TRY(DMK_NEW_UNSET(ctx, c->restrict_fine, (size_t)sum + 1));
+    DMK_TRY(DMK_NEW_UNSET(ctx, c->restrict_weight, (size_t)sum + 1));
     for (int32_t i = 0; i < n_fine; i++) {
         for (size_t k = 3 * (size_t)i; k < 3 * (size_t)i + 3; k++) {
             if (c->prolong_weight[k] == 0) continue;

@@ -111,20 +111,20 @@ static void swap(iterates *x)
     *x = (iterates){x->old, x->now};
 }
 
-/* Smoothing steps on a graph level, on the way up only: on T three, or four where T/2 has one step or no part; on
- * levels of more rows than the tail's two, for each of them is a launch; on smaller ones DMK_TAIL_STEPS. 93 solves on
- * meshes of scans and CAD take 0.944 of the steps that they take with one before and two after on all of these levels
- * (geometric mean), 0.954 with two and two, 0.950 with six on the small ones, 0.959 with four, 0.986 with three; a
- * fourth on T gains 0.03. A cycle that is not symmetric is borne by the beta of conjugate gradients (base.cl): A's
- * solves take 954 iterations for 941. */
-enum { STEPS_ON_T = 3, STEPS_ON_LIGHT_T = 4, STEPS_ON_LARGE = 2 };
+/* Smoothing steps on a graph level, on the way up only: on T three, or four for A and where T/2 has one step or no
+ * part; on levels of more rows than the tail's two, for each of them is a launch; on smaller ones DMK_TAIL_STEPS. 93
+ * solves on meshes of scans and CAD take 0.944 of the steps that they take with one before and two after on all these
+ * levels (geometric mean), 0.954 with two and two, 0.950 with six on the small ones, 0.959 with four, 0.986 with three;
+ * a fourth on T gains 0.03. A cycle that is not symmetric is borne by the beta of conjugate gradients (base.cl): with
+ * three on T A's solves take 954 iterations for 941, and to 1e-8 7 for 6. */
+enum { STEPS_ON_T = 3, MORE_ON_T = 4, STEPS_ON_LARGE = 2 };
 
-/* By the rows of the whole mesh's level, so that ranks do the same. fine: steps on T/2. */
-static int steps_on(const dmk_system *s, int32_t i, int fine)
+/* By the rows of the whole mesh's level, so that ranks do the same. */
+static int steps_on(const dmk_system *s, int32_t i, bool more)
 {
     const bool dealt = s->share && i < s->share->first_whole;
     const int64_t n = dealt ? s->share->vertex[i].n_whole : s->level[i].n;
-    if (i == 0) return fine > 1 ? STEPS_ON_T : STEPS_ON_LIGHT_T;
+    if (i == 0) return more ? MORE_ON_T : STEPS_ON_T;
     return n > DMK_TAIL_MOST ? STEPS_ON_LARGE : DMK_TAIL_STEPS;
 }
 
@@ -136,17 +136,17 @@ static int tail_cycle(dmk_context *ctx, dmk_system *s)
     return dmk_tail_cycle(ctx, s, step);
 }
 
-/* Level i and those below: x_old of level i from its rhs, where T/2 has `fine` steps. */
-static int graph_cycle(dmk_context *ctx, dmk_system *s, int32_t i, int fine)
+/* Level i and those below: x_old of level i from its rhs. */
+static int graph_cycle(dmk_context *ctx, dmk_system *s, int32_t i, bool more)
 {
     int rc;
     const dmk_level *l = &s->level[i];
-    const chebyshev c = polynomial(steps_on(s, i, fine));
+    const chebyshev c = polynomial(steps_on(s, i, more));
     iterates x = c.degree % 2 ? (iterates){l->x, l->x_old} : (iterates){l->x_old, l->x};
     if (i == s->tail) return tail_cycle(ctx, s);
     if (i == s->n_levels - 1) return dmk_coarse_solve(ctx, s);
     if (i + 1 < s->tail) DMK_TRY(dmk_restrict(ctx, s, i + 1));
-    DMK_TRY(graph_cycle(ctx, s, i + 1, fine));
+    DMK_TRY(graph_cycle(ctx, s, i + 1, more));
     DMK_TRY(dmk_prolong_chebyshev(ctx, s, i + 1, x.now, x.old, c.first));
     for (int k = 1; k < c.degree; k++) {
         swap(&x);
@@ -158,7 +158,7 @@ done:
 
 int dmk_mesh_cycle(dmk_context *ctx, dmk_system *s)
 {
-    return graph_cycle(ctx, s, 0, 0);
+    return graph_cycle(ctx, s, 0, true);
 }
 
 /* The steps after the first one. `from_zero`: that was from 0. */
@@ -184,7 +184,7 @@ int dmk_v_cycle(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_buff
     DMK_TRY(smooth(ctx, s, op, rhs, &fine, true, &x));
     DMK_TRY(dmk_element_down(ctx, s, op, x.now));
     DMK_TRY(dmk_restrict_rows(ctx, s, rhs));
-    DMK_TRY(graph_cycle(ctx, s, 0, fine.degree));
+    DMK_TRY(graph_cycle(ctx, s, 0, op == DMK_STIFFNESS || fine.degree == 1));
     DMK_TRY(dmk_element_up(ctx, s, op, x.now));
     DMK_TRY(dmk_rows_up(ctx, s, rhs, fine.degree > 1, x.now, x.old, fine.first));
     swap(&x);

@@ -8,6 +8,7 @@
 #include "dmk_shared.h"
 
 #include <math.h>
+#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -93,17 +94,25 @@ typedef struct needles {
     int32_t begin, end; /* of its triangles */
     int64_t n;
     double sharpest;
+    pthread_mutex_t lock;
 } needles;
 
-static void find_needles(needles *f)
+static void needle_range(int32_t begin, int32_t end, void *data)
 {
+    needles *f = data;
     const dmk_mesh *m = f->mesh;
-    for (int32_t t = f->begin; t < f->end; t++) {
+    int64_t n = 0;
+    double sharpest = 0;
+    for (int32_t t = f->begin + begin; t < f->begin + end; t++) {
         const double c[3] = {dmk_cot(m, 3 * t), dmk_cot(m, 3 * t + 1), dmk_cot(m, 3 * t + 2)};
         double s = 1 / (1 + c[0] * c[0]) + 1 / (1 + c[1] * c[1]) + 1 / (1 + c[2] * c[2]);
-        f->sharpest = fmax(f->sharpest, fmax(fabs(c[0]), fmax(fabs(c[1]), fabs(c[2]))));
-        f->n += 1.5 + sqrt(fmax(2.25 - s, 0)) > 2.5;
+        sharpest = fmax(sharpest, fmax(fabs(c[0]), fmax(fabs(c[1]), fabs(c[2]))));
+        n += 1.5 + sqrt(fmax(2.25 - s, 0)) > 2.5;
     }
+    pthread_mutex_lock(&f->lock);
+    f->n += n;
+    f->sharpest = fmax(f->sharpest, sharpest);
+    pthread_mutex_unlock(&f->lock);
 }
 
 static void add_needles(void *data, double *sum)
@@ -129,7 +138,9 @@ static int look_at_angles(dmk_context *ctx, const dmk_ranks *ranks, const dmk_gr
         while (f.begin < f.end && g->element[f.begin] < g->bound[0][ranks->rank]) f.begin++;
         f.end = f.begin + (int32_t)(g->bound[0][ranks->rank + 1] - g->bound[0][ranks->rank]);
     }
-    find_needles(&f);
+    pthread_mutex_init(&f.lock, NULL);
+    dmk_parallel(ctx, f.end - f.begin, needle_range, &f);
+    pthread_mutex_destroy(&f.lock);
     n = (double)f.n;
     s->sharpest = f.sharpest;
     if (g->element) {
