@@ -1011,7 +1011,8 @@ static void test_tie(void **state)
     free_scene(&s);
 }
 
-/* angle: inwards a branch's worth grows by (1 - cos(alpha / 2)) of its length less what it would be at 0.126. */
+/* angle: inwards a branch's worth grows by (1 - cos(alpha / 2)) of its length less what it would be at 0.126; alpha is
+ * the harmonic mean of both ends'. */
 static void test_angle(void **state)
 {
     (void)state;
@@ -1033,7 +1034,8 @@ static void test_angle(void **state)
             double step = 0;
             for (int j = 0; j < 3; j++)
                 step += (from->xyz[j] - to->xyz[j]) * (from->xyz[j] - to->xyz[j]);
-            const double gain = cos(0.063) - cos(0.25 * (from->alpha + to->alpha));
+            const double half = from->alpha * to->alpha / (from->alpha + to->alpha);
+            const double gain = cos(0.063) - cos(half);
             exact += fabs(to->worth - from->worth - gain * sqrt(step)) < 1e-9 * s.h;
             n++;
         }
@@ -1043,13 +1045,13 @@ static void test_angle(void **state)
     free_scene(&s);
 }
 
-/* off: joints on a bumpy sphere. By 1.5 the locus is 1.6 and 2.4 h shorter, by 6 14 and 4.3 h longer. */
+/* off: joints on a bumpy sphere. By 1.5 the locus is 1.8 and 3.7 h shorter, by 6 2.3 and 2.9 h longer. */
 static void test_off(void **state)
 {
     static const struct {
         int32_t source;
         double length; /* h */
-    } of[] = {{508, 238.1}, {386, 262.2}};
+    } of[] = {{368, 258.0}, {1405, 235.7}};
     (void)state;
     for (int i = 0; i < 2; i++) {
         dmk_mesh *mesh = NULL;
@@ -1069,9 +1071,9 @@ static void test_off(void **state)
 static void test_blocks(void **state)
 {
     (void)state;
-    scene s = surface("torus", 1, (double[3]){3, 0, 0});
+    scene s = surface("torus", 2, (double[3]){3, 0, 0});
     dmk_cotree one = {0}, many = {0};
-    assert_true(s.mesh->n_triangles > 16384);
+    assert_true(s.mesh->n_triangles > 2 * 32768);
     assert_int_equal(dmk_context_set_threads(ctx, 1), DMK_OK);
     assert_int_equal(dmk_cotree_complete(ctx, s.geodesics, &one), DMK_OK);
     assert_int_equal(dmk_context_set_threads(ctx, 4), DMK_OK);
@@ -1118,13 +1120,13 @@ static void test_gap(void **state)
 }
 
 /* noise: from an umbilic all of the branches are the mesh's own. The strongest is of 0.24 edges and raises the default
- * where it is 31 times the median of the jumps, on a noisy mesh, and of 0.21 and does not where it is 67 times. */
+ * where it is 33 times the median of the jumps, on a noisy mesh, and of 0.22 and does not where it is 55 times. */
 static void test_noise_level(void **state)
 {
     (void)state;
     for (int noisy = 0; noisy < 2; noisy++) {
         scene s = surface("ellipsoid", 2, (double[3]){-sqrt(1.0 / 75), 0, sqrt(2.0 / 3)});
-        if (noisy) s = shaken(s, 0.035 * s.h, 3);
+        s = shaken(s, (noisy ? 0.035 : 0.02) * s.h, noisy ? 4 : 6);
         dmk_cotree t = {0};
         double own = 0;
         assert_int_equal(dmk_cotree_complete(ctx, s.geodesics, &t), DMK_OK);
@@ -1132,7 +1134,7 @@ static void test_noise_level(void **state)
             const double b = dmk_branch_at(&t, i);
             if (b < HUGE_VAL) own = fmax(own, b);
         }
-        assert_true(fabs(own / t.noise - (noisy ? 31 : 67)) < 1 && own > 0.2 * s.h);
+        assert_true(fabs(own / t.noise - (noisy ? 33 : 55)) < 1 && own > 0.2 * s.h);
         assert_true(fabs(t.strength - (noisy ? sqrt(5) * own : 0.2 * s.h)) < 1e-9 * s.h);
         dmk_cotree_free(&t);
         free_scene(&s);

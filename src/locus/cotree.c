@@ -14,7 +14,7 @@ static dmk_image image_from(const dmk_geodesics *g, int32_t v, double along)
     const dmk_arrival *a = g->arrival + v;
     const double turn = g->star.total[v];
     double b = a->back - along;
-    if (!g->star.border[v]) b -= turn * round(b / turn);
+    if (!g->star.border[v]) b -= turn * rint(b / turn);
     double before = a->source < 0 ? 0 : g->source[a->source].offset;
     if (a->pseudo_source >= 0) before = g->distance[a->pseudo_source];
     const double r = (g->distance[v] - before) / g->star.unit;
@@ -49,11 +49,10 @@ double dmk_image_length(const dmk_image *i, double x, double y)
 
 void dmk_apex(const dmk_geodesics *g, int32_t h, double *x, double *y)
 {
-    const double *l = g->mesh->length;
-    const double side = l[g->mesh->triangle_edge[dmk_previous(h)]] / g->star.unit;
-    const double angle = g->star.corner_angle[dmk_next(h)];
-    *x = side * cos(angle);
-    *y = side * sin(angle);
+    const double base = length_of(g, h), area = g->mesh->area[h / 3] / g->star.unit / g->star.unit;
+    const double a = length_of(g, dmk_previous(h)), b = length_of(g, dmk_next(h));
+    *x = 0.5 * (base + (a - b) * (a + b) / base);
+    *y = 2 * area / base;
 }
 
 double dmk_jump(const dmk_geodesics *g, int32_t h)
@@ -71,10 +70,10 @@ double dmk_jump(const dmk_geodesics *g, int32_t h)
         at[3][1] = -at[3][1];
     }
     for (int k = 0; k < (twin >= 0 ? 4 : 3); k++)
-        differ = fmax(differ, fabs(dmk_image_length(&a, at[k][0], at[k][1]) -
-                                   dmk_image_length(&b, at[k][0], at[k][1])));
-    return fmax(0, dmk_image_length(&a, length, 0) - g->distance[w] / unit) +
-           fmax(0, dmk_image_length(&b, 0, 0) - g->distance[v] / unit) + dmk_rules.tie * differ;
+        differ = dmk_max(differ, fabs(dmk_image_length(&a, at[k][0], at[k][1]) -
+                                      dmk_image_length(&b, at[k][0], at[k][1])));
+    return dmk_max(0, dmk_image_length(&a, length, 0) - g->distance[w] / unit) +
+           dmk_max(0, dmk_image_length(&b, 0, 0) - g->distance[v] / unit) + dmk_rules.tie * differ;
 }
 
 bool dmk_parts_cells(const dmk_geodesics *g, int32_t e)
@@ -111,12 +110,12 @@ static void find_jumps(int32_t begin, int32_t end, void *data)
     }
 }
 
-static float jump_of(const dmk_keyed *edge)
+double dmk_jump_of(const dmk_cotree *t, int32_t k)
 {
     float jump;
-    const uint32_t bits = edge->key & ~(UINT32_C(1) << 31);
+    const uint32_t bits = t->order[k].key & ~(UINT32_C(1) << 31);
     memcpy(&jump, &bits, sizeof jump);
-    return jump;
+    return t->mean_edge * jump;
 }
 
 /* Where the families of both ends are equally long: by Newton's method from where their images are equally far, by
@@ -192,7 +191,7 @@ static void set_range(int32_t begin, int32_t end, void *data)
         if (t->on[h] < 0 || !is_first(t->geodesics, h)) continue;
         dmk_crossing *to = &t->crossing[t->on[h]];
         set_crossing(t->geodesics, t->loop, h, to);
-        to->least = c->kept && c->kept[t->geodesics->mesh->triangle_edge[h]] ? t->strength : 0;
+        to->kept = c->kept && c->kept[t->geodesics->mesh->triangle_edge[h]];
     }
 }
 
@@ -252,7 +251,7 @@ int dmk_cotree_span(dmk_context *ctx, dmk_cotree *t, const bool *kept)
     for (int32_t v = 0; v < m->n_vertices; v++) parent[v] = v;
     n_wanted = m->n_used_vertices - m->n_components - unite_sources(t->geodesics, parent);
     for (int32_t k = 0; k < 2 * m->n_edges && n_wanted > 0; k++) {
-        const int32_t e = t->order[k % m->n_edges].item;
+        const int32_t e = t->order[k < m->n_edges ? k : k - m->n_edges].item;
         if ((kept && kept[e]) != (k >= m->n_edges)) continue;
         in_tree[e] = dmk_set_unite(parent, m->edge_vertex[2 * e], m->edge_vertex[2 * e + 1]);
         n_wanted -= in_tree[e];
@@ -280,7 +279,7 @@ int dmk_cotree_create(dmk_context *ctx, const dmk_geodesics *g, dmk_cotree *t)
     dmk_parallel(ctx, 3 * m->n_triangles, find_jumps, &j);
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(dmk_sort_keyed(ctx, t->order, (size_t)m->n_edges));
-    t->noise = t->mean_edge * jump_of(t->order + m->n_edges / 2);
+    t->noise = dmk_jump_of(t, m->n_edges / 2);
     DMK_TRY(dmk_poll(ctx));
     rc = dmk_cotree_span(ctx, t, NULL);
 done:

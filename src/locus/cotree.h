@@ -19,13 +19,13 @@ typedef struct dmk_crossing {
     int32_t onward;  /* crossing to which its excess is handed on; -1: none */
     int8_t outer;    /* node[outer] was peeled: the branch's end lies behind it; -1: on a loop */
     bool heir;       /* `onward` is of the same branch */
+    bool kept;       /* has the default strength in any case: see joints.c */
     double at;       /* on the half-edge from its start, a share of its length */
     double xyz[3];
     double distance; /* to the source */
     double alpha;    /* angle at which the two families meet, radians in [0, pi] */
     double excess;   /* P: by how much a path must grow to be moved from one family to the other */
     double worth;    /* P as far as it counts: see strength.c */
-    double least;    /* worth that it has in any case: see joints.c */
     double strength; /* that by which it is pruned: see strength.c */
 } dmk_crossing;
 
@@ -64,6 +64,8 @@ bool dmk_parts_cells(const dmk_geodesics *geodesics, int32_t e);
  * across a locus on which the ends themselves lie, so a small part of the families' difference at the corners of the
  * two triangles breaks the tie. */
 double dmk_jump(const dmk_geodesics *geodesics, int32_t h);
+/* That of the k-th edge by jump, a length. */
+double dmk_jump_of(const dmk_cotree *cotree, int32_t k);
 
 /* strength.c: excess of every crossing, strength of every branch, the default strength. */
 int dmk_cotree_peel(dmk_context *ctx, dmk_cotree *cotree);

@@ -3,20 +3,25 @@
  * Where families meet at a small angle, jumps are as small on the locus as beside it, and one edge sends the tree's
  * line around another way, 20 to 70 h long. So parts are told apart first: connected crossings of the default strength
  * where families meet at twice the angle of the rules or more, and border loops. The least ways that connect all are
- * their joints: lengths on the surface, `off` times what lies off the first tree's lines. A second tree takes none of
- * the edges that parts and joints cross, which have the default strength in any case. */
+ * their joints: lengths on the surface, longer off the first tree's lines, `off` times where the ends of an edge do
+ * not differ either. A second tree takes none of the edges that parts and joints cross, which have the default
+ * strength in any case. */
 #include "base/sets.h"
 #include "locus/cotree.h"
 
 #include <stdlib.h>
 
+/* An edge across a line at which families meet at the angle alpha has the jump alpha times its length, whether the
+ * tree takes it or not. */
 static void set_steps(const dmk_cotree *t, double *step)
 {
     const dmk_mesh *m = t->geodesics->mesh;
-    for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
-        const int32_t i = t->on[h];
-        const bool on = i >= 0 && t->crossing[i].excess >= dmk_least_excess(t);
-        step[m->triangle_edge[h]] = dmk_way_across(t->geodesics, h) * (on ? 1 : dmk_rules.off);
+    for (int32_t k = 0; k < m->n_edges; k++) {
+        const int32_t e = t->order[k].item, h = dmk_half_edge_on(m, m->edge_triangle[2 * e], e);
+        const bool on = t->on[h] >= 0 && t->crossing[t->on[h]].excess >= dmk_least_excess(t);
+        const double seen = dmk_jump_of(t, k) / m->length[e] / (0.5 * dmk_rules.angle);
+        const double off = 1 + (dmk_rules.off - 1) / (1 + seen);
+        step[e] = dmk_way_across(t->geodesics, h) * (on ? 1 : off);
     }
 }
 

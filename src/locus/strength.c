@@ -3,7 +3,9 @@
  * Leaves are peeled off, the weakest first. A triangle with one crossing left hands on to it
  *     P(out) = max over the others of P(i) + (1 - cos(alpha / 2)) |c_i - c_out|,
  * the largest d(x) + |x c| - d(c) over the points x of the branch cut off: the length by which a path to
- * c must grow to be moved around the branch's end, from one of the two shortest to the other. Crossings
+ * c must grow to be moved around the branch's end, from one of the two shortest to the other. alpha is the harmonic
+ * mean of both crossings': between ends that several families part a single one is too wide, and by their sum a
+ * branch of a coarse mesh has up to five times the excess that it has where the mesh is cut 1:4. Crossings
  * on loops are never peeled: their excess is infinite.
  *
  * A small piece with a large angle at the far end of a long line with a small one has much excess though the mesh
@@ -29,14 +31,15 @@
 static dmk_crossing receive(dmk_cotree *t, int32_t i, int32_t node)
 {
     const dmk_crossing *to = &t->crossing[i];
-    dmk_crossing got = {.worth = to->least}, *heir = NULL;
+    dmk_crossing got = {.worth = to->kept ? t->strength : 0}, *heir = NULL;
     double most = 0;
     for (int k = 0; k < 3; k++) {
         const int32_t j = t->on[3 * node + k];
         if (j < 0 || j == i) continue;
         dmk_crossing *from = &t->crossing[j];
         const double way = dmk_distance(from->xyz, to->xyz);
-        const double growth = (1 - cos(0.25 * (from->alpha + to->alpha))) * way;
+        const double sum = from->alpha + to->alpha, product = from->alpha * to->alpha;
+        const double growth = sum > 0 ? (1 - cos(product / sum)) * way : 0;
         const double loss = (1 - cos(0.5 * dmk_rules.angle)) * way;
         const double worth = fmax(0, from->worth + growth - loss);
         got.excess = fmax(got.excess, from->excess + growth);
@@ -61,7 +64,7 @@ static int32_t way_out(const dmk_cotree *t, int32_t leaf)
 }
 
 /* Triangles are peeled block by block, many at once, as far as a block's own ones will do. */
-enum { BLOCK = 16384 };
+enum { BLOCK = 32768 };
 
 typedef struct peeling {
     dmk_cotree *cotree;
