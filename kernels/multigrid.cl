@@ -184,11 +184,12 @@ typedef struct transfer {
 static floatv prolonged_block(int b, transfer p)
 {
     GATHERED float *coarse = p.coarse;
-    const intv i = LOAD(p.index, AT_K(b, 0, 3)), j = LOAD(p.index, AT_K(b, 1, 3)),
-               k = LOAD(p.index, AT_K(b, 2, 3));
-    return LOAD(p.weight, AT_K(b, 0, 3)) * (floatv)(GATHER(coarse, i)) +
-           LOAD(p.weight, AT_K(b, 1, 3)) * (floatv)(GATHER(coarse, j)) +
-           LOAD(p.weight, AT_K(b, 2, 3)) * (floatv)(GATHER(coarse, k));
+    floatv sum = 0;
+    for (int k = 0; k < 3; k++) {
+        const intv i = LOAD(p.index, AT_K(b, k, 3));
+        sum += LOAD(p.weight, AT_K(b, k, 3)) * (floatv)(GATHER(coarse, i));
+    }
+    return sum;
 }
 
 /* The same in any rows. */
