@@ -185,10 +185,10 @@ void dmk_mesh_forget_edges(dmk_mesh *mesh);
 /* The point of the surface nearest to xyz (in space). DMK_E_ARG for NaN or infinite xyz. */
 int dmk_mesh_project(dmk_context *context, const dmk_mesh *mesh, const double xyz[3],
                      dmk_point *point);
-/* The same for n points at once, xyz[3 i ..] and points[i], in far less time for many: the message of a failure begins
+/* The same for n_points at once, xyz[3 i ..] and points[i], in far less time for many: the message of a failure begins
  * with the number of the first point that failed. */
-int dmk_mesh_project_all(dmk_context *context, const dmk_mesh *mesh, size_t n, const double *xyz,
-                         dmk_point *points);
+int dmk_mesh_project_all(dmk_context *context, const dmk_mesh *mesh, size_t n_points,
+                         const double *xyz, dmk_point *points);
 /* The place of vertex i as a point. DMK_E_ARG if i is out of range or in no triangle. */
 int dmk_mesh_vertex_point(dmk_context *context, const dmk_mesh *mesh, int64_t vertex,
                           dmk_point *point);

@@ -523,7 +523,7 @@ static void narrow_heaps(void **state)
     problem p = problem_surface(*state, &o);
     const size_t nv = problem_vertices(&p), nt = problem_triangles(&p);
     double *a = calloc(nv, sizeof *a), *b = calloc(nv, sizeof *b);
-    int sweeps = 0, closed = 0;
+    int sweeps = 0;
     p.options.normalise = 1;
     for (int i = 0; i < 8; i++) {
         double x[3], y[3], least = INFINITY;
@@ -536,7 +536,6 @@ static void narrow_heaps(void **state)
         for (size_t t = 0; t < nt; t++) least = fmin(least, mu[t] / sqrt(problem_area(&p, t)));
         least *= p.info.area * sqrt(p.info.area) / m.stats.cost_upper;
         sweeps += m.stats.sweeps;
-        closed += m.stats.gap <= 1e-3;
         print_message("# gap %.2e, %d steps, %d sweeps, least %.3f\n", m.stats.gap, m.stats.steps,
                       m.stats.sweeps, least);
         assert_true(m.stats.gap <= 3e-3);
@@ -544,8 +543,8 @@ static void narrow_heaps(void **state)
         if (!(least > 0.15 && least < 0.3)) fail_msg("%g of the mean where nothing moves", least);
         dmk_transport_destroy(&m.transport);
     }
-    /* With half the sweeps before three times the goal will do, none; with twice as many, 560. */
-    if (!(closed >= 2 && sweeps <= 460)) fail_msg("%d gaps closed by %d sweeps", closed, sweeps);
+    /* Three times the goal will do from the first look on; with 40 sweeps before it 300. */
+    if (sweeps > 230) fail_msg("%d sweeps", sweeps);
     problem_free(&p);
     free(a);
     free(b);
