@@ -6,12 +6,13 @@ A quartic of N triangles (default 269,000) is solved by 2, 4 and 8 ranks under m
 exchanges, messages, bytes and sums of each rank; the model's two free numbers, the ghosts' depth on T/2 and on
 the graph levels, are fitted to the run of 4 ranks and tried on the others. All counts are of the worst rank.
 
-The model. A rank owns n = 2 N / R rows of T/2 (four per vertex); its border is as long as the root of that, and
-so are its ghosts: G = a sqrt(n). Of a level with v vertices it has 1 / R, and H = b sqrt(v / R) ghosts.
-    V-cycle     5 exchanges of rows, one of them with the first level's vertices, else 6 of each dealt level, and 1
-                that gathers two vectors of the first whole one
-    CG step     1 V-cycle, 1 exchange of rows, 2 sums
-    Newton step 1 exchange of rows in double precision, 1 in single, 1 of edges per level, 4 sums
+The model. A rank owns n = 2 N / R rows of T/2 (four per vertex); its border is as long as that of
+1 / R of a sphere, and so are its ghosts: G = a sqrt(n (1 - 1 / R)). Of a level with v vertices it has 1 / R, and
+H = b sqrt(v / R (1 - 1 / R)) ghosts.
+    V-cycle     5 exchanges of rows, one of them with the first level's vertices, 5 of each dealt level and 1 for each
+                of its smoothing steps, and 1 that gathers two vectors of the first whole one
+    CG step     1 V-cycle, 1 exchange of rows, 1 sum
+    Newton step 1 exchange of rows in double precision, 1 in single, 1 of edges per level, 3 sums
 Levels thin out by 6; those of fewer than 10,000 vertices are whole.
 """
 import argparse
@@ -26,7 +27,8 @@ FITTED = 4
 PART = 512  # items of a launch's part
 SUM_SHORT, SUM_BLOCK = 8192, 32  # of more parts than that, blocks are summed first (kernels/dmk_shared.h)
 THINNING, GATHER_BELOW = 6, 10000
-FINE, LEVEL, GATHERED = 5, 6, 2  # vectors that a V-cycle exchanges, and gathers
+FINE, LEVEL, GATHERED = 5, 5, 2  # vectors that a V-cycle exchanges, and gathers
+STEPS_ON_T, STEPS_ON_LEVEL = 3, 2  # of smoothing (src/solver/multigrid.c)
 # A large GPU in each rank and a fast network: seconds a message, bytes a second of network and memory,
 # bytes that a V-cycle moves per triangle (study of the kernels: 5.5 applications of 42 B and transfers).
 LATENCY, NETWORK, MEMORY, TRAFFIC, LAUNCH = 3e-6, 2e10, 3e12, 330, 5e-6
@@ -40,8 +42,18 @@ def levels(triangles):
     return dealt, dealt[-1] / THINNING
 
 
+def border(n, ranks):
+    """Length of the border of a rank's share of n: of 1 / R of a sphere, up to a factor."""
+    return math.sqrt(n / ranks * (1 - 1 / ranks))
+
+
+def vectors(level):
+    """Exchanged in a V-cycle on dealt level 0, 1, ..."""
+    return LEVEL + (STEPS_ON_LEVEL if level else STEPS_ON_T)
+
+
 def ghosts(triangles, ranks, a):
-    return a * math.sqrt(2 * triangles / ranks)
+    return a * border(2 * triangles, ranks)
 
 
 def cycle(triangles, ranks, a, b):
@@ -49,13 +61,13 @@ def cycle(triangles, ranks, a, b):
     dealt, whole = levels(triangles)
     if ranks == 1:
         return 0, 0, 0, 0
-    exchanges = FINE + 1 + LEVEL * len(dealt) - 1 + 1
+    exchanges = FINE + 1 + sum(vectors(i) for i in range(len(dealt))) - 1 + 1
     neighbours = min(ranks - 1, 6)  # chunks along a curve that fills the plane
     messages = neighbours * (exchanges - 1) + ranks - 1
     sent = 4 * (FINE + 1) * ghosts(triangles, ranks, a)
-    sent += sum(4 * LEVEL * b * math.sqrt(v / ranks) for v in dealt)
+    sent += sum(4 * vectors(i) * b * border(v, ranks) for i, v in enumerate(dealt))
     sent += 4 * GATHERED * whole / ranks * (ranks - 1)
-    return exchanges, messages, sent, 2 * 8 * 1.5 * given(triangles, ranks)
+    return exchanges, messages, sent, 8 * 3 * given(triangles, ranks)
 
 
 def given(triangles, ranks):
@@ -75,7 +87,7 @@ def seconds(triangles, ranks, a, b):
         return work, 0
     steps = math.ceil(math.log2(ranks))
     talk = exchanges * (LATENCY + 4 * LAUNCH) + sent / NETWORK
-    talk += 2 * steps * LATENCY + given * ranks / NETWORK
+    talk += steps * LATENCY + given * ranks / NETWORK
     return work, talk
 
 
@@ -93,7 +105,7 @@ def worst(report, key):
 
 def fit(report, triangles):
     """a and b from the ghosts of the rows, and from the bytes that the rows leave; of the run of FITTED ranks."""
-    a = worst(report, "ghost_rows") / math.sqrt(2 * triangles / FITTED)
+    a = worst(report, "ghost_rows") / border(2 * triangles, FITTED)
     low, high = 0.0, 1000.0
     for _ in range(60):
         b = (low + high) / 2
@@ -111,9 +123,9 @@ def total(report, triangles, ranks, a, b):
     steps, cycles = report["steps"] + 2, report["v_cycles"]  # two of the certificate
     refresh = len(dealt) + 1
     rows = 4 * ghosts(triangles, ranks, a)
-    edges = sum(4 * 3 * b * math.sqrt(v / ranks) for v in dealt)
+    edges = sum(4 * 3 * b * border(v, ranks) for v in dealt)
     return (cycles * exchanges + steps * (refresh + 2), cycles * sent + steps * (3 * rows + edges),
-            2 * cycles + 4 * steps)
+            cycles + 3 * steps)
 
 
 def check(program, triangles, lines):
