@@ -125,7 +125,8 @@ static int steps_on(const dmk_system *s, int32_t i, bool more)
     const bool dealt = s->share && i < s->share->first_whole;
     const int64_t n = dealt ? s->share->vertex[i].n_whole : s->level[i].n;
     if (i == 0) return more ? MORE_ON_T : STEPS_ON_T;
-    return n > DMK_TAIL_MOST ? STEPS_ON_LARGE : DMK_TAIL_STEPS;
+    /* A share that was handed over does not know n; as levels are dealt from 10,000 rows on, it is large. */
+    return (dealt && n == 0) || n > DMK_TAIL_MOST ? STEPS_ON_LARGE : DMK_TAIL_STEPS;
 }
 
 static int tail_cycle(dmk_context *ctx, dmk_system *s)
