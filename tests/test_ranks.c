@@ -225,6 +225,17 @@ static void test_usual_levels(void **state)
     dmk_mesh_destroy(&mesh);
 }
 
+/* Levels behind T are dealt out on both sides of DMK_TAIL_MOST rows, and smoothed as on one rank. */
+static void test_large_levels(void **state)
+{
+    bench *b = *state;
+    dmk_mesh *mesh = surface(b, "quartic", 70000);
+    task t = {.mesh = mesh, .device.struct_size = sizeof t.device, .gather_below = 500};
+    dmk_solve_options_init(&t.options, sizeof t.options);
+    try_ranks(&t, MOST_RANKS);
+    dmk_mesh_destroy(&mesh);
+}
+
 static void test_single_precision(void **state)
 {
     bench *b = *state;
@@ -455,6 +466,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_same_bits),        cmocka_unit_test(test_usual_levels),
+        cmocka_unit_test(test_large_levels),
         cmocka_unit_test(test_single_precision), cmocka_unit_test(test_explicit_steps),
         cmocka_unit_test(test_borders),          cmocka_unit_test(test_small_mesh),
         cmocka_unit_test(test_lost_touch),       cmocka_unit_test(test_measures),

@@ -390,8 +390,10 @@ void dmk_share_forget(dmk_share *s)
 {
     s->level_edge[0] = (dmk_space){0};
     for (int l = 1; l < DMK_SHARE_LEVELS; l++) {
+        const int64_t n = s->vertex[l].n_whole;
         dmk_space_free(&s->vertex[l]);
         dmk_space_free(&s->level_edge[l]);
+        s->vertex[l].n_whole = n;
     }
 }
 

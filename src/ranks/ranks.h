@@ -145,7 +145,7 @@ int dmk_share_fill(dmk_context *context, dmk_share *share, const dmk_ground *gro
 int dmk_share_check_devices(dmk_context *context, const dmk_ranks *ranks, const dmk_device *device);
 /* levels.c: the local hierarchy, without the mesh; the parts are used up. */
 int dmk_share_levels(dmk_context *context, dmk_share *share, dmk_parts *parts, dmk_local *local);
-/* Numbers on the coarser levels are not asked for any more. */
+/* Numbers on the coarser levels are not asked for any more, but how many vertices there are (multigrid.c). */
 void dmk_share_forget(dmk_share *share);
 void dmk_share_destroy(dmk_share **share);
 void dmk_local_free(dmk_local *local);

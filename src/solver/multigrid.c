@@ -1,7 +1,6 @@
 #include "solver/multigrid.h"
 
 #include "base/dense.h"
-#include "ranks/deal.h"
 #include "solver/kernels.h"
 
 #include <math.h>
@@ -124,9 +123,7 @@ enum { STEPS_ON_T = 3, MORE_ON_T = 4, STEPS_ON_LARGE = 2 };
 static int steps_on(const dmk_system *s, int32_t i, bool more)
 {
     const bool dealt = s->share && i < s->share->first_whole;
-    /* A share that was handed over does not know how many; but from which number on levels are dealt. */
-    const int64_t known = dealt ? s->share->vertex[i].n_whole : s->level[i].n,
-                  n = known > 0 ? known : dmk_gather_below(s->share);
+    const int64_t n = dealt ? s->share->vertex[i].n_whole : s->level[i].n;
     if (i == 0) return more ? MORE_ON_T : STEPS_ON_T;
     return n > DMK_TAIL_MOST ? STEPS_ON_LARGE : DMK_TAIL_STEPS;
 }
