@@ -465,13 +465,12 @@ static void test_wrong_ranks(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_same_bits),        cmocka_unit_test(test_usual_levels),
-        cmocka_unit_test(test_large_levels),
-        cmocka_unit_test(test_single_precision), cmocka_unit_test(test_explicit_steps),
-        cmocka_unit_test(test_borders),          cmocka_unit_test(test_small_mesh),
-        cmocka_unit_test(test_lost_touch),       cmocka_unit_test(test_measures),
-        cmocka_unit_test(test_wrong_ranks),      cmocka_unit_test(test_density_only),
-        cmocka_unit_test(test_at_once),
+        cmocka_unit_test(test_same_bits),      cmocka_unit_test(test_usual_levels),
+        cmocka_unit_test(test_large_levels),   cmocka_unit_test(test_single_precision),
+        cmocka_unit_test(test_explicit_steps), cmocka_unit_test(test_borders),
+        cmocka_unit_test(test_small_mesh),     cmocka_unit_test(test_lost_touch),
+        cmocka_unit_test(test_measures),       cmocka_unit_test(test_wrong_ranks),
+        cmocka_unit_test(test_density_only),   cmocka_unit_test(test_at_once),
     };
     return cmocka_run_group_tests_name("ranks", tests, bench_setup, bench_teardown);
 }

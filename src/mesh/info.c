@@ -52,25 +52,16 @@ typedef struct measuring {
 static void measure_edges(const dmk_mesh *m, int32_t begin, int32_t end, dmk_measures *of)
 {
     for (int32_t e = begin; e < end; e++) {
-        const double l = m->length[e];
-        of->edges += l;
-        of->min_edge = dmk_min(of->min_edge, l);
-        of->max_edge = dmk_max(of->max_edge, l);
+        of->edges += m->length[e];
+        dmk_measures_edge(of, m->length[e]);
     }
 }
 
 static void measure_triangles(const dmk_mesh *m, int32_t begin, int32_t end, dmk_measures *of)
 {
     for (int32_t t = begin; t < end; t++) of->area += m->area[t];
-    for (int32_t h = 3 * begin; h < 3 * end; h++) {
-        const double cot = dmk_cot(m, h), *x = m->xyz + 3 * (size_t)m->triangle[h];
-        of->min_cot = dmk_min(of->min_cot, cot);
-        of->max_cot = dmk_max(of->max_cot, cot);
-        for (int k = 0; k < 3; k++) {
-            of->box_min[k] = dmk_min(of->box_min[k], x[k]);
-            of->box_max[k] = dmk_max(of->box_max[k], x[k]);
-        }
-    }
+    for (int32_t h = 3 * begin; h < 3 * end; h++)
+        dmk_measures_corner(of, dmk_cot(m, h), m->xyz + 3 * (size_t)m->triangle[h]);
 }
 
 dmk_measures dmk_measures_none(void)

@@ -110,6 +110,21 @@ typedef struct dmk_measures {
     double edges, min_edge, max_edge, area, min_cot, max_cot, box_min[3], box_max[3];
 } dmk_measures;
 dmk_measures dmk_measures_none(void);
+/* Extremes only. */
+static inline void dmk_measures_edge(dmk_measures *of, double length)
+{
+    of->min_edge = dmk_min(of->min_edge, length);
+    of->max_edge = dmk_max(of->max_edge, length);
+}
+static inline void dmk_measures_corner(dmk_measures *of, double cot, const double xyz[3])
+{
+    of->min_cot = dmk_min(of->min_cot, cot);
+    of->max_cot = dmk_max(of->max_cot, cot);
+    for (int k = 0; k < 3; k++) {
+        of->box_min[k] = dmk_min(of->box_min[k], xyz[k]);
+        of->box_max[k] = dmk_max(of->box_max[k], xyz[k]);
+    }
+}
 void dmk_measures_add(dmk_measures *to, const dmk_measures *more);
 /* All of `info` but the counts, of which it needs that of the edges. */
 void dmk_measures_tell(const dmk_measures *all, dmk_mesh_info *info);

@@ -1,11 +1,9 @@
 /* What mesh/info.c tells of a mesh, of one in pieces: the same sums, from the same ranges in the same order. */
 #include "ranks/pieces.h"
 
-#include "base/sets.h"
 #include "base/vec3.h"
 
 #include <stdlib.h>
-#include <string.h>
 
 /* ---- sums ------------------------------------------------------------------------------------- */
 
@@ -51,14 +49,8 @@ static void measure_tile(const double *x, double *area, dmk_measures *of)
                          dmk_distance(x, x + 3)};
     dmk_measure_sides(l, area, cot);
     for (int k = 0; k < 3; k++) {
-        of->min_edge = dmk_min(of->min_edge, l[k]);
-        of->max_edge = dmk_max(of->max_edge, l[k]);
-        of->min_cot = dmk_min(of->min_cot, cot[k]);
-        of->max_cot = dmk_max(of->max_cot, cot[k]);
-        for (int i = 0; i < 3; i++) {
-            of->box_min[i] = dmk_min(of->box_min[i], x[3 * k + i]);
-            of->box_max[i] = dmk_max(of->box_max[i], x[3 * k + i]);
-        }
+        dmk_measures_edge(of, l[k]);
+        dmk_measures_corner(of, cot[k], x + 3 * k);
     }
 }
 
@@ -149,40 +141,19 @@ done:
     return rc;
 }
 
-static int32_t place_of(const dmk_list *list, int64_t number)
-{
-    size_t begin = 0, end = list->n;
-    while (end - begin > 1) {
-        const size_t middle = begin + (end - begin) / 2;
-        if (list->at[middle] <= number)
-            begin = middle;
-        else
-            end = middle;
-    }
-    return (int32_t)begin;
-}
-
 /* Each vertex of the border has one edge before it and one behind, so loops are the border's components. */
 int dmk_pieces_count_loops(dmk_context *ctx, dmk_pieces *p, size_t n, const int64_t *end)
 {
     int rc;
-    int64_t *bound = NULL, *all = NULL;
+    size_t n_edges;
+    int64_t *all = NULL;
     int32_t *parent = NULL;
     dmk_list vertex = {0};
-    DMK_TRY(DMK_NEW(ctx, bound, (size_t)p->ranks.size + 1));
-    DMK_TRY(dmk_ranks_bound(ctx, &p->ranks, (int64_t)n, bound));
-    const size_t n_edges = (size_t)bound[p->ranks.size];
-    DMK_TRY(dmk_join_all(ctx, &p->ranks, bound, 2 * sizeof *end, end, (void **)&all));
+    DMK_TRY(dmk_join_some(ctx, &p->ranks, n, 2 * sizeof *end, end, &n_edges, (void **)&all));
     for (size_t i = 0; i < 2 * n_edges; i++) DMK_TRY(dmk_list_add(ctx, &vertex, all[i]));
     dmk_list_sort(&vertex);
-    DMK_TRY(DMK_NEW(ctx, parent, vertex.n));
-    for (size_t i = 0; i < vertex.n; i++) parent[i] = (int32_t)i;
-    p->n_border_loops = (int64_t)vertex.n;
-    for (size_t i = 0; i < n_edges; i++)
-        p->n_border_loops -=
-            dmk_set_unite(parent, place_of(&vertex, all[2 * i]), place_of(&vertex, all[2 * i + 1]));
+    rc = dmk_list_unite(ctx, &vertex, n_edges, all, &parent, &p->n_border_loops);
 done:
-    free(bound);
     free(all);
     free(parent);
     dmk_list_free(&vertex);

@@ -1,6 +1,8 @@
 /* Records from rank to rank; see post.h. */
 #include "ranks/post.h"
 
+#include "base/sets.h"
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -35,6 +37,33 @@ void dmk_list_sort(dmk_list *list)
         if (n == 0 || list->at[n - 1] != list->at[i]) list->at[n++] = list->at[i];
     }
     list->n = n;
+}
+
+int32_t dmk_list_place(const dmk_list *list, int64_t number)
+{
+    size_t begin = 0, end = list->n;
+    while (begin < end) {
+        const size_t middle = begin + (end - begin) / 2;
+        if (list->at[middle] < number)
+            begin = middle + 1;
+        else
+            end = middle;
+    }
+    return (int32_t)begin;
+}
+
+int dmk_list_unite(dmk_context *ctx, const dmk_list *list, size_t n, const int64_t *pair,
+                   int32_t **parent, int64_t *n_sets)
+{
+    int rc;
+    DMK_TRY(DMK_NEW(ctx, *parent, list->n));
+    for (size_t i = 0; i < list->n; i++) (*parent)[i] = (int32_t)i;
+    *n_sets = (int64_t)list->n;
+    for (size_t i = 0; i < n; i++)
+        *n_sets -= dmk_set_unite(*parent, dmk_list_place(list, pair[2 * i]),
+                                 dmk_list_place(list, pair[2 * i + 1]));
+done:
+    return rc;
 }
 
 void dmk_list_free(dmk_list *list)
@@ -163,6 +192,20 @@ int dmk_join_all(dmk_context *ctx, const dmk_ranks *ranks, const int64_t *bound,
     rc = dmk_ranks_check(ctx, ranks, ranks->gather(ranks->user, own, *all, bytes));
 done:
     free(bytes);
+    return rc;
+}
+
+int dmk_join_some(dmk_context *ctx, const dmk_ranks *ranks, size_t n, size_t item, const void *own,
+                  size_t *n_all, void **all)
+{
+    int rc;
+    int64_t *bound = NULL;
+    DMK_TRY(DMK_NEW(ctx, bound, (size_t)ranks->size + 1));
+    DMK_TRY(dmk_ranks_bound(ctx, ranks, (int64_t)n, bound));
+    *n_all = (size_t)bound[ranks->size];
+    rc = dmk_join_all(ctx, ranks, bound, item, own, all);
+done:
+    free(bound);
     return rc;
 }
 

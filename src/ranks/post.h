@@ -17,6 +17,12 @@ int dmk_list_add_ghost(dmk_context *context, dmk_list *list, const dmk_space *sp
                        int64_t number);
 /* In increasing order, each once. */
 void dmk_list_sort(dmk_list *list);
+/* Where a number stands in a sorted list that has it. */
+int32_t dmk_list_place(const dmk_list *list, int64_t number);
+/* Sets of a sorted list's numbers, of which pair[2 i] and pair[2 i + 1] are in one, i < n: the places' parents
+ * (base/sets.h), made here, and how many sets there are. */
+int dmk_list_unite(dmk_context *context, const dmk_list *list, size_t n, const int64_t *pair,
+                   int32_t **parent, int64_t *n_sets);
 void dmk_list_free(dmk_list *list);
 
 /* Records of `item` bytes to ranks, this one among them; then those that have come, rank after rank, and each one's in
@@ -69,5 +75,8 @@ int dmk_owner(const int64_t *bound, int n_ranks, int64_t number);
 /* own[bound[rank] ...] of everybody, in one array of bound[size] items, `each` items for a number; made here. */
 int dmk_join_all(dmk_context *context, const dmk_ranks *ranks, const int64_t *bound, size_t item,
                  const void *own, void **all);
+/* The same of each rank's n items. */
+int dmk_join_some(dmk_context *context, const dmk_ranks *ranks, size_t n, size_t item,
+                  const void *own, size_t *n_all, void **all);
 
 #endif

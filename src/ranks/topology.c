@@ -568,58 +568,27 @@ done:
     return rc;
 }
 
-/* All ranks' `n` items. */
-static int join(dmk_context *ctx, const dmk_ranks *ranks, size_t n, size_t item, const void *own,
-                size_t *n_all, void **all)
-{
-    int rc;
-    int64_t *bound = NULL;
-    DMK_TRY(DMK_NEW(ctx, bound, (size_t)ranks->size + 1));
-    DMK_TRY(dmk_ranks_bound(ctx, ranks, (int64_t)n, bound));
-    *n_all = (size_t)bound[ranks->size];
-    rc = dmk_join_all(ctx, ranks, bound, item, own, all);
-done:
-    free(bound);
-    return rc;
-}
-
-static int32_t place_of(const dmk_list *list, int64_t number)
-{
-    size_t begin = 0, end = list->n;
-    while (begin < end) {
-        const size_t middle = begin + (end - begin) / 2;
-        if (list->at[middle] < number)
-            begin = middle + 1;
-        else
-            end = middle;
-    }
-    return (int32_t)begin;
-}
-
 int dmk_pieces_find_components(dmk_context *ctx, dmk_pieces *p)
 {
     int rc;
     forest f = {.corner = NULL};
     dmk_list sets = {0}, all = {0};
-    tie *own = NULL, *ties = NULL;
+    tie *own = NULL;
+    int64_t *ties = NULL; /* two numbers each */
     size_t n_own = 0, n = 0;
     int32_t *parent = NULL;
     DMK_TRY(grow_forest(ctx, p, &f));
     DMK_TRY(find_ties(ctx, p, &f, &sets, &own, &n_own));
-    DMK_TRY(join(ctx, &p->ranks, sets.n, sizeof *sets.at, sets.at, &all.n, (void **)&all.at));
-    DMK_TRY(join(ctx, &p->ranks, n_own, sizeof *own, own, &n, (void **)&ties));
+    DMK_TRY(
+        dmk_join_some(ctx, &p->ranks, sets.n, sizeof *sets.at, sets.at, &all.n, (void **)&all.at));
+    DMK_TRY(dmk_join_some(ctx, &p->ranks, n_own, sizeof *own, own, &n, (void **)&ties));
     dmk_list_sort(&all);
-    DMK_TRY(DMK_NEW(ctx, parent, all.n));
-    for (size_t i = 0; i < all.n; i++) parent[i] = (int32_t)i;
-    p->n_components = (int64_t)all.n;
-    for (size_t i = 0; i < n; i++)
-        p->n_components -=
-            dmk_set_unite(parent, place_of(&all, ties[i].vertex), place_of(&all, ties[i].set));
+    DMK_TRY(dmk_list_unite(ctx, &all, n, ties, &parent, &p->n_components));
     if (p->n_components < 2) goto done;
     DMK_TRY(DMK_NEW(ctx, p->component, p->n_tiles));
     for (size_t t = 0; t < p->n_tiles; t++) {
         const int64_t set = f.vertex.at[dmk_set_find(f.parent, f.corner[3 * t])];
-        p->component[t] = all.at[dmk_set_find(parent, place_of(&all, set))];
+        p->component[t] = all.at[dmk_set_find(parent, dmk_list_place(&all, set))];
     }
 done:
     dmk_list_free(&f.vertex);
