@@ -1,7 +1,7 @@
 /* Many points at once, each to the nearest one of the surface: boxes of triangles along the Morton curve, and larger
  * ones of these. */
 #include "base/parallel.h"
-#include "mesh/mesh.h"
+#include "mesh/box.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -13,15 +13,11 @@ enum { FAN = 16 };
 /* Fewer points are looked for one at a time: the boxes take as long as some ten. Speed only. */
 enum { FEW = 10 };
 
-typedef struct box {
-    double lo[3], hi[3];
-} box;
-
 typedef struct finder {
     const dmk_mesh *mesh;
     dmk_keyed *sorted; /* n_triangles: along the curve */
     int32_t n, n_boxes, n_large;
-    box *box, *large;
+    dmk_box *box, *large;
     const double *xyz;
     dmk_point *point;
 } finder;
@@ -31,26 +27,16 @@ static int32_t groups(int32_t n)
     return n / FAN + (n % FAN > 0);
 }
 
-static void enclose(box *b, const double lo[3], const double hi[3])
-{
-    for (int k = 0; k < 3; k++) {
-        b->lo[k] = dmk_min(b->lo[k], lo[k]);
-        b->hi[k] = dmk_max(b->hi[k], hi[k]);
-    }
-}
-
-static const box nothing = {{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
-
 static void box_range(int32_t begin, int32_t end, void *data)
 {
     const finder *f = data;
     for (int32_t b = begin; b < end; b++) {
-        f->box[b] = nothing;
+        f->box[b] = dmk_box_none();
         for (int32_t i = FAN * b; i < dmk_min_i(f->n, FAN * (b + 1)); i++) {
             const int32_t *corner = f->mesh->triangle + 3 * (size_t)f->sorted[i].item;
             for (int k = 0; k < 3; k++) {
                 const double *x = f->mesh->xyz + 3 * (size_t)corner[k];
-                enclose(f->box + b, x, x);
+                dmk_box_take(f->box + b, x, x);
             }
         }
     }
@@ -60,29 +46,18 @@ static void large_range(int32_t begin, int32_t end, void *data)
 {
     const finder *f = data;
     for (int32_t l = begin; l < end; l++) {
-        f->large[l] = nothing;
+        f->large[l] = dmk_box_none();
         for (int32_t b = FAN * l; b < dmk_min_i(f->n_boxes, FAN * (l + 1)); b++)
-            enclose(f->large + l, f->box[b].lo, f->box[b].hi);
+            dmk_box_take(f->large + l, f->box[b].lo, f->box[b].hi);
     }
 }
 
-/* Squared: never more than to what is in the box. */
-static double distance_to(const box *b, const double x[3])
-{
-    double sum = 0;
-    for (int k = 0; k < 3; k++) {
-        const double d = dmk_max(dmk_max(b->lo[k] - x[k], x[k] - b->hi[k]), 0);
-        sum += d * d;
-    }
-    return sum;
-}
-
-static int32_t nearest_of(const box *all, int32_t begin, int32_t end, const double x[3])
+static int32_t nearest_of(const dmk_box *all, int32_t begin, int32_t end, const double x[3])
 {
     int32_t found = begin;
     double least = INFINITY;
     for (int32_t b = begin; b < end; b++) {
-        const double d = distance_to(all + b, x);
+        const double d = dmk_box_distance2(all + b, x);
         if (d < least) least = d, found = b;
     }
     return found;
@@ -96,7 +71,7 @@ static void search(const finder *f, int32_t large, const double x[3], double *be
     const int32_t first = nearest_of(f->box, begin, begin + n, x) - begin;
     for (int32_t j = 0; j < n; j++) {
         const int32_t b = begin + (first + j) % n;
-        if (distance_to(f->box + b, x) > *best) continue;
+        if (dmk_box_distance2(f->box + b, x) > *best) continue;
         for (int32_t i = FAN * b; i < dmk_min_i(f->n, FAN * (b + 1)); i++) {
             const int32_t t = f->sorted[i].item, *v = f->mesh->triangle + 3 * (size_t)t;
             const double *xyz = f->mesh->xyz;
@@ -122,7 +97,7 @@ static void find_range(int32_t begin, int32_t end, void *data)
         const int32_t first = nearest_of(f->large, 0, f->n_large, x);
         search(f, first, x, &best, p);
         for (int32_t l = 0; l < f->n_large; l++) {
-            if (l != first && distance_to(f->large + l, x) <= best) search(f, l, x, &best, p);
+            if (l != first && dmk_box_distance2(f->large + l, x) <= best) search(f, l, x, &best, p);
         }
         if (p->triangle >= 0) dmk_point_snap(p->weight);
     }

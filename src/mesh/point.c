@@ -1,5 +1,5 @@
 /* Points on the surface: the nearest one, a vertex's, and their positions in space. */
-#include "mesh/mesh.h"
+#include "mesh/box.h"
 
 #include "base/vec3.h"
 
@@ -68,19 +68,12 @@ double dmk_project_corners(const double *const corner[3], const double x[3], dou
     return best;
 }
 
-/* Squared distance from x to the box around a triangle: never more than that to the triangle. */
-static double box_distance2(const double *const corner[3], const double x[3])
+/* The box around a triangle. */
+static dmk_box box_of(const double *const corner[3])
 {
-    double sum = 0;
-    for (int k = 0; k < 3; k++) {
-        double a = corner[0][k], b = corner[1][k], c = corner[2][k];
-        double lo = a < b ? a : b, hi = a < b ? b : a;
-        lo = lo < c ? lo : c;
-        hi = hi > c ? hi : c;
-        double d = x[k] < lo ? lo - x[k] : x[k] > hi ? x[k] - hi : 0;
-        sum += d * d;
-    }
-    return sum;
+    dmk_box b = dmk_box_none();
+    for (int k = 0; k < 3; k++) dmk_box_take(&b, corner[k], corner[k]);
+    return b;
 }
 
 void dmk_point_snap(double w[3])
@@ -125,7 +118,8 @@ int dmk_mesh_project(dmk_context *ctx, const dmk_mesh *m, const double xyz[3], d
     for (int32_t t = 0; t < m->n_triangles; t++) {
         const double *corner[3];
         get_corners(m, t, corner);
-        if (box_distance2(corner, xyz) >= best) continue;
+        const dmk_box box = box_of(corner);
+        if (dmk_box_distance2(&box, xyz) >= best) continue;
         double d = dmk_project_corners(corner, xyz, w);
         if (!(d < best)) continue;
         best = d;
