@@ -255,9 +255,6 @@ void cli_make_room(const dmk_mesh *mesh);
  * library; *did is the caller's to free, and zero without a repair. */
 int cli_read_mesh(dmk_context *context, const char *path, const cli_reading *how, dmk_repairs *did,
                   dmk_mesh **mesh);
-/* A mesh in pieces; NULL where the file is to be read by cli_read_mesh. */
-int cli_read_pieces(dmk_context *context, const char *path, const dmk_ranks *ranks,
-                    dmk_pieces **pieces);
 /* dmk_mesh_vertex_point of a vertex of the file. */
 int cli_vertex_point(dmk_context *context, const dmk_mesh *mesh, const dmk_repairs *did,
                      int64_t vertex, dmk_point *point);

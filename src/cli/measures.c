@@ -114,11 +114,12 @@ static int find_places(dmk_context *context, const dmk_mesh *mesh, const char *p
     for (size_t i = m->n_atoms; rc == DMK_OK && i-- > 0;) {
         if (m->atom[i].triangle < 0) m->atom[i] = point[--n];
     }
+    const bool room = xyz && point;
     free(xyz);
     free(point);
+    if (!room) return cli_library_error(NULL, DMK_E_NOMEM);
     if (rc == DMK_OK) return EXIT_OK;
-    return cli_error(cli_exit_code(rc), "%s: %s", path,
-                     rc == DMK_E_NOMEM ? "out of memory" : dmk_context_message(context));
+    return cli_error(cli_exit_code(rc), "%s: %s", path, dmk_context_message(context));
 }
 
 static int read_lines(FILE *file, dmk_context *context, const dmk_mesh *mesh, const char *path,

@@ -91,7 +91,7 @@ static void return_memory(bool shares)
 {
     mallopt(M_MMAP_THRESHOLD, shares ? share_piece : large_piece);
     mallopt(M_TRIM_THRESHOLD, shares ? share_kept : large_kept);
-    malloc_trim(0);
+    cli_trim_memory();
 }
 
 static void save_memory(const dmk_mesh *mesh, bool shares)
@@ -135,12 +135,6 @@ int cli_read_mesh(dmk_context *context, const char *path, const cli_reading *how
     if (how->repair) print_repairs(path, did);
     warn_of_pieces(context, path, *mesh, how->repair);
     return rc;
-}
-
-int cli_read_pieces(dmk_context *context, const char *path, const dmk_ranks *ranks,
-                    dmk_pieces **pieces)
-{
-    return dmk_pieces_read(context, path, ranks, pieces);
 }
 
 double cli_offset(dmk_context *context, const dmk_mesh *mesh, const double xyz[3],

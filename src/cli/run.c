@@ -129,7 +129,7 @@ static int read_mesh(const solve_request *request, solve_run *run)
                              .shares = cli_ranks() && request->density_only};
     int rc = DMK_OK;
     if (how.ranks && request->density_only && !request->repair && !request->bare)
-        rc = cli_read_pieces(run->context, request->mesh, how.ranks, &run->pieces);
+        rc = dmk_pieces_read(run->context, request->mesh, how.ranks, &run->pieces);
     run->apart = run->pieces != NULL;
     if (rc == DMK_OK && !run->pieces)
         rc = cli_read_mesh(run->context, request->mesh, &how, &run->repairs, &run->mesh);
