@@ -9,7 +9,7 @@ the graph levels, are fitted to the run of 4 ranks and tried on the others. All 
 The model. A rank owns n = 2 N / R rows of T/2 (four per vertex); its border is as long as that of
 1 / R of a sphere, and so are its ghosts: G = a sqrt(n (1 - 1 / R)). Of a level with v vertices it has 1 / R, and
 H = b sqrt(v / R (1 - 1 / R)) ghosts.
-    V-cycle     5 exchanges of rows, one of them with the first level's vertices, 5 of each dealt level and 1 for each
+    V-cycle     5 exchanges of rows, one of them with the first level's vertices, 2 of each dealt level and 1 for each
                 of its smoothing steps, and 1 that gathers two vectors of the first whole one
     CG step     1 V-cycle, 1 exchange of rows, 1 sum
     Newton step 1 exchange of rows in double precision, 1 in single, 1 of edges per level, 3 sums
@@ -27,7 +27,7 @@ FITTED = 4
 PART = 512  # items of a launch's part
 SUM_SHORT, SUM_BLOCK = 8192, 32  # of more parts than that, blocks are summed first (kernels/dmk_shared.h)
 THINNING, GATHER_BELOW = 6, 10000
-FINE, LEVEL, GATHERED = 5, 5, 2  # vectors that a V-cycle exchanges, and gathers
+FINE, LEVEL, GATHERED = 5, 2, 2  # vectors that a V-cycle exchanges, and gathers
 STEPS_ON_T, STEPS_ON_LEVEL = 3, 2  # of smoothing (src/solver/multigrid.c)
 # A large GPU in each rank and a fast network: seconds a message, bytes a second of network and memory,
 # bytes that a V-cycle moves per triangle (study of the kernels: 5.5 applications of 42 B and transfers).
