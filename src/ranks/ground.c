@@ -264,18 +264,12 @@ typedef struct element {
 static int mail_element(dmk_context *ctx, const dmk_ranks *ranks, const dmk_plot *plot,
                         const element *e, dmk_mail *mail)
 {
-    int rc = DMK_OK, to[6], n = 0;
-    for (int k = 0; k < 6; k++) {
-        const int owner = k < 3 ? dmk_owner(plot->bound[2], ranks->size, e->vertex[k])
-                                : dmk_owner(plot->bound[1], ranks->size, e->edge[k - 3]);
-        bool known = owner == ranks->rank;
-        for (int i = 0; i < n; i++) known = known || to[i] == owner;
-        if (known) continue;
-        to[n++] = owner;
-        DMK_TRY(dmk_mail_add(ctx, mail, owner, e));
+    int owner[6];
+    for (int k = 0; k < 3; k++) {
+        owner[k] = dmk_owner(plot->bound[2], ranks->size, e->vertex[k]);
+        owner[3 + k] = dmk_owner(plot->bound[1], ranks->size, e->edge[k]);
     }
-done:
-    return rc;
+    return dmk_mail_add_to(ctx, mail, ranks->rank, 6, owner, e);
 }
 
 static int compare_elements(const void *a, const void *b)

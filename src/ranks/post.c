@@ -231,6 +231,18 @@ int dmk_mail_add(dmk_context *ctx, dmk_mail *m, int to, const void *record)
     return DMK_OK;
 }
 
+int dmk_mail_add_to(dmk_context *ctx, dmk_mail *m, int me, int n, const int *to, const void *record)
+{
+    int rc = DMK_OK;
+    for (int k = 0; k < n; k++) {
+        bool has_it = to[k] == me;
+        for (int i = 0; i < k; i++) has_it = has_it || to[i] == to[k];
+        if (!has_it) DMK_TRY(dmk_mail_add(ctx, m, to[k], record));
+    }
+done:
+    return rc;
+}
+
 /* Whether they are by rank already; *count: how many for each. */
 static bool is_sorted(const dmk_mail *m, int32_t *count)
 {

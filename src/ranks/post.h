@@ -37,6 +37,9 @@ typedef struct dmk_mail {
 /* Room for n records: else it grows. */
 int dmk_mail_expect(dmk_context *context, dmk_mail *mail, size_t n);
 int dmk_mail_add(dmk_context *context, dmk_mail *mail, int to, const void *record);
+/* To each of n ranks once, but not to rank `me`. */
+int dmk_mail_add_to(dmk_context *context, dmk_mail *mail, int me, int n, const int *to,
+                    const void *record);
 int dmk_mail_send(dmk_context *context, const dmk_ranks *ranks, dmk_mail *mail);
 /* The same of records that are by rank in mail->data, count[r] for rank r, without dmk_mail_add. */
 int dmk_mail_pass(dmk_context *context, const dmk_ranks *ranks, dmk_mail *mail,

@@ -67,19 +67,13 @@ static weights row_of(const dmk_side *fine, const dmk_part *part, const beyond *
 static int mail_bond(dmk_context *ctx, const dmk_ranks *ranks, const dmk_space *coarse,
                      const bond *b, dmk_mail *mail)
 {
-    int rc = DMK_OK, to[6], n = 0;
+    int owner[6];
     for (int k = 0; k < 6; k++) {
-        const weights *w = &b->row[k / 3];
-        if (dmk_space_owns(coarse, w->index[k % 3])) continue;
-        const int owner = dmk_owner(coarse->bound, ranks->size, w->index[k % 3]);
-        bool known = false;
-        for (int i = 0; i < n; i++) known = known || to[i] == owner;
-        if (known) continue;
-        to[n++] = owner;
-        DMK_TRY(dmk_mail_add(ctx, mail, owner, b));
+        const int64_t v = b->row[k / 3].index[k % 3];
+        owner[k] =
+            dmk_space_owns(coarse, v) ? ranks->rank : dmk_owner(coarse->bound, ranks->size, v);
     }
-done:
-    return rc;
+    return dmk_mail_add_to(ctx, mail, ranks->rank, 6, owner, b);
 }
 
 static int compare_bonds(const void *a, const void *b)

@@ -4,7 +4,6 @@
 #ifndef DMK_KERNELS_H
 #define DMK_KERNELS_H
 
-#include "dmk_shared.h"
 #include "solver/system.h"
 
 #include "dmk_shared.h"
