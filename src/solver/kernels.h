@@ -165,7 +165,7 @@ typedef struct dmk_repair_work {
     dmk_buffer *elements, *rows; /* the lists */
     dmk_buffer *count;           /* their lengths on the device, and here: */
     int32_t n_elements, n_rows;
-    dmk_buffer *broken; /* per sweep since the lists were made: elements above 1 */
+    dmk_buffer *broken; /* per sweep since the lists were made: whether an element is above 1 */
 } dmk_repair_work;
 
 /* u = before = scale * from. */
