@@ -69,7 +69,7 @@ static dmk_locus *trace_with(const scene *s, double strength)
 {
     dmk_locus *l = NULL;
     const dmk_locus_options o = {.struct_size = sizeof o, .strength = strength};
-    if (dmk_locus_trace(ctx, s->geodesics, NULL, &o, &l) != DMK_OK)
+    if (dmk_locus_trace(ctx, s->geodesics, &o, &l) != DMK_OK)
         fail_msg("%s", dmk_context_message(ctx));
     return l;
 }
