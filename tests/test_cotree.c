@@ -70,15 +70,16 @@ static void crossings_of_a_flat_torus(void **state)
         assert_true(c->node[0] == c->half / 3 && c->node[1] == g->star.twin[c->half] / 3);
         if (c->excess < HUGE_VAL) continue;
         n_loop++;
-        const double x = a[0] + c->at * remainder(b[0] - a[0], width),
-                     y = a[1] + c->at * remainder(b[1] - a[1], height);
+        const double share = dmk_crossing_share(g, c);
+        const double x = a[0] + share * remainder(b[0] - a[0], width),
+                     y = a[1] + share * remainder(b[1] - a[1], height);
         const double off_x = fabs(fabs(x) - width / 2), off_y = fabs(fabs(y) - height / 2);
         if (fmax(off_x, off_y) < 0.2) continue; /* near a corner */
         n_far++;
         const bool side = off_x < off_y;
         const double along = side ? y : x, across = side ? width / 2 : height / 2;
         assert_true(fmin(off_x, off_y) < 1e-12);
-        assert_true(fabs(c->distance - hypot(along, across)) < 1e-12);
+        assert_true(fabs(dmk_crossing_distance(g, c) - hypot(along, across)) < 1e-12);
         assert_true(fabs(c->alpha - 2 * atan2(across, fabs(along))) < 1e-11);
     }
     assert_true(n_far >= 2 * (N + N_RINGS) - 24 && n_far < n_loop);
@@ -141,14 +142,14 @@ static void families_meet(void **state)
 {
     (void)state;
     const dmk_image a = {-1, -2, 0.3}, b = {2.5, -1.5, 0};
-    const double x = meeting(&a, &b, 3);
+    const double x = find_meeting(&a, &b, 3);
     assert_true(x > 0 && x < 3 &&
                 fabs(dmk_image_length(&a, x, 0) - dmk_image_length(&b, x, 0)) < 1e-11);
     const dmk_image left = {-1, -2, 0}, right = {4, -2, 0};
-    assert_true(fabs(meeting(&left, &right, 3) - 1.5) < 3e-12);
-    assert_true(meeting(&right, &left, 3) == 0);
-    assert_true(meeting(&(dmk_image){-1, -2, 9}, &right, 3) == 0);
-    assert_true(meeting(&left, &(dmk_image){4, -2, 9}, 3) == 3);
+    assert_true(fabs(find_meeting(&left, &right, 3) - 1.5) < 3e-12);
+    assert_true(find_meeting(&right, &left, 3) == 0);
+    assert_true(find_meeting(&(dmk_image){-1, -2, 9}, &right, 3) == 0);
+    assert_true(find_meeting(&left, &(dmk_image){4, -2, 9}, 3) == 3);
     assert_true(fabs(dmk_meeting_angle(&left, &right, 1.5, 0) - 2 * atan2(2.5, 2)) < 1e-15);
     assert_true(dmk_meeting_angle(&left, &right, -1, -2) == 0);
 }

@@ -69,7 +69,7 @@ static dmk_locus *trace_with(const scene *s, double strength)
 {
     dmk_locus *l = NULL;
     const dmk_locus_options o = {.struct_size = sizeof o, .strength = strength};
-    if (dmk_locus_trace(ctx, s->geodesics, NULL, &o, &l) != DMK_OK)
+    if (dmk_locus_trace(ctx, s->geodesics, &o, &l) != DMK_OK)
         fail_msg("%s", dmk_context_message(ctx));
     return l;
 }
@@ -1361,7 +1361,8 @@ static void test_excess(void **state)
             length += hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]);
             end = t.crossing[j].onward;
         }
-        const double grown = c->distance + length - t.crossing[end].distance;
+        const double grown = dmk_crossing_distance(t.geodesics, c) + length -
+                             dmk_crossing_distance(t.geodesics, &t.crossing[end]);
         const double excess = t.crossing[end].excess - c->excess;
         if (c->strength < t.crossing[t.last].strength || length < 10 * s.h) continue;
         far++;

@@ -8,11 +8,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-static void pick(const double *from, const int32_t *old, int32_t n, double *to)
-{
-    for (int32_t i = 0; i < n; i++) to[i] = from[old[i]];
-}
-
 static int check_mesh(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *result)
 {
     if (result->n_triangles != (size_t)mesh->n_triangles ||
@@ -37,20 +32,15 @@ int dmk_locus_compute(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *
                       const dmk_locus_options *options, dmk_locus **locus)
 {
     int rc;
-    double *density = NULL;
     dmk_locus_options chosen;
     if (dmk_missing(ctx, "mesh", mesh, "result", result, "locus", locus)) return DMK_E_ARG;
     DMK_TRY(take_options(ctx, options, &chosen));
     DMK_TRY(check_mesh(ctx, mesh, result));
     DMK_TRY(dmk_stage_begin(ctx, "locus"));
-    const dmk_order *order = &result->order->order;
-    DMK_TRY(DMK_NEW(ctx, density, (size_t)order->mesh->n_triangles));
-    pick(dmk_result_density(result, NULL), order->triangle_old, order->mesh->n_triangles, density);
-    DMK_TRY(dmk_locus_trace(ctx, result->geodesics, density, &chosen, locus));
-    dmk_locus_renumber(*locus, order->triangle_old);
+    DMK_TRY(dmk_locus_trace(ctx, result->geodesics, &chosen, locus));
+    dmk_locus_renumber(*locus, result->order->order.triangle_old, dmk_result_density(result, NULL));
 done:
     dmk_stage_end(ctx);
-    free(density);
     return rc;
 }
 
@@ -69,9 +59,60 @@ int dmk_geodesics_locus(dmk_context *ctx, const dmk_geodesics *geodesics,
                         "the mesh has %d components, and a cut locus is one component's: split it",
                         (int)geodesics->mesh->n_components);
     DMK_TRY(dmk_stage_begin(ctx, "locus"));
-    rc = dmk_locus_trace(ctx, geodesics, NULL, &chosen, locus);
+    rc = dmk_locus_trace(ctx, geodesics, &chosen, locus);
 done:
     dmk_stage_end(ctx);
+    return rc;
+}
+
+/* n items of rank `from`'s array to all, as a new one on each: the others' pointers are only written. */
+static int spread(dmk_context *ctx, const dmk_ranks *ranks, int from, size_t n, size_t item,
+                  void **array)
+{
+    int rc;
+    size_t *bytes = NULL;
+    void *own = ranks->rank == from ? *array : NULL;
+    *array = NULL;
+    DMK_TRY(DMK_NEW(ctx, bytes, (size_t)ranks->size));
+    bytes[from] = n * item;
+    DMK_TRY(dmk_alloc(ctx, "cut locus", n, item, array));
+    rc = dmk_ranks_check(ctx, ranks, ranks->gather(ranks->user, own, *array, bytes));
+done:
+    free(own);
+    free(bytes);
+    return rc;
+}
+
+int dmk_locus_spread(dmk_context *ctx, const dmk_ranks *ranks, int from, dmk_locus **locus)
+{
+    int rc;
+    dmk_locus_info *info = NULL;
+    dmk_locus *l = NULL;
+    if (dmk_missing(ctx, "ranks", ranks, "locus", locus)) return DMK_E_ARG;
+    if (dmk_ranks_given(ctx, ranks) != DMK_OK) return DMK_E_ARG;
+    if (from < 0 || from >= ranks->size)
+        return dmk_fail(ctx, DMK_E_ARG, "from = %d: there are %d ranks", from, ranks->size);
+    if (ranks->rank == from && dmk_missing(ctx, "*locus", *locus)) return DMK_E_ARG;
+    if (ranks->rank == from) {
+        l = *locus;
+        DMK_TRY(DMK_NEW(ctx, info, 1));
+        *info = l->info;
+    } else {
+        DMK_TRY(DMK_NEW(ctx, l, 1));
+    }
+    DMK_TRY(spread(ctx, ranks, from, 1, sizeof *info, (void **)&info));
+    l->info = *info;
+    DMK_TRY(spread(ctx, ranks, from, info->n_vertices, sizeof *l->vertex, (void **)&l->vertex));
+    DMK_TRY(spread(ctx, ranks, from, info->n_edges, sizeof *l->edge, (void **)&l->edge));
+    DMK_TRY(
+        spread(ctx, ranks, from, info->n_polylines + 1, sizeof *l->offset, (void **)&l->offset));
+    rc = spread(ctx, ranks, from, (size_t)l->offset[info->n_polylines], sizeof *l->index,
+                (void **)&l->index);
+    *locus = l;
+    l = NULL;
+done:
+    if (ranks->rank != from) dmk_locus_destroy(&l);
+    free(info);
     return rc;
 }
 

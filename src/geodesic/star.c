@@ -148,8 +148,8 @@ int dmk_star_loops(dmk_context *ctx, const dmk_mesh *m, const dmk_star *star, in
     }
     *n_loops = 0;
     for (int32_t v = 0; v < m->n_vertices; v++) { /* a set's name is its least member */
-        const int32_t first = dmk_set_find(parent, v);
-        (*loop)[v] = !star->border[v] ? -1 : first == v ? (*n_loops)++ : (*loop)[first];
+        const int32_t first = star->border[v] ? dmk_set_find(parent, v) : -1;
+        (*loop)[v] = first < 0 ? -1 : first == v ? (*n_loops)++ : (*loop)[first];
     }
     return DMK_OK;
 }

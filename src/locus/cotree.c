@@ -8,6 +8,12 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* In the star's unit: a power of two, of which the inverse does as well. */
+static double in_units(const dmk_geodesics *g, double length)
+{
+    return length * (1 / g->star.unit);
+}
+
 /* The image of v's family, seen from v along an edge whose direction at v is `along`. */
 static dmk_image image_from(const dmk_geodesics *g, int32_t v, double along)
 {
@@ -17,13 +23,13 @@ static dmk_image image_from(const dmk_geodesics *g, int32_t v, double along)
     if (!g->star.border[v]) b -= turn * rint(b / turn);
     double before = a->source < 0 ? 0 : g->source[a->source].offset;
     if (a->pseudo_source >= 0) before = g->distance[a->pseudo_source];
-    const double r = (g->distance[v] - before) / g->star.unit;
-    return (dmk_image){r * cos(b), r * sin(b), before / g->star.unit};
+    const double r = in_units(g, g->distance[v] - before);
+    return (dmk_image){r * cos(b), r * sin(b), in_units(g, before)};
 }
 
 static double length_of(const dmk_geodesics *g, int32_t h)
 {
-    return g->mesh->length[g->mesh->triangle_edge[h]] / g->star.unit;
+    return in_units(g, g->mesh->length[g->mesh->triangle_edge[h]]);
 }
 
 dmk_image dmk_image_at_start(const dmk_geodesics *g, int32_t h)
@@ -49,7 +55,7 @@ double dmk_image_length(const dmk_image *i, double x, double y)
 
 void dmk_apex(const dmk_geodesics *g, int32_t h, double *x, double *y)
 {
-    const double base = length_of(g, h), area = g->mesh->area[h / 3] / g->star.unit / g->star.unit;
+    const double base = length_of(g, h), area = in_units(g, in_units(g, g->mesh->area[h / 3]));
     const double a = length_of(g, dmk_previous(h)), b = length_of(g, dmk_next(h));
     *x = 0.5 * (base + (a - b) * (a + b) / base);
     *y = 2 * area / base;
@@ -58,22 +64,23 @@ void dmk_apex(const dmk_geodesics *g, int32_t h, double *x, double *y)
 double dmk_jump(const dmk_geodesics *g, int32_t h)
 {
     const dmk_mesh *m = g->mesh;
-    const double length = length_of(g, h), unit = g->star.unit;
+    const double length = length_of(g, h);
     const int32_t v = m->triangle[dmk_next(h)], w = m->triangle[dmk_previous(h)],
                   twin = g->star.twin[h];
     const dmk_image a = dmk_image_at_start(g, h), b = dmk_image_at_end(g, h);
-    double at[4][2] = {{0, 0}, {length, 0}}, differ = 0;
-    dmk_apex(g, h, &at[2][0], &at[2][1]);
-    if (twin >= 0) {
-        dmk_apex(g, twin, &at[3][0], &at[3][1]);
-        at[3][0] = length - at[3][0];
-        at[3][1] = -at[3][1];
+    double x[4] = {0, length}, y[4] = {0}, to_a[4], to_b[4], differ = 0;
+    dmk_apex(g, h, &x[2], &y[2]);
+    dmk_apex(g, twin >= 0 ? twin : h, &x[3], &y[3]);
+    x[3] = length - x[3];
+    y[3] = -y[3];
+    if (twin < 0) x[3] = x[2], y[3] = y[2];
+    for (int k = 0; k < 4; k++) {
+        to_a[k] = dmk_image_length(&a, x[k], y[k]);
+        to_b[k] = dmk_image_length(&b, x[k], y[k]);
     }
-    for (int k = 0; k < (twin >= 0 ? 4 : 3); k++)
-        differ = dmk_max(differ, fabs(dmk_image_length(&a, at[k][0], at[k][1]) -
-                                      dmk_image_length(&b, at[k][0], at[k][1])));
-    return dmk_max(0, dmk_image_length(&a, length, 0) - g->distance[w] / unit) +
-           dmk_max(0, dmk_image_length(&b, 0, 0) - g->distance[v] / unit) + dmk_rules.tie * differ;
+    for (int k = 0; k < 4; k++) differ = dmk_max(differ, fabs(to_a[k] - to_b[k]));
+    return dmk_max(0, to_a[1] - in_units(g, g->distance[w])) +
+           dmk_max(0, to_b[0] - in_units(g, g->distance[v])) + dmk_rules.tie * differ;
 }
 
 bool dmk_parts_cells(const dmk_geodesics *g, int32_t e)
@@ -88,25 +95,21 @@ static bool is_first(const dmk_geodesics *g, int32_t h)
     return g->star.twin[h] < 0 || h < g->star.twin[h];
 }
 
-typedef struct jumps {
-    const dmk_geodesics *geodesics;
-    double unit;
-    dmk_keyed *edge;
-} jumps;
-
 /* Jumps as keys: the bits of a float keep the order of numbers that are not negative. Edges between the cells of
  * two sources come behind all others, so that the tree of a source takes its own cell. */
-static void find_jumps(int32_t begin, int32_t end, void *data)
+__attribute__((flatten)) static void find_jumps(int32_t begin, int32_t end, void *data)
 {
-    jumps *j = data;
+    const dmk_cotree *t = data;
+    const dmk_geodesics *g = t->geodesics;
+    const double unit = t->mean_edge / g->star.unit;
     for (int32_t h = begin; h < end; h++) {
-        if (!is_first(j->geodesics, h)) continue;
-        const int32_t e = j->geodesics->mesh->triangle_edge[h];
-        const float jump = (float)(dmk_jump(j->geodesics, h) / j->unit);
+        if (!is_first(g, h)) continue;
+        const int32_t e = g->mesh->triangle_edge[h];
+        const float jump = (float)(dmk_jump(g, h) / unit);
         uint32_t bits;
         memcpy(&bits, &jump, sizeof bits);
-        if (dmk_parts_cells(j->geodesics, e)) bits |= UINT32_C(1) << 31;
-        j->edge[e] = (dmk_keyed){bits, e};
+        if (dmk_parts_cells(g, e)) bits |= UINT32_C(1) << 31;
+        t->order[e] = (dmk_keyed){bits, e};
     }
 }
 
@@ -120,7 +123,7 @@ double dmk_jump_of(const dmk_cotree *t, int32_t k)
 
 /* Where the families of both ends are equally long: by Newton's method from where their images are equally far, by
  * bisection where that leaves the bracket or does not end. */
-static double meeting(const dmk_image *a, const dmk_image *b, double length)
+static double find_meeting(const dmk_image *a, const dmk_image *b, double length)
 {
     double lo = 0, hi = length;
     const double small = 1e-12 * length;
@@ -155,27 +158,53 @@ double dmk_meeting_angle(const dmk_image *a, const dmk_image *b, double x, doubl
     return fabs(atan2(ax * by - ay * bx, ax * bx + ay * by));
 }
 
-static void set_crossing(const dmk_geodesics *g, const int32_t *loop, int32_t h, dmk_crossing *c)
+/* Both families of a half-edge, and where on it they are equally long. */
+typedef struct meeting {
+    dmk_image a, b;
+    double x, length;
+} meeting;
+
+static meeting meet(const dmk_geodesics *g, int32_t h)
 {
-    const dmk_mesh *m = g->mesh;
-    const double length = length_of(g, h);
-    const int32_t v = m->triangle[dmk_next(h)], w = m->triangle[dmk_previous(h)],
-                  twin = g->star.twin[h];
-    const dmk_image a = dmk_image_at_start(g, h), b = dmk_image_at_end(g, h);
-    double x = meeting(&a, &b, length);
+    const int32_t v = g->mesh->triangle[dmk_next(h)], w = g->mesh->triangle[dmk_previous(h)];
+    meeting m = {dmk_image_at_start(g, h), dmk_image_at_end(g, h), 0, length_of(g, h)};
+    m.x = find_meeting(&m.a, &m.b, m.length);
     /* behind a pseudo-source the paths are those to it, continued */
-    if (g->arrival[w].pseudo_source == v) x = 0;
-    if (g->arrival[v].pseudo_source == w) x = length;
-    c->half = h;
-    c->node[0] = h / 3;
-    c->node[1] = twin >= 0 ? twin / 3 : m->n_triangles + loop[v];
-    c->onward = c->outer = -1;
-    c->at = x / length;
+    if (g->arrival[w].pseudo_source == v) m.x = 0;
+    if (g->arrival[v].pseudo_source == w) m.x = m.length;
+    return m;
+}
+
+double dmk_crossing_share(const dmk_geodesics *g, const dmk_crossing *c)
+{
+    const meeting m = meet(g, c->half);
+    return m.x / m.length;
+}
+
+double dmk_crossing_distance(const dmk_geodesics *g, const dmk_crossing *c)
+{
+    const meeting m = meet(g, c->half);
+    return 0.5 * g->star.unit * (dmk_image_length(&m.a, m.x, 0) + dmk_image_length(&m.b, m.x, 0));
+}
+
+static void set_crossing(const dmk_cotree *t, int32_t h, bool kept, dmk_crossing *c)
+{
+    const dmk_mesh *m = t->geodesics->mesh;
+    const int32_t v = m->triangle[dmk_next(h)], w = m->triangle[dmk_previous(h)],
+                  twin = t->geodesics->star.twin[h];
+    const meeting found = meet(t->geodesics, h);
+    const double at = found.x / found.length;
+    *c = (dmk_crossing){.half = h,
+                        .node = {h / 3, twin >= 0 ? twin / 3 : m->n_triangles + t->loop[v]},
+                        .onward = -1,
+                        .outer = -1,
+                        .kept = kept,
+                        .alpha = dmk_meeting_angle(&found.a, &found.b, found.x, 0),
+                        .excess = HUGE_VAL,
+                        .worth = HUGE_VAL,
+                        .strength = HUGE_VAL};
     for (int k = 0; k < 3; k++)
-        c->xyz[k] = (1 - c->at) * m->xyz[3 * (size_t)v + k] + c->at * m->xyz[3 * (size_t)w + k];
-    c->distance = 0.5 * g->star.unit * (dmk_image_length(&a, x, 0) + dmk_image_length(&b, x, 0));
-    c->alpha = dmk_meeting_angle(&a, &b, x, 0);
-    c->excess = c->worth = c->strength = HUGE_VAL;
+        c->xyz[k] = (1 - at) * m->xyz[3 * (size_t)v + k] + at * m->xyz[3 * (size_t)w + k];
 }
 
 typedef struct crossings {
@@ -183,15 +212,14 @@ typedef struct crossings {
     dmk_cotree *cotree;
 } crossings;
 
-static void set_range(int32_t begin, int32_t end, void *data)
+__attribute__((flatten)) static void set_range(int32_t begin, int32_t end, void *data)
 {
     const crossings *c = data;
     dmk_cotree *t = c->cotree;
     for (int32_t h = begin; h < end; h++) {
         if (t->on[h] < 0 || !is_first(t->geodesics, h)) continue;
-        dmk_crossing *to = &t->crossing[t->on[h]];
-        set_crossing(t->geodesics, t->loop, h, to);
-        to->kept = c->kept && c->kept[t->geodesics->mesh->triangle_edge[h]];
+        const bool kept = c->kept && c->kept[t->geodesics->mesh->triangle_edge[h]];
+        set_crossing(t, h, kept, &t->crossing[t->on[h]]);
     }
 }
 
@@ -209,7 +237,8 @@ static int set_crossings(dmk_context *ctx, const bool *in_tree, const bool *kept
         else
             t->on[h] = t->on[g->star.twin[h]];
     }
-    if (!t->crossing) DMK_TRY(DMK_NEW(ctx, t->crossing, (size_t)t->n)); /* as many each time */
+    if (!t->crossing)
+        DMK_TRY(DMK_NEW_UNSET(ctx, t->crossing, (size_t)t->n)); /* as many each time */
     dmk_parallel(ctx, 3 * m->n_triangles, set_range, &(crossings){kept, t});
 done:
     return rc;
@@ -251,7 +280,8 @@ int dmk_cotree_span(dmk_context *ctx, dmk_cotree *t, const bool *kept)
     for (int32_t v = 0; v < m->n_vertices; v++) parent[v] = v;
     n_wanted = m->n_used_vertices - m->n_components - unite_sources(t->geodesics, parent);
     for (int32_t k = 0; k < 2 * m->n_edges && n_wanted > 0; k++) {
-        const int32_t e = t->order[k < m->n_edges ? k : k - m->n_edges].item;
+        const int32_t i = k < m->n_edges ? k : k - m->n_edges, e = t->order[i].item;
+        __builtin_prefetch(m->edge_vertex + 2 * t->order[dmk_min_i(i + 16, m->n_edges - 1)].item);
         if ((kept && kept[e]) != (k >= m->n_edges)) continue;
         in_tree[e] = dmk_set_unite(parent, m->edge_vertex[2 * e], m->edge_vertex[2 * e + 1]);
         n_wanted -= in_tree[e];
@@ -271,12 +301,11 @@ int dmk_cotree_create(dmk_context *ctx, const dmk_geodesics *g, dmk_cotree *t)
     memset(t, 0, sizeof *t);
     t->geodesics = g;
     for (int32_t e = 0; e < m->n_edges; e++) t->mean_edge += m->length[e] / m->n_edges;
-    DMK_TRY(DMK_NEW(ctx, parent, (size_t)m->n_vertices));
-    DMK_TRY(DMK_NEW(ctx, t->on, 3 * (size_t)m->n_triangles));
+    DMK_TRY(DMK_NEW_UNSET(ctx, parent, (size_t)m->n_vertices));
+    DMK_TRY(DMK_NEW_UNSET(ctx, t->on, 3 * (size_t)m->n_triangles));
     DMK_TRY(dmk_star_loops(ctx, m, &g->star, parent, &t->loop, &t->n_loops));
-    DMK_TRY(DMK_NEW(ctx, t->order, (size_t)m->n_edges));
-    jumps j = {g, t->mean_edge / g->star.unit, t->order};
-    dmk_parallel(ctx, 3 * m->n_triangles, find_jumps, &j);
+    DMK_TRY(DMK_NEW_UNSET(ctx, t->order, (size_t)m->n_edges));
+    dmk_parallel(ctx, 3 * m->n_triangles, find_jumps, t);
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(dmk_sort_keyed(ctx, t->order, (size_t)m->n_edges));
     t->noise = dmk_jump_of(t, m->n_edges / 2);

@@ -20,9 +20,7 @@ typedef struct dmk_crossing {
     int8_t outer;    /* node[outer] was peeled: the branch's end lies behind it; -1: on a loop */
     bool heir;       /* `onward` is of the same branch */
     bool kept;       /* has the default strength in any case: see joints.c */
-    double at;       /* on the half-edge from its start, a share of its length */
     double xyz[3];
-    double distance; /* to the source */
     double alpha;    /* angle at which the two families meet, radians in [0, pi] */
     double excess;   /* P: by how much a path must grow to be moved from one family to the other */
     double worth;    /* P as far as it counts: see strength.c */
@@ -98,6 +96,10 @@ typedef struct dmk_image {
 dmk_image dmk_image_at_start(const dmk_geodesics *g, int32_t h);
 dmk_image dmk_image_at_end(const dmk_geodesics *g, int32_t h);
 double dmk_image_length(const dmk_image *image, double x, double y);
+
+/* Where a crossing is on its half-edge from its start, a share of the length; how far from the source. */
+double dmk_crossing_share(const dmk_geodesics *g, const dmk_crossing *c);
+double dmk_crossing_distance(const dmk_geodesics *g, const dmk_crossing *c);
 
 /* The angle between two families at a point; none where one of them begins. */
 double dmk_meeting_angle(const dmk_image *a, const dmk_image *b, double x, double y);

@@ -6,14 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-struct dmk_locus {
-    dmk_locus_info info;
-    dmk_locus_vertex *vertex; /* info.n_vertices */
-    dmk_locus_edge *edge;     /* info.n_edges */
-    int32_t *offset;          /* info.n_polylines + 1 */
-    int32_t *index;           /* offset[n_polylines]: vertices of the polylines */
-};
-
 static const double pi = 3.14159265358979323846;
 
 void dmk_locus_options_init(dmk_locus_options *options, size_t size)
@@ -123,12 +115,11 @@ done:
 }
 
 /* Angles at the source scaled to a full turn of 2 pi; kinds and their counts. */
-static void finish_vertices(const dmk_cotree *t, const double *density, dmk_locus *l)
+static void finish_vertices(const dmk_cotree *t, dmk_locus *l)
 {
     const double full = dmk_full_turn(t->geodesics), scale = full < HUGE_VAL ? 2 * pi / full : 1;
     for (size_t i = 0; i < l->info.n_vertices; i++) {
         dmk_locus_vertex *v = &l->vertex[i];
-        v->mu = density ? density[v->place.triangle] : 0;
         v->source_angle *= scale;
         for (int k = 0; k < 2; k++) {
             v->angle[k] *= scale;
@@ -215,8 +206,8 @@ static int count_components(dmk_context *ctx, dmk_locus *l)
     return DMK_OK;
 }
 
-int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *g, const double *density,
-                    const dmk_locus_options *opt, dmk_locus **locus)
+int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *g, const dmk_locus_options *opt,
+                    dmk_locus **locus)
 {
     int rc;
     dmk_cotree t = {0};
@@ -226,7 +217,7 @@ int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *g, const double *dens
     DMK_TRY(dmk_poll(ctx));
     s.locus->info.strength = dmk_strength_asked(&t, opt);
     DMK_TRY(draw(ctx, &t, s.locus->info.strength, &s));
-    finish_vertices(&t, density, s.locus);
+    finish_vertices(&t, s.locus);
     DMK_TRY(write_polylines(ctx, &s));
     DMK_TRY(count_components(ctx, s.locus));
     *locus = s.locus;
@@ -239,61 +230,13 @@ done:
     return rc;
 }
 
-void dmk_locus_renumber(dmk_locus *l, const int32_t *triangle_old)
+void dmk_locus_renumber(dmk_locus *l, const int32_t *triangle_old, const double *density)
 {
-    for (size_t i = 0; i < l->info.n_vertices; i++)
-        l->vertex[i].place.triangle = triangle_old[l->vertex[i].place.triangle];
-}
-
-/* n items of rank `from`'s array to all, as a new one on each: the others' pointers are only written. */
-static int spread(dmk_context *ctx, const dmk_ranks *ranks, int from, size_t n, size_t item,
-                  void **array)
-{
-    int rc;
-    size_t *bytes = NULL;
-    void *own = ranks->rank == from ? *array : NULL;
-    *array = NULL;
-    DMK_TRY(DMK_NEW(ctx, bytes, (size_t)ranks->size));
-    bytes[from] = n * item;
-    DMK_TRY(dmk_alloc(ctx, "cut locus", n, item, array));
-    rc = dmk_ranks_check(ctx, ranks, ranks->gather(ranks->user, own, *array, bytes));
-done:
-    free(own);
-    free(bytes);
-    return rc;
-}
-
-int dmk_locus_spread(dmk_context *ctx, const dmk_ranks *ranks, int from, dmk_locus **locus)
-{
-    int rc;
-    dmk_locus_info *info = NULL;
-    dmk_locus *l = NULL;
-    if (dmk_missing(ctx, "ranks", ranks, "locus", locus)) return DMK_E_ARG;
-    if (dmk_ranks_given(ctx, ranks) != DMK_OK) return DMK_E_ARG;
-    if (from < 0 || from >= ranks->size)
-        return dmk_fail(ctx, DMK_E_ARG, "from = %d: there are %d ranks", from, ranks->size);
-    if (ranks->rank == from && dmk_missing(ctx, "*locus", *locus)) return DMK_E_ARG;
-    if (ranks->rank == from) {
-        l = *locus;
-        DMK_TRY(DMK_NEW(ctx, info, 1));
-        *info = l->info;
-    } else {
-        DMK_TRY(DMK_NEW(ctx, l, 1));
+    for (size_t i = 0; i < l->info.n_vertices; i++) {
+        dmk_locus_vertex *v = &l->vertex[i];
+        v->place.triangle = triangle_old[v->place.triangle];
+        v->mu = density[v->place.triangle];
     }
-    DMK_TRY(spread(ctx, ranks, from, 1, sizeof *info, (void **)&info));
-    l->info = *info;
-    DMK_TRY(spread(ctx, ranks, from, info->n_vertices, sizeof *l->vertex, (void **)&l->vertex));
-    DMK_TRY(spread(ctx, ranks, from, info->n_edges, sizeof *l->edge, (void **)&l->edge));
-    DMK_TRY(
-        spread(ctx, ranks, from, info->n_polylines + 1, sizeof *l->offset, (void **)&l->offset));
-    rc = spread(ctx, ranks, from, (size_t)l->offset[info->n_polylines], sizeof *l->index,
-                (void **)&l->index);
-    *locus = l;
-    l = NULL;
-done:
-    if (ranks->rank != from) dmk_locus_destroy(&l);
-    free(info);
-    return rc;
 }
 
 void dmk_locus_destroy(dmk_locus **locus)

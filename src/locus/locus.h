@@ -39,14 +39,23 @@ static const dmk_locus_rules dmk_rules = {
     .width = 0.5,
 };
 
-/* The locus of the geodesics' sources; density: per triangle of their mesh, only carried through to
- * the vertices' mu, may be NULL. With borders each border loop counts as one point of the graph: lines may
+/* The public object. */
+struct dmk_locus {
+    dmk_locus_info info;
+    dmk_locus_vertex *vertex; /* info.n_vertices */
+    dmk_locus_edge *edge;     /* info.n_edges */
+    int32_t *offset;          /* info.n_polylines + 1 */
+    int32_t *index;           /* offset[n_polylines]: vertices of the polylines */
+};
+
+/* The locus of the geodesics' sources. With borders each border loop counts as one point of the graph: lines may
  * end on a border, and the locus with every border loop contracted to a point is connected with first
  * Betti number 2g. Several sources count as one point. */
-int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *geodesics, const double *density,
-                    const dmk_locus_options *opt, dmk_locus **locus);
+int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *geodesics, const dmk_locus_options *opt,
+                    dmk_locus **locus);
 
-/* The numbers of the triangles at the vertices, from those of the geodesics' mesh to triangle_old of them. */
-void dmk_locus_renumber(dmk_locus *locus, const int32_t *triangle_old);
+/* The numbers of the triangles at the vertices, from those of the geodesics' mesh to triangle_old of them, and the
+ * density there, mu. */
+void dmk_locus_renumber(dmk_locus *locus, const int32_t *triangle_old, const double *density);
 
 #endif

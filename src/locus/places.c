@@ -159,7 +159,7 @@ static void weights_in(const dmk_cotree *t, int32_t i, double at, int32_t triang
     weight[dmk_previous(own) % 3] = at;
 }
 
-static double averaged(const dmk_cotree *t, int32_t i);
+static double share_of(const dmk_cotree *t, int32_t i, bool raw);
 
 /* The foot of the weakest crossing on the line between the two others; raw: as they are found. */
 static void find_foot(const dmk_cotree *t, int32_t triangle, bool raw, double weight[3])
@@ -175,8 +175,8 @@ static void find_foot(const dmk_cotree *t, int32_t triangle, bool raw, double we
     dmk_subtract(t->crossing[j].xyz, t->crossing[i].xyz, q);
     double s = dmk_dot(p, q) / dmk_dot(q, q);
     s = s > 0.05 ? fmin(s, 0.95) : 0.05; /* not at a crossing: no line of length 0 */
-    weights_in(t, i, raw ? t->crossing[i].at : averaged(t, i), triangle, a);
-    weights_in(t, j, raw ? t->crossing[j].at : averaged(t, j), triangle, b);
+    weights_in(t, i, share_of(t, i, raw), triangle, a);
+    weights_in(t, j, share_of(t, j, raw), triangle, b);
     for (int k = 0; k < 3; k++) weight[k] = (1 - s) * a[k] + s * b[k];
 }
 
@@ -252,19 +252,19 @@ static void integrate(const walk *w, double length, double sum[3])
     }
 }
 
-/* Where on its edge the crossing goes. */
-static double averaged(const dmk_cotree *t, int32_t i)
+/* Where on its edge the crossing goes; raw: is. */
+static double share_of(const dmk_cotree *t, int32_t i, bool raw)
 {
     const dmk_crossing *c = &t->crossing[i];
     const dmk_mesh *m = t->geodesics->mesh;
     walk side[2];
     double length = dmk_rules.width * t->mean_edge, mean[3] = {0}, edge[3], to[3];
-    if (c->strength < t->strength) return c->at;
+    if (raw || c->strength < t->strength) return dmk_crossing_share(t->geodesics, c);
     for (int k = 0; k < 2; k++) {
         go(t, i, c->node[k], length, &side[k]);
         length = fmin(length, side[k].s[side[k].n - 1]);
     }
-    if (!(length > 0)) return c->at;
+    if (!(length > 0)) return dmk_crossing_share(t->geodesics, c);
     for (int k = 0; k < 2; k++) integrate(&side[k], length, mean);
     for (int k = 0; k < 3; k++) mean[k] /= 2 * length;
     const double *v = m->xyz + 3 * (size_t)m->triangle[dmk_next(c->half)];
@@ -280,7 +280,7 @@ void dmk_place_crossing(const dmk_cotree *t, int32_t i, dmk_locus_vertex *v)
     const int32_t h = c->half;
     corners k;
     double weight[3];
-    weights_in(t, i, averaged(t, i), h / 3, weight);
+    weights_in(t, i, share_of(t, i, false), h / 3, weight);
     set_place(t->geodesics->mesh, h / 3, weight, v);
     set_corners(t->geodesics, h / 3, &k);
     set_families(t, &k, dmk_next(h) % 3, dmk_previous(h) % 3, v);

@@ -41,9 +41,9 @@ static dmk_crossing receive(dmk_cotree *t, int32_t i, int32_t node)
         const double sum = from->alpha + to->alpha, product = from->alpha * to->alpha;
         const double growth = sum > 0 ? (1 - cos(product / sum)) * way : 0;
         const double loss = (1 - cos(0.5 * dmk_rules.angle)) * way;
-        const double worth = fmax(0, from->worth + growth - loss);
-        got.excess = fmax(got.excess, from->excess + growth);
-        got.worth = fmax(got.worth, worth);
+        const double worth = dmk_max(0, from->worth + growth - loss);
+        got.excess = dmk_max(got.excess, from->excess + growth);
+        got.worth = dmk_max(got.worth, worth);
         from->onward = i;
         from->heir = !heir || worth > most || (worth == most && from->excess > heir->excess);
         if (!from->heir) continue;
@@ -63,22 +63,30 @@ static int32_t way_out(const dmk_cotree *t, int32_t leaf)
     }
 }
 
-/* Triangles are peeled block by block, many at once, as far as a block's own ones will do. */
-enum { BLOCK = 32768 };
+/* Leaves are peeled block by block, many blocks at once, as far as a block's own triangles will do; then in blocks four
+ * times as large; then all that is left, a tenth. */
+enum { BLOCK = 32768, ROUNDS = 3 };
 
 typedef struct peeling {
     dmk_cotree *cotree;
     double least;    /* excess of a leaf that waits for the weaker ones */
     uint8_t *degree; /* n_triangles: crossings not peeled */
-    int32_t *early,
-        *n_early; /* crossings peeled within the blocks, each block's from its first triangle's place on */
-    int32_t *late, n_late; /* after that */
+    int round;
+    int32_t *peeled
+        [ROUNDS]; /* crossings in their order, each block's from its first triangle's place on */
+    int32_t *n[ROUNDS]; /* of each block */
     dmk_heap heap;
 } peeling;
 
-static int32_t block_end(const dmk_cotree *t, int32_t b)
+static int32_t block_size(const peeling *p)
 {
-    return dmk_min_i((b + 1) * BLOCK, t->geodesics->mesh->n_triangles);
+    const int32_t n = p->cotree->geodesics->mesh->n_triangles;
+    return p->round == ROUNDS - 1 ? n : dmk_min_i(BLOCK << 2 * p->round, n);
+}
+
+static int32_t count_blocks(const peeling *p)
+{
+    return (p->cotree->geodesics->mesh->n_triangles - 1) / block_size(p) + 1;
 }
 
 /* Peel the leaf at a triangle. Returns the triangle behind it if that is a leaf now, else -1. */
@@ -93,48 +101,42 @@ static int32_t take_leaf(peeling *p, int32_t leaf, int32_t out, const dmk_crossi
     return next < p->cotree->geodesics->mesh->n_triangles && --p->degree[next] == 1 ? next : -1;
 }
 
-/* Leaves of less than the least in any order. */
-static int peel_block(dmk_context *ctx, int32_t b, void *data)
+/* Leaves of less than the least in any order; in the end the others into the heap. */
+__attribute__((flatten)) static int peel_block(dmk_context *ctx, int32_t b, void *data)
 {
+    int rc = DMK_OK;
     peeling *p = data;
     dmk_cotree *t = p->cotree;
-    const int32_t begin = b * BLOCK, end = block_end(t, b), all = t->geodesics->mesh->n_triangles;
-    (void)ctx;
-    for (int32_t i = begin; i < end; i++) {
-        p->degree[i] = 0;
-        for (int k = 0; k < 3; k++) p->degree[i] += t->on[3 * i + k] >= 0;
+    const int32_t all = t->geodesics->mesh->n_triangles, begin = b * block_size(p);
+    const int32_t end = dmk_min_i(begin + block_size(p), all);
+    int32_t *n = &p->n[p->round][b];
+    *n = 0;
+    for (int32_t i = begin; i < end && p->round == 0; i++) {
+        const int32_t *on = t->on + 3 * i;
+        p->degree[i] = (on[0] >= 0) + (on[1] >= 0) + (on[2] >= 0);
     }
     for (int32_t i = begin; i < end; i++) {
         for (int32_t leaf = p->degree[i] == 1 ? i : -1; leaf >= 0;) {
             const int32_t out = way_out(t, leaf), next = dmk_other_node(&t->crossing[out], leaf);
             if (next < all && (next < begin || next >= end)) break;
             const dmk_crossing got = receive(t, out, leaf);
-            if (!(got.excess < p->least)) break;
-            p->early[begin + p->n_early[b]++] = out;
-            leaf = take_leaf(p, leaf, out, &got);
-        }
-    }
-    return DMK_OK;
-}
-
-/* What the blocks have left: leaves of less than the least in any order, the others into the heap. */
-static int peel_weak(dmk_context *ctx, peeling *p)
-{
-    int rc = DMK_OK;
-    dmk_cotree *t = p->cotree;
-    for (int32_t i = 0; i < t->geodesics->mesh->n_triangles; i++) {
-        for (int32_t leaf = p->degree[i] == 1 ? i : -1; leaf >= 0;) {
-            const int32_t out = way_out(t, leaf);
-            const dmk_crossing got = receive(t, out, leaf);
-            if (!(got.excess < p->least)) {
+            const bool waits = !(got.excess < p->least);
+            if (waits && p->round == ROUNDS - 1)
                 DMK_TRY(dmk_heap_push(ctx, &p->heap, got.excess, leaf));
-                break;
-            }
-            p->late[p->n_late++] = out;
+            if (waits) break;
+            p->peeled[p->round][begin + (*n)++] = out;
             leaf = take_leaf(p, leaf, out, &got);
         }
     }
 done:
+    return rc;
+}
+
+static int peel_weak(dmk_context *ctx, peeling *p)
+{
+    int rc = DMK_OK;
+    for (p->round = 0; p->round < ROUNDS && rc == DMK_OK; p->round++)
+        rc = dmk_parallel_pieces(ctx, count_blocks(p), peel_block, p);
     return rc;
 }
 
@@ -144,17 +146,10 @@ static int peel(dmk_context *ctx, peeling *p)
 {
     int rc;
     dmk_cotree *t = p->cotree;
-    const int32_t n_blocks = (t->geodesics->mesh->n_triangles + BLOCK - 1) / BLOCK;
-    int32_t n = 0;
-    DMK_TRY(dmk_parallel_pieces(ctx, n_blocks, peel_block, p));
     DMK_TRY(peel_weak(ctx, p));
-    for (int32_t b = 0; b < n_blocks; b++) n += p->n_early[b];
-    if (n + p->n_late == t->n) { /* a tree without a strong leaf: all of it by strength */
+    if (p->heap.n == 0) { /* without a strong leaf: all of it by strength */
         for (int32_t i = 0; i < t->n; i++) t->crossing[i].excess = HUGE_VAL;
         p->least = 0;
-        p->n_late = 0;
-        memset(p->n_early, 0, (size_t)n_blocks * sizeof *p->n_early);
-        DMK_TRY(dmk_parallel_pieces(ctx, n_blocks, peel_block, p));
         DMK_TRY(peel_weak(ctx, p));
     }
     while (p->heap.n > 0) {
@@ -163,7 +158,7 @@ static int peel(dmk_context *ctx, peeling *p)
         const int32_t out = way_out(t, leaf.item);
         const dmk_crossing got = receive(t, out, leaf.item);
         const int32_t next = take_leaf(p, leaf.item, out, &got);
-        p->late[p->n_late++] = out;
+        p->peeled[ROUNDS - 1][p->n[ROUNDS - 1][0]++] = out;
         if (next < 0) continue;
         DMK_TRY(dmk_heap_push(ctx, &p->heap, receive(t, way_out(t, next), next).excess, next));
     }
@@ -203,30 +198,37 @@ static void set_branch(dmk_cotree *t, int32_t i)
 static int set_block(dmk_context *ctx, int32_t b, void *data)
 {
     const peeling *p = data;
+    const int32_t *peeled = p->peeled[p->round] + b * block_size(p);
     (void)ctx;
-    for (int32_t i = p->n_early[b] - 1; i >= 0; i--) set_branch(p->cotree, p->early[b * BLOCK + i]);
+    for (int32_t i = p->n[p->round][b] - 1; i >= 0; i--) set_branch(p->cotree, peeled[i]);
     return DMK_OK;
 }
 
 double dmk_branch_at(const dmk_cotree *t, int32_t i)
 {
-    double least = HUGE_VAL;
-    for (int k = 0; k < 3; k++) {
-        if (t->on[3 * i + k] < 0) return 0;
-        least = fmin(least, t->crossing[t->on[3 * i + k]].worth);
-    }
-    return least;
+    const int32_t *on = t->on + 3 * i;
+    if (on[0] < 0 || on[1] < 0 || on[2] < 0) return 0;
+    return fmin(t->crossing[on[0]].worth, fmin(t->crossing[on[1]].worth, t->crossing[on[2]].worth));
 }
 
 typedef struct branches {
     const dmk_cotree *cotree;
-    double *at; /* n_triangles */
+    double least, *at; /* n_triangles */
 } branches;
 
-static void find_branches(int32_t begin, int32_t end, void *data)
+/* Those of more than the least, and 0 behind them. */
+static int find_branches(dmk_context *ctx, int32_t b, void *data)
 {
-    const branches *b = data;
-    for (int32_t i = begin; i < end; i++) b->at[i] = dmk_branch_at(b->cotree, i);
+    const branches *s = data;
+    const int32_t end = dmk_min_i((b + 1) * BLOCK, s->cotree->geodesics->mesh->n_triangles);
+    int32_t n = b * BLOCK;
+    (void)ctx;
+    for (int32_t i = n; i < end; i++) {
+        const double branch = dmk_branch_at(s->cotree, i);
+        if (branch > s->least && branch < HUGE_VAL) s->at[n++] = branch;
+    }
+    if (n < end) s->at[n] = 0;
+    return DMK_OK;
 }
 
 /* The mesh's own branches are weak and many; on a noisy mesh some are stronger than the default. They
@@ -244,12 +246,14 @@ static int find_default(dmk_context *ctx, dmk_cotree *t)
     size_t n = 0;
     const int32_t n_triangles = t->geodesics->mesh->n_triangles;
     t->strength = fixed;
-    DMK_TRY(DMK_NEW(ctx, branch, (size_t)n_triangles + 2));
+    DMK_TRY(DMK_NEW_UNSET(ctx, branch, (size_t)n_triangles + 2));
     branch[n++] = least;
     if (t->last >= 0) branch[n++] = HUGE_VAL;
-    dmk_parallel(ctx, n_triangles, find_branches, &(branches){t, branch + n});
-    for (const double *b = branch + n, *end = b + n_triangles; b < end; b++) {
-        if (*b > least && *b < HUGE_VAL) branch[n++] = *b;
+    branches found = {t, least, branch + n};
+    DMK_TRY(dmk_parallel_pieces(ctx, (n_triangles + BLOCK - 1) / BLOCK, find_branches, &found));
+    for (int32_t b = 0; b < n_triangles; b += BLOCK) {
+        for (int32_t i = b; i < dmk_min_i(b + BLOCK, n_triangles) && found.at[i] > 0; i++)
+            branch[n++] = found.at[i];
     }
     dmk_sort_doubles(branch, n);
     for (size_t i = 0; i + 1 < n && branch[i] <= most; i++) {
@@ -267,23 +271,24 @@ int dmk_cotree_peel(dmk_context *ctx, dmk_cotree *t)
 {
     int rc;
     peeling p = {.cotree = t, .least = dmk_least_excess(t)};
-    const int32_t n_triangles = t->geodesics->mesh->n_triangles;
-    const int32_t n_blocks = (n_triangles + BLOCK - 1) / BLOCK;
+    const size_t n_triangles = (size_t)t->geodesics->mesh->n_triangles;
     t->last = -1;
-    DMK_TRY(DMK_NEW(ctx, p.degree, (size_t)n_triangles));
-    DMK_TRY(DMK_NEW(ctx, p.early, (size_t)n_triangles));
-    DMK_TRY(DMK_NEW(ctx, p.n_early, (size_t)n_blocks));
-    DMK_TRY(DMK_NEW(ctx, p.late, (size_t)t->n));
+    DMK_TRY(DMK_NEW_UNSET(ctx, p.degree, n_triangles));
+    for (int k = 0; k < ROUNDS; k++) {
+        DMK_TRY(DMK_NEW_UNSET(ctx, p.peeled[k], n_triangles));
+        DMK_TRY(DMK_NEW(ctx, p.n[k], n_triangles / BLOCK + 1));
+    }
     DMK_TRY(peel(ctx, &p));
-    if (p.n_late > 0) close_last(t, p.late[p.n_late - 1]);
+    const int32_t n_late = p.n[ROUNDS - 1][0];
+    if (n_late > 0) close_last(t, p.peeled[ROUNDS - 1][n_late - 1]);
     if (!(t->strength > 0)) DMK_TRY(find_default(ctx, t));
-    while (p.n_late > 0) set_branch(t, p.late[--p.n_late]);
-    rc = dmk_parallel_pieces(ctx, n_blocks, set_block, &p);
+    while (p.round-- > 0) DMK_TRY(dmk_parallel_pieces(ctx, count_blocks(&p), set_block, &p));
 done:
     free(p.degree);
-    free(p.early);
-    free(p.n_early);
-    free(p.late);
+    for (int k = 0; k < ROUNDS; k++) {
+        free(p.peeled[k]);
+        free(p.n[k]);
+    }
     dmk_heap_free(&p.heap);
     return rc;
 }
