@@ -101,7 +101,7 @@ KERNEL repair_list_rows(int n, global int *restrict ring, volatile global int *c
 }
 
 /* Listed elements above the target move their six values towards their own feasible set {q <= target^2},
- * along the gradient in the metric of inv_diag^-1/2: out = the moves. broken[sweep] is 1 if any is above 1;
+ * along the gradient in the metric of inv_diag^-1/2: out = the moves. broken[sweep] is not 0 if any is above 1;
  * once a sweep has none, later ones do nothing.
  * reads list, index, cot, area, inv_diag and u (gathered), mark, broken; writes out, mark, moved, broken
  * moves 80 N + 16 real N bytes, 50 to 900 N flops
@@ -122,7 +122,7 @@ KERNEL repair_elements(int n, int sweep, int stamp, float target, global const i
         for (int k = 0; k < 3; k++) c[k] = cot[base3 + DMK_WIDTH * k];
         for (int k = 0; k < 6; k++) x[k] = u[index[base + DMK_WIDTH * k]];
         real e = energy_of(c, x, y);
-        if (e > area[t] && broken[sweep] == 0) broken[sweep] = 1;
+        if (e > area[t] && broken[sweep] == 0) atomic_inc(&broken[sweep]);
         if (!(e > s * s * area[t])) {
             if (mark[t] == 0) continue;
             for (int k = 0; k < 6; k++) out[base + DMK_WIDTH * k] = 0;

@@ -10,15 +10,16 @@ runs='cpu:double cpu:single gpu:double gpu:single'
 [ -z "$short" ] || runs='cpu:single gpu:double' # the others: kernels.sh
 # All but the benchmark's copy, those of ranks, as Oclgrind does not bear two threads, and those of coarse levels too
 # large for the one launch that does the coarsest ones: kernels.sh has these.
-others='narrow_copy|halo_.*|cg_alpha|cg_beta|sum_partials|coarse_solve|coarse_inverse|restrict_rows'
+others='narrow_copy|halo_.*|cg_alpha|cg_beta|inner_scalars|sum_partials|coarse_solve|coarse_inverse'
+others+='|graph_refresh|prolong_rows|prolong_chebyshev|restrict_rows'
 kernels=$(grep -ho '^KERNEL [a-z_]\+' kernels/*.cl | cut -d' ' -f2 | sort -u | grep -vxE "$others")
 
-# Errors but for two kinds, where it does not matter whether the old value is read or the new one: band_slopes
-# looks at a maximum before it raises it by an atomic operation, to spare most of these; repair_grow takes rows
-# of no ring into the next one, which is as little of this one as no ring is.
+# Errors but for two kinds, where it does not matter whether the old value is read or the new one: band_slopes and
+# repair_elements look at a maximum or a flag before they raise it by an atomic operation, to spare most of these;
+# repair_grow takes rows of no ring into the next one, which is as little of this one as no ring is.
 errors() { # LOG
     awk '/^(Read-write|Write-write|Invalid|Uninit|OCLGRIND)|data race|error/ && !/Instructions/ { what = $0
-            getline; if ($0 !~ /Kernel: (band_slopes|repair_grow)/ || what !~ /^Read-write data race at global/) {
+            getline; if ($0 !~ /Kernel: (band_slopes|repair_elements|repair_grow)/ || what !~ /^Read-write data race at global/) {
                 print what; print } }' "$1"
 }
 place=$work

@@ -1,4 +1,4 @@
-/* Solve MESH from vertex 0 in a given shape and precision, by all methods, for checks of kernels:
+/* Solve MESH from vertex 0 in a given shape and precision, by all methods, and a transport, for checks of kernels:
  *     solve MESH cpu|gpu double|single [LARGER]
  * Steps are few: the same kernels run at each. Then the mesh with a needle, and the larger mesh, of a launch's part of
  * vertices for each, on two ranks, threads of this process. */
@@ -60,6 +60,29 @@ static void solve_needle(dmk_device *device, const dmk_mesh *mesh)
     free(x);
 }
 
+/* Between measures: masses that grow with the vertices' numbers go where they fall. */
+static void solve_transport(dmk_solver *solver, const dmk_mesh *mesh)
+{
+    dmk_mesh_info info;
+    dmk_solve_options options;
+    dmk_transport *transport = NULL;
+    dmk_stats stats;
+    dmk_mesh_get_info(mesh, &info);
+    double *up = malloc(2 * info.n_vertices * sizeof *up), *down = up + info.n_vertices;
+    if (!up) exit(1);
+    for (size_t v = 0; v < info.n_vertices; v++) {
+        up[v] = (double)v;
+        down[v] = (double)(info.n_vertices - 1 - v);
+    }
+    dmk_solve_options_init(&options, sizeof options);
+    ok(dmk_solve_measures(context, solver, &(dmk_measure){.vertex_mass = up},
+                          &(dmk_measure){.vertex_mass = down}, &options, &transport));
+    dmk_transport_get_stats(transport, &stats);
+    if (!(stats.cost_lower > 0 && stats.cost_lower <= stats.cost_upper && stats.gap < 0.5)) exit(2);
+    dmk_transport_destroy(&transport);
+    free(up);
+}
+
 typedef struct seat {
     dmk_device_options device;
     const char *mesh;
@@ -89,6 +112,7 @@ static void *sit(void *argument)
     if (!s->m.all) {
         solve(solver, &source, DMK_EULER, DMK_START_UNIFORM);
         solve(solver, &source, DMK_NEWTON, DMK_START_UNIFORM); /* with one smoothing step, too */
+        solve_transport(solver, mesh);
         solve_needle(device, mesh);
     }
     dmk_solver_destroy(&solver);

@@ -12,11 +12,12 @@ $cl "$@" -c "$source" -o "$object.kernels.o"
 $cl -cl-std=CL1.2 -c "$here/builtins.cl" -o "$object.builtins.o"
 # One C function for each kernel that takes its arguments from an array of places.
 perl -0777 -ne '
-    print "typedef void *pointer;\ntypedef int int4 __attribute__((vector_size(16), aligned(1)));\n";
+    print "typedef void *pointer;\ntypedef int int4 __attribute__((vector_size(16), aligned(1)));\n",
+        "typedef float float8 __attribute__((vector_size(32), aligned(1)));\n";
     while (/^KERNEL (\w+)\(([^)]*)\)\s*\{(.*?)^\}/gms) {
         my ($name, $body, @type, @value) = ($1, $3);
         for my $p (split /,/, $2) {
-            my $t = $p =~ /\*|GATHERED/ ? "pointer" : $p =~ /\b(float|int4)\b/ ? $1 : "int";
+            my $t = $p =~ /\*|GATHERED/ ? "pointer" : $p =~ /\b(float8|float|int4)\b/ ? $1 : "int";
             push @value, "*($t *)a[" . @type . "]";
             push @type, $t;
         }
@@ -25,5 +26,5 @@ perl -0777 -ne '
             "const int arguments_$name = $arguments, waits_$name = ", $body =~ /\blocal |TOGETHER|tail_/ ? 1 : 0, ";\n",
             "void call_$name(void **a) { $name(", join(", ", @value), "); }\n";
     }' "$source" > "$object.c"
-clang $flags -w -c "$object.c" -o "$object.calls.o"
+clang -mavx $flags -w -c "$object.c" -o "$object.calls.o"
 clang $flags -shared "$object".*.o -o "$object"

@@ -94,6 +94,11 @@ MEMORY(double, double8)
 MEMORY(int, int8)
 float2 OVER vload2(size_t i, const global float *p) { return (float2)(p[2 * i], p[2 * i + 1]); }
 void OVER vstore2(float2 x, size_t i, global float *p) { p[2 * i] = x.s0, p[2 * i + 1] = x.s1; }
+void OVER vstore8(float8 x, size_t i, private float *p)
+{
+    p += 8 * i;
+    for (int k = 0; k < 8; k++) p[k] = ((private float *)&x)[k];
+}
 void OVER vstore16(float16 x, size_t i, global float *p)
 {
     vstore8(x.lo, 2 * i, p);

@@ -40,7 +40,7 @@ struct _cl_kernel {
     void (*call)(void **);
     int n_args, waits;
     int is_buffer[max_args]; /* by the size that clSetKernelArg gets */
-    char value[max_args][16];
+    char value[max_args][32]; /* a float8 at most */
 };
 
 static struct _cl_platform_id the_platform;
