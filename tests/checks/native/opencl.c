@@ -39,7 +39,7 @@ struct _cl_program {
 struct _cl_kernel {
     void (*call)(void **);
     int n_args, waits;
-    int is_buffer[max_args]; /* by the size that clSetKernelArg gets */
+    int is_buffer[max_args];  /* by the size that clSetKernelArg gets */
     char value[max_args][32]; /* a float8 at most */
 };
 
