@@ -2,6 +2,7 @@
 #include "cut/cut.h"
 #include "geodesic/trace.h"
 #include "mesh/mesh.h"
+#include "ranks/ranks.h"
 #include "solver/result.h"
 
 #include <math.h>
@@ -65,54 +66,44 @@ done:
     return rc;
 }
 
-/* n items of rank `from`'s array to all, as a new one on each: the others' pointers are only written. */
+/* n items of rank `from`'s array to all; on the others it is new. */
 static int spread(dmk_context *ctx, const dmk_ranks *ranks, int from, size_t n, size_t item,
                   void **array)
 {
     int rc;
-    size_t *bytes = NULL;
-    void *own = ranks->rank == from ? *array : NULL;
-    *array = NULL;
-    DMK_TRY(DMK_NEW(ctx, bytes, (size_t)ranks->size));
-    bytes[from] = n * item;
-    DMK_TRY(dmk_alloc(ctx, "cut locus", n, item, array));
-    rc = dmk_ranks_check(ctx, ranks, ranks->gather(ranks->user, own, *array, bytes));
+    if (ranks->rank != from) DMK_TRY(dmk_alloc(ctx, "cut locus", n, item, array));
+    rc = dmk_ranks_spread_from(ctx, ranks, from, *array, n * item);
 done:
-    free(own);
-    free(bytes);
     return rc;
 }
 
 int dmk_locus_spread(dmk_context *ctx, const dmk_ranks *ranks, int from, dmk_locus **locus)
 {
     int rc;
-    dmk_locus_info *info = NULL;
     dmk_locus *l = NULL;
     if (dmk_missing(ctx, "ranks", ranks, "locus", locus)) return DMK_E_ARG;
     if (dmk_ranks_given(ctx, ranks) != DMK_OK) return DMK_E_ARG;
     if (from < 0 || from >= ranks->size)
         return dmk_fail(ctx, DMK_E_ARG, "from = %d: there are %d ranks", from, ranks->size);
-    if (ranks->rank == from && dmk_missing(ctx, "*locus", *locus)) return DMK_E_ARG;
-    if (ranks->rank == from) {
+    const bool has_it = ranks->rank == from;
+    if (has_it && dmk_missing(ctx, "*locus", *locus)) return DMK_E_ARG;
+    if (has_it)
         l = *locus;
-        DMK_TRY(DMK_NEW(ctx, info, 1));
-        *info = l->info;
-    } else {
+    else
         DMK_TRY(DMK_NEW(ctx, l, 1));
-    }
-    DMK_TRY(spread(ctx, ranks, from, 1, sizeof *info, (void **)&info));
-    l->info = *info;
+    const dmk_locus_info *info = &l->info;
+    DMK_TRY(dmk_ranks_spread_from(ctx, ranks, from, &l->info, sizeof l->info));
     DMK_TRY(spread(ctx, ranks, from, info->n_vertices, sizeof *l->vertex, (void **)&l->vertex));
     DMK_TRY(spread(ctx, ranks, from, info->n_edges, sizeof *l->edge, (void **)&l->edge));
     DMK_TRY(
         spread(ctx, ranks, from, info->n_polylines + 1, sizeof *l->offset, (void **)&l->offset));
     rc = spread(ctx, ranks, from, (size_t)l->offset[info->n_polylines], sizeof *l->index,
                 (void **)&l->index);
-    *locus = l;
-    l = NULL;
 done:
-    if (ranks->rank != from) dmk_locus_destroy(&l);
-    free(info);
+    if (rc == DMK_OK)
+        *locus = l;
+    else if (!has_it)
+        dmk_locus_destroy(&l);
     return rc;
 }
 
