@@ -140,6 +140,16 @@ static int peel_weak(dmk_context *ctx, peeling *p)
     return rc;
 }
 
+static int32_t count_peeled(const peeling *p)
+{
+    int32_t n = 0;
+    for (int k = 0; k < ROUNDS; k++) {
+        for (int32_t b = 0; b <= p->cotree->geodesics->mesh->n_triangles / BLOCK; b++)
+            n += p->n[k][b];
+    }
+    return n;
+}
+
 /* All in the order of strength. What is peeled and what it hands on does not depend on the order, only which crossing
  * is the last one of a tree: so most leaves, the mesh's own, are not sorted. */
 static int peel(dmk_context *ctx, peeling *p)
@@ -147,7 +157,7 @@ static int peel(dmk_context *ctx, peeling *p)
     int rc;
     dmk_cotree *t = p->cotree;
     DMK_TRY(peel_weak(ctx, p));
-    if (p->heap.n == 0) { /* without a strong leaf: all of it by strength */
+    if (count_peeled(p) == t->n) { /* a tree without a strong leaf: all of it by strength */
         for (int32_t i = 0; i < t->n; i++) t->crossing[i].excess = HUGE_VAL;
         p->least = 0;
         DMK_TRY(peel_weak(ctx, p));
