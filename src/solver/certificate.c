@@ -15,8 +15,8 @@ static const double usual_goal = 1e-3;
 /* This many times the goal will do where the rest would take long: of the usual one, a settled gap. */
 static const double lenience = 3;
 
-/* Of the gap, what the upper bound may be above F at its best multiple of mu: of the gap aimed at, or of the one
- * that is left where that is larger. With 1e-5 the bounds of camel and man take twice the time. */
+/* Of the gap aimed at, what the upper bound may be above F at its best multiple of mu. With 1e-5 the bounds of camel and
+ * man take twice the time. */
 static const double slack = 0.2;
 
 /* How well A(mu) u = f is solved for the first bound from a better u, in the energy: with 1e-3 one pair in five on a
@@ -147,13 +147,6 @@ done:
     return rc;
 }
 
-/* What the upper bound may be above `least` in the end: more only where the lower bound's part of the gap is large. */
-static double allowed_at_last(const dmk_stats *stats, double goal, double least)
-{
-    const double below = 1 - stats->cost_lower / least;
-    return fmax(slack * goal, slack / (1 - slack) * below);
-}
-
 static int certify(dmk_iteration *o, bool last)
 {
     int rc;
@@ -182,7 +175,7 @@ static int certify(dmk_iteration *o, bool last)
     dmk_certify_gap(stats);
     /* Where the iteration goes on, this mu's bound will not be the last. */
     if (last && !(o->goes_on && stats->gap > DMK_SETTLED_GAP)) {
-        DMK_TRY(find_upper(o, &s, allowed_at_last(stats, goal, s.least)));
+        DMK_TRY(find_upper(o, &s, slack * goal));
         dmk_certify_gap(stats);
     }
     o->certified = hopeful;
