@@ -1068,8 +1068,8 @@ static void test_off(void **state)
     }
 }
 
-/* On several blocks of triangles of either size: what is peeled first, and by how many threads, changes nothing; and all that is
- * handed on has come from a crossing that is handed on to. */
+/* On several blocks of triangles of either size: what is peeled first, and by how many threads, changes nothing; and
+ * all that is handed on has come from a crossing that is handed on to. */
 static void test_blocks(void **state)
 {
     (void)state;

@@ -15,8 +15,8 @@ static const double usual_goal = 1e-3;
 /* This many times the goal will do where the rest would take long: of the usual one, a settled gap. */
 static const double lenience = 3;
 
-/* Of the gap aimed at, what the upper bound may be above F at its best multiple of mu. With 1e-5 the bounds of camel and
- * man take twice the time. */
+/* Of the gap aimed at, what the upper bound may be above F at its best multiple of mu. With 1e-5 the bounds of camel
+ * and man take twice the time. */
 static const double slack = 0.2;
 
 /* How well A(mu) u = f is solved for the first bound from a better u, in the energy: with 1e-3 one pair in five on a
