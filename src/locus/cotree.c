@@ -95,9 +95,8 @@ static bool is_first(const dmk_geodesics *g, int32_t h)
     return g->star.twin[h] < 0 || h < g->star.twin[h];
 }
 
-/* Jumps as keys: the bits of a float keep the order of numbers that are not negative. Edges between the cells of
- * two sources come behind all others, so that the tree of a source takes its own cell. Flattened, as are the other loops
- * of this room over all edges or triangles: calls take 8 of 73 ms of the stage on 273,000 triangles. */
+/* Jumps as keys: the bits of a float keep the order of numbers that are not negative. Edges between the cells of two
+ * sources come last, so that the tree of a source takes its own cell. Flattened, as other loops here: 8 of 73 ms. */
 __attribute__((flatten)) static void find_jumps(int32_t begin, int32_t end, void *data)
 {
     const dmk_cotree *t = data;
@@ -282,7 +281,7 @@ int dmk_cotree_span(dmk_context *ctx, dmk_cotree *t, const bool *kept)
     n_wanted = m->n_used_vertices - m->n_components - unite_sources(t->geodesics, parent);
     for (int32_t k = 0; k < 2 * m->n_edges && n_wanted > 0; k++) {
         const int32_t i = k < m->n_edges ? k : k - m->n_edges, e = t->order[i].item;
-        /* Edges by jump lie anywhere: 3 of 69 ms. */
+        /* 3 of 69 ms on 273,000 triangles */
         __builtin_prefetch(m->edge_vertex + 2 * t->order[dmk_min_i(i + 16, m->n_edges - 1)].item);
         if ((kept && kept[e]) != (k >= m->n_edges)) continue;
         in_tree[e] = dmk_set_unite(parent, m->edge_vertex[2 * e], m->edge_vertex[2 * e + 1]);
