@@ -68,8 +68,9 @@ static void solve_transport(dmk_solver *solver, const dmk_mesh *mesh)
     dmk_transport *transport = NULL;
     dmk_stats stats;
     dmk_mesh_get_info(mesh, &info);
-    double *up = malloc(2 * info.n_vertices * sizeof *up), *down = up + info.n_vertices;
+    double *up = malloc(2 * info.n_vertices * sizeof *up);
     if (!up) exit(1);
+    double *down = up + info.n_vertices;
     for (size_t v = 0; v < info.n_vertices; v++) {
         up[v] = (double)v;
         down[v] = (double)(info.n_vertices - 1 - v);
