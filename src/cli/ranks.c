@@ -468,6 +468,8 @@ int cli_ranks_end(int code)
     if (code != EXIT_OK && self.ranks.rank == first) print_held(); /* the others say the same */
     code = codes[first];
     free(codes);
+    /* mpirun ends ranks that leave later than the first one that failed: they have no more to tell. */
+    if (code != EXIT_OK) cli_first_to_tell();
     end_watch();
     MPI_Win_unlock_all(self.window);
     MPI_Win_free(&self.window);
