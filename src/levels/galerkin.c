@@ -392,12 +392,23 @@ done:
     return rc;
 }
 
+/* The two halves of a coarsening's tables; neither reads what the other makes. */
+typedef struct halves {
+    int32_t n_fine, n_edges, first, end;
+    const int32_t *edge;
+    dmk_coarsening *c;
+} halves;
+
+static int make_half(dmk_context *own, int32_t k, void *data)
+{
+    const halves *h = data;
+    return k == 0 ? galerkin_tables(own, h->n_edges, h->edge, h->first, h->end, h->c)
+                  : transpose(own, h->n_fine, h->c);
+}
+
 int dmk_galerkin_create(dmk_context *ctx, int32_t n_fine, int32_t n_fine_edges,
                         const int32_t *fine_edge, int32_t first, int32_t end, dmk_coarsening *c)
 {
-    int rc;
-    DMK_TRY(transpose(ctx, n_fine, c));
-    DMK_TRY(galerkin_tables(ctx, n_fine_edges, fine_edge, first, end, c));
-done:
-    return rc;
+    halves h = {n_fine, n_fine_edges, first, end, fine_edge, c};
+    return dmk_parallel_pieces(ctx, 2, make_half, &h);
 }
