@@ -166,25 +166,38 @@ done:
 }
 
 int dmk_hierarchy_go_on(dmk_context *ctx, const dmk_graph *mesh, int32_t coarsest,
-                        dmk_adjacency *fine, dmk_hierarchy *h)
+                        const dmk_level_taker *taker, dmk_adjacency *fine, dmk_hierarchy *h)
 {
     int rc = DMK_OK;
     if (coarsest <= 0) coarsest = DMK_COARSEST;
     while (fine->n > coarsest && h->n < DMK_MAX_LEVELS) {
-        DMK_TRY(coarsen(ctx, fine, h->n ? &h->level[h->n - 1].coarse : mesh, &h->level[h->n]));
-        h->n += fine->n > 0;
+        dmk_coarsening *c = &h->level[h->n];
+        DMK_TRY(coarsen(ctx, fine, h->n ? &h->level[h->n - 1].coarse : mesh, c));
+        if (fine->n == 0) break;
+        h->n++;
+        if (taker) DMK_TRY(taker->take(ctx, taker->user, c));
     }
 done:
+    if (taker) {
+        const int taken = taker->take(ctx, taker->user, NULL);
+        if (rc == DMK_OK) rc = taken;
+    }
     dmk_adjacency_free(fine);
     if (rc != DMK_OK) dmk_hierarchy_free(h);
     return rc;
 }
 
-int dmk_hierarchy_create(dmk_context *ctx, const dmk_mesh *m, int32_t coarsest, dmk_hierarchy *h)
+int dmk_hierarchy_hand_over(dmk_context *ctx, const dmk_mesh *m, int32_t coarsest,
+                            const dmk_level_taker *taker, dmk_hierarchy *h)
 {
     dmk_adjacency fine;
     const dmk_graph mesh = {m->n_vertices, m->n_edges, m->edge_vertex, m->xyz};
     memset(h, 0, sizeof *h);
     const int rc = mesh_adjacency(ctx, m, &fine);
-    return rc == DMK_OK ? dmk_hierarchy_go_on(ctx, &mesh, coarsest, &fine, h) : rc;
+    return rc == DMK_OK ? dmk_hierarchy_go_on(ctx, &mesh, coarsest, taker, &fine, h) : rc;
+}
+
+int dmk_hierarchy_create(dmk_context *ctx, const dmk_mesh *m, int32_t coarsest, dmk_hierarchy *h)
+{
+    return dmk_hierarchy_hand_over(ctx, m, coarsest, NULL, h);
 }
