@@ -5,8 +5,6 @@
  * operator, so no vertex moves.) */
 #include "mesh/mollify.h"
 
-#include "base/parallel.h"
-
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -64,11 +62,6 @@ bool dmk_mollified_is_good(double before, double after)
     return after <= (1 + area_slack) * before;
 }
 
-static bool is_harmful(int32_t t, void *data)
-{
-    return !dmk_needs_no_mollifying(data, t, t + 1);
-}
-
 /* Areas and cotangents; whether the whole area is still about the same. */
 static bool measure(const dmk_mesh *m, dmk_mesh *mollified)
 {
@@ -90,8 +83,7 @@ int dmk_mollify(dmk_context *ctx, const dmk_mesh *m, dmk_mesh *mollified)
     int rc;
     bool good = false;
     *mollified = *m;
-    if (dmk_parallel_first(ctx, m->n_triangles, is_harmful, (void *)(uintptr_t)m) < 0)
-        return DMK_OK;
+    if (m->sharpest <= harmless) return DMK_OK;
     mollified->length = mollified->area = NULL;
     DMK_TRY(DMK_NEW(ctx, mollified->length, (size_t)m->n_edges));
     DMK_TRY(DMK_NEW(ctx, mollified->area, (size_t)m->n_triangles));

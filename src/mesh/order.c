@@ -241,7 +241,7 @@ static int gather(dmk_context *ctx, const dmk_mesh *m, const renumbering *number
         DMK_TRY(dmk_mesh_count(ctx, to));
     else
         to->n_used_vertices = to->n_vertices;
-    DMK_TRY(dmk_mesh_describe(ctx, to));
+    DMK_TRY(dmk_mesh_describe(ctx, to, m->n_components == 1 ? m : NULL));
 done:
     return rc;
 }
