@@ -43,9 +43,9 @@ static int mesh_adjacency(dmk_context *ctx, const dmk_mesh *m, dmk_adjacency *g)
     memset(g, 0, sizeof *g);
     g->n = m->n_vertices;
     DMK_TRY(DMK_NEW(ctx, g->row, (size_t)g->n + 1));
-    DMK_TRY(DMK_NEW(ctx, g->to, 2 * (size_t)m->n_edges));
-    DMK_TRY(DMK_NEW(ctx, g->length, 2 * (size_t)m->n_edges));
-    DMK_TRY(DMK_NEW(ctx, fill, (size_t)g->n));
+    DMK_TRY(DMK_NEW_UNSET(ctx, g->to, 2 * (size_t)m->n_edges));
+    DMK_TRY(DMK_NEW_UNSET(ctx, g->length, 2 * (size_t)m->n_edges));
+    DMK_TRY(DMK_NEW_UNSET(ctx, fill, (size_t)g->n));
     for (int32_t h = 0; h < 2 * m->n_edges; h++) g->row[m->edge_vertex[h] + 1]++;
     for (int32_t v = 0; v < g->n; v++) {
         fill[v] = g->row[v];
@@ -102,7 +102,7 @@ float dmk_link_length(const double p[3], const double q[3])
 static int measure_adjacency(dmk_context *ctx, const double *xyz, dmk_adjacency *g)
 {
     int rc;
-    DMK_TRY(DMK_NEW(ctx, g->length, (size_t)g->row[g->n]));
+    DMK_TRY(DMK_NEW_UNSET(ctx, g->length, (size_t)g->row[g->n] + 1));
     for (int32_t v = 0; v < g->n; v++) {
         const double *p = xyz + 3 * (size_t)v;
         for (int32_t i = g->row[v]; i < g->row[v + 1]; i++) {
