@@ -105,8 +105,9 @@ static void needle_range(int32_t begin, int32_t end, void *data)
     double sharpest = 0;
     for (int32_t t = f->begin + begin; t < f->begin + end; t++) {
         const double c[3] = {dmk_cot(m, 3 * t), dmk_cot(m, 3 * t + 1), dmk_cot(m, 3 * t + 2)};
-        double s = 1 / (1 + c[0] * c[0]) + 1 / (1 + c[1] * c[1]) + 1 / (1 + c[2] * c[2]);
         sharpest = dmk_max(sharpest, dmk_max(fabs(c[0]), dmk_max(fabs(c[1]), fabs(c[2]))));
+        if (c[0] >= 0 && c[1] >= 0 && c[2] >= 0) continue; /* s is 2 or more */
+        const double s = 1 / (1 + c[0] * c[0]) + 1 / (1 + c[1] * c[1]) + 1 / (1 + c[2] * c[2]);
         n += 1.5 + sqrt(dmk_max(2.25 - s, 0)) > 2.5;
     }
     pthread_mutex_lock(&f->lock);
@@ -240,8 +241,8 @@ static int pack_slots(const packer *p)
     DMK_TRY(corners_create(p, &corners));
     size_t n_slices = (size_t)(edge_slices + corners.n_slices);
     size_t n_slots = DMK_WIDTH * (size_t)corners.slice[corners.n_slices];
-    DMK_TRY(DMK_NEW(p->ctx, slice, n_slices + 1));
-    DMK_TRY(DMK_NEW(p->ctx, slot, edges + n_slots));
+    DMK_TRY(DMK_NEW_UNSET(p->ctx, slice, n_slices + 1));
+    DMK_TRY(DMK_NEW_UNSET(p->ctx, slot, edges + n_slots));
     for (int32_t k = 0; k < edge_slices; k++) slice[k] = 2 * k;
     for (int32_t k = 0; k <= corners.n_slices; k++) {
         slice[edge_slices + k] = 2 * edge_slices + corners.slice[k];
@@ -266,7 +267,7 @@ static int pack_ends(const packer *p)
     const dmk_mesh *m = p->mesh;
     dmk_system *s = p->sys;
     int32_t *ends = NULL;
-    DMK_TRY(DMK_NEW(p->ctx, ends, 2 * (size_t)s->n_rows_pad));
+    DMK_TRY(DMK_NEW_UNSET(p->ctx, ends, 2 * (size_t)s->n_rows_pad));
     for (int32_t i = 0; i < 2 * s->n_rows_pad; i++) ends[i] = m->n_vertices; /* stays 0 on T */
     for (int32_t e = 0; e < m->n_edges; e++) {
         for (int k = 0; k < 2; k++) ends[dmk_slot(e, k, 2)] = m->edge_vertex[2 * e + k];
@@ -291,9 +292,9 @@ static int pack_graph(const packer *p, int32_t n, int32_t n_edges, const int32_t
     l->n_pad = dmk_padded(n);
     l->n_edges = n_edges;
     DMK_TRY(DMK_NEW(p->ctx, row, (size_t)n + 1));
-    DMK_TRY(DMK_NEW(p->ctx, fill, (size_t)n + 1));
-    DMK_TRY(DMK_NEW(p->ctx, neighbour, 2 * (size_t)n_edges));
-    DMK_TRY(DMK_NEW(p->ctx, number, 2 * (size_t)n_edges));
+    DMK_TRY(DMK_NEW_UNSET(p->ctx, fill, (size_t)n + 1));
+    DMK_TRY(DMK_NEW_UNSET(p->ctx, neighbour, 2 * (size_t)n_edges + 1));
+    DMK_TRY(DMK_NEW_UNSET(p->ctx, number, 2 * (size_t)n_edges + 1));
     for (int32_t i = 0; i < 2 * n_edges; i++) row[edge_vertex[i] + 1]++;
     for (int32_t i = 0; i < n; i++) row[i + 1] += row[i];
     for (int32_t i = 0; i < n; i++) fill[i] = row[i];
@@ -343,7 +344,7 @@ static int pack_coefficients(const packer *p, size_t n, const float *coef, dmk_b
 {
     int rc;
     uint16_t *half = NULL;
-    DMK_TRY(DMK_NEW(p->ctx, half, n));
+    DMK_TRY(DMK_NEW_UNSET(p->ctx, half, n + 1));
     for (size_t i = 0; i < n; i++) half[i] = half_of(coef[i]);
     DMK_TRY(upload(p, n, sizeof *half, half, b));
 done:
