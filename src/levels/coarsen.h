@@ -48,7 +48,8 @@ typedef struct dmk_hierarchy {
 int dmk_hierarchy_create(dmk_context *context, const dmk_mesh *mesh, int32_t coarsest,
                          dmk_hierarchy *h);
 /* The same, and each level is handed over as soon as it is there, while the next ones are made of its graph: all
- * else in it is the taker's to free. In the end there is a call with NULL, also after a failure: then *h is emptied. */
+ * else in it is the taker's to free. The last call has NULL, by which the taker is to have ended what it began; after
+ * a failure, too, upon which *h is emptied. */
 typedef struct dmk_level_taker {
     int (*take)(dmk_context *context, void *user, dmk_coarsening *level);
     void *user;
