@@ -7,6 +7,8 @@
  * microseconds. Each thread gets several ranges where a loop is long enough, so that one that is held
  * up does not hold up all. */
 enum { SHORTEST = 4096, RANGES_PER_THREAD = 4 };
+/* The same where a body may fail: an item is a cell of a coarse level then, and takes microseconds. */
+enum { SHORTEST_TRIED = 256 };
 
 int dmk_parallel_threads(const dmk_context *ctx)
 {
@@ -43,16 +45,16 @@ static void run_range(int32_t k, void *data)
 }
 
 /* Ranges of a loop over n items. */
-static int32_t count_ranges(const dmk_context *ctx, int32_t n, int per_thread)
+static int32_t count_ranges(const dmk_context *ctx, int32_t n, int32_t shortest, int per_thread)
 {
-    int32_t threads = n < 2 * SHORTEST ? 1 : dmk_pool_threads(ctx);
-    return threads == 1 ? 1 : dmk_min_i(threads * per_thread, n / SHORTEST);
+    int32_t threads = n < 2 * shortest ? 1 : dmk_pool_threads(ctx);
+    return threads == 1 ? 1 : dmk_min_i(threads * per_thread, n / shortest);
 }
 
 void dmk_parallel(dmk_context *ctx, int32_t n, void (*body)(int32_t begin, int32_t end, void *data),
                   void *data)
 {
-    loop l = {n, count_ranges(ctx, n, RANGES_PER_THREAD), body, data};
+    loop l = {n, count_ranges(ctx, n, SHORTEST, RANGES_PER_THREAD), body, data};
     run(ctx, &(dmk_job){.part = run_range, .data = &l, .n_parts = l.n_ranges});
 }
 
@@ -155,8 +157,11 @@ int dmk_parallel_try(dmk_context *ctx, int32_t n,
                      int (*body)(dmk_context *own, int32_t begin, int32_t end, void *data),
                      void *data)
 {
-    attempt a = {
-        .context = ctx, .n = n, .n_ranges = count_ranges(ctx, n, 1), .body = body, .data = data};
+    attempt a = {.context = ctx,
+                 .n = n,
+                 .n_ranges = count_ranges(ctx, n, SHORTEST_TRIED, 1),
+                 .body = body,
+                 .data = data};
     return run_attempt(ctx, &a);
 }
 

@@ -99,7 +99,7 @@ int dmk_cells_sample(dmk_context *ctx, const dmk_adjacency *g, int32_t first, in
 {
     int rc;
     cover c = {.g = g, .covered = covered};
-    DMK_TRY(DMK_NEW(ctx, c.next, (size_t)g->n));
+    DMK_TRY(DMK_NEW_UNSET(ctx, c.next, (size_t)g->n));
     memcpy(c.next, g->row, (size_t)g->n * sizeof *c.next);
     *n = 0;
     for (int32_t v = first; v < end; v++) {
@@ -117,7 +117,7 @@ static int sample_vertices(dmk_context *ctx, const dmk_adjacency *g, dmk_cells *
     int rc;
     uint8_t *covered = NULL;
     DMK_TRY(DMK_NEW(ctx, covered, (size_t)g->n));
-    DMK_TRY(DMK_NEW(ctx, cells->sample, (size_t)g->n));
+    DMK_TRY(DMK_NEW_UNSET(ctx, cells->sample, (size_t)g->n));
     rc = dmk_cells_sample(ctx, g, 0, g->n, covered, cells->sample, &cells->n);
 done:
     free(covered);
@@ -203,8 +203,8 @@ static int list_members(dmk_context *ctx, dmk_cells *cells)
     int rc;
     int32_t *fill = NULL;
     DMK_TRY(DMK_NEW(ctx, cells->row, (size_t)cells->n + 1));
-    DMK_TRY(DMK_NEW(ctx, cells->member, (size_t)cells->n_fine));
-    DMK_TRY(DMK_NEW(ctx, fill, (size_t)cells->n));
+    DMK_TRY(DMK_NEW_UNSET(ctx, cells->member, (size_t)cells->n_fine));
+    DMK_TRY(DMK_NEW_UNSET(ctx, fill, (size_t)cells->n));
     for (int32_t v = 0; v < cells->n_fine; v++) cells->row[cells->owner[v] + 1]++;
     for (int32_t a = 0; a < cells->n; a++) {
         fill[a] = cells->row[a];
@@ -221,7 +221,7 @@ int dmk_cells_create(dmk_context *ctx, dmk_adjacency *fine, dmk_cells *cells)
     int rc;
     memset(cells, 0, sizeof *cells);
     cells->n_fine = fine->n;
-    DMK_TRY(DMK_NEW(ctx, cells->owner, (size_t)fine->n));
+    DMK_TRY(DMK_NEW_UNSET(ctx, cells->owner, (size_t)fine->n));
     DMK_TRY(dmk_cells_sort_hubs(ctx, fine));
     DMK_TRY(sample_vertices(ctx, fine, cells));
     DMK_TRY(grow_cells(ctx, fine, cells));

@@ -43,9 +43,9 @@ static int mesh_adjacency(dmk_context *ctx, const dmk_mesh *m, dmk_adjacency *g)
     memset(g, 0, sizeof *g);
     g->n = m->n_vertices;
     DMK_TRY(DMK_NEW(ctx, g->row, (size_t)g->n + 1));
-    DMK_TRY(DMK_NEW(ctx, g->to, 2 * (size_t)m->n_edges));
-    DMK_TRY(DMK_NEW(ctx, g->length, 2 * (size_t)m->n_edges));
-    DMK_TRY(DMK_NEW(ctx, fill, (size_t)g->n));
+    DMK_TRY(DMK_NEW_UNSET(ctx, g->to, 2 * (size_t)m->n_edges));
+    DMK_TRY(DMK_NEW_UNSET(ctx, g->length, 2 * (size_t)m->n_edges));
+    DMK_TRY(DMK_NEW_UNSET(ctx, fill, (size_t)g->n));
     for (int32_t h = 0; h < 2 * m->n_edges; h++) g->row[m->edge_vertex[h] + 1]++;
     for (int32_t v = 0; v < g->n; v++) {
         fill[v] = g->row[v];
@@ -102,7 +102,7 @@ float dmk_link_length(const double p[3], const double q[3])
 static int measure_adjacency(dmk_context *ctx, const double *xyz, dmk_adjacency *g)
 {
     int rc;
-    DMK_TRY(DMK_NEW(ctx, g->length, (size_t)g->row[g->n]));
+    DMK_TRY(DMK_NEW_UNSET(ctx, g->length, (size_t)g->row[g->n] + 1));
     for (int32_t v = 0; v < g->n; v++) {
         const double *p = xyz + 3 * (size_t)v;
         for (int32_t i = g->row[v]; i < g->row[v + 1]; i++) {
@@ -166,25 +166,38 @@ done:
 }
 
 int dmk_hierarchy_go_on(dmk_context *ctx, const dmk_graph *mesh, int32_t coarsest,
-                        dmk_adjacency *fine, dmk_hierarchy *h)
+                        const dmk_level_taker *taker, dmk_adjacency *fine, dmk_hierarchy *h)
 {
     int rc = DMK_OK;
     if (coarsest <= 0) coarsest = DMK_COARSEST;
     while (fine->n > coarsest && h->n < DMK_MAX_LEVELS) {
-        DMK_TRY(coarsen(ctx, fine, h->n ? &h->level[h->n - 1].coarse : mesh, &h->level[h->n]));
-        h->n += fine->n > 0;
+        dmk_coarsening *c = &h->level[h->n];
+        DMK_TRY(coarsen(ctx, fine, h->n ? &h->level[h->n - 1].coarse : mesh, c));
+        if (fine->n == 0) break;
+        h->n++;
+        if (taker) DMK_TRY(taker->take(ctx, taker->user, c));
     }
 done:
+    if (taker) {
+        const int taken = taker->take(ctx, taker->user, NULL);
+        if (rc == DMK_OK) rc = taken;
+    }
     dmk_adjacency_free(fine);
     if (rc != DMK_OK) dmk_hierarchy_free(h);
     return rc;
 }
 
-int dmk_hierarchy_create(dmk_context *ctx, const dmk_mesh *m, int32_t coarsest, dmk_hierarchy *h)
+int dmk_hierarchy_hand_over(dmk_context *ctx, const dmk_mesh *m, int32_t coarsest,
+                            const dmk_level_taker *taker, dmk_hierarchy *h)
 {
     dmk_adjacency fine;
     const dmk_graph mesh = {m->n_vertices, m->n_edges, m->edge_vertex, m->xyz};
     memset(h, 0, sizeof *h);
     const int rc = mesh_adjacency(ctx, m, &fine);
-    return rc == DMK_OK ? dmk_hierarchy_go_on(ctx, &mesh, coarsest, &fine, h) : rc;
+    return rc == DMK_OK ? dmk_hierarchy_go_on(ctx, &mesh, coarsest, taker, &fine, h) : rc;
+}
+
+int dmk_hierarchy_create(dmk_context *ctx, const dmk_mesh *m, int32_t coarsest, dmk_hierarchy *h)
+{
+    return dmk_hierarchy_hand_over(ctx, m, coarsest, NULL, h);
 }

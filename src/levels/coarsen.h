@@ -47,6 +47,15 @@ typedef struct dmk_hierarchy {
  * connected mesh gives connected levels. On failure *h is empty. */
 int dmk_hierarchy_create(dmk_context *context, const dmk_mesh *mesh, int32_t coarsest,
                          dmk_hierarchy *h);
+/* The same, and each level is handed over as soon as it is there, while the next ones are made of its graph: all
+ * else in it is the taker's to free. The last call has NULL, by which the taker is to have ended what it began; after
+ * a failure, too, upon which *h is emptied. */
+typedef struct dmk_level_taker {
+    int (*take)(dmk_context *context, void *user, dmk_coarsening *level);
+    void *user;
+} dmk_level_taker;
+int dmk_hierarchy_hand_over(dmk_context *context, const dmk_mesh *mesh, int32_t coarsest,
+                            const dmk_level_taker *taker, dmk_hierarchy *h);
 void dmk_hierarchy_free(dmk_hierarchy *h);
 void dmk_coarsening_free(dmk_coarsening *c);
 
@@ -76,9 +85,9 @@ void dmk_adjacency_free(dmk_adjacency *graph);
 /* The length of a link of cells that lie at p and q. */
 float dmk_link_length(const double p[3], const double q[3]);
 /* From the level h->n on, whose adjacency is `fine`, which is used up, and whose graph is that of the mesh or of
- * level[h->n - 1]; on failure *h is empty. */
+ * level[h->n - 1]; taker: or NULL; on failure *h is empty. */
 int dmk_hierarchy_go_on(dmk_context *context, const dmk_graph *mesh, int32_t coarsest,
-                        dmk_adjacency *fine, dmk_hierarchy *h);
+                        const dmk_level_taker *taker, dmk_adjacency *fine, dmk_hierarchy *h);
 enum { DMK_COARSEST = 128 };
 /* Whether so many coarse vertices are too many to be worth a level. */
 static inline bool dmk_gains_nothing(int64_t n_coarse, int64_t n_fine)

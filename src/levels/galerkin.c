@@ -10,6 +10,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 /* Differences of two float weights below this are rounding. */
 #define TINY 1e-6f
@@ -18,23 +19,25 @@
 
 enum { MOST = 6 }; /* nonzero entries of a d */
 
+typedef struct entry {
+    int32_t coarse; /* vertex */
+    float value;
+} entry;
+
 /* The nonzero entries of d for each fine edge. */
 typedef struct difference {
     int32_t n_edges;
     int32_t first, end; /* the coarse vertices whose edges are wanted */
     int32_t *row;       /* n_edges: first slot of the edge's entries */
     uint8_t *length;    /* n_edges: their number */
-    int32_t *
-        coarse; /* MOST * n_edges, of which few are used: coarse vertices, increasing for an edge */
-    float *value; /* as many */
+    entry *entry;       /* MOST * n_edges, of which few are used; increasing for an edge */
 } difference;
 
 static void difference_free(difference *d)
 {
     free(d->row);
     free(d->length);
-    free(d->coarse);
-    free(d->value);
+    free(d->entry);
 }
 
 /* The number of weights in use in row i of P. */
@@ -45,8 +48,7 @@ static int row_length(const dmk_coarsening *c, int32_t i)
 }
 
 /* Row i of P minus row j, without its zeros, by merging the two; returns the number of entries. */
-static int subtract_rows(const dmk_coarsening *c, int32_t i, int32_t j, int32_t *coarse,
-                         float *value)
+static int subtract_rows(const dmk_coarsening *c, int32_t i, int32_t j, entry *to)
 {
     const int32_t *a = c->prolong_index + 3 * (size_t)i, *b = c->prolong_index + 3 * (size_t)j;
     const float *u = c->prolong_weight + 3 * (size_t)i, *v = c->prolong_weight + 3 * (size_t)j;
@@ -56,8 +58,7 @@ static int subtract_rows(const dmk_coarsening *c, int32_t i, int32_t j, int32_t 
         float d = 0;
         if (x <= y) d += u[k++];
         if (y <= x) d -= v[l++];
-        coarse[n] = dmk_min_i(x, y);
-        value[n] = d;
+        to[n] = (entry){dmk_min_i(x, y), d};
         n += fabsf(d) >= TINY;
     }
     return n;
@@ -75,10 +76,10 @@ static bool is_wanted(const difference *d, int32_t a)
 }
 
 /* Whether an edge that has these n entries has a share of a wanted coarse edge. */
-static bool has_wanted(const difference *d, int n, const int32_t *coarse)
+static bool has_wanted(const difference *d, int n, const entry *of)
 {
     for (int k = 0; k + 1 < n; k++) {
-        if (is_wanted(d, coarse[k])) return true;
+        if (is_wanted(d, of[k].coarse)) return true;
     }
     return false;
 }
@@ -88,17 +89,16 @@ static bool has_wanted(const difference *d, int n, const int32_t *coarse)
 static void difference_range(int32_t begin, int32_t end, void *data)
 {
     const difference_job *job = data;
-    int32_t at = MOST * begin, coarse[MOST + 1]; /* one more to write a zero into */
-    float value[MOST + 1];
+    int32_t at = MOST * begin;
+    entry of[MOST + 1] = {{0, 0}}; /* one more to write a zero into */
     for (int32_t e = begin; e < end; e++) {
-        int n = subtract_rows(job->c, job->edge[2 * e], job->edge[2 * e + 1], coarse, value);
-        if (!has_wanted(job->d, n, coarse)) n = 0;
+        int n = subtract_rows(job->c, job->edge[2 * e], job->edge[2 * e + 1], of);
+        if (!has_wanted(job->d, n, of)) n = 0;
         job->d->row[e] = at;
         job->d->length[e] = (uint8_t)n;
-        for (int k = 0; k < n; k++, at++) {
-            job->d->coarse[at] = coarse[k];
-            job->d->value[at] = value[k];
-        }
+        /* All of them, a few instructions; those that are none are overwritten, or not read. */
+        memcpy(job->d->entry + at, of, MOST * sizeof *of);
+        at += n;
     }
 }
 
@@ -110,8 +110,7 @@ static int difference_create(dmk_context *ctx, const dmk_coarsening *c, int32_t 
     d->n_edges = n_edges;
     DMK_TRY(DMK_NEW_UNSET(ctx, d->row, (size_t)n_edges + 1));
     DMK_TRY(DMK_NEW_UNSET(ctx, d->length, (size_t)n_edges + 1));
-    DMK_TRY(DMK_NEW_UNSET(ctx, d->coarse, MOST * (size_t)n_edges + 1));
-    DMK_TRY(DMK_NEW_UNSET(ctx, d->value, MOST * (size_t)n_edges + 1));
+    DMK_TRY(DMK_NEW_UNSET(ctx, d->entry, MOST * (size_t)n_edges + 1));
     dmk_parallel(ctx, n_edges, difference_range, &job);
 done:
     return rc;
@@ -160,8 +159,8 @@ static void visit_piece(const filling *f, int32_t piece, bool put)
                   end = dmk_range_begin(d->n_edges, piece + 1, f->n_pieces);
     for (int32_t e = begin; e < end; e++) {
         for (int32_t p = d->row[e]; p + 1 < d->row[e] + d->length[e]; p++) {
-            if (!is_wanted(d, d->coarse[p])) continue;
-            int32_t *at = next + d->coarse[p];
+            if (!is_wanted(d, d->entry[p].coarse)) continue;
+            int32_t *at = next + d->entry[p].coarse;
             if (put) f->k->edge[*at] = (uint32_t)e * 8 + (uint32_t)(p - d->row[e]);
             ++*at;
         }
@@ -232,44 +231,45 @@ typedef struct emitter {
     int32_t *begin; /* as many: the edge's first table entry */
 } emitter;
 
-/* Working space of one thread. */
-typedef struct scratch {
-    int32_t *stamp; /* n_coarse: 1 + the vertex that met this one last, 0 = none */
-    int32_t *fill;  /* n_coarse: number, then next free slot, of the entries of that edge */
-} scratch;
+/* Working space of one thread, for each coarse vertex. */
+typedef struct meeting {
+    int32_t stamp; /* 1 + the vertex that met this one last, 0 = none */
+    int32_t fill;  /* number, then next free slot, of the entries of that edge */
+} meeting;
 
 /* The edges of a to slot `at`, and their table rows; returns their number. */
-static int32_t emit_edges(const emitter *m, int32_t a, int32_t at, scratch *s)
+static int32_t emit_edges(const emitter *m, int32_t a, int32_t at, meeting *met)
 {
     const difference *d = m->d;
-    int32_t *other = m->other + at, n = 0, entry = m->by_end->entry[a];
+    int32_t *other = m->other + at, n = 0, slots = m->by_end->entry[a];
     int32_t from = m->by_end->row[a], to = m->by_end->row[a + 1];
     for (int32_t i = from; i < to; i++) {
         uint32_t e = m->by_end->edge[i] / 8, slot = m->by_end->edge[i] % 8;
-        for (int32_t p = d->row[e] + (int32_t)slot + 1; p < d->row[e] + d->length[e]; p++) {
-            int32_t b = d->coarse[p];
-            if (s->stamp[b] != a + 1) {
-                s->stamp[b] = a + 1;
-                s->fill[b] = 0;
-                other[n++] = b;
+        const int32_t end = d->row[e] + d->length[e];
+        for (int32_t p = d->row[e] + (int32_t)slot + 1; p < end; p++) {
+            meeting *with = met + d->entry[p].coarse;
+            if (with->stamp != a + 1) {
+                *with = (meeting){a + 1, 0};
+                other[n++] = d->entry[p].coarse;
             }
-            s->fill[b]++;
+            with->fill++;
         }
     }
     dmk_sort(n, other);
     for (int32_t i = 0; i < n; i++) {
-        int32_t entries = s->fill[other[i]];
-        m->begin[at + i] = s->fill[other[i]] = entry;
-        entry += entries;
+        const int32_t entries = met[other[i]].fill;
+        m->begin[at + i] = met[other[i]].fill = slots;
+        slots += entries;
     }
     for (int32_t i = from; i < to; i++) {
         uint32_t e = m->by_end->edge[i] / 8, slot = m->by_end->edge[i] % 8;
         int32_t p = d->row[e] + (int32_t)slot;
-        float da = d->value[p];
-        for (p++; p < d->row[e] + d->length[e]; p++) {
-            int32_t to_entry = s->fill[d->coarse[p]]++;
+        const int32_t end = d->row[e] + d->length[e];
+        const float da = d->entry[p].value;
+        for (p++; p < end; p++) {
+            const int32_t to_entry = met[d->entry[p].coarse].fill++;
             m->c->galerkin_edge[to_entry] = (int32_t)e;
-            m->c->galerkin_coef[to_entry] = -da * d->value[p];
+            m->c->galerkin_coef[to_entry] = -da * d->entry[p].value;
         }
     }
     return n;
@@ -279,20 +279,18 @@ static int emit_range(dmk_context *own, int32_t begin, int32_t end, void *data)
 {
     int rc;
     const emitter *m = data;
-    scratch s = {0};
+    meeting *met = NULL;
     begin += m->d->first;
     end += m->d->first;
     int32_t at = m->by_end->entry[begin]; /* there are no more edges than entries */
-    DMK_TRY(DMK_NEW(own, s.stamp, (size_t)m->c->coarse.n));
-    DMK_TRY(DMK_NEW(own, s.fill, (size_t)m->c->coarse.n));
+    DMK_TRY(DMK_NEW(own, met, (size_t)m->c->coarse.n));
     for (int32_t a = begin; a < end; a++) {
         m->first[a] = at;
-        m->count[a] = emit_edges(m, a, at, &s);
+        m->count[a] = emit_edges(m, a, at, met);
         at += m->count[a];
     }
 done:
-    free(s.stamp);
-    free(s.fill);
+    free(met);
     return rc;
 }
 
@@ -304,7 +302,7 @@ static int pack_edges(dmk_context *ctx, const emitter *m)
     int32_t n = 0;
     for (int32_t a = 0; a < c->coarse.n; a++) n += m->count[a];
     DMK_TRY(DMK_NEW_UNSET(ctx, c->galerkin_row, (size_t)n + 1));
-    DMK_TRY(DMK_NEW(ctx, c->coarse.edge, 2 * (size_t)n));
+    DMK_TRY(DMK_NEW_UNSET(ctx, c->coarse.edge, 2 * (size_t)n + 1));
     c->coarse.n_edges = n;
     n = 0;
     for (int32_t a = 0; a < c->coarse.n; a++) {
@@ -392,12 +390,23 @@ done:
     return rc;
 }
 
+/* The two halves of a coarsening's tables; neither reads what the other makes. */
+typedef struct halves {
+    int32_t n_fine, n_edges, first, end;
+    const int32_t *edge;
+    dmk_coarsening *c;
+} halves;
+
+static int make_half(dmk_context *own, int32_t k, void *data)
+{
+    const halves *h = data;
+    return k == 0 ? galerkin_tables(own, h->n_edges, h->edge, h->first, h->end, h->c)
+                  : transpose(own, h->n_fine, h->c);
+}
+
 int dmk_galerkin_create(dmk_context *ctx, int32_t n_fine, int32_t n_fine_edges,
                         const int32_t *fine_edge, int32_t first, int32_t end, dmk_coarsening *c)
 {
-    int rc;
-    DMK_TRY(transpose(ctx, n_fine, c));
-    DMK_TRY(galerkin_tables(ctx, n_fine_edges, fine_edge, first, end, c));
-done:
-    return rc;
+    halves h = {n_fine, n_fine_edges, first, end, fine_edge, c};
+    return dmk_parallel_pieces(ctx, 2, make_half, &h);
 }

@@ -46,6 +46,7 @@ done:
 
 typedef struct measuring {
     const dmk_mesh *mesh;
+    bool corners;
     dmk_measures piece[DMK_MEASURE_PIECES];
 } measuring;
 
@@ -57,9 +58,13 @@ static void measure_edges(const dmk_mesh *m, int32_t begin, int32_t end, dmk_mea
     }
 }
 
-static void measure_triangles(const dmk_mesh *m, int32_t begin, int32_t end, dmk_measures *of)
+static void measure_areas(const dmk_mesh *m, int32_t begin, int32_t end, dmk_measures *of)
 {
     for (int32_t t = begin; t < end; t++) of->area += m->area[t];
+}
+
+static void measure_corners(const dmk_mesh *m, int32_t begin, int32_t end, dmk_measures *of)
+{
     for (int32_t h = 3 * begin; h < 3 * end; h++)
         dmk_measures_corner(of, dmk_cot(m, h), m->xyz + 3 * (size_t)m->triangle[h]);
 }
@@ -86,7 +91,9 @@ static int measure_piece(dmk_context *ctx, int32_t k, void *data)
     const dmk_mesh *m = job->mesh;
     dmk_measures of = dmk_measures_none();
     measure_edges(m, part_of(m->n_edges, k), part_of(m->n_edges, k + 1), &of);
-    measure_triangles(m, part_of(m->n_triangles, k), part_of(m->n_triangles, k + 1), &of);
+    measure_areas(m, part_of(m->n_triangles, k), part_of(m->n_triangles, k + 1), &of);
+    if (job->corners)
+        measure_corners(m, part_of(m->n_triangles, k), part_of(m->n_triangles, k + 1), &of);
     job->piece[k] = of;
     return DMK_OK;
 }
@@ -118,10 +125,19 @@ void dmk_measures_tell(const dmk_measures *all, dmk_mesh_info *info)
     memcpy(info->box_max, all->box_max, sizeof info->box_max);
 }
 
-int dmk_mesh_describe(dmk_context *ctx, dmk_mesh *m)
+static void take_corners(const dmk_mesh *same, dmk_mesh *m)
+{
+    m->sharpest = same->sharpest;
+    m->info.min_angle = same->info.min_angle;
+    m->info.max_angle = same->info.max_angle;
+    memcpy(m->info.box_min, same->info.box_min, sizeof m->info.box_min);
+    memcpy(m->info.box_max, same->info.box_max, sizeof m->info.box_max);
+}
+
+int dmk_mesh_describe(dmk_context *ctx, dmk_mesh *m, const dmk_mesh *same)
 {
     int rc;
-    measuring job = {.mesh = m};
+    measuring job = {.mesh = m, .corners = !same};
     dmk_measures all = dmk_measures_none();
     DMK_TRY(dmk_parallel_pieces(ctx, DMK_MEASURE_PIECES, measure_piece, &job));
     for (int k = 0; k < DMK_MEASURE_PIECES; k++) dmk_measures_add(&all, &job.piece[k]);
@@ -136,6 +152,8 @@ int dmk_mesh_describe(dmk_context *ctx, dmk_mesh *m)
         .euler = (int64_t)m->n_used_vertices - m->n_edges + m->n_triangles,
     };
     dmk_measures_tell(&all, &m->info);
+    m->sharpest = dmk_max(all.max_cot, -all.min_cot);
+    if (same) take_corners(same, m);
 done:
     return rc;
 }

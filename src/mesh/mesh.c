@@ -381,7 +381,7 @@ int dmk_mesh_adopt_together(dmk_context *ctx, const dmk_ranks *ranks, size_t n_v
     DMK_TRY(build_components(ctx, m));
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(build_geometry(ctx, m));
-    DMK_TRY(dmk_mesh_describe(ctx, m));
+    DMK_TRY(dmk_mesh_describe(ctx, m, NULL));
     *mesh = m;
     m = NULL;
 done:
@@ -473,7 +473,7 @@ int dmk_vertex_stars_create(dmk_context *ctx, const dmk_mesh *m, dmk_vertex_star
     int32_t *fill = NULL;
     memset(stars, 0, sizeof *stars);
     DMK_TRY(DMK_NEW(ctx, stars->row, (size_t)m->n_vertices + 1));
-    DMK_TRY(DMK_NEW(ctx, stars->triangle, 3 * (size_t)m->n_triangles));
+    DMK_TRY(DMK_NEW_UNSET(ctx, stars->triangle, 3 * (size_t)m->n_triangles));
     DMK_TRY(DMK_NEW(ctx, fill, (size_t)m->n_vertices));
     for (int32_t h = 0; h < 3 * m->n_triangles; h++) stars->row[m->triangle[h]]++;
     count_to_rows(m->n_vertices, stars->row);

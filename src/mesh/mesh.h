@@ -21,8 +21,9 @@ struct dmk_mesh {
     int32_t *component; /* n_triangles: connected component, numbered by first triangle; NULL if
                                there is only one: see dmk_mesh_component */
     int32_t n_components;
-    double *length; /* n_edges */
-    double *area;   /* n_triangles; cotangents: dmk_cot */
+    double *length;  /* n_edges */
+    double *area;    /* n_triangles; cotangents: dmk_cot */
+    double sharpest; /* the largest cotangent, of either sign; of a mesh that has been described */
     int32_t n_used_vertices, n_border_edges, n_border_loops;
     dmk_mesh_info info; /* none of a rank's share */
 };
@@ -100,8 +101,9 @@ int dmk_measure_checked(dmk_context *context, const double l[3], int64_t t, cons
 /* info.c: fill in corner, n_used_vertices, n_border_edges, n_border_loops of a mesh with edges. */
 int dmk_mesh_count(dmk_context *context, dmk_mesh *mesh);
 
-/* info.c: fill in `info` of a mesh that is complete else. */
-int dmk_mesh_describe(dmk_context *context, dmk_mesh *mesh);
+/* info.c: fill in `info` of a mesh that is complete else. same: one of the same triangles in another order that has
+ * been described, so that there is no need to look at all angles again; or NULL. */
+int dmk_mesh_describe(dmk_context *context, dmk_mesh *mesh, const dmk_mesh *same);
 
 /* Sums and extremes, of a mesh or a piece of it. The sums are those of even ranges of the edges and of the triangles,
  * one after another: speed only, but their last bits hang on the number of the ranges. */

@@ -83,7 +83,7 @@ int dmk_mollify(dmk_context *ctx, const dmk_mesh *m, dmk_mesh *mollified)
     int rc;
     bool good = false;
     *mollified = *m;
-    if (dmk_needs_no_mollifying(m, 0, m->n_triangles)) return DMK_OK;
+    if (m->sharpest <= harmless) return DMK_OK;
     mollified->length = mollified->area = NULL;
     DMK_TRY(DMK_NEW(ctx, mollified->length, (size_t)m->n_edges));
     DMK_TRY(DMK_NEW(ctx, mollified->area, (size_t)m->n_triangles));

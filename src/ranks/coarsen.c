@@ -214,7 +214,7 @@ int dmk_share_coarsen(dmk_context *ctx, dmk_share *s, const dmk_ground *ground, 
     DMK_TRY(join_links(ctx, ranks, &side, &rest));
     DMK_TRY(join_graph(ctx, ranks, &side, &s->level_edge[l], &p->part[l - 1],
                        &p->whole.level[l - 1].coarse));
-    rc = dmk_hierarchy_go_on(ctx, NULL, coarsest, &rest, &p->whole);
+    rc = dmk_hierarchy_go_on(ctx, NULL, coarsest, NULL, &rest, &p->whole);
 done:
     dmk_side_free(&side);
     dmk_adjacency_free(&rest);

@@ -530,7 +530,7 @@ int dmk_plot_unite(dmk_context *ctx, const dmk_ranks *ranks, dmk_plot *plot, dmk
     *o->mesh = whole.mesh;
     whole.mesh = (dmk_mesh){0};
     DMK_TRY(dmk_mesh_count(ctx, o->mesh));
-    rc = dmk_mesh_describe(ctx, o->mesh);
+    rc = dmk_mesh_describe(ctx, o->mesh, NULL);
 done:
     free(own);
     free(all);

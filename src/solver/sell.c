@@ -44,7 +44,7 @@ int dmk_sell_create(dmk_context *ctx, int32_t n, const int32_t *row, const int32
         s->slice[k + 1] = s->slice[k] + longest;
     }
     size_t n_slots = (size_t)s->slice[s->n_slices] * DMK_WIDTH;
-    DMK_TRY(DMK_NEW(ctx, s->entry, n_slots));
+    DMK_TRY(DMK_NEW_UNSET(ctx, s->entry, n_slots));
     if (weight) DMK_TRY(DMK_NEW(ctx, s->weight, n_slots));
     fill_job job = {n, filler, row, entry, weight, s};
     dmk_parallel(ctx, s->n_slices, fill_range, &job);
