@@ -105,6 +105,10 @@ typedef sum_t sumv;
 #define FOR_ROWS(i, n, shares, launch) FOR_BLOCKS(i, n, shares, launch)
 #endif
 
+/* A short loop over a work-item's own arrays. They stay in registers only where it is unrolled: the repair's elements
+ * take twice as long else. */
+#define EACH(k, n) _Pragma("unroll") for (int k = 0; k < (n); k++)
+
 /* Two numbers for each slot, side by side, so that both are found by one gather. */
 typedef struct two {
     floatv first, second;

@@ -15,7 +15,7 @@ static real energy_of(const real *c, const real *x, real *y)
     y[4] = (fa - fc) - (f01 + f21);
     y[5] = (fb - fa) - (f02 + f12);
     real e = 0;
-    for (int k = 0; k < 6; k++) e += y[k] * (x[k] - x[3]);
+    EACH(k, 6) e += y[k] * (x[k] - x[3]);
     return e;
 }
 
@@ -119,26 +119,26 @@ KERNEL repair_elements(int n, int sweep, int stamp, float target, global const i
         if (sweep > 0 && broken[sweep - 1] == 0) continue;
         const int t = list[i], base = ELEMENT_BASE(t, 6), base3 = ELEMENT_BASE(t, 3);
         real c[3], x[6], y[6], metric[6];
-        for (int k = 0; k < 3; k++) c[k] = cot[base3 + DMK_WIDTH * k];
-        for (int k = 0; k < 6; k++) x[k] = u[index[base + DMK_WIDTH * k]];
+        EACH(k, 3) c[k] = cot[base3 + DMK_WIDTH * k];
+        EACH(k, 6) x[k] = u[index[base + DMK_WIDTH * k]];
         real e = energy_of(c, x, y);
         if (e > area[t] && broken[sweep] == 0) atomic_inc(&broken[sweep]);
         if (!(e > s * s * area[t])) {
             if (mark[t] == 0) continue;
-            for (int k = 0; k < 6; k++) out[base + DMK_WIDTH * k] = 0;
+            EACH(k, 6) out[base + DMK_WIDTH * k] = 0;
             mark[t] = 0;
             continue;
         }
-        for (int k = 0; k < 6; k++) metric[k] = (real)sqrt(inv_diag[index[base + DMK_WIDTH * k]]);
+        EACH(k, 6) metric[k] = (real)sqrt(inv_diag[index[base + DMK_WIDTH * k]]);
         for (int step = 0; step < 12 && e > enough * area[t]; step++) {
             real bottom = 0;
-            for (int k = 0; k < 6; k++) bottom += y[k] * y[k] * metric[k];
+            EACH(k, 6) bottom += y[k] * y[k] * metric[k];
             const real part = e / bottom * (1 - s / sqrt(e / area[t]));
-            for (int k = 0; k < 6; k++) x[k] -= part * y[k] * metric[k];
+            EACH(k, 6) x[k] -= part * y[k] * metric[k];
             e = energy_of(c, x, y);
         }
         mark[t] = 1;
-        for (int k = 0; k < 6; k++) {
+        EACH(k, 6) {
             const int r = index[base + DMK_WIDTH * k];
             out[base + DMK_WIDTH * k] = u[r] - x[k];
             moved[r] = stamp;
