@@ -55,29 +55,39 @@ static void sweep_free(sweep *s)
     free(s->queue);
 }
 
-/* Flow of -grad d out of triangle t through its edge k, times the edge's length. The gradient is
- * that of the quadratic through all six values, at the edge's midpoint, scaled to 1: there it is
- * the gradient of the linear function with value -dk - 2 mk + 2 mi + 2 mj at corner k. */
-static double outflow(const sweep *s, int32_t t, int k)
+/* Flow of -grad d out of triangle t through its edges, times their lengths. The gradient is that of the quadratic
+ * through all six values, at the edge's midpoint, scaled to 1: there it is the gradient of the linear function with
+ * value -dk - 2 mk + 2 mi + 2 mj at corner k. */
+static void find_outflow(const sweep *s, int32_t t, double out[3])
 {
     const dmk_mesh *mesh = s->mesh;
     const int32_t *corner = mesh->triangle + 3 * (size_t)t;
     const int32_t *edge = mesh->triangle_edge + 3 * (size_t)t;
     const double cot[3] = {dmk_cot(mesh, 3 * t), dmk_cot(mesh, 3 * t + 1),
                            dmk_cot(mesh, 3 * t + 2)};
-    int i = (k + 1) % 3, j = (k + 2) % 3;
-    double di = s->d[corner[i]], dj = s->d[corner[j]];
-    double dk = 2 * (s->mid[edge[i]] + s->mid[edge[j]] - s->mid[edge[k]]) - s->d[corner[k]];
-    double g2 = 0.5 * (cot[k] * (di - dj) * (di - dj) + cot[i] * (dj - dk) * (dj - dk) +
-                       cot[j] * (dk - di) * (dk - di));
-    double flow = cot[j] * (dk - di) + cot[i] * (dk - dj);
-    return g2 > 0 ? flow * sqrt(mesh->area[t] / g2) : 0;
+    for (int k = 0; k < 3; k++) {
+        int i = (k + 1) % 3, j = (k + 2) % 3;
+        double di = s->d[corner[i]], dj = s->d[corner[j]];
+        double dk = 2 * (s->mid[edge[i]] + s->mid[edge[j]] - s->mid[edge[k]]) - s->d[corner[k]];
+        double g2 = 0.5 * (cot[k] * (di - dj) * (di - dj) + cot[i] * (dj - dk) * (dj - dk) +
+                           cot[j] * (dk - di) * (dk - di));
+        double flow = cot[j] * (dk - di) + cot[i] * (dk - dj);
+        out[k] = g2 > 0 ? flow * sqrt(mesh->area[t] / g2) : 0;
+    }
 }
 
-static int edge_side(const dmk_mesh *mesh, int32_t t, int32_t e)
+/* Until the loads are there, an edge's has the flows out of its two triangles. */
+static void outflow_range(int32_t begin, int32_t end, void *data)
 {
-    const int32_t *edge = mesh->triangle_edge + 3 * (size_t)t;
-    return edge[0] == e ? 0 : edge[1] == e ? 1 : 2;
+    sweep *s = data;
+    for (int32_t t = begin; t < end; t++) {
+        double out[3];
+        find_outflow(s, t, out);
+        for (int k = 0; k < 3; k++) {
+            const int32_t e = s->mesh->triangle_edge[3 * (size_t)t + k];
+            *(s->mesh->edge_triangle[2 * (size_t)e] == t ? &s->load[e].n : &s->load[e].m) = out[k];
+        }
+    }
 }
 
 static void width_range(int32_t begin, int32_t end, void *data)
@@ -85,12 +95,12 @@ static void width_range(int32_t begin, int32_t end, void *data)
     sweep *s = data;
     for (int32_t e = begin; e < end; e++) {
         int32_t a = s->mesh->edge_triangle[2 * e], b = s->mesh->edge_triangle[2 * e + 1];
+        double w = 0.5 * (s->load[e].n - s->load[e].m);
+        s->load[e] = (profile){0, 0};
         if (b < 0 || (s->sink[a] && s->sink[b])) {
             s->width[e] = 0;
             continue;
         }
-        double w = 0.5 * (outflow(s, a, edge_side(s->mesh, a, e)) -
-                          outflow(s, b, edge_side(s->mesh, b, e)));
         if (s->sink[a]) w = -dmk_max(-w, 1e-3 * s->mesh->length[e]);
         if (s->sink[b]) w = dmk_max(w, 1e-3 * s->mesh->length[e]);
         s->width[e] = w;
@@ -272,13 +282,45 @@ done:
     return rc;
 }
 
+enum { closed_mark = 8 };
+
+/* waiting; the mark, too, where there is no way out. */
+static void count_range(int32_t begin, int32_t end, void *data)
+{
+    sweep *s = data;
+    for (int32_t t = begin; t < end; t++) {
+        if (s->sink[t]) continue;
+        int in = 0, out = 0;
+        for (int k = 0; k < 3; k++) {
+            const double w = width_out(s, t, k);
+            in += w < 0;
+            out += w > 0;
+        }
+        s->waiting[t] = (int8_t)(out > 0 ? in : in | closed_mark);
+    }
+}
+
+/* A way out of every triangle, and what each of them waits for. */
+static void open_all(dmk_context *ctx, sweep *s)
+{
+    bool opened = false;
+    const int32_t n = s->mesh->n_triangles;
+    dmk_parallel(ctx, n, count_range, s);
+    for (int32_t t = 0; t < n; t++) {
+        if (s->waiting[t] & closed_mark) {
+            open_triangle(s, t);
+            opened = true;
+        }
+    }
+    if (opened) dmk_parallel(ctx, n, count_range, s);
+}
+
 static int sweep_run(dmk_context *ctx, sweep *s)
 {
     int32_t head = 0;
     for (int32_t t = 0; t < s->mesh->n_triangles; t++) {
-        if (s->sink[t]) continue;
-        for (int k = 0; k < 3; k++) s->waiting[t] += width_out(s, t, k) < 0;
-        if (s->waiting[t] == 0) s->queue[s->n_queue++] = t;
+        s->waiting[t] &= closed_mark - 1;
+        if (s->waiting[t] == 0 && !s->sink[t]) s->queue[s->n_queue++] = t;
     }
     sweep_queue(s, &head);
     return sweep_rings(ctx, s, &head);
@@ -287,10 +329,9 @@ static int sweep_run(dmk_context *ctx, sweep *s)
 /* The whole flow: the widths, a way out of every triangle, the loads. */
 static int sweep_all(dmk_context *ctx, sweep *s)
 {
+    dmk_parallel(ctx, s->mesh->n_triangles, outflow_range, s);
     dmk_parallel(ctx, s->mesh->n_edges, width_range, s);
-    for (int32_t t = 0; t < s->mesh->n_triangles; t++) {
-        if (!s->sink[t]) open_triangle(s, t);
-    }
+    open_all(ctx, s);
     return sweep_run(ctx, s);
 }
 
