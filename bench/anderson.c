@@ -85,7 +85,7 @@ static int start(bench *b)
     /* Midpoints are the first rows. */
     DMK_TRY(dmk_geodesics_create(b->ctx, m, 1, &b->source, NULL, &g));
     dmk_geodesics_midpoints(b->ctx, g, u);
-    DMK_TRY(dmk_start_density(b->ctx, m, g, u, b->mu));
+    DMK_TRY(dmk_start_density(b->ctx, m, g, u, b->mu, NULL));
     for (int32_t e = 0; e < m->n_edges; e++) u[e] /= -s->unit;
     for (int32_t v = 0; v < m->n_vertices; v++) u[s->vertex_row + v] = g->distance[v] / -s->unit;
     for (size_t t = 0; t < b->n; t++) b->mu[t] /= s->unit;

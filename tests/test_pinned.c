@@ -171,7 +171,7 @@ static void pin_start(const char *mesh_name, dmk_context *ctx, const dmk_mesh *m
         snprintf(group, sizeof group, "start.%s.%s", mesh_name, place_name[i]);
         assert_int_equal(dmk_geodesics_create(ctx, m, 1, &places[i], NULL, &g), DMK_OK);
         dmk_geodesics_midpoints(ctx, g, mid);
-        assert_int_equal(dmk_start_density(ctx, m, g, mid, mu), DMK_OK);
+        assert_int_equal(dmk_start_density(ctx, m, g, mid, mu, NULL), DMK_OK);
         assert_int_equal(dmk_geodesics_integrate(ctx, g, &integral, &error), DMK_OK);
         pin_doubles(group, "distance", (size_t)m->n_vertices, g->distance, host);
         pin_doubles(group, "mid", (size_t)m->n_edges, mid, host);

@@ -36,7 +36,7 @@ static void start_from(fixture *f, dmk_point source)
     dmk_geodesics *g;
     assert_int_equal(dmk_geodesics_create(f->ctx, f->mesh, 1, &source, NULL, &g), DMK_OK);
     dmk_geodesics_midpoints(f->ctx, g, f->mid);
-    assert_int_equal(dmk_start_density(f->ctx, f->mesh, g, f->mid, f->mu), DMK_OK);
+    assert_int_equal(dmk_start_density(f->ctx, f->mesh, g, f->mid, f->mu, NULL), DMK_OK);
     memcpy(f->d, g->distance, n_vertices * sizeof *f->d);
     dmk_geodesics_destroy(&g);
     for (int32_t t = 0; t < f->mesh->n_triangles; t++) {
@@ -347,9 +347,49 @@ static void test_rings_are_opened(void **state)
     start_from(&f, (dmk_point){2000, {0.2, 0.5, 0.3}});
     sweep s = {.mesh = f.mesh, .d = f.d, .mid = f.mid, .mu = f.mu};
     assert_int_equal(sweep_create(f.ctx, &s), DMK_OK);
-    assert_int_equal(sweep_all(f.ctx, &s), DMK_OK);
+    assert_int_equal(sweep_all(f.ctx, &s, NULL), DMK_OK);
     for (int32_t t = 0; t < f.mesh->n_triangles; t++) assert_true(s.waiting[t] <= 0);
     sweep_free(&s);
+    fixture_free(&f);
+}
+
+/* Only triangles that may be closed are looked at, also where a way through so many of them ends before it has come
+ * to one that is open: against the flow along a row of the square, each triangle's only way out is closed in turn. */
+static void test_dents_are_found(void **state)
+{
+    (void)state;
+    fixture f = {0};
+    make_square(&f, 100, 1, 0);
+    const dmk_mesh *m = f.mesh;
+    const int32_t first = 10001, n = m->n_triangles, n_edges = m->n_edges;
+    double *mid = calloc((size_t)n_edges, sizeof *mid);
+    sweep s = {.mesh = m, .mid = mid}, all = s;
+    assert_int_equal(sweep_create(f.ctx, &s), DMK_OK);
+    assert_int_equal(sweep_create(f.ctx, &all), DMK_OK);
+    for (int32_t e = 0; e < n_edges; e++) { /* to the right, and not into other rows */
+        const double *a = m->xyz + 3 * m->edge_vertex[2 * e],
+                     *b = m->xyz + 3 * m->edge_vertex[2 * e + 1];
+        mid[e] = a[1] == b[1] ? 10 : -a[0] - b[0];
+        s.width[e] = 1;
+    }
+    for (int32_t t = first - 1; t < first + 199; t++) {
+        const int32_t *edge = m->triangle_edge + 3 * t;
+        for (int k = 0; k < 3; k++) {
+            const int32_t before = t % 2 ? t - 3 : t + 1; /* towards the left */
+            if (t != first && twin_triangle(m, t, edge[k]) == before) continue;
+            s.width[edge[k]] = m->edge_triangle[2 * edge[k]] == t ? -1 : 1;
+        }
+    }
+    memcpy(all.width, s.width, (size_t)n_edges * sizeof *s.width);
+    for (int32_t t = 0; t < n; t++) open_triangle(&all, t);
+    open_all(f.ctx, &s);
+    int32_t changed = 0;
+    for (int32_t e = 0; e < n_edges; e++) changed += fabs(all.width[e]) != 1;
+    assert_true(changed > 64);
+    assert_memory_equal(s.width, all.width, (size_t)n_edges * sizeof *s.width);
+    sweep_free(&s);
+    sweep_free(&all);
+    free(mid);
     fixture_free(&f);
 }
 
@@ -364,7 +404,8 @@ static void test_dents_are_opened(void **state)
     double *mid = calloc((size_t)m->n_edges, sizeof *mid),
            *width = calloc((size_t)m->n_edges, sizeof *width);
     uint8_t *sink = calloc((size_t)m->n_triangles, 1);
-    sweep s = {.mesh = m, .mid = mid, .width = width, .sink = sink};
+    int8_t *waiting = calloc((size_t)m->n_triangles, 1);
+    sweep s = {.mesh = m, .mid = mid, .width = width, .sink = sink, .waiting = waiting};
     for (int32_t e = 0; e < m->n_edges; e++) mid[e] = m->xyz[3 * m->edge_vertex[2 * e]] + 0.01 * e;
     for (int32_t t = 0; t < m->n_triangles; t++) {
         const int32_t *edge = m->triangle_edge + 3 * t;
@@ -403,6 +444,7 @@ static void test_dents_are_opened(void **state)
     }
     free(mid);
     free(width);
+    free(waiting);
     free(sink);
     fixture_free(&f);
 }
@@ -414,7 +456,7 @@ int main(void)
         cmocka_unit_test(test_sphere_converges), cmocka_unit_test(test_mass_is_kept),
         cmocka_unit_test(test_tetrahedron),      cmocka_unit_test(test_needles),
         cmocka_unit_test(test_border),           cmocka_unit_test(test_dents_are_opened),
-        cmocka_unit_test(test_rings_are_opened),
+        cmocka_unit_test(test_rings_are_opened), cmocka_unit_test(test_dents_are_found),
     };
     return cmocka_run_group_tests_name("start", tests, NULL, NULL);
 }

@@ -233,19 +233,32 @@ static int integrate(dmk_context *ctx, void *data)
                                         &near->integral_error);
 }
 
-/* mid and mu; without ranks the integral beside them, as mu is one thread's work for the most part. */
+typedef struct integration {
+    start *near;
+    dmk_task task;
+    bool begun;
+} integration;
+
+static void begin_integral(dmk_context *ctx, void *user)
+{
+    integration *i = user;
+    dmk_task_begin(ctx, &i->task, integrate, i->near);
+    i->begun = true;
+}
+
+/* mid and mu; without ranks the integral while one thread sweeps. */
 static int make_density(dmk_context *ctx, start *near)
 {
     int rc;
     const dmk_mesh *m = near->mesh;
+    integration integral = {.near = near};
+    const dmk_meanwhile meanwhile = {begin_integral, &integral};
     const bool alone = near->solver->ranks.size <= 1;
-    dmk_task task;
-    DMK_TRY(DMK_NEW(ctx, near->mid, (size_t)m->n_edges));
+    DMK_TRY(DMK_NEW_UNSET(ctx, near->mid, (size_t)m->n_edges));
     DMK_TRY(DMK_NEW(ctx, near->mu, (size_t)dmk_padded(m->n_triangles)));
     dmk_geodesics_midpoints(ctx, near->geodesics, near->mid);
-    if (alone) dmk_task_begin(ctx, &task, integrate, near);
-    rc = dmk_start_density(ctx, m, near->geodesics, near->mid, near->mu);
-    if (alone) rc = dmk_task_end(ctx, &task, rc);
+    rc = dmk_start_density(ctx, m, near->geodesics, near->mid, near->mu, alone ? &meanwhile : NULL);
+    if (integral.begun) rc = dmk_task_end(ctx, &integral.task, rc);
 done:
     return rc;
 }

@@ -23,9 +23,11 @@ typedef struct sweep {
     const double *d, *mid;
     double *width;   /* n_edges: length times cosine of the flow to the normal, positive from the
                         first triangle to the second; 0 on a border */
-    profile *load;   /* n_edges: along edge_vertex[2e] to [2e+1], area units */
+    profile *load;   /* n_edges: along edge_vertex[2e] to [2e+1], area units; before the widths are
+                        there, the flow out of the edge's two triangles */
     double *mu;      /* n_triangles */
-    int8_t *waiting; /* n_triangles: inflow edges not yet known; below 0: done or a sink */
+    int8_t *waiting; /* n_triangles: inflow edges not yet known; below 0: done or a sink; before
+                        that, 1 where there may be no way out */
     uint8_t *sink;   /* n_triangles: holds the source */
     int32_t *queue;  /* n_triangles */
     int32_t n_queue;
@@ -37,11 +39,11 @@ static int sweep_create(dmk_context *ctx, sweep *s)
 {
     int rc;
     size_t n_edges = (size_t)s->mesh->n_edges, n_triangles = (size_t)s->mesh->n_triangles;
-    DMK_TRY(DMK_NEW(ctx, s->width, n_edges));
-    DMK_TRY(DMK_NEW(ctx, s->load, n_edges));
-    DMK_TRY(DMK_NEW(ctx, s->waiting, n_triangles));
+    DMK_TRY(DMK_NEW_UNSET(ctx, s->width, n_edges));
+    DMK_TRY(DMK_NEW_UNSET(ctx, s->load, n_edges));
+    DMK_TRY(DMK_NEW_UNSET(ctx, s->waiting, n_triangles));
     DMK_TRY(DMK_NEW(ctx, s->sink, n_triangles));
-    DMK_TRY(DMK_NEW(ctx, s->queue, n_triangles));
+    DMK_TRY(DMK_NEW_UNSET(ctx, s->queue, n_triangles));
 done:
     return rc;
 }
@@ -55,37 +57,37 @@ static void sweep_free(sweep *s)
     free(s->queue);
 }
 
-/* Flow of -grad d out of triangle t through its edges, times their lengths. The gradient is that of the quadratic
- * through all six values, at the edge's midpoint, scaled to 1: there it is the gradient of the linear function with
- * value -dk - 2 mk + 2 mi + 2 mj at corner k. */
-static void find_outflow(const sweep *s, int32_t t, double out[3])
+/* Flow of -grad d out of triangle t through its edge k, times the edge's length. The gradient is
+ * that of the quadratic through all six values, at the edge's midpoint, scaled to 1: there it is
+ * the gradient of the linear function with value -dk - 2 mk + 2 mi + 2 mj at corner k. */
+static double outflow(const sweep *s, int32_t t, int k, const double cot[3])
 {
     const dmk_mesh *mesh = s->mesh;
     const int32_t *corner = mesh->triangle + 3 * (size_t)t;
     const int32_t *edge = mesh->triangle_edge + 3 * (size_t)t;
-    const double cot[3] = {dmk_cot(mesh, 3 * t), dmk_cot(mesh, 3 * t + 1),
-                           dmk_cot(mesh, 3 * t + 2)};
-    for (int k = 0; k < 3; k++) {
-        int i = (k + 1) % 3, j = (k + 2) % 3;
-        double di = s->d[corner[i]], dj = s->d[corner[j]];
-        double dk = 2 * (s->mid[edge[i]] + s->mid[edge[j]] - s->mid[edge[k]]) - s->d[corner[k]];
-        double g2 = 0.5 * (cot[k] * (di - dj) * (di - dj) + cot[i] * (dj - dk) * (dj - dk) +
-                           cot[j] * (dk - di) * (dk - di));
-        double flow = cot[j] * (dk - di) + cot[i] * (dk - dj);
-        out[k] = g2 > 0 ? flow * sqrt(mesh->area[t] / g2) : 0;
-    }
+    int i = (k + 1) % 3, j = (k + 2) % 3;
+    double di = s->d[corner[i]], dj = s->d[corner[j]];
+    double dk = 2 * (s->mid[edge[i]] + s->mid[edge[j]] - s->mid[edge[k]]) - s->d[corner[k]];
+    double g2 = 0.5 * (cot[k] * (di - dj) * (di - dj) + cot[i] * (dj - dk) * (dj - dk) +
+                       cot[j] * (dk - di) * (dk - di));
+    double flow = cot[j] * (dk - di) + cot[i] * (dk - dj);
+    return g2 > 0 ? flow * sqrt(mesh->area[t] / g2) : 0;
 }
 
-/* Until the loads are there, an edge's has the flows out of its two triangles. */
 static void outflow_range(int32_t begin, int32_t end, void *data)
 {
-    sweep *s = data;
+    const sweep *s = data;
+    const dmk_mesh *mesh = s->mesh;
     for (int32_t t = begin; t < end; t++) {
-        double out[3];
-        find_outflow(s, t, out);
+        const double cot[3] = {dmk_cot(mesh, 3 * t), dmk_cot(mesh, 3 * t + 1),
+                               dmk_cot(mesh, 3 * t + 2)};
         for (int k = 0; k < 3; k++) {
-            const int32_t e = s->mesh->triangle_edge[3 * (size_t)t + k];
-            *(s->mesh->edge_triangle[2 * (size_t)e] == t ? &s->load[e].n : &s->load[e].m) = out[k];
+            const int32_t e = mesh->triangle_edge[3 * (size_t)t + (size_t)k];
+            const double flow = outflow(s, t, k, cot);
+            if (mesh->edge_triangle[2 * (size_t)e] == t)
+                s->load[e].n = flow;
+            else
+                s->load[e].m = flow;
         }
     }
 }
@@ -95,12 +97,13 @@ static void width_range(int32_t begin, int32_t end, void *data)
     sweep *s = data;
     for (int32_t e = begin; e < end; e++) {
         int32_t a = s->mesh->edge_triangle[2 * e], b = s->mesh->edge_triangle[2 * e + 1];
-        double w = 0.5 * (s->load[e].n - s->load[e].m);
+        const profile out = s->load[e];
         s->load[e] = (profile){0, 0};
         if (b < 0 || (s->sink[a] && s->sink[b])) {
             s->width[e] = 0;
             continue;
         }
+        double w = 0.5 * (out.n - out.m);
         if (s->sink[a]) w = -dmk_max(-w, 1e-3 * s->mesh->length[e]);
         if (s->sink[b]) w = dmk_max(w, 1e-3 * s->mesh->length[e]);
         s->width[e] = w;
@@ -137,6 +140,17 @@ static void open_triangle(sweep *s, int32_t t)
         s->width[edge[best]] = s->mesh->edge_triangle[2 * (size_t)edge[best]] == t ? w : -w;
         t = twin_triangle(s->mesh, t, edge[best]);
         if (s->sink[t]) return;
+        s->waiting[t] = 1; /* it has one way less */
+    }
+}
+
+static void closed_range(int32_t begin, int32_t end, void *data)
+{
+    const sweep *s = data;
+    for (int32_t t = begin; t < end; t++) {
+        const bool open =
+            width_out(s, t, 0) > 0 || width_out(s, t, 1) > 0 || width_out(s, t, 2) > 0;
+        s->waiting[t] = !open && !s->sink[t];
     }
 }
 
@@ -282,56 +296,45 @@ done:
     return rc;
 }
 
-enum { closed_mark = 8 };
-
-/* waiting; the mark, too, where there is no way out. */
-static void count_range(int32_t begin, int32_t end, void *data)
+static void waiting_range(int32_t begin, int32_t end, void *data)
 {
-    sweep *s = data;
+    const sweep *s = data;
     for (int32_t t = begin; t < end; t++) {
-        if (s->sink[t]) continue;
-        int in = 0, out = 0;
-        for (int k = 0; k < 3; k++) {
-            const double w = width_out(s, t, k);
-            in += w < 0;
-            out += w > 0;
-        }
-        s->waiting[t] = (int8_t)(out > 0 ? in : in | closed_mark);
+        int n_in = 0;
+        for (int k = 0; k < 3 && !s->sink[t]; k++) n_in += width_out(s, t, k) < 0;
+        s->waiting[t] = (int8_t)n_in;
     }
-}
-
-/* A way out of every triangle, and what each of them waits for. */
-static void open_all(dmk_context *ctx, sweep *s)
-{
-    bool opened = false;
-    const int32_t n = s->mesh->n_triangles;
-    dmk_parallel(ctx, n, count_range, s);
-    for (int32_t t = 0; t < n; t++) {
-        if (s->waiting[t] & closed_mark) {
-            open_triangle(s, t);
-            opened = true;
-        }
-    }
-    if (opened) dmk_parallel(ctx, n, count_range, s);
 }
 
 static int sweep_run(dmk_context *ctx, sweep *s)
 {
     int32_t head = 0;
     for (int32_t t = 0; t < s->mesh->n_triangles; t++) {
-        s->waiting[t] &= closed_mark - 1;
-        if (s->waiting[t] == 0 && !s->sink[t]) s->queue[s->n_queue++] = t;
+        if (!s->sink[t] && s->waiting[t] == 0) s->queue[s->n_queue++] = t;
     }
     sweep_queue(s, &head);
     return sweep_rings(ctx, s, &head);
 }
 
-/* The whole flow: the widths, a way out of every triangle, the loads. */
-static int sweep_all(dmk_context *ctx, sweep *s)
+/* In the order of the mesh; most have one. */
+static void open_all(dmk_context *ctx, sweep *s)
 {
-    dmk_parallel(ctx, s->mesh->n_triangles, outflow_range, s);
+    const int32_t n = s->mesh->n_triangles;
+    dmk_parallel(ctx, n, closed_range, s);
+    for (int32_t t = 0; t < n; t++) {
+        if (s->waiting[t]) open_triangle(s, t);
+    }
+}
+
+/* The whole flow: the widths, a way out of every triangle, what each waits for, the loads. */
+static int sweep_all(dmk_context *ctx, sweep *s, const dmk_meanwhile *meanwhile)
+{
+    const int32_t n = s->mesh->n_triangles;
+    dmk_parallel(ctx, n, outflow_range, s);
     dmk_parallel(ctx, s->mesh->n_edges, width_range, s);
     open_all(ctx, s);
+    dmk_parallel(ctx, n, waiting_range, s);
+    if (meanwhile) meanwhile->begin(ctx, meanwhile->user);
     return sweep_run(ctx, s);
 }
 
@@ -367,13 +370,13 @@ static void mark_sinks(const dmk_mesh *mesh, const dmk_point *source, uint8_t *s
 }
 
 int dmk_start_density(dmk_context *ctx, const dmk_mesh *mesh, const dmk_geodesics *geodesics,
-                      const double *mid, double *mu)
+                      const double *mid, double *mu, const dmk_meanwhile *meanwhile)
 {
     int rc;
     sweep s = {.mesh = mesh, .d = geodesics->distance, .mid = mid, .mu = mu};
     DMK_TRY(sweep_create(ctx, &s));
     mark_sinks(mesh, &geodesics->source->point, s.sink);
-    DMK_TRY(sweep_all(ctx, &s));
+    DMK_TRY(sweep_all(ctx, &s, meanwhile));
     for (int32_t t = 0; t < mesh->n_triangles; t++) {
         if (s.sink[t]) sink_density(&s, t);
         mu[t] = dmk_max(mu[t], 0.1 * sqrt(mesh->area[t]));

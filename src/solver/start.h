@@ -7,10 +7,16 @@
 
 #include "geodesic/geodesic.h"
 
+/* What can be begun when all that is left is one thread's work. */
+typedef struct dmk_meanwhile {
+    void (*begin)(dmk_context *ctx, void *user);
+    void *user;
+} dmk_meanwhile;
+
 /* Density that carries each triangle's area along the gradient of the distance to the geodesics' one source. The
  * mesh has the numbers of theirs; its lengths may differ.
- * mid: n_edges, the distance at the edges' midpoints; mu: n_triangles, > 0. */
+ * mid: n_edges, the distance at the edges' midpoints; mu: n_triangles, > 0; meanwhile: or NULL. */
 int dmk_start_density(dmk_context *ctx, const dmk_mesh *mesh, const dmk_geodesics *geodesics,
-                      const double *mid, double *mu);
+                      const double *mid, double *mu, const dmk_meanwhile *meanwhile);
 
 #endif

@@ -320,7 +320,7 @@ static void work(const dmk_mesh *m)
     }
     REQUIRE(g->tolerance == 0 || thinnest(m) < 1e-6);
     dmk_geodesics_midpoints(ctx, g, mid);
-    REQUIRE(dmk_start_density(ctx, m, g, mid, mu) == DMK_OK);
+    REQUIRE(dmk_start_density(ctx, m, g, mid, mu, NULL) == DMK_OK);
     REQUIRE(all_finite(g->distance, m->n_vertices) && all_finite(mid, m->n_edges));
     for (int32_t t = 0; t < m->n_triangles; t++) REQUIRE(isfinite(mu[t]) && mu[t] > 0);
     follow(m, g);
