@@ -147,51 +147,6 @@ static void mapped(void **state)
     }
 }
 
-/* Memory that is handed over is the buffer's, even where commands still read it when the buffer is given back; a CPU
- * has it where it lies. */
-static void adopted(void **state)
-{
-    enum { N = 1 << 20 };
-    fixture *f = *state;
-    dmk_device *device = NULL;
-    dmk_buffer *buffer = NULL, *copy = NULL;
-    int32_t *number = NULL, *there = NULL;
-    dmk_device_info info;
-    size_t offset;
-    assert_int_equal(dmk_device_open(f->ctx, NULL, &device), DMK_OK);
-    dmk_device_get_info(device, &info);
-    assert_int_equal(DMK_NEW_ALIGNED(f->ctx, number, N), DMK_OK);
-    assert_int_equal((uintptr_t)number % 64, 0);
-    for (int32_t i = 0; i < N; i++) number[i] = i;
-    const int32_t *const lay = number;
-    assert_int_equal(
-        dmk_buffer_adopt(f->ctx, device, N * sizeof *number, (void **)&number, &buffer), DMK_OK);
-    assert_null(number);
-    if (strcmp(info.type, "CPU") == 0 && info.fp64) {
-        double *at = NULL;
-        assert_int_equal(dmk_buffer_map(f->ctx, device, buffer, 1, &at), DMK_OK);
-        assert_ptr_equal(at, lay);
-        dmk_buffer_unmap(device, buffer, at);
-    }
-    assert_int_equal(
-        dmk_buffer_gather(f->ctx, device, 1, (dmk_buffer * *[]){&buffer}, &offset, &copy),
-        DMK_OK); /* which gives the buffer back while it is copied */
-    dmk_buffer_destroy(&buffer);
-    assert_int_equal(DMK_NEW(f->ctx, there, N), DMK_OK);
-    assert_int_equal(dmk_buffer_read(f->ctx, device, copy, 0, N * sizeof *there, there), DMK_OK);
-    for (int32_t i = 0; i < N; i++) assert_int_equal(there[i], i);
-    free(there);
-    there = NULL;
-    dmk_buffer_destroy(&copy);
-    /* Nothing is a buffer, too; what does not fit is refused. */
-    assert_int_equal(DMK_NEW_ALIGNED(f->ctx, there, 0), DMK_OK);
-    assert_int_equal(dmk_buffer_adopt(f->ctx, device, 0, (void **)&there, &buffer), DMK_OK);
-    assert_null(there);
-    dmk_buffer_destroy(&buffer);
-    assert_int_equal(DMK_NEW_ALIGNED(f->ctx, there, SIZE_MAX / sizeof *there), DMK_E_NOMEM);
-    dmk_device_destroy(&device);
-}
-
 /* The default is a GPU, where there is one that computes in double precision. */
 static void the_best_device(void **state)
 {
@@ -369,7 +324,6 @@ int main(void)
                                        TEST(destroyed_with_work_under_way),
                                        TEST(built_in_the_background),
                                        TEST(mapped),
-                                       TEST(adopted),
                                        TEST(the_best_device),
                                        TEST(devices_are_listed),
                                        TEST(a_device_by_its_kind),

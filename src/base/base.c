@@ -84,28 +84,14 @@ int dmk_options_take(dmk_context *context, const char *type, const void *options
     return DMK_OK;
 }
 
-static int no_memory(dmk_context *context, const char *what, size_t count, size_t size)
-{
-    return dmk_fail(context, DMK_E_NOMEM, "out of memory: %zu x %zu bytes for %s", count, size,
-                    what);
-}
-
 int dmk_alloc(dmk_context *context, const char *what, size_t count, size_t size, void **memory)
 {
     if (count == 0) count = 1;
     void *p = count <= SIZE_MAX / size ? calloc(count, size) : NULL;
-    if (!p) return no_memory(context, what, count, size);
-    *memory = p;
-    return DMK_OK;
-}
-
-int dmk_alloc_aligned(dmk_context *context, const char *what, size_t count, size_t size,
-                      void **memory)
-{
-    const bool fits = count < (SIZE_MAX - DMK_ALIGNMENT) / size;
-    const size_t blocks = fits ? count * size / DMK_ALIGNMENT + 1 : 0;
-    void *p = fits ? aligned_alloc(DMK_ALIGNMENT, blocks * DMK_ALIGNMENT) : NULL;
-    if (!p) return no_memory(context, what, count, size);
+    if (!p) {
+        return dmk_fail(context, DMK_E_NOMEM, "out of memory: %zu x %zu bytes for %s", count, size,
+                        what);
+    }
     *memory = p;
     return DMK_OK;
 }
@@ -116,7 +102,10 @@ int dmk_grow(dmk_context *context, const char *what, size_t wanted, size_t size,
     if (wanted <= *capacity) return DMK_OK;
     size_t room = 2 * *capacity > wanted ? 2 * *capacity : wanted;
     void *p = room <= SIZE_MAX / size ? realloc(*memory, room * size) : NULL;
-    if (!p) return no_memory(context, what, room, size);
+    if (!p) {
+        return dmk_fail(context, DMK_E_NOMEM, "out of memory: %zu x %zu bytes for %s", room, size,
+                        what);
+    }
     *memory = p;
     *capacity = room;
     return DMK_OK;

@@ -78,14 +78,6 @@ int dmk_grow(dmk_context *context, const char *what, size_t wanted, size_t size,
 #define DMK_NEW_UNSET(context, pointer, count)                                                     \
     dmk_grow((context), #pointer, (count), sizeof *(pointer), (size_t[]){0}, (void **)&(pointer))
 
-/* Bytes: a cache line, or a vector of eight doubles, does not lie across two of these. */
-enum { DMK_ALIGNMENT = 64 };
-/* DMK_NEW_UNSET at a multiple of these, for what a device takes over (dmk_buffer_adopt). */
-int dmk_alloc_aligned(dmk_context *context, const char *what, size_t count, size_t size,
-                      void **memory);
-#define DMK_NEW_ALIGNED(context, pointer, count)                                                   \
-    dmk_alloc_aligned((context), #pointer, (count), sizeof *(pointer), (void **)&(pointer))
-
 /* What is free on the heap goes back to the system, where the C library can do that. */
 void dmk_trim_memory(void);
 

@@ -1,8 +1,6 @@
 /* Device memory, as opaque buffers. */
 #include "device/internal.h"
 
-#include "base/parallel.h"
-
 #include <stdlib.h>
 #include <string.h>
 
@@ -22,99 +20,22 @@ size_t dmk_device_real(const dmk_device *dev, dmk_program program)
     return program == DMK_OUTER && dev->double_precision ? sizeof(double) : sizeof(float);
 }
 
-static bool is_cpu(const dmk_device *dev)
-{
-    return strcmp(dev->info.type, "CPU") == 0;
-}
-
-static int create(dmk_context *ctx, const dmk_device *dev, cl_mem_flags flags, size_t bytes,
-                  const void *memory, dmk_buffer **buffer)
-{
-    cl_int error;
-    cl_mem mem = clCreateBuffer(dev->cl, CL_MEM_READ_WRITE | flags, bytes,
-                                (void *)(uintptr_t)memory, &error);
-    const int rc = dmk_cl_check(ctx, error, "clCreateBuffer");
-    if (rc == DMK_OK) *buffer = (dmk_buffer *)mem;
-    return rc;
-}
-
-static void CL_CALLBACK free_memory(cl_mem mem, void *memory)
-{
-    (void)mem;
-    free(memory);
-}
-
-/* A buffer in memory of the host's, which is freed when the last command that uses it has ended. */
-static int create_in(dmk_context *ctx, const dmk_device *dev, size_t bytes, void *memory,
-                     dmk_buffer **buffer)
-{
-    dmk_buffer *b;
-    int rc = create(ctx, dev, CL_MEM_USE_HOST_PTR, bytes, memory, &b);
-    if (rc != DMK_OK) return rc;
-    rc = dmk_cl_check(ctx, clSetMemObjectDestructorCallback(mem_of(b), free_memory, memory),
-                      "clSetMemObjectDestructorCallback");
-    if (rc == DMK_OK)
-        *buffer = b;
-    else
-        clReleaseMemObject(mem_of(b));
-    return rc;
-}
-
-/* Bytes of an array that one thread clears. */
-enum { PIECE = 1 << 20 };
-
-typedef struct clearing {
-    char *memory;
-    size_t bytes;
-} clearing;
-
-static int clear_piece(dmk_context *ctx, int32_t i, void *data)
-{
-    const clearing *c = data;
-    const size_t begin = (size_t)i * PIECE, left = c->bytes - begin;
-    (void)ctx;
-    memset(c->memory + begin, 0, left < PIECE ? left : PIECE);
-    return DMK_OK;
-}
-
-/* Zeros. On a CPU the context's threads write them: new memory has each page mapped as it is written to first, which
- * is 0.12 s of one thread for the state of 1,094,000 triangles; and a driver fills on one. */
-static int create_zeroed(dmk_context *ctx, dmk_device *dev, size_t bytes, dmk_buffer **buffer)
-{
-    int rc;
-    clearing c = {.bytes = bytes};
-    if (!is_cpu(dev)) {
-        DMK_TRY(create(ctx, dev, 0, bytes, NULL, buffer));
-        return dmk_buffer_clear(ctx, dev, *buffer, bytes);
-    }
-    DMK_TRY(DMK_NEW_ALIGNED(ctx, c.memory, bytes));
-    DMK_TRY(dmk_parallel_pieces(ctx, (int32_t)((bytes - 1) / PIECE + 1), clear_piece, &c));
-    DMK_TRY(create_in(ctx, dev, bytes, c.memory, buffer));
-    c.memory = NULL;
-done:
-    free(c.memory);
-    return rc;
-}
-
-enum { LEAST = 8 }; /* bytes: there are no empty buffers */
-
 int dmk_buffer_create(dmk_context *ctx, dmk_device *dev, size_t bytes, const void *init,
                       dmk_buffer **buffer)
 {
-    if (!init || bytes == 0) return create_zeroed(ctx, dev, bytes ? bytes : LEAST, buffer);
-    return create(ctx, dev, CL_MEM_COPY_HOST_PTR, bytes, init, buffer);
-}
-
-int dmk_buffer_adopt(dmk_context *ctx, dmk_device *dev, size_t bytes, void **memory,
-                     dmk_buffer **buffer)
-{
-    const bool stays = is_cpu(dev) && bytes > 0;
-    const int rc = stays ? create_in(ctx, dev, bytes, *memory, buffer)
-                         : dmk_buffer_create(ctx, dev, bytes, *memory, buffer);
-    if (rc != DMK_OK) return rc;
-    if (!stays) free(*memory);
-    *memory = NULL;
-    return DMK_OK;
+    int rc;
+    cl_int error;
+    if (bytes == 0) { /* there are no empty buffers */
+        bytes = 8;
+        init = NULL;
+    }
+    cl_mem mem = clCreateBuffer(dev->cl, CL_MEM_READ_WRITE | (init ? CL_MEM_COPY_HOST_PTR : 0),
+                                bytes, (void *)(uintptr_t)init, &error);
+    DMK_TRY(dmk_cl_check(ctx, error, "clCreateBuffer"));
+    *buffer = (dmk_buffer *)mem;
+    if (!init) DMK_TRY(dmk_buffer_clear(ctx, dev, *buffer, bytes));
+done:
+    return rc;
 }
 
 static int fill(dmk_context *ctx, dmk_device *dev, dmk_buffer *buffer, size_t bytes,
@@ -248,7 +169,7 @@ int dmk_buffer_map(dmk_context *ctx, dmk_device *dev, dmk_buffer *buffer, size_t
 {
     cl_int error;
     *numbers = NULL;
-    if (!is_cpu(dev) || !dev->double_precision || n == 0) return DMK_OK;
+    if (strcmp(dev->info.type, "CPU") != 0 || !dev->double_precision || n == 0) return DMK_OK;
     dev->work.reads++;
     double *at = clEnqueueMapBuffer(dev->queue, mem_of(buffer), CL_TRUE, CL_MAP_READ | CL_MAP_WRITE,
                                     0, n * sizeof *at, 0, NULL, NULL, &error);

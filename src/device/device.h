@@ -29,10 +29,6 @@ int dmk_device_owned(dmk_context *context, const dmk_device *device);
 /* Zeroed if `init` is NULL, else a copy of it. */
 int dmk_buffer_create(dmk_context *context, dmk_device *device, size_t bytes, const void *init,
                       dmk_buffer **buffer);
-/* Of memory of dmk_alloc_aligned, which is the buffer's from then on: *memory = NULL, unless that fails. A CPU uses it
- * where it lies. */
-int dmk_buffer_adopt(dmk_context *context, dmk_device *device, size_t bytes, void **memory,
-                     dmk_buffer **buffer);
 void dmk_buffer_destroy(dmk_buffer **buffer);
 /* Move n buffers into a new one: each becomes a part of it, from the byte offset[i] on. */
 int dmk_buffer_gather(dmk_context *context, dmk_device *device, size_t n,

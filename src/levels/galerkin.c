@@ -301,7 +301,7 @@ static int pack_edges(dmk_context *ctx, const emitter *m)
     dmk_coarsening *c = m->c;
     int32_t n = 0;
     for (int32_t a = 0; a < c->coarse.n; a++) n += m->count[a];
-    DMK_TRY(DMK_NEW_ALIGNED(ctx, c->galerkin_row, (size_t)n + 1));
+    DMK_TRY(DMK_NEW_UNSET(ctx, c->galerkin_row, (size_t)n + 1));
     DMK_TRY(DMK_NEW_UNSET(ctx, c->coarse.edge, 2 * (size_t)n + 1));
     c->coarse.n_edges = n;
     n = 0;
@@ -326,7 +326,7 @@ static int emit_all(dmk_context *ctx, const difference *d, const bucket *by_end,
     DMK_TRY(DMK_NEW(ctx, m.count, n));
     DMK_TRY(DMK_NEW_UNSET(ctx, m.other, n_entries + 1));
     DMK_TRY(DMK_NEW_UNSET(ctx, m.begin, n_entries + 1));
-    DMK_TRY(DMK_NEW_ALIGNED(ctx, c->galerkin_edge, n_entries));
+    DMK_TRY(DMK_NEW_UNSET(ctx, c->galerkin_edge, n_entries + 1));
     DMK_TRY(DMK_NEW_UNSET(ctx, c->galerkin_coef, n_entries + 1));
     DMK_TRY(dmk_parallel_try(ctx, d->end - d->first, emit_range, &m));
     DMK_TRY(pack_edges(ctx, &m));

@@ -24,7 +24,7 @@ static void fill_range(int32_t begin, int32_t end, void *data)
         for (int32_t j = 0; j < columns; j++) {
             size_t slot = (size_t)(first + j) * DMK_WIDTH + (size_t)(i % DMK_WIDTH);
             s->entry[slot] = j < length ? job->entry[at + j] : job->filler < 0 ? i : job->filler;
-            if (job->weight) s->weight[slot] = j < length ? job->weight[at + j] : 0;
+            if (job->weight && j < length) s->weight[slot] = job->weight[at + j];
         }
     }
 }
@@ -35,8 +35,7 @@ int dmk_sell_create(dmk_context *ctx, int32_t n, const int32_t *row, const int32
     int rc;
     memset(s, 0, sizeof *s);
     s->n_slices = dmk_padded(n) / DMK_WIDTH;
-    DMK_TRY(DMK_NEW_ALIGNED(ctx, s->slice, (size_t)s->n_slices + 1));
-    s->slice[0] = 0;
+    DMK_TRY(DMK_NEW(ctx, s->slice, (size_t)s->n_slices + 1));
     for (int32_t k = 0; k < s->n_slices; k++) {
         int32_t longest = 1;
         for (int32_t i = DMK_WIDTH * k; i < dmk_min_i(DMK_WIDTH * (k + 1), n); i++) {
@@ -45,8 +44,8 @@ int dmk_sell_create(dmk_context *ctx, int32_t n, const int32_t *row, const int32
         s->slice[k + 1] = s->slice[k] + longest;
     }
     size_t n_slots = (size_t)s->slice[s->n_slices] * DMK_WIDTH;
-    DMK_TRY(DMK_NEW_ALIGNED(ctx, s->entry, n_slots));
-    if (weight) DMK_TRY(DMK_NEW_ALIGNED(ctx, s->weight, n_slots));
+    DMK_TRY(DMK_NEW_UNSET(ctx, s->entry, n_slots));
+    if (weight) DMK_TRY(DMK_NEW(ctx, s->weight, n_slots));
     fill_job job = {n, filler, row, entry, weight, s};
     dmk_parallel(ctx, s->n_slices, fill_range, &job);
 done:

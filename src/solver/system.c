@@ -29,25 +29,16 @@ static int upload(const packer *p, size_t count, size_t size, const void *data, 
     return dmk_buffer_create(p->ctx, p->dev, count * size, data, b);
 }
 
-/* The same of an array of DMK_NEW_ALIGNED, which goes with the buffer. */
-static int hand_over(const packer *p, size_t count, size_t size, void **data, dmk_buffer **b)
-{
-    return dmk_buffer_adopt(p->ctx, p->dev, count * size, data, b);
-}
-#define HAND_OVER(p, count, array, b)                                                              \
-    hand_over((p), (count), sizeof *(array), (void **)&(array), (b))
-
 /* Zeroed work arrays of n numbers. */
 static int work(const packer *p, dmk_program program, size_t n, dmk_buffer **b)
 {
     return dmk_buffer_create(p->ctx, p->dev, n * dmk_device_real(p->dev, program), NULL, b);
 }
 
-static int hand_over_real(const packer *p, size_t n, double **data, dmk_buffer **b)
+static int upload_real(const packer *p, size_t n, const double *data, dmk_buffer **b)
 {
-    if (dmk_device_real(p->dev, DMK_OUTER) == sizeof **data) return HAND_OVER(p, n, *data, b);
     int rc = work(p, DMK_OUTER, n, b);
-    return rc ? rc : dmk_buffer_write_real(p->ctx, p->dev, DMK_OUTER, *b, n, *data);
+    return rc ? rc : dmk_buffer_write_real(p->ctx, p->dev, DMK_OUTER, *b, n, data);
 }
 
 typedef struct element_job {
@@ -78,21 +69,17 @@ static int pack_elements(const packer *p)
     dmk_system *s = p->sys;
     size_t n = (size_t)s->n_elements_pad;
     element_job job = {.p = p};
-    DMK_TRY(DMK_NEW_ALIGNED(p->ctx, job.index, 6 * n));
-    DMK_TRY(DMK_NEW_ALIGNED(p->ctx, job.cot, 3 * n));
-    DMK_TRY(DMK_NEW_ALIGNED(p->ctx, job.area, n));
+    DMK_TRY(DMK_NEW(p->ctx, job.index, 6 * n));
+    DMK_TRY(DMK_NEW(p->ctx, job.cot, 3 * n));
+    DMK_TRY(DMK_NEW(p->ctx, job.area, n));
     for (int32_t t = s->n_elements; t < s->n_elements_pad; t++) {
-        for (int k = 0; k < 3; k++) {
-            job.index[dmk_slot(t, k, 6)] = s->vertex_row;
-            job.index[dmk_slot(t, 3 + k, 6)] = 0;
-            job.cot[dmk_slot(t, k, 3)] = 0;
-        }
+        for (int k = 0; k < 3; k++) job.index[dmk_slot(t, k, 6)] = s->vertex_row;
         job.area[t] = 1;
     }
     dmk_parallel(p->ctx, s->n_elements, element_range, &job);
-    DMK_TRY(HAND_OVER(p, 6 * n, job.index, &s->index));
-    DMK_TRY(hand_over_real(p, 3 * n, &job.cot, &s->cot));
-    DMK_TRY(hand_over_real(p, n, &job.area, &s->area));
+    DMK_TRY(upload(p, 6 * n, sizeof *job.index, job.index, &s->index));
+    DMK_TRY(upload_real(p, 3 * n, job.cot, &s->cot));
+    DMK_TRY(upload_real(p, n, job.area, &s->area));
 done:
     free(job.index);
     free(job.cot);
@@ -167,14 +154,14 @@ done:
     return rc;
 }
 
-static int hand_over_slices(const packer *p, dmk_sell *s, dmk_buffer **slice, dmk_buffer **entry,
-                            dmk_buffer **weight)
+static int upload_slices(const packer *p, const dmk_sell *s, dmk_buffer **slice, dmk_buffer **entry,
+                         dmk_buffer **weight)
 {
     int rc;
     size_t n_slots = (size_t)s->slice[s->n_slices] * DMK_WIDTH;
-    DMK_TRY(HAND_OVER(p, (size_t)s->n_slices + 1, s->slice, slice));
-    DMK_TRY(HAND_OVER(p, n_slots, s->entry, entry));
-    if (weight) DMK_TRY(HAND_OVER(p, n_slots, s->weight, weight));
+    DMK_TRY(upload(p, (size_t)s->n_slices + 1, sizeof *s->slice, s->slice, slice));
+    DMK_TRY(upload(p, n_slots, sizeof *s->entry, s->entry, entry));
+    if (weight) DMK_TRY(upload(p, n_slots, sizeof *s->weight, s->weight, weight));
 done:
     return rc;
 }
@@ -187,7 +174,7 @@ static int pack_rows(const packer *p, int32_t n, const int32_t *row, const int32
     dmk_sell s;
     int rc = dmk_sell_create(p->ctx, n, row, entry, value, filler, &s);
     if (rc != DMK_OK) return rc;
-    rc = hand_over_slices(p, &s, slice, entries, value ? weight : NULL);
+    rc = upload_slices(p, &s, slice, entries, value ? weight : NULL);
     dmk_sell_free(&s);
     return rc;
 }
@@ -254,8 +241,8 @@ static int pack_slots(const packer *p)
     DMK_TRY(corners_create(p, &corners));
     size_t n_slices = (size_t)(edge_slices + corners.n_slices);
     size_t n_slots = DMK_WIDTH * (size_t)corners.slice[corners.n_slices];
-    DMK_TRY(DMK_NEW_ALIGNED(p->ctx, slice, n_slices + 1));
-    DMK_TRY(DMK_NEW_ALIGNED(p->ctx, slot, edges + n_slots));
+    DMK_TRY(DMK_NEW_UNSET(p->ctx, slice, n_slices + 1));
+    DMK_TRY(DMK_NEW_UNSET(p->ctx, slot, edges + n_slots));
     for (int32_t k = 0; k < edge_slices; k++) slice[k] = 2 * k;
     for (int32_t k = 0; k <= corners.n_slices; k++) {
         slice[edge_slices + k] = 2 * edge_slices + corners.slice[k];
@@ -264,8 +251,8 @@ static int pack_slots(const packer *p)
     slot_job job = {p->mesh, &corners, slot, slot + edges};
     dmk_parallel(p->ctx, s->n_edges, edge_slot_range, &job);
     dmk_parallel(p->ctx, corners.n_slices, corner_slot_range, &job);
-    DMK_TRY(HAND_OVER(p, n_slices + 1, slice, &s->slice));
-    DMK_TRY(HAND_OVER(p, edges + n_slots, slot, &s->slot));
+    DMK_TRY(upload(p, n_slices + 1, sizeof *slice, slice, &s->slice));
+    DMK_TRY(upload(p, edges + n_slots, sizeof *slot, slot, &s->slot));
 done:
     dmk_sell_free(&corners);
     free(slice);
@@ -280,7 +267,7 @@ static int pack_ends(const packer *p)
     const dmk_mesh *m = p->mesh;
     dmk_system *s = p->sys;
     int32_t *ends = NULL;
-    DMK_TRY(DMK_NEW_ALIGNED(p->ctx, ends, 2 * (size_t)s->n_rows_pad));
+    DMK_TRY(DMK_NEW_UNSET(p->ctx, ends, 2 * (size_t)s->n_rows_pad));
     for (int32_t i = 0; i < 2 * s->n_rows_pad; i++) ends[i] = m->n_vertices; /* stays 0 on T */
     for (int32_t e = 0; e < m->n_edges; e++) {
         for (int k = 0; k < 2; k++) ends[dmk_slot(e, k, 2)] = m->edge_vertex[2 * e + k];
@@ -288,7 +275,7 @@ static int pack_ends(const packer *p)
     for (int32_t v = 0; v < m->n_vertices; v++) {
         for (int k = 0; k < 2; k++) ends[dmk_slot(s->vertex_row + v, k, 2)] = v;
     }
-    DMK_TRY(HAND_OVER(p, 2 * (size_t)s->n_rows_pad, ends, &s->ends));
+    DMK_TRY(upload(p, 2 * (size_t)s->n_rows_pad, sizeof *ends, ends, &s->ends));
 done:
     free(ends);
     return rc;
@@ -321,7 +308,7 @@ static int pack_graph(const packer *p, int32_t n, int32_t n_edges, const int32_t
     DMK_TRY(pack_rows(p, n, row, neighbour, NULL, -1, &l->slice, &l->neighbour, NULL));
     DMK_TRY(dmk_sell_create(p->ctx, n, row, number, NULL, n_edges, &s));
     size_t n_slots = (size_t)s.slice[s.n_slices] * DMK_WIDTH;
-    DMK_TRY(HAND_OVER(p, n_slots, s.entry, &l->number));
+    DMK_TRY(upload(p, n_slots, sizeof *s.entry, s.entry, &l->number));
     DMK_TRY(work(p, DMK_INNER, n_slots, &l->weight));
     DMK_TRY(work(p, DMK_INNER, (size_t)dmk_padded(n_edges), &l->edge));
     DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->inv_diag));
@@ -357,18 +344,12 @@ static int pack_coefficients(const packer *p, size_t n, const float *coef, dmk_b
 {
     int rc;
     uint16_t *half = NULL;
-    DMK_TRY(DMK_NEW_ALIGNED(p->ctx, half, n));
+    DMK_TRY(DMK_NEW_UNSET(p->ctx, half, n + 1));
     for (size_t i = 0; i < n; i++) half[i] = half_of(coef[i]);
-    DMK_TRY(HAND_OVER(p, n, half, b));
+    DMK_TRY(upload(p, n, sizeof *half, half, b));
 done:
     free(half);
     return rc;
-}
-
-/* An array of the hierarchy, or a copy of it. */
-static int take(const packer *p, size_t n, int32_t **array, dmk_buffer **b)
-{
-    return p->spend ? HAND_OVER(p, n, *array, b) : upload(p, n, sizeof **array, *array, b);
 }
 
 /* What is on the device now. */
@@ -385,10 +366,13 @@ static int pack_galerkin(const packer *p, dmk_coarsening *c, dmk_level *l)
 {
     int rc;
     const size_t table = (size_t)c->galerkin_row[c->coarse.n_edges];
-    DMK_TRY(take(p, table, &c->galerkin_edge, &l->galerkin_edge));
+    DMK_TRY(upload(p, table, sizeof(int32_t), c->galerkin_edge, &l->galerkin_edge));
+    SPEND(p, c->galerkin_edge);
     DMK_TRY(pack_coefficients(p, table, c->galerkin_coef, &l->galerkin_coef));
     SPEND(p, c->galerkin_coef);
-    rc = take(p, (size_t)c->coarse.n_edges + 1, &c->galerkin_row, &l->galerkin_row);
+    DMK_TRY(upload(p, (size_t)c->coarse.n_edges + 1, sizeof(int32_t), c->galerkin_row,
+                   &l->galerkin_row));
+    SPEND(p, c->galerkin_row);
 done:
     return rc;
 }
@@ -404,18 +388,18 @@ static int pack_transfer(const packer *p, int32_t n_fine, dmk_coarsening *c, dmk
                       &l->restrict_slice, &l->restrict_entry, &l->restrict_weight));
     SPEND(p, c->restrict_fine);
     SPEND(p, c->restrict_weight);
-    DMK_TRY(DMK_NEW_ALIGNED(p->ctx, index, 3 * (size_t)pad));
-    DMK_TRY(DMK_NEW_ALIGNED(p->ctx, weight, 3 * (size_t)pad));
-    for (int32_t i = 0; i < pad; i++) {
+    DMK_TRY(DMK_NEW(p->ctx, index, 3 * (size_t)pad));
+    DMK_TRY(DMK_NEW(p->ctx, weight, 3 * (size_t)pad));
+    for (int32_t i = 0; i < n_fine; i++) {
         for (int k = 0; k < 3; k++) {
-            index[dmk_slot(i, k, 3)] = i < n_fine ? c->prolong_index[3 * i + k] : 0;
-            weight[dmk_slot(i, k, 3)] = i < n_fine ? c->prolong_weight[3 * i + k] : 0;
+            index[dmk_slot(i, k, 3)] = c->prolong_index[3 * i + k];
+            weight[dmk_slot(i, k, 3)] = c->prolong_weight[3 * i + k];
         }
     }
     SPEND(p, c->prolong_index);
     SPEND(p, c->prolong_weight);
-    DMK_TRY(HAND_OVER(p, 3 * (size_t)pad, index, &l->prolong_index));
-    DMK_TRY(HAND_OVER(p, 3 * (size_t)pad, weight, &l->prolong_weight));
+    DMK_TRY(upload(p, 3 * (size_t)pad, sizeof *index, index, &l->prolong_index));
+    DMK_TRY(upload(p, 3 * (size_t)pad, sizeof *weight, weight, &l->prolong_weight));
 done:
     free(index);
     free(weight);

@@ -13,7 +13,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 #include <unistd.h>
 
 static dmk_context *ctx;
@@ -324,39 +323,14 @@ static bool fits(fault_kind kind, int rc)
 
 typedef struct reference {
     uint64_t h, file[7];
-    long live; /* what is held between the runs */
 } reference;
-
-/* Commands that are under way after an error, or whose end the driver is still about, give back what they use a little
- * later: in steps of a millisecond, until as many things are held as expected, or a second has gone by; */
-static void wait_a_little(void)
-{
-    nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
-}
-
-static long live_soon(long expected)
-{
-    for (int i = 0; i < 1000 && fault_live() != expected; i++) wait_a_little();
-    return fault_live();
-}
-
-/* or until it has been the same number for 50 of them. */
-static long live_settled(void)
-{
-    long live = fault_live();
-    for (int i = 0; i < 50; i++) {
-        wait_a_little();
-        if (fault_live() != live) i = 0;
-        live = fault_live();
-    }
-    return live;
-}
 
 /* One fault; the number of calls of its kind. */
 static long try_one(const scenario *s, const fault *f, const reference *ref)
 {
     uint64_t h = 0, now[7];
     int n_files, wrong = 0;
+    long before = fault_live();
     remove_files();
     fault_arm(f);
     int rc = s->run(&h);
@@ -365,8 +339,7 @@ static long try_one(const scenario *s, const fault *f, const reference *ref)
     tried += hit;
     digest_files(now, &n_files);
     for (int i = 0; i < 7; i++) wrong += now[i] && now[i] != ref->file[i];
-    const long kept = live_soon(ref->live) - ref->live;
-    if (kept != 0) complain(s, f, "not given back", kept);
+    if (fault_live() != before) complain(s, f, "not given back", fault_live() - before);
     if (count_entries() != n_files) complain(s, f, "files left", count_entries() - n_files);
     if (wrong) complain(s, f, "half-written files", wrong);
     if (rc == DMK_OK && h != ref->h) complain(s, f, "success with another result", 0);
@@ -467,7 +440,6 @@ int main(int argc, char **argv)
             continue;
         }
         digest_files(ref.file, &n);
-        ref.live = live_settled();
         for (int kind = FAULT_MEMORY; kind <= FAULT_OPENCL; kind++) {
             if (s->kinds >> kind & 1) try_kind(s, (fault_kind)kind, &ref, stride * s->stride);
         }
@@ -479,7 +451,7 @@ int main(int argc, char **argv)
     dmk_device_destroy(&device);
     dmk_mesh_destroy(&mesh);
     dmk_context_destroy(&ctx);
-    if (live_soon(0) != 0) {
+    if (fault_live() != 0) {
         printf("FAILED: not given back at the end: %ld\n", fault_live());
         failed++;
     }

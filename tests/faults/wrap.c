@@ -122,10 +122,6 @@ WRAP(void *, calloc, size_t n, size_t size)
 {
     return fails(FAULT_MEMORY) ? no_memory() : keep(__real_calloc(n, size));
 }
-WRAP(void *, aligned_alloc, size_t alignment, size_t n)
-{
-    return fails(FAULT_MEMORY) ? no_memory() : keep(__real_aligned_alloc(alignment, n));
-}
 WRAP(void *, realloc, void *p, size_t n)
 {
     if (fails(FAULT_MEMORY)) return no_memory();
@@ -441,8 +437,6 @@ WRAP_CALL(clCompileProgram,
            const cl_program *h, const char **names, program_fn fn, void *user),
           (p, n, d, options, nh, h, names, fn, user))
 WRAP_CALL(clSetKernelArg, (cl_kernel k, cl_uint i, size_t n, const void *v), (k, i, n, v))
-WRAP_CALL(clSetMemObjectDestructorCallback,
-          (cl_mem m, void(CL_CALLBACK *fn)(cl_mem, void *), void *user), (m, fn, user))
 WRAP_CALL(clEnqueueFillBuffer,
           (cl_command_queue q, cl_mem m, const void *v, size_t size, size_t offset, size_t n,
            cl_uint ne, const cl_event *e, cl_event *out),
