@@ -176,6 +176,42 @@ static void test_failures_tell_of_the_first(void **state)
     record_free(r);
 }
 
+static int count_range(dmk_context *own, int32_t begin, int32_t end, void *data)
+{
+    _Atomic int *n = data;
+    (void)own;
+    *n += begin < end;
+    return DMK_OK;
+}
+
+/* A cell of a coarse level is worth a thread from fewer on than a number is. */
+static void test_short_tries_are_not_shared(void **state)
+{
+    (void)state;
+    record *r = record_create(2);
+    const int32_t length[] = {511, 512, 513};
+    const int wanted[] = {1, 2, 2};
+    for (int i = 0; i < 3; i++) {
+        _Atomic int n = 0;
+        assert_int_equal(dmk_parallel_try(r->ctx, length[i], count_range, &n), DMK_OK);
+        assert_int_equal(n, wanted[i]);
+    }
+    record_free(r);
+}
+
+static void test_a_task_ends_once(void **state)
+{
+    (void)state;
+    record *r = record_create(2);
+    dmk_task task = {0};
+    assert_int_equal(dmk_task_end(r->ctx, &task, DMK_OK), DMK_OK);
+    assert_int_equal(dmk_task_end(r->ctx, &task, DMK_E_ARG), DMK_E_ARG);
+    dmk_task_begin(r->ctx, &task, fail_task, NULL);
+    assert_int_equal(dmk_task_end(r->ctx, &task, DMK_OK), DMK_E_IO);
+    assert_int_equal(dmk_task_end(r->ctx, &task, DMK_OK), DMK_OK);
+    record_free(r);
+}
+
 /* ---- crews ---------------------------------------------------------------------------------- */
 
 enum { ROUNDS = 3000, MOST_PARTS = 17 };
@@ -294,6 +330,8 @@ int main(void)
         cmocka_unit_test(test_loops_in_tasks_share_the_threads),
         cmocka_unit_test(test_the_first_culprit),
         cmocka_unit_test(test_failures_tell_of_the_first),
+        cmocka_unit_test(test_short_tries_are_not_shared),
+        cmocka_unit_test(test_a_task_ends_once),
         cmocka_unit_test(test_crews_do_each_part_once),
         cmocka_unit_test(test_crews_share),
         cmocka_unit_test(test_who_waits_for_a_task_helps),

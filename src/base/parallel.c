@@ -7,7 +7,8 @@
  * microseconds. Each thread gets several ranges where a loop is long enough, so that one that is held
  * up does not hold up all. */
 enum { SHORTEST = 4096, RANGES_PER_THREAD = 4 };
-/* The same where a body may fail: an item is a cell of a coarse level then, and takes microseconds. */
+/* The same where a body may fail: an item is a cell of a coarse level then, and takes microseconds. Set-up of 273,000
+ * triangles takes 98.8 ms, with 64 98.6, with 1,024 99.5, with 4,096 103.3. */
 enum { SHORTEST_TRIED = 256 };
 
 int dmk_parallel_threads(const dmk_context *ctx)
@@ -202,10 +203,12 @@ void dmk_task_begin_staying(dmk_context *ctx, dmk_task *task,
 
 int dmk_task_end(dmk_context *ctx, dmk_task *task, int rc)
 {
+    if (!task->work) return rc;
     if (task->pool)
         (task->job.stays ? dmk_pool_finish : dmk_pool_finish_helping)(task->pool, &task->job);
     else
         run_task(0, task);
+    task->work = NULL;
     if (rc != DMK_OK || task->rc == DMK_OK) return rc;
     return dmk_fail(ctx, task->rc, "%s", task->own.message);
 }

@@ -397,7 +397,7 @@ int dmk_measure_load(dmk_context *ctx, const dmk_mesh *mesh, const dmk_order *or
     load l = {
         .ctx = ctx, .mesh = order->mesh, .order = order, .vertex_row = s->whole.vertex_row, .f = f};
     double *g = NULL;
-    dmk_task task;
+    dmk_task task = {0};
     DMK_TRY(DMK_NEW(ctx, g, n));
     DMK_TRY(DMK_NEW(ctx, l.number, (size_t)mesh->n_triangles));
     for (int32_t t = 0; t < mesh->n_triangles; t++) l.number[t] = -1;
@@ -407,8 +407,7 @@ int dmk_measure_load(dmk_context *ctx, const dmk_mesh *mesh, const dmk_order *or
     second.l.f = g;
     if (to) dmk_task_begin(ctx, &task, add_other, &second);
     rc = add_measure(&l, from);
-    if (to) rc = dmk_task_end(ctx, &task, rc);
-    if (rc != DMK_OK) goto done;
+    DMK_TRY(dmk_task_end(ctx, &task, rc));
     l.f = g;
     if (to && dmk_measure_is_free(to)) DMK_TRY(add_free(&l, to, f, atom_mass));
     l.f = f;

@@ -236,14 +236,12 @@ static int integrate(dmk_context *ctx, void *data)
 typedef struct integration {
     start *near;
     dmk_task task;
-    bool begun;
 } integration;
 
 static void begin_integral(dmk_context *ctx, void *user)
 {
     integration *i = user;
     dmk_task_begin(ctx, &i->task, integrate, i->near);
-    i->begun = true;
 }
 
 /* mid and mu; without ranks the integral while one thread sweeps. */
@@ -258,7 +256,7 @@ static int make_density(dmk_context *ctx, start *near)
     DMK_TRY(DMK_NEW(ctx, near->mu, (size_t)dmk_padded(m->n_triangles)));
     dmk_geodesics_midpoints(ctx, near->geodesics, near->mid);
     rc = dmk_start_density(ctx, m, near->geodesics, near->mid, near->mu, alone ? &meanwhile : NULL);
-    if (integral.begun) rc = dmk_task_end(ctx, &integral.task, rc);
+    rc = dmk_task_end(ctx, &integral.task, rc);
 done:
     return rc;
 }
@@ -437,12 +435,11 @@ static int pack(dmk_context *ctx, void *data)
  * the wait for the device's kernels, leaves the others to the other. */
 static int set_up_alone(dmk_context *ctx, dmk_solver *s, start *near)
 {
-    dmk_task task;
+    dmk_task task = {0};
     int rc = DMK_OK;
-    const bool beside = !s->system;
-    if (beside) dmk_task_begin(ctx, &task, pack, s);
+    if (!s->system) dmk_task_begin(ctx, &task, pack, s);
     if (near->own) rc = measure(ctx, near);
-    return beside ? dmk_task_end(ctx, &task, rc) : rc;
+    return dmk_task_end(ctx, &task, rc);
 }
 
 /* Ranks talk to each other, all in the same order. */

@@ -461,11 +461,13 @@ done:
     return rc;
 }
 
-/* Level `number`, and the transfer from the one of n_fine vertices above it. */
-static int pack_level(const packer *p, int32_t number, int32_t n_fine, dmk_coarsening *c)
+/* The hierarchy's level i, which is the system's next one, and the transfer to it. */
+static int pack_level(const packer *p, dmk_hierarchy *h, int32_t i)
 {
     int rc;
-    dmk_level *l = &p->sys->level[number];
+    dmk_coarsening *c = &h->level[i];
+    dmk_level *l = &p->sys->level[i + 1];
+    const int32_t n_fine = i > 0 ? h->level[i - 1].coarse.n : p->mesh->n_vertices;
     DMK_TRY(pack_galerkin(p, c, l));
     DMK_TRY(pack_transfer(p, n_fine, c, l));
     rc = pack_graph(p, c->coarse.n, c->coarse.n_edges, c->coarse.edge, l);
@@ -497,8 +499,7 @@ static int pack_levels(const packer *p, dmk_hierarchy *h)
 {
     int rc = DMK_OK;
     for (int32_t i = 0; i < h->n; i++) {
-        const int32_t n_fine = i > 0 ? h->level[i - 1].coarse.n : p->sys->level[0].n;
-        DMK_TRY(pack_level(p, i + 1, n_fine, &h->level[i]));
+        DMK_TRY(pack_level(p, h, i));
         DMK_TRY(dmk_poll(p->ctx));
     }
     rc = pack_coarsest(p, h);
@@ -510,35 +511,24 @@ done:
 typedef struct coarsener {
     const packer *packer;
     dmk_hierarchy hierarchy;
-    dmk_task task; /* that packs a level */
-    bool packs;
-    int32_t number, n_fine; /* of that level, and of the one above it the vertices */
-    dmk_coarsening *level;
+    dmk_task task;    /* that packs a level, */
+    int32_t n_handed; /* the last one of these */
 } coarsener;
 
 static int pack_made(dmk_context *own, void *data)
 {
-    const coarsener *c = data;
+    coarsener *c = data;
     packer p = *c->packer;
     p.ctx = own;
-    return pack_level(&p, c->number, c->n_fine, c->level);
+    return pack_level(&p, &c->hierarchy, c->n_handed - 1);
 }
-
-/* Triangles from which on a level is packed before the next one is made, for memory's sake: of 1,094,000 a density's
- * set-up takes 0.54 s then and not 0.50, and the peak is 800 MB and not 815. */
-enum { IN_TURN = 500000 };
 
 static int take_level(dmk_context *ctx, void *user, dmk_coarsening *level)
 {
     coarsener *c = user;
-    const int rc = c->packs ? dmk_task_end(ctx, &c->task, DMK_OK) : DMK_OK;
-    c->packs = false;
+    const int rc = dmk_task_end(ctx, &c->task, DMK_OK);
     if (rc != DMK_OK || !level) return rc;
-    c->n_fine = c->level ? c->level->coarse.n : c->packer->mesh->n_vertices;
-    c->level = level;
-    c->number++;
-    if (c->packer->mesh->n_triangles >= IN_TURN) return pack_made(ctx, c);
-    c->packs = true;
+    c->n_handed++;
     dmk_task_begin(ctx, &c->task, pack_made, c);
     return DMK_OK;
 }
