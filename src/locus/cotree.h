@@ -78,10 +78,8 @@ static inline double dmk_least_excess(const dmk_cotree *t)
 
 /* joints.c: the strong parts joined by the shortest ways, and peeled again. */
 int dmk_cotree_join(dmk_context *ctx, dmk_cotree *cotree);
-
 /* ends.c: all of it, and the end points of all branches of default strength. */
 int dmk_cotree_complete(dmk_context *ctx, const dmk_geodesics *geodesics, dmk_cotree *cotree);
-
 static inline double dmk_strength_asked(const dmk_cotree *t, const dmk_locus_options *options)
 {
     return options && options->strength > 0 ? options->strength : t->strength;

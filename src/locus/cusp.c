@@ -27,14 +27,10 @@ struct dmk_patch {
 int dmk_patch_create(dmk_context *ctx, const dmk_cotree *t, dmk_patch **patch)
 {
     int rc;
-    dmk_patch *p = NULL;
-    DMK_TRY(DMK_NEW(ctx, p, 1));
-    p->cotree = t;
-    DMK_TRY(DMK_NEW(ctx, p->seen, (size_t)t->geodesics->mesh->n_vertices));
-    *patch = p;
-    p = NULL;
+    DMK_TRY(DMK_NEW(ctx, *patch, 1));
+    (*patch)->cotree = t;
+    rc = DMK_NEW(ctx, (*patch)->seen, (size_t)t->geodesics->mesh->n_vertices);
 done:
-    dmk_patch_free(&p);
     return rc;
 }
 

@@ -93,6 +93,16 @@ static int32_t nearest_on(const dmk_cotree *t, const route *r, const double xyz[
     return best;
 }
 
+/* If families met at one angle all the way out to the cusp, a branch would have (1 - cos(alpha / 2)) times that way of
+ * excess. It has a third or more, with 5 % noise too; a cusp far out on scans is other families', at a thirtieth. */
+static bool reaches(const dmk_cotree *t, const route *r, int32_t cusp)
+{
+    const dmk_crossing *c = &t->crossing[r->crossing[r->end]];
+    double way = 0;
+    for (int32_t k = r->end; k < cusp; k++) way += step(t, r->crossing[k], r->crossing[k + 1]);
+    return (1 - cos(0.5 * c->alpha)) * way <= dmk_rules.gap * c->excess;
+}
+
 /* Fits around the route's crossings until the cusp lies beside the crossing it was fitted around. */
 static bool find_cusp(const dmk_cotree *t, dmk_patch *patch, const route *r, double xyz[3])
 {
@@ -111,7 +121,7 @@ static bool find_cusp(const dmk_cotree *t, dmk_patch *patch, const route *r, dou
             next = nearest_on(t, r, cusp.xyz);
             if (next == tried || step(t, r->crossing[next], r->crossing[k]) < 0.5 * h) {
                 memcpy(xyz, cusp.xyz, sizeof cusp.xyz);
-                return true;
+                return reaches(t, r, next);
             }
         } else { /* nothing to be seen from here: farther out */
             while (next + 1 < r->n && step(t, r->crossing[next], r->crossing[k]) < h) next++;

@@ -122,11 +122,7 @@ static void set_widest(const dmk_cotree *t, int32_t triangle, dmk_locus_vertex *
 /* Newton's method for the point at which three families are equally long. */
 static bool find_fork(const corners *c, double weight[3])
 {
-    double x = 0, y = 0;
-    for (int k = 0; k < 3; k++) {
-        x += c->x[k][0] / 3;
-        y += c->x[k][1] / 3;
-    }
+    double x = c->x[0][0] / 3 + c->x[2][0] / 3, y = c->x[0][1] / 3;
     for (int i = 0; i < 10; i++) {
         double l[3], g[3][2];
         for (int k = 0; k < 3; k++) {
