@@ -80,6 +80,7 @@ static inline double dmk_least_excess(const dmk_cotree *t)
 int dmk_cotree_join(dmk_context *ctx, dmk_cotree *cotree);
 /* ends.c: all of it, and the end points of all branches of default strength. */
 int dmk_cotree_complete(dmk_context *ctx, const dmk_geodesics *geodesics, dmk_cotree *cotree);
+
 static inline double dmk_strength_asked(const dmk_cotree *t, const dmk_locus_options *options)
 {
     return options && options->strength > 0 ? options->strength : t->strength;
@@ -110,8 +111,8 @@ static inline int32_t dmk_other_node(const dmk_crossing *c, int32_t node)
     return c->node[0] == node ? c->node[1] : c->node[0];
 }
 
-/* cusp.c. Where a branch ends, fitted to the geodesics around the point `xyz`, at `distance` in the
- * direction `angle`. False if they show no cusp, or not near. */
+/* cusp.c. Where a branch ends, fitted to the geodesics around the point `xyz`, at `distance` in the direction `angle`.
+ * False if they show no cusp, or not near. A patch is freed also after a failure. */
 typedef struct dmk_cusp {
     double xyz[3], angle, distance;
 } dmk_cusp;

@@ -94,7 +94,7 @@ static int32_t nearest_on(const dmk_cotree *t, const route *r, const double xyz[
 }
 
 /* If families met at one angle all the way out to the cusp, a branch would have (1 - cos(alpha / 2)) times that way of
- * excess. It has a third or more, with 5 % noise too; a cusp far out on scans is other families', at a thirtieth. */
+ * excess. It has 0.3 of it or more, with 5 % noise too; a cusp far out on scans is other families', at down to 0.03. */
 static bool reaches(const dmk_cotree *t, const route *r, int32_t cusp)
 {
     const dmk_crossing *c = &t->crossing[r->crossing[r->end]];

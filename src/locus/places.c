@@ -119,7 +119,7 @@ static void set_widest(const dmk_cotree *t, int32_t triangle, dmk_locus_vertex *
     *v = best;
 }
 
-/* Newton's method for the point at which three families are equally long. */
+/* Newton's method, from the centre, for the point at which three families are equally long; corner 1 is the origin. */
 static bool find_fork(const corners *c, double weight[3])
 {
     double x = c->x[0][0] / 3 + c->x[2][0] / 3, y = c->x[0][1] / 3;
