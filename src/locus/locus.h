@@ -19,7 +19,7 @@
  * and bench/scan.py; tests/test_locus.c holds the figures they give. */
 typedef struct dmk_locus_rules {
     double strength; /* h: default strength */
-    double gap;      /* ratio: the mesh's own branches and the surface's differ by it or more; ends.c */
+    double gap;      /* ratio: own branches and the surface's differ by it or more; ends.c, too */
     double noise;    /* median jumps: the mesh's own branches have no more */
     double angle;    /* radians: where families meet at less a branch loses strength */
     double tie;      /* ratio: share of the families' difference beside an edge in its jump */
