@@ -186,7 +186,7 @@ static void make_arms(arms *a, const int length[3], double step, double alpha)
     for (int k = 0; k < 3; k++) {
         for (int j = 0; j < length[k]; j++) {
             const int32_t i = number_of(length, k, j), in = j == 0 ? 0 : i, out = i + 1;
-            const double r = step * (j + 0.5), angle = 2 * pi * k / 3;
+            const double r = step * (j + 0.5), angle = 2 * M_PI * k / 3;
             a->crossing[i] = (dmk_crossing){.node = {in, out},
                                             .onward = -1,
                                             .outer = -1,
@@ -208,7 +208,7 @@ static void leaves_hand_on(void **state)
 {
     static arms a;
     static const int length[3] = {12, 7, 4};
-    const double step = 0.25, alpha = 0.9, across = step * cos(pi / 6);
+    const double step = 0.25, alpha = 0.9, across = step * cos(M_PI / 6);
     const double gain = 1 - cos(alpha / 2), kept = cos(dmk_rules.angle / 2) - cos(alpha / 2);
     make_arms(&a, length, step, alpha);
     assert_int_equal(dmk_cotree_peel(*state, &a.t), DMK_OK);

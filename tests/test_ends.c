@@ -56,6 +56,27 @@ static void routes_have_their_room(void **state)
     assert_int_equal(room.r.n, 103);
 }
 
+/* Half a crossing, two and a half, and farther than the line goes. */
+static void ways_lead_along_the_route(void **state)
+{
+    (void)state;
+    static dmk_crossing crossing[N];
+    static int32_t on[3 * (N + 1)];
+    dmk_cotree t = {0};
+    const route r = {.n = 6, .end = 2, .crossing = {15, 14, 13, 12, 11, 10}};
+    static const double way[] = {0, 0.5, 2.5, 4, HUGE_VAL}, x[] = {13, 12.5, 10.5, 10, 10};
+    make_line(&t, crossing, on);
+    for (int i = 0; i < 5; i++) {
+        double xyz[3];
+        point_beyond(&t, &r, way[i], xyz);
+        assert_true(fabs(xyz[0] - x[i]) < 1e-12 && xyz[1] == 0 && xyz[2] == 0);
+    }
+    memcpy(crossing[12].xyz, crossing[13].xyz, sizeof crossing[12].xyz); /* none apart */
+    double xyz[3];
+    point_beyond(&t, &r, 0, xyz);
+    assert_true(xyz[0] == 13);
+}
+
 /* Behind the crossing lies a border, node n_triangles: no triangle to end in, though there is one in memory. */
 static void borders_are_no_end(void **state)
 {
@@ -88,6 +109,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(routes_have_their_room),
+        cmocka_unit_test(ways_lead_along_the_route),
         cmocka_unit_test(borders_are_no_end),
     };
     return cmocka_run_group_tests_name("ends", tests, context_setup, context_teardown);

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-static const double turn = 2 * 3.14159265358979323846;
+static const double turn = 2 * M_PI;
 
 typedef struct tangent_row {
     double angle; /* radians, in [0, 2 pi) */

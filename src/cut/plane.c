@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double turn = 2 * 3.14159265358979323846;
+static const double turn = 2 * M_PI;
 
 typedef struct disk {
     const dmk_mesh *cut;

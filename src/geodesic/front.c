@@ -7,7 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double pi = 3.14159265358979323846;
 /* Radians over 2 pi that make a pseudo-source; and below pi at a border, whose straight vertices all count.
  */
 static const double least_excess = 1e-10, straight = 1e-6;
@@ -48,8 +47,9 @@ static void clear_range(int32_t begin, int32_t end, void *data)
     const dmk_front *e = data;
     const dmk_star *s = &e->g->star;
     for (int32_t v = begin; v < end; v++) {
-        e->pseudo_source[v] = s->first[v] >= 0 &&
-                              s->total[v] > (s->border[v] ? pi - straight : 2 * pi + least_excess);
+        e->pseudo_source[v] =
+            s->first[v] >= 0 &&
+            s->total[v] > (s->border[v] ? M_PI - straight : 2 * M_PI + least_excess);
         e->d[v] = INFINITY;
     }
 }
@@ -96,12 +96,12 @@ int dmk_front_directions(const dmk_front *e, int32_t v, double back, double rang
     int n = 0;
     double total = e->g->star.total[v];
     if (!e->g->star.border[v]) {
-        range[0][0] = fmod(back + pi, total);
-        range[0][1] = range[0][0] + total - 2 * pi;
+        range[0][0] = fmod(back + M_PI, total);
+        range[0][1] = range[0][0] + total - 2 * M_PI;
         return 1;
     }
-    if (back - pi > -straight) range[n][0] = -straight, range[n++][1] = back - pi;
-    if (back + pi < total + straight) range[n][0] = back + pi, range[n++][1] = total + straight;
+    if (back - M_PI > -straight) range[n][0] = -straight, range[n++][1] = back - M_PI;
+    if (back + M_PI < total + straight) range[n][0] = back + M_PI, range[n++][1] = total + straight;
     return n;
 }
 

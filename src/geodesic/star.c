@@ -9,8 +9,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double pi = 3.14159265358979323846;
-
 typedef struct work {
     const dmk_mesh *mesh;
     dmk_star *star;
@@ -43,7 +41,7 @@ static void measure_range(int32_t begin, int32_t end, void *data)
         int i = (k + 1) % 3, j = (k + 2) % 3;
         angle[i] = atan2(area2, dot[i]);
         angle[j] = atan2(area2, dot[j]);
-        angle[k] = pi - angle[i] - angle[j];
+        angle[k] = M_PI - angle[i] - angle[j];
     }
 }
 

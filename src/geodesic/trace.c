@@ -133,9 +133,8 @@ void dmk_tracer_destroy(dmk_tracer **tracer)
 /* Whether the path may end here: a source or a pseudo-source. */
 static bool is_bend(const dmk_geodesics *g, int32_t v)
 {
-    const double pi = 3.14159265358979323846;
     const dmk_arrival *a = g->arrival + v;
-    if (g->star.border[v] || g->star.total[v] > 2 * pi + 1e-10) return true;
+    if (g->star.border[v] || g->star.total[v] > 2 * M_PI + 1e-10) return true;
     return a->source >= 0 && a->source < g->n_sources && g->source[a->source].vertex == v;
 }
 

@@ -26,12 +26,10 @@ struct dmk_patch {
 
 int dmk_patch_create(dmk_context *ctx, const dmk_cotree *t, dmk_patch **patch)
 {
-    int rc;
-    DMK_TRY(DMK_NEW(ctx, *patch, 1));
+    int rc = DMK_NEW(ctx, *patch, 1);
+    if (rc != DMK_OK) return rc;
     (*patch)->cotree = t;
-    rc = DMK_NEW(ctx, (*patch)->seen, (size_t)t->geodesics->mesh->n_vertices);
-done:
-    return rc;
+    return DMK_NEW(ctx, (*patch)->seen, (size_t)t->geodesics->mesh->n_vertices);
 }
 
 void dmk_patch_free(dmk_patch **patch)

@@ -6,8 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double pi = 3.14159265358979323846;
-
 void dmk_locus_options_init(dmk_locus_options *options, size_t size)
 {
     const dmk_locus_options defaults = {.struct_size = sizeof defaults};
@@ -117,13 +115,13 @@ done:
 /* Angles at the source scaled to a full turn of 2 pi; kinds and their counts. */
 static void finish_vertices(const dmk_cotree *t, dmk_locus *l)
 {
-    const double full = dmk_full_turn(t->geodesics), scale = full < HUGE_VAL ? 2 * pi / full : 1;
+    const double full = dmk_full_turn(t->geodesics), scale = full < HUGE_VAL ? 2 * M_PI / full : 1;
     for (size_t i = 0; i < l->info.n_vertices; i++) {
         dmk_locus_vertex *v = &l->vertex[i];
         v->source_angle *= scale;
         for (int k = 0; k < 2; k++) {
             v->angle[k] *= scale;
-            if (full < HUGE_VAL) v->angle[k] -= 2 * pi * floor(v->angle[k] / (2 * pi));
+            if (full < HUGE_VAL) v->angle[k] -= 2 * M_PI * floor(v->angle[k] / (2 * M_PI));
         }
         v->kind = v->degree == 0   ? DMK_LOCUS_POINT
                   : v->degree == 1 ? DMK_LOCUS_END
@@ -150,17 +148,6 @@ static int32_t write_line(const sketch *s, int32_t from, int32_t to, bool *seen,
     }
 }
 
-static int32_t other_end(const sketch *s, int32_t from, int32_t *to)
-{
-    int32_t before = from;
-    while (s->locus->vertex[*to].degree == 2) {
-        const int32_t next = s->next[*to][0] == before ? s->next[*to][1] : s->next[*to][0];
-        before = *to;
-        *to = next;
-    }
-    return before;
-}
-
 /* Lines between vertices of degree other than 2, each once, then closed curves without such. */
 static int write_polylines(dmk_context *ctx, sketch *s)
 {
@@ -177,10 +164,8 @@ static int write_polylines(dmk_context *ctx, sketch *s)
             const int32_t degree = l->vertex[i].degree;
             const bool starts = pass == 0 ? degree != 2 : degree == 2 && !seen[i];
             for (int32_t k = 0; starts && k < (pass == 0 ? degree : 1); k++) {
-                int32_t to = s->next[i][k], end = to;
-                /* met from both its ends: written from the smaller one */
-                const int32_t before = pass == 0 ? other_end(s, i, &end) : -1;
-                if (pass == 0 && (end < i || (end == i && before < to))) continue;
+                const int32_t to = s->next[i][k]; /* written from the line's other end */
+                if (l->vertex[to].degree == 2 ? seen[to] : to < i) continue;
                 at = write_line(s, i, to, seen, at);
                 l->offset[++l->info.n_polylines] = at;
             }
@@ -200,8 +185,7 @@ static int count_components(dmk_context *ctx, dmk_locus *l)
     l->info.components = l->info.n_vertices;
     for (size_t i = 0; i < l->info.n_edges; i++)
         l->info.components -= dmk_set_unite(parent, l->edge[i].vertex[0], l->edge[i].vertex[1]);
-    l->info.loops =
-        (int64_t)l->info.n_edges - (int64_t)l->info.n_vertices + (int64_t)l->info.components;
+    l->info.loops = (int64_t)(l->info.n_edges + l->info.components) - (int64_t)l->info.n_vertices;
     free(parent);
     return DMK_OK;
 }

@@ -1,11 +1,9 @@
-/* The points of the lines: see places.h. */
+/* The points of the lines: see cotree.h. */
 #include "base/vec3.h"
 #include "locus/cotree.h"
 
 #include <stdlib.h>
 #include <string.h>
-
-static const double pi = 3.14159265358979323846;
 
 int dmk_end_by_triangle(const void *a, const void *b)
 {
@@ -49,10 +47,8 @@ static void set_corners(const dmk_geodesics *g, int32_t triangle, corners *c)
     c->image[2] = dmk_image_at_end(g, h);
     /* corner 0 ends half-edge 3t + 1, which begins at corner 2 */
     const dmk_image own = dmk_image_at_end(g, h + 1);
-    double ux = c->x[0][0] - length, uy = c->x[0][1];
-    const double size = hypot(ux, uy);
-    ux /= size;
-    uy /= size;
+    const double size = hypot(c->x[0][0] - length, c->x[0][1]);
+    const double ux = (c->x[0][0] - length) / size, uy = c->x[0][1] / size;
     c->image[0] =
         (dmk_image){length + own.x * ux - own.y * uy, own.x * uy + own.y * ux, own.before};
 }
@@ -212,7 +208,6 @@ static void go(const dmk_cotree *t, int32_t i, int32_t node, double length, walk
     memcpy(w->x[0], t->crossing[i].xyz, sizeof w->x[0]);
     while (node < t->geodesics->mesh->n_triangles && w->n <= MAX_WALK && w->s[w->n - 1] < length) {
         int32_t next = -1, n = 0;
-        dmk_locus_vertex v;
         for (int k = 0; k < 3; k++) {
             const int32_t j = t->on[3 * node + k];
             if (j < 0 || j == i || t->crossing[j].strength < t->strength) continue;
@@ -221,15 +216,12 @@ static void go(const dmk_cotree *t, int32_t i, int32_t node, double length, walk
         }
         const dmk_end_point *end = n == 0 ? dmk_end_in(t, node) : NULL;
         if (n == 0 && !end) return;
-        if (n == 1) {
-            memcpy(v.xyz, t->crossing[next].xyz, sizeof v.xyz);
-        } else {
-            double weight[3];
-            if (!end) fork_weights(t, node, true, weight);
-            set_place(t->geodesics->mesh, node, end ? end->weight : weight, &v);
-        }
-        memcpy(w->x[w->n], v.xyz, sizeof v.xyz);
-        w->s[w->n] = w->s[w->n - 1] + dmk_distance(w->x[w->n - 1], v.xyz);
+        dmk_locus_vertex v;
+        double weight[3];
+        if (n > 1) fork_weights(t, node, true, weight);
+        if (n != 1) set_place(t->geodesics->mesh, node, end ? end->weight : weight, &v);
+        memcpy(w->x[w->n], n == 1 ? t->crossing[next].xyz : v.xyz, sizeof v.xyz);
+        w->s[w->n] = w->s[w->n - 1] + dmk_distance(w->x[w->n - 1], w->x[w->n]);
         w->n++;
         if (n != 1) return;
         node = dmk_other_node(&t->crossing[next], node);
@@ -305,7 +297,7 @@ void dmk_place_in_plane(const dmk_cotree *t, int32_t corner, const double xyz[3]
         direction +=
             turn_to(&c, corner % 3, px, py, g->arrival[m->triangle[corner]].pseudo_source >= 0);
     }
-    if (full < HUGE_VAL) direction *= 2 * pi / full;
+    if (full < HUGE_VAL) direction *= 2 * M_PI / full;
     plane[0] = distance * cos(direction);
     plane[1] = distance * sin(direction);
 }

@@ -72,9 +72,8 @@ typedef struct peeling {
     double least;    /* excess of a leaf that waits for the weaker ones */
     uint8_t *degree; /* n_triangles: crossings not peeled */
     int round;
-    int32_t *peeled
-        [ROUNDS]; /* crossings in their order, each block's from its first triangle's place on */
-    int32_t *n[ROUNDS]; /* of each block */
+    int32_t *peeled[ROUNDS]; /* crossings in order, each block's from its first triangle on */
+    int32_t *n[ROUNDS];      /* of each block */
     dmk_heap heap;
 } peeling;
 
@@ -181,11 +180,9 @@ static void close_last(dmk_cotree *t, int32_t last)
 {
     const dmk_crossing *c = &t->crossing[last];
     if (c->node[1] >= t->geodesics->mesh->n_triangles) return;
-    for (int side = 0; side < 2; side++) {
-        for (int k = 0; k < 3; k++) {
-            const int32_t j = t->on[3 * c->node[side] + k];
-            if (j >= 0 && j != last && t->crossing[j].excess == HUGE_VAL) return;
-        }
+    for (int k = 0; k < 6; k++) {
+        const int32_t j = t->on[3 * c->node[k / 3] + k % 3];
+        if (j >= 0 && j != last && t->crossing[j].excess == HUGE_VAL) return;
     }
     for (int side = 0; side < 2; side++) receive(t, last, c->node[side]);
     t->crossing[last].onward = -1;
