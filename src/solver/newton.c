@@ -25,13 +25,18 @@ typedef struct step_control {
     bool shrunk;
 } step_control;
 
+/* rho up to this comes and goes: D does not shrink for it. On 1.09 million triangles of a smooth surface 5 steps for 6, 0.9
+ * of the run; 72 loci on smooth and noisy surfaces take 22.7 CG iterations for 22.9, 106 on scans and CAD parts 17.6 steps
+ * and 68.4 iterations for 17.7 and 68.1. With 1e-3 the latter are 69.4, with 2e-3 75; with 3e-4 nothing changes. */
+static const double settled_rho = 6e-4;
+
 static void choose_step(step_control *p, double rho)
 {
     p->shrunk = false;
     if (p->rho_before > 0) {
         if (rho < 0.9 * p->rho_before) {
             p->D = fmin(p->longest, p->growth * p->D);
-        } else if (rho > 1.3 * p->rho_before) { /* less is noise once rho is small */
+        } else if (rho > fmax(1.3 * p->rho_before, settled_rho)) {
             p->shrunk = p->D > 5;
             p->D = fmax(5, p->D / 2);
         }
