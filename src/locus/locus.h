@@ -20,7 +20,7 @@
 typedef struct dmk_locus_rules {
     double strength; /* h: default strength */
     double gap;      /* ratio: own branches and the surface's differ by it or more; ends.c, too */
-    double noise;    /* median jumps: the mesh's own branches have no more */
+    double noise;    /* median jumps: the mesh's own branches have no more; ends.c, too */
     double angle;    /* radians: where families meet at less a branch loses strength */
     double tie;      /* ratio: share of the families' difference beside an edge in its jump */
     double window;   /* h: radius of the neighbourhood a cusp or a point is fitted to */
