@@ -80,7 +80,6 @@ static inline double dmk_least_excess(const dmk_cotree *t)
 int dmk_cotree_join(dmk_context *ctx, dmk_cotree *cotree);
 /* ends.c: all of it, and the end points of all branches of default strength. */
 int dmk_cotree_complete(dmk_context *ctx, const dmk_geodesics *geodesics, dmk_cotree *cotree);
-
 static inline double dmk_strength_asked(const dmk_cotree *t, const dmk_locus_options *options)
 {
     return options && options->strength > 0 ? options->strength : t->strength;
@@ -124,7 +123,6 @@ bool dmk_cusp_fit(dmk_patch *patch, int32_t triangle, dmk_cusp *cusp);
 bool dmk_focus_fit(dmk_patch *patch, int32_t triangle, double xyz[3], double half[3]);
 
 /* ---- places.c: crossings, forks and end points as vertices of the locus ------------------------------- */
-
 /* All but kind, degree and mu; angles as in the source's chart. None depends on the strength asked for. */
 
 /* On its edge, nearest to the mean of the line over a stretch to both sides. */

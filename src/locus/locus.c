@@ -164,7 +164,7 @@ static int write_polylines(dmk_context *ctx, sketch *s)
             const int32_t degree = l->vertex[i].degree;
             const bool starts = pass == 0 ? degree != 2 : degree == 2 && !seen[i];
             for (int32_t k = 0; starts && k < (pass == 0 ? degree : 1); k++) {
-                const int32_t to = s->next[i][k]; /* written from the line's other end */
+                const int32_t to = s->next[i][k]; /* seen, or less: written from there */
                 if (l->vertex[to].degree == 2 ? seen[to] : to < i) continue;
                 at = write_line(s, i, to, seen, at);
                 l->offset[++l->info.n_polylines] = at;

@@ -7,9 +7,7 @@
 
 int dmk_end_by_triangle(const void *a, const void *b)
 {
-    const int32_t x = ((const dmk_end_point *)a)->triangle,
-                  y = ((const dmk_end_point *)b)->triangle;
-    return (x > y) - (x < y);
+    return ((const dmk_end_point *)a)->triangle - ((const dmk_end_point *)b)->triangle;
 }
 
 const dmk_end_point *dmk_end_in(const dmk_cotree *t, int32_t triangle)
