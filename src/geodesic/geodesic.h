@@ -14,6 +14,7 @@
  * - step.c, lanes.c: their steps, one by one and many at once.
  * - wave.c, envelope.c: merged windows: distances of large meshes, and from lines.
  * - trace.c: paths, and distances anywhere.
+ * - image.h: families of paths as an edge sees them.
  * - check.c: what must hold of the result; its integral.
  * - ways.c: the least ways that join parts of the mesh.
  * - geodesics.c: the object.

@@ -8,63 +8,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* In the star's unit: a power of two, of which the inverse does as well. */
-static double in_units(const dmk_geodesics *g, double length)
-{
-    return length * (1 / g->star.unit);
-}
-
-/* The image of v's family, seen from v along an edge whose direction at v is `along`. */
-static dmk_image image_from(const dmk_geodesics *g, int32_t v, double along)
-{
-    const dmk_arrival *a = g->arrival + v;
-    const double turn = g->star.total[v];
-    double b = a->back - along;
-    if (!g->star.border[v]) b -= turn * rint(b / turn);
-    double before = a->source < 0 ? 0 : g->source[a->source].offset;
-    if (a->pseudo_source >= 0) before = g->distance[a->pseudo_source];
-    const double r = in_units(g, g->distance[v] - before);
-    return (dmk_image){r * cos(b), r * sin(b), in_units(g, before)};
-}
-
-static double length_of(const dmk_geodesics *g, int32_t h)
-{
-    return in_units(g, g->mesh->length[g->mesh->triangle_edge[h]]);
-}
-
-dmk_image dmk_image_at_start(const dmk_geodesics *g, int32_t h)
-{
-    const int32_t c = dmk_next(h);
-    return image_from(g, g->mesh->triangle[c], g->star.angle[c]);
-}
-
-/* From its end the edge runs the other way. */
-dmk_image dmk_image_at_end(const dmk_geodesics *g, int32_t h)
-{
-    const int32_t c = dmk_previous(h);
-    dmk_image i = image_from(g, g->mesh->triangle[c], g->star.angle[c] + g->star.corner_angle[c]);
-    i.x = length_of(g, h) - i.x;
-    i.y = -i.y;
-    return i;
-}
-
-double dmk_image_length(const dmk_image *i, double x, double y)
-{
-    return i->before + sqrt((x - i->x) * (x - i->x) + (y - i->y) * (y - i->y));
-}
-
-void dmk_apex(const dmk_geodesics *g, int32_t h, double *x, double *y)
-{
-    const double base = length_of(g, h), area = in_units(g, in_units(g, g->mesh->area[h / 3]));
-    const double a = length_of(g, dmk_previous(h)), b = length_of(g, dmk_next(h));
-    *x = 0.5 * (base + (a - b) * (a + b) / base);
-    *y = 2 * area / base;
-}
-
 double dmk_jump(const dmk_geodesics *g, int32_t h)
 {
     const dmk_mesh *m = g->mesh;
-    const double length = length_of(g, h);
+    const double length = dmk_length_of(g, h);
     const int32_t v = m->triangle[dmk_next(h)], w = m->triangle[dmk_previous(h)],
                   twin = g->star.twin[h];
     const dmk_image a = dmk_image_at_start(g, h), b = dmk_image_at_end(g, h);
@@ -79,8 +26,8 @@ double dmk_jump(const dmk_geodesics *g, int32_t h)
         to_b[k] = dmk_image_length(&b, x[k], y[k]);
     }
     for (int k = 0; k < 4; k++) differ = dmk_max(differ, fabs(to_a[k] - to_b[k]));
-    return dmk_max(0, to_a[1] - in_units(g, g->distance[w])) +
-           dmk_max(0, to_b[0] - in_units(g, g->distance[v])) + dmk_rules.tie * differ;
+    return dmk_max(0, to_a[1] - dmk_in_units(g, g->distance[w])) +
+           dmk_max(0, to_b[0] - dmk_in_units(g, g->distance[v])) + dmk_rules.tie * differ;
 }
 
 bool dmk_parts_cells(const dmk_geodesics *g, int32_t e)
@@ -150,14 +97,6 @@ static double find_meeting(const dmk_image *a, const dmk_image *b, double length
     return x < small ? 0 : x > length - small ? length : x; /* not beside where a family begins */
 }
 
-double dmk_meeting_angle(const dmk_image *a, const dmk_image *b, double x, double y)
-{
-    const double ax = a->x - x, ay = a->y - y, bx = b->x - x, by = b->y - y, cx = ax - bx,
-                 cy = ay - by;
-    if (fmin(ax * ax + ay * ay, bx * bx + by * by) < 1e-18 * (cx * cx + cy * cy)) return 0;
-    return fabs(atan2(ax * by - ay * bx, ax * bx + ay * by));
-}
-
 /* Both families of a half-edge, and where on it they are equally long. */
 typedef struct meeting {
     dmk_image a, b;
@@ -167,7 +106,7 @@ typedef struct meeting {
 static meeting meet(const dmk_geodesics *g, int32_t h)
 {
     const int32_t v = g->mesh->triangle[dmk_next(h)], w = g->mesh->triangle[dmk_previous(h)];
-    meeting m = {dmk_image_at_start(g, h), dmk_image_at_end(g, h), 0, length_of(g, h)};
+    meeting m = {dmk_image_at_start(g, h), dmk_image_at_end(g, h), 0, dmk_length_of(g, h)};
     m.x = find_meeting(&m.a, &m.b, m.length);
     /* behind a pseudo-source the paths are those to it, continued */
     if (g->arrival[w].pseudo_source == v) m.x = 0;

@@ -10,6 +10,7 @@
 #define DMK_COTREE_H
 
 #include "base/sort.h"
+#include "geodesic/image.h"
 #include "locus/locus.h"
 
 /* Where the locus crosses a mesh edge: the point at which the families of its ends are equally long. */
@@ -85,25 +86,9 @@ static inline double dmk_strength_asked(const dmk_cotree *t, const dmk_locus_opt
     return options && options->strength > 0 ? options->strength : t->strength;
 }
 
-/* The last pseudo-source of a family (or the source), unfolded into the frame of half-edge h: h runs along the x axis
- * from (0, 0), its triangle lies above. The family's length at a point of the frame is `before` plus the distance
- * from here. In the star's unit. */
-typedef struct dmk_image {
-    double x, y, before;
-} dmk_image;
-dmk_image dmk_image_at_start(const dmk_geodesics *g, int32_t h);
-dmk_image dmk_image_at_end(const dmk_geodesics *g, int32_t h);
-double dmk_image_length(const dmk_image *image, double x, double y);
-
 /* Where a crossing is on its half-edge from its start, a share of the length; how far from the source. */
 double dmk_crossing_share(const dmk_geodesics *g, const dmk_crossing *c);
 double dmk_crossing_distance(const dmk_geodesics *g, const dmk_crossing *c);
-
-/* The angle between two families at a point; none where one of them begins. */
-double dmk_meeting_angle(const dmk_image *a, const dmk_image *b, double x, double y);
-
-/* Corner of h's triangle opposite it, in the frame of h and the star's unit. */
-void dmk_apex(const dmk_geodesics *g, int32_t h, double *x, double *y);
 
 static inline int32_t dmk_other_node(const dmk_crossing *c, int32_t node)
 {

@@ -1,0 +1,91 @@
+/* Families of shortest paths as an edge sees them: what vertices know of their paths, unfolded beside it. In line, for
+ * the loops over all edges. */
+#ifndef DMK_GEODESIC_IMAGE_H
+#define DMK_GEODESIC_IMAGE_H
+
+#include "geodesic/geodesic.h"
+
+#include <math.h>
+
+/* The last pseudo-source of a family (or the source), unfolded into the frame of half-edge h: h runs along the x axis
+ * from (0, 0), its triangle lies above. The family's length at a point of the frame is `before` plus the distance
+ * from here. In the star's unit. */
+typedef struct dmk_image {
+    double x, y, before;
+} dmk_image;
+
+/* In the star's unit: a power of two, of which the inverse does as well. */
+static inline double dmk_in_units(const dmk_geodesics *g, double length)
+{
+    return length * (1 / g->star.unit);
+}
+
+/* The image of the family that arrives at v so, seen from v along an edge whose direction at v is `along`. */
+static inline dmk_image dmk_image_from(const dmk_geodesics *g, int32_t v, const dmk_arrival *a,
+                                       double along)
+{
+    const double turn = g->star.total[v];
+    double b = a->back - along;
+    if (!g->star.border[v]) b -= turn * rint(b / turn);
+    double before = a->source < 0 ? 0 : g->source[a->source].offset;
+    if (a->pseudo_source >= 0) before = g->distance[a->pseudo_source];
+    const double r = dmk_in_units(g, g->distance[v] - before);
+    return (dmk_image){r * cos(b), r * sin(b), dmk_in_units(g, before)};
+}
+
+static inline double dmk_length_of(const dmk_geodesics *g, int32_t h)
+{
+    return dmk_in_units(g, g->mesh->length[g->mesh->triangle_edge[h]]);
+}
+
+/* In the frame of half-edge h: of a family at its start; at its end, from where the edge runs the other way. */
+static inline dmk_image dmk_image_from_start(const dmk_geodesics *g, int32_t h, const dmk_arrival *a)
+{
+    const int32_t c = dmk_next(h);
+    return dmk_image_from(g, g->mesh->triangle[c], a, g->star.angle[c]);
+}
+
+static inline dmk_image dmk_image_from_end(const dmk_geodesics *g, int32_t h, const dmk_arrival *a)
+{
+    const int32_t c = dmk_previous(h);
+    dmk_image i =
+        dmk_image_from(g, g->mesh->triangle[c], a, g->star.angle[c] + g->star.corner_angle[c]);
+    i.x = dmk_length_of(g, h) - i.x;
+    i.y = -i.y;
+    return i;
+}
+
+static inline dmk_image dmk_image_at_start(const dmk_geodesics *g, int32_t h)
+{
+    return dmk_image_from_start(g, h, g->arrival + g->mesh->triangle[dmk_next(h)]);
+}
+
+static inline dmk_image dmk_image_at_end(const dmk_geodesics *g, int32_t h)
+{
+    return dmk_image_from_end(g, h, g->arrival + g->mesh->triangle[dmk_previous(h)]);
+}
+
+static inline double dmk_image_length(const dmk_image *i, double x, double y)
+{
+    return i->before + sqrt((x - i->x) * (x - i->x) + (y - i->y) * (y - i->y));
+}
+
+/* Corner of h's triangle opposite it, in the frame of h and the star's unit. */
+static inline void dmk_apex(const dmk_geodesics *g, int32_t h, double *x, double *y)
+{
+    const double base = dmk_length_of(g, h), area = dmk_in_units(g, dmk_in_units(g, g->mesh->area[h / 3]));
+    const double a = dmk_length_of(g, dmk_previous(h)), b = dmk_length_of(g, dmk_next(h));
+    *x = 0.5 * (base + (a - b) * (a + b) / base);
+    *y = 2 * area / base;
+}
+
+/* The angle between two families at a point; none where one of them begins. */
+static inline double dmk_meeting_angle(const dmk_image *a, const dmk_image *b, double x, double y)
+{
+    const double ax = a->x - x, ay = a->y - y, bx = b->x - x, by = b->y - y, cx = ax - bx,
+                 cy = ay - by;
+    if (fmin(ax * ax + ay * ay, bx * bx + by * by) < 1e-18 * (cx * cx + cy * cy)) return 0;
+    return fabs(atan2(ax * by - ay * bx, ax * bx + ay * by));
+}
+
+#endif
