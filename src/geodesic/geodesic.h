@@ -82,6 +82,13 @@ int dmk_site_create(dmk_context *context, const dmk_mesh *mesh, const dmk_star *
                     const dmk_point *point, double offset, dmk_site *site);
 void dmk_site_free(dmk_site *site);
 
+/* A second shortest path to a vertex, from another direction: the vertex lies on the cut locus, as many do on symmetric
+ * meshes. */
+typedef struct dmk_tie {
+    int32_t vertex;
+    dmk_arrival arrival;
+} dmk_tie;
+
 struct dmk_geodesics {
     const dmk_mesh *mesh; /* as it was handed in (in dmk_solve: the ordered component) */
     int32_t n_sources;
@@ -90,8 +97,10 @@ struct dmk_geodesics {
     int32_t *line;        /* n_lines half-edges, all of whose points are source number n_sources */
     double *distance;     /* n_vertices; infinite where no source reaches */
     dmk_arrival *arrival; /* n_vertices */
-    double *error;        /* n_vertices: estimate of the error; NULL with exact windows */
-    double tolerance;     /* of merged windows; 0: exact */
+    dmk_tie *tie;         /* n_ties, by vertex; exact windows know them */
+    size_t n_ties;
+    double *error;    /* n_vertices: estimate of the error; NULL with exact windows */
+    double tolerance; /* of merged windows; 0: exact */
     dmk_star star;
     int64_t n_windows; /* made */
     int64_t
@@ -115,6 +124,9 @@ int dmk_geodesics_compute(dmk_context *context, const dmk_mesh *mesh, size_t n_s
 int dmk_geodesics_prepare(dmk_context *context, const dmk_mesh *mesh, size_t n_sources,
                           const dmk_point *source, const dmk_geodesics_options *options,
                           dmk_geodesics **geodesics);
+/* The second path to v, NULL if there is none. */
+const dmk_arrival *dmk_geodesics_tie(const dmk_geodesics *geodesics, int32_t v);
+
 /* check.c: DMK_E_MESH, naming the first vertex, if the distances cannot be right. */
 int dmk_geodesics_check(dmk_context *context, const dmk_geodesics *geodesics);
 

@@ -106,6 +106,9 @@ static int run(dmk_context *ctx, dmk_geodesics *g, double tolerance, bool *finis
     *finished = false;
     free(g->error);
     g->error = NULL;
+    free(g->tie);
+    g->tie = NULL;
+    g->n_ties = 0;
     g->tolerance = tolerance;
     if (g->n_lines == 0 && tolerance == 0) DMK_TRY(dmk_windows_run(ctx, g, finished));
     if (!*finished) DMK_TRY(dmk_waves_run(ctx, g, tolerance, finished));
@@ -209,6 +212,7 @@ void dmk_geodesics_destroy(dmk_geodesics **geodesics)
     free(g->line);
     free(g->distance);
     free(g->arrival);
+    free(g->tie);
     free(g->error);
     dmk_star_free(&g->star);
     free(g);
@@ -240,6 +244,20 @@ static bool count(const dmk_geodesics *g, size_t *n)
 const double *dmk_geodesics_distance(const dmk_geodesics *g, size_t *n)
 {
     return count(g, n) ? g->distance : NULL;
+}
+
+static int by_vertex(const void *a, const void *b)
+{
+    const dmk_tie *s = a, *t = b;
+    return (s->vertex > t->vertex) - (s->vertex < t->vertex);
+}
+
+const dmk_arrival *dmk_geodesics_tie(const dmk_geodesics *g, int32_t v)
+{
+    const dmk_tie *tie =
+        g->n_ties > 0 ? bsearch(&(dmk_tie){.vertex = v}, g->tie, g->n_ties, sizeof *tie, by_vertex)
+                      : NULL;
+    return tie ? &tie->arrival : NULL;
 }
 
 const dmk_arrival *dmk_geodesics_arrivals(const dmk_geodesics *g, size_t *n)

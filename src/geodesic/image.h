@@ -39,7 +39,8 @@ static inline double dmk_length_of(const dmk_geodesics *g, int32_t h)
 }
 
 /* In the frame of half-edge h: of a family at its start; at its end, from where the edge runs the other way. */
-static inline dmk_image dmk_image_from_start(const dmk_geodesics *g, int32_t h, const dmk_arrival *a)
+static inline dmk_image dmk_image_from_start(const dmk_geodesics *g, int32_t h,
+                                             const dmk_arrival *a)
 {
     const int32_t c = dmk_next(h);
     return dmk_image_from(g, g->mesh->triangle[c], a, g->star.angle[c]);
@@ -73,7 +74,8 @@ static inline double dmk_image_length(const dmk_image *i, double x, double y)
 /* Corner of h's triangle opposite it, in the frame of h and the star's unit. */
 static inline void dmk_apex(const dmk_geodesics *g, int32_t h, double *x, double *y)
 {
-    const double base = dmk_length_of(g, h), area = dmk_in_units(g, dmk_in_units(g, g->mesh->area[h / 3]));
+    const double base = dmk_length_of(g, h),
+                 area = dmk_in_units(g, dmk_in_units(g, g->mesh->area[h / 3]));
     const double a = dmk_length_of(g, dmk_previous(h)), b = dmk_length_of(g, dmk_next(h));
     *x = 0.5 * (base + (a - b) * (a + b) / base);
     *y = 2 * area / base;

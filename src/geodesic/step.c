@@ -29,22 +29,31 @@ static void unlock(split *s)
     __atomic_fetch_add(&s->turn, 1, __ATOMIC_RELEASE);
 }
 
-/* Of equally short ways one, whichever comes first. */
-static bool comes_first(const trace *a, const trace *b)
+bool dmk_windows_first(const trace *a, const trace *b)
 {
     if (a->half != b->half) return a->half > b->half;
     if (a->root != b->root) return a->root > b->root;
     return a->turn > b->turn;
 }
 
+/* What gives way to an equally short one, or does not come up to it. */
+static int add_tied(worker *me, int32_t v, double d, const trace *t)
+{
+    const int rc = DMK_GROW(me->ctx, me->tied, me->n_tied + 1, me->tied_room);
+    if (rc == DMK_OK) me->tied[me->n_tied++] = (tied){d, v, *t};
+    return rc;
+}
+
 int dmk_windows_reach(worker *me, int32_t v, double d, trace t)
 {
+    int rc = DMK_OK;
     engine *e = me->e;
     split *s = e->split + v;
-    if (!(d <= dmk_windows_known(e, v))) return DMK_OK;
+    if (!(d <= dmk_windows_known(e, v) + eps)) return DMK_OK;
     if (e->shared) lock(s);
-    double before = e->front.d[v];
-    bool better = d < before || (d == before && comes_first(&t, e->trace + v));
+    const double before = e->front.d[v];
+    const trace was = e->trace[v];
+    const bool better = d < before || (d == before && dmk_windows_first(&t, e->trace + v));
     if (better) {
         __atomic_store(e->front.d + v, &d, __ATOMIC_RELEASE);
         __atomic_store(&s->at, &t.at, __ATOMIC_RELEASE);
@@ -52,13 +61,13 @@ int dmk_windows_reach(worker *me, int32_t v, double d, trace t)
         e->trace[v] = t;
     }
     if (e->shared) unlock(s);
+    if (was.half != UNREACHED && fabs(d - before) <= eps)
+        DMK_TRY(add_tied(me, v, better ? before : d, better ? &was : &t));
     if (!better || !e->front.pseudo_source[v] || d == before) return DMK_OK;
-    if (me->n_reached == me->reached_room) {
-        int rc = DMK_GROW(me->ctx, me->reached, me->n_reached + 1, me->reached_room);
-        if (rc != DMK_OK) return rc;
-    }
+    DMK_TRY(DMK_GROW(me->ctx, me->reached, me->n_reached + 1, me->reached_room));
     me->reached[me->n_reached++] = (dmk_heap_item){d, v};
-    return DMK_OK;
+done:
+    return rc;
 }
 
 /* Where the shortest way to v through half-edge `half` crosses it, if it is the shortest of all and shorter than
@@ -200,9 +209,9 @@ int dmk_windows_step(worker *me, const window *w, window *o, int *n)
     if (s.at >= w->lo - slack && s.at <= w->hi + slack) {
         double px = s.cx - w->x, py = s.cy - w->y, d = w->base + sqrt(px * px + py * py);
         double dv = dmk_windows_known(e, v);
-        if (d <= dv) {
+        if (d <= dv + eps) {
             rc = dmk_windows_reach(me, v, d, (trace){s.at, px, py, w->turn, w->half, w->root});
-        } else if (d > dv + eps) {
+        } else {
             double at = better_way(e, v, w->half, d);
             if (s.at < at - slack)
                 right = false; /* those rays cross the shorter way */

@@ -185,6 +185,10 @@ static int absorb(worker *me, worker *from)
                               from->reached[i].item));
     }
     from->n_reached = 0;
+    for (size_t i = 0; i < from->n_tied && from != me; i++) {
+        DMK_TRY(DMK_GROW(me->ctx, me->tied, me->n_tied + 1, me->tied_room));
+        me->tied[me->n_tied++] = from->tied[i];
+    }
 done:
     return rc;
 }
@@ -193,6 +197,7 @@ static void worker_free(worker *me)
 {
     free(me->stack);
     free(me->reached);
+    free(me->tied);
 }
 
 static int run_shared(worker *me, int n_threads)
@@ -289,10 +294,9 @@ done:
     return rc;
 }
 
-/* Direction back along the path at a vertex that was reached. */
-static double back_of(const engine *e, int32_t v)
+/* Direction back along a path at vertex v. */
+static double back_of(const engine *e, int32_t v, const trace *t)
 {
-    const trace *t = e->trace + v;
     const dmk_star *s = &e->front.g->star;
     double back = t->y;
     if (t->half >= 0) {
@@ -311,7 +315,7 @@ static int radiate_pseudo_source(worker *me, int32_t v)
     const engine *e = me->e;
     const dmk_star *s = &e->front.g->star;
     double range[2][2];
-    int n_ranges = dmk_front_directions(&e->front, v, back_of(e, v), range),
+    int n_ranges = dmk_front_directions(&e->front, v, back_of(e, v, e->trace + v), range),
         turns = s->border[v] ? 0 : 1;
     int32_t c = s->first[v];
     do {
@@ -333,28 +337,67 @@ done:
 /* ---- arrivals -------------------------------------------------------------------------------- */
 
 /* Source and direction come from the first pseudo-source of the path. */
+static dmk_arrival arrival_by(const engine *e, int32_t v, const trace *t)
+{
+    dmk_arrival a = {0, back_of(e, v, t), t->root >= 0 ? t->root : -1, -1};
+    while (t->root >= 0) t = e->trace + t->root;
+    a.source = ~t->root;
+    const dmk_site *p = e->front.g->source + a.source;
+    a.direction = dmk_front_turn(t->half >= 0 ? t->turn + atan2(t->y, t->x) : t->x, p->total,
+                                 p->vertex >= 0 && e->front.g->star.border[p->vertex]);
+    return a;
+}
+
 static void arrive(const engine *e, int32_t v)
 {
     const trace *t = e->trace + v;
     dmk_arrival *a = e->front.g->arrival + v;
-    *a = (dmk_arrival){0, 0, -1, -1};
     if (t->half == UNREACHED) {
+        *a = (dmk_arrival){0, 0, -1, -1};
         e->front.d[v] = INFINITY;
         return;
     }
     e->front.d[v] *= e->front.g->star.unit;
-    a->back = back_of(e, v);
-    a->pseudo_source = t->root >= 0 ? t->root : -1;
-    while (t->root >= 0) t = e->trace + t->root;
-    a->source = ~t->root;
-    const dmk_site *p = e->front.g->source + a->source;
-    a->direction = dmk_front_turn(t->half >= 0 ? t->turn + atan2(t->y, t->x) : t->x, p->total,
-                                  p->vertex >= 0 && e->front.g->star.border[p->vertex]);
+    *a = arrival_by(e, v, t);
 }
 
 static void arrive_range(int32_t begin, int32_t end, void *data)
 {
     for (int32_t v = begin; v < end; v++) arrive(data, v);
+}
+
+/* ---- ties ------------------------------------------------------------------------------------ */
+
+static int by_vertex(const void *a, const void *b)
+{
+    const tied *p = a, *q = b;
+    if (p->vertex != q->vertex) return p->vertex < q->vertex ? -1 : 1;
+    return dmk_windows_first(&p->trace, &q->trace) ? -1 : 1;
+}
+
+/* From another direction: through a flat vertex the same path comes by two windows. */
+static bool is_another(const dmk_geodesics *g, const dmk_tie *t)
+{
+    const double turn = g->star.border[t->vertex] ? HUGE_VAL : g->star.total[t->vertex];
+    return fabs(dmk_turn_between(turn, g->arrival[t->vertex].back, t->arrival.back)) > DMK_BESIDE;
+}
+
+/* The second path to each vertex that has one; of several, the first. */
+static int list_ties(worker *me, dmk_geodesics *g)
+{
+    int rc = DMK_OK;
+    if (me->n_tied == 0) goto done;
+    qsort(me->tied, me->n_tied, sizeof *me->tied, by_vertex);
+    DMK_TRY(DMK_NEW(me->ctx, g->tie, me->n_tied));
+    for (size_t i = 0; i < me->n_tied; i++) {
+        const tied *p = me->tied + i;
+        const dmk_tie tie = {p->vertex, arrival_by(me->e, p->vertex, &p->trace)};
+        const bool taken = g->n_ties > 0 && g->tie[g->n_ties - 1].vertex == p->vertex;
+        if (p->d * g->star.unit > g->distance[p->vertex] + DMK_SAME_LENGTH * g->star.unit) continue;
+        if (!taken && is_another(g, &tie)) g->tie[g->n_ties++] = tie;
+    }
+done:
+    return rc;
 }
 
 /* The nearest pseudo-sources radiate, until there are windows for all lanes; one that is reached by a shorter way later
@@ -394,8 +437,11 @@ int dmk_windows_run(dmk_context *ctx, dmk_geodesics *g, bool *finished)
         DMK_TRY(radiate_next(&me, &any));
     }
     *finished = !dmk_windows_spent(&e);
-    if (*finished) dmk_parallel(ctx, g->mesh->n_vertices, arrive_range, &e);
     g->n_windows = me.n_made;
+    if (*finished) {
+        dmk_parallel(ctx, g->mesh->n_vertices, arrive_range, &e);
+        DMK_TRY(list_ties(&me, g));
+    }
 done:
     worker_free(&me);
     engine_free(&e);

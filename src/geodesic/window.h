@@ -28,6 +28,12 @@ typedef struct trace {
     int32_t half; /* entered last; one of the two below */
     int32_t root; /* of the window */
 } trace;
+/* One of two shortest paths to a vertex, if d is its distance in the end. */
+typedef struct tied {
+    double d;
+    int32_t vertex;
+    trace trace;
+} tied;
 /* Only bounded so far; by no window: inside the source's triangle, or along an edge from the root. */
 enum { UNREACHED = -2, STRAIGHT = -1 };
 
@@ -85,6 +91,8 @@ typedef struct worker {
     bool spreads;           /* it takes shares only */
     dmk_heap_item *reached; /* pseudo-sources */
     size_t n_reached, reached_room;
+    tied *tied;
+    size_t n_tied, tied_room;
     int64_t n_made;
     int64_t n_run, n_dropped; /* lanes.c: steps and dropped windows since `period` was set */
     int period;               /* of the filter; 0: not known */
@@ -104,8 +112,10 @@ static inline double dmk_windows_known(const engine *e, int32_t v)
     return d;
 }
 
-/* step.c: a way of length d to vertex v, kept if it is the shortest. */
+/* step.c: a way of length d to vertex v, kept if it is the shortest, or as long. */
 int dmk_windows_reach(worker *me, int32_t v, double d, trace t);
+/* Of equally short ways one, whichever comes first. */
+bool dmk_windows_first(const trace *a, const trace *b);
 /* Children of w into o[0..1]; the vertex above is reached. *n: how many. */
 int dmk_windows_step(worker *me, const window *w, window *o, int *n);
 int dmk_windows_push(worker *me, const window *w);

@@ -100,17 +100,53 @@ static double find_meeting(const dmk_image *a, const dmk_image *b, double length
 /* Both families of a half-edge, and where on it they are equally long. */
 typedef struct meeting {
     dmk_image a, b;
-    double x, length;
+    double x, length, alpha;
 } meeting;
+
+/* Ends that lie on the locus have a second family each: that which leads on is the nearer to the other end's. The edge
+ * is crossed where families meet at the largest angle, at an end or between. */
+static void meet_tied(const dmk_geodesics *g, int32_t h, meeting *m)
+{
+    dmk_image *near[2] = {&m->a, &m->b}, far[2];
+    const dmk_arrival *tie[2] = {dmk_geodesics_tie(g, g->mesh->triangle[dmk_next(h)]),
+                                 dmk_geodesics_tie(g, g->mesh->triangle[dmk_previous(h)])};
+    if (!tie[0] && !tie[1]) return;
+    for (int k = 0; k < 2; k++) {
+        if (!tie[k]) continue;
+        const double other = k == 0 ? m->length : 0;
+        far[k] = k == 0 ? dmk_image_from_start(g, h, tie[0]) : dmk_image_from_end(g, h, tie[1]);
+        if (dmk_image_length(&far[k], other, 0) >= dmk_image_length(near[k], other, 0)) continue;
+        const dmk_image turned = far[k];
+        far[k] = *near[k];
+        *near[k] = turned;
+    }
+    m->x = find_meeting(&m->a, &m->b, m->length);
+    double most = dmk_meeting_angle(&m->a, &m->b, m->x, 0);
+    const meeting between = *m;
+    for (int k = 0; k < 2; k++) {
+        const double x = k == 0 ? 0 : m->length;
+        const double angle =
+            tie[k] ? dmk_meeting_angle(k == 0 ? &between.a : &between.b, &far[k], x, 0) : 0;
+        if (!tie[k] || angle < most) continue;
+        most = angle;
+        *m = between;
+        m->x = x;
+        *near[1 - k] = far[k];
+    }
+}
 
 static meeting meet(const dmk_geodesics *g, int32_t h)
 {
     const int32_t v = g->mesh->triangle[dmk_next(h)], w = g->mesh->triangle[dmk_previous(h)];
-    meeting m = {dmk_image_at_start(g, h), dmk_image_at_end(g, h), 0, dmk_length_of(g, h)};
+    meeting m = {dmk_image_at_start(g, h), dmk_image_at_end(g, h), 0, dmk_length_of(g, h), 0};
     m.x = find_meeting(&m.a, &m.b, m.length);
     /* behind a pseudo-source the paths are those to it, continued */
-    if (g->arrival[w].pseudo_source == v) m.x = 0;
-    if (g->arrival[v].pseudo_source == w) m.x = m.length;
+    const bool at_start = g->arrival[w].pseudo_source == v,
+               at_end = g->arrival[v].pseudo_source == w;
+    if (at_start) m.x = 0;
+    if (at_end) m.x = m.length;
+    m.alpha = dmk_meeting_angle(&m.a, &m.b, m.x, 0);
+    if (!at_start && !at_end) meet_tied(g, h, &m);
     return m;
 }
 
@@ -138,7 +174,7 @@ static void set_crossing(const dmk_cotree *t, int32_t h, bool kept, dmk_crossing
                         .onward = -1,
                         .outer = -1,
                         .kept = kept,
-                        .alpha = dmk_meeting_angle(&found.a, &found.b, found.x, 0),
+                        .alpha = found.alpha,
                         .excess = HUGE_VAL,
                         .worth = HUGE_VAL,
                         .strength = HUGE_VAL};

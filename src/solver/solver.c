@@ -268,12 +268,15 @@ static int spread_geodesics(dmk_context *ctx, const dmk_ranks *ranks, dmk_geodes
     int rc;
     const size_t n = (size_t)g->mesh->n_vertices;
     double tolerance[2] = {g->tolerance, g->error != NULL};
-    int64_t counts[2] = {g->n_windows, g->n_shared};
+    int64_t counts[3] = {g->n_windows, g->n_shared, (int64_t)g->n_ties};
     DMK_TRY(dmk_ranks_spread(ctx, ranks, tolerance, sizeof tolerance));
     DMK_TRY(dmk_ranks_spread(ctx, ranks, counts, sizeof counts));
     g->tolerance = tolerance[0];
     g->n_windows = counts[0];
     g->n_shared = counts[1];
+    g->n_ties = (size_t)counts[2];
+    if (!g->tie) DMK_TRY(DMK_NEW(ctx, g->tie, g->n_ties));
+    DMK_TRY(dmk_ranks_spread(ctx, ranks, g->tie, g->n_ties * sizeof *g->tie));
     DMK_TRY(dmk_ranks_spread(ctx, ranks, g->distance, n * sizeof *g->distance));
     DMK_TRY(dmk_ranks_spread(ctx, ranks, g->arrival, n * sizeof *g->arrival));
     if (tolerance[1] == 0) goto done;
