@@ -78,9 +78,9 @@ static void the_column_behind_the_source(void **state)
         for (size_t i = 0; i < g->n_ties; i++) {
             const dmk_arrival *own = g->arrival + g->tie[i].vertex, *other = &g->tie[i].arrival;
             assert_true(i == 0 || g->tie[i].vertex > g->tie[i - 1].vertex);
-            assert_ptr_equal(dmk_geodesics_tie(g, g->tie[i].vertex), other);
+            assert_ptr_equal(dmk_geodesics_tie(g, (int32_t)g->tie[i].vertex), other);
             assert_true(own->back != other->back && other->source == 0);
-            const int32_t column = g->tie[i].vertex % COLUMNS, row = g->tie[i].vertex / COLUMNS;
+            const int64_t column = g->tie[i].vertex % COLUMNS, row = g->tie[i].vertex / COLUMNS;
             assert_true(2 * column % COLUMNS == 0 || 2 * row % ROWS == 0); /* of the symmetry's */
         }
         assert_null(dmk_geodesics_tie(g, 1));

@@ -85,7 +85,7 @@ void dmk_site_free(dmk_site *site);
 /* A second shortest path to a vertex, from another direction: the vertex lies on the cut locus, as many do on symmetric
  * meshes. */
 typedef struct dmk_tie {
-    int32_t vertex;
+    int64_t vertex; /* so wide that no byte is left out: ranks hand ties around */
     dmk_arrival arrival;
 } dmk_tie;
 
