@@ -26,6 +26,44 @@ static void same_length(void **state)
     assert_true(late(&w, 1, 9, most - 1.4e-12));
 }
 
+/* A second way to a vertex is another path if it is no longer than the first by more than 1e-12, and arrives by more
+ * than 1e-6 from another direction. */
+static void ties(void **state)
+{
+    static const struct {
+        double longer, turn, shorter; /* shorter: of a third way, that comes later */
+        size_t n;
+    } way[] = {{0.7e-12, 1, 0, 1}, {1.4e-12, 1, 0, 0},  {0, 0.7e-6, 0, 0},  {0, 1.4e-6, 0, 1},
+               {0, 1, 1, 0},       {-0.7e-12, 1, 0, 1}, {0, 1, 0.7e-12, 1}, {0, 1, 1.4e-12, 0}};
+    dmk_mesh *m = unit_square(*state, 1);
+    dmk_geodesics *g = from_corner(*state, m, 0);
+    const int32_t v = 2;
+    for (size_t i = 0; i < sizeof way / sizeof *way; i++) {
+        engine e;
+        worker me = {.ctx = *state, .e = &e};
+        const trace first = {.y = 0.1, .half = STRAIGHT, .root = ~0, .turn = 3};
+        trace second = first, third = first;
+        second.y += way[i].turn, second.turn = 2;
+        third.y += 0.4, third.turn = 1;
+        assert_int_equal(engine_create(*state, g, &e), DMK_OK);
+        assert_int_equal(dmk_windows_reach(&me, v, 0.5, first), DMK_OK);
+        assert_int_equal(dmk_windows_reach(&me, v, 0.5 + way[i].longer, second), DMK_OK);
+        if (way[i].shorter > 0)
+            assert_int_equal(dmk_windows_reach(&me, v, 0.5 - way[i].shorter, third), DMK_OK);
+        arrive(&e, v);
+        free(g->tie);
+        g->tie = NULL;
+        g->n_ties = 0;
+        assert_int_equal(list_ties(&me, g), DMK_OK);
+        assert_int_equal(g->n_ties, way[i].n);
+        assert_true((dmk_geodesics_tie(g, v) != NULL) == (way[i].n > 0));
+        worker_free(&me);
+        engine_free(&e);
+    }
+    dmk_geodesics_destroy(&g);
+    dmk_mesh_destroy(&m);
+}
+
 /* A ray to the vertex above that passes the interval by 1e-11 of its edge is in it. */
 static void same_place(void **state)
 {
@@ -268,10 +306,10 @@ static void forms_of_the_loop(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(same_length),      cmocka_unit_test(same_place),
-        cmocka_unit_test(beside),           cmocka_unit_test(plain_steps),
-        cmocka_unit_test(next_to_a_root),   cmocka_unit_test(over_a_border),
-        cmocka_unit_test(filtered),         cmocka_unit_test(grazing_rays),
-        cmocka_unit_test(forms_of_the_loop)};
+        cmocka_unit_test(same_length),   cmocka_unit_test(ties),
+        cmocka_unit_test(same_place),    cmocka_unit_test(beside),
+        cmocka_unit_test(plain_steps),   cmocka_unit_test(next_to_a_root),
+        cmocka_unit_test(over_a_border), cmocka_unit_test(filtered),
+        cmocka_unit_test(grazing_rays),  cmocka_unit_test(forms_of_the_loop)};
     return cmocka_run_group_tests(tests, context_setup, context_teardown);
 }

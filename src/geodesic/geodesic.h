@@ -124,7 +124,8 @@ int dmk_geodesics_compute(dmk_context *context, const dmk_mesh *mesh, size_t n_s
 int dmk_geodesics_prepare(dmk_context *context, const dmk_mesh *mesh, size_t n_sources,
                           const dmk_point *source, const dmk_geodesics_options *options,
                           dmk_geodesics **geodesics);
-/* The second path to v, NULL if there is none. */
+
+/* The second path to v, NULL if there is none; logarithmic in their number. */
 const dmk_arrival *dmk_geodesics_tie(const dmk_geodesics *geodesics, int32_t v);
 
 /* check.c: DMK_E_MESH, naming the first vertex, if the distances cannot be right. */

@@ -33,12 +33,13 @@ static inline dmk_image dmk_image_from(const dmk_geodesics *g, int32_t v, const 
     return (dmk_image){r * cos(b), r * sin(b), dmk_in_units(g, before)};
 }
 
+/* Length of half-edge h in the star's unit. */
 static inline double dmk_length_of(const dmk_geodesics *g, int32_t h)
 {
     return dmk_in_units(g, g->mesh->length[g->mesh->triangle_edge[h]]);
 }
 
-/* In the frame of half-edge h: of a family at its start; at its end, from where the edge runs the other way. */
+/* In the frame of half-edge h: of a path that arrives at its start; at its end, from where the edge runs the other way. */
 static inline dmk_image dmk_image_from_start(const dmk_geodesics *g, int32_t h,
                                              const dmk_arrival *a)
 {
@@ -56,6 +57,7 @@ static inline dmk_image dmk_image_from_end(const dmk_geodesics *g, int32_t h, co
     return i;
 }
 
+/* The same of the vertex's own path. */
 static inline dmk_image dmk_image_at_start(const dmk_geodesics *g, int32_t h)
 {
     return dmk_image_from_start(g, h, g->arrival + g->mesh->triangle[dmk_next(h)]);
@@ -66,6 +68,7 @@ static inline dmk_image dmk_image_at_end(const dmk_geodesics *g, int32_t h)
     return dmk_image_from_end(g, h, g->arrival + g->mesh->triangle[dmk_previous(h)]);
 }
 
+/* The family's length at a point of the frame. */
 static inline double dmk_image_length(const dmk_image *i, double x, double y)
 {
     return i->before + sqrt((x - i->x) * (x - i->x) + (y - i->y) * (y - i->y));

@@ -185,10 +185,17 @@ static int absorb(worker *me, worker *from)
                               from->reached[i].item));
     }
     from->n_reached = 0;
-    for (size_t i = 0; i < from->n_tied && from != me; i++) {
-        DMK_TRY(DMK_GROW(me->ctx, me->tied, me->n_tied + 1, me->tied_room));
-        me->tied[me->n_tied++] = from->tied[i];
-    }
+done:
+    return rc;
+}
+
+static int absorb_tied(worker *me, const worker *from)
+{
+    int rc = DMK_OK;
+    if (from->n_tied == 0) goto done;
+    DMK_TRY(DMK_GROW(me->ctx, me->tied, me->n_tied + from->n_tied, me->tied_room));
+    memcpy(me->tied + me->n_tied, from->tied, from->n_tied * sizeof *from->tied);
+    me->n_tied += from->n_tied;
 done:
     return rc;
 }
@@ -217,6 +224,7 @@ static int run_shared(worker *me, int n_threads)
     me->n_stack = 0;
     for (int i = 0; i < n_threads; i++) {
         if (rc == DMK_OK) rc = absorb(me, c.own + i);
+        if (rc == DMK_OK) rc = absorb_tied(me, c.own + i);
         me->n_made += c.own[i].n_made;
         worker_free(c.own + i);
     }
@@ -372,7 +380,7 @@ static int by_vertex(const void *a, const void *b)
 {
     const tied *p = a, *q = b;
     if (p->vertex != q->vertex) return p->vertex < q->vertex ? -1 : 1;
-    return dmk_windows_first(&p->trace, &q->trace) ? -1 : 1;
+    return dmk_windows_first(&q->trace, &p->trace) - dmk_windows_first(&p->trace, &q->trace);
 }
 
 /* From another direction: through a flat vertex the same path comes by two windows. */
@@ -391,10 +399,11 @@ static int list_ties(worker *me, dmk_geodesics *g)
     DMK_TRY(DMK_NEW(me->ctx, g->tie, me->n_tied));
     for (size_t i = 0; i < me->n_tied; i++) {
         const tied *p = me->tied + i;
+        const double longer = p->d - g->distance[p->vertex] / g->star.unit;
+        if (longer > DMK_SAME_LENGTH) continue; /* a shorter path came later */
+        if (g->n_ties > 0 && g->tie[g->n_ties - 1].vertex == p->vertex) continue;
         const dmk_tie tie = {p->vertex, arrival_by(me->e, p->vertex, &p->trace)};
-        const bool taken = g->n_ties > 0 && g->tie[g->n_ties - 1].vertex == p->vertex;
-        if (p->d * g->star.unit > g->distance[p->vertex] + DMK_SAME_LENGTH * g->star.unit) continue;
-        if (!taken && is_another(g, &tie)) g->tie[g->n_ties++] = tie;
+        if (is_another(g, &tie)) g->tie[g->n_ties++] = tie;
     }
 done:
     return rc;

@@ -97,41 +97,48 @@ static double find_meeting(const dmk_image *a, const dmk_image *b, double length
     return x < small ? 0 : x > length - small ? length : x; /* not beside where a family begins */
 }
 
-/* Both families of a half-edge, and where on it they are equally long. */
+/* Both families of a half-edge, and where on it they are equally long. `alpha` is the angle of its ends' own families:
+ * by that of a tie, side branches of a line through vertices would have an excess (a torus would have 12 ends for 2). */
 typedef struct meeting {
     dmk_image a, b;
     double x, length, alpha;
 } meeting;
 
-/* Ends that lie on the locus have a second family each: that which leads on is the nearer to the other end's. The edge
- * is crossed where families meet at the largest angle, at an end or between. */
+/* Of an end's two families that which leads on, the shorter one at the edge's other end, comes first. */
+static void order_tied(dmk_image *first, dmk_image *second, double other_end)
+{
+    if (dmk_image_length(second, other_end, 0) >= dmk_image_length(first, other_end, 0)) return;
+    const dmk_image was = *first;
+    *first = *second;
+    *second = was;
+}
+
+/* Ends that lie on the locus have a second family each. The edge is crossed where families meet at the largest angle,
+ * at an end or between. */
 static void meet_tied(const dmk_geodesics *g, int32_t h, meeting *m)
 {
-    dmk_image *near[2] = {&m->a, &m->b}, far[2];
-    const dmk_arrival *tie[2] = {dmk_geodesics_tie(g, g->mesh->triangle[dmk_next(h)]),
-                                 dmk_geodesics_tie(g, g->mesh->triangle[dmk_previous(h)])};
-    if (!tie[0] && !tie[1]) return;
-    for (int k = 0; k < 2; k++) {
-        if (!tie[k]) continue;
-        const double other = k == 0 ? m->length : 0;
-        far[k] = k == 0 ? dmk_image_from_start(g, h, tie[0]) : dmk_image_from_end(g, h, tie[1]);
-        if (dmk_image_length(&far[k], other, 0) >= dmk_image_length(near[k], other, 0)) continue;
-        const dmk_image turned = far[k];
-        far[k] = *near[k];
-        *near[k] = turned;
+    const dmk_arrival *start = dmk_geodesics_tie(g, g->mesh->triangle[dmk_next(h)]),
+                      *end = dmk_geodesics_tie(g, g->mesh->triangle[dmk_previous(h)]);
+    dmk_image beside_a = {0}, beside_b = {0};
+    if (!start && !end) return;
+    if (start) {
+        beside_a = dmk_image_from_start(g, h, start);
+        order_tied(&m->a, &beside_a, m->length);
+    }
+    if (end) {
+        beside_b = dmk_image_from_end(g, h, end);
+        order_tied(&m->b, &beside_b, 0);
     }
     m->x = find_meeting(&m->a, &m->b, m->length);
-    double most = dmk_meeting_angle(&m->a, &m->b, m->x, 0);
-    const meeting between = *m;
-    for (int k = 0; k < 2; k++) {
-        const double x = k == 0 ? 0 : m->length;
-        const double angle =
-            tie[k] ? dmk_meeting_angle(k == 0 ? &between.a : &between.b, &far[k], x, 0) : 0;
-        if (!tie[k] || angle < most) continue;
-        most = angle;
-        *m = between;
-        m->x = x;
-        *near[1 - k] = far[k];
+    const double between = dmk_meeting_angle(&m->a, &m->b, m->x, 0);
+    const double at_start = start ? dmk_meeting_angle(&m->a, &beside_a, 0, 0) : -1;
+    const double at_end = end ? dmk_meeting_angle(&m->b, &beside_b, m->length, 0) : -1;
+    if (at_end >= dmk_max(between, at_start)) {
+        m->x = m->length;
+        m->a = beside_b;
+    } else if (at_start >= between) {
+        m->x = 0;
+        m->b = beside_a;
     }
 }
 
