@@ -27,11 +27,13 @@ static bool gathers_fast(void)
 #endif
 }
 
+/* -w: for processors without AVX-512 PoCL's compiler counts on stderr some 300 vectors of 8 that "change the ABI" of
+ * functions that are in line. What it could say of the kernels themselves clang says in tests/test_layers.sh. */
 static void build_options(const dmk_device *dev, dmk_program program, char *text, size_t size)
 {
     int real_double = dmk_device_real(dev, program) == sizeof(double);
     snprintf(text, size,
-             "-cl-std=CL1.2 -DDMK_CPU=%d -DDMK_CHUNK=%d -DDMK_DOUBLE=%d -DDMK_FP64=%d "
+             "-cl-std=CL1.2 -w -DDMK_CPU=%d -DDMK_CHUNK=%d -DDMK_DOUBLE=%d -DDMK_FP64=%d "
              "-DDMK_GATHERS=%d",
              dev->cpu_shape, (int)dev->chunk, real_double, dev->double_precision,
              dev->pocl && dev->cpu_shape && gathers_fast());
