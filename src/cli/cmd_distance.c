@@ -205,7 +205,6 @@ static int run_distance(const distance_request *request)
                              .progress = &run.progress,
                              .keep_memory = true};
     rc = cli_read_mesh(run.context, request->solve.mesh, &how, &run.repairs, &run.mesh);
-    if (rc == DMK_OK) cli_make_room(run.mesh);
     run.read = cli_seconds() - run.begin;
     int code = rc == DMK_OK ? place_all(request, &run) : fail(&run, rc);
     if (code == EXIT_OK) code = compute(request, &run);

@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <sys/stat.h>
 
 typedef struct count {
     size_t n;
@@ -101,32 +102,44 @@ static void save_memory(const dmk_mesh *mesh, bool shares)
     if (info.n_triangles >= LARGE) return_memory(shares);
 }
 
-/* Distances of 4.4 million triangles have 380,000 page faults so, for 514,000, and take no more memory. */
-static void keep_all_memory(void)
+/* Space of the heap that is used next, in huge pages: memory is taken only where it is written, and then with a fault
+ * for each 2 MB. */
+static void make_room(size_t bytes)
 {
+    enum { PAGE = 2 << 20, MOST = INT_MAX - 2 * PAGE };
+    bytes = (bytes < MOST ? bytes : MOST) / PAGE * PAGE;
+    if (bytes == 0) return;
     mallopt(M_MMAP_THRESHOLD, INT_MAX);
     mallopt(M_TRIM_THRESHOLD, INT_MAX);
+    char *heap = malloc(bytes + PAGE);
+    if (heap) madvise(heap + PAGE - (uintptr_t)heap % PAGE, bytes, MADV_HUGEPAGE);
+    free(heap);
 }
 
 void cli_make_room(const dmk_mesh *mesh)
 {
-    enum { PAGE = 2 << 20, PER_TRIANGLE = 1024 };
+    enum { PER_TRIANGLE = 1024 };
     dmk_mesh_info info;
     dmk_mesh_get_info(mesh, &info);
-    const size_t size = info.n_triangles * PER_TRIANGLE / PAGE * PAGE;
-    if (info.n_triangles >= LARGE || size == 0) return;
-    keep_all_memory();
-    char *heap = malloc(size + PAGE);
-    if (heap) madvise(heap + PAGE - (uintptr_t)heap % PAGE, size, MADV_HUGEPAGE);
-    free(heap);
+    const size_t size = info.n_triangles * PER_TRIANGLE;
+    if (info.n_triangles >= LARGE) return;
+    make_room(size);
     mallopt(M_MMAP_THRESHOLD, piece);
     mallopt(M_TRIM_THRESHOLD, kept + (int)size);
+}
+
+/* Distances take 7 to 20 bytes for each of the file; what is not used costs nothing. */
+static void make_room_for_file(const char *path)
+{
+    enum { PER_BYTE = 24 };
+    struct stat file;
+    if (stat(path, &file) == 0 && S_ISREG(file.st_mode)) make_room((size_t)file.st_size * PER_BYTE);
 }
 
 int cli_read_mesh(dmk_context *context, const char *path, const cli_reading *how, dmk_repairs *did,
                   dmk_mesh **mesh)
 {
-    if (how->keep_memory) keep_all_memory();
+    if (how->keep_memory) make_room_for_file(path);
     const int rc = how->repair ? dmk_mesh_read_repaired(context, path, did, mesh)
                                : dmk_mesh_read_dealt(context, path, how->ranks, mesh);
     if (rc == DMK_OK && !how->keep_memory) save_memory(*mesh, how->shares);
