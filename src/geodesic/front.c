@@ -33,7 +33,6 @@ static void facet_range(int32_t begin, int32_t end, void *data)
             size_t h = 3 * (size_t)t + (size_t)k;
             double sides = 1 / (f->length[(k + 1) % 3] * f->length[(k + 2) % 3]);
             double c = dot[k] * sides, i = area2 * sides, turn = 1 / sqrt(c * c + i * i);
-            f->angle[k] = s->corner_angle[h];
             f->cosine[k] = c * turn;
             f->sine[k] = i * turn;
             f->vertex[k] = m->triangle[h];
@@ -88,7 +87,7 @@ dmk_sector dmk_front_corner(const dmk_front *e, int32_t c)
     const dmk_facet *f = e->facet + c / 3;
     int k = c % 3, a = (k + 1) % 3, b = (k + 2) % 3;
     return (dmk_sector){f->length[b] * f->cosine[a], f->length[b] * f->sine[a], e->g->star.angle[c],
-                        f->angle[k], c};
+                        e->g->star.corner_angle[c], c};
 }
 
 int dmk_front_directions(const dmk_front *e, int32_t v, double back, double range[2][2])

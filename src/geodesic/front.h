@@ -4,12 +4,11 @@
 
 #include "geodesic/geodesic.h"
 
-/* Everything about a triangle in two cache lines. Half-edge h lies on the x axis from a (0, 0) to b
+/* Everything about a triangle but its angles. Half-edge h lies on the x axis from a (0, 0) to b
  * (length, 0), with the opposite corner c above; rays enter upwards. */
 typedef struct dmk_facet {
-    double length[3], cosine[3], sine[3], angle[3]; /* of side k; of the angle at corner k */
+    double length[3], cosine[3], sine[3]; /* of side k; of the angle at corner k */
     int32_t vertex[3], twin[3];
-    double unused;
 } dmk_facet;
 
 /* What both engines stand on. Lengths are in the star's unit. */

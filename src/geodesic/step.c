@@ -109,6 +109,12 @@ typedef struct angle {
     double cx, cy, at;          /* c; where the ray to it crosses a-b */
 } angle;
 
+/* At corner k of its triangle. */
+static inline double angle_of(const engine *e, const window *w, int k)
+{
+    return e->front.g->star.corner_angle[w->half - w->half % 3 + k];
+}
+
 /* The part of w through side a-c; the rays reach up to `last` of a-b. */
 static inline bool step_left(const engine *e, const window *w, const dmk_facet *f, const angle *s,
                              double last, window *o)
@@ -126,7 +132,7 @@ static inline bool step_left(const engine *e, const window *w, const dmk_facet *
                   .x = w->x * s->ca + w->y * s->sa,
                   .y = w->y * s->ca - w->x * s->sa,
                   .base = w->base,
-                  .turn = w->turn + f->angle[k1],
+                  .turn = w->turn + angle_of(e, w, k1),
                   .length = s->left,
                   .half = f->twin[k2],
                   .root = w->root};
@@ -158,7 +164,7 @@ static inline bool step_right(const engine *e, const window *w, const dmk_facet 
                   .x = px * s->cb - py * s->sb,
                   .y = py * s->cb + px * s->sb,
                   .base = w->base,
-                  .turn = w->turn - f->angle[k2],
+                  .turn = w->turn - angle_of(e, w, k2),
                   .length = s->right,
                   .half = f->twin[k1],
                   .root = w->root};
