@@ -155,8 +155,8 @@ int dmk_geodesics_prepare(dmk_context *ctx, const dmk_mesh *mesh, size_t n_sourc
     dmk_geodesics *g = NULL;
     DMK_TRY(DMK_NEW(ctx, g, 1));
     g->mesh = mesh;
-    DMK_TRY(DMK_NEW(ctx, g->distance, (size_t)mesh->n_vertices));
-    DMK_TRY(DMK_NEW(ctx, g->arrival, (size_t)mesh->n_vertices));
+    DMK_TRY(DMK_NEW_UNSET(ctx, g->distance, (size_t)mesh->n_vertices));
+    DMK_TRY(DMK_NEW_UNSET(ctx, g->arrival, (size_t)mesh->n_vertices));
     DMK_TRY(dmk_star_create(ctx, mesh, &g->star));
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(set_sources(ctx, g, n_sources, source, options->offset));

@@ -105,11 +105,11 @@ int dmk_star_create(dmk_context *ctx, const dmk_mesh *m, dmk_star *s)
     work w = {m, s};
     size_t n_half = 3 * (size_t)m->n_triangles, n_vertices = (size_t)m->n_vertices;
     memset(s, 0, sizeof *s);
-    DMK_TRY(DMK_NEW(ctx, s->angle, n_half));
-    DMK_TRY(DMK_NEW(ctx, s->corner_angle, n_half));
-    DMK_TRY(DMK_NEW(ctx, s->twin, n_half));
-    DMK_TRY(DMK_NEW(ctx, s->total, n_vertices));
-    DMK_TRY(DMK_NEW(ctx, s->first, n_vertices));
+    DMK_TRY(DMK_NEW_UNSET(ctx, s->angle, n_half));
+    DMK_TRY(DMK_NEW_UNSET(ctx, s->corner_angle, n_half));
+    DMK_TRY(DMK_NEW_UNSET(ctx, s->twin, n_half));
+    DMK_TRY(DMK_NEW_UNSET(ctx, s->total, n_vertices));
+    DMK_TRY(DMK_NEW_UNSET(ctx, s->first, n_vertices));
     DMK_TRY(DMK_NEW(ctx, s->border, n_vertices));
     s->unit = find_unit(m);
     dmk_parallel(ctx, m->n_triangles, measure_range, &w);

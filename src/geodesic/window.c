@@ -26,7 +26,7 @@ static void clear_range(int32_t begin, int32_t end, void *data)
     const engine *e = data;
     for (int32_t v = begin; v < end; v++) {
         e->trace[v] = (trace){.half = UNREACHED, .root = ~e->front.g->n_sources};
-        e->split[v].half = UNREACHED;
+        e->split[v] = (split){.half = UNREACHED};
     }
 }
 
@@ -35,8 +35,8 @@ static int engine_create(dmk_context *ctx, dmk_geodesics *g, engine *e)
     int rc;
     memset(e, 0, sizeof *e);
     DMK_TRY(dmk_front_create(ctx, g, &e->front));
-    DMK_TRY(DMK_NEW(ctx, e->trace, (size_t)g->mesh->n_vertices));
-    DMK_TRY(DMK_NEW(ctx, e->split, (size_t)g->mesh->n_vertices));
+    DMK_TRY(DMK_NEW_UNSET(ctx, e->trace, (size_t)g->mesh->n_vertices));
+    DMK_TRY(DMK_NEW_UNSET(ctx, e->split, (size_t)g->mesh->n_vertices));
     dmk_parallel(ctx, g->mesh->n_vertices, clear_range, e);
     e->limit = always + (int64_t)(most_windows * sqrt(g->mesh->n_triangles) * g->mesh->n_edges);
 done:

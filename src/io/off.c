@@ -172,8 +172,8 @@ int dmk_off_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
     DMK_TRY(dmk_text_open(ctx, file, &t));
     DMK_TRY(read_header(&t, &h));
     DMK_TRY(read_counts(&t, &n_vertices, &n_faces));
-    DMK_TRY(DMK_NEW(ctx, soup->xyz, 3 * (size_t)n_vertices));
-    DMK_TRY(DMK_NEW(ctx, soup->triangle, 3 * (size_t)n_faces));
+    DMK_TRY(DMK_NEW_UNSET(ctx, soup->xyz, 3 * (size_t)n_vertices));
+    DMK_TRY(DMK_NEW_UNSET(ctx, soup->triangle, 3 * (size_t)n_faces));
     soup->n_vertices = (size_t)n_vertices;
     soup->triangle_room = (size_t)n_faces;
     DMK_TRY(read_plain(&t, &h, soup, &plain));

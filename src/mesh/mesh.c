@@ -203,10 +203,10 @@ static int build_edges(dmk_context *ctx, struct dmk_mesh *m)
     if (m->n_triangles > LONG_RANGE) w.n_ranges = dmk_min_i(dmk_parallel_threads(ctx), MOST_RANGES);
     DMK_TRY(DMK_NEW(ctx, w.row, (size_t)m->n_vertices + 1));
     DMK_TRY(DMK_NEW(ctx, w.fill, (size_t)m->n_vertices));
-    DMK_TRY(DMK_NEW(ctx, w.half, n_half));
-    DMK_TRY(DMK_NEW(ctx, m->triangle_edge, n_half));
-    DMK_TRY(DMK_NEW(ctx, m->edge_vertex, 2 * n_half));
-    DMK_TRY(DMK_NEW(ctx, m->edge_triangle, 2 * n_half));
+    DMK_TRY(DMK_NEW_UNSET(ctx, w.half, n_half));
+    DMK_TRY(DMK_NEW_UNSET(ctx, m->triangle_edge, n_half));
+    DMK_TRY(DMK_NEW_UNSET(ctx, m->edge_vertex, 2 * n_half));
+    DMK_TRY(DMK_NEW_UNSET(ctx, m->edge_triangle, 2 * n_half));
     set_ranges_by_vertices(&w);
     DMK_TRY(dmk_parallel_pieces(ctx, w.n_ranges, count_piece, &w));
     count_to_rows(m->n_vertices, w.row);
@@ -327,8 +327,8 @@ static void length_range(int32_t begin, int32_t end, void *data)
 static int build_geometry(dmk_context *ctx, struct dmk_mesh *m)
 {
     int rc;
-    DMK_TRY(DMK_NEW(ctx, m->length, (size_t)m->n_edges));
-    DMK_TRY(DMK_NEW(ctx, m->area, (size_t)m->n_triangles));
+    DMK_TRY(DMK_NEW_UNSET(ctx, m->length, (size_t)m->n_edges));
+    DMK_TRY(DMK_NEW_UNSET(ctx, m->area, (size_t)m->n_triangles));
     dmk_parallel(ctx, m->n_edges, length_range, m);
     int32_t t = dmk_parallel_first(ctx, m->n_triangles, cannot_be_measured, m);
     if (t >= 0) rc = measure_triangle(ctx, m, t);
