@@ -15,12 +15,15 @@ is known on four pieces of each triangle; across a piece of the cut locus it jum
   long     edges of the locus that do not lie in one triangle
 --stability solves again on the mesh cut 1:4, with slid vertices and with 2 % noise:
   moved    the largest share of the locus farther than 3 h from the other one with half the strength, both ways
+  clear    the same share of what is clear: paths meet there at BLUNT radians or more; the rest only joins that,
+           and where it runs is not decided at the mesh's resolution
 --store writes NAME-SOURCE.jumps, points of the edges that `false` and `missed` are measured by: `weak` or `strong`,
 x, y, z. tests/test_locus.c measures tests/data/rough.off by those again, a bumpy sphere of 5,120 triangles with fine
 bumps and 2 % noise; rows of other meshes in FILE.csv stay. Needs numpy, scipy, pygeodesic.
 """
 import argparse
 import csv
+import json
 import os
 import subprocess
 import sys
@@ -34,6 +37,7 @@ from scipy.spatial import cKDTree
 import accuracy
 
 WEAK, STRONG, NEAR = 0.1, 0.7, 3
+BLUNT = 0.2
 NAMES = "bear,camel,lion-head,mannequin-devil,man,fandisk"
 
 
@@ -128,16 +132,18 @@ def groups(a, b, reach):
 
 
 def locus_of(program, mesh, source, folder, strength=0):
-    path = os.path.join(folder, "locus.obj")
+    """Both ends of each edge, the angle at which paths meet on it, and what the report says."""
+    path, table = os.path.join(folder, "locus.obj"), os.path.join(folder, "locus.csv")
     option = ["--strength", repr(strength)] if strength else []
-    text = subprocess.run([program, "solve", mesh, "--vertex", str(source), "--locus", path, "--json", "--quiet",
-                           *option], check=True, capture_output=True, text=True).stdout
-    import json
+    text = subprocess.run([program, "solve", mesh, "--vertex", str(source), "--locus", path, "--locus", table, "--json",
+                           "--quiet", *option], check=True, capture_output=True, text=True).stdout
     info = json.loads(text)["locus"]
     x, lines = accuracy.read_obj(path)
+    with open(table) as f:
+        angle = np.array([float(r["meeting_angle"]) for r in csv.DictReader(f)])
     pairs = [(i, j) for line in lines for i, j in zip(line, line[1:])]
     ends = np.array(pairs, int).reshape(-1, 2)
-    return x[ends[:, 0]], x[ends[:, 1]], info
+    return x[ends[:, 0]], x[ends[:, 1]], angle[ends].mean(axis=1), info
 
 
 def store(path, points, step):
@@ -151,7 +157,7 @@ def store(path, points, step):
 def judge(program, mesh, source, folder, keep):
     x, t = load(mesh)
     h = accuracy.mean_edge(x, t)
-    a, b, info = locus_of(program, mesh, source, folder)
+    a, b, _, info = locus_of(program, mesh, source, folder)
     p, q, turn = jumps(*quarter(x, t), source)
     out = sampled(a, b, h / 4)
     weak = sampled(p[turn > WEAK], q[turn > WEAK], h / 4)
@@ -167,6 +173,12 @@ def judge(program, mesh, source, folder, keep):
             "ends": info["endpoints"], "branches": info["branch_points"], "strength": info["strength"] / h}
 
 
+def share_moved(one, two, h, least):
+    """Of what meets at `least` radians or more."""
+    some = one[2] >= least
+    return far(*sampled(one[0][some], one[1][some], h / 4), sampled(*two[:2], h / 4)[0], NEAR * h) if some.any() else 0
+
+
 def moved(program, mesh, source, folder):
     x, t = load(mesh)
     h = accuracy.mean_edge(x, t)
@@ -174,20 +186,19 @@ def moved(program, mesh, source, folder):
     y[source] = x[source]
     changed = [quarter(x, t), (slid(x, t, source), t), (y, t)]
     mine = [locus_of(program, mesh, source, folder)]
-    mine.append(locus_of(program, mesh, source, folder, mine[0][2]["strength"] / 2))
-    worst = 0
+    strength = mine[0][3]["strength"]
+    mine.append(locus_of(program, mesh, source, folder, strength / 2))
+    pairs = []
     for k, (z, s) in enumerate(changed):
         path = os.path.join(folder, f"changed{k}.off")
         accuracy.write_off(path, z, s)
-        other = [locus_of(program, path, source, folder, mine[0][2]["strength"])]
-        other.append(locus_of(program, path, source, folder, mine[0][2]["strength"] / 2))
-        for one, two in ((mine[0], other[1]), (other[0], mine[1])):
-            worst = max(worst, far(*sampled(*one[:2], h / 4), sampled(*two[:2], h / 4)[0], NEAR * h))
-    return worst
+        other = [locus_of(program, path, source, folder, part * strength) for part in (1, 0.5)]
+        pairs += [(mine[0], other[1]), (other[0], mine[1])]
+    return {"moved": max(share_moved(*p, h, 0) for p in pairs), "clear": max(share_moved(*p, h, BLUNT) for p in pairs)}
 
 
-COLUMNS = ["mesh", "source", "triangles", "false", "missed", "long", "moved", "length", "ends", "branches", "strength"]
-REAL = ("false", "missed", "moved", "length", "strength")
+COLUMNS = ["mesh", "source", "triangles", "false", "missed", "long", "moved", "length", "ends", "branches", "strength", "clear"]
+REAL = ("false", "missed", "moved", "length", "strength", "clear")
 
 
 def read_rows(path):
@@ -205,10 +216,10 @@ def write_tables(path, rows):
         writer.writerows(rows)
     with open(os.path.splitext(path)[0] + ".md", "w") as f:
         f.write("# The cut locus on real meshes\n\n`bench/scan.py --stability --out bench/results/scan.csv`; it explains "
-                "what the columns are.\n\n| mesh | source | triangles | false, % | missed, % | long | moved, % | "
-                "ends | branches | strength, h |\n|---|" + "--:|" * 9 + "\n")
+                "what the columns are.\n\n| mesh | source | triangles | false, % | missed, % | long | moved, % | clear, % | "
+                "ends | branches | strength, h |\n|---|" + "--:|" * 10 + "\n")
         for r in rows:
-            part = "" if r["moved"] == "" else f"{100 * r['moved']:.2f}"
+            part = " | ".join("" if r[k] == "" else f"{100 * r[k]:.2f}" for k in ("moved", "clear"))
             f.write(f"| {r['mesh']} | {r['source']} | {r['triangles']} | {100 * r['false']:.2f} | {100 * r['missed']:.2f} "
                     f"| {r['long']} | {part} | {r['ends']} | {r['branches']} | {r['strength']:.2f} |\n")
 
@@ -229,10 +240,10 @@ def main():
             mesh = os.path.join(a.meshes, name + ".off")
             x, t = load(mesh)
             for source in (0, len(x) // 3, 2 * len(x) // 3):
-                row = {"mesh": name, "source": source, "triangles": len(t), "moved": "",
+                row = {"mesh": name, "source": source, "triangles": len(t), "moved": "", "clear": "",
                        **judge(a.program, mesh, source, folder, a.store)}
                 if a.stability:
-                    row["moved"] = moved(a.program, mesh, source, folder)
+                    row.update(moved(a.program, mesh, source, folder))
                 rows.append(row)
                 print("  ".join(f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in row.items()),
                       flush=True)
