@@ -100,7 +100,7 @@ int dmk_cells_sample(dmk_context *ctx, const dmk_adjacency *g, int32_t first, in
     int rc;
     cover c = {.g = g, .covered = covered};
     DMK_TRY(DMK_NEW_UNSET(ctx, c.next, (size_t)g->n));
-    memcpy(c.next, g->row, (size_t)g->n * sizeof *c.next);
+    if (g->n > 0) memcpy(c.next, g->row, (size_t)g->n * sizeof *c.next);
     *n = 0;
     for (int32_t v = first; v < end; v++) {
         if (c.covered[v]) continue;
