@@ -17,7 +17,7 @@ enum { N = 100000, MOST_SEEN = 64 };
 /* How often each item was met, and by which threads. */
 typedef struct record {
     dmk_context *ctx;
-    uint8_t met[N];
+    _Atomic uint8_t met[N];
     pthread_mutex_t lock;
     pthread_t seen[MOST_SEEN];
     int n_seen;
