@@ -921,8 +921,8 @@ static void test_accuracy_torus(void **state)
     free_scene(&s);
 }
 
-/* The six ends of the quartic's locus, by the conjugate times of geodesics on the smooth surface: the largest distance of
- * one from the locus' ends, in h. */
+/* The six ends of the quartic's locus, by the conjugate times of geodesics on the smooth surface: the largest distance
+ * of one from the locus' ends, in h. */
 static double worst_end(scene s)
 {
     static const double ends[6][3] = {
@@ -1088,17 +1088,17 @@ static void check_lengths(const length_from *of, int n)
     }
 }
 
-/* off: joints on a bumpy sphere. By 1.5 the locus from the third source is 8.7 h shorter; by 6 the four are 3.5, 6.4, 2.4
- * and 1.8 h longer. And the angle at which an edge's jump counts as much as being off a line: from the third 7.7 h shorter
- * with half of it, from the fourth 2.0 h longer with twice as much. */
+/* off: joints on a bumpy sphere. By 1.5 the locus from the third source is 8.7 h shorter; by 6 the four are 3.5, 6.4,
+ * 2.4 and 1.8 h longer. And the angle at which an edge's jump counts as much as being off a line: from the third 7.7 h
+ * shorter with half of it, from the fourth 2.0 h longer with twice as much. */
 static void test_off(void **state)
 {
     (void)state;
     check_lengths((length_from[]){{962, 272.7}, {1147, 273.0}, {1480, 261.8}, {148, 231.2}}, 4);
 }
 
-/* No branch is led to another's cusp: 10 h of false lines, as with twice the bound; with half of it true ends are cut by
- * 4 h. */
+/* No branch is led to another's cusp: 10 h of false lines, as with twice the bound; with half of it true ends are cut
+ * by 4 h. */
 static void test_reaches(void **state)
 {
     (void)state;

@@ -97,8 +97,8 @@ static void the_column_behind_the_source(void **state)
     dmk_mesh_destroy(&m);
 }
 
-/* Lines through vertices are no farther off than the mesh is from the torus: the column behind the source, the inner row,
- * and a piece of the outer one. Without the second paths 0.05 h, with them 0.003. */
+/* Lines through vertices are no farther off than the mesh is from the torus: the column behind the source, the inner
+ * row, and a piece of the outer one. Without the second paths 0.05 h, with them 0.003. */
 static void lines_run_through_the_vertices(void **state)
 {
     dmk_context *ctx = *state;

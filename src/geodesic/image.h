@@ -39,7 +39,8 @@ static inline double dmk_length_of(const dmk_geodesics *g, int32_t h)
     return dmk_in_units(g, g->mesh->length[g->mesh->triangle_edge[h]]);
 }
 
-/* In the frame of half-edge h: of a path that arrives at its start; at its end, from where the edge runs the other way. */
+/* In the frame of half-edge h: of a path that arrives at its start; at its end, from where the edge runs the other
+ * way. */
 static inline dmk_image dmk_image_from_start(const dmk_geodesics *g, int32_t h,
                                              const dmk_arrival *a)
 {

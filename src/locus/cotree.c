@@ -97,8 +97,9 @@ static double find_meeting(const dmk_image *a, const dmk_image *b, double length
     return x < small ? 0 : x > length - small ? length : x; /* not beside where a family begins */
 }
 
-/* Both families of a half-edge, and where on it they are equally long. `alpha` is the angle of its ends' own families:
- * by that of a tie, side branches of a line through vertices would have an excess (a torus would have 12 ends for 2). */
+/* Both families of a half-edge, and where on it they are equally long. `alpha` is the angle of its ends' own
+ * families: by that of a tie, side branches of a line through vertices would have an excess (a torus would have 12
+ * ends for 2). */
 typedef struct meeting {
     dmk_image a, b;
     double x, length, alpha;

@@ -154,9 +154,9 @@ static int add_end(dmk_context *ctx, dmk_cotree *t, dmk_end_point end)
     return rc;
 }
 
-/* Where no cusp is seen a noisy mesh's branch ends where its excess does, as far out as cusps are fitted. If a fitted cusp
- * falls short of that, it ends between: half way if noise is as strong as the default, less far if it is weaker, and if
- * it is stronger, for it adds to the excess. */
+/* Where no cusp is seen a noisy mesh's branch ends where its excess does, as far out as cusps are fitted. If a fitted
+ * cusp falls short of that, it ends between: half way if noise is as strong as the default, less far if it is weaker,
+ * and if it is stronger, for it adds to the excess. */
 static void place_end(const dmk_cotree *t, dmk_patch *patch, const route *r, double xyz[3])
 {
     const double way = way_left(t, r), noise = dmk_rules.noise * t->noise / t->strength;

@@ -25,9 +25,10 @@ typedef struct step_control {
     bool shrunk;
 } step_control;
 
-/* rho up to this comes and goes: D does not shrink for it. On 1.09 million triangles of a smooth surface 5 steps for 6, 0.9
- * of the run; 72 loci on smooth and noisy surfaces take 22.7 CG iterations for 22.9, 106 on scans and CAD parts 17.6 steps
- * and 68.4 iterations for 17.7 and 68.1. With 1e-3 the latter are 69.4, with 2e-3 75; with 3e-4 nothing changes. */
+/* rho up to this comes and goes: D does not shrink for it. On 1.09 million triangles of a smooth surface 5 steps for 6,
+ * 0.9 of the run; 72 loci on smooth and noisy surfaces take 22.7 CG iterations for 22.9, 106 on scans and CAD parts
+ * 17.6 steps and 68.4 iterations for 17.7 and 68.1. With 1e-3 the latter are 69.4, with 2e-3 75; with 3e-4 nothing
+ * changes. */
 static const double settled_rho = 6e-4;
 
 static void choose_step(step_control *p, double rho)
