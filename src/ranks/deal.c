@@ -70,7 +70,7 @@ static void find_bounds(const dmk_share *s, const dmk_mesh *m)
  * begin, but by whole parts as well. */
 static int own_items(dmk_context *ctx, dmk_share *s, const dmk_ground *g)
 {
-    int rc;
+    int rc = DMK_OK;
     dmk_space *const space[3] = {&s->element, &s->edge, &s->vertex[0]};
     const size_t n = (size_t)s->ranks.size + 1;
     const int32_t counts[3] = {g->mesh->n_triangles, g->mesh->n_edges, g->mesh->n_vertices};
@@ -95,7 +95,7 @@ typedef struct six {
 
 static six whole_six(const dmk_ground *g, int32_t t)
 {
-    six x;
+    six x = {{0}, {0}};
     for (size_t k = 0; k < 3; k++) {
         x.vertex[k] = dmk_whole_number(g->vertex, g->mesh->triangle[3 * (size_t)t + k]);
         x.edge[k] = dmk_whole_number(g->edge, g->mesh->triangle_edge[3 * (size_t)t + k]);

@@ -83,7 +83,7 @@ done:
 
 int dmk_multigrid_refresh(dmk_context *ctx, dmk_system *s)
 {
-    int rc;
+    int rc = DMK_OK;
     for (int32_t i = 0; i < s->tail && i < s->n_levels; i++) DMK_TRY(dmk_graph_refresh(ctx, s, i));
     if (s->tail < s->n_levels)
         DMK_TRY(dmk_tail_refresh(ctx, s));
