@@ -75,6 +75,11 @@ typedef float8 sumv;
 #define SELECT(no, yes, when) select((no), (yes), (when))
 /* One row at a time, for work that does not go in blocks. */
 #define PART_ITEMS (DMK_CHUNK * DMK_WIDTH)
+/* What a list gathers DMK_AHEAD columns later, see dmk_shared.h. */
+#define FETCH(p, i) __builtin_prefetch((const void *)(size_t)((p) + (i)))
+#define GATHERS_LATER(p, i)                                                                        \
+    FETCH(p, i.s0); FETCH(p, i.s1); FETCH(p, i.s2); FETCH(p, i.s3); FETCH(p, i.s4); FETCH(p, i.s5); \
+    FETCH(p, i.s6); FETCH(p, i.s7);
 #define FOR_PART_ROWS(i, n, part)                                                                  \
     for (int i = (part) * PART_ITEMS, i##_end = min(i + PART_ITEMS, (n)); i < i##_end; i++)
 #define FOR_ROWS(i, n, shares, launch)                                                             \
@@ -101,9 +106,17 @@ typedef sum_t sumv;
 #define LOAD(p, at) (p)[at]
 #define STORE(v, p, at) (p)[at] = (v)
 #define PART_ITEMS DMK_GROUP
+#define GATHERS_LATER(p, i)
 #define FOR_PART_ROWS(i, n, part) FOR_PART_BLOCKS(i, n, part)
 #define FOR_ROWS(i, n, shares, launch) FOR_BLOCKS(i, n, shares, launch)
 #endif
+
+#if DMK_CPU && !defined(__clang__)
+#undef FETCH
+#define FETCH(p, i)
+#endif
+/* Whether a launch over so many rows gathers from memory. */
+#define IS_FAR(launch) (DMK_CPU && (launch).s3 > DMK_FAR / PART_ITEMS)
 
 /* A short loop over a work-item's own arrays. They stay in registers only where it is unrolled: the repair's elements
  * take twice as long else. */

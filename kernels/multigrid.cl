@@ -99,7 +99,7 @@ KERNEL rows_up(int n, int keep, int vertex_row, global const int *restrict slice
     FOR_BLOCKS(b, n, shares, launch)
     {
         const floatv now = prolonged(b, vertex_row, ends, coarse, x);
-        const realv a = row_sum(slice, slot, out, b);
+        const realv a = row_sum(slice, slot, out, b, IS_FAR(launch));
         if (keep) STORE(now, x, AT(b));
         STORE(now + step * LOAD(inv_diag, AT(b)) * (LOAD(rhs, AT(b)) - a), x_old, AT(b));
     }

@@ -241,8 +241,10 @@ static int pack_slots(const packer *p)
     DMK_TRY(corners_create(p, &corners));
     size_t n_slices = (size_t)(edge_slices + corners.n_slices);
     size_t n_slots = DMK_WIDTH * (size_t)corners.slice[corners.n_slices];
+    const size_t ahead = DMK_WIDTH * DMK_AHEAD; /* any place of `out` */
     DMK_TRY(DMK_NEW_UNSET(p->ctx, slice, n_slices + 1));
-    DMK_TRY(DMK_NEW_UNSET(p->ctx, slot, edges + n_slots));
+    DMK_TRY(DMK_NEW_UNSET(p->ctx, slot, edges + n_slots + ahead));
+    memset(slot + edges + n_slots, 0, ahead * sizeof *slot);
     for (int32_t k = 0; k < edge_slices; k++) slice[k] = 2 * k;
     for (int32_t k = 0; k <= corners.n_slices; k++) {
         slice[edge_slices + k] = 2 * edge_slices + corners.slice[k];
@@ -252,7 +254,7 @@ static int pack_slots(const packer *p)
     dmk_parallel(p->ctx, s->n_edges, edge_slot_range, &job);
     dmk_parallel(p->ctx, corners.n_slices, corner_slot_range, &job);
     DMK_TRY(upload(p, n_slices + 1, sizeof *slice, slice, &s->slice));
-    DMK_TRY(upload(p, edges + n_slots, sizeof *slot, slot, &s->slot));
+    DMK_TRY(upload(p, edges + n_slots + ahead, sizeof *slot, slot, &s->slot));
 done:
     dmk_sell_free(&corners);
     free(slice);
