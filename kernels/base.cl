@@ -106,7 +106,7 @@ typedef sum_t sumv;
 #define LOAD(p, at) (p)[at]
 #define STORE(v, p, at) (p)[at] = (v)
 #define PART_ITEMS DMK_GROUP
-#define GATHERS_LATER(p, i)
+#define GATHERS_LATER(p, i) (void)(i);
 #define FOR_PART_ROWS(i, n, part) FOR_PART_BLOCKS(i, n, part)
 #define FOR_ROWS(i, n, shares, launch) FOR_BLOCKS(i, n, shares, launch)
 #endif
