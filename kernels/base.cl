@@ -75,11 +75,17 @@ typedef float8 sumv;
 #define SELECT(no, yes, when) select((no), (yes), (when))
 /* One row at a time, for work that does not go in blocks. */
 #define PART_ITEMS (DMK_CHUNK * DMK_WIDTH)
-/* What a list gathers DMK_AHEAD columns later, see dmk_shared.h. */
+/* Ask for the lines of what is gathered soon. */
+#ifdef __clang__
 #define FETCH(p, i) __builtin_prefetch((const void *)(size_t)((p) + (i)))
+#else
+#define FETCH(p, i)
+#endif
 #define GATHERS_LATER(p, i)                                                                        \
     FETCH(p, i.s0); FETCH(p, i.s1); FETCH(p, i.s2); FETCH(p, i.s3); FETCH(p, i.s4); FETCH(p, i.s5); \
-    FETCH(p, i.s6); FETCH(p, i.s7);
+    FETCH(p, i.s6); FETCH(p, i.s7)
+/* Whether a launch over rows gathers from memory. */
+#define IS_FAR(launch) ((launch).s3 > DMK_FAR / PART_ITEMS)
 #define FOR_PART_ROWS(i, n, part)                                                                  \
     for (int i = (part) * PART_ITEMS, i##_end = min(i + PART_ITEMS, (n)); i < i##_end; i++)
 #define FOR_ROWS(i, n, shares, launch)                                                             \
@@ -106,17 +112,11 @@ typedef sum_t sumv;
 #define LOAD(p, at) (p)[at]
 #define STORE(v, p, at) (p)[at] = (v)
 #define PART_ITEMS DMK_GROUP
-#define GATHERS_LATER(p, i) (void)(i);
+#define GATHERS_LATER(p, i) (void)(i)
+#define IS_FAR(launch) false
 #define FOR_PART_ROWS(i, n, part) FOR_PART_BLOCKS(i, n, part)
 #define FOR_ROWS(i, n, shares, launch) FOR_BLOCKS(i, n, shares, launch)
 #endif
-
-#if DMK_CPU && !defined(__clang__)
-#undef FETCH
-#define FETCH(p, i)
-#endif
-/* Whether a launch over so many rows gathers from memory. */
-#define IS_FAR(launch) (DMK_CPU && (launch).s3 > DMK_FAR / PART_ITEMS)
 
 /* A short loop over a work-item's own arrays. They stay in registers only where it is unrolled: the repair's elements
  * take twice as long else. */

@@ -287,7 +287,7 @@ KERNEL rows_rhs(int n, global const int *restrict slice, global const int *restr
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
-        const realv a = row_sum(slice, slot, out, b, IS_FAR(launch));
+        const realv a = row_sum(slice, slot, out, b, launch);
         STORE(TO_FLOAT(LOAD(f, AT(b)) + a), rhs, AT(b));
     }
 }
@@ -331,7 +331,7 @@ KERNEL rows_outer_residual(int n, global const int *restrict slice, global const
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
-        const realv a = row_sum(slice, slot, out, b, IS_FAR(launch));
+        const realv a = row_sum(slice, slot, out, b, launch);
         const realv d = LOAD(f, AT(b)) - a;
         STORE(d, r, AT(b));
         STORE(TO_FLOAT(d), narrow, AT(b));

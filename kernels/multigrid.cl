@@ -99,7 +99,7 @@ KERNEL rows_up(int n, int keep, int vertex_row, global const int *restrict slice
     FOR_BLOCKS(b, n, shares, launch)
     {
         const floatv now = prolonged(b, vertex_row, ends, coarse, x);
-        const realv a = row_sum(slice, slot, out, b, IS_FAR(launch));
+        const realv a = row_sum(slice, slot, out, b, launch);
         if (keep) STORE(now, x, AT(b));
         STORE(now + step * LOAD(inv_diag, AT(b)) * (LOAD(rhs, AT(b)) - a), x_old, AT(b));
     }
@@ -599,17 +599,12 @@ KERNEL mesh_refresh(int n, global const int *restrict slice, global const int *r
  * moves 4 P + 24 E + 4 R bytes, 6 E + R flops
  * shape blocks of R */
 KERNEL inverse_diagonal(int n, global const int *restrict slice, global const int *restrict slot,
-                        GATHERED float *restrict out, global float *restrict inv_diag,
+                        GATHERED real *restrict out, global float *restrict inv_diag,
                         volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
-        floatv sum = 0;
-        for (int j = slice[SLICE(b)], e = slice[SLICE(b) + 1]; j < e; j++) {
-            const intv s = LOAD(slot, COLUMN(b, j));
-            sum += (floatv)(GATHER(out, s));
-        }
-        STORE(inverse_of(sum), inv_diag, AT(b));
+        STORE(inverse_of(TO_FLOAT(row_sum(slice, slot, out, b, launch))), inv_diag, AT(b));
     }
 }
 

@@ -134,14 +134,15 @@ KERNEL element_newton(int n, global const int *restrict index, global const real
 
 /* The sum of what belongs to a row, in its list's order. */
 static realv row_sum(global const int *slice, global const int *slot, GATHERED real *out, int b,
-                     bool far)
+                     int4 launch)
 {
+    const bool far = IS_FAR(launch);
     realv y = 0;
     for (int j = slice[SLICE(b)], end = slice[SLICE(b) + 1]; j < end; j++) {
         const intv s = LOAD(slot, COLUMN(b, j));
         if (far) {
             const intv later = LOAD(slot, COLUMN(b, j + DMK_AHEAD));
-            GATHERS_LATER(out, later)
+            GATHERS_LATER(out, later);
         }
         y += (realv)(GATHER(out, s));
     }
@@ -165,7 +166,7 @@ KERNEL rows_apply(int n, global const int *restrict slice, global const int *res
         sumv sum = 0;
         FOR_PART_BLOCKS(b, n, part)
         {
-            const realv a = row_sum(slice, slot, out, b, IS_FAR(launch));
+            const realv a = row_sum(slice, slot, out, b, launch);
             STORE(a, y, AT(b));
             sum += TO_SUM(a) * TO_SUM(LOAD(x, AT(b)));
         }
@@ -187,7 +188,7 @@ KERNEL rows_chebyshev(int n, global const int *restrict slice, global const int 
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
-        const realv a = row_sum(slice, slot, out, b, IS_FAR(launch)), now = LOAD(x, AT(b));
+        const realv a = row_sum(slice, slot, out, b, launch), now = LOAD(x, AT(b));
         const realv next = now + (real)momentum * (now - (real)keep * LOAD(x_old, AT(b))) +
                            (real)step * LOAD(inv_diag, AT(b)) * (LOAD(rhs, AT(b)) - a);
         STORE(next, x_old, AT(b));

@@ -178,7 +178,7 @@ KERNEL inner_apply(int n, int first, global const int *restrict slice,
         products sum = {0, 0, 0};
         FOR_PART_BLOCKS(b, n, part)
         {
-            const floatv az = row_sum(slice, slot, out, b, IS_FAR(launch));
+            const floatv az = row_sum(slice, slot, out, b, launch);
             STORE(az, w, AT(b));
             add_products(b, first, r, ap, LOAD(z, AT(b)), az, &sum);
         }

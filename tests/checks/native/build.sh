@@ -8,7 +8,8 @@ flags="-g -O1 -fPIC ${NATIVE_FLAGS:--fsanitize=address,undefined,float-cast-over
     -fno-sanitize-recover=all -fno-omit-frame-pointer -shared-libsan}"
 cl="clang -x cl -target x86_64-linux-gnu -Xclang -finclude-default-header -Wno-psabi -Wno-unused
     -mavx $flags"
-$cl "$@" -c "$source" -o "$object.kernels.o"
+# DMK_FAR: rows of the smallest mesh, too, ask ahead for what they gather.
+$cl "$@" -DDMK_FAR=0 -c "$source" -o "$object.kernels.o"
 $cl -cl-std=CL1.2 -c "$here/builtins.cl" -o "$object.builtins.o"
 # One C function for each kernel that takes its arguments from an array of places.
 perl -0777 -ne '
