@@ -34,33 +34,37 @@ static void ok(const fixture *x, int rc)
     if (rc != DMK_OK) fail_msg("%d: %s", rc, dmk_context_message(x->ctx));
 }
 
+/* Edge k of sub-triangle s of element t: its two rows; back comes its weight in the P1 stiffness matrix. */
+static double stiff_edge(const fixture *x, int32_t t, int s, int k, size_t *i, size_t *j)
+{
+    /* Corners of each sub-triangle in the order that is similar to the parent. */
+    static const int sub[4][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}, {3, 4, 5}};
+    const dmk_mesh *m = x->order.mesh;
+    size_t row[6];
+    for (int c = 0; c < 3; c++) {
+        row[c] = (size_t)(x->sys->vertex_row + m->triangle[3 * t + c]);
+        row[3 + c] = (size_t)m->triangle_edge[3 * t + c];
+    }
+    *i = row[sub[s][(k + 1) % 3]];
+    *j = row[sub[s][(k + 2) % 3]];
+    return 0.5 * x->mu[t] * dmk_cot(m, 3 * t + k);
+}
+
 /* The 15 entries per element straight from the four sub-triangles' P1 stiffness matrices. */
 static void assemble(fixture *x)
 {
-    const dmk_mesh *m = x->order.mesh;
     x->dense = calloc(x->n * x->n, sizeof *x->dense);
-    for (int32_t t = 0; t < m->n_triangles; t++) {
-        size_t row[6];
-        for (int k = 0; k < 3; k++) {
-            row[k] = (size_t)(x->sys->vertex_row + m->triangle[3 * t + k]);
-            row[3 + k] = (size_t)m->triangle_edge[3 * t + k];
-        }
-        /* Corners of each sub-triangle in the order that is similar to the parent. */
-        static const int sub[4][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}, {3, 4, 5}};
-        for (int s = 0; s < 4; s++) {
-            for (int k = 0; k < 3; k++) {
-                double w = 0.5 * x->mu[t] * dmk_cot(m, 3 * t + k);
-                size_t i = row[sub[s][(k + 1) % 3]], j = row[sub[s][(k + 2) % 3]];
-                x->dense[i * x->n + i] += w;
-                x->dense[j * x->n + j] += w;
-                x->dense[i * x->n + j] -= w;
-                x->dense[j * x->n + i] -= w;
-            }
-        }
+    for (int32_t n = 0; n < 12 * x->order.mesh->n_triangles; n++) {
+        size_t i, j;
+        const double w = stiff_edge(x, n / 12, n / 3 % 4, n % 3, &i, &j);
+        x->dense[i * x->n + i] += w;
+        x->dense[j * x->n + j] += w;
+        x->dense[i * x->n + j] -= w;
+        x->dense[j * x->n + i] -= w;
     }
 }
 
-static int setup_shape(void **state, dmk_shape shape)
+static fixture *open_shape(void **state, dmk_shape shape)
 {
     fixture *x = calloc(1, sizeof *x);
     dmk_device_options o;
@@ -69,7 +73,12 @@ static int setup_shape(void **state, dmk_shape shape)
     dmk_device_options_init(&o, sizeof o);
     o.shape = shape;
     ok(x, dmk_device_open(x->ctx, &o, &x->dev));
-    ok(x, dmk_mesh_read(x->ctx, "tests/data/sphere_1280.off", &x->input));
+    return x;
+}
+
+/* The input's system, and a density. */
+static void pack(fixture *x)
+{
     ok(x, dmk_order_create(x->ctx, x->input, 0, &x->order));
     ok(x, dmk_system_create(x->ctx, x->dev, x->order.mesh, &x->sys));
     ok(x, dmk_system_allocate(x->ctx, x->sys));
@@ -79,6 +88,13 @@ static int setup_shape(void **state, dmk_shape shape)
     for (int32_t t = 0; t < x->sys->n_elements; t++) x->mu[t] = pow(10, 3 * random_unit() - 2);
     ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, x->sys->mu,
                                 (size_t)x->sys->n_elements_pad, x->mu));
+}
+
+static int setup_shape(void **state, dmk_shape shape)
+{
+    fixture *x = open_shape(state, shape);
+    ok(x, dmk_mesh_read(x->ctx, "tests/data/sphere_1280.off", &x->input));
+    pack(x);
     assemble(x);
     return 0;
 }
@@ -90,6 +106,29 @@ static int setup(void **state)
 static int setup_gpu(void **state)
 {
     return setup_shape(state, DMK_SHAPE_GPU);
+}
+
+/* A torus with more than DMK_FAR rows. */
+static int setup_far(void **state)
+{
+    enum { N = 512 };
+    const double turn = 6.283185307179586 / N;
+    fixture *x = open_shape(state, DMK_SHAPE_CPU);
+    double *xyz = calloc(3 * N * N, sizeof *xyz);
+    int32_t *triangle = calloc(6 * N * N, sizeof *triangle);
+    for (int32_t v = 0; v < N * N; v++) {
+        const int32_t i = v / N, j = v % N, up = (i + 1) % N * N, right = (j + 1) % N;
+        const double r = 2 + cos(turn * j);
+        const int32_t corner[] = {v, up + j, up + right, v, up + right, i * N + right};
+        const double at[] = {r * cos(turn * i), r * sin(turn * i), sin(turn * j)};
+        memcpy(xyz + 3 * v, at, sizeof at);
+        memcpy(triangle + 6 * v, corner, sizeof corner);
+    }
+    ok(x, dmk_mesh_create(x->ctx, N * N, xyz, 2 * N * N, triangle, &x->input));
+    free(xyz);
+    free(triangle);
+    pack(x);
+    return 0;
 }
 
 static int teardown(void **state)
@@ -142,6 +181,14 @@ static double *apply(const fixture *x, const double *v)
     return y;
 }
 
+/* The 32-bit numbers of a buffer. */
+static void *read_words(const fixture *x, const dmk_buffer *b, size_t n)
+{
+    void *words = calloc(n, sizeof(int32_t));
+    ok(x, dmk_buffer_read(x->ctx, x->dev, b, 0, n * sizeof(int32_t), words));
+    return words;
+}
+
 static void operator_equals_dense(void **state)
 {
     fixture *x = *state;
@@ -155,6 +202,38 @@ static void operator_equals_dense(void **state)
     assert_true(worst <= 1e-13 * size);
     free(v);
     free(y);
+}
+
+/* Rows that ask ahead sum what belongs to them, and the lists are long enough for it. */
+static void operator_of_far_rows_equals_its_edges(void **state)
+{
+    fixture *x = *state;
+    const dmk_system *s = x->sys;
+    assert_true(s->n_rows > DMK_FAR);
+    prepare(x);
+    double *v = random_rows(x), *y = apply(x, v), *exact = calloc(x->n, sizeof *exact);
+    for (int32_t n = 0; n < 12 * x->order.mesh->n_triangles; n++) {
+        size_t i, j;
+        const double w = stiff_edge(x, n / 12, n / 3 % 4, n % 3, &i, &j);
+        exact[i] += w * (v[i] - v[j]);
+        exact[j] += w * (v[j] - v[i]);
+    }
+    double worst = 0, size = 0;
+    for (size_t i = 0; i < x->n; i++) {
+        worst = fmax(worst, fabs(exact[i] - y[i]));
+        size = fmax(size, fabs(exact[i]));
+    }
+    assert_true(worst <= 1e-13 * size);
+    const size_t slices = x->n / DMK_WIDTH;
+    int32_t *slice = read_words(x, s->slice, slices + 1);
+    const size_t n_slots = DMK_WIDTH * (size_t)(slice[slices] + DMK_AHEAD);
+    int32_t *slot = read_words(x, s->slot, n_slots);
+    for (size_t i = 0; i < n_slots; i++) assert_in_range(slot[i], 0, 6 * s->n_elements_pad - 1);
+    free(v);
+    free(y);
+    free(exact);
+    free(slice);
+    free(slot);
 }
 
 static void operator_is_symmetric_with_constants_in_its_null_space(void **state)
@@ -609,14 +688,6 @@ static void listed_parts_alone_are_done(void **state)
     free(v);
 }
 
-/* The 32-bit numbers of a buffer. */
-static void *read_words(const fixture *x, const dmk_buffer *b, size_t n)
-{
-    void *words = calloc(n, sizeof(int32_t));
-    ok(x, dmk_buffer_read(x->ctx, x->dev, b, 0, n * sizeof(int32_t), words));
-    return words;
-}
-
 /* From the first graph level to T: x = P c and a step of the smoother, at once or one after the other. */
 static void prolongs_and_smooths(void **state)
 {
@@ -667,6 +738,7 @@ int main(void)
     }
     const struct CMUnitTest tests[] = {
         BOTH(operator_equals_dense),
+        cmocka_unit_test_setup_teardown(operator_of_far_rows_equals_its_edges, setup_far, teardown),
         BOTH(operator_is_symmetric_with_constants_in_its_null_space),
         BOTH(v_cycle_is_nearly_symmetric_and_contracts),
         BOTH(cycles_of_newton_contract),
