@@ -5,10 +5,10 @@
 #define DMK_WIDTH 8   /* elements per block of the interleaved arrays */
 #define DMK_LINE 32   /* ints apart that two threads may write without taking a cache line away */
 #define DMK_GROUP 256 /* work-items per group in the GPU shape */
-/* Over more than DMK_FAR rows (of T/2; half a million triangles) a CPU's caches do not hold what rows gather from elements,
- * and no processor foresees it: the lines are asked for DMK_AHEAD columns of the lists before, by which these are longer
- * than they need be. 1.09 million triangles: 4.0 ms for 7.1 in the rows of A x, 0.88 of a whole solve, with 32 to 96
- * columns; 128: 4.2 ms. Where caches hold it (273,000 triangles) it would take 0.84 ms for 0.60. */
+/* Over more than DMK_FAR rows (of T/2; half a million triangles) a CPU's caches do not hold what rows gather from
+ * elements, and no processor foresees it: the lines are asked for DMK_AHEAD columns of the lists before, by which these
+ * are longer than they need be. 1.09 million triangles: 4.0 ms for 7.1 in the rows of A x, 0.88 of a whole solve, with
+ * 32 to 96 columns; 128: 4.2 ms. Where caches hold it (273,000 triangles) it would take 0.84 ms for 0.60. */
 #ifndef DMK_FAR /* 0 in make check-kernels: all rows ask */
 #define DMK_FAR 1000000
 #endif
