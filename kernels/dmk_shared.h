@@ -7,8 +7,9 @@
 #define DMK_GROUP 256 /* work-items per group in the GPU shape */
 /* Over more than DMK_FAR rows (of T/2; half a million triangles) a CPU's caches do not hold what rows gather from
  * elements, and no processor foresees it: the lines are asked for DMK_AHEAD columns of the lists before, by which these
- * are longer than they need be. 1.09 million triangles: 4.0 ms for 7.1 in the rows of A x, 0.88 of a whole solve, with
- * 32 to 96 columns; 128: 4.2 ms. Where caches hold it (273,000 triangles) it would take 0.84 ms for 0.60. */
+ * are longer than they need be. A x of 1.09 million triangles takes 5.7 to 5.9 ms with 32 to 96 columns, 6.1 with 16
+ * or 128, 7.2 with 8, 8.8 without; a whole solve 0.88. Others without and with: 273,000 triangles 1.01 and 1.25 ms,
+ * 401,000 1.63 and 1.73, 524,000 2.71 and 2.35, 739,000 3.9 and 3.6. */
 #ifndef DMK_FAR /* 0 in make check-kernels: all rows ask */
 #define DMK_FAR 1000000
 #endif
