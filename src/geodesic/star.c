@@ -73,19 +73,25 @@ static void find_first(const dmk_mesh *m, dmk_star *s)
     }
 }
 
+static double turn(const dmk_star *s, int32_t first)
+{
+    double sum = 0;
+    int32_t c = first;
+    do {
+        s->angle[c] = sum;
+        sum += s->corner_angle[c];
+        c = dmk_star_next(s, c);
+    } while (c >= 0 && c != first);
+    return sum;
+}
+
+/* By the triangle of the first corner: neighbours in memory, as vertices of a subdivided mesh are not. */
 static void turn_range(int32_t begin, int32_t end, void *data)
 {
-    const dmk_star *s = ((const work *)data)->star;
-    for (int32_t v = begin; v < end; v++) {
-        double sum = 0;
-        int32_t c = s->first[v];
-        while (c >= 0) {
-            s->angle[c] = sum;
-            sum += s->corner_angle[c];
-            c = dmk_star_next(s, c);
-            if (c == s->first[v]) break;
-        }
-        s->total[v] = sum;
+    const work *w = data;
+    for (int32_t c = 3 * begin; c < 3 * end; c++) {
+        const int32_t v = w->mesh->triangle[c];
+        if (w->star->first[v] == c) w->star->total[v] = turn(w->star, c);
     }
 }
 
@@ -108,7 +114,7 @@ int dmk_star_create(dmk_context *ctx, const dmk_mesh *m, dmk_star *s)
     DMK_TRY(DMK_NEW_UNSET(ctx, s->angle, n_half));
     DMK_TRY(DMK_NEW_UNSET(ctx, s->corner_angle, n_half));
     DMK_TRY(DMK_NEW_UNSET(ctx, s->twin, n_half));
-    DMK_TRY(DMK_NEW_UNSET(ctx, s->total, n_vertices));
+    DMK_TRY(DMK_NEW(ctx, s->total, n_vertices));
     DMK_TRY(DMK_NEW_UNSET(ctx, s->first, n_vertices));
     DMK_TRY(DMK_NEW(ctx, s->border, n_vertices));
     s->unit = find_unit(m);
@@ -117,7 +123,7 @@ int dmk_star_create(dmk_context *ctx, const dmk_mesh *m, dmk_star *s)
     dmk_parallel(ctx, m->n_triangles, pair_range, &w);
     find_first(m, s);
     DMK_TRY(dmk_poll(ctx));
-    dmk_parallel(ctx, m->n_vertices, turn_range, &w);
+    dmk_parallel(ctx, m->n_triangles, turn_range, &w);
 done:
     if (rc != DMK_OK) dmk_star_free(s);
     return rc;

@@ -235,18 +235,14 @@ static int32_t third_vertex(const dmk_mesh *m, int32_t e, int32_t t)
 }
 
 /* Two triangles back to back share an edge and the vertex opposite to it. */
-static bool edge_is_of_pillow(int32_t e, void *data)
+static bool edge_is_of_pillow(const dmk_mesh *m, int32_t e)
 {
-    const dmk_mesh *m = data;
     const int32_t *t = m->edge_triangle + 2 * (size_t)e;
     return t[1] >= 0 && third_vertex(m, e, t[0]) == third_vertex(m, e, t[1]);
 }
 
-static int check_pillows(dmk_context *ctx, const dmk_ranks *ranks, dmk_mesh *m)
+static int fail_pillow(dmk_context *ctx, const dmk_mesh *m, int32_t e)
 {
-    int32_t e;
-    const int rc = dmk_parallel_first_of(ctx, ranks, m->n_edges, edge_is_of_pillow, m, &e);
-    if (rc != DMK_OK || e < 0) return rc;
     const int32_t *t = m->edge_triangle + 2 * (size_t)e, *ends = m->edge_vertex + 2 * (size_t)e;
     return dmk_fail(ctx, DMK_E_MESH,
                     "triangles %d and %d are duplicates, back to back: both have the vertices "
@@ -284,9 +280,8 @@ typedef struct star_job {
 } star_job;
 
 /* Not all corners of the vertex are met on a walk over shared edges. */
-static bool star_is_split(int32_t v, void *data)
+static bool star_is_split(const star_job *job, int32_t v)
 {
-    const star_job *job = data;
     int32_t seen = 0, c = job->first[v];
     if (job->count[v] == 0) return false;
     do {
@@ -296,12 +291,37 @@ static bool star_is_split(int32_t v, void *data)
     return seen != job->count[v];
 }
 
+/* A star is walked from the triangle where it begins: those that follow each other lie side by side in memory, as
+ * vertices of a subdivided mesh do not. */
+static bool is_not_manifold(int32_t t, void *data)
+{
+    const star_job *job = data;
+    const dmk_mesh *m = job->mesh;
+    for (int32_t h = 3 * t; h < 3 * t + 3; h++) {
+        const int32_t e = m->triangle_edge[h], v = m->triangle[h];
+        if (m->edge_triangle[2 * (size_t)e] == t && edge_is_of_pillow(m, e)) return true;
+        if (job->first[v] == h && star_is_split(job, v)) return true;
+    }
+    return false;
+}
+
+static int fail_manifold(dmk_context *ctx, const star_job *job)
+{
+    const dmk_mesh *m = job->mesh;
+    for (int32_t e = 0; e < m->n_edges; e++) {
+        if (edge_is_of_pillow(m, e)) return fail_pillow(ctx, m, e);
+    }
+    for (int32_t v = 0; v < m->n_vertices; v++) {
+        if (star_is_split(job, v)) return fail_star(ctx, m, job->first[v]);
+    }
+    return DMK_OK;
+}
+
 int dmk_check_stars(dmk_context *ctx, const dmk_ranks *ranks, dmk_mesh *m)
 {
     int rc;
-    int32_t v;
+    int32_t bad;
     star_job job = {.mesh = m};
-    DMK_TRY(check_pillows(ctx, ranks, m));
     DMK_TRY(DMK_NEW(ctx, job.first, (size_t)m->n_vertices));
     DMK_TRY(DMK_NEW(ctx, job.count, (size_t)m->n_vertices));
     for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
@@ -312,8 +332,8 @@ int dmk_check_stars(dmk_context *ctx, const dmk_ranks *ranks, dmk_mesh *m)
         int32_t h = dmk_half_edge_on(m, m->edge_triangle[2 * (size_t)e], e);
         job.first[m->triangle[dmk_next(h)]] = dmk_next(h);
     }
-    DMK_TRY(dmk_parallel_first_of(ctx, ranks, m->n_vertices, star_is_split, &job, &v));
-    if (v >= 0) rc = fail_star(ctx, m, job.first[v]);
+    DMK_TRY(dmk_parallel_first_of(ctx, ranks, m->n_triangles, is_not_manifold, &job, &bad));
+    if (bad >= 0) rc = fail_manifold(ctx, &job);
 done:
     free(job.first);
     free(job.count);
