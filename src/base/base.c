@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <time.h>
 
 int dmk_fail(dmk_context *context, int status, const char *format, ...)
@@ -84,6 +85,16 @@ int dmk_options_take(dmk_context *context, const char *type, const void *options
     return DMK_OK;
 }
 
+void dmk_huge_pages(void *memory, size_t bytes)
+{
+#ifdef MADV_HUGEPAGE
+    enum { PAGE = 2 << 20 };
+    const size_t skipped = PAGE - (uintptr_t)memory % PAGE;
+    if (bytes < DMK_HUGE) return;
+    madvise((char *)memory + skipped, (bytes - skipped) / PAGE * PAGE, MADV_HUGEPAGE);
+#endif
+}
+
 int dmk_alloc(dmk_context *context, const char *what, size_t count, size_t size, void **memory)
 {
     if (count == 0) count = 1;
@@ -92,6 +103,7 @@ int dmk_alloc(dmk_context *context, const char *what, size_t count, size_t size,
         return dmk_fail(context, DMK_E_NOMEM, "out of memory: %zu x %zu bytes for %s", count, size,
                         what);
     }
+    dmk_huge_pages(p, count * size);
     *memory = p;
     return DMK_OK;
 }
@@ -106,6 +118,7 @@ int dmk_grow(dmk_context *context, const char *what, size_t wanted, size_t size,
         return dmk_fail(context, DMK_E_NOMEM, "out of memory: %zu x %zu bytes for %s", room, size,
                         what);
     }
+    dmk_huge_pages(p, room * size);
     *memory = p;
     *capacity = room;
     return DMK_OK;

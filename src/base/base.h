@@ -78,6 +78,12 @@ int dmk_grow(dmk_context *context, const char *what, size_t wanted, size_t size,
 #define DMK_NEW_UNSET(context, pointer, count)                                                     \
     dmk_grow((context), #pointer, (count), sizeof *(pointer), (size_t[]){0}, (void **)&(pointer))
 
+/* Memory of so many bytes or more is to lie in huge pages, speed only: the system takes a fault for each 2 MB that are
+ * written, not for each 4 kB. A solve of 4,375,000 triangles has 180,000 faults so and takes 24 s, with 64 MB 970,000
+ * and 25, without 1,930,000 and 28. The calls above see to it; for memory of others, before it is written. */
+enum { DMK_HUGE = 16 << 20 };
+void dmk_huge_pages(void *memory, size_t bytes);
+
 /* What is free on the heap goes back to the system, where the C library can do that. */
 void dmk_trim_memory(void);
 

@@ -20,6 +20,26 @@ size_t dmk_device_real(const dmk_device *dev, dmk_program program)
     return program == DMK_OUTER && dev->double_precision ? sizeof(double) : sizeof(float);
 }
 
+static bool is_cpu(const dmk_device *dev)
+{
+    return strcmp(dev->info.type, "CPU") == 0;
+}
+
+/* A large buffer that is host memory, before it is written. */
+static int use_huge_pages(dmk_context *ctx, dmk_device *dev, cl_mem mem, size_t bytes)
+{
+    int rc = DMK_OK;
+    cl_int error;
+    if (bytes < DMK_HUGE || !is_cpu(dev)) return DMK_OK;
+    void *at = clEnqueueMapBuffer(dev->queue, mem, CL_TRUE, CL_MAP_WRITE_INVALIDATE_REGION, 0,
+                                  bytes, 0, NULL, NULL, &error);
+    DMK_TRY(dmk_cl_check(ctx, error, "clEnqueueMapBuffer"));
+    dmk_huge_pages(at, bytes);
+    DMK_CL(clEnqueueUnmapMemObject(dev->queue, mem, at, 0, NULL, NULL));
+done:
+    return rc;
+}
+
 int dmk_buffer_create(dmk_context *ctx, dmk_device *dev, size_t bytes, const void *init,
                       dmk_buffer **buffer)
 {
@@ -29,11 +49,14 @@ int dmk_buffer_create(dmk_context *ctx, dmk_device *dev, size_t bytes, const voi
         bytes = 8;
         init = NULL;
     }
-    cl_mem mem = clCreateBuffer(dev->cl, CL_MEM_READ_WRITE | (init ? CL_MEM_COPY_HOST_PTR : 0),
-                                bytes, (void *)(uintptr_t)init, &error);
+    cl_mem mem = clCreateBuffer(dev->cl, CL_MEM_READ_WRITE, bytes, NULL, &error);
     DMK_TRY(dmk_cl_check(ctx, error, "clCreateBuffer"));
     *buffer = (dmk_buffer *)mem;
-    if (!init) DMK_TRY(dmk_buffer_clear(ctx, dev, *buffer, bytes));
+    DMK_TRY(use_huge_pages(ctx, dev, mem, bytes));
+    if (init)
+        DMK_CL(clEnqueueWriteBuffer(dev->queue, mem, CL_TRUE, 0, bytes, init, 0, NULL, NULL));
+    else
+        DMK_TRY(dmk_buffer_clear(ctx, dev, *buffer, bytes));
 done:
     return rc;
 }
@@ -169,7 +192,7 @@ int dmk_buffer_map(dmk_context *ctx, dmk_device *dev, dmk_buffer *buffer, size_t
 {
     cl_int error;
     *numbers = NULL;
-    if (strcmp(dev->info.type, "CPU") != 0 || !dev->double_precision || n == 0) return DMK_OK;
+    if (!is_cpu(dev) || !dev->double_precision || n == 0) return DMK_OK;
     dev->work.reads++;
     double *at = clEnqueueMapBuffer(dev->queue, mem_of(buffer), CL_TRUE, CL_MAP_READ | CL_MAP_WRITE,
                                     0, n * sizeof *at, 0, NULL, NULL, &error);
