@@ -114,6 +114,13 @@ static void engine_free(engine *e)
 
 /* ---- the queue ------------------------------------------------------------------------------- */
 
+/* In line by all means: gcc takes a function that does nothing but this for one without effect, and its calls away. */
+static inline __attribute__((always_inline)) void fetch_two(const void *at)
+{
+    __builtin_prefetch(at);
+    __builtin_prefetch((const char *)at + 64);
+}
+
 /* An empty block at the end of a bucket. */
 static int add_block(dmk_context *ctx, engine *e, bucket *b)
 {
@@ -163,6 +170,7 @@ static int store(dmk_context *ctx, engine *e, const wave *w, int32_t *head)
     int32_t i = e->free;
     if (i >= 0) {
         e->free = e->pool[i].next;
+        if (e->free >= 0) fetch_two(e->pool + e->free);
     } else {
         if (e->n_pool == e->pool_room) {
             int rc = DMK_GROW(ctx, e->pool, e->n_pool + 1, e->pool_room);
@@ -341,15 +349,8 @@ static int take_bucket(dmk_context *ctx, engine *e)
 }
 
 /* Visits are mostly waits for memory: what the visits to come will read is fetched in two steps, as where the second
- * part lies is in the first. In line by all means: gcc takes a function that does nothing but this for one without
- * effect, and its calls away. */
+ * part lies is in the first. */
 enum { FAR = 8, NEAR = 4 }; /* visits ahead; speed only */
-static inline __attribute__((always_inline)) void fetch_two(const void *at)
-{
-    __builtin_prefetch(at);
-    __builtin_prefetch((const char *)at + 64);
-}
-
 static inline __attribute__((always_inline)) void fetch_half(const engine *e, int32_t half)
 {
     fetch_two(e->front.facet + half / 3);
@@ -393,7 +394,8 @@ static void visit_chunk(int32_t k, int member, void *data)
     f->to = me->n;
 }
 
-/* What the visits of a chunk have found. */
+/* What the visits of a chunk have found. The other threads wait, and where it goes lies anywhere: asked for ahead, and
+ * the next free window too, it takes 0.17 of 4.5 s on 4,375,000 triangles for 0.29 to 0.42. */
 static int enter(dmk_context *ctx, engine *e, const finds *f)
 {
     int rc = DMK_OK;
@@ -408,8 +410,10 @@ static int enter(dmk_context *ctx, engine *e, const finds *f)
     }
     for (size_t i = f->from.kept; i < f->to.kept; i++)
         DMK_TRY(store(ctx, e, w->kept + i, e->kept + w->kept[i].half));
-    for (size_t i = f->from.child; i < f->to.child; i++)
+    for (size_t i = f->from.child; i < f->to.child; i++) {
+        if (i + FAR < f->to.child) __builtin_prefetch(e->head + w->child[i + FAR].wave.half, 1);
         DMK_TRY(put(ctx, e, &w->child[i].wave, w->child[i].key));
+    }
 done:
     return rc;
 }
