@@ -3,10 +3,12 @@
 #include "files.h"
 #include "solver/memory.h"
 
+#include <inttypes.h>
 #include <math.h>
 #include <pthread.h>
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 /* What was asked for and not waited for, as after an error, ends before the device goes away: PoCL's
  * threads would go on with a part of a device that is no more. The device's own buffers go first: what wrote to them
@@ -145,6 +147,61 @@ static void mapped(void **state)
         dmk_buffer_destroy(&buffer);
         dmk_device_destroy(&device);
     }
+}
+
+/* Whether the system was asked for huge pages at an address: 1, 0, or -1 where it does not tell. */
+static int is_in_huge_pages(const void *address)
+{
+    char line[512];
+    uintptr_t begin, end;
+    bool here = false;
+    int found = -1;
+    FILE *maps = access("/sys/kernel/mm/transparent_hugepage", F_OK) == 0
+                     ? fopen("/proc/self/smaps", "r")
+                     : NULL;
+    while (maps && found < 0 && fgets(line, sizeof line, maps)) {
+        if (sscanf(line, "%" SCNxPTR "-%" SCNxPTR " ", &begin, &end) == 2)
+            here = (uintptr_t)address >= begin && (uintptr_t)address < end;
+        else if (here && strncmp(line, "VmFlags:", 8) == 0)
+            found = strstr(line, " hg") != NULL;
+    }
+    if (maps) fclose(maps);
+    return found;
+}
+
+/* Arrays of 24 MB and buffers of a CPU, with numbers or without; but not arrays of 9 MB. */
+static void large_memory_lies_in_huge_pages(void **state)
+{
+    enum { SMALL = 9 << 20, LARGE = 24 << 20, N = LARGE / sizeof(double) };
+    fixture *f = *state;
+    char *small = NULL, *grown = NULL;
+    double *numbers = NULL;
+    dmk_device *device = NULL;
+    assert_int_equal(DMK_NEW(f->ctx, small, SMALL), DMK_OK);
+    assert_int_equal(DMK_NEW(f->ctx, numbers, N), DMK_OK);
+    assert_int_equal(DMK_NEW_UNSET(f->ctx, grown, LARGE), DMK_OK);
+    assert_int_equal(dmk_device_open(f->ctx, NULL, &device), DMK_OK);
+    const int known = is_in_huge_pages(small);
+    if (known < 0) print_message("huge pages: the system does not tell of them\n");
+    assert_int_not_equal(known, 1);
+    assert_true(known < 0 || is_in_huge_pages(numbers + N / 2));
+    assert_true(known < 0 || is_in_huge_pages(grown + LARGE / 2));
+    for (size_t i = 0; i < N; i++) numbers[i] = (double)i;
+    for (int filled = 0; filled < 2; filled++) {
+        dmk_buffer *buffer = NULL;
+        double *there = NULL;
+        assert_int_equal(dmk_buffer_create(f->ctx, device, LARGE, filled ? numbers : NULL, &buffer),
+                         DMK_OK);
+        assert_int_equal(dmk_buffer_map(f->ctx, device, buffer, N, &there), DMK_OK);
+        for (size_t i = 0; there && i < N; i++) assert_true(there[i] == (filled ? numbers[i] : 0));
+        assert_true(known < 0 || !there || is_in_huge_pages(there + N / 2));
+        if (there) dmk_buffer_unmap(device, buffer, there);
+        dmk_buffer_destroy(&buffer);
+    }
+    dmk_device_destroy(&device);
+    free(small);
+    free(numbers);
+    free(grown);
 }
 
 /* The default is a GPU, where there is one that computes in double precision. */
@@ -324,6 +381,7 @@ int main(void)
                                        TEST(destroyed_with_work_under_way),
                                        TEST(built_in_the_background),
                                        TEST(mapped),
+                                       TEST(large_memory_lies_in_huge_pages),
                                        TEST(the_best_device),
                                        TEST(devices_are_listed),
                                        TEST(a_device_by_its_kind),

@@ -25,15 +25,21 @@ static bool is_cpu(const dmk_device *dev)
     return strcmp(dev->info.type, "CPU") == 0;
 }
 
+static int map(dmk_context *ctx, dmk_device *dev, cl_mem mem, cl_map_flags how, size_t bytes,
+               void **at)
+{
+    cl_int error;
+    *at = clEnqueueMapBuffer(dev->queue, mem, CL_TRUE, how, 0, bytes, 0, NULL, NULL, &error);
+    return dmk_cl_check(ctx, error, "clEnqueueMapBuffer");
+}
+
 /* A large buffer that is host memory, before it is written. */
 static int use_huge_pages(dmk_context *ctx, dmk_device *dev, cl_mem mem, size_t bytes)
 {
     int rc = DMK_OK;
-    cl_int error;
+    void *at;
     if (bytes < DMK_HUGE || !is_cpu(dev)) return DMK_OK;
-    void *at = clEnqueueMapBuffer(dev->queue, mem, CL_TRUE, CL_MAP_WRITE_INVALIDATE_REGION, 0,
-                                  bytes, 0, NULL, NULL, &error);
-    DMK_TRY(dmk_cl_check(ctx, error, "clEnqueueMapBuffer"));
+    DMK_TRY(map(ctx, dev, mem, CL_MAP_WRITE_INVALIDATE_REGION, bytes, &at));
     dmk_huge_pages(at, bytes);
     DMK_CL(clEnqueueUnmapMemObject(dev->queue, mem, at, 0, NULL, NULL));
 done:
@@ -190,13 +196,12 @@ done:
 int dmk_buffer_map(dmk_context *ctx, dmk_device *dev, dmk_buffer *buffer, size_t n,
                    double **numbers)
 {
-    cl_int error;
+    void *at;
     *numbers = NULL;
     if (!is_cpu(dev) || !dev->double_precision || n == 0) return DMK_OK;
     dev->work.reads++;
-    double *at = clEnqueueMapBuffer(dev->queue, mem_of(buffer), CL_TRUE, CL_MAP_READ | CL_MAP_WRITE,
-                                    0, n * sizeof *at, 0, NULL, NULL, &error);
-    const int rc = dmk_cl_check(ctx, error, "clEnqueueMapBuffer");
+    const int rc =
+        map(ctx, dev, mem_of(buffer), CL_MAP_READ | CL_MAP_WRITE, n * sizeof(double), &at);
     if (rc == DMK_OK) *numbers = at;
     return rc;
 }

@@ -350,7 +350,7 @@ static int take_bucket(dmk_context *ctx, engine *e)
 
 /* Visits are mostly waits for memory: what the visits to come will read is fetched in two steps, as where the second
  * part lies is in the first. */
-enum { FAR = 8, NEAR = 4 }; /* visits ahead; speed only */
+enum { FAR = 8, NEAR = 4 }; /* visits, and windows found, ahead; speed only */
 static inline __attribute__((always_inline)) void fetch_half(const engine *e, int32_t half)
 {
     fetch_two(e->front.facet + half / 3);
