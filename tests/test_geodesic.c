@@ -4,6 +4,7 @@
 
 #include "base/vec3.h"
 
+#include <malloc.h>
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -953,6 +954,26 @@ static void behind_a_nearly_flat_vertex(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* Vertices in no triangle have no star, and no angle either: not what memory held before. As many as the C library
+ * does fill with something else (those of small arrays it does not). */
+static void vertices_in_no_triangle(void **state)
+{
+    enum { N = 1000 };
+    double xyz[3 * N] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+    const int32_t triangle[] = {0, 1, 2};
+    dmk_mesh *m;
+    dmk_star star;
+    dmk_context *ctx = *state;
+    assert_int_equal(dmk_mesh_create(ctx, N, xyz, 1, triangle, &m), DMK_OK);
+    mallopt(M_PERTURB, 0x5a);
+    assert_int_equal(dmk_star_create(ctx, m, &star), DMK_OK);
+    mallopt(M_PERTURB, 0);
+    assert_true(fabs(star.total[0] - pi / 2) < 1e-15);
+    for (int32_t v = 3; v < N; v++) assert_true(star.first[v] == -1 && star.total[v] == 0);
+    dmk_star_free(&star);
+    dmk_mesh_destroy(&m);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -973,6 +994,7 @@ int main(void)
         cmocka_unit_test(paths_are_the_log_map),
         cmocka_unit_test(behind_a_nearly_flat_vertex),
         cmocka_unit_test(angles_of_needles),
+        cmocka_unit_test(vertices_in_no_triangle),
         cmocka_unit_test(any_triangle_may_be_the_first),
         cmocka_unit_test(values_inside_triangles),
         cmocka_unit_test(several_components),

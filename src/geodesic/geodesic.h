@@ -32,7 +32,7 @@
 typedef struct dmk_star {
     double *angle;        /* 3 n_triangles */
     double *corner_angle; /* 3 n_triangles */
-    double *total;        /* n_vertices */
+    double *total;        /* n_vertices; 0 for a vertex in no triangle */
     int32_t *twin;        /* 3 n_triangles, -1 at a border */
     int32_t *first;       /* n_vertices: the star's first corner, -1 for a vertex in no triangle */
     bool *border;         /* n_vertices */
