@@ -188,7 +188,8 @@ typedef struct start {
     dmk_solver *solver;
     const dmk_mesh *mesh; /* with the metric that is computed with */
     const dmk_mesh *own;  /* with that of the input; NULL: no distance is wanted */
-    const dmk_point *source;
+    dmk_point *source;    /* in the order, once there is one */
+    dmk_result *result;   /* which shares the order */
     dmk_start from;
     dmk_geodesics *geodesics; /* of `own` */
     double *mid;              /* n_edges: distance at the midpoints */
@@ -445,6 +446,14 @@ static int set_up_alone(dmk_context *ctx, dmk_solver *s, start *near)
     return dmk_task_end(ctx, &task, rc);
 }
 
+/* The source in the order, which the result shares. */
+static void find_place(const dmk_solver *s, start *near)
+{
+    near->result->order = dmk_shared_order_keep(s->order);
+    near->result->source_triangle = find_triangle(&s->order->order, near->source->triangle);
+    near->source->triangle = near->result->source_triangle;
+}
+
 /* Ranks talk to each other, all in the same order. */
 static int set_up(dmk_context *ctx, dmk_solver *s, start *near)
 {
@@ -452,6 +461,7 @@ static int set_up(dmk_context *ctx, dmk_solver *s, start *near)
     if (s->planted) {
         DMK_TRY(dmk_planted_pack(ctx, s, near->source));
         if (s->planted) return DMK_OK;
+        find_place(s, near); /* the share was too small after all */
     }
     if (s->ranks.size <= 1) return set_up_alone(ctx, s, near);
     if (!near->own) return s->system ? DMK_OK : pack_lean(ctx, s, near->source);
@@ -701,14 +711,6 @@ done:
     return rc;
 }
 
-/* The source in the order, which the result shares. */
-static void find_place(const dmk_solver *s, dmk_result *r, dmk_point *p)
-{
-    r->order = dmk_shared_order_keep(s->order);
-    r->source_triangle = find_triangle(&s->order->order, p->triangle);
-    p->triangle = r->source_triangle;
-}
-
 int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
               const dmk_solve_options *options, dmk_result **result)
 {
@@ -736,15 +738,14 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     r->stats.gap = NAN; /* until it is computed */
     r->source = *source;
     dmk_point p = *source;
-    if (!s->planted) find_place(s, r, &p);
-
     near.solver = s;
     near.from = chosen.start;
     near.mesh = &s->mollified;
     near.own = chosen.density_only ? NULL : s->order->order.mesh;
     near.source = &p;
+    near.result = r;
+    if (!s->planted) find_place(s, &near);
     DMK_TRY(prepare(ctx, s, &near, began, r->stats.seconds));
-    if (s->order && !r->order) find_place(s, r, &p); /* the share was too small after all */
     double t1 = dmk_seconds();
     dmk_iteration o = {.ctx = ctx,
                        .sys = s->system,
