@@ -38,19 +38,20 @@ typedef struct first_touch {
     char *to;
     const char *from; /* or NULL for zeros */
     size_t bytes;
+    int threads;
 } first_touch;
 
-enum { PAGE = 4096 }; /* bytes, of which the system gives at least one whole */
-
-static void touch_range(int32_t begin, int32_t end, void *data)
+static int touch_piece(dmk_context *own, int32_t i, void *data)
 {
+    (void)own;
     const first_touch *w = data;
-    const size_t at = (size_t)begin * PAGE, up_to = (size_t)end * PAGE;
-    const size_t bytes = (up_to < w->bytes ? up_to : w->bytes) - at;
+    const int64_t n = (int64_t)w->bytes, at = dmk_even_bound(n, i, w->threads);
+    const size_t bytes = (size_t)(dmk_even_bound(n, i + 1, w->threads) - at);
     if (w->from)
         memcpy(w->to + at, w->from + at, bytes);
     else
         memset(w->to + at, 0, bytes);
+    return DMK_OK;
 }
 
 /* A large buffer that is host memory, with what it is to hold: in huge pages, and each thread takes its part of them,
@@ -59,12 +60,12 @@ static void touch_range(int32_t begin, int32_t end, void *data)
 static int fill_first(dmk_context *ctx, dmk_device *dev, cl_mem mem, size_t bytes, const void *init)
 {
     int rc;
-    first_touch work = {.from = init, .bytes = bytes};
+    first_touch work = {.from = init, .bytes = bytes, .threads = dmk_parallel_threads(ctx)};
     void *at;
     DMK_TRY(map(ctx, dev, mem, CL_MAP_WRITE_INVALIDATE_REGION, bytes, &at));
     dmk_huge_pages(at, bytes);
     work.to = at;
-    dmk_parallel(ctx, (int32_t)((bytes + PAGE - 1) / PAGE), touch_range, &work);
+    DMK_TRY(dmk_parallel_pieces(ctx, work.threads, touch_piece, &work));
     DMK_CL(clEnqueueUnmapMemObject(dev->queue, mem, at, 0, NULL, NULL));
 done:
     return rc;
