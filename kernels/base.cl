@@ -16,7 +16,8 @@
  * Arrays are `restrict`, but for those of atomic operations, and but for r and its
  * narrow copy, which are one where the program works in single precision.
  * Build options: DMK_CPU, DMK_CHUNK, DMK_DOUBLE (this program's real type), DMK_FP64 (the device's
- * double precision may be used for sums), DMK_GATHERS (vector gathers, on a CPU). */
+ * double precision may be used for sums), DMK_POCL (the compiler is PoCL's), DMK_GATHERS (vector gathers, on a CPU),
+ * DMK_CREW (work-items of a kernel that one work-group does). */
 #if DMK_FP64
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 typedef double sum_t;
@@ -75,11 +76,11 @@ typedef float8 sumv;
 #define SELECT(no, yes, when) select((no), (yes), (when))
 /* One row at a time, for work that does not go in blocks. */
 #define PART_ITEMS (DMK_CHUNK * DMK_WIDTH)
-/* Ask for the lines of what is gathered soon. */
-#ifdef __clang__
+/* Ask for the lines of what is gathered soon. Other drivers' global pointers may not be the compiler's. */
+#if DMK_POCL
 #define FETCH(p, i) __builtin_prefetch((const void *)(size_t)((p) + (i)))
 #else
-#define FETCH(p, i)
+#define FETCH(p, i) (void)(i)
 #endif
 #define GATHERS_LATER(p, i)                                                                        \
     FETCH(p, i.s0); FETCH(p, i.s1); FETCH(p, i.s2); FETCH(p, i.s3); FETCH(p, i.s4); FETCH(p, i.s5); \
@@ -235,6 +236,7 @@ static int next_part(volatile global int *shares, int4 launch, int *at)
     for (int part##_at[2] = {-1, 0}, part = next_part(shares, launch, part##_at); part >= 0;       \
          part = next_part(shares, launch, part##_at))
 #define KERNEL kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
+#define KERNEL_ALONE KERNEL
 #else
 static int part_of_group(volatile global int *shares, int4 launch)
 {
@@ -244,21 +246,28 @@ static int part_of_group(volatile global int *shares, int4 launch)
 
 #define FOR_PARTS(part, shares, launch) const int part = part_of_group(shares, launch);
 #define KERNEL kernel __attribute__((reqd_work_group_size(DMK_GROUP, 1, 1))) void
+/* Of a kernel that one work-group does: as large a one as there is. */
+#define KERNEL_ALONE kernel __attribute__((reqd_work_group_size(DMK_CREW, 1, 1))) void
 #endif
 
-/* What the work-items of a group share; a kernel that sums has one. */
+/* What the work-items of a group share; a kernel that sums has one. In the GPU shape sum[k] has their numbers of quantity
+ * k, and then its first the group's. */
 typedef struct group_memory {
-#if !DMK_CPU
-    sum_t sum[DMK_GROUP];
+#if DMK_CPU
+    sum_t sum[DMK_MOST_SUMS][1];
+#else
+    sum_t sum[DMK_MOST_SUMS][DMK_GROUP];
 #endif
     int last;
 } group_memory;
 
 /* Sums: each part leaves one partial sum per quantity k at partial[k * parts + part], and the last one to be
  * done adds them up into scalars[at + k], unless at < 0: with ranks there are more of them elsewhere. The
- * order of additions is fixed by the number of items, so the same launch gives the same bits, on ranks as without. Partial sums
- * pass from group to group within a launch, so they are written and read by atomic operations, which caches
- * do not hide. `done` counts the parts that are, and is 0 again at the end. */
+ * order of additions is fixed by the number of items, so the same launch gives the same bits, on ranks as without.
+ * Partial sums pass from group to group within a launch, so they are written and read by atomic operations, which
+ * caches do not hide; on NVIDIA's devices by volatile ones, which they do not hide either, and of which many are under
+ * way at once (1.09 million triangles on an H200: inner_apply 0.079 ms for 0.144). `done` counts the parts that are,
+ * and is 0 again at the end. */
 typedef struct sums {
     volatile global sum_t *partial;
     global sum_t *scalars;
@@ -268,6 +277,7 @@ typedef struct sums {
     int joined; /* the partial sums are of blocks already */
 } sums;
 
+#ifndef __NV_CL_C_VERSION
 static void put_sum(volatile global sum_t *at, sum_t x)
 {
     volatile global int *word = (volatile global int *)at;
@@ -290,6 +300,28 @@ static sum_t take_sum(volatile global sum_t *at)
     return as_float(atomic_or(word, 0));
 #endif
 }
+#else
+static void put_sum(volatile global sum_t *at, sum_t x)
+{
+    *at = x;
+}
+
+static sum_t take_sum(volatile global sum_t *at)
+{
+    return *at;
+}
+#endif
+
+/* Between what other work-groups are to see, or have written, and the count of those that are done. NVIDIA's mem_fence is
+ * one for the work-group alone. */
+static void device_fence(void)
+{
+#ifdef __NV_CL_C_VERSION
+    asm volatile("membar.gl;" ::: "memory");
+#else
+    mem_fence(CLK_GLOBAL_MEM_FENCE);
+#endif
+}
 
 /* Partial sums that are added first: see DMK_SUM_SHORT. */
 static int block_of(sums s)
@@ -302,32 +334,54 @@ static int blocks_of(sums s)
     return (s.parts + block_of(s) - 1) / block_of(s);
 }
 
-/* Quantity k's of block b: their sum or maximum. */
+/* The sum or, with top != 0, the maximum of x and every step-th of these numbers. */
+static sum_t take_some(sum_t x, int top, volatile global sum_t *from, int begin, int end, int step)
+{
+    _Pragma("unroll 8") for (int g = begin; g < end; g += step)
+    {
+        const sum_t next = take_sum(from + g);
+        x = top ? fmax(x, next) : x + next;
+    }
+    return x;
+}
+
+/* Quantity k's of block b. */
 static sum_t take_block(sums s, int k, int top, int b)
 {
     volatile global sum_t *x = s.partial + k * s.parts;
     const int begin = b * block_of(s), end = min(begin + block_of(s), s.parts);
-    sum_t sum = top ? take_sum(x + begin) : 0;
-    for (int g = begin; g < end; g++) sum = top ? fmax(sum, take_sum(x + g)) : sum + take_sum(x + g);
+    return take_some(top ? take_sum(x + begin) : 0, top, x, begin, end, 1);
+}
+
+/* Quantity k's of every step-th block from the first on. */
+static sum_t take_blocks(sums s, int k, int top, int first, int step)
+{
+    volatile global sum_t *x = s.partial + k * s.parts;
+    sum_t sum = top ? take_sum(x) : 0;
+    if (block_of(s) == 1) return take_some(sum, top, x, first, s.parts, step);
+    for (int b = first; b < blocks_of(s); b += step) {
+        const sum_t next = take_block(s, k, top, b);
+        sum = top ? fmax(sum, next) : sum + next;
+    }
     return sum;
 }
 
 static int is_last(sums s)
 {
     if (s.at < 0) return 0;
-    mem_fence(CLK_GLOBAL_MEM_FENCE);
+    device_fence();
     const int last = atomic_inc(s.done) == s.parts - 1;
-    if (last) atomic_xchg(s.done, 0);
-    mem_fence(CLK_GLOBAL_MEM_FENCE);
-    return last;
+    if (!last) return 0;
+    atomic_xchg(s.done, 0);
+    device_fence();
+    return 1;
 }
 
-/* The functions from here to cg_both_of are for all work-items of a group: they wait for each other.
- * leave_sum, leave_max: the part's sum or maximum of v becomes the partial sum of quantity k.
- * is_last_part: all parts have left theirs.
- * total: where `when` holds, the sum (or, with top != 0, the maximum) of all partial sums of quantity k, known
- * to the work-item that is_writer. All groups run through it: a barrier within a branch, even if a whole
- * group takes it, is not done right by all drivers (PoCL 3.1 does what follows twice). */
+/* The functions from here to cg_both_of are for all work-items of a group: they wait for each other. Of `count`
+ * quantities the last `maxima` are maxima.
+ * leave_sum, leave_max: the part's sum or maximum of v is to become the partial sum of quantity k.
+ * is_last_part: the part leaves its partial sums; whether all have.
+ * add_up: where `when` holds, the sums of all partial sums, for `total` and the work-item that is_writer. */
 #if DMK_CPU
 static void leave_sum(sums s, int k, int part, sumv v)
 {
@@ -342,7 +396,7 @@ static void leave_max(sums s, int k, int part, sumv v)
                  fmax(fmax(v.s4, v.s5), fmax(v.s6, v.s7))));
 }
 
-static int is_last_part(sums s)
+static int is_last_part(sums s, int part, int count, int maxima)
 {
     return is_last(s);
 }
@@ -352,44 +406,49 @@ static int is_writer(int when)
     return when;
 }
 
-static sum_t total(sums s, int k, int top, int when)
+static void add_up(sums s, int count, int maxima, int when)
 {
-    sum_t sum = 0;
-    if (when && top) sum = take_sum(s.partial + k * s.parts);
-    for (int b = 0; when && b < blocks_of(s); b++) {
-        const sum_t x = take_block(s, k, top, b);
-        sum = top ? fmax(sum, x) : sum + x;
+    for (int k = 0; when && k < count; k++) {
+        s.group->sum[k][0] = take_blocks(s, k, k >= count - maxima, 0, 1);
     }
-    return sum;
 }
 #else
-static void leave(sums s, int k, int part, sum_t v, int top)
-{
-    const int l = (int)get_local_id(0);
-    local sum_t *x = s.group->sum;
-    x[l] = v;
-    for (int half_way = DMK_GROUP / 2; half_way > 0; half_way /= 2) {
-        barrier(CLK_LOCAL_MEM_FENCE);
-        if (l < half_way) x[l] = top ? fmax(x[l], x[l + half_way]) : x[l] + x[l + half_way];
-    }
-    barrier(CLK_LOCAL_MEM_FENCE);
-    if (l == 0) put_sum(s.partial + k * s.parts + part, x[0]);
-    barrier(CLK_LOCAL_MEM_FENCE);
-}
-
 static void leave_sum(sums s, int k, int part, sum_t v)
 {
-    leave(s, k, part, v, 0);
+    s.group->sum[k][get_local_id(0)] = v;
 }
 
 static void leave_max(sums s, int k, int part, sum_t v)
 {
-    leave(s, k, part, v, 1);
+    leave_sum(s, k, part, v);
 }
 
-static int is_last_part(sums s)
+/* The group's sums and maxima, each quantity's by work-items of its own: of 256 numbers first 32, then 4 and 1. */
+static void join_group(sums s, int count, int maxima)
 {
-    if (get_local_id(0) == 0) s.group->last = is_last(s);
+    const int l = (int)get_local_id(0), k = l / DMK_ABREAST, j = l % DMK_ABREAST;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    for (int from = DMK_GROUP, to = DMK_ABREAST; from > 1; from = to, to = max(to / 8, 1)) {
+        if (k < count && j < to) {
+            local sum_t *x = s.group->sum[k];
+            sum_t sum = x[j];
+            for (int i = j + to; i < from; i += to) {
+                sum = k >= count - maxima ? fmax(sum, x[i]) : sum + x[i];
+            }
+            x[j] = sum;
+        }
+        barrier(CLK_LOCAL_MEM_FENCE);
+    }
+}
+
+static int is_last_part(sums s, int part, int count, int maxima)
+{
+    const int l = (int)get_local_id(0);
+    join_group(s, count, maxima);
+    if (l < count) put_sum(s.partial + l * s.parts + part, s.group->sum[l][0]);
+    device_fence();
+    barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
+    if (l == 0) s.group->last = is_last(s);
     barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
     return s.group->last;
 }
@@ -399,38 +458,37 @@ static int is_writer(int when)
     return when && get_local_id(0) == 0;
 }
 
-static sum_t total(sums s, int k, int top, int when)
+static void add_up(sums s, int count, int maxima, int when)
 {
-    sum_t sum = 0;
-    if (when && top) sum = take_sum(s.partial + k * s.parts);
-    for (int b = (int)get_local_id(0); when && b < blocks_of(s); b += DMK_GROUP) {
-        const sum_t x = take_block(s, k, top, b);
-        sum = top ? fmax(sum, x) : sum + x;
+#if !DMK_POCL /* which does not do a barrier within a branch right, even if the whole group takes it */
+    if (!when) return;
+#endif
+    for (int k = 0; k < count; k++) {
+        const sum_t sum =
+            when ? take_blocks(s, k, k >= count - maxima, (int)get_local_id(0), DMK_GROUP) : 0;
+        leave_sum(s, k, 0, sum);
     }
-    s.group->sum[get_local_id(0)] = sum;
-    barrier(CLK_LOCAL_MEM_FENCE);
-    for (int g = 1; is_writer(when) && g < DMK_GROUP; g++) {
-        sum = top ? fmax(sum, s.group->sum[g]) : sum + s.group->sum[g];
-    }
-    barrier(CLK_LOCAL_MEM_FENCE);
-    return sum;
+    join_group(s, count, maxima);
 }
 #endif
 
-/* scalars[at + k] = the sum of quantity k's partial sums, k < count; the last `maxima` of them are maxima. */
-static void add_up(sums s, int count, int maxima, int when)
+static sum_t total(sums s, int k)
 {
-    for (int k = 0; k < count; k++) {
-        const sum_t sum = total(s, k, k >= count - maxima, when);
-        if (is_writer(when)) s.scalars[s.at + k] = sum;
-    }
+    return s.group->sum[k][0];
+}
+
+/* scalars[at + k] = the sum of quantity k's partial sums, k < count. */
+static void tell_sums(sums s, int count, int maxima, int when)
+{
+    add_up(s, count, maxima, when);
+    for (int k = 0; is_writer(when) && k < count; k++) s.scalars[s.at + k] = total(s, k);
 }
 
 /* The same by the last part. */
-static void finish_sums(sums s, int count, int maxima)
+static void finish_sums(sums s, int part, int count, int maxima)
 {
-    const int when = is_last_part(s);
-    add_up(s, count, maxima, when);
+    const int when = is_last_part(s, part, count, maxima);
+    tell_sums(s, count, maxima, when);
 }
 
 /* The scalars of conjugate gradients, on the device: [0] r.z  [1] p.Ap  [2] alpha  [3] beta
@@ -441,9 +499,10 @@ static void finish_sums(sums s, int count, int maxima)
  * preconditioner with rounding errors. */
 static void cg_beta_of(sums s, int first, int when)
 {
-    const sum_t rz = total(s, 0, 0, when), apz = total(s, 1, 0, when);
-    global sum_t *state = s.scalars;
+    add_up(s, 2, 0, when);
     if (!is_writer(when)) return;
+    const sum_t rz = total(s, 0), apz = total(s, 1);
+    global sum_t *state = s.scalars;
     state[3] = first || !(state[0] > 0) ? 0 : -state[2] * apz / state[0];
     state[0] = rz;
     if (first) state[4] = rz;
@@ -452,9 +511,10 @@ static void cg_beta_of(sums s, int first, int when)
 /* From that of p.Ap: alpha = r.z / p.Ap; a direction without energy is not followed. */
 static void cg_alpha_of(sums s, int when)
 {
-    const sum_t pap = total(s, 0, 0, when);
-    global sum_t *state = s.scalars;
+    add_up(s, 1, 0, when);
     if (!is_writer(when)) return;
+    const sum_t pap = total(s, 0);
+    global sum_t *state = s.scalars;
     state[1] = pap;
     state[2] = pap > 0 ? state[0] / pap : 0;
 }
@@ -464,9 +524,10 @@ static void cg_alpha_of(sums s, int when)
  * Math. 25, 1989). */
 static void cg_both_of(sums s, int first, int when)
 {
-    const sum_t rz = total(s, 0, 0, when), apz = total(s, 1, 0, when), zaz = total(s, 2, 0, when);
-    global sum_t *state = s.scalars;
+    add_up(s, 3, 0, when);
     if (!is_writer(when)) return;
+    const sum_t rz = total(s, 0), apz = total(s, 1), zaz = total(s, 2);
+    global sum_t *state = s.scalars;
     const sum_t beta = first || !(state[0] > 0) ? 0 : -state[2] * apz / state[0];
     const sum_t pap = beta == 0 ? zaz : zaz + beta * (2 * apz + beta * state[1]);
     state[0] = rz;
@@ -484,8 +545,13 @@ static void cg_both_of(sums s, int first, int when)
 #define FOR_ALL_BLOCKS(b, n) for (int b = 0; b < ((n) + DMK_WIDTH - 1) / DMK_WIDTH; b++)
 #else
 #define ITEM_BEGIN ((int)get_local_id(0))
-#define ITEM_STEP DMK_GROUP
+#define ITEM_STEP ((int)get_local_size(0))
 #define TOGETHER barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
 #define FOR_ALL_BLOCKS(b, n) FOR_ITEMS(b, n)
 #endif
+/* And of a matrix: a line's numbers by work-items beside each other. */
+#define FOR_LINES(i, n)                                                                            \
+    for (int i = ITEM_BEGIN / DMK_ABREAST; i < (n); i += (ITEM_STEP + DMK_ABREAST - 1) / DMK_ABREAST)
+#define FOR_ALONG(j, n)                                                                            \
+    for (int j = ITEM_BEGIN % DMK_ABREAST; j < (n); j += min(ITEM_STEP, DMK_ABREAST))
 #define FOR_ITEMS(i, n) for (int i = ITEM_BEGIN; i < (n); i += ITEM_STEP)

@@ -107,7 +107,7 @@ KERNEL element_energy(int n, int keep, float slack, global const int *restrict i
         }
         leave_measures(s, part, sum);
         leave_max(s, 4, part, sum.top);
-        finish_sums(s, 5, 1);
+        finish_sums(s, part, 5, 1);
     }
 }
 
@@ -383,7 +383,7 @@ KERNEL newton_update(int n, float alpha, float D, float bend, float lowest,
         leave_measures(s, part, sum);
         leave_sum(s, 4, part, change);
         leave_max(s, 5, part, sum.top);
-        finish_sums(s, 6, 1);
+        finish_sums(s, part, 6, 1);
     }
 }
 
@@ -420,7 +420,7 @@ KERNEL explicit_update(int n, int inertial, float dt, float beta, float lowest,
         }
         leave_sum(s, 0, part, change);
         leave_sum(s, 1, part, mass);
-        finish_sums(s, 2, 0);
+        finish_sums(s, part, 2, 0);
     }
 }
 

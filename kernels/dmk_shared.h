@@ -2,9 +2,11 @@
 #ifndef DMK_SHARED_H
 #define DMK_SHARED_H
 
-#define DMK_WIDTH 8   /* elements per block of the interleaved arrays */
-#define DMK_LINE 32   /* ints apart that two threads may write without taking a cache line away */
-#define DMK_GROUP 256 /* work-items per group in the GPU shape */
+#define DMK_WIDTH 8     /* elements per block of the interleaved arrays */
+#define DMK_LINE 32     /* ints apart that two threads may write without taking a cache line away */
+#define DMK_GROUP 256   /* work-items per group in the GPU shape */
+#define DMK_ABREAST 32  /* of these, that read a matrix' line together, or sum up one quantity */
+#define DMK_MOST_SUMS 6 /* quantities that a kernel sums, at most DMK_GROUP / DMK_ABREAST */
 /* Over more than DMK_FAR rows (of T/2; half a million triangles) a CPU's caches do not hold what rows gather from
  * elements, and no processor foresees it: the lines are asked for DMK_AHEAD columns of the lists before, by which these
  * are longer than they need be. A x of 1.09 million triangles takes 5.7 to 5.9 ms with 32 to 96 columns, 6.1 with 16

@@ -376,7 +376,7 @@ static void tail_solve(tail t, int l, global const float *inverse)
  * reads table, arena, r (gathered), inverse; writes arena
  * moves 64 L + 192 V + 8 C bytes, 24 L + 61 V + 2 C flops at each level
  * shape one work-group, which waits between its loops */
-KERNEL tail_cycle(int levels, int above, global const int *restrict table,
+KERNEL_ALONE tail_cycle(int levels, int above, global const int *restrict table,
                   global int *restrict arena, GATHERED float *restrict r,
                   global const float *restrict inverse, float8 momentum, float8 step,
                   volatile global int *shares, int4 launch)
@@ -403,10 +403,11 @@ KERNEL tail_cycle(int levels, int above, global const int *restrict table,
 /* The Laplacian of a graph level as a full matrix, n rows of n numbers. */
 static void dense_laplacian(int n, graph g, global sum_t *a)
 {
+    FOR_LINES(i, n) { FOR_ALONG(j, n) a[i * n + j] = 0; }
+    TOGETHER
     FOR_ITEMS(i, n)
     {
         sum_t diag = 0;
-        for (int j = 0; j < n; j++) a[i * n + j] = 0;
         for (int j = g.slice[i / DMK_WIDTH]; j < g.slice[i / DMK_WIDTH + 1]; j++) {
             const int k = DMK_WIDTH * j + i % DMK_WIDTH;
             a[i * n + g.neighbour[k]] -= g.weight[k];
@@ -430,11 +431,10 @@ static void invert_laplacian(int n, int n_pad, graph g, global sum_t *a, global 
     shift /= (sum_t)max(n, 1) * max(n, 1);
     if (!(shift > 0)) shift = 1;
     TOGETHER
-    FOR_ITEMS(i, n)
-    {
-        for (int j = 0; j < n; j++) a[i * n + j] += shift;
-        least[i] = 1e-12f * a[i * n + i]; /* rounding of the edges may leave a pivot at 0: it is left out */
-    }
+    FOR_LINES(i, n) { FOR_ALONG(j, n) a[i * n + j] += shift; }
+    TOGETHER
+    /* rounding of the edges may leave a pivot at 0: it is left out */
+    FOR_ITEMS(i, n) { least[i] = 1e-12f * a[i * n + i]; }
     for (int k = 0; k < n; k++) {
         TOGETHER
         const sum_t pivot = a[k * n + k] > least[k] ? 1 / a[k * n + k] : 0;
@@ -444,26 +444,23 @@ static void invert_laplacian(int n, int n_pad, graph g, global sum_t *a, global 
             column[i] = i == k ? 0 : a[i * n + k];
         }
         TOGETHER
-        FOR_ITEMS(i, n)
+        FOR_LINES(i, n)
         {
             const sum_t c = column[i];
-            for (int j = 0; j < n && i != k; j++) a[i * n + j] = (j == k ? 0 : a[i * n + j]) - c * row[j];
-            for (int j = 0; j < n && i == k; j++) a[i * n + j] = row[j];
+            FOR_ALONG(j, n) a[i * n + j] = i == k ? row[j] : (j == k ? 0 : a[i * n + j]) - c * row[j];
         }
     }
     TOGETHER
-    FOR_ITEMS(i, n)
+    FOR_LINES(i, n)
     {
-        for (int j = 0; j < n; j++) {
-            inverse[i * n_pad + j] = (float)(a[max(i, j) * n + min(i, j)] - 1 / (shift * n * n));
-        }
+        FOR_ALONG(j, n) inverse[i * n_pad + j] = (float)(a[max(i, j) * n + min(i, j)] - 1 / (shift * n * n));
     }
 }
 
 /* The coarsest level's inverse, where it is not one of the tail's. n is at most DMK_DENSE.
  * reads slice, neighbour, weight, a; writes a, inverse; moves 2 n^3 numbers, 2 n^3 flops
  * shape one work-group; numerics in sum_t */
-KERNEL coarse_inverse(int n, int n_pad, global const int *restrict slice,
+KERNEL_ALONE coarse_inverse(int n, int n_pad, global const int *restrict slice,
                       global const int *restrict neighbour, global const float *restrict weight,
                       global sum_t *restrict a, global float *restrict inverse,
                       volatile global int *shares, int4 launch)
@@ -640,7 +637,7 @@ static void tail_weights(tail t, int l)
  * reads table, arena, a; writes arena, a, inverse
  * moves 10 C + 4 K + 12 L + 4 V bytes, 2 C + 2 L + 2 V flops at each level, and what coarse_inverse moves
  * shape one work-group, which waits between its loops; numerics the inverse in sum_t */
-KERNEL tail_refresh(int levels, int inverted, global const int *restrict table,
+KERNEL_ALONE tail_refresh(int levels, int inverted, global const int *restrict table,
                     global int *restrict arena, global sum_t *restrict a,
                     global float *restrict inverse, volatile global int *shares, int4 launch)
 {

@@ -69,7 +69,7 @@ KERNEL nested_energy(int n, float scale, global const int *restrict index, globa
         }
         leave_measures(s, part, sum);
         leave_max(s, 4, part, sum.top);
-        finish_sums(s, 5, 1);
+        finish_sums(s, part, 5, 1);
     }
 }
 
@@ -164,7 +164,7 @@ KERNEL nested_update(int n, int vertex_row, float alpha, float D, float bend, fl
         leave_measures(s, part, sum);
         leave_sum(s, 4, part, change);
         leave_max(s, 5, part, sum.top);
-        finish_sums(s, 6, 1);
+        finish_sums(s, part, 6, 1);
     }
 }
 

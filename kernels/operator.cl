@@ -171,7 +171,7 @@ KERNEL rows_apply(int n, global const int *restrict slice, global const int *res
             sum += TO_SUM(a) * TO_SUM(LOAD(x, AT(b)));
         }
         leave_sum(s, 0, part, sum);
-        cg_alpha_of(s, is_last_part(s));
+        cg_alpha_of(s, is_last_part(s, part, 1, 0));
     }
 }
 

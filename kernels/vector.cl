@@ -14,7 +14,7 @@ KERNEL dot_real(int n, global const real *restrict a, global const real *restric
         sumv sum = 0;
         FOR_PART_BLOCKS(i, n, part) { sum += TO_SUM(LOAD(a, AT(i))) * TO_SUM(LOAD(b, AT(i))); }
         leave_sum(s, 0, part, sum);
-        finish_sums(s, 1, 0);
+        finish_sums(s, part, 1, 0);
     }
 }
 
@@ -39,7 +39,7 @@ KERNEL cg_dots(int n, int first, global const real *restrict r, global const rea
         }
         leave_sum(s, 0, part, rz);
         leave_sum(s, 1, part, apz);
-        cg_beta_of(s, first, is_last_part(s));
+        cg_beta_of(s, first, is_last_part(s, part, 2, 0));
     }
 }
 
@@ -62,7 +62,7 @@ KERNEL rows_range(int n, global const real *restrict u, volatile global sum_t *p
         }
         leave_max(s, 0, part, top);
         leave_max(s, 1, part, bottom);
-        finish_sums(s, 2, 2);
+        finish_sums(s, part, 2, 2);
     }
 }
 
@@ -76,7 +76,7 @@ KERNEL sum_partials(int parts, int count, int maxima, volatile global sum_t *par
 {
     local group_memory group;
     const sums s = {partial, scalars, 0, &group, at, parts, 1};
-    add_up(s, count, maxima, 1);
+    tell_sums(s, count, maxima, 1);
 }
 
 /* reads partial, scalars; writes scalars; moves 16 bytes and 2 flops a part; shape one work-group */
@@ -157,7 +157,7 @@ static void finish_products(sums s, int part, int first, products sum)
     leave_sum(s, 0, part, sum.rz);
     leave_sum(s, 1, part, sum.apz);
     leave_sum(s, 2, part, sum.zaz);
-    cg_both_of(s, first, is_last_part(s));
+    cg_both_of(s, first, is_last_part(s, part, 3, 0));
 }
 
 /* w = A z from its elements' parts, and alpha and beta.
@@ -265,6 +265,6 @@ KERNEL inner_finish(int n, int row, int first, float scale, global const sum_t *
             sum += TO_SUM(LOAD(f, AT(b))) * TO_SUM(next);
         }
         leave_sum(s, 0, part, sum);
-        finish_sums(s, 1, 0);
+        finish_sums(s, part, 1, 0);
     }
 }

@@ -1,5 +1,6 @@
 /* Devices opened, used and given back. */
 #include "device/internal.h"
+#include "dmk_shared.h"
 #include "files.h"
 #include "solver/memory.h"
 
@@ -8,6 +9,7 @@
 #include <pthread.h>
 #include <stdio.h>
 #include <string.h>
+#include <strings.h>
 #include <unistd.h>
 
 /* What was asked for and not waited for, as after an error, ends before the device goes away: PoCL's
@@ -72,16 +74,18 @@ static void opened_by_many_at_once(void **state)
     assert_int_equal(c.opened, AT_ONCE);
 }
 
-/* On a CPU a launch has as many work-groups as any other, whatever it goes over: see dmk_launch_groups. */
+/* In the CPU shape a launch has as many work-groups as any other, whatever it goes over: see dmk_launch_groups. */
 static void launches_are_equally_wide(void **state)
 {
     fixture *f = *state;
     dmk_device *device = NULL;
     dmk_buffer *list = NULL;
     const int32_t parts[2] = {0, 3};
-    assert_int_equal(dmk_device_open(f->ctx, NULL, &device), DMK_OK);
+    dmk_device_options options;
+    dmk_device_options_init(&options, sizeof options);
+    options.shape = DMK_SHAPE_CPU;
+    assert_int_equal(dmk_device_open(f->ctx, &options, &device), DMK_OK);
     assert_int_equal(dmk_buffer_create(f->ctx, device, sizeof parts, parts, &list), DMK_OK);
-    assert_true(device->cpu_shape);
     const size_t usual = dmk_launch_groups(device, (dmk_range){.items = 2});
     for (size_t items = 3; items < 100000000; items += items / 2) {
         const dmk_range all = {.items = items, .first = items / 3},
@@ -256,18 +260,30 @@ static void devices_are_listed(void **state)
     assert_int_equal(list[n - 1].name[0], '\0');
 }
 
+/* As users write it; each kind that is there. */
 static void a_device_by_its_kind(void **state)
 {
+    static const char *const kind[2] = {"cpu", "gpu"};
     fixture *f = *state;
-    dmk_device_info info;
-    dmk_device *device = NULL;
-    dmk_device_options options;
-    dmk_device_options_init(&options, sizeof options);
-    options.select = "cpu";
-    assert_int_equal(dmk_device_open(f->ctx, &options, &device), DMK_OK);
-    dmk_device_get_info(device, &info);
-    assert_string_equal(info.type, "CPU");
-    dmk_device_destroy(&device);
+    dmk_device_info list[8];
+    size_t n;
+    int n_opened = 0;
+    assert_int_equal(dmk_device_list(f->ctx, list, 8, &n), DMK_OK);
+    for (int k = 0; k < 2; k++) {
+        dmk_device_info info;
+        dmk_device *device = NULL;
+        dmk_device_options options;
+        dmk_device_options_init(&options, sizeof options);
+        options.select = kind[k];
+        const bool there = dmk_device_best(list, n < 8 ? n : 8, kind[k]) < n;
+        assert_int_equal(dmk_device_open(f->ctx, &options, &device), there ? DMK_OK : DMK_E_DEVICE);
+        if (!there) continue;
+        dmk_device_get_info(device, &info);
+        assert_int_equal(strcasecmp(info.type, kind[k]), 0);
+        dmk_device_destroy(&device);
+        n_opened++;
+    }
+    assert_true(n_opened > 0);
 }
 
 /* A mesh that cannot fit is refused with what it needs and what there is. */
@@ -275,11 +291,16 @@ static void memory_is_looked_at_first(void **state)
 {
     fixture *f = *state;
     dmk_device *device = NULL;
+    dmk_device_info info;
     dmk_memory small, large;
     assert_int_equal(dmk_device_open(f->ctx, NULL, &device), DMK_OK);
     assert_int_equal(dmk_memory_check(f->ctx, device, 1000), DMK_OK);
     assert_int_equal(dmk_memory_check(f->ctx, device, INT64_C(100000000000)), DMK_E_NOMEM);
-    assert_non_null(strstr(dmk_context_message(f->ctx), "100000000000 triangles need about 69"));
+    /* On a CPU the host's and the device's together. */
+    dmk_device_get_info(device, &info);
+    assert_non_null(strstr(dmk_context_message(f->ctx),
+                           strcmp(info.type, "CPU") == 0 ? "100000000000 triangles need about 69"
+                                                         : "100000000000 triangles need about 47"));
     assert_non_null(strstr(dmk_context_message(f->ctx), "GB are available; use a coarser mesh"));
     dmk_solve_memory(1000, 1, &small);
     dmk_solve_memory(1000, 0, &large);
@@ -307,11 +328,13 @@ static int count_step(const dmk_progress *progress, void *user)
     return 0;
 }
 
-/* Of a launch a large GPU knows mostly the 5 microseconds that it takes, and a read stops it. For an iteration of CG
- * there are 3 launches, 8 for T/2 and the way down to T and up, 3 for T, 3 for each level between that and the tail,
- * 1 for the tail; in the CPU shape one more for T and for each of these levels. 6, and 1 for each of them, for all
- * else in a step. */
-static void count_launches(fixture *f, dmk_shape shape, size_t n_triangles, int n_large)
+/* Of a launch a large GPU knows mostly the 5 microseconds that it takes, and a read stops it. For an
+ * iteration of CG there are 3 launches, 8 for T/2 and the way down to T and up, 3 for T, 3 for each
+ * large level between that and the tail, 1 for the tail; in the CPU shape one more for T and for each of
+ * these levels. 6, and 1 for each of them, for all else in a step. In the GPU shape small levels may lie
+ * between too, with a launch for each of DMK_TAIL_STEPS and one for the way down. */
+static void count_launches(fixture *f, dmk_shape shape, size_t n_triangles, int n_large,
+                           int n_small)
 {
     const int each = shape == DMK_SHAPE_CPU ? 4 : 3;
     steps s = {.n = 0};
@@ -342,7 +365,8 @@ static void count_launches(fixture *f, dmk_shape shape, size_t n_triangles, int 
     assert_in_range(s.n, 3, MOST_STEPS);
     for (int k = 1; k < s.n; k++) {
         const dmk_device_work *a = &s.at[k - 1], *b = &s.at[k];
-        const int launches = s.cg[k] * (3 + 8 + each + each * n_large + 1) + 6 + n_large;
+        const int between = each * n_large + (DMK_TAIL_STEPS + 1) * n_small;
+        const int launches = s.cg[k] * (3 + 8 + each + between + 1) + 6 + n_large + n_small;
         print_message("# step %d: %lld launches, %lld reads, %lld writes\n", k + 1,
                       (long long)(b->launches - a->launches), (long long)(b->reads - a->reads),
                       (long long)(b->writes - a->writes));
@@ -358,11 +382,12 @@ static void count_launches(fixture *f, dmk_shape shape, size_t n_triangles, int 
 
 static void launches_of_a_step(void **state)
 {
-    /* The level below T has some 1,000 rows; 3,000 and 6,000, on both sides of the tail's line. */
-    static const size_t n[3] = {3000, 9000, 18000};
-    for (int i = 0; i < 3; i++) {
-        count_launches(*state, DMK_SHAPE_CPU, n[i], i == 2);
-        count_launches(*state, DMK_SHAPE_GPU, n[i], i == 2);
+    /* The level below T has some 1,000 rows, 1,600, 3,000 and 6,000, on both sides of the lines of tails and of small
+     * levels. */
+    static const size_t n[4] = {3000, 5000, 9000, 18000};
+    for (int i = 0; i < 4; i++) {
+        count_launches(*state, DMK_SHAPE_CPU, n[i], i == 3, 0);
+        count_launches(*state, DMK_SHAPE_GPU, n[i], i == 3, i == 1 || i == 2);
     }
 }
 

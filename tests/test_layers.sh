@@ -95,7 +95,7 @@ hidden() { # macros that use a name which is neither theirs, nor an argument, no
 check 'no kernel macro with hidden names' sh -c 'test -z "$1" || { echo "$1"; false; }' - "$(hidden)"
 shared() { # arrays of kernels that are not restrict: only r and its narrow copy may be one (base.cl)
     cat kernels/*.cl | tr '\n' ' ' |
-        grep -oE 'KERNEL [a-z_]+\([^)]*\)' | tr ',)' '\n\n' | grep '\*' | grep -vE 'volatile global|\*restrict ' |
+        grep -oE 'KERNEL(_ALONE)? [a-z_]+\([^)]*\)' | tr ',)' '\n\n' | grep '\*' | grep -vE 'volatile global|\*restrict ' |
         sed 's/.*\*//' | sort | uniq -c | xargs
 }
 check 'the kernels have restrict arrays' test "$(shared)" = '2 narrow 2 r'
@@ -115,13 +115,13 @@ int main(void)
 EOF
     check 'the embedded kernels print' \
         sh -c "gcc '$work/print.c' '$DMKCL_BUILD/kernels.c' -o '$work/print' && '$work/print' > '$work/all.cl'"
-    # The options that src/device/program.c gives: CPU shape, chunk, double precision, fp64, gathers.
-    for shape in '1 4 1 1 0' '1 4 1 1 1' '1 4 0 1 0' '1 4 0 0 0' '0 1 1 1 0' '0 1 0 1 0' '0 1 0 0 0'; do
+    # The options that src/device/program.c gives: CPU shape, chunk, double precision, fp64, gathers, PoCL.
+    for shape in '1 4 1 1 0 1' '1 4 1 1 1 1' '1 4 0 1 0 1' '1 4 0 0 0 0' '0 1 1 1 0 1' '0 1 0 1 0 0' '0 1 0 0 0 0'; do
         set -- $shape
-        check "kernels are OpenCL C 1.2: DMK_CPU $1, _CHUNK $2, _DOUBLE $3, _FP64 $4, _GATHERS $5" \
+        check "kernels are OpenCL C 1.2: DMK_CPU $1, _CHUNK $2, _DOUBLE $3, _FP64 $4, _GATHERS $5, _POCL $6" \
             "$clang" -x cl -cl-std=CL1.2 -Xclang -finclude-default-header -fsyntax-only -Wall \
             -Werror -Wno-unused-function -DDMK_CPU=$1 -DDMK_CHUNK=$2 -DDMK_DOUBLE=$3 -DDMK_FP64=$4 \
-            -DDMK_GATHERS=$5 "$work/all.cl"
+            -DDMK_GATHERS=$5 -DDMK_POCL=$6 -DDMK_CREW=1024 "$work/all.cl"
     done
 else
     skip 'kernels are OpenCL C 1.2' 'there is no clang here'

@@ -213,7 +213,7 @@ static void test_blocks(void **state)
     for (int k = 0; k < 4; k++) {
         whole w = {.device = {.struct_size = sizeof w.device,
                               .single_precision = k % 2,
-                              .shape = k < 2 ? DMK_SHAPE_CPU : DMK_SHAPE_GPU}};
+                              .shape = k < 2 ? DMK_SHAPE_AUTO : DMK_SHAPE_GPU}};
         bench own_device = *b;
         bench_open(&own_device, &w.device);
         w.real = dmk_device_real(own_device.dev, DMK_OUTER);

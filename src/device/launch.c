@@ -32,7 +32,14 @@ int dmk_kernel_get(dmk_context *ctx, dmk_device *dev, dmk_program program, const
         return dmk_fail(ctx, DMK_E_BUILD, "%s (%d): no kernel '%s'", dmk_cl_text(error), error,
                         name);
     }
-    dev->kernel[dev->n_kernels] = (dmk_kernel){cl, program, name};
+    size_t group[3];
+    error = clGetKernelWorkGroupInfo(cl, dev->id, CL_KERNEL_COMPILE_WORK_GROUP_SIZE, sizeof group,
+                                     group, NULL);
+    if (error != CL_SUCCESS) {
+        clReleaseKernel(cl);
+        return dmk_cl_check(ctx, error, "clGetKernelWorkGroupInfo");
+    }
+    dev->kernel[dev->n_kernels] = (dmk_kernel){cl, program, name, group[0]};
     *kernel = &dev->kernel[dev->n_kernels++];
     return DMK_OK;
 }
@@ -104,8 +111,7 @@ int dmk_launch(dmk_context *ctx, dmk_device *dev, const dmk_kernel *kernel, dmk_
                             dmk_cl_text(error), error, i, kernel->name);
         }
     }
-    const size_t local = dev->cpu_shape ? 1 : DMK_GROUP;
-    const size_t global = dmk_launch_groups(dev, range) * local;
+    const size_t local = kernel->group, global = dmk_launch_groups(dev, range) * local;
     cl_int error = share_out(dev, kernel, range, (cl_uint)n_args);
     if (error != CL_SUCCESS) return launch_failed(ctx, error, kernel, range.items);
     error = clEnqueueNDRangeKernel(dev->queue, kernel->cl, 1, NULL, &global, &local, 0, NULL, NULL);

@@ -8,7 +8,7 @@ export UBSAN_OPTIONS=print_stacktrace=1 ASAN_OPTIONS=detect_stack_use_after_retu
 runs='cpu:double cpu:single gpu:double gpu:single'
 [ -z "$short" ] || runs='cpu:double gpu:single' # the others: oclgrind.sh
 # All but the benchmark's copy.
-kernels=$(grep -ho '^KERNEL [a-z_]\+' kernels/*.cl | cut -d' ' -f2 | sort -u | grep -vx narrow_copy)
+kernels=$(grep -hoE '^KERNEL(_ALONE)? [a-z_]+' kernels/*.cl | cut -d' ' -f2 | sort -u | grep -vx narrow_copy)
 sources=$(find src -name '*.c' ! -path 'src/cli/*' ! -path 'src/python/*' | sort)
 sanitize='-g -O1 -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
     -shared-libsan'

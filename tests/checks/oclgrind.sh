@@ -12,7 +12,7 @@ runs='cpu:double cpu:single gpu:double gpu:single'
 # large for the one launch that does the coarsest ones: kernels.sh has these.
 others='narrow_copy|halo_.*|cg_alpha|cg_beta|inner_scalars|sum_partials|coarse_solve|coarse_inverse'
 others+='|graph_refresh|prolong_rows|prolong_chebyshev|restrict_rows'
-kernels=$(grep -ho '^KERNEL [a-z_]\+' kernels/*.cl | cut -d' ' -f2 | sort -u | grep -vxE "$others")
+kernels=$(grep -hoE '^KERNEL(_ALONE)? [a-z_]+' kernels/*.cl | cut -d' ' -f2 | sort -u | grep -vxE "$others")
 
 # Errors but for two kinds, where it does not matter whether the old value is read or the new one: band_slopes and
 # repair_elements look at a maximum or a flag before they raise it by an atomic operation, to spare most of these;

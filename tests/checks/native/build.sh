@@ -15,7 +15,7 @@ $cl -cl-std=CL1.2 -c "$here/builtins.cl" -o "$object.builtins.o"
 perl -0777 -ne '
     print "typedef void *pointer;\ntypedef int int4 __attribute__((vector_size(16), aligned(1)));\n",
         "typedef float float8 __attribute__((vector_size(32), aligned(1)));\n";
-    while (/^KERNEL (\w+)\(([^)]*)\)\s*\{(.*?)^\}/gms) {
+    while (/^KERNEL(?:_ALONE)? (\w+)\(([^)]*)\)\s*\{(.*?)^\}/gms) {
         my ($name, $body, @type, @value) = ($1, $3);
         for my $p (split /,/, $2) {
             my $t = $p =~ /\*|GATHERED/ ? "pointer" : $p =~ /\b(float8|float|int4)\b/ ? $1 : "int";

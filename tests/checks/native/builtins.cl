@@ -5,11 +5,13 @@
 size_t native_group(void);
 size_t native_groups(void);
 size_t native_local(void);
+size_t native_local_size(void);
 size_t native_global(void);
 void native_barrier(void);
 size_t OVER get_group_id(uint d) { return native_group(); }
 size_t OVER get_num_groups(uint d) { return native_groups(); }
 size_t OVER get_local_id(uint d) { return native_local(); }
+size_t OVER get_local_size(uint d) { return native_local_size(); }
 size_t OVER get_global_id(uint d) { return native_global(); }
 void OVER barrier(cl_mem_fence_flags flags) { native_barrier(); }
 

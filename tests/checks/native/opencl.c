@@ -35,10 +35,12 @@ struct _cl_mem {
 struct _cl_program {
     char *text;
     void *object;
+    size_t group; /* work-items of all kernels' work-groups */
 };
 struct _cl_kernel {
     void (*call)(void **);
     int n_args, waits;
+    size_t group;
     int is_buffer[max_args];  /* by the size that clSetKernelArg gets */
     char value[max_args][32]; /* a float8 at most */
 };
@@ -63,7 +65,8 @@ static pthread_barrier_t wait_here;
 static pthread_mutex_t one =
     PTHREAD_MUTEX_INITIALIZER; /* builds and runs, of several threads' devices */
 /* Called from builtins.cl. */
-size_t native_group(void), native_groups(void), native_local(void), native_global(void);
+size_t native_group(void), native_groups(void), native_local(void), native_local_size(void),
+    native_global(void);
 void native_barrier(void);
 double native_sqrt(double x), native_exp(double x), native_log(double x);
 size_t native_group(void)
@@ -77,6 +80,10 @@ size_t native_groups(void)
 size_t native_local(void)
 {
     return local;
+}
+size_t native_local_size(void)
+{
+    return local_size;
 }
 size_t native_global(void)
 {
@@ -213,6 +220,7 @@ cl_int clBuildProgram(cl_program p, cl_uint n, const cl_device_id *ids, const ch
     p->object = dlopen(object, RTLD_LAZY | RTLD_LOCAL);
     if (!p->object) fprintf(stderr, "%s\n", dlerror());
     CHECK(p->object);
+    p->group = strstr(options, "-DDMK_CPU=1") ? 1 : max_local;
     pthread_mutex_unlock(&one);
     return CL_SUCCESS;
 }
@@ -229,6 +237,7 @@ cl_kernel clCreateKernel(cl_program p, const char *name, cl_int *error)
     k->n_args = *(const int *)dlsym(p->object, symbol);
     snprintf(symbol, sizeof symbol, "waits_%s", name);
     k->waits = *(const int *)dlsym(p->object, symbol);
+    k->group = p->group;
     fprintf(stderr, "kernel %s\n", name);
     *error = CL_SUCCESS;
     return k;
@@ -375,6 +384,13 @@ static cl_int give(const void *value, size_t bytes, size_t size, void *to, size_
     memcpy(to, value, bytes);
     return CL_SUCCESS;
 }
+cl_int clGetKernelWorkGroupInfo(cl_kernel k, cl_device_id id, cl_kernel_work_group_info what,
+                                size_t size, void *to, size_t *n)
+{
+    const size_t group[3] = {k->group, 1, 1};
+    CHECK(id == &the_device && what == CL_KERNEL_COMPILE_WORK_GROUP_SIZE);
+    return give(group, sizeof group, size, to, n);
+}
 cl_int clGetMemObjectInfo(cl_mem m, cl_mem_info what, size_t size, void *to, size_t *n)
 {
     CHECK(what == CL_MEM_SIZE);
@@ -405,10 +421,12 @@ cl_int clGetDeviceInfo(cl_device_id id, cl_device_info what, size_t size, void *
     const cl_uint units = 2, align = 1024; /* bits */
     const cl_ulong memory = 1 << 30;
     const cl_device_fp_config fp64 = CL_FP_FMA;
+    const size_t most = max_local;
     CHECK(id == &the_device);
     switch (what) {
     case CL_DEVICE_TYPE: return give(&type, sizeof type, size, to, n);
     case CL_DEVICE_MAX_COMPUTE_UNITS: return give(&units, sizeof units, size, to, n);
+    case CL_DEVICE_MAX_WORK_GROUP_SIZE: return give(&most, sizeof most, size, to, n);
     case CL_DEVICE_MEM_BASE_ADDR_ALIGN: return give(&align, sizeof align, size, to, n);
     case CL_DEVICE_GLOBAL_MEM_SIZE: return give(&memory, sizeof memory, size, to, n);
     case CL_DEVICE_DOUBLE_FP_CONFIG: return give(&fp64, sizeof fp64, size, to, n);
