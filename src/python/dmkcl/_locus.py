@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ._lib import Context, Error, Handle, copy_struct, ffi, lib, path_bytes
 from ._mesh import Mesh
+from ._optional import optional
 
 
 def _dtype(name: str, formats: "dict[str, Any]") -> np.dtype:
@@ -170,7 +171,7 @@ class Locus:
     def to_pyvista(self) -> Any:
         """A pyvista.PolyData of lines (one vertex for a locus that is a point), with the point
         arrays distance, mu, strength, meeting_angle and kind."""
-        import pyvista
+        pyvista = optional("pyvista")
 
         lines = [np.concatenate([[len(line)], line]) for line in self.polylines if len(line) > 1]
         data = pyvista.PolyData(self.vertices, lines=np.concatenate(lines) if lines else None)

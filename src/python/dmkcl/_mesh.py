@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._lib import ArgumentError, Context, Handle, MeshError, copy_struct, ffi, lib, path_bytes, view, whole
+from ._optional import optional
 
 
 class Point(NamedTuple):
@@ -241,13 +242,13 @@ class Mesh:
 
     def to_trimesh(self) -> Any:
         """A trimesh.Trimesh with the same vertices in the same order."""
-        import trimesh
+        trimesh = optional("trimesh")
 
         return trimesh.Trimesh(np.array(self.vertices), np.array(self.faces), process=False)
 
     def to_pyvista(self) -> Any:
         """A pyvista.PolyData."""
-        import pyvista
+        pyvista = optional("pyvista")
 
         faces = np.column_stack([np.full(len(self.faces), 3), self.faces]).ravel()
         return pyvista.PolyData(np.array(self.vertices), faces)

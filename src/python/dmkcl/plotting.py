@@ -9,6 +9,7 @@ import numpy as np
 
 from ._colour import density_map
 from ._lib import ArgumentError
+from ._optional import optional
 
 if TYPE_CHECKING:
     from ._result import Result
@@ -63,7 +64,7 @@ def plot(
 
     Returns the plotter, to which more can be added when `show` is False.
     """
-    import pyvista
+    pyvista = optional("pyvista")
 
     if views not in (1, 2):
         raise ArgumentError(f"views = {views!r}: expected 1 or 2")
@@ -169,7 +170,7 @@ def _add_locus(plotter: Any, result: "Result", radius: float) -> None:
     if lines.n_lines:
         plotter.add_mesh(lines.tube(radius=radius), color=LOCUS_COLOUR)
     elif lines.n_points:
-        import pyvista
+        pyvista = optional("pyvista")
 
         plotter.add_mesh(
             pyvista.Sphere(radius=2 * radius, center=lines.points[0]), color=LOCUS_COLOUR
@@ -186,7 +187,7 @@ def plot_tangent(
     border, where geodesics end at it, the line has gaps. line_options: of Axes.plot, as {"lw": 2}. Returns
     the axes.
     """
-    import matplotlib.pyplot as plt
+    plt = optional("matplotlib.pyplot")
 
     if ax is None:
         ax = plt.figure().add_subplot(projection="polar")
@@ -214,7 +215,7 @@ def plot_history(result: "Result", *, ax: Any = None) -> Any:
     The gap is known after the last step, and after each one if `gap` was given to solve. Returns
     the axes.
     """
-    import matplotlib.pyplot as plt
+    plt = optional("matplotlib.pyplot")
 
     if ax is None:
         ax = plt.figure().add_subplot()

@@ -5,6 +5,7 @@ import gc
 import inspect
 import pickle
 import re
+import sys
 
 import numpy as np
 import pytest
@@ -457,3 +458,22 @@ def test_many_meshes_with_errors(small, tmp_path):
     for bad in (dict(on_error="skip"), dict(source="x"), dict(meshes=str(missing))):
         with pytest.raises(dmkcl.ArgumentError):
             dmkcl.solve_meshes(**{"meshes": [small], **bad})
+
+
+@pytest.mark.parametrize(
+    "package, extra, call",
+    [
+        ("pyvista", "plot", lambda result: result.plot(show=False)),
+        ("pyvista", "plot", lambda result: result.mesh.to_pyvista()),
+        ("pyvista", "plot", lambda result: result.locus.to_pyvista()),
+        ("matplotlib", "plot", lambda result: result.plot_tangent()),
+        ("matplotlib", "plot", lambda result: result.plot_history()),
+        ("trimesh", "meshes", lambda result: result.mesh.to_trimesh()),
+    ],
+)
+def test_a_missing_package_is_named(monkeypatch, result, package, extra, call):
+    for name in [m for m in sys.modules if m.partition(".")[0] == package]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(ImportError, match=rf"needs {package}.* pip install 'dmkcl\[{extra}\]'"):
+        call(result)
