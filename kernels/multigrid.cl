@@ -377,9 +377,9 @@ static void tail_solve(tail t, int l, global const float *inverse)
  * moves 64 L + 192 V + 8 C bytes, 24 L + 61 V + 2 C flops at each level
  * shape one work-group, which waits between its loops */
 KERNEL_ALONE tail_cycle(int levels, int above, global const int *restrict table,
-                  global int *restrict arena, GATHERED float *restrict r,
-                  global const float *restrict inverse, float8 momentum, float8 step,
-                  volatile global int *shares, int4 launch)
+                        global int *restrict arena, GATHERED float *restrict r,
+                        global const float *restrict inverse, float8 momentum, float8 step,
+                        volatile global int *shares, int4 launch)
 {
     const int last = levels - 1, x = DMK_TAIL_X, x_old = DMK_TAIL_X_OLD;
     const tail t = {table, arena};
@@ -461,9 +461,9 @@ static void invert_laplacian(int n, int n_pad, graph g, global sum_t *a, global 
  * reads slice, neighbour, weight, a; writes a, inverse; moves 2 n^3 numbers, 2 n^3 flops
  * shape one work-group; numerics in sum_t */
 KERNEL_ALONE coarse_inverse(int n, int n_pad, global const int *restrict slice,
-                      global const int *restrict neighbour, global const float *restrict weight,
-                      global sum_t *restrict a, global float *restrict inverse,
-                      volatile global int *shares, int4 launch)
+                            global const int *restrict neighbour, global const float *restrict weight,
+                            global sum_t *restrict a, global float *restrict inverse,
+                            volatile global int *shares, int4 launch)
 {
     const graph g = {slice, neighbour, weight};
     local sum_t row[DMK_DENSE], column[DMK_DENSE], least[DMK_DENSE];
@@ -638,8 +638,8 @@ static void tail_weights(tail t, int l)
  * moves 10 C + 4 K + 12 L + 4 V bytes, 2 C + 2 L + 2 V flops at each level, and what coarse_inverse moves
  * shape one work-group, which waits between its loops; numerics the inverse in sum_t */
 KERNEL_ALONE tail_refresh(int levels, int inverted, global const int *restrict table,
-                    global int *restrict arena, global sum_t *restrict a,
-                    global float *restrict inverse, volatile global int *shares, int4 launch)
+                          global int *restrict arena, global sum_t *restrict a,
+                          global float *restrict inverse, volatile global int *shares, int4 launch)
 {
     const tail t = {table, arena};
     const int last = levels - 1;
