@@ -388,18 +388,15 @@ static int gather(worker *me, const engine *e, int32_t *head, bool kept, const a
     int rc = DMK_OK;
     const double eps = DMK_SAME_LENGTH + rounding * s->length, at_a = s->d_a + eps;
     const double at_b = s->d_b + s->length + eps;
-    chain all = {*head, -1};
     for (int32_t i = *head; i >= 0; i = e->pool[i].next) {
         const wave *w = e->pool + i;
-        all.last = i;
+        DMK_TRY(DMK_GROW(&me->own, me->spent, me->n.spent + 1, me->room.spent));
+        me->spent[me->n.spent++] = i;
         if (at_b - w->lo < value(w, w->lo) || at_a + w->hi < value(w, w->hi)) continue;
         DMK_TRY(DMK_GROW(&me->own, me->list, *n + 1, me->list_room));
         me->list[*n] = *w;
         me->list[(*n)++].next = kept ? KEPT : -1;
     }
-    if (all.first < 0) goto done;
-    DMK_TRY(DMK_GROW(&me->own, me->spent, me->n.spent + 1, me->room.spent));
-    me->spent[me->n.spent++] = all;
     *head = -1;
 done:
     return rc;

@@ -21,7 +21,7 @@ typedef struct wave {
     double direction,
         turn; /* at the source: direction + turn * psi, psi the angle of the front seen from o */
     double error;
-    int32_t half, next; /* next in the half-edge's list, or in the list of free ones */
+    int32_t half, next; /* next in the half-edge's list */
     int32_t source, root;
 } wave;
 
@@ -55,10 +55,6 @@ typedef struct hit {
     int32_t vertex;
 } hit;
 
-typedef struct chain { /* of windows in the pool */
-    int32_t first, last;
-} chain;
-
 /* Half-edges of a bucket are visited in chunks, on all threads. Visits read the state as it was when the round began,
  * and what they find is entered when all have ended, in the order of the half-edges: the result does not depend on the
  * threads. */
@@ -74,7 +70,7 @@ typedef struct worker {
     int rc;
     wave *list, *merged; /* of the half-edge that is visited */
     size_t list_room, merged_room;
-    chain *spent; /* windows to give back */
+    int32_t *spent; /* windows of the pool to give back */
     child *child;
     hit *hit;
     wave *kept;
@@ -100,7 +96,8 @@ typedef struct engine {
     uint8_t *visits;  /* of each half-edge, up to `often` */
     wave *pool;
     size_t n_pool, pool_room;
-    int32_t free;
+    int32_t *free; /* windows of the pool, the next one last */
+    size_t n_free, free_room;
     block *block;
     size_t n_blocks, block_room;
     int32_t free_block;
