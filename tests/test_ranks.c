@@ -225,7 +225,7 @@ static void test_usual_levels(void **state)
     dmk_mesh_destroy(&mesh);
 }
 
-/* Levels behind T are dealt out on both sides of DMK_SMALL_LEVEL rows, and smoothed as on one rank. */
+/* Levels behind T are dealt out on both sides of DMK_TAIL_MOST rows, and smoothed as on one rank. */
 static void test_large_levels(void **state)
 {
     bench *b = *state;

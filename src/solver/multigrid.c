@@ -112,7 +112,7 @@ static void swap(iterates *x)
 }
 
 /* Smoothing steps on a graph level, on the way up only: on T three, or four for A and where T/2 has one step or no
- * part; on levels that are not small two, for each of them is a launch; on small ones DMK_TAIL_STEPS. 93
+ * part; on levels of more rows than the tail's two, for each of them is a launch; on smaller ones DMK_TAIL_STEPS. 93
  * solves on meshes of scans and CAD take 0.944 of the steps that they take with one before and two after on all these
  * levels (geometric mean), 0.954 with two and two, 0.950 with six on the small ones, 0.959 with four, 0.986 with three;
  * a fourth on T gains 0.03. A cycle that is not symmetric is borne by the beta of conjugate gradients (base.cl): with
@@ -125,7 +125,7 @@ static int steps_on(const dmk_system *s, int32_t i, bool more)
     const bool dealt = s->share && i < s->share->first_whole;
     const int64_t n = dealt ? s->share->vertex[i].n_whole : s->level[i].n;
     if (i == 0) return more ? MORE_ON_T : STEPS_ON_T;
-    return n > DMK_SMALL_LEVEL ? STEPS_ON_LARGE : DMK_TAIL_STEPS;
+    return n > DMK_TAIL_MOST ? STEPS_ON_LARGE : DMK_TAIL_STEPS;
 }
 
 static int tail_cycle(dmk_context *ctx, dmk_system *s)

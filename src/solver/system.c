@@ -440,9 +440,8 @@ static int pack_tail(const packer *p)
     dmk_buffer **list[DMK_SYSTEM_LEVELS * TAIL_ARRAYS];
     size_t offset[DMK_SYSTEM_LEVELS * TAIL_ARRAYS];
     int32_t table[DMK_SYSTEM_LEVELS * DMK_TAIL_FIELDS];
-    const int32_t most = dmk_device_cpu_shape(p->dev) ? DMK_SMALL_LEVEL : DMK_TAIL_MOST_GPU;
     int n = s->share ? dmk_max_i(1, s->share->first_whole) : 1;
-    while (n < s->n_levels && s->level[n].n > most) n++;
+    while (n < s->n_levels && s->level[n].n > DMK_TAIL_MOST) n++;
     s->tail = n;
     n = s->n_levels - s->tail;
     if (n <= 0) goto done;

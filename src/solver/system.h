@@ -34,12 +34,6 @@ typedef struct dmk_level {
 
 enum { DMK_SYSTEM_LEVELS = DMK_MAX_LEVELS + 1 };
 
-/* Rows up to which a level is small: it has more smoothing steps. In the CPU shape all small levels are done in one
- * launch, by one work-group; in the GPU shape those of up to DMK_TAIL_MOST_GPU rows. A pass over 3,400 rows takes one
- * work-group of a large GPU 17 microseconds, a launch of its own 7: a solve with 273,000 triangles takes 8.7 ms where
- * all small levels are in the tail, 6.3 with 1,024 or 2,048 rows, 7.0 with 512 (H200). */
-enum { DMK_SMALL_LEVEL = 4096, DMK_TAIL_MOST_GPU = 1024 };
-
 /* Items and slots of a mesh's system: see the head of this file. */
 typedef struct dmk_counts {
     int32_t n_elements, n_elements_pad, n_edges, n_vertices, vertex_row, n_rows, n_rows_pad;
