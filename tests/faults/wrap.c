@@ -437,6 +437,10 @@ WRAP_CALL(clCompileProgram,
            const cl_program *h, const char **names, program_fn fn, void *user),
           (p, n, d, options, nh, h, names, fn, user))
 WRAP_CALL(clSetKernelArg, (cl_kernel k, cl_uint i, size_t n, const void *v), (k, i, n, v))
+WRAP_CALL(clGetKernelWorkGroupInfo,
+          (cl_kernel k, cl_device_id d, cl_kernel_work_group_info i, size_t n, void *v,
+           size_t *size),
+          (k, d, i, n, v, size))
 WRAP_CALL(clEnqueueFillBuffer,
           (cl_command_queue q, cl_mem m, const void *v, size_t size, size_t offset, size_t n,
            cl_uint ne, const cl_event *e, cl_event *out),
