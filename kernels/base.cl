@@ -17,7 +17,7 @@
  * narrow copy, which are one where the program works in single precision.
  * Build options: DMK_CPU, DMK_CHUNK, DMK_DOUBLE (this program's real type), DMK_FP64 (the device's
  * double precision may be used for sums), DMK_POCL (the compiler is PoCL's), DMK_GATHERS (vector gathers, on a CPU),
- * DMK_CREW (work-items of a kernel that one work-group does). */
+ * DMK_LONE_GROUP (work-items of a kernel that one work-group does). */
 #if DMK_FP64
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 typedef double sum_t;
@@ -247,7 +247,7 @@ static int part_of_group(volatile global int *shares, int4 launch)
 #define FOR_PARTS(part, shares, launch) const int part = part_of_group(shares, launch);
 #define KERNEL kernel __attribute__((reqd_work_group_size(DMK_GROUP, 1, 1))) void
 /* Of a kernel that one work-group does: as large a one as there is. */
-#define KERNEL_ALONE kernel __attribute__((reqd_work_group_size(DMK_CREW, 1, 1))) void
+#define KERNEL_ALONE kernel __attribute__((reqd_work_group_size(DMK_LONE_GROUP, 1, 1))) void
 #endif
 
 /* What the work-items of a group share; a kernel that sums has one. In the GPU shape sum[k] has their numbers of quantity
@@ -537,21 +537,22 @@ static void cg_both_of(sums s, int first, int when)
     if (first) state[4] = rz;
 }
 
-/* All items of a loop by one work-group, and the wait between two loops. */
+/* All items of a loop by one work-group, or of a matrix, a line's numbers by work-items beside each other; and the wait
+ * between two loops. */
 #if DMK_CPU
 #define ITEM_BEGIN 0
 #define ITEM_STEP 1
 #define TOGETHER
+#define FOR_LINES(i, n) FOR_ITEMS(i, n)
+#define FOR_ALONG(j, n) FOR_ITEMS(j, n)
 #define FOR_ALL_BLOCKS(b, n) for (int b = 0; b < ((n) + DMK_WIDTH - 1) / DMK_WIDTH; b++)
 #else
 #define ITEM_BEGIN ((int)get_local_id(0))
 #define ITEM_STEP ((int)get_local_size(0))
 #define TOGETHER barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
+#define FOR_LINES(i, n)                                                                            \
+    for (int i = ITEM_BEGIN / DMK_ABREAST; i < (n); i += ITEM_STEP / DMK_ABREAST)
+#define FOR_ALONG(j, n) for (int j = ITEM_BEGIN % DMK_ABREAST; j < (n); j += DMK_ABREAST)
 #define FOR_ALL_BLOCKS(b, n) FOR_ITEMS(b, n)
 #endif
-/* And of a matrix: a line's numbers by work-items beside each other. */
-#define FOR_LINES(i, n)                                                                            \
-    for (int i = ITEM_BEGIN / DMK_ABREAST; i < (n); i += (ITEM_STEP + DMK_ABREAST - 1) / DMK_ABREAST)
-#define FOR_ALONG(j, n)                                                                            \
-    for (int j = ITEM_BEGIN % DMK_ABREAST; j < (n); j += min(ITEM_STEP, DMK_ABREAST))
 #define FOR_ITEMS(i, n) for (int i = ITEM_BEGIN; i < (n); i += ITEM_STEP)

@@ -28,10 +28,7 @@
     160 /* rows of the coarsest level that one work-group inverts; there are up to 96, or more
                          where coarsening stalls */
 
-/* Rows up to which levels are done in one launch, by one work-group. A launch takes a large GPU 5 to 7
- * microseconds; see bench/GPU.md. */
-#define DMK_TAIL_MOST 4096
-/* Smoothing steps on levels of so many rows, an even number up to 8: see multigrid.c. */
+/* Smoothing steps on levels of a few thousand rows, an even number up to 8: see multigrid.c. */
 #define DMK_TAIL_STEPS 8
 
 /* The levels of a few thousand rows, which one work-group does in one launch: their arrays lie in one buffer,

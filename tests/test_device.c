@@ -327,10 +327,10 @@ static int count_step(const dmk_progress *progress, void *user)
     return 0;
 }
 
-/* Of a launch a large GPU knows mostly the 5 microseconds that it takes, and a read stops it. For an
- * iteration of CG there are 3 launches, 8 for T/2 and the way down to T and up, 3 for T, 3 for each
- * level between that and the tail, 1 for the tail; in the CPU shape one more for T and for each of these
- * levels. 6, and 1 for each of them, for all else in a step. */
+/* Of a launch a large GPU knows mostly the 5 microseconds that it takes, and a read stops it. For an iteration of CG
+ * there are 3 launches, 8 for T/2 and the way down to T and up, 3 for T, 3 for each level between that and the tail,
+ * 1 for the tail; in the CPU shape one more for T and for each of these levels. 6, and 1 for each of them, for all
+ * else in a step. */
 static void count_launches(fixture *f, dmk_shape shape, size_t n_triangles, int n_large)
 {
     const int each = shape == DMK_SHAPE_CPU ? 4 : 3;

@@ -121,7 +121,7 @@ EOF
         check "kernels are OpenCL C 1.2: DMK_CPU $1, _CHUNK $2, _DOUBLE $3, _FP64 $4, _GATHERS $5, _POCL $6" \
             "$clang" -x cl -cl-std=CL1.2 -Xclang -finclude-default-header -fsyntax-only -Wall \
             -Werror -Wno-unused-function -DDMK_CPU=$1 -DDMK_CHUNK=$2 -DDMK_DOUBLE=$3 -DDMK_FP64=$4 \
-            -DDMK_GATHERS=$5 -DDMK_POCL=$6 -DDMK_CREW=1024 "$work/all.cl"
+            -DDMK_GATHERS=$5 -DDMK_POCL=$6 -DDMK_LONE_GROUP=1024 "$work/all.cl"
     done
 else
     skip 'kernels are OpenCL C 1.2' 'there is no clang here'

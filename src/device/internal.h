@@ -40,7 +40,7 @@ struct dmk_device {
     dmk_device_info info;
     int cpu_shape;      /* 1: one work-item per chunk of blocks; 0: one per item, groups of 256 */
     size_t chunk;       /* blocks per work-item in the CPU shape */
-    size_t crew;        /* work-items of a kernel that one work-group does */
+    size_t lone_group;  /* work-items of a kernel that one work-group does */
     dmk_buffer *shares; /* CPU shape: each thread's progress in a launch (base.cl) */
     int tag;            /* of the last launch that used it */
     int double_precision;

@@ -289,7 +289,7 @@ static size_t cpu_chunk(dmk_context *ctx)
 
 /* A kernel that one work-group does waits for memory most of the time: with 1,024 work-items for 256 it takes 0.30 of
  * the time on a large GPU (H200). */
-static size_t crew_of(const dmk_device *dev)
+static size_t lone_group(const dmk_device *dev)
 {
     const size_t wanted = 4 * (size_t)DMK_GROUP;
     size_t most = 0;
@@ -336,7 +336,7 @@ static int open_device(dmk_context *ctx, const dmk_device_options *options, dmk_
     dev->double_precision = dev->info.fp64 && !o->single_precision;
     dev->cpu_shape = o->shape ? o->shape == DMK_SHAPE_CPU : strcmp(dev->info.type, "CPU") == 0;
     dev->chunk = cpu_chunk(ctx);
-    dev->crew = crew_of(dev);
+    dev->lone_group = lone_group(dev);
     DMK_TRY(dmk_cache_folder(ctx, o->cache, dev->cache, sizeof dev->cache));
     dev->pocl = is_pocl(dev->info.platform);
     if (dev->pocl) DMK_TRY(dmk_cache_check_pocl(ctx));

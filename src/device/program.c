@@ -34,9 +34,9 @@ static void build_options(const dmk_device *dev, dmk_program program, char *text
     int real_double = dmk_device_real(dev, program) == sizeof(double);
     snprintf(text, size,
              "-cl-std=CL1.2 -w -DDMK_CPU=%d -DDMK_CHUNK=%d -DDMK_DOUBLE=%d -DDMK_FP64=%d "
-             "-DDMK_POCL=%d -DDMK_GATHERS=%d -DDMK_CREW=%d",
+             "-DDMK_POCL=%d -DDMK_GATHERS=%d -DDMK_LONE_GROUP=%d",
              dev->cpu_shape, (int)dev->chunk, real_double, dev->double_precision, dev->pocl,
-             dev->pocl && dev->cpu_shape && gathers_fast(), (int)dev->crew);
+             dev->pocl && dev->cpu_shape && gathers_fast(), (int)dev->lone_group);
 }
 
 /* The build log goes into the message whole, as far as it fits. */

@@ -34,6 +34,10 @@ typedef struct dmk_level {
 
 enum { DMK_SYSTEM_LEVELS = DMK_MAX_LEVELS + 1 };
 
+/* Rows up to which levels are done in one launch. A launch takes a GPU some 5 microseconds, in which one
+ * work-group does a pass over these. */
+enum { DMK_TAIL_MOST = 4096 };
+
 /* Items and slots of a mesh's system: see the head of this file. */
 typedef struct dmk_counts {
     int32_t n_elements, n_elements_pad, n_edges, n_vertices, vertex_row, n_rows, n_rows_pad;
