@@ -21,6 +21,12 @@ check 'what info foretells is what a solve takes, to a fifth' perl -0777 -e '
     my $ratio = $peak / ($host + $device);
     print "foretold ", $host + $device, ", taken $peak\n";
     exit !($ratio > 0.8 && $ratio < 1.2)' "$work/info.json" "$work/solve.json"
+# Merged windows are few at a time, for the places of spent ones are used again; exact ones wait for their turn.
+peak() { # of the distance, OPTION...
+    "$tool" distance "$mesh" --vertex 0 --json "$@" | sed -n 's/.*"peak_memory": \([0-9]*\).*/\1/p'
+}
+check 'merged distances take no more memory than exact ones' \
+    sh -c 'echo "$1 and $2 bytes"; test "$1" -le "$2"' - "$(peak --tolerance 1e-6)" "$(peak --exact)"
 fits() { # what is left of a process that may not take more; with 400,000 PoCL itself runs out at times, and aborts
     (ulimit -v 500000; "$tool" solve "$mesh" --vertex 0 --quiet) > "$work/said" 2> "$work/errors"
 }
