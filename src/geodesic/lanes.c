@@ -166,10 +166,53 @@ static window get(const lanes *w, int i)
                     .odd = true};
 }
 
+static const window *late(const worker *me, uint32_t i)
+{
+    return me->late + (me->oldest + i) % LATE;
+}
+
+static window take_late(worker *me)
+{
+    const window *w = late(me, 0);
+    me->oldest = (me->oldest + 1) % LATE;
+    me->n_late--;
+    return *w;
+}
+
+/* A window whose next step is not plain waits: what the step reads is asked for, in two parts, as where the second lies
+ * is in the first. */
+static int delay(worker *me, const window *w)
+{
+    const dmk_front *front = &me->e->front;
+    if (me->n_late == LATE) {
+        const window first = take_late(me);
+        const int rc = dmk_windows_push(me, &first);
+        if (rc != DMK_OK) return rc;
+    }
+    me->late[(me->oldest + me->n_late++) % LATE] = *w;
+    __builtin_prefetch(front->facet + w->half / 3);
+    __builtin_prefetch(front->facet[w->half / 3].vertex);
+    if (me->n_late > LATE / 2) {
+        const int32_t half = late(me, LATE / 2 - 1)->half;
+        const int32_t *vertex = front->facet[half / 3].vertex, *twin = front->facet[half / 3].twin;
+        for (int k = 0; k < 3; k++) {
+            __builtin_prefetch(front->d + vertex[k]);
+            if (k != half % 3 && twin[k] >= 0) __builtin_prefetch(me->e->stride + twin[k]);
+        }
+        __builtin_prefetch(me->e->split + vertex[half % 3]);
+        __builtin_prefetch(me->e->trace + vertex[half % 3]);
+    }
+    return DMK_OK;
+}
+
 /* The next window to run down. */
 static bool take(worker *me, window *w)
 {
     const shares *s = me->shares;
+    if (me->n_late == LATE) {
+        *w = take_late(me);
+        return true;
+    }
     if (me->n_stack > 0 && !me->spreads) {
         *w = me->stack[--me->n_stack];
         return true;
@@ -178,6 +221,10 @@ static bool take(worker *me, window *w)
         const size_t i = (me->first + me->n_tried++) % s->n;
         if (s->taken && atomic_exchange(s->taken + i, true)) continue;
         *w = s->window[i];
+        return true;
+    }
+    if (me->n_late > 0) {
+        *w = take_late(me);
         return true;
     }
     return false;
@@ -210,7 +257,7 @@ static int clear(worker *me, lanes *w, int *n_dropped)
         const int i = __builtin_ctz(set);
         const window one = get(w, i);
         if (w->state[i] == ODD)
-            DMK_TRY(dmk_windows_push(me, &one));
+            DMK_TRY(me->spreads ? dmk_windows_push(me, &one) : delay(me, &one));
         else
             ++*n_dropped;
         w->state[i] = EMPTY;
@@ -255,6 +302,10 @@ int dmk_lanes_run(worker *me, int64_t most)
         DMK_TRY(dmk_windows_count(me, n - n_dropped));
         adapt(me, &w, n, n_dropped);
         most -= n;
+    }
+    for (; me->n_late > 0;) {
+        const window one = take_late(me);
+        DMK_TRY(dmk_windows_push(me, &one));
     }
 done:
     return rc;

@@ -80,6 +80,9 @@ typedef struct shares {
     size_t n;
 } shares;
 
+/* Steps that are not plain are mostly waits for memory: so many windows wait for theirs at a time. Speed only. */
+enum { LATE = 8 };
+
 /* A thread's own, in cache lines that no other thread's share: it is written at each step. */
 typedef struct worker {
     dmk_context *ctx;
@@ -89,6 +92,8 @@ typedef struct worker {
     const shares *shares;   /* to take from when the stack is empty, or NULL */
     size_t first, n_tried;  /* of the shares */
     bool spreads;           /* it takes shares only */
+    window late[LATE];      /* windows that wait for what their next step reads, in a ring */
+    uint32_t n_late, oldest;
     dmk_heap_item *reached; /* pseudo-sources */
     size_t n_reached, reached_room;
     tied *tied;
