@@ -17,7 +17,24 @@ static int64_t link_of(int32_t left, int32_t right)
     return (int64_t)((uint64_t)(uint32_t)left | (uint64_t)(uint32_t)right << 32);
 }
 
-static void stride_range(int32_t begin, int32_t end, void *data)
+/* The half-edges on the other sides of the triangle above one. */
+static int64_t next_of(const dmk_facet *f, int k)
+{
+    return link_of(f->twin[k == 0 ? 2 : k - 1], f->twin[k == 2 ? 0 : k + 1]);
+}
+
+static double along_of(double p, double rest)
+{
+    uint64_t bits;
+    const bool turned = p > 0.5 && rest != 0;
+    const double nearer = turned ? rest : p;
+    memcpy(&bits, &nearer, sizeof bits);
+    bits = (bits & ~UINT64_C(1)) | turned;
+    memcpy(&p, &bits, sizeof bits);
+    return p;
+}
+
+static void corner_range(int32_t begin, int32_t end, void *data)
 {
     engine *e = data;
     for (int32_t t = begin; t < end; t++) {
@@ -25,16 +42,36 @@ static void stride_range(int32_t begin, int32_t end, void *data)
         for (int k = 0; k < 3; k++) {
             const int a = (k + 1) % 3, b = (k + 2) % 3;
             const double scale = 1 / f->length[k];
-            e->stride[3 * (size_t)t + (size_t)k] =
-                (stride){.p = f->length[b] * f->cosine[a] * scale,
-                         .q = f->length[b] * f->sine[a] * scale,
-                         .rest = f->length[a] * f->cosine[b] * scale,
-                         .next = link_of(f->twin[b], f->twin[a])};
+            e->stride[3 * (size_t)t + (size_t)k].here = (corner){
+                along_of(f->length[b] * f->cosine[a] * scale, f->length[a] * f->cosine[b] * scale),
+                f->length[b] * f->sine[a] * scale};
+        }
+    }
+}
+
+/* What lies beyond each side of a triangle. Beyond a border: a corner to the right of all rays, and nothing then. */
+static void beyond_range(int32_t begin, int32_t end, void *data)
+{
+    static const corner far = {0x1p500, 0};
+    engine *e = data;
+    for (int32_t t = begin; t < end; t++) {
+        const int32_t *twin = e->front.facet[t].twin;
+        stride *s = e->stride + 3 * (size_t)t;
+        for (int k = 0; k < 3; k++) {
+            const int32_t half = twin[k];
+            stride *right_of = s + (k == 0 ? 2 : k - 1), *left_of = s + (k == 2 ? 0 : k + 1);
+            const corner beyond = half >= 0 ? e->stride[half].here : far;
+            const int64_t next =
+                half >= 0 ? next_of(e->front.facet + half / 3, half % 3) : link_of(-1, -1);
+            right_of->beyond_right = left_of->beyond_left = beyond;
+            right_of->next_right = left_of->next_left = next;
         }
     }
 }
 
 /* ---- plain steps ------------------------------------------------------------------------------ */
+
+typedef double real_or_whole __attribute__((may_alias));
 
 #define FORM(name) name##_plain
 #define FOR
@@ -43,10 +80,12 @@ static void stride_range(int32_t begin, int32_t end, void *data)
 #else
 #define VECTOR 16
 #endif
+#define LANE(set, k) ((set)[k] != 0)
 #include "geodesic/lanes_loop.h"
 #undef FORM
 #undef FOR
 #undef VECTOR
+#undef LANE
 
 /* And for wide vectors, where the processor has them. */
 #if defined(__x86_64__) && defined(__has_builtin)
@@ -61,19 +100,20 @@ static void stride_range(int32_t begin, int32_t end, void *data)
 
 typedef double row __attribute__((vector_size(64), may_alias));
 
-/* A stride is half a row, loaded as one. */
-FOR static inline __attribute__((always_inline)) row two_strides(const stride *a, const stride *b)
+/* Half of a stride is half a row, loaded as one. */
+FOR static inline __attribute__((always_inline)) row two_halves(const double *a, const double *b)
 {
-    return (row)_mm512_insertf64x4(_mm512_castpd256_pd512(_mm256_load_pd(&a->p)),
-                                   _mm256_load_pd(&b->p), 1);
+    return (row)_mm512_insertf64x4(_mm512_castpd256_pd512(_mm256_load_pd(a)), _mm256_load_pd(b), 1);
 }
 
-/* Field by field the strides of eight lanes. */
-FOR static inline __attribute__((always_inline)) void fetch_rows(const stride *s, const int64_t *at,
-                                                                 row field[4])
+/* Field by field the first or the second halves of the strides of eight lanes. */
+FOR static inline __attribute__((always_inline)) void fetch_half(const stride *s, const int64_t *at,
+                                                                 int half, row field[4])
 {
-    const row r0 = two_strides(s + at[0], s + at[4]), r1 = two_strides(s + at[1], s + at[5]),
-              r2 = two_strides(s + at[2], s + at[6]), r3 = two_strides(s + at[3], s + at[7]);
+#define HALF(k) (&s[at[k]].here.along + 4 * half)
+    const row r0 = two_halves(HALF(0), HALF(4)), r1 = two_halves(HALF(1), HALF(5)),
+              r2 = two_halves(HALF(2), HALF(6)), r3 = two_halves(HALF(3), HALF(7));
+#undef HALF
     const row a = __builtin_shufflevector(r0, r1, 0, 8, 2, 10, 4, 12, 6, 14),
               b = __builtin_shufflevector(r0, r1, 1, 9, 3, 11, 5, 13, 7, 15),
               c = __builtin_shufflevector(r2, r3, 0, 8, 2, 10, 4, 12, 6, 14),
@@ -84,9 +124,22 @@ FOR static inline __attribute__((always_inline)) void fetch_rows(const stride *s
     field[3] = __builtin_shufflevector(b, d, 2, 3, 10, 11, 6, 7, 14, 15);
 }
 
+FOR static inline __attribute__((always_inline)) void fetch_rows(const stride *s, const int64_t *at,
+                                                                 row field[8])
+{
+    fetch_half(s, at, 0, field);
+    fetch_half(s, at, 1, field + 4);
+}
+
 #define FORM(name) name##_wide
 #define VECTOR 64
 #define FETCH fetch_rows
+#define SET __mmask8
+#define LESS(a, b) _mm512_cmp_pd_mask((__m512d)(a), (__m512d)(b), _CMP_LT_OQ)
+#define AT_LEAST(a, b) _mm512_cmp_pd_mask((__m512d)(a), (__m512d)(b), _CMP_GE_OQ)
+#define EQUAL(a, b) _mm512_cmpeq_epi64_mask((__m512i)(a), (__m512i)(b))
+#define SELECT(set, a, b) ((reals)_mm512_mask_blend_pd((__mmask8)(set), (__m512d)(b), (__m512d)(a)))
+#define LANE(set, k) ((set) >> (k)&1)
 #define LOOKS(state) _mm512_cmpge_epi64_mask(_mm512_loadu_si512(state), _mm512_set1_epi64(LOOK))
 #include "geodesic/lanes_loop.h"
 #define WIDE
@@ -104,7 +157,8 @@ int dmk_lanes_create(dmk_context *ctx, engine *e)
     DMK_TRY(DMK_NEW_UNSET(ctx, room, (3 * (size_t)n + 1) * line));
     e->room = room;
     e->stride = (stride *)(void *)(room + (line - (uintptr_t)room % line) % line);
-    dmk_parallel(ctx, n, stride_range, e);
+    dmk_parallel(ctx, n, corner_range, e);
+    dmk_parallel(ctx, n, beyond_range, e);
     e->advance = advance_plain;
 #ifdef WIDE
     if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
@@ -125,7 +179,7 @@ void dmk_lanes_free(engine *e)
 /* Window one into lane i; false if its next step is not plain. */
 static bool put(const engine *e, lanes *w, int i, const window *one)
 {
-    if (one->odd || e->stride[one->half].q * one->length > (DMK_FARTHER - 1) * -one->y)
+    if (one->odd || e->stride[one->half].here.q * one->length > (DMK_FARTHER - 1) * -one->y)
         return false;
     const double lx = one->lo - one->x, hx = one->hi - one->x, y = -one->y;
     const double lo = 1 / sqrt(lx * lx + y * y), hi = 1 / sqrt(hx * hx + y * y);
@@ -147,8 +201,16 @@ static bool put(const engine *e, lanes *w, int i, const window *one)
     return true;
 }
 
-/* The window of lane i, whose next step is not plain. */
-static window get(const lanes *w, int i)
+/* The half-edge of lane i, whose next step is not plain; -1 beyond a border. */
+static int32_t half_of(const engine *e, const lanes *w, int i)
+{
+    const int32_t half = (int32_t)w->at[i], k = half % 3;
+    if (w->state[i] == ODD) return half;
+    return e->front.facet[half / 3].twin[(k + (w->state[i] == ODD_LEFT ? 2 : 1)) % 3];
+}
+
+/* The window of lane i, whose next step from that half-edge is not plain. */
+static window get(const lanes *w, int i, int32_t half)
 {
     const double vx = w->vx[i], vy = w->vy[i], sx = w->sx[i], sy = w->sy[i];
     const double length = sqrt(vx * vx + vy * vy), scale = 1 / length;
@@ -161,7 +223,7 @@ static window get(const lanes *w, int i)
                     .base = w->base[i],
                     .turn = w->turn[i] + atan2(vy, vx),
                     .length = length,
-                    .half = (int32_t)w->at[i],
+                    .half = half,
                     .root = w->root[i],
                     .odd = true};
 }
@@ -255,11 +317,13 @@ static int clear(worker *me, lanes *w, int *n_dropped)
     *n_dropped = 0;
     for (uint32_t set = w->look; set; set &= set - 1) {
         const int i = __builtin_ctz(set);
-        const window one = get(w, i);
-        if (w->state[i] == ODD)
-            DMK_TRY(me->spreads ? dmk_windows_push(me, &one) : delay(me, &one));
-        else
+        const int32_t half = w->state[i] == DROPPED ? -1 : half_of(me->e, w, i);
+        if (half < 0) {
             ++*n_dropped;
+        } else {
+            const window one = get(w, i, half);
+            DMK_TRY(me->spreads ? dmk_windows_push(me, &one) : delay(me, &one));
+        }
         w->state[i] = EMPTY;
     }
     w->empty |= w->look;

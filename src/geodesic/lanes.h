@@ -14,15 +14,16 @@ enum { LANES = 32 };
  * of windows. Quartic of 273k triangles, two threads, one in 6 / 10 / 20: 104, 109 and 118 ms, a look in each 4th / 8th
  * step always: 119 and 107; armadillo 73, 83, 84, 70 and 78; a sphere of 1 : 10,000 makes twice as many windows with
  * the last. Speed only: what is dropped late gives no vertex its distance. */
-enum { SHARE = 6, MOST = 16, OFTEN = 4096 };
+enum { SHARE = 6, MOST = 8, OFTEN = 4096 };
 
 /* Where the corner above may be more than so many times as far from the root as the half-edge, as next to the root, a
  * step is not plain: paths around the end of an interval (reach_around of step.c), which plain steps leave out, would
  * count there far beside the rays (test_depth.c). */
 #define DMK_FARTHER 4
 
-/* Of a lane: to go on; no window; and, to be looked at: no shortest path among its rays; to go on by step.c. */
-enum { PLAIN, EMPTY, LOOK, DROPPED = LOOK, ODD };
+/* Of a lane: to go on; no window; and, to be looked at: no shortest path among its rays; to go on by step.c, from the
+ * half-edge `at`, or from the next one on the left or right side. */
+enum { PLAIN, EMPTY, LOOK, DROPPED = LOOK, ODD, ODD_LEFT, ODD_RIGHT };
 
 /* Windows as their roots see them: the root is the origin, and nothing turns but the half-edge. Sets of lanes have bit
  * i for lane i. */

@@ -21,6 +21,9 @@
 static const double most_windows = 0.4;
 enum { always = 1000000 };
 
+/* To ask for memory ahead, of vertices or triangles; speed only. */
+enum { AHEAD = 12 };
+
 static void clear_range(int32_t begin, int32_t end, void *data)
 {
     const engine *e = data;
@@ -117,7 +120,14 @@ static int bound(dmk_context *ctx, void *data)
     DMK_TRY(DMK_NEW_UNSET(ctx, q.list, (size_t)m->n_triangles));
     DMK_TRY(DMK_NEW(ctx, q.listed, (size_t)m->n_triangles));
     list_sources(&q);
-    for (int32_t i = 0; i < q.n; i++) offer_sides(&q, q.list[i]);
+    for (int32_t i = 0; i < q.n; i++) {
+        if (i + AHEAD < q.n) {
+            const dmk_facet *f = e->front.facet + q.list[i + AHEAD];
+            __builtin_prefetch(f);
+            __builtin_prefetch(f->vertex);
+        }
+        offer_sides(&q, q.list[i]);
+    }
     for (int32_t v = 0; v < m->n_vertices; v++)
         e->front.d[v] = e->front.d[v] * (1 + DMK_SAME_LENGTH) + 1000 * DMK_SAME_LENGTH;
 done:
@@ -372,7 +382,6 @@ static void arrive(const engine *e, int32_t v)
 /* Where the path entered last lies anywhere; asked for ahead, 273,000 triangles take 4 ms for 11. */
 static void arrive_range(int32_t begin, int32_t end, void *data)
 {
-    enum { AHEAD = 12 };
     const engine *e = data;
     for (int32_t v = begin; v < end; v++) {
         if (v + AHEAD < end && e->trace[v + AHEAD].half >= 0) {

@@ -49,12 +49,20 @@ typedef struct split {
  * vertices behind one of next to 2 pi are lost (test_geodesic.c), with more some steps are slower. */
 #define DMK_BESIDE 1e-6
 
-/* All that a plain step asks of a triangle, seen from half-edge a-b: with the complex number z = p + iq the corner
- * above is a + z (b - a). Half a cache line. */
+/* Where the corner above a half-edge a-b lies: at a + z (b - a), z = p + iq a complex number. Kept is p or 1 - p,
+ * whichever is less than a half or nearer to it, so that either is as exact as it can be: the lowest bit is set where
+ * it is 1 - p. */
+typedef struct corner {
+    double along, q;
+} corner;
+
+/* All that two plain steps ask of the mesh, a cache line: the corner above a half-edge, those above the half-edges on
+ * the triangle's left and right side, and where the rays are then. */
 typedef struct stride {
-    double p, q, rest; /* rest: 1 - p, exact where that is small */
-    int64_t
-        next; /* the half-edges on the other sides: lower half the left one, upper half the right */
+    corner here, beyond_left, beyond_right;
+    /* the half-edges on the other sides: lower half the left one, upper half the right; beyond the left, the right side
+     */
+    int64_t next_left, next_right;
 } stride;
 
 struct lanes;
