@@ -128,22 +128,31 @@ static void beside(void **state)
 }
 
 /* A step is plain where the corner above is farther from all rays than 4e-6 of the half-edge; here it is right above
- * the half-edge's middle, half of its length high, and the root as far below. What is not plain stays as it was, and
- * comes back as the window that was put there. */
+ * the half-edge's middle, half of its length high, and the root as far below. The corner beyond lies amidst the rays,
+ * or on that corner's side of them. What is not plain stays as it was, and comes back as the window that was put there,
+ * or as that of the half-edge where its plain step ends. */
 static void plain_steps(void **state)
 {
     static const double off[2] = {0.7 * 4e-6, 1.4 * 4e-6};
-    stride flat[5] = {{.q = 0.5}, {.q = 0.5}, {.q = 0.5}, {.q = 0.5}, {.q = 0.5}};
+    stride flat[5] = {
+        {.here.q = 0.5}, {.here.q = 0.5}, {.here.q = 0.5}, {.here.q = 0.5}, {.here.q = 0.5}};
     const engine e = {.stride = flat};
     (void)state;
-    for (int i = 0; i < 4; i++) {
+    for (int i = 0; i < 8; i++) {
+        const bool left = i % 4 < 2, first = i % 2 == 1, second = i >= 4;
         lanes lane = {.look = 0};
-        const fields_plain f = {
-            .p = {0.5}, .q = {0.5}, .rest = {0.5}, .next = {link_of(6 + i, 12 + i)}};
+        const fields_plain f = {.along = {0.5},
+                                .q = {0.5},
+                                .left_along = {second ? 3 : 0.5},
+                                .left_q = {0.5},
+                                .right_along = {second ? -2 : 0.5},
+                                .right_q = {0.5},
+                                .next_left = {link_of(6 + i, 20 + i)},
+                                .next_right = {link_of(40 + i, 60 + i)}};
         /* the corner is twice as far from the root as the half-edge */
-        const double at = 0.5 + (i < 2 ? 1 : -1) * off[i % 2] / 2;
-        const window w = {.lo = i < 2 ? at : 0,
-                          .hi = i < 2 ? 1 : at,
+        const double at = 0.5 + (left ? 1 : -1) * off[i % 2] / 2;
+        const window w = {.lo = left ? at : 0,
+                          .hi = left ? 1 : at,
                           .x = 0.5,
                           .y = -0.5,
                           .base = 3,
@@ -153,12 +162,17 @@ static void plain_steps(void **state)
                           .root = ~0};
         assert_true(put(&e, &lane, 0, &w));
         stride_on_plain(&lane, 0, &f);
-        assert_int_equal(lane.state[0], i % 2 == 0 ? ODD : PLAIN);
-        assert_int_equal(lane.at[0], i % 2 == 0 ? 4 : i < 2 ? 12 + i : 6 + i);
-        const window back = get(&lane, 0);
-        if (i % 2 == 1) { /* the next half-edge is at 45 degrees, seen from its start */
-            assert_true(fabs(back.length - sqrt(0.5)) < 1e-15);
-            assert_true(fabs(back.turn - (i < 2 ? 0.25 - atan(1) : 0.25 + atan(1))) < 1e-15);
+        assert_int_equal(lane.state[0], !first   ? ODD
+                                        : second ? PLAIN
+                                        : left   ? ODD_RIGHT
+                                                 : ODD_LEFT);
+        assert_int_equal(lane.at[0], !(first && second) ? 4 : left ? 60 + i : 6 + i);
+        const window back = get(&lane, 0, 4);
+        if (first) { /* the next half-edge is at 45 degrees, seen from its start, the second at 54.5 */
+            const double turned = second ? atan(1.75 / 1.25) : atan(1);
+            const double length = second ? hypot(1.75, 1.25) : sqrt(0.5);
+            assert_true(fabs(back.length - length) < 1e-15);
+            assert_true(fabs(back.turn - (left ? 0.25 - turned : 0.25 + turned)) < 1e-15);
             continue;
         }
         assert_true(back.odd && back.half == w.half && back.root == w.root);
@@ -167,10 +181,28 @@ static void plain_steps(void **state)
     }
 }
 
+/* Of two sides of a corner the short one is exact too, whichever it is. */
+static void short_sides(void **state)
+{
+    const double small = 1e-9 / 3, q = 1e-10 / 7;
+    (void)state;
+    for (int i = 0; i < 2; i++) {
+        const double p = i == 0 ? small : 1 - small, rest = i == 0 ? 1 - small : small;
+        const view_plain h = {.vx = {0.75}, .vy = {0.5}};
+        const reals_plain along = {along_of(p, rest)}, across = {q};
+        const place_plain c = corner_at_plain(along, across, &h);
+        const double x = i == 0 ? c.x[0] : c.to_x[0], y = i == 0 ? c.y[0] : c.to_y[0];
+        const double sign = i == 0 ? 1 : -1;
+        assert_true(fabs(x / (small * 0.75 - sign * q * 0.5) - 1) < 1e-15);
+        assert_true(fabs(y / (small * 0.5 + sign * q * 0.75) - 1) < 1e-15);
+        assert_true(fabs(c.x[0] + c.to_x[0] - 0.75) < 1e-15);
+    }
+}
+
 /* Nor is a step where the corner above is four times as far from the root as the half-edge. */
 static void next_to_a_root(void **state)
 {
-    stride high = {.q = 0.5};
+    stride high = {.here.q = 0.5};
     const engine e = {.stride = &high};
     (void)state;
     for (int i = 0; i < 2; i++) {
@@ -181,25 +213,38 @@ static void next_to_a_root(void **state)
     }
 }
 
-/* Beyond a border there is nothing to go on for. */
+/* Beyond a border there is nothing to go on for: of two triangles each way leads out within two steps. */
 static void over_a_border(void **state)
 {
-    stride flat = {.q = 0.5};
-    const engine e = {.stride = &flat};
+    dmk_facet facet[2] = {
+        {.length = {1, 1, 1}, .cosine = {0.5, 0.5, 0.5}, .sine = {0.9, 0.9, 0.9}},
+        {.length = {1, 1, 1}, .cosine = {0.5, 0.5, 0.5}, .sine = {0.9, 0.9, 0.9}}};
+    static const int32_t twin[2][3] = {{3, -1, -1}, {0, -1, -1}};
+    _Alignas(64) stride s[6];
+    engine e = {.stride = s};
     (void)state;
-    lanes lane = {.look = 0};
-    const fields_plain f = {.p = {0.9}, .q = {0.5}, .rest = {0.1}, .next = {link_of(-1, 12)}};
-    const window w = {.lo = 0, .hi = 0.3, .x = 0.5, .y = -0.5, .length = 1, .root = ~0};
-    assert_true(put(&e, &lane, 0, &w));
-    stride_on_plain(&lane, 0, &f);
-    assert_int_equal(lane.state[0], DROPPED);
+    e.front.facet = facet;
+    memcpy(facet[0].twin, twin[0], sizeof twin[0]);
+    memcpy(facet[1].twin, twin[1], sizeof twin[1]);
+    corner_range(0, 2, &e);
+    beyond_range(0, 2, &e);
+    for (int i = 0; i < 12; i++) {
+        lanes lane = {.look = 0};
+        const double lo = i < 6 ? 0.3 : 0.69;
+        const window w = {
+            .lo = lo, .hi = lo + 0.01, .x = 0.5, .y = -0.5, .length = 1, .half = i % 6, .root = ~0};
+        assert_true(put(&e, &lane, 0, &w));
+        const fields_plain f = fetch_plain(&e, &lane, 0);
+        stride_on_plain(&lane, 0, &f);
+        assert_int_equal(lane.state[0], DROPPED);
+    }
 }
 
 /* A window is dropped where a way over one of three corners is shorter by 1e-12: over the half-edge's ends to its
  * other end, and over the other corner to the end that is nearer to the side that the rays came through. */
 static void filtered(void **state)
 {
-    stride flat = {.q = 0.5};
+    stride flat = {.here.q = 0.5};
     const engine e = {.stride = &flat};
     (void)state;
     for (int i = 0; i < 8; i++) {
@@ -208,7 +253,7 @@ static void filtered(void **state)
         lanes lane = {.look = 0};
         const window w = {
             .lo = 0.25, .hi = 0.5, .x = 0.5, .y = -1, .base = 2, .length = 1, .root = ~0};
-        const passed_plain p = {.left = {left ? -1 : 0}, .x = {left ? 0 : 1}, .y = {-0.5}};
+        passed_plain p = {.left = {left ? -1 : 0}, .x = {left ? 0 : 1}, .y = {-0.5}};
         const double lo = 2 + hypot(0.25, 1), hi = 2 + 1;
         sides_plain s = {.length = {1}, .start = {9}, .end = {9}, .other = {9}};
         switch (i / 2) {
@@ -218,6 +263,12 @@ static void filtered(void **state)
         default: s.other[0] = hi - hypot(0.5, 0.5) - late;
         }
         assert_true(put(&e, &lane, 0, &w));
+        p.next = (view_plain){.sx = {lane.sx[0]},
+                              .sy = {lane.sy[0]},
+                              .vx = {lane.vx[0]},
+                              .vy = {lane.vy[0]},
+                              .off_lo = {lane.off_lo[0]},
+                              .off_hi = {lane.off_hi[0]}};
         filter_plain(&lane, 0, &p, &s);
         assert_int_equal(lane.state[0], i % 2 == 0 ? PLAIN : DROPPED);
     }
@@ -306,10 +357,11 @@ static void forms_of_the_loop(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(same_length),   cmocka_unit_test(ties),
-        cmocka_unit_test(same_place),    cmocka_unit_test(beside),
-        cmocka_unit_test(plain_steps),   cmocka_unit_test(next_to_a_root),
-        cmocka_unit_test(over_a_border), cmocka_unit_test(filtered),
-        cmocka_unit_test(grazing_rays),  cmocka_unit_test(forms_of_the_loop)};
+        cmocka_unit_test(same_length),      cmocka_unit_test(ties),
+        cmocka_unit_test(same_place),       cmocka_unit_test(beside),
+        cmocka_unit_test(plain_steps),      cmocka_unit_test(short_sides),
+        cmocka_unit_test(next_to_a_root),   cmocka_unit_test(over_a_border),
+        cmocka_unit_test(filtered),         cmocka_unit_test(grazing_rays),
+        cmocka_unit_test(forms_of_the_loop)};
     return cmocka_run_group_tests(tests, context_setup, context_teardown);
 }

@@ -228,14 +228,14 @@ static window get(const lanes *w, int i, int32_t half)
                     .odd = true};
 }
 
-static const window *late(const worker *me, uint32_t i)
+static const window *late_one(const worker *me, uint32_t i)
 {
     return me->late + (me->oldest + i) % LATE;
 }
 
 static window take_late(worker *me)
 {
-    const window *w = late(me, 0);
+    const window *w = late_one(me, 0);
     me->oldest = (me->oldest + 1) % LATE;
     me->n_late--;
     return *w;
@@ -255,7 +255,7 @@ static int delay(worker *me, const window *w)
     __builtin_prefetch(front->facet + w->half / 3);
     __builtin_prefetch(front->facet[w->half / 3].vertex);
     if (me->n_late > LATE / 2) {
-        const int32_t half = late(me, LATE / 2 - 1)->half;
+        const int32_t half = late_one(me, LATE / 2 - 1)->half;
         const int32_t *vertex = front->facet[half / 3].vertex, *twin = front->facet[half / 3].twin;
         for (int k = 0; k < 3; k++) {
             __builtin_prefetch(front->d + vertex[k]);
@@ -263,6 +263,8 @@ static int delay(worker *me, const window *w)
         }
         __builtin_prefetch(me->e->split + vertex[half % 3]);
         __builtin_prefetch(me->e->trace + vertex[half % 3]);
+        __builtin_prefetch(&me->e->trace[vertex[half % 3]].root);
+        __builtin_prefetch(front->g->star.corner_angle + (half - half % 3));
     }
     return DMK_OK;
 }

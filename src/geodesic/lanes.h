@@ -14,7 +14,7 @@ enum { LANES = 32 };
  * of windows. Quartic of 273k triangles, two threads, one in 6 / 10 / 20: 104, 109 and 118 ms, a look in each 4th / 8th
  * step always: 119 and 107; armadillo 73, 83, 84, 70 and 78; a sphere of 1 : 10,000 makes twice as many windows with
  * the last. Speed only: what is dropped late gives no vertex its distance. */
-enum { SHARE = 6, MOST = 8, OFTEN = 4096 };
+enum { SHARE = 9, MOST = 8, OFTEN = 4096 };
 
 /* Where the corner above may be more than so many times as far from the root as the half-edge, as next to the root, a
  * step is not plain: paths around the end of an interval (reach_around of step.c), which plain steps leave out, would
