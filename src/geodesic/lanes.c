@@ -317,8 +317,8 @@ static int clear(worker *me, lanes *w, int *n_dropped)
 {
     int rc = DMK_OK;
     *n_dropped = 0;
-    for (uint32_t set = w->look; set; set &= set - 1) {
-        const int i = __builtin_ctz(set);
+    for (uint64_t set = w->look; set; set &= set - 1) {
+        const int i = __builtin_ctzll(set);
         const int32_t half = w->state[i] == DROPPED ? -1 : half_of(me->e, w, i);
         if (half < 0) {
             ++*n_dropped;
@@ -351,19 +351,19 @@ int dmk_lanes_run(worker *me, int64_t most)
     /* Steps, between looks at a full limit: speed only, and the same with 32 or 128. */
     enum { AT_ONCE = 64 };
     int rc = DMK_OK, n_dropped;
-    lanes w = {.empty = UINT32_MAX >> (32 - LANES), .period = me->period > 0 ? me->period : 1};
-    const uint32_t all = w.empty;
+    lanes w = {.empty = UINT64_MAX >> (64 - LANES), .period = me->period > 0 ? me->period : 1};
+    const uint64_t all = w.empty;
     for (int i = 0; i < LANES; i++) w.state[i] = EMPTY;
     while (!dmk_windows_spent(me->e)) {
         bool filled = most > 0;
-        for (uint32_t set = w.empty; set && filled; set &= set - 1) {
-            const int i = __builtin_ctz(set);
+        for (uint64_t set = w.empty; set && filled; set &= set - 1) {
+            const int i = __builtin_ctzll(set);
             DMK_TRY(fill(me, &w, i, &filled));
-            if (filled) w.empty &= ~(UINT32_C(1) << i);
+            if (filled) w.empty &= ~(UINT64_C(1) << i);
         }
         if (w.empty == all) break;
         const int64_t n =
-            (int64_t)me->e->advance(me->e, &w, AT_ONCE) * __builtin_popcount(all & ~w.empty);
+            (int64_t)me->e->advance(me->e, &w, AT_ONCE) * __builtin_popcountll(all & ~w.empty);
         DMK_TRY(clear(me, &w, &n_dropped));
         DMK_TRY(dmk_windows_count(me, n - n_dropped));
         adapt(me, &w, n, n_dropped);

@@ -4,16 +4,17 @@
 
 #include "geodesic/window.h"
 
-/* While one vector of lanes computes, what the others need is on its way from memory: 136k vertices, two threads,
- * vectors of 512 bits: 24 lanes 3.4 ns a step, 32 3.1, 48 or 64 3.0. Speed only: a lane's numbers do not depend on its
- * neighbours. */
-enum { LANES = 32 };
+/* While one vector of lanes computes, what the others need is on its way from memory: distances of 273k triangles, two
+ * threads, vectors of 512 bits: 16 lanes 116 ms, 24 110, 32 106, 48 102, 64 103. Speed only: a lane's numbers do not
+ * depend on its neighbours. */
+enum { LANES = 48 };
 
-/* Which windows are of no use is seen in looks, each as long as a step; they run on until the next one. So many steps
- * lie between two looks that one window in SHARE is dropped at each, MOST at most; this is set anew after OFTEN steps
- * of windows. Quartic of 273k triangles, two threads, one in 6 / 10 / 20: 104, 109 and 118 ms, a look in each 4th / 8th
- * step always: 119 and 107; armadillo 73, 83, 84, 70 and 78; a sphere of 1 : 10,000 makes twice as many windows with
- * the last. Speed only: what is dropped late gives no vertex its distance. */
+/* Which windows are of no use is seen in looks, each as long as a step; they run on until the next one. So many pairs
+ * of steps lie between two looks that one window in 2 SHARE is dropped at each, MOST at most; this is set anew after
+ * OFTEN steps of windows. Distances of 273k triangles and of six scans, two threads, SHARE 4 / 6 / 9 / 12: 1.017, 1,
+ * 0.988 and 1.013; MOST 4 / 8 / 16, the first alone: 163, 157, 162 ms. A look in each step takes twice as long, and a
+ * sphere of 1 : 10,000 makes twice as many windows with rare ones. Speed only: what is dropped late gives no vertex its
+ * distance. */
 enum { SHARE = 9, MOST = 8, OFTEN = 4096 };
 
 /* Where the corner above may be more than so many times as far from the root as the half-edge, as next to the root, a
@@ -37,11 +38,11 @@ typedef struct lanes {
     int64_t state[LANES];
     int64_t at[LANES]; /* the half-edge */
     int32_t root[LANES];
-    uint32_t look; /* dropped or odd since the last look */
-    uint32_t empty;
+    uint64_t look; /* dropped or odd since the last look */
+    uint64_t empty;
     int since, period; /* steps: since the last filter, and from one to the next */
 } lanes;
-_Static_assert(LANES <= 32, "a set of lanes fits into its type");
+_Static_assert(LANES <= 64, "a set of lanes fits into its type");
 
 /* Beyond a border there is no half-edge: all 32 bits. */
 #define DMK_NOWHERE ((int64_t)UINT32_MAX)

@@ -231,7 +231,7 @@ FOR static int FORM(advance)(const engine *e, lanes *w, int most)
                 const sides s = FORM(look_behind)(e, &p);
                 FORM(filter)(w, i, &p, &s);
             }
-            w->look |= FORM(looks)(w, i) << i;
+            w->look |= (uint64_t)FORM(looks)(w, i) << i;
         }
     }
     return n;
