@@ -312,14 +312,15 @@ done:
 }
 
 /* Lanes that have dropped their window, or hold one whose next step is not plain, are empty then. *n_dropped: how many
- * have dropped it. */
-static int clear(worker *me, lanes *w, int *n_dropped)
+ * have dropped it; *n_short: steps of their last pairs that have led to no window. */
+static int clear(worker *me, lanes *w, int *n_dropped, int *n_short)
 {
     int rc = DMK_OK;
-    *n_dropped = 0;
+    *n_dropped = *n_short = 0;
     for (uint64_t set = w->look; set; set &= set - 1) {
         const int i = __builtin_ctzll(set);
         const int32_t half = w->state[i] == DROPPED ? -1 : half_of(me->e, w, i);
+        *n_short += w->state[i] == ODD || half < 0 ? 2 : 1;
         if (half < 0) {
             ++*n_dropped;
         } else {
@@ -350,7 +351,7 @@ int dmk_lanes_run(worker *me, int64_t most)
 {
     /* Steps, between looks at a full limit: speed only, and the same with 32 or 128. */
     enum { AT_ONCE = 64 };
-    int rc = DMK_OK, n_dropped;
+    int rc = DMK_OK, n_dropped, n_short;
     lanes w = {.empty = UINT64_MAX >> (64 - LANES), .period = me->period > 0 ? me->period : 1};
     const uint64_t all = w.empty;
     for (int i = 0; i < LANES; i++) w.state[i] = EMPTY;
@@ -364,12 +365,12 @@ int dmk_lanes_run(worker *me, int64_t most)
         if (w.empty == all) break;
         const int64_t n =
             (int64_t)me->e->advance(me->e, &w, AT_ONCE) * __builtin_popcountll(all & ~w.empty);
-        DMK_TRY(clear(me, &w, &n_dropped));
-        DMK_TRY(dmk_windows_count(me, n - n_dropped));
+        DMK_TRY(clear(me, &w, &n_dropped, &n_short));
+        DMK_TRY(dmk_windows_count(me, n - n_short));
         adapt(me, &w, n, n_dropped);
         most -= n;
     }
-    for (; me->n_late > 0;) {
+    while (me->n_late > 0) {
         const window one = take_late(me);
         DMK_TRY(dmk_windows_push(me, &one));
     }
