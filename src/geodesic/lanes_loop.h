@@ -96,9 +96,9 @@ FOR INLINE place FORM(corner_at)(reals along, reals q, const view *h)
     return (place){p * h->vx - qy, p * h->vy + qx, rest * h->vx + qy, rest * h->vy - qx};
 }
 
-/* A step of the lanes that `go`, which are those then whose step is plain; *left: with the corner c on the left of their
- * rays. A step is not plain where the corner passes a ray by less than paths around its end ask for, which is more at
- * the corner than on the half-edge. At the shortest edges rounding, which goes with the mesh's extent, is more. */
+/* A step of the lanes that `go`, which are those then whose step is plain; *left: with the corner c on the left of
+ * their rays. A step is not plain where the corner passes a ray by less than paths around its end ask for, which is more
+ * at the corner than on the half-edge. At the shortest edges rounding, which goes with the mesh's extent, is more. */
 FOR INLINE view FORM(step)(const lanes *w, int i, const view *h, const place *c, SET *go, SET *left)
 {
     const reals lo = h->off_lo + (REALS(lx) * c->y - REALS(ly) * c->x),

@@ -97,10 +97,10 @@ typedef struct worker {
     engine *e;
     window *stack;
     size_t n_stack, capacity;
-    const shares *shares;   /* to take from when the stack is empty, or NULL */
-    size_t first, n_tried;  /* of the shares */
-    bool spreads;           /* it takes shares only */
-    window late[LATE];      /* windows that wait for what their next step reads, in a ring */
+    const shares *shares;  /* to take from when the stack is empty, or NULL */
+    size_t first, n_tried; /* of the shares */
+    bool spreads;          /* it takes shares only */
+    window late[LATE];     /* windows that wait for what their next step reads, in a ring */
     uint32_t n_late, oldest;
     dmk_heap_item *reached; /* pseudo-sources */
     size_t n_reached, reached_room;
