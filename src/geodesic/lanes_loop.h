@@ -1,7 +1,7 @@
-/* The loop of plain steps, two at a time. It is compiled once for each kind of vector, since compilers take vectors apart
- * before they put functions in line: lanes.c includes it with FORM(name), what names become; FOR, the attributes of
- * functions; and VECTOR, the vectors' size in bytes; SET and what goes with it, FETCH and LOOKS if there are better ways
- * for these vectors. All forms do the same operations on each lane. */
+/* The loop of plain steps, two at a time. It is compiled once for each kind of vector, since compilers take vectors
+ * apart before they put functions in line: lanes.c includes it with FORM(name), what names become; FOR, the attributes
+ * of functions; and VECTOR, the vectors' size in bytes; SET and what goes with it, FETCH and LOOKS if there are better
+ * ways for these vectors. All forms do the same operations on each lane. */
 #include "geodesic/lanes.h"
 
 #ifdef FORM /* alone it is nothing */
@@ -97,8 +97,9 @@ FOR INLINE place FORM(corner_at)(reals along, reals q, const view *h)
 }
 
 /* A step of the lanes that `go`, which are those then whose step is plain; *left: with the corner c on the left of
- * their rays. A step is not plain where the corner passes a ray by less than paths around its end ask for, which is more
- * at the corner than on the half-edge. At the shortest edges rounding, which goes with the mesh's extent, is more. */
+ * their rays. A step is not plain where the corner passes a ray by less than paths around its end ask for, which is
+ * more at the corner than on the half-edge. At the shortest edges rounding, which goes with the mesh's extent, is more.
+ */
 FOR INLINE view FORM(step)(const lanes *w, int i, const view *h, const place *c, SET *go, SET *left)
 {
     const reals lo = h->off_lo + (REALS(lx) * c->y - REALS(ly) * c->x),

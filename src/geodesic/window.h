@@ -49,9 +49,9 @@ typedef struct split {
  * vertices behind one of next to 2 pi are lost (test_geodesic.c), with more some steps are slower. */
 #define DMK_BESIDE 1e-6
 
-/* Where the corner above a half-edge a-b lies: at a + z (b - a), z = p + iq a complex number. Kept is p or 1 - p,
- * whichever is less than a half or nearer to it, so that either is as exact as it can be: the lowest bit is set where
- * it is 1 - p. */
+/* Where the corner above a half-edge a-b lies: at a + z (b - a), z = p + iq a complex number. `along` is p, or 1 - p
+ * where that is less than a half, which the lowest bit tells: the other one follows, and the one that may be small is
+ * exact. */
 typedef struct corner {
     double along, q;
 } corner;
