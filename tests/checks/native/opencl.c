@@ -387,9 +387,9 @@ static cl_int give(const void *value, size_t bytes, size_t size, void *to, size_
 cl_int clGetKernelWorkGroupInfo(cl_kernel k, cl_device_id id, cl_kernel_work_group_info what,
                                 size_t size, void *to, size_t *n)
 {
-    const size_t group[3] = {k->group, 1, 1};
+    const size_t required[3] = {k->group, 1, 1};
     CHECK(id == &the_device && what == CL_KERNEL_COMPILE_WORK_GROUP_SIZE);
-    return give(group, sizeof group, size, to, n);
+    return give(required, sizeof required, size, to, n);
 }
 cl_int clGetMemObjectInfo(cl_mem m, cl_mem_info what, size_t size, void *to, size_t *n)
 {
