@@ -489,10 +489,10 @@ static void rounding_of_filters(void **state)
             else
                 d[s.b] = value(&w, w.lo) - (length - w.lo) - shorter[i] * length;
             look(&q.e, 0, &s);
-            assert_int_equal(store(*state, &q.e, &w, q.e.head), DMK_OK);
-            assert_int_equal(gather(q.e.worker, &q.e, q.e.head, false, &s, &n), DMK_OK);
+            assert_int_equal(dmk_waves_store(*state, q.e.shard, &w, q.e.head), DMK_OK);
+            assert_int_equal(gather(q.e.shard, q.e.head, false, &s, &n), DMK_OK);
             assert_int_equal(n, i == 0);
-            assert_int_equal(q.e.worker->n.spent, 1);
+            assert_int_equal(q.e.shard->n_free, 1);
             assert_int_equal(q.e.head[0], -1);
             end(&q);
         }
@@ -541,9 +541,9 @@ static void last_bucket(void **state)
 {
     square q = begin(*state, 1e-6);
     q.e.least = 0;
-    assert_int_equal(schedule(*state, &q.e, 3, 1e30), DMK_OK);
-    assert_int_equal(schedule(*state, &q.e, 4, 5), DMK_OK);
-    assert_int_equal(q.e.n_buckets, q.e.most_buckets + 1);
+    assert_int_equal(schedule(*state, &q.e, q.e.shard, 3, 1e30), DMK_OK);
+    assert_int_equal(schedule(*state, &q.e, q.e.shard, 4, 5), DMK_OK);
+    assert_int_equal(q.e.shard->n_buckets, q.e.most_buckets + 1);
     assert_true(q.e.most_buckets * q.e.width >= 5 * q.e.front.facet[0].length[0]);
     end(&q);
 }

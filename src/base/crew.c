@@ -2,40 +2,48 @@
 
 #include <sched.h>
 
-/* `round` is one word, so that a part is taken together with the round that it is of: the next part in the lowest 20
- * bits, the number of parts in the 20 above, and the number of the round, modulo 2^23, above these. The highest bit
- * says that there are no more rounds. */
-enum { BITS = 20 };
-static const uint64_t part_mask = ((uint64_t)1 << BITS) - 1, round_one = (uint64_t)1 << 2 * BITS,
-                      last = (uint64_t)1 << 63;
+static const uint64_t last = UINT64_MAX;
 
-/* Looks before a thread lets others have the processor. Speed only. */
-enum { SPINS = 2000 };
+/* Looks before a thread lets others have the processor, and before it takes what is another's. Speed only. */
+enum { SPINS = 2000, PATIENCE = 100 };
+
+static void look_away(void)
+{
+#if defined(__x86_64__) || defined(__i386__)
+    __builtin_ia32_pause();
+#endif
+}
 
 static void wait_a_little(int *looks)
 {
     if (++*looks < SPINS) {
-#if defined(__x86_64__) || defined(__i386__)
-        __builtin_ia32_pause();
-#endif
+        look_away();
         return;
     }
     *looks = 0;
     sched_yield();
 }
 
-/* Do one part of the present round; false if nobody need begin one. */
-static bool do_part(dmk_crew *crew, int member)
+/* Part k, unless somebody has begun it. All parts of a round have been begun before the next one is, so whoever comes
+ * with an old round begins nothing. */
+static void try_part(dmk_crew *crew, uint64_t round, int32_t k)
 {
-    uint64_t now = atomic_load(&crew->round);
-    for (;;) {
-        const uint64_t k = now & part_mask, n = now >> BITS & part_mask;
-        if (k >= n) return false;
-        if (!atomic_compare_exchange_weak(&crew->round, &now, now + 1)) continue;
-        crew->part((int32_t)k, member, crew->data);
-        atomic_fetch_add(&crew->done, 1);
-        return true;
-    }
+    uint64_t before = round - 1;
+    if (atomic_load(crew->begun + k) != before) return;
+    if (!atomic_compare_exchange_strong(crew->begun + k, &before, round)) return;
+    crew->part(k, crew->data);
+    atomic_fetch_add(&crew->done, 1);
+}
+
+/* The member's own parts; then, if the others are late, those of the members before it, from their end, as they come to
+ * that last. */
+static void do_parts(dmk_crew *crew, uint64_t round, int member)
+{
+    const int32_t n = crew->n_parts, begin = n * member / crew->n_members,
+                  end = n * (member + 1) / crew->n_members;
+    for (int32_t k = begin; k < end; k++) try_part(crew, round, k);
+    for (int i = 0; i < PATIENCE && atomic_load(&crew->done) < n; i++) look_away();
+    for (int32_t i = 1; i <= n - (end - begin); i++) try_part(crew, round, (begin + n - i) % n);
 }
 
 static int stay(dmk_context *own, void *data)
@@ -43,41 +51,46 @@ static int stay(dmk_context *own, void *data)
     dmk_crew *crew = data;
     (void)own;
     const int member = 1 + atomic_fetch_add(&crew->joined, 1);
-    int looks = 0;
-    while (!(atomic_load(&crew->round) & last)) {
-        if (do_part(crew, member))
-            looks = 0;
-        else
+    uint64_t round, seen = 0;
+    for (int looks = 0; (round = atomic_load(&crew->round)) != last;) {
+        if (round == seen) {
             wait_a_little(&looks);
+            continue;
+        }
+        do_parts(crew, round, member);
+        seen = round;
+        looks = 0;
     }
     return DMK_OK;
 }
 
-void dmk_crew_begin(dmk_context *ctx, dmk_crew *crew,
-                    void (*part)(int32_t k, int member, void *data), void *data)
+void dmk_crew_begin(dmk_context *ctx, dmk_crew *crew, int32_t n_parts,
+                    void (*part)(int32_t k, void *data), void *data)
 {
     crew->part = part;
     crew->data = data;
+    crew->n_parts = n_parts;
     crew->n_members = dmk_min_i(dmk_parallel_threads(ctx), DMK_MOST_CREW);
     atomic_init(&crew->round, 0);
     atomic_init(&crew->done, 0);
     atomic_init(&crew->joined, 0);
+    for (int32_t k = 0; k < n_parts; k++) atomic_init(crew->begun + k, 0);
     for (int k = 0; k + 1 < crew->n_members; k++)
         dmk_task_begin_staying(ctx, crew->task + k, stay, crew);
 }
 
-void dmk_crew_round(dmk_crew *crew, int32_t n_parts)
+void dmk_crew_round(dmk_crew *crew)
 {
     int looks = 0;
-    if (crew->n_members == 1 || n_parts == 1) { /* nobody else need know */
-        for (int32_t k = 0; k < n_parts; k++) crew->part(k, 0, crew->data);
+    if (crew->n_members == 1) {
+        for (int32_t k = 0; k < crew->n_parts; k++) crew->part(k, crew->data);
         return;
     }
-    const uint64_t before = atomic_load(&crew->round) >> 2 * BITS;
+    const uint64_t round = atomic_load(&crew->round) + 1;
     atomic_store(&crew->done, 0);
-    atomic_store(&crew->round, (before + 1) * round_one % last | (uint64_t)n_parts << BITS);
-    while (do_part(crew, 0)) continue;
-    while (atomic_load(&crew->done) < n_parts) wait_a_little(&looks);
+    atomic_store(&crew->round, round);
+    do_parts(crew, round, 0);
+    while (atomic_load(&crew->done) < crew->n_parts) wait_a_little(&looks);
 }
 
 void dmk_crew_end(dmk_context *ctx, dmk_crew *crew)

@@ -88,14 +88,15 @@ static inline bool carry(const wave *w, double px, double py, double ex, double 
     return c->uy > 0 && (w->k >= 0 || 1 + w->k * xi > 0);
 }
 
-static int add_child(worker *me, const wave *w, double key)
+static int add_child(shard *me, const wave *w, double key)
 {
-    int rc = DMK_GROW(&me->own, me->child, me->n.child + 1, me->room.child);
-    if (rc == DMK_OK) me->child[me->n.child++] = (child){*w, key};
+    finds *f = me->finds + dmk_waves_shard(w->half);
+    const int rc = DMK_GROW(&me->own, f->child, f->n_children + 1, f->child_room);
+    if (rc == DMK_OK) f->child[f->n_children++] = (child){*w, key};
     return rc;
 }
 
-static int step_left(worker *me, const wave *w, const angle *s, double last)
+static int step_left(shard *me, const wave *w, const angle *s, double last)
 {
     wave c;
     const double eps = DMK_SAME_LENGTH + rounding * s->length;
@@ -117,7 +118,7 @@ static int step_left(worker *me, const wave *w, const angle *s, double last)
                      dmk_min(dmk_max(at_lo + lo, at_hi + (s->left - hi)), dmk_max(s->d_a, s->d_c)));
 }
 
-static int step_right(worker *me, const wave *w, const angle *s, double first)
+static int step_right(shard *me, const wave *w, const angle *s, double first)
 {
     wave c;
     const double eps = DMK_SAME_LENGTH + rounding * s->length;
@@ -171,7 +172,7 @@ static void reach_above(const wave *w, angle *s, double t)
     s->reached = true;
 }
 
-static int step(worker *me, const wave *w, angle *s)
+static int step(shard *me, const wave *w, angle *s)
 {
     const double slack = DMK_SAME_PLACE * s->length, den = w->k * s->cy + w->uy;
     const double eps = DMK_SAME_LENGTH + rounding * s->length;
@@ -382,16 +383,16 @@ static void sort(wave *l, size_t n)
     }
 }
 
-/* Take the windows of one of a half-edge's lists that are still of use into the worker's. */
-static int gather(worker *me, const engine *e, int32_t *head, bool kept, const angle *s, size_t *n)
+/* Take the windows of one of a half-edge's lists that are still of use into the shard's. */
+static int gather(shard *me, int32_t *head, bool kept, const angle *s, size_t *n)
 {
     int rc = DMK_OK;
     const double eps = DMK_SAME_LENGTH + rounding * s->length, at_a = s->d_a + eps;
     const double at_b = s->d_b + s->length + eps;
-    for (int32_t i = *head; i >= 0; i = e->pool[i].next) {
-        const wave *w = e->pool + i;
-        DMK_TRY(DMK_GROW(&me->own, me->spent, me->n.spent + 1, me->room.spent));
-        me->spent[me->n.spent++] = i;
+    for (int32_t i = *head; i >= 0; i = me->pool[i].next) {
+        const wave *w = me->pool + i;
+        DMK_TRY(DMK_GROW(&me->own, me->free, me->n_free + 1, me->free_room));
+        me->free[me->n_free++] = i;
         if (at_b - w->lo < value(w, w->lo) || at_a + w->hi < value(w, w->hi)) continue;
         DMK_TRY(DMK_GROW(&me->own, me->list, *n + 1, me->list_room));
         me->list[*n] = *w;
@@ -403,7 +404,7 @@ done:
 }
 
 /* One more visit: whether the half-edge keeps its windows now. */
-static bool keeps(worker *me, const engine *e, int32_t half)
+static bool keeps(shard *me, const engine *e, int32_t half)
 {
     if (e->visits[half] < often) e->visits[half]++;
     if (e->visits[half] < often) return false;
@@ -411,15 +412,15 @@ static bool keeps(worker *me, const engine *e, int32_t half)
     return e->kept != NULL;
 }
 
-int dmk_waves_visit(worker *me, const engine *e, int32_t half)
+int dmk_waves_visit(shard *me, const engine *e, int32_t half)
 {
     int rc;
     size_t n = 0;
     angle s;
     const bool keep = keeps(me, e, half);
     look(e, half, &s);
-    DMK_TRY(gather(me, e, e->head + half, false, &s, &n));
-    if (keep) DMK_TRY(gather(me, e, e->kept + half, true, &s, &n));
+    DMK_TRY(gather(me, e->head + half, false, &s, &n));
+    if (keep) DMK_TRY(gather(me, e->kept + half, true, &s, &n));
     const wave *l = me->list;
     me->n_looks += (int64_t)n;
     if (n > 1) {
@@ -430,15 +431,13 @@ int dmk_waves_visit(worker *me, const engine *e, int32_t half)
         l = me->merged;
     }
     for (size_t i = 0; i < n; i++) {
-        if (keep) {
-            DMK_TRY(DMK_GROW(&me->own, me->kept, me->n.kept + 1, me->room.kept));
-            me->kept[me->n.kept++] = l[i];
-        }
+        if (keep) DMK_TRY(dmk_waves_store(&me->own, me, l + i, e->kept + half));
         if (l[i].next != KEPT) DMK_TRY(step(me, l + i, &s));
     }
     if (!s.reached) goto done;
-    DMK_TRY(DMK_GROW(&me->own, me->hit, me->n.hit + 1, me->room.hit));
-    me->hit[me->n.hit++] = (hit){*s.known, s.d_c, s.error, s.c};
+    finds *f = me->finds + dmk_waves_shard_of_vertex(s.c);
+    DMK_TRY(DMK_GROW(&me->own, f->hit, f->n_hits + 1, f->hit_room));
+    f->hit[f->n_hits++] = (hit){*s.known, s.d_c, s.error, s.c};
 done:
     return rc;
 }

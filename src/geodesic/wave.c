@@ -58,15 +58,17 @@ static int engine_create(dmk_context *ctx, dmk_geodesics *g, double tolerance, e
     if (tolerance == 0) tolerance = exact_tolerance;
     memset(e, 0, sizeof *e);
     e->allow = (allowance){tolerance, most_jump * tolerance, sqrt(tolerance)};
-    e->free_block = -1;
     DMK_TRY(dmk_front_create(ctx, g, &e->front));
     DMK_TRY(DMK_NEW(ctx, e->error, n));
     DMK_TRY(DMK_NEW(ctx, e->mark, n));
     DMK_TRY(DMK_NEW(ctx, e->radiated, n));
     DMK_TRY(DMK_NEW_UNSET(ctx, e->head, n_half));
     DMK_TRY(DMK_NEW(ctx, e->visits, n_half));
-    DMK_TRY(DMK_NEW(ctx, e->worker, DMK_MOST_CREW));
-    for (int i = 0; i < DMK_MOST_CREW; i++) dmk_context_lend(ctx, &e->worker[i].own);
+    DMK_TRY(DMK_NEW(ctx, e->shard, SHARDS));
+    for (int i = 0; i < SHARDS; i++) {
+        dmk_context_lend(ctx, &e->shard[i].own);
+        e->shard[i].free_block = -1;
+    }
     dmk_parallel(ctx, g->mesh->n_vertices, clear_range, e);
     dmk_parallel(ctx, 3 * g->mesh->n_triangles, clear_halves, e);
     e->width = bucket_width * g->mesh->info.mean_edge / g->star.unit;
@@ -83,14 +85,20 @@ done:
     return rc;
 }
 
-static void worker_free(worker *w)
+static void shard_free(shard *s)
 {
-    free(w->list);
-    free(w->merged);
-    free(w->spent);
-    free(w->child);
-    free(w->hit);
-    free(w->kept);
+    free(s->pool);
+    free(s->free);
+    free(s->block);
+    free(s->bucket);
+    free(s->taken);
+    free(s->list);
+    free(s->merged);
+    free(s->reached);
+    for (int k = 0; k < SHARDS; k++) {
+        free(s->finds[k].child);
+        free(s->finds[k].hit);
+    }
 }
 
 static void engine_free(engine *e)
@@ -103,14 +111,8 @@ static void engine_free(engine *e)
     free(e->head);
     free(e->kept);
     free(e->visits);
-    free(e->pool);
-    free(e->free);
-    free(e->block);
-    free(e->bucket);
-    free(e->taken);
-    free(e->finds);
-    for (int i = 0; e->worker && i < DMK_MOST_CREW; i++) worker_free(e->worker + i);
-    free(e->worker);
+    for (int i = 0; e->shard && i < SHARDS; i++) shard_free(e->shard + i);
+    free(e->shard);
 }
 
 /* Visits are mostly waits for memory: what the visits to come will read is fetched in two steps, as where the second
@@ -134,82 +136,87 @@ static inline __attribute__((always_inline)) void fetch_to_write(const wave *w)
 }
 
 /* An empty block at the end of a bucket. */
-static int add_block(dmk_context *ctx, engine *e, bucket *b)
+static int add_block(dmk_context *ctx, shard *s, bucket *b)
 {
-    int32_t i = e->free_block;
+    int32_t i = s->free_block;
     if (i >= 0) {
-        e->free_block = e->block[i].next;
+        s->free_block = s->block[i].next;
     } else {
-        if (e->n_blocks == e->block_room) {
-            int rc = DMK_GROW(ctx, e->block, e->n_blocks + 1, e->block_room);
+        if (s->n_blocks == s->block_room) {
+            int rc = DMK_GROW(ctx, s->block, s->n_blocks + 1, s->block_room);
             if (rc != DMK_OK) return rc;
         }
-        i = (int32_t)e->n_blocks++;
+        i = (int32_t)s->n_blocks++;
     }
-    e->block[i].n = 0;
-    e->block[i].next = -1;
+    s->block[i].n = 0;
+    s->block[i].next = -1;
     if (b->first < 0)
         b->first = i;
     else
-        e->block[b->last].next = i;
+        s->block[b->last].next = i;
     b->last = i;
     return DMK_OK;
 }
 
-static int schedule(dmk_context *ctx, engine *e, int32_t half, double key)
+static int schedule(dmk_context *ctx, const engine *e, shard *s, int32_t half, double key)
 {
     double index = (key - e->least) / e->width;
     size_t i = index > 0 ? (size_t)dmk_min(index, (double)e->most_buckets) : 0;
     if (i < e->current) i = e->current;
-    if (i >= e->bucket_room) {
-        int rc = DMK_GROW(ctx, e->bucket, i + 1, e->bucket_room);
+    if (i >= s->bucket_room) {
+        int rc = DMK_GROW(ctx, s->bucket, i + 1, s->bucket_room);
         if (rc != DMK_OK) return rc;
     }
-    for (; e->n_buckets <= i; e->n_buckets++) e->bucket[e->n_buckets] = (bucket){-1, -1};
-    bucket *b = e->bucket + i;
-    if (b->last < 0 || e->block[b->last].n == BLOCK) {
-        int rc = add_block(ctx, e, b);
+    for (; s->n_buckets <= i; s->n_buckets++) s->bucket[s->n_buckets] = (bucket){-1, -1};
+    bucket *b = s->bucket + i;
+    if (b->last < 0 || s->block[b->last].n == BLOCK) {
+        int rc = add_block(ctx, s, b);
         if (rc != DMK_OK) return rc;
     }
-    block *k = e->block + b->last;
+    block *k = s->block + b->last;
     k->half[k->n++] = half;
     return DMK_OK;
 }
 
-/* A copy of the window at the head of a list. */
-static int store(dmk_context *ctx, engine *e, const wave *w, int32_t *head)
+int dmk_waves_store(dmk_context *ctx, shard *s, const wave *w, int32_t *head)
 {
     int32_t i;
-    if (e->n_free > 0) {
-        i = e->free[--e->n_free];
-        if (e->n_free >= NEAR) fetch_to_write(e->pool + e->free[e->n_free - NEAR]);
+    if (s->n_free > 0) {
+        i = s->free[--s->n_free];
+        if (s->n_free >= NEAR) fetch_to_write(s->pool + s->free[s->n_free - NEAR]);
     } else {
-        if (e->n_pool == e->pool_room) {
-            int rc = DMK_GROW(ctx, e->pool, e->n_pool + 1, e->pool_room);
+        if (s->n_pool == s->pool_room) {
+            int rc = DMK_GROW(ctx, s->pool, s->n_pool + 1, s->pool_room);
             if (rc != DMK_OK) return rc;
         }
-        i = (int32_t)e->n_pool++;
+        i = (int32_t)s->n_pool++;
     }
-    e->pool[i] = *w;
-    e->pool[i].next = *head;
+    s->pool[i] = *w;
+    s->pool[i].next = *head;
     *head = i;
     return DMK_OK;
 }
 
 /* A window of its half-edge. */
-static int put(dmk_context *ctx, engine *e, const wave *w, double key)
+static int put(dmk_context *ctx, const engine *e, const wave *w, double key)
 {
+    shard *s = e->shard + dmk_waves_shard(w->half);
     const bool waits = e->head[w->half] >= 0;
-    int rc = store(ctx, e, w, e->head + w->half);
-    e->n_made++;
-    return rc != DMK_OK || waits ? rc : schedule(ctx, e, w->half, key);
+    int rc = dmk_waves_store(ctx, s, w, e->head + w->half);
+    s->n_made++;
+    return rc != DMK_OK || waits ? rc : schedule(ctx, e, s, w->half, key);
 }
 
-static int reach(dmk_context *ctx, engine *e, int32_t v, double d, const mark *m, double error)
+static int reach(dmk_context *ctx, const engine *e, int32_t v, double d, const mark *m,
+                 double error)
 {
+    shard *s = e->shard + dmk_waves_shard_of_vertex(v);
     if (!dmk_wave_improve(e->front.d + v, e->error + v, d, error, 0)) return DMK_OK;
     e->mark[v] = *m;
-    return e->front.pseudo_source[v] ? dmk_heap_push(ctx, &e->pseudo_sources, d, v) : DMK_OK;
+    if (!e->front.pseudo_source[v]) return DMK_OK;
+    const int rc = DMK_GROW(ctx, s->reached, s->n_reached + 1, s->reached_room);
+    if (rc == DMK_OK) s->reached[s->n_reached++] = (dmk_heap_item){d, v};
+    return rc;
 }
 
 /* ---- sources and pseudo-sources ------------------------------------------------------------------ */
@@ -338,23 +345,21 @@ done:
 
 /* ---- the run --------------------------------------------------------------------------------- */
 
-/* The half-edges of the current bucket, as they are now, into e->taken. */
-static int take_bucket(dmk_context *ctx, engine *e)
+/* A shard's half-edges of the current bucket, as they are now. */
+static int take_bucket(const engine *e, shard *me)
 {
-    size_t *n = &e->n_taken;
+    size_t *n = &me->n_taken;
     *n = 0;
-    if (e->current >= e->n_buckets) return DMK_OK;
-    bucket *b = e->bucket + e->current;
+    if (e->current >= me->n_buckets) return DMK_OK;
+    bucket *b = me->bucket + e->current;
     for (int32_t i = b->first, next; i >= 0; i = next) {
-        block *k = e->block + i;
-        if (*n + BLOCK > e->taken_room) {
-            int rc = DMK_GROW(ctx, e->taken, *n + BLOCK, e->taken_room);
-            if (rc != DMK_OK) return rc;
-        }
-        for (int32_t j = 0; j < k->n; j++) e->taken[(*n)++] = k->half[j];
+        block *k = me->block + i;
+        const int rc = DMK_GROW(&me->own, me->taken, *n + BLOCK, me->taken_room);
+        if (rc != DMK_OK) return rc;
+        for (int32_t j = 0; j < k->n; j++) me->taken[(*n)++] = k->half[j];
         next = k->next;
-        k->next = e->free_block;
-        e->free_block = i;
+        k->next = me->free_block;
+        me->free_block = i;
     }
     *b = (bucket){-1, -1};
     return DMK_OK;
@@ -367,91 +372,141 @@ static inline __attribute__((always_inline)) void fetch_half(const engine *e, in
     __builtin_prefetch(e->visits + half);
 }
 
-static inline __attribute__((always_inline)) void fetch_rest(const engine *e, int32_t half)
+static inline __attribute__((always_inline)) void fetch_rest(const engine *e, const shard *me,
+                                                             int32_t half)
 {
     const dmk_facet *f = e->front.facet + half / 3;
-    if (e->head[half] >= 0) fetch_two(e->pool + e->head[half]);
+    if (e->head[half] >= 0) fetch_two(me->pool + e->head[half]);
     for (int32_t k = 0; k < 3; k++) __builtin_prefetch(e->front.d + f->vertex[k]);
     __builtin_prefetch(e->mark + f->vertex[half % 3]);
     __builtin_prefetch(e->error + f->vertex[half % 3]);
-    for (int32_t k = 1; k < 3; k++) {
-        const int32_t twin = f->twin[(half + k) % 3];
-        if (twin >= 0) __builtin_prefetch(e->head + twin);
-    }
 }
 
-static size_t chunk_end(const engine *e, int32_t k)
+/* Visit a shard's half-edges. */
+static int visit(const engine *e, shard *me)
 {
-    const size_t end = (size_t)(k + 1) * CHUNK;
-    return end < e->n_taken ? end : e->n_taken;
-}
-
-/* Visit the half-edges of a chunk. */
-static void visit_chunk(int32_t k, int member, void *data)
-{
-    const engine *e = data;
-    worker *me = e->worker + member;
-    finds *f = e->finds + k;
-    const size_t begin = (size_t)k * CHUNK, end = chunk_end(e, k);
-    *f = (finds){.member = member, .from = me->n};
-    for (size_t i = begin; i < end && i < begin + NEAR; i++) fetch_rest(e, e->taken[i]);
-    for (size_t i = begin; i < end && me->rc == DMK_OK; i++) {
-        if (i + FAR < e->n_taken) fetch_half(e, e->taken[i + FAR]);
-        if (i + NEAR < end) fetch_rest(e, e->taken[i + NEAR]); /* others' are being taken */
-        me->rc = dmk_waves_visit(me, e, e->taken[i]);
-    }
-    f->to = me->n;
-}
-
-/* What the visits of a chunk have found. The other threads wait, and what is written here one of them had last: asked
- * for ahead, it takes 0.07 of 0.43 s on 1,094,000 triangles for 0.16 of 0.52 (two threads; one alone 0.04). */
-static int enter(dmk_context *ctx, engine *e, const finds *f)
-{
-    int rc = DMK_OK;
-    const worker *w = e->worker + f->member;
-    const size_t n_spent = f->to.spent - f->from.spent;
-    DMK_TRY(DMK_GROW(ctx, e->free, e->n_free + n_spent, e->free_room));
-    for (size_t i = f->from.spent; i < f->to.spent; i++) e->free[e->n_free++] = w->spent[i];
-    for (size_t i = f->from.hit; i < f->to.hit; i++) {
-        const hit *h = w->hit + i;
-        if (i + NEAR < f->to.hit) {
-            const int32_t v = h[NEAR].vertex;
-            __builtin_prefetch(e->front.d + v, 1);
-            __builtin_prefetch(e->error + v, 1);
-            __builtin_prefetch(e->mark + v, 1);
-        }
-        DMK_TRY(reach(ctx, e, h->vertex, h->d, &h->mark, h->error));
-    }
-    for (size_t i = f->from.kept; i < f->to.kept; i++)
-        DMK_TRY(store(ctx, e, w->kept + i, e->kept + w->kept[i].half));
-    for (size_t i = f->from.child; i < f->to.child; i++) {
-        if (i + NEAR < f->to.child) __builtin_prefetch(e->head + w->child[i + NEAR].wave.half, 1);
-        DMK_TRY(put(ctx, e, &w->child[i].wave, w->child[i].key));
+    int rc;
+    for (int k = 0; k < SHARDS; k++) me->finds[k].n_children = me->finds[k].n_hits = 0;
+    DMK_TRY(take_bucket(e, me));
+    const size_t n = me->n_taken;
+    for (size_t i = 0; i < n && i < NEAR; i++) fetch_rest(e, me, me->taken[i]);
+    for (size_t i = 0; i < n; i++) {
+        if (i + FAR < n) fetch_half(e, me->taken[i + FAR]);
+        if (i + NEAR < n) fetch_rest(e, me, me->taken[i + NEAR]);
+        DMK_TRY(dmk_waves_visit(me, e, me->taken[i]));
     }
 done:
     return rc;
 }
 
-/* Visit all half-edges that are taken. */
+/* What the shard's next visits will read first. */
+static void fetch_next(const engine *e, const shard *me)
+{
+    for (size_t i = e->current; i < me->n_buckets && i < e->current + 2; i++) {
+        if (me->bucket[i].first < 0) continue;
+        const block *k = me->block + me->bucket[i].first;
+        for (int32_t j = 0; j < k->n && j < FAR; j++) fetch_half(e, k->half[j]);
+        break;
+    }
+}
+
+/* What is written with these finds another thread may have had last. */
+static void fetch_for(const engine *e, const finds *f)
+{
+    for (size_t i = 0; i < f->n_hits; i++) {
+        const int32_t v = f->hit[i].vertex;
+        __builtin_prefetch(e->front.d + v, 1);
+        __builtin_prefetch(e->error + v, 1);
+        __builtin_prefetch(e->mark + v, 1);
+    }
+    for (size_t i = 0; i < f->n_children; i++)
+        __builtin_prefetch(e->head + f->child[i].wave.half, 1);
+}
+
+/* What visits have found for a shard. */
+static int enter(dmk_context *ctx, const engine *e, const finds *f)
+{
+    int rc = DMK_OK;
+    for (size_t i = 0; i < f->n_hits; i++) {
+        const hit *h = f->hit + i;
+        DMK_TRY(reach(ctx, e, h->vertex, h->d, &h->mark, h->error));
+    }
+    for (size_t i = 0; i < f->n_children; i++)
+        DMK_TRY(put(ctx, e, &f->child[i].wave, f->child[i].key));
+done:
+    return rc;
+}
+
+static void do_shard(int32_t k, void *data)
+{
+    const engine *e = data;
+    shard *me = e->shard + k;
+    if (!e->enters) {
+        me->rc = visit(e, me);
+        return;
+    }
+    fetch_for(e, e->shard[0].finds + k);
+    for (int i = 0; i < SHARDS && me->rc == DMK_OK; i++) {
+        if (i + 1 < SHARDS) fetch_for(e, e->shard[i + 1].finds + k);
+        me->rc = enter(&me->own, e, e->shard[i].finds + k);
+    }
+    fetch_next(e, me);
+}
+
+static int do_round(dmk_context *ctx, engine *e, bool enters)
+{
+    e->enters = enters;
+    dmk_crew_round(&e->crew);
+    for (int i = 0; i < SHARDS; i++) {
+        const shard *s = e->shard + i;
+        if (s->rc != DMK_OK) return dmk_fail(ctx, s->rc, "%s", s->own.message);
+    }
+    return DMK_OK;
+}
+
+/* From now on half-edges keep windows, if one wants to. */
+static int keep(dmk_context *ctx, engine *e)
+{
+    bool any = false;
+    for (int i = 0; i < SHARDS; i++) any = any || e->shard[i].keeps;
+    if (e->kept || !any) return DMK_OK;
+    const size_t n_half = 3 * (size_t)e->front.g->mesh->n_triangles;
+    const int rc = DMK_NEW_UNSET(ctx, e->kept, n_half);
+    if (rc == DMK_OK) memset(e->kept, 0xff, n_half * sizeof *e->kept);
+    return rc;
+}
+
+/* Whether a half-edge waits in the current bucket. */
+static bool any_waits(const engine *e)
+{
+    for (int i = 0; i < SHARDS; i++) {
+        const shard *s = e->shard + i;
+        if (e->current < s->n_buckets && s->bucket[e->current].first >= 0) return true;
+    }
+    return false;
+}
+
+/* Visit all half-edges of the current bucket. */
 static int visit_all(dmk_context *ctx, engine *e)
 {
     int rc;
-    const size_t n_chunks = (e->n_taken + CHUNK - 1) / CHUNK;
-    DMK_TRY(DMK_GROW(ctx, e->finds, n_chunks, e->finds_room));
-    dmk_crew_round(&e->crew, (int32_t)n_chunks);
-    for (int i = 0; i < DMK_MOST_CREW; i++) {
-        worker *w = e->worker + i;
-        if (w->rc != DMK_OK) return dmk_fail(ctx, w->rc, "%s", w->own.message);
-        w->n = (counts){0, 0, 0, 0};
-        e->n_looks += w->n_looks;
-        w->n_looks = 0;
-        if (w->keeps && !e->kept) {
-            const size_t n_half = 3 * (size_t)e->front.g->mesh->n_triangles;
-            DMK_TRY(DMK_NEW_UNSET(ctx, e->kept, n_half));
-            memset(e->kept, 0xff, n_half * sizeof *e->kept);
-        }
+    DMK_TRY(do_round(ctx, e, false));
+    DMK_TRY(do_round(ctx, e, true));
+    rc = keep(ctx, e);
+done:
+    return rc;
+}
+
+/* The pseudo-sources that the shards have found reached. */
+static int collect(dmk_context *ctx, engine *e)
+{
+    int rc = DMK_OK;
+    for (int i = 0; i < SHARDS; i++) {
+        shard *s = e->shard + i;
+        for (size_t k = 0; k < s->n_reached; k++)
+            DMK_TRY(dmk_heap_push(ctx, &e->pseudo_sources, s->reached[k].key, s->reached[k].item));
+        s->n_reached = 0;
     }
-    for (size_t k = 0; k < n_chunks; k++) DMK_TRY(enter(ctx, e, e->finds + k));
 done:
     return rc;
 }
@@ -463,11 +518,13 @@ static int radiate_pseudo_sources(dmk_context *ctx, engine *e, bool *any)
     double limit =
         e->current < e->most_buckets ? e->least + (double)(e->current + 1) * e->width : INFINITY;
     *any = false;
+    DMK_TRY(collect(ctx, e));
     while (e->pseudo_sources.n > 0 && e->pseudo_sources.at[0].key < limit) {
         dmk_heap_item top = dmk_heap_pop(&e->pseudo_sources);
         if (top.key > e->front.d[top.item] || !(top.key < e->radiated[top.item])) continue;
         *any = true;
         DMK_TRY(radiate_pseudo_source(ctx, e, top.item));
+        DMK_TRY(collect(ctx, e));
     }
 done:
     return rc;
@@ -475,22 +532,31 @@ done:
 
 static bool spent(const engine *e)
 {
-    return e->n_looks > always + most_looks * 3LL * e->front.g->mesh->n_triangles;
+    int64_t n = 0;
+    for (int i = 0; i < SHARDS; i++) n += e->shard[i].n_looks;
+    return n > always + most_looks * 3LL * e->front.g->mesh->n_triangles;
+}
+
+static size_t count_buckets(const engine *e)
+{
+    size_t n = 0;
+    for (int i = 0; i < SHARDS; i++) n = e->shard[i].n_buckets > n ? e->shard[i].n_buckets : n;
+    return n;
 }
 
 static int sweep(dmk_context *ctx, engine *e)
 {
     int rc = DMK_OK;
     bool any;
-    while (e->current < e->n_buckets || e->pseudo_sources.n > 0) {
-        if (e->current >= e->n_buckets) { /* only pseudo-sources are left: go to the first */
+    DMK_TRY(collect(ctx, e));
+    while (e->current < count_buckets(e) || e->pseudo_sources.n > 0) {
+        if (e->current >= count_buckets(e)) { /* only pseudo-sources are left: go to the first */
             double index = dmk_min((e->pseudo_sources.at[0].key - e->least) / e->width,
                                    (double)e->most_buckets);
             if (index > (double)e->current) e->current = (size_t)index;
         }
         do {
-            DMK_TRY(take_bucket(ctx, e));
-            any = e->n_taken > 0;
+            any = any_waits(e);
             if (any)
                 DMK_TRY(visit_all(ctx, e));
             else
@@ -530,13 +596,14 @@ int dmk_waves_run(dmk_context *ctx, dmk_geodesics *g, double tolerance, bool *fi
     DMK_TRY(engine_create(ctx, g, tolerance, &e));
     for (int32_t i = 0; i < g->n_sources; i++) DMK_TRY(radiate_source(ctx, &e, i));
     for (size_t i = 0; i < g->n_lines; i++) DMK_TRY(radiate_line(ctx, &e, g->line[i]));
-    dmk_crew_begin(ctx, &e.crew, visit_chunk, &e);
+    dmk_crew_begin(ctx, &e.crew, SHARDS, do_shard, &e);
     rc = sweep(ctx, &e);
     dmk_crew_end(ctx, &e.crew);
     if (rc != DMK_OK) goto done;
     *finished = !spent(&e);
     if (*finished) dmk_parallel(ctx, g->mesh->n_vertices, arrive_range, &e);
-    g->n_windows = e.n_made;
+    g->n_windows = 0;
+    for (int i = 0; i < SHARDS; i++) g->n_windows += e.shard[i].n_made;
     if (tolerance > 0) {
         g->error = e.error;
         e.error = NULL;

@@ -43,7 +43,7 @@ typedef struct bucket {
     int32_t first, last; /* blocks, -1: none */
 } bucket;
 
-/* What a visit sends to the next half-edges: see `worker`. */
+/* What a visit finds: a window of another half-edge, a value of a vertex. */
 typedef struct child {
     wave wave;
     double key;
@@ -55,46 +55,22 @@ typedef struct hit {
     int32_t vertex;
 } hit;
 
-/* Half-edges of a bucket are visited in chunks, on all threads. Visits read the state as it was when the round began,
- * and what they find is entered when all have ended, in the order of the half-edges: the result does not depend on the
- * threads. */
-enum { CHUNK = 32 }; /* half-edges; speed only: 16 takes the same time */
-
-typedef struct counts {
-    size_t spent, child, hit, kept;
-} counts;
-
-/* What one thread finds in its chunks of a round. */
-typedef struct worker {
-    dmk_context own;
-    int rc;
-    wave *list, *merged; /* of the half-edge that is visited */
-    size_t list_room, merged_room;
-    int32_t *spent; /* windows of the pool to give back */
+/* What the visits of a shard's half-edges find for one shard. */
+typedef struct finds {
     child *child;
     hit *hit;
-    wave *kept;
-    counts n, room;
-    int64_t n_looks;
-    bool keeps; /* a half-edge wants to keep windows */
-} worker;
-
-/* Where a chunk's finds lie. */
-typedef struct finds {
-    int member;
-    counts from, to;
+    size_t n_children, n_hits, child_room, hit_room;
 } finds;
 
-typedef struct engine {
-    dmk_front front;
-    allowance allow;
-    double *error;    /* n_vertices */
-    mark *mark;       /* n_vertices */
-    double *radiated; /* n_vertices: at this distance */
-    int32_t *head;    /* of each half-edge: its windows */
-    int32_t *kept;    /* of each half-edge: windows that have run on; NULL while none keeps them */
-    uint8_t *visits;  /* of each half-edge, up to `often` */
-    wave *pool;
+/* Half-edges and vertices are dealt out to shards, so many of them whatever the number of threads. Visits read the
+ * state as it was when the round began, and what they find is entered when all have ended, shard by shard in the same
+ * order: the result does not depend on the threads. Each shard is one thread's at a time, mostly the same one's. */
+enum { SHARDS = 4 }; /* speed only */
+
+typedef struct shard {
+    dmk_context own;
+    int rc;
+    wave *pool; /* windows of its half-edges */
     size_t n_pool, pool_room;
     int32_t *free; /* windows of the pool, the next one last */
     size_t n_free, free_room;
@@ -102,20 +78,51 @@ typedef struct engine {
     size_t n_blocks, block_room;
     int32_t free_block;
     bucket *bucket;
-    size_t n_buckets, bucket_room, current;
+    size_t n_buckets, bucket_room;
+    int32_t *taken; /* half-edges of the bucket */
+    size_t n_taken, taken_room;
+    wave *list, *merged; /* of the half-edge that is visited */
+    size_t list_room, merged_room;
+    finds finds[SHARDS];
+    dmk_heap_item *reached; /* pseudo-sources */
+    size_t n_reached, reached_room;
+    int64_t n_made, n_looks;
+    bool keeps; /* a half-edge wants to keep windows */
+    char apart[128];
+} shard;
+
+typedef struct engine {
+    dmk_front front;
+    allowance allow;
+    double *error;    /* n_vertices */
+    mark *mark;       /* n_vertices */
+    double *radiated; /* n_vertices: at this distance */
+    int32_t *head;    /* of each half-edge: its windows, in its shard's pool */
+    int32_t *kept;    /* of each half-edge: windows that have run on; NULL while none keeps them */
+    uint8_t *visits;  /* of each half-edge, up to `often` */
+    shard *shard;     /* SHARDS */
+    size_t current;   /* bucket */
     double width, least;
     size_t most_buckets; /* the last one has the rest, far behind other sources' offsets */
     dmk_heap pseudo_sources;
-    int32_t *taken; /* half-edges of the bucket */
-    size_t n_taken, taken_room;
-    finds *finds; /* of each chunk of them */
-    size_t finds_room;
-    worker *worker;
     dmk_crew crew;
-    int64_t n_made, n_looks;
+    bool enters;   /* the round enters what was found; else it visits */
     double closed; /* angle around the source if it is one point inside: directions are mod that;
                       else 0 */
 } engine;
+
+/* Neighbours in memory are of one shard, and each shard has some of every front. */
+static inline int dmk_waves_shard(int32_t half)
+{
+    enum { TOGETHER = 1536 }; /* half-edges; speed only */
+    return half / TOGETHER % SHARDS;
+}
+
+static inline int dmk_waves_shard_of_vertex(int32_t v)
+{
+    enum { TOGETHER = 256 }; /* vertices, which are half as many as triangles; speed only */
+    return v / TOGETHER % SHARDS;
+}
 
 /* What is kept has this in `next` while it is in the list of the half-edge that is visited. */
 enum { KEPT = -2 };
@@ -137,8 +144,10 @@ static inline bool dmk_wave_improve(double *known, double *error, double d, doub
 
 /* envelope.c: when a half-edge of this length, whose ends are reached by `most`, is to be visited for the window. */
 double dmk_wave_key(const wave *w, double length, double most);
-/* Visit a half-edge: the lower envelope of its windows, merged, and their steps into the triangle above. The engine's
- * state is read only, but for the lists of this half-edge; what is found is the worker's. */
-int dmk_waves_visit(worker *me, const engine *e, int32_t half);
+/* Visit a half-edge of the shard `me`: the lower envelope of its windows, merged, and their steps into the triangle
+ * above. The engine's state is read only, but for this half-edge's; what is found is in me->finds. */
+int dmk_waves_visit(shard *me, const engine *e, int32_t half);
+/* wave.c: a copy of the window at the head of a list of its shard. */
+int dmk_waves_store(dmk_context *context, shard *s, const wave *w, int32_t *head);
 
 #endif
