@@ -489,7 +489,7 @@ static void rounding_of_filters(void **state)
             else
                 d[s.b] = value(&w, w.lo) - (length - w.lo) - shorter[i] * length;
             look(&q.e, 0, &s);
-            assert_int_equal(dmk_waves_store(*state, q.e.shard, &w, q.e.head), DMK_OK);
+            assert_int_equal(dmk_shard_store(*state, q.e.shard, &w, q.e.head), DMK_OK);
             assert_int_equal(gather(q.e.shard, q.e.head, false, &s, &n), DMK_OK);
             assert_int_equal(n, i == 0);
             assert_int_equal(q.e.shard->n_free, 1);
@@ -541,8 +541,8 @@ static void last_bucket(void **state)
 {
     square q = begin(*state, 1e-6);
     q.e.least = 0;
-    assert_int_equal(schedule(*state, &q.e, q.e.shard, 3, 1e30), DMK_OK);
-    assert_int_equal(schedule(*state, &q.e, q.e.shard, 4, 5), DMK_OK);
+    assert_int_equal(dmk_shard_schedule(*state, &q.e, q.e.shard, 3, 1e30), DMK_OK);
+    assert_int_equal(dmk_shard_schedule(*state, &q.e, q.e.shard, 4, 5), DMK_OK);
     assert_int_equal(q.e.shard->n_buckets, q.e.most_buckets + 1);
     assert_true(q.e.most_buckets * q.e.width >= 5 * q.e.front.facet[0].length[0]);
     end(&q);

@@ -431,7 +431,7 @@ int dmk_waves_visit(shard *me, const engine *e, int32_t half)
         l = me->merged;
     }
     for (size_t i = 0; i < n; i++) {
-        if (keep) DMK_TRY(dmk_waves_store(&me->own, me, l + i, e->kept + half));
+        if (keep) DMK_TRY(dmk_shard_store(&me->own, me, l + i, e->kept + half));
         if (l[i].next != KEPT) DMK_TRY(step(me, l + i, &s));
     }
     if (!s.reached) goto done;

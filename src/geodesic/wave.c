@@ -85,22 +85,6 @@ done:
     return rc;
 }
 
-static void shard_free(shard *s)
-{
-    free(s->pool);
-    free(s->free);
-    free(s->block);
-    free(s->bucket);
-    free(s->taken);
-    free(s->list);
-    free(s->merged);
-    free(s->reached);
-    for (int k = 0; k < SHARDS; k++) {
-        free(s->finds[k].child);
-        free(s->finds[k].hit);
-    }
-}
-
 static void engine_free(engine *e)
 {
     dmk_front_free(&e->front);
@@ -111,100 +95,20 @@ static void engine_free(engine *e)
     free(e->head);
     free(e->kept);
     free(e->visits);
-    for (int i = 0; e->shard && i < SHARDS; i++) shard_free(e->shard + i);
+    for (int i = 0; e->shard && i < SHARDS; i++) dmk_shard_free(e->shard + i);
     free(e->shard);
 }
 
-/* Visits are mostly waits for memory: what the visits to come will read is fetched in two steps, as where the second
- * part lies is in the first. What they find is entered with the nearer step alone. */
-enum { FAR = 8, NEAR = 4 }; /* ahead; speed only */
-
 /* ---- the queue ------------------------------------------------------------------------------- */
-
-/* In line by all means: gcc takes a function that does nothing but this for one without effect, and its calls away. */
-static inline __attribute__((always_inline)) void fetch_two(const void *at)
-{
-    __builtin_prefetch(at);
-    __builtin_prefetch((const char *)at + 64);
-}
-
-/* Where another thread had it last, this takes it away at once: 0.94 of the time of reading first. */
-static inline __attribute__((always_inline)) void fetch_to_write(const wave *w)
-{
-    __builtin_prefetch(w, 1);
-    __builtin_prefetch((const char *)w + 64, 1);
-}
-
-/* An empty block at the end of a bucket. */
-static int add_block(dmk_context *ctx, shard *s, bucket *b)
-{
-    int32_t i = s->free_block;
-    if (i >= 0) {
-        s->free_block = s->block[i].next;
-    } else {
-        if (s->n_blocks == s->block_room) {
-            int rc = DMK_GROW(ctx, s->block, s->n_blocks + 1, s->block_room);
-            if (rc != DMK_OK) return rc;
-        }
-        i = (int32_t)s->n_blocks++;
-    }
-    s->block[i].n = 0;
-    s->block[i].next = -1;
-    if (b->first < 0)
-        b->first = i;
-    else
-        s->block[b->last].next = i;
-    b->last = i;
-    return DMK_OK;
-}
-
-static int schedule(dmk_context *ctx, const engine *e, shard *s, int32_t half, double key)
-{
-    double index = (key - e->least) / e->width;
-    size_t i = index > 0 ? (size_t)dmk_min(index, (double)e->most_buckets) : 0;
-    if (i < e->current) i = e->current;
-    if (i >= s->bucket_room) {
-        int rc = DMK_GROW(ctx, s->bucket, i + 1, s->bucket_room);
-        if (rc != DMK_OK) return rc;
-    }
-    for (; s->n_buckets <= i; s->n_buckets++) s->bucket[s->n_buckets] = (bucket){-1, -1};
-    bucket *b = s->bucket + i;
-    if (b->last < 0 || s->block[b->last].n == BLOCK) {
-        int rc = add_block(ctx, s, b);
-        if (rc != DMK_OK) return rc;
-    }
-    block *k = s->block + b->last;
-    k->half[k->n++] = half;
-    return DMK_OK;
-}
-
-int dmk_waves_store(dmk_context *ctx, shard *s, const wave *w, int32_t *head)
-{
-    int32_t i;
-    if (s->n_free > 0) {
-        i = s->free[--s->n_free];
-        if (s->n_free >= NEAR) fetch_to_write(s->pool + s->free[s->n_free - NEAR]);
-    } else {
-        if (s->n_pool == s->pool_room) {
-            int rc = DMK_GROW(ctx, s->pool, s->n_pool + 1, s->pool_room);
-            if (rc != DMK_OK) return rc;
-        }
-        i = (int32_t)s->n_pool++;
-    }
-    s->pool[i] = *w;
-    s->pool[i].next = *head;
-    *head = i;
-    return DMK_OK;
-}
 
 /* A window of its half-edge. */
 static int put(dmk_context *ctx, const engine *e, const wave *w, double key)
 {
     shard *s = e->shard + dmk_waves_shard(w->half);
     const bool waits = e->head[w->half] >= 0;
-    int rc = dmk_waves_store(ctx, s, w, e->head + w->half);
+    int rc = dmk_shard_store(ctx, s, w, e->head + w->half);
     s->n_made++;
-    return rc != DMK_OK || waits ? rc : schedule(ctx, e, s, w->half, key);
+    return rc != DMK_OK || waits ? rc : dmk_shard_schedule(ctx, e, s, w->half, key);
 }
 
 static int reach(dmk_context *ctx, const engine *e, int32_t v, double d, const mark *m,
@@ -345,24 +249,11 @@ done:
 
 /* ---- the run --------------------------------------------------------------------------------- */
 
-/* A shard's half-edges of the current bucket, as they are now. */
-static int take_bucket(const engine *e, shard *me)
+/* In line by all means: gcc takes a function that does nothing but this for one without effect, and its calls away. */
+static inline __attribute__((always_inline)) void fetch_two(const void *at)
 {
-    size_t *n = &me->n_taken;
-    *n = 0;
-    if (e->current >= me->n_buckets) return DMK_OK;
-    bucket *b = me->bucket + e->current;
-    for (int32_t i = b->first, next; i >= 0; i = next) {
-        block *k = me->block + i;
-        const int rc = DMK_GROW(&me->own, me->taken, *n + BLOCK, me->taken_room);
-        if (rc != DMK_OK) return rc;
-        for (int32_t j = 0; j < k->n; j++) me->taken[(*n)++] = k->half[j];
-        next = k->next;
-        k->next = me->free_block;
-        me->free_block = i;
-    }
-    *b = (bucket){-1, -1};
-    return DMK_OK;
+    __builtin_prefetch(at);
+    __builtin_prefetch((const char *)at + 64);
 }
 
 static inline __attribute__((always_inline)) void fetch_half(const engine *e, int32_t half)
@@ -387,7 +278,7 @@ static int visit(const engine *e, shard *me)
 {
     int rc;
     for (int k = 0; k < SHARDS; k++) me->finds[k].n_children = me->finds[k].n_hits = 0;
-    DMK_TRY(take_bucket(e, me));
+    DMK_TRY(dmk_shard_take(e, me));
     const size_t n = me->n_taken;
     for (size_t i = 0; i < n && i < NEAR; i++) fetch_rest(e, me, me->taken[i]);
     for (size_t i = 0; i < n; i++) {

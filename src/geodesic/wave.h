@@ -33,6 +33,10 @@ typedef struct mark {
 } mark;
 enum { UNREACHED = -2, STRAIGHT = -1 };
 
+/* Visits are mostly waits for memory: what the visits to come will read is fetched in two steps, as where the second
+ * part lies is in the first. */
+enum { FAR = 8, NEAR = 4 }; /* ahead; speed only */
+
 /* Half-edges of a bucket, in their order, so many together that a chain of them costs few cache misses. */
 enum { BLOCK = 30 };
 typedef struct block {
@@ -147,7 +151,13 @@ double dmk_wave_key(const wave *w, double length, double most);
 /* Visit a half-edge of the shard `me`: the lower envelope of its windows, merged, and their steps into the triangle
  * above. The engine's state is read only, but for this half-edge's; what is found is in me->finds. */
 int dmk_waves_visit(shard *me, const engine *e, int32_t half);
-/* wave.c: a copy of the window at the head of a list of its shard. */
-int dmk_waves_store(dmk_context *context, shard *s, const wave *w, int32_t *head);
+
+/* shard.c: a copy of the window at the head of a list of its half-edge. */
+int dmk_shard_store(dmk_context *context, shard *s, const wave *w, int32_t *head);
+/* The half-edge waits in the bucket of the key, or the current one if that is past. */
+int dmk_shard_schedule(dmk_context *context, const engine *e, shard *s, int32_t half, double key);
+/* The half-edges of the current bucket, as they are now, into me->taken. */
+int dmk_shard_take(const engine *e, shard *me);
+void dmk_shard_free(shard *s);
 
 #endif
