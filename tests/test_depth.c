@@ -291,6 +291,42 @@ static void run_down(dmk_context *ctx, dmk_geodesics *g, bool plain, engine *e)
     worker_free(&me);
 }
 
+/* Ten windows for three threads, the last ones first; then one gives what it had first to one that waits, and when
+ * nobody has any there are no more. */
+static void shared_windows(void **state)
+{
+    engine e = {.limit = 1};
+    shares s = {.n = 0};
+    worker w[3];
+    bool more;
+    for (int i = 0; i < 3; i++) w[i] = (worker){.ctx = *state, .e = &e, .shares = &s};
+    assert_int_equal(DMK_GROW(*state, s.window, 10, s.room), DMK_OK);
+    for (s.n = 0; s.n < 10; s.n++) s.window[s.n] = (window){.half = (int32_t)s.n};
+    for (int i = 0; i < 3; i++) assert_int_equal(dmk_shares_begin(w + i, 3), DMK_OK);
+    assert_true(w[0].n_stack == 3 && w[1].n_stack == 3 && w[2].n_stack == 4 && s.n == 0);
+    assert_true(w[0].stack[0].half == 7 && w[1].stack[0].half == 4 && w[2].stack[0].half == 0);
+    assert_int_equal(dmk_shares_give(w + 2), DMK_OK); /* nobody waits */
+    assert_int_equal(w[2].n_stack, 4);
+    s.n_waiting = 1;
+    s.n_working = 2;
+    assert_int_equal(dmk_shares_give(w + 2), DMK_OK);
+    assert_true(w[2].n_stack == 2 && w[2].stack[0].half == 2 && s.n == 2);
+    assert_int_equal(dmk_shares_give(w + 1), DMK_OK); /* they have some */
+    assert_int_equal(w[1].n_stack, 3);
+    s.n_waiting = 0;
+    s.n_working = 3;
+    w[0].n_stack = 0;
+    assert_int_equal(dmk_shares_wait(w, &more), DMK_OK);
+    assert_true(more && w[0].n_stack == 2 && w[0].stack[0].half == 0);
+    assert_true(s.n == 0 && s.n_waiting == 0 && s.n_working == 3);
+    s.n_working = 1;
+    w[0].n_stack = 0;
+    assert_int_equal(dmk_shares_wait(w, &more), DMK_OK);
+    assert_true(!more && s.n_working == 0);
+    for (int i = 0; i < 3; i++) free(w[i].stack);
+    free(s.window);
+}
+
 /* A flat square whose vertices lie on lines, but for the sixth digit: rays that are to reach the next vertex of a line
  * graze its edges, and places on these are rough. */
 static void grazing_rays(void **state)
@@ -357,11 +393,11 @@ static void forms_of_the_loop(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(same_length),      cmocka_unit_test(ties),
-        cmocka_unit_test(same_place),       cmocka_unit_test(beside),
-        cmocka_unit_test(plain_steps),      cmocka_unit_test(short_sides),
-        cmocka_unit_test(next_to_a_root),   cmocka_unit_test(over_a_border),
-        cmocka_unit_test(filtered),         cmocka_unit_test(grazing_rays),
-        cmocka_unit_test(forms_of_the_loop)};
+        cmocka_unit_test(same_length),    cmocka_unit_test(ties),
+        cmocka_unit_test(same_place),     cmocka_unit_test(beside),
+        cmocka_unit_test(plain_steps),    cmocka_unit_test(short_sides),
+        cmocka_unit_test(shared_windows), cmocka_unit_test(next_to_a_root),
+        cmocka_unit_test(over_a_border),  cmocka_unit_test(filtered),
+        cmocka_unit_test(grazing_rays),   cmocka_unit_test(forms_of_the_loop)};
     return cmocka_run_group_tests(tests, context_setup, context_teardown);
 }

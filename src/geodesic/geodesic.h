@@ -103,8 +103,7 @@ struct dmk_geodesics {
     double tolerance; /* of merged windows; 0: exact */
     dmk_star star;
     int64_t n_windows; /* made */
-    int64_t
-        n_shared; /* of exact ones, that threads have shared out among them at a time, at most */
+    int64_t n_shared;  /* of exact ones, that the first thread has left for all */
 };
 
 /* Angle around the sources, for directions modulo it; HUGE_VAL where they do not close up. */

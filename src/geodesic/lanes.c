@@ -269,29 +269,18 @@ static int delay(worker *me, const window *w)
     return DMK_OK;
 }
 
-/* The next window to run down. */
-static bool take(worker *me, window *w)
+/* The next window to run down; *any: false if there is none. */
+static int take(worker *me, window *w, bool *any)
 {
-    const shares *s = me->shares;
-    if (me->n_late == LATE) {
+    int rc = DMK_OK;
+    if (me->n_late < LATE && me->n_stack == 0 && me->shares) DMK_TRY(dmk_shares_take(me));
+    *any = me->n_late > 0 || me->n_stack > 0;
+    if (me->n_late == LATE || (me->n_late > 0 && me->n_stack == 0))
         *w = take_late(me);
-        return true;
-    }
-    if (me->n_stack > 0 && !me->spreads) {
+    else if (*any)
         *w = me->stack[--me->n_stack];
-        return true;
-    }
-    while (s && me->n_tried < s->n) {
-        const size_t i = (me->first + me->n_tried++) % s->n;
-        if (s->taken && atomic_exchange(s->taken + i, true)) continue;
-        *w = s->window[i];
-        return true;
-    }
-    if (me->n_late > 0) {
-        *w = take_late(me);
-        return true;
-    }
-    return false;
+done:
+    return rc;
 }
 
 /* A window into empty lane i. Those whose step is not plain take it here. */
@@ -300,7 +289,10 @@ static int fill(worker *me, lanes *w, int i, bool *filled)
     int rc = DMK_OK, n;
     window one, o[2];
     *filled = false;
-    while (!dmk_windows_spent(me->e) && take(me, &one)) {
+    while (!dmk_windows_spent(me->e)) {
+        bool any;
+        DMK_TRY(take(me, &one, &any));
+        if (!any) break;
         *filled = put(me->e, w, i, &one);
         if (*filled) break;
         DMK_TRY(dmk_windows_step(me, &one, o, &n));
@@ -325,7 +317,7 @@ static int clear(worker *me, lanes *w, int *n_dropped, int *n_short)
             ++*n_dropped;
         } else {
             const window one = get(w, i, half);
-            DMK_TRY(me->spreads ? dmk_windows_push(me, &one) : delay(me, &one));
+            DMK_TRY(delay(me, &one));
         }
         w->state[i] = EMPTY;
     }
@@ -368,6 +360,7 @@ int dmk_lanes_run(worker *me, int64_t most)
         DMK_TRY(clear(me, &w, &n_dropped, &n_short));
         DMK_TRY(dmk_windows_count(me, n - n_short));
         adapt(me, &w, n, n_dropped);
+        if (me->shares) DMK_TRY(dmk_shares_give(me));
         most -= n;
     }
     while (me->n_late > 0) {

@@ -146,44 +146,25 @@ typedef struct pool {
     worker *own; /* of each thread */
     int n_threads;
 } pool;
-/* Windows to share out, and the steps before by one thread: how many windows several make depends on when they see each
- * other's distances, on stretched meshes by a factor of three, and few are left to share on small ones. */
-enum { least_shares = 2048, alone = 500000 };
+/* Steps by one thread before others come: how many windows several make depends on when they see each other's
+ * distances, on stretched meshes by a factor of three. */
+enum { alone = 500000 };
 
-/* Neighbours on the stack are neighbours on the surface: each thread begins at a place of its own, so that they seldom
- * write to each other's cache lines. */
 static int run_share(dmk_context *ctx, int32_t i, void *data)
 {
+    int rc;
     pool *c = data;
     worker *me = c->own + i;
     me->ctx = ctx;
     me->e = c->e;
     me->shares = &c->shares;
-    me->first = c->shares.n * (size_t)i / (size_t)c->n_threads;
-    return dmk_lanes_run(me, INT64_MAX);
-}
-
-/* Run all windows to their next step that is not plain, or take it, until there are `least_shares` on the stack. */
-static int spread(worker *me)
-{
-    int rc = DMK_OK;
-    window *before = NULL;
-    size_t room = 0;
-    me->spreads = true;
-    while (me->n_stack > 0 && me->n_stack < least_shares && !dmk_windows_spent(me->e)) {
-        window *now = me->stack;
-        const size_t n = me->n_stack, now_room = me->capacity;
-        const shares old = {.window = now, .n = n};
-        me->stack = before, me->capacity = room, me->n_stack = 0;
-        before = now, room = now_room;
-        me->shares = &old;
-        me->first = me->n_tried = 0;
+    DMK_TRY(dmk_shares_begin(me, c->n_threads));
+    for (bool more = true; more;) {
         DMK_TRY(dmk_lanes_run(me, INT64_MAX));
+        DMK_TRY(dmk_shares_wait(me, &more));
     }
 done:
-    me->spreads = false;
-    me->shares = NULL;
-    free(before);
+    if (rc != DMK_OK) dmk_shares_stop(&c->shares);
     return rc;
 }
 
@@ -220,18 +201,16 @@ static void worker_free(worker *me)
 static int run_shared(worker *me, int n_threads)
 {
     int rc;
-    pool c = {.e = me->e, .n_threads = n_threads};
-    DMK_TRY(spread(me));
-    dmk_geodesics *g = me->e->front.g;
-    if (g->n_shared < (int64_t)me->n_stack) g->n_shared = (int64_t)me->n_stack;
+    pool c = {.e = me->e,
+              .n_threads = n_threads,
+              .shares = {.window = me->stack, .n = me->n_stack, .room = me->capacity}};
+    me->stack = NULL;
+    me->n_stack = me->capacity = 0;
+    me->e->front.g->n_shared += (int64_t)c.shares.n;
     DMK_TRY(DMK_NEW(me->ctx, c.own, (size_t)n_threads));
-    DMK_TRY(DMK_NEW(me->ctx, c.shares.taken, me->n_stack));
-    c.shares.window = me->stack;
-    c.shares.n = me->n_stack;
     me->e->shared = true;
     rc = dmk_parallel_pieces(me->ctx, n_threads, run_share, &c);
     me->e->shared = false;
-    me->n_stack = 0;
     for (int i = 0; i < n_threads; i++) {
         if (rc == DMK_OK) rc = absorb(me, c.own + i);
         if (rc == DMK_OK) rc = absorb_tied(me, c.own + i);
@@ -240,7 +219,7 @@ static int run_shared(worker *me, int n_threads)
     }
 done:
     free(c.own);
-    free(c.shares.taken);
+    free(c.shares.window);
     return rc;
 }
 

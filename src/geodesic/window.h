@@ -81,11 +81,15 @@ typedef struct engine {
     _Atomic int64_t n_made;  /* windows, in pieces of 65,536 */
 } engine;
 
-/* Windows that threads share out among them. */
+/* Windows that wait for a thread. What is no atomic is the lock's. */
 typedef struct shares {
-    const window *window;
-    _Atomic bool *taken; /* n; NULL: one thread's */
-    size_t n;
+    window *window;
+    _Atomic size_t n;
+    size_t room;
+    int n_begun;           /* threads, so far */
+    _Atomic int n_working; /* threads that have windows */
+    _Atomic int n_waiting; /* and that have none */
+    _Atomic bool locked, stopped;
 } shares;
 
 /* Steps that are not plain are mostly waits for memory: so many windows wait for theirs at a time. Speed only. */
@@ -97,10 +101,8 @@ typedef struct worker {
     engine *e;
     window *stack;
     size_t n_stack, capacity;
-    const shares *shares;  /* to take from when the stack is empty, or NULL */
-    size_t first, n_tried; /* of the shares */
-    bool spreads;          /* it takes shares only */
-    window late[LATE];     /* windows that wait for what their next step reads, in a ring */
+    shares *shares;    /* with other threads, or NULL */
+    window late[LATE]; /* windows that wait for what their next step reads, in a ring */
     uint32_t n_late, oldest;
     dmk_heap_item *reached; /* pseudo-sources */
     size_t n_reached, reached_room;
@@ -138,7 +140,18 @@ int dmk_windows_count(worker *me, int64_t n);
 /* lanes.c: what the engine needs for it, and its memory back. */
 int dmk_lanes_create(dmk_context *context, engine *e);
 void dmk_lanes_free(engine *e);
-/* Run down the windows on the stack and the shares, `most` steps; the rest is on the stack then. */
+/* Run down the windows on the stack and shared ones, `most` steps; the rest is on the stack then. */
 int dmk_lanes_run(worker *me, int64_t most);
+
+/* shares.c. The first windows of one of n_threads threads. */
+int dmk_shares_begin(worker *me, int n_threads);
+/* For an empty stack: shared windows, if there are any now. */
+int dmk_shares_take(worker *me);
+/* Half of the stack, if others wait. */
+int dmk_shares_give(worker *me);
+/* The thread has no window: shared ones, as soon as there are some. *more: false if there will not be any. */
+int dmk_shares_wait(worker *me, bool *more);
+/* Whoever waits is to end. */
+void dmk_shares_stop(shares *s);
 
 #endif
