@@ -81,25 +81,24 @@ done:
     return rc;
 }
 
-/* Nobody has a window any more, or all are to stop. */
-static bool all_is_done(const worker *me)
-{
-    const shares *s = me->shares;
-    return s->stopped || dmk_windows_spent(me->e) || (s->n_working == 0 && s->n == 0);
-}
-
 int dmk_shares_wait(worker *me, bool *more)
 {
     int rc = DMK_OK;
+    bool done = false;
     shares *s = me->shares;
     lock(s);
     s->n_working--;
     s->n_waiting++;
     unlock(s);
     *more = false;
-    for (int looks = 0; !*more && rc == DMK_OK; looks++) {
+    for (int looks = 0; !done && !*more && rc == DMK_OK; looks++) {
+        const bool stops = s->stopped || dmk_windows_spent(me->e);
+        if (s->n == 0 && s->n_working > 0 && !stops) {
+            look_away(looks);
+            continue;
+        }
         lock(s);
-        const bool done = all_is_done(me);
+        done = stops || (s->n == 0 && s->n_working == 0); /* nobody has a window any more */
         if (!done && s->n > 0) {
             rc = move(me, s, 1 + (s->n - 1) / (size_t)s->n_waiting);
             s->n_working++;
@@ -107,8 +106,6 @@ int dmk_shares_wait(worker *me, bool *more)
             *more = true;
         }
         unlock(s);
-        if (done) break;
-        for (int i = 0; i < 50 && s->n == 0 && s->n_working > 0; i++) look_away(looks + i);
     }
     return rc;
 }
