@@ -274,11 +274,12 @@ static int take(worker *me, window *w, bool *any)
 {
     int rc = DMK_OK;
     if (me->n_late < LATE && me->n_stack == 0 && me->shares) DMK_TRY(dmk_shares_take(me));
-    *any = me->n_late > 0 || me->n_stack > 0;
-    if (me->n_late == LATE || (me->n_late > 0 && me->n_stack == 0))
+    const bool stacked = me->n_stack > me->n_passed;
+    *any = me->n_late > 0 || stacked;
+    if (me->n_late == LATE || (me->n_late > 0 && !stacked))
         *w = take_late(me);
     else if (*any)
-        *w = me->stack[--me->n_stack];
+        *w = me->oldest_first ? me->stack[me->n_passed++] : me->stack[--me->n_stack];
 done:
     return rc;
 }
