@@ -32,6 +32,7 @@ static void unlock(shares *s)
 /* The last n shared windows onto the stack. */
 static int move(worker *me, shares *s, size_t n)
 {
+    if (n == 0) return DMK_OK;
     const int rc = DMK_GROW(me->ctx, me->stack, me->n_stack + n, me->capacity);
     if (rc != DMK_OK) return rc;
     s->n -= n;
