@@ -274,12 +274,11 @@ static int take(worker *me, window *w, bool *any)
 {
     int rc = DMK_OK;
     if (me->n_late < LATE && me->n_stack == 0 && me->shares) DMK_TRY(dmk_shares_take(me));
-    const bool stacked = me->n_stack > me->n_passed;
-    *any = me->n_late > 0 || stacked;
-    if (me->n_late == LATE || (me->n_late > 0 && !stacked))
+    *any = me->n_late > 0 || me->n_stack > 0;
+    if (me->n_late == LATE || (me->n_late > 0 && me->n_stack == 0))
         *w = take_late(me);
     else if (*any)
-        *w = me->oldest_first ? me->stack[me->n_passed++] : me->stack[--me->n_stack];
+        *w = me->stack[--me->n_stack];
 done:
     return rc;
 }

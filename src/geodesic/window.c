@@ -146,11 +146,9 @@ typedef struct pool {
     worker *own; /* of each thread */
     int n_threads;
 } pool;
-/* Steps at first by one thread, the oldest windows first: what is near is settled then, and there are windows for all
- * threads. How many windows are made depends on when they see each other's distances. Distances of 273k triangles, two
- * threads, none / 60,000 / 125,000 / 250,000 / 500,000: 97, 97, 93, 96, 94 ms; six scans 0.97 with 125,000, the first
- * alone. */
-enum { alone = 125000 };
+/* Steps by one thread before others come: how many windows several make depends on when they see each other's
+ * distances, on stretched meshes by a factor of three. */
+enum { alone = 500000 };
 
 static int run_share(dmk_context *ctx, int32_t i, void *data)
 {
@@ -225,26 +223,12 @@ done:
     return rc;
 }
 
-static int run_alone(worker *me)
-{
-    me->oldest_first = true;
-    const int rc = dmk_lanes_run(me, alone);
-    me->oldest_first = false;
-    me->n_stack -= me->n_passed;
-    if (me->n_stack > 0)
-        memmove(me->stack, me->stack + me->n_passed, me->n_stack * sizeof *me->stack);
-    me->n_passed = 0;
-    return rc;
-}
-
 /* Run down all windows on the stack; then the pseudo-sources that were reached wait in the heap. */
 static int run_all(worker *me)
 {
-    int rc;
-    const int n_threads = dmk_parallel_threads(me->ctx);
-    DMK_TRY(run_alone(me));
-    if (me->n_stack > 0)
-        DMK_TRY(n_threads > 1 ? run_shared(me, n_threads) : dmk_lanes_run(me, INT64_MAX));
+    int rc, n_threads = dmk_parallel_threads(me->ctx);
+    DMK_TRY(dmk_lanes_run(me, n_threads > 1 ? alone : INT64_MAX));
+    if (me->n_stack > 0) DMK_TRY(run_shared(me, n_threads));
     rc = absorb(me, me);
 done:
     return rc;

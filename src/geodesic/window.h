@@ -101,8 +101,6 @@ typedef struct worker {
     engine *e;
     window *stack;
     size_t n_stack, capacity;
-    size_t n_passed; /* while oldest_first: windows that have been taken from the stack's bottom */
-    bool oldest_first;
     shares *shares;    /* with other threads, or NULL */
     window late[LATE]; /* windows that wait for what their next step reads, in a ring */
     uint32_t n_late, oldest;
