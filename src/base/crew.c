@@ -1,28 +1,8 @@
 #include "base/crew.h"
 
-#include <sched.h>
+#include "base/spin.h"
 
 static const uint64_t last = UINT64_MAX;
-
-/* Looks before a thread lets others have the processor, and before it takes what is another's. Speed only. */
-enum { SPINS = 2000, PATIENCE = 100 };
-
-static void look_away(void)
-{
-#if defined(__x86_64__) || defined(__i386__)
-    __builtin_ia32_pause();
-#endif
-}
-
-static void wait_a_little(int *looks)
-{
-    if (++*looks < SPINS) {
-        look_away();
-        return;
-    }
-    *looks = 0;
-    sched_yield();
-}
 
 /* Part k, unless somebody has begun it. All parts of a round have been begun before the next one is, so whoever comes
  * with an old round begins nothing. */
@@ -35,14 +15,12 @@ static void try_part(dmk_crew *crew, uint64_t round, int32_t k)
     atomic_fetch_add(&crew->done, 1);
 }
 
-/* The member's own parts; then, if the others are late, those of the members before it, from their end, as they come to
- * that last. */
+/* The member's own parts; then those of the members before it, from their end, as they come to that last. */
 static void do_parts(dmk_crew *crew, uint64_t round, int member)
 {
     const int32_t n = crew->n_parts, begin = n * member / crew->n_members,
                   end = n * (member + 1) / crew->n_members;
     for (int32_t k = begin; k < end; k++) try_part(crew, round, k);
-    for (int i = 0; i < PATIENCE && atomic_load(&crew->done) < n; i++) look_away();
     for (int32_t i = 1; i <= n - (end - begin); i++) try_part(crew, round, (begin + n - i) % n);
 }
 
@@ -54,7 +32,7 @@ static int stay(dmk_context *own, void *data)
     uint64_t round, seen = 0;
     for (int looks = 0; (round = atomic_load(&crew->round)) != last;) {
         if (round == seen) {
-            wait_a_little(&looks);
+            dmk_spin(&looks);
             continue;
         }
         do_parts(crew, round, member);
@@ -90,7 +68,7 @@ void dmk_crew_round(dmk_crew *crew)
     atomic_store(&crew->done, 0);
     atomic_store(&crew->round, round);
     do_parts(crew, round, 0);
-    while (atomic_load(&crew->done) < crew->n_parts) wait_a_little(&looks);
+    while (atomic_load(&crew->done) < crew->n_parts) dmk_spin(&looks);
 }
 
 void dmk_crew_end(dmk_context *ctx, dmk_crew *crew)

@@ -3,25 +3,13 @@
 #include "geodesic/window.h"
 
 #include "base/base.h"
+#include "base/spin.h"
 
-#include <sched.h>
 #include <string.h>
-
-static void look_away(int looks)
-{
-    enum { SPINS = 200 }; /* speed only */
-    if (looks % SPINS == SPINS - 1) {
-        sched_yield();
-        return;
-    }
-#if defined(__x86_64__) || defined(__i386__)
-    __builtin_ia32_pause();
-#endif
-}
 
 static void lock(shares *s)
 {
-    for (int looks = 0; atomic_exchange(&s->locked, true); looks++) look_away(looks);
+    for (int looks = 0; atomic_exchange(&s->locked, true);) dmk_spin(&looks);
 }
 
 static void unlock(shares *s)
@@ -92,10 +80,10 @@ int dmk_shares_wait(worker *me, bool *more)
     s->n_waiting++;
     unlock(s);
     *more = false;
-    for (int looks = 0; !done && !*more && rc == DMK_OK; looks++) {
+    for (int looks = 0; !done && !*more && rc == DMK_OK;) {
         const bool stops = s->stopped || dmk_windows_spent(me->e);
         if (s->n == 0 && s->n_working > 0 && !stops) {
-            look_away(looks);
+            dmk_spin(&looks);
             continue;
         }
         lock(s);
