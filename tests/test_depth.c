@@ -222,21 +222,31 @@ static void over_a_border(void **state)
     static const int32_t twin[2][3] = {{3, -1, -1}, {0, -1, -1}};
     _Alignas(64) stride s[6];
     engine e = {.stride = s};
-    (void)state;
     e.front.facet = facet;
     memcpy(facet[0].twin, twin[0], sizeof twin[0]);
     memcpy(facet[1].twin, twin[1], sizeof twin[1]);
     corner_range(0, 2, &e);
     beyond_range(0, 2, &e);
-    for (int i = 0; i < 12; i++) {
-        lanes lane = {.look = 0};
-        const double lo = i < 6 ? 0.3 : 0.69;
-        const window w = {
-            .lo = lo, .hi = lo + 0.01, .x = 0.5, .y = -0.5, .length = 1, .half = i % 6, .root = ~0};
+    for (int i = 0; i < 14; i++) {
+        static const double at[4] = {0.3, 0.69, 0,
+                                     0.99}; /* the last two at the ends, from half-edge 0 */
+        worker me = {.ctx = *state, .e = &e};
+        lanes lane = {.look = 1};
+        int n_dropped, n_short;
+        const double lo = at[i < 12 ? i / 6 : i - 10];
+        const window w = {.lo = lo,
+                          .hi = lo + 0.01,
+                          .x = 0.5,
+                          .y = -0.5,
+                          .length = 1,
+                          .half = i < 12 ? i % 6 : 0,
+                          .root = ~0};
         assert_true(put(&e, &lane, 0, &w));
         const fields_plain f = fetch_plain(&e, &lane, 0);
         stride_on_plain(&lane, 0, &f);
-        assert_int_equal(lane.state[0], DROPPED);
+        assert_true(lane.state[0] >= LOOK);
+        assert_int_equal(clear(&me, &lane, &n_dropped, &n_short), DMK_OK);
+        assert_true(n_dropped == 1 && n_short == 2 && me.n_late == 0);
     }
 }
 

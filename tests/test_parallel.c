@@ -2,6 +2,7 @@
 #include "base/crew.h"
 
 #include <pthread.h>
+#include <unistd.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdatomic.h>
@@ -256,6 +257,26 @@ static void test_crews_do_each_part_once(void **state)
     }
 }
 
+/* The parts of members that never come are done too. */
+static void test_crews_do_without(void **state)
+{
+    (void)state;
+    record *r = record_create(1);
+    rounds all = {.caller = pthread_self()};
+    dmk_crew crew;
+    dmk_crew_begin(r->ctx, &crew, 7, meet_part, &all);
+    crew.n_members = 3;
+    alarm(20); /* or the round waits for ever */
+    for (all.number = 1; all.number <= 5; all.number++) {
+        dmk_crew_round(&crew);
+        for (int32_t k = 0; k < 7; k++) assert_int_equal(all.met[k], all.number);
+    }
+    alarm(0);
+    crew.n_members = 1;
+    dmk_crew_end(r->ctx, &crew);
+    record_free(r);
+}
+
 static void rest_part(int32_t k, void *data)
 {
     (void)k;
@@ -330,6 +351,7 @@ int main(void)
         cmocka_unit_test(test_short_tries_are_not_shared),
         cmocka_unit_test(test_a_task_ends_once),
         cmocka_unit_test(test_crews_do_each_part_once),
+        cmocka_unit_test(test_crews_do_without),
         cmocka_unit_test(test_crews_share),
         cmocka_unit_test(test_who_waits_for_a_task_helps),
     };

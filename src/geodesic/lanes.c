@@ -49,10 +49,9 @@ static void corner_range(int32_t begin, int32_t end, void *data)
     }
 }
 
-/* What lies beyond each side of a triangle. Beyond a border: a corner to the right of all rays, and nothing then. */
+/* What lies beyond each side of a triangle. Beyond a border, whatever the corner, no half-edge follows. */
 static void beyond_range(int32_t begin, int32_t end, void *data)
 {
-    static const corner far = {0x1p500, 0};
     engine *e = data;
     for (int32_t t = begin; t < end; t++) {
         const int32_t *twin = e->front.facet[t].twin;
@@ -60,7 +59,7 @@ static void beyond_range(int32_t begin, int32_t end, void *data)
         for (int k = 0; k < 3; k++) {
             const int32_t half = twin[k];
             stride *right_of = s + (k == 0 ? 2 : k - 1), *left_of = s + (k == 2 ? 0 : k + 1);
-            const corner beyond = half >= 0 ? e->stride[half].here : far;
+            const corner beyond = half >= 0 ? e->stride[half].here : (corner){0, 0};
             const int64_t next =
                 half >= 0 ? next_of(e->front.facet + half / 3, half % 3) : link_of(-1, -1);
             right_of->beyond_right = left_of->beyond_left = beyond;
