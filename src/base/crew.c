@@ -15,12 +15,19 @@ static void try_part(dmk_crew *crew, uint64_t round, int32_t k)
     atomic_fetch_add(&crew->done, 1);
 }
 
-/* The member's own parts; then those of the members before it, from their end, as they come to that last. */
+/* Looks before a member takes what is another's, whose data is in that one's cache: whole distances on 1.09M triangles,
+ * two threads, none / 20 / 100: 0.586, 0.571 and 0.575 s. Speed only. */
+enum { PATIENCE = 100 };
+
+/* The member's own parts; then, if the others are late, those of the members before it, from their end, as they come to
+ * that last. */
 static void do_parts(dmk_crew *crew, uint64_t round, int member)
 {
     const int32_t n = crew->n_parts, begin = n * member / crew->n_members,
                   end = n * (member + 1) / crew->n_members;
+    int looks = 0;
     for (int32_t k = begin; k < end; k++) try_part(crew, round, k);
+    while (looks < PATIENCE && atomic_load(&crew->done) < n) dmk_spin(&looks);
     for (int32_t i = 1; i <= n - (end - begin); i++) try_part(crew, round, (begin + n - i) % n);
 }
 
