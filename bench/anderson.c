@@ -117,7 +117,7 @@ static int solve_reference(bench *b)
     b->options.tolerance = 1e-5;
     b->options.max_steps = 200;
     DMK_TRY(start(b));
-    DMK_TRY(dmk_newton(&b->outer, true));
+    DMK_TRY(dmk_newton(&b->outer, true, 0, DMK_NEWTON_STEPS));
     DMK_TRY(dmk_certify(&b->outer, true));
     DMK_TRY(dmk_buffer_read_real(b->ctx, b->device, DMK_OUTER, b->sys->mu, b->n, b->best));
     b->best_cost = b->stats.cost_upper;

@@ -78,8 +78,8 @@ static void bounds_hold_in_single_precision(void **state)
 /* ---- needles --------------------------------------------------------------------------------- */
 
 /* The torus with every 5th triangle's first corner, unless a neighbour has moved, next to the
- * second. */
-static problem needles(bench *b)
+ * second: at that part of the way. */
+static problem needles(bench *b, double part)
 {
     dmk_surface_options o;
     dmk_surface_options_init(&o, sizeof o);
@@ -97,7 +97,7 @@ static problem needles(bench *b)
         const int32_t *c = t + 3 * i;
         if (moved[c[0]] || moved[c[1]] || moved[c[2]]) continue;
         for (int k = 0; k < 3; k++)
-            x[3 * c[0] + k] = 0.997 * x[3 * c[1] + k] + 0.003 * x[3 * c[0] + k];
+            x[3 * c[0] + k] = (1 - part) * x[3 * c[1] + k] + part * x[3 * c[0] + k];
         moved[c[0]] = moved[c[1]] = moved[c[2]] = 1;
     }
     problem p = problem_create(b, nv, x, nt, t);
@@ -109,7 +109,7 @@ static problem needles(bench *b)
 
 static void needles_are_repaired(void **state)
 {
-    problem p = needles(*state);
+    problem p = needles(*state, 0.003);
     problem_solve(&p);
     print_message("# least angle %.2g degrees: gap %.2e, %d sweeps\n", p.info.min_angle,
                   p.stats.gap, p.stats.sweeps);
@@ -121,7 +121,7 @@ static void needles_are_repaired(void **state)
 
 static void repair_gives_the_same_bits(void **state)
 {
-    problem a = needles(*state), b = needles(*state);
+    problem a = needles(*state, 0.003), b = needles(*state, 0.003);
     problem_solve(&a);
     problem_solve(&b);
     problem_solve(&b);
@@ -134,20 +134,24 @@ static void repair_gives_the_same_bits(void **state)
 
 static void repair_is_the_same_in_the_gpu_shape(void **state)
 {
+    /* Among the sharper needles of the second the repair ends where the gap is good enough, which another rounding may
+     * reach a batch or an attempt sooner. */
+    static const double part[] = {0.01, 0.003}, close[] = {3e-4, 3e-3};
     bench b;
     dmk_device_options o;
     dmk_device_options_init(&o, sizeof o);
     o.shape = DMK_SHAPE_GPU;
     bench_open(&b, &o);
-    problem p = needles(*state), q = needles(&b);
-    problem_solve(&p);
-    problem_solve(&q);
-    print_message("# gpu shape: gap %.2e, %d sweeps\n", q.stats.gap, q.stats.sweeps);
-    assert_true(q.stats.sweeps > 0 && q.stats.gap <= 3e-3);
-    /* The repair ends where the gap is good enough, which another rounding may reach a batch sooner. */
-    assert_true(fabs(q.stats.cost_lower / p.stats.cost_lower - 1) < 1e-3);
-    problem_free(&p);
-    problem_free(&q);
+    for (int i = 0; i < 2; i++) {
+        problem p = needles(*state, part[i]), q = needles(&b, part[i]);
+        problem_solve(&p);
+        problem_solve(&q);
+        print_message("# gpu shape: gap %.2e, %d sweeps\n", q.stats.gap, q.stats.sweeps);
+        assert_true(q.stats.sweeps > 0 && q.stats.gap <= 3e-3);
+        assert_true(fabs(q.stats.cost_lower / p.stats.cost_lower - 1) < close[i]);
+        problem_free(&p);
+        problem_free(&q);
+    }
     bench_close(&b);
 }
 
@@ -155,7 +159,7 @@ static void repair_is_the_same_in_the_gpu_shape(void **state)
  */
 static void triangles_that_hold_it_back_are_named(void **state)
 {
-    problem p = needles(*state);
+    problem p = needles(*state, 0.003);
     p.options.gap_tolerance = 2e-7;
     p.options.tolerance = 1e-2;
     problem_solve(&p);

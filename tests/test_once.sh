@@ -95,25 +95,28 @@ few_windows() {
 }
 check 'merged windows around spikes are few' few_windows
 
-# given_up WHY: the run ended as diverged, for a reason that matches WHY and within the steps of its methods.
+# given_up WHY ADVICE STEPS: the run ended as diverged, for a reason that matches WHY, with this advice and within so
+# many steps.
 given_up() {
-    grep -q "($1); neither Newton's steps nor explicit ones converge: improve" "$work/err" &&
-        [ "$(sed -n 's/.*diverged at step \([0-9]*\) .*/\1/p' "$work/err")" -le 250 ]
+    grep -q "($1); $2 improve" "$work/err" &&
+        [ "$(sed -n 's/.*diverged at step \([0-9]*\) .*/\1/p' "$work/err")" -le "$3" ]
 }
 
-# A plate with five holes, 1:1000 and with needles, which took minutes: no step of the way back solves its system.
+# A plate with five holes, 1:1000 and with needles, which took minutes: explicit steps do not solve its system.
 gives_up() {
     echo 'vertex 32 1' > "$work/from" && echo 'vertex 84 1' > "$work/to"
-    "$tool" transport "$data/needles-441.off.gz" --from "$work/from" --to "$work/to" --quiet 2> "$work/err"
-    [ $? = 6 ] && given_up 'CG reaches its limit of iterations in step after step'
+    "$tool" transport "$data/needles-441.off.gz" --from "$work/from" --to "$work/to" --method inertial --quiet \
+        2> "$work/err"
+    [ $? = 6 ] && given_up 'CG reaches its limit of iterations in step after step' 'try a smaller inertia, or' 250
 }
-check 'transport on needles: no result, in few steps' gives_up
+check 'explicit steps on needles: no result, in few steps' gives_up
 
-# Needles on which neither kind of step comes to an end, which took minutes. Whether mu runs away or goes on changing
-# is a matter of the processor's rounding.
+# Needles on which no step comes to an end, however well it is solved, and which took minutes. Whether mu runs away or
+# goes on changing is a matter of the processor's rounding.
 no_end() {
     "$tool" solve "$data/needles-1307.off.gz" --vertex 26 --quiet 2> "$work/err"
-    [ $? = 6 ] && given_up 'mu keeps changing\|relative change of mu .*'
+    [ $? = 6 ] && given_up 'mu keeps changing\|relative change of mu .*' \
+        "Newton's steps do not converge, however well each is solved:" 60
 }
 check 'needles without an end: the reason, in few steps' no_end
 

@@ -1,4 +1,4 @@
-/* Newton's pseudo time step: when it grows, stays and shrinks. */
+/* Newton's pseudo time step: when it grows, stays and shrinks, and how well it is solved. */
 #include "../src/solver/newton.c" /* for its static functions; the library's own are then left out */
 
 #include <setjmp.h>
@@ -29,8 +29,28 @@ static void steps_follow_rho(void **state)
     assert_true(step_after(2e-4, 6.5e-4) == 40);
 }
 
+/* CG iterations of a step of D of a control with four, and five where it is stiff. */
+static int iterations(double D, int effort)
+{
+    step_control p = {.D = D, .brief = 5, .most = 4, .stiff = 100, .effort = effort};
+    choose_step(&p, 1e-2);
+    return p.iterations;
+}
+
+static void effort_is_a_least_number_of_iterations(void **state)
+{
+    static const int usual[][2] = {{4, 1}, {6, 2}, {30, 4}, {120, 5}}; /* D, iterations */
+    (void)state;
+    for (size_t i = 0; i < sizeof usual / sizeof *usual; i++) {
+        assert_int_equal(iterations(usual[i][0], 0), usual[i][1]);
+        assert_int_equal(iterations(usual[i][0], 3), usual[i][1] > 3 ? usual[i][1] : 3);
+        assert_int_equal(iterations(usual[i][0], 100), 100);
+    }
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(steps_follow_rho)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(steps_follow_rho),
+                                       cmocka_unit_test(effort_is_a_least_number_of_iterations)};
     return cmocka_run_group_tests_name("steps", tests, NULL, NULL);
 }

@@ -590,27 +590,6 @@ static void steps_that_diverge_are_told(void **state)
     }
 }
 
-/* Explicit steps that are to save a solve are given up after a while, by their number alone. */
-static void explicit_steps_are_given_up(void **state)
-{
-    fixture *x = *state;
-    problem p = problem_file(&x->b, "tests/data/sphere_1280.off");
-    problem_solve(&p);
-    const dmk_solve_options options = {
-        .struct_size = sizeof options, .tolerance = 1e-300, .inertia = -1};
-    dmk_iteration o = {.ctx = x->b.ctx,
-                       .sys = p.solver->system,
-                       .mesh = x->order.mesh,
-                       .triangle_old = x->order.triangle_old,
-                       .stats = &p.stats,
-                       .options = &options,
-                       .floor = DMK_FLOOR};
-    assert_int_equal(dmk_fall_back(&o), DMK_E_DIVERGED);
-    assert_non_null(strstr(dmk_context_message(x->b.ctx), "step 250 (mu keeps changing)"));
-    assert_true(o.options == &options);
-    problem_free(&p);
-}
-
 /* ---- the right-hand side ---- */
 
 /* A point's weights on the corners and the opposite midpoints: not negative, of sum 1, on one of the four
@@ -741,7 +720,6 @@ int main(void)
         cmocka_unit_test(solves_take_their_steps),
         cmocka_unit_test(divergence_leaves_nothing),
         cmocka_unit_test(steps_that_diverge_are_told),
-        cmocka_unit_test(explicit_steps_are_given_up),
         cmocka_unit_test(points_are_weighted),
         cmocka_unit_test(sliced_rows_hold_all_entries),
         cmocka_unit_test(the_first_offender_is_named),

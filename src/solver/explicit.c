@@ -69,30 +69,3 @@ int dmk_explicit(dmk_iteration *o)
 done:
     return rc;
 }
-
-/* How many steps of these. Of 22 meshes (needles, stretched 1:1000, CAD) on which they come to an end, the slowest
- * takes 108; on others 2,000 do not. */
-enum { FALLBACK_STEPS = 250 };
-
-bool dmk_falls_back(const dmk_iteration *o, int rc)
-{
-    const dmk_solve_options *asked = o->options;
-    if (asked->max_steps > 0 || (rc != DMK_E_DIVERGED && rc != DMK_E_LIMIT)) return false;
-    const bool finer = asked->tolerance > 0 && asked->tolerance < DMK_DEFAULT_TOLERANCE;
-    return rc == DMK_E_DIVERGED || !finer || o->stats->change > DMK_DEFAULT_TOLERANCE;
-}
-
-int dmk_fall_back(dmk_iteration *o)
-{
-    const dmk_solve_options *options = o->options;
-    const int before = o->stats->steps;
-    dmk_solve_options slow = *options;
-    slow.method = DMK_INERTIAL;
-    slow.max_steps = FALLBACK_STEPS;
-    o->options = &slow;
-    int rc = dmk_explicit(o);
-    if (rc == DMK_E_LIMIT) rc = dmk_iteration_diverged(o, FALLBACK_STEPS, "mu keeps changing");
-    if (rc == DMK_OK) o->stats->steps += before;
-    o->options = options;
-    return rc;
-}

@@ -130,7 +130,8 @@ int dmk_iteration_diverged(const dmk_iteration *o, int step, const char *what)
     else if (o->asked == DMK_INERTIAL)
         snprintf(advice, sizeof advice, "try a smaller inertia, or");
     else
-        snprintf(advice, sizeof advice, "neither Newton's steps nor explicit ones converge:");
+        snprintf(advice, sizeof advice,
+                 "Newton's steps do not converge, however well each is solved:");
     if (!o->mesh->triangle)
         return dmk_fail(
             o->ctx, DMK_E_DIVERGED,

@@ -34,6 +34,9 @@ typedef struct dmk_iteration {
     dmk_ready ready;   /* of A(mu) of the present mu, on the device */
     bool loose; /* its u is far from solving A(mu) u = f: a few iterations of CG from mu = const */
     bool light; /* one smoothing step on T/2 is as good as two: see newton.c */
+    /* Puts s->mu and s->u back to where they began, for another attempt. */
+    int (*restart)(dmk_context *context, void *user);
+    void *user;
     double *flux, *balance; /* of the upper bound's flux, see dmk_bound_upper; NULL: not wanted */
 } dmk_iteration;
 
@@ -87,14 +90,12 @@ int dmk_iteration_diverged(const dmk_iteration *o, int step, const char *what);
 
 /* The step limit came before the tolerance: DMK_E_LIMIT with the last change. */
 int dmk_iteration_limit(dmk_iteration *o, int max_steps);
-/* The methods: from the start in s->mu, s->u to convergence. */
-int dmk_newton(dmk_iteration *o, bool from_distance);
+/* The methods: from the start in s->mu, s->u to convergence. Newton's: at least `effort` iterations of CG in a step,
+ * and at most that many steps, unless the caller of all has said how many. */
+int dmk_newton(dmk_iteration *o, bool from_distance, int effort, int most_steps);
 int dmk_explicit(dmk_iteration *o);
-/* Whether Newton's steps, which ended with `rc`, have failed: not where the caller asks for fewer, or for less of a
- * change than usual and they have come as near as ever. */
-bool dmk_falls_back(const dmk_iteration *o, int rc);
-/* From the start again by explicit steps, a limited number of them, where Newton's have failed. */
-int dmk_fall_back(dmk_iteration *o);
+/* Newton's, and where they fail again from the start, solved better: the best pair. See attempts.c. */
+int dmk_attempts(dmk_iteration *o, bool from_distance);
 
 /* certificate.c: stats->cost_upper, cost_lower and gap of the present pair (units of the packed
  * problem), which stays as it is. last: it is the pair that the iteration ends with; then nothing is done

@@ -20,6 +20,7 @@ typedef struct step_control {
     int most;          /* then so many, and one more */
     double stiff;      /* above this: the longer D, the stiffer the operator along the rays */
     double light;      /* up to this one smoothing step */
+    int effort;        /* the least number of iterations in a step */
     int iterations;    /* of CG in each step */
     double rho_before; /* 0: none to compare with */
     bool shrunk;
@@ -43,10 +44,11 @@ static void choose_step(step_control *p, double rho)
         }
     }
     p->rho_before = rho;
-    p->iterations = p->D > p->stiff       ? p->most + 1
-                    : p->D < p->brief     ? 1
-                    : p->D < 4 * p->brief ? 2
-                                          : p->most;
+    const int usual = p->D > p->stiff       ? p->most + 1
+                      : p->D < p->brief     ? 1
+                      : p->D < 4 * p->brief ? 2
+                                            : p->most;
+    p->iterations = p->effort > usual ? p->effort : usual;
 }
 
 /* Between measures: the figures that chose them are in bench/results/transport.md, "Steps that begin on T". */
@@ -246,17 +248,18 @@ static step_control control_of(const dmk_iteration *o, bool from_distance)
     return o->between ? measures : point;
 }
 
-int dmk_newton(dmk_iteration *o, bool from_distance)
+int dmk_newton(dmk_iteration *o, bool from_distance, int effort, int most_steps)
 {
     int rc = DMK_OK, first = 1;
     bool settled;
     const dmk_solve_options *opt = o->options;
-    int max_steps = opt->max_steps ? opt->max_steps : DMK_NEWTON_STEPS;
+    const int max_steps = opt->max_steps ? opt->max_steps : most_steps;
     double change = 1;
     o->loose = !from_distance;
     o->tolerance = opt->tolerance > 0 ? opt->tolerance : DMK_DEFAULT_TOLERANCE;
     o->light = is_light(o, from_distance);
     step_control p = control_of(o, from_distance);
+    p.effort = effort;
     if (o->between)
         DMK_TRY(begin_nested(o, &p, max_steps, &first));
     else if (!from_distance)

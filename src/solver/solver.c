@@ -697,18 +697,11 @@ void dmk_solver_scale_stats(const dmk_solver *s, double mass, dmk_stats *stats)
     stats->double_precision = dmk_device_real(sys->device, DMK_OUTER) == sizeof(double);
 }
 
-/* Newton; where it fails within its own limit of steps, as it may with many needles, explicit steps
- * from the start again: slower, and of another kind, for each solves its linear system well. */
-static int iterate(dmk_solver *s, start *near, const dmk_solve_options *options, dmk_iteration *o)
+/* The start, for Newton to begin again. */
+static int restart(dmk_context *ctx, void *user)
 {
-    int rc;
-    if (options->method != DMK_NEWTON) return dmk_explicit(o);
-    rc = dmk_newton(o, options->start == DMK_START_DISTANCE);
-    if (!dmk_falls_back(o, rc)) return rc;
-    DMK_TRY(set_start(o->ctx, s, near));
-    rc = dmk_fall_back(o);
-done:
-    return rc;
+    start *near = user;
+    return set_start(ctx, near->solver, near);
 }
 
 int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
@@ -755,10 +748,13 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
                        .asked = chosen.method,
                        .floor = DMK_FLOOR,
                        .mean_floor = DMK_FLOOR,
+                       .restart = restart,
+                       .user = &near,
                        .stats = &r->stats,
                        .began = began};
     dmk_stage_end(ctx);
-    DMK_TRY(iterate(s, &near, &chosen, &o));
+    DMK_TRY(chosen.method == DMK_NEWTON ? dmk_attempts(&o, chosen.start == DMK_START_DISTANCE)
+                                        : dmk_explicit(&o));
     DMK_TRY(dmk_certify(&o, true));
     r->stats.seconds[DMK_STAGE_SOLVE] = dmk_seconds() - t1 - r->stats.seconds[DMK_STAGE_CERTIFY];
     if (s->planted) {

@@ -70,27 +70,16 @@ done:
  * and 0.4 of 0.21 to 0.25 % and 900, 720 and 540; the L1 error of mu at 0.4 is up to twice that at 0.1. */
 static const double measure_floor = 0.2;
 
-/* A gap at which the cost is settled, if mu is not. */
-static const double unique_enough = 1e-3;
+/* The start of a solve, for Newton to begin again. */
+typedef struct beginning {
+    dmk_solver *solver;
+    const double *f;
+} beginning;
 
-/* Newton, and where it fails explicit steps from the start again, as for a point. */
-static int iterate(dmk_solver *s, const double *f, dmk_iteration *o)
+static int restart(dmk_context *ctx, void *user)
 {
-    int rc;
-    const dmk_solve_options *options = o->options;
-    if (options->method != DMK_NEWTON) return dmk_explicit(o);
-    rc = dmk_newton(o, false);
-    if (rc == DMK_E_LIMIT && options->max_steps == 0 && options->tolerance == 0) {
-        /* Where many ways are equally long, as between two poles, mu is not unique and wanders on. */
-        DMK_TRY(dmk_certify(o, true));
-        if (fabs(o->stats->gap) <= unique_enough) return DMK_OK;
-        rc = DMK_E_LIMIT;
-    }
-    if (!dmk_falls_back(o, rc)) return rc;
-    DMK_TRY(set_start(o->ctx, s, f));
-    rc = dmk_fall_back(o);
-done:
-    return rc;
+    const beginning *b = user;
+    return set_start(ctx, b->solver, b->f);
 }
 
 /* mu and u, in the input's order and units; u is 0 at its largest. */
@@ -161,6 +150,7 @@ static int solve(dmk_context *ctx, dmk_solver *s, const dmk_solve_options *optio
 {
     int rc;
     double *mu = NULL, *u = NULL, *flux = NULL;
+    beginning again = {s, f};
     dmk_iteration o = {.ctx = ctx,
                        .sys = s->system,
                        .mesh = &s->mollified,
@@ -170,6 +160,8 @@ static int solve(dmk_context *ctx, dmk_solver *s, const dmk_solve_options *optio
                        .floor = DMK_FLOOR,
                        .mean_floor = measure_floor,
                        .between = true,
+                       .restart = restart,
+                       .user = &again,
                        .stats = &r->stats,
                        .began = began};
     if (is_zero(f, (size_t)s->system->whole.n_rows_pad)) return move_nothing(s, r);
@@ -182,7 +174,7 @@ static int solve(dmk_context *ctx, dmk_solver *s, const dmk_solve_options *optio
     r->stats.seconds[DMK_STAGE_START] = dmk_seconds() - began - r->stats.seconds[DMK_STAGE_SETUP];
     const double start = dmk_seconds();
     dmk_stage_end(ctx);
-    DMK_TRY(iterate(s, f, &o));
+    DMK_TRY(options->method == DMK_NEWTON ? dmk_attempts(&o, false) : dmk_explicit(&o));
     DMK_TRY(dmk_certify(&o, true));
     dmk_solver_name_steep(s, &r->stats);
     DMK_TRY(collect_pair(ctx, s, mu, u, r));
