@@ -1,8 +1,8 @@
 /* Tubes of needles, on which Newton's usual steps come to no end: others do that are solved better. */
+#include "../src/solver/attempts.c" /* for its static functions; the library's own are then left out */
+#include "solver/solver.h"
 #include "solving.h"
 
-#include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 /* Rings of n vertices around the z axis, over this length; the source is in the middle of the last but one. */
@@ -70,10 +70,80 @@ static void limits_hold(void **state)
     problem_free(&p);
 }
 
+/* ---- their parts ----------------------------------------------------------------------------- */
+
+static void pairs_come_back(void **state)
+{
+    problem p = tube(*state, 6, 5, 3);
+    problem_solve(&p);
+    dmk_system *s = p.solver->system;
+    p.stats.gap = 0.25, p.stats.change = 0.5;
+    dmk_iteration o = {.ctx = p.b->ctx,
+                       .sys = s,
+                       .stats = &p.stats,
+                       .fresh = true,
+                       .certified = true,
+                       .ready = DMK_HIERARCHY};
+    pair best = {0}, after = {0};
+    bench_ok(p.b, keep(&o, true, &best));
+    assert_true(best.gap == 0.25 && best.settled && best.mu[0] > 0);
+    bench_ok(p.b, dmk_elements_fill(o.ctx, s, s->mu, 7));
+    bench_ok(p.b, dmk_buffer_clear(o.ctx, s->device, s->u,
+                                   rows(&o) * dmk_device_real(s->device, DMK_OUTER)));
+    p.stats.change = 1;
+    bench_ok(p.b, bring_back(&o, &best));
+    assert_true(p.stats.change == 0.5);
+    assert_true(!o.fresh && !o.certified && o.ready == DMK_NOTHING);
+    bench_ok(p.b, keep(&o, false, &after));
+    assert_memory_equal(after.u, best.u, rows(&o) * sizeof *best.u);
+    assert_memory_equal(after.mu, best.mu, elements(&o) * sizeof *best.mu);
+    free(best.u), free(best.mu), free(after.u), free(after.mu);
+    problem_free(&p);
+}
+
+static bool follows(int max_steps, double tolerance, double change, int rc)
+{
+    const dmk_solve_options options = {.max_steps = max_steps, .tolerance = tolerance};
+    dmk_stats stats = {.change = change};
+    return may_follow(&(dmk_iteration){.options = &options, .stats = &stats}, rc);
+}
+
+static void others_follow_what_failed(void **state)
+{
+    (void)state;
+    for (int rc = DMK_OK; rc >= DMK_E_DIVERGED - 9; rc--) {
+        const bool failed = rc == DMK_E_DIVERGED || rc == DMK_E_LIMIT;
+        assert_false(follows(60, 0, 1, rc));
+        assert_int_equal(follows(0, 0, 1, rc), failed || rc == DMK_OK);
+        assert_int_equal(follows(0, 1e-2, 1, rc), failed);
+        assert_int_equal(follows(0, 1e-5, 1, rc), failed);
+        assert_int_equal(follows(0, 1e-5, 1e-3, rc), rc == DMK_E_DIVERGED); /* as near as ever */
+    }
+}
+
+/* The gap up to which no attempt follows. */
+static double limit(double gap_tolerance, bool settled)
+{
+    const dmk_solve_options options = {.gap_tolerance = gap_tolerance};
+    return enough(&(dmk_iteration){.options = &options}, settled);
+}
+
+static void gaps_decide(void **state)
+{
+    (void)state;
+    assert_true(limit(0, true) == 1e-2 && limit(1e-5, true) == 1e-2);
+    assert_true(limit(0, false) == 1e-3 && limit(0.1, false) == 1e-3 && limit(1e-5, false) == 1e-5);
+    dmk_iteration o = {0};
+    assert_int_equal(settle_for(&o, &(pair){0}, DMK_E_DIVERGED), DMK_E_DIVERGED);
+    assert_int_equal(settle_for(&o, &(pair){.u = (double[1]){0}, .gap = 0.6}, DMK_E_DIVERGED),
+                     DMK_E_DIVERGED);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(solved_better_steps_end),
-                                       cmocka_unit_test(a_settled_cost_is_enough),
-                                       cmocka_unit_test(limits_hold)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(others_follow_what_failed), cmocka_unit_test(gaps_decide),
+        cmocka_unit_test(pairs_come_back),           cmocka_unit_test(solved_better_steps_end),
+        cmocka_unit_test(a_settled_cost_is_enough),  cmocka_unit_test(limits_hold)};
     return cmocka_run_group_tests_name("attempts", tests, bench_setup, bench_teardown);
 }
