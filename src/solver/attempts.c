@@ -54,6 +54,13 @@ done:
     return rc;
 }
 
+/* Of the pair before: u and mu are others now. */
+static void forget(dmk_iteration *o)
+{
+    o->fresh = o->certified = o->goes_on = false;
+    o->ready = DMK_NOTHING;
+}
+
 static int bring_back(dmk_iteration *o, const pair *best)
 {
     int rc;
@@ -61,8 +68,7 @@ static int bring_back(dmk_iteration *o, const pair *best)
     DMK_TRY(dmk_buffer_write_real(o->ctx, s->device, DMK_OUTER, s->u, rows(o), best->u));
     DMK_TRY(dmk_buffer_write_real(o->ctx, s->device, DMK_OUTER, s->mu, elements(o), best->mu));
     o->stats->change = best->change;
-    o->fresh = o->certified = false;
-    o->ready = DMK_NOTHING;
+    forget(o);
 done:
     return rc;
 }
@@ -136,6 +142,7 @@ int dmk_attempts(dmk_iteration *o, bool from_distance)
     for (int k = 1; k < ATTEMPTS && !done; k++) {
         before += o->stats->steps;
         DMK_TRY(o->restart(o->ctx, o->user));
+        forget(o);
         rc = attempt(o, from_distance, k, &best, &done);
     }
     if (!done) rc = settle_for(o, &best, rc);
