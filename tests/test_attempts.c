@@ -101,6 +101,63 @@ static void pairs_come_back(void **state)
     problem_free(&p);
 }
 
+/* An iteration from the pair that p's device holds, without what it knows of it. */
+static dmk_iteration iteration_of(problem *p)
+{
+    p->stats = (dmk_stats){0};
+    return (dmk_iteration){.ctx = p->b->ctx,
+                           .sys = p->solver->system,
+                           .mesh = &p->solver->mollified,
+                           .triangle_old = p->solver->order->order.triangle_old,
+                           .options = &p->options,
+                           .asked = DMK_NEWTON,
+                           .stats = &p->stats,
+                           .floor = DMK_FLOOR,
+                           .mean_floor = DMK_FLOOR};
+}
+
+typedef struct beginning {
+    pair first;
+    int n; /* restarts */
+    dmk_iteration *of;
+} beginning;
+
+static int begin_again(dmk_context *ctx, void *user)
+{
+    beginning *b = user;
+    const dmk_system *s = b->of->sys;
+    b->n++;
+    const int rc = dmk_buffer_write_real(ctx, s->device, DMK_OUTER, s->u, rows(b->of), b->first.u);
+    return rc ? rc
+              : dmk_buffer_write_real(ctx, s->device, DMK_OUTER, s->mu, elements(b->of),
+                                      b->first.mu);
+}
+
+/* A second attempt takes the steps, to the bit, that it would take without a first. */
+static void attempts_begin_anew(void **state)
+{
+    problem p = tube(*state, 3, 5, 0.01);
+    p.options.max_steps = 1;
+    assert_int_equal(problem_try(&p), DMK_E_LIMIT);
+    p.options.max_steps = 0;
+    p.options.tolerance = 1e-3; /* no bounds in between, which leave nothing known either */
+    dmk_iteration o = iteration_of(&p);
+    beginning b = {.of = &o};
+    bench_ok(p.b, keep(&o, false, &b.first));
+    o.restart = begin_again;
+    o.user = &b;
+    bench_ok(p.b, dmk_attempts(&o, true));
+    const dmk_stats found = p.stats;
+    assert_int_equal(b.n, 1);
+    bench_ok(p.b, begin_again(o.ctx, &b));
+    o = iteration_of(&p);
+    bench_ok(p.b, dmk_newton(&o, true, attempts[1].effort, attempts[1].steps));
+    assert_int_equal(found.steps, USUAL + p.stats.steps);
+    assert_true(found.change == p.stats.change);
+    free(b.first.u), free(b.first.mu);
+    problem_free(&p);
+}
+
 static bool follows(int max_steps, double tolerance, double change, int rc)
 {
     const dmk_solve_options options = {.max_steps = max_steps, .tolerance = tolerance};
@@ -141,9 +198,12 @@ static void gaps_decide(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(others_follow_what_failed), cmocka_unit_test(gaps_decide),
-        cmocka_unit_test(pairs_come_back),           cmocka_unit_test(solved_better_steps_end),
-        cmocka_unit_test(a_settled_cost_is_enough),  cmocka_unit_test(limits_hold)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(others_follow_what_failed),
+                                       cmocka_unit_test(gaps_decide),
+                                       cmocka_unit_test(pairs_come_back),
+                                       cmocka_unit_test(attempts_begin_anew),
+                                       cmocka_unit_test(solved_better_steps_end),
+                                       cmocka_unit_test(a_settled_cost_is_enough),
+                                       cmocka_unit_test(limits_hold)};
     return cmocka_run_group_tests_name("attempts", tests, bench_setup, bench_teardown);
 }
