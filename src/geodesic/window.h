@@ -65,7 +65,12 @@ typedef struct stride {
     int64_t next_left, next_right;
 } stride;
 
+struct engine;
 struct lanes;
+
+/* The loop of lanes.c, which has one form for each width of the processor's vectors. */
+typedef int advance(const struct engine *e, struct lanes *lanes, int most);
+enum { DMK_FORMS = 3 };
 
 typedef struct engine {
     dmk_front front;
@@ -73,8 +78,7 @@ typedef struct engine {
     split *split;
     void *room; /* of `stride` */
     stride *stride;
-    /* The fastest form of a lanes.c's loop that the processor has. */
-    int (*advance)(const struct engine *e, struct lanes *lanes, int most);
+    advance *advance;        /* the fastest that the processor has */
     dmk_heap pseudo_sources; /* reached, to radiate */
     bool shared;             /* by several threads at the moment */
     int64_t limit;           /* of windows */
