@@ -129,7 +129,7 @@ static dmk_newton_step next_step(dmk_iteration *o, bool from_distance, step_cont
         .D = p->D,
         .bend = p->bend,
         /* Not from a distance the way may be short, and mu small everywhere. */
-        .lowest = from_distance ? o->floor : o->mean_floor * o->mass};
+        .lowest = from_distance ? o->floor : (p->effort > 0 ? o->floor : o->mean_floor) * o->mass};
 }
 
 /* *change: mu's, relative. */

@@ -64,10 +64,11 @@ done:
     return rc;
 }
 
-/* Newton's floor of mu, over the mean density times the square root of the element's area. Where nothing moves the
- * potential is free, and the smaller mu the less it is solved for, so that it comes out too steep. Between narrow
- * heaps, 26 pairs on four meshes: with 0.0001 a gap of 2.3 % at worst and 7,700 sweeps of the repair, with 0.1, 0.2
- * and 0.4 of 0.21 to 0.25 % and 900, 720 and 540; the L1 error of mu at 0.4 is up to twice that at 0.1. */
+/* The floor of mu in Newton's first attempt, over the mean density times the square root of the element's area. Where
+ * nothing moves the potential is free, and the smaller mu the less it is solved for, so that it comes out too steep.
+ * Between narrow heaps, 26 pairs on four meshes: with 0.0001 a gap of 2.3 % at worst and 7,700 sweeps of the repair,
+ * with 0.1, 0.2 and 0.4 of 0.21 to 0.25 % and 900, 720 and 540; the L1 error of mu at 0.4 is up to twice that at 0.1.
+ */
 static const double measure_floor = 0.2;
 
 /* The start of a solve, for Newton to begin again. */
