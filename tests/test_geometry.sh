@@ -79,7 +79,7 @@ check 'is that of the first one, moved' awk -F, '
     NR == FNR { x[FNR] = $1; d[FNR] = $8; n = FNR; next }
     FNR > 1 && ($1 - 10 - x[FNR] > 1e-3 || x[FNR] - $1 + 10 > 1e-3 || $8 - d[FNR] > 1e-3) { bad = 1 }
     END { exit bad || FNR != n || n < 3 }' "$work/first.csv" "$work/second.csv"
-fails 'no path leads to the other component' 1 'not on the component' \
+fails 'no path leads to the other component' 1 "vertex $n is not on the component" \
     "$tool" path "$work/two.off" --vertex 0 --to-vertex "$n"
 
 # ---- cuts -------------------------------------------------------------------------------------

@@ -350,9 +350,11 @@ static int search(dmk_context *ctx, dmk_tracer *t, const dmk_site *site)
     }
     for (size_t i = 0; i < t->n_sights; i++) DMK_TRY(advance(ctx, t, (int32_t)i));
     if (t->best.key == INFINITY) {
+        const bool vertex = site->vertex >= 0;
         rc = dmk_fail(ctx, DMK_E_ARG,
-                      "triangle %lld is not on the component of a source: no path leads there",
-                      (long long)site->point.triangle);
+                      "%s %lld is not on the component of a source: no path leads there",
+                      vertex ? "vertex" : "triangle",
+                      (long long)(vertex ? site->vertex : site->point.triangle));
     }
 done:
     free(own);
