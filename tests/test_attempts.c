@@ -188,7 +188,7 @@ static double limit(double gap_tolerance, bool settled)
 static void gaps_decide(void **state)
 {
     (void)state;
-    assert_true(limit(0, true) == 3e-3 && limit(1e-5, true) == 3e-3);
+    assert_true(limit(0, true) == 3e-3 && limit(1e-5, true) == 3e-3 && limit(0.02, true) == 0.02);
     assert_true(limit(0, false) == 1e-3 && limit(0.1, false) == 1e-3 && limit(1e-5, false) == 1e-5);
     dmk_iteration o = {0};
     assert_int_equal(settle_for(&o, &(pair){0}, DMK_E_DIVERGED), DMK_E_DIVERGED);

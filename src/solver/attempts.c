@@ -89,7 +89,7 @@ static bool may_follow(const dmk_iteration *o, int rc)
 static double enough(const dmk_iteration *o, bool settled)
 {
     const double asked = o->options->gap_tolerance;
-    if (settled) return DMK_SETTLED_GAP;
+    if (settled) return fmax(asked, DMK_SETTLED_GAP);
     return asked > 0 ? fmin(asked, unique_enough) : unique_enough;
 }
 
