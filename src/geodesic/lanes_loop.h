@@ -251,4 +251,8 @@ FOR static int FORM(advance)(const engine *e, lanes *w, int most)
 #undef AT_LEAST
 #undef EQUAL
 #undef SELECT
+#undef FORM
+#undef FOR
+#undef VECTOR
+#undef LANE
 #endif

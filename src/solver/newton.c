@@ -122,6 +122,7 @@ done:
 static dmk_newton_step next_step(dmk_iteration *o, bool from_distance, step_control *p)
 {
     const double alpha = o->uau > 0 ? o->fu / o->uau : 1;
+    const double mean_floor = p->effort > 0 ? o->floor : o->mean_floor; /* see attempts.c */
     dmk_iteration_measure(o, alpha);
     choose_step(p, o->rho);
     return (dmk_newton_step){
@@ -129,7 +130,7 @@ static dmk_newton_step next_step(dmk_iteration *o, bool from_distance, step_cont
         .D = p->D,
         .bend = p->bend,
         /* Not from a distance the way may be short, and mu small everywhere. */
-        .lowest = from_distance ? o->floor : (p->effort > 0 ? o->floor : o->mean_floor) * o->mass};
+        .lowest = from_distance ? o->floor : mean_floor * o->mass};
 }
 
 /* *change: mu's, relative. */
