@@ -489,6 +489,55 @@ KERNEL edges_from_triangles(int n, global const int *restrict slot,
     }
 }
 
+/* The shares of elements in the edges of T/2's graph, fine_graph.h: of their own ones the weights, and the 9 of mesh
+ * edges, from Newton's coefficients or without g A's.
+ * reads weight, g; writes edge, shares_of
+ * moves 12 E + 60 E bytes, 27 E flops; 24 E and 45 E more with newton
+ * shape blocks of E */
+KERNEL fine_elements(int n, int newton, global const float *restrict weight,
+                     global const float *restrict g, int elements_at, global float *restrict edge,
+                     global float *restrict shares_of, volatile global int *shares, int4 launch)
+{
+    global float *const own = edge + elements_at;
+    FOR_BLOCKS(b, n, shares, launch)
+    {
+        for (int k = 0; k < 3; k++) {
+            const int i = k == 2 ? 0 : k + 1, j = k == 0 ? 2 : k - 1;
+            const floatv w = LOAD(weight, AT_K(b, k, 3));
+            floatv middle = w, across = 0, first = 0.5f * w, second = first, ends = 0;
+            if (newton) {
+                const floatv vk = LOAD(g, AT_K(b, k, 6)), vi = LOAD(g, AT_K(b, i, 6)),
+                             vj = LOAD(g, AT_K(b, j, 6)), mk = LOAD(g, AT_K(b, 3 + k, 6)),
+                             mi = LOAD(g, AT_K(b, 3 + i, 6)), mj = LOAD(g, AT_K(b, 3 + j, 6));
+                middle -= mi * mj;
+                across -= vk * mk;
+                first -= vi * mk;
+                second -= vj * mk;
+                ends -= vi * vj;
+            }
+            STORE(middle, own, AT_K(b, k, 6));
+            STORE(across, own, AT_K(b, 3 + k, 6));
+            STORE(first, shares_of, AT_K(b, 3 * k, 9));
+            STORE(second, shares_of, AT_K(b, 3 * k + 1, 9));
+            STORE(ends, shares_of, AT_K(b, 3 * k + 2, 9));
+        }
+    }
+}
+
+/* The mesh edges' edges of T/2's graph, sums of two shares.
+ * reads slot, shares_of (gathered); writes edge
+ * moves 36 K + 36 E bytes, 3 K flops
+ * shape blocks of 3 K */
+KERNEL fine_edges(int n, global const int *restrict slot, GATHERED float *restrict shares_of,
+                  global float *restrict edge, volatile global int *shares, int4 launch)
+{
+    FOR_BLOCKS(b, n, shares, launch)
+    {
+        const intv i = LOAD(slot, AT_K(b, 0, 2)), j = LOAD(slot, AT_K(b, 1, 2));
+        STORE((floatv)(GATHER(shares_of, i)) + (floatv)(GATHER(shares_of, j)), edge, AT(b));
+    }
+}
+
 /* A number of half precision, for a GPU by its own instruction. Drivers of CPUs may write vload_half out in a dozen
  * and more; here the bits go where single precision has them, and the exponent is set right: exact for all that is
  * finite. */

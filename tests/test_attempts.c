@@ -37,11 +37,27 @@ static void solved_better_steps_end(void **state)
     static const struct {
         int32_t n, n_rings;
         double length;
-    } of[] = {{3, 3, 0.01}, {3, 5, 0.01}, {6, 5, 0.01}, {64, 5, 200}, {256, 2, 50}};
+    } of[] = {{3, 3, 0.01}, {3, 5, 0.01}, {3, 5, 0.001}};
     for (size_t i = 0; i < sizeof of / sizeof *of; i++) {
         problem p = tube(*state, of[i].n, of[i].n_rings, of[i].length);
         problem_solve(&p);
         assert_true(p.stats.steps > USUAL);
+        assert_true(p.stats.gap < 1e-3);
+        problem_free(&p);
+    }
+}
+
+/* Without T between T/2 and the coarse levels the usual steps are solved well enough. */
+static void needles_settle_in_the_first_attempt(void **state)
+{
+    static const struct {
+        int32_t n, n_rings;
+        double length;
+    } of[] = {{6, 5, 0.01}, {64, 5, 200}, {256, 2, 50}};
+    for (size_t i = 0; i < sizeof of / sizeof *of; i++) {
+        problem p = tube(*state, of[i].n, of[i].n_rings, of[i].length);
+        problem_solve(&p);
+        assert_true(p.stats.steps < USUAL);
         assert_true(p.stats.gap < 1e-3);
         problem_free(&p);
     }
@@ -203,6 +219,7 @@ int main(void)
                                        cmocka_unit_test(pairs_come_back),
                                        cmocka_unit_test(attempts_begin_anew),
                                        cmocka_unit_test(solved_better_steps_end),
+                                       cmocka_unit_test(needles_settle_in_the_first_attempt),
                                        cmocka_unit_test(a_settled_cost_is_enough),
                                        cmocka_unit_test(limits_hold)};
     return cmocka_run_group_tests_name("attempts", tests, bench_setup, bench_teardown);

@@ -108,26 +108,45 @@ static int setup_gpu(void **state)
     return setup_shape(state, DMK_SHAPE_GPU);
 }
 
-/* A torus with more than DMK_FAR rows. */
-static int setup_far(void **state)
+/* A torus of `round` times `across` pairs of triangles. */
+static void open_torus(void **state, dmk_shape shape, int32_t round, int32_t across)
 {
-    enum { N = 512 };
-    const double turn = 6.283185307179586 / N;
-    fixture *x = open_shape(state, DMK_SHAPE_CPU);
-    double *xyz = calloc(3 * N * N, sizeof *xyz);
-    int32_t *triangle = calloc(6 * N * N, sizeof *triangle);
-    for (int32_t v = 0; v < N * N; v++) {
-        const int32_t i = v / N, j = v % N, up = (i + 1) % N * N, right = (j + 1) % N;
-        const double r = 2 + cos(turn * j);
-        const int32_t corner[] = {v, up + j, up + right, v, up + right, i * N + right};
-        const double at[] = {r * cos(turn * i), r * sin(turn * i), sin(turn * j)};
+    const double turn = 6.283185307179586;
+    const int32_t n = round * across;
+    fixture *x = open_shape(state, shape);
+    double *xyz = calloc(3 * (size_t)n, sizeof *xyz);
+    int32_t *triangle = calloc(6 * (size_t)n, sizeof *triangle);
+    for (int32_t v = 0; v < n; v++) {
+        const int32_t i = v / across, j = v % across, up = (i + 1) % round * across,
+                      right = (j + 1) % across;
+        const double a = turn * i / round, b = turn * j / across, r = 2 + cos(b);
+        const int32_t corner[] = {v, up + j, up + right, v, up + right, i * across + right};
+        const double at[] = {r * cos(a), r * sin(a), sin(b)};
         memcpy(xyz + 3 * v, at, sizeof at);
         memcpy(triangle + 6 * v, corner, sizeof corner);
     }
-    ok(x, dmk_mesh_create(x->ctx, N * N, xyz, 2 * N * N, triangle, &x->input));
+    ok(x, dmk_mesh_create(x->ctx, (size_t)n, xyz, 2 * (size_t)n, triangle, &x->input));
     free(xyz);
     free(triangle);
     pack(x);
+}
+
+/* With more than DMK_FAR rows. */
+static int setup_far(void **state)
+{
+    open_torus(state, DMK_SHAPE_CPU, 512, 512);
+    return 0;
+}
+
+/* Of needles with angles of 1 to 4 degrees. */
+static int setup_needles(void **state)
+{
+    open_torus(state, DMK_SHAPE_AUTO, 8, 128);
+    return 0;
+}
+static int setup_needles_gpu(void **state)
+{
+    open_torus(state, DMK_SHAPE_GPU, 8, 128);
     return 0;
 }
 
@@ -166,7 +185,7 @@ static void prepare(const fixture *x)
     dmk_system *s = x->sys;
     ok(x, dmk_element_prepare(x->ctx, s));
     ok(x, dmk_inverse_diagonal(x->ctx, s));
-    ok(x, dmk_multigrid_refresh(x->ctx, s));
+    ok(x, dmk_multigrid_refresh(x->ctx, s, DMK_STIFFNESS));
 }
 
 /* y = A v by the device, in the outer precision. */
@@ -281,6 +300,76 @@ static void v_cycle_is_nearly_symmetric_and_contracts(void **state)
     free(aw);
     free(bv);
     free(bw);
+    free(e);
+}
+
+/* Without T the cycle's finest graph is Newton's matrix, element by element. */
+static void the_fine_graph_is_newtons_matrix(void **state)
+{
+    fixture *x = *state;
+    dmk_system *s = x->sys;
+    const dmk_level *l = &s->level[0];
+    const dmk_mesh *m = x->order.mesh;
+    assert_true(s->without_T && s->n_levels > 2);
+    prepare(x);
+    double *v = random_rows(x), *exact = calloc(x->n, sizeof *exact),
+           *size = calloc(x->n, sizeof *size);
+    for (int32_t n = 0; n < 12 * m->n_triangles; n++) {
+        size_t i, j;
+        const double w = stiff_edge(x, n / 12, n / 3 % 4, n % 3, &i, &j);
+        exact[i] += w * (v[i] - v[j]);
+        exact[j] += w * (v[j] - v[i]);
+        size[i] += fabs(w);
+        size[j] += fabs(w);
+    }
+    float *g = calloc(6 * (size_t)s->n_elements_pad, sizeof *g);
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        float part[6], sum = 0, along = 0;
+        size_t row[6];
+        for (int k = 0; k < 6; k++) {
+            row[k] = (size_t)(k < 3 ? s->vertex_row + m->triangle[3 * t + k]
+                                    : m->triangle_edge[3 * t + k - 3]);
+            part[k] = k < 5 ? (float)(random_unit() - 0.5) : -sum;
+            sum += part[k];
+            g[dmk_slot(t, k, 6)] = part[k];
+            along += part[k] * (float)v[row[k]];
+        }
+        for (int k = 0; k < 6; k++) exact[row[k]] += part[k] * along;
+        for (int k = 0; k < 6; k++) size[row[k]] += 1;
+    }
+    ok(x, dmk_buffer_write(x->ctx, x->dev, s->rank_one, 0,
+                           6 * sizeof *g * (size_t)s->n_elements_pad, g));
+    ok(x, dmk_multigrid_refresh(x->ctx, s, DMK_NEWTON_MATRIX));
+    int32_t *slice = read_words(x, l->slice, x->n / 8 + 1);
+    int32_t *neighbour = read_words(x, l->neighbour, 8 * (size_t)slice[x->n / 8]);
+    float *weight = read_words(x, l->weight, 8 * (size_t)slice[x->n / 8]);
+    for (size_t i = 0; i < (size_t)s->n_rows; i++) {
+        double y = 0;
+        for (int32_t j = slice[i / 8]; j < slice[i / 8 + 1]; j++) {
+            const size_t at = 8 * (size_t)j + i % 8;
+            y += (double)weight[at] * (v[i] - v[neighbour[at]]);
+        }
+        if (!(fabs(y - exact[i]) <= 2e-6 * size[i])) fail_msg("row %zu: %g for %g", i, y, exact[i]);
+    }
+    void *all[] = {v, exact, size, g, slice, neighbour, weight};
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++) free(all[i]);
+}
+
+/* On needles the cycle without T contracts as on other meshes. Through T it leaves all of what is the same on
+ * midpoints side by side and 0 on the vertices. */
+static void the_cycle_without_t_contracts_on_needles(void **state)
+{
+    fixture *x = *state;
+    prepare(x);
+    double *v = calloc(x->n, sizeof *v);
+    for (int32_t e = 0; e < x->sys->n_edges; e++) v[e] = x->order.mesh->length[e] > 0.2;
+    double *av = apply(x, v), *z = v_cycle(x, av);
+    for (size_t i = 0; i < x->n; i++) z[i] = v[i] - z[i];
+    double *e = apply(x, z), ratio = sqrt(dot(x->n, z, e) / dot(x->n, v, av));
+    if (!(ratio < 0.5)) fail_msg("one V-cycle leaves %.3f of the energy error", ratio);
+    free(v);
+    free(av);
+    free(z);
     free(e);
 }
 
@@ -519,7 +608,7 @@ static void steps_on_t_have_newtons_system(void **state)
         slope += x->mu[t] * m->area[t] / (s->unit * s->unit) * linear_of(x, t, u).slope;
     assert_true(fabs(f[5] - slope) <= 1e-6 * f[4]);
     ok(x, dmk_nested_prepare(x->ctx, s, &step));
-    ok(x, dmk_multigrid_refresh(x->ctx, s));
+    ok(x, dmk_multigrid_refresh(x->ctx, s, DMK_NEWTON_MATRIX));
     ok(x, dmk_nested_rhs(x->ctx, s));
     double *found = read_vertices(x, DMK_INNER, s->level[0].rhs);
     near_rows("right-hand side", x->n, found, rhs);
@@ -605,7 +694,7 @@ static void steps_on_t_are_solved(void **state)
     ok(x, dmk_nested_load(x->ctx, s));
     ok(x, dmk_nested_energy(x->ctx, s, 1, 0));
     ok(x, dmk_nested_prepare(x->ctx, s, &even));
-    ok(x, dmk_multigrid_refresh(x->ctx, s));
+    ok(x, dmk_multigrid_refresh(x->ctx, s, DMK_NEWTON_MATRIX));
     write_vertices(x, DMK_INNER, s->level[0].x_old, v);
     ok(x, dmk_inner_apply(x->ctx, s, DMK_VERTICES, true));
     double *load = read_vertices(x, DMK_INNER, s->level[0].x);
@@ -736,12 +825,19 @@ int main(void)
     {                                                                                              \
 #test " (gpu shape)", test, setup_gpu, teardown, NULL                                      \
     }
+#define NEEDLES(test)                                                                              \
+    {#test, test, setup_needles, teardown, NULL},                                                  \
+    {                                                                                              \
+#test " (gpu shape)", test, setup_needles_gpu, teardown, NULL                              \
+    }
     const struct CMUnitTest tests[] = {
         BOTH(operator_equals_dense),
         cmocka_unit_test_setup_teardown(operator_of_far_rows_equals_its_edges, setup_far, teardown),
         BOTH(operator_is_symmetric_with_constants_in_its_null_space),
         BOTH(v_cycle_is_nearly_symmetric_and_contracts),
         BOTH(cycles_of_newton_contract),
+        NEEDLES(the_fine_graph_is_newtons_matrix),
+        NEEDLES(the_cycle_without_t_contracts_on_needles),
         BOTH(prolongs_and_smooths),
         BOTH(the_inner_solve_is_conjugate_gradients),
         BOTH(steps_on_t_have_newtons_system),

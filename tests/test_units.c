@@ -107,7 +107,7 @@ static void set_density(fixture *x, double decades)
                                 (size_t)x->sys->n_elements_pad, x->mu));
     ok(x, dmk_element_prepare(x->b.ctx, x->sys));
     ok(x, dmk_inverse_diagonal(x->b.ctx, x->sys));
-    ok(x, dmk_multigrid_refresh(x->b.ctx, x->sys));
+    ok(x, dmk_multigrid_refresh(x->b.ctx, x->sys, DMK_STIFFNESS));
 }
 
 static double *apply(const fixture *x, const double *v)
@@ -440,7 +440,7 @@ static void bands_end_at_the_ends(void **state)
 static void steps_grow_and_shrink(void **state)
 {
     (void)state;
-    step_control p = control_of(&(dmk_iteration){.between = false}, true);
+    step_control p = control_of(&(dmk_iteration){.sys = &(dmk_system){.n_levels = 0}}, true);
     choose_step(&p, 1); /* nothing to compare with */
     assert_true(p.D == 50 && !p.shrunk && p.rho_before == 1 && p.iterations == 3);
     choose_step(&p, 0.89);

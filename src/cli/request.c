@@ -209,7 +209,7 @@ void solve_add_method(solve_table *table, solve_request *request)
         {.name = "start",
          .value = "NAME",
          .help = "what the iteration starts from: distance (default), the exact\ndistance, or "
-                 "uniform, mu = 1",
+                 "uniform, mu = 1, as meshes of needles always do",
          .kind = CLI_CHOICE,
          .target = &request->start,
          .choices = starts},

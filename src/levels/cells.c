@@ -15,12 +15,14 @@
  * again; a cell that is not quite the nearest does no harm.) */
 enum { MOST_ROUNDS = 32 };
 
+/* Of resistances their harmonic mean, to which strong edges alone count. */
 static float mean_length(const dmk_adjacency *g, int32_t v)
 {
     float sum = 0;
-    int32_t degree = g->row[v + 1] - g->row[v];
-    for (int32_t i = g->row[v]; i < g->row[v + 1]; i++) sum += g->length[i];
-    return degree ? sum / (float)degree : 0;
+    const float n = (float)(g->row[v + 1] - g->row[v]);
+    for (int32_t i = g->row[v]; i < g->row[v + 1]; i++)
+        sum += g->resists ? 1 / g->length[i] : g->length[i];
+    return n == 0 ? 0 : g->resists ? n / sum : sum / n;
 }
 
 typedef struct edge {

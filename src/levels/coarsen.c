@@ -40,8 +40,7 @@ static int mesh_adjacency(dmk_context *ctx, const dmk_mesh *m, dmk_adjacency *g)
 {
     int rc;
     int32_t *fill = NULL;
-    memset(g, 0, sizeof *g);
-    g->n = m->n_vertices;
+    *g = (dmk_adjacency){.n = m->n_vertices};
     DMK_TRY(DMK_NEW(ctx, g->row, (size_t)g->n + 1));
     DMK_TRY(DMK_NEW_UNSET(ctx, g->to, 2 * (size_t)m->n_edges));
     DMK_TRY(DMK_NEW_UNSET(ctx, g->length, 2 * (size_t)m->n_edges));
@@ -183,6 +182,108 @@ done:
         if (rc == DMK_OK) rc = taken;
     }
     dmk_adjacency_free(fine);
+    if (rc != DMK_OK) dmk_hierarchy_free(h);
+    return rc;
+}
+
+/* ---- by conductances ------------------------------------------------------------------------- */
+
+/* What resists so much, or conducts the wrong way, joins nothing that is not joined otherwise. */
+static const float weak = 1e9f;
+
+static float resistance(double conductance)
+{
+    return conductance * weak > 1 ? (float)(1 / conductance) : weak;
+}
+
+static int graph_adjacency(dmk_context *ctx, const dmk_graph *graph, const double *conductance,
+                           dmk_adjacency *g)
+{
+    int rc;
+    int32_t *fill = NULL;
+    *g = (dmk_adjacency){.n = graph->n, .resists = true};
+    DMK_TRY(DMK_NEW(ctx, g->row, (size_t)g->n + 1));
+    DMK_TRY(DMK_NEW_UNSET(ctx, g->to, 2 * (size_t)graph->n_edges + 1));
+    DMK_TRY(DMK_NEW_UNSET(ctx, g->length, 2 * (size_t)graph->n_edges + 1));
+    DMK_TRY(DMK_NEW_UNSET(ctx, fill, (size_t)g->n + 1));
+    for (int32_t h = 0; h < 2 * graph->n_edges; h++) {
+        if (conductance[h / 2] != 0) g->row[graph->edge[h] + 1]++;
+    }
+    for (int32_t v = 0; v < g->n; v++) {
+        fill[v] = g->row[v];
+        g->row[v + 1] += g->row[v];
+    }
+    for (int32_t h = 0; h < 2 * graph->n_edges; h++) {
+        if (conductance[h / 2] == 0) continue;
+        const int32_t at = fill[graph->edge[h]]++;
+        g->to[at] = graph->edge[h ^ 1];
+        g->length[at] = resistance(conductance[h / 2]);
+    }
+done:
+    free(fill);
+    if (rc != DMK_OK) dmk_adjacency_free(g);
+    return rc;
+}
+
+/* The number of an edge in a graph of sorted edges; -1: there is none. */
+static int32_t find_edge(const dmk_graph *graph, int32_t a, int32_t b)
+{
+    int32_t lo = 0, hi = graph->n_edges;
+    if (a > b) return find_edge(graph, b, a);
+    while (lo < hi) {
+        const int32_t mid = lo + (hi - lo) / 2, *edge = graph->edge + 2 * (size_t)mid;
+        if (edge[0] < a || (edge[0] == a && edge[1] < b))
+            lo = mid + 1;
+        else
+            hi = mid;
+    }
+    const int32_t *edge = graph->edge + 2 * (size_t)lo;
+    return lo < graph->n_edges && edge[0] == a && edge[1] == b ? lo : -1;
+}
+
+/* The conductances of the coarse graph in place of those of the fine one, and the lengths of its adjacency. */
+static int coarse_resistances(dmk_context *ctx, const dmk_coarsening *c, double **conductance,
+                              dmk_adjacency *g)
+{
+    int rc;
+    double *coarse = NULL;
+    DMK_TRY(DMK_NEW(ctx, coarse, (size_t)c->coarse.n_edges + 1));
+    for (int32_t k = 0; k < c->coarse.n_edges; k++) {
+        for (int32_t i = c->galerkin_row[k]; i < c->galerkin_row[k + 1]; i++)
+            coarse[k] += c->galerkin_coef[i] * (*conductance)[c->galerkin_edge[i]];
+    }
+    for (int32_t v = 0; v < g->n; v++) {
+        for (int32_t i = g->row[v]; i < g->row[v + 1]; i++) {
+            const int32_t k = find_edge(&c->coarse, v, g->to[i]);
+            g->length[i] = k >= 0 ? resistance(coarse[k]) : weak;
+        }
+    }
+    g->resists = true;
+    free(*conductance);
+    *conductance = coarse;
+done:
+    return rc;
+}
+
+int dmk_hierarchy_of_conductances(dmk_context *ctx, const dmk_graph *graph, double **conductance,
+                                  int32_t coarsest, dmk_hierarchy *h)
+{
+    int rc;
+    dmk_adjacency fine = {0};
+    memset(h, 0, sizeof *h);
+    DMK_TRY(graph_adjacency(ctx, graph, *conductance, &fine));
+    while (fine.n > coarsest && h->n < DMK_MAX_LEVELS) {
+        dmk_coarsening *c = &h->level[h->n];
+        DMK_TRY(coarsen(ctx, &fine, h->n ? &h->level[h->n - 1].coarse : graph, c));
+        if (fine.n == 0) break;
+        h->n++;
+        DMK_TRY(coarse_resistances(ctx, c, conductance, &fine));
+    }
+    if (fine.n == 0 || fine.n > coarsest) dmk_hierarchy_free(h);
+done:
+    free(*conductance);
+    *conductance = NULL;
+    dmk_adjacency_free(&fine);
     if (rc != DMK_OK) dmk_hierarchy_free(h);
     return rc;
 }

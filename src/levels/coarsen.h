@@ -56,6 +56,11 @@ typedef struct dmk_level_taker {
 } dmk_level_taker;
 int dmk_hierarchy_hand_over(dmk_context *context, const dmk_mesh *mesh, int32_t coarsest,
                             const dmk_level_taker *taker, dmk_hierarchy *h);
+/* The same of a connected graph whose edges have conductances, of either sign, those of 0 joining nothing: an edge is
+ * as long as it resists, here and on all coarser levels, so that cells are long where the operator couples strongly one
+ * way, as across needles. *conductance is used up. *h is empty where it does not come down to `coarsest`. */
+int dmk_hierarchy_of_conductances(dmk_context *context, const dmk_graph *graph,
+                                  double **conductance, int32_t coarsest, dmk_hierarchy *h);
 void dmk_hierarchy_free(dmk_hierarchy *h);
 void dmk_coarsening_free(dmk_coarsening *c);
 
@@ -69,7 +74,8 @@ typedef struct dmk_adjacency {
     int32_t
         *to; /* row[n]: neighbours, in increasing order below the mesh until there are cells; then
                       those of hubs are in the order of their distance */
-    float *length; /* row[n]: distance of the two positions in space */
+    float *length; /* row[n]: distance of the two positions in space, or resistance */
+    bool resists;  /* the latter */
 } dmk_adjacency;
 
 /* A partition of the vertices of one level into cells, one for each coarse vertex. */

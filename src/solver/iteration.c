@@ -100,7 +100,7 @@ int dmk_iteration_operator(dmk_iteration *o, dmk_ready wanted)
     if (o->ready >= wanted) return DMK_OK;
     DMK_TRY(dmk_element_prepare(o->ctx, o->sys));
     if (o->ready < DMK_DIAGONAL) DMK_TRY(dmk_inverse_diagonal(o->ctx, o->sys));
-    if (wanted == DMK_HIERARCHY) DMK_TRY(dmk_multigrid_refresh(o->ctx, o->sys));
+    if (wanted == DMK_HIERARCHY) DMK_TRY(dmk_multigrid_refresh(o->ctx, o->sys, DMK_STIFFNESS));
     o->ready = wanted;
 done:
     return rc;

@@ -34,6 +34,8 @@ enum { IN_INNER = 1 << DMK_INNER, IN_OUTER = 1 << DMK_OUTER, IN_BOTH = IN_INNER 
     X(coarse_solve, IN_INNER)                                                                      \
     X(coarse_inverse, IN_INNER)                                                                    \
     X(edges_from_triangles, IN_INNER)                                                              \
+    X(fine_elements, IN_INNER)                                                                     \
+    X(fine_edges, IN_INNER)                                                                        \
     X(graph_refresh, IN_INNER)                                                                     \
     X(mesh_refresh, IN_INNER)                                                                      \
     X(inverse_diagonal, IN_INNER)                                                                  \
@@ -527,17 +529,31 @@ static dmk_range rows_and_edges(const dmk_system *s, const dmk_level *l, int32_t
     DMK_INT(n_edges), DMK_BUF((next)->galerkin_row), DMK_BUF((next)->galerkin_edge),               \
         DMK_BUF((next)->galerkin_coef), DMK_BUF((next)->edge)
 
+int dmk_fine_edges(dmk_context *ctx, dmk_system *s, dmk_operator op)
+{
+    int rc;
+    const dmk_buffer *edge = s->level[0].edge;
+    DMK_TRY(RUN(DMK_INNER, fine_elements, padded_elements(s), DMK_INT(s->n_elements_pad),
+                DMK_INT(op == DMK_NEWTON_MATRIX), DMK_BUF(s->weight), DMK_BUF(s->rank_one),
+                DMK_INT(s->elements_at), DMK_BUF(edge), DMK_BUF(s->out)));
+    rc = RUN(DMK_INNER, fine_edges, items(3 * s->n_edges), DMK_INT(3 * s->n_edges),
+             DMK_BUF(s->share_slot), DMK_BUF(s->out), DMK_BUF(edge));
+done:
+    return rc;
+}
+
 int dmk_graph_refresh(dmk_context *ctx, dmk_system *s, int32_t level)
 {
     int rc;
     const dmk_level *l = &s->level[level], *next = level + 1 < s->n_levels ? l + 1 : l;
     const int32_t n_edges = next != l ? next->n_edges : 0;
     const dmk_range range = rows_and_edges(s, l, n_edges);
-    if (level == 0)
+    const bool of_mesh = level == 0 && !s->without_T;
+    if (of_mesh)
         DMK_TRY(RUN(DMK_INNER, edges_from_triangles, items(l->n_edges), DMK_INT(l->n_edges),
                     DMK_BUF(s->slot), DMK_BUF(s->edge), DMK_BUF(l->edge)));
     DMK_TRY(dmk_send(ctx, dmk_ship_edge_weights(s->share, level, l->edge)));
-    if (level == 0)
+    if (of_mesh)
         DMK_TRY(RUN(DMK_INNER, mesh_refresh, range, DMK_INT(l->n), DMK_BUF(l->slice),
                     DMK_BUF(l->number), DMK_BUF(l->edge), DMK_BUF(l->weight),
                     DMK_INT(s->vertex_row / DMK_WIDTH), DMK_BUF(s->slice), DMK_BUF(s->slot),

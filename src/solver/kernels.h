@@ -85,6 +85,8 @@ int dmk_tail_cycle(dmk_context *context, dmk_system *s,
                    const dmk_chebyshev_step step[DMK_TAIL_STEPS]);
 /* Their edges and weights, and, where s->dense is, coarse_inverse. */
 int dmk_tail_refresh(dmk_context *context, dmk_system *s);
+/* The edge weights of T/2's graph, of a system without T. */
+int dmk_fine_edges(dmk_context *context, dmk_system *s, dmk_operator op);
 /* Of a level above: edge weights by row, on T first those from the triangles', the inverse diagonal, from the
  * rows' sums or on T from the elements' bounds, diag_coarse; and the next level's edge weights. */
 int dmk_graph_refresh(dmk_context *context, dmk_system *s, int32_t level);

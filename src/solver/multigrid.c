@@ -81,9 +81,10 @@ done:
     return rc;
 }
 
-int dmk_multigrid_refresh(dmk_context *ctx, dmk_system *s)
+int dmk_multigrid_refresh(dmk_context *ctx, dmk_system *s, dmk_operator op)
 {
     int rc = DMK_OK;
+    if (s->without_T) DMK_TRY(dmk_fine_edges(ctx, s, op));
     for (int32_t i = 0; i < s->tail && i < s->n_levels; i++) DMK_TRY(dmk_graph_refresh(ctx, s, i));
     if (s->tail < s->n_levels)
         DMK_TRY(dmk_tail_refresh(ctx, s));
@@ -179,6 +180,7 @@ int dmk_v_cycle(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_buff
 {
     int rc = DMK_OK;
     iterates x = {s->x, s->x_old};
+    if (s->without_T) return graph_cycle(ctx, s, 0, true);
     const chebyshev fine = polynomial(op == DMK_STIFFNESS ? s->fine_degree : s->newton_degree);
     if (!begun) DMK_TRY(dmk_smooth_first(ctx, s, rhs, fine.first));
     DMK_TRY(smooth(ctx, s, op, rhs, &fine, true, &x));

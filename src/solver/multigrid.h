@@ -11,7 +11,7 @@ int dmk_inner_elements(dmk_context *context, dmk_system *system, dmk_operator op
 
 /* Bring the coarse operators and their diagonals up to date with the prepared coefficients; that of T/2 is
  * dmk_inverse_diagonal's or dmk_newton_rows'. Without system->dense the host inverts the coarsest operator. */
-int dmk_multigrid_refresh(dmk_context *context, dmk_system *system);
+int dmk_multigrid_refresh(dmk_context *context, dmk_system *system, dmk_operator op);
 
 /* system->x_old = V-cycle applied to rhs (a row vector in single precision), in system->x another one. begun:
  * system->x has its first step from 0 (see dmk_first_step). */

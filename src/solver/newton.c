@@ -109,7 +109,7 @@ static int solve_step(dmk_iteration *o, dmk_items over, const dmk_newton_step *s
     dmk_system *s = o->sys;
     const bool nested = over == DMK_VERTICES;
     DMK_TRY(nested ? dmk_nested_prepare(o->ctx, s, step) : prepare(o, step));
-    DMK_TRY(dmk_multigrid_refresh(o->ctx, s));
+    DMK_TRY(dmk_multigrid_refresh(o->ctx, s, DMK_NEWTON_MATRIX));
     if (nested) DMK_TRY(dmk_nested_rhs(o->ctx, s));
     /* Few loose iterations gain nothing from a higher degree. */
     s->newton_degree = p->D > p->light ? 2 : 1;
@@ -234,6 +234,7 @@ static step_control control_of(const dmk_iteration *o, bool from_distance)
                                 .longest = from_distance ? 150 : 130,
                                 .growth = from_distance ? 1.5 : 1.6,
                                 .slow = 100,
+                                .bend = o->sys->without_T ? 1 / most_by_slope : 0,
                                 .most = 3,
                                 .stiff = 100,
                                 .light = o->light ? 100 : 0};
@@ -261,7 +262,7 @@ int dmk_newton(dmk_iteration *o, bool from_distance, int effort, int most_steps)
     o->light = is_light(o, from_distance);
     step_control p = control_of(o, from_distance);
     p.effort = effort;
-    if (o->between)
+    if (o->between && !o->sys->without_T)
         DMK_TRY(begin_nested(o, &p, max_steps, &first));
     else if (!from_distance)
         DMK_TRY(start_cold(o));

@@ -561,13 +561,15 @@ done:
 }
 
 /* System, u and mu, ready for the first step; the seconds go to set-up and start. */
-static int prepare(dmk_context *ctx, dmk_solver *s, start *near, double began, double seconds[])
+static int prepare(dmk_context *ctx, dmk_solver *s, start *near, bool newton, double began,
+                   double seconds[])
 {
     int rc;
     bool fresh = !s->system;
     DMK_TRY(set_up(ctx, s, near));
     if (fresh) seconds[DMK_STAGE_SETUP] = dmk_seconds() - began;
     DMK_TRY(dmk_poll(ctx));
+    if (s->system->without_T && newton) near->from = DMK_START_UNIFORM;
     DMK_TRY(set_start(ctx, s, near));
     seconds[DMK_STAGE_START] = dmk_seconds() - began - seconds[DMK_STAGE_SETUP];
     rc = dmk_poll(ctx);
@@ -738,7 +740,7 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     near.source = &p;
     near.result = r;
     if (!s->planted) find_place(s, &near);
-    DMK_TRY(prepare(ctx, s, &near, began, r->stats.seconds));
+    DMK_TRY(prepare(ctx, s, &near, chosen.method == DMK_NEWTON, began, r->stats.seconds));
     double t1 = dmk_seconds();
     dmk_iteration o = {.ctx = ctx,
                        .sys = s->system,
@@ -753,7 +755,7 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
                        .stats = &r->stats,
                        .began = began};
     dmk_stage_end(ctx);
-    DMK_TRY(chosen.method == DMK_NEWTON ? dmk_attempts(&o, chosen.start == DMK_START_DISTANCE)
+    DMK_TRY(chosen.method == DMK_NEWTON ? dmk_attempts(&o, near.from == DMK_START_DISTANCE)
                                         : dmk_explicit(&o));
     DMK_TRY(dmk_certify(&o, true));
     r->stats.seconds[DMK_STAGE_SOLVE] = dmk_seconds() - t1 - r->stats.seconds[DMK_STAGE_CERTIFY];

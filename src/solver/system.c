@@ -1,5 +1,6 @@
 #include "solver/system.h"
 
+#include "solver/fine_graph.h"
 #include "solver/kernels.h"
 #include "solver/sell.h"
 
@@ -88,11 +89,12 @@ done:
 }
 
 /* Triangles with an element bound above 2.5 (see stiffness_bound in density.cl): flatter than a right angle by far. Few
- * do no harm, as a flat triangle damps its own nodes only. And the largest cotangent. */
+ * do no harm, as a flat triangle damps its own nodes only. Those with an angle below 5 degrees. And the largest
+ * cotangent. */
 typedef struct needles {
     const dmk_mesh *mesh;
     int32_t begin, end; /* of its triangles */
-    int64_t n;
+    int64_t n_flat, n_sharp;
     double sharpest;
     pthread_mutex_t lock;
 } needles;
@@ -101,17 +103,19 @@ static void needle_range(int32_t begin, int32_t end, void *data)
 {
     needles *f = data;
     const dmk_mesh *m = f->mesh;
-    int64_t n = 0;
+    int64_t n_flat = 0, n_sharp = 0;
     double sharpest = 0;
     for (int32_t t = f->begin + begin; t < f->begin + end; t++) {
         const double c[3] = {dmk_cot(m, 3 * t), dmk_cot(m, 3 * t + 1), dmk_cot(m, 3 * t + 2)};
         sharpest = dmk_max(sharpest, dmk_max(fabs(c[0]), dmk_max(fabs(c[1]), fabs(c[2]))));
+        n_sharp += dmk_is_needle(c);
         if (c[0] >= 0 && c[1] >= 0 && c[2] >= 0) continue; /* s is 2 or more */
         const double s = 1 / (1 + c[0] * c[0]) + 1 / (1 + c[1] * c[1]) + 1 / (1 + c[2] * c[2]);
-        n += 1.5 + sqrt(dmk_max(2.25 - s, 0)) > 2.5;
+        n_flat += 1.5 + sqrt(dmk_max(2.25 - s, 0)) > 2.5;
     }
     pthread_mutex_lock(&f->lock);
-    f->n += n;
+    f->n_flat += n_flat;
+    f->n_sharp += n_sharp;
     f->sharpest = fmax(f->sharpest, sharpest);
     pthread_mutex_unlock(&f->lock);
 }
@@ -119,7 +123,7 @@ static void needle_range(int32_t begin, int32_t end, void *data)
 static void add_needles(void *data, double *sum)
 {
     const needles *f = data;
-    *sum += (double)f->n;
+    *sum += (double)f->n_flat;
 }
 
 static void take_sharpest(void *data, double *sharpest)
@@ -128,7 +132,7 @@ static void take_sharpest(void *data, double *sharpest)
     *sharpest = fmax(*sharpest, f->sharpest);
 }
 
-/* What the smoother's degree hangs on; with a part of the mesh here, of all ranks. */
+/* What the smoother's degree and the levels hang on; with a part of the mesh here, of all ranks. */
 static int look_at_angles(dmk_context *ctx, const dmk_ranks *ranks, const dmk_ground *g,
                           dmk_system *s)
 {
@@ -142,8 +146,10 @@ static int look_at_angles(dmk_context *ctx, const dmk_ranks *ranks, const dmk_gr
     pthread_mutex_init(&f.lock, NULL);
     dmk_parallel(ctx, f.end - f.begin, needle_range, &f);
     pthread_mutex_destroy(&f.lock);
-    n = (double)f.n;
+    n = (double)f.n_flat;
     s->sharpest = f.sharpest;
+    s->of_needles = !ranks && dmk_device_real(s->device, DMK_OUTER) == sizeof(double) &&
+                    dmk_fine_graph_pays(s->n_elements, f.n_sharp, f.sharpest);
     if (g->element) {
         n = 0;
         DMK_TRY(dmk_ranks_in_turn(ctx, ranks, &n, add_needles, &f));
@@ -283,7 +289,17 @@ done:
     return rc;
 }
 
-/* A graph's rows: neighbours with their edge numbers. */
+static int make_vectors(const packer *p, dmk_level *l)
+{
+    int rc;
+    DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->rhs));
+    DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->x));
+    DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->x_old));
+done:
+    return rc;
+}
+
+/* A graph's rows: neighbours with their edge numbers. Edges from a row to itself are none. */
 static int pack_graph(const packer *p, int32_t n, int32_t n_edges, const int32_t *edge_vertex,
                       dmk_level *l)
 {
@@ -297,10 +313,12 @@ static int pack_graph(const packer *p, int32_t n, int32_t n_edges, const int32_t
     DMK_TRY(DMK_NEW_UNSET(p->ctx, fill, (size_t)n + 1));
     DMK_TRY(DMK_NEW_UNSET(p->ctx, neighbour, 2 * (size_t)n_edges + 1));
     DMK_TRY(DMK_NEW_UNSET(p->ctx, number, 2 * (size_t)n_edges + 1));
-    for (int32_t i = 0; i < 2 * n_edges; i++) row[edge_vertex[i] + 1]++;
+    for (int32_t i = 0; i < 2 * n_edges; i++)
+        row[edge_vertex[i] + 1] += edge_vertex[i] != edge_vertex[i ^ 1];
     for (int32_t i = 0; i < n; i++) row[i + 1] += row[i];
     for (int32_t i = 0; i < n; i++) fill[i] = row[i];
     for (int32_t k = 0; k < n_edges; k++) {
+        if (edge_vertex[2 * k] == edge_vertex[2 * k + 1]) continue;
         for (int side = 0; side < 2; side++) {
             int32_t at = fill[edge_vertex[2 * k + side]]++;
             neighbour[at] = edge_vertex[2 * k + !side];
@@ -314,9 +332,6 @@ static int pack_graph(const packer *p, int32_t n, int32_t n_edges, const int32_t
     DMK_TRY(work(p, DMK_INNER, n_slots, &l->weight));
     DMK_TRY(work(p, DMK_INNER, (size_t)dmk_padded(n_edges), &l->edge));
     DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->inv_diag));
-    DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->rhs));
-    DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->x));
-    DMK_TRY(work(p, DMK_INNER, (size_t)l->n_pad, &l->x_old));
 done:
     dmk_sell_free(&s);
     free(row);
@@ -469,10 +484,11 @@ static int pack_level(const packer *p, dmk_hierarchy *h, int32_t i)
     int rc;
     dmk_coarsening *c = &h->level[i];
     dmk_level *l = &p->sys->level[i + 1];
-    const int32_t n_fine = i > 0 ? h->level[i - 1].coarse.n : p->mesh->n_vertices;
+    const int32_t finest = p->sys->without_T ? p->sys->n_rows : p->mesh->n_vertices;
     DMK_TRY(pack_galerkin(p, c, l));
-    DMK_TRY(pack_transfer(p, n_fine, c, l));
-    rc = pack_graph(p, c->coarse.n, c->coarse.n_edges, c->coarse.edge, l);
+    DMK_TRY(pack_transfer(p, i > 0 ? h->level[i - 1].coarse.n : finest, c, l));
+    DMK_TRY(pack_graph(p, c->coarse.n, c->coarse.n_edges, c->coarse.edge, l));
+    rc = make_vectors(p, l);
 done:
     return rc;
 }
@@ -593,6 +609,11 @@ static int allocate_work(const packer *p)
     DMK_TRY(work(p, DMK_INNER, n, &s->x));
     DMK_TRY(work(p, DMK_INNER, n, &s->x_old));
     DMK_TRY(allocate_cg(p));
+    if (s->without_T) {
+        s->level[0].rhs = s->cg[DMK_OUTER].narrow;
+        s->level[0].x = s->x;
+        s->level[0].x_old = s->x_old;
+    }
     DMK_TRY(work(p, DMK_OUTER, 6 * parts, &s->partial)); /* quantities that newton_update sums */
     DMK_TRY(work(p, DMK_OUTER, 8, &s->state));
     DMK_TRY(work(p, DMK_INNER, 1, &s->done));
@@ -636,20 +657,50 @@ void dmk_system_release(dmk_system *s)
     dmk_buffer_destroy(&s->cg[DMK_OUTER].p);
     dmk_buffer_destroy(&s->cg[DMK_OUTER].ap);
     s->w = s->cg[DMK_OUTER].narrow = NULL;
+    if (s->without_T) s->level[0].rhs = s->level[0].x = s->level[0].x_old = NULL;
+}
+
+static int pack_elements_and_rows(const packer *p)
+{
+    int rc;
+    DMK_TRY(pack_elements(p));
+    DMK_TRY(dmk_poll(p->ctx));
+    DMK_TRY(pack_slots(p));
+    DMK_TRY(dmk_poll(p->ctx));
+    DMK_TRY(pack_ends(p));
+    rc = dmk_poll(p->ctx);
+done:
+    return rc;
 }
 
 static int pack_fine(const packer *p)
 {
     int rc;
     const dmk_mesh *m = p->mesh;
-    DMK_TRY(pack_elements(p));
-    DMK_TRY(dmk_poll(p->ctx));
-    DMK_TRY(pack_slots(p));
-    DMK_TRY(dmk_poll(p->ctx));
-    DMK_TRY(pack_ends(p));
-    DMK_TRY(dmk_poll(p->ctx));
-    DMK_TRY(pack_graph(p, m->n_vertices, m->n_edges, m->edge_vertex, &p->sys->level[0]));
+    dmk_level *l = &p->sys->level[0];
+    DMK_TRY(pack_elements_and_rows(p));
+    DMK_TRY(pack_graph(p, m->n_vertices, m->n_edges, m->edge_vertex, l));
+    rc = make_vectors(p, l);
 done:
+    return rc;
+}
+
+/* Coarse levels of T/2 itself; nothing is made if it does not become coarse enough. */
+static int pack_without_T(const packer *p)
+{
+    int rc;
+    dmk_fine_graph f;
+    dmk_system *s = p->sys;
+    DMK_TRY(dmk_fine_graph_create(p->ctx, &s->whole, p->mesh, COARSEST, &f));
+    s->without_T = f.hierarchy.n > 0;
+    if (!s->without_T) goto done;
+    s->elements_at = f.elements_at;
+    DMK_TRY(pack_elements_and_rows(p));
+    DMK_TRY(upload(p, 2 * (size_t)f.elements_at, sizeof *f.slot, f.slot, &s->share_slot));
+    DMK_TRY(pack_graph(p, s->n_rows, f.n_edges, f.edge, &s->level[0]));
+    rc = pack_levels(p, &f.hierarchy);
+done:
+    dmk_fine_graph_free(&f);
     return rc;
 }
 
@@ -658,6 +709,10 @@ static int pack_all(const packer *p)
     int rc;
     dmk_task task;
     coarsener c = {.packer = p};
+    if (p->sys->of_needles) {
+        rc = pack_without_T(p);
+        if (rc != DMK_OK || p->sys->without_T) return rc;
+    }
     dmk_task_begin(p->ctx, &task, coarsen, &c);
     rc = pack_fine(p);
     DMK_TRY(dmk_task_end(p->ctx, &task, rc));
@@ -940,9 +995,9 @@ void dmk_system_destroy(dmk_system **system)
 {
     dmk_system *s = *system;
     if (!s) return;
-    dmk_buffer **all[] = {&s->index,      &s->cot,       &s->area,           &s->slice,
-                          &s->slot,       &s->ends,      &s->coarse_inverse, &s->dense,
-                          &s->tail_arena, &s->tail_table};
+    dmk_buffer **all[] = {&s->index,      &s->cot,        &s->area,           &s->slice,
+                          &s->slot,       &s->ends,       &s->coarse_inverse, &s->dense,
+                          &s->tail_arena, &s->tail_table, &s->share_slot};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) dmk_buffer_destroy(all[i]);
     dmk_system_release(s);
     for (int32_t i = 0; i < DMK_SYSTEM_LEVELS; i++) free_level(&s->level[i]);

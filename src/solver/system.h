@@ -19,7 +19,7 @@ struct dmk_kernels; /* kernels.h */
 /* The inner operator, whose coefficients element_prepare or newton_prepare left in the system. */
 typedef enum dmk_operator { DMK_STIFFNESS, DMK_NEWTON_MATRIX } dmk_operator;
 
-/* One graph level of the hierarchy; level 0 of the array is T. */
+/* One graph level of the hierarchy; level 0 of the array is T, or of a system without T, T/2. */
 typedef struct dmk_level {
     int32_t n, n_pad, n_edges;
     dmk_buffer *slice, *neighbour, *number; /* rows: neighbours and edges (filler: edge n_edges) */
@@ -80,6 +80,11 @@ typedef struct dmk_system {
 
     dmk_level level[DMK_SYSTEM_LEVELS];
     int32_t n_levels;
+    bool of_needles; /* levels without T pay */
+    /* Without T level 0 is T/2's graph, whose vectors are those of the rows: see fine_graph.h. */
+    bool without_T;
+    int32_t elements_at;
+    dmk_buffer *share_slot;
     /* Levels from this one on are done by one work-group in one launch (n_levels: none): their arrays are parts
      * of tail_arena, laid out by tail_table (dmk_shared.h). */
     int32_t tail;
