@@ -3,6 +3,7 @@
 #include "../src/solver/bounds.c" /* for their static functions; the library's own are then left out */
 #include "../src/solver/newton.c"
 
+#include "solver/fine_graph.h"
 #include "solver/pcg.h"
 #include "solver/sell.h"
 #include "solver/solver.h"
@@ -437,6 +438,17 @@ static void bands_end_at_the_ends(void **state)
 
 /* ---- pseudo time ---- */
 
+static void the_fine_graph_is_for_needles(void **state)
+{
+    (void)state;
+    assert_true(dmk_is_needle((double[]){0, 12, 0}));
+    assert_false(dmk_is_needle((double[]){-20, 11, 1}));
+    assert_true(dmk_fine_graph_pays(1000, 110, 9e3));
+    assert_false(dmk_fine_graph_pays(1000, 90, 9e3));             /* too few */
+    assert_false(dmk_fine_graph_pays(1000, 110, 1.1e4));          /* too sharp */
+    assert_false(dmk_fine_graph_pays(INT32_MAX, INT32_MAX, 9e3)); /* too many */
+}
+
 static void steps_grow_and_shrink(void **state)
 {
     (void)state;
@@ -715,6 +727,7 @@ int main(void)
         cmocka_unit_test(needles_are_not_rounded),
         cmocka_unit_test(slopes_of_flat_triangles),
         cmocka_unit_test(bands_end_at_the_ends),
+        cmocka_unit_test(the_fine_graph_is_for_needles),
         cmocka_unit_test(steps_grow_and_shrink),
         cmocka_unit_test(steps_go_on_for_a_gap),
         cmocka_unit_test(solves_take_their_steps),

@@ -149,7 +149,7 @@ static int look_at_angles(dmk_context *ctx, const dmk_ranks *ranks, const dmk_gr
     n = (double)f.n_flat;
     s->sharpest = f.sharpest;
     s->of_needles = !ranks && dmk_device_real(s->device, DMK_OUTER) == sizeof(double) &&
-                    dmk_fine_graph_pays(s->n_elements, f.n_sharp, f.sharpest);
+                    dmk_fine_graph_pays(s->whole.n_elements, f.n_sharp, f.sharpest);
     if (g->element) {
         n = 0;
         DMK_TRY(dmk_ranks_in_turn(ctx, ranks, &n, add_needles, &f));
