@@ -205,8 +205,12 @@ static int prepare(bench *b, const char *path)
     DMK_TRY(path ? dmk_mesh_read(b->ctx, path, &b->mesh) : quartic(b));
     DMK_TRY(dmk_order_create(b->ctx, b->mesh, 0, &b->order));
     DMK_TRY(dmk_system_create(b->ctx, b->device, b->order.mesh, &b->sys));
-    DMK_TRY(dmk_system_allocate(b->ctx, b->sys));
     dmk_system *s = b->sys;
+    if (s->without_T) {
+        rc = dmk_fail(b->ctx, DMK_E_ARG, "a mesh of needles, whose solver has no T; take another");
+        goto done;
+    }
+    DMK_TRY(dmk_system_allocate(b->ctx, s));
     DMK_TRY(places_of(b, s->slice, s->n_rows_pad, &b->row_places));
     DMK_TRY(places_of(b, s->level[0].slice, s->level[0].n_pad, &b->graph_places));
     DMK_TRY(fill(b, DMK_OUTER, s->mu, s->n_elements, 0.1, 1));
@@ -216,7 +220,7 @@ static int prepare(bench *b, const char *path)
     DMK_TRY(fill(b, DMK_INNER, s->rank_one, 6 * s->n_elements, 0.1, 1));
     DMK_TRY(dmk_element_prepare(b->ctx, s));
     DMK_TRY(dmk_inverse_diagonal(b->ctx, s));
-    DMK_TRY(dmk_multigrid_refresh(b->ctx, s));
+    DMK_TRY(dmk_multigrid_refresh(b->ctx, s, DMK_STIFFNESS));
 done:
     return rc;
 }

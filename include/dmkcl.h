@@ -410,13 +410,16 @@ void dmk_solve_options_init(dmk_solve_options *options, size_t size);
 typedef struct dmk_solver dmk_solver;
 
 /* Bytes, about, that a solve takes at most on a mesh of so many triangles; on a CPU device both come from
- * the host's memory. On a mesh of needles it takes up to 1,100 a triangle more where there is room. A solve that
- * cannot fit fails with DMK_E_NOMEM before it starts. */
+ * the host's memory. Of needles dmk_mesh_memory knows more. A solve that cannot fit fails with DMK_E_NOMEM before
+ * it starts. */
 typedef struct dmk_memory {
     uint64_t host, device;
 } dmk_memory;
 
 void dmk_solve_memory(size_t n_triangles, int single_precision, dmk_memory *memory);
+/* The same of this mesh. Where more than a tenth of the triangles are needles a solve in double precision takes up to
+ * 1,500 bytes a triangle more, if there is so much. */
+void dmk_mesh_memory(const dmk_mesh *mesh, int single_precision, dmk_memory *memory);
 
 /* A solver for many sources on one mesh: the first solve packs the mesh (the source's connected
  * component) for `device` and sets up its multigrid hierarchy, which the next ones find ready. Both

@@ -491,12 +491,12 @@ KERNEL edges_from_triangles(int n, global const int *restrict slot,
 
 /* The shares of elements in the edges of T/2's graph, fine_graph.h: of their own ones the weights, and the 9 of mesh
  * edges, from Newton's coefficients or without g A's.
- * reads weight, g; writes edge, shares_of
+ * reads weight, g; writes edge, part
  * moves 12 E + 60 E bytes, 27 E flops; 24 E and 45 E more with newton
  * shape blocks of E */
 KERNEL fine_elements(int n, int newton, global const float *restrict weight,
                      global const float *restrict g, int elements_at, global float *restrict edge,
-                     global float *restrict shares_of, volatile global int *shares, int4 launch)
+                     global float *restrict part, volatile global int *shares, int4 launch)
 {
     global float *const own = edge + elements_at;
     FOR_BLOCKS(b, n, shares, launch)
@@ -517,24 +517,24 @@ KERNEL fine_elements(int n, int newton, global const float *restrict weight,
             }
             STORE(middle, own, AT_K(b, k, 6));
             STORE(across, own, AT_K(b, 3 + k, 6));
-            STORE(first, shares_of, AT_K(b, 3 * k, 9));
-            STORE(second, shares_of, AT_K(b, 3 * k + 1, 9));
-            STORE(ends, shares_of, AT_K(b, 3 * k + 2, 9));
+            STORE(first, part, AT_K(b, 3 * k, 9));
+            STORE(second, part, AT_K(b, 3 * k + 1, 9));
+            STORE(ends, part, AT_K(b, 3 * k + 2, 9));
         }
     }
 }
 
 /* The mesh edges' edges of T/2's graph, sums of two shares.
- * reads slot, shares_of (gathered); writes edge
+ * reads slot, part (gathered); writes edge
  * moves 36 K + 36 E bytes, 3 K flops
  * shape blocks of 3 K */
-KERNEL fine_edges(int n, global const int *restrict slot, GATHERED float *restrict shares_of,
+KERNEL fine_edges(int n, global const int *restrict slot, GATHERED float *restrict part,
                   global float *restrict edge, volatile global int *shares, int4 launch)
 {
     FOR_BLOCKS(b, n, shares, launch)
     {
         const intv i = LOAD(slot, AT_K(b, 0, 2)), j = LOAD(slot, AT_K(b, 1, 2));
-        STORE((floatv)(GATHER(shares_of, i)) + (floatv)(GATHER(shares_of, j)), edge, AT(b));
+        STORE((floatv)(GATHER(part, i)) + (floatv)(GATHER(part, j)), edge, AT(b));
     }
 }
 

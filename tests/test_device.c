@@ -304,6 +304,19 @@ static void memory_is_looked_at_first(void **state)
     dmk_solve_memory(1000, 1, &small);
     dmk_solve_memory(1000, 0, &large);
     assert_true(small.device < large.device);
+    /* Needles take more in double precision. */
+    static const double xyz[] = {0, 0, 0, 1, 0, 0, 1, 0.05, 0, 0, 0.05, 0};
+    static const int32_t triangle[] = {0, 1, 2, 0, 2, 3};
+    dmk_mesh *strip = NULL;
+    dmk_memory plain, of[2];
+    assert_int_equal(dmk_mesh_create(f->ctx, 4, xyz, 2, triangle, &strip), DMK_OK);
+    for (int single = 0; single < 2; single++) {
+        dmk_solve_memory(2, single, &plain);
+        dmk_mesh_memory(strip, single, &of[single]);
+        assert_int_equal(of[single].device, plain.device);
+        assert_int_equal(of[single].host, plain.host + (single ? 0 : 3000));
+    }
+    dmk_mesh_destroy(&strip);
     dmk_device_destroy(&device);
 }
 

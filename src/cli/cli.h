@@ -221,7 +221,7 @@ const char *cli_count(int64_t n, char text[CLI_TEXT_SIZE]);
 /* Bytes as "1.5 GiB". */
 const char *cli_bytes(uint64_t bytes, char text[CLI_TEXT_SIZE]);
 /* What a solve of a mesh takes, for a person: the rest of a line on the standard output. */
-void cli_print_memory(size_t n_triangles, bool single);
+void cli_print_memory(const dmk_mesh *mesh, bool single);
 /* "3, 0, 0.5" */
 const char *cli_point(const double xyz[3], char text[CLI_TEXT_SIZE]);
 /* Bytes of the largest resident size so far. */
@@ -287,7 +287,7 @@ void json_numbers(cli_json *json, const char *key, const double *values, size_t 
 /* Mesh counts and measures, as fields of the object that is open. */
 void json_mesh(cli_json *json, const dmk_mesh_info *info);
 /* What a solve takes, in bytes, as an object of its own. */
-void json_memory(cli_json *json, size_t n_triangles, bool single);
+void json_memory(cli_json *json, const dmk_mesh *mesh, bool single);
 /* What was repaired, as an object of its own; nothing without a repair. */
 void json_repairs(cli_json *json, const dmk_repairs *did);
 

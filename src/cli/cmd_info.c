@@ -26,30 +26,34 @@ static void print_topology(const dmk_mesh_info *info)
     }
 }
 
-static void print_info(const char *path, const dmk_mesh_info *info)
+static void print_info(const char *path, const dmk_mesh *mesh)
 {
+    dmk_mesh_info info;
     char a[CLI_TEXT_SIZE], b[CLI_TEXT_SIZE], c[CLI_TEXT_SIZE];
+    dmk_mesh_get_info(mesh, &info);
     printf("%s%s%s\n", cli_bold(), path, cli_plain());
     printf("%-11s %s vertices, %s triangles, %s edges\n", "counts",
-           cli_count((int64_t)info->n_vertices, a), cli_count((int64_t)info->n_triangles, b),
-           cli_count((int64_t)info->n_edges, c));
-    print_topology(info);
-    printf("%-11s %.10g\n", "area", info->area);
-    printf("%-11s mean %.4g, from %.4g to %.4g\n", "edges", info->mean_edge, info->min_edge,
-           info->max_edge);
-    printf("%-11s from %.1f to %.1f degrees\n", "angles", info->min_angle, info->max_angle);
-    printf("%-11s (%s) to (%s)\n", "box", cli_point(info->box_min, a), cli_point(info->box_max, b));
+           cli_count((int64_t)info.n_vertices, a), cli_count((int64_t)info.n_triangles, b),
+           cli_count((int64_t)info.n_edges, c));
+    print_topology(&info);
+    printf("%-11s %.10g\n", "area", info.area);
+    printf("%-11s mean %.4g, from %.4g to %.4g\n", "edges", info.mean_edge, info.min_edge,
+           info.max_edge);
+    printf("%-11s from %.1f to %.1f degrees\n", "angles", info.min_angle, info.max_angle);
+    printf("%-11s (%s) to (%s)\n", "box", cli_point(info.box_min, a), cli_point(info.box_max, b));
     printf("%-11s ", "memory");
-    cli_print_memory(info->n_triangles, false);
+    cli_print_memory(mesh, false);
 }
 
-static void print_json(const char *path, const dmk_mesh_info *info, const dmk_repairs *repairs)
+static void print_json(const char *path, const dmk_mesh *mesh, const dmk_repairs *repairs)
 {
+    dmk_mesh_info info;
+    dmk_mesh_get_info(mesh, &info);
     cli_json json = {.file = stdout};
     json_open(&json, NULL, '{');
     json_text(&json, "file", path);
-    json_mesh(&json, info);
-    json_memory(&json, info->n_triangles, false);
+    json_mesh(&json, &info);
+    json_memory(&json, mesh, false);
     json_repairs(&json, repairs);
     json_close(&json, '{');
 }
@@ -58,7 +62,6 @@ static int show(const char *path, bool repair, bool as_json)
 {
     dmk_context *context;
     dmk_mesh *mesh = NULL;
-    dmk_mesh_info info;
     int rc = dmk_context_create(&context);
     const cli_reading how = {.repair = repair, .quiet = as_json, .progress = NULL};
     dmk_repairs repairs = {0};
@@ -66,11 +69,10 @@ static int show(const char *path, bool repair, bool as_json)
     if (rc != DMK_OK) {
         rc = cli_library_error(context, rc);
     } else {
-        dmk_mesh_get_info(mesh, &info);
         if (as_json)
-            print_json(path, &info, &repairs);
+            print_json(path, mesh, &repairs);
         else
-            print_info(path, &info);
+            print_info(path, mesh);
         rc = cli_flush();
     }
     dmk_mesh_destroy(&mesh);

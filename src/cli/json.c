@@ -149,10 +149,10 @@ void json_mesh(cli_json *json, const dmk_mesh_info *info)
     json_numbers(json, "box_max", info->box_max, 3);
 }
 
-void json_memory(cli_json *json, size_t n_triangles, bool single)
+void json_memory(cli_json *json, const dmk_mesh *mesh, bool single)
 {
     dmk_memory memory;
-    dmk_solve_memory(n_triangles, single, &memory);
+    dmk_mesh_memory(mesh, single, &memory);
     json_open(json, "memory", '{');
     json_integer(json, "host", (int64_t)memory.host);
     json_integer(json, "device", (int64_t)memory.device);

@@ -420,9 +420,7 @@ void solve_summary(const solve_request *request, const solve_run *run)
 static void report_plan(cli_json *json, const solve_run *run, const void *data)
 {
     const solve_request *request = data;
-    dmk_mesh_info info;
-    dmk_mesh_get_info(run->mesh, &info);
-    json_memory(json, info.n_triangles, request->single);
+    json_memory(json, run->mesh, request->single);
 }
 
 int solve_print_plan(const solve_request *request, const solve_run *run)
@@ -437,6 +435,6 @@ int solve_print_plan(const solve_request *request, const solve_run *run)
     print_mesh(request, &info);
     if (!request->sources) print_source(request, run);
     print_label("memory");
-    cli_print_memory(info.n_triangles, request->single);
+    cli_print_memory(run->mesh, request->single);
     return cli_flush();
 }

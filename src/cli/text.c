@@ -37,11 +37,11 @@ const char *cli_bytes(uint64_t bytes, char text[CLI_TEXT_SIZE])
     return text;
 }
 
-void cli_print_memory(size_t n_triangles, bool single)
+void cli_print_memory(const dmk_mesh *mesh, bool single)
 {
     char all[CLI_TEXT_SIZE], host[CLI_TEXT_SIZE], device[CLI_TEXT_SIZE];
     dmk_memory memory;
-    dmk_solve_memory(n_triangles, single, &memory);
+    dmk_mesh_memory(mesh, single, &memory);
     printf("a solve takes about %s: %s on the host, %s on the device\n",
            cli_bytes(memory.host + memory.device, all), cli_bytes(memory.host, host),
            cli_bytes(memory.device, device));

@@ -1,6 +1,5 @@
 #include "solver/fine_graph.h"
 
-#include "solver/memory.h"
 #include "solver/sell.h"
 
 #include <stdlib.h>
@@ -14,17 +13,13 @@ static const double part_from = 0.1;
  * 0.3 %, all of them beyond 1e5; up to it none. */
 static const double too_sharp = 1e4;
 
-/* Bytes per triangle that it takes for a while, at most, beside those of a system with T. */
-enum { BYTES = 1100 };
-
 /* The tables of the first step have up to six entries for each of ten edges a triangle, with 32-bit places. */
 enum { MOST_TRIANGLES = 1 << 24 };
 
 bool dmk_fine_graph_pays(int32_t n_triangles, int64_t n_needles, double sharpest)
 {
     return (double)n_needles > part_from * n_triangles && sharpest < too_sharp &&
-           n_triangles <= MOST_TRIANGLES &&
-           dmk_memory_available() > (uint64_t)n_triangles * 2 * BYTES;
+           n_triangles <= MOST_TRIANGLES;
 }
 
 /* The graph as the hierarchy is made of it: midpoints 0 .. n_edges-1, then the vertices, at mu = 1. */

@@ -2,7 +2,9 @@
 #include "solver/memory.h"
 
 #include "geodesic/geodesic.h"
+#include "solver/fine_graph.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -29,6 +31,22 @@ void dmk_solve_memory(size_t n_triangles, int single_precision, dmk_memory *memo
     if (single_precision) memory->device -= n * SINGLE_SAVES;
     memory->host = n * PER_TRIANGLE_HOST + FIXED_HOST;
     if (n <= DMK_EXACT_TRIANGLES) memory->host += n * PER_TRIANGLE_EXACT;
+}
+
+void dmk_mesh_memory(const dmk_mesh *mesh, int single_precision, dmk_memory *memory)
+{
+    if (!mesh || !memory) return;
+    dmk_solve_memory((size_t)mesh->n_triangles, single_precision, memory);
+    int64_t n = 0;
+    double sharpest = 0;
+    for (int32_t t = 0; t < mesh->n_triangles; t++) {
+        const double cot[3] = {dmk_cot(mesh, 3 * t), dmk_cot(mesh, 3 * t + 1),
+                               dmk_cot(mesh, 3 * t + 2)};
+        n += dmk_is_needle(cot);
+        for (int k = 0; k < 3; k++) sharpest = dmk_max(sharpest, fabs(cot[k]));
+    }
+    if (!single_precision && dmk_fine_graph_pays(mesh->n_triangles, n, sharpest))
+        memory->host += (uint64_t)mesh->n_triangles * DMK_FINE_GRAPH_BYTES;
 }
 
 /* The number behind `name` in a file of "name: number kB" lines or, with name "", at its beginning. */

@@ -2,6 +2,7 @@
 
 #include "solver/fine_graph.h"
 #include "solver/kernels.h"
+#include "solver/memory.h"
 #include "solver/sell.h"
 
 #include "base/parallel.h"
@@ -148,8 +149,10 @@ static int look_at_angles(dmk_context *ctx, const dmk_ranks *ranks, const dmk_gr
     pthread_mutex_destroy(&f.lock);
     n = (double)f.n_flat;
     s->sharpest = f.sharpest;
-    s->of_needles = !ranks && dmk_device_real(s->device, DMK_OUTER) == sizeof(double) &&
-                    dmk_fine_graph_pays(s->whole.n_elements, f.n_sharp, f.sharpest);
+    s->of_needles =
+        !ranks && dmk_device_real(s->device, DMK_OUTER) == sizeof(double) &&
+        dmk_fine_graph_pays(s->whole.n_elements, f.n_sharp, f.sharpest) &&
+        dmk_memory_available() > 2 * (uint64_t)s->whole.n_elements * DMK_FINE_GRAPH_BYTES;
     if (g->element) {
         n = 0;
         DMK_TRY(dmk_ranks_in_turn(ctx, ranks, &n, add_needles, &f));

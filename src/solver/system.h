@@ -50,7 +50,7 @@ typedef struct dmk_system {
     dmk_counts whole; /* of host vectors over the whole mesh */
     int32_t n_elements, n_elements_pad, n_edges, n_vertices, vertex_row, n_rows, n_rows_pad;
     double sharpest;   /* largest cotangent, of either sign */
-    int usual_degree;  /* of the smoother on T/2: 2, or 3 on meshes with many needles */
+    int usual_degree;  /* of the smoother on T/2: 2, or 3 on meshes with many flat triangles */
     int fine_degree;   /* of that of the present solve: the usual one, or 1 (iteration.h, light) */
     int newton_degree; /* the same for Newton's matrix: 1 or 2, as its steps want it (newton.c) */
     double unit;       /* length of one unit of the packed problem, in the mesh's unit */
