@@ -307,6 +307,39 @@ static void test_small_mesh(void **state)
     dmk_mesh_destroy(&mesh);
 }
 
+/* Without T nothing is dealt out either, and the bits are one rank's; with and without a distance. */
+static void test_needles(void **state)
+{
+    bench *b = *state;
+    seat many[MOST_RANKS], one[MOST_RANKS];
+    dmk_mesh_info info;
+    dmk_mesh *sphere = surface(b, "sphere", 9000), *mesh;
+    dmk_mesh_get_info(sphere, &info);
+    double *xyz = malloc(3 * info.n_vertices * sizeof *xyz);
+    assert_non_null(xyz);
+    memcpy(xyz, dmk_mesh_vertices(sphere), 3 * info.n_vertices * sizeof *xyz);
+    for (size_t v = 0; v < info.n_vertices; v++) xyz[3 * v] *= 40;
+    bench_ok(b, dmk_mesh_create(b->ctx, info.n_vertices, xyz, info.n_triangles,
+                                dmk_mesh_triangles(sphere), &mesh));
+    for (int density_only = 0; density_only < 2; density_only++) {
+        task t = {.mesh = mesh, .device.struct_size = sizeof t.device};
+        dmk_solve_options_init(&t.options, sizeof t.options);
+        t.options.density_only = density_only;
+        sit_all(&t, 1, false, one);
+        sit_all(&t, 2, false, many);
+        for (int k = 0; k < 2; k++) {
+            assert_int_equal(many[k].rc, DMK_OK);
+            assert_int_equal(many[k].traffic.exchanges, 0);
+            same_results(&one[0], &many[k]);
+            dmk_result_destroy(&many[k].result);
+        }
+        dmk_result_destroy(&one[0].result);
+    }
+    free(xyz);
+    dmk_mesh_destroy(&mesh);
+    dmk_mesh_destroy(&sphere);
+}
+
 static void test_lost_touch(void **state)
 {
     bench *b = *state;
@@ -469,8 +502,9 @@ int main(void)
         cmocka_unit_test(test_large_levels),   cmocka_unit_test(test_single_precision),
         cmocka_unit_test(test_explicit_steps), cmocka_unit_test(test_borders),
         cmocka_unit_test(test_small_mesh),     cmocka_unit_test(test_lost_touch),
-        cmocka_unit_test(test_measures),       cmocka_unit_test(test_wrong_ranks),
-        cmocka_unit_test(test_density_only),   cmocka_unit_test(test_at_once),
+        cmocka_unit_test(test_needles),        cmocka_unit_test(test_measures),
+        cmocka_unit_test(test_wrong_ranks),    cmocka_unit_test(test_density_only),
+        cmocka_unit_test(test_at_once),
     };
     return cmocka_run_group_tests_name("ranks", tests, bench_setup, bench_teardown);
 }

@@ -149,10 +149,10 @@ static int look_at_angles(dmk_context *ctx, const dmk_ranks *ranks, const dmk_gr
     pthread_mutex_destroy(&f.lock);
     n = (double)f.n_flat;
     s->sharpest = f.sharpest;
-    s->of_needles =
-        !ranks && dmk_device_real(s->device, DMK_OUTER) == sizeof(double) &&
-        dmk_fine_graph_pays(s->whole.n_elements, f.n_sharp, f.sharpest) &&
-        dmk_memory_available() > 2 * (uint64_t)s->whole.n_elements * DMK_FINE_GRAPH_BYTES;
+    const uint64_t bytes = (uint64_t)s->whole.n_elements * DMK_FINE_GRAPH_BYTES;
+    s->of_needles = !g->element && dmk_device_real(s->device, DMK_OUTER) == sizeof(double) &&
+                    dmk_fine_graph_pays(s->whole.n_elements, f.n_sharp, f.sharpest) &&
+                    (ranks || dmk_memory_available() > 2 * bytes); /* ranks decide alike */
     if (g->element) {
         n = 0;
         DMK_TRY(dmk_ranks_in_turn(ctx, ranks, &n, add_needles, &f));
@@ -843,6 +843,12 @@ static int pack_share(const packer *p, const dmk_ranks *ranks, const dmk_system_
 {
     int rc;
     dmk_parts *parts = NULL;
+    if (p->sys->of_needles) { /* each rank has all of it: without T there are no shares */
+        rc = pack_all(p);
+        return rc == DMK_OK && dealt->handed && dealt->call
+                   ? dealt->call(p->ctx, dealt->user, p->sys)
+                   : rc;
+    }
     DMK_TRY(DMK_NEW(p->ctx, parts, 1));
     DMK_TRY(dmk_share_begin(p->ctx, ranks, p->dev, p->ground, &p->sys->share));
     rc = dealt->handed ? pack_handed(p, dealt, parts) : pack_together(p, dealt, parts);
