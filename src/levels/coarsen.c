@@ -36,24 +36,38 @@ void dmk_hierarchy_free(dmk_hierarchy *h)
     memset(h, 0, sizeof *h);
 }
 
-static int mesh_adjacency(dmk_context *ctx, const dmk_mesh *m, dmk_adjacency *g)
+/* What resists so much, or conducts the wrong way, joins nothing that is not joined otherwise. */
+static const float weak = 1e9f;
+
+static float resistance(double conductance)
+{
+    return conductance * weak > 1 ? (float)(1 / conductance) : weak;
+}
+
+/* By the edges' lengths or, if it resists, their conductances. */
+static int graph_adjacency(dmk_context *ctx, const dmk_graph *graph, const double *of_edge,
+                           bool resists, dmk_adjacency *g)
 {
     int rc;
     int32_t *fill = NULL;
-    *g = (dmk_adjacency){.n = m->n_vertices};
+    *g = (dmk_adjacency){.n = graph->n, .resists = resists};
     DMK_TRY(DMK_NEW(ctx, g->row, (size_t)g->n + 1));
-    DMK_TRY(DMK_NEW_UNSET(ctx, g->to, 2 * (size_t)m->n_edges));
-    DMK_TRY(DMK_NEW_UNSET(ctx, g->length, 2 * (size_t)m->n_edges));
+    DMK_TRY(DMK_NEW_UNSET(ctx, g->to, 2 * (size_t)graph->n_edges));
+    DMK_TRY(DMK_NEW_UNSET(ctx, g->length, 2 * (size_t)graph->n_edges));
     DMK_TRY(DMK_NEW_UNSET(ctx, fill, (size_t)g->n));
-    for (int32_t h = 0; h < 2 * m->n_edges; h++) g->row[m->edge_vertex[h] + 1]++;
+    for (int32_t h = 0; h < 2 * graph->n_edges; h++) {
+        if (!resists || of_edge[h / 2] != 0) g->row[graph->edge[h] + 1]++;
+    }
     for (int32_t v = 0; v < g->n; v++) {
         fill[v] = g->row[v];
         g->row[v + 1] += g->row[v];
     }
-    for (int32_t h = 0; h < 2 * m->n_edges; h++) {
-        int32_t at = fill[m->edge_vertex[h]]++;
-        g->to[at] = m->edge_vertex[h ^ 1];
-        g->length[at] = (float)m->length[h / 2];
+    for (int32_t h = 0; h < 2 * graph->n_edges; h++) {
+        const double x = of_edge[h / 2];
+        if (resists && x == 0) continue;
+        const int32_t at = fill[graph->edge[h]]++;
+        g->to[at] = graph->edge[h ^ 1];
+        g->length[at] = resists ? resistance(x) : (float)x;
     }
 done:
     free(fill);
@@ -188,43 +202,6 @@ done:
 
 /* ---- by conductances ------------------------------------------------------------------------- */
 
-/* What resists so much, or conducts the wrong way, joins nothing that is not joined otherwise. */
-static const float weak = 1e9f;
-
-static float resistance(double conductance)
-{
-    return conductance * weak > 1 ? (float)(1 / conductance) : weak;
-}
-
-static int graph_adjacency(dmk_context *ctx, const dmk_graph *graph, const double *conductance,
-                           dmk_adjacency *g)
-{
-    int rc;
-    int32_t *fill = NULL;
-    *g = (dmk_adjacency){.n = graph->n, .resists = true};
-    DMK_TRY(DMK_NEW(ctx, g->row, (size_t)g->n + 1));
-    DMK_TRY(DMK_NEW_UNSET(ctx, g->to, 2 * (size_t)graph->n_edges + 1));
-    DMK_TRY(DMK_NEW_UNSET(ctx, g->length, 2 * (size_t)graph->n_edges + 1));
-    DMK_TRY(DMK_NEW_UNSET(ctx, fill, (size_t)g->n + 1));
-    for (int32_t h = 0; h < 2 * graph->n_edges; h++) {
-        if (conductance[h / 2] != 0) g->row[graph->edge[h] + 1]++;
-    }
-    for (int32_t v = 0; v < g->n; v++) {
-        fill[v] = g->row[v];
-        g->row[v + 1] += g->row[v];
-    }
-    for (int32_t h = 0; h < 2 * graph->n_edges; h++) {
-        if (conductance[h / 2] == 0) continue;
-        const int32_t at = fill[graph->edge[h]]++;
-        g->to[at] = graph->edge[h ^ 1];
-        g->length[at] = resistance(conductance[h / 2]);
-    }
-done:
-    free(fill);
-    if (rc != DMK_OK) dmk_adjacency_free(g);
-    return rc;
-}
-
 /* The number of an edge in a graph of sorted edges; -1: there is none. */
 static int32_t find_edge(const dmk_graph *graph, int32_t a, int32_t b)
 {
@@ -271,7 +248,7 @@ int dmk_hierarchy_of_conductances(dmk_context *ctx, const dmk_graph *graph, doub
     int rc;
     dmk_adjacency fine = {0};
     memset(h, 0, sizeof *h);
-    DMK_TRY(graph_adjacency(ctx, graph, *conductance, &fine));
+    DMK_TRY(graph_adjacency(ctx, graph, *conductance, true, &fine));
     while (fine.n > coarsest && h->n < DMK_MAX_LEVELS) {
         dmk_coarsening *c = &h->level[h->n];
         DMK_TRY(coarsen(ctx, &fine, h->n ? &h->level[h->n - 1].coarse : graph, c));
@@ -294,7 +271,7 @@ int dmk_hierarchy_hand_over(dmk_context *ctx, const dmk_mesh *m, int32_t coarses
     dmk_adjacency fine;
     const dmk_graph mesh = {m->n_vertices, m->n_edges, m->edge_vertex, m->xyz};
     memset(h, 0, sizeof *h);
-    const int rc = mesh_adjacency(ctx, m, &fine);
+    const int rc = graph_adjacency(ctx, &mesh, m->length, false, &fine);
     return rc == DMK_OK ? dmk_hierarchy_go_on(ctx, &mesh, coarsest, taker, &fine, h) : rc;
 }
 
