@@ -178,30 +178,6 @@ done:
     return rc;
 }
 
-int dmk_hierarchy_go_on(dmk_context *ctx, const dmk_graph *mesh, int32_t coarsest,
-                        const dmk_level_taker *taker, dmk_adjacency *fine, dmk_hierarchy *h)
-{
-    int rc = DMK_OK;
-    if (coarsest <= 0) coarsest = DMK_COARSEST;
-    while (fine->n > coarsest && h->n < DMK_MAX_LEVELS) {
-        dmk_coarsening *c = &h->level[h->n];
-        DMK_TRY(coarsen(ctx, fine, h->n ? &h->level[h->n - 1].coarse : mesh, c));
-        if (fine->n == 0) break;
-        h->n++;
-        if (taker) DMK_TRY(taker->take(ctx, taker->user, c));
-    }
-done:
-    if (taker) {
-        const int taken = taker->take(ctx, taker->user, NULL);
-        if (rc == DMK_OK) rc = taken;
-    }
-    dmk_adjacency_free(fine);
-    if (rc != DMK_OK) dmk_hierarchy_free(h);
-    return rc;
-}
-
-/* ---- by conductances ------------------------------------------------------------------------- */
-
 /* The number of an edge in a graph of sorted edges; -1: there is none. */
 static int32_t find_edge(const dmk_graph *graph, int32_t a, int32_t b)
 {
@@ -242,6 +218,37 @@ done:
     return rc;
 }
 
+/* Down to `coarsest`, by *conductance or, if that is NULL, by lengths. */
+static int descend(dmk_context *ctx, const dmk_graph *graph, int32_t coarsest,
+                   const dmk_level_taker *taker, double **conductance, dmk_adjacency *fine,
+                   dmk_hierarchy *h)
+{
+    int rc = DMK_OK;
+    while (fine->n > coarsest && h->n < DMK_MAX_LEVELS) {
+        dmk_coarsening *c = &h->level[h->n];
+        DMK_TRY(coarsen(ctx, fine, h->n ? &h->level[h->n - 1].coarse : graph, c));
+        if (fine->n == 0) break;
+        h->n++;
+        if (conductance) DMK_TRY(coarse_resistances(ctx, c, conductance, fine));
+        if (taker) DMK_TRY(taker->take(ctx, taker->user, c));
+    }
+done:
+    return rc;
+}
+
+int dmk_hierarchy_go_on(dmk_context *ctx, const dmk_graph *mesh, int32_t coarsest,
+                        const dmk_level_taker *taker, dmk_adjacency *fine, dmk_hierarchy *h)
+{
+    int rc = descend(ctx, mesh, coarsest > 0 ? coarsest : DMK_COARSEST, taker, NULL, fine, h);
+    if (taker) {
+        const int taken = taker->take(ctx, taker->user, NULL);
+        if (rc == DMK_OK) rc = taken;
+    }
+    dmk_adjacency_free(fine);
+    if (rc != DMK_OK) dmk_hierarchy_free(h);
+    return rc;
+}
+
 int dmk_hierarchy_of_conductances(dmk_context *ctx, const dmk_graph *graph, double **conductance,
                                   int32_t coarsest, dmk_hierarchy *h)
 {
@@ -249,13 +256,7 @@ int dmk_hierarchy_of_conductances(dmk_context *ctx, const dmk_graph *graph, doub
     dmk_adjacency fine = {0};
     memset(h, 0, sizeof *h);
     DMK_TRY(graph_adjacency(ctx, graph, *conductance, true, &fine));
-    while (fine.n > coarsest && h->n < DMK_MAX_LEVELS) {
-        dmk_coarsening *c = &h->level[h->n];
-        DMK_TRY(coarsen(ctx, &fine, h->n ? &h->level[h->n - 1].coarse : graph, c));
-        if (fine.n == 0) break;
-        h->n++;
-        DMK_TRY(coarse_resistances(ctx, c, conductance, &fine));
-    }
+    DMK_TRY(descend(ctx, graph, coarsest, NULL, conductance, &fine, h));
     if (fine.n == 0 || fine.n > coarsest) dmk_hierarchy_free(h);
 done:
     free(*conductance);

@@ -4,7 +4,6 @@
 #include "geodesic/geodesic.h"
 #include "solver/fine_graph.h"
 
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -38,14 +37,12 @@ void dmk_mesh_memory(const dmk_mesh *mesh, int single_precision, dmk_memory *mem
     if (!mesh || !memory) return;
     dmk_solve_memory((size_t)mesh->n_triangles, single_precision, memory);
     int64_t n = 0;
-    double sharpest = 0;
     for (int32_t t = 0; t < mesh->n_triangles; t++) {
         const double cot[3] = {dmk_cot(mesh, 3 * t), dmk_cot(mesh, 3 * t + 1),
                                dmk_cot(mesh, 3 * t + 2)};
         n += dmk_is_needle(cot);
-        for (int k = 0; k < 3; k++) sharpest = dmk_max(sharpest, fabs(cot[k]));
     }
-    if (!single_precision && dmk_fine_graph_pays(mesh->n_triangles, n, sharpest))
+    if (!single_precision && dmk_fine_graph_pays(mesh->n_triangles, n, mesh->sharpest))
         memory->host += (uint64_t)mesh->n_triangles * DMK_FINE_GRAPH_BYTES;
 }
 
