@@ -28,6 +28,9 @@
     160 /* rows of the coarsest level that one work-group inverts; there are up to 96, or more
                          where coarsening stalls */
 
+/* The Galerkin tables' coefficients are whole numbers of 1 / this: the square of DMK_WEIGHT_PARTS. */
+#define DMK_GALERKIN_PARTS 16384
+
 /* Smoothing steps on levels of a few thousand rows, an even number up to 8: see multigrid.c. */
 #define DMK_TAIL_STEPS 8
 

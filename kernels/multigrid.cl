@@ -538,26 +538,13 @@ KERNEL fine_edges(int n, global const int *restrict slot, GATHERED float *restri
     }
 }
 
-/* A number of half precision, for a GPU by its own instruction. Drivers of CPUs may write vload_half out in a dozen
- * and more; here the bits go where single precision has them, and the exponent is set right: exact for all that is
- * finite. */
-static float half_at(global const half *p, int i)
-{
-#if DMK_CPU
-    const int bits = ((global const short *)p)[i];
-    return as_float(bits << 13 & 0x8fffe000) * 0x1p112f;
-#else
-    return vload_half((size_t)i, p);
-#endif
-}
-
 /* Edge i of the coarser level. */
-static float edge_sum(int i, global const int *row, global const int *fine, global const half *coef,
+static float edge_sum(int i, global const int *row, global const int *fine, global const short *coef,
                       global const float *fine_edge)
 {
     float sum = 0;
-    for (int j = row[i]; j < row[i + 1]; j++) sum += half_at(coef, j) * fine_edge[fine[j]];
-    return sum;
+    for (int j = row[i]; j < row[i + 1]; j++) sum += (float)coef[j] * fine_edge[fine[j]];
+    return sum * (1.0f / DMK_GALERKIN_PARTS);
 }
 
 /* Copy edge weights to rows; D = a_ii + sum |a_ij| bounds A by 1 (row sums of magnitudes), so the
@@ -578,7 +565,7 @@ static floatv weights_block(int b, global const int *slice, global const int *nu
 
 /* A part of the next level's edges, if it is one of them. */
 static void refresh_edges(int part, int n, global const int *row, global const int *fine,
-                          global const half *coef, global const float *edge, global float *coarse_edge)
+                          global const short *coef, global const float *edge, global float *coarse_edge)
 {
     if (part < 0) return;
     FOR_PART_ROWS(i, n, part) { coarse_edge[i] = edge_sum(i, row, fine, coef, edge); }
@@ -588,12 +575,12 @@ static void refresh_edges(int part, int n, global const int *row, global const i
  * w_coarse = R w_fine, the Galerkin product as a table of the mesh alone.
  * reads slice, number, edge (gathered), row, fine, coef; writes weight, inv_diag, coarse_edge
  * moves 8 L + 4 K + 4 V + 10 C bytes, 2 L + 2 V + 2 C flops, and 8 bytes for each edge of the next level
- * shape blocks of V, then rows, one for each edge of the next level; numerics coefficients in half precision (see
- * system.c) */
+ * shape blocks of V, then rows, one for each edge of the next level; numerics coefficients are exact, see
+ * DMK_GALERKIN_PARTS */
 KERNEL graph_refresh(int n, global const int *restrict slice, global const int *restrict number,
                      global const float *restrict edge, global float *restrict weight,
                      global float *restrict inv_diag, int n_coarse, global const int *restrict row,
-                     global const int *restrict fine, global const half *restrict coef,
+                     global const int *restrict fine, global const short *restrict coef,
                      global float *restrict coarse_edge, volatile global int *shares, int4 launch)
 {
     const int parts = (n + PART_ITEMS - 1) / PART_ITEMS;
@@ -618,7 +605,7 @@ KERNEL mesh_refresh(int n, global const int *restrict slice, global const int *r
                     global const int *restrict corner_slice, global const int *restrict corner,
                     GATHERED float *restrict diag, global float *restrict inv_diag, int n_coarse,
                     global const int *restrict row, global const int *restrict fine,
-                    global const half *restrict coef, global float *restrict coarse_edge,
+                    global const short *restrict coef, global float *restrict coarse_edge,
                     volatile global int *shares, int4 launch)
 {
     const int parts = (n + PART_ITEMS - 1) / PART_ITEMS;
@@ -656,7 +643,7 @@ KERNEL inverse_diagonal(int n, global const int *restrict slice, global const in
 
 static void tail_edges(tail t, int l)
 {
-    global const half *coef = (global const half *)tail_ints(t, l, DMK_TAIL_GALERKIN_COEF);
+    global const short *coef = (global const short *)tail_ints(t, l, DMK_TAIL_GALERKIN_COEF);
     global float *edge = tail_floats(t, l, DMK_TAIL_EDGE);
     const int n = tail_count(t, l, DMK_TAIL_EDGES);
     FOR_ITEMS(i, n)

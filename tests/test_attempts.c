@@ -167,7 +167,7 @@ static void attempts_begin_anew(void **state)
     assert_int_equal(b.n, 1);
     bench_ok(p.b, begin_again(o.ctx, &b));
     o = iteration_of(&p);
-    bench_ok(p.b, dmk_newton(&o, true, attempts[1].effort, attempts[1].steps));
+    bench_ok(p.b, dmk_newton(&o, true, attempts[second(&o)].effort, attempts[second(&o)].steps));
     assert_int_equal(found.steps, USUAL + p.stats.steps);
     assert_true(found.change == p.stats.change);
     free(b.first.u), free(b.first.mu);

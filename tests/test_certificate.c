@@ -136,7 +136,7 @@ static void repair_is_the_same_in_the_gpu_shape(void **state)
 {
     /* Among the sharper needles of the second the repair ends where the gap is good enough, which another rounding may
      * reach a batch or an attempt sooner. */
-    static const double part[] = {0.005, 0.003}, close[] = {3e-4, 3e-3};
+    static const double part[] = {0.004, 0.003}, close[] = {3e-4, 3e-3};
     bench b;
     dmk_device_options o;
     dmk_device_options_init(&o, sizeof o);

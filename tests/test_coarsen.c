@@ -70,7 +70,7 @@ static void check_prolongation(const dmk_graph *fine, const dmk_coarsening *c)
     for (int32_t i = 0; i < fine->n; i++) {
         const float *w = c->prolong_weight + 3 * (size_t)i;
         const int32_t *index = c->prolong_index + 3 * (size_t)i;
-        assert_true(fabsf(w[0] + w[1] + w[2] - 1) < 2e-7f);
+        assert_true(w[0] + w[1] + w[2] == 1);
         assert_true(w[0] > 0);
         for (int k = 0; k < 3; k++) {
             assert_in_range(index[k], 0, c->coarse.n - 1);
@@ -81,6 +81,16 @@ static void check_prolongation(const dmk_graph *fine, const dmk_coarsening *c)
     }
     for (int32_t a = 0; a < c->coarse.n; a++) {
         assert_true(c->restrict_row[a + 1] > c->restrict_row[a]);
+    }
+}
+
+/* The Galerkin coefficients are what 16 bits hold of them, exactly: those of a row of P less another's. */
+static void check_whole(const dmk_coarsening *c)
+{
+    const float parts = DMK_WEIGHT_PARTS * DMK_WEIGHT_PARTS;
+    for (int32_t k = 0; k < c->galerkin_row[c->coarse.n_edges]; k++) {
+        const float n = parts * c->galerkin_coef[k];
+        assert_true(n == (int16_t)n && n != 0);
     }
 }
 
@@ -215,6 +225,7 @@ static void check_hierarchy(const dmk_mesh *m, const dmk_hierarchy *h)
         assert_true(c->coarse.n <= fine.n / 3 * 2);
         check_prolongation(&fine, c);
         check_transpose(&fine, c);
+        check_whole(c);
         check_edges(&c->coarse);
         check_connected(&c->coarse);
         check_galerkin(&fine, c, 1 + c->coarse.n / 40);

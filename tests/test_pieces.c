@@ -287,14 +287,14 @@ static void test_components(void **state)
     soup_free(&c);
 }
 
-/* Many triangles are all but flat, one corner on the side between the others: sides are made longer in turn,
+/* Here and there triangles are all but flat, one corner on the side between the others: sides are made longer in turn,
  * across ranks too. */
 static void test_flat(void **state)
 {
     soup s = body(*state, "quartic", 14000);
     uint8_t *moved = calloc((size_t)s.n_vertices, 1);
     assert_non_null(moved);
-    for (int64_t t = 0; t < s.n_triangles; t += 7) {
+    for (int64_t t = 0; t < s.n_triangles; t += 100) {
         const int64_t *c = s.triangle + 3 * t;
         if (moved[c[0]] || moved[c[1]] || moved[c[2]]) continue;
         double *x = s.xyz + 3 * c[0];
@@ -308,14 +308,15 @@ static void test_flat(void **state)
     soup_free(&s);
 }
 
-/* Thin everywhere, so that nothing is made longer. */
+/* Thin triangles, so many that nothing is made longer, but fewer than make levels without T, which pieces do not
+ * have. */
 static void test_needles(void **state)
 {
     soup s = body(*state, "sphere", 8000);
     for (int64_t v = 0; v < s.n_vertices; v++) {
         /* Rings of vertices move along the meridian to all but the same height. */
         double *x = s.xyz + 3 * v, z = floor(x[2] * 10) / 10;
-        x[2] = z + 1e-7 * (x[2] - z);
+        if (x[2] < 0) x[2] = z + 1e-7 * (x[2] - z);
     }
     task t = task_of(&s);
     try_ranks(*state, &t, MOST_RANKS);

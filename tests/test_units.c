@@ -443,10 +443,10 @@ static void the_fine_graph_is_for_needles(void **state)
     (void)state;
     assert_true(dmk_is_needle((double[]){0, 12, 0}));
     assert_false(dmk_is_needle((double[]){-20, 11, 1}));
-    assert_true(dmk_fine_graph_pays(1000, 110, 9e3));
-    assert_false(dmk_fine_graph_pays(1000, 90, 9e3));             /* too few */
-    assert_false(dmk_fine_graph_pays(1000, 110, 1.1e4));          /* too sharp */
-    assert_false(dmk_fine_graph_pays(INT32_MAX, INT32_MAX, 9e3)); /* too many */
+    assert_true(dmk_fine_graph_pays(1000, 30, 9e5));
+    assert_false(dmk_fine_graph_pays(1000, 15, 9e5));             /* too few */
+    assert_false(dmk_fine_graph_pays(1000, 30, 1.1e6));           /* too sharp */
+    assert_false(dmk_fine_graph_pays(INT32_MAX, INT32_MAX, 9e5)); /* too many */
 }
 
 static void steps_grow_and_shrink(void **state)

@@ -31,8 +31,14 @@ typedef struct dmk_coarsening {
     float *restrict_weight; /* restrict_row[coarse.n] */
     int32_t *galerkin_row;  /* coarse.n_edges + 1 */
     int32_t *galerkin_edge; /* galerkin_row[coarse.n_edges]: fine edges, increasing in each row */
-    float *galerkin_coef;   /* galerkin_row[coarse.n_edges]: never 0 */
+    float *galerkin_coef;   /* galerkin_row[coarse.n_edges]: see DMK_WEIGHT_PARTS; never 0 */
 } dmk_coarsening;
+
+/* Weights of the prolongation are whole numbers of 1 / this, and coefficients of the Galerkin table, products of two
+ * differences of weights, of 1 / its square: the largest power of two with a square of 16 bits, in which the device has
+ * them. So what cancels among the edges of strongly coupled rows cancels to the last bit: see
+ * bench/results/needles.md. */
+enum { DMK_WEIGHT_PARTS = 128 };
 
 #define DMK_MAX_LEVELS 32
 

@@ -8,12 +8,8 @@
 
 #include "base/parallel.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
-
-/* Differences of two float weights below this are rounding. */
-#define TINY 1e-6f
 
 /* Arrays that are filled at once are not cleared before, and have room for one item more: there may be none. */
 
@@ -59,7 +55,7 @@ static int subtract_rows(const dmk_coarsening *c, int32_t i, int32_t j, entry *t
         if (x <= y) d += u[k++];
         if (y <= x) d -= v[l++];
         to[n] = (entry){dmk_min_i(x, y), d};
-        n += fabsf(d) >= TINY;
+        n += d != 0; /* exact: DMK_WEIGHT_PARTS */
     }
     return n;
 }

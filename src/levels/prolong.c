@@ -177,7 +177,7 @@ static nearest find_nearest(star *st, const double p[3])
     return best;
 }
 
-/* Store the weights on c and two spokes that count, by increasing cell, scaled to sum to 1. */
+/* Store the weights on c and two spokes that count, by increasing cell, scaled to sum to 1, in whole parts. */
 static void store_row(const star *st, int32_t c, const nearest *at, int32_t *index, float *weight)
 {
     float s = (float)at->s, t = (float)at->t;
@@ -196,7 +196,8 @@ static void store_row(const star *st, int32_t c, const nearest *at, int32_t *ind
         weight[slot] = w[k];
         sum += w[k];
     }
-    for (int k = 1; k < n; k++) rest -= weight[k] /= sum;
+    for (int k = 1; k < n; k++)
+        rest -= weight[k] = rintf(DMK_WEIGHT_PARTS * weight[k] / sum) / DMK_WEIGHT_PARTS;
     weight[0] = rest;
     for (int k = n; k < 3; k++) {
         index[k] = index[0];

@@ -344,31 +344,19 @@ done:
     return rc;
 }
 
-/* The nearest number of half precision, for |x| < 65504. */
-static uint16_t half_of(float x)
-{
-    union {
-        float f;
-        uint32_t u;
-    } v = {.f = fabsf(x)};
-    const uint16_t sign = x < 0 ? 0x8000 : 0;
-    if (v.f < 6.103515625e-5f)
-        return (uint16_t)(sign | (uint16_t)lrintf(v.f * 16777216.0f)); /* 2^-14, 2^24 */
-    v.u += 0xfff + (v.u >> 13 & 1);                                    /* to even */
-    return (uint16_t)(sign | (uint16_t)((v.u >> 13) - (112 << 10)));
-}
-
-/* The Galerkin table's coefficients in half precision: 21 bytes per triangle less. They are products of two
- * weights, below 1; a coarse operator that is off by 2^-11 costs no CG iteration. */
+/* The Galerkin table's coefficients, which lie between -1 and 1, as whole numbers: 21 bytes per triangle less. */
 static int pack_coefficients(const packer *p, size_t n, const float *coef, dmk_buffer **b)
 {
     int rc;
-    uint16_t *half = NULL;
-    DMK_TRY(DMK_NEW_UNSET(p->ctx, half, n + 1));
-    for (size_t i = 0; i < n; i++) half[i] = half_of(coef[i]);
-    DMK_TRY(upload(p, n, sizeof *half, half, b));
+    int16_t *whole = NULL;
+    _Static_assert(DMK_GALERKIN_PARTS == DMK_WEIGHT_PARTS * DMK_WEIGHT_PARTS, "exact");
+    _Static_assert(DMK_GALERKIN_PARTS <= INT16_MAX && 4 * DMK_GALERKIN_PARTS > INT16_MAX,
+                   "as fine as can be");
+    DMK_TRY(DMK_NEW_UNSET(p->ctx, whole, n + 1));
+    for (size_t i = 0; i < n; i++) whole[i] = (int16_t)(DMK_GALERKIN_PARTS * coef[i]);
+    DMK_TRY(upload(p, n, sizeof *whole, whole, b));
 done:
-    free(half);
+    free(whole);
     return rc;
 }
 
