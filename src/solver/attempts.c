@@ -7,11 +7,12 @@
 #include <stdlib.h>
 
 /* CG iterations in a step, at least, and steps, at most; the second one only where each iteration gains, on levels
- * without T: 36 solves on CAD parts take 10.8 s for 15.4, with 10 or 40 of them 11.6 and 10.9. Solved so well, mu may become as small as from a distance
- * where nothing moves, which between measures leaves little of the gap (transport.c has the first attempt's floor).
- * Of 428 small meshes (tubes and cylinders of needles, 113 of them chosen because the first attempt fails; stretched
- * spheres, clustered points, fans) 427 have a result, in 53 s; with levels through T 428 in 97 s, 420 without the last
- * attempt, and 398 in 203 s with explicit steps in place of others. Of 218 pairs of measures on these it is 215. */
+ * without T: 36 solves on CAD parts take 10.8 s for 15.4, with 10 or 40 of them 11.6 and 10.9. Solved so well, mu may
+ * become as small as from a distance where nothing moves, which between measures leaves little of the gap (transport.c
+ * has the first attempt's floor). Of 428 small meshes (tubes and cylinders of needles, 113 of them chosen because the
+ * first attempt fails; stretched spheres, clustered points, fans) 427 have a result, in 53 s; with all levels through T
+ * 428 in 97 s, 420 without the last attempt, and 398 in 203 s with explicit steps in place of others. Of 218 pairs of
+ * measures on these it is 215. */
 static const struct {
     int effort, steps;
 } attempts[] = {{0, DMK_NEWTON_STEPS},

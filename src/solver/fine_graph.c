@@ -11,8 +11,8 @@
 static const double part_from = 0.02;
 
 /* Single precision, which the graph is in, loses what couples a needle's far ends beside what couples its near ones
- * where cotangents are larger. 428 small hostile meshes take 50 s, with 1e5 for this 71, with 1e7 52, and without a limit
- * 59, and two more have a gap above 0.3 %. */
+ * where cotangents are larger. 428 small hostile meshes take 50 s, with 1e5 for this 71, with 1e7 52, and without a
+ * limit 59, and two more have a gap above 0.3 %. */
 static const double too_sharp = 1e6;
 
 /* The tables of the first step have up to six entries for each of ten edges a triangle, with 32-bit places. */
