@@ -206,6 +206,7 @@ static void gaps_decide(void **state)
     (void)state;
     assert_true(limit(0, true) == 3e-3 && limit(1e-5, true) == 3e-3 && limit(0.02, true) == 0.02);
     assert_true(limit(0, false) == 1e-3 && limit(0.1, false) == 1e-3 && limit(1e-5, false) == 1e-5);
+    assert_true(limit(1e-300, true) == 3e-3 && limit(1e-300, false) == 1e-3); /* only shown */
     dmk_iteration o = {0};
     assert_int_equal(settle_for(&o, &(pair){0}, DMK_E_DIVERGED), DMK_E_DIVERGED);
     assert_int_equal(settle_for(&o, &(pair){.u = (double[1]){0}, .gap = 0.6}, DMK_E_DIVERGED),

@@ -99,7 +99,7 @@ static bool may_follow(const dmk_iteration *o, int rc)
 /* The gap up to which none follows. */
 static double enough(const dmk_iteration *o, bool settled)
 {
-    const double asked = o->options->gap_tolerance;
+    const double asked = dmk_gap_asked(o->options);
     if (settled) return fmax(asked, DMK_SETTLED_GAP);
     return asked > 0 ? fmin(asked, unique_enough) : unique_enough;
 }

@@ -152,8 +152,8 @@ static int certify(dmk_iteration *o, bool last)
     int rc;
     bool large = false;
     dmk_stats *stats = o->stats;
-    const double asked = o->options->gap_tolerance;
-    const bool wanted = asked >= DMK_GAP_SHOWN;
+    const double asked = dmk_gap_asked(o->options);
+    const bool wanted = asked > 0;
     /* Among the sharpest needles no one knows which pair's upper bound will be the best. */
     const bool ahead = o->goes_on && !o->loose && !dmk_bound_is_rough(o);
     const double goal = wanted ? fmin(asked, usual_goal) : usual_goal;

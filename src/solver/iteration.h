@@ -45,9 +45,12 @@ enum { DMK_NEWTON_STEPS = 60, DMK_EXPLICIT_STEPS = 2000 };
 static const double DMK_DEFAULT_TOLERANCE = 3e-3;
 /* The floor of mu to begin with, so that logarithms exist. */
 static const double DMK_FLOOR = 1e-4;
-/* A gap_tolerance below this cannot be reached for rounding errors: it only asks for the gap of each step,
- * and is not worth a repair of u. */
-static const double DMK_GAP_SHOWN = 1e-7;
+/* The gap that is asked for, or 0. A tolerance below 1e-7 cannot be reached for rounding errors: it only asks for the
+ * gap of each step, and changes nothing else. */
+static inline double dmk_gap_asked(const dmk_solve_options *o)
+{
+    return o->gap_tolerance >= 1e-7 ? o->gap_tolerance : 0;
+}
 
 /* A density that has settled leaves a gap far below this, as the cost is right to the square of its
  * error; on meshes of a few triangles, or next to none of it moving, the change of mu may be small

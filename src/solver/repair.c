@@ -190,7 +190,7 @@ static bool good_enough(const repair *r, const double goal[2])
  * for 3,140, and the gap's 95th percentile is 1.4e-3 for 1.1e-3. */
 static int patience_of(const dmk_iteration *o)
 {
-    if (o->options->gap_tolerance >= DMK_GAP_SHOWN) return PATIENCE;
+    if (dmk_gap_asked(o->options) > 0) return PATIENCE;
     return !o->between && dmk_is_shapely(o->sys) ? MAX_SWEEPS : 0;
 }
 
