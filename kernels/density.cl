@@ -196,6 +196,12 @@ static void store_linear(floatv w0, floatv w1, floatv w2, floatv v0, floatv v1, 
     STORE3(bound * d0, bound * d1, bound * d2, diag_coarse, b)
 }
 
+/* sqrt(c_T), see newton_prepare. */
+static realv rank_one_root(realv step, realv mu, realv area, realv e)
+{
+    return sqrt(step * mu / (area * fmax(e, (realv)0.25f)));
+}
+
 /* Newton's coefficients at pseudo time D (implicit Euler in y = log mu), an element's by its local_step:
  *     M = A + sum_T c_T g_T g_T',  c_T = D_T mu_T / (|T| s_T),  s_T = max(q_T, 1/4),
  *     right-hand side  f - sum_T mu_T (1 + D_T L_T) g_T,
@@ -227,7 +233,7 @@ KERNEL newton_prepare(int n, int paired, float alpha, float D, float bend,
         const floatv v0 = mf * TO_FLOAT(r.c1 + r.c2), v1 = mf * TO_FLOAT(r.c0 + r.c2),
                      v2 = mf * TO_FLOAT(r.c0 + r.c1);
         STORE3(w0, w1, w2, weight, b)
-        const floatv root = TO_FLOAT(sqrt(step * m / (LOAD(area, AT(b)) * fmax(e, (realv)0.25f))));
+        const floatv root = TO_FLOAT(rank_one_root(step, m, LOAD(area, AT(b)), e));
         const six_floats p = {root * TO_FLOAT(g.v0), root * TO_FLOAT(g.v1), root * TO_FLOAT(g.v2),
                               root * TO_FLOAT(g.m0), root * TO_FLOAT(g.m1), root * TO_FLOAT(g.m2)};
         STORE6(p, rank_one, b)
@@ -250,6 +256,36 @@ KERNEL newton_prepare(int n, int paired, float alpha, float D, float bend,
         const floatv t0 = p.v0 + 0.5f * (p.m1 + p.m2), t1 = p.v1 + 0.5f * (p.m0 + p.m2),
                      t2 = p.v2 + 0.5f * (p.m0 + p.m1);
         store_linear(w0, w1, w2, v0, v1, v2, t0, t1, t2, edge, diag_coarse, b);
+    }
+}
+
+/* The same where M itself is in the outer precision and has no levels through T: coefficients in both, and the
+ * right-hand side's parts with the sign of A u.
+ * reads cot, area, mu, q, g_and_rhs; writes g_and_rhs, weight, rank_one, weight_real, rank_one_real
+ * moves 27 real E + 36 E bytes, 55 E flops
+ * shape blocks of E */
+KERNEL newton_prepare_wide(int n, float alpha, float D, float bend, global const real *restrict cot,
+                           global const real *restrict area, global const real *restrict mu,
+                           global const real *restrict q, global real *restrict g_and_rhs,
+                           global float *restrict weight, global float *restrict rank_one,
+                           global real *restrict weight_real, global real *restrict rank_one_real,
+                           volatile global int *shares, int4 launch)
+{
+    FOR_BLOCKS(b, n, shares, launch)
+    {
+        const realv m = LOAD(mu, AT(b)), e = (real)alpha * (real)alpha * LOAD(q, AT(b));
+        const six g = scaled((realv)((real)alpha), load_six(g_and_rhs, b));
+        const realv slope = log_slope(e), step = local_step(D, bend, slope);
+        const three c = load_three(cot, b);
+        const realv w0 = m * c.c0, w1 = m * c.c1, w2 = m * c.c2;
+        const six p = scaled(rank_one_root(step, m, LOAD(area, AT(b)), e), g);
+        const six_floats single = {TO_FLOAT(p.v0), TO_FLOAT(p.v1), TO_FLOAT(p.v2),
+                                   TO_FLOAT(p.m0), TO_FLOAT(p.m1), TO_FLOAT(p.m2)};
+        STORE3(w0, w1, w2, weight_real, b)
+        STORE3(TO_FLOAT(w0), TO_FLOAT(w1), TO_FLOAT(w2), weight, b)
+        store_six(p, rank_one_real, b);
+        STORE6(single, rank_one, b)
+        store_six(scaled(m * (1 + step * slope), g), g_and_rhs, b);
     }
 }
 
@@ -379,6 +415,47 @@ KERNEL newton_update(int n, float alpha, float D, float bend, float lowest,
             change += TO_SUM(a * fabs(next - old));
             measure_block(b, DMK_KEEP_Q | DMK_KEEP_G, 0, gather_six(u, i), cot, a, next, g, q,
                           &sum);
+        }
+        leave_measures(s, part, sum);
+        leave_sum(s, 4, part, change);
+        leave_max(s, 5, part, sum.top);
+        finish_sums(s, part, 6, 1);
+    }
+}
+
+/* The same from u alone, which has w already, in the outer precision: g.w = g.u - area q, with g and q of alpha times
+ * the u before.
+ * reads index, cot, area, rank_one, u (gathered), mu, q; writes mu, g, q, scalars
+ * moves 24 E + 20 real E + real R bytes, 105 E flops
+ * shape blocks of E; numerics g.u by differences to m0; the sums in sum_t */
+KERNEL newton_update_wide(int n, float alpha, float D, float bend, float lowest,
+                          global const int *restrict index, global const real *restrict cot,
+                          global const real *restrict area, global const real *restrict rank_one,
+                          GATHERED real *restrict u, global real *restrict mu,
+                          global real *restrict g, global real *restrict q,
+                          volatile global sum_t *partial, int at, global sum_t *restrict scalars,
+                          volatile global int *done, volatile global int *shares, int4 launch)
+{
+    local group_memory group;
+    const sums s = {partial, scalars, done, &group, at, launch.s3};
+    FOR_PARTS(part, shares, launch)
+    {
+        sumv change = 0;
+        measures sum = {0, 0, 0, 0, 0};
+        FOR_PART_BLOCKS(b, n, part)
+        {
+            const six x = gather_six(u, load_rows(index, b)), p = load_six(rank_one, b);
+            const realv gu = p.v0 * (x.v0 - x.m0) + p.v1 * (x.v1 - x.m0) + p.v2 * (x.v2 - x.m0) +
+                             p.m1 * (x.m1 - x.m0) + p.m2 * (x.m2 - x.m0);
+            const realv a = LOAD(area, AT(b)), e = (real)alpha * (real)alpha * LOAD(q, AT(b)),
+                        old = LOAD(mu, AT(b));
+            const realv slope = log_slope(e), step = local_step(D, bend, slope);
+            const realv gw = gu - rank_one_root(step, old, a, e) * a * e;
+            const realv ratio = sqrt(step / (fmax(old, (realv)1e-30f) * a * fmax(e, (realv)0.25f)));
+            const realv next = grown(old, step * slope + ratio * gw, a, lowest);
+            STORE(next, mu, AT(b));
+            change += TO_SUM(a * fabs(next - old));
+            measure_block(b, DMK_KEEP_Q | DMK_KEEP_G, 0, x, cot, a, next, g, q, &sum);
         }
         leave_measures(s, part, sum);
         leave_sum(s, 4, part, change);

@@ -135,6 +135,13 @@ KERNEL cg_step(int n, int last, global const sum_t *restrict state, global const
     }
 }
 
+/* x = scale x.
+ * reads x; writes x; moves 2 real R bytes, R flops; shape blocks of R */
+KERNEL rows_scale(int n, float scale, global real *restrict x, volatile global int *shares, int4 launch)
+{
+    FOR_BLOCKS(i, n, shares, launch) { STORE((real)scale * LOAD(x, AT(i)), x, AT(i)); }
+}
+
 #if !DMK_DOUBLE
 /* The inner solve, of Newton's matrix, goes by two kernels an iteration beside the V-cycle: the first one has w = A z,
  * and alpha and beta, the second one the vectors. These are the sums that alpha and beta are of. */

@@ -109,7 +109,7 @@ static problem needles(bench *b, double part)
 
 static void needles_are_repaired(void **state)
 {
-    problem p = needles(*state, 0.003);
+    problem p = needles(*state, 0.006);
     problem_solve(&p);
     print_message("# least angle %.2g degrees: gap %.2e, %d sweeps\n", p.info.min_angle,
                   p.stats.gap, p.stats.sweeps);
@@ -121,7 +121,7 @@ static void needles_are_repaired(void **state)
 
 static void repair_gives_the_same_bits(void **state)
 {
-    problem a = needles(*state, 0.003), b = needles(*state, 0.003);
+    problem a = needles(*state, 0.006), b = needles(*state, 0.006);
     problem_solve(&a);
     problem_solve(&b);
     problem_solve(&b);
@@ -136,7 +136,7 @@ static void repair_is_the_same_in_the_gpu_shape(void **state)
 {
     /* Among the sharper needles of the second the repair ends where the gap is good enough, which another rounding may
      * reach a batch or an attempt sooner. */
-    static const double part[] = {0.004, 0.003}, close[] = {3e-4, 3e-3};
+    static const double part[] = {0.01, 0.006}, close[] = {3e-5, 3e-4};
     bench b;
     dmk_device_options o;
     dmk_device_options_init(&o, sizeof o);

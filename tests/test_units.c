@@ -210,7 +210,7 @@ static double solve(fixture *x, const double *v, int most, double tolerance, dmk
     ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_OUTER, s->cg[DMK_OUTER].r, x->n, rhs));
     ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_INNER, s->cg[DMK_OUTER].narrow, x->n, rhs));
     *stats = (dmk_stats){0};
-    ok(x, dmk_pcg(x->b.ctx, s, unknown, most, tolerance, 0, stats));
+    ok(x, dmk_pcg(x->b.ctx, s, DMK_STIFFNESS, unknown, most, tolerance, 0, stats));
     ok(x, dmk_buffer_read_real(x->b.ctx, x->b.dev, DMK_OUTER, unknown, x->n, found));
     for (size_t i = 0; i < x->n; i++) found[i] -= v[i];
     double *error = apply(x, found), left = sqrt(fmax(0, dot(x, found, error)) / dot(x, v, rhs));
@@ -265,7 +265,8 @@ static void conjugate_gradients_stop(void **state)
     dmk_system *s = x->sys;
     ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_OUTER, s->cg[DMK_OUTER].r, x->n, v));
     ok(x, dmk_buffer_write_real(x->b.ctx, x->b.dev, DMK_INNER, s->cg[DMK_OUTER].narrow, x->n, v));
-    assert_int_equal(dmk_pcg(x->b.ctx, s, s->u, 20, 1e-6, 0, &stats), DMK_E_DIVERGED);
+    assert_int_equal(dmk_pcg(x->b.ctx, s, DMK_STIFFNESS, s->u, 20, 1e-6, 0, &stats),
+                     DMK_E_DIVERGED);
     assert_non_null(strstr(dmk_context_message(x->b.ctx), "broke down"));
     free(v);
 }

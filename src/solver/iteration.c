@@ -50,9 +50,14 @@ int dmk_iteration_update(dmk_iteration *o, dmk_items over, bool first, const dmk
     double sums[N_SCALARS];
     o->fresh = over == DMK_ROWS;
     o->ready = DMK_NOTHING;
-    DMK_TRY(dmk_inner_finish(o->ctx, o->sys, over, first, step->alpha, FU));
-    DMK_TRY(over == DMK_ROWS ? dmk_newton_update(o->ctx, o->sys, step, 0)
-                             : dmk_nested_update(o->ctx, o->sys, step, 0));
+    if (o->sys->without_T) {
+        DMK_TRY(dmk_dot(o->ctx, o->sys, o->sys->f, o->sys->u, FU));
+        DMK_TRY(dmk_newton_update_wide(o->ctx, o->sys, step, 0));
+    } else {
+        DMK_TRY(dmk_inner_finish(o->ctx, o->sys, over, first, step->alpha, FU));
+        DMK_TRY(over == DMK_ROWS ? dmk_newton_update(o->ctx, o->sys, step, 0)
+                                 : dmk_nested_update(o->ctx, o->sys, step, 0));
+    }
     DMK_TRY(dmk_iteration_scalars(o, N_SCALARS, sums));
     take(o, sums, sums[NEWTON_TOP]);
     *change = sums[CHANGE] / sums[MASS];
@@ -155,7 +160,8 @@ int dmk_iteration_solve(dmk_iteration *o, double tolerance, int max_iterations)
     DMK_TRY(prepare_solve(o));
     /* Of f.A^-1 f, which is short by the square of u's error only. */
     const double known = fabs(2 * o->fu - o->uau);
-    rc = dmk_pcg(o->ctx, o->sys, o->sys->u, max_iterations, tolerance, known, o->stats);
+    rc = dmk_pcg(o->ctx, o->sys, DMK_STIFFNESS, o->sys->u, max_iterations, tolerance, known,
+                 o->stats);
     if (rc == DMK_E_DIVERGED) {
         char what[200];
         snprintf(what, sizeof what, "%.199s", o->ctx->message);

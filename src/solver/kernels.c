@@ -7,7 +7,7 @@ enum { IN_INNER = 1 << DMK_INNER, IN_OUTER = 1 << DMK_OUTER, IN_BOTH = IN_INNER 
 /* X(name, the programs it is used from). */
 #define KERNEL_LIST(X)                                                                             \
     X(element_stiffness, IN_BOTH)                                                                  \
-    X(element_newton, IN_INNER)                                                                    \
+    X(element_newton, IN_BOTH)                                                                     \
     X(rows_apply, IN_OUTER)                                                                        \
     X(rows_chebyshev, IN_INNER)                                                                    \
     X(cg_dots, IN_OUTER)                                                                           \
@@ -45,6 +45,9 @@ enum { IN_INNER = 1 << DMK_INNER, IN_OUTER = 1 << DMK_OUTER, IN_BOTH = IN_INNER 
     X(element_prepare, IN_OUTER)                                                                   \
     X(element_scale, IN_OUTER)                                                                     \
     X(newton_prepare, IN_OUTER)                                                                    \
+    X(newton_prepare_wide, IN_OUTER)                                                               \
+    X(newton_update_wide, IN_OUTER)                                                                \
+    X(rows_scale, IN_OUTER)                                                                        \
     X(newton_diagonal, IN_OUTER)                                                                   \
     X(newton_update, IN_OUTER)                                                                     \
     X(nested_load, IN_OUTER)                                                                       \
@@ -228,12 +231,14 @@ done:
     return rc;
 }
 
-int dmk_element_newton(dmk_context *ctx, dmk_system *s, const dmk_buffer *x)
+int dmk_element_newton(dmk_context *ctx, dmk_system *s, dmk_program p, const dmk_buffer *x)
 {
     int rc;
-    RUN_WITH(dmk_ship_rows(s->share, DMK_INNER, x), split_elements(s), DMK_INNER, element_newton,
-             padded_elements(s), DMK_INT(s->n_elements_pad), DMK_BUF(s->index), DMK_BUF(s->weight),
-             DMK_BUF(s->rank_one), DMK_BUF(x), DMK_BUF(s->out));
+    const bool inner = p == DMK_INNER;
+    RUN_WITH(dmk_ship_rows(s->share, p, x), split_elements(s), p, element_newton,
+             padded_elements(s), DMK_INT(s->n_elements_pad), DMK_BUF(s->index),
+             DMK_BUF(inner ? s->weight : s->weight_real),
+             DMK_BUF(inner ? s->rank_one : s->rank_one_real), DMK_BUF(x), DMK_BUF(out_of(s, p)));
 done:
     return rc;
 }
@@ -610,6 +615,20 @@ int dmk_newton_prepare(dmk_context *ctx, dmk_system *s, bool paired, const dmk_n
                DMK_BUF(s->diag_coarse));
 }
 
+int dmk_newton_prepare_wide(dmk_context *ctx, dmk_system *s, const dmk_newton_step *step)
+{
+    return RUN(DMK_OUTER, newton_prepare_wide, padded_elements(s), DMK_INT(s->n_elements_pad),
+               DMK_FLOAT(step->alpha), DMK_FLOAT(step->D), DMK_FLOAT(step->bend), DMK_BUF(s->cot),
+               DMK_BUF(s->area), DMK_BUF(s->mu), DMK_BUF(s->q), DMK_BUF(s->out_real),
+               DMK_BUF(s->weight), DMK_BUF(s->rank_one), DMK_BUF(s->weight_real),
+               DMK_BUF(s->rank_one_real));
+}
+
+int dmk_rows_scale(dmk_context *ctx, dmk_system *s, double scale, dmk_buffer *x)
+{
+    return RUN(DMK_OUTER, rows_scale, rows(s), DMK_INT(s->n_rows), DMK_FLOAT(scale), DMK_BUF(x));
+}
+
 int dmk_newton_diagonal(dmk_context *ctx, dmk_system *s)
 {
     return RUN(DMK_OUTER, newton_diagonal, padded_elements(s), DMK_INT(s->n_elements_pad),
@@ -646,6 +665,19 @@ int dmk_newton_update(dmk_context *ctx, dmk_system *s, const dmk_newton_step *st
                 DMK_FLOAT(step->lowest), DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area),
                 DMK_BUF(s->rank_one), DMK_BUF(s->w), DMK_BUF(s->u), DMK_BUF(s->mu),
                 DMK_BUF(s->out_real), DMK_BUF(s->q), SUMS(at, s->scalars)));
+    rc = finish_sums(ctx, s, DMK_ELEMENTS, 6, 1, at);
+done:
+    return rc;
+}
+
+int dmk_newton_update_wide(dmk_context *ctx, dmk_system *s, const dmk_newton_step *step, int at)
+{
+    int rc;
+    DMK_TRY(RUN(DMK_OUTER, newton_update_wide, elements(s), DMK_INT(s->n_elements),
+                DMK_FLOAT(step->alpha), DMK_FLOAT(step->D), DMK_FLOAT(step->bend),
+                DMK_FLOAT(step->lowest), DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area),
+                DMK_BUF(s->rank_one_real), DMK_BUF(s->u), DMK_BUF(s->mu), DMK_BUF(s->out_real),
+                DMK_BUF(s->q), SUMS(at, s->scalars)));
     rc = finish_sums(ctx, s, DMK_ELEMENTS, 6, 1, at);
 done:
     return rc;

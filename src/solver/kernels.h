@@ -18,7 +18,7 @@ void dmk_kernels_destroy(struct dmk_kernels **kernels);
 int dmk_element_stiffness(dmk_context *context, dmk_system *s, dmk_program program,
                           const dmk_buffer *x);
 /* The elements' parts of Newton's M x, into out. */
-int dmk_element_newton(dmk_context *context, dmk_system *s, const dmk_buffer *x);
+int dmk_element_newton(dmk_context *context, dmk_system *s, dmk_program p, const dmk_buffer *x);
 /* y = the rows' sums of the elements' parts out_real, and of x.y CG's alpha (vector.cl). */
 int dmk_rows_apply(dmk_context *context, dmk_system *s, const dmk_buffer *x, dmk_buffer *y);
 
@@ -114,6 +114,11 @@ typedef struct dmk_newton_step {
 int dmk_newton_prepare(dmk_context *context, dmk_system *s, bool paired,
                        const dmk_newton_step *step);
 /* These, in out: the right-hand side must have been summed up. */
+int dmk_newton_prepare_wide(dmk_context *context, dmk_system *s, const dmk_newton_step *step);
+int dmk_newton_update_wide(dmk_context *context, dmk_system *s, const dmk_newton_step *step,
+                           int at);
+/* x, of the outer program, times scale. */
+int dmk_rows_scale(dmk_context *context, dmk_system *s, double scale, dmk_buffer *x);
 int dmk_newton_diagonal(dmk_context *context, dmk_system *s);
 /* The inner right-hand side cg[DMK_INNER].r = f + the rows' sums of out_real. */
 int dmk_rows_rhs(dmk_context *context, dmk_system *s);

@@ -40,7 +40,7 @@ static dmk_chebyshev_step step_of(const chebyshev *c, int k, bool from_zero)
 int dmk_inner_elements(dmk_context *ctx, dmk_system *s, dmk_operator op, const dmk_buffer *x)
 {
     if (op == DMK_STIFFNESS) return dmk_element_stiffness(ctx, s, DMK_INNER, x);
-    return dmk_element_newton(ctx, s, x);
+    return dmk_element_newton(ctx, s, DMK_INNER, x);
 }
 
 /* ---- refresh --------------------------------------------------------------------------------- */

@@ -32,6 +32,9 @@ typedef struct step_control {
  * changes. */
 static const double settled_rho = 6e-4;
 
+/* Where steps are to be solved well: of what is left to gain by CG. */
+static const double solved_well = 1e-6;
+
 static void choose_step(step_control *p, double rho)
 {
     p->shrunk = false;
@@ -133,11 +136,27 @@ static dmk_newton_step next_step(dmk_iteration *o, bool from_distance, step_cont
         .lowest = from_distance ? o->floor : mean_floor * o->mass};
 }
 
+/* The same in the outer precision on a mesh of needles: u += w. In single precision w loses what flows along a needle
+ * beside what levels out across it, from D cot of some 1e6 on (bench/results/needles.md). */
+static int solve_wide(dmk_iteration *o, const dmk_newton_step *step, const step_control *p)
+{
+    int rc;
+    dmk_system *s = o->sys;
+    DMK_TRY(dmk_newton_prepare_wide(o->ctx, s, step));
+    DMK_TRY(dmk_rows_outer_residual(o->ctx, s));
+    DMK_TRY(dmk_rows_scale(o->ctx, s, step->alpha, s->u));
+    DMK_TRY(dmk_multigrid_refresh(o->ctx, s, DMK_NEWTON_MATRIX));
+    rc = dmk_pcg(o->ctx, s, DMK_NEWTON_MATRIX, s->u, p->iterations, p->effort > 0 ? solved_well : 0,
+                 0, o->stats);
+done:
+    return rc;
+}
+
 /* *change: mu's, relative. */
 static int take_step(dmk_iteration *o, dmk_items over, const dmk_newton_step *step,
                      const step_control *p, double *change)
 {
-    const int rc = solve_step(o, over, step, p);
+    const int rc = o->sys->without_T ? solve_wide(o, step, p) : solve_step(o, over, step, p);
     return rc ? rc : dmk_iteration_update(o, over, p->iterations == 1, step, change);
 }
 

@@ -14,35 +14,37 @@ static bool is_done(double rz, double before, double wanted, bool *last)
 }
 
 /* z = V-cycle(r), then beta and the new direction. */
-static int direction(dmk_context *ctx, dmk_system *s, bool first)
+static int direction(dmk_context *ctx, dmk_system *s, dmk_operator op, bool first)
 {
     int rc;
-    DMK_TRY(dmk_v_cycle(ctx, s, DMK_STIFFNESS, s->cg[DMK_OUTER].narrow, !first));
+    DMK_TRY(dmk_v_cycle(ctx, s, op, s->cg[DMK_OUTER].narrow, !first));
     DMK_TRY(dmk_cg_dots(ctx, s, first, s->x_old));
     DMK_TRY(dmk_cg_direction(ctx, s, s->x_old));
 done:
     return rc;
 }
 
-/* ap = A p, which gives alpha, and the step. */
-static int step(dmk_context *ctx, dmk_system *s, dmk_buffer *x, bool last)
+/* ap = A p or M p, which gives alpha, and the step. */
+static int step(dmk_context *ctx, dmk_system *s, dmk_operator op, dmk_buffer *x, bool last)
 {
     int rc;
-    DMK_TRY(dmk_element_stiffness(ctx, s, DMK_OUTER, s->cg[DMK_OUTER].p));
+    const dmk_buffer *p = s->cg[DMK_OUTER].p;
+    DMK_TRY(op == DMK_STIFFNESS ? dmk_element_stiffness(ctx, s, DMK_OUTER, p)
+                                : dmk_element_newton(ctx, s, DMK_OUTER, p));
     DMK_TRY(dmk_rows_apply(ctx, s, s->cg[DMK_OUTER].p, s->cg[DMK_OUTER].ap));
     DMK_TRY(dmk_cg_step(ctx, s, x, dmk_first_step(), last));
 done:
     return rc;
 }
 
-int dmk_pcg(dmk_context *ctx, dmk_system *s, dmk_buffer *x, int max_iterations, double tolerance,
-            double energy, dmk_stats *stats)
+int dmk_pcg(dmk_context *ctx, dmk_system *s, dmk_operator op, dmk_buffer *x, int max_iterations,
+            double tolerance, double energy, dmk_stats *stats)
 {
     int rc = DMK_OK;
     double before = 0;
     bool last = false;
     for (int i = 0; i < max_iterations && !last; i++) {
-        DMK_TRY(direction(ctx, s, i == 0));
+        DMK_TRY(direction(ctx, s, op, i == 0));
         stats->v_cycles++;
         if (tolerance > 0) {
             double state[5];
@@ -57,7 +59,7 @@ int dmk_pcg(dmk_context *ctx, dmk_system *s, dmk_buffer *x, int max_iterations, 
             if (is_done(state[0], before, tolerance * tolerance * reference, &last)) break;
             before = state[0];
         }
-        DMK_TRY(step(ctx, s, x, last || i == max_iterations - 1));
+        DMK_TRY(step(ctx, s, op, x, last || i == max_iterations - 1));
         stats->cg_iterations++;
     }
 done:
@@ -72,7 +74,7 @@ int dmk_inner_solve(dmk_context *ctx, dmk_system *s, dmk_items over, int iterati
         /* The right-hand side comes with its first smoothing step. */
         if (over == DMK_ROWS) {
             DMK_TRY(dmk_v_cycle(ctx, s, DMK_NEWTON_MATRIX, s->cg[DMK_INNER].r, true));
-            DMK_TRY(dmk_element_newton(ctx, s, s->x_old));
+            DMK_TRY(dmk_element_newton(ctx, s, DMK_INNER, s->x_old));
         } else {
             DMK_TRY(dmk_mesh_cycle(ctx, s));
         }

@@ -594,6 +594,11 @@ static int allocate_work(const packer *p)
         dmk_buffer_create(p->ctx, p->dev, load > rank_one ? load : rank_one, NULL, &s->rank_one));
     s->load = s->rank_one;        /* Newton's steps on T have no use for that */
     s->weight_real = s->rank_one; /* A's operator in double, Newton's in single: in turn */
+    if (s->without_T) {           /* at once, for Newton's is in both */
+        DMK_TRY(work(p, DMK_OUTER, 6 * e, &s->rank_one_real));
+        DMK_TRY(work(p, DMK_OUTER, 3 * e, &s->weight_wide));
+        s->weight_real = s->weight_wide;
+    }
     s->out =
         s->out_real; /* what one program puts there is summed up before the other puts anything */
     DMK_TRY(work(p, DMK_INNER, n, &s->inv_diag));
@@ -638,9 +643,10 @@ int dmk_system_allocate(dmk_context *ctx, dmk_system *s)
 
 void dmk_system_release(dmk_system *s)
 {
-    dmk_buffer **all[] = {&s->mu,     &s->u,       &s->f,        &s->q,        &s->out_real,
-                          &s->before, &s->weight,  &s->rank_one, &s->inv_diag, &s->x,
-                          &s->x_old,  &s->partial, &s->state,    &s->done,     &s->scalars};
+    dmk_buffer **all[] = {&s->mu,     &s->u,       &s->f,        &s->q,           &s->out_real,
+                          &s->before, &s->weight,  &s->rank_one, &s->inv_diag,    &s->x,
+                          &s->x_old,  &s->partial, &s->state,    &s->weight_wide, &s->rank_one_real,
+                          &s->done,   &s->scalars};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) dmk_buffer_destroy(all[i]);
     if (s->w != s->cg[DMK_OUTER].r) dmk_buffer_destroy(&s->w);
     if (s->cg[DMK_OUTER].narrow != s->cg[DMK_OUTER].r) dmk_buffer_destroy(&s->cg[DMK_OUTER].narrow);

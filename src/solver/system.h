@@ -83,6 +83,8 @@ typedef struct dmk_system {
     bool of_needles; /* levels without T pay */
     /* Without T level 0 is T/2's graph, whose vectors are those of the rows: see fine_graph.h. */
     bool without_T;
+    dmk_buffer *weight_wide,
+        *rank_one_real; /* then: Newton's coefficients in the outer precision */
     int32_t elements_at;
     dmk_buffer *share_slot;
     /* Levels from this one on are done by one work-group in one launch (n_levels: none): their arrays are parts
