@@ -375,8 +375,24 @@ KERNEL rows_outer_residual(int n, global const int *restrict slice, global const
 }
 
 /* dy = D (L + g.w / (area s)) = D L + sqrt(D / (mu area s)) sqrt(c) g.w, D the local_step, kept in [-1, 1];
- * mu <- max(mu exp(dy), lowest sqrt(area)). Then element_energy of it and of u, which has w already: the same
- * sums, that of area |change of mu|, and the maximum.
+ * mu <- max(mu exp(dy), lowest sqrt(area)). gx: sqrt(c) g.w or, if `whole`, of u with w, of which sqrt(c) area q were there
+ * before. Then the sums of element_energy of x, the element's u, which has w; returns area |change of mu|. */
+static sumv update_block(int b, int whole, float alpha, float D, float bend, float lowest, realv gx,
+                         six x, global const real *cot, realv a, global real *mu, global real *g,
+                         global real *q, measures *sum)
+{
+    const realv e = (real)alpha * (real)alpha * LOAD(q, AT(b)), old = LOAD(mu, AT(b));
+    const realv s = fmax(e, (realv)0.25f), slope = log_slope(e), step = local_step(D, bend, slope);
+    const realv ratio = sqrt(step / (fmax(old, (realv)1e-30f) * a * s));
+    const realv along = whole ? ratio * gx - step * e / s : ratio * gx;
+    const realv next = grown(old, step * slope + along, a, lowest);
+    STORE(next, mu, AT(b));
+    measure_block(b, DMK_KEEP_Q | DMK_KEEP_G, 0, x, cot, a, next, g, q, sum);
+    return TO_SUM(a * fabs(next - old));
+}
+
+/* mu of the next step, update_block, and of it and u the sums of element_energy, that of area |change of mu|, and the
+ * maximum.
  * reads index, cot, area, rank_one, w and u (gathered), mu, q; writes mu, g, q, scalars
  * moves 48 E + 14 real E + real R + 4 R bytes, 100 E flops
  * shape blocks of E; numerics g.w in single precision by differences to m0; the sums in sum_t */
@@ -406,15 +422,8 @@ KERNEL newton_update(int n, float alpha, float D, float bend, float lowest,
                               LOAD(rank_one, AT_K(b, 2, 6)) * (w2 - w3) +
                               LOAD(rank_one, AT_K(b, 4, 6)) * (w4 - w3) +
                               LOAD(rank_one, AT_K(b, 5, 6)) * (w5 - w3);
-            const realv a = LOAD(area, AT(b)), e = (real)alpha * (real)alpha * LOAD(q, AT(b)),
-                        old = LOAD(mu, AT(b));
-            const realv slope = log_slope(e), step = local_step(D, bend, slope);
-            const realv ratio = sqrt(step / (fmax(old, (realv)1e-30f) * a * fmax(e, (realv)0.25f)));
-            const realv next = grown(old, step * slope + ratio * TO_REAL(gw), a, lowest);
-            STORE(next, mu, AT(b));
-            change += TO_SUM(a * fabs(next - old));
-            measure_block(b, DMK_KEEP_Q | DMK_KEEP_G, 0, gather_six(u, i), cot, a, next, g, q,
-                          &sum);
+            change += update_block(b, 0, alpha, D, bend, lowest, TO_REAL(gw), gather_six(u, i), cot,
+                                   LOAD(area, AT(b)), mu, g, q, &sum);
         }
         leave_measures(s, part, sum);
         leave_sum(s, 4, part, change);
@@ -423,8 +432,7 @@ KERNEL newton_update(int n, float alpha, float D, float bend, float lowest,
     }
 }
 
-/* The same from u alone, which has w already, in the outer precision: g.w = g.u - area q, with g and q of alpha times
- * the u before.
+/* The same from u alone, in the outer precision.
  * reads index, cot, area, rank_one, u (gathered), mu, q; writes mu, g, q, scalars
  * moves 24 E + 20 real E + real R bytes, 105 E flops
  * shape blocks of E; numerics g.u by differences to m0; the sums in sum_t */
@@ -447,15 +455,8 @@ KERNEL newton_update_wide(int n, float alpha, float D, float bend, float lowest,
             const six x = gather_six(u, load_rows(index, b)), p = load_six(rank_one, b);
             const realv gu = p.v0 * (x.v0 - x.m0) + p.v1 * (x.v1 - x.m0) + p.v2 * (x.v2 - x.m0) +
                              p.m1 * (x.m1 - x.m0) + p.m2 * (x.m2 - x.m0);
-            const realv a = LOAD(area, AT(b)), e = (real)alpha * (real)alpha * LOAD(q, AT(b)),
-                        old = LOAD(mu, AT(b));
-            const realv slope = log_slope(e), step = local_step(D, bend, slope);
-            const realv gw = gu - rank_one_root(step, old, a, e) * a * e;
-            const realv ratio = sqrt(step / (fmax(old, (realv)1e-30f) * a * fmax(e, (realv)0.25f)));
-            const realv next = grown(old, step * slope + ratio * gw, a, lowest);
-            STORE(next, mu, AT(b));
-            change += TO_SUM(a * fabs(next - old));
-            measure_block(b, DMK_KEEP_Q | DMK_KEEP_G, 0, x, cot, a, next, g, q, &sum);
+            change += update_block(b, 1, alpha, D, bend, lowest, gu, x, cot, LOAD(area, AT(b)), mu, g,
+                                   q, &sum);
         }
         leave_measures(s, part, sum);
         leave_sum(s, 4, part, change);
