@@ -68,9 +68,7 @@ static void measure_block(int b, int keep, float slack, six x, global const real
     const flows f = flows_of(load_three(cot, b), x);
     const six y = divergence(f);
     if (keep & DMK_KEEP_G) store_six(y, g, b);
-    realv e = y.v0 * (x.v0 - x.m0) + y.v1 * (x.v1 - x.m0) + y.v2 * (x.v2 - x.m0) +
-              y.m1 * (x.m1 - x.m0) + y.m2 * (x.m2 - x.m0);
-    e = fmax(e, (realv)0);
+    realv e = fmax(dot_six(y, x), (realv)0);
     if (slack > 0) e += (real)slack * farthest(x) * total_flow(f);
     add_measures(b, keep, e, area, mu, 1, q, sum);
 }
@@ -82,6 +80,15 @@ static void leave_measures(sums s, int part, measures sum)
     leave_sum(s, 1, part, sum.mass);
     leave_sum(s, 2, part, sum.slope);
     leave_sum(s, 3, part, sum.square);
+}
+
+/* Those after a step, that of area |change of mu|, and the maximum. */
+static void leave_update(sums s, int part, measures sum, sumv change)
+{
+    leave_measures(s, part, sum);
+    leave_sum(s, 4, part, change);
+    leave_max(s, 5, part, sum.top);
+    finish_sums(s, part, 6, 1);
 }
 
 /* g = K u (without mu) and q, stored if they are to be kept; the sums, then the maximum: see measure_block.
@@ -425,10 +432,7 @@ KERNEL newton_update(int n, float alpha, float D, float bend, float lowest,
             change += update_block(b, 0, alpha, D, bend, lowest, TO_REAL(gw), gather_six(u, i), cot,
                                    LOAD(area, AT(b)), mu, g, q, &sum);
         }
-        leave_measures(s, part, sum);
-        leave_sum(s, 4, part, change);
-        leave_max(s, 5, part, sum.top);
-        finish_sums(s, part, 6, 1);
+        leave_update(s, part, sum, change);
     }
 }
 
@@ -452,16 +456,11 @@ KERNEL newton_update_wide(int n, float alpha, float D, float bend, float lowest,
         measures sum = {0, 0, 0, 0, 0};
         FOR_PART_BLOCKS(b, n, part)
         {
-            const six x = gather_six(u, load_rows(index, b)), p = load_six(rank_one, b);
-            const realv gu = p.v0 * (x.v0 - x.m0) + p.v1 * (x.v1 - x.m0) + p.v2 * (x.v2 - x.m0) +
-                             p.m1 * (x.m1 - x.m0) + p.m2 * (x.m2 - x.m0);
-            change += update_block(b, 1, alpha, D, bend, lowest, gu, x, cot, LOAD(area, AT(b)), mu, g,
-                                   q, &sum);
+            const six x = gather_six(u, load_rows(index, b));
+            change += update_block(b, 1, alpha, D, bend, lowest, dot_six(load_six(rank_one, b), x), x,
+                                   cot, LOAD(area, AT(b)), mu, g, q, &sum);
         }
-        leave_measures(s, part, sum);
-        leave_sum(s, 4, part, change);
-        leave_max(s, 5, part, sum.top);
-        finish_sums(s, part, 6, 1);
+        leave_update(s, part, sum, change);
     }
 }
 

@@ -161,10 +161,7 @@ KERNEL nested_update(int n, int vertex_row, float alpha, float D, float bend, fl
             add_measures(b, DMK_KEEP_Q, linear_product(linear_stiffness(r, x), x), a, next, 1, q,
                          &sum);
         }
-        leave_measures(s, part, sum);
-        leave_sum(s, 4, part, change);
-        leave_max(s, 5, part, sum.top);
-        finish_sums(s, part, 6, 1);
+        leave_update(s, part, sum, change);
     }
 }
 

@@ -102,12 +102,18 @@ KERNEL element_stiffness(int n, global const int *restrict index,
     }
 }
 
-/* y + g g'x, g the six numbers of each element. Differences to m0: the six g sum to 0, and large equal
- * parts of x cancel exactly. */
+/* g.x, where the six numbers g of an element sum to 0: by differences to m0, so that large equal parts of x cancel
+ * exactly. */
+static realv dot_six(six g, six x)
+{
+    return g.v0 * (x.v0 - x.m0) + g.v1 * (x.v1 - x.m0) + g.v2 * (x.v2 - x.m0) +
+           g.m1 * (x.m1 - x.m0) + g.m2 * (x.m2 - x.m0);
+}
+
+/* y + g g'x, g the six numbers of each element. */
 static six add_rank_one(six y, six g, six x)
 {
-    const realv s = g.v0 * (x.v0 - x.m0) + g.v1 * (x.v1 - x.m0) + g.v2 * (x.v2 - x.m0) +
-                    g.m1 * (x.m1 - x.m0) + g.m2 * (x.m2 - x.m0);
+    const realv s = dot_six(g, x);
     y.v0 += s * g.v0;
     y.v1 += s * g.v1;
     y.v2 += s * g.v2;

@@ -1,4 +1,4 @@
-/* Newton's steps in up to three attempts: on meshes with many needles three or four iterations of CG gain next to
+/* Newton's steps in up to four attempts: on meshes with many needles three or four iterations of CG gain next to
  * nothing, and the steps come to an end only if each is solved better. */
 #include "solver/kernels.h"
 #include "solver/iteration.h"
