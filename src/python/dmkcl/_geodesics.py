@@ -23,15 +23,25 @@ def _points(
     mesh: Mesh,
     source: Union[None, int, Point],
     sources: Optional[Sequence[Union[int, Point]]],
+    vertex: Optional[int],
+    vertices: Optional[Sequence[int]],
     point: Optional[ArrayLike],
     points: Optional[ArrayLike],
 ) -> "list[Point]":
     """The sources, however they are given."""
-    if np.ndim(sources) == 0 and sources is not None:  # type: ignore[arg-type]
-        raise ArgumentError(f"sources = {sources!r}: expected several; one is given as source={sources!r}")
-    single: "list[Union[int, Point]]" = [] if source is None else [source]
+    listed: "list[Union[int, Point]]" = []
+    for one, several, names in (
+        (source, sources, ("source", "sources")),
+        (vertex, vertices, ("vertex", "vertices")),
+    ):
+        if several is not None and np.ndim(several) == 0:  # type: ignore[arg-type]
+            raise ArgumentError(
+                f"{names[1]} = {several!r}: expected several; one is given as {names[0]}={several!r}"
+            )
+        listed += [] if one is None else [one]
+        listed += [] if several is None else several
     places: "list[Point]" = []
-    for given in [*single, *(sources if sources is not None else [])]:
+    for given in listed:
         if isinstance(given, Point):
             places.append(given)
         elif np.ndim(given) == 0 and np.asarray(given).dtype.kind in "iu":
@@ -102,6 +112,7 @@ class Geodesics:
     ----------
     mesh : what `CutLocus` takes as a mesh without faces
     source, sources : vertex number, or a `Point` of `Mesh`; several of them
+    vertex, vertices : vertex number; several of them
     point, points : (3,), (k, 3) the points of the surface nearest to these
     curve : (k,) vertices joined by edges, one after another: every point of these edges is a source
     border : the border of the mesh is a source as a whole, too
@@ -109,8 +120,8 @@ class Geodesics:
     tolerance : error allowed, over the distance; 0: none up to 300,000 triangles, 1e-6 beyond
     exact : no error, whatever the size
 
-    Sources are numbered in the order source, sources, point, points; curve and border come last, as
-    one. Distance, direction and nearest are arrays over the vertices. It can be pickled.
+    Sources are numbered in the order source, sources, vertex, vertices, point, points; curve and border
+    come last, as one. Distance, direction and nearest are arrays over the vertices. It can be pickled.
 
     Notes
     -----
@@ -124,6 +135,8 @@ class Geodesics:
         source: Union[None, int, Point] = None,
         *,
         sources: Optional[Sequence[Union[int, Point]]] = None,
+        vertex: Optional[int] = None,
+        vertices: Optional[Sequence[int]] = None,
         point: Optional[ArrayLike] = None,
         points: Optional[ArrayLike] = None,
         curve: Optional[Sequence[int]] = None,
@@ -135,7 +148,9 @@ class Geodesics:
     ):
         self.mesh: Mesh = as_mesh(mesh)
         #: The sources that are points.
-        self.sources: "list[Point]" = _points(self.mesh, source, sources, point, points)
+        self.sources: "list[Point]" = _points(
+            self.mesh, source, sources, vertex, vertices, point, points
+        )
         along = None if curve is None else [whole("curve", v) for v in curve]
         apart = None if offsets is None else np.asarray(offsets, np.float64).tolist()
         if apart is not None and len(apart) != len(self.sources):
@@ -290,18 +305,31 @@ class Geodesics:
 
 
 def distance(
-    vertices: Union[ArrayLike, MeshLike],
+    mesh: Union[ArrayLike, MeshLike],
     faces: Optional[ArrayLike] = None,
     source: Union[None, int, Point] = None,
     *,
     sources: Optional[Sequence[Union[int, Point]]] = None,
+    vertex: Optional[int] = None,
+    vertices: Optional[Sequence[int]] = None,
     point: Optional[ArrayLike] = None,
     points: Optional[ArrayLike] = None,
+    curve: Optional[Sequence[int]] = None,
+    border: bool = False,
 ) -> NDArray[np.float64]:
-    """Exact geodesic distance of every vertex to the nearest source: ``distance(V, F, 17)``.
+    """Exact geodesic distance of every vertex to the nearest source: ``distance(V, F, 17)``, or of a
+    mesh ``distance(mesh, vertex=17)``.
 
     Sources as in `Geodesics`, which also gives directions and the nearest source.
     """
     return Geodesics(
-        as_mesh(vertices, faces), source, sources=sources, point=point, points=points
+        as_mesh(mesh, faces),
+        source,
+        sources=sources,
+        vertex=vertex,
+        vertices=vertices,
+        point=point,
+        points=points,
+        curve=curve,
+        border=border,
     ).distance

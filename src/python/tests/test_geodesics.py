@@ -54,7 +54,11 @@ def test_as_functions(plane):
     V, F = plane
     d = dmkcl.distance(V, F, 17)
     assert np.array_equal(d, dmkcl.Geodesics(plane, 17).distance)
+    assert np.array_equal(d, dmkcl.distance(plane, vertex=17))
     assert np.allclose(dmkcl.distance(plane, points=[(0, 0, 0), (20, 20, 0)])[[0, 440]], 0)
+    assert np.allclose(dmkcl.distance(plane, vertices=[0, 440])[[0, 440]], 0)
+    assert np.allclose(dmkcl.distance(plane, curve=[0, 1, 2])[:3], 0)
+    assert np.allclose(dmkcl.distance(plane, border=True)[[0, 440]], 0)
     path = dmkcl.shortest_path(V, F, 0, (3, 4, 0))
     assert np.allclose(np.linalg.norm(np.diff(path, axis=0), axis=1).sum(), 5)
 
@@ -66,7 +70,7 @@ def test_what_is_no_vertex_is_refused(plane, wrong):
 
 
 def test_they_pickle_and_copy(plane, tmp_path):
-    found = dmkcl.Geodesics(plane, 3, point=(1, 0, 0), curve=[0, 1], offsets=[0.5, 0])
+    found = dmkcl.Geodesics(plane, vertices=[3], point=(1, 0, 0), curve=[0, 1], offsets=[0.5, 0])
     again = pickle.loads(pickle.dumps(found))
     for name in ("distance", "nearest", "direction"):
         assert np.array_equal(getattr(again, name), getattr(found, name)), name

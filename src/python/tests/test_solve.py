@@ -411,6 +411,7 @@ def test_all_options_have_names():
         (lambda s: dmkcl.distance("mesh.off", 17), "source=17, not 17"),
         (lambda s: dmkcl.cut_open(s.mesh.to_trimesh(), 17), "source=17, not 17"),
         (lambda s: dmkcl.distance(s.mesh, sources=3), "given as source=3"),
+        (lambda s: dmkcl.distance(s.mesh, vertices=3), "given as vertex=3"),
         (lambda s: dmkcl.Geodesics(s.mesh, curve=[0, 1.5]), "curve = 1.5"),
         (lambda s: dmkcl.CutLocus(s.mesh, threads=1.5), "threads = 1.5"),
         (lambda s: dmkcl.CutLocus(s.mesh, single="no"), "single = 'no'"),
