@@ -104,8 +104,9 @@ typedef struct dmk_patch dmk_patch;
 int dmk_patch_create(dmk_context *ctx, const dmk_cotree *cotree, dmk_patch **patch);
 void dmk_patch_free(dmk_patch **patch);
 bool dmk_cusp_fit(dmk_patch *patch, int32_t triangle, dmk_cusp *cusp);
-/* The middle of a short locus around `xyz`, in `triangle`, and from there to one of its ends. */
-bool dmk_focus_fit(dmk_patch *patch, int32_t triangle, double xyz[3], double half[3]);
+/* The middle of a short locus around `xyz`, in `triangle`, and from there to one of its ends; what the fit leaves of
+ * the distances, root mean square. */
+bool dmk_focus_fit(dmk_patch *patch, int32_t triangle, double xyz[3], double half[3], double *left);
 
 /* ---- places.c: crossings, forks and end points as vertices of the locus ------------------------------- */
 /* All but kind, degree and mu; angles as in the source's chart. None depends on the strength asked for. */

@@ -191,13 +191,13 @@ bool dmk_cusp_fit(dmk_patch *p, int32_t triangle, dmk_cusp *c)
  * phi the direction from c: the waves that come in enclose an astroid, and the locus is the part of its
  * longer axis between two of the cusps, of the length 8 sqrt(A^2 + B^2). What is left of first order in
  * phi moves c. */
-bool dmk_focus_fit(dmk_patch *p, int32_t triangle, double xyz[3], double half[3])
+bool dmk_focus_fit(dmk_patch *p, int32_t triangle, double xyz[3], double half[3], double *left)
 {
     enum { N = 5 };
     const dmk_geodesics *g = p->cotree->geodesics;
     const double h = p->cotree->mean_edge;
     for (int round = 0; round < MAX_STEPS; round++) {
-        double A[N * N] = {0}, b[N] = {0}, axis[2][3] = {{0}};
+        double A[N * N] = {0}, b[N] = {0}, rhs[N], squares = 0, axis[2][3] = {{0}};
         if (!gather(p, triangle, xyz, dmk_rules.window * h)) return false;
         int least = 0;
         for (int k = 1; k < 3; k++) least = fabs(p->normal[k]) < fabs(p->normal[least]) ? k : least;
@@ -218,12 +218,17 @@ bool dmk_focus_fit(dmk_patch *p, int32_t triangle, double xyz[3], double half[3]
                 for (int k = 0; k <= j; k++) A[j * N + k] += term[j] * term[k];
                 b[j] += term[j] * y;
             }
+            squares += y * y;
         }
+        const double n = A[0];
+        memcpy(rhs, b, sizeof rhs);
         if (!dmk_solve_symmetric(N, 1, A, b) || hypot(b[1], b[2]) > dmk_rules.window) return false;
         for (int k = 0; k < 3; k++) xyz[k] += h * (b[1] * axis[0][k] + b[2] * axis[1][k]);
         const double phi = 0.5 * atan2(b[4], b[3]), reach = 4 * hypot(b[3], b[4]) * h;
         for (int k = 0; k < 3; k++)
             half[k] = reach * (cos(phi) * axis[0][k] + sin(phi) * axis[1][k]);
+        for (int j = 0; j < N; j++) squares -= rhs[j] * b[j];
+        *left = h * sqrt(dmk_max(squares, 0) / n);
         if (hypot(b[1], b[2]) < 1e-6) return true;
     }
     return false;

@@ -248,15 +248,22 @@ static int become_point(dmk_context *ctx, dmk_cotree *t, const double xyz[3])
     return add_end(ctx, t, best);
 }
 
-/* A small locus: a point, or an arc of which the ends are found by themselves, if *half is not 0. */
+/* A small locus: a point, or an arc of which the ends are found by themselves, if *half is not 0. What is strong is
+ * neither where the fit leaves more than it finds: six branches meet at the corner of a cube. */
 static int find_small(dmk_context *ctx, dmk_cotree *t, dmk_patch *patch, double middle[3],
                       double half[3])
 {
     const dmk_crossing *c = &t->crossing[t->last];
+    const bool strong = c->worth >= t->strength;
+    double left;
     memcpy(middle, c->xyz, sizeof c->xyz);
-    const bool fits = dmk_focus_fit(patch, c->half / 3, middle, half);
-    const bool arc = 2 * sqrt(dmk_dot(half, half)) >= t->mean_edge; /* a shorter one is a point */
-    if (c->worth >= t->strength && (arc || !fits)) return DMK_OK;
+    const bool fits = dmk_focus_fit(patch, c->half / 3, middle, half, &left);
+    const double reach = sqrt(dmk_dot(half, half)); /* an arc shorter than an edge is a point */
+    if (strong && (!fits || left > 0.5 * reach + t->noise)) {
+        memset(half, 0, 3 * sizeof *half);
+        return DMK_OK;
+    }
+    if (strong && 2 * reach >= t->mean_edge) return DMK_OK;
     return become_point(ctx, t, fits ? middle : c->xyz);
 }
 
