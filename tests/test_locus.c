@@ -1,6 +1,8 @@
 /* The cut locus as a graph: place, ends and topology against exact loci; borders; sources anywhere.
  */
+#include "base/vec3.h"
 #include "cut/cut.h"
+#include "geodesic/finer.h"
 #include "locus/cotree.h"
 #include "context.h"
 
@@ -509,6 +511,113 @@ static void test_cube(void **state)
     }
 }
 
+/* The first triangle of a cube of twelve is cut into 3^k around its middle, so that nearly all edges are tiny. */
+static scene uneven_cube(int k, dmk_point source)
+{
+    scene plain = cubes(1, 1, 1, (dmk_point){0, {1, 0, 0}});
+    const size_t nt = (size_t)(11 + pow(3, k)), nv = 8 + (nt - 12) / 2;
+    double *xyz = malloc(3 * nv * sizeof *xyz);
+    int32_t *triangle = malloc(3 * nt * sizeof *triangle);
+    memcpy(xyz, plain.mesh->xyz, 24 * sizeof *xyz);
+    memcpy(triangle, plain.mesh->triangle, 36 * sizeof *triangle);
+    int32_t v = 8, n = 12, parts = 1; /* of triangle 0: itself, and those from 12 on */
+    for (int round = 0; round < k; round++, parts *= 3) {
+        for (int32_t i = 0; i < parts; i++, v++) {
+            int32_t *t = triangle + 3 * (i == 0 ? 0 : 11 + i);
+            for (int j = 0; j < 3; j++)
+                xyz[3 * v + j] = (xyz[3 * t[0] + j] + xyz[3 * t[1] + j] + xyz[3 * t[2] + j]) / 3;
+            memcpy(triangle + 3 * n++, (int32_t[]){v, t[1], t[2]}, 3 * sizeof *triangle);
+            memcpy(triangle + 3 * n++, (int32_t[]){t[0], v, t[2]}, 3 * sizeof *triangle);
+            t[2] = v;
+        }
+    }
+    dmk_mesh *mesh = NULL;
+    if (dmk_mesh_create(ctx, nv, xyz, nt, triangle, &mesh) != DMK_OK)
+        fail_msg("%s", dmk_context_message(ctx));
+    free(xyz);
+    free(triangle);
+    free_scene(&plain);
+    return scene_of(mesh, source);
+}
+
+/* At a corner; on an edge, and where it is bisected; in a triangle, and in its middle. */
+static const dmk_point uneven_source[] = {{5, {1, 0, 0}},
+                                          {5, {0.7, 0.3, 0}},
+                                          {5, {0, 0.5, 0.5}},
+                                          {5, {0.2, 0.3, 0.5}},
+                                          {5, {0.5, 0.25, 0.25}}};
+
+/* Where edges are long beside the mean one the locus is that of the same surface with shorter ones, and in the
+ * triangles and directions of the mesh: of the two at each place one is that of the shortest path. */
+static void test_uneven(void **state)
+{
+    (void)state;
+    for (size_t i = 0; i < sizeof uneven_source / sizeof *uneven_source; i++) {
+        scene s = uneven_cube(6, uneven_source[i]);
+        dmk_locus *l = trace(&s);
+        dmk_locus_info info = check_object(l);
+        check_segments(&s, l);
+        const double full = dmk_full_turn(s.geodesics);
+        if (i == 0) assert_int_equal(info.endpoints, 6);
+        assert_true(info.length > 2 && info.length < 6);
+        int n_off = 0;
+        for (size_t j = 0; j < info.n_vertices; j++) {
+            dmk_value value;
+            const dmk_locus_vertex *v = &l->vertex[j];
+            double xyz[3];
+            assert_int_equal(dmk_mesh_point_xyz(ctx, s.mesh, &v->place, xyz), DMK_OK);
+            assert_true(dmk_distance(xyz, v->xyz) < 1e-9);
+            assert_int_equal(dmk_geodesics_at(ctx, s.geodesics, 1, &v->place, &value), DMK_OK);
+            const double at = value.direction * 2 * pi / full;
+            const double off = fmin(fabs(remainder(at - v->angle[0], 2 * pi)),
+                                    fabs(remainder(at - v->angle[1], 2 * pi)));
+            n_off += off > 0.05;
+        }
+        assert_true(4 * n_off <= (int)info.n_vertices); /* near forks there is a third family */
+        dmk_locus_destroy(&l);
+        free_scene(&s);
+    }
+}
+
+/* One long rectangle behind n unit squares. */
+static dmk_mesh *make_strip(int n)
+{
+    dmk_mesh *mesh = NULL;
+    double *xyz = calloc(6 * ((size_t)n + 2), sizeof *xyz);
+    int32_t *triangle = malloc(6 * ((size_t)n + 1) * sizeof *triangle);
+    for (int i = 0; i < 2 * (n + 2); i++) {
+        xyz[3 * i] = i / 2 <= n ? i / 2 : n + 10;
+        xyz[3 * i + 1] = i % 2;
+    }
+    for (int i = 0; i <= n; i++) {
+        const int32_t a = 2 * i, two[6] = {a, a + 2, a + 3, a, a + 3, a + 1};
+        memcpy(triangle + 6 * i, two, sizeof two);
+    }
+    if (dmk_mesh_create(ctx, 2 * (size_t)n + 4, xyz, 2 * (size_t)n + 2, triangle, &mesh) != DMK_OK)
+        fail_msg("%s", dmk_context_message(ctx));
+    free(xyz);
+    free(triangle);
+    return mesh;
+}
+
+/* A tenth of the edges' length in edges of more than four mean ones asks for finer triangles, with none of more than
+ * two: 0.13 here, then 0.07. Distances stay. */
+static void test_finer(void **state)
+{
+    (void)state;
+    for (int i = 0; i < 2; i++) {
+        dmk_finer f;
+        scene s = scene_of(make_strip(i == 0 ? 45 : 90), (dmk_point){40, {0.2, 0.3, 0.5}});
+        assert_int_equal(dmk_finer_create(ctx, s.geodesics, &f), DMK_OK);
+        assert_int_equal(f.mesh != NULL, i == 0);
+        for (int32_t v = 0; v < s.mesh->n_vertices && f.mesh; v++)
+            assert_true(fabs(f.geodesics->distance[v] - s.geodesics->distance[v]) < 1e-12);
+        if (f.mesh) assert_true(f.mesh->info.max_edge < 2 * s.h && f.mesh->info.max_edge > s.h);
+        dmk_finer_free(&f);
+        free_scene(&s);
+    }
+}
+
 static void test_genus(void **state)
 {
     (void)state;
@@ -873,9 +982,34 @@ static void test_unfold(void **state)
     dmk_mesh_destroy(&fan);
 }
 
+/* The plane has the directions of the geodesics, also where the cut was found on finer triangles. */
+static void check_directions(const scene *s)
+{
+    dmk_mesh *cut = NULL;
+    int32_t *origin = NULL, n = 0, n_off = 0;
+    double *plane = NULL;
+    const double scale = 2 * pi / dmk_full_turn(s->geodesics);
+    assert_int_equal(dmk_locus_cut(ctx, s->geodesics, NULL, &cut, &origin, &plane), DMK_OK);
+    for (int32_t v = 0; v < cut->n_vertices; v++) {
+        if (origin[v] < 0 || s->geodesics->distance[origin[v]] == 0) continue;
+        const double at = scale * s->geodesics->arrival[origin[v]].direction;
+        n++;
+        n_off += fabs(remainder(atan2(plane[2 * v + 1], plane[2 * v]) - at, 2 * pi)) > 0.01;
+    }
+    assert_true(n > 100 && 10 * n_off < n);
+    free(origin);
+    free(plane);
+    dmk_mesh_destroy(&cut);
+}
+
 static void test_cut(void **state)
 {
     (void)state;
+    for (int i = 0; i < 3; i++) {
+        scene s = uneven_cube(6, uneven_source[2 * i]);
+        check_directions(&s);
+        check_cut(&s, SIZE_MAX);
+    }
     for (int genus = 0; genus < 4; genus++) {
         scene s = plate_scene(genus, 6);
         check_cut(&s, SIZE_MAX);
@@ -1477,6 +1611,7 @@ int main(void)
         cmocka_unit_test(test_point),         cmocka_unit_test(test_quartic),
         cmocka_unit_test(test_narrow),        cmocka_unit_test(test_hyperbolic),
         cmocka_unit_test(test_noise),         cmocka_unit_test(test_cube),
+        cmocka_unit_test(test_uneven),        cmocka_unit_test(test_finer),
         cmocka_unit_test(test_genus),         cmocka_unit_test(test_connected),
         cmocka_unit_test(test_border),        cmocka_unit_test(test_path),
         cmocka_unit_test(test_path_saddle),   cmocka_unit_test(test_path_box),

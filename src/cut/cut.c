@@ -3,6 +3,7 @@
 #include "base/sets.h"
 #include "base/vec3.h"
 #include "cut/cut.h"
+#include "geodesic/finer.h"
 #include "locus/cotree.h"
 
 #include <math.h>
@@ -19,7 +20,8 @@ typedef struct splitter {
     int32_t *triangle; /* 3 per triangle of the split mesh */
     int32_t *kin;  /* 3 per triangle: the mesh's corner (3t + k) whose family the corner is of */
     uint8_t *side; /* 3 per triangle: edge opposite the corner is to be cut */
-    int32_t n_vertices, n_triangles;
+    int32_t n_vertices, n_triangles,
+        n_kept; /* n_kept: vertices of the geodesics' mesh, which come first */
 } splitter;
 
 /* A corner of a split triangle: a vertex, and the corner of the mesh on whose side of the cut it lies. */
@@ -246,7 +248,6 @@ static int separate(dmk_context *ctx, const splitter *k, dmk_mesh **cut, int32_t
 {
     int rc;
     int32_t *number = NULL, *first = NULL, n;
-    const dmk_geodesics *g = k->cotree->geodesics;
     double *xyz = NULL;
     DMK_TRY(DMK_NEW(ctx, number, 3 * (size_t)k->n_triangles));
     DMK_TRY(join_corners(ctx, k, number));
@@ -258,7 +259,7 @@ static int separate(dmk_context *ctx, const splitter *k, dmk_mesh **cut, int32_t
     for (int32_t v = 0; v < n; v++) {
         const int32_t c = first[v], old = k->triangle[c];
         memcpy(xyz + 3 * (size_t)v, k->xyz + 3 * (size_t)old, 3 * sizeof *xyz);
-        (*origin)[v] = old < g->mesh->n_vertices ? old : -1;
+        (*origin)[v] = old < k->n_kept ? old : -1;
         dmk_place_in_plane(k->cotree, k->kin[c], xyz + 3 * (size_t)v, *plane + 2 * (size_t)v);
     }
     DMK_TRY(dmk_poll(ctx));
@@ -273,19 +274,34 @@ done:
     return rc;
 }
 
+/* Directions of the finer mesh to those of the geodesics' own. */
+static void turn_back(const dmk_finer *f, size_t n, double *plane)
+{
+    const double full = dmk_full_turn(f->geodesics);
+    const double angle = full < HUGE_VAL ? f->turn[0] * 2 * M_PI / full : f->turn[0];
+    for (size_t i = 0; i < n; i++) {
+        const double x = plane[2 * i], y = plane[2 * i + 1];
+        plane[2 * i] = cos(angle) * x + sin(angle) * y;
+        plane[2 * i + 1] = cos(angle) * y - sin(angle) * x;
+    }
+}
+
 int dmk_locus_cut(dmk_context *ctx, const dmk_geodesics *g, const dmk_locus_options *opt,
                   dmk_mesh **cut, int32_t **origin, double **plane)
 {
     int rc;
     dmk_cotree t = {0};
-    splitter k = {.cotree = &t};
+    dmk_finer f;
+    splitter k = {.cotree = &t, .n_kept = g->mesh->n_vertices};
     *origin = NULL;
     *plane = NULL;
-    DMK_TRY(dmk_cotree_complete(ctx, g, &t));
+    DMK_TRY(dmk_finer_create(ctx, g, &f));
+    DMK_TRY(dmk_cotree_complete(ctx, f.geodesics ? f.geodesics : g, &t));
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(split_all(ctx, dmk_strength_asked(&t, opt), &k));
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(separate(ctx, &k, cut, origin, plane));
+    if (f.mesh) turn_back(&f, (size_t)(*cut)->n_vertices, *plane);
 done:
     if (rc != DMK_OK) {
         free(*origin);
@@ -299,5 +315,6 @@ done:
     free(k.kin);
     free(k.side);
     dmk_cotree_free(&t);
+    dmk_finer_free(&f);
     return rc;
 }

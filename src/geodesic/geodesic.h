@@ -17,6 +17,7 @@
  * - image.h: families of paths as an edge sees them.
  * - check.c: what must hold of the result; its integral.
  * - ways.c: the least ways that join parts of the mesh.
+ * - finer.c: the same on finer triangles.
  * - geodesics.c: the object.
  *
  * Half-edge h = 3 t + k lies opposite corner k of triangle t and runs from corner k+1 to corner

@@ -1,6 +1,7 @@
 /* The public object: numbering, polylines, counts. */
 #include "base/sets.h"
 #include "base/vec3.h"
+#include "geodesic/finer.h"
 #include "locus/cotree.h"
 
 #include <stdlib.h>
@@ -112,6 +113,17 @@ done:
     return rc;
 }
 
+/* From the finer mesh back to the geodesics' own. */
+static void place_back(const dmk_geodesics *g, const dmk_finer *f, dmk_locus *l)
+{
+    for (size_t i = 0; i < l->info.n_vertices && f->mesh; i++) {
+        dmk_locus_vertex *v = &l->vertex[i];
+        v->place.triangle = f->parent[v->place.triangle];
+        dmk_mesh_nearest_in(g->mesh, (int32_t)v->place.triangle, v->xyz, v->place.weight);
+        for (int k = 0; k < 2; k++) v->angle[k] -= f->turn[v->source[k]];
+    }
+}
+
 /* Angles at the source scaled to a full turn of 2 pi; kinds and their counts. */
 static void finish_vertices(const dmk_cotree *t, dmk_locus *l)
 {
@@ -195,12 +207,15 @@ int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *g, const dmk_locus_op
 {
     int rc;
     dmk_cotree t = {0};
+    dmk_finer f;
     sketch s = {0};
+    DMK_TRY(dmk_finer_create(ctx, g, &f));
     DMK_TRY(DMK_NEW(ctx, s.locus, 1));
-    DMK_TRY(dmk_cotree_complete(ctx, g, &t));
+    DMK_TRY(dmk_cotree_complete(ctx, f.geodesics ? f.geodesics : g, &t));
     DMK_TRY(dmk_poll(ctx));
     s.locus->info.strength = dmk_strength_asked(&t, opt);
     DMK_TRY(draw(ctx, &t, s.locus->info.strength, &s));
+    place_back(g, &f, s.locus);
     finish_vertices(&t, s.locus);
     DMK_TRY(write_polylines(ctx, &s));
     DMK_TRY(count_components(ctx, s.locus));
@@ -211,6 +226,7 @@ done:
     free(s.number);
     dmk_locus_destroy(&s.locus);
     dmk_cotree_free(&t);
+    dmk_finer_free(&f);
     return rc;
 }
 

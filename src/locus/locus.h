@@ -15,8 +15,8 @@
 
 #include "geodesic/geodesic.h"
 
-/* Every constant of this room. h: mean edge of the mesh. Chosen on the meshes of bench/accuracy.py
- * and bench/scan.py; tests/test_locus.c holds the figures they give. */
+/* The rules of this room. h: mean edge of the mesh, or of the finer one that stands for it (geodesic/finer.h). Chosen
+ * on the meshes of bench/accuracy.py and bench/scan.py; tests/test_locus.c holds the figures they give. */
 typedef struct dmk_locus_rules {
     double strength; /* h: default strength */
     double gap;      /* ratio: own branches and the surface's differ by it or more; ends.c, too */

@@ -1,0 +1,24 @@
+/* Geodesics on the same surface with finer triangles. What is found edge by edge, as the cut locus is, knows little of
+ * edges that much of it crosses: on machine parts they are up to 100 mean edges long. */
+#ifndef DMK_FINER_H
+#define DMK_FINER_H
+
+#include "geodesic/geodesic.h"
+
+/* All NULL where the mesh itself will do. Its vertices come first, and triangles are in the order of its own. */
+typedef struct dmk_finer {
+    dmk_mesh *mesh;
+    dmk_geodesics *geodesics; /* from the same sources */
+    int32_t *first;  /* n_triangles + 1 of the coarse mesh: the first of each triangle's parts */
+    int32_t *parent; /* mesh->n_triangles: triangle of the coarse mesh */
+    double *
+        turn; /* n_sources: the direction at each source that is 0 in the geodesics of the coarse mesh */
+} dmk_finer;
+
+/* The longest edge is bisected until none has more than two mean edges of the geodesics' mesh (M. C. Rivara,
+ * "Algorithms for refining triangular grids", 1984), or there are 300,000 triangles. The sources are points. Freed also
+ * after a failure. */
+int dmk_finer_create(dmk_context *context, const dmk_geodesics *geodesics, dmk_finer *finer);
+void dmk_finer_free(dmk_finer *finer);
+
+#endif
