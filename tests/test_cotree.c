@@ -56,7 +56,7 @@ static void crossings_of_a_flat_torus(void **state)
     const double source[2] = {(weight[1] + weight[2]) * width / N, weight[2] * height / N_RINGS};
     const dmk_point at = {0, {weight[0], weight[1], weight[2]}};
     assert_int_equal(dmk_geodesics_create(ctx, m, 1, &at, NULL, &g), DMK_OK);
-    assert_int_equal(dmk_cotree_create(ctx, g, &t), DMK_OK);
+    assert_int_equal(dmk_cotree_create(ctx, g, m->info.mean_edge, &t), DMK_OK);
     assert_int_equal(t.n, m->n_edges - (m->n_vertices - 1));
     assert_int_equal(t.n_loops, 0);
     assert_int_equal(dmk_cotree_peel(ctx, &t), DMK_OK);

@@ -1204,7 +1204,7 @@ static void test_angle(void **state)
     scene s = surface("quartic", 1, (double[3]){0.533843, 0.800764, 0.844080});
     dmk_cotree t = {0};
     int n = 0, exact = 0;
-    assert_int_equal(dmk_cotree_complete(ctx, s.geodesics, &t), DMK_OK);
+    assert_int_equal(dmk_cotree_complete(ctx, s.geodesics, s.h, &t), DMK_OK);
     for (int32_t i = 0; i < s.mesh->n_triangles; i++) {
         const int32_t *on = t.on + 3 * i;
         for (int k = 0; k < 3; k++) {
@@ -1277,9 +1277,9 @@ static void test_blocks(void **state)
     dmk_cotree one = {0}, many = {0};
     assert_true(s.mesh->n_triangles > 2 * 4 * 32768);
     assert_int_equal(dmk_context_set_threads(ctx, 1), DMK_OK);
-    assert_int_equal(dmk_cotree_complete(ctx, s.geodesics, &one), DMK_OK);
+    assert_int_equal(dmk_cotree_complete(ctx, s.geodesics, s.h, &one), DMK_OK);
     assert_int_equal(dmk_context_set_threads(ctx, 4), DMK_OK);
-    assert_int_equal(dmk_cotree_complete(ctx, s.geodesics, &many), DMK_OK);
+    assert_int_equal(dmk_cotree_complete(ctx, s.geodesics, s.h, &many), DMK_OK);
     assert_int_equal(dmk_context_set_threads(ctx, 0), DMK_OK);
     assert_int_equal(one.n, many.n);
     assert_memory_equal(one.crossing, many.crossing, (size_t)one.n * sizeof *one.crossing);
@@ -1303,7 +1303,7 @@ static void test_gap(void **state)
         scene s = shaken(surface("torus", 1, (double[3]){3, 0, 0}), 0.008, seed);
         dmk_cotree t = {0};
         double own = 0, next = HUGE_VAL;
-        assert_int_equal(dmk_cotree_complete(ctx, s.geodesics, &t), DMK_OK);
+        assert_int_equal(dmk_cotree_complete(ctx, s.geodesics, s.h, &t), DMK_OK);
         for (int32_t i = 0; i < s.mesh->n_triangles; i++) {
             const double b = dmk_branch_at(&t, i);
             if (b < t.strength)
@@ -1331,7 +1331,7 @@ static void test_noise_level(void **state)
         s = shaken(s, (noisy ? 0.035 : 0.02) * s.h, noisy ? 4 : 6);
         dmk_cotree t = {0};
         double own = 0;
-        assert_int_equal(dmk_cotree_complete(ctx, s.geodesics, &t), DMK_OK);
+        assert_int_equal(dmk_cotree_complete(ctx, s.geodesics, s.h, &t), DMK_OK);
         for (int32_t i = 0; i < s.mesh->n_triangles; i++) {
             const double b = dmk_branch_at(&t, i);
             if (b < HUGE_VAL) own = fmax(own, b);
@@ -1350,7 +1350,7 @@ static void test_width(void **state)
     scene s = surface("torus", 1, (double[3]){3, 0, 0});
     dmk_cotree t = {0};
     double reach = 0;
-    assert_int_equal(dmk_cotree_complete(ctx, s.geodesics, &t), DMK_OK);
+    assert_int_equal(dmk_cotree_complete(ctx, s.geodesics, s.h, &t), DMK_OK);
     for (int32_t i = 0; i < t.n; i++) {
         const dmk_crossing *c = &t.crossing[i];
         if (c->onward < 0 || c->strength < t.strength) continue;
@@ -1544,7 +1544,7 @@ static void test_excess(void **state)
     (void)state;
     scene s = surface("ellipsoid", 2, (double[3]){-0.151128, -0.350718, 0.295520});
     dmk_cotree t = {0};
-    assert_int_equal(dmk_cotree_complete(ctx, s.geodesics, &t), DMK_OK);
+    assert_int_equal(dmk_cotree_complete(ctx, s.geodesics, s.h, &t), DMK_OK);
     assert_int_equal(t.n, s.mesh->n_triangles - 1);
     assert_int_equal(t.n_ends, 2);
     assert_true(t.last >= 0);

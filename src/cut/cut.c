@@ -296,7 +296,7 @@ int dmk_locus_cut(dmk_context *ctx, const dmk_geodesics *g, const dmk_locus_opti
     *origin = NULL;
     *plane = NULL;
     DMK_TRY(dmk_finer_create(ctx, g, &f));
-    DMK_TRY(dmk_cotree_complete(ctx, f.geodesics ? f.geodesics : g, &t));
+    DMK_TRY(dmk_cotree_complete(ctx, f.geodesics, f.mean_edge, &t));
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(split_all(ctx, dmk_strength_asked(&t, opt), &k));
     DMK_TRY(dmk_poll(ctx));

@@ -211,7 +211,8 @@ static int run(dmk_context *ctx, const dmk_geodesics *g, dmk_finer *f)
     dmk_geodesics_options_init(&options, sizeof options);
     options.offset = offset;
     options.tolerance = g->tolerance;
-    DMK_TRY(dmk_geodesics_compute(ctx, f->mesh, n, source, &options, &f->geodesics));
+    DMK_TRY(dmk_geodesics_compute(ctx, f->mesh, n, source, &options, &f->own));
+    f->geodesics = f->own;
     for (size_t i = 0; i < n; i++) {
         DMK_TRY(dmk_mesh_point_xyz(ctx, g->mesh, &g->source[i].point, xyz));
         f->turn[i] = turn_of(g, f, xyz, (int32_t)i);
@@ -227,9 +228,10 @@ int dmk_finer_create(dmk_context *ctx, const dmk_geodesics *g, dmk_finer *f)
     int rc;
     double all = 0, in_long = 0;
     const dmk_mesh *m = g->mesh;
-    memset(f, 0, sizeof *f);
+    *f = (dmk_finer){.geodesics = g};
     for (int32_t e = 0; e < m->n_edges; e++) all += m->length[e];
-    const double length = longest * all / m->n_edges;
+    f->mean_edge = all / m->n_edges;
+    const double length = longest * f->mean_edge;
     for (int32_t e = 0; e < m->n_edges; e++)
         in_long += m->length[e] > 2 * length ? m->length[e] : 0;
     if (!(in_long > share * all) || m->n_triangles >= DMK_EXACT_TRIANGLES) return DMK_OK;
@@ -242,7 +244,7 @@ done:
 
 void dmk_finer_free(dmk_finer *f)
 {
-    dmk_geodesics_destroy(&f->geodesics);
+    dmk_geodesics_destroy(&f->own);
     dmk_mesh_destroy(&f->mesh);
     free(f->first);
     free(f->parent);

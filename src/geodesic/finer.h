@@ -5,10 +5,13 @@
 
 #include "geodesic/geodesic.h"
 
-/* All NULL where the mesh itself will do. Its vertices come first, and triangles are in the order of its own. */
+/* Its mesh begins with the vertices of the coarse one, and its triangles are in the order of theirs. Where that itself
+ * will do there is none, and the geodesics are those given. */
 typedef struct dmk_finer {
+    double mean_edge;               /* of the coarse mesh */
+    const dmk_geodesics *geodesics; /* from the same sources: `own` or those given */
+    dmk_geodesics *own;
     dmk_mesh *mesh;
-    dmk_geodesics *geodesics; /* from the same sources */
     int32_t *first;  /* n_triangles + 1 of the coarse mesh: the first of each triangle's parts */
     int32_t *parent; /* mesh->n_triangles: triangle of the coarse mesh */
     double *

@@ -277,14 +277,14 @@ done:
     return rc;
 }
 
-int dmk_cotree_create(dmk_context *ctx, const dmk_geodesics *g, dmk_cotree *t)
+int dmk_cotree_create(dmk_context *ctx, const dmk_geodesics *g, double mean_edge, dmk_cotree *t)
 {
     int rc;
     const dmk_mesh *m = g->mesh;
     int32_t *parent = NULL;
     memset(t, 0, sizeof *t);
     t->geodesics = g;
-    for (int32_t e = 0; e < m->n_edges; e++) t->mean_edge += m->length[e] / m->n_edges;
+    t->mean_edge = mean_edge;
     DMK_TRY(DMK_NEW_UNSET(ctx, parent, (size_t)m->n_vertices));
     DMK_TRY(DMK_NEW_UNSET(ctx, t->on, 3 * (size_t)m->n_triangles));
     DMK_TRY(dmk_star_loops(ctx, m, &g->star, parent, &t->loop, &t->n_loops));

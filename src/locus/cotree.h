@@ -36,7 +36,7 @@ typedef struct dmk_end_point {
 
 typedef struct dmk_cotree {
     const dmk_geodesics *geodesics;
-    double mean_edge;       /* h */
+    double mean_edge;       /* h, of the mesh that was given */
     double noise;           /* median of the edges' jumps */
     double strength;        /* default: branches of less are the mesh's own */
     dmk_keyed *order;       /* edges by jump */
@@ -51,8 +51,9 @@ typedef struct dmk_cotree {
     bool is_point;      /* no line: the whole locus is end point 0 */
 } dmk_cotree;
 
-/* Jumps, spanning tree and crossings; freed also after a failure. */
-int dmk_cotree_create(dmk_context *ctx, const dmk_geodesics *geodesics, dmk_cotree *cotree);
+/* Jumps, spanning tree and crossings; mean_edge: the h of the rules. Freed also after a failure. */
+int dmk_cotree_create(dmk_context *ctx, const dmk_geodesics *geodesics, double mean_edge,
+                      dmk_cotree *cotree);
 void dmk_cotree_free(dmk_cotree *cotree);
 /* Spanning tree and crossings from the jumps; the edges to be kept out of the tree come last, but for NULL. */
 int dmk_cotree_span(dmk_context *ctx, dmk_cotree *cotree, const bool *kept);
@@ -80,7 +81,8 @@ static inline double dmk_least_excess(const dmk_cotree *t)
 /* joints.c: the strong parts joined by the shortest ways, and peeled again. */
 int dmk_cotree_join(dmk_context *ctx, dmk_cotree *cotree);
 /* ends.c: all of it, and the end points of all branches of default strength. */
-int dmk_cotree_complete(dmk_context *ctx, const dmk_geodesics *geodesics, dmk_cotree *cotree);
+int dmk_cotree_complete(dmk_context *ctx, const dmk_geodesics *geodesics, double mean_edge,
+                        dmk_cotree *cotree);
 static inline double dmk_strength_asked(const dmk_cotree *t, const dmk_locus_options *options)
 {
     return options && options->strength > 0 ? options->strength : t->strength;

@@ -290,10 +290,10 @@ done:
     return rc;
 }
 
-int dmk_cotree_complete(dmk_context *ctx, const dmk_geodesics *g, dmk_cotree *t)
+int dmk_cotree_complete(dmk_context *ctx, const dmk_geodesics *g, double mean_edge, dmk_cotree *t)
 {
     int rc;
-    DMK_TRY(dmk_cotree_create(ctx, g, t));
+    DMK_TRY(dmk_cotree_create(ctx, g, mean_edge, t));
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(dmk_cotree_peel(ctx, t));
     DMK_TRY(dmk_poll(ctx));

@@ -211,7 +211,7 @@ int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *g, const dmk_locus_op
     sketch s = {0};
     DMK_TRY(dmk_finer_create(ctx, g, &f));
     DMK_TRY(DMK_NEW(ctx, s.locus, 1));
-    DMK_TRY(dmk_cotree_complete(ctx, f.geodesics ? f.geodesics : g, &t));
+    DMK_TRY(dmk_cotree_complete(ctx, f.geodesics, f.mean_edge, &t));
     DMK_TRY(dmk_poll(ctx));
     s.locus->info.strength = dmk_strength_asked(&t, opt);
     DMK_TRY(draw(ctx, &t, s.locus->info.strength, &s));

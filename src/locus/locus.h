@@ -15,7 +15,7 @@
 
 #include "geodesic/geodesic.h"
 
-/* The rules of this room. h: mean edge of the mesh, or of the finer one that stands for it (geodesic/finer.h). Chosen
+/* The rules of this room. h: mean edge of the mesh, also where a finer one stands for it (geodesic/finer.h). Chosen
  * on the meshes of bench/accuracy.py and bench/scan.py; tests/test_locus.c holds the figures they give. */
 typedef struct dmk_locus_rules {
     double strength; /* h: default strength */
