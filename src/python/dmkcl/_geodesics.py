@@ -30,11 +30,12 @@ def _points(
 ) -> "list[Point]":
     """The sources, however they are given."""
     listed: "list[Union[int, Point]]" = []
-    for one, several, names in (
+    asked: "list[tuple[Any, Any, tuple[str, str]]]" = [
         (source, sources, ("source", "sources")),
         (vertex, vertices, ("vertex", "vertices")),
-    ):
-        if several is not None and np.ndim(several) == 0:  # type: ignore[arg-type]
+    ]
+    for one, several, names in asked:
+        if several is not None and np.ndim(several) == 0:
             raise ArgumentError(
                 f"{names[1]} = {several!r}: expected several; one is given as {names[0]}={several!r}"
             )
