@@ -33,9 +33,8 @@ def from_meshio(mesh: Any) -> "tuple[Any, Any]":
         else:
             others.add(block.type)
     if not parts:
-        raise MeshError(
-            f"no triangles: {', '.join(sorted(others)) or 'no cells'} only; expected a surface"
-        )
+        found = f", but cells of type {', '.join(sorted(others))}" if others else ""
+        raise MeshError(f"no triangles{found}; expected a surface")
     return mesh.points, np.vstack(parts)
 
 

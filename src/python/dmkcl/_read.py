@@ -3,14 +3,16 @@ trimesh read."""
 
 from __future__ import annotations
 
+import io
 import os
+from contextlib import redirect_stderr, redirect_stdout
 from typing import Any, Callable, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._foreign import from_meshio, from_object
-from ._lib import ArgumentError, Context, Error, FileError, FormatError, Handle, ffi, lib, path_bytes
+from ._lib import ArgumentError, Context, Error, FormatError, Handle, ffi, lib, path_bytes
 from ._mesh import Mesh, _face_array, _vertex_array
 
 MeshLike = Union[Mesh, "os.PathLike[str]", str, Sequence[Any], Any]
@@ -135,28 +137,35 @@ def named(error: Error, path: str) -> Error:
 
 
 def _try(reader: Callable[[str], Any], name: str, path: str) -> Any:
-    """Vertices and faces, or why this reader has none."""
+    """Vertices and faces, or why this reader has none. What it prints or logs on the way is not shown."""
     try:
-        return reader(path)
+        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+            return reader(path)
     except ImportError as missing:
         return f"{missing.name or name} is not installed"
     except Error as error:
         raise named(error, path) from None
-    except SystemExit:  # meshio ends the program on some files
-        return "cannot read it"
-    except Exception as error:
-        words = str(error).strip() or type(error).__name__
-        return words.splitlines()[0]
+    except (Exception, SystemExit):  # meshio ends the program on some files
+        return f"{name} cannot read it"
+
+
+def _is_unknown(path: str, error: FormatError) -> bool:
+    """Whether the library knows no such format: another than a known one that is broken."""
+    if path.lower().endswith(".msh"):  # Gmsh's begin with $; ANSYS has files of this name, too
+        with open(path, "rb") as file:
+            return file.read(1) != b"$"
+    return "neither its content nor its suffix" in str(error)
 
 
 def _load(path: str, own: Callable[[str], Any], make: Callable[[Any, Any], Any]) -> Any:
-    """The library's own reader, or what `make` makes of what another package reads."""
+    """The library's own reader, or, of a format that it does not know, what `make` makes of what another
+    package reads."""
     try:
         return own(path)
     except FormatError as error:
+        if not _is_unknown(path, error):
+            raise
         refused = error
-    except FileError:
-        raise
     said = [str(refused)]
     for name, reader in (("meshio", _by_meshio), ("trimesh", _by_trimesh)):
         found = _try(reader, name, path)
@@ -165,8 +174,8 @@ def _load(path: str, own: Callable[[str], Any], make: Callable[[Any, Any], Any])
                 return make(*found)
             except Error as error:
                 raise named(error, path) from None
-        said.append(f"{name}: {found}")
-    raise FormatError("; ".join(said)) from refused
+        said.append(found)
+    raise FormatError("; ".join(said)) from None
 
 
 def read(path: "os.PathLike[str] | str") -> Mesh:
@@ -176,8 +185,8 @@ def read(path: "os.PathLike[str] | str") -> Mesh:
     bit of a double; others are given to meshio, then to trimesh, where these are installed
     (``pip install dmkcl[meshes]``).
 
-    Raises FileError if the file cannot be read, FormatError if nobody knows the format, MeshError
-    if it holds no surface that the method can treat (`repair` mends most).
+    Raises FileError if the file cannot be read, FormatError if it is broken or nobody knows its format,
+    MeshError if it holds no surface that the method can treat (`repair` mends most).
     """
     mesh: Mesh = _load(os.fspath(path), Mesh._read, Mesh)
     return mesh

@@ -87,6 +87,37 @@ def test_errors(tmp_path):
         dmkcl.read(bad)
 
 
+@pytest.mark.parametrize("suffix", ["off", "obj", "ply", "vtu"])
+def test_a_broken_file_is_not_read_in_part(tmp_path, small, suffix, capfd):
+    """A format that the library knows is its own affair: meshio and trimesh would take the part that is there."""
+    path = tmp_path / f"cut.{suffix}"
+    small.write(path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: 3 * len(whole) // 4].rstrip(b"0123456789 \n") + b" x")
+    for load in (dmkcl.read, dmkcl.repair, dmkcl.CutLocus):
+        with pytest.raises(dmkcl.FormatError, match="^(?!.*(meshio|trimesh)).*cut"):
+            load(path)
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("text", ["v 0 0 0\nv 1 0 0\n", "v 0 0 0\nv 1 0 0\nl 1 2\n"])
+def test_points_and_lines_are_no_mesh(tmp_path, text):
+    path = tmp_path / "lines.obj"
+    path.write_text(text)
+    with pytest.raises(dmkcl.FormatError, match="lines.obj: contains no faces"):
+        dmkcl.read(path)
+
+
+def test_of_what_nobody_reads_one_message_comes(tmp_path, capfd):
+    for name in ("odd.inp", "odd.msh", "odd.glb"):
+        path = tmp_path / name
+        path.write_text("what is this\n")
+        with pytest.raises(dmkcl.Error) as raised:
+            dmkcl.read(path)
+        assert str(raised.value).startswith(str(path)) and "array" not in str(raised.value)
+    assert capfd.readouterr() == ("", "")
+
+
 @pytest.mark.parametrize("loaded", ["trimesh", "meshio"])
 def test_five_lines(tmp_path, small, loaded):
     small.write(tmp_path / "sphere.ply")
