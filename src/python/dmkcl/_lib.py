@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import operator
 import os
-import re
 from functools import partial
 from typing import Any, Callable, Optional
 
@@ -201,8 +200,6 @@ class Context:
         if status == lib.DMK_E_CANCELLED:
             raise self.error if self.error is not None else KeyboardInterrupt()
         message = text(lib.dmk_context_message(self.pointer)) or text(lib.dmk_status_text(status))
-        # Advice names options as the tool does: --max-steps is max_steps here.
-        message = re.sub(r"--([a-z][a-z-]*)", lambda m: m[1].replace("-", "_"), message)
         message = message.replace("a repair does", "dmkcl.repair does")
         error = _CLASSES.get(status, Error)(message)
         error.code = status

@@ -87,6 +87,12 @@ def test_errors(tmp_path):
         dmkcl.read(bad)
 
 
+def test_errors_have_the_name_as_it_is(tmp_path):
+    path = tmp_path / "a--repair --b.off"
+    with pytest.raises(dmkcl.FileError, match=f"{path}"):
+        dmkcl.read(path)
+
+
 @pytest.mark.parametrize("suffix", ["off", "obj", "ply", "vtu"])
 def test_a_broken_file_is_not_read_in_part(tmp_path, small, suffix, capfd):
     """A format that the library knows is its own affair: meshio and trimesh would take the part that is there."""
