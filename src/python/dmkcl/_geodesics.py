@@ -9,7 +9,9 @@ from typing import Any, NamedTuple, Optional, Sequence, Union
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._lib import ArgumentError, Context, Handle, copy_struct, ffi, lib, path_bytes, switch, view, whole
+from ._lib import (
+    ArgumentError, Context, Handle, amount, copy_struct, ffi, lib, numbers, path_bytes, switch, view, whole,
+)  # fmt: skip
 from ._locus import Locus
 from ._mesh import Mesh, Point
 from ._read import MeshLike, as_mesh
@@ -153,10 +155,10 @@ class Geodesics:
             self.mesh, source, sources, vertex, vertices, point, points
         )
         along = None if curve is None else [whole("curve", v) for v in curve]
-        apart = None if offsets is None else np.asarray(offsets, np.float64).tolist()
+        apart = None if offsets is None else numbers("offsets", offsets).tolist()
         if apart is not None and len(apart) != len(self.sources):
             raise ArgumentError(f"{len(apart)} offsets for {len(self.sources)} sources")
-        self._asked = (along, switch("border", border), apart, tolerance, switch("exact", exact))
+        self._asked = (along, switch("border", border), apart, amount("tolerance", tolerance), switch("exact", exact))
         self._made: Optional[Handle] = self._compute(whole("threads", threads))
 
     def _compute(self, threads: int = 0) -> Handle:

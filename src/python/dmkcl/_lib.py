@@ -86,9 +86,34 @@ def whole(name: str, value: Any) -> int:
     try:
         if isinstance(value, (bool, np.bool_)):
             raise TypeError
-        return operator.index(value)
+        number = operator.index(value)
     except TypeError:
         raise ArgumentError(f"{name} = {value!r}: expected a whole number") from None
+    if not -(2**31) <= number < 2**31:
+        raise ArgumentError(f"{name} = {value!r}: expected a number of 32 bits")
+    return number
+
+
+def amount(name: str, value: Any) -> float:
+    """A finite number from 0."""
+    try:
+        number = float("nan" if isinstance(value, str) else value)
+    except (TypeError, ValueError):
+        number = float("nan")
+    if not 0 <= number < float("inf"):
+        raise ArgumentError(f"{name} = {value!r}: expected a finite number from 0")
+    return number
+
+
+def numbers(name: str, values: Any) -> "np.ndarray":
+    """An array of doubles, row by row, of real numbers of any type."""
+    try:
+        array = np.asarray(values)
+    except ValueError:
+        raise ArgumentError(f"{name} have rows of different lengths") from None
+    if array.dtype.kind not in "fiub":
+        raise ArgumentError(f"{name} are of type {array.dtype}; expected real numbers")
+    return np.ascontiguousarray(array, dtype=np.float64)
 
 
 def switch(name: str, value: Any) -> bool:

@@ -9,7 +9,7 @@ from typing import Any, Optional
 import numpy as np
 from numpy.typing import NDArray
 
-from ._lib import Context, Error, Handle, copy_struct, ffi, lib, path_bytes
+from ._lib import Context, Error, Handle, amount, copy_struct, ffi, lib, path_bytes
 from ._mesh import Mesh
 from ._optional import optional
 
@@ -83,7 +83,7 @@ class Locus:
         """Of a result on a mesh, or, where that is None, of geodesics."""
         options = ffi.new("dmk_locus_options *")
         lib.dmk_locus_options_init(options, ffi.sizeof(options[0]))
-        options.strength = strength
+        options.strength = amount("strength", strength)
         self._handle: Optional[Handle] = Handle("dmk_locus")
         with Context() as context:
             if mesh is None:

@@ -9,7 +9,7 @@ from typing import Any, Iterator, NamedTuple, Optional
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._lib import ArgumentError, Context, Handle, MeshError, copy_struct, ffi, lib, path_bytes, view, whole
+from ._lib import ArgumentError, Context, Handle, MeshError, copy_struct, ffi, lib, numbers, path_bytes, view, whole
 from ._optional import optional
 
 
@@ -25,7 +25,7 @@ class Point(NamedTuple):
 
 
 def _vertex_array(vertices: ArrayLike) -> NDArray[np.float64]:
-    xyz = np.ascontiguousarray(vertices, dtype=np.float64)
+    xyz = numbers("vertices", vertices)
     if xyz.ndim != 2 or xyz.shape[1] not in (2, 3):
         raise ArgumentError(
             f"vertices have the shape {xyz.shape}; expected (n, 3), or (n, 2) for a plane surface"
@@ -36,7 +36,10 @@ def _vertex_array(vertices: ArrayLike) -> NDArray[np.float64]:
 
 
 def _face_array(faces: ArrayLike, n_vertices: int) -> NDArray[np.int32]:
-    index = np.asarray(faces)
+    try:
+        index = np.asarray(faces)
+    except ValueError:
+        raise ArgumentError("faces have rows of different lengths; expected triangles only") from None
     if index.ndim != 2 or index.shape[1] != 3:
         raise ArgumentError(f"faces have the shape {index.shape}; expected (m, 3): triangles only")
     if index.dtype.kind not in "iu":
@@ -166,7 +169,7 @@ class Mesh:
 
     def nearest(self, point: ArrayLike) -> Point:
         """The point of the surface nearest (in space) to x, y, z. ArgumentError if not finite."""
-        xyz = np.ascontiguousarray(point, dtype=np.float64)
+        xyz = numbers("coordinates of a point", point)
         if xyz.shape != (3,):
             raise ArgumentError(f"point has the shape {xyz.shape}; expected three coordinates")
         found = ffi.new("dmk_point *")
@@ -194,7 +197,7 @@ class Mesh:
 
         Weights are scaled to sum 1. ArgumentError if one is negative or the triangle is not there.
         """
-        weight = np.full(3, 1 / 3) if bary is None else np.asarray(bary, dtype=np.float64)
+        weight = np.full(3, 1 / 3) if bary is None else numbers("weights", bary)
         if not 0 <= whole("face", face) < len(self.faces):
             raise ArgumentError(f"triangle {face}: expected 0 to {len(self.faces) - 1}")
         if weight.shape != (3,) or not (weight >= 0).all() or not 0 < weight.sum() < np.inf:

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._device import open_device
 from ._geodesics import Geodesics
-from ._lib import ArgumentError, Context, Error, Handle, ffi, lib, switch
+from ._lib import ArgumentError, Context, Error, Handle, amount, ffi, lib, switch, whole
 from ._mesh import Mesh, Point
 from ._progress import ProgressOption, Watch
 from ._read import MeshLike, as_mesh, named, warning_of_pieces
@@ -57,16 +57,16 @@ def _options(
     lib.dmk_solve_options_init(options, ffi.sizeof(options[0]))
     options.method = _choose(_METHODS, "method", method)
     options.start = _choose(_STARTS, "start", start)
-    options.tolerance, options.gap_tolerance = tolerance, gap
-    options.max_steps, options.threshold = max_steps, threshold
-    options.dt, options.cg_tolerance = dt, cg_tolerance
+    options.tolerance, options.gap_tolerance = amount("tolerance", tolerance), amount("gap", gap)
+    options.max_steps, options.threshold = whole("max_steps", max_steps), amount("threshold", threshold)
+    options.dt, options.cg_tolerance = amount("dt", dt), amount("cg_tolerance", cg_tolerance)
     options.density_only = switch("density_only", density_only)
     if dt and method != "euler":
         raise ArgumentError(f'dt = {dt}: only method="euler" has a time step')
     if inertia is not None and method != "inertial":
         raise ArgumentError(f'inertia = {inertia}: only method="inertial" has inertia')
     if inertia is not None:
-        options.inertia = inertia
+        options.inertia = amount("inertia", inertia)
     return options
 
 
@@ -251,7 +251,7 @@ class CutLocus:
             self.mesh.place(point=point, vertex=vertex, face=face, bary=bary),
             settings,
             progress,
-            strength,
+            amount("strength", strength),
         )
 
     def _solve(self, source: Point, options: Any, progress: ProgressOption, strength: float) -> Result:
@@ -326,7 +326,7 @@ class CutLocus:
         sources = [
             self.mesh.place(bary=weight, **{name: value}) for value, weight in zip(values, weights)
         ]
-        return self._solve_each(sources, settings, progress, strength)
+        return self._solve_each(sources, settings, progress, amount("strength", strength))
 
     def _solve_each(
         self, sources: "list[Point]", options: Any, progress: bool, strength: float
@@ -360,7 +360,7 @@ class CutLocus:
         reached is a warning.
         """
         settings = _options(tolerance=tolerance, gap=gap, max_steps=max_steps)
-        settings.normalise = normalise
+        settings.normalise = switch("normalise", normalise)
         watch = Watch(progress)
         try:
             with self._device.use(), Context(watch, self._choice[2]) as context:
@@ -470,6 +470,7 @@ def solve_meshes(
     if isinstance(meshes, (str, os.PathLike, Mesh)):
         raise ArgumentError("one mesh; expected several, as in a list: [mesh]")
     where = _one_place(source)
+    least = amount("strength", strength)
     settings = _options(
         method=method,
         start=start,
@@ -485,7 +486,7 @@ def solve_meshes(
 
     def solve(mesh: Any) -> Result:
         solver = _make(as_mesh(mesh), device, single, threads, cache)
-        return solver._solve(solver.mesh.place(**where), settings, False, strength)
+        return solver._solve(solver.mesh.place(**where), settings, False, least)
 
     return (found for mesh in meshes for found in _solve_mesh(mesh, solve, on_error))
 

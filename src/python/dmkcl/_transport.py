@@ -10,7 +10,7 @@ from typing import Any, Literal, Optional, Sequence, Union
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._lib import ArgumentError, Context, Handle, copy_struct, ffi, lib, path_bytes, view
+from ._lib import ArgumentError, Context, Handle, amount, copy_struct, ffi, lib, numbers, path_bytes, view
 from ._mesh import Mesh, Point
 
 
@@ -43,7 +43,7 @@ MeasureLike = Union[Measure, ArrayLike]
 
 
 def _column(name: str, values: ArrayLike, n: int) -> NDArray[np.float64]:
-    array = np.ascontiguousarray(values, dtype=np.float64)
+    array = numbers(name, values)
     if array.shape != (n,):
         raise ArgumentError(f"{name} has the shape {array.shape}; expected ({n},)")
     return array
@@ -73,7 +73,7 @@ def _pack(mesh: Mesh, measure: MeasureLike, keep: "list[Any]") -> Any:
         else:
             masses = np.ones(len(places)) if m.masses is None else m.masses
             lend("atom_mass", _column("masses", masses, len(places)))
-    packed.uniform = m.uniform
+    packed.uniform = amount("uniform", m.uniform)
     keep.append(packed)
     return packed
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Optional, Sequence
 
-from ._lib import Context, Handle, ffi, lib
+from ._lib import ArgumentError, Context, Handle, amount, ffi, lib, numbers, whole
 from ._mesh import Mesh
 
 __all__ = ["torus", "ellipsoid", "quartic", "sphere"]
@@ -28,12 +28,17 @@ def _make(
     lib.dmk_surface_options_init(options, ffi.sizeof(options[0]))
     options.name = text
     for i, size in enumerate(sizes):
-        options.size[i] = size
-    options.n_triangles = n_triangles or 0
-    options.refine = refine
+        options.size[i] = amount("size", size)
+        if not size > 0:  # of 0 the library makes its default
+            raise ArgumentError(f"a size of the {name} is {size!r}: expected a number above 0")
+    if n_triangles is not None:
+        options.n_triangles = int(amount("n_triangles", whole("n_triangles", n_triangles)))
+    options.refine = whole("refine", refine)
     if source is not None:
-        options.has_source = 1
-        options.source = [float(x) for x in source]
+        place = numbers("coordinates of the source", source)
+        if place.shape != (3,):
+            raise ArgumentError(f"source has the shape {place.shape}; expected three coordinates")
+        options.has_source, options.source = 1, place.tolist()
     handle = Handle("dmk_mesh")
     with Context() as context:
         context.check(lib.dmk_mesh_surface(context.pointer, options, handle.box))
