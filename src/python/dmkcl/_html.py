@@ -7,6 +7,8 @@ import html
 import json
 import os
 import re
+import secrets
+import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Optional
 
@@ -125,14 +127,30 @@ class View:
         )
 
 
-def export_html(result: "Result", path: "os.PathLike[str] | str", title: Optional[str]) -> None:
-    """Write the page: under another name first, so that it is whole or not there."""
-    path = Path(path)
-    unfinished = path.with_name(path.name + ".part")
+def _write(path: str, text: str) -> None:
+    """Write where the path's links lead: under another name first, so that the file is whole or not there. What is
+    there and no regular file, as a pipe, is written as it comes."""
+    if path.startswith(("/dev/", "/proc/")) or (os.path.exists(path) and not os.path.isfile(path)):
+        with open(path, "w", encoding="utf-8") as stream:
+            stream.write(text)
+        return
+    target = os.path.realpath(path) if path else path
+    unfinished = Path(os.path.dirname(target), f".dmkcl-{secrets.token_hex(8)}.tmp")
     try:
-        unfinished.write_text(page(result, title), encoding="utf-8")
-        os.replace(unfinished, path)
-    except OSError as error:
-        raise FileError(f"{path}: cannot write: {error.strerror}") from None
-    finally:
+        with open(unfinished, "x", encoding="utf-8") as file:
+            file.write(text)
+        if os.path.exists(target):
+            shutil.copymode(target, unfinished)
+        os.replace(unfinished, target)
+    except BaseException:
         unfinished.unlink(missing_ok=True)
+        raise
+
+
+def export_html(result: "Result", path: "os.PathLike[str] | str", title: Optional[str]) -> None:
+    """Write the page."""
+    name, text = os.fspath(path), page(result, title)
+    try:
+        _write(name, text)
+    except OSError as error:
+        raise FileError(f"{name or repr(name)}: cannot write: {error.strerror}") from None

@@ -6,6 +6,8 @@ import json
 import os
 import re
 import shutil
+import subprocess
+import threading
 import time
 
 import numpy as np
@@ -39,6 +41,38 @@ def test_one_file_without_addresses(page):
     assert "Torus &lt;1&gt; &amp; more" in text and "@" not in re.sub(r"@media", "", text[:3000])
     assert not re.search(r"https?://|src=|@import", text)
     assert [p.name for p in page.parent.iterdir()] == [page.name]
+
+
+def test_links_pipes_and_other_files_stay(result, page, tmp_path):
+    result.export_html(tmp_path / "a.html", title="Torus <1> & more")
+    (tmp_path / "a.html").chmod(0o640)
+    (tmp_path / "a.html.part").write_text("mine")
+    (tmp_path / "link.html").symlink_to("a.html")
+    (tmp_path / "a.html").write_text("old")
+    result.export_html(tmp_path / "link.html", title="Torus <1> & more")
+    assert (tmp_path / "link.html").is_symlink()
+    assert (tmp_path / "a.html").read_text() == page.read_text()
+    assert (tmp_path / "a.html").stat().st_mode & 0o777 == 0o640
+    assert (tmp_path / "a.html.part").read_text() == "mine"
+    os.mkfifo(tmp_path / "pipe.html")
+    with subprocess.Popen(["cat", tmp_path / "pipe.html"], stdout=subprocess.PIPE) as cat:
+        writer = threading.Thread(target=result.export_html, args=(tmp_path / "pipe.html",), daemon=True)
+        writer.start()
+        try:
+            assert b"</html>" in cat.communicate(timeout=20)[0]
+        finally:
+            cat.kill()
+        writer.join(20)
+    assert (tmp_path / "pipe.html").is_fifo()
+    assert sorted(os.listdir(tmp_path)) == ["a.html", "a.html.part", "link.html", "pipe.html"]
+
+
+@pytest.mark.parametrize("name", ["", ".", "missing/a.html"])
+def test_what_cannot_be_written_is_named(result, tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(dmkcl.FileError, match="cannot write: "):
+        result.export_html(name)
+    assert os.listdir(tmp_path) == []
 
 
 @needs_browser
