@@ -55,11 +55,9 @@ def _points(
                 "as point=(x, y, z) or points=[...]"
             )
     if point is not None:
-        places.append(mesh.nearest(point))
+        places.append(mesh._take(point))
     if points is not None:
-        if np.ndim(points) != 2:
-            raise ArgumentError(f"points have the shape {np.shape(points)}; expected (k, 3)")
-        places.extend(mesh.nearest(xyz) for xyz in np.asarray(points))
+        places.extend(mesh._take_all(points))
     return places
 
 
@@ -260,7 +258,8 @@ class Geodesics:
 
     def at(self, points: ArrayLike) -> "tuple[NDArray[np.float64], NDArray[np.float64]]":
         """Distance and direction, (k,) each, at the points of the surface nearest to (k, 3)."""
-        places = [self.mesh.nearest(xyz) for xyz in np.asarray(points, np.float64).reshape(-1, 3)]
+        xyz = numbers("points", points)
+        places = self.mesh.nearest_all(xyz.reshape(-1, 3) if xyz.shape in ((0,), (3,)) else xyz)
         given = ffi.new("dmk_point[]", [(at.face, at.bary) for at in places])
         values = ffi.new("dmk_value[]", max(1, len(places)))
         with Context() as context:
@@ -283,7 +282,7 @@ class Geodesics:
     ) -> Path:
         """A minimal geodesic from the nearest source to a point. Where several are minimal, one of
         them. ArgumentError if no source is joined to it."""
-        end = self.mesh.place(point=point, vertex=vertex, face=face, bary=bary)
+        end = self.mesh._take(point, vertex, face, bary)
         place = ffi.new("dmk_point[]", [(end.face, end.bary)])
         with Context() as context, traced(self.mesh, 1) as paths:
             context.check(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import operator
 import os
+import sys
+import warnings
 from functools import partial
 from typing import Any, Callable, Optional
 
@@ -121,6 +123,14 @@ def switch(name: str, value: Any) -> bool:
     if not isinstance(value, (bool, np.bool_)):
         raise ArgumentError(f"{name} = {value!r}: expected True or False")
     return bool(value)
+
+
+def warn(words: str) -> None:
+    """A warning at that line of the user's program that called the package."""
+    frame, level = sys._getframe(), 1
+    while frame.f_back and str(frame.f_globals.get("__name__")).partition(".")[0] == __package__:
+        frame, level = frame.f_back, level + 1
+    warnings.warn(words, stacklevel=level)
 
 
 # ---- handles ----------------------------------------------------------------------------------

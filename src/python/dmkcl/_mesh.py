@@ -9,7 +9,7 @@ from typing import Any, Iterator, NamedTuple, Optional
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._lib import ArgumentError, Context, Handle, MeshError, copy_struct, ffi, lib, numbers, path_bytes, view, whole
+from ._lib import ArgumentError, Context, Handle, MeshError, copy_struct, ffi, lib, numbers, path_bytes, view, warn, whole
 from ._optional import optional
 
 
@@ -181,6 +181,20 @@ class Mesh:
             )
         return self._place(found)
 
+    def nearest_all(self, points: ArrayLike) -> "list[Point]":
+        """`nearest` of each of (k, 3) points, in far less time for many."""
+        xyz = numbers("points", points)
+        if xyz.ndim != 2 or xyz.shape[1] != 3:
+            raise ArgumentError(f"points have the shape {xyz.shape}; expected (k, 3)")
+        found = ffi.new("dmk_point[]", len(xyz))
+        with Context() as context:
+            context.check(
+                lib.dmk_mesh_project_all(
+                    context.pointer, self._pointer, len(xyz), ffi.from_buffer("double[]", xyz), found
+                )
+            )
+        return self._places(found, len(xyz))
+
     def at_vertex(self, vertex: int) -> Point:
         """Vertex number `vertex` as a point. ArgumentError if no triangle has it."""
         found = ffi.new("dmk_point *")
@@ -231,10 +245,52 @@ class Mesh:
         return self.at_face(face, bary)
 
     def _place(self, found: Any) -> Point:
+        return self._places(found, 1)[0]
+
+    def _places(self, found: Any, n: int) -> "list[Point]":
+        """n points of the library."""
+        places = []
         xyz = ffi.new("double[3]")
         with Context() as context:
-            context.check(lib.dmk_mesh_point_xyz(context.pointer, self._pointer, found, xyz))
-        return Point(int(found.triangle), tuple(found.weight), tuple(xyz))
+            for i in range(n):
+                context.check(lib.dmk_mesh_point_xyz(context.pointer, self._pointer, found + i, xyz))
+                places.append(Point(int(found[i].triangle), tuple(found[i].weight), tuple(xyz)))
+        return places
+
+    # Sources, atoms and ends of paths; the warning is the tool's.
+
+    def _take(
+        self,
+        point: Optional[ArrayLike] = None,
+        vertex: Optional[int] = None,
+        face: Optional[int] = None,
+        bary: Optional[ArrayLike] = None,
+    ) -> Point:
+        """`place`, with a warning if the point is more than an edge off the surface."""
+        place = self.place(point=point, vertex=vertex, face=face, bary=bary)
+        if point is not None:
+            self._warn_away(numbers("point", point)[None], [place])
+        return place
+
+    def _take_all(self, points: ArrayLike) -> "list[Point]":
+        """`nearest_all` with the same warning."""
+        places = self.nearest_all(points)
+        self._warn_away(numbers("points", points), places)
+        return places
+
+    def _warn_away(self, points: NDArray[np.float64], places: "list[Point]") -> None:
+        away = np.linalg.norm(points - np.reshape([place.xyz for place in places], (-1, 3)), axis=1)
+        far = np.flatnonzero(away > self.info["mean_edge"])
+        if len(far) == 0:
+            return
+        wanted, found = (
+            ", ".join(f"{x:.6g}" for x in xyz) for xyz in (points[far[0]], places[far[0]].xyz)
+        )
+        others = f", and so are those of {len(far) - 1} more such points" if len(far) > 1 else ""
+        warn(
+            f"({wanted}) is {away[far[0]]:.3g} away from the surface; its nearest point ({found}) is taken"
+            + others
+        )
 
     # ---- out ----------------------------------------------------------------------------------
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._foreign import from_meshio, from_object
-from ._lib import ArgumentError, Context, Error, FormatError, Handle, ffi, lib, path_bytes
+from ._lib import ArgumentError, Context, Error, FormatError, Handle, ffi, lib, path_bytes, warn
 from ._mesh import Mesh, _face_array, _vertex_array
 
 MeshLike = Union[Mesh, "os.PathLike[str]", str, Sequence[Any], Any]
@@ -223,14 +223,17 @@ def as_mesh(mesh: MeshLike, faces: Optional[ArrayLike] = None) -> Mesh:
     return Mesh(*_arrays(mesh))
 
 
-def warning_of_pieces(mesh: Mesh) -> Optional[str]:
-    """What to warn of when a mesh is in pieces; most often its triangles share no vertices."""
+def warn_of_pieces(mesh: Mesh) -> None:
+    """Most often its triangles share no vertices."""
     pieces = mesh.info["n_components"]
     if pieces < 2:
-        return None
+        return
     whole = _repair_arrays(mesh.vertices, mesh.faces).mesh.info["n_components"]
-    return f"the mesh is in {pieces} pieces, and only the one with the source takes part" + (
-        f"; dmkcl.repair(mesh).mesh, which merges coincident vertices, leaves {whole}"
-        if whole < pieces
-        else ""
+    warn(
+        f"the mesh is in {pieces} pieces, and only the one with the source takes part"
+        + (
+            f"; dmkcl.repair(mesh).mesh, which merges coincident vertices, leaves {whole}"
+            if whole < pieces
+            else ""
+        )
     )

@@ -277,7 +277,7 @@ class Result:
 
         Where several are minimal, one of them. ArgumentError if the point lies on another component.
         """
-        end = self.mesh.place(point=point, vertex=vertex, face=face, bary=bary)
+        end = self.mesh._take(point, vertex, face, bary)
         place = ffi.new("dmk_point[]", [(end.face, end.bary)])
         with Context() as context, traced(self.mesh, 1) as paths:
             context.check(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from typing import (
     Any,
     Callable,
@@ -20,10 +19,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._device import open_device
 from ._geodesics import Geodesics
-from ._lib import ArgumentError, Context, Error, Handle, amount, ffi, lib, switch, whole
+from ._lib import ArgumentError, Context, Error, Handle, amount, ffi, lib, switch, warn, whole
 from ._mesh import Mesh, Point
 from ._progress import ProgressOption, Watch
-from ._read import MeshLike, as_mesh, named, warning_of_pieces
+from ._read import MeshLike, as_mesh, named, warn_of_pieces
 from ._result import Cut, Result
 from ._transport import MeasureLike, Transport, solve_measures
 
@@ -70,12 +69,11 @@ def _options(
     return options
 
 
-def _warn_of_gap(asked: float, found: float, stacklevel: int) -> None:
+def _warn_of_gap(asked: float, found: float) -> None:
     if 0 < asked < found:
-        warnings.warn(
+        warn(
             f"the gap is {found:.2g}, above the {asked:.2g} that was asked for; a smaller tolerance may "
-            "bring it down",
-            stacklevel=stacklevel,
+            "bring it down"
         )
 
 
@@ -134,9 +132,7 @@ class CutLocus:
         cache: "Union[None, str, os.PathLike[str]]" = None,
     ):
         self.mesh: Mesh = as_mesh(vertices, faces)
-        warning = warning_of_pieces(self.mesh)
-        if warning:
-            warnings.warn(warning, stacklevel=2)
+        warn_of_pieces(self.mesh)
         self._choice = (device, single, threads, cache)
         self._device = open_device(device, single, threads, cache)
         self._handle = Handle("dmk_solver", self._device.handle, self.mesh._handle)
@@ -248,7 +244,7 @@ class CutLocus:
             density_only=density_only,
         )
         return self._solve(
-            self.mesh.place(point=point, vertex=vertex, face=face, bary=bary),
+            self.mesh._take(point, vertex, face, bary),
             settings,
             progress,
             amount("strength", strength),
@@ -268,7 +264,7 @@ class CutLocus:
         found = Result(
             self.mesh, handle, source, watch.history(), strength, bool(options.density_only)
         )
-        _warn_of_gap(options.gap_tolerance, found.stats["gap"], 4)
+        _warn_of_gap(options.gap_tolerance, found.stats["gap"])
         return found
 
     def solve_many(
@@ -310,8 +306,6 @@ class CutLocus:
             cg_tolerance=cg_tolerance,
             density_only=density_only,
         )
-        if points is not None and np.ndim(points) != 2:
-            raise ArgumentError(f"points have the shape {np.shape(points)}; expected (k, 3)")
         given = {"points": points, "vertices": vertices, "faces": faces}
         chosen: "list[tuple[str, Any]]" = [(name, of) for name, of in given.items() if of is not None]
         if len(chosen) != 1:
@@ -323,9 +317,12 @@ class CutLocus:
         weights = [None] * len(values) if bary is None else list(np.asarray(bary))
         if len(weights) != len(values):
             raise ArgumentError(f"{len(values)} faces, but {len(weights)} rows of bary")
-        sources = [
-            self.mesh.place(bary=weight, **{name: value}) for value, weight in zip(values, weights)
-        ]
+        if points is not None and bary is None:
+            sources = self.mesh._take_all(points)
+        else:
+            sources = [
+                self.mesh.place(bary=weight, **{name: value}) for value, weight in zip(values, weights)
+            ]
         return self._solve_each(sources, settings, progress, amount("strength", strength))
 
     def _solve_each(
@@ -367,7 +364,7 @@ class CutLocus:
                 found = solve_measures(self.mesh, self._handle, context, a, b, settings)
         finally:
             watch.close()
-        _warn_of_gap(gap, found.stats["gap"], 3)
+        _warn_of_gap(gap, found.stats["gap"])
         return found
 
     def w1_matrix(
@@ -415,7 +412,7 @@ class CutLocus:
         start and end: vertex numbers, or points x, y, z. To many ends from one start, use
         `Geodesics` once and `Geodesics.path` for each.
         """
-        where = self.mesh.place(**_one_place(start))
+        where = self.mesh._take(**_one_place(start))
         return Geodesics(self.mesh, where).path(**_one_place(end)).points
 
 
@@ -486,7 +483,7 @@ def solve_meshes(
 
     def solve(mesh: Any) -> Result:
         solver = _make(as_mesh(mesh), device, single, threads, cache)
-        return solver._solve(solver.mesh.place(**where), settings, False, least)
+        return solver._solve(solver.mesh._take(**where), settings, False, least)
 
     return (found for mesh in meshes for found in _solve_mesh(mesh, solve, on_error))
 
@@ -529,7 +526,7 @@ def shortest_path(
     """Points of a minimal geodesic, (k, 3): ``shortest_path(V, F, 17, 99)``; vertex numbers or
     points x, y, z. Needs no device; see also `Geodesics.path`."""
     mesh = as_mesh(vertices, faces)
-    return Geodesics(mesh, mesh.place(**_one_place(start))).path(**_one_place(end)).points
+    return Geodesics(mesh, mesh._take(**_one_place(start))).path(**_one_place(end)).points
 
 
 def cut_open(

@@ -63,7 +63,8 @@ def _pack(mesh: Mesh, measure: MeasureLike, keep: "list[Any]") -> Any:
     if m.face_density is not None:
         lend("triangle_density", _column("face_density", m.face_density, len(mesh.faces)))
     if m.points is not None:
-        places = [p if isinstance(p, Point) else mesh.nearest(p) for p in m.points]
+        found = iter(mesh._take_all([p for p in m.points if not isinstance(p, Point)] or np.empty((0, 3))))
+        places = [p if isinstance(p, Point) else next(found) for p in m.points]
         atoms = ffi.new("dmk_point[]", [(p.face, p.bary) for p in places])
         keep.append(atoms)
         packed.atoms, packed.n_atoms = atoms, len(places)

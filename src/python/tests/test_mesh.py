@@ -89,6 +89,17 @@ def test_points(small):
     assert small.at_face(5, (2, 0, 2)).bary == (0.5, 0, 0.5)
 
 
+def test_many_points_are_those_of_one_at_a_time(small):
+    rng = np.random.default_rng(1)
+    middles = small.vertices[small.edges[:200]].mean(axis=1)
+    points = np.vstack([2 * rng.normal(size=(200, 3)), small.vertices[:200], middles])
+    assert small.nearest_all(points) == [small.nearest(point) for point in points]
+    assert small.nearest_all(points[:1]) == [small.nearest(points[0])]
+    for wrong in (points[0], points[:, :2], [(0, 0, np.nan)]):
+        with pytest.raises(dmkcl.ArgumentError, match="point"):
+            small.nearest_all(wrong)
+
+
 @pytest.mark.parametrize(
     "where",
     [

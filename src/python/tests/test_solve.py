@@ -106,6 +106,32 @@ def test_other_components_are_told_apart(small):
     assert np.allclose(first.distance[: len(V)], second.distance[len(V) :], atol=1e-9)
 
 
+def test_points_far_off_the_surface_are_warned_of(solver, recwarn):
+    mesh, far, near = solver.mesh, (30, 0, 0), (3.01, 0, 0)
+    words = r"^\(30, 0, 0\) is 27 away from the surface; its nearest point \(3, .*\) is taken"
+    unit = dmkcl.Measure(uniform=1)
+
+    def ask(p):
+        yield lambda: solver.solve(point=p)
+        yield lambda: list(solver.solve_many(points=[p]))
+        yield lambda: list(dmkcl.solve_meshes([mesh], source=p))
+        yield lambda: dmkcl.Geodesics(mesh, point=p)
+        yield lambda: dmkcl.distance(mesh, points=[p])
+        yield lambda: dmkcl.Geodesics(mesh, 0).path(point=p)
+        yield lambda: solver.shortest_path(5, p)
+        yield lambda: solver.transport(dmkcl.Measure(points=[p]), unit)
+
+    for call in ask(near):
+        call()
+    assert not recwarn
+    for call in ask(far):
+        with pytest.warns(UserWarning, match=words) as warned:
+            call()
+        assert len(warned) == 1 and warned[0].filename == __file__
+    with pytest.warns(UserWarning, match=words + ", and so are those of 2 more such points"):
+        dmkcl.Geodesics(mesh, points=[near, far, (0, 0, 9), (0, 0, -9)])
+
+
 def test_solve_many(solver, result):
     found = list(solver.solve_many(vertices=[0, 5, 9]))
     assert np.array_equal(found[0].density, result.density)
