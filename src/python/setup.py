@@ -107,8 +107,7 @@ class SourceDistribution(sdist):
                 to = Path(base_dir) / "native" / path.relative_to(ROOT)
                 self.mkpath(str(to.parent))
                 self.copy_file(str(path), str(to))
-        for name in ("build_ffi.py",):
-            self.copy_file(str(HERE / name), str(Path(base_dir) / name))
+        self.copy_file(str(HERE / "build_ffi.py"), str(Path(base_dir) / "build_ffi.py"))
         self.copy_file(str(ROOT / "LICENSE"), str(Path(base_dir) / "LICENSE"))
 
 

@@ -46,7 +46,8 @@ _VERTEX = _dtype(
 _EDGE = _dtype("dmk_locus_edge", {"vertex": ("i4", 2), "strength": "f8"})
 
 
-def _copy(pointer: Any, n: int, dtype: np.dtype) -> NDArray[Any]:
+def _rows(pointer: Any, n: int, dtype: np.dtype) -> NDArray[Any]:
+    """A view, whose fields are to be copied."""
     if n == 0:
         return np.zeros(0, dtype)
     return np.frombuffer(ffi.buffer(pointer, n * dtype.itemsize), dtype)
@@ -118,7 +119,7 @@ class Locus:
     def _read_vertices(self) -> None:
         n = ffi.new("size_t *")
         pointer = lib.dmk_locus_vertices(self._pointer, n)
-        raw = _copy(pointer, n[0], _VERTEX)
+        raw = _rows(pointer, n[0], _VERTEX)
         self.vertices: NDArray[np.float64] = raw["xyz"].copy()
         self.faces: NDArray[np.int64] = raw["place.triangle"].copy()
         self.bary: NDArray[np.float64] = raw["place.weight"].copy()
@@ -135,7 +136,7 @@ class Locus:
     def _read_edges(self) -> None:
         n = ffi.new("size_t *")
         pointer = lib.dmk_locus_edges(self._pointer, n)
-        raw = _copy(pointer, n[0], _EDGE)
+        raw = _rows(pointer, n[0], _EDGE)
         self.edges: NDArray[np.int32] = raw["vertex"].copy()
         self.edge_strength: NDArray[np.float64] = raw["strength"].copy()
 
@@ -145,8 +146,8 @@ class Locus:
         index = lib.dmk_locus_polylines(self._pointer, offset, n)
         if n[0] == 0:
             return []
-        offsets = _copy(offset[0], n[0] + 1, np.dtype(np.int32))
-        indices = _copy(index, int(offsets[-1]), np.dtype(np.int32))
+        offsets = _rows(offset[0], n[0] + 1, np.dtype(np.int32))
+        indices = _rows(index, int(offsets[-1]), np.dtype(np.int32))
         return [indices[a:b].copy() for a, b in zip(offsets[:-1], offsets[1:])]
 
     def __getstate__(self) -> "dict[str, Any]":

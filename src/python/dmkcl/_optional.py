@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-_EXTRA = {"pyvista": "plot", "matplotlib": "plot", "trimesh": "meshes"}
+_EXTRA = {"pyvista": "plot", "matplotlib": "plot", "trimesh": "meshes", "tqdm": "progress"}
 
 
 def optional(name: str) -> Any:

@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._lib import ArgumentError, text
+from ._optional import optional
 
 
 class Progress(NamedTuple):
-    """One report. stage: "levels" or "solve"; step: nonlinear iterations from 1; change: relative change of
+    """One report. stage: "solve", or what is made ready for it, as "levels" (step is then 0); step: nonlinear
+    iterations from 1; change: relative change of
     mu per unit time, which ends the iteration when it reaches tolerance; gap: of the certificate
     after the step before, NaN if not computed; seconds: since the call began."""
 
@@ -49,9 +51,7 @@ class Watch:
         self.callback: Optional[Callable[[Progress], Any]] = progress if callable(progress) else None
         self.bar: Any = None
         if progress is True:
-            from tqdm.auto import tqdm
-
-            self.bar = tqdm(desc="solve", unit=" steps")
+            self.bar = optional("tqdm.auto").tqdm(desc="solve", unit=" steps")
 
     def __call__(self, raw: Any) -> None:
         report = Progress(

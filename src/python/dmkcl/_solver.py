@@ -21,6 +21,7 @@ from ._device import open_device
 from ._geodesics import Geodesics
 from ._lib import ArgumentError, Context, Error, Handle, amount, ffi, lib, switch, warn, whole
 from ._mesh import Mesh, Point
+from ._optional import optional
 from ._progress import ProgressOption, Watch
 from ._read import MeshLike, as_mesh, named, warn_of_pieces
 from ._result import Cut, Result
@@ -330,9 +331,7 @@ class CutLocus:
     ) -> Iterator[Result]:
         shown: Any = sources
         if progress:
-            from tqdm.auto import tqdm
-
-            shown = tqdm(sources, unit=" sources")
+            shown = optional("tqdm.auto").tqdm(sources, unit=" sources")
         for source in shown:
             yield self._solve(source, options, False, strength)
 
@@ -375,9 +374,7 @@ class CutLocus:
         An error names the pair: the first measure by its number, then the second."""
         pairs: Any = [(i, j) for i in range(len(measures)) for j in range(i)]
         if progress:
-            from tqdm.auto import tqdm
-
-            pairs = tqdm(pairs, unit=" pairs")
+            pairs = optional("tqdm.auto").tqdm(pairs, unit=" pairs")
         found = np.zeros((len(measures), len(measures)))
         for i, j in pairs:
             try:

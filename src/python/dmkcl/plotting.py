@@ -64,36 +64,25 @@ def plot(
 
     Returns the plotter, to which more can be added when `show` is False.
     """
-    pyvista = optional("pyvista")
-
     if views not in (1, 2):
         raise ArgumentError(f"views = {views!r}: expected 1 or 2")
-    own = plotter is None
-    if own:
-        plotter = pyvista.Plotter(
-            # Of no light VTK makes a headlight.
-            shape=(1, views), border=False, lighting="none", window_size=[700 * views, 700],
-            off_screen=True if screenshot else None,
-        )
     data = result.to_pyvista()
     settings = _colour_settings(data, scalars, log, cmap, clim)
+    own = plotter is None
+    if own:
+        plotter = _new_plotter(views, True if screenshot else None)
     sides = (1, -1) if own and views == 2 else (-1,)
     for number, side in enumerate(sides):
         if own:
             plotter.subplot(0, number)
-        plotter.set_background("white")
-        shown = {**settings, "show_scalar_bar": number + 1 == len(sides), **(mesh_options or {})}
-        surface = plotter.add_mesh(data.copy(deep=False), **shown)
-        # The surface steps back behind the lines that lie on it.
-        surface.mapper.SetResolveCoincidentTopologyToPolygonOffset()
-        surface.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(2, 2)
+        last = number + 1 == len(sides)
+        _add_surface(plotter, data, {**settings, "show_scalar_bar": last, **(mesh_options or {})})
         if contours > 0:
             _add_contours(plotter, data, result, contours)
         if locus:
             _add_locus(plotter, result, 0.004 * data.length)
         if source:
-            ball = pyvista.Sphere(radius=0.013 * data.length, center=result.source.xyz)
-            plotter.add_mesh(ball, color=SOURCE_COLOUR)
+            _add_ball(plotter, result.source.xyz, 0.013 * data.length, SOURCE_COLOUR)
         plotter.view_vector(*_viewpoint(result, side))
         plotter.camera.zoom(1.15)
     if screenshot:
@@ -101,6 +90,13 @@ def plot(
     elif show:
         plotter.show()
     return plotter
+
+
+def _new_plotter(views: int, off_screen: Optional[bool]) -> Any:
+    return optional("pyvista").Plotter(
+        # Of no light VTK makes a headlight.
+        shape=(1, views), border=False, lighting="none", window_size=[700 * views, 700], off_screen=off_screen,
+    )  # fmt: skip
 
 
 def round_scale(low: float, high: float, log: bool) -> "tuple[float, float, int]":
@@ -118,8 +114,6 @@ def _colour_settings(
     data: Any, scalars: str, log: bool, cmap: Any, clim: Optional[Sequence[float]]
 ) -> "dict[str, Any]":
     """For Plotter.add_mesh: colours, light, and a bar whose labels are round numbers."""
-    from matplotlib.colors import ListedColormap
-
     log = log and scalars == "mu"
     bar = {
         "title": scalars, "color": "black", "vertical": True, "fmt": "%g",
@@ -133,7 +127,7 @@ def _colour_settings(
             *clim, bar["n_labels"] = round_scale(float(clim[0]), float(clim[1]), log)
     return dict(
         scalars=scalars,
-        cmap=cmap or ListedColormap(density_map()),
+        cmap=cmap or optional("matplotlib.colors").ListedColormap(density_map()),
         clim=clim,
         log_scale=log,
         smooth_shading=False,
@@ -155,6 +149,18 @@ def _viewpoint(result: "Result", side: int) -> "tuple[tuple[float, ...], tuple[f
     return tuple(map(float, eye)), tuple(map(float, up))
 
 
+def _add_surface(plotter: Any, data: Any, settings: "dict[str, Any]") -> None:
+    """The surface, which steps back behind the lines that lie on it."""
+    plotter.set_background("white")
+    surface = plotter.add_mesh(data.copy(deep=False), **settings)
+    surface.mapper.SetResolveCoincidentTopologyToPolygonOffset()
+    surface.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(2, 2)
+
+
+def _add_ball(plotter: Any, centre: Sequence[float], radius: float, colour: str) -> None:
+    plotter.add_mesh(optional("pyvista").Sphere(radius=radius, center=centre), color=colour)
+
+
 def _add_contours(plotter: Any, data: Any, result: "Result", contours: int) -> None:
     """Lines of equal distance, on the component of the source."""
     reached = np.isfinite(result.distance)
@@ -170,11 +176,7 @@ def _add_locus(plotter: Any, result: "Result", radius: float) -> None:
     if lines.n_lines:
         plotter.add_mesh(lines.tube(radius=radius), color=LOCUS_COLOUR)
     elif lines.n_points:
-        pyvista = optional("pyvista")
-
-        plotter.add_mesh(
-            pyvista.Sphere(radius=2 * radius, center=lines.points[0]), color=LOCUS_COLOUR
-        )
+        _add_ball(plotter, lines.points[0], 2 * radius, LOCUS_COLOUR)
 
 
 def plot_tangent(

@@ -6,8 +6,14 @@ import dmkcl
 
 solver = dmkcl.CutLocus(dmkcl.surfaces.sphere(n_triangles=5000))
 
-# progress=True shows a bar by tqdm; a function gets each step.
-solver.solve(vertex=0, progress=lambda p: print(p.stage, p.step, f"{p.change:.1e}"))
+
+# progress=True shows a bar by tqdm; a function gets each report.
+def show(progress):
+    if progress.stage == "solve":
+        print(f"step {progress.step}: change {progress.change:.1e}, ends at {progress.tolerance:.1e}")
+
+
+solver.solve(vertex=0, progress=show)
 
 
 # Ctrl-C ends a solve after the running step, as does any exception of the function.

@@ -511,7 +511,11 @@ def test_many_meshes_with_errors(small, tmp_path):
         ("pyvista", "plot", lambda result: result.locus.to_pyvista()),
         ("matplotlib", "plot", lambda result: result.plot_tangent()),
         ("matplotlib", "plot", lambda result: result.plot_history()),
+        ("matplotlib", "plot", lambda result: result.plot(show=False)),
         ("trimesh", "meshes", lambda result: result.mesh.to_trimesh()),
+        ("tqdm", "progress", lambda result: dmkcl.CutLocus(result.mesh).solve(vertex=0, progress=True)),
+        ("tqdm", "progress", lambda result: list(dmkcl.CutLocus(result.mesh).solve_many(vertices=[0], progress=True))),
+        ("tqdm", "progress", lambda result: dmkcl.CutLocus(result.mesh).w1_matrix([], progress=True)),
     ],
 )
 def test_a_missing_package_is_named(monkeypatch, result, package, extra, call):
