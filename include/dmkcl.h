@@ -458,10 +458,11 @@ typedef struct dmk_stats {
     int cg_iterations; /* summed over all inner solves */
     int v_cycles;
     double change;     /* last relative change of mu per unit time */
-    double cost_upper; /* upper bound of the optimal cost, the integral of the distance */
+    double cost_upper; /* upper bound of the optimal cost of the discrete problem */
     double cost_lower; /* lower bound: f.u of a feasible potential */
     double
-        cost_exact; /* the optimal cost of the polyhedron itself: the integral of the exact distance */
+        cost_exact; /* the optimal cost of the polyhedron itself, the integral of the exact distance: outside
+                       the bounds by the discretisation; NaN after density_only and for measures */
     double cost_exact_error; /* of the quadrature of cost_exact, an estimate */
     double gap;              /* (upper - lower) / upper */
     int sweeps;              /* of the repair of u for the lower bound; 0 where none was needed */

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._lib import (
-    ArgumentError, Context, Handle, amount, copy_struct, ffi, lib, numbers, path_bytes, switch, view, whole,
+    ArgumentError, Context, Handle, amount, copy_struct, count, ffi, lib, numbers, path_bytes, switch, view, whole,
 )  # fmt: skip
 from ._locus import Locus
 from ._mesh import Mesh, Point
@@ -76,7 +76,7 @@ class Path(NamedTuple):
     angle: float
 
     def __repr__(self) -> str:
-        return f"<dmkcl.Path: {len(self.points)} points, length {self.length:.6g}>"
+        return f"<dmkcl.Path: {count(len(self.points), 'point')}, length {self.length:.6g}>"
 
 
 _POINT = np.dtype([("triangle", np.int64), ("weight", np.float64, 3)])
@@ -155,7 +155,7 @@ class Geodesics:
         along = None if curve is None else [whole("curve", v) for v in curve]
         apart = None if offsets is None else numbers("offsets", offsets).tolist()
         if apart is not None and len(apart) != len(self.sources):
-            raise ArgumentError(f"{len(apart)} offsets for {len(self.sources)} sources")
+            raise ArgumentError(f"{count(len(apart), 'offset')} for {count(len(self.sources), 'source')}")
         self._asked = (along, switch("border", border), apart, amount("tolerance", tolerance), switch("exact", exact))
         self._made: Optional[Handle] = self._compute(whole("threads", threads))
 
@@ -213,7 +213,7 @@ class Geodesics:
 
     def __repr__(self) -> str:
         return (
-            f"<dmkcl.Geodesics: {len(self.mesh.faces)} triangles, {len(self.sources)} sources, "
+            f"<dmkcl.Geodesics: {count(len(self.mesh.faces), 'triangle')}, {count(len(self.sources), 'source')}, "
             f"farthest {self.info['farthest']:.6g}>"
         )
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ._colour import density_map
 from ._geodesics import Geodesics
-from ._lib import FileError
+from ._lib import FileError, count
 from ._locus import Locus
 from .plotting import density_range
 
@@ -35,11 +35,13 @@ def _pack(array: Any, dtype: str) -> str:
 
 
 def _caption(result: "Result") -> str:
-    c, locus = result.certificate, result.locus
+    c, locus, stats = result.certificate, result.locus, result.stats
     return (
         f"{len(result.mesh.faces):,} triangles. Cut locus: length {locus.length:.6g}, "
-        f"{locus.loops} loops, {locus.endpoints} ends, {locus.branch_points} branch points. "
-        f"Integral of the distance between {c.lower:.7g} and {c.upper:.7g}."
+        f"{count(locus.loops, 'loop')}, {count(locus.endpoints, 'end')}, "
+        f"{count(locus.branch_points, 'branch point')}. "
+        f"Cost of the discrete problem between {c.lower:.7g} and {c.upper:.7g}; "
+        f"integral of the distance {stats['cost_exact']:.7g}, within {stats['cost_exact_error']:.1g}."
     )
 
 

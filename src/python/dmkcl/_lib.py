@@ -125,6 +125,11 @@ def switch(name: str, value: Any) -> bool:
     return bool(value)
 
 
+def count(n: int, name: str) -> str:
+    """Of text: "1 end", "2 ends"."""
+    return f"{n} {name}{'' if n == 1 else 's'}"
+
+
 def warn(words: str) -> None:
     """A warning at that line of the user's program that called the package."""
     frame, level = sys._getframe(), 1

@@ -9,7 +9,7 @@ from typing import Any, Optional
 import numpy as np
 from numpy.typing import NDArray
 
-from ._lib import Context, Error, Handle, amount, copy_struct, ffi, lib, path_bytes
+from ._lib import Context, Error, Handle, amount, copy_struct, count, ffi, lib, path_bytes
 from ._mesh import Mesh
 from ._optional import optional
 
@@ -156,8 +156,9 @@ class Locus:
 
     def __repr__(self) -> str:
         return (
-            f"<dmkcl.Locus: length {self.length:.6g}, {self.components} components, {self.loops} "
-            f"loops, {self.endpoints} ends, {self.branch_points} branch points>"
+            f"<dmkcl.Locus: length {self.length:.6g}, {count(self.components, 'component')}, "
+            f"{count(self.loops, 'loop')}, {count(self.endpoints, 'end')}, "
+            f"{count(self.branch_points, 'branch point')}>"
         )
 
     def write(self, path: "os.PathLike[str] | str") -> None:

@@ -9,7 +9,7 @@ from typing import Any, Iterator, NamedTuple, Optional
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._lib import ArgumentError, Context, Handle, MeshError, copy_struct, ffi, lib, numbers, path_bytes, view, warn, whole
+from ._lib import ArgumentError, Context, Handle, MeshError, copy_struct, count, ffi, lib, numbers, path_bytes, view, warn, whole
 from ._optional import optional
 
 
@@ -155,14 +155,14 @@ class Mesh:
 
     def _describe(self) -> str:
         info = self.info
-        parts = [f"{info['n_vertices']} vertices", f"{info['n_triangles']} triangles"]
+        parts = [f"{info['n_vertices']} vertices", count(info["n_triangles"], "triangle")]
         pieces, borders = info["n_components"], info["n_border_loops"]
         if pieces == 1:
             genus = (2 - info["euler"] - borders) // 2
             parts += ["1 component", f"genus {genus}"]
         else:
             parts.append(f"{pieces} components")
-        parts.append(f"{borders} border{'' if borders == 1 else 's'}" if borders else "closed")
+        parts.append(count(borders, "border") if borders else "closed")
         return ", ".join(parts)
 
     # ---- points -------------------------------------------------------------------------------

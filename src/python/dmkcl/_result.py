@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._geodesics import Path, traced
-from ._lib import ArgumentError, Context, Handle, copy_struct, ffi, lib, path_bytes, view
+from ._lib import ArgumentError, Context, Handle, copy_struct, count, ffi, lib, path_bytes, view
 from ._locus import Locus
 from ._mesh import Mesh, Point
 
@@ -71,7 +71,7 @@ class Cut(_CutArrays):
     plane: NDArray[np.float64]
 
     def __repr__(self) -> str:
-        return f"<dmkcl.Cut: {len(self.vertices)} vertices, {len(self.faces)} triangles>"
+        return f"<dmkcl.Cut: {len(self.vertices)} vertices, {count(len(self.faces), 'triangle')}>"
 
 
 class Tangent(NamedTuple):
@@ -84,7 +84,7 @@ class Tangent(NamedTuple):
     vertex: NDArray[np.int64]
 
     def __repr__(self) -> str:
-        return f"<dmkcl.Tangent: {len(self.angle)} directions>"
+        return f"<dmkcl.Tangent: {count(len(self.angle), 'direction')}>"
 
 
 class Result:
@@ -116,7 +116,7 @@ class Result:
     def __repr__(self) -> str:
         c, xyz = self.certificate, ", ".join(f"{x:.6g}" for x in self.source.xyz)
         return (
-            f"<dmkcl.Result: {len(self.mesh.faces)} triangles, source ({xyz}), "
+            f"<dmkcl.Result: {count(len(self.mesh.faces), 'triangle')}, source ({xyz}), "
             f"cost {c.upper:.6g} within {100 * c.gap:.2g} %>"
         )
 
@@ -231,8 +231,9 @@ class Result:
 
     @cached_property
     def stats(self) -> "dict[str, Any]":
-        """steps, cg_iterations, v_cycles, change, cost_upper, cost_lower, gap, area, levels,
-        double_precision, and seconds of setup, start, solve and certify: see dmk_stats."""
+        """steps, cg_iterations, v_cycles, change, cost_upper, cost_lower, cost_exact, cost_exact_error,
+        gap, sweeps, n_steep, steep, area, levels, double_precision, and seconds of setup, start, solve
+        and certify: see dmk_stats."""
         fields = dict(self._fields)
         fields["seconds"] = {name: fields["seconds"][stage] for name, stage in STAGES.items()}
         return fields
@@ -245,7 +246,8 @@ class Result:
 
     @cached_property
     def certificate(self) -> Certificate:
-        """Bounds of the cost, the integral of the distance over the surface."""
+        """Bounds of the cost of the discrete problem. The integral of the distance itself is
+        ``stats["cost_exact"]``, within ``stats["cost_exact_error"]``."""
         stats = self.stats
         return Certificate(stats["cost_lower"], stats["cost_upper"], stats["gap"])
 

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._device import open_device
 from ._geodesics import Geodesics
-from ._lib import ArgumentError, Context, Error, Handle, amount, ffi, lib, switch, warn, whole
+from ._lib import ArgumentError, Context, Error, Handle, amount, count, ffi, lib, switch, warn, whole
 from ._mesh import Mesh, Point
 from ._optional import optional
 from ._progress import ProgressOption, Watch
@@ -152,8 +152,8 @@ class CutLocus:
         return _make, (self.mesh, *self._choice)
 
     def __repr__(self) -> str:
-        n = len(self.mesh.faces)
-        return f"<dmkcl.CutLocus: {n} triangles, on {self.device['name']}>"
+        n = count(len(self.mesh.faces), "triangle")
+        return f"<dmkcl.CutLocus: {n}, on {self.device['name']}>"
 
     @property
     def device(self) -> "dict[str, Any]":
@@ -317,7 +317,7 @@ class CutLocus:
         name = {"points": "point", "vertices": "vertex", "faces": "face"}[several]
         weights = [None] * len(values) if bary is None else list(np.asarray(bary))
         if len(weights) != len(values):
-            raise ArgumentError(f"{len(values)} faces, but {len(weights)} rows of bary")
+            raise ArgumentError(f"{count(len(values), 'face')}, but {count(len(weights), 'row')} of bary")
         if points is not None and bary is None:
             sources = self.mesh._take_all(points)
         else:

@@ -5,8 +5,9 @@ import dmkcl
 surface = dmkcl.surfaces.torus(refine=1)
 result = dmkcl.CutLocus(surface).solve(point=(3, 0, 0))
 print(result.locus)
+print(f"integral of the distance: {result.stats['cost_exact']:.6g}")
 print(
-    f"integral of the distance: between {result.certificate.lower:.6g} and "
+    f"cost of the discrete problem: between {result.certificate.lower:.6g} and "
     f"{result.certificate.upper:.6g}"
 )
 result.export_html("torus.html")

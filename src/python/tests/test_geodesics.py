@@ -25,7 +25,7 @@ def test_one_source(plane):
     turn = np.arctan2(xy[1:, 1], xy[1:, 0])
     assert np.allclose(at.direction[1:], turn, atol=1e-9)
     assert np.allclose(at.log_map[1:], xy[1:], atol=1e-9)
-    assert "1 sources" in repr(at)
+    assert "1 source," in repr(at)
     path = at.path(point=(3.3, 4.4, 0))
     assert np.isclose(path.length, 5.5) and np.allclose(path.points[-1], (3.3, 4.4, 0))
     distance, direction = at.at([(3.3, 4.4, 0), (6, 0, 0)])
@@ -105,5 +105,5 @@ def test_cut_locus_of_a_border_is_refused(plane):
 def test_no_source_is_refused(plane):
     with pytest.raises(dmkcl.ArgumentError):
         dmkcl.Geodesics(plane)
-    with pytest.raises(dmkcl.ArgumentError, match="2 offsets for 1"):
+    with pytest.raises(dmkcl.ArgumentError, match="2 offsets for 1 source$"):
         dmkcl.Geodesics(plane, 0, offsets=[0, 1])

@@ -40,6 +40,7 @@ def test_one_file_without_addresses(page):
     text = page.read_text()
     assert "Torus &lt;1&gt; &amp; more" in text and "@" not in re.sub(r"@media", "", text[:3000])
     assert not re.search(r"https?://|src=|@import", text)
+    assert re.search(r"Cost of the discrete problem between 32\d\.\d+ and 32\d\.\d+; integral of the distance 321\.2\d+,", text)
     assert [p.name for p in page.parent.iterdir()] == [page.name]
 
 

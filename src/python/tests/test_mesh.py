@@ -31,6 +31,7 @@ def test_lists_and_single_precision_and_order(small):
 def test_plane_coordinates():
     mesh = dmkcl.Mesh([[0, 0], [1, 0], [0, 1]], [[0, 1, 2]])
     assert np.array_equal(mesh.vertices[:, 2], [0, 0, 0])
+    assert repr(mesh) == "<dmkcl.Mesh: 3 vertices, 1 triangle, 1 component, genus 0, 1 border>"
 
 
 def test_arrays_are_read_only_and_outlive_the_mesh(small):

@@ -335,7 +335,7 @@ def test_to_trimesh(result, tmp_path):
 
 def test_printed_forms(solver, result):
     assert "source (3, 0, 0), cost 3" in repr(result) and len(repr(result)) < 90
-    assert "2 loops" in repr(result.locus) and "CutLocus" in repr(solver)
+    assert "1 component, 2 loops, 2 ends, " in repr(result.locus) and "CutLocus" in repr(solver)
     assert repr(result.path(vertex=9)).startswith("<dmkcl.Path: ") and len(repr(result.path(vertex=9))) < 60
     assert re.fullmatch(r"<dmkcl.Cut: \d+ vertices, \d+ triangles>", repr(result.cut_open()))
     assert re.fullmatch(r"<dmkcl.Tangent: \d+ directions>", repr(result.tangent))

@@ -19,7 +19,7 @@ def test_two_points(sphere):
     assert found.mass == pytest.approx(1) and found.balance < 1e-8
     assert found.flux.shape == (len(sphere.mesh.faces), 3) and not found.flux.flags.writeable
     assert (found.density >= 0).all() and found.potential.max() == 0
-    assert "W1 from" in repr(found)
+    assert "discrete W1 from" in repr(found)
 
 
 def test_masses_at_vertices_signed_and_written(sphere, tmp_path):
