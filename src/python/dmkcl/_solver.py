@@ -187,7 +187,8 @@ class CutLocus:
         Parameters
         ----------
         point : (3,) array
-            The source is the point of the surface nearest (in space) to this one; or
+            The source is the point of the surface nearest (in space) to this one, with a warning
+            if that is more than an edge away; or
         vertex : int
             it is this vertex; or
         face, bary : int, (3,) array
