@@ -188,7 +188,7 @@ def multigrid(folder):
     figure, ax = plt.subplots(figsize=(6.5, 3.2))
     for n, colour in ((1000, GREY), (8000, BLUE), (64000, RED)):
         mesh = dmkcl.surfaces.quartic(n_triangles=n)
-        result = dmkcl.CutLocus(mesh).solve(point=(0.2, 0.5, 0.6), start="uniform")
+        result = dmkcl.CutLocus(mesh).solve(point=(0.2, 0.58, 0.97), start="uniform")
         label = f"{len(mesh.faces):,} triangles, {result.stats['levels']} levels"
         cycles = np.cumsum(result.history["cg_iterations"])
         ax.semilogy(cycles, result.history["change"], "o-", ms=4, color=colour, label=label)
