@@ -100,7 +100,7 @@ def amount(name: str, value: Any) -> float:
     """A finite number from 0."""
     try:
         number = float("nan" if isinstance(value, str) else value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = float("nan")
     if not 0 <= number < float("inf"):
         raise ArgumentError(f"{name} = {value!r}: expected a finite number from 0")

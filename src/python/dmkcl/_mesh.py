@@ -9,7 +9,9 @@ from typing import Any, Iterator, NamedTuple, Optional
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._lib import ArgumentError, Context, Handle, MeshError, copy_struct, count, ffi, lib, numbers, path_bytes, view, warn, whole
+from ._lib import (
+    ArgumentError, Context, Handle, MeshError, copy_struct, count, ffi, lib, numbers, path_bytes, view, warn, whole,
+)  # fmt: skip
 from ._optional import optional
 
 

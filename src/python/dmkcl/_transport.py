@@ -139,7 +139,8 @@ class Transport:
         """The earth mover's distance W1, in mass times length: the mean of its bounds.
 
         These are bounds of the discrete problem, in which a point with a mass is blunt by a part of an
-        edge: between neighbouring vertices W1 comes out larger by a quarter, 16 edges apart by 2 %.
+        edge: from one such point to another the value is too large, for neighbouring vertices by a
+        quarter, 16 edges apart by 2 %.
         """
         return (self.lower + self.upper) / 2
 
