@@ -7,12 +7,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* In mean edges: none is longer afterwards; a share of all length in edges of more than twice that asks for it. Scans
- * have up to 0.07 there, machine parts 0.1 and more: bench/results/scan.md. */
+/* No edge is longer afterwards, in mean edges; on a mesh of few triangles in those of one of so many. That is asked for
+ * by few triangles, or by a share of all length in edges of more than twice that: scans have up to 0.07 there, machine
+ * parts 0.1 and more. bench/results/scan.md */
 static const double longest = 2, share = 0.1;
-enum {
-    MOST = 8
-}; /* times as many triangles, and no more than have exact windows; printers' beds take 6 */
+enum { FEW = 5000, MOST = 8 }; /* MOST: times as many triangles; printers' beds take 6 */
 
 typedef struct bisection {
     double *xyz, length; /* no edge longer */
@@ -136,7 +135,8 @@ static int make_mesh(dmk_context *ctx, const dmk_geodesics *g, double length, dm
 {
     int rc;
     bisection b = {.length = length};
-    const int32_t n = g->mesh->n_triangles, most = dmk_min_i(n, DMK_EXACT_TRIANGLES / MOST) * MOST;
+    const int32_t n = dmk_max_i(g->mesh->n_triangles, FEW);
+    const int32_t most = dmk_min_i(n, DMK_EXACT_TRIANGLES / MOST) * MOST;
     DMK_TRY(begin(ctx, g, &b));
     while (b.heap.n > 0 && b.n_triangles < (size_t)most) {
         const dmk_heap_item next = dmk_heap_pop(&b.heap);
@@ -223,7 +223,7 @@ done:
     return rc;
 }
 
-int dmk_finer_create(dmk_context *ctx, const dmk_geodesics *g, dmk_finer *f)
+int dmk_finer_create(dmk_context *ctx, const dmk_geodesics *g, dmk_finer_why why, dmk_finer *f)
 {
     int rc;
     double all = 0, in_long = 0;
@@ -234,8 +234,11 @@ int dmk_finer_create(dmk_context *ctx, const dmk_geodesics *g, dmk_finer *f)
     const double length = longest * f->mean_edge;
     for (int32_t e = 0; e < m->n_edges; e++)
         in_long += m->length[e] > 2 * length ? m->length[e] : 0;
-    if (!(in_long > share * all) || m->n_triangles >= DMK_EXACT_TRIANGLES) return DMK_OK;
-    DMK_TRY(make_mesh(ctx, g, length, f));
+    const bool few = why == DMK_FINER_FEW && m->n_triangles < FEW;
+    const bool uneven = in_long > share * all && m->n_triangles < DMK_EXACT_TRIANGLES;
+    if (why == DMK_FINER_NEVER || !(uneven || few)) return DMK_OK;
+    const double finer = few ? sqrt(m->n_triangles / (double)FEW) : 1;
+    DMK_TRY(make_mesh(ctx, g, finer * length, f));
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(run(ctx, g, f));
 done:

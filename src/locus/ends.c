@@ -259,7 +259,7 @@ static int find_small(dmk_context *ctx, dmk_cotree *t, dmk_patch *patch, double 
     memcpy(middle, c->xyz, sizeof c->xyz);
     const bool fits = dmk_focus_fit(patch, c->half / 3, middle, half, &left);
     const double reach = sqrt(dmk_dot(half, half)); /* an arc shorter than an edge is a point */
-    if (strong && (!fits || left > 0.5 * reach + t->noise)) {
+    if (strong && (!fits || left > 0.3 * reach + t->noise)) {
         memset(half, 0, 3 * sizeof *half);
         return DMK_OK;
     }

@@ -120,6 +120,7 @@ static void place_back(const dmk_geodesics *g, const dmk_finer *f, dmk_locus *l)
         dmk_locus_vertex *v = &l->vertex[i];
         v->place.triangle = f->parent[v->place.triangle];
         dmk_mesh_nearest_in(g->mesh, (int32_t)v->place.triangle, v->xyz, v->place.weight);
+        dmk_point_snap(v->place.weight);
         for (int k = 0; k < 2; k++) v->angle[k] -= f->turn[v->source[k]];
     }
 }
@@ -209,7 +210,7 @@ int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *g, const dmk_locus_op
     dmk_cotree t = {0};
     dmk_finer f;
     sketch s = {0};
-    DMK_TRY(dmk_finer_create(ctx, g, &f));
+    DMK_TRY(dmk_finer_create(ctx, g, DMK_FINER_FEW, &f));
     DMK_TRY(DMK_NEW(ctx, s.locus, 1));
     DMK_TRY(dmk_cotree_complete(ctx, f.geodesics, f.mean_edge, &t));
     DMK_TRY(dmk_poll(ctx));
