@@ -618,6 +618,25 @@ static void test_finer(void **state)
     }
 }
 
+/* Parts of a sliver may be flat though it is not itself: then there is no finer mesh. */
+static void test_finer_sliver(void **state)
+{
+    (void)state;
+    const double xyz[] = {0, 0, 0, 1, 0, 0, 0.5, 0.8, 0, 0.25, -2e-8, 0};
+    const int32_t triangle[] = {0, 1, 2, 0, 3, 1};
+    dmk_mesh *mesh = NULL;
+    dmk_finer f;
+    assert_int_equal(dmk_mesh_create(ctx, 4, xyz, 2, triangle, &mesh), DMK_OK);
+    scene s = scene_of(mesh, (dmk_point){0, {0, 0, 1}});
+    assert_int_equal(dmk_finer_create(ctx, s.geodesics, DMK_FINER_FEW, &f), DMK_OK);
+    assert_null(f.mesh);
+    dmk_finer_free(&f);
+    dmk_locus *l = trace(&s);
+    check_object(l);
+    dmk_locus_destroy(&l);
+    free_scene(&s);
+}
+
 static void test_genus(void **state)
 {
     (void)state;
@@ -1607,24 +1626,43 @@ static int setup(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_torus),         cmocka_unit_test(test_source_anywhere),
-        cmocka_unit_test(test_point),         cmocka_unit_test(test_quartic),
-        cmocka_unit_test(test_narrow),        cmocka_unit_test(test_hyperbolic),
-        cmocka_unit_test(test_noise),         cmocka_unit_test(test_cube),
-        cmocka_unit_test(test_uneven),        cmocka_unit_test(test_finer),
-        cmocka_unit_test(test_genus),         cmocka_unit_test(test_connected),
-        cmocka_unit_test(test_border),        cmocka_unit_test(test_path),
-        cmocka_unit_test(test_path_saddle),   cmocka_unit_test(test_path_box),
-        cmocka_unit_test(test_path_rough),    cmocka_unit_test(test_unfold),
-        cmocka_unit_test(test_cut),           cmocka_unit_test(test_cut_coarse),
-        cmocka_unit_test(test_strength),      cmocka_unit_test(test_accuracy_torus),
-        cmocka_unit_test(test_accuracy_ends), cmocka_unit_test(test_noisy_ends),
-        cmocka_unit_test(test_short_arc),     cmocka_unit_test(test_excess),
-        cmocka_unit_test(test_threads),       cmocka_unit_test(test_tie),
-        cmocka_unit_test(test_noise_level),   cmocka_unit_test(test_angle),
-        cmocka_unit_test(test_off),           cmocka_unit_test(test_reaches),
-        cmocka_unit_test(test_gap),           cmocka_unit_test(test_width),
-        cmocka_unit_test(test_margin),        cmocka_unit_test(test_scan),
+        cmocka_unit_test(test_torus),
+        cmocka_unit_test(test_source_anywhere),
+        cmocka_unit_test(test_point),
+        cmocka_unit_test(test_quartic),
+        cmocka_unit_test(test_narrow),
+        cmocka_unit_test(test_hyperbolic),
+        cmocka_unit_test(test_noise),
+        cmocka_unit_test(test_cube),
+        cmocka_unit_test(test_uneven),
+        cmocka_unit_test(test_finer),
+        cmocka_unit_test(test_finer_sliver),
+        cmocka_unit_test(test_genus),
+        cmocka_unit_test(test_connected),
+        cmocka_unit_test(test_border),
+        cmocka_unit_test(test_path),
+        cmocka_unit_test(test_path_saddle),
+        cmocka_unit_test(test_path_box),
+        cmocka_unit_test(test_path_rough),
+        cmocka_unit_test(test_unfold),
+        cmocka_unit_test(test_cut),
+        cmocka_unit_test(test_cut_coarse),
+        cmocka_unit_test(test_strength),
+        cmocka_unit_test(test_accuracy_torus),
+        cmocka_unit_test(test_accuracy_ends),
+        cmocka_unit_test(test_noisy_ends),
+        cmocka_unit_test(test_short_arc),
+        cmocka_unit_test(test_excess),
+        cmocka_unit_test(test_threads),
+        cmocka_unit_test(test_tie),
+        cmocka_unit_test(test_noise_level),
+        cmocka_unit_test(test_angle),
+        cmocka_unit_test(test_off),
+        cmocka_unit_test(test_reaches),
+        cmocka_unit_test(test_gap),
+        cmocka_unit_test(test_width),
+        cmocka_unit_test(test_margin),
+        cmocka_unit_test(test_scan),
         cmocka_unit_test(test_blocks),
     };
     return cmocka_run_group_tests(tests, setup, context_teardown);

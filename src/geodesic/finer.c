@@ -223,26 +223,33 @@ done:
     return rc;
 }
 
-int dmk_finer_create(dmk_context *ctx, const dmk_geodesics *g, dmk_finer_why why, dmk_finer *f)
+static int make(dmk_context *ctx, const dmk_geodesics *g, double length, dmk_finer *f)
 {
     int rc;
-    double all = 0, in_long = 0;
-    const dmk_mesh *m = g->mesh;
-    *f = (dmk_finer){.geodesics = g};
-    for (int32_t e = 0; e < m->n_edges; e++) all += m->length[e];
-    f->mean_edge = all / m->n_edges;
-    const double length = longest * f->mean_edge;
-    for (int32_t e = 0; e < m->n_edges; e++)
-        in_long += m->length[e] > 2 * length ? m->length[e] : 0;
-    const bool few = why == DMK_FINER_FEW && m->n_triangles < FEW;
-    const bool uneven = in_long > share * all && m->n_triangles < DMK_EXACT_TRIANGLES;
-    if (why == DMK_FINER_NEVER || !(uneven || few)) return DMK_OK;
-    const double finer = few ? sqrt(m->n_triangles / (double)FEW) : 1;
-    DMK_TRY(make_mesh(ctx, g, finer * length, f));
+    DMK_TRY(make_mesh(ctx, g, length, f));
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(run(ctx, g, f));
 done:
     return rc;
+}
+
+int dmk_finer_create(dmk_context *ctx, const dmk_geodesics *g, dmk_finer_why why, dmk_finer *f)
+{
+    double all = 0, in_long = 0;
+    const dmk_mesh *m = g->mesh;
+    for (int32_t e = 0; e < m->n_edges; e++) all += m->length[e];
+    const double mean_edge = all / m->n_edges, length = longest * mean_edge;
+    for (int32_t e = 0; e < m->n_edges; e++)
+        in_long += m->length[e] > 2 * length ? m->length[e] : 0;
+    const bool few = why == DMK_FINER_FEW && m->n_triangles < FEW;
+    const bool uneven = in_long > share * all && m->n_triangles < DMK_EXACT_TRIANGLES;
+    *f = (dmk_finer){.geodesics = g, .mean_edge = mean_edge};
+    if (why == DMK_FINER_NEVER || !(uneven || few)) return DMK_OK;
+    const int rc = make(ctx, g, length * (few ? sqrt(m->n_triangles / (double)FEW) : 1), f);
+    if (rc != DMK_E_MESH) return rc;
+    dmk_finer_free(f); /* parts of slivers may be flat */
+    *f = (dmk_finer){.geodesics = g, .mean_edge = mean_edge};
+    return DMK_OK;
 }
 
 void dmk_finer_free(dmk_finer *f)
