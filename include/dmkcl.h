@@ -752,9 +752,10 @@ int dmk_path_compute(dmk_context *context, const dmk_mesh *mesh, const dmk_resul
  * characteristic 1. Triangles that the locus crosses are split, so that it runs along edges; its
  * points are vertices once for each side, and keep 0.15 of an edge from the edge's ends, so that no
  * slivers are created. A locus that crosses fewer than three edges of a sphere becomes a slit of two edges
- * at the farthest vertex; with a border around a disk there is nothing to cut. The mesh begins with the
- * component's vertices in the input's order. *origin (NULL: not wanted) gives for each vertex of the
- * cut mesh the vertex of `mesh` at the same place, or -1 for points of the locus; freed with free().
+ * at the farthest vertex; with a border around a disk there is nothing to cut. Long edges are bisected before where a
+ * tenth of all length is in edges of more than four mean ones. The mesh begins with the component's vertices in the
+ * input's order. *origin (NULL: not wanted) gives for each vertex of the
+ * cut mesh the vertex of `mesh` at the same place, or -1 for new points; freed with free().
  * *plane (NULL: not wanted): 2 coordinates for each vertex of the cut mesh, the logarithmic map, that is the
  * distance times the direction at the source, on the locus' two sides each its own; freed with free(). Directions are
  * exact but around triangles that would turn over or be flat in the plane, as behind saddle vertices of the polyhedron:

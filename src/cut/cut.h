@@ -7,7 +7,8 @@
 /* cut.c: a disk, with one border loop and Euler characteristic 1.
  * The triangles that the locus crosses are split so that it runs along edges; its vertices are doubled,
  * one for each side. A locus that crosses fewer than three edges of a sphere becomes a slit of two edges; a
- * disk with a border needs no cut. The mesh begins with the vertices of geodesics->mesh in their order.
+ * disk with a border needs no cut. Where edges are of very different lengths it is the finer mesh of the locus
+ * that is cut (geodesic/finer.h). The mesh begins with the vertices of geodesics->mesh in their order.
  * *origin: for each vertex the one of that mesh at the same place, or -1 where it is new; *plane: 2 for each
  * vertex, distance times the direction at the source of the geodesics on its side, averaged as dmk_plane_unfold does
  * (the caller frees both). */
