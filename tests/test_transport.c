@@ -732,6 +732,31 @@ static void other_components_and_unused_vertices(void **state)
     problem_free(&p);
 }
 
+/* Points without mass may lie anywhere, and change nothing. */
+static void no_mass_on_other_components(void **state)
+{
+    static const double xyz[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 5, 0, 0, 6, 0, 0, 5, 1, 0};
+    static const int32_t triangles[] = {0, 1, 2, 3, 4, 5};
+    static const double mass[] = {1, 0}, density[] = {1, 0};
+    static const int32_t first[] = {0, 2, 4};
+    static const dmk_point atom[] = {{0, {1, 0, 0}}, {1, {0.5, 0.5, 0}}},
+                           line[] = {
+                               {0, {0, 1, 0}}, {0, {0, 0, 1}}, {1, {1, 0, 0}}, {1, {0, 1, 0}}};
+    problem p = problem_create(*state, 6, xyz, 2, triangles);
+    double cost[2];
+    p.options.normalise = 1;
+    for (size_t n = 1; n <= 2; n++) {
+        moved m = move(
+            &p, &(dmk_measure){.n_atoms = n, .atoms = atom, .atom_mass = mass},
+            &(dmk_measure){
+                .n_lines = n, .line_first = first, .line_points = line, .line_density = density});
+        cost[n - 1] = m.stats.cost_upper;
+        dmk_transport_destroy(&m.transport);
+    }
+    assert_true(cost[0] == cost[1]);
+    problem_free(&p);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -751,6 +776,7 @@ int main(void)
         cmocka_unit_test(rounding_moves_nothing),
         cmocka_unit_test(bad_measures_are_refused),
         cmocka_unit_test(other_components_and_unused_vertices),
+        cmocka_unit_test(no_mass_on_other_components),
     };
     return cmocka_run_group_tests(tests, bench_setup, bench_teardown);
 }

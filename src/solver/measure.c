@@ -257,6 +257,8 @@ static int add_lines(load *l, const dmk_measure *m)
     if (m->n_lines > 0 && !l->stars.row)
         DMK_TRY(dmk_vertex_stars_create(l->ctx, l->mesh, &l->stars));
     for (size_t k = 0; k < m->n_lines; k++) {
+        const double density = m->line_density ? m->line_density[k] : 1;
+        if (density == 0) continue; /* it may lie on another component */
         for (int32_t i = m->line_first[k]; i + 1 < m->line_first[k + 1]; i++) {
             double a[3], b[3];
             const int32_t t = shared_triangle(l, &m->line_points[i], &m->line_points[i + 1], a, b);
@@ -266,7 +268,7 @@ static int add_lines(load *l, const dmk_measure *m)
                               (int)(i - m->line_first[k]), (int)(i + 1 - m->line_first[k]), k);
                 goto done;
             }
-            add_segment(l, t, a, b, m->line_density ? m->line_density[k] : 1);
+            add_segment(l, t, a, b, density);
         }
     }
 done:
@@ -276,6 +278,7 @@ done:
 static void add_atom(const load *l, const dmk_point *p, double mass)
 {
     double w[6];
+    if (mass == 0) return; /* it may lie on another component */
     dmk_point_weights(p->weight, w);
     add(l, l->number[p->triangle], w, mass);
 }
