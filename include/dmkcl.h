@@ -615,9 +615,9 @@ typedef struct dmk_traffic {
  * result, with the bits that one rank would compute, but for dmk_result_acl, which the first one has alone. The
  * distance is the first one's work, too, which the others get from it. NULL: this process has all of it. */
 int dmk_solver_set_ranks(dmk_context *context, dmk_solver *solver, const dmk_ranks *ranks);
-/* The solver takes its mesh over, *mesh becomes NULL: it is freed as soon as it has been put in order, and no more
- * than one solve is possible. With density_only on several ranks no rank then keeps more than its share of the mesh
- * and 12 bytes per triangle; while it is set up, some 200. */
+/* The solver takes its mesh over, *mesh becomes NULL, for one solve, which frees it as soon as it is in order. With
+ * density_only on several ranks no rank then keeps more than its share of the mesh and 12 bytes per triangle; while it
+ * is set up, some 200. */
 int dmk_solver_give_mesh(dmk_context *context, dmk_solver *solver, dmk_mesh **mesh);
 void dmk_solver_get_traffic(const dmk_solver *solver, dmk_traffic *traffic);
 /* dmk_mesh_read by all ranks together, each of which has the mesh then. Of a binary PLY of triangles, and of a VTP of

@@ -28,7 +28,8 @@ typedef struct seat {
     dmk_mesh_info info;
     dmk_point source;
     dmk_result *second;
-    int rc, second_rc; /* no more than one solve is possible */
+    int rc, second_rc; /* no more than one solve is possible, */
+    int moved_rc;      /* and nothing can be moved */
     char message[400];
 } seat;
 
@@ -53,6 +54,11 @@ static int solve_on(seat *s, dmk_context *ctx, dmk_device **device, dmk_pieces *
                        : dmk_pieces_vertex_point(ctx, *pieces, t->vertex, &s->source);
     if (rc == DMK_OK) rc = dmk_device_open(ctx, &options, device);
     if (rc == DMK_OK) rc = dmk_solver_create_of_pieces(ctx, *device, pieces, solver);
+    if (rc == DMK_OK) {
+        dmk_transport *none = NULL;
+        const dmk_measure even = {.uniform = 1};
+        s->moved_rc = dmk_solve_measures(ctx, *solver, &even, &even, NULL, &none);
+    }
     if (rc == DMK_OK) rc = dmk_solve(ctx, *solver, &s->source, &t->options, &s->result);
     if (rc == DMK_OK) dmk_result_get_stats(s->result, &s->stats);
     dmk_solver_get_traffic(*solver, &s->traffic);
@@ -150,6 +156,7 @@ static void try_ranks(bench *b, task *t, int dealt)
             if (dealt == 0 || size <= dealt) assert_true(shared == (dealt > 1 && size > 1));
             for (int i = 0; i < DMK_N_STEEP; i++)
                 assert_true(seats[k].stats.steep[i] == stats.steep[i]);
+            assert_int_equal(seats[k].moved_rc, DMK_E_ARG);
             assert_int_equal(seats[k].second_rc, shared ? DMK_E_ARG : DMK_OK);
             assert_true((dmk_result_density(seats[k].result, NULL) != NULL) == (k == 0 || !shared));
             if (k == 0 || !shared) same_results(whole, seats[k].result);

@@ -319,8 +319,8 @@ static void pin_load(const char *group, const bench *b, const dmk_solver *s,
     double mass = 0, atom[4] = {0};
     const dmk_system *sys = s->system;
     double *f = calloc((size_t)sys->whole.n_rows_pad, sizeof *f);
-    bench_ok(b, dmk_measure_load(b->ctx, s->mesh, &s->order->order, sys, from, to, true, f, &mass,
-                                 atom));
+    bench_ok(b, dmk_measure_load(b->ctx, (size_t)s->mesh->n_triangles, &s->order->order, sys, from,
+                                 to, true, f, &mass, atom));
     pin_doubles(group, "edges", (size_t)sys->whole.n_edges, f, host);
     pin_doubles(group, "vertices", (size_t)sys->whole.n_vertices, f + sys->whole.vertex_row, host);
     pin_one(group, "mass", mass, host);

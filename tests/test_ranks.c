@@ -388,6 +388,20 @@ typedef struct mover {
     char message[300];
 } mover;
 
+/* A density alone first, after which a rank has no more than its share of the mesh. */
+static int solve_before(mover *s, dmk_context *ctx, dmk_solver *solver)
+{
+    dmk_point source;
+    dmk_solve_options options;
+    dmk_result *result = NULL;
+    dmk_solve_options_init(&options, sizeof options);
+    options.density_only = 1;
+    int rc = dmk_mesh_vertex_point(ctx, s->mesh, 5, &source);
+    if (rc == DMK_OK) rc = dmk_solve(ctx, solver, &source, &options, &result);
+    dmk_result_destroy(&result);
+    return rc;
+}
+
 static int move_on(mover *s, dmk_context *ctx, dmk_device **device, dmk_solver **solver)
 {
     const dmk_measure from = {.vertex_mass = s->heap[0]}, to = {.vertex_mass = s->heap[1]};
@@ -400,6 +414,7 @@ static int move_on(mover *s, dmk_context *ctx, dmk_device **device, dmk_solver *
     int rc = dmk_device_open(ctx, &open, device);
     if (rc == DMK_OK) rc = dmk_solver_create(ctx, *device, s->mesh, solver);
     if (rc == DMK_OK) rc = dmk_solver_set_ranks(ctx, *solver, &ranks);
+    if (rc == DMK_OK && s->m.all->size == 3) rc = solve_before(s, ctx, *solver);
     if (rc == DMK_OK) rc = dmk_solve_measures(ctx, *solver, &from, &to, &options, &s->transport);
     return rc;
 }

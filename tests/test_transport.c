@@ -757,6 +757,29 @@ static void no_mass_on_other_components(void **state)
     problem_free(&p);
 }
 
+/* A mesh that was given to the solver is for one solve, whether it was put in order before that or not. */
+static void a_given_mesh_is_for_one_solve(void **state)
+{
+    static const dmk_measure even = {.uniform = 1};
+    bench *b = *state;
+    for (int kind = 0; kind < 4; kind++) { /* ordered before; by dmk_solve first */
+        problem p = problem_file(b, "tests/data/sphere_1280.off");
+        const dmk_measure atom = {.n_atoms = 1, .atoms = &p.source, .atom_mass = (double[]){1}};
+        dmk_transport *t = NULL;
+        if (kind % 2) {
+            dmk_solver_destroy(&p.solver);
+            bench_ok(b, dmk_solver_create(b->ctx, NULL, p.mesh, &p.solver));
+            bench_ok(b, dmk_solver_set_device(b->ctx, p.solver, b->dev));
+        }
+        bench_ok(b, dmk_solver_give_mesh(b->ctx, p.solver, &p.mesh));
+        bench_ok(b, kind < 2 ? try_moving(&p, &atom, &even, &t) : problem_try(&p));
+        dmk_transport_destroy(&t);
+        refuse(&p, &atom, &even, "is gone");
+        assert_int_equal(problem_try(&p), DMK_E_ARG);
+        problem_free(&p);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -777,6 +800,7 @@ int main(void)
         cmocka_unit_test(bad_measures_are_refused),
         cmocka_unit_test(other_components_and_unused_vertices),
         cmocka_unit_test(no_mass_on_other_components),
+        cmocka_unit_test(a_given_mesh_is_for_one_solve),
     };
     return cmocka_run_group_tests(tests, bench_setup, bench_teardown);
 }

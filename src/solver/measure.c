@@ -391,7 +391,7 @@ static int balance(dmk_context *ctx, size_t n, bool normalise, double *f, const 
     return DMK_OK;
 }
 
-int dmk_measure_load(dmk_context *ctx, const dmk_mesh *mesh, const dmk_order *order,
+int dmk_measure_load(dmk_context *ctx, size_t n_triangles, const dmk_order *order,
                      const dmk_system *s, const dmk_measure *from, const dmk_measure *to,
                      bool normalise, double *f, double *mass, double *atom_mass)
 {
@@ -402,8 +402,8 @@ int dmk_measure_load(dmk_context *ctx, const dmk_mesh *mesh, const dmk_order *or
     double *g = NULL;
     dmk_task task = {0};
     DMK_TRY(DMK_NEW(ctx, g, n));
-    DMK_TRY(DMK_NEW(ctx, l.number, (size_t)mesh->n_triangles));
-    for (int32_t t = 0; t < mesh->n_triangles; t++) l.number[t] = -1;
+    DMK_TRY(DMK_NEW(ctx, l.number, n_triangles));
+    for (size_t t = 0; t < n_triangles; t++) l.number[t] = -1;
     for (int32_t t = 0; t < order->mesh->n_triangles; t++) l.number[order->triangle_old[t]] = t;
     memset(f, 0, n * sizeof *f);
     other second = {l, to};

@@ -14,9 +14,10 @@ static inline bool dmk_measure_is_free(const dmk_measure *m)
     return m->n_atoms > 0 && !m->atom_mass;
 }
 
-/* f of the packed problem, whole.n_rows_pad numbers: from - to of total mass 1 each. *mass: that of `from`.
- * atom_mass: of free atoms, one each. Masses that differ are refused unless `normalise`. */
-int dmk_measure_load(dmk_context *context, const dmk_mesh *mesh, const dmk_order *order,
+/* f of the packed problem, whole.n_rows_pad numbers: from - to of total mass 1 each. n_triangles: of the mesh that the
+ * order is of a component of. *mass: that of `from`. atom_mass: of free atoms, one each. Masses that differ are refused
+ * unless `normalise`. */
+int dmk_measure_load(dmk_context *context, size_t n_triangles, const dmk_order *order,
                      const dmk_system *system, const dmk_measure *from, const dmk_measure *to,
                      bool normalise, double *f, double *mass, double *atom_mass);
 

@@ -25,12 +25,19 @@ static void forget_component(dmk_solver *s)
     dmk_plot_free(&s->plot);
 }
 
+/* A mesh that was given serves one solve. */
+static void spend(dmk_solver *s)
+{
+    if (!s->given) return;
+    s->mesh = NULL;
+    s->spent = true;
+}
+
 /* The component in order; a mesh that was given goes on the way. */
 static int order_mesh(dmk_context *ctx, dmk_solver *s, int32_t component)
 {
     if (!s->given) return dmk_order_create(ctx, s->mesh, component, &s->order->order);
-    s->mesh = NULL;
-    s->spent = true;
+    spend(s);
     return dmk_order_adopt(ctx, &s->given, component, &s->order->order);
 }
 
@@ -38,10 +45,11 @@ static int order_mesh(dmk_context *ctx, dmk_solver *s, int32_t component)
 int dmk_solver_order(dmk_context *ctx, dmk_solver *s, int32_t component)
 {
     int rc;
-    if (component == s->component) return DMK_OK;
-    if (s->pieces)
-        return dmk_fail(ctx, DMK_E_ARG,
-                        "of a mesh in pieces there is a density from a point alone");
+    if (component == s->component) {
+        spend(s);
+        dmk_mesh_destroy(&s->given);
+        return DMK_OK;
+    }
     forget_component(s);
     /* Of several components the size of this one is not known yet. */
     if (s->device && s->mesh->n_components == 1)
@@ -92,10 +100,20 @@ done:
     return rc;
 }
 
-int dmk_solver_ready(dmk_context *ctx, const dmk_solver *s)
+int dmk_solver_begin(dmk_context *ctx, dmk_solver *s, bool density_alone)
 {
-    if (s->device) return dmk_device_owned(ctx, s->device);
-    return dmk_fail(ctx, DMK_E_ARG, "the solver has no device yet");
+    if (!s->device) return dmk_fail(ctx, DMK_E_ARG, "the solver has no device yet");
+    if (s->spent) {
+        return dmk_fail(ctx, DMK_E_ARG,
+                        "the solver's mesh was given to it for one solve, and is gone");
+    }
+    if (s->pieces && !density_alone) {
+        return dmk_fail(
+            ctx, DMK_E_ARG,
+            "of a mesh in pieces there is a density from a point alone: density_only = 1");
+    }
+    if (s->lean) forget_component(s); /* its right-hand side is another source's */
+    return dmk_device_owned(ctx, s->device);
 }
 
 void dmk_solver_destroy(dmk_solver **solver)
@@ -714,16 +732,9 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     start near = {0};
     dmk_solve_options chosen;
     if (dmk_missing(ctx, "solver", s, "source", source, "result", result)) return DMK_E_ARG;
-    DMK_TRY(dmk_solver_ready(ctx, s));
-    if (s->spent)
-        return dmk_fail(ctx, DMK_E_ARG,
-                        "the solver's mesh was given to it for one solve, and is gone");
-    DMK_TRY(dmk_point_check(ctx, s->mesh, "the source", source));
     DMK_TRY(dmk_solver_take_options(ctx, options, &chosen));
-    if (s->pieces && !chosen.density_only)
-        return dmk_fail(ctx, DMK_E_ARG,
-                        "of a mesh in pieces there is the density alone: density_only = 1");
-    if (s->lean) forget_component(s); /* its right-hand side is another source's */
+    DMK_TRY(dmk_solver_begin(ctx, s, chosen.density_only));
+    DMK_TRY(dmk_point_check(ctx, s->mesh, "the source", source));
     DMK_TRY(dmk_result_create(ctx, s->mesh, &r));
     double began = dmk_seconds();
     if (s->pieces)

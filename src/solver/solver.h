@@ -37,11 +37,12 @@ int dmk_planted_collect(dmk_context *context, dmk_solver *solver, const dmk_poin
 /* DMK_E_ARG for options out of their range. */
 int dmk_solver_take_options(dmk_context *context, const dmk_solve_options *given,
                             dmk_solve_options *options);
-/* Order `component`, unless that was the last one; its system comes into being with the next call. */
+/* Order `component`, unless that was the last one; its system comes into being with the next call. A mesh that was
+ * given is gone then. */
 int dmk_solver_order(dmk_context *context, dmk_solver *solver, int32_t component);
 int dmk_solver_pack(dmk_context *context, dmk_solver *solver);
-/* DMK_OK if it has a device, and that is this process's. */
-int dmk_solver_ready(dmk_context *context, const dmk_solver *solver);
+/* DMK_OK if it can solve, for a density alone or more: it has a device of this process, and a mesh for that. */
+int dmk_solver_begin(dmk_context *context, dmk_solver *solver, bool density_alone);
 /* Work arrays may hold the NaN of an earlier solve that diverged: clear them. */
 int dmk_solver_clear(dmk_context *context, const dmk_solver *solver);
 /* The approximate cut locus (acl.h) from mu, or NULL, and u in the packed problem's order and the

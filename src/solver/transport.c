@@ -200,8 +200,8 @@ int dmk_solve_measures(dmk_context *ctx, dmk_solver *s, const dmk_measure *from,
     dmk_transport *r = NULL;
     dmk_solve_options chosen;
     if (dmk_missing(ctx, "solver", s, "from", from, "transport", transport)) return DMK_E_ARG;
-    DMK_TRY(dmk_solver_ready(ctx, s));
     DMK_TRY(dmk_solver_take_options(ctx, options, &chosen));
+    DMK_TRY(dmk_solver_begin(ctx, s, false));
     DMK_TRY(dmk_measure_check(ctx, s->mesh, from, to, &component));
     DMK_TRY(create(ctx, s->mesh, &r));
     const double began = dmk_seconds();
@@ -216,8 +216,8 @@ int dmk_solve_measures(dmk_context *ctx, dmk_solver *s, const dmk_measure *from,
                                                              : NULL;
     r->n_atoms = set ? set->n_atoms : 0;
     DMK_TRY(DMK_NEW(ctx, r->atom_mass, r->n_atoms));
-    DMK_TRY(dmk_measure_load(ctx, s->mesh, &s->order->order, s->system, from, to, chosen.normalise,
-                             f, &r->mass, r->atom_mass));
+    DMK_TRY(dmk_measure_load(ctx, r->n_triangles, &s->order->order, s->system, from, to,
+                             chosen.normalise, f, &r->mass, r->atom_mass));
     DMK_TRY(solve(ctx, s, &chosen, f, began, set == from ? 1 : set ? -1 : 0, r));
     *transport = r;
     r = NULL;
