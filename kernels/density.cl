@@ -21,6 +21,12 @@ static six scaled(realv k, six x)
     return y;
 }
 
+/* The larger one, but x where it is no number: fmax would hide it, and with it that the iteration diverges. */
+static realv at_least(realv x, realv lowest)
+{
+    return x < lowest ? lowest : x;
+}
+
 /* L = 1/2 log(alpha^2 q), kept in [-1, 1]. */
 static realv log_slope(realv q)
 {
@@ -36,8 +42,8 @@ static realv local_step(float D, float bend, realv l)
 /* mu after y has changed by dy, which is kept in [-1, 1]; elements without mu, the padding, have none. */
 static realv grown(realv mu, realv dy, realv area, float lowest)
 {
-    const realv next = mu * exp(clamp(dy, (realv)-1, (realv)1));
-    return mu > 0 ? fmax(next, (real)lowest * sqrt(area)) : next;
+    const realv next = mu * exp(at_least(dy > 1 ? (realv)1 : dy, (realv)-1));
+    return mu > 0 ? at_least(next, (real)lowest * sqrt(area)) : next;
 }
 
 /* Sums over elements: of mu u.g = u.Au, of area mu, and of this times L and L^2 at alpha = 1; and the largest q. */
@@ -68,7 +74,7 @@ static void measure_block(int b, int keep, float slack, six x, global const real
     const flows f = flows_of(load_three(cot, b), x);
     const six y = divergence(f);
     if (keep & DMK_KEEP_G) store_six(y, g, b);
-    realv e = fmax(dot_six(y, x), (realv)0);
+    realv e = at_least(dot_six(y, x), (realv)0);
     if (slack > 0) e += (real)slack * farthest(x) * total_flow(f);
     add_measures(b, keep, e, area, mu, 1, q, sum);
 }
@@ -465,7 +471,7 @@ KERNEL newton_update_wide(int n, float alpha, float D, float bend, float lowest,
 }
 
 /* The paper's explicit Euler step mu <- mu (1 + dt (sqrt(q) - 1)), or, with inertial != 0, a step in
- * y = log mu with inertia: y <- y + 1/2 log q + beta (y - y_before).
+ * y = log mu with inertia: y <- y + 1/2 log q + beta (y - y_before), where there is a step before, before > 0.
  * reads area, q, mu, before; writes mu, before, scalars
  * moves 6 real E bytes, 15 E flops
  * shape blocks of E; numerics the sums in sum_t, in the order of parts */
@@ -486,10 +492,10 @@ KERNEL explicit_update(int n, int inertial, float dt, float beta, float lowest,
                         slope = sqrt(LOAD(q, AT(b)));
             realv grown = old * (1 + (real)dt * (slope - 1));
             if (inertial) {
-                const realv ratio = old / fmax(LOAD(before, AT(b)), (realv)1e-37f);
+                const realv last = LOAD(before, AT(b)), ratio = last > 0 ? old / last : (realv)1;
                 grown = old * slope * exp((real)beta * log(fmax(ratio, (realv)1e-30f)));
             }
-            const realv next = old > 0 ? fmax(grown, (real)lowest * sqrt(a)) : grown;
+            const realv next = old > 0 ? at_least(grown, (real)lowest * sqrt(a)) : grown;
             STORE(old, before, AT(b));
             STORE(next, mu, AT(b));
             change += TO_SUM(a * fabs(next - old));

@@ -681,6 +681,50 @@ static void steps_on_t_move_mu_and_u(void **state)
     free(mu);
 }
 
+static double read_scalar(const fixture *x, size_t at)
+{
+    double sums[8];
+    ok(x, dmk_buffer_read_real(x->ctx, x->dev, DMK_OUTER, x->sys->scalars, 8, sums));
+    return sums[at];
+}
+
+/* A value that is no number, of u, of a step or of q, shows in the energy, or in the change of mu. */
+static void nan_is_not_hidden(void **state)
+{
+    fixture *x = *state;
+    dmk_system *s = x->sys;
+    const size_t e = (size_t)s->n_elements_pad;
+    double *u = random_rows(x), *v = random_rows(x), *q = calloc(e, sizeof *q);
+    const int32_t row = s->vertex_row + 5;
+    for (int k = 0; k < 2; k++) { /* the second time */
+        if (k == 1) u[row] = NAN;
+        ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, s->u, x->n, u));
+        ok(x, dmk_element_energy(x->ctx, s, s->u, DMK_KEEP_Q | DMK_KEEP_G, 0, 0));
+        assert_true(isnan(read_scalar(x, 0)) == (k == 1));
+    }
+    ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, s->u, x->n, v));
+    ok(x, dmk_element_energy(x->ctx, s, s->u, DMK_KEEP_Q | DMK_KEEP_G, 0, 0));
+    ok(x, dmk_newton_prepare(x->ctx, s, false, &step));
+    for (int k = 0; k < 2; k++) {
+        ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_INNER, s->w, x->n, k == 0 ? v : u));
+        ok(x, dmk_newton_update(x->ctx, s, &step, 0));
+        assert_true(isnan(read_scalar(x, 4)) == (k == 1));
+    }
+    ok(x,
+       dmk_buffer_create(x->ctx, x->dev, e * dmk_device_real(x->dev, DMK_OUTER), NULL, &s->before));
+    for (size_t t = 0; t < e; t++) q[t] = 1;
+    for (int k = 0; k < 4; k++) { /* with inertia; the second time of each */
+        q[17] = k % 2 == 1 ? NAN : 1;
+        ok(x, dmk_elements_fill(x->ctx, s, s->mu, 2));
+        ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, s->q, e, q));
+        ok(x, dmk_explicit_update(x->ctx, s, k > 1, 0.5, 0.5, 1e-4, 0));
+        assert_true(isnan(read_scalar(x, 0)) == (k % 2 == 1));
+    }
+    free(u);
+    free(v);
+    free(q);
+}
+
 /* Conjugate gradients on T: fourteen iterations solve A w = A v. */
 static void steps_on_t_are_solved(void **state)
 {
@@ -842,6 +886,7 @@ int main(void)
         BOTH(the_inner_solve_is_conjugate_gradients),
         BOTH(steps_on_t_have_newtons_system),
         BOTH(steps_on_t_move_mu_and_u),
+        BOTH(nan_is_not_hidden),
         BOTH(steps_on_t_are_solved),
         BOTH(two_runs_give_the_same_bits),
         BOTH(every_part_is_done_once),

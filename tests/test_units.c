@@ -583,6 +583,29 @@ static void divergence_leaves_nothing(void **state)
     bench_close(&b);
 }
 
+/* The first explicit step, which has no inertia, leaves mu where |grad u| = 1, however large it is. */
+static void the_first_step_has_none_before(void **state)
+{
+    bench b;
+    double change;
+    (void)state;
+    bench_open(&b, &(dmk_device_options){.struct_size = sizeof(dmk_device_options),
+                                         .single_precision = 1});
+    problem p = problem_file(&b, "meshes/torus.off");
+    p.options.method = DMK_INERTIAL;
+    p.options.max_steps = 1;
+    assert_int_equal(problem_try(&p), DMK_E_LIMIT);
+    dmk_system *s = p.solver->system;
+    bench_ok(&b, dmk_elements_fill(b.ctx, s, s->mu, 1000));
+    bench_ok(&b, dmk_elements_fill(b.ctx, s, s->q, 1));
+    bench_ok(&b, dmk_elements_fill(b.ctx, s, s->before, 0));
+    bench_ok(&b, dmk_explicit_update(b.ctx, s, true, 1, 0, DMK_FLOOR, 0));
+    bench_ok(&b, dmk_buffer_read_real(b.ctx, b.dev, DMK_OUTER, s->scalars, 1, &change));
+    assert_true(change == 0);
+    problem_free(&p);
+    bench_close(&b);
+}
+
 /* A change that is no number, or beyond all bounds, ends the steps. */
 static void steps_that_diverge_are_told(void **state)
 {
@@ -733,6 +756,7 @@ int main(void)
         cmocka_unit_test(steps_go_on_for_a_gap),
         cmocka_unit_test(solves_take_their_steps),
         cmocka_unit_test(divergence_leaves_nothing),
+        cmocka_unit_test(the_first_step_has_none_before),
         cmocka_unit_test(steps_that_diverge_are_told),
         cmocka_unit_test(points_are_weighted),
         cmocka_unit_test(sliced_rows_hold_all_entries),
