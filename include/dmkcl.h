@@ -417,8 +417,8 @@ typedef struct dmk_memory {
 } dmk_memory;
 
 void dmk_solve_memory(size_t n_triangles, int single_precision, dmk_memory *memory);
-/* The same of this mesh. Where more than a tenth of the triangles are needles a solve in double precision takes up to
- * 1,500 bytes a triangle more, if there is so much. */
+/* The same of this mesh. Where more than 2 % of the triangles are needles a solve in double precision takes up to 1,500
+ * bytes a triangle more; after dmk_mesh_forget_edges that is not known, and not counted. */
 void dmk_mesh_memory(const dmk_mesh *mesh, int single_precision, dmk_memory *memory);
 
 /* A solver for many sources on one mesh: the first solve packs the mesh (the source's connected

@@ -316,6 +316,15 @@ static void memory_is_looked_at_first(void **state)
         assert_int_equal(of[single].device, plain.device);
         assert_int_equal(of[single].host, plain.host + (single ? 0 : 3000));
     }
+    /* Of which nothing is known without edges. */
+    dmk_mesh_forget_edges(strip);
+    dmk_mesh_memory(strip, 0, &of[0]);
+    assert_true(of[0].host == plain.host && of[0].device > plain.device);
+    assert_int_equal(dmk_memory_check_needles(f->ctx, 1000), DMK_OK);
+    assert_int_equal(dmk_memory_check_needles(f->ctx, INT64_C(100000000000)), DMK_E_NOMEM);
+    assert_non_null(strstr(dmk_context_message(f->ctx),
+                           "100000000000 triangles, many of them needles, need about 150000.0 GB"));
+    assert_non_null(strstr(dmk_context_message(f->ctx), "single precision"));
     dmk_mesh_destroy(&strip);
     dmk_device_destroy(&device);
 }

@@ -36,6 +36,7 @@ void dmk_mesh_memory(const dmk_mesh *mesh, int single_precision, dmk_memory *mem
 {
     if (!mesh || !memory) return;
     dmk_solve_memory((size_t)mesh->n_triangles, single_precision, memory);
+    if (!mesh->length) return; /* nothing is known of angles */
     int64_t n = 0;
     for (int32_t t = 0; t < mesh->n_triangles; t++) {
         const double cot[3] = {dmk_cot(mesh, 3 * t), dmk_cot(mesh, 3 * t + 1),
@@ -66,7 +67,8 @@ static bool read_number(const char *path, const char *name, uint64_t *value)
     return found;
 }
 
-uint64_t dmk_memory_available(void)
+/* Bytes that this process may still take, or UINT64_MAX where nobody says. */
+static uint64_t available_memory(void)
 {
     uint64_t free_ram = 0, swap = 0, most = 0, used = 0;
     if (!read_number("/proc/meminfo", "MemAvailable:", &free_ram)) return UINT64_MAX;
@@ -80,15 +82,16 @@ uint64_t dmk_memory_available(void)
     return available;
 }
 
-static int refuse(dmk_context *ctx, const char *where, int64_t n, uint64_t needed, uint64_t there)
+/* n triangles of that kind; single: less is needed in single precision. */
+static int refuse(dmk_context *ctx, const char *where, int64_t n, const char *kind, bool single,
+                  uint64_t needed, uint64_t there)
 {
     return dmk_fail(
         ctx, DMK_E_NOMEM,
-        "%lld triangles need about %.1f GB of memory on the %s, and %.1f GB are available; "
-        "use a coarser "
-        "mesh, more memory%s",
-        (long long)n, 1e-9 * (double)needed, where, 1e-9 * (double)there,
-        strcmp(where, "host") == 0 ? "" : ", or single precision");
+        "%lld triangles%s need about %.1f GB of memory on the %s, and %.1f GB are available; "
+        "use a coarser mesh, more memory%s",
+        (long long)n, kind, 1e-9 * (double)needed, where, 1e-9 * (double)there,
+        single ? ", or single precision" : "");
 }
 
 int dmk_memory_check(dmk_context *ctx, const dmk_device *device, int64_t n_triangles)
@@ -98,12 +101,21 @@ int dmk_memory_check(dmk_context *ctx, const dmk_device *device, int64_t n_trian
     dmk_device_get_info(device, &info);
     dmk_solve_memory((size_t)n_triangles, dmk_device_real(device, DMK_OUTER) == sizeof(float), &m);
     /* The mesh and the drivers have theirs already. */
-    uint64_t taken = FIXED_HOST + (uint64_t)n_triangles * 80, available = dmk_memory_available();
+    uint64_t taken = FIXED_HOST + (uint64_t)n_triangles * 80, available = available_memory();
     uint64_t host = m.host > taken ? m.host - taken : 0;
     const bool same = strcmp(info.type, "CPU") == 0;
     if (!same && info.memory > 0 && m.device > info.memory) {
-        return refuse(ctx, "device", n_triangles, m.device, info.memory);
+        return refuse(ctx, "device", n_triangles, "", true, m.device, info.memory);
     }
     if (same) host += m.device;
-    return host > available ? refuse(ctx, "host", n_triangles, host, available) : DMK_OK;
+    if (host <= available) return DMK_OK;
+    return refuse(ctx, "host", n_triangles, "", false, host, available);
+}
+
+int dmk_memory_check_needles(dmk_context *ctx, int64_t n_triangles)
+{
+    const uint64_t needed = (uint64_t)n_triangles * DMK_FINE_GRAPH_BYTES,
+                   available = available_memory();
+    if (needed <= available) return DMK_OK;
+    return refuse(ctx, "host", n_triangles, ", many of them needles,", true, needed, available);
 }

@@ -3,9 +3,9 @@
 
 #include "device/device.h"
 
-/* Bytes that this process may still take, or UINT64_MAX where nobody says. */
-uint64_t dmk_memory_available(void);
 /* DMK_E_NOMEM if a solve on so many triangles, whose mesh has been read, cannot fit. */
 int dmk_memory_check(dmk_context *context, const dmk_device *device, int64_t n_triangles);
+/* The same of what levels without T take besides (fine_graph.h). */
+int dmk_memory_check_needles(dmk_context *context, int64_t n_triangles);
 
 #endif

@@ -149,10 +149,9 @@ static int look_at_angles(dmk_context *ctx, const dmk_ranks *ranks, const dmk_gr
     pthread_mutex_destroy(&f.lock);
     n = (double)f.n_flat;
     s->sharpest = f.sharpest;
-    const uint64_t bytes = (uint64_t)s->whole.n_elements * DMK_FINE_GRAPH_BYTES;
     s->of_needles = !g->element && dmk_device_real(s->device, DMK_OUTER) == sizeof(double) &&
-                    dmk_fine_graph_pays(s->whole.n_elements, f.n_sharp, f.sharpest) &&
-                    (ranks || dmk_memory_available() > 2 * bytes); /* ranks decide alike */
+                    dmk_fine_graph_pays(s->whole.n_elements, f.n_sharp, f.sharpest);
+    if (s->of_needles) DMK_TRY(dmk_memory_check_needles(ctx, s->whole.n_elements));
     if (g->element) {
         n = 0;
         DMK_TRY(dmk_ranks_in_turn(ctx, ranks, &n, add_needles, &f));
