@@ -481,6 +481,31 @@ static void nothing_may_be_destroyed(void **state)
     assert_null(none);
 }
 
+/* Accessors give zeros for NULL. */
+#define ZEROS(get, type)                                                                           \
+    do {                                                                                           \
+        static const type zero;                                                                    \
+        type found;                                                                                \
+        memset(&found, 0x55, sizeof found);                                                        \
+        get;                                                                                       \
+        assert_memory_equal(&found, &zero, sizeof found);                                          \
+    } while (0)
+
+static void nothing_has_zeros(void **state)
+{
+    (void)state;
+    ZEROS(dmk_mesh_get_info(NULL, &found), dmk_mesh_info);
+    ZEROS(dmk_device_get_info(NULL, &found), dmk_device_info);
+    ZEROS(dmk_geodesics_get_info(NULL, &found), dmk_geodesics_info);
+    ZEROS(dmk_mesh_memory(NULL, 0, &found), dmk_memory);
+    ZEROS(dmk_result_get_stats(NULL, &found), dmk_stats);
+    ZEROS(dmk_transport_get_stats(NULL, &found), dmk_stats);
+    ZEROS(dmk_transport_get_info(NULL, &found), dmk_transport_info);
+    ZEROS(dmk_solver_get_traffic(NULL, &found), dmk_traffic);
+    ZEROS(dmk_pieces_get_info(NULL, &found), dmk_mesh_info);
+    ZEROS(dmk_locus_get_info(NULL, &found), dmk_locus_info);
+}
+
 /* ---- forks ---- */
 
 /* Exit status of `work` in a forked child; 99: it has not ended within 20 s. */
@@ -616,6 +641,7 @@ int main(void)
         cmocka_unit_test(options_may_be_missing),
         cmocka_unit_test(option_structs_may_be_older_and_newer),
         cmocka_unit_test(nothing_may_be_destroyed),
+        cmocka_unit_test(nothing_has_zeros),
         cmocka_unit_test(a_forked_child_has_no_device),
     };
     return cmocka_run_group_tests_name("arguments", tests, setup, teardown);

@@ -34,7 +34,9 @@ void dmk_solve_memory(size_t n_triangles, int single_precision, dmk_memory *memo
 
 void dmk_mesh_memory(const dmk_mesh *mesh, int single_precision, dmk_memory *memory)
 {
-    if (!mesh || !memory) return;
+    if (!memory) return;
+    *memory = (dmk_memory){0};
+    if (!mesh) return;
     dmk_solve_memory((size_t)mesh->n_triangles, single_precision, memory);
     if (!mesh->length) return; /* nothing is known of angles */
     int64_t n = 0;

@@ -238,12 +238,12 @@ static const double *borrow(const double *array, size_t length, size_t *n)
 
 void dmk_transport_get_stats(const dmk_transport *r, dmk_stats *stats)
 {
-    if (r && stats) *stats = r->stats;
+    if (stats) *stats = r ? r->stats : (dmk_stats){0};
 }
 
 void dmk_transport_get_info(const dmk_transport *r, dmk_transport_info *info)
 {
-    if (r && info) *info = (dmk_transport_info){r->mass, r->balance};
+    if (info) *info = r ? (dmk_transport_info){r->mass, r->balance} : (dmk_transport_info){0};
 }
 
 const double *dmk_transport_density(const dmk_transport *r, size_t *n)
