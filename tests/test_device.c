@@ -120,6 +120,22 @@ static void built_in_the_background(void **state)
     }
 }
 
+/* In single precision both programs are the same one. */
+static void built_once_where_they_are_the_same(void **state)
+{
+    fixture *f = *state;
+    dmk_device_options options;
+    dmk_device_options_init(&options, sizeof options);
+    for (int single = 0; single < 2; single++) {
+        dmk_device *device = NULL;
+        options.single_precision = single;
+        assert_int_equal(dmk_device_open(f->ctx, &options, &device), DMK_OK);
+        assert_true((device->program[DMK_INNER] == device->program[DMK_OUTER]) ==
+                    (dmk_device_real(device, DMK_OUTER) == sizeof(float)));
+        dmk_device_destroy(&device);
+    }
+}
+
 /* What is written where a buffer is mapped is the buffer's; single precision is not given as double. */
 static void mapped(void **state)
 {
@@ -425,6 +441,7 @@ int main(void)
                                        TEST(destroyed_with_work_under_way),
                                        TEST(built_in_the_background),
                                        TEST(mapped),
+                                       TEST(built_once_where_they_are_the_same),
                                        TEST(large_memory_lies_in_huge_pages),
                                        TEST(the_best_device),
                                        TEST(devices_are_listed),

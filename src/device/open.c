@@ -409,9 +409,9 @@ void dmk_device_destroy(dmk_device **device)
     dmk_buffer_destroy(&dev->shares);     /* which keeps the last event that wrote to it */
     if (dev->queue && dev->is_sub_device) wait_for_events(dev);
     for (int i = 0; i < dev->n_kernels; i++) clReleaseKernel(dev->kernel[i].cl);
-    for (int p = 0; p < DMK_N_PROGRAMS; p++) {
-        if (dev->program[p]) clReleaseProgram(dev->program[p]);
-    }
+    const cl_program inner = dev->program[DMK_INNER], outer = dev->program[DMK_OUTER];
+    if (inner) clReleaseProgram(inner);
+    if (outer && outer != inner) clReleaseProgram(outer);
     if (dev->queue) clReleaseCommandQueue(dev->queue);
     if (dev->cl) clReleaseContext(dev->cl);
     if (dev->is_sub_device) clReleaseDevice(dev->id);

@@ -116,7 +116,10 @@ int dmk_programs_build(dmk_context *ctx, dmk_device *dev)
     build_options(dev, DMK_INNER, inner, sizeof inner);
     build_options(dev, DMK_OUTER, outer, sizeof outer);
     DMK_TRY(build_one(ctx, dev, inner, &dev->program[DMK_INNER]));
-    DMK_TRY(build_one(ctx, dev, outer, &dev->program[DMK_OUTER]));
+    if (strcmp(inner, outer) == 0)
+        dev->program[DMK_OUTER] = dev->program[DMK_INNER];
+    else
+        rc = build_one(ctx, dev, outer, &dev->program[DMK_OUTER]);
 done:
     return rc;
 }
