@@ -1,5 +1,58 @@
-/* The repair of a potential for the lower bound: values that break |grad u| <= 1 move, all others stay.
- * The work goes over lists of elements and rows, the hot ones; their order has no effect on the result. */
+/* Lower bounds of the cost: bands of levels, and the repair. */
+
+#define ELEMENT_BASE(t, K) (DMK_WIDTH * (K) * ((t) / DMK_WIDTH) + (t) % DMK_WIDTH)
+
+/* ---- bands ------------------------------------------------------------------------------------ */
+
+/* For the band bound: slope_max[l] = the largest sqrt(q) of the elements that meet level band l, as the
+ * bits of a float (ordered like integers as it is >= 0).
+ * reads index, u (gathered), q, slope_max; writes slope_max
+ * moves 24 E + real E + real R bytes, 16 E flops
+ * shape rows, one an element; numerics single precision, raised by 1e-6 for its rounding; maxima do not
+ * hang on the order */
+KERNEL band_slopes(int n, int n_bands, float u_low, float inv_band,
+                   global const int *restrict index, global const real *restrict u,
+                   global const real *restrict q, volatile global int *slope_max,
+                   volatile global int *shares, int4 launch)
+{
+    FOR_ROWS(t, n, shares, launch)
+    {
+        const int base = ELEMENT_BASE(t, 6);
+        real low = u[index[base]], high = low;
+        for (int k = 1; k < 6; k++) {
+            const real x = u[index[base + DMK_WIDTH * k]];
+            low = fmin(low, x);
+            high = fmax(high, x);
+        }
+        const int first = clamp((int)floor(((float)low - u_low) * inv_band) - 1, 0, n_bands - 1);
+        const int last = clamp((int)floor(((float)high - u_low) * inv_band) + 1, 0, n_bands - 1);
+        const int bits = as_int((float)sqrt(q[t]) * (1 + 1e-6f));
+        for (int l = first; l <= last; l++) {
+            if (slope_max[l] < bits) atomic_max(&slope_max[l], bits);
+        }
+    }
+}
+
+/* v = phi(u), phi piecewise linear with knots phi[0..n_bands] at u_low + l / inv_band.
+ * reads phi (gathered), u; writes v
+ * moves 2 real R bytes, 6 R flops
+ * shape rows */
+KERNEL band_map(int n, int n_bands, float u_low, float inv_band, global const real *restrict phi,
+                global const real *restrict u, global real *restrict v, volatile global int *shares,
+                int4 launch)
+{
+    FOR_ROWS(i, n, shares, launch)
+    {
+        const real s = (u[i] - (real)u_low) * (real)inv_band;
+        const int l = clamp((int)floor((float)s), 0, n_bands - 1);
+        v[i] = phi[l] + (s - (real)l) * (phi[l + 1] - phi[l]);
+    }
+}
+
+/* ---- the repair of a potential ---------------------------------------------------------------- */
+
+/* Values that break |grad u| <= 1 move, all others stay. The work goes over lists of elements and rows, the hot ones;
+ * their order has no effect on the result. */
 
 /* y = K x of one element and the result x.y, its energy. */
 static real energy_of(const real *c, const real *x, real *y)
@@ -18,8 +71,6 @@ static real energy_of(const real *c, const real *x, real *y)
     EACH(k, 6) e += y[k] * (x[k] - x[3]);
     return e;
 }
-
-#define ELEMENT_BASE(t, K) (DMK_WIDTH * (K) * ((t) / DMK_WIDTH) + (t) % DMK_WIDTH)
 
 /* ring = 1 on the rows of elements with q above the limit, or that have moved their rows, or have one that still
  * moves.

@@ -1,4 +1,4 @@
-/* The density's side: gradient energies, Newton's coefficients, density updates, certificate.
+/* The density's side: gradient energies, Newton's coefficients, density updates.
  * Element arrays are padded to blocks of 8 with elements of no weight (mu = 0, cot = 0, area = 1).
  *   index 6, cot 3, area 1, mu 1, q 1, g 6 per element; see operator.cl. */
 
@@ -517,52 +517,5 @@ KERNEL element_scale(int n, global const real *restrict mu, global real *restric
     FOR_BLOCKS(b, n, shares, launch)
     {
         store_six(scaled(LOAD(mu, AT(b)), load_six(g, b)), g, b);
-    }
-}
-
-/* ---- certificate ------------------------------------------------------------------------------ */
-
-/* For the band bound: slope_max[l] = the largest sqrt(q) of the elements that meet level band l, as the
- * bits of a float (ordered like integers as it is >= 0).
- * reads index, u (gathered), q, slope_max; writes slope_max
- * moves 24 E + real E + real R bytes, 16 E flops
- * shape rows, one an element; numerics single precision, raised by 1e-6 for its rounding; maxima do not
- * hang on the order */
-KERNEL band_slopes(int n, int n_bands, float u_low, float inv_band,
-                   global const int *restrict index, global const real *restrict u,
-                   global const real *restrict q, volatile global int *slope_max,
-                   volatile global int *shares, int4 launch)
-{
-    FOR_ROWS(t, n, shares, launch)
-    {
-        const int base = DMK_WIDTH * 6 * (t / DMK_WIDTH) + t % DMK_WIDTH;
-        real low = u[index[base]], high = low;
-        for (int k = 1; k < 6; k++) {
-            const real x = u[index[base + DMK_WIDTH * k]];
-            low = fmin(low, x);
-            high = fmax(high, x);
-        }
-        const int first = clamp((int)floor(((float)low - u_low) * inv_band) - 1, 0, n_bands - 1);
-        const int last = clamp((int)floor(((float)high - u_low) * inv_band) + 1, 0, n_bands - 1);
-        const int bits = as_int((float)sqrt(q[t]) * (1 + 1e-6f));
-        for (int l = first; l <= last; l++) {
-            if (slope_max[l] < bits) atomic_max(&slope_max[l], bits);
-        }
-    }
-}
-
-/* v = phi(u), phi piecewise linear with knots phi[0..n_bands] at u_low + l / inv_band.
- * reads phi (gathered), u; writes v
- * moves 2 real R bytes, 6 R flops
- * shape rows */
-KERNEL band_map(int n, int n_bands, float u_low, float inv_band, global const real *restrict phi,
-                global const real *restrict u, global real *restrict v, volatile global int *shares,
-                int4 launch)
-{
-    FOR_ROWS(i, n, shares, launch)
-    {
-        const real s = (u[i] - (real)u_low) * (real)inv_band;
-        const int l = clamp((int)floor((float)s), 0, n_bands - 1);
-        v[i] = phi[l] + (s - (real)l) * (phi[l + 1] - phi[l]);
     }
 }

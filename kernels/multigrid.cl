@@ -472,7 +472,7 @@ KERNEL_ALONE coarse_inverse(int n, int n_pad, global const int *restrict slice,
 
 /* ---- refresh --------------------------------------------------------------------------------- */
 
-/* Level 1: an edge's weight is the sum over its two triangles. slot: the midpoints' two slots among
+/* Level 0, T: an edge's weight is the sum over its two triangles. slot: the midpoints' two slots among
  * the elements' parts; a border edge's second one is of an element whose numbers stay 0.
  * reads slot, triangle_edge (gathered); writes edge
  * moves 12 K + 12 E bytes, K flops

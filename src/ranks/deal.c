@@ -207,7 +207,7 @@ static int32_t next_gap(const dmk_space *s, int32_t before)
     }
 }
 
-/* Where a whole number stands among n increasing ones, or -1; `from`: not before there. */
+/* Where a whole number stands among n increasing ones, or -1 - i: it would stand at i. `from`: not before there. */
 static int32_t find_here(const int64_t *number, int32_t n, int64_t whole, int32_t from)
 {
     if (!number) return (int32_t)whole;

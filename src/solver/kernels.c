@@ -695,25 +695,6 @@ done:
     return rc;
 }
 
-int dmk_band_slopes(dmk_context *ctx, dmk_system *s, const dmk_bands *b, const dmk_buffer *u,
-                    dmk_buffer *slopes)
-{
-    int rc;
-    DMK_TRY(dmk_send(ctx, dmk_ship_rows(s->share, DMK_OUTER, u)));
-    rc = RUN(DMK_OUTER, band_slopes, elements(s), DMK_INT(s->n_elements), DMK_INT(b->n),
-             DMK_FLOAT(b->start), DMK_FLOAT(b->inverse), DMK_BUF(s->index), DMK_BUF(u),
-             DMK_BUF(s->q), DMK_BUF(slopes));
-done:
-    return rc;
-}
-
-int dmk_band_map(dmk_context *ctx, dmk_system *s, const dmk_bands *b, const dmk_buffer *phi,
-                 const dmk_buffer *u, dmk_buffer *v)
-{
-    return RUN(DMK_OUTER, band_map, rows(s), DMK_INT(s->n_rows), DMK_INT(b->n), DMK_FLOAT(b->start),
-               DMK_FLOAT(b->inverse), DMK_BUF(phi), DMK_BUF(u), DMK_BUF(v));
-}
-
 /* ---- nested.cl ------------------------------------------------------------------------------- */
 
 /* T's vertices, and the first slice of theirs among the rows. */
@@ -786,6 +767,25 @@ int dmk_nested_refine(dmk_context *ctx, dmk_system *s)
 }
 
 /* ---- certificate.cl -------------------------------------------------------------------------- */
+
+int dmk_band_slopes(dmk_context *ctx, dmk_system *s, const dmk_bands *b, const dmk_buffer *u,
+                    dmk_buffer *slopes)
+{
+    int rc;
+    DMK_TRY(dmk_send(ctx, dmk_ship_rows(s->share, DMK_OUTER, u)));
+    rc = RUN(DMK_OUTER, band_slopes, elements(s), DMK_INT(s->n_elements), DMK_INT(b->n),
+             DMK_FLOAT(b->start), DMK_FLOAT(b->inverse), DMK_BUF(s->index), DMK_BUF(u),
+             DMK_BUF(s->q), DMK_BUF(slopes));
+done:
+    return rc;
+}
+
+int dmk_band_map(dmk_context *ctx, dmk_system *s, const dmk_bands *b, const dmk_buffer *phi,
+                 const dmk_buffer *u, dmk_buffer *v)
+{
+    return RUN(DMK_OUTER, band_map, rows(s), DMK_INT(s->n_rows), DMK_INT(b->n), DMK_FLOAT(b->start),
+               DMK_FLOAT(b->inverse), DMK_BUF(phi), DMK_BUF(u), DMK_BUF(v));
+}
 
 int dmk_repair_start(dmk_context *ctx, dmk_system *s, const dmk_repair_work *w, double scale,
                      const dmk_buffer *from)

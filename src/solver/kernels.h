@@ -1,6 +1,6 @@
-/* The kernels as typed calls: the only place that launches any. A call takes from the system what
- * is always the same and as arguments what varies; what a kernel reads, writes and computes stands
- * above it in kernels/. All only queue their work; a failure names the kernel. */
+/* The kernels as typed calls: the only place that launches any, but for those of ranks.cl, which ranks/halo.c does. A
+ * call takes from the system what is always the same and as arguments what varies; what a kernel reads, writes and
+ * computes stands above it in kernels/. All only queue their work; a failure names the kernel. */
 #ifndef DMK_KERNELS_H
 #define DMK_KERNELS_H
 
@@ -114,12 +114,12 @@ typedef struct dmk_newton_step {
 int dmk_newton_prepare(dmk_context *context, dmk_system *s, bool paired,
                        const dmk_newton_step *step);
 /* These, in out: the right-hand side must have been summed up. */
+int dmk_newton_diagonal(dmk_context *context, dmk_system *s);
+/* Without T: weight and rank_one in single precision, weight_real and rank_one_real, and in out_real the parts of A u
+ * and the rest, for dmk_rows_outer_residual. */
 int dmk_newton_prepare_wide(dmk_context *context, dmk_system *s, const dmk_newton_step *step);
-int dmk_newton_update_wide(dmk_context *context, dmk_system *s, const dmk_newton_step *step,
-                           int at);
 /* x, of the outer program, times scale. */
 int dmk_rows_scale(dmk_context *context, dmk_system *s, double scale, dmk_buffer *x);
-int dmk_newton_diagonal(dmk_context *context, dmk_system *s);
 /* The inner right-hand side cg[DMK_INNER].r = f + the rows' sums of out_real. */
 int dmk_rows_rhs(dmk_context *context, dmk_system *s);
 /* From pairs: that, the inverse diagonal on T/2, and in x the first smoothing step. */
@@ -129,22 +129,12 @@ int dmk_rows_outer_residual(dmk_context *context, dmk_system *s);
 /* mu after a Newton step w, of which rank_one knows the rest, and dmk_element_energy of u, kept; its four sums, that of
  * area |change of mu|, and the maximum. */
 int dmk_newton_update(dmk_context *context, dmk_system *s, const dmk_newton_step *step, int at);
+/* The same of a u that has w already, by rank_one_real. */
+int dmk_newton_update_wide(dmk_context *context, dmk_system *s, const dmk_newton_step *step,
+                           int at);
 /* mu after an explicit step (see density.cl); sums of area |change of mu| and of area mu. */
 int dmk_explicit_update(dmk_context *context, dmk_system *s, bool inertial, double dt, double beta,
                         double lowest, int at);
-
-/* Level bands of u: band i holds the values from start + i / inverse on. */
-typedef struct dmk_bands {
-    int32_t n;
-    float start, inverse;
-} dmk_bands;
-
-/* slopes[i] = the largest sqrt(q) of the elements that meet band i, as the bits of a float. */
-int dmk_band_slopes(dmk_context *context, dmk_system *s, const dmk_bands *bands,
-                    const dmk_buffer *u, dmk_buffer *slopes);
-/* v = phi(u), phi linear between its values at the bands' ends. */
-int dmk_band_map(dmk_context *context, dmk_system *s, const dmk_bands *bands, const dmk_buffer *phi,
-                 const dmk_buffer *u, dmk_buffer *v);
 
 /* ---- nested.cl ------------------------------------------------------------------------------- */
 
@@ -162,6 +152,19 @@ int dmk_nested_update(dmk_context *context, dmk_system *s, const dmk_newton_step
 int dmk_nested_refine(dmk_context *context, dmk_system *s);
 
 /* ---- certificate.cl -------------------------------------------------------------------------- */
+
+/* Level bands of u: band i holds the values from start + i / inverse on. */
+typedef struct dmk_bands {
+    int32_t n;
+    float start, inverse;
+} dmk_bands;
+
+/* slopes[i] = the largest sqrt(q) of the elements that meet band i, as the bits of a float. */
+int dmk_band_slopes(dmk_context *context, dmk_system *s, const dmk_bands *bands,
+                    const dmk_buffer *u, dmk_buffer *slopes);
+/* v = phi(u), phi linear between its values at the bands' ends. */
+int dmk_band_map(dmk_context *context, dmk_system *s, const dmk_bands *bands, const dmk_buffer *phi,
+                 const dmk_buffer *u, dmk_buffer *v);
 
 /* The repair of a potential under way. */
 typedef struct dmk_repair_work {

@@ -1,5 +1,6 @@
 /* Inexact Newton (implicit Euler in y = log mu) on (u, mu): each step solves
- *     M w = f - sum_T mu_T (1 + D L_T) g_T,   M = A + sum_T c_T g_T g_T',  c_T = D mu_T / (|T| s_T)
+ *     M w = f - sum_T mu_T (1 + D L_T) g_T,   M = A + sum_T c_T g_T g_T',  c_T = D mu_T / (|T| s_T),
+ *     s_T = max(q_T, 1/4),  L_T = 1/2 log q_T, kept in [-1, 1],
  * by a few CG iterations, then u += w and y += D (L + g.w / (|T| s)). D is the pseudo time step: it
  * grows while the equation |grad u| = 1 gets better satisfied and shrinks when it does not. Between measures the first
  * steps are taken with u linear on T (kernels/nested.cl), and elements whose slope is far from 1 take shorter ones. */
@@ -121,21 +122,6 @@ done:
     return rc;
 }
 
-/* The next step, by the energies of the last one. */
-static dmk_newton_step next_step(dmk_iteration *o, bool from_distance, step_control *p)
-{
-    const double alpha = o->uau > 0 ? o->fu / o->uau : 1;
-    const double mean_floor = p->effort > 0 ? o->floor : o->mean_floor; /* see attempts.c */
-    dmk_iteration_measure(o, alpha);
-    choose_step(p, o->rho);
-    return (dmk_newton_step){
-        .alpha = alpha,
-        .D = p->D,
-        .bend = p->bend,
-        /* Not from a distance the way may be short, and mu small everywhere. */
-        .lowest = from_distance ? o->floor : mean_floor * o->mass};
-}
-
 /* The same in the outer precision on a mesh of needles: u += w. In single precision w loses what flows along a needle
  * beside what levels out across it, from D cot of some 1e6 on (bench/results/needles.md). */
 static int solve_wide(dmk_iteration *o, const dmk_newton_step *step, const step_control *p)
@@ -150,6 +136,21 @@ static int solve_wide(dmk_iteration *o, const dmk_newton_step *step, const step_
                  0, o->stats);
 done:
     return rc;
+}
+
+/* The next step, by the energies of the last one. */
+static dmk_newton_step next_step(dmk_iteration *o, bool from_distance, step_control *p)
+{
+    const double alpha = o->uau > 0 ? o->fu / o->uau : 1;
+    const double mean_floor = p->effort > 0 ? o->floor : o->mean_floor; /* see attempts.c */
+    dmk_iteration_measure(o, alpha);
+    choose_step(p, o->rho);
+    return (dmk_newton_step){
+        .alpha = alpha,
+        .D = p->D,
+        .bend = p->bend,
+        /* Not from a distance the way may be short, and mu small everywhere. */
+        .lowest = from_distance ? o->floor : mean_floor * o->mass};
 }
 
 /* *change: mu's, relative. */

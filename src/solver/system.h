@@ -64,7 +64,7 @@ typedef struct dmk_system {
     /* State, in real: density, potential, right-hand side; energies of the elements. */
     dmk_buffer *mu, *u, *f, *q, *weight_real;
     dmk_buffer *out_real; /* 6 per element: g = K u, then parts of a sum */
-    dmk_buffer *before;   /* mu of the step before, or a copy kept by the certificate */
+    dmk_buffer *before;   /* mu of the step before, of explicit steps */
     /* Single precision: coefficients of the inner operator, contributions, V-cycle on T/2. */
     dmk_buffer *weight, *rank_one, *out; /* out: out_real's memory */
     dmk_buffer *load;               /* real, of T's vertices: see nested.cl; rank_one's memory */
