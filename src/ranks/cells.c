@@ -303,17 +303,10 @@ done:
     return rc;
 }
 
-static int compare_to(const void *key, const void *item)
-{
-    const int64_t *x = key, *y = item;
-    return (*x > *y) - (*x < *y);
-}
-
 static int64_t cell_of(const dmk_side *fine, const dmk_grown *grown, const outside *o, int64_t v)
 {
     if (dmk_space_owns(fine->vertex, v)) return grown->cell[v - fine->vertex->first];
-    const int64_t *at = bsearch(&v, o->vertex.at, o->vertex.n, sizeof v, compare_to);
-    return o->cell[at - o->vertex.at];
+    return o->cell[dmk_list_place(&o->vertex, v)];
 }
 
 /* Pairs of adjacent cells to the owner of the first: own links make each a few times, and two of them one after another
@@ -345,7 +338,7 @@ static int32_t sort_row(int32_t n, int64_t *to)
 {
     int32_t kept = 0;
     const bool few = n <= 8 * DMK_SHORT_LIST;
-    if (!few) qsort(to, (size_t)n, sizeof *to, compare_to);
+    if (!few) qsort(to, (size_t)n, sizeof *to, dmk_compare_numbers);
     for (int32_t i = 0; i < n; i++) {
         const int64_t x = to[i];
         int32_t at = kept;
@@ -468,13 +461,9 @@ static int measure_links(dmk_context *ctx, const dmk_ranks *ranks, dmk_side *sid
     for (int32_t v = 0; v < n_own(side); v++) {
         for (int32_t i = side->row[v]; i < side->row[v + 1]; i++) {
             const int64_t w = side->link[i].to;
-            const double *q = NULL;
-            if (dmk_space_owns(side->vertex, w)) {
-                q = side->xyz + 3 * (w - side->vertex->first);
-            } else {
-                const int64_t *at = bsearch(&w, ghost.at, ghost.n, sizeof w, compare_to);
-                q = xyz + 3 * (at - ghost.at);
-            }
+            const double *q = dmk_space_owns(side->vertex, w)
+                                  ? side->xyz + 3 * (w - side->vertex->first)
+                                  : xyz + 3 * (size_t)dmk_list_place(&ghost, w);
             side->link[i].length = dmk_link_length(side->xyz + 3 * (size_t)v, q);
         }
     }

@@ -54,7 +54,6 @@ static int find_box(dmk_context *ctx, const dmk_ranks *ranks, size_t n, const do
 {
     int rc;
     double box[6], *all = NULL;
-    size_t *bytes = NULL;
     for (int k = 0; k < 3; k++) box[k] = lo[k] = INFINITY, box[3 + k] = hi[k] = -INFINITY;
     for (size_t i = 0; i < n; i++) {
         for (int k = 0; k < 3; k++) {
@@ -62,10 +61,7 @@ static int find_box(dmk_context *ctx, const dmk_ranks *ranks, size_t n, const do
             box[3 + k] = dmk_max(box[3 + k], xyz[3 * i + (size_t)k]);
         }
     }
-    DMK_TRY(DMK_NEW(ctx, all, 6 * (size_t)ranks->size));
-    DMK_TRY(DMK_NEW(ctx, bytes, (size_t)ranks->size));
-    for (int r = 0; r < ranks->size; r++) bytes[r] = sizeof box;
-    DMK_TRY(dmk_ranks_check(ctx, ranks, ranks->gather(ranks->user, box, all, bytes)));
+    DMK_TRY(dmk_gather_each(ctx, ranks, sizeof box, box, (void **)&all));
     for (int r = 0; r < ranks->size; r++) {
         for (int k = 0; k < 3; k++) {
             lo[k] = dmk_min(lo[k], all[6 * r + k]);
@@ -74,7 +70,6 @@ static int find_box(dmk_context *ctx, const dmk_ranks *ranks, size_t n, const do
     }
 done:
     free(all);
-    free(bytes);
     return rc;
 }
 
@@ -136,20 +131,16 @@ static int find_splitters(dmk_context *ctx, const dmk_pieces *p, uint64_t *first
     int rc;
     const dmk_ranks *ranks = &p->ranks;
     uint64_t mine[SAMPLES], *all = NULL;
-    size_t *bytes = NULL, n = 0;
-    DMK_TRY(DMK_NEW(ctx, all, SAMPLES * (size_t)ranks->size));
-    DMK_TRY(DMK_NEW(ctx, bytes, (size_t)ranks->size));
+    size_t n = 0;
     for (size_t k = 0; k < SAMPLES; k++)
         mine[k] = p->n_tiles > 0 ? p->tile[p->n_tiles * k / SAMPLES].key : UINT64_MAX;
-    for (int r = 0; r < ranks->size; r++) bytes[r] = sizeof mine;
-    DMK_TRY(dmk_ranks_check(ctx, ranks, ranks->gather(ranks->user, mine, all, bytes)));
+    DMK_TRY(dmk_gather_each(ctx, ranks, sizeof mine, mine, (void **)&all));
     qsort(all, SAMPLES * (size_t)ranks->size, sizeof *all, compare_keys);
     while (n < SAMPLES * (size_t)ranks->size && all[n] != UINT64_MAX) n++;
     for (size_t r = 0; r < (size_t)ranks->size; r++)
         first[r] = r > 0 && n > 0 ? all[n * r / (size_t)ranks->size] : 0;
 done:
     free(all);
-    free(bytes);
     return rc;
 }
 

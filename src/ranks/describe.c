@@ -122,13 +122,9 @@ int dmk_pieces_measure(dmk_context *ctx, dmk_pieces *p, const double *xyz)
     const size_t size = (size_t)p->ranks.size;
     dmk_measures mine = dmk_measures_none(), *all = NULL;
     double area, edges;
-    size_t *bytes = NULL;
     DMK_TRY(measure_tiles(ctx, p, xyz, &mine));
     DMK_TRY(measure_edges(ctx, p, xyz, &mine.edges));
-    DMK_TRY(DMK_NEW(ctx, all, size));
-    DMK_TRY(DMK_NEW(ctx, bytes, size));
-    for (size_t r = 0; r < size; r++) bytes[r] = sizeof mine;
-    DMK_TRY(dmk_ranks_check(ctx, &p->ranks, p->ranks.gather(p->ranks.user, &mine, all, bytes)));
+    DMK_TRY(dmk_gather_each(ctx, &p->ranks, sizeof mine, &mine, (void **)&all));
     area = mine.area;
     edges = mine.edges; /* they are all ranks' already */
     p->measures = dmk_measures_none();
@@ -137,7 +133,6 @@ int dmk_pieces_measure(dmk_context *ctx, dmk_pieces *p, const double *xyz)
     p->measures.edges = edges;
 done:
     free(all);
-    free(bytes);
     return rc;
 }
 

@@ -16,15 +16,12 @@ static int keep_component(dmk_context *ctx, dmk_pieces *p, int64_t triangle)
     int rc;
     int64_t here = INT64_MIN, *all = NULL;
     double *xyz = NULL;
-    size_t *bytes = NULL, n = 0;
+    size_t n = 0;
     if (!p->component) return DMK_OK;
-    DMK_TRY(DMK_NEW(ctx, all, (size_t)p->ranks.size));
-    DMK_TRY(DMK_NEW(ctx, bytes, (size_t)p->ranks.size));
     for (size_t t = 0; t < p->n_tiles; t++) {
         if (p->tile[t].number == triangle) here = p->component[t];
     }
-    for (int r = 0; r < p->ranks.size; r++) bytes[r] = sizeof here;
-    DMK_TRY(dmk_ranks_check(ctx, &p->ranks, p->ranks.gather(p->ranks.user, &here, all, bytes)));
+    DMK_TRY(dmk_gather_each(ctx, &p->ranks, sizeof here, &here, (void **)&all));
     for (int r = 0; r < p->ranks.size; r++) here = all[r] > here ? all[r] : here;
     for (size_t t = 0; t < p->n_tiles; t++) {
         if (p->component[t] == here) p->tile[n++] = p->tile[t];
@@ -37,7 +34,6 @@ static int keep_component(dmk_context *ctx, dmk_pieces *p, int64_t triangle)
 done:
     free(xyz);
     free(all);
-    free(bytes);
     return rc;
 }
 

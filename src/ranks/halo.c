@@ -20,27 +20,13 @@ static int64_t first_of(const dmk_need *need, int i)
     return sum;
 }
 
-/* The first ghost from a whole number on. */
-static size_t first_from(const dmk_need *need, int64_t number)
-{
-    size_t begin = 0, end = need->n;
-    while (begin < end) {
-        const size_t middle = begin + (end - begin) / 2;
-        if (need->ghost[middle] < number)
-            begin = middle + 1;
-        else
-            end = middle;
-    }
-    return begin;
-}
-
 /* Numbers and slots of what rank r owns and this one needs, from `to` on (or NULL: count). */
 static int32_t list_needs(int n, const dmk_need *need, int r, int64_t *number, int32_t *slot)
 {
     int32_t count = 0;
     for (int i = 0; i < n; i++) {
         const dmk_space *s = need[i].space;
-        size_t g = first_from(&need[i], s->bound[r]);
+        size_t g = dmk_count_below(need[i].ghost, need[i].n, s->bound[r]);
         for (; g < need[i].n && need[i].ghost[g] < s->bound[r + 1]; g++) {
             if (number) {
                 number[count] = first_of(need, i) + need[i].ghost[g];
@@ -57,27 +43,23 @@ static int count_all(dmk_context *ctx, const dmk_share *share, int n, const dmk_
                      dmk_halo *halo)
 {
     int rc;
-    size_t size = (size_t)share->ranks.size, me = (size_t)share->ranks.rank, *bytes = NULL;
+    size_t size = (size_t)share->ranks.size, me = (size_t)share->ranks.rank;
     int32_t *all = NULL;
     DMK_TRY(DMK_NEW(ctx, halo->send_count, size));
     DMK_TRY(DMK_NEW(ctx, halo->receive_count, size));
-    DMK_TRY(DMK_NEW(ctx, all, size * size));
-    DMK_TRY(DMK_NEW(ctx, bytes, size));
     for (size_t r = 0; r < size; r++) {
-        bytes[r] = size * sizeof *all;
         if (r == me) continue;
         halo->receive_count[r] = list_needs(n, need, (int)r, NULL, NULL);
         halo->n_receive += halo->receive_count[r];
     }
-    DMK_TRY(dmk_share_check(
-        ctx, share, share->ranks.gather(share->ranks.user, halo->receive_count, all, bytes)));
+    DMK_TRY(dmk_gather_each(ctx, &share->ranks, size * sizeof *all, halo->receive_count,
+                            (void **)&all));
     for (size_t r = 0; r < size; r++) {
         halo->send_count[r] = all[r * size + me];
         halo->n_send += halo->send_count[r];
     }
 done:
     free(all);
-    free(bytes);
     return rc;
 }
 

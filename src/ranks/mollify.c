@@ -25,13 +25,12 @@ static int find_borders(dmk_context *ctx, const dmk_ranks *ranks, const dmk_plot
 {
     int rc;
     const int32_t n = plot->mesh.n_edges;
-    int32_t k = 0, first = 0;
+    int32_t k = 0;
     dmk_mail mail = {.item = sizeof *plot->edge};
     b->ranks = ranks;
     DMK_TRY(DMK_NEW(ctx, b->n_ghosts, (size_t)ranks->size));
     DMK_TRY(DMK_NEW(ctx, b->n_shown, (size_t)ranks->size));
     DMK_TRY(DMK_NEW(ctx, b->ghost, (size_t)n));
-    while (first < n && plot->edge[first] < plot->bound[1][ranks->rank]) first++;
     for (int32_t e = 0; e < n; e++) {
         const int owner = dmk_owner(plot->bound[1], ranks->size, plot->edge[e]);
         if (owner == ranks->rank) continue;
@@ -45,17 +44,8 @@ static int find_borders(dmk_context *ctx, const dmk_ranks *ranks, const dmk_plot
     for (int r = 0; r < ranks->size; r++)
         b->n_shown[r] = (int32_t)(mail.first[r + 1] - mail.first[r]);
     /* Not all own edges are of elements here, but those that others have are. */
-    for (size_t i = 0; i < mail.n; i++) {
-        int32_t begin = first, end = n;
-        while (begin < end) {
-            const int32_t middle = begin + (end - begin) / 2;
-            if (plot->edge[middle] < number[i])
-                begin = middle + 1;
-            else
-                end = middle;
-        }
-        b->shown[i] = begin;
-    }
+    for (size_t i = 0; i < mail.n; i++)
+        b->shown[i] = (int32_t)dmk_count_below(plot->edge, (size_t)n, number[i]);
 done:
     dmk_mail_free(&mail);
     return rc;

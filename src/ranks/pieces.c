@@ -204,17 +204,12 @@ static int take_best(dmk_context *ctx, const dmk_pieces *p, offer *best)
 {
     int rc;
     offer *all = NULL;
-    size_t *bytes = NULL;
-    DMK_TRY(DMK_NEW(ctx, all, (size_t)p->ranks.size));
-    DMK_TRY(DMK_NEW(ctx, bytes, (size_t)p->ranks.size));
-    for (int r = 0; r < p->ranks.size; r++) bytes[r] = sizeof *best;
-    DMK_TRY(dmk_ranks_check(ctx, &p->ranks, p->ranks.gather(p->ranks.user, best, all, bytes)));
+    DMK_TRY(dmk_gather_each(ctx, &p->ranks, sizeof *best, best, (void **)&all));
     for (int r = 0; r < p->ranks.size; r++) {
         if (is_better(&all[r], best)) *best = all[r];
     }
 done:
     free(all);
-    free(bytes);
     return rc;
 }
 

@@ -23,7 +23,7 @@ int dmk_list_add_ghost(dmk_context *ctx, dmk_list *list, const dmk_space *s, int
     return dmk_space_owns(s, number) ? DMK_OK : dmk_list_add(ctx, list, number);
 }
 
-static int compare_numbers(const void *a, const void *b)
+int dmk_compare_numbers(const void *a, const void *b)
 {
     const int64_t *x = a, *y = b;
     return (*x > *y) - (*x < *y);
@@ -32,7 +32,7 @@ static int compare_numbers(const void *a, const void *b)
 void dmk_list_sort(dmk_list *list)
 {
     size_t n = 0;
-    if (list->n > 0) qsort(list->at, list->n, sizeof *list->at, compare_numbers);
+    if (list->n > 0) qsort(list->at, list->n, sizeof *list->at, dmk_compare_numbers);
     for (size_t i = 0; i < list->n; i++) {
         if (n == 0 || list->at[n - 1] != list->at[i]) list->at[n++] = list->at[i];
     }
@@ -41,15 +41,7 @@ void dmk_list_sort(dmk_list *list)
 
 int32_t dmk_list_place(const dmk_list *list, int64_t number)
 {
-    size_t begin = 0, end = list->n;
-    while (begin < end) {
-        const size_t middle = begin + (end - begin) / 2;
-        if (list->at[middle] < number)
-            begin = middle + 1;
-        else
-            end = middle;
-    }
-    return (int32_t)begin;
+    return (int32_t)dmk_count_below(list->at, list->n, number);
 }
 
 int dmk_list_unite(dmk_context *ctx, const dmk_list *list, size_t n, const int64_t *pair,
@@ -79,7 +71,7 @@ int dmk_exchange_by(dmk_exchange_call *call, dmk_context *ctx, const dmk_ranks *
                     void *receive)
 {
     int rc;
-    const size_t size = (size_t)ranks->size;
+    const size_t size = (size_t)ranks->size, me = (size_t)ranks->rank;
     size_t at_send = 0, at_receive = 0;
     const void **sends = NULL;
     void **receives = NULL;
@@ -93,36 +85,9 @@ int dmk_exchange_by(dmk_exchange_call *call, dmk_context *ctx, const dmk_ranks *
         at_send += bytes[r] = item * (size_t)out[r];
         at_receive += bytes[size + r] = item * (size_t)in[r];
     }
-    rc = dmk_ranks_check(ctx, ranks, call(ranks->user, sends, bytes, receives, bytes + size));
-done:
-    free(sends);
-    free(receives);
-    free(bytes);
-    return rc;
-}
-
-/* The same where out[rank] = in[rank] items stay here: they are copied. */
-static int trade(dmk_context *ctx, const dmk_ranks *ranks, const int32_t *out, const int32_t *in,
-                 size_t item, const char *send, char *receive)
-{
-    int rc;
-    const size_t size = (size_t)ranks->size, me = (size_t)ranks->rank;
-    size_t at_send = 0, at_receive = 0, *bytes = NULL;
-    const void **sends = NULL;
-    void **receives = NULL;
-    DMK_TRY(DMK_NEW(ctx, sends, size));
-    DMK_TRY(DMK_NEW(ctx, receives, size));
-    DMK_TRY(DMK_NEW(ctx, bytes, 2 * size));
-    for (size_t r = 0; r < size; r++) {
-        sends[r] = send + at_send;
-        receives[r] = receive + at_receive;
-        at_send += bytes[r] = item * (size_t)out[r];
-        at_receive += bytes[size + r] = item * (size_t)in[r];
-    }
-    memcpy(receives[me], sends[me], bytes[me]);
+    if (bytes[me] > 0) memcpy(receives[me], sends[me], bytes[me]);
     bytes[me] = bytes[size + me] = 0;
-    rc = dmk_ranks_check(ctx, ranks,
-                         ranks->exchange(ranks->user, sends, bytes, receives, bytes + size));
+    rc = dmk_ranks_check(ctx, ranks, call(ranks->user, sends, bytes, receives, bytes + size));
 done:
     free(sends);
     free(receives);
@@ -151,20 +116,29 @@ done:
     return rc;
 }
 
+int dmk_gather_each(dmk_context *ctx, const dmk_ranks *ranks, size_t item, const void *own,
+                    void **all)
+{
+    int rc;
+    size_t *bytes = NULL;
+    DMK_TRY(DMK_NEW(ctx, bytes, (size_t)ranks->size));
+    for (int r = 0; r < ranks->size; r++) bytes[r] = item;
+    DMK_TRY(dmk_alloc(ctx, "records of all ranks", (size_t)ranks->size, item, all));
+    rc = dmk_ranks_check(ctx, ranks, ranks->gather(ranks->user, own, *all, bytes));
+done:
+    free(bytes);
+    return rc;
+}
+
 int dmk_ranks_bound(dmk_context *ctx, const dmk_ranks *ranks, int64_t n, int64_t *bound)
 {
     int rc;
     int64_t *all = NULL;
-    size_t *bytes = NULL;
-    DMK_TRY(DMK_NEW(ctx, all, (size_t)ranks->size));
-    DMK_TRY(DMK_NEW(ctx, bytes, (size_t)ranks->size));
-    for (int r = 0; r < ranks->size; r++) bytes[r] = sizeof n;
-    DMK_TRY(dmk_ranks_check(ctx, ranks, ranks->gather(ranks->user, &n, all, bytes)));
+    DMK_TRY(dmk_gather_each(ctx, ranks, sizeof n, &n, (void **)&all));
     bound[0] = 0;
     for (int r = 0; r < ranks->size; r++) bound[r + 1] = bound[r] + all[r];
 done:
     free(all);
-    free(bytes);
     return rc;
 }
 
@@ -285,7 +259,7 @@ int dmk_mail_pass(dmk_context *ctx, const dmk_ranks *ranks, dmk_mail *m, const i
     for (int r = 0; r < ranks->size; r++) m->first[r + 1] = m->first[r] + (size_t)in[r];
     m->n = m->first[ranks->size];
     DMK_TRY(dmk_alloc(ctx, "mail", m->n, m->item, (void **)&came));
-    DMK_TRY(trade(ctx, ranks, count, in, m->item, m->data, came));
+    DMK_TRY(dmk_exchange(ctx, ranks, count, in, m->item, m->data, came));
     free(m->data);
     m->data = came;
     came = NULL;
@@ -360,7 +334,7 @@ int dmk_mail_answer(dmk_context *ctx, const dmk_ranks *ranks, const dmk_mail *ma
     DMK_TRY(DMK_NEW(ctx, in, (size_t)ranks->size));
     for (int r = 0; r < ranks->size; r++) out[r] = (int32_t)(mail->first[r + 1] - mail->first[r]);
     DMK_TRY(swap_counts(ctx, ranks, out, in));
-    rc = trade(ctx, ranks, out, in, item, answers, came);
+    rc = dmk_exchange(ctx, ranks, out, in, item, answers, came);
 done:
     free(out);
     free(in);
@@ -387,7 +361,7 @@ int dmk_fetch(dmk_context *ctx, const dmk_ranks *ranks, const int64_t *bound, si
         memcpy(answers + item * i, (const char *)own + item * asked_at(&q, bound[ranks->rank], i),
                item);
     }
-    rc = trade(ctx, ranks, q.asks, q.asked, item, answers, records);
+    rc = dmk_exchange(ctx, ranks, q.asks, q.asked, item, answers, records);
 done:
     inquiry_free(&q);
     free(answers);
@@ -428,7 +402,7 @@ static int answer_rows(dmk_context *ctx, const dmk_ranks *ranks, int64_t first, 
     }
     count_entries(ranks, q->asks, mine, count);
     count_entries(ranks, q->asked, length, count + ranks->size);
-    rc = trade(ctx, ranks, count, count + ranks->size, item, answers, entries);
+    rc = dmk_exchange(ctx, ranks, count, count + ranks->size, item, answers, entries);
 done:
     free(mine);
     free(count);

@@ -15,6 +15,8 @@ int dmk_list_add(dmk_context *context, dmk_list *list, int64_t number);
 /* Only what the space does not own. */
 int dmk_list_add_ghost(dmk_context *context, dmk_list *list, const dmk_space *space,
                        int64_t number);
+/* Of two int64_t, for qsort. */
+int dmk_compare_numbers(const void *a, const void *b);
 /* In increasing order, each once. */
 void dmk_list_sort(dmk_list *list);
 /* Where a number stands in a sorted list that has it. */
@@ -60,7 +62,7 @@ int dmk_fetch_rows(dmk_context *context, const dmk_ranks *ranks, const int64_t *
                    int32_t **row, void **entries);
 
 /* Of one call of dmk_ranks, exchange or begin: out[r] items of `item` bytes to rank r, in[r] from it, rank after
- * rank. */
+ * rank. Those of this one to itself are copied. */
 typedef int dmk_exchange_call(void *user, const void *const *send, const size_t *send_bytes,
                               void *const *receive, const size_t *receive_bytes);
 int dmk_exchange_by(dmk_exchange_call *call, dmk_context *context, const dmk_ranks *ranks,
@@ -71,6 +73,9 @@ static inline int dmk_exchange(dmk_context *context, const dmk_ranks *ranks, con
 {
     return dmk_exchange_by(ranks->exchange, context, ranks, out, in, item, send, receive);
 }
+/* A record of `item` bytes of each rank, by rank; made here. */
+int dmk_gather_each(dmk_context *context, const dmk_ranks *ranks, size_t item, const void *own,
+                    void **all);
 /* bound[r + 1] - bound[r] = rank r's n; bound has ranks + 1 numbers. */
 int dmk_ranks_bound(dmk_context *context, const dmk_ranks *ranks, int64_t n, int64_t *bound);
 /* The rank that owns a number. */

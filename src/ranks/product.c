@@ -50,17 +50,10 @@ done:
     return rc;
 }
 
-static int compare_numbers(const void *a, const void *b)
-{
-    const int64_t *x = a, *y = b;
-    return (*x > *y) - (*x < *y);
-}
-
 static weights row_of(const dmk_side *fine, const dmk_part *part, const beyond *b, int64_t v)
 {
     if (dmk_space_owns(fine->vertex, v)) return own_row(part, v - fine->vertex->first);
-    const int64_t *at = bsearch(&v, b->vertex.at, b->vertex.n, sizeof v, compare_numbers);
-    return b->row[at - b->vertex.at];
+    return b->row[dmk_list_place(&b->vertex, v)];
 }
 
 /* To each other rank that owns a coarse vertex in a row of the bond. */

@@ -217,9 +217,6 @@ int dmk_ranks_in_turn(dmk_context *context, const dmk_ranks *ranks, double *sum,
  * caller frees *all. */
 int dmk_share_join(dmk_context *context, dmk_share *share, size_t n, size_t item, const void *own,
                    int32_t *n_all, void **all);
-/* The own vertices' numbers of a local vector over T's vertices to a whole one. */
-int dmk_share_give_vertices(dmk_context *context, dmk_share *share, const double *local,
-                            double *whole);
 
 /* `bytes` of the first rank's data to all others; nothing for ranks of size 0 or 1. */
 int dmk_ranks_spread(dmk_context *context, const dmk_ranks *ranks, void *data, size_t bytes);
@@ -236,6 +233,8 @@ int dmk_share_check(dmk_context *context, const dmk_share *share, int status);
 int dmk_space_create(dmk_context *context, size_t n, const int64_t *ghost, int32_t part,
                      int32_t spare, dmk_space *space);
 void dmk_space_free(dmk_space *space);
+/* How many of n increasing numbers are below x. */
+size_t dmk_count_below(const int64_t *number, size_t n, int64_t x);
 /* The local slot of a whole number, or -1; and the whole number at a slot, or -1 for a gap. */
 int32_t dmk_space_slot(const dmk_space *space, int64_t whole);
 int64_t dmk_space_whole(const dmk_space *space, int32_t slot);

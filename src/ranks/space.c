@@ -26,19 +26,25 @@ done:
     return rc;
 }
 
-int32_t dmk_space_slot(const dmk_space *s, int64_t whole)
+size_t dmk_count_below(const int64_t *number, size_t n, int64_t x)
 {
-    int32_t begin = 0, end = s->n_ghosts;
-    if (dmk_space_owns(s, whole)) return s->at_first + (int32_t)(whole - s->first);
-    while (begin < end) {
-        const int32_t middle = begin + (end - begin) / 2;
-        if (s->ghost[middle] < whole)
+    size_t begin = 0;
+    while (begin < n) {
+        const size_t middle = begin + (n - begin) / 2;
+        if (number[middle] < x)
             begin = middle + 1;
         else
-            end = middle;
+            n = middle;
     }
-    if (begin == s->n_ghosts || s->ghost[begin] != whole) return -1;
-    return begin < s->n_before ? begin : s->after + begin - s->n_before;
+    return begin;
+}
+
+int32_t dmk_space_slot(const dmk_space *s, int64_t whole)
+{
+    if (dmk_space_owns(s, whole)) return s->at_first + (int32_t)(whole - s->first);
+    const int32_t i = (int32_t)dmk_count_below(s->ghost, (size_t)s->n_ghosts, whole);
+    if (i == s->n_ghosts || s->ghost[i] != whole) return -1;
+    return i < s->n_before ? i : s->after + i - s->n_before;
 }
 
 int64_t dmk_space_whole(const dmk_space *s, int32_t slot)

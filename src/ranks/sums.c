@@ -1,5 +1,5 @@
 /* Sums over all ranks in an order that does not depend on them, and whole vectors. */
-#include "ranks/ranks.h"
+#include "ranks/post.h"
 
 #include "dmk_shared.h"
 
@@ -299,23 +299,9 @@ int dmk_share_in_turn(dmk_context *ctx, dmk_share *s, double *sum,
 int dmk_share_join(dmk_context *ctx, dmk_share *s, size_t n, size_t item, const void *own,
                    int32_t *n_all, void **all)
 {
-    int rc;
-    const size_t size = (size_t)s->ranks.size;
-    size_t *count = NULL, *bytes = NULL, sum = 0;
-    DMK_TRY(DMK_NEW(ctx, count, size));
-    DMK_TRY(DMK_NEW(ctx, bytes, size));
-    for (size_t r = 0; r < size; r++) bytes[r] = sizeof n;
-    DMK_TRY(dmk_share_check(ctx, s, s->ranks.gather(s->ranks.user, &n, count, bytes)));
-    for (size_t r = 0; r < size; r++) {
-        bytes[r] = item * count[r];
-        sum += count[r];
-    }
-    DMK_TRY(dmk_alloc(ctx, "items of all ranks", sum, item, all));
-    DMK_TRY(dmk_share_check(ctx, s, s->ranks.gather(s->ranks.user, own, *all, bytes)));
+    size_t sum = 0;
+    const int rc = dmk_join_some(ctx, &s->ranks, n, item, own, &sum, all);
     *n_all = (int32_t)sum;
-done:
-    free(count);
-    free(bytes);
     return rc;
 }
 
@@ -366,9 +352,4 @@ int dmk_share_give(dmk_context *ctx, dmk_share *s, bool rows, int32_t vertex_row
     DMK_TRY(give(ctx, s, &s->vertex[0], local + s->vertex_row, whole + vertex_row));
 done:
     return rc;
-}
-
-int dmk_share_give_vertices(dmk_context *ctx, dmk_share *s, const double *local, double *whole)
-{
-    return give(ctx, s, &s->vertex[0], local, whole);
 }

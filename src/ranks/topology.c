@@ -14,19 +14,14 @@ int dmk_fail_first(dmk_context *ctx, const dmk_ranks *ranks, int64_t key)
 {
     int rc;
     int64_t *all = NULL;
-    size_t *bytes = NULL;
     int first = 0;
-    DMK_TRY(DMK_NEW(ctx, all, (size_t)ranks->size));
-    DMK_TRY(DMK_NEW(ctx, bytes, (size_t)ranks->size));
-    for (int r = 0; r < ranks->size; r++) bytes[r] = sizeof key;
-    DMK_TRY(dmk_ranks_check(ctx, ranks, ranks->gather(ranks->user, &key, all, bytes)));
+    DMK_TRY(dmk_gather_each(ctx, ranks, sizeof key, &key, (void **)&all));
     for (int r = 1; r < ranks->size; r++) first = all[r] < all[first] ? r : first;
     if (all[first] == INT64_MAX) goto done;
     DMK_TRY(dmk_ranks_spread_from(ctx, ranks, first, ctx->message, sizeof ctx->message));
     rc = DMK_E_MESH;
 done:
     free(all);
-    free(bytes);
     return rc;
 }
 

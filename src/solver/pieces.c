@@ -76,17 +76,12 @@ static int agree(dmk_context *ctx, const dmk_solver *s, int n, int64_t *value)
     int rc;
     const size_t size = (size_t)s->ranks.size, count = (size_t)n;
     int64_t *all = NULL;
-    size_t *bytes = NULL;
-    DMK_TRY(DMK_NEW(ctx, all, size * count));
-    DMK_TRY(DMK_NEW(ctx, bytes, size));
-    for (size_t r = 0; r < size; r++) bytes[r] = count * sizeof *value;
-    DMK_TRY(dmk_ranks_check(ctx, &s->ranks, s->ranks.gather(s->ranks.user, value, all, bytes)));
+    DMK_TRY(dmk_gather_each(ctx, &s->ranks, count * sizeof *value, value, (void **)&all));
     for (size_t i = 0; i < size * count; i++) {
         if (all[i] > value[i % count]) value[i % count] = all[i];
     }
 done:
     free(all);
-    free(bytes);
     return rc;
 }
 
