@@ -52,7 +52,7 @@ static bool is_kept(const cabinet *c)
 {
     cl_program p = NULL;
     cl_int error;
-    if (dmk_cache_load(c->f->ctx, c->dev, options, &p) != DMK_OK) {
+    if (dmk_cache_load(c->dev, options, &p) != DMK_OK) {
         assert_null(p);
         return false;
     }
@@ -142,7 +142,7 @@ static void other_options_are_foreign(void **state)
     size_t n;
     cabinet c = cabinet_open(f, f->folder);
     dmk_cache_store(c.dev, options, c.program);
-    assert_int_not_equal(dmk_cache_load(f->ctx, c.dev, "-cl-std=CL1.2 -DX", &p), DMK_OK);
+    assert_int_not_equal(dmk_cache_load(c.dev, "-cl-std=CL1.2 -DX", &p), DMK_OK);
     c.dev->info.driver[0] ^= 1; /* another driver */
     assert_false(is_kept(&c));
     c.dev->info.driver[0] ^= 1;

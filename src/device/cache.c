@@ -18,18 +18,26 @@ extern const size_t dmk_kernel_n_lines;
 
 enum { KEY_SIZE = 2048, MAX_BINARY = 64 << 20 };
 
-static uint64_t fnv(uint64_t hash, const char *text)
+static const uint64_t basis = 0xcbf29ce484222325ULL;
+
+/* FNV-1a. */
+static uint64_t hash_bytes(uint64_t hash, const char *data, size_t n)
 {
-    for (; *text; text++) hash = (hash ^ (unsigned char)*text) * 0x100000001b3ULL;
+    for (size_t i = 0; i < n; i++) hash = (hash ^ (unsigned char)data[i]) * 0x100000001b3ULL;
     return hash;
+}
+
+static uint64_t hash_text(uint64_t hash, const char *text)
+{
+    return hash_bytes(hash, text, strlen(text));
 }
 
 static void make_key(const dmk_device *dev, const char *options, char *key)
 {
-    uint64_t a = 0xcbf29ce484222325ULL, b = 0x9e3779b97f4a7c15ULL;
+    uint64_t a = basis, b = 0x9e3779b97f4a7c15ULL;
     for (size_t i = 0; i < dmk_kernel_n_lines; i++) {
-        a = fnv(a, dmk_kernel_lines[i]);
-        b = fnv(b ^ i, dmk_kernel_lines[i]);
+        a = hash_text(a, dmk_kernel_lines[i]);
+        b = hash_text(b ^ i, dmk_kernel_lines[i]);
     }
     char version[256] = "", platform[256] = "";
     clGetDeviceInfo(dev->id, CL_DEVICE_VERSION, sizeof version - 1, version, NULL);
@@ -42,8 +50,8 @@ static void make_key(const dmk_device *dev, const char *options, char *key)
 static void make_path(const dmk_device *dev, const char *key, char *path, size_t size)
 {
     snprintf(path, size, "%s/%016llx%016llx.bin", dev->cache,
-             (unsigned long long)fnv(0xcbf29ce484222325ULL, key),
-             (unsigned long long)fnv(0x84222325cbf29ce4ULL, key));
+             (unsigned long long)hash_text(basis, key),
+             (unsigned long long)hash_text(0x84222325cbf29ce4ULL, key));
 }
 
 /* mkdir -p */
@@ -95,11 +103,10 @@ static char *read_all(const char *path, size_t *size)
     return data;
 }
 
-int dmk_cache_load(dmk_context *ctx, dmk_device *dev, const char *options, cl_program *program)
+int dmk_cache_load(dmk_device *dev, const char *options, cl_program *program)
 {
     char key[KEY_SIZE], path[640];
     size_t size = 0;
-    (void)ctx;
     if (!dev->cache[0]) return DMK_E_IO;
     make_key(dev, options, key);
     make_path(dev, key, path, sizeof path);
@@ -109,15 +116,13 @@ int dmk_cache_load(dmk_context *ctx, dmk_device *dev, const char *options, cl_pr
     uint64_t sum;
     if (data && size > head && memcmp(data, key, strlen(key)) == 0) {
         memcpy(&sum, data + strlen(key), sizeof sum);
-        uint64_t hash = 0xcbf29ce484222325ULL;
-        for (size_t i = head; i < size; i++)
-            hash = (hash ^ (unsigned char)data[i]) * 0x100000001b3ULL;
         const unsigned char *binary = (unsigned char *)data + head;
         size_t length = size - head;
         cl_int error = CL_INVALID_BINARY, status = CL_INVALID_BINARY;
-        cl_program p = hash != sum ? NULL
-                                   : clCreateProgramWithBinary(dev->cl, 1, &dev->id, &length,
-                                                               &binary, &status, &error);
+        cl_program p = hash_bytes(basis, data + head, length) != sum
+                           ? NULL
+                           : clCreateProgramWithBinary(dev->cl, 1, &dev->id, &length, &binary,
+                                                       &status, &error);
         if (p && error == CL_SUCCESS && status == CL_SUCCESS &&
             clBuildProgram(p, 1, &dev->id, options, NULL, NULL) == CL_SUCCESS) {
             *program = p;
@@ -143,8 +148,7 @@ static int write_all(const char *path, const char *key, const char *binary, size
         remove(temporary);
         return -1;
     }
-    uint64_t hash = 0xcbf29ce484222325ULL;
-    for (size_t i = 0; i < size; i++) hash = (hash ^ (unsigned char)binary[i]) * 0x100000001b3ULL;
+    const uint64_t hash = hash_bytes(basis, binary, size);
     int bad = fwrite(key, 1, strlen(key), f) != strlen(key) ||
               fwrite(&hash, 1, sizeof hash, f) != sizeof hash || fwrite(binary, 1, size, f) != size;
     bad |= fclose(f) != 0;

@@ -64,8 +64,7 @@ int dmk_programs_wait(dmk_context *context, dmk_device *device);
 void dmk_opening(int change);
 /* cache.c: the binary kept under a key made of everything it depends on. For PoCL the program is one that has been
  * compiled and not linked, and its bitcode is kept. */
-int dmk_cache_load(dmk_context *context, dmk_device *device, const char *options,
-                   cl_program *program);
+int dmk_cache_load(dmk_device *device, const char *options, cl_program *program);
 void dmk_cache_store(dmk_device *device, const char *options, cl_program program);
 /* That PoCL's own cache can be written to, which it does in every run; DMK_E_DEVICE with the folder's name. */
 int dmk_cache_check_pocl(dmk_context *context);

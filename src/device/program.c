@@ -99,10 +99,10 @@ static void keep_object(dmk_context *ctx, dmk_device *dev, const char *options)
 
 static int build_one(dmk_context *ctx, dmk_device *dev, const char *options, cl_program *program)
 {
-    if (dmk_cache_load(ctx, dev, options, program) == DMK_OK) return DMK_OK;
+    if (dmk_cache_load(dev, options, program) == DMK_OK) return DMK_OK;
     if (dev->pocl && dev->cache[0]) {
         keep_object(ctx, dev, options);
-        if (dmk_cache_load(ctx, dev, options, program) == DMK_OK) return DMK_OK;
+        if (dmk_cache_load(dev, options, program) == DMK_OK) return DMK_OK;
     }
     int rc = build_from_source(ctx, dev, options, program);
     if (rc == DMK_OK && !dev->pocl) dmk_cache_store(dev, options, *program);

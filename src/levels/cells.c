@@ -200,7 +200,7 @@ done:
     return rc;
 }
 
-static int list_members(dmk_context *ctx, dmk_cells *cells)
+int dmk_cells_list_members(dmk_context *ctx, dmk_cells *cells)
 {
     int rc;
     int32_t *fill = NULL;
@@ -227,7 +227,7 @@ int dmk_cells_create(dmk_context *ctx, dmk_adjacency *fine, dmk_cells *cells)
     DMK_TRY(dmk_cells_sort_hubs(ctx, fine));
     DMK_TRY(sample_vertices(ctx, fine, cells));
     DMK_TRY(grow_cells(ctx, fine, cells));
-    DMK_TRY(list_members(ctx, cells));
+    DMK_TRY(dmk_cells_list_members(ctx, cells));
 done:
     if (rc != DMK_OK) dmk_cells_free(cells);
     return rc;

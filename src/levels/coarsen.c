@@ -239,7 +239,7 @@ done:
 int dmk_hierarchy_go_on(dmk_context *ctx, const dmk_graph *mesh, int32_t coarsest,
                         const dmk_level_taker *taker, dmk_adjacency *fine, dmk_hierarchy *h)
 {
-    int rc = descend(ctx, mesh, coarsest > 0 ? coarsest : DMK_COARSEST, taker, NULL, fine, h);
+    int rc = descend(ctx, mesh, coarsest, taker, NULL, fine, h);
     if (taker) {
         const int taken = taker->take(ctx, taker->user, NULL);
         if (rc == DMK_OK) rc = taken;

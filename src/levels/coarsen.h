@@ -48,7 +48,10 @@ typedef struct dmk_hierarchy {
                                              edges, of level[l] the coarse side of level[l-1] */
 } dmk_hierarchy;
 
-/* Coarsen until at most `coarsest` vertices (0: 128) are left, or until a step would not bring the
+/* Vertices of the solver's coarsest level, which is solved by its inverse. */
+enum { DMK_COARSEST = 96 };
+
+/* Coarsen until at most `coarsest` vertices are left, or until a step would not bring the
  * number of vertices down to two thirds. The mesh should be in the order of dmk_order_create; a
  * connected mesh gives connected levels. On failure *h is empty. */
 int dmk_hierarchy_create(dmk_context *context, const dmk_mesh *mesh, int32_t coarsest,
@@ -100,7 +103,6 @@ float dmk_link_length(const double p[3], const double q[3]);
  * level[h->n - 1]; taker: or NULL; on failure *h is empty. */
 int dmk_hierarchy_go_on(dmk_context *context, const dmk_graph *mesh, int32_t coarsest,
                         const dmk_level_taker *taker, dmk_adjacency *fine, dmk_hierarchy *h);
-enum { DMK_COARSEST = 128 };
 /* Whether so many coarse vertices are too many to be worth a level. */
 static inline bool dmk_gains_nothing(int64_t n_coarse, int64_t n_fine)
 {
@@ -109,6 +111,8 @@ static inline bool dmk_gains_nothing(int64_t n_coarse, int64_t n_fine)
 
 /* cells.c: samples thinned out by a factor of about 6, and their graph Voronoi cells. */
 int dmk_cells_create(dmk_context *context, dmk_adjacency *fine, dmk_cells *cells);
+/* Row and member from the owners. */
+int dmk_cells_list_members(dmk_context *context, dmk_cells *cells);
 void dmk_cells_free(dmk_cells *cells);
 
 /* The steps of it, of which a rank that has some of the vertices and their surroundings does its part. First hubs'

@@ -98,24 +98,13 @@ static int list_members(dmk_context *ctx, int32_t n_fine, const dmk_grown *grown
 {
     int rc;
     dmk_cells *cells = &l->cells;
-    int32_t *fill = NULL;
     cells->n = l->space.n;
     cells->n_fine = n_fine;
     DMK_TRY(DMK_NEW(ctx, cells->owner, (size_t)n_fine));
-    DMK_TRY(DMK_NEW(ctx, cells->row, (size_t)cells->n + 1));
-    DMK_TRY(DMK_NEW(ctx, cells->member, (size_t)n_fine));
-    DMK_TRY(DMK_NEW(ctx, fill, (size_t)cells->n));
-    for (int32_t v = 0; v < n_fine; v++) {
+    for (int32_t v = 0; v < n_fine; v++)
         cells->owner[v] = dmk_space_slot(&l->space, grown->cell[v]);
-        cells->row[cells->owner[v] + 1]++;
-    }
-    for (int32_t a = 0; a < cells->n; a++) {
-        fill[a] = cells->row[a];
-        cells->row[a + 1] += cells->row[a];
-    }
-    for (int32_t v = 0; v < n_fine; v++) cells->member[fill[cells->owner[v]]++] = v;
+    rc = dmk_cells_list_members(ctx, cells);
 done:
-    free(fill);
     return rc;
 }
 

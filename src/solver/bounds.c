@@ -57,15 +57,14 @@ static void integrate_bands(int n, const int32_t *bits, double width, double *ph
  * differences of the values, however flat the triangle is: with cotangents c it would be c^2 times as much. */
 static double steepness(const double l[3], double area, const double x[3])
 {
-    const double eps = 2.220446049250313e-16;
     const int k = l[0] >= l[1] && l[0] >= l[2] ? 0 : l[1] >= l[2] ? 1 : 2;
     const int i = (k + 1) % 3, j = (k + 2) % 3;
     const double share = (l[j] * l[j] + l[k] * l[k] - l[i] * l[i]) / (2 * l[k] * l[k]);
     const double side = x[j] - x[i], off = x[k] - x[i];
-    const double rounding = 8 * eps * (fabs(side) + fabs(off));
+    const double rounding = 8 * DBL_EPSILON * (fabs(side) + fabs(off));
     const double across = (fabs(off - share * side) + rounding) * l[k] / (2 * area),
                  along = side / l[k];
-    return (1 + 16 * eps) * (along * along + across * across);
+    return (1 + 16 * DBL_EPSILON) * (along * along + across * across);
 }
 
 /* q of triangle t of the packed mesh m: the mean over its four parts. */
@@ -150,8 +149,8 @@ static int bound_by_host(dmk_iteration *o, const dmk_buffer *v, double *bound)
         DMK_TRY(dmk_share_in_turn(o->ctx, share, &fv, add_product, &part[k]));
         DMK_TRY(dmk_share_in_turn(o->ctx, share, &size, add_sizes, &part[k]));
     }
-    *bound =
-        (fv - (wide ? DMK_ENERGY_ROUNDING : 6e-8) * size) / sqrt(o->top); /* f is rounded, too */
+    *bound = (fv - (wide ? DMK_ENERGY_ROUNDING : DMK_FLOAT_ROUNDING) * size) /
+             sqrt(o->top); /* f is rounded, too */
 done:
     free(x);
     free(f);

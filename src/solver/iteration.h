@@ -5,6 +5,8 @@
 #include "solver/kernels.h"
 #include "solver/pcg.h"
 
+#include <float.h>
+
 /* What there is of an operator on the device: its weights and inverse diagonal, and the coarse graphs'. Who changes mu
  * sets it back to nothing. */
 typedef enum dmk_ready { DMK_NOTHING, DMK_DIAGONAL, DMK_HIERARCHY } dmk_ready;
@@ -59,7 +61,9 @@ static const double DMK_SETTLED_GAP = 3e-3;
 
 /* What rounding may make of u.K u of an element, relative to the sum of its terms' sizes: no term goes through
  * more than about 20 roundings of 2^-53, and the cotangents come with a few. */
-static const double DMK_ENERGY_ROUNDING = 16 * 2.220446049250313e-16;
+static const double DMK_ENERGY_ROUNDING = 16 * DBL_EPSILON;
+/* And of f, where the device has no double precision: of a float. */
+static const double DMK_FLOAT_ROUNDING = 6e-8;
 
 /* A mesh without small angles. */
 bool dmk_is_shapely(const dmk_system *system);
@@ -126,6 +130,10 @@ int dmk_repair(dmk_iteration *o, const double goal[2], double upper, bool last);
 /* rhs.c: f+ - f- on the rows of T/2 for a source at `point` of the packed mesh. */
 int dmk_right_hand_side(dmk_context *context, const dmk_mesh *mesh, const dmk_system *system,
                         const dmk_point *point, double *f);
+/* The same added to f of a mesh whose vertices' rows begin at vertex_row; of a share's, `elements` tells the gaps,
+ * which are left out (NULL: none). The source: its triangle, or -1 where it is not here, and weights. */
+void dmk_fill_right_hand_side(const dmk_mesh *mesh, const dmk_space *elements, int32_t vertex_row,
+                              double unit, int32_t source, const double weight[3], double *f);
 /* The weights of the six macro-element nodes (v0 v1 v2 m0 m1 m2) at a point. */
 void dmk_point_weights(const double bary[3], double weight[6]);
 

@@ -96,29 +96,6 @@ static int32_t find_own(const dmk_plot *plot, int64_t old)
     return -1;
 }
 
-/* As dmk_right_hand_side: elements at own rows are all here. */
-static void fill_rows(const dmk_system *sys, int32_t source, const dmk_point *p, double *f)
-{
-    const dmk_share *share = sys->share;
-    const dmk_mesh *m = &share->mesh;
-    const double unit2 = sys->unit * sys->unit;
-    double w[6];
-    for (int32_t t = 0; t < m->n_triangles; t++) {
-        if (dmk_space_whole(&share->element, t) < 0) continue;
-        const double a = m->area[t] / unit2;
-        for (int k = 0; k < 3; k++) {
-            f[sys->vertex_row + m->triangle[3 * t + k]] -= a / 12;
-            f[m->triangle_edge[3 * t + k]] -= a / 4;
-        }
-    }
-    if (source < 0) return;
-    dmk_point_weights(p->weight, w);
-    for (int k = 0; k < 3; k++) {
-        f[sys->vertex_row + m->triangle[3 * source + k]] += w[k];
-        f[m->triangle_edge[3 * source + k]] += w[3 + k];
-    }
-}
-
 /* The local slot of the source's element, wherever it is a ghost too; or -1. */
 static int find_source(dmk_context *ctx, const dmk_solver *s, int64_t old, int32_t *slot)
 {
@@ -145,7 +122,8 @@ static int keep_planted(dmk_context *ctx, void *user, dmk_system *sys)
     if (rc != DMK_OK) return rc;
     dmk_plot_free_mesh(&s->plot);
     DMK_TRY(DMK_NEW(ctx, s->f, (size_t)sys->n_rows_pad));
-    fill_rows(sys, slot, source, s->f);
+    dmk_fill_right_hand_side(&sys->share->mesh, &sys->share->element, sys->vertex_row, sys->unit,
+                             slot, source->weight, s->f); /* elements at own rows are all here */
     DMK_TRY(dmk_share_ghosts(ctx, sys->share, s->f));
     s->lean = true;
 done:

@@ -120,12 +120,6 @@ void dmk_result_destroy(dmk_result **result)
     *result = NULL;
 }
 
-static const double *borrow(const double *array, size_t length, size_t *n)
-{
-    if (n) *n = length;
-    return array;
-}
-
 void dmk_result_get_stats(const dmk_result *r, dmk_stats *stats)
 {
     if (stats) *stats = r ? r->stats : (dmk_stats){0};
@@ -133,7 +127,7 @@ void dmk_result_get_stats(const dmk_result *r, dmk_stats *stats)
 
 const double *dmk_result_density(const dmk_result *r, size_t *n)
 {
-    return borrow(r ? r->density : NULL, r ? r->n_triangles : 0, n);
+    return dmk_borrow(r ? r->density : NULL, r ? r->n_triangles : 0, n);
 }
 
 const uint8_t *dmk_result_acl(const dmk_result *r, size_t *n)
@@ -144,17 +138,17 @@ const uint8_t *dmk_result_acl(const dmk_result *r, size_t *n)
 
 const double *dmk_result_potential(const dmk_result *r, size_t *n)
 {
-    return borrow(r ? r->potential : NULL, r ? r->n_vertices : 0, n);
+    return dmk_borrow(r ? r->potential : NULL, r ? r->n_vertices : 0, n);
 }
 
 const double *dmk_result_potential_mid(const dmk_result *r, size_t *n)
 {
-    return borrow(r ? r->potential_mid : NULL, r ? r->n_edges : 0, n);
+    return dmk_borrow(r ? r->potential_mid : NULL, r ? r->n_edges : 0, n);
 }
 
 const double *dmk_result_distance(const dmk_result *r, size_t *n)
 {
-    return borrow(r ? r->distance : NULL, r ? r->n_vertices : 0, n);
+    return dmk_borrow(r ? r->distance : NULL, r ? r->n_vertices : 0, n);
 }
 
 void dmk_result_source(const dmk_result *r, dmk_point *source)

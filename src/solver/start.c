@@ -34,6 +34,8 @@ typedef struct sweep {
 } sweep;
 
 enum { done_mark = -1 };
+/* Of a way out of a triangle that has none, over its edge's length. */
+static const double least_outlet = 1e-3;
 
 static int sweep_create(dmk_context *ctx, sweep *s)
 {
@@ -104,8 +106,8 @@ static void width_range(int32_t begin, int32_t end, void *data)
             continue;
         }
         double w = 0.5 * (out.n - out.m);
-        if (s->sink[a]) w = -dmk_max(-w, 1e-3 * s->mesh->length[e]);
-        if (s->sink[b]) w = dmk_max(w, 1e-3 * s->mesh->length[e]);
+        if (s->sink[a]) w = -dmk_max(-w, least_outlet * s->mesh->length[e]);
+        if (s->sink[b]) w = dmk_max(w, least_outlet * s->mesh->length[e]);
         s->width[e] = w;
     }
 }
@@ -136,7 +138,7 @@ static void open_triangle(sweep *s, int32_t t)
             if (best < 0 || s->mid[edge[k]] < s->mid[edge[best]]) best = k;
         }
         if (best < 0 || s->sink[t]) return;
-        double w = 1e-3 * s->mesh->length[edge[best]];
+        double w = least_outlet * s->mesh->length[edge[best]];
         s->width[edge[best]] = s->mesh->edge_triangle[2 * (size_t)edge[best]] == t ? w : -w;
         t = twin_triangle(s->mesh, t, edge[best]);
         if (s->sink[t]) return;
@@ -355,7 +357,7 @@ static void sink_density(sweep *s, int32_t t)
 /* The triangles that hold the source: one, two at an edge, the star at a vertex. */
 static void mark_sinks(const dmk_mesh *mesh, const dmk_point *source, uint8_t *sink)
 {
-    const double near = 1e-3;
+    const double near = 1e-3; /* of the weights, which sum to 1 */
     sink[source->triangle] = 1;
     int32_t vertex = -1;
     for (int k = 0; k < 3; k++) {

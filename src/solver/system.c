@@ -14,8 +14,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { COARSEST = 96 };
-
 /* The packer's state: shorter calls below. */
 typedef struct packer {
     dmk_context *ctx;
@@ -545,7 +543,7 @@ static int coarsen(dmk_context *own, void *data)
 {
     coarsener *c = data;
     const dmk_level_taker taker = {take_level, c};
-    return dmk_hierarchy_hand_over(own, c->packer->mesh, COARSEST, &taker, &c->hierarchy);
+    return dmk_hierarchy_hand_over(own, c->packer->mesh, DMK_COARSEST, &taker, &c->hierarchy);
 }
 
 /* Inner and outer solves take turns, so the inner vectors lie in the outer ones' memory; and the elements'
@@ -609,7 +607,7 @@ static int allocate_work(const packer *p)
         s->level[0].x = s->x;
         s->level[0].x_old = s->x_old;
     }
-    DMK_TRY(work(p, DMK_OUTER, 6 * parts, &s->partial)); /* quantities that newton_update sums */
+    DMK_TRY(work(p, DMK_OUTER, DMK_MOST_SUMS * parts, &s->partial));
     DMK_TRY(work(p, DMK_OUTER, 8, &s->state));
     DMK_TRY(work(p, DMK_INNER, 1, &s->done));
     DMK_TRY(work(p, DMK_OUTER, 16, &s->scalars));
@@ -687,7 +685,7 @@ static int pack_without_T(const packer *p)
     int rc;
     dmk_fine_graph f;
     dmk_system *s = p->sys;
-    DMK_TRY(dmk_fine_graph_create(p->ctx, &s->whole, p->mesh, COARSEST, &f));
+    DMK_TRY(dmk_fine_graph_create(p->ctx, &s->whole, p->mesh, DMK_COARSEST, &f));
     s->without_T = f.hierarchy.n > 0;
     if (!s->without_T) goto done;
     s->elements_at = f.elements_at;
@@ -771,10 +769,10 @@ static int pack_together(const packer *p, const dmk_system_dealt *dealt, dmk_par
     dmk_share *share = p->sys->share;
     if (!share) {
         if (p->ground->element) return DMK_OK;
-        DMK_TRY(dmk_hierarchy_create(p->ctx, p->mesh, COARSEST, &parts->whole));
+        DMK_TRY(dmk_hierarchy_create(p->ctx, p->mesh, DMK_COARSEST, &parts->whole));
         return pack_whole(p, &parts->whole);
     }
-    DMK_TRY(dmk_share_coarsen(p->ctx, share, p->ground, COARSEST, parts));
+    DMK_TRY(dmk_share_coarsen(p->ctx, share, p->ground, DMK_COARSEST, parts));
     if (parts->whole.n == 0) {
         if (!p->ground->element) return pack_whole(p, &parts->whole);
         dmk_share_destroy(&p->sys->share);
@@ -805,7 +803,7 @@ static int make_first(const packer *p, dmk_parts *parts)
 {
     int rc;
     dmk_share *share = p->sys->share;
-    DMK_TRY(dmk_hierarchy_create(p->ctx, p->mesh, COARSEST, &parts->whole));
+    DMK_TRY(dmk_hierarchy_create(p->ctx, p->mesh, DMK_COARSEST, &parts->whole));
     if (!share || parts->whole.n == 0) return DMK_OK;
     DMK_TRY(dmk_share_bound(p->ctx, share, &parts->whole));
     DMK_TRY(dmk_share_cut(p->ctx, share, parts));

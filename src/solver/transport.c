@@ -230,12 +230,6 @@ done:
 
 /* ---- accessors -------------------------------------------------------------------------------- */
 
-static const double *borrow(const double *array, size_t length, size_t *n)
-{
-    if (n) *n = length;
-    return array;
-}
-
 void dmk_transport_get_stats(const dmk_transport *r, dmk_stats *stats)
 {
     if (stats) *stats = r ? r->stats : (dmk_stats){0};
@@ -248,27 +242,27 @@ void dmk_transport_get_info(const dmk_transport *r, dmk_transport_info *info)
 
 const double *dmk_transport_density(const dmk_transport *r, size_t *n)
 {
-    return r ? borrow(r->density, r->n_triangles, n) : borrow(NULL, 0, n);
+    return r ? dmk_borrow(r->density, r->n_triangles, n) : dmk_borrow(NULL, 0, n);
 }
 
 const double *dmk_transport_flux(const dmk_transport *r, size_t *n)
 {
-    return r ? borrow(r->flux, 3 * r->n_triangles, n) : borrow(NULL, 0, n);
+    return r ? dmk_borrow(r->flux, 3 * r->n_triangles, n) : dmk_borrow(NULL, 0, n);
 }
 
 const double *dmk_transport_potential(const dmk_transport *r, size_t *n)
 {
-    return r ? borrow(r->potential, r->n_vertices, n) : borrow(NULL, 0, n);
+    return r ? dmk_borrow(r->potential, r->n_vertices, n) : dmk_borrow(NULL, 0, n);
 }
 
 const double *dmk_transport_potential_mid(const dmk_transport *r, size_t *n)
 {
-    return r ? borrow(r->potential_mid, r->n_edges, n) : borrow(NULL, 0, n);
+    return r ? dmk_borrow(r->potential_mid, r->n_edges, n) : dmk_borrow(NULL, 0, n);
 }
 
 const double *dmk_transport_atom_mass(const dmk_transport *r, size_t *n)
 {
-    return r ? borrow(r->atom_mass, r->n_atoms, n) : borrow(NULL, 0, n);
+    return r ? dmk_borrow(r->atom_mass, r->n_atoms, n) : dmk_borrow(NULL, 0, n);
 }
 
 const uint8_t *dmk_transport_acl(const dmk_transport *r, size_t *n)

@@ -16,8 +16,6 @@
 
 /* Added to densities, so that they can be divided by. */
 static const double tiny = 1e-30;
-/* Of f, where the device has no double precision: of a float. */
-static const double float_rounding = 6e-8;
 
 /* begin .. end - 1 */
 typedef struct span {
@@ -74,7 +72,7 @@ static void subtract(const router *p)
 {
     const bool wide = dmk_device_real(p->o->sys->device, DMK_OUTER) == sizeof(double);
     for (int32_t i = 0; i < p->n.n_rows; i++)
-        p->rounding[i] = fabs(p->r[i]) * (wide ? DMK_ENERGY_ROUNDING : float_rounding);
+        p->rounding[i] = fabs(p->r[i]) * (wide ? DMK_ENERGY_ROUNDING : DMK_FLOAT_ROUNDING);
     for (int32_t t = 0; t < p->mesh->n_triangles; t++) {
         int32_t a[9], b[9];
         double w[3];
