@@ -10,6 +10,18 @@
 
 #if !DMK_DOUBLE
 
+/* The sums of the elements' numbers at their corners, at vertices of block b; first: the slice of vertex 0. */
+static floatv corner_sum(int b, int first, global const int *slice, global const int *corner, GATHERED float *x)
+{
+    floatv sum = 0;
+    for (int j = slice[first + SLICE(b)], end = slice[first + SLICE(b) + 1]; j < end; j++) {
+        const intv p = LOAD(corner, COLUMN(b, j));
+        const intv i = CORNER_PLACE(p);
+        sum += (floatv)(GATHER(x, i));
+    }
+    return sum;
+}
+
 /* x = step D^-1 b: the first Chebyshev step from 0.
  * reads inv_diag, rhs; writes x
  * moves 12 R bytes, 2 R flops
@@ -119,17 +131,12 @@ KERNEL restrict_midpoints(int n, int vertex_row, global const int *restrict slic
     global const float *at_vertex = (global const float *)(fine + vertex_row);
     FOR_BLOCKS(b, n, shares, launch)
     {
-        floatv sum = 0, ax = 0;
+        floatv sum = 0;
         for (int j = slice[SLICE(b)], e = slice[SLICE(b) + 1]; j < e; j++) {
             const intv i = LOAD(edge, COLUMN(b, j));
             sum += (floatv)(GATHER(fine, i));
         }
-        for (int j = corner_slice[first + SLICE(b)], end = corner_slice[first + SLICE(b) + 1]; j < end;
-             j++) {
-            const intv p = LOAD(corner, COLUMN(b, j));
-            const intv i = CORNER_PLACE(p);
-            ax += (floatv)(GATHER(down, i));
-        }
+        const floatv ax = corner_sum(b, first, corner_slice, corner, down);
         STORE(LOAD(at_vertex, AT(b)) + 0.5f * sum - ax, rhs, AT(b));
     }
 }
@@ -613,15 +620,8 @@ KERNEL mesh_refresh(int n, global const int *restrict slice, global const int *r
     {
         FOR_PART_BLOCKS(b, n, part)
         {
-            floatv sum = 0;
             weights_block(b, slice, number, edge, weight);
-            for (int j = corner_slice[first + SLICE(b)], end = corner_slice[first + SLICE(b) + 1]; j < end;
-                 j++) {
-                const intv p = LOAD(corner, COLUMN(b, j));
-                const intv i = CORNER_PLACE(p);
-                sum += (floatv)(GATHER(diag, i));
-            }
-            STORE(inverse_of(sum), inv_diag, AT(b));
+            STORE(inverse_of(corner_sum(b, first, corner_slice, corner, diag)), inv_diag, AT(b));
         }
         refresh_edges(part - parts, n_coarse, row, fine, coef, edge, coarse_edge);
     }

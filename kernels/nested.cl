@@ -92,8 +92,7 @@ KERNEL nested_prepare(int n, float alpha, float D, float bend, global const int 
         const three r = load_three(cot, b), g = linear_stiffness(r, gather_corners(u, index, b));
         const realv rhs = -(real)alpha * m * (1 + step * slope);
         STORE3(TO_FLOAT(rhs * g.c0), TO_FLOAT(rhs * g.c1), TO_FLOAT(rhs * g.c2), out, b)
-        const realv root =
-            (real)alpha * sqrt(step * m / (LOAD(area, AT(b)) * fmax(e, (realv)0.25f)));
+        const realv root = (real)alpha * rank_one_root(step, m, LOAD(area, AT(b)), e);
         const floatv mf = TO_FLOAT(m);
         store_linear(mf * TO_FLOAT(r.c0), mf * TO_FLOAT(r.c1), mf * TO_FLOAT(r.c2),
                      mf * TO_FLOAT(r.c1 + r.c2), mf * TO_FLOAT(r.c0 + r.c2),
