@@ -724,6 +724,72 @@ static int restart(dmk_context *ctx, void *user)
     return set_start(ctx, near->solver, near);
 }
 
+/* The source's component in order, or planted, and what is begun with. */
+static int put_in_order(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
+                        const dmk_solve_options *chosen, start *near)
+{
+    int rc;
+    if (s->pieces)
+        DMK_TRY(dmk_solver_plant(ctx, s, source->triangle));
+    else
+        DMK_TRY(dmk_solver_order(ctx, s, dmk_mesh_component(s->mesh, (int32_t)source->triangle)));
+    near->solver = s;
+    near->from = chosen->start;
+    near->mesh = &s->mollified;
+    near->own = chosen->density_only ? NULL : s->order->order.mesh;
+    if (!s->planted) find_place(s, near);
+done:
+    return rc;
+}
+
+/* The steps, and the bounds. */
+static int iterate(dmk_context *ctx, start *near, const dmk_solve_options *chosen, double began)
+{
+    int rc;
+    dmk_solver *s = near->solver;
+    dmk_stats *stats = &near->result->stats;
+    const double first = dmk_seconds();
+    dmk_iteration o = {.ctx = ctx,
+                       .sys = s->system,
+                       .mesh = near->mesh,
+                       .triangle_old = s->order ? s->order->order.triangle_old : NULL,
+                       .options = chosen,
+                       .asked = chosen->method,
+                       .floor = DMK_FLOOR,
+                       .mean_floor = DMK_FLOOR,
+                       .restart = restart,
+                       .user = near,
+                       .stats = stats,
+                       .began = began};
+    dmk_stage_end(ctx);
+    DMK_TRY(chosen->method == DMK_NEWTON ? dmk_attempts(&o, near->from == DMK_START_DISTANCE)
+                                         : dmk_explicit(&o));
+    DMK_TRY(dmk_certify(&o, true));
+    stats->seconds[DMK_STAGE_SOLVE] = dmk_seconds() - first - stats->seconds[DMK_STAGE_CERTIFY];
+done:
+    return rc;
+}
+
+/* In the input's order and units. */
+static int collect_all(dmk_context *ctx, const start *near, const dmk_point *source,
+                       double threshold)
+{
+    int rc;
+    dmk_solver *s = near->solver;
+    dmk_result *r = near->result;
+    if (s->planted) {
+        DMK_TRY(dmk_planted_collect(ctx, s, source, r));
+    } else {
+        dmk_solver_name_steep(s, &r->stats);
+        DMK_TRY(collect(ctx, s, near, threshold, r));
+    }
+    dmk_solver_scale_stats(s, s->system->unit * s->system->unit, &r->stats);
+    r->stats.cost_exact = near->own ? near->integral : NAN;
+    r->stats.cost_exact_error = near->own ? near->integral_error : NAN;
+done:
+    return rc;
+}
+
 int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
               const dmk_solve_options *options, dmk_result **result)
 {
@@ -736,51 +802,18 @@ int dmk_solve(dmk_context *ctx, dmk_solver *s, const dmk_point *source,
     DMK_TRY(dmk_solver_begin(ctx, s, chosen.density_only));
     DMK_TRY(dmk_point_check(ctx, s->mesh, "the source", source));
     DMK_TRY(dmk_result_create(ctx, s->mesh, &r));
-    double began = dmk_seconds();
-    if (s->pieces)
-        DMK_TRY(dmk_solver_plant(ctx, s, source->triangle));
-    else
-        DMK_TRY(dmk_solver_order(ctx, s, dmk_mesh_component(s->mesh, (int32_t)source->triangle)));
     r->stats.gap = NAN; /* until it is computed */
     r->source = *source;
     dmk_point p = *source;
-    near.solver = s;
-    near.from = chosen.start;
-    near.mesh = &s->mollified;
-    near.own = chosen.density_only ? NULL : s->order->order.mesh;
     near.source = &p;
     near.result = r;
-    if (!s->planted) find_place(s, &near);
+    const double began = dmk_seconds();
+    DMK_TRY(put_in_order(ctx, s, source, &chosen, &near));
     DMK_TRY(prepare(ctx, s, &near, chosen.method == DMK_NEWTON, began, r->stats.seconds));
-    double t1 = dmk_seconds();
-    dmk_iteration o = {.ctx = ctx,
-                       .sys = s->system,
-                       .mesh = near.mesh,
-                       .triangle_old = s->order ? s->order->order.triangle_old : NULL,
-                       .options = &chosen,
-                       .asked = chosen.method,
-                       .floor = DMK_FLOOR,
-                       .mean_floor = DMK_FLOOR,
-                       .restart = restart,
-                       .user = &near,
-                       .stats = &r->stats,
-                       .began = began};
-    dmk_stage_end(ctx);
-    DMK_TRY(chosen.method == DMK_NEWTON ? dmk_attempts(&o, near.from == DMK_START_DISTANCE)
-                                        : dmk_explicit(&o));
-    DMK_TRY(dmk_certify(&o, true));
-    r->stats.seconds[DMK_STAGE_SOLVE] = dmk_seconds() - t1 - r->stats.seconds[DMK_STAGE_CERTIFY];
-    if (s->planted) {
-        DMK_TRY(dmk_planted_collect(ctx, s, source, r));
-    } else {
-        dmk_solver_name_steep(s, &r->stats);
-        DMK_TRY(collect(ctx, s, &near, chosen.threshold, r));
-    }
+    DMK_TRY(iterate(ctx, &near, &chosen, began));
+    DMK_TRY(collect_all(ctx, &near, source, chosen.threshold));
     r->geodesics = near.geodesics;
     near.geodesics = NULL;
-    dmk_solver_scale_stats(s, s->system->unit * s->system->unit, &r->stats);
-    r->stats.cost_exact = near.own ? near.integral : NAN;
-    r->stats.cost_exact_error = near.own ? near.integral_error : NAN;
     *result = r;
     r = NULL;
 done:
