@@ -95,6 +95,11 @@ check 'another source is done' has "$work/summary" '4 solved, 0 kept'
 check 'and reported' has "$work/summary" '^d: done again: the source is another'
 again --vertex 1 --tolerance 0.1
 check 'other options are done' has "$work/summary" '^sub/b: done again: the options are others'
+again --vertex 1 --tolerance 0.1 --strength 0.5
+check 'another strength is one' has "$work/summary" '4 solved, 0 kept'
+again --vertex 1 --tolerance 0.1 --strength 0.5 --repair
+check 'and a repair' has "$work/summary" '4 solved, 0 kept'
+again --vertex 1 --tolerance 0.1
 POCL_DEVICES=none again --vertex 1 --tolerance 0.1
 check 'with all there is nothing to do, and no device is looked for' has "$work/summary" '0 solved, 4 kept'
 (
@@ -102,6 +107,13 @@ check 'with all there is nothing to do, and no device is looked for' has "$work/
     again
 ) 9>> "$report"
 check 'two at a time are refused' has "$work/errors" 'another run is writing'
+
+# A name is bytes: one that is no UTF-8 is found again in the report.
+mkdir "$work/bytes"
+cp "$in/a.off" "$work/bytes/$(printf 'n\374ss"e.off')"
+"$tool" batch "$work/bytes" --out-dir "$work/named" --locus .csv --quiet
+"$tool" batch "$work/bytes" --out-dir "$work/named" --locus .csv --resume > "$work/summary"
+check 'a name of any bytes is known again' has "$work/summary" '0 solved, 1 kept'
 
 # ---- samples ----------------------------------------------------------------------------------
 

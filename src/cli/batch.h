@@ -48,7 +48,6 @@ typedef struct batch_entry {
 
 /* Hexadecimal digest of a file's content; false if it cannot be read. */
 bool batch_digest_file(const char *path, char digest[33]);
-void batch_digest_text(const char *text, char digest[33]);
 
 /* Open the report of `request` for appending, locked against others; with `resume` read what is in it. */
 int batch_record_open(const batch_request *request, const batch_list *list, batch_record **record);

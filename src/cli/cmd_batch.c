@@ -60,6 +60,8 @@ static void add_batch(solve_table *table, batch_request *request)
     solve_add(table, rows, sizeof rows / sizeof *rows);
 }
 
+/* An option that changes a result belongs into digest_options of record.c, too, or --resume keeps what another value
+ * gave. */
 static int parse(batch_request *request, cli_words *meshes, int argc, char **argv)
 {
     const char *first;

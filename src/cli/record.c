@@ -70,7 +70,7 @@ static void digest_print(const digest *d, char text[33])
     snprintf(text, 33, "%016" PRIx64 "%016" PRIx64, d->a, d->b);
 }
 
-void batch_digest_text(const char *text, char hex[33])
+static void digest_text(const char *text, char hex[33])
 {
     digest d = {0};
     digest_bytes(&d, text, strlen(text));
@@ -105,17 +105,19 @@ static void add_files(char *text, size_t size, const cli_files *files)
     strncat(text, ";", size - strlen(text) - 1);
 }
 
+/* Every option of cmd_batch.c that changes a result, but the source, which a line names for itself. */
 static void digest_options(const batch_request *request, char hex[33])
 {
     const dmk_solve_options *o = &request->each.solve;
     char text[4096];
-    snprintf(text, sizeof text, "%s %d %d %.17g %.17g %.17g %.17g %.17g %d %.17g %d;",
+    snprintf(text, sizeof text, "%s %d %d %.17g %.17g %.17g %.17g %.17g %d %.17g %d %.17g %d;",
              dmk_version(), (int)o->method, (int)o->start, o->dt, o->inertia, o->tolerance,
-             o->gap_tolerance, o->cg_tolerance, o->max_steps, o->threshold, request->each.single);
+             o->gap_tolerance, o->cg_tolerance, o->max_steps, o->threshold, request->each.single,
+             request->each.trace.strength, request->each.repair);
     add_files(text, sizeof text, &request->each.out);
     add_files(text, sizeof text, &request->each.locus);
     add_files(text, sizeof text, &request->each.tangent);
-    batch_digest_text(text, hex);
+    digest_text(text, hex);
 }
 
 /* ---- reading -------------------------------------------------------------------------------- */
@@ -147,8 +149,8 @@ static char *read_text(const char **at, const char *head)
         const unsigned long c = strncmp(*at, "\\u", 2) == 0 ? read_code(*at + 2) : ULONG_MAX;
         if (**at != '\\')
             *end++ = *(*at)++;
-        else if (c < 0x80)
-            *end++ = (char)c, *at += 6;
+        else if (c < 0x80 || (c >= 0xdc80 && c <= 0xdcff)) /* a byte that is no UTF-8: json.c */
+            *end++ = (char)(c & 0xff), *at += 6;
         else
             *end++ = (*at)[1], *at += 2;
     }
