@@ -149,6 +149,7 @@ static void test_reads_known(void **state)
     fixture *f = *state;
     dmk_mesh_info info, told;
     dmk_mesh *m = NULL;
+    dmk_point p = {0};
     put_file(f, "m.off", text, sizeof text - 1);
     assert_int_equal(dmk_mesh_read(f->ctx, f->path, &m), DMK_OK);
     dmk_mesh_get_info(m, &info);
@@ -157,6 +158,8 @@ static void test_reads_known(void **state)
     dmk_mesh_get_info(m, &told);
     assert_memory_equal(&told, &info, sizeof info);
     assert_int_equal(dmk_mesh_check_edges(f->ctx, m), DMK_E_ARG);
+    assert_int_equal(dmk_mesh_vertex_point(f->ctx, m, 3, &p), DMK_OK);
+    assert_true(p.triangle == 1 && p.weight[2] == 1);
     check_square(m);
     info.n_triangles = 3;
     assert_int_equal(dmk_mesh_read_known(f->ctx, f->path, &info, &m), DMK_E_FORMAT);

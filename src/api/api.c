@@ -52,6 +52,7 @@ int dmk_geodesics_locus(dmk_context *ctx, const dmk_geodesics *geodesics,
     dmk_locus_options chosen;
     if (dmk_missing(ctx, "geodesics", geodesics, "locus", locus)) return DMK_E_ARG;
     DMK_TRY(take_options(ctx, options, &chosen));
+    DMK_TRY(dmk_mesh_check_edges(ctx, geodesics->mesh));
     if (geodesics->n_lines > 0)
         return dmk_fail(ctx, DMK_E_ARG,
                         "the cut locus of lines and borders is not traced: give points as sources");

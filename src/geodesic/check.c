@@ -232,6 +232,7 @@ int dmk_geodesics_integrate(dmk_context *ctx, const dmk_geodesics *g, double *in
     int rc;
     double *mid = NULL;
     if (dmk_missing(ctx, "geodesics", g, "integral", integral, "error", error)) return DMK_E_ARG;
+    DMK_TRY(dmk_mesh_check_edges(ctx, g->mesh));
     DMK_TRY(DMK_NEW(ctx, mid, (size_t)g->mesh->n_edges));
     dmk_geodesics_midpoints(ctx, g, mid);
     rc = dmk_geodesics_integrate_from(ctx, g, mid, integral, error);

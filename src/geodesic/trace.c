@@ -691,11 +691,10 @@ done:
 
 static int check(dmk_context *ctx, const dmk_geodesics *g, size_t n, const dmk_point *points)
 {
-    for (size_t i = 0; i < n; i++) {
-        int rc = dmk_point_check(ctx, g->mesh, "points", points + i);
-        if (rc != DMK_OK) return rc;
-    }
-    return DMK_OK;
+    int rc = dmk_mesh_check_edges(ctx, g->mesh);
+    for (size_t i = 0; i < n && rc == DMK_OK; i++)
+        rc = dmk_point_check(ctx, g->mesh, "points", points + i);
+    return rc;
 }
 
 int dmk_geodesics_at(dmk_context *ctx, const dmk_geodesics *g, size_t n_points,

@@ -143,6 +143,15 @@ double dmk_mesh_nearest_in(const dmk_mesh *m, int32_t triangle, const double xyz
     return sqrt(dmk_project_corners(corner, xyz, weight));
 }
 
+/* The first triangle's corner at a vertex, or -1; a mesh of which all is known keeps none. */
+static int32_t first_corner(const dmk_mesh *m, int64_t vertex)
+{
+    int32_t h = 0;
+    if (m->corner) return m->corner[vertex];
+    while (h < 3 * m->n_triangles && m->triangle[h] != vertex) h++;
+    return h < 3 * m->n_triangles ? h : -1;
+}
+
 int dmk_mesh_vertex_point(dmk_context *ctx, const dmk_mesh *m, int64_t vertex, dmk_point *point)
 {
     if (dmk_missing(ctx, "mesh", m, "point", point)) return DMK_E_ARG;
@@ -150,7 +159,7 @@ int dmk_mesh_vertex_point(dmk_context *ctx, const dmk_mesh *m, int64_t vertex, d
         return dmk_fail(ctx, DMK_E_ARG, "vertex %lld is out of range [0, %d]", (long long)vertex,
                         m->n_vertices - 1);
     }
-    const int32_t h = m->corner[vertex];
+    const int32_t h = first_corner(m, vertex);
     if (h < 0) {
         return dmk_fail(ctx, DMK_E_ARG, "vertex %lld is in no triangle: choose one that is",
                         (long long)vertex);
