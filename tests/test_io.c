@@ -402,6 +402,55 @@ static void test_results_in_pieces(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* A strip of so many triangles: two pieces from a quarter of a million on. */
+static dmk_mesh *strip(const fixture *f, int32_t n)
+{
+    dmk_mesh *m = NULL;
+    double *place = calloc(3 * (size_t)n + 6, sizeof *place);
+    int32_t *t = calloc(3 * (size_t)n, sizeof *t);
+    assert_true(place && t);
+    for (int32_t i = 0; i < n + 2; i++) {
+        place[3 * i] = i / 2;
+        place[3 * i + 1] = i % 2;
+    }
+    for (int32_t i = 0; i < n; i++) {
+        t[3 * i] = i;
+        t[3 * i + 1] = i + 1 + i % 2;
+        t[3 * i + 2] = i + 2 - i % 2;
+    }
+    assert_int_equal(dmk_mesh_adopt(f->ctx, (size_t)n + 2, place, (size_t)n, t, &m), DMK_OK);
+    return m;
+}
+
+/* Pieces that cannot be written leave those of the result before; fewer pieces leave none of more. */
+static void test_pieces_stay_together(void **state)
+{
+    fixture *f = *state;
+    size_t n;
+    dmk_mesh *small = make_mesh(f), *large = strip(f, 300000);
+    const double own = 7;
+    assert_int_equal(dmk_mesh_write(f->ctx, small, path_of(f, "a.pvtp")), DMK_OK);
+    char *before = get_file(f, "a_0000.vtp", &n);
+    assert_int_equal(mkdir(path_of(f, "a_0001.vtp"), 0777), 0);
+    assert_int_equal(dmk_mesh_write(f->ctx, large, path_of(f, "a.pvtp")), DMK_E_IO);
+    assert_non_null(strstr(dmk_context_message(f->ctx), "a_0001.vtp: exists and is neither"));
+    char *after = get_file(f, "a_0000.vtp", &n);
+    assert_memory_equal(after, before, n);
+    free(before);
+    free(after);
+    assert_int_equal(rmdir(path_of(f, "a_0001.vtp")), 0);
+    assert_int_equal(dmk_mesh_write(f->ctx, large, path_of(f, "a.pvtp")), DMK_OK);
+    put_file(f, "a_0002.vtp", &own, sizeof own);
+    assert_int_equal(count_files(f), 4);
+    assert_int_equal(dmk_mesh_write(f->ctx, small, path_of(f, "a.pvtp")), DMK_OK);
+    assert_int_equal(count_files(f), 3);
+    remove_file(f, "a_0002.vtp");
+    remove_file(f, "a_0000.vtp");
+    remove_file(f, "a.pvtp");
+    dmk_mesh_destroy(&small);
+    dmk_mesh_destroy(&large);
+}
+
 static void test_large_vtk_files(void **state)
 {
     fixture *f = *state;
@@ -615,6 +664,7 @@ int main(void)
         TEST(test_damaged_files),
         TEST(test_results),
         TEST(test_results_in_pieces),
+        TEST(test_pieces_stay_together),
         TEST(test_large_vtk_files),
         TEST(test_locus_as_obj),
         TEST(test_locus_as_csv),

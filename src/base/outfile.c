@@ -228,15 +228,16 @@ int dmk_outfile_open(const char *path, dmk_outfile *file)
     return error;
 }
 
-/* Some file systems cannot sync, and say so by these two. */
-static int sync_file(int fd)
+/* Some file systems cannot sync, and say so by these two; streams need not. */
+int dmk_outfile_sync(const dmk_outfile *file)
 {
-    return fsync(fd) == 0 || errno == EINVAL || errno == ENOTSUP ? 0 : errno;
+    if (file->stream || fsync(file->fd) == 0 || errno == EINVAL || errno == ENOTSUP) return 0;
+    return errno;
 }
 
 int dmk_outfile_commit(dmk_outfile *file)
 {
-    int error = file->stream ? 0 : sync_file(file->fd);
+    int error = dmk_outfile_sync(file);
     bool placed = file->stream;
     if (error == 0 && !file->name && !placed) { /* at once where nothing is to be replaced */
         error = take_name(file->path, &file->fd);

@@ -28,6 +28,8 @@ char *dmk_outfile_target(const char *path);
  * pipe waits for its reader. 0; or errno, EINTR if a signal came while it waited; or DMK_OUTFILE_NOT_REGULAR for what
  * is neither: a folder, a block device, a socket. */
 int dmk_outfile_open(const char *path, dmk_outfile *file);
+/* Put what was written on the disk: 0 or errno. */
+int dmk_outfile_sync(const dmk_outfile *file);
 /* Put it on the disk, and in its place: 0 or errno, and then nothing has changed there. Closed in
  * any case. */
 int dmk_outfile_commit(dmk_outfile *file);

@@ -4,6 +4,7 @@
 
 #include "base/base.h"
 #include "base/number.h"
+#include "base/outfile.h"
 #include "mesh/mesh.h"
 
 /* ---- reading ---- */
@@ -83,6 +84,11 @@ void dmk_output_integer(dmk_output *out, int64_t value);
 /* With rc == DMK_OK: flush, sync, rename; else, or if any of that fails, remove the temporary.
  * Gives rc, or the first failure. *out may be NULL. */
 int dmk_output_close(dmk_output **out, int rc);
+/* What was put so far, onto the disk. */
+int dmk_output_sync(dmk_output *out);
+/* As dmk_output_close, but the file is not in its place yet: *file, to be committed or discarded, unless a failure has
+ * discarded it. */
+int dmk_output_detach(dmk_output **out, int rc, dmk_outfile *file);
 
 /* ---- what is written, as plain borrowed arrays ---- */
 

@@ -1,8 +1,6 @@
 /* Writing a file as a whole: see dmk_output in io.h. */
 #include "io/io.h"
 
-#include "base/outfile.h"
-
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -113,6 +111,32 @@ void dmk_output_integer(dmk_output *s, int64_t value)
     dmk_output_put(s, text, (size_t)n);
 }
 
+static int cannot_write(const dmk_output *s, const char *left)
+{
+    return dmk_fail(s->context, DMK_E_IO, "%s: cannot write: %s%s", s->path, strerror(s->error),
+                    left);
+}
+
+int dmk_output_sync(dmk_output *s)
+{
+    write_out(s, s->buffer, s->fill);
+    s->fill = 0;
+    if (!s->error) s->error = dmk_outfile_sync(&s->file);
+    return s->error ? cannot_write(s, "; nothing was written") : DMK_OK;
+}
+
+int dmk_output_detach(dmk_output **out, int rc, dmk_outfile *file)
+{
+    dmk_output *s = *out;
+    if (!s) return rc;
+    *out = NULL;
+    if (rc == DMK_OK) rc = dmk_output_sync(s);
+    *file = s->file;
+    if (rc != DMK_OK) dmk_outfile_discard(file);
+    output_free(s);
+    return rc;
+}
+
 int dmk_output_close(dmk_output **out, int rc)
 {
     dmk_output *s = *out;
@@ -124,10 +148,7 @@ int dmk_output_close(dmk_output **out, int rc)
         dmk_outfile_discard(&s->file);
     else
         s->error = dmk_outfile_commit(&s->file);
-    if (s->error) {
-        rc = dmk_fail(s->context, DMK_E_IO, "%s: cannot write: %s%s", s->path, strerror(s->error),
-                      left);
-    }
+    if (s->error) rc = cannot_write(s, left);
     output_free(s);
     return rc;
 }

@@ -1,5 +1,6 @@
 /* VTK PolyData in pieces: files NAME_0000.vtp, NAME_0001.vtp ... of runs of the triangles, and NAME.pvtp, which names
- * them and is opened as one. The index gets its name last: with it all pieces are there. */
+ * them and is opened as one. Pieces get their names when all of them and the index are on the disk, so that what fails
+ * leaves an earlier result as it was; the index gets its name last. */
 #include "io/vtk.h"
 
 #include <stdio.h>
@@ -9,6 +10,17 @@
 
 /* Triangles of a piece: some 20 MB, which a viewer's process reads in about a tenth of a second. */
 enum { PIECE = 250000, NAME_ROOM = 32 };
+
+/* Of one index. */
+typedef struct pieces {
+    const char *path; /* of the index */
+    char *name;       /* room for that of a piece */
+    char *line;       /* and for the line that names it */
+    size_t room, line_room;
+    int32_t n, n_written;
+    dmk_outfile *file; /* n, in no place yet */
+    bool *fresh;       /* n: none was there before */
+} pieces;
 
 /* A run of the triangles with the vertices at them. */
 typedef struct piece {
@@ -97,13 +109,15 @@ done:
 }
 
 /* "dir/NAME.pvtp" -> "dir/NAME_0003.vtp". */
-static void name_piece(const char *path, int32_t k, size_t room, char *name)
+static const char *name_piece(const pieces *p, int32_t k)
 {
-    snprintf(name, room, "%.*s_%04d.vtp", (int)(strlen(path) - strlen(".pvtp")), path, k);
+    const int stem = (int)(strlen(p->path) - strlen(".pvtp"));
+    snprintf(p->name, p->room, "%.*s_%04d.vtp", stem, p->path, k);
+    return p->name;
 }
 
 static int write_piece(dmk_context *ctx, const dmk_fields *f, int32_t begin, int32_t end,
-                       const char *name)
+                       const char *name, dmk_outfile *file)
 {
     int rc;
     piece p = {.number = NULL};
@@ -113,7 +127,7 @@ static int write_piece(dmk_context *ctx, const dmk_fields *f, int32_t begin, int
     DMK_TRY(dmk_output_open(ctx, name, &out));
     rc = dmk_vtp_write_piece(ctx, out, &p.fields);
 done:
-    rc = dmk_output_close(&out, rc);
+    rc = dmk_output_detach(&out, rc, file);
     piece_free(&p);
     return rc;
 }
@@ -159,44 +173,89 @@ static void put_arrays(dmk_output *out, const dmk_fields *f)
     dmk_output_text(out, "</PPoints>\n");
 }
 
-/* A file's name without its folder, as the value of an attribute. */
-static void put_source(dmk_output *out, const char *name)
+/* The line of the index that names piece k: its name without the folder, as the value of an attribute. */
+static const char *line_of(const pieces *p, int32_t k)
 {
-    const char *slash = strrchr(name, '/');
-    dmk_output_text(out, "<Piece Source=\"");
+    const char *name = name_piece(p, k), *slash = strrchr(name, '/');
+    size_t n = (size_t)snprintf(p->line, p->line_room, "<Piece Source=\"");
     for (const char *c = slash ? slash + 1 : name; *c; c++) {
         const char *word = *c == '&' ? "&amp;" : *c == '<' ? "&lt;" : *c == '"' ? "&quot;" : NULL;
-        if (word)
-            dmk_output_text(out, word);
-        else
-            dmk_output_put(out, c, 1);
+        n += (size_t)snprintf(p->line + n, p->line_room - n, word ? "%s" : "%.1s", word ? word : c);
     }
-    dmk_output_text(out, "\"/>\n");
+    snprintf(p->line + n, p->line_room - n, "\"/>\n");
+    return p->line;
+}
+
+static int pieces_create(dmk_context *ctx, const char *path, int32_t n_triangles, pieces *p)
+{
+    int rc;
+    *p = (pieces){.path = path, .n = (int32_t)(((int64_t)n_triangles + PIECE - 1) / PIECE)};
+    p->room = strlen(path) + NAME_ROOM;
+    p->line_room = p->room * strlen("&quot;") + NAME_ROOM;
+    DMK_TRY(dmk_alloc(ctx, "file name", p->room, 1, (void **)&p->name));
+    DMK_TRY(dmk_alloc(ctx, "file name", p->line_room, 1, (void **)&p->line));
+    DMK_TRY(DMK_NEW(ctx, p->file, (size_t)p->n));
+    DMK_TRY(DMK_NEW(ctx, p->fresh, (size_t)p->n));
+done:
+    return rc;
+}
+
+/* What has no place yet is gone then. */
+static void pieces_free(pieces *p)
+{
+    for (int32_t k = 0; k < p->n_written; k++) dmk_outfile_discard(&p->file[k]);
+    free(p->name);
+    free(p->line);
+    free(p->file);
+    free(p->fresh);
+}
+
+static int place_pieces(dmk_context *ctx, pieces *p)
+{
+    for (int32_t k = 0; k < p->n; k++) {
+        p->fresh[k] = access(name_piece(p, k), F_OK) != 0;
+        const int error = dmk_outfile_commit(&p->file[k]);
+        if (error == 0) continue;
+        const int rc =
+            dmk_fail(ctx, DMK_E_IO, "%s: cannot write: %s", name_piece(p, k), strerror(error));
+        while (k-- > 0) {
+            if (p->fresh[k]) unlink(name_piece(p, k));
+        }
+        return rc;
+    }
+    return DMK_OK;
+}
+
+/* Pieces that the index named before it had fewer; others with such a name are somebody's own. */
+static void remove_stale(const pieces *p, const dmk_file *before)
+{
+    for (int32_t k = p->n; before->data && strstr(before->data, line_of(p, k)); k++)
+        unlink(name_piece(p, k));
 }
 
 int dmk_pvtp_write(dmk_context *ctx, dmk_output *out, const dmk_fields *f)
 {
-    int rc = DMK_OK;
+    int rc;
+    pieces p;
+    dmk_file before = {0};
     const char *path = dmk_output_path(out);
-    int64_t n = f->mesh->n_triangles, n_pieces = (n + PIECE - 1) / PIECE;
-    size_t room = strlen(path) + NAME_ROOM;
-    int32_t written = 0;
-    char *name = NULL;
-    DMK_TRY(dmk_alloc(ctx, "file name", room, 1, (void **)&name));
+    const int64_t n = f->mesh->n_triangles;
+    DMK_TRY(pieces_create(ctx, path, f->mesh->n_triangles, &p));
+    if (access(path, R_OK) == 0) DMK_TRY(dmk_file_load(ctx, path, &before));
     dmk_vtk_head(out, "PPolyData", " GhostLevel=\"0\"");
     put_arrays(out, f);
-    for (; written < n_pieces; written++) {
-        name_piece(path, written, room, name);
-        put_source(out, name);
-        DMK_TRY(write_piece(ctx, f, (int32_t)(n * written / n_pieces),
-                            (int32_t)(n * (written + 1) / n_pieces), name));
+    for (; p.n_written < p.n; p.n_written++) {
+        const int32_t k = p.n_written;
+        dmk_output_text(out, line_of(&p, k));
+        DMK_TRY(write_piece(ctx, f, (int32_t)(n * k / p.n), (int32_t)(n * (k + 1) / p.n),
+                            name_piece(&p, k), &p.file[k]));
     }
     dmk_output_text(out, "</PPolyData>\n</VTKFile>\n");
+    DMK_TRY(dmk_output_sync(out));
+    DMK_TRY(place_pieces(ctx, &p));
+    remove_stale(&p, &before);
 done:
-    for (int32_t k = 0; rc != DMK_OK && k < written; k++) {
-        name_piece(path, k, room, name);
-        unlink(name);
-    }
-    free(name);
+    dmk_file_free(&before);
+    pieces_free(&p);
     return rc;
 }
