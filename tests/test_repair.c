@@ -198,6 +198,20 @@ static void a_flat_triangle_is_flipped(void **state)
     forget(&m);
 }
 
+/* What the mesh calls flat a repair does, however lengths are rounded: no triangle is left to be refused. */
+static void flat_is_what_the_mesh_calls_flat(void **state)
+{
+    bench *b = *state;
+    const int32_t triangle[6] = {0, 2, 1, 0, 1, 3};
+    for (int i = 0; i < 20000; i++) {
+        mended m = {0};
+        const double x = 0.1 + 0.9 * (i / 100) / 200, y = 1.2e-8 + 1.5e-10 * (i % 100);
+        const double xyz[12] = {0, 0, 0, 1.1, 0, 0, x, y, 0, 0.5, -1, 0};
+        bench_ok(b, dmk_mesh_repair(b->ctx, 4, xyz, 2, triangle, &m.did, &m.mesh));
+        forget(&m);
+    }
+}
+
 static void what_cannot_be_mended_is_refused(void **state)
 {
     bench *b = *state;
@@ -226,6 +240,7 @@ int main(void)
         cmocka_unit_test(a_fin_comes_off),
         cmocka_unit_test(a_moebius_strip_is_cut),
         cmocka_unit_test(a_flat_triangle_is_flipped),
+        cmocka_unit_test(flat_is_what_the_mesh_calls_flat),
         cmocka_unit_test(what_cannot_be_mended_is_refused),
     };
     return cmocka_run_group_tests(tests, bench_setup, bench_teardown);

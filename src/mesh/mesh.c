@@ -261,20 +261,18 @@ done:
 #define LONGEST 1e75
 #define SHORTEST 1e-65
 
-/* The longest side first. */
-static void sort_sides(double l[3])
+bool dmk_sides_are_flat(const double l[3])
 {
-    double s;
-    if (l[0] < l[1]) s = l[0], l[0] = l[1], l[1] = s;
-    if (l[1] < l[2]) s = l[1], l[1] = l[2], l[2] = s;
-    if (l[0] < l[1]) s = l[0], l[0] = l[1], l[1] = s;
+    int32_t e[3] = {0, 1, 2};
+    dmk_sort_sides(l, e);
+    return !(l[e[2]] - (l[e[0]] - l[e[1]]) > 4 * DBL_EPSILON * l[e[0]]);
 }
 
 void dmk_measure_sides(const double l[3], double *area, double cot[3])
 {
-    double sorted[3] = {l[0], l[1], l[2]};
-    sort_sides(sorted);
-    double a = sorted[0], b = sorted[1], c = sorted[2];
+    int32_t e[3] = {0, 1, 2};
+    dmk_sort_sides(l, e);
+    double a = l[e[0]], b = l[e[1]], c = l[e[2]];
     *area = 0.25 * sqrt((a + (b + c)) * (c - (a - b)) * (c + (a - b)) * (a + (b - c)));
     for (int k = 0; k < 3; k++) {
         double o = l[k], p = l[(k + 1) % 3], q = l[(k + 2) % 3];
@@ -285,9 +283,8 @@ void dmk_measure_sides(const double l[3], double *area, double cot[3])
 int dmk_measure_checked(dmk_context *ctx, const double l[3], int64_t t, const int64_t v[3],
                         double *area)
 {
-    double sorted[3] = {l[0], l[1], l[2]}, cot[3];
-    sort_sides(sorted);
-    double a = sorted[0], b = sorted[1], c = sorted[2];
+    double cot[3];
+    const double a = dmk_max(l[0], dmk_max(l[1], l[2]));
     if (a > LONGEST || (a > 0 && a < SHORTEST)) {
         if (!ctx) return DMK_E_MESH;
         return dmk_fail(ctx, DMK_E_MESH,
@@ -295,8 +292,7 @@ int dmk_measure_checked(dmk_context *ctx, const double l[3], int64_t t, const in
                         "the mesh",
                         (long long)t, a, a > 1 ? "long" : "short");
     }
-    /* The longest side is the sum of the others as far as rounded lengths can show. */
-    if (!(c - (a - b) > 4 * DBL_EPSILON * a)) {
+    if (dmk_sides_are_flat(l)) {
         if (!ctx) return DMK_E_MESH;
         return dmk_fail(ctx, DMK_E_MESH,
                         "triangle %lld (vertices %lld %lld %lld) is degenerate: its area is zero; "

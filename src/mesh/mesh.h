@@ -88,6 +88,18 @@ int dmk_mesh_check_edges(dmk_context *context, const dmk_mesh *mesh);
 /* mesh.c: DMK_E_MESH if there is no triangle or 32 bits cannot number them. */
 int dmk_mesh_check_counts(dmk_context *context, size_t n_vertices, size_t n_triangles);
 
+/* Sides e of a triangle by their lengths, the longest first. */
+static inline void dmk_sort_sides(const double *length, int32_t e[3])
+{
+    int32_t s;
+    if (length[e[0]] < length[e[1]]) s = e[0], e[0] = e[1], e[1] = s;
+    if (length[e[1]] < length[e[2]]) s = e[1], e[1] = e[2], e[2] = s;
+    if (length[e[0]] < length[e[1]]) s = e[0], e[0] = e[1], e[1] = s;
+}
+
+/* mesh.c: whether the longest of the sides l is the sum of the others, as far as rounded lengths can show. */
+bool dmk_sides_are_flat(const double l[3]);
+
 /* mesh.c: area and cotangents of a triangle from its sides alone (Kahan's stable form of Heron's
  * formula), so that an intrinsic metric would do as well: cot at corner k, opposite side l[k], is
  * (b^2 + c^2 - a^2) / (4 area). */

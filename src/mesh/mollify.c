@@ -17,15 +17,6 @@ static const double harmless = 300;
  * then the area would grow by more than this part, and the metric stays as it is. */
 static const double area_slack = 1e-4;
 
-/* The sides of a triangle, the longest first. */
-static void sort_sides(const double *length, int32_t e[3])
-{
-    int32_t s;
-    if (length[e[0]] < length[e[1]]) s = e[0], e[0] = e[1], e[1] = s;
-    if (length[e[1]] < length[e[2]]) s = e[1], e[1] = e[2], e[2] = s;
-    if (length[e[0]] < length[e[1]]) s = e[0], e[0] = e[1], e[1] = s;
-}
-
 /* How much b + c - a falls short; e sorted. */
 static double lacks(const double *length, const int32_t e[3])
 {
@@ -46,7 +37,7 @@ int32_t dmk_lengthen(const dmk_mesh *m, int32_t begin, int32_t end, double *leng
     for (int32_t t = begin; t < end; t++) {
         int32_t e[3];
         memcpy(e, m->triangle_edge + 3 * (size_t)t, sizeof e);
-        sort_sides(length, e);
+        dmk_sort_sides(length, e);
         double more = lacks(length, e);
         if (!(more > 0)) continue;
         n++;

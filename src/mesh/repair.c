@@ -11,7 +11,6 @@
 #include "base/sets.h"
 #include "base/vec3.h"
 
-#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -192,21 +191,19 @@ done:
 
 /* ---- triangles without area ----------------------------------------------------------------- */
 
-/* Half-edge of the longest side. As mesh.c sees it, the triangle is flat if that is the sum of the others
- * as far as rounded lengths show. */
+/* As the mesh will see it; *longest: half-edge of the longest side. */
 static bool is_flat(const soup *s, int32_t t, int32_t *longest)
 {
     const int32_t *c = s->triangle + 3 * (size_t)t;
-    double most = -1, sum = 0;
+    double l[3], most = -1;
     *longest = -1;
     if (c[0] == c[1] || c[1] == c[2] || c[2] == c[0]) return true;
     for (int k = 0; k < 3; k++) {
-        double l = dmk_distance(point(s, c[(k + 1) % 3]), point(s, c[(k + 2) % 3]));
-        if (l > most) *longest = 3 * t + k;
-        most = fmax(most, l);
-        sum += l;
+        l[k] = dmk_distance(point(s, c[(k + 1) % 3]), point(s, c[(k + 2) % 3]));
+        if (l[k] > most) *longest = 3 * t + k;
+        most = fmax(most, l[k]);
     }
-    return !(sum - 2 * most > 4 * DBL_EPSILON * most);
+    return dmk_sides_are_flat(l);
 }
 
 /* A flat triangle, its corner b between a and c, and its neighbour over a and c, with corner d: instead of
