@@ -2,8 +2,10 @@
 #include "base/base.h"
 #include "solving.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 typedef struct question {
     const char *stage;
@@ -55,6 +57,49 @@ static int levels(problem *p)
     return problem_try(p);
 }
 
+/* A file of the test's own. */
+static const char *file_name(void)
+{
+    static char name[64];
+    snprintf(name, sizeof name, "/tmp/dmkcl-cancel-%d.off", (int)getpid());
+    return name;
+}
+
+static int reading(problem *p)
+{
+    dmk_mesh *m = NULL;
+    int rc = dmk_mesh_read(p->b->ctx, file_name(), &m);
+    assert_true((rc == DMK_OK) == (m != NULL));
+    dmk_mesh_destroy(&m);
+    return rc;
+}
+
+static int mending(problem *p)
+{
+    dmk_mesh *m = NULL;
+    dmk_repairs did = {0};
+    int rc = dmk_mesh_read_repaired(p->b->ctx, file_name(), &did, &m);
+    assert_true((rc == DMK_OK) == (m != NULL));
+    dmk_repairs_free(&did);
+    dmk_mesh_destroy(&m);
+    return rc;
+}
+
+static int sampling(problem *p)
+{
+    int64_t vertex[8];
+    return dmk_mesh_sample(p->b->ctx, p->mesh, 8, 0, vertex);
+}
+
+/* What is not written to its end is not there. */
+static int writing(problem *p)
+{
+    unlink(file_name());
+    int rc = dmk_mesh_write(p->b->ctx, p->mesh, file_name());
+    assert_true((rc == DMK_OK) == (access(file_name(), F_OK) == 0));
+    return rc;
+}
+
 /* The least number of questions is that of the steps that take longest on a million triangles; those of
  * the path's search come as it goes on. */
 static const struct {
@@ -63,10 +108,9 @@ static const struct {
     int least;
     bool chance; /* has threads of its own: how many questions there are is never the same */
 } stages[] = {
-    {"locus", locus, 5, false},
-    {"cut", cut, 10, false},
-    {"path", path, 2, false},
-    {"levels", levels, 5, false},
+    {"locus", locus, 5, false},    {"cut", cut, 10, false},        {"path", path, 2, false},
+    {"levels", levels, 5, false},  {"write", writing, 2, false},   {"read", reading, 6, false},
+    {"repair", mending, 6, false}, {"sample", sampling, 7, false},
 };
 
 static problem small_torus(bench *b)
@@ -118,6 +162,7 @@ static void long_calls_end_when_told(void **state)
     }
     bench_ok(b, dmk_context_set_threads(b->ctx, 0));
     b->ctx->poll_every = 0.05;
+    unlink(file_name());
     problem_free(&p);
 }
 
@@ -134,6 +179,7 @@ static void several_threads_end_too(void **state)
     }
     bench_ok(b, dmk_context_set_threads(b->ctx, 0));
     b->ctx->poll_every = 0.05;
+    unlink(file_name());
     problem_free(&p);
 }
 

@@ -324,6 +324,46 @@ static void sharing(void **state)
     dmk_context_set_threads(*state, 1);
 }
 
+typedef struct question {
+    int asked, stop_at;
+} question;
+
+static int answer(const dmk_progress *progress, void *user)
+{
+    question *q = user;
+    (void)progress;
+    return q->asked++ == q->stop_at;
+}
+
+/* Twelve questions come while one thread goes ahead, and some fifty while two share the windows. */
+static void sharing_ends_when_told(void **state)
+{
+    dmk_context *ctx = *state;
+    dmk_mesh *m = NULL;
+    dmk_geodesics *g = NULL;
+    question q = {0, 20};
+    dmk_surface_options surface;
+    dmk_surface_options_init(&surface, sizeof surface);
+    surface.name = "ellipsoid";
+    surface.n_triangles = 90000;
+    assert_int_equal(dmk_mesh_surface(ctx, &surface, &m), DMK_OK);
+    const dmk_point p = {.triangle = 17, .weight = {1}};
+    dmk_geodesics_options options;
+    dmk_geodesics_options_init(&options, sizeof options);
+    options.exact = 1;
+    dmk_context_set_threads(ctx, 2);
+    ctx->poll_every = 0;
+    dmk_context_set_progress(ctx, answer, &q);
+    assert_int_equal(dmk_geodesics_create(ctx, m, 1, &p, &options, &g), DMK_E_CANCELLED);
+    assert_string_equal(dmk_context_message(ctx), "cancelled in stage 'distance'");
+    assert_int_equal(q.asked, 21); /* not asked again */
+    assert_null(g);
+    dmk_context_set_progress(ctx, NULL, NULL);
+    ctx->poll_every = 0.05;
+    dmk_context_set_threads(ctx, 1);
+    dmk_mesh_destroy(&m);
+}
+
 /* ---- repair -------------------------------------------------------------------------------------- */
 
 /* 200 vertices are looked at again, however many have too large an error. */
@@ -567,6 +607,7 @@ int main(void)
         cmocka_unit_test(buckets),
         cmocka_unit_test(most_of_all),
         cmocka_unit_test(sharing),
+        cmocka_unit_test(sharing_ends_when_told),
         cmocka_unit_test(repairs),
         cmocka_unit_test(exact_where_merged_fail),
         cmocka_unit_test(line_between_engines),

@@ -124,20 +124,45 @@ typedef struct attempt {
     int (*body)(dmk_context *, int32_t, int32_t, void *);
     int (*piece)(dmk_context *, int32_t, void *); /* where body is NULL */
     void *data;
+    pthread_t caller;
+    atomic_bool cancelled; /* what has not begun is left out */
     pthread_mutex_t lock;
     int rc;
     int32_t failed; /* the first range that did; its message is the context's */
 } attempt;
 
+static int run_body(attempt *a, dmk_context *own, int32_t k)
+{
+    const loop l = {.n = a->n, .n_ranges = a->n_ranges};
+    return a->body ? a->body(own, range_begin(&l, k), range_begin(&l, k + 1), a->data)
+                   : a->piece(own, k, a->data);
+}
+
+/* On the caller's own thread dmk_poll asks as it does outside. */
+static int run_polling(attempt *a, dmk_context *own, int32_t k)
+{
+    dmk_context *ctx = a->context;
+    own->progress = ctx->progress;
+    own->progress_user = ctx->progress_user;
+    own->stage = ctx->stage;
+    own->began = ctx->began;
+    own->polled = ctx->polled;
+    own->poll_every = ctx->poll_every;
+    const int rc = run_body(a, own, k);
+    ctx->polled = own->polled;
+    return rc;
+}
+
 static void attempt_range(int32_t k, void *data)
 {
     attempt *a = data;
     dmk_context own;
+    if (atomic_load(&a->cancelled)) return;
     dmk_context_lend(a->context, &own);
-    const loop l = {.n = a->n, .n_ranges = a->n_ranges};
-    int rc = a->body ? a->body(&own, range_begin(&l, k), range_begin(&l, k + 1), a->data)
-                     : a->piece(&own, k, a->data);
+    const bool is_caller = pthread_equal(pthread_self(), a->caller);
+    const int rc = is_caller ? run_polling(a, &own, k) : run_body(a, &own, k);
     if (rc == DMK_OK) return;
+    if (rc == DMK_E_CANCELLED) atomic_store(&a->cancelled, true);
     pthread_mutex_lock(&a->lock);
     if (a->rc == DMK_OK || k < a->failed) {
         a->rc = dmk_fail(a->context, rc, "%s", own.message);
@@ -149,6 +174,8 @@ static void attempt_range(int32_t k, void *data)
 static int run_attempt(dmk_context *ctx, attempt *a)
 {
     pthread_mutex_init(&a->lock, NULL);
+    atomic_init(&a->cancelled, false);
+    a->caller = pthread_self();
     run(ctx, &(dmk_job){.part = attempt_range, .data = a, .n_parts = a->n_ranges});
     pthread_mutex_destroy(&a->lock);
     return a->rc;

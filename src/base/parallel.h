@@ -28,7 +28,8 @@ int dmk_parallel_first_of(dmk_context *context, const dmk_ranks *ranks, int32_t 
 /* dmk_parallel for a body that may fail, with a context of its own for each range, since a context
  * serves one thread at a time. There are at most as many ranges as threads, so that a range can have
  * working space of its own. DMK_OK, or the status of the first range that failed with its message in
- * `context`. */
+ * `context`. A range that the calling thread takes may dmk_poll its own context; once it is told to stop, no range
+ * begins. */
 int dmk_parallel_try(dmk_context *context, int32_t n,
                      int (*body)(dmk_context *own, int32_t begin, int32_t end, void *data),
                      void *data);

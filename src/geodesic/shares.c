@@ -84,6 +84,7 @@ int dmk_shares_wait(worker *me, bool *more)
         const bool stops = s->stopped || dmk_windows_spent(me->e);
         if (s->n == 0 && s->n_working > 0 && !stops) {
             dmk_spin(&looks);
+            if (looks == 0) rc = dmk_poll(me->ctx);
             continue;
         }
         lock(s);

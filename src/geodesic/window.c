@@ -164,7 +164,10 @@ static int run_share(dmk_context *ctx, int32_t i, void *data)
         DMK_TRY(dmk_shares_wait(me, &more));
     }
 done:
-    if (rc != DMK_OK) dmk_shares_stop(&c->shares);
+    if (rc != DMK_OK) { /* those that have windows end as if there were too many */
+        c->e->n_made = c->e->limit + 1;
+        dmk_shares_stop(&c->shares);
+    }
     return rc;
 }
 

@@ -39,7 +39,10 @@ static size_t most_bytes(void)
     return pages > 0 && page > 0 ? (size_t)pages / 2 * (size_t)page : SIZE_MAX / 4;
 }
 
-/* Read to the end of fd. A size known beforehand is one read; a pipe makes the buffer grow. */
+/* Bytes of a read: from the disk some 50 ms. */
+#define AT_ONCE ((size_t)64 << 20)
+
+/* Read to the end of fd. A size known beforehand is one buffer; a pipe makes the buffer grow. */
 static int read_all(dmk_context *ctx, int fd, size_t expected, dmk_file *file)
 {
     size_t room = expected + 1;
@@ -57,7 +60,8 @@ static int read_all(dmk_context *ctx, int fd, size_t expected, dmk_file *file)
             }
             file->data = bigger;
         }
-        ssize_t n = read(fd, file->data + file->size, room - file->size);
+        const size_t left = room - file->size;
+        ssize_t n = read(fd, file->data + file->size, left < AT_ONCE ? left : AT_ONCE);
         if (n < 0 && errno == EINTR) {
             int rc = ask_to_go_on(ctx);
             if (rc != DMK_OK) return rc;
@@ -66,6 +70,8 @@ static int read_all(dmk_context *ctx, int fd, size_t expected, dmk_file *file)
         if (n < 0) return fail_errno(ctx, file->path, "cannot read");
         if (n == 0) break;
         file->size += (size_t)n;
+        int rc = dmk_poll(ctx);
+        if (rc != DMK_OK) return rc;
     }
     file->data[file->size] = '\0';
     return DMK_OK;

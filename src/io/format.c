@@ -178,9 +178,11 @@ int dmk_mesh_read(dmk_context *ctx, const char *path, dmk_mesh **mesh)
     uint64_t bytes = 0;
     dmk_soup soup = {0};
     if (dmk_missing(ctx, "path", path, "mesh", mesh)) return DMK_E_ARG;
+    DMK_TRY(dmk_stage_begin(ctx, "read"));
     DMK_TRY(dmk_soup_read(ctx, path, &soup, &bytes));
     rc = dmk_soup_adopt(ctx, path, NULL, &soup, mesh);
 done:
+    dmk_stage_end(ctx);
     dmk_soup_free(&soup);
     return rc;
 }
@@ -191,11 +193,14 @@ int dmk_mesh_read_repaired(dmk_context *ctx, const char *path, dmk_repairs *repa
     uint64_t bytes = 0;
     dmk_soup soup = {0};
     if (dmk_missing(ctx, "path", path, "mesh", mesh)) return DMK_E_ARG;
+    DMK_TRY(dmk_stage_begin(ctx, "read"));
     DMK_TRY(dmk_soup_read(ctx, path, &soup, &bytes));
+    DMK_TRY(dmk_stage_begin(ctx, "repair"));
     rc = dmk_mesh_repair(ctx, soup.n_vertices, soup.xyz, soup.n_triangles, soup.triangle, repair,
                          mesh);
     if (rc != DMK_OK) rc = dmk_name_file(ctx, path, rc);
 done:
+    dmk_stage_end(ctx);
     dmk_soup_free(&soup);
     return rc;
 }
@@ -208,6 +213,7 @@ int dmk_mesh_read_known(dmk_context *ctx, const char *path, const dmk_mesh_info 
     dmk_soup soup = {0};
     if (dmk_missing(ctx, "path", path, "info", info, "mesh", mesh)) return DMK_E_ARG;
     DMK_TRY(dmk_mesh_check_counts(ctx, info->n_vertices, info->n_triangles));
+    DMK_TRY(dmk_stage_begin(ctx, "read"));
     DMK_TRY(dmk_soup_read(ctx, path, &soup, &bytes));
     if (soup.n_vertices != info->n_vertices || soup.n_triangles != info->n_triangles) {
         rc = dmk_fail(ctx, DMK_E_FORMAT,
@@ -219,6 +225,7 @@ int dmk_mesh_read_known(dmk_context *ctx, const char *path, const dmk_mesh_info 
     rc = dmk_mesh_adopt_known(ctx, info, soup.xyz, soup.triangle, mesh);
     soup = (dmk_soup){0};
 done:
+    dmk_stage_end(ctx);
     dmk_soup_free(&soup);
     return rc;
 }
@@ -229,10 +236,13 @@ static int write_fields(dmk_context *ctx, const dmk_fields *fields, const char *
     dmk_output *out = NULL;
     const dmk_format *f;
     DMK_TRY(find_writer(ctx, path, what, &f));
+    DMK_TRY(dmk_stage_begin(ctx, "write"));
     DMK_TRY(dmk_output_open(ctx, path, &out));
     rc = (what == WRITE_MESH ? f->write_mesh : f->write_result)(ctx, out, fields);
 done:
-    return dmk_output_close(&out, rc);
+    rc = dmk_output_close(&out, rc);
+    dmk_stage_end(ctx);
+    return rc;
 }
 
 int dmk_mesh_write(dmk_context *ctx, const dmk_mesh *mesh, const char *path)
@@ -258,8 +268,11 @@ int dmk_curves_write(dmk_context *ctx, const dmk_curves *curves, const char *pat
     dmk_output *out = NULL;
     const dmk_format *f;
     DMK_TRY(find_writer(ctx, path, WRITE_LOCUS, &f));
+    DMK_TRY(dmk_stage_begin(ctx, "write"));
     DMK_TRY(dmk_output_open(ctx, path, &out));
     rc = f->write_locus(ctx, out, curves);
 done:
-    return dmk_output_close(&out, rc);
+    rc = dmk_output_close(&out, rc);
+    dmk_stage_end(ctx);
+    return rc;
 }

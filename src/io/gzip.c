@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <zlib.h>
 
-#define CHUNK ((size_t)1 << 30) /* zlib counts in 32 bits */
+#define CHUNK ((size_t)16 << 20) /* some 50 ms of work; zlib counts in 32 bits */
 /* Meshes shrink to a hundredth at most. What unpacks to more than this is no mesh, and is not let to fill
  * the memory; short files may. */
 #define MOST_TIMES 500
@@ -16,6 +16,8 @@ static int inflate_all(dmk_context *ctx, z_stream *z, const dmk_file *file, dmk_
     size_t room = 0, read = 0;
     int status = Z_OK;
     for (;;) {
+        const int rc = dmk_poll(ctx);
+        if (rc != DMK_OK) return rc;
         if (out->size > SHORT && out->size / MOST_TIMES > file->size) {
             return dmk_fail(ctx, DMK_E_FORMAT,
                             "%s: unpacks to more than %d times its size, as no mesh "

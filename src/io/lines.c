@@ -28,7 +28,6 @@ static dmk_text text_of(const struct dmk_chunks *c, int32_t k)
 
 static int count_chunk(dmk_context *own, int32_t k, void *data)
 {
-    (void)own;
     struct dmk_chunks *c = data;
     dmk_text t = text_of(c, k);
     while (dmk_text_seek(&t)) {
@@ -37,12 +36,11 @@ static int count_chunk(dmk_context *own, int32_t k, void *data)
         if (kind >= 0) c->count[kind][k + 1]++;
         dmk_text_skip_line(&t);
     }
-    return DMK_OK;
+    return dmk_poll(own);
 }
 
 static int take_chunk(dmk_context *own, int32_t k, void *data)
 {
-    (void)own;
     struct dmk_chunks *c = data;
     dmk_text t = text_of(c, k);
     size_t i[DMK_LINE_KINDS];
@@ -53,7 +51,7 @@ static int take_chunk(dmk_context *own, int32_t k, void *data)
             atomic_store(&c->odd, true);
         dmk_text_skip_line(&t);
     }
-    return DMK_OK;
+    return dmk_poll(own);
 }
 
 /* Chunks end behind a line end. */

@@ -9,12 +9,14 @@
 #include <unistd.h>
 
 #define BUFFER 65536
+#define AT_ONCE ((size_t)16 << 20) /* bytes of a write: a disk takes some 50 ms */
 
 struct dmk_output {
     dmk_context *context;
     char *path;
     dmk_outfile file;
     int error; /* errno of the first failing write, or 0 */
+    int rc;    /* DMK_E_CANCELLED once the caller wants no more */
     dmk_numbers numbers;
     size_t fill;
     char buffer[BUFFER];
@@ -66,8 +68,10 @@ const char *dmk_output_path(const dmk_output *s)
 
 static void write_out(dmk_output *s, const char *bytes, size_t n)
 {
-    while (n > 0 && !s->error) {
-        ssize_t w = write(s->file.fd, bytes, n);
+    while (n > 0 && !s->error && s->rc == DMK_OK) {
+        s->rc = dmk_poll(s->context);
+        if (s->rc != DMK_OK) return;
+        ssize_t w = write(s->file.fd, bytes, n < AT_ONCE ? n : AT_ONCE);
         if (w < 0 && errno == EINTR) continue;
         if (w < 0) {
             s->error = errno;
@@ -100,6 +104,7 @@ void dmk_output_text(dmk_output *s, const char *text)
 void dmk_output_number(dmk_output *s, double value)
 {
     char text[DMK_NUMBER_TEXT];
+    if (s->rc != DMK_OK) return;
     int n = dmk_number_print(&s->numbers, value, text);
     dmk_output_put(s, text, (size_t)n);
 }
@@ -121,6 +126,7 @@ int dmk_output_sync(dmk_output *s)
 {
     write_out(s, s->buffer, s->fill);
     s->fill = 0;
+    if (s->rc != DMK_OK) return s->rc;
     if (!s->error) s->error = dmk_outfile_sync(&s->file);
     return s->error ? cannot_write(s, "; nothing was written") : DMK_OK;
 }
@@ -143,6 +149,7 @@ int dmk_output_close(dmk_output **out, int rc)
     if (!s) return rc;
     *out = NULL;
     if (rc == DMK_OK) write_out(s, s->buffer, s->fill);
+    if (rc == DMK_OK) rc = s->rc;
     const char *left = s->file.stream ? "" : "; nothing was written";
     if (rc != DMK_OK || s->error)
         dmk_outfile_discard(&s->file);

@@ -4,6 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+enum { POLLED = 16384 }; /* triangles from one dmk_poll to the next: a few milliseconds */
+
 void dmk_soup_free(dmk_soup *soup)
 {
     free(soup->xyz);
@@ -28,6 +30,7 @@ int dmk_soup_corner(dmk_context *ctx, dmk_soup *soup, size_t corner, int32_t fan
 {
     if (corner >= 2) {
         int rc = dmk_soup_grow(ctx, soup);
+        if (rc == DMK_OK && soup->n_triangles % POLLED == 0) rc = dmk_poll(ctx);
         if (rc != DMK_OK) return rc;
         int32_t *t = soup->triangle + 3 * soup->n_triangles++;
         t[0] = fan[0];

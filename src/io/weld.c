@@ -121,7 +121,9 @@ int dmk_soup_weld(dmk_context *ctx, dmk_soup *soup)
     DMK_TRY(DMK_NEW(ctx, w.key, n));
     DMK_TRY(DMK_NEW(ctx, w.first, n));
     look_back(&w, (int32_t)n);
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(dmk_sort_keyed(ctx, w.key, w.n_keys));
+    DMK_TRY(dmk_poll(ctx));
     for (size_t begin = 0, end; begin < w.n_keys; begin = end) {
         for (end = begin + 1; end < w.n_keys && w.key[end].key == w.key[begin].key;) end++;
         DMK_TRY(weld_run(ctx, &w, begin, end));

@@ -225,6 +225,7 @@ static int flip_flat(soup *s)
     size_t flips = 1;
     for (int pass = 0; pass < MOST_PASSES && flips > 0; pass++) {
         flips = 0;
+        DMK_TRY(dmk_poll(s->ctx));
         free(touched);
         touched = NULL;
         DMK_TRY(DMK_NEW(s->ctx, touched, (size_t)s->n_triangles));
@@ -491,11 +492,17 @@ int dmk_mesh_repair(dmk_context *ctx, size_t n_vertices, const double *xyz, size
     DMK_TRY(take(&s, xyz, triangles));
     DMK_TRY(DMK_NEW(ctx, first, n_vertices));
     DMK_TRY(merge_vertices(&s, first));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(flip_flat(&s));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(drop_triangles(&s));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(join_edges(&s, true));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(orient(&s));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(number_vertices(&s, first, &n_new));
+    DMK_TRY(dmk_poll(ctx));
     DMK_TRY(adopt(&s, n_new, mesh));
     done_here.n_old_vertices = n_vertices;
     done_here.n_vertices = (size_t)n_new;

@@ -145,6 +145,7 @@ int dmk_mesh_sample(dmk_context *ctx, const dmk_mesh *mesh, size_t n, int64_t fi
     if (dmk_missing(ctx, "mesh", mesh, "vertex", vertex)) return DMK_E_ARG;
     sampler s = {.context = ctx, .mesh = mesh};
     DMK_TRY(dmk_mesh_check_edges(ctx, mesh));
+    DMK_TRY(dmk_stage_begin(ctx, "sample"));
     DMK_TRY(dmk_vertex_stars_create(ctx, mesh, &s.star));
     DMK_TRY(check(ctx, &s, n, first));
     DMK_TRY(DMK_NEW(ctx, s.distance, (size_t)mesh->n_vertices));
@@ -154,6 +155,7 @@ int dmk_mesh_sample(dmk_context *ctx, const dmk_mesh *mesh, size_t n, int64_t fi
         if (i + 1 < n) DMK_TRY(spread_from(&s, (int32_t)vertex[i]));
     }
 done:
+    dmk_stage_end(ctx);
     dmk_vertex_stars_free(&s.star);
     free(s.distance);
     free(s.heap);
