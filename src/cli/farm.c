@@ -231,9 +231,11 @@ static int make_ready(farm *f, const batch_mesh *mesh, solve_run *run, int64_t *
     return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
 }
 
-static void do_sources(worker *w, size_t k, solve_run *run)
+/* Whether one of them has failed. */
+static bool do_sources(worker *w, size_t k, solve_run *run)
 {
     farm *f = w->farm;
+    bool failed = false;
     int64_t *sample = NULL;
     char wanted[WANTED_SIZE];
     solve_request one = {.mesh = f->list->mesh[k].path};
@@ -246,12 +248,14 @@ static void do_sources(worker *w, size_t k, solve_run *run)
             code = EXIT_MEMORY;
         if (!bad_mesh && code == EXIT_OK) code = do_source(f, sample, i, &one, run);
         finish(f, &entry, &one, run, code);
+        failed = failed || code != EXIT_OK;
         batch_free_files(&one);
         if (bad_mesh) break; /* one line for all its sources */
         code = EXIT_OK;
         run->seconds = (solve_times){.begin = cli_seconds()};
     }
     free(sample);
+    return failed;
 }
 
 static int open_device(worker *w)
@@ -295,14 +299,13 @@ static void do_mesh(worker *w, size_t k)
                      .seconds.begin = cli_seconds(),
                      .progress.gap = NAN};
     dmk_device_get_info(run.device, &run.opened);
-    const size_t failed = f->n_failed;
-    do_sources(w, k, &run);
+    const bool failed = do_sources(w, k, &run);
     dmk_locus_destroy(&run.locus);
     dmk_result_destroy(&run.result);
     dmk_solver_destroy(&run.solver);
     dmk_mesh_destroy(&run.mesh);
     dmk_repairs_free(&run.repairs);
-    if (f->n_failed != failed) renew_device(w, &run);
+    if (failed) renew_device(w, &run);
     if (large) pthread_mutex_unlock(&f->large);
 }
 

@@ -20,4 +20,8 @@ try 'cut' "$tool" cut "$work/torus.off" --vertex 0 --out "$work/cut.obj"
 # The last source is none, which the exit code says; ThreadSanitizer's own is 66.
 try 'many sources' sh -c "'$tool' solve '$work/torus.off' --sources '$work/sources' \
     --out '$work/m.vtp'; [ \$? -eq 1 ]"
+mkdir "$work/many"
+for k in 1 2 3 4 5 6; do "$tool" mesh sphere --triangles 400 --out "$work/many/$k.off" --quiet || exit 1; done
+for k in 2 4; do echo none > "$work/many/$k.off"; done
+try 'many meshes' sh -c "'$tool' batch '$work/many' --threads 3 --json; [ \$? -eq 3 ]"
 finish
