@@ -388,14 +388,21 @@ static void test_stl_places_of_one_hash(void **state)
     free(file);
 }
 
+#define FACET "solid a\nfacet\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 1 1 0\nendloop\n"
+
 static const refusal stl_refusals[] = {
     {"m.stl", "solid\nendsolid\n", DMK_E_FORMAT, "m.stl: contains no facets"},
     {"m.stl", "facet\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nendloop\nendfacet\n", DMK_E_FORMAT,
      "m.stl:5: a facet with 2 corners"},
     {"m.stl", "solid\nouter loop\nvertex 0 0 a\n", DMK_E_FORMAT, "m.stl:3: 'a' where a vertex"},
     {"m.stl", "solid\nouter loop\nvertex 0 0", DMK_E_FORMAT, "m.stl:3: the file ends before"},
-    {"m.stl", "solid\nloop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 0 0\nendloop\n", DMK_E_MESH,
-     "m.stl: triangle 0 (vertices 0 1 0) is degenerate"},
+    {"m.stl", FACET "outer loop\nvertex 0 0 0\nvertex 1 0 0\n", DMK_E_FORMAT,
+     "m.stl:11: the file ends before endsolid; it is cut short"},
+    {"m.stl", FACET "facet normal", DMK_E_FORMAT, "m.stl:8: the file ends before endsolid"},
+    {"m.stl", FACET, DMK_E_FORMAT, "m.stl:8: the file ends before endsolid"},
+    {"m.stl", FACET "endsolid\nsolid b\nloop\n", DMK_E_FORMAT, "m.stl:11: the file ends before"},
+    {"m.stl", "solid\nloop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 0 0\nendloop\nendsolid",
+     DMK_E_MESH, "m.stl: triangle 0 (vertices 0 1 0) is degenerate"},
 };
 
 static void test_stl_refusals(void **state)

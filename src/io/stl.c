@@ -90,10 +90,12 @@ done:
     return rc;
 }
 
-/* Corners are counted from one "outer loop" to the next; titles and normals are skipped. */
+/* Corners are counted from one "outer loop" to the next; titles and normals are skipped. Nothing but the last word
+ * tells a whole file from one that was cut short. */
 static int read_text(dmk_text *t, corners *c)
 {
     int rc = DMK_OK;
+    bool ended = true;
     size_t corner = 0;
     int32_t fan[2] = {0, 0};
     while (dmk_text_seek(t)) {
@@ -111,13 +113,16 @@ static int read_text(dmk_text *t, corners *c)
             goto done;
         } else if (is_word(t->at, n, "loop")) {
             corner = 0;
+            ended = false;
             t->at += 4;
         } else if (is_word(t->at, n, "solid") || is_word(t->at, n, "endsolid")) {
+            ended = ended || n > strlen("solid");
             dmk_text_skip_line(t);
         } else {
             t->at += n ? n : 1;
         }
     }
+    if (!ended) rc = dmk_text_fail(t, "the file ends before endsolid; it is cut short");
 done:
     return rc;
 }
