@@ -86,7 +86,7 @@ fails '--report on a folder' 2 'neither a regular file nor a pipe' \
 usage '--format of none' "'png' is not one of ply, vtp" solve x.off --vertex 0 --out x --format png
 usage '--format of several files' "'pvtp' is not one of ply, vtp" solve x.off --vertex 0 --out x --format pvtp
 usage '--format of what is only read' "'stl' is not one of ply, vtp" mesh torus --out x --format stl
-usage '--format that holds no result' "'x' has no suffix of a format for a result" \
+usage '--format that holds no result' "--format: off cannot hold a result, and --out: 'x' has no suffix" \
     solve x.off --vertex 0 --out x --format off
 
 usage 'mesh: no --out' '--out FILE is missing' mesh torus

@@ -576,6 +576,9 @@ static void test_refuses_to_write(void **state)
     assert_int_equal(dmk_context_set_format(f->ctx, ".off"), DMK_E_ARG);
     assert_int_equal(dmk_context_set_format(f->ctx, "csv"), DMK_OK); /* which holds no mesh */
     assert_int_equal(dmk_mesh_write(f->ctx, m, path_of(f, "m")), DMK_E_ARG);
+    assert_int_equal(dmk_mesh_write(f->ctx, m, "/dev/null"), DMK_E_ARG);
+    assert_non_null(
+        strstr(dmk_context_message(f->ctx), "the format CSV was chosen, and cannot hold"));
     assert_int_equal(dmk_context_set_format(f->ctx, "off"), DMK_OK);
     assert_int_equal(dmk_mesh_write(f->ctx, m, path_of(f, "m")), DMK_OK);
     assert_int_equal(dmk_context_set_format(f->ctx, NULL), DMK_OK);

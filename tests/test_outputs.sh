@@ -133,6 +133,8 @@ refused 'a file and the report' "--report: '-' is also a file of --out" solve "$
 refused 'two files in one pipe' "--locus: .*pipe' is also a file of --out" solve "$mesh" --vertex 0 --out "$work/pipe" --locus "$work/pipe"
 refused 'many sources on the standard output' "--sources writes a file for each source, and '-' is one stream" \
     solve "$mesh" --sources "$work/list.txt" --out -
+refused 'a stream of a format that cannot hold it' "--format: off cannot hold a result, and --out: '-' has no suffix" \
+    distance "$mesh" --vertex 0 --out - --format off
 ln -s /dev/null "$work/null.pvtp"
 refused 'several files in one stream' 'PVTP is several files' solve "$mesh" --vertex 0 --out "$work/null.pvtp"
 fails 'the standard output is full' 2 'cannot write' bash -c "'$tool' mesh '$mesh' --out - > /dev/full"

@@ -168,6 +168,12 @@ int cli_check_output(const char *option, const char *path, cli_what what, const 
         return cli_error(EXIT_USAGE, "--%s: '%s': PVTP is several files, and this is one stream",
                          option, path);
     }
+    if (what != CLI_ANY && !has_suffix(path, suffixes) && format && !by_name) {
+        return cli_error(EXIT_USAGE,
+                         "--format: %s cannot hold %s, and --%s: '%s' has no suffix of a format "
+                         "that can; expected one of %s",
+                         format, words[what], option, path, suffixes);
+    }
     if (what != CLI_ANY && !has_suffix(path, suffixes) && !by_name && !stream) {
         return cli_error(EXIT_USAGE,
                          "--%s: '%s' has no suffix of a format for %s; expected one of %s", option,

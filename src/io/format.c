@@ -132,11 +132,12 @@ static int find_writer(dmk_context *ctx, const char *path, int what, const dmk_f
                         path);
     }
     if (!*format && ctx->format) *format = find_by_name(ctx->format);
+    if (!*format && stream) *format = find_by_name("VTP");
     if (*format && can(*format, what)) return DMK_OK;
-    if (stream) {
-        *format = find_by_name("VTP");
-        return DMK_OK;
-    }
+    if (*format)
+        return dmk_fail(ctx, DMK_E_ARG,
+                        "%s: the format %s was chosen, and cannot hold this; use one of %s", path,
+                        (*format)->name, list_suffixes(what, list, sizeof list));
     return dmk_fail(ctx, DMK_E_ARG, "%s: the suffix chooses the format; use one of %s", path,
                     list_suffixes(what, list, sizeof list));
 }
