@@ -51,7 +51,7 @@ fails 'resume without files' 1 'skips sources whose files exist' \
 # ---- a batch ----------------------------------------------------------------------------------
 
 mkdir "$out"
-printf '# three\n3,0,0\n\n  vertex 7   # the second\n-3 0, 0\n' > "$list"
+printf '\357\273\277# three\n3,0,0\n\n  vertex 7   # the second\n-3 0, 0\n' > "$list"
 batch "$list" > "$work/summary" 2> "$work/errors"
 check 'three sources' test $? -eq 0
 check 'are quiet on the standard error' test ! -s "$work/errors"

@@ -142,6 +142,27 @@ static void test_polygons_become_fans(void **state)
     }
 }
 
+/* Some editors write one before a text. */
+static void test_skips_byte_order_marks(void **state)
+{
+    static const char *const texts[] = {
+        "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n",
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n",
+        "ply\r\nformat ascii 1.0\r\nelement vertex 4\r\nproperty float x\r\nproperty float y\r\n"
+        "property float z\r\nelement face 2\r\nproperty list uchar int vertex_indices\r\n"
+        "end_header\r\n0 0 0\r\n1 0 0\r\n1 1 0\r\n0 1 0\r\n3 0 1 2\r\n3 0 2 3\r\n",
+        "solid\nloop\nvertex 0 0 0\nvertex 1 0 0\nvertex 1 1 0\nvertex 0 1 0\nendloop\nendsolid\n",
+        "# vtk DataFile Version 3.0\nsquare\nASCII\nDATASET POLYDATA\nPOINTS 4 float\n0 0 0 1 0 0\n"
+        "1 1 0 0 1 0\nPOLYGONS 2 8\n3 0 1 2\n3 0 2 3\n",
+        "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n"
+        "$EndNodes\n$Elements\n2\n1 2 0 1 2 3\n2 2 0 1 3 4\n$EndElements\n"};
+    for (size_t i = 0; i < COUNT(texts); i++) {
+        char text[512];
+        snprintf(text, sizeof text, "\xef\xbb\xbf%s", texts[i]);
+        check_square(read_text(*state, "m", text));
+    }
+}
+
 /* To write a result with: no edges, and all that has been told of it. */
 static void test_reads_known(void **state)
 {
@@ -661,6 +682,7 @@ int main(void)
         TEST(test_obj_variants),
         TEST(test_polygons_become_fans),
         TEST(test_reads_known),
+        TEST(test_skips_byte_order_marks),
         TEST(test_reads_pipes),
         TEST(test_refusals),
         TEST(test_missing_files_and_folders),

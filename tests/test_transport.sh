@@ -11,7 +11,7 @@ usage() { # NAME PATTERN ARGUMENT...
 
 n=$(awk 'NR == 2 { print $1 }' $mesh)
 faces=$(awk 'NR == 2 { print $2 }' $mesh)
-printf 'vertex 5 2 # two\n0.5,0.1,0.2 1\n' > "$work/a"
+printf '\357\273\277vertex 5 2 # two\n0.5,0.1,0.2 1\n' > "$work/a"
 printf '\n# away\n-1 0 0 3\n' > "$work/b"
 awk -v n="$n" 'BEGIN { for (i = 0; i < n; i++) print i == 7 ? 1 : 0 }' > "$work/vertices"
 awk -v n="$faces" 'BEGIN { for (i = 0; i < n; i++) print 1 + i % 2 }' > "$work/faces"

@@ -214,8 +214,11 @@ void cli_progress_end(cli_progress *progress);
 
 enum { CLI_TEXT_SIZE = 48 };
 
-/* A text to be read; "-" is the standard input. NULL with the error printed, EXIT_IO. */
-FILE *cli_open_text(const char *path);
+/* What becomes of a line, which ends before its line end; counted from 1. EXIT_OK, or the code that ends the reading,
+ * with the error printed. */
+typedef int cli_take(char *line, int64_t number, void *data);
+/* Hand on all lines of a text; "-" is the standard input. EXIT_OK, or the code with the error printed. */
+int cli_read_lines(const char *path, cli_take *take, void *data);
 /* 86784 -> "86,784" */
 const char *cli_count(int64_t n, char text[CLI_TEXT_SIZE]);
 /* Bytes as "1.5 GiB". */

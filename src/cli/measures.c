@@ -3,7 +3,6 @@
 #include "transport.h"
 
 #include <ctype.h>
-#include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -82,22 +81,30 @@ static int add_atom(dmk_context *context, const dmk_mesh *mesh, const char *path
     return EXIT_OK;
 }
 
-static int take_line(dmk_context *context, const dmk_mesh *mesh, const char *path, int64_t number,
-                     char *text, cli_measure *m)
+typedef struct reading {
+    dmk_context *context;
+    const dmk_mesh *mesh;
+    const char *path;
+    cli_measure *measure;
+} reading;
+
+static int take_line(char *text, int64_t number, void *data)
 {
-    const size_t before = strspn(text, " \t");
-    const line l = read_line(text + before);
+    const reading *r = data;
+    cli_measure *m = r->measure;
+    text[strcspn(text, "#")] = '\0';
+    const line l = read_line(text + strspn(text, " \t"));
     if (l.n == 0 && !l.vertex) return EXIT_OK;
     if (!l.vertex && l.n == 1 && m->n_atoms == 0) return add_value(m, l.number[0]);
     const bool has_mass = l.n == (l.vertex ? 2 : 4),
                is_place = has_mass || l.n == (l.vertex ? 1 : 3);
     if (is_place && m->n_values == 0 && (m->n_atoms == 0 || m->is_free != has_mass)) {
-        return add_atom(context, mesh, path, number, m, &l);
+        return add_atom(r->context, r->mesh, r->path, number, m, &l);
     }
-    return cli_error(cli_exit_code(DMK_E_FORMAT), "%s:%lld: expected %s", path, (long long)number,
-                     m->n_values > 0
-                         ? "one number, as on the lines before"
-                         : "one number, `vertex I MASS` or `X,Y,Z MASS`, all with a mass or none");
+    return cli_error(
+        cli_exit_code(DMK_E_FORMAT), "%s:%lld: expected %s", r->path, (long long)number,
+        m->n_values > 0 ? "one number, as on the lines before"
+                        : "one number, `vertex I MASS` or `X,Y,Z MASS`, all with a mass or none");
 }
 
 /* The points of the surface of all lines that have coordinates, which stand where a point has its weights. */
@@ -120,25 +127,6 @@ static int find_places(dmk_context *context, const dmk_mesh *mesh, const char *p
     if (!room) return cli_library_error(NULL, DMK_E_NOMEM);
     if (rc == DMK_OK) return EXIT_OK;
     return cli_error(cli_exit_code(rc), "%s: %s", path, dmk_context_message(context));
-}
-
-static int read_lines(FILE *file, dmk_context *context, const dmk_mesh *mesh, const char *path,
-                      cli_measure *m)
-{
-    char *text = NULL;
-    size_t room = 0;
-    int code = EXIT_OK;
-    errno = 0;
-    for (int64_t number = 1; code == EXIT_OK && getline(&text, &room, file) >= 0; number++) {
-        text[strcspn(text, "#\r\n")] = '\0';
-        code = take_line(context, mesh, path, number, text, m);
-    }
-    if (code == EXIT_OK && !feof(file)) {
-        code = cli_error(errno == ENOMEM ? EXIT_MEMORY : EXIT_IO, "cannot read '%s': %s", path,
-                         strerror(errno));
-    }
-    free(text);
-    return code;
 }
 
 /* Which of the two a column of numbers is. */
@@ -198,10 +186,7 @@ int cli_measure_read(dmk_context *context, const dmk_mesh *mesh, const char *pat
     }
     int code = EXIT_OK;
     if (read_array(context, mesh, path, m, &code)) return code;
-    FILE *file = cli_open_text(path);
-    if (!file) return EXIT_IO;
-    code = read_lines(file, context, mesh, path, m);
-    fclose(file);
+    code = cli_read_lines(path, take_line, &(reading){context, mesh, path, m});
     if (code == EXIT_OK) code = find_places(context, mesh, path, m);
     return code == EXIT_OK ? settle(mesh, path, m) : code;
 }

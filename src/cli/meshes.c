@@ -86,26 +86,11 @@ static int add_folder(lister *l, const char *folder, size_t head)
     return code;
 }
 
-/* A file of paths, a line each; "#" begins a comment. */
-static int add_list(lister *l, const char *path)
+/* A list is a file of paths, a line each; "#" begins a comment. */
+static int take_line(char *line, int64_t number, void *data)
 {
-    FILE *file = cli_open_text(path);
-    if (!file) return EXIT_IO;
-    char *line = NULL;
-    size_t room = 0;
-    int code = EXIT_OK;
-    errno = 0;
-    while (code == EXIT_OK && getline(&line, &room, file) >= 0) {
-        line[strcspn(line, "\r\n")] = '\0';
-        if (*line && *line != '#') code = add_path(l, line, true);
-    }
-    if (code == EXIT_OK && !feof(file)) {
-        code = cli_error(errno == ENOMEM ? EXIT_MEMORY : EXIT_IO, "cannot read '%s': %s", path,
-                         strerror(errno));
-    }
-    free(line);
-    fclose(file);
-    return code;
+    (void)number;
+    return *line && *line != '#' ? add_path(data, line, true) : EXIT_OK;
 }
 
 static bool is_list(const char *path)
@@ -118,7 +103,7 @@ static bool is_list(const char *path)
 static int add_path(lister *l, const char *path, bool from_list)
 {
     struct stat file;
-    if (!from_list && is_list(path)) return add_list(l, path);
+    if (!from_list && is_list(path)) return cli_read_lines(path, take_line, l);
     if (stat(path, &file) == 0 && S_ISDIR(file.st_mode))
         return add_folder(l, path, strlen(path) + 1);
     return add(l, path, base_of(path)); /* that it is no mesh is for its reader to say */

@@ -49,58 +49,47 @@ static bool read_source(const char *text, solve_source *source)
     return read_point(text, source->xyz);
 }
 
-static int add(solve_source **list, size_t *n, const solve_source *source)
+typedef struct source_list {
+    const char *path;
+    solve_source *source;
+    size_t n;
+} source_list;
+
+static int add(source_list *l, const solve_source *source)
 {
-    if ((*n & (*n - 1)) == 0) { /* full: the room is a power of two */
-        solve_source *more = realloc(*list, (*n ? 2 * *n : 1) * sizeof *more);
+    if ((l->n & (l->n - 1)) == 0) { /* full: the room is a power of two */
+        solve_source *more = realloc(l->source, (l->n ? 2 * l->n : 1) * sizeof *more);
         if (!more) return cli_library_error(NULL, DMK_E_NOMEM);
-        *list = more;
+        l->source = more;
     }
-    (*list)[(*n)++] = *source;
+    l->source[l->n++] = *source;
     return EXIT_OK;
 }
 
-static int read_lines(FILE *file, const char *path, solve_source **list, size_t *n)
+static int take_line(char *line, int64_t number, void *data)
 {
-    char *line = NULL;
-    size_t room = 0;
-    int code = EXIT_OK;
-    errno = 0;
-    for (int64_t number = 1; code == EXIT_OK && getline(&line, &room, file) >= 0; number++) {
-        solve_source source = {.line = number};
-        line[strcspn(line, "#\r\n")] = '\0';
-        const char *text = skip_blanks(line);
-        if (!*text) continue;
-        if (read_source(text, &source))
-            code = add(list, n, &source);
-        else {
-            code = cli_error(cli_exit_code(DMK_E_FORMAT),
-                             "%s:%lld: '%.60s' is not a source; expected X,Y,Z or vertex I", path,
-                             (long long)number, text);
-        }
-    }
-    if (code == EXIT_OK && !feof(file)) { /* out of memory for a line is no error of the file */
-        code = cli_error(errno == ENOMEM ? EXIT_MEMORY : EXIT_IO, "cannot read '%s': %s", path,
-                         strerror(errno));
-    }
-    free(line);
-    return code;
+    source_list *l = data;
+    solve_source source = {.line = number};
+    line[strcspn(line, "#")] = '\0';
+    const char *text = skip_blanks(line);
+    if (!*text) return EXIT_OK;
+    if (read_source(text, &source)) return add(l, &source);
+    return cli_error(cli_exit_code(DMK_E_FORMAT),
+                     "%s:%lld: '%.60s' is not a source; expected X,Y,Z or vertex I", l->path,
+                     (long long)number, text);
 }
 
 int solve_read_sources(const char *path, solve_source **sources, size_t *n)
 {
-    *sources = NULL;
-    *n = 0;
-    FILE *file = cli_open_text(path);
-    if (!file) return EXIT_IO;
-    int code = read_lines(file, path, sources, n);
-    fclose(file);
-    if (code == EXIT_OK && *n == 0) {
+    source_list l = {.path = path};
+    int code = cli_read_lines(path, take_line, &l);
+    if (code == EXIT_OK && l.n == 0)
         code = cli_error(cli_exit_code(DMK_E_FORMAT), "%s: contains no sources", path);
-    }
     if (code != EXIT_OK) {
-        free(*sources);
-        *sources = NULL;
+        free(l.source);
+        l = (source_list){0};
     }
+    *sources = l.source;
+    *n = l.n;
     return code;
 }

@@ -3,15 +3,32 @@
 
 #include <errno.h>
 #include <inttypes.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
 #include <time.h>
 
-FILE *cli_open_text(const char *path)
+int cli_read_lines(const char *path, cli_take *take, void *data)
 {
+    static const char mark[] = "\xef\xbb\xbf"; /* what some editors write before a text in UTF-8 */
     FILE *file = fopen(strcmp(path, "-") == 0 ? "/dev/stdin" : path, "r");
-    if (!file) cli_error(EXIT_IO, "cannot open '%s': %s", path, strerror(errno));
-    return file;
+    if (!file) return cli_error(EXIT_IO, "cannot open '%s': %s", path, strerror(errno));
+    char *line = NULL;
+    size_t room = 0;
+    int code = EXIT_OK;
+    errno = 0;
+    for (int64_t number = 1; code == EXIT_OK && getline(&line, &room, file) >= 0; number++) {
+        const bool marked = number == 1 && strncmp(line, mark, strlen(mark)) == 0;
+        line[strcspn(line, "\r\n")] = '\0';
+        code = take(line + (marked ? strlen(mark) : 0), number, data);
+    }
+    if (code == EXIT_OK && !feof(file)) { /* out of memory for a line is no error of the file */
+        code = cli_error(errno == ENOMEM ? EXIT_MEMORY : EXIT_IO, "cannot read '%s': %s", path,
+                         strerror(errno));
+    }
+    free(line);
+    fclose(file);
+    return code;
 }
 
 const char *cli_count(int64_t n, char text[CLI_TEXT_SIZE])

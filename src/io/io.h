@@ -31,6 +31,9 @@ typedef struct dmk_text {
     dmk_numbers numbers;
 } dmk_text;
 
+/* From the beginning of the file, behind a byte order mark: enough to look at words. */
+dmk_text dmk_text_of(const dmk_file *file);
+/* To read numbers, too. */
 int dmk_text_open(dmk_context *context, const dmk_file *file, dmk_text *text);
 void dmk_text_close(dmk_text *text);
 /* Fail with DMK_E_FORMAT and "path:line: ", the line being that of text->at. */

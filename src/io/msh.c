@@ -46,7 +46,7 @@ typedef struct msh {
 bool dmk_msh_sniff(const dmk_file *file)
 {
     static const char *const words[] = {"$MeshFormat", "$Comments", "$NOD"};
-    dmk_text t = {.file = file, .at = file->data, .end = file->data + file->size};
+    dmk_text t = dmk_text_of(file);
     if (!dmk_text_seek(&t) || *t.at != '$') return false;
     for (int i = 0; i < 3; i++) {
         if (dmk_text_word(&t) == strlen(words[i]) && memcmp(t.at, words[i], strlen(words[i])) == 0)

@@ -16,7 +16,7 @@ static bool is_word(const dmk_text *t, const char *word)
 bool dmk_obj_sniff(const dmk_file *file)
 {
     static const char *const words[] = {"v", "vn", "vt", "f", "o", "g", "s", "mtllib", "usemtl"};
-    dmk_text t = {.file = file, .at = file->data, .end = file->data + file->size};
+    dmk_text t = dmk_text_of(file);
     if (!dmk_text_seek(&t)) return false;
     for (size_t i = 0; i < sizeof words / sizeof *words; i++) {
         if (is_word(&t, words[i])) return true;

@@ -37,7 +37,7 @@ static off_header take_keyword(dmk_text *t)
 
 bool dmk_off_sniff(const dmk_file *file)
 {
-    dmk_text t = {.file = file, .at = file->data, .end = file->data + file->size};
+    dmk_text t = dmk_text_of(file);
     return dmk_text_seek(&t) && take_keyword(&t).keyword;
 }
 

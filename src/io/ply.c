@@ -47,8 +47,8 @@ typedef struct ply {
 
 bool dmk_ply_sniff(const dmk_file *file)
 {
-    return file->size > 4 && memcmp(file->data, "ply", 3) == 0 &&
-           (file->data[3] == '\n' || file->data[3] == '\r');
+    const dmk_text t = dmk_text_of(file);
+    return t.end - t.at > 4 && memcmp(t.at, "ply", 3) == 0 && (t.at[3] == '\n' || t.at[3] == '\r');
 }
 
 /* ---- header ---- */
@@ -139,7 +139,7 @@ static int read_property_line(ply *p)
 static int end_header(ply *p)
 {
     dmk_text *t = &p->in.text;
-    if (t->file->data[3] == '\r' && t->at < t->end && *t->at == '\r') t->at++;
+    if (dmk_text_of(t->file).at[3] == '\r' && t->at < t->end && *t->at == '\r') t->at++;
     if (t->at >= t->end || *t->at != '\n') return dmk_text_fail(t, "the header does not end well");
     t->at++;
     return DMK_OK;

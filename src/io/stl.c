@@ -30,7 +30,7 @@ static bool is_word(const char *p, size_t n, const char *word)
 
 bool dmk_stl_sniff(const dmk_file *f)
 {
-    dmk_text t = {.file = f, .at = f->data, .end = f->data + f->size};
+    dmk_text t = dmk_text_of(f);
     return is_binary(f) || (dmk_text_seek(&t) && is_word(t.at, dmk_text_word(&t), "solid"));
 }
 

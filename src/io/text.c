@@ -5,10 +5,20 @@
 #include <stdio.h>
 #include <string.h>
 
+/* What some editors write before a text in UTF-8. */
+static const char mark[] = "\xef\xbb\xbf";
+
+dmk_text dmk_text_of(const dmk_file *file)
+{
+    dmk_text t = {.file = file, .at = file->data, .end = file->data + file->size};
+    if (file->size >= strlen(mark) && memcmp(t.at, mark, strlen(mark)) == 0) t.at += strlen(mark);
+    return t;
+}
+
 int dmk_text_open(dmk_context *ctx, const dmk_file *file, dmk_text *text)
 {
-    *text =
-        (dmk_text){.context = ctx, .file = file, .at = file->data, .end = file->data + file->size};
+    *text = dmk_text_of(file);
+    text->context = ctx;
     return dmk_numbers_create(ctx, &text->numbers);
 }
 

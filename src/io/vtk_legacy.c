@@ -23,7 +23,9 @@ typedef struct legacy {
 bool dmk_vtk_legacy_sniff(const dmk_file *file)
 {
     static const char magic[] = "# vtk DataFile Version ";
-    return file->size >= sizeof magic && strncasecmp(file->data, magic, sizeof magic - 1) == 0;
+    const dmk_text t = dmk_text_of(file);
+    return t.end - t.at >= (ptrdiff_t)sizeof magic &&
+           strncasecmp(t.at, magic, sizeof magic - 1) == 0;
 }
 
 /* ---- words ---- */

@@ -21,8 +21,7 @@ typedef struct vtk {
 bool dmk_vtk_sniff(const dmk_file *file)
 {
     const size_t n = file->size < 4096 ? file->size : 4096;
-    dmk_text t = {.file = file, .at = file->data, .end = file->data + file->size};
-    if (file->size > 3 && memcmp(file->data, "\xef\xbb\xbf", 3) == 0) t.at += 3;
+    dmk_text t = dmk_text_of(file);
     return dmk_text_seek(&t) && *t.at == '<' && memmem(file->data, n, "<VTKFile", 8);
 }
 
