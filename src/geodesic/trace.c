@@ -43,10 +43,11 @@ struct dmk_tracer {
     size_t n_points;
     int32_t *line; /* half-edges, sorted */
     sight *sight;
-    size_t n_sights, room;
+    size_t n_sights, room, most; /* most: that are kept */
     finish best;
     double bound; /* nothing longer is of use */
     double slack; /* nor what is shorter than `bound` by less than this */
+    double lost;  /* the least length of a way that there was no room for */
 };
 
 /* In units: lengths that are equal. */
@@ -101,6 +102,7 @@ int dmk_tracer_create(dmk_context *ctx, const dmk_geodesics *g, dmk_tracer **tra
     DMK_TRY(DMK_NEW(ctx, t, 1));
     t->g = g;
     t->slack = -same_length;
+    t->most = most_windows;
     DMK_TRY(DMK_NEW(ctx, t->point, 2 * (size_t)g->n_sources));
     DMK_TRY(DMK_NEW(ctx, t->line, g->n_lines));
     for (int32_t i = 0; i < g->n_sources; i++) {
@@ -212,7 +214,11 @@ static int keep(dmk_context *ctx, dmk_tracer *t, sight *w, const behind *c)
     if (w->half < 0 || !(w->y < 0) || !(w->hi - w->lo > 1e-12 * (fabs(w->hi) + fabs(w->lo))))
         return DMK_OK;
     w->least = least(t->g, w, c);
-    if (w->least > t->bound - t->slack || t->n_sights >= most_windows) return DMK_OK;
+    if (w->least > t->bound - t->slack) return DMK_OK;
+    if (t->n_sights >= t->most) {
+        t->lost = dmk_min(t->lost, w->least);
+        return DMK_OK;
+    }
     if (t->n_sights == t->room) {
         int rc = DMK_GROW(ctx, t->sight, t->n_sights + 1, t->room);
         if (rc != DMK_OK) return rc;
@@ -322,8 +328,14 @@ static void look_around(dmk_tracer *t, const dmk_site *site, const source_point 
     }
 }
 
-/* The end of the first straight piece of the way back from the site, in t->best. */
-static int search(dmk_context *ctx, dmk_tracer *t, const dmk_site *site)
+/* Whether a way that there was no room for may be shorter than the best one found. */
+static bool has_lost(const dmk_tracer *t)
+{
+    return t->lost <= t->bound - t->slack;
+}
+
+/* The end of the first straight piece of the way back from the site, in t->best, as far as there is room for ways. */
+static int look_for_best(dmk_context *ctx, dmk_tracer *t, const dmk_site *site)
 {
     int rc;
     const dmk_geodesics *g = t->g;
@@ -331,7 +343,7 @@ static int search(dmk_context *ctx, dmk_tracer *t, const dmk_site *site)
     source_point *own = NULL;
     t->best =
         (finish){.length = INFINITY, .key = INFINITY, .window = -1, .vertex = -1, .source = -1};
-    t->bound = INFINITY;
+    t->bound = t->lost = INFINITY;
     if (site->vertex >= 0)
         t->bound = g->distance[site->vertex] / unit + same_length + doubt(g, site->vertex);
     DMK_TRY(DMK_NEW(ctx, own, (size_t)site->n_sectors + 2));
@@ -359,6 +371,20 @@ static int search(dmk_context *ctx, dmk_tracer *t, const dmk_site *site)
 done:
     free(own);
     return rc;
+}
+
+/* The same, or none. */
+static int search(dmk_context *ctx, dmk_tracer *t, const dmk_site *site)
+{
+    const int rc = look_for_best(ctx, t, site);
+    if (rc != DMK_OK || !has_lost(t)) return rc;
+    const bool vertex = site->vertex >= 0;
+    return dmk_fail(ctx, DMK_E_MESH,
+                    "more than %zu ways lead away from %s %lld, any of which may be the shortest: "
+                    "the mesh has needles or tubes that they wind around; improve its worst "
+                    "triangles",
+                    t->most, vertex ? "vertex" : "triangle",
+                    (long long)(vertex ? site->vertex : site->point.triangle));
 }
 
 /* ---- directions ------------------------------------------------------------------------------ */
@@ -632,7 +658,8 @@ typedef struct repairs {
 
 /* Vertex `m` by a path of its own, no longer than the shortest by more than the tolerance: ways that differ by less are
  * many near focal points, 100,000 to 700,000 windows for each of 15 vertices of a million triangles, and 18,000 to
- * 100,000 so. Paths end where distances are known: what others mend is not looked at. */
+ * 100,000 so. Paths end where distances are known: what others mend is not looked at. Where there is no room for all
+ * ways, the error stays as it was estimated. */
 static int mend(dmk_context *ctx, dmk_tracer *t, mended *m)
 {
     int rc;
@@ -641,9 +668,13 @@ static int mend(dmk_context *ctx, dmk_tracer *t, mended *m)
     dmk_point p = corner_point(g, m->vertex);
     DMK_TRY(dmk_site_create(ctx, g->mesh, &g->star, &p, 0, &site));
     t->slack = g->tolerance * g->distance[m->vertex] / g->star.unit;
-    DMK_TRY(search(ctx, t, &site));
+    DMK_TRY(look_for_best(ctx, t, &site));
     m->distance = t->best.length * g->star.unit;
     m->error = (t->best.vertex >= 0 ? g->error[t->best.vertex] : 0) + t->slack * g->star.unit;
+    if (has_lost(t)) {
+        m->distance = dmk_min(m->distance, g->distance[m->vertex]);
+        m->error = g->error[m->vertex];
+    }
     rc = dmk_poll(ctx);
 done:
     dmk_site_free(&site);
