@@ -149,6 +149,13 @@ check 'a summary of one corner' prints "${on}sources    1 point\ndistance   fart
 components without a source\n" "$tool" distance "$squares" --vertex 0
 check 'a summary of both and the border' prints "${on}sources    2 points and the border\ndistance   farthest 0.5, exact\n" \
     "$tool" distance "$squares" --sources "$work/corners.txt" --border
+check 'a summary of the border' prints "${on}sources    the border\ndistance   farthest 0.5, exact\n" \
+    "$tool" distance "$squares" --border
+check 'a closed mesh has none' sh -c '"$1" distance meshes/sphere.off --vertex 0 --border --report "$2/closed.json" \
+    > "$2/printed" 2> "$2/err" && grep -q "^sources    1 point$" "$2/printed" &&
+    grep -q "warning: meshes/sphere.off is closed" "$2/err" && grep -q "\"border\": false" "$2/closed.json"' - "$tool" "$work"
+fails 'and no source without it' 1 'no source: the mesh is closed and has no border' \
+    "$tool" distance meshes/sphere.off --border
 
 # ---- many sources: the line of each, the exit code of the first failure ------------------------
 

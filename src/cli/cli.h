@@ -110,7 +110,7 @@ const char *cli_nearest(const char *word, const char *const *names);
 
 /* ---- output.c: files to be written ---------------------------------------------------------- */
 
-typedef enum cli_what { CLI_MESH, CLI_RESULT, CLI_LOCUS, CLI_ANY } cli_what;
+typedef enum cli_what { CLI_MESH, CLI_RESULT, CLI_LOCUS, CLI_PICTURE, CLI_ANY } cli_what;
 
 /* See before the work starts that `path` of --`option` can hold `what`, by its suffix, by `format` (of --format, or
  * NULL) or as a stream, and lies in a folder that can be written to. EXIT_OK, or the exit code with the error

@@ -4,8 +4,8 @@
 #include <stdlib.h>
 
 typedef struct cut_request {
-    solve_request solve;
-    cli_files out, picture;
+    solve_request solve; /* its `out` is that of the surface cut open */
+    cli_files picture;
 } cut_request;
 
 static void print_cut(const cut_request *request, const dmk_mesh *cut, size_t flipped,
@@ -22,7 +22,7 @@ static void print_cut(const cut_request *request, const dmk_mesh *cut, size_t fl
            cli_count((int64_t)info.n_vertices, v), cli_count((int64_t)info.n_triangles, t),
            (long long)info.euler, info.n_border_loops, info.n_border_loops == 1 ? "" : "s");
     printf("in the plane %zu triangle%s flipped\n", flipped, flipped == 1 ? " is" : "s are");
-    for (int i = 0; i < request->out.n; i++) printf("wrote %s\n", request->out.path[i]);
+    for (int i = 0; i < request->solve.out.n; i++) printf("wrote %s\n", request->solve.out.path[i]);
     for (int i = 0; i < request->picture.n; i++) printf("wrote %s\n", request->picture.path[i]);
 }
 
@@ -45,13 +45,8 @@ static void report_cut(cli_json *json, const solve_run *run, const void *data)
     json_integer(json, "n_border_loops", (int64_t)info.n_border_loops);
     json_integer(json, "euler", info.euler);
     json_integer(json, "flipped", (int64_t)t->flipped);
-    json_open(json, "out", '[');
-    for (int i = 0; i < t->request->out.n; i++) json_text(json, NULL, t->request->out.path[i]);
-    json_close(json, '[');
-    json_open(json, "picture", '[');
-    for (int i = 0; i < t->request->picture.n; i++)
-        json_text(json, NULL, t->request->picture.path[i]);
-    json_close(json, '[');
+    solve_report_names(json, "out", &t->request->solve.out);
+    solve_report_names(json, "picture", &t->request->picture);
     json_close(json, '{');
 }
 
@@ -60,13 +55,16 @@ static int cut_open(const cut_request *request, solve_run *run, dmk_mesh **cut, 
     int code = solve_compute(&request->solve, run);
     if (code != EXIT_OK) return code;
     int rc = dmk_cut(run->context, run->mesh, run->result, &request->solve.trace, cut, NULL, plane);
-    for (int i = 0; i < request->out.n && rc == DMK_OK; i++) {
+    const double mark = cli_seconds();
+    for (int i = 0; i < request->solve.out.n && rc == DMK_OK; i++) {
         rc = solve_go_on();
         if (rc == DMK_OK)
-            rc = dmk_cut_write(run->context, *cut, *plane, cli_path(request->out.path[i]));
+            rc = dmk_cut_write(run->context, *cut, *plane, cli_path(request->solve.out.path[i]));
     }
     for (int i = 0; i < request->picture.n && rc == DMK_OK && code == EXIT_OK; i++)
         code = cli_draw_plane(*cut, *plane, request->picture.path[i]);
+    run->seconds.write = cli_seconds() - mark;
+    run->seconds.total = cli_seconds() - run->seconds.begin;
     cli_progress_end(&run->progress);
     return rc == DMK_OK ? code : solve_fail(run, rc);
 }
@@ -96,16 +94,15 @@ static int run_cut(const cut_request *request)
 static int check_request(cut_request *request)
 {
     int code = solve_request_settle(&request->solve);
-    if (code == EXIT_OK && request->out.n == 0 && request->picture.n == 0 &&
+    if (code == EXIT_OK && request->solve.out.n == 0 && request->picture.n == 0 &&
         !request->solve.report) {
         code = cli_error(EXIT_USAGE, "cut: --out FILE or --picture FILE is missing");
     }
     if (code == EXIT_OK)
-        code = cli_check_outputs("out", &request->out, CLI_MESH, request->solve.format);
-    if (code == EXIT_OK) code = cli_check_outputs("picture", &request->picture, CLI_ANY, NULL);
+        code = cli_check_outputs("out", &request->solve.out, CLI_MESH, request->solve.format);
+    if (code == EXIT_OK) code = cli_check_outputs("picture", &request->picture, CLI_PICTURE, NULL);
     cli_uses uses = {.n = 0};
     solve_request_uses(&request->solve, &uses);
-    cli_use_files(&uses, "out", &request->out);
     cli_use_files(&uses, "picture", &request->picture);
     return code == EXIT_OK ? cli_check_uses(&uses) : code;
 }
@@ -118,7 +115,7 @@ static int parse(cut_request *request, const char *out_help, int argc, char **ar
          .value = "FILE",
          .help = out_help,
          .kind = CLI_FILES,
-         .target = &request->out},
+         .target = &request->solve.out},
         {.name = "picture",
          .value = "FILE",
          .help = "write the surface laid out in the plane as a drawing in SVG format; its\n"
@@ -162,7 +159,7 @@ static int parse(cut_request *request, const char *out_help, int argc, char **ar
 
 int cmd_cut(int argc, char **argv)
 {
-    cut_request request = {.out.n = 0};
+    cut_request request = {.picture.n = 0};
     char suffixes[512], help[600];
     cli_suffixes(CLI_MESH, suffixes, sizeof suffixes);
     snprintf(help, sizeof help, "the mesh file to write; may be given again:\n%s", suffixes);

@@ -20,6 +20,7 @@ typedef struct distance_run {
     dmk_locus *locus;  /* of the sources as a set; NULL: not asked for */
     dmk_point *source; /* n */
     size_t n;
+    bool border;                                /* is a source: asked for, and there */
     double begin, read, distance, trace, write; /* seconds */
     bool quiet;
     cli_progress progress;
@@ -38,6 +39,18 @@ static int find_source(distance_run *run, const solve_source *s, dmk_point *poin
     if (s->vertex >= 0)
         return cli_vertex_point(run->context, run->mesh, &run->repairs, s->vertex, point);
     return cli_project(run->context, run->mesh, s->xyz, run->quiet, point);
+}
+
+/* Whether the border is a source; a mesh without one is warned of, if there are other sources. */
+static bool place_border(const distance_request *request, const distance_run *run)
+{
+    dmk_mesh_info info;
+    dmk_mesh_get_info(run->mesh, &info);
+    if (request->border && info.n_border_edges == 0 && run->n > 0 && !run->quiet)
+        fprintf(stderr,
+                "dmkcl: warning: %s is closed, and has no border that --border could take\n",
+                request->solve.mesh);
+    return request->border && info.n_border_edges > 0;
 }
 
 /* All sources of the command line, as one set. */
@@ -63,6 +76,7 @@ static int place_all(const distance_request *request, distance_run *run)
         }
     }
     run->n = code == EXIT_OK ? n : 0;
+    run->border = code == EXIT_OK && place_border(request, run);
     free(list);
     return code;
 }
@@ -124,7 +138,7 @@ static void write_report(FILE *file, const distance_request *request, const dist
     json_repairs(&json, &run->repairs);
     json_close(&json, '{');
     json_integer(&json, "n_sources", (int64_t)run->n);
-    json_bool(&json, "border", request->border);
+    json_bool(&json, "border", run->border);
     json_integer(&json, "n_reached", (int64_t)info.n_reached);
     json_number(&json, "farthest", info.farthest);
     json_number(&json, "error", info.error);
@@ -154,8 +168,10 @@ static void print_summary(const distance_request *request, const distance_run *r
     dmk_geodesics_get_info(run->geodesics, &info);
     printf("%-10s %s: %s vertices, %s triangles\n", "mesh", request->solve.mesh,
            cli_count((int64_t)mesh.n_vertices, text), cli_count((int64_t)mesh.n_triangles, more));
-    printf("%-10s %s point%s%s\n", "sources", cli_count((int64_t)run->n, text),
-           run->n == 1 ? "" : "s", request->border ? " and the border" : "");
+    printf("%-10s ", "sources");
+    if (run->n > 0) printf("%s point%s", cli_count((int64_t)run->n, text), run->n == 1 ? "" : "s");
+    if (run->border) printf("%sthe border", run->n > 0 ? " and " : "");
+    putchar('\n');
     printf("%-10s farthest %.10g", "distance", info.farthest);
     if (info.error > 0)
         printf(", within %.1g of each", info.error);

@@ -17,6 +17,7 @@ static bool format_holds(const dmk_format_info *format, cli_what what)
     case CLI_MESH: return format->writes_mesh;
     case CLI_RESULT: return format->writes_result;
     case CLI_LOCUS: return format->writes_locus;
+    case CLI_PICTURE: return false; /* the tool draws itself */
     case CLI_ANY: return true;
     }
     return false;
@@ -25,7 +26,7 @@ static bool format_holds(const dmk_format_info *format, cli_what what)
 void cli_suffixes(cli_what what, char *text, size_t size)
 {
     dmk_format_info format;
-    text[0] = '\0';
+    snprintf(text, size, "%s", what == CLI_PICTURE ? ".svg" : "");
     for (size_t i = 0; dmk_format_get(i, &format) == DMK_OK; i++) {
         if (!format_holds(&format, what)) continue;
         const size_t used = strlen(text);
@@ -158,7 +159,7 @@ static int check_folder(const char *option, const char *path)
 
 int cli_check_output(const char *option, const char *path, cli_what what, const char *format)
 {
-    static const char *const words[] = {"a mesh", "a result", "lines", ""};
+    static const char *const words[] = {"a mesh", "a result", "lines", "a drawing", ""};
     char suffixes[512];
     dmk_format_info chosen;
     cli_suffixes(what, suffixes, sizeof suffixes);

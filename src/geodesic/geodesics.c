@@ -16,7 +16,10 @@ static int check_options(dmk_context *ctx, const dmk_mesh *m, size_t n_sources,
                          const dmk_geodesics_options *o)
 {
     if (n_sources + o->n_lines == 0 && !(o->border && m->n_border_edges > 0))
-        return dmk_fail(ctx, DMK_E_ARG, "no source: one point or line at least");
+        return dmk_fail(ctx, DMK_E_ARG,
+                        o->border ? "no source: the mesh is closed and has no border; give a point "
+                                    "or line"
+                                  : "no source: one point or line at least");
     if (n_sources > INT32_MAX / 2)
         return dmk_fail(ctx, DMK_E_ARG, "%zu sources are too many", n_sources);
     for (size_t i = 0; o->offset && i < n_sources; i++) {
