@@ -137,7 +137,7 @@ refused 'a stream of a format that cannot hold it' "--format: off cannot hold a 
     distance "$mesh" --vertex 0 --out - --format off
 ln -s /dev/null "$work/null.pvtp"
 refused 'several files in one stream' 'PVTP is several files' solve "$mesh" --vertex 0 --out "$work/null.pvtp"
-fails 'the standard output is full' 2 'cannot write' bash -c "'$tool' mesh '$mesh' --out - > /dev/full"
+fails 'the standard output is full' 2 'the standard output: cannot write' bash -c "'$tool' mesh '$mesh' --out - > /dev/full"
 check 'the reader has gone' bash -c "set -o pipefail; '$tool' mesh torus --refine 1 --quiet --out - | head -c 1; test \$? -eq 141"
 check 'what the reader takes is enough' sh -c '"$1" mesh "$2" --quiet --out - --format off | head -n 1 | grep -q OFF' - "$tool" "$mesh"
 

@@ -51,10 +51,19 @@ check 'a larger mesh' "$tool" mesh sphere --triangles 99000 --out "$work/big.off
 check 'and its arrays' "$tool" solve "$work/big.off" --vertex 0 --out "$work/big.vtp" --quiet
 fails 'an array of another mesh' 3 'more than the' "$tool" transport $mesh --from "$work/big.vtp:mu" --to uniform
 usage 'no measure' 'no measure given' $mesh
-usage 'masses that differ' '3 to be moved, 1 at the target' $mesh --from "$work/a" --to "$work/vertices"
+usage 'masses that differ' '3 to be moved, 1 at the target; make them equal, or scale the second one with --normalise' $mesh --from "$work/a" --to "$work/vertices"
 printf 'vertex 99999999 3\n' > "$work/far"
 usage 'a vertex that is not there' 'far:1: vertex 99999999 is out of range' $mesh --from "$work/far" --to "$work/b"
-usage 'a negative mass' 'vertex 70 has the value -1' $mesh --from "$work/signed" --to "$work/b"
+usage 'a negative mass' 'signed:71: the mass -1; expected a finite number from 0' $mesh --from "$work/signed" --to "$work/b"
+printf 'vertex 5 2\n0.5,0.1,0.2 -3\n' > "$work/negative"
+usage 'one of a point' 'negative:2: the mass -3; expected' $mesh --from "$work/a" --to "$work/negative"
+check 'an array below 0' "$tool" transport $mesh --from "$work/n.vtp:distance" --to uniform --normalise
+usage 'one of an array' 'n.vtp:u: number [0-9]+ is -' $mesh --from "$work/n.vtp:u" --to uniform
+usage 'points to points' '--from .*set and --to .*set are points without a mass' $mesh --from "$work/set" --to "$work/set"
+usage 'points to nothing' '--from .*set: points without a mass .* give --to FILE' $mesh --from "$work/set"
+awk -v n="$n" 'BEGIN { for (i = 0; i < n; i++) print 0 }' > "$work/zeros"
+usage 'no mass' '--to .*zeros has no mass' $mesh --from "$work/a" --to "$work/zeros"
+fails 'no such device' 5 '`dmkcl devices` shows' "$tool" transport $mesh --from "$work/a" --to "$work/b" --device nothing
 head -n 9 "$work/vertices" > "$work/few"
 fails 'too few numbers' 3 'has 9 numbers; expected' "$tool" transport $mesh --from "$work/few" --to "$work/b"
 printf 'vertex 1 2\nabc\n' > "$work/words"

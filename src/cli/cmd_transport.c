@@ -32,14 +32,46 @@ static int fail(transport_run *run, int rc)
     return cli_library_error(run->context, rc);
 }
 
+/* The library counts measures, and its words may begin with one. */
+static int fail_measure(const transport_request *r, transport_run *run, int rc)
+{
+    static const char *const names[2] = {"the first measure", "the second measure"};
+    const char *text = dmk_context_message(run->context);
+    for (int k = 0; k < 2 && rc == DMK_E_ARG; k++) {
+        const size_t n = strlen(names[k]);
+        if (strncmp(text, names[k], n) != 0) continue;
+        cli_progress_end(&run->progress);
+        return cli_error(cli_exit_code(rc), "--%s %s%s", k == 0 ? "from" : "to",
+                         k == 0 ? r->from : r->to, text + n);
+    }
+    return fail(run, rc);
+}
+
+/* Points without masses need what has some. */
+static int check_masses(const transport_request *r, const transport_run *run)
+{
+    if (!run->from.is_free || (r->to && !run->to.is_free)) return EXIT_OK;
+    if (r->to)
+        return cli_error(
+            EXIT_USAGE,
+            "--from %s and --to %s are points without a mass: one of the two needs masses", r->from,
+            r->to);
+    return cli_error(EXIT_USAGE,
+                     "--from %s: points without a mass take what another measure has nearest to "
+                     "them: give --to FILE",
+                     r->from);
+}
+
 static int read_all(const transport_request *r, transport_run *run)
 {
     const cli_reading how = {
         .repair = r->solve.repair, .quiet = r->solve.quiet, .progress = &run->progress};
     const int rc = cli_read_mesh(run->context, r->solve.mesh, &how, &run->repairs, &run->mesh);
     if (rc != DMK_OK) return fail(run, rc);
-    int code = cli_measure_read(run->context, run->mesh, r->from, &run->from);
-    if (code == EXIT_OK && r->to) code = cli_measure_read(run->context, run->mesh, r->to, &run->to);
+    int code = cli_measure_read(run->context, run->mesh, r->from, !r->to, &run->from);
+    if (code == EXIT_OK && r->to)
+        code = cli_measure_read(run->context, run->mesh, r->to, false, &run->to);
+    if (code == EXIT_OK) code = check_masses(r, run);
     run->read = cli_seconds() - run->begin;
     return code;
 }
@@ -62,7 +94,7 @@ static int compute(const transport_request *r, transport_run *run)
                                  cli_path(r->solve.out.path[i]));
     run->write = cli_seconds() - mark;
     cli_progress_end(&run->progress);
-    return rc == DMK_OK ? EXIT_OK : fail(run, rc);
+    return rc == DMK_OK ? EXIT_OK : fail_measure(r, run, rc);
 }
 
 /* ---- what is printed ------------------------------------------------------------------------ */

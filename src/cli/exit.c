@@ -45,16 +45,39 @@ void cli_print_exit_codes(FILE *file)
     }
 }
 
-/* The library's words; what it calls a repair is an option here. */
+/* What the library says for every language has names here. */
+typedef struct phrase {
+    const char *library, *tool;
+} phrase;
+
+/* Of a phrase that begins at `words` what the tool says, and how long it is; NULL if none does. */
+static const char *translate(const char *words, size_t *length)
+{
+    const phrase phrases[] = {
+        {"a repair does", "--repair does"},
+        {"ask for the second to be scaled (normalise)", "scale the second one with --normalise"},
+        {"the list of devices shows", "`dmkcl devices` shows"},
+        {cli_path("-"), "the standard output"},
+    };
+    for (size_t i = 0; i < sizeof phrases / sizeof *phrases; i++) {
+        *length = strlen(phrases[i].library);
+        if (strncmp(words, phrases[i].library, *length) == 0) return phrases[i].tool;
+    }
+    return NULL;
+}
+
 static void print_words(const char *words)
 {
-    const char *repair = strstr(words, "a repair does");
-    if (!repair) {
-        fprintf(stderr, "%s\n", words);
-    } else {
-        fprintf(stderr, "%.*s--repair%s\n", (int)(repair - words), words,
-                repair + strlen("a repair"));
+    size_t length;
+    while (*words) {
+        const char *here = translate(words, &length);
+        if (here)
+            fputs(here, stderr);
+        else
+            fputc(*words, stderr);
+        words += here ? length : 1;
     }
+    fputc('\n', stderr);
 }
 
 int cli_error(int code, const char *format, ...)

@@ -88,6 +88,15 @@ typedef struct reading {
     cli_measure *measure;
 } reading;
 
+/* Whether a measure may have this mass or density. */
+static bool is_mass(const cli_measure *m, double value)
+{
+    return isfinite(value) && (value >= 0 || m->is_signed);
+}
+
+static const char a_mass[] =
+    "expected a finite number from 0; without --to, one measure may be signed";
+
 static int take_line(char *text, int64_t number, void *data)
 {
     const reading *r = data;
@@ -95,9 +104,14 @@ static int take_line(char *text, int64_t number, void *data)
     text[strcspn(text, "#")] = '\0';
     const line l = read_line(text + strspn(text, " \t"));
     if (l.n == 0 && !l.vertex) return EXIT_OK;
-    if (!l.vertex && l.n == 1 && m->n_atoms == 0) return add_value(m, l.number[0]);
+    const bool alone = !l.vertex && l.n == 1 && m->n_atoms == 0;
     const bool has_mass = l.n == (l.vertex ? 2 : 4),
                is_place = has_mass || l.n == (l.vertex ? 1 : 3);
+    if ((alone || has_mass) && !is_mass(m, l.number[l.n - 1])) {
+        return cli_error(EXIT_USAGE, "%s:%lld: the mass %g; %s", r->path, (long long)number,
+                         l.number[l.n - 1], a_mass);
+    }
+    if (alone) return add_value(m, l.number[0]);
     if (is_place && m->n_values == 0 && (m->n_atoms == 0 || m->is_free != has_mass)) {
         return add_atom(r->context, r->mesh, r->path, number, m, &l);
     }
@@ -168,6 +182,10 @@ static bool read_array(dmk_context *context, const dmk_mesh *mesh, const char *p
     if (file && m->value) {
         const int rc = dmk_array_read(context, file, colon + 1, room, m->value, &m->n_values);
         *code = rc == DMK_OK ? settle(mesh, path, m) : cli_library_error(context, rc);
+        for (size_t i = 0; *code == EXIT_OK && i < m->n_values; i++) {
+            if (is_mass(m, m->value[i])) continue;
+            *code = cli_error(EXIT_USAGE, "%s: number %zu is %g; %s", path, i, m->value[i], a_mass);
+        }
     } else {
         *code = cli_library_error(NULL, DMK_E_NOMEM);
     }
@@ -175,9 +193,10 @@ static bool read_array(dmk_context *context, const dmk_mesh *mesh, const char *p
     return true;
 }
 
-int cli_measure_read(dmk_context *context, const dmk_mesh *mesh, const char *path, cli_measure *m)
+int cli_measure_read(dmk_context *context, const dmk_mesh *mesh, const char *path, bool is_signed,
+                     cli_measure *m)
 {
-    *m = (cli_measure){.n_atoms = 0};
+    *m = (cli_measure){.is_signed = is_signed};
     if (strcmp(path, "uniform") == 0) {
         dmk_mesh_info info;
         dmk_mesh_get_info(mesh, &info);

@@ -11,11 +11,13 @@ typedef struct cli_measure {
     double *mass;
     size_t n_atoms;
     bool is_free;        /* no atom has a mass */
+    bool is_signed;      /* masses may be below 0 */
     dmk_measure measure; /* of these */
 } cli_measure;
 
-/* `path` may be "uniform": the area of the mesh, spread evenly. The exit code; free in any case. */
-int cli_measure_read(dmk_context *context, const dmk_mesh *mesh, const char *path,
+/* `path` may be "uniform": the area of the mesh, spread evenly. is_signed: masses may be below 0. The exit code; free
+ * in any case. */
+int cli_measure_read(dmk_context *context, const dmk_mesh *mesh, const char *path, bool is_signed,
                      cli_measure *measure);
 void cli_measure_free(cli_measure *measure);
 
