@@ -44,7 +44,7 @@ usage 'two meshes' "'b.off' is one argument too many" solve a.off b.off --vertex
 usage 'no source' 'no source given: use --source X,Y,Z or --vertex I' solve x.off
 usage 'two sources' 'not both' solve x.off --vertex 0 --source 1,2,3
 usage 'quiet and verbose' 'not both' solve x.off --vertex 0 --quiet --verbose
-for bad in 1,2 1,2,3,4 1,2,x 1,2, '' '1, 2,3' nan,0,0 inf,0,0 "1;2;3"; do
+for bad in 1,2 1,2,3,4 1,2,x 1,2, '' '1, ,2,3' ' ' '1,2,3,' '1 2 3' nan,0,0 inf,0,0 "1;2;3"; do
     usage "--source '$bad'" "--source: '.*' is not a point X,Y,Z" solve x.off "--source=$bad"
 done
 for bad in -1 x 1.5 1e3 '' 99999999999 ' 1'; do
@@ -99,9 +99,15 @@ done
 usage 'mesh: --refine' '--refine: .* whole number' mesh torus --refine 99
 usage 'mesh: --refine of a file' "'meshes/torus.off' is a file" \
     mesh meshes/torus.off --refine 1 --out "$work/x.off"
+usage 'mesh: --repair of a surface' "--repair is for files, and 'torus' is" mesh torus --repair --out "$work/x.off"
+usage 'mesh: a size too many' 'the sphere has no size B; leave it out' mesh sphere --size 1,2 --out "$work/x.off"
 usage 'mesh: --triangles' '--triangles: .* whole number' mesh torus --triangles 3
 usage 'info: no mesh' 'MESH is missing' info
 usage 'devices: an argument' 'too many' devices x
+
+check 'blanks around the commas of a point' sh -c '
+    "$1" solve meshes/torus.off --source "3, 0 ,0 " --dry-run > "$2/a" && "$1" solve meshes/torus.off --source 3,0,0 --dry-run |
+    cmp - "$2/a"' - "$tool" "$work"
 
 # ---- meshes -----------------------------------------------------------------------------------
 

@@ -58,27 +58,34 @@ static void print_made(const char *path, const dmk_surface_options *surface, con
     }
 }
 
-/* Of a surface, or, if it has no name, of the mesh file `from`. */
-static int make(const dmk_surface_options *surface, const char *from, const char *path,
-                const char *format, const cli_reading *how)
+typedef struct mesh_request {
+    const char *name, *out, *format;
+    dmk_surface_options surface; /* its name is NULL for a file */
+    cli_numbers size, source;
+    int64_t n_triangles, refine;
+    cli_reading how;
+} mesh_request;
+
+static int make(const mesh_request *request)
 {
     dmk_context *context;
     dmk_mesh *mesh = NULL;
     cli_progress progress = {0};
     dmk_repairs repairs = {0};
+    const dmk_surface_options *surface = &request->surface;
     int rc = dmk_context_create(&context);
     if (rc == DMK_OK) {
         cli_watch(context, &progress);
-        dmk_context_set_format(context, format); /* checked when it was asked for */
+        dmk_context_set_format(context, request->format); /* checked when it was asked for */
         rc = surface->name ? dmk_mesh_surface(context, surface, &mesh)
-                           : cli_read_mesh(context, from, how, &repairs, &mesh);
+                           : cli_read_mesh(context, request->name, &request->how, &repairs, &mesh);
     }
     if (rc == DMK_OK && cli_interrupted()) rc = DMK_E_CANCELLED;
-    if (rc == DMK_OK) rc = dmk_mesh_write(context, mesh, cli_path(path));
+    if (rc == DMK_OK) rc = dmk_mesh_write(context, mesh, cli_path(request->out));
     if (rc != DMK_OK) {
         rc = cli_library_error(context, rc);
-    } else if (!how->quiet) {
-        print_made(path, surface, mesh);
+    } else if (!request->how.quiet) {
+        print_made(request->out, surface, mesh);
         rc = cli_flush();
     }
     dmk_mesh_destroy(&mesh);
@@ -87,29 +94,25 @@ static int make(const dmk_surface_options *surface, const char *from, const char
     return rc;
 }
 
-int cmd_mesh(int argc, char **argv)
+static int parse(mesh_request *r, int argc, char **argv)
 {
-    const char *name, *out = NULL, *format = NULL;
-    cli_numbers size = {.n = 0}, source = {.n = 0};
-    int64_t n_triangles = 0, refine = 0;
-    cli_reading how = {0};
     char formats[512], out_help[600], surfaces[2048];
     cli_suffixes(CLI_MESH, formats, sizeof formats);
     snprintf(out_help, sizeof out_help, "the mesh file to write: %s", formats);
     describe_surfaces(surfaces, sizeof surfaces);
     const cli_option options[] = {
-        {.name = "out", .value = "FILE", .help = out_help, .kind = CLI_TEXT, .target = &out},
-        cli_format_option(&format),
+        {.name = "out", .value = "FILE", .help = out_help, .kind = CLI_TEXT, .target = &r->out},
+        cli_format_option(&r->format),
         {.name = "size",
          .value = "A[,B[,C]]",
          .help = "sizes of the surface (see below)",
          .kind = CLI_SIZES,
-         .target = &size},
+         .target = &r->size},
         {.name = "triangles",
          .value = "N",
          .help = "approximate number of triangles of the coarse mesh",
          .kind = CLI_INTEGER,
-         .target = &n_triangles,
+         .target = &r->n_triangles,
          .lo = 4,
          .hi = 1e9,
          .expected = "a whole number from 4"},
@@ -117,7 +120,7 @@ int cmd_mesh(int argc, char **argv)
          .value = "N",
          .help = "split every triangle in four, N times, and lift the new points\nto the surface",
          .kind = CLI_INTEGER,
-         .target = &refine,
+         .target = &r->refine,
          .lo = 0,
          .hi = 15,
          .expected = "a whole number from 0 to 15"},
@@ -125,12 +128,12 @@ int cmd_mesh(int argc, char **argv)
          .value = "X,Y,Z",
          .help = "make the point of the surface near X,Y,Z a vertex, number 0",
          .kind = CLI_POINT,
-         .target = &source},
+         .target = &r->source},
         {.name = "quiet",
          .help = "print nothing but errors",
          .kind = CLI_FLAG,
-         .target = &how.quiet},
-        {.name = "repair", .help = CLI_REPAIR_HELP, .kind = CLI_FLAG, .target = &how.repair},
+         .target = &r->how.quiet},
+        {.name = "repair", .help = CLI_REPAIR_HELP, .kind = CLI_FLAG, .target = &r->how.repair},
     };
     const cli_syntax syntax = {
         .command = "mesh",
@@ -141,32 +144,47 @@ int cmd_mesh(int argc, char **argv)
         .options = options,
         .n_options = sizeof options / sizeof *options,
     };
-    int code = cli_parse(&syntax, argc, argv, &name);
-    if (code != CLI_GO_ON) return code;
-    if (!out) return cli_error(EXIT_USAGE, "mesh: --out FILE is missing");
+    return cli_parse(&syntax, argc, argv, &r->name);
+}
 
-    dmk_surface_options surface;
-    dmk_surface_options_init(&surface, sizeof surface);
-    surface.name = NULL;
-    if (!is_file(name)) {
-        surface.name = find_surface(name);
-        if (!surface.name) return EXIT_USAGE;
-    } else if (size.n || n_triangles || refine || source.n) {
+/* A surface or a file, with the options that go with it. */
+static int settle(mesh_request *r)
+{
+    dmk_surface_options *surface = &r->surface;
+    dmk_surface_options_init(surface, sizeof *surface);
+    surface->name = NULL;
+    if (!is_file(r->name)) {
+        surface->name = find_surface(r->name);
+        if (!surface->name) return EXIT_USAGE;
+        if (r->how.repair)
+            return cli_error(
+                EXIT_USAGE, "mesh: --repair is for files, and '%s' is a built-in surface", r->name);
+    } else if (r->size.n || r->n_triangles || r->refine || r->source.n) {
         return cli_error(EXIT_USAGE,
                          "mesh: '%s' is a file: --size, --triangles, --refine and "
                          "--source are for built-in surfaces",
-                         name);
+                         r->name);
     }
-    memcpy(surface.size, size.value, (size_t)size.n * sizeof *size.value);
-    surface.n_triangles = (size_t)n_triangles;
-    surface.refine = (int)refine;
-    surface.has_source = source.n == 3;
-    if (surface.has_source) memcpy(surface.source, source.value, sizeof surface.source);
+    memcpy(surface->size, r->size.value, (size_t)r->size.n * sizeof *r->size.value);
+    surface->n_triangles = (size_t)r->n_triangles;
+    surface->refine = (int)r->refine;
+    surface->has_source = r->source.n == 3;
+    if (surface->has_source) memcpy(surface->source, r->source.value, sizeof surface->source);
+    return EXIT_OK;
+}
 
-    code = cli_check_outputs("out", &(cli_files){{out}, 1}, CLI_MESH, format);
+int cmd_mesh(int argc, char **argv)
+{
+    mesh_request r = {.out = NULL};
+    int code = parse(&r, argc, argv);
+    if (code != CLI_GO_ON) return code;
+    if (!r.out) return cli_error(EXIT_USAGE, "mesh: --out FILE is missing");
+    code = settle(&r);
+    if (code != EXIT_OK) return code;
+    code = cli_check_outputs("out", &(cli_files){{r.out}, 1}, CLI_MESH, r.format);
     cli_uses uses = {.n = 0};
-    cli_use(&uses, NULL, surface.name ? NULL : name);
-    cli_use(&uses, "out", out);
+    cli_use(&uses, NULL, r.surface.name ? NULL : r.name);
+    cli_use(&uses, "out", r.out);
     if (code == EXIT_OK) code = cli_check_uses(&uses);
-    return code == EXIT_OK ? make(&surface, name, out, format, &how) : code;
+    return code == EXIT_OK ? make(&r) : code;
 }

@@ -57,6 +57,9 @@ static const char *translate(const char *words, size_t *length)
         {"a repair does", "--repair does"},
         {"ask for the second to be scaled (normalise)", "scale the second one with --normalise"},
         {"the list of devices shows", "`dmkcl devices` shows"},
+        {"has no size b; leave it 0", "has no size B; leave it out"},
+        {"has no size c; leave it 0", "has no size C; leave it out"},
+        {"the tube radius b must be smaller than a,", "the tube radius B must be smaller than A,"},
         {cli_path("-"), "the standard output"},
     };
     for (size_t i = 0; i < sizeof phrases / sizeof *phrases; i++) {

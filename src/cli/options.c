@@ -48,13 +48,20 @@ const char *cli_nearest(const char *word, const char *const *names)
 
 /* ---- values --------------------------------------------------------------------------------- */
 
-/* A whole, finite number up to `end_mark` (',' or 0); *next is then behind it. */
+static const char *skip_blanks(const char *text)
+{
+    return text + strspn(text, " \t");
+}
+
+/* A whole, finite number up to `end_mark` (',' or 0); *next is then behind it. Around commas there may be blanks. */
 static bool read_number(const char *text, char end_mark, double *value, const char **next)
 {
-    char *end;
+    char *last;
+    if (end_mark == ',') text = skip_blanks(text);
     if (*text == ' ' || *text == '\t') return false;
-    *value = strtod(text, &end); /* the locale is C: see main */
-    if (end == text || !isfinite(*value)) return false;
+    *value = strtod(text, &last); /* the locale is C: see main */
+    if (last == text || !isfinite(*value)) return false;
+    const char *end = end_mark == ',' ? skip_blanks(last) : last;
     if (*end != end_mark && *end != '\0') return false;
     *next = *end ? end + 1 : end;
     return *end != ',' || **next != '\0';
@@ -128,7 +135,7 @@ static int set_numbers(const cli_option *option, const char *text)
         return good && numbers->n == 3 ? CLI_GO_ON : bad_value(option, text, "a point X,Y,Z");
     }
     for (int i = 0; i < numbers->n; i++) good = good && numbers->value[i] > 0;
-    return good ? CLI_GO_ON : bad_value(option, text, "one to three sizes above 0, as A,B,C");
+    return good ? CLI_GO_ON : bad_value(option, text, "one to three sizes above 0, as A[,B[,C]]");
 }
 
 /* CLI_GO_ON or EXIT_USAGE. */
