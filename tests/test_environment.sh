@@ -39,16 +39,24 @@ if "$tool" devices | grep -q 'Portable Computing Language'; then
     else
         skip 'a bound of the memory' 'this build has a runtime that reserves some itself'
     fi
+    check 'a home that cannot be written to, and --cache' env -u POCL_CACHE_DIR -u XDG_CACHE_HOME HOME=/proc/none \
+        "$tool" solve "$mesh" --vertex 0 --quiet --cache "$work/cache"
+    check 'has the kernels of PoCL, too' test -n "$(find "$work/cache/pocl" -name program.bc)"
+    check 'but not where they have a folder' env POCL_CACHE_DIR="$work/cache/pocl" \
+        "$tool" solve "$mesh" --vertex 0 --quiet --cache "$work/cache2"
+    check 'of their own' test ! -e "$work/cache2/pocl"
+    fails '--cache of a file' 1 "--cache: '$work/file' is not a folder" \
+        "$tool" solve "$mesh" --vertex 0 --cache "$work/file"
     check 'no home at all' run -u HOME -u XDG_CACHE_HOME -u POCL_CACHE_DIR
     # Both programs are kept, and kernels are compiled for them as they are kept.
     keeps() { # the two files are whole, and the same as before
         "$tool" solve "$mesh" --vertex 0 --quiet --cache "$work/kept" --out "$work/kept.ply" || return 1
         cat "$work"/kept/*.bin > "$work/kept.now"
-        [ "$(ls "$work"/kept | wc -l)" = 2 ] && cat "$work/kept.ply" >> "$work/kept.now" || return 1
+        [ "$(ls "$work"/kept/*.bin | wc -l)" = 2 ] && cat "$work/kept.ply" >> "$work/kept.now" || return 1
         [ -e "$work/kept.first" ] || cp "$work/kept.now" "$work/kept.first"
         cmp "$work/kept.now" "$work/kept.first"
     }
-    programs() { find "${POCL_CACHE_DIR:-${XDG_CACHE_HOME:-$HOME/.cache}/pocl/kcache}" -name program.bc | wc -l; }
+    programs() { find "${POCL_CACHE_DIR:-$work/kept/pocl}" -name program.bc | wc -l; }
     check 'programs are kept' keeps
     before=$(programs)
     check 'and found, with the same result' keeps

@@ -3,7 +3,9 @@
 
 #include <float.h>
 #include <limits.h>
+#include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 void solve_request_init(solve_request *request, const char *command)
 {
@@ -120,7 +122,8 @@ void solve_add_device(solve_table *table, solve_request *request)
          .target = &request->single},
         {.name = "cache",
          .value = "DIR",
-         .help = "folder for compiled kernels; '' keeps none; default: the user's\ncache folder",
+         .help = "folder for compiled kernels, also of PoCL, unless POCL_CACHE_DIR says\n"
+                 "where; '' keeps none; default: the user's cache folder",
          .kind = CLI_TEXT,
          .target = &request->device.cache},
         {.name = "quiet",
@@ -218,6 +221,20 @@ void solve_add_method(solve_table *table, solve_request *request)
     solve_add_iteration(table, request);
 }
 
+/* PoCL keeps kernels of its own, and does not start where it cannot: those go below the folder as well. */
+static int settle_cache(const solve_request *request)
+{
+    const char *folder = request->device.cache;
+    char below[PATH_MAX];
+    struct stat file;
+    if (!folder || !*folder) return EXIT_OK;
+    if (stat(folder, &file) == 0 && !S_ISDIR(file.st_mode))
+        return cli_error(EXIT_USAGE, "--cache: '%s' is not a folder", folder);
+    if (snprintf(below, sizeof below, "%s/pocl", folder) < PATH_MAX)
+        setenv("POCL_CACHE_DIR", below, 0); /* not where it is set */
+    return EXIT_OK;
+}
+
 int solve_request_convert(solve_request *request)
 {
     request->device.threads = (int)request->threads;
@@ -236,7 +253,7 @@ int solve_request_convert(solve_request *request)
     if (request->solve.inertia >= 0 && request->solve.method != DMK_INERTIAL) {
         return cli_error(EXIT_USAGE, "%s: --inertia is for --method inertial", request->command);
     }
-    return EXIT_OK;
+    return settle_cache(request);
 }
 
 int solve_request_settle(solve_request *request)
