@@ -109,6 +109,14 @@ check 'blanks around the commas of a point' sh -c '
     "$1" solve meshes/torus.off --source "3, 0 ,0 " --dry-run > "$2/a" && "$1" solve meshes/torus.off --source 3,0,0 --dry-run |
     cmp - "$2/a"' - "$tool" "$work"
 
+printf 'OFF\n4 1 0\n0 0 0\n1 0 0\n0 1 0\n5 5 5\n3 0 1 2\n' > "$work/one.off"
+one() { "${@:2}" > "$work/printed" && has "$work/printed" "$1"; } # PATTERN COMMAND...
+check 'one triangle' one '4 vertices, 1 triangle, ' "$tool" info "$work/one.off"
+check 'one unused vertex' one '1 vertex is in no triangle' "$tool" info "$work/one.off"
+check 'one triangle of a path' one 'length 1, 1 triangle$' "$tool" path "$work/one.off" --vertex 0 --to-vertex 1
+check 'one of a distance' one ': 4 vertices, 1 triangle$' "$tool" distance "$work/one.off" --vertex 0
+usage 'two ends' 'path: give --to or --to-vertex, not both' path x.off --vertex 0 --to 1,0,0 --to-vertex 1
+
 # ---- meshes -----------------------------------------------------------------------------------
 
 check 'mesh makes a torus' "$tool" mesh torus --source 3,0,0 --out "$torus"

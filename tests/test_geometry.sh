@@ -21,7 +21,7 @@ for command in path cut; do
     fails "$command: no source" 1 "$command: no source given" "$tool" $command x.off
 done
 fails 'path: no end' 1 'no end given' "$tool" path x.off --vertex 0
-fails 'path: two ends' 1 'no end given' "$tool" path x.off --vertex 0 --to 1,2,3 --to-vertex 1
+fails 'path: two ends' 1 'not both' "$tool" path x.off --vertex 0 --to 1,2,3 --to-vertex 1
 fails 'path: a strange suffix' 1 'expected one of .*.obj' \
     "$tool" path x.off --vertex 0 --to-vertex 1 --out x.png
 fails 'path: a vertex that is not there' 1 '99999999' \

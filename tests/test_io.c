@@ -189,6 +189,19 @@ static void test_reads_known(void **state)
     remove_file(f, "m.off");
 }
 
+/* A file that no memory holds is refused by its size, which a sparse one has at once. */
+static void test_refuses_endless_files(void **state)
+{
+    fixture *f = *state;
+    dmk_mesh *m = NULL;
+    put_file(f, "m.off", "OFF", 3);
+    if (truncate(path_of(f, "m.off"), (off_t)1 << 42) == 0) { /* where there may be one */
+        assert_int_equal(dmk_mesh_read(f->ctx, f->path, &m), DMK_E_NOMEM);
+        assert_non_null(strstr(dmk_context_message(f->ctx), "4398046511104 bytes, but half of"));
+    }
+    remove_file(f, "m.off");
+}
+
 /* A pipe has no size to ask for. */
 static void test_reads_pipes(void **state)
 {
@@ -682,6 +695,7 @@ int main(void)
         TEST(test_obj_variants),
         TEST(test_polygons_become_fans),
         TEST(test_reads_known),
+        TEST(test_refuses_endless_files),
         TEST(test_skips_byte_order_marks),
         TEST(test_reads_pipes),
         TEST(test_refusals),

@@ -106,7 +106,7 @@ static int code_of_kept(const solve_request *one)
 
 static void print_line(size_t k, const solve_request *one, const solve_run *run)
 {
-    char point[CLI_TEXT_SIZE], away[64] = "";
+    char point[CLI_TEXT_SIZE], steps[CLI_TEXT_SIZE], away[64] = "";
     double xyz[3] = {0};
     dmk_stats stats;
     dmk_locus_info info;
@@ -115,11 +115,11 @@ static void print_line(size_t k, const solve_request *one, const solve_run *run)
     dmk_mesh_point_xyz(run->context, run->mesh, &run->source, xyz);
     if (one->vertex < 0)
         snprintf(away, sizeof away, ", %.2g from the point asked for", solve_offset(one, run));
-    printf("%04zu  (%s)%s: %d steps, cost %.8g, gap %.2g %%, cut locus %.6g, loops %lld, ends %zu, "
+    printf("%04zu  (%s)%s: %s, cost %.8g, gap %.2g %%, cut locus %.6g, loops %lld, ends %zu, "
            "branch points %zu, %.2f s\n",
-           k, cli_point(xyz, point), away, stats.steps, stats.cost_upper, 100 * stats.gap,
-           info.length, (long long)info.loops, info.endpoints, info.branch_points,
-           run->seconds.total);
+           k, cli_point(xyz, point), away, cli_counted(stats.steps, "step", "steps", steps),
+           stats.cost_upper, 100 * stats.gap, info.length, (long long)info.loops, info.endpoints,
+           info.branch_points, run->seconds.total);
 }
 
 static int solve_one(const batch *b, size_t k, const solve_request *one, solve_run *run)
@@ -202,8 +202,10 @@ static void solve_all(batch *b, solve_run *run)
 
 static void print_end(const batch *b, double begin)
 {
-    printf("of %zu source%s %zu solved, %zu kept, %zu failed, %.2f s\n", b->n, b->n == 1 ? "" : "s",
-           b->n_solved, b->n_kept, b->n_failed, cli_seconds() - begin);
+    char n[CLI_TEXT_SIZE];
+    printf("of %s %zu solved, %zu kept, %zu failed, %.2f s\n",
+           cli_counted((int64_t)b->n, "source", "sources", n), b->n_solved, b->n_kept, b->n_failed,
+           cli_seconds() - begin);
 }
 
 /* The numbered names may be those of the mesh or the list. */

@@ -11,17 +11,20 @@ typedef struct cut_request {
 static void print_cut(const cut_request *request, const dmk_mesh *cut, size_t flipped,
                       const dmk_locus *locus)
 {
-    char v[CLI_TEXT_SIZE], t[CLI_TEXT_SIZE];
+    char v[CLI_TEXT_SIZE], t[CLI_TEXT_SIZE], n[CLI_TEXT_SIZE];
     dmk_mesh_info info;
     dmk_locus_info line;
     dmk_mesh_get_info(cut, &info);
     dmk_locus_get_info(locus, &line);
-    printf("cut locus of length %.6g with %lld loop%s\n", line.length, (long long)line.loops,
-           line.loops == 1 ? "" : "s");
-    printf("cut open: %s vertices, %s triangles, Euler characteristic %lld, %zu border loop%s\n",
-           cli_count((int64_t)info.n_vertices, v), cli_count((int64_t)info.n_triangles, t),
-           (long long)info.euler, info.n_border_loops, info.n_border_loops == 1 ? "" : "s");
-    printf("in the plane %zu triangle%s flipped\n", flipped, flipped == 1 ? " is" : "s are");
+    printf("cut locus of length %.6g with %s\n", line.length,
+           cli_counted(line.loops, "loop", "loops", n));
+    printf("cut open: %s, %s, Euler characteristic %lld, %s\n",
+           cli_counted((int64_t)info.n_vertices, "vertex", "vertices", v),
+           cli_counted((int64_t)info.n_triangles, "triangle", "triangles", t),
+           (long long)info.euler,
+           cli_counted((int64_t)info.n_border_loops, "border loop", "border loops", n));
+    printf("in the plane %s flipped\n",
+           cli_counted((int64_t)flipped, "triangle is", "triangles are", n));
     for (int i = 0; i < request->solve.out.n; i++) printf("wrote %s\n", request->solve.out.path[i]);
     for (int i = 0; i < request->picture.n; i++) printf("wrote %s\n", request->picture.path[i]);
 }

@@ -5,14 +5,15 @@
 
 static void print_devices(const dmk_device_info *devices, size_t n)
 {
-    char memory[CLI_TEXT_SIZE];
+    char memory[CLI_TEXT_SIZE], units[CLI_TEXT_SIZE];
     printf("%sOpenCL devices%s (choose with --device N or a part of the name)\n", cli_bold(),
            cli_plain());
     if (n == 0) printf("  none: install a driver, for instance Debian's pocl-opencl-icd\n");
     for (size_t i = 0; i < n; i++) {
         const dmk_device_info *d = &devices[i];
         printf("  %zu  %s\n", i, d->name);
-        printf("     %s, %d compute units, %s, %s\n", d->type, d->compute_units,
+        printf("     %s, %s, %s, %s\n", d->type,
+               cli_counted(d->compute_units, "compute unit", "compute units", units),
                cli_bytes(d->memory, memory),
                d->fp64 ? "double precision" : "single precision only");
         printf("     %s, driver %s\n", d->platform, d->driver);
@@ -21,12 +22,15 @@ static void print_devices(const dmk_device_info *devices, size_t n)
 
 static void print_machine(const dmk_machine_info *machine)
 {
-    char l1[CLI_TEXT_SIZE], l2[CLI_TEXT_SIZE], l3[CLI_TEXT_SIZE], memory[CLI_TEXT_SIZE];
+    char l1[CLI_TEXT_SIZE], l2[CLI_TEXT_SIZE], l3[CLI_TEXT_SIZE], memory[CLI_TEXT_SIZE],
+        n[4][CLI_TEXT_SIZE];
     printf("%sMachine%s\n", cli_bold(), cli_plain());
-    printf("  %d package%s, %d NUMA node%s, %d core%s, %d thread%s, %s of memory\n",
-           machine->packages, machine->packages == 1 ? "" : "s", machine->numa_nodes,
-           machine->numa_nodes == 1 ? "" : "s", machine->cores, machine->cores == 1 ? "" : "s",
-           machine->threads, machine->threads == 1 ? "" : "s", cli_bytes(machine->memory, memory));
+    printf("  %s, %s, %s, %s, %s of memory\n",
+           cli_counted(machine->packages, "package", "packages", n[0]),
+           cli_counted(machine->numa_nodes, "NUMA node", "NUMA nodes", n[1]),
+           cli_counted(machine->cores, "core", "cores", n[2]),
+           cli_counted(machine->threads, "thread", "threads", n[3]),
+           cli_bytes(machine->memory, memory));
     printf("  caches: L1 %s, L2 %s, L3 %s\n", cli_bytes(machine->l1, l1),
            cli_bytes(machine->l2, l2), cli_bytes(machine->l3, l3));
 }

@@ -166,10 +166,11 @@ static void print_summary(const distance_request *request, const distance_run *r
     dmk_geodesics_info info;
     dmk_mesh_get_info(run->mesh, &mesh);
     dmk_geodesics_get_info(run->geodesics, &info);
-    printf("%-10s %s: %s vertices, %s triangles\n", "mesh", request->solve.mesh,
-           cli_count((int64_t)mesh.n_vertices, text), cli_count((int64_t)mesh.n_triangles, more));
+    printf("%-10s %s: %s, %s\n", "mesh", request->solve.mesh,
+           cli_counted((int64_t)mesh.n_vertices, "vertex", "vertices", text),
+           cli_counted((int64_t)mesh.n_triangles, "triangle", "triangles", more));
     printf("%-10s ", "sources");
-    if (run->n > 0) printf("%s point%s", cli_count((int64_t)run->n, text), run->n == 1 ? "" : "s");
+    if (run->n > 0) fputs(cli_counted((int64_t)run->n, "point", "points", text), stdout);
     if (run->border) printf("%sthe border", run->n > 0 ? " and " : "");
     putchar('\n');
     printf("%-10s farthest %.10g", "distance", info.farthest);
@@ -179,9 +180,9 @@ static void print_summary(const distance_request *request, const distance_run *r
         printf(", exact");
     putchar('\n');
     if (info.n_reached + mesh.n_unused_vertices < mesh.n_vertices) {
-        printf(
-            "%-10s %s vertices lie on components without a source\n", "",
-            cli_count((int64_t)(mesh.n_vertices - mesh.n_unused_vertices - info.n_reached), text));
+        printf("%-10s %s on components without a source\n", "",
+               cli_counted((int64_t)(mesh.n_vertices - mesh.n_unused_vertices - info.n_reached),
+                           "vertex lies", "vertices lie", text));
     }
     if (run->locus) solve_summary_locus(run->locus);
     printf("%-10s %.2f s: read %.2f, distance %.2f, ", "time", cli_seconds() - run->begin,

@@ -9,8 +9,9 @@ static void print_topology(const dmk_mesh_info *info)
         printf(", %s components", cli_count((int64_t)info->n_components, n));
     }
     if (info->n_border_edges > 0) {
-        printf(", %s border loop%s of %s edges", cli_count((int64_t)info->n_border_loops, n),
-               info->n_border_loops == 1 ? "" : "s", cli_count((int64_t)info->n_border_edges, m));
+        printf(", %s of %s",
+               cli_counted((int64_t)info->n_border_loops, "border loop", "border loops", n),
+               cli_counted((int64_t)info->n_border_edges, "edge", "edges", m));
     } else {
         printf(", closed");
     }
@@ -21,8 +22,8 @@ static void print_topology(const dmk_mesh_info *info)
     }
     putchar('\n');
     if (info->n_unused_vertices > 0) {
-        printf("%-11s %s vertices are in no triangle\n", "unused",
-               cli_count((int64_t)info->n_unused_vertices, n));
+        printf("%-11s %s in no triangle\n", "unused",
+               cli_counted((int64_t)info->n_unused_vertices, "vertex is", "vertices are", n));
     }
 }
 
@@ -32,9 +33,10 @@ static void print_info(const char *path, const dmk_mesh *mesh)
     char a[CLI_TEXT_SIZE], b[CLI_TEXT_SIZE], c[CLI_TEXT_SIZE];
     dmk_mesh_get_info(mesh, &info);
     printf("%s%s%s\n", cli_bold(), path, cli_plain());
-    printf("%-11s %s vertices, %s triangles, %s edges\n", "counts",
-           cli_count((int64_t)info.n_vertices, a), cli_count((int64_t)info.n_triangles, b),
-           cli_count((int64_t)info.n_edges, c));
+    printf("%-11s %s, %s, %s\n", "counts",
+           cli_counted((int64_t)info.n_vertices, "vertex", "vertices", a),
+           cli_counted((int64_t)info.n_triangles, "triangle", "triangles", b),
+           cli_counted((int64_t)info.n_edges, "edge", "edges", c));
     print_topology(&info);
     printf("%-11s %.10g\n", "area", info.area);
     printf("%-11s mean %.4g, from %.4g to %.4g\n", "edges", info.mean_edge, info.min_edge,

@@ -50,9 +50,10 @@ static void print_made(const char *path, const dmk_surface_options *surface, con
     char a[CLI_TEXT_SIZE], b[CLI_TEXT_SIZE], p[CLI_TEXT_SIZE];
     dmk_mesh_info info;
     dmk_mesh_get_info(mesh, &info);
-    printf("%s: %s vertices, %s triangles, mean edge %.3g, smallest angle %.0f degrees\n", path,
-           cli_count((int64_t)info.n_vertices, a), cli_count((int64_t)info.n_triangles, b),
-           info.mean_edge, info.min_angle);
+    printf("%s: %s, %s, mean edge %.3g, smallest angle %.0f degrees\n", path,
+           cli_counted((int64_t)info.n_vertices, "vertex", "vertices", a),
+           cli_counted((int64_t)info.n_triangles, "triangle", "triangles", b), info.mean_edge,
+           info.min_angle);
     if (surface->has_source) {
         printf("%s: the source is vertex 0, at %s\n", path, cli_point(dmk_mesh_vertices(mesh), p));
     }

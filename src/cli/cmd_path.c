@@ -21,12 +21,12 @@ static int place_end(const path_request *request, const solve_run *run, dmk_poin
 
 static void print_path(const path_request *request, const solve_run *run, const dmk_path *path)
 {
-    char from[CLI_TEXT_SIZE], to[CLI_TEXT_SIZE];
+    char from[CLI_TEXT_SIZE], to[CLI_TEXT_SIZE], n[CLI_TEXT_SIZE];
     double a[3] = {0}, b[3] = {0};
     dmk_mesh_point_xyz(run->context, run->mesh, &path->point[0], a);
     dmk_mesh_point_xyz(run->context, run->mesh, &path->point[path->n - 1], b);
-    printf("path from (%s) to (%s): length %.10g, %zu triangles\n", cli_point(a, from),
-           cli_point(b, to), path->length, path->n - 1);
+    printf("path from (%s) to (%s): length %.10g, %s\n", cli_point(a, from), cli_point(b, to),
+           path->length, cli_counted((int64_t)path->n - 1, "triangle", "triangles", n));
     for (int i = 0; i < request->out.n; i++) printf("wrote %s\n", request->out.path[i]);
 }
 
@@ -103,9 +103,11 @@ static int run_path(const path_request *request)
 static int check_request(path_request *request)
 {
     int code = solve_request_settle(&request->solve);
-    if (code == EXIT_OK && (request->to.n > 0) + (request->to_vertex >= 0) != 1) {
-        code = cli_error(EXIT_USAGE, "path: no end given: use one of --to X,Y,Z and --to-vertex J");
-    }
+    const int n = (request->to.n > 0) + (request->to_vertex >= 0);
+    if (code == EXIT_OK && n == 0)
+        code = cli_error(EXIT_USAGE, "path: no end given: use --to X,Y,Z or --to-vertex J");
+    if (code == EXIT_OK && n > 1)
+        code = cli_error(EXIT_USAGE, "path: give --to or --to-vertex, not both");
     if (code == EXIT_OK)
         code = cli_check_outputs("out", &request->out, CLI_LOCUS, request->solve.format);
     cli_uses uses = {.n = 0};

@@ -118,7 +118,7 @@ static void write_report(FILE *file, const transport_request *r, const transport
     json_text(&json, "from", r->from);
     if (r->to) json_text(&json, "to", r->to);
     json_number(&json, "mass", info.mass);
-    json_number(&json, "area", stats.area);
+    json_number(&json, "component_area", stats.area);
     json_text(&json, "precision", stats.double_precision ? "double" : "single");
     json_integer(&json, "steps", stats.steps);
     json_integer(&json, "cg_iterations", stats.cg_iterations);
@@ -167,12 +167,15 @@ static void print_summary(const transport_request *r, const transport_run *run)
     dmk_mesh_get_info(run->mesh, &mesh);
     dmk_transport_get_stats(run->transport, &stats);
     dmk_transport_get_info(run->transport, &info);
-    printf("%-10s %s: %s vertices, %s triangles\n", "mesh", r->solve.mesh,
-           cli_count((int64_t)mesh.n_vertices, v), cli_count((int64_t)mesh.n_triangles, t));
+    printf("%-10s %s: %s, %s\n", "mesh", r->solve.mesh,
+           cli_counted((int64_t)mesh.n_vertices, "vertex", "vertices", v),
+           cli_counted((int64_t)mesh.n_triangles, "triangle", "triangles", t));
     printf("%-10s %.8g, from %s%s%s\n", "mass", info.mass, r->from,
            r->to ? " to " : ", positive to negative part", r->to ? r->to : "");
-    printf("%-10s in %d steps with %d CG iterations, %s precision\n", "solved", stats.steps,
-           stats.cg_iterations, stats.double_precision ? "double" : "single");
+    printf("%-10s in %s with %s, %s precision\n", "solved",
+           cli_counted(stats.steps, "step", "steps", v),
+           cli_counted(stats.cg_iterations, "CG iteration", "CG iterations", t),
+           stats.double_precision ? "double" : "single");
     printf(
         "%-10s between %.8g and %.8g (gap %.2g %%), mass times length, of the discrete problem\n",
         "W1", stats.cost_lower, stats.cost_upper, 100 * stats.gap);
@@ -194,7 +197,8 @@ static void print_summary(const transport_request *r, const transport_run *run)
     if (acl) {
         int64_t marked = 0;
         for (size_t i = 0; i < n; i++) marked += acl[i];
-        printf("%-10s %s triangles, the cut locus of the points\n", "acl", cli_count(marked, t));
+        printf("%-10s %s, the cut locus of the points\n", "acl",
+               cli_counted(marked, "triangle", "triangles", t));
     }
     for (int i = 0; i < r->solve.out.n; i++)
         printf("%-10s %s: mu, flux, u%s\n", "wrote", r->solve.out.path[i], acl ? ", acl" : "");

@@ -144,7 +144,7 @@ static int append(farm *f, const batch_entry *entry, const solve_request *one, c
 static void tell_solved(farm *f, const batch_entry *entry, const solve_request *one,
                         const solve_run *run)
 {
-    char text[256], away[64] = "";
+    char text[256], steps[CLI_TEXT_SIZE], away[64] = "";
     dmk_stats stats;
     dmk_locus_info info;
     dmk_result_get_stats(run->result, &stats);
@@ -152,8 +152,9 @@ static void tell_solved(farm *f, const batch_entry *entry, const solve_request *
     if (one->source.n > 0)
         snprintf(away, sizeof away, ", source %.2g from the point asked for",
                  solve_offset(one, run));
-    snprintf(text, sizeof text, "%d steps, cost %.8g, gap %.2g %%, cut locus %.6g%s, %.3f s",
-             stats.steps, stats.cost_upper, 100 * stats.gap, info.length, away, run->seconds.total);
+    snprintf(text, sizeof text, "%s, cost %.8g, gap %.2g %%, cut locus %.6g%s, %.3f s",
+             cli_counted(stats.steps, "step", "steps", steps), stats.cost_upper, 100 * stats.gap,
+             info.length, away, run->seconds.total);
     if (f->summary) print_word(f, f->list->mesh[entry->mesh].name, entry->source, text);
 }
 
@@ -361,8 +362,10 @@ static int end(farm *f)
     const size_t all = f->list->n * f->n_sources;
     cli_progress_end(&f->progress);
     if (f->summary) {
-        printf("of %zu source%s on %zu mesh%s %zu solved, %zu kept, %zu failed, %.2f s\n", all,
-               all == 1 ? "" : "s", f->list->n, f->list->n == 1 ? "" : "es", f->n_done, f->n_kept,
+        char sources[CLI_TEXT_SIZE], meshes[CLI_TEXT_SIZE];
+        printf("of %s on %s %zu solved, %zu kept, %zu failed, %.2f s\n",
+               cli_counted((int64_t)all, "source", "sources", sources),
+               cli_counted((int64_t)f->list->n, "mesh", "meshes", meshes), f->n_done, f->n_kept,
                f->n_failed, cli_seconds() - f->begin);
     }
     const int flushed = cli_flush();

@@ -53,8 +53,7 @@ static void warn_of_pieces(dmk_context *context, const char *path, const dmk_mes
         dmk_mesh_get_info(merged, &whole);
         dmk_mesh_destroy(&merged);
     }
-    fprintf(stderr, "dmkcl: warning: %s is in %zu pieces, and only those with a source take part",
-            path, info.n_components);
+    fprintf(stderr, "dmkcl: warning: %s is in %zu pieces", path, info.n_components);
     if (whole.n_components > 0 && whole.n_components < info.n_components) {
         fprintf(stderr, "; --repair, which merges coincident vertices, leaves %zu",
                 whole.n_components);

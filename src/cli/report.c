@@ -121,7 +121,6 @@ static void write_mesh(cli_json *json, const solve_request *request, const solve
     json_mesh(json, &info);
     json_repairs(json, &run->repairs);
     json_close(json, '{');
-    json_integer(json, "euler", info.euler);
 }
 
 void solve_report_fields(cli_json *json, const solve_request *request, const solve_run *run)
@@ -134,7 +133,7 @@ void solve_report_fields(cli_json *json, const solve_request *request, const sol
         return;
     }
     dmk_result_get_stats(run->result, &stats);
-    json_number(json, "area", stats.area); /* of the component with the source */
+    json_number(json, "component_area", stats.area); /* of the one with the source */
     write_source(json, run);
     write_device(json, run);
     write_stats(json, &stats);
@@ -191,20 +190,16 @@ static void print_label(const char *label)
     printf("%s%-10s%s ", cli_bold(), label, cli_plain());
 }
 
-static const char *plural(int64_t n)
-{
-    return n == 1 ? "" : "s";
-}
-
 static void print_mesh(const solve_request *request, const dmk_mesh_info *info)
 {
     char v[CLI_TEXT_SIZE], t[CLI_TEXT_SIZE];
     const int64_t n_loops = (int64_t)info->n_border_loops;
     print_label("mesh");
-    printf("%s: %s vertices, %s triangles, ", request->mesh,
-           cli_count((int64_t)info->n_vertices, v), cli_count((int64_t)info->n_triangles, t));
+    printf("%s: %s, %s, ", request->mesh,
+           cli_counted((int64_t)info->n_vertices, "vertex", "vertices", v),
+           cli_counted((int64_t)info->n_triangles, "triangle", "triangles", t));
     if (n_loops == 0) printf("closed");
-    if (n_loops > 0) printf("%s border loop%s", cli_count(n_loops, v), plural(n_loops));
+    if (n_loops > 0) printf("%s", cli_counted(n_loops, "border loop", "border loops", v));
     if (info->n_components == 1) {
         printf(", genus %lld\n", (long long)(2 - n_loops - info->euler) / 2);
     } else {
@@ -216,7 +211,8 @@ static void print_mesh(const solve_request *request, const dmk_mesh_info *info)
     }
     if (info->n_unused_vertices > 0) {
         print_label("");
-        printf("%s vertices are in no triangle\n", cli_count((int64_t)info->n_unused_vertices, v));
+        printf("%s in no triangle\n",
+               cli_counted((int64_t)info->n_unused_vertices, "vertex is", "vertices are", v));
     }
 }
 
@@ -289,8 +285,8 @@ static void print_gap(const dmk_stats *stats)
                "closer\n");
         return;
     }
-    printf("the lower bound is held back by %s triangle%s steeper than 1, most by",
-           cli_count(stats->n_steep, n), plural(stats->n_steep));
+    printf("the lower bound is held back by %s steeper than 1, most by",
+           cli_counted(stats->n_steep, "triangle", "triangles", n));
     for (int k = 0; k < DMK_N_STEEP && stats->steep[k] >= 0; k++)
         printf("%s %lld", k > 0 ? "," : "", (long long)stats->steep[k]);
     printf(";\n");
@@ -300,9 +296,10 @@ static void print_gap(const dmk_stats *stats)
 
 static void print_cost(const dmk_stats *stats)
 {
+    char steps[CLI_TEXT_SIZE], iterations[CLI_TEXT_SIZE];
     print_label("solved");
-    printf("in %d step%s with %d CG iteration%s, %s precision\n", stats->steps,
-           plural(stats->steps), stats->cg_iterations, plural(stats->cg_iterations),
+    printf("in %s with %s, %s precision\n", cli_counted(stats->steps, "step", "steps", steps),
+           cli_counted(stats->cg_iterations, "CG iteration", "CG iterations", iterations),
            stats->double_precision ? "double" : "single");
     print_label("cost");
     printf("between %.8g and %.8g", stats->cost_lower, stats->cost_upper);
@@ -346,11 +343,11 @@ void solve_summary_locus(const dmk_locus *locus)
     dmk_locus_info info;
     dmk_locus_get_info(locus, &info);
     print_label("cut locus");
-    printf("length %.6g in %s piece%s, %s loop%s, %s end%s, %s branch point%s\n", info.length,
-           cli_count((int64_t)info.components, n[0]), plural((int64_t)info.components),
-           cli_count(info.loops, n[1]), plural(info.loops),
-           cli_count((int64_t)info.endpoints, n[2]), plural((int64_t)info.endpoints),
-           cli_count((int64_t)info.branch_points, n[3]), plural((int64_t)info.branch_points));
+    printf("length %.6g in %s, %s, %s, %s\n", info.length,
+           cli_counted((int64_t)info.components, "piece", "pieces", n[0]),
+           cli_counted(info.loops, "loop", "loops", n[1]),
+           cli_counted((int64_t)info.endpoints, "end", "ends", n[2]),
+           cli_counted((int64_t)info.branch_points, "branch point", "branch points", n[3]));
 }
 
 static void print_time(const solve_times *seconds, const dmk_stats *stats)
@@ -388,9 +385,10 @@ static void print_files(const solve_request *request)
 
 static void print_device(const solve_run *run)
 {
+    char units[CLI_TEXT_SIZE];
     print_label("device");
-    printf("%s (%s), %d compute unit%s\n", run->opened.name, run->opened.platform,
-           run->opened.compute_units, plural(run->opened.compute_units));
+    printf("%s (%s), %s\n", run->opened.name, run->opened.platform,
+           cli_counted(run->opened.compute_units, "compute unit", "compute units", units));
 }
 
 void solve_summary_mesh(const solve_request *request, const solve_run *run)

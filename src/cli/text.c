@@ -44,6 +44,13 @@ const char *cli_count(int64_t n, char text[CLI_TEXT_SIZE])
     return text;
 }
 
+const char *cli_counted(int64_t n, const char *one, const char *many, char text[CLI_TEXT_SIZE])
+{
+    const size_t used = strlen(cli_count(n, text));
+    snprintf(text + used, CLI_TEXT_SIZE - used, " %s", n == 1 ? one : many);
+    return text;
+}
+
 const char *cli_bytes(uint64_t bytes, char text[CLI_TEXT_SIZE])
 {
     static const char *const units[] = {"B", "KiB", "MiB", "GiB", "TiB"};

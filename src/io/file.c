@@ -50,8 +50,11 @@ static int read_all(dmk_context *ctx, int fd, size_t expected, dmk_file *file)
         if (file->size + 1 > room || !file->data) {
             if (file->data) room *= 2;
             if (room > most_bytes()) {
-                return dmk_fail(ctx, DMK_E_NOMEM, "%s: out of memory: %zu bytes and no end",
-                                file->path, file->size);
+                return dmk_fail(ctx, DMK_E_NOMEM,
+                                file->data ? "%s: out of memory: %zu bytes and no end"
+                                           : "%s: out of memory: %zu bytes, but half of the memory "
+                                             "is %zu, and no file may be longer",
+                                file->path, file->data ? file->size : expected, most_bytes());
             }
             char *bigger = realloc(file->data, room + 1);
             if (!bigger) {
