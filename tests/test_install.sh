@@ -73,14 +73,20 @@ check 'completion of a surface' test "$(complete_words mesh tor)" = torus
 check 'completion of a method' test "$(complete_words solve --method ne)" = newton
 check 'completion of a device' test "$(complete_words solve --device '' | cut -c1)" = 0
 check 'no words after an option that takes a number' test -z "$(complete_words solve --vertex '')"
-mkdir "$work/shelf" && touch "$work/shelf/"{m.off,m.msh,M.VTK,m.off.gz,m.txt,r.vtp,l.obj,notes}
+mkdir "$work/shelf" && touch "$work/shelf/"{m.off,m.msh,M.VTK,m.off.gz,m.txt,r.vtp,l.obj,notes,p.pvtp,s.svg}
 complete_files() { # WORD...: the same, in the folder with these files, one line, sorted
     (cd "$work/shelf" && complete_words "$@" | tr ' ' '\n' | sort | xargs)
 }
 stage=$(cd "$stage" && pwd)
 check 'completion of meshes' \
     test "$(complete_files solve '' | tr ' ' '\n' | LC_ALL=C sort | xargs)" = 'M.VTK l.obj m.msh m.off m.off.gz r.vtp'
-check 'completion of results' test "$(complete_files solve m.off --out '')" = r.vtp
+check 'completion of results' test "$(complete_files solve m.off --out '')" = 'p.pvtp r.vtp'
+check 'completion of pictures' test "$(complete_files cut m.off --picture '')" = s.svg
+check 'completion of measures' test "$(complete_files transport m.off --from m.t)" = m.txt
+check 'and of a word for one' test "$(complete_files transport m.off --to un)" = uniform
+check 'completion of a format' test "$(complete_words solve --format v)" = 'vtp vtu'
+check 'completion of help' test "$(complete_words help so)" = solve
+check 'which is a word itself' test "$(complete_words hel)" = help
 check 'completion of loci' test "$(complete_files path m.off --out '')" = 'l.obj r.vtp'
 check 'completion of surfaces and files' test "$(complete_files mesh m.o)" = 'm.off m.off.gz'
 for command in $("$tool" --help | sed -n '/^commands:/,/^$/s/^  \([a-z]*\) .*/\1/p'); do

@@ -17,6 +17,8 @@ _dmkcl_values()
     --start) echo 'distance uniform' ;;
     --device) dmkcl devices 2> /dev/null | sed -n 's/^  \([0-9][0-9]*\)  .*/\1/p' ;;
     --report) echo '-' ;;
+    --format) _dmkcl_option_help "$1" "$2" | sed 's/.*suffix: \([^;]*\);.*/\1/; s/,//g' ;;
+    --from | --to) [ "$1" = transport ] && echo uniform ;;
     esac
 }
 
@@ -31,8 +33,9 @@ _dmkcl_suffixes()
         help=$(_dmkcl_option_help "$1" "$2")
         grep -o ' \.[a-z]*' <<< "$help" | tr -d ' .' | paste -sd '|' ;;
     --sources) echo txt ;;
+    --picture) echo svg ;;
     mesh) # what is read, by the README's table
-        echo 'ply|vtp|pvtp|vtu|vtk|msh|off|coff|noff|obj|stl|gz' ;;
+        echo 'ply|vtp|vtu|vtk|msh|off|coff|noff|obj|stl|gz' ;;
     esac
 }
 
@@ -55,14 +58,15 @@ _dmkcl()
     local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD - 1]}
     local command=${COMP_WORDS[1]} words='' suffixes=''
     COMPREPLY=()
-    if [ "$COMP_CWORD" -eq 1 ]; then
+    if [ "$COMP_CWORD" -eq 1 ] || [ "$COMP_CWORD:$command" = 2:help ]; then
         words="$(dmkcl --help 2> /dev/null | sed -n '/^commands:/,/^$/s/^  \([a-z]*\) .*/\1/p')"
-        words="$words --help --version"
+        [ "$COMP_CWORD" -eq 1 ] && words="$words help --help --version"
     elif [[ $before == --* && $(_dmkcl_option_help "$command" "$before") =~ ^\ *--[a-z-]+\ [A-Z] ]]
     then # the option takes a value
         words=$(_dmkcl_values "$command" "$before")
         case $before in
-        --out | --locus | --tangent | --report | --sources)
+        --to) [ "$command" = transport ] && mapfile -t COMPREPLY < <(_dmkcl_files '' "$word") ;;
+        --out | --locus | --tangent | --report | --sources | --picture | --from)
             suffixes=$(_dmkcl_suffixes "$command" "$before")
             mapfile -t COMPREPLY < <(_dmkcl_files "$suffixes" "$word") ;;
         --cache) mapfile -t COMPREPLY < <(compgen -d -- "$word") ;;
@@ -72,7 +76,7 @@ _dmkcl()
     else
         [ "$command" = mesh ] && [ "$COMP_CWORD" -eq 2 ] &&
             words=$(dmkcl mesh --help 2> /dev/null | sed -n '/^surfaces:/,$s/^  \([a-z]*\) .*/\1/p')
-        [ "$command" = devices ] ||
+        [[ $command == devices || $command == help ]] ||
             mapfile -t COMPREPLY < <(_dmkcl_files "$(_dmkcl_suffixes "$command" mesh)" "$word")
     fi
     [ -n "$words" ] && COMPREPLY+=($(compgen -W "$words" -- "$word"))
