@@ -85,8 +85,8 @@ typedef struct solve_table {
 void solve_request_init(solve_request *request, const char *command);
 void solve_add(solve_table *table, const cli_option *rows, size_t n);
 void solve_add_source(solve_table *table, solve_request *request);
-/* --report and --json, which makes the report "-" in solve_request_convert. */
 void solve_add_strength(solve_table *table, solve_request *request);
+/* --report and --json, which makes the report "-" in solve_request_convert. */
 void solve_add_report(solve_table *table, solve_request *request);
 /* For commands that need no device. */
 void solve_add_host(solve_table *table, solve_request *request);

@@ -14,8 +14,8 @@ typedef struct audit {
     double slack;
 } audit;
 
-/* The corner of least number of triangle t that no source reaches, though one lies in its
- * component; or that has a distance below zero, or none. */
+/* Whether no source reaches a corner of triangle t, though one lies in its component; or a corner has a distance below
+ * zero, or none. */
 static bool bad_triangle(int32_t t, void *data)
 {
     const audit *a = data;

@@ -1,7 +1,7 @@
 /* The same surface with finer triangles. Flat: distances, paths and the cut locus are those of the mesh. */
+#include "base/heap.h"
 #include "base/vec3.h"
 #include "geodesic/finer.h"
-#include "geodesic/heap.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -11,8 +11,8 @@
  * - source.c: the triangles around a source, and where its rays enter the next ones.
  * - front.c: triangles as the engines read them, and what sources and pseudo-sources radiate.
  * - window.c: windows, depth first: exact distances.
- * - step.c, lanes.c: their steps, one by one and many at once.
- * - wave.c, envelope.c: merged windows: distances of large meshes, and from lines.
+ * - step.c, lanes.c: their steps, one by one and many at once; shares.c: what threads give each other.
+ * - wave.c, envelope.c: merged windows: distances of large meshes, and from lines; shard.c: where they wait.
  * - trace.c: paths, and distances anywhere.
  * - image.h: families of paths as an edge sees them.
  * - check.c: what must hold of the result; its integral.

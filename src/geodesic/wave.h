@@ -3,9 +3,9 @@
 #define DMK_GEODESIC_WAVE_H
 
 #include "geodesic/front.h"
-#include "geodesic/heap.h"
 
 #include "base/crew.h"
+#include "base/heap.h"
 
 #include <math.h>
 

@@ -1,8 +1,8 @@
 /* The least ways across edges that join parts of a mesh. */
+#include "base/heap.h"
 #include "base/sets.h"
 #include "base/sort.h"
 #include "geodesic/geodesic.h"
-#include "geodesic/heap.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -2,8 +2,8 @@
 #ifndef DMK_GEODESIC_WINDOW_H
 #define DMK_GEODESIC_WINDOW_H
 
+#include "base/heap.h"
 #include "geodesic/front.h"
-#include "geodesic/heap.h"
 
 #include <math.h>
 #include <stdatomic.h>

@@ -16,10 +16,10 @@
  * there, and its strength is its worth there (the persistence of its end). All of a branch has this strength, but
  * for what lies beyond its end, where its worth is less than the default, which has its own worth: so whole
  * branches come and go with the strength asked for, and nothing else changes. */
+#include "base/heap.h"
 #include "base/parallel.h"
 #include "base/sort.h"
 #include "base/vec3.h"
-#include "geodesic/heap.h"
 #include "locus/cotree.h"
 
 #include <math.h>

@@ -4,59 +4,25 @@
  * triangles laid flat, some per cent above the geodesic one, which is good enough to spread points. */
 #include "mesh/mesh.h"
 
+#include "base/heap.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-
-typedef struct queued {
-    double distance;
-    int32_t vertex;
-} queued;
 
 typedef struct sampler {
     dmk_context *context;
     const dmk_mesh *mesh;
     dmk_vertex_stars star;
     double *distance; /* n_vertices: to the nearest sample; infinite where no path leads */
-    queued *heap;     /* the least distance first; entries that are out of date are skipped */
-    size_t n, room;
+    dmk_heap heap;    /* of vertices by their distance; entries that are out of date are skipped */
 } sampler;
-
-static bool before(queued a, queued b)
-{
-    return a.distance != b.distance ? a.distance < b.distance : a.vertex < b.vertex;
-}
-
-static int push(sampler *s, queued q)
-{
-    int rc = DMK_GROW(s->context, s->heap, s->n + 1, s->room);
-    if (rc != DMK_OK) return rc;
-    size_t i = s->n++;
-    for (; i > 0 && before(q, s->heap[(i - 1) / 2]); i = (i - 1) / 2)
-        s->heap[i] = s->heap[(i - 1) / 2];
-    s->heap[i] = q;
-    return DMK_OK;
-}
-
-static queued pop(sampler *s)
-{
-    queued top = s->heap[0], last = s->heap[--s->n];
-    size_t i = 0;
-    for (size_t c = 1; c < s->n; c = 2 * i + 1) {
-        if (c + 1 < s->n && before(s->heap[c + 1], s->heap[c])) c++;
-        if (!before(s->heap[c], last)) break;
-        s->heap[i] = s->heap[c];
-        i = c;
-    }
-    s->heap[i] = last;
-    return top;
-}
 
 static int reach(sampler *s, int32_t v, double distance)
 {
     if (!(distance < s->distance[v])) return DMK_OK;
     s->distance[v] = distance;
-    return push(s, (queued){distance, v});
+    return dmk_heap_push(s->context, &s->heap, distance, v);
 }
 
 /* From corner k of t across the opposite edge, the neighbour laid flat: *length to its far corner, which
@@ -79,20 +45,20 @@ static int32_t unfold(const dmk_mesh *m, int32_t t, int k, double *length)
     return m->triangle[3 * (size_t)other + (size_t)j];
 }
 
-static int relax(sampler *s, queued from)
+static int relax(sampler *s, dmk_heap_item from)
 {
     int rc = DMK_OK;
     const dmk_mesh *m = s->mesh;
-    for (int32_t i = s->star.row[from.vertex]; i < s->star.row[from.vertex + 1]; i++) {
+    for (int32_t i = s->star.row[from.item]; i < s->star.row[from.item + 1]; i++) {
         const int32_t t = s->star.triangle[i] / 4;
         const int k = s->star.triangle[i] % 4;
         for (int j = 1; j < 3; j++) {
             const int32_t e = m->triangle_edge[3 * t + (k + 3 - j) % 3];
-            DMK_TRY(reach(s, m->triangle[3 * t + (k + j) % 3], from.distance + m->length[e]));
+            DMK_TRY(reach(s, m->triangle[3 * t + (k + j) % 3], from.key + m->length[e]));
         }
         double length;
         const int32_t far = unfold(m, t, k, &length);
-        if (far >= 0) DMK_TRY(reach(s, far, from.distance + length));
+        if (far >= 0) DMK_TRY(reach(s, far, from.key + length));
     }
 done:
     return rc;
@@ -102,9 +68,9 @@ static int spread_from(sampler *s, int32_t v)
 {
     int rc;
     DMK_TRY(reach(s, v, 0));
-    while (s->n > 0) {
-        const queued q = pop(s);
-        if (q.distance > s->distance[q.vertex]) continue;
+    while (s->heap.n > 0) {
+        const dmk_heap_item q = dmk_heap_pop(&s->heap);
+        if (q.key > s->distance[q.item]) continue;
         DMK_TRY(relax(s, q));
     }
     rc = dmk_poll(s->context);
@@ -158,6 +124,6 @@ done:
     dmk_stage_end(ctx);
     dmk_vertex_stars_free(&s.star);
     free(s.distance);
-    free(s.heap);
+    dmk_heap_free(&s.heap);
     return rc;
 }

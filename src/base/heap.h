@@ -1,6 +1,6 @@
 /* A heap of numbered keys, the least first; equal keys by number. */
-#ifndef DMK_GEODESIC_HEAP_H
-#define DMK_GEODESIC_HEAP_H
+#ifndef DMK_HEAP_H
+#define DMK_HEAP_H
 
 #include "base/base.h"
 
