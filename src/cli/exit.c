@@ -45,6 +45,14 @@ void cli_print_exit_codes(FILE *file)
     }
 }
 
+/* As the library knows the standard output. */
+static const char *stdout_path = "/dev/stdout";
+
+void cli_call_stdout(const char *path)
+{
+    stdout_path = path;
+}
+
 /* What the library says for every language has names here. */
 typedef struct phrase {
     const char *library, *tool;
@@ -60,7 +68,7 @@ static const char *translate(const char *words, size_t *length)
         {"has no size b; leave it 0", "has no size B; leave it out"},
         {"has no size c; leave it 0", "has no size C; leave it out"},
         {"the tube radius b must be smaller than a,", "the tube radius B must be smaller than A,"},
-        {cli_path("-"), "the standard output"},
+        {stdout_path, "the standard output"},
     };
     for (size_t i = 0; i < sizeof phrases / sizeof *phrases; i++) {
         *length = strlen(phrases[i].library);

@@ -86,6 +86,7 @@ static int take_stdout(void)
         return cli_error(EXIT_IO, "cannot write to the standard output: %s", strerror(errno));
     }
     snprintf(stdout_path, sizeof stdout_path, "/dev/fd/%d", stdout_fd);
+    cli_call_stdout(stdout_path);
     return EXIT_OK;
 }
 
