@@ -16,7 +16,7 @@ messages() { # FILES
             call = ""
         }
         /^#define|^ \*|^\/\*/ { next }
-        !call && match($0, /(dmk_fail|cli_error|dmk_text_fail|complain|bad_value|usage_error)\(/) {
+        !call && match($0, /(dmk_fail|cli_error|dmk_text_fail|dmk_text_fail_word|complain|bad_value|usage_error)\(/) {
             file = FILENAME
             line = FNR
             call = substr($0, RSTART)

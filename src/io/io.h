@@ -39,6 +39,9 @@ void dmk_text_close(dmk_text *text);
 /* Fail with DMK_E_FORMAT and "path:line: ", the line being that of text->at. */
 int dmk_text_fail(const dmk_text *text, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
+/* The same, with the word at text->at in quotes before the text. */
+int dmk_text_fail_word(const dmk_text *text, const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
 /* Skip blanks and comments, staying in the line; true if something is left in it. */
 bool dmk_text_more(dmk_text *text);
 /* Go to the next thing that is no blank, comment or line end; false at the end of the text. */
@@ -46,6 +49,10 @@ bool dmk_text_seek(dmk_text *text);
 void dmk_text_skip_line(dmk_text *text);
 /* Length of the word at text->at: up to a blank, line end, comment or backslash. */
 size_t dmk_text_word(const dmk_text *text);
+/* Whether that word is this one; in whatever case; and then go behind it. */
+bool dmk_text_is(const dmk_text *text, const char *word);
+bool dmk_text_is_in_any_case(const dmk_text *text, const char *word);
+bool dmk_text_take(dmk_text *text, const char *word);
 /* Whether a word ends at p: a blank, line end, comment or backslash stands there, or nothing. */
 bool dmk_text_ends(const dmk_text *text, const char *p);
 /* Read a number that ends with its word; `what` names it in the error. */

@@ -49,23 +49,12 @@ bool dmk_msh_sniff(const dmk_file *file)
     dmk_text t = dmk_text_of(file);
     if (!dmk_text_seek(&t) || *t.at != '$') return false;
     for (int i = 0; i < 3; i++) {
-        if (dmk_text_word(&t) == strlen(words[i]) && memcmp(t.at, words[i], strlen(words[i])) == 0)
-            return true;
+        if (dmk_text_is(&t, words[i])) return true;
     }
     return false;
 }
 
 /* ---- sections ---- */
-
-/* Whether the line begins with the word; then go behind it. */
-static bool take_word(msh *m, const char *word)
-{
-    dmk_text *t = &m->in.text;
-    const size_t n = strlen(word);
-    if (dmk_text_word(t) != n || memcmp(t->at, word, n) != 0) return false;
-    t->at += n;
-    return true;
-}
 
 /* Behind the line "$EndNAME" of the section that began with "$NAME" at `name`. Binary data may hold
  * anything, so the whole word is looked for. */
@@ -73,8 +62,10 @@ static int skip_section(msh *m, const char *name, size_t n)
 {
     dmk_text *t = &m->in.text;
     char end[64] = "$End";
-    if (n < 2 || n > 48)
-        return dmk_text_fail(t, "'%.*s' is no section of MSH", n > 40 ? 40 : (int)n, name);
+    if (n < 2 || n > 48) {
+        t->at = name;
+        return dmk_text_fail_word(t, "is no section of MSH");
+    }
     memcpy(end + 4, name + 1, n - 1);
     const char *p = memmem(t->at, (size_t)(t->end - t->at), end, n + 3);
     if (!p) return dmk_text_fail(t, "no %s after it: the file is cut short", end);
@@ -389,22 +380,20 @@ static int read_section(msh *m)
     dmk_text *t = &m->in.text;
     const char *name = t->at;
     const size_t n = dmk_text_word(t);
-    if (*name != '$') {
-        return dmk_text_fail(t, "'%.*s' where a section ($Nodes) is expected", n > 40 ? 40 : (int)n,
-                             name);
-    }
-    if (take_word(m, "$NOD")) return dmk_text_fail(t, "version 1 of MSH; export version 2 or 4");
-    if (take_word(m, "$MeshFormat")) {
+    if (*name != '$') return dmk_text_fail_word(t, "where a section ($Nodes) is expected");
+    if (dmk_text_take(t, "$NOD"))
+        return dmk_text_fail(t, "version 1 of MSH; export version 2 or 4");
+    if (dmk_text_take(t, "$MeshFormat")) {
         DMK_TRY(read_format(m));
     } else if (m->version == 0) {
         t->at += n;
-    } else if (take_word(m, "$Nodes") ||
-               (m->is_parametric = m->version == 2 && take_word(m, "$ParametricNodes"))) {
+    } else if (dmk_text_take(t, "$Nodes") ||
+               (m->is_parametric = m->version == 2 && dmk_text_take(t, "$ParametricNodes"))) {
         if (m->soup->n_vertices > 0) return dmk_values_fail(&m->in, "a second $Nodes");
         dmk_text_skip_line(t);
         DMK_TRY(read_nodes(m));
         DMK_TRY(sort_nodes(m));
-    } else if (take_word(m, "$Elements")) {
+    } else if (dmk_text_take(t, "$Elements")) {
         dmk_text_skip_line(t);
         DMK_TRY(m->version == 2 ? read_elements_2(m) : read_elements_4(m));
     } else {

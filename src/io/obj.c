@@ -7,19 +7,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-static bool is_word(const dmk_text *t, const char *word)
-{
-    size_t n = strlen(word);
-    return dmk_text_word(t) == n && memcmp(t->at, word, n) == 0;
-}
-
 bool dmk_obj_sniff(const dmk_file *file)
 {
     static const char *const words[] = {"v", "vn", "vt", "f", "o", "g", "s", "mtllib", "usemtl"};
     dmk_text t = dmk_text_of(file);
     if (!dmk_text_seek(&t)) return false;
     for (size_t i = 0; i < sizeof words / sizeof *words; i++) {
-        if (is_word(&t, words[i])) return true;
+        if (dmk_text_is(&t, words[i])) return true;
     }
     return false;
 }
@@ -66,10 +60,8 @@ static int read_corner(dmk_text *t, size_t n_vertices, size_t seen, int32_t *ver
     int64_t i;
     const char *p = t->at, *word_end = t->at + dmk_text_word(t);
     if (!dmk_integer_read(&p, word_end, &i) || (p < word_end && *p != '/')) {
-        return dmk_text_fail(t,
-                             "'%.*s' where a face's vertex is expected: write i, i/t, i//n or "
-                             "i/t/n",
-                             (int)dmk_min_i((int32_t)(word_end - t->at), 40), t->at);
+        return dmk_text_fail_word(t,
+                                  "where a face's vertex is expected: write i, i/t, i//n or i/t/n");
     }
     int64_t v = i > 0 ? i - 1 : (int64_t)seen + i;
     if (i == 0 || v < 0 || v >= (int64_t)n_vertices) {
@@ -106,7 +98,7 @@ static int kind_of_line(const dmk_text *t)
     const char *line_end = memchr(t->at, '\n', (size_t)(t->end - t->at));
     const char *end = line_end ? line_end : t->end;
     if (memchr(t->at, '\\', (size_t)(end - t->at))) return DMK_LINE_ODD;
-    return is_word(t, "v") ? VERTEX : is_word(t, "f") ? FACE : DMK_LINE_NONE;
+    return dmk_text_is(t, "v") ? VERTEX : dmk_text_is(t, "f") ? FACE : DMK_LINE_NONE;
 }
 
 static bool take_line(dmk_text *t, int kind, size_t i, const dmk_lines *lines)
@@ -162,12 +154,10 @@ int dmk_obj_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
     soup->n_vertices = count_vertices(t);
     DMK_TRY(DMK_NEW(ctx, soup->xyz, 3 * soup->n_vertices));
     while (dmk_text_seek(&t)) {
-        if (is_word(&t, "v")) {
-            t.at++;
+        if (dmk_text_take(&t, "v")) {
             DMK_TRY(read_vertex(&t, soup->xyz + 3 * seen));
             seen++;
-        } else if (is_word(&t, "f")) {
-            t.at++;
+        } else if (dmk_text_take(&t, "f")) {
             DMK_TRY(read_face(&t, soup, seen));
         }
         dmk_text_skip_line(&t);

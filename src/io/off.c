@@ -48,7 +48,7 @@ static int read_header(dmk_text *t, off_header *h)
     if (h->other_dimension) {
         return dmk_text_fail(t, "vertices that are not in three dimensions; export plain OFF");
     }
-    if (dmk_text_more(t) && dmk_text_word(t) == 6 && memcmp(t->at, "BINARY", 6) == 0) {
+    if (dmk_text_more(t) && dmk_text_is(t, "BINARY")) {
         return dmk_text_fail(t, "binary OFF is not read; export OFF as text");
     }
     return DMK_OK;

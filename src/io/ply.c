@@ -53,11 +53,10 @@ bool dmk_ply_sniff(const dmk_file *file)
 
 /* ---- header ---- */
 
+/* The word, and the blanks behind it. */
 static bool take_word(dmk_text *t, const char *word)
 {
-    size_t n = strlen(word);
-    if (dmk_text_word(t) != n || memcmp(t->at, word, n) != 0) return false;
-    t->at += n;
+    if (!dmk_text_take(t, word)) return false;
     dmk_text_more(t);
     return true;
 }
@@ -151,9 +150,7 @@ static int read_header(ply *p)
     bool format = false;
     dmk_text *t = &p->in.text;
     for (dmk_text_skip_line(t); rc == DMK_OK && dmk_text_seek(t); dmk_text_skip_line(t)) {
-        size_t n = dmk_text_word(t);
-        if (n == 10 && memcmp(t->at, "end_header", n) == 0) {
-            t->at += n;
+        if (dmk_text_take(t, "end_header")) {
             if (!format) return dmk_text_fail(t, "the header names no format");
             return end_header(p);
         }
@@ -165,8 +162,7 @@ static int read_header(ply *p)
         } else if (take_word(t, "property")) {
             rc = read_property_line(p);
         } else if (!take_word(t, "comment") && !take_word(t, "obj_info")) {
-            rc = dmk_text_fail(t, "'%.*s' is not a line of a PLY header", n > 40 ? 40 : (int)n,
-                               t->at);
+            rc = dmk_text_fail_word(t, "is not a line of a PLY header");
         }
         if (rc != DMK_OK) return rc;
     }

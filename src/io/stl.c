@@ -4,7 +4,6 @@
 
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 
 #define HEADER_BYTES 84 /* 80 of title, then the number of triangles */
 #define RECORD_BYTES 50 /* normal and corners as 12 floats, 2 of attributes */
@@ -22,16 +21,10 @@ static bool is_binary(const dmk_file *f)
            f->size == HEADER_BYTES + (uint64_t)RECORD_BYTES * decode32(f->data + 80);
 }
 
-/* Whether the n characters at p are the word, in whatever case. */
-static bool is_word(const char *p, size_t n, const char *word)
-{
-    return strlen(word) == n && strncasecmp(p, word, n) == 0;
-}
-
 bool dmk_stl_sniff(const dmk_file *f)
 {
     dmk_text t = dmk_text_of(f);
-    return is_binary(f) || (dmk_text_seek(&t) && is_word(t.at, dmk_text_word(&t), "solid"));
+    return is_binary(f) || (dmk_text_seek(&t) && dmk_text_is_in_any_case(&t, "solid"));
 }
 
 /* ---- corners, each a vertex until they are welded ---- */
@@ -100,7 +93,7 @@ static int read_text(dmk_text *t, corners *c)
     int32_t fan[2] = {0, 0};
     while (dmk_text_seek(t)) {
         size_t n = dmk_text_word(t);
-        if (is_word(t->at, n, "vertex")) {
+        if (dmk_text_is_in_any_case(t, "vertex")) {
             double x[3];
             t->at += 6;
             for (int i = 0; i < 3; i++) {
@@ -108,14 +101,14 @@ static int read_text(dmk_text *t, corners *c)
                 DMK_TRY(dmk_text_number(t, "a vertex coordinate", &x[i]));
             }
             DMK_TRY(add_corner(t->context, c, corner++, fan, x));
-        } else if (is_word(t->at, n, "endloop") && corner < 3) {
+        } else if (dmk_text_is_in_any_case(t, "endloop") && corner < 3) {
             rc = dmk_text_fail(t, "a facet with %zu corners; remove it", corner);
             goto done;
-        } else if (is_word(t->at, n, "loop")) {
+        } else if (dmk_text_is_in_any_case(t, "loop")) {
             corner = 0;
             ended = false;
             t->at += 4;
-        } else if (is_word(t->at, n, "solid") || is_word(t->at, n, "endsolid")) {
+        } else if (dmk_text_is_in_any_case(t, "solid") || dmk_text_is_in_any_case(t, "endsolid")) {
             ended = ended || n > strlen("solid");
             dmk_text_skip_line(t);
         } else {

@@ -4,6 +4,7 @@
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
+#include <strings.h>
 
 /* What some editors write before a text in UTF-8. */
 static const char mark[] = "\xef\xbb\xbf";
@@ -37,6 +38,18 @@ int dmk_text_fail(const dmk_text *text, const char *format, ...)
     size_t line = 1; /* counted only here, so that scanning need not */
     for (const char *p = text->file->data; p < text->at; p++) line += *p == '\n';
     return dmk_fail(text->context, DMK_E_FORMAT, "%s:%zu: %s", text->file->path, line, what);
+}
+
+int dmk_text_fail_word(const dmk_text *text, const char *format, ...)
+{
+    enum { LONGEST = 40 };
+    char what[512];
+    const size_t n = dmk_text_word(text);
+    va_list args;
+    va_start(args, format);
+    vsnprintf(what, sizeof what, format, args);
+    va_end(args);
+    return dmk_text_fail(text, "'%.*s' %s", n > LONGEST ? LONGEST : (int)n, text->at, what);
 }
 
 static bool is_blank(char c)
@@ -83,19 +96,36 @@ size_t dmk_text_word(const dmk_text *text)
     return (size_t)(p - text->at);
 }
 
+bool dmk_text_is(const dmk_text *text, const char *word)
+{
+    const size_t n = strlen(word);
+    return dmk_text_word(text) == n && memcmp(text->at, word, n) == 0;
+}
+
+bool dmk_text_is_in_any_case(const dmk_text *text, const char *word)
+{
+    const size_t n = strlen(word);
+    return dmk_text_word(text) == n && strncasecmp(text->at, word, n) == 0;
+}
+
+bool dmk_text_take(dmk_text *text, const char *word)
+{
+    if (!dmk_text_is(text, word)) return false;
+    text->at += strlen(word);
+    return true;
+}
+
 /* Fail with what is at text->at instead of the number. */
 static int fail_word(const dmk_text *text, const char *what, const char *wanted)
 {
-    size_t n = dmk_text_word(text);
     if (text->at >= text->end) {
         return dmk_text_fail(text,
                              "the file ends before %s; it is cut short or its counts are "
                              "wrong",
                              what);
     }
-    if (n == 0) return dmk_text_fail(text, "%s is missing", what);
-    return dmk_text_fail(text, "'%.*s' where %s is expected: write %s", n > 40 ? 40 : (int)n,
-                         text->at, what, wanted);
+    if (dmk_text_word(text) == 0) return dmk_text_fail(text, "%s is missing", what);
+    return dmk_text_fail_word(text, "where %s is expected: write %s", what, wanted);
 }
 
 int dmk_text_number(dmk_text *text, const char *what, double *value)

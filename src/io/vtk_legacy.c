@@ -34,10 +34,8 @@ bool dmk_vtk_legacy_sniff(const dmk_file *file)
 static bool take_word(legacy *v, const char *word)
 {
     dmk_text *t = &v->in.text;
-    const size_t n = strlen(word);
-    if (!dmk_text_seek(t) || dmk_text_word(t) != n || strncasecmp(t->at, word, n) != 0)
-        return false;
-    t->at += n;
+    if (!dmk_text_seek(t) || !dmk_text_is_in_any_case(t, word)) return false;
+    t->at += strlen(word);
     return true;
 }
 
@@ -67,11 +65,8 @@ static int read_type(legacy *v, dmk_type *type)
         *type = names[i].type;
         return DMK_OK;
     }
-    const size_t n = dmk_text_word(&v->in.text);
-    return dmk_text_fail(&v->in.text,
-                         "'%.*s' is not a supported number type; export float, "
-                         "double or int",
-                         n > 40 ? 40 : (int)n, v->in.text.at);
+    return dmk_text_fail_word(&v->in.text,
+                              "is not a supported number type; export float, double or int");
 }
 
 /* Binary data begins behind the end of the keyword's line. */
@@ -105,11 +100,8 @@ static int read_header(legacy *v)
     v->is_grid = take_word(v, "UNSTRUCTURED_GRID");
     if (!v->is_grid && !take_word(v, "POLYDATA")) {
         dmk_text_seek(t);
-        const size_t n = dmk_text_word(t);
-        rc = dmk_text_fail(t,
-                           "'%.*s' is neither POLYDATA nor UNSTRUCTURED_GRID; extract the "
-                           "surface first",
-                           n > 40 ? 40 : (int)n, t->at);
+        rc = dmk_text_fail_word(
+            t, "is neither POLYDATA nor UNSTRUCTURED_GRID; extract the surface first");
     }
 done:
     return rc;
@@ -121,7 +113,7 @@ static int read_points(legacy *v)
 {
     int rc;
     int64_t n;
-    dmk_type type;
+    dmk_type type = DMK_INT8;
     if (v->soup->xyz) return dmk_text_fail(&v->in.text, "a second POINTS");
     DMK_TRY(read_count(v, "the number of points", &n));
     DMK_TRY(read_type(v, &type));
@@ -186,7 +178,7 @@ done:
 static int read_offset_lists(legacy *v, int64_t n, int64_t size)
 {
     int rc;
-    dmk_type type;
+    dmk_type type = DMK_INT8;
     dmk_text *t = &v->in.text;
     if (!take_word(v, "OFFSETS")) return dmk_text_fail(t, "no OFFSETS before the cells' corners");
     DMK_TRY(read_type(v, &type));
@@ -314,9 +306,7 @@ static int read_part(legacy *v, bool *done)
         if (take_word(v, "POLYGONS")) return read_poly_cells(v, DMK_CELL_POLYGON);
         if (take_word(v, "TRIANGLE_STRIPS")) return read_poly_cells(v, DMK_CELL_STRIP);
     }
-    const size_t n = dmk_text_word(t);
-    return dmk_text_fail(t, "'%.*s' does not belong in this kind of data set", n > 40 ? 40 : (int)n,
-                         t->at);
+    return dmk_text_fail_word(t, "does not belong in this kind of data set");
 }
 
 int dmk_vtk_legacy_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
