@@ -7,9 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Radians over 2 pi that make a pseudo-source; and below pi at a border, whose straight vertices all count.
- */
-static const double least_excess = 1e-10, straight = 1e-6;
 /* Radians: an edge so near the rays is one. */
 static const double same_direction = 1e-9;
 /* Over the length of the edge: a range is taken so much wider. */
@@ -46,9 +43,7 @@ static void clear_range(int32_t begin, int32_t end, void *data)
     const dmk_front *e = data;
     const dmk_star *s = &e->g->star;
     for (int32_t v = begin; v < end; v++) {
-        e->pseudo_source[v] =
-            s->first[v] >= 0 &&
-            s->total[v] > (s->border[v] ? M_PI - straight : 2 * M_PI + least_excess);
+        e->pseudo_source[v] = s->first[v] >= 0 && dmk_front_bends(s, v);
         e->d[v] = INFINITY;
     }
 }
@@ -99,8 +94,9 @@ int dmk_front_directions(const dmk_front *e, int32_t v, double back, double rang
         range[0][1] = range[0][0] + total - 2 * M_PI;
         return 1;
     }
-    if (back - M_PI > -straight) range[n][0] = -straight, range[n++][1] = back - M_PI;
-    if (back + M_PI < total + straight) range[n][0] = back + M_PI, range[n++][1] = total + straight;
+    if (back - M_PI > -DMK_STRAIGHT) range[n][0] = -DMK_STRAIGHT, range[n++][1] = back - M_PI;
+    if (back + M_PI < total + DMK_STRAIGHT)
+        range[n][0] = back + M_PI, range[n++][1] = total + DMK_STRAIGHT;
     return n;
 }
 

@@ -4,6 +4,8 @@
 
 #include "geodesic/geodesic.h"
 
+#include <math.h>
+
 /* Everything about a triangle but its angles. Half-edge h lies on the x axis from a (0, 0) to b
  * (length, 0), with the opposite corner c above; rays enter upwards. */
 typedef struct dmk_facet {
@@ -25,6 +27,17 @@ typedef struct dmk_front {
  * so narrow is none. */
 #define DMK_SAME_PLACE 1e-11
 #define DMK_NO_WIDTH 1e-12
+
+/* Radians over 2 pi around a vertex at which shortest paths bend; and below pi at a border, whose straight vertices all
+ * count. */
+#define DMK_LEAST_EXCESS 1e-10
+#define DMK_STRAIGHT 1e-6
+
+/* Whether shortest paths may bend at vertex v. */
+static inline bool dmk_front_bends(const dmk_star *star, int32_t v)
+{
+    return star->total[v] > (star->border[v] ? M_PI - DMK_STRAIGHT : 2 * M_PI + DMK_LEAST_EXCESS);
+}
 
 int dmk_front_create(dmk_context *context, dmk_geodesics *geodesics, dmk_front *front);
 void dmk_front_free(dmk_front *front);

@@ -136,7 +136,7 @@ void dmk_tracer_destroy(dmk_tracer **tracer)
 static bool is_bend(const dmk_geodesics *g, int32_t v)
 {
     const dmk_arrival *a = g->arrival + v;
-    if (g->star.border[v] || g->star.total[v] > 2 * M_PI + 1e-10) return true;
+    if (dmk_front_bends(&g->star, v)) return true;
     return a->source >= 0 && a->source < g->n_sources && g->source[a->source].vertex == v;
 }
 
