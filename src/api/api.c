@@ -150,8 +150,6 @@ int dmk_path_compute(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *r
 {
     int rc;
     dmk_point *end = NULL;
-    dmk_tracer *tracer = NULL;
-    size_t n = 0;
     if (dmk_missing(ctx, "mesh", mesh, "result", result, "to", to, "paths", paths))
         return DMK_E_ARG;
     memset(paths, 0, n_points * sizeof *paths);
@@ -160,11 +158,7 @@ int dmk_path_compute(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *r
     const dmk_order *order = &result->order->order;
     DMK_TRY(DMK_NEW(ctx, end, n_points));
     DMK_TRY(renumber_ends(ctx, mesh, order, n_points, to, end));
-    DMK_TRY(dmk_tracer_create(ctx, result->geodesics, &tracer));
-    for (; n < n_points; n++) {
-        DMK_TRY(dmk_tracer_path(ctx, tracer, end + n, paths + n));
-        DMK_TRY(dmk_poll(ctx));
-    }
+    DMK_TRY(dmk_tracer_paths(ctx, result->geodesics, n_points, end, paths));
     for (size_t i = 0; i < n_points; i++) {
         for (size_t k = 0; k < paths[i].n; k++) {
             dmk_point *p = &paths[i].point[k];
@@ -172,9 +166,7 @@ int dmk_path_compute(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *r
         }
     }
 done:
-    for (size_t i = 0; rc != DMK_OK && i < n_points; i++) dmk_path_free(paths + i);
     dmk_stage_end(ctx);
-    dmk_tracer_destroy(&tracer);
     free(end);
     return rc;
 }

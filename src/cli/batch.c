@@ -4,7 +4,6 @@
 
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 
 typedef struct batch {
     const solve_request *request;
@@ -68,25 +67,11 @@ static bool request_one(const batch *b, size_t k, solve_request *one)
     return good && (one->report || !b->request->report);
 }
 
-static bool is_there(const char *path)
-{
-    struct stat file;
-    return stat(path, &file) == 0 && S_ISREG(file.st_mode);
-}
-
-static bool are_there(const cli_files *files)
-{
-    for (int i = 0; i < files->n; i++) {
-        if (!is_there(files->path[i])) return false;
-    }
-    return true;
-}
-
 /* Files are whole if they are there. */
 static bool is_done(const solve_request *one)
 {
-    return are_there(&one->out) && are_there(&one->locus) && are_there(&one->tangent) &&
-           (!one->report || strcmp(one->report, "-") == 0 || is_there(one->report));
+    return solve_has_files(one) &&
+           (!one->report || strcmp(one->report, "-") == 0 || cli_is_file(one->report));
 }
 
 /* The exit code of a source that was done before, as far as its report says. */

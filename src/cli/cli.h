@@ -127,6 +127,8 @@ cli_option cli_format_option(const char **format);
 bool cli_is_stdout(const char *path);
 bool cli_is_sink(const char *path);
 bool cli_is_stream(const char *path);
+/* Whether there is a regular file. */
+bool cli_is_file(const char *path);
 /* The name for the library of a path of the command line: that of the standard output as it was, where a file has
  * taken it. */
 const char *cli_path(const char *path);

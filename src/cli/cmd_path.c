@@ -51,9 +51,7 @@ static void report_path(cli_json *json, const solve_run *run, const void *data)
     json_open(json, "path", '{');
     json_number(json, "length", path->length);
     json_integer(json, "n_triangles", (int64_t)path->n - 1);
-    json_open(json, "out", '[');
-    for (int i = 0; i < t->request->out.n; i++) json_text(json, NULL, t->request->out.path[i]);
-    json_close(json, '[');
+    solve_report_names(json, "out", &t->request->out);
     json_close(json, '{');
     json_open(json, "seconds", '{');
     json_number(json, "read", run->seconds.read);

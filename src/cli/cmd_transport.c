@@ -142,9 +142,7 @@ static void write_report(FILE *file, const transport_request *r, const transport
     json_number(&json, "total", cli_seconds() - run->begin);
     json_close(&json, '{');
     json_integer(&json, "peak_memory", (int64_t)cli_peak_memory());
-    json_open(&json, "out", '[');
-    for (int i = 0; i < r->solve.out.n; i++) json_text(&json, NULL, r->solve.out.path[i]);
-    json_close(&json, '[');
+    solve_report_names(&json, "out", &r->solve.out);
     json_close(&json, '{');
 }
 
@@ -208,13 +206,7 @@ static int check_gap(const transport_request *r, const transport_run *run)
 {
     dmk_stats stats;
     dmk_transport_get_stats(run->transport, &stats);
-    const double asked = r->solve.solve.gap_tolerance;
-    if (!(asked > 0) || stats.gap <= asked) return EXIT_OK;
-    return cli_error(
-        EXIT_GAP,
-        "the gap is %.2g, above the %.2g that --gap asked for; a smaller --tolerance may "
-        "bring it down",
-        stats.gap, asked);
+    return solve_tell_gap(&r->solve, "", stats.gap);
 }
 
 static int run_transport(const transport_request *r)

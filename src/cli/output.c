@@ -71,6 +71,12 @@ bool cli_is_sink(const char *path)
            S_ISCHR(file.st_mode) && file.st_rdev == null.st_rdev;
 }
 
+bool cli_is_file(const char *path)
+{
+    struct stat file;
+    return stat(path, &file) == 0 && S_ISREG(file.st_mode);
+}
+
 const char *cli_path(const char *path)
 {
     if (!cli_is_stdout(path)) return path;

@@ -318,15 +318,6 @@ void batch_record_close(batch_record **record)
 
 /* ---- what can stay -------------------------------------------------------------------------- */
 
-static bool files_exist(const cli_files *files)
-{
-    struct stat file;
-    for (int i = 0; i < files->n; i++) {
-        if (stat(files->path[i], &file) != 0 || !S_ISREG(file.st_mode)) return false;
-    }
-    return true;
-}
-
 static const char *judge(const batch_record *r, const batch_entry *entry, const seen *line)
 {
     solve_request one;
@@ -335,9 +326,8 @@ static const char *judge(const batch_record *r, const batch_entry *entry, const 
     if (strcmp(line->digest, mesh->digest) != 0) return "the mesh has changed";
     if (strcmp(line->wanted, entry->wanted) != 0) return "the source is another";
     if (strcmp(line->options, r->options) != 0) return "the options are others";
-    const bool there = batch_name_files(r->request, mesh, entry->source, &one) &&
-                       files_exist(&one.out) && files_exist(&one.locus) &&
-                       files_exist(&one.tangent);
+    const bool there =
+        batch_name_files(r->request, mesh, entry->source, &one) && solve_has_files(&one);
     batch_free_files(&one);
     return there ? NULL : "a file of it is missing";
 }

@@ -325,16 +325,20 @@ double solve_reported_gap(const char *text, size_t n)
     return found ? strtod(found + sizeof name - 1, NULL) : NAN; /* the locale is C: see main */
 }
 
+int solve_tell_gap(const solve_request *request, const char *where, double gap)
+{
+    if (!solve_misses(request, gap)) return EXIT_OK;
+    return cli_error(EXIT_GAP,
+                     "%sthe gap is %.2g, above the %.2g that --gap asked for; a smaller "
+                     "--tolerance may bring it down",
+                     where, gap, request->solve.gap_tolerance);
+}
+
 int solve_check_gap(const solve_request *request, const solve_run *run)
 {
     dmk_stats stats;
     dmk_result_get_stats(run->result, &stats);
-    const double asked = request->solve.gap_tolerance;
-    if (!solve_misses(request, stats.gap)) return EXIT_OK;
-    return cli_error(EXIT_GAP,
-                     "%sthe gap is %.2g, above the %.2g that --gap asked for; a smaller "
-                     "--tolerance may bring it down",
-                     run->where, stats.gap, asked);
+    return solve_tell_gap(request, run->where, stats.gap);
 }
 
 void solve_summary_locus(const dmk_locus *locus)

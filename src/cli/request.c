@@ -278,6 +278,19 @@ int solve_request_check_report(const solve_request *request)
     return file ? cli_check_output("report", request->report, CLI_ANY, NULL) : EXIT_OK;
 }
 
+static bool are_files(const cli_files *files)
+{
+    for (int i = 0; i < files->n; i++) {
+        if (!cli_is_file(files->path[i])) return false;
+    }
+    return true;
+}
+
+bool solve_has_files(const solve_request *request)
+{
+    return are_files(&request->out) && are_files(&request->locus) && are_files(&request->tangent);
+}
+
 void solve_request_uses(const solve_request *request, cli_uses *uses)
 {
     cli_use(uses, NULL, request->mesh);

@@ -102,6 +102,8 @@ int solve_request_convert(solve_request *request);
 int solve_request_settle(solve_request *request);
 /* Of these, whether the report can be written. */
 int solve_request_check_report(const solve_request *request);
+/* Whether all files of its results are there; then they are whole. */
+bool solve_has_files(const solve_request *request);
 /* The files that the request reads and writes. */
 void solve_request_uses(const solve_request *order, cli_uses *uses);
 
@@ -158,6 +160,8 @@ bool solve_prints_summary(const solve_request *request);
 void solve_summary(const solve_request *request, const solve_run *run);
 /* EXIT_OK, or EXIT_GAP with the words, when the gap that was asked for is not reached. */
 int solve_check_gap(const solve_request *request, const solve_run *run);
+/* The same of any gap; `where` stands before the words. */
+int solve_tell_gap(const solve_request *request, const char *where, double gap);
 /* Whether that would be its answer to this gap; and the gap in n bytes of a report, or NAN. */
 bool solve_misses(const solve_request *request, double gap);
 double solve_reported_gap(const char *text, size_t n);

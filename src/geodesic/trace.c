@@ -599,6 +599,22 @@ done:
     return rc;
 }
 
+int dmk_tracer_paths(dmk_context *ctx, const dmk_geodesics *g, size_t n, const dmk_point *to,
+                     dmk_path *paths)
+{
+    int rc;
+    dmk_tracer *t = NULL;
+    DMK_TRY(dmk_tracer_create(ctx, g, &t));
+    for (size_t i = 0; i < n; i++) {
+        DMK_TRY(dmk_tracer_path(ctx, t, to + i, paths + i));
+        DMK_TRY(dmk_poll(ctx));
+    }
+done:
+    for (size_t i = 0; rc != DMK_OK && i < n; i++) dmk_path_free(paths + i);
+    dmk_tracer_destroy(&t);
+    return rc;
+}
+
 void dmk_path_free(dmk_path *path)
 {
     if (!path) return;
@@ -607,7 +623,7 @@ void dmk_path_free(dmk_path *path)
 }
 
 /* The distance, its source, and the direction there, anywhere. */
-int dmk_tracer_value(dmk_context *ctx, dmk_tracer *t, const dmk_point *at, dmk_value *value)
+static int value_at(dmk_context *ctx, dmk_tracer *t, const dmk_point *at, dmk_value *value)
 {
     int rc;
     dmk_site site = {0};
@@ -738,7 +754,7 @@ int dmk_geodesics_at(dmk_context *ctx, const dmk_geodesics *g, size_t n_points,
     DMK_TRY(dmk_stage_begin(ctx, "values"));
     DMK_TRY(dmk_tracer_create(ctx, g, &t));
     for (size_t i = 0; i < n_points; i++) {
-        DMK_TRY(dmk_tracer_value(ctx, t, points + i, values + i));
+        DMK_TRY(value_at(ctx, t, points + i, values + i));
         DMK_TRY(dmk_poll(ctx));
     }
 done:
@@ -751,20 +767,12 @@ int dmk_geodesics_paths(dmk_context *ctx, const dmk_geodesics *g, size_t n_point
                         const dmk_point *to, dmk_path *paths)
 {
     int rc;
-    size_t n = 0;
-    dmk_tracer *t = NULL;
     if (dmk_missing(ctx, "geodesics", g, "to", to, "paths", paths)) return DMK_E_ARG;
     memset(paths, 0, n_points * sizeof *paths);
     DMK_TRY(check(ctx, g, n_points, to));
     DMK_TRY(dmk_stage_begin(ctx, "path"));
-    DMK_TRY(dmk_tracer_create(ctx, g, &t));
-    for (; n < n_points; n++) {
-        DMK_TRY(dmk_tracer_path(ctx, t, to + n, paths + n));
-        DMK_TRY(dmk_poll(ctx));
-    }
+    rc = dmk_tracer_paths(ctx, g, n_points, to, paths);
 done:
-    for (size_t i = 0; rc != DMK_OK && i < n_points; i++) dmk_path_free(paths + i);
     dmk_stage_end(ctx);
-    dmk_tracer_destroy(&t);
     return rc;
 }

@@ -10,8 +10,9 @@ int dmk_tracer_create(dmk_context *context, const dmk_geodesics *geodesics, dmk_
 void dmk_tracer_destroy(dmk_tracer **tracer);
 /* The path from the nearest source to a point; DMK_E_ARG if there is none. The caller frees it. */
 int dmk_tracer_path(dmk_context *context, dmk_tracer *tracer, const dmk_point *to, dmk_path *path);
-int dmk_tracer_value(dmk_context *context, dmk_tracer *tracer, const dmk_point *at,
-                     dmk_value *value);
+/* One to each of n points; of a failure none is left. */
+int dmk_tracer_paths(dmk_context *context, const dmk_geodesics *geodesics, size_t n,
+                     const dmk_point *to, dmk_path *paths);
 
 /* Distances of merged windows whose estimated error exceeds twice the tolerance, anew. */
 int dmk_tracer_repair(dmk_context *context, dmk_geodesics *geodesics);

@@ -296,6 +296,13 @@ done:
     return rc;
 }
 
+static void dealt_free(dmk_dealt *own)
+{
+    free(own->xyz);
+    free(own->triangle);
+    *own = (dmk_dealt){0};
+}
+
 int dmk_dealt_read(dmk_context *ctx, const char *path, const dmk_ranks *ranks, dmk_dealt *own,
                    uint64_t *bytes, bool *all)
 {
@@ -311,15 +318,8 @@ int dmk_dealt_read(dmk_context *ctx, const char *path, const dmk_ranks *ranks, d
     rc = agree(ctx, ranks, good, all);
 done:
     if (s.fd >= 0) close(s.fd);
-    if (rc != DMK_OK || !*all) dmk_dealt_free(own);
+    if (rc != DMK_OK || !*all) dealt_free(own);
     return rc;
-}
-
-void dmk_dealt_free(dmk_dealt *own)
-{
-    free(own->xyz);
-    free(own->triangle);
-    *own = (dmk_dealt){0};
 }
 
 /* Own triangles as all of them have them. */
@@ -350,7 +350,7 @@ int dmk_soup_read_dealt(dmk_context *ctx, const char *path, const dmk_ranks *ran
     rc = join(ctx, ranks, own.all_triangles, sizeof *triangle, triangle, soup->triangle);
 done:
     free(triangle);
-    dmk_dealt_free(&own);
+    dealt_free(&own);
     return rc;
 }
 

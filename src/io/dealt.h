@@ -41,7 +41,7 @@ int dmk_name_file(dmk_context *context, const char *path, int rc);
 /* The mesh of a file's triangles, which are its own then, on all ranks or (NULL) on one; errors name the file. */
 int dmk_soup_adopt(dmk_context *context, const char *path, const dmk_ranks *ranks, dmk_soup *soup,
                    dmk_mesh **mesh);
-/* A rank's range of a file's vertices and triangles. */
+/* A rank's range of a file's vertices and triangles; who has it frees both arrays. */
 typedef struct dmk_dealt {
     size_t n_vertices, n_triangles, all_vertices, all_triangles;
     double *xyz;
@@ -50,7 +50,6 @@ typedef struct dmk_dealt {
 /* *all: whether the file has a layout, and all ranks have read theirs; else nothing is kept. */
 int dmk_dealt_read(dmk_context *context, const char *path, const dmk_ranks *ranks, dmk_dealt *own,
                    uint64_t *bytes, bool *all);
-void dmk_dealt_free(dmk_dealt *own);
 /* The same on every rank. Each reads its range of a file that has a layout; others are read by the first
  * rank, and sent. *bytes: what this rank has read of it. */
 int dmk_soup_read_dealt(dmk_context *context, const char *path, const dmk_ranks *ranks,

@@ -68,8 +68,6 @@ typedef struct dmk_soup {
 } dmk_soup;
 
 void dmk_soup_free(dmk_soup *soup);
-/* Make room for one more triangle at least. */
-int dmk_soup_grow(dmk_context *context, dmk_soup *soup);
 /* Add the next corner of a polygon that began at `first` (its first two corners so far in fan[0],
  * fan[1]): from the third corner on each one closes a triangle with the first corner and the one
  * before it. */

@@ -13,7 +13,8 @@ void dmk_soup_free(dmk_soup *soup)
     memset(soup, 0, sizeof *soup);
 }
 
-int dmk_soup_grow(dmk_context *ctx, dmk_soup *soup)
+/* Room for one more triangle at least. */
+static int grow(dmk_context *ctx, dmk_soup *soup)
 {
     if (soup->n_triangles < soup->triangle_room) return DMK_OK;
     size_t room = soup->triangle_room < 1024 ? 1024 : 2 * soup->triangle_room;
@@ -29,7 +30,7 @@ int dmk_soup_grow(dmk_context *ctx, dmk_soup *soup)
 int dmk_soup_corner(dmk_context *ctx, dmk_soup *soup, size_t corner, int32_t fan[2], int32_t vertex)
 {
     if (corner >= 2) {
-        int rc = dmk_soup_grow(ctx, soup);
+        int rc = grow(ctx, soup);
         if (rc == DMK_OK && soup->n_triangles % POLLED == 0) rc = dmk_poll(ctx);
         if (rc != DMK_OK) return rc;
         int32_t *t = soup->triangle + 3 * soup->n_triangles++;
