@@ -275,10 +275,9 @@ static int check_request(distance_request *r)
     return code == EXIT_OK ? cli_check_uses(&uses) : code;
 }
 
-static int parse(distance_request *r, const char *out_help, const char *locus_help, int argc,
-                 char **argv)
+static void add_distance(solve_table *table, distance_request *r, const char *out_help,
+                         const char *locus_help)
 {
-    solve_table table = {.n = 0};
     const cli_option rows[] = {
         {.name = "sources",
          .value = "FILE",
@@ -314,8 +313,23 @@ static int parse(distance_request *r, const char *out_help, const char *locus_he
          .target = &r->solve.locus},
         cli_format_option(&r->solve.format),
     };
+    solve_add(table, rows, sizeof rows / sizeof *rows);
+}
+
+static int parse(distance_request *r, int argc, char **argv)
+{
+    solve_table table = {.n = 0};
+    char suffixes[512], out[700], locus[700];
+    cli_suffixes(CLI_RESULT, suffixes, sizeof suffixes);
+    snprintf(out, sizeof out,
+             "write mesh, distance, direction and nearest; may be given\nagain: %s", suffixes);
+    cli_suffixes(CLI_LOCUS, suffixes, sizeof suffixes);
+    snprintf(locus, sizeof locus,
+             "write the cut locus of the sources as one set: borders of their\n"
+             "Voronoi cells and what these have inside, as lines; may be given again:\n%s",
+             suffixes);
     solve_add_source(&table, &r->solve);
-    solve_add(&table, rows, sizeof rows / sizeof *rows);
+    add_distance(&table, r, out, locus);
     solve_add_strength(&table, &r->solve);
     solve_add_report(&table, &r->solve);
     solve_add_host(&table, &r->solve);
@@ -342,18 +356,9 @@ static int parse(distance_request *r, const char *out_help, const char *locus_he
 int cmd_distance(int argc, char **argv)
 {
     distance_request request = {.border = false};
-    char suffixes[512], help[700], locus[700];
     solve_request_init(&request.solve, "distance");
     request.solve.bare = true;
-    cli_suffixes(CLI_RESULT, suffixes, sizeof suffixes);
-    snprintf(help, sizeof help,
-             "write mesh, distance, direction and nearest; may be given\nagain: %s", suffixes);
-    cli_suffixes(CLI_LOCUS, suffixes, sizeof suffixes);
-    snprintf(locus, sizeof locus,
-             "write the cut locus of the sources as one set: borders of their\n"
-             "Voronoi cells and what these have inside, as lines; may be given again:\n%s",
-             suffixes);
-    int code = parse(&request, help, locus, argc, argv);
+    int code = parse(&request, argc, argv);
     if (code != CLI_GO_ON) return code;
     code = check_request(&request);
     return code == EXIT_OK ? run_distance(&request) : code;
