@@ -9,7 +9,8 @@
 
 #include <cmocka.h>
 
-/* Some four million windows are kept: three million and one are, of six million no more. Fails when the constant is doubled or halved. */
+/* Some four million windows are kept: three million and one are, of six million no more. Fails when the constant
+ * is doubled or halved. */
 static void windows_are_limited(void **state)
 {
     dmk_mesh *m = unit_square(*state, 1);
