@@ -118,7 +118,7 @@ static void write_report(FILE *file, const transport_request *r, const transport
     json_text(&json, "from", r->from);
     if (r->to) json_text(&json, "to", r->to);
     json_number(&json, "mass", info.mass);
-    json_number(&json, "component_area", stats.area);
+    json_number(&json, "area", stats.area);
     json_text(&json, "precision", stats.double_precision ? "double" : "single");
     json_integer(&json, "steps", stats.steps);
     json_integer(&json, "cg_iterations", stats.cg_iterations);

@@ -121,6 +121,7 @@ static void write_mesh(cli_json *json, const solve_request *request, const solve
     json_mesh(json, &info);
     json_repairs(json, &run->repairs);
     json_close(json, '{');
+    json_integer(json, "euler", info.euler);
 }
 
 void solve_report_fields(cli_json *json, const solve_request *request, const solve_run *run)
@@ -133,7 +134,7 @@ void solve_report_fields(cli_json *json, const solve_request *request, const sol
         return;
     }
     dmk_result_get_stats(run->result, &stats);
-    json_number(json, "component_area", stats.area); /* of the one with the source */
+    json_number(json, "area", stats.area); /* of the component with the source */
     write_source(json, run);
     write_device(json, run);
     write_stats(json, &stats);
