@@ -85,9 +85,10 @@ void dmk_vtk_cells(dmk_vtk *vtk, const char *tag, int corners, const int32_t *co
     dmk_output_text(vtk->out, "<");
     dmk_output_text(vtk->out, tag);
     dmk_output_text(vtk->out, ">\n");
+    /* Behind the others, meshio (5.3) would take the types of a closed surface of genus 1 for its corners. */
+    if (cell_types) dmk_vtk_array(vtk, DMK_VTK_UINT8, "types", 1, cell_types, n_cells);
     dmk_vtk_array(vtk, DMK_VTK_INT32, "connectivity", 1, corner, n_cells * (size_t)corners);
     dmk_vtk_array(vtk, DMK_VTK_INT32, "offsets", 1, end, n_cells);
-    if (cell_types) dmk_vtk_array(vtk, DMK_VTK_UINT8, "types", 1, cell_types, n_cells);
     dmk_output_text(vtk->out, "</");
     dmk_output_text(vtk->out, tag);
     dmk_output_text(vtk->out, ">\n");
