@@ -69,8 +69,8 @@ const char *dmk_status_text(int status);
 
 typedef struct dmk_context dmk_context;
 
-/* One report of progress. `stage` is a static string ("read", "levels", "solve", "locus", "cut",
- * "path", ...). All but "solve" report when they start, and again each 50 ms, with step 0; within "solve",
+/* One report of progress. `stage` is a static string ("read", "repair", "levels", "solve", "distance", "locus", "cut",
+ * "path", "write", ...). All but "solve" report when they start, and again each 50 ms, with step 0; within "solve",
  * `step` counts nonlinear iterations from 1, `change` is the relative change of mu per unit time and `gap` the
  * relative gap of the certificate, or NaN when not computed at this step. */
 typedef struct dmk_progress {
@@ -99,8 +99,9 @@ void dmk_context_set_progress(dmk_context *context, dmk_progress_fn fn, void *us
  * for any number. DMK_E_ARG if negative. How many the device uses is dmk_device_options.threads. */
 int dmk_context_set_threads(dmk_context *context, int threads);
 /* The format of files whose name has no suffix of one that can hold them: a name of dmk_format_get, in whatever case;
- * NULL, as at first: such names are refused, but for streams, which get VTP. Streams are pipes, character devices as
- * /dev/null, and open descriptors as /dev/stdout: they are written as it comes, other files whole or not at all.
+ * NULL, as at first: such names are refused, but for streams, which get VTP; with a name streams that it cannot hold
+ * are refused. Streams are pipes, character devices as /dev/null, and open descriptors as /dev/stdout: they are
+ * written as it comes, other files whole or not at all.
  * DMK_E_ARG for a name that is no format's, and for PVTP, which is several files. */
 int dmk_context_set_format(dmk_context *context, const char *format);
 
@@ -178,8 +179,8 @@ const int32_t *dmk_mesh_triangles(const dmk_mesh *mesh);
 const int32_t *dmk_mesh_edges(const dmk_mesh *mesh);
 /* Give back what is not needed to write results: edges, their lengths and the triangles' areas, 56 bytes per triangle.
  * A solver that has put the mesh in order (dmk_solver_create without a device, of one component) solves on; results
- * are written, and cut loci and paths made of them. Solvers, geodesics, samples and cuts from then on are DMK_E_ARG,
- * and dmk_mesh_edges is NULL. */
+ * are written, and cut loci and paths made of them. Solvers, geodesics and samples from then on are DMK_E_ARG, and
+ * dmk_mesh_edges is NULL. */
 void dmk_mesh_forget_edges(dmk_mesh *mesh);
 
 /* The point of the surface nearest to xyz (in space). DMK_E_ARG for NaN or infinite xyz. */

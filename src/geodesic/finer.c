@@ -9,7 +9,7 @@
 
 /* No edge is longer afterwards, in mean edges; on a mesh of few triangles in those of one of so many. That is asked for
  * by few triangles, or by a share of all length in edges of more than twice that: scans have up to 0.07 there, machine
- * parts 0.1 and more. bench/results/scan.md */
+ * parts 0.1 and more. bench/results/finer.md */
 static const double longest = 2, share = 0.1;
 enum { FEW = 5000, MOST = 8 }; /* MOST: times as many triangles; printers' beds take 6 */
 
