@@ -307,7 +307,10 @@ static int parse(transport_request *r, const char *out_help, int argc, char **ar
             "Points without a mass take what the other measure has nearest to them; `acl` then "
             "marks the\n"
             "cut locus of their set, the borders of their Voronoi cells.\n"
-            "Both measures have the same mass, all of it on one component of the mesh.",
+            "Both measures have the same mass, all of it on one component of the mesh.\n"
+            "The bounds are those of the discrete problem: between points a few edges apart W1 "
+            "itself\n"
+            "is smaller.",
         .options = table.row,
         .n_options = table.n,
     };
