@@ -198,6 +198,7 @@ static int run(dmk_context *ctx, const dmk_geodesics *g, dmk_finer *f)
     int rc;
     dmk_point *source = NULL;
     double *offset = NULL, xyz[3];
+    bool finished;
     dmk_geodesics_options options;
     const size_t n = (size_t)g->n_sources;
     DMK_TRY(DMK_NEW(ctx, source, n));
@@ -210,8 +211,10 @@ static int run(dmk_context *ctx, const dmk_geodesics *g, dmk_finer *f)
     }
     dmk_geodesics_options_init(&options, sizeof options);
     options.offset = offset;
-    options.tolerance = g->tolerance;
-    DMK_TRY(dmk_geodesics_compute(ctx, f->mesh, n, source, &options, &f->own));
+    DMK_TRY(dmk_geodesics_prepare(ctx, f->mesh, n, source, &options, &f->own));
+    DMK_TRY(dmk_windows_run(ctx, f->own, &finished));
+    rc = finished ? dmk_geodesics_check(ctx, f->own) : DMK_E_MESH; /* needles: too many windows */
+    if (rc != DMK_OK) goto done;
     f->geodesics = f->own;
     for (size_t i = 0; i < n; i++) {
         DMK_TRY(dmk_mesh_point_xyz(ctx, g->mesh, &g->source[i].point, xyz));
@@ -247,7 +250,7 @@ int dmk_finer_create(dmk_context *ctx, const dmk_geodesics *g, dmk_finer_why why
     if (why == DMK_FINER_NEVER || !(uneven || few)) return DMK_OK;
     const int rc = make(ctx, g, length * (few ? sqrt(m->n_triangles / (double)FEW) : 1), f);
     if (rc != DMK_E_MESH) return rc;
-    dmk_finer_free(f); /* parts of slivers may be flat */
+    dmk_finer_free(f); /* parts of slivers may be flat, or paths wind around them */
     *f = (dmk_finer){.geodesics = g, .mean_edge = mean_edge};
     return DMK_OK;
 }
