@@ -509,6 +509,11 @@ static void test_cube(void **state)
         dmk_locus_destroy(&l);
         free_scene(&s);
     }
+    scene s = cubes(1, 1, 4, (dmk_point){59, {0, 1, 0}}); /* from an edge: (0, 1/4, 1) */
+    dmk_locus *l = trace(&s);
+    assert_true(check_object(l).length > 4);
+    dmk_locus_destroy(&l);
+    free_scene(&s);
 }
 
 /* The first triangle of a cube of twelve is cut into 3^k around its middle, so that nearly all edges are tiny. */

@@ -249,7 +249,8 @@ static int become_point(dmk_context *ctx, dmk_cotree *t, const double xyz[3])
 }
 
 /* A small locus: a point, or an arc of which the ends are found by themselves, if *half is not 0. What is strong is
- * neither where the fit leaves more than it finds: six branches meet at the corner of a cube. */
+ * neither where the fit leaves too much: six branches meet at the corner of a cube. It leaves up to 0.14 of half the
+ * arc where there is one, and 0.46 and more from cubes. */
 static int find_small(dmk_context *ctx, dmk_cotree *t, dmk_patch *patch, double middle[3],
                       double half[3])
 {
@@ -259,7 +260,7 @@ static int find_small(dmk_context *ctx, dmk_cotree *t, dmk_patch *patch, double 
     memcpy(middle, c->xyz, sizeof c->xyz);
     const bool fits = dmk_focus_fit(patch, c->half / 3, middle, half, &left);
     const double reach = sqrt(dmk_dot(half, half)); /* an arc shorter than an edge is a point */
-    if (strong && (!fits || left > 0.3 * reach + t->noise)) {
+    if (strong && (!fits || left > 0.25 * reach + t->noise)) {
         memset(half, 0, 3 * sizeof *half);
         return DMK_OK;
     }
