@@ -224,13 +224,11 @@ done:
 /* A disk is all that a cut may give. */
 static int check_disk(dmk_context *ctx, const dmk_mesh *cut)
 {
-    dmk_mesh_info info;
-    dmk_mesh_get_info(cut, &info);
-    if (info.euler == 1 && info.n_border_loops == 1 && info.n_components == 1) return DMK_OK;
+    if (dmk_mesh_is_disk(cut)) return DMK_OK;
     return dmk_fail(ctx, DMK_E_MESH,
                     "cutting did not produce a disk: Euler characteristic %lld, %zu border loops, "
                     "%zu components; a finer mesh may help",
-                    (long long)info.euler, info.n_border_loops, info.n_components);
+                    (long long)cut->info.euler, cut->info.n_border_loops, cut->info.n_components);
 }
 
 int dmk_cut(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *result,

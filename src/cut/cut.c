@@ -286,11 +286,6 @@ static void turn_back(const dmk_finer *f, size_t n, double *plane)
     }
 }
 
-static bool is_disk(const dmk_mesh *m)
-{
-    return m->n_border_loops == 1 && m->n_used_vertices + m->n_triangles == m->n_edges + 1;
-}
-
 int dmk_locus_cut(dmk_context *ctx, const dmk_geodesics *g, const dmk_locus_options *opt,
                   dmk_mesh **cut, int32_t **origin, double **plane)
 {
@@ -300,7 +295,8 @@ int dmk_locus_cut(dmk_context *ctx, const dmk_geodesics *g, const dmk_locus_opti
     splitter k = {.cotree = &t, .n_kept = g->mesh->n_vertices};
     *origin = NULL;
     *plane = NULL;
-    DMK_TRY(dmk_finer_create(ctx, g, is_disk(g->mesh) ? DMK_FINER_NEVER : DMK_FINER_UNEVEN, &f));
+    DMK_TRY(dmk_finer_create(ctx, g, dmk_mesh_is_disk(g->mesh) ? DMK_FINER_NEVER : DMK_FINER_UNEVEN,
+                             &f));
     DMK_TRY(dmk_cotree_complete(ctx, f.geodesics, f.mean_edge, &t));
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(split_all(ctx, dmk_strength_asked(&t, opt), &k));

@@ -56,17 +56,24 @@ static int32_t split(bisection *b, int32_t h, int32_t m)
     return g;
 }
 
+static int make_room(dmk_context *ctx, bisection *b, size_t n_vertices, size_t n_triangles)
+{
+    int rc;
+    DMK_TRY(DMK_GROW(ctx, b->xyz, 3 * n_vertices, b->vertex_room));
+    DMK_TRY(DMK_GROW(ctx, b->triangle, 3 * n_triangles, b->room[0]));
+    DMK_TRY(DMK_GROW(ctx, b->twin, 3 * n_triangles, b->room[1]));
+    DMK_TRY(DMK_GROW(ctx, b->parent, n_triangles, b->room[2]));
+    DMK_TRY(DMK_GROW(ctx, b->next, n_triangles, b->room[3]));
+done:
+    return rc;
+}
+
 static int bisect(dmk_context *ctx, bisection *b, int32_t h)
 {
     int rc;
     const int32_t o = b->twin[h], m = (int32_t)b->n_vertices++;
     const int32_t start = b->triangle[dmk_next(h)], end = b->triangle[dmk_previous(h)];
-    const size_t n = b->n_triangles + 2;
-    DMK_TRY(DMK_GROW(ctx, b->xyz, 3 * b->n_vertices, b->vertex_room));
-    DMK_TRY(DMK_GROW(ctx, b->triangle, 3 * n, b->room[0]));
-    DMK_TRY(DMK_GROW(ctx, b->twin, 3 * n, b->room[1]));
-    DMK_TRY(DMK_GROW(ctx, b->parent, n, b->room[2]));
-    DMK_TRY(DMK_GROW(ctx, b->next, n, b->room[3]));
+    DMK_TRY(make_room(ctx, b, b->n_vertices, b->n_triangles + 2));
     for (int k = 0; k < 3; k++)
         b->xyz[3 * m + k] = 0.5 * (b->xyz[3 * start + k] + b->xyz[3 * end + k]);
     const int32_t g = split(b, h, m), p = o < 0 ? -1 : split(b, o, m);
@@ -83,11 +90,7 @@ static int begin(dmk_context *ctx, const dmk_geodesics *g, bisection *b)
     int rc;
     const dmk_mesh *m = g->mesh;
     const size_t nt = (size_t)m->n_triangles, nv = (size_t)m->n_vertices;
-    DMK_TRY(DMK_GROW(ctx, b->xyz, 3 * nv, b->vertex_room));
-    DMK_TRY(DMK_GROW(ctx, b->triangle, 3 * nt, b->room[0]));
-    DMK_TRY(DMK_GROW(ctx, b->twin, 3 * nt, b->room[1]));
-    DMK_TRY(DMK_GROW(ctx, b->parent, nt, b->room[2]));
-    DMK_TRY(DMK_GROW(ctx, b->next, nt, b->room[3]));
+    DMK_TRY(make_room(ctx, b, nv, nt));
     memcpy(b->xyz, m->xyz, 3 * nv * sizeof *b->xyz);
     memcpy(b->triangle, m->triangle, 3 * nt * sizeof *b->triangle);
     memcpy(b->twin, g->star.twin, 3 * nt * sizeof *b->twin);
@@ -105,16 +108,13 @@ done:
 }
 
 /* Into the order of the parents. */
-static int finish(dmk_context *ctx, const bisection *b, int32_t n_parents, dmk_finer *f)
+static int finish(dmk_context *ctx, bisection *b, int32_t n_parents, dmk_finer *f)
 {
     int rc;
     int32_t *triangle = NULL, n = 0;
-    double *xyz = NULL;
     DMK_TRY(DMK_NEW(ctx, f->first, (size_t)n_parents + 1));
     DMK_TRY(DMK_NEW(ctx, f->parent, b->n_triangles));
     DMK_TRY(DMK_NEW(ctx, triangle, 3 * b->n_triangles));
-    DMK_TRY(DMK_NEW(ctx, xyz, 3 * b->n_vertices));
-    memcpy(xyz, b->xyz, 3 * b->n_vertices * sizeof *xyz);
     for (int32_t parent = 0; parent < n_parents; parent++) {
         for (int32_t t = parent; t >= 0; t = b->next[t]) {
             memcpy(triangle + 3 * (size_t)n, b->triangle + 3 * (size_t)t, 3 * sizeof *triangle);
@@ -122,11 +122,10 @@ static int finish(dmk_context *ctx, const bisection *b, int32_t n_parents, dmk_f
         }
         f->first[parent + 1] = n;
     }
-    rc = dmk_mesh_adopt(ctx, b->n_vertices, xyz, b->n_triangles, triangle, &f->mesh);
-    xyz = NULL;
+    rc = dmk_mesh_adopt(ctx, b->n_vertices, b->xyz, b->n_triangles, triangle, &f->mesh);
+    b->xyz = NULL;
     triangle = NULL;
 done:
-    free(xyz);
     free(triangle);
     return rc;
 }
@@ -184,11 +183,10 @@ static double turn_of(const dmk_geodesics *g, const dmk_finer *f, const double x
         dmk_cross(a, to, across);
         dmk_cross(a, b, side);
         const double angle = atan2(sqrt(dmk_dot(across, across)), dmk_dot(a, to));
-        const double off = dmk_dot(across, side) < 0 ? angle : fmax(0, angle - s->sector[k].span);
-        if (!(off < least)) continue;
-        least = off;
-        turn =
-            s->sector[k].angle + (dmk_dot(across, side) < 0 ? 0 : fmin(angle, s->sector[k].span));
+        const double within = dmk_dot(across, side) < 0 ? 0 : fmin(angle, s->sector[k].span);
+        if (!(angle - within < least)) continue;
+        least = angle - within;
+        turn = s->sector[k].angle + within;
     }
     return turn;
 }
@@ -238,20 +236,21 @@ done:
 
 int dmk_finer_create(dmk_context *ctx, const dmk_geodesics *g, dmk_finer_why why, dmk_finer *f)
 {
-    double all = 0, in_long = 0;
     const dmk_mesh *m = g->mesh;
-    for (int32_t e = 0; e < m->n_edges; e++) all += m->length[e];
-    const double mean_edge = all / m->n_edges, length = longest * mean_edge;
-    for (int32_t e = 0; e < m->n_edges; e++)
+    const double mean_edge = m->info.mean_edge, length = longest * mean_edge;
+    double in_long = 0;
+    for (int32_t e = 0; m->info.max_edge > 2 * length && e < m->n_edges; e++)
         in_long += m->length[e] > 2 * length ? m->length[e] : 0;
     const bool few = why == DMK_FINER_FEW && m->n_triangles < FEW;
-    const bool uneven = in_long > share * all && m->n_triangles < DMK_EXACT_TRIANGLES;
-    *f = (dmk_finer){.geodesics = g, .mean_edge = mean_edge};
+    const bool uneven =
+        in_long > share * mean_edge * m->n_edges && m->n_triangles < DMK_EXACT_TRIANGLES;
+    const dmk_finer none = {.geodesics = g, .mean_edge = mean_edge};
+    *f = none;
     if (why == DMK_FINER_NEVER || !(uneven || few)) return DMK_OK;
     const int rc = make(ctx, g, length * (few ? sqrt(m->n_triangles / (double)FEW) : 1), f);
     if (rc != DMK_E_MESH) return rc;
     dmk_finer_free(f); /* parts of slivers may be flat, or paths wind around them */
-    *f = (dmk_finer){.geodesics = g, .mean_edge = mean_edge};
+    *f = none;
     return DMK_OK;
 }
 

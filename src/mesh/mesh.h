@@ -61,6 +61,12 @@ static inline double dmk_cot(const dmk_mesh *m, int32_t h)
     return (p * p + q * q - o * o) / (4 * m->area[t]);
 }
 
+/* Of a mesh that has been described. */
+static inline bool dmk_mesh_is_disk(const dmk_mesh *m)
+{
+    return m->info.euler == 1 && m->info.n_border_loops == 1 && m->info.n_components == 1;
+}
+
 /* Vertex -> incident triangles, as compressed rows. */
 typedef struct dmk_vertex_stars {
     int32_t *row;      /* n_vertices + 1 */
