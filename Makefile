@@ -176,7 +176,7 @@ $B/tests/test_arguments.o: $B/arguments.h
 $B/tests/test_arguments.o: private FLAGS += -I$B
 
 test: $(TESTS) $(STATIC) $(SHARED) $(TOOL) $B/faults/library $B/faults/dmkcl $B/bench-anderson $B/bench-kernels
-	@sh tests/run.sh $B $(TESTS) $(TEST_SCRIPTS)
+	@sh tests/run.sh $B $(TEST_SCRIPTS) $(TESTS)
 
 # ---- fuzzing ---------------------------------------------------------------------------------
 

@@ -1,6 +1,6 @@
 #!/bin/sh
 # Run test programs (cmocka) and test scripts from the repository root, print what failed, count.
-# usage: run.sh BUILD_FOLDER TEST...
+# usage: run.sh BUILD_FOLDER TEST...    TEST_JOBS=N: so many side by side, 2 if not given
 # Every test speaks TAP: a plan "1..N", then "ok K - name" or "not ok K - name" for each. A program
 # that ends badly, ends before its plan is fulfilled, or plans nothing counts as one failure more.
 set -u
@@ -18,44 +18,12 @@ export DMKCL_BUILD="$build" CMOCKA_MESSAGE_OUTPUT=TAP
 export ASAN_OPTIONS="use_sigaltstack=0"
 export LSAN_OPTIONS="suppressions=$PWD/tests/lsan.supp:print_suppressions=0"
 
-# Programs that no sanitizer watches run on an allocator of the C library that ends them where something was
-# written next to a block.
-guard=
-case $build in
-*/release | */debug) guard='LD_PRELOAD=libc_malloc_debug.so.0 GLIBC_TUNABLES=glibc.malloc.check=3' ;;
-esac
-
-run() { # TEST
-    case $1 in
-    *.sh) timeout "${TEST_TIMEOUT:-900}" bash "$1" ;;
-    *) timeout "${TEST_TIMEOUT:-900}" env $guard "$1" ;;
-    esac
-}
-
-passed=0 failed=0 skipped=0
-for test; do
-    log=$scratch/$(basename "$test").log
-    begin=$(date +%s)
-    run "$test" > "$log" 2>&1 < /dev/null
-    status=$?
-    seconds=$(($(date +%s) - begin))
-    # The leak checker, which stops all threads at the end, has now and then crashed itself when a driver's
-    # thread ended just then: that says nothing about the test, which is run once more.
-    if [ $status -ne 0 ] && grep -q 'LeakSanitizer has encountered a fatal error' "$log"; then
-        echo "$(basename "$test"): the leak checker itself has failed; once more"
-        run "$test" > "$log" 2>&1 < /dev/null
-        status=$?
-    fi
-    counts=$(awk -v name="$(basename "$test" .sh)" -v status="$status" -v seconds="$seconds" -f tests/tap.awk "$log")
-    printf '%s\n' "$counts" | sed '$d'
-    read -r p f s << EOF
-$(printf '%s\n' "$counts" | tail -n 1)
-EOF
-    passed=$((passed + p)) failed=$((failed + f)) skipped=$((skipped + s))
-done
-
-[ "$passed" -gt 0 ] || failed=$((failed + 1))
-line="$passed passed, $failed failed"
-[ "$skipped" -eq 0 ] || line="$line, $skipped skipped"
-echo "$line"
-[ "$failed" -eq 0 ]
+# Each test that ends leaves its three counts. Two at a time: most of them use one processor or wait.
+rm -f "$scratch"/*.counts
+printf '%s\n' "$@" | xargs -P "${TEST_JOBS:-2}" -I{} sh tests/one.sh "$scratch" {}
+awk -v tests=$# '{ passed += $1; failed += $2; skipped += $3 }
+    END {
+        failed += tests - NR + (passed == 0)
+        printf "%d passed, %d failed%s\n", passed, failed, skipped ? sprintf(", %d skipped", skipped) : ""
+        exit failed > 0
+    }' "$scratch"/*.counts /dev/null

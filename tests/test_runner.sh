@@ -33,4 +33,12 @@ once() { # WORDS RESULT
 check 'a crash of the leak checker is no failure' \
     once '==1==LeakSanitizer has encountered a fatal error.' '1 passed, 0 failed'
 check 'a leak is a failure' once '==1==ERROR: LeakSanitizer: detected memory leaks' '1 passed, 1 failed'
+
+# Tests side by side: what they have printed and their counts, one that is not there too.
+printf 'printf "1..1\\nok 1 - a\\n"' > "$work/good.sh"
+side_by_side() {
+    test "$(TEST_JOBS=3 sh tests/run.sh "$DMKCL_BUILD/runner" "$work/good.sh" "$work/missing.sh" "$work/once.sh" | tail -n 1)" = \
+        '2 passed, 1 failed'
+}
+check 'tests that run side by side are added up' side_by_side
 tap_end
