@@ -15,7 +15,8 @@
  *   - Forks: what does not compute on a device goes on in a forked child. A child of a process that has
  *     used OpenCL gets DMK_E_DEVICE from calls that need a device, for drivers' threads stay behind; what
  *     it destroys is freed. Fork first, then open devices.
- *   - No globals (but for the number of the process that uses OpenCL), no signal handlers, no printing.
+ *   - No globals (but for the process that uses OpenCL and how many of its calls open devices), no signal
+ *     handlers, no printing.
  *   - *_create/_read/_open give an object to the caller, who hands it back to *_destroy(&object);
  *     destroying NULL is fine and the pointer is set to NULL. `const` pointers returned by accessors
  *     are borrowed and live as long as the object they come from.
@@ -81,7 +82,7 @@ typedef struct dmk_progress {
     double change;
     double tolerance; /* the change at which the iteration ends */
     double gap;
-    double seconds; /* since the call began */
+    double seconds; /* since the stage began, of a step since the call did */
 } dmk_progress;
 
 /* Return 0 to go on; anything else ends the running call with DMK_E_CANCELLED. */

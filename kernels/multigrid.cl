@@ -425,7 +425,7 @@ static void dense_laplacian(int n, graph g, global sum_t *a)
 }
 
 /* The inverse for coarse_solve: the pseudo-inverse (L + c J)^-1 - J / (c n^2) of the coarsest graph's
- * Laplacian L, J all ones, c of the size of its diagonal. a: n rows of n numbers; row, column, least: room for n.
+ * Laplacian L, J all ones, c the mean of its diagonal over n. a: n rows of n numbers; row, column, least: room for n.
  * Gauss-Jordan steps in place without pivoting, for L + c J is positive definite; a pivot lost to rounding is left
  * out. All work-items go through it, and with n = 0 nothing is done. */
 static void invert_laplacian(int n, int n_pad, graph g, global sum_t *a, global float *inverse,

@@ -261,6 +261,19 @@ static void graded_surface(void **state)
 }
 
 /* Coarsening as far as it goes ends cleanly, by a stall or at one vertex. */
+/* Its lengths are more than a float can hold. */
+static void vast_surface(void **state)
+{
+    (void)state;
+    dmk_hierarchy h;
+    dmk_mesh *m = grid(60, 1, true);
+    for (int32_t i = 0; i < 3 * m->n_vertices; i++) m->xyz[i] *= 1e40;
+    assert_int_equal(dmk_hierarchy_create(ctx, m, DMK_COARSEST, &h), DMK_OK);
+    for (int l = 0; l < h.n; l++) assert_true(20 * h.level[l].coarse.n > fine_graph(m, &h, l).n);
+    dmk_hierarchy_free(&h);
+    dmk_mesh_destroy(&m);
+}
+
 static void coarse_to_the_end(void **state)
 {
     (void)state;
@@ -401,10 +414,15 @@ static void hubs(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(closed_surface),           cmocka_unit_test(surface_with_border),
-        cmocka_unit_test(graded_surface),           cmocka_unit_test(coarse_to_the_end),
-        cmocka_unit_test(small_mesh_has_no_levels), cmocka_unit_test(linear_functions),
-        cmocka_unit_test(same_tables_twice),        cmocka_unit_test(hubs),
+        cmocka_unit_test(closed_surface),
+        cmocka_unit_test(surface_with_border),
+        cmocka_unit_test(graded_surface),
+        cmocka_unit_test(coarse_to_the_end),
+        cmocka_unit_test(vast_surface),
+        cmocka_unit_test(small_mesh_has_no_levels),
+        cmocka_unit_test(linear_functions),
+        cmocka_unit_test(same_tables_twice),
+        cmocka_unit_test(hubs),
         cmocka_unit_test(columns_are_filled_again),
     };
     if (dmk_context_create(&ctx) != DMK_OK) return 1;

@@ -40,6 +40,8 @@ fails 'a suffix without its dot' 1 "'vtp' is not one of" "$tool" batch "$in" --o
 fails 'a suffix of no result' 1 "'.csv' is not one of" "$tool" batch "$in" --out-dir "$out" --out .csv
 fails 'two of a name' 1 'of the same name' "$tool" batch "$in/a.off" "$in/../in/a.off" --out-dir "$out"
 fails 'samples from a point' 1 'begins with a vertex' "$tool" batch "$in" --sources 2 --source 0,0,0
+printf '{"name": "a\\\n%04096d\n' 0 > "$work/torn.jsonl"
+fails 'a report that ends in a name' 3 'torn.jsonl' "$tool" batch "$in" --report "$work/torn.jsonl"
 rm -rf "$out"
 
 # ---- a run ------------------------------------------------------------------------------------
@@ -124,11 +126,43 @@ check 'their files' test "$(ls "$out" | tr '\n' ' ')" = \
     'b-0000.locus.csv b-0001.locus.csv b-0002.locus.csv report.jsonl '
 "$tool" batch "$in/sub/b.off" --sources 5 --out-dir "$out" --locus .csv --resume > "$work/summary"
 check 'fewer samples are the beginning of more' has "$work/summary" '2 solved, 3 kept'
+again_from() { "$tool" batch "$in/sub/b.off" --sources 1 --vertex "$1" --report "$work/from.jsonl" --resume > "$work/summary"; }
+again_from 0
+again_from 100
+check 'samples from another vertex are done again' has "$work/summary" 'done again: the source is another'
+again_from 100
+check 'and kept then' has "$work/summary" '1 kept'
+"$tool" batch "$in/a.off" "$in/bad.off" --sources 3 --json > "$work/lines" 2> "$work/errors"
+"$tool" batch "$in/a.off" "$in/bad.off" --sources 3 --report "$work/sum.jsonl" > "$work/summary" 2> "$work/errors"
+check 'a bad mesh fails with all its sources' has "$work/summary" '^of 6 sources on 2 meshes 3 solved, 0 kept, 3 failed'
+# A soup: each triangle has vertices of its own, and its file's numbers are those that are asked for.
+awk 'NR == 2 { n = $1; m = $2; next } NR > 2 && NR <= n + 2 { x[NR - 3] = $0 }
+    NR > n + 2 { for (k = 2; k < 5; k++) v[i++] = x[$k] }
+    END { print "OFF"; print 3 * m, m, 0; for (j = 0; j < 3 * m; j++) print v[j]
+        for (j = 0; j < m; j++) print 3, 3 * j, 3 * j + 1, 3 * j + 2 }' "$in/sub/b.off" > "$work/soup.off"
+place() { "$tool" batch "$work/soup.off" --repair --vertex 1700 --json "$@" 2> "$work/errors" | grep -o '"xyz": [^]]*'; }
+check 'the first sample of a repaired mesh is a vertex of the file' sh -c 'test -n "$1" && test "$1" = "$2"' - \
+    "$(place)" "$(place --sources 1)"
+
 # Opposite vertices of a torus of radii 2 and 1 are 6 apart in space: the second sample lies beyond the axis.
 check 'samples are far from each other' perl -ne '
     push @x, [$1, $2, $3] if /"xyz": \[([^,]*), ([^,]*), ([^\]]*)\]/;
     END { for $i (0 .. $#x) { for $j (0 .. $i - 1) { my $d = 0; $d += ($x[$i][$_] - $x[$j][$_]) ** 2 for 0 .. 2;
         $least = $d if !defined $least || $d < $least } } exit(@x != 5 || $least < 1.5 ** 2) }' "$report"
+
+# ---- folders ----------------------------------------------------------------------------------
+
+mkdir -p "$work/odd/sub"
+cp "$in/a.off" "$work/odd/a.off"
+cp "$in/c.ply" "$work/odd/a.ply"
+cp "$in/c.ply" "$work/odd/a.off.ply"
+ln -s /nowhere "$work/odd/notes"
+ln -s .. "$work/odd/sub/up"
+check 'links that lead nowhere or up' "$tool" batch "$work/odd" --report "$work/odd.jsonl" --quiet
+check 'names that become the same keep their suffix' test "$(grep -o '^{"name": "[^"]*' "$work/odd.jsonl" | cut -c11- | sort | tr '\n' ' ')" = \
+    'a.off a.off.ply a.ply '
+ln -s /nowhere "$work/odd/b.off"
+fails 'a mesh that is a link to nowhere' 2 'cannot look at .*b.off' "$tool" batch "$work/odd" --json
 
 # ---- kills ------------------------------------------------------------------------------------
 

@@ -149,6 +149,9 @@ once() { # CODE PATTERN ARGUMENTS...: three ranks end with the code and say so o
     return 1
 }
 check 'a bad option is reported once' once 1 "no option '--sauce'" solve "$mesh" --sauce 3
+check 'a report that is there is reported once, by a usual end' once 1 '--resume goes on' batch "$work/shapes" \
+    --report "$work/three.jsonl"
+check 'without an abort' sh -c '! grep -q MPI_ABORT "$1"' - "$work/err"
 check 'a missing file is reported once' once 2 'none.ply' solve "$work/none.ply" --vertex 0
 check 'a vertex out of range is reported once' once 1 'vertex' solve "$mesh" --vertex 99999999
 check 'one of a mesh in pieces, too' once 1 'vertex 99999999 is out of range' solve "$mesh" --vertex 99999999 --density-only

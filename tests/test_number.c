@@ -115,6 +115,17 @@ static void test_hard_cases(void **state)
         "1000000000000000000e-27", "9999999999999999999e-1"};
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) check_like_strtod(*state, texts[i]);
     assert_true(signbit(read_all(*state, "-0.0")));
+    /* An exponent that makes up for two million digits. */
+    enum { ZEROS = 2000000 };
+    char *text = malloc(ZEROS + 32);
+    assert_non_null(text);
+    memset(text, '0', ZEROS);
+    memcpy(text, "0.", 2);
+    for (int k = 0; k < 2; k++) {
+        strcpy(text + ZEROS, k == 0 ? "1e1999999" : "1e20000000");
+        check_like_strtod(*state, text);
+    }
+    free(text);
 }
 
 static void test_stops_where_the_number_ends(void **state)
@@ -150,7 +161,9 @@ static void test_integers(void **state)
                  {"-17/3", 3, -17},
                  {"+5", 2, 5},
                  {"007", 3, 7},
-                 {"9223372036854775799", 19, 9223372036854775799},
+                 {"9223372036854775807", 19, INT64_MAX},
+                 {"-9223372036854775807", 20, -INT64_MAX},
+                 {"9223372036854775808", 0, 0},
                  {"99999999999999999999", 0, 0},
                  {"-", 0, 0},
                  {"", 0, 0},

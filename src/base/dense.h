@@ -5,8 +5,8 @@
 #include "base/base.h"
 
 /* Pseudo-inverse of the n x n Laplacian of a connected graph (symmetric, null space: the
- * constants), by Cholesky factorisation of L + c J, J all ones: (L + c J)^-1 - J / (c n^2), c of
- * the size of L's diagonal. n^3 operations. */
+ * constants), by Cholesky factorisation of L + c J, J all ones: (L + c J)^-1 - J / (c n^2), c the mean of
+ * L's diagonal over n. n^3 operations. */
 int dmk_laplacian_inverse(dmk_context *context, int32_t n, const double *laplacian,
                           double *inverse);
 

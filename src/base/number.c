@@ -93,7 +93,7 @@ static const char *take_digits(const char *p, const char *end, bool fraction, de
     return p;
 }
 
-/* The exponent part at p, if it is one; it is capped where it is 0 or infinity anyway. */
+/* The exponent part at p, if it is one; capped where no digits before it can make up for it. */
 static const char *take_exponent(const char *p, const char *end, decimal *d)
 {
     if (p >= end || (*p != 'e' && *p != 'E')) return p;
@@ -103,7 +103,7 @@ static const char *take_exponent(const char *p, const char *end, decimal *d)
     if (!is_digit(q, end)) return p;
     int64_t e = 0;
     for (; is_digit(q, end); q++) {
-        if (e < 1000000) e = 10 * e + (*q - '0');
+        if (e < 100000000000000000) e = 10 * e + (*q - '0');
     }
     d->exponent += negative ? -e : e;
     return q;
@@ -153,8 +153,9 @@ bool dmk_integer_read(const char **at, const char *end, int64_t *value)
     if (!is_digit(p, end)) return false;
     int64_t n = 0;
     for (; is_digit(p, end); p++) {
-        if (n > (INT64_MAX - 9) / 10) return false;
-        n = 10 * n + (*p - '0');
+        const int digit = *p - '0';
+        if (n > (INT64_MAX - digit) / 10) return false;
+        n = 10 * n + digit;
     }
     *value = negative ? -n : n;
     *at = p;

@@ -20,7 +20,7 @@ void dmk_numbers_free(dmk_numbers *numbers);
  * readable character that cannot belong to a number at `end` or before. */
 bool dmk_number_read(const dmk_numbers *numbers, const char **at, const char *end, double *value);
 
-/* The same for an integer; false also when it does not fit 64 bits. */
+/* The same for an integer; false also when its size is more than INT64_MAX. */
 bool dmk_integer_read(const char **at, const char *end, int64_t *value);
 
 /* Print the shortest of %.15g, %.16g, %.17g that reads back as the same double.

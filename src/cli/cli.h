@@ -264,7 +264,8 @@ void cli_make_room(const dmk_mesh *mesh);
  * library; *did is the caller's to free, and zero without a repair. */
 int cli_read_mesh(dmk_context *context, const char *path, const cli_reading *how, dmk_repairs *did,
                   dmk_mesh **mesh);
-/* dmk_mesh_vertex_point of a vertex of the file. */
+/* The vertex that one of the file has become in the repair; dmk_mesh_vertex_point of it. */
+int64_t cli_vertex_now(const dmk_repairs *did, int64_t vertex);
 int cli_vertex_point(dmk_context *context, const dmk_mesh *mesh, const dmk_repairs *did,
                      int64_t vertex, dmk_point *point);
 /* dmk_mesh_project; with a warning, unless quiet, if the surface is more than an edge away. */

@@ -71,7 +71,8 @@ static batch_entry entry_of(const farm *f, size_t mesh, size_t source, char want
     const solve_request *each = &f->request->each;
     const double *x = each->source.value;
     if (f->request->samples > 0)
-        snprintf(wanted, WANTED_SIZE, "sample %zu", source);
+        snprintf(wanted, WANTED_SIZE, "sample %zu from vertex %lld", source,
+                 (long long)each->vertex);
     else if (each->source.n > 0)
         snprintf(wanted, WANTED_SIZE, "%.17g,%.17g,%.17g", x[0], x[1], x[2]);
     else
@@ -158,8 +159,15 @@ static void tell_solved(farm *f, const batch_entry *entry, const solve_request *
     if (f->summary) print_word(f, f->list->mesh[entry->mesh].name, entry->source, text);
 }
 
-/* Count what became of a source, and put it down. */
-static void finish(farm *f, const batch_entry *entry, const solve_request *one,
+static size_t count_kept(const farm *f, size_t mesh)
+{
+    size_t n = 0;
+    for (size_t i = 0; i < f->n_sources; i++) n += *kept(f, mesh, i);
+    return n;
+}
+
+/* Count what became of a source, or of `n` in a mesh that failed, and put it down. */
+static void finish(farm *f, const batch_entry *entry, size_t n, const solve_request *one,
                    const solve_run *run, int code)
 {
     int none = EXIT_OK;
@@ -172,7 +180,7 @@ static void finish(farm *f, const batch_entry *entry, const solve_request *one,
     if (code == EXIT_OK && solve_check_gap(one, run) != EXIT_OK) atomic_store(&f->missed, true);
     pthread_mutex_lock(&f->printing);
     f->n_done += code == EXIT_OK;
-    f->n_failed += code != EXIT_OK;
+    f->n_failed += code != EXIT_OK ? n : 0;
     if (code == EXIT_OK && written == EXIT_OK) tell_solved(f, entry, one, run);
     if (f->progress.line) {
         char text[96];
@@ -224,7 +232,7 @@ static int make_ready(farm *f, const batch_mesh *mesh, solve_run *run, int64_t *
     if (rc != DMK_OK) run->where = ""; /* the message names the file */
     if (rc == DMK_OK) rc = dmk_solver_create(run->context, run->device, run->mesh, &run->solver);
     if (rc == DMK_OK && f->request->samples > 0) {
-        const int64_t first = f->request->each.vertex;
+        const int64_t first = cli_vertex_now(&run->repairs, f->request->each.vertex);
         *sample = calloc(n, sizeof **sample);
         rc = *sample ? dmk_mesh_sample(run->context, run->mesh, n, first, *sample) : DMK_E_NOMEM;
     }
@@ -232,11 +240,11 @@ static int make_ready(farm *f, const batch_mesh *mesh, solve_run *run, int64_t *
     return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
 }
 
-/* Whether one of them has failed. */
+/* Whether the device failed, or had no room. */
 static bool do_sources(worker *w, size_t k, solve_run *run)
 {
     farm *f = w->farm;
-    bool failed = false;
+    bool lost = false;
     int64_t *sample = NULL;
     char wanted[WANTED_SIZE];
     solve_request one = {.mesh = f->list->mesh[k].path};
@@ -248,15 +256,15 @@ static bool do_sources(worker *w, size_t k, solve_run *run)
         if (!bad_mesh && !batch_name_files(f->request, &f->list->mesh[k], i, &one))
             code = EXIT_MEMORY;
         if (!bad_mesh && code == EXIT_OK) code = do_source(f, sample, i, &one, run);
-        finish(f, &entry, &one, run, code);
-        failed = failed || code != EXIT_OK;
+        finish(f, &entry, bad_mesh ? f->n_sources - count_kept(f, k) : 1, &one, run, code);
+        lost = lost || code == EXIT_DEVICE || code == EXIT_MEMORY;
         batch_free_files(&one);
         if (bad_mesh) break; /* one line for all its sources */
         code = EXIT_OK;
         run->seconds = (solve_times){.begin = cli_seconds()};
     }
     free(sample);
-    return failed;
+    return lost;
 }
 
 static int open_device(worker *w)
@@ -268,21 +276,12 @@ static int open_device(worker *w)
     return rc == DMK_OK ? EXIT_OK : cli_library_error(w->context, rc);
 }
 
-/* A device that failed may fail for ever: the next mesh has a new one. */
-static void renew_device(worker *w, const solve_run *run)
-{
-    if (strstr(dmk_context_message(run->context), "CL_") == NULL) return;
-    dmk_device_destroy(&w->device);
-}
-
 static void do_mesh(worker *w, size_t k)
 {
     farm *f = w->farm;
     batch_mesh *mesh = &f->list->mesh[k];
     struct stat file;
-    size_t n_kept = 0;
-    for (size_t i = 0; i < f->n_sources; i++) n_kept += *kept(f, k, i);
-    if (n_kept == f->n_sources) return;
+    if (count_kept(f, k) == f->n_sources) return;
     if (!w->device && open_device(w) != EXIT_OK) {
         atomic_store(&f->code, cli_exit_code(DMK_E_DEVICE));
         atomic_store(&f->stop, true);
@@ -300,13 +299,14 @@ static void do_mesh(worker *w, size_t k)
                      .seconds.begin = cli_seconds(),
                      .progress.gap = NAN};
     dmk_device_get_info(run.device, &run.opened);
-    const bool failed = do_sources(w, k, &run);
+    const bool lost = do_sources(w, k, &run);
     dmk_locus_destroy(&run.locus);
     dmk_result_destroy(&run.result);
     dmk_solver_destroy(&run.solver);
     dmk_mesh_destroy(&run.mesh);
     dmk_repairs_free(&run.repairs);
-    if (failed) renew_device(w, &run);
+    if (lost)
+        dmk_device_destroy(&w->device); /* it may fail for ever: the next mesh has a new one */
     if (large) pthread_mutex_unlock(&f->large);
 }
 
@@ -390,14 +390,16 @@ static int begin(farm *f)
     return code;
 }
 
-/* The other ranks learn what is done already, and append to the same report. */
-static int join(farm *f)
+/* The other ranks learn the code that the first one's part came to and what is done already, and append to the same
+ * report. */
+static int join(farm *f, int code)
 {
     const dmk_ranks *ranks = cli_ranks();
-    if (!ranks) return EXIT_OK;
-    const size_t n = f->list->n * f->n_sources;
+    if (!ranks) return code;
+    const size_t n = f->list->n * f->n_sources + 1;
+    f->kept[n - 1] = (uint8_t)code;
     size_t *bytes = calloc((size_t)ranks->size, sizeof *bytes);
-    uint8_t *kept = malloc(n + 1);
+    uint8_t *kept = malloc(n);
     int rc = DMK_E_NOMEM;
     if (bytes && kept) {
         bytes[0] = n;
@@ -407,6 +409,7 @@ static int join(farm *f)
     free(bytes);
     free(kept);
     if (rc != DMK_OK) return cli_library_error(NULL, rc < 0 ? rc : DMK_E_DEVICE);
+    if (f->kept[n - 1] != EXIT_OK) return f->kept[n - 1];
     cli_ranks_speak();
     return cli_ranks_first() ? EXIT_OK : batch_record_join(f->request, f->list, &f->record);
 }
@@ -444,8 +447,7 @@ int batch_run(const batch_request *request, batch_list *list)
     pthread_mutex_init(&f.large, NULL);
     pthread_mutex_init(&f.opening, NULL);
     pthread_mutex_init(&f.printing, NULL);
-    int code = cli_ranks_first() ? begin(&f) : EXIT_OK;
-    if (code == EXIT_OK) code = join(&f);
+    int code = join(&f, cli_ranks_first() ? begin(&f) : EXIT_OK);
     if (code == EXIT_OK) {
         cli_keep_last_word(to_stdout ? "dmkcl: interrupted\n"
                                      : "dmkcl: interrupted: --resume does what is left\n");

@@ -59,8 +59,26 @@ static int add(lister *l, const char *path, const char *name)
 
 static int add_path(lister *l, const char *path, bool from_list);
 
+static bool is_same(const struct stat *a, const struct stat *b)
+{
+    return a->st_dev == b->st_dev && a->st_ino == b->st_ino;
+}
+
+/* A folder on the way to the one that is being looked at; the first one has no `above`. */
+typedef struct folder_way {
+    const struct folder_way *above;
+    struct stat here;
+} folder_way;
+
+/* A link may lead back to a folder above it. */
+static bool is_on_way(const folder_way *way, const struct stat *folder)
+{
+    while (way && !is_same(&way->here, folder)) way = way->above;
+    return way != NULL;
+}
+
 /* All meshes below a folder; `head` characters of a path in it do not go into names. */
-static int add_folder(lister *l, const char *folder, size_t head)
+static int add_folder(lister *l, const char *folder, size_t head, const folder_way *way)
 {
     DIR *dir = opendir(folder);
     if (!dir) return cli_error(EXIT_IO, "cannot open '%s': %s", folder, strerror(errno));
@@ -72,12 +90,14 @@ static int add_folder(lister *l, const char *folder, size_t head)
         if (entry->d_name[0] == '.') continue; /* hidden, and the folder itself */
         if (snprintf(path, sizeof path, "%s/%s", folder, entry->d_name) >= PATH_MAX) {
             code = cli_error(EXIT_IO, "the name '%s/%s' is too long", folder, entry->d_name);
-        } else if (stat(path, &file) != 0) {
-            code = cli_error(EXIT_IO, "cannot look at '%s': %s", path, strerror(errno));
+        } else if (stat(path, &file) !=
+                   0) { /* a link that leads nowhere is no mesh, but for its name */
+            if (stem_length(entry->d_name) > 0)
+                code = cli_error(EXIT_IO, "cannot look at '%s': %s", path, strerror(errno));
         } else if (S_ISDIR(file.st_mode)) {
-            const bool own =
-                l->has_out && file.st_dev == l->out.st_dev && file.st_ino == l->out.st_ino;
-            if (!own) code = add_folder(l, path, head);
+            const folder_way below = {way, file};
+            if (!(l->has_out && is_same(&file, &l->out)) && !is_on_way(way, &file))
+                code = add_folder(l, path, head, &below);
         } else if (stem_length(entry->d_name) > 0) {
             code = add(l, path, path + head);
         }
@@ -102,10 +122,10 @@ static bool is_list(const char *path)
 
 static int add_path(lister *l, const char *path, bool from_list)
 {
-    struct stat file;
+    folder_way way = {NULL};
     if (!from_list && is_list(path)) return cli_read_lines(path, take_line, l);
-    if (stat(path, &file) == 0 && S_ISDIR(file.st_mode))
-        return add_folder(l, path, strlen(path) + 1);
+    if (stat(path, &way.here) == 0 && S_ISDIR(way.here.st_mode))
+        return add_folder(l, path, strlen(path) + 1, &way);
     return add(l, path, base_of(path)); /* that it is no mesh is for its reader to say */
 }
 
@@ -116,21 +136,42 @@ static int by_name(const void *a, const void *b)
     return sign ? sign : strcmp(x->path, y->path);
 }
 
-/* Names without their suffix, but where two would become the same. The meshes are sorted by name. */
+typedef struct stem {
+    char *name;
+    size_t n; /* without the suffix; 0: it has none */
+} stem;
+
+static int by_stem(const void *a, const void *b)
+{
+    const stem *x = a, *y = b;
+    const int sign = memcmp(x->name, y->name, x->n < y->n ? x->n : y->n);
+    return sign ? sign : (x->n > y->n) - (x->n < y->n);
+}
+
+static int stem_to_name(const void *a, const void *b)
+{
+    const stem *x = a;
+    const batch_mesh *mesh = b;
+    const int sign = strncmp(x->name, mesh->name, x->n);
+    return sign ? sign : -(mesh->name[x->n] != '\0');
+}
+
+/* Names without their suffix, but where that is another's name or what becomes of it. The meshes are sorted by name. */
 static int shorten_names(batch_list *list)
 {
-    bool *alike = calloc(list->n + 1, sizeof *alike);
-    if (!alike) return cli_library_error(NULL, DMK_E_NOMEM);
-    for (size_t i = 1; i < list->n; i++) {
-        const char *a = list->mesh[i - 1].name, *b = list->mesh[i].name;
-        const size_t n = stem_length(a);
-        if (n > 0 && n == stem_length(b) && strncmp(a, b, n) == 0) alike[i - 1] = alike[i] = true;
+    stem *of = calloc(list->n + 1, sizeof *of);
+    if (!of) return cli_library_error(NULL, DMK_E_NOMEM);
+    for (size_t i = 0; i < list->n; i++)
+        of[i] = (stem){list->mesh[i].name, stem_length(list->mesh[i].name)};
+    qsort(of, list->n, sizeof *of, by_stem);
+    for (size_t i = 0, end; i < list->n; i = end) {
+        for (end = i + 1; end < list->n && by_stem(&of[i], &of[end]) == 0;) end++;
+        const bool taken = bsearch(&of[i], list->mesh, list->n, sizeof *list->mesh, stem_to_name);
+        for (size_t k = i; k < end && (taken || end > i + 1); k++) of[k].n = 0;
     }
-    for (size_t i = 0; i < list->n; i++) {
-        const size_t n = stem_length(list->mesh[i].name);
-        if (n > 0 && !alike[i]) list->mesh[i].name[n] = '\0';
-    }
-    free(alike);
+    for (size_t i = 0; i < list->n; i++)
+        if (of[i].n > 0) of[i].name[of[i].n] = '\0';
+    free(of);
     return EXIT_OK;
 }
 
@@ -166,7 +207,6 @@ int batch_list_create(const cli_words *operands, const char *out_folder, batch_l
     if (code == EXIT_OK && list->n == 0) code = cli_error(EXIT_IO, "batch: no mesh found");
     if (code == EXIT_OK) code = check_names(list);
     if (code == EXIT_OK) code = shorten_names(list);
-    if (code == EXIT_OK) code = check_names(list); /* "a" beside "a.off" */
     return code;
 }
 

@@ -180,13 +180,16 @@ int cli_project(dmk_context *context, const dmk_mesh *mesh, const double xyz[3],
     return rc;
 }
 
+int64_t cli_vertex_now(const dmk_repairs *did, int64_t vertex)
+{
+    const bool moved = did->vertex_new && vertex >= 0 && (size_t)vertex < did->n_old_vertices;
+    return moved ? did->vertex_new[vertex] : vertex;
+}
+
 int cli_vertex_point(dmk_context *context, const dmk_mesh *mesh, const dmk_repairs *did,
                      int64_t vertex, dmk_point *point)
 {
-    if (did->vertex_new && vertex >= 0 && (size_t)vertex < did->n_old_vertices) {
-        vertex = did->vertex_new[vertex];
-    }
-    return dmk_mesh_vertex_point(context, mesh, vertex, point);
+    return dmk_mesh_vertex_point(context, mesh, cli_vertex_now(did, vertex), point);
 }
 
 void json_repairs(cli_json *json, const dmk_repairs *did)

@@ -147,6 +147,8 @@ static char *read_text(const char **at, const char *head)
     char *value = malloc(strcspn(*at, "\n") + 1), *end = value;
     while (value && **at && **at != '"' && **at != '\n') {
         const unsigned long c = strncmp(*at, "\\u", 2) == 0 ? read_code(*at + 2) : ULONG_MAX;
+        const char next = **at == '\\' ? (*at)[1] : **at;
+        if (next == '\0' || next == '\n') break; /* cut off */
         if (**at != '\\')
             *end++ = *(*at)++;
         else if (c < 0x80 || (c >= 0xdc80 && c <= 0xdcff)) /* a byte that is no UTF-8: json.c */
@@ -248,7 +250,8 @@ static int read_report(batch_record *r)
     if (!r->text) return cli_library_error(NULL, DMK_E_NOMEM);
     for (size_t got = 0; got < r->size;) {
         const ssize_t n = pread(r->fd, r->text + got, r->size - got, (off_t)got);
-        if (n <= 0 && errno != EINTR)
+        if (n == 0) return cli_error(EXIT_IO, "'%s' is being made shorter", r->path);
+        if (n < 0 && errno != EINTR)
             return cli_error(EXIT_IO, "cannot read '%s': %s", r->path, strerror(errno));
         if (n > 0) got += (size_t)n;
     }

@@ -26,7 +26,7 @@ bool dmk_device_cpu_shape(const dmk_device *device);
 /* Drivers' threads do not live on in a forked child: there an open device is refused. */
 int dmk_device_owned(dmk_context *context, const dmk_device *device);
 
-/* Zeroed if `init` is NULL, else a copy of it. */
+/* Zeroed if `init` is NULL, and `bytes` then a multiple of 4, else a copy of it. */
 int dmk_buffer_create(dmk_context *context, dmk_device *device, size_t bytes, const void *init,
                       dmk_buffer **buffer);
 void dmk_buffer_destroy(dmk_buffer **buffer);

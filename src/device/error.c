@@ -13,9 +13,13 @@ const char *dmk_cl_text(cl_int error)
         {CL_OUT_OF_RESOURCES, "CL_OUT_OF_RESOURCES"},
         {CL_OUT_OF_HOST_MEMORY, "CL_OUT_OF_HOST_MEMORY"},
         {CL_BUILD_PROGRAM_FAILURE, "CL_BUILD_PROGRAM_FAILURE"},
+        {CL_MAP_FAILURE, "CL_MAP_FAILURE"},
+        {CL_MISALIGNED_SUB_BUFFER_OFFSET, "CL_MISALIGNED_SUB_BUFFER_OFFSET"},
+        {CL_DEVICE_PARTITION_FAILED, "CL_DEVICE_PARTITION_FAILED"},
         {CL_INVALID_VALUE, "CL_INVALID_VALUE"},
         {CL_INVALID_DEVICE, "CL_INVALID_DEVICE"},
         {CL_INVALID_CONTEXT, "CL_INVALID_CONTEXT"},
+        {CL_INVALID_COMMAND_QUEUE, "CL_INVALID_COMMAND_QUEUE"},
         {CL_INVALID_MEM_OBJECT, "CL_INVALID_MEM_OBJECT"},
         {CL_INVALID_BINARY, "CL_INVALID_BINARY"},
         {CL_INVALID_BUILD_OPTIONS, "CL_INVALID_BUILD_OPTIONS"},
@@ -28,7 +32,9 @@ const char *dmk_cl_text(cl_int error)
         {CL_INVALID_KERNEL_ARGS, "CL_INVALID_KERNEL_ARGS"},
         {CL_INVALID_WORK_GROUP_SIZE, "CL_INVALID_WORK_GROUP_SIZE"},
         {CL_INVALID_BUFFER_SIZE, "CL_INVALID_BUFFER_SIZE"},
+        {CL_INVALID_DEVICE_PARTITION_COUNT, "CL_INVALID_DEVICE_PARTITION_COUNT"},
         {-1001, "CL_PLATFORM_NOT_FOUND_KHR"},
+        {-9999, "illegal access to the device's memory"},
     };
     for (size_t i = 0; i < sizeof table / sizeof *table; i++) {
         if (table[i].code == error) return table[i].text;

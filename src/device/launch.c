@@ -3,6 +3,7 @@
 
 #include "dmk_shared.h"
 
+#include <stdio.h>
 #include <string.h>
 
 enum { FLUSH_EVERY = 16 };
@@ -58,8 +59,9 @@ size_t dmk_launch_parts(const dmk_device *dev, size_t items)
 
 static int launch_failed(dmk_context *ctx, cl_int error, const dmk_kernel *kernel, size_t items)
 {
-    return dmk_fail(ctx, DMK_E_DEVICE, "%s (%d) from kernel %s over %zu items", dmk_cl_text(error),
-                    error, kernel->name, items);
+    char call[120];
+    snprintf(call, sizeof call, "kernel %.60s over %zu items", kernel->name, items);
+    return dmk_cl_check(ctx, error, call);
 }
 
 /* In the CPU shape some for each thread, as drivers may hand several to the thread that comes first, and always as
@@ -107,8 +109,9 @@ int dmk_launch(dmk_context *ctx, dmk_device *dev, const dmk_kernel *kernel, dmk_
                            ? clSetKernelArg(kernel->cl, (cl_uint)i, args[i].bytes, args[i].value)
                            : clSetKernelArg(kernel->cl, (cl_uint)i, sizeof(cl_mem), &args[i].value);
         if (error != CL_SUCCESS) {
-            return dmk_fail(ctx, DMK_E_DEVICE, "%s (%d) from argument %zu of kernel %s",
-                            dmk_cl_text(error), error, i, kernel->name);
+            char call[120];
+            snprintf(call, sizeof call, "argument %zu of kernel %.60s", i, kernel->name);
+            return dmk_cl_check(ctx, error, call);
         }
     }
     const size_t local = kernel->group, global = dmk_launch_groups(dev, range) * local;

@@ -44,6 +44,12 @@ static float resistance(double conductance)
     return conductance * weak > 1 ? (float)(1 / conductance) : weak;
 }
 
+/* Sums of it are finite along any path; of meshes as large as that, only the number of steps counts. */
+static float narrow(double length)
+{
+    return (float)fmin(length, 1e30);
+}
+
 /* By the edges' lengths or, if it resists, their conductances. */
 static int graph_adjacency(dmk_context *ctx, const dmk_graph *graph, const double *of_edge,
                            bool resists, dmk_adjacency *g)
@@ -67,7 +73,7 @@ static int graph_adjacency(dmk_context *ctx, const dmk_graph *graph, const doubl
         if (resists && x == 0) continue;
         const int32_t at = fill[graph->edge[h]]++;
         g->to[at] = graph->edge[h ^ 1];
-        g->length[at] = resists ? resistance(x) : (float)x;
+        g->length[at] = resists ? resistance(x) : narrow(x);
     }
 done:
     free(fill);
@@ -109,7 +115,7 @@ done:
 float dmk_link_length(const double p[3], const double q[3])
 {
     const double x = q[0] - p[0], y = q[1] - p[1], z = q[2] - p[2];
-    return (float)sqrt(x * x + y * y + z * z);
+    return narrow(sqrt(x * x + y * y + z * z));
 }
 
 static int measure_adjacency(dmk_context *ctx, const double *xyz, dmk_adjacency *g)

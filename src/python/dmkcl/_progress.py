@@ -15,7 +15,8 @@ class Progress(NamedTuple):
     """One report. stage: "solve", or what is made ready for it, as "levels" (step is then 0); step: nonlinear
     iterations from 1; change: relative change of
     mu per unit time, which ends the iteration when it reaches tolerance; gap: of the certificate
-    after the step before, NaN if not computed; seconds: since the call began."""
+    after the step before, NaN if not computed; seconds: since the stage began, of a step since
+    the call did."""
 
     stage: str
     step: int
