@@ -509,8 +509,19 @@ static void test_cube(void **state)
         dmk_locus_destroy(&l);
         free_scene(&s);
     }
-    scene s = cubes(1, 1, 4, (dmk_point){59, {0, 1, 0}}); /* from an edge: (0, 1/4, 1) */
+    /* A cube of edges as long as its faces has a point where no less strength is asked for. */
+    scene s = cubes(1, 1, 1, (dmk_point){2, {1, 0, 0}});
     dmk_locus *l = trace(&s);
+    assert_int_equal(check_object(l).n_vertices, 1);
+    dmk_locus_destroy(&l);
+    l = trace_with(&s, 0.01 * s.h);
+    const dmk_locus_info info = check_object(l);
+    assert_int_equal(info.endpoints, 6);
+    assert_true(info.length > 6 && info.length < 7.2426);
+    dmk_locus_destroy(&l);
+    free_scene(&s);
+    s = cubes(1, 1, 4, (dmk_point){59, {0, 1, 0}}); /* from an edge: (0, 1/4, 1) */
+    l = trace(&s);
     assert_true(check_object(l).length > 4);
     dmk_locus_destroy(&l);
     free_scene(&s);

@@ -150,13 +150,13 @@ static int split_all(dmk_context *ctx, double strength, splitter *k)
 {
     const dmk_cotree *t = k->cotree;
     int32_t n = 0;
-    for (int32_t i = 0; i < t->n && !t->is_point; i++) n += t->crossing[i].strength >= strength;
+    for (int32_t i = 0; i < t->n; i++) n += dmk_is_drawn(t, i, strength);
     const bool tree = t->last >= 0, small = tree && n < 3;
     int rc = allocate(ctx, small ? 0 : n, k);
     if (rc != DMK_OK) return rc;
     for (int32_t i = 0; i < t->n; i++) {
         k->point[i] = -1;
-        if (!small && !t->is_point && t->crossing[i].strength >= strength) add_point(k, i);
+        if (!small && dmk_is_drawn(t, i, strength)) add_point(k, i);
     }
     for (int32_t i = 0; i < t->geodesics->mesh->n_triangles; i++) {
         int32_t p[3];

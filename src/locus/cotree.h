@@ -48,7 +48,7 @@ typedef struct dmk_cotree {
     int32_t n_ends;
     size_t end_room;
     dmk_end_point *end; /* n_ends */
-    bool is_point;      /* no line: the whole locus is end point 0 */
+    bool is_point;      /* no line of default strength: the whole locus is end point 0 */
 } dmk_cotree;
 
 /* Jumps, spanning tree and crossings; mean_edge: the h of the rules. Freed also after a failure. */
@@ -86,6 +86,11 @@ int dmk_cotree_complete(dmk_context *ctx, const dmk_geodesics *geodesics, double
 static inline double dmk_strength_asked(const dmk_cotree *t, const dmk_locus_options *options)
 {
     return options && options->strength > 0 ? options->strength : t->strength;
+}
+
+static inline bool dmk_is_drawn(const dmk_cotree *t, int32_t i, double strength)
+{
+    return t->crossing[i].strength >= strength && !(t->is_point && strength >= t->strength);
 }
 
 /* Where a crossing is on its half-edge from its start, a share of the length; how far from the source. */

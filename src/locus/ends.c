@@ -227,9 +227,8 @@ static bool is_small(const dmk_cotree *t, double reach)
 /* The point: the middle of a short locus, or the last crossing. */
 static int become_point(dmk_context *ctx, dmk_cotree *t, const double xyz[3])
 {
-    const dmk_crossing *c = &t->crossing[t->last];
     const dmk_mesh *m = t->geodesics->mesh;
-    dmk_end_point best = {.triangle = c->node[0], .crossing = t->last};
+    dmk_end_point best = {.triangle = t->crossing[t->last].node[0], .crossing = t->last};
     double least = HUGE_VAL, weight[3];
     for (int32_t i = 0; i < t->n; i++) { /* triangles near it have crossings near it */
         if (dmk_distance(t->crossing[i].xyz, xyz) > 2 * t->mean_edge && i != t->last) continue;
@@ -248,9 +247,8 @@ static int become_point(dmk_context *ctx, dmk_cotree *t, const double xyz[3])
     return add_end(ctx, t, best);
 }
 
-/* A small locus: a point, or an arc of which the ends are found by themselves, if *half is not 0. What is strong is
- * neither where the fit leaves too much: six branches meet at the corner of a cube. It leaves up to 0.14 of half the
- * arc where there is one, and 0.46 and more from cubes. */
+/* A small locus: a point, or an arc, with *half not 0, whose ends are found by themselves. What is strong is neither
+ * where the fit leaves too much: it leaves 0.14 of half an arc at most, and 0.46 and more at a cube's corner. */
 static int find_small(dmk_context *ctx, dmk_cotree *t, dmk_patch *patch, double middle[3],
                       double half[3])
 {
@@ -260,11 +258,9 @@ static int find_small(dmk_context *ctx, dmk_cotree *t, dmk_patch *patch, double 
     memcpy(middle, c->xyz, sizeof c->xyz);
     const bool fits = dmk_focus_fit(patch, c->half / 3, middle, half, &left);
     const double reach = sqrt(dmk_dot(half, half)); /* an arc shorter than an edge is a point */
-    if (strong && (!fits || left > 0.25 * reach + t->noise)) {
-        memset(half, 0, 3 * sizeof *half);
-        return DMK_OK;
-    }
-    if (strong && 2 * reach >= t->mean_edge) return DMK_OK;
+    const bool tree = strong && (!fits || left > 0.25 * reach + t->noise);
+    if (tree) memset(half, 0, 3 * sizeof *half);
+    if (tree || (strong && 2 * reach >= t->mean_edge)) return DMK_OK;
     return become_point(ctx, t, fits ? middle : c->xyz);
 }
 

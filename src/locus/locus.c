@@ -61,7 +61,7 @@ static int join_triangle(dmk_context *ctx, const dmk_cotree *t, int32_t triangle
     }
     if (n == 0) return DMK_OK;
     const dmk_end_point *end = dmk_end_in(t, triangle);
-    const bool is_end = end && s->number[end->crossing] >= 0;
+    const bool is_end = end && !t->is_point && s->number[end->crossing] >= 0;
     if (is_end || n == 3 || (n == 2 && dmk_is_fork(t, triangle))) {
         DMK_TRY(add_vertex(ctx, s, &v));
         if (is_end)
@@ -83,14 +83,13 @@ done:
 static int draw_point(dmk_context *ctx, const dmk_cotree *t, sketch *s)
 {
     int32_t v;
-    const dmk_crossing *c = &t->crossing[t->last];
     int rc = add_vertex(ctx, s, &v);
     if (rc != DMK_OK) return rc;
     if (t->is_point)
         dmk_place_end(t, &t->end[0], &s->locus->vertex[v]);
     else
         dmk_place_crossing(t, t->last, &s->locus->vertex[v]);
-    s->locus->vertex[v].strength = c->excess;
+    s->locus->vertex[v].strength = t->crossing[t->last].excess;
     return DMK_OK;
 }
 
@@ -101,7 +100,7 @@ static int draw(dmk_context *ctx, const dmk_cotree *t, double strength, sketch *
     DMK_TRY(DMK_NEW(ctx, s->number, (size_t)t->n));
     for (int32_t i = 0; i < t->n; i++) {
         s->number[i] = -1;
-        if (t->is_point || t->crossing[i].strength < strength) continue;
+        if (!dmk_is_drawn(t, i, strength)) continue;
         DMK_TRY(add_vertex(ctx, s, &s->number[i]));
         dmk_place_crossing(t, i, &s->locus->vertex[s->number[i]]);
     }
