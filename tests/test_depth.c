@@ -45,7 +45,7 @@ static void ties(void **state)
         trace second = first, third = first;
         second.y += way[i].turn, second.turn = 2;
         third.y += 0.4, third.turn = 1;
-        assert_int_equal(engine_create(*state, g, &e), DMK_OK);
+        assert_int_equal(engine_create(*state, g, INT64_MAX, &e), DMK_OK);
         assert_int_equal(dmk_windows_reach(&me, v, 0.5, first), DMK_OK);
         assert_int_equal(dmk_windows_reach(&me, v, 0.5 + way[i].longer, second), DMK_OK);
         if (way[i].shorter > 0)
@@ -75,7 +75,7 @@ static void same_place(void **state)
         window o[2];
         int n;
         worker me = {.ctx = *state, .e = &e};
-        assert_int_equal(engine_create(*state, g, &e), DMK_OK);
+        assert_int_equal(engine_create(*state, g, INT64_MAX, &e), DMK_OK);
         /* Half-edge 0 runs from vertex 1 to 2, vertex 0 above it; from below, (1/2, -1), the ray to it crosses at a
          * place that is found as the engine does. */
         const dmk_facet *f = e.front.facet;
@@ -106,7 +106,7 @@ static void beside(void **state)
         window o[2];
         int n;
         worker me = {.ctx = *state, .e = &e};
-        assert_int_equal(engine_create(*state, g, &e), DMK_OK);
+        assert_int_equal(engine_create(*state, g, INT64_MAX, &e), DMK_OK);
         dmk_facet *f = e.front.facet;
         for (int k = 0; k < 3; k++) f->length[k] *= 1e-3;
         const double length = f->length[0], cx = f->length[2] * f->cosine[1],
@@ -289,7 +289,7 @@ static void run_down(dmk_context *ctx, dmk_geodesics *g, advance *form, engine *
 {
     bool any = true;
     worker me = {.ctx = ctx, .e = e};
-    assert_int_equal(engine_create(ctx, g, e), DMK_OK);
+    assert_int_equal(engine_create(ctx, g, INT64_MAX, e), DMK_OK);
     assert_int_equal(dmk_lanes_create(ctx, e), DMK_OK);
     e->advance = form;
     assert_int_equal(bound(ctx, e), DMK_OK);

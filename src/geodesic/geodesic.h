@@ -100,7 +100,7 @@ struct dmk_geodesics {
     dmk_arrival *arrival; /* n_vertices */
     dmk_tie *tie;         /* n_ties, by vertex; exact windows know them */
     size_t n_ties;
-    double *error;    /* n_vertices: estimate of the error; NULL with exact windows */
+    double *error;    /* n_vertices: estimate of the error; NULL if all are exact */
     double tolerance; /* of merged windows; 0: exact */
     dmk_star star;
     int64_t n_windows; /* made */
@@ -142,13 +142,16 @@ void dmk_geodesics_integrate_parts(dmk_context *context, const dmk_geodesics *ge
                                    const double *mid, int32_t begin, int32_t end, double *sum,
                                    double *error);
 
-/* wave.c: the same with merged windows, whose error is estimated unless the tolerance is 0; lines,
- * too. *finished: false if there are too many. */
-int dmk_waves_run(dmk_context *context, dmk_geodesics *geodesics, double tolerance, bool *finished);
+/* wave.c: distance and arrival of an object whose star and sources are set, with merged windows; lines, too. With a
+ * tolerance, or where a distance may be off by more than 1e-10 of the largest, the estimates of the errors are set.
+ * *finished: false if there are more than `looks` looks at windows over half-edges. */
+int dmk_waves_run(dmk_context *context, dmk_geodesics *geodesics, double tolerance, int looks,
+                  bool *finished);
 
-/* window.c: distance and arrival of an object whose star and sources are set. Not *finished, and nothing is set: far
- * more windows than on other meshes of the size, as around needles. */
-int dmk_windows_run(dmk_context *context, dmk_geodesics *geodesics, bool *finished);
+/* window.c: the same with exact windows. Not *finished, and nothing is set: more than `most` windows. 152 meshes,
+ * scans, CAD and smooth ones, make half of the usual number and less. */
+int64_t dmk_windows_usual(const dmk_mesh *mesh);
+int dmk_windows_run(dmk_context *context, dmk_geodesics *geodesics, int64_t most, bool *finished);
 
 /* ways.c: from the centroid of h's triangle over the middle of h to that of the next one. */
 double dmk_way_across(const dmk_geodesics *geodesics, int32_t h);

@@ -2,6 +2,7 @@
 #include "geodesic/trace.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -102,21 +103,45 @@ static double tolerance_of(const dmk_mesh *m, const dmk_geodesics_options *o)
     return m->n_triangles > DMK_EXACT_TRIANGLES ? usual_tolerance : 0;
 }
 
-/* *finished: false if there are more windows than an end can be expected of. */
-static int run(dmk_context *ctx, dmk_geodesics *g, double tolerance, bool *finished)
+/* What may be tried for the distances: exact windows, as many as usual or far more of them; trimmed windows, that is
+ * merged ones without a tolerance; merged ones with the usual tolerance, or the one asked for. */
+typedef enum attempt { ASKED, EXACT, TRIMMED, MORE, MERGED } attempt;
+
+/* Rough terrain a hundred times as high as its edges are long needs up to 7,000 windows for each edge, where other
+ * meshes need a hundred; around needles and on thin tubes there may be a million times as many, of ways that hardly
+ * differ. There trimmed windows are better, which are compared with each other: 35 looks for each half-edge are enough
+ * on meshes of all kinds but terrain, which has up to 1,000. On spikes a billion times as high as wide, ways that wind
+ * around them differ less than what rounding leaves, and there is no end to either. */
+enum { MORE_WINDOWS = 20000, SOME_LOOKS = 100, MOST_LOOKS = 1000 };
+
+static int start(dmk_context *ctx, dmk_geodesics *g, attempt how, double asked, bool *finished)
 {
-    int rc = DMK_OK;
+    const bool lines = g->n_lines > 0;
+    g->tolerance = how == MERGED ? usual_tolerance : how == ASKED ? asked : 0;
+    if (how == EXACT && !lines)
+        return dmk_windows_run(ctx, g, dmk_windows_usual(g->mesh), finished);
+    if (how == MORE && !lines)
+        return dmk_windows_run(ctx, g, (int64_t)MORE_WINDOWS * g->mesh->n_edges, finished);
+    if (how == EXACT || how == MORE) return DMK_OK;
+    return dmk_waves_run(ctx, g, g->tolerance, lines || how != TRIMMED ? MOST_LOOKS : SOME_LOOKS,
+                         finished);
+}
+
+/* *finished: whether there are distances, as exact as the attempt promises. */
+static int try_one(dmk_context *ctx, dmk_geodesics *g, attempt how, double asked, bool exact,
+                   bool *finished)
+{
+    int rc;
     *finished = false;
     free(g->error);
     g->error = NULL;
     free(g->tie);
     g->tie = NULL;
     g->n_ties = 0;
-    g->tolerance = tolerance;
-    if (g->n_lines == 0 && tolerance == 0) DMK_TRY(dmk_windows_run(ctx, g, finished));
-    if (!*finished) DMK_TRY(dmk_waves_run(ctx, g, tolerance, finished));
+    DMK_TRY(start(ctx, g, how, asked, finished));
+    if (how == TRIMMED && g->error && (exact || g->n_lines == 0)) *finished = false;
     if (!*finished) goto done;
-    if (tolerance > 0) DMK_TRY(dmk_tracer_repair(ctx, g));
+    if (g->tolerance > 0) DMK_TRY(dmk_tracer_repair(ctx, g));
     rc = dmk_geodesics_check(ctx, g);
 done:
     return rc;
@@ -135,19 +160,20 @@ static int refuse(dmk_context *ctx, const dmk_geodesics *g, bool exact)
                     angle[least] * 57.295779513082320877, least / 3);
 }
 
-/* Where merged windows miss a vertex, or give neighbours distances that cannot be, exact ones take their place: scans
- * cut 1:16, whose new vertices are flat, are such. Where exact ones have no end, or miss a vertex as they may on
- * triangles of 1e-8 of their height, merged ones do. */
-static int run_or_repeat(dmk_context *ctx, dmk_geodesics *g, const dmk_geodesics_options *o)
+/* One attempt after the other until one succeeds. A result that fails a check is none: scans cut 1:16, whose new
+ * vertices are flat, with merged windows; triangles of 1e-8 of their height with exact ones. */
+static int run(dmk_context *ctx, dmk_geodesics *g, const dmk_geodesics_options *o)
 {
-    bool finished;
-    const double tolerance = tolerance_of(g->mesh, o);
-    int rc = run(ctx, g, tolerance, &finished);
-    if (rc == DMK_E_MESH && tolerance > 0) rc = run(ctx, g, 0, &finished);
-    if ((rc == DMK_E_MESH || (rc == DMK_OK && !finished)) && !o->exact)
-        rc = run(ctx, g, usual_tolerance, &finished);
-    if (rc == DMK_OK && !finished) rc = refuse(ctx, g, o->exact);
-    return rc;
+    static const attempt order[] = {ASKED, EXACT, TRIMMED, MORE, MERGED};
+    const double asked = tolerance_of(g->mesh, o);
+    bool finished = false;
+    int rc = DMK_OK;
+    for (size_t i = asked > 0 ? 0 : 1; i < sizeof order / sizeof *order; i++) {
+        if (order[i] == MERGED && o->exact) break;
+        rc = try_one(ctx, g, order[i], asked, o->exact, &finished);
+        if (rc == DMK_OK ? finished : rc != DMK_E_MESH) return rc;
+    }
+    return rc == DMK_OK ? refuse(ctx, g, o->exact) : rc;
 }
 
 int dmk_geodesics_prepare(dmk_context *ctx, const dmk_mesh *mesh, size_t n_sources,
@@ -178,7 +204,7 @@ int dmk_geodesics_compute(dmk_context *ctx, const dmk_mesh *mesh, size_t n_sourc
     int rc;
     dmk_geodesics *g = NULL;
     DMK_TRY(dmk_geodesics_prepare(ctx, mesh, n_sources, source, options, &g));
-    DMK_TRY(run_or_repeat(ctx, g, options));
+    DMK_TRY(run(ctx, g, options));
     *geodesics = g;
     g = NULL;
 done:

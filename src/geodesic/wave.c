@@ -29,10 +29,8 @@ static const double exact_tolerance = 1e-11;
 /* A gap's jump, over the tolerance and the length of the edge. Larger jumps let the rays of one face run on into the
  * next: without a bound distances on CAD parts are off by 7e-4. */
 static const double most_jump = 30;
-/* Looks at windows at most, over half-edges: meshes of all kinds need 35 and less, from borders or with a tolerance of
- * 1e-9, too. On spikes a billion times as high as wide, ways that wind around them differ less than what rounding
- * leaves, and there is no end. Small meshes may need some more. */
-enum { most_looks = 1000, always = 5000000 };
+/* Over the largest distance: what an estimate may be at most of distances that are called exact. */
+static const double exact_error = 1e-10;
 
 /* ---- set-up ---------------------------------------------------------------------------------- */
 
@@ -425,7 +423,7 @@ static bool spent(const engine *e)
 {
     int64_t n = 0;
     for (int i = 0; i < SHARDS; i++) n += e->shard[i].n_looks;
-    return n > always + most_looks * 3LL * e->front.g->mesh->n_triangles;
+    return n > e->most_looks;
 }
 
 static size_t count_buckets(const engine *e)
@@ -480,11 +478,25 @@ static void arrive_range(int32_t begin, int32_t end, void *data)
     for (int32_t v = begin; v < end; v++) arrive(data, v);
 }
 
-int dmk_waves_run(dmk_context *ctx, dmk_geodesics *g, double tolerance, bool *finished)
+/* With no tolerance, too, rough terrain gives up to 1e-7: what merges there is not small over all that follows. */
+static bool is_exact(const engine *e)
+{
+    const dmk_geodesics *g = e->front.g;
+    double error = 0, farthest = 0;
+    for (int32_t v = 0; v < g->mesh->n_vertices; v++) {
+        if (g->arrival[v].source < 0) continue;
+        error = dmk_max(error, e->error[v]);
+        farthest = dmk_max(farthest, g->distance[v]);
+    }
+    return error <= exact_error * farthest;
+}
+
+int dmk_waves_run(dmk_context *ctx, dmk_geodesics *g, double tolerance, int looks, bool *finished)
 {
     int rc;
     engine e;
     DMK_TRY(engine_create(ctx, g, tolerance, &e));
+    e.most_looks = looks * 3LL * g->mesh->n_triangles + 5000000; /* small meshes may need more */
     for (int32_t i = 0; i < g->n_sources; i++) DMK_TRY(radiate_source(ctx, &e, i));
     for (size_t i = 0; i < g->n_lines; i++) DMK_TRY(radiate_line(ctx, &e, g->line[i]));
     dmk_crew_begin(ctx, &e.crew, SHARDS, do_shard, &e);
@@ -495,7 +507,7 @@ int dmk_waves_run(dmk_context *ctx, dmk_geodesics *g, double tolerance, bool *fi
     if (*finished) dmk_parallel(ctx, g->mesh->n_vertices, arrive_range, &e);
     g->n_windows = 0;
     for (int i = 0; i < SHARDS; i++) g->n_windows += e.shard[i].n_made;
-    if (tolerance > 0) {
+    if (tolerance > 0 || (*finished && !is_exact(&e))) {
         g->error = e.error;
         e.error = NULL;
     }

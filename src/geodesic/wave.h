@@ -98,6 +98,7 @@ typedef struct shard {
 
 typedef struct engine {
     dmk_front front;
+    int64_t most_looks;
     allowance allow;
     double *error;    /* n_vertices */
     mark *mark;       /* n_vertices */

@@ -15,12 +15,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Windows to make at most, over edges times the square root of triangles: 152 meshes, scans, CAD and smooth ones, need
- * 0.21 and less. Around needles and on thin tubes there may be a million times as many, of ways that hardly differ:
- * there wave.c is better, since it compares windows with each other. Small meshes need some more. */
-static const double most_windows = 0.4;
-enum { always = 1000000 };
-
 /* To ask for memory ahead, of vertices or triangles; speed only. */
 enum { AHEAD = 12 };
 
@@ -33,15 +27,14 @@ static void clear_range(int32_t begin, int32_t end, void *data)
     }
 }
 
-static int engine_create(dmk_context *ctx, dmk_geodesics *g, engine *e)
+static int engine_create(dmk_context *ctx, dmk_geodesics *g, int64_t most, engine *e)
 {
     int rc;
-    memset(e, 0, sizeof *e);
+    *e = (engine){.limit = most};
     DMK_TRY(dmk_front_create(ctx, g, &e->front));
     DMK_TRY(DMK_NEW_UNSET(ctx, e->trace, (size_t)g->mesh->n_vertices));
     DMK_TRY(DMK_NEW_UNSET(ctx, e->split, (size_t)g->mesh->n_vertices));
     dmk_parallel(ctx, g->mesh->n_vertices, clear_range, e);
-    e->limit = always + (int64_t)(most_windows * sqrt(g->mesh->n_triangles) * g->mesh->n_edges);
 done:
     return rc;
 }
@@ -431,14 +424,19 @@ done:
     return rc;
 }
 
-int dmk_windows_run(dmk_context *ctx, dmk_geodesics *g, bool *finished)
+int64_t dmk_windows_usual(const dmk_mesh *m)
+{
+    return 1000000 + (int64_t)(0.4 * sqrt(m->n_triangles) * m->n_edges);
+}
+
+int dmk_windows_run(dmk_context *ctx, dmk_geodesics *g, int64_t most, bool *finished)
 {
     int rc;
     bool any = true;
     engine e;
     dmk_task task;
     worker me = {.ctx = ctx, .e = &e};
-    DMK_TRY(engine_create(ctx, g, &e));
+    DMK_TRY(engine_create(ctx, g, most, &e));
     dmk_task_begin(ctx, &task, bound, &e);
     rc = dmk_lanes_create(ctx, &e);
     DMK_TRY(dmk_task_end(ctx, &task, rc));
