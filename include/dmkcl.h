@@ -137,20 +137,22 @@ typedef struct dmk_repairs {
     size_t flipped_triangles;    /* without area, mended by a flip of the longest edge */
     size_t degenerate_triangles; /* dropped: a corner twice, or no area */
     size_t duplicate_triangles;  /* dropped: the same three corners as another one */
-    size_t split_edges; /* of more than two triangles, or cut open where the surface has one side */
-    size_t turned_triangles; /* to agree with their neighbours */
-    size_t split_vertices;   /* vertices added, as triangles met in a vertex only */
+    size_t split_edges;          /* of more than two triangles */
+    size_t turned_triangles;     /* to agree with their neighbours */
+    size_t split_vertices;       /* vertices added, as triangles met in a vertex only */
     size_t n_old_vertices, n_vertices, n_triangles; /* lengths of the maps */
     int32_t *vertex_new; /* n_old_vertices: its new number; -1: it has gone */
     int32_t *vertex_old; /* n_vertices of the repaired mesh: the old number, the first of several */
     int32_t *triangle_old; /* n_triangles of it */
+    size_t seam_edges;     /* of two triangles, cut open where the surface has one side only */
 } dmk_repairs;
 
 /* A mesh of triangles that dmk_mesh_create may refuse, repaired: coincident vertices become one; zero-area
  * triangles are flipped or dropped, duplicates dropped; at an edge of more than two triangles the pairs
- * that fit stay joined; triangles are oriented consistently; vertices whose triangles share no edge are
- * split. repair: what was done, or NULL. DMK_E_MESH if a triangle names a vertex that does not exist or is
- * not finite, or nothing is left. */
+ * that fit stay joined; triangles are oriented consistently; a surface with one side only is cut open along a
+ * seam, and distances across that are not its own; vertices whose triangles share no edge are split. Other edges
+ * of two triangles stay joined. repair: what was done, or NULL. DMK_E_MESH if a triangle names a vertex that does
+ * not exist or is not finite, has a side too long or too short to compute with, or nothing is left. */
 int dmk_mesh_repair(dmk_context *context, size_t n_vertices, const double *xyz, size_t n_triangles,
                     const int32_t *triangles, dmk_repairs *repair, dmk_mesh **mesh);
 /* The same of a file. */

@@ -249,6 +249,11 @@ printf 'OFF\n4 3 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 1 2\n3 0 1 3\n3 0 1 2\n' > "
 "$tool" info "$work/broken.off" 2> "$work/errors"
 check 'a refusal that a repair mends names it' has "$work/errors" '[-]-repair'
 check 'and it does' "$tool" info --repair "$work/broken.off"
+printf 'OFF\n5 5 0\n1 0 0\n.3 1 0\n-.8 .6 0\n-.8 -.6 1\n.3 -1 1\n3 0 1 2\n3 1 2 3\n3 2 3 4\n3 3 4 0\n3 4 0 1\n' > "$work/moebius.off"
+"$tool" distance "$work/moebius.off" --repair --vertex 1 --json > "$work/json" 2> "$work/errors"
+check 'what is cut open is warned of' \
+    has "$work/errors" 'warning: .*moebius.off was cut open along 1 edge, for it has one side only: distances across'
+check 'and counted' has "$work/json" '"seam_edges": 1'
 "$tool" solve "$torus" --source 9,0,0 2> "$work/errors" > /dev/null
 check 'a source far away is warned of' has "$work/errors" 'warning: \(9, 0, 0\) is 6 away from the surface'
 "$tool" solve "$torus" --source 3.01,0,0 2> "$work/errors" > /dev/null

@@ -58,7 +58,7 @@ static void a_good_mesh_stays_as_it_is(void **state)
     }
     assert_true(m.did.merged_vertices + m.did.turned_triangles + m.did.split_edges +
                     m.did.split_vertices + m.did.flipped_triangles + m.did.degenerate_triangles +
-                    m.did.duplicate_triangles ==
+                    m.did.duplicate_triangles + m.did.seam_edges ==
                 0);
     forget(&m);
 }
@@ -182,8 +182,146 @@ static void a_moebius_strip_is_cut(void **state)
         memcpy(triangle + 6 * i, (int32_t[]){a, c, b, b, c, d}, 6 * sizeof *triangle);
     }
     mended m = mend(*state, 2 * N, xyz, 2 * N, triangle);
-    assert_true(m.did.split_edges == 1 && m.did.split_vertices == 2);
+    assert_true(m.did.seam_edges == 1 && m.did.split_edges == 0 && m.did.split_vertices == 2);
     assert_true(m.info.euler == 1 && m.info.n_border_loops == 1 && m.info.n_components == 1);
+    forget(&m);
+}
+
+/* Three triangles at edge 2-3, the third of which hangs together with the others around both ends. */
+static void a_third_sheet_comes_off_at_both_ends(void **state)
+{
+    const double xyz[] = {-3.3, 4.2, 0,   -2.7, 4.6, 0,   -0.2, 4.7, 0.4, 0.2, 4.7,
+                          0.4,  0.5, 6.8, 0.6,  2.7, 4.6, 0.1,  3.3, 4.2, 0};
+    const int32_t triangle[] = {5, 6, 3, 2, 3, 6, 2, 0, 1, 2, 6, 0, 2, 1, 3, 5, 3, 1, 4, 3, 2};
+    mended m = mend(*state, 7, xyz, 7, triangle);
+    assert_true(m.did.split_edges == 1 && m.did.split_vertices == 2 && m.did.seam_edges == 0);
+    assert_true(m.info.n_triangles == 7 && m.info.n_edges == 14);
+    forget(&m);
+}
+
+/* ---- soups ---------------------------------------------------------------------------------- */
+
+static uint32_t draw(uint32_t *state, uint32_t n)
+{
+    *state = *state * 1664525u + 1013904223u;
+    return (uint32_t)((uint64_t)*state * n >> 32);
+}
+
+enum { MOST_VERTICES = 40, MOST_TRIANGLES = 220 };
+
+/* Of the soup, by the file's numbers: no corner twice, no three corners twice. */
+static int32_t draw_soup(uint32_t *state, int32_t n_vertices, int32_t n, int32_t *triangle)
+{
+    bool there[MOST_VERTICES][MOST_VERTICES][MOST_VERTICES] = {0};
+    int32_t kept = 0;
+    for (int32_t i = 0; i < n; i++) {
+        int32_t c[3];
+        for (int k = 0; k < 3; k++) c[k] = (int32_t)draw(state, (uint32_t)n_vertices);
+        if (c[0] == c[1] || c[1] == c[2] || c[2] == c[0] || there[c[0]][c[1]][c[2]]) continue;
+        for (int k = 0; k < 3; k++) {
+            const int32_t x = c[k], y = c[(k + 1) % 3], z = c[(k + 2) % 3];
+            there[x][y][z] = there[y][x][z] = true;
+        }
+        memcpy(triangle + 3 * kept++, c, sizeof c);
+    }
+    return kept;
+}
+
+/* At each pair of vertices of the file how many triangles there are, or, of a mesh, how many edges. */
+typedef struct tally {
+    int n[MOST_VERTICES][MOST_VERTICES];
+} tally;
+
+static void count_at(tally *at, int32_t a, int32_t b)
+{
+    at->n[a < b ? a : b][a < b ? b : a]++;
+}
+
+/* Nothing is lost, and edges of two triangles are as they were but for the seam. */
+static void check_soup(const mended *m, int32_t n, const int32_t *triangle)
+{
+    tally before = {0}, after = {0}; /* triangles at an edge, joined pairs of them */
+    size_t parted = 0, crowded = 0;
+    assert_int_equal(m->info.n_triangles, n);
+    for (int32_t t = 0; t < n; t++) {
+        const int32_t *c = dmk_mesh_triangles(m->mesh) + 3 * t, *old = triangle + 3 * t;
+        int32_t now[3];
+        assert_int_equal(m->did.triangle_old[t], t);
+        for (int k = 0; k < 3; k++) now[k] = m->did.vertex_old[c[k]];
+        const bool turned = now[1] != old[1];
+        for (int k = 0; k < 3; k++) {
+            assert_int_equal(now[k], old[turned ? (3 - k) % 3 : k]);
+            count_at(&before, old[k], old[(k + 1) % 3]);
+        }
+    }
+    const int32_t *end = dmk_mesh_edges(m->mesh);
+    for (size_t e = 0; e < m->info.n_edges; e++)
+        count_at(&after, m->did.vertex_old[end[2 * e]], m->did.vertex_old[end[2 * e + 1]]);
+    for (int a = 0; a < MOST_VERTICES; a++) {
+        for (int b = a + 1; b < MOST_VERTICES; b++) {
+            crowded += before.n[a][b] > 2;
+            parted += before.n[a][b] == 2 && after.n[a][b] == 2;
+        }
+    }
+    assert_true(parted == m->did.seam_edges && crowded == m->did.split_edges);
+}
+
+/* Triangles drawn from few vertices: edges of many, Moebius strips everywhere, vertices of several stars. */
+static void any_soup_becomes_a_mesh(void **state)
+{
+    uint32_t random = 7;
+    for (int i = 0; i < 6000; i++) {
+        const int32_t n_vertices = 4 + (int32_t)draw(&random, MOST_VERTICES - 3);
+        double xyz[3 * MOST_VERTICES];
+        int32_t triangle[3 * MOST_TRIANGLES];
+        for (int k = 0; k < 3 * n_vertices; k++) xyz[k] = 1e-6 * draw(&random, 1000000);
+        const int32_t wanted = 1 + (int32_t)draw(&random, i % 2 ? MOST_TRIANGLES : 30),
+                      n = draw_soup(&random, n_vertices, wanted, triangle);
+        if (n == 0) continue;
+        mended m = mend(*state, (size_t)n_vertices, xyz, (size_t)n, triangle);
+        check_soup(&m, n, triangle);
+        forget(&m);
+    }
+}
+
+/* The same on the points of a lattice: vertices that coincide, triangles without area, flips. */
+static void any_soup_on_a_lattice_becomes_a_mesh(void **state)
+{
+    bench *b = *state;
+    uint32_t random = 11;
+    for (int i = 0; i < 6000; i++) {
+        const uint32_t wide = 2 + draw(&random, 3);
+        double xyz[3 * MOST_VERTICES];
+        int32_t triangle[3 * MOST_TRIANGLES];
+        for (int k = 0; k < 3 * MOST_VERTICES; k++) xyz[k] = draw(&random, wide);
+        const uint32_t n = 1 + draw(&random, i % 2 ? MOST_TRIANGLES : 30);
+        for (uint32_t k = 0; k < 3 * n; k++) triangle[k] = (int32_t)draw(&random, MOST_VERTICES);
+        mended m = {0};
+        if (dmk_mesh_repair(b->ctx, MOST_VERTICES, xyz, n, triangle, &m.did, &m.mesh) == DMK_OK)
+            forget(&m);
+        else
+            assert_non_null(strstr(dmk_context_message(b->ctx), "nothing to solve"));
+    }
+}
+
+/* Tetrahedra around one edge, more triangles than are paired there: each is closed. */
+static void bodies_around_an_edge_come_apart(void **state)
+{
+    enum { N = 50 };
+    double xyz[6 * (N + 1)] = {0, 0, 0, 0, 0, 1};
+    int32_t triangle[12 * N];
+    for (int32_t i = 0; i < N; i++) {
+        const int32_t c = 2 * i + 2, d = c + 1;
+        for (int k = 0; k < 2; k++) {
+            const double t = 6.283185307179586 * (i + 0.5 * k) / N;
+            memcpy(xyz + 3 * (c + k), (double[]){cos(t), sin(t), 0.5}, 3 * sizeof *xyz);
+        }
+        const int32_t body[] = {0, c, 1, 1, d, 0, 0, d, c, 1, c, d};
+        memcpy(triangle + 12 * i, body, sizeof body);
+    }
+    mended m = mend(*state, 2 * N + 2, xyz, 4 * N, triangle);
+    assert_true(m.did.split_edges == 1 && m.did.split_vertices == 2 * N - 2);
+    assert_true(m.info.n_border_edges == 0 && m.info.n_components == N && m.info.euler == 2 * N);
     forget(&m);
 }
 
@@ -225,6 +363,12 @@ static void what_cannot_be_mended_is_refused(void **state)
     assert_non_null(strstr(dmk_context_message(b->ctx), "vertex 7, which does not exist"));
     const int32_t nothing[] = {0, 0, 1};
     assert_int_equal(dmk_mesh_repair(b->ctx, 8, cube_xyz, 1, nothing, NULL, &mesh), DMK_E_MESH);
+    for (int far = 0; far < 2; far++) { /* no advice to repair once more */
+        for (int k = 0; k < 24; k++) xyz[k] = cube_xyz[k] * (far ? 1.5e308 : 1e-70);
+        xyz[0] = far ? -1.5e308 : 0;
+        assert_int_equal(dmk_mesh_repair(b->ctx, 8, xyz, 12, cube, NULL, &mesh), DMK_E_MESH);
+        assert_non_null(strstr(dmk_context_message(b->ctx), "scale the mesh"));
+    }
     assert_int_equal(dmk_mesh_read_repaired(b->ctx, "tests/none.off", NULL, &mesh), DMK_E_IO);
     assert_null(mesh);
 }
@@ -239,6 +383,10 @@ int main(void)
         cmocka_unit_test(touching_bodies_part),
         cmocka_unit_test(a_fin_comes_off),
         cmocka_unit_test(a_moebius_strip_is_cut),
+        cmocka_unit_test(a_third_sheet_comes_off_at_both_ends),
+        cmocka_unit_test(any_soup_becomes_a_mesh),
+        cmocka_unit_test(any_soup_on_a_lattice_becomes_a_mesh),
+        cmocka_unit_test(bodies_around_an_edge_come_apart),
         cmocka_unit_test(a_flat_triangle_is_flipped),
         cmocka_unit_test(flat_is_what_the_mesh_calls_flat),
         cmocka_unit_test(what_cannot_be_mended_is_refused),

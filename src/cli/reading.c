@@ -27,6 +27,7 @@ static void print_repairs(const char *path, const dmk_repairs *did)
         {did->turned_triangles, "triangle reoriented", "triangles reoriented"},
         {did->split_vertices, "vertex added at a non-manifold vertex",
          "vertices added at non-manifold vertices"},
+        {did->seam_edges, "edge of two triangles cut open", "edges of two triangles cut open"},
     };
     const char *before = "";
     fprintf(stderr, "dmkcl: %s repaired: ", path);
@@ -37,6 +38,16 @@ static void print_repairs(const char *path, const dmk_repairs *did)
         before = ", ";
     }
     fprintf(stderr, "%s\n", *before ? "" : "nothing needed repair");
+}
+
+/* Whoever asks for distances has to know what they are not. */
+static void warn_of_seam(const char *path, const dmk_repairs *did)
+{
+    if (did->seam_edges == 0) return;
+    fprintf(stderr,
+            "dmkcl: warning: %s was cut open along %zu edge%s, for it has one side only: distances "
+            "across this seam are not those of the surface\n",
+            path, did->seam_edges, did->seam_edges == 1 ? "" : "s");
 }
 
 /* A mesh in pieces is most often one whose triangles do not share their vertices. */
@@ -145,6 +156,7 @@ int cli_read_mesh(dmk_context *context, const char *path, const cli_reading *how
     if (rc != DMK_OK || how->quiet) return rc;
     if (how->progress) cli_progress_end(how->progress);
     if (how->repair) print_repairs(path, did);
+    if (how->repair) warn_of_seam(path, did);
     warn_of_pieces(context, path, *mesh, how->repair);
     return rc;
 }
@@ -203,5 +215,6 @@ void json_repairs(cli_json *json, const dmk_repairs *did)
     json_integer(json, "split_edges", (int64_t)did->split_edges);
     json_integer(json, "turned_triangles", (int64_t)did->turned_triangles);
     json_integer(json, "split_vertices", (int64_t)did->split_vertices);
+    json_integer(json, "seam_edges", (int64_t)did->seam_edges);
     json_close(json, '{');
 }

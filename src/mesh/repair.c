@@ -1,9 +1,10 @@
-/* Mending a triangle soup until it is a manifold, in six steps: equal vertices become one; a triangle without
+/* Mending a triangle soup until it is a manifold, in seven steps: equal vertices become one; a triangle without
  * area gives way by a flip of its longest edge; triangles with a repeated corner, without area still, or there
- * twice go; at an edge of more than two triangles those two that
- * fit best belong together, and so on; triangles are turned to agree with their neighbours; a vertex
- * whose triangles do not hang together becomes several. Where a surface has one side only it is cut along
- * the edges at which the turning fails.
+ * twice go; triangles are turned to agree with their neighbours over edges of two, and where a surface has one
+ * side only it is cut along the edges at which the turning fails; at an edge of more than two triangles those two
+ * that fit best belong together, and so on; what is there twice by that, an edge between the same two vertices,
+ * is joined in another way; a vertex whose triangles do not hang together becomes several. No edge of two
+ * triangles is parted but on those cuts, and any soup is a manifold then.
  *
  * Half-edges and corners are numbered as in mesh.h; twin[h]: the half-edge that h is joined to, or -1. */
 #include "mesh/mesh.h"
@@ -11,9 +12,14 @@
 #include "base/sets.h"
 #include "base/vec3.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+
+typedef struct side {
+    int32_t a, b, half; /* a < b: the ends */
+} side;
 
 typedef struct soup {
     dmk_context *ctx;
@@ -22,7 +28,10 @@ typedef struct soup {
     int32_t *triangle; /* 3*n_triangles: corners, as far as they are mended */
     int32_t *old;      /* n_triangles: number in the input */
     int32_t *twin;     /* 3*n_triangles */
-    uint8_t *turned;   /* n_triangles: against the input */
+    side *crowd;       /* n_crowd: those at edges of more than two triangles, edge by edge */
+    int32_t n_crowd;
+    int32_t *piece;  /* n_triangles: the first one that hangs together with it over edges of two */
+    uint8_t *turned; /* n_triangles: against the input */
     dmk_repairs *count;
 } soup;
 
@@ -86,10 +95,6 @@ done:
 
 /* ---- edges ---------------------------------------------------------------------------------- */
 
-typedef struct side {
-    int32_t a, b, half; /* a < b: the ends */
-} side;
-
 static int by_ends(const void *left, const void *right)
 {
     const side *p = left, *q = right;
@@ -113,64 +118,24 @@ static void join(soup *s, int32_t g, int32_t h)
     s->twin[h] = g;
 }
 
-/* Direction of the triangle of side p away from its edge: a unit vector. */
-static void away(const soup *s, const side *p, double out[3])
+/* Behind the last of the n sides that has the ends of side i. */
+static int32_t edge_end(const side *list, int32_t n, int32_t i)
 {
-    double along[3], to[3];
-    dmk_subtract(point(s, p->b), point(s, p->a), along);
-    dmk_subtract(point(s, s->triangle[p->half]), point(s, p->a), to);
-    double part = dmk_dot(to, along) / dmk_dot(along, along);
-    for (int k = 0; k < 3; k++) out[k] = to[k] - part * along[k];
-    double size = sqrt(dmk_dot(out, out));
-    for (int k = 0; k < 3; k++) out[k] = size > 0 ? out[k] / size : 0;
+    int32_t j = i + 1;
+    while (j < n && list[j].a == list[i].a && list[j].b == list[i].b) j++;
+    return j;
 }
 
-/* How ill two sides of one edge fit, from -1: they should lie flat; else rather with the inside of a body
- * between them, so that bodies that touch in an edge come apart; and run the edge in two directions. */
-static double misfit(const soup *s, const side *p, const side *q)
-{
-    double x[3], y[3], along[3], normal[3];
-    const double *from = point(s, from_of(s, p->half)), *to = point(s, to_of(s, p->half));
-    away(s, p, x);
-    away(s, q, y);
-    dmk_subtract(to, from, along);
-    dmk_cross(along, x, normal);
-    double outside = dmk_dot(normal, y) / sqrt(dmk_dot(along, along));
-    bool same = from_of(s, p->half) == from_of(s, q->half);
-    return dmk_dot(x, y) + 0.5 * outside + (same ? 4 : 0);
-}
-
-/* The n sides of one edge, more than two: again and again the pair that fits best. */
-static void pair_sides(soup *s, const side *p, int32_t n)
-{
-    for (;;) {
-        double least = INFINITY;
-        int32_t best[2] = {-1, -1};
-        for (int32_t i = 0; i < n; i++) {
-            for (int32_t j = i + 1; j < n && s->twin[p[i].half] < 0; j++) {
-                if (s->twin[p[j].half] >= 0) continue;
-                double bad = misfit(s, &p[i], &p[j]);
-                if (bad >= least) continue;
-                least = bad;
-                best[0] = p[i].half;
-                best[1] = p[j].half;
-            }
-        }
-        if (best[0] < 0) return;
-        join(s, best[0], best[1]);
-    }
-}
-
-/* What more triangles than this meet at stays apart: pairs of them all would take too long. */
-enum { MOST_AT_EDGE = 64 };
-
-/* Edges of two triangles; and, if `all`, pairs at those of more. */
-static int join_edges(soup *s, bool all)
+/* Edges of two triangles; the sides at those of more are kept. */
+static int join_edges(soup *s)
 {
     int rc;
-    side *list = NULL;
     const int32_t n = 3 * s->n_triangles;
-    DMK_TRY(DMK_NEW(s->ctx, list, (size_t)n));
+    free(s->crowd);
+    s->crowd = NULL;
+    s->n_crowd = 0;
+    DMK_TRY(DMK_NEW(s->ctx, s->crowd, (size_t)n));
+    side *list = s->crowd;
     for (int32_t h = 0; h < n; h++) {
         int32_t a = from_of(s, h), b = to_of(s, h);
         list[h] = (side){dmk_min_i(a, b), dmk_max_i(a, b), h};
@@ -178,14 +143,15 @@ static int join_edges(soup *s, bool all)
     }
     qsort(list, (size_t)n, sizeof *list, by_ends);
     for (int32_t i = 0, j; i < n; i = j) {
-        for (j = i + 1; j < n && list[j].a == list[i].a && list[j].b == list[i].b;) j++;
+        j = edge_end(list, n, i);
         if (j - i == 2) join(s, list[i].half, list[i + 1].half);
-        if (j - i <= 2 || !all) continue;
-        s->count->split_edges++;
-        if (j - i <= MOST_AT_EDGE) pair_sides(s, list + i, j - i);
+        if (j - i <= 2) continue;
+        memmove(list + s->n_crowd, list + i, (size_t)(j - i) * sizeof *list);
+        s->n_crowd += j - i;
     }
+    side *shorter = realloc(list, (size_t)dmk_max_i(s->n_crowd, 1) * sizeof *list);
+    if (shorter) s->crowd = shorter; /* else the longer one does as well */
 done:
-    free(list);
     return rc;
 }
 
@@ -203,6 +169,7 @@ static bool is_flat(const soup *s, int32_t t, int32_t *longest)
         if (l[k] > most) *longest = 3 * t + k;
         most = fmax(most, l[k]);
     }
+    if (most > DBL_MAX) return false; /* what no double holds the mesh refuses */
     return dmk_sides_are_flat(l);
 }
 
@@ -231,7 +198,7 @@ static int flip_flat(soup *s)
         DMK_TRY(DMK_NEW(s->ctx, touched, (size_t)s->n_triangles));
         for (int32_t t = 0, h, unused; t < s->n_triangles; t++) {
             if (touched[t] || !is_flat(s, t, &h) || h < 0) continue;
-            if (flips == 0) DMK_TRY(join_edges(s, false)); /* the first of the pass */
+            if (flips == 0) DMK_TRY(join_edges(s)); /* the first of the pass */
             if (s->twin[h] < 0 || touched[s->twin[h] / 3] || is_flat(s, s->twin[h] / 3, &unused))
                 continue;
             touched[t] = touched[s->twin[h] / 3] = 1;
@@ -315,48 +282,156 @@ static bool clash(const soup *s, int32_t h)
     return same != (s->turned[h / 3] != s->turned[g / 3]);
 }
 
-/* From the first triangle of a piece on; `piece`: room for its triangles, *n of them. */
-static void spread_turn(soup *s, uint8_t *seen, int32_t start, int32_t *piece, int32_t *n)
+/* From the first triangle of a piece on; `room`: for its triangles. */
+static void spread_turn(soup *s, int32_t start, int32_t *room)
 {
-    *n = 0;
-    piece[(*n)++] = start;
-    seen[start] = 1;
-    for (int32_t i = 0; i < *n; i++) {
-        for (int32_t h = 3 * piece[i]; h < 3 * piece[i] + 3; h++) {
+    int32_t n = 0;
+    room[n++] = start;
+    s->piece[start] = start;
+    for (int32_t i = 0; i < n; i++) {
+        for (int32_t h = 3 * room[i]; h < 3 * room[i] + 3; h++) {
             int32_t g = s->twin[h];
-            if (g < 0 || seen[g / 3]) continue;
+            if (g < 0 || s->piece[g / 3] >= 0) continue;
             if (clash(s, h)) s->turned[g / 3] = 1;
-            seen[g / 3] = 1;
-            piece[(*n)++] = g / 3;
+            s->piece[g / 3] = start;
+            room[n++] = g / 3;
         }
     }
 }
 
-/* Turn the fewer triangles of each piece, and part edges at which a turn does not help. */
+/* Turn the triangles of each piece as its first one, and part edges at which a turn does not help. */
 static int orient(soup *s)
 {
     int rc;
-    uint8_t *seen = NULL;
-    int32_t *piece = NULL, n;
-    DMK_TRY(DMK_NEW(s->ctx, seen, (size_t)s->n_triangles));
-    DMK_TRY(DMK_NEW(s->ctx, piece, (size_t)s->n_triangles));
+    int32_t *room = NULL;
+    DMK_TRY(DMK_NEW(s->ctx, s->piece, (size_t)s->n_triangles));
+    DMK_TRY(DMK_NEW(s->ctx, room, (size_t)s->n_triangles));
+    for (int32_t t = 0; t < s->n_triangles; t++) s->piece[t] = -1;
     for (int32_t t = 0; t < s->n_triangles; t++) {
-        if (seen[t]) continue;
-        int32_t turned = 0;
-        spread_turn(s, seen, t, piece, &n);
-        for (int32_t i = 0; i < n; i++) turned += s->turned[piece[i]];
-        for (int32_t i = 0; i < n && 2 * turned > n; i++) s->turned[piece[i]] ^= 1;
-        s->count->turned_triangles += (size_t)(2 * turned > n ? n - turned : turned);
+        if (s->piece[t] < 0) spread_turn(s, t, room);
     }
     for (int32_t h = 0; h < 3 * s->n_triangles; h++) {
         if (s->twin[h] < 0 || !clash(s, h)) continue;
-        s->count->split_edges++;
+        s->count->seam_edges++;
         s->twin[s->twin[h]] = -1;
         s->twin[h] = -1;
     }
 done:
-    free(seen);
-    free(piece);
+    free(room);
+    return rc;
+}
+
+/* ---- edges of more than two triangles ------------------------------------------------------- */
+
+/* Sets say which pieces turn together: 2*p stands for piece p as its first triangle came, 2*p + 1 for it turned over,
+ * and of two in one set both are so or neither. Where triangle t is as it came: */
+static int32_t as_it_came(const soup *s, int32_t t)
+{
+    return 2 * s->piece[t] + s->turned[t];
+}
+
+/* And what is so, too, if g is joined to h, where the triangle of g is as it came. */
+static int32_t follows(const soup *s, int32_t g, int32_t h)
+{
+    return as_it_came(s, h / 3) ^ (from_of(s, g) == from_of(s, h));
+}
+
+/* Is that the contrary of what is so already? */
+static bool would_clash(const soup *s, int32_t *set, int32_t g, int32_t h)
+{
+    return dmk_set_find(set, as_it_came(s, g / 3)) == dmk_set_find(set, follows(s, g, h) ^ 1);
+}
+
+static void join_turned(soup *s, int32_t *set, int32_t g, int32_t h)
+{
+    join(s, g, h);
+    dmk_set_unite(set, as_it_came(s, g / 3), follows(s, g, h));
+    dmk_set_unite(set, as_it_came(s, g / 3) ^ 1, follows(s, g, h) ^ 1);
+}
+
+/* Direction of the triangle of side p away from its edge: a unit vector. */
+static void away(const soup *s, const side *p, double out[3])
+{
+    double along[3], to[3];
+    dmk_subtract(point(s, p->b), point(s, p->a), along);
+    dmk_subtract(point(s, s->triangle[p->half]), point(s, p->a), to);
+    double part = dmk_dot(to, along) / dmk_dot(along, along);
+    for (int k = 0; k < 3; k++) out[k] = to[k] - part * along[k];
+    double size = sqrt(dmk_dot(out, out));
+    for (int k = 0; k < 3; k++) out[k] = size > 0 ? out[k] / size : 0;
+}
+
+/* How ill two sides of one edge fit, from -1: they should lie flat; else rather with the inside of a body
+ * between them, so that bodies that touch in an edge come apart; and run the edge in two directions. */
+static double misfit(const soup *s, const side *p, const side *q)
+{
+    double x[3], y[3], along[3], normal[3];
+    const double *from = point(s, from_of(s, p->half)), *to = point(s, to_of(s, p->half));
+    away(s, p, x);
+    away(s, q, y);
+    dmk_subtract(to, from, along);
+    dmk_cross(along, x, normal);
+    double outside = dmk_dot(normal, y) / sqrt(dmk_dot(along, along));
+    bool same = from_of(s, p->half) == from_of(s, q->half);
+    return dmk_dot(x, y) + 0.5 * outside + (same ? 4 : 0);
+}
+
+/* The n sides of one edge, more than two: again and again the pair that fits best, of those that can be turned to
+ * agree. */
+static void pair_sides(soup *s, int32_t *set, const side *p, int32_t n)
+{
+    for (;;) {
+        double least = INFINITY;
+        int32_t best[2] = {-1, -1};
+        for (int32_t i = 0; i < n; i++) {
+            for (int32_t j = i + 1; j < n && s->twin[p[i].half] < 0; j++) {
+                if (s->twin[p[j].half] >= 0 || would_clash(s, set, p[i].half, p[j].half)) continue;
+                double bad = misfit(s, &p[i], &p[j]);
+                if (bad >= least) continue;
+                least = bad;
+                best[0] = p[i].half;
+                best[1] = p[j].half;
+            }
+        }
+        if (best[0] < 0) return;
+        join_turned(s, set, best[0], best[1]);
+    }
+}
+
+/* Of what hangs together now the fewer triangles are turned. A set is named by its first piece, as it is or turned. */
+static int turn_fewer(soup *s, int32_t *set)
+{
+    int rc;
+    int32_t *n = NULL; /* triangles of each set: as they came at the same time */
+    DMK_TRY(DMK_NEW(s->ctx, n, 2 * (size_t)s->n_triangles));
+    for (int32_t t = 0; t < s->n_triangles; t++) n[dmk_set_find(set, as_it_came(s, t))]++;
+    for (int32_t t = 0; t < s->n_triangles; t++) {
+        const int32_t name = dmk_set_find(set, as_it_came(s, t)), stay = name & ~1;
+        s->turned[t] = (name != stay) != (n[stay + 1] > n[stay]);
+        s->count->turned_triangles += s->turned[t];
+    }
+done:
+    free(n);
+    return rc;
+}
+
+/* What more triangles than this meet at stays apart: pairs of them all would take too long. */
+enum { MOST_AT_EDGE = 64 };
+
+static int pair_edges(soup *s)
+{
+    int rc;
+    int32_t *set = NULL;
+    DMK_TRY(DMK_NEW(s->ctx, set, 2 * (size_t)s->n_triangles));
+    for (int32_t i = 0; i < 2 * s->n_triangles; i++) set[i] = i;
+    for (int32_t i = 0, j; i < s->n_crowd; i = j) {
+        j = edge_end(s->crowd, s->n_crowd, i);
+        s->count->split_edges++;
+        if (j - i <= MOST_AT_EDGE) pair_sides(s, set, s->crowd + i, j - i);
+    }
+    DMK_TRY(turn_fewer(s, set));
+done:
+    free(set);
     return rc;
 }
 
@@ -381,6 +456,102 @@ static void link_corners(const soup *s, int32_t *set)
         }
     }
 }
+
+/* ---- edges that would be one ---------------------------------------------------------------- */
+
+/* The half-edge behind h around vertex v, an end of h: across the triangle of h, and of the next one; or -1. */
+static int32_t around(const soup *s, int32_t h, int32_t v)
+{
+    return s->twin[3 * (h / 3) + 3 - h % 3 - corner_at(s, h, v) % 3];
+}
+
+/* The corners around v that were of one vertex are of two now, those next to g and those next to h: the ones that
+ * close a circle, of two the shorter, get the new name. Both are walked at the same time, which keeps the work at n log
+ * n for n corners however often a vertex falls apart. */
+static void name_part(const soup *s, int32_t *name, int32_t g, int32_t h, int32_t v, int32_t new)
+{
+    int32_t start[2] = {g, h}, at[2] = {g, h}, k = 0;
+    for (;; k = 1 - k) {
+        if (at[k] >= 0) at[k] = around(s, at[k], v);
+        if (at[k] == start[k]) break;
+    }
+    do {
+        name[corner_at(s, at[k], v)] = new;
+        at[k] = around(s, at[k], v);
+    } while (at[k] != start[k]);
+}
+
+static int32_t runs_from(const soup *s, int32_t h)
+{
+    return s->turned[h / 3] ? to_of(s, h) : from_of(s, h);
+}
+
+/* Two edges between the same two vertices, g of one and h of the other: one of the two ways in which their sides fit is
+ * there, the other one parts both vertices. For around each the triangles are in a circle, or in a row with borders at
+ * its ends, and turned alike: what is between g and h closes to a circle of its own. Where both edges are borders they
+ * are the two ends of the row, and become one edge. */
+static void join_otherwise(soup *s, int32_t *name, int32_t g, int32_t h, int32_t *n_names)
+{
+    if (runs_from(s, g) == runs_from(s, h)) {
+        if (s->twin[h] >= 0)
+            h = s->twin[h];
+        else
+            g = s->twin[g];
+    }
+    const int32_t p = s->twin[g], q = s->twin[h];
+    join(s, g, h);
+    if (p >= 0) s->twin[p] = q;
+    if (q >= 0) s->twin[q] = p;
+    if (p < 0 && q < 0) return;
+    name_part(s, name, g, p >= 0 ? p : q, from_of(s, g), (*n_names)++);
+    name_part(s, name, g, p >= 0 ? p : q, to_of(s, g), (*n_names)++);
+}
+
+static bool is_alike(const soup *s, const int32_t *name, int32_t g, int32_t h)
+{
+    const int32_t a = from_of(s, g), b = to_of(s, g);
+    return s->twin[g] != h && name[corner_at(s, g, a)] == name[corner_at(s, h, a)] &&
+           name[corner_at(s, g, b)] == name[corner_at(s, h, b)];
+}
+
+/* The n sides of one edge of the soup. Those that are not joined, but of the same two vertices, a mesh would take for
+ * one edge, which it knows by its ends. Names are only ever added, so that what is unlike stays so. */
+static void settle_edge(soup *s, int32_t *name, side *p, int32_t n, int32_t *n_names)
+{
+    for (int32_t i = 0; i < n;
+         i++) { /* now by the names of the ends, so that there are few to compare */
+        const int32_t h = p[i].half, a = corner_at(s, h, p[i].a), b = corner_at(s, h, p[i].b);
+        p[i] = (side){name[a], name[b], h};
+    }
+    qsort(p, (size_t)n, sizeof *p, by_ends);
+    for (int32_t i = 0, end = 0; i < n; i++) {
+        if (i >= end) end = edge_end(p, n, i);
+        for (int32_t j = i + 1; j < end; j++) {
+            if (is_alike(s, name, p[i].half, p[j].half))
+                join_otherwise(s, name, p[i].half, p[j].half, n_names);
+        }
+    }
+}
+
+static int settle_edges(soup *s)
+{
+    int rc;
+    const int32_t n = 3 * s->n_triangles;
+    int32_t *name = NULL, n_names = n;
+    if (s->n_crowd == 0) return DMK_OK;
+    DMK_TRY(DMK_NEW(s->ctx, name, (size_t)n));
+    link_corners(s, name);
+    for (int32_t c = 0; c < n; c++) name[c] = dmk_set_find(name, c);
+    for (int32_t i = 0, j; i < s->n_crowd; i = j) {
+        j = edge_end(s->crowd, s->n_crowd, i);
+        settle_edge(s, name, s->crowd + i, j - i, &n_names);
+    }
+done:
+    free(name);
+    return rc;
+}
+
+/* ---- numbers -------------------------------------------------------------------------------- */
 
 /* Numbers for the vertices that stay, as many as returned: not those that first[] merged away, nor unused
  * ones without a position. */
@@ -497,9 +668,13 @@ int dmk_mesh_repair(dmk_context *ctx, size_t n_vertices, const double *xyz, size
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(drop_triangles(&s));
     DMK_TRY(dmk_poll(ctx));
-    DMK_TRY(join_edges(&s, true));
+    DMK_TRY(join_edges(&s));
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(orient(&s));
+    DMK_TRY(dmk_poll(ctx));
+    DMK_TRY(pair_edges(&s));
+    DMK_TRY(dmk_poll(ctx));
+    DMK_TRY(settle_edges(&s));
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(number_vertices(&s, first, &n_new));
     DMK_TRY(dmk_poll(ctx));
@@ -517,6 +692,8 @@ done:
     free(s.triangle);
     free(s.old);
     free(s.twin);
+    free(s.crowd);
+    free(s.piece);
     free(s.turned);
     return rc;
 }

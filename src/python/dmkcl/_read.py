@@ -25,7 +25,8 @@ class Repaired(NamedTuple):
     """A repaired mesh, and what was done.
 
     mesh: a `Mesh`. Counts: merged_vertices, flipped_triangles and degenerate_triangles (zero area:
-    mended, dropped), duplicate_triangles, split_edges, turned_triangles, split_vertices (added).
+    mended, dropped), duplicate_triangles, split_edges (of more than two triangles), turned_triangles,
+    split_vertices (added), seam_edges (of two triangles, cut open where the surface has one side only).
     vertex_new: (old n,) the new number of each old vertex, -1 where it has gone; vertex_old: (n,) and
     face_old: (m,) old numbers, the first of several.
     """
@@ -38,6 +39,7 @@ class Repaired(NamedTuple):
     split_edges: int
     turned_triangles: int
     split_vertices: int
+    seam_edges: int
     vertex_new: NDArray[np.int32]
     vertex_old: NDArray[np.int32]
     face_old: NDArray[np.int32]
@@ -47,7 +49,15 @@ class Repaired(NamedTuple):
         return f"<dmkcl.Repaired: {self.mesh!r}; {', '.join(done) or 'nothing needed repair'}>"
 
 
-_COUNTS = Repaired._fields[1:8]
+_COUNTS = Repaired._fields[1:9]
+
+
+def _warn_of_seam(n: int) -> None:
+    if n > 0:
+        warn(
+            f"the mesh was cut open along {n} edge{'s' if n > 1 else ''}, for it has one side only: "
+            "distances across this seam are not those of the surface"
+        )
 
 
 def _repaired(call: Callable[[Any, Any, Any], int]) -> Repaired:
@@ -96,15 +106,18 @@ def repair(vertices: "Union[ArrayLike, MeshLike]", faces: Optional[ArrayLike] = 
 
     Coincident vertices become one; zero-area triangles are flipped away or dropped, duplicates
     dropped; at edges of more than two triangles pairs that fit stay joined; triangles are oriented
-    consistently (a surface with one side is cut open); a vertex whose triangles are not joined by
+    consistently (a surface with one side is cut open along a seam, with a UserWarning, for distances
+    across it are not those of the surface); a vertex whose triangles are not joined by
     edges becomes several. Takes what `CutLocus` takes: arrays, a file name, another package's
     mesh. MeshError if a triangle names a vertex that does not exist, or nothing is left.
     """
     if faces is None and isinstance(vertices, (str, os.PathLike)):
         done: Repaired = _load(os.fspath(vertices), _repair_file, _repair_arrays)
-        return done
-    arrays: "tuple[Any, Any]" = (vertices, faces) if faces is not None else _arrays(vertices)
-    return _repair_arrays(*arrays)
+    else:
+        arrays: "tuple[Any, Any]" = (vertices, faces) if faces is not None else _arrays(vertices)
+        done = _repair_arrays(*arrays)
+    _warn_of_seam(done.seam_edges)
+    return done
 
 
 # ---- files ------------------------------------------------------------------------------------

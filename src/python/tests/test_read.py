@@ -162,6 +162,19 @@ def test_repair(tmp_path):
         dmkcl.read(path)
 
 
+def test_a_seam_is_warned_of():
+    n = 24
+    t, w = np.meshgrid(2 * np.pi * np.arange(n) / n, (-0.3, 0.3), indexing="ij")
+    r = 1 + w * np.cos(t / 2)
+    V = np.stack([r * np.cos(t), r * np.sin(t), w * np.sin(t / 2)], -1).reshape(-1, 3)
+    a = 2 * np.arange(n)
+    c, d = np.append(a[1:], 1), np.append(a[1:] + 1, 0)
+    F = np.concatenate([np.stack([a, c, a + 1], -1), np.stack([a + 1, c, d], -1)])
+    with pytest.warns(UserWarning, match="cut open along 1 edge, for it has one side only"):
+        done = dmkcl.repair(V, F)
+    assert done.seam_edges == 1 and done.split_edges == 0 and "1 seam_edges" in repr(done)
+
+
 def test_pieces_are_warned_of():
     whole = dmkcl.surfaces.sphere(n_triangles=200)
     with pytest.warns(UserWarning, match=r"in 20\d pieces.*leaves 1"):
