@@ -294,7 +294,7 @@ static void test_refusals(void **state)
         {"m.msh", MSH41 "$Nodes\n1 3 1 3\n7 1 0 3\n", DMK_E_FORMAT, "a block of dimension 7"},
         {"m.msh", MSH41 "$Nodes\n9999999999999 3 1 3\n", DMK_E_FORMAT, "blocks do not fit into"},
         {"m.vtk", "\n+", DMK_E_FORMAT, "m.vtk:1: no '# vtk DataFile Version'"},
-        {"m.msh", "\n+", DMK_E_FORMAT, "m.msh:2: '+' where a section"},
+        {"m.msh", "\n+", DMK_E_FORMAT, "m.msh:2: '+' where $MeshFormat is expected"},
         {"m.vtu", "\n+", DMK_E_FORMAT, "not well-formed XML"},
         {"m.vtk", "# vtk DataFile Version 3.0\nx\nTEXT\n", DMK_E_FORMAT,
          "m.vtk:3: neither ASCII nor"},

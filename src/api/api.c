@@ -57,9 +57,11 @@ int dmk_geodesics_locus(dmk_context *ctx, const dmk_geodesics *geodesics,
         return dmk_fail(ctx, DMK_E_ARG,
                         "the cut locus of lines and borders is not traced: give points as sources");
     if (geodesics->mesh->n_components > 1)
-        return dmk_fail(ctx, DMK_E_ARG,
-                        "the mesh has %d components, and a cut locus is one component's: split it",
-                        (int)geodesics->mesh->n_components);
+        return dmk_fail(
+            ctx, DMK_E_ARG,
+            "the mesh has %d components, and a cut locus is one component's: give that one "
+            "alone, or solve, which takes the source's",
+            (int)geodesics->mesh->n_components);
     DMK_TRY(dmk_stage_begin(ctx, "locus"));
     rc = dmk_locus_trace(ctx, geodesics, &chosen, locus);
 done:

@@ -163,8 +163,10 @@ int dmk_obj_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
         dmk_text_skip_line(&t);
     }
     if (soup->n_triangles == 0) {
-        rc = dmk_fail(ctx, DMK_E_FORMAT,
-                      "%s: contains no faces (\"f\" lines): not a mesh in OBJ format", file->path);
+        rc = dmk_fail(
+            ctx, DMK_E_FORMAT,
+            "%s: contains no faces (\"f\" lines): not a mesh in OBJ format, or not in UTF-8",
+            file->path);
     }
 done:
     dmk_text_close(&t);

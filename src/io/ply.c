@@ -334,10 +334,13 @@ static int check_header(ply *p, dmk_soup *soup)
         n_role[ROLE_CORNERS] == 1) {
         return DMK_OK;
     }
+    const char *what = n_vertex != 1                                        ? "element 'vertex'"
+                       : n_role[0] != 1 || n_role[1] != 1 || n_role[2] != 1 ? "vertices' x, y and z"
+                       : n_face != 1                                        ? "element 'face'"
+                                     : "faces' list 'vertex_indices'";
     return dmk_fail(p->in.text.context, DMK_E_FORMAT,
-                    "%s: its header lacks (or doubles) an element 'vertex' with x, y and z, or an "
-                    "element 'face' with the list 'vertex_indices': not a mesh of polygons",
-                    p->in.text.file->path);
+                    "%s: its header has no %s, or more than one: not a mesh of polygons",
+                    p->in.text.file->path, what);
 }
 
 int dmk_ply_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)

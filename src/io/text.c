@@ -43,13 +43,15 @@ int dmk_text_fail(const dmk_text *text, const char *format, ...)
 int dmk_text_fail_word(const dmk_text *text, const char *format, ...)
 {
     enum { LONGEST = 40 };
-    char what[512];
-    const size_t n = dmk_text_word(text);
+    char what[512], word[LONGEST];
+    const size_t n = dmk_text_word(text) < LONGEST ? dmk_text_word(text) : LONGEST;
+    for (size_t i = 0; i < n; i++) /* of a binary file nothing goes to a terminal */
+        word[i] = text->at[i] > ' ' && text->at[i] < 127 ? text->at[i] : '?';
     va_list args;
     va_start(args, format);
     vsnprintf(what, sizeof what, format, args);
     va_end(args);
-    return dmk_text_fail(text, "'%.*s' %s", n > LONGEST ? LONGEST : (int)n, text->at, what);
+    return dmk_text_fail(text, "'%.*s' %s", (int)n, word, what);
 }
 
 static bool is_blank(char c)
