@@ -132,6 +132,7 @@ static int try_one(dmk_context *ctx, dmk_geodesics *g, attempt how, double asked
                    bool *finished)
 {
     int rc;
+    bool few = true;
     *finished = false;
     free(g->error);
     g->error = NULL;
@@ -139,10 +140,10 @@ static int try_one(dmk_context *ctx, dmk_geodesics *g, attempt how, double asked
     g->tie = NULL;
     g->n_ties = 0;
     DMK_TRY(start(ctx, g, how, asked, finished));
+    if (*finished && g->tolerance > 0) DMK_TRY(dmk_tracer_repair(ctx, g, &few));
     if (how == TRIMMED && g->error && (exact || g->n_lines == 0)) *finished = false;
-    if (!*finished) goto done;
-    if (g->tolerance > 0) DMK_TRY(dmk_tracer_repair(ctx, g));
-    rc = dmk_geodesics_check(ctx, g);
+    if (how == ASKED && !few) *finished = false;
+    if (*finished) rc = dmk_geodesics_check(ctx, g);
 done:
     return rc;
 }

@@ -708,16 +708,19 @@ done:
     return rc;
 }
 
-int dmk_tracer_repair(dmk_context *ctx, dmk_geodesics *g)
+int dmk_tracer_repair(dmk_context *ctx, dmk_geodesics *g, bool *few)
 {
-    int rc;
+    int rc = DMK_OK;
     mended list[most_repairs];
     repairs r = {.g = g, .list = list};
     atomic_init(&r.next, 0);
-    for (int32_t v = 0; v < g->mesh->n_vertices && r.n < most_repairs; v++) {
+    *few = true;
+    for (int32_t v = 0; v < g->mesh->n_vertices; v++) {
         if (g->arrival[v].source < 0 || is_source(g, v) ||
             !(g->error[v] > 2 * g->tolerance * g->distance[v]))
             continue;
+        *few = r.n < most_repairs;
+        if (!*few) goto done;
         list[r.n++].vertex = v;
     }
     r.n_threads = dmk_min_i(dmk_parallel_threads(ctx), r.n);

@@ -14,7 +14,8 @@ int dmk_tracer_path(dmk_context *context, dmk_tracer *tracer, const dmk_point *t
 int dmk_tracer_paths(dmk_context *context, const dmk_geodesics *geodesics, size_t n,
                      const dmk_point *to, dmk_path *paths);
 
-/* Distances of merged windows whose estimated error exceeds twice the tolerance, anew. */
-int dmk_tracer_repair(dmk_context *context, dmk_geodesics *geodesics);
+/* Distances of merged windows whose estimated error exceeds twice the tolerance, anew. Not *few, and nothing is done:
+ * there are too many. */
+int dmk_tracer_repair(dmk_context *context, dmk_geodesics *geodesics, bool *few);
 
 #endif
