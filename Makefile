@@ -17,6 +17,10 @@ includedir ?= $(PREFIX)/include
 mandir ?= $(PREFIX)/share/man
 completionsdir ?= $(PREFIX)/share/bash-completion/completions
 
+# A blank would make two names of one, and `uninstall` would delete what the first of them names.
+FOLDERS := DESTDIR PREFIX bindir libdir includedir mandir completionsdir
+$(foreach f,$(FOLDERS),$(if $(filter 1,$(words x$($f)x)),,$(error $f='$($f)': expected a folder without blanks)))
+
 B := build/$(CONFIG)
 # V=1 shows the commands instead of one word each.
 Q := $(if $(V),,@)
@@ -104,6 +108,11 @@ $B/flags: FORCE
 	@mkdir -p $(@D)
 	@echo '$(CC) $(FLAGS) $(LINK) $(LDLIBS)' | cmp -s - $@ || echo '$(CC) $(FLAGS) $(LINK) $(LDLIBS)' > $@
 
+# Changes only when a source comes or goes: of one that has gone nothing is left in what is built.
+$B/objects: FORCE
+	@mkdir -p $(@D)
+	@echo '$(LIB_OBJ) $(CLI_OBJ)' | cmp -s - $@ || echo '$(LIB_OBJ) $(CLI_OBJ)' > $@
+
 # ---- library and tool ------------------------------------------------------------------------
 
 $B/%.o: %.c $B/flags | $(PACKAGES)
@@ -119,24 +128,24 @@ $B/kernels.o: $B/kernels.c $B/flags | $(PACKAGES)
 	$(call say,CC,$<)
 	$(Q)$(CC) $(FLAGS) -c $< -o $@
 
-$(STATIC): $(LIB_OBJ)
+$(STATIC): $(LIB_OBJ) $B/objects
 	$(call say,AR,$@)
-	$(Q)rm -f $@ && $(AR) rcs $@ $^
+	$(Q)rm -f $@ && $(AR) rcs $@ $(LIB_OBJ)
 
 # The shared library exports the functions that the public header declares, and nothing else.
 $B/exports.map: include/dmkcl.h
 	@mkdir -p $(@D)
 	$(Q)sed -e 's,/\*.*\*/,,' -e '/^ \*/d' $< | grep -o 'dmk_[a-z0-9_]*(' | sort -u | \
 	    awk 'BEGIN { print "{ global:" } { sub(/\(/, ";"); print "  " $$0 } END { print "local: *; };" }' > $@
-$(SHARED): $(LIB_OBJ) $B/exports.map
+$(SHARED): $(LIB_OBJ) $B/exports.map $B/objects
 	$(call say,LD,$@)
 	$(Q)$(CC) -shared $(LINK) -Wl,-soname,$(SONAME) -Wl,-Bsymbolic-functions \
 	    -Wl,--version-script=$B/exports.map $(LIB_OBJ) -o $@ $(LDLIBS)
 	$(Q)ln -sf $(@F) $B/$(SONAME) && ln -sf $(@F) $B/libdmkcl.so
 
-$B/dmkcl: $(CLI_OBJ) $(STATIC)
+$B/dmkcl: $(CLI_OBJ) $(STATIC) $B/objects
 	$(call say,LD,$@)
-	$(Q)$(CC) $(LINK) $^ -o $@ $(LDLIBS)
+	$(Q)$(CC) $(LINK) $(CLI_OBJ) $(STATIC) -o $@ $(LDLIBS)
 
 # With MPI=1 the tool once more, as what mpirun starts: only its own files are built anew, against MPI.
 MPI ?=
