@@ -71,12 +71,13 @@ two_meshes() { # FILE
 
 # A JSON object and nothing else. Perl is part of every Debian.
 is_json() { # FILE
-    perl -0777 -ne '
+    perl -0777 -e '
+        $_ = <STDIN> // "";
         exit !/\A\s*(?&object)\s*\z
             (?(DEFINE)
                 (?<string> "(?:[^"\\\x00-\x1f]|\\(?:["\\\/bfnrt]|u[0-9a-fA-F]{4}))*")
                 (?<number> -?(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][-+]?[0-9]+)?)
                 (?<value> \s*(?:(?&string)|(?&number)|true|false|null|(?&object)|(?&list))\s*)
                 (?<object> \{(?:\s*(?&string)\s*:(?&value)(?:,\s*(?&string)\s*:(?&value))*|\s*)\})
-                (?<list> \[(?:(?&value)(?:,(?&value))*|\s*)\]))/x' "$1"
+                (?<list> \[(?:(?&value)(?:,(?&value))*|\s*)\]))/x' < "$1"
 }

@@ -1,6 +1,7 @@
 # The judge of test outputs: what must count as a failure does.
 . tests/tap.sh
 
+not() { ! "$@"; }
 judge() { # STATUS TEXT: the three counts
     printf "$2" | awk -v name=x -v status="$1" -f tests/tap.awk | tail -n 1
 }
@@ -41,4 +42,11 @@ side_by_side() {
         '2 passed, 1 failed'
 }
 check 'tests that run side by side are added up' side_by_side
+
+# What must be no JSON.
+check 'JSON is JSON' is_json <(echo '{"a": [1, -2.5e-3, "x\\n", null]}')
+for text in '' '{"a": 1' '{"a": 1} {}' '[1]' '{"a": nan}'; do
+    check "no JSON: '$text'" not is_json <(printf '%s' "$text")
+done
+check 'nor is a file that is missing' not is_json "$work/missing.json"
 tap_end
