@@ -54,15 +54,17 @@ def _finest(result: "Result") -> "tuple[Locus, NDArray[np.float64], tuple[float,
 
 
 def _turn(result: "Result") -> float:
-    """The total angle at the source: 2 pi but at vertices."""
-    corners = np.flatnonzero(np.asarray(result.source.bary) == 1)
-    if len(corners) == 0:
+    """The total angle at the source: 2 pi but at vertices. At one of the border directions do not go round: huge."""
+    corners = np.flatnonzero(np.asarray(result.source.bary) >= 1e-12)  # as the library sees it
+    if len(corners) > 1:
         return 2 * np.pi
     vertex = result.mesh.faces[result.source.face][corners[0]]
     face, k = np.nonzero(result.mesh.faces == vertex)
-    x = result.mesh.vertices[result.mesh.faces[face]]
-    rows = np.arange(len(face))
-    a, b = x[rows, (k + 1) % 3] - x[rows, k], x[rows, (k + 2) % 3] - x[rows, k]
+    after, before = (result.mesh.faces[face, (k + i) % 3] for i in (1, 2))
+    if set(after) != set(before):
+        return 1e30
+    x = result.mesh.vertices
+    a, b = x[after] - x[vertex], x[before] - x[vertex]
     return float(np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1)).sum())
 
 
@@ -88,6 +90,7 @@ def _data(result: "Result") -> "dict[str, Any]":
         "leaving": _pack(arrivals["direction"], "<f4"),
         "turn": _turn(result),
         "locus": _pack((locus.vertices - centre) / size, "<f4"),
+        "locus_faces": _pack(locus.faces, "<u4"),
         "edges": _pack(locus.edges, "<u4"),
         "strength": _pack(strength, "<f4"),
         "strengths": strengths,

@@ -22,6 +22,7 @@ const xyz = new Float32Array(bytes(data.xyz)), faces = new Uint32Array(bytes(dat
 const mu = new Float32Array(bytes(data.mu)), distance = new Float32Array(bytes(data.distance));
 const potential = new Float32Array(bytes(data.potential));
 const locus = new Float32Array(bytes(data.locus)), edges = new Uint32Array(bytes(data.edges));
+const locusFaces = new Uint32Array(bytes(data.locus_faces)); // the triangle that each of its vertices lies in
 const strength = new Float32Array(bytes(data.strength)).map(s => s < 0 ? Infinity : s);
 const colours = new Uint8Array(bytes(data.colours));
 // How geodesics arrive at each vertex: the direction back, in its chart; the last pseudo-source, or -1; the
@@ -471,12 +472,20 @@ function geodesic(v) {
     points.push(data.source);
     return points;
 }
-// Corners around, whose geodesics leave the source in clearly different directions: one, or more on the locus.
+// Whether a branch that is shown passes through one of these triangles.
+function onLocus(triangles) {
+    if (!edges.length) return locusFaces.some(f => triangles.has(f));
+    const least = leastStrength();
+    return edges.some((v, i) => triangles.has(locusFaces[v]) && strength[i >> 1] >= least);
+}
+// Corners around, whose geodesics leave the source in clearly different directions: one, or more on the locus. Near the
+// source and where geodesics come together directions of neighbours differ without a locus between them.
 function families(hit) {
-    const near = new Set();
+    const near = new Set(), triangles = new Set([hit.face]);
     for (let k = 0; k < 3; k++) {
+        const over = twin[3 * hit.face + k];
         near.add(faces[3 * hit.face + k]);
-        if (twin[3 * hit.face + k] >= 0) near.add(faces[twin[3 * hit.face + k]]);
+        if (over >= 0) near.add(faces[over]), triangles.add(Math.floor(over / 3));
     }
     const far = v => Math.hypot(...minus(point(v), hit.at)), found = [];
     const apart = (a, b) => { // of a full turn
@@ -486,7 +495,7 @@ function families(hit) {
     for (const v of [...near].filter(v => distance[v] > 0).sort((a, b) => far(a) - far(b))) {
         if (found.every(w => apart(v, w) > 0.25)) found.push(v);
     }
-    return found;
+    return onLocus(triangles) ? found : found.slice(0, 1);
 }
 function forget() {
     for (const old of [...paths, ...picked ? [picked] : []]) gl.deleteVertexArray(old.made);
@@ -513,7 +522,8 @@ function pick(x, y) {
     ask();
 }
 const corner = (hit, values) => [0, 1, 2].reduce((sum, k) => sum + hit.weight[k] * values[faces[3 * hit.face + k]], 0);
-const reached = hit => [0, 1, 2].every(k => data.all || distance[faces[3 * hit.face + k]] > 0);
+// The source itself is a corner at the distance 0; where it is not joined to, all three are.
+const reached = hit => data.all || [0, 1, 2].some(k => distance[faces[3 * hit.face + k]] > 0);
 function showValues(x, y) {
     const hit = under(x, y), tip = element("tip");
     tip.hidden = !hit;

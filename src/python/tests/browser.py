@@ -168,10 +168,14 @@ class Browser:
     def release(self, at, count=1):
         self.mouse("mouseReleased", at, button="left", clickCount=count)
 
-    def drag(self, start, end):
+    def drag(self, start, end, shift=False):
         self.press(start)
-        self.drawn(lambda: self.mouse("mouseMoved", end, button="left", buttons=1))
+        self.drawn(lambda: self.mouse("mouseMoved", end, button="left", buttons=1, modifiers=8 * shift))
         self.release(end)
+
+    def right_click(self, at):
+        self.mouse("mousePressed", at, button="right", buttons=2, clickCount=1)
+        self.mouse("mouseReleased", at, button="right", clickCount=1)
 
     def wheel(self, at, delta):
         self.drawn(lambda: self.mouse("mouseWheel", at, deltaX=0, deltaY=delta))
@@ -184,7 +188,10 @@ class Browser:
 
     def key(self, name):
         self.value("document.getElementById('view').focus()")
-        self.drawn(lambda: self.call("Input.dispatchKeyEvent", type="keyDown", key=name, code=name))
+        self.drawn(lambda: self.press_key(name))
+
+    def press_key(self, name):
+        self.call("Input.dispatchKeyEvent", type="keyDown", key=name, code=name)
 
     def click(self, identity):
         self.drawn(lambda: self.value(f"document.getElementById('{identity}').click()"))

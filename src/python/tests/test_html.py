@@ -111,6 +111,45 @@ def test_hands_move_it(browser, page):
     assert browser.complaints == []
 
 
+def middle(picture):
+    """Of what is no background: its pixels' mean place, above the words at the foot and right of those at the head."""
+    shown = (picture[100:520] != 255).any(axis=2)
+    y, x = np.nonzero(shown)
+    return x.mean(), y.mean() + 100
+
+
+@needs_browser
+def test_shift_and_drag_move(browser, page):
+    browser.open(page)
+    first = browser.screenshot()
+    browser.drag((400, 300), (430, 270), shift=True)
+    moved = browser.screenshot()
+    x, y = middle(first)
+    assert middle(moved) == pytest.approx((x + 30, y - 30), abs=8)
+
+
+@needs_browser
+def test_keys_move_it_nearer(browser, page):
+    browser.open(page)
+    size = []
+    for key in ("ArrowLeft", *"++--"):
+        browser.key(key)
+        size.append((browser.screenshot() != 255).any(axis=2).sum())
+    assert size[0] < size[1] < size[2] > size[3] > size[4] == pytest.approx(size[0], rel=0.01)
+
+
+@needs_browser
+def test_the_focus_is_seen(browser, page):
+    browser.open(page)
+    blue = lambda: (np.abs(browser.screenshot()[:, 1] - (51, 102, 204)).max(axis=1) < 3).mean()  # noqa: E731
+    assert blue() == 0
+    browser.click_at((430, 300))
+    assert blue() == 0, "not of a mouse"
+    browser.press_key("Tab")
+    browser.value("document.getElementById('view').focus()")
+    assert blue() > 0.9
+
+
 @needs_browser
 @pytest.mark.parametrize("box", ["log", "lines", "cut", "hidden"])
 def test_boxes_change_it(browser, page, box):
@@ -139,17 +178,21 @@ def test_colours_can_be_chosen(browser, page, quantity):
     assert browser.complaints == []
 
 
+def said(browser, identity):
+    """What stands there, once something does."""
+    for _ in range(20):
+        text = browser.value(f"document.getElementById('{identity}').innerText")
+        if text:
+            return text
+        time.sleep(0.05)
+    return ""
+
+
 @needs_browser
 def test_the_value_under_the_pointer(browser, page, result):
     browser.open(page)
     browser.mouse("mouseMoved", (430, 300))
-    text = ""
-    for _ in range(100):
-        text = browser.value("document.getElementById('tip').innerText")
-        if text:
-            break
-        time.sleep(0.05)
-    found = dict(line.rsplit(" ", 1) for line in text.splitlines())
+    found = dict(line.rsplit(" ", 1) for line in said(browser, "tip").splitlines())
     face = int(found["triangle"])
     distances = result.distance[result.mesh.faces[face]]
     assert distances.min() * 0.999 <= float(found["distance"]) <= distances.max() * 1.001
@@ -177,6 +220,64 @@ def test_a_click_shows_minimal_geodesics(browser, page, result):
     several = [lengths(browser, (x, 290)) for x in range(270, 330, 4)]
     assert any(len(found) == 2 and abs(found[0] - found[1]) < 0.1 for found in several)
     assert browser.complaints == []
+
+
+@needs_browser
+def test_the_right_button_picks_nothing(browser, page):
+    browser.open(page)
+    browser.right_click((430, 300))
+    assert browser.value("document.getElementById('picked').textContent") == ""
+    assert browser.value("document.getElementById('picked').dataset.lengths") is None
+
+
+def yellow(browser):
+    """Where the source is on the screen."""
+    picture = browser.screenshot()
+    y, x = np.nonzero((picture[..., 0] > 180) & (picture[..., 1] > 110) & (picture[..., 2] < 90))
+    return x.mean(), y.mean()
+
+
+@needs_browser
+def test_around_the_source_there_is_no_locus(browser, page):
+    browser.open(page)
+    x, y = yellow(browser)
+    for i in range(24):
+        angle = 2 * np.pi * i / 24
+        assert len(lengths(browser, (x + (4 + i) * np.cos(angle), y + (4 + i) * np.sin(angle)))) == 1, i
+
+
+def ring(n=24):
+    """Around the z axis, of radius 1, 0.25 high; vertex 0 at (1, 0, 0), on the border."""
+    angle = 2 * np.pi / n * np.arange(n)
+    V = np.column_stack([np.tile(np.cos(angle), 2), np.tile(np.sin(angle), 2), np.repeat([0, 0.25], n)])
+    v, after = np.arange(n), (np.arange(n) + 1) % n
+    return V, np.vstack([np.column_stack([v, after, after + n]), np.column_stack([v, after + n, v + n])])
+
+
+@needs_browser
+def test_directions_at_a_border_do_not_go_round(browser, tmp_path):
+    """From a vertex of the border ways to the left and to the right meet opposite, half a turn, all there is, apart."""
+    dmkcl.CutLocus(*ring()).solve(vertex=0).export_html(tmp_path / "ring.html")
+    browser.open(tmp_path / "ring.html")
+    picture = browser.screenshot()
+    y, x = np.nonzero((picture[..., 0] > 150) & (picture[..., 1] < 100) & (picture[..., 2] < 100))
+    assert lengths(browser, (x.mean() - 4, y.mean())) == pytest.approx([np.pi, np.pi], rel=0.2)
+
+
+@needs_browser
+@pytest.mark.filterwarnings("ignore:the mesh is in 2 pieces")
+def test_another_component_is_not_joined(browser, small, tmp_path):
+    V, F = small
+    two = np.vstack([V, V + (0, 3, 0)]), np.vstack([F, F + len(V)])
+    dmkcl.CutLocus(*two).solve(point=(1, 0, 0)).export_html(tmp_path / "two.html")
+    browser.open(tmp_path / "two.html")
+    x, y = yellow(browser)
+    for at, joined in (((x, y), True), ((x + 30, y), True), ((800 - x, y), False)):
+        browser.click_at(at)
+        browser.mouse("mouseMoved", at)
+        words = said(browser, "tip")
+        assert ("not joined" in words) != joined and ("distance" in words) == joined
+        assert ("Minimal geodesic" in said(browser, "picked")) == joined
 
 
 @needs_browser
