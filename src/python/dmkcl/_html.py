@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ._colour import density_map
 from ._geodesics import Geodesics
-from ._lib import FileError, count
+from ._lib import ArgumentError, FileError, count, path_text
 from ._locus import Locus
 from .plotting import density_range
 
@@ -106,11 +106,18 @@ def _data(result: "Result") -> "dict[str, Any]":
     }
 
 
+def _heading(title: Optional[str]) -> str:
+    """Text that a page can hold: half of a surrogate pair, as in names of files that are no UTF-8, becomes "?"."""
+    if not (title is None or isinstance(title, str)):
+        raise ArgumentError(f"title = {title!r}: expected text")
+    return html.escape("Cut locus" if title is None else title.encode("utf-8", "replace").decode())
+
+
 def page(result: "Result", title: Optional[str]) -> str:
     """The whole page as text."""
     folder = Path(__file__).parent
     parts = {
-        "@TITLE@": html.escape(title if title is not None else "Cut locus"),
+        "@TITLE@": _heading(title),
         "@CAPTION@": html.escape(_caption(result)),
         "@SCRIPT@": (folder / "viewer.js").read_text(encoding="utf-8"),
         "@DATA@": json.dumps(_data(result), allow_nan=False),
@@ -154,7 +161,7 @@ def _write(path: str, text: str) -> None:
 
 def export_html(result: "Result", path: "os.PathLike[str] | str", title: Optional[str]) -> None:
     """Write the page."""
-    name, text = os.fspath(path), page(result, title)
+    name, text = path_text(path), page(result, title)
     try:
         _write(name, text)
     except OSError as error:

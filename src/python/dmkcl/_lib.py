@@ -7,12 +7,17 @@ import os
 import sys
 import warnings
 from functools import partial
-from typing import Any, Callable, Optional
+from typing import Any, Callable, Optional, Sequence, SupportsIndex, Union
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ._dmkcl import ffi as ffi
 from ._dmkcl import lib as lib
+
+
+#: Numbers of vertices or triangles; each may be an int of NumPy.
+Indices = Union[Sequence[SupportsIndex], "NDArray[np.integer[Any]]"]
 
 
 class Error(Exception):
@@ -80,7 +85,19 @@ def text(chars: Any) -> str:
 
 
 def path_bytes(path: "os.PathLike[str] | str") -> bytes:
-    return os.fsencode(path)
+    """As the library takes it. A C string ends at a NUL: what follows would be cut off."""
+    try:
+        name = os.fsencode(path)
+    except (TypeError, UnicodeEncodeError):
+        raise ArgumentError(f"{path!r}: expected the name of a file") from None
+    if b"\0" in name:
+        raise ArgumentError(f"{path!r}: the name of a file holds no NUL")
+    return name
+
+
+def path_text(path: "os.PathLike[str] | str") -> str:
+    """The same as text, for Python's own functions and messages."""
+    return os.fsdecode(path_bytes(path))
 
 
 def whole(name: str, value: Any) -> int:
@@ -116,6 +133,14 @@ def numbers(name: str, values: Any) -> "np.ndarray":
     if array.dtype.kind not in "fiub":
         raise ArgumentError(f"{name} are of type {array.dtype}; expected real numbers")
     return np.ascontiguousarray(array, dtype=np.float64)
+
+
+def is_single(value: Any) -> bool:
+    """Whether it is one value, and no list of any kind."""
+    try:
+        return np.ndim(value) == 0
+    except ValueError:  # rows of different lengths
+        return False
 
 
 def switch(name: str, value: Any) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._foreign import from_meshio, from_object
-from ._lib import ArgumentError, Context, Error, FormatError, Handle, ffi, lib, path_bytes, warn
+from ._lib import ArgumentError, Context, Error, FormatError, Handle, ffi, lib, path_bytes, path_text, warn
 from ._mesh import Mesh, _face_array, _vertex_array
 
 MeshLike = Union[Mesh, "os.PathLike[str]", str, Sequence[Any], Any]
@@ -112,7 +112,7 @@ def repair(vertices: "Union[ArrayLike, MeshLike]", faces: Optional[ArrayLike] = 
     mesh. MeshError if a triangle names a vertex that does not exist, or nothing is left.
     """
     if faces is None and isinstance(vertices, (str, os.PathLike)):
-        done: Repaired = _load(os.fspath(vertices), _repair_file, _repair_arrays)
+        done: Repaired = _load(path_text(vertices), _repair_file, _repair_arrays)
     else:
         arrays: "tuple[Any, Any]" = (vertices, faces) if faces is not None else _arrays(vertices)
         done = _repair_arrays(*arrays)
@@ -201,7 +201,7 @@ def read(path: "os.PathLike[str] | str") -> Mesh:
     Raises FileError if the file cannot be read, FormatError if it is broken or nobody knows its format,
     MeshError if it holds no surface that the method can treat (`repair` mends most).
     """
-    mesh: Mesh = _load(os.fspath(path), Mesh._read, Mesh)
+    mesh: Mesh = _load(path_text(path), Mesh._read, Mesh)
     return mesh
 
 

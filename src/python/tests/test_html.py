@@ -68,6 +68,20 @@ def test_links_pipes_and_other_files_stay(result, page, tmp_path):
     assert sorted(os.listdir(tmp_path)) == ["a.html", "a.html.part", "link.html", "pipe.html"]
 
 
+def test_names_and_titles_of_any_kind(result, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in (b"bytes.html", b"\xff.html", "\udcfe.html"):
+        result.export_html(name, title="half of a pair: \ud800")
+    assert sorted(os.listdir(b".")) == [b"bytes.html", b"\xfe.html", b"\xff.html"]
+    assert "<h1>half of a pair: ?</h1>" in (tmp_path / "bytes.html").read_text()
+    for name, title, words in (("a\0.html", None, "NUL"), (3, None, "name of a file"), ("a.html", 3, "title = 3")):
+        with pytest.raises(dmkcl.ArgumentError, match=words):
+            result.export_html(name, title=title)
+    with pytest.raises(dmkcl.ArgumentError, match="title = b'x'"):
+        result.view(title=b"x")
+    assert len(os.listdir(tmp_path)) == 3
+
+
 @pytest.mark.parametrize("name", ["", ".", "missing/a.html"])
 def test_what_cannot_be_written_is_named(result, tmp_path, monkeypatch, name):
     monkeypatch.chdir(tmp_path)

@@ -108,6 +108,8 @@ def test_many_points_are_those_of_one_at_a_time(small):
         {"vertex": 0, "point": (1, 0, 0)},
         {"vertex": -1},
         {"vertex": 10**6},
+        {"vertex": 2**31},
+        {"face": 2**32},
         {"face": -1},
         {"face": 10**6},
         {"face": 0, "bary": (1, -1, 1)},
@@ -121,6 +123,18 @@ def test_many_points_are_those_of_one_at_a_time(small):
 def test_bad_points(small, where):
     with pytest.raises(dmkcl.ArgumentError):
         small.place(**where)
+
+
+@pytest.mark.parametrize("n", [2**31, -(2**31) - 1, 2**70])
+def test_whole_numbers_have_32_bits(small, n):
+    for use in (
+        lambda: dmkcl.surfaces.torus(refine=n),
+        lambda: dmkcl.surfaces.torus(n_triangles=n),
+        lambda: dmkcl.CutLocus(small, threads=n),
+        lambda: dmkcl.Geodesics(small, curve=[0, n]),
+    ):
+        with pytest.raises(dmkcl.ArgumentError, match=f"= {n}: expected a number of 32 bits"):
+            use()
 
 
 def test_surfaces():

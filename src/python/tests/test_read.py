@@ -136,6 +136,18 @@ def test_five_lines(tmp_path, small, loaded):
     assert result.locus.vertices[0, 2] < -0.9
 
 
+def test_no_name_is_cut_at_a_nul(tmp_path, small, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    small.write(b"a.off")
+    assert len(dmkcl.read(b"a.off").faces) == len(dmkcl.repair(tmp_path / "a.off").mesh.faces) == len(small.faces)
+    for use in (small.write, dmkcl.Geodesics(small, 0).write, dmkcl.read, dmkcl.repair, dmkcl.CutLocus):
+        with pytest.raises(dmkcl.ArgumentError, match="no NUL"):
+            use("a.off\0.vtp")
+    with pytest.raises(dmkcl.ArgumentError, match="no NUL"):
+        dmkcl.CutLocus(small, cache="a\0b")
+    assert [p.name for p in tmp_path.iterdir()] == ["a.off"]
+
+
 def soup(mesh):
     """Each triangle with vertices of its own."""
     return mesh.vertices[mesh.faces.ravel()], np.arange(3 * len(mesh.faces)).reshape(-1, 3)
