@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 from functools import cached_property
-from typing import Any, NamedTuple, Optional, Sequence, Union
+from typing import Any, NamedTuple, Optional, Sequence, SupportsIndex, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._lib import (
-    ArgumentError, Context, Handle, amount, copy_struct, count, ffi, lib, numbers, path_bytes, switch, view, whole,
+    ArgumentError, Context, Handle, Indices, amount, copy_struct, count, ffi, is_single, lib, numbers, path_bytes,
+    switch, view, whole,
 )  # fmt: skip
 from ._locus import Locus
 from ._mesh import Mesh, Point
@@ -23,21 +24,21 @@ _ARRIVAL = np.dtype(
 
 def _points(
     mesh: Mesh,
-    source: Union[None, int, Point],
-    sources: Optional[Sequence[Union[int, Point]]],
-    vertex: Optional[int],
-    vertices: Optional[Sequence[int]],
+    source: Union[None, SupportsIndex, Point],
+    sources: Union[None, Indices, Sequence[Union[SupportsIndex, Point]]],
+    vertex: Optional[SupportsIndex],
+    vertices: Optional[Indices],
     point: Optional[ArrayLike],
     points: Optional[ArrayLike],
 ) -> "list[Point]":
     """The sources, however they are given."""
-    listed: "list[Union[int, Point]]" = []
+    listed: "list[Union[SupportsIndex, Point]]" = []
     asked: "list[tuple[Any, Any, tuple[str, str]]]" = [
         (source, sources, ("source", "sources")),
         (vertex, vertices, ("vertex", "vertices")),
     ]
     for one, several, names in asked:
-        if several is not None and np.ndim(several) == 0:
+        if several is not None and is_single(several):
             raise ArgumentError(
                 f"{names[1]} = {several!r}: expected several; one is given as {names[0]}={several!r}"
             )
@@ -47,7 +48,7 @@ def _points(
     for given in listed:
         if isinstance(given, Point):
             places.append(given)
-        elif np.ndim(given) == 0 and np.asarray(given).dtype.kind in "iu":
+        elif is_single(given) and np.asarray(given).dtype.kind in "iu":
             places.append(mesh.at_vertex(given))
         else:
             raise ArgumentError(
@@ -133,19 +134,19 @@ class Geodesics:
     def __init__(
         self,
         mesh: MeshLike,
-        source: Union[None, int, Point] = None,
+        source: Union[None, SupportsIndex, Point] = None,
         *,
-        sources: Optional[Sequence[Union[int, Point]]] = None,
-        vertex: Optional[int] = None,
-        vertices: Optional[Sequence[int]] = None,
+        sources: Union[None, Indices, Sequence[Union[SupportsIndex, Point]]] = None,
+        vertex: Optional[SupportsIndex] = None,
+        vertices: Optional[Indices] = None,
         point: Optional[ArrayLike] = None,
         points: Optional[ArrayLike] = None,
-        curve: Optional[Sequence[int]] = None,
+        curve: Optional[Indices] = None,
         border: bool = False,
         offsets: Optional[ArrayLike] = None,
         tolerance: float = 0,
         exact: bool = False,
-        threads: int = 0,
+        threads: SupportsIndex = 0,
     ):
         self.mesh: Mesh = as_mesh(mesh)
         #: The sources that are points.
@@ -276,8 +277,8 @@ class Geodesics:
         self,
         *,
         point: Optional[ArrayLike] = None,
-        vertex: Optional[int] = None,
-        face: Optional[int] = None,
+        vertex: Optional[SupportsIndex] = None,
+        face: Optional[SupportsIndex] = None,
         bary: Optional[ArrayLike] = None,
     ) -> Path:
         """A minimal geodesic from the nearest source to a point. Where several are minimal, one of
@@ -309,14 +310,14 @@ class Geodesics:
 def distance(
     mesh: Union[ArrayLike, MeshLike],
     faces: Optional[ArrayLike] = None,
-    source: Union[None, int, Point] = None,
+    source: Union[None, SupportsIndex, Point] = None,
     *,
-    sources: Optional[Sequence[Union[int, Point]]] = None,
-    vertex: Optional[int] = None,
-    vertices: Optional[Sequence[int]] = None,
+    sources: Union[None, Indices, Sequence[Union[SupportsIndex, Point]]] = None,
+    vertex: Optional[SupportsIndex] = None,
+    vertices: Optional[Indices] = None,
     point: Optional[ArrayLike] = None,
     points: Optional[ArrayLike] = None,
-    curve: Optional[Sequence[int]] = None,
+    curve: Optional[Indices] = None,
     border: bool = False,
 ) -> NDArray[np.float64]:
     """Exact geodesic distance of every vertex to the nearest source: ``distance(V, F, 17)``, or of a

@@ -11,6 +11,7 @@ from typing import (
     Literal,
     Optional,
     Sequence,
+    SupportsIndex,
     Union,
 )
 
@@ -19,7 +20,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._device import open_device
 from ._geodesics import Geodesics
-from ._lib import ArgumentError, Context, Error, Handle, amount, count, ffi, lib, switch, warn, whole
+from ._lib import (
+    ArgumentError, Context, Error, Handle, Indices, amount, count, ffi, is_single, lib, numbers, switch, warn, whole,
+)  # fmt: skip
 from ._mesh import Mesh, Point
 from ._optional import optional
 from ._progress import ProgressOption, Watch
@@ -35,7 +38,7 @@ _STARTS = {"distance": lib.DMK_START_DISTANCE, "uniform": lib.DMK_START_UNIFORM}
 
 
 def _choose(table: "dict[str, int]", name: str, value: str) -> int:
-    if value not in table:
+    if not isinstance(value, str) or value not in table:
         raise ArgumentError(f"{name} = {value!r}: expected one of {', '.join(table)}")
     return table[value]
 
@@ -46,7 +49,7 @@ def _options(
     start: Start = "distance",
     tolerance: float = 0,
     gap: float = 0,
-    max_steps: int = 0,
+    max_steps: SupportsIndex = 0,
     threshold: float = 0,
     dt: float = 0,
     inertia: Optional[float] = None,
@@ -127,15 +130,15 @@ class CutLocus:
         vertices: Union[ArrayLike, MeshLike],
         faces: Optional[ArrayLike] = None,
         *,
-        device: Union[None, int, str] = None,
+        device: Union[None, SupportsIndex, str] = None,
         single: bool = False,
-        threads: int = 0,
+        threads: SupportsIndex = 0,
         cache: "Union[None, str, os.PathLike[str]]" = None,
     ):
         self.mesh: Mesh = as_mesh(vertices, faces)
         warn_of_pieces(self.mesh)
-        self._choice = (device, single, threads, cache)
-        self._device = open_device(device, single, threads, cache)
+        self._choice = (device, single, whole("threads", threads), cache)
+        self._device = open_device(*self._choice)
         self._handle = Handle("dmk_solver", self._device.handle, self.mesh._handle)
         with self._device.use(), Context() as context:
             context.check(
@@ -166,14 +169,14 @@ class CutLocus:
         self,
         *,
         point: Optional[ArrayLike] = None,
-        vertex: Optional[int] = None,
-        face: Optional[int] = None,
+        vertex: Optional[SupportsIndex] = None,
+        face: Optional[SupportsIndex] = None,
         bary: Optional[ArrayLike] = None,
         method: Method = "newton",
         start: Start = "distance",
         tolerance: float = 0,
         gap: float = 0,
-        max_steps: int = 0,
+        max_steps: SupportsIndex = 0,
         threshold: float = 0,
         dt: float = 0,
         inertia: Optional[float] = None,
@@ -273,14 +276,14 @@ class CutLocus:
         self,
         *,
         points: Optional[ArrayLike] = None,
-        vertices: Optional[Sequence[int]] = None,
-        faces: Optional[Sequence[int]] = None,
+        vertices: Optional[Indices] = None,
+        faces: Optional[Indices] = None,
         bary: Optional[ArrayLike] = None,
         method: Method = "newton",
         start: Start = "distance",
         tolerance: float = 0,
         gap: float = 0,
-        max_steps: int = 0,
+        max_steps: SupportsIndex = 0,
         threshold: float = 0,
         dt: float = 0,
         inertia: Optional[float] = None,
@@ -313,10 +316,12 @@ class CutLocus:
         if len(chosen) != 1:
             raise ArgumentError("say where by one of: points, vertices, faces with bary")
         several, values = chosen[0]
-        if np.ndim(values) == 0:
+        if is_single(values):
             raise ArgumentError(f"{several} = {values!r}: expected several")
         name = {"points": "point", "vertices": "vertex", "faces": "face"}[several]
-        weights = [None] * len(values) if bary is None else list(np.asarray(bary))
+        weights: "list[Any]" = [None] * len(values)
+        if bary is not None:
+            weights = list(numbers("weights", bary))
         if len(weights) != len(values):
             raise ArgumentError(f"{count(len(values), 'face')}, but {count(len(weights), 'row')} of bary")
         if points is not None and bary is None:
@@ -346,7 +351,7 @@ class CutLocus:
         normalise: bool = False,
         tolerance: float = 0,
         gap: float = 0,
-        max_steps: int = 0,
+        max_steps: SupportsIndex = 0,
         progress: ProgressOption = False,
     ) -> Transport:
         """Optimal transport from the measure a to b at the cost of the distance (W1).
@@ -373,7 +378,8 @@ class CutLocus:
         """(k, k) earth mover's distances between all pairs of k measures, symmetric.
 
         An error names the pair: the first measure by its number, then the second."""
-        pairs: Any = [(i, j) for i in range(len(measures)) for j in range(i)]
+        k = range(len(measures))
+        pairs: Any = [(i, j) for i in k for j in range(i)] or [(i, i) for i in k]  # one alone is checked, too
         if progress:
             pairs = optional("tqdm.auto").tqdm(pairs, unit=" pairs")
         found = np.zeros((len(measures), len(measures)))
@@ -390,9 +396,9 @@ class CutLocus:
 
     def distance(
         self,
-        source: Union[None, int, Point] = None,
+        source: Union[None, SupportsIndex, Point] = None,
         *,
-        sources: Optional[Sequence[Union[int, Point]]] = None,
+        sources: Union[None, Indices, Sequence[Union[SupportsIndex, Point]]] = None,
         point: Optional[ArrayLike] = None,
         points: Optional[ArrayLike] = None,
     ) -> NDArray[np.float64]:
@@ -403,7 +409,7 @@ class CutLocus:
         ).distance
 
     def shortest_path(
-        self, start: Union[int, ArrayLike], end: Union[int, ArrayLike]
+        self, start: Union[SupportsIndex, ArrayLike], end: Union[SupportsIndex, ArrayLike]
     ) -> NDArray[np.float64]:
         """Points of a minimal geodesic from start to end, (k, 3), straight in every triangle.
 
@@ -419,18 +425,18 @@ OnError = Union[Literal["raise", "yield"], Callable[[Any, Error], None]]
 
 def solve_meshes(
     meshes: "Iterable[MeshLike]",
-    source: Union[int, ArrayLike] = 0,
+    source: Union[SupportsIndex, ArrayLike] = 0,
     *,
     on_error: OnError = "raise",
-    device: Union[None, int, str] = None,
+    device: Union[None, SupportsIndex, str] = None,
     single: bool = False,
-    threads: int = 0,
+    threads: SupportsIndex = 0,
     cache: "Union[None, str, os.PathLike[str]]" = None,
     method: Method = "newton",
     start: Start = "distance",
     tolerance: float = 0,
     gap: float = 0,
-    max_steps: int = 0,
+    max_steps: SupportsIndex = 0,
     threshold: float = 0,
     dt: float = 0,
     inertia: Optional[float] = None,
@@ -501,11 +507,11 @@ def _solve_mesh(
         return []
 
 
-def _make(mesh: Mesh, device: Any, single: bool, threads: int, cache: Any) -> CutLocus:
+def _make(mesh: Mesh, device: Any, single: bool, threads: SupportsIndex, cache: Any) -> CutLocus:
     return CutLocus(mesh, device=device, single=single, threads=threads, cache=cache)
 
 
-def _one_place(place: Union[int, ArrayLike]) -> "dict[str, Any]":
+def _one_place(place: Union[SupportsIndex, ArrayLike]) -> "dict[str, Any]":
     """Arguments of `solve`: a single number is a vertex, three are a point."""
     where = np.asarray(place)
     if where.ndim == 0 and where.dtype.kind in "iu":
@@ -518,8 +524,8 @@ def _one_place(place: Union[int, ArrayLike]) -> "dict[str, Any]":
 def shortest_path(
     vertices: Union[ArrayLike, MeshLike],
     faces: Optional[ArrayLike],
-    start: Union[int, ArrayLike],
-    end: Union[int, ArrayLike],
+    start: Union[SupportsIndex, ArrayLike],
+    end: Union[SupportsIndex, ArrayLike],
 ) -> NDArray[np.float64]:
     """Points of a minimal geodesic, (k, 3): ``shortest_path(V, F, 17, 99)``; vertex numbers or
     points x, y, z. Needs no device; see also `Geodesics.path`."""
@@ -530,7 +536,7 @@ def shortest_path(
 def cut_open(
     vertices: Union[ArrayLike, MeshLike],
     faces: Optional[ArrayLike] = None,
-    source: Union[int, ArrayLike] = 0,
+    source: Union[SupportsIndex, ArrayLike] = 0,
     *,
     strength: float = 0,
 ) -> Cut:

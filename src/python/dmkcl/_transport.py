@@ -3,18 +3,34 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, Literal, Optional, Sequence, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._lib import ArgumentError, Context, Handle, amount, copy_struct, ffi, lib, numbers, path_bytes, view
+from ._lib import ArgumentError, Context, Handle, amount, copy_struct, ffi, is_single, lib, numbers, path_bytes, view
 from ._mesh import Mesh, Point
 
 
-@dataclass(frozen=True)
+def _same(a: Any, b: Any) -> bool:
+    """Of two fields of measures: numbers, arrays, lists that may hold arrays and `Point`."""
+    a, b = (np.asarray(x) if hasattr(x, "__array__") else x for x in (a, b))
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        return np.array_equal(a, b)
+    a, b = (x.tolist() if isinstance(x, np.ndarray) else x for x in (a, b))
+    if isinstance(a, (list, tuple)) and isinstance(b, (list, tuple)):
+        return len(a) == len(b) and all(map(_same, a, b))
+    return bool(a == b)
+
+
+def _how_many(name: str, values: Any) -> str:
+    """Of printed text; what is no list, a mistake that is told when the measure is used, as it is."""
+    return f"{name} {values!r}" if is_single(values) else f"{name} of {len(values)}"
+
+
+@dataclass(frozen=True, eq=False)
 class Measure:
     """A measure on a surface: the sum of the parts that are given, in any unit of mass.
 
@@ -30,9 +46,18 @@ class Measure:
     masses: Union[None, Literal["free"], ArrayLike] = None
     uniform: float = 0.0
 
+    def __eq__(self, other: object) -> bool:
+        """Whether all parts are the same, number by number."""
+        if not isinstance(other, Measure):
+            return NotImplemented
+        return all(_same(getattr(self, part.name), getattr(other, part.name)) for part in fields(self))
+
+    def __hash__(self) -> int:
+        return hash(self.uniform)  # of the parts the only one that cannot change
+
     def __repr__(self) -> str:
         given = {name: getattr(self, name) for name in ("vertex_mass", "face_density", "points")}
-        parts = [f"{name} of {len(a)}" for name, a in given.items() if a is not None]
+        parts = [_how_many(name, values) for name, values in given.items() if values is not None]
         parts += ["masses free"] if isinstance(self.masses, str) else []
         parts += [f"uniform {self.uniform:.6g}"] if self.uniform else []
         return f"<dmkcl.Measure: {', '.join(parts) or 'nothing'}>"

@@ -92,7 +92,9 @@ def test_arrays_outlive_everything():
     del solver, result
     gc.collect()
     dmkcl.CutLocus(dmkcl.surfaces.sphere(n_triangles=1300)).solve(vertex=4)
-    assert np.array_equal(density, copy) and locus.length >= 0
+    assert np.array_equal(density, copy)
+    steps = np.diff(locus.vertices[locus.edges], axis=1)
+    assert np.linalg.norm(steps, axis=2).sum() == pytest.approx(locus.length)
 
 
 @pytest.mark.filterwarnings("ignore:the mesh is in 2 pieces")
@@ -121,6 +123,12 @@ def test_points_far_off_the_surface_are_warned_of(solver, recwarn):
         yield lambda: solver.shortest_path(5, p)
         yield lambda: solver.transport(dmkcl.Measure(points=[p]), unit)
 
+    edge = mesh.info["mean_edge"]
+    for away, warned in ((0.9, 0), (1.1, 1)):
+        recwarn.clear()
+        solver.solve(point=(3 + away * edge, 0, 0))
+        assert len(recwarn) == warned, away
+    recwarn.clear()
     for call in ask(near):
         call()
     assert not recwarn
@@ -149,6 +157,9 @@ def test_solve_many(solver, result):
         {"vertices": [-1]},
         {"points": (1, 0, 0)},
         {"faces": [0, 1], "bary": [(1, 0, 0)]},
+        {"faces": [0], "bary": 3},
+        {"faces": [0], "bary": [(1, 0)]},
+        {"points": [(1, 0, 0), (1, 0)]},
     ],
 )
 def test_solve_many_checks_at_once(solver, sources):
@@ -187,8 +198,9 @@ def test_errors_have_their_classes(small):
         solver.solve(vertex=0, max_steps=1)
     with pytest.raises(dmkcl.ArgumentError, match="dt"):
         solver.solve(vertex=0, dt=7)
-    with pytest.raises(dmkcl.ArgumentError, match="one of newton"):
-        solver.solve(vertex=0, method="magic")
+    for method in ("magic", ["newton"]):
+        with pytest.raises(dmkcl.ArgumentError, match="one of newton"):
+            solver.solve(vertex=0, method=method)
     with pytest.raises(TypeError):
         solver.solve(vertex=0, no_such_option=1)
     with pytest.raises(dmkcl.DeviceError):

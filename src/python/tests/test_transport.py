@@ -50,7 +50,32 @@ def test_it_pickles_and_copies(sphere):
     with pytest.raises(dmkcl.ArgumentError, match="pickled"):
         again.write("nowhere.vtp")
     assert repr(free) == "<dmkcl.Measure: points of 2, masses free>"
+
+
+def test_measures_print_and_compare(sphere):
+    at = sphere.mesh.at_vertex(0)
+    free = dmkcl.Measure(points=[(1, 0, 0), at], masses="free")
+    assert repr(free) == "<dmkcl.Measure: points of 2, masses free>"
     assert repr(dmkcl.Measure(vertex_mass=np.ones(3))) == "<dmkcl.Measure: vertex_mass of 3>"
+    assert repr(dmkcl.Measure(vertex_mass=3)) == "<dmkcl.Measure: vertex_mass 3>"
+    with pytest.raises(dmkcl.ArgumentError, match="vertex_mass has the shape"):
+        sphere.transport(dmkcl.Measure(vertex_mass=3), free)
+    kinds = [
+        lambda: dmkcl.Measure(),
+        lambda: dmkcl.Measure(uniform=1),
+        lambda: dmkcl.Measure(vertex_mass=np.ones(3)),
+        lambda: dmkcl.Measure(vertex_mass=np.ones(4)),
+        lambda: dmkcl.Measure(face_density=np.ones(3)),
+        lambda: dmkcl.Measure(points=np.eye(3), masses=np.arange(3)),
+        lambda: dmkcl.Measure(points=np.eye(3), masses="free"),
+        lambda: dmkcl.Measure(points=[np.array((1, 0, 0)), at], masses="free"),
+    ]
+    for i, one in enumerate(kinds):
+        for j, other in enumerate(kinds):
+            assert (one() == other()) == (i == j) != (one() != other()), (i, j)
+        assert hash(one()) == hash(one())
+    assert dmkcl.Measure(vertex_mass=[1, 1, 1]) == kinds[2]() != np.ones(3).tolist()
+    assert free == kinds[7]()
 
 
 def test_matrix(sphere):
@@ -133,3 +158,10 @@ def test_matrix_names_the_pair(sphere):
     even = np.ones(len(sphere.mesh.vertices))
     with pytest.raises(dmkcl.ArgumentError, match="^measures 2 and 0: the masses differ"):
         sphere.w1_matrix([even, even, 2 * even])
+
+
+def test_a_matrix_of_one_is_checked_too(sphere):
+    assert sphere.w1_matrix([np.ones(len(sphere.mesh.vertices))]) == [[0]]
+    assert sphere.w1_matrix([]).shape == (0, 0)
+    with pytest.raises(dmkcl.ArgumentError, match="^measures 0 and 0: vertex_mass has the shape"):
+        sphere.w1_matrix([np.ones(3)])
