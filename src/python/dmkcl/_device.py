@@ -6,7 +6,7 @@ import os
 import threading
 from contextlib import contextmanager
 from functools import lru_cache
-from typing import Any, Iterator, Optional, Union
+from typing import Any, Iterator, Optional, SupportsIndex, Union
 
 from ._lib import Context, DeviceError, Handle, copy_struct, ffi, lib, path_bytes, switch, whole
 
@@ -74,9 +74,9 @@ _open = lru_cache(maxsize=8)(Device)
 
 
 def open_device(
-    device: Union[None, int, str],
+    device: Union[None, SupportsIndex, str],
     single: bool,
-    threads: int,
+    threads: SupportsIndex,
     cache: "Union[None, str, os.PathLike[str]]",
 ) -> Device:
     """The device for these options (see CutLocus). DeviceError if there is none."""

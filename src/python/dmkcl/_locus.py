@@ -142,6 +142,7 @@ class Locus:
 
     @cached_property
     def polylines(self) -> "list[NDArray[np.int32]]":
+        """Vertex numbers along each line between branch points and ends; of a loop the first comes again at the end."""
         n, offset = ffi.new("size_t *"), ffi.new("int32_t **")
         index = lib.dmk_locus_polylines(self._pointer, offset, n)
         if n[0] == 0:

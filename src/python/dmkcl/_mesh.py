@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from functools import cached_property
-from typing import Any, Iterator, NamedTuple, Optional
+from typing import Any, Iterator, NamedTuple, Optional, SupportsIndex
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -197,7 +197,7 @@ class Mesh:
             )
         return self._places(found, len(xyz))
 
-    def at_vertex(self, vertex: int) -> Point:
+    def at_vertex(self, vertex: SupportsIndex) -> Point:
         """Vertex number `vertex` as a point. ArgumentError if no triangle has it."""
         found = ffi.new("dmk_point *")
         with Context() as context:
@@ -208,7 +208,7 @@ class Mesh:
             )
         return self._place(found)
 
-    def at_face(self, face: int, bary: Optional[ArrayLike] = None) -> Point:
+    def at_face(self, face: SupportsIndex, bary: Optional[ArrayLike] = None) -> Point:
         """The point of triangle `face` with the weights `bary` (None: its centre).
 
         Weights are scaled to sum 1. ArgumentError if one is negative or the triangle is not there.
@@ -225,8 +225,8 @@ class Mesh:
         self,
         *,
         point: Optional[ArrayLike] = None,
-        vertex: Optional[int] = None,
-        face: Optional[int] = None,
+        vertex: Optional[SupportsIndex] = None,
+        face: Optional[SupportsIndex] = None,
         bary: Optional[ArrayLike] = None,
     ) -> Point:
         """A point by one of: nearest to x, y, z; a vertex; a triangle with weights."""
@@ -264,8 +264,8 @@ class Mesh:
     def _take(
         self,
         point: Optional[ArrayLike] = None,
-        vertex: Optional[int] = None,
-        face: Optional[int] = None,
+        vertex: Optional[SupportsIndex] = None,
+        face: Optional[SupportsIndex] = None,
         bary: Optional[ArrayLike] = None,
     ) -> Point:
         """`place`, with a warning if the point is more than an edge off the surface."""

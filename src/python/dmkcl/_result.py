@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 from functools import cached_property
-from typing import Any, Literal, NamedTuple, Optional, Sequence
+from typing import Any, Literal, NamedTuple, Optional, Sequence, SupportsIndex
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._geodesics import Path, traced
-from ._lib import ArgumentError, Context, Handle, copy_struct, count, ffi, lib, path_bytes, view
+from ._lib import ArgumentError, Context, Handle, copy_struct, count, ffi, lib, path_bytes, view, whole
 from ._locus import Locus
 from ._mesh import Mesh, Point
 
@@ -271,8 +271,8 @@ class Result:
         self,
         *,
         point: Optional[ArrayLike] = None,
-        vertex: Optional[int] = None,
-        face: Optional[int] = None,
+        vertex: Optional[SupportsIndex] = None,
+        face: Optional[SupportsIndex] = None,
         bary: Optional[ArrayLike] = None,
     ) -> Path:
         """A minimal geodesic from the source to a point of its component, given as in `solve`.
@@ -360,7 +360,7 @@ class Result:
         self,
         *,
         log: bool = True,
-        contours: int = 20,
+        contours: SupportsIndex = 20,
         locus: bool = True,
         source: bool = True,
         cmap: Any = None,
@@ -393,11 +393,11 @@ class Result:
 
         return plot_history(self, ax=ax)
 
-    def view(self, *, height: int = 500, title: Optional[str] = None) -> Any:
+    def view(self, *, height: SupportsIndex = 500, title: Optional[str] = None) -> Any:
         """The page of `export_html` for the output of a notebook's cell, `height` pixels high."""
         from ._html import View, page
 
-        return View(page(self, title), height)
+        return View(page(self, title), whole("height", height))
 
     def export_html(self, path: "os.PathLike[str] | str", *, title: Optional[str] = None) -> None:
         """Write a page that shows the surface in any browser, to be turned by mouse or finger; one file

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any, Literal, Optional, Sequence
+from typing import TYPE_CHECKING, Any, Literal, Optional, Sequence, SupportsIndex
 
 import numpy as np
 
 from ._colour import density_map
-from ._lib import ArgumentError
+from ._lib import ArgumentError, path_text, whole
 from ._optional import optional
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def plot(
     result: "Result",
     *,
     log: bool = True,
-    contours: int = 20,
+    contours: SupportsIndex = 20,
     locus: bool = True,
     source: bool = True,
     cmap: Any = None,
@@ -66,6 +66,7 @@ def plot(
     """
     if views not in (1, 2):
         raise ArgumentError(f"views = {views!r}: expected 1 or 2")
+    lines = whole("contours", contours)
     data = result.to_pyvista()
     settings = _colour_settings(data, scalars, log, cmap, clim)
     own = plotter is None
@@ -77,8 +78,8 @@ def plot(
             plotter.subplot(0, number)
         last = number + 1 == len(sides)
         _add_surface(plotter, data, {**settings, "show_scalar_bar": last, **(mesh_options or {})})
-        if contours > 0:
-            _add_contours(plotter, data, result, contours)
+        if lines > 0:
+            _add_contours(plotter, data, result, lines)
         if locus:
             _add_locus(plotter, result, 0.004 * data.length)
         if source:
@@ -86,7 +87,7 @@ def plot(
         plotter.view_vector(*_viewpoint(result, side))
         plotter.camera.zoom(1.15)
     if screenshot:
-        plotter.screenshot(os.fspath(screenshot))
+        plotter.screenshot(path_text(screenshot))
     elif show:
         plotter.show()
     return plotter

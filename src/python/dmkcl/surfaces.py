@@ -8,7 +8,7 @@ ArgumentError if a size is not positive or there would be too many triangles.
 
 from __future__ import annotations
 
-from typing import Optional, Sequence
+from typing import Optional, Sequence, SupportsIndex
 
 from ._lib import ArgumentError, Context, Handle, amount, ffi, lib, numbers, whole
 from ._mesh import Mesh
@@ -19,8 +19,8 @@ __all__ = ["torus", "ellipsoid", "quartic", "sphere"]
 def _make(
     name: str,
     sizes: Sequence[float],
-    n_triangles: Optional[int],
-    refine: int,
+    n_triangles: Optional[SupportsIndex],
+    refine: SupportsIndex,
     source: Optional[Sequence[float]],
 ) -> Mesh:
     text = ffi.new("char[]", name.encode())
@@ -49,8 +49,8 @@ def torus(
     R: float = 2,
     r: float = 1,
     *,
-    n_triangles: Optional[int] = None,
-    refine: int = 0,
+    n_triangles: Optional[SupportsIndex] = None,
+    refine: SupportsIndex = 0,
     source: Optional[Sequence[float]] = None,
 ) -> Mesh:
     """Torus (sqrt(x^2 + y^2) - R)^2 + z^2 = r^2 around the z axis."""
@@ -62,8 +62,8 @@ def ellipsoid(
     b: float = 0.6,
     c: float = 1,
     *,
-    n_triangles: Optional[int] = None,
-    refine: int = 0,
+    n_triangles: Optional[SupportsIndex] = None,
+    refine: SupportsIndex = 0,
     source: Optional[Sequence[float]] = None,
 ) -> Mesh:
     """Ellipsoid (x/a)^2 + (y/b)^2 + (z/c)^2 = 1."""
@@ -75,8 +75,8 @@ def quartic(
     b: float = 1,
     c: float = 1,
     *,
-    n_triangles: Optional[int] = None,
-    refine: int = 0,
+    n_triangles: Optional[SupportsIndex] = None,
+    refine: SupportsIndex = 0,
     source: Optional[Sequence[float]] = None,
 ) -> Mesh:
     """Quartic (x/a)^4 + (y/b)^4 + (z/c)^4 = 1."""
@@ -86,8 +86,8 @@ def quartic(
 def sphere(
     radius: float = 1,
     *,
-    n_triangles: Optional[int] = None,
-    refine: int = 0,
+    n_triangles: Optional[SupportsIndex] = None,
+    refine: SupportsIndex = 0,
     source: Optional[Sequence[float]] = None,
 ) -> Mesh:
     """Sphere of the given radius around the origin."""

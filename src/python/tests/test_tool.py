@@ -4,6 +4,7 @@ import importlib.metadata
 import inspect
 import subprocess
 import sys
+from functools import cached_property
 from pathlib import Path
 
 import pytest
@@ -34,9 +35,9 @@ def test_everything_public_is_documented():
         assert inspect.getdoc(thing), name
         for part, member in vars(thing).items() if inspect.isclass(thing) else ():
             if not part.startswith("_") and (
-                inspect.isfunction(member) or isinstance(member, property)
+                inspect.isfunction(member) or isinstance(member, (property, cached_property))
             ):
-                assert inspect.getdoc(member), f"{name}.{part}"
+                assert member.__doc__, f"{name}.{part}"
 
 
 def test_typed_and_whole():
@@ -49,6 +50,7 @@ def test_only_numpy_is_needed(tmp_path):
     """Pictures and files of others are extras: without them the rest works."""
     code = """
 import sys
+from functools import cached_property
 for name in ("pyvista", "vtk", "matplotlib", "trimesh", "meshio", "tqdm"):
     sys.modules[name] = None
 import dmkcl

@@ -7,6 +7,8 @@ import pytest
 
 pytest.importorskip("mypy")
 RIGHT = """
+import numpy as np
+
 import dmkcl
 
 solver = dmkcl.CutLocus(dmkcl.surfaces.torus())
@@ -14,6 +16,13 @@ result = solver.solve(vertex=0, method="euler", tolerance=1e-3, progress=True)
 length: float = result.path(vertex=5).length
 result.plot(contours=3)
 dmkcl.solve_meshes(["a.off"], gap=0.1)
+v, several = np.int64(3), np.arange(3)
+solver.solve(vertex=v, max_steps=np.int32(9)).path(face=v)
+solver.solve_many(vertices=several)
+dmkcl.CutLocus("a.off", device=v, threads=v)
+dmkcl.Geodesics(solver.mesh, v, sources=several, vertices=[v, 4], curve=several)
+dmkcl.shortest_path("a.off", None, v, 99)
+dmkcl.surfaces.torus(n_triangles=v, refine=np.uint8(1))
 dmkcl.cut_open("a.off", strength=0.1)
 """
 
