@@ -709,6 +709,15 @@ static void bad_measures_are_refused(void **state)
     a[4] = -0.5;
     refuse(&p, &from, &to, "vertex 4");
     refuse(&p, &from, NULL, "expected 0");
+    a[4] = 0;
+    static const int32_t first[3][3] = {{0, 2, 3}, {1, 3, 5}, {0, 2, 1}};
+    static const dmk_point point[5] = {
+        {0, {1, 0, 0}}, {0, {0, 1, 0}}, {0, {0, 0, 1}}, {0, {1, 0, 0}}, {0, {0, 1, 0}}};
+    for (int i = 0; i < 3;
+         i++) { /* a line of one point, points that belong to none, fewer than none */
+        const dmk_measure lines = {.n_lines = 2, .line_first = first[i], .line_points = point};
+        refuse(&p, &from, &lines, i == 1 ? "begin at 1" : "line 1 has");
+    }
     problem_free(&p);
     free(a);
     free(b);

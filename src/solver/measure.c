@@ -56,9 +56,13 @@ static int check_points(const check *k, const dmk_measure *m)
         DMK_TRY(check_one(k, "atom", (int64_t)i, m->atom_mass ? m->atom_mass[i] : 1,
                           dmk_mesh_component(k->mesh, (int32_t)m->atoms[i].triangle)));
     }
+    if (m->n_lines > 0 && m->line_first[0] != 0) {
+        return dmk_fail(k->ctx, DMK_E_ARG, "the %s measure: its lines begin at %d; expected 0",
+                        k->name, (int)m->line_first[0]);
+    }
     for (size_t l = 0; l < m->n_lines; l++) {
         const double density = m->line_density ? m->line_density[l] : 1;
-        if (m->line_first[l + 1] < m->line_first[l] + 2 || m->line_first[0] != 0) {
+        if (m->line_first[l + 1] < m->line_first[l] + 2) {
             return dmk_fail(k->ctx, DMK_E_ARG, "the %s measure: line %zu has fewer than two points",
                             k->name, l);
         }
