@@ -174,6 +174,27 @@ static void attempts_begin_anew(void **state)
     problem_free(&p);
 }
 
+/* Bounds are of the problem, whichever pair gave them: the better ones stay. */
+static void bounds_of_attempts_before_stay(void **state)
+{
+    problem p = tube(*state, 3, 5, 0.01);
+    p.options.max_steps = 1;
+    assert_int_equal(problem_try(&p), DMK_E_LIMIT);
+    p.options.gap_tolerance = 1e-7; /* each step has bounds: about 5 and 6 */
+    for (int good = 0; good < 2; good++) {
+        dmk_iteration o = iteration_of(&p);
+        pair best = {0};
+        bool done;
+        p.stats.cost_lower = good ? 5.5 : 1;
+        p.stats.cost_upper = good ? 5.6 : 100;
+        assert_int_equal(attempt(&o, true, second(&o), &best, &done), DMK_E_LIMIT);
+        const double lower = p.stats.cost_lower, upper = p.stats.cost_upper;
+        if (!(good ? lower == 5.5 && upper == 5.6 : lower > 4 && upper < 7))
+            fail_msg("%g, %g", lower, upper);
+    }
+    problem_free(&p);
+}
+
 static bool follows(int max_steps, double tolerance, double change, int rc)
 {
     const dmk_solve_options options = {.max_steps = max_steps, .tolerance = tolerance};
@@ -219,6 +240,7 @@ int main(void)
                                        cmocka_unit_test(gaps_decide),
                                        cmocka_unit_test(pairs_come_back),
                                        cmocka_unit_test(attempts_begin_anew),
+                                       cmocka_unit_test(bounds_of_attempts_before_stay),
                                        cmocka_unit_test(solved_better_steps_end),
                                        cmocka_unit_test(needles_settle_in_the_first_attempt),
                                        cmocka_unit_test(a_settled_cost_is_enough),

@@ -1,8 +1,9 @@
 /* The bounds of the cost: on the right side of known optima and close to them, also where needles
  * and single precision would spoil them. */
+#include "../src/solver/bounds.c" /* for its static functions; the library's own are then left out */
+#include "solver/solver.h"
 #include "solving.h"
 
-#include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
@@ -72,6 +73,87 @@ static void bounds_hold_in_single_precision(void **state)
             fail_msg("lower %g, upper %g", lower, upper);
         problem_free(&p);
     }
+    bench_close(&b);
+}
+
+/* ---- rounding -------------------------------------------------------------------------------- */
+
+/* |grad|^2 as steepness() has it, but for rounding. */
+static long double exact_steepness(const double l[3], double area, const double x[3])
+{
+    const int k = l[0] >= l[1] && l[0] >= l[2] ? 0 : l[1] >= l[2] ? 1 : 2;
+    const long double a = l[(k + 1) % 3], b = l[(k + 2) % 3], c = l[k];
+    const long double share = (b * b + c * c - a * a) / (2 * c * c);
+    const long double side = (long double)x[(k + 2) % 3] - x[(k + 1) % 3],
+                      off = (long double)x[k] - x[(k + 1) % 3];
+    const long double across = (off - share * side) * c / (2 * (long double)area);
+    return side * side / (c * c) + across * across;
+}
+
+/* On needles, over which the values change along the longest side only. */
+static void steepness_has_its_rounding_on_top(void **state)
+{
+    (void)state;
+    uint32_t seed = 1;
+    for (int i = 0; i < 100000; i++) {
+        double r[3];
+        for (int k = 0; k < 3; k++)
+            r[k] = ((seed = seed * 1664525u + 1013904223u) + 0.5) / 4294967296.0;
+        const double height = pow(10, -12 * r[0]), foot = sqrt(r[1]), low = sqrt(r[2]);
+        const double l[3] = {hypot(foot, height), hypot(1 - foot, height), 1};
+        const double x[3] = {low, low + 1, low + 1 - foot};
+        if (!((long double)steepness(l, 0.5 * height, x) >= exact_steepness(l, 0.5 * height, x)))
+            fail_msg("height %g, foot %g, %.17g", height, foot, low);
+    }
+}
+
+/* The bound of w + shift, row by row of p's device; the shift changes nothing but rounding. */
+static double bound_of_shifted(problem *p, const double *w, double shift)
+{
+    dmk_system *s = p->solver->system;
+    dmk_buffer *v = s->cg[DMK_OUTER].p;
+    dmk_iteration o = {
+        .ctx = p->b->ctx, .sys = s, .mesh = &p->solver->mollified, .stats = &p->stats};
+    double bound, *x = calloc((size_t)s->n_rows_pad, sizeof *x);
+    assert_non_null(x);
+    for (int32_t i = 0; i < s->n_rows; i++) x[i] = w[i] + shift;
+    bench_ok(p->b, dmk_buffer_write_real(o.ctx, s->device, DMK_OUTER, v, (size_t)s->n_rows_pad, x));
+    bench_ok(p->b, dmk_bound_plain(&o, v, &bound));
+    free(x);
+    return bound;
+}
+
+/* f is rounded to single precision, and with it f.v, all the more the larger v is: the bound stays one all the same.
+ * w: u in numbers that single precision holds with the shift, too. */
+static void bounds_hold_for_shifted_functions(void **state)
+{
+    bench b;
+    dmk_device_options options;
+    dmk_device_options_init(&options, sizeof options);
+    options.single_precision = 1;
+    bench_open(&b, &options);
+    problem p = problem_file(*state, optima[2].mesh), q = problem_file(&b, optima[2].mesh);
+    problem_solve(&p);
+    problem_solve(&q);
+    const dmk_system *s = p.solver->system;
+    double *w = calloc((size_t)s->n_rows_pad, sizeof *w);
+    assert_non_null(w);
+    assert_int_equal(s->n_rows, q.solver->system->n_rows);
+    bench_ok(p.b,
+             dmk_buffer_read_real(p.b->ctx, s->device, DMK_OUTER, s->u, (size_t)s->n_rows_pad, w));
+    for (int32_t i = 0; i < s->n_rows; i++) {
+        assert_true(fabs(w[i]) < 2);
+        w[i] = ldexp(nearbyint(ldexp(w[i], 16)), -16);
+    }
+    const double exact = bound_of_shifted(&p, w, 0);
+    for (int sign = -1; sign <= 1; sign++) {
+        const double bound = bound_of_shifted(&q, w, 64 * sign);
+        print_message("# shift %d: %.3e\n", 64 * sign, bound / exact - 1);
+        assert_true(bound <= exact * (1 + 1e-12) && bound > exact * (1 - 1e-3));
+    }
+    free(w);
+    problem_free(&p);
+    problem_free(&q);
     bench_close(&b);
 }
 
@@ -182,6 +264,8 @@ int main(void)
         cmocka_unit_test(bounds_enclose_known_optima),
         cmocka_unit_test(bounds_are_close_at_the_default_stop),
         cmocka_unit_test(bounds_hold_in_single_precision),
+        cmocka_unit_test(steepness_has_its_rounding_on_top),
+        cmocka_unit_test(bounds_hold_for_shifted_functions),
         cmocka_unit_test(needles_are_repaired),
         cmocka_unit_test(repair_gives_the_same_bits),
         cmocka_unit_test(repair_is_the_same_in_the_gpu_shape),

@@ -979,6 +979,32 @@ static void behind_a_nearly_flat_vertex(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* Three vertices 1e-13 apart: of a point that is nearer than rounding to one of them, the directions are those of the
+ * vertex. */
+static void beside_a_vertex_is_the_vertex(void **state)
+{
+    enum { a, b, c, A, B, C };
+    const double e = 1e-13, w = 1e-4;
+    const double xyz[] = {0, 0, 0, e, 0, 0, 0, e, 0, -1, -1, 0, 2, -1, 0, -1, 2, 0};
+    const int32_t triangle[] = {a, b, c, b, a, A, b, A, B, c, b, B, c, B, C, a, c, C, a, C, A};
+    dmk_mesh *m;
+    dmk_star star;
+    dmk_site site;
+    dmk_context *ctx = *state;
+    assert_int_equal(dmk_mesh_create(ctx, 6, xyz, 7, triangle, &m), DMK_OK);
+    assert_int_equal(dmk_star_create(ctx, m, &star), DMK_OK);
+    for (int k = 0; k < 2; k++) { /* 1e-17 from a; farther than rounding */
+        const double far = k ? 0.25 : w;
+        const dmk_point p = {0, {1 - 2 * far, far, far}};
+        assert_int_equal(dmk_site_create(ctx, m, &star, &p, 0, &site), DMK_OK);
+        assert_int_equal(site.vertex, k ? -1 : a);
+        assert_int_equal(site.n_sectors, k ? 3 : 4);
+        dmk_site_free(&site);
+    }
+    dmk_star_free(&star);
+    dmk_mesh_destroy(&m);
+}
+
 /* Vertices in no triangle have no star, and no angle either: not what memory held before. As many as the C library
  * does fill with something else (those of small arrays it does not). */
 static void vertices_in_no_triangle(void **state)
@@ -1020,6 +1046,7 @@ int main(void)
         cmocka_unit_test(paths_are_the_log_map),
         cmocka_unit_test(behind_a_nearly_flat_vertex),
         cmocka_unit_test(angles_of_needles),
+        cmocka_unit_test(beside_a_vertex_is_the_vertex),
         cmocka_unit_test(vertices_in_no_triangle),
         cmocka_unit_test(any_triangle_may_be_the_first),
         cmocka_unit_test(values_inside_triangles),
