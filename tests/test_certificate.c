@@ -114,7 +114,7 @@ static double bound_of_shifted(problem *p, const double *w, double shift)
     dmk_buffer *v = s->cg[DMK_OUTER].p;
     dmk_iteration o = {
         .ctx = p->b->ctx, .sys = s, .mesh = &p->solver->mollified, .stats = &p->stats};
-    double bound, *x = calloc((size_t)s->n_rows_pad, sizeof *x);
+    double bound = 0, *x = calloc((size_t)s->n_rows_pad, sizeof *x);
     assert_non_null(x);
     for (int32_t i = 0; i < s->n_rows; i++) x[i] = w[i] + shift;
     bench_ok(p->b, dmk_buffer_write_real(o.ctx, s->device, DMK_OUTER, v, (size_t)s->n_rows_pad, x));
