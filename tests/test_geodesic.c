@@ -189,6 +189,41 @@ static void flat_square(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* From a point of a border's edge directions go from 0 to pi, and not round: along the border they are 0 on one side,
+ * pi on the other. */
+static void from_an_edge_of_the_border(void **state)
+{
+    dmk_context *ctx = *state;
+    dmk_mesh *m = make_square(ctx, 9, 0.5);
+    dmk_point p = {-1, {0}};
+    for (int32_t t = 0; t < m->n_triangles && p.triangle < 0; t++) {
+        for (int k = 0; k < 3; k++) {
+            const int32_t a = m->triangle[3 * t + (k + 1) % 3],
+                          b = m->triangle[3 * t + (k + 2) % 3];
+            if (m->xyz[3 * a + 1] > 0 || m->xyz[3 * b + 1] > 0 || m->xyz[3 * a] < 0.4) continue;
+            p.triangle = t;
+            p.weight[(k + 1) % 3] = 0.25;
+            p.weight[(k + 2) % 3] = 0.75;
+        }
+    }
+    double at[3];
+    assert_int_equal(dmk_mesh_point_xyz(ctx, m, &p, at), DMK_OK);
+    for (int merged = 0; merged < 2; merged++) {
+        dmk_geodesics_options options;
+        dmk_geodesics_options_init(&options, sizeof options);
+        options.tolerance = merged ? 1e-9 : 0;
+        dmk_geodesics *g = run_with(ctx, m, 1, &p, &options);
+        assert_true(dmk_full_turn(g) == HUGE_VAL);
+        for (int32_t v = 0; v < m->n_vertices; v++) {
+            const double x = m->xyz[3 * v] - at[0], y = m->xyz[3 * v + 1];
+            assert_true(fabs(g->distance[v] - hypot(x, y)) < 1e-8);
+            assert_true(fabs(g->arrival[v].direction - atan2(y, x)) < 1e-7);
+        }
+        dmk_geodesics_destroy(&g);
+    }
+    dmk_mesh_destroy(&m);
+}
+
 static void cube_from_a_corner(void **state)
 {
     dmk_context *ctx = *state;
@@ -1029,6 +1064,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(flat_square),
+        cmocka_unit_test(from_an_edge_of_the_border),
         cmocka_unit_test(cube_from_a_corner),
         cmocka_unit_test(doubled_square),
         cmocka_unit_test(around_a_corner),

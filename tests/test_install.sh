@@ -122,7 +122,7 @@ for folder in DESTDIR PREFIX libdir; do
     fails "a blank in $folder is refused" 2 "$folder='.*my stage': expected a folder without blanks" \
         make -s uninstall DESTDIR="$work/blank" "$folder=$work/blank/my stage"
 done
-fails 'at the end, too' 2 "DESTDIR='.* ': expected a folder without blanks" make -n install DESTDIR="$work/blank/my "
+fails 'at the end, too' 2 "DESTDIR='.* ': expected a folder without blanks" make -n --no-print-directory install DESTDIR="$work/blank/my "
 check 'and nothing is deleted' test -e "$work/blank/my"
 
 check 'make uninstall' make -s uninstall PREFIX=/usr DESTDIR="$stage"

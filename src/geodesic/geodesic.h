@@ -74,6 +74,7 @@ typedef struct dmk_site {
     dmk_point point;
     double offset;  /* distance at the source */
     double total;   /* angle around it */
+    bool on_border; /* directions do not go round then */
     int32_t vertex; /* that it lies at, or -1 */
     int32_t n_sectors;
     dmk_sector *sector; /* counterclockwise */

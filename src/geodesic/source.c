@@ -31,6 +31,7 @@ static void add_sector(const dmk_mesh *m, const dmk_star *s, int32_t h, const do
 static int at_vertex(dmk_context *ctx, const dmk_mesh *m, const dmk_star *s, dmk_site *p)
 {
     int32_t n = 0, c = s->first[p->vertex];
+    p->on_border = s->border[p->vertex];
     for (int32_t i = c; i >= 0 && (n == 0 || i != c); i = dmk_star_next(s, i)) n++;
     int rc = DMK_NEW(ctx, p->sector, (size_t)n);
     if (rc != DMK_OK) return rc;
@@ -55,6 +56,7 @@ static int at_edge(dmk_context *ctx, const dmk_mesh *m, const dmk_star *s, int32
     for (int k = 0; k < 3; k++) p->point.weight[k] = w[k]; /* just on the edge */
     add_sector(m, s, dmk_next(h), w, p);                   /* from corner k+2 to corner k */
     add_sector(m, s, dmk_previous(h), w, p);
+    p->on_border = o < 0;
     if (o < 0) return DMK_OK;
     double across[3] = {0};
     across[dmk_next(o) % 3] = b / (a + b);
@@ -111,8 +113,7 @@ void dmk_site_free(dmk_site *p)
 double dmk_full_turn(const dmk_geodesics *g)
 {
     const dmk_site *s = g->source;
-    return g->n_sources == 1 && !(s->vertex >= 0 && g->star.border[s->vertex]) ? s->total
-                                                                               : HUGE_VAL;
+    return g->n_sources == 1 && !s->on_border ? s->total : HUGE_VAL;
 }
 
 double dmk_turn_between(double full, double a, double b)

@@ -405,8 +405,7 @@ static double direction_to(const dmk_geodesics *g, const dmk_site *site, const d
         double off = dmk_max(0, dmk_max(-turn, turn - c->span));
         if (off < best) best = off, angle_there = c->angle + dmk_min(dmk_max(turn, 0), c->span);
     }
-    if (angle_there >= site->total && !(site->vertex >= 0 && g->star.border[site->vertex]))
-        return 0;
+    if (angle_there >= site->total && !site->on_border) return 0;
     return angle_there;
 }
 

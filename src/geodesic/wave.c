@@ -76,9 +76,7 @@ static int engine_create(dmk_context *ctx, dmk_geodesics *g, double tolerance, e
     for (int32_t i = 0; i < g->n_sources; i++)
         e->least = dmk_min(e->least, g->source[i].offset / g->star.unit);
     if (g->n_lines > 0) e->least = 0;
-    const dmk_site *one = g->source;
-    if (g->n_sources == 1 && !(one->vertex >= 0 && g->star.border[one->vertex]))
-        e->closed = one->total;
+    if (g->n_sources == 1 && !g->source->on_border) e->closed = g->source->total;
 done:
     return rc;
 }
@@ -466,8 +464,7 @@ static void arrive(const engine *e, int32_t v)
     g->arrival[v] = (dmk_arrival){0, 0, -1, -1};
     if (m->half == UNREACHED) return;
     const dmk_site *p = m->source < g->n_sources ? g->source + m->source : NULL;
-    double direction =
-        p ? dmk_front_turn(m->direction, p->total, p->vertex >= 0 && g->star.border[p->vertex]) : 0;
+    double direction = p ? dmk_front_turn(m->direction, p->total, p->on_border) : 0;
     g->arrival[v] = (dmk_arrival){direction, back_of(e, v), m->root, m->source};
     g->distance[v] *= g->star.unit;
     e->error[v] *= g->star.unit;

@@ -336,8 +336,8 @@ static dmk_arrival arrival_by(const engine *e, int32_t v, const trace *t)
     while (t->root >= 0) t = e->trace + t->root;
     a.source = ~t->root;
     const dmk_site *p = e->front.g->source + a.source;
-    a.direction = dmk_front_turn(t->half >= 0 ? t->turn + atan2(t->y, t->x) : t->x, p->total,
-                                 p->vertex >= 0 && e->front.g->star.border[p->vertex]);
+    a.direction =
+        dmk_front_turn(t->half >= 0 ? t->turn + atan2(t->y, t->x) : t->x, p->total, p->on_border);
     return a;
 }
 

@@ -56,9 +56,11 @@ def _finest(result: "Result") -> "tuple[Locus, NDArray[np.float64], tuple[float,
 def _turn(result: "Result") -> float:
     """The total angle at the source: 2 pi but at vertices. At one of the border directions do not go round: huge."""
     corners = np.flatnonzero(np.asarray(result.source.bary) >= 1e-12)  # as the library sees it
+    at = result.mesh.faces[result.source.face][corners]
     if len(corners) > 1:
-        return 2 * np.pi
-    vertex = result.mesh.faces[result.source.face][corners[0]]
+        around = np.isin(result.mesh.faces, at).sum(axis=1) == len(corners)
+        return 1e30 if len(corners) == 2 and around.sum() == 1 else 2 * np.pi
+    vertex = at[0]
     face, k = np.nonzero(result.mesh.faces == vertex)
     after, before = (result.mesh.faces[face, (k + i) % 3] for i in (1, 2))
     if set(after) != set(before):
