@@ -856,6 +856,44 @@ static void values_inside_triangles(void **state)
 }
 
 /* Where no source leads the distance is infinite, and no path is found. */
+/* Also where a source lies between the corners: on the border, all of whose points are sources, and close together in
+ * one triangle. The paths are as long. */
+static void values_between_sources(void **state)
+{
+    dmk_context *ctx = *state;
+    dmk_mesh *m = make_square(ctx, 5, 0.5);
+    const dmk_point source[] = {
+        {24, {0.8, 0.1, 0.1}}, {24, {0.1, 0.8, 0.1}}, {25, {0.3, 0.3, 0.4}}};
+    double at[3][3];
+    uint32_t random = 17;
+    for (int i = 0; i < 3; i++)
+        assert_int_equal(dmk_mesh_point_xyz(ctx, m, source + i, at[i]), DMK_OK);
+    for (int border = 0; border < 2; border++) {
+        dmk_geodesics_options options;
+        dmk_geodesics_options_init(&options, sizeof options);
+        options.border = border;
+        dmk_geodesics *g = run_with(ctx, m, border ? 0 : 3, source, &options);
+        for (int i = 0; i < 500; i++) {
+            double a = noise(&random) + 0.5, b = i % 5 == 0 ? 0 : noise(&random) + 0.5, x[3];
+            if (a + b > 1) a = 1 - a, b = b > 0 ? 1 - b : 0;
+            const dmk_point p = {i % m->n_triangles, {a, b, 1 - a - b}};
+            dmk_value value;
+            dmk_path path;
+            assert_int_equal(dmk_mesh_point_xyz(ctx, m, &p, x), DMK_OK);
+            assert_int_equal(dmk_geodesics_at(ctx, g, 1, &p, &value), DMK_OK);
+            double d = fmin(fmin(x[0], 1 - x[0]), fmin(x[1], 1 - x[1]));
+            for (int k = 0; k < 3 && !border; k++)
+                d = fmin(k == 0 ? 9 : d, hypot(x[0] - at[k][0], x[1] - at[k][1]));
+            assert_true(fabs(value.distance - d) < 1e-13);
+            assert_int_equal(dmk_geodesics_paths(ctx, g, 1, &p, &path), DMK_OK);
+            assert_true(fabs(path.length - d) < 1e-12);
+            dmk_path_free(&path);
+        }
+        dmk_geodesics_destroy(&g);
+    }
+    dmk_mesh_destroy(&m);
+}
+
 static void several_components(void **state)
 {
     dmk_context *ctx = *state;
@@ -1086,6 +1124,7 @@ int main(void)
         cmocka_unit_test(vertices_in_no_triangle),
         cmocka_unit_test(any_triangle_may_be_the_first),
         cmocka_unit_test(values_inside_triangles),
+        cmocka_unit_test(values_between_sources),
         cmocka_unit_test(several_components),
         cmocka_unit_test(wrong_distances_are_found),
         cmocka_unit_test(integral_of_the_distance),

@@ -1,5 +1,5 @@
 /* What must hold of every distance, and its integral. */
-#include "geodesic/geodesic.h"
+#include "geodesic/trace.h"
 
 #include "base/parallel.h"
 
@@ -101,6 +101,8 @@ static double beyond(const dmk_geodesics *g, int32_t v, double along, double r)
     double base = a->source < g->n_sources ? g->source[a->source].offset : 0;
     if (a->pseudo_source >= 0) base = g->distance[a->pseudo_source];
     const double straight = (g->distance[v] - base) / g->star.unit, ahead = r / g->star.unit;
+    if (a->pseudo_source < 0 && a->source >= g->n_sources) /* a line's front is straight */
+        return g->star.unit * fabs(straight - ahead * along);
     const double square = straight * straight + ahead * (ahead - 2 * straight * along);
     return base + g->star.unit * sqrt(dmk_max(0, square));
 }
@@ -177,7 +179,7 @@ static double at_centre(const dmk_geodesics *g, int32_t t)
 
 typedef struct integrand {
     const dmk_geodesics *g;
-    const double *mid;
+    const double *mid, *centre; /* centre: of each triangle, or NAN; NULL: of none */
     int32_t first;
     double *sum, *error; /* of triangles from `first` on */
 } integrand;
@@ -189,7 +191,8 @@ static void integrate_range(int32_t begin, int32_t end, void *data)
     const dmk_mesh *m = i->g->mesh;
     for (int32_t k = begin; k < end; k++) {
         const int32_t t = i->first + k;
-        double corners = 0, mids = 0, centre = at_centre(i->g, t);
+        double corners = 0, mids = 0,
+               centre = i->centre && i->centre[t] >= 0 ? i->centre[t] : at_centre(i->g, t);
         for (size_t h = 3 * (size_t)t; h < 3 * (size_t)t + 3; h++) {
             corners += i->g->distance[m->triangle[h]];
             mids += i->mid[m->triangle_edge[h]];
@@ -203,18 +206,19 @@ static void integrate_range(int32_t begin, int32_t end, void *data)
 void dmk_geodesics_integrate_parts(dmk_context *ctx, const dmk_geodesics *g, const double *mid,
                                    int32_t begin, int32_t end, double *sum, double *error)
 {
-    dmk_parallel(ctx, end - begin, integrate_range, &(integrand){g, mid, begin, sum, error});
+    dmk_parallel(ctx, end - begin, integrate_range,
+                 &(integrand){.g = g, .mid = mid, .first = begin, .sum = sum, .error = error});
 }
 
-int dmk_geodesics_integrate_from(dmk_context *ctx, const dmk_geodesics *g, const double *mid,
-                                 double *integral, double *error)
+static int integrate(dmk_context *ctx, const dmk_geodesics *g, const double *mid,
+                     const double *centre, double *integral, double *error)
 {
     int rc;
     double *sum = NULL, *off = NULL;
     const dmk_mesh *m = g->mesh;
     DMK_TRY(DMK_NEW(ctx, sum, (size_t)m->n_triangles));
     DMK_TRY(DMK_NEW(ctx, off, (size_t)m->n_triangles));
-    dmk_geodesics_integrate_parts(ctx, g, mid, 0, m->n_triangles, sum, off);
+    dmk_parallel(ctx, m->n_triangles, integrate_range, &(integrand){g, mid, centre, 0, sum, off});
     *integral = *error = 0;
     for (int32_t t = 0; t < m->n_triangles; t++) {
         *integral += sum[t];
@@ -226,17 +230,69 @@ done:
     return rc;
 }
 
+int dmk_geodesics_integrate_from(dmk_context *ctx, const dmk_geodesics *g, const double *mid,
+                                 double *integral, double *error)
+{
+    return integrate(ctx, g, mid, NULL, integral, error);
+}
+
+/* Of several sources, or lines, one may lie between the corners of a triangle, and none of their ways lead to it. */
+static bool is_near_sources(const dmk_geodesics *g, int32_t t)
+{
+    const dmk_mesh *m = g->mesh;
+    double longest = 0, nearest = HUGE_VAL;
+    for (int32_t h = 3 * t; h < 3 * t + 3; h++) {
+        const int32_t v = m->triangle[h];
+        const dmk_arrival *a = g->arrival + v;
+        const double offset =
+            a->source >= 0 && a->source < g->n_sources ? g->source[a->source].offset : 0;
+        longest = dmk_max(longest, m->length[m->triangle_edge[h]]);
+        nearest = dmk_min(nearest, g->distance[v] - offset);
+    }
+    return nearest < longest;
+}
+
+/* Exact distances at the centres of such triangles and at the middles of their edges. */
+static int look_near_sources(dmk_context *ctx, const dmk_geodesics *g, double *mid, double *centre)
+{
+    int rc;
+    dmk_tracer *t = NULL;
+    dmk_value value;
+    DMK_TRY(dmk_tracer_create(ctx, g, &t));
+    for (int32_t i = 0; i < g->mesh->n_triangles; i++) {
+        centre[i] = NAN;
+        if (!is_near_sources(g, i)) continue;
+        DMK_TRY(dmk_tracer_value(ctx, t, &(dmk_point){i, {1 / 3., 1 / 3., 1 / 3.}}, &value));
+        centre[i] = value.distance;
+        for (int k = 0; k < 3; k++) {
+            dmk_point p = {i, {0.5, 0.5, 0.5}};
+            p.weight[k] = 0;
+            DMK_TRY(dmk_tracer_value(ctx, t, &p, &value));
+            mid[g->mesh->triangle_edge[3 * (size_t)i + (size_t)k]] = value.distance;
+        }
+        DMK_TRY(dmk_poll(ctx));
+    }
+done:
+    dmk_tracer_destroy(&t);
+    return rc;
+}
+
 int dmk_geodesics_integrate(dmk_context *ctx, const dmk_geodesics *g, double *integral,
                             double *error)
 {
     int rc;
-    double *mid = NULL;
+    double *mid = NULL, *centre = NULL;
     if (dmk_missing(ctx, "geodesics", g, "integral", integral, "error", error)) return DMK_E_ARG;
     DMK_TRY(dmk_mesh_check_edges(ctx, g->mesh));
     DMK_TRY(DMK_NEW(ctx, mid, (size_t)g->mesh->n_edges));
     dmk_geodesics_midpoints(ctx, g, mid);
-    rc = dmk_geodesics_integrate_from(ctx, g, mid, integral, error);
+    if (g->n_sources > 1 || g->n_lines > 0) {
+        DMK_TRY(DMK_NEW(ctx, centre, (size_t)g->mesh->n_triangles));
+        DMK_TRY(look_near_sources(ctx, g, mid, centre));
+    }
+    rc = integrate(ctx, g, mid, centre, integral, error);
 done:
     free(mid);
+    free(centre);
     return rc;
 }

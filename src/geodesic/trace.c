@@ -30,11 +30,12 @@ typedef struct sight {
     bool right; /* through which side of the parent's triangle */
 } sight;
 
-/* How the best way ends: at a vertex, or else at a source that is none; seen through a window, or else within the
- * point's own triangles, `triangle` then. */
+/* How the best way ends: at a vertex, or else at a source that is none, at `foot` if that is a line; seen through a
+ * window, or else within the point's own triangles, `triangle` then. */
 typedef struct finish {
     double length, key;
     int32_t window, vertex, source, triangle;
+    dmk_point foot; /* in the last triangle that the way enters */
 } finish;
 
 struct dmk_tracer {
@@ -188,7 +189,8 @@ typedef struct behind {
 
 /* The least length of a way through the interval, from what distances can be at its points X, as they change by no
  * more than the way. From both ends of the half-edge that bound falls towards one place and grows behind it, and by
- * less than |X - (x, y)| changes: that place, or the end nearest to it, has the least. From the corner behind,
+ * more than |X - (x, y)| changes: that place, or the end nearest to it, has the least. Where a source may lie on the
+ * half-edge itself the bound is 0 for a stretch, of which the nearest point to (x, y) has. From the corner behind,
  * |X - (x, y)| - |X - corner| grows towards the ray through that corner and falls behind it: one of the ends has. */
 static double least(const dmk_geodesics *g, const sight *w, const behind *c)
 {
@@ -199,7 +201,9 @@ static double least(const dmk_geodesics *g, const sight *w, const behind *c)
                   last_end = m->triangle[dmk_previous(w->half)];
     double a = d[first_end] / unit - doubt(g, first_end),
            b = d[last_end] / unit - doubt(g, last_end);
-    double at = dmk_min(w->hi, dmk_max(w->lo, 0.5 * (a - b + length))), x = at - w->x;
+    const double least_at =
+        a + b < length ? dmk_min(length - b, dmk_max(a, w->x)) : 0.5 * (a - b + length);
+    double at = dmk_min(w->hi, dmk_max(w->lo, least_at)), x = at - w->x;
     double way = sqrt(x * x + w->y * w->y) + dmk_max(0, dmk_max(a - at, b - length + at));
     if (c->vertex < 0) return way;
     double first = sqrt((w->lo - w->x) * (w->lo - w->x) + w->y * w->y) -
@@ -245,19 +249,26 @@ static sight child(const sight *w, int32_t i, bool right, double lo, double hi, 
                    .right = right};
 }
 
+/* The first of the sources inside a triangle, if there are some. */
+static size_t first_point(const dmk_tracer *t, int32_t triangle)
+{
+    size_t lo = 0, hi = t->n_points;
+    while (lo < hi) {
+        size_t middle = (lo + hi) / 2;
+        if (t->point[middle].triangle < triangle)
+            lo = middle + 1;
+        else
+            hi = middle;
+    }
+    return lo;
+}
+
 /* Sources inside the triangle above window i. */
 static void look_for_sources(dmk_tracer *t, int32_t i, const angle *s)
 {
     const dmk_geodesics *g = t->g;
     const sight *w = t->sight + i;
-    size_t lo = 0, hi = t->n_points;
-    while (lo < hi) {
-        size_t middle = (lo + hi) / 2;
-        if (t->point[middle].triangle < w->half / 3)
-            lo = middle + 1;
-        else
-            hi = middle;
-    }
+    size_t lo = first_point(t, w->half / 3);
     for (; lo < t->n_points && t->point[lo].triangle == w->half / 3; lo++) {
         const double *p = t->point[lo].weight;
         if (p[w->half % 3] == 0) continue; /* on the edge: seen from the triangle before */
@@ -272,6 +283,25 @@ static void look_for_sources(dmk_tracer *t, int32_t i, const angle *s)
     }
 }
 
+static bool is_line(const dmk_tracer *t, int32_t h)
+{
+    return t->g->n_lines > 0 && bsearch(&h, t->line, t->g->n_lines, sizeof *t->line, by_number);
+}
+
+/* The foot on half-edge h, if that is a line: a side of the last triangle that is entered, the one above window i or,
+ * if that is -1, the point's own. w: its rays, as the triangle behind the half-edge sees them. */
+static void look_for_foot(dmk_tracer *t, const sight *w, int32_t h, int32_t i)
+{
+    const dmk_mesh *m = t->g->mesh;
+    if (!is_line(t, h) || !(w->x >= w->lo && w->x <= w->hi)) return;
+    const double part = w->x * t->g->star.unit / m->length[m->triangle_edge[h]];
+    finish f = {.window = i, .vertex = -1, .source = t->g->n_sources, .triangle = h / 3};
+    f.foot.triangle = h / 3;
+    f.foot.weight[dmk_previous(h) % 3] = 1 - dmk_min(part, 1);
+    f.foot.weight[dmk_next(h) % 3] = dmk_min(part, 1);
+    finish_at(t, f, -w->y);
+}
+
 static int advance(dmk_context *ctx, dmk_tracer *t, int32_t i)
 {
     int rc;
@@ -281,10 +311,6 @@ static int advance(dmk_context *ctx, dmk_tracer *t, int32_t i)
     if (w.least > t->bound - t->slack) return DMK_OK;
     look(g, w.half, &s);
     if (t->n_points > 0) look_for_sources(t, i, &s);
-    if (g->n_lines > 0 && w.x >= w.lo && w.x <= w.hi &&
-        bsearch(&w.half, t->line, g->n_lines, sizeof *t->line, by_number)) {
-        finish_at(t, (finish){.window = i, .vertex = -1, .source = g->n_sources}, -w.y);
-    }
     double at = w.x - (s.cx - w.x) * w.y / (s.cy - w.y), slack = DMK_SAME_PLACE * s.length;
     if (at >= w.lo - slack && at <= w.hi + slack) {
         double length = hypot(s.cx - w.x, s.cy - w.y) + g->distance[s.c] / g->star.unit;
@@ -296,6 +322,8 @@ static int advance(dmk_context *ctx, dmk_tracer *t, int32_t i)
     r.half = w.hi > at ? g->star.twin[dmk_next(w.half)] : -1;
     if (w.hi >= at) l.hi = s.left; /* not by rounding */
     if (w.lo <= at) r.lo = 0;
+    if (w.lo < at) look_for_foot(t, &l, dmk_previous(w.half), i);
+    if (w.hi > at) look_for_foot(t, &r, dmk_next(w.half), i);
     DMK_TRY(keep(ctx, t, &l, &(behind){s.length * s.ca, -s.length * s.sa, s.b}));
     DMK_TRY(keep(ctx, t, &r, &(behind){s.right - s.length * s.cb, -s.length * s.sb, s.a}));
 done:
@@ -317,9 +345,16 @@ static void look_around(dmk_tracer *t, const dmk_site *site, const source_point 
         finish_at(t, (finish){.window = -1, .vertex = v, .source = -1, .triangle = own->triangle},
                   hypot(at[k][0] - x, at[k][1] - y) + g->distance[v] / unit);
     }
-    for (size_t i = 0; i < t->n_points; i++) {
+    for (int k = 0; k < 3 && site->vertex < 0; k++) { /* on a line itself */
+        if (own->weight[k] != 0 || !is_line(t, 3 * own->triangle + k)) continue;
+        finish f = {.window = -1, .vertex = -1, .source = g->n_sources, .triangle = own->triangle};
+        f.foot.triangle = own->triangle;
+        memcpy(f.foot.weight, own->weight, sizeof f.foot.weight);
+        finish_at(t, f, 0);
+    }
+    for (size_t i = first_point(t, own->triangle); i < t->n_points; i++) {
         const source_point *p = t->point + i;
-        if (p->triangle != own->triangle) continue;
+        if (p->triangle != own->triangle) break;
         double px = 0, py = 0;
         for (int k = 0; k < 3; k++) px += p->weight[k] * at[k][0], py += p->weight[k] * at[k][1];
         finish_at(
@@ -358,6 +393,7 @@ static int look_for_best(dmk_context *ctx, dmk_tracer *t, const dmk_site *site)
                    .y = -c->y / unit,
                    .half = g->star.twin[c->half],
                    .parent = -1};
+        look_for_foot(t, &w, c->half, -1);
         DMK_TRY(keep(ctx, t, &w, &(behind){.vertex = -1}));
     }
     for (size_t i = 0; i < t->n_sights; i++) DMK_TRY(advance(ctx, t, (int32_t)i));
@@ -467,6 +503,13 @@ done:
     return rc;
 }
 
+/* Weights of the triangle above half-edge h, in its frame. */
+static void place_above(int32_t h, const angle *s, const double weight[3], double *x, double *y)
+{
+    *x = weight[h % 3] * s->cx + weight[dmk_previous(h) % 3] * s->length;
+    *y = weight[h % 3] * s->cy;
+}
+
 /* The far end of the piece above window i: a vertex, a source inside, or the foot on a line. */
 static void end_of_sight(const dmk_tracer *t, int32_t i, double *x, double *y)
 {
@@ -477,12 +520,11 @@ static void end_of_sight(const dmk_tracer *t, int32_t i, double *x, double *y)
     look(g, w->half, &s);
     *x = s.cx, *y = s.cy;
     if (f->vertex >= 0) return;
-    *x = w->x, *y = 0;
+    if (f->source >= g->n_sources) place_above(w->half, &s, f->foot.weight, x, y);
     for (size_t k = 0; f->source < g->n_sources && k < t->n_points; k++) {
         const source_point *p = t->point + k;
-        if (p->source != f->source || p->triangle != w->half / 3) continue;
-        *x = p->weight[w->half % 3] * s.cx + p->weight[dmk_previous(w->half) % 3] * s.length;
-        *y = p->weight[w->half % 3] * s.cy;
+        if (p->source == f->source && p->triangle == w->half / 3)
+            place_above(w->half, &s, p->weight, x, y);
     }
 }
 
@@ -561,8 +603,8 @@ static int follow(dmk_context *ctx, dmk_tracer *t, const dmk_site *from, trail *
         int32_t source = f.source;
         dmk_point end = f.vertex >= 0           ? corner_point(g, f.vertex)
                         : source < g->n_sources ? g->source[source].point
-                                                : before;
-        if (f.vertex >= 0 || source < g->n_sources) DMK_TRY(append(l, end));
+                                                : f.foot;
+        DMK_TRY(append(l, end));
         if (f.vertex >= 0 && is_source(g, f.vertex)) source = g->arrival[f.vertex].source;
         if (source >= 0) {
             if (source < g->n_sources) *direction = direction_to(g, g->source + source, &before);
@@ -621,8 +663,7 @@ void dmk_path_free(dmk_path *path)
     memset(path, 0, sizeof *path);
 }
 
-/* The distance, its source, and the direction there, anywhere. */
-static int value_at(dmk_context *ctx, dmk_tracer *t, const dmk_point *at, dmk_value *value)
+int dmk_tracer_value(dmk_context *ctx, dmk_tracer *t, const dmk_point *at, dmk_value *value)
 {
     int rc;
     dmk_site site = {0};
@@ -756,7 +797,7 @@ int dmk_geodesics_at(dmk_context *ctx, const dmk_geodesics *g, size_t n_points,
     DMK_TRY(dmk_stage_begin(ctx, "values"));
     DMK_TRY(dmk_tracer_create(ctx, g, &t));
     for (size_t i = 0; i < n_points; i++) {
-        DMK_TRY(value_at(ctx, t, points + i, values + i));
+        DMK_TRY(dmk_tracer_value(ctx, t, points + i, values + i));
         DMK_TRY(dmk_poll(ctx));
     }
 done:

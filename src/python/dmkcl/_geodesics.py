@@ -43,7 +43,7 @@ def _points(
                 f"{names[1]} = {several!r}: expected several; one is given as {names[0]}={several!r}"
             )
         listed += [] if one is None else [one]
-        listed += [] if several is None else several
+        listed += [] if several is None else list(several)
     places: "list[Point]" = []
     for given in listed:
         if isinstance(given, Point):
