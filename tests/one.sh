@@ -14,11 +14,15 @@ case $DMKCL_BUILD in
 */release | */debug) guard='LD_PRELOAD=libc_malloc_debug.so.0 GLIBC_TUNABLES=glibc.malloc.check=3' ;;
 esac
 
+# In the background, for an end that is asked for to reach it.
 run() {
     case $test in
-    *.sh) timeout "${TEST_TIMEOUT:-900}" bash "$test" ;;
-    *) timeout "${TEST_TIMEOUT:-900}" env $guard "$test" ;;
-    esac > "$log" 2>&1 < /dev/null
+    *.sh) set -- bash "$test" ;;
+    *) set -- env $guard "$test" ;;
+    esac
+    env --default-signal=INT timeout "${TEST_TIMEOUT:-900}" "$@" > "$log" 2>&1 < /dev/null &
+    trap "kill $!; exit 130" INT TERM HUP
+    wait $!
 }
 
 log=$scratch/$file.log

@@ -20,7 +20,8 @@ export LSAN_OPTIONS="suppressions=$PWD/tests/lsan.supp:print_suppressions=0"
 
 # Each test that ends leaves its three counts. Two at a time: most of them use one processor or wait.
 rm -f "$scratch"/*.counts
-printf '%s\n' "$@" | xargs -P "${TEST_JOBS:-2}" -I{} sh tests/one.sh "$scratch" {}
+printf '%s\0' "$@" | xargs -0 -P "${TEST_JOBS:-2}" -I{} sh tests/one.sh "$scratch" {}
+for test; do [ -e "$scratch/$(basename "$test").counts" ] || echo "FAILED: $test has no end"; done
 awk -v tests=$# '{ passed += $1; failed += $2; skipped += $3 }
     END {
         failed += tests - NR + (passed == 0)

@@ -90,15 +90,11 @@ static int add_folder(lister *l, const char *folder, size_t head, const folder_w
         if (entry->d_name[0] == '.') continue; /* hidden, and the folder itself */
         if (snprintf(path, sizeof path, "%s/%s", folder, entry->d_name) >= PATH_MAX) {
             code = cli_error(EXIT_IO, "the name '%s/%s' is too long", folder, entry->d_name);
-        } else if (stat(path, &file) !=
-                   0) { /* a link that leads nowhere is no mesh, but for its name */
-            if (stem_length(entry->d_name) > 0)
-                code = cli_error(EXIT_IO, "cannot look at '%s': %s", path, strerror(errno));
-        } else if (S_ISDIR(file.st_mode)) {
+        } else if (stat(path, &file) == 0 && S_ISDIR(file.st_mode)) {
             const folder_way below = {way, file};
             if (!(l->has_out && is_same(&file, &l->out)) && !is_on_way(way, &file))
                 code = add_folder(l, path, head, &below);
-        } else if (stem_length(entry->d_name) > 0) {
+        } else if (stem_length(entry->d_name) > 0) { /* of a link to nowhere its reader says so */
             code = add(l, path, path + head);
         }
     }

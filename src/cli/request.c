@@ -185,8 +185,8 @@ void solve_add_iteration(solve_table *table, solve_request *request)
          .expected = "a number in (0, 1]"},
         {.name = "max-steps",
          .value = "N",
-         .help = "give up after so many steps (exit code 7); default: 60, then up to\n"
-                 "240 solved better; 2000 for inertial and euler",
+         .help = "give up after so many steps (exit code 7); default: 60, and 240\n"
+                 "more where steps must be solved better; 2000 for inertial and euler",
          .kind = CLI_INTEGER,
          .target = &request->max_steps,
          .lo = 1,

@@ -2,7 +2,6 @@
 #include "geodesic/trace.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -104,8 +103,9 @@ static double tolerance_of(const dmk_mesh *m, const dmk_geodesics_options *o)
 }
 
 /* What may be tried for the distances: exact windows, as many as usual or far more of them; trimmed windows, that is
- * merged ones without a tolerance; merged ones with the usual tolerance, or the one asked for. */
-typedef enum attempt { ASKED, EXACT, TRIMMED, MORE, MERGED } attempt;
+ * merged ones without a tolerance, exact or with estimates of their errors; merged ones with the tolerance asked for,
+ * or the usual one. */
+typedef enum attempt { ASKED, EXACT, TRIMMED, MORE, ESTIMATED, MERGED } attempt;
 
 /* Rough terrain a hundred times as high as its edges are long needs up to 7,000 windows for each edge, where other
  * meshes need a hundred; around needles and on thin tubes there may be a million times as many, of ways that hardly
@@ -128,8 +128,7 @@ static int start(dmk_context *ctx, dmk_geodesics *g, attempt how, double asked, 
 }
 
 /* *finished: whether there are distances, as exact as the attempt promises. */
-static int try_one(dmk_context *ctx, dmk_geodesics *g, attempt how, double asked, bool exact,
-                   bool *finished)
+static int try_one(dmk_context *ctx, dmk_geodesics *g, attempt how, double asked, bool *finished)
 {
     int rc;
     bool few = true;
@@ -141,7 +140,7 @@ static int try_one(dmk_context *ctx, dmk_geodesics *g, attempt how, double asked
     g->n_ties = 0;
     DMK_TRY(start(ctx, g, how, asked, finished));
     if (*finished && g->tolerance > 0) DMK_TRY(dmk_tracer_repair(ctx, g, &few));
-    if (how == TRIMMED && g->error && (exact || g->n_lines == 0)) *finished = false;
+    if (how == TRIMMED && g->error) *finished = false;
     if (how == ASKED && !few) *finished = false;
     if (*finished) rc = dmk_geodesics_check(ctx, g);
 done:
@@ -150,6 +149,10 @@ done:
 
 static int refuse(dmk_context *ctx, const dmk_geodesics *g, bool exact)
 {
+    if (exact && g->n_lines > 0)
+        return dmk_fail(ctx, DMK_E_MESH,
+                        "distances from lines and borders cannot be had exactly on this mesh: do "
+                        "not ask for that");
     const double *angle = g->star.corner_angle;
     int32_t least = 0;
     for (int32_t h = 1; h < 3 * g->mesh->n_triangles; h++)
@@ -165,13 +168,13 @@ static int refuse(dmk_context *ctx, const dmk_geodesics *g, bool exact)
  * vertices are flat, with merged windows; triangles of 1e-8 of their height with exact ones. */
 static int run(dmk_context *ctx, dmk_geodesics *g, const dmk_geodesics_options *o)
 {
-    static const attempt order[] = {ASKED, EXACT, TRIMMED, MORE, MERGED};
+    static const attempt order[] = {ASKED, EXACT, TRIMMED, MORE, ESTIMATED, MERGED};
     const double asked = tolerance_of(g->mesh, o);
     bool finished = false;
     int rc = DMK_OK;
     for (size_t i = asked > 0 ? 0 : 1; i < sizeof order / sizeof *order; i++) {
-        if (order[i] == MERGED && o->exact) break;
-        rc = try_one(ctx, g, order[i], asked, o->exact, &finished);
+        if (order[i] >= ESTIMATED && o->exact) break;
+        rc = try_one(ctx, g, order[i], asked, &finished);
         if (rc == DMK_OK ? finished : rc != DMK_E_MESH) return rc;
     }
     return rc == DMK_OK ? refuse(ctx, g, o->exact) : rc;

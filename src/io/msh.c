@@ -381,8 +381,9 @@ static int read_section(msh *m)
     const char *name = t->at;
     const size_t n = dmk_text_word(t);
     if (*name != '$' && m->version == 0)
-        return dmk_text_fail_word(t, "where $MeshFormat is expected: Gmsh's files begin with it, "
-                                     "those of other programs that end in .msh are not read");
+        return dmk_text_fail_word(t,
+                                  "where $MeshFormat is expected, with which Gmsh's files begin; "
+                                  "files of other programs that end in .msh are not read");
     if (*name != '$') return dmk_text_fail_word(t, "where a section ($Nodes) is expected");
     if (dmk_text_take(t, "$NOD"))
         return dmk_text_fail(t, "version 1 of MSH; export version 2 or 4");

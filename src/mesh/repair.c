@@ -518,8 +518,8 @@ static bool is_alike(const soup *s, const int32_t *name, int32_t g, int32_t h)
  * one edge, which it knows by its ends. Names are only ever added, so that what is unlike stays so. */
 static void settle_edge(soup *s, int32_t *name, side *p, int32_t n, int32_t *n_names)
 {
-    for (int32_t i = 0; i < n;
-         i++) { /* now by the names of the ends, so that there are few to compare */
+    /* Now by the names of the ends, so that there are few to compare. */
+    for (int32_t i = 0; i < n; i++) {
         const int32_t h = p[i].half, a = corner_at(s, h, p[i].a), b = corner_at(s, h, p[i].b);
         p[i] = (side){name[a], name[b], h};
     }

@@ -50,7 +50,6 @@ def test_only_numpy_is_needed(tmp_path):
     """Pictures and files of others are extras: without them the rest works."""
     code = """
 import sys
-from functools import cached_property
 for name in ("pyvista", "vtk", "matplotlib", "trimesh", "meshio", "tqdm"):
     sys.modules[name] = None
 import dmkcl
