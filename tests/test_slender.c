@@ -124,7 +124,7 @@ static void thin_tube(void **state)
     dmk_mesh_destroy(&m);
 }
 
-/* A sphere stretched 1 : 10,000 and flattened as much. */
+/* A sphere stretched 1 : 10,000 and flattened as much. Where trimmed windows may be off by 1e-11 exact ones go on. */
 static void stretched_sphere(void **state)
 {
     enum { n = 40, n_rings = 39 };
@@ -141,7 +141,7 @@ static void stretched_sphere(void **state)
         add_cap(&r, 0, n * n_rings, false);
         add_cap(&r, n * (n_rings - 1), n * n_rings + 1, true);
         dmk_mesh *m = finish(ctx, &r, n * n_rings + 2);
-        check_both_ways(ctx, m, (const int32_t[3]){n * n_rings, n * 20 + 3, 7}, 100);
+        check_both_ways(ctx, m, (const int32_t[3]){n * n_rings, n * 20 + 3, 7}, 1000);
         dmk_mesh_destroy(&m);
     }
 }

@@ -144,10 +144,10 @@ void dmk_geodesics_integrate_parts(dmk_context *context, const dmk_geodesics *ge
                                    double *error);
 
 /* wave.c: distance and arrival of an object whose star and sources are set, with merged windows; lines, too. With a
- * tolerance, or where a distance may be off by more than 1e-10 of the largest, the estimates of the errors are set.
+ * tolerance, or where a distance may be off by more than `exact` of the largest, the estimates of the errors are set.
  * *finished: false if there are more than `looks` looks at windows over half-edges. */
-int dmk_waves_run(dmk_context *context, dmk_geodesics *geodesics, double tolerance, int looks,
-                  bool *finished);
+int dmk_waves_run(dmk_context *context, dmk_geodesics *geodesics, double tolerance, double exact,
+                  int looks, bool *finished);
 
 /* window.c: the same with exact windows. Not *finished, and nothing is set: more than `most` windows. 152 meshes,
  * scans, CAD and smooth ones, make half of the usual number and less. */

@@ -113,6 +113,10 @@ typedef enum attempt { ASKED, EXACT, TRIMMED, MORE, ESTIMATED, MERGED } attempt;
  * on meshes of all kinds but terrain, which has up to 1,000. On spikes a billion times as high as wide, ways that wind
  * around them differ less than what rounding leaves, and there is no end to either. */
 enum { MORE_WINDOWS = 20000, SOME_LOOKS = 100, MOST_LOOKS = 1000 };
+/* Over the largest distance: what estimates of trimmed windows may be for distances that are called exact, at first and
+ * where exact windows are too many. Needles and tubes have 1e-13, a few 1e-11; on terrain estimates may be 400 times
+ * too small. */
+static const double surely_exact = 1e-12, still_exact = 1e-10;
 
 static int start(dmk_context *ctx, dmk_geodesics *g, attempt how, double asked, bool *finished)
 {
@@ -123,8 +127,8 @@ static int start(dmk_context *ctx, dmk_geodesics *g, attempt how, double asked, 
     if (how == MORE && !lines)
         return dmk_windows_run(ctx, g, (int64_t)MORE_WINDOWS * g->mesh->n_edges, finished);
     if (how == EXACT || how == MORE) return DMK_OK;
-    return dmk_waves_run(ctx, g, g->tolerance, lines || how != TRIMMED ? MOST_LOOKS : SOME_LOOKS,
-                         finished);
+    return dmk_waves_run(ctx, g, g->tolerance, how == TRIMMED ? surely_exact : still_exact,
+                         lines || how != TRIMMED ? MOST_LOOKS : SOME_LOOKS, finished);
 }
 
 /* *finished: whether there are distances, as exact as the attempt promises. */
@@ -173,8 +177,9 @@ static int run(dmk_context *ctx, dmk_geodesics *g, const dmk_geodesics_options *
     bool finished = false;
     int rc = DMK_OK;
     for (size_t i = asked > 0 ? 0 : 1; i < sizeof order / sizeof *order; i++) {
-        if (order[i] >= ESTIMATED && o->exact) break;
+        if (order[i] == MERGED && o->exact) break;
         rc = try_one(ctx, g, order[i], asked, &finished);
+        finished = finished && !(o->exact && g->error);
         if (rc == DMK_OK ? finished : rc != DMK_E_MESH) return rc;
     }
     return rc == DMK_OK ? refuse(ctx, g, o->exact) : rc;

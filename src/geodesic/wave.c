@@ -29,8 +29,6 @@ static const double exact_tolerance = 1e-11;
 /* A gap's jump, over the tolerance and the length of the edge. Larger jumps let the rays of one face run on into the
  * next: without a bound distances on CAD parts are off by 7e-4. */
 static const double most_jump = 30;
-/* Over the largest distance: what an estimate may be at most of distances that are called exact. */
-static const double exact_error = 1e-10;
 
 /* ---- set-up ---------------------------------------------------------------------------------- */
 
@@ -476,7 +474,7 @@ static void arrive_range(int32_t begin, int32_t end, void *data)
 }
 
 /* With no tolerance, too, rough terrain gives up to 1e-7: what merges there is not small over all that follows. */
-static bool is_exact(const engine *e)
+static bool is_exact(const engine *e, double most)
 {
     const dmk_geodesics *g = e->front.g;
     double error = 0, farthest = 0;
@@ -485,10 +483,11 @@ static bool is_exact(const engine *e)
         error = dmk_max(error, e->error[v]);
         farthest = dmk_max(farthest, g->distance[v]);
     }
-    return error <= exact_error * farthest;
+    return error <= most * farthest;
 }
 
-int dmk_waves_run(dmk_context *ctx, dmk_geodesics *g, double tolerance, int looks, bool *finished)
+int dmk_waves_run(dmk_context *ctx, dmk_geodesics *g, double tolerance, double exact, int looks,
+                  bool *finished)
 {
     int rc;
     engine e;
@@ -504,7 +503,7 @@ int dmk_waves_run(dmk_context *ctx, dmk_geodesics *g, double tolerance, int look
     if (*finished) dmk_parallel(ctx, g->mesh->n_vertices, arrive_range, &e);
     g->n_windows = 0;
     for (int i = 0; i < SHARDS; i++) g->n_windows += e.shard[i].n_made;
-    if (tolerance > 0 || (*finished && !is_exact(&e))) {
+    if (tolerance > 0 || (*finished && !is_exact(&e, exact))) {
         g->error = e.error;
         e.error = NULL;
     }
