@@ -112,7 +112,7 @@ typedef enum attempt { ASKED, EXACT, TRIMMED, MORE, ESTIMATED, MERGED } attempt;
  * differ. There trimmed windows are better, which are compared with each other: 35 looks for each half-edge are enough
  * on meshes of all kinds but terrain, which has up to 1,000. On spikes a billion times as high as wide, ways that wind
  * around them differ less than what rounding leaves, and there is no end to either. */
-enum { MORE_WINDOWS = 20000, SOME_LOOKS = 100, MOST_LOOKS = 1000 };
+enum { MORE_WINDOWS = 10000, SOME_LOOKS = 100, MOST_LOOKS = 1000 };
 /* Over the largest distance: what estimates of trimmed windows may be for distances that are called exact, at first and
  * where exact windows are too many. Needles and tubes have 1e-13, a few 1e-11; on terrain estimates may be 400 times
  * too small. */
