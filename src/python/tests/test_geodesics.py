@@ -57,6 +57,9 @@ def test_as_functions(plane):
     assert np.array_equal(d, dmkcl.distance(plane, vertex=17))
     assert np.allclose(dmkcl.distance(plane, points=[(0, 0, 0), (20, 20, 0)])[[0, 440]], 0)
     assert np.allclose(dmkcl.distance(plane, vertices=[0, 440])[[0, 440]], 0)
+    for several in np.array([7, 9]), np.array([7, 9], np.uint8), (7, 9), range(7, 10, 2):
+        found = dmkcl.distance(plane, vertex=5, vertices=several)
+        assert np.flatnonzero(found == 0).tolist() == [5, 7, 9]
     assert np.allclose(dmkcl.distance(plane, curve=[0, 1, 2])[:3], 0)
     assert np.allclose(dmkcl.distance(plane, border=True)[[0, 440]], 0)
     path = dmkcl.shortest_path(V, F, 0, (3, 4, 0))
