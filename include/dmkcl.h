@@ -693,8 +693,7 @@ typedef enum dmk_locus_kind {
 typedef struct dmk_locus_vertex {
     double xyz[3];
     dmk_point place; /* on the input mesh */
-    double
-        distance; /* to the source, on the line as it is fitted: some tenths of an edge off that of `place` */
+    double distance; /* to the source, of the fitted line: tenths of an edge off place's */
     double mu;       /* density of the triangle it lies in */
     double strength; /* a length: that of its strongest edge */
     double angle[2]; /* directions at p of the two outermost minimal geodesics, radians */

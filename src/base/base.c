@@ -25,11 +25,11 @@ int dmk_ranks_given(dmk_context *ctx, const dmk_ranks *ranks)
         ranks->gather_below >= 0 && ranks->exchange && ranks->gather && ranks->largest &&
         !ranks->begin == !ranks->finish)
         return DMK_OK;
-    return dmk_fail(ctx, DMK_E_ARG,
-                    "rank %d of %d, gather_below %lld: expected a rank of 0 to size - 1, no "
-                    "negative number, all "
-                    "calls, and begin and finish both or neither",
-                    ranks->rank, ranks->size, (long long)ranks->gather_below);
+    return dmk_fail(
+        ctx, DMK_E_ARG,
+        "rank %d of %d, gather_below %lld: expected a rank of 0 to size - 1, gather_below "
+        "of 0 or more, all calls, and begin and finish both or neither",
+        ranks->rank, ranks->size, (long long)ranks->gather_below);
 }
 
 int dmk_ranks_check(dmk_context *ctx, const dmk_ranks *ranks, int status)

@@ -12,8 +12,8 @@
 #include <time.h>
 #include <unistd.h>
 
-/* The process that first asked for OpenCL, or 0; less than 0 as long as it does: which this library keeps for
- * itself. Drivers start threads of their own and keep their locks; in a child that was forked then, they wait for
+/* The process that first asked for OpenCL, or 0; less than 0 as long as it does; kept for the whole
+ * process. Drivers start threads of their own and keep their locks; in a child that was forked then, they wait for
  * ever. And PoCL 3.1 hands out devices that are not ready while another thread's first call makes them. */
 static _Atomic pid_t opencl_process;
 

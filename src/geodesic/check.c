@@ -92,13 +92,20 @@ done:
 
 /* ---- between the vertices -------------------------------------------------------------------- */
 
+/* Of the source that vertex v's path comes from. */
+static double offset_of(const dmk_geodesics *g, int32_t v)
+{
+    const int32_t source = g->arrival[v].source;
+    return source >= 0 && source < g->n_sources ? g->source[source].offset : 0;
+}
+
 /* From vertex v straight to what lies at the distance r in the direction of cosine `along` to the way back, seen from
  * the last pseudo-source. */
 static double beyond(const dmk_geodesics *g, int32_t v, double along, double r)
 {
     const dmk_arrival *a = g->arrival + v;
     if (a->source < 0) return INFINITY;
-    double base = a->source < g->n_sources ? g->source[a->source].offset : 0;
+    double base = offset_of(g, v);
     if (a->pseudo_source >= 0) base = g->distance[a->pseudo_source];
     const double straight = (g->distance[v] - base) / g->star.unit, ahead = r / g->star.unit;
     if (a->pseudo_source < 0 && a->source >= g->n_sources) /* a line's front is straight */
@@ -243,11 +250,8 @@ static bool is_near_sources(const dmk_geodesics *g, int32_t t)
     double longest = 0, nearest = HUGE_VAL;
     for (int32_t h = 3 * t; h < 3 * t + 3; h++) {
         const int32_t v = m->triangle[h];
-        const dmk_arrival *a = g->arrival + v;
-        const double offset =
-            a->source >= 0 && a->source < g->n_sources ? g->source[a->source].offset : 0;
         longest = dmk_max(longest, m->length[m->triangle_edge[h]]);
-        nearest = dmk_min(nearest, g->distance[v] - offset);
+        nearest = dmk_min(nearest, g->distance[v] - offset_of(g, v));
     }
     return nearest < longest;
 }
@@ -257,18 +261,19 @@ static int look_near_sources(dmk_context *ctx, const dmk_geodesics *g, double *m
 {
     int rc;
     dmk_tracer *t = NULL;
-    dmk_value value;
     DMK_TRY(dmk_tracer_create(ctx, g, &t));
     for (int32_t i = 0; i < g->mesh->n_triangles; i++) {
         centre[i] = NAN;
         if (!is_near_sources(g, i)) continue;
-        DMK_TRY(dmk_tracer_value(ctx, t, &(dmk_point){i, {1 / 3., 1 / 3., 1 / 3.}}, &value));
-        centre[i] = value.distance;
+        const dmk_point inside = {i, {1 / 3., 1 / 3., 1 / 3.}};
+        DMK_TRY(dmk_tracer_distance(ctx, t, &inside, centre + i));
         for (int k = 0; k < 3; k++) {
+            const int32_t h = 3 * i + k, other = g->star.twin[h] / 3;
+            if (g->star.twin[h] >= 0 && other < i && centre[other] >= 0)
+                continue; /* has been looked at */
             dmk_point p = {i, {0.5, 0.5, 0.5}};
             p.weight[k] = 0;
-            DMK_TRY(dmk_tracer_value(ctx, t, &p, &value));
-            mid[g->mesh->triangle_edge[3 * (size_t)i + (size_t)k]] = value.distance;
+            DMK_TRY(dmk_tracer_distance(ctx, t, &p, mid + g->mesh->triangle_edge[h]));
         }
         DMK_TRY(dmk_poll(ctx));
     }

@@ -104,7 +104,7 @@ static double tolerance_of(const dmk_mesh *m, const dmk_geodesics_options *o)
 
 /* What may be tried for the distances: exact windows, as many as usual or far more of them; trimmed windows, that is
  * merged ones without a tolerance, exact or with estimates of their errors; merged ones with the tolerance asked for,
- * or the usual one. */
+ * or the usual one. In the order in which they are tried. */
 typedef enum attempt { ASKED, EXACT, TRIMMED, MORE, ESTIMATED, MERGED } attempt;
 
 /* Rough terrain a hundred times as high as its edges are long needs up to 7,000 windows for each edge, where other
@@ -120,15 +120,13 @@ static const double surely_exact = 1e-12, still_exact = 1e-10;
 
 static int start(dmk_context *ctx, dmk_geodesics *g, attempt how, double asked, bool *finished)
 {
-    const bool lines = g->n_lines > 0;
     g->tolerance = how == MERGED ? usual_tolerance : how == ASKED ? asked : 0;
-    if (how == EXACT && !lines)
-        return dmk_windows_run(ctx, g, dmk_windows_usual(g->mesh), finished);
-    if (how == MORE && !lines)
-        return dmk_windows_run(ctx, g, (int64_t)MORE_WINDOWS * g->mesh->n_edges, finished);
-    if (how == EXACT || how == MORE) return DMK_OK;
-    return dmk_waves_run(ctx, g, g->tolerance, how == TRIMMED ? surely_exact : still_exact,
-                         lines || how != TRIMMED ? MOST_LOOKS : SOME_LOOKS, finished);
+    if (how == ASKED || how == ESTIMATED || how == MERGED)
+        return dmk_waves_run(ctx, g, g->tolerance, still_exact, MOST_LOOKS, finished);
+    if (g->n_lines > 0) return DMK_OK; /* exact windows have none */
+    if (how == TRIMMED) return dmk_waves_run(ctx, g, 0, surely_exact, SOME_LOOKS, finished);
+    const int64_t more = (int64_t)MORE_WINDOWS * g->mesh->n_edges;
+    return dmk_windows_run(ctx, g, how == MORE ? more : dmk_windows_usual(g->mesh), finished);
 }
 
 /* *finished: whether there are distances, as exact as the attempt promises. */
@@ -172,13 +170,11 @@ static int refuse(dmk_context *ctx, const dmk_geodesics *g, bool exact)
  * vertices are flat, with merged windows; triangles of 1e-8 of their height with exact ones. */
 static int run(dmk_context *ctx, dmk_geodesics *g, const dmk_geodesics_options *o)
 {
-    static const attempt order[] = {ASKED, EXACT, TRIMMED, MORE, ESTIMATED, MERGED};
     const double asked = tolerance_of(g->mesh, o);
     bool finished = false;
     int rc = DMK_OK;
-    for (size_t i = asked > 0 ? 0 : 1; i < sizeof order / sizeof *order; i++) {
-        if (order[i] == MERGED && o->exact) break;
-        rc = try_one(ctx, g, order[i], asked, &finished);
+    for (attempt how = asked > 0 ? ASKED : EXACT; how <= (o->exact ? ESTIMATED : MERGED); how++) {
+        rc = try_one(ctx, g, how, asked, &finished);
         finished = finished && !(o->exact && g->error);
         if (rc == DMK_OK ? finished : rc != DMK_E_MESH) return rc;
     }

@@ -181,6 +181,13 @@ static void look(const dmk_geodesics *g, int32_t h, angle *s)
     s->a = v[k1], s->b = v[k2], s->c = v[k];
 }
 
+/* Weights of the triangle above half-edge h, in its frame. */
+static void place_above(int32_t h, const angle *s, const double weight[3], double *x, double *y)
+{
+    *x = weight[h % 3] * s->cx + weight[dmk_previous(h) % 3] * s->length;
+    *y = weight[h % 3] * s->cy;
+}
+
 /* A corner of the triangle before the interval, in the frame of the half-edge, y < 0; vertex -1: none. */
 typedef struct behind {
     double x, y;
@@ -271,9 +278,9 @@ static void look_for_sources(dmk_tracer *t, int32_t i, const angle *s)
     size_t lo = first_point(t, w->half / 3);
     for (; lo < t->n_points && t->point[lo].triangle == w->half / 3; lo++) {
         const double *p = t->point[lo].weight;
+        double x, y;
         if (p[w->half % 3] == 0) continue; /* on the edge: seen from the triangle before */
-        double x = p[w->half % 3] * s->cx + p[dmk_previous(w->half) % 3] * s->length,
-               y = p[w->half % 3] * s->cy;
+        place_above(w->half, s, p, &x, &y);
         double at = w->x - (x - w->x) * w->y / (y - w->y);
         if (at < w->lo - DMK_SAME_PLACE * s->length || at > w->hi + DMK_SAME_PLACE * s->length)
             continue;
@@ -503,13 +510,6 @@ done:
     return rc;
 }
 
-/* Weights of the triangle above half-edge h, in its frame. */
-static void place_above(int32_t h, const angle *s, const double weight[3], double *x, double *y)
-{
-    *x = weight[h % 3] * s->cx + weight[dmk_previous(h) % 3] * s->length;
-    *y = weight[h % 3] * s->cy;
-}
-
 /* The far end of the piece above window i: a vertex, a source inside, or the foot on a line. */
 static void end_of_sight(const dmk_tracer *t, int32_t i, double *x, double *y)
 {
@@ -521,10 +521,10 @@ static void end_of_sight(const dmk_tracer *t, int32_t i, double *x, double *y)
     *x = s.cx, *y = s.cy;
     if (f->vertex >= 0) return;
     if (f->source >= g->n_sources) place_above(w->half, &s, f->foot.weight, x, y);
-    for (size_t k = 0; f->source < g->n_sources && k < t->n_points; k++) {
+    for (size_t k = first_point(t, w->half / 3); f->source < g->n_sources && k < t->n_points; k++) {
         const source_point *p = t->point + k;
-        if (p->source == f->source && p->triangle == w->half / 3)
-            place_above(w->half, &s, p->weight, x, y);
+        if (p->triangle != w->half / 3) break;
+        if (p->source == f->source) place_above(w->half, &s, p->weight, x, y);
     }
 }
 
@@ -663,7 +663,20 @@ void dmk_path_free(dmk_path *path)
     memset(path, 0, sizeof *path);
 }
 
-int dmk_tracer_value(dmk_context *ctx, dmk_tracer *t, const dmk_point *at, dmk_value *value)
+int dmk_tracer_distance(dmk_context *ctx, dmk_tracer *t, const dmk_point *at, double *distance)
+{
+    int rc;
+    dmk_site site = {0};
+    DMK_TRY(dmk_site_create(ctx, t->g->mesh, &t->g->star, at, 0, &site));
+    DMK_TRY(search(ctx, t, &site));
+    *distance = t->best.length * t->g->star.unit;
+done:
+    dmk_site_free(&site);
+    return rc;
+}
+
+/* The distance, its source, and the direction there, anywhere. */
+static int value_at(dmk_context *ctx, dmk_tracer *t, const dmk_point *at, dmk_value *value)
 {
     int rc;
     dmk_site site = {0};
@@ -797,7 +810,7 @@ int dmk_geodesics_at(dmk_context *ctx, const dmk_geodesics *g, size_t n_points,
     DMK_TRY(dmk_stage_begin(ctx, "values"));
     DMK_TRY(dmk_tracer_create(ctx, g, &t));
     for (size_t i = 0; i < n_points; i++) {
-        DMK_TRY(dmk_tracer_value(ctx, t, points + i, values + i));
+        DMK_TRY(value_at(ctx, t, points + i, values + i));
         DMK_TRY(dmk_poll(ctx));
     }
 done:

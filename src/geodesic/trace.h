@@ -14,9 +14,9 @@ int dmk_tracer_path(dmk_context *context, dmk_tracer *tracer, const dmk_point *t
 int dmk_tracer_paths(dmk_context *context, const dmk_geodesics *geodesics, size_t n,
                      const dmk_point *to, dmk_path *paths);
 
-/* The distance, its source, and the direction there, anywhere; infinite, 0 and -1 where no source reaches. */
-int dmk_tracer_value(dmk_context *context, dmk_tracer *tracer, const dmk_point *at,
-                     dmk_value *value);
+/* The distance of a point, no vertex, that a source reaches. */
+int dmk_tracer_distance(dmk_context *context, dmk_tracer *tracer, const dmk_point *at,
+                        double *distance);
 
 /* Distances of merged windows whose estimated error exceeds twice the tolerance, anew. Not *few, and nothing is done:
  * there are too many. */

@@ -44,7 +44,7 @@ int dmk_text_fail_word(const dmk_text *text, const char *format, ...)
 {
     enum { LONGEST = 40 };
     char what[512], word[LONGEST];
-    const size_t n = dmk_text_word(text) < LONGEST ? dmk_text_word(text) : LONGEST;
+    const size_t length = dmk_text_word(text), n = length < LONGEST ? length : LONGEST;
     for (size_t i = 0; i < n; i++) /* of a binary file nothing goes to a terminal */
         word[i] = text->at[i] > ' ' && text->at[i] < 127 ? text->at[i] : '?';
     va_list args;
