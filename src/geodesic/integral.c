@@ -1,0 +1,217 @@
+/* The integral of the distance, and the distances between the vertices that it asks for. */
+#include "geodesic/trace.h"
+
+#include "base/parallel.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+/* Of the source that vertex v's path comes from. */
+static double offset_of(const dmk_geodesics *g, int32_t v)
+{
+    const int32_t source = g->arrival[v].source;
+    return source >= 0 && source < g->n_sources ? g->source[source].offset : 0;
+}
+
+/* From vertex v straight to what lies at the distance r in the direction of cosine `along` to the way back, seen from
+ * the last pseudo-source. */
+static double beyond(const dmk_geodesics *g, int32_t v, double along, double r)
+{
+    const dmk_arrival *a = g->arrival + v;
+    if (a->source < 0) return INFINITY;
+    double base = offset_of(g, v);
+    if (a->pseudo_source >= 0) base = g->distance[a->pseudo_source];
+    const double straight = (g->distance[v] - base) / g->star.unit, ahead = r / g->star.unit;
+    if (a->pseudo_source < 0 && a->source >= g->n_sources) /* a line's front is straight */
+        return g->star.unit * fabs(straight - ahead * along);
+    const double square = straight * straight + ahead * (ahead - 2 * straight * along);
+    return base + g->star.unit * sqrt(dmk_max(0, square));
+}
+
+/* The turn from direction `angle` of vertex v to the way back, the short way around. */
+static double turn_back(const dmk_geodesics *g, int32_t v, double angle)
+{
+    const double turn = fabs(angle - g->arrival[v].back);
+    return g->star.border[v] ? turn : dmk_min(turn, g->star.total[v] - turn);
+}
+
+typedef struct halving {
+    const dmk_geodesics *g;
+    double *mid;
+} halving;
+
+/* Each edge by the first of its triangles. */
+static void halve_range(int32_t begin, int32_t end, void *data)
+{
+    const halving *w = data;
+    const dmk_geodesics *g = w->g;
+    const dmk_mesh *m = g->mesh;
+    for (int32_t h = 3 * begin; h < 3 * end; h++) {
+        int32_t e = m->triangle_edge[h], from = dmk_next(h), to = dmk_previous(h);
+        if (m->edge_triangle[2 * (size_t)e] != h / 3) continue;
+        double r = 0.5 * m->length[e];
+        const int32_t a = m->triangle[from], b = m->triangle[to];
+        const double at_b = g->star.angle[to] + g->star.corner_angle[to];
+        w->mid[e] = dmk_min(beyond(g, a, cos(turn_back(g, a, g->star.angle[from])), r),
+                            beyond(g, b, cos(turn_back(g, b, at_b)), r));
+    }
+}
+
+void dmk_geodesics_midpoints(dmk_context *ctx, const dmk_geodesics *g, double *mid)
+{
+    dmk_parallel(ctx, g->mesh->n_triangles, halve_range, &(halving){g, mid});
+}
+
+/* Cosine of the turn to the way back from the direction (x, y) in the frame of corner c, whose first side is the x
+ * axis. Without the angle of (x, y), but where the short way around is not that of the whole corner. */
+static double cosine_back(const dmk_geodesics *g, int32_t c, double x, double y)
+{
+    const int32_t v = g->mesh->triangle[c];
+    const double total = g->star.total[v], first = g->star.angle[c] - g->arrival[v].back;
+    const double last = first + g->star.corner_angle[c], half = 0.5 * total;
+    double from = first;
+    if (!g->star.border[v] && (first < -half || last > half)) {
+        if (last <= -half)
+            from += total;
+        else if (first >= half)
+            from -= total;
+        else
+            return cos(turn_back(g, v, g->star.angle[c] + atan2(y, x)));
+    }
+    return x * cos(from) - y * sin(from);
+}
+
+/* At the centre of gravity of triangle t. */
+static double at_centre(const dmk_geodesics *g, int32_t t)
+{
+    const dmk_mesh *m = g->mesh;
+    const double unit = g->star.unit, area = m->area[t] / unit / unit;
+    double best = INFINITY;
+    for (int32_t c = 3 * t; c < 3 * t + 3; c++) {
+        const double p = m->length[m->triangle_edge[dmk_previous(c)]] / unit,
+                     q = m->length[m->triangle_edge[dmk_next(c)]] / unit,
+                     o = m->length[m->triangle_edge[c]] / unit;
+        const double x = (p + (p * p + (q - o) * (q + o)) / (2 * p)) / 3, y = 2 * area / (3 * p);
+        const double r = sqrt(x * x + y * y);
+        best = dmk_min(best, beyond(g, m->triangle[c], cosine_back(g, c, x / r, y / r), unit * r));
+    }
+    return best;
+}
+
+typedef struct integrand {
+    const dmk_geodesics *g;
+    const double *mid, *centre; /* centre: of each triangle, or NAN; NULL: of none */
+    int32_t first;
+    double *sum, *error; /* of triangles from `first` on */
+} integrand;
+
+/* Exact for polynomials of degree 3, and beside it for degree 2. */
+static void integrate_range(int32_t begin, int32_t end, void *data)
+{
+    const integrand *i = data;
+    const dmk_mesh *m = i->g->mesh;
+    for (int32_t k = begin; k < end; k++) {
+        const int32_t t = i->first + k;
+        double corners = 0, mids = 0,
+               centre = i->centre && i->centre[t] >= 0 ? i->centre[t] : at_centre(i->g, t);
+        for (size_t h = 3 * (size_t)t; h < 3 * (size_t)t + 3; h++) {
+            corners += i->g->distance[m->triangle[h]];
+            mids += i->mid[m->triangle_edge[h]];
+        }
+        bool reached = corners < INFINITY;
+        i->sum[k] = reached ? m->area[t] * (3 * corners + 8 * mids + 27 * centre) / 60 : 0;
+        i->error[k] = reached ? fabs(i->sum[k] - m->area[t] * mids / 3) : 0;
+    }
+}
+
+void dmk_geodesics_integrate_parts(dmk_context *ctx, const dmk_geodesics *g, const double *mid,
+                                   int32_t begin, int32_t end, double *sum, double *error)
+{
+    dmk_parallel(ctx, end - begin, integrate_range,
+                 &(integrand){.g = g, .mid = mid, .first = begin, .sum = sum, .error = error});
+}
+
+static int integrate(dmk_context *ctx, const dmk_geodesics *g, const double *mid,
+                     const double *centre, double *integral, double *error)
+{
+    int rc;
+    double *sum = NULL, *off = NULL;
+    const dmk_mesh *m = g->mesh;
+    DMK_TRY(DMK_NEW(ctx, sum, (size_t)m->n_triangles));
+    DMK_TRY(DMK_NEW(ctx, off, (size_t)m->n_triangles));
+    dmk_parallel(ctx, m->n_triangles, integrate_range, &(integrand){g, mid, centre, 0, sum, off});
+    *integral = *error = 0;
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        *integral += sum[t];
+        *error += off[t];
+    }
+done:
+    free(sum);
+    free(off);
+    return rc;
+}
+
+int dmk_geodesics_integrate_from(dmk_context *ctx, const dmk_geodesics *g, const double *mid,
+                                 double *integral, double *error)
+{
+    return integrate(ctx, g, mid, NULL, integral, error);
+}
+
+/* Of several sources, or lines, one may lie between the corners of a triangle, and none of their ways lead to it. */
+static bool is_near_sources(const dmk_geodesics *g, int32_t t)
+{
+    const dmk_mesh *m = g->mesh;
+    double longest = 0, nearest = HUGE_VAL;
+    for (int32_t h = 3 * t; h < 3 * t + 3; h++) {
+        const int32_t v = m->triangle[h];
+        longest = dmk_max(longest, m->length[m->triangle_edge[h]]);
+        nearest = dmk_min(nearest, g->distance[v] - offset_of(g, v));
+    }
+    return nearest < longest;
+}
+
+/* Exact distances at the centres of such triangles and at the middles of their edges. */
+static int look_near_sources(dmk_context *ctx, const dmk_geodesics *g, double *mid, double *centre)
+{
+    int rc;
+    dmk_tracer *t = NULL;
+    DMK_TRY(dmk_tracer_create(ctx, g, &t));
+    for (int32_t i = 0; i < g->mesh->n_triangles; i++) {
+        centre[i] = NAN;
+        if (!is_near_sources(g, i)) continue;
+        const dmk_point inside = {i, {1 / 3., 1 / 3., 1 / 3.}};
+        DMK_TRY(dmk_tracer_distance(ctx, t, &inside, centre + i));
+        for (int k = 0; k < 3; k++) {
+            const int32_t h = 3 * i + k, other = g->star.twin[h] / 3;
+            if (g->star.twin[h] >= 0 && other < i && centre[other] >= 0)
+                continue; /* has been looked at */
+            dmk_point p = {i, {0.5, 0.5, 0.5}};
+            p.weight[k] = 0;
+            DMK_TRY(dmk_tracer_distance(ctx, t, &p, mid + g->mesh->triangle_edge[h]));
+        }
+        DMK_TRY(dmk_poll(ctx));
+    }
+done:
+    dmk_tracer_destroy(&t);
+    return rc;
+}
+
+int dmk_geodesics_integrate(dmk_context *ctx, const dmk_geodesics *g, double *integral,
+                            double *error)
+{
+    int rc;
+    double *mid = NULL, *centre = NULL;
+    if (dmk_missing(ctx, "geodesics", g, "integral", integral, "error", error)) return DMK_E_ARG;
+    DMK_TRY(dmk_mesh_check_edges(ctx, g->mesh));
+    DMK_TRY(DMK_NEW(ctx, mid, (size_t)g->mesh->n_edges));
+    dmk_geodesics_midpoints(ctx, g, mid);
+    if (g->n_sources > 1 || g->n_lines > 0) {
+        DMK_TRY(DMK_NEW(ctx, centre, (size_t)g->mesh->n_triangles));
+        DMK_TRY(look_near_sources(ctx, g, mid, centre));
+    }
+    rc = integrate(ctx, g, mid, centre, integral, error);
+done:
+    free(mid);
+    free(centre);
+    return rc;
+}
