@@ -71,6 +71,16 @@ done:
     return rc;
 }
 
+/* PoCL 3.1 takes a buffer's memory when it is first used, and ends the process if there is none: so it is asked for here
+ * before, and given back. */
+static int check_room(dmk_context *ctx, size_t bytes)
+{
+    char *room = NULL;
+    const int rc = DMK_NEW_UNSET(ctx, room, bytes);
+    free(room);
+    return rc;
+}
+
 int dmk_buffer_create(dmk_context *ctx, dmk_device *dev, size_t bytes, const void *init,
                       dmk_buffer **buffer)
 {
@@ -80,6 +90,7 @@ int dmk_buffer_create(dmk_context *ctx, dmk_device *dev, size_t bytes, const voi
         bytes = 8;
         init = NULL;
     }
+    if (is_cpu(dev)) DMK_TRY(check_room(ctx, bytes));
     cl_mem mem = clCreateBuffer(dev->cl, CL_MEM_READ_WRITE, bytes, NULL, &error);
     DMK_TRY(dmk_cl_check(ctx, error, "clCreateBuffer"));
     *buffer = (dmk_buffer *)mem;
