@@ -71,8 +71,8 @@ done:
     return rc;
 }
 
-/* PoCL 3.1 takes a buffer's memory when it is first used, and ends the process if there is none: so it is asked for here
- * before, and given back. */
+/* PoCL 3.1 takes a buffer's memory when it is first used, and ends the process if there is none: so it is asked for
+ * here before, and given back. */
 static int check_room(dmk_context *ctx, size_t bytes)
 {
     char *room = NULL;
