@@ -10,6 +10,8 @@ DESTDIR ?=
 ARCH ?= native
 CC = gcc
 V ?=
+# WERROR=1: warnings are errors. Not by default: later compilers and libraries warn of more.
+WERROR ?=
 
 bindir ?= $(PREFIX)/bin
 libdir ?= $(PREFIX)/lib
@@ -47,7 +49,7 @@ $(error CONFIG=$(CONFIG): expected release, debug, sanitize, thread, coverage or
 endif
 
 WARN := -Wall -Wextra -Wpedantic -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wpointer-arith \
-    -Wvla -Werror
+    -Wvla $(if $(WERROR),-Werror)
 CFLAGS ?=
 LDFLAGS ?=
 # No semantic interposition: calls inside the shared library are then as cheap as in the static one.
@@ -435,6 +437,7 @@ help:
 	@echo 'make clean      remove build/'
 	@echo
 	@echo 'CONFIG=release|debug|sanitize|thread|coverage|fuzz   flags, and the folder build/$$(CONFIG)'
+	@echo 'WERROR=1                                 warnings are errors'
 	@echo 'PREFIX=/usr/local  DESTDIR=              where to install; prefix= means the same'
 	@echo 'ARCH=native        the -march of gcc; for other machines ARCH=x86-64-v3, or ARCH= for any'
 	@echo 'CC=gcc  CFLAGS=  LDFLAGS=  V=1           compiler, flags to add, show commands'

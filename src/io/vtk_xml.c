@@ -5,6 +5,12 @@
 #include <stdlib.h>
 #include <string.h>
 
+#if XML_MAJOR_VERSION == 2 && XML_MINOR_VERSION < 9 /* later ones warn of the older names */
+#define XML_GetCurrentLineNumber64 XML_GetCurrentLineNumber
+#define XML_GetCurrentByteIndex64 XML_GetCurrentByteIndex
+#define XML_GetCurrentByteCount64 XML_GetCurrentByteCount
+#endif
+
 /* Where in the tree of tags we are, as far as it matters. */
 typedef enum part { NOWHERE, POINTS, POLYS, STRIPS, CELLS, POINT_DATA, CELL_DATA } part;
 
@@ -31,7 +37,7 @@ static void fail(walk *w, const char *what, const char *detail)
 {
     if (w->rc != DMK_OK) return;
     w->rc = dmk_fail(w->context, DMK_E_FORMAT, "%s:%lu: %s%.60s%s", w->file->path,
-                     (unsigned long)XML_GetCurrentLineNumber(w->parser), detail ? "'" : "",
+                     (unsigned long)XML_GetCurrentLineNumber64(w->parser), detail ? "'" : "",
                      detail ? detail : "", what);
     XML_StopParser(w->parser, XML_FALSE);
 }
@@ -156,7 +162,8 @@ static void find_type(walk *w, const char *name, dmk_type *type)
 
 static const char *tag_end(const walk *w)
 {
-    return w->file->data + XML_GetCurrentByteIndex(w->parser) + XML_GetCurrentByteCount(w->parser);
+    return w->file->data + XML_GetCurrentByteIndex64(w->parser) +
+           XML_GetCurrentByteCount64(w->parser);
 }
 
 /* One more of the arrays that could have been asked for. Names stand in a message: those with other than plain text
@@ -225,7 +232,7 @@ static void end_values(walk *w)
 {
     dmk_vtk_values *v = w->values;
     if (v->end) return;
-    const char *end = w->file->data + XML_GetCurrentByteIndex(w->parser);
+    const char *end = w->file->data + XML_GetCurrentByteIndex64(w->parser);
     for (const char *p = v->at; p < end; p++) {
         if (*p != ' ' && *p != '\n' && *p != '\r' && *p != '\t') {
             v->end = end;
@@ -296,7 +303,7 @@ static void parse(walk *w)
         return;
     }
     w->rc = dmk_fail(w->context, DMK_E_FORMAT, "%s:%lu: not well-formed XML: %s", w->file->path,
-                     (unsigned long)XML_GetCurrentLineNumber(w->parser), XML_ErrorString(error));
+                     (unsigned long)XML_GetCurrentLineNumber64(w->parser), XML_ErrorString(error));
 }
 
 int dmk_vtk_tags_read(dmk_context *ctx, const dmk_file *file, dmk_vtk_tags *tags)
