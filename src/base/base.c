@@ -1,6 +1,5 @@
 #include "base/base.h"
 
-#include <malloc.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -8,6 +7,10 @@
 #include <string.h>
 #include <sys/mman.h>
 #include <time.h>
+
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 
 int dmk_fail(dmk_context *context, int status, const char *format, ...)
 {

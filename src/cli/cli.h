@@ -252,14 +252,6 @@ typedef struct cli_reading {
     "merge coincident vertices, drop zero-area and duplicate triangles,\n"                         \
     "orient triangles consistently, split non-manifold edges and vertices"
 
-/* Let freed memory be used again rather than go back to the system at once, for fresh pages cost time: 0.09 of
- * the 1.3 s of a solve of 273,000 triangles. This ends when a large mesh has been read, unless `keep_memory` is set. */
-void cli_keep_memory(void);
-/* What is free goes back to the system after all. */
-void cli_trim_memory(void);
-/* Before the work on a mesh that is not large: its heap in pages of 2 MB, where the system gives them to those who
- * ask. Of 68,000 triangles a solve has 9,400 page faults then in place of 25,000. What is not used takes no memory. */
-void cli_make_room(const dmk_mesh *mesh);
 /* Read a mesh file. On the standard error: what was repaired, and a warning of a mesh in pieces. The status of the
  * library; *did is the caller's to free, and zero without a repair. */
 int cli_read_mesh(dmk_context *context, const char *path, const cli_reading *how, dmk_repairs *did,
@@ -276,6 +268,21 @@ void cli_warn_away(dmk_context *context, const dmk_mesh *mesh, const double xyz[
 /* From a point of the surface to xyz. */
 double cli_offset(dmk_context *context, const dmk_mesh *mesh, const double xyz[3],
                   const dmk_point *point);
+
+/* ---- heap.c --------------------------------------------------------------------------------- */
+
+/* Let freed memory be used again rather than go back to the system at once, for fresh pages cost time: 0.09 of
+ * the 1.3 s of a solve of 273,000 triangles. This ends at cli_save_memory. */
+void cli_keep_memory(void);
+/* Once a mesh has been read: if it is large, what is freed goes back. shares: this rank gives it back for its share. */
+void cli_save_memory(const dmk_mesh *mesh, bool shares);
+/* What is free goes back to the system after all. */
+void cli_trim_memory(void);
+/* Before the work on a mesh that is not large: its heap in pages of 2 MB, where the system gives them to those who
+ * ask. Of 68,000 triangles a solve has 9,400 page faults then in place of 25,000. What is not used takes no memory. */
+void cli_make_room(const dmk_mesh *mesh);
+/* The same before a mesh file is read for distances. */
+void cli_make_room_for_file(const char *path);
 
 /* ---- json.c --------------------------------------------------------------------------------- */
 

@@ -4,7 +4,6 @@
 
 #include <fcntl.h>
 #include <locale.h>
-#include <malloc.h>
 #include <sched.h>
 #include <signal.h>
 #include <stdlib.h>
@@ -128,8 +127,6 @@ int main(int argc, char **argv)
     if (c) uselocale(c);
     cli_ranks_begin(&argc, &argv);
     pin_device_threads();
-    /* What one thread frees another may use again: threads with heaps of their own keep it. */
-    mallopt(M_ARENA_MAX, 1);
     cli_keep_memory();
     return cli_ranks_end(run(argc, argv));
 }

@@ -1,14 +1,9 @@
 /* Mesh files as the commands read them: with --repair or without, and what is reported of them. */
 #include "cli.h"
 
-#include <limits.h>
-#include <malloc.h>
 #include <math.h>
 #include <stdint.h>
-#include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
-#include <sys/stat.h>
 
 typedef struct count {
     size_t n;
@@ -72,87 +67,13 @@ static void warn_of_pieces(dmk_context *context, const char *path, const dmk_mes
     fputc('\n', stderr);
 }
 
-/* Bytes, speed only. Beyond the first the C library takes memory from the system by the piece; beyond the second the
- * heap gives back what is free at its end. A solve of 273,000 triangles has 88,000 page faults, with halves of them
- * 97,000, with the C library's own 108,000 (and 373 MB for 387). */
-static const int piece = 64 << 20, kept = 128 << 20;
-
-void cli_keep_memory(void)
-{
-    mallopt(M_MMAP_THRESHOLD, piece);
-    mallopt(M_TRIM_THRESHOLD, kept);
-}
-
-void cli_trim_memory(void)
-{
-    malloc_trim(0);
-}
-
-enum { LARGE = 500000 }; /* triangles */
-
-/* Of a large mesh the larger arrays go back to the system when they are freed: a solve of 1,094,000 triangles takes
- * 901 MB and 3.26 s then, 956 MB and 3.39 s with 32 and 64 MB. */
-static const int large_piece = 20 << 20, large_kept = 32 << 20;
-/* Of ranks that have no more than a share of the mesh in the end, where memory counts most, all but the small ones: 290
- * MB for each of four, with the sizes above 318. One process takes 862 MB and 3.61 s so, and two ranks that have all of
- * the mesh 804,000 page faults for 505,000, and 0.3 s longer. */
-static const int share_piece = 3 << 19, share_kept = 2 << 20;
-
-static void return_memory(bool shares)
-{
-    mallopt(M_MMAP_THRESHOLD, shares ? share_piece : large_piece);
-    mallopt(M_TRIM_THRESHOLD, shares ? share_kept : large_kept);
-    cli_trim_memory();
-}
-
-static void save_memory(const dmk_mesh *mesh, bool shares)
-{
-    dmk_mesh_info info;
-    dmk_mesh_get_info(mesh, &info);
-    if (info.n_triangles >= LARGE) return_memory(shares);
-}
-
-/* Space of the heap that is used next, in huge pages: memory is taken only where it is written, and then with a fault
- * for each 2 MB. */
-static void make_room(size_t bytes)
-{
-    enum { PAGE = 2 << 20, MOST = INT_MAX - 2 * PAGE };
-    bytes = (bytes < MOST ? bytes : MOST) / PAGE * PAGE;
-    if (bytes == 0) return;
-    mallopt(M_MMAP_THRESHOLD, INT_MAX);
-    mallopt(M_TRIM_THRESHOLD, INT_MAX);
-    char *heap = malloc(bytes + PAGE);
-    if (heap) madvise(heap + PAGE - (uintptr_t)heap % PAGE, bytes, MADV_HUGEPAGE);
-    free(heap);
-}
-
-void cli_make_room(const dmk_mesh *mesh)
-{
-    enum { PER_TRIANGLE = 1024 };
-    dmk_mesh_info info;
-    dmk_mesh_get_info(mesh, &info);
-    const size_t size = info.n_triangles * PER_TRIANGLE;
-    if (info.n_triangles >= LARGE) return;
-    make_room(size);
-    mallopt(M_MMAP_THRESHOLD, piece);
-    mallopt(M_TRIM_THRESHOLD, kept + (int)size);
-}
-
-/* Distances take 7 to 20 bytes for each of the file; what is not used costs nothing. */
-static void make_room_for_file(const char *path)
-{
-    enum { PER_BYTE = 24 };
-    struct stat file;
-    if (stat(path, &file) == 0 && S_ISREG(file.st_mode)) make_room((size_t)file.st_size * PER_BYTE);
-}
-
 int cli_read_mesh(dmk_context *context, const char *path, const cli_reading *how, dmk_repairs *did,
                   dmk_mesh **mesh)
 {
-    if (how->keep_memory) make_room_for_file(path);
+    if (how->keep_memory) cli_make_room_for_file(path);
     const int rc = how->repair ? dmk_mesh_read_repaired(context, path, did, mesh)
                                : dmk_mesh_read_dealt(context, path, how->ranks, mesh);
-    if (rc == DMK_OK && !how->keep_memory) save_memory(*mesh, how->shares);
+    if (rc == DMK_OK && !how->keep_memory) cli_save_memory(*mesh, how->shares);
     if (rc != DMK_OK || how->quiet) return rc;
     if (how->progress) cli_progress_end(how->progress);
     if (how->repair) print_repairs(path, did);
