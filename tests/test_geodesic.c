@@ -596,6 +596,51 @@ static void several_sources(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* Two sources in a flat convex polygon around one vertex: the one behind the other has a longer way to the vertex above
+ * a half-edge, and yet the shorter one to a vertex beside it. Both ways around, by exact and by merged windows. */
+static void one_source_behind_another(void **state)
+{
+    dmk_context *ctx = *state;
+    static const double corner[7][2] = {{-1, 4},   {16, 12}, {15, 13}, {10, 17},
+                                        {-19, -6}, {7, -19}, {15, -14}};
+    static const double tolerance[2] = {0, 1e-6};
+    for (int i = 0; i < 4; i++) {
+        const bool turned = i % 2 == 1;
+        double xyz[21] = {0}, at[2][3];
+        int32_t triangle[18];
+        dmk_point source[2] = {{2, {0.625, 0.25, 0.125}}, {1, {0.75, 0.125, 0.125}}};
+        dmk_geodesics_options options;
+        dmk_geodesics *g;
+        dmk_mesh *m;
+        for (int v = 0; v < 7; v++) {
+            xyz[3 * v] = turned ? -corner[v][0] : corner[v][0];
+            xyz[3 * v + 1] = corner[v][1];
+        }
+        for (int t = 0; t < 6; t++) {
+            triangle[3 * t] = 0;
+            triangle[3 * t + 1] = 1 + (turned ? (t + 1) % 6 : t);
+            triangle[3 * t + 2] = 1 + (turned ? t : (t + 1) % 6);
+        }
+        assert_int_equal(dmk_mesh_create(ctx, 7, xyz, 6, triangle, &m), DMK_OK);
+        for (int k = 0; k < 2; k++) {
+            const double *w = source[k].weight, swapped[3] = {w[0], w[2], w[1]};
+            if (turned) memcpy(source[k].weight, swapped, sizeof swapped);
+            assert_int_equal(dmk_mesh_point_xyz(ctx, m, source + k, at[k]), DMK_OK);
+        }
+        dmk_geodesics_options_init(&options, sizeof options);
+        options.tolerance = tolerance[i / 2];
+        assert_int_equal(dmk_geodesics_create(ctx, m, 2, source, &options, &g), DMK_OK);
+        for (int v = 0; v < 7; v++) {
+            double best = HUGE_VAL;
+            for (int k = 0; k < 2; k++)
+                best = fmin(best, hypot(xyz[3 * v] - at[k][0], xyz[3 * v + 1] - at[k][1]));
+            assert_true(fabs(g->distance[v] - best) < 1e-12 * 40);
+        }
+        dmk_geodesics_destroy(&g);
+        dmk_mesh_destroy(&m);
+    }
+}
+
 /* Lengths whose squares would overflow or vanish. */
 static void any_scale(void **state)
 {
@@ -1161,6 +1206,7 @@ int main(void)
         cmocka_unit_test(stored_distances),
         cmocka_unit_test(both_ways),
         cmocka_unit_test(several_sources),
+        cmocka_unit_test(one_source_behind_another),
         cmocka_unit_test(rough_terrain),
         cmocka_unit_test(spiky_terrain),
         cmocka_unit_test(any_scale),

@@ -179,8 +179,8 @@ static int step(shard *me, const wave *w, angle *s)
     int rc = DMK_OK;
     if (!(den > 0)) return rc; /* the rays meet before */
     s->at = ((w->o * w->k - w->ux) * s->cy + s->cx * w->uy) / den;
-    bool left = w->lo<s->at, right = w->hi> s->at;
     double last = w->hi, first = w->lo, t = dmk_min(dmk_max(s->at, w->lo), w->hi);
+    if (s->at >= w->lo - slack && s->at <= w->hi + slack) last = first = s->at;
     const double before = s->d_c;
     reach_above(w, s, t);
     const mark *m = s->known;
@@ -189,14 +189,11 @@ static int step(shard *me, const wave *w, angle *s)
         double d = w->D + (2 * (w->ux * dx + w->uy * s->cy) + w->k * (dx * dx + s->cy * s->cy)) /
                               (1 + sqrt(qx * qx + qy * qy));
         if (d > before + eps && s->at < m->at - slack)
-            right = false; /* one angle, one split */
+            first = m->at; /* those before cross the shorter way */
         else if (d > before + eps && s->at > m->at + slack)
-            left = false;
+            last = m->at;
     }
-    if (s->at >= w->lo - slack && s->at <= w->hi + slack) {
-        if (left) last = s->at;
-        if (right) first = s->at;
-    }
+    const bool left = w->lo<dmk_min(s->at, last), right = w->hi> dmk_max(s->at, first);
     if (left) rc = step_left(me, w, s, last);
     if (rc == DMK_OK && right) rc = step_right(me, w, s, first);
     return rc;

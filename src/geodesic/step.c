@@ -107,6 +107,7 @@ typedef struct angle {
     double length, left, right; /* sides a-b, a-c, c-b */
     double ca, sa, cb, sb;      /* cosine and sine of the angles at a and b */
     double cx, cy, at;          /* c; where the ray to it crosses a-b */
+    double place, d;            /* on a-b, if it is known: its distance by a shorter way to c */
 } angle;
 
 /* At corner k of its triangle. */
@@ -139,9 +140,11 @@ static inline bool step_left(const engine *e, const window *w, const dmk_facet *
     if (!(o->y < 0) ||
         late(o, s->left, dmk_windows_known(e, f->vertex[k1]), dmk_windows_known(e, f->vertex[k])))
         return false;
-    double bx = s->length * s->ca - lo, by = s->length * s->sa, pl = lo - o->x;
-    return !beats(dmk_windows_known(e, f->vertex[k2]), bx * bx + by * by, w->base,
-                  pl * pl + o->y * o->y);
+    const double pl = lo - o->x, q2 = pl * pl + o->y * o->y;
+    double bx = s->length * s->ca - lo, by = s->length * s->sa;
+    if (beats(dmk_windows_known(e, f->vertex[k2]), bx * bx + by * by, w->base, q2)) return false;
+    bx = s->place * s->ca - lo, by = s->place * s->sa;
+    return !beats(s->d, bx * bx + by * by, w->base, q2);
 }
 
 /* The part through side c-b, from `first` of a-b on. */
@@ -171,10 +174,11 @@ static inline bool step_right(const engine *e, const window *w, const dmk_facet 
     if (!(o->y < 0) ||
         late(o, s->right, dmk_windows_known(e, f->vertex[k]), dmk_windows_known(e, f->vertex[k2])))
         return false;
-    double ax = -s->cx * s->cb + s->cy * s->sb - hi, ay = -s->cy * s->cb - s->cx * s->sb,
-           ph = hi - o->x;
-    return !beats(dmk_windows_known(e, f->vertex[k1]), ax * ax + ay * ay, w->base,
-                  ph * ph + o->y * o->y);
+    const double ph = hi - o->x, q2 = ph * ph + o->y * o->y;
+    double ax = -s->cx * s->cb + s->cy * s->sb - hi, ay = -s->cy * s->cb - s->cx * s->sb;
+    if (beats(dmk_windows_known(e, f->vertex[k1]), ax * ax + ay * ay, w->base, q2)) return false;
+    ax += s->place * s->cb, ay += s->place * s->sb;
+    return !beats(s->d, ax * ax + ay * ay, w->base, q2);
 }
 
 /* The ray to the vertex above passes beside the interval, but by so little that a path around its end is no longer:
@@ -206,7 +210,9 @@ int dmk_windows_step(worker *me, const window *w, window *o, int *n)
                f->sine[k2],
                0,
                0,
-               0};
+               0,
+               NAN,
+               NAN};
     s.cx = s.left * s.ca, s.cy = s.left * s.sa;
     s.at = w->x - (s.cx - w->x) * w->y / (s.cy - w->y);
     const double slack = DMK_SAME_PLACE * s.length;
@@ -218,14 +224,18 @@ int dmk_windows_step(worker *me, const window *w, window *o, int *n)
         if (d <= dv + eps) {
             rc = dmk_windows_reach(me, v, d, (trace){s.at, px, py, w->turn, w->half, w->root});
         } else {
-            double at = better_way(e, v, w->half, d);
+            const double at = better_way(e, v, w->half, d);
+            /* Rays that cross the shorter way are of no use. Others may be, though the way to the vertex is not: from a
+             * source behind that of the shorter way, beside which they pass. */
             if (s.at < at - slack)
-                right = false; /* those rays cross the shorter way */
+                first = at;
             else if (s.at > at + slack)
-                left = false;
+                last = at;
+            s.place = at;
+            s.d = dv - hypot(s.cx - at, s.cy);
         }
-        if (left) last = dmk_min(w->hi, s.at);
-        if (right) first = dmk_max(w->lo, s.at);
+        if (left) last = dmk_min(last, s.at);
+        if (right) first = dmk_max(first, s.at);
     } else {
         rc = reach_around(me, w, &s, v);
     }
