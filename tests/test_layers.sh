@@ -126,4 +126,18 @@ EOF
 else
     skip 'kernels are OpenCL C 1.2' 'there is no clang here'
 fi
+
+# An entry of a line that is gone excuses nothing.
+known_mutants() {
+    sed '/^#/d; /^$/d' tests/mutate/known.txt > "$work/known"
+    while IFS= read -r entry; do
+        line=${entry#* | * | }
+        file=${entry%% | *}
+        sed 's/[[:space:]]//g' "$file" | grep -qxF "$(printf %s "${line% | *}" | tr -d '[:space:]')" ||
+            echo "no such line: $entry"
+    done < "$work/known" > "$work/gone"
+    cat "$work/gone"
+    ! grep -q . "$work/gone"
+}
+check 'lines of tests/mutate/known.txt are in the sources' known_mutants
 tap_end
