@@ -165,6 +165,36 @@ ln -s /nowhere "$work/odd/b.off"
 "$tool" batch "$work/odd" --report "$work/odd2.jsonl" > "$work/summary" 2> "$work/errors"
 check 'a mesh that is a link to nowhere fails, and the others go on' has "$work/summary" '^of 4 .* 3 solved, 0 kept, 1 failed'
 
+# ---- files that stay as they are -----------------------------------------------------------------
+
+fails 'a folder of meshes is none for results' 1 "--out-dir: '$in' is looked through" \
+    "$tool" batch "$in" --out-dir "$in/sub/.."
+own=$work/own
+mkdir "$own"
+cp "$in/c.ply" "$own/c.ply"
+ln -s c.ply "$own/d.ply"
+fails 'a mesh is not written over' 1 "--out-dir: '$own/c.ply' is read by this run" \
+    "$tool" batch "$own/c.ply" --out-dir "$own" --out .ply
+fails 'nor by a link to it' 1 "--out-dir: '$own/d.ply' is read by this run" \
+    "$tool" batch "$own/d.ply" --out-dir "$own" --out .ply --report "$work/own.jsonl"
+check 'and is as it was' cmp "$in/c.ply" "$own/c.ply"
+"$tool" solve "$own/c.ply" --vertex 0 --quiet --out "$own/b.pvtp"
+"$tool" mesh sphere --triangles 100 --quiet --out "$own/b.off"
+fails 'nor as a piece of a PVTP file' 1 "--out-dir: '$own/b_0000.vtp' is read by this run" \
+    "$tool" batch "$own/b.off" "$own/b_0000.vtp" --out-dir "$own" --out .pvtp --report "$work/piece.jsonl"
+fails 'which solve does not either' 1 "--out: '$own/b.pvtp' is read by this run" \
+    "$tool" solve "$own/b_0000.vtp" --vertex 0 --out "$own/b.pvtp"
+fails 'nor does it write one piece twice' 1 "--out: '$own/e_0000.vtp' is also a file of --out" \
+    "$tool" solve "$own/c.ply" --vertex 0 --out "$own/e.pvtp" --out "$own/e_0000.vtp"
+fails 'the report is no result' 1 "--report: '$own/e/c.vtp' is also a file of a result" \
+    "$tool" batch "$own/c.ply" --out-dir "$own/e" --report "$own/e/c.vtp"
+mkdir "$own/pair"
+cp "$in/a.off" "$own/pair/x.off"
+cp "$in/c.ply" "$own/pair/x.locus.ply"
+"$tool" batch "$own/pair" --out-dir "$own/f" --out .vtp --locus .vtp --quiet
+check 'a mesh whose name ends as that of a cut locus keeps its suffix' test "$(ls "$own/f" | tr '\n' ' ')" = \
+    'report.jsonl x.locus.ply.locus.vtp x.locus.ply.vtp x.locus.vtp x.vtp '
+
 # ---- kills ------------------------------------------------------------------------------------
 
 rm -r "$out"

@@ -35,6 +35,8 @@ void batch_list_free(batch_list *list);
 bool batch_name_files(const batch_request *request, const batch_mesh *mesh, size_t source,
                       solve_request *one);
 void batch_free_files(solve_request *one);
+/* No file of a result is a mesh that is read, or the report, which is there. The exit code, with the error printed. */
+int batch_check_names(const batch_request *request, const batch_list *list);
 
 /* ---- record.c: the report, which is also the record of what is done ------------------------- */
 

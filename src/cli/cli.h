@@ -127,6 +127,8 @@ cli_option cli_format_option(const char **format);
 bool cli_is_stdout(const char *path);
 bool cli_is_sink(const char *path);
 bool cli_is_stream(const char *path);
+/* NAME_0003.vtp of NAME.pvtp, k = 3, which the caller frees; NULL of other files, and without memory. */
+char *cli_name_piece(const char *path, int k);
 /* Whether there is a regular file. */
 bool cli_is_file(const char *path);
 /* The name for the library of a path of the command line: that of the standard output as it was, where a file has

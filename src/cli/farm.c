@@ -385,6 +385,7 @@ static int begin(farm *f)
 {
     const batch_request *request = f->request;
     int code = batch_record_open(request, f->list, &f->record);
+    if (code == EXIT_OK) code = batch_check_names(request, f->list);
     if (code == EXIT_OK && request->each.resume) for_all(f, false, check_mesh);
     if (code == EXIT_OK && !cli_interrupted()) code = batch_record_begin(f->record);
     return code;

@@ -120,8 +120,14 @@ static int add_path(lister *l, const char *path, bool from_list)
 {
     folder_way way = {NULL};
     if (!from_list && is_list(path)) return cli_read_lines(path, take_line, l);
-    if (stat(path, &way.here) == 0 && S_ISDIR(way.here.st_mode))
+    if (stat(path, &way.here) == 0 && S_ISDIR(way.here.st_mode)) {
+        if (l->has_out && is_same(&way.here, &l->out))
+            return cli_error(EXIT_USAGE,
+                             "--out-dir: '%s' is looked through for meshes, and would have results "
+                             "among them; choose another folder",
+                             path);
         return add_folder(l, path, strlen(path) + 1, &way);
+    }
     return add(l, path, base_of(path)); /* that it is no mesh is for its reader to say */
 }
 
@@ -152,6 +158,17 @@ static int stem_to_name(const void *a, const void *b)
     return sign ? sign : -(mesh->name[x->n] != '\0');
 }
 
+/* Whether files of a mesh by this name would be taken for the lines of another: see names.c. */
+static bool is_of_lines(const stem *of)
+{
+    static const char *const kind[] = {".locus", ".tangent"};
+    for (int k = 0; k < 2; k++) {
+        const size_t n = strlen(kind[k]);
+        if (of->n > n && memcmp(of->name + of->n - n, kind[k], n) == 0) return true;
+    }
+    return false;
+}
+
 /* Names without their suffix, but where that is another's name or what becomes of it. The meshes are sorted by name. */
 static int shorten_names(batch_list *list)
 {
@@ -159,6 +176,8 @@ static int shorten_names(batch_list *list)
     if (!of) return cli_library_error(NULL, DMK_E_NOMEM);
     for (size_t i = 0; i < list->n; i++)
         of[i] = (stem){list->mesh[i].name, stem_length(list->mesh[i].name)};
+    for (size_t i = 0; i < list->n; i++)
+        if (is_of_lines(&of[i])) of[i].n = 0;
     qsort(of, list->n, sizeof *of, by_stem);
     for (size_t i = 0, end; i < list->n; i = end) {
         for (end = i + 1; end < list->n && by_stem(&of[i], &of[end]) == 0;) end++;

@@ -71,6 +71,15 @@ bool cli_is_sink(const char *path)
            S_ISCHR(file.st_mode) && file.st_rdev == null.st_rdev;
 }
 
+char *cli_name_piece(const char *path, int k)
+{
+    enum { ROOM = 16 };
+    const size_t room = strlen(path) + ROOM;
+    char *name = has_suffix(path, ".pvtp") ? malloc(room) : NULL;
+    if (name) snprintf(name, room, "%.*s_%04d.vtp", (int)(room - ROOM - strlen(".pvtp")), path, k);
+    return name;
+}
+
 bool cli_is_file(const char *path)
 {
     struct stat file;
@@ -225,6 +234,20 @@ static bool same_destination(const destination *a, const destination *b)
     return a->exists || strcmp(a->name, b->name) == 0;
 }
 
+/* Whether it is the place of a piece of the PVTP file `path`: of the first, or of another one that is there. */
+static bool is_piece(const destination *at, const char *path)
+{
+    bool found = false, there = true;
+    char *name;
+    for (int k = 0; there && !found && (name = cli_name_piece(path, k)); k++) {
+        const destination piece = find_destination(name);
+        found = same_destination(&piece, at);
+        there = piece.exists;
+        free(name);
+    }
+    return found;
+}
+
 void cli_use(cli_uses *uses, const char *option, const char *path)
 {
     if (!path || uses->n == CLI_MAX_USES) return;
@@ -248,7 +271,9 @@ int cli_check_uses(const cli_uses *uses)
         takes_stdout = takes_stdout || (at[i].out && strcmp(option, "report") != 0);
         for (int j = 0; j < i && option; j++) {
             const char *other = uses->use[j].option;
-            if (!same_destination(&at[i], &at[j])) continue;
+            if (!same_destination(&at[i], &at[j]) && !is_piece(&at[j], path) &&
+                (!other || !is_piece(&at[i], uses->use[j].path)))
+                continue;
             if (!other) {
                 return cli_error(EXIT_USAGE, "--%s: '%s' is read by this run; choose another name",
                                  option, path);
