@@ -668,35 +668,66 @@ static void any_scale(void **state)
     dmk_mesh_destroy(&m);
 }
 
-/* As many threads as there are: the same bits, of distances and of the ways, of exact and of merged windows. */
+/* As many threads as there are: the same bits, of distances and of the ways. */
+static void check_threads(dmk_context *ctx, const dmk_mesh *m, const dmk_point *p, double tolerance)
+{
+    const size_t n_vertices = (size_t)m->n_vertices;
+    dmk_geodesics_options options;
+    dmk_geodesics_options_init(&options, sizeof options);
+    options.tolerance = tolerance;
+    assert_int_equal(dmk_context_set_threads(ctx, 1), DMK_OK);
+    dmk_geodesics *one = run_with(ctx, m, 1, p, &options);
+    for (int n = 2; n <= 8; n++) {
+        assert_int_equal(dmk_context_set_threads(ctx, n), DMK_OK);
+        dmk_geodesics *g = run_with(ctx, m, 1, p, &options);
+        assert_memory_equal(g->distance, one->distance, n_vertices * sizeof *g->distance);
+        assert_memory_equal(g->arrival, one->arrival, n_vertices * sizeof *g->arrival);
+        assert_int_equal(g->n_ties, one->n_ties);
+        if (tolerance > 0) assert_memory_equal(g->error, one->error, n_vertices * sizeof *g->error);
+        dmk_geodesics_destroy(&g);
+    }
+    dmk_geodesics_destroy(&one);
+    dmk_context_set_threads(ctx, 0);
+}
+
+/* By exact and by merged windows. */
 static void any_number_of_threads(void **state)
 {
     dmk_context *ctx = *state;
     dmk_surface_options surface;
-    dmk_geodesics_options options;
     dmk_mesh *m;
     dmk_surface_options_init(&surface, sizeof surface);
     surface.name = "quartic";
     surface.n_triangles = 30000;
     assert_int_equal(dmk_mesh_surface(ctx, &surface, &m), DMK_OK);
-    const size_t n_vertices = (size_t)m->n_vertices;
     const dmk_point p = {999, {0.2, 0.3, 0.5}};
-    dmk_geodesics_options_init(&options, sizeof options);
-    for (int merged = 0; merged < 2; merged++) {
-        options.tolerance = merged ? 1e-6 : 0;
-        assert_int_equal(dmk_context_set_threads(ctx, 1), DMK_OK);
-        dmk_geodesics *one = run_with(ctx, m, 1, &p, &options);
-        for (int n = 2; n <= 8; n++) {
-            assert_int_equal(dmk_context_set_threads(ctx, n), DMK_OK);
-            dmk_geodesics *g = run_with(ctx, m, 1, &p, &options);
-            assert_memory_equal(g->distance, one->distance, n_vertices * sizeof *g->distance);
-            assert_memory_equal(g->arrival, one->arrival, n_vertices * sizeof *g->arrival);
-            if (merged) assert_memory_equal(g->error, one->error, n_vertices * sizeof *g->error);
-            dmk_geodesics_destroy(&g);
-        }
-        dmk_geodesics_destroy(&one);
+    check_threads(ctx, m, &p, 0);
+    check_threads(ctx, m, &p, 1e-6);
+    dmk_mesh_destroy(&m);
+}
+
+/* A wavy strip of triangles 1,000 times as long as wide, where many ways to a vertex differ by rounding alone. */
+static void thin_triangles_and_any_number_of_threads(void **state)
+{
+    enum { COLUMNS = 401, ROWS = 21, ALL = COLUMNS * ROWS };
+    static double xyz[3 * ALL];
+    static int32_t triangle[6 * (COLUMNS - 1) * (ROWS - 1)];
+    dmk_context *ctx = *state;
+    dmk_mesh *m;
+    dmk_point p;
+    size_t n = 0;
+    for (int32_t v = 0; v < ALL; v++) {
+        const int32_t i = v / ROWS, k = v % ROWS, next = v + ROWS;
+        const double x = i / (COLUMNS - 1.0);
+        memcpy(xyz + 3 * v, (double[]){x, 50 * (k / (ROWS - 1.0)), 0.02 * sin(9 * x)},
+               3 * sizeof *xyz);
+        if (i + 1 == COLUMNS || k + 1 == ROWS) continue;
+        memcpy(triangle + 6 * n++, (int32_t[]){v, next, v + 1, v + 1, next, next + 1},
+               6 * sizeof *triangle);
     }
-    dmk_context_set_threads(ctx, 0);
+    assert_int_equal(dmk_mesh_create(ctx, ALL, xyz, 2 * n, triangle, &m), DMK_OK);
+    assert_int_equal(dmk_mesh_vertex_point(ctx, m, 0, &p), DMK_OK);
+    check_threads(ctx, m, &p, 0);
     dmk_mesh_destroy(&m);
 }
 
@@ -1213,6 +1244,7 @@ int main(void)
         cmocka_unit_test(merged_windows),
         cmocka_unit_test(lines),
         cmocka_unit_test(any_number_of_threads),
+        cmocka_unit_test(thin_triangles_and_any_number_of_threads),
         cmocka_unit_test(another_mesh_of_the_surface),
         cmocka_unit_test(paths_are_the_log_map),
         cmocka_unit_test(behind_a_nearly_flat_vertex),

@@ -183,14 +183,16 @@ static inline bool step_right(const engine *e, const window *w, const dmk_facet 
 
 /* The ray to the vertex above passes beside the interval, but by so little that a path around its end is no longer:
  * behind vertices whose angle is 2 pi but for rounding the windows of the two sides part. What a path gets longer by
- * goes with the square of how far it bends. */
+ * goes with the square of how far it bends. It counts against all that are equally short, whichever came first, so that
+ * the result does not depend on the order. */
 static int reach_around(worker *me, const window *w, const angle *s, int32_t v)
 {
     double end = s->at < w->lo ? w->lo : w->hi;
     if (!(fabs(s->at - end) < DMK_BESIDE * s->length + DMK_SAME_LENGTH)) return DMK_OK;
     double px = s->cx - w->x, py = s->cy - w->y, direct = w->base + sqrt(px * px + py * py);
-    if (!(direct < dmk_windows_known(me->e, v))) return DMK_OK;
+    if (!(direct <= dmk_windows_known(me->e, v) + eps)) return DMK_OK;
     double d = w->base + hypot(end - w->x, w->y) + hypot(s->cx - end, s->cy);
+    d = dmk_max(d, direct); /* rounding may have made it less */
     if (d > direct + eps) return DMK_OK;
     return dmk_windows_reach(me, v, d, (trace){NAN, px, py, w->turn, w->half, w->root});
 }
