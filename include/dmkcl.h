@@ -327,7 +327,8 @@ void dmk_geodesics_options_init(dmk_geodesics_options *options, size_t size);
 /* From n_sources points (and the options' lines: one source at least). The mesh must outlive the object. Checked: every
  * vertex of a component with a source is reached, no edge is shorter than its ends' distances differ, and nothing is
  * negative; DMK_E_MESH, naming the first vertex, if rounding breaks that. DMK_E_ARG for points off the mesh, offsets
- * that are negative or not finite, lines that are no edge. */
+ * that are negative or not finite, or that leave a component without one below 1e9 times the mesh's extent, lines that
+ * are no edge. */
 int dmk_geodesics_create(dmk_context *context, const dmk_mesh *mesh, size_t n_sources,
                          const dmk_point *sources, const dmk_geodesics_options *options,
                          dmk_geodesics **geodesics);

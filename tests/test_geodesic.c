@@ -668,6 +668,39 @@ static void any_scale(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* The least offset of a component may be a billion times the mesh's extent, and no more; others may be of any size. */
+static void offsets_beside_the_mesh(void **state)
+{
+    dmk_context *ctx = *state;
+    dmk_surface_options surface;
+    dmk_mesh *m;
+    dmk_geodesics *g, *plain;
+    dmk_geodesics_options options;
+    dmk_surface_options_init(&surface, sizeof surface);
+    surface.name = "sphere";
+    surface.n_triangles = 2000;
+    assert_int_equal(dmk_mesh_surface(ctx, &surface, &m), DMK_OK);
+    const dmk_point p[2] = {at_vertex(ctx, m, 0), at_vertex(ctx, m, 5)};
+    plain = run(ctx, m, 2, p, NULL);
+    const double unit = plain->star.unit, large = 0.75e9 * unit;
+    g = run(ctx, m, 2, p, (double[]){large, large});
+    for (int32_t v = 0; v < m->n_vertices; v++)
+        assert_true(fabs(g->distance[v] - large - plain->distance[v]) < 1e-6);
+    dmk_geodesics_destroy(&g);
+    dmk_geodesics_destroy(&plain);
+    plain = run(ctx, m, 1, p, NULL);
+    g = run(ctx, m, 2, p, (double[]){0, 1e15});
+    assert_memory_equal(g->distance, plain->distance, (size_t)m->n_vertices * sizeof *g->distance);
+    dmk_geodesics_destroy(&g);
+    dmk_geodesics_destroy(&plain);
+    dmk_geodesics_options_init(&options, sizeof options);
+    options.offset = (double[]){1.5e9 * unit, 1e15};
+    assert_int_equal(dmk_geodesics_create(ctx, m, 2, p, &options, &g), DMK_E_ARG);
+    assert_non_null(strstr(dmk_context_message(ctx), "source 0 has the offset "));
+    assert_non_null(strstr(dmk_context_message(ctx), "subtract the least offset from all"));
+    dmk_mesh_destroy(&m);
+}
+
 /* As many threads as there are: the same bits, of distances and of the ways. */
 static void check_threads(dmk_context *ctx, const dmk_mesh *m, const dmk_point *p, double tolerance)
 {
@@ -1243,6 +1276,7 @@ int main(void)
         cmocka_unit_test(any_scale),
         cmocka_unit_test(merged_windows),
         cmocka_unit_test(lines),
+        cmocka_unit_test(offsets_beside_the_mesh),
         cmocka_unit_test(any_number_of_threads),
         cmocka_unit_test(thin_triangles_and_any_number_of_threads),
         cmocka_unit_test(another_mesh_of_the_surface),

@@ -55,6 +55,38 @@ static int name_triangle(dmk_context *ctx, const dmk_geodesics *g, int32_t t)
     return DMK_OK;
 }
 
+/* Over the mesh's extent. With offsets of 1e9 distances are off by what rounds a number of their size, of 1e11 by six
+ * times as much, and of 1e13 windows end early and leave vertices out. */
+static const double most_offset = 1e9;
+
+/* Large offsets do no harm where a nearer source reaches all. */
+int dmk_geodesics_check_offsets(dmk_context *ctx, const dmk_geodesics *g)
+{
+    int rc;
+    bool *near = NULL;
+    const dmk_mesh *m = g->mesh;
+    DMK_TRY(DMK_NEW(ctx, near, (size_t)m->n_components));
+    for (size_t i = 0; i < g->n_lines; i++) near[dmk_mesh_component(m, g->line[i] / 3)] = true;
+    for (int32_t i = 0; i < g->n_sources; i++) {
+        const dmk_site *p = g->source + i;
+        if (p->offset <= most_offset * g->star.unit)
+            near[dmk_mesh_component(m, (int32_t)p->point.triangle)] = true;
+    }
+    for (int32_t i = 0; i < g->n_sources && rc == DMK_OK; i++) {
+        const dmk_site *p = g->source + i;
+        if (near[dmk_mesh_component(m, (int32_t)p->point.triangle)]) continue;
+        rc = dmk_fail(
+            ctx, DMK_E_ARG,
+            "source %d has the offset %g, and no source of its component has one below %g, "
+            "%g times the mesh's extent: distances of that size have no digits left for "
+            "the mesh; subtract the least offset from all, and add it to the distances",
+            i, p->offset, most_offset * g->star.unit, most_offset);
+    }
+done:
+    free(near);
+    return rc;
+}
+
 int dmk_geodesics_check(dmk_context *ctx, const dmk_geodesics *g)
 {
     int rc;

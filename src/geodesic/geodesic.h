@@ -131,6 +131,8 @@ const dmk_arrival *dmk_geodesics_tie(const dmk_geodesics *geodesics, int32_t v);
 
 /* check.c: DMK_E_MESH, naming the first vertex, if the distances cannot be right. */
 int dmk_geodesics_check(dmk_context *context, const dmk_geodesics *geodesics);
+/* check.c: DMK_E_ARG for sources whose offsets are too large beside the mesh. */
+int dmk_geodesics_check_offsets(dmk_context *context, const dmk_geodesics *geodesics);
 
 /* Distance at the edges' midpoints as the shortest path to the nearer end goes on there: mid,
  * n_edges. Too short by as much as the ways of neighbours differ, some h^3. */

@@ -209,6 +209,7 @@ int dmk_geodesics_compute(dmk_context *ctx, const dmk_mesh *mesh, size_t n_sourc
     int rc;
     dmk_geodesics *g = NULL;
     DMK_TRY(dmk_geodesics_prepare(ctx, mesh, n_sources, source, options, &g));
+    DMK_TRY(dmk_geodesics_check_offsets(ctx, g));
     DMK_TRY(run(ctx, g, options));
     *geodesics = g;
     g = NULL;
