@@ -23,6 +23,26 @@ torus=$work/torus.off
 mkdir "$work/files"
 empty() { test -z "$(ls -A "$1")" || { ls -A "$1"; return 1; }; }
 
+# ---- a device that fails ------------------------------------------------------------------------
+
+# From a call in the middle of the first of three meshes on, until a device is opened anew.
+mkdir "$work/three"
+for k in 1 2 3; do cp "$torus" "$work/three/$k.off"; done
+renewed() { # FOLDER ORDER
+    DMK_FAULT=$2 DMK_FAULT_LOG=$work/log "$DMKCL_BUILD/faults/dmkcl" batch "$work/three" --threads 1 --out-dir "$1" \
+        > "$work/summary" 2> "$work/err"
+}
+check 'a batch whose device does not fail' renewed "$work/first" opencl:999999999
+read -r calls live < "$work/log"
+renewed "$work/lost" "opencl:$((calls / 5)):lasting:renewed:code=-36"
+check 'one whose device fails has its exit code' test $? -eq 5
+check 'says so once' test "$(grep -c '^dmkcl: .*three/1.off: CL_INVALID_COMMAND_QUEUE' "$work/err")" -eq 1
+check 'and solves the other meshes on a new one' grep -q '^of 3 .* 2 solved, 0 kept, 1 failed' "$work/summary"
+check 'as without a fault' cmp "$work/first/3.vtp" "$work/lost/3.vtp"
+check 'no less is given back' test "$(cut -d ' ' -f 2 "$work/log")" -le "$live"
+check 'what failed is done by --resume' "$tool" batch "$work/three" --threads 1 --out-dir "$work/lost" --resume
+check 'as if it had not' cmp "$work/first/1.vtp" "$work/lost/1.vtp"
+
 # ---- no room ----------------------------------------------------------------------------------
 
 large=$work/large.off

@@ -14,6 +14,7 @@ typedef struct fault {
     bool lasting; /* and every one behind it */
     int code;     /* FAULT_OPENCL: the error; FAULT_FILE: errno */
     int signal;   /* 0: fail */
+    bool renewed; /* FAULT_OPENCL, lasting: until devices are looked for again */
 } fault;
 
 void fault_arm(const fault *fault);

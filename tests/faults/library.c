@@ -393,7 +393,7 @@ static void try_kind(const scenario *s, fault_kind kind, const reference *ref, i
         {CL_OUT_OF_RESOURCES, CL_MEM_OBJECT_ALLOCATION_FAILURE, CL_DEVICE_NOT_AVAILABLE}};
     for (int i = 0; i < 3 && codes[kind][i]; i++) {
         for (int lasting = 0; lasting < 2; lasting++) {
-            try_all(s, (fault){kind, 1, lasting, codes[kind][i], 0}, ref,
+            try_all(s, (fault){kind, 1, lasting, codes[kind][i], 0, false}, ref,
                     stride == 1 ? 1 : stride * (1 + i));
         }
     }

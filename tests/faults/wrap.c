@@ -1,5 +1,5 @@
 /* See faults.h. A program without fault_arm of its own is steered by the environment:
- *     DMK_FAULT=KIND:AT[:lasting][:code=N][:signal=N]   with KIND memory, file or opencl
+ *     DMK_FAULT=KIND:AT[:lasting[:renewed]][:code=N][:signal=N]   with KIND memory, file or opencl
  *     DMK_FAULT_LOG=FILE   gets "CALLS LIVE": calls of that kind, and what was not given back */
 #include "faults.h"
 
@@ -72,6 +72,7 @@ static void read_order(const char *text)
                                              : FAULT_OPENCL;
     f.at = atol(strchr(text, ':') + 1);
     f.lasting = strstr(text, ":lasting") != NULL;
+    f.renewed = strstr(text, ":renewed") != NULL;
     if ((option = strstr(text, ":code=")) != NULL) f.code = atoi(option + 6);
     if ((option = strstr(text, ":signal=")) != NULL) f.signal = atoi(option + 8);
     if (f.kind == FAULT_FILE && f.code < 0) f.code = ENOSPC;
@@ -408,7 +409,13 @@ cl_int __wrap_clEnqueueUnmapMemObject(cl_command_queue q, cl_mem m, void *at, cl
     return __real_clEnqueueUnmapMemObject(q, m, at, ne, e, out);
 }
 
-WRAP_CALL(clGetPlatformIDs, (cl_uint n, cl_platform_id *p, cl_uint *count), (n, p, count))
+cl_int __real_clGetPlatformIDs(cl_uint, cl_platform_id *, cl_uint *);
+cl_int __wrap_clGetPlatformIDs(cl_uint, cl_platform_id *, cl_uint *);
+cl_int __wrap_clGetPlatformIDs(cl_uint n, cl_platform_id *p, cl_uint *count)
+{
+    if (armed.renewed && atomic_load(&calls) >= armed.at) armed.kind = FAULT_NONE;
+    return fails(FAULT_OPENCL) ? armed.code : __real_clGetPlatformIDs(n, p, count);
+}
 WRAP_CALL(clGetPlatformInfo,
           (cl_platform_id p, cl_platform_info i, size_t n, void *v, size_t *size),
           (p, i, n, v, size))
