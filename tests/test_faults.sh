@@ -43,6 +43,29 @@ check 'no less is given back' test "$(cut -d ' ' -f 2 "$work/log")" -le "$live"
 check 'what failed is done by --resume' "$tool" batch "$work/three" --threads 1 --out-dir "$work/lost" --resume
 check 'as if it had not' cmp "$work/first/1.vtp" "$work/lost/1.vtp"
 
+# ---- a report that another run replaces between open and lock -----------------------------------------
+
+stopped_at() { # CALL: a batch that stops there, whether with its report open
+    DMK_FAULT=file:$1:signal=19 "$DMKCL_BUILD/faults/dmkcl" batch "$torus" --vertex 1 --resume --report "$work/turn.jsonl" \
+        > "$work/summary" 2> "$work/err" &
+    stopped=$!
+    for _ in $(seq 100); do
+        grep -q '^State:.*T' "/proc/$stopped/status" && break
+        sleep 0.02
+    done
+    ls -l "/proc/$stopped/fd" 2>&1 | grep -q turn.jsonl && return 0
+    kill -KILL "$stopped"
+    wait "$stopped" 2> "$work/late"
+    return 1
+}
+"$tool" batch "$torus" --vertex 0 --report "$work/turn.jsonl" --quiet
+call=1
+until stopped_at $call || [ $call -gt 50 ]; do call=$((call + 1)); done
+"$tool" batch "$torus" --vertex 1 --report "$work/turn.jsonl" --quiet --resume
+kill -CONT "$stopped"
+wait "$stopped"
+check 'the batch goes on with the new one' grep -q '0 solved, 1 kept' "$work/summary"
+
 # ---- no room ----------------------------------------------------------------------------------
 
 large=$work/large.off

@@ -258,11 +258,25 @@ static int read_report(batch_record *r)
     return read_lines(r);
 }
 
+/* Whether the report is still the file that is open: a run that has just begun may have put a shorter one there. */
+static bool is_named(const batch_record *r)
+{
+    struct stat here, there;
+    return fstat(r->fd, &here) == 0 && stat(r->path, &there) == 0 && here.st_dev == there.st_dev &&
+           here.st_ino == there.st_ino;
+}
+
 static int open_locked(batch_record *r)
 {
-    r->fd = open(r->path, O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
-    if (r->fd < 0) return cli_error(EXIT_IO, "cannot write '%s': %s", r->path, strerror(errno));
-    if (flock(r->fd, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return EXIT_OK;
+    enum { TRIES = 3 };
+    for (int i = 0; i < TRIES; i++) {
+        r->fd = open(r->path, O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
+        if (r->fd < 0) return cli_error(EXIT_IO, "cannot write '%s': %s", r->path, strerror(errno));
+        if (flock(r->fd, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) break;
+        if (is_named(r)) return EXIT_OK;
+        close(r->fd);
+        r->fd = -1;
+    }
     return cli_error(EXIT_IO, "another run is writing '%s'", r->path);
 }
 
