@@ -147,6 +147,8 @@ fails 'exit code 5: no such device' 5 'nothing-like-it' \
     "$tool" solve "$torus" --vertex 0 --device nothing-like-it
 fails 'exit code 5: no driver' 5 '.' \
     env OCL_ICD_VENDORS="$work/full" OPENCL_VENDOR_PATH="$work/full" "$tool" solve "$torus" --vertex 0
+fails 'drivers that the environment hides' 5 'no OpenCL platform .*; try without OCL_ICD_VENDORS=/dev/null' \
+    env OCL_ICD_VENDORS=/dev/null "$tool" solve "$torus" --vertex 0
 fails 'exit code 6: too much inertia' 6 'diverged' \
     "$tool" solve meshes/torus.off --vertex 0 --single --method inertial --inertia 0.9999 --out "$work/full/x.vtp"
 fails 'exit code 7: one step is not enough' 7 '.' \

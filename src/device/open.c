@@ -106,23 +106,29 @@ static int name_platform(cl_platform_id platform, char name[128])
     return clGetPlatformInfo(platform, CL_PLATFORM_NAME, 127, name, NULL) == CL_SUCCESS;
 }
 
-/* The reason, as far as it is known. */
-static int no_device(dmk_context *ctx, const cl_platform_id *platforms, cl_uint n)
+/* "; try without NAME=VALUE" for what is set of the variables that choose drivers and devices. */
+static void hint_at_steering(char hint[400])
 {
     static const char *const steer[] = {"POCL_DEVICES", "OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH",
                                         "LP_PLATFORM"};
-    char name[128] = "", hint[400] = "";
+    hint[0] = 0;
+    for (size_t i = 0; i < sizeof steer / sizeof *steer; i++) {
+        const char *value = getenv(steer[i]);
+        size_t used = strlen(hint);
+        if (value) snprintf(hint + used, 400 - used, "; try without %s=%.60s", steer[i], value);
+    }
+}
+
+/* The reason, as far as it is known. */
+static int no_device(dmk_context *ctx, const cl_platform_id *platforms, cl_uint n)
+{
+    char name[128] = "", hint[400];
     for (cl_uint p = 0; p < n; p++) {
         int rc =
             name_platform(platforms[p], name) && is_pocl(name) ? dmk_cache_check_pocl(ctx) : DMK_OK;
         if (rc != DMK_OK) return rc;
     }
-    for (size_t i = 0; i < sizeof steer / sizeof *steer; i++) {
-        const char *value = getenv(steer[i]);
-        size_t used = strlen(hint);
-        if (value)
-            snprintf(hint + used, sizeof hint - used, "; try without %s=%.60s", steer[i], value);
-    }
+    hint_at_steering(hint);
     return dmk_fail(ctx, DMK_E_DEVICE, "%u OpenCL platform%s (%s), but no device%s", n,
                     n == 1 ? "" : "s", name, hint);
 }
@@ -133,6 +139,18 @@ static bool space_is_bounded(void)
     return getrlimit(RLIMIT_AS, &space) == 0 && space.rlim_cur != RLIM_INFINITY;
 }
 
+static int no_platform(dmk_context *ctx, cl_int error)
+{
+    char hint[400];
+    hint_at_steering(hint);
+    return dmk_fail(
+        ctx, DMK_E_DEVICE,
+        "no OpenCL platform (%s); install one, for instance the package "
+        "pocl-opencl-icd%s%s",
+        dmk_cl_text(error), hint,
+        space_is_bounded() ? ", or try without `ulimit -v`, as drivers reserve up to 1 GB" : "");
+}
+
 /* All devices of all platforms, in the order the loader gives them. */
 static int ask_all(dmk_context *ctx, found *all, size_t *count)
 {
@@ -140,15 +158,7 @@ static int ask_all(dmk_context *ctx, found *all, size_t *count)
     cl_uint n_platforms = 0;
     int rc = DMK_OK;
     cl_int error = clGetPlatformIDs(MAX_PLATFORMS, platforms, &n_platforms);
-    if (error != CL_SUCCESS || n_platforms == 0) {
-        return dmk_fail(ctx, DMK_E_DEVICE,
-                        "no OpenCL platform (%s); install one, for instance the package "
-                        "pocl-opencl-icd%s",
-                        dmk_cl_text(error),
-                        space_is_bounded()
-                            ? ", or try without `ulimit -v`, as drivers reserve up to 1 GB"
-                            : "");
-    }
+    if (error != CL_SUCCESS || n_platforms == 0) return no_platform(ctx, error);
     if (n_platforms > MAX_PLATFORMS) n_platforms = MAX_PLATFORMS;
     for (cl_uint p = 0; p < n_platforms; p++) {
         cl_device_id ids[MAX_DEVICES];
