@@ -10,7 +10,8 @@
 
 #include <cmocka.h>
 
-/* Of the split triangles the flattest counts, and the triangle of the mesh that it is a part of is named. */
+/* Of the split triangles the flattest counts, and the triangle of the mesh that it is a part of is named, by the number
+ * that it had before the mesh was ordered. */
 static void the_thinnest_triangle_is_named(void **state)
 {
     static const double xyz[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0, 0.5, 1e-3, 0};
@@ -20,8 +21,7 @@ static void the_thinnest_triangle_is_named(void **state)
     for (int32_t i = 0; i < 27; i++) of_mesh[i] = 100 + i;
     const dmk_mesh mesh = {.n_triangles = 9, .triangle = of_mesh};
     const dmk_geodesics geodesics = {.mesh = &mesh};
-    const dmk_cotree cotree = {.geodesics = &geodesics};
-    const splitter k = {.cotree = &cotree,
+    const splitter k = {.geodesics = &geodesics,
                         .xyz = (double *)xyz,
                         .triangle = (int32_t *)split,
                         .kin = (int32_t *)kin,
@@ -30,6 +30,15 @@ static void the_thinnest_triangle_is_named(void **state)
     assert_int_equal(refuse_thin(*state, &k), DMK_E_MESH);
     const char *said = dmk_context_message(*state);
     if (!strstr(said, "triangle 8 (vertices 124 125 126) ")) fail_msg("%s", said);
+    int32_t triangle_old[9], vertex_old[127];
+    for (int32_t i = 0; i < 9; i++) triangle_old[i] = 1000 + i;
+    for (int32_t i = 0; i < 127; i++) vertex_old[i] = 2000 + i;
+    const dmk_order order = {.triangle_old = triangle_old, .vertex_old = vertex_old};
+    splitter sorted = k;
+    sorted.order = &order;
+    assert_int_equal(refuse_thin(*state, &sorted), DMK_E_MESH);
+    said = dmk_context_message(*state);
+    if (!strstr(said, "triangle 1008 (vertices 2124 2125 2126) ")) fail_msg("%s", said);
 }
 
 /* Not disks: a tetrahedron, a ring of six triangles, two triangles apart. */
@@ -72,8 +81,7 @@ static void a_slit_is_at_the_farthest_vertex(void **state)
     int n = 0, ends = 0;
     assert_int_equal(dmk_mesh_create(*state, 6, xyz, 8, triangle, &m), DMK_OK);
     assert_int_equal(dmk_geodesics_create(*state, m, 1, &top, NULL, &g), DMK_OK);
-    const dmk_cotree cotree = {.geodesics = g};
-    splitter k = {.cotree = &cotree, .side = side};
+    splitter k = {.geodesics = g, .side = side};
     slit(&k);
     for (int32_t c = 0; c < 24; c++) {
         if (!side[c]) continue;

@@ -624,7 +624,7 @@ static void test_finer(void **state)
     for (int i = 0; i < 4; i++) {
         dmk_finer f;
         scene s = strip_of(size[i][0], size[i][1]);
-        assert_int_equal(dmk_finer_create(ctx, s.geodesics, DMK_FINER_FEW, &f), DMK_OK);
+        assert_int_equal(dmk_finer_create(ctx, s.geodesics, &f), DMK_OK);
         assert_int_equal(f.mesh != NULL, i == 0 || i == 3);
         for (int32_t v = 0; v < s.mesh->n_vertices && f.mesh; v++)
             assert_true(fabs(f.geodesics->distance[v] - s.geodesics->distance[v]) < 1e-10);
@@ -644,7 +644,7 @@ static void test_finer_sliver(void **state)
     dmk_finer f;
     assert_int_equal(dmk_mesh_create(ctx, 4, xyz, 2, triangle, &mesh), DMK_OK);
     scene s = scene_of(mesh, (dmk_point){0, {0, 0, 1}});
-    assert_int_equal(dmk_finer_create(ctx, s.geodesics, DMK_FINER_FEW, &f), DMK_OK);
+    assert_int_equal(dmk_finer_create(ctx, s.geodesics, &f), DMK_OK);
     assert_null(f.mesh);
     dmk_finer_free(&f);
     dmk_locus *l = trace(&s);
@@ -965,16 +965,21 @@ static void check_cut(scene *s, size_t most_flipped)
     dmk_mesh *cut = NULL;
     int32_t *origin = NULL;
     double *plane = NULL;
-    dmk_mesh_info before, after;
-    int rc = dmk_locus_cut(ctx, s->geodesics, NULL, &cut, &origin, &plane);
+    dmk_mesh_info before, after, split; /* split: of the mesh whose triangles are */
+    dmk_finer f;
+    int rc = dmk_locus_cut(ctx, s->geodesics, NULL, NULL, &cut, &origin, &plane);
     if (rc != DMK_OK) fail_msg("%s", dmk_context_message(ctx));
     dmk_mesh_get_info(s->mesh, &before);
     dmk_mesh_get_info(cut, &after);
+    assert_int_equal(dmk_finer_create(ctx, s->geodesics, &f), DMK_OK);
+    dmk_mesh_get_info(f.geodesics->mesh, &split);
+    dmk_finer_free(&f);
+    assert_true(split.min_angle > 0.5 * before.min_angle); /* Rivara 1984 */
     assert_int_equal(after.n_components, 1);
     assert_int_equal(after.n_border_loops, 1);
     assert_int_equal(after.euler, 1);
     assert_true(fabs(after.area / before.area - 1) < 1e-12);
-    assert_true(after.min_angle > 0.1 * before.min_angle); /* no slivers */
+    assert_true(after.min_angle > 0.1 * split.min_angle); /* no slivers */
     for (size_t v = 0; v < after.n_vertices; v++) {
         if (origin[v] < 0) continue;
         assert_memory_equal(cut->xyz + 3 * v, s->mesh->xyz + 3 * origin[v], 3 * sizeof *cut->xyz);
@@ -1024,7 +1029,7 @@ static void check_directions(const scene *s)
     int32_t *origin = NULL, n = 0, n_off = 0;
     double *plane = NULL;
     const double scale = 2 * pi / dmk_full_turn(s->geodesics);
-    assert_int_equal(dmk_locus_cut(ctx, s->geodesics, NULL, &cut, &origin, &plane), DMK_OK);
+    assert_int_equal(dmk_locus_cut(ctx, s->geodesics, NULL, NULL, &cut, &origin, &plane), DMK_OK);
     for (int32_t v = 0; v < cut->n_vertices; v++) {
         if (origin[v] < 0 || s->geodesics->distance[origin[v]] == 0) continue;
         const double at = scale * s->geodesics->arrival[origin[v]].direction;
@@ -1067,6 +1072,59 @@ static void test_cut(void **state)
     check_cut(&s, 0);
 }
 
+/* The cut of a closed surface is as long as the locus, but for what margins move, whatever its own triangles show. */
+static void check_cut_length(void)
+{
+    static const struct {
+        int width, depth, n;
+        double strength;
+    } cases[] = {{1, 1, 1, 0.25}, {1, 1, 1, 0.02}, {3, 1, 1, 0},
+                 {5, 2, 1, 0},    {2, 2, 3, 0},    {3, 3, 1, 0}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        scene s =
+            cubes(cases[i].width, cases[i].depth, cases[i].n, (dmk_point){3, {0.3, 0.3, 0.4}});
+        const dmk_locus_options o = {.struct_size = sizeof o, .strength = cases[i].strength};
+        dmk_mesh *cut = NULL;
+        dmk_locus *l = NULL;
+        int32_t *origin = NULL;
+        double *plane = NULL, seam = 0;
+        assert_int_equal(dmk_locus_trace(ctx, s.geodesics, &o, &l), DMK_OK);
+        assert_int_equal(dmk_locus_cut(ctx, s.geodesics, &o, NULL, &cut, &origin, &plane), DMK_OK);
+        for (int32_t e = 0; e < cut->n_edges; e++)
+            seam += cut->edge_triangle[2 * e + 1] < 0 ? 0.5 * cut->length[e] : 0;
+        assert_true(l->info.length > 0.4);
+        if (!(fabs(seam / l->info.length - 1) < 0.06))
+            fail_msg("case %zu: %g for %g", i, seam, l->info.length);
+        free(origin);
+        free(plane);
+        dmk_locus_destroy(&l);
+        dmk_mesh_destroy(&cut);
+        free_scene(&s);
+    }
+}
+
+/* Where parts of finer triangles have no area the mesh's own are cut. */
+static void check_cut_flat(void)
+{
+    scene s = cubes(1, 1, 1, (dmk_point){3, {0.3, 0.3, 0.4}});
+    dmk_mesh *flat = NULL, *cut = NULL;
+    int32_t *origin = NULL;
+    double *plane = NULL;
+    for (int32_t v = 0; v < s.mesh->n_vertices; v++) s.mesh->xyz[3 * v + 2] *= 1e-8;
+    assert_int_equal(dmk_mesh_create(ctx, (size_t)s.mesh->n_vertices, s.mesh->xyz,
+                                     (size_t)s.mesh->n_triangles, s.mesh->triangle, &flat),
+                     DMK_OK);
+    scene t = scene_of(flat, s.source);
+    if (dmk_locus_cut(ctx, t.geodesics, NULL, NULL, &cut, &origin, &plane) != DMK_OK)
+        fail_msg("%s", dmk_context_message(ctx));
+    assert_in_range(cut->n_triangles, 12, 40);
+    free(origin);
+    free(plane);
+    dmk_mesh_destroy(&cut);
+    free_scene(&s);
+    free_scene(&t);
+}
+
 /* Spheres of few triangles, from every vertex and the middle of every triangle: the locus crosses hardly an
  * edge. */
 static void test_cut_coarse(void **state)
@@ -1092,6 +1150,8 @@ static void test_cut_coarse(void **state)
             check_cut(&s, SIZE_MAX);
         }
     }
+    check_cut_length();
+    check_cut_flat();
 }
 
 /* ---- accuracy ------------------------------------------------------------------------------- */
@@ -1427,7 +1487,7 @@ static void test_margin(void **state)
     dmk_mesh *cut = NULL;
     int32_t *origin = NULL;
     double *plane = NULL, least = 1;
-    assert_int_equal(dmk_locus_cut(ctx, s.geodesics, NULL, &cut, &origin, &plane), DMK_OK);
+    assert_int_equal(dmk_locus_cut(ctx, s.geodesics, NULL, NULL, &cut, &origin, &plane), DMK_OK);
     for (int32_t v = 0; v < cut->n_vertices; v++) {
         for (int32_t e = 0; e < m->n_edges && origin[v] < 0; e++) {
             const double *x = cut->xyz + 3 * v, length = m->length[e];

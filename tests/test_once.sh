@@ -66,13 +66,20 @@ for mesh in real-366 valence-216 valence-132; do
     check "$mesh cut open is a disk" disk $mesh 84
 done
 
-# Triangles of 1e-8 of their height: a piece of a triangle has no area, and the refusal names that triangle.
+# Triangles of 1e-8 of their height: the pieces of triangles may have no area, and the refusal names one of the file's.
+awk 'BEGIN { n = 9; turn = 2 * atan2(0, -1) / n; print "OFF"; print 2 * n, 4 * n - 4, 0
+    for (i = 0; i < 2 * n; i++) printf "%.17g %.17g %g\n", cos(turn * (i % n)), sin(turn * (i % n)), i < n ? 0 : 1e-8
+    for (i = 1; i < n - 1; i++) print 3, 0, i + 1, i
+    for (i = 1; i < n - 1; i++) print 3, n, n + i, n + i + 1
+    for (i = 0; i < n; i++) { j = (i + 1) % n; print 3, i, j, n + i; print 3, j, n + j, n + i } }' > "$work/prism.off"
 refuses_thin() {
-    "$tool" cut "$data/thin-0.off.gz" --vertex 0 --quiet --out "$work/thin.off" 2> "$work/err"
-    [ $? = 4 ] && [ ! -e "$work/thin.off" ] &&
-        grep -q 'triangle 3 (vertices 5 1 0) is so thin that a piece' "$work/err"
+    "$tool" cut "$work/prism.off" --vertex 0 --quiet --out "$work/thin.off" 2> "$work/err"
+    [ $? = 4 ] && [ ! -e "$work/thin.off" ] || return 1
+    named=$(sed -n 's/.*triangle \([0-9]*\) (vertices \([0-9 ]*\)) is so thin that a piece.*/\1 \2/p' "$work/err")
+    [ "$(sed -n "$((21 + ${named%% *}))p" "$work/prism.off")" = "3 ${named#* }" ]
 }
 check 'a cut that would make a piece without area' refuses_thin
+check 'thin-0 cut open is a disk' disk thin-0 0
 
 check 'a path along a border is straight there' "$tool" path "$data/strip-20.off.gz" --vertex 1596 --to-vertex 3 --quiet
 

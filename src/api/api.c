@@ -245,7 +245,8 @@ int dmk_cut(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *result,
     DMK_TRY(take_options(ctx, options, &chosen));
     DMK_TRY(check_mesh(ctx, mesh, result));
     DMK_TRY(dmk_stage_begin(ctx, "cut"));
-    DMK_TRY(dmk_locus_cut(ctx, result->geodesics, &chosen, &raw, &raw_origin, &raw_plane));
+    DMK_TRY(dmk_locus_cut(ctx, result->geodesics, &chosen, &result->order->order, &raw, &raw_origin,
+                          &raw_plane));
     DMK_TRY(check_disk(ctx, raw));
     DMK_TRY(DMK_NEW(ctx, sorted_origin, (size_t)raw->n_vertices));
     DMK_TRY(DMK_NEW(ctx, sorted_plane, 2 * (size_t)raw->n_vertices));

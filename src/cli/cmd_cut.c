@@ -143,17 +143,20 @@ static int parse(cut_request *request, const char *out_help, int argc, char **ar
             "Triangles that the cut locus crosses are split, so that it runs along edges, and its\n"
             "points become vertices once for each side, no nearer to an edge's end than 0.15 of "
             "the\n"
-            "edge. The vertices of the component with the source come first, in their old order. A "
-            "cut\n"
-            "locus that is one point becomes a slit of two edges at the farthest vertex. A "
-            "surface\n"
-            "with a border that is a disk already stays as it is.\n"
+            "edge. On a mesh of fewer than 5,000 triangles, and where many edges are long, edges "
+            "are\n"
+            "bisected before, as where the cut locus is traced. The vertices of the component "
+            "with\n"
+            "the source come first, in their old order. A cut locus that is one point becomes a\n"
+            "slit of two edges at the farthest vertex. A disk without a cut locus stays as it is.\n"
             "\n"
             "Each vertex also has a position in the plane: its distance, times its direction at "
             "the\n"
             "source (the logarithmic map). OBJ has them as texture coordinates `vt`, VTP as the "
             "array\n"
-            "`plane`; --picture draws them.",
+            "`plane`; --picture draws them. Around a slit some triangles are turned over in it, "
+            "for\n"
+            "few vertices stand around the whole circle there; the last line counts them.",
         .options = table.row,
         .n_options = table.n,
     };

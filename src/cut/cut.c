@@ -14,10 +14,12 @@
 static const double margin = 0.15;
 
 typedef struct splitter {
-    const dmk_cotree *cotree;
-    int32_t *point;    /* cotree->n: the new vertex on a crossing, or -1 */
-    double *xyz;       /* 3 per vertex of the split mesh */
-    int32_t *triangle; /* 3 per triangle of the split mesh */
+    const dmk_geodesics *geodesics;
+    const dmk_cotree *cotree; /* of these geodesics; NULL: the locus opens nothing */
+    const dmk_order *order;   /* numbers that the mesh had before; NULL: its own */
+    int32_t *point;           /* cotree->n: the new vertex on a crossing, or -1 */
+    double *xyz;              /* 3 per vertex of the split mesh */
+    int32_t *triangle;        /* 3 per triangle of the split mesh */
     int32_t *kin;  /* 3 per triangle: the mesh's corner (3t + k) whose family the corner is of */
     uint8_t *side; /* 3 per triangle: edge opposite the corner is to be cut */
     int32_t n_vertices, n_triangles,
@@ -77,7 +79,7 @@ static void split_rest(splitter *k, corner b, corner c, int32_t on_ab, int32_t o
 /* p[i]: the point on the edge opposite corner i, or -1. */
 static void split(splitter *k, int32_t t, const int32_t *p)
 {
-    const int32_t *v = k->cotree->geodesics->mesh->triangle + 3 * t;
+    const int32_t *v = k->geodesics->mesh->triangle + 3 * t;
     const int n = (p[0] >= 0) + (p[1] >= 0) + (p[2] >= 0);
     corner c[3];
     for (int i = 0; i < 3; i++) c[i] = (corner){v[i], 3 * t + i};
@@ -99,7 +101,7 @@ static void split(splitter *k, int32_t t, const int32_t *p)
 /* A slit of two edges at the farthest vertex, roughly opposite each other. */
 static void slit(splitter *k)
 {
-    const dmk_geodesics *g = k->cotree->geodesics;
+    const dmk_geodesics *g = k->geodesics;
     int32_t far = 0, n = 0;
     for (int32_t v = 0; v < g->mesh->n_vertices; v++) {
         if (g->distance[v] > g->distance[far]) far = v;
@@ -115,9 +117,9 @@ static void slit(splitter *k)
 static int allocate(dmk_context *ctx, int32_t n_points, splitter *k)
 {
     int rc;
-    const dmk_mesh *m = k->cotree->geodesics->mesh;
+    const dmk_mesh *m = k->geodesics->mesh;
     const size_t corners = 3 * ((size_t)m->n_triangles + 4 * (size_t)n_points);
-    DMK_TRY(DMK_NEW(ctx, k->point, (size_t)k->cotree->n));
+    if (k->cotree) DMK_TRY(DMK_NEW(ctx, k->point, (size_t)k->cotree->n));
     DMK_TRY(DMK_NEW(ctx, k->xyz, 3 * ((size_t)m->n_vertices + 2 * (size_t)n_points)));
     DMK_TRY(DMK_NEW(ctx, k->triangle, corners));
     DMK_TRY(DMK_NEW(ctx, k->kin, corners));
@@ -131,7 +133,7 @@ done:
 /* The new vertex of crossing i, not too near to the ends of its edge. */
 static void add_point(splitter *k, int32_t i)
 {
-    const dmk_mesh *m = k->cotree->geodesics->mesh;
+    const dmk_mesh *m = k->geodesics->mesh;
     const int32_t h = k->cotree->crossing[i].half;
     dmk_locus_vertex v;
     dmk_place_crossing(k->cotree, i, &v);
@@ -144,26 +146,29 @@ static void add_point(splitter *k, int32_t i)
     k->point[i] = k->n_vertices++;
 }
 
-/* Points on the edges that the locus crosses, then the split triangles. On a sphere, what crosses fewer than
- * three edges opens nothing: a slit does. */
+static int32_t count_drawn(const dmk_cotree *t, double strength)
+{
+    int32_t n = 0;
+    for (int32_t i = 0; i < t->n; i++) n += dmk_is_drawn(t, i, strength);
+    return n;
+}
+
+/* Points on the edges that the locus crosses, then the split triangles. */
 static int split_all(dmk_context *ctx, double strength, splitter *k)
 {
     const dmk_cotree *t = k->cotree;
-    int32_t n = 0;
-    for (int32_t i = 0; i < t->n; i++) n += dmk_is_drawn(t, i, strength);
-    const bool tree = t->last >= 0, small = tree && n < 3;
-    int rc = allocate(ctx, small ? 0 : n, k);
+    int rc = allocate(ctx, t ? count_drawn(t, strength) : 0, k);
     if (rc != DMK_OK) return rc;
-    for (int32_t i = 0; i < t->n; i++) {
+    for (int32_t i = 0; t && i < t->n; i++) {
         k->point[i] = -1;
-        if (!small && dmk_is_drawn(t, i, strength)) add_point(k, i);
+        if (dmk_is_drawn(t, i, strength)) add_point(k, i);
     }
-    for (int32_t i = 0; i < t->geodesics->mesh->n_triangles; i++) {
+    for (int32_t i = 0; i < k->geodesics->mesh->n_triangles; i++) {
         int32_t p[3];
-        for (int j = 0; j < 3; j++) p[j] = t->on[3 * i + j] < 0 ? -1 : k->point[t->on[3 * i + j]];
+        for (int j = 0; j < 3; j++)
+            p[j] = t && t->on[3 * i + j] >= 0 ? k->point[t->on[3 * i + j]] : -1;
         split(k, i, p);
     }
-    if (small) slit(k);
     return DMK_OK;
 }
 
@@ -181,12 +186,16 @@ static int refuse_thin(dmk_context *ctx, const splitter *k)
             thin = k->kin[3 * (size_t)i] / 3;
         }
     }
-    const int32_t *v = k->cotree->geodesics->mesh->triangle + 3 * (size_t)thin;
+    int32_t v[3];
+    for (int i = 0; i < 3; i++) {
+        v[i] = k->geodesics->mesh->triangle[3 * (size_t)thin + i];
+        if (k->order) v[i] = k->order->vertex_old[v[i]];
+    }
     return dmk_fail(
         ctx, DMK_E_MESH,
         "triangle %d (vertices %d %d %d) is so thin that a piece which the cut makes of it "
         "has no area; join its nearest vertices, or move them apart",
-        thin, v[0], v[1], v[2]);
+        k->order ? k->order->triangle_old[thin] : thin, v[0], v[1], v[2]);
 }
 
 /* Sets of corners that uncut edges join. */
@@ -260,7 +269,7 @@ static int separate(dmk_context *ctx, const splitter *k, dmk_mesh **cut, int32_t
         const int32_t c = first[v], old = k->triangle[c];
         memcpy(xyz + 3 * (size_t)v, k->xyz + 3 * (size_t)old, 3 * sizeof *xyz);
         (*origin)[v] = old < k->n_kept ? old : -1;
-        dmk_place_in_plane(k->cotree, k->kin[c], xyz + 3 * (size_t)v, *plane + 2 * (size_t)v);
+        dmk_place_in_plane(k->geodesics, k->kin[c], xyz + 3 * (size_t)v, *plane + 2 * (size_t)v);
     }
     DMK_TRY(dmk_poll(ctx));
     rc = dmk_mesh_adopt(ctx, (size_t)n, xyz, (size_t)k->n_triangles, number, cut);
@@ -286,23 +295,28 @@ static void turn_back(const dmk_finer *f, size_t n, double *plane)
     }
 }
 
-int dmk_locus_cut(dmk_context *ctx, const dmk_geodesics *g, const dmk_locus_options *opt,
-                  dmk_mesh **cut, int32_t **origin, double **plane)
+/* Along the locus of the finer geodesics; where it opens nothing, the mesh of g itself. */
+static int open_along(dmk_context *ctx, const dmk_geodesics *g, const dmk_finer *f,
+                      const dmk_locus_options *opt, const dmk_order *order, dmk_mesh **cut,
+                      int32_t **origin, double **plane)
 {
     int rc;
     dmk_cotree t = {0};
-    dmk_finer f;
-    splitter k = {.cotree = &t, .n_kept = g->mesh->n_vertices};
-    *origin = NULL;
-    *plane = NULL;
-    DMK_TRY(dmk_finer_create(ctx, g, dmk_mesh_is_disk(g->mesh) ? DMK_FINER_NEVER : DMK_FINER_UNEVEN,
-                             &f));
-    DMK_TRY(dmk_cotree_complete(ctx, f.geodesics, f.mean_edge, &t));
+    splitter k = {.geodesics = g, .order = order, .n_kept = g->mesh->n_vertices};
+    DMK_TRY(dmk_cotree_complete(ctx, f->geodesics, f->mean_edge, &t));
     DMK_TRY(dmk_poll(ctx));
-    DMK_TRY(split_all(ctx, dmk_strength_asked(&t, opt), &k));
+    const double strength = dmk_strength_asked(&t, opt);
+    const bool is_tree = t.last >= 0; /* of a sphere: what crosses two edges opens nothing there */
+    if (count_drawn(&t, strength) > (is_tree ? 2 : 0)) {
+        k.geodesics = f->geodesics;
+        k.cotree = &t;
+        if (f->mesh) k.order = NULL;
+    }
+    DMK_TRY(split_all(ctx, strength, &k));
+    if (!k.cotree && is_tree) slit(&k);
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(separate(ctx, &k, cut, origin, plane));
-    if (f.mesh) turn_back(&f, (size_t)(*cut)->n_vertices, *plane);
+    if (k.geodesics != g) turn_back(f, (size_t)(*cut)->n_vertices, *plane);
 done:
     if (rc != DMK_OK) {
         free(*origin);
@@ -316,6 +330,22 @@ done:
     free(k.kin);
     free(k.side);
     dmk_cotree_free(&t);
+    return rc;
+}
+
+int dmk_locus_cut(dmk_context *ctx, const dmk_geodesics *g, const dmk_locus_options *opt,
+                  const dmk_order *order, dmk_mesh **cut, int32_t **origin, double **plane)
+{
+    int rc;
+    dmk_finer f;
+    const dmk_finer none = {.geodesics = g, .mean_edge = g->mesh->info.mean_edge};
+    *origin = NULL;
+    *plane = NULL;
+    DMK_TRY(dmk_finer_create(ctx, g, &f));
+    rc = open_along(ctx, g, &f, opt, order, cut, origin, plane);
+    if (rc == DMK_E_MESH && f.mesh) /* pieces of slivers' parts may be flat */
+        rc = open_along(ctx, g, &none, opt, order, cut, origin, plane);
+done:
     dmk_finer_free(&f);
     return rc;
 }

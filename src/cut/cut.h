@@ -6,14 +6,15 @@
 
 /* cut.c: a disk, with one border loop and Euler characteristic 1.
  * The triangles that the locus crosses are split so that it runs along edges; its vertices are doubled,
- * one for each side. A locus that crosses fewer than three edges of a sphere becomes a slit of two edges; a
- * disk with a border needs no cut. Where edges are of very different lengths it is the finer mesh of the locus
- * that is cut (geodesic/finer.h). The mesh begins with the vertices of geodesics->mesh in their order.
+ * one for each side. It is the mesh on which the locus is traced that is cut (geodesic/finer.h). A locus that crosses
+ * fewer than three edges of a sphere becomes a slit of two edges of geodesics->mesh; where a disk has none, that stays
+ * as it is. The mesh begins with the vertices of geodesics->mesh in their order.
+ * order (NULL: none): the mesh's numbers in what an error says are those that it had before.
  * *origin: for each vertex the one of that mesh at the same place, or -1 where it is new; *plane: 2 for each
  * vertex, distance times the direction at the source of the geodesics on its side, averaged as dmk_plane_unfold does
  * (the caller frees both). */
 int dmk_locus_cut(dmk_context *ctx, const dmk_geodesics *geodesics, const dmk_locus_options *opt,
-                  dmk_mesh **cut, int32_t **origin, double **plane);
+                  const dmk_order *order, dmk_mesh **cut, int32_t **origin, double **plane);
 
 /* plane.c: directions averaged around triangles that lie the other way round, or are flat, in the plane, round after
  * round, until none is left or two rounds leave no fewer; distances stay. plane: 2 for each vertex of the cut mesh. */

@@ -234,19 +234,19 @@ done:
     return rc;
 }
 
-int dmk_finer_create(dmk_context *ctx, const dmk_geodesics *g, dmk_finer_why why, dmk_finer *f)
+int dmk_finer_create(dmk_context *ctx, const dmk_geodesics *g, dmk_finer *f)
 {
     const dmk_mesh *m = g->mesh;
     const double mean_edge = m->info.mean_edge, length = longest * mean_edge;
     double in_long = 0;
     for (int32_t e = 0; m->info.max_edge > 2 * length && e < m->n_edges; e++)
         in_long += m->length[e] > 2 * length ? m->length[e] : 0;
-    const bool few = why == DMK_FINER_FEW && m->n_triangles < FEW;
+    const bool few = m->n_triangles < FEW;
     const bool uneven =
         in_long > share * mean_edge * m->n_edges && m->n_triangles < DMK_EXACT_TRIANGLES;
     const dmk_finer none = {.geodesics = g, .mean_edge = mean_edge};
     *f = none;
-    if (why == DMK_FINER_NEVER || !(uneven || few)) return DMK_OK;
+    if (!uneven && !few) return DMK_OK;
     const int rc = make(ctx, g, length * (few ? sqrt(m->n_triangles / (double)FEW) : 1), f);
     if (rc != DMK_E_MESH) return rc;
     dmk_finer_free(f); /* parts of slivers may be flat, or paths wind around them */

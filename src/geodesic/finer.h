@@ -18,14 +18,10 @@ typedef struct dmk_finer {
         turn; /* n_sources: the direction at each source that is 0 in the geodesics of the coarse mesh */
 } dmk_finer;
 
-/* What asks for finer triangles: nothing; edges of very different lengths; that, or few triangles. */
-typedef enum dmk_finer_why { DMK_FINER_NEVER, DMK_FINER_UNEVEN, DMK_FINER_FEW } dmk_finer_why;
-
 /* The longest edge is bisected until none has more than two mean edges of the geodesics' mesh, or of one of 5,000
  * triangles if it has fewer (M. C. Rivara, "Algorithms for refining triangular grids", 1984), or there are 300,000
  * triangles. The sources are points. Freed also after a failure. */
-int dmk_finer_create(dmk_context *context, const dmk_geodesics *geodesics, dmk_finer_why why,
-                     dmk_finer *finer);
+int dmk_finer_create(dmk_context *context, const dmk_geodesics *geodesics, dmk_finer *finer);
 void dmk_finer_free(dmk_finer *finer);
 
 #endif

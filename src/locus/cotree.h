@@ -128,7 +128,7 @@ void dmk_place_end(const dmk_cotree *cotree, const dmk_end_point *end, dmk_locus
 /* The logarithmic map at xyz, a point of the corner's triangle reached by the geodesics of its family: length
  * times direction at the source, a full turn being 2 pi. In the shadow of a pseudo-source, where all paths start
  * in one direction, that of the corner is turned as if its path were straight. */
-void dmk_place_in_plane(const dmk_cotree *cotree, int32_t corner, const double xyz[3],
+void dmk_place_in_plane(const dmk_geodesics *geodesics, int32_t corner, const double xyz[3],
                         double plane[2]);
 
 /* Whether three branches of default strength meet in the triangle. */

@@ -209,7 +209,7 @@ int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *g, const dmk_locus_op
     dmk_cotree t = {0};
     dmk_finer f;
     sketch s = {0};
-    DMK_TRY(dmk_finer_create(ctx, g, DMK_FINER_FEW, &f));
+    DMK_TRY(dmk_finer_create(ctx, g, &f));
     DMK_TRY(DMK_NEW(ctx, s.locus, 1));
     DMK_TRY(dmk_cotree_complete(ctx, f.geodesics, f.mean_edge, &t));
     DMK_TRY(dmk_poll(ctx));

@@ -274,9 +274,9 @@ void dmk_place_crossing(const dmk_cotree *t, int32_t i, dmk_locus_vertex *v)
     v->meeting_angle = c->alpha;
 }
 
-void dmk_place_in_plane(const dmk_cotree *t, int32_t corner, const double xyz[3], double plane[2])
+void dmk_place_in_plane(const dmk_geodesics *g, int32_t corner, const double xyz[3],
+                        double plane[2])
 {
-    const dmk_geodesics *g = t->geodesics;
     const dmk_mesh *m = g->mesh;
     const int32_t triangle = corner / 3;
     const double full = dmk_full_turn(g), unit = g->star.unit;
