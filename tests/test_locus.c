@@ -700,6 +700,40 @@ static scene strip(int n, bool closed)
 
 /* On the cylinder the locus is the opposite straight line, from border to border; on the flat strip
  * there is none. */
+/* Rough ground: branches that the border cuts off have lines or none; no vertex lies alone. */
+static void check_ground(void)
+{
+    enum { N = 12 };
+    double xyz[3 * (N + 1) * (N + 1)];
+    int32_t triangle[6 * N * N], n = 0;
+    uint32_t random = 1;
+    for (int v = 0; v < (N + 1) * (N + 1); v++) {
+        const double place[3] = {v % (N + 1), v / (N + 1), 0}; /* half an edge up and down */
+        for (int k = 0; k < 3; k++) {
+            random = random * 1664525u + 1013904223u;
+            xyz[3 * v + k] = place[k] + (k < 2 ? 0.15 : 0.8) * (random / 2147483648.0 - 1);
+        }
+    }
+    for (int i = 0; i < N * N; i++) {
+        const int32_t a = i / N * (N + 1) + i % N;
+        const int32_t two[6] = {a, a + 1, a + N + 2, a, a + N + 2, a + N + 1};
+        for (int k = 0; k < 6; k++) triangle[n++] = two[k];
+    }
+    for (int64_t t = 0; t < 2 * N * N; t += 20) {
+        dmk_mesh *m = NULL;
+        assert_int_equal(
+            dmk_mesh_create(ctx, sizeof xyz / sizeof *xyz / 3, xyz, 2 * N * N, triangle, &m),
+            DMK_OK);
+        scene s = scene_of(m, (dmk_point){t, {0.3, 0.3, 0.4}});
+        dmk_locus *l = trace(&s);
+        size_t n_vertices;
+        const dmk_locus_vertex *v = dmk_locus_vertices(l, &n_vertices);
+        for (size_t i = 0; i < n_vertices; i++) assert_true(v[i].degree > 0);
+        dmk_locus_destroy(&l);
+        free_scene(&s);
+    }
+}
+
 static void test_border(void **state)
 {
     (void)state;
@@ -728,6 +762,7 @@ static void test_border(void **state)
     assert_int_equal(info.n_vertices, 0);
     dmk_locus_destroy(&l);
     free_scene(&s);
+    check_ground();
 }
 
 /* ---- paths ---------------------------------------------------------------------------------- */

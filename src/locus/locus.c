@@ -71,9 +71,8 @@ static int join_triangle(dmk_context *ctx, const dmk_cotree *t, int32_t triangle
         for (int k = 0; k < n; k++)
             DMK_TRY(join(ctx, s, s->number[kept[k]], v, t->crossing[kept[k]].strength));
     } else if (n == 2) {
-        const dmk_crossing *a = &t->crossing[kept[0]], *b = &t->crossing[kept[1]];
-        DMK_TRY(
-            join(ctx, s, s->number[kept[0]], s->number[kept[1]], fmin(a->strength, b->strength)));
+        const double weaker = fmin(t->crossing[kept[0]].strength, t->crossing[kept[1]].strength);
+        rc = join(ctx, s, s->number[kept[0]], s->number[kept[1]], weaker);
     }
 done:
     return rc;
@@ -93,6 +92,20 @@ static int draw_point(dmk_context *ctx, const dmk_cotree *t, sketch *s)
     return DMK_OK;
 }
 
+/* On a border's edge nothing is, where the rest of its branch is too weak: no line is drawn there. */
+static bool is_joined(const dmk_cotree *t, int32_t i, double strength)
+{
+    bool joined = false;
+    for (int k = 0; k < 6; k++) {
+        const int32_t node = t->crossing[i].node[k / 3];
+        if (node >= t->geodesics->mesh->n_triangles) continue;
+        const int32_t j = t->on[3 * node + k % 3];
+        const dmk_end_point *end = j == i ? dmk_end_in(t, node) : NULL;
+        joined |= j == i ? end && end->crossing == i : j >= 0 && dmk_is_drawn(t, j, strength);
+    }
+    return joined;
+}
+
 /* Crossings of `strength` or more and what joins them. */
 static int draw(dmk_context *ctx, const dmk_cotree *t, double strength, sketch *s)
 {
@@ -100,7 +113,7 @@ static int draw(dmk_context *ctx, const dmk_cotree *t, double strength, sketch *
     DMK_TRY(DMK_NEW(ctx, s->number, (size_t)t->n));
     for (int32_t i = 0; i < t->n; i++) {
         s->number[i] = -1;
-        if (!dmk_is_drawn(t, i, strength)) continue;
+        if (!dmk_is_drawn(t, i, strength) || !is_joined(t, i, strength)) continue;
         DMK_TRY(add_vertex(ctx, s, &s->number[i]));
         dmk_place_crossing(t, i, &s->locus->vertex[s->number[i]]);
     }
@@ -127,6 +140,8 @@ static void place_back(const dmk_geodesics *g, const dmk_finer *f, dmk_locus *l)
 /* Angles at the source scaled to a full turn of 2 pi; kinds and their counts. */
 static void finish_vertices(const dmk_cotree *t, dmk_locus *l)
 {
+    static const dmk_locus_kind kind[] = {DMK_LOCUS_POINT, DMK_LOCUS_END, DMK_LOCUS_ORDINARY,
+                                          DMK_LOCUS_BRANCH}; /* by degree */
     const double full = dmk_full_turn(t->geodesics), scale = full < HUGE_VAL ? 2 * M_PI / full : 1;
     for (size_t i = 0; i < l->info.n_vertices; i++) {
         dmk_locus_vertex *v = &l->vertex[i];
@@ -135,10 +150,7 @@ static void finish_vertices(const dmk_cotree *t, dmk_locus *l)
             v->angle[k] *= scale;
             if (full < HUGE_VAL) v->angle[k] -= 2 * M_PI * floor(v->angle[k] / (2 * M_PI));
         }
-        v->kind = v->degree == 0   ? DMK_LOCUS_POINT
-                  : v->degree == 1 ? DMK_LOCUS_END
-                  : v->degree > 2  ? DMK_LOCUS_BRANCH
-                                   : DMK_LOCUS_ORDINARY;
+        v->kind = kind[v->degree];
         l->info.endpoints += v->degree == 1;
         l->info.branch_points += v->degree > 2;
     }
