@@ -32,6 +32,8 @@ fails 'a numbered name that is the mesh' 1 "--tangent: '.*n-0001.off' is read" \
 check 'it is as before' cmp "$work/n-0001.off" "$work/copy.off"
 refused 'two outputs of one name' "--report: .*a.csv' is also a file of --tangent" \
     solve "$mesh" --vertex 0 --tangent "$work/a.csv" --report "$work/a.csv"
+refused 'the standard output by the option that was given' "--json: '-' is also a file of --out" \
+    solve "$mesh" --vertex 0 --out - --json
 refused 'by another way' "--tangent: .*is also a file of --locus" \
     solve "$mesh" --vertex 0 --locus "$work/a.csv" --tangent "$work/folder/../a.csv"
 refused 'of one option' '--out: .*is also a file of --out' solve "$mesh" --vertex 0 --out "$work/a.vtp" --out "$work/a.vtp"
@@ -129,7 +131,7 @@ check 'a measure from a pipe' sh -c '"$1" transport "$2" --from - --to "$3/b.txt
 check 'two outputs may go to /dev/null' "$tool" solve "$mesh" --vertex 0 --quiet --out /dev/null --locus /dev/null --report /dev/null
 check 'and those of many sources' "$tool" solve "$mesh" --sources "$work/list.txt" --quiet --out /dev/null
 refused 'two files on the standard output' "--locus: '-' is also a file of --out" solve "$mesh" --vertex 0 --out - --locus -
-refused 'a file and the report' "--report: '-' is also a file of --out" solve "$mesh" --vertex 0 --out /dev/stdout --json
+refused 'a file and the report' "--json: '-' is also a file of --out" solve "$mesh" --vertex 0 --out /dev/stdout --json
 refused 'two files in one pipe' "--locus: .*pipe' is also a file of --out" solve "$mesh" --vertex 0 --out "$work/pipe" --locus "$work/pipe"
 refused 'many sources on the standard output' "--sources writes a file for each source, and '-' is one stream" \
     solve "$mesh" --sources "$work/list.txt" --out -

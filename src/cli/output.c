@@ -268,7 +268,8 @@ int cli_check_uses(const cli_uses *uses)
         const char *option = uses->use[i].option, *path = uses->use[i].path;
         at[i] = find_destination(path);
         if (!option) at[i].out = false; /* read from the standard input */
-        takes_stdout = takes_stdout || (at[i].out && strcmp(option, "report") != 0);
+        takes_stdout = takes_stdout ||
+                       (at[i].out && strcmp(option, "report") != 0 && strcmp(option, "json") != 0);
         for (int j = 0; j < i && option; j++) {
             const char *other = uses->use[j].option;
             if (!same_destination(&at[i], &at[j]) && !is_piece(&at[j], path) &&

@@ -298,5 +298,5 @@ void solve_request_uses(const solve_request *request, cli_uses *uses)
     cli_use_files(uses, "out", &request->out);
     cli_use_files(uses, "locus", &request->locus);
     cli_use_files(uses, "tangent", &request->tangent);
-    cli_use(uses, "report", request->report);
+    cli_use(uses, request->json ? "json" : "report", request->report);
 }
