@@ -195,6 +195,26 @@ static void bounds_of_attempts_before_stay(void **state)
     problem_free(&p);
 }
 
+/* An iteration in which everything becomes no number, down to the padding, leaves none to the next solve. */
+static void no_solve_spoils_the_next(void **state)
+{
+    problem p = tube(*state, 3, 3, 3);
+    p.options.start = DMK_START_UNIFORM;
+    problem_solve(&p);
+    const dmk_stats first = p.stats;
+    dmk_system *s = p.solver->system;
+    assert_true(s->n_elements < s->n_elements_pad);
+    dmk_iteration o = iteration_of(&p);
+    o.between = true;
+    bench_ok(p.b, dmk_system_start_even(o.ctx, s));
+    bench_ok(p.b, dmk_buffer_fill_real(o.ctx, s->device, DMK_OUTER, s->f, rows(&o), NAN));
+    assert_int_equal(dmk_newton(&o, false, 0, USUAL), DMK_E_DIVERGED);
+    problem_solve(&p);
+    assert_int_equal(p.stats.steps, first.steps);
+    assert_true(p.stats.cost_upper == first.cost_upper && p.stats.cost_lower == first.cost_lower);
+    problem_free(&p);
+}
+
 static bool follows(int max_steps, double tolerance, double change, int rc)
 {
     const dmk_solve_options options = {.max_steps = max_steps, .tolerance = tolerance};
@@ -241,6 +261,7 @@ int main(void)
                                        cmocka_unit_test(pairs_come_back),
                                        cmocka_unit_test(attempts_begin_anew),
                                        cmocka_unit_test(bounds_of_attempts_before_stay),
+                                       cmocka_unit_test(no_solve_spoils_the_next),
                                        cmocka_unit_test(solved_better_steps_end),
                                        cmocka_unit_test(needles_settle_in_the_first_attempt),
                                        cmocka_unit_test(a_settled_cost_is_enough),

@@ -974,6 +974,8 @@ int dmk_system_start_even(dmk_context *ctx, dmk_system *s)
     int rc;
     DMK_TRY(dmk_system_allocate_state(ctx, s));
     DMK_TRY(dmk_buffer_fill_real(ctx, s->device, DMK_OUTER, s->u, (size_t)s->n_rows_pad, 0));
+    /* The padding, too: what an iteration that ended in no numbers has left there would end this one. */
+    DMK_TRY(dmk_buffer_fill_real(ctx, s->device, DMK_OUTER, s->mu, (size_t)s->n_elements_pad, 0));
     rc = dmk_elements_fill(ctx, s, s->mu, 1);
 done:
     return rc;
