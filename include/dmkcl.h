@@ -124,9 +124,10 @@ int dmk_mesh_create(dmk_context *context, size_t n_vertices, const double *xyz, 
 /* Read a mesh file; the format is recognised by its content, then its suffix. */
 int dmk_mesh_read(dmk_context *context, const char *path, dmk_mesh **mesh);
 /* Read the array `name`, one number for each, of the points of a VTP or VTU file, or where these have none of that
- * name of its faces, into values[0 .. *n); DMK_E_FORMAT if there is none, or more than `room` numbers. */
+ * name of its faces, into values[0 .. *n); *of_points: which. DMK_E_FORMAT if there is none, or more than `room`
+ * numbers. */
 int dmk_array_read(dmk_context *context, const char *path, const char *name, size_t room,
-                   double *values, size_t *n);
+                   double *values, size_t *n, int *of_points);
 /* Write the bare mesh; the suffix chooses the format (see dmk_format_get, dmk_context_set_format). */
 int dmk_mesh_write(dmk_context *context, const dmk_mesh *mesh, const char *path);
 void dmk_mesh_destroy(dmk_mesh **mesh);

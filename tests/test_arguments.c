@@ -146,6 +146,7 @@ static const dmk_ranks alone = {.size = 1, ALONE};
 #define good_int32_t_pp (void *)&good.none
 #define good_int64_t_p (int64_t *)(void *)good.scratch
 #define good_size_t_p (size_t *)(void *)good.scratch
+#define good_int_p (int *)(void *)good.scratch
 #define good_size_t 0
 #define good_n_points 1
 #define good_n_sources 1

@@ -50,6 +50,22 @@ fails 'an array of vectors' 3 'several components' "$tool" transport $mesh --fro
 check 'a larger mesh' "$tool" mesh sphere --triangles 99000 --out "$work/big.off" --quiet
 check 'and its arrays' "$tool" solve "$work/big.off" --vertex 0 --out "$work/big.vtp" --quiet
 fails 'an array of another mesh' 3 'more than the' "$tool" transport $mesh --from "$work/big.vtp:mu" --to uniform
+# Of a tetrahedron, which has as many triangles as vertices.
+printf 'OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n' > "$work/four.off"
+{
+    printf '<VTKFile type="PolyData"><PolyData><Piece NumberOfPoints="4" NumberOfPolys="4">'
+    printf '<PointData><DataArray type="Float64" Name="p" format="ascii">1 1 1 1</DataArray></PointData>'
+    printf '<CellData><DataArray type="Float64" Name="c" format="ascii">1 1 1 1</DataArray></CellData>'
+    printf '<Points><DataArray type="Float64" NumberOfComponents="3" format="ascii">0 0 0 1 0 0 0 1 0 0 0 1</DataArray></Points>'
+    printf '<Polys><DataArray type="Int32" Name="connectivity" format="ascii">0 2 1 0 1 3 0 3 2 1 2 3</DataArray>'
+    printf '<DataArray type="Int32" Name="offsets" format="ascii">3 6 9 12</DataArray></Polys></Piece></PolyData></VTKFile>'
+} > "$work/four.vtp"
+mass_of() { # ARRAY PATTERN
+    "$tool" transport "$work/four.off" --from "$work/four.vtp:$1" --to uniform --normalise --quiet --report "$work/four.json" &&
+        has "$work/four.json" "\"mass\": $2"
+}
+check 'an array of four triangles is no mass of vertices' mass_of c '2\.366'
+check 'and one of four points is' mass_of p '4(\.0*[0-9]*|),'
 usage 'no measure' 'no measure given' $mesh
 usage 'masses that differ' '3 to be moved, 1 at the target; make them equal, or scale the second one with --normalise' $mesh --from "$work/a" --to "$work/vertices"
 printf 'vertex 99999999 3\n' > "$work/far"
@@ -68,6 +84,19 @@ head -n 9 "$work/vertices" > "$work/few"
 fails 'too few numbers' 3 'has 9 numbers; expected' "$tool" transport $mesh --from "$work/few" --to "$work/b"
 printf 'vertex 1 2\nabc\n' > "$work/words"
 fails 'words' 3 'words:2: expected' "$tool" transport $mesh --from "$work/words" --to "$work/b"
+# A number that is left out is no number fewer.
+for text in '0.5,,0.2,1' '0.5,0.1,0.2,' ',0.5,0.1,0.2' 'vertex 5,' 'vertex,,5,2' '0.5,0.1-0.2'; do
+    echo "$text" > "$work/gaps"
+    fails "a gap in $text" 3 'gaps:1: expected one number' "$tool" transport $mesh --from "$work/gaps" --to "$work/b"
+done
+printf 'vertex,5 , 2\r\n0.5 ,0.1,\t0.2 1\r\n' > "$work/commas"
+check 'commas and blanks' "$tool" transport $mesh --from "$work/commas" --to "$work/b" --quiet
+printf 'vertex 5 1\rvertex 6 1\r\rvertex 7 1 # more\r' > "$work/returns"
+check 'lines that end in carriage returns' "$tool" transport $mesh --from "$work/returns" --to "$work/b" --quiet
+printf 'vertex 5 1\rvertex x 1\r' > "$work/returns"
+fails 'which count' 3 'returns:2: expected' "$tool" transport $mesh --from "$work/returns" --to "$work/b"
+printf 'vertex 5 3\0vertex 6 1\n' > "$work/zero"
+fails 'a byte 0' 3 'zero:1: a byte 0 is in the line' "$tool" transport $mesh --from "$work/zero" --to "$work/b"
 printf 'vertex 1.5 2\n' > "$work/half"
 fails 'half a vertex' 3 'half:1: expected' "$tool" transport $mesh --from "$work/half" --to "$work/b"
 fails 'no file' 2 'none' "$tool" transport $mesh --from "$work/none" --to "$work/b"

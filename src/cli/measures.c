@@ -2,41 +2,44 @@
  * lines `vertex I MASS` and `X,Y,Z MASS`; # begins a comment. FILE.vtp:NAME is an array of a VTP or VTU file. */
 #include "transport.h"
 
-#include <ctype.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* Numbers of a line, separated by blanks or commas, after the word `vertex` if it is there. */
+/* Numbers of a line, between two of which are blanks, a comma or both, after the word `vertex` if it is there. */
 typedef struct line {
     bool vertex;
     double number[5];
-    int n; /* -1: something else is on the line */
+    int n; /* -1: something else is on the line, or nothing where a comma wants a number */
 } line;
+
+/* Past blanks and at most one comma; *comma: whether it is there. */
+static char *skip_separator(char *text, bool *comma)
+{
+    text += strspn(text, " \t");
+    *comma = *text == ',';
+    return *comma ? text + 1 + strspn(text + 1, " \t") : text;
+}
 
 static line read_line(char *text)
 {
     static const char word[] = "vertex";
-    line l = {.n = 0};
-    for (char *c = text; *c; c++) {
-        if (*c == ',') *c = ' ';
-    }
-    if (strncmp(text, word, sizeof word - 1) == 0 &&
-        isspace((unsigned char)text[sizeof word - 1])) {
-        l.vertex = true;
-        text += sizeof word - 1;
-    }
-    while (l.n < 5) {
+    const size_t length = sizeof word - 1;
+    line l = {.vertex = strncmp(text, word, length) == 0 && strchr(" \t,", text[length])};
+    bool comma = false, apart = true; /* from what is before */
+    if (l.vertex) text = skip_separator(text + length, &comma);
+    while (l.n < 5 && apart) {
         char *end;
         l.number[l.n] = strtod(text, &end); /* the locale is C: see main */
         if (end == text) break;
         l.n++;
-        text = end;
+        text = skip_separator(end, &comma);
+        apart = text > end;
     }
     /* A vertex has a whole number, which the library looks up. */
     const bool whole =
         !l.vertex || (fabs(l.number[0]) <= 1e15 && floor(l.number[0]) == l.number[0]);
-    if (text[strspn(text, " \t")] != '\0' || !whole) l.n = -1;
+    if (*text != '\0' || comma || !whole) l.n = -1;
     return l;
 }
 
@@ -143,8 +146,10 @@ static int find_places(dmk_context *context, const dmk_mesh *mesh, const char *p
     return cli_error(cli_exit_code(rc), "%s: %s", path, dmk_context_message(context));
 }
 
-/* Which of the two a column of numbers is. */
-static int settle(const dmk_mesh *mesh, const char *path, cli_measure *m)
+/* What numbers are of: a column of a text does not say it, and is of the vertices if there are as many triangles. */
+typedef enum owner { ANY, VERTICES, TRIANGLES } owner;
+
+static int settle(const dmk_mesh *mesh, const char *path, owner of, cli_measure *m)
 {
     dmk_mesh_info info;
     dmk_mesh_get_info(mesh, &info);
@@ -152,9 +157,9 @@ static int settle(const dmk_mesh *mesh, const char *path, cli_measure *m)
     m->measure.atoms = m->atom;
     m->measure.atom_mass = m->is_free ? NULL : m->mass;
     if (m->n_atoms > 0) return EXIT_OK;
-    if (m->n_values == info.n_vertices)
+    if (of != TRIANGLES && m->n_values == info.n_vertices)
         m->measure.vertex_mass = m->value;
-    else if (m->n_values == info.n_triangles)
+    else if (of != VERTICES && m->n_values == info.n_triangles)
         m->measure.triangle_density = m->value;
     else {
         return cli_error(cli_exit_code(DMK_E_FORMAT),
@@ -180,8 +185,11 @@ static bool read_array(dmk_context *context, const dmk_mesh *mesh, const char *p
     char *file = strndup(path, (size_t)(colon - path));
     m->value = calloc(room, sizeof *m->value);
     if (file && m->value) {
-        const int rc = dmk_array_read(context, file, colon + 1, room, m->value, &m->n_values);
-        *code = rc == DMK_OK ? settle(mesh, path, m) : cli_library_error(context, rc);
+        int of_points;
+        const int rc =
+            dmk_array_read(context, file, colon + 1, room, m->value, &m->n_values, &of_points);
+        *code = rc == DMK_OK ? settle(mesh, path, of_points ? VERTICES : TRIANGLES, m)
+                             : cli_library_error(context, rc);
         for (size_t i = 0; *code == EXIT_OK && i < m->n_values; i++) {
             if (is_mass(m, m->value[i])) continue;
             *code = cli_error(EXIT_USAGE, "%s: number %zu is %g; %s", path, i, m->value[i], a_mass);
@@ -207,7 +215,7 @@ int cli_measure_read(dmk_context *context, const dmk_mesh *mesh, const char *pat
     if (read_array(context, mesh, path, m, &code)) return code;
     code = cli_read_lines(path, take_line, &(reading){context, mesh, path, m});
     if (code == EXIT_OK) code = find_places(context, mesh, path, m);
-    return code == EXIT_OK ? settle(mesh, path, m) : code;
+    return code == EXIT_OK ? settle(mesh, path, ANY, m) : code;
 }
 
 void cli_measure_free(cli_measure *m)

@@ -8,25 +8,43 @@
 #include <sys/resource.h>
 #include <time.h>
 
+/* What getline gives, which ends in "\n" or "\r\n", or is several lines if these end in "\r". */
+static int take_lines(char *text, int64_t *number, cli_take *take, void *data)
+{
+    int code = EXIT_OK;
+    for (char *line = text, *next; line && code == EXIT_OK; line = next) {
+        char *end = line + strcspn(line, "\r\n");
+        next = *end == '\r' && end[1] != '\0' && end[1] != '\n' ? end + 1 : NULL;
+        *end = '\0';
+        code = take(line, ++*number, data);
+    }
+    return code;
+}
+
 int cli_read_lines(const char *path, cli_take *take, void *data)
 {
     static const char mark[] = "\xef\xbb\xbf"; /* what some editors write before a text in UTF-8 */
     FILE *file = fopen(strcmp(path, "-") == 0 ? "/dev/stdin" : path, "r");
     if (!file) return cli_error(EXIT_IO, "cannot open '%s': %s", path, strerror(errno));
-    char *line = NULL;
+    char *text = NULL;
     size_t room = 0;
+    int64_t number = 0;
+    ssize_t length;
     int code = EXIT_OK;
     errno = 0;
-    for (int64_t number = 1; code == EXIT_OK && getline(&line, &room, file) >= 0; number++) {
-        const bool marked = number == 1 && strncmp(line, mark, strlen(mark)) == 0;
-        line[strcspn(line, "\r\n")] = '\0';
-        code = take(line + (marked ? strlen(mark) : 0), number, data);
+    while (code == EXIT_OK && (length = getline(&text, &room, file)) >= 0) {
+        const bool marked = number == 0 && strncmp(text, mark, strlen(mark)) == 0;
+        code = strlen(text) == (size_t)length
+                   ? take_lines(text + (marked ? strlen(mark) : 0), &number, take, data)
+                   : cli_error(cli_exit_code(DMK_E_FORMAT),
+                               "%s:%lld: a byte 0 is in the line: no text", path,
+                               (long long)number + 1);
     }
     if (code == EXIT_OK && !feof(file)) { /* out of memory for a line is no error of the file */
         code = cli_error(errno == ENOMEM ? EXIT_MEMORY : EXIT_IO, "cannot read '%s': %s", path,
                          strerror(errno));
     }
-    free(line);
+    free(text);
     fclose(file);
     return code;
 }

@@ -255,11 +255,14 @@ static bool has(const dmk_vtk_tags *tags, dmk_vtk_role role)
 }
 
 int dmk_array_read(dmk_context *ctx, const char *path, const char *name, size_t room,
-                   double *values, size_t *n)
+                   double *values, size_t *n, int *of_points)
 {
     int rc;
     dmk_file file = {0};
-    if (dmk_missing(ctx, "path", path, "name", name, "values", values, "n", n)) return DMK_E_ARG;
+    if (dmk_missing(ctx, "path", path, "name", name, "values", values, "n", n, "of_points",
+                    of_points)) {
+        return DMK_E_ARG;
+    }
     if (room > INT32_MAX)
         return dmk_fail(ctx, DMK_E_ARG, "room for %zu numbers: no mesh has so many", room);
     vtk v = {.context = ctx, .file = &file, .tags = {.wanted = name}};
@@ -272,6 +275,7 @@ int dmk_array_read(dmk_context *ctx, const char *path, const char *name, size_t 
     DMK_TRY(dmk_vtk_tags_read(ctx, &file, &v.tags));
     const dmk_vtk_role role =
         has(&v.tags, DMK_VTK_POINT_DATA) ? DMK_VTK_POINT_DATA : DMK_VTK_CELL_DATA;
+    *of_points = role == DMK_VTK_POINT_DATA;
     if (!has(&v.tags, role)) {
         const char *others = v.tags.others;
         rc = dmk_fail(ctx, DMK_E_FORMAT, "%s: no array '%s' on points or cells; it has %s", path,
