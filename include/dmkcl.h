@@ -528,7 +528,8 @@ typedef struct dmk_measure {
     const dmk_point *atoms;
     const double
         *atom_mass; /* NULL: free, each takes what the other measure has nearest to it; then u is
-                                       minus the distance to the nearest, and mu vanishes on their cut locus */
+                                       minus the distance to the nearest, and mu vanishes on their cut locus;
+                                       the measure has no other part then */
     size_t n_lines; /* polylines with mass along them: line k goes straight from point to point */
     const int32_t
         *line_first; /* of line_points[line_first[k] .. line_first[k + 1]), two or more; any two */
@@ -576,7 +577,8 @@ const double *dmk_transport_potential_mid(const dmk_transport *transport,
 /* Of the measure whose atoms came without masses, those that they took; n = 0 where all had theirs. */
 const double *dmk_transport_atom_mass(const dmk_transport *transport, size_t *n);
 /* Where atoms came without masses: 1 in the approximate cut locus of their set, the borders of its Voronoi cells and
- * what the cells have inside, by dmk_result_acl's rule from u; NULL, n = 0 where all had theirs. */
+ * what the cells have inside, by dmk_result_acl's rule from u (all 0 where nothing moves); NULL, n = 0 where all
+ * had theirs. */
 const uint8_t *dmk_transport_acl(const dmk_transport *transport, size_t *n);
 /* Write mesh, mu, flux, u and, if it is there, acl: PLY, VTP or VTU. */
 int dmk_transport_write(dmk_context *context, const dmk_mesh *mesh, const dmk_transport *transport,

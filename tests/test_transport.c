@@ -684,6 +684,82 @@ static void rounding_moves_nothing(void **state)
     free(b);
 }
 
+/* Nor do parts of a signed measure that cancel, to rounding. */
+static void what_cancels_is_not_moved(void **state)
+{
+    problem p = problem_file(*state, "tests/data/sphere_1280.off");
+    static const double mass[2][6] = {{1, -1, 0, 0, 0, 0}, {0.1, 0.2, -0.3, -0.1, -0.2, 0.3}};
+    static const dmk_point at[6] = {{0, {1, 0, 0}},  {0, {1, 0, 0}},  {0, {1, 0, 0}},
+                                    {40, {0, 1, 0}}, {40, {0, 1, 0}}, {40, {0, 1, 0}}};
+    for (int i = 0; i < 2; i++) {
+        dmk_stats stats;
+        dmk_transport_info info;
+        dmk_transport *t;
+        bench_ok(p.b,
+                 try_moving(&p, &(dmk_measure){.n_atoms = 6, .atoms = at, .atom_mass = mass[i]},
+                            NULL, &t));
+        dmk_transport_get_stats(t, &stats);
+        dmk_transport_get_info(t, &info);
+        assert_true(stats.cost_upper == 0 && stats.gap == 0 && stats.steps == 0 && info.mass == 0);
+        dmk_transport_destroy(&t);
+    }
+    problem_free(&p);
+}
+
+/* Points that have all of the other measure under them: their masses are known, and no triangle is marked. */
+static void a_set_that_is_there_already(void **state)
+{
+    problem p = problem_file(*state, "tests/data/sphere_1280.off");
+    static const dmk_point at[2] = {{0, {1, 0, 0}}, {40, {0, 1, 0}}};
+    static const double mass[2] = {1, 3};
+    dmk_transport *t;
+    size_t n;
+    bench_ok(p.b, try_moving(&p, &(dmk_measure){.n_atoms = 2, .atoms = at, .atom_mass = mass},
+                             &(dmk_measure){.n_atoms = 2, .atoms = at}, &t));
+    assert_memory_equal(dmk_transport_atom_mass(t, NULL), mass, sizeof mass);
+    const uint8_t *acl = dmk_transport_acl(t, &n);
+    assert_int_equal(n, problem_triangles(&p));
+    for (size_t i = 0; i < n; i++) assert_int_equal(acl[i], 0);
+    dmk_transport_destroy(&t);
+    problem_free(&p);
+}
+
+static void masses_beyond_numbers_are_refused(void **state)
+{
+    problem p = problem_file(*state, "tests/data/sphere_1280.off");
+    static const dmk_point at[2] = {{0, {1, 0, 0}}, {40, {0, 1, 0}}};
+    static const double huge[2] = {1.5e308, 1.5e308}, opposite[2] = {1.5e308, -1.5e308};
+    const dmk_measure much = {.n_atoms = 2, .atoms = at, .atom_mass = huge}, even = {.uniform = 1};
+    refuse(&p, &much, &even, "first measure has more mass than");
+    refuse(&p, &even, &much, "second measure has more mass than");
+    refuse(&p, &(dmk_measure){.n_atoms = 2, .atoms = at, .atom_mass = opposite}, NULL,
+           "first measure has more mass than");
+    problem_free(&p);
+}
+
+static void free_points_stand_alone(void **state)
+{
+    problem p = problem_file(*state, "tests/data/sphere_1280.off");
+    static const dmk_point at = {0, {1, 0, 0}}, line[2] = {{0, {0, 1, 0}}, {0, {0, 0, 1}}};
+    static const int32_t first[2] = {0, 2};
+    double *ones = calloc(problem_triangles(&p), sizeof *ones);
+    const dmk_measure even = {.uniform = 1},
+                      mixed[] = {{.n_atoms = 1, .atoms = &at, .vertex_mass = ones},
+                                 {.n_atoms = 1, .atoms = &at, .triangle_density = ones},
+                                 {.n_atoms = 1, .atoms = &at, .uniform = 1},
+                                 {.n_atoms = 1,
+                                  .atoms = &at,
+                                  .n_lines = 1,
+                                  .line_first = first,
+                                  .line_points = line}};
+    for (size_t i = 0; i < sizeof mixed / sizeof *mixed; i++) {
+        refuse(&p, &mixed[i], &even, "leave nothing to its other parts");
+        refuse(&p, &even, &mixed[i], "leave nothing to its other parts");
+    }
+    free(ones);
+    problem_free(&p);
+}
+
 static void bad_measures_are_refused(void **state)
 {
     problem p = problem_file(*state, "tests/data/sphere_1280.off");
@@ -806,6 +882,10 @@ int main(void)
         cmocka_unit_test(idle_triangles),
         cmocka_unit_test(equal_measures_move_nothing),
         cmocka_unit_test(rounding_moves_nothing),
+        cmocka_unit_test(what_cancels_is_not_moved),
+        cmocka_unit_test(a_set_that_is_there_already),
+        cmocka_unit_test(masses_beyond_numbers_are_refused),
+        cmocka_unit_test(free_points_stand_alone),
         cmocka_unit_test(bad_measures_are_refused),
         cmocka_unit_test(other_components_and_unused_vertices),
         cmocka_unit_test(no_mass_on_other_components),

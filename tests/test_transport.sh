@@ -35,6 +35,9 @@ printf 'vertex 5\nvertex 70\n-1 0 0\n' > "$work/set"
 check 'points without masses: how much is their cut locus' has "$work/summary" '^acl +[1-9][0-9,]* triangles'
 check 'and the file marks it' has "$work/set.vtp" 'Name="acl"'
 check 'one with masses has none' sh -c "! grep -aq 'Name=\"acl\"' '$work/o.vtp'"
+printf 'vertex 5 1\nvertex 5 -1\n' > "$work/nothing"
+"$tool" transport $mesh --from "$work/nothing" > "$work/summary"
+check 'a signed measure that cancels' has "$work/summary" '^way +0 on average'
 check 'one signed measure' "$tool" transport $mesh --from "$work/signed"
 
 check 'a file of arrays' "$tool" solve $mesh --vertex 3 --out "$work/n.vtp" --out "$work/n.vtu"

@@ -84,6 +84,14 @@ static int check_measure(const check *k, const dmk_measure *m)
          dmk_missing(k->ctx, "line_first", m->line_first, "line_points", m->line_points))) {
         return DMK_E_ARG;
     }
+    if (dmk_measure_is_free(m) &&
+        (m->vertex_mass || m->triangle_density || m->n_lines > 0 || m->uniform != 0)) {
+        return dmk_fail(
+            k->ctx, DMK_E_ARG,
+            "the %s measure: its points without a mass take all that the other measure has, "
+            "and leave nothing to its other parts",
+            k->name);
+    }
     for (int32_t v = 0; m->vertex_mass && v < k->mesh->n_vertices; v++)
         DMK_TRY(check_one(k, "vertex", v, m->vertex_mass[v], k->component[v]));
     for (int32_t t = 0; m->triangle_density && t < k->mesh->n_triangles; t++)
@@ -139,6 +147,7 @@ typedef struct load {
     int32_t *number; /* new number of each triangle of the input, -1: not on the component */
     int32_t vertex_row;
     double *f;
+    double *gross; /* the sum of the sizes of all that is added to f; NULL: not wanted */
 } load;
 
 static void add(const load *l, int32_t t, const double w[6], double factor)
@@ -146,6 +155,7 @@ static void add(const load *l, int32_t t, const double w[6], double factor)
     for (int k = 0; k < 3; k++) {
         l->f[l->vertex_row + l->mesh->triangle[3 * (size_t)t + (size_t)k]] += factor * w[k];
         l->f[l->mesh->triangle_edge[3 * (size_t)t + (size_t)k]] += factor * w[3 + k];
+        if (l->gross) *l->gross += fabs(factor * w[k]) + fabs(factor * w[3 + k]);
     }
 }
 
@@ -357,17 +367,25 @@ static double sum_of(const double *f, size_t n)
     return sum;
 }
 
-/* f = a signed measure over the half of its variation. */
-static int balance_signed(dmk_context *ctx, size_t n, double *f, double *mass)
+/* That a sum of masses has overflowed. */
+static int too_large(dmk_context *ctx, const char *name)
+{
+    return dmk_fail(ctx, DMK_E_ARG, "the %s measure has more mass than a number can hold", name);
+}
+
+/* f = a signed measure over the half of its variation; 0 where it is rounding alone. */
+static int balance_signed(dmk_context *ctx, size_t n, double *f, double gross, double *mass)
 {
     double sum = sum_of(f, n), size = 0;
     for (size_t i = 0; i < n; i++) size += fabs(f[i]);
-    *mass = size / 2;
-    if (fabs(sum) > balanced * size) {
+    if (!isfinite(gross)) return too_large(ctx, "first");
+    if (fabs(sum) > balanced * gross) {
         return dmk_fail(ctx, DMK_E_ARG, "the signed measure has the total mass %.15g: expected 0",
                         sum);
     }
-    for (size_t i = 0; i < n; i++) f[i] /= *mass;
+    const bool moves = size > balanced * gross;
+    *mass = moves ? size / 2 : 0;
+    for (size_t i = 0; i < n; i++) f[i] = moves ? f[i] / *mass : 0;
     return DMK_OK;
 }
 
@@ -376,6 +394,7 @@ static int balance(dmk_context *ctx, size_t n, bool normalise, double *f, const 
 {
     const double a = sum_of(f, n), b = sum_of(g, n);
     *mass = a;
+    if (!isfinite(a + b)) return too_large(ctx, isfinite(a) ? "second" : "first");
     if (!(a > 0 && b > 0)) {
         return dmk_fail(ctx, DMK_E_ARG, "the %s measure has no mass", a > 0 ? "second" : "first");
     }
@@ -403,8 +422,9 @@ int dmk_measure_load(dmk_context *ctx, size_t n_triangles, const dmk_order *orde
     const size_t n = (size_t)s->whole.n_rows_pad;
     load l = {
         .ctx = ctx, .mesh = order->mesh, .order = order, .vertex_row = s->whole.vertex_row, .f = f};
-    double *g = NULL;
+    double *g = NULL, gross = 0;
     dmk_task task = {0};
+    if (!to) l.gross = &gross;
     DMK_TRY(DMK_NEW(ctx, g, n));
     DMK_TRY(DMK_NEW(ctx, l.number, n_triangles));
     for (size_t t = 0; t < n_triangles; t++) l.number[t] = -1;
@@ -419,7 +439,7 @@ int dmk_measure_load(dmk_context *ctx, size_t n_triangles, const dmk_order *orde
     if (to && dmk_measure_is_free(to)) DMK_TRY(add_free(&l, to, f, atom_mass));
     l.f = f;
     if (dmk_measure_is_free(from)) DMK_TRY(add_free(&l, from, g, atom_mass));
-    rc = to ? balance(ctx, n, normalise, f, g, mass) : balance_signed(ctx, n, f, mass);
+    rc = to ? balance(ctx, n, normalise, f, g, mass) : balance_signed(ctx, n, f, gross, mass);
 done:
     free(g);
     free(l.number);

@@ -135,13 +135,16 @@ static bool is_zero(const double *f, size_t n)
     return i == n;
 }
 
-/* Both measures are the same: nothing is moved, and the result stays as it was created, 0. */
-static int move_nothing(const dmk_solver *s, dmk_transport *r)
+/* Both measures are the same: nothing is moved, and the result stays as it was created, 0; so is the acl of a set. */
+static int move_nothing(dmk_context *ctx, const dmk_solver *s, bool of_set, dmk_transport *r)
 {
+    int rc = DMK_OK;
+    if (of_set) DMK_TRY(DMK_NEW(ctx, r->acl, r->n_triangles));
     r->stats.gap = 0;
     dmk_solver_name_steep(s, &r->stats);
     dmk_solver_scale_stats(s, r->mass, &r->stats);
-    return DMK_OK;
+done:
+    return rc;
 }
 
 /* From f on the device's order to the result; seconds of the stages that are not there yet. `set`: the sign of the
@@ -165,7 +168,7 @@ static int solve(dmk_context *ctx, dmk_solver *s, const dmk_solve_options *optio
                        .user = &again,
                        .stats = &r->stats,
                        .began = began};
-    if (is_zero(f, (size_t)s->system->whole.n_rows_pad)) return move_nothing(s, r);
+    if (is_zero(f, (size_t)s->system->whole.n_rows_pad)) return move_nothing(ctx, s, set != 0, r);
     DMK_TRY(DMK_NEW(ctx, mu, (size_t)s->system->whole.n_elements_pad));
     DMK_TRY(DMK_NEW(ctx, u, (size_t)s->system->whole.n_rows_pad));
     DMK_TRY(DMK_NEW(ctx, flux, 3 * (size_t)s->order->order.mesh->n_triangles));
