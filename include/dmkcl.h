@@ -560,6 +560,9 @@ typedef struct dmk_transport_info {
 int dmk_solve_measures(dmk_context *context, dmk_solver *solver, const dmk_measure *from,
                        const dmk_measure *to, const dmk_solve_options *options,
                        dmk_transport **transport);
+/* What that refuses but masses that differ or are 0 in all, found at once and without a device. */
+int dmk_measures_check(dmk_context *context, const dmk_mesh *mesh, const dmk_measure *from,
+                       const dmk_measure *to);
 void dmk_transport_destroy(dmk_transport **transport);
 /* cost_upper and cost_lower are the bounds of W1, in mass times length. */
 void dmk_transport_get_stats(const dmk_transport *transport, dmk_stats *stats);

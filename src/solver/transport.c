@@ -193,6 +193,14 @@ done:
     return rc;
 }
 
+int dmk_measures_check(dmk_context *ctx, const dmk_mesh *mesh, const dmk_measure *from,
+                       const dmk_measure *to)
+{
+    int32_t component;
+    if (dmk_missing(ctx, "mesh", mesh, "from", from)) return DMK_E_ARG;
+    return dmk_measure_check(ctx, mesh, from, to, &component);
+}
+
 int dmk_solve_measures(dmk_context *ctx, dmk_solver *s, const dmk_measure *from,
                        const dmk_measure *to, const dmk_solve_options *options,
                        dmk_transport **transport)

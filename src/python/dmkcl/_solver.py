@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import contextmanager
 from typing import (
     Any,
     Callable,
@@ -28,7 +29,7 @@ from ._optional import optional
 from ._progress import ProgressOption, Watch
 from ._read import MeshLike, as_mesh, named, warn_of_pieces
 from ._result import Cut, Result
-from ._transport import MeasureLike, Transport, solve_measures
+from ._transport import MeasureLike, Transport, check_measures, pack, solve_measures
 
 Method = Literal["newton", "inertial", "euler"]
 Start = Literal["distance", "uniform"]
@@ -79,6 +80,16 @@ def _warn_of_gap(asked: float, found: float) -> None:
             f"the gap is {found:.2g}, above the {asked:.2g} that was asked for; a smaller tolerance may "
             "bring it down"
         )
+
+
+@contextmanager
+def _naming(what: str) -> Iterator[None]:
+    """Errors begin with what they are about."""
+    try:
+        yield
+    except Error as error:
+        error.args = (f"{what}: {error}",)
+        raise
 
 
 class CutLocus:
@@ -363,33 +374,46 @@ class CutLocus:
         """
         settings = _options(tolerance=tolerance, gap=gap, max_steps=max_steps)
         settings.normalise = switch("normalise", normalise)
+        keep: "list[Any]" = []
+        first = pack(self.mesh, a, keep)
+        second = ffi.NULL if b is None else pack(self.mesh, b, keep)
+        found = self._transport(first, second, settings, progress)
+        _warn_of_gap(gap, found.stats["gap"])
+        return found
+
+    def _transport(self, first: Any, second: Any, settings: Any, progress: ProgressOption) -> Transport:
         watch = Watch(progress)
         try:
             with self._device.use(), Context(watch, self._choice[2]) as context:
-                found = solve_measures(self.mesh, self._handle, context, a, b, settings)
+                return solve_measures(self.mesh, self._handle, context, first, second, settings)
         finally:
             watch.close()
-        _warn_of_gap(gap, found.stats["gap"])
-        return found
 
     def w1_matrix(
         self, measures: Sequence[MeasureLike], *, normalise: bool = False, progress: bool = False
     ) -> NDArray[np.float64]:
         """(k, k) earth mover's distances between all pairs of k measures, symmetric.
 
-        An error names the pair: the first measure by its number, then the second."""
-        k = range(len(measures))
-        pairs: Any = [(i, j) for i in k for j in range(i)] or [(i, i) for i in k]  # one alone is checked, too
+        An error names the measure, or the pair, by number; what can be found without a transport is
+        found before the first one."""
+        settings = _options()
+        settings.normalise = switch("normalise", normalise)
+        keep: "list[Any]" = []
+        packed: "list[Any]" = []
+        for i, measure in enumerate(measures):
+            with _naming(f"measure {i}"):
+                packed.append(pack(self.mesh, measure, keep))
+        k = range(len(packed))
+        pairs: Any = [(i, j) for i in k for j in range(i)]
+        for i, j in pairs or [(i, i) for i in k]:  # one alone is checked, too
+            with _naming(f"measures {i} and {j}"):
+                check_measures(self.mesh, packed[i], packed[j])
         if progress:
             pairs = optional("tqdm.auto").tqdm(pairs, unit=" pairs")
-        found = np.zeros((len(measures), len(measures)))
+        found = np.zeros((len(packed), len(packed)))
         for i, j in pairs:
-            try:
-                pair = self.transport(measures[i], measures[j], normalise=normalise)
-            except Error as error:
-                error.args = (f"measures {i} and {j}: {error}",)
-                raise
-            found[i, j] = found[j, i] = pair.w1
+            with _naming(f"measures {i} and {j}"):
+                found[i, j] = found[j, i] = self._transport(packed[i], packed[j], settings, False).w1
         return found
 
     # ---- drop-ins -----------------------------------------------------------------------------

@@ -74,8 +74,8 @@ def _column(name: str, values: ArrayLike, n: int) -> NDArray[np.float64]:
     return array
 
 
-def _pack(mesh: Mesh, measure: MeasureLike, keep: "list[Any]") -> Any:
-    """The C struct; what it points to goes to `keep`."""
+def pack(mesh: Mesh, measure: MeasureLike, keep: "list[Any]") -> Any:
+    """The C struct, which goes to `keep` with what it points to."""
     m = measure if isinstance(measure, Measure) else Measure(vertex_mass=measure)
     packed = ffi.new("dmk_measure *")
 
@@ -99,6 +99,8 @@ def _pack(mesh: Mesh, measure: MeasureLike, keep: "list[Any]") -> Any:
         else:
             masses = np.ones(len(places)) if m.masses is None else m.masses
             lend("atom_mass", _column("masses", masses, len(places)))
+    elif m.masses is not None:
+        raise ArgumentError("masses without points: nothing has them")
     packed.uniform = amount("uniform", m.uniform)
     keep.append(packed)
     return packed
@@ -228,12 +230,16 @@ class Transport:
             )
 
 
+def check_measures(mesh: Mesh, first: Any, second: Any) -> None:
+    """Of packed ones: whether they can be transported, but for masses that differ."""
+    with Context() as context:
+        context.check(lib.dmk_measures_check(context.pointer, mesh._pointer, first, second))
+
+
 def solve_measures(
-    mesh: Mesh, solver: Handle, context: Context, a: MeasureLike, b: Optional[MeasureLike], options: Any
+    mesh: Mesh, solver: Handle, context: Context, first: Any, second: Any, options: Any
 ) -> Transport:
-    keep: "list[Any]" = []
-    first = _pack(mesh, a, keep)
-    second = ffi.NULL if b is None else _pack(mesh, b, keep)
+    """From one packed measure to another, or NULL."""
     handle = Handle("dmk_transport")
     context.check(
         lib.dmk_solve_measures(context.pointer, solver.pointer, first, second, options, handle.box)

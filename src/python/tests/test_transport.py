@@ -163,5 +163,39 @@ def test_matrix_names_the_pair(sphere):
 def test_a_matrix_of_one_is_checked_too(sphere):
     assert sphere.w1_matrix([np.ones(len(sphere.mesh.vertices))]) == [[0]]
     assert sphere.w1_matrix([]).shape == (0, 0)
-    with pytest.raises(dmkcl.ArgumentError, match="^measures 0 and 0: vertex_mass has the shape"):
+    with pytest.raises(dmkcl.ArgumentError, match="^measure 0: vertex_mass has the shape"):
         sphere.w1_matrix([np.ones(3)])
+    with pytest.raises(dmkcl.ArgumentError, match="^measures 0 and 0: the first measure: vertex 7 has the value nan"):
+        sphere.w1_matrix([np.where(np.arange(len(sphere.mesh.vertices)) == 7, np.nan, 1)])
+
+
+def test_a_matrix_is_checked_before_anything_is_moved(sphere, monkeypatch):
+    n = len(sphere.mesh.vertices)
+    even, spoilt = np.ones(n), np.where(np.arange(n) == 7, -1.0, 1.0)
+
+    def unexpected(*arguments):
+        raise AssertionError("a transport")
+
+    monkeypatch.setattr(dmkcl.CutLocus, "_transport", unexpected)
+    assert sphere.w1_matrix(iter([even])) == [[0]]
+    with pytest.raises(dmkcl.ArgumentError, match="^measures 2 and 0: the first measure: vertex 7"):
+        sphere.w1_matrix([even, even, spoilt])
+    with pytest.raises(dmkcl.ArgumentError, match="^measure 2: vertex_mass has the shape"):
+        sphere.w1_matrix([even, even, even[1:]])
+    free = dmkcl.Measure(points=np.eye(3), masses="free")
+    with pytest.raises(dmkcl.ArgumentError, match="^measures 2 and 1: points without a mass"):
+        sphere.w1_matrix([even, free, free])
+
+
+def test_masses_want_points(sphere):
+    for masses in ([1, 2], "free"):
+        with pytest.raises(dmkcl.ArgumentError, match="masses without points"):
+            sphere.transport(dmkcl.Measure(masses=masses, uniform=1), dmkcl.Measure(uniform=1))
+
+
+def test_masked_values_are_no_numbers(sphere):
+    mass = np.ma.masked_equal(np.arange(len(sphere.mesh.vertices)) % 5, 3)
+    with pytest.raises(dmkcl.ArgumentError, match="vertex_mass have masked values"):
+        sphere.transport(mass, np.ones(len(mass)), normalise=True)
+    whole = np.ma.masked_array(np.ones(len(mass)))
+    assert sphere.transport(whole, np.ones(len(mass))).upper == 0
