@@ -339,7 +339,7 @@ void dmk_geodesics_get_info(const dmk_geodesics *geodesics, dmk_geodesics_info *
 const double *dmk_geodesics_distance(const dmk_geodesics *geodesics,
                                      size_t *n); /* infinite: not reached */
 const dmk_arrival *dmk_geodesics_arrivals(const dmk_geodesics *geodesics, size_t *n);
-/* Estimate of the error of each distance; NULL if all are exact. */
+/* Estimate of the error of each distance; NULL, n = 0, if all are exact. */
 const double *dmk_geodesics_error(const dmk_geodesics *geodesics, size_t *n);
 /* The integral of the distance over the triangles that a source reaches, and an estimate of its quadrature's error. */
 int dmk_geodesics_integrate(dmk_context *context, const dmk_geodesics *geodesics, double *integral,
@@ -483,7 +483,7 @@ typedef struct dmk_stats {
 } dmk_stats;
 
 void dmk_result_get_stats(const dmk_result *result, dmk_stats *stats);
-/* Borrowed arrays; each also gives its length through n when n is not NULL. */
+/* Borrowed arrays; each also gives its length through n when n is not NULL: 0 of an array that is NULL. */
 const double *dmk_result_density(const dmk_result *result, size_t *n); /* mu per triangle */
 /* Per triangle, 1 in the approximate cut locus: mu <= threshold, or, where that is 0, by u and mu in pure
  * numbers, an answer to the paper's question how to choose eps: the mean of grad u in the triangle is shorter

@@ -266,6 +266,25 @@ static void the_end_without_a_path_is_named(void **state)
     problem_free(&p);
 }
 
+/* Whoever goes from 0 to the length meets no NULL: of density_only, and of distances that are exact. */
+static void what_is_not_there_has_length_0(void **state)
+{
+    problem p = problem_file(*state, "tests/data/torus_5440.off.gz");
+    p.options.density_only = 1;
+    problem_solve(&p);
+    size_t n_distance = 1, n_acl = 1, n_error = 1, n_density = 1;
+    assert_null(dmk_result_distance(p.result, &n_distance));
+    assert_null(dmk_result_acl(p.result, &n_acl));
+    assert_non_null(dmk_result_density(p.result, &n_density));
+    dmk_geodesics *geodesics = NULL;
+    bench_ok(p.b, dmk_geodesics_create(p.b->ctx, p.mesh, 1, &p.source, NULL, &geodesics));
+    assert_null(dmk_geodesics_error(geodesics, &n_error));
+    assert_int_equal(n_distance + n_acl + n_error, 0);
+    assert_int_equal(n_density, 5440);
+    dmk_geodesics_destroy(&geodesics);
+    problem_free(&p);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -278,6 +297,7 @@ int main(void)
         cmocka_unit_test(the_locus_has_the_density_of_its_triangles),
         cmocka_unit_test(a_path_is_written_in_order),
         cmocka_unit_test(the_end_without_a_path_is_named),
+        cmocka_unit_test(what_is_not_there_has_length_0),
     };
     return cmocka_run_group_tests(tests, bench_setup, bench_teardown);
 }

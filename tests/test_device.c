@@ -325,6 +325,7 @@ static void memory_is_looked_at_first(void **state)
     static const double xyz[] = {0, 0, 0, 1, 0, 0, 1, 0.05, 0, 0, 0.05, 0};
     static const int32_t triangle[] = {0, 1, 2, 0, 2, 3};
     dmk_mesh *strip = NULL;
+    dmk_solver *solver = NULL;
     dmk_memory plain, of[2];
     assert_int_equal(dmk_mesh_create(f->ctx, 4, xyz, 2, triangle, &strip), DMK_OK);
     for (int single = 0; single < 2; single++) {
@@ -335,6 +336,8 @@ static void memory_is_looked_at_first(void **state)
     }
     /* Of which nothing is known without edges. */
     dmk_mesh_forget_edges(strip);
+    assert_int_equal(dmk_solver_create(f->ctx, device, strip, &solver), DMK_E_ARG);
+    assert_null(solver);
     dmk_mesh_memory(strip, 0, &of[0]);
     assert_true(of[0].host == plain.host && of[0].device > plain.device);
     assert_int_equal(dmk_memory_check_needles(f->ctx, 1000), DMK_OK);

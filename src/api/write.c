@@ -9,18 +9,17 @@ int dmk_result_write(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *r
                      const char *path)
 {
     if (dmk_missing(ctx, "mesh", mesh, "result", result, "path", path)) return DMK_E_ARG;
-    size_t n_mu, n_acl, n_u, n_distance;
+    size_t n_mu, n_u;
     dmk_fields f = {.mesh = mesh};
     f.mu = dmk_result_density(result, &n_mu);
-    f.acl = dmk_result_acl(result, &n_acl);
+    f.acl = dmk_result_acl(result, NULL);
     f.u = dmk_result_potential(result, &n_u);
-    f.distance = dmk_result_distance(result, &n_distance);
+    f.distance = dmk_result_distance(result, NULL);
     dmk_result_source(result, &f.source);
     if (!f.mu)
         return dmk_fail(ctx, DMK_E_ARG, "the result of a mesh in pieces is the first rank's alone");
     size_t n_triangles = (size_t)mesh->n_triangles, n_vertices = (size_t)mesh->n_vertices;
-    if (n_mu != n_triangles || n_acl != n_triangles || n_u != n_vertices ||
-        n_distance != n_vertices) {
+    if (n_mu != n_triangles || n_u != n_vertices) {
         return dmk_fail(ctx, DMK_E_ARG,
                         "%s: the result has %zu triangles and %zu vertices, the mesh %zu and %zu: "
                         "pass the mesh that was solved on",

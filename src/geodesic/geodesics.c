@@ -302,5 +302,5 @@ const dmk_arrival *dmk_geodesics_arrivals(const dmk_geodesics *g, size_t *n)
 
 const double *dmk_geodesics_error(const dmk_geodesics *g, size_t *n)
 {
-    return count(g, n) ? g->error : NULL;
+    return count(g && g->error ? g : NULL, n) ? g->error : NULL;
 }

@@ -132,7 +132,7 @@ const double *dmk_result_density(const dmk_result *r, size_t *n)
 
 const uint8_t *dmk_result_acl(const dmk_result *r, size_t *n)
 {
-    if (n) *n = r ? r->n_triangles : 0;
+    if (n) *n = r && r->acl ? r->n_triangles : 0;
     return r ? r->acl : NULL;
 }
 

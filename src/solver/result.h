@@ -32,10 +32,10 @@ int dmk_result_create(dmk_context *context, const dmk_mesh *mesh, dmk_result **r
 /* These: mu = 0 and infinite distance until they are set; or neither distance nor acl. */
 int dmk_result_allocate(dmk_context *context, dmk_result *result, bool with_distance);
 
-/* For accessors. */
+/* For accessors: an array that is not there has length 0. */
 static inline const double *dmk_borrow(const double *array, size_t length, size_t *n)
 {
-    if (n) *n = length;
+    if (n) *n = array ? length : 0;
     return array;
 }
 

@@ -73,6 +73,7 @@ int dmk_solver_create(dmk_context *ctx, dmk_device *device, const dmk_mesh *mesh
     int rc;
     dmk_solver *s = NULL;
     if (dmk_missing(ctx, "mesh", mesh, "solver", solver)) return DMK_E_ARG;
+    DMK_TRY(dmk_mesh_check_edges(ctx, mesh));
     DMK_TRY(DMK_NEW(ctx, s, 1));
     s->mesh = mesh;
     s->component = -1; /* the first source decides which one to pack */
