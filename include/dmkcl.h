@@ -303,8 +303,9 @@ typedef struct dmk_geodesics_options {
     double tolerance; /* error over the distance; 0 = none up to 300,000 triangles, 1e-6 beyond */
 } dmk_geodesics_options;
 
-/* How the shortest path arrives at a vertex. Directions at a vertex count counterclockwise from that of an edge, up
- * to the total angle there: at a border from the clockwise-most edge. At a source inside a triangle they count from the
+/* How the shortest path arrives at a vertex. Directions at a vertex count counterclockwise from the edge to the next
+ * corner of the first triangle that has it, up to the total angle there: at a border from the clockwise-most edge. At a
+ * source inside a triangle they count from the
  * direction to the triangle's first corner; on an edge, the one opposite corner k of the point's triangle, from
  * that to corner k+2.
  * With a tolerance directions have errors, too: at 1e-6 up to 2e-3 radians at the source and 6e-4 at the vertex at 99 %
@@ -703,12 +704,15 @@ typedef struct dmk_locus_vertex {
     double distance; /* to the source, of the fitted line: tenths of an edge off place's */
     double mu;       /* density of the triangle it lies in */
     double strength; /* a length: that of its strongest edge */
-    double angle[2]; /* directions at p of the two outermost minimal geodesics, radians */
-    int32_t kind;    /* dmk_locus_kind */
+    double angle
+        [2]; /* directions at p of the two outermost minimal geodesics, radians; of one source scaled so that
+                        a full turn is 2 pi, as dmk_arrival.direction at a vertex is not */
+    int32_t kind; /* dmk_locus_kind */
     int32_t degree;
     double meeting_angle; /* between the minimal geodesics where they meet here, radians, 0 to pi */
-    double source_angle;  /* between them at p, or at the two sources, radians, 0 to pi */
-    int32_t source[2];    /* numbers of the sources that they come from */
+    double
+        source_angle; /* between them at p, or at the two sources, radians, 0 to pi, scaled as angle */
+    int32_t source[2]; /* numbers of the sources that they come from */
 } dmk_locus_vertex;
 
 typedef struct dmk_locus_edge {
@@ -769,7 +773,8 @@ int dmk_path_compute(dmk_context *context, const dmk_mesh *mesh, const dmk_resul
  * input's order. *origin (NULL: not wanted) gives for each vertex of the
  * cut mesh the vertex of `mesh` at the same place, or -1 for new points; freed with free().
  * *plane (NULL: not wanted): 2 coordinates for each vertex of the cut mesh, the logarithmic map, that is the
- * distance times the direction at the source, on the locus' two sides each its own; freed with free(). Directions are
+ * distance times the direction at the source (a full turn is 2 pi, as in dmk_locus_vertex.angle), on the locus' two
+ * sides each its own; freed with free(). Directions are
  * exact but around triangles that would turn over or be flat in the plane, as behind saddle vertices of the polyhedron:
  * there they are averaged over neighbours. Some stay: around a slit few vertices stand around the whole circle, and the
  * sides between them dip below the next ring (on a sphere of 1,280 triangles 14, and by the smooth sphere's map 17). */

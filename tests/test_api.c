@@ -245,6 +245,54 @@ static void a_path_is_written_in_order(void **state)
     problem_free(&p);
 }
 
+/* The mesh of a file with its triangles in the opposite order, which is not that of the device. */
+static problem backwards(bench *b, const char *path)
+{
+    problem file = problem_file(b, path);
+    const size_t n = problem_triangles(&file);
+    const int32_t *triangle = dmk_mesh_triangles(file.mesh);
+    int32_t *back = malloc(3 * n * sizeof *back);
+    assert_non_null(back);
+    for (size_t t = 0; t < n; t++)
+        memcpy(back + 3 * t, triangle + 3 * (n - 1 - t), 3 * sizeof *back);
+    problem p = problem_create(b, problem_vertices(&file), dmk_mesh_vertices(file.mesh), n, back);
+    free(back);
+    problem_free(&file);
+    return p;
+}
+
+/* Paths from a vertex leave in the directions of the distance on the user's mesh: both count from the same edge. */
+static void check_directions(const problem *p, const dmk_result *result, const dmk_arrival *arrival)
+{
+    for (int32_t v = 0; v < 2000; v += 97) {
+        dmk_point to;
+        dmk_path path;
+        bench_ok(p->b, dmk_mesh_vertex_point(p->b->ctx, p->mesh, v, &to));
+        bench_ok(p->b, dmk_path_compute(p->b->ctx, p->mesh, result, 1, &to, &path));
+        assert_true(fabs(path.angle - arrival[v].direction) < 1e-9);
+        dmk_path_free(&path);
+    }
+}
+
+static void directions_are_those_of_the_distance(void **state)
+{
+    problem p = backwards(*state, "tests/data/torus_5440.off.gz");
+    for (int32_t source = 100; source < 103; source++) {
+        dmk_geodesics *geodesics = NULL;
+        dmk_result *again = NULL;
+        bench_ok(p.b, dmk_mesh_vertex_point(p.b->ctx, p.mesh, source, &p.source));
+        problem_solve(&p);
+        bench_ok(p.b, dmk_geodesics_create(p.b->ctx, p.mesh, 1, &p.source, NULL, &geodesics));
+        check_directions(&p, p.result, dmk_geodesics_arrivals(geodesics, NULL));
+        const dmk_result_data data = result_data(p.result);
+        bench_ok(p.b, dmk_result_restore(p.b->ctx, p.mesh, &data, &again));
+        check_directions(&p, again, dmk_geodesics_arrivals(geodesics, NULL));
+        dmk_result_destroy(&again);
+        dmk_geodesics_destroy(&geodesics);
+    }
+    problem_free(&p);
+}
+
 /* Of the ends of several paths the one without a path is named: here on the second of two tetrahedra. */
 static void the_end_without_a_path_is_named(void **state)
 {
@@ -296,6 +344,7 @@ int main(void)
         cmocka_unit_test(a_result_is_restored),
         cmocka_unit_test(the_locus_has_the_density_of_its_triangles),
         cmocka_unit_test(a_path_is_written_in_order),
+        cmocka_unit_test(directions_are_those_of_the_distance),
         cmocka_unit_test(the_end_without_a_path_is_named),
         cmocka_unit_test(what_is_not_there_has_length_0),
     };

@@ -1224,7 +1224,7 @@ static void beside_a_vertex_is_the_vertex(void **state)
     dmk_site site;
     dmk_context *ctx = *state;
     assert_int_equal(dmk_mesh_create(ctx, 6, xyz, 7, triangle, &m), DMK_OK);
-    assert_int_equal(dmk_star_create(ctx, m, &star), DMK_OK);
+    assert_int_equal(dmk_star_create(ctx, m, NULL, &star), DMK_OK);
     for (int k = 0; k < 2; k++) { /* 1e-17 from a; farther than rounding */
         const double far = k ? 0.25 : w;
         const dmk_point p = {0, {1 - 2 * far, far, far}};
@@ -1249,7 +1249,7 @@ static void vertices_in_no_triangle(void **state)
     dmk_context *ctx = *state;
     assert_int_equal(dmk_mesh_create(ctx, N, xyz, 1, triangle, &m), DMK_OK);
     mallopt(M_PERTURB, 0x5a);
-    assert_int_equal(dmk_star_create(ctx, m, &star), DMK_OK);
+    assert_int_equal(dmk_star_create(ctx, m, NULL, &star), DMK_OK);
     mallopt(M_PERTURB, 0);
     assert_true(fabs(star.total[0] - pi / 2) < 1e-15);
     for (int32_t v = 3; v < N; v++) assert_true(star.first[v] == -1 && star.total[v] == 0);

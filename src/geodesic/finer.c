@@ -209,7 +209,7 @@ static int run(dmk_context *ctx, const dmk_geodesics *g, dmk_finer *f)
     }
     dmk_geodesics_options_init(&options, sizeof options);
     options.offset = offset;
-    DMK_TRY(dmk_geodesics_prepare(ctx, f->mesh, n, source, &options, &f->own));
+    DMK_TRY(dmk_geodesics_prepare(ctx, f->mesh, NULL, n, source, &options, &f->own));
     DMK_TRY(dmk_windows_run(ctx, f->own, dmk_windows_usual(f->mesh), &finished));
     rc = finished ? dmk_geodesics_check(ctx, f->own) : DMK_E_MESH; /* needles: too many windows */
     if (rc != DMK_OK) goto done;

@@ -28,7 +28,8 @@
 #include "mesh/mesh.h"
 
 /* Directions at a vertex: corner c = 3t+k of the star spans [angle[c], angle[c] + corner_angle[c]],
- * counted counterclockwise from the star's first corner (at a border: the clockwise-most one).
+ * counted counterclockwise from the star's first corner (at a border the clockwise-most one, else that in the first
+ * triangle).
  * angle[c] is the direction of the edge towards corner k+1. */
 typedef struct dmk_star {
     double *angle;        /* 3 n_triangles */
@@ -41,7 +42,9 @@ typedef struct dmk_star {
                     overflows */
 } dmk_star;
 
-int dmk_star_create(dmk_context *context, const dmk_mesh *mesh, dmk_star *star);
+/* old: n_triangles, the numbers by which the first corners are chosen, for a mesh in another order than the user's;
+ * NULL: its own. */
+int dmk_star_create(dmk_context *context, const dmk_mesh *mesh, const int32_t *old, dmk_star *star);
 void dmk_star_free(dmk_star *star);
 /* *loop: n_vertices, the border loop of each border vertex, counted from 0 to *n_loops, -1 inside; the caller frees
  * it. parent: n_vertices, for the work. */
@@ -117,14 +120,14 @@ double dmk_turn_between(double full, double a, double b);
  * than the rest of the run, on smooth meshes too; beyond, their number per edge still grows. */
 enum { DMK_EXACT_TRIANGLES = 300000 };
 
-/* dmk_geodesics_create without a stage of its own and without the argument checks. */
-int dmk_geodesics_compute(dmk_context *context, const dmk_mesh *mesh, size_t n_sources,
-                          const dmk_point *source, const dmk_geodesics_options *options,
-                          dmk_geodesics **geodesics);
+/* dmk_geodesics_create without a stage of its own and without the argument checks; old: of dmk_star_create. */
+int dmk_geodesics_compute(dmk_context *context, const dmk_mesh *mesh, const int32_t *old,
+                          size_t n_sources, const dmk_point *source,
+                          const dmk_geodesics_options *options, dmk_geodesics **geodesics);
 /* All of the object but what is found: distance and arrival are 0, error and tolerance not set. */
-int dmk_geodesics_prepare(dmk_context *context, const dmk_mesh *mesh, size_t n_sources,
-                          const dmk_point *source, const dmk_geodesics_options *options,
-                          dmk_geodesics **geodesics);
+int dmk_geodesics_prepare(dmk_context *context, const dmk_mesh *mesh, const int32_t *old,
+                          size_t n_sources, const dmk_point *source,
+                          const dmk_geodesics_options *options, dmk_geodesics **geodesics);
 
 /* The second path to v, NULL if there is none; logarithmic in their number. */
 const dmk_arrival *dmk_geodesics_tie(const dmk_geodesics *geodesics, int32_t v);

@@ -181,9 +181,9 @@ static int run(dmk_context *ctx, dmk_geodesics *g, const dmk_geodesics_options *
     return rc == DMK_OK ? refuse(ctx, g, o->exact) : rc;
 }
 
-int dmk_geodesics_prepare(dmk_context *ctx, const dmk_mesh *mesh, size_t n_sources,
-                          const dmk_point *source, const dmk_geodesics_options *options,
-                          dmk_geodesics **geodesics)
+int dmk_geodesics_prepare(dmk_context *ctx, const dmk_mesh *mesh, const int32_t *old,
+                          size_t n_sources, const dmk_point *source,
+                          const dmk_geodesics_options *options, dmk_geodesics **geodesics)
 {
     int rc;
     dmk_geodesics *g = NULL;
@@ -191,7 +191,7 @@ int dmk_geodesics_prepare(dmk_context *ctx, const dmk_mesh *mesh, size_t n_sourc
     g->mesh = mesh;
     DMK_TRY(DMK_NEW_UNSET(ctx, g->distance, (size_t)mesh->n_vertices));
     DMK_TRY(DMK_NEW_UNSET(ctx, g->arrival, (size_t)mesh->n_vertices));
-    DMK_TRY(dmk_star_create(ctx, mesh, &g->star));
+    DMK_TRY(dmk_star_create(ctx, mesh, old, &g->star));
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(set_sources(ctx, g, n_sources, source, options->offset));
     DMK_TRY(set_lines(ctx, g, options));
@@ -202,13 +202,13 @@ done:
     return rc;
 }
 
-int dmk_geodesics_compute(dmk_context *ctx, const dmk_mesh *mesh, size_t n_sources,
-                          const dmk_point *source, const dmk_geodesics_options *options,
-                          dmk_geodesics **geodesics)
+int dmk_geodesics_compute(dmk_context *ctx, const dmk_mesh *mesh, const int32_t *old,
+                          size_t n_sources, const dmk_point *source,
+                          const dmk_geodesics_options *options, dmk_geodesics **geodesics)
 {
     int rc;
     dmk_geodesics *g = NULL;
-    DMK_TRY(dmk_geodesics_prepare(ctx, mesh, n_sources, source, options, &g));
+    DMK_TRY(dmk_geodesics_prepare(ctx, mesh, old, n_sources, source, options, &g));
     DMK_TRY(dmk_geodesics_check_offsets(ctx, g));
     DMK_TRY(run(ctx, g, options));
     *geodesics = g;
@@ -232,7 +232,7 @@ int dmk_geodesics_create(dmk_context *ctx, const dmk_mesh *mesh, size_t n_source
     for (size_t i = 0; i < n_sources; i++)
         DMK_TRY(dmk_point_check(ctx, mesh, "sources", sources + i));
     DMK_TRY(dmk_stage_begin(ctx, "distance"));
-    DMK_TRY(dmk_geodesics_compute(ctx, mesh, n_sources, sources, &chosen, geodesics));
+    DMK_TRY(dmk_geodesics_compute(ctx, mesh, NULL, n_sources, sources, &chosen, geodesics));
 done:
     dmk_stage_end(ctx);
     return rc;

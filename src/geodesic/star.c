@@ -60,16 +60,17 @@ static void pair_range(int32_t begin, int32_t end, void *data)
     }
 }
 
-/* The first corner of each star: the clockwise-most at a border, else the one of the least number.
- */
-static void find_first(const dmk_mesh *m, dmk_star *s)
+/* The first corner of each star: the clockwise-most at a border, else that in the triangle of the least number. */
+static void find_first(const dmk_mesh *m, const int32_t *old, dmk_star *s)
 {
     for (int32_t v = 0; v < m->n_vertices; v++) s->first[v] = -1;
     for (int32_t c = 0; c < 3 * m->n_triangles; c++) {
         int32_t v = m->triangle[c];
         bool border = s->twin[dmk_previous(c)] < 0; /* the edge from v to the next corner */
         if (border) s->border[v] = true;
-        if (border || s->first[v] < 0) s->first[v] = c;
+        bool before =
+            s->first[v] < 0 || (old && !s->border[v] && old[c / 3] < old[s->first[v] / 3]);
+        if (border || before) s->first[v] = c;
     }
 }
 
@@ -105,7 +106,7 @@ static double find_unit(const dmk_mesh *m)
     return ldexp(1, exponent);
 }
 
-int dmk_star_create(dmk_context *ctx, const dmk_mesh *m, dmk_star *s)
+int dmk_star_create(dmk_context *ctx, const dmk_mesh *m, const int32_t *old, dmk_star *s)
 {
     int rc;
     work w = {m, s};
@@ -121,7 +122,7 @@ int dmk_star_create(dmk_context *ctx, const dmk_mesh *m, dmk_star *s)
     dmk_parallel(ctx, m->n_triangles, measure_range, &w);
     DMK_TRY(dmk_poll(ctx));
     dmk_parallel(ctx, m->n_triangles, pair_range, &w);
-    find_first(m, s);
+    find_first(m, old, s);
     DMK_TRY(dmk_poll(ctx));
     dmk_parallel(ctx, m->n_triangles, turn_range, &w);
 done:

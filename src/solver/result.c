@@ -66,8 +66,13 @@ static int restore_component(dmk_context *ctx, const dmk_mesh *m, dmk_result *r)
     dmk_point p = r->source;
     while (order->triangle_old[r->source_triangle] != p.triangle) r->source_triangle++;
     p.triangle = r->source_triangle;
-    DMK_TRY(dmk_geodesics_create(ctx, order->mesh, 1, &p, NULL, &r->geodesics));
+    dmk_geodesics_options options;
+    dmk_geodesics_options_init(&options, sizeof options);
+    DMK_TRY(dmk_stage_begin(ctx, "distance"));
+    DMK_TRY(dmk_geodesics_compute(ctx, order->mesh, order->triangle_old, 1, &p, &options,
+                                  &r->geodesics));
 done:
+    dmk_stage_end(ctx);
     return rc;
 }
 

@@ -243,7 +243,8 @@ static int measure(dmk_context *ctx, void *data)
     dmk_geodesics_options options;
     dmk_geodesics_options_init(&options, sizeof options);
     return (measures(near->solver) ? dmk_geodesics_compute : dmk_geodesics_prepare)(
-        ctx, near->own, 1, near->source, &options, &near->geodesics);
+        ctx, near->own, near->solver->order->order.triangle_old, 1, near->source, &options,
+        &near->geodesics);
 }
 
 static int integrate(dmk_context *ctx, void *data)
