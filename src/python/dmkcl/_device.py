@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any, Iterator, Optional, SupportsIndex, Union
 
-from ._lib import Context, DeviceError, Handle, copy_struct, ffi, lib, path_bytes, switch, whole
+from ._lib import ArgumentError, Context, DeviceError, Error, Handle, copy_struct, ffi, lib, path_bytes, switch, whole
 
 # The process that first used OpenCL: its drivers have threads, which a fork does not take along.
 _first_process: "list[int]" = []
@@ -40,11 +40,8 @@ def devices() -> "list[dict[str, Any]]":
 class Device:
     """An open device; one thread at a time launches work on it."""
 
-    def __init__(self, select: Optional[str], single: bool, threads: int, cache: Optional[bytes]):
-        names = [
-            ffi.NULL if name is None else ffi.new("char[]", name)
-            for name in (None if select is None else select.encode(), cache)
-        ]
+    def __init__(self, select: Optional[bytes], single: bool, threads: int, cache: Optional[bytes]):
+        names = [ffi.NULL if name is None else ffi.new("char[]", name) for name in (select, cache)]
         options = ffi.new("dmk_device_options *")
         lib.dmk_device_options_init(options, ffi.sizeof(options[0]))
         options.select, options.cache = names
@@ -52,15 +49,25 @@ class Device:
         options.threads = threads
         self.handle = Handle("dmk_device")
         self._lock = threading.Lock()
+        self._holder: Optional[int] = None  # the thread that has the lock
         with Context() as context:
             context.check(lib.dmk_device_open(context.pointer, options, self.handle.box))
 
     @contextmanager
     def use(self) -> Iterator[None]:
-        """Hold the device for one call."""
+        """Hold the device for one call. Error if this thread holds it already: waiting would not end."""
         _check_process()
+        if self._holder == threading.get_ident():
+            raise Error(
+                "the device works for a call of this thread, which waits for the function given as `progress`; "
+                "start the next call when that one has ended"
+            )
         with self._lock:
-            yield
+            self._holder = threading.get_ident()
+            try:
+                yield
+            finally:
+                self._holder = None
 
     @property
     def info(self) -> "dict[str, Any]":
@@ -73,6 +80,18 @@ _opening = threading.Lock()
 _open = lru_cache(maxsize=8)(Device)
 
 
+def _selected(device: Union[SupportsIndex, str]) -> bytes:
+    """The number or the part of a name, as the library takes it."""
+    try:
+        chosen = device if isinstance(device, str) else str(whole("device", device))
+        name = chosen.encode()
+    except (ArgumentError, UnicodeEncodeError):
+        name = b"\0"
+    if b"\0" in name:
+        raise ArgumentError(f"device = {device!r}: expected a number of devices() or part of a name")
+    return name
+
+
 def open_device(
     device: Union[None, SupportsIndex, str],
     single: bool,
@@ -81,7 +100,7 @@ def open_device(
 ) -> Device:
     """The device for these options (see CutLocus). DeviceError if there is none."""
     _check_process()
-    select = None if device is None else str(device)
+    select = None if device is None else _selected(device)
     folder = None if cache is None else path_bytes(cache)
     with _opening:
         return _open(select, switch("single", single), whole("threads", threads), folder)

@@ -14,7 +14,7 @@ from ._lib import (
     switch, view, whole,
 )  # fmt: skip
 from ._locus import Locus
-from ._mesh import Mesh, Point
+from ._mesh import Mesh, Point, pack_points
 from ._read import MeshLike, as_mesh
 
 _ARRIVAL = np.dtype(
@@ -67,7 +67,7 @@ class Path(NamedTuple):
 
     points: (k, 3) the source, a point on each edge crossed, the end; faces: (k,) and bary: (k, 3)
     the same on the mesh; length in the unit of the coordinates; angle: its direction at the
-    source in radians, a full turn being 2 pi.
+    source in radians, as `Geodesics.direction`.
     """
 
     points: NDArray[np.float64]
@@ -153,11 +153,15 @@ class Geodesics:
         self.sources: "list[Point]" = _points(
             self.mesh, source, sources, vertex, vertices, point, points
         )
+        if curve is not None and is_single(curve):
+            raise ArgumentError(f"curve = {curve!r}: expected several vertices")
         along = None if curve is None else [whole("curve", v) for v in curve]
-        apart = None if offsets is None else numbers("offsets", offsets).tolist()
+        apart = None if offsets is None else numbers("offsets", offsets)
+        if apart is not None and apart.ndim != 1:
+            raise ArgumentError(f"offsets have the shape {apart.shape}; expected (k,)")
         if apart is not None and len(apart) != len(self.sources):
             raise ArgumentError(f"{count(len(apart), 'offset')} for {count(len(self.sources), 'source')}")
-        self._asked = (along, switch("border", border), apart, amount("tolerance", tolerance), switch("exact", exact))
+        self._asked = (along, switch("border", border), None if apart is None else apart.tolist(), amount("tolerance", tolerance), switch("exact", exact))
         self._made: Optional[Handle] = self._compute(whole("threads", threads))
 
     def _compute(self, threads: int = 0) -> Handle:
@@ -173,7 +177,7 @@ class Geodesics:
             line = [v for pair in zip(curve[:-1], curve[1:]) for v in pair]
             keep.append(ffi.new("int32_t[]", line))
             options.line, options.n_lines = keep[-1], len(line) // 2
-        places = ffi.new("dmk_point[]", [(at.face, at.bary) for at in self.sources])
+        places = pack_points(self.sources)
         handle = Handle("dmk_geodesics", self.mesh._handle)
         with Context(threads=threads) as context:
             context.check(
@@ -245,8 +249,12 @@ class Geodesics:
 
     @property
     def direction(self) -> NDArray[np.float64]:
-        """(n,) angle at the nearest source in which the shortest path leaves it, in radians: at a
-        vertex up to its total angle, from that of its first edge."""
+        """(n,) angle at the nearest source in which the shortest path leaves it, in radians, counterclockwise.
+
+        At a vertex it goes up to its total angle, from the edge to the next corner of the first triangle that has
+        the vertex, at a border from the clockwise-most edge; inside a triangle it counts from the first
+        corner; on the edge opposite corner k of the source's triangle from corner k + 2, cyclically.
+        """
         return self._arrivals["direction"]
 
     @cached_property
@@ -260,8 +268,8 @@ class Geodesics:
     def at(self, points: ArrayLike) -> "tuple[NDArray[np.float64], NDArray[np.float64]]":
         """Distance and direction, (k,) each, at the points of the surface nearest to (k, 3)."""
         xyz = numbers("points", points)
-        places = self.mesh.nearest_all(xyz.reshape(-1, 3) if xyz.shape in ((0,), (3,)) else xyz)
-        given = ffi.new("dmk_point[]", [(at.face, at.bary) for at in places])
+        places = self.mesh.nearest_all(xyz[None] if xyz.shape == (3,) else xyz)
+        given = pack_points(places)
         values = ffi.new("dmk_value[]", max(1, len(places)))
         with Context() as context:
             context.check(
@@ -276,7 +284,7 @@ class Geodesics:
     def path(
         self,
         *,
-        point: Optional[ArrayLike] = None,
+        point: Union[None, ArrayLike, Point] = None,
         vertex: Optional[SupportsIndex] = None,
         face: Optional[SupportsIndex] = None,
         bary: Optional[ArrayLike] = None,
@@ -284,7 +292,7 @@ class Geodesics:
         """A minimal geodesic from the nearest source to a point. Where several are minimal, one of
         them. ArgumentError if no source is joined to it."""
         end = self.mesh._take(point, vertex, face, bary)
-        place = ffi.new("dmk_point[]", [(end.face, end.bary)])
+        place = pack_points([end])
         with Context() as context, traced(self.mesh, 1) as paths:
             context.check(
                 lib.dmk_geodesics_paths(

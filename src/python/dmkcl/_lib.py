@@ -114,9 +114,9 @@ def whole(name: str, value: Any) -> int:
 
 
 def amount(name: str, value: Any) -> float:
-    """A finite number from 0."""
+    """A finite number from 0; no truth value or text is taken for one."""
     try:
-        number = float("nan" if isinstance(value, str) else value)
+        number = float("nan" if isinstance(value, (str, bytes, bool, np.bool_)) else value)
     except (TypeError, ValueError, OverflowError):
         number = float("nan")
     if not 0 <= number < float("inf"):
@@ -130,6 +130,8 @@ def numbers(name: str, values: Any) -> "np.ndarray":
         array = np.asarray(values)
     except ValueError:
         raise ArgumentError(f"{name} have rows of different lengths") from None
+    if np.ma.is_masked(values):
+        raise ArgumentError(f"{name} are masked in places; expected numbers everywhere")
     if array.dtype.kind not in "fiub":
         raise ArgumentError(f"{name} are of type {array.dtype}; expected real numbers")
     if np.ma.is_masked(values):
@@ -214,6 +216,19 @@ def copy_struct(struct: Any) -> "dict[str, Any]":
             value = text(value) if is_text else tuple(value)
         fields[name] = value
     return fields
+
+
+STAGES = {
+    "setup": lib.DMK_STAGE_SETUP,
+    "start": lib.DMK_STAGE_START,
+    "solve": lib.DMK_STAGE_SOLVE,
+    "certify": lib.DMK_STAGE_CERTIFY,
+}
+
+
+def named_seconds(stats: "dict[str, Any]") -> "dict[str, Any]":
+    """The fields of dmk_stats, with the seconds by the names of the stages."""
+    return {**stats, "seconds": {name: stats["seconds"][stage] for name, stage in STAGES.items()}}
 
 
 # ---- contexts: errors and progress ------------------------------------------------------------

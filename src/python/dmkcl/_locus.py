@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from copy import copy, deepcopy
 from functools import cached_property
 from typing import Any, Optional
 
@@ -66,10 +67,11 @@ class Locus:
     polylines : list of arrays of vertex numbers, the lines between branch points and ends
     strength : (k,) that of the strongest edge at each vertex, a length
     meeting_angle : (k,) between the minimal geodesics where they meet here, radians
-    source_angle : (k,) between them at the source, radians
+    source_angle : (k,) between them at the source, radians, scaled as angle
     sources : (k, 2) numbers of the sources that they come from; of a set they differ on the borders
         of its Voronoi cells
-    angle : (k, 2) directions at the source of the two outermost of them, radians
+    angle : (k, 2) directions at the source of the two outermost of them, radians; of one source
+        scaled so that a full turn is 2 pi, which at a vertex `Geodesics.direction` is not
     distance : (k,) to the source
     mu : (k,) density of the triangle the vertex lies in
     faces, bary : (k,), (k, 3) the triangle it lies in, and the weights of its corners
@@ -152,8 +154,20 @@ class Locus:
         return [indices[a:b].copy() for a, b in zip(offsets[:-1], offsets[1:])]
 
     def __getstate__(self) -> "dict[str, Any]":
+        """All but the library's object, which nothing makes again."""
         self.polylines
         return {**self.__dict__, "_handle": None}
+
+    def __copy__(self) -> "Locus":
+        """The arrays may be changed, so that it is another one; the library's object cannot, and is shared."""
+        other = type(self).__new__(type(self))
+        other.__dict__.update(self.__dict__)
+        return other
+
+    def __deepcopy__(self, memo: Any) -> "Locus":
+        other = copy(self)
+        other.__dict__.update(deepcopy(self.__getstate__(), memo), _handle=self._handle)
+        return other
 
     def __repr__(self) -> str:
         return (

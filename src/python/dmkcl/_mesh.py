@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import operator
 import os
 from functools import cached_property
-from typing import Any, Iterator, NamedTuple, Optional, SupportsIndex
+from typing import Any, Iterator, NamedTuple, Optional, Sequence, SupportsIndex, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,6 +27,18 @@ class Point(NamedTuple):
     xyz: "tuple[float, float, float]"
 
 
+def pack_points(points: "Sequence[Point]") -> Any:
+    """Points as the library takes them, which checks their numbers."""
+    given = ffi.new("dmk_point[]", len(points))
+    for i, at in enumerate(points):
+        try:
+            a, b, c = map(float, at.bary)
+            given[i] = (operator.index(at.face), (a, b, c))
+        except (TypeError, ValueError, OverflowError):
+            raise ArgumentError(f"{at!r}: expected a triangle's number and three weights") from None
+    return given
+
+
 def _vertex_array(vertices: ArrayLike) -> NDArray[np.float64]:
     xyz = numbers("vertices", vertices)
     if xyz.ndim != 2 or xyz.shape[1] not in (2, 3):
@@ -44,6 +57,8 @@ def _face_array(faces: ArrayLike, n_vertices: int) -> NDArray[np.int32]:
         raise ArgumentError("faces have rows of different lengths; expected triangles only") from None
     if index.ndim != 2 or index.shape[1] != 3:
         raise ArgumentError(f"faces have the shape {index.shape}; expected (m, 3): triangles only")
+    if np.ma.is_masked(faces):
+        raise ArgumentError("faces are masked in places; leave those rows out")
     if index.dtype.kind not in "iu":
         raise ArgumentError(f"faces are of type {index.dtype}; expected integers")
     outside = np.flatnonzero(((index < 0) | (index >= n_vertices)).any(axis=1))
@@ -138,12 +153,14 @@ class Mesh:
 
     @cached_property
     def face_edges(self) -> NDArray[np.int64]:
-        """(m, 3) edges of each triangle: edge k lies opposite corner k."""
+        """(m, 3) edges of each triangle, read-only: edge k lies opposite corner k."""
         n = len(self.vertices)
         key = self.edges[:, 0].astype(np.int64) * n + self.edges[:, 1]
         order = np.argsort(key)
         ends = np.sort(self.faces[:, [[1, 2], [2, 0], [0, 1]]].astype(np.int64), axis=2)
-        return order[np.searchsorted(key, ends[..., 0] * n + ends[..., 1], sorter=order)]
+        found: NDArray[np.int64] = order[np.searchsorted(key, ends[..., 0] * n + ends[..., 1], sorter=order)]
+        found.flags.writeable = False
+        return found
 
     def __reduce__(self) -> Any:
         return Mesh, (np.array(self.vertices), np.array(self.faces))
@@ -186,6 +203,8 @@ class Mesh:
     def nearest_all(self, points: ArrayLike) -> "list[Point]":
         """`nearest` of each of (k, 3) points, in far less time for many."""
         xyz = numbers("points", points)
+        if xyz.shape == (0,):  # an empty list
+            xyz = xyz.reshape(0, 3)
         if xyz.ndim != 2 or xyz.shape[1] != 3:
             raise ArgumentError(f"points have the shape {xyz.shape}; expected (k, 3)")
         found = ffi.new("dmk_point[]", len(xyz))
@@ -224,12 +243,13 @@ class Mesh:
     def place(
         self,
         *,
-        point: Optional[ArrayLike] = None,
+        point: Union[None, ArrayLike, Point] = None,
         vertex: Optional[SupportsIndex] = None,
         face: Optional[SupportsIndex] = None,
         bary: Optional[ArrayLike] = None,
     ) -> Point:
-        """A point by one of: nearest to x, y, z; a vertex; a triangle with weights."""
+        """A point by one of: nearest to x, y, z (a `Point` is that already); a vertex; a triangle with
+        weights."""
         given = [
             name
             for name, value in (("point", point), ("vertex", vertex), ("face", face))
@@ -240,7 +260,7 @@ class Mesh:
                 "say where by one of: point=(x, y, z), vertex=i, face=i with bary=(a, b, c)"
             )
         if point is not None:
-            return self.nearest(point)
+            return point if isinstance(point, Point) else self.nearest(point)
         if vertex is not None:
             return self.at_vertex(vertex)
         assert face is not None
@@ -263,14 +283,14 @@ class Mesh:
 
     def _take(
         self,
-        point: Optional[ArrayLike] = None,
+        point: Union[None, ArrayLike, Point] = None,
         vertex: Optional[SupportsIndex] = None,
         face: Optional[SupportsIndex] = None,
         bary: Optional[ArrayLike] = None,
     ) -> Point:
         """`place`, with a warning if the point is more than an edge off the surface."""
         place = self.place(point=point, vertex=vertex, face=face, bary=bary)
-        if point is not None:
+        if point is not None and not isinstance(point, Point):
             self._warn_away(numbers("point", point)[None], [place])
         return place
 
@@ -281,7 +301,7 @@ class Mesh:
         return places
 
     def _warn_away(self, points: NDArray[np.float64], places: "list[Point]") -> None:
-        away = np.linalg.norm(points - np.reshape([place.xyz for place in places], (-1, 3)), axis=1)
+        away = np.linalg.norm(points.reshape(-1, 3) - np.reshape([place.xyz for place in places], (-1, 3)), axis=1)
         far = np.flatnonzero(away > self.info["mean_edge"])
         if len(far) == 0:
             return

@@ -4,23 +4,15 @@ from __future__ import annotations
 
 import os
 from functools import cached_property
-from typing import Any, Literal, NamedTuple, Optional, Sequence, SupportsIndex
+from typing import Any, Literal, NamedTuple, Optional, Sequence, SupportsIndex, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._geodesics import Path, traced
-from ._lib import ArgumentError, Context, Handle, copy_struct, count, ffi, lib, path_bytes, view, whole
+from ._lib import ArgumentError, Context, Handle, copy_struct, count, ffi, lib, named_seconds, path_bytes, view, whole
 from ._locus import Locus
-from ._mesh import Mesh, Point
-
-STAGES = {
-    "setup": lib.DMK_STAGE_SETUP,
-    "start": lib.DMK_STAGE_START,
-    "solve": lib.DMK_STAGE_SOLVE,
-    "certify": lib.DMK_STAGE_CERTIFY,
-}
-
+from ._mesh import Mesh, Point, pack_points
 
 _ARRAYS = {
     "density": np.float64,
@@ -64,8 +56,8 @@ class Cut(_CutArrays):
     """A surface cut open. vertices: (n, 3); faces: (m, 3); origin: (n,) the vertex of the input at
     the same place, -1 for points of the cut locus. The input's vertices keep their order.
 
-    plane: (n, 2) the logarithmic map, distance times direction at the source, on the two sides of
-    the cut each its own: texture coordinates. Around triangles that would turn over or be flat in
+    plane: (n, 2) the logarithmic map, distance times direction at the source (a full turn is 2 pi, as
+    in `Tangent`), on the two sides of the cut each its own: texture coordinates. Around triangles that would turn over or be flat in
     the plane directions are averaged; distances are exact everywhere."""
 
     plane: NDArray[np.float64]
@@ -75,8 +67,8 @@ class Cut(_CutArrays):
 
 
 class Tangent(NamedTuple):
-    """The tangent cut locus: in the direction angle[i] (radians, [0, 2 pi), ascending) from the
-    source, geodesics stay minimal up to the length time[i]. vertex[i]: number in `Locus.vertices`
+    """The tangent cut locus: in the direction angle[i] (radians, [0, 2 pi), ascending; a full turn is
+    2 pi at a vertex, too) from the source, geodesics stay minimal up to the length time[i]. vertex[i]: number in `Locus.vertices`
     of the point reached."""
 
     angle: NDArray[np.float64]
@@ -234,9 +226,7 @@ class Result:
         """steps, cg_iterations, v_cycles, change, cost_upper, cost_lower, cost_exact, cost_exact_error,
         gap, sweeps, n_steep, steep, area, levels, double_precision, and seconds of setup, start, solve
         and certify: see dmk_stats."""
-        fields = dict(self._fields)
-        fields["seconds"] = {name: fields["seconds"][stage] for name, stage in STAGES.items()}
-        return fields
+        return named_seconds(self._fields)
 
     @cached_property
     def _fields(self) -> "dict[str, Any]":
@@ -270,7 +260,7 @@ class Result:
     def path(
         self,
         *,
-        point: Optional[ArrayLike] = None,
+        point: Union[None, ArrayLike, Point] = None,
         vertex: Optional[SupportsIndex] = None,
         face: Optional[SupportsIndex] = None,
         bary: Optional[ArrayLike] = None,
@@ -280,7 +270,7 @@ class Result:
         Where several are minimal, one of them. ArgumentError if the point lies on another component.
         """
         end = self.mesh._take(point, vertex, face, bary)
-        place = ffi.new("dmk_point[]", [(end.face, end.bary)])
+        place = pack_points([end])
         with Context() as context, traced(self.mesh, 1) as paths:
             context.check(
                 lib.dmk_path_compute(

@@ -24,13 +24,15 @@ from ._geodesics import Geodesics
 from ._lib import (
     ArgumentError, Context, Error, Handle, Indices, amount, count, ffi, is_single, lib, numbers, switch, warn, whole,
 )  # fmt: skip
-from ._mesh import Mesh, Point
+from ._mesh import Mesh, Point, pack_points
 from ._optional import optional
 from ._progress import ProgressOption, Watch
 from ._read import MeshLike, as_mesh, named, warn_of_pieces
 from ._result import Cut, Result
 from ._transport import MeasureLike, Transport, check_measures, pack, solve_measures
 
+#: A vertex number, a point x, y, z, or a `Point`.
+PlaceLike = Union[SupportsIndex, ArrayLike, Point]
 Method = Literal["newton", "inertial", "euler"]
 Start = Literal["distance", "uniform"]
 
@@ -179,7 +181,7 @@ class CutLocus:
     def solve(
         self,
         *,
-        point: Optional[ArrayLike] = None,
+        point: Union[None, ArrayLike, Point] = None,
         vertex: Optional[SupportsIndex] = None,
         face: Optional[SupportsIndex] = None,
         bary: Optional[ArrayLike] = None,
@@ -200,16 +202,16 @@ class CutLocus:
 
         Parameters
         ----------
-        point : (3,) array
+        point : (3,) array or `Point`
             The source is the point of the surface nearest (in space) to this one, with a warning
-            if that is more than an edge away; or
+            if that is more than an edge away, or this point of the mesh; or
         vertex : int
             it is this vertex; or
         face, bary : int, (3,) array
             it lies in this triangle, with these weights on its corners (None: the centre).
         progress : bool or callable
             True: a bar by tqdm. A function gets a `Progress` for each step; what it raises ends
-            the solve and is passed on.
+            the solve and is passed on. It cannot use the device, which is busy.
         strength : float
             A length: branches of the cut locus with less strength than this are left out (see
             `Locus`); 0: 0.2 mean edges, more on a noisy mesh.
@@ -267,7 +269,7 @@ class CutLocus:
         )
 
     def _solve(self, source: Point, options: Any, progress: ProgressOption, strength: float) -> Result:
-        place = ffi.new("dmk_point *", (source.face, source.bary))
+        place = pack_points([source])
         handle = Handle("dmk_result")
         watch = Watch(progress)
         try:
@@ -433,7 +435,7 @@ class CutLocus:
         ).distance
 
     def shortest_path(
-        self, start: Union[SupportsIndex, ArrayLike], end: Union[SupportsIndex, ArrayLike]
+        self, start: PlaceLike, end: PlaceLike
     ) -> NDArray[np.float64]:
         """Points of a minimal geodesic from start to end, (k, 3), straight in every triangle.
 
@@ -449,7 +451,7 @@ OnError = Union[Literal["raise", "yield"], Callable[[Any, Error], None]]
 
 def solve_meshes(
     meshes: "Iterable[MeshLike]",
-    source: Union[SupportsIndex, ArrayLike] = 0,
+    source: PlaceLike = 0,
     *,
     on_error: OnError = "raise",
     device: Union[None, SupportsIndex, str] = None,
@@ -535,9 +537,14 @@ def _make(mesh: Mesh, device: Any, single: bool, threads: SupportsIndex, cache: 
     return CutLocus(mesh, device=device, single=single, threads=threads, cache=cache)
 
 
-def _one_place(place: Union[SupportsIndex, ArrayLike]) -> "dict[str, Any]":
+def _one_place(place: PlaceLike) -> "dict[str, Any]":
     """Arguments of `solve`: a single number is a vertex, three are a point."""
-    where = np.asarray(place)
+    if isinstance(place, Point):
+        return {"point": place}
+    try:
+        where = np.asarray(place)
+    except ValueError:  # rows of different lengths
+        where = np.empty(0)
     if where.ndim == 0 and where.dtype.kind in "iu":
         return {"vertex": int(where)}
     if where.shape == (3,) and where.dtype.kind in "iuf":
@@ -548,8 +555,8 @@ def _one_place(place: Union[SupportsIndex, ArrayLike]) -> "dict[str, Any]":
 def shortest_path(
     vertices: Union[ArrayLike, MeshLike],
     faces: Optional[ArrayLike],
-    start: Union[SupportsIndex, ArrayLike],
-    end: Union[SupportsIndex, ArrayLike],
+    start: PlaceLike,
+    end: PlaceLike,
 ) -> NDArray[np.float64]:
     """Points of a minimal geodesic, (k, 3): ``shortest_path(V, F, 17, 99)``; vertex numbers or
     points x, y, z. Needs no device; see also `Geodesics.path`."""
@@ -560,7 +567,7 @@ def shortest_path(
 def cut_open(
     vertices: Union[ArrayLike, MeshLike],
     faces: Optional[ArrayLike] = None,
-    source: Union[SupportsIndex, ArrayLike] = 0,
+    source: PlaceLike = 0,
     *,
     strength: float = 0,
 ) -> Cut:

@@ -10,8 +10,10 @@ from typing import Any, Literal, Optional, Sequence, Union
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._lib import ArgumentError, Context, Handle, amount, copy_struct, ffi, is_single, lib, numbers, path_bytes, view
-from ._mesh import Mesh, Point
+from ._lib import (
+    ArgumentError, Context, Handle, amount, copy_struct, ffi, is_single, lib, named_seconds, numbers, path_bytes, view,
+)  # fmt: skip
+from ._mesh import Mesh, Point, pack_points
 
 
 def _same(a: Any, b: Any) -> bool:
@@ -88,9 +90,9 @@ def pack(mesh: Mesh, measure: MeasureLike, keep: "list[Any]") -> Any:
     if m.face_density is not None:
         lend("triangle_density", _column("face_density", m.face_density, len(mesh.faces)))
     if m.points is not None:
-        found = iter(mesh._take_all([p for p in m.points if not isinstance(p, Point)] or np.empty((0, 3))))
+        found = iter(mesh._take_all([p for p in m.points if not isinstance(p, Point)]))
         places = [p if isinstance(p, Point) else next(found) for p in m.points]
-        atoms = ffi.new("dmk_point[]", [(p.face, p.bary) for p in places])
+        atoms = pack_points(places)
         keep.append(atoms)
         packed.atoms, packed.n_atoms = atoms, len(places)
         if isinstance(m.masses, str):
@@ -100,7 +102,7 @@ def pack(mesh: Mesh, measure: MeasureLike, keep: "list[Any]") -> Any:
             masses = np.ones(len(places)) if m.masses is None else m.masses
             lend("atom_mass", _column("masses", masses, len(places)))
     elif m.masses is not None:
-        raise ArgumentError("masses without points: nothing has them")
+        raise ArgumentError("masses are given, but no points that have them")
     packed.uniform = amount("uniform", m.uniform)
     keep.append(packed)
     return packed
@@ -146,10 +148,10 @@ class Transport:
 
     @cached_property
     def stats(self) -> "dict[str, Any]":
-        """Steps, iterations and bounds: see dmk_stats."""
+        """Steps, iterations, bounds, and seconds by stage: the names of `Result.stats`."""
         stats = ffi.new("dmk_stats *")
         lib.dmk_transport_get_stats(self._handle.pointer, stats)
-        return copy_struct(stats[0])
+        return named_seconds(copy_struct(stats[0]))
 
     @property
     def lower(self) -> float:

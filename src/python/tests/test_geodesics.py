@@ -33,6 +33,53 @@ def test_one_source(plane):
     assert not at.distance.flags.writeable
 
 
+def test_directions_count_from_where_they_are_said_to():
+    """The edge to the next corner of the first triangle with the vertex, in triangles of any order and first corner."""
+    V, F = dmkcl.surfaces.torus(n_triangles=800)
+    chance = np.random.default_rng(4)
+    F = np.array([np.roll(face, chance.integers(3)) for face in chance.permutation(F)])
+    mesh = dmkcl.Mesh(V, F)
+    for vertex in chance.integers(len(V), size=20):
+        row = F[np.flatnonzero((F == vertex).any(axis=1))[0]].tolist()
+        first, second = (row[(row.index(vertex) + k) % 3] for k in (1, 2))
+        at = dmkcl.Geodesics(mesh, int(vertex))
+        assert at.direction[first] == 0 < at.direction[second] < np.pi
+        assert at.path(vertex=first).angle == 0
+    at = dmkcl.Geodesics(mesh, mesh.at_face(7))
+    assert at.direction[F[7, 0]] == pytest.approx(0, abs=1e-9)
+    for k in range(3):
+        at = dmkcl.Geodesics(mesh, mesh.at_face(7, np.roll([0, 0.4, 0.6], k)))
+        assert at.direction[F[7, (k + 2) % 3]] == pytest.approx(0, abs=1e-9)
+
+
+def test_arguments_of_a_wrong_kind(plane):
+    point = plane.at_face(3)
+    wrong = [
+        (dict(curve=5), "curve = 5: expected several"),
+        (dict(vertices=[0, 1], offsets=[[0], [1]]), r"offsets have the shape \(2, 1\)"),
+        (dict(source=point._replace(face=1.5)), "expected a triangle's number and three weights"),
+        (dict(source=point._replace(face=2**70)), "expected a triangle's number and three weights"),
+        (dict(source=point._replace(bary=(0.5, 0.5))), "expected a triangle's number and three weights"),
+        (dict(vertex=0, tolerance=True), "tolerance = True"),
+        (dict(vertex=0, tolerance=b"0.1"), "tolerance = b'0.1'"),
+    ]
+    for given, text in wrong:
+        with pytest.raises(dmkcl.ArgumentError, match=text):
+            dmkcl.Geodesics(plane, **given)
+    with pytest.raises(dmkcl.ArgumentError, match="expected a vertex number or a point x, y, z"):
+        dmkcl.shortest_path(plane, None, [1, [2]], 5)
+    assert np.array_equal(dmkcl.distance(plane, vertex=3, points=[]), dmkcl.distance(plane, vertex=3))
+    by_numpy = point._replace(face=np.int32(3), bary=np.array(point.bary))
+    assert np.array_equal(dmkcl.distance(plane, None, by_numpy), dmkcl.distance(plane, None, point))
+
+
+def test_a_point_of_a_mesh_is_a_place(plane):
+    start, end = plane.at_face(3), plane.nearest((7.2, 3.4, 0))
+    path = dmkcl.Geodesics(plane, start).path(point=end)
+    assert np.allclose(path.points[-1], end.xyz) and plane.place(point=end) == end
+    assert np.array_equal(dmkcl.shortest_path(plane, None, start, end), path.points)
+
+
 def test_many_sources_curves_and_borders(plane, tmp_path):
     xy = plane.vertices[:, :2]
     at = dmkcl.Geodesics(plane, sources=[0, 440], offsets=[0, 1])

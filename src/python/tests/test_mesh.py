@@ -44,7 +44,17 @@ def test_arrays_are_read_only_and_outlive_the_mesh(small):
     assert np.array_equal(vertices, small.vertices)
 
 
+def test_masked_numbers_are_refused(small):
+    V, F = small
+    with pytest.raises(dmkcl.ArgumentError, match="vertices are masked"):
+        dmkcl.Mesh(np.ma.masked_greater(V, 0.9), F)
+    with pytest.raises(dmkcl.ArgumentError, match="faces are masked"):
+        dmkcl.Mesh(V, np.ma.masked_equal(F, 7))
+    assert dmkcl.Mesh(np.ma.masked_invalid(V), np.ma.masked_less(F, 0)).info["n_triangles"] == len(F)
+
+
 def test_edges_and_face_edges(small):
+    assert not small.face_edges.flags.writeable  # gradients are made with them
     assert (small.edges[:, 0] < small.edges[:, 1]).all()
     for k in range(3):
         ends = np.sort(small.faces[:, [(k + 1) % 3, (k + 2) % 3]], axis=1)

@@ -38,6 +38,28 @@ def test_exceptions_end_a_solve_and_pass(solver, result):
     assert np.array_equal(solver.solve(vertex=0).density, result.density)
 
 
+@pytest.mark.parametrize(
+    "again",
+    [lambda s: s.solve(vertex=5), lambda s: dmkcl.CutLocus(s.mesh), lambda s: s.transport(np.ones(len(s.mesh.vertices)))],
+)
+def test_a_call_on_the_device_within_another_is_refused(again):
+    """On another thread, for what is not refused waits for ever."""
+    solver = dmkcl.CutLocus(dmkcl.surfaces.sphere(n_triangles=800))
+    said = []
+
+    def work():
+        try:
+            solver.solve(vertex=0, progress=lambda report: again(solver))
+        except dmkcl.Error as error:
+            said.append(str(error))
+
+    worker = threading.Thread(target=work, daemon=True)
+    worker.start()
+    worker.join(60)
+    assert said and "the device works for a call of this thread" in said[0]
+    assert solver.solve(vertex=0).stats["steps"] > 0
+
+
 def test_tqdm(solver, capsys):
     pytest.importorskip("tqdm")
     solver.solve(vertex=0, progress=True)

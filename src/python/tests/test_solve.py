@@ -84,6 +84,38 @@ def test_the_same_source_three_ways(torus, solver, result):
         assert np.allclose(other.source.xyz, (3, 0, 0))
 
 
+def test_directions_at_a_corner():
+    """Around the corner of a cube 3 pi / 2: to that go the directions of paths and distances; those of the cut locus,
+    of the tangent cut locus and of the plane go to 2 pi."""
+    corner = np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)], float)
+    sides = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+    V, F, n = [], [], 16
+    for side in sides:
+        a, b, c, d = corner[list(side)]
+        u, v = (w.ravel()[:, None] / n for w in np.meshgrid(range(n + 1), range(n + 1)))
+        at = sum(map(len, V))
+        V.append((1 - v) * ((1 - u) * a + u * b) + v * ((1 - u) * d + u * c))
+        i = at + (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+        F.append(np.vstack([np.array([i, i + 1, i + n + 2]).T, np.array([i, i + n + 2, i + n + 1]).T]))
+    cube = dmkcl.repair(np.vstack(V), np.vstack(F)).mesh
+    assert cube.info["euler"] == 2 and cube.info["area"] == pytest.approx(6)
+    source = int(np.flatnonzero((cube.vertices == 0).all(axis=1))[0])
+    result, at = dmkcl.CutLocus(cube).solve(vertex=source), dmkcl.Geodesics(cube, source)
+    around = 3 * np.pi / 2
+    assert 0.95 * around < at.direction.max() < around
+    near = np.flatnonzero((0 < at.distance) & (at.distance < 0.7))  # one path, the same for both
+    angles = [result.path(vertex=int(v)).angle for v in near]
+    assert np.allclose(angles, at.direction[near], atol=1e-9)
+    for scaled in result.locus.angle, result.tangent.angle:
+        assert around < scaled.max() < 2 * np.pi
+    cut = result.cut_open()
+    where = np.searchsorted(cut.origin[cut.origin >= 0], near)
+    plane = at.distance[near, None] * np.column_stack(
+        [np.cos(at.direction[near] * 4 / 3), np.sin(at.direction[near] * 4 / 3)]
+    )
+    assert np.allclose(cut.plane[where], plane, atol=1e-6)
+
+
 def test_arrays_outlive_everything():
     solver = dmkcl.CutLocus(dmkcl.surfaces.sphere(n_triangles=1300))
     result = solver.solve(vertex=3)
@@ -206,6 +238,12 @@ def test_errors_have_their_classes(small):
     with pytest.raises(dmkcl.DeviceError):
         dmkcl.CutLocus(small, device="no such device")
     assert solver.solve(vertex=0).certificate.gap < 0.1
+
+
+@pytest.mark.parametrize("device", [[0], True, 0.0, "cpu\0gpu", "\udcff", {"name": "cpu"}])
+def test_devices_of_a_wrong_kind(small, device):
+    with pytest.raises(dmkcl.ArgumentError, match="expected a number of devices.. or part of a name"):
+        dmkcl.CutLocus(small, device=device)
 
 
 def test_devices():
@@ -381,7 +419,16 @@ def test_locus_pickles(result, tmp_path):
     locus = pickle.loads(pickle.dumps(result.locus))
     assert np.array_equal(locus.vertices, result.locus.vertices)
     assert len(locus.polylines) == len(result.locus.polylines)
-    assert copy.copy(result.locus).loops == result.locus.loops
+
+
+def test_copies_of_a_locus_are_written_as_it_is(result, tmp_path):
+    locus = result.locus
+    locus.write(tmp_path / "a.csv")
+    for other, shared in (copy.copy(locus), True), (copy.deepcopy(locus), False):
+        other.write(tmp_path / "b.csv")
+        assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
+        assert other.loops == locus.loops and np.array_equal(other.vertices, locus.vertices)
+        assert np.shares_memory(other.vertices, locus.vertices) == shared
 
 
 def test_density_only(solver, result, tmp_path):

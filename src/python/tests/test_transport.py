@@ -78,6 +78,13 @@ def test_measures_print_and_compare(sphere):
     assert free == kinds[7]()
 
 
+@pytest.mark.parametrize("masses", [[1.0], "free"])
+def test_masses_without_points_are_refused(sphere, masses):
+    lost = dmkcl.Measure(uniform=1, masses=masses)
+    with pytest.raises(dmkcl.ArgumentError, match="masses are given, but no points"):
+        sphere.transport(lost, dmkcl.Measure(uniform=1))
+
+
 def test_matrix(sphere):
     points = [dmkcl.Measure(points=[x]) for x in np.eye(3)]
     matrix = sphere.w1_matrix(points)
@@ -97,6 +104,7 @@ def test_free_masses_are_those_of_the_nearest_points(sphere):
     x = np.sort(np.abs(sphere.mesh.vertices[sphere.mesh.faces].mean(axis=1)), axis=1)
     even = x[:, 2] - x[:, 1]  # 0 where two of the points are equally near
     assert found.acl.dtype == bool and found.acl[even < 0.1].all() and even[found.acl].max() < 0.25
+    assert found.stats["seconds"].keys() == dmkcl.CutLocus(sphere.mesh).solve(vertex=0).stats["seconds"].keys()
     with pytest.raises(dmkcl.ArgumentError, match="free"):
         sphere.transport(dmkcl.Measure(points=points, masses="fre"), dmkcl.Measure(uniform=1))
 

@@ -24,6 +24,9 @@ dmkcl.Geodesics(solver.mesh, v, sources=several, vertices=[v, 4], curve=several)
 dmkcl.shortest_path("a.off", None, v, 99)
 dmkcl.surfaces.torus(n_triangles=v, refine=np.uint8(1))
 dmkcl.cut_open("a.off", strength=0.1)
+place = solver.mesh.at_face(3)
+dmkcl.shortest_path("a.off", None, place, 99)
+solver.solve(point=place).path(point=place)
 """
 
 
