@@ -268,8 +268,9 @@ typedef struct dmk_device_options {
                              name */
     int single_precision; /* 1: use no double precision on the device even where it is there */
     int threads;          /* compute units to use on a CPU device; 0 = one per core */
-    const char *cache; /* folder for kernel binaries; NULL = the user's cache folder, "" = none */
-    dmk_shape shape;   /* DMK_SHAPE_AUTO: by the device's type */
+    const char *
+        cache; /* folder for kernel binaries, made if it is not there; NULL = the user's cache folder, "" = none */
+    dmk_shape shape; /* DMK_SHAPE_AUTO: by the device's type */
     int in_background; /* 1: a thread of the device's own builds the kernels while the caller goes on; what is
                           wrong with them is reported by the first call that needs them. Needs
                           dmk_device_destroy before the process ends. */

@@ -246,6 +246,19 @@ static void the_best_device(void **state)
     assert_int_equal(dmk_device_best(some, 1, "GPU"), 1); /* none */
 }
 
+/* Kernels would be compiled each time, and nobody told. */
+static void a_file_is_no_cache(void **state)
+{
+    fixture *f = *state;
+    dmk_device *device = NULL;
+    dmk_device_options options;
+    dmk_device_options_init(&options, sizeof options);
+    options.cache = "README.md";
+    assert_int_equal(dmk_device_open(f->ctx, &options, &device), DMK_E_ARG);
+    assert_non_null(strstr(dmk_context_message(f->ctx), "'README.md' is not a folder"));
+    assert_null(device);
+}
+
 /* Each device of the list is the one that its number opens; no more are told than there is room for. */
 static void devices_are_listed(void **state)
 {
@@ -449,6 +462,7 @@ int main(void)
                                        TEST(large_memory_lies_in_huge_pages),
                                        TEST(the_best_device),
                                        TEST(devices_are_listed),
+                                       TEST(a_file_is_no_cache),
                                        TEST(a_device_by_its_kind),
                                        TEST(launches_of_a_step),
                                        TEST(memory_is_looked_at_first)};

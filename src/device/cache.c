@@ -82,6 +82,9 @@ int dmk_cache_folder(dmk_context *ctx, const char *wanted, char *folder, size_t 
     if (n < 0 || (size_t)n + 64 > size) {
         return dmk_fail(ctx, DMK_E_ARG, "the cache folder's name is too long");
     }
+    struct stat file;
+    if (wanted && stat(wanted, &file) == 0 && !S_ISDIR(file.st_mode))
+        return dmk_fail(ctx, DMK_E_ARG, "cache: '%s' is not a folder", wanted);
     return DMK_OK;
 }
 
