@@ -1,11 +1,9 @@
-/* The cut locus of the polyhedron as a tree-cotree decomposition. Internal to src/locus and src/cut.
- *
- * Every vertex v is reached by one shortest path; its last pseudo-source (or the source), unfolded into the plane
- * around v, is the image of v's family. The jump of a mesh edge vw is how much the family of one end is too long at
- * the other. A spanning tree of the vertices by least jump keeps families together; the mesh edges that it does not
- * take, dual, are what families meet across: a graph of the triangles that is connected and has first Betti number
- * 2g, each border loop being one node (tree-cotree decomposition: Eppstein 2003; as a cut graph: Erickson and
- * Whittlesey 2005). */
+/* The cut locus of the polyhedron as a tree-cotree decomposition. Internal to src/locus and src/cut. Every vertex v is
+ * reached by one shortest path; its last pseudo-source (or the source), unfolded into the plane around v, is the image
+ * of v's family. The jump of a mesh edge vw is how much the family of one end is too long at the other. A spanning tree
+ * of the vertices by least jump keeps families together; the mesh edges that it does not take, dual, are what families
+ * meet across: a graph of the triangles that is connected and has first Betti number 2g, each border loop being one
+ * node (tree-cotree decomposition: Eppstein 2003; as a cut graph: Erickson and Whittlesey 2005). */
 #ifndef DMK_COTREE_H
 #define DMK_COTREE_H
 
@@ -128,8 +126,7 @@ void dmk_place_end(const dmk_cotree *cotree, const dmk_end_point *end, dmk_locus
 /* The logarithmic map at xyz, a point of the corner's triangle reached by the geodesics of its family: length
  * times direction at the source, a full turn being 2 pi. In the shadow of a pseudo-source, where all paths start
  * in one direction, that of the corner is turned as if its path were straight. */
-void dmk_place_in_plane(const dmk_geodesics *geodesics, int32_t corner, const double xyz[3],
-                        double plane[2]);
+void dmk_place_in_plane(const dmk_geodesics *g, int32_t corner, const double xyz[3], double map[2]);
 
 /* Whether three branches of default strength meet in the triangle. */
 bool dmk_is_fork(const dmk_cotree *cotree, int32_t triangle);

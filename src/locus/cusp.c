@@ -1,9 +1,8 @@
-/* Where a branch ends on the smooth surface that the mesh stands for.
- *
- * A point of the surface is a smooth function X of the direction a and the length r of a geodesic from the source that
- * leads there, also past the locus, where a point has several. A branch ends in a cusp of the conjugate points: where
- * X_a, the Jacobi field, and its derivative by a vanish across the geodesic. Near a cusp a, r and the displacement
- * across scale as 1 : 2 : 3, so X is fitted to the vertices around by the monomials in a and r up to the weight 5. */
+/* Where a branch ends on the smooth surface that the mesh stands for. A point of the surface is a smooth function X of
+ * the direction a and the length r of a geodesic from the source that leads there, also past the locus, where a point
+ * has several. A branch ends in a cusp of the conjugate points: where X_a, the Jacobi field, and its derivative by a
+ * vanish across the geodesic. Near a cusp a, r and the displacement across scale as 1 : 2 : 3, so X is fitted to the
+ * vertices around by the monomials in a and r up to the weight 5. */
 #include "base/dense.h"
 #include "base/vec3.h"
 #include "locus/cotree.h"
@@ -186,11 +185,9 @@ bool dmk_cusp_fit(dmk_patch *p, int32_t triangle, dmk_cusp *c)
     return true;
 }
 
-/* Around a short locus the distance falls off as
- *     d = d0 - |x - c| + A cos 2 phi + B sin 2 phi,
- * phi the direction from c: the waves that come in enclose an astroid, and the locus is the part of its
- * longer axis between two of the cusps, of the length 8 sqrt(A^2 + B^2). What is left of first order in
- * phi moves c. */
+/* Around a short locus the distance falls off as d = d0 - |x - c| + A cos 2 phi + B sin 2 phi, phi the direction from
+ * c: the waves that come in enclose an astroid, and the locus is the part of its longer axis between two of the cusps,
+ * of the length 8 sqrt(A^2 + B^2). What is left of first order in phi moves c. */
 bool dmk_focus_fit(dmk_patch *p, int32_t triangle, double xyz[3], double half[3], double *left)
 {
     enum { N = 5 };

@@ -1,11 +1,9 @@
-/* Where strong parts are joined.
- *
- * Where families meet at a small angle, jumps are as small on the locus as beside it, and one edge sends the tree's
- * line around another way, 20 to 70 h long. So parts are told apart first: connected crossings of the default strength
- * where families meet at twice the angle of the rules or more, and border loops. The least ways that connect all are
- * their joints: lengths on the surface, longer off the first tree's lines, `off` times where the ends of an edge do
- * not differ either. A second tree takes none of the edges that parts and joints cross, which have the default
- * strength in any case. */
+/* Where strong parts are joined. Where families meet at a small angle, jumps are as small on the locus as beside it,
+ * and one edge sends the tree's line around another way, 20 to 70 h long. So parts are told apart first: connected
+ * crossings of the default strength where families meet at twice the angle of the rules or more, and border loops. The
+ * least ways that connect all are their joints: lengths on the surface, longer off the first tree's lines, `off` times
+ * where the ends of an edge do not differ either. A second tree takes none of the edges that parts and joints cross,
+ * which have the default strength in any case. */
 #include "base/sets.h"
 #include "locus/cotree.h"
 

@@ -95,15 +95,14 @@ static int draw_point(dmk_context *ctx, const dmk_cotree *t, sketch *s)
 /* On a border's edge nothing is, where the rest of its branch is too weak: no line is drawn there. */
 static bool is_joined(const dmk_cotree *t, int32_t i, double strength)
 {
-    bool joined = false;
     for (int k = 0; k < 6; k++) {
         const int32_t node = t->crossing[i].node[k / 3];
-        if (node >= t->geodesics->mesh->n_triangles) continue;
-        const int32_t j = t->on[3 * node + k % 3];
+        const int32_t j = node < t->geodesics->mesh->n_triangles ? t->on[3 * node + k % 3] : -1;
         const dmk_end_point *end = j == i ? dmk_end_in(t, node) : NULL;
-        joined |= j == i ? end && end->crossing == i : j >= 0 && dmk_is_drawn(t, j, strength);
+        if (j == i ? end && end->crossing == i : j >= 0 && dmk_is_drawn(t, j, strength))
+            return true;
     }
-    return joined;
+    return false;
 }
 
 /* Crossings of `strength` or more and what joins them. */

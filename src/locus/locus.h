@@ -1,9 +1,8 @@
-/* The cut locus from exact geodesics. Plain host arrays in and out; no device.
- *
- * The polyhedron's own cut locus is a graph that is well defined on every mesh: where two shortest
- * paths of different families meet. The way, each step one file:
- * - cotree.c: how much too long neighbours' families are for each other; a spanning tree of the
- *   vertices by least jump; where the edges that it does not take are crossed.
+/* The cut locus from exact geodesics. Plain host arrays in and out; no device. The polyhedron's own cut locus is a
+ * graph that is well defined on every mesh: where two shortest paths of different families meet. The way, each step one
+ * file:
+ * - cotree.c: how much too long neighbours' families are for each other; a spanning tree of the vertices by least jump;
+ *   where the edges that it does not take are crossed.
  * - strength.c: the excess P of each crossing, branches, and which of them are the mesh's own.
  * - joints.c: strong parts joined the shortest way, and peeled again.
  * - cusp.c: where a branch ends on the surface that the mesh stands for.

@@ -274,28 +274,25 @@ void dmk_place_crossing(const dmk_cotree *t, int32_t i, dmk_locus_vertex *v)
     v->meeting_angle = c->alpha;
 }
 
-void dmk_place_in_plane(const dmk_geodesics *g, int32_t corner, const double xyz[3],
-                        double plane[2])
+void dmk_place_in_plane(const dmk_geodesics *g, int32_t corner, const double xyz[3], double map[2])
 {
     const dmk_mesh *m = g->mesh;
-    const int32_t triangle = corner / 3;
+    const int32_t v = m->triangle[corner];
     const double full = dmk_full_turn(g), unit = g->star.unit;
     corners c;
-    double e[3], x[3], distance = g->distance[m->triangle[corner]];
-    double direction = g->arrival[m->triangle[corner]].direction;
-    set_corners(g, triangle, &c);
+    double e[3], x[3], distance = g->distance[v], direction = g->arrival[v].direction;
+    set_corners(g, corner / 3, &c);
     /* in the frame of the triangle's half-edge 0, from corner 1 to corner 2 */
     const double *origin = m->xyz + 3 * (size_t)c.vertex[1];
     dmk_subtract(m->xyz + 3 * (size_t)c.vertex[2], origin, e);
     dmk_subtract(xyz, origin, x);
     const double px = dmk_dot(x, e) / sqrt(dmk_dot(e, e)) / unit;
     const double square = dmk_dot(x, x) / unit / unit - px * px, py = square > 0 ? sqrt(square) : 0;
-    if (memcmp(xyz, m->xyz + 3 * (size_t)m->triangle[corner], 3 * sizeof *xyz) != 0) {
+    if (memcmp(xyz, m->xyz + 3 * (size_t)v, 3 * sizeof *xyz) != 0) {
         distance = unit * dmk_image_length(&c.image[corner % 3], px, py);
-        direction +=
-            turn_to(&c, corner % 3, px, py, g->arrival[m->triangle[corner]].pseudo_source >= 0);
+        direction += turn_to(&c, corner % 3, px, py, g->arrival[v].pseudo_source >= 0);
     }
     if (full < HUGE_VAL) direction *= 2 * M_PI / full;
-    plane[0] = distance * cos(direction);
-    plane[1] = distance * sin(direction);
+    map[0] = distance * cos(direction);
+    map[1] = distance * sin(direction);
 }

@@ -134,8 +134,6 @@ def numbers(name: str, values: Any) -> "np.ndarray":
         raise ArgumentError(f"{name} are masked in places; expected numbers everywhere")
     if array.dtype.kind not in "fiub":
         raise ArgumentError(f"{name} are of type {array.dtype}; expected real numbers")
-    if np.ma.is_masked(values):
-        raise ArgumentError(f"{name} have masked values, which are no numbers")
     return np.ascontiguousarray(array, dtype=np.float64)
 
 
