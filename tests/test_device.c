@@ -169,6 +169,23 @@ static void mapped(void **state)
     }
 }
 
+/* Transfers of nothing never reach the driver, which may refuse them, as PoCL 6 does. */
+static void nothing_is_not_transferred(void **state)
+{
+    fixture *f = *state;
+    dmk_device *device = NULL;
+    dmk_buffer *buffer = NULL;
+    double number = 3;
+    assert_int_equal(dmk_device_open(f->ctx, NULL, &device), DMK_OK);
+    assert_int_equal(dmk_buffer_create(f->ctx, device, sizeof number, &number, &buffer), DMK_OK);
+    const dmk_device_work before = device->work;
+    assert_int_equal(dmk_buffer_write(f->ctx, device, buffer, 0, 0, &number), DMK_OK);
+    assert_int_equal(dmk_buffer_read(f->ctx, device, buffer, 0, 0, &number), DMK_OK);
+    assert_memory_equal(&device->work, &before, sizeof before);
+    dmk_buffer_destroy(&buffer);
+    dmk_device_destroy(&device);
+}
+
 /* Whether the system was asked for huge pages at an address: 1, 0, or -1 where it does not tell. */
 static int is_in_huge_pages(const void *address)
 {
@@ -458,6 +475,7 @@ int main(void)
                                        TEST(destroyed_with_work_under_way),
                                        TEST(built_in_the_background),
                                        TEST(mapped),
+                                       TEST(nothing_is_not_transferred),
                                        TEST(built_once_where_they_are_the_same),
                                        TEST(large_memory_lies_in_huge_pages),
                                        TEST(the_best_device),

@@ -181,6 +181,7 @@ void dmk_buffer_destroy(dmk_buffer **buffer)
 int dmk_buffer_write(dmk_context *ctx, dmk_device *dev, dmk_buffer *buffer, size_t offset,
                      size_t bytes, const void *from)
 {
+    if (bytes == 0) return DMK_OK; /* an error of OpenCL, which PoCL 3.1 does not tell */
     dev->work.writes++;
     return dmk_cl_check(ctx,
                         clEnqueueWriteBuffer(dev->queue, mem_of(buffer), CL_TRUE, offset, bytes,
@@ -191,6 +192,7 @@ int dmk_buffer_write(dmk_context *ctx, dmk_device *dev, dmk_buffer *buffer, size
 int dmk_buffer_read(dmk_context *ctx, dmk_device *dev, const dmk_buffer *buffer, size_t offset,
                     size_t bytes, void *to)
 {
+    if (bytes == 0) return DMK_OK;
     dev->work.reads++;
     return dmk_cl_check(
         ctx,

@@ -274,7 +274,7 @@ static void follow(const dmk_mesh *m, dmk_geodesics *g)
         check_locus(locus, m);
         break;
     case 1:
-        rc = dmk_locus_cut(ctx, g, NULL, &cut, &origin, &plane);
+        rc = dmk_locus_cut(ctx, g, NULL, NULL, &cut, &origin, &plane);
         REQUIRE(rc == DMK_OK || thinnest(m) < 1e-6);
         REQUIRE(rc != DMK_OK || all_finite(plane, 2 * cut->n_vertices));
         break;
