@@ -1,5 +1,7 @@
 #include "device/internal.h"
 
+#include <sys/resource.h>
+
 const char *dmk_cl_text(cl_int error)
 {
     static const struct {
@@ -40,6 +42,13 @@ const char *dmk_cl_text(cl_int error)
         if (table[i].code == error) return table[i].text;
     }
     return "OpenCL error";
+}
+
+const char *dmk_space_hint(void)
+{
+    struct rlimit space;
+    const bool bounded = getrlimit(RLIMIT_AS, &space) == 0 && space.rlim_cur != RLIM_INFINITY;
+    return bounded ? ", or try without `ulimit -v`, as drivers reserve up to 1 GB" : "";
 }
 
 int dmk_cl_check(dmk_context *ctx, cl_int error, const char *call)

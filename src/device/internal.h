@@ -50,6 +50,8 @@ struct dmk_device {
 
 /* "CL_OUT_OF_RESOURCES" and the like. */
 const char *dmk_cl_text(cl_int error);
+/* The end of a sentence where the address space is bounded, which drivers do not take well; else nothing. */
+const char *dmk_space_hint(void);
 /* launch.c: work-groups of a launch over the range. */
 size_t dmk_launch_groups(const dmk_device *device, dmk_range range);
 /* DMK_OK, or a failure that names the call. */

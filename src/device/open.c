@@ -8,7 +8,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
-#include <sys/resource.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -133,22 +132,14 @@ static int no_device(dmk_context *ctx, const cl_platform_id *platforms, cl_uint 
                     n == 1 ? "" : "s", name, hint);
 }
 
-static bool space_is_bounded(void)
-{
-    struct rlimit space;
-    return getrlimit(RLIMIT_AS, &space) == 0 && space.rlim_cur != RLIM_INFINITY;
-}
-
 static int no_platform(dmk_context *ctx, cl_int error)
 {
     char hint[400];
     hint_at_steering(hint);
-    return dmk_fail(
-        ctx, DMK_E_DEVICE,
-        "no OpenCL platform (%s); install one, for instance the package "
-        "pocl-opencl-icd%s%s",
-        dmk_cl_text(error), hint,
-        space_is_bounded() ? ", or try without `ulimit -v`, as drivers reserve up to 1 GB" : "");
+    return dmk_fail(ctx, DMK_E_DEVICE,
+                    "no OpenCL platform (%s); install one, for instance the package "
+                    "pocl-opencl-icd%s%s",
+                    dmk_cl_text(error), hint, dmk_space_hint());
 }
 
 /* All devices of all platforms, in the order the loader gives them. */

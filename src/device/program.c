@@ -53,8 +53,8 @@ static int build_failure(dmk_context *ctx, dmk_device *dev, cl_program program, 
         snprintf(log, sizeof log, "%s", first ? first : whole);
         free(whole);
     }
-    return dmk_fail(ctx, DMK_E_BUILD, "%s (%d) for %s; the build log says: %s", dmk_cl_text(error),
-                    error, dev->info.name, log);
+    return dmk_fail(ctx, DMK_E_BUILD, "%s (%d) for %s; the build log says: %s%s",
+                    dmk_cl_text(error), error, dev->info.name, log, dmk_space_hint());
 }
 
 static int take_source(dmk_context *ctx, dmk_device *dev, cl_program *program)
