@@ -159,7 +159,19 @@ static dmk_point at_vertex(dmk_context *ctx, const dmk_mesh *m, int64_t v)
 
 /* ---- closed forms ---------------------------------------------------------------------------- */
 
-/* From a corner, an edge and inside a triangle of a flat square: Euclid's; the log map too. */
+/* How far the angle of the path to v is from the direction of its distance. */
+static double off_path(dmk_context *ctx, const dmk_geodesics *g, int32_t v)
+{
+    const dmk_point to = at_vertex(ctx, g->mesh, v);
+    dmk_path path;
+    assert_int_equal(dmk_geodesics_paths(ctx, g, 1, &to, &path), DMK_OK);
+    const double off = remainder(path.angle - g->arrival[v].direction, 2 * pi);
+    dmk_path_free(&path);
+    return fabs(off);
+}
+
+/* From a corner, an edge and inside a triangle of a flat square, also close to an edge: Euclid's; the log map too, and
+ * the directions of paths. */
 static void flat_square(void **state)
 {
     dmk_context *ctx = *state;
@@ -183,6 +195,7 @@ static void flat_square(void **state)
             double turn = remainder(g->arrival[v].direction - atan2(y, x), 2 * pi);
             if (turned == HUGE_VAL) turned = turn;
             assert_true(fabs(remainder(turn - turned, 2 * pi)) < 1e-6);
+            assert_true(off_path(ctx, g, v) < 1e-7);
         }
         dmk_geodesics_destroy(&g);
     }

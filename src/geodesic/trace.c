@@ -432,18 +432,46 @@ static int search(dmk_context *ctx, dmk_tracer *t, const dmk_site *site)
 
 /* ---- directions ------------------------------------------------------------------------------ */
 
-/* The direction at a site of what lies in triangle t with the weights w. */
-static double direction_to(const dmk_geodesics *g, const dmk_site *site, const dmk_point *p)
+/* What a path leads to, in the frame of a half-edge of the triangle in which it leaves; it may lie far behind it. */
+typedef struct target {
+    int32_t half;
+    double x, y;
+} target;
+
+static target target_at(const dmk_geodesics *g, const dmk_point *p)
 {
-    double best = INFINITY, angle_there = 0;
+    target to = {.half = 3 * p->triangle};
+    angle s;
+    look(g, to.half, &s);
+    place_above(to.half, &s, p->weight, &to.x, &to.y);
+    return to;
+}
+
+/* In the frame of another half-edge of its triangle. */
+static void seen_from(const dmk_geodesics *g, const target *to, int32_t half, double *x, double *y)
+{
+    angle s;
+    *x = to->x, *y = to->y;
+    if (half == to->half) return;
+    look(g, to->half, &s);
+    const bool is_next =
+        half == dmk_next(to->half); /* from the end to the corner above, or from there */
+    const double px = to->x - (is_next ? s.length : s.cx), py = to->y - (is_next ? 0 : s.cy);
+    const double ex = is_next ? s.cx - s.length : -s.cx, ey = is_next ? s.cy : -s.cy;
+    const double length = hypot(ex, ey);
+    *x = (px * ex + py * ey) / length;
+    *y = (py * ex - px * ey) / length;
+}
+
+/* The direction at a site of a path's target. */
+static double direction_to(const dmk_geodesics *g, const dmk_site *site, const target *to)
+{
+    double best = INFINITY, angle_there = 0, x, y;
     for (int32_t k = 0; k < site->n_sectors; k++) {
         const dmk_sector *c = site->sector + k;
-        if (c->half / 3 != p->triangle) continue;
-        angle s;
-        look(g, c->half, &s);
-        double x = p->weight[c->half % 3] * s.cx + p->weight[dmk_previous(c->half) % 3] * s.length;
-        double y = p->weight[c->half % 3] * s.cy, ax = -c->x / g->star.unit,
-               ay = -c->y / g->star.unit;
+        if (c->half / 3 != to->half / 3) continue;
+        seen_from(g, to, c->half, &x, &y);
+        double ax = -c->x / g->star.unit, ay = -c->y / g->star.unit;
         double dx = x + ax, dy = y + ay, turn = atan2(ax * dy - ay * dx, ax * dx + ay * dy);
         double off = dmk_max(0, dmk_max(-turn, turn - c->span));
         if (off < best) best = off, angle_there = c->angle + dmk_min(dmk_max(turn, 0), c->span);
@@ -562,9 +590,8 @@ static dmk_point seen_in(const dmk_geodesics *g, const dmk_site *at, int32_t tri
     return p;
 }
 
-/* The inner points of the piece that the last search found from `at`; *before: the last one, or `at` itself. */
-static int append_piece(dmk_context *ctx, dmk_tracer *t, const dmk_site *at, trail *l,
-                        dmk_point *before)
+/* The inner points of the piece that the last search found from `at`; *back: `at` itself, seen from the far end. */
+static int append_piece(dmk_context *ctx, dmk_tracer *t, const dmk_site *at, trail *l, target *back)
 {
     int rc = DMK_OK;
     size_t n = 0;
@@ -572,13 +599,15 @@ static int append_piece(dmk_context *ctx, dmk_tracer *t, const dmk_site *at, tra
     dmk_point *list = NULL;
     const finish *f = &t->best;
     if (f->window < 0) {
-        *before = seen_in(t->g, at, f->triangle);
+        const dmk_point here = seen_in(t->g, at, f->triangle);
+        *back = target_at(t->g, &here);
         return DMK_OK;
     }
     end_of_sight(t, f->window, &x, &y);
     DMK_TRY(list_crossings(t, ctx, f->window, x, y, &list, &n));
     for (size_t i = n; i-- > 0;) DMK_TRY(append(l, list[i]));
-    *before = list[0];
+    const sight *w = t->sight + f->window;
+    *back = (target){w->half, w->x, w->y};
 done:
     free(list);
     return rc;
@@ -593,13 +622,13 @@ static int follow(dmk_context *ctx, dmk_tracer *t, const dmk_site *from, trail *
     const dmk_geodesics *g = t->g;
     const dmk_site *at = from;
     dmk_site stop = {0};
-    dmk_point before = from->point;
+    target back = {0};
     *direction = 0;
     DMK_TRY(append(l, from->point));
     while (!(at->vertex >= 0 && is_source(g, at->vertex))) {
         DMK_TRY(search(ctx, t, at));
         const finish f = t->best;
-        DMK_TRY(append_piece(ctx, t, at, l, &before));
+        DMK_TRY(append_piece(ctx, t, at, l, &back));
         int32_t source = f.source;
         dmk_point end = f.vertex >= 0           ? corner_point(g, f.vertex)
                         : source < g->n_sources ? g->source[source].point
@@ -607,7 +636,7 @@ static int follow(dmk_context *ctx, dmk_tracer *t, const dmk_site *from, trail *
         DMK_TRY(append(l, end));
         if (f.vertex >= 0 && is_source(g, f.vertex)) source = g->arrival[f.vertex].source;
         if (source >= 0) {
-            if (source < g->n_sources) *direction = direction_to(g, g->source + source, &before);
+            if (source < g->n_sources) *direction = direction_to(g, g->source + source, &back);
             break;
         }
         dmk_site_free(&stop);
