@@ -2,7 +2,8 @@
 # reported once, and a rank that fails or is killed ends the job.
 . tests/tap.sh
 
-export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_rmaps_base_oversubscribe=1
+export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
+export OMPI_MCA_rmaps_base_oversubscribe=1 PRTE_MCA_rmaps_default_mapping_policy=:oversubscribe # of Open MPI 4 and 5
 config=$(basename "$DMKCL_BUILD")
 if ! command -v mpirun > "$work/where"; then
     skip 'several ranks' 'there is no mpirun here: `make MPI=1` installs what it needs'
