@@ -236,7 +236,7 @@ static void merging(void **state)
 static void exact_windows(void **state)
 {
     dmk_mesh *m = make(*state, 100, 50, on_torus, 0.4);
-    check_count(*state, m, 0, 316405, 5e-4);
+    check_count(*state, m, 0, 313618, 5e-4);
     dmk_mesh_destroy(&m);
 }
 

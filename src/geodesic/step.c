@@ -227,12 +227,13 @@ int dmk_windows_step(worker *me, const window *w, window *o, int *n)
             rc = dmk_windows_reach(me, v, d, (trace){s.at, px, py, w->turn, w->half, w->root});
         } else {
             const double at = better_way(e, v, w->half, d);
-            /* Rays that cross the shorter way are of no use. Others may be, though the way to the vertex is not: from a
-             * source behind that of the shorter way, beside which they pass. */
+            /* Rays that cross the shorter way are of no use; nor are those beyond it (Chen and Han), but from a source
+             * behind another one, which they pass. */
+            const bool one_source = e->front.g->n_sources == 1 && e->front.g->n_lines == 0;
             if (s.at < at - slack)
-                first = at;
+                first = one_source ? w->hi : at;
             else if (s.at > at + slack)
-                last = at;
+                last = one_source ? w->lo : at;
             s.place = at;
             s.d = dv - hypot(s.cx - at, s.cy);
         }

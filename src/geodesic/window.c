@@ -6,10 +6,10 @@
  * bound, the length of paths along edges, and so no window that is needed is ever dropped, whatever
  * the order. Of the windows that enter an angle, only the one with the shortest path to its vertex
  * may leave it on both sides unchanged: of another one the rays that cross this path end there, and
- * those beyond it must beat the way over the place where it entered (after Chen and Han). When all
- * have run down, the nearest pseudo-source that has not radiated has its exact distance, and sends
- * windows into the directions that make no angle below pi with the path to it; so do some that come
- * next. lanes.c takes most of the steps. */
+ * those beyond it, none of which are of use from one source (Chen and Han), must beat the way over
+ * the place where it entered. When all have run down, the nearest pseudo-source that has not radiated
+ * has its exact distance, and sends windows into the directions that make no angle below pi with the
+ * path to it; so do some that come next. lanes.c takes most of the steps. */
 #include "geodesic/window.h"
 
 #include "base/parallel.h"
@@ -426,7 +426,7 @@ done:
     return rc;
 }
 
-/* Over edges times the square root of triangles: 152 meshes, scans, CAD and smooth ones, need 0.23 and less. Small
+/* Over edges times the square root of triangles: 152 meshes, scans, CAD and smooth ones, need 0.22 and less. Small
  * meshes need some more. */
 int64_t dmk_windows_usual(const dmk_mesh *m)
 {
