@@ -10,6 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 /* What was asked for and not waited for, as after an error, ends before the device goes away: PoCL's
@@ -184,6 +185,22 @@ static void nothing_is_not_transferred(void **state)
     assert_memory_equal(&device->work, &before, sizeof before);
     dmk_buffer_destroy(&buffer);
     dmk_device_destroy(&device);
+}
+
+/* Messages of drivers that found no memory end with it: which messages, tests/test_environment.sh sees. */
+static void a_bound_of_the_address_space_is_told(void **state)
+{
+    (void)state;
+    struct rlimit before, bounded;
+    assert_int_equal(getrlimit(RLIMIT_AS, &before), 0);
+    bounded = before;
+    bounded.rlim_cur = (rlim_t)1 << 46;
+    if (before.rlim_cur == RLIM_INFINITY) assert_string_equal(dmk_space_hint(), "");
+    if (before.rlim_max >= bounded.rlim_cur) {
+        assert_int_equal(setrlimit(RLIMIT_AS, &bounded), 0);
+        assert_non_null(strstr(dmk_space_hint(), "ulimit -v"));
+        assert_int_equal(setrlimit(RLIMIT_AS, &before), 0);
+    }
 }
 
 /* Whether the system was asked for huge pages at an address: 1, 0, or -1 where it does not tell. */
@@ -476,6 +493,7 @@ int main(void)
                                        TEST(built_in_the_background),
                                        TEST(mapped),
                                        TEST(nothing_is_not_transferred),
+                                       TEST(a_bound_of_the_address_space_is_told),
                                        TEST(built_once_where_they_are_the_same),
                                        TEST(large_memory_lies_in_huge_pages),
                                        TEST(the_best_device),

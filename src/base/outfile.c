@@ -125,8 +125,7 @@ static int open_stream(dmk_outfile *file)
 static bool is_named(int fd, const char *name)
 {
     struct stat a, b;
-    return fstat(fd, &a) == 0 && lstat(name, &b) == 0 && a.st_dev == b.st_dev &&
-           a.st_ino == b.st_ino;
+    return fstat(fd, &a) == 0 && lstat(name, &b) == 0 && dmk_is_same_file(&a, &b);
 }
 
 /* Remove what a killed run has left under this name: whoever writes holds a lock. */
@@ -254,4 +253,9 @@ void dmk_outfile_discard(dmk_outfile *file)
 {
     if (file->name) unlink(file->name);
     give_back(file);
+}
+
+void dmk_outfile_piece(const char *path, int k, char *name, size_t size)
+{
+    snprintf(name, size, "%.*s_%04d.vtp", (int)(strlen(path) - strlen(".pvtp")), path, k);
 }

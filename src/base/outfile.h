@@ -4,6 +4,8 @@
 #define DMK_OUTFILE_H
 
 #include <stdbool.h>
+#include <stddef.h>
+#include <sys/stat.h>
 
 /* Until it is committed the file has no name, where the file system can do that, and else one in
  * the same folder that the next run finds and removes if this one is killed. */
@@ -35,5 +37,15 @@ int dmk_outfile_sync(const dmk_outfile *file);
 int dmk_outfile_commit(dmk_outfile *file);
 /* As if it had never been. */
 void dmk_outfile_discard(dmk_outfile *file);
+/* Of what stat told: whether it is one file, whatever its names. */
+static inline bool dmk_is_same_file(const struct stat *a, const struct stat *b)
+{
+    return a->st_dev == b->st_dev && a->st_ino == b->st_ino;
+}
+enum {
+    DMK_PIECE_ROOM = 16
+}; /* bytes that the name of a piece may be longer than that of the whole */
+/* The name of piece k of a file in pieces: "dir/NAME.pvtp" -> "dir/NAME_0003.vtp". */
+void dmk_outfile_piece(const char *path, int k, char *name, size_t size);
 
 #endif

@@ -59,11 +59,6 @@ static int add(lister *l, const char *path, const char *name)
 
 static int add_path(lister *l, const char *path, bool from_list);
 
-static bool is_same(const struct stat *a, const struct stat *b)
-{
-    return a->st_dev == b->st_dev && a->st_ino == b->st_ino;
-}
-
 /* A folder on the way to the one that is being looked at; the first one has no `above`. */
 typedef struct folder_way {
     const struct folder_way *above;
@@ -73,7 +68,7 @@ typedef struct folder_way {
 /* A link may lead back to a folder above it. */
 static bool is_on_way(const folder_way *way, const struct stat *folder)
 {
-    while (way && !is_same(&way->here, folder)) way = way->above;
+    while (way && !dmk_is_same_file(&way->here, folder)) way = way->above;
     return way != NULL;
 }
 
@@ -92,7 +87,7 @@ static int add_folder(lister *l, const char *folder, size_t head, const folder_w
             code = cli_error(EXIT_IO, "the name '%s/%s' is too long", folder, entry->d_name);
         } else if (stat(path, &file) == 0 && S_ISDIR(file.st_mode)) {
             const folder_way below = {way, file};
-            if (!(l->has_out && is_same(&file, &l->out)) && !is_on_way(way, &file))
+            if (!(l->has_out && dmk_is_same_file(&file, &l->out)) && !is_on_way(way, &file))
                 code = add_folder(l, path, head, &below);
         } else if (stem_length(entry->d_name) > 0) { /* of a link to nowhere its reader says so */
             code = add(l, path, path + head);
@@ -121,7 +116,7 @@ static int add_path(lister *l, const char *path, bool from_list)
     folder_way way = {NULL};
     if (!from_list && is_list(path)) return cli_read_lines(path, take_line, l);
     if (stat(path, &way.here) == 0 && S_ISDIR(way.here.st_mode)) {
-        if (l->has_out && is_same(&way.here, &l->out))
+        if (l->has_out && dmk_is_same_file(&way.here, &l->out))
             return cli_error(EXIT_USAGE,
                              "--out-dir: '%s' is looked through for meshes, and would have results "
                              "among them; choose another folder",

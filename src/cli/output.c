@@ -73,10 +73,9 @@ bool cli_is_sink(const char *path)
 
 char *cli_name_piece(const char *path, int k)
 {
-    enum { ROOM = 16 };
-    const size_t room = strlen(path) + ROOM;
+    const size_t room = strlen(path) + DMK_PIECE_ROOM;
     char *name = has_suffix(path, ".pvtp") ? malloc(room) : NULL;
-    if (name) snprintf(name, room, "%.*s_%04d.vtp", (int)(room - ROOM - strlen(".pvtp")), path, k);
+    if (name) dmk_outfile_piece(path, k, name, room);
     return name;
 }
 

@@ -262,13 +262,13 @@ static int read_report(batch_record *r)
 static bool is_named(const batch_record *r)
 {
     struct stat here, there;
-    return fstat(r->fd, &here) == 0 && stat(r->path, &there) == 0 && here.st_dev == there.st_dev &&
-           here.st_ino == there.st_ino;
+    return fstat(r->fd, &here) == 0 && stat(r->path, &there) == 0 &&
+           dmk_is_same_file(&here, &there);
 }
 
 static int open_locked(batch_record *r)
 {
-    enum { TRIES = 3 };
+    enum { TRIES = 3 }; /* one is lost only to another run that begins at that very moment */
     for (int i = 0; i < TRIES; i++) {
         r->fd = open(r->path, O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
         if (r->fd < 0) return cli_error(EXIT_IO, "cannot write '%s': %s", r->path, strerror(errno));

@@ -9,7 +9,7 @@
 #include <unistd.h>
 
 /* Triangles of a piece: some 20 MB, which a viewer's process reads in about a tenth of a second. */
-enum { PIECE = 250000, NAME_ROOM = 32 };
+enum { PIECE = 250000, LINE_ROOM = 32 };
 
 /* Of one index. */
 typedef struct pieces {
@@ -108,11 +108,9 @@ done:
     return rc;
 }
 
-/* "dir/NAME.pvtp" -> "dir/NAME_0003.vtp". */
 static const char *name_piece(const pieces *p, int32_t k)
 {
-    const int stem = (int)(strlen(p->path) - strlen(".pvtp"));
-    snprintf(p->name, p->room, "%.*s_%04d.vtp", stem, p->path, k);
+    dmk_outfile_piece(p->path, k, p->name, p->room);
     return p->name;
 }
 
@@ -190,8 +188,8 @@ static int pieces_create(dmk_context *ctx, const char *path, int32_t n_triangles
 {
     int rc;
     *p = (pieces){.path = path, .n = (int32_t)(((int64_t)n_triangles + PIECE - 1) / PIECE)};
-    p->room = strlen(path) + NAME_ROOM;
-    p->line_room = p->room * strlen("&quot;") + NAME_ROOM;
+    p->room = strlen(path) + DMK_PIECE_ROOM;
+    p->line_room = p->room * strlen("&quot;") + LINE_ROOM;
     DMK_TRY(dmk_alloc(ctx, "file name", p->room, 1, (void **)&p->name));
     DMK_TRY(dmk_alloc(ctx, "file name", p->line_room, 1, (void **)&p->line));
     DMK_TRY(DMK_NEW(ctx, p->file, (size_t)p->n));
