@@ -1,6 +1,6 @@
 /* The second half of a repair, see repair.c: edges of more than two triangles and vertices at which several surfaces
  * meet come apart, so that a manifold is left. */
-#include "mesh/repair.h"
+#include "mesh/manifold.h"
 
 #include "base/sets.h"
 #include "base/vec3.h"

@@ -5,7 +5,7 @@
  * that fit best belong together, and so on; what is there twice by that, an edge between the same two vertices,
  * is joined in another way; a vertex whose triangles do not hang together becomes several. No edge of two
  * triangles is parted but on those cuts, and any soup is a manifold then. The last three steps are manifold.c's. */
-#include "mesh/repair.h"
+#include "mesh/manifold.h"
 
 #include "base/vec3.h"
 

@@ -1,7 +1,7 @@
-/* What repair.c and manifold.c share: a triangle soup on its way to a manifold. Half-edges and corners are numbered as
- * in mesh.h; twin[h]: the half-edge that h is joined to, or -1. */
-#ifndef DMK_MESH_REPAIR_H
-#define DMK_MESH_REPAIR_H
+/* A triangle soup on its way to a manifold, what repair.c does to it first, and manifold.c then. Half-edges and corners
+ * are numbered as in mesh.h; twin[h]: the half-edge that h is joined to, or -1. */
+#ifndef DMK_MESH_MANIFOLD_H
+#define DMK_MESH_MANIFOLD_H
 
 #include "mesh/mesh.h"
 
@@ -66,7 +66,7 @@ static inline int32_t edge_end(const side *list, int32_t n, int32_t i)
     return j;
 }
 
-/* manifold.c, in this order, after the edges of two triangles have been joined and turned. */
+/* In this order, after the edges of two triangles have been joined and turned. */
 /* Pairs at edges of more than two triangles. */
 int dmk_repair_pair_edges(soup *s);
 /* What is there twice by that, an edge between the same two vertices, is joined in another way. */
