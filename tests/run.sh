@@ -1,6 +1,6 @@
 #!/bin/sh
 # Run test programs (cmocka) and test scripts from the repository root, print what failed, count.
-# usage: run.sh BUILD_FOLDER TEST...    TEST_JOBS=N: so many side by side, 2 if not given
+# usage: run.sh BUILD_FOLDER TEST...    TEST_JOBS=N: so many side by side, else one more than there are processors
 # Every test speaks TAP: a plan "1..N", then "ok K - name" or "not ok K - name" for each. A program
 # that ends badly, ends before its plan is fulfilled, or plans nothing counts as one failure more.
 set -u
@@ -18,9 +18,9 @@ export DMKCL_BUILD="$build" CMOCKA_MESSAGE_OUTPUT=TAP
 export ASAN_OPTIONS="use_sigaltstack=0"
 export LSAN_OPTIONS="suppressions=$PWD/tests/lsan.supp:print_suppressions=0"
 
-# Each test that ends leaves its three counts. Two at a time: most of them use one processor or wait.
+# Each test that ends leaves its three counts. One more than there are processors: some use two, others wait.
 rm -f "$scratch"/*.counts
-printf '%s\0' "$@" | xargs -0 -P "${TEST_JOBS:-2}" -I{} sh tests/one.sh "$scratch" {}
+printf '%s\0' "$@" | xargs -0 -P "${TEST_JOBS:-$(($(nproc) + 1))}" -I{} sh tests/one.sh "$scratch" {}
 for test; do [ -e "$scratch/$(basename "$test").counts" ] || echo "FAILED: $test has no end"; done
 awk -v tests=$# '{ passed += $1; failed += $2; skipped += $3 }
     END {

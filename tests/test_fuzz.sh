@@ -9,7 +9,7 @@ if make --no-print-directory CONFIG=sanitize replayers > "$work/made" 2>&1; then
     check 'all readers of meshes' tried mesh 100000
     check 'numbers' tried number 200000
     check 'files of sources' tried sources 100000
-    check 'the work on whatever surface' tried surface 1000
+    check 'the work on whatever surface' tried surface 500
 else
     check 'the drivers are built' sh -c "cat '$work/made'; false"
 fi

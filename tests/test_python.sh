@@ -33,10 +33,11 @@ is_clean() {
     ! find $source -name '*.egg-info' -o -name build -o -name '*.so' -o -name '*.c' | grep .
 }
 
-# From a copy of the sources, for it leaves the extension and the tool there; the parts it needs to build are the tests' own.
+# From a copy of the sources, for it leaves the extension and the tool there; the parts it needs to build are the tests'
+# own, and the C library is the one that was just compiled.
 install_editable() {
     local env=$work/editable
-    mkdir "$work/clone" && cp -pr Makefile README.md LICENSE CITATION.cff include kernels src .ci "$work/clone" &&
+    mkdir -p "$base/editable" "$work/clone" && cp -pr "$base/build/lib" "$base/editable" && cp -pr Makefile README.md LICENSE CITATION.cff include kernels src .ci "$work/clone" &&
         "$python" -m venv --without-pip "$env" &&
         find "$(dirname "$python")"/../lib/python3.*/site-packages -maxdepth 1 -mindepth 1 ! -name '*dmkcl*' \
             -exec ln -sf -t "$(echo "$env"/lib/python3.*/site-packages)" {} + &&

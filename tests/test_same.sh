@@ -94,7 +94,7 @@ if sh tests/pyenv.sh > "$work/pyenv" 2>&1 && [ -e "$intel" ]; then
         sh -c "OCL_ICD_VENDORS='$work/alone' '$tool' devices | grep -q 'Intel(R) OpenCL'"
     check 'both are there' sh -c "OCL_ICD_VENDORS='$work/both' '$tool' devices | grep -q '^  1 '"
     check 'both agree' both "$DMKCL_BUILD/tests/test_same"
-    for test in operator solver exact locus; do
+    for test in operator solver exact; do
         check "test_$test on the second one" alone "$DMKCL_BUILD/tests/test_$test"
     done
     check 'the second one: a solve' solved first alone
