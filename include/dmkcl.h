@@ -742,8 +742,8 @@ int dmk_locus_spread(dmk_context *context, const dmk_ranks *ranks, int from, dmk
  * these lead to two sources, the borders between the cells of points with the same nearest source (Voronoi diagram),
  * with infinite strength; within a cell its source's own, with a strength as for one source. Between any two vertices
  * with another nearest source the locus crosses the edge. With k sources, each nearest to some vertex next to it, its
- * first Betti number is 2g + k - 1. mu is 0. DMK_E_ARG for geodesics from lines or a border, and for a mesh of several
- * components. */
+ * first Betti number is 2g + k - 1. mu is 0. On a mesh of several components that of the one with the sources, as if it
+ * were alone. DMK_E_ARG for geodesics from lines or a border, and for sources on two components. */
 int dmk_geodesics_locus(dmk_context *context, const dmk_geodesics *geodesics,
                         const dmk_locus_options *options, dmk_locus **locus);
 void dmk_locus_options_init(dmk_locus_options *options, size_t size);

@@ -171,22 +171,79 @@ static void on_a_torus(void **state)
     free_scene(&s);
 }
 
-static void lines_and_pieces_are_refused(void **state)
+/* The torus' triangles, then those of a sphere a hundred times as large, far off. */
+static dmk_mesh *beside_a_sphere(const dmk_mesh *torus)
+{
+    dmk_mesh *sphere = NULL, *both = NULL;
+    dmk_surface_options o;
+    dmk_surface_options_init(&o, sizeof o);
+    o.name = "sphere";
+    o.n_triangles = 500;
+    o.size[0] = 100;
+    ok(dmk_mesh_surface(ctx, &o, &sphere));
+    const size_t v = (size_t)torus->n_vertices, t = (size_t)torus->n_triangles;
+    const size_t nv = v + (size_t)sphere->n_vertices, nt = t + (size_t)sphere->n_triangles;
+    double *xyz = malloc(3 * nv * sizeof *xyz);
+    int32_t *triangle = malloc(3 * nt * sizeof *triangle);
+    memcpy(xyz, torus->xyz, 3 * v * sizeof *xyz);
+    memcpy(triangle, torus->triangle, 3 * t * sizeof *triangle);
+    for (size_t i = 3 * v; i < 3 * nv; i++) xyz[i] = sphere->xyz[i - 3 * v] + 1000;
+    for (size_t i = 3 * t; i < 3 * nt; i++)
+        triangle[i] = sphere->triangle[i - 3 * t] + torus->n_vertices;
+    ok(dmk_mesh_create(ctx, nv, xyz, nt, triangle, &both));
+    free(xyz);
+    free(triangle);
+    dmk_mesh_destroy(&sphere);
+    return both;
+}
+
+static void other_components_change_nothing(void **state)
+{
+    (void)state;
+    const double at[][3] = {{3, 0, 0}, {-2, 0.3, 1}, {0.4, 1, 0}};
+    scene s = scene_of("torus", 3, at);
+    dmk_mesh *both = beside_a_sphere(s.mesh);
+    dmk_geodesics *g = NULL;
+    dmk_locus *l = NULL;
+    dmk_locus_info info;
+    dmk_point source[3];
+    for (size_t i = 0; i < 3; i++) ok(dmk_mesh_project(ctx, both, s.at[i], &source[i]));
+    ok(dmk_geodesics_create(ctx, both, 3, source, NULL, &g));
+    ok(dmk_geodesics_locus(ctx, g, NULL, &l));
+    dmk_locus_get_info(l, &info);
+    assert_int_equal(info.n_vertices, s.info.n_vertices);
+    assert_int_equal(info.loops, s.info.loops);
+    assert_float_equal(info.length, s.info.length, 1e-9 * s.info.length);
+    assert_float_equal(info.strength, s.info.strength, 1e-9 * s.info.strength);
+    const dmk_locus_vertex *v = dmk_locus_vertices(l, NULL);
+    for (size_t i = 0; i < info.n_vertices; i++) {
+        double xyz[3];
+        assert_true(v[i].mu == 0 && v[i].place.triangle < s.mesh->n_triangles);
+        ok(dmk_mesh_point_xyz(ctx, both, &v[i].place, xyz));
+        for (int k = 0; k < 3; k++) assert_float_equal(xyz[k], v[i].xyz[k], 0.1 * s.h);
+    }
+    dmk_locus_destroy(&l);
+    dmk_geodesics_destroy(&g);
+    dmk_mesh_destroy(&both);
+    free_scene(&s);
+}
+
+static void lines_and_several_components_are_refused(void **state)
 {
     (void)state;
     dmk_mesh *mesh = NULL;
     dmk_geodesics *g = NULL;
     dmk_locus *l = NULL;
-    dmk_point p;
+    dmk_point p[2];
     dmk_geodesics_options o;
     const double xyz[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 5, 0, 0, 6, 0, 0, 5, 1, 0};
     const int32_t triangle[] = {0, 1, 2, 3, 4, 5};
     dmk_geodesics_options_init(&o, sizeof o);
     ok(dmk_mesh_create(ctx, 6, xyz, 2, triangle, &mesh));
-    ok(dmk_mesh_vertex_point(ctx, mesh, 0, &p));
-    ok(dmk_geodesics_create(ctx, mesh, 1, &p, NULL, &g));
+    for (int i = 0; i < 2; i++) ok(dmk_mesh_vertex_point(ctx, mesh, 3 * i, &p[i]));
+    ok(dmk_geodesics_create(ctx, mesh, 2, p, NULL, &g));
     assert_int_equal(dmk_geodesics_locus(ctx, g, NULL, &l), DMK_E_ARG);
-    assert_non_null(strstr(dmk_context_message(ctx), "2 components"));
+    assert_non_null(strstr(dmk_context_message(ctx), "sources 0 and 1 lie on two components"));
     dmk_geodesics_destroy(&g);
     o.border = 1;
     ok(dmk_geodesics_create(ctx, mesh, 0, NULL, &o, &g));
@@ -209,7 +266,8 @@ int main(void)
         cmocka_unit_test(a_voronoi_diagram),
         cmocka_unit_test(two_points_next_to_each_other),
         cmocka_unit_test(on_a_torus),
-        cmocka_unit_test(lines_and_pieces_are_refused),
+        cmocka_unit_test(other_components_change_nothing),
+        cmocka_unit_test(lines_and_several_components_are_refused),
     };
     return cmocka_run_group_tests(tests, setup, context_teardown);
 }

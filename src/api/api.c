@@ -45,10 +45,74 @@ done:
     return rc;
 }
 
+/* The points in the order of the component; triangle -1 where they lie outside of it. */
+static int renumber_points(dmk_context *ctx, const dmk_mesh *mesh, const dmk_order *order, size_t n,
+                           dmk_point *point)
+{
+    int32_t *number = NULL;
+    int rc = DMK_NEW(ctx, number, (size_t)mesh->n_triangles);
+    if (rc != DMK_OK) return rc;
+    for (int32_t t = 0; t < mesh->n_triangles; t++) number[t] = -1;
+    for (int32_t t = 0; t < order->mesh->n_triangles; t++) number[order->triangle_old[t]] = t;
+    for (size_t i = 0; i < n; i++) point[i].triangle = number[point[i].triangle];
+    free(number);
+    return DMK_OK;
+}
+
+/* The one that all sources lie on. */
+static int find_component(dmk_context *ctx, const dmk_geodesics *g, int32_t *component)
+{
+    for (int32_t i = 0; i < g->n_sources; i++) {
+        const int32_t own = dmk_mesh_component(g->mesh, (int32_t)g->source[i].point.triangle);
+        if (i > 0 && own != *component)
+            return dmk_fail(ctx, DMK_E_ARG,
+                            "sources 0 and %d lie on two components of the mesh, and a cut locus "
+                            "is one component's: trace that of each by itself",
+                            i);
+        *component = own;
+    }
+    return DMK_OK;
+}
+
+/* Of several components: its rules count in mean edges, which are not to be those of the others. */
+static int trace_on_component(dmk_context *ctx, const dmk_geodesics *g, int32_t component,
+                              const dmk_locus_options *chosen, dmk_locus **locus)
+{
+    int rc;
+    dmk_order order = {0};
+    dmk_geodesics *own = NULL;
+    dmk_point *source = NULL;
+    double *offset = NULL;
+    dmk_geodesics_options options;
+    const size_t n = (size_t)g->n_sources;
+    dmk_geodesics_options_init(&options, sizeof options);
+    options.exact = !g->error;
+    options.tolerance = g->tolerance;
+    DMK_TRY(dmk_order_create(ctx, g->mesh, component, &order));
+    DMK_TRY(DMK_NEW(ctx, source, n));
+    DMK_TRY(DMK_NEW(ctx, offset, n));
+    for (size_t i = 0; i < n; i++) {
+        source[i] = g->source[i].point;
+        offset[i] = g->source[i].offset;
+    }
+    options.offset = offset;
+    DMK_TRY(renumber_points(ctx, g->mesh, &order, n, source));
+    DMK_TRY(dmk_geodesics_compute(ctx, order.mesh, order.triangle_old, n, source, &options, &own));
+    DMK_TRY(dmk_locus_trace(ctx, own, chosen, locus));
+    dmk_locus_renumber(*locus, order.triangle_old, NULL);
+done:
+    dmk_geodesics_destroy(&own);
+    dmk_order_free(&order);
+    free(source);
+    free(offset);
+    return rc;
+}
+
 int dmk_geodesics_locus(dmk_context *ctx, const dmk_geodesics *geodesics,
                         const dmk_locus_options *options, dmk_locus **locus)
 {
     int rc;
+    int32_t component = 0;
     dmk_locus_options chosen;
     if (dmk_missing(ctx, "geodesics", geodesics, "locus", locus)) return DMK_E_ARG;
     DMK_TRY(take_options(ctx, options, &chosen));
@@ -56,14 +120,11 @@ int dmk_geodesics_locus(dmk_context *ctx, const dmk_geodesics *geodesics,
     if (geodesics->n_lines > 0)
         return dmk_fail(ctx, DMK_E_ARG,
                         "the cut locus of lines and borders is not traced: give points as sources");
-    if (geodesics->mesh->n_components > 1)
-        return dmk_fail(
-            ctx, DMK_E_ARG,
-            "the mesh has %d components, and a cut locus is one component's: give that one "
-            "alone, or solve, which takes the source's",
-            (int)geodesics->mesh->n_components);
+    DMK_TRY(find_component(ctx, geodesics, &component));
     DMK_TRY(dmk_stage_begin(ctx, "locus"));
-    rc = dmk_locus_trace(ctx, geodesics, &chosen, locus);
+    rc = geodesics->mesh->n_components > 1
+             ? trace_on_component(ctx, geodesics, component, &chosen, locus)
+             : dmk_locus_trace(ctx, geodesics, &chosen, locus);
 done:
     dmk_stage_end(ctx);
     return rc;
@@ -112,38 +173,24 @@ done:
 
 /* ---- paths ---------------------------------------------------------------------------------- */
 
-/* New number of each triangle of the mesh, -1 outside of the component. */
-static int number_triangles(dmk_context *ctx, const dmk_mesh *mesh, const dmk_order *order,
-                            int32_t **number)
-{
-    int rc = DMK_NEW(ctx, *number, (size_t)mesh->n_triangles);
-    if (rc != DMK_OK) return rc;
-    for (int32_t t = 0; t < mesh->n_triangles; t++) (*number)[t] = -1;
-    for (int32_t t = 0; t < order->mesh->n_triangles; t++) (*number)[order->triangle_old[t]] = t;
-    return DMK_OK;
-}
-
 /* The ends of the paths in the order of the component. */
 static int renumber_ends(dmk_context *ctx, const dmk_mesh *mesh, const dmk_order *order, size_t n,
                          const dmk_point *to, dmk_point *end)
 {
-    int rc;
-    int32_t *number = NULL;
-    DMK_TRY(number_triangles(ctx, mesh, order, &number));
+    int rc = DMK_OK;
     for (size_t i = 0; i < n; i++) {
         DMK_TRY(dmk_point_check(ctx, mesh, "the end of a path", &to[i]));
         end[i] = to[i];
-        end[i].triangle = number[to[i].triangle];
-        if (end[i].triangle < 0) {
-            rc =
-                dmk_fail(ctx, DMK_E_ARG,
-                         "triangle %lld is not on the component of the source: no path leads there",
-                         (long long)to[i].triangle);
-            goto done;
-        }
+    }
+    DMK_TRY(renumber_points(ctx, mesh, order, n, end));
+    for (size_t i = 0; i < n; i++) {
+        if (end[i].triangle < 0)
+            return dmk_fail(
+                ctx, DMK_E_ARG,
+                "triangle %lld is not on the component of the source: no path leads there",
+                (long long)to[i].triangle);
     }
 done:
-    free(number);
     return rc;
 }
 

@@ -246,7 +246,7 @@ void dmk_locus_renumber(dmk_locus *l, const int32_t *triangle_old, const double 
     for (size_t i = 0; i < l->info.n_vertices; i++) {
         dmk_locus_vertex *v = &l->vertex[i];
         v->place.triangle = triangle_old[v->place.triangle];
-        v->mu = density[v->place.triangle];
+        if (density) v->mu = density[v->place.triangle];
     }
 }
 

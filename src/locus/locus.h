@@ -53,7 +53,7 @@ int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *geodesics, const dmk_
                     dmk_locus **locus);
 
 /* The numbers of the triangles at the vertices, from those of the geodesics' mesh to triangle_old of them, and the
- * density there, mu. */
+ * density there, mu, if there is one. */
 void dmk_locus_renumber(dmk_locus *locus, const int32_t *triangle_old, const double *density);
 
 #endif

@@ -304,7 +304,8 @@ class Geodesics:
     def locus(self, *, strength: float = 0) -> Locus:
         """The cut locus of the sources as one set: the borders of their Voronoi cells, of infinite
         strength, and what each cell has inside; branches of less strength (a length) are left out,
-        0 being the default of `CutLocus.solve`. Not of a curve or a border."""
+        0 being the default of `CutLocus.solve`. Of the component with the sources, all on one; not of a
+        curve or a border."""
         return Locus(None, self._handle, strength)
 
     def write(self, path: "os.PathLike[str] | str") -> None:
