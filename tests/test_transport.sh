@@ -11,7 +11,7 @@ usage() { # NAME PATTERN ARGUMENT...
 
 n=$(awk 'NR == 2 { print $1 }' $mesh)
 faces=$(awk 'NR == 2 { print $2 }' $mesh)
-printf '\357\273\277vertex 5 2 # two\n0.5,0.1,0.2 1\n' > "$work/a"
+printf '\357\273\277vertex 5 2 # two\n0.9,0.2,0.4 1\n' > "$work/a"
 printf '\n# away\n-1 0 0 3\n' > "$work/b"
 awk -v n="$n" 'BEGIN { for (i = 0; i < n; i++) print i == 7 ? 1 : 0 }' > "$work/vertices"
 awk -v n="$faces" 'BEGIN { for (i = 0; i < n; i++) print 1 + i % 2 }' > "$work/faces"
@@ -63,12 +63,45 @@ printf 'OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2
     printf '<Polys><DataArray type="Int32" Name="connectivity" format="ascii">0 2 1 0 1 3 0 3 2 1 2 3</DataArray>'
     printf '<DataArray type="Int32" Name="offsets" format="ascii">3 6 9 12</DataArray></Polys></Piece></PolyData></VTKFile>'
 } > "$work/four.vtp"
+printf 'OFF\n6 4 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n-1 1 0\n-1 0 0\n3 0 1 2\n3 0 2 3\n3 0 3 4\n3 0 4 5\n' > "$work/fan.off"
 mass_of() { # ARRAY PATTERN
     "$tool" transport "$work/four.off" --from "$work/four.vtp:$1" --to uniform --normalise --quiet --report "$work/four.json" &&
         has "$work/four.json" "\"mass\": $2"
 }
 check 'an array of four triangles is no mass of vertices' mass_of c '2\.366'
 check 'and one of four points is' mass_of p '4(\.0*[0-9]*|),'
+fails 'of points as many as there are triangles' 3 'four.vtp:p has 4 numbers of points; expected one for each of 6 vertices' \
+    "$tool" transport "$work/fan.off" --from "$work/four.vtp:p" --to uniform
+# Triangles with corners of their own, which a repair joins, and one before them, which it drops: measures count as in the file.
+awk 'BEGIN { c = 0 } NR == 2 { n = $1 } NR > 2 && NR <= n + 2 { p[NR - 3] = $0 }
+    NR > n + 2 { for (k = 2; k <= 4; k++) { v[c] = $k; c++ } }
+    END { print "OFF"; print c, c / 3 + 1, 0; for (i = 0; i < c; i++) print p[v[i]]
+        print "3 0 0 1"
+        for (i = 0; i < c; i += 3) print 3, i, i + 1, i + 2
+        print v[7], v[700] > "/dev/stderr"
+        for (i = 0; i < c; i++) { m = i % 5; sum[v[i]] += m; print m > "'"$work/of_soup"'" }
+        for (i = 0; i < n; i++) print sum[i] > "'"$work/of_mesh"'" }' $mesh > "$work/soup.off" 2> "$work/joined"
+read -r first second < "$work/joined"
+printf 'vertex 7 1\n' > "$work/soup_from"
+printf 'vertex 700 1\n' > "$work/soup_to"
+printf 'vertex %d 1\n' "$first" > "$work/mesh_from"
+printf 'vertex %d 1\n' "$second" > "$work/mesh_to"
+cost_of() { # MESH FROM TO
+    "$tool" transport "$1" --repair --from "$work/$2" --to "$3" --normalise --quiet --report "$work/cost.json" 2> "$work/errors" &&
+        grep '"cost_' "$work/cost.json"
+}
+as_joined() { # SOUP_FROM MESH_FROM SOUP_TO MESH_TO
+    local joined
+    joined=$(cost_of "$work/soup.off" "$1" "$3") && test "$joined" = "$(cost_of $mesh "$2" "$4")"
+}
+check 'vertices count as in the file that is repaired' as_joined soup_from mesh_from "$work/soup_to" "$work/mesh_to"
+check 'masses of vertices that become one add up' as_joined of_soup of_mesh uniform uniform
+{ echo 5 && cat "$work/faces"; } > "$work/soup_faces"
+check 'densities of triangles are those of the file' as_joined soup_faces faces uniform uniform
+printf '9,0,0 1\n0,0,9 1\n0,0.1,9 1\n0,0,1 1\n' > "$work/away"
+"$tool" transport $mesh --from "$work/away" --to uniform --normalise > "$work/summary" 2> "$work/errors"
+check 'points far from the surface are warned of' has "$work/errors" 'warning: \(9, 0, 0\) is 8 away from the surface'
+check 'and how many more' has "$work/errors" 'warning: so are those of 2 more points of .*away$'
 usage 'no measure' 'no measure given' $mesh
 usage 'masses that differ' '3 to be moved, 1 at the target; make them equal, or scale the second one with --normalise' $mesh --from "$work/a" --to "$work/vertices"
 printf 'vertex 99999999 3\n' > "$work/far"

@@ -68,9 +68,9 @@ static int read_all(const transport_request *r, transport_run *run)
         .repair = r->solve.repair, .quiet = r->solve.quiet, .progress = &run->progress};
     const int rc = cli_read_mesh(run->context, r->solve.mesh, &how, &run->repairs, &run->mesh);
     if (rc != DMK_OK) return fail(run, rc);
-    int code = cli_measure_read(run->context, run->mesh, r->from, !r->to, &run->from);
-    if (code == EXIT_OK && r->to)
-        code = cli_measure_read(run->context, run->mesh, r->to, false, &run->to);
+    const cli_ground ground = {run->context, run->mesh, &run->repairs, r->solve.quiet};
+    int code = cli_measure_read(&ground, r->from, !r->to, &run->from);
+    if (code == EXIT_OK && r->to) code = cli_measure_read(&ground, r->to, false, &run->to);
     if (code == EXIT_OK) code = check_masses(r, run);
     run->read = cli_seconds() - run->begin;
     return code;

@@ -59,9 +59,17 @@ static int add_value(cli_measure *m, double value)
     return code;
 }
 
-static int add_atom(dmk_context *context, const dmk_mesh *mesh, const char *path, int64_t number,
-                    cli_measure *m, const line *l)
+typedef struct reading {
+    const cli_ground *ground;
+    const char *path;
+    cli_measure *measure;
+} reading;
+
+static int add_atom(const reading *r, int64_t number, const line *l)
 {
+    dmk_context *context = r->ground->context;
+    const dmk_mesh *mesh = r->ground->mesh;
+    cli_measure *m = r->measure;
     dmk_point p;
     const int masses = l->vertex ? 1 : 3; /* that many numbers stand before the mass */
     int code = grow((void **)&m->atom, m->n_atoms, sizeof *m->atom);
@@ -69,13 +77,13 @@ static int add_atom(dmk_context *context, const dmk_mesh *mesh, const char *path
     if (code != EXIT_OK) return code;
     int rc = DMK_OK;
     if (l->vertex)
-        rc = dmk_mesh_vertex_point(context, mesh, (int64_t)l->number[0], &p);
+        rc = cli_vertex_point(context, mesh, r->ground->did, (int64_t)l->number[0], &p);
     else if (!isfinite(l->number[0]) || !isfinite(l->number[1]) || !isfinite(l->number[2]))
         rc = dmk_mesh_project(context, mesh, l->number, &p);
     else /* found with the others of its kind: see find_places */
         p = (dmk_point){-1, {l->number[0], l->number[1], l->number[2]}};
     if (rc != DMK_OK) {
-        return cli_error(cli_exit_code(rc), "%s:%lld: %s", path, (long long)number,
+        return cli_error(cli_exit_code(rc), "%s:%lld: %s", r->path, (long long)number,
                          dmk_context_message(context));
     }
     m->atom[m->n_atoms] = p;
@@ -83,13 +91,6 @@ static int add_atom(dmk_context *context, const dmk_mesh *mesh, const char *path
     m->is_free = l->n == masses;
     return EXIT_OK;
 }
-
-typedef struct reading {
-    dmk_context *context;
-    const dmk_mesh *mesh;
-    const char *path;
-    cli_measure *measure;
-} reading;
 
 /* Whether a measure may have this mass or density. */
 static bool is_mass(const cli_measure *m, double value)
@@ -116,7 +117,7 @@ static int take_line(char *text, int64_t number, void *data)
     }
     if (alone) return add_value(m, l.number[0]);
     if (is_place && m->n_values == 0 && (m->n_atoms == 0 || m->is_free != has_mass)) {
-        return add_atom(r->context, r->mesh, r->path, number, m, &l);
+        return add_atom(r, number, &l);
     }
     return cli_error(
         cli_exit_code(DMK_E_FORMAT), "%s:%lld: expected %s", r->path, (long long)number,
@@ -124,9 +125,25 @@ static int take_line(char *text, int64_t number, void *data)
                         : "one number, `vertex I MASS` or `X,Y,Z MASS`, all with a mass or none");
 }
 
-/* The points of the surface of all lines that have coordinates, which stand where a point has its weights. */
-static int find_places(dmk_context *context, const dmk_mesh *mesh, const char *path, cli_measure *m)
+/* Of n points and their nearest ones on the surface the first that is far from it, and how many are. */
+static void warn_away(const cli_ground *g, const char *path, size_t n, const double *xyz,
+                      const dmk_point *point)
 {
+    dmk_mesh_info info;
+    dmk_mesh_get_info(g->mesh, &info);
+    size_t far = 0;
+    for (size_t i = 0; i < n && !g->quiet; i++) {
+        if (!(cli_offset(g->context, g->mesh, xyz + 3 * i, &point[i]) > info.mean_edge)) continue;
+        if (far++ == 0) cli_warn_away(g->context, g->mesh, xyz + 3 * i, &point[i]);
+    }
+    if (far > 1)
+        fprintf(stderr, "dmkcl: warning: so are those of %zu more points of %s\n", far - 1, path);
+}
+
+/* The points of the surface of all lines that have coordinates, which stand where a point has its weights. */
+static int find_places(const reading *r)
+{
+    cli_measure *m = r->measure;
     size_t n = 0;
     double *xyz = calloc(m->n_atoms + 1, 3 * sizeof *xyz);
     dmk_point *point = calloc(m->n_atoms + 1, sizeof *point);
@@ -134,7 +151,8 @@ static int find_places(dmk_context *context, const dmk_mesh *mesh, const char *p
     for (size_t i = 0; rc == DMK_OK && i < m->n_atoms; i++) {
         if (m->atom[i].triangle < 0) memcpy(xyz + 3 * n++, m->atom[i].weight, 3 * sizeof *xyz);
     }
-    if (rc == DMK_OK) rc = dmk_mesh_project_all(context, mesh, n, xyz, point);
+    if (rc == DMK_OK) rc = dmk_mesh_project_all(r->ground->context, r->ground->mesh, n, xyz, point);
+    if (rc == DMK_OK) warn_away(r->ground, r->path, n, xyz, point);
     for (size_t i = m->n_atoms; rc == DMK_OK && i-- > 0;) {
         if (m->atom[i].triangle < 0) m->atom[i] = point[--n];
     }
@@ -143,57 +161,96 @@ static int find_places(dmk_context *context, const dmk_mesh *mesh, const char *p
     free(point);
     if (!room) return cli_library_error(NULL, DMK_E_NOMEM);
     if (rc == DMK_OK) return EXIT_OK;
-    return cli_error(cli_exit_code(rc), "%s: %s", path, dmk_context_message(context));
+    return cli_error(cli_exit_code(rc), "%s: %s", r->path, dmk_context_message(r->ground->context));
 }
 
 /* What numbers are of: a column of a text does not say it, and is of the vertices if there are as many triangles. */
 typedef enum owner { ANY, VERTICES, TRIANGLES } owner;
 
-static int settle(const dmk_mesh *mesh, const char *path, owner of, cli_measure *m)
+static const char *const owners[] = {"numbers", "numbers of points", "numbers of faces"};
+
+/* How many vertices, or triangles, the mesh has in its file. */
+static size_t count_in_file(const cli_ground *g, bool of_vertices)
 {
     dmk_mesh_info info;
-    dmk_mesh_get_info(mesh, &info);
+    dmk_mesh_get_info(g->mesh, &info);
+    if (!g->did->vertex_new) return of_vertices ? info.n_vertices : info.n_triangles;
+    return of_vertices
+               ? g->did->n_old_vertices
+               : g->did->n_triangles + g->did->degenerate_triangles + g->did->duplicate_triangles;
+}
+
+/* From the file's numbers to those of the mesh that a repair made of it. */
+static int repair_values(const reading *r, bool of_vertices)
+{
+    const dmk_repairs *did = r->ground->did;
+    cli_measure *m = r->measure;
+    const size_t n = of_vertices ? did->n_vertices : did->n_triangles;
+    double *now = calloc(n + 1, sizeof *now);
+    if (!now) return cli_library_error(NULL, DMK_E_NOMEM);
+    for (size_t t = 0; !of_vertices && t < n; t++) now[t] = m->value[did->triangle_old[t]];
+    for (size_t v = 0; of_vertices && v < m->n_values; v++) {
+        if (did->vertex_new[v] >= 0) {
+            now[did->vertex_new[v]] += m->value[v];
+        } else if (m->value[v] != 0) {
+            free(now);
+            return cli_error(EXIT_USAGE, "%s: vertex %zu has mass, but is in no triangle", r->path,
+                             v);
+        }
+    }
+    free(m->value);
+    m->value = now;
+    m->n_values = n;
+    return EXIT_OK;
+}
+
+static int settle(const reading *r, owner of)
+{
+    cli_measure *m = r->measure;
+    const size_t n_vertices = count_in_file(r->ground, true);
+    const size_t n_triangles = count_in_file(r->ground, false);
     m->measure.n_atoms = m->n_atoms;
     m->measure.atoms = m->atom;
     m->measure.atom_mass = m->is_free ? NULL : m->mass;
     if (m->n_atoms > 0) return EXIT_OK;
-    if (of != TRIANGLES && m->n_values == info.n_vertices)
-        m->measure.vertex_mass = m->value;
-    else if (of != VERTICES && m->n_values == info.n_triangles)
-        m->measure.triangle_density = m->value;
-    else {
+    const bool of_vertices = of != TRIANGLES && m->n_values == n_vertices;
+    if (!of_vertices && (of == VERTICES || m->n_values != n_triangles)) {
         return cli_error(cli_exit_code(DMK_E_FORMAT),
-                         "%s has %zu numbers; expected one for each of %zu vertices (masses) or of "
-                         "%zu triangles "
-                         "(densities)",
-                         path, m->n_values, info.n_vertices, info.n_triangles);
+                         "%s has %zu %s; expected one for each of %zu vertices (masses) or of "
+                         "%zu triangles (densities)",
+                         r->path, m->n_values, owners[of], n_vertices, n_triangles);
     }
-    return EXIT_OK;
+    const int code = r->ground->did->vertex_new ? repair_values(r, of_vertices) : EXIT_OK;
+    if (of_vertices)
+        m->measure.vertex_mass = m->value;
+    else
+        m->measure.triangle_density = m->value;
+    return code;
 }
 
 /* FILE.vtp:NAME, if it is of that form: the array of that name. */
-static bool read_array(dmk_context *context, const dmk_mesh *mesh, const char *path, cli_measure *m,
-                       int *code)
+static bool read_array(const reading *r, int *code)
 {
-    dmk_mesh_info info;
-    const char *colon = strrchr(path, ':');
+    cli_measure *m = r->measure;
+    const char *path = r->path, *colon = strrchr(path, ':');
     if (!colon || colon - path < 4 ||
         (strncmp(colon - 4, ".vtp", 4) != 0 && strncmp(colon - 4, ".vtu", 4) != 0))
         return false;
-    dmk_mesh_get_info(mesh, &info);
-    const size_t room = info.n_vertices > info.n_triangles ? info.n_vertices : info.n_triangles;
+    const size_t n_vertices = count_in_file(r->ground, true);
+    const size_t n_triangles = count_in_file(r->ground, false);
+    const size_t room = n_vertices > n_triangles ? n_vertices : n_triangles;
     char *file = strndup(path, (size_t)(colon - path));
     m->value = calloc(room, sizeof *m->value);
     if (file && m->value) {
         int of_points;
-        const int rc =
-            dmk_array_read(context, file, colon + 1, room, m->value, &m->n_values, &of_points);
-        *code = rc == DMK_OK ? settle(mesh, path, of_points ? VERTICES : TRIANGLES, m)
-                             : cli_library_error(context, rc);
+        const int rc = dmk_array_read(r->ground->context, file, colon + 1, room, m->value,
+                                      &m->n_values, &of_points);
+        *code = rc == DMK_OK ? EXIT_OK : cli_library_error(r->ground->context, rc);
         for (size_t i = 0; *code == EXIT_OK && i < m->n_values; i++) {
             if (is_mass(m, m->value[i])) continue;
             *code = cli_error(EXIT_USAGE, "%s: number %zu is %g; %s", path, i, m->value[i], a_mass);
         }
+        if (*code == EXIT_OK) *code = settle(r, of_points ? VERTICES : TRIANGLES);
     } else {
         *code = cli_library_error(NULL, DMK_E_NOMEM);
     }
@@ -201,21 +258,21 @@ static bool read_array(dmk_context *context, const dmk_mesh *mesh, const char *p
     return true;
 }
 
-int cli_measure_read(dmk_context *context, const dmk_mesh *mesh, const char *path, bool is_signed,
-                     cli_measure *m)
+int cli_measure_read(const cli_ground *ground, const char *path, bool is_signed, cli_measure *m)
 {
+    reading r = {ground, path, m};
     *m = (cli_measure){.is_signed = is_signed};
     if (strcmp(path, "uniform") == 0) {
         dmk_mesh_info info;
-        dmk_mesh_get_info(mesh, &info);
+        dmk_mesh_get_info(ground->mesh, &info);
         m->measure.uniform = info.area;
         return EXIT_OK;
     }
     int code = EXIT_OK;
-    if (read_array(context, mesh, path, m, &code)) return code;
-    code = cli_read_lines(path, take_line, &(reading){context, mesh, path, m});
-    if (code == EXIT_OK) code = find_places(context, mesh, path, m);
-    return code == EXIT_OK ? settle(mesh, path, ANY, m) : code;
+    if (read_array(&r, &code)) return code;
+    code = cli_read_lines(path, take_line, &r);
+    if (code == EXIT_OK) code = find_places(&r);
+    return code == EXIT_OK ? settle(&r, ANY) : code;
 }
 
 void cli_measure_free(cli_measure *m)
