@@ -71,6 +71,8 @@ for command in 'cut --vertex 0' 'distance --vertex 0' 'path --vertex 0 --to-vert
     fails "${command%% *}: a report without its folder is seen before the mesh is read" 2 '--report: cannot write' \
         "$tool" ${command%% *} x.off ${command#* } --report "$work/nowhere/x.json"
 done
+fails '--max-steps that are too few' 7 'raise --max-steps or --tolerance' "$tool" solve meshes/sphere.off --vertex 0 --max-steps 1 --quiet
+usage '--border of a closed mesh' 'has no border; give a point, too$' distance meshes/sphere.off --border
 usage '--method' "'fast' is not one of newton, inertial, euler" solve x.off --method fast
 usage '--start' "'cold' is not one of distance, uniform" solve x.off --start cold
 usage '--out with a strange suffix' "expected one of .*.vtp" solve x.off --vertex 0 --out x.png

@@ -73,9 +73,9 @@ diverges() { # PATTERN OPTION...
     "$tool" solve meshes/torus.off --vertex 0 --single "$@" > "$work/said_out" 2>&1
     test $? -eq 6 && grep -E "$pattern" "$work/said_out" && ! grep -E -e '--dt|--start' "$work/said_out"
 }
-check 'inertial: the inertia' diverges 'try a smaller inertia, or improve .* smallest angle is [0-9.]+ degrees' \
+check 'inertial: the inertia' diverges 'try a smaller --inertia, or improve .* smallest angle is [0-9.]+ degrees' \
     --method inertial --inertia 0.9999
 # Rounding lets no change be so small: the mesh is not to blame.
-fails 'a tolerance out of reach' 7 '^dmkcl: 60 steps did not reach the tolerance: .* wanted 1e-15; raise max_steps or' \
+fails 'a tolerance out of reach' 7 '^dmkcl: 60 steps did not reach the tolerance: .* wanted 1e-15; raise --max-steps or' \
     "$tool" solve meshes/torus.off --vertex 0 --quiet --tolerance 1e-15
 tap_end

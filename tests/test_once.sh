@@ -48,7 +48,7 @@ wound() { # EXACT
     "$tool" distance "$data/wound-55.off.gz" --vertex 0 $1 --quiet --out "$work/d.ply" 2> "$work/err"
     case $? in
     0) PYTHONDONTWRITEBYTECODE=1 python3 "$work/look.py" "$data/wound-55.off.gz" 0 "$work/d.ply" "$work/d.ply" ;;
-    4) [ ! -e "$work/d.ply" ] && grep -q "without end: ${1:+do not ask for .*or }improve .* degrees, in triangle [0-9]*$" "$work/err" ;;
+    4) [ ! -e "$work/d.ply" ] && grep -q "without end: ${1:+leave out --exact, or }improve .* degrees, in triangle [0-9]*$" "$work/err" ;;
     *) return 1 ;;
     esac
 }
@@ -114,7 +114,7 @@ gives_up() {
     echo 'vertex 32 1' > "$work/from" && echo 'vertex 84 1' > "$work/to"
     "$tool" transport "$data/needles-441.off.gz" --from "$work/from" --to "$work/to" --method inertial --quiet \
         2> "$work/err"
-    [ $? = 6 ] && given_up 'CG reaches its limit of iterations in step after step' 'try a smaller inertia, or' 250
+    [ $? = 6 ] && given_up 'CG reaches its limit of iterations in step after step' 'try a smaller --inertia, or' 250
 }
 check 'explicit steps on needles: no result, in few steps' gives_up
 

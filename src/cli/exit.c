@@ -63,6 +63,12 @@ static const char *translate(const char *words, size_t *length)
 {
     const phrase phrases[] = {
         {"a repair does", "--repair does"},
+        {"raise max_steps or tolerance", "raise --max-steps or --tolerance"},
+        {"try a dt below", "try a --dt below"},
+        {"try a smaller inertia", "try a smaller --inertia"},
+        {"give a point or line", "give a point, too"},
+        {"do not ask for exact distances", "leave out --exact"},
+        {"do not ask for that", "leave out --exact"},
         {"ask for the second to be scaled (normalise)", "scale the second one with --normalise"},
         {"the list of devices shows", "`dmkcl devices` shows"},
         {"has no size b; leave it 0", "has no size B; leave it out"},
