@@ -349,6 +349,18 @@ static void a_device_by_its_kind(void **state)
     assert_true(n_opened > 0);
 }
 
+/* As of a variable that is not set: part of every name, but none that was chosen. */
+static void no_name_is_no_device(void **state)
+{
+    fixture *f = *state;
+    dmk_device *device = NULL;
+    dmk_device_options options;
+    dmk_device_options_init(&options, sizeof options);
+    options.select = "";
+    assert_int_equal(dmk_device_open(f->ctx, &options, &device), DMK_E_ARG);
+    assert_null(device);
+}
+
 /* A mesh that cannot fit is refused with what it needs and what there is. */
 static void memory_is_looked_at_first(void **state)
 {
@@ -500,6 +512,7 @@ int main(void)
                                        TEST(devices_are_listed),
                                        TEST(a_file_is_no_cache),
                                        TEST(a_device_by_its_kind),
+                                       TEST(no_name_is_no_device),
                                        TEST(launches_of_a_step),
                                        TEST(memory_is_looked_at_first)};
     return cmocka_run_group_tests_name("device", tests, NULL, NULL);

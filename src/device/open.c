@@ -232,7 +232,9 @@ static int choose_best(dmk_context *ctx, const char *type, const found *all, siz
 
 static int choose(dmk_context *ctx, const char *select, const found *all, size_t n, size_t *chosen)
 {
-    if (!select || !*select) return choose_best(ctx, NULL, all, n, chosen);
+    if (!select) return choose_best(ctx, NULL, all, n, chosen);
+    if (!*select)
+        return dmk_fail(ctx, DMK_E_ARG, "device: '' is no number of a device, nor part of a name");
     if (strcasecmp(select, "cpu") == 0) return choose_best(ctx, "CPU", all, n, chosen);
     if (strcasecmp(select, "gpu") == 0) return choose_best(ctx, "GPU", all, n, chosen);
     char *end;

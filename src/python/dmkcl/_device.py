@@ -87,7 +87,7 @@ def _selected(device: Union[SupportsIndex, str]) -> bytes:
         name = chosen.encode()
     except (ArgumentError, UnicodeEncodeError):
         name = b"\0"
-    if b"\0" in name:
+    if not name or b"\0" in name:
         raise ArgumentError(f"device = {device!r}: expected a number of devices() or part of a name")
     return name
 
