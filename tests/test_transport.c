@@ -734,6 +734,13 @@ static void masses_beyond_numbers_are_refused(void **state)
     refuse(&p, &even, &much, "second measure has more mass than");
     refuse(&p, &(dmk_measure){.n_atoms = 2, .atoms = at, .atom_mass = opposite}, NULL,
            "first measure has more mass than");
+    /* Each can be held, but not its cost. */
+    for (int i = 0; i < 2; i++) {
+        const double mass = 1.7e308, less = 5e307;
+        const dmk_measure from = {.n_atoms = 1, .atoms = at, .atom_mass = i ? &less : &mass},
+                          to = {.n_atoms = 1, .atoms = at + 1, .atom_mass = from.atom_mass};
+        refuse(&p, &from, &to, "larger unit");
+    }
     problem_free(&p);
 }
 

@@ -394,11 +394,11 @@ static int balance(dmk_context *ctx, size_t n, bool normalise, double *f, const 
 {
     const double a = sum_of(f, n), b = sum_of(g, n);
     *mass = a;
-    if (!isfinite(a + b)) return too_large(ctx, isfinite(a) ? "second" : "first");
+    if (!isfinite(a) || !isfinite(b)) return too_large(ctx, isfinite(a) ? "second" : "first");
     if (!(a > 0 && b > 0)) {
         return dmk_fail(ctx, DMK_E_ARG, "the %s measure has no mass", a > 0 ? "second" : "first");
     }
-    if (!normalise && fabs(a - b) > balanced * (a + b)) {
+    if (!normalise && fabs(a - b) > balanced * a + balanced * b) {
         return dmk_fail(ctx, DMK_E_ARG,
                         "the masses differ: %.15g to be moved, %.15g at the target; make them "
                         "equal, or ask for the "

@@ -128,6 +128,21 @@ static void collect_flux(const dmk_solver *s, const double *flux, dmk_transport 
     }
 }
 
+/* Sums of masses that numbers hold may be more than that in other units, per length or times length. */
+static int check_sizes(dmk_context *ctx, const dmk_transport *r)
+{
+    bool fits = isfinite(r->stats.cost_upper);
+    for (size_t t = 0; t < r->n_triangles; t++)
+        fits = fits && isfinite(r->density[t]) && isfinite(r->flux[3 * t]) &&
+               isfinite(r->flux[3 * t + 1]) && isfinite(r->flux[3 * t + 2]);
+    if (fits) return DMK_OK;
+    return dmk_fail(
+        ctx, DMK_E_ARG,
+        "moving a mass of %g costs, or crosses a length by, more than a number can hold: "
+        "give the masses in a larger unit",
+        r->mass);
+}
+
 static bool is_zero(const double *f, size_t n)
 {
     size_t i = 0;
@@ -185,6 +200,7 @@ static int solve(dmk_context *ctx, dmk_solver *s, const dmk_solve_options *optio
     if (set != 0) DMK_TRY(collect_acl(ctx, s, u, set, r));
     collect_flux(s, flux, r);
     dmk_solver_scale_stats(s, r->mass, &r->stats);
+    DMK_TRY(check_sizes(ctx, r));
     r->stats.seconds[DMK_STAGE_SOLVE] = dmk_seconds() - start - r->stats.seconds[DMK_STAGE_CERTIFY];
 done:
     free(mu);
