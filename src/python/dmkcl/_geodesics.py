@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from functools import cached_property
 from typing import Any, NamedTuple, Optional, Sequence, SupportsIndex, Union
 
@@ -14,7 +15,7 @@ from ._lib import (
     switch, view, whole,
 )  # fmt: skip
 from ._locus import Locus
-from ._mesh import Mesh, Point, pack_points
+from ._mesh import Mesh, Point, PointsLike, each_place, pack_points
 from ._read import MeshLike, as_mesh
 
 _ARRIVAL = np.dtype(
@@ -29,7 +30,7 @@ def _points(
     vertex: Optional[SupportsIndex],
     vertices: Optional[Indices],
     point: Optional[ArrayLike],
-    points: Optional[ArrayLike],
+    points: Optional[PointsLike],
 ) -> "list[Point]":
     """The sources, however they are given."""
     listed: "list[Union[SupportsIndex, Point]]" = []
@@ -115,8 +116,8 @@ class Geodesics:
     mesh : what `CutLocus` takes as a mesh without faces
     source, sources : vertex number, or a `Point` of `Mesh`; several of them
     vertex, vertices : vertex number; several of them
-    point, points : (3,), (k, 3) the points of the surface nearest to these
-    curve : (k,) vertices joined by edges, one after another: every point of these edges is a source
+    point, points : (3,), (k, 3) the points of the surface nearest to these; a `Point` is taken as it is
+    curve : (k,) two vertices or more joined by edges, one after another: every point of these edges is a source
     border : the border of the mesh is a source as a whole, too
     offsets : (k,) distance at each of the sources, 0 or more
     tolerance : error allowed, over the distance; 0: none up to 300,000 triangles, 1e-6 beyond
@@ -140,7 +141,7 @@ class Geodesics:
         vertex: Optional[SupportsIndex] = None,
         vertices: Optional[Indices] = None,
         point: Optional[ArrayLike] = None,
-        points: Optional[ArrayLike] = None,
+        points: Optional[PointsLike] = None,
         curve: Optional[Indices] = None,
         border: bool = False,
         offsets: Optional[ArrayLike] = None,
@@ -156,6 +157,8 @@ class Geodesics:
         if curve is not None and is_single(curve):
             raise ArgumentError(f"curve = {curve!r}: expected several vertices")
         along = None if curve is None else [whole("curve", v) for v in curve]
+        if along is not None and len(along) < 2:
+            raise ArgumentError(f"curve = {along}: expected two vertices or more; one is given as vertex")
         apart = None if offsets is None else numbers("offsets", offsets)
         if apart is not None and apart.ndim != 1:
             raise ArgumentError(f"offsets have the shape {apart.shape}; expected (k,)")
@@ -180,16 +183,14 @@ class Geodesics:
         places = pack_points(self.sources)
         handle = Handle("dmk_geodesics", self.mesh._handle)
         with Context(threads=threads) as context:
-            context.check(
-                lib.dmk_geodesics_create(
-                    context.pointer,
-                    self.mesh._pointer,
-                    len(self.sources),
-                    places,
-                    options,
-                    handle.box,
-                )
+            status = lib.dmk_geodesics_create(
+                context.pointer, self.mesh._pointer, len(self.sources), places, options, handle.box
             )
+            try:
+                context.check(status)
+            except ArgumentError as error:  # the library's lines are the curve's edges
+                error.args = (re.sub(r"^line (\d+):", lambda of: f"curve[{of[1]}:{int(of[1]) + 2}]:", str(error)),)
+                raise
         return handle
 
     # ---- copies ----------------------------------------------------------------------------------
@@ -265,10 +266,14 @@ class Geodesics:
         flat: NDArray[np.float64] = self.distance[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
         return flat
 
-    def at(self, points: ArrayLike) -> "tuple[NDArray[np.float64], NDArray[np.float64]]":
+    def at(self, points: PointsLike) -> "tuple[NDArray[np.float64], NDArray[np.float64]]":
         """Distance and direction, (k,) each, at the points of the surface nearest to (k, 3)."""
-        xyz = numbers("points", points)
-        places = self.mesh.nearest_all(xyz[None] if xyz.shape == (3,) else xyz)
+
+        def nearest(given: ArrayLike) -> "list[Point]":
+            xyz = numbers("points", given)
+            return self.mesh.nearest_all(xyz[None] if xyz.shape == (3,) else xyz)
+
+        places = [points] if isinstance(points, Point) else each_place(points, nearest)
         given = pack_points(places)
         values = ffi.new("dmk_value[]", max(1, len(places)))
         with Context() as context:
@@ -325,7 +330,7 @@ def distance(
     vertex: Optional[SupportsIndex] = None,
     vertices: Optional[Indices] = None,
     point: Optional[ArrayLike] = None,
-    points: Optional[ArrayLike] = None,
+    points: Optional[PointsLike] = None,
     curve: Optional[Indices] = None,
     border: bool = False,
 ) -> NDArray[np.float64]:

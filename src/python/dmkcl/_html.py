@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ._colour import density_map
 from ._geodesics import Geodesics
-from ._lib import ArgumentError, FileError, count, path_text
+from ._lib import ArgumentError, count, file_error, path_text
 from ._locus import Locus
 from .plotting import density_range
 
@@ -167,4 +167,4 @@ def export_html(result: "Result", path: "os.PathLike[str] | str", title: Optiona
     try:
         _write(name, text)
     except OSError as error:
-        raise FileError(f"{name or repr(name)}: cannot write: {error.strerror}") from None
+        raise file_error(f"{name or repr(name)}: cannot write: {error.strerror}", error.errno) from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import operator
 import os
 import sys
@@ -35,10 +36,38 @@ class ArgumentError(Error, ValueError):
 
 
 class FileError(Error, OSError):
-    """A file cannot be opened, read or written."""
+    """A file cannot be opened, read or written.
+
+    Where the system said why, ``errno`` is its number, and the error is also what Python has for
+    that: FileNotFoundError, PermissionError and so on.
+    """
 
     def __str__(self) -> str:  # OSError would join the arguments in its own way
         return str(self.args[0]) if self.args else ""
+
+    def __reduce__(self) -> Any:
+        return file_error, (str(self), self.errno), {"code": self.code}
+
+
+_FILE_ERRORS: "dict[type[OSError], Any]" = {
+    kind: type("FileError", (FileError, kind), {"__module__": FileError.__module__})
+    for kind in (FileNotFoundError, FileExistsError, IsADirectoryError, NotADirectoryError, PermissionError)
+}
+
+
+def file_error(message: str, number: Optional[int]) -> FileError:
+    """A FileError of the kind that Python has for this errno."""
+    kind = OSError if number is None else type(OSError(number, ""))
+    error: FileError = _FILE_ERRORS.get(kind, FileError)(message)
+    error.errno = number
+    return error
+
+
+def _errno_in(message: str) -> Optional[int]:
+    """Of the library's messages, which end with the system's words where it failed; names of files come before."""
+    found = [(message.rfind(": " + os.strerror(number)), number) for number in errno.errorcode]
+    at, number = max(found)
+    return number if at >= 0 else None
 
 
 class FormatError(Error, ValueError):
@@ -68,7 +97,6 @@ class OutOfMemoryError(Error, MemoryError):
 _CLASSES = {
     lib.DMK_E_ARG: ArgumentError,
     lib.DMK_E_NOMEM: OutOfMemoryError,
-    lib.DMK_E_IO: FileError,
     lib.DMK_E_FORMAT: FormatError,
     lib.DMK_E_MESH: MeshError,
     lib.DMK_E_DEVICE: DeviceError,
@@ -244,6 +272,18 @@ def dmkcl_python_progress(progress: Any, user: Any) -> int:
     return 0
 
 
+#: What the library says for every language has names here.
+_PHRASES = (
+    ("a repair does", "dmkcl.repair does"),
+    ("the list of devices shows", "dmkcl.devices() lists"),
+    ("ask for the second to be scaled (normalise)", "have the second scaled by normalise=True"),
+    ("one point or line at least", "one point, curve or border at least"),
+    ("give a point or line", "give a point or curve"),
+    ("do not ask for exact distances", "leave out exact=True"),
+    ("do not ask for that", "leave out exact=True"),
+)
+
+
 class Context:
     """The library's error record for one call (contexts belong to one thread at a time).
 
@@ -280,8 +320,12 @@ class Context:
         if status == lib.DMK_E_CANCELLED:
             raise self.error if self.error is not None else KeyboardInterrupt()
         message = text(lib.dmk_context_message(self.pointer)) or text(lib.dmk_status_text(status))
-        message = message.replace("a repair does", "dmkcl.repair does")
-        error = _CLASSES.get(status, Error)(message)
+        for words, python in _PHRASES:
+            message = message.replace(words, python)
+        if status == lib.DMK_E_IO:
+            error: Error = file_error(message, _errno_in(message))
+        else:
+            error = _CLASSES.get(status, Error)(message)
         error.code = status
         raise error
 

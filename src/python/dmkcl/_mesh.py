@@ -5,7 +5,7 @@ from __future__ import annotations
 import operator
 import os
 from functools import cached_property
-from typing import Any, Iterator, NamedTuple, Optional, Sequence, SupportsIndex, Union
+from typing import Any, Callable, Iterator, NamedTuple, Optional, Sequence, SupportsIndex, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,6 +25,19 @@ class Point(NamedTuple):
     face: int
     bary: "tuple[float, float, float]"
     xyz: "tuple[float, float, float]"
+
+
+#: (k, 3) points x, y, z; or a list of these and of `Point`.
+PointsLike = Union[ArrayLike, Sequence[Union[ArrayLike, Point]]]
+
+
+def each_place(points: PointsLike, nearest: "Callable[[Any], list[Point]]") -> "list[Point]":
+    """`nearest` of the points in space; a `Point` of a list is a place already."""
+    if not isinstance(points, (list, tuple)) or not any(isinstance(p, Point) for p in points):
+        return nearest(points)
+    given: "list[Any]" = list(points)
+    found = iter(nearest([p for p in given if not isinstance(p, Point)]))
+    return [p if isinstance(p, Point) else next(found) for p in given]
 
 
 def pack_points(points: "Sequence[Point]") -> Any:
@@ -294,11 +307,15 @@ class Mesh:
             self._warn_away(numbers("point", point)[None], [place])
         return place
 
-    def _take_all(self, points: ArrayLike) -> "list[Point]":
-        """`nearest_all` with the same warning."""
-        places = self.nearest_all(points)
-        self._warn_away(numbers("points", points), places)
-        return places
+    def _take_all(self, points: PointsLike) -> "list[Point]":
+        """`nearest_all` with the same warning; a `Point` among them is that already."""
+
+        def nearest(given: ArrayLike) -> "list[Point]":
+            places = self.nearest_all(given)
+            self._warn_away(numbers("points", given), places)
+            return places
+
+        return each_place(points, nearest)
 
     def _warn_away(self, points: NDArray[np.float64], places: "list[Point]") -> None:
         away = np.linalg.norm(points.reshape(-1, 3) - np.reshape([place.xyz for place in places], (-1, 3)), axis=1)

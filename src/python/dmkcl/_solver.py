@@ -24,7 +24,7 @@ from ._geodesics import Geodesics
 from ._lib import (
     ArgumentError, Context, Error, Handle, Indices, amount, count, ffi, is_single, lib, numbers, switch, warn, whole,
 )  # fmt: skip
-from ._mesh import Mesh, Point, pack_points
+from ._mesh import Mesh, Point, PointsLike, pack_points
 from ._optional import optional
 from ._progress import ProgressOption, Watch
 from ._read import MeshLike, as_mesh, named, warn_of_pieces
@@ -288,7 +288,7 @@ class CutLocus:
     def solve_many(
         self,
         *,
-        points: Optional[ArrayLike] = None,
+        points: Optional[PointsLike] = None,
         vertices: Optional[Indices] = None,
         faces: Optional[Indices] = None,
         bary: Optional[ArrayLike] = None,
@@ -307,7 +307,8 @@ class CutLocus:
     ) -> Iterator[Result]:
         """Results for many sources, one after another, as an iterator.
 
-        Sources are given by one of: points, (k, 3); vertices, (k,); faces, (k,), with bary, (k, 3).
+        Sources are given by one of: points, (k, 3) or a list with `Point` in it; vertices, (k,); faces, (k,),
+        with bary, (k, 3).
         Each result is computed when it is asked for, so that memory holds one at a time;
         ``list(...)`` keeps them all. progress=True: a bar by tqdm over the sources. Options and
         errors are those of `solve`; the sources are checked at once.
@@ -394,7 +395,8 @@ class CutLocus:
     def w1_matrix(
         self, measures: Sequence[MeasureLike], *, normalise: bool = False, progress: bool = False
     ) -> NDArray[np.float64]:
-        """(k, k) earth mover's distances between all pairs of k measures, symmetric.
+        """(k, k) earth mover's distances between all pairs of k measures, symmetric. With normalise all are
+        scaled to the mass of the first.
 
         An error names the measure, or the pair, by number; what can be found without a transport is
         found before the first one."""
@@ -413,9 +415,13 @@ class CutLocus:
         if progress:
             pairs = optional("tqdm.auto").tqdm(pairs, unit=" pairs")
         found = np.zeros((len(packed), len(packed)))
+        mass = None  # of the first measure
         for i, j in pairs:
+            a, b = (j, i) if normalise else (i, j)  # the first pair is to have the first measure's mass
             with _naming(f"measures {i} and {j}"):
-                found[i, j] = found[j, i] = self._transport(packed[i], packed[j], settings, False).w1
+                moved = self._transport(packed[a], packed[b], settings, False)
+            mass = mass or moved.mass
+            found[i, j] = found[j, i] = moved.w1 * (mass / moved.mass if normalise else 1)
         return found
 
     # ---- drop-ins -----------------------------------------------------------------------------
@@ -426,7 +432,7 @@ class CutLocus:
         *,
         sources: Union[None, Indices, Sequence[Union[SupportsIndex, Point]]] = None,
         point: Optional[ArrayLike] = None,
-        points: Optional[ArrayLike] = None,
+        points: Optional[PointsLike] = None,
     ) -> NDArray[np.float64]:
         """Exact distance of every vertex to the nearest source, (n,): see `Geodesics`. It needs no
         solve. Infinite on components without a source."""

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ._lib import (
     ArgumentError, Context, Handle, amount, copy_struct, ffi, is_single, lib, named_seconds, numbers, path_bytes, view,
 )  # fmt: skip
-from ._mesh import Mesh, Point, pack_points
+from ._mesh import Mesh, PointsLike, pack_points
 
 
 def _same(a: Any, b: Any) -> bool:
@@ -37,14 +37,14 @@ class Measure:
     """A measure on a surface: the sum of the parts that are given, in any unit of mass.
 
     vertex_mass: (n,) a mass at each vertex, spread over the triangles around it; face_density: (m,)
-    mass per area; points with masses: (k, 3), or a list of `Point`, and (k,) (None: 1 each; "free": each
+    mass per area; points with masses: (k, 3), or a list with `Point` in it, and (k,) (None: 1 each; "free": each
     takes what the other measure has nearest to it, see `Transport.atom_mass`); uniform: a mass spread evenly over
     the component of the others.
     """
 
     vertex_mass: Optional[ArrayLike] = None
     face_density: Optional[ArrayLike] = None
-    points: Optional[Sequence[Any]] = None
+    points: Optional[PointsLike] = None
     masses: Union[None, Literal["free"], ArrayLike] = None
     uniform: float = 0.0
 
@@ -90,8 +90,7 @@ def pack(mesh: Mesh, measure: MeasureLike, keep: "list[Any]") -> Any:
     if m.face_density is not None:
         lend("triangle_density", _column("face_density", m.face_density, len(mesh.faces)))
     if m.points is not None:
-        found = iter(mesh._take_all([p for p in m.points if not isinstance(p, Point)]))
-        places = [p if isinstance(p, Point) else next(found) for p in m.points]
+        places = mesh._take_all(m.points)
         atoms = pack_points(places)
         keep.append(atoms)
         packed.atoms, packed.n_atoms = atoms, len(places)

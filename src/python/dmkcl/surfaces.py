@@ -18,7 +18,7 @@ __all__ = ["torus", "ellipsoid", "quartic", "sphere"]
 
 def _make(
     name: str,
-    sizes: Sequence[float],
+    sizes: "dict[str, float]",
     n_triangles: Optional[SupportsIndex],
     refine: SupportsIndex,
     source: Optional[Sequence[float]],
@@ -27,12 +27,14 @@ def _make(
     options = ffi.new("dmk_surface_options *")
     lib.dmk_surface_options_init(options, ffi.sizeof(options[0]))
     options.name = text
-    for i, size in enumerate(sizes):
-        options.size[i] = amount("size", size)
-        if not size > 0:  # of 0 the library makes its default
-            raise ArgumentError(f"a size of the {name} is {size!r}: expected a number above 0")
+    for i, (size, value) in enumerate(sizes.items()):
+        options.size[i] = amount(size, value)
+        if not value > 0:  # of 0 the library makes its default
+            raise ArgumentError(f"{size} = {value!r}: expected a number above 0")
     if n_triangles is not None:
-        options.n_triangles = int(amount("n_triangles", whole("n_triangles", n_triangles)))
+        if not whole("n_triangles", n_triangles) > 0:
+            raise ArgumentError(f"n_triangles = {n_triangles!r}: expected a number above 0")
+        options.n_triangles = int(n_triangles)
     options.refine = whole("refine", refine)
     if source is not None:
         place = numbers("coordinates of the source", source)
@@ -41,8 +43,21 @@ def _make(
         options.has_source, options.source = 1, place.tolist()
     handle = Handle("dmk_mesh")
     with Context() as context:
-        context.check(lib.dmk_mesh_surface(context.pointer, options, handle.box))
+        status = lib.dmk_mesh_surface(context.pointer, options, handle.box)
+        try:
+            context.check(status)
+        except ArgumentError as error:  # the library's sizes are a, b, c
+            error.args = (_by_names(str(error), list(sizes)),)
+            raise
     return Mesh._adopt(handle)
+
+
+def _by_names(message: str, names: Sequence[str]) -> str:
+    """The library's message, in which sizes are a, b, c, with their names."""
+    for letter, name in zip("abc", names):
+        for words in ("size {} of", "radius {} must", "smaller than {},"):
+            message = message.replace(words.format(letter), words.format(name))
+    return message
 
 
 def torus(
@@ -54,7 +69,7 @@ def torus(
     source: Optional[Sequence[float]] = None,
 ) -> Mesh:
     """Torus (sqrt(x^2 + y^2) - R)^2 + z^2 = r^2 around the z axis."""
-    return _make("torus", (R, r), n_triangles, refine, source)
+    return _make("torus", {"R": R, "r": r}, n_triangles, refine, source)
 
 
 def ellipsoid(
@@ -67,7 +82,7 @@ def ellipsoid(
     source: Optional[Sequence[float]] = None,
 ) -> Mesh:
     """Ellipsoid (x/a)^2 + (y/b)^2 + (z/c)^2 = 1."""
-    return _make("ellipsoid", (a, b, c), n_triangles, refine, source)
+    return _make("ellipsoid", {"a": a, "b": b, "c": c}, n_triangles, refine, source)
 
 
 def quartic(
@@ -80,7 +95,7 @@ def quartic(
     source: Optional[Sequence[float]] = None,
 ) -> Mesh:
     """Quartic (x/a)^4 + (y/b)^4 + (z/c)^4 = 1."""
-    return _make("quartic", (a, b, c), n_triangles, refine, source)
+    return _make("quartic", {"a": a, "b": b, "c": c}, n_triangles, refine, source)
 
 
 def sphere(
@@ -91,4 +106,4 @@ def sphere(
     source: Optional[Sequence[float]] = None,
 ) -> Mesh:
     """Sphere of the given radius around the origin."""
-    return _make("sphere", (radius,), n_triangles, refine, source)
+    return _make("sphere", {"radius": radius}, n_triangles, refine, source)

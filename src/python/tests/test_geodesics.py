@@ -56,6 +56,10 @@ def test_arguments_of_a_wrong_kind(plane):
     point = plane.at_face(3)
     wrong = [
         (dict(curve=5), "curve = 5: expected several"),
+        (dict(vertex=7, curve=[5]), r"curve = \[5\]: expected two vertices or more"),
+        (dict(curve=[0, 1, 440]), r"^curve\[1:3\]: no edge joins vertices 1 and 440"),
+        (dict(curve=[0, 500]), r"^curve\[0:2\]: vertex 500 is out of range"),
+        (dict(), "no source: one point, curve or border at least"),
         (dict(vertices=[0, 1], offsets=[[0], [1]]), r"offsets have the shape \(2, 1\)"),
         (dict(source=point._replace(face=1.5)), "expected a triangle's number and three weights"),
         (dict(source=point._replace(face=2**70)), "expected a triangle's number and three weights"),
@@ -77,6 +81,9 @@ def test_a_point_of_a_mesh_is_a_place(plane):
     start, end = plane.at_face(3), plane.nearest((7.2, 3.4, 0))
     path = dmkcl.Geodesics(plane, start).path(point=end)
     assert np.allclose(path.points[-1], end.xyz) and plane.place(point=end) == end
+    both = dmkcl.Geodesics(plane, points=[end, start, (7.2, 3.4, 0)])
+    assert both.sources == [end, start, end]
+    assert np.allclose(both.at([start, start.xyz])[0], 0) and both.at(end)[0] == 0
     assert np.array_equal(dmkcl.shortest_path(plane, None, start, end), path.points)
 
 

@@ -1,5 +1,6 @@
 """The page of `export_html`, in a headless Chromium that has no network."""
 
+import errno
 import base64
 import io
 import json
@@ -392,8 +393,9 @@ def test_huge_and_far_coordinates(browser, small, tmp_path):
 
 
 def test_nothing_is_left_of_a_failed_export(result, tmp_path):
-    with pytest.raises(dmkcl.FileError, match=r"folder.x\.html: cannot write: No such file"):
+    with pytest.raises(dmkcl.FileError, match=r"folder.x\.html: cannot write: No such file") as caught:
         result.export_html(tmp_path / "no-such-folder" / "x.html")
+    assert isinstance(caught.value, FileNotFoundError) and caught.value.errno == errno.ENOENT
     (tmp_path / "folder").mkdir()
     with pytest.raises(OSError):
         result.export_html(tmp_path / "folder")

@@ -1,6 +1,8 @@
 """`dmkcl.read`: the library's formats, and files written by meshio and trimesh."""
 
+import errno
 import gzip
+import pickle
 import shutil
 
 import numpy as np
@@ -66,6 +68,22 @@ def test_names_of_any_letters(tmp_path, small):
     path = tmp_path / "Fläche 1.off"
     small.write(path)
     assert dmkcl.CutLocus(path).mesh.info["n_triangles"] == small.info["n_triangles"]
+
+
+def test_a_missing_file_is_what_python_has_for_it(tmp_path, small):
+    for missing in (lambda: dmkcl.read(tmp_path / "nothing.off"), lambda: small.write(tmp_path / "no/where.off")):
+        with pytest.raises(FileNotFoundError, match="nothing.off|where.off") as caught:
+            missing()
+        again = pickle.loads(pickle.dumps(caught.value))
+        for error in (caught.value, again):
+            assert isinstance(error, dmkcl.FileError) and isinstance(error, FileNotFoundError)
+            assert (error.errno, error.code, str(error)) == (errno.ENOENT, -3, str(caught.value))
+    (tmp_path / "file").touch()
+    with pytest.raises(NotADirectoryError):
+        dmkcl.read(tmp_path / "file" / "No such file or directory.off")
+    with pytest.raises(dmkcl.FileError) as caught:
+        dmkcl.read(tmp_path)
+    assert caught.value.errno is None
 
 
 def test_errors(tmp_path):

@@ -92,6 +92,37 @@ def test_matrix(sphere):
     assert np.allclose(matrix[np.triu_indices(3, 1)], np.pi / 2, atol=0.05)
 
 
+def test_a_normalised_matrix_has_one_mass(sphere):
+    """That of the first measure, whatever the others have."""
+    points = [dmkcl.Measure(points=[x], masses=[m]) for x, m in zip(np.eye(3), (2.0, 1000.0, 5.0))]
+    matrix = sphere.w1_matrix(points, normalise=True)
+    assert np.array_equal(matrix, matrix.T)
+    assert np.allclose(matrix[np.triu_indices(3, 1)], np.pi, atol=0.1)
+
+
+class Frame:
+    """As a data frame: an array of its rows, but an iterator over its columns."""
+
+    def __init__(self, rows):
+        self.rows = np.asarray(rows)
+
+    def __array__(self, dtype=None, copy=None):
+        return self.rows
+
+    def __iter__(self):
+        return iter(self.rows.T)
+
+    def __len__(self):
+        return len(self.rows)
+
+
+def test_points_of_a_data_frame_are_its_rows(sphere):
+    rows = np.array([[0, 0, 1], [0.6, 0, 0.8], [0, 0.6, 0.8]])
+    even = dmkcl.Measure(uniform=3)
+    found = [sphere.transport(dmkcl.Measure(points=points), even).w1 for points in (rows, Frame(rows))]
+    assert found[0] == found[1]
+
+
 def test_free_masses_are_those_of_the_nearest_points(sphere):
     points = np.vstack([np.eye(3), -np.eye(3)])
     found = sphere.transport(dmkcl.Measure(points=points, masses="free"), dmkcl.Measure(uniform=3), normalise=True)
