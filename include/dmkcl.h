@@ -265,7 +265,7 @@ typedef struct dmk_device_options {
     const char
         *select; /* NULL: the best, a GPU before a CPU, but with double precision before without;
                              "gpu", "cpu": the best of these; "N": number N of the list; else part of a
-                             name */
+                             name; "" is an error */
     int single_precision; /* 1: use no double precision on the device even where it is there */
     int threads;          /* compute units to use on a CPU device; 0 = one per core */
     const char *

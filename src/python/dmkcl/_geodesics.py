@@ -122,6 +122,7 @@ class Geodesics:
     offsets : (k,) distance at each of the sources, 0 or more
     tolerance : error allowed, over the distance; 0: none up to 300,000 triangles, 1e-6 beyond
     exact : no error, whatever the size
+    threads : of the host; 0: one per core
 
     Sources are numbered in the order source, sources, vertex, vertices, point, points; curve and border
     come last, as one. Distance, direction and nearest are arrays over the vertices. It can be pickled.

@@ -431,14 +431,19 @@ class CutLocus:
         source: Union[None, SupportsIndex, Point] = None,
         *,
         sources: Union[None, Indices, Sequence[Union[SupportsIndex, Point]]] = None,
+        vertex: Optional[SupportsIndex] = None,
+        vertices: Optional[Indices] = None,
         point: Optional[ArrayLike] = None,
         points: Optional[PointsLike] = None,
+        curve: Optional[Indices] = None,
+        border: bool = False,
     ) -> NDArray[np.float64]:
         """Exact distance of every vertex to the nearest source, (n,): see `Geodesics`. It needs no
         solve. Infinite on components without a source."""
         return Geodesics(
-            self.mesh, source, sources=sources, point=point, points=points, threads=self._choice[2]
-        ).distance
+            self.mesh, source, sources=sources, vertex=vertex, vertices=vertices, point=point, points=points,
+            curve=curve, border=border, threads=self._choice[2],
+        ).distance  # fmt: skip
 
     def shortest_path(
         self, start: PlaceLike, end: PlaceLike

@@ -331,6 +331,9 @@ def test_functions_like_those_of_potpourri3d(torus, result):
     both = at.distance(sources=[0, 7])
     assert np.allclose(both, np.minimum(result.distance, at.distance(7)))
     assert np.allclose(at.distance(point=(3, 0, 0)), result.distance, atol=1e-9)
+    edge = torus.edges[5]
+    for given in (dict(vertex=7), dict(vertices=[0, 7]), dict(curve=edge), dict(curve=edge, vertex=7)):
+        assert np.array_equal(at.distance(**given), dmkcl.distance(V, F, **given)), given
     path = dmkcl.shortest_path(V, F, 0, 100)
     assert np.allclose(path, result.path(vertex=100).points)
     assert np.allclose(dmkcl.shortest_path(V, F, V[0], V[100])[-1], V[100])
