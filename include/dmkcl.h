@@ -555,10 +555,10 @@ typedef struct dmk_transport_info {
  * be NULL: then `from` is signed, its positive part moved to its negative part. Both must have the same mass, up
  * to 1e-12 of their sum, unless options->normalise; all of it on one component of the mesh. Refused with
  * DMK_E_ARG, naming the first: NaN, negative masses, mass at unused vertices or on another component, masses
- * that differ. The bounds in dmk_stats are those of the discrete problem; they enclose W1 on the surface up to
- * the discretisation, of which atoms show most, being blunt by a part of an edge. The solver keeps its
- * hierarchy for the next pair. options: start and threshold are not used. Method: Facca, Cardin, Putti,
- * "Towards a stationary Monge-Kantorovich dynamics"; here by Newton steps from mu = const. */
+ * that differ, or whose cost is beyond numbers. The bounds in dmk_stats are those of the discrete problem; they
+ * enclose W1 on the surface up to the discretisation, of which atoms show most, being blunt by a part of an edge.
+ * The solver keeps its hierarchy for the next pair. options: start and threshold are not used. Method: Facca,
+ * Cardin, Putti, "Towards a stationary Monge-Kantorovich dynamics"; here by Newton steps from mu = const. */
 int dmk_solve_measures(dmk_context *context, dmk_solver *solver, const dmk_measure *from,
                        const dmk_measure *to, const dmk_solve_options *options,
                        dmk_transport **transport);
