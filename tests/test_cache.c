@@ -4,10 +4,13 @@
 #include "files.h"
 
 #include <pthread.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 static const char source[] = "kernel void twice(global int *x) { x[get_global_id(0)] *= 2; }\n";
@@ -208,11 +211,38 @@ static void two_share_the_folder(void **state)
     unlink(f->path);
 }
 
+/* The signal that a file longer than allowed brings ends the run in the middle of it. */
+static void a_run_that_is_killed_leaves_nothing(void **state)
+{
+    fixture *f = *state;
+    size_t n;
+    cabinet c = cabinet_open(f, f->folder);
+    const pid_t child = fork();
+    if (child == 0) {
+        setrlimit(RLIMIT_CORE, &(struct rlimit){0, 0});
+        setrlimit(RLIMIT_FSIZE, &(struct rlimit){100, 100});
+        signal(SIGXFSZ, SIG_DFL);
+        dmk_cache_store(c.dev, options, c.program);
+        _exit(0);
+    }
+    int status;
+    assert_int_equal(waitpid(child, &status, 0), child);
+    assert_true(WIFSIGNALED(status) && WTERMSIG(status) == SIGXFSZ);
+    assert_false(is_kept(&c));
+    dmk_cache_store(c.dev, options, c.program);
+    assert_true(is_kept(&c));
+    assert_int_equal(count_files(f), 1);
+    cabinet_close(&c);
+    free(get_binary(f, &n));
+    unlink(f->path);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        TEST(what_is_kept_comes_back),  TEST(damage_is_seen),       TEST(other_options_are_foreign),
-        TEST(bad_folders_are_no_error), TEST(two_share_the_folder),
+        TEST(what_is_kept_comes_back),   TEST(damage_is_seen),
+        TEST(other_options_are_foreign), TEST(bad_folders_are_no_error),
+        TEST(two_share_the_folder),      TEST(a_run_that_is_killed_leaves_nothing),
     };
     int failed = cmocka_run_group_tests_name("cache", tests, NULL, NULL);
     is_linked = true;

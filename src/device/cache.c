@@ -4,6 +4,8 @@
  * from source; it is never an error. */
 #include "device/internal.h"
 
+#include "base/outfile.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
@@ -138,28 +140,29 @@ int dmk_cache_load(dmk_device *dev, const char *options, cl_program *program)
     return rc;
 }
 
-/* Under a name that nobody else has, then renamed: others see a whole file or none. */
-static int write_all(const char *path, const char *key, const char *binary, size_t size)
+static bool put(int fd, const void *data, size_t n)
 {
-    char temporary[700];
-    snprintf(temporary, sizeof temporary, "%s.XXXXXX", path);
-    int fd = mkstemp(temporary);
-    if (fd < 0) return -1;
-    FILE *f = fdopen(fd, "wb");
-    if (!f) {
-        close(fd);
-        remove(temporary);
-        return -1;
+    for (const char *at = data; n > 0;) {
+        const ssize_t done = write(fd, at, n);
+        if (done < 0 && errno == EINTR) continue;
+        if (done <= 0) return false;
+        at += done;
+        n -= (size_t)done;
     }
+    return true;
+}
+
+/* Others see a whole file or none, and a run that is killed leaves none behind. */
+static void write_all(const char *path, const char *key, const char *binary, size_t size)
+{
+    dmk_outfile file;
     const uint64_t hash = hash_bytes(basis, binary, size);
-    int bad = fwrite(key, 1, strlen(key), f) != strlen(key) ||
-              fwrite(&hash, 1, sizeof hash, f) != sizeof hash || fwrite(binary, 1, size, f) != size;
-    bad |= fclose(f) != 0;
-    if (bad || rename(temporary, path) != 0) {
-        remove(temporary);
-        return -1;
-    }
-    return 0;
+    if (dmk_outfile_is_stream(path) || dmk_outfile_open(path, &file) != 0) return;
+    if (put(file.fd, key, strlen(key)) && put(file.fd, &hash, sizeof hash) &&
+        put(file.fd, binary, size))
+        dmk_outfile_commit(&file);
+    else
+        dmk_outfile_discard(&file);
 }
 
 /* PoCL wraps the bitcode of a compiled program into a binary from which it can only be linked with all built-in
