@@ -40,6 +40,24 @@ check 'says so once' test "$(grep -c '^dmkcl: .*three/1.off: CL_INVALID_COMMAND_
 check 'and solves the other meshes on a new one' grep -q '^of 3 .* 2 solved, 0 kept, 1 failed' "$work/summary"
 check 'as without a fault' cmp "$work/first/3.vtp" "$work/lost/3.vtp"
 check 'no less is given back' test "$(cut -d ' ' -f 2 "$work/log")" -le "$live"
+renewed "$work/none" "opencl:$((calls / 5)):lasting:code=-36"
+check 'where none can be opened anew the summary says how much is left' \
+    grep -q '^of 3 .* 0 solved, 0 kept, 1 failed, 2 left' "$work/summary"
+sources() { # FOLDER ORDER
+    DMK_FAULT=$2 DMK_FAULT_LOG=$work/log "$DMKCL_BUILD/faults/dmkcl" solve "$torus" --sources "$work/sources.txt" \
+        --out "$1/a.vtp" > "$work/summary" 2> "$work/err"
+}
+printf 'vertex 1\nvertex 2\nvertex 3\n' > "$work/sources.txt"
+mkdir "$work/each" "$work/anew"
+check 'sources on a device that does not fail' sources "$work/each" opencl:999999999
+read -r calls live < "$work/log"
+sources "$work/anew" "opencl:$((calls / 5)):lasting:renewed:code=-36"
+check 'on one that fails: its exit code' test $? -eq 5
+check 'the other sources have a new one' grep -q '^of 3 .* 2 solved, 0 kept, 1 failed, [0-9.]* s$' "$work/summary"
+check 'and the same files' cmp "$work/each/a-0002.vtp" "$work/anew/a-0002.vtp"
+check 'no less is given back then' test "$(cut -d ' ' -f 2 "$work/log")" -le "$live"
+sources "$work/anew" "opencl:$((calls / 5)):lasting:code=-36"
+check 'without a new one nothing goes on' grep -q '^of 3 .* 0 solved, 0 kept, 2 failed, 1 left' "$work/summary"
 check 'what failed is done by --resume' "$tool" batch "$work/three" --threads 1 --out-dir "$work/lost" --resume
 check 'as if it had not' cmp "$work/first/1.vtp" "$work/lost/1.vtp"
 

@@ -9,7 +9,7 @@ typedef struct batch {
     const solve_request *request;
     const solve_source *source; /* n */
     size_t n, n_solved, n_kept, n_failed;
-    bool summary;
+    bool summary, stop; /* stop: there is no device any more */
     solve_times shared; /* of mesh, device and solver; total: until they were ready */
     int code;           /* of the first failure; without any, of a missed gap */
 } batch;
@@ -153,10 +153,26 @@ static int add_up(batch *b)
     return rc;
 }
 
+/* A device that failed, or had no room, may fail for ever: the next source has a new one. */
+static int solve_next(batch *b, size_t k, const solve_request *one, solve_run *run)
+{
+    begin_source(b, run);
+    int code = run->device ? EXIT_OK : solve_renew(b->request, run);
+    b->stop = code != EXIT_OK;
+    if (code == EXIT_OK) code = solve_one(b, k, one, run);
+    const bool solved = code == EXIT_OK || code == EXIT_GAP;
+    b->n_solved += solved;
+    b->n_failed += !solved;
+    if (code == EXIT_DEVICE || code == EXIT_MEMORY) solve_drop_device(run);
+    return code;
+}
+
 /* Each rank takes one source after another. */
 static void solve_all(batch *b, solve_run *run)
 {
-    for (size_t k = cli_ranks_next(); k < b->n && !cli_interrupted(); k = cli_ranks_next()) {
+    while (!cli_interrupted() && !b->stop) {
+        const size_t k = cli_ranks_next();
+        if (k >= b->n) break;
         solve_request one;
         int code = EXIT_OK;
         if (!request_one(b, k, &one)) {
@@ -167,11 +183,7 @@ static void solve_all(batch *b, solve_run *run)
             b->n_kept++;
             code = code_of_kept(&one);
         } else {
-            begin_source(b, run);
-            code = solve_one(b, k, &one, run);
-            const bool solved = code == EXIT_OK || code == EXIT_GAP;
-            b->n_solved += solved;
-            b->n_failed += !solved;
+            code = solve_next(b, k, &one, run);
         }
         if (code != EXIT_OK && (b->code == EXIT_OK || b->code == EXIT_GAP)) b->code = code;
         free_one(&one);
@@ -187,10 +199,10 @@ static void solve_all(batch *b, solve_run *run)
 
 static void print_end(const batch *b, double begin)
 {
-    char n[CLI_TEXT_SIZE];
-    printf("of %s %zu solved, %zu kept, %zu failed, %.2f s\n",
+    char n[CLI_TEXT_SIZE], left[CLI_TEXT_SIZE];
+    printf("of %s %zu solved, %zu kept, %zu failed%s, %.2f s\n",
            cli_counted((int64_t)b->n, "source", "sources", n), b->n_solved, b->n_kept, b->n_failed,
-           cli_seconds() - begin);
+           cli_left(b->n - b->n_solved - b->n_kept - b->n_failed, left), cli_seconds() - begin);
 }
 
 /* The numbered names may be those of the mesh or the list. */

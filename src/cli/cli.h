@@ -229,6 +229,8 @@ int cli_read_lines(const char *path, cli_take *take, void *data);
 const char *cli_count(int64_t n, char text[CLI_TEXT_SIZE]);
 /* "1 vertex", "86,784 vertices" */
 const char *cli_counted(int64_t n, const char *one, const char *many, char text[CLI_TEXT_SIZE]);
+/* ", 3 left", or nothing where none is. */
+const char *cli_left(size_t n, char text[CLI_TEXT_SIZE]);
 /* Bytes as "1.5 GiB". */
 const char *cli_bytes(uint64_t bytes, char text[CLI_TEXT_SIZE]);
 /* What a solve of a mesh takes, for a person: the rest of a line on the standard output. */

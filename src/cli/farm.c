@@ -362,11 +362,12 @@ static int end(farm *f)
     const size_t all = f->list->n * f->n_sources;
     cli_progress_end(&f->progress);
     if (f->summary) {
-        char sources[CLI_TEXT_SIZE], meshes[CLI_TEXT_SIZE];
-        printf("of %s on %s %zu solved, %zu kept, %zu failed, %.2f s\n",
+        char sources[CLI_TEXT_SIZE], meshes[CLI_TEXT_SIZE], left[CLI_TEXT_SIZE];
+        printf("of %s on %s %zu solved, %zu kept, %zu failed%s, %.2f s\n",
                cli_counted((int64_t)all, "source", "sources", sources),
                cli_counted((int64_t)f->list->n, "mesh", "meshes", meshes), f->n_done, f->n_kept,
-               f->n_failed, cli_seconds() - f->begin);
+               f->n_failed, cli_left(all - f->n_done - f->n_kept - f->n_failed, left),
+               cli_seconds() - f->begin);
     }
     const int flushed = cli_flush();
     if (cli_interrupted()) {

@@ -53,11 +53,15 @@ static int end_opening(opening *o, solve_run *run, bool silent)
 
 /* ---- and closed while the cut locus is traced ------------------------------------------------ */
 
-static void *close_device(void *argument)
+void solve_drop_device(solve_run *run)
 {
-    solve_run *run = argument;
     dmk_solver_destroy(&run->solver);
     dmk_device_destroy(&run->device);
+}
+
+static void *close_device(void *run)
+{
+    solve_drop_device(run);
     return NULL;
 }
 
@@ -71,7 +75,7 @@ static void end_closing(solve_run *run)
 {
     if (run->closing) pthread_join(run->closer, NULL);
     run->closing = false;
-    close_device(run);
+    solve_drop_device(run);
 }
 
 /* ---- the run -------------------------------------------------------------------------------- */
@@ -186,6 +190,15 @@ int solve_begin(const solve_request *request, solve_run *run)
     if (code != EXIT_OK) return code;
     if (rc == DMK_OK && run->mesh) cli_make_room(run->mesh);
     if (rc == DMK_OK) rc = create_solver(run);
+    return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
+}
+
+int solve_renew(const solve_request *request, solve_run *run)
+{
+    int rc = cli_device_open(run->context, &request->device, &run->device);
+    dmk_device_get_info(run->device, &run->opened);
+    if (rc == DMK_OK) rc = create_solver(run);
+    if (rc != DMK_OK) solve_drop_device(run);
     return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
 }
 

@@ -111,6 +111,9 @@ void solve_request_uses(const solve_request *order, cli_uses *uses);
 
 /* Mesh, device and solver; and the source as a surface point, if there is just one. */
 int solve_begin(const solve_request *request, solve_run *run);
+/* Without its device, and with another one: the mesh stays. */
+void solve_drop_device(solve_run *run);
+int solve_renew(const solve_request *request, solve_run *run);
 /* The source as a surface point, when there are many. */
 int solve_place(const solve_request *request, solve_run *run);
 /* Where there are several ranks: let them solve together, each a share of the mesh. Every rank has the

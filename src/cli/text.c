@@ -69,6 +69,12 @@ const char *cli_counted(int64_t n, const char *one, const char *many, char text[
     return text;
 }
 
+const char *cli_left(size_t n, char text[CLI_TEXT_SIZE])
+{
+    snprintf(text, CLI_TEXT_SIZE, n > 0 ? ", %zu left" : "", n);
+    return text;
+}
+
 const char *cli_bytes(uint64_t bytes, char text[CLI_TEXT_SIZE])
 {
     static const char *const units[] = {"B", "KiB", "MiB", "GiB", "TiB"};
