@@ -92,6 +92,13 @@ check 'says why a mesh is done again' has "$work/summary" '^a: done again: the m
 check 'or a source' has "$work/summary" '^c: done again: a file of it is missing$'
 check 'keeps the rest' has "$work/summary" '2 solved, 2 kept, 0 failed'
 check 'one line for each' test "$(names)" = 'a 0 done;bad 0 failed;c 0 done;d 0 done;sub/b 0 done;'
+# A line that had no room, and those of other ranks behind it.
+awk '/"name": "c"/ { sub(/"options":.*/, ""); torn = $0; next } { line[++n] = $0 }
+    END { printf "%s", torn; for (i = 1; i <= n; i++) print line[i] }' "$report" > "$work/torn"
+cp "$work/torn" "$report"
+again
+check 'what it says is done again, and no more' has "$work/summary" '1 solved, 3 kept, 0 failed'
+check 'with one line for each' test "$(names)" = 'a 0 done;bad 0 failed;c 0 done;d 0 done;sub/b 0 done;'
 again --vertex 1
 check 'another source is done' has "$work/summary" '4 solved, 0 kept'
 check 'and reported' has "$work/summary" '^d: done again: the source is another'

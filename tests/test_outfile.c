@@ -37,6 +37,20 @@ int access(const char *path, int mode)
     return (int)syscall(SYS_faccessat, AT_FDCWD, path, mode);
 }
 
+/* Calls until there is no room but for half of what is to be written, 0: none; and what comes meanwhile. */
+static int full_at;
+static void (*meanwhile)(void);
+
+ssize_t write(int fd, const void *from, size_t n)
+{
+    if (full_at > 0 && --full_at == 0) {
+        errno = ENOSPC;
+        if (meanwhile) meanwhile();
+        return -1;
+    }
+    return syscall(SYS_write, fd, from, full_at == 1 ? n / 2 : n);
+}
+
 int fsync(int fd)
 {
     n_syncs++;
@@ -280,6 +294,40 @@ static void descriptor_zero(fixture *f)
     remove_file(f, "zero");
 }
 
+static int second;
+
+static void append_second(void)
+{
+    assert_int_equal(syscall(SYS_write, second, "another one\n", 12), 12);
+}
+
+/* What one rank takes back is not another one's line. */
+static void lines_of_two_runs(void **state)
+{
+    fixture *f = *state;
+    size_t n;
+    const char *path = path_of(f, "lines");
+    const int first = open(path, O_WRONLY | O_CREAT | O_APPEND);
+    second = open(path, O_WRONLY | O_APPEND);
+    assert_int_equal(dmk_outfile_append(first, "one\n", 4), 0);
+    assert_int_equal(dmk_outfile_append(second, "two\n", 4), 0);
+    full_at = 2;
+    assert_int_equal(dmk_outfile_append(first, "a line without room\n", 20), ENOSPC);
+    char *text = get_file(f, "lines", &n);
+    assert_true(n == 8 && memcmp(text, "one\ntwo\n", 8) == 0);
+    free(text);
+    full_at = 2;
+    meanwhile = append_second;
+    assert_int_equal(dmk_outfile_append(first, "a line without room\n", 20), ENOSPC);
+    meanwhile = NULL;
+    text = get_file(f, "lines", &n);
+    assert_true(n == 30 && memcmp(text, "one\ntwo\na line witanother one\n", 30) == 0);
+    free(text);
+    close(first);
+    close(second);
+    remove_file(f, "lines");
+}
+
 #define BOTH(name)                                                                                 \
     static void test_##name(void **state)                                                          \
     {                                                                                              \
@@ -305,6 +353,7 @@ int main(void)
         TEST(test_killed_while_writing),
         TEST(test_others_files_are_left_alone),
         TEST(test_descriptor_zero),
+        TEST(lines_of_two_runs),
     };
     return cmocka_run_group_tests_name("outfile", tests, NULL, NULL);
 }

@@ -255,6 +255,30 @@ void dmk_outfile_discard(dmk_outfile *file)
     give_back(file);
 }
 
+/* The n bytes from `begin` on, if they are the last ones. */
+static void take_back(int fd, off_t begin, size_t n)
+{
+    struct stat st;
+    if (fstat(fd, &st) == 0 && st.st_size == begin + (off_t)n) (void)!ftruncate(fd, begin);
+}
+
+int dmk_outfile_append(int fd, const char *line, size_t length)
+{
+    off_t begin = 0;
+    for (size_t n = 0; n < length;) {
+        const ssize_t written = write(fd, line + n, length - n);
+        if (written < 0 && errno == EINTR) continue;
+        if (written < 0) {
+            const int error = errno;
+            if (n > 0) take_back(fd, begin, n);
+            return error;
+        }
+        if (n == 0) begin = lseek(fd, 0, SEEK_CUR) - written;
+        n += (size_t)written;
+    }
+    return 0;
+}
+
 void dmk_outfile_piece(const char *path, int k, char *name, size_t size)
 {
     snprintf(name, size, "%.*s_%04d.vtp", (int)(strlen(path) - strlen(".pvtp")), path, k);

@@ -30,9 +30,10 @@ struct batch_record {
     const char *path; /* NULL: the standard output */
     int fd;
     pthread_mutex_t lock;
-    char options[33];   /* digest of all that changes a result */
-    char *text;         /* of the report as it was */
-    size_t size, whole; /* of the text; and without a last line that is torn */
+    char options[33]; /* digest of all that changes a result */
+    char *text;       /* of the report as it was */
+    size_t size;      /* of the text */
+    bool torn;        /* it has parts of lines */
     seen *line;
     size_t n, room;
 };
@@ -173,7 +174,7 @@ static bool read_hex(const char **at, const char *head, char hex[33])
 }
 
 /* The fields of batch_record_fields. */
-static bool read_line(const char *at, seen *line)
+static bool read_fields(const char *at, seen *line)
 {
     char *state = NULL, *end;
     line->name = read_text(&at, "{\"name\": ");
@@ -190,6 +191,17 @@ static bool read_line(const char *at, seen *line)
     return good;
 }
 
+/* A line, or none. */
+static bool read_line(const char *at, seen *line)
+{
+    const bool good = read_fields(at, line);
+    if (good) return true;
+    free(line->name);
+    free(line->wanted);
+    line->name = line->wanted = NULL;
+    return false;
+}
+
 /* By name and source; of two lines for one the later first. */
 static int compare(const void *a, const void *b)
 {
@@ -198,6 +210,15 @@ static int compare(const void *a, const void *b)
     if (sign) return sign;
     if (x->source != y->source) return x->source < y->source ? -1 : 1;
     return (x->begin < y->begin) - (x->begin > y->begin);
+}
+
+/* How much of a line was torn before another rank appended one to it. */
+static size_t torn_part(const char *text, size_t length, seen *line)
+{
+    for (size_t at = length; at-- > 1;) {
+        if (text[at] == '{' && read_line(text + at, line)) return at;
+    }
+    return 0;
 }
 
 static int add_line(batch_record *r, size_t begin, size_t length)
@@ -210,12 +231,14 @@ static int add_line(batch_record *r, size_t begin, size_t length)
     }
     seen *line = &r->line[r->n];
     *line = (seen){.begin = begin, .length = length};
-    if (read_line(r->text + begin, line)) {
+    const size_t torn = torn_part(r->text + begin, length, line);
+    line->begin += torn;
+    line->length -= torn;
+    r->torn |= torn > 0;
+    if (torn > 0 || read_line(r->text + begin, line)) {
         r->n++;
         return EXIT_OK;
     }
-    free(line->name);
-    free(line->wanted);
     return cli_error(
         cli_exit_code(DMK_E_FORMAT),
         "'%s' is not the report of a batch: a line begins with '%.40s'; choose another --report",
@@ -227,10 +250,11 @@ static int read_lines(batch_record *r)
     int code = EXIT_OK;
     for (size_t begin = 0; begin < r->size && code == EXIT_OK;) {
         const char *end = memchr(r->text + begin, '\n', r->size - begin);
-        if (!end) break; /* torn: a kill in the middle of a write */
+        r->torn |= !end; /* a kill in the middle of a write */
+        if (!end) break;
         const size_t length = (size_t)(end - (r->text + begin)) + 1;
         code = add_line(r, begin, length);
-        begin = r->whole = begin + length;
+        begin += length;
     }
     if (r->n > 0) qsort(r->line, r->n, sizeof *r->line, compare);
     for (size_t i = 1; i < r->n; i++) {
@@ -381,7 +405,7 @@ int batch_record_begin(batch_record *r)
 {
     size_t dropped = 0;
     for (size_t i = 0; i < r->n; i++) dropped += r->line[i].drop;
-    if (!r->path || (dropped == 0 && r->whole == r->size)) return EXIT_OK;
+    if (!r->path || (dropped == 0 && !r->torn)) return EXIT_OK;
     cli_file file;
     int code = cli_file_open(r->path, &file);
     if (code != EXIT_OK) return code;
@@ -411,18 +435,6 @@ void batch_record_fields(const batch_record *r, cli_json *json, const batch_entr
     json_text(json, "state", failed ? "failed" : "done");
 }
 
-static bool write_all(int fd, const char *bytes, size_t n)
-{
-    while (n > 0) {
-        const ssize_t written = write(fd, bytes, n);
-        if (written < 0 && errno == EINTR) continue;
-        if (written < 0) return false;
-        bytes += written;
-        n -= (size_t)written;
-    }
-    return true;
-}
-
 int batch_record_append(batch_record *r, const char *line, size_t length)
 {
     int code = EXIT_OK;
@@ -431,11 +443,9 @@ int batch_record_append(batch_record *r, const char *line, size_t length)
         fwrite(line, 1, length, stdout);
         code = cli_flush();
     } else {
-        const off_t before = lseek(r->fd, 0, SEEK_END);
-        if (!write_all(r->fd, line, length)) {
-            code = cli_error(EXIT_IO, "cannot write '%s': %s", r->path, strerror(errno));
-            if (before >= 0 && ftruncate(r->fd, before) != 0) code = EXIT_IO;
-        }
+        const int error = dmk_outfile_append(r->fd, line, length);
+        if (error != 0)
+            code = cli_error(EXIT_IO, "cannot write '%s': %s", r->path, strerror(error));
     }
     pthread_mutex_unlock(&r->lock);
     return code;
