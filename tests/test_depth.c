@@ -406,6 +406,54 @@ static void forms_of_the_loop(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* An open tube 50 times as long as wide, on which several threads make 3 to 15 % fewer windows than one. */
+static dmk_mesh *long_tube(dmk_context *ctx)
+{
+    enum { SIDES = 60, RINGS = 600 };
+    dmk_mesh *m;
+    double *xyz = calloc(3 * SIDES * RINGS, sizeof *xyz);
+    int32_t *triangle = calloc(6 * SIDES * (RINGS - 1), sizeof *triangle), *t = triangle;
+    for (int32_t v = 0; v < SIDES * RINGS; v++) {
+        const double a = 2 * M_PI * (v % SIDES) / SIDES;
+        memcpy(xyz + 3 * v, (const double[]){cos(a), sin(a), 0.5 * (v / SIDES)}, 3 * sizeof *xyz);
+        const int32_t next = v / SIDES * SIDES + (v + 1) % SIDES;
+        const int32_t two[] = {v, next, next + SIDES, v, next + SIDES, v + SIDES};
+        if (v < SIDES * (RINGS - 1)) memcpy(t, two, sizeof two), t += 6;
+    }
+    assert_int_equal(
+        dmk_mesh_create(ctx, SIDES * RINGS, xyz, 2 * SIDES * (RINGS - 1), triangle, &m), DMK_OK);
+    free(xyz);
+    free(triangle);
+    return m;
+}
+
+/* Whether there are too many windows hangs on those that one thread makes, whatever the number of threads. */
+static void too_many(void **state)
+{
+    static const double part[] = {0.96, 1.04};
+    dmk_geodesics *g;
+    dmk_point source;
+    dmk_geodesics_options options;
+    dmk_mesh *m = long_tube(*state);
+    const int before = dmk_parallel_threads(*state);
+    bool finished;
+    assert_int_equal(dmk_mesh_vertex_point(*state, m, 0, &source), DMK_OK);
+    dmk_geodesics_options_init(&options, sizeof options);
+    assert_int_equal(dmk_geodesics_prepare(*state, m, NULL, 1, &source, &options, &g), DMK_OK);
+    dmk_context_set_threads(*state, 1);
+    assert_int_equal(dmk_windows_run(*state, g, INT64_MAX, &finished), DMK_OK);
+    assert_true(finished);
+    const double n = (double)g->n_windows;
+    dmk_context_set_threads(*state, 8);
+    for (int i = 0; i < 2; i++) {
+        assert_int_equal(dmk_windows_run(*state, g, (int64_t)(part[i] * n), &finished), DMK_OK);
+        if (finished != (part[i] > 1)) fail_msg("%g of %g windows: %d", part[i], n, finished);
+    }
+    dmk_context_set_threads(*state, before);
+    dmk_geodesics_destroy(&g);
+    dmk_mesh_destroy(&m);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -414,6 +462,7 @@ int main(void)
         cmocka_unit_test(plain_steps),    cmocka_unit_test(short_sides),
         cmocka_unit_test(shared_windows), cmocka_unit_test(next_to_a_root),
         cmocka_unit_test(over_a_border),  cmocka_unit_test(filtered),
-        cmocka_unit_test(grazing_rays),   cmocka_unit_test(forms_of_the_loop)};
+        cmocka_unit_test(grazing_rays),   cmocka_unit_test(forms_of_the_loop),
+        cmocka_unit_test(too_many)};
     return cmocka_run_group_tests(tests, context_setup, context_teardown);
 }

@@ -154,8 +154,8 @@ void dmk_geodesics_integrate_parts(dmk_context *context, const dmk_geodesics *ge
 int dmk_waves_run(dmk_context *context, dmk_geodesics *geodesics, double tolerance, double exact,
                   int looks, bool *finished);
 
-/* window.c: the same with exact windows. Not *finished, and nothing is set: more than `most` windows. The
- * usual ones: twice as many as ordinary meshes need. */
+/* window.c: the same with exact windows. Not *finished, and nothing is set: one thread makes more than
+ * `most` windows. The usual ones: twice as many as ordinary meshes need. */
 int64_t dmk_windows_usual(const dmk_mesh *mesh);
 int dmk_windows_run(dmk_context *context, dmk_geodesics *geodesics, int64_t most, bool *finished);
 

@@ -250,7 +250,7 @@ int dmk_windows_step(worker *me, const window *w, window *o, int *n)
 int dmk_windows_count(worker *me, int64_t n)
 {
     me->n_made += n;
-    if ((me->n_made & 0xffff) >= n) return DMK_OK;
-    me->e->n_made += 0x10000;
+    if (me->n_made % DMK_PIECE >= n) return DMK_OK;
+    me->e->n_made += DMK_PIECE;
     return dmk_poll(me->ctx);
 }

@@ -81,8 +81,9 @@ typedef struct engine {
     advance *advance;        /* the fastest that the processor has */
     dmk_heap pseudo_sources; /* reached, to radiate */
     bool shared;             /* by several threads at the moment */
-    int64_t limit;           /* of windows */
-    _Atomic int64_t n_made;  /* windows, in pieces of 65,536 */
+    int n_threads;
+    int64_t limit;          /* of windows */
+    _Atomic int64_t n_made; /* windows, in whole pieces of each worker */
 } engine;
 
 /* Windows that wait for a thread. What is no atomic is the lock's. */
@@ -138,7 +139,9 @@ bool dmk_windows_first(const trace *a, const trace *b);
 /* Children of w into o[0..1]; the vertex above is reached. *n: how many. */
 int dmk_windows_step(worker *me, const window *w, window *o, int *n);
 int dmk_windows_push(worker *me, const window *w);
-/* n windows more; DMK_E_CANCELLED if the caller wants no more. */
+/* Windows, between looks at whether there are too many: speed only. */
+enum { DMK_PIECE = 65536 };
+/* n windows more, fewer than a piece; DMK_E_CANCELLED if the caller wants no more. */
 int dmk_windows_count(worker *me, int64_t n);
 
 /* lanes.c: what the engine needs for it, and its memory back. */
