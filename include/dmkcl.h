@@ -635,7 +635,8 @@ int dmk_solver_give_mesh(dmk_context *context, dmk_solver *solver, dmk_mesh **me
 void dmk_solver_get_traffic(const dmk_solver *solver, dmk_traffic *traffic);
 /* dmk_mesh_read by all ranks together, each of which has the mesh then. Of a binary PLY of triangles, and of a VTP of
  * one piece in appended raw data, each reads its range of the bytes; any other file is read by the first one, and
- * sent. DMK_E_DEVICE when a rank is lost. ranks NULL: dmk_mesh_read. */
+ * sent. The file must be the same everywhere, which is not looked at. DMK_E_DEVICE when a rank is lost. ranks NULL:
+ * dmk_mesh_read. */
 int dmk_mesh_read_dealt(dmk_context *context, const char *path, const dmk_ranks *ranks,
                         dmk_mesh **mesh);
 

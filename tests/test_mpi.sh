@@ -169,6 +169,21 @@ python3 "$work/sheets.py" "$work/sheets.ply"
 check 'a mesh in pieces that is refused is refused once' once 4 'sheets.ply: non-manifold edge 0-1: triangles 0, 1 and 4 share it' \
     solve "$work/sheets.ply" --vertex 0 --density-only
 check 'too few steps are reported once' once 7 'did not reach the tolerance' solve "$mesh" --vertex 7 --max-steps 1
+# Each rank in a folder of its own, as on machines without a common disk.
+mkdir "$work/here" "$work/there"
+"$plain" mesh quartic --triangles 2000 --quiet --out "$work/here/m.ply"
+apart() { # OPTIONS
+    timeout -k 5 60 mpirun -n 1 -wdir "$work/here" "$PWD/$mpi" solve m.ply --vertex 7 "$@" : \
+        -n 1 -wdir "$work/there" "$PWD/$mpi" solve m.ply --vertex 7 "$@" 2> "$work/err"
+}
+cp "$work/here/m.ply" "$work/there"
+check 'copies of a file are one' apart --quiet --density-only
+{ head -c 900 "$work/here/m.ply" && printf XX && tail -c +903 "$work/here/m.ply"; } > "$work/there/m.ply" # a coordinate
+another() {
+    apart --density-only
+    test $? -eq 2 && test "$(grep -c "^dmkcl: 'm.ply' on rank 1 is another file" "$work/err")" -eq 1
+}
+check 'another file by the same name is an error' another
 # The second rank alone cannot write where its device's kernels are kept, has no device, or the like.
 lonely() {
     local begin=$SECONDS status

@@ -1,9 +1,64 @@
 /* Mesh files as the commands read them: with --repair or without, and what is reported of them. */
-#include "cli.h"
+#include "batch.h"
+#include "ranks.h"
 
 #include <math.h>
 #include <stdint.h>
+#include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
+
+/* A file as a rank sees it; a digest "" where there is none. */
+typedef struct sight {
+    int64_t inode, bytes, seconds, nanoseconds;
+    char digest[40]; /* so that nothing lies behind it */
+} sight;
+
+static sight look_at(const char *path, bool closely)
+{
+    struct stat file;
+    sight s = {0};
+    if (stat(path, &file) != 0 || !S_ISREG(file.st_mode)) return s;
+    s = (sight){(int64_t)file.st_ino, (int64_t)file.st_size, (int64_t)file.st_mtim.tv_sec,
+                (int64_t)file.st_mtim.tv_nsec, "?"};
+    if (closely) batch_digest_file(path, s.digest);
+    return s;
+}
+
+/* The first rank that sees another file there than the ranks before; -1: none does, or not all see one. */
+static int find_another(const sight *all, int n, bool closely)
+{
+    int first = 0;
+    while (first < n && !all[first].digest[0]) first++;
+    for (int r = first + 1; r < n; r++) {
+        if (!all[r].digest[0]) continue;
+        if (closely ? strcmp(all[r].digest, all[first].digest) != 0
+                    : memcmp(&all[r], &all[first], sizeof *all) != 0)
+            return r;
+    }
+    return -1;
+}
+
+/* What is in the file is read only where it may be another one: copies on the ranks' own disks. */
+int cli_check_same_file(const char *path)
+{
+    const dmk_ranks *ranks = cli_ranks();
+    if (!ranks) return EXIT_OK;
+    sight *all = calloc((size_t)ranks->size, sizeof *all);
+    int rc = all ? DMK_OK : DMK_E_NOMEM, another = 0;
+    for (int closely = 0; closely < 2 && another >= 0 && rc == DMK_OK; closely++) {
+        const sight mine = look_at(path, closely);
+        rc = cli_ranks_gather(&mine, all, sizeof mine);
+        if (rc == DMK_OK) another = find_another(all, ranks->size, closely);
+    }
+    free(all);
+    if (rc != DMK_OK) return cli_library_error(NULL, rc);
+    if (another < 0) return EXIT_OK;
+    return cli_error(EXIT_IO,
+                     "'%s' on rank %d is another file than on the ranks before it: copy the same "
+                     "one to all machines, or put it where all of them see it",
+                     path, another);
+}
 
 typedef struct count {
     size_t n;

@@ -178,6 +178,8 @@ int solve_begin(const solve_request *request, solve_run *run)
         rc = read_mesh(request, run);
         return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
     }
+    const int same = request->dealt ? cli_check_same_file(request->mesh) : EXIT_OK;
+    if (same != EXIT_OK) return same;
     begin_opening(&device, &request->device);
     rc = read_mesh(request, run);
     double mark = cli_seconds();
