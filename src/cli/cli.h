@@ -256,8 +256,8 @@ typedef struct cli_reading {
     "merge coincident vertices, drop zero-area and duplicate triangles,\n"                         \
     "orient triangles consistently, split non-manifold edges and vertices"
 
-/* Collective: whether the mesh file is one and the same on all ranks that have it, each of which reads a part of it. The
- * exit code, with the error printed. */
+/* Collective: whether the mesh file is one and the same on all ranks that have it, each of which reads a part of it.
+ * The exit code, with the error printed. */
 int cli_check_same_file(const char *path);
 /* Read a mesh file. On the standard error: what was repaired, and a warning of a mesh in pieces. The status of the
  * library; *did is the caller's to free, and zero without a repair. */

@@ -470,17 +470,19 @@ done:
 }
 
 /* Several threads make up to 15 % fewer windows than one, or 5 % more (tubes of 1 : 50, quartics): how many depends on
- * when they see each other's distances. */
-static const double far_apart = 1.5;
+ * when they see each other's distances. Larger factors cost time only, the second one wherever there are too many. */
+static const double surely_fewer = 1.5, surely_more = 1.15;
+/* Where there may be but a few times as many as one thread makes alone, it makes all: speed only. */
+enum { all_alone = 4 * alone };
 
 /* Whether there are too many one thread decides, or the way in which distances are found, and their last bits, would
- * hang on who was faster; where there are far more or far fewer, several threads know what it would find. */
+ * hang on who was faster; where several threads make far fewer or more, they know what it would find. */
 int dmk_windows_run(dmk_context *ctx, dmk_geodesics *g, int64_t most, bool *finished)
 {
     int rc;
-    const int n = dmk_parallel_threads(ctx);
-    DMK_TRY(run(ctx, g, n > 1 ? (int64_t)(far_apart * (double)most) : most, n, finished));
-    if (n == 1 || !*finished || far_apart * (double)g->n_windows < (double)most) goto done;
+    const int n = most < all_alone ? 1 : dmk_parallel_threads(ctx);
+    DMK_TRY(run(ctx, g, n > 1 ? (int64_t)(surely_more * (double)most) : most, n, finished));
+    if (n == 1 || !*finished || surely_fewer * (double)g->n_windows < (double)most) goto done;
     rc = run(ctx, g, most, 1, finished);
 done:
     return rc;
