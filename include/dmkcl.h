@@ -289,8 +289,8 @@ void dmk_device_destroy(dmk_device **device);
 /* Exact geodesic distances on the polyhedron from any number of sources, by windows (Mitchell, Mount, Papadimitriou
  * 1987): for every vertex the length of the shortest path over the triangles, the nearest source, and how the path
  * leaves and arrives. Distance and direction together are the logarithmic map of a source. Needs no device. Around
- * spikes of 1 : 1e8 exact paths wind without end: distances have the usual tolerance there; with `exact`,
- * DMK_E_MESH. */
+ * spikes of 1 : 10,000 and more there may be too many paths: distances have estimates of their errors there; with
+ * `exact` they are found up to 1 : 1e6 or so, in a time that grows with this, and beyond that is DMK_E_MESH. */
 typedef struct dmk_geodesics dmk_geodesics;
 
 typedef struct dmk_geodesics_options {

@@ -179,6 +179,40 @@ static void needle(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* Noise 200,000 times as high as wide: an exact run goes on to as many windows as its triangles' aspect allows. */
+static void noise(void **state)
+{
+    enum { n = 8 };
+    dmk_context *ctx = *state;
+    dmk_geodesics *g;
+    dmk_point p;
+    dmk_geodesics_options options;
+    rings r = make_rings(n, n, false);
+    uint32_t random = 2;
+    int32_t *t = r.triangle;
+    for (int32_t v = 0; v < n * n; v++) {
+        random = random * 1664525u + 1013904223u;
+        set(&r, v, v % n, v / n, 2e5 * (random / 4294967296.0));
+    }
+    for (int32_t i = 0; i < r.n_triangles; i++) { /* no ring is closed */
+        const int32_t *a = r.triangle + 3 * i;
+        if (abs(a[0] % n - a[1] % n) > 1 || abs(a[0] % n - a[2] % n) > 1) continue;
+        memmove(t, a, 3 * sizeof *t);
+        t += 3;
+    }
+    r.n_triangles = (int32_t)(t - r.triangle) / 3;
+    dmk_mesh *m = finish(ctx, &r, n * n);
+    dmk_geodesics_options_init(&options, sizeof options);
+    options.exact = true;
+    assert_int_equal(dmk_mesh_vertex_point(ctx, m, 0, &p), DMK_OK);
+    if (dmk_geodesics_create(ctx, m, 1, &p, &options, &g) != DMK_OK)
+        fail_msg("%s", dmk_context_message(ctx));
+    assert_null(g->error);
+    assert_true(g->n_windows > 10000 * m->n_edges);
+    dmk_geodesics_destroy(&g);
+    dmk_mesh_destroy(&m);
+}
+
 /* Two cones over a polygon of 10,000 sides. Unrolled, the way from one of its vertices to another is a chord. */
 static void hub(void **state)
 {
@@ -233,7 +267,8 @@ static void flat_torus(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(thin_tube), cmocka_unit_test(stretched_sphere), cmocka_unit_test(needle),
+        cmocka_unit_test(thin_tube), cmocka_unit_test(stretched_sphere),
+        cmocka_unit_test(needle),    cmocka_unit_test(noise),
         cmocka_unit_test(hub),       cmocka_unit_test(flat_torus),
     };
     return cmocka_run_group_tests(tests, context_setup, context_teardown);

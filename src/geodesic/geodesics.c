@@ -1,4 +1,5 @@
 /* The object: see geodesic.h. */
+#include "geodesic/front.h"
 #include "geodesic/trace.h"
 
 #include <math.h>
@@ -108,29 +109,58 @@ static double tolerance_of(const dmk_mesh *m, const dmk_geodesics_options *o)
 typedef enum attempt { ASKED, EXACT, TRIMMED, MORE, ESTIMATED, MERGED } attempt;
 
 /* Rough terrain a hundred times as high as its edges are long needs up to 7,000 windows for each edge, where other
- * meshes need a hundred; around needles and on thin tubes there may be a million times as many, of ways that hardly
- * differ. There trimmed windows are better, which are compared with each other: 35 looks for each half-edge are enough
- * on meshes of all kinds but terrain, which has up to 1,000. On spikes a billion times as high as wide, ways that wind
- * around them differ less than what rounding leaves, and there is no end to either. */
+ * meshes need a hundred, and a million times as high 87,000, a sixth of its triangles' aspect; around needles and on
+ * thin tubes there may be a million times as many, of ways that hardly differ. There trimmed windows are better, which
+ * are compared with each other: 35 looks for each half-edge are enough on meshes of all kinds but terrain, which has up
+ * to 1,000. On spikes a billion times as high as wide, ways that wind around them differ less than what rounding
+ * leaves, and there is no end to either. */
 enum { MORE_WINDOWS = 10000, SOME_LOOKS = 100, MOST_LOOKS = 1000 };
 /* Over the largest distance: what estimates of trimmed windows may be for distances that are called exact, at first and
  * where exact windows are too many. Needles and tubes have 1e-13, a few 1e-11; on terrain estimates may be 400 times
  * too small. */
 static const double surely_exact = 1e-12, still_exact = 1e-10;
 
-static int start(dmk_context *ctx, dmk_geodesics *g, attempt how, double asked, bool *finished)
+/* The mean of longest side over height. */
+static double mean_aspect(const dmk_geodesics *g)
 {
+    const dmk_mesh *m = g->mesh;
+    const double scale = 1 / g->star.unit;
+    double sum = 0, area2, dot[3];
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        double longest = 0;
+        for (int k = 0; k < 3; k++)
+            longest = dmk_max(longest, m->length[m->triangle_edge[3 * (size_t)t + (size_t)k]]);
+        dmk_measure_corners(m, scale, t, &area2, dot);
+        sum += longest * scale * longest * scale / area2;
+    }
+    return sum / m->n_triangles;
+}
+
+/* For each edge. Who wants nothing else than exact distances waits for as many as a mesh of its aspect may need. The
+ * two ways around a spike differ by the square of width over height, which must not be the same length. */
+static double more_windows(const dmk_geodesics *g, bool exact)
+{
+    const double aspect = exact ? mean_aspect(g) : 0;
+    return aspect * aspect * DMK_SAME_LENGTH < 1 ? dmk_max(MORE_WINDOWS, aspect) : MORE_WINDOWS;
+}
+
+static int start(dmk_context *ctx, dmk_geodesics *g, attempt how, const dmk_geodesics_options *o,
+                 bool *finished)
+{
+    const double asked = tolerance_of(g->mesh, o);
     g->tolerance = how == MERGED ? usual_tolerance : how == ASKED ? asked : 0;
     if (how == ASKED || how == ESTIMATED || how == MERGED)
         return dmk_waves_run(ctx, g, g->tolerance, still_exact, MOST_LOOKS, finished);
     if (g->n_lines > 0) return DMK_OK; /* exact windows have none */
     if (how == TRIMMED) return dmk_waves_run(ctx, g, 0, surely_exact, SOME_LOOKS, finished);
-    const int64_t more = (int64_t)MORE_WINDOWS * g->mesh->n_edges;
-    return dmk_windows_run(ctx, g, how == MORE ? more : dmk_windows_usual(g->mesh), finished);
+    const int64_t most = how == MORE ? (int64_t)(more_windows(g, o->exact) * g->mesh->n_edges)
+                                     : dmk_windows_usual(g->mesh);
+    return dmk_windows_run(ctx, g, most, finished);
 }
 
 /* *finished: whether there are distances, as exact as the attempt promises. */
-static int try_one(dmk_context *ctx, dmk_geodesics *g, attempt how, double asked, bool *finished)
+static int try_one(dmk_context *ctx, dmk_geodesics *g, attempt how, const dmk_geodesics_options *o,
+                   bool *finished)
 {
     int rc;
     bool few = true;
@@ -140,7 +170,7 @@ static int try_one(dmk_context *ctx, dmk_geodesics *g, attempt how, double asked
     free(g->tie);
     g->tie = NULL;
     g->n_ties = 0;
-    DMK_TRY(start(ctx, g, how, asked, finished));
+    DMK_TRY(start(ctx, g, how, o, finished));
     if (*finished && g->tolerance > 0) DMK_TRY(dmk_tracer_repair(ctx, g, &few));
     if (how == TRIMMED && g->error) *finished = false;
     if (how == ASKED && !few) *finished = false;
@@ -170,11 +200,11 @@ static int refuse(dmk_context *ctx, const dmk_geodesics *g, bool exact)
  * vertices are flat, with merged windows; triangles of 1e-8 of their height with exact ones. */
 static int run(dmk_context *ctx, dmk_geodesics *g, const dmk_geodesics_options *o)
 {
-    const double asked = tolerance_of(g->mesh, o);
     bool finished = false;
     int rc = DMK_OK;
-    for (attempt how = asked > 0 ? ASKED : EXACT; how <= (o->exact ? ESTIMATED : MERGED); how++) {
-        rc = try_one(ctx, g, how, asked, &finished);
+    for (attempt how = tolerance_of(g->mesh, o) > 0 ? ASKED : EXACT;
+         how <= (o->exact ? ESTIMATED : MERGED); how++) {
+        rc = try_one(ctx, g, how, o, &finished);
         finished = finished && !(o->exact && g->error);
         if (rc == DMK_OK ? finished : rc != DMK_E_MESH) return rc;
     }
