@@ -263,6 +263,38 @@ static void test_packed_arrays(void **state)
     }
 }
 
+/* The data of cells are those of faces, wherever the points, lines and volumes beside them stand. */
+static void test_arrays_of_faces(void **state)
+{
+#define RHO(values) "<CellData>" ARRAY("Float64", "rho", values) "</CellData>"
+#define TYPES(types) "<Cells>" ARRAY("UInt8", "types", types) "</Cells>"
+    static const char grid[] =
+        "<VTKFile type=\"UnstructuredGrid\"><UnstructuredGrid>"
+        "<Piece NumberOfCells=\"5\">" RHO("7 1 8 2 9")
+            TYPES("3 5 10 9 1") "</Piece><Piece NumberOfCells=\"1\">" RHO("3")
+                TYPES("22") "</Piece></UnstructuredGrid></VTKFile>";
+    static const char poly[] = "<VTKFile type=\"PolyData\"><PolyData><Piece NumberOfVerts=\"1\" "
+                               "NumberOfLines=\"1\" NumberOfPolys=\"2\" NumberOfStrips=\"1\">" RHO(
+                                   "7 8 1 2 3") "</Piece></PolyData></VTKFile>";
+    const char *const files[] = {grid, poly};
+    fixture *f = *state;
+    for (size_t i = 0; i < COUNT(files); i++) {
+        double value[3];
+        size_t n;
+        int of_points = 1;
+        put_file(f, "m", files[i], strlen(files[i]));
+        assert_int_equal(dmk_array_read(f->ctx, path_of(f, "m"), "rho", 3, value, &n, &of_points),
+                         DMK_OK);
+        assert_int_equal(of_points, 0);
+        assert_int_equal(n, 3);
+        for (size_t k = 0; k < n; k++) assert_true(value[k] == (double)(k + 1));
+        assert_int_equal(dmk_array_read(f->ctx, f->path, "rho", 2, value, &n, &of_points),
+                         DMK_E_FORMAT);
+        assert_non_null(strstr(dmk_context_message(f->ctx), "more than the 2 numbers"));
+        remove_file(f, "m");
+    }
+}
+
 static void test_refusals(void **state)
 {
 #define NODES "$Nodes\n3\n1 0 0 0\n2 1 0 0\n3 1 1 0\n$EndNodes\n"
@@ -415,6 +447,7 @@ int main(void)
         TEST(test_short_nodes),
         TEST(test_binary_msh),
         TEST(test_packed_arrays),
+        TEST(test_arrays_of_faces),
         TEST(test_refusals),
         TEST(test_every_cut),
         TEST(test_every_wrong_byte),

@@ -220,29 +220,55 @@ bool dmk_vtk_layout(dmk_context *ctx, const dmk_file *head, dmk_layout *l)
 
 /* ---- data ---- */
 
-/* The piece's part of the array, behind the *n numbers that are there; thin cells come first in PolyData. */
+/* Which of the n cells that a piece has data of are faces. In PolyData thin cells come first, in grids anywhere. */
+static int find_faces(const vtk *v, const dmk_vtk_piece *p, size_t n, bool *is_face)
+{
+    int rc;
+    int64_t *type = NULL;
+    for (size_t i = 0; i < n; i++) is_face[i] = i >= (size_t)p->n_thin;
+    if (p->n_cells == 0) return DMK_OK;
+    if (!p->values[DMK_VTK_CELL_TYPES].there) return fail(v, "cells without types");
+    DMK_TRY(dmk_vtk_read_integers(v->context, v->file, &v->tags.coding,
+                                  &p->values[DMK_VTK_CELL_TYPES], "types", n, &type));
+    for (size_t i = 0; i < n; i++) {
+        const dmk_cell cell = dmk_cell_of_vtk(type[i]);
+        is_face[i] = cell != DMK_CELL_THIN && cell != DMK_CELL_VOLUME;
+    }
+done:
+    free(type);
+    return rc;
+}
+
+/* The piece's part of the array, behind the *n numbers that are there: of points all, of cells those of faces. */
 static int read_part(const vtk *v, const dmk_vtk_piece *p, dmk_vtk_role role, size_t room,
                      double *values, size_t *n)
 {
     int rc;
     double *part = NULL;
+    bool *is_face = NULL;
     const bool cells = role == DMK_VTK_CELL_DATA;
-    const size_t first = cells && p->n_cells == 0 ? (size_t)p->n_thin : 0;
-    const size_t all =
-        cells ? first + (size_t)(p->n_polys + p->n_strips + p->n_cells) : (size_t)p->n_points;
-    if (all - first > room - *n) {
-        return dmk_fail(v->context, DMK_E_FORMAT,
-                        "%s: the array '%s' has more than the %zu numbers expected", v->file->path,
-                        v->tags.wanted, room);
-    }
+    const size_t all = (size_t)(!cells           ? p->n_points
+                                : p->n_cells > 0 ? p->n_cells
+                                                 : p->n_thin + p->n_polys + p->n_strips);
     if (all == 0) return DMK_OK;
     if (!p->values[role].there) return fail(v, "an array of data that is not in all pieces");
     DMK_TRY(dmk_vtk_read_numbers(v->context, v->file, &v->tags.coding, &p->values[role],
                                  v->tags.wanted, all, &part));
-    memcpy(values + *n, part + first, (all - first) * sizeof *part);
-    *n += all - first;
+    DMK_TRY(DMK_NEW(v->context, is_face, all));
+    if (cells) DMK_TRY(find_faces(v, p, all, is_face));
+    for (size_t i = 0; i < all; i++) {
+        if (cells && !is_face[i]) continue;
+        if (*n == room) {
+            rc = dmk_fail(v->context, DMK_E_FORMAT,
+                          "%s: the array '%s' has more than the %zu numbers expected",
+                          v->file->path, v->tags.wanted, room);
+            goto done;
+        }
+        values[(*n)++] = part[i];
+    }
 done:
     free(part);
+    free(is_face);
     return rc;
 }
 
