@@ -104,6 +104,9 @@ static void test_off_variants(void **state)
         "3 0 2 3\n",
         "NOFF\n4 2 0\n0 0 0 0 0 1\n1 0 0 0 0 1\n1 1 0 0 0 1\n0 1 0 0 0 1\n3 0 1 2\n3 0 2 3\n",
         "STCNOFF\n4 2 0\n0 0 0 0 0 1 1 1 1 1 0 0\n1 0 0 0\n1 1 0 0\n0 1 0 0\n3 0 1 2\n3 0 2 3\n",
+        /* colours that the keyword does not tell of */
+        "OFF\n4 2 0\n0 0 0 4 5 6\n1 0 0 3 0 1\n1 1 0 3 0 1\n\n0 1 0 1 1 1\n3 0 1 2\n3 0 2 3\n",
+        "OFF 4 1 0\n0 0 0 .1 .2 .3 1\n1 0 0 3 1 0 1\n1 1 0 3 0 1 1\n0 1 0 1 1 1 1\n4 0 1 2 3",
         "OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n"}; /* a quadrilateral */
     for (size_t i = 0; i < COUNT(texts); i++) check_square(read_text(*state, "m.off", texts[i]));
     check_square(

@@ -147,7 +147,9 @@ static bool take_line(dmk_text *t, int kind, size_t i, const dmk_lines *lines)
     return v[0] == 3;
 }
 
-static int read_plain(const dmk_text *t, const off_header *h, dmk_soup *soup, bool *plain)
+/* Where there are just as many lines as vertices and faces, each has its own, and what else stands in one of a vertex
+ * is a colour, whatever the keyword. */
+static int read_plain(const dmk_text *t, off_header *h, dmk_soup *soup, bool *plain)
 {
     int rc;
     struct dmk_chunks *chunks = NULL;
@@ -155,6 +157,7 @@ static int read_plain(const dmk_text *t, const off_header *h, dmk_soup *soup, bo
         .text = t, .soup = soup, .reader = h, .kind = kind_of_line, .take = take_line};
     DMK_TRY(dmk_lines_count(t->context, &lines, &chunks, plain));
     if (lines.n[0] < soup->n_vertices + soup->triangle_room) *plain = false;
+    if (lines.n[0] == soup->n_vertices + soup->triangle_room) h->extras = true;
     if (*plain) DMK_TRY(dmk_lines_take(t->context, &lines, chunks, plain));
     if (*plain) soup->n_triangles = soup->triangle_room;
 done:
