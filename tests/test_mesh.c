@@ -414,6 +414,30 @@ static void test_projects_to_the_nearest(void **state)
 }
 
 /* Many at once as each alone, also where several triangles are equally near. */
+/* A point of a needle is its own foot, however thin the needle is and whichever corner comes first. */
+static void test_projects_to_needles(void **state)
+{
+    (void)state;
+    const double a[3] = {0.1, 0.2, 0.3}, b[3] = {0.9, 0.3, 0.7}, side = 0.9,
+                 out[3] = {0.3, 0.8, 0.5};
+    for (double thin = 0.1; thin > 1e-14; thin /= 3) {
+        double c[3], x[3], w[3];
+        for (int k = 0; k < 3; k++) c[k] = a[k] + 0.37 * (b[k] - a[k]) + thin * out[k];
+        const double *const corner[5] = {a, b, c, a, b};
+        for (int i = 0; i < 3; i++) {
+            double off = 0;
+            for (int k = 0; k < 3; k++) x[k] = 0.2 * a[k] + 0.5 * b[k] + 0.3 * c[k];
+            const double told = sqrt(dmk_project_corners(corner + i, x, w));
+            for (int k = 0; k < 3; k++) {
+                double y = 0;
+                for (int j = 0; j < 3; j++) y += w[j] * corner[i + j][k];
+                off = fmax(off, fabs(y - x[k]));
+            }
+            assert_true(off < 1e-14 * side && told < 1e-14 * side);
+        }
+    }
+}
+
 static void test_projects_many(void **state)
 {
     enum { N = 600 };
@@ -706,6 +730,7 @@ int main(void)
         cmocka_unit_test(test_refuses_one_sided_surfaces),
         cmocka_unit_test(test_projects_to_inside_edge_and_vertex),
         cmocka_unit_test(test_projects_to_the_nearest),
+        cmocka_unit_test(test_projects_to_needles),
         cmocka_unit_test(test_projects_many),
         cmocka_unit_test(test_vertex_points),
         cmocka_unit_test(test_refuses_bad_points),

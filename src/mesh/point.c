@@ -34,19 +34,27 @@ static void project_side(const double *const corner[3], int i, int j, const doub
     w[j] = s;
 }
 
-/* The foot of the perpendicular in barycentric weights: (p, q) solves the normal equations of
- * x - a = p (b-a) + q (c-a). */
+/* Take from h what it has along p, as exactly as it can be told from h. */
+static void take_along(const double p[3], double h[3])
+{
+    const double part = dmk_dot(p, h) / dmk_dot(p, p);
+    for (int k = 0; k < 3; k++) h[k] -= part * p[k];
+}
+
+/* The foot of the perpendicular in barycentric weights: x - a = p (b-a) + q (c-a) + what is normal to both, solved
+ * by the height h of c over a and b. Of a needle h is a small difference of long sides: what it has along them by
+ * rounding, the foot would be off, and so it is taken twice. */
 static void project_plane(const double *const corner[3], const double x[3], double w[3])
 {
-    double p[3], q[3], r[3];
+    double p[3], q[3], r[3], h[3];
     dmk_subtract(corner[1], corner[0], p);
     dmk_subtract(corner[2], corner[0], q);
     dmk_subtract(x, corner[0], r);
-    double pp = dmk_dot(p, p), pq = dmk_dot(p, q), qq = dmk_dot(q, q), pr = dmk_dot(p, r),
-           qr = dmk_dot(q, r);
-    double det = pp * qq - pq * pq;
-    w[1] = (qq * pr - pq * qr) / det;
-    w[2] = (pp * qr - pq * pr) / det;
+    dmk_subtract(corner[2], corner[0], h);
+    take_along(p, h);
+    take_along(p, h);
+    w[2] = dmk_dot(h, r) / dmk_dot(h, h);
+    w[1] = (dmk_dot(p, r) - w[2] * dmk_dot(p, q)) / dmk_dot(p, p);
     w[0] = 1 - w[1] - w[2];
 }
 
