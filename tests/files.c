@@ -42,8 +42,13 @@ char *get_file(fixture *f, const char *name, size_t *n)
 {
     FILE *file = fopen(path_of(f, name), "rb");
     assert_non_null(file);
-    char *content = calloc(1, 1 << 20);
-    *n = fread(content, 1, 1 << 20, file);
+    assert_int_equal(fseek(file, 0, SEEK_END), 0);
+    const size_t size = (size_t)ftell(file);
+    rewind(file);
+    char *content = calloc(1, size + 1);
+    assert_non_null(content);
+    *n = fread(content, 1, size, file);
+    assert_int_equal(*n, size);
     fclose(file);
     return content;
 }

@@ -253,6 +253,34 @@ static void refused(fixture *f, int status, const char *message)
     remove(f->path);
 }
 
+/* Two pieces in raw bytes: no rank takes the first for the whole. */
+static void test_two_pieces(void **state)
+{
+#define ARRAY(type, name, more, offset)                                                            \
+    "<DataArray type=\"" type "\" Name=\"" name "\" " more "format=\"appended\" offset=\"" offset  \
+    "\"/>"
+#define PIECE                                                                                      \
+    "<Piece NumberOfPoints=\"3\" NumberOfPolys=\"1\"><Points>" ARRAY(                              \
+        "Int8", "Points", "NumberOfComponents=\"3\" ",                                             \
+        "0") "</Points><Polys>" ARRAY("Int8", "connectivity", "", "13")                            \
+        ARRAY("Int8", "offsets", "", "20") "</Polys></Piece>"
+    static const char text[] = "<VTKFile type=\"PolyData\"><PolyData>" PIECE PIECE
+                               "</PolyData><AppendedData encoding=\"raw\">_"
+                               "\11\0\0\0\0\0\0\1\0\0\0\1\0\3\0\0\0\0\1\2\1\0\0\0\3";
+    fixture *f = *state;
+    seat seats[MOST_RANKS];
+    put_file(f, "m.vtp", text, sizeof text - 1);
+    sit_all(f->path, 3, false, seats);
+    for (int k = 0; k < 3; k++) {
+        if (seats[k].rc != DMK_OK) print_message("%s\n", seats[k].message);
+        assert_int_equal(seats[k].rc, DMK_OK);
+        assert_int_equal(seats[k].soup.n_vertices, 6);
+        assert_int_equal(seats[k].soup.n_triangles, 2);
+        dmk_soup_free(&seats[k].soup);
+    }
+    remove(f->path);
+}
+
 static void test_refused(void **state)
 {
     fixture *f = *state;
@@ -283,8 +311,8 @@ static void test_lost_touch(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        TEST(test_written), TEST(test_faulty),     TEST(test_foreign), TEST(test_polygon),
-        TEST(test_refused), TEST(test_lost_touch), TEST(test_too_many)};
+        TEST(test_written),    TEST(test_faulty),  TEST(test_foreign),    TEST(test_polygon),
+        TEST(test_two_pieces), TEST(test_refused), TEST(test_lost_touch), TEST(test_too_many)};
     make_patch();
     return cmocka_run_group_tests_name("dealt", tests, NULL, NULL);
 }

@@ -2,6 +2,7 @@
  * how it is said, and files with every cut and every wrong byte. What other programs write is read
  * in test_formats.sh. */
 #include "files.h"
+#include "io/values.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -47,6 +48,8 @@ static const char *const squares[] = {
     LEGACY "DATASET POLYDATA\n" POINTS "VERTICES 1 2\n1 0\nPOLYGONS 2 8\n3 0 1 2\n3 0 2 3\n"
            "POINT_DATA 4\nwhat ever",
     LEGACY "DATASET POLYDATA\n" POINTS "POLYGONS 1 5\n4 0 1 2 3\n",
+    LEGACY "DATASET UNSTRUCTURED_GRID\nFIELD f 2\na 2 2 int\n1 2 3 4\nb 1 1 double 7\n" POINTS
+           "CELLS 3 9\n3 0 1 2 0 3 0 2 3\nCELL_TYPES 3\n5 0 5\n", /* an empty cell */
     LEGACY "dataset unstructured_grid\nFIELD f 1\na 1 2 int\n1 2\n" POINTS
            "CELLS 3 11\n2 0 1\n3 0 1 2 3 0 2 3\nCELL_TYPES 3\n3\n5 5\n",
     LEGACY "DATASET UNSTRUCTURED_GRID\n" POINTS "CELLS 1 5\n4 0 1 3 2\nCELL_TYPES 1\n8\n",
@@ -208,6 +211,18 @@ static void test_binary_msh(void **state)
     }
 }
 
+/* VTK's legacy format has the high byte first. */
+static void test_binary_legacy(void **state)
+{
+    static const int32_t cells[] = {4, 0, 1, 2, 3};
+    bytes b = {.swap = dmk_is_little_endian()};
+    add(&b, "# vtk DataFile Version 3.0\nsquare\nBINARY\nDATASET POLYDATA\nPOINTS 4 float\n");
+    for (int k = 0; k < 12; k++) add_number(&b, &(float){(float)square_xyz[k]}, 4);
+    add(&b, "\nPOLYGONS 1 5\n");
+    add_integers(&b, cells, COUNT(cells));
+    check_square(read_bytes(*state, "m.vtk", b.text, b.n));
+}
+
 static void add_base64(bytes *b, const unsigned char *data, size_t n)
 {
     static const char digit[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -259,6 +274,39 @@ static void test_packed_arrays(void **state)
          wrong *= 2) { /* the last block unpacks to more than it should */
         const bytes b = packed_points(40, wrong);
         const refusal r = {"m.vtp", b.text, DMK_E_FORMAT, "blocks that do not make up the array"};
+        check_refusals(*state, &r, 1);
+    }
+}
+
+/* Five blocks, of which the first four have 2^64 bytes together. */
+static void test_blocks_beyond_all_bounds(void **state)
+{
+    static const uint64_t head[8] = {5, UINT64_C(1) << 62, sizeof square_xyz};
+    bytes b = {.n = 0};
+    add(&b, "<VTKFile type=\"PolyData\" header_type=\"UInt64\" "
+            "compressor=\"vtkZLibDataCompressor\"><PolyData>"
+            "<Piece NumberOfPoints=\"4\" NumberOfPolys=\"2\"><Points><DataArray type=\"Float64\" "
+            "NumberOfComponents=\"3\" format=\"binary\">");
+    add_base64(&b, (const unsigned char *)head, sizeof head);
+    add(&b, "</DataArray></Points>" POLYS "</Piece></PolyData></VTKFile>\n");
+    const refusal r = {"m.vtp", b.text, DMK_E_FORMAT, "blocks that do not make up the array"};
+    if (dmk_is_little_endian()) check_refusals(*state, &r, 1);
+}
+
+/* Base64 comes in fours, of which one digit at least is none of the filling. */
+static void test_wrong_base64(void **state)
+{
+    static const char *const ends[] = {"Aw", "A", "A===", "====", "Aw=A", "Aw.="};
+    for (size_t i = 0; i < COUNT(ends); i++) {
+        bytes b = {.n = 0};
+        add(&b, "<VTKFile type=\"PolyData\"><PolyData><Piece NumberOfPoints=\"4\" "
+                "NumberOfPolys=\"2\">" XYZ("0 0 0 1 0 0 1 1 0 0 1 0") "<Polys>" ARRAY(
+                    "Int8", "offsets", "3 6") "<DataArray type=\"UInt8\" Name=\"connectivity\" "
+                                              "format=\"binary\">BgAAAAABAgACA");
+        b.n--; /* the last digit is one of the ends' */
+        add(&b, ends[i]);
+        add(&b, "</DataArray></Polys></Piece></PolyData></VTKFile>");
+        const refusal r = {"m.vtp", b.text, DMK_E_FORMAT, "connectivity: fewer bytes than"};
         check_refusals(*state, &r, 1);
     }
 }
@@ -332,6 +380,8 @@ static void test_refusals(void **state)
          "m.vtk:3: neither ASCII nor"},
         {"m.vtk", LEGACY "DATASET RECTILINEAR_GRID\n", DMK_E_FORMAT,
          "'RECTILINEAR_GRID' is neither"},
+        {"m.vtk", LEGACY "DATASET POLYDATA\nFIELD f 1\na 0 2 int\n1 2\n" POINTS, DMK_E_FORMAT,
+         "an array of 0 components"},
         {"m.vtk", LEGACY "DATASET POLYDATA\nPOINTS 1 bit\n0", DMK_E_FORMAT,
          "'bit' is not a supported number type"},
         {"m.vtk", LEGACY "DATASET POLYDATA\nPOINTS 5 float\n0 0 0", DMK_E_FORMAT,
@@ -446,7 +496,10 @@ int main(void)
         TEST(test_parameters_of_nodes),
         TEST(test_short_nodes),
         TEST(test_binary_msh),
+        TEST(test_binary_legacy),
         TEST(test_packed_arrays),
+        TEST(test_blocks_beyond_all_bounds),
+        TEST(test_wrong_base64),
         TEST(test_arrays_of_faces),
         TEST(test_refusals),
         TEST(test_every_cut),

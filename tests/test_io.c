@@ -488,6 +488,36 @@ static void test_pieces_stay_together(void **state)
     dmk_mesh_destroy(&large);
 }
 
+/* Each piece has the values of its own triangles and vertices. */
+static void test_pieces_have_their_values(void **state)
+{
+    enum { N = 300000, HALF = N / 2 };
+    fixture *f = *state;
+    size_t n;
+    dmk_mesh *m = strip(f, N);
+    double *values = malloc((4 * N + 3 * (N + 2)) * sizeof *values);
+    assert_non_null(values);
+    for (int i = 0; i < 4 * N + 3 * (N + 2); i++) values[i] = i;
+    double *vectors = values + N, *of_vertices = vectors + 3 * N, *plane = of_vertices + N + 2;
+    dmk_fields fields = {.mesh = m, .mu = values, .flux = vectors, .u = of_vertices};
+    assert_int_equal(dmk_fields_write(f->ctx, &fields, path_of(f, "a.pvtp")), DMK_OK);
+    char *content = get_file(f, "a_0001.vtp", &n);
+    check_array(content, "<CellData", "mu", values + HALF, HALF * sizeof *values);
+    check_array(content, "<CellData", "flux", vectors + 3 * HALF, 3 * HALF * sizeof *values);
+    check_array(content, "<Points>", "Points", m->xyz + 3 * HALF, 3 * (HALF + 2) * sizeof *values);
+    check_array(content, "<PointData", "u", of_vertices + HALF, (HALF + 2) * sizeof *values);
+    free(content);
+    assert_int_equal(dmk_cut_write(f->ctx, m, plane, path_of(f, "a.pvtp")), DMK_OK);
+    content = get_file(f, "a_0001.vtp", &n);
+    check_array(content, "<PointData", "plane", plane + 2 * HALF, 2 * (HALF + 2) * sizeof *values);
+    free(content);
+    remove_file(f, "a_0000.vtp");
+    remove_file(f, "a_0001.vtp");
+    remove_file(f, "a.pvtp");
+    free(values);
+    dmk_mesh_destroy(&m);
+}
+
 static void test_large_vtk_files(void **state)
 {
     fixture *f = *state;
@@ -559,6 +589,34 @@ static void test_locus_as_csv(void **state)
         "1,0,1e-300,1,1,0,0,2.25,0,2.9,1,2,0,2,3,2\n"
         "2,0,0,2,0.25,0.25,0.5,2,3,0.5,-1,-2,1,1,0,1\n"
         "7,8,9,3,0,0,1,4,0,6.25,0,3,3,0,1,3\n");
+}
+
+static void test_path_as_csv(void **state)
+{
+    fixture *f = *state;
+    dmk_curves path = curves;
+    path.bare = true;
+    assert_int_equal(dmk_curves_write(f->ctx, &path, path_of(f, "p.csv")), DMK_OK);
+    check_text_file(f, "p.csv",
+                    "x,y,z,triangle,w0,w1,w2,distance\n"
+                    "0,0.3333333333333333,1,0,0.5,0.5,0,2.5\n"
+                    "1,0,1e-300,1,1,0,0,2.25\n"
+                    "2,0,0,2,0.25,0.25,0.5,2\n"
+                    "7,8,9,3,0,0,1,4\n");
+}
+
+/* A surface cut open: its places in the plane are texture coordinates. */
+static void test_cut_as_obj(void **state)
+{
+    static const double plane[] = {0, 0.5, 2, 0, 2.5, 2, 0, 2};
+    fixture *f = *state;
+    dmk_mesh *m = NULL;
+    assert_int_equal(dmk_mesh_create(f->ctx, 4, square_xyz, 2, square_triangles, &m), DMK_OK);
+    assert_int_equal(dmk_cut_write(f->ctx, m, plane, path_of(f, "c.obj")), DMK_OK);
+    check_text_file(f, "c.obj",
+                    "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0.5\nvt 2 0\nvt 2.5 2\nvt 0 2\n"
+                    "f 1/1 2/2 3/3\nf 1/1 3/3 4/4\n");
+    dmk_mesh_destroy(&m);
 }
 
 static void test_locus_as_vtp(void **state)
@@ -707,9 +765,12 @@ int main(void)
         TEST(test_results),
         TEST(test_results_in_pieces),
         TEST(test_pieces_stay_together),
+        TEST(test_pieces_have_their_values),
         TEST(test_large_vtk_files),
         TEST(test_locus_as_obj),
         TEST(test_locus_as_csv),
+        TEST(test_path_as_csv),
+        TEST(test_cut_as_obj),
         TEST(test_locus_as_vtp),
         TEST(test_refuses_to_write),
         TEST(test_full_disk),

@@ -131,6 +131,32 @@ static void test_ply_binary_records(void **state)
     refuse_bytes(*state, cut_short, sizeof cut_short - 1, "the file ends before");
 }
 
+/* Lists before and behind what is read; single precision up to the end of the file. */
+static void test_ply_binary_lists(void **state)
+{
+    static const char header[] =
+        "ply\nformat binary_little_endian 1.0\nelement face 2\nproperty list char short a\n"
+        "property list char uchar vertex_indices\nelement vertex 4\nproperty list char double b\n"
+        "property float x\nproperty float y\nproperty float z\nend_header\n";
+    static const char faces[] = "\1aa\3\0\1\2\0\3\0\2\3";
+    char file[400];
+    size_t n = sizeof header - 1;
+    memcpy(file, header, n);
+    memcpy(file + n, faces, sizeof faces - 1);
+    n += sizeof faces - 1;
+    for (int v = 0; v < 4; v++) {
+        const char length = v == 1;
+        n = put_bytes(file, n, &length, 1, false);
+        if (length > 0) n = put_bytes(file, n, &square_xyz[3], 8, false);
+        for (int k = 0; k < 3; k++) {
+            const float x = (float)square_xyz[3 * v + k];
+            n = put_bytes(file, n, &x, 4, *(const char *)&(int){1} == 0);
+        }
+    }
+    check_square(read_bytes(*state, "m.ply", file, n));
+    refuse_bytes(*state, file, n - 1, "the file ends before");
+}
+
 #define FORMAT "ply\nformat ascii 1.0\n"
 #define FACE "element face 1\nproperty list uchar int vertex_indices\n"
 
@@ -267,6 +293,19 @@ static void test_ply_rows_fit_their_header(void **state)
         remove_file(f, "m.ply");
     }
     dmk_mesh_destroy(&m);
+}
+
+static void test_ply_results_are_meshes(void **state)
+{
+    static const double values[4] = {1, 2, 3, 4};
+    fixture *f = *state;
+    dmk_mesh *m = NULL;
+    assert_int_equal(dmk_mesh_create(f->ctx, 4, square_xyz, 2, square_triangles, &m), DMK_OK);
+    const dmk_fields fields = {.mesh = m, .mu = values, .u = values};
+    assert_int_equal(dmk_fields_write(f->ctx, &fields, path_of(f, "m.ply")), DMK_OK);
+    dmk_mesh_destroy(&m);
+    check_square(read_mesh(f, "m.ply"));
+    remove_file(f, "m.ply");
 }
 
 /* ---- STL ---- */
@@ -505,6 +544,8 @@ int main(void)
         TEST(test_ply_text_variants),
         TEST(test_ply_binary_variants),
         TEST(test_ply_binary_records),
+        TEST(test_ply_binary_lists),
+        TEST(test_ply_results_are_meshes),
         TEST(test_ply_data_like_line_ends),
         TEST(test_ply_refusals),
         TEST(test_ply_keeps_every_bit),
