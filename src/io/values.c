@@ -151,10 +151,10 @@ int dmk_values_skip(dmk_values *values, dmk_type type, size_t n)
 int dmk_values_room(const dmk_values *values, const char *what, int64_t count, size_t numbers,
                     dmk_type type)
 {
-    /* A number of a text takes a digit and a blank, but for the last. */
+    /* A number of a text takes a blank and a digit. */
     const size_t least = numbers * (values->binary ? type_bytes[type] : 2);
     const size_t left = (size_t)(values->text.end - values->text.at);
-    if (count >= 0 && (uint64_t)count <= (left + 1) / least) return DMK_OK;
+    if (count >= 0 && (uint64_t)count <= left / least) return DMK_OK;
     return dmk_values_fail(values,
                            "%lld %s do not fit into the %zu bytes that follow; the file is "
                            "cut short or its counts are wrong",
