@@ -333,6 +333,10 @@ static void test_refuses_inconsistent_orientation(void **state)
     for (int i = 0; i < 30; i++) swap_corners(g.triangle + 3 * i);
     check_refused(*state, g.n_vertices, g.xyz, g.n_triangles, g.triangle, DMK_E_MESH,
                   "inconsistent_orientation over_10_of_the_40");
+    make_grid(4, 5, 0, &g); /* the last square's second triangle */
+    swap_corners(g.triangle + 3 * 39);
+    check_refused(*state, g.n_vertices, g.xyz, g.n_triangles, g.triangle, DMK_E_MESH,
+                  "inconsistent_orientation triangles_28_and_39 edge_22-23 over_1_of_the_40");
 }
 
 static void test_refuses_one_sided_surfaces(void **state)

@@ -390,6 +390,24 @@ static void test_stl_joins_equal_corners(void **state)
     free(text);
 }
 
+/* The last facet has two corners of the first, with so many others between that only the sort finds them. */
+static void test_stl_joins_far_corners(void **state)
+{
+    enum { N = 30000 };
+    char *text = malloc(100 * N), *p = text;
+    p += sprintf(p, "solid\n");
+    for (int i = 0; i < N; i++)
+        p += sprintf(p, "loop\nvertex %d 0 0\nvertex %d 1 0\nvertex %d 0 1\nendloop\n", i, i, i);
+    sprintf(p, "loop\nvertex 0 1 0\nvertex 0 0 0\nvertex 0 0 -1\nendloop\nendsolid\n");
+    dmk_mesh *m = read_text(*state, "m.stl", text);
+    dmk_mesh_info info;
+    dmk_mesh_get_info(m, &info);
+    assert_int_equal(info.n_vertices, 3 * N + 1);
+    assert_int_equal(info.n_components, N);
+    dmk_mesh_destroy(&m);
+    free(text);
+}
+
 /* Places that the sort's hash does not tell apart in its last 20 bits (a table of hashes, as there is in
  * many a reader, takes them for one): it would compare each with each, 2e10 times. */
 static void test_stl_places_of_one_hash(void **state)
@@ -553,6 +571,7 @@ int main(void)
         TEST(test_stl_text_variants),
         TEST(test_stl_binary_variants),
         TEST(test_stl_joins_equal_corners),
+        TEST(test_stl_joins_far_corners),
         TEST(test_stl_places_of_one_hash),
         TEST(test_stl_refusals),
         TEST(test_gzip),
