@@ -695,7 +695,9 @@ typedef enum dmk_locus_kind {
  * The excess of a point of the locus is by how much a path to it must grow to be moved over the locus'
  * end from one of its two shortest paths to the other, the largest d(x) + l(x, c) - d(c) over the points x
  * of the branch behind it: the integral of 1 - cos(alpha / 2) along the branch from its end, alpha being the
- * angle at which the two shortest paths meet. Where alpha is less than 0.126 radians, so that the mesh hardly
+ * angle at which the two shortest paths meet, and of 1 + cos(alpha / 2) where d falls on the way, as down a spike
+ * or a finger from its tip. There 1 - cos(alpha / 2) is taken all the same, and strengths are less than that.
+ * Where alpha is less than 0.126 radians, so that the mesh hardly
  * shows where the line is, a branch loses: its strength is the integral of 1 - cos(alpha / 2) - 0.002, not less
  * than 0 on the way, from its end to where it joins a stronger one. It is infinite on loops and on lines between
  * borders. All points of a branch have its strength: with a larger `strength` asked

@@ -1667,6 +1667,64 @@ static void test_strength(void **state)
     free_scene(&s);
 }
 
+/* A cone of this total angle around its tip, with sides of length 1, from 24 rings of 36 points; the source is one of
+ * ring 10. */
+static scene cone(double angle)
+{
+    enum { RAYS = 36, RINGS = 24 };
+    static double xyz[3 * (1 + RINGS * RAYS)];
+    static int32_t triangle[3 * RAYS * (2 * RINGS - 1)];
+    int32_t n = 0;
+    dmk_mesh *m = NULL;
+    const double radius = sin(angle / RAYS / 2) / sin(pi / RAYS), down = sqrt(1 - radius * radius);
+    for (int32_t i = 0; i < RINGS * RAYS; i++) {
+        const double r = (i / RAYS + 1.0) / RINGS, a = 2 * pi * (i % RAYS) / RAYS;
+        const int32_t next = i / RAYS * RAYS + (i + 1) % RAYS, out[2] = {i + RAYS, next + RAYS};
+        memcpy(xyz + 3 * (i + 1), (double[]){r * radius * cos(a), r * radius * sin(a), -r * down},
+               3 * sizeof *xyz);
+        const int32_t tip[3] = {0, i + 1, next + 1},
+                      two[6] = {i + 1, out[0] + 1, out[1] + 1, i + 1, out[1] + 1, next + 1};
+        if (i < RAYS) memcpy(triangle + 3 * n++, tip, sizeof tip);
+        if (i >= (RINGS - 1) * RAYS) continue;
+        memcpy(triangle + 3 * n, two, sizeof two);
+        n += 2;
+    }
+    const int rc = dmk_mesh_create(ctx, sizeof xyz / sizeof *xyz / 3, xyz, (size_t)n, triangle, &m);
+    if (rc != DMK_OK) fail_msg("%s", dmk_context_message(ctx));
+    dmk_point p;
+    assert_int_equal(dmk_mesh_vertex_point(ctx, m, 1 + 9 * RAYS, &p), DMK_OK);
+    return scene_of(m, p);
+}
+
+/* The locus is the straight line opposite, and begins on the first ring. On a blunt cone the distance grows along it,
+ * and the strength is the excess, but for 0.002 of the length; on a pointed one it falls as far as r0 cos(angle / 2),
+ * and the strength is less: half of the excess at 1 rad. */
+static void check_cones(void)
+{
+    const double angles[] = {4, 2.5, 1};
+    for (size_t k = 0; k < sizeof angles / sizeof *angles; k++) {
+        scene s = cone(angles[k]);
+        dmk_locus *l = trace(&s);
+        const dmk_locus_info info = check_object(l);
+        const dmk_locus_vertex *v = dmk_locus_vertices(l, NULL);
+        const double r0 = 10 / 24.0, first = 1 / 24.0, x = r0 * cos(angles[k] / 2),
+                     y = r0 * sin(angles[k] / 2), nearest = fmax(first, x);
+        assert_int_equal(info.endpoints, 2);
+        for (size_t i = 0; i < info.n_vertices; i++) {
+            const double r = sqrt(dmk_dot(v[i].xyz, v[i].xyz));
+            assert_true(fabs(v[i].distance - hypot(r - x, y)) < 1e-9);
+            const double round = 2 * atan2(r * sin(angles[k] / 2), r0 - r * cos(angles[k] / 2));
+            assert_true(fabs(v[i].source_angle - fmin(round, 2 * pi - round)) < 1e-9);
+        }
+        const double falls = hypot(first - x, y) - hypot(nearest - x, y),
+                     grows = hypot(1 - x, y) - hypot(nearest - x, y), length = 1 - first;
+        const double strength = length - falls - grows - 0.002 * length;
+        assert_true(fabs(v[0].strength - strength) < 0.02 * strength);
+        dmk_locus_destroy(&l);
+        free_scene(&s);
+    }
+}
+
 /* The excess handed on is what it stands for: d(x) + l(x, c) - d(c), x the end of the branch behind c, up to
  * the turns of the line from edge to edge. */
 static void test_excess(void **state)
@@ -1702,6 +1760,7 @@ static void test_excess(void **state)
     assert_true(far > 20);
     dmk_cotree_free(&t);
     free_scene(&s);
+    check_cones();
 }
 
 static void test_threads(void **state)
