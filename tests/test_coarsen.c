@@ -384,6 +384,28 @@ static void columns_are_filled_again(void **state)
     }
 }
 
+/* The edges of a hub by length, each with the vertex that it leads to, of equal ones the lower first; of a vertex with
+ * one edge less they stay. */
+static void check_sorted_hub(void)
+{
+    enum { N = DMK_HUB + 1 };
+    int32_t row[3] = {0, N, 2 * N - 1}, to[2 * N - 1];
+    float length[2 * N - 1];
+    dmk_adjacency g = {.n = 2, .row = row, .to = to, .length = length};
+    for (int32_t i = 0; i < 2 * N - 1; i++) {
+        to[i] = 100 + i;
+        length[i] = (float)(29 * i % N / 2);
+    }
+    assert_int_equal(dmk_cells_sort_hubs(ctx, &g), DMK_OK);
+    for (int32_t i = 0; i < 2 * N - 1; i++) {
+        const int32_t was = to[i] - 100;
+        assert_true(i < N ? was >= 0 && was < N : was == i);
+        assert_true(length[i] == (float)(29 * was % N / 2));
+        if (i == 0 || i >= N) continue;
+        assert_true(length[i - 1] < length[i] || (length[i - 1] == length[i] && to[i - 1] < to[i]));
+    }
+}
+
 /* Two cones over one ring: every vertex of the ring beside two hubs. What is taken hub by hub for each
  * neighbour of a hub takes 4e10 steps here, and more. */
 static void hubs(void **state)
@@ -409,6 +431,7 @@ static void hubs(void **state)
     dmk_mesh_destroy(&m);
     free(xyz);
     free(tri);
+    check_sorted_hub();
 }
 
 int main(void)
