@@ -1,5 +1,6 @@
 /* The hierarchy of coarse graphs: prolongation, its transpose, the Galerkin tables. */
-#include "../src/levels/prolong.c" /* for its static functions; the library's own are then left out */
+#include "../src/levels/coarsen.c" /* for their static functions; the library's own are then left out */
+#include "../src/levels/prolong.c"
 
 #include "levels/coarsen.h"
 
@@ -384,6 +385,22 @@ static void columns_are_filled_again(void **state)
     }
 }
 
+/* Every edge of a graph by its ends, in either order, and no other pair: what is not there conducts nothing. */
+static void check_found_edges(void)
+{
+    int32_t edge[] = {0, 2, 0, 5, 1, 2, 1, 4, 3, 4}, n_found = 0;
+    const dmk_graph g = {.n = 6, .n_edges = 5, .edge = edge};
+    for (int32_t a = 0; a < 6; a++) {
+        for (int32_t b = 0; b < 6; b++) {
+            const int32_t k = a == b ? -1 : find_edge(&g, a, b);
+            n_found += k >= 0;
+            if (k >= 0)
+                assert_true(edge[2 * k] == dmk_min_i(a, b) && edge[2 * k + 1] == dmk_max_i(a, b));
+        }
+    }
+    assert_int_equal(n_found, 10);
+}
+
 /* The edges of a hub by length, each with the vertex that it leads to, of equal ones the lower first; of a vertex with
  * one edge less they stay. */
 static void check_sorted_hub(void)
@@ -432,6 +449,7 @@ static void hubs(void **state)
     free(xyz);
     free(tri);
     check_sorted_hub();
+    check_found_edges();
 }
 
 int main(void)
