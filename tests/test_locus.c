@@ -1698,7 +1698,7 @@ static scene cone(double angle)
 
 /* The locus is the straight line opposite, and begins on the first ring. On a blunt cone the distance grows along it,
  * and the strength is the excess, but for 0.002 of the length; on a pointed one it falls as far as r0 cos(angle / 2),
- * and the strength is less: half of the excess at 1 rad. */
+ * and the strength is less: half of the excess or less at 1 rad. */
 static void check_cones(void)
 {
     const double angles[] = {4, 2.5, 1};

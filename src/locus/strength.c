@@ -4,7 +4,7 @@
  *     P(out) = max over the others of P(i) + (1 - cos(alpha / 2)) |c_i - c_out|,
  * the largest d(x) + |x c| - d(c) over the points x of the branch cut off: the length by which a path to
  * c must grow to be moved around the branch's end, from one of the two shortest to the other; less, where d falls from
- * c_i to c_out: 1 + cos would make most of a mesh's own branches strong, as d does either there. alpha is the harmonic
+ * c_i to c_out: 1 + cos would make a mesh's own branches strong, too, as d does either there. alpha is the harmonic
  * mean of both crossings': between ends that several families part a single one is too wide, and by their sum a
  * branch of a coarse mesh has up to five times the excess that it has where the mesh is cut 1:4. Crossings
  * on loops are never peeled: their excess is infinite.
