@@ -7,7 +7,7 @@
 enum { SIZE = 1000, MARGIN = 20 }; /* pixels, of the longer side and around */
 
 typedef struct frame {
-    double left, top, scale;
+    double left, top, scale, size[2]; /* size: in pixels, the margin included */
 } frame;
 
 static frame frame_of(const double *plane, size_t n)
@@ -18,7 +18,9 @@ static frame frame_of(const double *plane, size_t n)
         high[i % 2] = fmax(high[i % 2], plane[i]);
     }
     const double side = fmax(high[0] - low[0], high[1] - low[1]);
-    return (frame){low[0], high[1], side > 0 ? SIZE / side : 1};
+    frame f = {low[0], high[1], side > 0 ? SIZE / side : 1, {0}};
+    for (int k = 0; k < 2; k++) f.size[k] = f.scale * (high[k] - low[k]) + 2 * MARGIN;
+    return f;
 }
 
 /* Pixels grow downwards. */
@@ -80,9 +82,9 @@ int cli_draw_plane(const dmk_mesh *cut, const double *plane, const char *path)
         return code;
     }
     fprintf(file.stream,
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %d %d\" "
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.2f %.2f\" "
             "stroke-linecap=\"round\" stroke-linejoin=\"round\">\n",
-            SIZE + 2 * MARGIN, SIZE + 2 * MARGIN);
+            f.size[0], f.size[1]);
     for (int border = 0; border < 2; border++)
         put_edges(file.stream, &f, edge, 3 * info.n_triangles, plane, border);
     fprintf(file.stream, "<circle cx=\"%.2f\" cy=\"%.2f\" r=\"5\"/>\n</svg>\n",
