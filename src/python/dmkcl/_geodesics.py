@@ -124,11 +124,11 @@ class Geodesics:
     exact : no error, whatever the size
     threads : of the host; 0: one per core
 
+    Notes
+    -----
     Sources are numbered in the order source, sources, vertex, vertices, point, points; curve and border
     come last, as one. Distance, direction and nearest are arrays over the vertices. It can be pickled.
 
-    Notes
-    -----
     Windows of Mitchell, Mount and Papadimitriou, "The discrete geodesic problem" (SIAM J. Comput.
     16(4), 1987), depth first. No OpenCL device is needed.
     """

@@ -64,7 +64,6 @@ class Locus:
     edge_strength : (j,) strength of the branch that each edge belongs to, a length, infinite on
         loops: by how much a path must grow to be moved around the branch's end from one of the two
         shortest to the other. With a larger `strength` given to `solve` the edges with less go.
-    polylines : list of arrays of vertex numbers, the lines between branch points and ends
     strength : (k,) that of the strongest edge at each vertex, a length
     meeting_angle : (k,) between the minimal geodesics where they meet here, radians
     source_angle : (k,) between them at the source, radians, scaled as angle

@@ -495,10 +495,12 @@ def solve_meshes(
         and nothing is yielded for it.
     device, single, threads, cache
         As of `CutLocus`; the device is opened once.
-    method to density_only
+    method, start, tolerance, gap, max_steps, threshold, dt, inertia, cg_tolerance, strength, density_only
         As of `CutLocus.solve`.
 
-    Each result is computed when it is asked for, so that memory holds one mesh at a time:
+    Examples
+    --------
+    Each result is computed when it is asked for, so that memory holds one mesh at a time.
 
     >>> for found in dmkcl.solve_meshes(["a.off", "b.ply"], on_error="yield"):
     ...     print(found)

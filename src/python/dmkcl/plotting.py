@@ -62,7 +62,9 @@ def plot(
     screenshot : write a picture to this file, without a window.
     mesh_options : more of pyvista.Plotter.add_mesh for the surface, as {"show_edges": True}.
 
-    Returns the plotter, to which more can be added when `show` is False.
+    Returns
+    -------
+    the plotter, to which more can be added when `show` is False
     """
     if views not in (1, 2):
         raise ArgumentError(f"views = {views!r}: expected 1 or 2")

@@ -1,5 +1,6 @@
 """The pages of `make docs`: complete, and the tutorial runs."""
 
+import inspect
 import re
 import subprocess
 from pathlib import Path
@@ -9,6 +10,7 @@ import nbformat
 import pytest
 
 import dmkcl
+import dmkcl.plotting
 
 ROOT = Path(__file__).parents[3]
 DOCS = ROOT / "src/docs"
@@ -79,3 +81,39 @@ def test_the_c_page_shows_every_section_of_the_header():
         return re.findall(r"(dmk_\w+)\(", re.sub(r"/\*.*?\*/", "", text, flags=re.S))
 
     assert functions(shown) == functions(header)
+
+
+def documented():
+    """Every public class and function, methods and properties too, that has a docstring: its name, it, the docstring."""
+    named = {**vars(dmkcl.plotting), **vars(dmkcl.surfaces), **vars(dmkcl)}
+    own = {name: value for name, value in named.items() if getattr(value, "__module__", "").startswith("dmkcl")}
+    for name, value in own.items():
+        if name.startswith("_"):
+            continue
+        yield name, value, inspect.getdoc(value) or ""
+        for member, inside in vars(value).items() if isinstance(value, type) else ():
+            if not member.startswith("_"):
+                yield f"{name}.{member}", inside, inspect.getdoc(inside) or ""
+
+
+def sections(docstring):
+    """By title the lines that begin an entry: a section goes up to the next title."""
+    parts = re.split(r"^(\w+)\n-+\n", docstring, flags=re.M)
+    return {title: re.findall(r"^\S.*", text, re.M) for title, text in zip(parts[1::2], parts[2::2])}
+
+
+def test_what_parameters_are_said_to_be_is_a_parameter():
+    seen = set()
+    for name, value, docstring in documented():
+        names = [word for line in sections(docstring).get("Parameters", []) for word in line.split(" : ")[0].split(", ")]
+        if names:
+            assert set(names) <= set(inspect.signature(value).parameters), name
+            seen.add(name)
+    assert seen >= {"Mesh", "CutLocus", "CutLocus.solve", "solve_meshes", "Geodesics", "plot"}
+
+
+def test_no_attribute_is_described_twice():
+    for name, value, docstring in documented():
+        lines = sections(docstring).get("Attributes", [])
+        twice = [word for line in lines for word in line.split(" : ")[0].split(", ") if word in vars(value)]
+        assert not twice, f"{name}: {twice}"
