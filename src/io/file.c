@@ -90,7 +90,8 @@ int dmk_file_load(dmk_context *ctx, const char *path, dmk_file *file)
     if (fstat(fd, &st) != 0) {
         rc = fail_errno(ctx, path, "cannot open");
     } else if (S_ISDIR(st.st_mode)) {
-        rc = dmk_fail(ctx, DMK_E_IO, "%s: is a folder; name a mesh file in it", path);
+        rc = dmk_fail(ctx, DMK_E_IO, "%s: cannot read: %s; name a mesh file in it", path,
+                      strerror(EISDIR));
     } else if (S_ISCHR(st.st_mode) || S_ISBLK(st.st_mode)) {
         rc = dmk_fail(ctx, DMK_E_IO, "%s: is a device; name a mesh file, or a pipe", path);
     } else {

@@ -81,9 +81,12 @@ def test_a_missing_file_is_what_python_has_for_it(tmp_path, small):
     (tmp_path / "file").touch()
     with pytest.raises(NotADirectoryError):
         dmkcl.read(tmp_path / "file" / "No such file or directory.off")
-    with pytest.raises(dmkcl.FileError) as caught:
+    with pytest.raises(IsADirectoryError, match="name a mesh file in it") as folder:
         dmkcl.read(tmp_path)
-    assert caught.value.errno is None
+    assert isinstance(folder.value, dmkcl.FileError) and folder.value.errno == errno.EISDIR
+    with pytest.raises(dmkcl.FileError, match="is a device") as device:
+        dmkcl.read("/dev/zero")
+    assert device.value.errno is None
 
 
 def test_errors(tmp_path):
