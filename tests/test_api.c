@@ -308,7 +308,8 @@ static void the_end_without_a_path_is_named(void **state)
         to[bad].triangle = 4 + bad;
         assert_int_equal(dmk_path_compute(b->ctx, p.mesh, p.result, 3, to, path), DMK_E_ARG);
         char word[64];
-        snprintf(word, sizeof word, "triangle %d is not on the component", 4 + bad);
+        snprintf(word, sizeof word, "the end of the path in triangle %d is not on the component",
+                 4 + bad);
         if (!strstr(dmk_context_message(b->ctx), word)) fail_msg("%s", dmk_context_message(b->ctx));
     }
     problem_free(&p);

@@ -79,8 +79,10 @@ check 'is that of the first one, moved' awk -F, '
     NR == FNR { x[FNR] = $1; d[FNR] = $8; n = FNR; next }
     FNR > 1 && ($1 - 10 - x[FNR] > 1e-3 || x[FNR] - $1 + 10 > 1e-3 || $8 - d[FNR] > 1e-3) { bad = 1 }
     END { exit bad || FNR != n || n < 3 }' "$work/first.csv" "$work/second.csv"
-fails 'no path leads to the other component' 1 "vertex $n is not on the component" \
+fails 'no path leads to the other component' 1 "the end of the path at vertex $n is not on the component" \
     "$tool" path "$work/two.off" --vertex 0 --to-vertex "$n"
+fails 'nor to a point there' 1 'the end of the path in triangle [0-9]+ is not on the component' \
+    "$tool" path "$work/two.off" --vertex 0 --to 12.1,2.1,0.3
 
 # ---- cuts -------------------------------------------------------------------------------------
 

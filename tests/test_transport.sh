@@ -38,6 +38,12 @@ check 'one with masses has none' sh -c "! grep -aq 'Name=\"acl\"' '$work/o.vtp'"
 printf 'vertex 5 1\nvertex 5 -1\n' > "$work/nothing"
 "$tool" transport $mesh --from "$work/nothing" > "$work/summary"
 check 'a signed measure that cancels' has "$work/summary" '^way +0 on average'
+fails 'one measure where two were meant' 1 'has the total mass 3: expected 0, unless --to is given' \
+    "$tool" transport $mesh --from "$work/a"
+two_meshes $mesh > "$work/two.off"
+printf 'vertex 0 1\nvertex %d 1\n' "$n" > "$work/apart"
+fails 'points that are not joined' 1 '--from .*apart: point 1 lies on component 1, other mass on component 0' \
+    "$tool" transport "$work/two.off" --from "$work/apart" --to uniform
 check 'one signed measure' "$tool" transport $mesh --from "$work/signed"
 
 check 'a file of arrays' "$tool" solve $mesh --vertex 3 --out "$work/n.vtp" --out "$work/n.vtu"

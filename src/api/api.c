@@ -187,7 +187,8 @@ static int renumber_ends(dmk_context *ctx, const dmk_mesh *mesh, const dmk_order
         if (end[i].triangle < 0)
             return dmk_fail(
                 ctx, DMK_E_ARG,
-                "triangle %lld is not on the component of the source: no path leads there",
+                "the end of the path in triangle %lld is not on the component of the source: "
+                "no path leads there",
                 (long long)to[i].triangle);
     }
 done:

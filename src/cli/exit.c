@@ -66,6 +66,8 @@ static const char *translate(const char *words, size_t *length)
         {"raise max_steps or tolerance", "raise --max-steps or --tolerance"},
         {"try a dt below", "try a --dt below"},
         {"try a smaller inertia", "try a smaller --inertia"},
+        {": atom ", ": point "},
+        {"unless a second measure is given", "unless --to is given"},
         {"give a point or line", "give a point, too"},
         {"do not ask for exact distances", "leave out --exact"},
         {"do not ask for that", "leave out --exact"},

@@ -407,8 +407,9 @@ static int look_for_best(dmk_context *ctx, dmk_tracer *t, const dmk_site *site)
     if (t->best.key == INFINITY) {
         const bool vertex = site->vertex >= 0;
         rc = dmk_fail(ctx, DMK_E_ARG,
-                      "%s %lld is not on the component of a source: no path leads there",
-                      vertex ? "vertex" : "triangle",
+                      "the end of the path %s %lld is not on the component of a source: no path "
+                      "leads there",
+                      vertex ? "at vertex" : "in triangle",
                       (long long)(vertex ? site->vertex : site->point.triangle));
     }
 done:

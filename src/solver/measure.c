@@ -380,7 +380,9 @@ static int balance_signed(dmk_context *ctx, size_t n, double *f, double gross, d
     for (size_t i = 0; i < n; i++) size += fabs(f[i]);
     if (!isfinite(gross)) return too_large(ctx, "first");
     if (fabs(sum) > balanced * gross) {
-        return dmk_fail(ctx, DMK_E_ARG, "the signed measure has the total mass %.15g: expected 0",
+        return dmk_fail(ctx, DMK_E_ARG,
+                        "the signed measure has the total mass %.15g: expected 0, unless a second "
+                        "measure is given",
                         sum);
     }
     const bool moves = size > balanced * gross;

@@ -277,6 +277,8 @@ _PHRASES = (
     ("a repair does", "dmkcl.repair does"),
     ("the list of devices shows", "dmkcl.devices() lists"),
     ("ask for the second to be scaled (normalise)", "have the second scaled by normalise=True"),
+    (" measure: atom ", " measure: point "),
+    (" measure: triangle ", " measure: face "),
     ("one point or line at least", "one point, curve or border at least"),
     ("give a point or line", "give a point or curve"),
     ("do not ask for exact distances", "leave out exact=True"),

@@ -140,6 +140,15 @@ def test_free_masses_are_those_of_the_nearest_points(sphere):
         sphere.transport(dmkcl.Measure(points=points, masses="fre"), dmkcl.Measure(uniform=1))
 
 
+def test_what_is_wrong_with_a_measure_has_the_names_of_its_parts(sphere):
+    density = np.where(np.arange(len(sphere.mesh.faces)) == 7, -1.0, 1.0)
+    with pytest.raises(dmkcl.ArgumentError, match="the first measure: face 7 has the value -1"):
+        sphere.transport(dmkcl.Measure(face_density=density), dmkcl.Measure(uniform=1))
+    lost = dmkcl.Measure(points=np.eye(3), masses=[1, 1, np.nan])
+    with pytest.raises(dmkcl.ArgumentError, match="the second measure: point 2 has the value nan"):
+        sphere.transport(dmkcl.Measure(uniform=1), lost)
+
+
 def folded(n_triangles):
     """A closed surface with folds like a brain's."""
     ball = dmkcl.surfaces.sphere(n_triangles=n_triangles)
