@@ -98,12 +98,18 @@ usage 'mesh: a strange suffix' 'expected one of .*.off' mesh torus --out "$work/
 for bad in 0 -1 1,2,3,4 x 1,,2; do
     usage "mesh: --size '$bad'" '--size: .* is not one to three sizes' mesh torus "--size=$bad"
 done
-usage 'mesh: --refine' '--refine: .* whole number' mesh torus --refine 99
+usage 'mesh: --refine' "--refine: '99' is not a whole number from 0 to 15" mesh torus --refine 99
 usage 'mesh: --refine of a file' "'meshes/torus.off' is a file" \
     mesh meshes/torus.off --refine 1 --out "$work/x.off"
 usage 'mesh: --repair of a surface' "--repair is for files, and 'torus' is" mesh torus --repair --out "$work/x.off"
 usage 'mesh: a size too many' 'the sphere has no size B; leave it out' mesh sphere --size 1,2 --out "$work/x.off"
 usage 'mesh: --triangles' '--triangles: .* whole number' mesh torus --triangles 3
+usage 'a number that is too large' "'4000000000' is not a whole number from 4 to 1000000000" mesh torus --triangles 4000000000
+usage 'a vertex that no mesh has' "'3000000000' is not a vertex number from 0 to 2147483647" solve x.off --vertex 3000000000
+for command in solve batch path cut transport 'distance --border'; do
+    usage "$command: two places for one report" "${command%% *}: give --report FILE or --json, not both" \
+        $command x.off --json --report "$work/x.json"
+done
 usage 'info: no mesh' 'MESH is missing' info
 usage 'devices: an argument' 'too many' devices x
 
@@ -123,6 +129,8 @@ usage 'two ends' 'path: give --to or --to-vertex, not both' path x.off --vertex 
 
 check 'mesh makes a torus' "$tool" mesh torus --source 3,0,0 --out "$torus"
 check 'which is whole' output_has 'genus 1' "$tool" info "$torus"
+check 'mesh writes several files' "$tool" mesh "$torus" --out "$work/several.off" --out "$work/several.ply"
+check 'both are there' test -s "$work/several.off" -a -s "$work/several.ply"
 check 'mesh turns a file into another format' "$tool" mesh "$torus" --out "$work/torus.vtp"
 check 'and back' "$tool" mesh "$work/torus.vtp" --out "$work/again.off"
 check 'and it is the same' cmp "$torus" "$work/again.off"

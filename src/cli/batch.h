@@ -20,7 +20,6 @@ typedef struct batch_list {
 typedef struct batch_request {
     solve_request each; /* for every source; the files' names are suffixes here */
     const char *folder; /* for the files; NULL: none are written */
-    bool json;          /* the report goes to the standard output */
     int64_t samples;    /* farthest-point samples of each mesh; 0: one source */
 } batch_request;
 

@@ -81,7 +81,7 @@ typedef struct cli_option {
     cli_kind kind;
     void *target; /* of the type that goes with `kind`; untouched if the option is not given */
     double lo, hi;
-    const char *expected;       /* of a number out of range: "a number in (0, 1]" */
+    const char *expected;       /* of a bad number: "a number in (0, 1]"; of an integer its kind */
     const char *const *choices; /* NULL-terminated */
 } cli_option;
 

@@ -18,7 +18,7 @@ static void add_batch(solve_table *table, batch_request *request)
          .target = &request->samples,
          .lo = 1,
          .hi = 1000000,
-         .expected = "a whole number from 1"},
+         .expected = "a whole number"},
         {.name = "out-dir",
          .value = "DIR",
          .help = "folder for the files and the report; made if it is missing",
@@ -50,7 +50,7 @@ static void add_batch(solve_table *table, batch_request *request)
         {.name = "json",
          .help = "the same as --report -",
          .kind = CLI_FLAG,
-         .target = &request->json},
+         .target = &request->each.json},
         {.name = "resume",
          .help = "do only what the report lacks: a source is skipped if its files exist\n"
                  "and mesh (by content), source and options are those of its line",
@@ -142,8 +142,8 @@ static int settle(batch_request *request, char report[PATH_MAX])
         each->out = (cli_files){{".vtp"}, 1};
         each->locus = (cli_files){{".obj"}, 1};
     }
-    if (request->json || (!each->report && !request->folder)) each->report = "-";
-    if (!each->report) {
+    if (!each->report && !request->folder) each->report = "-";
+    if (!each->report && !each->json) {
         if (snprintf(report, PATH_MAX, "%s/report.jsonl", request->folder) >= PATH_MAX) {
             return cli_error(EXIT_IO, "--out-dir: the name is too long");
         }

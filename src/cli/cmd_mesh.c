@@ -60,7 +60,8 @@ static void print_made(const char *path, const dmk_surface_options *surface, con
 }
 
 typedef struct mesh_request {
-    const char *name, *out, *format;
+    const char *name, *format;
+    cli_files out;
     dmk_surface_options surface; /* its name is NULL for a file */
     cli_numbers size, source;
     int64_t n_triangles, refine;
@@ -82,11 +83,12 @@ static int make(const mesh_request *request)
                            : cli_read_mesh(context, request->name, &request->how, &repairs, &mesh);
     }
     if (rc == DMK_OK && cli_interrupted()) rc = DMK_E_CANCELLED;
-    if (rc == DMK_OK) rc = dmk_mesh_write(context, mesh, cli_path(request->out));
+    for (int i = 0; i < request->out.n && rc == DMK_OK; i++)
+        rc = dmk_mesh_write(context, mesh, cli_path(request->out.path[i]));
     if (rc != DMK_OK) {
         rc = cli_library_error(context, rc);
     } else if (!request->how.quiet) {
-        print_made(request->out, surface, mesh);
+        for (int i = 0; i < request->out.n; i++) print_made(request->out.path[i], surface, mesh);
         rc = cli_flush();
     }
     dmk_mesh_destroy(&mesh);
@@ -99,10 +101,10 @@ static int parse(mesh_request *r, int argc, char **argv)
 {
     char formats[512], out_help[600], surfaces[2048];
     cli_suffixes(CLI_MESH, formats, sizeof formats);
-    snprintf(out_help, sizeof out_help, "the mesh file to write: %s", formats);
+    snprintf(out_help, sizeof out_help, "the mesh file to write; may be given again:\n%s", formats);
     describe_surfaces(surfaces, sizeof surfaces);
     const cli_option options[] = {
-        {.name = "out", .value = "FILE", .help = out_help, .kind = CLI_TEXT, .target = &r->out},
+        {.name = "out", .value = "FILE", .help = out_help, .kind = CLI_FILES, .target = &r->out},
         cli_format_option(&r->format),
         {.name = "size",
          .value = "A[,B[,C]]",
@@ -116,7 +118,7 @@ static int parse(mesh_request *r, int argc, char **argv)
          .target = &r->n_triangles,
          .lo = 4,
          .hi = 1e9,
-         .expected = "a whole number from 4"},
+         .expected = "a whole number"},
         {.name = "refine",
          .value = "N",
          .help = "split every triangle in four, N times, and lift the new points\nto the surface",
@@ -124,7 +126,7 @@ static int parse(mesh_request *r, int argc, char **argv)
          .target = &r->refine,
          .lo = 0,
          .hi = 15,
-         .expected = "a whole number from 0 to 15"},
+         .expected = "a whole number"},
         {.name = "source",
          .value = "X,Y,Z",
          .help = "make the point of the surface near X,Y,Z a vertex, number 0",
@@ -176,16 +178,16 @@ static int settle(mesh_request *r)
 
 int cmd_mesh(int argc, char **argv)
 {
-    mesh_request r = {.out = NULL};
+    mesh_request r = {.name = NULL};
     int code = parse(&r, argc, argv);
     if (code != CLI_GO_ON) return code;
-    if (!r.out) return cli_error(EXIT_USAGE, "mesh: --out FILE is missing");
+    if (r.out.n == 0) return cli_error(EXIT_USAGE, "mesh: --out FILE is missing");
     code = settle(&r);
     if (code != EXIT_OK) return code;
-    code = cli_check_outputs("out", &(cli_files){{r.out}, 1}, CLI_MESH, r.format);
+    code = cli_check_outputs("out", &r.out, CLI_MESH, r.format);
     cli_uses uses = {.n = 0};
     cli_use(&uses, NULL, r.surface.name ? NULL : r.name);
-    cli_use(&uses, "out", r.out);
+    cli_use_files(&uses, "out", &r.out);
     if (code == EXIT_OK) code = cli_check_uses(&uses);
     return code == EXIT_OK ? make(&r) : code;
 }

@@ -130,7 +130,7 @@ static int parse(path_request *request, const char *out_help, int argc, char **a
          .target = &request->to_vertex,
          .lo = 0,
          .hi = INT_MAX,
-         .expected = "a vertex number, from 0"},
+         .expected = "a vertex number"},
         {.name = "out",
          .value = "FILE",
          .help = out_help,

@@ -105,6 +105,15 @@ static int bad_value(const cli_option *option, const char *text, const char *exp
     return cli_error(EXIT_USAGE, "--%s: '%s' is not %s", option->name, text, expected);
 }
 
+/* The bounds are said with what is expected. */
+static int set_integer(const cli_option *option, const char *text)
+{
+    char range[64];
+    if (read_integer(text, option->lo, option->hi, option->target)) return CLI_GO_ON;
+    snprintf(range, sizeof range, "%s from %.0f to %.0f", option->expected, option->lo, option->hi);
+    return bad_value(option, text, range);
+}
+
 static int set_choice(const cli_option *option, const char *text)
 {
     if (read_choice(text, option->choices, option->target)) return CLI_GO_ON;
@@ -145,9 +154,7 @@ static int set_value(const cli_option *option, const char *text)
     const char *end;
     switch (option->kind) {
     case CLI_FLAG: *(bool *)option->target = true; return CLI_GO_ON;
-    case CLI_INTEGER:
-        if (read_integer(text, option->lo, option->hi, option->target)) return CLI_GO_ON;
-        return bad_value(option, text, option->expected);
+    case CLI_INTEGER: return set_integer(option, text);
     case CLI_NUMBER:
         if (!read_number(text, '\0', &number, &end) || number < option->lo || number > option->hi) {
             return bad_value(option, text, option->expected);

@@ -36,7 +36,7 @@ void solve_add_source(solve_table *table, solve_request *request)
          .target = &request->vertex,
          .lo = 0,
          .hi = INT_MAX,
-         .expected = "a vertex number, from 0"},
+         .expected = "a vertex number"},
         {.name = "repair", .help = CLI_REPAIR_HELP, .kind = CLI_FLAG, .target = &request->repair},
     };
     solve_add(table, rows, sizeof rows / sizeof *rows);
@@ -85,7 +85,7 @@ void solve_add_host(solve_table *table, solve_request *request)
          .target = &request->threads,
          .lo = 1,
          .hi = INT_MAX,
-         .expected = "a whole number from 1"},
+         .expected = "a whole number"},
         {.name = "quiet",
          .help = "print nothing but errors",
          .kind = CLI_FLAG,
@@ -115,7 +115,7 @@ void solve_add_device(solve_table *table, solve_request *request)
          .target = &request->threads,
          .lo = 1,
          .hi = INT_MAX,
-         .expected = "a whole number from 1"},
+         .expected = "a whole number"},
         {.name = "single",
          .help = "no double precision on the device",
          .kind = CLI_FLAG,
@@ -191,7 +191,7 @@ void solve_add_iteration(solve_table *table, solve_request *request)
          .target = &request->max_steps,
          .lo = 1,
          .hi = INT_MAX,
-         .expected = "a whole number from 1"},
+         .expected = "a whole number"},
     };
     solve_add(table, rows, sizeof rows / sizeof *rows);
 }
@@ -243,7 +243,12 @@ int solve_request_convert(solve_request *request)
     request->solve.start = (dmk_start)request->start;
     request->solve.density_only = request->density_only;
     request->solve.max_steps = (int)request->max_steps;
-    if (request->json || (request->report && cli_is_stdout(request->report))) request->report = "-";
+    const bool file = request->report && !cli_is_stdout(request->report);
+    if (request->json && file) {
+        return cli_error(EXIT_USAGE, "%s: give --report FILE or --json, not both",
+                         request->command);
+    }
+    if (request->json || request->report) request->report = file ? request->report : "-";
     if (request->quiet && request->verbose) {
         return cli_error(EXIT_USAGE, "%s: give --quiet or --verbose, not both", request->command);
     }
