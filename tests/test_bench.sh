@@ -25,6 +25,15 @@ scan() {
 }
 check 'scan' scan
 
+parts() { # a tetrahedron, in VRML
+    mkdir "$work/parts" &&
+        echo 'coordIndex [0,1,2,-1, 0,2,3,-1, 0,3,1,-1, 1,3,2,-1] point [0 0 0, 0 1 0, 1 0 0, 0 0 1]' > "$work/parts/a.wrl" &&
+        "$python" bench/cad.py --program "$tool" --models "$work/parts" --out "$work/parts.md" &&
+        grep -q '^| meshes, solved | 1, 1 |' "$work/parts.md" && grep -q 'one border | 1 of 1 |' "$work/parts.md" &&
+        grep -qE '\| (-?0.0e\+00|[0-9.]*e-1[4-7]), (-?0.0e\+00|[0-9.]*e-1[4-7]), 1 \|$' "$work/parts.md"
+}
+check 'machine parts' parts
+
 kernels() {
     "$DMKCL_BUILD/bench-kernels" meshes/quartic.off > "$work/kernels" && [ "$(grep -cE '\| (ok|missed) \|$' "$work/kernels")" -eq 7 ]
 }
