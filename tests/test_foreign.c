@@ -53,6 +53,9 @@ static const char *const squares[] = {
     LEGACY "dataset unstructured_grid\nFIELD f 1\na 1 2 int\n1 2\n" POINTS
            "CELLS 3 11\n2 0 1\n3 0 1 2 3 0 2 3\nCELL_TYPES 3\n3\n5 5\n",
     LEGACY "DATASET UNSTRUCTURED_GRID\n" POINTS "CELLS 1 5\n4 0 1 3 2\nCELL_TYPES 1\n8\n",
+    LEGACY "DATASET POLYDATA\nFIELD f 4\na%20b 2 2 string\nPOINTS 1 float\n\n#%20\n\nb 3 3 bit\n"
+           "0 1 0 1 0 1 0 1\n0 \nc 1 2 signed_char\n-2 1\nd 1 0 string\n" POINTS
+           "POLYGONS 1 5\n4 0 1 2 3\n",
     LEGACY5 POINTS "METADATA\nINFORMATION 0\n\nPOLYGONS 3 6\nOFFSETS vtktypeint64\n0 3 6\n"
                    "CONNECTIVITY vtktypeint64\n0 1 2 0 2 3\n",
     VTP(XYZ("0 0 0 1 0 0 1 1 0 0 1 0") POLYS),
@@ -211,12 +214,26 @@ static void test_binary_msh(void **state)
     }
 }
 
+/* Strings with their lengths in 1, 2, 4 and 8 bytes, and nine bits in two bytes. */
+static void add_field(bytes *b)
+{
+    static const char data[] = "\xc3"
+                               "a b\xc0\x80\x01\n\x40\0\0\x02\n\n\0\0\0\0\0\0\0\x01"
+                               "5\n"
+                               "bits 3 3 bit\nPO\nsigned 2 1 signed_char\n56\n";
+    add(b, "FIELD f 3\nnames 1 5 string\n");
+    memcpy(b->text + b->n, data, sizeof data - 1);
+    b->n += sizeof data - 1;
+}
+
 /* VTK's legacy format has the high byte first. */
 static void test_binary_legacy(void **state)
 {
     static const int32_t cells[] = {4, 0, 1, 2, 3};
     bytes b = {.swap = dmk_is_little_endian()};
-    add(&b, "# vtk DataFile Version 3.0\nsquare\nBINARY\nDATASET POLYDATA\nPOINTS 4 float\n");
+    add(&b, "# vtk DataFile Version 3.0\nsquare\nBINARY\nDATASET POLYDATA\n");
+    add_field(&b);
+    add(&b, "POINTS 4 float\n");
     for (int k = 0; k < 12; k++) add_number(&b, &(float){(float)square_xyz[k]}, 4);
     add(&b, "\nPOLYGONS 1 5\n");
     add_integers(&b, cells, COUNT(cells));
@@ -382,6 +399,22 @@ static void test_refusals(void **state)
          "'RECTILINEAR_GRID' is neither"},
         {"m.vtk", LEGACY "DATASET POLYDATA\nFIELD f 1\na 0 2 int\n1 2\n" POINTS, DMK_E_FORMAT,
          "an array of 0 components"},
+        {"m.vtk", LEGACY "DATASET POLYDATA\nFIELD f 1\na 1 8796093022208 bit\n1\n", DMK_E_FORMAT,
+         "an array of 8796093022208 tuples"},
+        {"m.vtk", LEGACY "DATASET POLYDATA\nFIELD f 1\na 1 2 string\nx\n", DMK_E_FORMAT,
+         "m.vtk:8: the file ends before its strings"},
+        {"m.vtk", LEGACY "DATASET POLYDATA\nFIELD f 1\na 1 1 variant\n6 3\n" POINTS, DMK_E_FORMAT,
+         "m.vtk:6: 'variant' is the type of an array of data whose length is not known here; "
+         "export the mesh "
+         "without field data"},
+        {"m.vtk",
+         "# vtk DataFile Version 3.0\n\nBINARY\nDATASET POLYDATA\nFIELD f 1\na 1 2 "
+         "string\n\xc1x\xc2x",
+         DMK_E_FORMAT, "the file ends within a string"},
+        {"m.vtk",
+         "# vtk DataFile Version 3.0\n\nBINARY\nDATASET POLYDATA\nFIELD f 1\na 1 2 "
+         "string\n\xc1x\x80",
+         DMK_E_FORMAT, "the file ends within a string"},
         {"m.vtk", LEGACY "DATASET POLYDATA\nPOINTS 1 bit\n0", DMK_E_FORMAT,
          "'bit' is not a supported number type"},
         {"m.vtk", LEGACY "DATASET POLYDATA\nPOINTS 5 float\n0 0 0", DMK_E_FORMAT,

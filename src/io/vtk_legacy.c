@@ -48,23 +48,36 @@ static int read_count(legacy *v, const char *what, int64_t *n)
     return rc == DMK_OK && *n < 0 ? dmk_text_fail(t, "%s is negative", what) : rc;
 }
 
-static int read_type(legacy *v, dmk_type *type)
+static bool take_type(legacy *v, dmk_type *type)
 {
     static const struct {
         const char *name;
         dmk_type type;
-    } names[] = {{"char", DMK_INT8},          {"unsigned_char", DMK_UINT8},
-                 {"short", DMK_INT16},        {"unsigned_short", DMK_UINT16},
-                 {"int", DMK_INT32},          {"unsigned_int", DMK_UINT32},
-                 {"long", DMK_INT64},         {"unsigned_long", DMK_UINT64},
-                 {"vtktypeint64", DMK_INT64}, {"vtktypeuint64", DMK_UINT64},
+    } names[] = {{"char", DMK_INT8},
+                 {"signed_char", DMK_INT8},
+                 {"unsigned_char", DMK_UINT8},
+                 {"short", DMK_INT16},
+                 {"unsigned_short", DMK_UINT16},
+                 {"int", DMK_INT32},
+                 {"unsigned_int", DMK_UINT32},
+                 {"long", DMK_INT64},
+                 {"unsigned_long", DMK_UINT64},
+                 {"vtktypeint64", DMK_INT64},
+                 {"vtktypeuint64", DMK_UINT64},
                  {"vtkIdType", DMK_INT32}, /* 32 bits in files, whatever VTK computes with */
-                 {"float", DMK_FLOAT32},      {"double", DMK_FLOAT64}};
+                 {"float", DMK_FLOAT32},
+                 {"double", DMK_FLOAT64}};
     for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
         if (!take_word(v, names[i].name)) continue;
         *type = names[i].type;
-        return DMK_OK;
+        return true;
     }
+    return false;
+}
+
+static int read_type(legacy *v, dmk_type *type)
+{
+    if (take_type(v, type)) return DMK_OK;
     return dmk_text_fail_word(&v->in.text,
                               "is not a supported number type; export float, double or int");
 }
@@ -250,12 +263,78 @@ done:
     return rc;
 }
 
-/* "FIELD name n", then n times "name components tuples type" and the numbers. */
+/* ---- arrays of data, which nobody needs ---- */
+
+/* A binary string comes behind its length, high byte first; the two highest bits say how many bytes that has. */
+static int skip_binary_string(legacy *v)
+{
+    dmk_text *t = &v->in.text;
+    const size_t left = (size_t)(t->end - t->at);
+    const size_t n = left > 0 ? (size_t)8 >> ((unsigned char)*t->at >> 6) : 1;
+    uint64_t length = 0;
+    for (size_t i = 0; i < n && i < left; i++) length = length << 8 | (unsigned char)t->at[i];
+    length &= UINT64_MAX >> (64 - 8 * n + 2);
+    if (n > left || length > left - n)
+        return dmk_values_fail(&v->in, "the file ends within a string; it is cut short or damaged");
+    t->at += n + length;
+    return DMK_OK;
+}
+
+/* In text each string is a line, which may be empty. */
+static int skip_strings(legacy *v, uint64_t n)
+{
+    int rc = DMK_OK;
+    dmk_text *t = &v->in.text;
+    dmk_text_skip_line(t);
+    for (uint64_t i = 0; i < n && rc == DMK_OK; i++) {
+        if (v->in.binary) {
+            rc = skip_binary_string(v);
+        } else if (t->at < t->end) {
+            dmk_text_skip_line(t);
+        } else {
+            rc = dmk_text_fail(t, "the file ends before its strings");
+        }
+    }
+    return rc;
+}
+
+/* "components tuples type" and the numbers: in binary files eight bits to a byte. */
+static int skip_array(legacy *v)
+{
+    int rc;
+    int64_t components, tuples;
+    dmk_type type = DMK_UINT8;
+    dmk_text *t = &v->in.text;
+    DMK_TRY(read_count(v, "the number of components", &components));
+    DMK_TRY(read_count(v, "the number of tuples", &tuples));
+    if (components < 1 || components > 1 << 20) {
+        return dmk_text_fail(t, "an array of %lld components", (long long)components);
+    }
+    if (tuples > INT64_MAX >> 20)
+        return dmk_text_fail(t, "an array of %lld tuples", (long long)tuples);
+    const uint64_t n = (uint64_t)components * (uint64_t)tuples;
+    if (take_word(v, "string")) return skip_strings(v, n);
+    if (take_word(v, "bit")) {
+        begin_data(v);
+        return dmk_values_skip(&v->in, type, v->in.binary ? n / 8 + (n % 8 > 0) : n);
+    }
+    if (!take_type(v, &type)) {
+        return dmk_text_fail_word(
+            t, "is the type of an array of data whose length is not known here; export "
+               "the mesh without field data");
+    }
+    begin_data(v);
+    DMK_TRY(dmk_values_room(&v->in, "tuples", tuples, (size_t)components, DMK_INT8));
+    rc = dmk_values_skip(&v->in, type, n);
+done:
+    return rc;
+}
+
+/* "FIELD name n", then n times a name and an array. */
 static int skip_field(legacy *v)
 {
     int rc;
-    int64_t n, components, tuples;
-    dmk_type type = DMK_INT8;
+    int64_t n;
     dmk_text *t = &v->in.text;
     dmk_text_seek(t);
     t->at += dmk_text_word(t);
@@ -267,15 +346,7 @@ static int skip_field(legacy *v)
             dmk_text_seek(t);
         }
         t->at += dmk_text_word(t);
-        DMK_TRY(read_count(v, "the number of components", &components));
-        DMK_TRY(read_count(v, "the number of tuples", &tuples));
-        DMK_TRY(read_type(v, &type));
-        begin_data(v);
-        if (components < 1 || components > 1 << 20) {
-            return dmk_text_fail(t, "an array of %lld components", (long long)components);
-        }
-        DMK_TRY(dmk_values_room(&v->in, "tuples", tuples, (size_t)components, DMK_INT8));
-        DMK_TRY(dmk_values_skip(&v->in, type, (size_t)components * (size_t)tuples));
+        DMK_TRY(skip_array(v));
     }
 done:
     return rc;
