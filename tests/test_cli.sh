@@ -103,6 +103,9 @@ usage 'mesh: --refine of a file' "'meshes/torus.off' is a file" \
     mesh meshes/torus.off --refine 1 --out "$work/x.off"
 usage 'mesh: --repair of a surface' "--repair is for files, and 'torus' is" mesh torus --repair --out "$work/x.off"
 usage 'mesh: a size too many' 'the sphere has no size B; leave it out' mesh sphere --size 1,2 --out "$work/x.off"
+usage 'mesh: a huge sphere' 'size A of the sphere is 1e.07' mesh sphere --size 1e7 --out "$work/x.off"
+usage 'mesh: a thin torus' 'size B of the torus is 1e-09' mesh torus --size 1,1e-9 --out "$work/x.off"
+usage 'mesh: a thin ellipsoid' 'size C of the ellipsoid' mesh ellipsoid --size 1,1,1e-9 --out "$work/x.off"
 usage 'mesh: --triangles' '--triangles: .* whole number' mesh torus --triangles 3
 usage 'a number that is too large' "'4000000000' is not a whole number from 4 to 1000000000" mesh torus --triangles 4000000000
 usage 'a vertex that no mesh has' "'3000000000' is not a vertex number from 0 to 2147483647" solve x.off --vertex 3000000000

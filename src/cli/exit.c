@@ -75,6 +75,9 @@ static const char *translate(const char *words, size_t *length)
         {"the list of devices shows", "`dmkcl devices` shows"},
         {"has no size b; leave it 0", "has no size B; leave it out"},
         {"has no size c; leave it 0", "has no size C; leave it out"},
+        {"size a of the", "size A of the"},
+        {"size b of the", "size B of the"},
+        {"size c of the", "size C of the"},
         {"the tube radius b must be smaller than a,", "the tube radius B must be smaller than A,"},
         {stdout_path, "the standard output"},
     };
