@@ -89,6 +89,8 @@ static void test_large_meshes(void **state)
 
 /* ---- what is accepted ---- */
 
+#define SQUARE "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
+
 static void test_off_variants(void **state)
 {
     static const char *const texts[] = {
@@ -96,6 +98,9 @@ static void test_off_variants(void **state)
         "OFF 4 2 5\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3", /* no last line end */
         "# me\n\nOFF # kind\n# counts:\n4 2 0 # three\n\n0 0 0 # a\n1 0 0\n1 1 0\n\n0 1 0\n"
         "3 0 1 2 # f\n\n3 0 2 3\n# end\n",
+        SQUARE "3 0 1 2\n3 0 2 3\n2 0 1\n", SQUARE "3 0 1 2\n3 0 2 3\n3 0 1 4\n",
+        SQUARE "3 0 1 2\n3 0 2 3\n3 0 1\n",
+        "OFF\r4 2 5 # caf\xe9\r0 0 0\r1 0 0\r1 1 0\r0 1 0\r3 0 1 2\r3 0 2 3",
         "OFF\r\n4 2 5\r\n0 0 0\r\n1 0 0\r\n1 1 0\r\n0 1 0\r\n3 0 1 2\r\n3 0 2 3\r\n",
         "OFF\n4\t2\n  0. 0.0 0e5 1e0 0 0 +1 1 0 0 1 0\n3  0 1 2\n 3 0 2 3 \n", /* free form */
         "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2 255 0 0\n3 0 2 3 0.5 0.5 0.5 1\n",
@@ -124,6 +129,7 @@ static void test_obj_variants(void **state)
          "l 1 2\n"),
         "v 0 0 0\nv 1 0 0\nv 1 1 0\nf -3 -2 -1\nv 0 1 0\nf -4 -2 4\n", /* relative */
         "f 1 2 3\nf 1 3 4\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n",      /* faces first */
+        "v 0 0 0\rv 1 0 0\rv 1 1 0\rv 0 1 0\rf 1 2 3 4\r",
         "v 0 0 \\\n0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2\\\r\n 3\nf 1 \\\n\\\n3 4\n",
         "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"};
     for (size_t i = 0; i < COUNT(texts); i++) check_square(read_text(*state, "m.obj", texts[i]));
@@ -225,8 +231,6 @@ static void test_reads_pipes(void **state)
 
 /* ---- what is refused ---- */
 
-#define SQUARE "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
-
 static const refusal refusals[] = {
     {"m.off", "", DMK_E_FORMAT, "m.off: the file is empty"},
     {"m.off", "# nothing\n", DMK_E_FORMAT, "m.off:2: nothing but comments"},
@@ -256,6 +260,8 @@ static const refusal refusals[] = {
      "m.off:8: vertex 4 of a face is out of range [0, 3]"},
     {"m.off", SQUARE "3 0 1 2\n3 0 2 -1\n", DMK_E_FORMAT,
      "m.off:8: vertex -1 of a face is out of range [0, 3]"},
+    {"m.off", SQUARE "3 0 1 2\n3 0 2 3\n\n3 1 2 3\n", DMK_E_FORMAT,
+     "m.off:10: a face behind the 2 that are counted; correct the count or remove it"},
     {"m.off", SQUARE "3 0 1 2\n2 0 2     \n", DMK_E_FORMAT, "m.off:8: a face with 2 corners"},
     {"m.off", SQUARE "3 0 1 2\n            ", DMK_E_FORMAT, "m.off:8: the file ends before"},
     {"m.off", SQUARE "3 0 1 2\n3 0 2 3.0\n", DMK_E_FORMAT, "m.off:8: '3.0' where a face's vertex"},

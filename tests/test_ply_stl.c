@@ -20,6 +20,13 @@ static void test_ply_text_variants(void **state)
 {
     static const char *const texts[] = {
         HEADER VERTICES "3 0 1 2\n3 0 2 3\n", HEADER VERTICES "3 0 1 2 3 0 2 3",
+        "ply\nformat ascii 1.0\nelement vertex 4\n" XYZ "element face 1\n"
+        "property list uchar int vertex_indices\nend_header \t\n" VERTICES "4 0 1 2 3\n\nthe end",
+        "ply\rformat ascii 1.0\relement vertex 4\rproperty double x\rproperty double y\rproperty "
+        "double z\r"
+        "element face 1\rproperty list uchar int vertex_indices\rend_header\r0 0 0\r1 0 0\r1 1 "
+        "0\r0 1 0\r"
+        "4 0 1 2 3\r",
         /* another order, other names, other types, things of no use */
         "ply\r\nformat ascii 1.0\r\ncomment it's # mine\r\nobj_info x\r\nelement camera 1\r\n"
         "property float32 fov\r\nproperty list uint8 float64 pose\r\nelement face 1\r\n"
@@ -31,7 +38,7 @@ static void test_ply_text_variants(void **state)
         "inf 0.0 1 1 1 7\r\n-1 -0e0 0 1 0\r\n7\r\n"};
     for (size_t i = 0; i < COUNT(texts); i++) {
         dmk_mesh *m = read_text(*state, i == 1 ? "named.obj" : "m.ply", texts[i]);
-        if (i == 2) m->xyz[11] = 0; /* it is -0 */
+        if (i == COUNT(texts) - 1) m->xyz[11] = 0; /* it is -0 */
         check_square(m);
     }
 }
@@ -166,7 +173,9 @@ static const refusal ply_refusals[] = {
     {"m.ply", "ply\nformat ascii 2.0\n", DMK_E_FORMAT, "m.ply:2: this is not version 1.0"},
     {"m.ply", "ply\nformat utf 1.0\n", DMK_E_FORMAT, "m.ply:2: the format is not ascii"},
     {"m.ply", "ply\nend_header\n", DMK_E_FORMAT, "m.ply:2: the header names no format"},
-    {"m.ply", FORMAT "hello\n", DMK_E_FORMAT, "m.ply:3: 'hello' is not a line of a PLY header"},
+    {"m.ply", FORMAT "hello\n", DMK_E_FORMAT,
+     "m.ply:3: 'hello' is not a line of a PLY header; if it tells of nothing, put 'comment' before "
+     "it"},
     {"m.ply", FORMAT "property int x\n", DMK_E_FORMAT, "m.ply:3: a property before"},
     {"m.ply", FORMAT "element vertex x\n", DMK_E_FORMAT, "m.ply:3: 'x' where the number"},
     {"m.ply", FORMAT "element vertex -1\n", DMK_E_FORMAT, "m.ply:3: a negative number"},
@@ -187,6 +196,8 @@ static const refusal ply_refusals[] = {
     {"m.ply", HEADER VERTICES "3 0 1 2\n3 0 2 -1\n", DMK_E_FORMAT,
      "m.ply:15: vertex -1 is out of range [0, 3]"},
     {"m.ply", HEADER VERTICES "3 0 1 2\n3 0 2 2.5\n", DMK_E_FORMAT, "m.ply:15: vertex 2.5 is"},
+    {"m.ply", HEADER VERTICES "3 0 1 2\n3 0 2 3\n3 1 2 3\n", DMK_E_FORMAT,
+     "m.ply:16: a number behind all that the header counts; correct its counts or remove the rest"},
     {"m.ply", HEADER VERTICES "3 0 1 2\n2 0 2\n", DMK_E_FORMAT, "a face with 2 corners"},
     {"m.ply", HEADER "0 0 0\n1 0 0\n1 x 0\n0 1 0\n3 0 1 2\n3 0 2 3\n", DMK_E_FORMAT,
      "m.ply:12: 'x' where a value"},
@@ -319,7 +330,10 @@ static void test_stl_text_variants(void **state)
         /* two parts, odd names, capitals, negative zeros, a quadrilateral */
         "SOLID vertex loop \\ x\r\nFACET NORMAL 0 0 1\r\nOUTER LOOP\r\nVERTEX 0 0 -0.0\r\n"
         "VERTEX 1e0 0 0\r\nVERTEX 1 1 0\r\nVERTEX -0 1 0\r\nENDLOOP\r\nENDFACET\r\n"
-        "ENDSOLID vertex loop\r\nsolid b\r\nendsolid b"};
+        "ENDSOLID vertex loop\r\nsolid b\r\nendsolid b",
+        "solid a\rfacet\router loop\rvertex 0 0 0\rvertex 1 0 0\rvertex 1 1 0\rvertex 0 1 "
+        "0\rendloop\r"
+        "endfacet\rendsolid a\r"};
     for (size_t i = 0; i < COUNT(texts); i++) {
         check_square(read_text(*state, i ? "m" : "m.stl", texts[i]));
     }
@@ -348,11 +362,16 @@ static size_t make_binary_stl(char *to, const char *title)
 
 static void test_stl_binary_variants(void **state)
 {
+    static const char *const titles[] = {"ply\n", "OFF", "v 1", "# by us\nv 1", "o"};
     char file[300];
     size_t n = make_binary_stl(file, "a title");
     check_square(read_bytes(*state, "m.stl", file, n));
     n = make_binary_stl(file, "solid and yet binary");
     check_square(read_bytes(*state, "m", file, n));
+    for (size_t i = 0; i < COUNT(titles); i++) {
+        n = make_binary_stl(file, titles[i]);
+        check_square(read_bytes(*state, "m", file, n));
+    }
     file[80] = 3; /* more triangles than there are */
     fixture *f = *state;
     dmk_mesh *m = NULL;
@@ -360,6 +379,17 @@ static void test_stl_binary_variants(void **state)
     assert_int_equal(dmk_mesh_read(f->ctx, f->path, &m), DMK_E_FORMAT);
     assert_non_null(strstr(dmk_context_message(f->ctx), "m.stl: contains no facets"));
     remove_file(f, "m.stl");
+}
+
+/* No line end is in the file, and data is not the text of which carriage returns are made line ends. */
+static void test_stl_carriage_returns(void **state)
+{
+    char file[300];
+    const size_t n = make_binary_stl(file, "a title\r");
+    for (size_t t = 0; t < 2; t++) file[84 + 50 * t + 12 + 8] = '\r'; /* the z of vertex 0 */
+    dmk_mesh *m = read_bytes(*state, "m.stl", file, n);
+    assert_true(m->xyz[2] == 0x1p-149 * '\r');
+    dmk_mesh_destroy(&m);
 }
 
 /* More vertices than the first table of places holds; each is met six times. */
@@ -570,6 +600,7 @@ int main(void)
         TEST(test_ply_rows_fit_their_header),
         TEST(test_stl_text_variants),
         TEST(test_stl_binary_variants),
+        TEST(test_stl_carriage_returns),
         TEST(test_stl_joins_equal_corners),
         TEST(test_stl_joins_far_corners),
         TEST(test_stl_places_of_one_hash),

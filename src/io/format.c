@@ -8,7 +8,8 @@
 #include <string.h>
 #include <strings.h>
 
-/* Those that begin with words of their own come first: a title may be anything. */
+/* Those that begin with long words of their own come before STL, whose title may be anything, and those with short
+ * ones behind it. */
 static const dmk_format formats[] = {
     {"PLY", ".ply", dmk_ply_sniff, dmk_ply_read, dmk_ply_write, dmk_ply_write, NULL},
     {"VTP", ".vtp", dmk_vtk_sniff, dmk_vtk_read, dmk_vtp_write, dmk_vtp_write, dmk_vtp_write_locus},
@@ -16,9 +17,9 @@ static const dmk_format formats[] = {
     {"VTU", ".vtu", dmk_vtk_sniff, dmk_vtk_read, dmk_vtu_write, dmk_vtu_write, NULL},
     {"VTK", ".vtk", dmk_vtk_legacy_sniff, dmk_vtk_legacy_read, NULL, NULL, NULL},
     {"MSH", ".msh", dmk_msh_sniff, dmk_msh_read, NULL, NULL, NULL},
+    {"STL", ".stl", dmk_stl_sniff, dmk_stl_read, NULL, NULL, NULL},
     {"OFF", ".off .coff .noff", dmk_off_sniff, dmk_off_read, dmk_off_write, NULL, NULL},
     {"OBJ", ".obj", dmk_obj_sniff, dmk_obj_read, dmk_obj_write, NULL, dmk_obj_write_locus},
-    {"STL", ".stl", dmk_stl_sniff, dmk_stl_read, NULL, NULL, NULL},
     {"CSV", ".csv", NULL, NULL, NULL, NULL, dmk_csv_write_locus},
 };
 #define N_FORMATS (sizeof formats / sizeof *formats)
@@ -157,6 +158,7 @@ int dmk_soup_read(dmk_context *ctx, const char *path, dmk_soup *soup, uint64_t *
     const dmk_format *format;
     DMK_TRY(dmk_file_load(ctx, path, &file));
     *bytes += file.size;
+    dmk_file_end_lines(&file);
     DMK_TRY(find_reader(ctx, &file, &format));
     DMK_TRY(format->read_mesh(ctx, &file, soup));
 done:

@@ -18,6 +18,8 @@ typedef struct dmk_file {
 
 int dmk_file_load(dmk_context *context, const char *path, dmk_file *file);
 void dmk_file_free(dmk_file *file);
+/* In a text whose lines end in carriage returns alone make line ends of them. */
+void dmk_file_end_lines(dmk_file *file);
 /* Whether a file is packed by gzip, and replacing its content by what was packed. */
 bool dmk_gzip_sniff(const dmk_file *file);
 int dmk_gzip_unpack(dmk_context *context, dmk_file *file);
@@ -150,6 +152,7 @@ bool dmk_ply_sniff(const dmk_file *file);
 int dmk_ply_read(dmk_context *context, const dmk_file *file, dmk_soup *soup);
 int dmk_ply_write(dmk_context *context, dmk_output *out, const dmk_fields *fields);
 
+bool dmk_stl_is_binary(const dmk_file *file);
 bool dmk_stl_sniff(const dmk_file *file);
 int dmk_stl_read(dmk_context *context, const dmk_file *file, dmk_soup *soup);
 

@@ -116,6 +116,24 @@ done:
     return rc;
 }
 
+/* Behind the last face that is counted a line like one more tells that the count is wrong; what else stands there is
+ * passed over. */
+static int check_end(dmk_text t, const dmk_soup *soup, int64_t n_faces)
+{
+    int64_t n = 0, v;
+    if (!dmk_text_seek(&t)) return DMK_OK;
+    const char *line = t.at;
+    if (!dmk_line_integer(&t, &n) || n < 3) return DMK_OK;
+    for (int64_t k = 0; k < n; k++) {
+        if (!dmk_text_more(&t) || !dmk_line_integer(&t, &v)) return DMK_OK;
+        if (v < 0 || (uint64_t)v >= soup->n_vertices) return DMK_OK;
+    }
+    t.at = line;
+    return dmk_text_fail(&t,
+                         "a face behind the %lld that are counted; correct the count or remove it",
+                         (long long)n_faces);
+}
+
 /* ---- many lines at once: every vertex and every triangle on a line of its own ---- */
 
 static int kind_of_line(const dmk_text *t)
@@ -138,7 +156,6 @@ static bool take_line(dmk_text *t, int kind, size_t i, const dmk_lines *lines)
         return h->extras || !dmk_text_more(t);
     }
     i -= soup->n_vertices;
-    if (i >= soup->triangle_room) return true;
     for (size_t k = 0; k < 4; k++) {
         if (!dmk_text_more(t) || !dmk_line_integer(t, &v[k])) return false;
         if (k > 0 && (v[k] < 0 || (uint64_t)v[k] >= soup->n_vertices)) return false;
@@ -156,8 +173,8 @@ static int read_plain(const dmk_text *t, off_header *h, dmk_soup *soup, bool *pl
     dmk_lines lines = {
         .text = t, .soup = soup, .reader = h, .kind = kind_of_line, .take = take_line};
     DMK_TRY(dmk_lines_count(t->context, &lines, &chunks, plain));
-    if (lines.n[0] < soup->n_vertices + soup->triangle_room) *plain = false;
-    if (lines.n[0] == soup->n_vertices + soup->triangle_room) h->extras = true;
+    *plain = lines.n[0] == soup->n_vertices + soup->triangle_room;
+    h->extras = h->extras || *plain;
     if (*plain) DMK_TRY(dmk_lines_take(t->context, &lines, chunks, plain));
     if (*plain) soup->n_triangles = soup->triangle_room;
 done:
@@ -183,6 +200,7 @@ int dmk_off_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
     if (plain) goto done;
     DMK_TRY(read_vertices(&t, &h, soup));
     for (int64_t f = 0; f < n_faces; f++) DMK_TRY(read_face(&t, soup));
+    rc = check_end(t, soup, n_faces);
 done:
     dmk_text_close(&t);
     return rc;

@@ -48,7 +48,8 @@ typedef struct ply {
 bool dmk_ply_sniff(const dmk_file *file)
 {
     const dmk_text t = dmk_text_of(file);
-    return t.end - t.at > 4 && memcmp(t.at, "ply", 3) == 0 && (t.at[3] == '\n' || t.at[3] == '\r');
+    return t.end - t.at > 4 && memcmp(t.at, "ply", 3) == 0 &&
+           (t.at[3] == '\n' || t.at[3] == '\r') && !dmk_stl_is_binary(file);
 }
 
 /* ---- header ---- */
@@ -138,6 +139,7 @@ static int read_property_line(ply *p)
 static int end_header(ply *p)
 {
     dmk_text *t = &p->in.text;
+    while (t->at < t->end && (*t->at == ' ' || *t->at == '\t')) t->at++;
     if (dmk_text_of(t->file).at[3] == '\r' && t->at < t->end && *t->at == '\r') t->at++;
     if (t->at >= t->end || *t->at != '\n') return dmk_text_fail(t, "the header does not end well");
     t->at++;
@@ -162,7 +164,9 @@ static int read_header(ply *p)
         } else if (take_word(t, "property")) {
             rc = read_property_line(p);
         } else if (!take_word(t, "comment") && !take_word(t, "obj_info")) {
-            rc = dmk_text_fail_word(t, "is not a line of a PLY header");
+            rc = dmk_text_fail_word(
+                t,
+                "is not a line of a PLY header; if it tells of nothing, put 'comment' before it");
         }
         if (rc != DMK_OK) return rc;
     }
@@ -320,6 +324,17 @@ done:
     return rc;
 }
 
+/* A text's numbers behind all that its header counts: a count is wrong. */
+static int check_end(ply *p)
+{
+    double x;
+    dmk_text *t = &p->in.text;
+    const char *at = dmk_text_seek(t) ? t->at : t->end;
+    if (!dmk_number_read(&t->numbers, &at, t->end, &x) || !dmk_text_ends(t, at)) return DMK_OK;
+    return dmk_text_fail(
+        t, "a number behind all that the header counts; correct its counts or remove the rest");
+}
+
 /* One element "vertex" with x, y, z, and one "face" with its corners. */
 static int check_header(ply *p, dmk_soup *soup)
 {
@@ -352,6 +367,7 @@ int dmk_ply_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
     DMK_TRY(read_header(p));
     DMK_TRY(check_header(p, soup));
     for (int i = 0; i < p->n_elements; i++) DMK_TRY(read_element(p, &p->element[i], soup));
+    if (!p->in.binary) rc = check_end(p);
 done:
     if (p) dmk_text_close(&p->in.text);
     free(p);

@@ -14,8 +14,8 @@ static uint32_t decode32(const char *p)
     return (uint32_t)b[0] | (uint32_t)b[1] << 8 | (uint32_t)b[2] << 16 | (uint32_t)b[3] << 24;
 }
 
-/* The size gives binary files away; some of them begin with "solid" as text does. */
-static bool is_binary(const dmk_file *f)
+/* The size gives binary files away; some of them begin with "solid" as text does, or as other formats. */
+bool dmk_stl_is_binary(const dmk_file *f)
 {
     return f->size >= HEADER_BYTES &&
            f->size == HEADER_BYTES + (uint64_t)RECORD_BYTES * decode32(f->data + 80);
@@ -24,7 +24,7 @@ static bool is_binary(const dmk_file *f)
 bool dmk_stl_sniff(const dmk_file *f)
 {
     dmk_text t = dmk_text_of(f);
-    return is_binary(f) || (dmk_text_seek(&t) && dmk_text_is_in_any_case(&t, "solid"));
+    return dmk_stl_is_binary(f) || (dmk_text_seek(&t) && dmk_text_is_in_any_case(&t, "solid"));
 }
 
 /* ---- corners, each a vertex until they are welded ---- */
@@ -126,7 +126,7 @@ int dmk_stl_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
     corners c = {.soup = soup};
     dmk_text t;
     DMK_TRY(dmk_text_open(ctx, file, &t));
-    rc = is_binary(file) ? read_binary(ctx, file, &c) : read_text(&t, &c);
+    rc = dmk_stl_is_binary(file) ? read_binary(ctx, file, &c) : read_text(&t, &c);
     if (rc == DMK_OK && soup->n_triangles == 0) {
         rc = dmk_fail(ctx, DMK_E_FORMAT,
                       "%s: contains no facets: not STL, or a binary file that is cut short",

@@ -16,6 +16,16 @@ dmk_text dmk_text_of(const dmk_file *file)
     return t;
 }
 
+/* Data has bytes below these: the number of a triangle's corners is one. */
+void dmk_file_end_lines(dmk_file *file)
+{
+    if (memchr(file->data, '\n', file->size)) return;
+    for (size_t i = 0; i < file->size; i++)
+        if ((unsigned char)file->data[i] < '\t') return;
+    for (size_t i = 0; i < file->size; i++)
+        if (file->data[i] == '\r') file->data[i] = '\n';
+}
+
 int dmk_text_open(dmk_context *ctx, const dmk_file *file, dmk_text *text)
 {
     *text = dmk_text_of(file);
