@@ -252,6 +252,45 @@ static void test_refuses_bad_indices(void **state)
     check_refused(*state, N_SPARE, tetra_xyz, 4, NULL, DMK_E_ARG, "argument_`triangles`_is_NULL");
 }
 
+/* Two pyramids on one base of 100 corners: their tips, the first two vertices, have far more edges than others. */
+static void test_hubs(void **state)
+{
+    enum { N = 100 };
+    double xyz[3 * (N + 2)] = {0, 0, 1, 0, 0, -1};
+    int32_t t[6 * N];
+    dmk_mesh_info info;
+    for (int i = 0; i < N; i++) {
+        const int32_t here = 2 + i, next = 2 + (i + 1) % N;
+        const double angle = 2 * M_PI * i / N;
+        memcpy(xyz + 3 * here, (const double[]){cos(angle), sin(angle), 0}, 3 * sizeof *xyz);
+        memcpy(t + 6 * i, (const int32_t[]){0, here, next, 1, next, here}, 6 * sizeof *t);
+    }
+    dmk_mesh *m = create(*state, N + 2, xyz, 2 * N, t);
+    dmk_mesh_get_info(m, &info);
+    assert_int_equal(info.n_edges, 3 * N);
+    assert_int_equal(info.n_border_edges, 0);
+    assert_int_equal(info.euler, 2);
+    dmk_mesh_destroy(&m);
+}
+
+/* A mesh in another order measures its edges and areas anew, and takes over the rest. */
+static void test_info_in_another_order(void **state)
+{
+    dmk_order order;
+    dmk_mesh *m = create(*state, N_SPARE, tetra_xyz, 4, tetra);
+    assert_int_equal(dmk_order_create(*state, m, 0, &order), DMK_OK);
+    const dmk_mesh_info *info = &order.mesh->info;
+    assert_near(order.mesh->sharpest, m->sharpest, 0);
+    assert_near(info->min_angle, 45, 1e-12);
+    assert_near(info->max_angle, 90, 1e-12);
+    for (int k = 0; k < 3; k++) {
+        assert_near(info->box_min[k], 0, 0);
+        assert_near(info->box_max[k], 1, 0);
+    }
+    dmk_order_free(&order);
+    dmk_mesh_destroy(&m);
+}
+
 static void test_refuses_zero_area(void **state)
 {
     /* corners on a line, whose rounded lengths do not quite add up; two at the same place */
@@ -291,7 +330,8 @@ static void test_refuses_non_manifold_edges(void **state)
     int32_t fin[15];
     memcpy(fin, tetra, sizeof tetra);
     memcpy(fin + 12, (const int32_t[]){1, 2, 4}, 3 * sizeof *fin);
-    check_refused(*state, N_SPARE, tetra_xyz, 5, fin, DMK_E_MESH, "non-manifold_edge_1-2 4");
+    check_refused(*state, N_SPARE, tetra_xyz, 5, fin, DMK_E_MESH,
+                  "non-manifold_edge_1-2 triangles_0,_2_and_4");
 }
 
 static void test_refuses_non_manifold_vertices(void **state)
@@ -344,7 +384,7 @@ static void test_refuses_one_sided_surfaces(void **state)
     grid g;
     make_grid(3, 7, 1 | 4, &g);
     check_refused(*state, g.n_vertices, g.xyz, g.n_triangles, g.triangle, DMK_E_MESH,
-                  "not_orientable Moebius cut_it_open");
+                  "not_orientable Moebius cut_it_open triangles_17_and_18");
     make_grid(6, 7, 1 | 2 | 4, &g);
     check_refused(*state, g.n_vertices, g.xyz, g.n_triangles, g.triangle, DMK_E_MESH,
                   "not_orientable Klein cut_it_open");
@@ -726,6 +766,8 @@ int main(void)
         cmocka_unit_test(test_holes),
         cmocka_unit_test(test_refuses_bad_places),
         cmocka_unit_test(test_refuses_bad_indices),
+        cmocka_unit_test(test_hubs),
+        cmocka_unit_test(test_info_in_another_order),
         cmocka_unit_test(test_refuses_zero_area),
         cmocka_unit_test(test_refuses_duplicates),
         cmocka_unit_test(test_refuses_non_manifold_edges),
