@@ -705,7 +705,7 @@ typedef enum dmk_locus_kind {
 typedef struct dmk_locus_vertex {
     double xyz[3];
     dmk_point place; /* on the input mesh */
-    double distance; /* to the source, of the fitted line: tenths of an edge off place's */
+    double distance; /* to the source, of the shorter family: tenths of an edge off place's */
     double mu;       /* density of the triangle it lies in */
     double strength; /* a length: that of its strongest edge */
     double angle

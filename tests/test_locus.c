@@ -488,6 +488,50 @@ static void test_connected(void **state)
     }
 }
 
+/* The largest difference in h between the distances of a locus' vertices, or of those in triangles alone, and the exact
+ * ones of their places. */
+static double distances_off(const scene *s, const dmk_locus *l, bool all)
+{
+    double most = 0;
+    for (size_t i = 0; i < l->info.n_vertices; i++) {
+        dmk_value exact;
+        const dmk_locus_vertex *v = &l->vertex[i];
+        if (!all && v->degree == 2) continue;
+        assert_int_equal(dmk_geodesics_at(ctx, s->geodesics, 1, &v->place, &exact), DMK_OK);
+        most = fmax(most, fabs(v->distance - exact.distance) / s->h);
+    }
+    return most;
+}
+
+/* From the middle of a cube's top the locus are the four edges down from it and the diagonals below. Each vertex tells
+ * of the families that meet there, also where both ends of a crossed edge lie on the locus and know other ones. */
+static void check_families(void)
+{
+    int n_below = 0;
+    scene s = cubes(1, 1, 10, (dmk_point){910, {1, 0, 0}});
+    dmk_locus *l = trace(&s);
+    check_object(l);
+    for (size_t i = 0; i < l->info.n_vertices; i++) {
+        const dmk_locus_vertex *v = &l->vertex[i];
+        const double r = fabs(v->xyz[0] - 0.5), aside = atan2(r, 2 - r);
+        if (v->xyz[2] > 1e-9 || r < 0.06 || r > 0.44)
+            continue; /* near its ends a line is averaged */
+        assert_true(fabs(fabs(v->xyz[1] - 0.5) - r) < 1e-9);
+        assert_true(fabs(v->meeting_angle - pi / 2 - 2 * aside) < 1e-9);
+        assert_true(fabs(v->source_angle - pi / 2 + 2 * aside) < 1e-9);
+        n_below++;
+    }
+    assert_true(n_below > 60);
+    assert_true(distances_off(&s, l, true) < 1e-9);
+    dmk_locus_destroy(&l);
+    free_scene(&s);
+    s = surface("torus", 3, (double[3]){3, 0, 0});
+    l = trace(&s);
+    assert_true(distances_off(&s, l, false) < 0.06);
+    dmk_locus_destroy(&l);
+    free_scene(&s);
+}
+
 /* From a corner of a cube the locus is the three edges and the three diagonals of faces at the opposite corner. It is
  * no point there, though it reaches hardly farther than what is fitted for one. The second face begins there. */
 static void test_cube(void **state)
@@ -525,6 +569,7 @@ static void test_cube(void **state)
     assert_true(check_object(l).length > 4);
     dmk_locus_destroy(&l);
     free_scene(&s);
+    check_families();
 }
 
 /* The first triangle of a cube of twelve is cut into 3^k around its middle, so that nearly all edges are tiny. */

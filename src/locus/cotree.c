@@ -97,43 +97,36 @@ static double find_meeting(const dmk_image *a, const dmk_image *b, double length
     return x < small ? 0 : x > length - small ? length : x; /* not beside where a family begins */
 }
 
-/* Both families of a half-edge, and where on it they are equally long. `alpha` is the angle of its ends' own
- * families: by that of a tie, side branches of a line through vertices would have an excess (a torus would have 12
- * ends for 2). */
-typedef struct meeting {
-    dmk_image a, b;
-    double x, length, alpha;
-} meeting;
-
 /* Of an end's two families that which leads on, the shorter one at the edge's other end, comes first. */
-static void order_tied(dmk_image *first, dmk_image *second, double other_end)
+static void order_tied(dmk_family *first, dmk_family *second, double other_end)
 {
-    if (dmk_image_length(second, other_end, 0) >= dmk_image_length(first, other_end, 0)) return;
-    const dmk_image was = *first;
+    const dmk_image *a = &first->image, *b = &second->image;
+    if (dmk_image_length(b, other_end, 0) >= dmk_image_length(a, other_end, 0)) return;
+    const dmk_family was = *first;
     *first = *second;
     *second = was;
 }
 
 /* Ends that lie on the locus have a second family each. The edge is crossed where families meet at the largest angle,
  * at an end or between. */
-static void meet_tied(const dmk_geodesics *g, int32_t h, meeting *m)
+static void meet_tied(const dmk_geodesics *g, int32_t h, dmk_meeting *m)
 {
     const dmk_arrival *start = dmk_geodesics_tie(g, g->mesh->triangle[dmk_next(h)]),
                       *end = dmk_geodesics_tie(g, g->mesh->triangle[dmk_previous(h)]);
-    dmk_image beside_a = {0}, beside_b = {0};
+    dmk_family beside_a = {0}, beside_b = {0};
     if (!start && !end) return;
     if (start) {
-        beside_a = dmk_image_from_start(g, h, start);
+        beside_a = (dmk_family){dmk_image_from_start(g, h, start), start, {0, 0}};
         order_tied(&m->a, &beside_a, m->length);
     }
     if (end) {
-        beside_b = dmk_image_from_end(g, h, end);
+        beside_b = (dmk_family){dmk_image_from_end(g, h, end), end, {m->length, 0}};
         order_tied(&m->b, &beside_b, 0);
     }
-    m->x = find_meeting(&m->a, &m->b, m->length);
-    const double between = dmk_meeting_angle(&m->a, &m->b, m->x, 0);
-    const double at_start = start ? dmk_meeting_angle(&m->a, &beside_a, 0, 0) : -1;
-    const double at_end = end ? dmk_meeting_angle(&m->b, &beside_b, m->length, 0) : -1;
+    m->x = find_meeting(&m->a.image, &m->b.image, m->length);
+    const double between = dmk_meeting_angle(&m->a.image, &m->b.image, m->x, 0);
+    const double at_start = start ? dmk_meeting_angle(&m->a.image, &beside_a.image, 0, 0) : -1;
+    const double at_end = end ? dmk_meeting_angle(&m->b.image, &beside_b.image, m->length, 0) : -1;
     if (at_end >= dmk_max(between, at_start)) {
         m->x = m->length;
         m->a = beside_b;
@@ -143,31 +136,34 @@ static void meet_tied(const dmk_geodesics *g, int32_t h, meeting *m)
     }
 }
 
-static meeting meet(const dmk_geodesics *g, int32_t h)
+dmk_meeting dmk_meet(const dmk_geodesics *g, int32_t h)
 {
     const int32_t v = g->mesh->triangle[dmk_next(h)], w = g->mesh->triangle[dmk_previous(h)];
-    meeting m = {dmk_image_at_start(g, h), dmk_image_at_end(g, h), 0, dmk_length_of(g, h), 0};
-    m.x = find_meeting(&m.a, &m.b, m.length);
+    dmk_meeting m = {.a = {dmk_image_at_start(g, h), g->arrival + v, {0, 0}},
+                     .b = {dmk_image_at_end(g, h), g->arrival + w, {dmk_length_of(g, h), 0}}};
+    m.length = m.b.x[0];
+    m.x = find_meeting(&m.a.image, &m.b.image, m.length);
     /* behind a pseudo-source the paths are those to it, continued */
     const bool at_start = g->arrival[w].pseudo_source == v,
                at_end = g->arrival[v].pseudo_source == w;
     if (at_start) m.x = 0;
     if (at_end) m.x = m.length;
-    m.alpha = dmk_meeting_angle(&m.a, &m.b, m.x, 0);
+    m.alpha = dmk_meeting_angle(&m.a.image, &m.b.image, m.x, 0);
     if (!at_start && !at_end) meet_tied(g, h, &m);
     return m;
 }
 
 double dmk_crossing_share(const dmk_geodesics *g, const dmk_crossing *c)
 {
-    const meeting m = meet(g, c->half);
+    const dmk_meeting m = dmk_meet(g, c->half);
     return m.x / m.length;
 }
 
 double dmk_crossing_distance(const dmk_geodesics *g, const dmk_crossing *c)
 {
-    const meeting m = meet(g, c->half);
-    return 0.5 * g->star.unit * (dmk_image_length(&m.a, m.x, 0) + dmk_image_length(&m.b, m.x, 0));
+    const dmk_meeting m = dmk_meet(g, c->half);
+    return 0.5 * g->star.unit *
+           (dmk_image_length(&m.a.image, m.x, 0) + dmk_image_length(&m.b.image, m.x, 0));
 }
 
 static void set_crossing(const dmk_cotree *t, int32_t h, bool kept, dmk_crossing *c)
@@ -175,7 +171,7 @@ static void set_crossing(const dmk_cotree *t, int32_t h, bool kept, dmk_crossing
     const dmk_mesh *m = t->geodesics->mesh;
     const int32_t v = m->triangle[dmk_next(h)], w = m->triangle[dmk_previous(h)],
                   twin = t->geodesics->star.twin[h];
-    const meeting found = meet(t->geodesics, h);
+    const dmk_meeting found = dmk_meet(t->geodesics, h);
     const double at = found.x / found.length;
     *c = (dmk_crossing){.half = h,
                         .node = {h / 3, twin >= 0 ? twin / 3 : m->n_triangles + t->loop[v]},

@@ -91,6 +91,21 @@ static inline bool dmk_is_drawn(const dmk_cotree *t, int32_t i, double strength)
     return t->crossing[i].strength >= strength && !(t->is_point && strength >= t->strength);
 }
 
+/* A family of shortest paths by what a vertex at x knows of it, in the frame of a half-edge. */
+typedef struct dmk_family {
+    dmk_image image;
+    const dmk_arrival *arrival;
+    double x[2];
+} dmk_family;
+
+/* Both families of a half-edge, and where on it they are equally long. alpha: of its ends' own families; by that of a
+ * tie, side branches of a line through vertices would have an excess (a torus would have 12 ends for 2). */
+typedef struct dmk_meeting {
+    dmk_family a, b;
+    double x, length, alpha;
+} dmk_meeting;
+dmk_meeting dmk_meet(const dmk_geodesics *g, int32_t h);
+
 /* Where a crossing is on its half-edge from its start, a share of the length; how far from the source. */
 double dmk_crossing_share(const dmk_geodesics *g, const dmk_crossing *c);
 double dmk_crossing_distance(const dmk_geodesics *g, const dmk_crossing *c);

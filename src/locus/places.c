@@ -27,64 +27,50 @@ bool dmk_is_fork(const dmk_cotree *t, int32_t triangle)
 }
 
 /* The families of a triangle's corners in the frame of its half-edge 3t. */
-typedef struct corners {
-    double x[3][2]; /* the corners */
-    dmk_image image[3];
-    int32_t vertex[3];
-} corners;
-
-static void set_corners(const dmk_geodesics *g, int32_t triangle, corners *c)
+static void set_corners(const dmk_geodesics *g, int32_t triangle, dmk_family c[3])
 {
-    const int32_t h = 3 * triangle;
-    const double length = g->mesh->length[g->mesh->triangle_edge[h]] / g->star.unit;
-    for (int k = 0; k < 3; k++) c->vertex[k] = g->mesh->triangle[h + k];
-    c->x[1][0] = c->x[1][1] = c->x[2][1] = 0;
-    c->x[2][0] = length;
-    dmk_apex(g, h, &c->x[0][0], &c->x[0][1]);
-    c->image[1] = dmk_image_at_start(g, h);
-    c->image[2] = dmk_image_at_end(g, h);
+    const int32_t h = 3 * triangle, *v = g->mesh->triangle + h;
+    const double length = dmk_length_of(g, h);
+    for (int k = 0; k < 3; k++) c[k] = (dmk_family){.arrival = g->arrival + v[k]};
+    c[2].x[0] = length;
+    dmk_apex(g, h, &c[0].x[0], &c[0].x[1]);
+    c[1].image = dmk_image_at_start(g, h);
+    c[2].image = dmk_image_at_end(g, h);
     /* corner 0 ends half-edge 3t + 1, which begins at corner 2 */
     const dmk_image own = dmk_image_at_end(g, h + 1);
-    const double size = hypot(c->x[0][0] - length, c->x[0][1]);
-    const double ux = (c->x[0][0] - length) / size, uy = c->x[0][1] / size;
-    c->image[0] =
-        (dmk_image){length + own.x * ux - own.y * uy, own.x * uy + own.y * ux, own.before};
+    const double size = hypot(c[0].x[0] - length, c[0].x[1]);
+    const double ux = (c[0].x[0] - length) / size, uy = c[0].x[1] / size;
+    c[0].image = (dmk_image){length + own.x * ux - own.y * uy, own.x * uy + own.y * ux, own.before};
 }
 
-/* Angle at the image between the paths of corner k's family to the corner and to (x, y); straight: as if the
- * whole path to the corner were straight. */
-static double turn_to(const corners *c, int k, double x, double y, bool straight)
+/* Angle at the image between the paths to the family's vertex and to (x, y); straight: as if all of the former were. */
+static double turn_to(const dmk_family *f, double x, double y, bool straight)
 {
-    const double length = dmk_image_length(&c->image[k], c->x[k][0], c->x[k][1]);
-    const double longer = straight ? length / (length - c->image[k].before) : 1;
-    const double vx = (c->x[k][0] - c->image[k].x) * longer,
-                 vy = (c->x[k][1] - c->image[k].y) * longer;
-    const double px = vx + x - c->x[k][0], py = vy + y - c->x[k][1];
+    const double length = dmk_image_length(&f->image, f->x[0], f->x[1]);
+    const double longer = straight ? length / (length - f->image.before) : 1;
+    const double vx = (f->x[0] - f->image.x) * longer, vy = (f->x[1] - f->image.y) * longer;
+    const double px = vx + x - f->x[0], py = vy + y - f->x[1];
     return atan2(vx * py - vy * px, vx * px + vy * py);
 }
 
-/* Direction at the source of the path of corner k's family to (x, y). */
-static double direction_of(const dmk_geodesics *g, const corners *c, int k, double x, double y)
+/* Direction at the source of the family's path to (x, y). */
+static double direction_of(const dmk_family *f, double x, double y)
 {
-    const dmk_arrival *a = g->arrival + c->vertex[k];
-    return a->pseudo_source >= 0 ? a->direction : a->direction + turn_to(c, k, x, y, false);
+    return f->arrival->direction + (f->arrival->pseudo_source >= 0 ? 0 : turn_to(f, x, y, false));
 }
 
-/* What two families say of the point with these weights: length and directions. */
-static void set_families(const dmk_cotree *t, const corners *c, int i, int j, dmk_locus_vertex *v)
+/* What two families say of (x, y): directions, and the length of the shorter one. */
+static void set_families(const dmk_geodesics *g, const dmk_family *a, const dmk_family *b, double x,
+                         double y, dmk_locus_vertex *v)
 {
-    const dmk_geodesics *g = t->geodesics;
-    const double *w = v->place.weight;
-    const double x = w[0] * c->x[0][0] + w[2] * c->x[2][0], y = w[0] * c->x[0][1];
-    const double full = dmk_full_turn(g);
-    v->distance = 0.5 * g->star.unit *
-                  (dmk_image_length(&c->image[i], x, y) + dmk_image_length(&c->image[j], x, y));
-    v->source[0] = g->arrival[c->vertex[i]].source;
-    v->source[1] = g->arrival[c->vertex[j]].source;
-    v->angle[0] = direction_of(g, c, i, x, y);
-    v->angle[1] = direction_of(g, c, j, x, y);
-    v->source_angle = fabs(dmk_turn_between(full, v->angle[0], v->angle[1]));
-    v->meeting_angle = dmk_meeting_angle(&c->image[i], &c->image[j], x, y);
+    v->distance =
+        g->star.unit * fmin(dmk_image_length(&a->image, x, y), dmk_image_length(&b->image, x, y));
+    v->source[0] = a->arrival->source;
+    v->source[1] = b->arrival->source;
+    v->angle[0] = direction_of(a, x, y);
+    v->angle[1] = direction_of(b, x, y);
+    v->source_angle = fabs(dmk_turn_between(dmk_full_turn(g), v->angle[0], v->angle[1]));
+    v->meeting_angle = dmk_meeting_angle(&a->image, &b->image, x, y);
 }
 
 static void set_place(const dmk_mesh *m, int32_t triangle, const double weight[3],
@@ -99,30 +85,34 @@ static void set_place(const dmk_mesh *m, int32_t triangle, const double weight[3
     }
 }
 
-/* The two corners whose paths start in the most different directions. */
+/* The two corners whose paths start in the most different directions; the least length of all three. */
 static void set_widest(const dmk_cotree *t, int32_t triangle, dmk_locus_vertex *v)
 {
-    corners c;
+    dmk_family c[3];
     dmk_locus_vertex best = *v;
+    double least = HUGE_VAL;
     best.source_angle = -1;
-    set_corners(t->geodesics, triangle, &c);
+    set_corners(t->geodesics, triangle, c);
+    const double *w = v->place.weight, x = w[0] * c[0].x[0] + w[2] * c[2].x[0];
     for (int k = 0; k < 3; k++) {
-        set_families(t, &c, k, (k + 1) % 3, v);
+        set_families(t->geodesics, &c[k], &c[(k + 1) % 3], x, w[0] * c[0].x[1], v);
+        least = fmin(least, v->distance);
         if (v->source_angle > best.source_angle) best = *v;
     }
     *v = best;
+    v->distance = least;
 }
 
 /* Newton's method, from the centre, for the point at which three families are equally long; corner 1 is the origin. */
-static bool find_fork(const corners *c, double weight[3])
+static bool find_fork(const dmk_family c[3], double weight[3])
 {
-    double x = c->x[0][0] / 3 + c->x[2][0] / 3, y = c->x[0][1] / 3;
+    double x = c[0].x[0] / 3 + c[2].x[0] / 3, y = c[0].x[1] / 3;
     for (int i = 0; i < 10; i++) {
         double l[3], g[3][2];
         for (int k = 0; k < 3; k++) {
-            l[k] = dmk_image_length(&c->image[k], x, y);
-            g[k][0] = (x - c->image[k].x) / (l[k] - c->image[k].before);
-            g[k][1] = (y - c->image[k].y) / (l[k] - c->image[k].before);
+            l[k] = dmk_image_length(&c[k].image, x, y);
+            g[k][0] = (x - c[k].image.x) / (l[k] - c[k].image.before);
+            g[k][1] = (y - c[k].image.y) / (l[k] - c[k].image.before);
         }
         const double a = g[1][0] - g[0][0], b = g[1][1] - g[0][1], p = l[0] - l[1];
         const double d = g[2][0] - g[0][0], e = g[2][1] - g[0][1], q = l[0] - l[2];
@@ -131,8 +121,8 @@ static bool find_fork(const corners *c, double weight[3])
         x += (p * e - b * q) / det;
         y += (a * q - d * p) / det;
     }
-    weight[0] = y / c->x[0][1];
-    weight[2] = (x - weight[0] * c->x[0][0]) / c->x[2][0];
+    weight[0] = y / c[0].x[1];
+    weight[2] = (x - weight[0] * c[0].x[0]) / c[2].x[0];
     weight[1] = 1 - weight[0] - weight[2];
     return weight[0] > 0 && weight[1] > 0 && weight[2] > 0;
 }
@@ -172,9 +162,9 @@ static void find_foot(const dmk_cotree *t, int32_t triangle, bool raw, double we
 
 static void fork_weights(const dmk_cotree *t, int32_t triangle, bool raw, double weight[3])
 {
-    corners c;
-    set_corners(t->geodesics, triangle, &c);
-    if (!dmk_is_fork(t, triangle) || !find_fork(&c, weight)) find_foot(t, triangle, raw, weight);
+    dmk_family c[3];
+    set_corners(t->geodesics, triangle, c);
+    if (!dmk_is_fork(t, triangle) || !find_fork(c, weight)) find_foot(t, triangle, raw, weight);
 }
 
 void dmk_place_fork(const dmk_cotree *t, int32_t triangle, dmk_locus_vertex *v)
@@ -264,33 +254,32 @@ void dmk_place_crossing(const dmk_cotree *t, int32_t i, dmk_locus_vertex *v)
 {
     const dmk_crossing *c = &t->crossing[i];
     const int32_t h = c->half;
-    corners k;
+    const dmk_meeting m = dmk_meet(t->geodesics, h);
+    const double share = share_of(t, i, false);
     double weight[3];
-    weights_in(t, i, share_of(t, i, false), h / 3, weight);
+    weights_in(t, i, share, h / 3, weight);
     set_place(t->geodesics->mesh, h / 3, weight, v);
-    set_corners(t->geodesics, h / 3, &k);
-    set_families(t, &k, dmk_next(h) % 3, dmk_previous(h) % 3, v);
+    set_families(t->geodesics, &m.a, &m.b, share * m.length, 0, v);
     v->strength = c->strength;
-    v->meeting_angle = c->alpha;
 }
 
 void dmk_place_in_plane(const dmk_geodesics *g, int32_t corner, const double xyz[3], double map[2])
 {
     const dmk_mesh *m = g->mesh;
-    const int32_t v = m->triangle[corner];
+    const int32_t v = m->triangle[corner], *of = m->triangle + corner - corner % 3;
     const double full = dmk_full_turn(g), unit = g->star.unit;
-    corners c;
+    dmk_family c[3];
     double e[3], x[3], distance = g->distance[v], direction = g->arrival[v].direction;
-    set_corners(g, corner / 3, &c);
+    set_corners(g, corner / 3, c);
     /* in the frame of the triangle's half-edge 0, from corner 1 to corner 2 */
-    const double *origin = m->xyz + 3 * (size_t)c.vertex[1];
-    dmk_subtract(m->xyz + 3 * (size_t)c.vertex[2], origin, e);
+    const double *origin = m->xyz + 3 * (size_t)of[1];
+    dmk_subtract(m->xyz + 3 * (size_t)of[2], origin, e);
     dmk_subtract(xyz, origin, x);
     const double px = dmk_dot(x, e) / sqrt(dmk_dot(e, e)) / unit;
     const double square = dmk_dot(x, x) / unit / unit - px * px, py = square > 0 ? sqrt(square) : 0;
     if (memcmp(xyz, m->xyz + 3 * (size_t)v, 3 * sizeof *xyz) != 0) {
-        distance = unit * dmk_image_length(&c.image[corner % 3], px, py);
-        direction += turn_to(&c, corner % 3, px, py, g->arrival[v].pseudo_source >= 0);
+        distance = unit * dmk_image_length(&c[corner % 3].image, px, py);
+        direction += turn_to(&c[corner % 3], px, py, g->arrival[v].pseudo_source >= 0);
     }
     if (full < HUGE_VAL) direction *= 2 * M_PI / full;
     map[0] = distance * cos(direction);
