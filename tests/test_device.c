@@ -280,17 +280,22 @@ static void the_best_device(void **state)
     assert_int_equal(dmk_device_best(some, 1, "GPU"), 1); /* none */
 }
 
-/* Kernels would be compiled each time, and nobody told. */
-static void a_file_is_no_cache(void **state)
+static void refuses(fixture *f, const char *select, const char *cache, const char *words)
 {
-    fixture *f = *state;
     dmk_device *device = NULL;
     dmk_device_options options;
     dmk_device_options_init(&options, sizeof options);
-    options.cache = "README.md";
+    options.select = select;
+    options.cache = cache;
     assert_int_equal(dmk_device_open(f->ctx, &options, &device), DMK_E_ARG);
-    assert_non_null(strstr(dmk_context_message(f->ctx), "'README.md' is not a folder"));
+    assert_non_null(strstr(dmk_context_message(f->ctx), words));
     assert_null(device);
+}
+
+/* Kernels would be compiled each time, and nobody told. */
+static void a_file_is_no_cache(void **state)
+{
+    refuses(*state, NULL, "README.md", "'README.md' is not a folder");
 }
 
 /* Each device of the list is the one that its number opens; no more are told than there is room for. */
@@ -352,13 +357,7 @@ static void a_device_by_its_kind(void **state)
 /* As of a variable that is not set: part of every name, but none that was chosen. */
 static void no_name_is_no_device(void **state)
 {
-    fixture *f = *state;
-    dmk_device *device = NULL;
-    dmk_device_options options;
-    dmk_device_options_init(&options, sizeof options);
-    options.select = "";
-    assert_int_equal(dmk_device_open(f->ctx, &options, &device), DMK_E_ARG);
-    assert_null(device);
+    refuses(*state, "", NULL, "'' is no number of a device, nor part of a name");
 }
 
 /* A mesh that cannot fit is refused with what it needs and what there is. */

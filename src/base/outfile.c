@@ -262,11 +262,11 @@ static void take_back(int fd, off_t begin, size_t n)
     if (fstat(fd, &st) == 0 && st.st_size == begin + (off_t)n) (void)!ftruncate(fd, begin);
 }
 
-int dmk_outfile_append(int fd, const char *line, size_t length)
+int dmk_outfile_append(int fd, const void *bytes, size_t length)
 {
     off_t begin = 0;
     for (size_t n = 0; n < length;) {
-        const ssize_t written = write(fd, line + n, length - n);
+        const ssize_t written = write(fd, (const char *)bytes + n, length - n);
         if (written < 0 && errno == EINTR) continue;
         if (written < 0) {
             const int error = errno;

@@ -37,9 +37,9 @@ int dmk_outfile_sync(const dmk_outfile *file);
 int dmk_outfile_commit(dmk_outfile *file);
 /* As if it had never been. */
 void dmk_outfile_discard(dmk_outfile *file);
-/* A line at the end of a file that is open for appending, and may be for others, too: 0; or errno, and nothing of it
- * is there, unless another line stands behind a part of it. */
-int dmk_outfile_append(int fd, const char *line, size_t length);
+/* Bytes at the end of a file that may be open for others to append to, too: 0; or errno, and nothing of them is there,
+ * unless what another one wrote stands behind a part of them. */
+int dmk_outfile_append(int fd, const void *bytes, size_t length);
 /* Of what stat told: whether it is one file, whatever its names. */
 static inline bool dmk_is_same_file(const struct stat *a, const struct stat *b)
 {

@@ -140,26 +140,15 @@ int dmk_cache_load(dmk_device *dev, const char *options, cl_program *program)
     return rc;
 }
 
-static bool put(int fd, const void *data, size_t n)
-{
-    for (const char *at = data; n > 0;) {
-        const ssize_t done = write(fd, at, n);
-        if (done < 0 && errno == EINTR) continue;
-        if (done <= 0) return false;
-        at += done;
-        n -= (size_t)done;
-    }
-    return true;
-}
-
 /* Others see a whole file or none, and a run that is killed leaves none behind. */
 static void write_all(const char *path, const char *key, const char *binary, size_t size)
 {
     dmk_outfile file;
     const uint64_t hash = hash_bytes(basis, binary, size);
     if (dmk_outfile_is_stream(path) || dmk_outfile_open(path, &file) != 0) return;
-    if (put(file.fd, key, strlen(key)) && put(file.fd, &hash, sizeof hash) &&
-        put(file.fd, binary, size))
+    if (dmk_outfile_append(file.fd, key, strlen(key)) == 0 &&
+        dmk_outfile_append(file.fd, &hash, sizeof hash) == 0 &&
+        dmk_outfile_append(file.fd, binary, size) == 0)
         dmk_outfile_commit(&file);
     else
         dmk_outfile_discard(&file);
