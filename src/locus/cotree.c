@@ -153,12 +153,6 @@ dmk_meeting dmk_meet(const dmk_geodesics *g, int32_t h)
     return m;
 }
 
-double dmk_crossing_share(const dmk_geodesics *g, const dmk_crossing *c)
-{
-    const dmk_meeting m = dmk_meet(g, c->half);
-    return m.x / m.length;
-}
-
 double dmk_crossing_distance(const dmk_geodesics *g, const dmk_crossing *c)
 {
     const dmk_meeting m = dmk_meet(g, c->half);

@@ -23,6 +23,7 @@ typedef struct dmk_crossing {
     double alpha;    /* angle at which the two families meet, radians in [0, pi] */
     double excess;   /* P: by how much a path must grow to be moved from one family to the other */
     double worth;    /* P as far as it counts: see strength.c */
+    double fall;     /* what both gain by falls of d as soon as these count */
     double strength; /* that by which it is pruned: see strength.c */
 } dmk_crossing;
 
@@ -106,8 +107,7 @@ typedef struct dmk_meeting {
 } dmk_meeting;
 dmk_meeting dmk_meet(const dmk_geodesics *g, int32_t h);
 
-/* Where a crossing is on its half-edge from its start, a share of the length; how far from the source. */
-double dmk_crossing_share(const dmk_geodesics *g, const dmk_crossing *c);
+/* How far a crossing is from the source. */
 double dmk_crossing_distance(const dmk_geodesics *g, const dmk_crossing *c);
 
 static inline int32_t dmk_other_node(const dmk_crossing *c, int32_t node)

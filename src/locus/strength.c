@@ -3,20 +3,20 @@
  * Leaves are peeled off, the weakest first. A triangle with one crossing left hands on to it
  *     P(out) = max over the others of P(i) + (1 - cos(alpha / 2)) |c_i - c_out|,
  * the largest d(x) + |x c| - d(c) over the points x of the branch cut off: the length by which a path to
- * c must grow to be moved around the branch's end, from one of the two shortest to the other; less, where d falls from
- * c_i to c_out: 1 + cos would make a mesh's own branches strong, too, as d does either there. alpha is the harmonic
- * mean of both crossings': between ends that several families part a single one is too wide, and by their sum a
- * branch of a coarse mesh has up to five times the excess that it has where the mesh is cut 1:4. Crossings
- * on loops are never peeled: their excess is infinite.
+ * c must grow to be moved around the branch's end, from one of the two shortest to the other. Where d falls from c_i to
+ * c_out it is 1 + cos, as paths go there and back. On a mesh's own branches d does either: falls count once a branch is
+ * more than any of these, and then those since it had the least default. alpha is the harmonic mean of both crossings':
+ * between ends that several families part a single one is too wide, and by their sum a branch of a coarse mesh has up
+ * to five times the excess of the mesh cut 1:4. Crossings on loops are never peeled: their excess is infinite.
  *
  * A small piece with a large angle at the far end of a long line with a small one has much excess though the mesh
  * hardly shows where that line runs: on the way inwards a branch's worth is what it gains at angles above the one
  * of the rules less what it loses below. Without the loss 5.9 instead of 1.3 % of the worst scan's locus is false.
  *
- * Where branches join, the one with the largest worth goes on and the others end: a branch runs from a leaf to
- * there, and its strength is its worth there (the persistence of its end). All of a branch has this strength, but
- * for what lies beyond its end, where its worth is less than the default, which has its own worth: so whole
- * branches come and go with the strength asked for, and nothing else changes. */
+ * Where branches join, the one with the largest worth goes on and the others end: a branch runs from a leaf to there,
+ * and its strength is its worth there (the persistence of its end). All of a branch has this strength, but for what
+ * lies beyond its end, where its worth is less than the default, which has its own worth: so whole branches come and go
+ * with the strength asked for, and nothing else changes. */
 #include "base/heap.h"
 #include "base/parallel.h"
 #include "base/sort.h"
@@ -27,8 +27,24 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* What triangle `node` hands on to crossing i: excess and worth. The strongest of its other crossings is the heir of
- * i's branch. */
+/* What one crossing of a triangle hands on to another. */
+static dmk_crossing hand_on(const dmk_cotree *t, const dmk_crossing *from, const dmk_crossing *to)
+{
+    const double way = dmk_distance(from->xyz, to->xyz);
+    const double sum = from->alpha + to->alpha, product = from->alpha * to->alpha;
+    const double along = sum > 0 ? cos(product / sum) : 1, growth = (1 - along) * way;
+    const double loss = (1 - cos(0.5 * dmk_rules.angle)) * way;
+    const double worth = dmk_max(0, from->worth + growth - loss);
+    double fall = from->fall, counts = 0;
+    if (from->worth >= dmk_rules.strength * t->mean_edge &&
+        dmk_crossing_distance(t->geodesics, from) > dmk_crossing_distance(t->geodesics, to))
+        fall += 2 * along * way;
+    if (worth >= dmk_rules.gap * dmk_rules.strength * t->mean_edge) counts = fall;
+    return (dmk_crossing){
+        .excess = from->excess + growth + counts, .worth = worth + counts, .fall = fall - counts};
+}
+
+/* What triangle `node` hands on to crossing i. The strongest of its other crossings is the heir of i's branch. */
 static dmk_crossing receive(dmk_cotree *t, int32_t i, int32_t node)
 {
     const dmk_crossing *to = &t->crossing[i];
@@ -38,19 +54,17 @@ static dmk_crossing receive(dmk_cotree *t, int32_t i, int32_t node)
         const int32_t j = t->on[3 * node + k];
         if (j < 0 || j == i) continue;
         dmk_crossing *from = &t->crossing[j];
-        const double way = dmk_distance(from->xyz, to->xyz);
-        const double sum = from->alpha + to->alpha, product = from->alpha * to->alpha;
-        const double growth = sum > 0 ? (1 - cos(product / sum)) * way : 0;
-        const double loss = (1 - cos(0.5 * dmk_rules.angle)) * way;
-        const double worth = dmk_max(0, from->worth + growth - loss);
-        got.excess = dmk_max(got.excess, from->excess + growth);
-        got.worth = dmk_max(got.worth, worth);
+        const dmk_crossing one = hand_on(t, from, to);
+        got.excess = dmk_max(got.excess, one.excess);
+        got.worth = dmk_max(got.worth, one.worth);
         from->onward = i;
-        from->heir = !heir || worth > most || (worth == most && from->excess > heir->excess);
+        from->heir =
+            !heir || one.worth > most || (one.worth == most && from->excess > heir->excess);
         if (!from->heir) continue;
         if (heir) heir->heir = false;
         heir = from;
-        most = worth;
+        most = one.worth;
+        got.fall = one.fall;
     }
     return got;
 }
@@ -95,6 +109,7 @@ static int32_t take_leaf(peeling *p, int32_t leaf, int32_t out, const dmk_crossi
     dmk_crossing *c = &p->cotree->crossing[out];
     c->excess = got->excess;
     c->worth = got->worth;
+    c->fall = got->fall;
     c->outer = c->node[1] == leaf;
     p->degree[leaf] = 0;
     const int32_t next = dmk_other_node(c, leaf);
@@ -140,16 +155,6 @@ static int peel_weak(dmk_context *ctx, peeling *p)
     return rc;
 }
 
-static int32_t count_peeled(const peeling *p)
-{
-    int32_t n = 0;
-    for (int k = 0; k < ROUNDS; k++) {
-        for (int32_t b = 0; b <= p->cotree->geodesics->mesh->n_triangles / BLOCK; b++)
-            n += p->n[k][b];
-    }
-    return n;
-}
-
 /* All in the order of strength. What is peeled and what it hands on does not depend on the order, only which crossing
  * is the last one of a tree: so most leaves, the mesh's own, are not sorted. */
 static int peel(dmk_context *ctx, peeling *p)
@@ -157,7 +162,7 @@ static int peel(dmk_context *ctx, peeling *p)
     int rc;
     dmk_cotree *t = p->cotree;
     DMK_TRY(peel_weak(ctx, p));
-    if (count_peeled(p) == t->n) { /* a tree without a strong leaf: all of it by strength */
+    if (p->heap.n == 0) { /* a tree without a strong leaf: all of it by strength */
         for (int32_t i = 0; i < t->n; i++) t->crossing[i].excess = HUGE_VAL;
         p->least = 0;
         DMK_TRY(peel_weak(ctx, p));
