@@ -1201,6 +1201,45 @@ static void lines(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* A point among the rays of another source, nearer than that one in their middle alone: merged windows of points with
+ * offsets, and of the square's left side. */
+static void one_source_among_the_rays_of_another(void **state)
+{
+    dmk_context *ctx = *state;
+    enum { N = 5, RUNS = 200 };
+    int32_t side[2 * N];
+    uint32_t random = 1;
+    dmk_mesh *m = make_square(ctx, N, 0.5);
+    for (int32_t i = 0; i < N; i++) side[2 * i] = i * (N + 1), side[2 * i + 1] = (i + 1) * (N + 1);
+    for (int run = 0; run < 2 * RUNS; run++) {
+        const int n = run < RUNS ? 2 : 1;
+        double at[2][3], offset[2] = {0};
+        dmk_point source[2];
+        dmk_geodesics_options options;
+        for (int i = 0; i < n; i++) {
+            const double a = noise(&random) + 0.5, b = (noise(&random) + 0.5) * (1 - a);
+            source[i] =
+                (dmk_point){(int64_t)((noise(&random) + 0.5) * m->n_triangles), {a, b, 1 - a - b}};
+            assert_int_equal(dmk_mesh_point_xyz(ctx, m, source + i, at[i]), DMK_OK);
+        }
+        dmk_geodesics_options_init(&options, sizeof options);
+        options.tolerance = 1e-9;
+        options.offset = offset;
+        if (n == 2) offset[0] = 0.9 * hypot(at[0][0] - at[1][0], at[0][1] - at[1][1]);
+        if (n == 1) options.line = side, options.n_lines = N;
+        dmk_geodesics *g = run_with(ctx, m, (size_t)n, source, &options);
+        for (int32_t v = 0; v < m->n_vertices; v++) {
+            double best = n == 1 ? m->xyz[3 * v] : HUGE_VAL;
+            for (int i = 0; i < n; i++)
+                best = fmin(best, offset[i] + hypot(m->xyz[3 * v] - at[i][0],
+                                                    m->xyz[3 * v + 1] - at[i][1]));
+            assert_true(fabs(g->distance[v] - best) < 2e-9);
+        }
+        dmk_geodesics_destroy(&g);
+    }
+    dmk_mesh_destroy(&m);
+}
+
 /* A vertex in the shadow of one that has 9e-11 more than 2 pi around it, too little to bend paths: the windows of
  * both sides pass it by 0.7e-6 of the last edge. */
 static void behind_a_nearly_flat_vertex(void **state)
@@ -1289,6 +1328,7 @@ int main(void)
         cmocka_unit_test(any_scale),
         cmocka_unit_test(merged_windows),
         cmocka_unit_test(lines),
+        cmocka_unit_test(one_source_among_the_rays_of_another),
         cmocka_unit_test(offsets_beside_the_mesh),
         cmocka_unit_test(any_number_of_threads),
         cmocka_unit_test(thin_triangles_and_any_number_of_threads),

@@ -227,6 +227,26 @@ static double crossing(const engine *e, const wave *u, const wave *w, double a, 
     return t;
 }
 
+/* Where the rays of one source pass another one, which has an offset or lies beside a line, that other one may be the
+ * nearer one in the middle of a..b alone: a place where sign * (value of u - value of w), which is 0 or less at both
+ * ends, is more; NaN if there is none. Two windows of one source have none: no vertex lies among the rays of a window.
+ */
+static double among(const wave *u, const wave *w, double a, double b, double sign, double length)
+{
+    if (u->source == w->source) return NAN;
+    if (!(sign * (slope(u, a) - slope(w, a)) > 0 && sign * (slope(u, b) - slope(w, b)) < 0))
+        return NAN;
+    while (b - a > DMK_NO_WIDTH * length) {
+        const double t = 0.5 * (a + b);
+        if (sign * longer(u, w, t) > 0) return t;
+        if (sign * (slope(u, t) - slope(w, t)) > 0)
+            a = t;
+        else
+            b = t;
+    }
+    return NAN;
+}
+
 static void close_gap(const engine *e, wave *u, wave *w, double length)
 {
     double g = w->lo - u->hi, middle = 0.5 * (w->lo + u->hi);
@@ -251,11 +271,18 @@ static bool trim_two(const engine *e, wave *u, wave *w, double length, bool *aga
     }
     double fa = longer(u, w, a), fb = longer(u, w, b);
     if (fa <= 0 && fb <= 0) {
+        const double t = among(u, w, a, b, 1, length);
+        if (t > a) {
+            if (w->hi <= u->hi) w->hi = crossing(e, u, w, t, b, length);
+            w->lo = crossing(e, u, w, a, t, length);
+            return true;
+        }
         if (w->hi <= u->hi) return false;
         w->lo = b;
     } else if (fa >= 0 && fb >= 0) {
         if (w->hi < u->hi) return true;
-        u->hi = a;
+        const double t = among(u, w, a, b, -1, length);
+        u->hi = t > a ? crossing(e, u, w, t, b, length) : a;
         *again = u->hi - u->lo <= DMK_NO_WIDTH * length;
     } else {
         double t = crossing(e, u, w, a, b, length);
