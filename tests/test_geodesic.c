@@ -1165,6 +1165,49 @@ static void merged_windows(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* A flat fan: short and long triangles around vertex 0. */
+static dmk_mesh *make_fan(dmk_context *ctx, int n, uint32_t *random)
+{
+    soup *s = new_soup();
+    double step[16], sum = 0, angle = 0;
+    for (int i = 0; i < n; i++) sum += step[i] = noise(random) + 0.5;
+    s->n_vertices = 1;
+    for (int i = 0; i < n; i++) {
+        const double radius = exp(3 * (noise(random) + noise(random) + noise(random)));
+        const double x[3] = {radius * cos(angle), radius * sin(angle), 0};
+        memcpy(s->xyz + 3 * s->n_vertices++, x, sizeof x);
+        angle += 2 * pi * step[i] / sum;
+        add_triangle(s, 0, i + 1, (i + 1) % n + 1);
+    }
+    return finish(ctx, s);
+}
+
+/* With a tolerance: where short triangles meet long ones, too, errors are hardly above their estimates. */
+static void estimates_in_fans(void **state)
+{
+    dmk_context *ctx = *state;
+    enum { N = 6, RUNS = 4000 };
+    uint32_t random = 1;
+    dmk_geodesics_options options;
+    dmk_geodesics_options_init(&options, sizeof options);
+    options.tolerance = 1e-6;
+    for (int i = 0; i < RUNS; i++) {
+        dmk_mesh *m = make_fan(ctx, N, &random);
+        const double a = noise(&random) + 0.5, b = (noise(&random) + 0.5) * (1 - a);
+        const dmk_point source = {i % N, {a, b, 1 - a - b}};
+        dmk_geodesics *exact = run(ctx, m, 1, &source, NULL);
+        dmk_geodesics *merged = run_with(ctx, m, 1, &source, &options);
+        const double *error = dmk_geodesics_error(merged, NULL);
+        for (int32_t v = 0; v <= N; v++) {
+            const double off = fabs(merged->distance[v] - exact->distance[v]);
+            assert_true(off <= 2 * error[v] + 1e-11 * exact->distance[v]);
+        }
+        dmk_geodesics_destroy(&exact);
+        dmk_geodesics_destroy(&merged);
+        dmk_mesh_destroy(&m);
+    }
+}
+
 /* From the border of a square, and from a line through it. */
 static void lines(void **state)
 {
@@ -1327,6 +1370,7 @@ int main(void)
         cmocka_unit_test(spiky_terrain),
         cmocka_unit_test(any_scale),
         cmocka_unit_test(merged_windows),
+        cmocka_unit_test(estimates_in_fans),
         cmocka_unit_test(lines),
         cmocka_unit_test(one_source_among_the_rays_of_another),
         cmocka_unit_test(offsets_beside_the_mesh),
