@@ -15,14 +15,15 @@ warnings='-Wall -Wextra -Wpedantic -Wshadow -Wstrict-prototypes -Wmissing-protot
     -Wvla -Werror'
 
 try() { # NAME COMMAND...: the command succeeds
-    local name=$1
+    local name=$1 status=0
     shift
     tried=$((tried + 1))
-    if ! "$@" > "$work/said" 2>&1; then
-        failed=$((failed + 1))
-        echo "FAILED: $name"
-        sed 's/^/    /' "$work/said" | head -n 60
-    fi
+    "$@" > "$work/said" 2>&1 || status=$?
+    [ $status -eq 0 ] && return
+    failed=$((failed + 1))
+    echo "FAILED: $name"
+    sed 's/^/    /' "$work/said" | head -n 60
+    [ $status -ne 124 ] || echo "    (it ran past its time limit)"
 }
 
 # each COMMAND ITEM...: `COMMAND ITEM` succeeds for every item; as many at once as there are
