@@ -113,7 +113,7 @@ static bool is_list(const char *path)
 
 static int add_path(lister *l, const char *path, bool from_list)
 {
-    folder_way way = {NULL};
+    folder_way way = {.above = NULL};
     if (!from_list && is_list(path)) return cli_read_lines(path, take_line, l);
     if (stat(path, &way.here) == 0 && S_ISDIR(way.here.st_mode)) {
         if (l->has_out && dmk_is_same_file(&way.here, &l->out))

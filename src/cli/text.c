@@ -71,7 +71,8 @@ const char *cli_counted(int64_t n, const char *one, const char *many, char text[
 
 const char *cli_left(size_t n, char text[CLI_TEXT_SIZE])
 {
-    snprintf(text, CLI_TEXT_SIZE, n > 0 ? ", %zu left" : "", n);
+    text[0] = '\0';
+    if (n > 0) snprintf(text, CLI_TEXT_SIZE, ", %zu left", n);
     return text;
 }
 
