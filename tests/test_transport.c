@@ -806,6 +806,30 @@ static void bad_measures_are_refused(void **state)
     free(b);
 }
 
+/* Which line, and which of its points. */
+static void bad_lines_are_refused(void **state)
+{
+    static const double xyz[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0, 5, 0, 0, 6, 0, 0, 5, 1, 0};
+    static const int32_t triangles[] = {0, 1, 2, 3, 2, 1, 4, 5, 6}, first[] = {0, 2, 5};
+    problem p = problem_create(*state, 7, xyz, 3, triangles);
+    dmk_point point[] = {
+        {0, {1, 0, 0}}, {0, {0, 1, 0}}, {1, {0, 0, 1}}, {0, {1, 0, 0}}, {1, {1, 0, 0}}};
+    const dmk_measure even = {.uniform = 1},
+                      lines = {.n_lines = 2, .line_first = first, .line_points = point};
+    p.options.normalise = 1;
+    refuse(&p, &lines, &even, "points 1 and 2 of line 1 lie in no common triangle");
+    point[4].triangle = 2;
+    refuse(&p, &lines, &even, "line 1 lies on component 1");
+    point[4].triangle = 3;
+    refuse(&p, &lines, &even, "first measure: a point of line 1: triangle 3 is");
+    point[4] = (dmk_point){1, {0.5, 0, 0}};
+    refuse(&p, &even, &lines, "second measure: a point of line 1: weights 0.5");
+    const dmk_measure atoms = {
+        .n_atoms = 5, .atoms = point, .atom_mass = (double[]){1, 1, 1, 1, 1}};
+    refuse(&p, &even, &atoms, "second measure: atom 4: weights 0.5");
+    problem_free(&p);
+}
+
 static void other_components_and_unused_vertices(void **state)
 {
     static const double xyz[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 5, 0, 0, 6, 0, 0, 5, 1, 0, 9, 9, 9};
@@ -894,6 +918,7 @@ int main(void)
         cmocka_unit_test(masses_beyond_numbers_are_refused),
         cmocka_unit_test(free_points_stand_alone),
         cmocka_unit_test(bad_measures_are_refused),
+        cmocka_unit_test(bad_lines_are_refused),
         cmocka_unit_test(other_components_and_unused_vertices),
         cmocka_unit_test(no_mass_on_other_components),
         cmocka_unit_test(a_given_mesh_is_for_one_solve),

@@ -7,6 +7,7 @@
 #include "solver/iteration.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -48,11 +49,20 @@ static int check_one(const check *k, const char *what, int64_t i, double value, 
                     k->name, what, (long long)i, (int)c, (int)*k->found);
 }
 
+/* That a point of `what` number i lies in the mesh. */
+static int check_point(const check *k, const char *what, size_t i, const dmk_point *point)
+{
+    char name[64];
+    if (dmk_point_check(k->ctx, k->mesh, what, point) == DMK_OK) return DMK_OK;
+    snprintf(name, sizeof name, "the %s measure: %s %zu", k->name, what, i);
+    return dmk_point_check(k->ctx, k->mesh, name, point);
+}
+
 static int check_points(const check *k, const dmk_measure *m)
 {
     int rc = DMK_OK;
     for (size_t i = 0; i < m->n_atoms; i++) {
-        DMK_TRY(dmk_point_check(k->ctx, k->mesh, "an atom", &m->atoms[i]));
+        DMK_TRY(check_point(k, "atom", i, &m->atoms[i]));
         DMK_TRY(check_one(k, "atom", (int64_t)i, m->atom_mass ? m->atom_mass[i] : 1,
                           dmk_mesh_component(k->mesh, (int32_t)m->atoms[i].triangle)));
     }
@@ -67,7 +77,7 @@ static int check_points(const check *k, const dmk_measure *m)
                             k->name, l);
         }
         for (int32_t i = m->line_first[l]; i < m->line_first[l + 1]; i++) {
-            DMK_TRY(dmk_point_check(k->ctx, k->mesh, "a point of a line", &m->line_points[i]));
+            DMK_TRY(check_point(k, "a point of line", l, &m->line_points[i]));
             const int32_t c = dmk_mesh_component(k->mesh, (int32_t)m->line_points[i].triangle);
             DMK_TRY(check_one(k, "line", (int64_t)l, density, c));
         }
@@ -268,8 +278,7 @@ static void add_segment(const load *l, int32_t t, const double a[3], const doubl
 static int add_lines(load *l, const dmk_measure *m)
 {
     int rc = DMK_OK;
-    if (m->n_lines > 0 && !l->stars.row)
-        DMK_TRY(dmk_vertex_stars_create(l->ctx, l->mesh, &l->stars));
+    if (m->n_lines > 0) DMK_TRY(dmk_vertex_stars_create(l->ctx, l->mesh, &l->stars));
     for (size_t k = 0; k < m->n_lines; k++) {
         const double density = m->line_density ? m->line_density[k] : 1;
         if (density == 0) continue; /* it may lie on another component */
@@ -292,7 +301,8 @@ done:
 static void add_atom(const load *l, const dmk_point *p, double mass)
 {
     double w[6];
-    if (mass == 0) return; /* it may lie on another component */
+    /* It may lie on another component. */
+    if (mass == 0) return;
     dmk_point_weights(p->weight, w);
     add(l, l->number[p->triangle], w, mass);
 }
