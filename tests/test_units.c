@@ -2,6 +2,7 @@
  * step, sliced rows; and what a solver keeps from one solve to the next. Bounds are what was measured and a tenth. */
 #include "../src/solver/bounds.c" /* for their static functions; the library's own are then left out */
 #include "../src/solver/newton.c"
+#include "../src/solver/upper.c"
 
 #include "solver/fine_graph.h"
 #include "solver/pcg.h"
@@ -335,6 +336,97 @@ static void bounds_hold_for_any_potential(void **state)
         assert_true(upper[0] >= upper[1] && upper[1] <= 0.5 * (upper[0] + upper[2]) * (1 + 1e-9));
         free(v);
     }
+}
+
+static double dot3(const double *a, const double *b)
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/* -mu grad u and the flows from the corner in part k of triangle t, or, k = 3, in the middle one, where there are none;
+ * returns its square. value, place: at the corners, then the midpoints. */
+static double flux_in(const router *p, int32_t t, int k, double value[6], double place[6][3],
+                      double flux[3])
+{
+    const int i = (k + 1) % 3, j = (k + 2) % 3, at = k < 3 ? 3 + j : 4, then = k < 3 ? 3 + i : 5;
+    double flow[3][3], a[3], b[3];
+    flows_of(p, t, flow);
+    for (int c = 0; c < 3; c++) {
+        a[c] = place[at][c] - place[k][c];
+        b[c] = place[then][c] - place[k][c];
+    }
+    const double aa = dot3(a, a), bb = dot3(b, b), ab = dot3(a, b), det = aa * bb - ab * ab,
+                 along_a = value[at] - value[k], along_b = value[then] - value[k],
+                 part = p->mesh->area[t] / 4;
+    for (int c = 0; c < 3; c++) {
+        flux[c] = -p->mu[t] *
+                  ((along_a * bb - along_b * ab) * a[c] + (along_b * aa - along_a * ab) * b[c]) /
+                  det;
+        if (k < 3) flux[c] += (flow[k][j] * a[c] + flow[k][i] * b[c]) / part;
+    }
+    return dot3(flux, flux);
+}
+
+/* The cost and the mean of the flux against the four parts of triangle t. */
+static void check_flux(const router *p, int32_t t)
+{
+    const dmk_mesh *m = p->mesh;
+    double value[6], place[6][3], off[3], flux[3], square = 0;
+    for (int k = 0; k < 6; k++) {
+        const int32_t corner = m->triangle[3 * t + k % 3], e = m->triangle_edge[3 * t + k % 3];
+        const double *a = m->xyz + 3 * (k < 3 ? corner : m->edge_vertex[2 * e]),
+                     *b = m->xyz + 3 * (k < 3 ? corner : m->edge_vertex[2 * e + 1]);
+        value[k] = p->u[k < 3 ? p->n.vertex_row + corner : e];
+        for (int c = 0; c < 3; c++) place[k][c] = (a[c] + b[c]) / 2;
+    }
+    for (int c = 0; c < 3; c++) off[c] = p->mean[3 * t + c];
+    for (int k = 0; k < 4; k++) {
+        square += flux_in(p, t, k, value, place, flux) / 4;
+        for (int c = 0; c < 3; c++) off[c] -= flux[c] / 4;
+    }
+    assert_true(fabs(cost_of(p, t) / (m->area[t] * sqrt(square)) - 1) < 1e-11);
+    assert_true(dot3(off, off) < 1e-22 * square);
+}
+
+/* Whatever flows and potential are. */
+static void the_cost_is_that_of_the_flux(void **state)
+{
+    fixture *x = *state;
+    const dmk_mesh *m = x->order.mesh;
+    double *u = random_rows(x), *half = random_rows(x), *sent = random_rows(x),
+           *beside = new_rows(x), *mean = calloc(3 * (size_t)m->n_triangles, sizeof *mean);
+    router p = {.mesh = m,
+                .n = dmk_system_counts(x->b.dev, m),
+                .edges = {0, m->n_edges},
+                .mu = x->mu,
+                .u = u,
+                .half = half,
+                .sent = sent,
+                .beside = beside,
+                .mean = mean};
+    set_density(x, 1);
+    add_sides(&p);
+    mean_range(0, m->n_triangles, &p);
+    for (int32_t t = 0; t < m->n_triangles; t++) check_flux(&p, t);
+    free(u);
+    free(half);
+    free(sent);
+    free(beside);
+    free(mean);
+}
+
+/* An edge goes by the heavier of its sides, or by its only one, eight bins to a power of 2. */
+static void heavy_edges_come_first(void **state)
+{
+    (void)state;
+    int32_t sides[] = {0, 1, 1, -1, 2, 0, 2, -1};
+    double mu[] = {1e9, 1, 4, 0.25}; /* the first belongs to none */
+    const dmk_mesh m = {.n_edges = 4, .edge_triangle = sides};
+    const router p = {.mesh = &m, .mu = mu + 1};
+    const int bin = bin_of(&p, 0);
+    assert_int_equal(bin_of(&p, 1), bin);
+    assert_int_equal(bin_of(&p, 2), bin + 16);
+    assert_int_equal(bin_of(&p, 3), bin + 32);
 }
 
 /* A gap that more steps will answer is told without an upper bound: of a rough v, whose slopes are nowhere alike. */
@@ -762,6 +854,8 @@ int main(void)
         cmocka_unit_test(sliced_rows_hold_all_entries),
         cmocka_unit_test(the_first_offender_is_named),
         cmocka_unit_test(both_kinds_of_coarsest_inverse_agree),
+        cmocka_unit_test(the_cost_is_that_of_the_flux),
+        cmocka_unit_test(heavy_edges_come_first),
     };
     return cmocka_run_group_tests_name("units", tests, setup, teardown);
 }
