@@ -89,6 +89,10 @@ OPERATORS = [
 ]
 
 
+# Constants of a whole file, which stand outside functions.
+CONSTANT = re.compile(r"^(static const \w+ \w+ = [^{]+;|enum \{.* = .*\};|#define [A-Z_]+ [\d(])")
+
+
 def code_lines(path):
     """(number, text) of the lines that hold code and only code, without comments and literals that mean words."""
     in_comment = False
@@ -102,12 +106,15 @@ def code_lines(path):
             if stripped.startswith("/*") or stripped.startswith("*"):
                 in_comment = "*/" not in text
                 continue
-            if stripped.startswith("#") or not stripped or '"' in text or re.search(r"DMK_NEW|alloc\(|sizeof", text):
+            constant = CONSTANT.match(text)
+            if not stripped or '"' in text or re.search(r"DMK_NEW|alloc\(|sizeof", text):
+                continue
+            if stripped.startswith("#") and not constant:
                 continue
             code = re.sub(r"/\*.*?\*/", lambda m: " " * len(m.group(0)), text)
             if "/*" in code:
                 in_comment, code = True, code[:code.index("/*")]
-            if code.strip() and not re.match(r"^\S.*\)$|^(static|extern|typedef|enum|struct)\b", code):
+            if constant or code.strip() and not re.match(r"^\S.*\)$|^(static|extern|typedef|enum|struct)\b", code):
                 yield number, code.rstrip()
 
 
