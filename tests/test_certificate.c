@@ -1,6 +1,8 @@
 /* The bounds of the cost: on the right side of known optima and close to them, also where needles
  * and single precision would spoil them. */
-#include "../src/solver/bounds.c" /* for its static functions; the library's own are then left out */
+#include "../src/solver/bounds.c" /* for their static functions; the library's own are then left out */
+#include "../src/solver/repair.c"
+
 #include "solver/solver.h"
 #include "solving.h"
 
@@ -83,10 +85,10 @@ static long double exact_steepness(const double l[3], double area, const double 
 {
     const int k = l[0] >= l[1] && l[0] >= l[2] ? 0 : l[1] >= l[2] ? 1 : 2;
     const long double a = l[(k + 1) % 3], b = l[(k + 2) % 3], c = l[k];
-    const long double share = (b * b + c * c - a * a) / (2 * c * c);
+    const long double part = (b * b + c * c - a * a) / (2 * c * c);
     const long double side = (long double)x[(k + 2) % 3] - x[(k + 1) % 3],
                       off = (long double)x[k] - x[(k + 1) % 3];
-    const long double across = (off - share * side) * c / (2 * (long double)area);
+    const long double across = (off - part * side) * c / (2 * (long double)area);
     return side * side / (c * c) + across * across;
 }
 
@@ -258,6 +260,40 @@ static void triangles_that_hold_it_back_are_named(void **state)
     problem_free(&p);
 }
 
+/* The steepest first, of equal ones the lower number, and no more than there are. */
+static void the_steepest_come_first(void **state)
+{
+    problem p = problem_file(*state, "tests/data/sphere_1280.off");
+    problem_solve(&p);
+    dmk_system *s = p.solver->system;
+    dmk_stats stats = {.sweeps = 1};
+    dmk_iteration o = {.ctx = p.b->ctx, .sys = s, .stats = &stats};
+    repair r = {.o = &o};
+    double *q = calloc((size_t)s->n_elements_pad, sizeof *q);
+    const int32_t *old = p.solver->order->order.triangle_old;
+    q[1279] = 1;
+    q[0] = 1.5;
+    q[11] = 1.25;
+    q[900] = q[7] = 2;
+    for (int i = 0; i < 2; i++) {
+        bench_ok(p.b, dmk_buffer_write_real(p.b->ctx, s->device, DMK_OUTER, s->q,
+                                            (size_t)s->n_elements_pad, q));
+        bench_ok(p.b, find_steep(&r));
+        assert_int_equal(stats.n_steep, i == 0 ? 4 : 1);
+        dmk_solver_name_steep(p.solver, &stats);
+        assert_int_equal(stats.steep[0], old[i == 0 ? 7 : 0]);
+        assert_int_equal(stats.steep[1], i == 0 ? old[900] : -1);
+        assert_int_equal(stats.steep[2], i == 0 ? old[0] : -1);
+        q[11] = q[900] = q[7] = 0;
+    }
+    /* Repaired once, and not looked at since. */
+    stats = (dmk_stats){.sweeps = 20};
+    dmk_solver_name_steep(p.solver, &stats);
+    for (int k = 0; k < DMK_N_STEEP; k++) assert_int_equal(stats.steep[k], -1);
+    free(q);
+    problem_free(&p);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -270,6 +306,7 @@ int main(void)
         cmocka_unit_test(repair_gives_the_same_bits),
         cmocka_unit_test(repair_is_the_same_in_the_gpu_shape),
         cmocka_unit_test(triangles_that_hold_it_back_are_named),
+        cmocka_unit_test(the_steepest_come_first),
     };
     return cmocka_run_group_tests(tests, bench_setup, bench_teardown);
 }

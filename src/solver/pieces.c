@@ -153,7 +153,7 @@ static int name_steep(dmk_context *ctx, const dmk_solver *s, dmk_stats *stats)
     const dmk_plot *plot = &s->plot;
     for (int k = 0; k < DMK_N_STEEP; k++) {
         int64_t *t = &stats->steep[k];
-        const bool own = stats->sweeps > 0 && *t >= plot->own[0] && *t < plot->own[1];
+        const bool own = k < stats->n_steep && *t >= plot->own[0] && *t < plot->own[1];
         *t = own ? plot->element_old[*t - plot->own[0]] : -1;
     }
     return agree(ctx, s, DMK_N_STEEP, stats->steep);

@@ -704,7 +704,7 @@ done:
 void dmk_solver_name_steep(const dmk_solver *s, dmk_stats *stats)
 {
     for (int k = 0; k < DMK_N_STEEP; k++) {
-        const bool none = stats->sweeps == 0 || stats->steep[k] < 0;
+        const bool none = k >= stats->n_steep; /* or none was looked at */
         stats->steep[k] = none ? -1 : s->order->order.triangle_old[stats->steep[k]];
     }
 }
