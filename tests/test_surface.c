@@ -409,6 +409,11 @@ static void bad_options_are_refused(void **state)
     o = options_of(&surfaces[2], 0);
     o.size[0] = 1e6; /* needles only */
     refuse(f->ctx, &o, "ask for more");
+    o = options_of(&surfaces[1], 1);
+    o.n_triangles = 2400;
+    o.size[0] = 0.02;
+    o.size[1] = 1;
+    refuse(f->ctx, &o, "of the 9600 triangles of this ellipsoid look inwards");
     o = good;
     o.refine = -1;
     refuse(f->ctx, &o, "refine");

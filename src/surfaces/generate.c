@@ -1,5 +1,6 @@
 /* dmk_mesh_surface: a coarse mesh of a built-in surface, then refinement. */
 #include "surfaces/refine.h"
+#include "surfaces/relax.h"
 #include "surfaces/remesh.h"
 #include "surfaces/surface.h"
 
@@ -159,6 +160,23 @@ static void lift(const void *body, double xyz[3])
     dmk_body_lift(body, xyz);
 }
 
+/* Over a rim much sharper than the edges are long the lifted midpoints fold the surface, however many triangles there
+ * are; without refinement they are relaxed. */
+static int check_refined(dmk_context *ctx, const dmk_body *body, int refine, const dmk_mesh *m)
+{
+    int32_t n = 0;
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        const int32_t *v = m->triangle + 3 * (size_t)t;
+        n += dmk_relax_facing(body, m->xyz + 3 * (size_t)v[0], m->xyz + 3 * (size_t)v[1],
+                              m->xyz + 3 * (size_t)v[2]) <= 0;
+    }
+    if (n == 0) return DMK_OK;
+    return dmk_fail(ctx, DMK_E_ARG,
+                    "refined %d times, %d of the %d triangles of this %s look inwards, for its rim "
+                    "is too sharp; ask for as many without refinement",
+                    refine, n, m->n_triangles, body->surface->name);
+}
+
 int dmk_mesh_surface(dmk_context *ctx, const dmk_surface_options *options, dmk_mesh **mesh)
 {
     int rc;
@@ -176,6 +194,7 @@ int dmk_mesh_surface(dmk_context *ctx, const dmk_surface_options *options, dmk_m
         now = fine;
         fine = NULL;
     }
+    if (o->refine > 0) DMK_TRY(check_refined(ctx, &body, o->refine, now));
     *mesh = now;
     now = NULL;
 done:
