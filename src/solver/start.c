@@ -26,14 +26,13 @@ typedef struct sweep {
     profile *load;   /* n_edges: along edge_vertex[2e] to [2e+1], area units; before the widths are
                         there, the flow out of the edge's two triangles */
     double *mu;      /* n_triangles */
-    int8_t *waiting; /* n_triangles: inflow edges not yet known; below 0: done or a sink; before
+    int8_t *waiting; /* n_triangles: inflow edges not yet known, 0 of sinks and what is done; before
                         that, 1 where there may be no way out */
     uint8_t *sink;   /* n_triangles: holds the source */
     int32_t *queue;  /* n_triangles */
     int32_t n_queue;
 } sweep;
 
-enum { done_mark = -1 };
 /* Of a way out of a triangle that has none, over its edge's length. */
 static const double least_outlet = 1e-3;
 
@@ -238,12 +237,12 @@ static void sweep_triangle(sweep *s, int32_t t)
         w[k] = width_out(s, t, k);
         int32_t other = twin_triangle(s->mesh, t, s->mesh->triangle_edge[3 * (size_t)t + k]);
         /* a ring of triangles that feed each other was cut open here */
-        if (w[k] > 0 && !s->sink[other] && s->waiting[other] == done_mark) w[k] = 0;
+        if (w[k] > 0 && !s->sink[other] && s->waiting[other] == 0) w[k] = 0;
         sum += fabs(w[k]);
     }
     double load = pass_load(s, t, w);
     s->mu[t] = load / dmk_max(0.5 * sum, least_width(s->mesh, t));
-    s->waiting[t] = done_mark;
+    s->waiting[t] = 0;
     for (int k = 0; k < 3; k++) {
         int32_t other = twin_triangle(s->mesh, t, s->mesh->triangle_edge[3 * (size_t)t + k]);
         if (w[k] > 0 && !s->sink[other] && --s->waiting[other] == 0) s->queue[s->n_queue++] = other;
@@ -289,7 +288,7 @@ static int sweep_rings(dmk_context *ctx, sweep *s, int32_t *head)
     }
     qsort(list, n, sizeof *list, compare_stuck);
     for (size_t i = 0; i < n; i++) {
-        if (s->waiting[list[i].triangle] <= 0) continue;
+        if (s->waiting[list[i].triangle] == 0) continue;
         sweep_triangle(s, list[i].triangle);
         sweep_queue(s, head);
     }
