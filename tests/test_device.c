@@ -298,6 +298,29 @@ static void a_file_is_no_cache(void **state)
     refuses(*state, NULL, "README.md", "'README.md' is not a folder");
 }
 
+/* As of many GPUs; the numbers of devices come first. */
+static void a_name_may_be_a_number(void **state)
+{
+    fixture *f = *state;
+    dmk_device_info list[8];
+    size_t n = 0;
+    assert_int_equal(dmk_device_list(f->ctx, list, 8, &n), DMK_OK);
+    char number[24] = "";
+    for (const char *p = list[0].name; *p && strtoul(number, NULL, 10) < n; p++)
+        snprintf(number, sizeof number, "%.*s", (int)dmk_min_i(20, (int)strspn(p, "0123456789")),
+                 p);
+    if (strtoul(number, NULL, 10) < n) skip();
+    dmk_device *device = NULL;
+    dmk_device_options options;
+    dmk_device_options_init(&options, sizeof options);
+    options.select = number;
+    assert_int_equal(dmk_device_open(f->ctx, &options, &device), DMK_OK);
+    dmk_device_destroy(&device);
+    options.select = "12345678901";
+    assert_int_equal(dmk_device_open(f->ctx, &options, &device), DMK_E_DEVICE);
+    assert_non_null(strstr(dmk_context_message(f->ctx), "no device 12345678901: there are"));
+}
+
 /* Each device of the list is the one that its number opens; no more are told than there is room for. */
 static void devices_are_listed(void **state)
 {
@@ -508,6 +531,7 @@ int main(void)
                                        TEST(built_once_where_they_are_the_same),
                                        TEST(large_memory_lies_in_huge_pages),
                                        TEST(the_best_device),
+                                       TEST(a_name_may_be_a_number),
                                        TEST(devices_are_listed),
                                        TEST(a_file_is_no_cache),
                                        TEST(a_device_by_its_kind),

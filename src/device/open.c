@@ -238,14 +238,11 @@ static int choose(dmk_context *ctx, const char *select, const found *all, size_t
     if (strcasecmp(select, "cpu") == 0) return choose_best(ctx, "CPU", all, n, chosen);
     if (strcasecmp(select, "gpu") == 0) return choose_best(ctx, "GPU", all, n, chosen);
     char *end;
-    unsigned long number = strtoul(select, &end, 10);
-    if (*end == 0) {
-        if (number < n) {
-            *chosen = number;
-            return DMK_OK;
-        }
-        return dmk_fail(ctx, DMK_E_DEVICE, "no device %s: there are %zu, numbered from 0", select,
-                        n);
+    const unsigned long number = strtoul(select, &end, 10);
+    const bool is_number = *end == 0;
+    if (is_number && number < n) {
+        *chosen = number;
+        return DMK_OK;
     }
     for (size_t i = 0; i < n; i++) {
         dmk_device_info info;
@@ -254,6 +251,10 @@ static int choose(dmk_context *ctx, const char *select, const found *all, size_t
             *chosen = i;
             return DMK_OK;
         }
+    }
+    if (is_number) {
+        return dmk_fail(ctx, DMK_E_DEVICE, "no device %s: there are %zu, numbered from 0", select,
+                        n);
     }
     return dmk_fail(ctx, DMK_E_DEVICE,
                     "no OpenCL device or platform has '%s' in its name; the list of devices shows "
