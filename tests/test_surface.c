@@ -306,7 +306,10 @@ static void thin_bodies_are_covered(void **state)
         memcpy(o.size, thin[i].size, sizeof o.size);
         dmk_mesh *m = make(f->ctx, &o);
         assert_true(fabs(total_area(m) / thin[i].area - 1) < 0.04);
-        for (int32_t t = 0; t < m->n_triangles; t++) assert_true(quality(m, t) > 0.1);
+        double worst = 1;
+        for (int32_t t = 0; t < m->n_triangles; t++) worst = fmin(worst, quality(m, t));
+        /* Squeezed to a quarter at a time the first would have 0.37, to a half all have 0.64. */
+        if (!(worst > 0.6)) fail_msg("%s: quality %g", thin[i].name, worst);
         dmk_mesh_destroy(&m);
     }
 }
