@@ -261,7 +261,6 @@ static void graded_surface(void **state)
     check_mesh(grid(60, 1000, false), DMK_COARSEST, true);
 }
 
-/* Coarsening as far as it goes ends cleanly, by a stall or at one vertex. */
 /* Its lengths are more than a float can hold. */
 static void vast_surface(void **state)
 {
@@ -275,6 +274,7 @@ static void vast_surface(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* Coarsening as far as it goes ends cleanly, by a stall or at one vertex. */
 static void coarse_to_the_end(void **state)
 {
     (void)state;
