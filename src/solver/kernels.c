@@ -672,15 +672,12 @@ done:
 
 int dmk_newton_update_wide(dmk_context *ctx, dmk_system *s, const dmk_newton_step *step, int at)
 {
-    int rc;
-    DMK_TRY(RUN(DMK_OUTER, newton_update_wide, elements(s), DMK_INT(s->n_elements),
-                DMK_FLOAT(step->alpha), DMK_FLOAT(step->D), DMK_FLOAT(step->bend),
-                DMK_FLOAT(step->lowest), DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area),
-                DMK_BUF(s->rank_one_real), DMK_BUF(s->u), DMK_BUF(s->mu), DMK_BUF(s->out_real),
-                DMK_BUF(s->q), SUMS(at, s->scalars)));
-    rc = finish_sums(ctx, s, DMK_ELEMENTS, 6, 1, at);
-done:
-    return rc;
+    /* Without T there are no shares, and no sums of theirs to finish. */
+    return RUN(DMK_OUTER, newton_update_wide, elements(s), DMK_INT(s->n_elements),
+               DMK_FLOAT(step->alpha), DMK_FLOAT(step->D), DMK_FLOAT(step->bend),
+               DMK_FLOAT(step->lowest), DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area),
+               DMK_BUF(s->rank_one_real), DMK_BUF(s->u), DMK_BUF(s->mu), DMK_BUF(s->out_real),
+               DMK_BUF(s->q), SUMS(at, s->scalars));
 }
 
 int dmk_explicit_update(dmk_context *ctx, dmk_system *s, bool inertial, double dt, double beta,
