@@ -328,7 +328,7 @@ check 'its length is that of the summary' awk -v a="${length:-none}" \
 check 'path --report writes it' is_json "$work/path2.json"
 check 'with the files and the number of triangles' sh -c \
     "grep -q '/path.csv\"' '$work/path2.json' && grep -q '\"n_triangles\": '\$((\$(wc -l < '$work/path.csv') - 2)) '$work/path2.json'"
-usage 'a report on the mesh' 'a.off' path a.off --vertex 0 --to-vertex 1 --report a.off
+usage 'a report on the mesh' "'a.json' is read" path a.json --vertex 0 --to-vertex 1 --report a.json
 "$tool" cut "$torus" --vertex 0 --out "$work/cut.obj" --out "$work/cut.vtp" --picture "$work/cut.svg" > "$work/printed"
 check 'cut reports flipped triangles' has "$work/printed" '^in the plane [0-9]+ triangles? (is|are) flipped'
 check 'a cut as OBJ has a texture coordinate for each vertex' \

@@ -193,8 +193,8 @@ fails 'which solve does not either' 1 "--out: '$own/b.pvtp' is read by this run"
     "$tool" solve "$own/b_0000.vtp" --vertex 0 --out "$own/b.pvtp"
 fails 'nor does it write one piece twice' 1 "--out: '$own/e_0000.vtp' is also a file of --out" \
     "$tool" solve "$own/c.ply" --vertex 0 --out "$own/e.pvtp" --out "$own/e_0000.vtp"
-fails 'the report is no result' 1 "--report: '$own/e/c.vtp' is also a file of a result" \
-    "$tool" batch "$own/c.ply" --out-dir "$own/e" --report "$own/e/c.vtp"
+fails 'the report is no result' 1 "--report: '$own/e/c.tangent.txt' is also a file of a result" \
+    "$tool" batch "$own/c.ply" --out-dir "$own/e" --tangent .txt --report "$own/e/c.tangent.txt"
 mkdir "$own/pair"
 cp "$in/a.off" "$own/pair/x.off"
 cp "$in/c.ply" "$own/pair/x.locus.ply"

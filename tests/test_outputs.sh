@@ -6,8 +6,6 @@ mesh=$work/mesh.off
 "$tool" mesh sphere --triangles 300 --quiet --out "$mesh"
 printf 'vertex 0\nvertex 7\n' > "$work/list.txt"
 cp "$mesh" "$work/copy.off"
-ln -s mesh.off "$work/link.off"
-ln "$mesh" "$work/hard.off"
 mkdir "$work/folder"
 
 refused() { # NAME PATTERN ARGUMENT...: exit code 1, and the mesh is what it was
@@ -16,22 +14,28 @@ refused() { # NAME PATTERN ARGUMENT...: exit code 1, and the mesh is what it was
     fails "$name" 1 "$pattern" "$tool" "$@"
     check "$name: the mesh is as before" cmp "$mesh" "$work/copy.off"
 }
-for option in report tangent; do
-    refused "--$option on the mesh" "--$option: .* is read by this run" solve "$mesh" --vertex 0 --$option "$mesh"
-    refused "--$option on a link to it" "--$option: .*link.off' is read" solve "$mesh" --vertex 0 --$option "$work/link.off"
-    refused "--$option on another of its names" "--$option: .*is read" solve "$mesh" --vertex 0 --$option "$work/hard.off"
-    refused "--$option on it by another way" "--$option: .*is read" solve "$mesh" --vertex 0 --$option "$work/folder/../mesh.off"
+# A mesh is known by its content, whatever its name.
+for kind in report:json tangent:csv; do
+    option=${kind%:*} suffix=${kind#*:}
+    cp "$mesh" "$work/in.$suffix"
+    ln -s "in.$suffix" "$work/link.$suffix"
+    ln "$work/in.$suffix" "$work/hard.$suffix"
+    for name in in:the_mesh link:a_link_to_it hard:another_of_its_names folder/../in:it_by_another_way; do
+        refused "--$option on ${name#*:}" "--$option: .*${name%:*}.$suffix' is read by this run" \
+            solve "$work/in.$suffix" --vertex 0 --$option "$work/${name%:*}.$suffix"
+        check "which is as before" cmp "$work/in.$suffix" "$work/copy.off"
+    done
 done
 refused 'cut --out on the mesh' '--out: .*is read' cut "$mesh" --vertex 0 --out "$mesh"
 refused 'mesh --out on the mesh' '--out: .*is read' mesh "$mesh" --out "$mesh"
 refused '--report on the list' '--report: .*list-0000.txt|--report: .*is read' \
     solve "$mesh" --sources "$work/list.txt" --report "$work/list.txt"
-cp "$mesh" "$work/n-0001.off"
-fails 'a numbered name that is the mesh' 1 "--tangent: '.*n-0001.off' is read" \
-    "$tool" solve "$work/n-0001.off" --sources "$work/list.txt" --tangent "$work/n.off"
-check 'it is as before' cmp "$work/n-0001.off" "$work/copy.off"
-refused 'two outputs of one name' "--report: .*a.csv' is also a file of --tangent" \
-    solve "$mesh" --vertex 0 --tangent "$work/a.csv" --report "$work/a.csv"
+cp "$mesh" "$work/n-0001.csv"
+fails 'a numbered name that is the mesh' 1 "--tangent: '.*n-0001.csv' is read" \
+    "$tool" solve "$work/n-0001.csv" --sources "$work/list.txt" --tangent "$work/n.csv"
+check 'it is as before' cmp "$work/n-0001.csv" "$work/copy.off"
+refused 'two outputs of one name' "--report: .*a.txt' is also a file of --tangent" \
+    solve "$mesh" --vertex 0 --tangent "$work/a.txt" --report "$work/a.txt"
 refused 'the standard output by the option that was given' "--json: '-' is also a file of --out" \
     solve "$mesh" --vertex 0 --out - --json
 refused 'by another way' "--tangent: .*is also a file of --locus" \
@@ -45,7 +49,20 @@ fails 'a path has lines' 1 "has no suffix of a format for lines; expected one of
     "$tool" path "$mesh" --vertex 0 --to 1,0,0 --out "$work/a.off"
 check 'nothing was written' sh -c '! ls "$1"/a.* 2> /dev/null' - "$work"
 check 'names that only look alike are fine' "$tool" solve "$mesh" --vertex 0 --quiet --out "$work/folder/mesh.ply" \
-    --tangent "$work/mesh.csv" --report "$work/folder/mesh.csv"
+    --tangent "$work/mesh.txt" --report "$work/folder/mesh.txt"
+# What is written under the name of another format is not what the name says.
+for name in t.vtp t.obj t.json t; do
+    refused "--tangent $name" "--tangent: '.*/$name' has no suffix of a format for a tangent cut locus; expected one of .csv .txt" \
+        solve "$mesh" --vertex 0 --tangent "$work/$name"
+done
+for name in r.vtp r.off r.csv r.SVG; do
+    for command in 'solve --vertex 0' 'distance --vertex 0' 'path --vertex 0 --to-vertex 1' 'cut --vertex 0' 'transport --from uniform' batch; do
+        refused "${command%% *} --report $name" "--report: '.*/$name' has the suffix of another format, and the report is JSON" \
+            ${command%% *} "$mesh" ${command#"${command%% *}"} --report "$work/$name"
+    done
+done
+refused 'batch --tangent .obj' "--tangent: '.obj' is not one of .csv .txt" batch "$mesh" --out-dir "$work/none" --tangent .obj
+check 'no folder was made for it' test ! -e "$work/none"
 
 # ---- links and modes --------------------------------------------------------------------------
 

@@ -112,7 +112,15 @@ const char *cli_nearest(const char *word, const char *const *names);
 
 /* ---- output.c: files to be written ---------------------------------------------------------- */
 
-typedef enum cli_what { CLI_MESH, CLI_RESULT, CLI_LOCUS, CLI_PICTURE, CLI_ANY } cli_what;
+/* CLI_REPORT is JSON under any name but one of another format. */
+typedef enum cli_what {
+    CLI_MESH,
+    CLI_RESULT,
+    CLI_LOCUS,
+    CLI_TANGENT,
+    CLI_PICTURE,
+    CLI_REPORT
+} cli_what;
 
 /* See before the work starts that `path` of --`option` can hold `what`, by its suffix, by `format` (of --format, or
  * NULL) or as a stream, and lies in a folder that can be written to. EXIT_OK, or the exit code with the error
@@ -120,6 +128,8 @@ typedef enum cli_what { CLI_MESH, CLI_RESULT, CLI_LOCUS, CLI_PICTURE, CLI_ANY } 
 int cli_check_output(const char *option, const char *path, cli_what what, const char *format);
 int cli_check_outputs(const char *option, const cli_files *files, cli_what what,
                       const char *format);
+/* Of these the part that looks at a report's name. */
+int cli_check_report(const char *path);
 /* The row of --format. */
 cli_option cli_format_option(const char **format);
 /* Whether a path is the standard output: "-", /dev/stdout or the like; or nothing, as /dev/null; or another pipe or

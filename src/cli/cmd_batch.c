@@ -105,11 +105,10 @@ static int check_suffixes(const char *option, cli_files *files, cli_what what)
     for (int i = 0; i < files->n; i++) {
         const char *s = files->path[i];
         char padded[520], wanted[64];
-        snprintf(padded, sizeof padded, " %s ", what == CLI_ANY ? ".csv" : suffixes);
+        snprintf(padded, sizeof padded, " %s ", suffixes);
         snprintf(wanted, sizeof wanted, " %.60s ", s);
         if (*s == '.' && strstr(padded, wanted)) continue;
-        return cli_error(EXIT_USAGE, "--%s: '%s' is not one of %s", option, s,
-                         what == CLI_ANY ? ".csv" : suffixes);
+        return cli_error(EXIT_USAGE, "--%s: '%s' is not one of %s", option, s, suffixes);
     }
     return EXIT_OK;
 }
@@ -155,9 +154,10 @@ static int settle(batch_request *request, char report[PATH_MAX])
         return cli_error(EXIT_USAGE,
                          "batch: --resume reads the report of the run before; give --report FILE");
     }
-    code = check_suffixes("out", &each->out, CLI_RESULT);
+    code = cli_check_report(each->report);
+    if (code == EXIT_OK) code = check_suffixes("out", &each->out, CLI_RESULT);
     if (code == EXIT_OK) code = check_suffixes("locus", &each->locus, CLI_LOCUS);
-    if (code == EXIT_OK) code = check_suffixes("tangent", &each->tangent, CLI_ANY);
+    if (code == EXIT_OK) code = check_suffixes("tangent", &each->tangent, CLI_TANGENT);
     if (code == EXIT_OK && request->folder) code = make_folder(request->folder);
     return code;
 }

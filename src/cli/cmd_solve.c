@@ -78,7 +78,7 @@ static int check_request(solve_request *request)
         code = cli_check_outputs("out", &request->out, CLI_RESULT, request->format);
     if (code == EXIT_OK)
         code = cli_check_outputs("locus", &request->locus, CLI_LOCUS, request->format);
-    if (code == EXIT_OK) code = cli_check_outputs("tangent", &request->tangent, CLI_ANY, NULL);
+    if (code == EXIT_OK) code = cli_check_outputs("tangent", &request->tangent, CLI_TANGENT, NULL);
     if (code == EXIT_OK) code = check_many(request);
     cli_uses uses = {.n = 0};
     solve_request_uses(request, &uses);

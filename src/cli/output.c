@@ -11,14 +11,21 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+/* Of what the tool writes itself. */
+static const char *const own_suffixes[CLI_REPORT + 1] = {
+    [CLI_TANGENT] = ".csv .txt",
+    [CLI_PICTURE] = ".svg",
+};
+
 static bool format_holds(const dmk_format_info *format, cli_what what)
 {
     switch (what) {
     case CLI_MESH: return format->writes_mesh;
     case CLI_RESULT: return format->writes_result;
     case CLI_LOCUS: return format->writes_locus;
-    case CLI_PICTURE: return false; /* the tool draws itself */
-    case CLI_ANY: return true;
+    case CLI_TANGENT:
+    case CLI_PICTURE:
+    case CLI_REPORT: break;
     }
     return false;
 }
@@ -26,7 +33,7 @@ static bool format_holds(const dmk_format_info *format, cli_what what)
 void cli_suffixes(cli_what what, char *text, size_t size)
 {
     dmk_format_info format;
-    snprintf(text, size, "%s", what == CLI_PICTURE ? ".svg" : "");
+    snprintf(text, size, "%s", own_suffixes[what] ? own_suffixes[what] : "");
     for (size_t i = 0; dmk_format_get(i, &format) == DMK_OK; i++) {
         if (!format_holds(&format, what)) continue;
         const size_t used = strlen(text);
@@ -172,30 +179,49 @@ static int check_folder(const char *option, const char *path)
     return EXIT_OK;
 }
 
-int cli_check_output(const char *option, const char *path, cli_what what, const char *format)
+int cli_check_report(const char *path)
 {
-    static const char *const words[] = {"a mesh", "a result", "lines", "a drawing", ""};
+    dmk_format_info format;
+    bool other = has_suffix(path, own_suffixes[CLI_PICTURE]);
+    for (size_t i = 0; dmk_format_get(i, &format) == DMK_OK; i++)
+        other = other || has_suffix(path, format.suffixes);
+    if (!other || cli_is_stream(path)) return EXIT_OK;
+    return cli_error(EXIT_USAGE,
+                     "--report: '%s' has the suffix of another format, and the report is JSON; "
+                     "choose another name, as FILE.json",
+                     path);
+}
+
+static int check_suffix(const char *option, const char *path, cli_what what, const char *format)
+{
+    static const char *const words[] = {"a mesh", "a result", "lines", "a tangent cut locus",
+                                        "a drawing"};
     char suffixes[512];
     dmk_format_info chosen;
+    if (what == CLI_REPORT) return cli_check_report(path);
     cli_suffixes(what, suffixes, sizeof suffixes);
     const bool by_name = format && find_format(format, &chosen) && format_holds(&chosen, what);
     const bool stream = cli_is_stream(path);
-    if (stream && what != CLI_ANY && has_suffix(path, ".pvtp")) {
+    if (stream && has_suffix(path, ".pvtp")) {
         return cli_error(EXIT_USAGE, "--%s: '%s': PVTP is several files, and this is one stream",
                          option, path);
     }
-    if (what != CLI_ANY && !has_suffix(path, suffixes) && format && !by_name) {
+    if (has_suffix(path, suffixes)) return EXIT_OK;
+    if (format && !by_name) {
         return cli_error(EXIT_USAGE,
                          "--format: %s cannot hold %s, and --%s: '%s' has no suffix of a format "
                          "that can; expected one of %s",
                          format, words[what], option, path, suffixes);
     }
-    if (what != CLI_ANY && !has_suffix(path, suffixes) && !by_name && !stream) {
-        return cli_error(EXIT_USAGE,
-                         "--%s: '%s' has no suffix of a format for %s; expected one of %s", option,
-                         path, words[what], suffixes);
-    }
-    return check_folder(option, path);
+    if (by_name || stream) return EXIT_OK;
+    return cli_error(EXIT_USAGE, "--%s: '%s' has no suffix of a format for %s; expected one of %s",
+                     option, path, words[what], suffixes);
+}
+
+int cli_check_output(const char *option, const char *path, cli_what what, const char *format)
+{
+    const int code = check_suffix(option, path, what, format);
+    return code == EXIT_OK ? check_folder(option, path) : code;
 }
 
 /* ---- files that are one and the same -------------------------------------------------------- */

@@ -280,7 +280,7 @@ int solve_request_settle(solve_request *request)
 int solve_request_check_report(const solve_request *request)
 {
     const bool file = request->report && strcmp(request->report, "-") != 0;
-    return file ? cli_check_output("report", request->report, CLI_ANY, NULL) : EXIT_OK;
+    return file ? cli_check_output("report", request->report, CLI_REPORT, NULL) : EXIT_OK;
 }
 
 static bool are_files(const cli_files *files)
