@@ -43,7 +43,37 @@ usage 'no mesh' 'MESH is missing' solve --vertex 0
 usage 'two meshes' "'b.off' is one argument too many" solve a.off b.off --vertex 0
 usage 'no source' 'no source given: use --source X,Y,Z or --vertex I' solve x.off
 usage 'two sources' 'not both' solve x.off --vertex 0 --source 1,2,3
-usage 'quiet and verbose' 'not both' solve x.off --vertex 0 --quiet --verbose
+# Of two values the first one would be lost; a flag says the same thing twice.
+usage 'an option twice' '--vertex: given twice' solve x.off --vertex 0 --vertex=1
+for twice in '--source 1,0,0' '--threshold 1' '--method newton' '--report a' '--format ply'; do
+    usage "$twice twice" "${twice%% *}: given twice" solve x.off --vertex 0 $twice $twice
+done
+usage 'sizes twice' '--size: given twice' mesh torus --out x.off --size 1 --size 2
+usage 'a source and a list twice' '--sources: given twice' solve x.off --sources a --sources b
+check 'a flag twice' "$tool" info meshes/torus.off --json --json
+# Options of which one would have no effect beside the other, or alone.
+clash() { # PATTERN COMMAND ARGUMENTS...
+    usage "${*:2}" "^dmkcl: $2: $1$" "$2" x.off "${@:3}"
+}
+for command in 'solve --vertex 0' 'batch' 'distance --border' 'path --vertex 0 --to-vertex 1' 'cut --vertex 0' 'transport --from a'; do
+    clash 'give --quiet or --verbose, not both' $command --quiet --verbose
+done
+clash 'give --exact or --tolerance, not both' distance --vertex 0 --exact --tolerance 1e-6
+clash '--locus needs points as sources: leave out --border' distance --border --locus x.obj
+for option in '--locus x.obj:makes no cut locus' '--tangent x.csv:makes no cut locus' '--strength 1:makes no cut locus' \
+    '--threshold 1:marks no approximate cut locus' '--start distance:always starts from mu = 1' '--sources a:goes with one source'; do
+    name=${option%%[ :]*} words=${option%:*}
+    clash "--density-only ${option#*:}: leave out $name" solve $words --density-only
+done
+clash '--resume has no effect without --sources' solve --vertex 0 --resume
+clash '--strength has no effect without --locus' distance --vertex 0 --strength 1
+clash '--normalise has no effect without --to' transport --from a --normalise
+for command in 'solve --vertex 0' 'distance --vertex 0'; do
+    clash '--format has no effect without --out or --locus' $command --format ply
+done
+for command in 'path --vertex 0 --to-vertex 1' 'cut --vertex 0 --picture x.svg' 'transport --from a'; do
+    clash '--format has no effect without --out' $command --format ply
+done
 for bad in 1,2 1,2,3,4 1,2,x 1,2, '' '1, ,2,3' ' ' '1,2,3,' '1 2 3' nan,0,0 inf,0,0 "1;2;3"; do
     usage "--source '$bad'" "--source: '.*' is not a point X,Y,Z" solve x.off "--source=$bad"
 done
@@ -77,8 +107,6 @@ usage '--method' "'fast' is not one of newton, inertial, euler" solve x.off --me
 usage '--start' "'cold' is not one of distance, uniform" solve x.off --start cold
 usage '--out with a strange suffix' "expected one of .*.vtp" solve x.off --vertex 0 --out x.png
 usage '--locus with a strange suffix' "expected one of .*.obj" solve x.off --vertex 0 --locus x.png
-usage '--locus of a border' "leave out --border" distance x.off --border --locus x.obj
-usage '--strength of no locus' "without --locus" distance x.off --vertex 0 --strength 1
 fails '--out in no folder' 2 'cannot write into the folder' \
     "$tool" solve x.off --vertex 0 --out "$work/no/x.vtp"
 fails '--report in no folder' 2 'cannot write into the folder' \
@@ -126,7 +154,7 @@ check 'one triangle' one '4 vertices, 1 triangle, ' "$tool" info "$work/one.off"
 check 'one unused vertex' one '1 vertex is in no triangle' "$tool" info "$work/one.off"
 check 'one triangle of a path' one 'length 1, 1 triangle$' "$tool" path "$work/one.off" --vertex 0 --to-vertex 1
 check 'one of a distance' one ': 4 vertices, 1 triangle$' "$tool" distance "$work/one.off" --vertex 0
-usage 'two ends' 'path: give --to or --to-vertex, not both' path x.off --vertex 0 --to 1,0,0 --to-vertex 1
+clash 'give --to or --to-vertex, not both' path --vertex 0 --to 1,0,0 --to-vertex 1
 
 # ---- meshes -----------------------------------------------------------------------------------
 

@@ -50,7 +50,7 @@ int cli_flush(void);
 
 /* ---- options.c: the command line as a table ------------------------------------------------- */
 
-enum { CLI_MAX_FILES = 16 };
+enum { CLI_MAX_FILES = 16, CLI_MAX_OPTIONS = 40 };
 
 typedef struct cli_files {
     const char *path[CLI_MAX_FILES];
@@ -99,7 +99,7 @@ typedef struct cli_syntax {
     cli_words *operands; /* where there may be many: all of them */
     const char *notes;   /* after the options, or NULL */
     const cli_option *options;
-    size_t n_options;
+    size_t n_options; /* at most CLI_MAX_OPTIONS */
 } cli_syntax;
 
 enum { CLI_GO_ON = -1 };
@@ -109,6 +109,12 @@ enum { CLI_GO_ON = -1 };
 int cli_parse(const cli_syntax *syntax, int argc, char **argv, const char **operand);
 /* The entry of `names` (NULL-terminated) nearest to `word`, or NULL if none is near. */
 const char *cli_nearest(const char *word, const char *const *names);
+
+/* ---- pairs.c -------------------------------------------------------------------------------- */
+
+/* Of the options that are given (for each of the syntax), whether all have an effect beside the others. CLI_GO_ON, or
+ * EXIT_USAGE with the error printed. */
+int cli_check_pairs(const cli_syntax *syntax, const bool *given);
 
 /* ---- output.c: files to be written ---------------------------------------------------------- */
 

@@ -256,14 +256,6 @@ static int check_request(distance_request *r)
             EXIT_USAGE, "distance: give one of --source, --vertex and --sources; a file of sources "
                         "holds any number of both");
     }
-    if (r->exact && r->tolerance > 0) {
-        return cli_error(EXIT_USAGE, "distance: give --exact or --tolerance, not both");
-    }
-    if (r->border && r->solve.locus.n > 0)
-        return cli_error(EXIT_USAGE,
-                         "distance: --locus needs points as sources; leave out --border");
-    if (r->solve.trace.strength > 0 && r->solve.locus.n == 0)
-        return cli_error(EXIT_USAGE, "distance: --strength without --locus");
     int code = solve_request_convert(&r->solve);
     if (code == EXIT_OK) code = solve_request_check_report(&r->solve);
     if (code == EXIT_OK)

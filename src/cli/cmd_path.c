@@ -101,11 +101,8 @@ static int run_path(const path_request *request)
 static int check_request(path_request *request)
 {
     int code = solve_request_settle(&request->solve);
-    const int n = (request->to.n > 0) + (request->to_vertex >= 0);
-    if (code == EXIT_OK && n == 0)
+    if (code == EXIT_OK && request->to.n == 0 && request->to_vertex < 0)
         code = cli_error(EXIT_USAGE, "path: no end given: use --to X,Y,Z or --to-vertex J");
-    if (code == EXIT_OK && n > 1)
-        code = cli_error(EXIT_USAGE, "path: give --to or --to-vertex, not both");
     if (code == EXIT_OK)
         code = cli_check_outputs("out", &request->out, CLI_LOCUS, request->solve.format);
     cli_uses uses = {.n = 0};

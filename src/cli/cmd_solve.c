@@ -61,18 +61,10 @@ static int check_request(solve_request *request)
 {
     const bool report = request->report && strcmp(request->report, "-") != 0;
     int code = solve_request_settle(request);
-    if (code == EXIT_OK && request->resume && !request->sources) {
-        code = cli_error(EXIT_USAGE, "solve: --resume goes with --sources FILE");
-    }
     if (code == EXIT_OK && request->resume && !report && request->out.n == 0 &&
         request->locus.n == 0 && request->tangent.n == 0) {
         code = cli_error(EXIT_USAGE, "solve: --resume skips sources whose files exist: give --out, "
                                      "--locus, --tangent or --report");
-    }
-    if (code == EXIT_OK && request->density_only &&
-        (request->locus.n > 0 || request->tangent.n > 0 || request->sources)) {
-        code = cli_error(EXIT_USAGE, "solve: --density-only goes with one source, and makes no cut "
-                                     "locus: leave out --locus, --tangent and --sources");
     }
     if (code == EXIT_OK)
         code = cli_check_outputs("out", &request->out, CLI_RESULT, request->format);

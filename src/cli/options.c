@@ -201,8 +201,8 @@ static int print_help(const cli_syntax *syntax)
 
 static int unknown_option(const cli_syntax *syntax, const char *name, size_t length)
 {
-    const char *names[64] = {NULL};
-    for (size_t i = 0; i < syntax->n_options && i < 63; i++) names[i] = syntax->options[i].name;
+    const char *names[CLI_MAX_OPTIONS + 1] = {NULL};
+    for (size_t i = 0; i < syntax->n_options; i++) names[i] = syntax->options[i].name;
     char word[64];
     snprintf(word, sizeof word, "%.*s", (int)length, name);
     const char *nearest = cli_nearest(word, names);
@@ -223,14 +223,24 @@ static const cli_option *find_option(const cli_syntax *syntax, const char *name,
     return NULL;
 }
 
+/* Of two values one would be lost, without a word which; a flag says the same thing twice. */
+static bool is_repeated(const cli_option *option, bool *given)
+{
+    const bool before = *given;
+    *given = true;
+    return before && option->kind != CLI_FLAG && option->kind != CLI_FILES;
+}
+
 /* argv[*i] begins with "--": take it, and its value from behind '=' or from the next argument. */
-static int take_option(const cli_syntax *syntax, int argc, char **argv, int *i)
+static int take_option(const cli_syntax *syntax, int argc, char **argv, int *i, bool *given)
 {
     const char *name = argv[*i] + 2;
     const char *equals = strchr(name, '=');
     const size_t length = equals ? (size_t)(equals - name) : strlen(name);
     const cli_option *option = find_option(syntax, name, length);
     if (!option) return unknown_option(syntax, name, length);
+    if (is_repeated(option, &given[option - syntax->options]))
+        return cli_error(EXIT_USAGE, "--%s: given twice; give it once", option->name);
     if (option->kind == CLI_FLAG) {
         if (!equals) return set_value(option, NULL);
         return cli_error(EXIT_USAGE, "--%s: takes no value", option->name);
@@ -262,6 +272,7 @@ int cli_parse(const cli_syntax *syntax, int argc, char **argv, const char **oper
     *operand = NULL;
     if (syntax->operands) *syntax->operands = (cli_words){.word = (const char **)argv};
     bool only_operands = false; /* behind "--" */
+    bool given[CLI_MAX_OPTIONS] = {false};
     for (int i = 1; i < argc; i++) {
         int code;
         if (!only_operands && strcmp(argv[i], "--") == 0) {
@@ -271,7 +282,7 @@ int cli_parse(const cli_syntax *syntax, int argc, char **argv, const char **oper
                    (strcmp(argv[i], "--help") == 0 || strcmp(argv[i], "-h") == 0)) {
             return print_help(syntax);
         } else if (!only_operands && strncmp(argv[i], "--", 2) == 0) {
-            code = take_option(syntax, argc, argv, &i);
+            code = take_option(syntax, argc, argv, &i, given);
         } else if (!only_operands && argv[i][0] == '-' && argv[i][1]) {
             code = cli_error(EXIT_USAGE, "%s: no option '%s'; options begin with two dashes",
                              syntax->command, argv[i]);
@@ -284,5 +295,5 @@ int cli_parse(const cli_syntax *syntax, int argc, char **argv, const char **oper
         return cli_error(EXIT_USAGE, "%s: %s is missing; usage: dmkcl %s %s", syntax->command,
                          syntax->operand, syntax->command, syntax->usage);
     }
-    return CLI_GO_ON;
+    return cli_check_pairs(syntax, given);
 }

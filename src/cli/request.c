@@ -18,7 +18,7 @@ void solve_request_init(solve_request *request, const char *command)
 
 void solve_add(solve_table *table, const cli_option *rows, size_t n)
 {
-    for (size_t i = 0; i < n && table->n < SOLVE_MAX_OPTIONS; i++) table->row[table->n++] = rows[i];
+    for (size_t i = 0; i < n && table->n < CLI_MAX_OPTIONS; i++) table->row[table->n++] = rows[i];
 }
 
 void solve_add_source(solve_table *table, solve_request *request)
@@ -249,9 +249,6 @@ int solve_request_convert(solve_request *request)
                          request->command);
     }
     if (request->json || request->report) request->report = file ? request->report : "-";
-    if (request->quiet && request->verbose) {
-        return cli_error(EXIT_USAGE, "%s: give --quiet or --verbose, not both", request->command);
-    }
     if (request->solve.dt > 0 && request->solve.method != DMK_EULER) {
         return cli_error(EXIT_USAGE, "%s: --dt is for --method euler", request->command);
     }

@@ -74,11 +74,9 @@ typedef struct solve_run {
 
 /* ---- request.c: options that several commands share ------------------------------------------- */
 
-enum { SOLVE_MAX_OPTIONS = 40 };
-
-/* Options by the piece, for a table of SOLVE_MAX_OPTIONS rows. */
+/* Options by the piece, for a table. */
 typedef struct solve_table {
-    cli_option row[SOLVE_MAX_OPTIONS];
+    cli_option row[CLI_MAX_OPTIONS];
     size_t n;
 } solve_table;
 
