@@ -172,14 +172,16 @@ int dmk_solver_take_options(dmk_context *ctx, const dmk_solve_options *given, dm
     if (!(o->inertia < 1)) {
         return dmk_fail(ctx, DMK_E_ARG, "inertia = %g: expected 0 <= inertia < 1", o->inertia);
     }
-    const double bounds[] = {o->tolerance, o->gap_tolerance, o->cg_tolerance, o->threshold};
+    const double bounds[] = {o->tolerance, o->gap_tolerance, o->cg_tolerance};
     for (size_t i = 0; i < sizeof bounds / sizeof *bounds; i++) {
-        if (bounds[i] >= 0 && isfinite(bounds[i])) continue;
-        return dmk_fail(
-            ctx, DMK_E_ARG, "%s = %g: expected a finite number from 0",
-            (const char *[]){"tolerance", "gap_tolerance", "cg_tolerance", "threshold"}[i],
-            bounds[i]);
+        if (bounds[i] >= 0 && bounds[i] <= 1) continue;
+        return dmk_fail(ctx, DMK_E_ARG, "%s = %g: expected a number from 0 to 1",
+                        (const char *[]){"tolerance", "gap_tolerance", "cg_tolerance"}[i],
+                        bounds[i]);
     }
+    if (!(o->threshold >= 0 && isfinite(o->threshold)))
+        return dmk_fail(ctx, DMK_E_ARG, "threshold = %g: expected a finite number from 0",
+                        o->threshold);
     if (o->max_steps < 0)
         return dmk_fail(ctx, DMK_E_ARG, "max_steps = %d: expected 0 or more", o->max_steps);
     if ((int)o->method < DMK_NEWTON || o->method > DMK_EULER) {

@@ -165,7 +165,10 @@ class Geodesics:
             raise ArgumentError(f"offsets have the shape {apart.shape}; expected (k,)")
         if apart is not None and len(apart) != len(self.sources):
             raise ArgumentError(f"{count(len(apart), 'offset')} for {count(len(self.sources), 'source')}")
-        self._asked = (along, switch("border", border), None if apart is None else apart.tolist(), amount("tolerance", tolerance), switch("exact", exact))
+        allowed = amount("tolerance", tolerance)
+        if switch("exact", exact) and allowed > 0:
+            raise ArgumentError(f"tolerance = {tolerance!r}, but exact=True allows no error: leave out one of them")
+        self._asked = (along, switch("border", border), None if apart is None else apart.tolist(), allowed, bool(exact))
         self._made: Optional[Handle] = self._compute(whole("threads", threads))
 
     def _compute(self, threads: int = 0) -> Handle:

@@ -57,15 +57,16 @@ def _options(
     dt: float = 0,
     inertia: Optional[float] = None,
     cg_tolerance: float = 0,
+    strength: float = 0,
     density_only: bool = False,
 ) -> Any:
     options = ffi.new("dmk_solve_options *")
     lib.dmk_solve_options_init(options, ffi.sizeof(options[0]))
     options.method = _choose(_METHODS, "method", method)
     options.start = _choose(_STARTS, "start", start)
-    options.tolerance, options.gap_tolerance = amount("tolerance", tolerance), amount("gap", gap)
+    options.tolerance, options.gap_tolerance = amount("tolerance", tolerance, 1), amount("gap", gap, 1)
     options.max_steps, options.threshold = whole("max_steps", max_steps), amount("threshold", threshold)
-    options.dt, options.cg_tolerance = amount("dt", dt), amount("cg_tolerance", cg_tolerance)
+    options.dt, options.cg_tolerance = amount("dt", dt), amount("cg_tolerance", cg_tolerance, 1)
     options.density_only = switch("density_only", density_only)
     if dt and method != "euler":
         raise ArgumentError(f'dt = {dt}: only method="euler" has a time step')
@@ -73,6 +74,8 @@ def _options(
         raise ArgumentError(f'inertia = {inertia}: only method="inertial" has inertia')
     if inertia is not None:
         options.inertia = amount("inertia", inertia)
+    if (amount("strength", strength) > 0 or threshold) and density_only:
+        raise ArgumentError("density_only makes no cut locus: leave out threshold and strength")
     return options
 
 
@@ -259,6 +262,7 @@ class CutLocus:
             dt=dt,
             inertia=inertia,
             cg_tolerance=cg_tolerance,
+            strength=strength,
             density_only=density_only,
         )
         return self._solve(
@@ -323,6 +327,7 @@ class CutLocus:
             dt=dt,
             inertia=inertia,
             cg_tolerance=cg_tolerance,
+            strength=strength,
             density_only=density_only,
         )
         given = {"points": points, "vertices": vertices, "faces": faces}
@@ -521,6 +526,7 @@ def solve_meshes(
         dt=dt,
         inertia=inertia,
         cg_tolerance=cg_tolerance,
+        strength=strength,
         density_only=density_only,
     )
 

@@ -66,6 +66,8 @@ def test_arguments_of_a_wrong_kind(plane):
         (dict(source=point._replace(bary=(0.5, 0.5))), "expected a triangle's number and three weights"),
         (dict(vertex=0, tolerance=True), "tolerance = True"),
         (dict(vertex=0, tolerance=b"0.1"), "tolerance = b'0.1'"),
+        (dict(vertex=0, tolerance=2), "tolerance = 2: expected 0 to 0.01"),
+        (dict(vertex=0, tolerance=1e-6, exact=True), "tolerance = 1e-06, but exact=True allows no error"),
     ]
     for given, text in wrong:
         with pytest.raises(dmkcl.ArgumentError, match=text):
