@@ -389,7 +389,10 @@ class Result:
         """The page of `export_html` for the output of a notebook's cell, `height` pixels high."""
         from ._html import View, page
 
-        return View(page(self, title), whole("height", height))
+        pixels = whole("height", height)
+        if pixels < 1:
+            raise ArgumentError(f"height = {height!r}: expected a number above 0")
+        return View(page(self, title), pixels)
 
     def export_html(self, path: "os.PathLike[str] | str", *, title: Optional[str] = None) -> None:
         """Write a page that shows the surface in any browser, to be turned by mouse or finger; one file

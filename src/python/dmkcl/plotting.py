@@ -66,14 +66,19 @@ def plot(
     -------
     the plotter, to which more can be added when `show` is False
     """
-    if views not in (1, 2):
+    if whole("views", views) not in (1, 2):
         raise ArgumentError(f"views = {views!r}: expected 1 or 2")
     lines = whole("contours", contours)
+    if lines < 0:
+        raise ArgumentError(f"contours = {contours!r}: expected a number from 0")
+    picture = None if screenshot is None else path_text(screenshot)
+    if picture is not None and not os.path.splitext(picture)[1]:  # to which PyVista would add one
+        raise ArgumentError(f"screenshot = {screenshot!r}: expected a name with a suffix, as .png")
     data = result.to_pyvista()
     settings = _colour_settings(data, scalars, log, cmap, clim)
     own = plotter is None
     if own:
-        plotter = _new_plotter(views, True if screenshot else None)
+        plotter = _new_plotter(views, True if picture else None)
     sides = (1, -1) if own and views == 2 else (-1,)
     for number, side in enumerate(sides):
         if own:
@@ -88,8 +93,8 @@ def plot(
             _add_ball(plotter, result.source.xyz, 0.013 * data.length, SOURCE_COLOUR)
         plotter.view_vector(*_viewpoint(result, side))
         plotter.camera.zoom(1.15)
-    if screenshot:
-        plotter.screenshot(path_text(screenshot))
+    if picture:
+        plotter.screenshot(picture)
     elif show:
         plotter.show()
     return plotter
@@ -113,6 +118,28 @@ def round_scale(low: float, high: float, log: bool) -> "tuple[float, float, int]
     return float(f"{first * step:.12g}"), float(f"{last * step:.12g}"), last - first + 1
 
 
+def _values(data: Any, scalars: str) -> np.ndarray:
+    """What the colours tell of that array: of vectors their lengths."""
+    names = data.array_names
+    if not isinstance(scalars, str) or scalars not in names:
+        raise ArgumentError(f"scalars = {scalars!r}: expected one of {', '.join(sorted(names))}")
+    values = np.asarray(data[scalars], float)
+    return values if values.ndim == 1 else np.linalg.norm(values, axis=1)
+
+
+def _scale(clim: Sequence[float], log: bool) -> "tuple[float, float]":
+    """The ends that were asked for."""
+    wanted = "two numbers above 0" if log else "two finite numbers"
+    try:
+        low, high = map(float, clim)
+        good = -np.inf < low < high < np.inf and (low > 0 or not log)
+    except (TypeError, ValueError):
+        good = False
+    if not good:
+        raise ArgumentError(f"clim = {clim!r}: expected {wanted}, the smaller one first")
+    return low, high
+
+
 def _colour_settings(
     data: Any, scalars: str, log: bool, cmap: Any, clim: Optional[Sequence[float]]
 ) -> "dict[str, Any]":
@@ -122,8 +149,10 @@ def _colour_settings(
         "title": scalars, "color": "black", "vertical": True, "fmt": "%g",
         "position_x": 0.89, "position_y": 0.04, "height": 0.4, "width": 0.06,
     }  # fmt: skip
-    if clim is None:
-        values = np.asarray(data[scalars], float)
+    values = _values(data, scalars)
+    if clim is not None:
+        clim = _scale(clim, log)
+    else:
         values = values[np.isfinite(values)]
         clim = density_range(values) if scalars == "mu" else (values.min(initial=0), values.max(initial=0))
         if clim[1] > clim[0]:

@@ -69,10 +69,41 @@ def test_plot_options(result):
     mine = pyvista.Plotter(off_screen=True)
     assert result.plot(plotter=mine, show=False, scalars="distance", cmap="viridis") is mine
     assert result.plot(plotter=mine, show=False, mesh_options={"show_edges": True}) is mine
-    with pytest.raises(dmkcl.ArgumentError, match="views = 3"):
-        result.plot(views=3, show=False)
     plotter.close()
     mine.close()
+
+
+@pytest.mark.parametrize(
+    "given, words",
+    [
+        (dict(views=3), "views = 3: expected 1 or 2"),
+        (dict(views=2.0), "views = 2.0: expected a whole number"),
+        (dict(contours=-1), "contours = -1: expected a number from 0"),
+        (dict(scalars="foo"), "scalars = 'foo': expected one of acl, distance, gradient, mu, u"),
+        (dict(scalars=None), "scalars = None: expected one of acl"),
+        (dict(clim=(3, 1)), r"clim = \(3, 1\): expected two numbers above 0, the smaller one first"),
+        (dict(clim=(1, 1)), "two numbers above 0, the smaller"),
+        (dict(clim=(0, 1)), "two numbers above 0, the smaller"),
+        (dict(clim=(0, np.inf), log=False), "two finite numbers, the smaller one first"),
+        (dict(clim=(np.nan, 1), scalars="distance"), "two finite numbers, the smaller"),
+        (dict(clim=(1, 2, 3)), "clim = "),
+        (dict(clim=5), "clim = 5: expected two"),
+        (dict(clim="ab"), "clim = 'ab': expected two"),
+        (dict(screenshot=""), "screenshot = '': expected a name with a suffix"),
+        (dict(screenshot="picture"), "screenshot = 'picture': expected a name with a suffix, as .png"),
+    ],
+)
+def test_plot_options_that_are_wrong(result, given, words):
+    with pytest.raises(dmkcl.ArgumentError, match=words):
+        result.plot(show=False, **given)
+
+
+def test_the_scale_of_a_plot(result):
+    data = result.to_pyvista()
+    given = plotting._colour_settings(data, "mu", False, None, np.array([-1, 2]))
+    assert given["clim"] == (-1, 2)
+    # Of vectors the colours tell the lengths, whatever their directions.
+    assert plotting._colour_settings(data, "gradient", True, None, None)["clim"] == [0, 1.2]
 
 
 def test_plot_of_a_point_and_of_components(small):
