@@ -41,7 +41,8 @@ usage 'a value that is missing' '--source: its value X,Y,Z is missing' solve x.o
 usage 'a flag with a value' '--quiet: takes no value' solve x.off --quiet=1
 usage 'no mesh' 'MESH is missing' solve --vertex 0
 usage 'two meshes' "'b.off' is one argument too many" solve a.off b.off --vertex 0
-usage 'no source' 'no source given: use --source X,Y,Z or --vertex I' solve x.off
+usage 'no source' 'no source given: use --source X,Y,Z, --vertex I or --sources FILE$' solve x.off
+usage 'no source of a path' 'no source given: use --source X,Y,Z or --vertex I$' path x.off --to-vertex 1
 usage 'two sources' 'not both' solve x.off --vertex 0 --source 1,2,3
 # Of two values the first one would be lost; a flag says the same thing twice.
 usage 'an option twice' '--vertex: given twice' solve x.off --vertex 0 --vertex=1
@@ -301,6 +302,11 @@ check 'and counted' has "$work/json" '"seam_edges": 1'
 check 'a source far away is warned of' has "$work/errors" 'warning: \(9, 0, 0\) is 6 away from the surface'
 "$tool" solve "$torus" --source 3.01,0,0 2> "$work/errors" > /dev/null
 check 'one nearby is not' test ! -s "$work/errors"
+for made in '100,0,0:97' '3.3,0,0:0.3' '3.01,0,0:'; do
+    "$tool" mesh torus --source "${made%:*}" --out "$work/lifted.off" > "$work/said_out" 2> "$work/errors"
+    words="^dmkcl: warning: .${made%%,*}, 0, 0. is away from the surface; the source, .3, 0, 0., is ${made#*:} from it$"
+    check "mesh --source ${made%:*}" test "$(grep -cE "$words" "$work/errors")" -eq "$(grep -c . <<< "${made#*:}")" -a "$(wc -l < "$work/errors")" -le 1
+done
 for command in 'distance --source 9,0,0' 'path --source 3,0,0 --to 9,0,0' 'batch --source 9,0,0 --json'; do
     "$tool" $command "$torus" 2> "$work/errors" > /dev/null
     check "and by ${command%% *}, too" has "$work/errors" 'warning: \(9, 0, 0\) is 6 away from the surface'

@@ -42,8 +42,12 @@ fails 'one measure where two were meant' 1 'has the total mass 3: expected 0, un
     "$tool" transport $mesh --from "$work/a"
 two_meshes $mesh > "$work/two.off"
 printf 'vertex 0 1\nvertex %d 1\n' "$n" > "$work/apart"
-fails 'points that are not joined' 1 '--from .*apart: point 1 lies on component 1, other mass on component 0' \
+fails 'points that are not joined' 1 '^dmkcl: .*apart:2: point 1 lies on component 1, other mass on component 0' \
     "$tool" transport "$work/two.off" --from "$work/apart" --to uniform
+printf '# of two spheres\n' > "$work/apart2"
+awk -v n="$n" 'BEGIN { for (i = 0; i < 2 * n; i++) print i == 7 || i == n + 3 ? 1 : 0 }' >> "$work/apart2"
+fails 'vertices that are not joined' 1 "apart2:$((n + 5)): vertex $((n + 3)) lies on component 1, other mass on component 0" \
+    "$tool" transport "$work/two.off" --from "$work/a" --to "$work/apart2" --normalise
 check 'one signed measure' "$tool" transport $mesh --from "$work/signed"
 
 check 'a file of arrays' "$tool" solve $mesh --vertex 3 --out "$work/n.vtp" --out "$work/n.vtu"
@@ -104,6 +108,24 @@ check 'vertices count as in the file that is repaired' as_joined soup_from mesh_
 check 'masses of vertices that become one add up' as_joined of_soup of_mesh uniform uniform
 { echo 5 && cat "$work/faces"; } > "$work/soup_faces"
 check 'densities of triangles are those of the file' as_joined soup_faces faces uniform uniform
+# Of two spheres in such triangles: what is refused has the numbers and the lines of the file.
+awk 'BEGIN { c = 0 } NR == 2 { n = $1 } NR > 2 && NR <= n + 2 { p[NR - 3] = $0 } NR > n + 2 { for (k = 2; k <= 4; k++) v[c++] = $k }
+    END { print "OFF"; print c + 1, c / 3, 0; print "9 9 9"; for (i = 0; i < c; i++) print p[v[i]]
+        for (i = 1; i <= c; i += 3) print 3, i, i + 1, i + 2 }' "$work/two.off" > "$work/soups.off"
+m=$((3 * faces))
+of_soups() { # NUMBER: a mass there, and at 1
+    echo '# first' && awk -v i="$1" -v n=$((2 * m + 1)) 'BEGIN { for (k = 0; k < n; k++) print k == i || k == 1 ? 1 : 0 }'
+}
+of_soups $((m + 5)) > "$work/apart3"
+fails 'a vertex of a repaired mesh by its line' 1 "apart3:$((m + 7)): vertex $((m + 5)) lies on component" \
+    "$tool" transport "$work/soups.off" --repair --quiet --from "$work/apart3" --to uniform --normalise
+of_soups 0 > "$work/apart3"
+fails 'one that is in no triangle' 1 'apart3:2: vertex 0 has mass, but is in no triangle' \
+    "$tool" transport "$work/soups.off" --repair --quiet --from "$work/apart3" --to uniform --normalise
+of_faces() { awk -v i="$faces" -v n=$((2 * faces)) 'BEGIN { for (k = 0; k < n; k++) print k == i || k == 1 ? 1 : 0 }'; }
+of_faces > "$work/apart4"
+fails 'and a triangle' 1 "apart4:$((faces + 1)): triangle $faces lies on component" \
+    "$tool" transport "$work/soups.off" --repair --quiet --from "$work/apart4" --to uniform --normalise
 printf '9,0,0 1\n0,0,9 1\n0,0.1,9 1\n0,0,1 1\n' > "$work/away"
 "$tool" transport $mesh --from "$work/away" --to uniform --normalise > "$work/summary" 2> "$work/errors"
 check 'points far from the surface are warned of' has "$work/errors" 'warning: \(9, 0, 0\) is 8 away from the surface'

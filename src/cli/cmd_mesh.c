@@ -59,6 +59,22 @@ static void print_made(const char *path, const dmk_surface_options *surface, con
     }
 }
 
+/* The source is lifted to the surface from wherever it was asked for. */
+static void warn_of_lift(dmk_context *context, const dmk_surface_options *surface,
+                         const dmk_mesh *mesh)
+{
+    char wanted[CLI_TEXT_SIZE], made[CLI_TEXT_SIZE];
+    dmk_mesh_info info;
+    dmk_point source;
+    if (dmk_mesh_vertex_point(context, mesh, 0, &source) != DMK_OK) return;
+    const double away = cli_offset(context, mesh, surface->source, &source);
+    dmk_mesh_get_info(mesh, &info);
+    if (!(away > info.mean_edge)) return;
+    fprintf(stderr,
+            "dmkcl: warning: (%s) is away from the surface; the source, (%s), is %.3g from it\n",
+            cli_point(surface->source, wanted), cli_point(dmk_mesh_vertices(mesh), made), away);
+}
+
 typedef struct mesh_request {
     const char *name, *format;
     cli_files out;
@@ -82,6 +98,8 @@ static int make(const mesh_request *request)
         rc = surface->name ? dmk_mesh_surface(context, surface, &mesh)
                            : cli_read_mesh(context, request->name, &request->how, &repairs, &mesh);
     }
+    if (rc == DMK_OK && surface->name && surface->has_source && !request->how.quiet)
+        warn_of_lift(context, surface, mesh);
     if (rc == DMK_OK && cli_interrupted()) rc = DMK_E_CANCELLED;
     for (int i = 0; i < request->out.n && rc == DMK_OK; i++)
         rc = dmk_mesh_write(context, mesh, cli_path(request->out.path[i]));

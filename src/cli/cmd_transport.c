@@ -32,6 +32,22 @@ static int fail(transport_run *run, int rc)
     return cli_library_error(run->context, rc);
 }
 
+/* The library's words about a part of a measure, with the line of its file instead of its number; false: they are about
+ * no part that has a line. */
+static bool tell_line(const char *path, const cli_measure *m, const char *text)
+{
+    char kind[16];
+    long long given;
+    int used = 0;
+    if (sscanf(text, ": %15[a-z] %lld%n", kind, &given, &used) != 2) return false;
+    int64_t number = given;
+    const int64_t line = cli_measure_line(m, kind, &number);
+    if (line > 0)
+        cli_error(EXIT_USAGE, "%s:%lld: %s %lld%s", path, (long long)line, kind, (long long)number,
+                  text + used);
+    return line > 0;
+}
+
 /* The library counts measures, and its words may begin with one. */
 static int fail_measure(const transport_request *r, transport_run *run, int rc)
 {
@@ -40,9 +56,10 @@ static int fail_measure(const transport_request *r, transport_run *run, int rc)
     for (int k = 0; k < 2 && rc == DMK_E_ARG; k++) {
         const size_t n = strlen(names[k]);
         if (strncmp(text, names[k], n) != 0) continue;
+        const char *path = k == 0 ? r->from : r->to;
         cli_progress_end(&run->progress);
-        return cli_error(cli_exit_code(rc), "--%s %s%s", k == 0 ? "from" : "to",
-                         k == 0 ? r->from : r->to, text + n);
+        if (tell_line(path, k == 0 ? &run->from : &run->to, text + n)) return cli_exit_code(rc);
+        return cli_error(cli_exit_code(rc), "--%s %s%s", k == 0 ? "from" : "to", path, text + n);
     }
     return fail(run, rc);
 }

@@ -52,11 +52,14 @@ static int grow(void **list, size_t n, size_t size)
     return EXIT_OK;
 }
 
-static int add_value(cli_measure *m, double value)
+static int add_value(cli_measure *m, int64_t number, double value)
 {
-    const int code = grow((void **)&m->value, m->n_values, sizeof *m->value);
-    if (code == EXIT_OK) m->value[m->n_values++] = value;
-    return code;
+    int code = grow((void **)&m->value, m->n_values, sizeof *m->value);
+    if (code == EXIT_OK) code = grow((void **)&m->line, m->n_values, sizeof *m->line);
+    if (code != EXIT_OK) return code;
+    m->line[m->n_values] = number;
+    m->value[m->n_values++] = value;
+    return EXIT_OK;
 }
 
 typedef struct reading {
@@ -74,6 +77,7 @@ static int add_atom(const reading *r, int64_t number, const line *l)
     const int masses = l->vertex ? 1 : 3; /* that many numbers stand before the mass */
     int code = grow((void **)&m->atom, m->n_atoms, sizeof *m->atom);
     if (code == EXIT_OK) code = grow((void **)&m->mass, m->n_atoms, sizeof *m->mass);
+    if (code == EXIT_OK) code = grow((void **)&m->line, m->n_atoms, sizeof *m->line);
     if (code != EXIT_OK) return code;
     int rc = DMK_OK;
     if (l->vertex)
@@ -86,6 +90,7 @@ static int add_atom(const reading *r, int64_t number, const line *l)
         return cli_error(cli_exit_code(rc), "%s:%lld: %s", r->path, (long long)number,
                          dmk_context_message(context));
     }
+    m->line[m->n_atoms] = number;
     m->atom[m->n_atoms] = p;
     m->mass[m->n_atoms++] = l->n > masses ? l->number[masses] : 0;
     m->is_free = l->n == masses;
@@ -115,7 +120,7 @@ static int take_line(char *text, int64_t number, void *data)
         return cli_error(EXIT_USAGE, "%s:%lld: the mass %g; %s", r->path, (long long)number,
                          l.number[l.n - 1], a_mass);
     }
-    if (alone) return add_value(m, l.number[0]);
+    if (alone) return add_value(m, number, l.number[0]);
     if (is_place && m->n_values == 0 && (m->n_atoms == 0 || m->is_free != has_mass)) {
         return add_atom(r, number, &l);
     }
@@ -180,6 +185,26 @@ static size_t count_in_file(const cli_ground *g, bool of_vertices)
                : g->did->n_triangles + g->did->degenerate_triangles + g->did->duplicate_triangles;
 }
 
+/* Of vertices that a repair makes one the masses add up; what has one has to stay. */
+static int add_up(const reading *r, double *now, int64_t *old)
+{
+    const dmk_repairs *did = r->ground->did;
+    const cli_measure *m = r->measure;
+    for (size_t v = 0; v < m->n_values; v++) {
+        const int32_t new = did->vertex_new[v];
+        if (m->value[v] == 0) continue;
+        if (new < 0) {
+            char at[CLI_TEXT_SIZE] = "";
+            if (m->line) snprintf(at, sizeof at, ":%lld", (long long)m->line[v]);
+            return cli_error(EXIT_USAGE, "%s%s: vertex %zu has mass, but is in no triangle",
+                             r->path, at, v);
+        }
+        if (now[new] == 0) old[new] = (int64_t)v;
+        now[new] += m->value[v];
+    }
+    return EXIT_OK;
+}
+
 /* From the file's numbers to those of the mesh that a repair made of it. */
 static int repair_values(const reading *r, bool of_vertices)
 {
@@ -187,16 +212,16 @@ static int repair_values(const reading *r, bool of_vertices)
     cli_measure *m = r->measure;
     const size_t n = of_vertices ? did->n_vertices : did->n_triangles;
     double *now = calloc(n + 1, sizeof *now);
-    if (!now) return cli_library_error(NULL, DMK_E_NOMEM);
-    for (size_t t = 0; !of_vertices && t < n; t++) now[t] = m->value[did->triangle_old[t]];
-    for (size_t v = 0; of_vertices && v < m->n_values; v++) {
-        if (did->vertex_new[v] >= 0) {
-            now[did->vertex_new[v]] += m->value[v];
-        } else if (m->value[v] != 0) {
-            free(now);
-            return cli_error(EXIT_USAGE, "%s: vertex %zu has mass, but is in no triangle", r->path,
-                             v);
-        }
+    m->old = calloc(n + 1, sizeof *m->old);
+    int code = now && m->old ? EXIT_OK : cli_library_error(NULL, DMK_E_NOMEM);
+    for (size_t t = 0; !of_vertices && t < n && code == EXIT_OK; t++) {
+        m->old[t] = did->triangle_old[t];
+        now[t] = m->value[m->old[t]];
+    }
+    if (of_vertices && code == EXIT_OK) code = add_up(r, now, m->old);
+    if (code != EXIT_OK) {
+        free(now);
+        return code;
     }
     free(m->value);
     m->value = now;
@@ -280,5 +305,16 @@ void cli_measure_free(cli_measure *m)
     free(m->value);
     free(m->atom);
     free(m->mass);
+    free(m->line);
+    free(m->old);
     *m = (cli_measure){.n_atoms = 0};
+}
+
+int64_t cli_measure_line(const cli_measure *m, const char *kind, int64_t *number)
+{
+    const size_t n = m->n_atoms > 0 ? m->n_atoms : m->n_values;
+    if ((strcmp(kind, "atom") == 0) != (m->n_atoms > 0) || *number < 0 || (size_t)*number >= n)
+        return 0;
+    if (m->old) *number = m->old[*number];
+    return m->line ? m->line[*number] : 0;
 }

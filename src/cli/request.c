@@ -264,8 +264,9 @@ int solve_request_settle(solve_request *request)
     const int code = solve_request_convert(request);
     if (code != EXIT_OK) return code;
     if (n == 0) {
-        return cli_error(EXIT_USAGE, "%s: no source given: use --source X,Y,Z or --vertex I",
-                         request->command);
+        const bool many = strcmp(request->command, "solve") == 0;
+        return cli_error(EXIT_USAGE, "%s: no source given: use --source X,Y,Z%s --vertex I%s",
+                         request->command, many ? "," : " or", many ? " or --sources FILE" : "");
     }
     if (n > 1) {
         return cli_error(EXIT_USAGE, "%s: give --source or --vertex%s, not both", request->command,

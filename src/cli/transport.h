@@ -10,6 +10,8 @@ typedef struct cli_measure {
     dmk_point *atom; /* n_atoms, with their masses */
     double *mass;
     size_t n_atoms;
+    int64_t *line;       /* of the file: of each value, or of each atom; NULL: of an array */
+    int64_t *old;        /* of a repaired mesh: the value in the file that each value comes from */
     bool is_free;        /* no atom has a mass */
     bool is_signed;      /* masses may be below 0 */
     dmk_measure measure; /* of these */
@@ -28,5 +30,8 @@ typedef struct cli_ground {
 int cli_measure_read(const cli_ground *ground, const char *path, bool is_signed,
                      cli_measure *measure);
 void cli_measure_free(cli_measure *measure);
+/* The line of what the library calls `kind` (vertex, triangle, atom) and *number, which becomes that of the file; 0:
+ * none is known. */
+int64_t cli_measure_line(const cli_measure *measure, const char *kind, int64_t *number);
 
 #endif

@@ -249,7 +249,7 @@ class Mesh:
         if not 0 <= whole("face", face) < len(self.faces):
             raise ArgumentError(f"triangle {face}: expected 0 to {len(self.faces) - 1}")
         if weight.shape != (3,) or not (weight >= 0).all() or not 0 < weight.sum() < np.inf:
-            raise ArgumentError(f"bary = {bary!r}: expected three weights that are not negative")
+            raise ArgumentError(f"bary = {bary!r}: expected three finite weights, none negative, not all 0")
         found = ffi.new("dmk_point *", (int(face), (weight / weight.sum()).tolist()))
         return self._place(found)
 

@@ -97,6 +97,22 @@ def _naming(what: str) -> Iterator[None]:
         raise
 
 
+@contextmanager
+def _naming_measures(first: int, second: int) -> Iterator[None]:
+    """Of errors about two measures, or about one alone, twice: their numbers."""
+    try:
+        yield
+    except Error as error:
+        words = str(error).replace("the first measure", f"measure {first}")
+        words = words.replace("the second measure", f"measure {second}")
+        if first != second:
+            words = f"measures {first} and {second}: {words}"
+        elif not words.startswith("measure "):
+            words = f"measure {first}: {words}"
+        error.args = (words,)
+        raise
+
+
 class CutLocus:
     """A surface made ready on a device: solve for one source after another.
 
@@ -415,7 +431,7 @@ class CutLocus:
         k = range(len(packed))
         pairs: Any = [(i, j) for i in k for j in range(i)]
         for i, j in pairs or [(i, i) for i in k]:  # one alone is checked, too
-            with _naming(f"measures {i} and {j}"):
+            with _naming_measures(i, j):
                 check_measures(self.mesh, packed[i], packed[j])
         if progress:
             pairs = optional("tqdm.auto").tqdm(pairs, unit=" pairs")
@@ -423,7 +439,7 @@ class CutLocus:
         mass = None  # of the first measure
         for i, j in pairs:
             a, b = (j, i) if normalise else (i, j)  # the first pair is to have the first measure's mass
-            with _naming(f"measures {i} and {j}"):
+            with _naming_measures(a, b):
                 moved = self._transport(packed[a], packed[b], settings, False)
             mass = mass or moved.mass
             found[i, j] = found[j, i] = moved.w1 * (mass / moved.mass if normalise else 1)

@@ -2,7 +2,8 @@
 
 ``n_triangles`` is about the number of triangles before refinement (None: the surface's default);
 ``refine`` the number of times each triangle is split into four, new points lifted to the surface;
-``source``, if given, is lifted to the surface and becomes vertex 0, so that a mesh node lies there.
+``source``, if given, is lifted to the surface and becomes vertex 0, so that a mesh node lies there, with a
+UserWarning if it was more than an edge away.
 ArgumentError if a size is not positive or there would be too many triangles.
 """
 
@@ -10,7 +11,9 @@ from __future__ import annotations
 
 from typing import Optional, Sequence, SupportsIndex
 
-from ._lib import ArgumentError, Context, Handle, amount, ffi, lib, numbers, whole
+import numpy as np
+
+from ._lib import ArgumentError, Context, Handle, amount, ffi, lib, numbers, warn, whole
 from ._mesh import Mesh
 
 __all__ = ["torus", "ellipsoid", "quartic", "sphere"]
@@ -49,7 +52,19 @@ def _make(
         except ArgumentError as error:  # the library's sizes are a, b, c
             error.args = (_by_names(str(error), list(sizes)),)
             raise
-    return Mesh._adopt(handle)
+    mesh = Mesh._adopt(handle)
+    if source is not None:
+        _warn_of_lift(mesh, place)
+    return mesh
+
+
+def _warn_of_lift(mesh: Mesh, wanted: "np.ndarray") -> None:
+    """The source is lifted to the surface from wherever it was asked for."""
+    made = mesh.vertices[0]
+    away = float(np.linalg.norm(made - wanted))
+    if away > mesh.info["mean_edge"]:
+        a, b = (", ".join(f"{x:.6g}" for x in xyz) for xyz in (wanted, made))
+        warn(f"({a}) is away from the surface; the source, ({b}), is {away:.3g} from it")
 
 
 def _by_names(message: str, names: Sequence[str]) -> str:

@@ -147,6 +147,15 @@ def test_whole_numbers_have_32_bits(small, n):
             use()
 
 
+def test_a_source_that_is_lifted_from_afar_is_warned_of(recwarn):
+    assert dmkcl.surfaces.torus(source=(3.01, 0, 0)).vertices[0] == pytest.approx((3, 0, 0))
+    assert not recwarn
+    words = r"^\(100, 0, 0\) is away from the surface; the source, \(3, 0, 0\), is 97 from it$"
+    with pytest.warns(UserWarning, match=words) as warned:
+        dmkcl.surfaces.torus(source=(100, 0, 0))
+    assert warned[0].filename == __file__
+
+
 def test_surfaces():
     for name in dmkcl.surfaces.__all__:
         assert getattr(dmkcl.surfaces, name)(n_triangles=800).info["n_border_edges"] == 0

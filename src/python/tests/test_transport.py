@@ -213,8 +213,19 @@ def test_a_matrix_of_one_is_checked_too(sphere):
     assert sphere.w1_matrix([]).shape == (0, 0)
     with pytest.raises(dmkcl.ArgumentError, match="^measure 0: vertex_mass has the shape"):
         sphere.w1_matrix([np.ones(3)])
-    with pytest.raises(dmkcl.ArgumentError, match="^measures 0 and 0: the first measure: vertex 7 has the value nan"):
+    with pytest.raises(dmkcl.ArgumentError, match="^measure 0: vertex 7 has the value nan"):
         sphere.w1_matrix([np.where(np.arange(len(sphere.mesh.vertices)) == 7, np.nan, 1)])
+
+
+@pytest.mark.parametrize("normalise", [False, True])
+def test_a_matrix_names_the_measure_whichever_way_it_is_moved(sphere, normalise):
+    one, none = np.ones(len(sphere.mesh.vertices)), np.zeros(len(sphere.mesh.vertices))
+    with pytest.raises(dmkcl.ArgumentError, match="^measures (0 and 2|2 and 0): measure 2 has no mass$"):
+        sphere.w1_matrix([one, one, none], normalise=normalise)
+    with pytest.raises(dmkcl.ArgumentError, match="^measures (0 and 1|1 and 0): measure 0 has no mass$"):
+        sphere.w1_matrix([none, one, one], normalise=normalise)
+    with pytest.raises(dmkcl.ArgumentError, match="^measure 0: the measures have no mass anywhere$"):
+        sphere.w1_matrix([none], normalise=normalise)
 
 
 def test_a_matrix_is_checked_before_anything_is_moved(sphere, monkeypatch):
@@ -226,7 +237,7 @@ def test_a_matrix_is_checked_before_anything_is_moved(sphere, monkeypatch):
 
     monkeypatch.setattr(dmkcl.CutLocus, "_transport", unexpected)
     assert sphere.w1_matrix(iter([even])) == [[0]]
-    with pytest.raises(dmkcl.ArgumentError, match="^measures 2 and 0: the first measure: vertex 7"):
+    with pytest.raises(dmkcl.ArgumentError, match="^measures 2 and 0: measure 2: vertex 7"):
         sphere.w1_matrix([even, even, spoilt])
     with pytest.raises(dmkcl.ArgumentError, match="^measure 2: vertex_mass has the shape"):
         sphere.w1_matrix([even, even, even[1:]])
