@@ -143,6 +143,16 @@ for command in solve batch path cut transport 'distance --border'; do
         $command x.off --json --report "$work/x.json"
 done
 usage 'info: no mesh' 'MESH is missing' info
+usage 'a name that is empty' "solve: '' is not a name" solve '' --vertex 0
+usage 'one of a batch' "batch: '' is not a name" batch a.off ''
+for command in 'solve --vertex 0' 'path --vertex 0 --to-vertex 1' 'transport --from a' batch; do
+    usage "a report that is empty: ${command%% *}" "--report: '' is not a file name" $command x.off --report ''
+done
+usage 'help of two commands' "help: 'cut' is one argument too many" help solve cut
+usage 'a version of something' "--version: 'x' is one argument too many" --version x
+for readers in 'solve - --sources -' 'distance /dev/stdin --sources -' 'transport x.off --from - --to /dev/fd/0'; do
+    usage "two that read it: $readers" 'the standard input can be read once, not 2 times' $readers
+done
 usage 'devices: an argument' 'too many' devices x
 
 check 'blanks around the commas of a point' sh -c '
@@ -175,6 +185,9 @@ fails 'mesh: a disk that is full' 2 'x.off' \
     bash -c 'trap "" XFSZ; ulimit -f 1; exec "$@"' - "$tool" mesh torus --out "$work/full/x.off"
 check 'leaves nothing' holds "$work/full" ''
 fails 'a pipe that is full' 2 'standard output' bash -c "'$tool' info '$torus' > /dev/full"
+"$tool" batch meshes/sphere.off > /dev/full 2> "$work/errors"
+check 'whoever finds it full says so' test "$(grep -c 'standard output: No space left on device$' "$work/errors")" = \
+    "$(grep -c . "$work/errors")"
 
 # ---- exit codes -------------------------------------------------------------------------------
 
@@ -386,7 +399,8 @@ check '--strength takes branches away' \
     test "$(wc -l < "$work/l3.csv")" -lt "$(wc -l < "$work/l0.04.csv")"
 check 'and nothing else' sh -c "cut -d, -f1-3 '$work/l3.csv' | while read -r x; do grep -qFe \"\$x\" '$work/l0.04.csv' || exit 1; done"
 check 'help COMMAND is COMMAND --help' \
-    sh -c "'$tool' help cut > '$work/a' && '$tool' cut --help > '$work/b' && cmp '$work/a' '$work/b'"
+    sh -c "'$tool' help cut > '$work/a' && '$tool' cut --help > '$work/b' && cmp '$work/a' '$work/b' &&
+        '$tool' --help cut > '$work/b' && cmp '$work/a' '$work/b'"
 sh src/cli/man.sh "$tool" > "$work/manual"
 check 'the manual lists every command in its synopsis' \
     test "$(sed '/^.SH DESC/,$d' "$work/manual" | grep -c '^.B dmkcl')" = "$(grep -c '^.SH DMKCL' "$work/manual")"

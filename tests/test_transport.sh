@@ -55,6 +55,10 @@ check 'a file without arrays' "$tool" mesh $mesh --out "$work/bare.vtp" --quiet
 check 'an array of points' "$tool" transport $mesh --from "$work/n.vtp:distance" --to uniform --normalise
 by_name() { (cd "$work" && "$OLDPWD/$tool" transport "$OLDPWD/$mesh" --from n.vtp:mu --to uniform --normalise); }
 check 'an array of a file with a short name' by_name
+cp "$work/n.vtu" "$work/N.VTU"
+check 'or in capitals' "$tool" transport $mesh --from "$work/N.VTU:mu" --to uniform --normalise
+usage 'a file of arrays without the array' 'n.vtp: name the array in it that is the measure: .*/n.vtp:NAME$' \
+    $mesh --from "$work/n.vtp" --to uniform
 check 'an array of triangles' "$tool" transport $mesh --from "$work/n.vtu:mu" --to uniform --normalise --report "$work/by_name"
 fails 'an array that is not there' 3 "no array 'nothing' on points or cells; it has 'u', 'distance', 'mu', 'acl'" \
     "$tool" transport $mesh --from "$work/n.vtp:nothing" --to uniform

@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <stdarg.h>
+#include <stdatomic.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -131,8 +132,11 @@ int cli_library_error(const dmk_context *context, int status)
 
 int cli_flush(void)
 {
-    if (fflush(stdout) != 0 || ferror(stdout)) {
-        return cli_error(EXIT_IO, "cannot write to the standard output: %s", strerror(errno));
-    }
-    return EXIT_OK;
+    static atomic_int
+        why; /* the first failure: later on the stream knows that there was one, not which */
+    int none = 0;
+    errno = EIO;
+    if (fflush(stdout) == 0 && !ferror(stdout)) return EXIT_OK;
+    atomic_compare_exchange_strong(&why, &none, errno);
+    return cli_error(EXIT_IO, "cannot write to the standard output: %s", strerror(why));
 }

@@ -95,16 +95,19 @@ static int run(int argc, char **argv)
     }
     const char *name = argv[1];
     char *of_command[] = {argv[0], argv[argc - 1], "--help", NULL}; /* `dmkcl help solve` */
-    if (strcmp(name, "help") == 0 && argc == 3) {
-        name = argv[2];
-        argv = of_command;
-    } else if (strcmp(name, "--help") == 0 || strcmp(name, "-h") == 0 ||
-               strcmp(name, "help") == 0) {
-        return print_help();
-    }
-    if (strcmp(name, "--version") == 0) {
+    const bool help =
+        strcmp(name, "--help") == 0 || strcmp(name, "-h") == 0 || strcmp(name, "help") == 0;
+    const bool version = strcmp(name, "--version") == 0;
+    if (argc > 2 + help && (help || version))
+        return cli_error(EXIT_USAGE, "%s: '%s' is one argument too many", name, argv[2 + help]);
+    if (version) {
         printf("dmkcl %s\n", dmk_version());
         return cli_flush();
+    }
+    if (help && argc == 2) return print_help();
+    if (help) {
+        name = argv[2];
+        argv = of_command;
     }
     for (int i = 0; i < N_COMMANDS; i++) {
         if (strcmp(name, commands[i].name) != 0) continue;

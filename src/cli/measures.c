@@ -5,6 +5,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 /* Numbers of a line, between two of which are blanks, a comma or both, after the word `vertex` if it is there. */
 typedef struct line {
@@ -253,14 +254,24 @@ static int settle(const reading *r, owner of)
     return code;
 }
 
+/* Whether the name of n bytes is that of a file with arrays. */
+static bool has_arrays(const char *path, size_t n)
+{
+    return n > 4 &&
+           (strncasecmp(path + n - 4, ".vtp", 4) == 0 || strncasecmp(path + n - 4, ".vtu", 4) == 0);
+}
+
 /* FILE.vtp:NAME, if it is of that form: the array of that name. */
 static bool read_array(const reading *r, int *code)
 {
     cli_measure *m = r->measure;
     const char *path = r->path, *colon = strrchr(path, ':');
-    if (!colon || colon - path < 4 ||
-        (strncmp(colon - 4, ".vtp", 4) != 0 && strncmp(colon - 4, ".vtu", 4) != 0))
-        return false;
+    if (has_arrays(path, strlen(path))) {
+        *code = cli_error(EXIT_USAGE, "%s: name the array in it that is the measure: %s:NAME", path,
+                          path);
+        return true;
+    }
+    if (!colon || !has_arrays(path, (size_t)(colon - path))) return false;
     const size_t n_vertices = count_in_file(r->ground, true);
     const size_t n_triangles = count_in_file(r->ground, false);
     const size_t room = n_vertices > n_triangles ? n_vertices : n_triangles;

@@ -255,6 +255,7 @@ static int take_option(const cli_syntax *syntax, int argc, char **argv, int *i, 
 
 static int take_operand(const cli_syntax *syntax, const char *text, const char **operand)
 {
+    if (!*text) return cli_error(EXIT_USAGE, "%s: '' is not a name", syntax->command);
     if (!syntax->operands && strcmp(text, "-") == 0) text = "/dev/stdin";
     if (syntax->operands) syntax->operands->word[syntax->operands->n++] = text;
     if (syntax->operands && *operand) return CLI_GO_ON;

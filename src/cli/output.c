@@ -182,6 +182,7 @@ static int check_folder(const char *option, const char *path)
 int cli_check_report(const char *path)
 {
     dmk_format_info format;
+    if (!*path) return cli_error(EXIT_USAGE, "--report: '' is not a file name");
     bool other = has_suffix(path, own_suffixes[CLI_PICTURE]);
     for (size_t i = 0; dmk_format_get(i, &format) == DMK_OK; i++)
         other = other || has_suffix(path, format.suffixes);
@@ -285,10 +286,29 @@ void cli_use_files(cli_uses *uses, const char *option, const cli_files *files)
     for (int i = 0; i < files->n; i++) cli_use(uses, option, files->path[i]);
 }
 
+static bool is_stdin(const char *path)
+{
+    return strcmp(path, "-") == 0 || strcmp(path, "/dev/stdin") == 0 ||
+           dmk_outfile_descriptor(path) == STDIN_FILENO;
+}
+
+/* What the first of two readers leaves in a pipe is nothing. */
+static int check_stdin(const cli_uses *uses)
+{
+    int n = 0;
+    for (int i = 0; i < uses->n; i++) n += !uses->use[i].option && is_stdin(uses->use[i].path);
+    if (n < 2) return EXIT_OK;
+    return cli_error(EXIT_USAGE,
+                     "the standard input can be read once, not %d times: name a file for the rest",
+                     n);
+}
+
 int cli_check_uses(const cli_uses *uses)
 {
     destination at[CLI_MAX_USES];
     bool takes_stdout = false; /* by a file: reports are printed */
+    const int code = check_stdin(uses);
+    if (code != EXIT_OK) return code;
     for (int i = 0; i < uses->n; i++) {
         const char *option = uses->use[i].option, *path = uses->use[i].path;
         at[i] = find_destination(path);
