@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._lib import (
     ArgumentError, Context, Handle, Indices, amount, copy_struct, count, ffi, is_single, lib, numbers, path_bytes,
-    switch, view, whole,
+    switch, view, warn, whole,
 )  # fmt: skip
 from ._locus import Locus
 from ._mesh import Mesh, Point, PointsLike, each_place, pack_points
@@ -170,6 +170,8 @@ class Geodesics:
             raise ArgumentError(f"tolerance = {tolerance!r}, but exact=True allows no error: leave out one of them")
         self._asked = (along, switch("border", border), None if apart is None else apart.tolist(), allowed, bool(exact))
         self._made: Optional[Handle] = self._compute(whole("threads", threads))
+        if border and self.mesh.info["n_border_edges"] == 0:  # beside other sources
+            warn("the mesh is closed, and has no border that border=True could take")
 
     def _compute(self, threads: int = 0) -> Handle:
         curve, border, offsets, tolerance, exact = self._asked

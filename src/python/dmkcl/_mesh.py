@@ -33,6 +33,8 @@ PointsLike = Union[ArrayLike, Sequence[Union[ArrayLike, Point]]]
 
 def each_place(points: PointsLike, nearest: "Callable[[Any], list[Point]]") -> "list[Point]":
     """`nearest` of the points in space; a `Point` of a list is a place already."""
+    if isinstance(points, Point):
+        raise ArgumentError("one point; expected several, as in a list: [point]")
     if not isinstance(points, (list, tuple)) or not any(isinstance(p, Point) for p in points):
         return nearest(points)
     given: "list[Any]" = list(points)

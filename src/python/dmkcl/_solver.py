@@ -398,6 +398,8 @@ class CutLocus:
         """
         settings = _options(tolerance=tolerance, gap=gap, max_steps=max_steps)
         settings.normalise = switch("normalise", normalise)
+        if normalise and b is None:
+            raise ArgumentError("normalise scales b, which is not given")
         keep: "list[Any]" = []
         first = pack(self.mesh, a, keep)
         second = ffi.NULL if b is None else pack(self.mesh, b, keep)

@@ -64,6 +64,7 @@ def test_arguments_of_a_wrong_kind(plane):
         (dict(source=point._replace(face=1.5)), "expected a triangle's number and three weights"),
         (dict(source=point._replace(face=2**70)), "expected a triangle's number and three weights"),
         (dict(source=point._replace(bary=(0.5, 0.5))), "expected a triangle's number and three weights"),
+        (dict(points=point), "one point; expected several"),
         (dict(vertex=0, tolerance=True), "tolerance = True"),
         (dict(vertex=0, tolerance=b"0.1"), "tolerance = b'0.1'"),
         (dict(vertex=0, tolerance=2), "tolerance = 2: expected 0 to 0.01"),
@@ -104,6 +105,14 @@ def test_many_sources_curves_and_borders(plane, tmp_path):
     assert np.allclose(inside.distance, np.hypot(*(xy - (3.3, 4.4)).T))
     at.write(tmp_path / "at.vtp")
     assert (tmp_path / "at.vtp").stat().st_size > 1000
+
+
+def test_a_border_that_is_not_there_is_warned_of(plane, small, recwarn):
+    dmkcl.distance(plane, vertex=0, border=True)
+    assert not recwarn
+    with pytest.warns(UserWarning, match="^the mesh is closed, and has no border that border=True could take$"):
+        found = dmkcl.distance(small, vertex=0, border=True)
+    assert np.array_equal(found, dmkcl.distance(small, vertex=0))
 
 
 def test_as_functions(plane):

@@ -498,6 +498,8 @@ def test_all_options_have_names():
         (lambda s: dmkcl.solve_meshes([s.mesh], density_only=True, strength=1), "leave out threshold and strength"),
         (lambda s: s.solve(vertex=0).view(height=0), "height = 0: expected a number above 0"),
         (lambda s: s.solve(face=0, bary=(0, 0, 0)), "bary = (0, 0, 0): expected three finite weights, none negative, not all 0"),
+        (lambda s: s.solve_many(points=s.mesh.at_vertex(3)), "one point; expected several, as in a list: [point]"),
+        (lambda s: s.transport(np.zeros(len(s.mesh.vertices)), normalise=True), "normalise scales b, which is not given"),
         (lambda s: s.solve_many(vertices=3), "vertices = 3: expected several"),
         (lambda s: s.solve_many(vertices=[1.5]), "expected a whole number"),
         (lambda s: dmkcl.distance(s.mesh, 17), "source=17, not 17"),
