@@ -395,6 +395,7 @@ typedef enum dmk_start {
     DMK_START_UNIFORM = 1 /* mu = 1 */
 } dmk_start;
 
+/* The tolerances are relative, and at most 1. */
 typedef struct dmk_solve_options {
     size_t struct_size;
     dmk_method method;
@@ -405,7 +406,6 @@ typedef struct dmk_solve_options {
     double gap_tolerance; /* also stop when the certificate's relative gap is below; 0 = not used */
     double
         cg_tolerance; /* relative energy residual of the inner solves; 0 = the method's default */
-    /* All three are at most 1. */
     int max_steps;    /* 0 = the method's default */
     int normalise;    /* dmk_solve_measures: 1 scales the second measure to the mass of the first */
     double threshold; /* absolute bound of the approximate cut locus {mu <= eps}; 0 = a rule without
