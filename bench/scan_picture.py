@@ -39,7 +39,9 @@ def main():
         plot.add_mesh(surface, color="#e8e4dc", smooth_shading=True, specular=0.1)
         tubes = lines.tube(radius=0.0025 * size)
         plot.add_mesh(tubes, scalars="strength", log_scale=True, cmap="plasma_r", clim=(0.2, max(top, 1)),
-                      scalar_bar_args={"title": "strength, mean edges" + " " * k, "color": "black"})
+                      scalar_bar_args={"title": "strength, mean edges" + " " * k, "color": "black", "n_labels": 2,
+                                       "height": 0.1, "width": 0.7, "position_x": 0.15, "fmt": "%.3g",
+                                       "title_font_size": 16, "label_font_size": 14})
         plot.add_mesh(pyvista.Sphere(radius=0.012 * size, center=surface.points[int(vertex)]), color="black")
         plot.camera_position = "xy"
         plot.camera.azimuth = float(azimuth)
