@@ -80,7 +80,7 @@ static void crossings_of_a_flat_torus(void **state)
         const bool side = off_x < off_y;
         const double along = side ? y : x, across = side ? width / 2 : height / 2;
         assert_true(fmin(off_x, off_y) < 1e-12);
-        assert_true(fabs(dmk_crossing_distance(g, c) - hypot(along, across)) < 1e-12);
+        assert_true(fabs(c->distance - hypot(along, across)) < 1e-12);
         assert_true(fabs(c->alpha - 2 * atan2(across, fabs(along))) < 1e-11);
     }
     assert_true(n_far >= 2 * (N + N_RINGS) - 24 && n_far < n_loop);
@@ -212,8 +212,6 @@ static void leaves_hand_on(void **state)
     const double step = 0.25, alpha = 0.9, across = step * cos(M_PI / 6);
     const double gain = 1 - cos(alpha / 2), kept = cos(dmk_rules.angle / 2) - cos(alpha / 2);
     make_arms(&a, length, step, alpha);
-    a.t.mean_edge = 20; /* nothing here knows distances: their falls do not count */
-    a.t.strength = 2e-4;
     assert_int_equal(dmk_cotree_peel(*state, &a.t), DMK_OK);
     /* The two shorter arms hand on inwards, each crossing a step's growth more than the one before. */
     for (int k = 1; k < 3; k++) {

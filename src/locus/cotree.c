@@ -153,26 +153,21 @@ dmk_meeting dmk_meet(const dmk_geodesics *g, int32_t h)
     return m;
 }
 
-double dmk_crossing_distance(const dmk_geodesics *g, const dmk_crossing *c)
-{
-    const dmk_meeting m = dmk_meet(g, c->half);
-    return 0.5 * g->star.unit *
-           (dmk_image_length(&m.a.image, m.x, 0) + dmk_image_length(&m.b.image, m.x, 0));
-}
-
 static void set_crossing(const dmk_cotree *t, int32_t h, bool kept, dmk_crossing *c)
 {
     const dmk_mesh *m = t->geodesics->mesh;
     const int32_t v = m->triangle[dmk_next(h)], w = m->triangle[dmk_previous(h)],
                   twin = t->geodesics->star.twin[h];
     const dmk_meeting found = dmk_meet(t->geodesics, h);
-    const double at = found.x / found.length;
+    const double at = found.x / found.length, both = dmk_image_length(&found.a.image, found.x, 0) +
+                                                     dmk_image_length(&found.b.image, found.x, 0);
     *c = (dmk_crossing){.half = h,
                         .node = {h / 3, twin >= 0 ? twin / 3 : m->n_triangles + t->loop[v]},
                         .onward = -1,
                         .outer = -1,
                         .kept = kept,
                         .alpha = found.alpha,
+                        .distance = 0.5 * t->geodesics->star.unit * both,
                         .excess = HUGE_VAL,
                         .worth = HUGE_VAL,
                         .strength = HUGE_VAL};

@@ -20,6 +20,7 @@ typedef struct dmk_crossing {
     bool heir;       /* `onward` is of the same branch */
     bool kept;       /* has the default strength in any case: see joints.c */
     double xyz[3];
+    double distance; /* from the source */
     double alpha;    /* angle at which the two families meet, radians in [0, pi] */
     double excess;   /* P: by how much a path must grow to be moved from one family to the other */
     double worth;    /* P as far as it counts: see strength.c */
@@ -106,9 +107,6 @@ typedef struct dmk_meeting {
     double x, length, alpha;
 } dmk_meeting;
 dmk_meeting dmk_meet(const dmk_geodesics *g, int32_t h);
-
-/* How far a crossing is from the source. */
-double dmk_crossing_distance(const dmk_geodesics *g, const dmk_crossing *c);
 
 static inline int32_t dmk_other_node(const dmk_crossing *c, int32_t node)
 {

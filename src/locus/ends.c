@@ -127,8 +127,7 @@ static bool find_cusp(const dmk_cotree *t, dmk_patch *patch, const route *r, dou
         const int32_t v = t->geodesics->mesh->triangle[dmk_next(c->half)];
         const int32_t w = t->geodesics->mesh->triangle[dmk_previous(c->half)];
         const double a = t->geodesics->arrival[v].direction, b = t->geodesics->arrival[w].direction;
-        dmk_cusp cusp = {.angle = a + 0.5 * dmk_turn_between(full, a, b),
-                         .distance = dmk_crossing_distance(t->geodesics, c)};
+        dmk_cusp cusp = {.angle = a + 0.5 * dmk_turn_between(full, a, b), .distance = c->distance};
         memcpy(cusp.xyz, c->xyz, sizeof cusp.xyz);
         int32_t next = k;
         if (dmk_cusp_fit(patch, c->half / 3, &cusp)) {

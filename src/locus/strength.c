@@ -36,8 +36,7 @@ static dmk_crossing hand_on(const dmk_cotree *t, const dmk_crossing *from, const
     const double loss = (1 - cos(0.5 * dmk_rules.angle)) * way;
     const double worth = dmk_max(0, from->worth + growth - loss);
     double fall = from->fall, counts = 0;
-    if (from->worth >= dmk_rules.strength * t->mean_edge &&
-        dmk_crossing_distance(t->geodesics, from) > dmk_crossing_distance(t->geodesics, to))
+    if (from->worth >= dmk_rules.strength * t->mean_edge && from->distance > to->distance)
         fall += 2 * along * way;
     if (worth >= dmk_rules.gap * dmk_rules.strength * t->mean_edge) counts = fall;
     return (dmk_crossing){
