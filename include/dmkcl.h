@@ -228,7 +228,8 @@ void dmk_surface_options_init(dmk_surface_options *options, size_t size);
 const char *dmk_surface_name(size_t index);
 /* What the sizes a, b, c mean, in a few words with the defaults. NULL past the last one. */
 const char *dmk_surface_text(size_t index);
-/* The mesh of a built-in surface: about options->n_triangles even triangles, then refined. */
+/* The mesh of a built-in surface: about options->n_triangles even triangles, then refined; where
+ * a rim is so sharp that lifted points would fold the surface, as many even triangles made at once. */
 int dmk_mesh_surface(dmk_context *context, const dmk_surface_options *options, dmk_mesh **mesh);
 
 /* ---- devices ---------------------------------------------------------------------------------- */

@@ -160,41 +160,50 @@ static void lift(const void *body, double xyz[3])
     dmk_body_lift(body, xyz);
 }
 
-/* Over a rim much sharper than the edges are long the lifted midpoints fold the surface, however many triangles there
- * are; without refinement they are relaxed. */
-static int check_refined(dmk_context *ctx, const dmk_body *body, int refine, const dmk_mesh *m)
+static bool is_turned(const dmk_body *body, const dmk_mesh *m)
 {
-    int32_t n = 0;
     for (int32_t t = 0; t < m->n_triangles; t++) {
         const int32_t *v = m->triangle + 3 * (size_t)t;
-        n += dmk_relax_facing(body, m->xyz + 3 * (size_t)v[0], m->xyz + 3 * (size_t)v[1],
-                              m->xyz + 3 * (size_t)v[2]) <= 0;
+        if (dmk_relax_facing(body, m->xyz + 3 * (size_t)v[0], m->xyz + 3 * (size_t)v[1],
+                             m->xyz + 3 * (size_t)v[2]) <= 0)
+            return true;
     }
-    if (n == 0) return DMK_OK;
-    return dmk_fail(ctx, DMK_E_ARG,
-                    "refined %d times, %d of the %d triangles of this %s look inwards, for its rim "
-                    "is too sharp; ask for as many without refinement",
-                    refine, n, m->n_triangles, body->surface->name);
+    return false;
+}
+
+/* Over a rim much sharper than the edges are long the lifted midpoints fold the surface, however many triangles there
+ * are: then as many are made at once, which are relaxed. */
+static int refine_mesh(dmk_context *ctx, dmk_surface_options *o, const dmk_body *body,
+                       dmk_mesh **mesh)
+{
+    int rc = DMK_OK;
+    for (int level = 0; level < o->refine; level++) {
+        dmk_mesh *fine = NULL;
+        DMK_TRY(dmk_mesh_refine(ctx, *mesh, lift, body, &fine));
+        dmk_mesh_destroy(mesh);
+        *mesh = fine;
+    }
+    if (o->refine == 0 || !is_turned(body, *mesh)) return DMK_OK;
+    o->n_triangles = (size_t)(*mesh)->n_triangles;
+    o->refine = 0;
+    dmk_mesh_destroy(mesh);
+    rc = coarse_mesh(ctx, o, body, mesh);
+done:
+    return rc;
 }
 
 int dmk_mesh_surface(dmk_context *ctx, const dmk_surface_options *options, dmk_mesh **mesh)
 {
     int rc;
     dmk_body body = {0};
-    dmk_mesh *now = NULL, *fine = NULL;
+    dmk_mesh *now = NULL;
     dmk_surface_options chosen = defaults(), *o = &chosen;
     if (dmk_missing(ctx, "options", options, "mesh", mesh)) return DMK_E_ARG;
     DMK_TRY(dmk_options_take(ctx, "dmk_surface_options", options, o, sizeof *o));
     DMK_TRY(find_surface(ctx, o->name, &body.surface));
     DMK_TRY(choose_sizes(ctx, o, &body));
     DMK_TRY(coarse_mesh(ctx, o, &body, &now));
-    for (int level = 0; level < o->refine; level++) {
-        DMK_TRY(dmk_mesh_refine(ctx, now, lift, &body, &fine));
-        dmk_mesh_destroy(&now);
-        now = fine;
-        fine = NULL;
-    }
-    if (o->refine > 0) DMK_TRY(check_refined(ctx, &body, o->refine, now));
+    DMK_TRY(refine_mesh(ctx, o, &body, &now));
     *mesh = now;
     now = NULL;
 done:

@@ -1,7 +1,8 @@
 """The built-in surfaces, meshed evenly. Each call gives a `Mesh`: ``V, F = surfaces.torus()``.
 
 ``n_triangles`` is about the number of triangles before refinement (None: the surface's default);
-``refine`` the number of times each triangle is split into four, new points lifted to the surface;
+``refine`` the number of times each triangle is split into four, new points lifted to the surface
+(where that would fold it over a sharp rim, as many triangles are made at once);
 ``source``, if given, is lifted to the surface and becomes vertex 0, so that a mesh node lies there, with a
 UserWarning if it was more than an edge away.
 ArgumentError if a size is not positive or there would be too many triangles.
