@@ -345,13 +345,13 @@ def tests_for(mutant, kept):
 
 
 def load_known():
-    """{(file, operator, line without blanks): reason}"""
+    """{(file, operator, line without blanks and comments): reason}"""
     known, path = {}, os.path.join(HERE, "known.txt")
     if os.path.exists(path):
         for line in open(path, encoding="utf-8"):
             if line.strip() and not line.startswith("#"):
                 file, operator, text, reason = (part.strip() for part in line.rstrip("\n").split(" | ", 3))
-                known[file, operator, re.sub(r"\s", "", text)] = reason
+                known[file, operator, re.sub(r"/\*.*?(\*/|$)|\s", "", text)] = reason
     return known
 
 
