@@ -864,7 +864,9 @@ static void bad_lines_are_refused(void **state)
     const dmk_measure even = {.uniform = 1},
                       lines = {.n_lines = 2, .line_first = first, .line_points = point};
     p.options.normalise = 1;
-    refuse(&p, &lines, &even, "points 1 and 2 of line 1 lie in no common triangle");
+    refuse(&p, &lines, &even,
+           "the first measure: points 1 and 2 of line 1 lie in no common triangle");
+    refuse(&p, &even, &lines, "the second measure: points 1 and 2 of line 1 lie in");
     point[4].triangle = 2;
     refuse(&p, &lines, &even, "line 1 lies on component 1");
     point[4].triangle = 3;

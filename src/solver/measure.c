@@ -275,7 +275,8 @@ static void add_segment(const load *l, int32_t t, const double a[3], const doubl
     }
 }
 
-static int add_lines(load *l, const dmk_measure *m)
+/* `name`: of the measure, as in errors. */
+static int add_lines(load *l, const dmk_measure *m, const char *name)
 {
     int rc = DMK_OK;
     if (m->n_lines > 0) DMK_TRY(dmk_vertex_stars_create(l->ctx, l->mesh, &l->stars));
@@ -286,9 +287,11 @@ static int add_lines(load *l, const dmk_measure *m)
             double a[3], b[3];
             const int32_t t = shared_triangle(l, &m->line_points[i], &m->line_points[i + 1], a, b);
             if (t < 0) {
-                rc = dmk_fail(l->ctx, DMK_E_ARG,
-                              "points %d and %d of line %zu lie in no common triangle",
-                              (int)(i - m->line_first[k]), (int)(i + 1 - m->line_first[k]), k);
+                rc =
+                    dmk_fail(l->ctx, DMK_E_ARG,
+                             "the %s measure: points %d and %d of line %zu lie in no common "
+                             "triangle",
+                             name, (int)(i - m->line_first[k]), (int)(i + 1 - m->line_first[k]), k);
                 goto done;
             }
             add_segment(l, t, a, b, density);
@@ -335,7 +338,7 @@ done:
     return rc;
 }
 
-static int add_measure(load *l, const dmk_measure *m)
+static int add_measure(load *l, const dmk_measure *m, const char *name)
 {
     int rc = DMK_OK;
     const bool even = m->triangle_density || m->uniform != 0;
@@ -350,7 +353,7 @@ static int add_measure(load *l, const dmk_measure *m)
     }
     for (size_t i = 0; m->atom_mass && i < m->n_atoms; i++)
         add_atom(l, &m->atoms[i], m->atom_mass[i]);
-    DMK_TRY(add_lines(l, m));
+    DMK_TRY(add_lines(l, m, name));
 done:
     return rc;
 }
@@ -365,7 +368,7 @@ static int add_other(dmk_context *own, void *data)
 {
     other *o = data;
     o->l.ctx = own;
-    const int rc = add_measure(&o->l, o->measure);
+    const int rc = add_measure(&o->l, o->measure, "second");
     dmk_vertex_stars_free(&o->l.stars);
     return rc;
 }
@@ -445,7 +448,7 @@ int dmk_measure_load(dmk_context *ctx, size_t n_triangles, const dmk_order *orde
     other second = {l, to};
     second.l.f = g;
     if (to) dmk_task_begin(ctx, &task, add_other, &second);
-    rc = add_measure(&l, from);
+    rc = add_measure(&l, from, "first");
     DMK_TRY(dmk_task_end(ctx, &task, rc));
     l.f = g;
     if (to && dmk_measure_is_free(to)) DMK_TRY(add_free(&l, to, f, atom_mass));
