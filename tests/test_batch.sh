@@ -35,6 +35,7 @@ bad 'four numbers' 1 '1,2,3,4\n'
 bad 'a number too near' 1 '1,2,3x\n'
 bad 'two commas' 1 '1,,2,3\n'
 bad 'not finite' 3 '# here\n\n1,2,nan\n'
+bad 'not decimal' 1 '0,0x10,0\n'
 bad 'no vertex' 1 'vertex\n'
 bad 'a vertex below 0' 1 'vertex -1\n'
 bad 'half a vertex' 1 'vertex 1.5\n'
@@ -43,7 +44,7 @@ printf '# nothing\n\n' > "$work/bad.txt"
 fails 'sources: none' 3 'contains no sources' "$tool" solve "$torus" --sources "$work/bad.txt"
 fails 'sources: no file' 2 'none.txt' "$tool" solve "$torus" --sources "$work/none.txt"
 printf '3,0,0\n' > "$list"
-fails 'sources and a source' 1 'not both' "$tool" solve "$torus" --sources "$list" --vertex 0
+fails 'sources and a source' 1 'give one of --source, --vertex and --sources$' "$tool" solve "$torus" --sources "$list" --vertex 0
 fails 'resume alone' 1 '--sources' "$tool" solve "$torus" --vertex 0 --resume
 fails 'resume without files' 1 'skips sources whose files exist' \
     "$tool" solve "$torus" --sources "$list" --resume

@@ -75,10 +75,10 @@ done
 for command in 'path --vertex 0 --to-vertex 1' 'cut --vertex 0 --picture x.svg' 'transport --from a'; do
     clash '--format has no effect without --out' $command --format ply
 done
-for bad in 1,2 1,2,3,4 1,2,x 1,2, '' '1, ,2,3' ' ' '1,2,3,' '1 2 3' nan,0,0 inf,0,0 "1;2;3"; do
+for bad in 1,2 1,2,3,4 1,2,x 1,2, '' '1, ,2,3' ' ' '1,2,3,' '1 2 3' nan,0,0 inf,0,0 0x10,0,0 0,-0X1p3,0 "1;2;3"; do
     usage "--source '$bad'" "--source: '.*' is not a point X,Y,Z" solve x.off "--source=$bad"
 done
-for bad in -1 x 1.5 1e3 '' 99999999999 ' 1'; do
+for bad in -1 x 1.5 1e3 0x10 inf '' 99999999999 ' 1'; do
     usage "--vertex '$bad'" '--vertex: .* is not a vertex number' solve x.off "--vertex=$bad"
 done
 number() { # OPTION BAD...
@@ -87,7 +87,7 @@ number() { # OPTION BAD...
     for bad; do usage "--$option '$bad'" "--$option: '.*' is not a" solve x.off "--$option=$bad"; done
 }
 number threshold 0 -1 x nan 1,5
-number strength 0 -1 x
+number strength 0 -1 x 0x10 inf
 number dt 0 1.1 -1 x
 number inertia 1 -0.1 x
 number tolerance 0 -1 2 x

@@ -99,6 +99,14 @@ check 'leaves nothing' empty "$work/files"
 said_full() { "$tool" "$@" > /dev/full 2> "$work/err"; test $? -eq 2 && grep -q 'No space left' "$work/err"; }
 check 'a full standard output of solve' said_full solve "$torus" --vertex 0
 check 'of its report' said_full solve "$torus" --vertex 0 --json
+printf 'vertex %s\n' 0 1 2 3 > "$work/many"
+check 'of many sources' said_full solve "$torus" --sources "$work/many"
+check 'which is said once' test "$(grep -c . "$work/err")" -eq 1
+check 'and of their reports' said_full solve "$torus" --sources "$work/many" --json
+check 'once, too' test "$(grep -c . "$work/err")" -eq 1
+said_full solve "$torus" --sources "$work/many" --quiet --locus "$work/files/m.obj" --report -
+check 'files are written all the same' test "$(ls "$work/files" | grep -c 'm-000[0-3].obj')" -eq 4
+rm -f "$work"/files/m-*
 check 'of devices' said_full devices
 check 'of info' said_full info "$torus"
 

@@ -59,7 +59,7 @@ check 'a mesh of many is solved as if alone' cmp "$work/b.vtp" "$out/sub/b.vtp"
 check 'its locus too' cmp "$work/b.obj" "$out/sub/b.locus.obj"
 fails 'a report is not written over' 1 '--resume goes on' "$tool" batch "$in" --out-dir "$out"
 
-printf '\357\273\277%s\n# a list\n%s\n' "$in/a.off" "$in/sub" > "$work/l.txt"
+printf '\357\273\277%s\n\t# a list\n  %s \t\n' "$in/a.off" "$in/sub" > "$work/l.txt"
 "$tool" batch "$work/l.txt" --json > "$work/lines"
 check 'a list, to standard output' test "$(grep -c '"state": "done"' "$work/lines")" -eq 2
 "$tool" batch - --report - < "$work/l.txt" > "$work/lines"

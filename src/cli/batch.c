@@ -167,10 +167,18 @@ static int solve_next(batch *b, size_t k, const solve_request *one, solve_run *r
     return code;
 }
 
+/* All that is made goes to the standard output, which takes no more: whatever found that has said so. */
+static bool is_unheard(const batch *b)
+{
+    const solve_request *r = b->request;
+    const bool report = r->report && strcmp(r->report, "-") != 0;
+    return ferror(stdout) && !report && r->out.n + r->locus.n + r->tangent.n == 0;
+}
+
 /* Each rank takes one source after another. */
 static void solve_all(batch *b, solve_run *run)
 {
-    while (!cli_interrupted() && !b->stop) {
+    while (!cli_interrupted() && !b->stop && !is_unheard(b)) {
         const size_t k = cli_ranks_next();
         if (k >= b->n) break;
         solve_request one;
@@ -247,8 +255,9 @@ int solve_batch(const solve_request *request)
         cli_ranks_speak();
         solve_all(&b, &run);
         cli_progress_end(&run.progress);
+        const bool said = is_unheard(&b);
         if (b.summary && cli_ranks_first()) print_end(&b, begin);
-        if (code == EXIT_OK) code = cli_flush();
+        if (code == EXIT_OK && !said) code = cli_flush();
     }
     solve_end(&run);
     free(sources);

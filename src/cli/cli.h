@@ -241,6 +241,8 @@ enum { CLI_TEXT_SIZE = 48 };
 typedef int cli_take(char *line, int64_t number, void *data);
 /* Hand on all lines of a text; "-" is the standard input. EXIT_OK, or the code with the error printed. */
 int cli_read_lines(const char *path, cli_take *take, void *data);
+/* As strtod, but in decimal digits alone, as whole numbers are: of "0x10" nothing is read, and *end == text. */
+double cli_decimal(const char *text, char **end);
 /* 86784 -> "86,784" */
 const char *cli_count(int64_t n, char text[CLI_TEXT_SIZE]);
 /* "1 vertex", "86,784 vertices" */

@@ -261,6 +261,10 @@ static int run_transport(const transport_request *r)
 
 static int check_request(const transport_request *r)
 {
+    if (!r->from && r->to) {
+        return cli_error(EXIT_USAGE,
+                         "transport: --to is given without --from: use --from FILE, too");
+    }
     if (!r->from) {
         return cli_error(EXIT_USAGE,
                          "transport: no measure given: use --from FILE, and --to FILE unless the "

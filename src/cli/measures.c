@@ -31,7 +31,7 @@ static line read_line(char *text)
     if (l.vertex) text = skip_separator(text + length, &comma);
     while (l.n < 5 && apart) {
         char *end;
-        l.number[l.n] = strtod(text, &end); /* the locale is C: see main */
+        l.number[l.n] = cli_decimal(text, &end);
         if (end == text) break;
         l.n++;
         text = skip_separator(end, &comma);

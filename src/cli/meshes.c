@@ -97,10 +97,13 @@ static int add_folder(lister *l, const char *folder, size_t head, const folder_w
     return code;
 }
 
-/* A list is a file of paths, a line each; "#" begins a comment. */
+/* A list is a file of paths, a line each, blanks around which are none of theirs; "#" begins a comment. */
 static int take_line(char *line, int64_t number, void *data)
 {
     (void)number;
+    line += strspn(line, " \t");
+    size_t n = strlen(line);
+    while (n > 0 && strchr(" \t", line[n - 1])) line[--n] = '\0';
     return *line && *line != '#' ? add_path(data, line, true) : EXIT_OK;
 }
 

@@ -59,7 +59,7 @@ static bool read_number(const char *text, char end_mark, double *value, const ch
     char *last;
     if (end_mark == ',') text = skip_blanks(text);
     if (*text == ' ' || *text == '\t') return false;
-    *value = strtod(text, &last); /* the locale is C: see main */
+    *value = cli_decimal(text, &last);
     if (last == text || !isfinite(*value)) return false;
     const char *end = end_mark == ',' ? skip_blanks(last) : last;
     if (*end != end_mark && *end != '\0') return false;

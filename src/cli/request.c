@@ -268,9 +268,12 @@ int solve_request_settle(solve_request *request)
         return cli_error(EXIT_USAGE, "%s: no source given: use --source X,Y,Z%s --vertex I%s",
                          request->command, many ? "," : " or", many ? " or --sources FILE" : "");
     }
+    if (n > 1 && request->sources) {
+        return cli_error(EXIT_USAGE, "%s: give one of --source, --vertex and --sources",
+                         request->command);
+    }
     if (n > 1) {
-        return cli_error(EXIT_USAGE, "%s: give --source or --vertex%s, not both", request->command,
-                         request->sources ? " or --sources" : "");
+        return cli_error(EXIT_USAGE, "%s: give --source or --vertex, not both", request->command);
     }
     return solve_request_check_report(request);
 }

@@ -18,7 +18,7 @@ static bool read_point(const char *text, double xyz[3])
 {
     for (int k = 0; k < 3; k++) {
         char *end;
-        xyz[k] = strtod(text, &end); /* the locale is C: see main */
+        xyz[k] = cli_decimal(text, &end);
         if (end == text || !isfinite(xyz[k])) return false;
         text = skip_blanks(end);
         if (k < 2 && *text == ',')

@@ -49,6 +49,15 @@ int cli_read_lines(const char *path, cli_take *take, void *data)
     return code;
 }
 
+double cli_decimal(const char *text, char **end)
+{
+    const char *digits = text + strspn(text, " \t");
+    digits += *digits == '-' || *digits == '+';
+    *end = (char *)text;
+    if (digits[0] == '0' && (digits[1] == 'x' || digits[1] == 'X')) return 0;
+    return strtod(text, end); /* the locale is C: see main */
+}
+
 const char *cli_count(int64_t n, char text[CLI_TEXT_SIZE])
 {
     char digits[CLI_TEXT_SIZE];
