@@ -273,11 +273,12 @@ class Geodesics:
         return flat
 
     def at(self, points: PointsLike) -> "tuple[NDArray[np.float64], NDArray[np.float64]]":
-        """Distance and direction, (k,) each, at the points of the surface nearest to (k, 3)."""
+        """Distance and direction, (k,) each, at the points of the surface nearest to (k, 3), with a UserWarning
+        if any is more than an edge away."""
 
         def nearest(given: ArrayLike) -> "list[Point]":
             xyz = numbers("points", given)
-            return self.mesh.nearest_all(xyz[None] if xyz.shape == (3,) else xyz)
+            return self.mesh._take_all(xyz[None] if xyz.shape == (3,) else xyz)
 
         places = [points] if isinstance(points, Point) else each_place(points, nearest)
         given = pack_points(places)

@@ -141,12 +141,14 @@ def whole(name: str, value: Any) -> int:
     return number
 
 
-def amount(name: str, value: Any, most: float = float("inf")) -> float:
-    """A finite number from 0 to `most`; no truth value or text is taken for one."""
+def amount(name: str, value: Any, most: float = float("inf"), *, above: bool = False) -> float:
+    """A finite number from 0, or above it, to `most`; no truth value or text is taken for one."""
     try:
         number = float("nan" if isinstance(value, (str, bytes, bool, np.bool_)) else value)
     except (TypeError, ValueError, OverflowError):
         number = float("nan")
+    if above and not 0 < number < float("inf"):
+        raise ArgumentError(f"{name} = {value!r}: expected a finite number above 0")
     if not (0 <= number < float("inf") and number <= most):
         wanted = "a finite number from 0" if most == float("inf") else f"a number from 0 to {most:g}"
         raise ArgumentError(f"{name} = {value!r}: expected {wanted}")

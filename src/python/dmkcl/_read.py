@@ -173,6 +173,8 @@ def _is_unknown(path: str, error: FormatError) -> bool:
 def _load(path: str, own: Callable[[str], Any], make: Callable[[Any, Any], Any]) -> Any:
     """The library's own reader, or, of a format that it does not know, what `make` makes of what another
     package reads."""
+    if not path:
+        raise ArgumentError(f"{path!r}: expected the name of a file")
     try:
         return own(path)
     except FormatError as error:

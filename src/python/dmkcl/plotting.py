@@ -74,6 +74,8 @@ def plot(
     picture = None if screenshot is None else path_text(screenshot)
     if picture is not None and not os.path.splitext(picture)[1]:  # to which PyVista would add one
         raise ArgumentError(f"screenshot = {screenshot!r}: expected a name with a suffix, as .png")
+    if (mesh_options or {}).get("scalars") is not None:
+        raise ArgumentError('mesh_options has "scalars": give scalars=..., from which scale and title follow, too')
     data = result.to_pyvista()
     settings = _colour_settings(data, scalars, log, cmap, clim)
     own = plotter is None

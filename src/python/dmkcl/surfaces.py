@@ -32,9 +32,7 @@ def _make(
     lib.dmk_surface_options_init(options, ffi.sizeof(options[0]))
     options.name = text
     for i, (size, value) in enumerate(sizes.items()):
-        options.size[i] = amount(size, value)
-        if not value > 0:  # of 0 the library makes its default
-            raise ArgumentError(f"{size} = {value!r}: expected a number above 0")
+        options.size[i] = amount(size, value, above=True)  # of 0 the library makes its default
     if n_triangles is not None:
         if not whole("n_triangles", n_triangles) > 0:
             raise ArgumentError(f"n_triangles = {n_triangles!r}: expected a number above 0")

@@ -89,6 +89,7 @@ def test_plot_options(result):
         (dict(clim=(1, 2, 3)), "clim = "),
         (dict(clim=5), "clim = 5: expected two"),
         (dict(clim="ab"), "clim = 'ab': expected two"),
+        (dict(mesh_options={"scalars": "u"}), 'mesh_options has "scalars": give scalars=..., from which'),
         (dict(screenshot=""), "screenshot = '': expected a name with a suffix"),
         (dict(screenshot="picture"), "screenshot = 'picture': expected a name with a suffix, as .png"),
     ],

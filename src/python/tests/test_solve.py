@@ -150,6 +150,7 @@ def test_points_far_off_the_surface_are_warned_of(solver, recwarn):
         yield lambda: list(solver.solve_many(points=[p]))
         yield lambda: list(dmkcl.solve_meshes([mesh], source=p))
         yield lambda: dmkcl.Geodesics(mesh, point=p)
+        yield lambda: dmkcl.Geodesics(mesh, vertex=0).at([p])
         yield lambda: dmkcl.distance(mesh, points=[p])
         yield lambda: dmkcl.Geodesics(mesh, 0).path(point=p)
         yield lambda: solver.shortest_path(5, p)
@@ -527,7 +528,10 @@ def test_all_options_have_names():
         (lambda s: s.solve(point=(1, 2j, 0)), "coordinates of a point are of type complex128"),
         (lambda s: dmkcl.surfaces.torus(n_triangles=1.5e4), "n_triangles = 15000.0: expected a whole number"),
         (lambda s: dmkcl.surfaces.torus(n_triangles=-4), "n_triangles = -4"),
-        (lambda s: dmkcl.surfaces.torus(0), "R = 0: expected a number above 0"),
+        (lambda s: dmkcl.surfaces.torus(0), "R = 0: expected a finite number above 0"),
+        (lambda s: dmkcl.surfaces.torus(-1), "R = -1: expected a finite number above 0"),
+        (lambda s: dmkcl.read(""), "'': expected the name of a file"),
+        (lambda s: dmkcl.repair(""), "'': expected the name of a file"),
         (lambda s: dmkcl.surfaces.torus(1, 2), "the tube radius r must be smaller than R,"),
         (lambda s: dmkcl.surfaces.torus(1, 1e-7), "size r of the torus is 1e-07"),
         (lambda s: dmkcl.surfaces.torus(n_triangles=0), "n_triangles = 0: expected a number above 0"),
