@@ -135,6 +135,8 @@ printf '9,0,0 1\n0,0,9 1\n0,0.1,9 1\n0,0,1 1\n' > "$work/away"
 check 'points far from the surface are warned of' has "$work/errors" 'warning: \(9, 0, 0\) is 8 away from the surface'
 check 'and how many more' has "$work/errors" 'warning: so are those of 2 more points of .*away$'
 usage 'no measure' 'no measure given' $mesh
+printf '0x1,0,0 1\n' > "$work/hex"
+fails 'a number that is not decimal' 3 'hex:1: expected one number' "$tool" transport $mesh --from "$work/hex" --to "$work/a"
 usage 'the second alone' '--to is given without --from' $mesh --to "$work/a"
 usage 'masses that differ' '3 to be moved, 1 at the target; make them equal, or scale the second one with --normalise' $mesh --from "$work/a" --to "$work/vertices"
 printf 'vertex 99999999 3\n' > "$work/far"
