@@ -83,10 +83,7 @@ static double find_meeting(const dmk_image *a, const dmk_image *b, double length
     for (int i = 0; i < 60; i++) {
         const double la = dmk_image_length(a, x, 0), lb = dmk_image_length(b, x, 0), f = la - lb;
         if (f == 0) break;
-        if (f < 0)
-            lo = x;
-        else
-            hi = x;
+        *(f < 0 ? &lo : &hi) = x;
         const double slope = (x - a->x) / (la - a->before) - (x - b->x) / (lb - b->before);
         double next = x - f / slope;
         if (!(i < 10 && next > lo && next < hi)) next = 0.5 * (lo + hi);
@@ -167,10 +164,8 @@ static void set_crossing(const dmk_cotree *t, int32_t h, bool kept, dmk_crossing
                         .outer = -1,
                         .kept = kept,
                         .alpha = found.alpha,
-                        .distance = 0.5 * t->geodesics->star.unit * both,
-                        .excess = HUGE_VAL,
-                        .worth = HUGE_VAL,
-                        .strength = HUGE_VAL};
+                        .distance = 0.5 * t->geodesics->star.unit * both};
+    c->excess = c->worth = c->strength = HUGE_VAL;
     for (int k = 0; k < 3; k++)
         c->xyz[k] = (1 - at) * m->xyz[3 * (size_t)v + k] + at * m->xyz[3 * (size_t)w + k];
 }

@@ -89,11 +89,14 @@ static int32_t nearest_on(const dmk_cotree *t, const route *r, const double xyz[
 }
 
 /* How far beyond its end a branch's cusp lies: did families meet at one angle all the way, the excess at the end would
- * be (1 - cos(alpha / 2)) times it. On smooth meshes of all sizes the way is 0.95 to 1.2 of this. */
+ * be (1 - cos(alpha / 2)) times it, but for falls of d that count from there on. On smooth meshes of all sizes the way
+ * is 0.95 to 1.2 of this. */
 static double way_left(const dmk_cotree *t, const route *r)
 {
-    const dmk_crossing *c = &t->crossing[r->crossing[r->end]];
-    return c->excess / (1 - cos(0.5 * c->alpha));
+    const int32_t i = r->crossing[r->end], behind = r->crossing[dmk_min_i(r->end + 1, r->n - 1)];
+    const double excess =
+        fmin(t->crossing[i].excess, t->crossing[behind].excess + step(t, i, behind));
+    return excess / (1 - cos(0.5 * t->crossing[i].alpha));
 }
 
 /* A branch's own cusp lies up to 3 times the way left from its end, with 5 % noise too; one far out on scans is other

@@ -5,9 +5,10 @@
  * the largest d(x) + |x c| - d(c) over the points x of the branch cut off: the length by which a path to
  * c must grow to be moved around the branch's end, from one of the two shortest to the other. Where d falls from c_i to
  * c_out it is 1 + cos, as paths go there and back. On a mesh's own branches d does either: falls count once a branch is
- * more than any of these, and then those since it had the least default. alpha is the harmonic mean of both crossings':
- * between ends that several families part a single one is too wide, and by their sum a branch of a coarse mesh has up
- * to five times the excess of the mesh cut 1:4. Crossings on loops are never peeled: their excess is infinite.
+ * more than any of these, and then those since it had the least default by an excess of its own, which a joint need not
+ * have. alpha is the harmonic mean of both crossings': between ends that several families part a single one is too
+ * wide, and by their sum a branch of a coarse mesh has up to five times the excess of the mesh cut 1:4. Crossings on
+ * loops are never peeled: their excess is infinite.
  *
  * A small piece with a large angle at the far end of a long line with a small one has much excess though the mesh
  * hardly shows where that line runs: on the way inwards a branch's worth is what it gains at angles above the one
@@ -35,10 +36,11 @@ static dmk_crossing hand_on(const dmk_cotree *t, const dmk_crossing *from, const
     const double along = sum > 0 ? cos(product / sum) : 1, growth = (1 - along) * way;
     const double loss = (1 - cos(0.5 * dmk_rules.angle)) * way;
     const double worth = dmk_max(0, from->worth + growth - loss);
+    const double least = dmk_rules.strength * t->mean_edge;
     double fall = from->fall, counts = 0;
-    if (from->worth >= dmk_rules.strength * t->mean_edge && from->distance > to->distance)
+    if (dmk_min(from->worth, from->excess) >= least && from->distance > to->distance)
         fall += 2 * along * way;
-    if (worth >= dmk_rules.gap * dmk_rules.strength * t->mean_edge) counts = fall;
+    if (worth >= dmk_rules.gap * least) counts = fall;
     return (dmk_crossing){
         .excess = from->excess + growth + counts, .worth = worth + counts, .fall = fall - counts};
 }
@@ -223,26 +225,6 @@ double dmk_branch_at(const dmk_cotree *t, int32_t i)
     return fmin(t->crossing[on[0]].worth, fmin(t->crossing[on[1]].worth, t->crossing[on[2]].worth));
 }
 
-typedef struct branches {
-    const dmk_cotree *cotree;
-    double least, *at; /* n_triangles */
-} branches;
-
-/* Those of more than the least, and 0 behind them. */
-static int find_branches(dmk_context *ctx, int32_t b, void *data)
-{
-    const branches *s = data;
-    const int32_t end = dmk_min_i((b + 1) * BLOCK, s->cotree->geodesics->mesh->n_triangles);
-    int32_t n = b * BLOCK;
-    (void)ctx;
-    for (int32_t i = n; i < end; i++) {
-        const double branch = dmk_branch_at(s->cotree, i);
-        if (branch > s->least && branch < HUGE_VAL) s->at[n++] = branch;
-    }
-    if (n < end) s->at[n] = 0;
-    return DMK_OK;
-}
-
 /* The mesh's own branches are weak and many; on a noisy mesh some are stronger than the default. They
  * are told apart from the surface's by a gap: above the strongest of them, which is no lone one, the next
  * is `gap` times as strong, and is no loop; on a sphere the longest line always counts as next. The default is then
@@ -261,11 +243,9 @@ static int find_default(dmk_context *ctx, dmk_cotree *t)
     DMK_TRY(DMK_NEW_UNSET(ctx, branch, (size_t)n_triangles + 2));
     branch[n++] = least;
     if (t->last >= 0) branch[n++] = HUGE_VAL;
-    branches found = {t, least, branch + n};
-    DMK_TRY(dmk_parallel_pieces(ctx, (n_triangles + BLOCK - 1) / BLOCK, find_branches, &found));
-    for (int32_t b = 0; b < n_triangles; b += BLOCK) {
-        for (int32_t i = b; i < dmk_min_i(b + BLOCK, n_triangles) && found.at[i] > 0; i++)
-            branch[n++] = found.at[i];
+    for (int32_t i = 0; i < n_triangles; i++) {
+        const double found = dmk_branch_at(t, i);
+        if (found > least && found < HUGE_VAL) branch[n++] = found;
     }
     dmk_sort_doubles(branch, n);
     for (size_t i = 0; i + 1 < n && branch[i] <= most; i++) {
