@@ -1,5 +1,6 @@
 /* The cut locus as a graph: place, ends and topology against exact loci; borders; sources anywhere.
  */
+#include "base/sets.h"
 #include "base/vec3.h"
 #include "cut/cut.h"
 #include "geodesic/finer.h"
@@ -743,7 +744,45 @@ static scene strip(int n, bool closed)
     return scene_of(mesh, (dmk_point){k, {0.2, 0.3, 0.5}});
 }
 
-/* Rough ground: branches that the border cuts off have lines or none; no vertex lies alone. */
+/* Whether a point lies on a border, by its weights alone. */
+static bool is_on_border(const dmk_mesh *m, const bool *border, const dmk_point *p)
+{
+    for (int k = 0; k < 3; k++) {
+        const int64_t h = 3 * p->triangle + k;
+        if (p->weight[k] == 0 && m->edge_triangle[2 * m->triangle_edge[h] + 1] < 0) return true;
+        if (p->weight[k] == 1 && border[m->triangle[h]]) return true;
+    }
+    return false;
+}
+
+/* Of a disk the locus whose points on the border are one is a tree, also by what a file tells of it. */
+static void check_disk(const scene *s, const dmk_locus *l)
+{
+    size_t n, n_edges;
+    const dmk_mesh *m = s->mesh;
+    const dmk_locus_vertex *v = dmk_locus_vertices(l, &n);
+    const dmk_locus_edge *edge = dmk_locus_edges(l, &n_edges);
+    bool *border = calloc((size_t)m->n_vertices, sizeof *border);
+    int32_t *parent = calloc(n + 1, sizeof *parent);
+    for (int32_t e = 0; e < m->n_edges; e++) {
+        if (m->edge_triangle[2 * e + 1] >= 0) continue;
+        border[m->edge_vertex[2 * e]] = border[m->edge_vertex[2 * e + 1]] = true;
+    }
+    for (size_t i = 0; i <= n; i++) parent[i] = (int32_t)i;
+    for (size_t i = 0; i < n; i++) {
+        if (is_on_border(m, border, &v[i].place)) dmk_set_unite(parent, (int32_t)i, (int32_t)n);
+    }
+    for (size_t i = 0; i < n_edges; i++) {
+        const int32_t a = edge[i].vertex[0], b = edge[i].vertex[1];
+        if (dmk_distance(v[a].xyz, v[b].xyz) == 0) continue; /* crossings at a border's vertex */
+        assert_true(dmk_set_unite(parent, a, b));
+    }
+    free(parent);
+    free(border);
+}
+
+/* Rough ground: branches that the border cuts off have lines or none; no vertex lies alone, and no end inside a
+ * triangle on the border. */
 static void check_ground(void)
 {
     enum { N = 12 };
@@ -772,6 +811,7 @@ static void check_ground(void)
         size_t n_vertices;
         const dmk_locus_vertex *v = dmk_locus_vertices(l, &n_vertices);
         for (size_t i = 0; i < n_vertices; i++) assert_true(v[i].degree > 0);
+        check_disk(&s, l);
         dmk_locus_destroy(&l);
         free_scene(&s);
     }

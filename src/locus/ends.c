@@ -171,6 +171,20 @@ static void place_end(const dmk_cotree *t, dmk_patch *patch, const route *r, dou
     }
 }
 
+/* On a border are the crossings of its edges alone, so that in a file, too, ends are told from these: an end inside a
+ * triangle is moved off it, by at most a thirtieth of the triangle. */
+static void keep_inside(const dmk_cotree *t, dmk_end_point *end)
+{
+    bool on_border = false;
+    dmk_point_snap(end->weight);
+    for (int k = 0; k < 3; k++) {
+        const int32_t h = 3 * end->triangle + k, v = t->geodesics->mesh->triangle[h];
+        on_border |= end->weight[k] == 0 && t->geodesics->star.twin[h] < 0;
+        on_border |= end->weight[k] == 1 && t->loop[v] >= 0;
+    }
+    for (int k = 0; k < 3 && on_border; k++) end->weight[k] += 0.05 * (1 / 3.0 - end->weight[k]);
+}
+
 /* The branch's strength up to the crossing before the end; behind it, less than the default. */
 static int lead_to(dmk_context *ctx, dmk_cotree *t, const route *r, const double xyz[3])
 {
@@ -196,6 +210,7 @@ static int lead_to(dmk_context *ctx, dmk_cotree *t, const route *r, const double
         dmk_crossing *c = &t->crossing[r->crossing[k]];
         c->strength = fmin(c->worth, nextafter(t->strength, 0));
     }
+    keep_inside(t, &end);
     return add_end(ctx, t, end);
 }
 
