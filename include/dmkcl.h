@@ -698,8 +698,8 @@ typedef enum dmk_locus_kind {
  * end from one of its two shortest paths to the other, the largest d(x) + l(x, c) - d(c) over the points x
  * of the branch behind it: the integral of 1 - cos(alpha / 2) along the branch from its end, alpha being the
  * angle at which the two shortest paths meet, and of 1 + cos(alpha / 2) where d falls on the way, as down a spike
- * or a finger from its tip. That counts on branches of an excess of a mean edge or more, and there from 0.2 mean
- * edges on: on a mesh's own branches d rises and falls by chance.
+ * or a finger from its tip. That counts on branches of an excess of a mean edge or more, and where others join
+ * these, and there from 0.2 mean edges on: on a mesh's own branches d rises and falls by chance.
  * Where alpha is less than 0.126 radians, so that the mesh hardly
  * shows where the line is, a branch loses: its strength is the integral of 1 - cos(alpha / 2) - 0.002, not less
  * than 0 on the way, from its end to where it joins a stronger one. It is infinite on loops and on lines between

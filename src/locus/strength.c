@@ -37,35 +37,43 @@ static dmk_crossing hand_on(const dmk_cotree *t, const dmk_crossing *from, const
     const double loss = (1 - cos(0.5 * dmk_rules.angle)) * way;
     const double worth = dmk_max(0, from->worth + growth - loss);
     const double least = dmk_rules.strength * t->mean_edge;
-    double fall = from->fall, counts = 0;
+    double fall = from->fall;
     if (dmk_min(from->worth, from->excess) >= least && from->distance > to->distance)
         fall += 2 * along * way;
-    if (worth >= dmk_rules.gap * least) counts = fall;
-    return (dmk_crossing){
-        .excess = from->excess + growth + counts, .worth = worth + counts, .fall = fall - counts};
+    return (dmk_crossing){.excess = from->excess + growth, .worth = worth, .fall = fall};
 }
 
-/* What triangle `node` hands on to crossing i. The strongest of its other crossings is the heir of i's branch. */
+/* What triangle `node` hands on to crossing i. The strongest of its other crossings is the heir of i's branch. Falls
+ * count for all of them as soon as one is more than any of the mesh's own: a finger's wait for long. */
 static dmk_crossing receive(dmk_cotree *t, int32_t i, int32_t node)
 {
     const dmk_crossing *to = &t->crossing[i];
-    dmk_crossing got = {.worth = to->kept ? t->strength : 0}, *heir = NULL;
-    double most = 0;
+    dmk_crossing got = {.worth = to->kept ? t->strength : 0}, *heir = NULL, one[3], *from[3];
+    double most = 0, strongest = 0;
+    int n = 0;
     for (int k = 0; k < 3; k++) {
         const int32_t j = t->on[3 * node + k];
         if (j < 0 || j == i) continue;
-        dmk_crossing *from = &t->crossing[j];
-        const dmk_crossing one = hand_on(t, from, to);
-        got.excess = dmk_max(got.excess, one.excess);
-        got.worth = dmk_max(got.worth, one.worth);
-        from->onward = i;
-        from->heir =
-            !heir || one.worth > most || (one.worth == most && from->excess > heir->excess);
-        if (!from->heir) continue;
+        from[n] = &t->crossing[j];
+        one[n] = hand_on(t, from[n], to);
+        strongest = dmk_max(strongest, one[n++].worth);
+    }
+    for (int k = 0; k < n; k++) {
+        if (strongest >= dmk_rules.gap * dmk_rules.strength * t->mean_edge) {
+            one[k].excess += one[k].fall;
+            one[k].worth += one[k].fall;
+            one[k].fall = 0;
+        }
+        got.excess = dmk_max(got.excess, one[k].excess);
+        got.worth = dmk_max(got.worth, one[k].worth);
+        from[k]->onward = i;
+        from[k]->heir = !heir || one[k].worth > most ||
+                        (one[k].worth == most && from[k]->excess > heir->excess);
+        if (!from[k]->heir) continue;
         if (heir) heir->heir = false;
-        heir = from;
-        most = one.worth;
-        got.fall = one.fall;
+        heir = from[k];
+        most = one[k].worth;
+        got.fall = one[k].fall;
     }
     return got;
 }
