@@ -323,7 +323,8 @@ typedef struct dmk_arrival {
 typedef struct dmk_geodesics_info {
     size_t n_reached; /* vertices */
     double farthest;  /* largest distance */
-    double error; /* largest estimate of an error over its distance; 0: exact but for rounding */
+    double
+        error; /* largest estimate of an error over its distance, no bound; 0: exact but for rounding */
     size_t n_windows; /* that were made */
 } dmk_geodesics_info;
 
@@ -342,7 +343,8 @@ void dmk_geodesics_get_info(const dmk_geodesics *geodesics, dmk_geodesics_info *
 const double *dmk_geodesics_distance(const dmk_geodesics *geodesics,
                                      size_t *n); /* infinite: not reached */
 const dmk_arrival *dmk_geodesics_arrivals(const dmk_geodesics *geodesics, size_t *n);
-/* Estimate of the error of each distance; NULL, n = 0, if all are exact. */
+/* Estimate of the error of each distance; NULL, n = 0, if all are exact. No bound: on smooth meshes hardly a vertex is
+ * above it, on terrain of random heights 1 % are, most by less than 15 times, and a few where it is near 0. */
 const double *dmk_geodesics_error(const dmk_geodesics *geodesics, size_t *n);
 /* The integral of the distance over the triangles that a source reaches, and an estimate of its quadrature's error. */
 int dmk_geodesics_integrate(dmk_context *context, const dmk_geodesics *geodesics, double *integral,

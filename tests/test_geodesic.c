@@ -1208,6 +1208,65 @@ static void estimates_in_fans(void **state)
     }
 }
 
+/* Terrain of random heights, 0.1 to 1e4 times as high as its edges are long. */
+static dmk_mesh *make_terrain(dmk_context *ctx, int n, uint32_t *random)
+{
+    static const double o[3] = {0}, p[3] = {1, 0, 0}, q[3] = {0, 1, 0};
+    soup *s = new_soup();
+    add_grid(s, o, p, q, n, n, 0, random);
+    const double height = pow(10, 1.5 + 5 * noise(random)) / n;
+    for (int32_t v = 0; v < s->n_vertices; v++) s->xyz[3 * v + 2] = height * noise(random);
+    return finish(ctx, s);
+}
+
+/* Merged windows alone, with a tolerance of 1e-8 to 1e-3: the largest error over its estimate; *large: the largest
+ * estimate over the largest error. Estimates are no bounds, but what has none is exact. */
+static double compare_estimates(dmk_context *ctx, const dmk_mesh *m, uint32_t *random,
+                                double *large)
+{
+    bool finished;
+    double worst = 0, error = 0, estimate = 0, farthest = 0;
+    dmk_geodesics *merged;
+    dmk_geodesics_options options;
+    dmk_geodesics_options_init(&options, sizeof options);
+    options.exact = 1;
+    const dmk_point source = at_vertex(ctx, m, m->n_vertices / 3);
+    dmk_geodesics *exact = run_with(ctx, m, 1, &source, &options);
+    assert_int_equal(dmk_geodesics_prepare(ctx, m, NULL, 1, &source, &options, &merged), DMK_OK);
+    assert_int_equal(
+        dmk_waves_run(ctx, merged, pow(10, -5.5 + 5 * noise(random)), 0, 1000, &finished), DMK_OK);
+    assert_true(finished);
+    for (int32_t v = 0; v < m->n_vertices; v++) farthest = fmax(farthest, exact->distance[v]);
+    for (int32_t v = 0; v < m->n_vertices; v++) {
+        const double off = fabs(merged->distance[v] - exact->distance[v]);
+        worst = fmax(worst, off / (merged->error[v] + 1e-12 * farthest));
+        error = fmax(error, off);
+        estimate = fmax(estimate, merged->error[v]);
+    }
+    *large = estimate / (error + 1e-12 * farthest);
+    dmk_geodesics_destroy(&exact);
+    dmk_geodesics_destroy(&merged);
+    return worst;
+}
+
+/* On terrain, where many ways are nearly the shortest: what one that is longer by less than its error hides is in the
+ * estimate; and estimates remain of the errors' size. */
+static void estimates_on_terrain(void **state)
+{
+    enum { RUNS = 200 };
+    uint32_t random = 3;
+    double sum = 0, most = 0;
+    for (int i = 0; i < RUNS; i++) {
+        double large;
+        dmk_mesh *m = make_terrain(*state, 6 + i % 20, &random);
+        most = fmax(most, compare_estimates(*state, m, &random, &large));
+        sum += log10(fmax(large, 1e-3));
+        dmk_mesh_destroy(&m);
+    }
+    assert_true(most < 100);
+    assert_true(sum < RUNS);
+}
+
 /* From the border of a square, and from a line through it. */
 static void lines(void **state)
 {
@@ -1371,6 +1430,7 @@ int main(void)
         cmocka_unit_test(any_scale),
         cmocka_unit_test(merged_windows),
         cmocka_unit_test(estimates_in_fans),
+        cmocka_unit_test(estimates_on_terrain),
         cmocka_unit_test(lines),
         cmocka_unit_test(one_source_among_the_rays_of_another),
         cmocka_unit_test(offsets_beside_the_mesh),

@@ -49,8 +49,8 @@ typedef struct angle {
     double length, left, right;
     double ca, sa, cb, sb, cx, cy, at;
     int32_t a, b, c, through_left, through_right;
-    double d_a, d_b, d_c,
-        error; /* what is known of the vertices, with the finds of this visit; error: of c */
+    double d_a, d_b, d_c, error,
+        detour; /* what is known of the vertices, with the finds of this visit; error, detour: of c */
     const mark *known; /* of c */
     mark mark;
     bool reached; /* c has another value now */
@@ -66,7 +66,7 @@ static inline void look(const engine *e, int32_t half, angle *s)
     s->a = f->vertex[k1], s->b = f->vertex[k2], s->c = f->vertex[k];
     s->through_left = f->twin[k2], s->through_right = f->twin[k1];
     s->d_a = e->front.d[s->a], s->d_b = e->front.d[s->b], s->d_c = e->front.d[s->c];
-    s->error = e->error[s->c], s->known = e->mark + s->c;
+    s->error = e->error[s->c], s->detour = e->detour[s->c], s->known = e->mark + s->c;
     s->reached = false;
 }
 
@@ -78,7 +78,7 @@ static inline bool carry(const wave *w, double px, double py, double ex, double 
     double qx = w->k * dx + w->ux, qy = w->k * dy + w->uy, n = sqrt(qx * qx + qy * qy), i = 1 / n;
     double xi = w->ux * dx + w->uy * dy, eta = w->ux * dy - w->uy * dx;
     c->lo = lo, c->hi = hi, c->o = o;
-    c->error = w->error;
+    c->error = w->error, c->detour = w->detour;
     c->source = w->source, c->root = w->root;
     c->D = w->D + (2 * xi + w->k * (dx * dx + dy * dy)) / (1 + n);
     c->k = w->k * i;
@@ -151,7 +151,8 @@ static void reach_above(const wave *w, angle *s, double t)
     double xi = w->ux * dx + w->uy * dy, d = w->D + (2 * xi + w->k * (dx * dx + dy * dy)) / (1 + n);
     double bx = direct ? qx : s->cx - t, by = direct ? qy : s->cy;
     if (!direct) d += sqrt(bx * bx + by * by);
-    if (!(d < s->d_c || w->error + d - s->d_c < s->error)) return;
+    if (!(d < s->d_c || w->error + s->d_c - d > s->error || w->detour + d - s->d_c < s->detour))
+        return;
     if (!direct) {
         double px = w->k * ax + w->ux, py = w->k * s->cy + w->uy;
         excess = d - (w->D + (2 * (w->ux * ax + w->uy * s->cy) + w->k * (ax * ax + s->cy * s->cy)) /
@@ -165,7 +166,7 @@ static void reach_above(const wave *w, angle *s, double t)
                     w->half,
                     w->source,
                     w->root};
-    if (dmk_wave_improve(&s->d_c, &s->error, d, w->error, excess)) {
+    if (dmk_wave_improve(&s->d_c, &s->error, &s->detour, d, w->error, w->detour + excess)) {
         s->mark = m;
         s->known = &s->mark;
     }
@@ -331,8 +332,8 @@ static bool interpolate(const wave *r, size_t n, double length, wave *o)
     if (!(q > 0)) return false;
     double k = 2 * (al + ga) / q, ux = (2 * (ga - al) + k * (ga * ga - al * al)) / (4 * half);
     if (!(fabs(ux) < 1) || k * length < least_curvature) return false;
-    *o =
-        (wave){a, c, middle, ux, sqrt(1 - ux * ux), k, d, 0, 0, 0, r->half, -1, r->source, r->root};
+    *o = (wave){a, c, middle,  ux, sqrt(1 - ux * ux), k,      d, 0, 0,
+                0, 0, r->half, -1, r->source,         r->root};
     return true;
 }
 
@@ -347,6 +348,7 @@ static double change(const wave *r, size_t n, wave *o)
     for (size_t i = 0; i < n; i++) {
         double middle = 0.5 * (r[i].lo + r[i].hi);
         o->error = dmk_max(o->error, r[i].error);
+        o->detour = dmk_max(o->detour, r[i].detour);
         if (r[i].root != o->root) o->root = -1;
         most = dmk_max(most, fabs(value(o, middle) - value(r + i, middle)));
         if (i > 0) most = dmk_max(most, fabs(value(o, r[i].lo) - value(r + i, r[i].lo)));
@@ -466,7 +468,7 @@ int dmk_waves_visit(shard *me, const engine *e, int32_t half)
     if (!s.reached) goto done;
     finds *f = me->finds + dmk_waves_shard_of_vertex(s.c);
     DMK_TRY(DMK_GROW(&me->own, f->hit, f->n_hits + 1, f->hit_room));
-    f->hit[f->n_hits++] = (hit){*s.known, s.d_c, s.error, s.c};
+    f->hit[f->n_hits++] = (hit){*s.known, s.d_c, s.error, s.detour, s.c};
 done:
     return rc;
 }

@@ -56,6 +56,7 @@ static int engine_create(dmk_context *ctx, dmk_geodesics *g, double tolerance, e
     e->allow = (allowance){tolerance, most_jump * tolerance, sqrt(tolerance)};
     DMK_TRY(dmk_front_create(ctx, g, &e->front));
     DMK_TRY(DMK_NEW(ctx, e->error, n));
+    DMK_TRY(DMK_NEW(ctx, e->detour, n));
     DMK_TRY(DMK_NEW(ctx, e->mark, n));
     DMK_TRY(DMK_NEW(ctx, e->radiated, n));
     DMK_TRY(DMK_NEW_UNSET(ctx, e->head, n_half));
@@ -84,6 +85,7 @@ static void engine_free(engine *e)
     dmk_front_free(&e->front);
     dmk_heap_free(&e->pseudo_sources);
     free(e->error);
+    free(e->detour);
     free(e->mark);
     free(e->radiated);
     free(e->head);
@@ -106,10 +108,11 @@ static int put(dmk_context *ctx, const engine *e, const wave *w, double key)
 }
 
 static int reach(dmk_context *ctx, const engine *e, int32_t v, double d, const mark *m,
-                 double error)
+                 double error, double detour)
 {
     shard *s = e->shard + dmk_waves_shard_of_vertex(v);
-    if (!dmk_wave_improve(e->front.d + v, e->error + v, d, error, 0)) return DMK_OK;
+    if (!dmk_wave_improve(e->front.d + v, e->error + v, e->detour + v, d, error, detour))
+        return DMK_OK;
     e->mark[v] = *m;
     if (!e->front.pseudo_source[v]) return DMK_OK;
     const int rc = DMK_GROW(ctx, s->reached, s->n_reached + 1, s->reached_room);
@@ -120,7 +123,7 @@ static int reach(dmk_context *ctx, const engine *e, int32_t v, double d, const m
 /* ---- sources and pseudo-sources ------------------------------------------------------------------ */
 
 typedef struct rays {
-    double base, lo, hi, direction, error;
+    double base, lo, hi, direction, error, detour;
     int32_t source, root; /* root -1: directions are the rays' own */
     int n_ends;           /* of a sector: 1, its first, or 2, its last, too */
 } rays;
@@ -140,14 +143,14 @@ static int send(dmk_context *ctx, engine *e, const dmk_sector *c, const rays *a)
                   STRAIGHT,
                   a->source,
                   a->root};
-        DMK_TRY(reach(ctx, e, end.vertex, a->base + end.length, &m, a->error));
+        DMK_TRY(reach(ctx, e, end.vertex, a->base + end.length, &m, a->error, a->detour));
     }
     if (!dmk_front_beam(&e->front, c, a->lo, a->hi, &b)) goto done;
     double o = 0.5 * (b.lo + b.hi), x = o - b.x, r = hypot(x, b.y);
     const dmk_facet *f = e->front.facet + b.half / 3;
     int k = b.half % 3;
-    wave w = {b.lo,         b.hi, o,        x / r,  -b.y / r, 1 / r,     a->base + r,
-              a->direction, 0,    a->error, b.half, -1,       a->source, a->root};
+    wave w = {b.lo, b.hi,     o,         x / r,  -b.y / r, 1 / r,     a->base + r, a->direction,
+              0,    a->error, a->detour, b.half, -1,       a->source, a->root};
     if (own) w.direction = b.turn + atan2(-b.y, x), w.turn = w.k;
     const double most =
         dmk_max(e->front.d[f->vertex[(k + 1) % 3]], e->front.d[f->vertex[(k + 2) % 3]]);
@@ -160,12 +163,12 @@ static int radiate_source(dmk_context *ctx, engine *e, int32_t number)
 {
     int rc = DMK_OK;
     const dmk_site *p = e->front.g->source + number;
-    rays a = {p->offset / e->front.g->star.unit, -1, p->total + 1, 0, 0, number, -1, 2};
+    rays a = {p->offset / e->front.g->star.unit, -1, p->total + 1, 0, 0, 0, number, -1, 2};
     if (p->vertex >= 0) {
         mark m = {0, 0, 0, HUGE_VAL, STRAIGHT, number, -1};
         if (a.base >= e->front.d[p->vertex]) return DMK_OK;
         e->radiated[p->vertex] = a.base;
-        DMK_TRY(reach(ctx, e, p->vertex, a.base, &m, 0));
+        DMK_TRY(reach(ctx, e, p->vertex, a.base, &m, 0, 0));
     }
     for (int32_t k = 0; k < p->n_sectors; k++) {
         dmk_sector c = dmk_front_site(&e->front, p, k);
@@ -211,8 +214,8 @@ static int radiate_pseudo_source(dmk_context *ctx, engine *e, int32_t v)
     int n = dmk_front_directions(&e->front, v, back_of(e, v), range);
     e->radiated[v] = e->front.d[v];
     for (int i = 0; i < n; i++) {
-        rays a = {e->front.d[v], range[i][0], range[i][1], m->direction,
-                  e->error[v],   m->source,   v,           s->border[v] ? 2 : 1};
+        rays a = {e->front.d[v], range[i][0], range[i][1], m->direction,        e->error[v],
+                  e->detour[v],  m->source,   v,           s->border[v] ? 2 : 1};
         DMK_TRY(radiate_star(ctx, e, v, &a, s->border[v] ? 0 : 1));
     }
 done:
@@ -228,15 +231,15 @@ static int radiate_line(dmk_context *ctx, engine *e, int32_t h)
     double length = e->front.facet[h / 3].length[h % 3];
     for (int last = 0; last < 2; last++) {
         int32_t v = g->mesh->triangle[last ? dmk_previous(h) : dmk_next(h)];
-        rays a = {0, -1, g->star.total[v] + 1, 0, 0, g->n_sources, -1, 2};
+        rays a = {0, -1, g->star.total[v] + 1, 0, 0, 0, g->n_sources, -1, 2};
         mark m = {0, 0, 0, HUGE_VAL, STRAIGHT, g->n_sources, -1};
         if (e->radiated[v] == 0) continue;
         e->radiated[v] = 0;
-        DMK_TRY(reach(ctx, e, v, 0, &m, 0));
+        DMK_TRY(reach(ctx, e, v, 0, &m, 0, 0));
         DMK_TRY(radiate_star(ctx, e, v, &a, 0));
     }
-    rc = put(ctx, e, &(wave){0, length, length / 2, 0, 1, 0, 0, 0, 0, 0, h, -1, g->n_sources, -1},
-             0);
+    rc = put(ctx, e,
+             &(wave){0, length, length / 2, 0, 1, 0, 0, 0, 0, 0, 0, h, -1, g->n_sources, -1}, 0);
 done:
     return rc;
 }
@@ -314,7 +317,7 @@ static int enter(dmk_context *ctx, const engine *e, const finds *f)
     int rc = DMK_OK;
     for (size_t i = 0; i < f->n_hits; i++) {
         const hit *h = f->hit + i;
-        DMK_TRY(reach(ctx, e, h->vertex, h->d, &h->mark, h->error));
+        DMK_TRY(reach(ctx, e, h->vertex, h->d, &h->mark, h->error, h->detour));
     }
     for (size_t i = 0; i < f->n_children; i++)
         DMK_TRY(put(ctx, e, &f->child[i].wave, f->child[i].key));
@@ -465,7 +468,7 @@ static void arrive(const engine *e, int32_t v)
     double direction = p ? dmk_front_turn(m->direction, p->total, p->on_border) : 0;
     g->arrival[v] = (dmk_arrival){direction, back_of(e, v), m->root, m->source};
     g->distance[v] *= g->star.unit;
-    e->error[v] *= g->star.unit;
+    e->error[v] = (e->error[v] + e->detour[v]) * g->star.unit;
 }
 
 static void arrive_range(int32_t begin, int32_t end, void *data)

@@ -20,8 +20,8 @@ typedef struct wave {
     double lo, hi, o, ux, uy, k, D;
     double direction,
         turn; /* at the source: direction + turn * psi, psi the angle of the front seen from o */
-    double error;
-    int32_t half, next; /* next in the half-edge's list */
+    double error, detour; /* see dmk_wave_improve */
+    int32_t half, next;   /* next in the half-edge's list */
     int32_t source, root;
 } wave;
 
@@ -55,7 +55,7 @@ typedef struct child {
 
 typedef struct hit {
     mark mark;
-    double d, error;
+    double d, error, detour;
     int32_t vertex;
 } hit;
 
@@ -101,6 +101,7 @@ typedef struct engine {
     int64_t most_looks;
     allowance allow;
     double *error;    /* n_vertices */
+    double *detour;   /* n_vertices: part of the error in the end */
     mark *mark;       /* n_vertices */
     double *radiated; /* n_vertices: at this distance */
     int32_t *head;    /* of each half-edge: its windows, in its shard's pool */
@@ -134,18 +135,25 @@ static inline int dmk_waves_shard_of_vertex(int32_t v)
 /* What is kept has this in `next` while it is in the list of the half-edge that is visited. */
 enum { KEPT = -2 };
 
-/* All values are lengths of paths up to their error, so the best estimate of any of them counts. Whether this one is
- * the shortest. */
-static inline bool dmk_wave_improve(double *known, double *error, double d, double its_error,
-                                    double excess)
+/* All values are lengths of ways, up to what merging has changed: the error. A way may be longer than the shortest one
+ * of its kind by its detour, where no straight one was seen. Whether this one is the shortest. A longer one that may be
+ * too long by more than it is behind may be the shortest in truth, so the larger error counts; of the detours the least
+ * one does. */
+static inline bool dmk_wave_improve(double *known, double *error, double *detour, double d,
+                                    double its_error, double its_detour)
 {
     if (!(d < *known)) {
-        *error = dmk_min(*error, its_error + excess + d - *known);
+        *error = dmk_max(*error, its_error + *known - d);
+        *detour = dmk_min(*detour, its_detour + d - *known);
         return false;
     }
-    if (*known < INFINITY) excess = dmk_min(excess, *error + *known - d);
+    if (*known < INFINITY) {
+        its_error = dmk_max(its_error, *error + d - *known);
+        its_detour = dmk_min(its_detour, *detour + *known - d);
+    }
     *known = d;
-    *error = its_error + excess;
+    *error = its_error;
+    *detour = its_detour;
     return true;
 }
 

@@ -231,7 +231,7 @@ class Geodesics:
 
     @cached_property
     def info(self) -> "dict[str, Any]":
-        """n_reached, farthest, error (the largest, over its distance), n_windows."""
+        """n_reached, farthest, error (the largest estimate, over its distance; no bound), n_windows."""
         info = ffi.new("dmk_geodesics_info *")
         lib.dmk_geodesics_get_info(self._handle.pointer, info)
         return copy_struct(info[0])
