@@ -344,7 +344,7 @@ const double *dmk_geodesics_distance(const dmk_geodesics *geodesics,
                                      size_t *n); /* infinite: not reached */
 const dmk_arrival *dmk_geodesics_arrivals(const dmk_geodesics *geodesics, size_t *n);
 /* Estimate of the error of each distance; NULL, n = 0, if all are exact. No bound: on smooth meshes hardly a vertex is
- * above it, on terrain of random heights 1 % are, most by less than 15 times, and a few where it is near 0. */
+ * above it, on terrain of random heights about 1 %, and a few of these where it is near 0. */
 const double *dmk_geodesics_error(const dmk_geodesics *geodesics, size_t *n);
 /* The integral of the distance over the triangles that a source reaches, and an estimate of its quadrature's error. */
 int dmk_geodesics_integrate(dmk_context *context, const dmk_geodesics *geodesics, double *integral,

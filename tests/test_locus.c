@@ -1484,8 +1484,8 @@ static void test_reaches(void **state)
 }
 
 /* From which excess on falls of d count: 5 * 0.2 h. With half of it branches of noise are as strong as the surface's on
- * the first torus, with twice as much the surface's are as weak as those of noise on the quartic: 54 and 17 ends. On the
- * second torus falls that wait are not lost where their branch joins one of more: 47 ends. */
+ * the first torus, with twice as much the surface's are as weak as those of noise on the quartic: 54 and 17 ends. Falls
+ * that wait are not lost where a branch joins one of more, as on the second torus: 47 ends. */
 static void test_falls(void **state)
 {
     (void)state;
