@@ -83,7 +83,10 @@ static double find_meeting(const dmk_image *a, const dmk_image *b, double length
     for (int i = 0; i < 60; i++) {
         const double la = dmk_image_length(a, x, 0), lb = dmk_image_length(b, x, 0), f = la - lb;
         if (f == 0) break;
-        *(f < 0 ? &lo : &hi) = x;
+        if (f < 0)
+            lo = x;
+        else
+            hi = x;
         const double slope = (x - a->x) / (la - a->before) - (x - b->x) / (lb - b->before);
         double next = x - f / slope;
         if (!(i < 10 && next > lo && next < hi)) next = 0.5 * (lo + hi);
