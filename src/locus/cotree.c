@@ -167,6 +167,7 @@ static void set_crossing(const dmk_cotree *t, int32_t h, bool kept, dmk_crossing
                         .outer = -1,
                         .kept = kept,
                         .alpha = found.alpha,
+                        .share = at,
                         .distance = 0.5 * t->geodesics->star.unit * both};
     c->excess = c->worth = c->strength = HUGE_VAL;
     for (int k = 0; k < 3; k++)

@@ -20,6 +20,7 @@ typedef struct dmk_crossing {
     bool heir;       /* `onward` is of the same branch */
     bool kept;       /* has the default strength in any case: see joints.c */
     double xyz[3];
+    double share;    /* where on the half-edge, from its start, over the length */
     double distance; /* from the source */
     double alpha;    /* angle at which the two families meet, radians in [0, pi] */
     double excess;   /* P: by how much a path must grow to be moved from one family to the other */

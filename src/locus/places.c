@@ -233,15 +233,14 @@ static double share_of(const dmk_cotree *t, int32_t i, bool raw)
 {
     const dmk_crossing *c = &t->crossing[i];
     const dmk_mesh *m = t->geodesics->mesh;
-    const dmk_meeting met = dmk_meet(t->geodesics, c->half);
     walk side[2];
     double length = dmk_rules.width * t->mean_edge, mean[3] = {0}, edge[3], to[3];
-    if (raw || c->strength < t->strength) return met.x / met.length;
+    if (raw || c->strength < t->strength) return c->share;
     for (int k = 0; k < 2; k++) {
         go(t, i, c->node[k], length, &side[k]);
         length = fmin(length, side[k].s[side[k].n - 1]);
     }
-    if (!(length > 0)) return met.x / met.length;
+    if (!(length > 0)) return c->share;
     for (int k = 0; k < 2; k++) integrate(&side[k], length, mean);
     for (int k = 0; k < 3; k++) mean[k] /= 2 * length;
     const double *v = m->xyz + 3 * (size_t)m->triangle[dmk_next(c->half)];
