@@ -70,10 +70,8 @@ static void crossings_of_a_flat_torus(void **state)
         assert_true(c->node[0] == c->half / 3 && c->node[1] == g->star.twin[c->half] / 3);
         if (c->excess < HUGE_VAL) continue;
         n_loop++;
-        const dmk_meeting met = dmk_meet(g, c->half);
-        const double share = met.x / met.length;
-        const double x = a[0] + share * remainder(b[0] - a[0], width),
-                     y = a[1] + share * remainder(b[1] - a[1], height);
+        const double x = a[0] + c->share * remainder(b[0] - a[0], width),
+                     y = a[1] + c->share * remainder(b[1] - a[1], height);
         const double off_x = fabs(fabs(x) - width / 2), off_y = fabs(fabs(y) - height / 2);
         if (fmax(off_x, off_y) < 0.2) continue; /* near a corner */
         n_far++;

@@ -572,41 +572,54 @@ static double density_error(problem *p, const dmk_measure *from, const dmk_measu
     return off / size;
 }
 
+/* The mean and the worst of so many pairs of measures on a torus pressed to this height. */
+static double mean_density_error(problem *p, int n_pairs, double height, int *steps, double *worst)
+{
+    const size_t nv = problem_vertices(p);
+    double *a = calloc(nv, sizeof *a), *b = calloc(nv, sizeof *b), mean = 0;
+    *worst = 0;
+    *steps = 0;
+    p->options.normalise = 1;
+    for (int i = 0; i < n_pairs; i++) {
+        double x[3], y[3];
+        on_torus(i, x);
+        on_torus(i + 5, y);
+        x[2] *= height;
+        y[2] *= height;
+        heap_up(p, x, 0.5 + 0.1 * i, a);
+        heap_up(p, y, 0.9, b);
+        const double error = density_error(p, &(dmk_measure){.vertex_mass = a},
+                                           &(dmk_measure){.vertex_mass = b}, steps);
+        mean += error / n_pairs;
+        *worst = fmax(*worst, error);
+    }
+    print_message("# %d pairs: %d steps, L1 %.2e on average, %.2e at worst\n", n_pairs, *steps,
+                  mean, *worst);
+    free(a);
+    free(b);
+    return mean;
+}
+
 /* Where no angle is small: the stop is neither far from the optimum nor later than it need be. Were the change of mu
  * taken for the error at half the step's length, mu would be 1.7e-3 off on average; at twice, 105 steps. */
 static void density_is_near_the_optimum(void **state)
 {
-    enum { PAIRS = 8 };
     dmk_surface_options o;
     dmk_surface_options_init(&o, sizeof o);
     o.name = "torus";
     o.n_triangles = 8000;
     problem p = problem_surface(*state, &o);
-    const size_t nv = problem_vertices(&p);
-    double *a = calloc(nv, sizeof *a), *b = calloc(nv, sizeof *b), mean = 0, worst = 0;
-    int steps = 0;
-    p.options.normalise = 1;
-    for (int i = 0; i < PAIRS; i++) {
-        double x[3], y[3];
-        on_torus(i, x);
-        on_torus(i + 5, y);
-        heap_up(&p, x, 0.5 + 0.1 * i, a);
-        heap_up(&p, y, 0.9, b);
-        const double error = density_error(&p, &(dmk_measure){.vertex_mass = a},
-                                           &(dmk_measure){.vertex_mass = b}, &steps);
-        mean += error / PAIRS;
-        worst = fmax(worst, error);
-    }
-    print_message("# %d pairs: %d steps, L1 %.2e on average, %.2e at worst\n", PAIRS, steps, mean,
-                  worst);
+    int steps;
+    double worst;
+    const double mean = mean_density_error(&p, 8, 1, &steps, &worst);
     assert_true(worst <= 3e-3);
     if (!(mean <= 1.4e-3 && steps <= 100)) fail_msg("%g after %d steps", mean, steps);
     problem_free(&p);
-    free(a);
-    free(b);
 }
 
 /* The torus pressed flat, whose triangles are too thin for one smoothing step. */
+static const double flat = 0.2;
+
 static problem flat_torus(bench *b)
 {
     dmk_surface_options o;
@@ -618,7 +631,7 @@ static problem flat_torus(bench *b)
     double *x = malloc(3 * nv * sizeof *x);
     assert_non_null(x);
     for (size_t i = 0; i < 3 * nv; i++)
-        x[i] = (i % 3 == 2 ? 0.2 : 1) * dmk_mesh_vertices(round.mesh)[i];
+        x[i] = (i % 3 == 2 ? flat : 1) * dmk_mesh_vertices(round.mesh)[i];
     problem p = problem_create(b, nv, x, problem_triangles(&round), dmk_mesh_triangles(round.mesh));
     problem_free(&round);
     free(x);
@@ -628,29 +641,12 @@ static problem flat_torus(bench *b)
 /* As above: at half the step's length mu would be 2.1e-3 off, at twice there would be 77 steps. */
 static void so_it_is_of_thin_triangles(void **state)
 {
-    enum { PAIRS = 6 };
     problem p = flat_torus(*state);
-    const size_t nv = problem_vertices(&p);
-    double *a = calloc(nv, sizeof *a), *b = calloc(nv, sizeof *b), mean = 0;
-    int steps = 0;
-    p.options.normalise = 1;
-    for (int i = 0; i < PAIRS; i++) {
-        double x[3], y[3];
-        on_torus(i, x);
-        on_torus(i + 5, y);
-        x[2] *= 0.2;
-        y[2] *= 0.2;
-        heap_up(&p, x, 0.5 + 0.1 * i, a);
-        heap_up(&p, y, 0.9, b);
-        mean += density_error(&p, &(dmk_measure){.vertex_mass = a},
-                              &(dmk_measure){.vertex_mass = b}, &steps) /
-                PAIRS;
-    }
-    print_message("# %d pairs: %d steps, L1 %.2e on average\n", PAIRS, steps, mean);
+    int steps;
+    double worst;
+    const double mean = mean_density_error(&p, 6, flat, &steps, &worst);
     if (!(mean <= 1.7e-3 && steps <= 74)) fail_msg("%g after %d steps", mean, steps);
     problem_free(&p);
-    free(a);
-    free(b);
 }
 
 /* From one corner of a tetrahedron to another. Nothing moves in the two triangles that do not touch the edge between
