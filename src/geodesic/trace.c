@@ -49,6 +49,8 @@ struct dmk_tracer {
     double bound; /* nothing longer is of use */
     double slack; /* nor what is shorter than `bound` by less than this */
     double lost;  /* the least length of a way that there was no room for */
+    double
+        least; /* of the ways that were found to a source or a bend, as far as distances there may be too long */
 };
 
 /* In units: lengths that are equal. */
@@ -155,6 +157,8 @@ static void finish_at(dmk_tracer *t, finish f, double length)
     f.length = f.key = length;
     if (f.vertex >= 0 && !is_bend(g, f.vertex))
         f.key += same_length + doubt(g, f.vertex); /* others are better to end at */
+    else
+        t->least = dmk_min(t->least, f.vertex >= 0 ? length - doubt(g, f.vertex) : length);
     if (f.key < t->best.key) t->best = f;
     t->bound = dmk_min(t->bound, f.key);
 }
@@ -385,7 +389,7 @@ static int look_for_best(dmk_context *ctx, dmk_tracer *t, const dmk_site *site)
     source_point *own = NULL;
     t->best =
         (finish){.length = INFINITY, .key = INFINITY, .window = -1, .vertex = -1, .source = -1};
-    t->bound = t->lost = INFINITY;
+    t->bound = t->lost = t->least = INFINITY;
     if (site->vertex >= 0)
         t->bound = g->distance[site->vertex] / unit + same_length + doubt(g, site->vertex);
     DMK_TRY(DMK_NEW(ctx, own, (size_t)site->n_sectors + 2));
@@ -744,6 +748,7 @@ enum { most_repairs = 200 };
 typedef struct mended {
     int32_t vertex;
     double distance, error;
+    bool more; /* another search may find more: there is room for its ways */
 } mended;
 
 typedef struct repairs {
@@ -755,25 +760,46 @@ typedef struct repairs {
     _Atomic int32_t next; /* of the list, to be taken: searches differ in length */
 } repairs;
 
+/* Whether the estimate of v's error is to be made less. */
+static bool is_over(const dmk_geodesics *g, int32_t v)
+{
+    return g->arrival[v].source >= 0 && !is_source(g, v) &&
+           g->error[v] > 2 * g->tolerance * g->distance[v];
+}
+
+/* What two estimates leave of a distance: the old one, and that it lies in lo..hi, most likely at `length`. If they
+ * exclude each other the old one was too small. */
+static void narrow(const dmk_geodesics *g, mended *m, double lo, double length, double hi)
+{
+    const double d = g->distance[m->vertex], error = g->error[m->vertex];
+    const bool agree = lo <= d + error && hi >= d - error;
+    if (agree) lo = dmk_max(lo, d - error), hi = dmk_min(hi, d + error);
+    m->distance = dmk_max(lo, dmk_min(length, hi));
+    m->error = dmk_max(hi - m->distance, m->distance - lo);
+    if (!agree || m->error < error) return;
+    m->distance = d;
+    m->error = error;
+}
+
 /* Vertex `m` by a path of its own, no longer than the shortest by more than the tolerance: ways that differ by less are
  * many near focal points, 100,000 to 700,000 windows for each of 15 vertices of a million triangles, and 18,000 to
- * 100,000 so. Paths end where distances are known: what others mend is not looked at. Where there is no room for all
- * ways, the error stays as it was estimated. */
+ * 100,000 so. Paths end where distances are known, but for the errors there: the shortest may be as much longer than
+ * the path that was found, and no shorter than what was found, dropped or without room. */
 static int mend(dmk_context *ctx, dmk_tracer *t, mended *m)
 {
     int rc;
     dmk_site site = {0};
     const dmk_geodesics *g = t->g;
+    const double unit = g->star.unit;
     dmk_point p = corner_point(g, m->vertex);
     DMK_TRY(dmk_site_create(ctx, g->mesh, &g->star, &p, 0, &site));
-    t->slack = g->tolerance * g->distance[m->vertex] / g->star.unit;
+    t->slack = g->tolerance * g->distance[m->vertex] / unit;
     DMK_TRY(look_for_best(ctx, t, &site));
-    m->distance = t->best.length * g->star.unit;
-    m->error = (t->best.vertex >= 0 ? g->error[t->best.vertex] : 0) + t->slack * g->star.unit;
-    if (has_lost(t)) {
-        m->distance = dmk_min(m->distance, g->distance[m->vertex]);
-        m->error = g->error[m->vertex];
-    }
+    const double length = t->best.length,
+                 above = t->best.vertex >= 0 ? doubt(g, t->best.vertex) : 0;
+    const double least = dmk_min(t->least, dmk_min(t->lost, t->bound - t->slack));
+    narrow(g, m, least * unit, length * unit, (length + above) * unit);
+    m->more = !has_lost(t);
     rc = dmk_poll(ctx);
 done:
     dmk_site_free(&site);
@@ -791,17 +817,35 @@ done:
     return rc;
 }
 
+/* All of the list from what is known so far, and what is found then. *better: some are no longer over the tolerance,
+ * and may be the ends of paths of those that are. The list is of these then. */
+static int mend_all(dmk_context *ctx, dmk_geodesics *g, repairs *r, bool *better)
+{
+    int rc;
+    int32_t left = 0;
+    r->next = 0;
+    DMK_TRY(dmk_parallel_pieces(ctx, r->n_threads, mend_share, r));
+    *better = false;
+    for (int32_t i = 0; i < r->n; i++) {
+        const mended m = r->list[i];
+        g->distance[m.vertex] = m.distance;
+        g->error[m.vertex] = m.error;
+        *better = *better || !is_over(g, m.vertex);
+        if (m.more && is_over(g, m.vertex)) r->list[left++] = m;
+    }
+    r->n = left;
+done:
+    return rc;
+}
+
 int dmk_tracer_repair(dmk_context *ctx, dmk_geodesics *g, bool *few)
 {
     int rc = DMK_OK;
     mended list[most_repairs];
     repairs r = {.g = g, .list = list};
-    atomic_init(&r.next, 0);
     *few = true;
     for (int32_t v = 0; v < g->mesh->n_vertices; v++) {
-        if (g->arrival[v].source < 0 || is_source(g, v) ||
-            !(g->error[v] > 2 * g->tolerance * g->distance[v]))
-            continue;
+        if (!is_over(g, v)) continue;
         *few = r.n < most_repairs;
         if (!*few) goto done;
         list[r.n++].vertex = v;
@@ -809,11 +853,7 @@ int dmk_tracer_repair(dmk_context *ctx, dmk_geodesics *g, bool *few)
     r.n_threads = dmk_min_i(dmk_parallel_threads(ctx), r.n);
     DMK_TRY(DMK_NEW(ctx, r.tracer, (size_t)r.n_threads));
     for (int i = 0; i < r.n_threads; i++) DMK_TRY(dmk_tracer_create(ctx, g, &r.tracer[i]));
-    DMK_TRY(dmk_parallel_pieces(ctx, r.n_threads, mend_share, &r));
-    for (int32_t i = 0; i < r.n; i++) {
-        g->distance[list[i].vertex] = list[i].distance;
-        g->error[list[i].vertex] = list[i].error;
-    }
+    for (bool better = true; better && r.n > 0;) DMK_TRY(mend_all(ctx, g, &r, &better));
 done:
     for (int i = 0; r.tracer && i < r.n_threads; i++) dmk_tracer_destroy(&r.tracer[i]);
     free(r.tracer);
