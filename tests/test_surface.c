@@ -453,6 +453,20 @@ static void bad_options_are_refused(void **state)
     refuse(f->ctx, &o, "source");
 }
 
+/* Of a body a thousand times as long as wide 20 triangles are needles of 0.018 (quartic) and 0.006 (ellipsoid). */
+static void needles_are_refused(void **state)
+{
+    fixture *f = *state;
+    dmk_surface_options o = options_of(&surfaces[2], 0);
+    o.size[0] = 1000;
+    o.n_triangles = 20;
+    dmk_mesh *m = make(f->ctx, &o);
+    dmk_mesh_destroy(&m);
+    o.name = "ellipsoid";
+    o.size[1] = o.size[2] = 1;
+    refuse(f->ctx, &o, "is a needle");
+}
+
 static int stop_at_once(const dmk_progress *progress, void *user)
 {
     assert_string_equal(progress->stage, "mesh");
@@ -491,6 +505,7 @@ int main(void)
         cmocka_unit_test(sizes_are_used),
         cmocka_unit_test(children_follow_their_parents),
         cmocka_unit_test(bad_options_are_refused),
+        cmocka_unit_test(needles_are_refused),
         cmocka_unit_test(making_can_be_cancelled),
     };
     return cmocka_run_group_tests_name("surface", tests, setup, teardown);

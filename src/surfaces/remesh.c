@@ -11,7 +11,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A result with a triangle worse than this is refused. */
+/* A result with a triangle worse than this (dmk_relax_quality) is refused: asked for by thousands, bodies up to 3,000
+ * times as long as wide have 0.029. */
 static const double least_quality = 0.01;
 /* Split edges down to this part of the longest one in a round. */
 static const double split_above = 0.7;
