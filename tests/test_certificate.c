@@ -1,6 +1,7 @@
 /* The bounds of the cost: on the right side of known optima and close to them, also where needles
  * and single precision would spoil them. */
 #include "../src/solver/bounds.c" /* for their static functions; the library's own are then left out */
+#include "../src/solver/certificate.c"
 #include "../src/solver/repair.c"
 
 #include "solver/solver.h"
@@ -76,6 +77,35 @@ static void bounds_hold_in_single_precision(void **state)
         problem_free(&p);
     }
     bench_close(&b);
+}
+
+/* ---- the upper bound ------------------------------------------------------------------------- */
+
+/* An iteration from the pair that p's device holds, without what it knows of it. */
+static dmk_iteration iteration_of(problem *p)
+{
+    p->stats = (dmk_stats){0};
+    return (dmk_iteration){.ctx = p->b->ctx,
+                           .sys = p->solver->system,
+                           .mesh = &p->solver->mollified,
+                           .triangle_old = p->solver->order->order.triangle_old,
+                           .options = &p->options,
+                           .stats = &p->stats};
+}
+
+/* A bound that comes no nearer is given up after four better u. */
+static void bounds_are_given_up(void **state)
+{
+    problem p = problem_file(*state, optima[0].mesh);
+    problem_solve(&p);
+    dmk_iteration o = iteration_of(&p);
+    search s = {.upper = INFINITY, .tolerance = first_tolerance};
+    const double never = -0.5;
+    bench_ok(p.b, find_upper(&o, &s, never));
+    assert_int_equal(s.solves, 4);
+    free(s.own);
+    free(s.solved);
+    problem_free(&p);
 }
 
 /* ---- rounding -------------------------------------------------------------------------------- */
@@ -203,6 +233,33 @@ static void needles_are_repaired(void **state)
     problem_free(&p);
 }
 
+/* For its first bound A(mu) u = f is solved neither much better than pays nor so loosely that it is no good. */
+static void first_bounds_are_cheap(void **state)
+{
+    static const double part[] = {0.006, 0.003};
+    int iterations = 0;
+    for (int i = 0; i < 2; i++) {
+        problem p = needles(*state, part[i]);
+        problem_solve(&p);
+        dmk_iteration o = iteration_of(&p);
+        const dmk_system *s = o.sys;
+        search found = {.upper = INFINITY, .tolerance = first_tolerance};
+        o.loose = true;
+        bench_ok(p.b,
+                 dmk_buffer_clear(o.ctx, s->device, s->u,
+                                  (size_t)s->n_rows_pad * dmk_device_real(s->device, DMK_OUTER)));
+        bench_ok(p.b, find_upper(&o, &found, 0.1));
+        assert_int_equal(found.solves, 1);
+        iterations += p.stats.cg_iterations;
+        free(found.own);
+        free(found.solved);
+        problem_free(&p);
+    }
+    /* Twice as loosely it is 42, to half of it 60. */
+    print_message("# %d iterations of CG for two bounds\n", iterations);
+    assert_true(iterations > 45 && iterations < 55);
+}
+
 static void repair_gives_the_same_bits(void **state)
 {
     problem a = needles(*state, 0.006), b = needles(*state, 0.006);
@@ -300,6 +357,8 @@ int main(void)
         cmocka_unit_test(bounds_enclose_known_optima),
         cmocka_unit_test(bounds_are_close_at_the_default_stop),
         cmocka_unit_test(bounds_hold_in_single_precision),
+        cmocka_unit_test(bounds_are_given_up),
+        cmocka_unit_test(first_bounds_are_cheap),
         cmocka_unit_test(steepness_has_its_rounding_on_top),
         cmocka_unit_test(bounds_hold_for_shifted_functions),
         cmocka_unit_test(needles_are_repaired),
