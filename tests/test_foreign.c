@@ -56,6 +56,9 @@ static const char *const squares[] = {
     LEGACY "DATASET POLYDATA\nFIELD f 4\na%20b 2 2 string\nPOINTS 1 float\n\n#%20\n\nb 3 3 bit\n"
            "0 1 0 1 0 1 0 1\n0 \nc 1 2 signed_char\n-2 1\nd 1 0 string\n" POINTS
            "POLYGONS 1 5\n4 0 1 2 3\n",
+    /* names with what begins a comment elsewhere */
+    LEGACY "DATASET POLYDATA\nFIELD #f 3\n#a 1 2 int\n1 2\nMETADATA\nCOMPONENT_NAMES\n#x\n\n"
+           "b#c 1 1 int\n3\nd\\ 1 1 int\n4\n" POINTS "POLYGONS 1 5\n4 0 1 2 3\n",
     LEGACY5 POINTS "METADATA\nINFORMATION 0\n\nPOLYGONS 3 6\nOFFSETS vtktypeint64\n0 3 6\n"
                    "CONNECTIVITY vtktypeint64\n0 1 2 0 2 3\n",
     VTP(XYZ("0 0 0 1 0 0 1 1 0 0 1 0") POLYS),

@@ -265,6 +265,27 @@ done:
 
 /* ---- arrays of data, which nobody needs ---- */
 
+/* To the next name; a # begins no comment here. */
+static void seek_name(dmk_text *t)
+{
+    while (t->at < t->end && (unsigned char)*t->at <= ' ') t->at++;
+}
+
+static void skip_name(dmk_text *t)
+{
+    seek_name(t);
+    while (t->at < t->end && (unsigned char)*t->at > ' ') t->at++;
+}
+
+/* Up to an empty line; names of components stand there, too. */
+static void skip_metadata(dmk_text *t)
+{
+    do {
+        dmk_text_skip_line(t);
+        while (t->at < t->end && (*t->at == ' ' || *t->at == '\t' || *t->at == '\r')) t->at++;
+    } while (t->at < t->end && *t->at != '\n');
+}
+
 /* A binary string comes behind its length, high byte first; the two highest bits say how many bytes that has. */
 static int skip_binary_string(legacy *v)
 {
@@ -336,16 +357,12 @@ static int skip_field(legacy *v)
     int rc;
     int64_t n;
     dmk_text *t = &v->in.text;
-    dmk_text_seek(t);
-    t->at += dmk_text_word(t);
+    skip_name(t);
     DMK_TRY(read_count(v, "the number of arrays", &n));
     for (int64_t i = 0; i < n; i++) {
-        dmk_text_seek(t);
-        if (strncasecmp(t->at, "METADATA", 8) == 0) { /* of the array before */
-            while (dmk_text_more(t)) dmk_text_skip_line(t);
-            dmk_text_seek(t);
-        }
-        t->at += dmk_text_word(t);
+        seek_name(t);
+        if (dmk_text_is_in_any_case(t, "METADATA")) skip_metadata(t); /* of the array before */
+        skip_name(t);
         DMK_TRY(skip_array(v));
     }
 done:
@@ -359,8 +376,8 @@ static int read_part(legacy *v, bool *done)
     dmk_text *t = &v->in.text;
     if (take_word(v, "POINTS")) return read_points(v);
     if (take_word(v, "FIELD")) return skip_field(v);
-    if (take_word(v, "METADATA")) { /* up to an empty line */
-        for (dmk_text_skip_line(t); dmk_text_more(t);) dmk_text_skip_line(t);
+    if (take_word(v, "METADATA")) {
+        skip_metadata(t);
         return DMK_OK;
     }
     if (take_word(v, "POINT_DATA") || take_word(v, "CELL_DATA")) {
