@@ -11,7 +11,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Masses, and measures, that differ by less than this part of their sum are equal but for rounding. */
+/* Masses, and measures, that differ by less than this part of their sum are equal but for rounding; what differs by more
+ * does so in 13 digits, and the sums' own rounding is behind them. */
 static const double balanced = 1e-12;
 
 /* ---- what is refused -------------------------------------------------------------------------- */
@@ -394,7 +395,7 @@ static int balance_signed(dmk_context *ctx, size_t n, double *f, double gross, d
     if (!isfinite(gross)) return too_large(ctx, "first");
     if (fabs(sum) > balanced * gross) {
         return dmk_fail(ctx, DMK_E_ARG,
-                        "the signed measure has the total mass %.15g: expected 0, unless a second "
+                        "the signed measure has the total mass %.13g: expected 0, unless a second "
                         "measure is given",
                         sum);
     }
@@ -415,7 +416,7 @@ static int balance(dmk_context *ctx, size_t n, bool normalise, double *f, const 
     }
     if (!normalise && fabs(a - b) > balanced * a + balanced * b) {
         return dmk_fail(ctx, DMK_E_ARG,
-                        "the masses differ: %.15g to be moved, %.15g at the target; make them "
+                        "the masses differ: %.13g to be moved, %.13g at the target; make them "
                         "equal, or ask for the "
                         "second to be scaled (normalise)",
                         a, b);

@@ -208,9 +208,20 @@ def test_matrix_names_the_pair(sphere):
         sphere.w1_matrix([even, even, 2 * even])
 
 
+def test_masses_are_told_as_they_were_given(sphere):
+    even = np.ones(len(sphere.mesh.vertices))
+    n = len(even)
+    with pytest.raises(dmkcl.ArgumentError, match=f"^the masses differ: {n} to be moved, {n}.00000001 at the target"):
+        sphere.transport(even, even + 1e-8 / n)
+    with pytest.raises(dmkcl.ArgumentError, match=f"^the signed measure has the total mass {n}: expected 0"):
+        sphere.transport(even)
+
+
 def test_a_matrix_of_one_is_checked_too(sphere):
     assert sphere.w1_matrix([np.ones(len(sphere.mesh.vertices))]) == [[0]]
     assert sphere.w1_matrix([]).shape == (0, 0)
+    with pytest.raises(dmkcl.ArgumentError, match=r"^one measure; expected several, as in a list: \[measure\]$"):
+        sphere.w1_matrix(dmkcl.Measure(uniform=1))
     with pytest.raises(dmkcl.ArgumentError, match="^measure 0: vertex_mass has the shape"):
         sphere.w1_matrix([np.ones(3)])
     with pytest.raises(dmkcl.ArgumentError, match="^measure 0: vertex 7 has the value nan"):
