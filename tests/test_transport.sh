@@ -27,6 +27,10 @@ check 'and no distance' sh -c "! grep -aq 'Name=\"distance\"' '$work/o.vtp'"
 for key in cost_upper cost_lower gap mass balance steps; do
     check "the report has $key" has "$work/r.json" "\"$key\": [0-9]"
 done
+check 'its device, as that of `solve`' has "$work/r.json" '^  "device": \{$'
+check 'and its steepest triangles' has "$work/r.json" '^  "steep": \['
+times='^time .*: read .*, device .*, setup .*, start .*, solve .*, certify .*,$'
+check 'the summary has all stages' has "$work/summary" "$times"
 check 'the mass' has "$work/r.json" '"mass": 3(\.0*[0-9]*|),'
 check 'vertices to triangles, scaled' "$tool" transport $mesh --from "$work/vertices" --to "$work/faces" --normalise
 check 'to the even measure' "$tool" transport $mesh --from "$work/vertices" --to uniform --normalise --json

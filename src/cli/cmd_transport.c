@@ -120,9 +120,11 @@ static void write_report(FILE *file, const transport_request *r, const transport
 {
     cli_json json = {.file = file};
     dmk_mesh_info mesh;
+    dmk_device_info device;
     dmk_stats stats;
     dmk_transport_info info;
     dmk_mesh_get_info(run->mesh, &mesh);
+    dmk_device_get_info(run->device, &device);
     dmk_transport_get_stats(run->transport, &stats);
     dmk_transport_get_info(run->transport, &info);
     json_open(&json, NULL, '{');
@@ -136,17 +138,7 @@ static void write_report(FILE *file, const transport_request *r, const transport
     if (r->to) json_text(&json, "to", r->to);
     json_number(&json, "mass", info.mass);
     json_number(&json, "area", stats.area);
-    json_text(&json, "precision", stats.double_precision ? "double" : "single");
-    json_integer(&json, "steps", stats.steps);
-    json_integer(&json, "cg_iterations", stats.cg_iterations);
-    json_integer(&json, "v_cycles", stats.v_cycles);
-    json_integer(&json, "levels", stats.levels);
-    json_number(&json, "change", stats.change);
-    json_number(&json, "cost_upper", stats.cost_upper);
-    json_number(&json, "cost_lower", stats.cost_lower);
-    json_number(&json, "gap", stats.gap);
-    json_integer(&json, "sweeps", stats.sweeps);
-    json_integer(&json, "n_steep", stats.n_steep);
+    solve_report_stats(&json, &device, &stats, false);
     json_number(&json, "balance", info.balance);
     json_open(&json, "seconds", '{');
     json_number(&json, "read", run->read);
@@ -171,6 +163,18 @@ static int report(const transport_request *r, const transport_run *run)
     if (code != EXIT_OK) return code;
     write_report(file.stream, r, run);
     return cli_file_close(&file);
+}
+
+static void print_time(const transport_run *run, const dmk_stats *stats)
+{
+    char memory[CLI_TEXT_SIZE];
+    const double *seconds = stats->seconds;
+    printf(
+        "%-10s %.2f s: read %.2f, device %.2f, setup %.2f, start %.2f, solve %.2f, certify %.2f,\n",
+        "time", cli_seconds() - run->begin, run->read, run->device_seconds,
+        seconds[DMK_STAGE_SETUP], seconds[DMK_STAGE_START], seconds[DMK_STAGE_SOLVE],
+        seconds[DMK_STAGE_CERTIFY]);
+    printf("%-10s write %.2f; memory %s\n", "", run->write, cli_bytes(cli_peak_memory(), memory));
 }
 
 static void print_summary(const transport_request *r, const transport_run *run)
@@ -202,11 +206,7 @@ static void print_summary(const transport_request *r, const transport_run *run)
     printf("%-10s %.6g on average\n", "way", info.mass > 0 ? stats.cost_upper / info.mass : 0);
     printf("%-10s the flux delivers every load within %.1g of the largest\n", "balance",
            info.balance);
-    printf(
-        "%-10s %.2f s: read %.2f, device %.2f, setup %.2f, solve %.2f, certify %.2f; memory %s\n",
-        "time", cli_seconds() - run->begin, run->read, run->device_seconds,
-        stats.seconds[DMK_STAGE_SETUP], stats.seconds[DMK_STAGE_SOLVE],
-        stats.seconds[DMK_STAGE_CERTIFY], cli_bytes(cli_peak_memory(), v));
+    print_time(run, &stats);
     size_t n;
     const uint8_t *acl = dmk_transport_acl(run->transport, &n);
     if (acl) {

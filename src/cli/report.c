@@ -18,19 +18,16 @@ static void write_source(cli_json *json, const solve_run *run)
     json_close(json, '{');
 }
 
-static void write_device(cli_json *json, const solve_run *run)
+void solve_report_stats(cli_json *json, const dmk_device_info *device, const dmk_stats *stats,
+                        bool exact)
 {
     json_open(json, "device", '{');
-    json_text(json, "name", run->opened.name);
-    json_text(json, "platform", run->opened.platform);
-    json_text(json, "driver", run->opened.driver);
-    json_text(json, "type", run->opened.type);
-    json_integer(json, "compute_units", run->opened.compute_units);
+    json_text(json, "name", device->name);
+    json_text(json, "platform", device->platform);
+    json_text(json, "driver", device->driver);
+    json_text(json, "type", device->type);
+    json_integer(json, "compute_units", device->compute_units);
     json_close(json, '{');
-}
-
-static void write_stats(cli_json *json, const dmk_stats *stats)
-{
     json_text(json, "precision", stats->double_precision ? "double" : "single");
     json_integer(json, "steps", stats->steps);
     json_integer(json, "cg_iterations", stats->cg_iterations);
@@ -40,8 +37,10 @@ static void write_stats(cli_json *json, const dmk_stats *stats)
     json_number(json, "cost_upper", stats->cost_upper);
     json_number(json, "cost_lower", stats->cost_lower);
     json_number(json, "gap", stats->gap);
-    json_number(json, "cost_exact", stats->cost_exact);
-    json_number(json, "cost_exact_error", stats->cost_exact_error);
+    if (exact) {
+        json_number(json, "cost_exact", stats->cost_exact);
+        json_number(json, "cost_exact_error", stats->cost_exact_error);
+    }
     json_integer(json, "sweeps", stats->sweeps);
     json_integer(json, "n_steep", stats->n_steep);
     json_open(json, "steep", '[');
@@ -136,8 +135,7 @@ void solve_report_fields(cli_json *json, const solve_request *request, const sol
     dmk_result_get_stats(run->result, &stats);
     json_number(json, "area", stats.area); /* of the component with the source */
     write_source(json, run);
-    write_device(json, run);
-    write_stats(json, &stats);
+    solve_report_stats(json, &run->opened, &stats, true);
     write_seconds(json, &run->seconds, &stats);
     json_integer(json, "peak_memory", (int64_t)cli_peak_memory());
     write_ranks(json, run);

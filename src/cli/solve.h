@@ -150,6 +150,9 @@ int solve_report(const solve_request *request, const solve_run *run);
 typedef void (*solve_more)(cli_json *json, const solve_run *run, const void *data);
 int solve_report_more(const solve_request *request, const solve_run *run, solve_more more,
                       const void *data);
+/* Device, steps and bounds of a solve or a transport, which has no exact cost. */
+void solve_report_stats(cli_json *json, const dmk_device_info *device, const dmk_stats *stats,
+                        bool exact);
 /* The names of files of one kind, as a list of a report. */
 void solve_report_names(cli_json *json, const char *key, const cli_files *files);
 /* The object `locus` of a report, and the line of a summary. */
