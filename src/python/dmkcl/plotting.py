@@ -74,8 +74,7 @@ def plot(
     picture = None if screenshot is None else path_text(screenshot)
     if picture is not None and not os.path.splitext(picture)[1]:  # to which PyVista would add one
         raise ArgumentError(f"screenshot = {screenshot!r}: expected a name with a suffix, as .png")
-    if (mesh_options or {}).get("scalars") is not None:
-        raise ArgumentError('mesh_options has "scalars": give scalars=..., from which scale and title follow, too')
+    more = _surface_options(mesh_options)
     data = result.to_pyvista()
     settings = _colour_settings(data, scalars, log, cmap, clim)
     own = plotter is None
@@ -86,7 +85,7 @@ def plot(
         if own:
             plotter.subplot(0, number)
         last = number + 1 == len(sides)
-        _add_surface(plotter, data, {**settings, "show_scalar_bar": last, **(mesh_options or {})})
+        _add_surface(plotter, data, {**settings, "show_scalar_bar": last, **more})
         if lines > 0:
             _add_contours(plotter, data, result, lines)
         if locus:
@@ -100,6 +99,19 @@ def plot(
     elif show:
         plotter.show()
     return plotter
+
+
+#: Options of pyvista.Plotter.add_mesh for which `plot` has arguments of its own, that scale, labels and title follow.
+_OWN = {"scalars": "scalars", "cmap": "cmap", "clim": "clim", "log_scale": "log"}
+
+
+def _surface_options(given: "Optional[dict[str, Any]]") -> "dict[str, Any]":
+    if given is not None and not isinstance(given, dict):
+        raise ArgumentError(f'mesh_options = {given!r}: expected a dict, as {{"show_edges": True}}')
+    for name, own in _OWN.items():
+        if (given or {}).get(name) is not None:
+            raise ArgumentError(f'mesh_options has "{name}": give {own}=..., which sets scale and labels, too')
+    return given or {}
 
 
 def _new_plotter(views: int, off_screen: Optional[bool]) -> Any:
@@ -219,7 +231,7 @@ def plot_tangent(
     """Draw the tangent cut locus with Matplotlib: directions and lengths at the source.
 
     The disk inside is the part of the tangent plane that the exponential map lays on the surface
-    once. Polar axes: angle in turns of the source, radius in the unit of the coordinates. With a
+    once. Polar axes: angle at the source, scaled to a full turn, radius in the unit of the coordinates. With a
     border, where geodesics end at it, the line has gaps. line_options: of Axes.plot, as {"lw": 2}. Returns
     the axes.
     """
