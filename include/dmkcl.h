@@ -73,7 +73,7 @@ typedef struct dmk_context dmk_context;
 /* One report of progress. `stage` is a static string ("read", "repair", "levels", "solve", "distance", "locus", "cut",
  * "path", "write", ...). All but "solve" report when they start, and again each 50 ms, with step 0; within "solve",
  * `step` counts nonlinear iterations from 1, `change` is the relative change of mu per unit time and `gap` the
- * relative gap of the certificate, or NaN when not computed at this step. */
+ * relative gap of the certificate after the step before, or NaN when that was not computed. */
 typedef struct dmk_progress {
     const char *stage;
     int step;
@@ -302,7 +302,7 @@ typedef struct dmk_geodesics_options {
         line; /* 2*n_lines: the vertices that each joins; all together are source number n_sources */
     int border;       /* 1: all border edges are lines, too */
     int exact;        /* 1: no error whatever the size; time then grows as n^1.5 on smooth meshes */
-    double tolerance; /* error over the distance; 0 = none up to 300,000 triangles, 1e-6 beyond */
+    double tolerance; /* relative error, <= 0.01; 0 = none up to 300,000 triangles, 1e-6 beyond */
 } dmk_geodesics_options;
 
 /* How the shortest path arrives at a vertex. Directions at a vertex count counterclockwise from the edge to the next
@@ -350,7 +350,7 @@ const double *dmk_geodesics_error(const dmk_geodesics *geodesics, size_t *n);
 /* The integral of the distance over the triangles that a source reaches, and an estimate of its quadrature's error. */
 int dmk_geodesics_integrate(dmk_context *context, const dmk_geodesics *geodesics, double *integral,
                             double *error);
-/* Write mesh and point data distance, direction (radians), nearest (number of the source): PLY, VTP or VTU. */
+/* Write mesh and point data distance, direction (radians), nearest (number of the source): PLY, VTP, PVTP or VTU. */
 int dmk_geodesics_write(dmk_context *context, const dmk_geodesics *geodesics, const char *path);
 
 /* Distance, direction at the source and its number, of any point. */
@@ -446,8 +446,8 @@ void dmk_solver_destroy(dmk_solver **solver);
 
 typedef struct dmk_result dmk_result;
 
-/* Solve for one source. Only the component that holds the source takes part; elsewhere mu is 0 and
- * the distance infinite. DMK_E_DIVERGED, DMK_E_LIMIT and DMK_E_CANCELLED give no result. */
+/* Solve for one source. Only the component that holds the source takes part; elsewhere mu is 0, the
+ * distance infinite and u minus infinity. DMK_E_DIVERGED, DMK_E_LIMIT and DMK_E_CANCELLED give no result. */
 int dmk_solve(dmk_context *context, dmk_solver *solver, const dmk_point *source,
               const dmk_solve_options *options, dmk_result **result);
 void dmk_result_destroy(dmk_result **result);
@@ -456,8 +456,8 @@ void dmk_result_destroy(dmk_result **result);
 typedef enum dmk_stage {
     DMK_STAGE_READ = 0, /* file to mesh with topology */
     DMK_STAGE_DEVICE,   /* context, kernels */
-    DMK_STAGE_SETUP,    /* ordering, hierarchy, packing */
-    DMK_STAGE_START,    /* distance and density to start from */
+    DMK_STAGE_SETUP,    /* first solve: ordering, hierarchy, packing, beside them the distance */
+    DMK_STAGE_START,    /* u and mu to start from; of later solves the distance, too */
     DMK_STAGE_SOLVE,    /* nonlinear iteration */
     DMK_STAGE_CERTIFY,  /* bounds of the cost */
     DMK_STAGE_LOCUS,
@@ -590,7 +590,7 @@ const double *dmk_transport_atom_mass(const dmk_transport *transport, size_t *n)
  * what the cells have inside, by dmk_result_acl's rule from u (all 0 where nothing moves); NULL, n = 0 where all
  * had theirs. */
 const uint8_t *dmk_transport_acl(const dmk_transport *transport, size_t *n);
-/* Write mesh, mu, flux, u and, if it is there, acl: PLY, VTP or VTU. */
+/* Write mesh, mu, flux, u and, if it is there, acl: PLY, VTP, PVTP or VTU. */
 int dmk_transport_write(dmk_context *context, const dmk_mesh *mesh, const dmk_transport *transport,
                         const char *path);
 
@@ -798,7 +798,7 @@ size_t dmk_cut_flipped(const dmk_mesh *cut, const double *plane);
 
 /* ---- files ------------------------------------------------------------------------------------ */
 
-/* Write mesh, mu, acl, u, distance: PLY, VTP or VTU by the suffix. Written under a temporary name, then
+/* Write mesh, mu, acl, u, distance: PLY, VTP, PVTP or VTU by the suffix. Written under a temporary name, then
  * renamed: the file is whole or not there. */
 int dmk_result_write(dmk_context *context, const dmk_mesh *mesh, const dmk_result *result,
                      const char *path);

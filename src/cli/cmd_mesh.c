@@ -139,7 +139,9 @@ static int parse(mesh_request *r, int argc, char **argv)
          .expected = "a whole number"},
         {.name = "refine",
          .value = "N",
-         .help = "split every triangle in four, N times, and lift the new points\nto the surface",
+         .help = "split every triangle in four, N times, and lift the new points\n"
+                 "to the surface; where that would fold it over a sharp rim, as many\n"
+                 "triangles are made at once",
          .kind = CLI_INTEGER,
          .target = &r->refine,
          .lo = 0,

@@ -120,7 +120,7 @@ class Geodesics:
     curve : (k,) two vertices or more joined by edges, one after another: every point of these edges is a source
     border : the border of the mesh is a source as a whole, too
     offsets : (k,) distance at each of the sources, 0 or more
-    tolerance : error allowed, over the distance; 0: none up to 300,000 triangles, 1e-6 beyond
+    tolerance : error allowed, over the distance, 0.01 at most; 0: none up to 300,000 triangles, 1e-6 beyond
     exact : no error, whatever the size
     threads : of the host; 0: one per core
 
@@ -130,7 +130,7 @@ class Geodesics:
     come last, as one. Distance, direction and nearest are arrays over the vertices. It can be pickled.
 
     Windows of Mitchell, Mount and Papadimitriou, "The discrete geodesic problem" (SIAM J. Comput.
-    16(4), 1987), depth first. No OpenCL device is needed.
+    16(4), 1987), depth first, or with a tolerance merged. No OpenCL device is needed.
     """
 
     def __init__(
@@ -321,7 +321,7 @@ class Geodesics:
         return Locus(None, self._handle, strength)
 
     def write(self, path: "os.PathLike[str] | str") -> None:
-        """Write mesh, distance, direction and nearest; the suffix chooses VTP, VTU or PLY."""
+        """Write mesh, distance, direction and nearest; the suffix chooses VTP, PVTP, VTU or PLY."""
         with Context() as context:
             context.check(
                 lib.dmk_geodesics_write(context.pointer, self._handle.pointer, path_bytes(path))

@@ -62,7 +62,7 @@ class Locus:
     vertices : (k, 3) places, in the unit of the coordinates
     edges : (j, 2) vertices of each edge
     edge_strength : (j,) strength of the branch that each edge belongs to, a length, infinite on
-        loops: by how much a path must grow to be moved around the branch's end from one of the two
+        loops and between borders: by how much a path must grow to be moved around the branch's end from one of the two
         shortest to the other. With a larger `strength` given to `solve` the edges with less go.
     strength : (k,) that of the strongest edge at each vertex, a length
     meeting_angle : (k,) between the minimal geodesics where they meet here, radians
@@ -71,7 +71,7 @@ class Locus:
         of its Voronoi cells
     angle : (k, 2) directions at the source of the two outermost of them, radians; of one source
         scaled so that a full turn is 2 pi, which at a vertex `Geodesics.direction` is not
-    distance : (k,) to the source
+    distance : (k,) to the source, of a set to the nearest
     mu : (k,) density of the triangle the vertex lies in
     faces, bary : (k,), (k, 3) the triangle it lies in, and the weights of its corners
     degree : (k,) number of edges

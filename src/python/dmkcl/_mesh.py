@@ -336,7 +336,7 @@ class Mesh:
     # ---- out ----------------------------------------------------------------------------------
 
     def write(self, path: "os.PathLike[str] | str") -> None:
-        """Write the bare mesh; the suffix chooses the format (OFF, OBJ, PLY, VTP, VTU)."""
+        """Write the bare mesh; the suffix chooses the format (OFF, OBJ, PLY, VTP, PVTP, VTU)."""
         with Context() as context:
             context.check(lib.dmk_mesh_write(context.pointer, self._pointer, path_bytes(path)))
 

@@ -83,7 +83,7 @@ class Result:
     """What `CutLocus.solve` found for one source.
 
     Arrays are read-only views of the library's memory; copy to change. On components of the mesh
-    without the source mu is 0, the distance infinite and the gradient NaN. A result can be pickled,
+    without the source mu is 0, the distance infinite, u minus infinity and the gradient NaN. A result can be pickled,
     as multiprocessing does.
     """
 
@@ -177,7 +177,7 @@ class Result:
 
     @cached_property
     def acl(self) -> NDArray[np.bool_]:
-        """(m,) True in the approximate cut locus {mu <= threshold}."""
+        """(m,) True in the approximate cut locus: mu <= threshold, or without one by a rule from u."""
         return self._array("acl", np.uint8).view(np.bool_)
 
     @cached_property
@@ -315,7 +315,7 @@ class Result:
     # ---- out ----------------------------------------------------------------------------------
 
     def write(self, path: "os.PathLike[str] | str") -> None:
-        """Write mesh, mu, acl, u and distance for ParaView; the suffix chooses VTP, VTU or PLY."""
+        """Write mesh, mu, acl, u and distance for ParaView; the suffix chooses VTP, PVTP, VTU or PLY."""
         with Context() as context:
             context.check(
                 lib.dmk_result_write(

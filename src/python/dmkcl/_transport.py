@@ -222,7 +222,7 @@ class Transport:
         return view(self._handle, pointer, (n[0],), np.uint8).view(np.bool_)
 
     def write(self, path: "os.PathLike[str] | str") -> None:
-        """Write mesh, mu, flux, u and acl; the suffix chooses VTP, VTU or PLY."""
+        """Write mesh, mu, flux, u and acl; the suffix chooses VTP, PVTP, VTU or PLY."""
         with Context() as context:
             context.check(
                 lib.dmk_transport_write(
