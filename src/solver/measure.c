@@ -11,8 +11,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Masses, and measures, that differ by less than this part of their sum are equal but for rounding; what differs by more
- * does so in 13 digits, and the sums' own rounding is behind them. */
+/* Masses, and measures, that differ by less than this part of their sum are equal but for rounding; what differs by
+ * more does so in 13 digits, and the sums' own rounding is behind them. */
 static const double balanced = 1e-12;
 
 /* ---- what is refused -------------------------------------------------------------------------- */

@@ -17,7 +17,7 @@ print("farthest vertex:", coloured.vertex_attributes["distance"].max())
 # From meshio: plane cells of all kinds; quads are split.
 ring.export("ring.ply")
 result = dmkcl.CutLocus(meshio.read("ring.ply")).solve(vertex=0)
-print("the same of meshio:", result.locus)
+print("the same of meshio, in the single precision of trimesh's PLY:", result.locus)
 
 # A file name does as well, of whatever the library, meshio or trimesh reads.
 result = dmkcl.CutLocus("ring.ply").solve(vertex=0)
