@@ -717,8 +717,8 @@ typedef struct dmk_locus_vertex {
     double angle
         [2]; /* directions at p of the two outermost minimal geodesics, radians; of one source scaled so that
                         a full turn is 2 pi, as dmk_arrival.direction at a vertex is not */
-    int32_t kind; /* dmk_locus_kind */
-    int32_t degree;
+    int32_t kind;         /* dmk_locus_kind */
+    int32_t degree;       /* edges: 3 at most but where branches meet at a vertex of the mesh */
     double meeting_angle; /* between the minimal geodesics where they meet here, radians, 0 to pi */
     double
         source_angle; /* between them at p, or at the two sources, radians, 0 to pi, scaled as angle */
@@ -740,8 +740,8 @@ typedef struct dmk_locus_info {
 } dmk_locus_info;
 
 /* The cut locus as a graph on the surface, from a result's geodesics: where shortest paths of the polyhedron
- * from two sides meet. Every edge runs inside one triangle. Connected with first Betti number 2g on a closed
- * surface of genus g; with borders, once each border is contracted to a point. */
+ * from two sides meet. Every edge runs inside one triangle, and has a length. Connected with first Betti number 2g on
+ * a closed surface of genus g; with borders, once each border is contracted to a point. */
 int dmk_locus_compute(dmk_context *context, const dmk_mesh *mesh, const dmk_result *result,
                       const dmk_locus_options *options, dmk_locus **locus);
 /* Rank `from`'s cut locus to all ranks, which call this together: *locus is there on that one, and new on the others.

@@ -1,5 +1,6 @@
-/* Sorting, small dense matrices, and what a mesh reports of itself, by their definitions. */
+/* Sorting, graphs as lines, small dense matrices, and what a mesh reports of itself, by their definitions. */
 #include "base/dense.h"
+#include "base/graph.h"
 #include "base/sort.h"
 #include "mesh/mesh.h"
 #include "context.h"
@@ -45,6 +46,31 @@ static void numbers_are_sorted(void **state)
         for (int32_t k = 0; k < VALUES; k++) assert_int_equal(count[k], 0);
         assert_true(fabs(sum) < 1e-6);
     }
+}
+
+/* A curve of three edges that is closed, a cross of four edges with one of its arms longer and another one ending where
+ * two more edges do, a double edge there, and a vertex alone. */
+static void graphs_are_lines(void **state)
+{
+    (void)state;
+    static const int32_t end[][2] = {{7, 8}, {0, 1}, {0, 2}, {8, 9}, {3, 0},
+                                     {0, 4}, {4, 5}, {6, 3}, {9, 7}, {3, 6}};
+    static const int32_t line[] = {0, 1,      /**/ 0, 2, /**/ 0, 3, /**/ 0, 4,
+                                   5, /**/ 3, 6,      3, /**/ 7, 8, 9,      7};
+    static const int32_t begin[] = {0, 2, 4, 6, 9, 12, 16};
+    size_t n;
+    int32_t *offset = NULL, *index = NULL;
+    assert_int_equal(
+        dmk_graph_lines(ctx, 11, sizeof end / sizeof *end, end[0], 2, &n, &offset, &index), DMK_OK);
+    assert_int_equal(n, 6);
+    assert_memory_equal(offset, begin, sizeof begin);
+    assert_memory_equal(index, line, sizeof line);
+    free(offset);
+    free(index);
+    assert_int_equal(dmk_graph_lines(ctx, 1, 0, NULL, 2, &n, &offset, &index), DMK_OK);
+    assert_int_equal(n, 0);
+    free(offset);
+    free(index);
 }
 
 /* On one thread and on several; of the digit in the middle one item alone has another value. */
@@ -189,6 +215,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(numbers_are_sorted),
         cmocka_unit_test(keyed_items_keep_their_order),
+        cmocka_unit_test(graphs_are_lines),
         cmocka_unit_test(laplacians_are_inverted),
         cmocka_unit_test(loose_unknowns_are_left_out),
         cmocka_unit_test(a_missing_context_has_no_message),

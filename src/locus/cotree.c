@@ -94,7 +94,7 @@ static double find_meeting(const dmk_image *a, const dmk_image *b, double length
         x = next;
         if (ends) break;
     }
-    return x < small ? 0 : x > length - small ? length : x; /* not beside where a family begins */
+    return dmk_snap(x, length); /* not beside where a family begins */
 }
 
 /* Of an end's two families that which leads on, the shorter one at the edge's other end, comes first. */

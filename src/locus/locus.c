@@ -1,4 +1,5 @@
 /* The public object: numbering, polylines, counts. */
+#include "base/graph.h"
 #include "base/sets.h"
 #include "base/vec3.h"
 #include "geodesic/finer.h"
@@ -16,23 +17,19 @@ void dmk_locus_options_init(dmk_locus_options *options, size_t size)
 /* The locus while it is put together. A vertex lies on a crossing or in a triangle with three at most. */
 typedef struct sketch {
     dmk_locus *locus;
-    int32_t (*next)[3]; /* neighbours of each vertex, degree of them */
-    int32_t *number;    /* vertex on each crossing, -1: none */
-    size_t vertex_room, edge_room, next_room;
+    int32_t *number; /* vertex on each crossing, -1: none */
+    size_t vertex_room, edge_room;
 } sketch;
 
 /* A new vertex, still to be filled in. */
 static int add_vertex(dmk_context *ctx, sketch *s, int32_t *v)
 {
-    int rc;
     dmk_locus *l = s->locus;
-    const size_t n = l->info.n_vertices + 1;
-    DMK_TRY(DMK_GROW(ctx, l->vertex, n, s->vertex_room));
-    DMK_TRY(DMK_GROW(ctx, s->next, n, s->next_room));
+    int rc = DMK_GROW(ctx, l->vertex, l->info.n_vertices + 1, s->vertex_room);
+    if (rc != DMK_OK) return rc;
     *v = (int32_t)l->info.n_vertices++;
     memset(&l->vertex[*v], 0, sizeof *l->vertex);
-done:
-    return rc;
+    return DMK_OK;
 }
 
 static int join(dmk_context *ctx, sketch *s, int32_t a, int32_t b, double strength)
@@ -41,11 +38,8 @@ static int join(dmk_context *ctx, sketch *s, int32_t a, int32_t b, double streng
     int rc = DMK_GROW(ctx, l->edge, l->info.n_edges + 1, s->edge_room);
     if (rc != DMK_OK) return rc;
     l->edge[l->info.n_edges++] = (dmk_locus_edge){{a, b}, strength};
-    s->next[a][l->vertex[a].degree++] = b;
-    s->next[b][l->vertex[b].degree++] = a;
     l->vertex[a].strength = fmax(l->vertex[a].strength, strength);
     l->vertex[b].strength = fmax(l->vertex[b].strength, strength);
-    l->info.length += dmk_distance(l->vertex[a].xyz, l->vertex[b].xyz);
     return DMK_OK;
 }
 
@@ -92,19 +86,6 @@ static int draw_point(dmk_context *ctx, const dmk_cotree *t, sketch *s)
     return DMK_OK;
 }
 
-/* On a border's edge nothing is, where the rest of its branch is too weak: no line is drawn there. */
-static bool is_joined(const dmk_cotree *t, int32_t i, double strength)
-{
-    for (int k = 0; k < 6; k++) {
-        const int32_t node = t->crossing[i].node[k / 3];
-        const int32_t j = node < t->geodesics->mesh->n_triangles ? t->on[3 * node + k % 3] : -1;
-        const dmk_end_point *end = j == i ? dmk_end_in(t, node) : NULL;
-        if (j == i ? end && end->crossing == i : j >= 0 && dmk_is_drawn(t, j, strength))
-            return true;
-    }
-    return false;
-}
-
 /* Crossings of `strength` or more and what joins them. */
 static int draw(dmk_context *ctx, const dmk_cotree *t, double strength, sketch *s)
 {
@@ -112,15 +93,79 @@ static int draw(dmk_context *ctx, const dmk_cotree *t, double strength, sketch *
     DMK_TRY(DMK_NEW(ctx, s->number, (size_t)t->n));
     for (int32_t i = 0; i < t->n; i++) {
         s->number[i] = -1;
-        if (!dmk_is_drawn(t, i, strength) || !is_joined(t, i, strength)) continue;
+        if (!dmk_is_drawn(t, i, strength)) continue;
         DMK_TRY(add_vertex(ctx, s, &s->number[i]));
         dmk_place_crossing(t, i, &s->locus->vertex[s->number[i]]);
     }
     DMK_TRY(dmk_poll(ctx));
     for (int32_t i = 0; i < t->geodesics->mesh->n_triangles && s->locus->info.n_vertices > 0; i++)
         DMK_TRY(join_triangle(ctx, t, i, s));
-    if (s->locus->info.n_vertices == 0 && t->last >= 0) DMK_TRY(draw_point(ctx, t, s));
+    if (s->locus->info.n_edges == 0) {
+        s->locus->info.n_vertices = 0;
+        if (t->last >= 0) rc = draw_point(ctx, t, s);
+    }
 done:
+    return rc;
+}
+
+/* What lies at one place is one vertex, which tells of the families that part widest. A place without lines is one only
+ * if there are no lines at all, as on a border's edge nothing is where the rest of its branch is too weak. */
+static void merge(dmk_locus *l, int32_t *set, int32_t *number)
+{
+    int32_t n = 0;
+    for (size_t i = 0; i < 2 * l->info.n_edges; i++) {
+        int32_t *v = &l->edge[i / 2].vertex[i % 2];
+        *v = dmk_set_find(set, *v);
+        l->vertex[*v].degree++;
+    }
+    for (int32_t i = 0; i < (int32_t)l->info.n_vertices; i++) {
+        const dmk_locus_vertex v = l->vertex[i];
+        const int32_t first = dmk_set_find(set, i);
+        if (first == i) {
+            const bool is_one = v.degree > 0 || (l->info.n_edges == 0 && n == 0);
+            number[i] = is_one ? n : -1;
+            if (is_one) l->vertex[n++] = v;
+        } else if (number[first] >= 0) {
+            dmk_locus_vertex *of = &l->vertex[number[first]], was = *of;
+            if (v.source_angle > was.source_angle) *of = v;
+            of->place = was.place;
+            of->degree = was.degree;
+            of->strength = fmax(v.strength, was.strength);
+        }
+    }
+    l->info.components = l->info.n_vertices = (size_t)n;
+    for (size_t i = 0; i < l->info.n_edges; i++) {
+        int32_t *v = l->edge[i].vertex;
+        l->info.components -= dmk_set_unite(set, v[0], v[1]);
+        for (int k = 0; k < 2; k++) v[k] = number[v[k]];
+    }
+}
+
+/* Lines that run through a vertex of the mesh cross several of its edges there: edges are none whose length is rounding
+ * of the distances. */
+static int weld(dmk_context *ctx, dmk_locus *l)
+{
+    int rc;
+    size_t n = 0;
+    int32_t *set = NULL, *number = NULL;
+    DMK_TRY(DMK_NEW(ctx, set, l->info.n_vertices));
+    DMK_TRY(DMK_NEW(ctx, number, l->info.n_vertices));
+    for (size_t i = 0; i < l->info.n_vertices; i++) set[i] = (int32_t)i;
+    for (size_t i = 0; i < l->info.n_edges; i++) {
+        const int32_t *v = l->edge[i].vertex;
+        const double length = dmk_distance(l->vertex[v[0]].xyz, l->vertex[v[1]].xyz);
+        const bool is_none = dmk_snap(length, l->vertex[v[0]].distance) == 0;
+        if (is_none) dmk_set_unite(set, v[0], v[1]);
+        if (is_none) continue;
+        l->info.length += length;
+        l->edge[n++] = l->edge[i];
+    }
+    l->info.n_edges = n;
+    merge(l, set, number);
+    l->info.loops = (int64_t)(n + l->info.components) - (int64_t)l->info.n_vertices;
+done:
+    free(set);
+    free(number);
     return rc;
 }
 
@@ -149,68 +194,18 @@ static void finish_vertices(const dmk_cotree *t, dmk_locus *l)
             v->angle[k] *= scale;
             if (full < HUGE_VAL) v->angle[k] -= 2 * M_PI * floor(v->angle[k] / (2 * M_PI));
         }
-        v->kind = kind[v->degree];
+        v->kind = kind[dmk_min_i(v->degree, 3)];
         l->info.endpoints += v->degree == 1;
         l->info.branch_points += v->degree > 2;
     }
 }
 
-/* Follow the line that leaves `from` towards `to` up to a vertex of degree other than 2 or back to the start. */
-static int32_t write_line(const sketch *s, int32_t from, int32_t to, bool *seen, int32_t at)
+static int set_polylines(dmk_context *ctx, dmk_locus *l)
 {
-    dmk_locus *l = s->locus;
-    const int32_t first = from;
-    l->index[at++] = from;
-    for (;;) {
-        l->index[at++] = to;
-        seen[to] = true;
-        if (l->vertex[to].degree != 2 || to == first) return at;
-        const int32_t next = s->next[to][0] == from ? s->next[to][1] : s->next[to][0];
-        from = to;
-        to = next;
-    }
-}
-
-/* Lines between vertices of degree other than 2, each once, then closed curves without such. */
-static int write_polylines(dmk_context *ctx, sketch *s)
-{
-    int rc;
-    bool *seen = NULL;
-    int32_t at = 0;
-    dmk_locus *l = s->locus;
-    const int32_t n = (int32_t)l->info.n_vertices;
-    DMK_TRY(DMK_NEW(ctx, seen, (size_t)n));
-    DMK_TRY(DMK_NEW(ctx, l->index, 2 * l->info.n_edges + 1));
-    DMK_TRY(DMK_NEW(ctx, l->offset, l->info.n_edges + 2));
-    for (int pass = 0; pass < 2; pass++) {
-        for (int32_t i = 0; i < n; i++) {
-            const int32_t degree = l->vertex[i].degree;
-            const bool starts = pass == 0 ? degree != 2 : degree == 2 && !seen[i];
-            for (int32_t k = 0; starts && k < (pass == 0 ? degree : 1); k++) {
-                const int32_t to = s->next[i][k]; /* seen, or less: written from there */
-                if (l->vertex[to].degree == 2 ? seen[to] : to < i) continue;
-                at = write_line(s, i, to, seen, at);
-                l->offset[++l->info.n_polylines] = at;
-            }
-        }
-    }
-done:
-    free(seen);
-    return rc;
-}
-
-static int count_components(dmk_context *ctx, dmk_locus *l)
-{
-    int32_t *parent = NULL;
-    int rc = DMK_NEW(ctx, parent, l->info.n_vertices);
-    if (rc != DMK_OK) return rc;
-    for (size_t i = 0; i < l->info.n_vertices; i++) parent[i] = (int32_t)i;
-    l->info.components = l->info.n_vertices;
-    for (size_t i = 0; i < l->info.n_edges; i++)
-        l->info.components -= dmk_set_unite(parent, l->edge[i].vertex[0], l->edge[i].vertex[1]);
-    l->info.loops = (int64_t)(l->info.n_edges + l->info.components) - (int64_t)l->info.n_vertices;
-    free(parent);
-    return DMK_OK;
+    const int32_t *end = l->info.n_edges > 0 ? l->edge->vertex : NULL;
+    return dmk_graph_lines(ctx, l->info.n_vertices, l->info.n_edges, end,
+                           sizeof *l->edge / sizeof *end, &l->info.n_polylines, &l->offset,
+                           &l->index);
 }
 
 int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *g, const dmk_locus_options *opt,
@@ -227,13 +222,12 @@ int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *g, const dmk_locus_op
     s.locus->info.strength = dmk_strength_asked(&t, opt);
     DMK_TRY(draw(ctx, &t, s.locus->info.strength, &s));
     place_back(g, &f, s.locus);
+    DMK_TRY(weld(ctx, s.locus));
     finish_vertices(&t, s.locus);
-    DMK_TRY(write_polylines(ctx, &s));
-    DMK_TRY(count_components(ctx, s.locus));
+    DMK_TRY(set_polylines(ctx, s.locus));
     *locus = s.locus;
     s.locus = NULL;
 done:
-    free(s.next);
     free(s.number);
     dmk_locus_destroy(&s.locus);
     dmk_cotree_free(&t);

@@ -247,7 +247,7 @@ static double share_of(const dmk_cotree *t, int32_t i, bool raw)
     const double *w = m->xyz + 3 * (size_t)m->triangle[dmk_previous(c->half)];
     dmk_subtract(w, v, edge);
     dmk_subtract(mean, v, to);
-    return fmin(1, fmax(0, dmk_dot(to, edge) / dmk_dot(edge, edge)));
+    return dmk_snap(dmk_dot(to, edge) / dmk_dot(edge, edge), 1);
 }
 
 void dmk_place_crossing(const dmk_cotree *t, int32_t i, dmk_locus_vertex *v)
