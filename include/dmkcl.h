@@ -344,7 +344,7 @@ const double *dmk_geodesics_distance(const dmk_geodesics *geodesics,
                                      size_t *n); /* infinite: not reached */
 const dmk_arrival *dmk_geodesics_arrivals(const dmk_geodesics *geodesics, size_t *n);
 /* Estimate of the error of each distance; NULL, n = 0, if all are exact. No bound: on smooth meshes hardly a vertex is
- * above it, on terrain of random heights about 1 %, and a few of these where it is near 0. With a tolerance they are
+ * above it, on terrain of random heights 0.1 %, a few of these where it is near 0. With a tolerance they are
  * up to twice that, over the distance, and more only on needles and tubes, where too many ways are as short. */
 const double *dmk_geodesics_error(const dmk_geodesics *geodesics, size_t *n);
 /* The integral of the distance over the triangles that a source reaches, and an estimate of its quadrature's error. */
