@@ -581,6 +581,32 @@ static void changes_within_windows(void **state)
     end(&q);
 }
 
+/* A front that narrows, along the edge: its rays never come as high as the corner above, and leave below it. */
+static void rays_along_the_edge(void **state)
+{
+    for (int left = 0; left < 2; left++) {
+        angle s;
+        square q = begin(*state, 1e-6);
+        const wave w = {.lo = 0.2,
+                        .hi = 0.8,
+                        .o = 0.5,
+                        .ux = left ? -0.9999 : 0.9999,
+                        .k = -0.05,
+                        .uy = sqrt(1 - 0.9999 * 0.9999),
+                        .D = 1,
+                        .half = left ? 3 : 0,
+                        .root = -1};
+        double n = 0;
+        q.e.front.d[0] = q.e.front.d[1] = q.e.front.d[2] = q.e.front.d[3] = 2;
+        look(&q.e, w.half, &s);
+        assert_true(w.k * s.cy + w.uy < 0);
+        assert_int_equal(step(q.e.shard, &w, &s), DMK_OK);
+        for (int k = 0; k < SHARDS; k++) n += (double)q.e.shard->finds[k].n_children;
+        assert_true(n == 1);
+        end(&q);
+    }
+}
+
 /* Exact runs merge what changes by up to 1e-11 of the distance. */
 static void tolerance_of_exact_runs(void **state)
 {
@@ -642,6 +668,7 @@ int main(void)
         cmocka_unit_test(sharing_ends_when_told),
         cmocka_unit_test(repairs),
         cmocka_unit_test(changes_within_windows),
+        cmocka_unit_test(rays_along_the_edge),
         cmocka_unit_test(exact_where_merged_fail),
         cmocka_unit_test(line_between_engines),
         cmocka_unit_test(source_at_a_vertex),

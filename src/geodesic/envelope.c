@@ -178,8 +178,12 @@ static int step(shard *me, const wave *w, angle *s)
     const double slack = DMK_SAME_PLACE * s->length, den = w->k * s->cy + w->uy;
     const double eps = DMK_SAME_LENGTH + rounding * s->length;
     int rc = DMK_OK;
-    if (!(den > 0)) return rc; /* the rays meet before */
-    s->at = ((w->o * w->k - w->ux) * s->cy + s->cx * w->uy) / den;
+    if (den > 0)
+        s->at = ((w->o * w->k - w->ux) * s->cy + s->cx * w->uy) / den;
+    else if (1 + w->k * (w->ux * (s->cx - w->o) + w->uy * s->cy) > 0)
+        s->at = w->ux > 0 ? -INFINITY : INFINITY; /* so flat that all rays pass it below */
+    else
+        return rc; /* the rays meet before */
     double last = w->hi, first = w->lo, t = dmk_min(dmk_max(s->at, w->lo), w->hi);
     if (s->at >= w->lo - slack && s->at <= w->hi + slack) last = first = s->at;
     const double before = s->d_c;
