@@ -63,6 +63,18 @@ static void needles_settle_in_the_first_attempt(void **state)
     }
 }
 
+/* Where steps are to be solved well all iterations are taken: up to a tolerance of 1e-6 in the energy the gap is 5 %. */
+static void the_sharpest_are_solved_to_the_end(void **state)
+{
+    problem p = tube(*state, 200, 2, 3e4);
+    bench_ok(p.b, dmk_mesh_vertex_point(p.b->ctx, p.mesh, 100, &p.source));
+    problem_solve(&p);
+    print_message("# %d steps, gap %.1e\n", p.stats.steps, p.stats.gap);
+    assert_true(p.stats.steps > USUAL);
+    assert_true(p.stats.gap < 1e-2);
+    problem_free(&p);
+}
+
 /* Where mu goes on changing but the cost has settled, that is enough, unless a smaller gap is asked for. */
 static void a_settled_cost_is_enough(void **state)
 {
@@ -264,7 +276,8 @@ int main(void)
                                        cmocka_unit_test(no_solve_spoils_the_next),
                                        cmocka_unit_test(solved_better_steps_end),
                                        cmocka_unit_test(needles_settle_in_the_first_attempt),
-                                       cmocka_unit_test(a_settled_cost_is_enough),
+                                       cmocka_unit_test(the_sharpest_are_solved_to_the_end),
+        cmocka_unit_test(a_settled_cost_is_enough),
                                        cmocka_unit_test(limits_hold)};
     return cmocka_run_group_tests_name("attempts", tests, bench_setup, bench_teardown);
 }

@@ -33,9 +33,6 @@ typedef struct step_control {
  * changes. */
 static const double settled_rho = 6e-4;
 
-/* Where steps are to be solved well: of what is left to gain by CG. */
-static const double solved_well = 1e-6;
-
 static void choose_step(step_control *p, double rho)
 {
     p->shrunk = false;
@@ -132,8 +129,7 @@ static int solve_wide(dmk_iteration *o, const dmk_newton_step *step, const step_
     DMK_TRY(dmk_rows_outer_residual(o->ctx, s));
     DMK_TRY(dmk_rows_scale(o->ctx, s, step->alpha, s->u));
     DMK_TRY(dmk_multigrid_refresh(o->ctx, s, DMK_NEWTON_MATRIX));
-    rc = dmk_pcg(o->ctx, s, DMK_NEWTON_MATRIX, s->u, p->iterations, p->effort > 0 ? solved_well : 0,
-                 0, o->stats);
+    rc = dmk_pcg(o->ctx, s, DMK_NEWTON_MATRIX, s->u, p->iterations, 0, 0, o->stats);
 done:
     return rc;
 }
