@@ -1,5 +1,6 @@
 /* Exact distances: closed forms, and what holds on every mesh. */
 #include "context.h"
+#include "geodesic/front.h"
 #include "geodesic/geodesic.h"
 
 #include "base/vec3.h"
@@ -1411,9 +1412,20 @@ static void vertices_in_no_triangle(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* Rounding is not to make a flat vertex one at which paths bend, and all of a straight border are. */
+static void paths_bend_beyond_rounding(void **state)
+{
+    (void)state;
+    double total[] = {2 * pi + 0.7e-10, 2 * pi + 1.5e-10, pi - 1.5e-6, pi - 0.7e-6};
+    bool border[] = {false, false, true, true};
+    const dmk_star star = {.total = total, .border = border};
+    for (int v = 0; v < 4; v++) assert_int_equal(dmk_front_bends(&star, v), v % 2);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(paths_bend_beyond_rounding),
         cmocka_unit_test(flat_square),
         cmocka_unit_test(from_an_edge_of_the_border),
         cmocka_unit_test(cube_from_a_corner),
