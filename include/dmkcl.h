@@ -124,7 +124,7 @@ int dmk_mesh_create(dmk_context *context, size_t n_vertices, const double *xyz, 
 /* Read a mesh file; the format is recognised by its content, then its suffix. */
 int dmk_mesh_read(dmk_context *context, const char *path, dmk_mesh **mesh);
 /* Read the array `name`, one number for each, of the points of a VTP or VTU file, or where these have none of that
- * name of its faces, into values[0 .. *n); *of_points: which. DMK_E_FORMAT if there is none, or more than `room`
+ * name of its faces, into the first *n of values; *of_points: which. DMK_E_FORMAT if there is none, or more than `room`
  * numbers. */
 int dmk_array_read(dmk_context *context, const char *path, const char *name, size_t room,
                    double *values, size_t *n, int *of_points);
@@ -282,6 +282,7 @@ int dmk_device_open(dmk_context *context, const dmk_device_options *options, dmk
 /* How many devices are being looked for, opened, or have their kernels built in the background, in this process. For
  * handlers of signals: drivers that crash, or end the program, mostly do it then. */
 int dmk_devices_opening(void);
+/* What the list says of it. */
 void dmk_device_get_info(const dmk_device *device, dmk_device_info *info);
 void dmk_device_destroy(dmk_device **device);
 
@@ -338,6 +339,7 @@ int dmk_geodesics_create(dmk_context *context, const dmk_mesh *mesh, size_t n_so
                          const dmk_point *sources, const dmk_geodesics_options *options,
                          dmk_geodesics **geodesics);
 void dmk_geodesics_destroy(dmk_geodesics **geodesics);
+
 void dmk_geodesics_get_info(const dmk_geodesics *geodesics, dmk_geodesics_info *info);
 /* Borrowed, one for each vertex of the mesh. */
 const double *dmk_geodesics_distance(const dmk_geodesics *geodesics,
@@ -497,13 +499,14 @@ const double *dmk_result_density(const dmk_result *result, size_t *n); /* mu per
  * than 1, as where two families of rays meet (cos(alpha/2)), and the rays around converge, the more so the
  * larger the triangle is. Only triangles of the source's component. */
 const uint8_t *dmk_result_acl(const dmk_result *result, size_t *n);
-const double *dmk_result_potential(const dmk_result *result,
-                                   size_t *n); /* u per vertex, u(p) = 0 */
-const double *dmk_result_potential_mid(const dmk_result *result,
-                                       size_t *n); /* u per edge midpoint */
+/* u per vertex, 0 at the source. */
+const double *dmk_result_potential(const dmk_result *result, size_t *n);
+/* u per edge midpoint. */
+const double *dmk_result_potential_mid(const dmk_result *result, size_t *n);
 /* The exact distance from the source (see dmk_geodesics), per vertex; -u differs from it by the discretisation.
  * NULL after density_only, and so is dmk_result_acl. */
 const double *dmk_result_distance(const dmk_result *result, size_t *n);
+/* As it was given; of NULL one in triangle -1. */
 void dmk_result_source(const dmk_result *result, dmk_point *source);
 
 /* What a result consists of, for storing it or sending it to another process: the arrays that the
@@ -573,6 +576,7 @@ int dmk_measures_check(dmk_context *context, const dmk_mesh *mesh, const dmk_mea
 void dmk_transport_destroy(dmk_transport **transport);
 /* cost_upper and cost_lower are the bounds of W1, in mass times length. */
 void dmk_transport_get_stats(const dmk_transport *transport, dmk_stats *stats);
+
 void dmk_transport_get_info(const dmk_transport *transport, dmk_transport_info *info);
 /* Borrowed, for the whole mesh, 0 off the component. Where nothing moves mu is not 0 but its floor, a fifth of the
  * square root of the triangle's part of the area times the mean of mu. */
@@ -637,6 +641,7 @@ int dmk_solver_set_ranks(dmk_context *context, dmk_solver *solver, const dmk_ran
  * density_only on several ranks no rank then keeps more than its share of the mesh and 12 bytes per triangle; while it
  * is set up, some 200. */
 int dmk_solver_give_mesh(dmk_context *context, dmk_solver *solver, dmk_mesh **mesh);
+/* What this rank has sent so far. */
 void dmk_solver_get_traffic(const dmk_solver *solver, dmk_traffic *traffic);
 /* dmk_mesh_read by all ranks together, each of which has the mesh then. Of a binary PLY of triangles, and of a VTP of
  * one piece in appended raw data, each reads its range of the bytes; any other file is read by the first one, and
@@ -755,6 +760,7 @@ int dmk_locus_spread(dmk_context *context, const dmk_ranks *ranks, int from, dmk
  * were alone. DMK_E_ARG for geodesics from lines or a border, and for sources on two components. */
 int dmk_geodesics_locus(dmk_context *context, const dmk_geodesics *geodesics,
                         const dmk_locus_options *options, dmk_locus **locus);
+
 void dmk_locus_options_init(dmk_locus_options *options, size_t size);
 void dmk_locus_destroy(dmk_locus **locus);
 void dmk_locus_get_info(const dmk_locus *locus, dmk_locus_info *info);

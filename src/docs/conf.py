@@ -78,6 +78,12 @@ def whole_sentences(app, what, name, obj, options, lines):
         lines[rest[0] if rest else i] = indent + text
 
 
+def no_field_numbers(app, what, name, obj, skip, options):
+    """Of a named tuple's fields Python only says their numbers; the words on them stand with the class."""
+    return True if str(getattr(obj, "__doc__", "")).startswith("Alias for field number") else None
+
+
 def setup(app):
+    app.connect("autodoc-skip-member", no_field_numbers)
     app.connect("autodoc-process-docstring", whole_sentences, priority=600)
     app.add_html_math_renderer("mathml", (formula("inline"), None), (formula("block"), None))

@@ -8,6 +8,13 @@ function refer(line)
     if (above != "") print "/** See " above ". */"
     else above = substr(line, RSTART, RLENGTH) ")"
 }
+# Formulas, indented in a comment, keep their lines.
+function set_apart(is_formula)
+{
+    if (is_formula && !in_formula) print " * @verbatim"
+    if (!is_formula && in_formula) print "@endverbatim"
+    in_formula = is_formula
+}
 function open_group(title)
 {
     print "/** @defgroup section-" n_sections++ " " title "\n * @{ */"
@@ -22,7 +29,14 @@ function open_group(title)
 }
 /^#define/ && !n_sections { open_group("Version and status") }
 /^$/ { above = ""; commented = 0 }
-in_comment { in_comment = $0 !~ /\*\//; print; next }
+in_comment {
+    if (/^ \* +- /) in_list = 1
+    if (/^ \*$/) in_list = 0
+    set_apart(!in_list && sub(/^ \*     /, ""))
+    in_comment = $0 !~ /\*\//
+    print
+    next
+}
 /^\/\*/ {
     sub(/^\/\*/, NR == 1 ? "/** @file\n *" : "/**")
     above = ""

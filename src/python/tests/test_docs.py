@@ -76,6 +76,7 @@ def test_the_c_page_shows_every_section_of_the_header():
         for title, group in re.findall(r"## (.*)\n\n```\{doxygengroup\} (section-\d+)", page)
     ]
     assert shown.count("@{") == shown.count("@}")
+    assert page.count(":members:\n:undoc-members:\n") == len(groups)  # of structs all members, those without a word too
 
     def functions(text):
         return re.findall(r"(dmk_\w+)\(", re.sub(r"/\*.*?\*/", "", text, flags=re.S))
