@@ -203,6 +203,9 @@ static int drop_triangles(soup *s)
         memmove(s->triangle + 3 * (size_t)n, s->triangle + 3 * (size_t)t, 3 * sizeof *s->triangle);
         s->old[n++] = t;
     }
+    if (n == 0 && s->n_triangles > 0)
+        rc = dmk_fail(s->ctx, DMK_E_MESH, "nothing to repair: none of the %d triangles has an area",
+                      s->n_triangles);
     s->n_triangles = n;
 done:
     free(gone);
