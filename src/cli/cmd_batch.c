@@ -86,7 +86,9 @@ static int parse(batch_request *request, cli_words *meshes, int argc, char **arg
         .notes =
             "Files are DIR/NAME.SUFFIX, with several sources DIR/NAME-0000.SUFFIX and so on; "
             "without\n"
-            "--out, --locus and --tangent they are .vtp and .locus.obj. A mesh or source that "
+            "--out, --locus and --tangent they are .vtp and .locus.obj. NAME is the mesh's in its "
+            "folder\n"
+            "without its suffix, or with it where two would have one name. A mesh or source that "
             "fails is\n"
             "reported and has a line with its error; the rest are solved. The exit code is that of "
             "the first\n"
