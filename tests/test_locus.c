@@ -562,6 +562,18 @@ static void test_cube(void **state)
     assert_true(check_object(l).length > 4);
     dmk_locus_destroy(&l);
     free_scene(&s);
+    s = cubes(
+        1, 1, 2,
+        (dmk_point){
+            5, {0.5, 0.5, 0}}); /* four branches meet at one vertex, and are no pair beside it */
+    l = trace(&s);
+    const dmk_locus_info four = check_object(l);
+    int n_four = 0;
+    for (size_t i = 0; i < four.n_vertices; i++) n_four += l->vertex[i].degree == 4;
+    assert_int_equal(n_four, 1);
+    assert_int_equal(four.endpoints, four.branch_points + 3);
+    dmk_locus_destroy(&l);
+    free_scene(&s);
     check_families();
 }
 
