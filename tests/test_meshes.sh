@@ -38,6 +38,7 @@ fails 'resume without a report' 1 'give --report FILE' "$tool" batch "$in" --res
 fails 'files without a folder' 1 'need --out-dir' "$tool" batch "$in" --out .vtp
 fails 'a suffix without its dot' 1 "'vtp' is not one of" "$tool" batch "$in" --out-dir "$out" --out vtp
 fails 'a suffix of no result' 1 "'.csv' is not one of" "$tool" batch "$in" --out-dir "$out" --out .csv
+fails 'one twice' 1 "a.off' is named twice; name it once$" "$tool" batch "$in/a.off" "$in/a.off" --out-dir "$out"
 fails 'two of a name' 1 'of the same name' "$tool" batch "$in/a.off" "$in/../in/a.off" --out-dir "$out"
 fails 'samples from a point' 1 'begins with a vertex' "$tool" batch "$in" --sources 2 --source 0,0,0
 printf '{"name": "a\\\n%04096d\n' 0 > "$work/torn.jsonl"

@@ -194,6 +194,8 @@ static int check_names(batch_list *list)
     for (size_t i = 1; i < list->n; i++) {
         const batch_mesh *a = &list->mesh[i - 1], *b = &list->mesh[i];
         if (strcmp(a->name, b->name) != 0) continue;
+        if (strcmp(a->path, b->path) == 0)
+            return cli_error(EXIT_USAGE, "batch: '%s' is named twice; name it once", a->path);
         return cli_error(
             EXIT_USAGE,
             "batch: '%s' and '%s' would have files of the same name; name the folder that holds "
