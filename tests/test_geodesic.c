@@ -1166,6 +1166,33 @@ static void merged_windows(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* Directions at each of several sources close up there, with a tolerance, too: in a flat square they are those of the
+ * plane, counted from the first corner of the source's triangle. */
+static void directions_at_several_sources(void **state)
+{
+    dmk_context *ctx = *state;
+    dmk_mesh *m = make_square(ctx, 24, 0.4);
+    dmk_point source[5];
+    double at[5][3], corner[5];
+    dmk_geodesics_options options;
+    dmk_geodesics_options_init(&options, sizeof options);
+    options.tolerance = 1e-4;
+    for (int i = 0; i < 5; i++) {
+        source[i] = (dmk_point){m->n_triangles * (2 * i + 1) / 11, {0.2, 0.3, 0.5}};
+        assert_int_equal(dmk_mesh_point_xyz(ctx, m, source + i, at[i]), DMK_OK);
+        const double *first = m->xyz + 3 * m->triangle[3 * source[i].triangle];
+        corner[i] = atan2(first[1] - at[i][1], first[0] - at[i][0]);
+    }
+    dmk_geodesics *g = run_with(ctx, m, 5, source, &options);
+    for (int32_t v = 0; v < m->n_vertices; v++) {
+        const int32_t i = g->arrival[v].source;
+        const double turn = atan2(m->xyz[3 * v + 1] - at[i][1], m->xyz[3 * v] - at[i][0]);
+        assert_true(fabs(remainder(g->arrival[v].direction - turn + corner[i], 2 * pi)) < 0.02);
+    }
+    dmk_geodesics_destroy(&g);
+    dmk_mesh_destroy(&m);
+}
+
 /* A flat fan: short and long triangles around vertex 0. */
 static dmk_mesh *make_fan(dmk_context *ctx, int n, uint32_t *random)
 {
@@ -1441,6 +1468,7 @@ int main(void)
         cmocka_unit_test(spiky_terrain),
         cmocka_unit_test(any_scale),
         cmocka_unit_test(merged_windows),
+        cmocka_unit_test(directions_at_several_sources),
         cmocka_unit_test(estimates_in_fans),
         cmocka_unit_test(estimates_on_terrain),
         cmocka_unit_test(lines),

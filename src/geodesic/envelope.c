@@ -385,6 +385,13 @@ static double change_within(const wave *r, size_t n, const wave *o)
     return beyond_samples * most;
 }
 
+/* From direction a to b at a source, the short way around if directions close up there. */
+static double turn_between(const dmk_geodesics *g, int32_t source, double a, double b)
+{
+    const dmk_site *p = source < g->n_sources ? g->source + source : NULL;
+    return dmk_turn_between(p && !p->on_border ? p->total : HUGE_VAL, a, b);
+}
+
 /* One wave for the n touching windows r, if that changes little. */
 static bool merge(const engine *e, const wave *r, size_t n, double length, wave *o)
 {
@@ -398,11 +405,11 @@ static bool merge(const engine *e, const wave *r, size_t n, double length, wave 
     off = dmk_max(off, change_within(r, n, o));
     if (off > room) return false;
     o->error += off;
-    double from = direction_at(r, a), to = direction_at(last, c);
-    if (e->closed > 0) to -= e->closed * round((to - from) / e->closed);
+    const double from = direction_at(r, a);
+    const double turn = turn_between(e->front.g, r->source, from, direction_at(last, c));
     double p = psi(o->k, o->ux * (a - o->o), -o->uy * (a - o->o)),
            q = psi(o->k, o->ux * (c - o->o), -o->uy * (c - o->o));
-    o->turn = (to - from) / (q - p);
+    o->turn = turn / (q - p);
     o->direction = from - o->turn * p;
     return true;
 }

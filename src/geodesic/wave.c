@@ -75,7 +75,6 @@ static int engine_create(dmk_context *ctx, dmk_geodesics *g, double tolerance, e
     for (int32_t i = 0; i < g->n_sources; i++)
         e->least = dmk_min(e->least, g->source[i].offset / g->star.unit);
     if (g->n_lines > 0) e->least = 0;
-    if (g->n_sources == 1 && !g->source->on_border) e->closed = g->source->total;
 done:
     return rc;
 }

@@ -113,9 +113,7 @@ typedef struct engine {
     size_t most_buckets; /* the last one has the rest, far behind other sources' offsets */
     dmk_heap pseudo_sources;
     dmk_crew crew;
-    bool enters;   /* the round enters what was found; else it visits */
-    double closed; /* angle around the source if it is one point inside: directions are mod that;
-                      else 0 */
+    bool enters; /* the round enters what was found; else it visits */
 } engine;
 
 /* Triangles that are neighbours in memory are of one shard, so many at a time, and the vertices that belong to as many,
