@@ -791,9 +791,11 @@ int dmk_path_compute(dmk_context *context, const dmk_mesh *mesh, const dmk_resul
  * *plane (NULL: not wanted): 2 coordinates for each vertex of the cut mesh, the logarithmic map, that is the
  * distance times the direction at the source (a full turn is 2 pi, as in dmk_locus_vertex.angle), on the locus' two
  * sides each its own; freed with free(). Directions are
- * exact but around triangles that would turn over or be flat in the plane, as behind saddle vertices of the polyhedron:
- * there they are averaged over neighbours. Some stay: around a slit few vertices stand around the whole circle, and the
- * sides between them dip below the next ring (on a sphere of 1,280 triangles 14, and by the smooth sphere's map 17). */
+ * those of the exact paths, but of vertices that the cut leaves on the other side than that which theirs come by, and
+ * around triangles that would turn over or be flat in the plane, as behind saddle vertices of the polyhedron: there
+ * they are averaged over neighbours, or such that these triangles lie the right way round. Some stay on scans, and
+ * around a slit, where few vertices stand around the whole circle and the sides between them dip below the next ring
+ * (on a sphere of 1,280 triangles 24). */
 int dmk_cut(dmk_context *context, const dmk_mesh *mesh, const dmk_result *result,
             const dmk_locus_options *options, dmk_mesh **cut, int32_t **origin, double **plane);
 /* Write a cut mesh with its plane coordinates: OBJ with them as vt, VTP with them as the point array `plane`,

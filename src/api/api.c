@@ -323,5 +323,5 @@ done:
 
 size_t dmk_cut_flipped(const dmk_mesh *cut, const double *plane)
 {
-    return cut && plane ? dmk_plane_flipped(cut, plane, NULL) : 0;
+    return cut && plane ? dmk_plane_flipped(cut, plane) : 0;
 }

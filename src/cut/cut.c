@@ -18,6 +18,7 @@ typedef struct splitter {
     const dmk_cotree *cotree; /* of these geodesics; NULL: the locus opens nothing */
     const dmk_order *order;   /* numbers that the mesh had before; NULL: its own */
     int32_t *point;           /* cotree->n: the new vertex on a crossing, or -1 */
+    double *turn;             /* geodesics->mesh->n_vertices: see dmk_cut_sides; NULL: none turns */
     double *xyz;              /* 3 per vertex of the split mesh */
     int32_t *triangle;        /* 3 per triangle of the split mesh */
     int32_t *kin;  /* 3 per triangle: the mesh's corner (3t + k) whose family the corner is of */
@@ -112,6 +113,22 @@ static void slit(splitter *k)
         if (i != 0 && i != n / 2) continue;
         k->side[dmk_next(c)] = k->side[g->star.twin[dmk_next(c)]] = 1;
     }
+}
+
+/* How far directions turn to be those of their sides. */
+static int find_turns(dmk_context *ctx, splitter *k)
+{
+    int rc;
+    const dmk_mesh *m = k->geodesics->mesh;
+    bool *crossed = NULL;
+    DMK_TRY(DMK_NEW(ctx, crossed, 3 * (size_t)m->n_triangles));
+    DMK_TRY(DMK_NEW(ctx, k->turn, (size_t)m->n_vertices));
+    for (int32_t h = 0; h < 3 * m->n_triangles; h++)
+        crossed[h] = k->cotree->on[h] >= 0 && k->point[k->cotree->on[h]] >= 0;
+    rc = dmk_cut_sides(ctx, k->geodesics, crossed, k->turn);
+done:
+    free(crossed);
+    return rc;
 }
 
 static int allocate(dmk_context *ctx, int32_t n_points, splitter *k)
@@ -252,6 +269,21 @@ done:
     return rc;
 }
 
+static void rotate(double x[2], double angle)
+{
+    const double was = x[0];
+    x[0] = cos(angle) * was - sin(angle) * x[1];
+    x[1] = sin(angle) * was + cos(angle) * x[1];
+}
+
+/* In the plane, on the side of the cut on which this corner lies. */
+static void place(const splitter *k, int32_t kin, const double xyz[3], double map[2])
+{
+    dmk_place_in_plane(k->geodesics, kin, xyz, map);
+    const double turn = k->turn ? k->turn[k->geodesics->mesh->triangle[kin]] : 0;
+    if (turn != 0) rotate(map, turn);
+}
+
 static int separate(dmk_context *ctx, const splitter *k, dmk_mesh **cut, int32_t **origin,
                     double **plane)
 {
@@ -269,7 +301,7 @@ static int separate(dmk_context *ctx, const splitter *k, dmk_mesh **cut, int32_t
         const int32_t c = first[v], old = k->triangle[c];
         memcpy(xyz + 3 * (size_t)v, k->xyz + 3 * (size_t)old, 3 * sizeof *xyz);
         (*origin)[v] = old < k->n_kept ? old : -1;
-        dmk_place_in_plane(k->geodesics, k->kin[c], xyz + 3 * (size_t)v, *plane + 2 * (size_t)v);
+        place(k, k->kin[c], xyz + 3 * (size_t)v, *plane + 2 * (size_t)v);
     }
     DMK_TRY(dmk_poll(ctx));
     rc = dmk_mesh_adopt(ctx, (size_t)n, xyz, (size_t)k->n_triangles, number, cut);
@@ -288,11 +320,7 @@ static void turn_back(const dmk_finer *f, size_t n, double *plane)
 {
     const double full = dmk_full_turn(f->geodesics);
     const double angle = full < HUGE_VAL ? f->turn[0] * 2 * M_PI / full : f->turn[0];
-    for (size_t i = 0; i < n; i++) {
-        const double x = plane[2 * i], y = plane[2 * i + 1];
-        plane[2 * i] = cos(angle) * x + sin(angle) * y;
-        plane[2 * i + 1] = cos(angle) * y - sin(angle) * x;
-    }
+    for (size_t i = 0; i < n; i++) rotate(plane + 2 * i, -angle);
 }
 
 /* Along the locus of the finer geodesics; where it opens nothing, the mesh of g itself. */
@@ -313,6 +341,7 @@ static int open_along(dmk_context *ctx, const dmk_geodesics *g, const dmk_finer 
         if (f->mesh) k.order = NULL;
     }
     DMK_TRY(split_all(ctx, strength, &k));
+    if (k.cotree) DMK_TRY(find_turns(ctx, &k));
     if (!k.cotree && is_tree) slit(&k);
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(separate(ctx, &k, cut, origin, plane));
@@ -325,6 +354,7 @@ done:
         *plane = NULL;
     }
     free(k.point);
+    free(k.turn);
     free(k.xyz);
     free(k.triangle);
     free(k.kin);

@@ -16,10 +16,16 @@
 int dmk_locus_cut(dmk_context *ctx, const dmk_geodesics *geodesics, const dmk_locus_options *opt,
                   const dmk_order *order, dmk_mesh **cut, int32_t **origin, double **plane);
 
-/* plane.c: directions averaged around triangles that lie the other way round, or are flat, in the plane, round after
- * round, until none is left or two rounds leave no fewer; distances stay. plane: 2 for each vertex of the cut mesh. */
+/* sides.c: turn, n_vertices: by how much the direction of each vertex' path turns to be one of its side of the cut, as
+ * its neighbours nearer to the source on that side have it; 0 for most. crossed: 3 n_triangles, half-edges cut. */
+int dmk_cut_sides(dmk_context *ctx, const dmk_geodesics *geodesics, const bool *crossed,
+                  double *turn);
+
+/* plane.c: directions averaged around triangles that lie the other way round, or are flat, in the plane, then such that
+ * theirs do not; where that ends in vain what had the fewest. Distances stay. plane: 2 for each vertex of the cut
+ * mesh. */
 int dmk_plane_unfold(dmk_context *ctx, const dmk_mesh *cut, double *plane);
-/* How many such triangles there are; turned (NULL: not wanted): true for their corners, else it stays. */
-size_t dmk_plane_flipped(const dmk_mesh *cut, const double *plane, bool *turned);
+/* How many such triangles there are. */
+size_t dmk_plane_flipped(const dmk_mesh *cut, const double *plane);
 
 #endif
