@@ -154,9 +154,11 @@ static int parse(cut_request *request, const char *out_help, int argc, char **ar
             "the\n"
             "source (the logarithmic map). OBJ has them as texture coordinates `vt`, VTP as the "
             "array\n"
-            "`plane`; --picture draws them. Around a slit some triangles are turned over in it, "
-            "for\n"
-            "few vertices stand around the whole circle there; the last line counts them.",
+            "`plane`; --picture draws them. On scans some triangles are turned over in it, and "
+            "around\n"
+            "a slit, for few vertices stand around the whole circle there; the summary and the "
+            "report\n"
+            "count them.",
         .options = table.row,
         .n_options = table.n,
     };
