@@ -2,14 +2,16 @@
 """Small wrong changes of the sources, one at a time, and whether a test notices.
 
 usage: mutate.py [--count N] [--seed S] [--rooms ROOM,...] [--files PATTERN,...] [--tests PATTERN,...]
-                 [--budget SECONDS] [--seconds SECONDS] [--floor SHARE] [--list | --table [--page FILE.md] | --direct]
+                 [--constants] [--budget SECONDS] [--seconds SECONDS] [--floor SHARE]
+                 [--list | --table [--page FILE.md] | --direct]
        mutate.py --only 'FILE:LINE:OPERATOR'
 
 A copy of the repository in build/mutate is changed, built and tested; the working tree stays as it is. Each mutant
-is one operator at one place of a C file or kernel; one that compiles to the same object is none. First each test is
-run once with line counters: what it reaches and how long it takes. A mutant is then tried by the tests that reach
-its line, those that noticed others of its file first, then the fastest, up to --budget seconds (60; 0: all of them);
-one that none notices is a survivor. Survivors that cannot be noticed stand in known.txt with the reason. --direct: no
+is one operator at one place of a C file, header or kernel; one that compiles to the same objects is none. --constants:
+those of constants alone, all of them, doubled and halved. First each test is run once with line counters: what it
+reaches and how long it takes. A mutant is then tried by the tests that reach its line, or one that names its constant,
+those that noticed others of its file first, then the fastest, up to --budget seconds (60; 0: all of them); one that
+none notices is a survivor. Survivors that cannot be noticed stand in known.txt with the reason. --direct: no
 lines are counted; each mutant meets all test programs that --tests names, as a whole.
 
 The sample is the same as long as its lines are: mutants are ranked by a hash of the seed and what they are, and each
@@ -88,14 +90,20 @@ OPERATORS = [
     ("answer", r"\breturn (true|false);", lambda m: f"return {'false' if m.group(1) == 'true' else 'true'};"),
 ]
 
+# Of a constant: what a shift shifts, not by how much; no marks like -1.
+VALUE = r"(?<!<< )(?<!= -(?=\d[^.]))" + NUMBER
+CONSTANT_OPERATORS = [("double", VALUE, lambda m: f"2{m.group(2)}" if m.group(1) == "1" else scaled(2)(m)),
+                      ("half", VALUE, scaled(0.5))]
 
-# Constants of a whole file, which stand outside functions.
+# Constants of a whole file, which stand outside functions; and those of a function.
 CONSTANT = re.compile(r"^(static const \w+ \w+ = [^{]+;|enum \{.* = .*\};|#define [A-Z_]+ [\d(])")
+LOCAL = re.compile(r"^ +((static )?const \w+ \w+ = [-\d.e *<]+[;,]|enum \{.* = .*\};|[A-Z_]+ = \d+( << \d+)?,?$)")
 
 
 def code_lines(path):
-    """(number, text) of the lines that hold code and only code, without comments and literals that mean words."""
-    in_comment = False
+    """(number, text) of the lines that hold code and only code, without comments and literals that mean words; of a
+    header, constants, their tables, and functions."""
+    in_comment, inside = False, not path.endswith(".h")
     with open(path, encoding="utf-8") as file:
         for number, line in enumerate(file, 1):
             text = line.rstrip("\n")
@@ -107,6 +115,9 @@ def code_lines(path):
                 in_comment = "*/" not in text
                 continue
             constant = CONSTANT.match(text)
+            if path.endswith(".h"):
+                begins = re.match(r"\{$|(enum|static const .* =) \{$", text)
+                inside = not text.startswith("}") and (inside or begins is not None)
             if not stripped or '"' in text or re.search(r"DMK_NEW|alloc\(|sizeof", text):
                 continue
             if stripped.startswith("#") and not constant:
@@ -114,7 +125,8 @@ def code_lines(path):
             code = re.sub(r"/\*.*?\*/", lambda m: " " * len(m.group(0)), text)
             if "/*" in code:
                 in_comment, code = True, code[:code.index("/*")]
-            if constant or code.strip() and not re.match(r"^\S.*\)$|^(static|extern|typedef|enum|struct)\b", code):
+            head = re.match(r"^\S.*\)$|^(static|extern|typedef|enum|struct)\b", code)
+            if constant or inside and code.strip() and not head:
                 yield number, code.rstrip()
 
 
@@ -144,11 +156,21 @@ COLUMNS = ["tried", "died", "known", "survived"]
 CLAMP = re.compile(r"if \((\S+) [<>]=? (\S+)\) (?:\1 = \2|\2 = \1);")
 
 
-def mutants_of(path):
+def names_of(line):
+    """The constants that the line defines."""
+    if not CONSTANT.match(line) and not LOCAL.match(line):
+        return []
+    return re.findall(r"#define (\w+)", line) or re.findall(r"(\w+) = ", line)
+
+
+def mutants_of(path, constants):
     seen = collections.Counter()
     for number, line in code_lines(os.path.join(ROOT, path)):
         seen[line] += 1
-        for name, pattern, change in OPERATORS:
+        field = path.endswith(".h") and re.match(r" +\.\w+ = [\d.]+,$", line) # of a constant table
+        if constants and not names_of(line) and not field:
+            continue
+        for name, pattern, change in CONSTANT_OPERATORS if constants else OPERATORS:
             for at, match in enumerate(re.finditer(pattern, line)):
                 new = change(match)
                 idle = is_size(line, match.start()) or name == "comparison" and CLAMP.search(line)
@@ -170,12 +192,14 @@ def draw(arguments):
     """Half of the sample in equal parts from the rooms, half by their sizes."""
     if arguments.only:
         path, number, operator = arguments.only.split(":")
-        return [m for m in mutants_of(path) if m.line == int(number) and m.operator.startswith(operator)]
+        return [m for m in mutants_of(path, False) if m.line == int(number) and m.operator.startswith(operator)]
     rooms = collections.defaultdict(list)
     for path in subprocess.check_output(["git", "ls-files", "src", "kernels"], cwd=ROOT, text=True).split():
-        if path.endswith((".c", ".cl")) and not path.startswith("src/python") and matches(path, arguments.files):
+        if path.endswith((".c", ".h", ".cl")) and not path.startswith("src/python") and matches(path, arguments.files):
             if os.path.exists(os.path.join(ROOT, path)) and matches(room_of(path), arguments.rooms):
-                rooms[room_of(path)] += mutants_of(path)
+                rooms[room_of(path)] += mutants_of(path, arguments.constants)
+    if arguments.constants:
+        return sum(rooms.values(), [])
     total, drawn = sum(map(len, rooms.values())), []
     for room in sorted(rooms):
         count = round(arguments.count / 2 / len(rooms) + arguments.count / 2 * len(rooms[room]) / total)
@@ -325,18 +349,25 @@ def record(test):
 
 
 def tests_for(mutant, kept):
-    """Those that reach the line; those that reach the file where none does, as the compiler may have folded the line;
-    of a kernel those that launch. The cheapest first."""
+    """Those that reach the line, or one with the name that it defines; those that reach the file where none does, as the
+    compiler may have folded the line, and all if that is a header; of a kernel those that launch. The cheapest first."""
     if all("reached" not in r for r in kept["tests"].values()):
         return sorted(kept["tests"], key=lambda t: kept["tests"][t]["seconds"])
-    path = mutant.path if mutant.path.endswith(".c") else "src/device/launch.c"
+    path = "src/device/launch.c" if mutant.path.startswith("kernels/") else mutant.path
     lines = {test: r["reached"][path] for test, r in kept["tests"].items() if path in r["reached"]}
-    reaching = [test for test, texts in lines.items() if mutant.old.strip() in texts] or list(lines)
+    names = names_of(mutant.old)
+    if names:
+        named = re.compile(r"\b(" + "|".join(names) + r")\b")
+        reaching = [test for test, r in kept["tests"].items()
+                    if any(named.search(text) for texts in r["reached"].values() for text in texts)]
+    else:
+        reaching = [test for test, texts in lines.items() if mutant.old.strip() in texts]
+    reaching = reaching or list(lines) or [test for test, r in kept["tests"].items() if r["reached"]]
     noticed = collections.Counter(r["end"] for key, r in kept["mutants"].items() if key.startswith(mutant.path + " "))
     def price(test): # of kernels, whose lines are not counted, those first that go through much of the solver
         r = kept["tests"][test]
         solver = sum(len(texts) for file, texts in r["reached"].items() if file.startswith("src/solver/"))
-        return r["seconds"] / (1 if mutant.path.endswith(".c") else 1 + solver ** 2)
+        return r["seconds"] / (1 + solver ** 2 if mutant.path.startswith("kernels/") else 1)
 
     return sorted(reaching, key=lambda t: (-noticed[t], price(t)))
 
@@ -368,12 +399,21 @@ def changed(text, mutant):
     return "\n".join(lines).encode()
 
 
+def objects_of(path):
+    """{object: content} of a source; of a header all, for make knows which."""
+    if path.endswith(".h"):
+        found = [os.path.join(base, name) for base, _, names in os.walk(os.path.join(TREE, BUILD)) for name in names]
+        return {name: content(name) for name in found if name.endswith(".o")}
+    made = f"{path[:-1]}o" if path.endswith(".c") else "kernels.o"
+    return {name: content(name) for name in [os.path.join(TREE, BUILD, made)]}
+
+
 def try_mutant(mutant, tests, kept, before, budget):
-    """{"source", "end": the test that notices it, None, or "none" for no mutant, "tests": those tried}. The object of
-    the file comes back as it was, so that only the archive and one program are made anew."""
+    """{"source", "end": the test that notices it, None, or "none" for no mutant, "tests": those tried}. The objects of
+    the file come back as they were, so that only the archive and one program are made anew."""
     path, tried = os.path.join(TREE, mutant.path), dict(before)
-    made = f"{BUILD}/{mutant.path[:-1]}o" if mutant.path.endswith(".c") else f"{BUILD}/kernels.o"
-    times, whole, whole_object = os.stat(path), content(path), content(os.path.join(TREE, made))
+    times, whole, objects = os.stat(path), content(path), objects_of(mutant.path)
+    asked = [] if path.endswith(".h") else [os.path.relpath(name, TREE) for name in objects]
     end, spent = None, 0
     try:
         with open(path, "wb") as file:
@@ -382,21 +422,22 @@ def try_mutant(mutant, tests, kept, before, budget):
             spent += kept["tests"][test]["seconds"]
             if budget and spent > budget and test != tests[0]:
                 break
-            if not build(BUILD, test, made) or content(os.path.join(TREE, made)) == whole_object:
+            if not build(BUILD, test, *asked) or all(content(name) == old for name, old in objects.items()):
                 end = "none"
                 break
             tried[test] = digest(source_of(test))
-            patience = PATIENCE if mutant.path.endswith(".c") else PATIENCE_KERNEL
+            patience = PATIENCE_KERNEL if mutant.path.startswith("kernels/") else PATIENCE
             if not passes(BUILD, test, patience + 5 * kept["tests"][test]["seconds"]):
                 end = test
                 break
     finally:
         with open(path, "wb") as file:
             file.write(whole)
-        if mutant.path.endswith(".c"):
+        if not mutant.path.endswith(".cl"):
             os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
-            with open(os.path.join(TREE, made), "wb") as file:
-                file.write(whole_object)
+            for name in (name for name, old in objects.items() if content(name) != old):
+                with open(name, "wb") as file:
+                    file.write(objects[name])
     return {"source": digest(mutant.path), "end": end, "tests": tried}
 
 
@@ -494,7 +535,7 @@ def main():
                               ("tests", str, ""), ("only", str, ""), ("page", str, ""), ("budget", float, 60),
                               ("seconds", float, 1e9), ("floor", float, 0.95)):
         parser.add_argument(f"--{name}", type=kind, default=value)
-    for name in ("list", "table", "direct"):
+    for name in ("constants", "list", "table", "direct"):
         parser.add_argument(f"--{name}", action="store_true")
     arguments = parser.parse_args()
     drawn, known, stop = draw(arguments), load_known(), time.monotonic() + arguments.seconds
