@@ -63,7 +63,7 @@ static void needles_settle_in_the_first_attempt(void **state)
     }
 }
 
-/* Where steps are to be solved well all iterations are taken: up to a tolerance of 1e-6 in the energy the gap is 5 %. */
+/* Steps that are to be solved well take all their iterations: up to 1e-6 of the energy they would leave a gap of 5 %. */
 static void the_sharpest_are_solved_to_the_end(void **state)
 {
     problem p = tube(*state, 200, 2, 3e4);
@@ -277,7 +277,7 @@ int main(void)
                                        cmocka_unit_test(solved_better_steps_end),
                                        cmocka_unit_test(needles_settle_in_the_first_attempt),
                                        cmocka_unit_test(the_sharpest_are_solved_to_the_end),
-        cmocka_unit_test(a_settled_cost_is_enough),
+                                       cmocka_unit_test(a_settled_cost_is_enough),
                                        cmocka_unit_test(limits_hold)};
     return cmocka_run_group_tests_name("attempts", tests, bench_setup, bench_teardown);
 }
