@@ -63,7 +63,7 @@ static void needles_settle_in_the_first_attempt(void **state)
     }
 }
 
-/* Steps that are to be solved well take all their iterations: up to 1e-6 of the energy they would leave a gap of 5 %. */
+/* Steps that are to be solved well take all their iterations: up to 1e-6 of the energy the gap would be 5 %. */
 static void the_sharpest_are_solved_to_the_end(void **state)
 {
     problem p = tube(*state, 200, 2, 3e4);
