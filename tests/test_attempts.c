@@ -1,7 +1,6 @@
 /* Tubes of needles, on which Newton's usual steps come to no end: others do that are solved better. */
 #include "../src/solver/attempts.c" /* for its static functions; the library's own are then left out */
-#include "solver/solver.h"
-#include "solving.h"
+#include "iterating.h"
 
 #include <string.h>
 
@@ -129,21 +128,6 @@ static void pairs_come_back(void **state)
     problem_free(&p);
 }
 
-/* An iteration from the pair that p's device holds, without what it knows of it. */
-static dmk_iteration iteration_of(problem *p)
-{
-    p->stats = (dmk_stats){0};
-    return (dmk_iteration){.ctx = p->b->ctx,
-                           .sys = p->solver->system,
-                           .mesh = &p->solver->mollified,
-                           .triangle_old = p->solver->order->order.triangle_old,
-                           .options = &p->options,
-                           .asked = DMK_NEWTON,
-                           .stats = &p->stats,
-                           .floor = DMK_FLOOR,
-                           .mean_floor = DMK_FLOOR};
-}
-
 typedef struct beginning {
     pair first;
     int n; /* restarts */
@@ -169,7 +153,7 @@ static void attempts_begin_anew(void **state)
     assert_int_equal(problem_try(&p), DMK_E_LIMIT);
     p.options.max_steps = 0;
     p.options.tolerance = 1e-3; /* no bounds in between, which leave nothing known either */
-    dmk_iteration o = iteration_of(&p);
+    dmk_iteration o = problem_iteration(&p);
     beginning b = {.of = &o};
     bench_ok(p.b, keep(&o, false, &b.first));
     o.restart = begin_again;
@@ -178,7 +162,7 @@ static void attempts_begin_anew(void **state)
     const dmk_stats found = p.stats;
     assert_int_equal(b.n, 1);
     bench_ok(p.b, begin_again(o.ctx, &b));
-    o = iteration_of(&p);
+    o = problem_iteration(&p);
     bench_ok(p.b, dmk_newton(&o, true, attempts[second(&o)].effort, attempts[second(&o)].steps));
     assert_int_equal(found.steps, USUAL + p.stats.steps);
     assert_true(found.change == p.stats.change);
@@ -194,7 +178,7 @@ static void bounds_of_attempts_before_stay(void **state)
     assert_int_equal(problem_try(&p), DMK_E_LIMIT);
     p.options.gap_tolerance = 1e-7; /* each step has bounds: about 5 and 6 */
     for (int good = 0; good < 2; good++) {
-        dmk_iteration o = iteration_of(&p);
+        dmk_iteration o = problem_iteration(&p);
         pair best = {0};
         bool done;
         p.stats.cost_lower = good ? 5.5 : 1;
@@ -216,7 +200,7 @@ static void no_solve_spoils_the_next(void **state)
     const dmk_stats first = p.stats;
     dmk_system *s = p.solver->system;
     assert_true(s->n_elements < s->n_elements_pad);
-    dmk_iteration o = iteration_of(&p);
+    dmk_iteration o = problem_iteration(&p);
     o.between = true;
     bench_ok(p.b, dmk_system_start_even(o.ctx, s));
     bench_ok(p.b, dmk_buffer_fill_real(o.ctx, s->device, DMK_OUTER, s->f, rows(&o), NAN));

@@ -4,8 +4,7 @@
 #include "../src/solver/certificate.c"
 #include "../src/solver/repair.c"
 
-#include "solver/solver.h"
-#include "solving.h"
+#include "iterating.h"
 
 #include <stdbool.h>
 #include <stdlib.h>
@@ -81,24 +80,12 @@ static void bounds_hold_in_single_precision(void **state)
 
 /* ---- the upper bound ------------------------------------------------------------------------- */
 
-/* An iteration from the pair that p's device holds, without what it knows of it. */
-static dmk_iteration iteration_of(problem *p)
-{
-    p->stats = (dmk_stats){0};
-    return (dmk_iteration){.ctx = p->b->ctx,
-                           .sys = p->solver->system,
-                           .mesh = &p->solver->mollified,
-                           .triangle_old = p->solver->order->order.triangle_old,
-                           .options = &p->options,
-                           .stats = &p->stats};
-}
-
 /* A bound that comes no nearer is given up after four better u. */
 static void bounds_are_given_up(void **state)
 {
     problem p = problem_file(*state, optima[0].mesh);
     problem_solve(&p);
-    dmk_iteration o = iteration_of(&p);
+    dmk_iteration o = problem_iteration(&p);
     search s = {.upper = INFINITY, .tolerance = first_tolerance};
     const double never = -0.5;
     bench_ok(p.b, find_upper(&o, &s, never));
@@ -241,7 +228,7 @@ static void first_bounds_are_cheap(void **state)
     for (int i = 0; i < 2; i++) {
         problem p = needles(*state, part[i]);
         problem_solve(&p);
-        dmk_iteration o = iteration_of(&p);
+        dmk_iteration o = problem_iteration(&p);
         const dmk_system *s = o.sys;
         search found = {.upper = INFINITY, .tolerance = first_tolerance};
         o.loose = true;

@@ -4,12 +4,22 @@
 
 #include "base/base.h"
 
+#include <string.h>
+
 typedef struct dmk_keyed {
     uint64_t key;
     int32_t item;
 } dmk_keyed;
 
 enum { DMK_KEY_BITS = 48 };
+
+/* The bits of a number that is not negative: they keep the order. */
+static inline uint32_t dmk_float_key(float x)
+{
+    uint32_t bits;
+    memcpy(&bits, &x, sizeof bits);
+    return bits;
+}
 
 /* Stable sort by the low DMK_KEY_BITS bits of the keys, in time linear in n. */
 int dmk_sort_keyed(dmk_context *context, dmk_keyed *a, size_t n);

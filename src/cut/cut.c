@@ -318,8 +318,7 @@ done:
 /* Directions of the finer mesh to those of the geodesics' own. */
 static void turn_back(const dmk_finer *f, size_t n, double *plane)
 {
-    const double full = dmk_full_turn(f->geodesics);
-    const double angle = full < HUGE_VAL ? f->turn[0] * 2 * M_PI / full : f->turn[0];
+    const double angle = f->turn[0] * dmk_turn_scale(f->geodesics);
     for (size_t i = 0; i < n; i++) rotate(plane + 2 * i, -angle);
 }
 

@@ -9,8 +9,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double turn = 2 * M_PI;
-
 /* Of 600 disks, 20 tori, ellipsoids and quartics of 1,000 to 87,000 triangles from 30 sources each, 5 have such
  * triangles left; with one ring 18, with four 20; with patience for 20 rounds 11. */
 enum {
@@ -24,13 +22,13 @@ typedef struct disk {
     double *best;                 /* 2 for each vertex: where the fewest triangles are turned */
     double *plane;                /* 2 for each vertex: as it is now */
     double *distance, *direction; /* vertices: the same as these */
-    int32_t *first, *corner;      /* vertices + 1, corners: the corners of each vertex */
-    int32_t *turned, n_turned;    /* triangles that are turned over, or flat */
-    int32_t *moving, n_moving;    /* vertices: of these, and in rings around */
-    bool *moves;                  /* vertices: is moving */
-    int32_t *stale, n_stale;      /* vertices that have moved away from the best */
-    bool *is_stale;               /* vertices */
-    int64_t n_left;               /* moves, until it has to do */
+    dmk_vertex_stars star;
+    int32_t *turned, n_turned; /* triangles that are turned over, or flat */
+    int32_t *moving, n_moving; /* vertices: of these, and in rings around */
+    bool *moves;               /* vertices: is moving */
+    int32_t *stale, n_stale;   /* vertices that have moved away from the best */
+    bool *is_stale;            /* vertices */
+    int64_t n_left;            /* moves, until it has to do */
 } disk;
 
 static bool is_source(const disk *d, int32_t v)
@@ -53,15 +51,10 @@ size_t dmk_plane_flipped(const dmk_mesh *cut, const double *plane)
     return n;
 }
 
-static void list_corners(disk *d)
+/* The i-th of all vertices' corners. */
+static int32_t corner_at(const disk *d, int32_t i)
 {
-    const dmk_mesh *m = d->cut;
-    for (int32_t c = 0; c < 3 * m->n_triangles; c++) d->first[m->triangle[c] + 1]++;
-    for (int32_t v = 0; v < m->n_vertices; v++) d->first[v + 1] += d->first[v];
-    for (int32_t c = 3 * m->n_triangles - 1; c >= 0; c--)
-        d->corner[--d->first[m->triangle[c] + 1]] = c;
-    for (int32_t v = 0; v < m->n_vertices; v++) d->first[v] = d->first[v + 1];
-    d->first[m->n_vertices] = 3 * m->n_triangles;
+    return d->star.triangle[i] / 4 * 3 + d->star.triangle[i] % 4;
 }
 
 static void move(disk *d, int32_t v, double direction)
@@ -91,9 +84,9 @@ static void find_moving(disk *d, int rings)
         const int32_t end = d->n_moving;
         for (; begin < end; begin++) {
             const int32_t v = d->moving[begin];
-            for (int32_t i = d->first[v]; i < d->first[v + 1]; i++) {
-                let_move(d, d->cut->triangle[dmk_next(d->corner[i])]);
-                let_move(d, d->cut->triangle[dmk_previous(d->corner[i])]);
+            for (int32_t i = d->star.row[v]; i < d->star.row[v + 1]; i++) {
+                let_move(d, d->cut->triangle[dmk_next(corner_at(d, i))]);
+                let_move(d, d->cut->triangle[dmk_previous(corner_at(d, i))]);
             }
         }
     }
@@ -106,8 +99,8 @@ static void find_turned(disk *d)
     d->n_turned = 0;
     for (int32_t i = 0; i < d->n_moving; i++) {
         const int32_t v = d->moving[i];
-        for (int32_t k = d->first[v]; k < d->first[v + 1]; k++) {
-            const int32_t t = d->corner[k] / 3, *of = d->cut->triangle + 3 * t;
+        for (int32_t k = d->star.row[v]; k < d->star.row[v + 1]; k++) {
+            const int32_t t = corner_at(d, k) / 3, *of = d->cut->triangle + 3 * t;
             const int32_t least = d->moves[of[0]] ? of[0] : d->moves[of[1]] ? of[1] : of[2];
             if (v == least && is_turned(d->cut, d->plane, t)) d->turned[d->n_turned++] = t;
         }
@@ -117,8 +110,7 @@ static void find_turned(disk *d)
 /* From the vertex' direction to another one, the short way around. */
 static double turn_to(const disk *d, int32_t v, double direction)
 {
-    const double by = direction - d->direction[v];
-    return by - turn * rint(by / turn);
+    return dmk_turn_between(2 * M_PI, d->direction[v], direction);
 }
 
 /* The mean of the own direction and the neighbours'. */
@@ -126,8 +118,8 @@ static void average(disk *d, int32_t v)
 {
     double sum = 0;
     int n = 1;
-    for (int32_t i = d->first[v]; i < d->first[v + 1]; i++) {
-        const int32_t next = dmk_next(d->corner[i]), last = dmk_previous(d->corner[i]);
+    for (int32_t i = d->star.row[v]; i < d->star.row[v + 1]; i++) {
+        const int32_t next = dmk_next(corner_at(d, i)), last = dmk_previous(corner_at(d, i));
         const int32_t w[2] = {d->cut->triangle[next], d->cut->triangle[last]};
         const bool at_border = d->cut->edge_triangle[2 * d->cut->triangle_edge[next] + 1] < 0;
         for (int k = 0; k < 1 + at_border; k++) { /* each neighbour once */
@@ -145,9 +137,9 @@ static void average(disk *d, int32_t v)
 static void centre(disk *d, int32_t v)
 {
     double begin = -HUGE_VAL, end = HUGE_VAL, least = HUGE_VAL, most = -HUGE_VAL;
-    for (int32_t i = d->first[v]; i < d->first[v + 1]; i++) {
-        const int32_t w[2] = {d->cut->triangle[dmk_next(d->corner[i])],
-                              d->cut->triangle[dmk_previous(d->corner[i])]};
+    for (int32_t i = d->star.row[v]; i < d->star.row[v + 1]; i++) {
+        const int32_t w[2] = {d->cut->triangle[dmk_next(corner_at(d, i))],
+                              d->cut->triangle[dmk_previous(corner_at(d, i))]};
         const double *a = d->plane + 2 * w[0], *b = d->plane + 2 * w[1];
         const double x = b[0] - a[0], y = b[1] - a[1];
         const double beyond = (a[0] * b[1] - a[1] * b[0]) / (d->distance[v] * hypot(x, y));
@@ -210,8 +202,7 @@ static int allocate(dmk_context *ctx, disk *d)
     DMK_TRY(DMK_NEW(ctx, d->plane, 2 * n));
     DMK_TRY(DMK_NEW(ctx, d->distance, n));
     DMK_TRY(DMK_NEW(ctx, d->direction, n));
-    DMK_TRY(DMK_NEW(ctx, d->first, n + 1));
-    DMK_TRY(DMK_NEW(ctx, d->corner, 3 * n_triangles));
+    DMK_TRY(dmk_vertex_stars_create(ctx, d->cut, &d->star));
     DMK_TRY(DMK_NEW(ctx, d->turned, n_triangles));
     DMK_TRY(DMK_NEW(ctx, d->moving, n));
     DMK_TRY(DMK_NEW(ctx, d->moves, n));
@@ -233,7 +224,6 @@ static void begin(disk *d)
     for (int32_t t = 0; t < d->cut->n_triangles; t++) {
         if (is_turned(d->cut, d->best, t)) d->turned[d->n_turned++] = t;
     }
-    list_corners(d);
 }
 
 int dmk_plane_unfold(dmk_context *ctx, const dmk_mesh *cut, double *plane)
@@ -252,8 +242,7 @@ done:
     free(d.plane);
     free(d.distance);
     free(d.direction);
-    free(d.first);
-    free(d.corner);
+    dmk_vertex_stars_free(&d.star);
     free(d.turned);
     free(d.moving);
     free(d.moves);

@@ -9,7 +9,6 @@
 
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 /* Radians: directions of neighbours that differ by more are of two families, on tori by 2.1 to 2.4. 0.2 to 1.4 does as
  * well there; with 1.4 scans have 7 % more triangles turned over in the plane, with 0.35 2 % fewer. */
@@ -29,13 +28,12 @@ static bool reaches(sides *s, int32_t corner, int32_t v)
     const dmk_geodesics *g = s->g;
     const dmk_mesh *m = g->mesh;
     const int32_t w = m->triangle[corner];
-    const double full = dmk_full_turn(g), scale = full < HUGE_VAL ? 2 * M_PI / full : 1;
     double map[2];
     if (g->distance[w] == 0) return true;
     dmk_place_in_plane(g, corner, m->xyz + 3 * (size_t)v, map);
     const double length = hypot(map[0], map[1]);
-    const double to =
-        remainder(atan2(map[1], map[0]) + s->turn[w] - scale * g->arrival[v].direction, 2 * M_PI);
+    const double to = remainder(
+        atan2(map[1], map[0]) + s->turn[w] - dmk_turn_scale(g) * g->arrival[v].direction, 2 * M_PI);
     if (length < s->least) {
         s->least = length;
         s->to = to;
@@ -69,9 +67,7 @@ static int begin(dmk_context *ctx, sides *s, dmk_keyed *order)
     const dmk_site *site = g->source;
     for (int32_t v = 0; v < g->mesh->n_vertices; v++) {
         const float distance = (float)(g->distance[v] / g->star.unit);
-        uint32_t bits; /* of a float that is not negative: they keep the order */
-        memcpy(&bits, &distance, sizeof bits);
-        order[v] = (dmk_keyed){bits, v};
+        order[v] = (dmk_keyed){dmk_float_key(distance), v};
         s->turn[v] = 0;
     }
     for (int32_t i = 0; i < site->n_sectors; i++) {

@@ -113,6 +113,8 @@ struct dmk_geodesics {
 
 /* Angle around the sources, for directions modulo it; HUGE_VAL where they do not close up. */
 double dmk_full_turn(const dmk_geodesics *g);
+/* Directions times this close up at 2 pi; 1 where they do not. */
+double dmk_turn_scale(const dmk_geodesics *g);
 /* From direction a to b, the short way around. */
 double dmk_turn_between(double full, double a, double b);
 

@@ -116,6 +116,12 @@ double dmk_full_turn(const dmk_geodesics *g)
     return g->n_sources == 1 && !s->on_border ? s->total : HUGE_VAL;
 }
 
+double dmk_turn_scale(const dmk_geodesics *g)
+{
+    const double full = dmk_full_turn(g);
+    return full < HUGE_VAL ? 2 * M_PI / full : 1;
+}
+
 double dmk_turn_between(double full, double a, double b)
 {
     return full < HUGE_VAL ? remainder(b - a, full) : b - a;

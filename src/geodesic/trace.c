@@ -49,8 +49,7 @@ struct dmk_tracer {
     double bound; /* nothing longer is of use */
     double slack; /* nor what is shorter than `bound` by less than this */
     double lost;  /* the least length of a way that there was no room for */
-    double
-        least; /* of the ways that were found to a source or a bend, as far as distances there may be too long */
+    double least; /* of the ways to a source or a bend, less what is in doubt there */
 };
 
 /* In units: lengths that are equal. */

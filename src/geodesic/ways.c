@@ -106,9 +106,7 @@ static int join(dmk_context *ctx, const ways *w, int32_t *parent, bool *kept)
         if (a->part == b->part) continue;
         const float length =
             (float)((a->way + w->step[m->triangle_edge[h]] + b->way) / w->star->unit);
-        uint32_t bits; /* of a float: they keep the order of numbers that are not negative */
-        memcpy(&bits, &length, sizeof bits);
-        way[n++] = (dmk_keyed){bits, h};
+        way[n++] = (dmk_keyed){dmk_float_key(length), h};
     }
     DMK_TRY(dmk_sort_keyed(ctx, way, n));
     for (size_t i = 0; i < n; i++) {

@@ -53,8 +53,7 @@ __attribute__((flatten)) static void find_jumps(int32_t begin, int32_t end, void
         if (!is_first(g, h)) continue;
         const int32_t e = g->mesh->triangle_edge[h];
         const float jump = (float)(dmk_jump(g, h) / unit);
-        uint32_t bits;
-        memcpy(&bits, &jump, sizeof bits);
+        uint32_t bits = dmk_float_key(jump);
         if (dmk_parts_cells(g, e)) bits |= UINT32_C(1) << 31;
         t->order[e] = (dmk_keyed){bits, e};
     }

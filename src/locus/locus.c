@@ -186,7 +186,7 @@ static void finish_vertices(const dmk_cotree *t, dmk_locus *l)
 {
     static const dmk_locus_kind kind[] = {DMK_LOCUS_POINT, DMK_LOCUS_END, DMK_LOCUS_ORDINARY,
                                           DMK_LOCUS_BRANCH}; /* by degree */
-    const double full = dmk_full_turn(t->geodesics), scale = full < HUGE_VAL ? 2 * M_PI / full : 1;
+    const double full = dmk_full_turn(t->geodesics), scale = dmk_turn_scale(t->geodesics);
     for (size_t i = 0; i < l->info.n_vertices; i++) {
         dmk_locus_vertex *v = &l->vertex[i];
         v->source_angle *= scale;

@@ -267,7 +267,7 @@ void dmk_place_in_plane(const dmk_geodesics *g, int32_t corner, const double xyz
 {
     const dmk_mesh *m = g->mesh;
     const int32_t v = m->triangle[corner], *of = m->triangle + corner - corner % 3;
-    const double full = dmk_full_turn(g), unit = g->star.unit;
+    const double unit = g->star.unit;
     dmk_family c[3];
     double e[3], x[3], distance = g->distance[v], direction = g->arrival[v].direction;
     set_corners(g, corner / 3, c);
@@ -281,7 +281,7 @@ void dmk_place_in_plane(const dmk_geodesics *g, int32_t corner, const double xyz
         distance = unit * dmk_image_length(&c[corner % 3].image, px, py);
         direction += turn_to(&c[corner % 3], px, py, g->arrival[v].pseudo_source >= 0);
     }
-    if (full < HUGE_VAL) direction *= 2 * M_PI / full;
+    direction *= dmk_turn_scale(g);
     map[0] = distance * cos(direction);
     map[1] = distance * sin(direction);
 }
