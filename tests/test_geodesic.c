@@ -5,6 +5,7 @@
 
 #include "base/vec3.h"
 
+#include <limits.h>
 #include <malloc.h>
 #include <math.h>
 #include <setjmp.h>
@@ -1262,7 +1263,7 @@ static double compare_estimates(dmk_context *ctx, const dmk_mesh *m, uint32_t *r
     dmk_geodesics *exact = run_with(ctx, m, 1, &source, &options);
     assert_int_equal(dmk_geodesics_prepare(ctx, m, NULL, 1, &source, &options, &merged), DMK_OK);
     assert_int_equal(
-        dmk_waves_run(ctx, merged, pow(10, -5.5 + 5 * noise(random)), 0, 1000, &finished), DMK_OK);
+        dmk_waves_run(ctx, merged, pow(10, -5.5 + 5 * noise(random)), 0, 1000, INT_MAX, &finished), DMK_OK);
     assert_true(finished);
     for (int32_t v = 0; v < m->n_vertices; v++) farthest = fmax(farthest, exact->distance[v]);
     for (int32_t v = 0; v < m->n_vertices; v++) {
@@ -1275,6 +1276,40 @@ static double compare_estimates(dmk_context *ctx, const dmk_mesh *m, uint32_t *r
     dmk_geodesics_destroy(&exact);
     dmk_geodesics_destroy(&merged);
     return worst;
+}
+
+/* Windows of a run that more than `over` vertices over the tolerance end. */
+static int64_t count_windows(dmk_context *ctx, const dmk_mesh *m, double tolerance, int over,
+                             bool finishes)
+{
+    bool finished;
+    dmk_geodesics *merged;
+    dmk_geodesics_options options;
+    dmk_geodesics_options_init(&options, sizeof options);
+    const dmk_point source = at_vertex(ctx, m, 7);
+    assert_int_equal(dmk_geodesics_prepare(ctx, m, NULL, 1, &source, &options, &merged), DMK_OK);
+    assert_int_equal(dmk_waves_run(ctx, merged, tolerance, 0, 1000, over, &finished), DMK_OK);
+    assert_int_equal(finished, finishes);
+    const int64_t n = merged->n_windows;
+    dmk_geodesics_destroy(&merged);
+    return n;
+}
+
+/* Where merging misses the tolerance it ends early, and others get their turn. 36 vertices do on the first mesh; 35 at
+ * the front of the second, but none behind it. */
+static void merging_that_is_no_use_ends_early(void **state)
+{
+    enum { OVER = 5 };
+    dmk_mesh *m;
+    assert_int_equal(dmk_mesh_read(*state, "tests/data/rough.off", &m), DMK_OK);
+    const int64_t all = count_windows(*state, m, 1e-3, INT_MAX, true),
+                  few = count_windows(*state, m, 1e-3, OVER, false);
+    assert_in_range(few, 1, all / 2);
+    dmk_mesh_destroy(&m);
+    assert_int_equal(dmk_mesh_read(*state, "tests/data/quartic_5000.off.gz", &m), DMK_OK);
+    assert_true(count_windows(*state, m, 1e-6, OVER, true) ==
+                count_windows(*state, m, 1e-6, INT_MAX, true));
+    dmk_mesh_destroy(&m);
 }
 
 /* On terrain, where many ways are nearly the shortest: what one that is longer by less than its error hides is in the
@@ -1470,6 +1505,8 @@ int main(void)
         cmocka_unit_test(merged_windows),
         cmocka_unit_test(directions_at_several_sources),
         cmocka_unit_test(estimates_in_fans),
+        cmocka_unit_test(merging_that_is_no_use_ends_early),
+        cmocka_unit_test(merging_that_is_no_use_ends_early),
         cmocka_unit_test(estimates_on_terrain),
         cmocka_unit_test(lines),
         cmocka_unit_test(one_source_among_the_rays_of_another),

@@ -152,9 +152,18 @@ void dmk_geodesics_integrate_parts(dmk_context *context, const dmk_geodesics *ge
 
 /* wave.c: distance and arrival of an object whose star and sources are set, with merged windows; lines, too. With a
  * tolerance, or where a distance may be off by more than `exact` of the largest, the estimates of the errors are set.
- * *finished: false if there are more than `looks` looks at windows over half-edges. */
+ * *finished: false if there are more than `looks` looks at windows over half-edges, or vertices
+ * with estimates over the tolerance than `over`. */
 int dmk_waves_run(dmk_context *context, dmk_geodesics *geodesics, double tolerance, double exact,
-                  int looks, bool *finished);
+                  int looks, int over, bool *finished);
+
+/* Whether the estimate of an error is to be made less: it exceeds twice the tolerance; and the most vertices with such
+ * ones that are looked at again: on meshes of needles estimates are large everywhere, and then stay. */
+static inline bool dmk_is_over(double tolerance, double error, double distance)
+{
+    return error > 2 * tolerance * distance;
+}
+enum { DMK_MOST_REPAIRS = 200 };
 
 /* window.c: the same with exact windows. Not *finished, and nothing is set: one thread makes more than
  * `most` windows. The usual ones: twice as many as ordinary meshes need. */

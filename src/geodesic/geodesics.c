@@ -2,6 +2,7 @@
 #include "geodesic/front.h"
 #include "geodesic/trace.h"
 
+#include <limits.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -149,10 +150,12 @@ static int start(dmk_context *ctx, dmk_geodesics *g, attempt how, const dmk_geod
 {
     const double asked = tolerance_of(g->mesh, o);
     g->tolerance = how == MERGED ? usual_tolerance : how == ASKED ? asked : 0;
+    /* Where others may do better, an attempt ends when more vertices miss the tolerance than can be mended. */
+    const int over = how == ASKED ? DMK_MOST_REPAIRS : INT_MAX;
     if (how == ASKED || how == ESTIMATED || how == MERGED)
-        return dmk_waves_run(ctx, g, g->tolerance, still_exact, MOST_LOOKS, finished);
+        return dmk_waves_run(ctx, g, g->tolerance, still_exact, MOST_LOOKS, over, finished);
     if (g->n_lines > 0) return DMK_OK; /* exact windows have none */
-    if (how == TRIMMED) return dmk_waves_run(ctx, g, 0, surely_exact, SOME_LOOKS, finished);
+    if (how == TRIMMED) return dmk_waves_run(ctx, g, 0, surely_exact, SOME_LOOKS, over, finished);
     const int64_t most = how == MORE ? (int64_t)(more_windows(g, o->exact) * g->mesh->n_edges)
                                      : dmk_windows_usual(g->mesh);
     return dmk_windows_run(ctx, g, most, finished);

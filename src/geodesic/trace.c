@@ -741,9 +741,6 @@ done:
 
 /* ---- repair --------------------------------------------------------------------------------- */
 
-/* Vertices looked at again, at most: on meshes of needles estimates are large everywhere, and then stay. */
-enum { most_repairs = 200 };
-
 typedef struct mended {
     int32_t vertex;
     double distance, error;
@@ -759,11 +756,10 @@ typedef struct repairs {
     _Atomic int32_t next; /* of the list, to be taken: searches differ in length */
 } repairs;
 
-/* Whether the estimate of v's error is to be made less. */
 static bool is_over(const dmk_geodesics *g, int32_t v)
 {
     return g->arrival[v].source >= 0 && !is_source(g, v) &&
-           g->error[v] > 2 * g->tolerance * g->distance[v];
+           dmk_is_over(g->tolerance, g->error[v], g->distance[v]);
 }
 
 /* What two estimates leave of a distance: the old one, and that it lies in lo..hi, most likely at `length`. If they
@@ -840,12 +836,12 @@ done:
 int dmk_tracer_repair(dmk_context *ctx, dmk_geodesics *g, bool *few)
 {
     int rc = DMK_OK;
-    mended list[most_repairs];
+    mended list[DMK_MOST_REPAIRS];
     repairs r = {.g = g, .list = list};
     *few = true;
     for (int32_t v = 0; v < g->mesh->n_vertices; v++) {
         if (!is_over(g, v)) continue;
-        *few = r.n < most_repairs;
+        *few = r.n < DMK_MOST_REPAIRS;
         if (!*few) goto done;
         list[r.n++].vertex = v;
     }

@@ -106,12 +106,20 @@ static int put(dmk_context *ctx, const engine *e, const wave *w, double key)
     return rc != DMK_OK || waits ? rc : dmk_shard_schedule(ctx, e, s, w->half, key);
 }
 
+static bool is_over(const engine *e, int32_t v)
+{
+    return dmk_is_over(e->tolerance, e->error[v] + e->detour[v], e->front.d[v]);
+}
+
 static int reach(dmk_context *ctx, const engine *e, int32_t v, double d, const mark *m,
                  double error, double detour)
 {
     shard *s = e->shard + dmk_waves_shard_of_vertex(v);
-    if (!dmk_wave_improve(e->front.d + v, e->error + v, e->detour + v, d, error, detour))
-        return DMK_OK;
+    const bool was_over = is_over(e, v);
+    const bool nearer =
+        dmk_wave_improve(e->front.d + v, e->error + v, e->detour + v, d, error, detour);
+    s->n_over += is_over(e, v) - was_over;
+    if (!nearer) return DMK_OK;
     e->mark[v] = *m;
     if (!e->front.pseudo_source[v]) return DMK_OK;
     const int rc = DMK_GROW(ctx, s->reached, s->n_reached + 1, s->reached_room);
@@ -424,6 +432,22 @@ static bool spent(const engine *e)
     return n > e->most_looks;
 }
 
+/* Whether too many vertices behind the front are over the tolerance. Many at it are, too, until their last windows
+ * come, as the shards count them: when there may be enough, and again when there are twice as many, those behind it are
+ * counted. */
+static bool misses(engine *e)
+{
+    int64_t n = 0;
+    for (int i = 0; i < SHARDS; i++) n += e->shard[i].n_over;
+    if (n <= e->count_at) return false;
+    e->count_at = 2 * n;
+    n = 0;
+    const double front = e->least + (double)e->current * e->width;
+    for (int32_t v = 0; v < e->front.g->mesh->n_vertices; v++)
+        n += e->front.d[v] < front && is_over(e, v);
+    return n > e->most_over;
+}
+
 static size_t count_buckets(const engine *e)
 {
     size_t n = 0;
@@ -431,10 +455,12 @@ static size_t count_buckets(const engine *e)
     return n;
 }
 
-static int sweep(dmk_context *ctx, engine *e)
+/* *finished: not ended before all is done. */
+static int sweep(dmk_context *ctx, engine *e, bool *finished)
 {
     int rc = DMK_OK;
     bool any;
+    *finished = true;
     DMK_TRY(collect(ctx, e));
     while (e->current < count_buckets(e) || e->pseudo_sources.n > 0) {
         if (e->current >= count_buckets(e)) { /* only pseudo-sources are left: go to the first */
@@ -450,7 +476,8 @@ static int sweep(dmk_context *ctx, engine *e)
                 DMK_TRY(radiate_pseudo_sources(ctx, e, &any));
             DMK_TRY(dmk_poll(ctx));
         } while (any && !spent(e));
-        if (spent(e)) break;
+        *finished = !spent(e) && !misses(e);
+        if (!*finished) break;
         e->current++;
     }
 done:
@@ -489,19 +516,20 @@ static bool is_exact(const engine *e, double most)
 }
 
 int dmk_waves_run(dmk_context *ctx, dmk_geodesics *g, double tolerance, double exact, int looks,
-                  bool *finished)
+                  int over, bool *finished)
 {
     int rc;
     engine e;
     DMK_TRY(engine_create(ctx, g, tolerance, &e));
+    e.tolerance = tolerance;
+    e.most_over = e.count_at = over;
     e.most_looks = looks * 3LL * g->mesh->n_triangles + 5000000; /* small meshes may need more */
     for (int32_t i = 0; i < g->n_sources; i++) DMK_TRY(radiate_source(ctx, &e, i));
     for (size_t i = 0; i < g->n_lines; i++) DMK_TRY(radiate_line(ctx, &e, g->line[i]));
     dmk_crew_begin(ctx, &e.crew, SHARDS, do_shard, &e);
-    rc = sweep(ctx, &e);
+    rc = sweep(ctx, &e, finished);
     dmk_crew_end(ctx, &e.crew);
     if (rc != DMK_OK) goto done;
-    *finished = !spent(&e);
     if (*finished) dmk_parallel(ctx, g->mesh->n_vertices, arrive_range, &e);
     g->n_windows = 0;
     for (int i = 0; i < SHARDS; i++) g->n_windows += e.shard[i].n_made;

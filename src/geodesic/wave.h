@@ -92,13 +92,16 @@ typedef struct shard {
     dmk_heap_item *reached; /* pseudo-sources */
     size_t n_reached, reached_room;
     int64_t n_made, n_looks;
+    int64_t n_over; /* its vertices over the tolerance, those at the front, too */
     bool keeps; /* a half-edge wants to keep windows */
     char apart[128];
 } shard;
 
 typedef struct engine {
     dmk_front front;
-    int64_t most_looks;
+    int64_t most_looks, most_over;
+    int64_t count_at; /* when so many are over, the next look at which ones */
+    double tolerance;
     allowance allow;
     double *error;    /* n_vertices */
     double *detour;   /* n_vertices: part of the error in the end */
