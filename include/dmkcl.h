@@ -314,11 +314,11 @@ typedef struct dmk_geodesics_options {
  * With a tolerance directions have errors, too: at 1e-6 up to 2e-3 radians at the source and 6e-4 at the vertex at 99 %
  * of the vertices; they are not repaired. */
 typedef struct dmk_arrival {
-    double direction; /* at the source, radians */
+    double direction; /* at the source, radians; 0 at lines */
     double back;      /* at the vertex: direction back along the path, radians */
     int32_t
-        pseudo_source; /* last vertex that the path bends at; -1: none, or several that were merged */
-    int32_t source;    /* number of the nearest source; -1: no source reaches the vertex */
+        pseudo_source; /* last vertex that the path bends at, or begins at on a line; -1: none, or merged ones */
+    int32_t source; /* number of the nearest source; -1: no source reaches the vertex */
 } dmk_arrival;
 
 typedef struct dmk_geodesics_info {

@@ -18,12 +18,19 @@ static void same_length(void **state)
     const window w = {.lo = 0, .hi = 1, .x = 0.5, .y = -1, .base = 2};
     const double q = hypot(0.5, 1),
                  most = w.base + q - 1; /* of an end's distance, the edge's length added */
-    assert_false(beats(w.base + q - 1 - 0.7e-12, 1, w.base, q * q));
-    assert_true(beats(w.base + q - 1 - 1.4e-12, 1, w.base, q * q));
+    assert_false(beats(&w, w.base + q - 0.7e-12, 1));
+    assert_true(beats(&w, w.base + q - 1.4e-12, 1));
     assert_false(late(&w, 1, most - 0.7e-12, 9));
     assert_true(late(&w, 1, most - 1.4e-12, 9));
     assert_false(late(&w, 1, 9, most - 0.7e-12));
     assert_true(late(&w, 1, 9, most - 1.4e-12));
+    const window p = {.lo = 0, .hi = 1, .x = -0.6, .y = -0.8, .base = 2, .parallel = true};
+    assert_false(beats(&p, 2.6 - 0.7e-12, 1));
+    assert_true(beats(&p, 2.6 - 1.4e-12, 1));
+    assert_false(late(&p, 1, 1.6 - 0.7e-12, 9));
+    assert_true(late(&p, 1, 1.6 - 1.4e-12, 9));
+    assert_false(late(&p, 1, 9, 1 - 0.7e-12));
+    assert_true(late(&p, 1, 9, 1 - 1.4e-12));
 }
 
 /* A second way to a vertex is another path if it is no longer than the first by more than 1e-12, and arrives by more

@@ -717,25 +717,53 @@ static void offsets_beside_the_mesh(void **state)
 }
 
 /* As many threads as there are: the same bits, of distances and of the ways. */
-static void check_threads(dmk_context *ctx, const dmk_mesh *m, const dmk_point *p, double tolerance)
+static void check_threads_with(dmk_context *ctx, const dmk_mesh *m, size_t n_points,
+                               const dmk_point *p, const dmk_geodesics_options *options)
 {
     const size_t n_vertices = (size_t)m->n_vertices;
-    dmk_geodesics_options options;
-    dmk_geodesics_options_init(&options, sizeof options);
-    options.tolerance = tolerance;
     assert_int_equal(dmk_context_set_threads(ctx, 1), DMK_OK);
-    dmk_geodesics *one = run_with(ctx, m, 1, p, &options);
+    dmk_geodesics *one = run_with(ctx, m, n_points, p, options);
     for (int n = 2; n <= 8; n++) {
         assert_int_equal(dmk_context_set_threads(ctx, n), DMK_OK);
-        dmk_geodesics *g = run_with(ctx, m, 1, p, &options);
+        dmk_geodesics *g = run_with(ctx, m, n_points, p, options);
         assert_memory_equal(g->distance, one->distance, n_vertices * sizeof *g->distance);
         assert_memory_equal(g->arrival, one->arrival, n_vertices * sizeof *g->arrival);
         assert_int_equal(g->n_ties, one->n_ties);
-        if (tolerance > 0) assert_memory_equal(g->error, one->error, n_vertices * sizeof *g->error);
+        if (options->tolerance > 0)
+            assert_memory_equal(g->error, one->error, n_vertices * sizeof *g->error);
         dmk_geodesics_destroy(&g);
     }
     dmk_geodesics_destroy(&one);
     dmk_context_set_threads(ctx, 0);
+}
+
+static void check_threads(dmk_context *ctx, const dmk_mesh *m, const dmk_point *p, double tolerance)
+{
+    dmk_geodesics_options options;
+    dmk_geodesics_options_init(&options, sizeof options);
+    options.tolerance = tolerance;
+    check_threads_with(ctx, m, 1, p, &options);
+}
+
+/* A curve of n edges along the mesh, from vertex v, that never runs back at once: pairs of vertices. */
+static void walk(const dmk_mesh *m, int32_t v, int n, int32_t *line)
+{
+    dmk_star star;
+    dmk_context *ctx = NULL;
+    int32_t before = -1;
+    assert_int_equal(dmk_context_create(&ctx), DMK_OK);
+    assert_int_equal(dmk_star_create(ctx, m, NULL, &star), DMK_OK);
+    for (int i = 0; i < n; i++) {
+        int32_t c = star.first[v];
+        for (int k = 0; k < 1 + i * i % 5 || m->triangle[dmk_next(c)] == before; k++) {
+            const int32_t next = dmk_star_next(&star, c);
+            c = next < 0 ? star.first[v] : next;
+        }
+        before = line[2 * i] = v;
+        v = line[2 * i + 1] = m->triangle[dmk_next(c)];
+    }
+    dmk_star_free(&star);
+    dmk_context_destroy(&ctx);
 }
 
 /* By exact and by merged windows. */
@@ -751,6 +779,12 @@ static void any_number_of_threads(void **state)
     const dmk_point p = {999, {0.2, 0.3, 0.5}};
     check_threads(ctx, m, &p, 0);
     check_threads(ctx, m, &p, 1e-6);
+    int32_t line[2 * 30];
+    dmk_geodesics_options options;
+    dmk_geodesics_options_init(&options, sizeof options);
+    options.line = line, options.n_lines = 30;
+    walk(m, 700, 30, line);
+    check_threads_with(ctx, m, 1, &p, &options);
     dmk_mesh_destroy(&m);
 }
 
@@ -852,6 +886,37 @@ static void another_mesh_of_the_surface(void **state)
         dmk_mesh_destroy(&fine);
         dmk_mesh_destroy(&other);
     }
+}
+
+/* From a curve, too, and these by exact windows. */
+static void another_mesh_around_a_curve(void **state)
+{
+    enum { N = 25 };
+    dmk_context *ctx = *state;
+    dmk_mesh *m;
+    int32_t line[2 * N], halves[4 * N];
+    dmk_geodesics_options options;
+    dmk_geodesics_options_init(&options, sizeof options);
+    assert_int_equal(dmk_mesh_read(ctx, "meshes/torus.off", &m), DMK_OK);
+    dmk_mesh *fine = cut_in_four(ctx, m);
+    walk(m, 11, N, line);
+    for (int i = 0; i < N; i++) {
+        int32_t e = 0;
+        const int32_t a = line[2 * i], b = line[2 * i + 1], *v = m->edge_vertex;
+        while (!((v[2 * e] == a && v[2 * e + 1] == b) || (v[2 * e] == b && v[2 * e + 1] == a))) e++;
+        const int32_t both[4] = {a, m->n_vertices + e, m->n_vertices + e, b};
+        memcpy(halves + 4 * i, both, sizeof both);
+    }
+    options.line = line, options.n_lines = N;
+    dmk_geodesics *a = run_with(ctx, m, 0, NULL, &options);
+    options.line = halves, options.n_lines = 2 * N;
+    dmk_geodesics *b = run_with(ctx, fine, 0, NULL, &options);
+    for (int32_t v = 0; v < m->n_vertices; v++)
+        assert_true(fabs(a->distance[v] - b->distance[v]) <= 1e-13 * (1 + a->distance[v]));
+    dmk_geodesics_destroy(&a);
+    dmk_geodesics_destroy(&b);
+    dmk_mesh_destroy(&m);
+    dmk_mesh_destroy(&fine);
 }
 
 /* ---- paths and values ------------------------------------------------------------------------ */
@@ -1366,6 +1431,195 @@ static void lines(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* Where the line from a to b is nearest to x: the distance, and at which part of it. */
+static double to_segment(const double *a, const double *b, const double *x, double *part)
+{
+    const double ux = b[0] - a[0], uy = b[1] - a[1];
+    *part = ((x[0] - a[0]) * ux + (x[1] - a[1]) * uy) / (ux * ux + uy * uy);
+    *part = fmin(1, fmax(0, *part));
+    return hypot(x[0] - a[0] - *part * ux, x[1] - a[1] - *part * uy);
+}
+
+/* The nearest of curves and points of a square, by looking at all. */
+typedef struct nearest {
+    double d, second; /* second: of another source, another edge, or the other way to be at one */
+    int32_t source, vertex; /* vertex: of the curves that is nearest, or -1 */
+} nearest;
+
+static void offer(nearest *n, double d, int32_t source, int32_t vertex)
+{
+    if (source == n->source && vertex == n->vertex && vertex >= 0 && fabs(d - n->d) < 1e-9) return;
+    n->second = fmin(n->second, fmax(d, n->d));
+    if (d < n->d) n->d = d, n->source = source, n->vertex = vertex;
+}
+
+static nearest look_at_all(const dmk_mesh *m, const dmk_geodesics_options *o, int n_points,
+                           double at[][3], const double *x)
+{
+    nearest n = {HUGE_VAL, HUGE_VAL, -1, -1};
+    for (int32_t i = 0; i < n_points; i++)
+        offer(&n, o->offset[i] + hypot(x[0] - at[i][0], x[1] - at[i][1]), i, -1);
+    for (size_t i = 0; i < o->n_lines; i++) {
+        const int32_t a = o->line[2 * i], b = o->line[2 * i + 1];
+        double part;
+        const double d = to_segment(m->xyz + 3 * a, m->xyz + 3 * b, x, &part);
+        offer(&n, d, n_points, part == 0 ? a : part == 1 ? b : -1);
+    }
+    return n;
+}
+
+/* Distance, source, last vertex and path of a point. */
+static void check_nearest(dmk_context *ctx, const dmk_geodesics *g, const dmk_geodesics_options *o,
+                          double at[][3], const dmk_point *p)
+{
+    double x[3], from[3];
+    dmk_value value;
+    dmk_path path;
+    assert_int_equal(dmk_mesh_point_xyz(ctx, g->mesh, p, x), DMK_OK);
+    const nearest n = look_at_all(g->mesh, o, g->n_sources, at, x);
+    assert_int_equal(dmk_geodesics_at(ctx, g, 1, p, &value), DMK_OK);
+    assert_int_equal(dmk_geodesics_paths(ctx, g, 1, p, &path), DMK_OK);
+    assert_int_equal(dmk_mesh_point_xyz(ctx, g->mesh, path.point, from), DMK_OK);
+    assert_true(fabs(value.distance - n.d) < 1e-13);
+    if (n.second > n.d + 1e-9) {
+        const double offset = n.source < g->n_sources ? o->offset[n.source] : 0;
+        assert_int_equal(value.source, n.source);
+        assert_true(fabs(path.length + offset - n.d) < 1e-12);
+        assert_true(fabs(hypot(from[0] - x[0], from[1] - x[1]) + offset - n.d) < 1e-12);
+        if (n.source == g->n_sources) assert_true(value.direction == 0 && path.angle == 0);
+    }
+    dmk_path_free(&path);
+}
+
+/* From curves that bend, cross and end anywhere, and points beside them, in a flat square: vertices, values and paths
+ * are those of the nearest place. Vertices of curves are where paths around them last bend, and lie side by side with
+ * what leaves their edges at right angles. */
+static void curves_in_a_square(void **state)
+{
+    enum { N = 7, EDGES = 8, RUNS = 60 };
+    dmk_context *ctx = *state;
+    uint32_t random = 7;
+    int n_round = 0, n_straight = 0;
+    dmk_mesh *m = make_square(ctx, N, 0.5);
+    for (int run = 0; run < RUNS; run++) {
+        const int n = run % 3;
+        int32_t line[2 * EDGES];
+        double at[2][3], offset[2] = {0, 0.1};
+        dmk_point source[2];
+        dmk_geodesics_options options;
+        dmk_geodesics_options_init(&options, sizeof options);
+        options.offset = offset;
+        options.line = line, options.n_lines = EDGES;
+        const double vertex = (noise(&random) + 0.5) * m->n_vertices;
+        walk(m, (int32_t)vertex, EDGES, line);
+        for (int i = 0; i < n; i++) {
+            source[i] =
+                (dmk_point){(int64_t)((noise(&random) + 0.5) * m->n_triangles), {0.2, 0.3, 0.5}};
+            assert_int_equal(dmk_mesh_point_xyz(ctx, m, source + i, at[i]), DMK_OK);
+        }
+        dmk_geodesics *g = run_with(ctx, m, (size_t)n, source, &options);
+        assert_null(g->error);
+        for (int32_t v = 0; v < m->n_vertices; v++) {
+            const dmk_arrival *a = g->arrival + v;
+            const dmk_point p = at_vertex(ctx, m, v);
+            const nearest best = look_at_all(m, &options, n, at, m->xyz + 3 * v);
+            check_nearest(ctx, g, &options, at, &p);
+            if (best.source < n || best.d == 0 || best.second < best.d + 1e-9) continue;
+            if (g->star.border[v]) continue; /* along it paths bend at each vertex */
+            assert_int_equal(a->pseudo_source, best.vertex);
+            n_round += best.vertex >= 0, n_straight += best.vertex < 0;
+        }
+        for (int i = 0; i < 40; i++) {
+            const double a = noise(&random) + 0.5, b = (noise(&random) + 0.5) * (1 - a);
+            const dmk_point p = {i * 2 % m->n_triangles, {a, b, 1 - a - b}};
+            check_nearest(ctx, g, &options, at, &p);
+        }
+        dmk_geodesics_destroy(&g);
+    }
+    assert_true(n_round > 100 && n_straight > 100);
+    dmk_mesh_destroy(&m);
+}
+
+/* Heights over a tube's lower rim; over both, and inside a cone from its rim, in which slice the nearest edge is. */
+static void from_rims(void **state)
+{
+    dmk_context *ctx = *state;
+    static const double lift[][2] = {{0.3, 0.3}, {-0.7, 0.7}};
+    int32_t line[2 * 100];
+    dmk_geodesics_options options;
+    dmk_mesh *m = make_tube(ctx, 2);
+    for (int both = 0; both < 2; both++) {
+        dmk_geodesics_options_init(&options, sizeof options);
+        options.border = both;
+        for (int32_t e = 0; e < m->n_edges && !both; e++) {
+            const int32_t *v = m->edge_vertex + 2 * e;
+            if (m->xyz[3 * v[0] + 2] > 0 || m->xyz[3 * v[1] + 2] > 0) continue;
+            memcpy(line + 2 * options.n_lines++, v, 2 * sizeof *v);
+        }
+        options.line = line;
+        dmk_geodesics *g = run_with(ctx, m, 0, NULL, &options);
+        for (int32_t v = 0; v < m->n_vertices; v++) {
+            const double z = m->xyz[3 * v + 2];
+            assert_true(fabs(g->distance[v] - (both ? fmin(z, 2 - z) : z)) < 1e-14);
+        }
+        dmk_geodesics_destroy(&g);
+    }
+    dmk_mesh_destroy(&m);
+    for (int i = 0; i < 2; i++) {
+        double u[3], w[3], chord = 0;
+        m = make_cone(ctx, lift[i]);
+        rim(lift[i], 0, u), rim(lift[i], 1, w);
+        for (int k = 0; k < 3; k++) chord += (u[k] - w[k]) * (u[k] - w[k]);
+        dmk_geodesics_options_init(&options, sizeof options);
+        options.border = 1;
+        dmk_geodesics *g = run_with(ctx, m, 0, NULL, &options);
+        for (int32_t v = 0; v < m->n_vertices; v++) {
+            double best = HUGE_VAL, height = sqrt(1 - chord / 4);
+            for (int slice = 0; slice < n_slices; slice++) { /* x = a u + b w */
+                const double *x = m->xyz + 3 * v;
+                rim(lift[i], slice, u), rim(lift[i], slice + 1, w);
+                double uw = 0, ux = 0, wx = 0, xx = 0;
+                for (int k = 0; k < 3; k++)
+                    uw += u[k] * w[k], ux += u[k] * x[k], wx += w[k] * x[k], xx += x[k] * x[k];
+                const double a = (ux - uw * wx) / (1 - uw * uw), b = (wx - uw * ux) / (1 - uw * uw);
+                const double off = xx - a * a - b * b - 2 * a * b * uw;
+                if (a > -1e-9 && b > -1e-9 && fabs(off) < 1e-9) best = (1 - a - b) * height;
+            }
+            assert_true(fabs(g->distance[v] - best) < 1e-14);
+        }
+        dmk_geodesics_destroy(&g);
+        dmk_mesh_destroy(&m);
+    }
+}
+
+/* Exact distances from the border of terrain far higher than wide: those of trimmed windows, where these are. */
+static void from_the_border_of_terrain(void **state)
+{
+    enum { N = 20 };
+    static const double o[3] = {0}, p[3] = {1, 0, 0}, q[3] = {0, 1, 0};
+    dmk_context *ctx = *state;
+    uint32_t random = 1;
+    for (double height = 5; height < 1e4; height *= 10) {
+        soup *s = new_soup();
+        add_grid(s, o, p, q, N, N, 0, &random);
+        for (int32_t v = 0; v < s->n_vertices; v++) s->xyz[3 * v + 2] = height * noise(&random);
+        dmk_mesh *m = finish(ctx, s);
+        dmk_geodesics_options options;
+        dmk_geodesics_options_init(&options, sizeof options);
+        options.border = options.exact = 1;
+        dmk_geodesics *g = run_with(ctx, m, 0, NULL, &options), *near;
+        bool finished;
+        assert_null(g->error);
+        assert_int_equal(dmk_geodesics_prepare(ctx, m, NULL, 0, NULL, &options, &near), DMK_OK);
+        assert_int_equal(dmk_waves_run(ctx, near, 0, 0, 1000, &finished), DMK_OK);
+        for (int32_t v = 0; v < m->n_vertices; v++)
+            assert_true(fabs(g->distance[v] - near->distance[v]) < 1e-9 * height);
+        dmk_geodesics_destroy(&g);
+        dmk_geodesics_destroy(&near);
+        dmk_mesh_destroy(&m);
+    }
+}
+
 /* A point among the rays of another source, nearer than that one in their middle alone: merged windows of points with
  * offsets, and of the square's left side. */
 static void one_source_among_the_rays_of_another(void **state)
@@ -1511,6 +1765,10 @@ int main(void)
         cmocka_unit_test(lines),
         cmocka_unit_test(one_source_among_the_rays_of_another),
         cmocka_unit_test(offsets_beside_the_mesh),
+        cmocka_unit_test(curves_in_a_square),
+        cmocka_unit_test(from_rims),
+        cmocka_unit_test(from_the_border_of_terrain),
+        cmocka_unit_test(another_mesh_around_a_curve),
         cmocka_unit_test(any_number_of_threads),
         cmocka_unit_test(thin_triangles_and_any_number_of_threads),
         cmocka_unit_test(another_mesh_of_the_surface),

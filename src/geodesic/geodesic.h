@@ -1,4 +1,4 @@
-/* Exact geodesic distances on the polyhedron, from points anywhere on it.
+/* Exact geodesic distances on the polyhedron, from points anywhere on it and from edges as a whole, here called lines.
  *
  * A shortest path is straight when the triangles it crosses are unfolded into the plane; it bends
  * at vertices only, at those with more than 2 pi around them and at those of a border with more
@@ -12,7 +12,7 @@
  * - front.c: triangles as the engines read them, and what sources and pseudo-sources radiate.
  * - window.c: windows, depth first: exact distances.
  * - step.c, lanes.c: their steps, one by one and many at once; shares.c: what threads give each other.
- * - wave.c, envelope.c: merged windows: distances of large meshes, and from lines; shard.c: where they wait.
+ * - wave.c, envelope.c: merged windows: distances of large meshes; shard.c: where they wait.
  * - trace.c: paths, and distances anywhere.
  * - image.h: families of paths as an edge sees them.
  * - check.c: what must hold of the result; its integral.
@@ -111,6 +111,10 @@ struct dmk_geodesics {
     int64_t n_shared;  /* of exact ones, that the first thread has left for all */
 };
 
+/* source.c: the lines in their order, once each; whether half-edge h is one of them. */
+void dmk_lines_sort(dmk_geodesics *g);
+bool dmk_lines_have(const dmk_geodesics *g, int32_t h);
+
 /* Angle around the sources, for directions modulo it; HUGE_VAL where they do not close up. */
 double dmk_full_turn(const dmk_geodesics *g);
 /* Directions times this close up at 2 pi; 1 where they do not. */
@@ -150,7 +154,7 @@ void dmk_geodesics_integrate_parts(dmk_context *context, const dmk_geodesics *ge
                                    const double *mid, int32_t begin, int32_t end, double *sum,
                                    double *error);
 
-/* wave.c: distance and arrival of an object whose star and sources are set, with merged windows; lines, too. With a
+/* wave.c: distance and arrival of an object whose star and sources are set, with merged windows. With a
  * tolerance, or where a distance may be off by more than `exact` of the largest, the estimates of the errors are set.
  * *finished: false if there are more than `looks` looks at windows over half-edges, or vertices
  * with estimates over the tolerance than `over`. */

@@ -92,6 +92,7 @@ static int set_lines(dmk_context *ctx, dmk_geodesics *g, const dmk_geodesics_opt
     for (int32_t h = 0; n_border > 0 && h < 3 * g->mesh->n_triangles; h++) {
         if (g->star.twin[h] < 0) add_line(g, h);
     }
+    dmk_lines_sort(g);
     return DMK_OK;
 }
 
@@ -154,7 +155,6 @@ static int start(dmk_context *ctx, dmk_geodesics *g, attempt how, const dmk_geod
     const int over = how == ASKED ? DMK_MOST_REPAIRS : INT_MAX;
     if (how == ASKED || how == ESTIMATED || how == MERGED)
         return dmk_waves_run(ctx, g, g->tolerance, still_exact, MOST_LOOKS, over, finished);
-    if (g->n_lines > 0) return DMK_OK; /* exact windows have none */
     if (how == TRIMMED) return dmk_waves_run(ctx, g, 0, surely_exact, SOME_LOOKS, over, finished);
     const int64_t most = how == MORE ? (int64_t)(more_windows(g, o->exact) * g->mesh->n_edges)
                                      : dmk_windows_usual(g->mesh);
@@ -184,10 +184,6 @@ done:
 
 static int refuse(dmk_context *ctx, const dmk_geodesics *g, bool exact)
 {
-    if (exact && g->n_lines > 0)
-        return dmk_fail(ctx, DMK_E_MESH,
-                        "distances from lines and borders cannot be had exactly on this mesh: do "
-                        "not ask for that");
     const double *angle = g->star.corner_angle;
     int32_t least = 0;
     for (int32_t h = 1; h < 3 * g->mesh->n_triangles; h++)

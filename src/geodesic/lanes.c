@@ -188,28 +188,40 @@ void dmk_lanes_free(engine *e)
 
 /* ---- windows into lanes and out ------------------------------------------------------------------- */
 
-/* Window one into lane i; false if its next step is not plain. */
+/* Window one into lane i; false if its next step is not plain. Parallel rays have their root, which only distances
+ * count from, where the middle one begins: behind all half-edges to come. */
 static bool put(const engine *e, lanes *w, int i, const window *one)
 {
-    if (one->odd || e->stride[one->half].here.q * one->length > (DMK_FARTHER - 1) * -one->y)
+    if (one->odd) return false;
+    double lx = one->lo - one->x, hx = one->hi - one->x, base = one->base;
+    double sx = -one->x, sy = -one->y;
+    const double y = sy;
+    if (one->parallel) {
+        const double middle = 0.5 * (one->lo + one->hi), far = base + sx * middle;
+        lx = hx = sx;
+        sx = far * lx - middle;
+        sy *= far;
+        base = 0;
+    } else if (e->stride[one->half].here.q * one->length > (DMK_FARTHER - 1) * y) {
         return false;
-    const double lx = one->lo - one->x, hx = one->hi - one->x, y = -one->y;
+    }
     const double lo = 1 / sqrt(lx * lx + y * y), hi = 1 / sqrt(hx * hx + y * y);
     w->lx[i] = lx * lo;
     w->ly[i] = y * lo;
     w->hx[i] = hx * hi;
     w->hy[i] = y * hi;
-    w->sx[i] = -one->x;
-    w->sy[i] = y;
+    w->sx[i] = sx;
+    w->sy[i] = sy;
     w->vx[i] = one->length;
     w->vy[i] = 0;
     w->off_lo[i] = one->lo * (y * lo);
     w->off_hi[i] = one->hi * (y * hi);
-    w->base[i] = one->base;
+    w->base[i] = base;
     w->turn[i] = one->turn;
     w->state[i] = PLAIN;
     w->at[i] = one->half;
     w->root[i] = one->root;
+    w->parallel[i] = one->parallel;
     return true;
 }
 
@@ -224,20 +236,26 @@ static int32_t half_of(const engine *e, const lanes *w, int i)
 /* The window of lane i, whose next step from that half-edge is not plain. */
 static window get(const lanes *w, int i, int32_t half)
 {
-    const double vx = w->vx[i], vy = w->vy[i], sx = w->sx[i], sy = w->sy[i];
+    double x = w->sx[i], y = w->sy[i], base = w->base[i];
+    if (w->parallel[i]) {
+        base = w->lx[i] * x + w->ly[i] * y;
+        x = w->lx[i], y = w->ly[i];
+    }
+    const double vx = w->vx[i], vy = w->vy[i];
     const double length = sqrt(vx * vx + vy * vy), scale = 1 / length;
     const double lo = w->off_lo[i] / (w->ly[i] * vx - w->lx[i] * vy),
                  hi = w->off_hi[i] / (w->hy[i] * vx - w->hx[i] * vy);
     return (window){.lo = length * dmk_max(lo, 0),
                     .hi = length * dmk_min(hi, 1),
-                    .x = -(sx * vx + sy * vy) * scale,
-                    .y = -(sy * vx - sx * vy) * scale,
-                    .base = w->base[i],
+                    .x = -(x * vx + y * vy) * scale,
+                    .y = -(y * vx - x * vy) * scale,
+                    .base = base,
                     .turn = w->turn[i] + atan2(vy, vx),
                     .length = length,
                     .half = half,
                     .root = w->root[i],
-                    .odd = true};
+                    .odd = true,
+                    .parallel = w->parallel[i]};
 }
 
 static const window *late_one(const worker *me, uint32_t i)

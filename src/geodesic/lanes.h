@@ -38,6 +38,7 @@ typedef struct lanes {
     int64_t state[LANES];
     int64_t at[LANES]; /* the half-edge */
     int32_t root[LANES];
+    bool parallel[LANES];
     uint64_t look; /* dropped or odd since the last look */
     uint64_t empty;
     int since, period; /* steps: since the last filter, and from one to the next */

@@ -85,20 +85,38 @@ static double better_way(const engine *e, int32_t v, int32_t half, double d)
     return whole && shorter ? at : NAN;
 }
 
-/* Whether dv and the way to a place from there, r2 its square, is less than base and a way with the
- * square q2. */
-static inline bool beats(double dv, double r2, double base, double q2)
+/* The ray that passes (x, y), in the frame of the window's half-edge. */
+static inline double ray_x(const window *w, double x)
 {
-    double k = dv + sqrt(r2) - base + eps;
-    return k < 0 || k * k < q2;
+    return w->parallel ? -w->x : x - w->x;
 }
 
-/* Whether a window of half-edge `half` with its ends at the squared distances ql, qh of the root is
- * late at the edge's own ends, d[0] and d[1]. */
+static inline double ray_y(const window *w, double y)
+{
+    return w->parallel ? -w->y : y - w->y;
+}
+
+/* The length of the way straight there. */
+static inline double way(const window *w, double x, double y)
+{
+    const double px = x - w->x, py = y - w->y;
+    return w->parallel ? w->base - (w->x * x + w->y * y) : w->base + sqrt(px * px + py * py);
+}
+
+/* Whether a way of this length to that place of the half-edge is shorter than the window's. */
+static inline bool beats(const window *w, double length, double at)
+{
+    double k = length - w->base + eps, p = at - w->x;
+    if (w->parallel) return k < -w->x * at;
+    return k < 0 || k * k < p * p + w->y * w->y;
+}
+
+/* Whether a window is late at its half-edge's own ends, which are reached by d0 and d1. */
 static inline bool late(const window *w, double length, double d0, double d1)
 {
     double pl = w->lo - w->x, ph = w->hi - w->x, y2 = w->y * w->y;
     double k1 = d1 + (length - w->lo) - w->base + eps, k0 = d0 + w->hi - w->base + eps;
+    if (w->parallel) return !(k1 > -w->x * w->lo && k0 > -w->x * w->hi);
     return !(k1 > 0 && k1 * k1 > pl * pl + y2 && k0 > 0 && k0 * k0 > ph * ph + y2);
 }
 
@@ -123,8 +141,8 @@ static inline bool step_left(const engine *e, const window *w, const dmk_facet *
     int k = w->half % 3, k1 = k == 2 ? 0 : k + 1, k2 = k == 0 ? 2 : k - 1;
     if (f->twin[k2] < 0) return false;
     const double ny = -w->y;
-    double lo = ny * w->lo / (ny * s->ca - s->sa * (w->lo - w->x));
-    double hi = last >= s->at ? s->left : ny * last / (ny * s->ca - s->sa * (last - w->x));
+    double lo = ny * w->lo / (ny * s->ca - s->sa * ray_x(w, w->lo));
+    double hi = last >= s->at ? s->left : ny * last / (ny * s->ca - s->sa * ray_x(w, last));
     if (hi > s->left || !(hi >= 0)) hi = s->left;
     if (!(lo >= 0)) lo = 0;
     if (!(hi - lo > DMK_NO_WIDTH * s->left)) return false;
@@ -136,15 +154,15 @@ static inline bool step_left(const engine *e, const window *w, const dmk_facet *
                   .turn = w->turn + angle_of(e, w, k1),
                   .length = s->left,
                   .half = f->twin[k2],
-                  .root = w->root};
+                  .root = w->root,
+                  .parallel = w->parallel};
     if (!(o->y < 0) ||
         late(o, s->left, dmk_windows_known(e, f->vertex[k1]), dmk_windows_known(e, f->vertex[k])))
         return false;
-    const double pl = lo - o->x, q2 = pl * pl + o->y * o->y;
     double bx = s->length * s->ca - lo, by = s->length * s->sa;
-    if (beats(dmk_windows_known(e, f->vertex[k2]), bx * bx + by * by, w->base, q2)) return false;
+    if (beats(o, dmk_windows_known(e, f->vertex[k2]) + sqrt(bx * bx + by * by), lo)) return false;
     bx = s->place * s->ca - lo, by = s->place * s->sa;
-    return !beats(s->d, bx * bx + by * by, w->base, q2);
+    return !beats(o, s->d + sqrt(bx * bx + by * by), lo);
 }
 
 /* The part through side c-b, from `first` of a-b on. */
@@ -155,30 +173,31 @@ static inline bool step_right(const engine *e, const window *w, const dmk_facet 
     if (f->twin[k1] < 0) return false;
     const double ny = -w->y;
     double lo = first <= s->at ? s->right
-                               : ny * (s->length - first) / (ny * s->cb + s->sb * (first - w->x));
-    double hi = ny * (s->length - w->hi) / (ny * s->cb + s->sb * (w->hi - w->x)); /* both from b */
+                               : ny * (s->length - first) / (ny * s->cb + s->sb * ray_x(w, first));
+    double hi = ny * (s->length - w->hi) / (ny * s->cb + s->sb * ray_x(w, w->hi)); /* both from b */
     if (lo > s->right || !(lo >= 0)) lo = s->right;
     if (!(hi >= 0)) hi = 0;
     lo = s->right - lo, hi = s->right - hi;
     if (!(hi - lo > DMK_NO_WIDTH * s->right)) return false;
-    double px = w->x - s->cx, py = w->y - s->cy;
+    double px = w->x, py = w->y;
+    if (!w->parallel) px -= s->cx, py -= s->cy;
     *o = (window){.lo = lo,
                   .hi = hi,
                   .x = px * s->cb - py * s->sb,
                   .y = py * s->cb + px * s->sb,
-                  .base = w->base,
+                  .base = w->parallel ? way(w, s->cx, s->cy) : w->base,
                   .turn = w->turn - angle_of(e, w, k2),
                   .length = s->right,
                   .half = f->twin[k1],
-                  .root = w->root};
+                  .root = w->root,
+                  .parallel = w->parallel};
     if (!(o->y < 0) ||
         late(o, s->right, dmk_windows_known(e, f->vertex[k]), dmk_windows_known(e, f->vertex[k2])))
         return false;
-    const double ph = hi - o->x, q2 = ph * ph + o->y * o->y;
     double ax = -s->cx * s->cb + s->cy * s->sb - hi, ay = -s->cy * s->cb - s->cx * s->sb;
-    if (beats(dmk_windows_known(e, f->vertex[k1]), ax * ax + ay * ay, w->base, q2)) return false;
+    if (beats(o, dmk_windows_known(e, f->vertex[k1]) + sqrt(ax * ax + ay * ay), hi)) return false;
     ax += s->place * s->cb, ay += s->place * s->sb;
-    return !beats(s->d, ax * ax + ay * ay, w->base, q2);
+    return !beats(o, s->d + sqrt(ax * ax + ay * ay), hi);
 }
 
 /* The ray to the vertex above passes beside the interval, but by so little that a path around its end is no longer:
@@ -189,9 +208,10 @@ static int reach_around(worker *me, const window *w, const angle *s, int32_t v)
 {
     double end = s->at < w->lo ? w->lo : w->hi;
     if (!(fabs(s->at - end) < DMK_BESIDE * s->length + DMK_SAME_LENGTH)) return DMK_OK;
-    double px = s->cx - w->x, py = s->cy - w->y, direct = w->base + sqrt(px * px + py * py);
+    double px = ray_x(w, s->cx), py = ray_y(w, s->cy), direct = way(w, s->cx, s->cy);
     if (!(direct <= dmk_windows_known(me->e, v) + eps)) return DMK_OK;
-    double d = w->base + hypot(end - w->x, w->y) + hypot(s->cx - end, s->cy);
+    double d = (w->parallel ? way(w, end, 0) : w->base + hypot(end - w->x, w->y)) +
+               hypot(s->cx - end, s->cy);
     d = dmk_max(d, direct); /* rounding may have made it less */
     if (d > direct + eps) return DMK_OK;
     return dmk_windows_reach(me, v, d, (trace){NAN, px, py, w->turn, w->half, w->root});
@@ -216,12 +236,12 @@ int dmk_windows_step(worker *me, const window *w, window *o, int *n)
                NAN,
                NAN};
     s.cx = s.left * s.ca, s.cy = s.left * s.sa;
-    s.at = w->x - (s.cx - w->x) * w->y / (s.cy - w->y);
+    s.at = w->parallel ? s.cx - s.cy * w->x / w->y : w->x - (s.cx - w->x) * w->y / (s.cy - w->y);
     const double slack = DMK_SAME_PLACE * s.length;
     bool left = w->lo<s.at, right = w->hi> s.at;
     double last = w->hi, first = w->lo;
     if (s.at >= w->lo - slack && s.at <= w->hi + slack) {
-        double px = s.cx - w->x, py = s.cy - w->y, d = w->base + sqrt(px * px + py * py);
+        double px = ray_x(w, s.cx), py = ray_y(w, s.cy), d = way(w, s.cx, s.cy);
         double dv = dmk_windows_known(e, v);
         if (d <= dv + eps) {
             rc = dmk_windows_reach(me, v, d, (trace){s.at, px, py, w->turn, w->half, w->root});

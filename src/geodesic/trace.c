@@ -42,7 +42,6 @@ struct dmk_tracer {
     const dmk_geodesics *g;
     source_point *point; /* by triangle */
     size_t n_points;
-    int32_t *line; /* half-edges, sorted */
     sight *sight;
     size_t n_sights, room, most; /* most: that are kept */
     finish best;
@@ -62,12 +61,6 @@ static int by_triangle(const void *a, const void *b)
     const source_point *p = a, *q = b;
     if (p->triangle != q->triangle) return p->triangle < q->triangle ? -1 : 1;
     return (p->source > q->source) - (p->source < q->source);
-}
-
-static int by_number(const void *a, const void *b)
-{
-    const int32_t x = *(const int32_t *)a, y = *(const int32_t *)b;
-    return (x > y) - (x < y);
 }
 
 /* The triangles that a site lies in and its weights there: at a vertex all around, two on an edge. */
@@ -106,14 +99,11 @@ int dmk_tracer_create(dmk_context *ctx, const dmk_geodesics *g, dmk_tracer **tra
     t->slack = -same_length;
     t->most = most_windows;
     DMK_TRY(DMK_NEW(ctx, t->point, 2 * (size_t)g->n_sources));
-    DMK_TRY(DMK_NEW(ctx, t->line, g->n_lines));
     for (int32_t i = 0; i < g->n_sources; i++) {
         if (g->source[i].vertex < 0)
             t->n_points += list_points(g, g->source + i, i, t->point + t->n_points);
     }
     qsort(t->point, t->n_points, sizeof *t->point, by_triangle);
-    if (g->n_lines > 0) memcpy(t->line, g->line, g->n_lines * sizeof *t->line);
-    qsort(t->line, g->n_lines, sizeof *t->line, by_number);
     *tracer = t;
     t = NULL;
 done:
@@ -126,7 +116,6 @@ void dmk_tracer_destroy(dmk_tracer **tracer)
     dmk_tracer *t = *tracer;
     if (!t) return;
     free(t->point);
-    free(t->line);
     free(t->sight);
     free(t);
     *tracer = NULL;
@@ -293,17 +282,12 @@ static void look_for_sources(dmk_tracer *t, int32_t i, const angle *s)
     }
 }
 
-static bool is_line(const dmk_tracer *t, int32_t h)
-{
-    return t->g->n_lines > 0 && bsearch(&h, t->line, t->g->n_lines, sizeof *t->line, by_number);
-}
-
 /* The foot on half-edge h, if that is a line: a side of the last triangle that is entered, the one above window i or,
  * if that is -1, the point's own. w: its rays, as the triangle behind the half-edge sees them. */
 static void look_for_foot(dmk_tracer *t, const sight *w, int32_t h, int32_t i)
 {
     const dmk_mesh *m = t->g->mesh;
-    if (!is_line(t, h) || !(w->x >= w->lo && w->x <= w->hi)) return;
+    if (!dmk_lines_have(t->g, h) || !(w->x >= w->lo && w->x <= w->hi)) return;
     const double part = w->x * t->g->star.unit / m->length[m->triangle_edge[h]];
     finish f = {.window = i, .vertex = -1, .source = t->g->n_sources, .triangle = h / 3};
     f.foot.triangle = h / 3;
@@ -356,7 +340,7 @@ static void look_around(dmk_tracer *t, const dmk_site *site, const source_point 
                   hypot(at[k][0] - x, at[k][1] - y) + g->distance[v] / unit);
     }
     for (int k = 0; k < 3 && site->vertex < 0; k++) { /* on a line itself */
-        if (own->weight[k] != 0 || !is_line(t, 3 * own->triangle + k)) continue;
+        if (own->weight[k] != 0 || !dmk_lines_have(g, 3 * own->triangle + k)) continue;
         finish f = {.window = -1, .vertex = -1, .source = g->n_sources, .triangle = own->triangle};
         f.foot.triangle = own->triangle;
         memcpy(f.foot.weight, own->weight, sizeof f.foot.weight);

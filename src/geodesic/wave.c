@@ -1,5 +1,5 @@
-/* Distances by merged windows: nearly linear time, within a tolerance; exact with tolerance 0: from lines, and on
- * meshes where windows depth first are too many.
+/* Distances by merged windows: nearly linear time, within a tolerance; exact with tolerance 0: on meshes where windows
+ * depth first are too many.
  *
  * On smooth meshes the windows of each edge are as many as the vertices that the paths pass, which
  * makes n^1.5 in all, though neighbours differ by some h^2 only. Here a window carries a wave of
@@ -238,7 +238,7 @@ static int radiate_line(dmk_context *ctx, engine *e, int32_t h)
     double length = e->front.facet[h / 3].length[h % 3];
     for (int last = 0; last < 2; last++) {
         int32_t v = g->mesh->triangle[last ? dmk_previous(h) : dmk_next(h)];
-        rays a = {0, -1, g->star.total[v] + 1, 0, 0, 0, g->n_sources, -1, 2};
+        rays a = {0, -1, g->star.total[v] + 1, 0, 0, 0, g->n_sources, v, 2};
         mark m = {0, 0, 0, HUGE_VAL, STRAIGHT, g->n_sources, -1};
         if (e->radiated[v] == 0) continue;
         e->radiated[v] = 0;

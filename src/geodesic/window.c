@@ -9,7 +9,10 @@
  * those beyond it, none of which are of use from one source (Chen and Han), must beat the way over
  * the place where it entered. When all have run down, the nearest pseudo-source that has not radiated
  * has its exact distance, and sends windows into the directions that make no angle below pi with the
- * path to it; so do some that come next. lanes.c takes most of the steps. */
+ * path to it; so do some that come next. lanes.c takes most of the steps.
+ *
+ * Edges that are sources send windows of parallel rays to both sides, and their vertices rays into the angles between.
+ */
 #include "geodesic/window.h"
 
 #include "base/parallel.h"
@@ -75,6 +78,13 @@ static void list_sources(bounds *q)
 {
     const dmk_front *front = &q->e->front;
     const double unit = front->g->star.unit;
+    for (size_t i = 0; i < front->g->n_lines; i++) {
+        const int32_t h = front->g->line[i];
+        const dmk_facet *f = front->facet + h / 3;
+        offer(q->e, f->vertex[(h + 1) % 3], 0);
+        offer(q->e, f->vertex[(h + 2) % 3], 0);
+        list_triangle(q, h / 3);
+    }
     for (int32_t i = 0; i < front->g->n_sources; i++) {
         const dmk_site *p = front->g->source + i;
         if (p->vertex >= 0) offer(q->e, p->vertex, p->offset / unit);
@@ -307,18 +317,17 @@ static double back_of(const engine *e, int32_t v, const trace *t)
     return dmk_front_turn(back, s->total[v], s->border[v]);
 }
 
-static int radiate_pseudo_source(worker *me, int32_t v)
+/* Into n ranges of directions. */
+static int radiate_vertex(worker *me, int32_t v, int n, double range[][2])
 {
     int rc = DMK_OK;
     const engine *e = me->e;
     const dmk_star *s = &e->front.g->star;
-    double range[2][2];
-    int n_ranges = dmk_front_directions(&e->front, v, back_of(e, v, e->trace + v), range),
-        turns = s->border[v] ? 0 : 1;
+    const int turns = s->border[v] ? 0 : 1;
     int32_t c = s->first[v];
     do {
         dmk_sector sector = dmk_front_corner(&e->front, c);
-        for (int i = 0; i < n_ranges; i++) {
+        for (int i = 0; i < n; i++) {
             for (int k = -turns; k <= turns; k++) { /* the range may go around */
                 double turn = k * s->total[v];
                 rays a = {e->front.d[v], range[i][0] + turn, range[i][1] + turn, v,
@@ -332,6 +341,68 @@ done:
     return rc;
 }
 
+static int radiate_pseudo_source(worker *me, int32_t v)
+{
+    const engine *e = me->e;
+    double range[2][2];
+    const int n = dmk_front_directions(&e->front, v, back_of(e, v, e->trace + v), range);
+    return radiate_vertex(me, v, n, range);
+}
+
+/* A vertex on a line, from one of its edges there to the next: into the directions that make no angle below pi/2 with
+ * them, as the others are nearer to the edges. */
+static int radiate_between(worker *me, int32_t v, double from, double to)
+{
+    double range[1][2] = {{from + M_PI_2, to - M_PI_2}};
+    return radiate_vertex(me, v, 1, range);
+}
+
+static int radiate_line_vertex(worker *me, int32_t v)
+{
+    int rc = DMK_OK;
+    const dmk_geodesics *g = me->e->front.g;
+    const dmk_star *s = &g->star;
+    double first = NAN, last = s->border[v] ? -INFINITY : NAN;
+    if (me->e->front.d[v] == 0) return DMK_OK; /* has radiated, or is a source itself */
+    me->e->front.d[v] = 0;
+    me->e->trace[v] = (trace){HUGE_VAL, 0, 0, 0, STRAIGHT, ~g->n_sources};
+    for (int32_t c = s->first[v], next = c; next >= 0; c = next) {
+        next = dmk_star_next(s, c);
+        if (next == s->first[v]) next = -1;
+        const double side[2] = {s->angle[c], s->angle[c] + s->corner_angle[c]};
+        const int32_t half[2] = {dmk_previous(c), dmk_next(c)}; /* the next corner's first, too */
+        for (int k = 0; k < (s->twin[half[1]] < 0 ? 2 : 1); k++) {
+            if (!dmk_lines_have(g, half[k])) continue;
+            if (isnan(first)) first = side[k];
+            if (!isnan(last)) DMK_TRY(radiate_between(me, v, last, side[k]));
+            last = side[k];
+        }
+    }
+    rc = radiate_between(me, v, last, s->border[v] ? INFINITY : first + s->total[v]);
+done:
+    return rc;
+}
+
+/* From a half-edge at right angles into its own triangle, and from its ends. */
+static int radiate_line(worker *me, int32_t h)
+{
+    int rc;
+    const dmk_facet *f = me->e->front.facet + h / 3;
+    const window first = {.hi = f->length[h % 3],
+                          .y = -1,
+                          .turn = h, /* tells such windows apart: dmk_windows_first */
+                          .length = f->length[h % 3],
+                          .half = h,
+                          .root = ~me->e->front.g->n_sources,
+                          .parallel = true};
+    DMK_TRY(radiate_line_vertex(me, f->vertex[(h + 1) % 3]));
+    DMK_TRY(radiate_line_vertex(me, f->vertex[(h + 2) % 3]));
+    me->n_made++;
+    rc = dmk_windows_push(me, &first);
+done:
+    return rc;
+}
+
 /* ---- arrivals -------------------------------------------------------------------------------- */
 
 /* Source and direction come from the first pseudo-source of the path. */
@@ -340,6 +411,7 @@ static dmk_arrival arrival_by(const engine *e, int32_t v, const trace *t)
     dmk_arrival a = {0, back_of(e, v, t), t->root >= 0 ? t->root : -1, -1};
     while (t->root >= 0) t = e->trace + t->root;
     a.source = ~t->root;
+    if (a.source == e->front.g->n_sources) return a; /* lines have no directions */
     const dmk_site *p = e->front.g->source + a.source;
     a.direction =
         dmk_front_turn(t->half >= 0 ? t->turn + atan2(t->y, t->x) : t->x, p->total, p->on_border);
@@ -453,6 +525,7 @@ static int run(dmk_context *ctx, dmk_geodesics *g, int64_t most, int n_threads, 
     DMK_TRY(dmk_task_end(ctx, &task, rc));
     DMK_TRY(dmk_poll(ctx));
     for (int32_t i = 0; i < g->n_sources; i++) DMK_TRY(radiate_source(&me, i));
+    for (size_t i = 0; i < g->n_lines; i++) DMK_TRY(radiate_line(&me, g->line[i]));
     while (any && !dmk_windows_spent(&e)) {
         DMK_TRY(run_all(&me));
         DMK_TRY(radiate_next(&me, &any));

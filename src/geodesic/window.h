@@ -9,7 +9,8 @@
 #include <stdatomic.h>
 
 /* An interval of a half-edge, all of whose points see the root straight, unfolded at (x, y), y < 0: the last
- * pseudo-source, or the source. */
+ * pseudo-source, or the source. From an edge that is a source rays are parallel: then (x, y) is the unit vector back
+ * along them, and `base` the length of the way at the half-edge's start, beside the rays or among them. */
 typedef struct window {
     double lo, hi, x, y;
     double base;   /* length of the path up to the root */
@@ -18,6 +19,7 @@ typedef struct window {
     int32_t half;
     int32_t root; /* the pseudo-source, or ~number of the source */
     bool odd;     /* its next step is known not to be plain */
+    bool parallel;
 } window;
 
 /* The path that gave a vertex its distance. */
