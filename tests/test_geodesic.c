@@ -1620,6 +1620,31 @@ static void from_the_border_of_terrain(void **state)
     }
 }
 
+/* Around a line in a square: the way from its ends is not straight ahead. By exact and by merged windows. */
+static void integral_around_a_line(void **state)
+{
+    enum { N = 8, PLACES = 400 };
+    dmk_context *ctx = *state;
+    const int32_t row = N / 2 * (N + 1), line[] = {row + 3, row + 4, row + 4, row + 5};
+    double sum = 0, part, integral, error;
+    dmk_geodesics_options options;
+    dmk_mesh *m = make_square(ctx, N, 0);
+    for (int i = 0; i < PLACES * PLACES; i++) {
+        const double x[2] = {(i % PLACES + 0.5) / PLACES, (i / PLACES + 0.5) / PLACES};
+        sum += to_segment(m->xyz + 3 * line[0], m->xyz + 3 * line[3], x, &part);
+    }
+    dmk_geodesics_options_init(&options, sizeof options);
+    options.line = line, options.n_lines = 2;
+    for (int merged = 0; merged < 2; merged++) {
+        options.tolerance = merged * 1e-9;
+        dmk_geodesics *g = run_with(ctx, m, 0, NULL, &options);
+        assert_int_equal(dmk_geodesics_integrate(ctx, g, &integral, &error), DMK_OK);
+        assert_true(fabs(integral - sum / (PLACES * PLACES)) < (merged ? 1e-4 : 2e-6));
+        dmk_geodesics_destroy(&g);
+    }
+    dmk_mesh_destroy(&m);
+}
+
 /* A point among the rays of another source, nearer than that one in their middle alone: merged windows of points with
  * offsets, and of the square's left side. */
 static void one_source_among_the_rays_of_another(void **state)
@@ -1766,6 +1791,7 @@ int main(void)
         cmocka_unit_test(one_source_among_the_rays_of_another),
         cmocka_unit_test(offsets_beside_the_mesh),
         cmocka_unit_test(curves_in_a_square),
+        cmocka_unit_test(integral_around_a_line),
         cmocka_unit_test(from_rims),
         cmocka_unit_test(from_the_border_of_terrain),
         cmocka_unit_test(another_mesh_around_a_curve),

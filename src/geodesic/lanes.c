@@ -188,8 +188,8 @@ void dmk_lanes_free(engine *e)
 
 /* ---- windows into lanes and out ------------------------------------------------------------------- */
 
-/* Window one into lane i; false if its next step is not plain. Parallel rays have their root, which only distances
- * count from, where the middle one begins: behind all half-edges to come. */
+/* Window one into lane i; false if its next step is not plain. Parallel rays have their root where the one
+ * through the half-edge's start begins. */
 static bool put(const engine *e, lanes *w, int i, const window *one)
 {
     if (one->odd) return false;
@@ -197,10 +197,9 @@ static bool put(const engine *e, lanes *w, int i, const window *one)
     double sx = -one->x, sy = -one->y;
     const double y = sy;
     if (one->parallel) {
-        const double middle = 0.5 * (one->lo + one->hi), far = base + sx * middle;
         lx = hx = sx;
-        sx = far * lx - middle;
-        sy *= far;
+        sx *= base;
+        sy *= base;
         base = 0;
     } else if (e->stride[one->half].here.q * one->length > (DMK_FARTHER - 1) * y) {
         return false;

@@ -175,7 +175,6 @@ FOR INLINE void FORM(filter)(lanes *w, int i, const passed *p, const sides *s)
     const reals base = REALS(base) - DMK_SAME_LENGTH, none = {0}, all = none + 1;
     const reals lo = 1 / (REALS(ly) * h->vx - REALS(lx) * h->vy),
                 hi = 1 / (REALS(hy) * h->vx - REALS(hx) * h->vy);
-    const reals height = h->sy * h->vx - h->sx * h->vy;
     /* Where the rays cross the half-edge, over its length; and at which distances. Where they graze it the places are
      * rough, but the distances are those of these places. */
     const reals by_lo = h->off_lo * lo, by_hi = h->off_hi * hi;
@@ -187,7 +186,7 @@ FOR INLINE void FORM(filter)(lanes *w, int i, const passed *p, const sides *s)
                 d_hi = base + (REALS(hx) * hi_x + REALS(hy) * hi_y);
     const reals at = SELECT(p->left, at_hi, at_lo), late = SELECT(p->left, d_hi, d_lo) - s->other;
     const reals x = p->x - at * h->vx, y = p->y - at * h->vy;
-    const SET lives = (SET)(LESS(none + DMK_NO_WIDTH, at_hi - at_lo) & LESS(none, height) &
+    const SET lives = (SET)(LESS(none + DMK_NO_WIDTH, at_hi - at_lo) & LESS(none, lo) &
                             LESS(d_lo, s->end + (1 - at_lo) * s->length) &
                             LESS(d_hi, s->start + at_hi * s->length) &
                             (AT_LEAST(none, late) | AT_LEAST(x * x + y * y, late * late)));

@@ -120,6 +120,12 @@ static inline bool late(const window *w, double length, double d0, double d1)
     return !(k1 > 0 && k1 * k1 > pl * pl + y2 && k0 > 0 && k0 * k0 > ph * ph + y2);
 }
 
+/* Rays from a root behind the half-edge, or none; parallel ones beside an edge along them have no width either. */
+static inline bool grazes(const window *w)
+{
+    return w->parallel ? !((w->hi - w->lo) * -w->y > DMK_NO_WIDTH * w->length) : !(w->y < 0);
+}
+
 /* The triangle above a window. */
 typedef struct angle {
     double length, left, right; /* sides a-b, a-c, c-b */
@@ -156,7 +162,7 @@ static inline bool step_left(const engine *e, const window *w, const dmk_facet *
                   .half = f->twin[k2],
                   .root = w->root,
                   .parallel = w->parallel};
-    if (!(o->y < 0) ||
+    if (grazes(o) ||
         late(o, s->left, dmk_windows_known(e, f->vertex[k1]), dmk_windows_known(e, f->vertex[k])))
         return false;
     double bx = s->length * s->ca - lo, by = s->length * s->sa;
@@ -191,7 +197,7 @@ static inline bool step_right(const engine *e, const window *w, const dmk_facet 
                   .half = f->twin[k1],
                   .root = w->root,
                   .parallel = w->parallel};
-    if (!(o->y < 0) ||
+    if (grazes(o) ||
         late(o, s->right, dmk_windows_known(e, f->vertex[k]), dmk_windows_known(e, f->vertex[k2])))
         return false;
     double ax = -s->cx * s->cb + s->cy * s->sb - hi, ay = -s->cy * s->cb - s->cx * s->sb;
@@ -248,12 +254,12 @@ int dmk_windows_step(worker *me, const window *w, window *o, int *n)
         } else {
             const double at = better_way(e, v, w->half, d);
             /* Rays that cross the shorter way are of no use; nor are those beyond it (Chen and Han), but from a source
-             * behind another one, which they pass. */
+             * behind another one, which they pass. Not cut there, as that place depends on what is known by now. */
             const bool one_source = e->front.g->n_sources == 1 && e->front.g->n_lines == 0;
-            if (s.at < at - slack)
-                first = one_source ? w->hi : at;
-            else if (s.at > at + slack)
-                last = one_source ? w->lo : at;
+            if (s.at < at - slack && (one_source || at >= w->hi))
+                first = w->hi;
+            else if (s.at > at + slack && (one_source || at <= w->lo))
+                last = w->lo;
             s.place = at;
             s.d = dv - hypot(s.cx - at, s.cy);
         }
