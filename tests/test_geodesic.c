@@ -788,6 +788,33 @@ static void any_number_of_threads(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* A wavy grid, where parallel rays run along edges and through vertices, and many ways to a vertex are as long. */
+static void curves_on_a_grid_and_any_number_of_threads(void **state)
+{
+    enum { N = 200, EDGES = 24, ALL = (N + 1) * (N + 1) };
+    static double xyz[3 * ALL];
+    static int32_t triangle[6 * N * N];
+    int32_t line[2 * EDGES];
+    dmk_context *ctx = *state;
+    dmk_mesh *m;
+    size_t n = 0;
+    dmk_geodesics_options options;
+    dmk_geodesics_options_init(&options, sizeof options);
+    options.line = line, options.n_lines = EDGES;
+    for (int32_t v = 0; v < ALL; v++) {
+        const int32_t i = v % (N + 1), k = v / (N + 1), up = v + N + 1;
+        const double x = i / (double)N, at[3] = {x, k / (double)N, 0.1 * sin(6 * x)};
+        memcpy(xyz + 3 * v, at, sizeof at);
+        if (i == N || k == N) continue;
+        const int32_t two[6] = {v, v + 1, up + 1, v, up + 1, up};
+        memcpy(triangle + 6 * n++, two, sizeof two);
+    }
+    assert_int_equal(dmk_mesh_create(ctx, ALL, xyz, 2 * n, triangle, &m), DMK_OK);
+    walk(m, ALL / 3, EDGES, line);
+    check_threads_with(ctx, m, 0, NULL, &options);
+    dmk_mesh_destroy(&m);
+}
+
 /* A wavy strip of triangles 1,000 times as long as wide, where many ways to a vertex differ by rounding alone. */
 static void thin_triangles_and_any_number_of_threads(void **state)
 {
@@ -1411,11 +1438,12 @@ static void lines(void **state)
     }
     dmk_geodesics_destroy(&g);
     options.border = 0;
-    options.n_lines = 2;
-    options.line = (const int32_t[]){9 * 4 + 4, 9 * 4 + 3, 9 * 4 + 2,
-                                     9 * 4 + 3}; /* y = 1/2, x from 1/4 to 1/2 */
+    options.n_lines = 3; /* y = 1/2, x from 1/4 to 1/2; one edge twice */
+    options.line =
+        (const int32_t[]){9 * 4 + 4, 9 * 4 + 3, 9 * 4 + 2, 9 * 4 + 3, 9 * 4 + 3, 9 * 4 + 4};
     const dmk_point far = {0, {1, 0, 0}};
     g = run_with(ctx, m, 1, &far, &options);
+    assert_int_equal(g->n_lines, 4);
     for (int32_t v = 0; v < m->n_vertices; v++) {
         const double x = m->xyz[3 * v], y = m->xyz[3 * v + 1];
         double line = hypot(y - 0.5, fmax(0, fmax(0.25 - x, x - 0.5))),
@@ -1425,6 +1453,7 @@ static void lines(void **state)
             assert_int_equal(g->arrival[v].source, line < hypot(x, y));
     }
     dmk_geodesics_destroy(&g);
+    options.n_lines = 2;
     options.line = (const int32_t[]){0, 1, 1, 20};
     assert_int_equal(dmk_geodesics_create(ctx, m, 0, NULL, &options, &g), DMK_E_ARG);
     assert_non_null(strstr(dmk_context_message(ctx), "vertices 1 and 20"));
@@ -1796,6 +1825,7 @@ int main(void)
         cmocka_unit_test(from_the_border_of_terrain),
         cmocka_unit_test(another_mesh_around_a_curve),
         cmocka_unit_test(any_number_of_threads),
+        cmocka_unit_test(curves_on_a_grid_and_any_number_of_threads),
         cmocka_unit_test(thin_triangles_and_any_number_of_threads),
         cmocka_unit_test(another_mesh_of_the_surface),
         cmocka_unit_test(paths_are_the_log_map),
