@@ -1,4 +1,4 @@
-/* What is said of a triangle that the cut cannot split, and of a cut that is no disk. */
+/* What is said of a triangle that the cut cannot split, and of a cut that is no disk; what a cut takes over. */
 #include "../src/api/api.c" /* for their static functions; the library's own are then left out */
 #include "../src/cut/cut.c"
 
@@ -15,18 +15,19 @@
 static void the_thinnest_triangle_is_named(void **state)
 {
     static const double xyz[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0, 0.5, 1e-3, 0};
-    static const int32_t split[] = {0, 1, 2, 1, 3, 2, 0, 1, 4, 4, 3, 2},
-                         kin[] = {0, 1, 2, 3, 4, 5, 24, 25, 26, 9, 10, 11};
+    static const int32_t split[] = {0, 1, 2, 1, 3, 2, 0, 1, 4, 4, 3, 2}, of[] = {0, 1, 8, 3};
     int32_t of_mesh[27];
     for (int32_t i = 0; i < 27; i++) of_mesh[i] = 100 + i;
     const dmk_mesh mesh = {.n_triangles = 9, .triangle = of_mesh};
     const dmk_geodesics geodesics = {.mesh = &mesh};
-    const splitter k = {.geodesics = &geodesics,
-                        .xyz = (double *)xyz,
-                        .triangle = (int32_t *)split,
-                        .kin = (int32_t *)kin,
-                        .n_vertices = 5,
-                        .n_triangles = 4};
+    splitter k = {.geodesics = &geodesics,
+                  .xyz = (double *)xyz,
+                  .triangle = (int32_t *)split,
+                  .least = INFINITY};
+    for (int32_t i = 0; i < 4; i++) {
+        k.n_triangles = i + 1;
+        watch_thin(&k, of[i], i);
+    }
     assert_int_equal(refuse_thin(*state, &k), DMK_E_MESH);
     const char *said = dmk_context_message(*state);
     if (!strstr(said, "triangle 8 (vertices 124 125 126) ")) fail_msg("%s", said);
@@ -75,31 +76,97 @@ static void a_slit_is_at_the_farthest_vertex(void **state)
     static const int32_t triangle[] = {0, 2, 4, 2, 1, 4, 1, 3, 4, 3, 0, 4,
                                        2, 0, 5, 1, 2, 5, 3, 1, 5, 0, 3, 5};
     const dmk_point top = {0, {0, 0, 1}};
-    dmk_mesh *m;
+    dmk_mesh *m, *cut;
     dmk_geodesics *g;
-    uint8_t side[24] = {0};
+    int32_t *origin;
+    double *plane;
+    const dmk_seam none = {.is_tree = true};
     int n = 0, ends = 0;
     assert_int_equal(dmk_mesh_create(*state, 6, xyz, 8, triangle, &m), DMK_OK);
     assert_int_equal(dmk_geodesics_create(*state, m, 1, &top, NULL, &g), DMK_OK);
-    splitter k = {.geodesics = g, .side = side};
-    slit(&k);
-    for (int32_t c = 0; c < 24; c++) {
-        if (!side[c]) continue;
-        const int32_t a = triangle[dmk_next(c)], b = triangle[dmk_previous(c)];
+    assert_int_equal(dmk_seam_cut(*state, g, &none, NULL, &cut, &origin, &plane), DMK_OK);
+    for (int32_t e = 0; e < cut->n_edges; e++) {
+        if (cut->edge_triangle[2 * e + 1] >= 0) continue;
+        const int32_t a = origin[cut->edge_vertex[2 * e]], b = origin[cut->edge_vertex[2 * e + 1]];
         n++;
         assert_true((a == 5) != (b == 5));
         ends |= 1 << (a == 5 ? b : a);
     }
     assert_int_equal(n, 4); /* both sides of two edges */
     assert_true(ends == (1 << 0 | 1 << 1) || ends == (1 << 2 | 1 << 3));
+    free(origin);
+    free(plane);
     dmk_geodesics_destroy(&g);
+    dmk_mesh_destroy(&cut);
     dmk_mesh_destroy(&m);
+}
+
+/* Both results are cut alike, whatever was traced of them before. */
+static void check_same(dmk_context *ctx, const dmk_mesh *m, const dmk_result *result,
+                       const dmk_result *fresh, const dmk_locus_options *o)
+{
+    const dmk_result *of[2] = {result, fresh};
+    dmk_mesh *cut[2];
+    int32_t *origin[2];
+    double *plane[2];
+    for (int i = 0; i < 2; i++)
+        assert_int_equal(dmk_cut(ctx, m, of[i], o, &cut[i], &origin[i], &plane[i]), DMK_OK);
+    const size_t n = (size_t)cut[1]->n_vertices;
+    assert_int_equal(cut[0]->n_vertices, n);
+    assert_int_equal(cut[0]->n_triangles, cut[1]->n_triangles);
+    assert_memory_equal(cut[0]->xyz, cut[1]->xyz, 3 * n * sizeof(double));
+    assert_memory_equal(plane[0], plane[1], 2 * n * sizeof(double));
+    assert_memory_equal(origin[0], origin[1], n * sizeof(int32_t));
+    for (int i = 0; i < 2; i++) {
+        dmk_mesh_destroy(&cut[i]);
+        free(origin[i]);
+        free(plane[i]);
+    }
+}
+
+/* The cut runs along the locus that was traced before, if that is of the strength that it asks for. */
+static void the_seam_is_taken_over(void **state)
+{
+    dmk_context *ctx = *state;
+    dmk_surface_options torus;
+    dmk_locus_options weak;
+    dmk_mesh *m;
+    dmk_result *result, *fresh;
+    dmk_locus *l;
+    dmk_surface_options_init(&torus, sizeof torus);
+    torus.name = "torus";
+    torus.n_triangles = 6000;
+    assert_int_equal(dmk_mesh_surface(ctx, &torus, &m), DMK_OK);
+    double *zero = calloc((size_t)m->n_triangles + (size_t)m->n_edges, sizeof *zero);
+    uint8_t *acl = calloc((size_t)m->n_triangles, sizeof *acl);
+    const dmk_result_data data = {zero, zero, zero, zero, acl, .source = {17, {0.3, 0.3, 0.4}}};
+    assert_int_equal(dmk_result_restore(ctx, m, &data, &result), DMK_OK);
+    assert_int_equal(dmk_result_restore(ctx, m, &data, &fresh), DMK_OK);
+    dmk_locus_options_init(&weak, sizeof weak);
+    weak.strength = 1e-4;
+    assert_null(dmk_result_seam(result));
+    assert_int_equal(dmk_locus_compute(ctx, m, result, &weak, &l), DMK_OK);
+    const dmk_seam *seam = dmk_result_seam(result);
+    assert_true(seam && seam->asked == 1e-4 && seam->n > 0);
+    check_same(ctx, m, result, fresh, &weak);
+    check_same(ctx, m, result, fresh, NULL);
+    /* and not along another one: none at all, of a torus no disk */
+    ((dmk_seam *)seam)->n = 0;
+    dmk_mesh *cut;
+    assert_int_equal(dmk_cut(ctx, m, result, &weak, &cut, NULL, NULL), DMK_E_MESH);
+    dmk_locus_destroy(&l);
+    dmk_result_destroy(&result);
+    dmk_result_destroy(&fresh);
+    dmk_mesh_destroy(&m);
+    free(zero);
+    free(acl);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(the_thinnest_triangle_is_named),
                                        cmocka_unit_test(only_disks_are_cuts),
-                                       cmocka_unit_test(a_slit_is_at_the_farthest_vertex)};
+                                       cmocka_unit_test(a_slit_is_at_the_farthest_vertex),
+                                       cmocka_unit_test(the_seam_is_taken_over)};
     return cmocka_run_group_tests_name("cut", tests, context_setup, context_teardown);
 }

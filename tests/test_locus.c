@@ -72,7 +72,7 @@ static dmk_locus *trace_with(const scene *s, double strength)
 {
     dmk_locus *l = NULL;
     const dmk_locus_options o = {.struct_size = sizeof o, .strength = strength};
-    if (dmk_locus_trace(ctx, s->geodesics, &o, &l) != DMK_OK)
+    if (dmk_locus_trace(ctx, s->geodesics, &o, &l, NULL) != DMK_OK)
         fail_msg("%s", dmk_context_message(ctx));
     return l;
 }
@@ -1174,13 +1174,13 @@ static int count_calls(const dmk_progress *progress, void *user)
 }
 
 /* Three corners that lie beyond sides nearer to the source than these can come, all three: after 100 rounds in vain of
- * either kind it gives up, and on few vertices after 10 moves for each. */
+ * either kind it gives up, and on few vertices after 15 moves for each, at most half of what is left averaging. */
 static void test_unfold_in_vain(void **state)
 {
     (void)state;
     static const struct {
         int n, rounds;
-    } cases[] = {{3000, 200}, {60, 31}};
+    } cases[] = {{3000, 200}, {60, 91}};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         double plane[2 * 3004], before[2 * 3004];
         int calls = 0;
@@ -1357,7 +1357,7 @@ static void check_cut_length(void)
         dmk_locus *l = NULL;
         int32_t *origin = NULL;
         double *plane = NULL, seam = 0;
-        assert_int_equal(dmk_locus_trace(ctx, s.geodesics, &o, &l), DMK_OK);
+        assert_int_equal(dmk_locus_trace(ctx, s.geodesics, &o, &l, NULL), DMK_OK);
         assert_int_equal(dmk_locus_cut(ctx, s.geodesics, &o, NULL, &cut, &origin, &plane), DMK_OK);
         for (int32_t e = 0; e < cut->n_edges; e++)
             seam += cut->edge_triangle[2 * e + 1] < 0 ? 0.5 * cut->length[e] : 0;

@@ -33,15 +33,18 @@ int dmk_locus_compute(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *
                       const dmk_locus_options *options, dmk_locus **locus)
 {
     int rc;
+    dmk_seam *seam = NULL;
     dmk_locus_options chosen;
     if (dmk_missing(ctx, "mesh", mesh, "result", result, "locus", locus)) return DMK_E_ARG;
     DMK_TRY(take_options(ctx, options, &chosen));
     DMK_TRY(check_mesh(ctx, mesh, result));
     DMK_TRY(dmk_stage_begin(ctx, "locus"));
-    DMK_TRY(dmk_locus_trace(ctx, result->geodesics, &chosen, locus));
+    DMK_TRY(dmk_locus_trace(ctx, result->geodesics, &chosen, locus, &seam));
     dmk_locus_renumber(*locus, result->order->order.triangle_old, dmk_result_density(result, NULL));
+    dmk_result_keep_seam(result, &seam);
 done:
     dmk_stage_end(ctx);
+    free(seam);
     return rc;
 }
 
@@ -98,7 +101,7 @@ static int trace_on_component(dmk_context *ctx, const dmk_geodesics *g, int32_t 
     options.offset = offset;
     DMK_TRY(renumber_points(ctx, g->mesh, &order, n, source));
     DMK_TRY(dmk_geodesics_compute(ctx, order.mesh, order.triangle_old, n, source, &options, &own));
-    DMK_TRY(dmk_locus_trace(ctx, own, chosen, locus));
+    DMK_TRY(dmk_locus_trace(ctx, own, chosen, locus, NULL));
     dmk_locus_renumber(*locus, order.triangle_old, NULL);
 done:
     dmk_geodesics_destroy(&own);
@@ -124,7 +127,7 @@ int dmk_geodesics_locus(dmk_context *ctx, const dmk_geodesics *geodesics,
     DMK_TRY(dmk_stage_begin(ctx, "locus"));
     rc = geodesics->mesh->n_components > 1
              ? trace_on_component(ctx, geodesics, component, &chosen, locus)
-             : dmk_locus_trace(ctx, geodesics, &chosen, locus);
+             : dmk_locus_trace(ctx, geodesics, &chosen, locus, NULL);
 done:
     dmk_stage_end(ctx);
     return rc;
@@ -223,54 +226,6 @@ done:
 
 /* ---- cutting -------------------------------------------------------------------------------- */
 
-/* Place of each of the component's vertices among them in the input's order. */
-static int rank_vertices(dmk_context *ctx, const dmk_mesh *mesh, const dmk_order *order,
-                         int32_t *rank)
-{
-    int32_t *number = NULL, next = 0;
-    int rc = DMK_NEW(ctx, number, (size_t)mesh->n_vertices);
-    if (rc != DMK_OK) return rc;
-    for (int32_t v = 0; v < mesh->n_vertices; v++) number[v] = -1;
-    for (int32_t v = 0; v < order->mesh->n_vertices; v++) number[order->vertex_old[v]] = v;
-    for (int32_t v = 0; v < mesh->n_vertices; v++) {
-        if (number[v] >= 0) rank[number[v]] = next++;
-    }
-    free(number);
-    return DMK_OK;
-}
-
-/* The cut mesh again, its first vertices, those of the component, in the input's order. */
-static int sort_cut(dmk_context *ctx, const dmk_mesh *mesh, const dmk_order *order,
-                    const dmk_mesh *raw, const int32_t *raw_origin, const double *raw_plane,
-                    dmk_mesh **cut, int32_t *origin, double *plane)
-{
-    int rc;
-    const int32_t n_old = order->mesh->n_vertices;
-    int32_t *rank = NULL, *triangle = NULL;
-    double *xyz = NULL;
-    DMK_TRY(DMK_NEW(ctx, rank, (size_t)n_old));
-    DMK_TRY(DMK_NEW(ctx, triangle, 3 * (size_t)raw->n_triangles));
-    DMK_TRY(DMK_NEW(ctx, xyz, 3 * (size_t)raw->n_vertices));
-    DMK_TRY(rank_vertices(ctx, mesh, order, rank));
-    for (int32_t v = 0; v < raw->n_vertices; v++) {
-        const int32_t to = v < n_old ? rank[v] : v;
-        memcpy(xyz + 3 * (size_t)to, raw->xyz + 3 * (size_t)v, 3 * sizeof *xyz);
-        memcpy(plane + 2 * (size_t)to, raw_plane + 2 * (size_t)v, 2 * sizeof *plane);
-        origin[to] = raw_origin[v] < 0 ? -1 : order->vertex_old[raw_origin[v]];
-    }
-    for (int32_t h = 0; h < 3 * raw->n_triangles; h++) {
-        triangle[h] = raw->triangle[h] < n_old ? rank[raw->triangle[h]] : raw->triangle[h];
-    }
-    rc = dmk_mesh_adopt(ctx, (size_t)raw->n_vertices, xyz, (size_t)raw->n_triangles, triangle, cut);
-    xyz = NULL;
-    triangle = NULL;
-done:
-    free(rank);
-    free(triangle);
-    free(xyz);
-    return rc;
-}
-
 /* A disk is all that a cut may give. */
 static int check_disk(dmk_context *ctx, const dmk_mesh *cut)
 {
@@ -285,39 +240,36 @@ int dmk_cut(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *result,
             const dmk_locus_options *options, dmk_mesh **cut, int32_t **origin, double **plane)
 {
     int rc;
-    dmk_mesh *raw = NULL, *sorted = NULL;
-    int32_t *raw_origin = NULL, *sorted_origin = NULL;
-    double *raw_plane = NULL, *sorted_plane = NULL;
+    dmk_mesh *open = NULL;
+    int32_t *old = NULL;
+    double *flat = NULL;
     dmk_locus_options chosen;
     if (dmk_missing(ctx, "mesh", mesh, "result", result, "cut", cut)) return DMK_E_ARG;
     DMK_TRY(take_options(ctx, options, &chosen));
     DMK_TRY(check_mesh(ctx, mesh, result));
     DMK_TRY(dmk_stage_begin(ctx, "cut"));
-    DMK_TRY(dmk_locus_cut(ctx, result->geodesics, &chosen, &result->order->order, &raw, &raw_origin,
-                          &raw_plane));
-    DMK_TRY(check_disk(ctx, raw));
-    DMK_TRY(DMK_NEW(ctx, sorted_origin, (size_t)raw->n_vertices));
-    DMK_TRY(DMK_NEW(ctx, sorted_plane, 2 * (size_t)raw->n_vertices));
-    DMK_TRY(sort_cut(ctx, mesh, &result->order->order, raw, raw_origin, raw_plane, &sorted,
-                     sorted_origin, sorted_plane));
-    *cut = sorted;
-    sorted = NULL;
+    const dmk_order *order = &result->order->order;
+    const dmk_seam *seam = dmk_result_seam(result);
+    if (seam && seam->asked == chosen.strength)
+        DMK_TRY(dmk_seam_cut(ctx, result->geodesics, seam, order, &open, &old, &flat));
+    else
+        DMK_TRY(dmk_locus_cut(ctx, result->geodesics, &chosen, order, &open, &old, &flat));
+    DMK_TRY(check_disk(ctx, open));
+    *cut = open;
+    open = NULL;
     if (origin) {
-        *origin = sorted_origin;
-        sorted_origin = NULL;
+        *origin = old;
+        old = NULL;
     }
     if (plane) {
-        *plane = sorted_plane;
-        sorted_plane = NULL;
+        *plane = flat;
+        flat = NULL;
     }
 done:
     dmk_stage_end(ctx);
-    dmk_mesh_destroy(&raw);
-    dmk_mesh_destroy(&sorted);
-    free(raw_origin);
-    free(sorted_origin);
-    free(raw_plane);
-    free(sorted_plane);
+    dmk_mesh_destroy(&open);
+    free(old);
+    free(flat);
     return rc;
 }
 

@@ -142,11 +142,9 @@ void dmk_place_crossing(const dmk_cotree *cotree, int32_t i, dmk_locus_vertex *v
  * branches of default strength meet, else on the straight line between the two strongest. */
 void dmk_place_fork(const dmk_cotree *cotree, int32_t triangle, dmk_locus_vertex *vertex);
 void dmk_place_end(const dmk_cotree *cotree, const dmk_end_point *end, dmk_locus_vertex *vertex);
-
-/* The logarithmic map at xyz, a point of the corner's triangle reached by the geodesics of its family: length
- * times direction at the source, a full turn being 2 pi. In the shadow of a pseudo-source, where all paths start
- * in one direction, that of the corner is turned as if its path were straight. */
-void dmk_place_in_plane(const dmk_geodesics *g, int32_t corner, const double xyz[3], double map[2]);
+/* Where the lines of the strength asked for cross edges. */
+int dmk_seam_create(dmk_context *ctx, const dmk_cotree *cotree, const dmk_locus_options *options,
+                    dmk_seam **seam);
 
 /* Whether three branches of default strength meet in the triangle. */
 bool dmk_is_fork(const dmk_cotree *cotree, int32_t triangle);

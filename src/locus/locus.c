@@ -209,7 +209,7 @@ static int set_polylines(dmk_context *ctx, dmk_locus *l)
 }
 
 int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *g, const dmk_locus_options *opt,
-                    dmk_locus **locus)
+                    dmk_locus **locus, dmk_seam **seam)
 {
     int rc;
     dmk_cotree t = {0};
@@ -225,6 +225,8 @@ int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *g, const dmk_locus_op
     DMK_TRY(weld(ctx, s.locus));
     finish_vertices(&t, s.locus);
     DMK_TRY(set_polylines(ctx, s.locus));
+    if (seam) *seam = NULL;
+    if (seam && !f.mesh) DMK_TRY(dmk_seam_create(ctx, &t, opt, seam));
     *locus = s.locus;
     s.locus = NULL;
 done:

@@ -46,11 +46,23 @@ struct dmk_locus {
     int32_t *index;           /* offset[n_polylines]: vertices of the polylines */
 };
 
+/* The edges that the lines cross: all that a cut along them takes. One block, which free() gives back. */
+typedef struct dmk_seam {
+    double asked; /* strength, as in the options */
+    bool is_tree; /* of a sphere */
+    int32_t n;
+    struct dmk_seam_point {
+        int32_t half;
+        double share; /* where on the half-edge, from its start, over the length */
+    } point[];
+} dmk_seam;
+
 /* The locus of the geodesics' sources. With borders each border loop counts as one point of the graph: lines may
  * end on a border, and the locus with every border loop contracted to a point is connected with first
- * Betti number 2g. Several sources count as one point. */
+ * Betti number 2g. Several sources count as one point.
+ * *seam (NULL: not wanted): where its lines cross edges; NULL where it is traced on finer triangles. */
 int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *geodesics, const dmk_locus_options *opt,
-                    dmk_locus **locus);
+                    dmk_locus **locus, dmk_seam **seam);
 
 /* The numbers of the triangles at the vertices, from those of the geodesics' mesh to triangle_old of them, and the
  * density there, mu, if there is one. */

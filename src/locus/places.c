@@ -43,20 +43,18 @@ static void set_corners(const dmk_geodesics *g, int32_t triangle, dmk_family c[3
     c[0].image = (dmk_image){length + own.x * ux - own.y * uy, own.x * uy + own.y * ux, own.before};
 }
 
-/* Angle at the image between the paths to the family's vertex and to (x, y); straight: as if all of the former were. */
-static double turn_to(const dmk_family *f, double x, double y, bool straight)
+/* Angle at the image between the paths to the family's vertex and to (x, y). */
+static double turn_to(const dmk_family *f, double x, double y)
 {
-    const double length = dmk_image_length(&f->image, f->x[0], f->x[1]);
-    const double longer = straight ? length / (length - f->image.before) : 1;
-    const double vx = (f->x[0] - f->image.x) * longer, vy = (f->x[1] - f->image.y) * longer;
-    const double px = vx + x - f->x[0], py = vy + y - f->x[1];
+    const double vx = f->x[0] - f->image.x, vy = f->x[1] - f->image.y;
+    const double px = x - f->image.x, py = y - f->image.y;
     return atan2(vx * py - vy * px, vx * px + vy * py);
 }
 
 /* Direction at the source of the family's path to (x, y). */
 static double direction_of(const dmk_family *f, double x, double y)
 {
-    return f->arrival->direction + (f->arrival->pseudo_source >= 0 ? 0 : turn_to(f, x, y, false));
+    return f->arrival->direction + (f->arrival->pseudo_source >= 0 ? 0 : turn_to(f, x, y));
 }
 
 /* What two families say of (x, y): directions, and the length of the shorter one. */
@@ -263,25 +261,19 @@ void dmk_place_crossing(const dmk_cotree *t, int32_t i, dmk_locus_vertex *v)
     v->strength = c->strength;
 }
 
-void dmk_place_in_plane(const dmk_geodesics *g, int32_t corner, const double xyz[3], double map[2])
+int dmk_seam_create(dmk_context *ctx, const dmk_cotree *t, const dmk_locus_options *opt,
+                    dmk_seam **seam)
 {
-    const dmk_mesh *m = g->mesh;
-    const int32_t v = m->triangle[corner], *of = m->triangle + corner - corner % 3;
-    const double unit = g->star.unit;
-    dmk_family c[3];
-    double e[3], x[3], distance = g->distance[v], direction = g->arrival[v].direction;
-    set_corners(g, corner / 3, c);
-    /* in the frame of the triangle's half-edge 0, from corner 1 to corner 2 */
-    const double *origin = m->xyz + 3 * (size_t)of[1];
-    dmk_subtract(m->xyz + 3 * (size_t)of[2], origin, e);
-    dmk_subtract(xyz, origin, x);
-    const double px = dmk_dot(x, e) / sqrt(dmk_dot(e, e)) / unit;
-    const double square = dmk_dot(x, x) / unit / unit - px * px, py = square > 0 ? sqrt(square) : 0;
-    if (memcmp(xyz, m->xyz + 3 * (size_t)v, 3 * sizeof *xyz) != 0) {
-        distance = unit * dmk_image_length(&c[corner % 3].image, px, py);
-        direction += turn_to(&c[corner % 3], px, py, g->arrival[v].pseudo_source >= 0);
-    }
-    direction *= dmk_turn_scale(g);
-    map[0] = distance * cos(direction);
-    map[1] = distance * sin(direction);
+    const double strength = dmk_strength_asked(t, opt);
+    const size_t size = sizeof(dmk_seam), item = sizeof *(*seam)->point;
+    size_t n = 0;
+    for (int32_t i = 0; i < t->n; i++) n += dmk_is_drawn(t, i, strength);
+    const int rc = dmk_alloc(ctx, "seam", 1, size + n * item, (void **)seam);
+    if (rc != DMK_OK) return rc;
+    **seam = (dmk_seam){.asked = opt ? opt->strength : 0, .is_tree = t->last >= 0};
+    for (int32_t i = 0; i < t->n; i++)
+        if (dmk_is_drawn(t, i, strength))
+            (*seam)->point[(*seam)->n++] =
+                (struct dmk_seam_point){t->crossing[i].half, share_of(t, i, false)};
+    return DMK_OK;
 }

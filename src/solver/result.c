@@ -27,6 +27,7 @@ int dmk_result_create(dmk_context *ctx, const dmk_mesh *m, dmk_result **result)
     r->n_vertices = (size_t)m->n_vertices;
     r->n_triangles = (size_t)m->n_triangles;
     r->n_edges = (size_t)m->n_edges;
+    DMK_TRY(DMK_NEW(ctx, r->seam, 1));
     *result = r;
     r = NULL;
 done:
@@ -121,8 +122,21 @@ void dmk_result_destroy(dmk_result **result)
     free(r->potential_mid);
     dmk_geodesics_destroy(&r->geodesics);
     dmk_shared_order_release(&r->order);
+    if (r->seam) free(atomic_load(r->seam));
+    free(r->seam);
     free(r);
     *result = NULL;
+}
+
+void dmk_result_keep_seam(const dmk_result *r, struct dmk_seam **seam)
+{
+    struct dmk_seam *none = NULL;
+    if (atomic_compare_exchange_strong(r->seam, &none, *seam)) *seam = NULL;
+}
+
+const struct dmk_seam *dmk_result_seam(const dmk_result *r)
+{
+    return atomic_load(r->seam);
 }
 
 void dmk_result_get_stats(const dmk_result *r, dmk_stats *stats)

@@ -22,10 +22,16 @@ struct dmk_result {
     double *potential_mid;                   /* n_edges */
     dmk_point source;                        /* on the input mesh */
     dmk_stats stats;
-    dmk_shared_order *order;  /* of the source's component */
-    int32_t source_triangle;  /* in that order */
-    dmk_geodesics *geodesics; /* of that mesh, from the source */
+    dmk_shared_order *order;          /* of the source's component */
+    int32_t source_triangle;          /* in that order */
+    dmk_geodesics *geodesics;         /* of that mesh, from the source */
+    _Atomic(struct dmk_seam *) *seam; /* locus/locus.h: of the cut locus that was traced first */
 };
+
+/* What a cut takes over from the tracing of the locus, or NULL. A result does not change for its readers: the first one
+ * stays, and *seam becomes NULL then. */
+void dmk_result_keep_seam(const dmk_result *result, struct dmk_seam **seam);
+const struct dmk_seam *dmk_result_seam(const dmk_result *result);
 
 /* For the input mesh, without its arrays. */
 int dmk_result_create(dmk_context *context, const dmk_mesh *mesh, dmk_result **result);

@@ -269,7 +269,7 @@ static void follow(const dmk_mesh *m, dmk_geodesics *g)
     dmk_path path = {0};
     switch (take() % 3) {
     case 0:
-        rc = dmk_locus_trace(ctx, g, NULL, &locus);
+        rc = dmk_locus_trace(ctx, g, NULL, &locus, NULL);
         REQUIRE(rc == DMK_OK);
         check_locus(locus, m);
         break;
