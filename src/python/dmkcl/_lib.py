@@ -176,6 +176,15 @@ def is_single(value: Any) -> bool:
         return False
 
 
+def several(name: str, values: Any) -> Any:
+    """Values that can be gone through one by one."""
+    try:
+        iter(values)
+    except TypeError:
+        raise ArgumentError(f"{name} = {values!r}: expected several, as in a list") from None
+    return values
+
+
 def switch(name: str, value: Any) -> bool:
     """True or False; no text is taken for either."""
     if not isinstance(value, (bool, np.bool_)):

@@ -111,7 +111,8 @@ def repair(vertices: "Union[ArrayLike, MeshLike]", faces: Optional[ArrayLike] = 
     edges becomes several. Takes what `CutLocus` takes: arrays, a file name, another package's
     mesh. MeshError if a triangle names a vertex that does not exist, or nothing is left.
     """
-    if faces is None and isinstance(vertices, (str, os.PathLike)):
+    _refuse_second_faces(vertices, faces)
+    if isinstance(vertices, (str, os.PathLike)):
         done: Repaired = _load(path_text(vertices), _repair_file, _repair_arrays)
     else:
         arrays: "tuple[Any, Any]" = (vertices, faces) if faces is not None else _arrays(vertices)
@@ -224,11 +225,15 @@ def _arrays(mesh: Any) -> "tuple[Any, Any]":
     return found
 
 
+def _refuse_second_faces(mesh: Any, faces: Optional[ArrayLike]) -> None:
+    if faces is not None and (isinstance(mesh, (Mesh, str, os.PathLike)) or from_object(mesh) is not None):
+        raise ArgumentError("a mesh has its faces; give what follows by name: source=17, not 17")
+
+
 def as_mesh(mesh: MeshLike, faces: Optional[ArrayLike] = None) -> Mesh:
     """A Mesh of: a Mesh; vertices and faces; a mesh of another package; a file name."""
+    _refuse_second_faces(mesh, faces)
     if faces is not None:
-        if isinstance(mesh, (Mesh, str, os.PathLike)) or from_object(mesh) is not None:
-            raise ArgumentError("a mesh has its faces; give what follows by name: source=17, not 17")
         vertices: Any = mesh
         return Mesh(vertices, faces)
     if isinstance(mesh, Mesh):

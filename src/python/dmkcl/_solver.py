@@ -22,7 +22,8 @@ from numpy.typing import ArrayLike, NDArray
 from ._device import open_device
 from ._geodesics import Geodesics
 from ._lib import (
-    ArgumentError, Context, Error, Handle, Indices, amount, count, ffi, is_single, lib, numbers, switch, warn, whole,
+    ArgumentError, Context, Error, Handle, Indices, amount, count, ffi, is_single, lib, numbers, several, switch, warn,
+    whole,
 )  # fmt: skip
 from ._mesh import Mesh, Point, PointsLike, pack_points
 from ._optional import optional
@@ -355,10 +356,10 @@ class CutLocus:
         chosen: "list[tuple[str, Any]]" = [(name, of) for name, of in given.items() if of is not None]
         if len(chosen) != 1:
             raise ArgumentError("say where by one of: points, vertices, faces with bary")
-        several, values = chosen[0]
+        asked, values = chosen[0]
         if is_single(values):
-            raise ArgumentError(f"{several} = {values!r}: expected several")
-        name = {"points": "point", "vertices": "vertex", "faces": "face"}[several]
+            raise ArgumentError(f"{asked} = {values!r}: expected several")
+        name = {"points": "point", "vertices": "vertex", "faces": "face"}[asked]
         weights: "list[Any]" = [None] * len(values)
         if bary is not None:
             weights = list(numbers("weights", bary))
@@ -429,12 +430,12 @@ class CutLocus:
         An error names the measure, or the pair, by number; what can be found without a transport is
         found before the first one."""
         settings = _options()
-        settings.normalise = switch("normalise", normalise)
+        settings.normalise, shown = switch("normalise", normalise), switch("progress", progress)
         if isinstance(measures, Measure):
             raise ArgumentError("one measure; expected several, as in a list: [measure]")
         keep: "list[Any]" = []
         packed: "list[Any]" = []
-        for i, measure in enumerate(measures):
+        for i, measure in enumerate(several("measures", measures)):
             with _naming(f"measure {i}"):
                 packed.append(pack(self.mesh, measure, keep))
         k = range(len(packed))
@@ -442,7 +443,7 @@ class CutLocus:
         for i, j in pairs or [(i, i) for i in k]:  # one alone is checked, too
             with _naming_measures(i, j):
                 check_measures(self.mesh, packed[i], packed[j])
-        if progress:
+        if shown:
             pairs = optional("tqdm.auto").tqdm(pairs, unit=" pairs")
         found = np.zeros((len(packed), len(packed)))
         mass = None  # of the first measure
@@ -535,7 +536,7 @@ def solve_meshes(
     >>> for found in dmkcl.solve_meshes(["a.off", "b.ply"], on_error="yield"):
     ...     print(found)
     """
-    if not (on_error in ("raise", "yield") or callable(on_error)):
+    if not callable(on_error) and not (isinstance(on_error, str) and on_error in ("raise", "yield")):
         raise ArgumentError(f"on_error = {on_error!r}: expected 'raise', 'yield' or a function")
     if isinstance(meshes, (str, os.PathLike, Mesh)):
         raise ArgumentError("one mesh; expected several, as in a list: [mesh]")
@@ -559,7 +560,7 @@ def solve_meshes(
         solver = _make(as_mesh(mesh), device, single, threads, cache)
         return solver._solve(solver.mesh._take(**where), settings, False, least)
 
-    return (found for mesh in meshes for found in _solve_mesh(mesh, solve, on_error))
+    return (found for mesh in several("meshes", meshes) for found in _solve_mesh(mesh, solve, on_error))
 
 
 def _solve_mesh(
@@ -596,16 +597,28 @@ def _one_place(place: PlaceLike) -> "dict[str, Any]":
     raise ArgumentError(f"{place!r}: expected a vertex number or a point x, y, z")
 
 
+def _are_faces(value: Any) -> bool:
+    try:
+        return np.ndim(value) == 2
+    except ValueError:  # rows of different lengths
+        return False
+
+
 def shortest_path(
     vertices: Union[ArrayLike, MeshLike],
-    faces: Optional[ArrayLike],
-    start: PlaceLike,
-    end: PlaceLike,
+    faces: Union[None, ArrayLike, PlaceLike] = None,
+    start: Optional[PlaceLike] = None,
+    end: Optional[PlaceLike] = None,
 ) -> NDArray[np.float64]:
     """Points of a minimal geodesic, (k, 3): ``shortest_path(V, F, 17, 99)``, of a mesh
-    ``shortest_path(mesh, None, 17, 99)``; vertex numbers or points x, y, z. Needs no device; see also
+    ``shortest_path(mesh, 17, 99)``; vertex numbers or points x, y, z. Needs no device; see also
     `Geodesics.path`."""
-    mesh = as_mesh(vertices, faces)
+    own: Any = faces
+    if (start is None or end is None) and not _are_faces(own):  # but an end: the mesh has faces of its own
+        own, start, end = None, own, end if start is None else start
+    if start is None or end is None:
+        raise ArgumentError("a path has two ends: shortest_path(mesh, 17, 99), or shortest_path(V, F, 17, 99)")
+    mesh = as_mesh(vertices, own)
     return Geodesics(mesh, mesh._take(**_one_place(start))).path(**_one_place(end)).points
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any, Literal, Optional, Sequence, SupportsIndex
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Iterator, Literal, Optional, Sequence, SupportsIndex
 
 import numpy as np
 
 from ._colour import density_map
-from ._lib import ArgumentError, path_text, whole
+from ._lib import ArgumentError, file_error, path_text, switch, whole
 from ._optional import optional
 
 if TYPE_CHECKING:
@@ -16,6 +17,18 @@ if TYPE_CHECKING:
 
 LOCUS_COLOUR = "#cc1c21"
 SOURCE_COLOUR = "#ffbf1a"
+
+
+@contextmanager
+def _handing_on(**given: Any) -> Iterator[None]:
+    """What PyVista or Matplotlib refuse names the arguments of ours that they were given, if any."""
+    try:
+        yield
+    except Exception as error:
+        theirs = [f"{name} = {value!r}" for name, value in given.items() if value is not None]
+        if not theirs:
+            raise
+        raise ArgumentError(f"{', '.join(theirs)}: {error}") from error
 
 
 def density_range(density: np.ndarray) -> "tuple[float, float]":
@@ -74,7 +87,12 @@ def plot(
     picture = None if screenshot is None else path_text(screenshot)
     if picture is not None and not os.path.splitext(picture)[1]:  # to which PyVista would add one
         raise ArgumentError(f"screenshot = {screenshot!r}: expected a name with a suffix, as .png")
-    more = _surface_options(mesh_options)
+    for name, value in dict(log=log, locus=locus, source=source, show=show).items():
+        switch(name, value)
+    if plotter is not None and not isinstance(plotter, optional("pyvista").BasePlotter):
+        raise ArgumentError(f"plotter = {plotter!r}: expected a pyvista.Plotter")
+    more = _dictionary("mesh_options", mesh_options, {"show_edges": True})
+    _refuse_own(more)
     data = result.to_pyvista()
     settings = _colour_settings(data, scalars, log, cmap, clim)
     own = plotter is None
@@ -85,7 +103,8 @@ def plot(
         if own:
             plotter.subplot(0, number)
         last = number + 1 == len(sides)
-        _add_surface(plotter, data, {**settings, "show_scalar_bar": last, **more})
+        with _handing_on(cmap=cmap, mesh_options=mesh_options):
+            _add_surface(plotter, data, {**settings, "show_scalar_bar": last, **more})
         if lines > 0:
             _add_contours(plotter, data, result, lines)
         if locus:
@@ -95,7 +114,7 @@ def plot(
         plotter.view_vector(*_viewpoint(result, side))
         plotter.camera.zoom(1.15)
     if picture:
-        plotter.screenshot(picture)
+        _take_picture(plotter, picture)
     elif show:
         plotter.show()
     return plotter
@@ -105,13 +124,27 @@ def plot(
 _OWN = {"scalars": "scalars", "cmap": "cmap", "clim": "clim", "log_scale": "log"}
 
 
-def _surface_options(given: "Optional[dict[str, Any]]") -> "dict[str, Any]":
-    if given is not None and not isinstance(given, dict):
-        raise ArgumentError(f'mesh_options = {given!r}: expected a dict, as {{"show_edges": True}}')
+def _dictionary(name: str, given: Any, example: "dict[str, Any]") -> "dict[str, Any]":
+    if given is None:
+        return {}
+    if not isinstance(given, dict) or not all(isinstance(word, str) for word in given):
+        raise ArgumentError(f"{name} = {given!r}: expected a dict, as {example}")
+    return given
+
+
+def _refuse_own(options: "dict[str, Any]") -> None:
     for name, own in _OWN.items():
-        if (given or {}).get(name) is not None:
+        if options.get(name) is not None:
             raise ArgumentError(f'mesh_options has "{name}": give {own}=..., which sets scale and labels, too')
-    return given or {}
+
+
+def _take_picture(plotter: Any, name: str) -> None:
+    try:
+        plotter.screenshot(name)
+    except OSError as error:
+        raise file_error(f"{name}: cannot write: {error.strerror or error}", error.errno) from None
+    except ValueError as error:  # of a suffix that PyVista does not write
+        raise ArgumentError(f"screenshot = {name!r}: {error}") from None
 
 
 def _new_plotter(views: int, off_screen: Optional[bool]) -> Any:
@@ -173,7 +206,7 @@ def _colour_settings(
             *clim, bar["n_labels"] = round_scale(float(clim[0]), float(clim[1]), log)
     return dict(
         scalars=scalars,
-        cmap=cmap or optional("matplotlib.colors").ListedColormap(density_map()),
+        cmap=optional("matplotlib.colors").ListedColormap(density_map()) if cmap is None else cmap,
         clim=clim,
         log_scale=log,
         smooth_shading=False,
@@ -225,6 +258,15 @@ def _add_locus(plotter: Any, result: "Result", radius: float) -> None:
         _add_ball(plotter, lines.points[0], 2 * radius, LOCUS_COLOUR)
 
 
+def _axes(given: Any, **new: Any) -> Any:
+    """These axes, or of None new ones."""
+    if given is None:
+        return optional("matplotlib.pyplot").figure().add_subplot(**new)
+    if not isinstance(given, optional("matplotlib.axes").Axes):
+        raise ArgumentError(f"ax = {given!r}: expected axes of Matplotlib")
+    return given
+
+
 def plot_tangent(
     result: "Result", *, ax: Any = None, line_options: "Optional[dict[str, Any]]" = None
 ) -> Any:
@@ -235,10 +277,8 @@ def plot_tangent(
     border, where geodesics end at it, the line has gaps. line_options: of Axes.plot, as {"lw": 2}. Returns
     the axes.
     """
-    plt = optional("matplotlib.pyplot")
-
-    if ax is None:
-        ax = plt.figure().add_subplot(projection="polar")
+    more = _dictionary("line_options", line_options, {"lw": 2})
+    ax = _axes(ax, projection="polar")
     angle, time, _ = result.tangent
     if len(angle) == 0:
         return ax
@@ -248,7 +288,8 @@ def plot_tangent(
     else:
         wide = np.flatnonzero(np.diff(angle) > 12 * np.pi / len(angle)) + 1
         angle, time = np.insert(angle, wide, np.nan), np.insert(time, wide, np.nan)
-    ax.plot(angle, time, **{"color": LOCUS_COLOUR, **(line_options or {})})
+    with _handing_on(line_options=line_options):
+        ax.plot(angle, time, **{"color": LOCUS_COLOUR, **more})
     if closed:
         ax.fill(angle, time, color=SOURCE_COLOUR, alpha=0.15, linewidth=0)
     ax.plot(0, 0, "o", color=SOURCE_COLOUR)
@@ -263,10 +304,7 @@ def plot_history(result: "Result", *, ax: Any = None) -> Any:
     The gap is known after the last step, and after each one if `gap` was given to solve. Returns
     the axes.
     """
-    plt = optional("matplotlib.pyplot")
-
-    if ax is None:
-        ax = plt.figure().add_subplot()
+    ax = _axes(ax)
     history, certificate = result.history, result.certificate
     ax.semilogy(
         history["step"], history["change"], "o-", color="#1f5a96", label="relative change of mu"

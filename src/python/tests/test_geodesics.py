@@ -131,6 +131,27 @@ def test_as_functions(plane):
     assert np.allclose(np.linalg.norm(np.diff(path, axis=0), axis=1).sum(), 5)
 
 
+def test_shortest_paths_of_all_that_is_a_mesh(plane):
+    V, F = plane
+    found = dmkcl.shortest_path(V, F, 17, 99)
+    for start, end in (17, 99), (V[17], plane.at_vertex(99)):
+        for mesh in plane, (V, F), [V, F]:
+            assert np.allclose(dmkcl.shortest_path(mesh, start, end), found)
+            assert np.allclose(dmkcl.shortest_path(mesh, start, end=end), found)
+            assert np.allclose(dmkcl.shortest_path(mesh, start=start, end=end), found)
+            assert np.allclose(dmkcl.shortest_path(mesh, None, start, end), found)
+        assert np.allclose(dmkcl.shortest_path(V, F, start=start, end=end), found)
+    for given in (plane,), (plane, 17), (V, F), (V, F, 17), (plane, None, 17), (plane, None, None, 17):
+        with pytest.raises(dmkcl.ArgumentError, match=r"^a path has two ends: shortest_path\(mesh, 17, 99\), or"):
+            dmkcl.shortest_path(*given)
+    with pytest.raises(dmkcl.ArgumentError, match="a mesh has its faces"):
+        dmkcl.shortest_path(plane, F, 17, 99)
+    with pytest.raises(dmkcl.ArgumentError, match="^1.5: expected a vertex number or a point x, y, z"):
+        dmkcl.shortest_path(plane, 1.5, 99)
+    with pytest.raises(dmkcl.ArgumentError, match="^expected a mesh: vertices and faces, .* not ndarray"):
+        dmkcl.shortest_path(V, 17, 99)
+
+
 @pytest.mark.parametrize("wrong", [1.5, [0, 1], (0.0, 0.0, 0.0), "3"])
 def test_what_is_no_vertex_is_refused(plane, wrong):
     with pytest.raises(dmkcl.ArgumentError, match="points in space"):

@@ -9,6 +9,7 @@ from dmkcl._colour import density_map
 
 matplotlib = pytest.importorskip("matplotlib")
 pytest.importorskip("matplotlib.image")
+pytest.importorskip("matplotlib.pyplot")
 pyvista = pytest.importorskip("pyvista")
 
 
@@ -94,6 +95,13 @@ def test_plot_options(result):
         (dict(mesh_options={"cmap": "gray"}), 'mesh_options has "cmap": give cmap=..., which sets'),
         (dict(mesh_options={"log_scale": False}), 'mesh_options has "log_scale": give log=..., which sets'),
         (dict(mesh_options=[("opacity", 0.5)]), "mesh_options = .*: expected a dict, as"),
+        (dict(mesh_options={"opacty": 0.5}), "mesh_options = {'opacty': 0.5}: .*opacty"),
+        (dict(cmap="no such map"), "cmap = 'no such map': .*no such map"),
+        (dict(cmap=""), "cmap = '': "),
+        (dict(plotter=5), "plotter = 5: expected a pyvista.Plotter"),
+        (dict(log="no"), "log = 'no': expected True or False"),
+        (dict(locus=np.zeros(2)), r"locus = array\(.*: expected True or False"),
+        (dict(screenshot="picture.odt"), "screenshot = 'picture.odt': .*odt"),
         (dict(screenshot=""), "screenshot = '': expected a name with a suffix"),
         (dict(screenshot="picture"), "screenshot = 'picture': expected a name with a suffix, as .png"),
     ],
@@ -101,6 +109,28 @@ def test_plot_options(result):
 def test_plot_options_that_are_wrong(result, given, words):
     with pytest.raises(dmkcl.ArgumentError, match=words):
         result.plot(show=False, **given)
+
+
+def test_a_picture_that_cannot_be_written(result, tmp_path):
+    with pytest.raises(FileNotFoundError, match="none/a.png: cannot write: No such file or directory") as error:
+        result.plot(screenshot=tmp_path / "none" / "a.png")
+    assert isinstance(error.value, dmkcl.FileError)
+
+
+@pytest.mark.parametrize(
+    "kind, given, words",
+    [
+        ("tangent", dict(ax=5), "ax = 5: expected axes of Matplotlib"),
+        ("tangent", dict(line_options=[1]), r"line_options = \[1\]: expected a dict, as {'lw': 2}"),
+        ("tangent", dict(line_options={3: 4}), "line_options = {3: 4}: expected a dict"),
+        ("tangent", dict(line_options={"clour": 4}), "line_options = {'clour': 4}: .*clour"),
+        ("history", dict(ax=[5]), r"ax = \[5\]: expected axes of Matplotlib"),
+    ],
+)
+def test_axes_and_lines_that_are_wrong(result, kind, given, words):
+    with pytest.raises(dmkcl.ArgumentError, match=words):
+        getattr(result, "plot_" + kind)(**given)
+    matplotlib.pyplot.close("all")
 
 
 def test_the_scale_of_a_plot(result):

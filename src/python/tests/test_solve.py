@@ -532,6 +532,8 @@ def test_all_options_have_names():
         (lambda s: dmkcl.surfaces.torus(-1), "R = -1: expected a finite number above 0"),
         (lambda s: dmkcl.read(""), "'': expected the name of a file"),
         (lambda s: dmkcl.repair(""), "'': expected the name of a file"),
+        (lambda s: dmkcl.repair(s.mesh, s.mesh.faces), "a mesh has its faces"),
+        (lambda s: dmkcl.repair("a.off", s.mesh.faces), "a mesh has its faces"),
         (lambda s: dmkcl.surfaces.torus(1, 2), "the tube radius r must be smaller than R,"),
         (lambda s: dmkcl.surfaces.torus(1, 1e-7), "size r of the torus is 1e-07"),
         (lambda s: dmkcl.surfaces.torus(n_triangles=0), "n_triangles = 0: expected a number above 0"),
@@ -580,7 +582,8 @@ def test_many_meshes_with_errors(small, tmp_path):
     kept = dmkcl.solve_meshes([missing, small], on_error=lambda mesh, e: failed.append((mesh, e)))
     assert len(list(kept)) == 1
     assert failed[0][0] == missing and isinstance(failed[0][1], dmkcl.FileError)
-    for bad in (dict(on_error="skip"), dict(source="x"), dict(meshes=str(missing))):
+    wrong = (dict(on_error="skip"), dict(on_error=np.zeros(2)), dict(source="x"))
+    for bad in (*wrong, dict(meshes=str(missing)), dict(meshes=None), dict(meshes=5)):
         with pytest.raises(dmkcl.ArgumentError):
             dmkcl.solve_meshes(**{"meshes": [small], **bad})
 

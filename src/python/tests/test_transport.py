@@ -222,6 +222,10 @@ def test_a_matrix_of_one_is_checked_too(sphere):
     assert sphere.w1_matrix([]).shape == (0, 0)
     with pytest.raises(dmkcl.ArgumentError, match=r"^one measure; expected several, as in a list: \[measure\]$"):
         sphere.w1_matrix(dmkcl.Measure(uniform=1))
+    with pytest.raises(dmkcl.ArgumentError, match="measures = None: expected several, as in a list"):
+        sphere.w1_matrix(None)
+    with pytest.raises(dmkcl.ArgumentError, match="progress = array"):
+        sphere.w1_matrix([], progress=np.zeros(2))
     with pytest.raises(dmkcl.ArgumentError, match="^measure 0: vertex_mass has the shape"):
         sphere.w1_matrix([np.ones(3)])
     with pytest.raises(dmkcl.ArgumentError, match="^measure 0: vertex 7 has the value nan"):
