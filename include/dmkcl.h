@@ -326,6 +326,8 @@ typedef struct dmk_geodesics_info {
     double farthest;  /* largest distance */
     double
         error; /* largest estimate of an error over its distance, no bound; 0: exact but for rounding */
+    double tolerance; /* that was asked for, or the usual one beyond 300,000 triangles; 0: none */
+    size_t n_beyond;  /* vertices whose estimate over their distance is above the tolerance */
     size_t n_windows; /* that were made */
 } dmk_geodesics_info;
 

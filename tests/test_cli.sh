@@ -235,6 +235,13 @@ fails 'exit code 9: a gap that is not reached' 9 'gap is .* above the 1e-06' \
 check 'the files are written all the same' test -s "$work/gap.vtp"
 check 'a gap that hides nothing is explained' output_has 'as mu has not settled' \
     "$tool" solve meshes/sphere.off --vertex 0 --method euler --start uniform --tolerance 1
+beyond() {
+    local n
+    "$tool" distance "$torus" --vertex 0 --tolerance 1e-5 --report "$work/beyond.json" > "$work/beyond" &&
+        n=$(sed -n 's/^ *"n_beyond": \([0-9]*\),$/\1/p' "$work/beyond.json") && test "$n" -gt 1 &&
+        has "$work/beyond" "^distance .*, within 1e-05 of each but $n vertices, there within 1\.[0-9]*e-05$"
+}
+check 'where an estimate is above the tolerance' beyond
 check 'the gap alone ends a run' "$tool" solve meshes/sphere.off --vertex 0 --gap 0.01 --tolerance 1e-12
 
 # ---- a whole run ------------------------------------------------------------------------------

@@ -1252,7 +1252,13 @@ static void merged_windows(void **state)
         }
         dmk_geodesics_get_info(merged, &info);
         assert_true(info.error > 1e-7 && info.error < 1e-3);
-        assert_true(info.n_windows < (size_t)exact->n_windows);
+        size_t n_beyond = 0;
+        for (int32_t v = 0; v < m->n_vertices; v++)
+            n_beyond += error[v] > options.tolerance * merged->distance[v];
+        assert_true(n_beyond > 0 && info.n_beyond == n_beyond && info.tolerance == 1e-5);
+        dmk_geodesics_get_info(exact, &info);
+        assert_true(info.n_beyond == 0 && info.tolerance == 0);
+        assert_true((size_t)merged->n_windows < info.n_windows);
         dmk_geodesics_destroy(&exact);
         dmk_geodesics_destroy(&merged);
     }

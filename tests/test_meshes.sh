@@ -66,6 +66,15 @@ check 'a list, to standard output' test "$(grep -c '"state": "done"' "$work/line
 "$tool" batch - --report - < "$work/l.txt" > "$work/lines"
 check 'a list, from standard input' test "$(wc -l < "$work/lines")" -eq 2
 check 'as JSON Lines' lines_are_json "$work/lines"
+# Behind a blank "#" begins a comment where a mesh or folder stands before it, and is else of the name.
+mkdir -p "$work/hash/in"
+for name in 'no#1.off' 'no #2.off' 'no.off #3.off' 'in/c.off'; do cp "$in/a.off" "$work/hash/$name"; done
+printf '%b\n' '#d.off' 'no#1.off\t# a' 'no #2.off   # b # c' 'no.off #3.off' 'in #d' 'e.off # e' 'f # f' > "$work/hash/list"
+(tool=$(realpath "$tool") && cd "$work/hash" && "$tool" batch - --json < list > lines 2> errors)
+check 'comments behind the names of a list' test "$(report=$work/hash/lines names)" = \
+    'c 0 done;e 0 failed;f # f 0 failed;no #2 0 done;no#1 0 done;no.off #3 0 done;'
+check 'a file that is not there by its name' has "$work/hash/errors" '^dmkcl: e.off: cannot open: '
+check 'or by all of the line' has "$work/hash/errors" '^dmkcl: f # f: cannot open: '
 
 # A missed gap changes the exit code alone, and only of a run without failures.
 missed=$work/missed

@@ -78,9 +78,11 @@ static int parse(batch_request *request, cli_words *meshes, int argc, char **arg
                    "with all\n"
                    "meshes below them, and lists (.txt, .list, or - for the standard input) with a "
                    "mesh or\n"
-                   "folder on each line, by its name from the current folder; a line that begins "
-                   "with # is\n"
-                   "a comment. Without a source it is vertex 0 of each mesh.",
+                   "folder on each line, by its name from the current folder; # at the beginning "
+                   "of a line,\n"
+                   "or with a blank before it behind a name, begins a comment. Without a source "
+                   "it is\n"
+                   "vertex 0 of each mesh.",
         .operand = "MESH",
         .operands = meshes,
         .notes =

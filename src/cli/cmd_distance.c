@@ -142,6 +142,8 @@ static void write_report(FILE *file, const distance_request *request, const dist
     json_integer(&json, "n_reached", (int64_t)info.n_reached);
     json_number(&json, "farthest", info.farthest);
     json_number(&json, "error", info.error);
+    json_number(&json, "tolerance", info.tolerance);
+    json_integer(&json, "n_beyond", (int64_t)info.n_beyond);
     json_number(&json, "integral", integral);
     json_number(&json, "integral_error", error);
     json_integer(&json, "windows", (int64_t)info.n_windows);
@@ -159,6 +161,22 @@ static void write_report(FILE *file, const distance_request *request, const dist
     json_close(&json, '{');
 }
 
+static void print_distance(const dmk_geodesics_info *info)
+{
+    char text[CLI_TEXT_SIZE];
+    printf("%-10s farthest %.10g", "distance", info->farthest);
+    cli_counted((int64_t)info->n_beyond, "vertex", "vertices", text);
+    if (info->error <= 0)
+        printf(", exact");
+    else if (info->n_beyond == 0)
+        printf(", within %.1g of each", info->error);
+    else if (info->tolerance > 0)
+        printf(", within %g of each but %s, there within %.3g", info->tolerance, text, info->error);
+    else
+        printf(", within %.1g of each, not exact at %s", info->error, text);
+    putchar('\n');
+}
+
 static void print_summary(const distance_request *request, const distance_run *run)
 {
     char text[CLI_TEXT_SIZE], more[CLI_TEXT_SIZE];
@@ -173,12 +191,7 @@ static void print_summary(const distance_request *request, const distance_run *r
     if (run->n > 0) fputs(cli_counted((int64_t)run->n, "point", "points", text), stdout);
     if (run->border) printf("%sthe border", run->n > 0 ? " and " : "");
     putchar('\n');
-    printf("%-10s farthest %.10g", "distance", info.farthest);
-    if (info.error > 0)
-        printf(", within %.1g of each", info.error);
-    else
-        printf(", exact");
-    putchar('\n');
+    print_distance(&info);
     if (info.n_reached + mesh.n_unused_vertices < mesh.n_vertices) {
         printf("%-10s %s on components without a source\n", "",
                cli_counted((int64_t)(mesh.n_vertices - mesh.n_unused_vertices - info.n_reached),

@@ -34,6 +34,7 @@ static void print_path(const path_request *request, const solve_run *run, const 
 typedef struct outcome {
     const path_request *request;
     const dmk_path *path;
+    double seconds; /* to find it */
 } outcome;
 
 static void report_path(cli_json *json, const solve_run *run, const void *data)
@@ -55,13 +56,16 @@ static void report_path(cli_json *json, const solve_run *run, const void *data)
     json_close(json, '{');
     json_open(json, "seconds", '{');
     json_number(json, "read", run->seconds.read);
+    json_number(json, "path", t->seconds);
+    json_number(json, "write", run->seconds.write);
     json_number(json, "total", cli_seconds() - run->seconds.begin);
     json_close(json, '{');
 }
 
-/* The end is looked at before the long work begins. */
-static int trace(const path_request *request, solve_run *run, dmk_path *path)
+/* The end is looked at before the long work begins. *seconds: to find the path. */
+static int trace(const path_request *request, solve_run *run, dmk_path *path, double *seconds)
 {
+    double mark = cli_seconds();
     dmk_point end;
     int rc = place_end(request, run, &end);
     if (rc != DMK_OK) return solve_fail(run, rc);
@@ -70,11 +74,14 @@ static int trace(const path_request *request, solve_run *run, dmk_path *path)
     if (rc == DMK_OK) rc = solve_go_on();
     if (rc == DMK_OK) rc = dmk_geodesics_paths(run->context, geodesics, 1, &end, path);
     dmk_geodesics_destroy(&geodesics);
+    *seconds = cli_seconds() - mark;
+    mark = cli_seconds();
     for (int i = 0; i < request->out.n && rc == DMK_OK; i++) {
         rc = solve_go_on();
         if (rc == DMK_OK)
             rc = dmk_path_write(run->context, run->mesh, path, cli_path(request->out.path[i]));
     }
+    run->seconds.write = cli_seconds() - mark;
     cli_progress_end(&run->progress);
     return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
 }
@@ -83,10 +90,11 @@ static int run_path(const path_request *request)
 {
     solve_run run;
     dmk_path path = {0};
+    double seconds = 0;
     int code = solve_begin(&request->solve, &run);
-    if (code == EXIT_OK) code = trace(request, &run, &path);
+    if (code == EXIT_OK) code = trace(request, &run, &path, &seconds);
     if (code == EXIT_OK && request->solve.report) {
-        const outcome t = {request, &path};
+        const outcome t = {request, &path, seconds};
         code = solve_report_more(&request->solve, &run, report_path, &t);
     }
     if (code == EXIT_OK && solve_prints_summary(&request->solve)) {

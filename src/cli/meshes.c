@@ -97,14 +97,29 @@ static int add_folder(lister *l, const char *folder, size_t head, const folder_w
     return code;
 }
 
-/* A list is a file of paths, a line each, blanks around which are none of theirs; "#" begins a comment. */
+/* "#" begins a comment, behind a blank only where a mesh or folder stands before it: names with " #" in them stay. */
+static void drop_comment(char *line)
+{
+    struct stat file;
+    if (*line == '#') *line = '\0';
+    for (char *blank = line; stat(line, &file) != 0 && (blank = strpbrk(blank, " \t")); blank++) {
+        if (blank[strspn(blank, " \t")] != '#') continue;
+        const char kept = *blank;
+        *blank = '\0';
+        if (stat(line, &file) == 0 || stem_length(line) > 0) return;
+        *blank = kept;
+    }
+}
+
+/* A list is a file of paths, a line each, blanks around which are none of theirs. */
 static int take_line(char *line, int64_t number, void *data)
 {
     (void)number;
     line += strspn(line, " \t");
     size_t n = strlen(line);
     while (n > 0 && strchr(" \t", line[n - 1])) line[--n] = '\0';
-    return *line && *line != '#' ? add_path(data, line, true) : EXIT_OK;
+    drop_comment(line);
+    return *line ? add_path(data, line, true) : EXIT_OK;
 }
 
 static bool is_list(const char *path)

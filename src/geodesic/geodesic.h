@@ -105,6 +105,7 @@ struct dmk_geodesics {
     dmk_tie *tie;         /* n_ties, by vertex; exact windows know them */
     size_t n_ties;
     double *error;    /* n_vertices: estimate of the error; NULL if all are exact */
+    double asked;     /* tolerance; 0: exact distances were */
     double tolerance; /* of merged windows; 0: exact */
     dmk_star star;
     int64_t n_windows; /* made */

@@ -149,8 +149,7 @@ static double more_windows(const dmk_geodesics *g, bool exact)
 static int start(dmk_context *ctx, dmk_geodesics *g, attempt how, const dmk_geodesics_options *o,
                  bool *finished)
 {
-    const double asked = tolerance_of(g->mesh, o);
-    g->tolerance = how == MERGED ? usual_tolerance : how == ASKED ? asked : 0;
+    g->tolerance = how == MERGED ? usual_tolerance : how == ASKED ? g->asked : 0;
     /* Where others may do better, an attempt ends when more vertices miss the tolerance than can be mended. */
     const int over = how == ASKED ? DMK_MOST_REPAIRS : INT_MAX;
     if (how == ASKED || how == ESTIMATED || how == MERGED)
@@ -201,8 +200,9 @@ static int run(dmk_context *ctx, dmk_geodesics *g, const dmk_geodesics_options *
 {
     bool finished = false;
     int rc = DMK_OK;
-    for (attempt how = tolerance_of(g->mesh, o) > 0 ? ASKED : EXACT;
-         how <= (o->exact ? ESTIMATED : MERGED); how++) {
+    g->asked = tolerance_of(g->mesh, o);
+    for (attempt how = g->asked > 0 ? ASKED : EXACT; how <= (o->exact ? ESTIMATED : MERGED);
+         how++) {
         rc = try_one(ctx, g, how, o, &finished);
         finished = finished && !(o->exact && g->error);
         if (rc == DMK_OK ? finished : rc != DMK_E_MESH) return rc;
@@ -289,12 +289,14 @@ void dmk_geodesics_get_info(const dmk_geodesics *g, dmk_geodesics_info *info)
     memset(info, 0, sizeof *info);
     if (!g) return;
     info->n_windows = (size_t)g->n_windows;
+    info->tolerance = g->asked;
     for (int32_t v = 0; v < g->mesh->n_vertices; v++) {
         if (g->arrival[v].source < 0) continue;
         info->n_reached++;
         info->farthest = dmk_max(info->farthest, g->distance[v]);
-        if (g->error && g->distance[v] > 0)
-            info->error = dmk_max(info->error, g->error[v] / g->distance[v]);
+        if (!g->error || !(g->distance[v] > 0)) continue;
+        info->error = dmk_max(info->error, g->error[v] / g->distance[v]);
+        info->n_beyond += g->error[v] / g->distance[v] > g->asked;
     }
 }
 

@@ -231,7 +231,8 @@ class Geodesics:
 
     @cached_property
     def info(self) -> "dict[str, Any]":
-        """n_reached, farthest, error (the largest estimate, over its distance; no bound), n_windows."""
+        """n_reached, farthest, error (the largest estimate, over its distance; no bound), tolerance (asked for, or
+        the usual one), n_beyond (vertices whose estimate is above it), n_windows."""
         info = ffi.new("dmk_geodesics_info *")
         lib.dmk_geodesics_get_info(self._handle.pointer, info)
         return copy_struct(info[0])
