@@ -689,6 +689,8 @@ static void test_refuses_to_write(void **state)
     assert_int_equal(dmk_fields_write(f->ctx, &(dmk_fields){.mesh = m}, path_of(f, "r.off")),
                      DMK_E_ARG);
     assert_int_equal(dmk_curves_write(f->ctx, &curves, path_of(f, "l.vtu")), DMK_E_ARG);
+    assert_int_equal(dmk_mesh_write(f->ctx, m, ""), DMK_E_ARG);
+    assert_string_equal(dmk_context_message(f->ctx), "'': expected the name of a file");
     assert_int_equal(dmk_mesh_write(f->ctx, m, NULL), DMK_E_ARG);
     assert_int_equal(dmk_mesh_write(f->ctx, NULL, f->path), DMK_E_ARG);
     dmk_mesh_destroy(&m);

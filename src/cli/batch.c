@@ -199,9 +199,8 @@ static void solve_all(batch *b, solve_run *run)
     const int rc = add_up(b);
     if (rc == DMK_E_DEVICE) b->code = cli_error(cli_exit_code(rc), "a rank was lost");
     if (cli_interrupted()) {
-        b->code =
-            cli_error(cli_exit_code(DMK_E_CANCELLED), "interrupted; %zu of %zu sources are left",
-                      b->n - b->n_solved - b->n_kept, b->n);
+        b->code = cli_error(cli_exit_code(DMK_E_CANCELLED), "interrupted; %zu of %zu sources left",
+                            b->n - b->n_solved - b->n_kept, b->n);
     }
 }
 

@@ -372,9 +372,9 @@ static int end(farm *f)
     const int flushed = cli_flush();
     if (cli_interrupted()) {
         if (cli_has_last_word())
-            fprintf(stderr, "dmkcl: interrupted; %zu of %zu are left%s\n",
-                    all - f->n_done - f->n_kept, all,
-                    strcmp(f->request->each.report, "-") != 0 ? ": --resume does them" : "");
+            fprintf(stderr, "dmkcl: interrupted; %zu of %zu left%s\n", all - f->n_done - f->n_kept,
+                    all,
+                    strcmp(f->request->each.report, "-") != 0 ? ": --resume does the rest" : "");
         return cli_exit_code(DMK_E_CANCELLED);
     }
     if (atomic_load(&f->code) != EXIT_OK) return atomic_load(&f->code);

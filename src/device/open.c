@@ -253,8 +253,10 @@ static int choose(dmk_context *ctx, const char *select, const found *all, size_t
         }
     }
     if (is_number) {
-        return dmk_fail(ctx, DMK_E_DEVICE, "no device %s: there %s %zu, numbered from 0", select,
-                        n == 1 ? "is" : "are", n);
+        if (n == 1)
+            return dmk_fail(ctx, DMK_E_DEVICE, "no device %s: there is one, number 0", select);
+        return dmk_fail(ctx, DMK_E_DEVICE, "no device %s: there are %zu, numbered from 0", select,
+                        n);
     }
     return dmk_fail(ctx, DMK_E_DEVICE,
                     "no OpenCL device or platform has '%s' in its name; the list of devices shows "

@@ -127,6 +127,7 @@ static int find_writer(dmk_context *ctx, const char *path, int what, const dmk_f
 {
     char list[256];
     const bool stream = dmk_outfile_is_stream(path);
+    if (!*path) return dmk_fail(ctx, DMK_E_ARG, "'': expected the name of a file");
     *format = find_by_suffix(path, what);
     if (*format && stream && (*format)->write_mesh == dmk_pvtp_write) {
         return dmk_fail(ctx, DMK_E_ARG, "%s: PVTP is several files, and this is a pipe or device",

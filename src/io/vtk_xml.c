@@ -302,8 +302,14 @@ static void parse(walk *w)
         w->rc = dmk_fail(w->context, DMK_E_NOMEM, "out of memory: reading XML");
         return;
     }
-    w->rc = dmk_fail(w->context, DMK_E_FORMAT, "%s:%lu: not well-formed XML: %s", w->file->path,
-                     (unsigned long)XML_GetCurrentLineNumber64(w->parser), XML_ErrorString(error));
+    const unsigned long line = (unsigned long)XML_GetCurrentLineNumber64(w->parser);
+    if (error == XML_ERROR_NO_ELEMENTS || error == XML_ERROR_UNCLOSED_TOKEN)
+        w->rc = dmk_fail(w->context, DMK_E_FORMAT,
+                         "%s:%lu: the file ends before </VTKFile>; it is cut short", w->file->path,
+                         line);
+    else
+        w->rc = dmk_fail(w->context, DMK_E_FORMAT, "%s:%lu: not well-formed XML: %s", w->file->path,
+                         line, XML_ErrorString(error));
 }
 
 int dmk_vtk_tags_read(dmk_context *ctx, const dmk_file *file, dmk_vtk_tags *tags)
