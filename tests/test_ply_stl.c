@@ -372,12 +372,18 @@ static void test_stl_binary_variants(void **state)
         n = make_binary_stl(file, titles[i]);
         check_square(read_bytes(*state, "m", file, n));
     }
-    file[80] = 3; /* more triangles than there are */
     fixture *f = *state;
     dmk_mesh *m = NULL;
-    put_file(f, "m.stl", file, n);
-    assert_int_equal(dmk_mesh_read(f->ctx, f->path, &m), DMK_E_FORMAT);
-    assert_non_null(strstr(dmk_context_message(f->ctx), "m.stl: contains no facets"));
+    for (char count = 0; count < 4; count++) { /* of two triangles */
+        if (count == 2) continue;
+        char words[80];
+        file[80] = count;
+        snprintf(words, sizeof words, "m.stl: 184 bytes, but binary STL of %d facets has %d; ",
+                 count, 84 + 50 * count);
+        put_file(f, "m.stl", file, n);
+        assert_int_equal(dmk_mesh_read(f->ctx, f->path, &m), DMK_E_FORMAT);
+        assert_non_null(strstr(dmk_context_message(f->ctx), words));
+    }
     remove_file(f, "m.stl");
 }
 

@@ -14,11 +14,15 @@ static uint32_t decode32(const char *p)
     return (uint32_t)b[0] | (uint32_t)b[1] << 8 | (uint32_t)b[2] << 16 | (uint32_t)b[3] << 24;
 }
 
+static uint64_t binary_size(const dmk_file *f)
+{
+    return HEADER_BYTES + (uint64_t)RECORD_BYTES * decode32(f->data + 80);
+}
+
 /* The size gives binary files away; some of them begin with "solid" as text does, or as other formats. */
 bool dmk_stl_is_binary(const dmk_file *f)
 {
-    return f->size >= HEADER_BYTES &&
-           f->size == HEADER_BYTES + (uint64_t)RECORD_BYTES * decode32(f->data + 80);
+    return f->size >= HEADER_BYTES && f->size == binary_size(f);
 }
 
 bool dmk_stl_sniff(const dmk_file *f)
@@ -120,6 +124,19 @@ done:
     return rc;
 }
 
+/* Nothing in it was read as text; no text has a byte 0. */
+static int refuse(dmk_context *ctx, const dmk_file *f)
+{
+    if (dmk_stl_is_binary(f) || f->size < HEADER_BYTES || !memchr(f->data, '\0', f->size))
+        return dmk_fail(ctx, DMK_E_FORMAT, "%s: contains no facets: not a mesh in STL format",
+                        f->path);
+    return dmk_fail(ctx, DMK_E_FORMAT,
+                    "%s: %zu bytes, but binary STL of %lu facets has %llu; the file is cut short or "
+                    "lengthened, or its count is wrong",
+                    f->path, f->size, (unsigned long)decode32(f->data + 80),
+                    (unsigned long long)binary_size(f));
+}
+
 int dmk_stl_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
 {
     int rc;
@@ -127,11 +144,7 @@ int dmk_stl_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
     dmk_text t;
     DMK_TRY(dmk_text_open(ctx, file, &t));
     rc = dmk_stl_is_binary(file) ? read_binary(ctx, file, &c) : read_text(&t, &c);
-    if (rc == DMK_OK && soup->n_triangles == 0) {
-        rc = dmk_fail(ctx, DMK_E_FORMAT,
-                      "%s: contains no facets: not STL, or a binary file that is cut short",
-                      file->path);
-    }
+    if (rc == DMK_OK && soup->n_triangles == 0) rc = refuse(ctx, file);
     if (rc == DMK_OK) rc = dmk_soup_weld(ctx, soup);
 done:
     dmk_text_close(&t);
