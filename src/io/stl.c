@@ -130,11 +130,12 @@ static int refuse(dmk_context *ctx, const dmk_file *f)
     if (dmk_stl_is_binary(f) || f->size < HEADER_BYTES || !memchr(f->data, '\0', f->size))
         return dmk_fail(ctx, DMK_E_FORMAT, "%s: contains no facets: not a mesh in STL format",
                         f->path);
-    return dmk_fail(ctx, DMK_E_FORMAT,
-                    "%s: %zu bytes, but binary STL of %lu facets has %llu; the file is cut short or "
-                    "lengthened, or its count is wrong",
-                    f->path, f->size, (unsigned long)decode32(f->data + 80),
-                    (unsigned long long)binary_size(f));
+    return dmk_fail(
+        ctx, DMK_E_FORMAT,
+        "%s: %zu bytes, but binary STL of %lu facets has %llu; the file is cut short or "
+        "lengthened, or its count is wrong",
+        f->path, f->size, (unsigned long)decode32(f->data + 80),
+        (unsigned long long)binary_size(f));
 }
 
 int dmk_stl_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
