@@ -128,7 +128,7 @@ int dmk_output_sync(dmk_output *s)
     s->fill = 0;
     if (s->rc != DMK_OK) return s->rc;
     if (!s->error) s->error = dmk_outfile_sync(&s->file);
-    return s->error ? cannot_write(s, "; nothing was written") : DMK_OK;
+    return s->error ? cannot_write(s, "; nothing was written to it") : DMK_OK;
 }
 
 int dmk_output_detach(dmk_output **out, int rc, dmk_outfile *file)
@@ -150,7 +150,7 @@ int dmk_output_close(dmk_output **out, int rc)
     *out = NULL;
     if (rc == DMK_OK) write_out(s, s->buffer, s->fill);
     if (rc == DMK_OK) rc = s->rc;
-    const char *left = s->file.stream ? "" : "; nothing was written";
+    const char *left = s->file.stream ? "" : "; nothing was written to it";
     if (rc != DMK_OK || s->error)
         dmk_outfile_discard(&s->file);
     else
