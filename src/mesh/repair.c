@@ -204,8 +204,7 @@ static int drop_triangles(soup *s)
         s->old[n++] = t;
     }
     if (n == 0 && s->n_triangles > 0)
-        rc = dmk_fail(s->ctx, DMK_E_MESH, "nothing to repair: none of the %d triangles has an area",
-                      s->n_triangles);
+        rc = dmk_fail(s->ctx, DMK_E_MESH, "nothing to repair: no triangle has an area");
     s->n_triangles = n;
 done:
     free(gone);
