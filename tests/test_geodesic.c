@@ -1428,6 +1428,19 @@ static void estimates_on_terrain(void **state)
     assert_true(sum < RUNS);
 }
 
+/* A way with an error comes late to a vertex that has radiated already: all behind it share the error. */
+static void estimates_behind_bends(void **state)
+{
+    static const uint32_t seed[2] = {154240091, 2169486056};
+    for (int i = 0; i < 2; i++) {
+        double large;
+        uint32_t random = seed[i];
+        dmk_mesh *m = make_terrain(*state, i == 0 ? 21 : 15, &random);
+        assert_true(compare_estimates(*state, m, &random, &large) < 1.5);
+        dmk_mesh_destroy(&m);
+    }
+}
+
 /* From the border of a square, and from a line through it. */
 static void lines(void **state)
 {
@@ -1822,6 +1835,7 @@ int main(void)
         cmocka_unit_test(merging_that_is_no_use_ends_early),
         cmocka_unit_test(merging_that_is_no_use_ends_early),
         cmocka_unit_test(estimates_on_terrain),
+        cmocka_unit_test(estimates_behind_bends),
         cmocka_unit_test(lines),
         cmocka_unit_test(one_source_among_the_rays_of_another),
         cmocka_unit_test(offsets_beside_the_mesh),

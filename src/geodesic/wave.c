@@ -484,6 +484,20 @@ done:
     return rc;
 }
 
+/* A vertex at which paths bend may turn out to have a larger error after it has radiated. */
+static void hand_on_errors(const engine *e)
+{
+    for (bool again = true; again;) {
+        again = false;
+        for (int32_t v = 0; v < e->front.g->mesh->n_vertices; v++) {
+            const int32_t root = e->mark[v].root;
+            if (root < 0 || e->error[root] <= e->error[v]) continue;
+            e->error[v] = e->error[root];
+            again = true;
+        }
+    }
+}
+
 static void arrive(const engine *e, int32_t v)
 {
     dmk_geodesics *g = e->front.g;
@@ -530,6 +544,7 @@ int dmk_waves_run(dmk_context *ctx, dmk_geodesics *g, double tolerance, double e
     rc = sweep(ctx, &e, finished);
     dmk_crew_end(ctx, &e.crew);
     if (rc != DMK_OK) goto done;
+    if (*finished) hand_on_errors(&e);
     if (*finished) dmk_parallel(ctx, g->mesh->n_vertices, arrive_range, &e);
     g->n_windows = 0;
     for (int i = 0; i < SHARDS; i++) g->n_windows += e.shard[i].n_made;
