@@ -1659,7 +1659,7 @@ static void from_the_border_of_terrain(void **state)
         bool finished;
         assert_null(g->error);
         assert_int_equal(dmk_geodesics_prepare(ctx, m, NULL, 0, NULL, &options, &near), DMK_OK);
-        assert_int_equal(dmk_waves_run(ctx, near, 0, 0, 1000, &finished), DMK_OK);
+        assert_int_equal(dmk_waves_run(ctx, near, 0, 0, 1000, INT_MAX, &finished), DMK_OK);
         for (int32_t v = 0; v < m->n_vertices; v++)
             assert_true(fabs(g->distance[v] - near->distance[v]) < 1e-9 * height);
         dmk_geodesics_destroy(&g);
