@@ -1361,7 +1361,8 @@ static double compare_estimates(dmk_context *ctx, const dmk_mesh *m, uint32_t *r
     dmk_geodesics *exact = run_with(ctx, m, 1, &source, &options);
     assert_int_equal(dmk_geodesics_prepare(ctx, m, NULL, 1, &source, &options, &merged), DMK_OK);
     assert_int_equal(
-        dmk_waves_run(ctx, merged, pow(10, -5.5 + 5 * noise(random)), 0, 1000, INT_MAX, &finished), DMK_OK);
+        dmk_waves_run(ctx, merged, pow(10, -5.5 + 5 * noise(random)), 0, 1000, INT_MAX, &finished),
+        DMK_OK);
     assert_true(finished);
     for (int32_t v = 0; v < m->n_vertices; v++) farthest = fmax(farthest, exact->distance[v]);
     for (int32_t v = 0; v < m->n_vertices; v++) {

@@ -93,7 +93,7 @@ typedef struct shard {
     size_t n_reached, reached_room;
     int64_t n_made, n_looks;
     int64_t n_over; /* its vertices over the tolerance, those at the front, too */
-    bool keeps; /* a half-edge wants to keep windows */
+    bool keeps;     /* a half-edge wants to keep windows */
     char apart[128];
 } shard;
 
