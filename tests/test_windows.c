@@ -7,6 +7,7 @@
 #include "geodesic/trace.h"
 #include "surfaces/refine.h"
 
+#include <limits.h>
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -226,8 +227,27 @@ static void check_count(dmk_context *ctx, const dmk_mesh *m, double tolerance, d
 static void merging(void **state)
 {
     dmk_mesh *m = make(*state, 160, 80, on_torus, 0.4);
-    check_count(*state, m, 1e-6, 415506, 0.01);
-    check_count(*state, m, 1e-4, 97919, 0.01);
+    check_count(*state, m, 1e-6, 403860, 0.01);
+    check_count(*state, m, 1e-4, 89644, 0.01);
+    dmk_mesh_destroy(&m);
+}
+
+/* The estimates of merged windows on a torus. What two of them differ in where they touch is there at every edge that
+ * they cross, and counts once: else 298 vertices are over. */
+static void what_windows_differ_in_counts_once(void **state)
+{
+    bool finished;
+    dmk_geodesics *g;
+    dmk_geodesics_options options;
+    int n = 0;
+    dmk_mesh *m = make(*state, 640, 320, on_torus, 0.4);
+    const dmk_point source = {.triangle = 0, .weight = {1, 0, 0}};
+    dmk_geodesics_options_init(&options, sizeof options);
+    assert_int_equal(dmk_geodesics_prepare(*state, m, NULL, 1, &source, &options, &g), DMK_OK);
+    assert_int_equal(dmk_waves_run(*state, g, 1e-6, 0, 1000, INT_MAX, &finished), DMK_OK);
+    for (int32_t v = 0; v < m->n_vertices; v++) n += dmk_is_over(1e-6, g->error[v], g->distance[v]);
+    assert_in_range(n, 0, 20);
+    dmk_geodesics_destroy(&g);
     dmk_mesh_destroy(&m);
 }
 
@@ -275,7 +295,7 @@ static void buckets(void **state)
 {
     dmk_mesh *m = make(*state, 160, 80, on_torus, 0.4);
     dmk_geodesics *g = from_vertex(*state, m, 17, 1e-4);
-    if (g->n_windows < 89600 || g->n_windows > 93300)
+    if (g->n_windows < 85200 || g->n_windows > 88700)
         fail_msg("%lld windows", (long long)g->n_windows);
     dmk_geodesics_destroy(&g);
     dmk_mesh_destroy(&m);
@@ -661,6 +681,7 @@ int main(void)
         cmocka_unit_test(shortest_waves_are_kept),
         cmocka_unit_test(parts_become_whole),
         cmocka_unit_test(merging),
+        cmocka_unit_test(what_windows_differ_in_counts_once),
         cmocka_unit_test(exact_windows),
         cmocka_unit_test(buckets),
         cmocka_unit_test(most_of_all),

@@ -252,16 +252,18 @@ static double among(const wave *u, const wave *w, double a, double b, double sig
     return NAN;
 }
 
+/* Each goes on to the middle of the gap: its error grows there by what their slopes differ, and is half of what they
+ * differ in all or more. What they differ already when the next edge opens the gap anew has been counted. */
 static void close_gap(const engine *e, wave *u, wave *w, double length)
 {
-    double g = w->lo - u->hi, middle = 0.5 * (w->lo + u->hi);
-    if (!(g > 0)) return;
-    double jump = fabs(value(u, middle) - value(w, middle)) +
-                  0.5 * g * fabs(slope(u, middle) - slope(w, middle));
+    const double gap = w->lo - u->hi, middle = 0.5 * (w->lo + u->hi);
+    if (!(gap > 0)) return;
+    const double bend = 0.5 * gap * fabs(slope(u, middle) - slope(w, middle)),
+                 jump = fabs(value(u, middle) - value(w, middle)) + bend;
     if (jump > e->allow.step * length) return;
     u->hi = w->lo = middle;
-    u->error += jump;
-    w->error += jump;
+    u->error = dmk_max(u->error + bend, jump);
+    w->error = dmk_max(w->error + bend, jump);
 }
 
 /* Of u and w behind it the lower parts. False: w is of no use. *again: u was of none, look at the
