@@ -346,7 +346,7 @@ static int open_along(dmk_context *ctx, const dmk_geodesics *g, const dmk_seam *
     DMK_TRY(allocate(ctx, &k));
     split_all(&k);
     DMK_TRY(dmk_poll(ctx));
-    if (k.seam && !getenv("NOSIDES")) DMK_TRY(find_turns(ctx, &k));
+    if (k.seam) DMK_TRY(find_turns(ctx, &k));
     if (!k.seam && seam->is_tree) slit(&k);
     DMK_TRY(dmk_poll(ctx));
     dmk_parallel(ctx, k.n_vertices, place, &k);

@@ -108,7 +108,7 @@ static int put(dmk_context *ctx, const engine *e, const wave *w, double key)
 
 static bool is_over(const engine *e, int32_t v)
 {
-    return dmk_is_over(e->tolerance, e->error[v] + e->detour[v], e->front.d[v]);
+    return dmk_is_over(e->allow.error, e->error[v] + e->detour[v], e->front.d[v]);
 }
 
 static int reach(dmk_context *ctx, const engine *e, int32_t v, double d, const mark *m,
@@ -535,7 +535,6 @@ int dmk_waves_run(dmk_context *ctx, dmk_geodesics *g, double tolerance, double e
     int rc;
     engine e;
     DMK_TRY(engine_create(ctx, g, tolerance, &e));
-    e.tolerance = tolerance;
     e.most_over = e.count_at = over;
     e.most_looks = looks * 3LL * g->mesh->n_triangles + 5000000; /* small meshes may need more */
     for (int32_t i = 0; i < g->n_sources; i++) DMK_TRY(radiate_source(ctx, &e, i));
@@ -544,8 +543,10 @@ int dmk_waves_run(dmk_context *ctx, dmk_geodesics *g, double tolerance, double e
     rc = sweep(ctx, &e, finished);
     dmk_crew_end(ctx, &e.crew);
     if (rc != DMK_OK) goto done;
-    if (*finished) hand_on_errors(&e);
-    if (*finished) dmk_parallel(ctx, g->mesh->n_vertices, arrive_range, &e);
+    if (*finished) {
+        hand_on_errors(&e);
+        dmk_parallel(ctx, g->mesh->n_vertices, arrive_range, &e);
+    }
     g->n_windows = 0;
     for (int i = 0; i < SHARDS; i++) g->n_windows += e.shard[i].n_made;
     if (tolerance > 0 || (*finished && !is_exact(&e, exact))) {

@@ -101,7 +101,6 @@ typedef struct engine {
     dmk_front front;
     int64_t most_looks, most_over;
     int64_t count_at; /* when so many are over, the next look at which ones */
-    double tolerance;
     allowance allow;
     double *error;    /* n_vertices */
     double *detour;   /* n_vertices: part of the error in the end */
