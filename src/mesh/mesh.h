@@ -61,6 +61,17 @@ static inline double dmk_cot(const dmk_mesh *m, int32_t h)
     return (p * p + q * q - o * o) / (4 * m->area[t]);
 }
 
+/* Those of the angles at t's corners 0, 1 and 2: dmk_cot of 3 t, 3 t + 1 and 3 t + 2. */
+static inline void dmk_cots(const dmk_mesh *m, int32_t t, double cot[3])
+{
+    const int32_t *edge = m->triangle_edge + 3 * (size_t)t;
+    const double a = m->length[edge[0]], b = m->length[edge[1]], c = m->length[edge[2]],
+                 part = 4 * m->area[t];
+    cot[0] = (b * b + c * c - a * a) / part;
+    cot[1] = (c * c + a * a - b * b) / part;
+    cot[2] = (a * a + b * b - c * c) / part;
+}
+
 /* Of a mesh that has been described. */
 static inline bool dmk_mesh_is_disk(const dmk_mesh *m)
 {

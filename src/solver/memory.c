@@ -41,8 +41,8 @@ void dmk_mesh_memory(const dmk_mesh *mesh, int single_precision, dmk_memory *mem
     if (!mesh->length) return; /* nothing is known of angles */
     int64_t n = 0;
     for (int32_t t = 0; t < mesh->n_triangles; t++) {
-        const double cot[3] = {dmk_cot(mesh, 3 * t), dmk_cot(mesh, 3 * t + 1),
-                               dmk_cot(mesh, 3 * t + 2)};
+        double cot[3];
+        dmk_cots(mesh, t, cot);
         n += dmk_is_needle(cot);
     }
     if (!single_precision && dmk_fine_graph_pays(mesh->n_triangles, n, mesh->sharpest))

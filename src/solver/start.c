@@ -80,8 +80,8 @@ static void outflow_range(int32_t begin, int32_t end, void *data)
     const sweep *s = data;
     const dmk_mesh *mesh = s->mesh;
     for (int32_t t = begin; t < end; t++) {
-        const double cot[3] = {dmk_cot(mesh, 3 * t), dmk_cot(mesh, 3 * t + 1),
-                               dmk_cot(mesh, 3 * t + 2)};
+        double cot[3];
+        dmk_cots(mesh, t, cot);
         for (int k = 0; k < 3; k++) {
             const int32_t e = mesh->triangle_edge[3 * (size_t)t + (size_t)k];
             const double flow = outflow(s, t, k, cot);

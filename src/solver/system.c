@@ -53,10 +53,12 @@ static void element_range(int32_t begin, int32_t end, void *data)
     const dmk_mesh *m = job->p->mesh;
     const dmk_system *s = job->p->sys;
     for (int32_t t = begin; t < end; t++) {
+        double cot[3];
+        dmk_cots(m, t, cot);
         for (int k = 0; k < 3; k++) {
             job->index[dmk_slot(t, k, 6)] = s->vertex_row + m->triangle[3 * t + k];
             job->index[dmk_slot(t, 3 + k, 6)] = m->triangle_edge[3 * t + k];
-            job->cot[dmk_slot(t, k, 3)] = dmk_cot(m, 3 * t + k);
+            job->cot[dmk_slot(t, k, 3)] = cot[k];
         }
         job->area[t] = m->area[t] / (s->unit * s->unit);
     }
@@ -105,7 +107,8 @@ static void needle_range(int32_t begin, int32_t end, void *data)
     int64_t n_flat = 0, n_sharp = 0;
     double sharpest = 0;
     for (int32_t t = f->begin + begin; t < f->begin + end; t++) {
-        const double c[3] = {dmk_cot(m, 3 * t), dmk_cot(m, 3 * t + 1), dmk_cot(m, 3 * t + 2)};
+        double c[3];
+        dmk_cots(m, t, c);
         sharpest = dmk_max(sharpest, dmk_max(fabs(c[0]), dmk_max(fabs(c[1]), fabs(c[2]))));
         n_sharp += dmk_is_needle(c);
         if (c[0] >= 0 && c[1] >= 0 && c[2] >= 0) continue; /* s is 2 or more */

@@ -5,6 +5,8 @@
  * vertices inside send is told along with it; so every rank solves the small tree, and fills its own paths. */
 #include "solver/tree.h"
 
+#include "base/sets.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -63,37 +65,34 @@ static int32_t other_end(const forest *f, int32_t e, int32_t v)
 /* ---- a forest --------------------------------------------------------------------------------- */
 
 /* begin .. end - 1 into `order` by their bins, in each by their numbers. */
-static void sort_by_bin(const void *user, int32_t begin, int32_t end,
-                        int (*bin)(const void *user, int32_t i), int32_t *order)
+static int sort_by_bin(dmk_context *ctx, const void *user, int32_t begin, int32_t end,
+                       int (*bin)(const void *user, int32_t i), int32_t *order)
 {
+    int rc;
     int32_t first[DMK_TREE_BINS + 1] = {0};
-    for (int32_t i = begin; i < end; i++) first[bin(user, i) + 1]++;
-    for (int b = 0; b < DMK_TREE_BINS; b++) first[b + 1] += first[b];
-    for (int32_t i = begin; i < end; i++) order[first[bin(user, i)]++] = i;
-}
-
-static int32_t find(int32_t *root, int32_t v)
-{
-    while (root[v] != v) {
-        root[v] = root[root[v]];
-        v = root[v];
+    uint16_t *of = NULL; /* found once: a bin's triangles lie far apart */
+    DMK_TRY(DMK_NEW_UNSET(ctx, of, (size_t)(end - begin)));
+    for (int32_t i = begin; i < end; i++) {
+        of[i - begin] = (uint16_t)bin(user, i);
+        first[of[i - begin] + 1]++;
     }
-    return v;
+    for (int b = 0; b < DMK_TREE_BINS; b++) first[b + 1] += first[b];
+    for (int32_t i = begin; i < end; i++) order[first[of[i - begin]]++] = i;
+done:
+    free(of);
+    return rc;
 }
 
 /* Kruskal's forest of n edges in their order. The union-find forest and the degrees take turns in the same room, and
  * the edges that are not chosen give theirs to the keys. */
 static void grow(forest *f, int32_t n)
 {
-    int32_t *const root = f->degree;
+    int32_t *const parent = f->degree;
     f->n_chosen = 0;
-    for (int32_t v = 0; v < f->n; v++) root[v] = v;
+    for (int32_t v = 0; v < f->n; v++) parent[v] = v;
     for (int32_t i = 0; f->n_chosen < f->n - 1 && i < n; i++) {
         const int32_t e = f->order[i], *end = f->end + 2 * (size_t)e;
-        const int32_t a = find(root, end[0]), b = find(root, end[1]);
-        if (a == b) continue;
-        root[a] = b;
-        f->order[f->n_chosen++] = e;
+        if (dmk_set_unite(parent, end[0], end[1])) f->order[f->n_chosen++] = e;
     }
     f->key = f->order + f->n;
     memset(f->degree, 0, (size_t)f->n * sizeof *f->degree);
@@ -381,7 +380,7 @@ static int solve_sketch(dmk_context *ctx, sketch *s)
     uint8_t *chosen = NULL;
     DMK_TRY(allocate(ctx, s));
     DMK_TRY(DMK_NEW(ctx, chosen, (size_t)s->n_paths));
-    sort_by_bin(s->path, 0, s->n_paths, path_bin, f->order);
+    DMK_TRY(sort_by_bin(ctx, s->path, 0, s->n_paths, path_bin, f->order));
     grow(f, s->n_paths);
     for (int32_t i = 0; i < f->n_chosen; i++) chosen[f->order[i]] = 1;
     for (int32_t i = 0; i < s->n_paths; i++) {
@@ -469,10 +468,11 @@ int dmk_tree_grow(dmk_context *ctx, dmk_tree *t)
     t->order = f.order;
     t->degree = f.degree;
     if (rc != DMK_OK) return rc;
-    sort_by_bin(t->user, t->edges[0], t->edges[1], t->bin, f.order);
+    DMK_TRY(sort_by_bin(ctx, t->user, t->edges[0], t->edges[1], t->bin, f.order));
     grow(&f, n);
     t->n_chosen = f.n_chosen;
-    return DMK_OK;
+done:
+    return rc;
 }
 
 int dmk_tree_send(dmk_context *ctx, dmk_tree *t)

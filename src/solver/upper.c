@@ -46,25 +46,37 @@ typedef struct router {
     int n_loans;
 } router;
 
-/* The rows of triangle t's nine edges, at whose ends the flows below enter and leave. */
-static void edges_of(const router *p, int32_t t, int32_t a[9], int32_t b[9])
+/* What triangle t's part of the flux takes from its corners, 0 to 2, and from the middles of its edges, 3 to 5: mu grad u
+ * and, if they are not NULL, the flows at its corners, see flows_of. `size`: the sum of the parts' sizes. */
+static void leave(const router *p, int32_t t, double (*flow)[3], double net[6],
+                  double size[6])
 {
     const int32_t *corner = p->mesh->triangle + 3 * (size_t)t,
-                  *mid = p->mesh->triangle_edge + 3 * (size_t)t;
+                  *edge = p->mesh->triangle_edge + 3 * (size_t)t;
+    double end[3], mid[3], cot[3];
+    dmk_cots(p->mesh, t, cot);
+    for (int k = 0; k < 3; k++) {
+        end[k] = p->u[p->n.vertex_row + corner[k]];
+        mid[k] = p->u[edge[k]];
+        net[k] = net[3 + k] = size[k] = size[3 + k] = 0;
+    }
     for (int k = 0; k < 3; k++) {
         const int i = (k + 1) % 3, j = (k + 2) % 3;
-        a[3 * k] = p->n.vertex_row + corner[i];
-        a[3 * k + 1] = p->n.vertex_row + corner[j];
-        b[3 * k] = b[3 * k + 1] = mid[k];
-        a[3 * k + 2] = mid[i];
-        b[3 * k + 2] = mid[j];
+        const double w = p->mu[t] * cot[k];
+        const double across = w * (mid[i] - mid[j]),
+                     from_i = 0.5 * w * (end[i] - mid[k]) + (flow ? flow[i][k] : 0),
+                     from_j = 0.5 * w * (end[j] - mid[k]) + (flow ? flow[j][k] : 0);
+        net[i] += from_i;
+        net[j] += from_j;
+        net[3 + k] -= from_i + from_j;
+        net[3 + i] += across;
+        net[3 + j] -= across;
+        size[i] += fabs(from_i);
+        size[j] += fabs(from_j);
+        size[3 + k] += fabs(from_i) + fabs(from_j);
+        size[3 + i] += fabs(across);
+        size[3 + j] += fabs(across);
     }
-}
-
-/* mu times the cotangents of triangle t. */
-static void weights_of(const router *p, int32_t t, double w[3])
-{
-    for (int k = 0; k < 3; k++) w[k] = p->mu[t] * dmk_cot(p->mesh, 3 * t + k);
 }
 
 /* r = f - A(mu) u and a bound of its rounding error, from f in r. */
@@ -74,16 +86,15 @@ static void subtract(const router *p)
     for (int32_t i = 0; i < p->n.n_rows; i++)
         p->rounding[i] = fabs(p->r[i]) * (wide ? DMK_ENERGY_ROUNDING : DMK_FLOAT_ROUNDING);
     for (int32_t t = 0; t < p->mesh->n_triangles; t++) {
-        int32_t a[9], b[9];
-        double w[3];
-        edges_of(p, t, a, b);
-        weights_of(p, t, w);
-        for (int l = 0; l < 9; l++) {
-            const double flow = (l % 3 < 2 ? 0.5 : 1) * w[l / 3] * (p->u[a[l]] - p->u[b[l]]);
-            p->r[a[l]] -= flow;
-            p->r[b[l]] += flow;
-            p->rounding[a[l]] += DMK_ENERGY_ROUNDING * fabs(flow);
-            p->rounding[b[l]] += DMK_ENERGY_ROUNDING * fabs(flow);
+        double net[6], size[6];
+        leave(p, t, NULL, net, size);
+        for (int k = 0; k < 3; k++) {
+            const int32_t v = p->n.vertex_row + p->mesh->triangle[3 * (size_t)t + (size_t)k],
+                          e = p->mesh->triangle_edge[3 * (size_t)t + (size_t)k];
+            p->r[v] -= net[k];
+            p->r[e] -= net[3 + k];
+            p->rounding[v] += DMK_ENERGY_ROUNDING * size[k];
+            p->rounding[e] += DMK_ENERGY_ROUNDING * size[3 + k];
         }
     }
 }
@@ -189,8 +200,9 @@ static double cost_of(const router *p, int32_t t)
     const dmk_mesh *m = p->mesh;
     const int32_t *corner = m->triangle + 3 * (size_t)t, *edge = m->triangle_edge + 3 * (size_t)t;
     const double area = m->area[t], mu = p->mu[t], per_area = 1 / area;
-    double sum = 0, size = 0, flow[3][3], square[3], end[3], mid[3];
+    double sum = 0, size = 0, flow[3][3], square[3], end[3], mid[3], cot[3];
     flows_of(p, t, flow);
+    dmk_cots(m, t, cot);
     for (int k = 0; k < 3; k++) {
         square[k] = m->length[edge[k]] * m->length[edge[k]];
         end[k] = p->u[p->n.vertex_row + corner[k]];
@@ -200,7 +212,7 @@ static double cost_of(const router *p, int32_t t)
         const int i = (k + 1) % 3, j = (k + 2) % 3;
         const double a = end[i] - mid[k], b = end[j] - mid[k], c = mid[i] - mid[j];
         const double to_i = flow[k][i], to_j = flow[k][j];
-        const double term = mu * mu * dmk_cot(m, 3 * t + k) * (0.5 * (a * a + b * b) + c * c);
+        const double term = mu * mu * cot[k] * (0.5 * (a * a + b * b) + c * c);
         const double mixed = 2 * mu * (to_i * (end[k] - mid[i]) + to_j * (end[k] - mid[j]));
         const double own = (to_i * to_i * square[i] + to_j * to_j * square[j] +
                             to_i * to_j * (square[i] + square[j] - square[k])) *
@@ -236,13 +248,13 @@ static void mean_range(int32_t begin, int32_t end, void *data)
         double x[3][3], cot[3], value[3], flow[3][3], *mean = p->mean + 3 * (size_t)t;
         const int32_t *corner = m->triangle + 3 * (size_t)t,
                       *edge = m->triangle_edge + 3 * (size_t)t;
+        dmk_cots(m, t, cot);
         for (int k = 0; k < 3; k++) {
             const int i = (k + 1) % 3, j = (k + 2) % 3;
             memcpy(x[k], m->xyz + 3 * (size_t)corner[k], sizeof x[k]);
             value[k] =
                 0.5 * p->mu[t] *
                 (p->u[p->n.vertex_row + corner[k]] + p->u[edge[i]] + p->u[edge[j]] - p->u[edge[k]]);
-            cot[k] = dmk_cot(m, 3 * t + k);
             mean[k] = 0;
         }
         for (int k = 0; k < 3; k++) {
@@ -269,29 +281,12 @@ static double worst_balance(const router *p, double *f)
     double worst = 0, size = tiny;
     for (int32_t i = 0; i < p->n.n_rows; i++) size = fmax(size, fabs(f[i]));
     for (int32_t t = 0; t < p->mesh->n_triangles; t++) {
-        const int32_t *corner = p->mesh->triangle + 3 * (size_t)t,
-                      *edge = p->mesh->triangle_edge + 3 * (size_t)t;
-        double flow[3][3], w[3], end[3], mid[3], from_end[3] = {0}, from_mid[3] = {0};
+        double flow[3][3], net[6], size_of[6];
         flows_of(p, t, flow);
-        weights_of(p, t, w);
+        leave(p, t, flow, net, size_of);
         for (int k = 0; k < 3; k++) {
-            end[k] = p->u[p->n.vertex_row + corner[k]];
-            mid[k] = p->u[edge[k]];
-        }
-        for (int k = 0; k < 3; k++) {
-            const int i = (k + 1) % 3, j = (k + 2) % 3;
-            const double across = w[k] * (mid[i] - mid[j]),
-                         from_i = 0.5 * w[k] * (end[i] - mid[k]) + flow[i][k],
-                         from_j = 0.5 * w[k] * (end[j] - mid[k]) + flow[j][k];
-            from_end[i] += from_i;
-            from_end[j] += from_j;
-            from_mid[k] -= from_i + from_j;
-            from_mid[i] += across;
-            from_mid[j] -= across;
-        }
-        for (int k = 0; k < 3; k++) {
-            f[p->n.vertex_row + corner[k]] -= from_end[k];
-            f[edge[k]] -= from_mid[k];
+            f[p->n.vertex_row + p->mesh->triangle[3 * (size_t)t + (size_t)k]] -= net[k];
+            f[p->mesh->triangle_edge[3 * (size_t)t + (size_t)k]] -= net[3 + k];
         }
     }
     for (int32_t i = 0; i < p->n.n_rows; i++) worst = fmax(worst, fabs(f[i]));
