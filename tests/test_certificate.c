@@ -247,6 +247,25 @@ static void first_bounds_are_cheap(void **state)
     assert_true(iterations > 45 && iterations < 55);
 }
 
+/* A u of loose solves gives the first bound itself where its slopes have settled. */
+static void settled_slopes_need_no_solve(void **state)
+{
+    static const double slopes[] = {1.5e-3, 2.5e-3};
+    problem p = needles(*state, 0.006);
+    problem_solve(&p);
+    for (int i = 0; i < 2; i++) {
+        dmk_iteration o = problem_iteration(&p);
+        search found = {.upper = INFINITY, .tolerance = first_tolerance};
+        o.loose = true;
+        o.rho = slopes[i];
+        bench_ok(p.b, find_upper(&o, &found, 0.1));
+        assert_int_equal(found.solves, i);
+        free(found.own);
+        free(found.solved);
+    }
+    problem_free(&p);
+}
+
 static void repair_gives_the_same_bits(void **state)
 {
     problem a = needles(*state, 0.006), b = needles(*state, 0.006);
@@ -346,6 +365,7 @@ int main(void)
         cmocka_unit_test(bounds_hold_in_single_precision),
         cmocka_unit_test(bounds_are_given_up),
         cmocka_unit_test(first_bounds_are_cheap),
+        cmocka_unit_test(settled_slopes_need_no_solve),
         cmocka_unit_test(steepness_has_its_rounding_on_top),
         cmocka_unit_test(bounds_hold_for_shifted_functions),
         cmocka_unit_test(needles_are_repaired),

@@ -27,6 +27,10 @@ static const double slack = 0.2;
  * quartic of 273,000 triangles needs a second bound, which takes as long as five iterations of CG. */
 static const double first_tolerance = 3e-4;
 
+/* Up to this root mean square of log |grad u| a u of loose solves will do for the first bound as it is: on 17 meshes it
+ * did in 55 of 58 pairs between measures below, and in 11 of 95 above. */
+static const double settled_slopes = 2e-3;
+
 /* Of A(mu) u = f, each better than the one before, for one bound: on a tube 256 needles around two leave a gap of
  * 8.6e-4, four 4.5e-4. */
 enum { SOLVES = 4 };
@@ -99,7 +103,8 @@ static int find_upper(dmk_iteration *o, search *s, double allowed)
 {
     int rc = DMK_OK;
     bool away = false;
-    if (!o->loose && s->upper == INFINITY) DMK_TRY(try_upper(o, s, allowed));
+    const bool good = !o->loose || o->rho <= settled_slopes;
+    if (good && s->upper == INFINITY) DMK_TRY(try_upper(o, s, allowed));
     for (; s->solves < SOLVES && !(s->upper <= (1 + allowed) * s->least); s->solves++) {
         if (!away) DMK_TRY(exchange(o, &s->own, s->solved));
         away = true;
