@@ -44,4 +44,18 @@ static inline void dmk_sort(int32_t n, int32_t *a)
     }
 }
 
+/* Whether one of n numbers in ascending order is x. */
+static inline bool dmk_sorted_has(int32_t n, const int32_t *a, int32_t x)
+{
+    int32_t low = 0, high = n;
+    while (low < high) {
+        const int32_t mid = low + (high - low) / 2;
+        if (a[mid] < x)
+            low = mid + 1;
+        else
+            high = mid;
+    }
+    return low < n && a[low] == x;
+}
+
 #endif

@@ -1,6 +1,8 @@
 /* Sources: points and their charts, see dmk_site; and lines. */
 #include "geodesic/geodesic.h"
 
+#include "base/sort.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -110,16 +112,10 @@ void dmk_site_free(dmk_site *p)
     memset(p, 0, sizeof *p);
 }
 
-static int by_number(const void *a, const void *b)
-{
-    const int32_t x = *(const int32_t *)a, y = *(const int32_t *)b;
-    return (x > y) - (x < y);
-}
-
 void dmk_lines_sort(dmk_geodesics *g)
 {
     const size_t n = g->n_lines;
-    if (n > 0) qsort(g->line, n, sizeof *g->line, by_number);
+    dmk_sort((int32_t)n, g->line);
     g->n_lines = 0;
     for (size_t i = 0; i < n; i++)
         if (i == 0 || g->line[i] > g->line[i - 1]) g->line[g->n_lines++] = g->line[i];
@@ -127,7 +123,7 @@ void dmk_lines_sort(dmk_geodesics *g)
 
 bool dmk_lines_have(const dmk_geodesics *g, int32_t h)
 {
-    return g->n_lines > 0 && bsearch(&h, g->line, g->n_lines, sizeof *g->line, by_number);
+    return dmk_sorted_has((int32_t)g->n_lines, g->line, h);
 }
 
 double dmk_full_turn(const dmk_geodesics *g)

@@ -4,6 +4,7 @@
 #include "levels/coarsen.h"
 
 #include "base/parallel.h"
+#include "base/sort.h"
 #include "base/vec3.h"
 
 #include <math.h>
@@ -81,20 +82,6 @@ static int star_add_triangle(dmk_context *ctx, star *st, int32_t i, int32_t k)
     return DMK_OK;
 }
 
-/* Whether b is a neighbour of a, by bisection of a's row. */
-static bool are_linked(const dmk_adjacency *g, int32_t a, int32_t b)
-{
-    int32_t lo = g->row[a], hi = g->row[a + 1];
-    while (lo < hi) {
-        int32_t mid = lo + (hi - lo) / 2;
-        if (g->to[mid] < b)
-            lo = mid + 1;
-        else
-            hi = mid;
-    }
-    return lo < g->row[a + 1] && g->to[lo] == b;
-}
-
 /* The triangles of spoke i with later ones: by the row of its cell, or where that is a hub by a look into
  * it for each of the spokes. */
 static int star_close(dmk_context *ctx, star *st, const dmk_adjacency *g, int32_t i,
@@ -104,7 +91,8 @@ static int star_close(dmk_context *ctx, star *st, const dmk_adjacency *g, int32_
     int32_t a = st->cell[i], degree = g->row[a + 1] - g->row[a];
     if (degree > DMK_HUB && degree / 16 > st->n_spokes) {
         for (int32_t k = i + 1; k < st->n_spokes && rc == DMK_OK; k++) {
-            if (are_linked(g, a, st->cell[k])) rc = star_add_triangle(ctx, st, i, k);
+            if (dmk_sorted_has(degree, g->to + g->row[a], st->cell[k]))
+                rc = star_add_triangle(ctx, st, i, k);
         }
         return rc;
     }

@@ -46,8 +46,8 @@ typedef struct router {
     int n_loans;
 } router;
 
-/* What triangle t's part of the flux takes from its corners, 0 to 2, and from the middles of its edges, 3 to 5: mu grad u
- * and, if they are not NULL, the flows at its corners, see flows_of. `size`: the sum of the parts' sizes. */
+/* What triangle t's part of the flux takes from its corners, 0 to 2, and from the middles of its edges, 3 to 5: of
+ * mu grad u and, if they are not NULL, of the flows at its corners, see flows_of. `size`: the sum of their sizes. */
 static void leave(const router *p, int32_t t, double (*flow)[3], double net[6], double size[6])
 {
     const int32_t *corner = p->mesh->triangle + 3 * (size_t)t,
