@@ -121,6 +121,13 @@ typedef struct dmk_point {
  * offender: non-manifold edges or vertices, inconsistent orientation, degenerate triangles, NaN. */
 int dmk_mesh_create(dmk_context *context, size_t n_vertices, const double *xyz, size_t n_triangles,
                     const int32_t *triangles, dmk_mesh **mesh);
+/* The n_corners - 2 triangles of each of n_polygons polygons, which have n_corners corners each, as reading a file
+ * splits them: around the first corner where those triangles lie side by side, as of convex ones, else so that
+ * the thinnest is as thick as can be. DMK_E_ARG for less than 3 corners, DMK_E_MESH for vertices that do not exist and
+ * for more than 1,000 corners of one that is not convex. */
+int dmk_polygons_split(dmk_context *context, size_t n_vertices, const double *xyz,
+                       size_t n_polygons, size_t n_corners, const int32_t *corners,
+                       int32_t *triangles);
 /* Read a mesh file; the format is recognised by its content, then its suffix. */
 int dmk_mesh_read(dmk_context *context, const char *path, dmk_mesh **mesh);
 /* Read the array `name`, one number for each, of the points of a VTP or VTU file, or where these have none of that

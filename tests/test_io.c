@@ -151,6 +151,35 @@ static void test_polygons_become_fans(void **state)
     }
 }
 
+/* A dart whose first corner sees its other side from outside, in each format that has polygons. */
+static void test_polygons_that_are_no_fans(void **state)
+{
+#define DART "0 0 0 2 1 0 0 .5 0 -2 1 0"
+    static const char *const texts[] = {
+        "OFF\n4 1 0\n" DART "\n4 1 2 3 0\n",
+        "v 0 0 0\nv 2 1 0\nv 0 .5 0\nv -2 1 0\nf 2 3 4 1\n",
+        "ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int vertex_indices\nelement "
+        "vertex 4\nproperty float x\nproperty float y\nproperty float z\nend_header\n4 1 2 3 "
+        "0\n" DART,
+        "# vtk DataFile Version 3.0\nt\nASCII\nDATASET POLYDATA\nPOINTS 4 float\n" DART
+        "\nPOLYGONS 1 5\n4 1 2 3 0\n",
+        "<VTKFile type=\"PolyData\"><PolyData><Piece NumberOfPoints=\"4\" NumberOfPolys=\"1\">"
+        "<Points><DataArray type=\"Float64\" NumberOfComponents=\"3\" format=\"ascii\">" DART
+        "</DataArray></Points><Polys><DataArray type=\"Int32\" Name=\"connectivity\" "
+        "format=\"ascii\">1 2 3 0</DataArray><DataArray type=\"Int32\" Name=\"offsets\" "
+        "format=\"ascii\">4</DataArray></Polys></Piece></PolyData></VTKFile>",
+        "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n1 0 0 0\n2 2 1 0\n3 0 .5 0\n4 -2 1 0\n"
+        "$EndNodes\n$Elements\n1\n1 3 0 2 3 4 1\n$EndElements\n"};
+    for (size_t i = 0; i < COUNT(texts); i++) {
+        dmk_mesh_info info;
+        dmk_mesh *m = read_text(*state, "m", texts[i]);
+        dmk_mesh_get_info(m, &info);
+        if (info.n_triangles != 2 || fabs(info.area - 1) > 1e-12)
+            fail_msg("text %zu: area %.17g", i, info.area);
+        dmk_mesh_destroy(&m);
+    }
+}
+
 /* Some editors write one before a text. */
 static void test_skips_byte_order_marks(void **state)
 {
@@ -764,6 +793,7 @@ int main(void)
         TEST(test_off_variants),
         TEST(test_obj_variants),
         TEST(test_polygons_become_fans),
+        TEST(test_polygons_that_are_no_fans),
         TEST(test_reads_known),
         TEST(test_refuses_endless_files),
         TEST(test_skips_byte_order_marks),

@@ -757,6 +757,128 @@ static void test_forgets_edges(void **state)
     dmk_mesh_forget_edges(NULL);
 }
 
+/* ---- polygons --------------------------------------------------------------------------------- */
+
+/* Twice the area of the triangle a b c in the plane of z = 0, below 0 if it turns clockwise. */
+static double turn(const double *a, const double *b, const double *c)
+{
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+}
+
+/* All triangles turn as the polygon does, and fill its area. */
+static void check_split(dmk_context *ctx, size_t n, const double *xyz)
+{
+    int32_t *corner = calloc(n, sizeof *corner), *t = calloc(3 * n, sizeof *t);
+    double area = 0, filled = 0;
+    for (size_t i = 0; i < n; i++) corner[i] = (int32_t)i;
+    assert_int_equal(dmk_polygons_split(ctx, n, xyz, 1, n, corner, t), DMK_OK);
+    for (size_t i = 1; i + 1 < n; i++) area += turn(xyz, xyz + 3 * i, xyz + 3 * (i + 1));
+    for (size_t i = 0; i < n - 2; i++) {
+        const int32_t *v = t + 3 * i;
+        const double one = turn(xyz + 3 * v[0], xyz + 3 * v[1], xyz + 3 * v[2]);
+        assert_true(one / area > 0);
+        filled += one;
+    }
+    assert_near(filled, area, 1e-12 * fabs(area));
+    free(corner);
+    free(t);
+}
+
+/* A wheel with teeth. */
+static double *cog(size_t n)
+{
+    double *xyz = calloc(3 * n, sizeof *xyz);
+    for (size_t i = 0; i < n; i++) {
+        const double r = i % 4 < 2 ? 1 : 0.7, angle = 2 * 3.14159265358979 * (double)i / (double)n;
+        xyz[3 * i] = r * cos(angle);
+        xyz[3 * i + 1] = r * sin(angle);
+    }
+    return xyz;
+}
+
+static void test_polygons_without_fan(void **state)
+{
+    double *wheel = cog(40);
+    check_split(*state, 40, wheel);
+    for (size_t i = 0; i < 20; i++) { /* the other way round */
+        for (size_t k = 0; k < 2; k++) {
+            const double x = wheel[3 * i + k];
+            wheel[3 * i + k] = wheel[3 * (39 - i) + k];
+            wheel[3 * (39 - i) + k] = x;
+        }
+    }
+    check_split(*state, 40, wheel);
+    for (size_t i = 0; i < 120; i++) wheel[i] = ldexp(wheel[i], -500);
+    check_split(*state, 40, wheel);
+    free(wheel);
+    /* A dart, from each of its corners. */
+    static const double dart[] = {0, 0, 0, 2, 1, 0, 0, .5, 0, -2, 1, 0, 0, 0, 0, 2, 1, 0, 0, .5, 0};
+    for (size_t i = 0; i < 4; i++) check_split(*state, 4, dart + 3 * i);
+    /* Corners within straight sides. */
+    static const double straight[] = {0, 0, 0, 1, 0, 0, 2, 0, 0, 3, 0,
+                                      0, 2, 1, 0, 1, 2, 0, 0, 3, 0};
+    check_split(*state, 7, straight);
+}
+
+/* A corner that digits have moved off a straight side makes no sliver; one that is there on purpose has its fan. */
+static void test_polygon_almost_flat(void **state)
+{
+    static const int32_t corner[] = {0, 1, 2, 3}, fan[] = {0, 1, 2, 0, 2, 3},
+                         other[] = {0, 1, 3, 1, 2, 3};
+    for (int bent = 0; bent < 2; bent++) {
+        const double h = bent ? 4.2e-5 : 2.4e-5; /* thicknesses 1.4e-5 and 0.8e-5 */
+        const double xyz[] = {0, 0, 0, 1, -h, 0, 2, 0, 0, 1, 2, 0};
+        int32_t t[6];
+        assert_int_equal(dmk_polygons_split(*state, 4, xyz, 1, 4, corner, t), DMK_OK);
+        if (bent)
+            assert_memory_equal(t, fan, sizeof fan);
+        else
+            assert_true(memcmp(t, other, sizeof other) == 0 || (t[2] == 3 && t[3] == 1));
+    }
+}
+
+/* A polygon that crosses itself, or has no plane, is split all the same. */
+static void test_polygon_crossing(void **state)
+{
+    static const int32_t corner[] = {0, 1, 2, 3};
+    static const double all[][12] = {{0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0},
+                                     {0, 0, 0, 1, 0, 0, 2, 0, 0, 3, 0, 0},
+                                     {0, 0, 0, NAN, 0, 0, INFINITY, 0, 0, 1, 1, 0},
+                                     {1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1}};
+    for (size_t i = 0; i < COUNT(all); i++) {
+        int32_t t[6] = {-1, -1, -1, -1, -1, -1}, seen = 0;
+        assert_int_equal(dmk_polygons_split(*state, 4, all[i], 1, 4, corner, t), DMK_OK);
+        for (int k = 0; k < 6; k++) seen |= 1 << t[k];
+        assert_int_equal(seen, 15);
+    }
+}
+
+/* 1000 corners are the most, but of a fan. */
+static void test_polygon_too_many(void **state)
+{
+    double *wheel = cog(1004);
+    int32_t corner[1004], *t = calloc(3 * 1002, sizeof *t);
+    for (int32_t i = 0; i < 1004; i++) corner[i] = i;
+    assert_int_equal(dmk_polygons_split(*state, 1004, wheel, 1, 1004, corner, t), DMK_E_MESH);
+    assert_string_equal(dmk_context_message(*state),
+                        "a face of 1004 corners (0, 1, 2, ...) that is not convex; more than 1000 "
+                        "are too many: split it into triangles first");
+    check_split(*state, 1000, wheel);
+    for (size_t i = 0; i < 3 * 1004; i += 3) { /* without teeth */
+        const double r = hypot(wheel[i], wheel[i + 1]);
+        wheel[i] /= r;
+        wheel[i + 1] /= r;
+    }
+    assert_int_equal(dmk_polygons_split(*state, 1004, wheel, 1, 1003, corner, t), DMK_OK);
+    corner[7] = 1004;
+    assert_int_equal(dmk_polygons_split(*state, 1004, wheel, 2, 4, corner, t), DMK_E_MESH);
+    assert_string_equal(
+        dmk_context_message(*state),
+        "polygon 1 names the vertex 1004, but there are 1004 vertices, counted from 0");
+    free(wheel);
+    free(t);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -783,6 +905,10 @@ int main(void)
         cmocka_unit_test(test_edges_on_any_number_of_threads),
         cmocka_unit_test(test_samples_are_the_farthest),
         cmocka_unit_test(test_forgets_edges),
+        cmocka_unit_test(test_polygons_without_fan),
+        cmocka_unit_test(test_polygon_almost_flat),
+        cmocka_unit_test(test_polygon_crossing),
+        cmocka_unit_test(test_polygon_too_many),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }

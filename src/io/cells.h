@@ -8,7 +8,7 @@
 typedef enum dmk_cell {
     DMK_CELL_UNKNOWN = 0, /* so that gaps in tables are unknown */
     DMK_CELL_THIN,        /* points and lines */
-    DMK_CELL_POLYGON,     /* corners in order: the fan around the first */
+    DMK_CELL_POLYGON,     /* corners in order */
     DMK_CELL_STRIP,       /* each corner from the third on makes a triangle with the two before */
     DMK_CELL_PIXEL,       /* a quadrilateral by rows: corners 0 1 3 2 in order */
     DMK_CELL_TRIANGLE6,   /* corners, then the points on edges 01, 12, 20: four triangles */

@@ -162,6 +162,8 @@ int dmk_soup_read(dmk_context *ctx, const char *path, dmk_soup *soup, uint64_t *
     dmk_file_end_lines(&file);
     DMK_TRY(find_reader(ctx, &file, &format));
     DMK_TRY(format->read_mesh(ctx, &file, soup));
+    rc = dmk_soup_split(ctx, soup);
+    if (rc == DMK_E_MESH) rc = dmk_name_file(ctx, path, rc);
 done:
     dmk_file_free(&file);
     return rc;

@@ -67,6 +67,10 @@ typedef struct dmk_soup {
     int32_t *triangle; /* 3*n_triangles */
     size_t n_vertices, n_triangles;
     size_t triangle_room; /* triangles that fit */
+    struct dmk_fan {
+        size_t first, n; /* triangles */
+    } * fan;             /* n_fans: faces of more than three corners */
+    size_t n_fans, fan_room;
 } dmk_soup;
 
 void dmk_soup_free(dmk_soup *soup);
@@ -75,6 +79,8 @@ void dmk_soup_free(dmk_soup *soup);
  * before it. */
 int dmk_soup_corner(dmk_context *context, dmk_soup *soup, size_t corner, int32_t fan[2],
                     int32_t vertex);
+/* Split polygons of which these fans would overlap in another way, once all vertices are known. */
+int dmk_soup_split(dmk_context *context, dmk_soup *soup);
 /* weld.c: vertices at exactly the same position (-0 and 0 are the same) become one; they are numbered as
  * they first appear. */
 int dmk_soup_weld(dmk_context *context, dmk_soup *soup);

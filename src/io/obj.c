@@ -1,7 +1,6 @@
 /* Wavefront OBJ: "v x y z" and "f i j k ..." with i, i/t, i//n, i/t/n and negative (relative)
- * indices, long lines continued by a backslash; everything else is skipped. A polygon of more than
- * three corners is split into the fan of triangles around its first corner, which is right for
- * convex ones. Cut loci are written as "v" and "l" lines, a single point as "p". */
+ * indices, long lines continued by a backslash; everything else is skipped. Cut loci are written as
+ * "v" and "l" lines, a single point as "p". */
 #include "io/lines.h"
 
 #include <stdlib.h>

@@ -1,8 +1,7 @@
 /* OFF: [ST][C][N]OFF, counts (on the header's line or behind), one vertex x y z per entry, one
  * polygon "n i0 ... i(n-1)" per line. The keyword may be missing; comments start with '#'. Normals,
  * colours and texture coordinates are skipped; they need one vertex per line. Binary files and
- * other dimensions than 3 are refused. A polygon of more than three corners is split into the fan
- * of triangles around its first corner, which is right for convex ones. */
+ * other dimensions than 3 are refused. */
 #include "io/lines.h"
 
 #include <stdlib.h>

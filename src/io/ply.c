@@ -1,8 +1,7 @@
 /* PLY: text and binary of both byte orders. Read: the coordinates x y z of the element "vertex" and
- * the list "vertex_indices" (or "vertex_index") of the element "face"; all else is skipped. A
- * polygon of more than three corners is split into the fan of triangles around its first corner,
- * which is right for convex ones. Written: the bare mesh binary in the machine's byte order, doubles as
- * doubles; a result, which adds u and distance to the vertices, mu and acl to the faces, as text.
+ * the list "vertex_indices" (or "vertex_index") of the element "face"; all else is skipped.
+ * Written: the bare mesh binary in the machine's byte order, doubles as doubles; a result, which adds
+ * u and distance to the vertices, mu and acl to the faces, as text.
  *
  * librply is not used: it parses text by the program's locale and trusts the header. */
 #include "base/parallel.h"

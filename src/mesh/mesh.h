@@ -193,6 +193,11 @@ double dmk_mesh_nearest_in(const dmk_mesh *mesh, int32_t triangle, const double 
 double dmk_project_corners(const double *const corner[3], const double xyz[3], double weight[3]);
 void dmk_point_snap(double weight[3]);
 
+/* polygon.c: the n - 2 triangles of a polygon of n corners (3 or more, each a vertex): the fan around its first
+ * one where that is right. DMK_E_MESH if it has no such fan and too many corners. */
+int dmk_polygon_split(dmk_context *context, const double *xyz, size_t n, const int32_t *corner,
+                      int32_t *triangle);
+
 /* point.c: DMK_E_ARG unless it is a point of the mesh; `what` names it in the message. */
 int dmk_point_check(dmk_context *context, const dmk_mesh *mesh, const char *what,
                     const dmk_point *point);

@@ -7,15 +7,29 @@ from typing import Any, Optional
 import numpy as np
 from numpy.typing import NDArray
 
-from ._lib import MeshError
+from ._lib import Context, MeshError, ffi, lib
+from ._mesh import _vertex_array
 
 
-def _star(polygons: NDArray[Any]) -> NDArray[Any]:
-    """Polygons (m, k) to triangles around the first corner of each, in order."""
+def _split(points: Any, polygons: Any) -> NDArray[Any]:
+    """Polygons (m, k) to triangles, in order, as files of such are read."""
     polygons = np.asarray(polygons)
-    k = polygons.shape[1]
-    corners = [[0, i, i + 1] for i in range(1, k - 1)]
-    return polygons[:, corners].reshape(-1, 3)
+    if polygons.shape[1] == 3 or len(polygons) == 0:
+        return polygons.reshape(-1, 3)
+    xyz, corners = _vertex_array(points), np.ascontiguousarray(polygons, dtype=np.int32)
+    triangles = np.empty((len(corners), corners.shape[1] - 2, 3), np.int32)
+    with Context() as context:
+        context.check(
+            lib.dmk_polygons_split(
+                context.pointer,
+                len(xyz),
+                ffi.from_buffer("double[]", xyz),
+                *corners.shape,
+                ffi.from_buffer("int32_t[]", corners),
+                ffi.from_buffer("int32_t[]", triangles),
+            )
+        )
+    return triangles.reshape(-1, 3)
 
 
 # Corners of the plane cells among all their nodes (meshio puts the corners first).
@@ -27,9 +41,9 @@ def from_meshio(mesh: Any) -> "tuple[Any, Any]":
     for block in mesh.cells:
         corners = _CORNERS.get(block.type)
         if corners:
-            parts.append(_star(np.asarray(block.data)[:, :corners]))
+            parts.append(_split(mesh.points, np.asarray(block.data)[:, :corners]))
         elif block.type == "polygon":
-            parts.extend(_star(np.asarray(row)[None]) for row in block.data)
+            parts.extend(_split(mesh.points, np.asarray(row)[None]) for row in block.data)
         else:
             others.add(block.type)
     if not parts:

@@ -194,6 +194,11 @@ def test_meshio_cells(small):
         [("vertex", [[0]]), ("quad", [[0, 1, 4, 3]]), ("triangle", [[1, 2, 5], [1, 5, 4]])],
     )
     assert dmkcl.CutLocus(square).mesh.info["area"] == 2
+    dart = [[0, 0], [2, 1], [0, 0.5], [-2, 1]]
+    for cells in (("quad", [[1, 2, 3, 0]]), ("polygon", [[1, 2, 3, 0]])):
+        assert dmkcl.CutLocus(meshio.Mesh(dart, [cells])).mesh.info["area"] == pytest.approx(1)
+    with pytest.raises(dmkcl.MeshError, match="the vertex 4, but"):
+        dmkcl.CutLocus(meshio.Mesh(dart, [("quad", [[1, 2, 3, 4]])]))
     with pytest.raises(dmkcl.MeshError, match="tetra"):
         dmkcl.CutLocus(meshio.Mesh(np.zeros((4, 3)), [("tetra", [[0, 1, 2, 3]])]))
 
