@@ -55,7 +55,9 @@ def whole(path):
 
 def one_run(tool, command, delay, number, group, environment, out):
     """What went wrong, or ""; and the seconds between the signal and the end."""
-    process = subprocess.Popen([tool, *[a.replace("OUT", out) for a in command]], env=environment,
+    # Signals that this program was started to ignore, the tool would, too.
+    command = ["env", "--default-signal=INT,TERM", tool, *[a.replace("OUT", out) for a in command]]
+    process = subprocess.Popen(command, env=environment,
                                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
                                start_new_session=True)
     time.sleep(delay)

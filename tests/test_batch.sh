@@ -118,7 +118,8 @@ check 'and a resumed run, which keeps it' test $? -eq 9
 rm -r "$out"
 mkdir "$out"
 awk 'BEGIN { for (i = 0; i < 2000; i++) print "vertex " i % 500 }' > "$list"
-"$tool" solve "$torus" --sources "$list" --out "$out/a.vtp" --report "$out/d.json" > "$work/summary" &
+env --default-signal=INT "$tool" solve "$torus" --sources "$list" --out "$out/a.vtp" --report "$out/d.json" \
+    > "$work/summary" &
 pid=$!
 for _ in $(seq 600); do
     test -e "$out/d-0000.json" && break

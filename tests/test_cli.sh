@@ -215,8 +215,8 @@ if [ "${DMKCL_BUILD##*/}" != sanitize ]; then
 else
     skip 'exit code 8: too little memory' 'the address sanitizer needs all the memory there is'
 fi
-interrupt() { # as Ctrl-C does, once the first step is reported
-    "$tool" solve "$torus" --vertex 0 --method euler --start uniform --tolerance 1e-300 --verbose \
+interrupt() { # as Ctrl-C does, once the first step is reported; a script's & would have it ignored
+    env --default-signal=INT "$tool" solve "$torus" --vertex 0 --method euler --start uniform --tolerance 1e-300 --verbose \
         --out "$work/full/x.vtp" 2> "$work/steps" &
     local pid=$!
     for _ in $(seq 600); do

@@ -157,7 +157,7 @@ check 'while distances are' stop_in distance distance "$large" --vertex 0 --out 
 
 waits() { # SIGNAL: the tool waits at the pipe and is ended by one signal, at once
     local pid status
-    "$tool" solve "$work/pipe" --vertex 0 2> "$work/err" &
+    env --default-signal=INT "$tool" solve "$work/pipe" --vertex 0 2> "$work/err" &
     pid=$!
     sleep 0.7
     kill "-$1" "$pid"
@@ -171,4 +171,15 @@ mkfifo "$work/pipe"
 check 'a pipe that nobody opens' waits TERM
 sleep 4 > "$work/pipe" &
 check 'a pipe that nobody writes to' waits TERM
+goes_on() { # a script's & has SIGINT ignored: a Ctrl-C for others does not end it
+    local pid
+    "$tool" info "$work/pipe" > "$work/said_out" &
+    pid=$!
+    sleep 0.7
+    kill -INT "$pid"
+    sleep 0.7
+    cat meshes/torus.off > "$work/pipe"
+    wait "$pid"
+}
+check 'an ignored signal' goes_on
 tap_end

@@ -189,9 +189,9 @@ int cli_draw_plane(const dmk_mesh *cut, const double *plane, const char *path);
 
 /* ---- interrupt.c: the end from outside ------------------------------------------------------ */
 
-/* To be called first. From now on SIGINT and SIGTERM ask the running call to stop, and end the program half a
- * second later, or at the second one, wherever it is: exit code 130. And a driver that crashes while a device is
- * opened, or ends the program itself, has the exit code of a device that failed, with a message. */
+/* To be called first. From now on SIGINT and SIGTERM, if they were not ignored, ask the running call to stop, and end
+ * the program half a second later, or at the second one, wherever it is: exit code 130. And a driver that crashes while
+ * a device is opened, or ends the program itself, has the exit code of a device that failed, with a message. */
 void cli_catch_signals(void);
 bool cli_interrupted(void);
 /* Whether nobody has reported yet that the run was cancelled; after this somebody has. */

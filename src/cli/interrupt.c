@@ -66,15 +66,27 @@ static void *wait_for_signal(void *user)
     _exit(EXIT_INTERRUPTED);
 }
 
+/* What is ignored from the start, as SIGINT by what a script runs with &, stays so: blocked, and nobody waits for it. */
+static void add_unless_ignored(sigset_t *set, int number)
+{
+    struct sigaction before;
+    if (sigaction(number, NULL, &before) != 0 || before.sa_handler != SIG_IGN)
+        sigaddset(set, number);
+}
+
 static void catch_interrupt(void)
 {
     static sigset_t set;
+    sigset_t both;
     pthread_t thread;
     pthread_attr_t small;
     sigemptyset(&set);
-    sigaddset(&set, SIGINT);
-    sigaddset(&set, SIGTERM);
-    pthread_sigmask(SIG_BLOCK, &set, NULL);
+    add_unless_ignored(&set, SIGINT);
+    add_unless_ignored(&set, SIGTERM);
+    sigemptyset(&both);
+    sigaddset(&both, SIGINT);
+    sigaddset(&both, SIGTERM);
+    pthread_sigmask(SIG_BLOCK, &both, NULL);
     pthread_attr_init(&small);
     pthread_attr_setstacksize(&small, 1 << 16);
     pthread_attr_setdetachstate(&small, PTHREAD_CREATE_DETACHED);
