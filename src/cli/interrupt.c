@@ -66,7 +66,7 @@ static void *wait_for_signal(void *user)
     _exit(EXIT_INTERRUPTED);
 }
 
-/* What is ignored from the start, as SIGINT by what a script runs with &, stays so: blocked, and nobody waits for it. */
+/* What is ignored from the start stays so, as SIGINT by what a script runs with &: blocked, and nobody waits for it. */
 static void add_unless_ignored(sigset_t *set, int number)
 {
     struct sigaction before;
