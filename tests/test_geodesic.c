@@ -1210,13 +1210,48 @@ static void wrong_distances_are_found(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* Of the distance to a corner of the unit square. */
+static double integral_from_corner(void)
+{
+    return (sqrt(2) + log(1 + sqrt(2))) / 3;
+}
+
+/* On n by m squares of two triangles each within the unit square, from weights w in the first triangle. */
+static void integrate_coarse(dmk_context *ctx, int n, int m, const double w[3], double *integral,
+                             double *error)
+{
+    static const double o[3] = {0}, p[3] = {1, 0, 0}, q[3] = {0, 1, 0};
+    uint32_t state = 5;
+    soup *s = new_soup();
+    add_grid(s, o, p, q, n, m, 0, &state);
+    dmk_mesh *mesh = finish(ctx, s);
+    const dmk_point source = {0, {w[0], w[1], w[2]}};
+    dmk_geodesics *g = run(ctx, mesh, 1, &source, NULL);
+    assert_int_equal(dmk_geodesics_integrate(ctx, g, integral, error), DMK_OK);
+    dmk_geodesics_destroy(&g);
+    dmk_mesh_destroy(&mesh);
+}
+
+/* Where the triangles are too coarse for an estimate of a thousandth it is that of finer ones. */
+static void integral_on_coarse_meshes(void **state)
+{
+    static const double corner[3] = {1, 0, 0}, middle[3] = {0.5, 0, 0.5};
+    double integral, error;
+    integrate_coarse(*state, 1, 1, middle, &integral, &error);
+    assert_true(fabs(integral - integral_from_corner() / 2) <= error && error < 1e-4);
+    integrate_coarse(*state, 2, 3, corner, &integral, &error); /* 1.5e-3 of it */
+    assert_true(fabs(integral - integral_from_corner()) <= error && error < 1e-4);
+    integrate_coarse(*state, 3, 3, corner, &integral, &error); /* 0.8e-3 */
+    assert_true(fabs(integral - integral_from_corner()) <= error && error > 5e-4);
+}
+
 /* The integral against that of hypot(x, y) over the square, within its own estimate. */
 static void integral_of_the_distance(void **state)
 {
     dmk_context *ctx = *state;
     dmk_mesh *m = make_square(ctx, 12, 0.4);
     const dmk_point source = at_vertex(ctx, m, 0);
-    const double exact = (sqrt(2) + log(1 + sqrt(2))) / 3;
+    const double exact = integral_from_corner();
     double integral, error;
     dmk_geodesics *g = run(ctx, m, 1, &source, NULL);
     assert_int_equal(dmk_geodesics_integrate(ctx, g, &integral, &error), DMK_OK);
@@ -1859,6 +1894,7 @@ int main(void)
         cmocka_unit_test(several_components),
         cmocka_unit_test(wrong_distances_are_found),
         cmocka_unit_test(integral_of_the_distance),
+        cmocka_unit_test(integral_on_coarse_meshes),
     };
     return cmocka_run_group_tests(tests, context_setup, context_teardown);
 }

@@ -154,6 +154,10 @@ int dmk_geodesics_integrate_from(dmk_context *context, const dmk_geodesics *geod
 void dmk_geodesics_integrate_parts(dmk_context *context, const dmk_geodesics *geodesics,
                                    const double *mid, int32_t begin, int32_t end, double *sum,
                                    double *error);
+/* To be called behind either: where the estimate says that these triangles are too coarse, the integral is that on finer
+ * ones. */
+int dmk_geodesics_integrate_finer(dmk_context *context, const dmk_geodesics *geodesics,
+                                  double *integral, double *error);
 
 /* wave.c: distance and arrival of an object whose star and sources are set, with merged windows. With a
  * tolerance, or where a distance may be off by more than `exact` of the largest, the estimates of the errors are set.

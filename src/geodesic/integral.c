@@ -1,10 +1,15 @@
 /* The integral of the distance, and the distances between the vertices that it asks for. */
+#include "geodesic/finer.h"
 #include "geodesic/trace.h"
 
 #include "base/parallel.h"
 
 #include <math.h>
 #include <stdlib.h>
+
+/* An estimate beyond this, over the integral, is worth little: of 2 to 32 triangles some errors were 1 to 4 times as
+ * large, below it 0.9 at most. */
+static const double coarse = 1e-3;
 
 /* Of the source that vertex v's path comes from. */
 static double offset_of(const dmk_geodesics *g, int32_t v)
@@ -196,13 +201,10 @@ done:
     return rc;
 }
 
-int dmk_geodesics_integrate(dmk_context *ctx, const dmk_geodesics *g, double *integral,
-                            double *error)
+static int integrate_all(dmk_context *ctx, const dmk_geodesics *g, double *integral, double *error)
 {
     int rc;
     double *mid = NULL, *centre = NULL;
-    if (dmk_missing(ctx, "geodesics", g, "integral", integral, "error", error)) return DMK_E_ARG;
-    DMK_TRY(dmk_mesh_check_edges(ctx, g->mesh));
     DMK_TRY(DMK_NEW(ctx, mid, (size_t)g->mesh->n_edges));
     dmk_geodesics_midpoints(ctx, g, mid);
     if (g->n_sources > 1 || g->n_lines > 0) {
@@ -213,5 +215,30 @@ int dmk_geodesics_integrate(dmk_context *ctx, const dmk_geodesics *g, double *in
 done:
     free(mid);
     free(centre);
+    return rc;
+}
+
+int dmk_geodesics_integrate_finer(dmk_context *ctx, const dmk_geodesics *g, double *integral,
+                                  double *error)
+{
+    int rc;
+    dmk_finer f = {0};
+    if (g->n_lines > 0 || !(*error > coarse * *integral)) return DMK_OK;
+    DMK_TRY(dmk_finer_create(ctx, g, &f));
+    if (f.own) rc = integrate_all(ctx, f.own, integral, error);
+done:
+    dmk_finer_free(&f);
+    return rc;
+}
+
+int dmk_geodesics_integrate(dmk_context *ctx, const dmk_geodesics *g, double *integral,
+                            double *error)
+{
+    int rc;
+    if (dmk_missing(ctx, "geodesics", g, "integral", integral, "error", error)) return DMK_E_ARG;
+    DMK_TRY(dmk_mesh_check_edges(ctx, g->mesh));
+    DMK_TRY(integrate_all(ctx, g, integral, error));
+    rc = dmk_geodesics_integrate_finer(ctx, g, integral, error);
+done:
     return rc;
 }

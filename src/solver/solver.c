@@ -251,9 +251,13 @@ static int measure(dmk_context *ctx, void *data)
 
 static int integrate(dmk_context *ctx, void *data)
 {
+    int rc;
     start *near = data;
-    return dmk_geodesics_integrate_from(ctx, near->geodesics, near->mid, &near->integral,
-                                        &near->integral_error);
+    double *error = &near->integral_error;
+    DMK_TRY(dmk_geodesics_integrate_from(ctx, near->geodesics, near->mid, &near->integral, error));
+    rc = dmk_geodesics_integrate_finer(ctx, near->geodesics, &near->integral, error);
+done:
+    return rc;
 }
 
 typedef struct integration {
@@ -347,8 +351,10 @@ static int integrate_in_turn(dmk_context *ctx, start *near)
     dmk_geodesics_integrate_parts(ctx, near->geodesics, near->mid, begin, end, sum, off);
     near->integral = near->integral_error = 0;
     DMK_TRY(dmk_share_in_turn(ctx, share, &near->integral, add_terms, &(terms){sum, end - begin}));
+    DMK_TRY(dmk_share_in_turn(ctx, share, &near->integral_error, add_terms,
+                              &(terms){off, end - begin}));
     rc =
-        dmk_share_in_turn(ctx, share, &near->integral_error, add_terms, &(terms){off, end - begin});
+        dmk_geodesics_integrate_finer(ctx, near->geodesics, &near->integral, &near->integral_error);
 done:
     free(sum);
     free(off);
