@@ -154,7 +154,7 @@ int dmk_geodesics_integrate_from(dmk_context *context, const dmk_geodesics *geod
 void dmk_geodesics_integrate_parts(dmk_context *context, const dmk_geodesics *geodesics,
                                    const double *mid, int32_t begin, int32_t end, double *sum,
                                    double *error);
-/* To be called behind either: where the estimate says that these triangles are too coarse, the integral is that on finer
+/* To be called behind either: where the estimate says that triangles are too coarse, the integral is that on finer
  * ones. */
 int dmk_geodesics_integrate_finer(dmk_context *context, const dmk_geodesics *geodesics,
                                   double *integral, double *error);
