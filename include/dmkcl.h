@@ -155,7 +155,8 @@ typedef struct dmk_repairs {
     size_t seam_edges;     /* of two triangles, cut open where the surface has one side only */
 } dmk_repairs;
 
-/* A mesh of triangles that dmk_mesh_create may refuse, repaired: coincident vertices become one; zero-area
+/* A mesh of triangles that dmk_mesh_create may refuse, repaired: coincident vertices, and the ends of
+ * edges no longer than the rounding of their coordinates, become one; zero-area
  * triangles are flipped or dropped, duplicates dropped; at an edge of more than two triangles the pairs
  * that fit stay joined; triangles are oriented consistently; a surface with one side only is cut open along a
  * seam, and distances across that are not its own; vertices whose triangles share no edge are split. Other edges

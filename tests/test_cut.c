@@ -18,7 +18,9 @@ static void the_thinnest_triangle_is_named(void **state)
     static const int32_t split[] = {0, 1, 2, 1, 3, 2, 0, 1, 4, 4, 3, 2}, of[] = {0, 1, 8, 3};
     int32_t of_mesh[27];
     for (int32_t i = 0; i < 27; i++) of_mesh[i] = 100 + i;
-    const dmk_mesh mesh = {.n_triangles = 9, .triangle = of_mesh};
+    double at[3 * 127] = {0}; /* of the mesh: all corners at 1 but the last one */
+    at[3 * 124] = at[3 * 125] = 1;
+    const dmk_mesh mesh = {.n_triangles = 9, .triangle = of_mesh, .xyz = at};
     const dmk_geodesics geodesics = {.mesh = &mesh};
     splitter k = {.geodesics = &geodesics,
                   .xyz = (double *)xyz,
@@ -31,6 +33,8 @@ static void the_thinnest_triangle_is_named(void **state)
     assert_int_equal(refuse_thin(*state, &k), DMK_E_MESH);
     const char *said = dmk_context_message(*state);
     if (!strstr(said, "triangle 8 (vertices 124 125 126) ")) fail_msg("%s", said);
+    if (!strstr(said, "join its nearest vertices, as a repair does")) fail_msg("%s", said);
+    at[3 * 125] = 1 + 1e-13;
     int32_t triangle_old[9], vertex_old[127];
     for (int32_t i = 0; i < 9; i++) triangle_old[i] = 1000 + i;
     for (int32_t i = 0; i < 127; i++) vertex_old[i] = 2000 + i;
@@ -40,6 +44,7 @@ static void the_thinnest_triangle_is_named(void **state)
     assert_int_equal(refuse_thin(*state, &sorted), DMK_E_MESH);
     said = dmk_context_message(*state);
     if (!strstr(said, "triangle 1008 (vertices 2124 2125 2126) ")) fail_msg("%s", said);
+    if (!strstr(said, "join its nearest vertices, or move them apart")) fail_msg("%s", said);
 }
 
 /* Not disks: a tetrahedron, a ring of six triangles, two triangles apart. */

@@ -1,6 +1,7 @@
 /* dmk_mesh_repair: what is broken in one way each, and what the maps say. */
 #include "solving.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
@@ -129,6 +130,37 @@ static void flat_triangles_are_flipped(void **state)
             forget(&m);
         }
     }
+}
+
+/* The cube with its last corner twice, the second one `apart` from the first. */
+static void repair_with_twin(bench *b, double apart, dmk_repairs *did)
+{
+    double xyz[27];
+    int32_t triangle[42];
+    dmk_mesh *mesh = NULL;
+    memcpy(xyz, cube_xyz, sizeof cube_xyz);
+    memcpy(xyz + 24, (const double[]){1, 1, 1 + apart}, 3 * sizeof *xyz);
+    memcpy(triangle, cube, sizeof cube);
+    triangle[3 * 3 + 1] = 8; /* of 5 7 6 */
+    memcpy(triangle + 36, (const int32_t[]){6, 8, 7, 8, 5, 7}, 6 * sizeof *triangle);
+    bench_ok(b, dmk_mesh_create(b->ctx, 9, xyz, 14, triangle, &mesh));
+    dmk_mesh_destroy(&mesh);
+    bench_ok(b, dmk_mesh_repair(b->ctx, 9, xyz, 14, triangle, did, &mesh));
+    dmk_mesh_destroy(&mesh);
+}
+
+/* Marching cubes leave vertices as far apart as rounding goes, and triangles between them of which nothing is left
+ * when they are cut. */
+static void vertices_apart_by_rounding(void **state)
+{
+    dmk_repairs did;
+    repair_with_twin(*state, 40 * DBL_EPSILON, &did);
+    assert_true(did.merged_vertices == 1 && did.degenerate_triangles == 2 && did.n_triangles == 12);
+    assert_true(did.vertex_new[8] == 7 && did.n_vertices == 8);
+    dmk_repairs_free(&did);
+    repair_with_twin(*state, 100 * DBL_EPSILON, &did);
+    assert_true(did.merged_vertices == 0 && did.n_triangles == 14);
+    dmk_repairs_free(&did);
 }
 
 /* Two cubes that share an edge, four triangles at it, and two that share a corner. */
@@ -396,6 +428,7 @@ int main(void)
         cmocka_unit_test(a_soup_becomes_the_cube),
         cmocka_unit_test(the_fewer_are_turned),
         cmocka_unit_test(flat_triangles_are_flipped),
+        cmocka_unit_test(vertices_apart_by_rounding),
         cmocka_unit_test(touching_bodies_part),
         cmocka_unit_test(a_fin_comes_off),
         cmocka_unit_test(a_moebius_strip_is_cut),

@@ -2,7 +2,9 @@
 #ifndef DMK_VEC3_H
 #define DMK_VEC3_H
 
+#include <float.h>
 #include <math.h>
+#include <stdbool.h>
 
 static inline double dmk_dot(const double a[3], const double b[3])
 {
@@ -35,6 +37,15 @@ static inline double dmk_distance(const double a[3], const double b[3])
     double square = dmk_distance_squared(a, b);
     if (square > 1e-290 && square < 1e300) return sqrt(square);
     return hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]);
+}
+
+/* Whether a and b are no farther apart than rounding: marching cubes leave places that should be one up to 16 units of
+ * rounding apart, and none from there to some 10 million. */
+static inline bool dmk_is_same_place(const double a[3], const double b[3])
+{
+    double farthest = 0;
+    for (int k = 0; k < 3; k++) farthest = fmax(farthest, fmax(fabs(a[k]), fabs(b[k])));
+    return dmk_distance(a, b) <= 64 * DBL_EPSILON * farthest;
 }
 
 /* The least altitude of the triangle a b c over its longest side: small for slivers. */

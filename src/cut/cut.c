@@ -250,18 +250,23 @@ static void split_all(splitter *k)
 static int refuse_thin(dmk_context *ctx, const splitter *k)
 {
     int32_t v[3];
+    bool rounding = false;
     const dmk_mesh *m = k->geodesics->mesh;
     const dmk_order *order =
         k->n_old < m->n_vertices ? NULL : k->order; /* of a finer one none knows */
     for (int i = 0; i < 3; i++) {
-        v[i] = m->triangle[3 * (size_t)k->thin + i];
+        const int32_t *corner = m->triangle + 3 * (size_t)k->thin;
+        const double *from = m->xyz + 3 * (size_t)corner[i];
+        rounding |= dmk_is_same_place(from, m->xyz + 3 * (size_t)corner[(i + 1) % 3]);
+        v[i] = corner[i];
         if (order) v[i] = order->vertex_old[v[i]];
     }
     return dmk_fail(
         ctx, DMK_E_MESH,
         "triangle %d (vertices %d %d %d) is so thin that a piece which the cut makes of it "
-        "has no area; join its nearest vertices, or move them apart",
-        order ? order->triangle_old[k->thin] : k->thin, v[0], v[1], v[2]);
+        "has no area; join its nearest vertices, %s",
+        order ? order->triangle_old[k->thin] : k->thin, v[0], v[1], v[2],
+        rounding ? "as a repair does" : "or move them apart");
 }
 
 /* By the family of the corner, at a point of its triangle. */

@@ -7,6 +7,7 @@
  * triangles is parted but on those cuts, and any soup is a manifold then. The last three steps are manifold.c's. */
 #include "mesh/manifold.h"
 
+#include "base/sets.h"
 #include "base/vec3.h"
 
 #include <float.h>
@@ -33,6 +34,18 @@ static int by_position(const void *left, const void *right)
     return (a->vertex > b->vertex) - (a->vertex < b->vertex);
 }
 
+/* Ends of an edge that is nothing but rounding are one vertex, too. */
+static void join_near(soup *s, int32_t *first)
+{
+    for (int32_t h = 0; h < 3 * s->n_triangles; h++) {
+        const int32_t a = dmk_set_find(first, from_of(s, h)), b = dmk_set_find(first, to_of(s, h));
+        if (a == b || !dmk_is_same_place(point(s, a), point(s, b))) continue;
+        dmk_set_unite(first, a, b);
+        s->count->merged_vertices++;
+    }
+    for (int32_t v = 0; v < s->n_vertices; v++) first[v] = dmk_set_find(first, v);
+}
+
 /* Name every vertex by the first one at its position: first[v] <= v. Vertices in no triangle stay out of it. */
 static int merge_vertices(soup *s, int32_t *first)
 {
@@ -55,6 +68,7 @@ static int merge_vertices(soup *s, int32_t *first)
         first[list[i].vertex] = first[list[i - 1].vertex];
         s->count->merged_vertices++;
     }
+    join_near(s, first);
     for (int32_t h = 0; h < 3 * s->n_triangles; h++) s->triangle[h] = first[s->triangle[h]];
 done:
     free(used);
