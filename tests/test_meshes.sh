@@ -233,7 +233,7 @@ check 'nothing is lost or doubled' test "$(names)" = "$(for k in $(seq -w 24); d
 check 'each line is whole' lines_are_json "$report"
 check 'so are the files, and no other is left' diff -r --exclude=report.jsonl "$work/whole" "$out"
 
-"$tool" batch "$work/many" --out-dir "$work/stopped" --quiet 2> "$work/errors" &
+env --default-signal=INT "$tool" batch "$work/many" --out-dir "$work/stopped" --quiet 2> "$work/errors" &
 pid=$!
 for _ in $(seq 600); do
     test -s "$work/stopped/report.jsonl" && break
