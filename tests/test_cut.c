@@ -130,9 +130,8 @@ static void check_same(dmk_context *ctx, const dmk_mesh *m, const dmk_result *re
 }
 
 /* The cut runs along the locus that was traced before, if that is of the strength that it asks for. */
-static void the_seam_is_taken_over(void **state)
+static void check_seam(dmk_context *ctx, size_t n_triangles)
 {
-    dmk_context *ctx = *state;
     dmk_surface_options torus;
     dmk_locus_options weak;
     dmk_mesh *m;
@@ -140,7 +139,7 @@ static void the_seam_is_taken_over(void **state)
     dmk_locus *l;
     dmk_surface_options_init(&torus, sizeof torus);
     torus.name = "torus";
-    torus.n_triangles = 6000;
+    torus.n_triangles = n_triangles;
     assert_int_equal(dmk_mesh_surface(ctx, &torus, &m), DMK_OK);
     double *zero = calloc((size_t)m->n_triangles + (size_t)m->n_edges, sizeof *zero);
     uint8_t *acl = calloc((size_t)m->n_triangles, sizeof *acl);
@@ -165,6 +164,13 @@ static void the_seam_is_taken_over(void **state)
     dmk_mesh_destroy(&m);
     free(zero);
     free(acl);
+}
+
+/* Also where it was traced on finer triangles. */
+static void the_seam_is_taken_over(void **state)
+{
+    check_seam(*state, 6000);
+    check_seam(*state, 600);
 }
 
 int main(void)

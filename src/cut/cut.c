@@ -369,14 +369,15 @@ done:
     return rc;
 }
 
-int dmk_seam_cut(dmk_context *ctx, const dmk_geodesics *g, const dmk_seam *seam,
-                 const dmk_order *order, dmk_mesh **cut, int32_t **origin, double **plane)
+/* On the geodesics that the locus is traced on; where it opens nothing, on the mesh of g itself. */
+static int open_finer(dmk_context *ctx, const dmk_geodesics *g, const dmk_finer *f,
+                      const dmk_seam *seam, const dmk_order *order, const outcome *out)
 {
-    const outcome out = {cut, origin, plane};
-    return open_along(ctx, g, seam, order, g->mesh->n_vertices, 0, &out);
+    const bool finer = f->mesh && opens(seam);
+    return open_along(ctx, finer ? f->geodesics : g, seam, order, g->mesh->n_vertices,
+                      finer ? f->turn[0] * dmk_turn_scale(f->geodesics) : 0, out);
 }
 
-/* Along the locus of the finer geodesics; where it opens nothing, the mesh of g itself. */
 static int trace_and_open(dmk_context *ctx, const dmk_geodesics *g, const dmk_finer *f,
                           const dmk_locus_options *opt, const dmk_order *order, const outcome *out)
 {
@@ -387,27 +388,41 @@ static int trace_and_open(dmk_context *ctx, const dmk_geodesics *g, const dmk_fi
     DMK_TRY(dmk_seam_create(ctx, &t, opt, &seam));
     dmk_cotree_free(&t);
     DMK_TRY(dmk_poll(ctx));
-    const bool finer = f->mesh && opens(seam);
-    rc = open_along(ctx, finer ? f->geodesics : g, seam, order, g->mesh->n_vertices,
-                    finer ? f->turn[0] * dmk_turn_scale(f->geodesics) : 0, out);
+    rc = open_finer(ctx, g, f, seam, order, out);
 done:
     dmk_cotree_free(&t);
     free(seam);
     return rc;
 }
 
-int dmk_locus_cut(dmk_context *ctx, const dmk_geodesics *g, const dmk_locus_options *opt,
-                  const dmk_order *order, dmk_mesh **cut, int32_t **origin, double **plane)
+/* seam: NULL if it is still to be traced. */
+static int cut_open(dmk_context *ctx, const dmk_geodesics *g, const dmk_seam *seam,
+                    const dmk_locus_options *opt, const dmk_order *order, const outcome *out)
 {
     int rc;
-    dmk_finer f;
     const dmk_finer none = {.geodesics = g, .mean_edge = g->mesh->info.mean_edge};
-    const outcome out = {cut, origin, plane};
-    DMK_TRY(dmk_finer_create(ctx, g, &f));
-    rc = trace_and_open(ctx, g, &f, opt, order, &out);
+    dmk_finer f = none;
+    if (!seam || opens(seam)) DMK_TRY(dmk_finer_create(ctx, g, &f));
+    rc = seam ? open_finer(ctx, g, &f, seam, order, out)
+              : trace_and_open(ctx, g, &f, opt, order, out);
     if (rc == DMK_E_MESH && f.mesh) /* pieces of slivers' parts may be flat */
-        rc = trace_and_open(ctx, g, &none, opt, order, &out);
+        rc = trace_and_open(ctx, g, &none, opt, order, out);
 done:
     dmk_finer_free(&f);
     return rc;
+}
+
+int dmk_seam_cut(dmk_context *ctx, const dmk_geodesics *g, const dmk_seam *seam,
+                 const dmk_order *order, dmk_mesh **cut, int32_t **origin, double **plane)
+{
+    const dmk_locus_options opt = {.strength = seam->asked};
+    const outcome out = {cut, origin, plane};
+    return cut_open(ctx, g, seam, &opt, order, &out);
+}
+
+int dmk_locus_cut(dmk_context *ctx, const dmk_geodesics *g, const dmk_locus_options *opt,
+                  const dmk_order *order, dmk_mesh **cut, int32_t **origin, double **plane)
+{
+    const outcome out = {cut, origin, plane};
+    return cut_open(ctx, g, NULL, opt, order, &out);
 }

@@ -16,7 +16,7 @@
  * (the caller frees both). */
 int dmk_locus_cut(dmk_context *ctx, const dmk_geodesics *geodesics, const dmk_locus_options *opt,
                   const dmk_order *order, dmk_mesh **cut, int32_t **origin, double **plane);
-/* The same along a seam on geodesics->mesh. */
+/* The same along the seam that dmk_locus_trace gave. */
 int dmk_seam_cut(dmk_context *ctx, const dmk_geodesics *geodesics, const dmk_seam *seam,
                  const dmk_order *order, dmk_mesh **cut, int32_t **origin, double **plane);
 

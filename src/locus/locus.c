@@ -225,8 +225,7 @@ int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *g, const dmk_locus_op
     DMK_TRY(weld(ctx, s.locus));
     finish_vertices(&t, s.locus);
     DMK_TRY(set_polylines(ctx, s.locus));
-    if (seam) *seam = NULL;
-    if (seam && !f.mesh) DMK_TRY(dmk_seam_create(ctx, &t, opt, seam));
+    if (seam) DMK_TRY(dmk_seam_create(ctx, &t, opt, seam));
     *locus = s.locus;
     s.locus = NULL;
 done:

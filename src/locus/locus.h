@@ -46,7 +46,7 @@ struct dmk_locus {
     int32_t *index;           /* offset[n_polylines]: vertices of the polylines */
 };
 
-/* The edges that the lines cross: all that a cut along them takes. One block, which free() gives back. */
+/* The edges that the lines cross, of the mesh where they are traced: all that a cut takes. free() gives it back. */
 typedef struct dmk_seam {
     double asked; /* strength, as in the options */
     bool is_tree; /* of a sphere */
@@ -60,7 +60,7 @@ typedef struct dmk_seam {
 /* The locus of the geodesics' sources. With borders each border loop counts as one point of the graph: lines may
  * end on a border, and the locus with every border loop contracted to a point is connected with first
  * Betti number 2g. Several sources count as one point.
- * *seam (NULL: not wanted): where its lines cross edges; NULL where it is traced on finer triangles. */
+ * *seam (NULL: not wanted): where its lines cross edges. */
 int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *geodesics, const dmk_locus_options *opt,
                     dmk_locus **locus, dmk_seam **seam);
 
