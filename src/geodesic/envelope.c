@@ -253,11 +253,12 @@ static double among(const wave *u, const wave *w, double a, double b, double sig
 }
 
 /* Each goes on to the middle of the gap: its error grows there by what their slopes differ, and is half of what they
- * differ in all or more. What they differ already when the next edge opens the gap anew has been counted. */
+ * differ in all or more. What they differ already when the next edge opens the gap anew has been counted. Wide gaps
+ * stay: they are shadows, and paths around vertices lead there. */
 static void close_gap(const engine *e, wave *u, wave *w, double length)
 {
     const double gap = w->lo - u->hi, middle = 0.5 * (w->lo + u->hi);
-    if (!(gap > 0)) return;
+    if (!(gap > 0) || gap > e->allow.gap * length) return;
     const double bend = 0.5 * gap * fabs(slope(u, middle) - slope(w, middle)),
                  jump = fabs(value(u, middle) - value(w, middle)) + bend;
     if (jump > e->allow.step * length) return;

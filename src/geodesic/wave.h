@@ -13,6 +13,7 @@
 typedef struct allowance {
     double error; /* of the distance, over the distance */
     double step;  /* jump of the distance where a gap between neighbours is closed */
+    double gap;   /* its width */
     double slope; /* change of the slope at a merged window's ends: more leaves gaps behind */
 } allowance;
 
