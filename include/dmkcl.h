@@ -311,7 +311,7 @@ typedef struct dmk_geodesics_options {
         line; /* 2*n_lines: the vertices that each joins; all together are source number n_sources */
     int border;       /* 1: all border edges are lines, too */
     int exact;        /* 1: no error whatever the size; time then grows as n^1.5 on smooth meshes */
-    double tolerance; /* relative error, <= 0.01; 0 = none up to 300,000 triangles, 1e-6 beyond */
+    double tolerance; /* relative error, <= 0.01; 0 = none up to 450,000 triangles, 1e-6 beyond */
 } dmk_geodesics_options;
 
 /* How the shortest path arrives at a vertex. Directions at a vertex count counterclockwise from the edge to the next
@@ -334,7 +334,7 @@ typedef struct dmk_geodesics_info {
     double farthest;  /* largest distance */
     double
         error; /* largest estimate of an error over its distance, no bound; 0: exact but for rounding */
-    double tolerance; /* that was asked for, or the usual one beyond 300,000 triangles; 0: none */
+    double tolerance; /* that was asked for, or the usual one beyond 450,000 triangles; 0: none */
     size_t n_beyond;  /* vertices whose estimate over their distance is above the tolerance */
     size_t n_windows; /* that were made */
 } dmk_geodesics_info;

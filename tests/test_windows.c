@@ -276,10 +276,10 @@ static void exact_where_merged_fail(void **state)
     for (int i = 0; i < 3; i++) dmk_mesh_destroy(&m[i]);
 }
 
-/* Exact up to 300,000 triangles, with a tolerance of 1e-6 beyond. */
+/* Exact up to 450,000 triangles, with a tolerance of 1e-6 beyond. */
 static void line_between_engines(void **state)
 {
-    static const int32_t n[2] = {546, 548};
+    static const int32_t n[2] = {820, 822};
     for (int i = 0; i < 2; i++) {
         dmk_mesh *m = make(*state, n[i], 274, on_torus, 0.4);
         dmk_geodesics *g = run(*state, m, 0);

@@ -295,7 +295,7 @@ static void add_distance(solve_table *table, distance_request *r, const char *ou
          .target = &r->border},
         {.name = "tolerance",
          .value = "T",
-         .help = "allow an error of T times the distance; default: 0 up to 300,000\ntriangles, "
+         .help = "allow an error of T times the distance; default: 0 up to 450,000\ntriangles, "
                  "1e-6 beyond",
          .kind = CLI_NUMBER,
          .target = &r->tolerance,

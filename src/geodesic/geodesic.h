@@ -123,9 +123,9 @@ double dmk_turn_scale(const dmk_geodesics *g);
 /* From direction a to b, the short way around. */
 double dmk_turn_between(double full, double a, double b);
 
-/* Up to so many triangles distances are exact unless asked otherwise: there windows take less time
- * than the rest of the run, on smooth meshes too; beyond, their number per edge still grows. */
-enum { DMK_EXACT_TRIANGLES = 300000 };
+/* Up to so many triangles distances are exact unless asked otherwise: there exact windows take less time than merged
+ * ones, on smooth meshes too (README.md); beyond, their number per edge still grows. */
+enum { DMK_EXACT_TRIANGLES = 450000 };
 
 /* dmk_geodesics_create without a stage of its own and without the argument checks; old: of dmk_star_create. */
 int dmk_geodesics_compute(dmk_context *context, const dmk_mesh *mesh, const int32_t *old,

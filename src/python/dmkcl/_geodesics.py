@@ -120,7 +120,7 @@ class Geodesics:
     curve : (k,) two vertices or more joined by edges, one after another: every point of these edges is a source
     border : the border of the mesh is a source as a whole, too
     offsets : (k,) distance at each of the sources, 0 or more
-    tolerance : error allowed, over the distance, 0.01 at most; 0: none up to 300,000 triangles, 1e-6 beyond
+    tolerance : error allowed, over the distance, 0.01 at most; 0: none up to 450,000 triangles, 1e-6 beyond
     exact : no error, whatever the size
     threads : of the host; 0: one per core
 
