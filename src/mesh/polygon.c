@@ -10,19 +10,20 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum {
-    MOST = 1000
-}; /* corners of one that is no fan: 0.2 s and 12 MB, by the cube of their number */
+/* Corners of one that is no fan: 0.2 s, by the cube of their number, and 12 MB. */
+enum { MOST = 1000 };
+
+/* Corners for which no memory is asked for. */
+enum { FEW = 16 };
 
 /* A fan that has a thinner triangle is not right: six digits leave a corner within a straight side 1e-6 of it off. */
 static const double FLAT = 1e-5;
 
 typedef struct outline {
     int32_t n;
-    double *at; /* 2 n: the corners in the plane, in which the polygon turns counterclockwise */
-    double *
-        least; /* n * n: thickness of the thinnest triangle on the way from corner i to j; and of j to i */
-    int32_t *apex; /* n * n, i < j: the triangle over i and j */
+    double *at;    /* 2 n: the corners in the plane, in which the polygon turns counterclockwise */
+    double *least; /* n * n, symmetric: the thinnest triangle's thickness from corner i to j */
+    int32_t *apex; /* n * n, i < j: of the triangle over i and j */
 } outline;
 
 /* Corner i, seen from the first one. */
@@ -141,9 +142,9 @@ int dmk_polygon_split(dmk_context *ctx, const double *xyz, size_t n, const int32
                       int32_t *triangle)
 {
     int rc = DMK_OK;
-    double few[2 * 16];
+    double few[2 * FEW];
     outline o = {.n = (int32_t)n, .at = few};
-    if (n > 16) DMK_TRY(DMK_NEW(ctx, o.at, 2 * n));
+    if (n > FEW) DMK_TRY(DMK_NEW(ctx, o.at, 2 * n));
     for (size_t i = 0; i + 2 < n; i++) {
         triangle[3 * i] = corner[0];
         triangle[3 * i + 1] = corner[i + 1];

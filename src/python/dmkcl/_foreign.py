@@ -11,7 +11,7 @@ from ._lib import Context, MeshError, ffi, lib
 from ._mesh import _vertex_array
 
 
-def _split(points: Any, polygons: Any) -> NDArray[Any]:
+def _split(points: Any, polygons: NDArray[Any]) -> NDArray[Any]:
     """Polygons (m, k) to triangles, in order, as files of such are read."""
     polygons = np.asarray(polygons)
     if polygons.shape[1] == 3 or len(polygons) == 0:
