@@ -388,6 +388,35 @@ static void check_flux(const router *p, int32_t t)
     assert_true(dot3(off, off) < 1e-22 * square);
 }
 
+/* What triangle t takes from its corners and midpoints, edge by edge of its four parts: halves of its sides, and what
+ * lies between two midpoints and so in two parts. */
+static void check_leaving(const router *p, int32_t t, double (*flow)[3])
+{
+    static const int end[9][2] = {{1, 3}, {2, 3}, {4, 5}, {2, 4}, {0, 4},
+                                  {5, 3}, {0, 5}, {1, 5}, {3, 4}};
+    double value[6], net[6], size[6], sum[6] = {0}, sizes[6] = {0};
+    for (int k = 0; k < 3; k++) {
+        value[k] = p->u[p->n.vertex_row + p->mesh->triangle[3 * t + k]];
+        value[3 + k] = p->u[p->mesh->triangle_edge[3 * t + k]];
+    }
+    for (int l = 0; l < 9; l++) {
+        const int a = end[l][0], b = end[l][1], k = l / 3;
+        const bool is_half = l % 3 < 2;
+        const double by =
+            (is_half ? 0.5 : 1) * p->mu[t] * dmk_cot(p->mesh, 3 * t + k) * (value[a] - value[b]) +
+            (flow && is_half ? flow[a][k] : 0);
+        sum[a] += by;
+        sum[b] -= by;
+        sizes[a] += fabs(by);
+        sizes[b] += fabs(by);
+    }
+    leave(p, t, flow, net, size);
+    for (int k = 0; k < 6; k++) {
+        assert_true(fabs(net[k] - sum[k]) <= 1e-14 * sizes[k]);
+        assert_true(fabs(size[k] - sizes[k]) <= 1e-14 * sizes[k]);
+    }
+}
+
 /* Whatever flows and potential are. */
 static void the_cost_is_that_of_the_flux(void **state)
 {
@@ -407,7 +436,13 @@ static void the_cost_is_that_of_the_flux(void **state)
     set_density(x, 1);
     add_sides(&p);
     mean_range(0, m->n_triangles, &p);
-    for (int32_t t = 0; t < m->n_triangles; t++) check_flux(&p, t);
+    for (int32_t t = 0; t < m->n_triangles; t++) {
+        double flow[3][3];
+        flows_of(&p, t, flow);
+        check_flux(&p, t);
+        check_leaving(&p, t, NULL);
+        check_leaving(&p, t, flow);
+    }
     free(u);
     free(half);
     free(sent);
