@@ -13,7 +13,6 @@ from ._mesh import _vertex_array
 
 def _split(points: Any, polygons: NDArray[Any]) -> NDArray[Any]:
     """Polygons (m, k) to triangles, in order, as files of such are read."""
-    polygons = np.asarray(polygons)
     if polygons.shape[1] == 3 or len(polygons) == 0:
         return polygons.reshape(-1, 3)
     xyz, corners = _vertex_array(points), np.ascontiguousarray(polygons, dtype=np.int32)
@@ -43,7 +42,9 @@ def from_meshio(mesh: Any) -> "tuple[Any, Any]":
         if corners:
             parts.append(_split(mesh.points, np.asarray(block.data)[:, :corners]))
         elif block.type == "polygon":
-            parts.extend(_split(mesh.points, np.asarray(row)[None]) for row in block.data)
+            # All at once, but where they differ in size and are objects.
+            groups = block.data if block.data.dtype == object else [block.data]
+            parts.extend(_split(mesh.points, np.atleast_2d(group)) for group in groups)
         else:
             others.add(block.type)
     if not parts:

@@ -197,6 +197,9 @@ def test_meshio_cells(small):
     dart = [[0, 0], [2, 1], [0, 0.5], [-2, 1]]
     for cells in (("quad", [[1, 2, 3, 0]]), ("polygon", [[1, 2, 3, 0]])):
         assert dmkcl.CutLocus(meshio.Mesh(dart, [cells])).mesh.info["area"] == pytest.approx(1)
+    sizes = np.empty(2, object)
+    sizes[:] = [[0, 1, 4, 3], [1, 2, 4]]
+    assert len(dmkcl.CutLocus(meshio.Mesh(square.points, [("polygon", sizes)])).mesh.faces) == 3
     with pytest.raises(dmkcl.MeshError, match="the vertex 4, but"):
         dmkcl.CutLocus(meshio.Mesh(dart, [("quad", [[1, 2, 3, 4]])]))
     with pytest.raises(dmkcl.MeshError, match="tetra"):
