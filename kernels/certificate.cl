@@ -21,11 +21,11 @@ KERNEL band_slopes(int n, int n_bands, float u_low, float inv_band,
         real low = u[index[base]], high = low;
         for (int k = 1; k < 6; k++) {
             const real x = u[index[base + DMK_WIDTH * k]];
-            low = fmin(low, x);
-            high = fmax(high, x);
+            low = x < low ? x : low;
+            high = x > high ? x : high;
         }
-        const int first = clamp((int)floor(((float)low - u_low) * inv_band) - 1, 0, n_bands - 1);
-        const int last = clamp((int)floor(((float)high - u_low) * inv_band) + 1, 0, n_bands - 1);
+        const int first = clamp((int)(((float)low - u_low) * inv_band) - 1, 0, n_bands - 1);
+        const int last = clamp((int)(((float)high - u_low) * inv_band) + 1, 0, n_bands - 1);
         const int bits = as_int((float)sqrt(q[t]) * (1 + 1e-6f));
         for (int l = first; l <= last; l++) {
             if (slope_max[l] < bits) atomic_max(&slope_max[l], bits);
@@ -44,7 +44,7 @@ KERNEL band_map(int n, int n_bands, float u_low, float inv_band, global const re
     FOR_ROWS(i, n, shares, launch)
     {
         const real s = (u[i] - (real)u_low) * (real)inv_band;
-        const int l = clamp((int)floor((float)s), 0, n_bands - 1);
+        const int l = clamp((int)s, 0, n_bands - 1);
         v[i] = phi[l] + (s - (real)l) * (phi[l + 1] - phi[l]);
     }
 }

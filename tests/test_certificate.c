@@ -312,13 +312,28 @@ static void triangles_that_hold_it_back_are_named(void **state)
     problem_solve(&p);
     assert_true(p.stats.gap > 2e-7);
     assert_true(p.stats.n_steep > 0);
-    /* 40 between two steps, 400 at the end. */
-    if (p.stats.sweeps > 1900) fail_msg("%d sweeps", p.stats.sweeps);
+    /* 40 between two steps, 60 at the end. */
+    if (p.stats.sweeps > 900) fail_msg("%d sweeps", p.stats.sweeps);
     for (int k = 0; k < DMK_N_STEEP; k++) {
         assert_true(p.stats.steep[k] >= -1 && p.stats.steep[k] < (int64_t)problem_triangles(&p));
         assert_true((p.stats.steep[k] >= 0) == (k < p.stats.n_steep));
         for (int j = 0; j < k; j++)
             assert_true(p.stats.steep[k] < 0 || p.stats.steep[j] != p.stats.steep[k]);
+    }
+    problem_free(&p);
+}
+
+/* Sweeps that cannot reach their goal end. */
+static void hopeless_repairs_end(void **state)
+{
+    static const int most[] = {40, 60}; /* between two steps, at the end */
+    problem p = needles(*state, 0.003);
+    problem_solve(&p);
+    for (int last = 0; last < 2; last++) {
+        dmk_iteration o = problem_iteration(&p);
+        p.stats.sweeps = 0;
+        bench_ok(p.b, dmk_repair(&o, (const double[]){1e-9, 1e-9}, INFINITY, last));
+        assert_int_equal(p.stats.sweeps, most[last]);
     }
     problem_free(&p);
 }
@@ -372,6 +387,7 @@ int main(void)
         cmocka_unit_test(repair_gives_the_same_bits),
         cmocka_unit_test(repair_is_the_same_in_the_gpu_shape),
         cmocka_unit_test(triangles_that_hold_it_back_are_named),
+        cmocka_unit_test(hopeless_repairs_end),
         cmocka_unit_test(the_steepest_come_first),
     };
     return cmocka_run_group_tests(tests, bench_setup, bench_teardown);
