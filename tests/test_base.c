@@ -1,6 +1,7 @@
 /* Sorting, graphs as lines, small dense matrices, and what a mesh reports of itself, by their definitions. */
 #include "base/dense.h"
 #include "base/graph.h"
+#include "base/heading.h"
 #include "base/sort.h"
 #include "mesh/mesh.h"
 #include "context.h"
@@ -210,10 +211,35 @@ static int setup(void **state)
     return rc;
 }
 
+/* Of small angles and large ones, and where the nearest quarter turn changes. */
+static void headings_are_cosine_and_sine(void **state)
+{
+    (void)state;
+    double worst = 0;
+    for (double size = 1e-8; size <= 1e5; size *= 10) {
+        for (int i = -20000; i <= 20000; i++) {
+            const double at = (i % 2 ? i : round(0.5 * i) * M_PI / 4e4) * size / 20000;
+            const dmk_heading to = dmk_heading_of(at);
+            worst = fmax(worst, fmax(fabs(to.x - cos(at)), fabs(to.y - sin(at))));
+        }
+    }
+    for (int i = -400; i <= 400; i++) {
+        for (int k = -1; k <= 1; k++) {
+            const double at = i * M_PI / 4 * (1 + k * 1e-15);
+            const dmk_heading to = dmk_heading_of(at);
+            worst = fmax(worst, fmax(fabs(to.x - cos(at)), fabs(to.y - sin(at))));
+        }
+    }
+    print_message("# off by %.2g\n", worst);
+    assert_true(worst < 2.3e-16);
+    assert_true(dmk_heading_of(0).x == 1 && dmk_heading_of(0).y == 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(numbers_are_sorted),
+        cmocka_unit_test(headings_are_cosine_and_sine),
         cmocka_unit_test(keyed_items_keep_their_order),
         cmocka_unit_test(graphs_are_lines),
         cmocka_unit_test(laplacians_are_inverted),

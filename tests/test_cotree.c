@@ -144,6 +144,10 @@ static void families_meet(void **state)
     const double x = find_meeting(&a, &b, 3);
     assert_true(x > 0 && x < 3 &&
                 fabs(dmk_image_length(&a, x, 0) - dmk_image_length(&b, x, 0)) < 1e-11);
+    const dmk_image c = {2.5, -1.5, 0.3}; /* starts as a: a straight line between both */
+    const double alike = find_meeting(&a, &c, 3);
+    assert_true(alike > 0 && alike < 3 &&
+                fabs(dmk_image_length(&a, alike, 0) - dmk_image_length(&c, alike, 0)) < 1e-15);
     const dmk_image left = {-1, -2, 0}, right = {4, -2, 0};
     assert_true(fabs(find_meeting(&left, &right, 3) - 1.5) < 3e-12);
     assert_true(find_meeting(&right, &left, 3) == 0);
@@ -161,6 +165,7 @@ typedef struct arms {
     dmk_geodesics geodesics;
     dmk_cotree t;
     dmk_crossing crossing[40];
+    double strength_of[40];
     int32_t on[3 * 41];
 } arms;
 
@@ -180,6 +185,7 @@ static void make_arms(arms *a, const int length[3], double step, double alpha)
                         .mean_edge = 1e-3,
                         .n = n,
                         .crossing = a->crossing,
+                        .strength_of = a->strength_of,
                         .on = a->on};
     for (int32_t i = 0; i < 3 * 41; i++) a->on[i] = -1;
     for (int k = 0; k < 3; k++) {
@@ -236,9 +242,9 @@ static void leaves_hand_on(void **state)
     near(a.crossing[a.t.last].worth, line);
     for (int k = 0; k < 3; k++) {
         for (int j = 0; j < length[k]; j++) {
-            const dmk_crossing *c = &a.crossing[number_of(length, k, j)];
+            const int32_t i = number_of(length, k, j);
             const bool end = j == length[k] - 1; /* beyond its end a branch has no worth */
-            near(c->strength, end ? 0 : k < 2 ? line : kept * step * 3);
+            near(a.strength_of[i], end ? 0 : k < 2 ? line : kept * step * 3);
         }
     }
 }

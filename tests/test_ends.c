@@ -12,13 +12,14 @@
 enum { N = 2 * MAX_ROUTE + 40 };
 
 /* A line of N crossings, 1 apart: crossing i joins the nodes i and i + 1, and hands on to i + 1. */
-static void make_line(dmk_cotree *t, dmk_crossing *crossing, int32_t *on)
+static void make_line(dmk_cotree *t, dmk_crossing *crossing, double *strength, int32_t *on)
 {
     memset(crossing, 0, N * sizeof *crossing);
     for (int32_t i = 0; i < 3 * (N + 1); i++) on[i] = -1;
     for (int32_t i = 0; i < N; i++) {
-        crossing[i] = (dmk_crossing){
-            .node = {i, i + 1}, .onward = i + 1 < N ? i + 1 : -1, .strength = 5, .worth = 5};
+        crossing[i] =
+            (dmk_crossing){.node = {i, i + 1}, .onward = i + 1 < N ? i + 1 : -1, .worth = 5};
+        strength[i] = 5;
         crossing[i].xyz[0] = i;
         on[3 * i] = i;
         on[3 * (i + 1) + 1] = i;
@@ -26,6 +27,7 @@ static void make_line(dmk_cotree *t, dmk_crossing *crossing, int32_t *on)
     t->n = N;
     t->last = N - 1;
     t->crossing = crossing;
+    t->strength_of = strength;
     t->on = on;
     t->strength = 1;
 }
@@ -34,6 +36,7 @@ static void routes_have_their_room(void **state)
 {
     (void)state;
     static dmk_crossing crossing[N];
+    static double strength[N];
     static int32_t on[3 * (N + 1)];
     dmk_mesh mesh = {.n_triangles = N + 1};
     dmk_geodesics geodesics = {.mesh = &mesh};
@@ -42,7 +45,7 @@ static void routes_have_their_room(void **state)
         route r;
         int32_t behind[MAX_ROUTE];
     } room;
-    make_line(&t, crossing, on);
+    make_line(&t, crossing, strength, on);
     /* From the middle, without a bound: half of the room is for what lies inwards, the rest for what lies outwards. */
     find_route(&t, MAX_ROUTE + 10, MAX_ROUTE + 10, HUGE_VAL, &room.r);
     assert_int_equal(room.r.n, MAX_ROUTE);
@@ -61,11 +64,12 @@ static void ways_lead_along_the_route(void **state)
 {
     (void)state;
     static dmk_crossing crossing[N];
+    static double strength[N];
     static int32_t on[3 * (N + 1)];
     dmk_cotree t = {0};
     const route r = {.n = 6, .end = 2, .crossing = {15, 14, 13, 12, 11, 10}};
     static const double way[] = {0, 0.5, 2.5, 4, HUGE_VAL}, x[] = {13, 12.5, 10.5, 10, 10};
-    make_line(&t, crossing, on);
+    make_line(&t, crossing, strength, on);
     for (int i = 0; i < 5; i++) {
         double xyz[3];
         point_beyond(&t, &r, way[i], xyz);
@@ -89,9 +93,9 @@ static void borders_are_no_end(void **state)
                      .triangle = (int32_t *)triangle,
                      .area = (double *)area};
     dmk_geodesics geodesics = {.mesh = &mesh};
-    dmk_crossing c = {
-        .node = {0, 1}, .outer = 1, .onward = -1, .strength = 5, .worth = 5, .xyz = {0.5, 0.5, 0}};
-    dmk_cotree t = {.geodesics = &geodesics, .crossing = &c, .n = 1};
+    dmk_crossing c = {.node = {0, 1}, .outer = 1, .onward = -1, .worth = 5, .xyz = {0.5, 0.5, 0}};
+    double strength = 5;
+    dmk_cotree t = {.geodesics = &geodesics, .crossing = &c, .strength_of = &strength, .n = 1};
     const route r = {.n = 1, .end = 0, .crossing = {0}};
     assert_int_equal(lead_to(*state, &t, &r, beyond), DMK_OK);
     assert_int_equal(t.n_ends, 0);

@@ -1790,7 +1790,7 @@ static void test_width(void **state)
     assert_int_equal(dmk_cotree_complete(ctx, s.geodesics, s.h, &t), DMK_OK);
     for (int32_t i = 0; i < t.n; i++) {
         const dmk_crossing *c = &t.crossing[i];
-        if (c->onward < 0 || c->strength < t.strength) continue;
+        if (c->onward < 0 || t.strength_of[i] < t.strength) continue;
         const double *v = s.mesh->xyz + 3 * s.mesh->triangle[dmk_next(c->half)],
                      *w = s.mesh->xyz + 3 * s.mesh->triangle[dmk_previous(c->half)];
         dmk_locus_vertex before, after;
@@ -2054,7 +2054,7 @@ static void test_excess(void **state)
     int far = 0;
     for (int32_t i = 0; i < t.n; i++) {
         const dmk_crossing *c = &t.crossing[i];
-        assert_true(c->excess >= 0 && c->strength >= 0 && c->alpha <= pi + 1e-12);
+        assert_true(c->excess >= 0 && t.strength_of[i] >= 0 && c->alpha <= pi + 1e-12);
         assert_true(c->onward < 0 || c->excess <= t.crossing[c->onward].excess);
         if (c->onward < 0 || c->excess < t.strength) continue;
         double length = 0;
@@ -2066,7 +2066,7 @@ static void test_excess(void **state)
         }
         const double grown = c->distance + length - t.crossing[end].distance;
         const double excess = t.crossing[end].excess - c->excess;
-        if (c->strength < t.crossing[t.last].strength || length < 10 * s.h) continue;
+        if (t.strength_of[i] < t.strength_of[t.last] || length < 10 * s.h) continue;
         far++;
         /* the last crossing has the larger excess of its two sides */
         assert_true(excess <= grown * 1.1);

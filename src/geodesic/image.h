@@ -3,6 +3,7 @@
 #ifndef DMK_GEODESIC_IMAGE_H
 #define DMK_GEODESIC_IMAGE_H
 
+#include "base/heading.h"
 #include "geodesic/geodesic.h"
 
 #include <math.h>
@@ -30,7 +31,8 @@ static inline dmk_image dmk_image_from(const dmk_geodesics *g, int32_t v, const 
     double before = a->source < 0 ? 0 : g->source[a->source].offset;
     if (a->pseudo_source >= 0) before = g->distance[a->pseudo_source];
     const double r = dmk_in_units(g, g->distance[v] - before);
-    return (dmk_image){r * cos(b), r * sin(b), dmk_in_units(g, before)};
+    const dmk_heading to = dmk_heading_of(b);
+    return (dmk_image){r * to.x, r * to.y, dmk_in_units(g, before)};
 }
 
 /* Length of half-edge h in the star's unit. */

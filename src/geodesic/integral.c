@@ -2,6 +2,7 @@
 #include "geodesic/finer.h"
 #include "geodesic/trace.h"
 
+#include "base/heading.h"
 #include "base/parallel.h"
 
 #include <math.h>
@@ -57,8 +58,8 @@ static void halve_range(int32_t begin, int32_t end, void *data)
         double r = 0.5 * m->length[e];
         const int32_t a = m->triangle[from], b = m->triangle[to];
         const double at_b = g->star.angle[to] + g->star.corner_angle[to];
-        w->mid[e] = dmk_min(beyond(g, a, cos(turn_back(g, a, g->star.angle[from])), r),
-                            beyond(g, b, cos(turn_back(g, b, at_b)), r));
+        w->mid[e] = dmk_min(beyond(g, a, dmk_heading_of(turn_back(g, a, g->star.angle[from])).x, r),
+                            beyond(g, b, dmk_heading_of(turn_back(g, b, at_b)).x, r));
     }
 }
 
@@ -83,7 +84,8 @@ static double cosine_back(const dmk_geodesics *g, int32_t c, double x, double y)
         else
             return cos(turn_back(g, v, g->star.angle[c] + atan2(y, x)));
     }
-    return x * cos(from) - y * sin(from);
+    const dmk_heading to = dmk_heading_of(from);
+    return x * to.x - y * to.y;
 }
 
 /* At the centre of gravity of triangle t. */

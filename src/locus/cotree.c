@@ -67,17 +67,18 @@ double dmk_jump_of(const dmk_cotree *t, int32_t k)
     return t->mean_edge * jump;
 }
 
-/* Where the families of both ends are equally long: by Newton's method from where their images are equally far, by
- * bisection where that leaves the bracket or does not end. */
+/* Where the families of both ends are equally long: where their images are equally far, if these begin alike, else by
+ * Newton's method from there, by bisection where that leaves the bracket or does not end. */
 static double find_meeting(const dmk_image *a, const dmk_image *b, double length)
 {
     double lo = 0, hi = length;
-    const double small = 1e-12 * length;
+    const double farther = b->x * b->x + b->y * b->y - a->x * a->x - a->y * a->y;
+    double x = 0.5 * farther / (b->x - a->x);
+    if (a->before == b->before && farther > 0 && x > 0 && x < length) return dmk_snap(x, length);
     const double flo = dmk_image_length(a, 0, 0) - dmk_image_length(b, 0, 0);
     const double fhi = dmk_image_length(a, length, 0) - dmk_image_length(b, length, 0);
     if (flo >= 0) return 0; /* the start's own family is not the shorter one there */
     if (fhi <= 0) return length;
-    double x = 0.5 * (b->x * b->x + b->y * b->y - a->x * a->x - a->y * a->y) / (b->x - a->x);
     if (!(x > 0 && x < length)) x = -flo * length / (fhi - flo);
     for (int i = 0; i < 60; i++) {
         const double la = dmk_image_length(a, x, 0), lb = dmk_image_length(b, x, 0), f = la - lb;
@@ -89,7 +90,7 @@ static double find_meeting(const dmk_image *a, const dmk_image *b, double length
         const double slope = (x - a->x) / (la - a->before) - (x - b->x) / (lb - b->before);
         double next = x - f / slope;
         if (!(i < 10 && next > lo && next < hi)) next = 0.5 * (lo + hi);
-        const bool ends = fabs(next - x) <= small;
+        const bool ends = fabs(next - x) <= 1e-12 * length;
         x = next;
         if (ends) break;
     }
@@ -168,7 +169,7 @@ static void set_crossing(const dmk_cotree *t, int32_t h, bool kept, dmk_crossing
                         .alpha = found.alpha,
                         .share = at,
                         .distance = 0.5 * t->geodesics->star.unit * both};
-    c->excess = c->worth = c->strength = HUGE_VAL;
+    c->excess = c->worth = t->strength_of[c - t->crossing] = HUGE_VAL;
     for (int k = 0; k < 3; k++)
         c->xyz[k] = (1 - at) * m->xyz[3 * (size_t)v + k] + at * m->xyz[3 * (size_t)w + k];
 }
@@ -272,6 +273,7 @@ int dmk_cotree_create(dmk_context *ctx, const dmk_geodesics *g, double mean_edge
     DMK_TRY(DMK_NEW_UNSET(ctx, t->on, 3 * (size_t)m->n_triangles));
     DMK_TRY(dmk_star_loops(ctx, m, &g->star, parent, &t->loop, &t->n_loops));
     DMK_TRY(DMK_NEW_UNSET(ctx, t->order, (size_t)m->n_edges));
+    DMK_TRY(DMK_NEW_UNSET(ctx, t->strength_of, (size_t)m->n_edges));
     dmk_parallel(ctx, 3 * m->n_triangles, find_jumps, t);
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(dmk_sort_keyed(ctx, t->order, (size_t)m->n_edges));
@@ -288,6 +290,7 @@ void dmk_cotree_free(dmk_cotree *t)
     free(t->order);
     free(t->loop);
     free(t->crossing);
+    free(t->strength_of);
     free(t->on);
     free(t->end);
     memset(t, 0, sizeof *t);

@@ -26,7 +26,6 @@ typedef struct dmk_crossing {
     double excess;   /* P: by how much a path must grow to be moved from one family to the other */
     double worth;    /* P as far as it counts: see strength.c */
     double fall;     /* what both gain by falls of d as soon as these count */
-    double strength; /* that by which it is pruned: see strength.c */
 } dmk_crossing;
 
 /* Where a branch ends inside a triangle. */
@@ -44,6 +43,7 @@ typedef struct dmk_cotree {
     int32_t n, n_loops;     /* crossings; border loops */
     int32_t *loop;          /* n_vertices: border loop, -1: none */
     dmk_crossing *crossing; /* n */
+    double *strength_of;    /* n: that by which it is pruned; apart, as loops read no more */
     int32_t *on;            /* 3*n_triangles: crossing on each half-edge, -1: none */
     int32_t last; /* crossing peeled last, the middle of a locus without loops; -1: none */
     int32_t n_ends;
@@ -91,7 +91,7 @@ static inline double dmk_strength_asked(const dmk_cotree *t, const dmk_locus_opt
 
 static inline bool dmk_is_drawn(const dmk_cotree *t, int32_t i, double strength)
 {
-    return t->crossing[i].strength >= strength && !(t->is_point && strength >= t->strength);
+    return t->strength_of[i] >= strength && !(t->is_point && strength >= t->strength);
 }
 
 /* A family of shortest paths by what a vertex at x knows of it, in the frame of a half-edge. */

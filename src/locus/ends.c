@@ -50,7 +50,7 @@ static void find_route(const dmk_cotree *t, int32_t i, int32_t node, double reac
         back[n++] = j;
         /* inwards of the last crossing lies the branch's other half */
         const int32_t next = j == t->last ? child_of(t, j, node_in) : t->crossing[j].onward;
-        if (next < 0 || t->crossing[next].strength != t->crossing[i].strength ||
+        if (next < 0 || t->strength_of[next] != t->strength_of[i] ||
             (n > 1 && next == back[n - 2]) || dmk_branch_at(t, node_in) >= t->strength)
             break;
         length += step(t, j, next);
@@ -204,11 +204,11 @@ static int lead_to(dmk_context *ctx, dmk_cotree *t, const route *r, const double
         end = (dmk_end_point){triangle, r->crossing[k], {weight[0], weight[1], weight[2]}};
     }
     if (end.triangle < 0) return DMK_OK;
-    const double strength = t->crossing[r->crossing[0]].strength;
-    for (int32_t k = 0; k <= upto; k++) t->crossing[r->crossing[k]].strength = strength;
+    const double strength = t->strength_of[r->crossing[0]];
+    for (int32_t k = 0; k <= upto; k++) t->strength_of[r->crossing[k]] = strength;
     for (int32_t k = upto + 1; k < r->n; k++) {
-        dmk_crossing *c = &t->crossing[r->crossing[k]];
-        c->strength = fmin(c->worth, nextafter(t->strength, 0));
+        const int32_t i = r->crossing[k];
+        t->strength_of[i] = fmin(t->crossing[i].worth, nextafter(t->strength, 0));
     }
     keep_inside(t, &end);
     return add_end(ctx, t, end);
@@ -292,6 +292,7 @@ static int find_ends(dmk_context *ctx, dmk_cotree *t)
     const double *arc = dmk_dot(half, half) > 0 ? half : NULL;
     for (int32_t i = 0; i < t->n && !t->is_point; i++) {
         const dmk_crossing *c = &t->crossing[i];
+        if (t->strength_of[i] < t->strength) continue;
         for (int side = 0; side < 2 && c->outer >= 0; side++) {
             if (side != c->outer && i != t->last) continue;
             if (!ends_at(t, i, c->node[side])) continue;

@@ -31,8 +31,8 @@ static int32_t find_parts(const dmk_cotree *t, bool *in_part, int32_t *parent, b
     for (int32_t i = 0; i < m->n_triangles + t->n_loops; i++) parent[i] = i;
     for (int32_t i = 0; i < t->n; i++) {
         const dmk_crossing *c = &t->crossing[i];
+        if (t->strength_of[i] < t->strength) continue;
         const int32_t e = m->triangle_edge[c->half];
-        if (c->strength < t->strength) continue;
         if (c->alpha < 2 * dmk_rules.angle && !dmk_parts_cells(t->geodesics, e)) continue;
         kept[e] = true;
         for (int k = 0; k < 2; k++) {

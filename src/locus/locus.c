@@ -63,10 +63,10 @@ static int join_triangle(dmk_context *ctx, const dmk_cotree *t, int32_t triangle
         else
             dmk_place_fork(t, triangle, &s->locus->vertex[v]);
         for (int k = 0; k < n; k++)
-            DMK_TRY(join(ctx, s, s->number[kept[k]], v, t->crossing[kept[k]].strength));
+            DMK_TRY(join(ctx, s, s->number[kept[k]], v, t->strength_of[kept[k]]));
     } else if (n == 2) {
-        const double weaker = fmin(t->crossing[kept[0]].strength, t->crossing[kept[1]].strength);
-        rc = join(ctx, s, s->number[kept[0]], s->number[kept[1]], weaker);
+        rc = join(ctx, s, s->number[kept[0]], s->number[kept[1]],
+                  fmin(t->strength_of[kept[0]], t->strength_of[kept[1]]));
     }
 done:
     return rc;
@@ -202,10 +202,9 @@ static void finish_vertices(const dmk_cotree *t, dmk_locus *l)
 
 static int set_polylines(dmk_context *ctx, dmk_locus *l)
 {
-    const int32_t *end = l->info.n_edges > 0 ? l->edge->vertex : NULL;
-    return dmk_graph_lines(ctx, l->info.n_vertices, l->info.n_edges, end,
-                           sizeof *l->edge / sizeof *end, &l->info.n_polylines, &l->offset,
-                           &l->index);
+    return dmk_graph_lines(ctx, l->info.n_vertices, l->info.n_edges,
+                           l->edge ? l->edge->vertex : NULL, sizeof *l->edge / sizeof(int32_t),
+                           &l->info.n_polylines, &l->offset, &l->index);
 }
 
 int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *g, const dmk_locus_options *opt,

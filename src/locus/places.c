@@ -21,7 +21,7 @@ bool dmk_is_fork(const dmk_cotree *t, int32_t triangle)
 {
     for (int k = 0; k < 3; k++) {
         const int32_t i = t->on[3 * triangle + k];
-        if (i < 0 || t->crossing[i].strength < t->strength) return false;
+        if (i < 0 || t->strength_of[i] < t->strength) return false;
     }
     return true;
 }
@@ -177,7 +177,7 @@ void dmk_place_end(const dmk_cotree *t, const dmk_end_point *end, dmk_locus_vert
 {
     set_place(t->geodesics->mesh, end->triangle, end->weight, v);
     set_widest(t, end->triangle, v);
-    v->strength = t->crossing[end->crossing].strength;
+    v->strength = t->strength_of[end->crossing];
 }
 
 /* The line that leaves a crossing to one side, up to an end, a fork or the length wanted. */
@@ -196,7 +196,7 @@ static void go(const dmk_cotree *t, int32_t i, int32_t node, double length, walk
         int32_t next = -1, n = 0;
         for (int k = 0; k < 3; k++) {
             const int32_t j = t->on[3 * node + k];
-            if (j < 0 || j == i || t->crossing[j].strength < t->strength) continue;
+            if (j < 0 || j == i || t->strength_of[j] < t->strength) continue;
             next = j;
             n++;
         }
@@ -233,7 +233,7 @@ static double share_of(const dmk_cotree *t, int32_t i, bool raw)
     const dmk_mesh *m = t->geodesics->mesh;
     walk side[2];
     double length = dmk_rules.width * t->mean_edge, mean[3] = {0}, edge[3], to[3];
-    if (raw || c->strength < t->strength) return c->share;
+    if (raw || t->strength_of[i] < t->strength) return c->share;
     for (int k = 0; k < 2; k++) {
         go(t, i, c->node[k], length, &side[k]);
         length = fmin(length, side[k].s[side[k].n - 1]);
@@ -258,7 +258,7 @@ void dmk_place_crossing(const dmk_cotree *t, int32_t i, dmk_locus_vertex *v)
     weights_in(t, i, share, h / 3, weight);
     set_place(t->geodesics->mesh, h / 3, weight, v);
     set_families(t->geodesics, &m.a, &m.b, share * m.length, 0, v);
-    v->strength = c->strength;
+    v->strength = t->strength_of[i];
 }
 
 int dmk_seam_create(dmk_context *ctx, const dmk_cotree *t, const dmk_locus_options *opt,

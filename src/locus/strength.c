@@ -18,6 +18,7 @@
  * and its strength is its worth there (the persistence of its end). All of a branch has this strength, but for what
  * lies beyond its end, where its worth is less than the default, which has its own worth: so whole branches come and go
  * with the strength asked for, and nothing else changes. */
+#include "base/heading.h"
 #include "base/heap.h"
 #include "base/parallel.h"
 #include "base/sort.h"
@@ -33,7 +34,7 @@ static dmk_crossing hand_on(const dmk_cotree *t, const dmk_crossing *from, const
 {
     const double way = dmk_distance(from->xyz, to->xyz);
     const double sum = from->alpha + to->alpha, product = from->alpha * to->alpha;
-    const double along = sum > 0 ? cos(product / sum) : 1, growth = (1 - along) * way;
+    const double along = sum > 0 ? dmk_heading_of(product / sum).x : 1, growth = (1 - along) * way;
     const double loss = (1 - cos(0.5 * dmk_rules.angle)) * way;
     const double worth = dmk_max(0, from->worth + growth - loss);
     const double least = dmk_rules.strength * t->mean_edge;
@@ -135,10 +136,8 @@ __attribute__((flatten)) static int peel_block(dmk_context *ctx, int32_t b, void
     const int32_t end = dmk_min_i(begin + block_size(p), all);
     int32_t *n = &p->n[p->round][b];
     *n = 0;
-    for (int32_t i = begin; i < end && p->round == 0; i++) {
-        const int32_t *on = t->on + 3 * i;
-        p->degree[i] = (on[0] >= 0) + (on[1] >= 0) + (on[2] >= 0);
-    }
+    for (int32_t i = begin; i < end && p->round == 0; i++)
+        p->degree[i] = (t->on[3 * i] >= 0) + (t->on[3 * i + 1] >= 0) + (t->on[3 * i + 2] >= 0);
     for (int32_t i = begin; i < end; i++) {
         for (int32_t leaf = p->degree[i] == 1 ? i : -1; leaf >= 0;) {
             const int32_t out = way_out(t, leaf), next = dmk_other_node(&t->crossing[out], leaf);
@@ -208,13 +207,13 @@ static void close_last(dmk_cotree *t, int32_t last)
 static void set_branch(dmk_cotree *t, int32_t i)
 {
     dmk_crossing *c = &t->crossing[i];
-    c->strength = c->worth;
+    double strength = c->worth;
     if (c->onward >= 0) {
-        const dmk_crossing *on = &t->crossing[c->onward];
-        c->strength = c->heir ? on->strength : fmin(c->worth, on->strength);
-        c->worth = fmin(c->worth, on->worth);
+        strength = t->strength_of[c->onward];
+        if (!c->heir) strength = fmin(c->worth, strength);
+        c->worth = fmin(c->worth, t->crossing[c->onward].worth);
     }
-    if (c->worth < t->strength) c->strength = c->worth;
+    t->strength_of[i] = c->worth < t->strength ? c->worth : strength;
 }
 
 static int set_block(dmk_context *ctx, int32_t b, void *data)
