@@ -27,7 +27,8 @@ static inline dmk_image dmk_image_from(const dmk_geodesics *g, int32_t v, const 
 {
     const double turn = g->star.total[v];
     double b = a->back - along;
-    if (!g->star.border[v]) b -= turn * rint(b / turn);
+    /* the nearest to 0: a->back and `along` lie in [0, turn] */
+    if (!g->star.border[v]) b -= turn * ((b > 0.5 * turn) - (b < -0.5 * turn));
     double before = a->source < 0 ? 0 : g->source[a->source].offset;
     if (a->pseudo_source >= 0) before = g->distance[a->pseudo_source];
     const double r = dmk_in_units(g, g->distance[v] - before);
