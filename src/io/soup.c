@@ -63,7 +63,8 @@ int dmk_soup_split(dmk_context *ctx, dmk_soup *soup)
     int rc = DMK_OK;
     size_t room = 0;
     int32_t *corner = NULL;
-    for (const struct dmk_fan *f = soup->fan; f < soup->fan + soup->n_fans; f++) {
+    for (size_t k = 0; k < soup->n_fans; k++) {
+        const struct dmk_fan *f = soup->fan + k;
         int32_t *triangle = soup->triangle + 3 * f->first;
         DMK_TRY(DMK_GROW(ctx, corner, f->n + 2, room));
         corner[0] = triangle[0];

@@ -16,7 +16,7 @@ enum {
      * 2, 2,440 with 3 and 2,420 with 4. */
     RINGS = 3,
     /* Sweeps after which the second goal will do where a gap is asked for, and the most in a step that is not the last:
-     * with 60 gaps of 3e-4 on 16 meshes take 6,460 sweeps for 4,580. */
+     * with 60 gaps of 3e-4 on 16 meshes take 6,460 sweeps for 4,400. */
     PATIENCE = 40,
     /* The most: of the 390 solves none needs more, nor do the gaps asked for become smaller with 100, 200 or 400. Where
      * a large gap is answered by more steps, with 40 in its place they take 4,351 steps and 2,500 sweeps, with 60
