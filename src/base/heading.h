@@ -8,9 +8,9 @@ typedef struct dmk_heading {
     double x, y;
 } dmk_heading;
 
-/* (cos, sin) of an angle of at most 1e5 radians, both to 1.5e-16. In half of the C library's time and without a call:
- * distances on 273,000 triangles and their locus take three million. By their series around the nearest quarter turn;
- * of that the first 33 bits apart, so that n * quarter is exact. */
+/* (cos, sin) of an angle of at most 1e5 radians, both to 1.5e-16. Without a call: distances on 273,000 triangles and
+ * their locus take three million, and with the C library's the locus takes 94 for 86 ms. By their series around the
+ * nearest quarter turn; of that the first 33 bits apart, so that n * quarter is exact. */
 static inline dmk_heading dmk_heading_of(double angle)
 {
     enum { TERMS = 7 };
@@ -20,8 +20,8 @@ static inline dmk_heading dmk_heading_of(double angle)
         cosine[TERMS] = {1. / 24,        -1. / 720,         1. / 40320,         -1. / 3628800,
                          1. / 479001600, -1. / 87178291200, 1. / 20922789888000};
     const double quarter = 0x1.921fb544p+0, rest = 0x1.0b4611a626331p-34,
-                 turns = angle * (2 / M_PI);
-    const int n = (int)(turns < 0 ? turns - 0.5 : turns + 0.5);
+                 quarters = angle * (2 / M_PI);
+    const int n = (int)(quarters < 0 ? quarters - 0.5 : quarters + 0.5);
     const double first = angle - n * quarter, r = first - n * rest, left = first - r - n * rest;
     const double z = r * r;
     double s = 0, c = 0;

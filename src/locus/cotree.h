@@ -16,7 +16,6 @@ typedef struct dmk_crossing {
     int32_t half;    /* half-edge crossed, of the triangle node[0] */
     int32_t node[2]; /* the triangles it joins; n_triangles + i: border loop i */
     int32_t onward;  /* crossing to which its excess is handed on; -1: none */
-    int32_t earlier; /* the one peeled before it, of those of a block: see strength.c; -1: none */
     int8_t outer;    /* node[outer] was peeled: the branch's end lies behind it; -1: on a loop */
     bool heir;       /* `onward` is of the same branch */
     bool kept;       /* has the default strength in any case: see joints.c */

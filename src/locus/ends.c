@@ -292,7 +292,7 @@ static int find_ends(dmk_context *ctx, dmk_cotree *t)
     const double *arc = dmk_dot(half, half) > 0 ? half : NULL;
     for (int32_t i = 0; i < t->n && !t->is_point; i++) {
         const dmk_crossing *c = &t->crossing[i];
-        if (t->strength_of[i] < t->strength) continue;
+        if (t->strength_of[i] < t->strength) continue; /* too weak, or beyond an end found before */
         for (int side = 0; side < 2 && c->outer >= 0; side++) {
             if (side != c->outer && i != t->last) continue;
             if (!ends_at(t, i, c->node[side])) continue;

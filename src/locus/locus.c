@@ -200,13 +200,6 @@ static void finish_vertices(const dmk_cotree *t, dmk_locus *l)
     }
 }
 
-static int set_polylines(dmk_context *ctx, dmk_locus *l)
-{
-    return dmk_graph_lines(ctx, l->info.n_vertices, l->info.n_edges,
-                           l->edge ? l->edge->vertex : NULL, sizeof *l->edge / sizeof(int32_t),
-                           &l->info.n_polylines, &l->offset, &l->index);
-}
-
 int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *g, const dmk_locus_options *opt,
                     dmk_locus **locus, dmk_seam **seam)
 {
@@ -223,7 +216,10 @@ int dmk_locus_trace(dmk_context *ctx, const dmk_geodesics *g, const dmk_locus_op
     place_back(g, &f, s.locus);
     DMK_TRY(weld(ctx, s.locus));
     finish_vertices(&t, s.locus);
-    DMK_TRY(set_polylines(ctx, s.locus));
+    dmk_locus *l = s.locus;
+    DMK_TRY(dmk_graph_lines(ctx, l->info.n_vertices, l->info.n_edges,
+                            l->edge ? l->edge->vertex : NULL, sizeof *l->edge / sizeof(int32_t),
+                            &l->info.n_polylines, &l->offset, &l->index));
     if (seam) DMK_TRY(dmk_seam_create(ctx, &t, opt, seam));
     *locus = s.locus;
     s.locus = NULL;

@@ -93,36 +93,35 @@ static int32_t way_out(const dmk_cotree *t, int32_t leaf)
  * those that begin in the middle it takes 17 for 14 ms on 273,000 triangles. */
 enum { BLOCK = 32768, ROUNDS = 5 }; /* odd: the last one has one block */
 
+/* What a block peels in a round, in order. */
+typedef struct batch {
+    int32_t *crossing;
+    size_t n, room;
+} batch;
+
 typedef struct peeling {
     dmk_cotree *cotree;
     double least;    /* excess of a leaf that waits for the weaker ones */
     uint8_t *degree; /* n_triangles: crossings not peeled */
     int round;
-    int32_t *last; /* ROUNDS for each block: the crossing peeled last; -1: none */
+    int32_t n_blocks;
+    batch *batch; /* ROUNDS for each block */
     dmk_heap heap;
 } peeling;
 
-/* Where block b begins, behind the last one n_triangles. */
+/* Where block b begins; from n_triangles on blocks are empty. */
 static int32_t begin_of(const peeling *p, int32_t b)
 {
     const int32_t n = p->cotree->geodesics->mesh->n_triangles;
-    const int32_t size = p->round == ROUNDS - 1 ? n : dmk_min_i(BLOCK << (p->round & ~1), n);
-    return dmk_min_i(dmk_max_i(0, b * size - p->round % 2 * (size / 2)), n);
-}
-
-static int32_t count_blocks(const peeling *p)
-{
-    for (int32_t b = 1;; b++)
-        if (begin_of(p, b) == p->cotree->geodesics->mesh->n_triangles) return b;
+    const int32_t size = p->round == ROUNDS - 1 ? n : BLOCK << (p->round & ~1);
+    const int64_t at = (int64_t)b * size - p->round % 2 * (size / 2);
+    return at < 0 ? 0 : at < n ? (int32_t)at : n;
 }
 
 /* Peel the leaf at a triangle. Returns the triangle behind it if that is a leaf now, else -1. */
-static int32_t take_leaf(peeling *p, int32_t leaf, int32_t out, const dmk_crossing *got,
-                         int32_t *last)
+static int32_t take_leaf(peeling *p, int32_t leaf, int32_t out, const dmk_crossing *got)
 {
     dmk_crossing *c = &p->cotree->crossing[out];
-    c->earlier = *last;
-    *last = out;
     c->excess = got->excess;
     c->worth = got->worth;
     c->fall = got->fall;
@@ -140,7 +139,8 @@ __attribute__((flatten)) static int peel_block(dmk_context *ctx, int32_t b, void
     dmk_cotree *t = p->cotree;
     const int32_t all = t->geodesics->mesh->n_triangles, begin = begin_of(p, b),
                   end = begin_of(p, b + 1);
-    int32_t last = -1;
+    batch peeled = p->batch[ROUNDS * b + p->round];
+    peeled.n = 0;
     for (int32_t i = begin; i < end && p->round == 0; i++)
         p->degree[i] = (t->on[3 * i] >= 0) + (t->on[3 * i + 1] >= 0) + (t->on[3 * i + 2] >= 0);
     for (int32_t i = begin; i < end; i++) {
@@ -152,11 +152,13 @@ __attribute__((flatten)) static int peel_block(dmk_context *ctx, int32_t b, void
             if (waits && p->round == ROUNDS - 1)
                 DMK_TRY(dmk_heap_push(ctx, &p->heap, got.excess, leaf));
             if (waits) break;
-            leaf = take_leaf(p, leaf, out, &got, &last);
+            DMK_TRY(DMK_GROW(ctx, peeled.crossing, peeled.n + 1, peeled.room));
+            peeled.crossing[peeled.n++] = out;
+            leaf = take_leaf(p, leaf, out, &got);
         }
     }
-    p->last[ROUNDS * b + p->round] = last;
 done:
+    p->batch[ROUNDS * b + p->round] = peeled;
     return rc;
 }
 
@@ -164,32 +166,7 @@ static int peel_weak(dmk_context *ctx, peeling *p)
 {
     int rc = DMK_OK;
     for (p->round = 0; p->round < ROUNDS && rc == DMK_OK; p->round++)
-        rc = dmk_parallel_pieces(ctx, count_blocks(p), peel_block, p);
-    return rc;
-}
-
-/* All in the order of strength. What is peeled and what it hands on does not depend on the order, only which crossing
- * is the last one of a tree: so most leaves, the mesh's own, are not sorted. */
-static int peel(dmk_context *ctx, peeling *p)
-{
-    int rc;
-    dmk_cotree *t = p->cotree;
-    DMK_TRY(peel_weak(ctx, p));
-    if (p->heap.n == 0) { /* a tree without a strong leaf: all of it by strength */
-        for (int32_t i = 0; i < t->n; i++) t->crossing[i].excess = HUGE_VAL;
-        p->least = 0;
-        DMK_TRY(peel_weak(ctx, p));
-    }
-    while (p->heap.n > 0) {
-        const dmk_heap_item leaf = dmk_heap_pop(&p->heap);
-        if (p->degree[leaf.item] != 1) continue; /* the other end of the last crossing */
-        const int32_t out = way_out(t, leaf.item);
-        const dmk_crossing got = receive(t, out, leaf.item);
-        const int32_t next = take_leaf(p, leaf.item, out, &got, &p->last[ROUNDS - 1]);
-        if (next < 0) continue;
-        DMK_TRY(dmk_heap_push(ctx, &p->heap, receive(t, way_out(t, next), next).excess, next));
-    }
-done:
+        rc = dmk_parallel_pieces(ctx, p->n_blocks, peel_block, p);
     return rc;
 }
 
@@ -205,6 +182,35 @@ static void close_last(dmk_cotree *t, int32_t last)
     for (int side = 0; side < 2; side++) receive(t, last, c->node[side]);
     t->crossing[last].onward = -1;
     t->last = last;
+}
+
+/* All in the order of strength. What is peeled and what it hands on does not depend on the order, only which crossing
+ * is the last one of a tree: so most leaves, the mesh's own, are not sorted. */
+static int peel(dmk_context *ctx, peeling *p)
+{
+    int rc;
+    dmk_cotree *t = p->cotree;
+    batch *late = &p->batch[ROUNDS - 1];
+    DMK_TRY(peel_weak(ctx, p));
+    if (p->heap.n == 0) { /* a tree without a strong leaf: all of it by strength */
+        for (int32_t i = 0; i < t->n; i++) t->crossing[i].excess = HUGE_VAL;
+        p->least = 0;
+        DMK_TRY(peel_weak(ctx, p));
+    }
+    while (p->heap.n > 0) {
+        const dmk_heap_item leaf = dmk_heap_pop(&p->heap);
+        if (p->degree[leaf.item] != 1) continue; /* the other end of the last crossing */
+        const int32_t out = way_out(t, leaf.item);
+        const dmk_crossing got = receive(t, out, leaf.item);
+        const int32_t next = take_leaf(p, leaf.item, out, &got);
+        DMK_TRY(DMK_GROW(ctx, late->crossing, late->n + 1, late->room));
+        late->crossing[late->n++] = out;
+        if (next < 0) continue;
+        DMK_TRY(dmk_heap_push(ctx, &p->heap, receive(t, way_out(t, next), next).excess, next));
+    }
+    if (late->n > 0) close_last(t, late->crossing[late->n - 1]);
+done:
+    return rc;
 }
 
 /* From the inside out: what lies behind a place of less worth has no more than that. */
@@ -224,8 +230,8 @@ static int set_block(dmk_context *ctx, int32_t b, void *data)
 {
     const peeling *p = data;
     (void)ctx;
-    for (int32_t i = p->last[ROUNDS * b + p->round]; i >= 0; i = p->cotree->crossing[i].earlier)
-        set_branch(p->cotree, i);
+    const batch *peeled = &p->batch[ROUNDS * b + p->round];
+    for (size_t i = peeled->n; i-- > 0;) set_branch(p->cotree, peeled->crossing[i]);
     return DMK_OK;
 }
 
@@ -273,18 +279,19 @@ done:
 int dmk_cotree_peel(dmk_context *ctx, dmk_cotree *t)
 {
     int rc;
-    peeling p = {.cotree = t, .least = dmk_least_excess(t)};
-    const size_t n_triangles = (size_t)t->geodesics->mesh->n_triangles;
+    const int32_t n = t->geodesics->mesh->n_triangles;
+    peeling p = {.cotree = t, .least = dmk_least_excess(t), .n_blocks = n / BLOCK + 2};
+    const size_t n_batches = ROUNDS * (size_t)p.n_blocks;
     t->last = -1;
-    DMK_TRY(DMK_NEW_UNSET(ctx, p.degree, n_triangles));
-    DMK_TRY(DMK_NEW_UNSET(ctx, p.last, ROUNDS * (n_triangles / BLOCK + 2)));
+    DMK_TRY(DMK_NEW_UNSET(ctx, p.degree, (size_t)n));
+    DMK_TRY(DMK_NEW(ctx, p.batch, n_batches));
     DMK_TRY(peel(ctx, &p));
-    if (p.last[ROUNDS - 1] >= 0) close_last(t, p.last[ROUNDS - 1]);
     if (!(t->strength > 0)) DMK_TRY(find_default(ctx, t));
-    while (p.round-- > 0) DMK_TRY(dmk_parallel_pieces(ctx, count_blocks(&p), set_block, &p));
+    while (p.round-- > 0) DMK_TRY(dmk_parallel_pieces(ctx, p.n_blocks, set_block, &p));
 done:
     free(p.degree);
-    free(p.last);
+    for (size_t k = 0; k < n_batches && p.batch; k++) free(p.batch[k].crossing);
+    free(p.batch);
     dmk_heap_free(&p.heap);
     return rc;
 }

@@ -31,7 +31,7 @@ typedef struct dmk_iteration {
     double floor;      /* mu stays above this many square roots of the element's area; */
     double mean_floor; /* in Newton's steps that do not begin at a distance: times mu's mean */
     bool between;      /* measures: see newton.c for what its steps do then */
-    bool goes_on;      /* a large gap will be answered by more steps rather than by a long repair */
+    bool goes_on;      /* a large gap will be answered by more steps */
     bool certified;    /* stats has the bounds of the present pair */
     dmk_ready ready;   /* of A(mu) of the present mu, on the device */
     bool loose; /* its u is far from solving A(mu) u = f: a few iterations of CG from mu = const */
