@@ -387,18 +387,18 @@ KERNEL rows_outer_residual(int n, global const int *restrict slice, global const
     }
 }
 
-/* dy = D (L + g.w / (area s)) = D L + sqrt(D / (mu area s)) sqrt(c) g.w, D the local_step, kept in [-1, 1];
- * mu <- max(mu exp(dy), lowest sqrt(area)). gx: sqrt(c) g.w or, if `whole`, of u with w, of which sqrt(c) area q were there
- * before. Then the sums of element_energy of x, the element's u, which has w; returns area |change of mu|. */
-static sumv update_block(int b, int whole, float alpha, float D, float bend, float lowest, realv gx,
-                         six x, global const real *cot, realv a, global real *mu, global real *g,
-                         global real *q, measures *sum)
+/* dy = D (L + g.w / (area s)) = D L + sqrt(D / (mu area s)) sqrt(c) g.w, D the local_step, times relax, kept in
+ * [-1, 1]; mu <- max(mu exp(dy), lowest sqrt(area)). gx: sqrt(c) g.w or, if `whole`, of u with w, of which
+ * sqrt(c) area q were there before. Then the sums of element_energy of x, the element's u, which has w; returns area |change of mu|. */
+static sumv update_block(int b, int whole, float alpha, float D, float bend, float relax,
+                         float lowest, realv gx, six x, global const real *cot, realv a,
+                         global real *mu, global real *g, global real *q, measures *sum)
 {
     const realv e = (real)alpha * (real)alpha * LOAD(q, AT(b)), old = LOAD(mu, AT(b));
     const realv s = fmax(e, (realv)0.25f), slope = log_slope(e), step = local_step(D, bend, slope);
     const realv ratio = sqrt(step / (fmax(old, (realv)1e-30f) * a * s));
     const realv along = whole ? ratio * gx - step * e / s : ratio * gx;
-    const realv next = grown(old, step * slope + along, a, lowest);
+    const realv next = grown(old, (real)relax * (step * slope + along), a, lowest);
     STORE(next, mu, AT(b));
     measure_block(b, DMK_KEEP_Q | DMK_KEEP_G, 0, x, cot, a, next, g, q, sum);
     return TO_SUM(a * fabs(next - old));
@@ -409,7 +409,7 @@ static sumv update_block(int b, int whole, float alpha, float D, float bend, flo
  * reads index, cot, area, rank_one, w and u (gathered), mu, q; writes mu, g, q, scalars
  * moves 48 E + 14 real E + real R + 4 R bytes, 100 E flops
  * shape blocks of E; numerics g.w in single precision by differences to m0; the sums in sum_t */
-KERNEL newton_update(int n, float alpha, float D, float bend, float lowest,
+KERNEL newton_update(int n, float alpha, float D, float bend, float relax, float lowest,
                      global const int *restrict index, global const real *restrict cot,
                      global const real *restrict area,
                      global const float *restrict rank_one, GATHERED float *restrict w,
@@ -435,8 +435,8 @@ KERNEL newton_update(int n, float alpha, float D, float bend, float lowest,
                               LOAD(rank_one, AT_K(b, 2, 6)) * (w2 - w3) +
                               LOAD(rank_one, AT_K(b, 4, 6)) * (w4 - w3) +
                               LOAD(rank_one, AT_K(b, 5, 6)) * (w5 - w3);
-            change += update_block(b, 0, alpha, D, bend, lowest, TO_REAL(gw), gather_six(u, i), cot,
-                                   LOAD(area, AT(b)), mu, g, q, &sum);
+            change += update_block(b, 0, alpha, D, bend, relax, lowest, TO_REAL(gw),
+                                   gather_six(u, i), cot, LOAD(area, AT(b)), mu, g, q, &sum);
         }
         leave_update(s, part, sum, change);
     }
@@ -446,7 +446,7 @@ KERNEL newton_update(int n, float alpha, float D, float bend, float lowest,
  * reads index, cot, area, rank_one, u (gathered), mu, q; writes mu, g, q, scalars
  * moves 24 E + 20 real E + real R bytes, 105 E flops
  * shape blocks of E; numerics g.u by differences to m0; the sums in sum_t */
-KERNEL newton_update_wide(int n, float alpha, float D, float bend, float lowest,
+KERNEL newton_update_wide(int n, float alpha, float D, float bend, float relax, float lowest,
                           global const int *restrict index, global const real *restrict cot,
                           global const real *restrict area, global const real *restrict rank_one,
                           GATHERED real *restrict u, global real *restrict mu,
@@ -463,8 +463,9 @@ KERNEL newton_update_wide(int n, float alpha, float D, float bend, float lowest,
         FOR_PART_BLOCKS(b, n, part)
         {
             const six x = gather_six(u, load_rows(index, b));
-            change += update_block(b, 1, alpha, D, bend, lowest, dot_six(load_six(rank_one, b), x), x,
-                                   cot, LOAD(area, AT(b)), mu, g, q, &sum);
+            change += update_block(b, 1, alpha, D, bend, relax, lowest,
+                                   dot_six(load_six(rank_one, b), x), x, cot, LOAD(area, AT(b)), mu,
+                                   g, q, &sum);
         }
         leave_update(s, part, sum, change);
     }

@@ -498,7 +498,7 @@ static void two_runs_give_the_same_bits(void **state)
 
 /* ---- Newton's steps on T ---------------------------------------------------------------------- */
 
-static const dmk_newton_step step = {.alpha = 0.9, .D = 3, .bend = 0.7, .lowest = 2};
+static const dmk_newton_step step = {.alpha = 0.9, .D = 3, .bend = 0.7, .relax = 1, .lowest = 2};
 
 /* One element with u linear on T, by the formulas: its rows, K u, q of u, and the step that is its own. */
 typedef struct linear {
@@ -679,6 +679,47 @@ static void steps_on_t_move_mu_and_u(void **state)
     free(f);
     free(next);
     free(mu);
+}
+
+/* mu after one step by w from the fixture's mu and this u. */
+static void update_mu(const fixture *x, const double *u, const dmk_newton_step *by, double *mu)
+{
+    dmk_system *s = x->sys;
+    const size_t e = (size_t)s->n_elements_pad;
+    ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, s->mu, e, x->mu));
+    ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_OUTER, s->u, x->n, u));
+    ok(x, dmk_element_energy(x->ctx, s, s->u, DMK_KEEP_Q | DMK_KEEP_G, 0, 0));
+    ok(x, dmk_newton_prepare(x->ctx, s, false, by));
+    ok(x, dmk_newton_update(x->ctx, s, by, 0));
+    ok(x, dmk_buffer_read_real(x->ctx, x->dev, DMK_OUTER, s->mu, e, mu));
+}
+
+/* It moves log mu by as much more, and no further than by 1. */
+static void a_step_may_be_over_relaxed(void **state)
+{
+    fixture *x = *state;
+    dmk_system *s = x->sys;
+    const size_t e = (size_t)s->n_elements_pad;
+    const dmk_newton_step plain = {.alpha = 1, .D = 0.2, .relax = 1},
+                          further = {.alpha = 1, .D = 0.2, .relax = 3};
+    double *u = random_rows(x), *w = random_rows(x), *once = calloc(e, sizeof *once),
+           *thrice = calloc(e, sizeof *thrice);
+    size_t held = 0;
+    ok(x, dmk_buffer_write_real(x->ctx, x->dev, DMK_INNER, s->w, x->n, w));
+    update_mu(x, u, &plain, once);
+    update_mu(x, u, &further, thrice);
+    for (size_t t = 0; t < e; t++) {
+        if (!(x->mu[t] > 0)) continue;
+        const double dy = 3 * log(once[t] / x->mu[t]);
+        held += fabs(dy) > 1;
+        once[t] = x->mu[t] * exp(fmax(-1, fmin(1, dy)));
+    }
+    assert_true(held > 0 && held < (size_t)s->n_elements / 2);
+    near_rows("mu", e, thrice, once);
+    free(u);
+    free(w);
+    free(once);
+    free(thrice);
 }
 
 static double read_scalar(const fixture *x, size_t at)
@@ -886,6 +927,7 @@ int main(void)
         BOTH(the_inner_solve_is_conjugate_gradients),
         BOTH(steps_on_t_have_newtons_system),
         BOTH(steps_on_t_move_mu_and_u),
+        BOTH(a_step_may_be_over_relaxed),
         BOTH(nan_is_not_hidden),
         BOTH(steps_on_t_are_solved),
         BOTH(two_runs_give_the_same_bits),

@@ -60,7 +60,7 @@ int dmk_iteration_update(dmk_iteration *o, dmk_items over, bool first, const dmk
     }
     DMK_TRY(dmk_iteration_scalars(o, N_SCALARS, sums));
     take(o, sums, sums[NEWTON_TOP]);
-    *change = sums[CHANGE] / sums[MASS];
+    *change = sums[CHANGE] / sums[MASS] / step->relax;
 done:
     return rc;
 }

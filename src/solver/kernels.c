@@ -662,9 +662,9 @@ int dmk_newton_update(dmk_context *ctx, dmk_system *s, const dmk_newton_step *st
     DMK_TRY(dmk_send(ctx, dmk_ship_rows(s->share, DMK_OUTER, s->u)));
     DMK_TRY(RUN(DMK_OUTER, newton_update, elements(s), DMK_INT(s->n_elements),
                 DMK_FLOAT(step->alpha), DMK_FLOAT(step->D), DMK_FLOAT(step->bend),
-                DMK_FLOAT(step->lowest), DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area),
-                DMK_BUF(s->rank_one), DMK_BUF(s->w), DMK_BUF(s->u), DMK_BUF(s->mu),
-                DMK_BUF(s->out_real), DMK_BUF(s->q), SUMS(at, s->scalars)));
+                DMK_FLOAT(step->relax), DMK_FLOAT(step->lowest), DMK_BUF(s->index), DMK_BUF(s->cot),
+                DMK_BUF(s->area), DMK_BUF(s->rank_one), DMK_BUF(s->w), DMK_BUF(s->u),
+                DMK_BUF(s->mu), DMK_BUF(s->out_real), DMK_BUF(s->q), SUMS(at, s->scalars)));
     rc = finish_sums(ctx, s, DMK_ELEMENTS, 6, 1, at);
 done:
     return rc;
@@ -675,9 +675,9 @@ int dmk_newton_update_wide(dmk_context *ctx, dmk_system *s, const dmk_newton_ste
     /* Without T there are no shares, and no sums of theirs to finish. */
     return RUN(DMK_OUTER, newton_update_wide, elements(s), DMK_INT(s->n_elements),
                DMK_FLOAT(step->alpha), DMK_FLOAT(step->D), DMK_FLOAT(step->bend),
-               DMK_FLOAT(step->lowest), DMK_BUF(s->index), DMK_BUF(s->cot), DMK_BUF(s->area),
-               DMK_BUF(s->rank_one_real), DMK_BUF(s->u), DMK_BUF(s->mu), DMK_BUF(s->out_real),
-               DMK_BUF(s->q), SUMS(at, s->scalars));
+               DMK_FLOAT(step->relax), DMK_FLOAT(step->lowest), DMK_BUF(s->index), DMK_BUF(s->cot),
+               DMK_BUF(s->area), DMK_BUF(s->rank_one_real), DMK_BUF(s->u), DMK_BUF(s->mu),
+               DMK_BUF(s->out_real), DMK_BUF(s->q), SUMS(at, s->scalars));
 }
 
 int dmk_explicit_update(dmk_context *ctx, dmk_system *s, bool inertial, double dt, double beta,

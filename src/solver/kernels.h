@@ -104,9 +104,9 @@ int dmk_element_scale(dmk_context *context, dmk_system *s);
 /* weight, weight_real, edge, diag_coarse and, in out, the weighted diagonals of A(mu). */
 int dmk_element_prepare(dmk_context *context, dmk_system *s);
 /* One of Newton's steps: what u is scaled by, pseudo-time D, where D times |L| of an element is kept below 1 / bend
- * (0: nowhere), and mu's lower bound for the root of an area. */
+ * (0: nowhere), what the change of log mu is multiplied by on T/2, and mu's lower bound for the root of an area. */
 typedef struct dmk_newton_step {
-    double alpha, D, bend, lowest;
+    double alpha, D, bend, relax, lowest;
 } dmk_newton_step;
 
 /* The same of Newton's M, its rank_one, and its right-hand side's parts in

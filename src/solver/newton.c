@@ -21,9 +21,13 @@ typedef struct step_control {
     int most;          /* then so many, and one more */
     double stiff;      /* above this: the longer D, the stiffer the operator along the rays */
     double light;      /* up to this one smoothing step */
+    double relax;      /* what late steps are over-relaxed by; 1: none is */
     int effort;        /* the least number of iterations in a step */
     int iterations;    /* of CG in each step */
     double rho_before; /* 0: none to compare with */
+    double change;     /* of mu, the last but one; */
+    double relaxed_at; /* that before the last over-relaxed step */
+    int late;          /* steps of the longest D so far, from -1 on */
     bool shrunk;
 } step_control;
 
@@ -54,6 +58,22 @@ static void choose_step(step_control *p, double rho)
 
 /* Between measures: the figures that chose them are in bench/results/transport.md, "Steps that begin on T". */
 static const double longest_between = 80, growth_between = 2, brief_between = 5;
+
+/* And this in "Over-relaxed steps". */
+static const double relax_between = 3;
+
+/* By what the change of y is multiplied: every third step of the longest D is over-relaxed, until that gains nothing,
+ * where no part of the error is turned over by it: a step leaves r >= 1 - 1 / relax of what is slowest, as the changes
+ * of mu of the two plain steps before show. */
+static double relaxation(step_control *p, double change)
+{
+    const double rate = change / p->change;
+    p->change = change;
+    if (p->D < p->longest || ++p->late % 3 != 0) return 1;
+    if (p->late > 0 && change >= p->relaxed_at) p->relax = 1;
+    p->relaxed_at = change;
+    return rate >= 1 - 1 / p->relax ? p->relax : 1;
+}
 
 /* An element whose slope alone would take mu to e^-1.5 or e^1.5 of what it is goes by a shorter step of its own: the
  * linear system would else let it carry a flux the other way, or many times its own. */
@@ -145,6 +165,7 @@ static dmk_newton_step next_step(dmk_iteration *o, bool from_distance, step_cont
         .alpha = alpha,
         .D = p->D,
         .bend = p->bend,
+        .relax = relaxation(p, o->stats->change),
         /* Not from a distance the way may be short, and mu small everywhere. */
         .lowest = from_distance ? o->floor : mean_floor * o->mass};
 }
@@ -214,7 +235,7 @@ static int start_nested(dmk_iteration *o)
     double change;
     const step_control even = {.iterations = START_ITERATIONS};
     DMK_TRY(dmk_nested_load(o->ctx, o->sys));
-    DMK_TRY(take_step(o, DMK_VERTICES, &(dmk_newton_step){.alpha = 1}, &even, &change));
+    DMK_TRY(take_step(o, DMK_VERTICES, &(dmk_newton_step){.alpha = 1, .relax = 1}, &even, &change));
     const double least = least_mu(o);
     DMK_TRY(dmk_elements_fill(o->ctx, o->sys, o->sys->mu, least));
     rc = dmk_iteration_measure_nested(o, 1 / least); /* the first step's scale */
@@ -250,6 +271,7 @@ static step_control control_of(const dmk_iteration *o, bool from_distance)
                                 .longest = from_distance ? 150 : 130,
                                 .growth = from_distance ? 1.5 : 1.6,
                                 .slow = 100,
+                                .relax = 1,
                                 .bend = o->sys->without_T ? 1 / most_by_slope : 0,
                                 .most = 3,
                                 .stiff = 100,
@@ -259,6 +281,8 @@ static step_control control_of(const dmk_iteration *o, bool from_distance)
                                    .growth = growth_between,
                                    .slow = o->light ? slow_light : slow_thin,
                                    .bend = 1 / most_by_slope,
+                                   .relax = relax_between,
+                                   .late = -1,
                                    .brief = brief_between,
                                    .most = 4,
                                    .stiff = longest_between,
