@@ -7,15 +7,18 @@
  * With s_T the sine that belongs to the mean's length, sqrt(1 - |mean grad u|^2), and k_T the sum of
  * -int grad u . grad phi_i over the triangle's corners over the root of that of int phi_i, phi_i their hat
  * functions, marked are
- *     s_T >= 0.066 g_T,   s_T + k_T >= 0.12 g_T,   g_T = max(1, sqrt(|T| / mean area)):
+ *     s_T >= 0.07 g_T,   s_T + k_T >= 0.12 g_T,   g_T = max(1, sqrt(|T| / mean area)):
  * a front that is curved turns by more within a larger triangle, and a faint line of the locus may run anywhere
  * in it. The second leaves out what bends without converging: the source's blunt peak, ridges, noise.
  * At long ends, where the paths meet at 0.2 to 0.4 rad and graze the locus, the discrete u turns within several
  * triangles, and no one of them shows it; but the rays converge more there than around. With c and C the means of
  * -div grad u over about 2 and 8 rings of triangles, and x = (c - C) sqrt(area around a vertex / 3), marked are also
- *     x >= 0.012 g_T^2,   x >= 0.76 of the largest x within 5 rings,   k_T >= 0.06 g_T,   mu <= 25 sqrt |T|:
- * a crest of the convergence. Rays that end far away converge faintly, too, on a camel's belly: the last bound leaves
- * that out. It needs mu as a length, what is left of a ray.
+ *     x >= 0.018 g_T^2,   x >= 0.92 of the largest x within 8 steps across edges where u differs by 2 sqrt |T| at most,
+ *     mu <= 25 sqrt |T|:
+ * a crest of the convergence, on a strip along the level line of u, for there the locus runs nearly along the rays. The
+ * strip has a width because x is larger towards the middle of the locus: slowly on a long end, but fast before a
+ * short one, where rays focus that have not met yet. Rays that end far away converge faintly, too, on a camel's
+ * belly: the last bound leaves that out. It needs mu as a length, what is left of a ray.
  * Lengths are what it is made of, no coordinates, no tolerance. bench/results/acl.md has what it finds, what
  * lies beside the locus, and the rules that were worse. */
 #include "solver/acl.h"
@@ -26,12 +29,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double least_sine = 0.066;
+static const double least_sine = 0.07;
 static const double least_sum = 0.12;
-static const double least_crest = 0.012;
-static const double crest_share = 0.76; /* of the largest around */
+static const double least_crest = 0.018;
+static const double crest_share = 0.92; /* of the largest on its level line */
+static const double level_width = 2;    /* of this, on both sides, and */
 static const double most_mu = 25;       /* in square roots of the area */
-enum { FINE = 2, COARSE = 8, RINGS = 5 };
+enum { FINE = 2, COARSE = 8, STEPS = 8, MOST_AROUND = 128 };
 
 /* Of a vertex, or around it: -int grad u . grad phi, and int phi. */
 typedef struct gathering {
@@ -46,9 +50,7 @@ typedef struct convergence {
     gathering *mean;   /* triangles: of their corners */
     double *
         fine; /* vertices: the density within FINE, then what that is above the one within COARSE, as x */
-    double *top;    /* vertices: the largest of x around */
-    double *crest;  /* triangles: x; NULL without mu */
-    double *around; /* the largest of it within RINGS */
+    double *crest; /* triangles: x; NULL without mu */
     double mean_area;
     uint8_t *acl;
 } convergence;
@@ -119,32 +121,12 @@ static void means_of_triangles(int32_t begin, int32_t end, void *data)
     }
 }
 
-static void tops_of_triangles(int32_t begin, int32_t end, void *data)
-{
-    const convergence *c = data;
-    for (int32_t v = begin; v < end; v++) {
-        for (int32_t i = c->star.row[v]; i < c->star.row[v + 1]; i++)
-            c->top[v] = dmk_max(c->top[v], c->around[c->star.triangle[i] / 4]);
-    }
-}
-
-static void tops_of_corners(int32_t begin, int32_t end, void *data)
-{
-    const convergence *c = data;
-    for (int32_t t = begin; t < end; t++) {
-        const int32_t *v = c->in->mesh->triangle + 3 * (size_t)t;
-        c->around[t] = dmk_max(dmk_max(c->top[v[0]], c->top[v[1]]), c->top[v[2]]);
-    }
-}
-
 /* `times` there and back. */
-static void repeat(dmk_context *ctx, convergence *c, int times,
-                   void (*of_corners)(int32_t, int32_t, void *),
-                   void (*of_triangles)(int32_t, int32_t, void *))
+static void spread(dmk_context *ctx, convergence *c, int times)
 {
     for (int n = 0; n < times; n++) {
-        dmk_parallel(ctx, c->in->mesh->n_triangles, of_corners, c);
-        dmk_parallel(ctx, c->in->mesh->n_vertices, of_triangles, c);
+        dmk_parallel(ctx, c->in->mesh->n_triangles, means_of_corners, c);
+        dmk_parallel(ctx, c->in->mesh->n_vertices, means_of_triangles, c);
     }
 }
 
@@ -174,7 +156,7 @@ static void crest_range(int32_t begin, int32_t end, void *data)
     const convergence *c = data;
     for (int32_t t = begin; t < end; t++) {
         const int32_t *v = c->in->mesh->triangle + 3 * (size_t)t;
-        c->around[t] = c->crest[t] = (c->fine[v[0]] + c->fine[v[1]] + c->fine[v[2]]) / 3;
+        c->crest[t] = (c->fine[v[0]] + c->fine[v[1]] + c->fine[v[2]]) / 3;
     }
 }
 
@@ -187,20 +169,57 @@ static int find_crests(dmk_context *ctx, convergence *c)
     DMK_TRY(DMK_NEW_UNSET(ctx, c->spread, nv));
     DMK_TRY(DMK_NEW_UNSET(ctx, c->mean, nt));
     DMK_TRY(DMK_NEW_UNSET(ctx, c->fine, nv));
-    DMK_TRY(DMK_NEW(ctx, c->top, nv)); /* 0: no lower crest counts */
     DMK_TRY(DMK_NEW_UNSET(ctx, c->crest, nt));
-    DMK_TRY(DMK_NEW_UNSET(ctx, c->around, nt));
     memcpy(c->spread, c->at, nv * sizeof *c->at);
-    repeat(ctx, c, FINE, means_of_corners, means_of_triangles);
+    spread(ctx, c, FINE);
     dmk_parallel(ctx, m->n_vertices, fine_range, c);
-    repeat(ctx, c, COARSE - FINE, means_of_corners, means_of_triangles);
+    spread(ctx, c, COARSE - FINE);
     dmk_parallel(ctx, m->n_vertices, above_range, c);
     dmk_parallel(ctx, m->n_triangles, crest_range, c);
-    dmk_parallel(ctx, m->n_vertices, tops_of_triangles, c);
-    repeat(ctx, c, RINGS - 1, tops_of_corners, tops_of_triangles);
-    dmk_parallel(ctx, m->n_triangles, tops_of_corners, c);
 done:
     return rc;
+}
+
+/* ---- triangles ------------------------------------------------------------------------------------ */
+
+static double mean_u(const dmk_acl_input *in, int32_t t)
+{
+    const int32_t *v = in->mesh->triangle + 3 * (size_t)t;
+    return (in->u[v[0]] + in->u[v[1]] + in->u[v[2]]) / 3;
+}
+
+/* Across its k-th edge; -1 at a border. */
+static int32_t neighbour(const dmk_mesh *m, int32_t t, int k)
+{
+    const int32_t *side =
+        m->edge_triangle + 2 * (size_t)m->triangle_edge[3 * (size_t)t + (size_t)k];
+    return side[0] == t ? side[1] : side[0];
+}
+
+static bool has(int n, const int32_t *list, int32_t t)
+{
+    for (int i = 0; i < n; i++)
+        if (list[i] == t) return true;
+    return false;
+}
+
+/* Whether x of a triangle is about the largest along its level line. */
+static bool is_crest(const convergence *c, int32_t t)
+{
+    const dmk_acl_input *in = c->in;
+    const double u = mean_u(in, t), width = level_width * sqrt(in->mesh->area[t]);
+    int32_t around[MOST_AROUND] = {t};
+    int steps[MOST_AROUND] = {0}, n = 1;
+    for (int i = 0; i < n && steps[i] < STEPS; i++) {
+        for (int k = 0; k < 3 && n < MOST_AROUND; k++) {
+            const int32_t next = neighbour(in->mesh, around[i], k);
+            if (next < 0 || fabs(mean_u(in, next) - u) > width || has(n, around, next)) continue;
+            if (c->crest[t] < crest_share * c->crest[next]) return false;
+            around[n] = next;
+            steps[n++] = steps[i] + 1;
+        }
+    }
+    return true;
 }
 
 static bool is_marked(const convergence *c, int32_t t)
@@ -220,8 +239,7 @@ static bool is_marked(const convergence *c, int32_t t)
                  size = dmk_max(1, sqrt(m->area[t] / c->mean_area)), sum = flow / sqrt(area);
     if (sine >= least_sine * size && sine + sum >= least_sum * size) return true;
     return c->crest && c->crest[t] >= least_crest * size * size &&
-           c->crest[t] >= crest_share * c->around[t] && sum >= 0.5 * least_sum * size &&
-           in->mu[t] <= most_mu * sqrt(m->area[t]);
+           in->mu[t] <= most_mu * sqrt(m->area[t]) && is_crest(c, t);
 }
 
 static void mark_range(int32_t begin, int32_t end, void *data)
@@ -248,8 +266,6 @@ done:
     free(c.spread);
     free(c.mean);
     free(c.fine);
-    free(c.top);
     free(c.crest);
-    free(c.around);
     return rc;
 }
