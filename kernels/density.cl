@@ -389,7 +389,8 @@ KERNEL rows_outer_residual(int n, global const int *restrict slice, global const
 
 /* dy = D (L + g.w / (area s)) = D L + sqrt(D / (mu area s)) sqrt(c) g.w, D the local_step, times relax, kept in
  * [-1, 1]; mu <- max(mu exp(dy), lowest sqrt(area)). gx: sqrt(c) g.w or, if `whole`, of u with w, of which
- * sqrt(c) area q were there before. Then the sums of element_energy of x, the element's u, which has w; returns area |change of mu|. */
+ * sqrt(c) area q were there before. Then the sums of element_energy of x, the element's u, which has w; returns
+ * area |change of mu|. */
 static sumv update_block(int b, int whole, float alpha, float D, float bend, float relax,
                          float lowest, realv gx, six x, global const real *cot, realv a,
                          global real *mu, global real *g, global real *q, measures *sum)

@@ -33,9 +33,10 @@ static const double least_sine = 0.07;
 static const double least_sum = 0.12;
 static const double least_crest = 0.018;
 static const double crest_share = 0.92; /* of the largest on its level line */
-static const double level_width = 2;    /* of this, on both sides, and */
-static const double most_mu = 25;       /* in square roots of the area */
-enum { FINE = 2, COARSE = 8, STEPS = 8, MOST_AROUND = 128 };
+static const double level_width = 2;    /* in square roots of the area, to each side */
+static const double most_mu = 25;       /* in the same */
+enum { FINE = 2, COARSE = 8, STEPS = 8 };
+enum { MOST_AROUND = 128 }; /* triangles on a strip; of equal ones there are some 40 */
 
 /* Of a vertex, or around it: -int grad u . grad phi, and int phi. */
 typedef struct gathering {
