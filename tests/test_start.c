@@ -376,7 +376,7 @@ static void test_dents_are_found(void **state)
         const int32_t *edge = m->triangle_edge + 3 * t;
         for (int k = 0; k < 3; k++) {
             const int32_t before = t % 2 ? t - 3 : t + 1; /* towards the left */
-            if (t != first && twin_triangle(m, t, edge[k]) == before) continue;
+            if (t != first && dmk_twin_triangle(m, t, edge[k]) == before) continue;
             s.width[edge[k]] = m->edge_triangle[2 * edge[k]] == t ? -1 : 1;
         }
     }
@@ -416,7 +416,7 @@ static void test_dents_are_opened(void **state)
                 (best < 0 || mid[edge[k]] < mid[edge[best]]))
                 best = k;
         }
-        const int32_t next = twin_triangle(m, t, edge[best]);
+        const int32_t next = dmk_twin_triangle(m, t, edge[best]);
         memset(sink, 0, (size_t)m->n_triangles);
         sink[next] = 1;
         open_triangle(&s, t);

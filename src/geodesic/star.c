@@ -51,11 +51,8 @@ static void pair_range(int32_t begin, int32_t end, void *data)
     const dmk_mesh *m = w->mesh;
     for (int32_t t = begin; t < end; t++) {
         for (int k = 0; k < 3; k++) {
-            int32_t e = m->triangle_edge[3 * (size_t)t + k],
-                    *twin = w->star->twin + 3 * (size_t)t + k;
-            const int32_t *pair = m->edge_triangle + 2 * (size_t)e,
-                          o = pair[0] == t ? pair[1] : pair[0];
-            *twin = o < 0 ? -1 : dmk_half_edge_on(m, o, e);
+            const int32_t e = m->triangle_edge[3 * (size_t)t + k], o = dmk_twin_triangle(m, t, e);
+            w->star->twin[3 * (size_t)t + k] = o < 0 ? -1 : dmk_half_edge_on(m, o, e);
         }
     }
 }

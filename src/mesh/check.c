@@ -221,9 +221,8 @@ static int32_t corner_of(const dmk_mesh *m, int32_t t, int32_t v)
  * the side that follows corner k counterclockwise lies opposite corner k+1. */
 static int32_t next_corner(const dmk_mesh *m, int32_t corner)
 {
-    int32_t t = corner / 3, e = m->triangle_edge[3 * t + (corner % 3 + 1) % 3];
-    const int32_t *pair = m->edge_triangle + 2 * (size_t)e;
-    int32_t other = pair[0] == t ? pair[1] : pair[0];
+    const int32_t t = corner / 3, e = m->triangle_edge[3 * t + (corner % 3 + 1) % 3],
+                  other = dmk_twin_triangle(m, t, e);
     return other < 0 ? -1 : corner_of(m, other, m->triangle[corner]);
 }
 

@@ -46,6 +46,13 @@ static inline int32_t dmk_half_edge_on(const dmk_mesh *m, int32_t t, int32_t e)
     return h;
 }
 
+/* The other triangle on edge e of t; -1 at a border. */
+static inline int32_t dmk_twin_triangle(const dmk_mesh *m, int32_t t, int32_t e)
+{
+    const int32_t *pair = m->edge_triangle + 2 * (size_t)e;
+    return pair[0] == t ? pair[1] : pair[0];
+}
+
 static inline int32_t dmk_mesh_component(const dmk_mesh *m, int32_t t)
 {
     return m->component ? m->component[t] : 0;

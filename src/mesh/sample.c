@@ -29,8 +29,7 @@ static int reach(sampler *s, int32_t v, double distance)
  * is returned; -1 at a border, or where the straight line would leave the two triangles. */
 static int32_t unfold(const dmk_mesh *m, int32_t t, int k, double *length)
 {
-    const int32_t e = m->triangle_edge[3 * t + k], *pair = m->edge_triangle + 2 * (size_t)e;
-    const int32_t other = pair[0] == t ? pair[1] : pair[0];
+    const int32_t e = m->triangle_edge[3 * t + k], other = dmk_twin_triangle(m, t, e);
     if (other < 0) return -1;
     const int32_t *edge = m->triangle_edge + 3 * (size_t)other;
     const int j = edge[0] == e ? 0 : edge[1] == e ? 1 : 2;

@@ -189,14 +189,6 @@ static double mean_u(const dmk_acl_input *in, int32_t t)
     return (in->u[v[0]] + in->u[v[1]] + in->u[v[2]]) / 3;
 }
 
-/* Across its k-th edge; -1 at a border. */
-static int32_t neighbour(const dmk_mesh *m, int32_t t, int k)
-{
-    const int32_t *side =
-        m->edge_triangle + 2 * (size_t)m->triangle_edge[3 * (size_t)t + (size_t)k];
-    return side[0] == t ? side[1] : side[0];
-}
-
 static bool has(int n, const int32_t *list, int32_t t)
 {
     for (int i = 0; i < n; i++)
@@ -208,12 +200,14 @@ static bool has(int n, const int32_t *list, int32_t t)
 static bool is_crest(const convergence *c, int32_t t)
 {
     const dmk_acl_input *in = c->in;
-    const double u = mean_u(in, t), width = level_width * sqrt(in->mesh->area[t]);
+    const dmk_mesh *m = in->mesh;
+    const double u = mean_u(in, t), width = level_width * sqrt(m->area[t]);
     int32_t around[MOST_AROUND] = {t};
     int steps[MOST_AROUND] = {0}, n = 1;
     for (int i = 0; i < n && steps[i] < STEPS; i++) {
         for (int k = 0; k < 3 && n < MOST_AROUND; k++) {
-            const int32_t next = neighbour(in->mesh, around[i], k);
+            const int32_t next =
+                dmk_twin_triangle(m, around[i], m->triangle_edge[3 * around[i] + k]);
             if (next < 0 || fabs(mean_u(in, next) - u) > width || has(n, around, next)) continue;
             if (c->crest[t] < crest_share * c->crest[next]) return false;
             around[n] = next;

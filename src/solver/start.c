@@ -118,12 +118,6 @@ static double width_out(const sweep *s, int32_t t, int k)
     return s->mesh->edge_triangle[2 * (size_t)e] == t ? s->width[e] : -s->width[e];
 }
 
-static int32_t twin_triangle(const dmk_mesh *mesh, int32_t t, int32_t e)
-{
-    const int32_t *two = mesh->edge_triangle + 2 * (size_t)e;
-    return two[0] == t ? two[1] : two[0];
-}
-
 /* A load that comes in must leave: a triangle with no way out (a dent of the computed distance)
  * gets one through its edge nearest the source, and so may its neighbour in turn. */
 static void open_triangle(sweep *s, int32_t t)
@@ -133,13 +127,13 @@ static void open_triangle(sweep *s, int32_t t)
         int best = -1;
         for (int k = 0; k < 3; k++) {
             if (width_out(s, t, k) > 0) return;
-            if (twin_triangle(s->mesh, t, edge[k]) < 0) continue;
+            if (dmk_twin_triangle(s->mesh, t, edge[k]) < 0) continue;
             if (best < 0 || s->mid[edge[k]] < s->mid[edge[best]]) best = k;
         }
         if (best < 0 || s->sink[t]) return;
         double w = least_outlet * s->mesh->length[edge[best]];
         s->width[edge[best]] = s->mesh->edge_triangle[2 * (size_t)edge[best]] == t ? w : -w;
-        t = twin_triangle(s->mesh, t, edge[best]);
+        t = dmk_twin_triangle(s->mesh, t, edge[best]);
         if (s->sink[t]) return;
         s->waiting[t] = 1; /* it has one way less */
     }
@@ -235,7 +229,7 @@ static void sweep_triangle(sweep *s, int32_t t)
     double w[3], sum = 0;
     for (int k = 0; k < 3; k++) {
         w[k] = width_out(s, t, k);
-        int32_t other = twin_triangle(s->mesh, t, s->mesh->triangle_edge[3 * (size_t)t + k]);
+        int32_t other = dmk_twin_triangle(s->mesh, t, s->mesh->triangle_edge[3 * (size_t)t + k]);
         /* a ring of triangles that feed each other was cut open here */
         if (w[k] > 0 && !s->sink[other] && s->waiting[other] == 0) w[k] = 0;
         sum += fabs(w[k]);
@@ -244,7 +238,7 @@ static void sweep_triangle(sweep *s, int32_t t)
     s->mu[t] = load / dmk_max(0.5 * sum, least_width(s->mesh, t));
     s->waiting[t] = 0;
     for (int k = 0; k < 3; k++) {
-        int32_t other = twin_triangle(s->mesh, t, s->mesh->triangle_edge[3 * (size_t)t + k]);
+        int32_t other = dmk_twin_triangle(s->mesh, t, s->mesh->triangle_edge[3 * (size_t)t + k]);
         if (w[k] > 0 && !s->sink[other] && --s->waiting[other] == 0) s->queue[s->n_queue++] = other;
     }
 }
@@ -361,7 +355,7 @@ static void mark_sinks(const dmk_mesh *mesh, const dmk_point *source, uint8_t *s
     int32_t vertex = -1;
     for (int k = 0; k < 3; k++) {
         int32_t e = mesh->triangle_edge[3 * source->triangle + k];
-        int32_t other = twin_triangle(mesh, (int32_t)source->triangle, e);
+        int32_t other = dmk_twin_triangle(mesh, (int32_t)source->triangle, e);
         if (source->weight[k] < near && other >= 0) sink[other] = 1;
         if (source->weight[k] > 1 - near) vertex = mesh->triangle[3 * source->triangle + k];
     }
