@@ -235,11 +235,35 @@ static void headings_are_cosine_and_sine(void **state)
     assert_true(dmk_heading_of(0).x == 1 && dmk_heading_of(0).y == 0);
 }
 
+/* All around, near the axes and near where the series change; the origin has the angle 0. */
+static void angles_are_arc_tangents(void **state)
+{
+    (void)state;
+    double worst = 0;
+    static const double near[] = {0, 1e-300, 1e-17, 1e-9, 0.2361, 0.5, 0.7208, 1};
+    for (int i = 0; i < 8; i++) {
+        for (int k = -1000; k <= 1000; k++) {
+            const double t = near[i] * (1 + 1e-15 * k) + 1e-3 * (k % 7 == 0 ? abs(k) : 0);
+            for (int turn = 0; turn < 8; turn++) {
+                const double u = turn & 1 ? 3 : 3 * t, v = turn & 1 ? 3 * t : 3,
+                             x = turn & 2 ? -u : u, y = turn & 4 ? -v : v;
+                const double right = atan2(y, x), off = fabs(dmk_angle_of(x, y) - right);
+                if (off > 0) worst = fmax(worst, off / fabs(right));
+            }
+        }
+    }
+    print_message("# off by %.2g\n", worst);
+    assert_true(worst < 3e-16);
+    assert_true(dmk_angle_of(0, 0) == 0 && dmk_angle_of(1, 0) == 0);
+    assert_true(dmk_angle_of(-1, 0) == M_PI && dmk_angle_of(0, -2) == -M_PI / 2);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(numbers_are_sorted),
         cmocka_unit_test(headings_are_cosine_and_sine),
+        cmocka_unit_test(angles_are_arc_tangents),
         cmocka_unit_test(keyed_items_keep_their_order),
         cmocka_unit_test(graphs_are_lines),
         cmocka_unit_test(laplacians_are_inverted),

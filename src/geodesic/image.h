@@ -21,9 +21,14 @@ static inline double dmk_in_units(const dmk_geodesics *g, double length)
     return length * (1 / g->star.unit);
 }
 
-/* The image of the family that arrives at v so, seen from v along an edge whose direction at v is `along`. */
-static inline dmk_image dmk_image_from(const dmk_geodesics *g, int32_t v, const dmk_arrival *a,
-                                       double along)
+/* How a family arrives at a vertex, seen along an edge: from the direction `turn` to it, of length `way`. */
+typedef struct dmk_ray {
+    double turn, way, before;
+} dmk_ray;
+
+/* The family that arrives at v so, seen from v along an edge whose direction at v is `along`. */
+static inline dmk_ray dmk_ray_from(const dmk_geodesics *g, int32_t v, const dmk_arrival *a,
+                                   double along)
 {
     const double turn = g->star.total[v];
     double b = a->back - along;
@@ -31,9 +36,16 @@ static inline dmk_image dmk_image_from(const dmk_geodesics *g, int32_t v, const 
     if (!g->star.border[v]) b -= turn * ((b > 0.5 * turn) - (b < -0.5 * turn));
     double before = a->source < 0 ? 0 : g->source[a->source].offset;
     if (a->pseudo_source >= 0) before = g->distance[a->pseudo_source];
-    const double r = dmk_in_units(g, g->distance[v] - before);
-    const dmk_heading to = dmk_heading_of(b);
-    return (dmk_image){r * to.x, r * to.y, dmk_in_units(g, before)};
+    return (dmk_ray){b, dmk_in_units(g, g->distance[v] - before), dmk_in_units(g, before)};
+}
+
+/* Its image, seen so. */
+static inline dmk_image dmk_image_from(const dmk_geodesics *g, int32_t v, const dmk_arrival *a,
+                                       double along)
+{
+    const dmk_ray ray = dmk_ray_from(g, v, a, along);
+    const dmk_heading to = dmk_heading_of(ray.turn);
+    return (dmk_image){ray.way * to.x, ray.way * to.y, ray.before};
 }
 
 /* Length of half-edge h in the star's unit. */
@@ -88,13 +100,19 @@ static inline void dmk_apex(const dmk_geodesics *g, int32_t h, double *x, double
     *y = 2 * area / base;
 }
 
+/* jump.c. The jumps of n half-edges, DMK_JUMPS at most: by how much the family of each end is too long at the other, in
+ * the star's unit. Both are equally long across a locus on which the ends themselves lie, so a share `tie` of the
+ * families' largest difference at the corners of the two triangles is added. */
+enum { DMK_JUMPS = 32 };
+void dmk_jumps(const dmk_geodesics *g, int n, const int32_t *half, double tie, double *jump);
+
 /* The angle between two families at a point; none where one of them begins. */
 static inline double dmk_meeting_angle(const dmk_image *a, const dmk_image *b, double x, double y)
 {
     const double ax = a->x - x, ay = a->y - y, bx = b->x - x, by = b->y - y, cx = ax - bx,
                  cy = ay - by;
     if (fmin(ax * ax + ay * ay, bx * bx + by * by) < 1e-18 * (cx * cx + cy * cy)) return 0;
-    return fabs(atan2(ax * by - ay * bx, ax * bx + ay * by));
+    return dmk_angle_of(ax * bx + ay * by, fabs(ax * by - ay * bx));
 }
 
 #endif

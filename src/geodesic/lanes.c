@@ -5,6 +5,7 @@
  * The loop does the same operations on each lane in all its forms, so that the processor does not decide the result. */
 #include "geodesic/lanes.h"
 
+#include "base/heading.h"
 #include "base/parallel.h"
 
 #include <stdlib.h>
@@ -249,7 +250,7 @@ static window get(const lanes *w, int i, int32_t half)
                     .x = -(x * vx + y * vy) * scale,
                     .y = -(y * vx - x * vy) * scale,
                     .base = base,
-                    .turn = w->turn[i] + atan2(vy, vx),
+                    .turn = w->turn[i] + dmk_angle_of(vx, vy),
                     .length = length,
                     .half = half,
                     .root = w->root[i],

@@ -1,4 +1,5 @@
 /* Directions at the vertices: see dmk_star. */
+#include "base/heading.h"
 #include "base/sets.h"
 #include "geodesic/geodesic.h"
 
@@ -39,8 +40,8 @@ static void measure_range(int32_t begin, int32_t end, void *data)
         int k = dot[0] < dot[1] ? 0 : 1; /* opposite the longest side: the least product */
         if (dot[2] < dot[k]) k = 2;
         int i = (k + 1) % 3, j = (k + 2) % 3;
-        angle[i] = atan2(area2, dot[i]);
-        angle[j] = atan2(area2, dot[j]);
+        angle[i] = dmk_angle_of(dot[i], area2);
+        angle[j] = dmk_angle_of(dot[j], area2);
         angle[k] = M_PI - angle[i] - angle[j];
     }
 }

@@ -17,6 +17,8 @@
  * is missed; what it has over the straight one goes into the error's estimate. */
 #include "geodesic/wave.h"
 
+#include "base/heading.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -165,7 +167,7 @@ static int send(dmk_context *ctx, engine *e, const dmk_sector *c, const rays *a)
     int k = b.half % 3;
     wave w = {b.lo, b.hi,     o,         x / r,  -b.y / r, 1 / r,     a->base + r, a->direction,
               0,    a->error, a->detour, b.half, -1,       a->source, a->root};
-    if (own) w.direction = b.turn + atan2(-b.y, x), w.turn = w.k;
+    if (own) w.direction = b.turn + dmk_angle_of(x, -b.y), w.turn = w.k;
     const double most =
         dmk_max(e->front.d[f->vertex[(k + 1) % 3]], e->front.d[f->vertex[(k + 2) % 3]]);
     rc = put(ctx, e, &w, dmk_wave_key(&w, f->length[k], most));
@@ -196,7 +198,7 @@ static double back_of(const engine *e, int32_t v)
 {
     const mark *m = e->mark + v;
     const dmk_star *s = &e->front.g->star;
-    double back = m->half == STRAIGHT ? m->x : s->angle[m->half] + atan2(m->y, m->x);
+    double back = m->half == STRAIGHT ? m->x : s->angle[m->half] + dmk_angle_of(m->x, m->y);
     return dmk_front_turn(back, s->total[v], s->border[v]);
 }
 

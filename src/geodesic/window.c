@@ -15,6 +15,7 @@
  */
 #include "geodesic/window.h"
 
+#include "base/heading.h"
 #include "base/parallel.h"
 
 #include <stdlib.h>
@@ -312,7 +313,7 @@ static double back_of(const engine *e, int32_t v, const trace *t)
         int k1 = (t->half + 1) % 3;
         if (t->half % 3 == 2) k1 = 0;
         double ax = -f->cosine[k1], ay = -f->sine[k1], bx = -t->x, by = -t->y;
-        back = s->angle[t->half] + atan2(ax * by - ay * bx, ax * bx + ay * by);
+        back = s->angle[t->half] + dmk_angle_of(ax * bx + ay * by, ax * by - ay * bx);
     }
     return dmk_front_turn(back, s->total[v], s->border[v]);
 }
@@ -413,8 +414,8 @@ static dmk_arrival arrival_by(const engine *e, int32_t v, const trace *t)
     a.source = ~t->root;
     if (a.source == e->front.g->n_sources) return a; /* lines have no directions */
     const dmk_site *p = e->front.g->source + a.source;
-    a.direction =
-        dmk_front_turn(t->half >= 0 ? t->turn + atan2(t->y, t->x) : t->x, p->total, p->on_border);
+    a.direction = dmk_front_turn(t->half >= 0 ? t->turn + dmk_angle_of(t->x, t->y) : t->x, p->total,
+                                 p->on_border);
     return a;
 }
 

@@ -61,11 +61,7 @@ int dmk_cotree_span(dmk_context *ctx, dmk_cotree *cotree, const bool *kept);
 /* The cells of two sources meet across edge e. */
 bool dmk_parts_cells(const dmk_geodesics *geodesics, int32_t e);
 
-/* By how much the family of each end of half-edge h is too long at the other, in the star's unit. Both are equally long
- * across a locus on which the ends themselves lie, so a small part of the families' difference at the corners of the
- * two triangles breaks the tie. */
-double dmk_jump(const dmk_geodesics *geodesics, int32_t h);
-/* That of the k-th edge by jump, a length. */
+/* The jump of the k-th edge by jump, a length. */
 double dmk_jump_of(const dmk_cotree *cotree, int32_t k);
 
 /* strength.c: excess of every crossing, strength of every branch, the default strength. */
