@@ -4,6 +4,7 @@
 #define DMK_HEADING_H
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdint.h>
 #include <string.h>
 
@@ -57,32 +58,35 @@ static inline dmk_heading dmk_heading_of(double turn)
 }
 
 /* atan2(y, x) to two units in the last place. By the series of the arc tangent around 0, 1 / 2 or 1, whichever is
- * nearest to the smaller coordinate over the larger one: the differences are exact. */
+ * nearest to the smaller coordinate over the larger one: the differences are exact. Whether and which is compared
+ * before anything is chosen, as a loop whose branches compute stays scalar. */
 static inline double dmk_angle_of(double x, double y)
 {
     enum { TERMS = 12 };
     static const double inverse[TERMS] = {-1. / 3,  1. / 5,  -1. / 7,  1. / 9,  -1. / 11, 1. / 13,
                                           -1. / 15, 1. / 17, -1. / 19, 1. / 21, -1. / 23, 1. / 25};
     const double across = fabs(x), up = fabs(y);
-    const double most = across > up ? across : up, least = across > up ? up : across;
+    const bool is_steep = up > across, is_back = x < 0;
+    const double most = is_steep ? up : across, least = is_steep ? across : up;
     /* as far from the one as from the other: 0.2361 and 0.7208 */
-    const double centre = least <= 0.2361 * most ? 0 : least <= 0.7208 * most ? 0.5 : 1;
-    const double whole = most + centre * least,
-                 t = (least - centre * most) / (whole > 0 ? whole : 1);
+    const bool is_small = least <= 0.2361 * most, is_large = least > 0.7208 * most;
+    const double nearer = is_large ? 1 : 0.5, centre = is_small ? 0 : nearer;
+    const double whole = most + centre * least, over = whole > 0 ? whole : 1;
+    const double t = (least - centre * most) / over;
     const double z = t * t;
     double s = 0;
     for (int k = TERMS - 1; k >= 0; k--) s = s * z + inverse[k];
     s = t + t * (z * s);
-    /* atan(1 / 2), atan(1), pi / 2 and pi, and what they leave */
-    double base = centre == 0 ? 0 : centre == 1 ? 0x1.921fb54442d18p-1 : 0x1.dac670561bb4fp-2;
-    double rest = centre == 0 ? 0 : centre == 1 ? 0x1.1a62633145c07p-55 : 0x1.a2b7f222f65e2p-56;
-    base = up > across ? 0x1.921fb54442d18p+0 - base : base;
-    rest = up > across ? 0x1.1a62633145c07p-54 - rest : rest;
-    s = up > across ? -s : s;
-    base = x < 0 ? 0x1.921fb54442d18p+1 - base : base;
-    rest = x < 0 ? 0x1.1a62633145c07p-53 - rest : rest;
-    s = x < 0 ? -s : s;
-    return copysign(base + (s + rest), y);
+    /* atan(1 / 2) or atan(1), pi / 2 and pi, and what they leave */
+    const double at_nearer = is_large ? 0x1.921fb54442d18p-1 : 0x1.dac670561bb4fp-2,
+                 at_nearer_rest = is_large ? 0x1.1a62633145c07p-55 : 0x1.a2b7f222f65e2p-56;
+    const double base = is_small ? 0 : at_nearer, rest = is_small ? 0 : at_nearer_rest;
+    const double turn = is_steep ? -1 : 1, right = is_steep ? 0x1.921fb54442d18p+0 : 0,
+                 right_rest = is_steep ? 0x1.1a62633145c07p-54 : 0;
+    const double back = is_back ? -1 : 1, half = is_back ? 0x1.921fb54442d18p+1 : 0,
+                 half_rest = is_back ? 0x1.1a62633145c07p-53 : 0;
+    const double sum = half + back * (right + turn * base);
+    return copysign(sum + (half_rest + back * (right_rest + turn * (s + rest))), y);
 }
 
 #endif

@@ -100,19 +100,52 @@ static inline void dmk_apex(const dmk_geodesics *g, int32_t h, double *x, double
     *y = 2 * area / base;
 }
 
-/* jump.c. The jumps of n half-edges, DMK_JUMPS at most: by how much the family of each end is too long at the other, in
- * the star's unit. Both are equally long across a locus on which the ends themselves lie, so a share `tie` of the
- * families' largest difference at the corners of the two triangles is added. */
-enum { DMK_JUMPS = 32 };
-void dmk_jumps(const dmk_geodesics *g, int n, const int32_t *half, double tie, double *jump);
+/* x on an edge of that length: what is beside an end by rounding is there. */
+static inline double dmk_snap(double x, double length)
+{
+    const double beside = 1e-12 * length;
+    const bool is_start = x<beside, is_end = x> length - beside;
+    const double end = is_end ? length : x;
+    return is_start ? 0 : end;
+}
+
+/* x where the images are equally far. */
+static inline double dmk_equally_far(const dmk_image *a, const dmk_image *b)
+{
+    return 0.5 * (b->x * b->x + b->y * b->y - a->x * a->x - a->y * a->y) / (b->x - a->x);
+}
+
+/* Where between the ends of an edge families that begin alike are equally long; NAN: they do not, or nowhere there. */
+static inline double dmk_meeting_alike(const dmk_image *a, const dmk_image *b, double length)
+{
+    const double x = dmk_equally_far(a, b), at = dmk_snap(x, length);
+    const bool is_between = (a->before == b->before) & (b->x > a->x) & (x > 0) & (x < length);
+    return is_between ? at : NAN;
+}
 
 /* The angle between two families at a point; none where one of them begins. */
 static inline double dmk_meeting_angle(const dmk_image *a, const dmk_image *b, double x, double y)
 {
     const double ax = a->x - x, ay = a->y - y, bx = b->x - x, by = b->y - y, cx = ax - bx,
                  cy = ay - by;
-    if (fmin(ax * ax + ay * ay, bx * bx + by * by) < 1e-18 * (cx * cx + cy * cy)) return 0;
-    return dmk_angle_of(ax * bx + ay * by, fabs(ax * by - ay * bx));
+    const bool begins = dmk_min(ax * ax + ay * ay, bx * bx + by * by) < 1e-18 * (cx * cx + cy * cy);
+    const double counts = begins ? 0 : 1; /* a factor: a choice would leave loops scalar */
+    return dmk_angle_of(counts * (ax * bx + ay * by), counts * fabs(ax * by - ay * bx));
 }
+
+/* ---- images.c: DMK_EDGES half-edges at once, or fewer ------------------------------------------------- */
+
+enum { DMK_EDGES = 32 };
+
+/* The jumps of n half-edges: by how much the family of each end is too long at the other, in the star's unit. Both are
+ * equally long across a locus on which the ends themselves lie, so a share `tie` of the families' largest difference at
+ * the corners of the two triangles is added. */
+void dmk_jumps(const dmk_geodesics *g, int n, const int32_t *half, double tie, double *jump);
+
+/* Where their ends' families meet that begin alike (dmk_meeting_alike), at what angle, and the length of both. */
+typedef struct dmk_met {
+    double x[DMK_EDGES], alpha[DMK_EDGES], distance[DMK_EDGES];
+} dmk_met;
+void dmk_meet_many(const dmk_geodesics *g, int n, const int32_t *half, dmk_met *met);
 
 #endif

@@ -29,9 +29,9 @@ static void find_jumps(int32_t begin, int32_t end, void *data)
     const double unit = t->mean_edge / g->star.unit;
     for (int32_t h = begin; h < end;) {
         int n = 0;
-        int32_t half[DMK_JUMPS];
-        double jump[DMK_JUMPS];
-        for (; h < end && n < DMK_JUMPS; h++) {
+        int32_t half[DMK_EDGES];
+        double jump[DMK_EDGES];
+        for (; h < end && n < DMK_EDGES; h++) {
             half[n] = h;
             n += is_first(g, h);
         }
@@ -57,10 +57,9 @@ double dmk_jump_of(const dmk_cotree *t, int32_t k)
  * Newton's method from there, by bisection where that leaves the bracket or does not end. */
 static double find_meeting(const dmk_image *a, const dmk_image *b, double length)
 {
-    double lo = 0, hi = length;
-    const double farther = b->x * b->x + b->y * b->y - a->x * a->x - a->y * a->y;
-    double x = 0.5 * farther / (b->x - a->x);
-    if (a->before == b->before && farther > 0 && x > 0 && x < length) return dmk_snap(x, length);
+    double lo = 0, hi = length, x = dmk_equally_far(a, b);
+    const double alike = dmk_meeting_alike(a, b, length);
+    if (!isnan(alike)) return alike;
     const double flo = dmk_image_length(a, 0, 0) - dmk_image_length(b, 0, 0);
     const double fhi = dmk_image_length(a, length, 0) - dmk_image_length(b, length, 0);
     if (flo >= 0) return 0; /* the start's own family is not the shorter one there */
@@ -139,40 +138,59 @@ dmk_meeting dmk_meet(const dmk_geodesics *g, int32_t h)
     return m;
 }
 
-static void set_crossing(const dmk_cotree *t, int32_t h, bool kept, dmk_crossing *c)
-{
-    const dmk_mesh *m = t->geodesics->mesh;
-    const int32_t v = m->triangle[dmk_next(h)], w = m->triangle[dmk_previous(h)],
-                  twin = t->geodesics->star.twin[h];
-    const dmk_meeting found = dmk_meet(t->geodesics, h);
-    const double at = found.x / found.length, both = dmk_image_length(&found.a.image, found.x, 0) +
-                                                     dmk_image_length(&found.b.image, found.x, 0);
-    *c = (dmk_crossing){.half = h,
-                        .node = {h / 3, twin >= 0 ? twin / 3 : m->n_triangles + t->loop[v]},
-                        .onward = -1,
-                        .outer = -1,
-                        .kept = kept,
-                        .alpha = found.alpha,
-                        .share = at,
-                        .distance = 0.5 * t->geodesics->star.unit * both};
-    c->excess = c->worth = t->strength_of[c - t->crossing] = HUGE_VAL;
-    for (int k = 0; k < 3; k++)
-        c->xyz[k] = (1 - at) * m->xyz[3 * (size_t)v + k] + at * m->xyz[3 * (size_t)w + k];
-}
-
 typedef struct crossings {
     const bool *kept;
     dmk_cotree *cotree;
 } crossings;
 
-__attribute__((flatten)) static void set_range(int32_t begin, int32_t end, void *data)
+/* met: as dmk_meet_many has found it. Few edges ask for more: that of families which begin apart, and of ties. */
+static void set_crossing(const crossings *w, int32_t h, double x, double alpha, double distance)
 {
-    const crossings *c = data;
-    dmk_cotree *t = c->cotree;
-    for (int32_t h = begin; h < end; h++) {
-        if (t->on[h] < 0 || !is_first(t->geodesics, h)) continue;
-        const bool kept = c->kept && c->kept[t->geodesics->mesh->triangle_edge[h]];
-        set_crossing(t, h, kept, &t->crossing[t->on[h]]);
+    const dmk_cotree *t = w->cotree;
+    const dmk_geodesics *g = t->geodesics;
+    const dmk_mesh *m = g->mesh;
+    const int32_t start = m->triangle[dmk_next(h)], end = m->triangle[dmk_previous(h)],
+                  twin = g->star.twin[h];
+    dmk_crossing *c = &t->crossing[t->on[h]];
+    if (isnan(x) || g->arrival[start].pseudo_source == end ||
+        g->arrival[end].pseudo_source == start || dmk_geodesics_tie(g, start) ||
+        dmk_geodesics_tie(g, end)) {
+        const dmk_meeting found = dmk_meet(g, h);
+        x = found.x;
+        alpha = found.alpha;
+        distance = dmk_image_length(&found.a.image, x, 0) + dmk_image_length(&found.b.image, x, 0);
+    }
+    const double at = x / dmk_length_of(g, h);
+    *c = (dmk_crossing){.half = h,
+                        .node = {h / 3, twin >= 0 ? twin / 3 : m->n_triangles + t->loop[start]},
+                        .onward = -1,
+                        .outer = -1,
+                        .kept = w->kept && w->kept[m->triangle_edge[h]],
+                        .alpha = alpha,
+                        .share = at,
+                        .distance = 0.5 * g->star.unit * distance,
+                        .excess = HUGE_VAL,
+                        .worth = HUGE_VAL};
+    t->strength_of[t->on[h]] = HUGE_VAL;
+    for (int k = 0; k < 3; k++)
+        c->xyz[k] = (1 - at) * m->xyz[3 * (size_t)start + k] + at * m->xyz[3 * (size_t)end + k];
+}
+
+static void set_range(int32_t begin, int32_t end, void *data)
+{
+    const crossings *w = data;
+    const dmk_cotree *t = w->cotree;
+    for (int32_t h = begin; h < end;) {
+        int n = 0;
+        int32_t half[DMK_EDGES];
+        dmk_met met;
+        for (; h < end && n < DMK_EDGES; h++) {
+            half[n] = h;
+            n += (t->on[h] >= 0) & is_first(t->geodesics, h);
+        }
+        dmk_meet_many(t->geodesics, n, half, &met);
+        for (int k = 0; k < n; k++)
+            set_crossing(w, half[k], met.x[k], met.alpha[k], met.distance[k]);
     }
 }
 

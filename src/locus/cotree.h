@@ -105,12 +105,6 @@ typedef struct dmk_meeting {
 } dmk_meeting;
 dmk_meeting dmk_meet(const dmk_geodesics *g, int32_t h);
 
-/* x on an edge of that length: what is beside an end by rounding is there. */
-static inline double dmk_snap(double x, double length)
-{
-    return x < 1e-12 * length ? 0 : x > length - 1e-12 * length ? length : x;
-}
-
 static inline int32_t dmk_other_node(const dmk_crossing *c, int32_t node)
 {
     return c->node[0] == node ? c->node[1] : c->node[0];
