@@ -19,19 +19,45 @@ static double offset_of(const dmk_geodesics *g, int32_t v)
     return source >= 0 && source < g->n_sources ? g->source[source].offset : 0;
 }
 
-/* From vertex v straight to what lies at the distance r in the direction of cosine `along` to the way back, seen from
- * the last pseudo-source. */
-static double beyond(const dmk_geodesics *g, int32_t v, double along, double r)
+/* Ways straight on from vertices, many at once in plain loops for the processor's vectors. */
+enum { WAYS = 48 };
+typedef struct ways {
+    int n;
+    double turn[WAYS], x[WAYS],
+        y[WAYS];           /* towards (x, y), a unit vector, turned by so much from the way back */
+    double ahead[WAYS];    /* how far, in the star's unit */
+    double straight[WAYS]; /* from the last pseudo-source, in the star's unit */
+    double before[WAYS];   /* from the source to there; infinite where none reaches */
+    double line[WAYS];     /* 1: that is a line, whose front is straight; else 0 */
+    double length[WAYS];   /* the answer: from the source */
+} ways;
+
+static void add_way(const dmk_geodesics *g, ways *w, int32_t v, double turn, double x, double y,
+                    double ahead)
 {
     const dmk_arrival *a = g->arrival + v;
-    if (a->source < 0) return INFINITY;
-    double base = offset_of(g, v);
-    if (a->pseudo_source >= 0) base = g->distance[a->pseudo_source];
-    const double straight = (g->distance[v] - base) / g->star.unit, ahead = r / g->star.unit;
-    if (a->pseudo_source < 0 && a->source >= g->n_sources) /* a line's front is straight */
-        return g->star.unit * fabs(straight - ahead * along);
-    const double square = straight * straight + ahead * (ahead - 2 * straight * along);
-    return base + g->star.unit * sqrt(dmk_max(0, square));
+    const int k = w->n++;
+    double before = offset_of(g, v);
+    if (a->pseudo_source >= 0) before = g->distance[a->pseudo_source];
+    const bool reaches = a->source >= 0;
+    w->turn[k] = turn;
+    w->x[k] = x;
+    w->y[k] = y;
+    w->ahead[k] = ahead;
+    w->straight[k] = reaches ? (g->distance[v] - before) / g->star.unit : 0;
+    w->before[k] = reaches ? before : INFINITY;
+    w->line[k] = a->pseudo_source < 0 && a->source >= g->n_sources;
+}
+
+static void follow_ways(double unit, ways *w)
+{
+    for (int k = 0; k < w->n; k++) {
+        const dmk_heading to = dmk_heading_of(w->turn[k]);
+        const double along = w->x[k] * to.x - w->y[k] * to.y, r = w->ahead[k], d = w->straight[k];
+        const double front = fabs(d - r * along),
+                     round = sqrt(dmk_max(0, d * d + r * (r - 2 * d * along)));
+        w->length[k] = w->before[k] + unit * (w->line[k] * front + (1 - w->line[k]) * round);
+    }
 }
 
 /* The turn from direction `angle` of vertex v to the way back, the short way around. */
@@ -46,20 +72,28 @@ typedef struct halving {
     double *mid;
 } halving;
 
-/* Each edge by the first of its triangles. */
+/* Each edge by the first of its triangles, from both ends. */
 static void halve_range(int32_t begin, int32_t end, void *data)
 {
-    const halving *w = data;
-    const dmk_geodesics *g = w->g;
+    const halving *work = data;
+    const dmk_geodesics *g = work->g;
     const dmk_mesh *m = g->mesh;
-    for (int32_t h = 3 * begin; h < 3 * end; h++) {
-        int32_t e = m->triangle_edge[h], from = dmk_next(h), to = dmk_previous(h);
-        if (m->edge_triangle[2 * (size_t)e] != h / 3) continue;
-        double r = 0.5 * m->length[e];
-        const int32_t a = m->triangle[from], b = m->triangle[to];
-        const double at_b = g->star.angle[to] + g->star.corner_angle[to];
-        w->mid[e] = dmk_min(beyond(g, a, dmk_heading_of(turn_back(g, a, g->star.angle[from])).x, r),
-                            beyond(g, b, dmk_heading_of(turn_back(g, b, at_b)).x, r));
+    int32_t edge[WAYS / 2];
+    ways w;
+    for (int32_t h = 3 * begin; h < 3 * end;) {
+        for (w.n = 0; h < 3 * end && w.n < WAYS; h++) {
+            const int32_t e = m->triangle_edge[h], from = dmk_next(h), to = dmk_previous(h);
+            if (m->edge_triangle[2 * (size_t)e] != h / 3) continue;
+            const int32_t a = m->triangle[from], b = m->triangle[to];
+            const double at_b = g->star.angle[to] + g->star.corner_angle[to];
+            const double half = 0.5 * m->length[e] / g->star.unit;
+            edge[w.n / 2] = e;
+            add_way(g, &w, a, turn_back(g, a, g->star.angle[from]), 1, 0, half);
+            add_way(g, &w, b, turn_back(g, b, at_b), 1, 0, half);
+        }
+        follow_ways(g->star.unit, &w);
+        for (int k = 0; k < w.n; k += 2)
+            work->mid[edge[k / 2]] = dmk_min(w.length[k], w.length[k + 1]);
     }
 }
 
@@ -68,41 +102,41 @@ void dmk_geodesics_midpoints(dmk_context *ctx, const dmk_geodesics *g, double *m
     dmk_parallel(ctx, g->mesh->n_triangles, halve_range, &(halving){g, mid});
 }
 
-/* Cosine of the turn to the way back from the direction (x, y) in the frame of corner c, whose first side is the x
- * axis. Without the angle of (x, y), but where the short way around is not that of the whole corner. */
-static double cosine_back(const dmk_geodesics *g, int32_t c, double x, double y)
+/* From corner c towards (x, y), a unit vector in the frame whose x axis is the corner's first side. Without the angle
+ * of (x, y), but where the short way around is not that of the whole corner. */
+static void add_corner(const dmk_geodesics *g, ways *w, int32_t c, double x, double y, double ahead)
 {
     const int32_t v = g->mesh->triangle[c];
     const double total = g->star.total[v], first = g->star.angle[c] - g->arrival[v].back;
     const double last = first + g->star.corner_angle[c], half = 0.5 * total;
-    double from = first;
+    double turn = first;
     if (!g->star.border[v] && (first < -half || last > half)) {
-        if (last <= -half)
-            from += total;
-        else if (first >= half)
-            from -= total;
-        else
-            return cos(turn_back(g, v, g->star.angle[c] + atan2(y, x)));
+        if (last <= -half) {
+            turn += total;
+        } else if (first >= half) {
+            turn -= total;
+        } else {
+            turn = turn_back(g, v, g->star.angle[c] + dmk_angle_of(x, y));
+            x = 1;
+            y = 0;
+        }
     }
-    const dmk_heading to = dmk_heading_of(from);
-    return x * to.x - y * to.y;
+    add_way(g, w, v, turn, x, y, ahead);
 }
 
-/* At the centre of gravity of triangle t. */
-static double at_centre(const dmk_geodesics *g, int32_t t)
+/* To the centre of gravity of triangle t from its corners. */
+static void add_centre(const dmk_geodesics *g, ways *w, int32_t t)
 {
     const dmk_mesh *m = g->mesh;
     const double unit = g->star.unit, area = m->area[t] / unit / unit;
-    double best = INFINITY;
     for (int32_t c = 3 * t; c < 3 * t + 3; c++) {
         const double p = m->length[m->triangle_edge[dmk_previous(c)]] / unit,
                      q = m->length[m->triangle_edge[dmk_next(c)]] / unit,
                      o = m->length[m->triangle_edge[c]] / unit;
         const double x = (p + (p * p + (q - o) * (q + o)) / (2 * p)) / 3, y = 2 * area / (3 * p);
         const double r = sqrt(x * x + y * y);
-        best = dmk_min(best, beyond(g, m->triangle[c], cosine_back(g, c, x / r, y / r), unit * r));
+        add_corner(g, w, c, x / r, y / r, r);
     }
-    return best;
 }
 
 typedef struct integrand {
@@ -113,21 +147,34 @@ typedef struct integrand {
 } integrand;
 
 /* Exact for polynomials of degree 3, and beside it for degree 2. */
+static void integrate_triangle(const integrand *i, int32_t k, double centre)
+{
+    const dmk_mesh *m = i->g->mesh;
+    const int32_t t = i->first + k;
+    double corners = 0, mids = 0;
+    if (i->centre && i->centre[t] >= 0) centre = i->centre[t];
+    for (size_t h = 3 * (size_t)t; h < 3 * (size_t)t + 3; h++) {
+        corners += i->g->distance[m->triangle[h]];
+        mids += i->mid[m->triangle_edge[h]];
+    }
+    const bool reached = corners < INFINITY;
+    i->sum[k] = reached ? m->area[t] * (3 * corners + 8 * mids + 27 * centre) / 60 : 0;
+    i->error[k] = reached ? fabs(i->sum[k] - m->area[t] * mids / 3) : 0;
+}
+
 static void integrate_range(int32_t begin, int32_t end, void *data)
 {
     const integrand *i = data;
-    const dmk_mesh *m = i->g->mesh;
-    for (int32_t k = begin; k < end; k++) {
-        const int32_t t = i->first + k;
-        double corners = 0, mids = 0,
-               centre = i->centre && i->centre[t] >= 0 ? i->centre[t] : at_centre(i->g, t);
-        for (size_t h = 3 * (size_t)t; h < 3 * (size_t)t + 3; h++) {
-            corners += i->g->distance[m->triangle[h]];
-            mids += i->mid[m->triangle_edge[h]];
+    ways w;
+    for (int32_t from = begin; from < end; from += WAYS / 3) {
+        const int32_t to = dmk_min_i(end, from + WAYS / 3);
+        w.n = 0;
+        for (int32_t k = from; k < to; k++) add_centre(i->g, &w, i->first + k);
+        follow_ways(i->g->star.unit, &w);
+        for (int32_t k = from; k < to; k++) {
+            const double *l = w.length + 3 * (k - from);
+            integrate_triangle(i, k, dmk_min(l[0], dmk_min(l[1], l[2])));
         }
-        bool reached = corners < INFINITY;
-        i->sum[k] = reached ? m->area[t] * (3 * corners + 8 * mids + 27 * centre) / 60 : 0;
-        i->error[k] = reached ? fabs(i->sum[k] - m->area[t] * mids / 3) : 0;
     }
 }
 
