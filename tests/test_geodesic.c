@@ -1179,6 +1179,11 @@ static void several_components(void **state)
         assert_true(isinf(g->distance[v]) == (v >= first));
         assert_int_equal(g->arrival[v].source, v >= first ? -1 : 0);
     }
+    double *mid = calloc((size_t)m->n_edges, sizeof *mid);
+    dmk_geodesics_midpoints(ctx, g, mid);
+    for (int32_t e = 0; e < m->n_edges; e++)
+        assert_true(isinf(mid[e]) == (m->edge_vertex[2 * e] >= first));
+    free(mid);
     dmk_geodesics_get_info(g, &info);
     assert_int_equal(info.n_reached, first);
     assert_int_equal(dmk_geodesics_at(ctx, g, 1, &other, &value), DMK_OK);
