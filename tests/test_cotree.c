@@ -88,6 +88,35 @@ static void crossings_of_a_flat_torus(void **state)
     dmk_mesh_destroy(&m);
 }
 
+/* Crossings that are found many at once are those of one edge. Vertices at half a turn are tied; from the middle of an
+ * edge only those across it, and lines meet beside them. */
+static void crossings_are_met_one_by_one(void **state)
+{
+    dmk_context *ctx = *state;
+    static const dmk_point source[2] = {{0, {1, 0, 0}}, {0, {0, 0.5, 0.5}}};
+    dmk_mesh *m = make_torus(ctx);
+    for (int k = 0; k < 2; k++) {
+        dmk_geodesics *g;
+        dmk_cotree t;
+        int n_tied[3] = {0};
+        assert_int_equal(dmk_geodesics_create(ctx, m, 1, &source[k], NULL, &g), DMK_OK);
+        assert_int_equal(dmk_cotree_create(ctx, g, 1, &t), DMK_OK);
+        for (int32_t i = 0; i < t.n; i++) {
+            const dmk_crossing *c = &t.crossing[i];
+            const dmk_meeting one = dmk_meet(g, c->half);
+            assert_true(fabs(c->share - one.x / one.length) < 1e-13);
+            assert_true(fabs(c->alpha - one.alpha) < 1e-12);
+            const bool start = dmk_geodesics_tie(g, m->triangle[dmk_next(c->half)]),
+                       end = dmk_geodesics_tie(g, m->triangle[dmk_previous(c->half)]);
+            if (start || end) n_tied[start + 2 * end - 1]++;
+        }
+        assert_true(n_tied[0] > 10 && n_tied[1] > 10 && n_tied[2] > 10);
+        dmk_cotree_free(&t);
+        dmk_geodesics_destroy(&g);
+    }
+    dmk_mesh_destroy(&m);
+}
+
 /* Within one family there is no jump; across two it is by how much each is too long at the other's end. */
 static void jumps_of_a_flat_torus(void **state)
 {
@@ -278,6 +307,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(crossings_of_a_flat_torus),
+        cmocka_unit_test(crossings_are_met_one_by_one),
         cmocka_unit_test(jumps_of_a_flat_torus),
         cmocka_unit_test(families_meet),
         cmocka_unit_test(leaves_hand_on),

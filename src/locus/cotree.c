@@ -143,7 +143,8 @@ typedef struct crossings {
     dmk_cotree *cotree;
 } crossings;
 
-/* met: as dmk_meet_many has found it. Few edges ask for more: that of families which begin apart, and of ties. */
+/* x, alpha, distance: of dmk_meet_many. Few edges ask for more: where families begin apart, as behind a pseudo-source,
+ * and where ends are tied. */
 static void set_crossing(const crossings *w, int32_t h, double x, double alpha, double distance)
 {
     const dmk_cotree *t = w->cotree;
@@ -152,9 +153,7 @@ static void set_crossing(const crossings *w, int32_t h, double x, double alpha, 
     const int32_t start = m->triangle[dmk_next(h)], end = m->triangle[dmk_previous(h)],
                   twin = g->star.twin[h];
     dmk_crossing *c = &t->crossing[t->on[h]];
-    if (isnan(x) || g->arrival[start].pseudo_source == end ||
-        g->arrival[end].pseudo_source == start || dmk_geodesics_tie(g, start) ||
-        dmk_geodesics_tie(g, end)) {
+    if (isnan(x) || dmk_geodesics_tie(g, start) || dmk_geodesics_tie(g, end)) {
         const dmk_meeting found = dmk_meet(g, h);
         x = found.x;
         alpha = found.alpha;
