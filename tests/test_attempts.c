@@ -244,6 +244,10 @@ static void gaps_decide(void **state)
     assert_true(limit(0, true) == 3e-3 && limit(1e-5, true) == 3e-3 && limit(0.02, true) == 0.02);
     assert_true(limit(0, false) == 1e-3 && limit(0.1, false) == 1e-3 && limit(1e-5, false) == 1e-5);
     assert_true(limit(1e-300, true) == 3e-3 && limit(1e-300, false) == 1e-3); /* only shown */
+    const pair best = {.u = (double[1]){0}, .gap = 0.01, .settled = true};
+    assert_true(is_in_vain(&best, 0.01, true) && !is_in_vain(&best, 0.0099, true));
+    assert_true(!is_in_vain(&best, 0.02, false) && !is_in_vain(&(pair){.settled = true}, 1, true));
+    assert_false(is_in_vain(&(pair){.u = best.u, .gap = 0.01}, 0.02, true));
     dmk_iteration o = {0};
     assert_int_equal(settle_for(&o, &(pair){0}, DMK_E_DIVERGED), DMK_E_DIVERGED);
     assert_int_equal(settle_for(&o, &(pair){.u = (double[1]){0}, .gap = 0.6}, DMK_E_DIVERGED),
