@@ -314,6 +314,10 @@ printf 'OFF\n4 3 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 1 2\n3 0 1 3\n3 0 1 2\n' > "
 "$tool" info "$work/broken.off" 2> "$work/errors"
 check 'a refusal that a repair mends names it' has "$work/errors" '[-]-repair'
 check 'and it does' "$tool" info --repair "$work/broken.off"
+printf 'OFF\n0 0 0\n' > "$work/zero.off"
+printf 'OFF\n3 0 0\n0 0 0\n1 0 0\n0 1 0\n' > "$work/points.off"
+fails 'a repair of nothing' 4 'zero.off: 0 vertices and 0 triangles: nothing to repair$' "$tool" info "$work/zero.off" --repair
+fails 'a repair of points' 4 'points.off: 3 vertices and 0 triangles: nothing to repair$' "$tool" info "$work/points.off" --repair
 printf 'OFF\n5 5 0\n1 0 0\n.3 1 0\n-.8 .6 0\n-.8 -.6 1\n.3 -1 1\n3 0 1 2\n3 1 2 3\n3 2 3 4\n3 3 4 0\n3 4 0 1\n' > "$work/moebius.off"
 "$tool" distance "$work/moebius.off" --repair --vertex 1 --json > "$work/json" 2> "$work/errors"
 check 'what is cut open is warned of' \

@@ -201,6 +201,11 @@ int dmk_mesh_read_repaired(dmk_context *ctx, const char *path, dmk_repairs *repa
     if (dmk_missing(ctx, "path", path, "mesh", mesh)) return DMK_E_ARG;
     DMK_TRY(dmk_stage_begin(ctx, "read"));
     DMK_TRY(dmk_soup_read(ctx, path, &soup, &bytes));
+    if (soup.n_triangles == 0) {
+        rc = dmk_fail(ctx, DMK_E_MESH, "%s: %zu vertices and 0 triangles: nothing to repair", path,
+                      soup.n_vertices);
+        goto done;
+    }
     DMK_TRY(dmk_stage_begin(ctx, "repair"));
     rc = dmk_mesh_repair(ctx, soup.n_vertices, soup.xyz, soup.n_triangles, soup.triangle, repair,
                          mesh);
