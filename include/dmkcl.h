@@ -700,7 +700,8 @@ typedef struct dmk_locus_options {
     size_t struct_size;
     double
         strength; /* a length: leave out branches of less strength; 0 = the default, 0.2 mean edges,
-                        or 2.2 times that of the mesh's own branches where these stand out */
+                        or 2.2 times that of the mesh's own branches where these stand
+                        apart from the rest; dmk_locus_info says which */
 } dmk_locus_options;
 
 typedef enum dmk_locus_kind {

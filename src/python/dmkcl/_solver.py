@@ -125,7 +125,8 @@ class CutLocus:
     faces : (m, 3) array of int
         Vertices of each triangle, counted from 0.
     device : int or str, optional
-        Number in `dmkcl.devices()` or part of a name; None: the best there is.
+        Number in `dmkcl.devices()`, part of a name, or "gpu" or "cpu"; None: the best there is, a
+        GPU before a CPU.
     single : bool
         Single precision even where the device has double.
     threads : int
@@ -234,7 +235,8 @@ class CutLocus:
             the solve and is passed on. It cannot use the device, which is busy.
         strength : float
             A length: branches of the cut locus with less strength than this are left out (see
-            `Locus`); 0: 0.2 mean edges, more on a noisy mesh.
+            `Locus`); 0: 0.2 mean edges, or just above the mesh's own branches where these stand
+            apart from the rest (spheres, cubes, noise). `Locus.least_strength` is the one used.
         method : "newton", "inertial" or "euler"
             Newton steps in (u, log mu); explicit steps with inertia; the explicit Euler steps of
             the paper.
