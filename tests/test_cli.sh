@@ -27,6 +27,9 @@ for command in solve mesh info devices; do
     check "$command --help" output_has "^usage: dmkcl $command" "$tool" $command --help
     check "--help knows $command" output_has "^  $command " "$tool" --help
 done
+for name in NO_COLOR XDG_CACHE_HOME; do
+    check "--help names $name" output_has "^  $name " "$tool" --help
+done
 for code in 0 1 2 3 4 5 6 7 8 130; do
     check "--help lists exit code $code" output_has "^  $code  " "$tool" --help
 done
@@ -75,8 +78,8 @@ done
 for command in 'path --vertex 0 --to-vertex 1' 'cut --vertex 0 --picture x.svg' 'transport --from a'; do
     clash '--format has no effect without --out' $command --format ply
 done
-for bad in 1,2 1,2,3,4 1,2,x 1,2, '' '1, ,2,3' ' ' '1,2,3,' '1 2 3' nan,0,0 inf,0,0 0x10,0,0 0,-0X1p3,0 "1;2;3"; do
-    usage "--source '$bad'" "--source: '.*' is not a point X,Y,Z" solve x.off "--source=$bad"
+for bad in 3 1,2 1,2,3,4 1,2,x 1,2, '' '1, ,2,3' ' ' '1,2,3,' '1 2' '1 2 3 4' nan,0,0 inf,0,0 0x10,0,0 0,-0X1p3,0 "1;2;3"; do
+    usage "--source '$bad'" "--source: '.*' is not a point X,Y,Z; write three numbers joined by commas, as 3,0,0$" solve x.off "--source=$bad"
 done
 for bad in -1 x 1.5 1e3 0x10 inf '' 99999999999 ' 1'; do
     usage "--vertex '$bad'" '--vertex: .* is not a vertex number' solve x.off "--vertex=$bad"
@@ -99,7 +102,7 @@ usage '--inertia of another method' '--inertia is for --method inertial' solve x
 usage "--inertia of a batch" "--inertia is for --method inertial" batch x.off --inertia 0
 usage "--dt of transport" "--dt is for --method euler" transport x.off --from a --dt 0.1
 for command in 'cut --vertex 0' 'distance --vertex 0' 'path --vertex 0 --to-vertex 1' 'solve --vertex 0' 'transport --from a'; do
-    fails "${command%% *}: a report without its folder is seen before the mesh is read" 2 '--report: cannot write' \
+    fails "${command%% *}: a report without its folder is seen before the mesh is read" 2 "^dmkcl: --report: the folder '.*/nowhere' does not exist; make it first$" \
         "$tool" ${command%% *} x.off ${command#* } --report "$work/nowhere/x.json"
 done
 fails '--max-steps that are too few' 7 'raise --max-steps or --tolerance' "$tool" solve meshes/sphere.off --vertex 0 --max-steps 1 --quiet
@@ -108,9 +111,11 @@ usage '--method' "'fast' is not one of newton, inertial, euler" solve x.off --me
 usage '--start' "'cold' is not one of distance, uniform" solve x.off --start cold
 usage '--out with a strange suffix' "expected one of .*.vtp" solve x.off --vertex 0 --out x.png
 usage '--locus with a strange suffix' "expected one of .*.obj" solve x.off --vertex 0 --locus x.png
-fails '--out in no folder' 2 'cannot write into the folder' \
+fails '--out in no folder' 2 "^dmkcl: --out: the folder '.*/no' does not exist; make it first$" \
     "$tool" solve x.off --vertex 0 --out "$work/no/x.vtp"
-fails '--report in no folder' 2 'cannot write into the folder' \
+fails 'a folder that is a file' 2 '--out: cannot write into the folder of' \
+    "$tool" solve x.off --vertex 0 --out meshes/torus.off/x.vtp
+fails '--report in no folder' 2 "--report: the folder '.*/no' does not exist" \
     "$tool" solve x.off --vertex 0 --report "$work/no/x.json"
 fails '--report on a folder' 2 'neither a regular file nor a pipe' \
     "$tool" solve x.off --vertex 0 --report "$work"
@@ -156,6 +161,11 @@ for readers in 'solve - --sources -' 'distance /dev/stdin --sources -' 'transpor
 done
 usage 'devices: an argument' 'too many' devices x
 
+for point in '3 0 0' ' 3  0,0' '3 0 -0 '; do
+    check "'$point' is a point" sh -c '
+    "$1" solve meshes/torus.off --source "$3" --dry-run > "$2/a" && "$1" solve meshes/torus.off --source 3,0,0 --dry-run |
+    cmp - "$2/a"' - "$tool" "$work" "$point"
+done
 check 'blanks around the commas of a point' sh -c '
     "$1" solve meshes/torus.off --source "3, 0 ,0 " --dry-run > "$2/a" && "$1" solve meshes/torus.off --source 3,0,0 --dry-run |
     cmp - "$2/a"' - "$tool" "$work"
@@ -363,6 +373,22 @@ check '--dry-run --json prints a report' is_json "$work/dry.json"
 check 'with the bytes of info' test "$(memory "$work/dry.json")" = "$(memory "$work/info.json")" -a -n "$(memory "$work/dry.json")"
 check 'with --single it is another device memory' test "$(memory "$work/dry.json")" != "$(memory "$work/single.json")"
 usage 'a dry run looks at the source' 'vertex' solve "$torus" --vertex 99999999 --dry-run
+printf '3,0,0\nvertex 0\n# here\nvertex 99999\nvertex 88888\n' > "$work/many.txt"
+"$tool" solve "$torus" --sources "$work/many.txt" --dry-run > "$work/printed" 2> "$work/errors"
+check 'and at each of many' test $? -eq 1
+"$tool" solve "$torus" --sources "$work/many.txt" > "$work/said_out" 2> "$work/solved"
+check 'with the words of a run' cmp "$work/errors" "$work/solved"
+check 'which name each line' test "$(grep -cE '^dmkcl: .*many.txt:[45]: .*(99999|88888)' "$work/errors")" -eq 2
+check 'and says what a solve takes all the same' has "$work/printed" '^memory .* on the device'
+printf '3,0,0\nvertex 0\n' > "$work/many.txt"
+check 'sources that are there' "$tool" solve "$torus" --sources "$work/many.txt" --dry-run
+formats() { # COMMAND: those that --format names in its help
+    "$tool" "$1" --help | sed -n 's/^.*format of files whose name has no suffix: \(.*\);$/\1/p'
+}
+for listed in 'solve:ply, vtp, vtu, obj, csv' 'distance:ply, vtp, vtu, obj, csv' 'transport:ply, vtp, vtu' \
+    'path:vtp, obj, csv' 'cut:ply, vtp, vtu, off, obj' 'mesh:ply, vtp, vtu, off, obj'; do
+    check "the formats of ${listed%%:*}" test "$(formats "${listed%%:*}")" = "${listed#*:}"
+done
 "$tool" cut "$torus" --vertex 0 --json > "$work/cut.json"
 check 'cut --json prints the report, with the cut' \
     sh -c "grep -q '\"n_border_loops\": 1' '$work/cut.json' && grep -q '\"gap\"' '$work/cut.json'"
@@ -389,7 +415,7 @@ check 'with the files and the number of triangles' sh -c \
     "grep -q '/path.csv\"' '$work/path2.json' && grep -q '\"n_triangles\": '\$((\$(wc -l < '$work/path.csv') - 2)) '$work/path2.json'"
 usage 'a report on the mesh' "'a.json' is read" path a.json --vertex 0 --to-vertex 1 --report a.json
 "$tool" cut "$torus" --vertex 0 --out "$work/cut.obj" --out "$work/cut.vtp" --picture "$work/cut.svg" > "$work/printed"
-check 'cut reports flipped triangles' has "$work/printed" '^in the plane [0-9]+ triangles? (is|are) flipped'
+check 'cut reports flipped triangles' has "$work/printed" '^in the plane [0-9]+ triangles? (is|are) turned over'
 check 'a cut as OBJ has a texture coordinate for each vertex' \
     sh -c "[ \$(grep -c '^vt ' '$work/cut.obj') = \$(grep -c '^v ' '$work/cut.obj') ] && grep -q '^f [0-9]*/[0-9]* ' '$work/cut.obj'"
 check 'as VTP it has the plane' grep -qa 'Name="plane"' "$work/cut.vtp"

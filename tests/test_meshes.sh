@@ -32,7 +32,17 @@ gzip -c "$in/a.off" > "$in/d.off.gz"
 # ---- slips ------------------------------------------------------------------------------------
 
 fails 'no operand' 1 'MESH is missing' "$tool" batch
-fails 'no mesh' 2 'no mesh found' "$tool" batch - < /dev/null
+fails 'no mesh' 2 "^dmkcl: batch: the list '-' names no mesh$" "$tool" batch - < /dev/null
+mkdir "$work/none"
+fails 'a folder without a mesh' 2 "^dmkcl: batch: no mesh in the folder '.*/none' or below it: no file ends in .ply .*.obj$" \
+    "$tool" batch "$work/none"
+fails 'a file of sources' 1 "'sources.txt' is not a whole number from 1 to 1000000; batch takes a number N of sources on each mesh; a file of sources is for .dmkcl solve.$" \
+    "$tool" batch "$in" --sources sources.txt
+echo 'x' > "$work/none/file"
+fails 'a folder below a file' 2 "^dmkcl: --out-dir: cannot make the folder '.*/none/file/deep'" \
+    "$tool" batch "$in/a.off" --out-dir "$work/none/file/deep/er"
+check 'the folders above that of the results are made' "$tool" batch "$in/a.off" --out-dir "$work/none/so/deep/"
+check 'with the results' test -s "$work/none/so/deep/a.vtp" -a -s "$work/none/so/deep/report.jsonl"
 fails 'no list' 2 'none.list' "$tool" batch "$work/none.list"
 fails 'resume without a report' 1 'give --report FILE' "$tool" batch "$in" --resume
 fails 'files without a folder' 1 'need --out-dir' "$tool" batch "$in" --out .vtp

@@ -36,7 +36,8 @@ fails 'a numbered name that is the mesh' 1 "--tangent: '.*n-0001.csv' is read" \
 check 'it is as before' cmp "$work/n-0001.csv" "$work/copy.off"
 refused 'two outputs of one name' "--report: .*a.txt' is also a file of --tangent" \
     solve "$mesh" --vertex 0 --tangent "$work/a.txt" --report "$work/a.txt"
-refused 'the standard output by the option that was given' "--json: '-' is also a file of --out" \
+refused 'the standard output by the option that was given' \
+    '^dmkcl: --json and --out - both write to the standard output; use --report FILE for the figures$' \
     solve "$mesh" --vertex 0 --out - --json
 refused 'by another way' "--tangent: .*is also a file of --locus" \
     solve "$mesh" --vertex 0 --locus "$work/a.csv" --tangent "$work/folder/../a.csv"
@@ -148,7 +149,12 @@ check 'a measure from a pipe' sh -c '"$1" transport "$2" --from - --to "$3/b.txt
 check 'two outputs may go to /dev/null' "$tool" solve "$mesh" --vertex 0 --quiet --out /dev/null --locus /dev/null --report /dev/null
 check 'and those of many sources' "$tool" solve "$mesh" --sources "$work/list.txt" --quiet --out /dev/null
 refused 'two files on the standard output' "--locus: '-' is also a file of --out" solve "$mesh" --vertex 0 --out - --locus -
-refused 'a file and the report' "--json: '-' is also a file of --out" solve "$mesh" --vertex 0 --out /dev/stdout --json
+refused 'a file and the report' '^dmkcl: --json and --out - both write to the standard output; use --report FILE' \
+    solve "$mesh" --vertex 0 --out /dev/stdout --json
+refused 'a report and lines' '^dmkcl: --report - and --locus - both write to the standard output; use --report FILE' \
+    solve "$mesh" --vertex 0 --locus - --report -
+refused 'a report and a path' '^dmkcl: --json and --out - both write to the standard output; use --report FILE' \
+    path "$mesh" --vertex 0 --to-vertex 1 --out - --json
 refused 'two files in one pipe' "--locus: .*pipe' is also a file of --out" solve "$mesh" --vertex 0 --out "$work/pipe" --locus "$work/pipe"
 refused 'many sources on the standard output' "--sources writes a file for each source, and '-' is one stream" \
     solve "$mesh" --sources "$work/list.txt" --out -

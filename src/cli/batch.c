@@ -52,14 +52,18 @@ static void free_one(solve_request *one)
     if (one->report && strcmp(one->report, "-") != 0) free((char *)one->report);
 }
 
-/* The request for source k alone, freed by free_one; false without memory. */
-static bool request_one(const batch *b, size_t k, solve_request *one)
+static void aim(solve_request *one, const solve_source *s)
 {
-    const solve_source *s = &b->source[k];
-    *one = *b->request;
     one->vertex = s->vertex;
     one->source.n = s->vertex < 0 ? 3 : 0;
     memcpy(one->source.value, s->xyz, sizeof s->xyz);
+}
+
+/* The request for source k alone, freed by free_one; false without memory. */
+static bool request_one(const batch *b, size_t k, solve_request *one)
+{
+    *one = *b->request;
+    aim(one, &b->source[k]);
     bool good = number_files(&one->out, k);
     good = number_files(&one->locus, k) && good;
     good = number_files(&one->tangent, k) && good;
@@ -107,10 +111,16 @@ static void print_line(size_t k, const solve_request *one, const solve_run *run)
            info.branch_points, run->seconds.total);
 }
 
+enum { WHERE_SIZE = 300 };
+static void tell_where(const solve_request *request, const solve_source *s, char where[WHERE_SIZE])
+{
+    snprintf(where, WHERE_SIZE, "%.250s:%lld: ", request->sources, (long long)s->line);
+}
+
 static int solve_one(const batch *b, size_t k, const solve_request *one, solve_run *run)
 {
-    char where[300], prefix[64];
-    snprintf(where, sizeof where, "%.250s:%lld: ", one->sources, (long long)b->source[k].line);
+    char where[WHERE_SIZE], prefix[64];
+    tell_where(one, &b->source[k], where);
     snprintf(prefix, sizeof prefix, "source %zu of %zu: ", k + 1, b->n);
     run->where = where;
     run->progress.prefix = prefix;
@@ -202,6 +212,23 @@ static void solve_all(batch *b, solve_run *run)
         b->code = cli_error(cli_exit_code(DMK_E_CANCELLED), "interrupted; %zu of %zu sources left",
                             b->n - b->n_solved - b->n_kept, b->n);
     }
+}
+
+int solve_check_sources(const solve_request *request, solve_run *run, const solve_source *sources,
+                        size_t n)
+{
+    int code = EXIT_OK;
+    for (size_t k = 0; k < n && !cli_interrupted(); k++) {
+        char where[WHERE_SIZE];
+        solve_request one = *request;
+        aim(&one, &sources[k]);
+        tell_where(request, &sources[k], where);
+        run->where = where;
+        const int placed = solve_place(&one, run);
+        run->where = "";
+        if (code == EXIT_OK) code = placed;
+    }
+    return cli_interrupted() ? solve_fail(run, DMK_E_CANCELLED) : code;
 }
 
 static void print_end(const batch *b, double begin)

@@ -34,6 +34,8 @@ void batch_list_free(batch_list *list);
 bool batch_name_files(const batch_request *request, const batch_mesh *mesh, size_t source,
                       solve_request *one);
 void batch_free_files(solve_request *one);
+/* The folders above a file. */
+int batch_make_folders(const char *file);
 /* No file of a result is a mesh that is read, or the report, which is there. The exit code, with the error printed. */
 int batch_check_names(const batch_request *request, const batch_list *list);
 

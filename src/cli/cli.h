@@ -82,6 +82,7 @@ typedef struct cli_option {
     void *target; /* of the type that goes with `kind`; untouched if the option is not given */
     double lo, hi;
     const char *expected;       /* of a bad number: "a number in (0, 1]"; of an integer its kind */
+    const char *hint;           /* said right behind the error, or NULL */
     const char *const *choices; /* NULL-terminated */
 } cli_option;
 
@@ -136,8 +137,8 @@ int cli_check_outputs(const char *option, const cli_files *files, cli_what what,
                       const char *format);
 /* Of these the part that looks at a report's name. */
 int cli_check_report(const char *path);
-/* The row of --format. */
-cli_option cli_format_option(const char **format);
+/* The row of --format, of a command that writes `what` and `other`, which may be the same. */
+cli_option cli_format_option(const char **format, cli_what what, cli_what other);
 /* Whether a path is the standard output: "-", /dev/stdout or the like; or nothing, as /dev/null; or another pipe or
  * device. */
 bool cli_is_stdout(const char *path);
@@ -243,6 +244,8 @@ typedef int cli_take(char *line, int64_t number, void *data);
 int cli_read_lines(const char *path, cli_take *take, void *data);
 /* As strtod, but in decimal digits alone, as whole numbers are: of "0x10" nothing is read, and *end == text. */
 double cli_decimal(const char *text, char **end);
+/* Three finite numbers and nothing else, with commas or blanks between them, as 3,0,0. */
+bool cli_read_point(const char *text, double xyz[3]);
 /* 86784 -> "86,784" */
 const char *cli_count(int64_t n, char text[CLI_TEXT_SIZE]);
 /* "1 vertex", "86,784 vertices" */
@@ -269,6 +272,8 @@ typedef struct cli_reading {
     bool keep_memory;       /* also of a large mesh: see cli_keep_memory */
     bool shares;            /* a rank that gives the mesh back for its share of it */
 } cli_reading;
+
+#define CLI_QUIET_HELP "print nothing but errors, no warnings either"
 
 #define CLI_REPAIR_HELP                                                                            \
     "merge coincident vertices, drop zero-area and duplicate triangles,\n"                         \

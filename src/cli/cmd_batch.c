@@ -18,10 +18,13 @@ static void add_batch(solve_table *table, batch_request *request)
          .target = &request->samples,
          .lo = 1,
          .hi = 1000000,
-         .expected = "a whole number"},
+         .expected = "a whole number",
+         .hint = "; batch takes a number N of sources on each mesh; a file of sources is for "
+                 "`dmkcl solve`"},
         {.name = "out-dir",
          .value = "DIR",
-         .help = "folder for the files and the report; made if it is missing",
+         .help = "folder for the files and the report; made if it is missing, with the\n"
+                 "folders above it",
          .kind = CLI_TEXT,
          .target = &request->folder},
         {.name = "out",
@@ -122,6 +125,8 @@ static int check_suffixes(const char *option, cli_files *files, cli_what what)
 static int make_folder(const char *folder)
 {
     struct stat file;
+    const int code = batch_make_folders(folder);
+    if (code != EXIT_OK) return code;
     if (mkdir(folder, 0777) == 0) return EXIT_OK;
     if (errno == EEXIST && stat(folder, &file) == 0 && S_ISDIR(file.st_mode)) return EXIT_OK;
     return cli_error(EXIT_IO, "--out-dir: cannot make the folder '%s': %s", folder,

@@ -23,7 +23,7 @@ static void print_cut(const cut_request *request, const dmk_mesh *cut, size_t fl
            cli_counted((int64_t)info.n_triangles, "triangle", "triangles", t),
            (long long)info.euler,
            cli_counted((int64_t)info.n_border_loops, "border loop", "border loops", n));
-    printf("in the plane %s flipped\n",
+    printf("in the plane %s turned over\n",
            cli_counted((int64_t)flipped, "triangle is", "triangles are", n));
     for (int i = 0; i < request->solve.out.n; i++) printf("wrote %s\n", request->solve.out.path[i]);
     for (int i = 0; i < request->picture.n; i++) printf("wrote %s\n", request->picture.path[i]);
@@ -125,7 +125,7 @@ static int parse(cut_request *request, const char *out_help, int argc, char **ar
                  "outline is the tangent cut locus",
          .kind = CLI_FILES,
          .target = &request->picture},
-        cli_format_option(&request->solve.format),
+        cli_format_option(&request->solve.format, CLI_MESH, CLI_MESH),
     };
     solve_add_source(&table, &request->solve);
     solve_add(&table, out, sizeof out / sizeof *out);

@@ -316,7 +316,7 @@ static void add_distance(solve_table *table, distance_request *r, const char *ou
          .help = locus_help,
          .kind = CLI_FILES,
          .target = &r->solve.locus},
-        cli_format_option(&r->solve.format),
+        cli_format_option(&r->solve.format, CLI_RESULT, CLI_LOCUS),
     };
     solve_add(table, rows, sizeof rows / sizeof *rows);
 }

@@ -123,7 +123,7 @@ static int parse(mesh_request *r, int argc, char **argv)
     describe_surfaces(surfaces, sizeof surfaces);
     const cli_option options[] = {
         {.name = "out", .value = "FILE", .help = out_help, .kind = CLI_FILES, .target = &r->out},
-        cli_format_option(&r->format),
+        cli_format_option(&r->format, CLI_MESH, CLI_MESH),
         {.name = "size",
          .value = "A[,B[,C]]",
          .help = "sizes of the surface (see below)",
@@ -152,10 +152,7 @@ static int parse(mesh_request *r, int argc, char **argv)
          .help = "make the point of the surface near X,Y,Z a vertex, number 0",
          .kind = CLI_POINT,
          .target = &r->source},
-        {.name = "quiet",
-         .help = "print nothing but errors",
-         .kind = CLI_FLAG,
-         .target = &r->how.quiet},
+        {.name = "quiet", .help = CLI_QUIET_HELP, .kind = CLI_FLAG, .target = &r->how.quiet},
         {.name = "repair", .help = CLI_REPAIR_HELP, .kind = CLI_FLAG, .target = &r->how.repair},
     };
     const cli_syntax syntax = {

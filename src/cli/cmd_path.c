@@ -141,7 +141,7 @@ static int parse(path_request *request, const char *out_help, int argc, char **a
          .help = out_help,
          .kind = CLI_FILES,
          .target = &request->out},
-        cli_format_option(&request->solve.format),
+        cli_format_option(&request->solve.format, CLI_LOCUS, CLI_LOCUS),
     };
     solve_add_source(&table, &request->solve);
     solve_add(&table, rows, sizeof rows / sizeof *rows);

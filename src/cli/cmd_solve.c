@@ -30,11 +30,15 @@ static int plan(solve_request *request)
     size_t n = 0;
     request->bare = true;
     int code = request->sources ? solve_read_sources(request->sources, &sources, &n) : EXIT_OK;
-    free(sources);
     if (code != EXIT_OK) return code;
     code = solve_begin(request, &run);
-    cli_progress_end(&run.progress);
-    if (code == EXIT_OK && cli_ranks_first()) code = solve_print_plan(request, &run);
+    if (code == EXIT_OK) {
+        const int placed = solve_check_sources(request, &run, sources, n);
+        cli_progress_end(&run.progress);
+        if (cli_ranks_first()) code = solve_print_plan(request, &run);
+        if (placed != EXIT_OK) code = placed;
+    }
+    free(sources);
     solve_end(&run);
     return code;
 }
@@ -100,7 +104,7 @@ static void add_files(solve_table *table, solve_request *request, raw_options *r
          .kind = CLI_FLAG,
          .target = &request->density_only},
         {.name = "dry-run",
-         .help = "read and check the mesh and the source, report how much memory a solve\n"
+         .help = "read and check the mesh and each source, report how much memory a solve\n"
                  "takes on host and device, and end; opens no device",
          .kind = CLI_FLAG,
          .target = &request->dry},
@@ -121,7 +125,7 @@ static void add_files(solve_table *table, solve_request *request, raw_options *r
                  "(0 ordinary, 1 end, 2 branch point, 3 isolated)",
          .kind = CLI_FILES,
          .target = &request->tangent},
-        cli_format_option(&request->format),
+        cli_format_option(&request->format, CLI_RESULT, CLI_LOCUS),
     };
     solve_add(table, rows, sizeof rows / sizeof *rows);
 }

@@ -306,7 +306,7 @@ static int parse(transport_request *r, const char *out_help, int argc, char **ar
          .help = out_help,
          .kind = CLI_FILES,
          .target = &r->solve.out},
-        cli_format_option(&r->solve.format),
+        cli_format_option(&r->solve.format, CLI_RESULT, CLI_RESULT),
         {.name = "repair", .help = CLI_REPAIR_HELP, .kind = CLI_FLAG, .target = &r->solve.repair},
     };
     solve_add(&table, rows, sizeof rows / sizeof *rows);

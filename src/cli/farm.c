@@ -4,7 +4,6 @@
 #include "batch.h"
 #include "ranks.h"
 
-#include <errno.h>
 #include <math.h>
 #include <pthread.h>
 #include <sched.h>
@@ -42,25 +41,6 @@ typedef struct worker {
     dmk_device *device;
     cli_progress silent; /* for cancelling */
 } worker;
-
-/* ---- files ---------------------------------------------------------------------------------- */
-
-/* The folders above a file. */
-static int make_folders(const char *file)
-{
-    char path[PATH_MAX];
-    if (snprintf(path, sizeof path, "%s", file) >= PATH_MAX)
-        return cli_error(EXIT_IO, "'%s': too long", file);
-    for (char *p = path + 1; *p; p++) {
-        if (*p != '/') continue;
-        *p = '\0';
-        if (mkdir(path, 0777) != 0 && errno != EEXIST) {
-            return cli_error(EXIT_IO, "cannot make the folder '%s': %s", path, strerror(errno));
-        }
-        *p = '/';
-    }
-    return EXIT_OK;
-}
 
 /* ---- what is wanted ------------------------------------------------------------------------- */
 
@@ -208,11 +188,12 @@ static int do_source(farm *f, const int64_t *sample, size_t i, const solve_reque
     int code = EXIT_OK;
     const int rc = find_source(f, sample, i, run);
     if (rc != DMK_OK) return solve_fail(run, rc);
-    for (int k = 0; k < one->out.n && code == EXIT_OK; k++) code = make_folders(one->out.path[k]);
+    for (int k = 0; k < one->out.n && code == EXIT_OK; k++)
+        code = batch_make_folders(one->out.path[k]);
     for (int k = 0; k < one->locus.n && code == EXIT_OK; k++)
-        code = make_folders(one->locus.path[k]);
+        code = batch_make_folders(one->locus.path[k]);
     for (int k = 0; k < one->tangent.n && code == EXIT_OK; k++)
-        code = make_folders(one->tangent.path[k]);
+        code = batch_make_folders(one->tangent.path[k]);
     if (code == EXIT_OK) code = solve_compute(one, run);
     if (code == EXIT_OK) code = solve_write(one, run);
     return code;

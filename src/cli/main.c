@@ -48,6 +48,11 @@ static int print_help(void)
            "\n"
            "exit codes:\n");
     cli_print_exit_codes(stdout);
+    printf("\n"
+           "environment:\n"
+           "  NO_COLOR        no colours on a terminal, unless it is empty\n"
+           "  XDG_CACHE_HOME  compiled kernels are kept below it; without it, below ~/.cache\n"
+           "  POCL_CACHE_DIR  where PoCL keeps its own, whatever --cache says\n");
     return cli_flush();
 }
 

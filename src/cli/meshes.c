@@ -40,6 +40,28 @@ static const char *base_of(const char *path)
     return slash ? slash + 1 : path;
 }
 
+static bool is_list(const char *path)
+{
+    const char *dot = strrchr(path, '.');
+    return strcmp(path, "-") == 0 ||
+           (dot && (strcasecmp(dot, ".txt") == 0 || strcasecmp(dot, ".list") == 0));
+}
+
+/* Nothing is found in any operand: the first one says where was looked, and for what. */
+static int none_found(const char *operand)
+{
+    char suffixes[256] = "";
+    dmk_format_info format;
+    if (is_list(operand)) return cli_error(EXIT_IO, "batch: the list '%s' names no mesh", operand);
+    for (size_t i = 0; dmk_format_get(i, &format) == DMK_OK; i++) {
+        const size_t used = strlen(suffixes);
+        if (format.reads_mesh)
+            snprintf(suffixes + used, sizeof suffixes - used, " %s", format.suffixes);
+    }
+    return cli_error(EXIT_IO, "batch: no mesh in the folder '%s' or below it: no file ends in%s",
+                     operand, suffixes);
+}
+
 /* `name`: the end of `path` that its files are named by. */
 static int add(lister *l, const char *path, const char *name)
 {
@@ -120,13 +142,6 @@ static int take_line(char *line, int64_t number, void *data)
     while (n > 0 && strchr(" \t", line[n - 1])) line[--n] = '\0';
     drop_comment(line);
     return *line ? add_path(data, line, true) : EXIT_OK;
-}
-
-static bool is_list(const char *path)
-{
-    const char *dot = strrchr(path, '.');
-    return strcmp(path, "-") == 0 ||
-           (dot && (strcasecmp(dot, ".txt") == 0 || strcasecmp(dot, ".list") == 0));
 }
 
 static int add_path(lister *l, const char *path, bool from_list)
@@ -234,7 +249,7 @@ int batch_list_create(const cli_words *operands, const char *out_folder, batch_l
         while (n > 1 && path[n - 1] == '/') path[--n] = '\0';
         code = add_path(&l, path, false);
     }
-    if (code == EXIT_OK && list->n == 0) code = cli_error(EXIT_IO, "batch: no mesh found");
+    if (code == EXIT_OK && list->n == 0) code = none_found(operands->word[0]);
     if (code == EXIT_OK) code = check_names(list);
     if (code == EXIT_OK) code = shorten_names(list);
     return code;

@@ -1,6 +1,7 @@
 /* The names of the files that a batch writes. */
 #include "batch.h"
 
+#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -39,6 +40,23 @@ bool batch_name_files(const batch_request *request, const batch_mesh *mesh, size
     bool good = name_files(request, mesh, source, "", &one->out);
     good = name_files(request, mesh, source, ".locus", &one->locus) && good;
     return name_files(request, mesh, source, ".tangent", &one->tangent) && good;
+}
+
+int batch_make_folders(const char *file)
+{
+    char path[PATH_MAX];
+    if (snprintf(path, sizeof path, "%s", file) >= PATH_MAX)
+        return cli_error(EXIT_IO, "--out-dir: the name '%.60s...' is too long", file);
+    for (char *p = path + 1; *p; p++) {
+        if (*p != '/') continue;
+        *p = '\0';
+        if (mkdir(path, 0777) != 0 && errno != EEXIST) {
+            return cli_error(EXIT_IO, "--out-dir: cannot make the folder '%s': %s", path,
+                             strerror(errno));
+        }
+        *p = '/';
+    }
+    return EXIT_OK;
 }
 
 static void free_names(cli_files *files)

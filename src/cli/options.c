@@ -102,7 +102,8 @@ static bool read_choice(const char *text, const char *const *choices, int *value
 
 static int bad_value(const cli_option *option, const char *text, const char *expected)
 {
-    return cli_error(EXIT_USAGE, "--%s: '%s' is not %s", option->name, text, expected);
+    return cli_error(EXIT_USAGE, "--%s: '%s' is not %s%s", option->name, text, expected,
+                     option->hint ? option->hint : "");
 }
 
 /* The bounds are said with what is expected. */
@@ -136,13 +137,18 @@ static int add_file(const cli_option *option, const char *text)
     return CLI_GO_ON;
 }
 
-static int set_numbers(const cli_option *option, const char *text)
+static int set_point(const cli_option *option, const char *text)
+{
+    cli_numbers *numbers = option->target;
+    numbers->n = 3;
+    if (cli_read_point(text, numbers->value)) return CLI_GO_ON;
+    return bad_value(option, text, "a point X,Y,Z; write three numbers joined by commas, as 3,0,0");
+}
+
+static int set_sizes(const cli_option *option, const char *text)
 {
     cli_numbers *numbers = option->target;
     bool good = read_numbers(text, numbers);
-    if (option->kind == CLI_POINT) {
-        return good && numbers->n == 3 ? CLI_GO_ON : bad_value(option, text, "a point X,Y,Z");
-    }
     for (int i = 0; i < numbers->n; i++) good = good && numbers->value[i] > 0;
     return good ? CLI_GO_ON : bad_value(option, text, "one to three sizes above 0, as A[,B[,C]]");
 }
@@ -161,8 +167,8 @@ static int set_value(const cli_option *option, const char *text)
         }
         *(double *)option->target = number;
         return CLI_GO_ON;
-    case CLI_POINT:
-    case CLI_SIZES: return set_numbers(option, text);
+    case CLI_POINT: return set_point(option, text);
+    case CLI_SIZES: return set_sizes(option, text);
     case CLI_TEXT: *(const char **)option->target = text; return CLI_GO_ON;
     case CLI_FILES: return add_file(option, text);
     case CLI_CHOICE: return set_choice(option, text);

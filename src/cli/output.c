@@ -120,23 +120,26 @@ static bool is_written(const dmk_format_info *format)
            strcmp(format->name, "PVTP") != 0;
 }
 
-/* "ply, vtp, ..." */
-static void list_formats(char *text, size_t size)
+/* "ply, vtp, ...": the formats of single files that hold one of these, bits 1 << cli_what. */
+static void list_formats(unsigned kinds, char *text, size_t size)
 {
     dmk_format_info format;
     text[0] = '\0';
     for (size_t i = 0; dmk_format_get(i, &format) == DMK_OK; i++) {
-        if (!is_written(&format)) continue;
+        bool holds = false;
+        for (int what = CLI_MESH; what <= CLI_LOCUS; what++)
+            holds = holds || ((kinds >> what & 1) && format_holds(&format, (cli_what)what));
+        if (!holds || !is_written(&format)) continue;
         snprintf(text + strlen(text), size - strlen(text), "%s%s", *text ? ", " : "", format.name);
     }
     for (char *c = text; *c; c++) *c = (char)tolower((unsigned char)*c);
 }
 
-cli_option cli_format_option(const char **format)
+cli_option cli_format_option(const char **format, cli_what what, cli_what other)
 {
     static char help[300];
     char names[128];
-    list_formats(names, sizeof names);
+    list_formats(1U << what | 1U << other, names, sizeof names);
     snprintf(help, sizeof help,
              "format of files whose name has no suffix: %s;\n"
              "default: of pipes, devices and the standard output (-) vtp",
@@ -163,7 +166,7 @@ static int check_folder(const char *option, const char *path)
 {
     char folder[PATH_MAX] = ".";
     const char *slash = strrchr(path, '/');
-    if (slash) snprintf(folder, sizeof folder, "%.*s", (int)(slash - path) + 1, path);
+    if (slash) snprintf(folder, sizeof folder, "%.*s", (int)(slash - path) + (slash == path), path);
     struct stat file;
     if (cli_is_stream(path)) return EXIT_OK;
     if (stat(path, &file) == 0 && !S_ISREG(file.st_mode)) {
@@ -171,6 +174,10 @@ static int check_folder(const char *option, const char *path)
                          "--%s: '%s' exists and is neither a regular file nor a pipe or character "
                          "device",
                          option, path);
+    }
+    if (stat(folder, &file) != 0 && errno == ENOENT) {
+        return cli_error(EXIT_IO, "--%s: the folder '%s' does not exist; make it first", option,
+                         folder);
     }
     if (access(folder, W_OK | X_OK) != 0) {
         return cli_error(EXIT_IO, "--%s: cannot write into the folder of '%s': %s", option, path,
@@ -303,6 +310,19 @@ static int check_stdin(const cli_uses *uses)
                      n);
 }
 
+static bool is_report(const char *option)
+{
+    return strcmp(option, "report") == 0 || strcmp(option, "json") == 0;
+}
+
+static int two_on_stdout(const char *report, const char *option)
+{
+    return cli_error(EXIT_USAGE,
+                     "--%s%s and --%s - both write to the standard output; use --report FILE for "
+                     "the figures",
+                     report, strcmp(report, "report") == 0 ? " -" : "", option);
+}
+
 int cli_check_uses(const cli_uses *uses)
 {
     destination at[CLI_MAX_USES];
@@ -313,8 +333,7 @@ int cli_check_uses(const cli_uses *uses)
         const char *option = uses->use[i].option, *path = uses->use[i].path;
         at[i] = find_destination(path);
         if (!option) at[i].out = false; /* read from the standard input */
-        takes_stdout = takes_stdout ||
-                       (at[i].out && strcmp(option, "report") != 0 && strcmp(option, "json") != 0);
+        takes_stdout = takes_stdout || (at[i].out && !is_report(option));
         for (int j = 0; j < i && option; j++) {
             const char *other = uses->use[j].option;
             if (!same_destination(&at[i], &at[j]) && !is_piece(&at[j], path) &&
@@ -324,6 +343,9 @@ int cli_check_uses(const cli_uses *uses)
                 return cli_error(EXIT_USAGE, "--%s: '%s' is read by this run; choose another name",
                                  option, path);
             }
+            if (at[i].out && at[j].out && (is_report(option) || is_report(other)))
+                return two_on_stdout(is_report(option) ? option : other,
+                                     is_report(option) ? other : option);
             return cli_error(EXIT_USAGE, "--%s: '%s' is also a file of --%s; choose another name",
                              option, path, other);
         }
@@ -382,7 +404,7 @@ int cli_check_outputs(const char *option, const cli_files *files, cli_what what,
     dmk_format_info chosen;
     if (format && !find_format(format, &chosen)) {
         char names[128];
-        list_formats(names, sizeof names);
+        list_formats(~0U, names, sizeof names);
         return cli_error(EXIT_USAGE,
                          "--format: '%s' is not one of %s; PVTP, which is several files, is chosen "
                          "by the suffix .pvtp",

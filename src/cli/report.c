@@ -370,7 +370,8 @@ static void print_files(const solve_request *request)
 {
     for (int i = 0; i < request->out.n; i++) {
         print_label("wrote");
-        printf("%s: density%s\n", request->out.path[i], request->density_only ? "" : ", distance");
+        printf("%s: mu, %s\n", request->out.path[i],
+               request->density_only ? "u" : "acl, u, distance");
     }
     for (int i = 0; i < request->locus.n; i++) {
         print_label("wrote");

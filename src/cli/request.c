@@ -26,7 +26,8 @@ void solve_add_source(solve_table *table, solve_request *request)
     const cli_option rows[] = {
         {.name = "source",
          .value = "X,Y,Z",
-         .help = "the source: the point of the surface nearest to this one",
+         .help = "the source: the point of the surface nearest to this one, as 3,0,0 or\n"
+                 "'3 0 0'",
          .kind = CLI_POINT,
          .target = &request->source},
         {.name = "vertex",
@@ -49,7 +50,8 @@ void solve_add_strength(solve_table *table, solve_request *request)
         .value = "LENGTH",
         .help = "leave out branches of the cut locus of less strength: by how much a path\n"
                 "must lengthen to be moved around the branch's end; default: 0.2 mean edges,\n"
-                "more on a noisy mesh",
+                "or just above the mesh's own branches where these stand apart from the\n"
+                "rest (spheres, cubes, noise); the report has it as locus.strength",
         .kind = CLI_NUMBER,
         .target = &request->trace.strength,
         .lo = DBL_MIN,
@@ -86,10 +88,7 @@ void solve_add_host(solve_table *table, solve_request *request)
          .lo = 1,
          .hi = INT_MAX,
          .expected = "a whole number"},
-        {.name = "quiet",
-         .help = "print nothing but errors",
-         .kind = CLI_FLAG,
-         .target = &request->quiet},
+        {.name = "quiet", .help = CLI_QUIET_HELP, .kind = CLI_FLAG, .target = &request->quiet},
         {.name = "verbose",
          .help = "a line for each stage, on the standard error",
          .kind = CLI_FLAG,
@@ -123,13 +122,10 @@ void solve_add_device(solve_table *table, solve_request *request)
         {.name = "cache",
          .value = "DIR",
          .help = "folder for compiled kernels, also of PoCL, unless POCL_CACHE_DIR says\n"
-                 "where; '' keeps none; default: the user's cache folder",
+                 "where; '' keeps none; default: $XDG_CACHE_HOME/dmkcl or ~/.cache/dmkcl",
          .kind = CLI_TEXT,
          .target = &request->device.cache},
-        {.name = "quiet",
-         .help = "print nothing but errors",
-         .kind = CLI_FLAG,
-         .target = &request->quiet},
+        {.name = "quiet", .help = CLI_QUIET_HELP, .kind = CLI_FLAG, .target = &request->quiet},
         {.name = "verbose",
          .help = "a line for each step, on the standard error",
          .kind = CLI_FLAG,
@@ -176,8 +172,8 @@ void solve_add_iteration(solve_table *table, solve_request *request)
          .expected = "a number in (0, 1]"},
         {.name = "gap",
          .value = "GAP",
-         .help = "stop when the relative gap of the cost is less; if the run ends with\na larger "
-                 "one, the exit code is 9; default: not used",
+         .help = "stop also when the relative gap of the cost is less; if the run ends with\na "
+                 "larger one, the exit code is 9; default: not used",
          .kind = CLI_NUMBER,
          .target = &solve_options->gap_tolerance,
          .lo = DBL_MIN,

@@ -136,6 +136,9 @@ typedef struct solve_source {
 /* *sources is the caller's to free. */
 int solve_read_sources(const char *path, solve_source **sources, size_t *n);
 int solve_batch(const solve_request *request);
+/* Whether each is a point of the mesh: one that is not is reported as when it is solved. The code of the first. */
+int solve_check_sources(const solve_request *request, solve_run *run, const solve_source *sources,
+                        size_t n);
 
 /* ---- report.c, tangent.c -------------------------------------------------------------------- */
 

@@ -3,7 +3,6 @@
 
 #include <ctype.h>
 #include <errno.h>
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -11,22 +10,6 @@ static const char *skip_blanks(const char *text)
 {
     while (isspace((unsigned char)*text)) text++;
     return text;
-}
-
-/* Three numbers with commas or blanks between them. */
-static bool read_point(const char *text, double xyz[3])
-{
-    for (int k = 0; k < 3; k++) {
-        char *end;
-        xyz[k] = cli_decimal(text, &end);
-        if (end == text || !isfinite(xyz[k])) return false;
-        text = skip_blanks(end);
-        if (k < 2 && *text == ',')
-            text = skip_blanks(text + 1);
-        else if (k < 2 && text == end)
-            return false;
-    }
-    return *text == '\0';
 }
 
 static bool read_vertex(const char *text, int64_t *vertex)
@@ -46,7 +29,7 @@ static bool read_source(const char *text, solve_source *source)
     if (strncmp(text, word, n) == 0 && isspace((unsigned char)text[n])) {
         return read_vertex(text + n, &source->vertex);
     }
-    return read_point(text, source->xyz);
+    return cli_read_point(text, source->xyz);
 }
 
 typedef struct source_list {

@@ -1,8 +1,10 @@
 /* Texts: files that are read as such, figures for people, what the operating system knows of the run. */
 #include "cli.h"
 
+#include <ctype.h>
 #include <errno.h>
 #include <inttypes.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
@@ -56,6 +58,27 @@ double cli_decimal(const char *text, char **end)
     *end = (char *)text;
     if (digits[0] == '0' && (digits[1] == 'x' || digits[1] == 'X')) return 0;
     return strtod(text, end); /* the locale is C: see main */
+}
+
+static const char *skip_blanks(const char *text)
+{
+    while (isspace((unsigned char)*text)) text++;
+    return text;
+}
+
+bool cli_read_point(const char *text, double xyz[3])
+{
+    for (int k = 0; k < 3; k++) {
+        char *end;
+        xyz[k] = cli_decimal(text, &end);
+        if (end == text || !isfinite(xyz[k])) return false;
+        text = skip_blanks(end);
+        if (k < 2 && *text == ',')
+            text = skip_blanks(text + 1);
+        else if (k < 2 && text == end)
+            return false;
+    }
+    return *text == '\0';
 }
 
 const char *cli_count(int64_t n, char text[CLI_TEXT_SIZE])
