@@ -5,8 +5,6 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-_EXTRA = {"pyvista": "plot", "matplotlib": "plot", "trimesh": "meshes", "tqdm": "progress"}
-
 
 def optional(name: str) -> Any:
     """The module `name`, or an ImportError that says how to install its package."""
@@ -17,6 +15,5 @@ def optional(name: str) -> Any:
         if (missing.name or "").partition(".")[0] != package:
             raise
         raise ImportError(
-            f"this needs {package}, which is not installed: pip install 'dmkcl[{_EXTRA[package]}]'",
-            name=package,
+            f"this needs {package}, which is not installed: pip install {package}", name=package
         ) from None

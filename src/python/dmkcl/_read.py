@@ -199,7 +199,7 @@ def read(path: "os.PathLike[str] | str") -> Mesh:
 
     The library reads its own formats (recognised by content, packed by gzip or not), with every
     bit of a double; others are given to meshio, then to trimesh, where these are installed
-    (``pip install dmkcl[meshes]``).
+    (``pip install './src/python[meshes]'``).
 
     Raises FileError if the file cannot be read, FormatError if it is broken or nobody knows its format,
     MeshError if it holds no surface that the method can treat (`repair` mends most).

@@ -1,4 +1,4 @@
-"""Pictures of a result, with PyVista and Matplotlib (``pip install dmkcl[plot]``)."""
+"""Pictures of a result, with PyVista and Matplotlib (``pip install './src/python[plot]'``)."""
 
 from __future__ import annotations
 
