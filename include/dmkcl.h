@@ -435,8 +435,8 @@ void dmk_solve_options_init(dmk_solve_options *options, size_t size);
 typedef struct dmk_solver dmk_solver;
 
 /* Bytes, about, that a solve takes at most on a mesh of so many triangles; on a CPU device both come from
- * the host's memory. Meshes of needles take more: ask dmk_mesh_memory. A solve that cannot fit fails with DMK_E_NOMEM before
- * it starts. */
+ * the host's memory. Meshes of needles take more: ask dmk_mesh_memory. A solve that cannot fit fails with
+ * DMK_E_NOMEM before it starts. */
 typedef struct dmk_memory {
     uint64_t host, device;
 } dmk_memory;
@@ -611,9 +611,9 @@ int dmk_transport_write(dmk_context *context, const dmk_mesh *mesh, const dmk_tr
 /* ---- ranks: one mesh on many machines ---------------------------------------------------------- */
 
 /* How a rank reaches the others, by MPI or anything else: collective calls (`exchange`, `gather`, `largest`, and, if
- * they are there, `begin` and `finish`), which give 0, DMK_E_CANCELLED to end the solve as if its progress callback had
- * asked for it, or another number on failure. All ranks make the same calls on the same mesh with the same options; each has a
- * device of its own, all of one kind. */
+ * they are there, `begin` and `finish`), which give 0, DMK_E_CANCELLED to end the solve as if its progress callback
+ * had asked for it, or another number on failure. All ranks make the same calls on the same mesh with the same
+ * options; each has a device of its own, all of one kind. */
 typedef struct dmk_ranks {
     int rank, size;       /* this one, and how many there are */
     int32_t gather_below; /* levels with fewer vertices are on every rank; 0 = 10,000 */

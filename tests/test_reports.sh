@@ -218,4 +218,42 @@ for file in a-0001.vtp b-0000.obj c-0002.csv d-0001.json; do
     check "does only its source" sh -c '! find "$1" -type f -newer "$2" | grep -v -e "-$3\."' - "$work/m" "$work/stamp" \
         "${number%.*}"
 done
+
+# The table of src/io/FORMATS.md has each name of each report, and no command that does not write it.
+r=$work/reports
+mkdir "$r"
+echo '3,0,0 1' > "$work/here.txt"
+"$tool" solve "$mesh" --vertex 0 --json > "$r/solve.json"
+"$tool" solve "$mesh" --vertex 0 --dry-run --json > "$r/dry.json"
+"$tool" batch "$mesh" --json > "$r/batch.json"
+"$tool" cut "$mesh" --vertex 0 --json > "$r/cut.json"
+"$tool" path "$mesh" --vertex 0 --to-vertex 40 --json > "$r/path.json"
+"$tool" distance "$mesh" --vertex 0 --json > "$r/distance.json"
+"$tool" distance "$mesh" --vertex 0 --locus "$work/lines.csv" --json > "$r/distance-locus.json"
+"$tool" transport "$mesh" --from "$work/here.txt" --to uniform --normalise --json > "$r/transport.json"
+"$tool" info "$mesh" --json > "$r/info.json"
+"$tool" devices --json > "$r/devices.json"
+check 'FORMATS.md knows the names of all reports' python3 -c '
+import json, re, sys
+rows = re.findall(r"(?m)^\| (`[^|]*`) \| ([^|]*) \| ", open("src/io/FORMATS.md").read().split("## What a report holds")[1].split("\n## ")[0])
+wide = {"batch": "solve", "cut": "solve", "dry": "solve --dry-run", "distance-locus": "distance --locus"}
+kinds = "solve batch cut path distance distance-locus transport info devices dry".split()
+names = {kind: set() for kind in kinds}
+for kind in kinds:
+    for cells, only in rows:
+        said, not_in = re.findall("`(.*?)`", only), only.startswith("all but")
+        ways = {kind, wide.get(kind, kind)} | ({"distance"} if kind == "distance-locus" else set())
+        if not_in == (not ways & set(said)):
+            names[kind].update(re.findall("`(.*?)`", cells))
+for kind in kinds:
+    written = set(json.load(open(f"{sys.argv[1]}/{kind}.json")))
+    if kind == "info":
+        written -= set(json.load(open(sys.argv[1] + "/solve.json"))["mesh"])
+    if kind == "batch":
+        written -= {"name", "number", "wanted", "digest", "options", "state"}
+    if kind == "dry":
+        assert written == {"dmkcl", "mesh", "euler", "source", "peak_memory", "memory"}, written
+        continue
+    said = names[kind] - {"ranks"} # of mpirun alone
+    assert written == said, (kind, written ^ said)' "$r"
 tap_end
