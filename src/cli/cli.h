@@ -244,6 +244,8 @@ typedef int cli_take(char *line, int64_t number, void *data);
 int cli_read_lines(const char *path, cli_take *take, void *data);
 /* As strtod, but in decimal digits alone, as whole numbers are: of "0x10" nothing is read, and *end == text. */
 double cli_decimal(const char *text, char **end);
+/* Behind blanks, tabs and their like. */
+const char *cli_skip_blanks(const char *text);
 /* Three finite numbers and nothing else, with commas or blanks between them, as 3,0,0. */
 bool cli_read_point(const char *text, double xyz[3]);
 /* 86784 -> "86,784" */

@@ -6,18 +6,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const char *skip_blanks(const char *text)
-{
-    while (isspace((unsigned char)*text)) text++;
-    return text;
-}
-
 static bool read_vertex(const char *text, int64_t *vertex)
 {
     char *end;
     errno = 0;
     *vertex = strtoll(text, &end, 10);
-    return end != text && *skip_blanks(end) == '\0' && *vertex >= 0 && errno == 0;
+    return end != text && *cli_skip_blanks(end) == '\0' && *vertex >= 0 && errno == 0;
 }
 
 /* Fill source->vertex and xyz from a line without its comment. */
@@ -54,7 +48,7 @@ static int take_line(char *line, int64_t number, void *data)
     source_list *l = data;
     solve_source source = {.line = number};
     line[strcspn(line, "#")] = '\0';
-    const char *text = skip_blanks(line);
+    const char *text = cli_skip_blanks(line);
     if (!*text) return EXIT_OK;
     if (read_source(text, &source)) return add(l, &source);
     return cli_error(cli_exit_code(DMK_E_FORMAT),

@@ -60,7 +60,7 @@ double cli_decimal(const char *text, char **end)
     return strtod(text, end); /* the locale is C: see main */
 }
 
-static const char *skip_blanks(const char *text)
+const char *cli_skip_blanks(const char *text)
 {
     while (isspace((unsigned char)*text)) text++;
     return text;
@@ -72,9 +72,9 @@ bool cli_read_point(const char *text, double xyz[3])
         char *end;
         xyz[k] = cli_decimal(text, &end);
         if (end == text || !isfinite(xyz[k])) return false;
-        text = skip_blanks(end);
+        text = cli_skip_blanks(end);
         if (k < 2 && *text == ',')
-            text = skip_blanks(text + 1);
+            text = cli_skip_blanks(text + 1);
         else if (k < 2 && text == end)
             return false;
     }
