@@ -232,20 +232,27 @@ int solve_together(solve_run *run)
 /* What each rank has done, for the report and for the others. */
 static int gather_ranks(solve_run *run)
 {
-    solve_rank mine = {.peak_memory = cli_peak_memory(), .locus_rc = run->locus_rc};
-    dmk_solver_get_traffic(run->solver, &mine.traffic);
+    const solve_rank mine = {run->traffic, cli_peak_memory(), run->locus_rc};
     return cli_ranks_gather(&mine, run->ranks, sizeof mine);
+}
+
+/* What was sent is kept: the solver may go before the others are told. */
+static int solve(const dmk_solve_options *options, solve_run *run)
+{
+    const int rc = dmk_solve(run->context, run->solver, &run->source, options, &run->result);
+    dmk_solver_get_traffic(run->solver, &run->traffic);
+    return rc;
 }
 
 /* A share of the mesh is all that a rank keeps while it solves; the first one reads the mesh again at the end, when
  * the rest of its memory is free. */
 static int solve_lean(const solve_request *request, solve_run *run)
 {
-    const dmk_solve_options solve = show_gap(request, run);
+    const dmk_solve_options options = show_gap(request, run);
     const cli_reading again = {.repair = request->repair, .quiet = !run->apart || request->quiet};
     int rc = DMK_OK;
     if (!run->apart) rc = dmk_solver_give_mesh(run->context, run->solver, &run->mesh);
-    if (rc == DMK_OK) rc = dmk_solve(run->context, run->solver, &run->source, &solve, &run->result);
+    if (rc == DMK_OK) rc = solve(&options, run);
     if (rc == DMK_OK) rc = gather_ranks(run);
     dmk_solver_destroy(&run->solver);
     cli_trim_memory();
@@ -264,8 +271,8 @@ static int solve_lean(const solve_request *request, solve_run *run)
 
 static int solve_whole(const solve_request *request, solve_run *run)
 {
-    const dmk_solve_options solve = show_gap(request, run);
-    return dmk_solve(run->context, run->solver, &run->source, &solve, &run->result);
+    const dmk_solve_options options = show_gap(request, run);
+    return solve(&options, run);
 }
 
 /* Of several ranks the last one traces the cut locus, while the first one marks the approximate one and writes. */

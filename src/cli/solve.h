@@ -68,8 +68,9 @@ typedef struct solve_run {
     solve_rank
         *ranks; /* n_ranks, filled on all of them; n_ranks is 0 where this one solves alone */
     int n_ranks;
-    int locus_rc;      /* on ranks, of the cut locus */
-    const char *where; /* of the source, in front of errors: "FILE:LINE: ", or "" */
+    dmk_traffic traffic; /* on ranks, of this one's solver, which may be closed by then */
+    int locus_rc;        /* on ranks, of the cut locus */
+    const char *where;   /* of the source, in front of errors: "FILE:LINE: ", or "" */
 } solve_run;
 
 /* ---- request.c: options that several commands share ------------------------------------------- */
