@@ -494,7 +494,8 @@ static dmk_mesh *strip(const fixture *f, int32_t n)
     return m;
 }
 
-/* Pieces that cannot be written leave those of the result before; fewer pieces leave none of more. */
+/* Pieces that cannot be written leave those of the result before; fewer pieces leave none of more; an index that is
+ * empty is replaced. */
 static void test_pieces_stay_together(void **state)
 {
     fixture *f = *state;
@@ -517,6 +518,8 @@ static void test_pieces_stay_together(void **state)
     assert_int_equal(dmk_mesh_write(f->ctx, small, path_of(f, "a.pvtp")), DMK_OK);
     assert_int_equal(count_files(f), 3);
     remove_file(f, "a_0002.vtp");
+    put_file(f, "a.pvtp", "", 0);
+    assert_int_equal(dmk_mesh_write(f->ctx, small, path_of(f, "a.pvtp")), DMK_OK);
     remove_file(f, "a_0000.vtp");
     remove_file(f, "a.pvtp");
     dmk_mesh_destroy(&small);

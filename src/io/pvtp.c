@@ -1,6 +1,6 @@
 /* VTK PolyData in pieces: files NAME_0000.vtp, NAME_0001.vtp ... of runs of the triangles, and NAME.pvtp, which names
- * them and is opened as one. Pieces get their names when all of them and the index are on the disk, so that what fails
- * leaves an earlier result as it was; the index gets its name last. */
+ * them and is opened as one. Pieces get their names, one by one, when all of them and the index are on the disk: what
+ * fails before that leaves an earlier result as it was. The index gets its name last. */
 #include "io/vtk.h"
 
 #include <stdio.h>
@@ -231,6 +231,13 @@ static void remove_stale(const pieces *p, const dmk_file *before)
         unlink(name_piece(p, k));
 }
 
+/* Only for remove_stale: an earlier index that is no such file, or cannot be read, is as good as none. */
+static int load_index(dmk_context *ctx, const char *path, dmk_file *before)
+{
+    if (access(path, R_OK) != 0) return DMK_OK;
+    return dmk_file_load(ctx, path, before) == DMK_E_CANCELLED ? DMK_E_CANCELLED : DMK_OK;
+}
+
 int dmk_pvtp_write(dmk_context *ctx, dmk_output *out, const dmk_fields *f)
 {
     int rc;
@@ -239,7 +246,7 @@ int dmk_pvtp_write(dmk_context *ctx, dmk_output *out, const dmk_fields *f)
     const char *path = dmk_output_path(out);
     const int64_t n = f->mesh->n_triangles;
     DMK_TRY(pieces_create(ctx, path, f->mesh->n_triangles, &p));
-    if (access(path, R_OK) == 0) DMK_TRY(dmk_file_load(ctx, path, &before));
+    DMK_TRY(load_index(ctx, path, &before));
     dmk_vtk_head(out, "PPolyData", " GhostLevel=\"0\"");
     put_arrays(out, f);
     for (; p.n_written < p.n; p.n_written++) {
