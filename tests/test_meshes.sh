@@ -192,6 +192,15 @@ ln -s /nowhere "$work/odd/b.off"
 "$tool" batch "$work/odd" --report "$work/odd2.jsonl" > "$work/summary" 2> "$work/errors"
 check 'a mesh that is a link to nowhere fails, and the others go on' has "$work/summary" '^of 4 .* 3 solved, 0 kept, 1 failed'
 
+mkdir -p "$work/deep/sub/more" "$work/shut"
+echo 'no mesh' > "$work/deep/a.off"
+cp "$in/a.off" "$work/deep/sub/more/b.off"
+touch "$work/shut/sub"
+"$tool" batch "$work/deep" --out-dir "$work/shut" --threads 1 --quiet 2> "$work/errors"
+check 'a folder that cannot be made is told in the report, not what failed before' \
+    has "$work/shut/report.jsonl" '"name": "sub/more/b".*"error": "cannot make the folder .*/shut/sub/more.: Not a directory"'
+check 'and what failed before with its own words' has "$work/shut/report.jsonl" '"name": "a".*"error": "[^"]*a.off'
+
 # ---- files that stay as they are -----------------------------------------------------------------
 
 fails 'a folder of meshes is none for results' 1 "--out-dir: '$in' is looked through" \

@@ -43,6 +43,8 @@ void cli_print_exit_codes(FILE *file);
 int cli_error(int code, const char *format, ...) __attribute__((format(printf, 2, 3)));
 /* The same with the message of the context for the failed library call that gave `status`. */
 int cli_library_error(const dmk_context *context, int status);
+/* What the last of them said in this thread. */
+const char *cli_last_error(void);
 /* Errors that name this path, which must last, mean the standard output. */
 void cli_call_stdout(const char *path);
 /* Flush the standard output; EXIT_IO with a message if anything written there was lost. */

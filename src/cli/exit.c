@@ -89,24 +89,30 @@ static const char *translate(const char *words, size_t *length)
     return NULL;
 }
 
-static void print_words(const char *words)
+static void print_words(const char *text)
 {
     size_t length;
-    while (*words) {
-        const char *here = translate(words, &length);
+    while (*text) {
+        const char *here = translate(text, &length);
         if (here)
             fputs(here, stderr);
         else
-            fputc(*words, stderr);
-        words += here ? length : 1;
+            fputc(*text, stderr);
+        text += here ? length : 1;
     }
     fputc('\n', stderr);
+}
+
+static _Thread_local char words[4096]; /* of the last error */
+
+const char *cli_last_error(void)
+{
+    return words;
 }
 
 int cli_error(int code, const char *format, ...)
 {
     const bool colour = isatty(STDERR_FILENO);
-    char words[4096];
     if (code == EXIT_INTERRUPTED && !cli_first_to_tell()) return code;
     flockfile(stderr); /* one line, whoever else has something to say */
     fprintf(stderr, "%sdmkcl:%s ", colour ? "\033[1;31m" : "", colour ? "\033[0m" : "");

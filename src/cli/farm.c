@@ -98,6 +98,14 @@ static void check_mesh(worker *w, size_t k)
 
 /* ---- one source ----------------------------------------------------------------------------- */
 
+/* The last error of this thread, without the file's name. */
+static const char *error_of(const solve_run *run)
+{
+    const char *error = cli_last_error();
+    const size_t n = strlen(run->where);
+    return strncmp(error, run->where, n) == 0 ? error + n : error;
+}
+
 static int append(farm *f, const batch_entry *entry, const solve_request *one, const solve_run *run,
                   int code)
 {
@@ -113,7 +121,7 @@ static int append(farm *f, const batch_entry *entry, const solve_request *one, c
     } else {
         json_text(&json, "file", one->mesh);
         json_integer(&json, "code", code);
-        json_text(&json, "error", dmk_context_message(run->context));
+        json_text(&json, "error", error_of(run));
     }
     json_close(&json, '{');
     int result = fclose(stream) == 0 ? EXIT_OK : cli_library_error(NULL, DMK_E_NOMEM);
@@ -215,7 +223,8 @@ static int make_ready(farm *f, const batch_mesh *mesh, solve_run *run, int64_t *
     if (rc == DMK_OK && f->request->samples > 0) {
         const int64_t first = cli_vertex_now(&run->repairs, f->request->each.vertex);
         *sample = calloc(n, sizeof **sample);
-        rc = *sample ? dmk_mesh_sample(run->context, run->mesh, n, first, *sample) : DMK_E_NOMEM;
+        if (!*sample) return cli_library_error(NULL, DMK_E_NOMEM);
+        rc = dmk_mesh_sample(run->context, run->mesh, n, first, *sample);
     }
     run->seconds.read = cli_seconds() - begin;
     return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
@@ -235,7 +244,7 @@ static bool do_sources(worker *w, size_t k, solve_run *run)
         const batch_entry entry = entry_of(f, k, i, wanted);
         const bool bad_mesh = code != EXIT_OK;
         if (!bad_mesh && !batch_name_files(f->request, &f->list->mesh[k], i, &one))
-            code = EXIT_MEMORY;
+            code = cli_library_error(NULL, DMK_E_NOMEM);
         if (!bad_mesh && code == EXIT_OK) code = do_source(f, sample, i, &one, run);
         finish(f, &entry, bad_mesh ? f->n_sources - count_kept(f, k) : 1, &one, run, code);
         lost = lost || code == EXIT_DEVICE || code == EXIT_MEMORY;
