@@ -53,6 +53,7 @@ fails 'two of a name' 1 'of the same name' "$tool" batch "$in/a.off" "$in/../in/
 fails 'samples from a point' 1 'begins with a vertex' "$tool" batch "$in" --sources 2 --source 0,0,0
 printf '{"name": "a\\\n%04096d\n' 0 > "$work/torn.jsonl"
 fails 'a report that ends in a name' 3 'torn.jsonl' "$tool" batch "$in" --report "$work/torn.jsonl"
+fails 'a device without a name, as of solve' 1 'device' "$tool" batch "$in" --device ''
 rm -rf "$out"
 
 # ---- a run ------------------------------------------------------------------------------------

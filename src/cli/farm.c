@@ -154,17 +154,21 @@ static size_t count_kept(const farm *f, size_t mesh)
     return n;
 }
 
+/* The first one gives the exit code. */
+static void note_failure(farm *f, int code)
+{
+    int none = EXIT_OK;
+    atomic_compare_exchange_strong(&f->code, &none, code);
+}
+
 /* Count what became of a source, or of `n` in a mesh that failed, and put it down. */
 static void finish(farm *f, const batch_entry *entry, size_t n, const solve_request *one,
                    const solve_run *run, int code)
 {
-    int none = EXIT_OK;
     if (code == cli_exit_code(DMK_E_CANCELLED)) return;
     const int written = append(f, entry, one, run, code);
     if (written != EXIT_OK) atomic_store(&f->stop, true);
-    if (written != EXIT_OK || code != EXIT_OK) {
-        atomic_compare_exchange_strong(&f->code, &none, written != EXIT_OK ? written : code);
-    }
+    note_failure(f, written != EXIT_OK ? written : code);
     if (code == EXIT_OK && solve_check_gap(one, run) != EXIT_OK) atomic_store(&f->missed, true);
     pthread_mutex_lock(&f->printing);
     f->n_done += code == EXIT_OK;
@@ -272,8 +276,9 @@ static void do_mesh(worker *w, size_t k)
     batch_mesh *mesh = &f->list->mesh[k];
     struct stat file;
     if (count_kept(f, k) == f->n_sources) return;
-    if (!w->device && open_device(w) != EXIT_OK) {
-        atomic_store(&f->code, cli_exit_code(DMK_E_DEVICE));
+    const int opened = w->device ? EXIT_OK : open_device(w);
+    if (opened != EXIT_OK) {
+        note_failure(f, opened);
         atomic_store(&f->stop, true);
         return;
     }
