@@ -61,6 +61,18 @@ check 'without a new one nothing goes on' grep -q '^of 3 .* 0 solved, 0 kept, 2 
 check 'what failed is done by --resume' "$tool" batch "$work/three" --threads 1 --out-dir "$work/lost" --resume
 check 'as if it had not' cmp "$work/first/1.vtp" "$work/lost/1.vtp"
 
+# ---- no memory for a worker ------------------------------------------------------------------------
+
+reported_or_failed() { # without memory at one of the first calls
+    local at lines
+    for at in $(seq 20); do
+        lines=$(DMK_FAULT=memory:$at "$DMKCL_BUILD/faults/dmkcl" batch "$torus" --threads 1 --json 2> "$work/err" | wc -l
+            exit "${PIPESTATUS[0]}") && test "$lines" -ne 1 && echo "call $at" && return 1
+    done
+    return 0
+}
+check 'a batch without memory at one of its first calls solves or fails' reported_or_failed
+
 # ---- a report that another run replaces between open and lock -----------------------------------------
 
 stopped_at() { # CALL: a batch that stops there, whether with its report open

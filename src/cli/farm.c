@@ -29,6 +29,7 @@ typedef struct farm {
     double begin;
     atomic_size_t next; /* mesh that nobody has taken */
     atomic_int code;    /* of the first failure */
+    atomic_bool began;  /* a worker had memory to */
     atomic_bool missed; /* a gap; this changes the exit code of a run without failures */
     atomic_bool stop;   /* nothing can be done any more */
     size_t n_done, n_kept, n_failed;
@@ -319,6 +320,7 @@ static void *work(void *argument)
     farm *f = c->farm;
     worker w = {.farm = f, .silent.gap = NAN};
     if (dmk_context_create(&w.context) != DMK_OK) return NULL; /* the others do its part */
+    atomic_store(&f->began, true);
     cli_watch(w.context, &w.silent);
     while (!cli_interrupted() && !atomic_load(&f->stop)) {
         const size_t k = c->dealt ? cli_ranks_next() : atomic_fetch_add(&f->next, 1);
@@ -347,6 +349,7 @@ static void for_all(farm *f, bool dealt, void (*task)(worker *w, size_t mesh))
     const int n = count_workers(f);
     int started = 1;
     atomic_store(&f->next, 0);
+    atomic_store(&f->began, false);
     while (started < n && pthread_create(&thread[started], NULL, work, &c) == 0) started++;
     work(&c);
     for (int i = 1; i < started; i++) pthread_join(thread[i], NULL);
@@ -355,14 +358,14 @@ static void for_all(farm *f, bool dealt, void (*task)(worker *w, size_t mesh))
 static int end(farm *f)
 {
     const size_t all = f->list->n * f->n_sources;
+    const size_t left = all - f->n_done - f->n_kept - f->n_failed;
     cli_progress_end(&f->progress);
     if (f->summary) {
-        char sources[CLI_TEXT_SIZE], meshes[CLI_TEXT_SIZE], left[CLI_TEXT_SIZE];
+        char sources[CLI_TEXT_SIZE], meshes[CLI_TEXT_SIZE], rest[CLI_TEXT_SIZE];
         printf("of %s on %s %zu solved, %zu kept, %zu failed%s, %.2f s\n",
                cli_counted((int64_t)all, "source", "sources", sources),
                cli_counted((int64_t)f->list->n, "mesh", "meshes", meshes), f->n_done, f->n_kept,
-               f->n_failed, cli_left(all - f->n_done - f->n_kept - f->n_failed, left),
-               cli_seconds() - f->begin);
+               f->n_failed, cli_left(left, rest), cli_seconds() - f->begin);
     }
     const int flushed = cli_flush();
     if (cli_interrupted()) {
@@ -373,6 +376,8 @@ static int end(farm *f)
         return cli_exit_code(DMK_E_CANCELLED);
     }
     if (atomic_load(&f->code) != EXIT_OK) return atomic_load(&f->code);
+    if (left > 0 && cli_ranks_first() && !atomic_load(&f->began))
+        return cli_library_error(NULL, DMK_E_NOMEM);
     return flushed == EXIT_OK && atomic_load(&f->missed) ? EXIT_GAP : flushed;
 }
 
