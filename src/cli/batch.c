@@ -207,7 +207,7 @@ static void solve_all(batch *b, solve_run *run)
         free_one(&one);
     }
     const int rc = add_up(b);
-    if (rc == DMK_E_DEVICE) b->code = cli_error(cli_exit_code(rc), "a rank was lost");
+    if (rc != DMK_OK && !cli_interrupted()) b->code = cli_ranks_error(rc);
     if (cli_interrupted()) {
         b->code = cli_error(cli_exit_code(DMK_E_CANCELLED), "interrupted; %zu of %zu sources left",
                             b->n - b->n_solved - b->n_kept, b->n);

@@ -410,7 +410,7 @@ static int join(farm *f, int code)
     }
     free(bytes);
     free(kept);
-    if (rc != DMK_OK) return cli_library_error(NULL, rc < 0 ? rc : DMK_E_DEVICE);
+    if (rc != DMK_OK) return cli_ranks_error(rc < 0 ? rc : DMK_E_DEVICE);
     if (f->kept[n - 1] != EXIT_OK) return f->kept[n - 1];
     cli_ranks_speak();
     return cli_ranks_first() ? EXIT_OK : batch_record_join(f->request, f->list, &f->record);
@@ -429,7 +429,7 @@ static int add_up(farm *f)
     }
     free(all);
     f->summary = f->summary && cli_ranks_first();
-    return rc == DMK_OK || rc == DMK_E_CANCELLED ? EXIT_OK : cli_library_error(NULL, rc);
+    return rc == DMK_OK || rc == DMK_E_CANCELLED ? EXIT_OK : cli_ranks_error(rc);
 }
 
 int batch_run(const batch_request *request, batch_list *list)

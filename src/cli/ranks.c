@@ -2,6 +2,12 @@
  * knows MPI. */
 #include "ranks.h"
 
+int cli_ranks_error(int rc)
+{
+    if (rc != DMK_E_DEVICE || cli_interrupted()) return cli_library_error(NULL, rc);
+    return cli_error(cli_exit_code(rc), "a rank was lost");
+}
+
 #ifndef DMK_MPI
 
 #include <stdatomic.h>

@@ -21,5 +21,7 @@ void cli_ranks_speak(void);
 size_t cli_ranks_next(void);
 /* all[r * bytes] = what rank r has at `mine`; waits for all. DMK_OK or, when a rank is lost, DMK_E_DEVICE. */
 int cli_ranks_gather(const void *mine, void *all, size_t bytes);
+/* Print the error of such a call; the exit code. */
+int cli_ranks_error(int rc);
 
 #endif

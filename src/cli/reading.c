@@ -52,7 +52,7 @@ int cli_check_same_file(const char *path)
         if (rc == DMK_OK) another = find_another(all, ranks->size, closely);
     }
     free(all);
-    if (rc != DMK_OK) return cli_library_error(NULL, rc);
+    if (rc != DMK_OK) return cli_ranks_error(rc);
     if (another < 0) return EXIT_OK;
     return cli_error(EXIT_IO,
                      "'%s' on rank %d is another file than on the ranks before it: copy the same "

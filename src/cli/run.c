@@ -229,11 +229,13 @@ int solve_together(solve_run *run)
     return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
 }
 
-/* What each rank has done, for the report and for the others. */
+/* What each rank has done, for the report and for the others; the exit code. */
 static int gather_ranks(solve_run *run)
 {
     const solve_rank mine = {run->traffic, cli_peak_memory(), run->locus_rc};
-    return cli_ranks_gather(&mine, run->ranks, sizeof mine);
+    const int rc = cli_ranks_gather(&mine, run->ranks, sizeof mine);
+    if (rc != DMK_OK) cli_progress_end(&run->progress);
+    return rc == DMK_OK ? EXIT_OK : cli_ranks_error(rc);
 }
 
 /* What was sent is kept: the solver may go before the others are told. */
@@ -250,13 +252,14 @@ static int solve_lean(const solve_request *request, solve_run *run)
 {
     const dmk_solve_options options = show_gap(request, run);
     const cli_reading again = {.repair = request->repair, .quiet = !run->apart || request->quiet};
-    int rc = DMK_OK;
+    int rc = DMK_OK, code = EXIT_OK;
     if (!run->apart) rc = dmk_solver_give_mesh(run->context, run->solver, &run->mesh);
     if (rc == DMK_OK) rc = solve(&options, run);
-    if (rc == DMK_OK) rc = gather_ranks(run);
+    if (rc == DMK_OK) code = gather_ranks(run);
     dmk_solver_destroy(&run->solver);
     cli_trim_memory();
-    if (rc != DMK_OK || !cli_ranks_first()) return rc;
+    if (rc != DMK_OK) return solve_fail(run, rc);
+    if (code != EXIT_OK || !cli_ranks_first()) return code;
     dmk_repairs_free(&run->repairs);
     /* Of several components something is said that hangs on the edges. */
     rc = run->apart && run->counts.n_components == 1
@@ -266,13 +269,14 @@ static int solve_lean(const solve_request *request, solve_run *run)
         cli_progress_end(&run->progress);
         cli_warn_away(run->context, run->mesh, request->source.value, &run->source);
     }
-    return rc;
+    return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
 }
 
 static int solve_whole(const solve_request *request, solve_run *run)
 {
     const dmk_solve_options options = show_gap(request, run);
-    return solve(&options, run);
+    const int rc = solve(&options, run);
+    return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
 }
 
 /* Of several ranks the last one traces the cut locus, while the first one marks the approximate one and writes. */
@@ -287,16 +291,16 @@ int solve_compute(const solve_request *request, solve_run *run)
     dmk_context *context = run->context;
     dmk_locus_destroy(&run->locus);
     dmk_result_destroy(&run->result);
-    int rc = request->density_only && run->n_ranks > 0 ? solve_lean(request, run)
-                                                       : solve_whole(request, run);
-    if (rc != DMK_OK) return solve_fail(run, rc);
+    const int code = request->density_only && run->n_ranks > 0 ? solve_lean(request, run)
+                                                               : solve_whole(request, run);
+    if (code != EXIT_OK) return code;
     dmk_stats stats;
     dmk_result_get_stats(run->result, &stats);
     run->seconds.setup += stats.seconds[DMK_STAGE_SETUP];
     if (request->density_only || !traces(run)) return EXIT_OK;
     double mark = cli_seconds();
     if (request->once) begin_closing(run);
-    rc = dmk_locus_compute(context, run->mesh, run->result, &request->trace, &run->locus);
+    int rc = dmk_locus_compute(context, run->mesh, run->result, &request->trace, &run->locus);
     run->seconds.locus = lap(&mark);
     if (rc == DMK_OK) rc = solve_go_on();
     if (run->n_ranks > 0) {
@@ -311,15 +315,15 @@ static int take_locus(solve_run *run)
 {
     const dmk_ranks *ranks = cli_ranks();
     const int last = ranks->size - 1;
-    int rc = gather_ranks(run);
-    if (rc != DMK_OK) return solve_fail(run, rc);
+    const int code = gather_ranks(run);
+    if (code != EXIT_OK) return code;
     const int theirs = run->ranks[last].locus_rc;
     if (theirs != DMK_OK && ranks->rank != last) return cli_exit_code(theirs);
     if (theirs != DMK_OK) {
         if (!cli_interrupted()) cli_ranks_speak();
         return solve_fail(run, theirs);
     }
-    rc = dmk_locus_spread(run->context, ranks, last, &run->locus);
+    const int rc = dmk_locus_spread(run->context, ranks, last, &run->locus);
     return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
 }
 
