@@ -35,9 +35,15 @@ typedef struct seat {
     member m;
     dmk_soup soup;
     uint64_t bytes;
-    int rc, mesh_rc;
+    int rc, mesh_rc, n_reports;
     char message[1024], mesh_message[1024];
 } seat;
+
+static int on_progress(const dmk_progress *report, void *n)
+{
+    if (strcmp(report->stage, "read") == 0) ++*(int *)n;
+    return 0;
+}
 
 static void *sit(void *argument)
 {
@@ -48,6 +54,7 @@ static void *sit(void *argument)
     s->rc = dmk_context_create(&ctx);
     if (s->rc == DMK_OK) s->rc = dmk_soup_read_dealt(ctx, s->path, &ranks, &s->soup, &s->bytes);
     snprintf(s->message, sizeof s->message, "%s", dmk_context_message(ctx));
+    dmk_context_set_progress(ctx, on_progress, &s->n_reports);
     s->mesh_rc = dmk_mesh_read_dealt(ctx, s->path, &ranks, &mesh);
     snprintf(s->mesh_message, sizeof s->mesh_message, "%s", dmk_context_message(ctx));
     dmk_mesh_destroy(&mesh);
@@ -74,6 +81,7 @@ static void try_file(fixture *f, size_t n, bool by_range)
             if (s->rc != DMK_OK) print_message("%s\n", s->message);
             assert_int_equal(s->rc, DMK_OK);
             assert_int_equal(s->mesh_rc, DMK_OK);
+            assert_true(s->n_reports > 0);
             assert_int_equal(s->soup.n_vertices, N_VERTICES);
             assert_int_equal(s->soup.n_triangles, N_TRIANGLES);
             assert_memory_equal(s->soup.xyz, xyz, sizeof xyz);

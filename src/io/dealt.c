@@ -362,9 +362,11 @@ int dmk_mesh_read_dealt(dmk_context *ctx, const char *path, const dmk_ranks *ran
     if (dmk_missing(ctx, "path", path, "mesh", mesh)) return DMK_E_ARG;
     if (ranks && dmk_ranks_given(ctx, ranks) != DMK_OK) return DMK_E_ARG;
     if (!ranks || ranks->size == 1) return dmk_mesh_read(ctx, path, mesh);
+    DMK_TRY(dmk_stage_begin(ctx, "read"));
     DMK_TRY(dmk_soup_read_dealt(ctx, path, ranks, &soup, &bytes));
     rc = dmk_soup_adopt(ctx, path, ranks, &soup, mesh);
 done:
+    dmk_stage_end(ctx);
     dmk_soup_free(&soup);
     return rc;
 }
