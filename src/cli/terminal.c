@@ -75,6 +75,16 @@ static void show_line(const cli_progress *progress, const dmk_progress *report, 
     fflush(stderr);
 }
 
+/* Of the source before nothing counts. */
+static void take_gap(cli_progress *progress, const dmk_progress *report)
+{
+    if (report->step <= 1) {
+        progress->gap = NAN;
+        memset(progress->moment, 0, sizeof progress->moment);
+    }
+    if (isfinite(report->gap)) progress->gap = report->gap;
+}
+
 static int on_progress(const dmk_progress *report, void *user)
 {
     cli_progress *progress = user;
@@ -84,13 +94,11 @@ static int on_progress(const dmk_progress *report, void *user)
         progress->stage = report->stage;
         if (!new_stage && report->step == 0)
             return 0; /* a stage without steps: its start is reported */
-        if (report->step <= 1) progress->gap = NAN; /* of the source before */
-        if (isfinite(report->gap)) progress->gap = report->gap;
+        take_gap(progress, report);
         describe(report, progress->gap, NAN, stderr);
         fputc('\n', stderr);
     } else if (progress->line) {
-        if (report->step <= 1) progress->gap = NAN; /* of the source before */
-        if (isfinite(report->gap)) progress->gap = report->gap;
+        take_gap(progress, report);
         const double left = time_left(progress, report);
         const double now = cli_seconds();
         if (!new_stage && now - progress->shown < 0.1) return 0; /* the eye sees no more */
