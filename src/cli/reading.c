@@ -80,6 +80,7 @@ static void print_repairs(const char *path, const dmk_repairs *did)
         {did->seam_edges, "edge of two triangles cut open", "edges of two triangles cut open"},
     };
     const char *before = "";
+    flockfile(stderr); /* one line, whoever else has something to say */
     fprintf(stderr, "dmkcl: %s repaired: ", path);
     for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) {
         if (counts[i].n == 0) continue;
@@ -88,6 +89,7 @@ static void print_repairs(const char *path, const dmk_repairs *did)
         before = ", ";
     }
     fprintf(stderr, "%s\n", *before ? "" : "nothing needed repair");
+    funlockfile(stderr);
 }
 
 /* Whoever asks for distances has to know what they are not. */
@@ -114,12 +116,14 @@ static void warn_of_pieces(dmk_context *context, const char *path, const dmk_mes
         dmk_mesh_get_info(merged, &whole);
         dmk_mesh_destroy(&merged);
     }
+    flockfile(stderr);
     fprintf(stderr, "dmkcl: warning: %s is in %zu pieces", path, info.n_components);
     if (whole.n_components > 0 && whole.n_components < info.n_components) {
         fprintf(stderr, "; --repair, which merges coincident vertices, leaves %zu",
                 whole.n_components);
     }
     fputc('\n', stderr);
+    funlockfile(stderr);
 }
 
 int cli_read_mesh(dmk_context *context, const char *path, const cli_reading *how, dmk_repairs *did,
