@@ -357,7 +357,7 @@ static int open_along(dmk_context *ctx, const dmk_geodesics *g, const dmk_seam *
     dmk_parallel(ctx, k.n_vertices, place, &k);
     DMK_TRY(dmk_poll(ctx));
     rc = finish(ctx, &k, out->mesh);
-    if (rc == DMK_E_MESH) rc = refuse_thin(ctx, &k);
+    if (rc == DMK_E_MESH && isfinite(k.least)) rc = refuse_thin(ctx, &k);
     if (rc == DMK_OK) rc = dmk_plane_unfold(ctx, *out->mesh, k.plane);
     if (rc != DMK_OK) goto done;
     *out->origin = k.origin;
