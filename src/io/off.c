@@ -104,8 +104,9 @@ static int read_face(dmk_text *t, dmk_soup *soup)
         dmk_text_more(t);
         DMK_TRY(dmk_text_integer(t, "a face's vertex", &v));
         if (v < 0 || (uint64_t)v >= soup->n_vertices) {
-            rc = dmk_text_fail(t, "vertex %lld of a face is out of range [0, %zu]", (long long)v,
-                               soup->n_vertices - 1);
+            rc = dmk_text_fail(
+                t, "vertex %lld of a face is out of range: there are %zu, counted from 0",
+                (long long)v, soup->n_vertices);
             goto done;
         }
         DMK_TRY(dmk_soup_corner(t->context, soup, (size_t)k, fan, (int32_t)v));
