@@ -458,9 +458,10 @@ static bool gather_codes(int code, int *codes)
 
 int cli_ranks_end(int code)
 {
-    int first = 0;
+    int first = 0, begun = 0;
     if (self.ranks.size == 1) {
-        MPI_Finalize();
+        MPI_Initialized(&begun);
+        if (begun) MPI_Finalize();
         return code;
     }
     int *codes = calloc((size_t)self.ranks.size, sizeof *codes);
