@@ -373,7 +373,8 @@ class CutLocus:
             sources = [
                 self.mesh.place(bary=weight, **{name: value}) for value, weight in zip(values, weights)
             ]
-        return self._solve_each(sources, settings, progress, amount("strength", strength))
+        shown = switch("progress", progress)
+        return self._solve_each(sources, settings, shown, amount("strength", strength))
 
     def _solve_each(
         self, sources: "list[Point]", options: Any, progress: bool, strength: float

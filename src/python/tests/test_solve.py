@@ -491,6 +491,7 @@ def test_all_options_have_names():
         (lambda s: s.solve(vertex=[1, 2]), "expected a whole number"),
         (lambda s: s.solve(face=0.5), "face = 0.5: expected a whole number"),
         (lambda s: s.solve(vertex=0, progress="no"), "progress = 'no'"),
+        (lambda s: s.solve_many(vertices=[0], progress="no"), "progress = 'no'"),
         (lambda s: s.solve(vertex=0, density_only="no"), "density_only = 'no'"),
         (lambda s: s.solve(vertex=0, dt=0.3), 'dt = 0.3: only method="euler"'),
         (lambda s: s.solve(vertex=0, inertia=0.0), 'inertia = 0.0: only method="inertial"'),
