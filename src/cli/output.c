@@ -1,6 +1,7 @@
 /* Output files are looked at before the work begins: a slip in a name should not cost a long run. */
 #include "cli.h"
 
+#include <assert.h>
 #include <ctype.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -283,7 +284,8 @@ static bool is_piece(const destination *at, const char *path)
 
 void cli_use(cli_uses *uses, const char *option, const char *path)
 {
-    if (!path || uses->n == CLI_MAX_USES) return;
+    if (!path) return;
+    assert(uses->n < CLI_MAX_USES);
     uses->use[uses->n].option = option;
     uses->use[uses->n++].path = path;
 }

@@ -1,6 +1,7 @@
 /* What the commands that solve are asked for: the options that they share. */
 #include "solve.h"
 
+#include <assert.h>
 #include <float.h>
 #include <limits.h>
 #include <stdlib.h>
@@ -18,7 +19,8 @@ void solve_request_init(solve_request *request, const char *command)
 
 void solve_add(solve_table *table, const cli_option *rows, size_t n)
 {
-    for (size_t i = 0; i < n && table->n < CLI_MAX_OPTIONS; i++) table->row[table->n++] = rows[i];
+    assert(table->n + n <= CLI_MAX_OPTIONS);
+    for (size_t i = 0; i < n; i++) table->row[table->n++] = rows[i];
 }
 
 void solve_add_source(solve_table *table, solve_request *request)
