@@ -89,7 +89,7 @@ static int start(bench *b)
     for (int32_t e = 0; e < m->n_edges; e++) u[e] /= -s->unit;
     for (int32_t v = 0; v < m->n_vertices; v++) u[s->vertex_row + v] = g->distance[v] / -s->unit;
     for (size_t t = 0; t < b->n; t++) b->mu[t] /= s->unit;
-    DMK_TRY(dmk_right_hand_side(b->ctx, m, s, &b->source, f));
+    dmk_right_hand_side(m, s, &b->source, f);
     DMK_TRY(dmk_buffer_write_real(b->ctx, b->device, DMK_OUTER, s->u, n_rows, u));
     DMK_TRY(dmk_buffer_write_real(b->ctx, b->device, DMK_OUTER, s->f, n_rows, f));
     DMK_TRY(dmk_buffer_write_real(b->ctx, b->device, DMK_OUTER, s->mu, b->n, b->mu));

@@ -128,8 +128,8 @@ int dmk_bound_upper(dmk_iteration *o, double *flux, double *balance, double enou
 int dmk_repair(dmk_iteration *o, const double goal[2], double upper, bool last);
 
 /* rhs.c: f+ - f- on the rows of T/2 for a source at `point` of the packed mesh. */
-int dmk_right_hand_side(dmk_context *context, const dmk_mesh *mesh, const dmk_system *system,
-                        const dmk_point *point, double *f);
+void dmk_right_hand_side(const dmk_mesh *mesh, const dmk_system *system, const dmk_point *point,
+                         double *f);
 /* The same added to f of a mesh whose vertices' rows begin at vertex_row; of a share's, `elements` tells the gaps,
  * which are left out (NULL: none). The source: its triangle, or -1 where it is not here, and weights. */
 void dmk_fill_right_hand_side(const dmk_mesh *mesh, const dmk_space *elements, int32_t vertex_row,

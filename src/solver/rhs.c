@@ -36,12 +36,9 @@ void dmk_fill_right_hand_side(const dmk_mesh *m, const dmk_space *elements, int3
     }
 }
 
-int dmk_right_hand_side(dmk_context *ctx, const dmk_mesh *m, const dmk_system *s,
-                        const dmk_point *p, double *f)
+void dmk_right_hand_side(const dmk_mesh *m, const dmk_system *s, const dmk_point *p, double *f)
 {
-    (void)ctx;
     for (int32_t i = 0; i < s->whole.n_rows_pad; i++) f[i] = 0;
     dmk_fill_right_hand_side(m, NULL, s->whole.vertex_row, s->unit, (int32_t)p->triangle, p->weight,
                              f);
-    return DMK_OK;
 }

@@ -409,7 +409,7 @@ static int keep_share(dmk_context *ctx, void *user, dmk_system *sys)
     free_edges(s);
     DMK_TRY(DMK_NEW(ctx, f, (size_t)sys->whole.n_rows_pad));
     DMK_TRY(DMK_NEW(ctx, s->f, (size_t)sys->n_rows_pad));
-    DMK_TRY(dmk_right_hand_side(ctx, m, sys, last->source, f));
+    dmk_right_hand_side(m, sys, last->source, f);
     dmk_share_take(sys->share, true, sys->whole.vertex_row, f, s->f);
     free(f);
     f = NULL;
@@ -576,7 +576,7 @@ static int set_start(dmk_context *ctx, dmk_solver *s, start *near)
     } else {
         DMK_TRY(start_uniform(ctx, s, near));
     }
-    DMK_TRY(dmk_right_hand_side(ctx, near->mesh, sys, near->source, u));
+    dmk_right_hand_side(near->mesh, sys, near->source, u);
     DMK_TRY(dmk_rows_write(ctx, sys, sys->f, u));
     free(u);
     free(mu);
