@@ -25,7 +25,7 @@ static int32_t origin(const dmk_halfedge *m, int32_t h)
     return m->triangle[dmk_next(h)];
 }
 
-/* Match the half-edges through one list per start vertex. */
+/* Match the half-edges, of which each has one twin, through one list per start vertex. */
 static int find_twins(dmk_context *ctx, dmk_halfedge *m)
 {
     int rc = DMK_OK;
@@ -38,19 +38,8 @@ static int find_twins(dmk_context *ctx, dmk_halfedge *m)
         first[origin(m, h)] = h;
     }
     for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
-        int32_t from = origin(m, h), to = origin(m, dmk_next(h)), g = first[to], found = 0;
-        for (; g >= 0; g = next[g]) {
-            if (origin(m, dmk_next(g)) != from) continue;
-            m->twin[h] = g;
-            found++;
-        }
-        if (found != 1) {
-            rc = dmk_fail(ctx, DMK_E_MESH,
-                          "edge %d-%d lies in %d triangles; a closed, consistently oriented "
-                          "triangulation is needed",
-                          from, to, found + 1);
-            goto done;
-        }
+        m->twin[h] = first[origin(m, dmk_next(h))];
+        while (origin(m, dmk_next(m->twin[h])) != origin(m, h)) m->twin[h] = next[m->twin[h]];
     }
 done:
     free(first);

@@ -16,8 +16,7 @@ typedef struct dmk_halfedge {
     int32_t *degree;   /* per vertex: its edges */
 } dmk_halfedge;
 
-/* Copy a closed triangulation, with room to grow to max_vertices. DMK_E_MESH if it is not closed
- * or not consistently oriented. */
+/* Copy a closed, consistently oriented triangulation, with room to grow to max_vertices. */
 int dmk_halfedge_create(dmk_context *context, int32_t n_vertices, const double *xyz,
                         int32_t n_triangles, const int32_t *triangle, int32_t max_vertices,
                         dmk_halfedge *mesh);
