@@ -192,7 +192,7 @@ typedef enum dmk_items { DMK_ELEMENTS, DMK_ROWS, DMK_VERTICES } dmk_items;
  * of them maxima: those of all ranks in the order of the whole mesh take their place, many of them as sums of blocks
  * (DMK_SUM_SHORT). *parts: their number, which without a share stays as it is. */
 int dmk_share_parts(dmk_context *context, dmk_share *share, dmk_items items, int count, int maxima,
-                    const dmk_buffer *partial, int32_t *parts);
+                    dmk_buffer *partial, int32_t *parts);
 /* Room that dmk_share_parts takes for each quantity. */
 size_t dmk_share_most_parts(const dmk_share *share);
 /* Each of n values becomes the largest of all ranks. */

@@ -201,7 +201,7 @@ done:
 }
 
 int dmk_share_parts(dmk_context *ctx, dmk_share *s, dmk_items items, int count, int maxima,
-                    const dmk_buffer *partial, int32_t *n_parts)
+                    dmk_buffer *partial, int32_t *n_parts)
 {
     int rc;
     run list[2];
@@ -216,8 +216,7 @@ int dmk_share_parts(dmk_context *ctx, dmk_share *s, dmk_items items, int count, 
     DMK_TRY(DMK_NEW(ctx, blocks, block_bytes));
     DMK_TRY(dmk_buffer_read(ctx, s->device, partial, 0, table_bytes, table));
     DMK_TRY(gather_parts(ctx, s, &p, table, stride, blocks));
-    DMK_TRY(
-        dmk_buffer_write(ctx, s->device, (dmk_buffer *)(uintptr_t)partial, 0, block_bytes, blocks));
+    DMK_TRY(dmk_buffer_write(ctx, s->device, partial, 0, block_bytes, blocks));
     *n_parts = p.n_blocks;
 done:
     free(table);
