@@ -93,6 +93,8 @@ typedef struct dmk_output dmk_output;
 
 int dmk_output_open(dmk_context *context, const char *path, dmk_output **out);
 const char *dmk_output_path(const dmk_output *out);
+/* As if a write had failed with this errno. */
+void dmk_output_fail(dmk_output *out, int error);
 void dmk_output_put(dmk_output *out, const void *bytes, size_t n);
 void dmk_output_text(dmk_output *out, const char *text);
 void dmk_output_number(dmk_output *out, double value);

@@ -66,6 +66,11 @@ const char *dmk_output_path(const dmk_output *s)
     return s->path;
 }
 
+void dmk_output_fail(dmk_output *s, int error)
+{
+    if (!s->error) s->error = error;
+}
+
 static void write_out(dmk_output *s, const char *bytes, size_t n)
 {
     while (n > 0 && !s->error && s->rc == DMK_OK) {

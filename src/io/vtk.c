@@ -1,6 +1,8 @@
 #include "io/vtk.h"
 
-#include <assert.h>
+#include "io/values.h"
+
+#include <errno.h>
 #include <string.h>
 
 static const struct {
@@ -11,18 +13,13 @@ static const struct {
              [DMK_VTK_INT64] = {"Int64", 8},
              [DMK_VTK_FLOAT64] = {"Float64", 8}};
 
-#if __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__
-#define BYTE_ORDER_NAME "BigEndian"
-#else
-#define BYTE_ORDER_NAME "LittleEndian"
-#endif
-
 void dmk_vtk_head(dmk_output *out, const char *kind, const char *attributes)
 {
     dmk_output_text(out, "<?xml version=\"1.0\"?>\n<VTKFile type=\"");
     dmk_output_text(out, kind);
-    dmk_output_text(out, "\" version=\"1.0\" byte_order=\"" BYTE_ORDER_NAME
-                         "\" header_type=\"UInt64\">\n<");
+    dmk_output_text(out, "\" version=\"1.0\" byte_order=\"");
+    dmk_output_text(out, dmk_is_little_endian() ? "LittleEndian" : "BigEndian");
+    dmk_output_text(out, "\" header_type=\"UInt64\">\n<");
     dmk_output_text(out, kind);
     dmk_output_text(out, attributes);
     dmk_output_text(out, ">\n");
@@ -52,7 +49,10 @@ void dmk_vtk_array(dmk_vtk *vtk, dmk_vtk_type type, const char *name, int compon
                    const void *data, size_t n)
 {
     dmk_output *s = vtk->out;
-    assert(vtk->n_arrays < DMK_VTK_ARRAYS);
+    if (vtk->n_arrays == DMK_VTK_ARRAYS) {
+        dmk_output_fail(s, E2BIG);
+        return;
+    }
     dmk_output_text(s, "<DataArray type=\"");
     dmk_output_text(s, types[type].name);
     dmk_output_text(s, "\" Name=\"");
