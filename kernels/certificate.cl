@@ -122,7 +122,7 @@ KERNEL repair_grow(int n, int round, global const int *restrict index, global in
     }
 }
 
-/* The lists: count[0] elements at rows up to `round`, count[1] rows of any ring, which is cleared.
+/* The elements at rows up to `round`, appended to list; count[0]: their number.
  * reads index, ring (gathered); writes count, list
  * moves 24 E + 4 R bytes, 0 flops
  * shape rows, one an element */

@@ -492,12 +492,12 @@ KERNEL explicit_update(int n, int inertial, float dt, float beta, float lowest,
         {
             const realv a = LOAD(area, AT(b)), old = LOAD(mu, AT(b)),
                         slope = sqrt(LOAD(q, AT(b)));
-            realv grown = old * (1 + (real)dt * (slope - 1));
+            realv risen = old * (1 + (real)dt * (slope - 1));
             if (inertial) {
                 const realv last = LOAD(before, AT(b)), ratio = last > 0 ? old / last : (realv)1;
-                grown = old * slope * exp((real)beta * log(fmax(ratio, (realv)1e-30f)));
+                risen = old * slope * exp((real)beta * log(fmax(ratio, (realv)1e-30f)));
             }
-            const realv next = old > 0 ? at_least(grown, (real)lowest * sqrt(a)) : grown;
+            const realv next = old > 0 ? at_least(risen, (real)lowest * sqrt(a)) : risen;
             STORE(old, before, AT(b));
             STORE(next, mu, AT(b));
             change += TO_SUM(a * fabs(next - old));

@@ -11,7 +11,7 @@
 /* A file as a rank sees it; a digest "" where there is none. */
 typedef struct sight {
     int64_t inode, bytes, seconds, nanoseconds;
-    char digest[40]; /* so that nothing lies behind it */
+    char digest[40]; /* not 33: memcmp would meet what lies behind it */
 } sight;
 
 static sight look_at(const char *path, bool closely)

@@ -52,8 +52,8 @@ typedef struct solve_run {
     dmk_mesh *mesh;
     dmk_pieces *
         pieces; /* in its place, of a density alone on ranks: the first one reads the mesh at the end */
-    bool apart;           /* it has been so, */
-    dmk_mesh_info counts; /* with these counts */
+    bool apart;           /* the mesh has been in pieces */
+    dmk_mesh_info counts; /* of the mesh that has been so */
     dmk_repairs repairs;
     dmk_device *device;
     dmk_device_info opened; /* of the device, which may be closed by then */
@@ -104,7 +104,7 @@ int solve_request_check_report(const solve_request *request);
 /* Whether all files of its results are there; then they are whole. */
 bool solve_has_files(const solve_request *request);
 /* The files that the request reads and writes. */
-void solve_request_uses(const solve_request *order, cli_uses *uses);
+void solve_request_uses(const solve_request *request, cli_uses *uses);
 
 /* ---- run.c: the exit code, EXIT_OK or with the error printed -------------------------------- */
 

@@ -92,8 +92,8 @@ typedef struct dmk_cells {
     int32_t n_fine, n;
     int32_t *owner;  /* n_fine: cell of each fine vertex */
     int32_t *sample; /* n: a fine vertex of the cell, increasing */
-    int32_t *row;    /* n + 1: the fine vertices of each cell, ... */
-    int32_t *member; /* n_fine: ... increasing */
+    int32_t *row;    /* n + 1: where each cell's fine vertices begin in member */
+    int32_t *member; /* n_fine: the fine vertices, increasing in each cell */
 } dmk_cells;
 
 void dmk_adjacency_free(dmk_adjacency *graph);
@@ -160,11 +160,11 @@ void dmk_growth_end(dmk_growth *growth);
  * of adjacent cells. Sets c->prolong_index and prolong_weight, from c->coarse.xyz. */
 int dmk_prolong_create(dmk_context *context, const dmk_cells *cells, const dmk_adjacency *coarse,
                        const double *fine_xyz, dmk_coarsening *c);
-/* The same where some coarse vertices may be left without weights; */
+/* The same where some coarse vertices may be left without weights, which would make the operator singular. */
 int dmk_prolong_weights(dmk_context *context, const dmk_cells *cells, const dmk_adjacency *coarse,
                         const double *fine_xyz, dmk_coarsening *c);
-/* that would make the operator singular: each one's sample then takes it alone. That may empty others, so repeat; each
- * sample changes once at most. All weight on one: */
+/* All weight on coarse vertex c. Each one that is left without is given to its sample alone by this; that may empty
+ * others, so repeat, and each sample changes once at most. */
 void dmk_prolong_point(int32_t c, int32_t *index, float *weight);
 
 /* galerkin.c: given the prolongation of c (rows of `n_fine` vertices) and the fine edges, fill in the transposed

@@ -7,7 +7,7 @@
 
 enum { MAX_ROUTE = 256, MAX_FITS = 12 };
 
-/* A branch around its end: crossings from `first` inwards... outwards in this order. */
+/* A branch around its end: its crossings in their order, the outermost last. */
 typedef struct route {
     int32_t n, end, crossing[MAX_ROUTE]; /* crossing[end]: the last with the default excess */
 } route;

@@ -185,7 +185,7 @@ static cornered sorted_corners(const soup *s, int32_t t)
     const int32_t *c = s->triangle + 3 * (size_t)t;
     int32_t low = dmk_min_i(c[0], dmk_min_i(c[1], c[2])),
             high = dmk_max_i(c[0], dmk_max_i(c[1], c[2]));
-    /* The middle one by exclusion; the sum of two of 31 bits fits 64. */
+    /* The middle one by exclusion; the sum of three of 31 bits fits 64. */
     int32_t middle = (int32_t)((int64_t)c[0] + c[1] + c[2] - low - high);
     return (cornered){{low, middle, high}, t};
 }

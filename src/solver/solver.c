@@ -226,13 +226,13 @@ static void free_start(start *near)
     near->mid = near->mu = NULL;
 }
 
-/* The distance is the first rank's work, */
+/* The distance is the first rank's work. */
 static bool measures(const dmk_solver *s)
 {
     return s->ranks.rank == 0;
 }
 
-/* and the last one's what is made of it to start from, for it has packed its share by then. */
+/* What is made of it to start from is the last one's, which has packed its share by then. */
 static bool makes_density(const dmk_solver *s)
 {
     return s->ranks.size <= 1 || s->ranks.rank == s->ranks.size - 1;

@@ -520,8 +520,8 @@ done:
 typedef struct coarsener {
     const packer *packer;
     dmk_hierarchy hierarchy;
-    dmk_task task;    /* that packs a level, */
-    int32_t n_handed; /* the last one of these */
+    dmk_task task;    /* packs the level that came last */
+    int32_t n_handed; /* levels that have come */
 } coarsener;
 
 static int pack_made(dmk_context *own, void *data)
