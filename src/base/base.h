@@ -100,6 +100,8 @@ int dmk_stage_begin(dmk_context *context, const char *stage);
 int dmk_poll(dmk_context *context);
 void dmk_stage_end(dmk_context *context);
 
+#define DMK_DEGREES 57.295779513082320877 /* of a radian */
+
 static inline int32_t dmk_min_i(int32_t a, int32_t b)
 {
     return a < b ? a : b;

@@ -191,7 +191,7 @@ static int refuse(dmk_context *ctx, const dmk_geodesics *g, bool exact)
                     "paths wind around the mesh's spikes without end: %s its "
                     "worst triangles; its smallest angle is %.2g degrees, in triangle %d",
                     exact ? "do not ask for exact distances, or improve" : "improve",
-                    angle[least] * 57.295779513082320877, least / 3);
+                    angle[least] * DMK_DEGREES, least / 3);
 }
 
 /* One attempt after the other until one succeeds. A result that fails a check is none: scans cut 1:16, whose new

@@ -114,13 +114,12 @@ void dmk_measures_add(dmk_measures *to, const dmk_measures *p)
 
 void dmk_measures_tell(const dmk_measures *all, dmk_mesh_info *info)
 {
-    const double degree = 57.295779513082320877;
     info->min_edge = all->min_edge;
     info->max_edge = all->max_edge;
     info->mean_edge = all->edges / (double)info->n_edges;
     info->area = all->area;
-    info->min_angle = degree * atan2(1, all->max_cot); /* the cotangent falls with the angle */
-    info->max_angle = degree * atan2(1, all->min_cot);
+    info->min_angle = DMK_DEGREES * atan2(1, all->max_cot); /* the cotangent falls with the angle */
+    info->max_angle = DMK_DEGREES * atan2(1, all->min_cot);
     memcpy(info->box_min, all->box_min, sizeof info->box_min);
     memcpy(info->box_max, all->box_max, sizeof info->box_max);
 }

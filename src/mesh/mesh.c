@@ -338,10 +338,9 @@ done:
     return rc;
 }
 
-/* Up to 12 numbers per triangle must be counted in 32 bits. */
 int dmk_mesh_check_counts(dmk_context *ctx, size_t n_vertices, size_t n_triangles)
 {
-    if (n_triangles > 0 && n_triangles <= INT32_MAX / 16 && n_vertices <= INT32_MAX / 16) {
+    if (n_triangles > 0 && n_triangles <= DMK_MOST_TRIANGLES && n_vertices <= DMK_MOST_TRIANGLES) {
         return DMK_OK;
     }
     if (n_triangles == 0) {
@@ -351,7 +350,7 @@ int dmk_mesh_check_counts(dmk_context *ctx, size_t n_vertices, size_t n_triangle
     return dmk_fail(
         ctx, DMK_E_MESH,
         "%zu vertices and %zu triangles: too many for 32-bit indices, which count to %d of each",
-        n_vertices, n_triangles, INT32_MAX / 16);
+        n_vertices, n_triangles, DMK_MOST_TRIANGLES);
 }
 
 int dmk_mesh_adopt(dmk_context *ctx, size_t n_vertices, double *xyz, size_t n_triangles,

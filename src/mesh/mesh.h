@@ -189,6 +189,8 @@ uint64_t dmk_morton_key(const double a[3], const double b[3], const double c[3],
 
 /* The component's triangles along the curve, *n of them; the caller frees *sorted. */
 enum { DMK_ALL_COMPONENTS = -1 };
+/* Of triangles and of vertices: up to 12 numbers per triangle must be counted in 32 bits. */
+enum { DMK_MOST_TRIANGLES = INT32_MAX / 16 };
 int dmk_morton_order(dmk_context *context, const dmk_mesh *mesh, int32_t component,
                      dmk_keyed **sorted, int32_t *n);
 

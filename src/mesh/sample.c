@@ -31,17 +31,16 @@ static int32_t unfold(const dmk_mesh *m, int32_t t, int k, double *length)
 {
     const int32_t e = m->triangle_edge[3 * t + k], other = dmk_twin_triangle(m, t, e);
     if (other < 0) return -1;
-    const int32_t *edge = m->triangle_edge + 3 * (size_t)other;
-    const int j = edge[0] == e ? 0 : edge[1] == e ? 1 : 2;
+    const int32_t h = dmk_half_edge_on(m, other, e);
     const double side = m->length[e];
     /* Heights over the edge and feet along it, from its end at corner k + 1 of t. */
     const double up = 2 * m->area[t] / side, down = 2 * m->area[other] / side;
     const double foot = dmk_cot(m, 3 * t + (k + 1) % 3) * up,
-                 far = dmk_cot(m, 3 * other + (j + 2) % 3) * down;
+                 far = dmk_cot(m, dmk_previous(h)) * down;
     const double crossing = foot + (far - foot) * up / (up + down);
     if (!(crossing > 0 && crossing < side)) return -1;
     *length = hypot(far - foot, up + down);
-    return m->triangle[3 * (size_t)other + (size_t)j];
+    return m->triangle[h];
 }
 
 static int relax(sampler *s, dmk_heap_item from)

@@ -145,7 +145,7 @@ int dmk_iteration_diverged(const dmk_iteration *o, int step, const char *what)
     int32_t worst = 0; /* half-edge with the largest cotangent */
     for (int32_t h = 1; h < 3 * o->mesh->n_triangles; h++)
         if (dmk_cot(o->mesh, h) > dmk_cot(o->mesh, worst)) worst = h;
-    const double angle = atan2(1, dmk_cot(o->mesh, worst)) * 57.295779513082320877;
+    const double angle = atan2(1, dmk_cot(o->mesh, worst)) * DMK_DEGREES;
     return dmk_fail(o->ctx, DMK_E_DIVERGED,
                     "the iteration diverged at step %d (%s); %s improve the mesh's worst "
                     "triangles: its smallest "

@@ -217,8 +217,7 @@ static void edge_slot_range(int32_t begin, int32_t end, void *data)
         for (int side = 0; side < 2; side++) {
             int32_t t = m->edge_triangle[2 * e + side];
             if (t < 0) continue;
-            const int32_t *edge = m->triangle_edge + 3 * t;
-            int k = edge[0] == e ? 0 : edge[1] == e ? 1 : 2;
+            const int32_t k = dmk_half_edge_on(m, t, e) - 3 * t;
             job->edge[dmk_slot(e, side, 2)] = (int32_t)dmk_slot(t, 3 + k, 6);
         }
     }

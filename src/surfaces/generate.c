@@ -66,7 +66,7 @@ static int choose_sizes(dmk_context *ctx, const dmk_surface_options *o, dmk_body
 static int choose_count(dmk_context *ctx, const dmk_surface_options *o, const dmk_body *body,
                         const dmk_patch *start, int32_t *n_vertices)
 {
-    const size_t limit = INT32_MAX / 16;
+    const size_t limit = DMK_MOST_TRIANGLES;
     const dmk_surface *s = body->surface;
     size_t n = o->n_triangles ? o->n_triangles : (size_t)s->n_triangles;
     if (n < (size_t)start->n_triangles) {

@@ -38,7 +38,7 @@ int dmk_mesh_refine(dmk_context *ctx, const dmk_mesh *m, dmk_lift_fn lift, const
     int32_t *triangle = NULL;
     size_t n_vertices = (size_t)m->n_vertices + (size_t)m->n_edges;
     size_t n_triangles = 4 * (size_t)m->n_triangles;
-    if (n_triangles > INT32_MAX / 16 || n_vertices > INT32_MAX / 16) {
+    if (n_triangles > DMK_MOST_TRIANGLES || n_vertices > DMK_MOST_TRIANGLES) {
         rc = dmk_fail(ctx, DMK_E_ARG,
                       "refining %d triangles would give %zu, more than 32-bit indices hold; refine "
                       "less",

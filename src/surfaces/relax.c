@@ -38,9 +38,7 @@ static void area_vector(const double a[3], const double b[3], const double c[3],
     double p[3], q[3];
     dmk_subtract(b, a, p);
     dmk_subtract(c, a, q);
-    n[0] = p[1] * q[2] - p[2] * q[1];
-    n[1] = p[2] * q[0] - p[0] * q[2];
-    n[2] = p[0] * q[1] - p[1] * q[0];
+    dmk_cross(p, q, n);
 }
 
 static double double_area(const double a[3], const double b[3], const double c[3])

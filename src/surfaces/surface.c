@@ -1,6 +1,8 @@
 /* The table of built-in surfaces: see surface.h. */
 #include "surfaces/surface.h"
 
+#include "base/vec3.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -99,14 +101,14 @@ done:
 static int torus_start(dmk_context *ctx, const dmk_body *body, dmk_patch *p)
 {
     int rc;
-    const double pi = acos(-1.0), a = body->size[0], b = body->size[1];
+    const double a = body->size[0], b = body->size[1];
     const int32_t n = (int32_t)fmin(ceil(6.0 * a / b), 1e5), m = 5;
     DMK_TRY(new_patch(ctx, n * m, 2 * n * m, p));
     for (int32_t i = 0; i < n; i++) {
         for (int32_t j = 0; j < m; j++) {
             double off_u = (7 * i + 5 * j) % 11 / 110.0, off_v = (3 * i + 4 * j) % 13 / 130.0;
-            double u = 2.0 * pi * (i + off_u) / n;
-            double v = 2.0 * pi * (j + off_v + (double)i / n) / m;
+            double u = 2.0 * M_PI * (i + off_u) / n;
+            double v = 2.0 * M_PI * (j + off_v + (double)i / n) / m;
             double *x = p->xyz + 3 * (i * m + j);
             x[0] = (a + b * cos(v)) * cos(u);
             x[1] = (a + b * cos(v)) * sin(u);
@@ -203,20 +205,13 @@ void dmk_body_normal(const dmk_body *body, const double x[3], double n[3])
     for (int k = 0; k < 3; k++) n[k] = length > 0 ? n[k] / length : 0;
 }
 
-static double distance_square(const double a[3], const double b[3])
-{
-    double sum = 0;
-    for (int k = 0; k < 3; k++) sum += (a[k] - b[k]) * (a[k] - b[k]);
-    return sum;
-}
-
 /* From the Newton point, descend |x - target|^2 along the surface: go by the tangential part of
  * target - x, halved until it helps, and lift. */
 bool dmk_body_nearest(const dmk_body *body, double x[3])
 {
     const double target[3] = {x[0], x[1], x[2]};
     if (!dmk_body_lift(body, x)) return false;
-    double best = distance_square(x, target);
+    double best = dmk_distance_squared(x, target);
     for (int i = 0; i < 2000; i++) {
         double n[3], tangent[3], along = 0, trial[3], now = best, step = 1.0;
         dmk_body_normal(body, x, n);
@@ -224,7 +219,7 @@ bool dmk_body_nearest(const dmk_body *body, double x[3])
         for (int k = 0; k < 3; k++) tangent[k] = target[k] - x[k] - along * n[k];
         for (; step > 1e-6 && now >= best; step *= 0.5) {
             for (int k = 0; k < 3; k++) trial[k] = x[k] + step * tangent[k];
-            if (dmk_body_lift(body, trial)) now = distance_square(trial, target);
+            if (dmk_body_lift(body, trial)) now = dmk_distance_squared(trial, target);
         }
         if (now >= best) break;
         best = now;
