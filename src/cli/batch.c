@@ -49,7 +49,7 @@ static void free_one(solve_request *one)
     free_files(&one->out);
     free_files(&one->locus);
     free_files(&one->tangent);
-    if (one->report && strcmp(one->report, "-") != 0) free((char *)one->report);
+    if (solve_reports_to_file(one)) free((char *)one->report);
 }
 
 static void aim(solve_request *one, const solve_source *s)
@@ -67,23 +67,21 @@ static bool request_one(const batch *b, size_t k, solve_request *one)
     bool good = number_files(&one->out, k);
     good = number_files(&one->locus, k) && good;
     good = number_files(&one->tangent, k) && good;
-    if (one->report && strcmp(one->report, "-") != 0) one->report = number_name(one->report, k);
+    if (solve_reports_to_file(one)) one->report = number_name(one->report, k);
     return good && (one->report || !b->request->report);
 }
 
 /* Files are whole if they are there. */
 static bool is_done(const solve_request *one)
 {
-    return solve_has_files(one) &&
-           (!one->report || strcmp(one->report, "-") == 0 || cli_is_file(one->report));
+    return solve_has_files(one) && (!solve_reports_to_file(one) || cli_is_file(one->report));
 }
 
 /* The exit code of a source that was done before, as far as its report says. */
 static int code_of_kept(const solve_request *one)
 {
     char text[8192];
-    const bool reported = one->report && strcmp(one->report, "-") != 0;
-    FILE *file = reported ? fopen(one->report, "r") : NULL;
+    FILE *file = solve_reports_to_file(one) ? fopen(one->report, "r") : NULL;
     if (!file) return EXIT_OK;
     const size_t n = fread(text, 1, sizeof text - 1, file);
     text[n] = '\0';
@@ -181,8 +179,7 @@ static int solve_next(batch *b, size_t k, const solve_request *one, solve_run *r
 static bool is_unheard(const batch *b)
 {
     const solve_request *r = b->request;
-    const bool report = r->report && strcmp(r->report, "-") != 0;
-    return ferror(stdout) && !report && r->out.n + r->locus.n + r->tangent.n == 0;
+    return ferror(stdout) && !solve_reports_to_file(r) && r->out.n + r->locus.n + r->tangent.n == 0;
 }
 
 /* Each rank takes one source after another. */

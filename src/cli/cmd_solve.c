@@ -63,7 +63,7 @@ static int check_many(const solve_request *request)
 
 static int check_request(solve_request *request)
 {
-    const bool report = request->report && strcmp(request->report, "-") != 0;
+    const bool report = solve_reports_to_file(request);
     int code = solve_request_settle(request);
     if (code == EXIT_OK && request->resume && !report && request->out.n == 0 &&
         request->locus.n == 0 && request->tangent.n == 0) {

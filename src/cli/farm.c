@@ -372,7 +372,7 @@ static int end(farm *f)
         if (cli_has_last_word())
             fprintf(stderr, "dmkcl: interrupted; %zu of %zu left%s\n", all - f->n_done - f->n_kept,
                     all,
-                    strcmp(f->request->each.report, "-") != 0 ? ": --resume does the rest" : "");
+                    solve_reports_to_file(&f->request->each) ? ": --resume does the rest" : "");
         return cli_exit_code(DMK_E_CANCELLED);
     }
     if (atomic_load(&f->code) != EXIT_OK) return atomic_load(&f->code);
@@ -434,7 +434,7 @@ static int add_up(farm *f)
 
 int batch_run(const batch_request *request, batch_list *list)
 {
-    const bool to_stdout = strcmp(request->each.report, "-") == 0;
+    const bool to_stdout = !solve_reports_to_file(&request->each);
     farm f = {.request = request,
               .list = list,
               .threads = request->each.device.threads,

@@ -108,7 +108,7 @@ static int list_taken(const batch_request *request, const batch_list *list, take
     if (!all->file) return cli_library_error(NULL, DMK_E_NOMEM);
     for (size_t i = 0; i < list->n; i++)
         all->n += find_file(list->mesh[i].path, &all->file[all->n]);
-    if (strcmp(request->each.report, "-") != 0 &&
+    if (solve_reports_to_file(&request->each) &&
         find_file(request->each.report, &all->file[all->n]))
         all->file[all->n++].is_report = true;
     qsort(all->file, all->n, sizeof *all->file, by_file);

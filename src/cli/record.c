@@ -312,7 +312,7 @@ static batch_record *new_record(const batch_request *request, const batch_list *
     *r = (batch_record){.request = request, .list = list, .fd = -1};
     pthread_mutex_init(&r->lock, NULL);
     digest_options(request, r->options);
-    if (strcmp(request->each.report, "-") != 0) r->path = request->each.report;
+    if (solve_reports_to_file(&request->each)) r->path = request->each.report;
     return r;
 }
 

@@ -276,9 +276,14 @@ int solve_request_settle(solve_request *request)
     return solve_request_check_report(request);
 }
 
+bool solve_reports_to_file(const solve_request *request)
+{
+    return request->report && strcmp(request->report, "-") != 0;
+}
+
 int solve_request_check_report(const solve_request *request)
 {
-    const bool file = request->report && strcmp(request->report, "-") != 0;
+    const bool file = solve_reports_to_file(request);
     return file ? cli_check_output("report", request->report, CLI_REPORT, NULL) : EXIT_OK;
 }
 

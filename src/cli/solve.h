@@ -101,6 +101,8 @@ int solve_request_convert(solve_request *request);
 int solve_request_settle(solve_request *request);
 /* Of these, whether the report can be written. */
 int solve_request_check_report(const solve_request *request);
+/* Whether the report is a file: neither left out nor printed. */
+bool solve_reports_to_file(const solve_request *request);
 /* Whether all files of its results are there; then they are whole. */
 bool solve_has_files(const solve_request *request);
 /* The files that the request reads and writes. */
