@@ -199,7 +199,7 @@ cp "$in/a.off" "$work/deep/sub/more/b.off"
 touch "$work/shut/sub"
 "$tool" batch "$work/deep" --out-dir "$work/shut" --threads 1 --quiet 2> "$work/errors"
 check 'a folder that cannot be made is told in the report, not what failed before' \
-    has "$work/shut/report.jsonl" '"name": "sub/more/b".*"error": "cannot make the folder .*/shut/sub/more.: Not a directory"'
+    has "$work/shut/report.jsonl" '"name": "sub/more/b".*"error": "--out-dir: cannot make the folder .*/shut/sub/more.: Not a directory"'
 check 'and what failed before with its own words' has "$work/shut/report.jsonl" '"name": "a".*"error": "[^"]*a.off'
 
 # ---- files that stay as they are -----------------------------------------------------------------
