@@ -323,19 +323,35 @@ static void triangles_that_hold_it_back_are_named(void **state)
     problem_free(&p);
 }
 
-/* Sweeps that cannot reach their goal end. */
+/* Sweeps that cannot reach their goal end at the second look. */
 static void hopeless_repairs_end(void **state)
 {
-    static const int most[] = {40, 60}; /* between two steps, at the end */
     problem p = needles(*state, 0.003);
     problem_solve(&p);
-    for (int last = 0; last < 2; last++) {
-        dmk_iteration o = problem_iteration(&p);
-        p.stats.sweeps = 0;
-        bench_ok(p.b, dmk_repair(&o, (const double[]){1e-9, 1e-9}, INFINITY, last));
-        assert_int_equal(p.stats.sweeps, most[last]);
-    }
+    dmk_iteration o = problem_iteration(&p);
+    p.stats.sweeps = 0;
+    bench_ok(p.b, dmk_repair(&o, (const double[]){1e-9, 1e-9}, INFINITY));
+    assert_int_equal(p.stats.sweeps, 40);
     problem_free(&p);
+}
+
+/* Whether a repair ends when a batch has brought the gap down so. */
+static bool ends(int sweeps, double before, double gap)
+{
+    dmk_stats stats = {.cost_lower = 1 - gap};
+    dmk_iteration o = {.stats = &stats};
+    repair r = {.o = &o, .sweeps = sweeps, .patience = 40, .gap = before, .upper = 1};
+    return good_enough(&r, (const double[]){1e-3, 3e-3});
+}
+
+static void batches_foretell_the_next(void **state)
+{
+    (void)state;
+    assert_false(ends(20, 0, 0.5)); /* nothing is known yet */
+    assert_true(ends(40, 0.02, 0.0078) && !ends(40, 0.02, 0.0077));
+    assert_true(ends(100, 0.02, 0.0078) && !ends(100, 0.02, 0.0077));
+    assert_true(ends(20, 0, 0.0009));
+    assert_true(!ends(20, 0, 0.0029) && ends(40, 0.02, 0.0029)); /* of the second goal */
 }
 
 /* The steepest first, of equal ones the lower number, and no more than there are. */
@@ -388,6 +404,7 @@ int main(void)
         cmocka_unit_test(repair_is_the_same_in_the_gpu_shape),
         cmocka_unit_test(triangles_that_hold_it_back_are_named),
         cmocka_unit_test(hopeless_repairs_end),
+        cmocka_unit_test(batches_foretell_the_next),
         cmocka_unit_test(the_steepest_come_first),
     };
     return cmocka_run_group_tests(tests, bench_setup, bench_teardown);

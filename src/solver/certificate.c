@@ -151,7 +151,7 @@ static int look_ahead(dmk_iteration *o, search *s, double goal, bool *large)
     dmk_stats *stats = o->stats;
     const double rest[2] = {(1 - slack) * goal, lenient(goal)};
     DMK_TRY(find_least(o, s));
-    if (stats->cost_lower < (1 - rest[0]) * s->least) DMK_TRY(dmk_repair(o, rest, s->least, true));
+    if (stats->cost_lower < (1 - rest[0]) * s->least) DMK_TRY(dmk_repair(o, rest, s->least));
     *large = stats->cost_lower < (1 - DMK_SETTLED_GAP) * s->least;
     if (*large) stats->gap = 1 - stats->cost_lower / s->least;
 done:
@@ -182,7 +182,7 @@ static int certify(dmk_iteration *o, bool last)
      * enough. */
     const bool hopeful = last || (wanted && o->fu >= (1 - goal) * stats->cost_upper);
     if (hopeful && !ahead && stats->cost_lower < (1 - goal) * stats->cost_upper)
-        DMK_TRY(dmk_repair(o, (const double[2]){goal, lenient(goal)}, stats->cost_upper, last));
+        DMK_TRY(dmk_repair(o, (const double[2]){goal, lenient(goal)}, stats->cost_upper));
     dmk_certify_gap(stats);
     /* Where the iteration goes on, this mu's bound will not be the last. */
     if (last && !(o->goes_on && stats->gap > DMK_SETTLED_GAP)) {
