@@ -58,8 +58,8 @@ static inline dmk_heading dmk_heading_of(double turn)
 }
 
 /* atan2(y, x) to two units in the last place. By the series of the arc tangent around 0, 1 / 2 or 1, whichever is
- * nearest to the smaller coordinate over the larger one: the differences are exact. Whether and which is compared
- * before anything is chosen, as a loop whose branches compute stays scalar. */
+ * nearest to the smaller coordinate over the larger one: the differences are exact. All comparisons come before the
+ * choices, for compilers leave loops scalar whose branches compute. */
 static inline double dmk_angle_of(double x, double y)
 {
     enum { TERMS = 12 };

@@ -26,13 +26,8 @@ static int64_t next_of(const dmk_facet *f, int k)
 
 static double along_of(double p, double rest)
 {
-    uint64_t bits;
     const bool turned = p > 0.5 && rest != 0;
-    const double nearer = turned ? rest : p;
-    memcpy(&bits, &nearer, sizeof bits);
-    bits = (bits & ~UINT64_C(1)) | turned;
-    memcpy(&p, &bits, sizeof bits);
-    return p;
+    return dmk_real_of((dmk_bits_of(turned ? rest : p) & ~UINT64_C(1)) | turned);
 }
 
 static void corner_range(int32_t begin, int32_t end, void *data)
