@@ -1,5 +1,14 @@
 /* Tubes of needles, on which Newton's usual steps come to no end: others do that are solved better. */
+#include "solver/iteration.h"
+
+static int (*newton)(dmk_iteration *, bool, int,
+                     int) = dmk_newton; /* others in scripted attempts */
+static int (*certify)(dmk_iteration *, bool) = dmk_certify;
+#define dmk_newton newton
+#define dmk_certify certify
 #include "../src/solver/attempts.c" /* for its static functions; the library's own are then left out */
+#undef dmk_newton
+#undef dmk_certify
 #include "iterating.h"
 
 #include <string.h>
@@ -254,10 +263,58 @@ static void gaps_decide(void **state)
                      DMK_E_DIVERGED);
 }
 
+static const double *script; /* gaps of settled attempts */
+
+static int settle(dmk_iteration *o, bool from_distance, int effort, int steps)
+{
+    (void)from_distance, (void)effort, (void)steps;
+    o->stats->steps = 1;
+    return DMK_OK;
+}
+
+static int read_script(dmk_iteration *o, bool last)
+{
+    (void)last;
+    o->stats->gap = *script++;
+    return DMK_OK;
+}
+
+/* How many attempts are made with these gaps, the rest of which would do. */
+static int attempts_with(problem *p, const double *gaps)
+{
+    dmk_iteration o = problem_iteration(p);
+    pair first = {0};
+    bench_ok(p->b, keep(&o, false, &first));
+    beginning b = {.first = first, .of = &o};
+    o.restart = begin_again;
+    o.user = &b;
+    script = gaps;
+    newton = settle;
+    certify = read_script;
+    const int rc = dmk_attempts(&o, true);
+    newton = dmk_newton;
+    certify = dmk_certify;
+    bench_ok(p->b, rc);
+    free(b.first.u), free(b.first.mu);
+    return b.n + 1;
+}
+
+/* One that was solved better and has settled at no less of a gap is the last. */
+static void none_follows_in_vain(void **state)
+{
+    problem p = tube(*state, 6, 5, 3);
+    problem_solve(&p);
+    assert_int_equal(attempts_with(&p, (const double[]){0.1, 0.05, 1e-3}), 3);
+    assert_int_equal(attempts_with(&p, (const double[]){0.1, 0.1, 1e-3}), 2);
+    assert_int_equal(attempts_with(&p, (const double[]){1e-3}), 1);
+    problem_free(&p);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(others_follow_what_failed),
                                        cmocka_unit_test(gaps_decide),
+                                       cmocka_unit_test(none_follows_in_vain),
                                        cmocka_unit_test(pairs_come_back),
                                        cmocka_unit_test(attempts_begin_anew),
                                        cmocka_unit_test(bounds_of_attempts_before_stay),

@@ -104,7 +104,8 @@ static inline void dmk_apex(const dmk_geodesics *g, int32_t h, double *x, double
 static inline double dmk_snap(double x, double length)
 {
     const double beside = 1e-12 * length;
-    const bool is_start = x<beside, is_end = x> length - beside;
+    const bool is_start = x < beside;
+    const bool is_end = x > length - beside;
     const double end = is_end ? length : x;
     return is_start ? 0 : end;
 }
@@ -135,6 +136,8 @@ static inline double dmk_meeting_angle(const dmk_image *a, const dmk_image *b, d
 
 /* ---- images.c: DMK_EDGES half-edges at once, or fewer ------------------------------------------------- */
 
+/* Only speed hangs on it: jumps and crossings of 273,000 triangles take the processors 61 ms with 16, 53 with 32 and 52
+ * with 64. */
 enum { DMK_EDGES = 32 };
 
 /* The jumps of n half-edges: by how much the family of each end is too long at the other, in the star's unit. Both are

@@ -19,17 +19,18 @@ static double offset_of(const dmk_geodesics *g, int32_t v)
     return source >= 0 && source < g->n_sources ? g->source[source].offset : 0;
 }
 
-/* Ways straight on from vertices, many at once in plain loops for the processor's vectors. */
+/* Ways straight on from vertices, many at once in plain loops for the processor's vectors. A multiple of two, for both
+ * ends of an edge, and of three, for the corners of a triangle. */
 enum { WAYS = 48 };
 typedef struct ways {
     int n;
-    double turn[WAYS], x[WAYS],
-        y[WAYS];           /* towards (x, y), a unit vector, turned by so much from the way back */
-    double ahead[WAYS];    /* how far, in the star's unit */
-    double straight[WAYS]; /* from the last pseudo-source, in the star's unit */
-    double before[WAYS];   /* from the source to there; infinite where none reaches */
-    double line[WAYS];     /* 1: that is a line, whose front is straight; else 0 */
-    double length[WAYS];   /* the answer: from the source */
+    double x[WAYS], y[WAYS]; /* unit vectors to go along, */
+    double turn[WAYS];       /* whose x axis is turned by so much from the way back */
+    double ahead[WAYS];      /* how far, in the star's unit */
+    double straight[WAYS];   /* from the last pseudo-source, in the star's unit */
+    double before[WAYS];     /* from the source to there; infinite where none reaches */
+    double line[WAYS];       /* 1: that is a line, whose front is straight; else 0 */
+    double length[WAYS];     /* the answer: from the source */
 } ways;
 
 static void add_way(const dmk_geodesics *g, ways *w, int32_t v, double turn, double x, double y,

@@ -183,7 +183,7 @@ static bool good_enough(repair *r, const double goal[2])
     const double gap = 1 - r->o->stats->cost_lower / r->upper, before = r->gap;
     r->gap = gap;
     if (gap <= goal[1]) return gap <= goal[0] || r->sweeps >= r->patience;
-    return before > 0 && gap * gap / before > goal[1];
+    return before != 0 && !(gap * gap / before <= goal[1]);
 }
 
 /* Points on a mesh without small angles are to have the first goal: of 21 on elephant-with-holes three take 40 to 100
