@@ -26,13 +26,17 @@ typedef struct difference {
     int32_t first, end; /* the coarse vertices whose edges are wanted */
     int32_t *row;       /* n_edges: first slot of the edge's entries */
     uint8_t *length;    /* n_edges: their number */
-    entry *entry;       /* MOST * n_edges, of which few are used; increasing for an edge */
+    int32_t n_pieces;   /* that the edges are dealt out in */
+    int32_t *
+        count; /* n_pieces * n_coarse: of a piece's edges, those that are in the bucket of a coarse vertex */
+    entry *entry; /* MOST * n_edges, of which few are used; increasing for an edge */
 } difference;
 
 static void difference_free(difference *d)
 {
     free(d->row);
     free(d->length);
+    free(d->count);
     free(d->entry);
 }
 
@@ -80,22 +84,28 @@ static bool has_wanted(const difference *d, int n, const entry *of)
     return false;
 }
 
-/* A range's edges lie one after another from the slot of its first one on: pages behind the last one
+/* A piece's edges lie one after another from the slot of its first one on: pages behind the last one
  * are never touched. */
-static void difference_range(int32_t begin, int32_t end, void *data)
+static int difference_piece(dmk_context *own, int32_t piece, void *data)
 {
     const difference_job *job = data;
-    int32_t at = MOST * begin;
+    difference *d = job->d;
+    const int32_t begin = dmk_range_begin(d->n_edges, piece, d->n_pieces),
+                  end = dmk_range_begin(d->n_edges, piece + 1, d->n_pieces);
+    int32_t at = MOST * begin, *count = d->count + (size_t)piece * (size_t)job->c->coarse.n;
     entry of[MOST + 1] = {{0, 0}}; /* one more to write a zero into */
+    (void)own;
     for (int32_t e = begin; e < end; e++) {
         int n = subtract_rows(job->c, job->edge[2 * e], job->edge[2 * e + 1], of);
-        if (!has_wanted(job->d, n, of)) n = 0;
-        job->d->row[e] = at;
-        job->d->length[e] = (uint8_t)n;
+        if (!has_wanted(d, n, of)) n = 0;
+        d->row[e] = at;
+        d->length[e] = (uint8_t)n;
         /* All of them, a few instructions; those that are none are overwritten, or not read. */
-        memcpy(job->d->entry + at, of, MOST * sizeof *of);
+        memcpy(d->entry + at, of, MOST * sizeof *of);
+        for (int k = 0; k + 1 < n; k++) count[of[k].coarse] += is_wanted(d, of[k].coarse);
         at += n;
     }
+    return DMK_OK;
 }
 
 static int difference_create(dmk_context *ctx, const dmk_coarsening *c, int32_t n_edges,
@@ -104,10 +114,12 @@ static int difference_create(dmk_context *ctx, const dmk_coarsening *c, int32_t 
     int rc;
     difference_job job = {c, edge, d};
     d->n_edges = n_edges;
+    d->n_pieces = dmk_parallel_threads(ctx);
     DMK_TRY(DMK_NEW_UNSET(ctx, d->row, (size_t)n_edges + 1));
     DMK_TRY(DMK_NEW_UNSET(ctx, d->length, (size_t)n_edges + 1));
     DMK_TRY(DMK_NEW_UNSET(ctx, d->entry, MOST * (size_t)n_edges + 1));
-    dmk_parallel(ctx, n_edges, difference_range, &job);
+    DMK_TRY(DMK_NEW(ctx, d->count, (size_t)d->n_pieces * (size_t)c->coarse.n));
+    rc = dmk_parallel_pieces(ctx, d->n_pieces, difference_piece, &job);
 done:
     return rc;
 }
@@ -137,43 +149,30 @@ static int64_t count_pairs(const difference *d)
     return sum;
 }
 
-/* The edges are dealt out in pieces: where each begins among those of a coarse vertex follows from their counts. */
+/* Where a piece's edges begin among those of a coarse vertex follows from the counts of all pieces. */
 typedef struct filling {
     const difference *d;
     bucket *k;
-    int32_t n_coarse, n_pieces;
-    /* n_pieces * n_coarse: a piece's edges at a coarse vertex, then where its next one goes */
-    int32_t *next;
+    int32_t n_coarse;
+    int32_t *next; /* n_pieces * n_coarse: where the piece's next edge at a coarse vertex goes */
 } filling;
 
-/* Of a piece's edges: count them, or put them where they belong. */
-static void visit_piece(const filling *f, int32_t piece, bool put)
-{
-    const difference *d = f->d;
-    int32_t *next = f->next + (size_t)piece * (size_t)f->n_coarse;
-    const int32_t begin = dmk_range_begin(d->n_edges, piece, f->n_pieces),
-                  end = dmk_range_begin(d->n_edges, piece + 1, f->n_pieces);
-    for (int32_t e = begin; e < end; e++) {
-        for (int32_t p = d->row[e]; p + 1 < d->row[e] + d->length[e]; p++) {
-            if (!is_wanted(d, d->entry[p].coarse)) continue;
-            int32_t *at = next + d->entry[p].coarse;
-            if (put) f->k->edge[*at] = (uint32_t)e * 8 + (uint32_t)(p - d->row[e]);
-            ++*at;
-        }
-    }
-}
-
-static int count_piece(dmk_context *own, int32_t piece, void *data)
-{
-    (void)own;
-    visit_piece(data, piece, false);
-    return DMK_OK;
-}
-
+/* Put a piece's edges where they belong. */
 static int put_piece(dmk_context *own, int32_t piece, void *data)
 {
+    const filling *f = data;
+    const difference *d = f->d;
+    int32_t *next = f->next + (size_t)piece * (size_t)f->n_coarse;
+    const int32_t begin = dmk_range_begin(d->n_edges, piece, d->n_pieces),
+                  end = dmk_range_begin(d->n_edges, piece + 1, d->n_pieces);
     (void)own;
-    visit_piece(data, piece, true);
+    for (int32_t e = begin; e < end; e++) {
+        const entry *of = d->entry + d->row[e];
+        for (int32_t k = 0; k + 1 < d->length[e]; k++) {
+            if (is_wanted(d, of[k].coarse))
+                f->k->edge[next[of[k].coarse]++] = (uint32_t)e * 8 + (uint32_t)k;
+        }
+    }
     return DMK_OK;
 }
 
@@ -191,15 +190,13 @@ static void entry_range(int32_t begin, int32_t end, void *data)
 static int bucket_create(dmk_context *ctx, const difference *d, int32_t n_coarse, bucket *k)
 {
     int rc;
-    filling f = {.d = d, .k = k, .n_coarse = n_coarse, .n_pieces = dmk_parallel_threads(ctx)};
+    filling f = {.d = d, .k = k, .n_coarse = n_coarse, .next = d->count};
     int32_t sum = 0;
     DMK_TRY(DMK_NEW_UNSET(ctx, k->row, (size_t)n_coarse + 1));
     DMK_TRY(DMK_NEW(ctx, k->entry, (size_t)n_coarse + 1));
-    DMK_TRY(DMK_NEW(ctx, f.next, (size_t)f.n_pieces * (size_t)n_coarse));
-    DMK_TRY(dmk_parallel_pieces(ctx, f.n_pieces, count_piece, &f));
     for (int32_t a = 0; a < n_coarse; a++) {
         k->row[a] = sum;
-        for (int32_t piece = 0; piece < f.n_pieces; piece++) {
+        for (int32_t piece = 0; piece < d->n_pieces; piece++) {
             int32_t *next = f.next + (size_t)piece * (size_t)n_coarse + a;
             const int32_t n = *next;
             *next = sum;
@@ -208,11 +205,10 @@ static int bucket_create(dmk_context *ctx, const difference *d, int32_t n_coarse
     }
     k->row[n_coarse] = sum;
     DMK_TRY(DMK_NEW_UNSET(ctx, k->edge, (size_t)sum + 1));
-    DMK_TRY(dmk_parallel_pieces(ctx, f.n_pieces, put_piece, &f));
+    DMK_TRY(dmk_parallel_pieces(ctx, d->n_pieces, put_piece, &f));
     dmk_parallel(ctx, n_coarse, entry_range, &f);
     for (int32_t a = 0; a < n_coarse; a++) k->entry[a + 1] += k->entry[a];
 done:
-    free(f.next);
     return rc;
 }
 
@@ -227,66 +223,90 @@ typedef struct emitter {
     int32_t *begin; /* as many: the edge's first table entry */
 } emitter;
 
-/* Working space of one thread, for each coarse vertex. */
+/* A table entry of an edge (a, b > a). */
 typedef struct meeting {
-    int32_t stamp; /* 1 + the vertex that met this one last, 0 = none */
-    int32_t fill;  /* number, then next free slot, of the entries of that edge */
+    int32_t b, edge;
+    float coef;
 } meeting;
 
-/* The edges of a to slot `at`, and their table rows; returns their number. */
-static int32_t emit_edges(const emitter *m, int32_t a, int32_t at, meeting *met)
+/* Working space of one thread. */
+typedef struct workspace {
+    int32_t *
+        fill; /* n_coarse: number, then next free slot, of the entries of (a, b); 0 between two a */
+    meeting *met; /* of the a at hand */
+} workspace;
+
+/* What the fine edges around a say, in their order, and which b there are. Returns their number. */
+static int32_t meet(const emitter *m, int32_t a, workspace *w, int32_t *other)
 {
     const difference *d = m->d;
-    int32_t *other = m->other + at, n = 0, slots = m->by_end->entry[a];
-    int32_t from = m->by_end->row[a], to = m->by_end->row[a + 1];
-    for (int32_t i = from; i < to; i++) {
-        uint32_t e = m->by_end->edge[i] / 8, slot = m->by_end->edge[i] % 8;
-        const int32_t end = d->row[e] + d->length[e];
-        for (int32_t p = d->row[e] + (int32_t)slot + 1; p < end; p++) {
-            meeting *with = met + d->entry[p].coarse;
-            if (with->stamp != a + 1) {
-                *with = (meeting){a + 1, 0};
-                other[n++] = d->entry[p].coarse;
-            }
-            with->fill++;
-        }
-    }
-    dmk_sort(n, other);
-    for (int32_t i = 0; i < n; i++) {
-        const int32_t entries = met[other[i]].fill;
-        m->begin[at + i] = met[other[i]].fill = slots;
-        slots += entries;
-    }
-    for (int32_t i = from; i < to; i++) {
-        uint32_t e = m->by_end->edge[i] / 8, slot = m->by_end->edge[i] % 8;
-        int32_t p = d->row[e] + (int32_t)slot;
-        const int32_t end = d->row[e] + d->length[e];
-        const float da = d->entry[p].value;
-        for (p++; p < end; p++) {
-            const int32_t to_entry = met[d->entry[p].coarse].fill++;
-            m->c->galerkin_edge[to_entry] = (int32_t)e;
-            m->c->galerkin_coef[to_entry] = -da * d->entry[p].value;
+    int32_t n = 0;
+    meeting *met = w->met;
+    for (int32_t i = m->by_end->row[a]; i < m->by_end->row[a + 1]; i++) {
+        const uint32_t e = m->by_end->edge[i] / 8, slot = m->by_end->edge[i] % 8;
+        const entry *of = d->entry + d->row[e];
+        const float da = of[slot].value;
+        for (uint32_t p = slot + 1; p < d->length[e]; p++) {
+            const int32_t b = of[p].coarse;
+            *met++ = (meeting){b, (int32_t)e, -da * of[p].value};
+            other[n] = b;
+            n += w->fill[b]++ == 0;
         }
     }
     return n;
+}
+
+/* The edges of a to slot `at`, and their table rows; returns their number. */
+static int32_t emit_edges(const emitter *m, int32_t a, int32_t at, workspace *w)
+{
+    int32_t *other = m->other + at, slots = m->by_end->entry[a];
+    const int32_t n_met = m->by_end->entry[a + 1] - slots, n = meet(m, a, w, other);
+    dmk_sort(n, other);
+    for (int32_t i = 0; i < n; i++) {
+        const int32_t entries = w->fill[other[i]];
+        m->begin[at + i] = w->fill[other[i]] = slots;
+        slots += entries;
+    }
+    for (int32_t i = 0; i < n_met; i++) {
+        const int32_t to = w->fill[w->met[i].b]++;
+        m->c->galerkin_edge[to] = w->met[i].edge;
+        m->c->galerkin_coef[to] = w->met[i].coef;
+    }
+    for (int32_t i = 0; i < n; i++) w->fill[other[i]] = 0;
+    return n;
+}
+
+/* Room for the entries of each a of a range. */
+static int workspace_create(dmk_context *own, const emitter *m, int32_t begin, int32_t end,
+                            workspace *w)
+{
+    int rc;
+    int32_t most = 0;
+    const int32_t *before = m->by_end->entry;
+    for (int32_t a = begin; a < end; a++) most = dmk_max_i(most, before[a + 1] - before[a]);
+    DMK_TRY(DMK_NEW(own, w->fill, (size_t)m->c->coarse.n));
+    DMK_TRY(DMK_NEW_UNSET(own, w->met, (size_t)most + 1));
+done:
+    return rc;
 }
 
 static int emit_range(dmk_context *own, int32_t begin, int32_t end, void *data)
 {
     int rc;
     const emitter *m = data;
-    meeting *met = NULL;
+    workspace w = {0};
     begin += m->d->first;
     end += m->d->first;
     int32_t at = m->by_end->entry[begin]; /* there are no more edges than entries */
-    DMK_TRY(DMK_NEW(own, met, (size_t)m->c->coarse.n));
+    DMK_TRY(workspace_create(own, m, begin, end, &w));
     for (int32_t a = begin; a < end; a++) {
         m->first[a] = at;
-        m->count[a] = emit_edges(m, a, at, met);
+        m->count[a] = emit_edges(m, a, at, &w);
         at += m->count[a];
     }
 done:
-    free(met);
+    free(w.fill);
+    free(w.met);
     return rc;
 }
 
