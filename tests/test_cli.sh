@@ -279,7 +279,7 @@ check 'the summary has no colours in a pipe' test -z "$(tr -cd '\033' < "$work/s
 report=$work/run/e.json
 check 'the report is JSON' is_json "$report"
 for key in mesh n_vertices n_triangles n_edges euler area device precision steps cg_iterations \
-    v_cycles cost_upper cost_lower gap seconds read device setup start solve certify locus write \
+    v_cycles cost_upper cost_lower gap seconds read device setup distance start solve certify locus write \
     total peak_memory length loops components endpoints branch_points; do
     check "the report has $key" has "$report" "^ *\"$key\": [^n]"
 done

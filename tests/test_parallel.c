@@ -340,6 +340,79 @@ static void test_who_waits_for_a_task_helps(void **state)
     record_free(r);
 }
 
+static int64_t processor_time(clockid_t clock)
+{
+    struct timespec t;
+    assert_int_equal(clock_gettime(clock, &t), 0);
+    return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
+}
+
+enum { BURNT = 10000000 }; /* nanoseconds */
+
+/* So much of this thread's time. */
+static void burn(int32_t k, void *data)
+{
+    const int64_t end = processor_time(CLOCK_THREAD_CPUTIME_ID) + BURNT;
+    (void)k;
+    (void)data;
+    while (processor_time(CLOCK_THREAD_CPUTIME_ID) < end) continue;
+}
+
+static int burn_piece(dmk_context *own, int32_t k, void *data)
+{
+    (void)own;
+    burn(k, data);
+    return DMK_OK;
+}
+
+static int burn_twice(dmk_context *own, int32_t k, void *data)
+{
+    (void)k;
+    return dmk_parallel_pieces(own, 2, burn_piece, data);
+}
+
+typedef struct fire {
+    dmk_meter outer, inner;
+} fire;
+
+static int burn_once(dmk_context *own, void *data)
+{
+    (void)own;
+    burn(0, data);
+    return DMK_OK;
+}
+
+static int burn_task(dmk_context *own, void *data)
+{
+    fire *f = data;
+    return dmk_metered(own, &f->inner, burn_once, f);
+}
+
+/* Four pieces of two each, and beside them a task with a meter of its own. */
+static int burn_all(dmk_context *own, void *data)
+{
+    dmk_task task;
+    dmk_task_begin(own, &task, burn_task, data);
+    return dmk_task_end(own, &task, dmk_parallel_pieces(own, 4, burn_twice, data));
+}
+
+static void test_meters_count_what_is_theirs(void **state)
+{
+    (void)state;
+    for (int threads = 1; threads <= 3; threads++) {
+        fire f = {.outer = {0}};
+        record *r = record_create(threads);
+        const int64_t before = processor_time(CLOCK_PROCESS_CPUTIME_ID);
+        assert_int_equal(dmk_metered(r->ctx, &f.outer, burn_all, &f), DMK_OK);
+        burn(0, NULL); /* is nobody's */
+        const int64_t all = processor_time(CLOCK_PROCESS_CPUTIME_ID) - before;
+        assert_true(f.outer.nanoseconds >= 8 * BURNT && f.inner.nanoseconds >= BURNT);
+        assert_true(f.outer.nanoseconds + f.inner.nanoseconds <= all - BURNT);
+        assert_null(r->ctx->meter);
+        record_free(r);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -354,6 +427,7 @@ int main(void)
         cmocka_unit_test(test_crews_do_without),
         cmocka_unit_test(test_crews_share),
         cmocka_unit_test(test_who_waits_for_a_task_helps),
+        cmocka_unit_test(test_meters_count_what_is_theirs),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

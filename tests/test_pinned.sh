@@ -12,7 +12,7 @@ number = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*(?:e[-+]?\d+)?|\.\d+)(?![\w.])"
 stages = "read|device|setup|start|solve|certify|locus|write|total|distance|path|cut|order|seconds|peak_memory"
 masks = [(rf'"({stages})": [-+.0-9e]+', r'"\1": T'), (r'"(platform|driver|dmkcl)": ".*?"', r'"\1": "D"'),
          (r'"name": "(?!ellipsoid|sphere).*?"', '"name": "D"'), (r'"compute_units": \d+', '"compute_units": N'),
-         (r"^device .*", "device D"), (r"^time .*", "time T"), (r"^ +(locus|write) .*memory .*", "T"), (r"\b[.0-9]+ m?s\b", "T s")]
+         (r"^device .*", "device D"), (r"^time .*", "time T"), (r"^ +(certify|locus|write) .*memory .*", "T"), (r"\b[.0-9]+ m?s\b", "T s")]
 
 def masked(text):
     lines = text.replace(work, "WORK").split("\n")

@@ -51,10 +51,10 @@ def costs():
     assert 0 < r["change"] < 1 and r["precision"] in ("double", "single")
 def times():
     assert s["read"] >= 0.4, s          # the pipe
-    for stage in ("setup", "start", "solve", "certify", "locus", "write"):
+    for stage in ("setup", "distance", "start", "solve", "certify", "locus", "write"):
         assert 0 < s[stage] < s["total"], (stage, s)
     assert s["total"] >= max(s["read"], s["device"]) and s["setup"] != s["read"] != s["device"]
-    parts = s["setup"] + s["start"] + s["solve"] + s["certify"] + s["locus"] + s["write"]
+    parts = s["setup"] + s["distance"] + s["start"] + s["solve"] + s["certify"] + s["locus"] + s["write"]
     assert parts <= s["total"] - s["read"] + 1e-3, s      # they follow the reading
     assert max(s["read"], s["device"]) + parts >= 0.5 * s["total"], s
 def summary():
@@ -69,7 +69,7 @@ def summary():
                  f"wrote {work}/r.json: report"):
         assert part in text, (part, text)
     times = dict(re.findall(r"(\w+) ([.0-9]+)[,;]", text[text.index("s: read"):]))
-    for stage in ("read", "device", "setup", "start", "solve", "certify", "locus", "write"):
+    for stage in ("read", "device", "setup", "distance", "start", "solve", "certify", "locus", "write"):
         assert abs(float(times[stage]) - s[stage]) < 0.00501, (stage, times, s)
     assert abs(float(re.search(r"time ([.0-9]+) s", text).group(1)) - s["total"]) < 0.05 + 0.2 * s["total"], (text, s)
 def memory():

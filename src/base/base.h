@@ -12,13 +12,14 @@ struct dmk_context {
     char message[1024];
     dmk_progress_fn progress;
     void *progress_user;
-    const char *stage;     /* that dmk_poll reports, or NULL */
-    double began, polled;  /* seconds: when the stage began, when it was last reported */
-    double poll_every;     /* seconds */
-    int threads;           /* 0: one for each processor; see parallel.h */
-    struct dmk_pool *pool; /* NULL until it is needed */
-    bool borrows_pool;     /* the pool is another context's */
-    const char *format;    /* of files whose name has no suffix: a name in the table, or NULL */
+    const char *stage;       /* that dmk_poll reports, or NULL */
+    double began, polled;    /* seconds: when the stage began, when it was last reported */
+    double poll_every;       /* seconds */
+    int threads;             /* 0: one for each processor; see parallel.h */
+    struct dmk_pool *pool;   /* NULL until it is needed */
+    bool borrows_pool;       /* the pool is another context's */
+    struct dmk_meter *meter; /* that counts the time of what the context posts, or NULL */
+    const char *format;      /* of files whose name has no suffix: a name in the table, or NULL */
 };
 
 /* Put a message in the record, unless that is NULL, and return `status`; the printf-like text says what

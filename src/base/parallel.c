@@ -24,6 +24,7 @@ static void run(dmk_context *ctx, dmk_job *job)
         for (int32_t k = 0; k < job->n_parts; k++) job->part(k, job->data);
         return;
     }
+    job->meter = ctx->meter;
     dmk_pool_post(pool, job);
     dmk_pool_finish(pool, job);
 }
@@ -212,7 +213,8 @@ static void begin(dmk_context *ctx, dmk_task *task, int (*work)(dmk_context *own
 {
     *task = (dmk_task){.work = work, .data = data, .pool = dmk_pool_of(ctx)};
     dmk_context_lend(ctx, &task->own);
-    task->job = (dmk_job){.part = run_task, .data = task, .n_parts = 1, .stays = stays};
+    task->job = (dmk_job){
+        .part = run_task, .data = task, .n_parts = 1, .meter = ctx->meter, .stays = stays};
     if (task->pool) dmk_pool_post(task->pool, &task->job);
 }
 

@@ -5,6 +5,7 @@
 #include <pthread.h>
 #include <sched.h>
 #include <stdlib.h>
+#include <time.h>
 #include <unistd.h>
 
 enum { MOST_THREADS = 256 };
@@ -30,13 +31,48 @@ static void unlist(struct dmk_pool *pool, const dmk_job *job)
     }
 }
 
+/* What this thread's time counts for, and from when on. */
+static _Thread_local dmk_meter *counted_by;
+static _Thread_local int64_t counted_from;
+
+static int64_t thread_nanoseconds(void)
+{
+    struct timespec t = {0};
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+    return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
+}
+
+/* From here on this thread's time counts for `meter`, or for none. Returns the one before. */
+static dmk_meter *count_for(dmk_meter *meter)
+{
+    dmk_meter *before = counted_by;
+    if (meter == before) return before;
+    const int64_t now = thread_nanoseconds();
+    if (before) before->nanoseconds += now - counted_from;
+    counted_by = meter;
+    counted_from = now;
+    return before;
+}
+
+int dmk_metered(dmk_context *ctx, dmk_meter *meter, int (*work)(dmk_context *, void *), void *data)
+{
+    dmk_meter *outer = ctx->meter, *before = count_for(meter);
+    ctx->meter = meter;
+    const int rc = work(ctx, data);
+    ctx->meter = outer;
+    count_for(before);
+    return rc;
+}
+
 /* Do one part of a job that has one left. The lock is held before and after, not meanwhile. */
 static void do_part(struct dmk_pool *pool, dmk_job *job)
 {
     int32_t k = job->next++;
     if (job->next == job->n_parts) unlist(pool, job);
     pthread_mutex_unlock(&pool->lock);
+    dmk_meter *before = count_for(job->meter);
     job->part(k, job->data);
+    count_for(before);
     pthread_mutex_lock(&pool->lock);
     if (++job->done == job->n_parts) pthread_cond_broadcast(&pool->progress);
 }
@@ -96,8 +132,10 @@ struct dmk_pool *dmk_pool_of(dmk_context *context)
 
 void dmk_context_lend(dmk_context *context, dmk_context *own)
 {
-    *own = (dmk_context){
-        .threads = context->threads, .pool = dmk_pool_of(context), .borrows_pool = true};
+    *own = (dmk_context){.threads = context->threads,
+                         .pool = dmk_pool_of(context),
+                         .borrows_pool = true,
+                         .meter = context->meter};
 }
 
 void dmk_pool_post(struct dmk_pool *pool, dmk_job *job)

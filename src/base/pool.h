@@ -4,12 +4,18 @@
 
 #include "base/base.h"
 
+/* The processors' time of one piece of work among others on the same threads. */
+typedef struct dmk_meter {
+    _Atomic int64_t nanoseconds;
+} dmk_meter;
+
 /* `n_parts` calls of part(k, data), k = 0 .. n_parts - 1, each once and by whoever comes first. It lies
  * with who posted it, who waits for its end. */
 typedef struct dmk_job {
     void (*part)(int32_t k, void *data);
     void *data;
     int32_t n_parts, next, done; /* next: the first that nobody has taken */
+    dmk_meter *meter;            /* of the context that posts it */
     bool stays;                  /* as long as others work: who helps leaves it */
     struct dmk_job *later;       /* in the pool's list */
 } dmk_job;
@@ -21,6 +27,9 @@ struct dmk_pool *dmk_pool_of(dmk_context *context);
 /* Make `own` a context for work on another thread within a call on `context`: it shares the pool, says
  * nothing of progress, and need not be destroyed. */
 void dmk_context_lend(dmk_context *context, dmk_context *own);
+/* work(context, data) by the meter's count, on this thread and, of the jobs it posts, on others. */
+int dmk_metered(dmk_context *context, dmk_meter *meter,
+                int (*work)(dmk_context *context, void *data), void *data);
 /* Offer the job to the pool's threads. */
 void dmk_pool_post(struct dmk_pool *pool, dmk_job *job);
 /* Do what nobody has taken of the job, and wait for the rest. */

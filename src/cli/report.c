@@ -55,6 +55,7 @@ static void write_seconds(cli_json *json, const solve_times *seconds, const dmk_
     json_number(json, "read", seconds->read);
     json_number(json, "device", seconds->device);
     json_number(json, "setup", seconds->setup);
+    json_number(json, "distance", stats->seconds[DMK_STAGE_DISTANCE]);
     json_number(json, "start", stats->seconds[DMK_STAGE_START]);
     json_number(json, "solve", stats->seconds[DMK_STAGE_SOLVE]);
     json_number(json, "certify", stats->seconds[DMK_STAGE_CERTIFY]);
@@ -357,13 +358,13 @@ static void print_time(const solve_times *seconds, const dmk_stats *stats)
 {
     char memory[CLI_TEXT_SIZE];
     print_label("time");
-    printf("%.2f s: read %.2f, device %.2f, setup %.2f, start %.2f, solve %.2f, certify %.2f,\n",
+    printf("%.2f s: read %.2f, device %.2f, setup %.2f, distance %.2f, start %.2f, solve %.2f,\n",
            seconds->total, seconds->read, seconds->device, seconds->setup,
-           stats->seconds[DMK_STAGE_START], stats->seconds[DMK_STAGE_SOLVE],
-           stats->seconds[DMK_STAGE_CERTIFY]);
+           stats->seconds[DMK_STAGE_DISTANCE], stats->seconds[DMK_STAGE_START],
+           stats->seconds[DMK_STAGE_SOLVE]);
     print_label("");
-    printf("locus %.2f, write %.2f; memory %s\n", seconds->locus, seconds->write,
-           cli_bytes(cli_peak_memory(), memory));
+    printf("certify %.2f, locus %.2f, write %.2f; memory %s\n", stats->seconds[DMK_STAGE_CERTIFY],
+           seconds->locus, seconds->write, cli_bytes(cli_peak_memory(), memory));
 }
 
 static void print_files(const solve_request *request)

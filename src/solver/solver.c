@@ -216,6 +216,7 @@ typedef struct start {
     double *mid;              /* n_edges: distance at the midpoints */
     double *mu; /* padded: the density that belongs to the distance, in the mesh's units */
     double integral, integral_error;
+    dmk_meter distance, packing; /* of what set-up does at once */
 } start;
 
 static void free_start(start *near)
@@ -458,9 +459,16 @@ done:
     return rc;
 }
 
+static int pack_for(dmk_context *ctx, void *data)
+{
+    start *near = data;
+    return pack_beside(ctx, near->solver, near);
+}
+
 static int pack(dmk_context *ctx, void *data)
 {
-    return dmk_solver_pack(ctx, data);
+    start *near = data;
+    return dmk_metered(ctx, &near->packing, pack_for, near);
 }
 
 /* The distance, and the system of the ordered mesh, if it is not there. What of either keeps one thread busy only, and
@@ -469,8 +477,8 @@ static int set_up_alone(dmk_context *ctx, dmk_solver *s, start *near)
 {
     dmk_task task = {0};
     int rc = DMK_OK;
-    if (!s->system) dmk_task_begin(ctx, &task, pack, s);
-    if (near->own) rc = measure(ctx, near);
+    if (!s->system) dmk_task_begin(ctx, &task, pack, near);
+    if (near->own) rc = dmk_metered(ctx, &near->distance, measure, near);
     return dmk_task_end(ctx, &task, rc);
 }
 
@@ -493,8 +501,8 @@ static int set_up(dmk_context *ctx, dmk_solver *s, start *near)
     }
     if (s->ranks.size <= 1) return set_up_alone(ctx, s, near);
     if (!near->own) return s->system ? DMK_OK : pack_lean(ctx, s, near->source);
-    DMK_TRY(measure(ctx, near));
-    rc = s->system ? tell_distance(ctx, near, s->system) : pack_beside(ctx, s, near);
+    DMK_TRY(dmk_metered(ctx, &near->distance, measure, near));
+    rc = s->system ? tell_distance(ctx, near, s->system) : pack(ctx, near);
 done:
     return rc;
 }
@@ -588,18 +596,28 @@ done:
     return rc;
 }
 
-/* System, u and mu, ready for the first step; the seconds go to set-up and start. */
+/* Of the time in which the distance and a new system are made at once, the distance's. */
+static double share_of_distance(const start *near)
+{
+    const double distance = (double)near->distance.nanoseconds;
+    return distance > 0 ? distance / (distance + (double)near->packing.nanoseconds) : 0;
+}
+
+/* System, u and mu, ready for the first step; the seconds go to set-up, distance and start. */
 static int prepare(dmk_context *ctx, dmk_solver *s, start *near, bool newton, double began,
                    double seconds[])
 {
     int rc;
-    bool fresh = !s->system;
+    const bool is_fresh = !s->system;
     DMK_TRY(set_up(ctx, s, near));
-    if (fresh) seconds[DMK_STAGE_SETUP] = dmk_seconds() - began;
+    const double both = dmk_seconds() - began;
+    seconds[DMK_STAGE_DISTANCE] = both * (is_fresh ? share_of_distance(near) : near->own ? 1 : 0);
+    if (is_fresh) seconds[DMK_STAGE_SETUP] = both - seconds[DMK_STAGE_DISTANCE];
     DMK_TRY(dmk_poll(ctx));
     if (s->system->without_T && newton) near->from = DMK_START_UNIFORM;
     DMK_TRY(set_start(ctx, s, near));
-    seconds[DMK_STAGE_START] = dmk_seconds() - began - seconds[DMK_STAGE_SETUP];
+    seconds[DMK_STAGE_START] =
+        dmk_seconds() - began - seconds[DMK_STAGE_SETUP] - seconds[DMK_STAGE_DISTANCE];
     rc = dmk_poll(ctx);
 done:
     return rc;

@@ -258,6 +258,7 @@ def copy_struct(struct: Any) -> "dict[str, Any]":
 
 STAGES = {
     "setup": lib.DMK_STAGE_SETUP,
+    "distance": lib.DMK_STAGE_DISTANCE,
     "start": lib.DMK_STAGE_START,
     "solve": lib.DMK_STAGE_SOLVE,
     "certify": lib.DMK_STAGE_CERTIFY,

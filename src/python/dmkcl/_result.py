@@ -225,8 +225,8 @@ class Result:
     @cached_property
     def stats(self) -> "dict[str, Any]":
         """steps, cg_iterations, v_cycles, change, cost_upper, cost_lower, cost_exact, cost_exact_error,
-        gap, sweeps, n_steep, steep, area, levels, double_precision, and seconds of setup, start, solve
-        and certify: see dmk_stats."""
+        gap, sweeps, n_steep, steep, area, levels, double_precision, and seconds of setup, distance,
+        start, solve and certify: see dmk_stats."""
         return named_seconds(self._fields)
 
     @cached_property
