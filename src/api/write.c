@@ -2,7 +2,8 @@
 #include "geodesic/geodesic.h"
 #include "io/io.h"
 
-#include <math.h>
+#include "base/vec3.h"
+
 #include <stdlib.h>
 
 int dmk_result_write(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *result,
@@ -92,8 +93,7 @@ static int fill_path(dmk_context *ctx, const dmk_mesh *mesh, const dmk_path *pat
         int rc = dmk_mesh_point_xyz(ctx, mesh, &v->place, v->xyz);
         if (rc != DMK_OK) return rc;
         if (i == 0) continue;
-        const double *a = v[-1].xyz, *b = v->xyz;
-        v->distance = v[-1].distance + hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]);
+        v->distance = v[-1].distance + dmk_distance(v[-1].xyz, v->xyz);
         edge[i - 1].vertex[0] = (int32_t)i - 1;
         edge[i - 1].vertex[1] = (int32_t)i;
     }

@@ -7,6 +7,7 @@
 #include "geodesic/front.h"
 
 #include "base/parallel.h"
+#include "base/vec3.h"
 
 #include <math.h>
 #include <stdatomic.h>
@@ -486,7 +487,7 @@ static int append(trail *l, dmk_point p)
     int rc = dmk_mesh_point_xyz(l->ctx, l->mesh, &p, x);
     if (rc != DMK_OK) return rc;
     if (path->n > 0) {
-        double piece = hypot(hypot(x[0] - l->last[0], x[1] - l->last[1]), x[2] - l->last[2]);
+        double piece = dmk_distance(x, l->last);
         path->length += piece;
         if (path->n > 1 && piece <= l->near) path->n--;
     }

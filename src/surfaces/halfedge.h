@@ -22,6 +22,18 @@ int dmk_halfedge_create(dmk_context *context, int32_t n_vertices, const double *
                         dmk_halfedge *mesh);
 void dmk_halfedge_free(dmk_halfedge *mesh);
 
+/* Where vertex v is. */
+static inline const double *dmk_point_of(const dmk_halfedge *m, int32_t v)
+{
+    return m->xyz + 3 * (size_t)v;
+}
+
+/* Where the vertex at corner c is. */
+static inline const double *dmk_point_at(const dmk_halfedge *m, int32_t c)
+{
+    return dmk_point_of(m, m->triangle[c]);
+}
+
 /* The next corner of the same vertex, counterclockwise. */
 static inline int32_t dmk_next_corner(const dmk_halfedge *m, int32_t c)
 {

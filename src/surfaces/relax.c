@@ -21,17 +21,6 @@ static const int max_flip_passes = 20;
 
 /* ---- geometry -------------------------------------------------------------------------------- */
 
-static const double *point(const dmk_halfedge *m, int32_t v)
-{
-    return m->xyz + 3 * (size_t)v;
-}
-
-/* Where the vertex at corner c is. */
-static const double *at(const dmk_halfedge *m, int32_t c)
-{
-    return point(m, m->triangle[c]);
-}
-
 /* (b - a) x (c - a): along the normal, of length twice the area. */
 static void area_vector(const double a[3], const double b[3], const double c[3], double n[3])
 {
@@ -100,7 +89,8 @@ static quad quad_of(const dmk_halfedge *m, int32_t h)
  * and fro. */
 static bool wants_delaunay(const dmk_halfedge *m, quad q)
 {
-    const double *a = point(m, q.a), *b = point(m, q.b), *c = point(m, q.c), *d = point(m, q.d);
+    const double *a = dmk_point_of(m, q.a), *b = dmk_point_of(m, q.b), *c = dmk_point_of(m, q.c),
+                 *d = dmk_point_of(m, q.d);
     return cotangent(a, b, d) + cotangent(c, d, b) < -1e-9;
 }
 
@@ -114,7 +104,8 @@ static bool wants_degrees(const dmk_halfedge *m, quad q)
 static bool may_flip(const dmk_relaxer *r, quad q)
 {
     const dmk_halfedge *m = r->mesh;
-    const double *a = point(m, q.a), *b = point(m, q.b), *c = point(m, q.c), *d = point(m, q.d);
+    const double *a = dmk_point_of(m, q.a), *b = dmk_point_of(m, q.b), *c = dmk_point_of(m, q.c),
+                 *d = dmk_point_of(m, q.d);
     double then = fmin(dmk_relax_facing(&r->body, a, b, c), dmk_relax_facing(&r->body, c, d, a));
     if (then < min_facing &&
         then <= fmin(dmk_relax_facing(&r->body, a, b, d), dmk_relax_facing(&r->body, c, d, b))) {
@@ -146,7 +137,8 @@ static void mend_triangles(const dmk_relaxer *r)
     dmk_halfedge *m = r->mesh;
     for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
         int32_t c = h / 3 * 3;
-        if (dmk_relax_facing(&r->body, at(m, c), at(m, c + 1), at(m, c + 2)) >= min_facing) {
+        if (dmk_relax_facing(&r->body, dmk_point_at(m, c), dmk_point_at(m, c + 1),
+                             dmk_point_at(m, c + 2)) >= min_facing) {
             h = c + 2; /* on to the next triangle */
         } else if (may_flip(r, quad_of(m, h))) {
             dmk_halfedge_flip(m, h);
@@ -164,7 +156,8 @@ static double star_score(const dmk_relaxer *r, int32_t v, const double x[3])
     int32_t c = m->corner[v];
     do {
         int32_t next = dmk_next(c);
-        worst = fmin(worst, score(&r->body, x, at(m, next), at(m, dmk_next(next))));
+        worst =
+            fmin(worst, score(&r->body, x, dmk_point_at(m, next), dmk_point_at(m, dmk_next(next))));
         c = dmk_next_corner(m, c);
     } while (c != m->corner[v]);
     return worst;
@@ -177,13 +170,13 @@ static void pull(const dmk_relaxer *r, int32_t v, double x[3])
     double force[3] = {0, 0, 0}, n = 0, d[3];
     int32_t c = m->corner[v];
     do {
-        dmk_subtract(at(m, dmk_next(c)), point(m, v), d);
+        dmk_subtract(dmk_point_at(m, dmk_next(c)), dmk_point_of(m, v), d);
         double length = sqrt(dmk_dot(d, d));
         for (int k = 0; k < 3 && length > 0; k++) force[k] += (length - r->rest) / length * d[k];
         n++;
         c = dmk_next_corner(m, c);
     } while (c != m->corner[v]);
-    for (int k = 0; k < 3; k++) x[k] = point(m, v)[k] + force[k] / n;
+    for (int k = 0; k < 3; k++) x[k] = dmk_point_of(m, v)[k] + force[k] / n;
 }
 
 static void move_vertices(const dmk_relaxer *r)
@@ -194,7 +187,7 @@ static void move_vertices(const dmk_relaxer *r)
         pull(r, v, x);
         if (!dmk_body_lift(&r->body, x)) continue;
         double then = star_score(r, v, x);
-        if (then > free_quality || then > star_score(r, v, point(r->mesh, v))) {
+        if (then > free_quality || then > star_score(r, v, dmk_point_of(r->mesh, v))) {
             memcpy(r->mesh->xyz + 3 * (size_t)v, x, sizeof x);
         }
     }
@@ -205,7 +198,8 @@ static double mean_side(const dmk_halfedge *m)
 {
     double sum = 0;
     for (int32_t c = 0; c < 3 * m->n_triangles; c += 3) {
-        sum += 0.5 * double_area(at(m, c), at(m, c + 1), at(m, c + 2));
+        sum +=
+            0.5 * double_area(dmk_point_at(m, c), dmk_point_at(m, c + 1), dmk_point_at(m, c + 2));
     }
     return sqrt(4.0 / sqrt(3.0) * sum / m->n_triangles);
 }

@@ -23,17 +23,6 @@ static const double split_spread = 0.4;
 static const double round_above = 0.3, squeeze_by = 0.5;
 static const int grow_sweeps = 4, squeeze_sweeps = 10, final_sweeps = 60;
 
-static const double *point(const dmk_halfedge *m, int32_t v)
-{
-    return m->xyz + 3 * (size_t)v;
-}
-
-/* Where the vertex at corner c is. */
-static const double *at(const dmk_halfedge *m, int32_t c)
-{
-    return point(m, m->triangle[c]);
-}
-
 /* ---- growth ---------------------------------------------------------------------------------- */
 
 typedef struct ranked {
@@ -54,7 +43,8 @@ static int32_t rank_edges(const dmk_halfedge *m, ranked *edges)
     for (int32_t h = 0; h < 3 * m->n_triangles; h++) {
         int32_t g = m->twin[h];
         if (h > g) continue;
-        edges[n++] = (ranked){dmk_distance_squared(at(m, dmk_next(h)), at(m, dmk_next(g))), h};
+        edges[n++] = (ranked){
+            dmk_distance_squared(dmk_point_at(m, dmk_next(h)), dmk_point_at(m, dmk_next(g))), h};
     }
     qsort(edges, (size_t)n, sizeof *edges, longest_first);
     return n;
@@ -80,7 +70,7 @@ static double throw_dice(splitter *s)
 static void split_edge(splitter *s, int32_t h)
 {
     dmk_halfedge *m = s->mesh;
-    const double *from = at(m, dmk_next(h)), *to = at(m, dmk_next(m->twin[h]));
+    const double *from = dmk_point_at(m, dmk_next(h)), *to = dmk_point_at(m, dmk_next(m->twin[h]));
     double x[3], part = 0.5 + split_spread * (throw_dice(s) - 0.5);
     for (int k = 0; k < 3; k++) x[k] = from[k] + part * (to[k] - from[k]);
     dmk_body_lift(s->body, x);
@@ -128,8 +118,8 @@ static int32_t snap_source(dmk_halfedge *m, const double source[3])
 {
     int32_t nearest = 0;
     for (int32_t v = 1; v < m->n_vertices; v++) {
-        if (dmk_distance_squared(point(m, v), source) <
-            dmk_distance_squared(point(m, nearest), source)) {
+        if (dmk_distance_squared(dmk_point_of(m, v), source) <
+            dmk_distance_squared(dmk_point_of(m, nearest), source)) {
             nearest = v;
         }
     }
@@ -141,7 +131,8 @@ static int check_triangles(const dmk_relaxer *r)
 {
     const dmk_halfedge *m = r->mesh;
     for (int32_t c = 0; c < 3 * m->n_triangles; c += 3) {
-        const double *x = at(m, c), *y = at(m, c + 1), *z = at(m, c + 2);
+        const double *x = dmk_point_at(m, c), *y = dmk_point_at(m, c + 1),
+                     *z = dmk_point_at(m, c + 2);
         bool turned = dmk_relax_facing(&r->body, x, y, z) <= 0;
         if (!turned && dmk_relax_quality(x, y, z) >= least_quality) continue;
         return dmk_fail(
