@@ -3,6 +3,8 @@
  * the Galerkin product (galerkin.c). */
 #include "levels/coarsen.h"
 
+#include "base/parallel.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -81,33 +83,81 @@ done:
     return rc;
 }
 
+/* The adjacency of cells, made in pieces: cells one after another. */
+typedef struct joining {
+    const dmk_adjacency *fine;
+    const dmk_cells *cells;
+    dmk_adjacency *g;
+    int32_t n_pieces;
+    int32_t **to; /* n_pieces: neighbours of a piece's cells */
+} joining;
+
+static int32_t first_of(const joining *j, int32_t piece)
+{
+    return dmk_range_begin(j->cells->n, piece, j->n_pieces);
+}
+
+/* The neighbours of cell a, increasing. Returns their number. stamp: for each cell, a + 1 where it is one. */
+static int32_t list_neighbours(const joining *j, int32_t a, int32_t *stamp, int32_t *to)
+{
+    const dmk_adjacency *fine = j->fine;
+    int32_t n = 0;
+    for (int32_t m = j->cells->row[a]; m < j->cells->row[a + 1]; m++) {
+        const int32_t v = j->cells->member[m];
+        for (int32_t i = fine->row[v]; i < fine->row[v + 1]; i++) {
+            const int32_t b = j->cells->owner[fine->to[i]];
+            if (b == a || stamp[b] == a + 1) continue;
+            stamp[b] = a + 1;
+            to[n++] = b;
+        }
+    }
+    dmk_sort(n, to);
+    return n;
+}
+
+/* Of a piece's cells, the neighbours, and their numbers in g->row[cell + 1]. */
+static int join_piece(dmk_context *own, int32_t piece, void *data)
+{
+    int rc;
+    const joining *j = data;
+    const int32_t begin = first_of(j, piece), end = first_of(j, piece + 1);
+    int32_t *stamp = NULL, n = 0;
+    size_t most = 1;
+    for (int32_t m = j->cells->row[begin]; m < j->cells->row[end]; m++) {
+        const int32_t *row = j->fine->row + j->cells->member[m];
+        most += (size_t)(row[1] - row[0]);
+    }
+    DMK_TRY(DMK_NEW(own, stamp, (size_t)j->cells->n));
+    DMK_TRY(DMK_NEW_UNSET(own, j->to[piece], most));
+    for (int32_t a = begin; a < end; a++) {
+        const int32_t found = list_neighbours(j, a, stamp, j->to[piece] + n);
+        j->g->row[a + 1] = found;
+        n += found;
+    }
+done:
+    free(stamp);
+    return rc;
+}
+
 /* Two cells are adjacent when a fine edge joins them. Connected if the fine graph is. */
 static int cell_adjacency(dmk_context *ctx, const dmk_adjacency *fine, const dmk_cells *cells,
                           dmk_adjacency *g)
 {
     int rc;
-    int32_t *stamp = NULL;
-    memset(g, 0, sizeof *g);
-    g->n = cells->n;
-    DMK_TRY(DMK_NEW(ctx, stamp, (size_t)g->n));
+    joining j = {.fine = fine, .cells = cells, .g = g, .n_pieces = dmk_parallel_threads(ctx)};
+    *g = (dmk_adjacency){.n = cells->n};
     DMK_TRY(DMK_NEW(ctx, g->row, (size_t)g->n + 1));
-    DMK_TRY(DMK_NEW_UNSET(ctx, g->to, (size_t)fine->row[fine->n])); /* an upper bound */
-    for (int32_t a = 0; a < g->n; a++) {
-        int32_t begin = g->row[a], end = begin;
-        for (int32_t m = cells->row[a]; m < cells->row[a + 1]; m++) {
-            int32_t v = cells->member[m];
-            for (int32_t i = fine->row[v]; i < fine->row[v + 1]; i++) {
-                int32_t b = cells->owner[fine->to[i]];
-                if (b == a || stamp[b] == a + 1) continue;
-                stamp[b] = a + 1;
-                g->to[end++] = b;
-            }
-        }
-        dmk_sort(end - begin, g->to + begin);
-        g->row[a + 1] = end;
+    DMK_TRY(DMK_NEW(ctx, j.to, (size_t)j.n_pieces));
+    DMK_TRY(dmk_parallel_pieces(ctx, j.n_pieces, join_piece, &j));
+    for (int32_t a = 0; a < g->n; a++) g->row[a + 1] += g->row[a];
+    DMK_TRY(DMK_NEW_UNSET(ctx, g->to, (size_t)g->row[g->n] + 1));
+    for (int32_t piece = 0; piece < j.n_pieces; piece++) {
+        const int32_t begin = g->row[first_of(&j, piece)], end = g->row[first_of(&j, piece + 1)];
+        memcpy(g->to + begin, j.to[piece], (size_t)(end - begin) * sizeof *g->to);
     }
 done:
-    free(stamp);
+    for (int32_t piece = 0; j.to && piece < j.n_pieces; piece++) free(j.to[piece]);
+    free(j.to);
     if (rc != DMK_OK) dmk_adjacency_free(g);
     return rc;
 }
@@ -118,32 +168,47 @@ float dmk_link_length(const double p[3], const double q[3])
     return narrow(sqrt(x * x + y * y + z * z));
 }
 
-static int measure_adjacency(dmk_context *ctx, const double *xyz, dmk_adjacency *g)
-{
-    int rc;
-    DMK_TRY(DMK_NEW_UNSET(ctx, g->length, (size_t)g->row[g->n] + 1));
-    for (int32_t v = 0; v < g->n; v++) {
-        const double *p = xyz + 3 * (size_t)v;
-        for (int32_t i = g->row[v]; i < g->row[v + 1]; i++) {
-            g->length[i] = dmk_link_length(p, xyz + 3 * (size_t)g->to[i]);
-        }
-    }
-done:
-    return rc;
-}
+/* The cells' mean positions, then the lengths of their links. */
+typedef struct placing {
+    const dmk_cells *cells;
+    const double *fine_xyz;
+    double *xyz;
+    dmk_adjacency *g;
+} placing;
 
-static int cell_positions(dmk_context *ctx, const dmk_cells *cells, const double *fine_xyz,
-                          double **xyz)
+static void place_range(int32_t begin, int32_t end, void *data)
 {
-    int rc;
-    DMK_TRY(DMK_NEW(ctx, *xyz, 3 * (size_t)cells->n));
-    for (int32_t a = 0; a < cells->n; a++) {
-        double *mean = *xyz + 3 * (size_t)a, n = cells->row[a + 1] - cells->row[a];
+    const placing *p = data;
+    const dmk_cells *cells = p->cells;
+    for (int32_t a = begin; a < end; a++) {
+        double mean[3] = {0}, n = cells->row[a + 1] - cells->row[a];
         for (int32_t m = cells->row[a]; m < cells->row[a + 1]; m++) {
-            const double *x = fine_xyz + 3 * (size_t)cells->member[m];
+            const double *x = p->fine_xyz + 3 * (size_t)cells->member[m];
             for (int k = 0; k < 3; k++) mean[k] += x[k] / n;
         }
+        memcpy(p->xyz + 3 * (size_t)a, mean, sizeof mean);
     }
+}
+
+static void measure_range(int32_t begin, int32_t end, void *data)
+{
+    const placing *p = data;
+    for (int32_t v = begin; v < end; v++) {
+        for (int32_t i = p->g->row[v]; i < p->g->row[v + 1]; i++)
+            p->g->length[i] =
+                dmk_link_length(p->xyz + 3 * (size_t)v, p->xyz + 3 * (size_t)p->g->to[i]);
+    }
+}
+
+static int place_cells(dmk_context *ctx, const dmk_cells *cells, const double *fine_xyz,
+                       double **xyz, dmk_adjacency *g)
+{
+    int rc;
+    DMK_TRY(DMK_NEW_UNSET(ctx, *xyz, 3 * (size_t)cells->n + 1));
+    DMK_TRY(DMK_NEW_UNSET(ctx, g->length, (size_t)g->row[g->n] + 1));
+    placing p = {.cells = cells, .fine_xyz = fine_xyz, .xyz = *xyz, .g = g};
+    dmk_parallel(ctx, cells->n, place_range, &p);
+    dmk_parallel(ctx, cells->n, measure_range, &p);
 done:
     return rc;
 }
@@ -160,8 +225,7 @@ static int make_weights(dmk_context *ctx, dmk_adjacency *fine, const double *xyz
     c->coarse.n = cells.n;
     DMK_TRY(cell_adjacency(ctx, fine, &cells, &coarse));
     dmk_adjacency_free(fine);
-    DMK_TRY(cell_positions(ctx, &cells, xyz, &c->coarse.xyz));
-    DMK_TRY(measure_adjacency(ctx, c->coarse.xyz, &coarse));
+    DMK_TRY(place_cells(ctx, &cells, xyz, &c->coarse.xyz, &coarse));
     DMK_TRY(dmk_prolong_create(ctx, &cells, &coarse, xyz, c));
     *fine = coarse;
     memset(&coarse, 0, sizeof coarse);
