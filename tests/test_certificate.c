@@ -330,18 +330,53 @@ static void hopeless_repairs_end(void **state)
     problem_solve(&p);
     dmk_iteration o = problem_iteration(&p);
     p.stats.sweeps = 0;
-    bench_ok(p.b, dmk_repair(&o, (const double[]){1e-9, 1e-9}, INFINITY));
+    bench_ok(p.b, dmk_repair(&o, (const double[]){1e-9, 1e-9}, INFINITY, false));
     assert_int_equal(p.stats.sweeps, 40);
+    bench_ok(p.b, dmk_repair(&o, (const double[]){1e-9, 1e-9}, INFINITY, true));
+    assert_int_equal(p.stats.sweeps, 40 + 100);
     problem_free(&p);
 }
 
-/* Whether a repair ends when a batch has brought the gap down so. */
+/* Where no steps follow a repair goes on to a gap that steps would have to bring otherwise. */
+static void the_last_word_is_given_up_late(void **state)
+{
+    problem p = needles(*state, 0.0006);
+    p.options.tolerance = DMK_DEFAULT_TOLERANCE;
+    problem_solve(&p);
+    for (int goes_on = 0; goes_on < 2; goes_on++) {
+        dmk_iteration o = problem_iteration(&p);
+        o.loose = true;
+        o.goes_on = goes_on == 1;
+        bench_ok(p.b, dmk_certify(&o, true));
+        assert_true(o.goes_on ? p.stats.gap > 2 * DMK_SETTLED_GAP : p.stats.gap < DMK_SETTLED_GAP);
+    }
+    problem_free(&p);
+}
+
+/* Of a lower bound below the least that an upper one can be, and of a gap, at a goal of 1e-3. */
+static bool sharpens(double below, double gap)
+{
+    const dmk_stats stats = {.cost_lower = 1 - below, .gap = gap};
+    return is_worth_sharpening(&stats, &(search){.least = 1}, 1e-3);
+}
+
+static void upper_bounds_are_sharpened_where_that_may_do(void **state)
+{
+    (void)state;
+    assert_false(sharpens(5e-4, 9e-4)); /* the goal is reached */
+    assert_true(sharpens(9e-4, 1.1e-3) && sharpens(9e-4, 4e-3));
+    assert_false(sharpens(1.1e-3, 1.2e-3)); /* it cannot be */
+    assert_false(sharpens(1.1e-3, 2.9e-3));
+    assert_true(sharpens(2.8e-3, 3.1e-3)); /* the second one may */
+}
+
+/* Whether a repair that steps follow ends when a batch has brought the gap down so. */
 static bool ends(int sweeps, double before, double gap)
 {
     dmk_stats stats = {.cost_lower = 1 - gap};
     dmk_iteration o = {.stats = &stats};
     repair r = {.o = &o, .sweeps = sweeps, .patience = 40, .gap = before, .upper = 1};
-    return good_enough(&r, (const double[]){1e-3, 3e-3});
+    return is_done(&r, (const double[]){1e-3, 3e-3});
 }
 
 static void batches_foretell_the_next(void **state)
@@ -352,6 +387,29 @@ static void batches_foretell_the_next(void **state)
     assert_true(ends(100, 0.02, 0.0078) && !ends(100, 0.02, 0.0077));
     assert_true(ends(20, 0, 0.0009));
     assert_true(!ends(20, 0, 0.0029) && ends(40, 0.02, 0.0029)); /* of the second goal */
+}
+
+/* After how many sweeps the last repair ends that leaves these gaps, batch by batch; a repair that steps follow would
+ * have ended at the second. */
+static int sweeps_of_the_last(const double *gap)
+{
+    dmk_stats stats = {0};
+    dmk_iteration o = {.stats = &stats};
+    repair r = {.o = &o, .last = true, .upper = 1};
+    for (bool done = false; !done; gap++) {
+        r.sweeps += 20;
+        stats.cost_lower = 1 - *gap;
+        done = is_done(&r, (const double[]){1e-3, 3e-3});
+    }
+    return r.sweeps;
+}
+
+static void the_last_repair_waits(void **state)
+{
+    (void)state;
+    assert_int_equal(sweeps_of_the_last((const double[]){0.23, 0.23, 0.14, 5.6e-4}), 80);
+    assert_int_equal(sweeps_of_the_last((const double[]){0.23, 0.12, 0.12, 0.12, 0.12}), 100);
+    assert_int_equal(sweeps_of_the_last((const double[]){0.23, 0.11, 0.11, 0.11, 0.11, 0.11}), 120);
 }
 
 /* The steepest first, of equal ones the lower number, and no more than there are. */
@@ -404,7 +462,10 @@ int main(void)
         cmocka_unit_test(repair_is_the_same_in_the_gpu_shape),
         cmocka_unit_test(triangles_that_hold_it_back_are_named),
         cmocka_unit_test(hopeless_repairs_end),
+        cmocka_unit_test(the_last_word_is_given_up_late),
+        cmocka_unit_test(upper_bounds_are_sharpened_where_that_may_do),
         cmocka_unit_test(batches_foretell_the_next),
+        cmocka_unit_test(the_last_repair_waits),
         cmocka_unit_test(the_steepest_come_first),
     };
     return cmocka_run_group_tests(tests, bench_setup, bench_teardown);

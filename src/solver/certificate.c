@@ -151,11 +151,18 @@ static int look_ahead(dmk_iteration *o, search *s, double goal, bool *large)
     dmk_stats *stats = o->stats;
     const double rest[2] = {(1 - slack) * goal, lenient(goal)};
     DMK_TRY(find_least(o, s));
-    if (stats->cost_lower < (1 - rest[0]) * s->least) DMK_TRY(dmk_repair(o, rest, s->least));
+    if (stats->cost_lower < (1 - rest[0]) * s->least) DMK_TRY(dmk_repair(o, rest, s->least, false));
     *large = stats->cost_lower < (1 - DMK_SETTLED_GAP) * s->least;
     if (*large) stats->gap = 1 - stats->cost_lower / s->least;
 done:
     return rc;
+}
+
+/* Whether a sharper upper bound may bring the gap to the goal, or has to. */
+static bool is_worth_sharpening(const dmk_stats *stats, const search *s, double goal)
+{
+    const bool may = stats->gap > goal && stats->cost_lower >= (1 - goal) * s->least;
+    return may || stats->gap > lenient(goal);
 }
 
 static int certify(dmk_iteration *o, bool last)
@@ -182,10 +189,12 @@ static int certify(dmk_iteration *o, bool last)
      * enough. */
     const bool hopeful = last || (wanted && o->fu >= (1 - goal) * stats->cost_upper);
     if (hopeful && !ahead && stats->cost_lower < (1 - goal) * stats->cost_upper)
-        DMK_TRY(dmk_repair(o, (const double[2]){goal, lenient(goal)}, stats->cost_upper));
+        DMK_TRY(dmk_repair(o, (const double[2]){goal, lenient(goal)}, stats->cost_upper,
+                           last && !o->goes_on));
     dmk_certify_gap(stats);
     /* Where the iteration goes on, this mu's bound will not be the last. */
-    if (last && !(o->goes_on && stats->gap > DMK_SETTLED_GAP)) {
+    if (last && !(o->goes_on && stats->gap > DMK_SETTLED_GAP) &&
+        (wanted || is_worth_sharpening(stats, &s, goal))) {
         DMK_TRY(find_upper(o, &s, slack * goal));
         dmk_certify_gap(stats);
     }

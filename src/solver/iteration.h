@@ -124,8 +124,9 @@ bool dmk_bound_is_rough(const dmk_iteration *o);
 int dmk_bound_upper(dmk_iteration *o, double *flux, double *balance, double enough, double *bound);
 
 /* repair.c: raise stats->cost_lower by a repair of u until the gap to `upper` is at most goal[0], or goal[1] and more
- * would take long, or all triangles obey |grad u| <= 1, or more would not bring it there. */
-int dmk_repair(dmk_iteration *o, const double goal[2], double upper);
+ * would take long, or all triangles obey |grad u| <= 1, or more would not bring it there; `last`: no steps follow that
+ * might, so that it is given up late. */
+int dmk_repair(dmk_iteration *o, const double goal[2], double upper, bool last);
 
 /* rhs.c: f+ - f- on the rows of T/2 for a source at `point` of the packed mesh. */
 void dmk_right_hand_side(const dmk_mesh *mesh, const dmk_system *system, const dmk_point *point,
