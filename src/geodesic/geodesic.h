@@ -182,10 +182,11 @@ int dmk_windows_run(dmk_context *context, dmk_geodesics *geodesics, int64_t most
 /* ways.c: from the centroid of h's triangle over the middle of h to that of the next one. */
 double dmk_way_across(const dmk_geodesics *geodesics, int32_t h);
 /* Parts are sets of nodes, of which `parent` (base/sets.h) is that of n_triangles and the border loops behind
- * them; in_part: n_triangles, those that belong to one; each border loop is one, or of one; loop: n_vertices. step:
- * n_edges, the length of a way across an edge. Sets kept[edge] where the least ways cross that join all parts, and
- * unites the sets. */
+ * them; in_part: n_triangles, those that belong to one; each border loop is one, or of one; loop: n_vertices; n_parts
+ * of them. step: n_edges, the length of a way across an edge. Sets kept[edge] where the least ways cross that join all
+ * parts, and unites the sets. */
 int dmk_join_parts(dmk_context *context, const dmk_geodesics *geodesics, const int32_t *loop,
-                   const double *step, const bool *in_part, int32_t *parent, bool *kept);
+                   const double *step, const bool *in_part, int32_t n_parts, int32_t *parent,
+                   bool *kept);
 
 #endif

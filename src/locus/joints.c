@@ -4,22 +4,30 @@
  * least ways that connect all are their joints: lengths on the surface, longer off the first tree's lines, `off` times
  * where the ends of an edge do not differ either. A second tree takes none of the edges that parts and joints cross,
  * which have the default strength in any case. */
+#include "base/parallel.h"
 #include "base/sets.h"
 #include "locus/cotree.h"
 
 #include <stdlib.h>
 
+typedef struct steps {
+    const dmk_cotree *t;
+    double *step;
+} steps;
+
 /* An edge across a line at which families meet at the angle alpha has the jump alpha times its length, whether the
- * tree takes it or not. */
-static void set_steps(const dmk_cotree *t, double *step)
+ * tree takes it or not. step: the jumps, which steps take the place of. */
+static void set_steps(int32_t begin, int32_t end, void *data)
 {
+    const steps *s = data;
+    const dmk_cotree *t = s->t;
     const dmk_mesh *m = t->geodesics->mesh;
-    for (int32_t k = 0; k < m->n_edges; k++) {
-        const int32_t e = t->order[k].item, h = dmk_half_edge_on(m, m->edge_triangle[2 * e], e);
+    for (int32_t e = begin; e < end; e++) {
+        const int32_t h = dmk_half_edge_on(m, m->edge_triangle[2 * e], e);
         const bool on = t->on[h] >= 0 && t->crossing[t->on[h]].excess >= dmk_least_excess(t);
-        const double seen = dmk_jump_of(t, k) / m->length[e] / (0.5 * dmk_rules.angle);
+        const double seen = s->step[e] / m->length[e] / (0.5 * dmk_rules.angle);
         const double off = 1 + (dmk_rules.off - 1) / (1 + seen);
-        step[e] = dmk_way_across(t->geodesics, h) * (on ? 1 : off);
+        s->step[e] = dmk_way_across(t->geodesics, h) * (on ? 1 : off);
     }
 }
 
@@ -55,10 +63,12 @@ int dmk_cotree_join(dmk_context *ctx, dmk_cotree *t)
     DMK_TRY(DMK_NEW(ctx, parent, n));
     DMK_TRY(DMK_NEW(ctx, in_part, n));
     DMK_TRY(DMK_NEW(ctx, kept, (size_t)m->n_edges));
-    if (find_parts(t, in_part, parent, kept) > 1) {
-        DMK_TRY(DMK_NEW(ctx, step, (size_t)m->n_edges));
-        set_steps(t, step);
-        DMK_TRY(dmk_join_parts(ctx, t->geodesics, t->loop, step, in_part, parent, kept));
+    const int32_t n_parts = find_parts(t, in_part, parent, kept);
+    if (n_parts > 1) {
+        DMK_TRY(DMK_NEW_UNSET(ctx, step, (size_t)m->n_edges));
+        for (int32_t k = 0; k < m->n_edges; k++) step[t->order[k].item] = dmk_jump_of(t, k);
+        dmk_parallel(ctx, m->n_edges, set_steps, &(steps){t, step});
+        DMK_TRY(dmk_join_parts(ctx, t->geodesics, t->loop, step, in_part, n_parts, parent, kept));
         DMK_TRY(dmk_poll(ctx));
         DMK_TRY(dmk_cotree_span(ctx, t, kept));
         rc = dmk_cotree_peel(ctx, t);
