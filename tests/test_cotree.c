@@ -1,5 +1,6 @@
 /* The cotree by itself: jumps and crossings where they are known, and what leaves hand on along a tree made by hand. */
-#include "../src/locus/cotree.c" /* for their static functions; the library's own are then left out */
+#include "../src/geodesic/meeting.c" /* for their static functions; the library's own are then left out */
+#include "../src/locus/cotree.c"
 #include "../src/locus/places.c"
 #include "../src/locus/strength.c"
 

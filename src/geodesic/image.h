@@ -151,4 +151,21 @@ typedef struct dmk_met {
 } dmk_met;
 void dmk_meet_many(const dmk_geodesics *g, int n, const int32_t *half, dmk_met *met);
 
+/* ---- meeting.c: one half-edge ----------------------------------------------------------------------- */
+
+/* A family of shortest paths by what a vertex at x knows of it, in the frame of a half-edge. */
+typedef struct dmk_family {
+    dmk_image image;
+    const dmk_arrival *arrival;
+    double x[2];
+} dmk_family;
+
+/* Both families of a half-edge, and where on it they are equally long. alpha: of its ends' own families; by that of a
+ * tie, side branches of a line through vertices would have an excess (a torus would have 12 ends for 2). */
+typedef struct dmk_meeting {
+    dmk_family a, b;
+    double x, length, alpha;
+} dmk_meeting;
+dmk_meeting dmk_meet(const dmk_geodesics *geodesics, int32_t h);
+
 #endif

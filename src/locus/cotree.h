@@ -56,8 +56,9 @@ typedef struct dmk_cotree {
 int dmk_cotree_create(dmk_context *ctx, const dmk_geodesics *geodesics, double mean_edge,
                       dmk_cotree *cotree);
 void dmk_cotree_free(dmk_cotree *cotree);
-/* Spanning tree and crossings from the jumps; the edges to be kept out of the tree come last, but for NULL. */
-int dmk_cotree_span(dmk_context *ctx, dmk_cotree *cotree, const bool *kept);
+/* The spanning tree from the jumps again, but the edges to be kept out of it come last; crossings are to be peeled
+ * anew. kept: n_edges. */
+int dmk_cotree_keep(dmk_context *ctx, dmk_cotree *cotree, const bool *kept);
 /* The cells of two sources meet across edge e. */
 bool dmk_parts_cells(const dmk_geodesics *geodesics, int32_t e);
 
@@ -89,21 +90,6 @@ static inline bool dmk_is_drawn(const dmk_cotree *t, int32_t i, double strength)
 {
     return t->strength_of[i] >= strength && !(t->is_point && strength >= t->strength);
 }
-
-/* A family of shortest paths by what a vertex at x knows of it, in the frame of a half-edge. */
-typedef struct dmk_family {
-    dmk_image image;
-    const dmk_arrival *arrival;
-    double x[2];
-} dmk_family;
-
-/* Both families of a half-edge, and where on it they are equally long. alpha: of its ends' own families; by that of a
- * tie, side branches of a line through vertices would have an excess (a torus would have 12 ends for 2). */
-typedef struct dmk_meeting {
-    dmk_family a, b;
-    double x, length, alpha;
-} dmk_meeting;
-dmk_meeting dmk_meet(const dmk_geodesics *g, int32_t h);
 
 static inline int32_t dmk_other_node(const dmk_crossing *c, int32_t node)
 {

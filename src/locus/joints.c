@@ -70,7 +70,7 @@ int dmk_cotree_join(dmk_context *ctx, dmk_cotree *t)
         dmk_parallel(ctx, m->n_edges, set_steps, &(steps){t, step});
         DMK_TRY(dmk_join_parts(ctx, t->geodesics, t->loop, step, in_part, n_parts, parent, kept));
         DMK_TRY(dmk_poll(ctx));
-        DMK_TRY(dmk_cotree_span(ctx, t, kept));
+        DMK_TRY(dmk_cotree_keep(ctx, t, kept));
         rc = dmk_cotree_peel(ctx, t);
     }
 done:
