@@ -469,10 +469,10 @@ typedef enum dmk_stage {
     DMK_STAGE_READ = 0, /* file to mesh with topology */
     DMK_STAGE_DEVICE,   /* context, kernels */
     DMK_STAGE_SETUP,    /* first solve: ordering, hierarchy, packing */
-    DMK_STAGE_DISTANCE, /* the exact distance; while both are under way the time is split as the processors' is */
-    DMK_STAGE_START,   /* u and mu to start from */
-    DMK_STAGE_SOLVE,   /* nonlinear iteration */
-    DMK_STAGE_CERTIFY, /* bounds of the cost */
+    DMK_STAGE_DISTANCE, /* exact; with set-up under way each counts its part of the time */
+    DMK_STAGE_START,    /* u and mu to start from */
+    DMK_STAGE_SOLVE,    /* nonlinear iteration */
+    DMK_STAGE_CERTIFY,  /* bounds of the cost */
     DMK_STAGE_LOCUS,
     DMK_N_STAGES
 } dmk_stage;

@@ -95,7 +95,7 @@ static int meet(dmk_context *ctx, ways *w, int32_t h)
 /* Kruskal's algorithm, as far as the ways of less than `length` go. */
 static void join(ways *w, double length)
 {
-    while (w->met.n > 0 && w->met.at[0].key < length) {
+    while (w->n_apart > 1 && w->met.n > 0 && w->met.at[0].key < length) {
         const int32_t h = dmk_heap_pop(&w->met).item, twin = w->star->twin[h];
         if (!dmk_set_unite(w->parent, w->at[h / 3].part, w->at[twin / 3].part)) continue;
         w->n_apart--;

@@ -27,9 +27,8 @@ typedef struct difference {
     int32_t *row;       /* n_edges: first slot of the edge's entries */
     uint8_t *length;    /* n_edges: their number */
     int32_t n_pieces;   /* that the edges are dealt out in */
-    int32_t *
-        count; /* n_pieces * n_coarse: of a piece's edges, those that are in the bucket of a coarse vertex */
-    entry *entry; /* MOST * n_edges, of which few are used; increasing for an edge */
+    int32_t *count;     /* n_pieces * n_coarse: a piece's edges in the bucket of a coarse vertex */
+    entry *entry;       /* MOST * n_edges, of which few are used; increasing for an edge */
 } difference;
 
 static void difference_free(difference *d)
@@ -231,9 +230,8 @@ typedef struct meeting {
 
 /* Working space of one thread. */
 typedef struct workspace {
-    int32_t *
-        fill; /* n_coarse: number, then next free slot, of the entries of (a, b); 0 between two a */
-    meeting *met; /* of the a at hand */
+    int32_t *fill; /* n_coarse: number, then next free slot, of the entries of (a, b); then 0 */
+    meeting *met;  /* of the a at hand */
 } workspace;
 
 /* What the fine edges around a say, in their order, and which b there are. Returns their number. */
