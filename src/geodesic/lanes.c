@@ -172,7 +172,8 @@ int dmk_lanes_create(dmk_context *ctx, engine *e)
     dmk_parallel(ctx, n, corner_range, e);
     dmk_parallel(ctx, n, beyond_range, e);
     advance *form[DMK_FORMS];
-    e->advance = form[list_forms(form) - 1];
+    const int n_forms = list_forms(form);
+    e->advance = form[n_forms - 1];
 done:
     return rc;
 }
