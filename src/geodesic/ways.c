@@ -32,8 +32,7 @@ typedef struct ways {
     const double *step;
     place *at;     /* n_triangles */
     dmk_heap heap; /* triangles by their ways */
-    dmk_heap
-        met; /* half-edges across which two parts have met, by the float next to the length of the way */
+    dmk_heap met;  /* half-edges across which two parts have met, by the way's length as a float */
     int32_t *parent;
     bool *kept;
     int32_t n_apart; /* parts to be joined still */

@@ -179,10 +179,9 @@ done:
 
 static int32_t first_half_of(const dmk_cotree *t, int32_t e)
 {
-    const int32_t h = dmk_half_edge_on(t->geodesics->mesh, t->geodesics->mesh->edge_triangle[2 * e],
-                                       e),
-                  twin = t->geodesics->star.twin[h];
-    return twin >= 0 && twin < h ? twin : h;
+    const dmk_geodesics *g = t->geodesics;
+    const int32_t h = dmk_half_edge_on(g->mesh, g->mesh->edge_triangle[2 * e], e);
+    return is_first(g, h) ? h : g->star.twin[h];
 }
 
 static void put_on(const dmk_cotree *t, int32_t h, int32_t crossing)
