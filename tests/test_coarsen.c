@@ -385,6 +385,41 @@ static void columns_are_filled_again(void **state)
     }
 }
 
+/* Of a triangle whose corners lie on a line but for rounding the nearest point is one of its edges': where the weights
+ * of two spokes come from a determinant that is rounding alone, they are not those of the distance beside them. */
+static void flat_triangles_are_lines(void **state)
+{
+    (void)state;
+    star st = {0};
+    assert_int_equal(star_reserve_spokes(ctx, &st, 2), DMK_OK);
+    st.n_spokes = 2;
+    for (int trial = 0; trial < 5000; trial++) {
+        points p = {.n = 1};
+        for (int x = 0; x < 3; x++) {
+            const double way = sin(1.0 + trial + 2 * x);
+            st.q[0][x] = way;
+            st.q[1][x] = (0.3 + 1e-4 * trial) * way;
+        }
+        p.x[0] = 0.2 * st.q[0][0] + 0.3 * cos(trial);
+        p.y[0] = 0.2 * st.q[0][1] + 0.3 * sin(7.0 * trial);
+        p.z[0] = 0.2 * st.q[0][2] + 0.3 * cos(3.0 * trial);
+        for (int i = 0; i < 2; i++) st.qq[i] = dmk_dot(st.q[i], st.q[i]);
+        st.n_triangles = 0;
+        assert_int_equal(star_add_triangle(ctx, &st, 0, 1), DMK_OK);
+        nearest best;
+        find_nearest(&st, &p, &best);
+        const int at = (int)best.at[0];
+        const double *q = st.q[at < 2 ? at : 0], *r = st.q[1];
+        double distance2 = 0;
+        for (int x = 0; x < 3; x++) {
+            const double to = best.s[0] * q[x] + best.t[0] * r[x];
+            distance2 += to * (to - 2 * (const double[]){p.x[0], p.y[0], p.z[0]}[x]);
+        }
+        assert_true(fabs(distance2 - best.distance2[0]) < 1e-12);
+    }
+    star_free(&st);
+}
+
 /* Every edge of a graph by its ends, in either order, and no other pair: what is not there conducts nothing. */
 static void check_found_edges(void)
 {
@@ -465,6 +500,7 @@ int main(void)
         cmocka_unit_test(same_tables_twice),
         cmocka_unit_test(hubs),
         cmocka_unit_test(columns_are_filled_again),
+        cmocka_unit_test(flat_triangles_are_lines),
     };
     if (dmk_context_create(&ctx) != DMK_OK) return 1;
     int failed = cmocka_run_group_tests(tests, NULL, NULL);

@@ -727,8 +727,8 @@ done:
 /* ---- repair --------------------------------------------------------------------------------- */
 
 typedef struct mended {
-    int32_t vertex;
     double distance, error;
+    int32_t vertex;
     bool more; /* another search may find more: there is room for its ways */
 } mended;
 

@@ -158,11 +158,13 @@ done:
     return rc;
 }
 
-/* Whether a sharper upper bound may bring the gap to the goal, or has to. */
-static bool is_worth_sharpening(const dmk_stats *stats, const search *s, double goal)
+/* Whether a sharper upper bound may bring the gap to the goal, or has to. Between measures a settled gap is enough: on
+ * a quartic of 273,000 triangles one takes 70 ms of 540, and leaves 0.8e-3 of 1.1e-3. */
+static bool is_worth_sharpening(const dmk_iteration *o, const search *s, double goal)
 {
+    const dmk_stats *stats = o->stats;
     const bool may = stats->gap > goal && stats->cost_lower >= (1 - goal) * s->least;
-    return may || stats->gap > lenient(goal);
+    return (may && !o->between) || stats->gap > lenient(goal);
 }
 
 static int certify(dmk_iteration *o, bool last)
@@ -194,7 +196,7 @@ static int certify(dmk_iteration *o, bool last)
     dmk_certify_gap(stats);
     /* Where the iteration goes on, this mu's bound will not be the last. */
     if (last && !(o->goes_on && stats->gap > DMK_SETTLED_GAP) &&
-        (wanted || is_worth_sharpening(stats, &s, goal))) {
+        (wanted || is_worth_sharpening(o, &s, goal))) {
         DMK_TRY(find_upper(o, &s, slack * goal));
         dmk_certify_gap(stats);
     }
