@@ -417,39 +417,29 @@ done:
     return rc;
 }
 
-/* f, which is used up, and what worst_balance makes of it. */
-typedef struct account {
-    const router *p;
-    double *f, worst;
-} account;
-
-static int check_balance(dmk_context *own, void *data)
+static int find_mean(dmk_context *own, void *data)
 {
-    account *a = data;
-    (void)own;
-    a->worst = worst_balance(a->p, a->f);
+    const router *p = data;
+    dmk_parallel(own, p->mesh->n_triangles, mean_range, data);
     return DMK_OK;
 }
 
-/* The mean flux and, by another thread meanwhile, the balance; either may be NULL. */
-static int find_flux(const router *p, double *balance)
+/* The mean flux and, by this thread meanwhile, the balance; either may be NULL. */
+static int find_flux(router *p, double *balance)
 {
     int rc = DMK_OK;
     dmk_context *ctx = p->o->ctx;
-    dmk_task task;
-    account a = {.p = p};
+    dmk_task task = {0};
+    double *f = NULL;
+    if (p->mean) dmk_task_begin(ctx, &task, find_mean, p);
     if (balance) {
-        DMK_TRY(DMK_NEW(ctx, a.f, (size_t)p->n.n_rows_pad));
-        DMK_TRY(dmk_rows_read(ctx, p->o->sys, p->o->sys->f, a.f));
-        dmk_task_begin(ctx, &task, check_balance, &a);
-    }
-    if (p->mean) dmk_parallel(ctx, p->mesh->n_triangles, mean_range, (void *)(uintptr_t)p);
-    if (balance) {
-        rc = dmk_task_end(ctx, &task, DMK_OK);
-        *balance = a.worst;
+        DMK_TRY(DMK_NEW(ctx, f, (size_t)p->n.n_rows_pad));
+        DMK_TRY(dmk_rows_read(ctx, p->o->sys, p->o->sys->f, f));
+        *balance = worst_balance(p, f);
     }
 done:
-    free(a.f);
+    rc = dmk_task_end(ctx, &task, rc);
+    free(f);
     return rc;
 }
 
