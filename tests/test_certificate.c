@@ -347,9 +347,9 @@ static double gap_after(problem *p, bool goes_on)
     return p->stats.gap;
 }
 
-/* Where no steps follow a repair goes on to a gap that steps would have to bring otherwise. Which shapes of needles need
- * that depends on the processor's rounding: nearly every second one leaves twice the gap otherwise, none if the last
- * repair ends where others do. */
+/* Where no steps follow a repair goes on to a gap that steps would have to bring otherwise. Which shapes of needles
+ * need that depends on the processor's rounding: nearly every second one leaves twice the gap otherwise, none if the
+ * last repair ends where others do. */
 static void the_last_word_is_given_up_late(void **state)
 {
     bool found = false;
