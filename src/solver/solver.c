@@ -444,11 +444,28 @@ int dmk_solver_pack(dmk_context *ctx, dmk_solver *s)
     return s->system ? DMK_OK : pack_beside(ctx, s, NULL);
 }
 
+/* What short rows read of the padding of the elements' parts, in either precision: each product writes 0 times a row
+ * there, which stays NaN. */
+static int clear_padding(dmk_context *ctx, const dmk_solver *s)
+{
+    int rc;
+    static const double zero[6 * 8] = {0};
+    const size_t first = 6 * (size_t)(s->system->n_elements_pad - 8),
+                 real = dmk_device_real(s->device, DMK_OUTER);
+    dmk_buffer *parts = s->system->out_real;
+    DMK_TRY(
+        dmk_buffer_write(ctx, s->device, parts, first * sizeof(float), 48 * sizeof(float), zero));
+    rc = dmk_buffer_write(ctx, s->device, parts, first * real, 48 * real, zero);
+done:
+    return rc;
+}
+
 int dmk_solver_clear(dmk_context *ctx, const dmk_solver *s)
 {
     int rc;
     const size_t bytes = (size_t)s->system->n_rows_pad * sizeof(float);
     DMK_TRY(dmk_system_allocate(ctx, s->system));
+    DMK_TRY(clear_padding(ctx, s));
     DMK_TRY(dmk_buffer_clear(ctx, s->device, s->system->x_old, bytes));
     for (int32_t i = 0; i < s->system->n_levels; i++) {
         const dmk_level *l = &s->system->level[i];
