@@ -467,6 +467,10 @@ int dmk_solver_clear(dmk_context *ctx, const dmk_solver *s)
     DMK_TRY(dmk_system_allocate(ctx, s->system));
     DMK_TRY(clear_padding(ctx, s));
     DMK_TRY(dmk_buffer_clear(ctx, s->device, s->system->x_old, bytes));
+    /* Potentials whose bounds are asked for lie there, and f.v has the padding in it. */
+    DMK_TRY(
+        dmk_buffer_clear(ctx, s->device, s->system->cg[DMK_OUTER].p,
+                         (size_t)s->system->n_rows_pad * dmk_device_real(s->device, DMK_OUTER)));
     for (int32_t i = 0; i < s->system->n_levels; i++) {
         const dmk_level *l = &s->system->level[i];
         DMK_TRY(dmk_buffer_clear(ctx, s->device, l->x, (size_t)l->n_pad * sizeof(float)));
