@@ -92,10 +92,12 @@ static void borders_are_no_end(void **state)
                      .xyz = (double *)xyz,
                      .triangle = (int32_t *)triangle,
                      .area = (double *)area};
-    dmk_geodesics geodesics = {.mesh = &mesh};
+    int32_t twin[] = {5, -1, -1, -1, -1, 0}, loop[] = {0, 0, 0, 0};
+    dmk_geodesics geodesics = {.mesh = &mesh, .star = {.twin = twin}};
     dmk_crossing c = {.node = {0, 1}, .outer = 1, .onward = -1, .worth = 5, .xyz = {0.5, 0.5, 0}};
     double strength = 5;
-    dmk_cotree t = {.geodesics = &geodesics, .crossing = &c, .strength_of = &strength, .n = 1};
+    dmk_cotree t = {
+        .geodesics = &geodesics, .crossing = &c, .strength_of = &strength, .loop = loop, .n = 1};
     const route r = {.n = 1, .end = 0, .crossing = {0}};
     assert_int_equal(lead_to(*state, &t, &r, beyond), DMK_OK);
     assert_int_equal(t.n_ends, 0);
