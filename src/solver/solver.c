@@ -449,13 +449,14 @@ int dmk_solver_pack(dmk_context *ctx, dmk_solver *s)
 static int clear_padding(dmk_context *ctx, const dmk_solver *s)
 {
     int rc;
-    static const double zero[6 * 8] = {0};
-    const size_t first = 6 * (size_t)(s->system->n_elements_pad - 8),
+    enum { SLICE = 8, N = 6 * SLICE };
+    static const double zero[N] = {0};
+    const size_t first = 6 * (size_t)(s->system->n_elements_pad - SLICE),
                  real = dmk_device_real(s->device, DMK_OUTER);
     dmk_buffer *parts = s->system->out_real;
     DMK_TRY(
-        dmk_buffer_write(ctx, s->device, parts, first * sizeof(float), 48 * sizeof(float), zero));
-    rc = dmk_buffer_write(ctx, s->device, parts, first * real, 48 * real, zero);
+        dmk_buffer_write(ctx, s->device, parts, first * sizeof(float), N * sizeof(float), zero));
+    rc = dmk_buffer_write(ctx, s->device, parts, first * real, N * real, zero);
 done:
     return rc;
 }
