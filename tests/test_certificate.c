@@ -366,23 +366,35 @@ static void the_last_word_is_given_up_late(void **state)
 }
 
 /* Of a lower bound below the least that an upper one can be, and of a gap, at a goal of 1e-3. */
-static bool sharpens(bool between, double below, double gap)
+static bool sharpens(double enough, double below, double gap)
 {
-    dmk_stats stats = {.cost_lower = 1 - below, .gap = gap};
-    const dmk_iteration o = {.between = between, .stats = &stats};
-    return is_worth_sharpening(&o, &(search){.least = 1}, 1e-3);
+    const dmk_stats stats = {.cost_lower = 1 - below, .gap = gap};
+    return is_worth_sharpening(&stats, &(search){.least = 1}, 1e-3, enough);
 }
 
 static void upper_bounds_are_sharpened_where_that_may_do(void **state)
 {
     (void)state;
-    assert_false(sharpens(false, 5e-4, 9e-4)); /* the goal is reached */
-    assert_true(sharpens(false, 9e-4, 1.1e-3) && sharpens(false, 9e-4, 4e-3));
-    assert_false(sharpens(false, 1.1e-3, 1.2e-3)); /* it cannot be */
-    assert_false(sharpens(false, 1.1e-3, 2.9e-3));
-    assert_true(sharpens(false, 2.8e-3, 3.1e-3)); /* the second one may */
-    assert_false(sharpens(true, 9e-4, 2.9e-3));   /* settled, between measures */
-    assert_true(sharpens(true, 9e-4, 3.1e-3));
+    assert_false(sharpens(1e-3, 5e-4, 9e-4)); /* the goal is reached */
+    assert_true(sharpens(1e-3, 9e-4, 1.1e-3) && sharpens(1e-3, 9e-4, 4e-3));
+    assert_false(sharpens(1e-3, 1.1e-3, 1.2e-3)); /* it cannot be */
+    assert_false(sharpens(1e-3, 1.1e-3, 2.9e-3));
+    assert_true(sharpens(1e-3, 2.8e-3, 3.1e-3)); /* the second one may */
+    assert_false(sharpens(3e-3, 9e-4, 2.9e-3));  /* settled, and that is enough */
+    assert_true(sharpens(3e-3, 9e-4, 3.1e-3));
+}
+
+/* A settled gap is enough between measures, unless one is asked for. */
+static void pairs_settle(void **state)
+{
+    (void)state;
+    dmk_solve_options options = {.gap_tolerance = 0};
+    dmk_iteration o = {.options = &options};
+    assert_true(enough_of(&o, 1e-3) == 1e-3);
+    o.between = true;
+    assert_true(fabs(enough_of(&o, 1e-3) / DMK_SETTLED_GAP - 1) < 1e-12);
+    options.gap_tolerance = 1e-4;
+    assert_true(enough_of(&o, 1e-4) == 1e-4);
 }
 
 /* Whether a repair that steps follow ends when a batch has brought the gap down so. */
@@ -479,6 +491,7 @@ int main(void)
         cmocka_unit_test(hopeless_repairs_end),
         cmocka_unit_test(the_last_word_is_given_up_late),
         cmocka_unit_test(upper_bounds_are_sharpened_where_that_may_do),
+        cmocka_unit_test(pairs_settle),
         cmocka_unit_test(batches_foretell_the_next),
         cmocka_unit_test(the_last_repair_waits),
         cmocka_unit_test(the_steepest_come_first),
