@@ -673,34 +673,30 @@ static void solves_take_their_steps(void **state)
     problem_free(&q);
 }
 
-static void fill_with_nan(bench *b, dmk_buffer *to, size_t bytes)
+static void fill_with_nan(bench *b, dmk_program p, dmk_buffer *to, int32_t n)
 {
-    void *nan = malloc(bytes);
-    assert_non_null(nan);
-    memset(nan, 0xff, bytes);
-    bench_ok(b, dmk_buffer_write(b->ctx, b->dev, to, 0, bytes, nan));
-    free(nan);
+    bench_ok(b, dmk_buffer_fill_real(b->ctx, b->dev, p, to, (size_t)n, NAN));
 }
 
 /* All that a solve works with. */
 static void leave_nan(bench *b, const dmk_system *s)
 {
-    const size_t real = dmk_device_real(b->dev, DMK_OUTER);
-    const size_t row = (size_t)s->n_rows_pad, element = (size_t)s->n_elements_pad;
+    const int32_t row = s->n_rows_pad, element = s->n_elements_pad;
     for (int32_t i = 0; i < s->n_levels; i++) {
         const dmk_level *l = &s->level[i];
         dmk_buffer *all[] = {l->x, l->x_old, l->rhs, l->inv_diag};
-        for (int k = 0; k < 4; k++) fill_with_nan(b, all[k], (size_t)l->n_pad * sizeof(float));
+        for (int k = 0; k < 4; k++) fill_with_nan(b, DMK_INNER, all[k], l->n_pad);
     }
     dmk_buffer *narrow[] = {s->x, s->x_old, s->inv_diag, s->cg[DMK_INNER].r};
-    for (int k = 0; k < 4; k++) fill_with_nan(b, narrow[k], row * sizeof(float));
+    for (int k = 0; k < 4; k++) fill_with_nan(b, DMK_INNER, narrow[k], row);
     dmk_buffer *wide[] = {s->u, s->cg[DMK_OUTER].r, s->cg[DMK_OUTER].p, s->cg[DMK_OUTER].ap};
-    for (int k = 0; k < 4; k++) fill_with_nan(b, wide[k], row * real);
-    fill_with_nan(b, s->mu, element * real);
-    fill_with_nan(b, s->q, element * real);
-    fill_with_nan(b, s->out_real, 6 * element * real);
-    fill_with_nan(b, s->weight, 3 * element * sizeof(float));
-    fill_with_nan(b, s->rank_one, 6 * element * sizeof(float));
+    for (int k = 0; k < 4; k++) fill_with_nan(b, DMK_OUTER, wide[k], row);
+    fill_with_nan(b, DMK_OUTER, s->mu, element);
+    fill_with_nan(b, DMK_OUTER, s->q, element);
+    fill_with_nan(b, DMK_OUTER, s->out_real, 6 * element);
+    fill_with_nan(b, DMK_INNER, s->out, 6 * element); /* the first half of the same, or all */
+    fill_with_nan(b, DMK_INNER, s->weight, 3 * element);
+    fill_with_nan(b, DMK_INNER, s->rank_one, 6 * element);
 }
 
 static void check_same(const problem *a, const problem *b)

@@ -42,8 +42,10 @@ int dmk_parallel_pieces(dmk_context *context, int32_t n,
 /* Threads of the context's pool, the caller's among them. */
 int dmk_parallel_threads(const dmk_context *context);
 
-/* One piece of work beside the caller's, by a thread of the pool that is free, or within dmk_task_end.
- * The task and data must outlive it: every begin needs its end. One of zeros has not begun, and its end is nothing. */
+/* One piece of work beside the caller's, by a thread of the pool that is free, or within dmk_task_end. Threads take
+ * the last offer first, so a loop that the caller begins meanwhile goes before the task: let the task be what has
+ * loops. It and its data must outlive the work: every begin needs its end. One of zeros has not begun, and its end is
+ * nothing. */
 typedef struct dmk_task {
     int (*work)(dmk_context *own, void *data);
     void *data;

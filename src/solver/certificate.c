@@ -10,7 +10,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* Where the gap is above this, u is repaired. */
+/* Where the gap is above this, u is repaired; between measures see enough_of. */
 static const double usual_goal = 1e-3;
 
 /* What will do for a goal where the rest would take long: for the usual one, a settled gap. */
@@ -158,8 +158,8 @@ done:
     return rc;
 }
 
-/* The gap that needs no more work. Between measures a settled one where none is asked for: seven pairs on a quartic of
- * 273,000 triangles take 0.93 of the time, with gaps of 2.6e-3 at most as before. */
+/* The gap that needs no more work. Between measures a settled one where none is asked for: of blobs on a quartic of
+ * 273,000 triangles a repair takes 25 ms of 450 then, and a sharper upper bound 70 of 540. */
 static double enough_of(const dmk_iteration *o, double goal)
 {
     return o->between && !(dmk_gap_asked(o->options) > 0) ? lenient(goal) : goal;

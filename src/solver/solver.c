@@ -444,21 +444,15 @@ int dmk_solver_pack(dmk_context *ctx, dmk_solver *s)
     return s->system ? DMK_OK : pack_beside(ctx, s, NULL);
 }
 
-/* What short rows read of the padding of the elements' parts, in either precision: each product writes 0 times a row
- * there, which stays NaN. */
+/* What short rows read of the padding of the elements' parts: a product writes 0 times a row there, and NaN that it
+ * leaves is read by what writes the elements alone, in the outer precision. */
 static int clear_padding(dmk_context *ctx, const dmk_solver *s)
 {
-    int rc;
-    enum { SLICE = 8, N = 6 * SLICE };
-    static const double zero[N] = {0};
-    const size_t first = 6 * (size_t)(s->system->n_elements_pad - SLICE),
-                 real = dmk_device_real(s->device, DMK_OUTER);
-    dmk_buffer *parts = s->system->out_real;
-    DMK_TRY(
-        dmk_buffer_write(ctx, s->device, parts, first * sizeof(float), N * sizeof(float), zero));
-    rc = dmk_buffer_write(ctx, s->device, parts, first * real, N * real, zero);
-done:
-    return rc;
+    static const double zero[6 * DMK_WIDTH] = {0};
+    const size_t one = 6 * dmk_device_real(s->device, DMK_OUTER);
+    return dmk_buffer_write(ctx, s->device, s->system->out_real,
+                            one * (size_t)(s->system->n_elements_pad - DMK_WIDTH), one * DMK_WIDTH,
+                            zero);
 }
 
 int dmk_solver_clear(dmk_context *ctx, const dmk_solver *s)
