@@ -169,7 +169,8 @@ static void jumps_of_a_flat_torus(void **state)
     dmk_mesh_destroy(&m);
 }
 
-/* Two points with a start: a hyperbola, met from either side; at an end where one of them is shorter all along. */
+/* Two points with a start: a hyperbola, met from either side; at an end where one of them is shorter all along, or
+ * where they differ more if each is the shorter one at the other's end; one family in the middle. */
 static void families_meet(void **state)
 {
     (void)state;
@@ -183,7 +184,9 @@ static void families_meet(void **state)
                 fabs(dmk_image_length(&a, alike, 0) - dmk_image_length(&c, alike, 0)) < 1e-15);
     const dmk_image left = {-1, -2, 0}, right = {4, -2, 0};
     assert_true(fabs(find_meeting(&left, &right, 3) - 1.5) < 3e-12);
-    assert_true(find_meeting(&right, &left, 3) == 0);
+    assert_true(find_meeting(&right, &(dmk_image){-1.5, -2, 0}, 3) == 3);
+    assert_true(find_meeting(&(dmk_image){4.5, -2, 0}, &left, 3) == 0);
+    assert_true(find_meeting(&left, &left, 3) == 1.5);
     assert_true(find_meeting(&(dmk_image){-1, -2, 9}, &right, 3) == 0);
     assert_true(find_meeting(&left, &(dmk_image){4, -2, 9}, 3) == 3);
     assert_true(fabs(dmk_meeting_angle(&left, &right, 1.5, 0) - 2 * atan2(2.5, 2)) < 1e-15);

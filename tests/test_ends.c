@@ -17,8 +17,11 @@ static void make_line(dmk_cotree *t, dmk_crossing *crossing, double *strength, i
     memset(crossing, 0, N * sizeof *crossing);
     for (int32_t i = 0; i < 3 * (N + 1); i++) on[i] = -1;
     for (int32_t i = 0; i < N; i++) {
-        crossing[i] =
-            (dmk_crossing){.node = {i, i + 1}, .onward = i + 1 < N ? i + 1 : -1, .worth = 5};
+        crossing[i] = (dmk_crossing){.node = {i, i + 1},
+                                     .onward = i + 1 < N ? i + 1 : -1,
+                                     .worth = 5,
+                                     .excess = 5,
+                                     .distance = 9};
         strength[i] = 5;
         crossing[i].xyz[0] = i;
         on[3 * i] = i;

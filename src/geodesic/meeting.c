@@ -2,14 +2,19 @@
 #include "geodesic/image.h"
 
 /* Where the families of both ends are equally long: where their images are equally far, if these begin alike, else by
- * Newton's method from there, by bisection where that leaves the bracket or does not end. */
+ * Newton's method from there, by bisection where that leaves the bracket or does not end. Images are also seen from
+ * where no path leads, so each may be the shorter one at the other's end: then at the end where they differ more. One
+ * family, by rounding: in the middle. All of it whichever end is the start. */
 static double find_meeting(const dmk_image *a, const dmk_image *b, double length)
 {
     double lo = 0, hi = length, x = dmk_equally_far(a, b);
     const double alike = dmk_meeting_alike(a, b, length);
     if (!isnan(alike)) return alike;
-    const double flo = dmk_image_length(a, 0, 0) - dmk_image_length(b, 0, 0);
+    const double at_start = dmk_image_length(a, 0, 0), rounding = 1e-12 * at_start;
+    const double flo = at_start - dmk_image_length(b, 0, 0);
     const double fhi = dmk_image_length(a, length, 0) - dmk_image_length(b, length, 0);
+    if (fabs(flo) <= rounding && fabs(fhi) <= rounding) return 0.5 * length;
+    if (flo >= 0 && fhi <= 0) return flo <= -fhi ? length : 0;
     if (flo >= 0) return 0; /* the start's own family is not the shorter one there */
     if (fhi <= 0) return length;
     if (!(x > 0 && x < length)) x = -flo * length / (fhi - flo);

@@ -20,6 +20,10 @@ static bool is_first(const dmk_geodesics *g, int32_t h)
     return g->star.twin[h] < 0 || h < g->star.twin[h];
 }
 
+/* Of edges that jump alike, by rounding where all is one family, the shorter one comes first: the locus does not hang
+ * on how edges are numbered. Of their length, more than distances are rounded by and less than a jump that counts. */
+static const double beside_jump = 1e-9;
+
 /* Jumps as keys: the bits of a float keep the order of numbers that are not negative. Edges between the cells of two
  * sources come last, so that the tree of a source takes its own cell. */
 static void find_jumps(int32_t begin, int32_t end, void *data)
@@ -38,7 +42,8 @@ static void find_jumps(int32_t begin, int32_t end, void *data)
         dmk_jumps(g, n, half, dmk_rules.tie, jump);
         for (int k = 0; k < n; k++) {
             const int32_t e = g->mesh->triangle_edge[half[k]];
-            uint32_t bits = dmk_float_key((float)(jump[k] / unit));
+            const double all = jump[k] + beside_jump * dmk_length_of(g, half[k]);
+            uint32_t bits = dmk_float_key((float)(all / unit));
             if (dmk_parts_cells(g, e)) bits |= UINT32_C(1) << 31;
             t->order[e] = (dmk_keyed){bits, e};
         }

@@ -38,27 +38,38 @@ void dmk_patch_free(dmk_patch **patch)
     *patch = NULL;
 }
 
+/* The source itself has no direction. */
 static void take(dmk_patch *p, int32_t v)
 {
-    const double *x = p->cotree->geodesics->mesh->xyz + 3 * (size_t)v;
+    const dmk_geodesics *g = p->cotree->geodesics;
+    const double *x = g->mesh->xyz + 3 * (size_t)v;
     if (p->seen[v] == p->round || p->n == MAX_VERTICES) return;
     if (dmk_distance(x, p->centre) >= p->radius) return;
+    if (g->arrival[v].source >= 0 && g->source[g->arrival[v].source].vertex == v) return;
     p->seen[v] = p->round;
     p->vertex[p->n++] = v;
 }
 
-static void add_normal(const dmk_mesh *m, int32_t triangle, double normal[3])
+/* Smooth weight, 0 at the rim. */
+static double weight_of(const dmk_patch *p, const double x[3])
 {
+    const double s = dmk_distance(x, p->centre) / p->radius;
+    return s < 1 ? (1 - s * s) * (1 - s * s) : 0;
+}
+
+static void add_normal(dmk_patch *p, int32_t triangle, double weight)
+{
+    const dmk_mesh *m = p->cotree->geodesics->mesh;
     double e[2][3], n[3];
     const int32_t *v = m->triangle + 3 * triangle;
     for (int k = 0; k < 2; k++)
         dmk_subtract(m->xyz + 3 * (size_t)v[k + 1], m->xyz + 3 * (size_t)v[0], e[k]);
     dmk_cross(e[0], e[1], n);
-    for (int k = 0; k < 3; k++) normal[k] += n[k] / m->area[triangle];
+    for (int k = 0; k < 3; k++) p->normal[k] += weight * n[k] / m->area[triangle];
 }
 
 /* The vertices within `radius` of xyz, which lies in `triangle`, reached from there ring by ring, and the
- * mean normal of the inner ones. */
+ * mean normal around them, weighted as they are, whatever their order. */
 static bool gather(dmk_patch *p, int32_t triangle, const double xyz[3], double radius)
 {
     const dmk_mesh *m = p->cotree->geodesics->mesh;
@@ -71,10 +82,11 @@ static bool gather(dmk_patch *p, int32_t triangle, const double xyz[3], double r
     for (int k = 0; k < 3; k++) take(p, m->triangle[3 * triangle + k]);
     for (int32_t i = 0; i < p->n; i++) {
         const int32_t first = star->first[p->vertex[i]];
+        const double weight = weight_of(p, m->xyz + 3 * (size_t)p->vertex[i]);
         for (int32_t c = first; c >= 0;) {
             take(p, m->triangle[dmk_next(c)]);
             take(p, m->triangle[dmk_previous(c)]);
-            if (i < MIN_VERTICES) add_normal(m, c / 3, p->normal);
+            add_normal(p, c / 3, weight);
             c = dmk_star_next(star, c);
             if (c == first) break;
         }
@@ -83,13 +95,6 @@ static bool gather(dmk_patch *p, int32_t triangle, const double xyz[3], double r
     if (p->n < MIN_VERTICES || !(size > 0)) return false;
     for (int k = 0; k < 3; k++) p->normal[k] /= size;
     return true;
-}
-
-/* Smooth weight, 0 at the rim. */
-static double weight_of(const dmk_patch *p, const double x[3])
-{
-    const double s = dmk_distance(x, p->centre) / p->radius;
-    return s < 1 ? (1 - s * s) * (1 - s * s) : 0;
 }
 
 /* The monomials' derivatives, da times by a and dr times by r. */

@@ -62,6 +62,8 @@ static void find_route(const dmk_cotree *t, int32_t i, int32_t node, double reac
     while (n > 0) r->crossing[r->n++] = back[--n];
     r->end = r->n - 1;
     for (int32_t j = child_of(t, i, node); j >= 0 && r->n < MAX_ROUTE; j = child_of(t, j, node)) {
+        /* farther out all is one family, where the tree hangs on rounding */
+        if (dmk_snap(t->crossing[j].excess, t->crossing[j].distance) == 0) break;
         r->crossing[r->n++] = j;
         node = dmk_other_node(&t->crossing[j], node);
         if (node >= t->geodesics->mesh->n_triangles) break;

@@ -26,21 +26,22 @@ bool dmk_is_fork(const dmk_cotree *t, int32_t triangle)
     return true;
 }
 
-/* The families of a triangle's corners in the frame of its half-edge 3t. */
+/* The families of a triangle's corners in the frame of its half-edge 3t, each seen from its corner into the middle of
+ * the triangle: along a side it would depend on which one where paths come from behind. */
 static void set_corners(const dmk_geodesics *g, int32_t triangle, dmk_family c[3])
 {
     const int32_t h = 3 * triangle, *v = g->mesh->triangle + h;
-    const double length = dmk_length_of(g, h);
     for (int k = 0; k < 3; k++) c[k] = (dmk_family){.arrival = g->arrival + v[k]};
-    c[2].x[0] = length;
+    c[2].x[0] = dmk_length_of(g, h);
     dmk_apex(g, h, &c[0].x[0], &c[0].x[1]);
-    c[1].image = dmk_image_at_start(g, h);
-    c[2].image = dmk_image_at_end(g, h);
-    /* corner 0 ends half-edge 3t + 1, which begins at corner 2 */
-    const dmk_image own = dmk_image_at_end(g, h + 1);
-    const double size = hypot(c[0].x[0] - length, c[0].x[1]);
-    const double ux = (c[0].x[0] - length) / size, uy = c[0].x[1] / size;
-    c[0].image = (dmk_image){length + own.x * ux - own.y * uy, own.x * uy + own.y * ux, own.before};
+    for (int k = 0; k < 3; k++) {
+        const double *x = c[k].x, *next = c[(k + 1) % 3].x,
+                     half = 0.5 * g->star.corner_angle[h + k];
+        const dmk_image own = dmk_image_from(g, v[k], c[k].arrival, g->star.angle[h + k] + half);
+        const dmk_heading to = dmk_heading_of(atan2(next[1] - x[1], next[0] - x[0]) + half);
+        c[k].image = (dmk_image){x[0] + own.x * to.x - own.y * to.y,
+                                 x[1] + own.x * to.y + own.y * to.x, own.before};
+    }
 }
 
 /* Angle at the image between the paths to the family's vertex and to (x, y). */
@@ -101,11 +102,13 @@ static void set_widest(const dmk_cotree *t, int32_t triangle, dmk_locus_vertex *
     v->distance = least;
 }
 
-/* Newton's method, from the centre, for the point at which three families are equally long; corner 1 is the origin. */
+/* Newton's method, from the centre, for the point at which three families are equally long; corner 1 is the origin. On
+ * a side within what the method leaves it is in the triangle, too. */
 static bool find_fork(const dmk_family c[3], double weight[3])
 {
-    double x = c[0].x[0] / 3 + c[2].x[0] / 3, y = c[0].x[1] / 3;
-    for (int i = 0; i < 10; i++) {
+    const double rest = 1e-9;
+    double x = c[0].x[0] / 3 + c[2].x[0] / 3, y = c[0].x[1] / 3, step = HUGE_VAL;
+    for (int i = 0; i < 20 && !(step < rest * c[2].x[0]); i++) {
         double l[3], g[3][2];
         for (int k = 0; k < 3; k++) {
             l[k] = dmk_image_length(&c[k].image, x, y);
@@ -114,15 +117,19 @@ static bool find_fork(const dmk_family c[3], double weight[3])
         }
         const double a = g[1][0] - g[0][0], b = g[1][1] - g[0][1], p = l[0] - l[1];
         const double d = g[2][0] - g[0][0], e = g[2][1] - g[0][1], q = l[0] - l[2];
-        const double det = a * e - b * d;
+        const double det = a * e - b * d, dx = (p * e - b * q) / det, dy = (a * q - d * p) / det;
         if (!(fabs(det) > 1e-12)) return false;
-        x += (p * e - b * q) / det;
-        y += (a * q - d * p) / det;
+        x += dx;
+        y += dy;
+        step = hypot(dx, dy);
     }
     weight[0] = y / c[0].x[1];
     weight[2] = (x - weight[0] * c[0].x[0]) / c[2].x[0];
     weight[1] = 1 - weight[0] - weight[2];
-    return weight[0] > 0 && weight[1] > 0 && weight[2] > 0;
+    const bool found =
+        step < rest * c[2].x[0] && weight[0] > -rest && weight[1] > -rest && weight[2] > -rest;
+    if (found) dmk_point_snap(weight);
+    return found;
 }
 
 /* Weights of crossing i in one of its triangles. */
@@ -144,18 +151,20 @@ static void find_foot(const dmk_cotree *t, int32_t triangle, bool raw, double we
 {
     const int32_t *on = t->on + 3 * triangle;
     int weakest = 0;
-    double p[3], q[3], a[3], b[3];
+    double p[3], q[3], from_i[3], from_j[3];
     for (int k = 1; k < 3; k++) {
-        if (t->crossing[on[k]].excess < t->crossing[on[weakest]].excess) weakest = k;
+        const dmk_crossing *a = &t->crossing[on[k]], *b = &t->crossing[on[weakest]];
+        /* three loops are told apart by their angles */
+        if (a->excess < b->excess || (a->excess == b->excess && a->alpha < b->alpha)) weakest = k;
     }
     const int32_t i = on[(weakest + 1) % 3], j = on[(weakest + 2) % 3];
     dmk_subtract(t->crossing[on[weakest]].xyz, t->crossing[i].xyz, p);
     dmk_subtract(t->crossing[j].xyz, t->crossing[i].xyz, q);
     double s = dmk_dot(p, q) / dmk_dot(q, q);
     s = s > 0.05 ? fmin(s, 0.95) : 0.05; /* not at a crossing: no line of length 0 */
-    weights_in(t, i, share_of(t, i, raw), triangle, a);
-    weights_in(t, j, share_of(t, j, raw), triangle, b);
-    for (int k = 0; k < 3; k++) weight[k] = (1 - s) * a[k] + s * b[k];
+    weights_in(t, i, share_of(t, i, raw), triangle, from_i);
+    weights_in(t, j, share_of(t, j, raw), triangle, from_j);
+    for (int k = 0; k < 3; k++) weight[k] = (1 - s) * from_i[k] + s * from_j[k];
 }
 
 static void fork_weights(const dmk_cotree *t, int32_t triangle, bool raw, double weight[3])
