@@ -738,7 +738,7 @@ typedef struct dmk_locus_vertex {
     int32_t degree;       /* edges: 3 at most but where branches meet at a vertex of the mesh */
     double meeting_angle; /* between the minimal geodesics where they meet here, radians, 0 to pi */
     double
-        source_angle; /* between them at p, or at the two sources, radians, 0 to pi, scaled as angle */
+        source_angle; /* between them at p, radians, a full turn being 2 pi; pi between two sources */
     int32_t source[2]; /* numbers of the sources that they come from */
 } dmk_locus_vertex;
 

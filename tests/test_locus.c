@@ -623,7 +623,7 @@ static void test_uneven(void **state)
         dmk_locus *l = trace(&s);
         dmk_locus_info info = check_object(l);
         check_segments(&s, l);
-        const double full = dmk_full_turn(s.geodesics);
+        const double full = dmk_turn_around(s.geodesics, 0);
         if (i == 0) assert_int_equal(info.endpoints, 6);
         assert_true(info.length > 2 && info.length < 6);
         int n_off = 0;
@@ -1233,7 +1233,7 @@ static void check_directions(const scene *s)
     dmk_mesh *cut = NULL;
     int32_t *origin = NULL, n = 0, n_off = 0;
     double *plane = NULL;
-    const double scale = 2 * pi / dmk_full_turn(s->geodesics);
+    const double scale = 2 * pi / dmk_turn_around(s->geodesics, 0);
     assert_int_equal(dmk_locus_cut(ctx, s->geodesics, NULL, NULL, &cut, &origin, &plane), DMK_OK);
     for (int32_t v = 0; v < cut->n_vertices; v++) {
         if (origin[v] < 0 || s->geodesics->distance[origin[v]] == 0) continue;
@@ -1659,31 +1659,40 @@ static void test_reaches(void **state)
     check_lengths(&(length_from){222, 245.2}, 1);
 }
 
-/* From a vertex of the mesh, with other first corners; backwards: vertices and triangles in the other order; flipped:
- * the other side up. */
-static dmk_locus_info trace_numbered(const dmk_mesh *m, int32_t source, bool backwards,
-                                     bool flipped)
+/* From n vertices of the mesh, 9 at most, with other first corners; backwards: vertices and triangles in the other
+ * order; flipped: the other side up. */
+static dmk_locus_info trace_numbered(const dmk_mesh *m, size_t n, const int32_t *source,
+                                     bool backwards, bool flipped)
 {
-    const int32_t n = m->n_vertices;
+    const int32_t last = m->n_vertices - 1;
     scene s = {0};
-    double *xyz = malloc(3 * (size_t)n * sizeof *xyz);
+    dmk_point at[9];
+    double *xyz = malloc(3 * (size_t)m->n_vertices * sizeof *xyz);
     int32_t *triangle = malloc(3 * (size_t)m->n_triangles * sizeof *triangle);
-    for (int32_t v = 0; v < n; v++)
-        memcpy(xyz + 3 * (backwards ? n - 1 - v : v), m->xyz + 3 * v, 3 * sizeof *xyz);
+    for (int32_t v = 0; v <= last; v++)
+        memcpy(xyz + 3 * (backwards ? last - v : v), m->xyz + 3 * v, 3 * sizeof *xyz);
     for (int32_t t = 0; t < m->n_triangles; t++) {
         const int32_t *corner = m->triangle + 3 * t, to = backwards ? m->n_triangles - 1 - t : t;
         for (int k = 0; k < 3; k++) {
             const int32_t v = corner[((flipped ? 2 * k : k) + to) % 3];
-            triangle[3 * to + k] = backwards ? n - 1 - v : v;
+            triangle[3 * to + k] = backwards ? last - v : v;
         }
     }
     assert_int_equal(
-        dmk_mesh_create(ctx, (size_t)n, xyz, (size_t)m->n_triangles, triangle, &s.mesh), DMK_OK);
-    assert_int_equal(
-        dmk_mesh_vertex_point(ctx, s.mesh, backwards ? n - 1 - source : source, &s.source), DMK_OK);
-    assert_int_equal(dmk_geodesics_create(ctx, s.mesh, 1, &s.source, NULL, &s.geodesics), DMK_OK);
+        dmk_mesh_create(ctx, (size_t)m->n_vertices, xyz, (size_t)m->n_triangles, triangle, &s.mesh),
+        DMK_OK);
+    for (size_t i = 0; i < n; i++) {
+        const int32_t v = backwards ? last - source[i] : source[i];
+        assert_int_equal(dmk_mesh_vertex_point(ctx, s.mesh, v, &at[i]), DMK_OK);
+    }
+    assert_int_equal(dmk_geodesics_create(ctx, s.mesh, n, at, NULL, &s.geodesics), DMK_OK);
     dmk_locus *l = trace(&s);
     const dmk_locus_info info = check_object(l);
+    const dmk_locus_vertex *v = dmk_locus_vertices(l, NULL);
+    for (size_t i = 0; i < info.n_vertices; i++)
+        assert_true(v[i].source_angle >= 0 && v[i].source_angle <= pi &&
+                    (v[i].source_angle == pi || v[i].source[0] == v[i].source[1]) &&
+                    v[i].angle[0] >= 0 && v[i].angle[1] >= 0 && (n > 1 || v[i].angle[1] < 2 * pi));
     dmk_locus_destroy(&l);
     free_scene(&s);
     free(xyz);
@@ -1691,34 +1700,37 @@ static dmk_locus_info trace_numbered(const dmk_mesh *m, int32_t source, bool bac
     return info;
 }
 
-static void check_numbering(const dmk_mesh *m, const int32_t *source, size_t n)
+/* n_sets sets of n sources. */
+static void check_numbering(const dmk_mesh *m, size_t n_sets, size_t n, const int32_t *source)
 {
     double h = 0;
     for (int32_t e = 0; e < m->n_edges; e++) h += m->length[e] / m->n_edges;
-    for (size_t i = 0; i < 3 * n; i++) {
-        const dmk_locus_info a = trace_numbered(m, source[i / 3], false, false),
-                             b = trace_numbered(m, source[i / 3], i % 3 != 1, i % 3 != 0);
+    for (size_t i = 0; i < 3 * n_sets; i++) {
+        const int32_t *from = source + i / 3 * n;
+        const dmk_locus_info a = trace_numbered(m, n, from, false, false),
+                             b = trace_numbered(m, n, from, i % 3 != 1, i % 3 != 0);
         if (fabs(a.length - b.length) > 5e-3 * h || a.endpoints != b.endpoints ||
             a.branch_points != b.branch_points || a.loops != b.loops)
-            fail_msg("from vertex %d: %.9g h, %zu ends; otherwise %.9g, %zu", (int)source[i / 3],
+            fail_msg("from vertex %d: %.9g h, %zu ends; otherwise %.9g, %zu", (int)*from,
                      a.length / h, a.endpoints, b.length / h, b.endpoints);
     }
 }
 
 /* Which vertex or corner has the lower number is nothing to the locus. On the bumpy sphere it would be 0.02 to 5 h:
  * which of two edges that jump alike joins the tree, to which side a crossing goes where both families or neither are
- * the shorter one, from where a fork's families and a cusp's surroundings are seen, how far out a branch is followed;
- * and on the torus which of three loops a fork is left out of. */
+ * the shorter one, from where a fork's families and a cusp's surroundings are seen, how far out a branch is followed,
+ * of several sources where directions begin; and on the torus which of three loops a fork is left out of. */
 static void test_numbering(void **state)
 {
     (void)state;
     dmk_mesh *mesh = NULL;
     assert_int_equal(dmk_mesh_read(ctx, "tests/data/rough.off", &mesh), DMK_OK);
-    check_numbering(mesh, (int32_t[]){0, 102, 427, 533, 597, 734, 960, 1174, 1387, 1921}, 10);
+    check_numbering(mesh, 10, 1, (int32_t[]){0, 102, 427, 533, 597, 734, 960, 1174, 1387, 1921});
+    check_numbering(mesh, 1, 9, (int32_t[]){0, 102, 427, 533, 597, 734, 960, 1174, 1387});
     dmk_mesh_destroy(&mesh);
     scene s = surface("torus", 0, (double[3]){3, 0, 0});
     s = shaken(s, 0.1 * s.h, 1);
-    check_numbering(s.mesh, (int32_t[]){0, 226, 400}, 3);
+    check_numbering(s.mesh, 3, 1, (int32_t[]){0, 226, 400});
     free_scene(&s);
 }
 

@@ -116,9 +116,9 @@ struct dmk_geodesics {
 void dmk_lines_sort(dmk_geodesics *g);
 bool dmk_lines_have(const dmk_geodesics *g, int32_t h);
 
-/* Angle around the sources, for directions modulo it; HUGE_VAL where they do not close up. */
-double dmk_full_turn(const dmk_geodesics *g);
-/* Directions times this close up at 2 pi; 1 where they do not. */
+/* Angle around a source, for directions modulo it; HUGE_VAL where they do not close up. */
+double dmk_turn_around(const dmk_geodesics *g, int32_t source);
+/* Directions at one source times this close up at 2 pi; 1 where they do not, or at several. */
 double dmk_turn_scale(const dmk_geodesics *g);
 /* From direction a to b, the short way around. */
 double dmk_turn_between(double full, double a, double b);

@@ -126,15 +126,15 @@ bool dmk_lines_have(const dmk_geodesics *g, int32_t h)
     return dmk_sorted_has((int32_t)g->n_lines, g->line, h);
 }
 
-double dmk_full_turn(const dmk_geodesics *g)
+double dmk_turn_around(const dmk_geodesics *g, int32_t source)
 {
-    const dmk_site *s = g->source;
-    return g->n_sources == 1 && !s->on_border ? s->total : HUGE_VAL;
+    const dmk_site *s = &g->source[source];
+    return s->on_border ? HUGE_VAL : s->total;
 }
 
 double dmk_turn_scale(const dmk_geodesics *g)
 {
-    const double full = dmk_full_turn(g);
+    const double full = g->n_sources == 1 ? dmk_turn_around(g, 0) : HUGE_VAL;
     return full < HUGE_VAL ? 2 * M_PI / full : 1;
 }
 

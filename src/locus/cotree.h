@@ -96,18 +96,19 @@ static inline int32_t dmk_other_node(const dmk_crossing *c, int32_t node)
     return c->node[0] == node ? c->node[1] : c->node[0];
 }
 
-/* cusp.c. Where a branch ends, fitted to the geodesics around the point `xyz`, at `distance` in the direction `angle`.
- * False if they show no cusp, or not near. A patch is freed also after a failure. */
+/* cusp.c. Where a branch ends, fitted to the geodesics around the point `xyz` on half-edge h, at `distance` in the
+ * direction `angle` from the source of its start. False if they show no cusp, or not near. A patch is freed also after
+ * a failure. */
 typedef struct dmk_cusp {
     double xyz[3], angle, distance;
 } dmk_cusp;
 typedef struct dmk_patch dmk_patch;
 int dmk_patch_create(dmk_context *ctx, const dmk_cotree *cotree, dmk_patch **patch);
 void dmk_patch_free(dmk_patch **patch);
-bool dmk_cusp_fit(dmk_patch *patch, int32_t triangle, dmk_cusp *cusp);
-/* The middle of a short locus around `xyz`, in `triangle`, and from there to one of its ends; what the fit leaves of
+bool dmk_cusp_fit(dmk_patch *patch, int32_t h, dmk_cusp *cusp);
+/* The middle of a short locus around `xyz` on half-edge `on`, and from there to one of its ends; what the fit leaves of
  * the distances, root mean square. */
-bool dmk_focus_fit(dmk_patch *patch, int32_t triangle, double xyz[3], double half[3], double *left);
+bool dmk_focus_fit(dmk_patch *patch, int32_t on, double xyz[3], double half[3], double *left);
 
 /* ---- places.c: crossings, forks and end points as vertices of the locus ------------------------------- */
 /* All but kind, degree and mu; angles as in the source's chart. None depends on the strength asked for. */

@@ -19,6 +19,7 @@ static const int power[N_TERMS][2] = {{0, 0}, {1, 0}, {2, 0}, {0, 1}, {3, 0}, {1
 struct dmk_patch {
     const dmk_cotree *cotree;
     int32_t n, round, *seen;      /* seen: n_vertices, the round in which a vertex was met */
+    int32_t source;               /* of all vertices: directions at two do not compare */
     int32_t vertex[MAX_VERTICES]; /* n: around the centre, nearest rings first */
     double centre[3], normal[3], radius;
 };
@@ -45,7 +46,7 @@ static void take(dmk_patch *p, int32_t v)
     const double *x = g->mesh->xyz + 3 * (size_t)v;
     if (p->seen[v] == p->round || p->n == MAX_VERTICES) return;
     if (dmk_distance(x, p->centre) >= p->radius) return;
-    if (g->arrival[v].source >= 0 && g->source[g->arrival[v].source].vertex == v) return;
+    if (g->arrival[v].source != p->source || g->source[p->source].vertex == v) return;
     p->seen[v] = p->round;
     p->vertex[p->n++] = v;
 }
@@ -68,18 +69,19 @@ static void add_normal(dmk_patch *p, int32_t triangle, double weight)
     for (int k = 0; k < 3; k++) p->normal[k] += weight * n[k] / m->area[triangle];
 }
 
-/* The vertices within `radius` of xyz, which lies in `triangle`, reached from there ring by ring, and the
- * mean normal around them, weighted as they are, whatever their order. */
-static bool gather(dmk_patch *p, int32_t triangle, const double xyz[3], double radius)
+/* The vertices within `radius` of xyz, which lies in the triangle of half-edge h, with the source of its start, reached
+ * from there ring by ring, and the mean normal around them, weighted as they are, whatever their order. */
+static bool gather(dmk_patch *p, int32_t h, const double xyz[3], double radius)
 {
     const dmk_mesh *m = p->cotree->geodesics->mesh;
     const dmk_star *star = &p->cotree->geodesics->star;
+    p->source = p->cotree->geodesics->arrival[m->triangle[dmk_next(h)]].source;
     p->round++;
     p->n = 0;
     p->radius = radius;
     memcpy(p->centre, xyz, sizeof p->centre);
     memset(p->normal, 0, sizeof p->normal);
-    for (int k = 0; k < 3; k++) take(p, m->triangle[3 * triangle + k]);
+    for (int k = 0; k < 3; k++) take(p, m->triangle[h - h % 3 + k]);
     for (int32_t i = 0; i < p->n; i++) {
         const int32_t first = star->first[p->vertex[i]];
         const double weight = weight_of(p, m->xyz + 3 * (size_t)p->vertex[i]);
@@ -127,7 +129,7 @@ static void derive(const double *map, double a, double r, int da, int dr, double
 static bool fit_map(const dmk_patch *p, const dmk_cusp *c, double spread, double *map)
 {
     const dmk_geodesics *g = p->cotree->geodesics;
-    const double full = dmk_full_turn(g);
+    const double full = dmk_turn_around(g, p->source);
     double A[N_TERMS * N_TERMS] = {0}, term[N_TERMS];
     memset(map, 0, 3 * N_TERMS * sizeof *map);
     for (int32_t i = 0; i < p->n; i++) {
@@ -171,14 +173,14 @@ static bool find_cusp(const dmk_patch *p, const double *map, double *a, double *
     return false;
 }
 
-bool dmk_cusp_fit(dmk_patch *p, int32_t triangle, dmk_cusp *c)
+bool dmk_cusp_fit(dmk_patch *p, int32_t h, dmk_cusp *c)
 {
     const dmk_geodesics *g = p->cotree->geodesics;
-    const double full = dmk_full_turn(g);
     double map[3 * N_TERMS], spread = 0, a, r, x[3];
     /* wider on a noisy mesh, whose own branches have raised the default */
     const double wider = sqrt(p->cotree->strength / (dmk_rules.strength * p->cotree->mean_edge));
-    if (!gather(p, triangle, c->xyz, wider * dmk_rules.window * p->cotree->mean_edge)) return false;
+    if (!gather(p, h, c->xyz, wider * dmk_rules.window * p->cotree->mean_edge)) return false;
+    const double full = dmk_turn_around(g, p->source);
     for (int32_t i = 0; i < p->n; i++)
         spread = fmax(spread,
                       fabs(dmk_turn_between(full, c->angle, g->arrival[p->vertex[i]].direction)));
@@ -193,14 +195,14 @@ bool dmk_cusp_fit(dmk_patch *p, int32_t triangle, dmk_cusp *c)
 /* Around a short locus the distance falls off as d = d0 - |x - c| + A cos 2 phi + B sin 2 phi, phi the direction from
  * c: the waves that come in enclose an astroid, and the locus is the part of its longer axis between two of the cusps,
  * of the length 8 sqrt(A^2 + B^2). What is left of first order in phi moves c. */
-bool dmk_focus_fit(dmk_patch *p, int32_t triangle, double xyz[3], double half[3], double *left)
+bool dmk_focus_fit(dmk_patch *p, int32_t on, double xyz[3], double half[3], double *left)
 {
     enum { N = 5 };
     const dmk_geodesics *g = p->cotree->geodesics;
     const double h = p->cotree->mean_edge;
     for (int round = 0; round < MAX_STEPS; round++) {
         double A[N * N] = {0}, b[N] = {0}, rhs[N], squares = 0, axis[2][3] = {{0}};
-        if (!gather(p, triangle, xyz, dmk_rules.window * h)) return false;
+        if (!gather(p, on, xyz, dmk_rules.window * h)) return false;
         int least = 0;
         for (int k = 1; k < 3; k++) least = fabs(p->normal[k]) < fabs(p->normal[least]) ? k : least;
         const double unit[3] = {least == 0, least == 1, least == 2};

@@ -125,17 +125,19 @@ static void point_beyond(const dmk_cotree *t, const route *r, double way, double
 /* Fits around the route's crossings until the cusp lies beside the crossing it was fitted around. */
 static bool find_cusp(const dmk_cotree *t, dmk_patch *patch, const route *r, double xyz[3])
 {
-    const double full = dmk_full_turn(t->geodesics), h = t->mean_edge;
+    const double h = t->mean_edge;
     int32_t k = r->end, tried = -1;
     for (int i = 0; i < MAX_FITS; i++) {
         const dmk_crossing *c = &t->crossing[r->crossing[k]];
         const int32_t v = t->geodesics->mesh->triangle[dmk_next(c->half)];
         const int32_t w = t->geodesics->mesh->triangle[dmk_previous(c->half)];
-        const double a = t->geodesics->arrival[v].direction, b = t->geodesics->arrival[w].direction;
-        dmk_cusp cusp = {.angle = a + 0.5 * dmk_turn_between(full, a, b), .distance = c->distance};
+        const dmk_arrival *from = t->geodesics->arrival + v, *to = t->geodesics->arrival + w;
+        const double full = dmk_turn_around(t->geodesics, from->source);
+        const double half = 0.5 * dmk_turn_between(full, from->direction, to->direction);
+        dmk_cusp cusp = {.angle = from->direction + half, .distance = c->distance};
         memcpy(cusp.xyz, c->xyz, sizeof cusp.xyz);
         int32_t next = k;
-        if (dmk_cusp_fit(patch, c->half / 3, &cusp)) {
+        if (dmk_cusp_fit(patch, c->half, &cusp)) {
             next = nearest_on(t, r, cusp.xyz);
             if (next == tried || step(t, r->crossing[next], r->crossing[k]) < 0.5 * h) {
                 memcpy(xyz, cusp.xyz, sizeof cusp.xyz);
@@ -275,7 +277,7 @@ static int find_small(dmk_context *ctx, dmk_cotree *t, dmk_patch *patch, double 
     const bool strong = c->worth >= t->strength;
     double left;
     memcpy(middle, c->xyz, sizeof c->xyz);
-    const bool fits = dmk_focus_fit(patch, c->half / 3, middle, half, &left);
+    const bool fits = dmk_focus_fit(patch, c->half, middle, half, &left);
     const double reach = sqrt(dmk_dot(half, half)); /* an arc shorter than an edge is a point */
     const bool tree = strong && (!fits || left > 0.25 * reach + t->noise);
     if (tree) memset(half, 0, 3 * sizeof *half);

@@ -186,13 +186,13 @@ static void finish_vertices(const dmk_cotree *t, dmk_locus *l)
 {
     static const dmk_locus_kind kind[] = {DMK_LOCUS_POINT, DMK_LOCUS_END, DMK_LOCUS_ORDINARY,
                                           DMK_LOCUS_BRANCH}; /* by degree */
-    const double full = dmk_full_turn(t->geodesics), scale = dmk_turn_scale(t->geodesics);
+    const double scale = dmk_turn_scale(t->geodesics);
     for (size_t i = 0; i < l->info.n_vertices; i++) {
         dmk_locus_vertex *v = &l->vertex[i];
-        v->source_angle *= scale;
         for (int k = 0; k < 2; k++) {
+            const double full = dmk_turn_around(t->geodesics, v->source[k]);
+            if (full < HUGE_VAL) v->angle[k] -= full * floor(v->angle[k] / full);
             v->angle[k] *= scale;
-            if (full < HUGE_VAL) v->angle[k] -= 2 * M_PI * floor(v->angle[k] / (2 * M_PI));
         }
         v->kind = kind[dmk_min_i(v->degree, 3)];
         l->info.endpoints += v->degree == 1;

@@ -58,7 +58,8 @@ static double direction_of(const dmk_family *f, double x, double y)
     return f->arrival->direction + (f->arrival->pseudo_source >= 0 ? 0 : turn_to(f, x, y));
 }
 
-/* What two families say of (x, y): directions, and the length of the shorter one. */
+/* What two families say of (x, y): directions, and the length of the shorter one. Directions at two sources are as far
+ * apart as can be. */
 static void set_families(const dmk_geodesics *g, const dmk_family *a, const dmk_family *b, double x,
                          double y, dmk_locus_vertex *v)
 {
@@ -68,7 +69,10 @@ static void set_families(const dmk_geodesics *g, const dmk_family *a, const dmk_
     v->source[1] = b->arrival->source;
     v->angle[0] = direction_of(a, x, y);
     v->angle[1] = direction_of(b, x, y);
-    v->source_angle = fabs(dmk_turn_between(dmk_full_turn(g), v->angle[0], v->angle[1]));
+    const double full = dmk_turn_around(g, v->source[0]);
+    const double apart = fabs(dmk_turn_between(full, v->angle[0], v->angle[1]));
+    v->source_angle = full < HUGE_VAL ? 2 * M_PI / full * apart : apart;
+    if (v->source[0] != v->source[1]) v->source_angle = M_PI;
     v->meeting_angle = dmk_meeting_angle(&a->image, &b->image, x, y);
 }
 
