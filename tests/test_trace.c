@@ -81,7 +81,7 @@ static void repairs_end_within_the_tolerance(void **state)
     for (int32_t v = 0; v < m->n_vertices; v++) {
         const double exact = g->distance[v];
         mended one = {.vertex = v};
-        if (is_source(g, v)) continue;
+        if (dmk_is_source(g, v)) continue;
         g->error[v] = exact;
         assert_int_equal(mend(*state, t, &one), DMK_OK);
         assert_true(one.distance >= exact * (1 - 1e-14) && one.distance <= 1.01 * exact);

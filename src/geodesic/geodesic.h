@@ -116,6 +116,8 @@ struct dmk_geodesics {
 void dmk_lines_sort(dmk_geodesics *g);
 bool dmk_lines_have(const dmk_geodesics *g, int32_t h);
 
+/* Whether vertex v is a source, or on a curve that is one: no direction leads to it. */
+bool dmk_is_source(const dmk_geodesics *g, int32_t v);
 /* Angle around a source, for directions modulo it; HUGE_VAL where they do not close up. */
 double dmk_turn_around(const dmk_geodesics *g, int32_t source);
 /* Directions at one source times this close up at 2 pi; 1 where they do not, or at several. */

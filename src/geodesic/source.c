@@ -126,6 +126,14 @@ bool dmk_lines_have(const dmk_geodesics *g, int32_t h)
     return dmk_sorted_has((int32_t)g->n_lines, g->line, h);
 }
 
+bool dmk_is_source(const dmk_geodesics *g, int32_t v)
+{
+    const dmk_arrival *a = g->arrival + v;
+    if (a->pseudo_source >= 0 || a->source < 0) return false; /* < 0: of another component */
+    if (a->source >= g->n_sources) return g->distance[v] == 0;
+    return g->source[a->source].vertex == v;
+}
+
 double dmk_turn_around(const dmk_geodesics *g, int32_t source)
 {
     const dmk_site *s = &g->source[source];

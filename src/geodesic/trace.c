@@ -553,15 +553,6 @@ static dmk_point corner_point(const dmk_geodesics *g, int32_t v)
     return p;
 }
 
-/* Whether the path ends at vertex v: no way leads on. */
-static bool is_source(const dmk_geodesics *g, int32_t v)
-{
-    const dmk_arrival *a = g->arrival + v;
-    if (a->pseudo_source >= 0 || a->source < 0) return false; /* < 0: of another component */
-    if (a->source >= g->n_sources) return g->distance[v] == 0;
-    return g->source[a->source].vertex == v;
-}
-
 /* A site as a point of one of the triangles that it lies in. */
 static dmk_point seen_in(const dmk_geodesics *g, const dmk_site *at, int32_t triangle)
 {
@@ -614,7 +605,7 @@ static int follow(dmk_context *ctx, dmk_tracer *t, const dmk_site *from, trail *
     target back = {0};
     *direction = 0;
     DMK_TRY(append(l, from->point));
-    while (!(at->vertex >= 0 && is_source(g, at->vertex))) {
+    while (!(at->vertex >= 0 && dmk_is_source(g, at->vertex))) {
         DMK_TRY(search(ctx, t, at));
         const finish f = t->best;
         DMK_TRY(append_piece(ctx, t, at, l, &back));
@@ -623,7 +614,7 @@ static int follow(dmk_context *ctx, dmk_tracer *t, const dmk_site *from, trail *
                         : source < g->n_sources ? g->source[source].point
                                                 : f.foot;
         DMK_TRY(append(l, end));
-        if (f.vertex >= 0 && is_source(g, f.vertex)) source = g->arrival[f.vertex].source;
+        if (f.vertex >= 0 && dmk_is_source(g, f.vertex)) source = g->arrival[f.vertex].source;
         if (source >= 0) {
             if (source < g->n_sources) *direction = direction_to(g, g->source + source, &back);
             break;
@@ -711,7 +702,7 @@ static int value_at(dmk_context *ctx, dmk_tracer *t, const dmk_point *at, dmk_va
     const finish f = t->best;
     value->distance = f.length * g->star.unit;
     value->source = f.vertex >= 0 ? g->arrival[f.vertex].source : f.source;
-    if (f.vertex >= 0 && !is_source(g, f.vertex)) {
+    if (f.vertex >= 0 && !dmk_is_source(g, f.vertex)) {
         value->direction = g->arrival[f.vertex].direction;
     } else {
         dmk_path path = {0};
@@ -743,7 +734,7 @@ typedef struct repairs {
 
 static bool is_over(const dmk_geodesics *g, int32_t v)
 {
-    return g->arrival[v].source >= 0 && !is_source(g, v) &&
+    return g->arrival[v].source >= 0 && !dmk_is_source(g, v) &&
            dmk_is_over(g->tolerance, g->error[v], g->distance[v]);
 }
 

@@ -46,7 +46,7 @@ static void take(dmk_patch *p, int32_t v)
     const double *x = g->mesh->xyz + 3 * (size_t)v;
     if (p->seen[v] == p->round || p->n == MAX_VERTICES) return;
     if (dmk_distance(x, p->centre) >= p->radius) return;
-    if (g->arrival[v].source != p->source || g->source[p->source].vertex == v) return;
+    if (g->arrival[v].source != p->source || dmk_is_source(g, v)) return;
     p->seen[v] = p->round;
     p->vertex[p->n++] = v;
 }
