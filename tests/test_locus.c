@@ -1705,14 +1705,15 @@ static void check_numbering(const dmk_mesh *m, size_t n_sets, size_t n, const in
 {
     double h = 0;
     for (int32_t e = 0; e < m->n_edges; e++) h += m->length[e] / m->n_edges;
-    for (size_t i = 0; i < 3 * n_sets; i++) {
-        const int32_t *from = source + i / 3 * n;
-        const dmk_locus_info a = trace_numbered(m, n, from, false, false),
-                             b = trace_numbered(m, n, from, i % 3 != 1, i % 3 != 0);
-        if (fabs(a.length - b.length) > 5e-3 * h || a.endpoints != b.endpoints ||
-            a.branch_points != b.branch_points || a.loops != b.loops)
-            fail_msg("from vertex %d: %.9g h, %zu ends; otherwise %.9g, %zu", (int)*from,
-                     a.length / h, a.endpoints, b.length / h, b.endpoints);
+    for (const int32_t *from = source; from < source + n_sets * n; from += n) {
+        const dmk_locus_info a = trace_numbered(m, n, from, false, false);
+        for (int i = 0; i < 3; i++) {
+            const dmk_locus_info b = trace_numbered(m, n, from, i != 1, i != 0);
+            if (fabs(a.length - b.length) > 5e-3 * h || a.endpoints != b.endpoints ||
+                a.branch_points != b.branch_points || a.loops != b.loops)
+                fail_msg("from vertex %d: %.9g h, %zu ends; otherwise %.9g, %zu", (int)*from,
+                         a.length / h, a.endpoints, b.length / h, b.endpoints);
+        }
     }
 }
 

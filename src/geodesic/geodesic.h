@@ -120,7 +120,9 @@ bool dmk_lines_have(const dmk_geodesics *g, int32_t h);
 bool dmk_is_source(const dmk_geodesics *g, int32_t v);
 /* Angle around a source, for directions modulo it; HUGE_VAL where they do not close up. */
 double dmk_turn_around(const dmk_geodesics *g, int32_t source);
-/* Directions at one source times this close up at 2 pi; 1 where they do not, or at several. */
+/* Directions at a source times this close up at 2 pi; 1 where they do not. */
+double dmk_scale_around(const dmk_geodesics *g, int32_t source);
+/* The same of the only source; 1 if there are several. */
 double dmk_turn_scale(const dmk_geodesics *g);
 /* From direction a to b, the short way around. */
 double dmk_turn_between(double full, double a, double b);

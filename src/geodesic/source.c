@@ -140,10 +140,15 @@ double dmk_turn_around(const dmk_geodesics *g, int32_t source)
     return s->on_border ? HUGE_VAL : s->total;
 }
 
+double dmk_scale_around(const dmk_geodesics *g, int32_t source)
+{
+    const double full = dmk_turn_around(g, source);
+    return full < HUGE_VAL ? 2 * M_PI / full : 1;
+}
+
 double dmk_turn_scale(const dmk_geodesics *g)
 {
-    const double full = g->n_sources == 1 ? dmk_turn_around(g, 0) : HUGE_VAL;
-    return full < HUGE_VAL ? 2 * M_PI / full : 1;
+    return g->n_sources == 1 ? dmk_scale_around(g, 0) : 1;
 }
 
 double dmk_turn_between(double full, double a, double b)

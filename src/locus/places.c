@@ -69,10 +69,10 @@ static void set_families(const dmk_geodesics *g, const dmk_family *a, const dmk_
     v->source[1] = b->arrival->source;
     v->angle[0] = direction_of(a, x, y);
     v->angle[1] = direction_of(b, x, y);
-    const double full = dmk_turn_around(g, v->source[0]);
-    const double apart = fabs(dmk_turn_between(full, v->angle[0], v->angle[1]));
-    v->source_angle = full < HUGE_VAL ? 2 * M_PI / full * apart : apart;
-    if (v->source[0] != v->source[1]) v->source_angle = M_PI;
+    const int32_t source = v->source[0];
+    const double full = dmk_turn_around(g, source),
+                 apart = fabs(dmk_turn_between(full, v->angle[0], v->angle[1]));
+    v->source_angle = source == v->source[1] ? dmk_scale_around(g, source) * apart : M_PI;
     v->meeting_angle = dmk_meeting_angle(&a->image, &b->image, x, y);
 }
 
