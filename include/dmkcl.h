@@ -422,7 +422,7 @@ typedef struct dmk_solve_options {
     double gap_tolerance; /* also stop when the certificate's relative gap is below; 0 = not used */
     double
         cg_tolerance; /* relative energy residual of the inner solves; 0 = the method's default */
-    int max_steps;    /* 0 = the method's default */
+    int max_steps;    /* of all attempts of Newton's method; 0 = the method's default */
     int normalise;    /* dmk_solve_measures: 1 scales the second measure to the mass of the first */
     double threshold; /* absolute bound of the approximate cut locus {mu <= eps}; 0 = a rule without
                              a tolerance to choose, see dmk_result_acl */

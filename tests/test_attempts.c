@@ -192,7 +192,7 @@ static void bounds_of_attempts_before_stay(void **state)
         bool done;
         p.stats.cost_lower = good ? 5.5 : 1;
         p.stats.cost_upper = good ? 5.6 : 100;
-        assert_int_equal(attempt(&o, true, second(&o), &best, &done), DMK_E_LIMIT);
+        assert_int_equal(attempt(&o, true, second(&o), 0, &best, &done), DMK_E_LIMIT);
         const double lower = p.stats.cost_lower, upper = p.stats.cost_upper;
         if (!(good ? lower == 5.5 && upper == 5.6 : lower > 4 && upper < 7))
             fail_msg("%g, %g", lower, upper);
@@ -220,23 +220,26 @@ static void no_solve_spoils_the_next(void **state)
     problem_free(&p);
 }
 
+/* After 20 steps, and 40 of attempts before. */
 static bool follows(int max_steps, double tolerance, double change, int rc)
 {
     const dmk_solve_options options = {.max_steps = max_steps, .tolerance = tolerance};
-    dmk_stats stats = {.change = change};
-    return may_follow(&(dmk_iteration){.options = &options, .stats = &stats}, rc);
+    dmk_stats stats = {.change = change, .steps = 20};
+    return may_follow(&(dmk_iteration){.options = &options, .stats = &stats}, rc, 40);
 }
 
 static void others_follow_what_failed(void **state)
 {
     (void)state;
     for (int rc = DMK_OK; rc >= DMK_E_DIVERGED - 9; rc--) {
-        const bool failed = rc == DMK_E_DIVERGED || rc == DMK_E_LIMIT;
+        const bool ended = rc == DMK_OK || rc == DMK_E_DIVERGED || rc == DMK_E_LIMIT;
         assert_false(follows(60, 0, 1, rc));
-        assert_int_equal(follows(0, 0, 1, rc), failed || rc == DMK_OK);
-        assert_int_equal(follows(0, 1e-2, 1, rc), failed);
-        assert_int_equal(follows(0, 1e-5, 1, rc), failed);
-        assert_int_equal(follows(0, 1e-5, 1e-3, rc), rc == DMK_E_DIVERGED); /* as near as ever */
+        assert_int_equal(follows(61, 0, 1, rc), ended);
+        assert_int_equal(follows(0, 0, 1, rc), ended);
+        assert_int_equal(follows(0, 1e-2, 1, rc), ended && rc != DMK_OK);
+        assert_int_equal(follows(0, 1e-5, 1, rc), ended);
+        assert_int_equal(follows(0, 1e-5, 1e-3, rc),
+                         ended && rc != DMK_E_LIMIT); /* as near as ever */
     }
 }
 
@@ -258,9 +261,11 @@ static void gaps_decide(void **state)
     assert_true(!is_in_vain(&best, 0.02, false) && !is_in_vain(&(pair){.settled = true}, 1, true));
     assert_false(is_in_vain(&(pair){.u = best.u, .gap = 0.01}, 0.02, true));
     dmk_iteration o = {0};
-    assert_int_equal(settle_for(&o, &(pair){0}, DMK_E_DIVERGED), DMK_E_DIVERGED);
-    assert_int_equal(settle_for(&o, &(pair){.u = (double[1]){0}, .gap = 0.6}, DMK_E_DIVERGED),
-                     DMK_E_DIVERGED);
+    const pair poor = {.u = (double[1]){0}, .gap = 0.6};
+    assert_int_equal(settle_for(&o, &(pair){0}, false, DMK_E_DIVERGED), DMK_E_DIVERGED);
+    assert_int_equal(settle_for(&o, &poor, false, DMK_E_DIVERGED), DMK_E_DIVERGED);
+    assert_int_equal(settle_for(&o, &poor, true, DMK_E_LIMIT), DMK_E_LIMIT);
+    assert_int_equal(settle_for(&o, &best, true, DMK_E_NOMEM), DMK_E_NOMEM);
 }
 
 static const double *script; /* gaps of settled attempts */
@@ -307,6 +312,11 @@ static void none_follows_in_vain(void **state)
     assert_int_equal(attempts_with(&p, (const double[]){0.1, 0.05, 1e-3}), 3);
     assert_int_equal(attempts_with(&p, (const double[]){0.1, 0.1, 1e-3}), 2);
     assert_int_equal(attempts_with(&p, (const double[]){1e-3}), 1);
+    /* The steps that are asked for are those of all, each of which takes one here. */
+    p.options.tolerance = DMK_DEFAULT_TOLERANCE / 3;
+    assert_int_equal(attempts_with(&p, (const double[]){0.1, 0.05, 1e-3}), 3);
+    p.options.max_steps = 2;
+    assert_int_equal(attempts_with(&p, (const double[]){0.1, 0.05, 1e-3}), 2);
     problem_free(&p);
 }
 

@@ -65,7 +65,7 @@ int dmk_explicit(dmk_iteration *o)
             if (o->stats->gap <= opt->gap_tolerance) goto done;
         }
     }
-    rc = dmk_iteration_limit(o, max_steps);
+    rc = dmk_iteration_limit(o, max_steps, o->stats->change);
 done:
     return rc;
 }

@@ -193,11 +193,11 @@ int dmk_iteration_step_done(dmk_iteration *o, int step, int max_steps, int itera
     return dmk_report(o->ctx, &report);
 }
 
-int dmk_iteration_limit(dmk_iteration *o, int max_steps)
+int dmk_iteration_limit(dmk_iteration *o, int max_steps, double change)
 {
     return dmk_fail(
         o->ctx, DMK_E_LIMIT,
         "%d step%s did not reach the tolerance: relative change of mu per unit time %.2g, "
         "wanted %.2g; raise max_steps or tolerance",
-        max_steps, max_steps == 1 ? "" : "s", o->stats->change, o->tolerance);
+        max_steps, max_steps == 1 ? "" : "s", change, o->tolerance);
 }

@@ -95,11 +95,11 @@ int dmk_iteration_step_done(dmk_iteration *o, int step, int max_steps, int itera
 /* The divergence at a step, DMK_E_DIVERGED: what happened, the way out and the worst triangle. */
 int dmk_iteration_diverged(const dmk_iteration *o, int step, const char *what);
 
-/* The step limit came before the tolerance: DMK_E_LIMIT with the last change. */
-int dmk_iteration_limit(dmk_iteration *o, int max_steps);
+/* The step limit came before the tolerance: DMK_E_LIMIT with the last change, or what the method compares. */
+int dmk_iteration_limit(dmk_iteration *o, int max_steps, double change);
 /* The methods: from the start in s->mu, s->u to convergence. Newton's: at least `effort` iterations of CG in a step,
- * and at most that many steps, unless the caller of all has said how many. */
-int dmk_newton(dmk_iteration *o, bool from_distance, int effort, int most_steps);
+ * and at most that many steps. */
+int dmk_newton(dmk_iteration *o, bool from_distance, int effort, int max_steps);
 int dmk_explicit(dmk_iteration *o);
 /* Newton's, and where they fail again from the start, solved better: the best pair. See attempts.c. */
 int dmk_attempts(dmk_iteration *o, bool from_distance);

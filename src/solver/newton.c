@@ -290,12 +290,11 @@ static step_control control_of(const dmk_iteration *o, bool from_distance)
     return o->between ? measures : point;
 }
 
-int dmk_newton(dmk_iteration *o, bool from_distance, int effort, int most_steps)
+int dmk_newton(dmk_iteration *o, bool from_distance, int effort, int max_steps)
 {
     int rc = DMK_OK, first = 1;
     bool settled;
     const dmk_solve_options *opt = o->options;
-    const int max_steps = opt->max_steps ? opt->max_steps : most_steps;
     double change = 1;
     o->loose = !from_distance;
     o->tolerance = opt->tolerance > 0 ? opt->tolerance : DMK_DEFAULT_TOLERANCE;
@@ -322,7 +321,7 @@ int dmk_newton(dmk_iteration *o, bool from_distance, int effort, int most_steps)
     }
     /* What our own tolerance was at first has been reached. */
     if (opt->tolerance > 0 || o->tolerance == DMK_DEFAULT_TOLERANCE)
-        rc = dmk_iteration_limit(o, max_steps);
+        rc = dmk_iteration_limit(o, max_steps, error_estimate(&p, change));
 done:
     return rc;
 }
