@@ -549,8 +549,9 @@ typedef struct dmk_measure {
     const dmk_point *atoms;
     const double
         *atom_mass; /* NULL: free, each takes what the other measure has nearest to it; then u is
-                                       minus the distance to the nearest, and mu vanishes on their cut locus;
-                                       the measure has no other part then */
+                                       minus the distance to the nearest (plus, of the second measure), up to a
+                                       constant, and mu vanishes on their cut locus; the measure has no other
+                                       part then */
     size_t n_lines; /* polylines with mass along them: line k goes straight from point to point */
     const int32_t
         *line_first; /* of line_points[line_first[k] .. line_first[k + 1]), two or more; any two */
@@ -565,7 +566,8 @@ typedef struct dmk_transport_info {
     double mass; /* that is moved */
     double
         balance; /* largest difference between what the flux delivers to a node of the mesh refined once and
-                       what it should, over the largest such load: rounding, 1e-10 or less in double precision */
+                       what it should, over the largest such load: rounding, in double precision 1e-10 or less,
+                       among needles more */
 } dmk_transport_info;
 
 /* Optimal transport from one measure to another at the cost of the distance: the earth mover's distance

@@ -918,6 +918,101 @@ static void no_mass_on_other_components(void **state)
     problem_free(&p);
 }
 
+/* The even part is on the component of the others, whichever measure shows it. */
+static void the_even_part_goes_with_the_others(void **state)
+{
+    static const double xyz[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 5, 0, 0, 6, 0, 0, 5, 1, 0};
+    static const int32_t triangles[] = {0, 1, 2, 3, 4, 5};
+    static const dmk_point atom = {1, {1, 0, 0}};
+    problem p = problem_create(*state, 6, xyz, 2, triangles);
+    p.options.normalise = 1;
+    const dmk_measure even = {.uniform = 1},
+                      others[] = {
+                          {.n_atoms = 1, .atoms = &atom},
+                          {.n_atoms = 1, .atoms = &atom, .atom_mass = (double[]){1}},
+                          {.n_atoms = 1, .atoms = &atom, .atom_mass = (double[]){1}, .uniform = 1}};
+    for (size_t i = 0; i < sizeof others / sizeof *others; i++) {
+        moved there = move(&p, &even, &others[i]), back = move(&p, &others[i], &even);
+        const double ways =
+            there.stats.cost_upper / there.info.mass / (back.stats.cost_upper / back.info.mass);
+        assert_true(fabs(ways - 1) < 5e-3);
+        assert_true(dmk_transport_density(there.transport, NULL)[0] == 0);
+        dmk_transport_destroy(&there.transport);
+        dmk_transport_destroy(&back.transport);
+    }
+    problem_free(&p);
+}
+
+static void masses_have_any_unit(void **state)
+{
+    static const struct {
+        double length, mass;
+    } unit[] = {{1, 1}, {1, 1e305}, {1e-30, 1e250}, {1e60, 1e-210}};
+    problem round = problem_file(*state, "tests/data/sphere_1280.off");
+    const size_t nv = problem_vertices(&round), nt = problem_triangles(&round);
+    double *x = malloc(3 * nv * sizeof *x), *mass = calloc(nv, sizeof *mass), cost[4];
+    assert_true(x && mass);
+    for (int k = 0; k < 4; k++) {
+        for (size_t i = 0; i < 3 * nv; i++)
+            x[i] = unit[k].length * dmk_mesh_vertices(round.mesh)[i];
+        problem p = problem_create(*state, nv, x, nt, dmk_mesh_triangles(round.mesh));
+        mass[7] = unit[k].mass;
+        moved m =
+            move(&p, &(dmk_measure){.vertex_mass = mass}, &(dmk_measure){.uniform = unit[k].mass});
+        cost[k] = m.stats.cost_upper / unit[k].length / unit[k].mass;
+        assert_true(fabs(cost[k] / cost[0] - 1) < 1e-6);
+        dmk_transport_destroy(&m.transport);
+        problem_free(&p);
+    }
+    problem_free(&round);
+    free(x);
+    free(mass);
+}
+
+/* What the flux leaves at each vertex of a plane mesh, by the triangles as they are, is what was to be moved: also
+ * beside a cap of 1e-5 of its longest side, whose sides the solver takes to be longer. */
+static void the_flux_delivers_through_caps(void **state)
+{
+    enum { N = 4, NV = (N + 1) * (N + 1) + 1, NT = 2 * N * N + 2 };
+    double x[3 * NV] = {0}, left[NV] = {0};
+    int32_t triangles[3 * NT], n = 0;
+    for (int v = 0; v < NV - 1; v++) x[3 * v] = v % (N + 1), x[3 * v + 1] = v / (N + 1);
+    for (int q = 0; q < N * N; q++) {
+        const int a = q + q / N, corner[6] = {a, a + 1, a + N + 2, a, a + N + 2, a + N + 1};
+        for (int k = 0; k < 6; k++) triangles[n++] = corner[k];
+    }
+    /* A vertex just above the lower side of a triangle in the middle. */
+    const int middle = 12 * (N + 2),
+              cut[3] = {triangles[middle], triangles[middle + 1], triangles[middle + 2]};
+    const double *low = x + 3 * cut[0];
+    x[3 * NV - 3] = low[0] + 0.5;
+    x[3 * NV - 2] = low[1] + 1e-5;
+    for (int k = 0; k < 3; k++) {
+        const int piece[3] = {cut[k], cut[(k + 1) % 3], NV - 1};
+        for (int i = 0; i < 3; i++) triangles[k == 0 ? middle + i : n++] = piece[i];
+    }
+    problem p = problem_create(*state, NV, x, NT, triangles);
+    static const dmk_point corner[2] = {{0, {1, 0, 0}}, {2 * N * N - 1, {0, 1, 0}}};
+    static const double mass = 1;
+    moved m = move(&p, &(dmk_measure){.n_atoms = 1, .atoms = &corner[0], .atom_mass = &mass},
+                   &(dmk_measure){.n_atoms = 1, .atoms = &corner[1], .atom_mass = &mass});
+    const double *flux = dmk_transport_flux(m.transport, NULL);
+    for (int t = 0; t < NT; t++) {
+        for (int k = 0; k < 3; k++) {
+            const double *a = x + 3 * triangles[3 * t + (k + 1) % 3],
+                         *b = x + 3 * triangles[3 * t + (k + 2) % 3];
+            left[triangles[3 * t + k]] +=
+                0.5 * ((a[1] - b[1]) * flux[3 * t] + (b[0] - a[0]) * flux[3 * t + 1]);
+        }
+    }
+    for (int v = 0; v < NV; v++) {
+        const double brought = (v == NV - 2) - (v == 0);
+        if (!(fabs(left[v] - brought) < 1e-9)) fail_msg("%g at %d", left[v], v);
+    }
+    dmk_transport_destroy(&m.transport);
+    problem_free(&p);
+}
+
 /* A mesh that was given to the solver is for one solve, whether it was put in order before that or not. */
 static void a_given_mesh_is_for_one_solve(void **state)
 {
@@ -967,6 +1062,9 @@ int main(void)
         cmocka_unit_test(bad_lines_are_refused),
         cmocka_unit_test(other_components_and_unused_vertices),
         cmocka_unit_test(no_mass_on_other_components),
+        cmocka_unit_test(the_even_part_goes_with_the_others),
+        cmocka_unit_test(masses_have_any_unit),
+        cmocka_unit_test(the_flux_delivers_through_caps),
         cmocka_unit_test(a_given_mesh_is_for_one_solve),
     };
     return cmocka_run_group_tests(tests, bench_setup, bench_teardown);

@@ -129,8 +129,12 @@ bool dmk_sides_are_flat(const double l[3]);
  * (b^2 + c^2 - a^2) / (4 area). */
 void dmk_measure_sides(const double l[3], double *area, double cot[3]);
 
-/* mesh.c: the same with the checks of a triangle that has sides l and the number t and corners v in the input;
- * without a context a failure says nothing. */
+/* mesh.c: the area of triangle t between its corners. `area` comes from sides: of a thin triangle it has fewer digits,
+ * or is that of the thicker one which stands for it (mollify.h). */
+double dmk_area_in_space(const dmk_mesh *mesh, int32_t t);
+
+/* mesh.c: dmk_measure_sides with the checks of a triangle that has sides l and the number t and corners v in the
+ * input; without a context a failure says nothing. */
 int dmk_measure_checked(dmk_context *context, const double l[3], int64_t t, const int64_t v[3],
                         double *area);
 

@@ -108,11 +108,16 @@ static int check_measure(const check *k, const dmk_measure *m)
     for (int32_t t = 0; m->triangle_density && t < k->mesh->n_triangles; t++)
         DMK_TRY(check_one(k, "triangle", t, m->triangle_density[t],
                           dmk_mesh_component(k->mesh, (int32_t)t)));
-    DMK_TRY(check_points(k, m));
-    const int32_t anywhere = *k->found < 0 ? 0 : *k->found;
-    DMK_TRY(check_one(k, "the even part, number", 0, m->uniform, anywhere));
+    rc = check_points(k, m);
 done:
     return rc;
+}
+
+/* The even part takes any component. */
+static int check_even(const check *k, const dmk_measure *m)
+{
+    const int32_t anywhere = *k->found < 0 ? 0 : *k->found;
+    return check_one(k, "the even part, number", 0, m->uniform, anywhere);
 }
 
 int dmk_measure_check(dmk_context *ctx, const dmk_mesh *mesh, const dmk_measure *from,
@@ -133,15 +138,17 @@ int dmk_measure_check(dmk_context *ctx, const dmk_mesh *mesh, const dmk_measure 
         for (int k = 0; k < 3; k++) of_vertex[mesh->triangle[3 * (size_t)t + (size_t)k]] = c;
     }
     check k = {ctx, mesh, of_vertex, "first", !to, component};
-    /* The even part takes any component, so it is looked at when the other measure has shown which. */
-    if (to && (from->uniform != 0 || dmk_measure_is_free(from))) {
-        k.name = "second";
-        DMK_TRY(check_measure(&k, to));
-        k.name = "first";
-    }
+    /* Masses show which component it is, before points that take them, and before the even parts, which take any. */
+    const bool second_first = to && dmk_measure_is_free(from);
+    k.name = "second";
+    if (second_first) DMK_TRY(check_measure(&k, to));
+    k.name = "first";
     DMK_TRY(check_measure(&k, from));
     k.name = "second";
-    if (to) DMK_TRY(check_measure(&k, to));
+    if (to && !second_first) DMK_TRY(check_measure(&k, to));
+    if (to) DMK_TRY(check_even(&k, to));
+    k.name = "first";
+    DMK_TRY(check_even(&k, from));
     if (*component < 0) rc = dmk_fail(ctx, DMK_E_ARG, "the measures have no mass anywhere");
 done:
     free(of_vertex);
@@ -170,7 +177,7 @@ static void add(const load *l, int32_t t, const double w[6], double factor)
     }
 }
 
-/* A density that is linear on triangle t, d at its corners. */
+/* A density that is linear on triangle t, d at its corners times the triangle's area. */
 static void add_linear(const load *l, int32_t t, const double d[3])
 {
     static const int sub[4][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}, {3, 4, 5}};
@@ -181,28 +188,31 @@ static void add_linear(const load *l, int32_t t, const double d[3])
         const double sum = node[sub[s][0]] + node[sub[s][1]] + node[sub[s][2]];
         for (int k = 0; k < 3; k++) w[sub[s][k]] += (sum + node[sub[s][k]]) / 48;
     }
-    add(l, t, w, l->mesh->area[t]);
+    add(l, t, w, 1);
 }
 
-/* Masses at vertices: those of the piecewise linear density that has them. */
+/* Masses at vertices: those of the piecewise linear density that has them. Areas are taken by each other, so that
+ * masses may have any unit. */
 static int add_vertices(const load *l, const double *mass)
 {
     int rc;
-    double *density = NULL; /* at first the area */
+    double *area = NULL; /* of each vertex: a third of its triangles' */
     const dmk_mesh *m = l->mesh;
-    DMK_TRY(DMK_NEW(l->ctx, density, (size_t)m->n_vertices));
+    DMK_TRY(DMK_NEW(l->ctx, area, (size_t)m->n_vertices));
     for (int32_t t = 0; t < m->n_triangles; t++) {
         const double third = m->area[t] / 3;
-        for (int k = 0; k < 3; k++) density[m->triangle[3 * (size_t)t + (size_t)k]] += third;
+        for (int k = 0; k < 3; k++) area[m->triangle[3 * (size_t)t + (size_t)k]] += third;
     }
-    for (int32_t v = 0; v < m->n_vertices; v++)
-        density[v] = mass[l->order->vertex_old[v]] / density[v];
     for (int32_t t = 0; t < m->n_triangles; t++) {
-        const int32_t *v = m->triangle + 3 * (size_t)t;
-        add_linear(l, t, (const double[3]){density[v[0]], density[v[1]], density[v[2]]});
+        double d[3];
+        for (int k = 0; k < 3; k++) {
+            const int32_t v = m->triangle[3 * (size_t)t + (size_t)k];
+            d[k] = mass[l->order->vertex_old[v]] * (m->area[t] / area[v]);
+        }
+        add_linear(l, t, d);
     }
 done:
-    free(density);
+    free(area);
     return rc;
 }
 
@@ -342,15 +352,14 @@ done:
 static int add_measure(load *l, const dmk_measure *m, const char *name)
 {
     int rc = DMK_OK;
-    const bool even = m->triangle_density || m->uniform != 0;
-    double area = 0;
+    double whole = 0;
     if (m->vertex_mass) DMK_TRY(add_vertices(l, m->vertex_mass));
-    for (int32_t t = 0; even && t < l->mesh->n_triangles; t++) area += l->mesh->area[t];
-    for (int32_t t = 0; even && t < l->mesh->n_triangles; t++) {
-        const double d =
-            (m->triangle_density ? m->triangle_density[l->order->triangle_old[t]] : 0) +
-            m->uniform / area;
-        add_linear(l, t, (const double[3]){d, d, d});
+    for (int32_t t = 0; m->uniform != 0 && t < l->mesh->n_triangles; t++) whole += l->mesh->area[t];
+    for (int32_t t = 0; (m->triangle_density || whole > 0) && t < l->mesh->n_triangles; t++) {
+        double mass = whole > 0 ? m->uniform * (l->mesh->area[t] / whole) : 0;
+        if (m->triangle_density)
+            mass += m->triangle_density[l->order->triangle_old[t]] * dmk_area_in_space(l->mesh, t);
+        add_linear(l, t, (const double[3]){mass, mass, mass});
     }
     for (size_t i = 0; m->atom_mass && i < m->n_atoms; i++)
         add_atom(l, &m->atoms[i], m->atom_mass[i]);

@@ -237,13 +237,14 @@ static void add_costs(void *data, double *cost)
 
 /* ---- the flux itself -------------------------------------------------------------------------- */
 
-/* mean[t] = the mean over triangle t of -mu grad u and the flows: grad u from the values at its six nodes. */
+/* mean[t] = the mean over triangle t of -mu grad u and the flows: grad u from the values at its six nodes. By the area
+ * in space its corners receive what goes through the triangle also where lengths are those of a thicker one. */
 static void mean_range(int32_t begin, int32_t end, void *data)
 {
     const router *p = data;
     const dmk_mesh *m = p->mesh;
     for (int32_t t = begin; t < end; t++) {
-        const double per_area = 0.5 / m->area[t];
+        const double per_area = 0.5 / dmk_area_in_space(m, t);
         double x[3][3], cot[3], value[3], flow[3][3], *mean = p->mean + 3 * (size_t)t;
         const int32_t *corner = m->triangle + 3 * (size_t)t,
                       *edge = m->triangle_edge + 3 * (size_t)t;

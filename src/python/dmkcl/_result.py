@@ -33,6 +33,20 @@ def _gaps(rows: NDArray[np.void], last: float) -> NDArray[np.void]:
     return rows
 
 
+def _limit_caps(x: NDArray[np.float64], gradient: NDArray[np.float64]) -> None:
+    """Bound in place what no length shows: u is that of a thicker triangle where one of corners x (m, 3, 3) is a cap."""
+    side = np.roll(x, -1, axis=1) - x
+    length = np.linalg.norm(side, axis=2)
+    longest = length.max(axis=1)
+    caps = np.flatnonzero(length.sum(axis=1) - 2 * longest < 1e-6 * longest)  # as in src/mesh/mollify.c
+    along = side[caps, length[caps].argmax(axis=1)] / longest[caps, None]
+    part = (gradient[caps] * along).sum(axis=1, keepdims=True) * along
+    rest = gradient[caps] - part
+    most = np.sqrt(np.clip(1 - (part**2).sum(axis=1), 0, None))
+    steep = np.linalg.norm(rest, axis=1)
+    gradient[caps] = part + rest * np.minimum(1, most / np.maximum(steep, np.finfo(float).tiny))[:, None]
+
+
 class Certificate(NamedTuple):
     """Bounds of the optimal cost of the discrete problem, the transport on this mesh.
 
@@ -204,7 +218,8 @@ class Result:
         edges' midpoints make, so by the divergence theorem
         ``mean grad d = (1/A) sum_e (e x N) (d_a + 2 d_mid + d_b) / 4`` over the edges e = b - a of
         the triangle with area A and unit normal N. Its length is nearly 1, and less
-        on the cut locus, where gradients of two sides are averaged.
+        on the cut locus, where gradients of two sides are averaged. Where the solver takes a cap
+        to be thicker, its part across the longest side is no more than makes the length 1.
         """
         x = self.mesh.vertices[self.mesh.faces]
         normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
@@ -218,6 +233,7 @@ class Result:
                 mean = (d[:, a] + 2 * middle[:, k] + d[:, b]) / 4
                 total += np.cross(x[:, b] - x[:, a], normal) * mean[:, None]
             gradient: NDArray[np.float64] = 2 * total / size**2
+            _limit_caps(x, gradient)
         gradient[~np.isfinite(gradient).all(axis=1)] = np.nan
         gradient.flags.writeable = False
         return gradient

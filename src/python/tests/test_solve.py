@@ -75,6 +75,21 @@ def test_gradient_has_length_one_away_from_the_locus(result):
     assert length.max() < 1.01 and abs(np.median(length) - 1) < 1e-2
 
 
+def test_gradient_of_caps_is_bounded():
+    """A cap of 1e-5 of its longest side is solved as a thicker one: by its own height u is 50 times too steep."""
+    n = 8
+    x = [[i, j, 0] for j in range(n + 1) for i in range(n + 1)]
+    faces = [[a, a + 1, a + n + 2] for j in range(n) for a in range(j * (n + 1), j * (n + 1) + n)]
+    faces += [[a, c, c - 1] for a, _, c in faces]
+    a, b, c = faces[36]
+    x.append([x[a][0] + 0.5, x[a][1] + 1e-5, 0])
+    faces[36] = [a, b, len(x) - 1]
+    faces += [[b, c, len(x) - 1], [c, a, len(x) - 1]]
+    mesh = dmkcl.Mesh(np.array(x, float), np.array(faces, np.int32))
+    length = np.linalg.norm(dmkcl.CutLocus(mesh).solve(vertex=0).gradient, axis=1)
+    assert length.max() < 1.01 and length.min() > 0.5
+
+
 def test_the_same_source_three_ways(torus, solver, result):
     face = int(np.flatnonzero((torus.faces == 0).any(axis=1))[0])
     bary = (torus.faces[face] == 0).astype(float)
