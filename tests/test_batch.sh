@@ -1,4 +1,5 @@
-# Many sources in one run: names, figures, failures, what an interruption leaves, resuming.
+# Many sources in one run: names, figures, failures, what an interruption leaves, resuming; pipes to and from a batch of
+# meshes, and what it takes for done.
 . tests/tap.sh
 
 torus=$work/torus.off
@@ -130,4 +131,37 @@ wait "$pid"
 check 'an interruption ends all of it' test $? -eq 130
 check 'what was solved is whole' is_json "$out/d-0000.json"
 check 'nothing half-done is left' test -z "$(ls -A "$out" | grep -E '\.tmp$|json\.')"
+
+# ---- many meshes: pipes -------------------------------------------------------------------------
+
+sphere=$work/sphere.off
+"$tool" mesh sphere --triangles 300 --quiet --out "$sphere"
+mkfifo "$work/report" "$work/mesh.off"
+(sleep 1; timeout 9 cat "$work/report" > "$work/lines") &
+check 'a report that is a pipe waits for its reader' timeout 60 "$tool" batch "$sphere" --quiet --report "$work/report"
+wait $!
+check 'which has all lines' test "$(grep -c '"state": "done"' "$work/lines")" -eq 1
+timeout 60 head -c 1 "$work/report" > "$work/lines" &
+env --default-signal=PIPE timeout 60 "$tool" batch "$torus" --sources 60 --quiet --report "$work/report" 2> "$work/said"
+check 'a reader that has gone ends the batch' test $? -eq 141
+from_pipe() { # [OPTIONS]: the mesh by a pipe
+    cat "$sphere" > "$work/mesh.off" &
+    timeout 60 "$tool" batch "$work/mesh.off" --report "$work/piped.jsonl" "$@" > "$work/summary" 2> "$work/errors"
+}
+check 'a mesh from a pipe' from_pipe
+check 'has no digest' has "$work/piped.jsonl" '"digest": ""'
+check 'so it is done again' from_pipe --resume
+check 'for that reason' has "$work/summary" '^mesh: done again: the mesh is a pipe, or cannot be read$'
+check 'and has one line' test "$(wc -l < "$work/piped.jsonl")" -eq 1
+
+# ---- and what is done ---------------------------------------------------------------------------
+
+done_dir=$work/done
+again() { "$tool" batch "$@" --out-dir "$done_dir" --resume > "$work/summary" 2> "$work/errors"; }
+cp "$sphere" "$work/gone.off"
+again "$work/gone.off"
+rm "$work/gone.off"
+again "$work/gone.off"
+check 'a mesh that is gone fails' test $? -eq 2
+check 'and has no other line' test "$(grep -o '"state": "[a-z]*"' "$done_dir/report.jsonl")" = '"state": "failed"'
 tap_end

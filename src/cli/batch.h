@@ -9,7 +9,7 @@ typedef struct batch_mesh {
     char *path;
     char *name;      /* of its files: the path within the folder, without suffixes */
     int64_t bytes;   /* of the file; -1: unknown */
-    char digest[33]; /* of its content, hexadecimal; "" if it could not be read */
+    char digest[33]; /* of its content, hexadecimal; "" if it could not be read, or is a pipe */
 } batch_mesh;
 
 typedef struct batch_list {
@@ -49,15 +49,15 @@ typedef struct batch_entry {
     const char *wanted;  /* how the source was chosen: "vertex 0" */
 } batch_entry;
 
-/* Hexadecimal digest of a file's content; false if it cannot be read. */
+/* Hexadecimal digest of a file's content; false if it cannot be read, or only once, as a pipe. */
 bool batch_digest_file(const char *path, char digest[33]);
 
 /* Open the report of `request` for appending, locked against others; with `resume` read what is in it. */
 int batch_record_open(const batch_request *request, const batch_list *list, batch_record **record);
 /* The same by another rank, to append to it, once the first one has begun it. */
 int batch_record_join(const batch_request *request, const batch_list *list, batch_record **record);
-/* Why a source must be done (again), or NULL if its line can stay: called once for each source of a mesh
- * with a digest, before batch_record_begin. "" : it was never done. *gap: that of a line that stays. */
+/* Why a source must be done (again), or NULL if its line can stay: called once for each source, before
+ * batch_record_begin. "" : it was never done. *gap: that of a line that stays. */
 const char *batch_record_check(batch_record *record, const batch_entry *entry, double *gap);
 /* Drop the lines that cannot stay. */
 int batch_record_begin(batch_record *record);

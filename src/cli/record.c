@@ -29,6 +29,7 @@ struct batch_record {
     const batch_list *list;
     const char *path; /* NULL: the standard output */
     int fd;
+    cli_file stream; /* whose `fd` is, where the report is no regular file */
     pthread_mutex_t lock;
     char options[33]; /* digest of all that changes a result */
     char *text;       /* of the report as it was */
@@ -83,7 +84,7 @@ bool batch_digest_file(const char *path, char hex[33])
     enum { PIECE = 1 << 18 };
     digest d = {0};
     hex[0] = '\0';
-    FILE *file = fopen(path, "rb");
+    FILE *file = cli_is_file(path) ? fopen(path, "rb") : NULL;
     char *piece = malloc(PIECE);
     bool good = file && piece;
     for (size_t n = PIECE; good && n == PIECE;) {
@@ -290,8 +291,19 @@ static bool is_named(const batch_record *r)
            dmk_is_same_file(&here, &there);
 }
 
+/* What is no regular file takes the lines as they come: whoever reads from a pipe as well keeps it open for itself, and
+ * never hears that its reader is missing. */
+static int open_stream(batch_record *r)
+{
+    const int code = cli_file_open(r->path, &r->stream);
+    r->fd = code == EXIT_OK ? r->stream.file.fd : -1;
+    return code;
+}
+
 static int open_locked(batch_record *r)
 {
+    struct stat there;
+    if (stat(r->path, &there) == 0 && !S_ISREG(there.st_mode)) return open_stream(r);
     enum { TRIES = 3 }; /* one is lost only to another run that begins at that very moment */
     for (int i = 0; i < TRIES; i++) {
         r->fd = open(r->path, O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
@@ -351,7 +363,10 @@ void batch_record_close(batch_record **record)
     }
     free(r->line);
     free(r->text);
-    if (r->fd >= 0) close(r->fd);
+    if (r->stream.stream)
+        cli_file_close(&r->stream);
+    else if (r->fd >= 0)
+        close(r->fd);
     pthread_mutex_destroy(&r->lock);
     free(r);
     *record = NULL;
@@ -364,6 +379,7 @@ static const char *judge(const batch_record *r, const batch_entry *entry, const 
     solve_request one;
     const batch_mesh *mesh = &r->list->mesh[entry->mesh];
     if (line->failed) return "it failed";
+    if (!mesh->digest[0]) return "the mesh is a pipe, or cannot be read";
     if (strcmp(line->digest, mesh->digest) != 0) return "the mesh has changed";
     if (strcmp(line->wanted, entry->wanted) != 0) return "the source is another";
     if (strcmp(line->options, r->options) != 0) return "the options are others";
