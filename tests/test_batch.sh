@@ -164,4 +164,11 @@ rm "$work/gone.off"
 again "$work/gone.off"
 check 'a mesh that is gone fails' test $? -eq 2
 check 'and has no other line' test "$(grep -o '"state": "[a-z]*"' "$done_dir/report.jsonl")" = '"state": "failed"'
+mkdir "$work/pieces"
+cp "$torus" "$work/pieces/a.off"
+cp "$sphere" "$work/pieces/a_0000.off"
+cp "$sphere" "$work/pieces/b_0000.off"
+"$tool" batch "$work/pieces" --out-dir "$work/whole" --out .vtp --out .pvtp --quiet
+check 'a mesh whose name is that of a piece keeps its suffix' test "$(cd "$work/whole" && ls *.vtp | tr '\n' ' ')" = \
+    'a.vtp a_0000.off.vtp a_0000.off_0000.vtp a_0000.vtp b_0000.vtp b_0000_0000.vtp '
 tap_end

@@ -43,6 +43,10 @@ refused 'by another way' "--tangent: .*is also a file of --locus" \
     solve "$mesh" --vertex 0 --locus "$work/a.csv" --tangent "$work/folder/../a.csv"
 refused 'of one option' '--out: .*is also a file of --out' solve "$mesh" --vertex 0 --out "$work/a.vtp" --out "$work/a.vtp"
 ln -s ../a.vtp "$work/folder/to-a.vtp"
+refused 'a piece that is not there yet' "--locus: .*/p_0001.vtp' is also a file of --out" \
+    solve "$mesh" --vertex 0 --out "$work/p.pvtp" --locus "$work/p_0001.vtp"
+refused 'whichever comes first' "--out: .*/p.x.pvtp' is also a file of --out" \
+    mesh "$mesh" --out "$work/p.x_0012.vtp" --out "$work/p.x.pvtp"
 refused 'by a link to where no file is yet' "--locus: .*to-a.vtp' is also a file of --out" \
     solve "$mesh" --vertex 0 --out "$work/a.vtp" --locus "$work/folder/to-a.vtp"
 rm "$work/folder/to-a.vtp"

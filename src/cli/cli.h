@@ -148,6 +148,8 @@ bool cli_is_sink(const char *path);
 bool cli_is_stream(const char *path);
 /* NAME_0003.vtp of NAME.pvtp, k = 3, which the caller frees; NULL of other files, and without memory. */
 char *cli_name_piece(const char *path, int k);
+/* Of the n characters of a piece's name without its suffix those before "_0003"; 0 if it does not end as pieces do. */
+size_t cli_piece_stem(const char *name, size_t n);
 /* Whether there is a regular file. */
 bool cli_is_file(const char *path);
 /* The name for the library of a path of the command line: that of the standard output as it was, where a file has

@@ -168,7 +168,8 @@ static int by_name(const void *a, const void *b)
 
 typedef struct stem {
     char *name;
-    size_t n; /* without the suffix; 0: it has none */
+    size_t n;      /* without the suffix; 0: it has none */
+    bool is_piece; /* of another one's PVTP file, if its name had no suffix */
 } stem;
 
 static int by_stem(const void *a, const void *b)
@@ -197,20 +198,29 @@ static bool is_of_lines(const stem *of)
     return false;
 }
 
+/* Whether it would be the name of a piece of another mesh's PVTP file. Stems and meshes are sorted. */
+static bool is_piece(const stem *of, const stem *all, const batch_list *list)
+{
+    const stem whole = {of->name, cli_piece_stem(of->name, of->n), false};
+    return whole.n > 0 && (bsearch(&whole, all, list->n, sizeof *all, by_stem) ||
+                           bsearch(&whole, list->mesh, list->n, sizeof *list->mesh, stem_to_name));
+}
+
 /* Names without their suffix, but where that is another's name or what becomes of it. The meshes are sorted by name. */
 static int shorten_names(batch_list *list)
 {
     stem *of = calloc(list->n + 1, sizeof *of);
     if (!of) return cli_library_error(NULL, DMK_E_NOMEM);
     for (size_t i = 0; i < list->n; i++)
-        of[i] = (stem){list->mesh[i].name, stem_length(list->mesh[i].name)};
+        of[i] = (stem){list->mesh[i].name, stem_length(list->mesh[i].name), false};
     for (size_t i = 0; i < list->n; i++)
         if (is_of_lines(&of[i])) of[i].n = 0;
     qsort(of, list->n, sizeof *of, by_stem);
+    for (size_t i = 0; i < list->n; i++) of[i].is_piece = is_piece(&of[i], of, list);
     for (size_t i = 0, end; i < list->n; i = end) {
         for (end = i + 1; end < list->n && by_stem(&of[i], &of[end]) == 0;) end++;
         const bool taken = bsearch(&of[i], list->mesh, list->n, sizeof *list->mesh, stem_to_name);
-        for (size_t k = i; k < end && (taken || end > i + 1); k++) of[k].n = 0;
+        for (size_t k = i; k < end && (taken || of[i].is_piece || end > i + 1); k++) of[k].n = 0;
     }
     for (size_t i = 0; i < list->n; i++)
         if (of[i].n > 0) of[i].name[of[i].n] = '\0';

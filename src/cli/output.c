@@ -87,6 +87,13 @@ char *cli_name_piece(const char *path, int k)
     return name;
 }
 
+size_t cli_piece_stem(const char *name, size_t n)
+{
+    size_t digits = 0;
+    while (digits < n && isdigit((unsigned char)name[n - digits - 1])) digits++;
+    return digits >= 4 && digits < n && name[n - digits - 1] == '_' ? n - digits - 1 : 0;
+}
+
 bool cli_is_file(const char *path)
 {
     struct stat file;
@@ -268,17 +275,27 @@ static bool same_destination(const destination *a, const destination *b)
     return a->exists || strcmp(a->name, b->name) == 0;
 }
 
-/* Whether it is the place of a piece of the PVTP file `path`: of the first, or of another one that is there. */
+/* Whether it is the place of piece k of the PVTP file `path`; *there: whether there is such a piece. */
+static bool is_piece_number(const destination *at, const char *path, int k, bool *there)
+{
+    char *name = cli_name_piece(path, k);
+    const destination piece = name ? find_destination(name) : (destination){0};
+    *there = piece.exists;
+    const bool found = name && same_destination(&piece, at);
+    free(name);
+    return found;
+}
+
+/* Whether it is the place of a piece of the PVTP file `path`: of one that is there, or by its name. How many there will
+ * be is not known yet. */
 static bool is_piece(const destination *at, const char *path)
 {
-    bool found = false, there = true;
-    char *name;
-    for (int k = 0; there && !found && (name = cli_name_piece(path, k)); k++) {
-        const destination piece = find_destination(name);
-        found = same_destination(&piece, at);
-        there = piece.exists;
-        free(name);
-    }
+    bool there = true, found = false;
+    const size_t end = strlen(at->name) - strlen(".vtp");
+    const size_t n = has_suffix(at->name, ".vtp") ? cli_piece_stem(at->name, end) : 0;
+    if (n > 0) found = is_piece_number(at, path, (int)strtol(at->name + n + 1, NULL, 10), &there);
+    there = true;
+    for (int k = 0; there && !found; k++) found = is_piece_number(at, path, k, &there);
     return found;
 }
 
