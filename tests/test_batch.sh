@@ -171,4 +171,26 @@ cp "$sphere" "$work/pieces/b_0000.off"
 "$tool" batch "$work/pieces" --out-dir "$work/whole" --out .vtp --out .pvtp --quiet
 check 'a mesh whose name is that of a piece keeps its suffix' test "$(cd "$work/whole" && ls *.vtp | tr '\n' ' ')" = \
     'a.vtp a_0000.off.vtp a_0000.off_0000.vtp a_0000.vtp b_0000.vtp b_0000_0000.vtp '
+rm "$work/whole/a_0000.vtp"
+"$tool" batch "$work/pieces" --out-dir "$work/whole" --out .vtp --out .pvtp --resume > "$work/summary"
+check 'a missing piece is a missing file' has "$work/summary" '^a: done again: a file of it is missing$'
+check 'and no other is' has "$work/summary" '1 solved, 2 kept'
+printf 'vertex 0\nvertex 7\n' > "$list"
+pieces() { "$tool" solve "$sphere" --sources "$list" --out "$work/of.pvtp" --resume > "$work/summary"; }
+pieces
+rm "$work/of-0001_0000.vtp"
+pieces
+check 'also where solve goes on' has "$work/summary" '1 solved, 1 kept'
+
+cp "$torus" "$work/a.off"
+cp "$sphere" "$work/a-0001.off"
+again "$work/a-0001.off"
+mv "$done_dir/a-0001.vtp" "$work/first.vtp"
+again "$work/a.off" --sources 2
+check 'files that another source takes over are none of a line' sh -c '! grep "\"name\": \"a-0001\"" "$1"' - \
+    "$done_dir/report.jsonl"
+again "$work/a-0001.off"
+check 'and are written again' cmp "$done_dir/a-0001.vtp" "$work/first.vtp"
+again "$work/a.off" --sources 2
+check 'and so on' has "$work/summary" '1 solved, 1 kept'
 tap_end

@@ -34,6 +34,9 @@ void batch_list_free(batch_list *list);
 bool batch_name_files(const batch_request *request, const batch_mesh *mesh, size_t source,
                       solve_request *one);
 void batch_free_files(solve_request *one);
+/* Of several sources "-0007", which stands behind the mesh's name; of one "". */
+enum { BATCH_NUMBER_SIZE = 32 };
+void batch_number(bool several, size_t source, char number[BATCH_NUMBER_SIZE]);
 /* The folders above a file. */
 int batch_make_folders(const char *file);
 /* No file of a result is a mesh that is read, or the report, which is there. The exit code, with the error printed. */

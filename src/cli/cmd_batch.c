@@ -56,7 +56,8 @@ static void add_batch(solve_table *table, batch_request *request)
          .target = &request->each.json},
         {.name = "resume",
          .help = "do only what the report lacks: a source is skipped if its files exist\n"
-                 "and mesh (by content), source and options are those of its line",
+                 "and are its own, and mesh (by content), source and options are those of\n"
+                 "its line",
          .kind = CLI_FLAG,
          .target = &request->each.resume},
     };

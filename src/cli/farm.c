@@ -70,8 +70,8 @@ static uint8_t *kept(const farm *f, size_t mesh, size_t source)
 static void print_word(farm *f, const char *name, size_t source, const char *text)
 {
     if (f->request->each.quiet) return;
-    char number[32] = "";
-    if (f->request->samples > 0) snprintf(number, sizeof number, "-%04zu", source);
+    char number[BATCH_NUMBER_SIZE];
+    batch_number(f->request->samples > 0, source, number);
     fprintf(f->summary ? stdout : stderr, "%s%s: %s\n", name, number, text);
 }
 

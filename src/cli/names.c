@@ -6,13 +6,19 @@
 #include <string.h>
 #include <sys/stat.h>
 
+void batch_number(bool several, size_t source, char number[BATCH_NUMBER_SIZE])
+{
+    number[0] = '\0';
+    if (several) snprintf(number, BATCH_NUMBER_SIZE, "-%04zu", source);
+}
+
 /* DIR/NAME.vtp; of several sources DIR/NAME-0007.vtp. */
 static bool name_file(const batch_request *request, const batch_mesh *mesh, size_t source,
                       const char *kind, const char **path)
 {
     const char *suffix = *path;
-    char number[32] = "";
-    if (request->samples > 0) snprintf(number, sizeof number, "-%04zu", source);
+    char number[BATCH_NUMBER_SIZE];
+    batch_number(request->samples > 0, source, number);
     const size_t room = strlen(request->folder) + strlen(mesh->name) + strlen(suffix) + 64;
     char *name = malloc(room);
     if (name)

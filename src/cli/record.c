@@ -389,13 +389,11 @@ static const char *judge(const batch_record *r, const batch_entry *entry, const 
     return there ? NULL : "a file of it is missing";
 }
 
-const char *batch_record_check(batch_record *r, const batch_entry *entry, double *gap)
+/* The latest line of a source, or NULL. */
+static seen *find_line(const batch_record *r, const char *name, size_t source)
 {
-    const seen key = {.name = r->list->mesh[entry->mesh].name,
-                      .source = (int64_t)entry->source,
-                      .begin = SIZE_MAX};
-    size_t lo = 0,
-           hi = r->n; /* the first line not before the key, which is the latest of its kind */
+    const seen key = {.name = (char *)name, .source = (int64_t)source, .begin = SIZE_MAX};
+    size_t lo = 0, hi = r->n; /* the first line not before the key */
     while (lo < hi) {
         const size_t mid = lo + (hi - lo) / 2;
         if (compare(&r->line[mid], &key) < 0)
@@ -404,8 +402,39 @@ const char *batch_record_check(batch_record *r, const batch_entry *entry, double
             hi = mid;
     }
     seen *line = lo < r->n ? &r->line[lo] : NULL;
-    if (!line || strcmp(line->name, key.name) != 0 || line->source != key.source) return "";
-    const char *why = judge(r, entry, line);
+    return line && strcmp(line->name, name) == 0 && line->source == key.source ? line : NULL;
+}
+
+/* The line of the source of another run whose files have the names of this one's, or NULL: sample 7 of the mesh "a" and
+ * the one source of "a-0007". */
+static seen *find_rival(const batch_record *r, const batch_entry *entry)
+{
+    static const char sample[] = "sample "; /* how `wanted` begins: see farm.c */
+    const bool several = r->request->samples > 0;
+    const char *name = r->list->mesh[entry->mesh].name, *dash = strrchr(name, '-');
+    size_t source = several ? entry->source : dash ? strtoul(dash + 1, NULL, 10) : 0;
+    char number[BATCH_NUMBER_SIZE], other[PATH_MAX];
+    batch_number(true, source, number);
+    if (several) {
+        snprintf(other, sizeof other, "%s%s", name, number);
+        source = 0;
+    } else {
+        if (!dash || strcmp(dash, number) != 0) return NULL;
+        snprintf(other, sizeof other, "%.*s", (int)(dash - name), name);
+    }
+    seen *line = find_line(r, other, source);
+    return line && (strncmp(line->wanted, sample, strlen(sample)) == 0) != several ? line : NULL;
+}
+
+const char *batch_record_check(batch_record *r, const batch_entry *entry, double *gap)
+{
+    seen *line = find_line(r, r->list->mesh[entry->mesh].name, entry->source);
+    seen *rival = r->request->folder ? find_rival(r, entry) : NULL;
+    if (rival) rival->drop = true; /* its files are written over, or were */
+    if (!line) return "";
+    const char *why = rival && rival->begin > line->begin
+                          ? "files of another source have taken the names of its own"
+                          : judge(r, entry, line);
     line->drop = why != NULL;
     *gap = line->gap;
     return why;

@@ -287,10 +287,29 @@ int solve_request_check_report(const solve_request *request)
     return file ? cli_check_output("report", request->report, CLI_REPORT, NULL) : EXIT_OK;
 }
 
+/* Whether the pieces that a PVTP file names, a line each, are there; of other files there are none. */
+static bool has_pieces(const char *path)
+{
+    char *piece = cli_name_piece(path, 0), *line = NULL;
+    size_t room = 0;
+    bool whole = true;
+    FILE *file = piece ? fopen(path, "r") : NULL;
+    for (int k = 0; file && whole && getline(&line, &room, file) >= 0;) {
+        if (!strstr(line, "<Piece ")) continue;
+        free(piece);
+        piece = cli_name_piece(path, k++);
+        whole = piece && cli_is_file(piece);
+    }
+    if (file) fclose(file);
+    free(line);
+    free(piece);
+    return whole;
+}
+
 static bool are_files(const cli_files *files)
 {
     for (int i = 0; i < files->n; i++) {
-        if (!cli_is_file(files->path[i])) return false;
+        if (!cli_is_file(files->path[i]) || !has_pieces(files->path[i])) return false;
     }
     return true;
 }
