@@ -154,6 +154,19 @@ check 'so it is done again' from_pipe --resume
 check 'for that reason' has "$work/summary" '^mesh: done again: the mesh is a pipe, or cannot be read$'
 check 'and has one line' test "$(wc -l < "$work/piped.jsonl")" -eq 1
 
+# ---- what is looked through ---------------------------------------------------------------------
+
+deep=$work/deep.list # a folder, whatever its name, and below it one that cannot be opened: there are too many above it
+mkdir -p "$deep/$(printf 'd/%.0s' $(seq 220))"
+cp "$sphere" "$deep/a.off"
+(ulimit -n 200 && "$tool" batch "$deep" --out-dir "$work/shallow" > "$work/summary" 2> "$work/errors")
+check 'a folder below that cannot be opened fails' test $? -eq 2
+check 'by its name' has "$work/shallow/report.jsonl" '"name": "(d/)+d".*"state": "failed"'
+check 'and the rest goes on' has "$work/summary" '^of 2 .* 1 solved, 0 kept, 1 failed'
+echo "$sphere" > "$work/shallow/sphere.tangent.txt"
+fails 'a list is not written over' 1 "^dmkcl: --out-dir: .*/sphere.tangent.txt' is read by this run" \
+    "$tool" batch "$work/shallow/sphere.tangent.txt" --out-dir "$work/shallow" --tangent .txt --report "$work/listed.jsonl"
+
 # ---- and what is done ---------------------------------------------------------------------------
 
 done_dir=$work/done
@@ -181,6 +194,15 @@ pieces
 rm "$work/of-0001_0000.vtp"
 pieces
 check 'also where solve goes on' has "$work/summary" '1 solved, 1 kept'
+
+again "$sphere"
+printf '\n \r\n' >> "$done_dir/report.jsonl"
+again "$sphere"
+check 'blank lines in a report are passed over' has "$work/summary" '0 solved, 1 kept'
+check 'and go' test -z "$(grep -vE '[^[:space:]]' "$done_dir/report.jsonl")"
+printf 'x\ny\n' > "$work/other.jsonl"
+fails 'a line of something else is shown without its end' 3 "a line begins with 'x'; choose" \
+    "$tool" batch "$sphere" --report "$work/other.jsonl" --resume
 
 cp "$torus" "$work/a.off"
 cp "$sphere" "$work/a-0001.off"

@@ -52,6 +52,12 @@ refused 'by a link to where no file is yet' "--locus: .*to-a.vtp' is also a file
 rm "$work/folder/to-a.vtp"
 fails 'a path has lines' 1 "has no suffix of a format for lines; expected one of .vtp .obj .csv" \
     "$tool" path "$mesh" --vertex 0 --to 1,0,0 --out "$work/a.off"
+ln -s none/x.vtp "$work/astray.vtp"
+ln -s loop.vtp "$work/loop.vtp"
+no_place() { fails "$1" 2 "^dmkcl: --out: $2\$" "$tool" solve "$mesh" --vertex 0 --out "$3"; }
+no_place 'a link into a folder that is not there' "the folder '.*/none' does not exist; make it first" "$work/astray.vtp"
+no_place 'a link to itself' "cannot write into the folder of '.*loop.vtp': Too many levels of symbolic links" "$work/loop.vtp"
+no_place 'a file for a folder' "cannot write into the folder of '.*/mesh.off/x.vtp': Not a directory" "$mesh/x.vtp"
 check 'nothing was written' sh -c '! ls "$1"/a.* 2> /dev/null' - "$work"
 check 'names that only look alike are fine' "$tool" solve "$mesh" --vertex 0 --quiet --out "$work/folder/mesh.ply" \
     --tangent "$work/mesh.txt" --report "$work/folder/mesh.txt"
@@ -113,7 +119,7 @@ streams() {
     check "$name: /dev/null stays" test -c /dev/null
     check "$name: nothing takes its place" sh -c '! ls "$1"/.dmkcl-* /dev/.dmkcl-* 2> /dev/null' - "$work"
     [ "$option" = report ] && return # whose standard output is tested with the reports
-    for out in - /dev/stdout /dev/fd/1 /proc/self/fd/1; do
+    for out in - /dev/stdout /dev/fd/1 /proc/self/fd/1 "$work/to.stdout"; do
         echo before > "$work/came"
         check "$name $out: into a file" sh -c 'out=$1 err=$2; shift 2; "$@" >> "$out" 2> "$err"' - "$work/came" "$work/err" \
             "$tool" "$command" "$@" "--$option" "$out" ${format:+$format $suffix}
@@ -123,6 +129,7 @@ streams() {
         check "$name $out: the summary elsewhere" grep -qE '^(wrote|[^ ]*: )' "$work/err"
     done
 }
+ln -s /dev/stdout "$work/to.stdout"
 printf 'vertex 0 1\n' > "$work/a.txt"
 printf 'vertex 7 1\n' > "$work/b.txt"
 streams solve out ply "$mesh" --vertex 0

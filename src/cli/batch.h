@@ -15,6 +15,7 @@ typedef struct batch_mesh {
 typedef struct batch_list {
     batch_mesh *mesh;
     size_t n;
+    const cli_words *operands; /* that it was made of */
 } batch_list;
 
 typedef struct batch_request {

@@ -42,9 +42,10 @@ static const char *base_of(const char *path)
 
 static bool is_list(const char *path)
 {
+    struct stat file;
     const char *dot = strrchr(path, '.');
-    return strcmp(path, "-") == 0 ||
-           (dot && (strcasecmp(dot, ".txt") == 0 || strcasecmp(dot, ".list") == 0));
+    const bool named = dot && (strcasecmp(dot, ".txt") == 0 || strcasecmp(dot, ".list") == 0);
+    return strcmp(path, "-") == 0 || (named && !(stat(path, &file) == 0 && S_ISDIR(file.st_mode)));
 }
 
 /* Nothing is found in any operand: the first one says where was looked, and for what. */
@@ -98,6 +99,7 @@ static bool is_on_way(const folder_way *way, const struct stat *folder)
 static int add_folder(lister *l, const char *folder, size_t head, const folder_way *way)
 {
     DIR *dir = opendir(folder);
+    if (!dir && way->above) return add(l, folder, folder + head); /* its reader says why */
     if (!dir) return cli_error(EXIT_IO, "cannot open '%s': %s", folder, strerror(errno));
     int code = EXIT_OK;
     struct dirent *entry;
@@ -248,7 +250,7 @@ static int check_names(batch_list *list)
 int batch_list_create(const cli_words *operands, const char *out_folder, batch_list *list)
 {
     int code = EXIT_OK;
-    *list = (batch_list){0};
+    *list = (batch_list){.operands = operands};
     lister l = {.list = list};
     l.has_out = out_folder && stat(out_folder, &l.out) == 0;
     for (size_t i = 0; i < operands->n && code == EXIT_OK; i++) {

@@ -107,13 +107,16 @@ static int by_file(const void *a, const void *b)
     return (x->inode > y->inode) - (x->inode < y->inode);
 }
 
-/* What the batch reads, and its report. */
+/* What the batch reads, lists among it, and its report. */
 static int list_taken(const batch_request *request, const batch_list *list, takens *all)
 {
-    *all = (takens){.file = calloc(list->n + 1, sizeof *all->file)};
+    const cli_words *operands = list->operands;
+    *all = (takens){.file = calloc(list->n + operands->n + 1, sizeof *all->file)};
     if (!all->file) return cli_library_error(NULL, DMK_E_NOMEM);
     for (size_t i = 0; i < list->n; i++)
         all->n += find_file(list->mesh[i].path, &all->file[all->n]);
+    for (size_t i = 0; i < operands->n; i++)
+        all->n += find_file(operands->word[i], &all->file[all->n]);
     if (solve_reports_to_file(&request->each) &&
         find_file(request->each.report, &all->file[all->n]))
         all->file[all->n++].is_report = true;

@@ -64,7 +64,10 @@ static char stdout_path[32];
 
 bool cli_is_stdout(const char *path)
 {
-    return strcmp(path, "-") == 0 || dmk_outfile_descriptor(path) == STDOUT_FILENO;
+    char *target = dmk_outfile_target(path); /* of a link to /dev/stdout, too */
+    const bool is = target && dmk_outfile_descriptor(target) == STDOUT_FILENO;
+    free(target);
+    return is || strcmp(path, "-") == 0;
 }
 
 bool cli_is_stream(const char *path)
@@ -170,11 +173,18 @@ static bool find_format(const char *name, dmk_format_info *format)
     return false;
 }
 
+/* Whether files can be made in the folder: 0 or errno. */
+static int try_folder(const char *folder)
+{
+    struct stat file;
+    if (stat(folder, &file) != 0) return errno;
+    if (!S_ISDIR(file.st_mode)) return ENOTDIR;
+    return access(folder, W_OK | X_OK) == 0 ? 0 : errno;
+}
+
 static int check_folder(const char *option, const char *path)
 {
     char folder[PATH_MAX] = ".";
-    const char *slash = strrchr(path, '/');
-    if (slash) snprintf(folder, sizeof folder, "%.*s", (int)(slash - path) + (slash == path), path);
     struct stat file;
     if (cli_is_stream(path)) return EXIT_OK;
     if (stat(path, &file) == 0 && !S_ISREG(file.st_mode)) {
@@ -183,15 +193,20 @@ static int check_folder(const char *option, const char *path)
                          "device",
                          option, path);
     }
-    if (stat(folder, &file) != 0 && errno == ENOENT) {
+    char *target = dmk_outfile_target(path);
+    const char *slash = target ? strrchr(target, '/') : NULL;
+    int error = target ? 0 : errno;
+    if (slash)
+        snprintf(folder, sizeof folder, "%.*s", (int)(slash - target) + (slash == target), target);
+    free(target);
+    if (error == 0) error = try_folder(folder);
+    if (error == ENOENT) {
         return cli_error(EXIT_IO, "--%s: the folder '%s' does not exist; make it first", option,
                          folder);
     }
-    if (access(folder, W_OK | X_OK) != 0) {
-        return cli_error(EXIT_IO, "--%s: cannot write into the folder of '%s': %s", option, path,
-                         strerror(errno));
-    }
-    return EXIT_OK;
+    if (error == 0) return EXIT_OK;
+    return cli_error(EXIT_IO, "--%s: cannot write into the folder of '%s': %s", option, path,
+                     strerror(error));
 }
 
 int cli_check_report(const char *path)

@@ -34,7 +34,7 @@ struct batch_record {
     char options[33]; /* digest of all that changes a result */
     char *text;       /* of the report as it was */
     size_t size;      /* of the text */
-    bool torn;        /* it has parts of lines */
+    bool torn;        /* it has parts of lines, or blank ones */
     seen *line;
     size_t n, room;
 };
@@ -224,6 +224,12 @@ static size_t torn_part(const char *text, size_t length, seen *line)
 
 static int add_line(batch_record *r, size_t begin, size_t length)
 {
+    const char *text = r->text + begin;
+    const size_t blank = strspn(text, " \t\r"), shown = strcspn(text, "\r\n");
+    if (text[blank] == '\n') {
+        r->torn = true; /* it goes when the rest is written anew */
+        return EXIT_OK;
+    }
     if (r->n == r->room) {
         seen *more = realloc(r->line, (2 * r->room + 64) * sizeof *more);
         if (!more) return cli_library_error(NULL, DMK_E_NOMEM);
@@ -232,18 +238,18 @@ static int add_line(batch_record *r, size_t begin, size_t length)
     }
     seen *line = &r->line[r->n];
     *line = (seen){.begin = begin, .length = length};
-    const size_t torn = torn_part(r->text + begin, length, line);
+    const size_t torn = torn_part(text, length, line);
     line->begin += torn;
     line->length -= torn;
     r->torn |= torn > 0;
-    if (torn > 0 || read_line(r->text + begin, line)) {
+    if (torn > 0 || read_line(text, line)) {
         r->n++;
         return EXIT_OK;
     }
     return cli_error(
         cli_exit_code(DMK_E_FORMAT),
-        "'%s' is not the report of a batch: a line begins with '%.40s'; choose another --report",
-        r->path, r->text + begin);
+        "'%s' is not the report of a batch: a line begins with '%.*s'; choose another --report",
+        r->path, shown < 40 ? (int)shown : 40, text);
 }
 
 static int read_lines(batch_record *r)
