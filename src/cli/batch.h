@@ -40,7 +40,8 @@ enum { BATCH_NUMBER_SIZE = 32 };
 void batch_number(bool several, size_t source, char number[BATCH_NUMBER_SIZE]);
 /* The folders above a file. */
 int batch_make_folders(const char *file);
-/* No file of a result is a mesh that is read, or the report, which is there. The exit code, with the error printed. */
+/* No file of a result is a mesh or a list that is read, or the report, which is there. The exit code, with the error
+ * printed. */
 int batch_check_names(const batch_request *request, const batch_list *list);
 
 /* ---- record.c: the report, which is also the record of what is done ------------------------- */

@@ -141,8 +141,8 @@ int cli_check_outputs(const char *option, const cli_files *files, cli_what what,
 int cli_check_report(const char *path);
 /* The row of --format, of a command that writes `what` and `other`, which may be the same. */
 cli_option cli_format_option(const char **format, cli_what what, cli_what other);
-/* Whether a path is the standard output: "-", /dev/stdout or the like; or nothing, as /dev/null; or another pipe or
- * device. */
+/* Whether a path is the standard output: "-", /dev/stdout or the like, or a link to it; or nothing, as /dev/null; or
+ * another pipe or device. */
 bool cli_is_stdout(const char *path);
 bool cli_is_sink(const char *path);
 bool cli_is_stream(const char *path);

@@ -80,8 +80,8 @@ static void check_mesh(worker *w, size_t k)
 {
     farm *f = w->farm;
     batch_mesh *mesh = &f->list->mesh[k];
-    batch_digest_file(mesh->path,
-                      mesh->digest); /* without one its lines go: its reader will say why */
+    /* Without one all its lines go, for its reader will say why. */
+    batch_digest_file(mesh->path, mesh->digest);
     pthread_mutex_lock(&f->printing);
     for (size_t i = 0; i < f->n_sources; i++) {
         char wanted[WANTED_SIZE], text[96];

@@ -2,7 +2,6 @@
 #include "batch.h"
 
 #include <dirent.h>
-#include <errno.h>
 #include <limits.h>
 #include <stdlib.h>
 #include <string.h>
@@ -99,8 +98,8 @@ static bool is_on_way(const folder_way *way, const struct stat *folder)
 static int add_folder(lister *l, const char *folder, size_t head, const folder_way *way)
 {
     DIR *dir = opendir(folder);
-    if (!dir && way->above) return add(l, folder, folder + head); /* its reader says why */
-    if (!dir) return cli_error(EXIT_IO, "cannot open '%s': %s", folder, strerror(errno));
+    if (!dir) /* its reader says why, as of a mesh */
+        return add(l, folder, way->above ? folder + head : base_of(folder));
     int code = EXIT_OK;
     struct dirent *entry;
     while (code == EXIT_OK && (entry = readdir(dir)) != NULL) {

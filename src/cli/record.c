@@ -297,8 +297,8 @@ static bool is_named(const batch_record *r)
            dmk_is_same_file(&here, &there);
 }
 
-/* What is no regular file takes the lines as they come: whoever reads from a pipe as well keeps it open for itself, and
- * never hears that its reader is missing. */
+/* What is no regular file is opened for writing alone: who has a pipe open for reading as well is one of its readers,
+ * and waits for himself where the other one has gone. */
 static int open_stream(batch_record *r)
 {
     const int code = cli_file_open(r->path, &r->stream);
