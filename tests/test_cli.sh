@@ -317,6 +317,13 @@ check '--repair says what it does' \
     has "$work/errors" 'repaired: 28 vertices merged with coincident ones, 2 triangles reoriented$'
 check 'the vertices are those of the file' has "$work/printed" '^source +\(1, 1, 1\)'
 check 'the report has it, too' has "$work/soup.json" '"merged_vertices": 28'
+# Three triangles around the vertices 0 and 1, of which a repair makes one and then three; vertex 2 is in none.
+printf 'OFF\n9 3 0\n0 0 0\n0 0 0\n9 9 9\n1 0 0\n1 1 0\n0 1 1\n0 0 1\n-1 0 0\n-1 -1 0\n3 0 3 4\n3 1 5 6\n3 0 7 8\n' > "$work/fans.off"
+fails 'a vertex that the repair added is none of the file' 1 'vertex 9 is out of range \[0, 8\]$' \
+    "$tool" distance "$work/fans.off" --repair --vertex 9
+printf 'vertex 1\nvertex 2\n' > "$work/fans"
+fails 'an unused vertex has its number of the file' 1 'fans:2: vertex 2 is in no triangle' \
+    "$tool" distance "$work/fans.off" --repair --sources "$work/fans"
 check 'mesh --repair writes the repaired mesh' "$tool" mesh "$work/soup.off" --repair --out "$work/cube.off"
 check 'which is whole' output_has 'closed, genus 0' "$tool" info "$work/cube.off"
 "$tool" mesh "$work/soup.off" --out "$work/soup.stl" --quiet 2> /dev/null
