@@ -3,9 +3,8 @@ trimesh read."""
 
 from __future__ import annotations
 
-import io
 import os
-from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
 from typing import Any, Callable, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
@@ -126,13 +125,25 @@ def repair(vertices: "Union[ArrayLike, MeshLike]", faces: Optional[ArrayLike] = 
 
 def _by_meshio(path: str) -> "tuple[Any, Any]":
     import meshio
+    from meshio._helpers import _filetypes_from_path, reader_map
 
-    return from_meshio(meshio.read(path))
+    # Not by meshio.read, which prints why a reader failed, and ends the program.
+    for kind in _filetypes_from_path(Path(path)):
+        try:
+            mesh = reader_map[kind](path)
+        except meshio.ReadError:
+            continue
+        return from_meshio(mesh)
+    raise meshio.ReadError(path)
 
 
 def _by_trimesh(path: str) -> "tuple[Any, Any]":
     import trimesh
+    from trimesh.exchange.load import mesh_loaders
 
+    # What trimesh leaves to meshio has been there, and is read by meshio.read.
+    if getattr(mesh_loaders.get(Path(path).suffix[1:].lower()), "__name__", "") == "load_meshio":
+        raise ValueError(path)
     # Formats for pictures double the vertices along seams of texture; there the surface is whole.
     loaded = trimesh.load_mesh(path)
     if isinstance(loaded, trimesh.Scene):
@@ -151,15 +162,14 @@ def named(error: Error, path: str) -> Error:
 
 
 def _try(reader: Callable[[str], Any], name: str, path: str) -> Any:
-    """Vertices and faces, or why this reader has none. What it prints or logs on the way is not shown."""
+    """Vertices and faces, or why this reader has none."""
     try:
-        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
-            return reader(path)
+        return reader(path)
     except ImportError as missing:
         return f"{missing.name or name} is not installed"
     except Error as error:
         raise named(error, path) from None
-    except (Exception, SystemExit):  # meshio ends the program on some files
+    except Exception:
         return f"{name} cannot read it"
 
 

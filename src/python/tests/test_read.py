@@ -4,6 +4,8 @@ import errno
 import gzip
 import pickle
 import shutil
+import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -143,6 +145,14 @@ def test_of_what_nobody_reads_one_message_comes(tmp_path, capfd):
             dmkcl.read(path)
         assert str(raised.value).startswith(str(path)) and "array" not in str(raised.value)
     assert capfd.readouterr() == ("", "")
+
+
+def test_threads_keep_the_streams(tmp_path):
+    trimesh.creation.box().export(tmp_path / "box.glb")
+    streams = sys.stdout, sys.stderr
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(lambda _: dmkcl.read(tmp_path / "box.glb"), range(40)))
+    assert (sys.stdout, sys.stderr) == streams
 
 
 @pytest.mark.parametrize("loaded", ["trimesh", "meshio"])
