@@ -8,14 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._lib import Context, MeshError, ffi, lib
-from ._mesh import _vertex_array
+from ._mesh import _index_array, _vertex_array
 
 
 def _split(points: Any, polygons: NDArray[Any]) -> NDArray[Any]:
     """Polygons (m, k) to triangles, in order, as files of such are read."""
     if polygons.shape[1] == 3 or len(polygons) == 0:
         return polygons.reshape(-1, 3)
-    xyz, corners = _vertex_array(points), np.ascontiguousarray(polygons, dtype=np.int32)
+    xyz = _vertex_array(points)
+    corners = _index_array(polygons, len(xyz), "polygon")
     triangles = np.empty((len(corners), corners.shape[1] - 2, 3), np.int32)
     with Context() as context:
         context.check(

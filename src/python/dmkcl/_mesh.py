@@ -72,6 +72,12 @@ def _face_array(faces: ArrayLike, n_vertices: int) -> NDArray[np.int32]:
         raise ArgumentError("faces have rows of different lengths; expected triangles only") from None
     if index.ndim != 2 or index.shape[1] != 3:
         raise ArgumentError(f"faces have the shape {index.shape}; expected (m, 3): triangles only")
+    return _index_array(faces, n_vertices, "triangle")
+
+
+def _index_array(faces: ArrayLike, n_vertices: int, name: str) -> NDArray[np.int32]:
+    """Faces of any number of corners."""
+    index = np.asarray(faces)
     if np.ma.is_masked(faces):
         raise ArgumentError("faces are masked in places; leave those rows out")
     if index.dtype.kind not in "iu":
@@ -80,7 +86,7 @@ def _face_array(faces: ArrayLike, n_vertices: int) -> NDArray[np.int32]:
     if outside.size:
         row = outside[0]
         raise MeshError(
-            f"triangle {row} names the vertices {index[row].tolist()}, but there are "
+            f"{name} {row} names the vertices {index[row].tolist()}, but there are "
             f"{n_vertices} vertices, counted from 0"
         )
     return np.ascontiguousarray(index, dtype=np.int32)
