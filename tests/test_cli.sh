@@ -159,6 +159,25 @@ usage 'a version of something' "--version: 'x' is one argument too many" --versi
 for readers in 'solve - --sources -' 'distance /dev/stdin --sources -' 'transport x.off --from - --to /dev/fd/0'; do
     usage "two that read it: $readers" 'the standard input can be read once, not 2 times' $readers
 done
+printf 'vertex 0\n' > "$work/first"
+by_socket() { # FILE COMMAND...: which has the file's bytes from a socket
+    python3 -c '
+import socket, subprocess, sys
+here, there = socket.socketpair()
+tool = subprocess.Popen(sys.argv[2:], stdin=there, stdout=subprocess.DEVNULL)
+there.close()
+here.sendall(open(sys.argv[1], "rb").read())
+here.close()
+sys.exit(tool.wait())' "$@"
+}
+check 'a mesh from a socket' by_socket meshes/torus.off "$tool" info -
+check 'a list from a socket' by_socket "$work/first" "$tool" distance meshes/torus.off --sources -
+behind() { # FILE COMMAND...: which has the file behind a line that was read
+    { echo read && cat "$1"; } > "$work/longer"
+    { read -r _ && "${@:2}" > "$work/printed"; } < "$work/longer"
+}
+check 'a mesh from where the input stands' behind meshes/torus.off "$tool" info -
+check 'a list from there' behind "$work/first" "$tool" distance meshes/torus.off --sources -
 usage 'devices: an argument' 'too many' devices x
 
 for point in '3 0 0' ' 3  0,0' '3 0 -0 '; do

@@ -26,7 +26,8 @@ static int take_lines(char *text, int64_t *number, cli_take *take, void *data)
 int cli_read_lines(const char *path, cli_take *take, void *data)
 {
     static const char mark[] = "\xef\xbb\xbf"; /* what some editors write before a text in UTF-8 */
-    FILE *file = fopen(strcmp(path, "-") == 0 ? "/dev/stdin" : path, "r");
+    const bool given = strcmp(path, "-") == 0 || strcmp(path, "/dev/stdin") == 0;
+    FILE *file = given ? stdin : fopen(path, "r"); /* as the library takes it */
     if (!file) return cli_error(EXIT_IO, "cannot open '%s': %s", path, strerror(errno));
     char *text = NULL;
     size_t room = 0;
@@ -47,7 +48,7 @@ int cli_read_lines(const char *path, cli_take *take, void *data)
                          strerror(errno));
     }
     free(text);
-    fclose(file);
+    if (!given) fclose(file);
     return code;
 }
 

@@ -22,9 +22,13 @@ static int ask_to_go_on(dmk_context *ctx)
     return dmk_report(ctx, &(dmk_progress){.stage = "read", .change = NAN, .gap = NAN});
 }
 
+/* The standard input is taken as it is: a socket cannot be opened again, nor a file that this user may not open, and
+ * what was read of a file before stays read. */
 static int open_file(dmk_context *ctx, const char *path, int *fd)
 {
-    while ((*fd = open(path, O_RDONLY | O_CLOEXEC)) < 0) {
+    const bool given = strcmp(path, "/dev/stdin") == 0;
+    while ((*fd = given ? fcntl(STDIN_FILENO, F_DUPFD_CLOEXEC, 0)
+                        : open(path, O_RDONLY | O_CLOEXEC)) < 0) {
         if (errno != EINTR) return fail_errno(ctx, path, "cannot open");
         int rc = ask_to_go_on(ctx);
         if (rc != DMK_OK) return rc;
