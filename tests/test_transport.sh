@@ -76,7 +76,7 @@ printf 'OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2
 {
     printf '<VTKFile type="PolyData"><PolyData><Piece NumberOfPoints="4" NumberOfPolys="4">'
     printf '<PointData><DataArray type="Float64" Name="p" format="ascii">1 1 1 1</DataArray></PointData>'
-    printf '<CellData><DataArray type="Float64" Name="c" format="ascii">1 1 1 1</DataArray></CellData>'
+    printf '<CellData><DataArray type="Float64" Name="a.vtp:c.vtp" format="ascii">1 1 1 1</DataArray></CellData>'
     printf '<Points><DataArray type="Float64" NumberOfComponents="3" format="ascii">0 0 0 1 0 0 0 1 0 0 0 1</DataArray></Points>'
     printf '<Polys><DataArray type="Int32" Name="connectivity" format="ascii">0 2 1 0 1 3 0 3 2 1 2 3</DataArray>'
     printf '<DataArray type="Int32" Name="offsets" format="ascii">3 6 9 12</DataArray></Polys></Piece></PolyData></VTKFile>'
@@ -86,7 +86,7 @@ mass_of() { # ARRAY PATTERN
     "$tool" transport "$work/four.off" --from "$work/four.vtp:$1" --to uniform --normalise --quiet --report "$work/four.json" &&
         has "$work/four.json" "\"mass\": $2"
 }
-check 'an array of four triangles is no mass of vertices' mass_of c '2\.366'
+check 'an array of four triangles is no mass of vertices' mass_of a.vtp:c.vtp '2\.366'
 check 'and one of four points is' mass_of p '4(\.0*[0-9]*|),'
 fails 'of points as many as there are triangles' 3 'four.vtp:p has 4 numbers of points; expected one for each of 6 vertices' \
     "$tool" transport "$work/fan.off" --from "$work/four.vtp:p" --to uniform
@@ -147,6 +147,8 @@ printf 'vertex 99999999 3\n' > "$work/far"
 usage 'a vertex that is not there' 'far:1: vertex 99999999 is out of range' $mesh --from "$work/far" --to "$work/b"
 usage 'a negative mass' 'signed:71: the mass -1; expected a finite number from 0' $mesh --from "$work/signed" --to "$work/b"
 printf 'vertex 5 2\n0.5,0.1,0.2 -3\n' > "$work/negative"
+printf '0,0,1 1\nvertex 1 1\n1e308,0,0 1\n' > "$work/beyond"
+usage 'a point out of reach' 'beyond:3: the point .* is too far from the mesh' $mesh --from "$work/beyond" --to "$work/b"
 usage 'one of a point' 'negative:2: the mass -3; expected' $mesh --from "$work/a" --to "$work/negative"
 check 'an array below 0' "$tool" transport $mesh --from "$work/n.vtp:distance" --to uniform --normalise
 usage 'one of an array' 'n.vtp:u: number [0-9]+ is -' $mesh --from "$work/n.vtp:u" --to uniform

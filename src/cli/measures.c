@@ -69,6 +69,13 @@ typedef struct reading {
     cli_measure *measure;
 } reading;
 
+/* The library's failure on a line. */
+static int fail_line(const reading *r, int64_t number, int rc)
+{
+    return cli_error(cli_exit_code(rc), "%s:%lld: %s", r->path, (long long)number,
+                     dmk_context_message(r->ground->context));
+}
+
 static int add_atom(const reading *r, int64_t number, const line *l)
 {
     dmk_context *context = r->ground->context;
@@ -87,10 +94,7 @@ static int add_atom(const reading *r, int64_t number, const line *l)
         rc = dmk_mesh_project(context, mesh, l->number, &p);
     else /* found with the others of its kind: see find_places */
         p = (dmk_point){-1, {l->number[0], l->number[1], l->number[2]}};
-    if (rc != DMK_OK) {
-        return cli_error(cli_exit_code(rc), "%s:%lld: %s", r->path, (long long)number,
-                         dmk_context_message(context));
-    }
+    if (rc != DMK_OK) return fail_line(r, number, rc);
     m->line[m->n_atoms] = number;
     m->atom[m->n_atoms] = p;
     m->mass[m->n_atoms++] = l->n > masses ? l->number[masses] : 0;
@@ -146,6 +150,20 @@ static void warn_away(const cli_ground *g, const char *path, size_t n, const dou
         fprintf(stderr, "dmkcl: warning: so are those of %zu more points of %s\n", far - 1, path);
 }
 
+/* That places were not found: the first one that is not found alone either has its line. */
+static int fail_places(const reading *r, int rc)
+{
+    const cli_measure *m = r->measure;
+    dmk_context *context = r->ground->context;
+    dmk_point p;
+    for (size_t i = 0; rc == DMK_E_ARG && i < m->n_atoms; i++) {
+        if (m->atom[i].triangle < 0 &&
+            dmk_mesh_project(context, r->ground->mesh, m->atom[i].weight, &p) != DMK_OK)
+            return fail_line(r, m->line[i], rc);
+    }
+    return cli_library_error(context, rc);
+}
+
 /* The points of the surface of all lines that have coordinates, which stand where a point has its weights. */
 static int find_places(const reading *r)
 {
@@ -166,8 +184,7 @@ static int find_places(const reading *r)
     free(xyz);
     free(point);
     if (!room) return cli_library_error(NULL, DMK_E_NOMEM);
-    if (rc == DMK_OK) return EXIT_OK;
-    return cli_error(cli_exit_code(rc), "%s: %s", r->path, dmk_context_message(r->ground->context));
+    return rc == DMK_OK ? EXIT_OK : fail_places(r, rc);
 }
 
 /* What numbers are of: a column of a text does not say it, and is of the vertices if there are as many triangles. */
@@ -261,17 +278,33 @@ static bool has_arrays(const char *path, size_t n)
            (strncasecmp(path + n - 4, ".vtp", 4) == 0 || strncasecmp(path + n - 4, ".vtu", 4) == 0);
 }
 
+/* The colon before the array's name, which may have some, too: the first one behind a file that is there, or if none
+ * is, behind the name of one. */
+static const char *find_colon(const char *path)
+{
+    const char *found = NULL;
+    for (const char *colon = strchr(path, ':'); colon; colon = strchr(colon + 1, ':')) {
+        if (!has_arrays(path, (size_t)(colon - path))) continue;
+        char *file = strndup(path, (size_t)(colon - path));
+        const bool there = file && cli_is_file(file);
+        free(file);
+        if (there) return colon;
+        if (!found) found = colon;
+    }
+    return found;
+}
+
 /* FILE.vtp:NAME, if it is of that form: the array of that name. */
 static bool read_array(const reading *r, int *code)
 {
     cli_measure *m = r->measure;
-    const char *path = r->path, *colon = strrchr(path, ':');
-    if (has_arrays(path, strlen(path))) {
+    const char *path = r->path, *colon = find_colon(path);
+    if (!colon && has_arrays(path, strlen(path))) {
         *code = cli_error(EXIT_USAGE, "%s: name the array in it that is the measure: %s:NAME", path,
                           path);
         return true;
     }
-    if (!colon || !has_arrays(path, (size_t)(colon - path))) return false;
+    if (!colon) return false;
     const size_t n_vertices = count_in_file(r->ground, true);
     const size_t n_triangles = count_in_file(r->ground, false);
     const size_t room = n_vertices > n_triangles ? n_vertices : n_triangles;
