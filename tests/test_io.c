@@ -131,6 +131,7 @@ static void test_obj_variants(void **state)
         "f 1 2 3\nf 1 3 4\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n",      /* faces first */
         "v 0 0 0\rv 1 0 0\rv 1 1 0\rv 0 1 0\rf 1 2 3 4\r",
         "v 0 0 \\\n0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2\\\r\n 3\nf 1 \\\n\\\n3 4\n",
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nfo 1 3 4\n",
         "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"};
     for (size_t i = 0; i < COUNT(texts); i++) check_square(read_text(*state, "m.obj", texts[i]));
     check_square(read_text(*state, "named.off", texts[0]));

@@ -10,7 +10,7 @@
 #define MOST_TIMES 500
 #define SHORT ((size_t)64 << 20)
 
-/* Unpack all members of the file, one behind the other as gzip allows, into out. */
+/* Unpack all members of the file, one behind the other as gzip allows, with zeros behind them, into out. */
 static int inflate_all(dmk_context *ctx, z_stream *z, const dmk_file *file, dmk_file *out)
 {
     size_t room = 0, read = 0;
@@ -42,6 +42,7 @@ static int inflate_all(dmk_context *ctx, z_stream *z, const dmk_file *file, dmk_
         read = (size_t)((char *)z->next_in - file->data);
         out->size = (size_t)((char *)z->next_out - out->data);
         if (status == Z_STREAM_END) {
+            while (read < file->size && file->data[read] == 0) read++;
             if (read == file->size) return DMK_OK;
             status = inflateReset(z);
         }

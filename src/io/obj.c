@@ -1,4 +1,4 @@
-/* Wavefront OBJ: "v x y z" and "f i j k ..." with i, i/t, i//n, i/t/n and negative (relative)
+/* Wavefront OBJ: "v x y z" and "f i j k ..." (once "fo") with i, i/t, i//n, i/t/n and negative (relative)
  * indices, long lines continued by a backslash; everything else is skipped. Cut loci are written as
  * "v" and "l" lines, a single point as "p". */
 #include "io/lines.h"
@@ -96,7 +96,7 @@ static int kind_of_line(const dmk_text *t)
 {
     const char *line_end = memchr(t->at, '\n', (size_t)(t->end - t->at));
     const char *end = line_end ? line_end : t->end;
-    if (memchr(t->at, '\\', (size_t)(end - t->at))) return DMK_LINE_ODD;
+    if (memchr(t->at, '\\', (size_t)(end - t->at)) || dmk_text_is(t, "fo")) return DMK_LINE_ODD;
     return dmk_text_is(t, "v") ? VERTEX : dmk_text_is(t, "f") ? FACE : DMK_LINE_NONE;
 }
 
@@ -156,7 +156,7 @@ int dmk_obj_read(dmk_context *ctx, const dmk_file *file, dmk_soup *soup)
         if (dmk_text_take(&t, "v")) {
             DMK_TRY(read_vertex(&t, soup->xyz + 3 * seen));
             seen++;
-        } else if (dmk_text_take(&t, "f")) {
+        } else if (dmk_text_take(&t, "f") || dmk_text_take(&t, "fo")) {
             DMK_TRY(read_face(&t, soup, seen));
         }
         dmk_text_skip_line(&t);
