@@ -234,6 +234,7 @@ static void test_any_locale(void **state)
     snprintf(here, sizeof here, "%.1f", 1.5);
     double fast_value = read_all(f, "1.5"), slow_value = read_all(f, slow);
     dmk_number_print(&f->numbers, 0.25, text);
+    assert_int_equal(dmk_fail(f->ctx, DMK_E_ARG, "%g", 0.5), DMK_E_ARG);
     char after[8];
     snprintf(after, sizeof after, "%.1f", 1.5);
     setlocale(LC_ALL, "C");
@@ -242,6 +243,7 @@ static void test_any_locale(void **state)
     assert_string_equal(after, "1,5");
     assert_true(fast_value == 1.5 && slow_value == 1.25e-300);
     assert_string_equal(text, "0.25");
+    assert_string_equal(dmk_context_message(f->ctx), "0.5");
 }
 
 int main(void)

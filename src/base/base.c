@@ -1,5 +1,6 @@
 #include "base/base.h"
 
+#include <locale.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -16,9 +17,13 @@ int dmk_fail(dmk_context *context, int status, const char *format, ...)
 {
     if (!context) return status;
     va_list args;
+    /* Decimal points, as all numbers here have them, whatever the program's locale. */
+    const locale_t c = newlocale(LC_ALL_MASK, "C", (locale_t)0), before = uselocale(c);
     va_start(args, format);
     vsnprintf(context->message, sizeof context->message, format, args);
     va_end(args);
+    uselocale(before);
+    if (c) freelocale(c);
     return status;
 }
 
