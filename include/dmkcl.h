@@ -205,6 +205,9 @@ int dmk_mesh_project_all(dmk_context *context, const dmk_mesh *mesh, size_t n_po
 /* The place of vertex i as a point. DMK_E_ARG if i is out of range or in no triangle. */
 int dmk_mesh_vertex_point(dmk_context *context, const dmk_mesh *mesh, int64_t vertex,
                           dmk_point *point);
+/* The same by the number that the vertex had before a repair, which the message of a failure has, too. */
+int dmk_repairs_vertex_point(dmk_context *context, const dmk_mesh *mesh, const dmk_repairs *repair,
+                             int64_t vertex, dmk_point *point);
 /* n vertices far from each other: `first`, then each time the vertex farthest from those before it (the
  * first of several), so that fewer samples are the beginning of more. Distances are along edges and across
  * pairs of triangles. Other components count as farthest of all; unused vertices are never taken. vertex:

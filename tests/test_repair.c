@@ -198,6 +198,36 @@ static void a_fin_comes_off(void **state)
     forget(&m);
 }
 
+/* Vertex 1 lies where vertex 0 does, 6 in no triangle, and the fin's vertices are split. */
+static void vertices_have_their_old_numbers(void **state)
+{
+    bench *b = *state;
+    const double xyz[] = {0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1, 0, 1, -1, 0, 0.5, 0, 1, 9, 9, 9};
+    const int32_t triangle[] = {1, 2, 3, 0, 4, 2, 0, 2, 5};
+    mended m = mend(b, 7, xyz, 3, triangle);
+    assert_int_equal(m.did.split_vertices, 2);
+    for (int v = 0; v < 6; v++) {
+        dmk_point at;
+        double x[3];
+        bench_ok(b, dmk_repairs_vertex_point(b->ctx, m.mesh, &m.did, v, &at));
+        bench_ok(b, dmk_mesh_point_xyz(b->ctx, m.mesh, &at, x));
+        assert_memory_equal(x, xyz + 3 * v, sizeof x);
+    }
+    static const struct {
+        int64_t vertex;
+        const char *why;
+    } none[] = {{6, "vertex 6 is in no triangle"},
+                {7, "vertex 7 is out of range [0, 6]"},
+                {-1, "vertex -1 is out of range"}};
+    for (int i = 0; i < 3; i++) {
+        dmk_point at;
+        assert_int_equal(dmk_repairs_vertex_point(b->ctx, m.mesh, &m.did, none[i].vertex, &at),
+                         DMK_E_ARG);
+        assert_non_null(strstr(dmk_context_message(b->ctx), none[i].why));
+    }
+    forget(&m);
+}
+
 static void a_moebius_strip_is_cut(void **state)
 {
     enum { N = 24 };
@@ -431,6 +461,7 @@ int main(void)
         cmocka_unit_test(vertices_apart_by_rounding),
         cmocka_unit_test(touching_bodies_part),
         cmocka_unit_test(a_fin_comes_off),
+        cmocka_unit_test(vertices_have_their_old_numbers),
         cmocka_unit_test(a_moebius_strip_is_cut),
         cmocka_unit_test(sheets_that_cross_stay_flat),
         cmocka_unit_test(a_third_sheet_comes_off_at_both_ends),

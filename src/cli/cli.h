@@ -292,11 +292,6 @@ int cli_check_same_file(const char *path);
  * library; *did is the caller's to free, and zero without a repair. */
 int cli_read_mesh(dmk_context *context, const char *path, const cli_reading *how, dmk_repairs *did,
                   dmk_mesh **mesh);
-/* The vertex that one of the file has become in the repair, -1: none; dmk_mesh_vertex_point of it, whose message has
- * the numbers of the file. */
-int64_t cli_vertex_now(const dmk_repairs *did, int64_t vertex);
-int cli_vertex_point(dmk_context *context, const dmk_mesh *mesh, const dmk_repairs *did,
-                     int64_t vertex, dmk_point *point);
 /* dmk_mesh_project; with a warning, unless quiet, if the surface is more than an edge away. */
 int cli_project(dmk_context *context, const dmk_mesh *mesh, const double xyz[3], bool quiet,
                 dmk_point *point);

@@ -37,7 +37,7 @@ static int fail(distance_run *run, int rc)
 static int find_source(distance_run *run, const solve_source *s, dmk_point *point)
 {
     if (s->vertex >= 0)
-        return cli_vertex_point(run->context, run->mesh, &run->repairs, s->vertex, point);
+        return dmk_repairs_vertex_point(run->context, run->mesh, &run->repairs, s->vertex, point);
     return cli_project(run->context, run->mesh, s->xyz, run->quiet, point);
 }
 

@@ -14,7 +14,8 @@ typedef struct path_request {
 static int place_end(const path_request *request, const solve_run *run, dmk_point *end)
 {
     if (request->to_vertex >= 0) {
-        return cli_vertex_point(run->context, run->mesh, &run->repairs, request->to_vertex, end);
+        return dmk_repairs_vertex_point(run->context, run->mesh, &run->repairs, request->to_vertex,
+                                        end);
     }
     return cli_project(run->context, run->mesh, request->to.value, request->solve.quiet, end);
 }

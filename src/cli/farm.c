@@ -193,7 +193,8 @@ static int find_source(const farm *f, const int64_t *sample, size_t i, solve_run
     if (sample) return dmk_mesh_vertex_point(run->context, run->mesh, sample[i], &run->source);
     if (each->source.n > 0)
         return cli_project(run->context, run->mesh, each->source.value, each->quiet, &run->source);
-    return cli_vertex_point(run->context, run->mesh, &run->repairs, each->vertex, &run->source);
+    return dmk_repairs_vertex_point(run->context, run->mesh, &run->repairs, each->vertex,
+                                    &run->source);
 }
 
 static int do_source(farm *f, const int64_t *sample, size_t i, const solve_request *one,
@@ -227,10 +228,13 @@ static int make_ready(farm *f, const batch_mesh *mesh, solve_run *run, int64_t *
     if (rc != DMK_OK) run->where = ""; /* the message names the file */
     if (rc == DMK_OK) rc = dmk_solver_create(run->context, run->device, run->mesh, &run->solver);
     if (rc == DMK_OK && f->request->samples > 0) {
-        const int64_t first = cli_vertex_now(&run->repairs, f->request->each.vertex);
+        const int64_t first = f->request->each.vertex;
+        const int32_t *now = run->repairs.vertex_new;
         *sample = calloc(n, sizeof **sample);
         if (!*sample) return cli_library_error(NULL, DMK_E_NOMEM);
-        rc = dmk_mesh_sample(run->context, run->mesh, n, first, *sample);
+        rc = dmk_repairs_vertex_point(run->context, run->mesh, &run->repairs, first, &run->source);
+        if (rc == DMK_OK)
+            rc = dmk_mesh_sample(run->context, run->mesh, n, now ? now[first] : first, *sample);
     }
     run->seconds.read = cli_seconds() - begin;
     return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);

@@ -89,7 +89,7 @@ static int add_atom(const reading *r, int64_t number, const line *l)
     if (code != EXIT_OK) return code;
     int rc = DMK_OK;
     if (l->vertex)
-        rc = cli_vertex_point(context, mesh, r->ground->did, (int64_t)l->number[0], &p);
+        rc = dmk_repairs_vertex_point(context, mesh, r->ground->did, (int64_t)l->number[0], &p);
     else if (!isfinite(l->number[0]) || !isfinite(l->number[1]) || !isfinite(l->number[2]))
         rc = dmk_mesh_project(context, mesh, l->number, &p);
     else /* found with the others of its kind: see find_places */

@@ -172,40 +172,6 @@ int cli_project(dmk_context *context, const dmk_mesh *mesh, const double xyz[3],
     return rc;
 }
 
-int64_t cli_vertex_now(const dmk_repairs *did, int64_t vertex)
-{
-    if (!did->vertex_new) return vertex;
-    return vertex >= 0 && (size_t)vertex < did->n_old_vertices ? did->vertex_new[vertex] : -1;
-}
-
-/* The library's refusal of a vertex, in the numbers of the file: that of a mesh with as many vertices as the file, one
- * triangle and this vertex in none. */
-static int refuse_vertex(dmk_context *context, const dmk_repairs *did, int64_t vertex)
-{
-    const size_t n = did->n_old_vertices;
-    dmk_mesh *mesh = NULL;
-    dmk_point point;
-    int32_t corner[3];
-    double *xyz = calloc(n, 3 * sizeof *xyz);
-    if (!xyz) return DMK_E_NOMEM;
-    for (int32_t k = 0, v = 0; k < 3; v++) {
-        if (v != vertex) corner[k++] = v;
-    }
-    xyz[3 * corner[1]] = xyz[3 * corner[2] + 1] = 1;
-    int rc = dmk_mesh_create(context, n, xyz, 1, corner, &mesh);
-    if (rc == DMK_OK) rc = dmk_mesh_vertex_point(context, mesh, vertex, &point);
-    dmk_mesh_destroy(&mesh);
-    free(xyz);
-    return rc;
-}
-
-int cli_vertex_point(dmk_context *context, const dmk_mesh *mesh, const dmk_repairs *did,
-                     int64_t vertex, dmk_point *point)
-{
-    const int rc = dmk_mesh_vertex_point(context, mesh, cli_vertex_now(did, vertex), point);
-    return rc == DMK_OK || !did->vertex_new ? rc : refuse_vertex(context, did, vertex);
-}
-
 void json_repairs(cli_json *json, const dmk_repairs *did)
 {
     if (!did->vertex_new) return;

@@ -109,8 +109,8 @@ static int find_source(const solve_request *request, solve_run *run)
 {
     if (run->pieces) return find_source_in_pieces(request, run);
     if (request->vertex >= 0) {
-        return cli_vertex_point(run->context, run->mesh, &run->repairs, request->vertex,
-                                &run->source);
+        return dmk_repairs_vertex_point(run->context, run->mesh, &run->repairs, request->vertex,
+                                        &run->source);
     }
     const double *xyz = request->source.value;
     if (!request->quiet) cli_progress_end(&run->progress);

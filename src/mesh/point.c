@@ -160,14 +160,15 @@ static int32_t first_corner(const dmk_mesh *m, int64_t vertex)
     return h < 3 * m->n_triangles ? h : -1;
 }
 
-int dmk_mesh_vertex_point(dmk_context *ctx, const dmk_mesh *m, int64_t vertex, dmk_point *point)
+/* The point at `vertex` of n, which is vertex `now` of the mesh, or none of it: -1. */
+static int place_vertex(dmk_context *ctx, const dmk_mesh *m, size_t n, int64_t vertex, int64_t now,
+                        dmk_point *point)
 {
-    if (dmk_missing(ctx, "mesh", m, "point", point)) return DMK_E_ARG;
-    if (vertex < 0 || vertex >= m->n_vertices) {
-        return dmk_fail(ctx, DMK_E_ARG, "vertex %lld is out of range [0, %d]", (long long)vertex,
-                        m->n_vertices - 1);
+    if (vertex < 0 || (size_t)vertex >= n) {
+        return dmk_fail(ctx, DMK_E_ARG, "vertex %lld is out of range [0, %zu]", (long long)vertex,
+                        n - 1);
     }
-    const int32_t h = first_corner(m, vertex);
+    const int32_t h = now < 0 ? -1 : first_corner(m, now);
     if (h < 0) {
         return dmk_fail(ctx, DMK_E_ARG, "vertex %lld is in no triangle: choose one that is",
                         (long long)vertex);
@@ -175,6 +176,22 @@ int dmk_mesh_vertex_point(dmk_context *ctx, const dmk_mesh *m, int64_t vertex, d
     *point = (dmk_point){h / 3, {0, 0, 0}};
     point->weight[h % 3] = 1;
     return DMK_OK;
+}
+
+int dmk_mesh_vertex_point(dmk_context *ctx, const dmk_mesh *m, int64_t vertex, dmk_point *point)
+{
+    if (dmk_missing(ctx, "mesh", m, "point", point)) return DMK_E_ARG;
+    return place_vertex(ctx, m, (size_t)m->n_vertices, vertex, vertex, point);
+}
+
+int dmk_repairs_vertex_point(dmk_context *ctx, const dmk_mesh *m, const dmk_repairs *repair,
+                             int64_t vertex, dmk_point *point)
+{
+    if (dmk_missing(ctx, "mesh", m, "repair", repair, "point", point)) return DMK_E_ARG;
+    if (!repair->vertex_new) return dmk_mesh_vertex_point(ctx, m, vertex, point);
+    const bool is_old = vertex >= 0 && (size_t)vertex < repair->n_old_vertices;
+    return place_vertex(ctx, m, repair->n_old_vertices, vertex,
+                        is_old ? repair->vertex_new[vertex] : -1, point);
 }
 
 int dmk_mesh_point_xyz(dmk_context *ctx, const dmk_mesh *m, const dmk_point *point, double xyz[3])
