@@ -812,7 +812,9 @@ int dmk_path_compute(dmk_context *context, const dmk_mesh *mesh, const dmk_resul
  * around triangles that would turn over or be flat in the plane, as behind saddle vertices of the polyhedron: there
  * they are averaged over neighbours, or such that these triangles lie the right way round. Some stay on scans, and
  * around a slit, where few vertices stand around the whole circle and the sides between them dip below the next ring
- * (on a sphere of 1,280 triangles 24). Where the first cut locus of the result was traced with the same strength, on
+ * (on a sphere of 1,280 triangles 24). Distances are exact at vertices of `mesh`; at new points they are those of the
+ * nearest corner's family on that side, some 0.1 mean edges short where a saddle vertex keeps it from the point. Where
+ * the first cut locus of the result was traced with the same strength, on
  * the mesh itself, it is not traced again. */
 int dmk_cut(dmk_context *context, const dmk_mesh *mesh, const dmk_result *result,
             const dmk_locus_options *options, dmk_mesh **cut, int32_t **origin, double **plane);

@@ -173,11 +173,60 @@ static void the_seam_is_taken_over(void **state)
     check_seam(*state, 600);
 }
 
+/* New points that lie nearer to the source in the plane than any path leads. */
+static int count_nearer(dmk_context *ctx, const dmk_geodesics *g, const dmk_mesh *cut,
+                        const int32_t *origin, const double *plane)
+{
+    int n = 0;
+    for (int32_t v = 0; v < cut->n_vertices; v++) {
+        dmk_point at;
+        dmk_value value;
+        if (origin[v] >= 0) continue;
+        assert_int_equal(dmk_mesh_project(ctx, g->mesh, cut->xyz + 3 * v, &at), DMK_OK);
+        assert_int_equal(dmk_geodesics_at(ctx, g, 1, &at, &value), DMK_OK);
+        n +=
+            hypot(plane[2 * v], plane[2 * v + 1]) < value.distance - 1e-6 * g->mesh->info.mean_edge;
+    }
+    return n;
+}
+
+/* Along an edge a distance changes by its length at most, also in the shadow of saddle vertices. By families that do
+ * not reach the new points it would change by 0.6 mean edges more, and half again as many be too near. */
+static void shadows_are_no_nearer(void **state)
+{
+    dmk_context *ctx = *state;
+    static const dmk_point source = {0, {1, 0, 0}};
+    dmk_mesh *m, *cut;
+    dmk_geodesics *g;
+    int32_t *origin;
+    double *plane, worst = 0;
+    dmk_locus_options opt;
+    dmk_locus_options_init(&opt, sizeof opt);
+    assert_int_equal(dmk_mesh_read(ctx, "tests/data/once/disc-76.off.gz", &m), DMK_OK);
+    assert_int_equal(dmk_geodesics_create(ctx, m, 1, &source, NULL, &g), DMK_OK);
+    assert_int_equal(dmk_locus_cut(ctx, g, &opt, NULL, &cut, &origin, &plane), DMK_OK);
+    for (int32_t e = 0; e < cut->n_edges; e++) {
+        const int32_t *v = cut->edge_vertex + 2 * (size_t)e;
+        const double a = hypot(plane[2 * v[0]], plane[2 * v[0] + 1]),
+                     b = hypot(plane[2 * v[1]], plane[2 * v[1] + 1]);
+        if ((origin[v[0]] < 0) == (origin[v[1]] < 0)) continue;
+        worst = fmax(worst, (origin[v[0]] < 0 ? b - a : a - b) - cut->length[e]);
+    }
+    worst /= m->info.mean_edge;
+    const int n = count_nearer(ctx, g, cut, origin, plane);
+    if (!(worst < 0.05 && n < 350)) fail_msg("%g mean edges, %d too near", worst, n);
+    dmk_mesh_destroy(&cut);
+    dmk_geodesics_destroy(&g);
+    dmk_mesh_destroy(&m);
+    free(origin);
+    free(plane);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(the_thinnest_triangle_is_named),
-                                       cmocka_unit_test(only_disks_are_cuts),
-                                       cmocka_unit_test(a_slit_is_at_the_farthest_vertex),
-                                       cmocka_unit_test(the_seam_is_taken_over)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_thinnest_triangle_is_named), cmocka_unit_test(only_disks_are_cuts),
+        cmocka_unit_test(a_slit_is_at_the_farthest_vertex),
+        cmocka_unit_test(the_seam_is_taken_over), cmocka_unit_test(shadows_are_no_nearer)};
     return cmocka_run_group_tests_name("cut", tests, context_setup, context_teardown);
 }

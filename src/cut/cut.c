@@ -280,7 +280,25 @@ static dmk_polar map_point(const dmk_geodesics *g, int32_t corner, const double 
     dmk_subtract(xyz, origin, p);
     const double x = dmk_in_units(g, dmk_dot(p, e) / sqrt(dmk_dot(e, e)));
     const double square = dmk_in_units(g, dmk_in_units(g, dmk_dot(p, p))) - x * x;
-    return dmk_polar_of(g, v, &image, 0, x, square > 0 ? sqrt(square) : 0);
+    const double y = square > 0 ? sqrt(square) : 0;
+    double around = dmk_ray_from(g, v, g->arrival + v, g->star.angle[corner]).turn - atan2(y, x);
+    if (!g->star.border[v]) around = remainder(around, g->star.total[v]);
+    if (fabs(around) >= M_PI) { /* in the shadow of the corner itself */
+        return (dmk_polar){g->distance[v] + dmk_distance(xyz, origin),
+                           dmk_turn_scale(g) * g->arrival[v].direction};
+    }
+    return dmk_polar_of(g, v, &image, 0, x, y);
+}
+
+/* How near to the source a point of triangle t may lie, by the corners. */
+static double least_distance(const dmk_geodesics *g, int32_t t, const double xyz[3])
+{
+    double least = 0;
+    for (int i = 0; i < 3; i++) {
+        const int32_t v = g->mesh->triangle[3 * (size_t)t + (size_t)i];
+        least = fmax(least, g->distance[v] - dmk_distance(g->mesh->xyz + 3 * (size_t)v, xyz));
+    }
+    return least;
 }
 
 /* Vertices in the plane, each on its side of the cut. */
@@ -295,9 +313,12 @@ static void place(int32_t begin, int32_t end, void *data)
         const int32_t v = i < n ? i : g->mesh->triangle[kin];
         const dmk_polar at = i < n ? (dmk_polar){g->distance[v], scale * g->arrival[v].direction}
                                    : map_point(g, kin, k->xyz + 3 * (size_t)i);
+        /* the straight way of a family that does not reach the point is shorter than any path */
+        const double least = i < n ? 0 : least_distance(g, kin / 3, k->xyz + 3 * (size_t)i);
+        const double distance = fmax(at.distance, least);
         const double direction = at.direction + (k->turn ? k->turn[v] : 0) - k->back;
-        k->plane[2 * (size_t)to] = at.distance * cos(direction);
-        k->plane[2 * (size_t)to + 1] = at.distance * sin(direction);
+        k->plane[2 * (size_t)to] = distance * cos(direction);
+        k->plane[2 * (size_t)to + 1] = distance * sin(direction);
     }
 }
 

@@ -73,7 +73,8 @@ class Cut(_CutArrays):
     plane: (n, 2) the logarithmic map, distance times direction at the source (a full turn is 2 pi, as
     in `Tangent`), on the two sides of the cut each its own: texture coordinates. Around triangles that would turn over or be flat in
     the plane directions are averaged, or such that these lie the right way round, and vertices that their paths reach across the cut
-    have the direction of their side; distances are exact everywhere."""
+    have the direction of their side. Distances are exact at the input's vertices; at others they are those of the nearest
+    corner's family on that side, which is some 0.1 mean edges short where another saddle vertex keeps it from the point."""
 
     plane: NDArray[np.float64]
 
