@@ -287,7 +287,7 @@ double dmk_area_in_space(const dmk_mesh *m, int32_t t)
     for (int k = 0; k < 2; k++)
         dmk_subtract(m->xyz + 3 * (size_t)v[k + 1], m->xyz + 3 * (size_t)v[0], e[k]);
     dmk_cross(e[0], e[1], normal);
-    const double area = 0.5 * hypot(hypot(normal[0], normal[1]), normal[2]);
+    const double area = 0.5 * dmk_distance(normal, (const double[3]){0});
     return area > 0 ? area : m->area[t];
 }
 

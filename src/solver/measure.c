@@ -196,23 +196,27 @@ static void add_linear(const load *l, int32_t t, const double d[3])
 static int add_vertices(const load *l, const double *mass)
 {
     int rc;
-    double *area = NULL; /* of each vertex: a third of its triangles' */
+    struct vertex {
+        double mass, area; /* a third of its triangles'; then 1 over it */
+    } *of = NULL;
     const dmk_mesh *m = l->mesh;
-    DMK_TRY(DMK_NEW(l->ctx, area, (size_t)m->n_vertices));
+    DMK_TRY(DMK_NEW(l->ctx, of, (size_t)m->n_vertices));
     for (int32_t t = 0; t < m->n_triangles; t++) {
         const double third = m->area[t] / 3;
-        for (int k = 0; k < 3; k++) area[m->triangle[3 * (size_t)t + (size_t)k]] += third;
+        for (int k = 0; k < 3; k++) of[m->triangle[3 * (size_t)t + (size_t)k]].area += third;
     }
+    for (int32_t v = 0; v < m->n_vertices; v++)
+        of[v] = (struct vertex){mass[l->order->vertex_old[v]], 1 / of[v].area};
     for (int32_t t = 0; t < m->n_triangles; t++) {
         double d[3];
         for (int k = 0; k < 3; k++) {
-            const int32_t v = m->triangle[3 * (size_t)t + (size_t)k];
-            d[k] = mass[l->order->vertex_old[v]] * (m->area[t] / area[v]);
+            const struct vertex *v = &of[m->triangle[3 * (size_t)t + (size_t)k]];
+            d[k] = v->mass * (m->area[t] * v->area);
         }
         add_linear(l, t, d);
     }
 done:
-    free(area);
+    free(of);
     return rc;
 }
 
