@@ -268,13 +268,15 @@ static void gaps_decide(void **state)
     assert_int_equal(settle_for(&o, &best, true, DMK_E_NOMEM), DMK_E_NOMEM);
 }
 
-static const double *script; /* gaps of settled attempts */
+static const double *script; /* gaps of attempts */
+static int n_settled; /* of which the first ones settle; the others come to their limit, far off */
 
 static int settle(dmk_iteration *o, bool from_distance, int effort, int steps)
 {
     (void)from_distance, (void)effort, (void)steps;
     o->stats->steps = 1;
-    return DMK_OK;
+    o->stats->change = 1;
+    return n_settled-- > 0 ? DMK_OK : dmk_iteration_limit(o, 1, 1);
 }
 
 static int read_script(dmk_iteration *o, bool last)
@@ -284,8 +286,8 @@ static int read_script(dmk_iteration *o, bool last)
     return DMK_OK;
 }
 
-/* How many attempts are made with these gaps, the rest of which would do. */
-static int attempts_with(problem *p, const double *gaps)
+/* How the attempts end with these gaps, so many of which settle; *n: how many are made. */
+static int end_with(problem *p, int settled, const double *gaps, int *n)
 {
     dmk_iteration o = problem_iteration(p);
     pair first = {0};
@@ -294,14 +296,23 @@ static int attempts_with(problem *p, const double *gaps)
     o.restart = begin_again;
     o.user = &b;
     script = gaps;
+    n_settled = settled;
     newton = settle;
     certify = read_script;
     const int rc = dmk_attempts(&o, true);
     newton = dmk_newton;
     certify = dmk_certify;
-    bench_ok(p->b, rc);
     free(b.first.u), free(b.first.mu);
-    return b.n + 1;
+    *n = b.n + 1;
+    return rc;
+}
+
+/* How many attempts are made with these gaps, the rest of which would do. */
+static int attempts_with(problem *p, const double *gaps)
+{
+    int n;
+    bench_ok(p->b, end_with(p, ATTEMPTS, gaps, &n));
+    return n;
 }
 
 /* One that was solved better and has settled at no less of a gap is the last. */
@@ -320,10 +331,27 @@ static void none_follows_in_vain(void **state)
     problem_free(&p);
 }
 
+/* Where less of a change is asked for than usual a small gap is no result by itself, and what is missing is said. */
+static void an_asked_change_is_reached(void **state)
+{
+    int n;
+    problem p = tube(*state, 6, 5, 3);
+    problem_solve(&p);
+    const double gaps[ATTEMPTS] = {1e-2, 1e-2, 1e-2, 1e-2};
+    assert_int_equal(end_with(&p, 0, gaps, &n), DMK_OK);
+    p.options.tolerance = DMK_DEFAULT_TOLERANCE / 3;
+    assert_int_equal(end_with(&p, 0, gaps, &n), DMK_E_LIMIT);
+    assert_non_null(strstr(dmk_context_message(p.b->ctx), "did not reach the tolerance"));
+    assert_int_equal(n, p.solver->system->without_T ? ATTEMPTS : ATTEMPTS - 1);
+    assert_int_equal(end_with(&p, 1, gaps, &n), DMK_OK);
+    problem_free(&p);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(others_follow_what_failed),
                                        cmocka_unit_test(gaps_decide),
+                                       cmocka_unit_test(an_asked_change_is_reached),
                                        cmocka_unit_test(none_follows_in_vain),
                                        cmocka_unit_test(pairs_come_back),
                                        cmocka_unit_test(attempts_begin_anew),
