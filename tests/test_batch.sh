@@ -1,5 +1,4 @@
-# Many sources in one run: names, figures, failures, what an interruption leaves, resuming; pipes to and from a batch of
-# meshes, and what it takes for done.
+# Many sources in one run: names, figures, failures, what an interruption leaves, resuming.
 . tests/tap.sh
 
 torus=$work/torus.off
@@ -132,87 +131,10 @@ check 'an interruption ends all of it' test $? -eq 130
 check 'what was solved is whole' is_json "$out/d-0000.json"
 check 'nothing half-done is left' test -z "$(ls -A "$out" | grep -E '\.tmp$|json\.')"
 
-# ---- many meshes: pipes -------------------------------------------------------------------------
-
-sphere=$work/sphere.off
-"$tool" mesh sphere --triangles 300 --quiet --out "$sphere"
-mkfifo "$work/report" "$work/mesh.off"
-(sleep 1; timeout 9 cat "$work/report" > "$work/lines") &
-check 'a report that is a pipe waits for its reader' timeout 60 "$tool" batch "$sphere" --quiet --report "$work/report"
-wait $!
-check 'which has all lines' test "$(grep -c '"state": "done"' "$work/lines")" -eq 1
-timeout 60 head -c 1 "$work/report" > "$work/lines" &
-env --default-signal=PIPE timeout 60 "$tool" batch "$torus" --sources 60 --quiet --report "$work/report" 2> "$work/said"
-check 'a reader that has gone ends the batch' test $? -eq 141
-from_pipe() { # [OPTIONS]: the mesh by a pipe
-    cat "$sphere" > "$work/mesh.off" &
-    timeout 60 "$tool" batch "$work/mesh.off" --report "$work/piped.jsonl" "$@" > "$work/summary" 2> "$work/errors"
-}
-check 'a mesh from a pipe' from_pipe
-check 'has no digest' has "$work/piped.jsonl" '"digest": ""'
-check 'so it is done again' from_pipe --resume
-check 'for that reason' has "$work/summary" '^mesh: done again: the mesh is a pipe, or cannot be read$'
-check 'and has one line' test "$(wc -l < "$work/piped.jsonl")" -eq 1
-
-# ---- what is looked through ---------------------------------------------------------------------
-
-deep=$work/deep.list # a folder, whatever its name, and below it one that cannot be opened: there are too many above it
-mkdir -p "$deep/$(printf 'd/%.0s' $(seq 220))"
-cp "$sphere" "$deep/a.off"
-(ulimit -n 200 && "$tool" batch "$deep" --out-dir "$work/shallow" > "$work/summary" 2> "$work/errors")
-check 'a folder below that cannot be opened fails' test $? -eq 2
-check 'by its name' has "$work/shallow/report.jsonl" '"name": "(d/)+d".*"state": "failed"'
-check 'and the rest goes on' has "$work/summary" '^of 2 .* 1 solved, 0 kept, 1 failed'
-echo "$sphere" > "$work/shallow/sphere.tangent.txt"
-fails 'a list is not written over' 1 "^dmkcl: --out-dir: .*/sphere.tangent.txt' is read by this run" \
-    "$tool" batch "$work/shallow/sphere.tangent.txt" --out-dir "$work/shallow" --tangent .txt --report "$work/listed.jsonl"
-
-# ---- and what is done ---------------------------------------------------------------------------
-
-done_dir=$work/done
-again() { "$tool" batch "$@" --out-dir "$done_dir" --resume > "$work/summary" 2> "$work/errors"; }
-cp "$sphere" "$work/gone.off"
-again "$work/gone.off"
-rm "$work/gone.off"
-again "$work/gone.off"
-check 'a mesh that is gone fails' test $? -eq 2
-check 'and has no other line' test "$(grep -o '"state": "[a-z]*"' "$done_dir/report.jsonl")" = '"state": "failed"'
-mkdir "$work/pieces"
-cp "$torus" "$work/pieces/a.off"
-cp "$sphere" "$work/pieces/a_0000.off"
-cp "$sphere" "$work/pieces/b_0000.off"
-"$tool" batch "$work/pieces" --out-dir "$work/whole" --out .vtp --out .pvtp --quiet
-check 'a mesh whose name is that of a piece keeps its suffix' test "$(cd "$work/whole" && ls *.vtp | tr '\n' ' ')" = \
-    'a.vtp a_0000.off.vtp a_0000.off_0000.vtp a_0000.vtp b_0000.vtp b_0000_0000.vtp '
-rm "$work/whole/a_0000.vtp"
-"$tool" batch "$work/pieces" --out-dir "$work/whole" --out .vtp --out .pvtp --resume > "$work/summary"
-check 'a missing piece is a missing file' has "$work/summary" '^a: done again: a file of it is missing$'
-check 'and no other is' has "$work/summary" '1 solved, 2 kept'
 printf 'vertex 0\nvertex 7\n' > "$list"
-pieces() { "$tool" solve "$sphere" --sources "$list" --out "$work/of.pvtp" --resume > "$work/summary"; }
+pieces() { "$tool" solve "$torus" --sources "$list" --out "$work/of.pvtp" --resume > "$work/summary"; }
 pieces
 rm "$work/of-0001_0000.vtp"
 pieces
-check 'also where solve goes on' has "$work/summary" '1 solved, 1 kept'
-
-again "$sphere"
-printf '\n \r\n' >> "$done_dir/report.jsonl"
-again "$sphere"
-check 'blank lines in a report are passed over' has "$work/summary" '0 solved, 1 kept'
-check 'and go' test -z "$(grep -vE '[^[:space:]]' "$done_dir/report.jsonl")"
-printf 'x\ny\n' > "$work/other.jsonl"
-fails 'a line of something else is shown without its end' 3 "a line begins with 'x'; choose" \
-    "$tool" batch "$sphere" --report "$work/other.jsonl" --resume
-
-cp "$torus" "$work/a.off"
-cp "$sphere" "$work/a-0001.off"
-again "$work/a-0001.off"
-mv "$done_dir/a-0001.vtp" "$work/first.vtp"
-again "$work/a.off" --sources 2
-check 'files that another source takes over are none of a line' sh -c '! grep "\"name\": \"a-0001\"" "$1"' - \
-    "$done_dir/report.jsonl"
-again "$work/a-0001.off"
-check 'and are written again' cmp "$done_dir/a-0001.vtp" "$work/first.vtp"
-again "$work/a.off" --sources 2
-check 'and so on' has "$work/summary" '1 solved, 1 kept'
+check 'pieces count as files' has "$work/summary" '1 solved, 1 kept'
 tap_end

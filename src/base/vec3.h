@@ -48,15 +48,23 @@ static inline bool dmk_is_same_place(const double a[3], const double b[3])
     return dmk_distance(a, b) <= 64 * DBL_EPSILON * farthest;
 }
 
+/* (b - a) x (c - a): along the normal of the triangle a b c, of length twice the area. */
+static inline void dmk_area_vector(const double a[3], const double b[3], const double c[3],
+                                   double n[3])
+{
+    double p[3], q[3];
+    dmk_subtract(b, a, p);
+    dmk_subtract(c, a, q);
+    dmk_cross(p, q, n);
+}
+
 /* The least altitude of the triangle a b c over its longest side: small for slivers. */
 static inline double dmk_altitude_ratio(const double a[3], const double b[3], const double c[3])
 {
-    double e[2][3], normal[3];
-    dmk_subtract(b, a, e[0]);
-    dmk_subtract(c, a, e[1]);
-    dmk_cross(e[0], e[1], normal);
-    double longest = fmax(dmk_dot(e[0], e[0]), dmk_dot(e[1], e[1]));
-    return sqrt(dmk_dot(normal, normal)) / fmax(longest, dmk_distance_squared(b, c));
+    double n[3];
+    dmk_area_vector(a, b, c, n);
+    const double longest = fmax(dmk_distance_squared(a, b), dmk_distance_squared(a, c));
+    return sqrt(dmk_dot(n, n)) / fmax(longest, dmk_distance_squared(b, c));
 }
 
 #endif

@@ -301,6 +301,14 @@ static double least_distance(const dmk_geodesics *g, int32_t t, const double xyz
     return least;
 }
 
+/* That, where the family reaches the point: else its straight way is shorter than any path. */
+static dmk_polar place_new(const dmk_geodesics *g, int32_t corner, const double xyz[3])
+{
+    dmk_polar at = map_point(g, corner, xyz);
+    at.distance = fmax(at.distance, least_distance(g, corner / 3, xyz));
+    return at;
+}
+
 /* Vertices in the plane, each on its side of the cut. */
 static void place(int32_t begin, int32_t end, void *data)
 {
@@ -312,13 +320,10 @@ static void place(int32_t begin, int32_t end, void *data)
         const int32_t to = i < n ? k->number[i] : i, kin = i < n ? -1 : k->kin[i - n];
         const int32_t v = i < n ? i : g->mesh->triangle[kin];
         const dmk_polar at = i < n ? (dmk_polar){g->distance[v], scale * g->arrival[v].direction}
-                                   : map_point(g, kin, k->xyz + 3 * (size_t)i);
-        /* the straight way of a family that does not reach the point is shorter than any path */
-        const double least = i < n ? 0 : least_distance(g, kin / 3, k->xyz + 3 * (size_t)i);
-        const double distance = fmax(at.distance, least);
+                                   : place_new(g, kin, k->xyz + 3 * (size_t)i);
         const double direction = at.direction + (k->turn ? k->turn[v] : 0) - k->back;
-        k->plane[2 * (size_t)to] = distance * cos(direction);
-        k->plane[2 * (size_t)to + 1] = distance * sin(direction);
+        k->plane[2 * (size_t)to] = at.distance * cos(direction);
+        k->plane[2 * (size_t)to + 1] = at.distance * sin(direction);
     }
 }
 

@@ -61,11 +61,10 @@ static double weight_of(const dmk_patch *p, const double x[3])
 static void add_normal(dmk_patch *p, int32_t triangle, double weight)
 {
     const dmk_mesh *m = p->cotree->geodesics->mesh;
-    double e[2][3], n[3];
+    double n[3];
     const int32_t *v = m->triangle + 3 * triangle;
-    for (int k = 0; k < 2; k++)
-        dmk_subtract(m->xyz + 3 * (size_t)v[k + 1], m->xyz + 3 * (size_t)v[0], e[k]);
-    dmk_cross(e[0], e[1], n);
+    dmk_area_vector(m->xyz + 3 * (size_t)v[0], m->xyz + 3 * (size_t)v[1], m->xyz + 3 * (size_t)v[2],
+                    n);
     for (int k = 0; k < 3; k++) p->normal[k] += weight * n[k] / m->area[triangle];
 }
 

@@ -283,11 +283,10 @@ void dmk_measure_sides(const double l[3], double *area, double cot[3])
 double dmk_area_in_space(const dmk_mesh *m, int32_t t)
 {
     const int32_t *v = m->triangle + 3 * (size_t)t;
-    double e[2][3], normal[3];
-    for (int k = 0; k < 2; k++)
-        dmk_subtract(m->xyz + 3 * (size_t)v[k + 1], m->xyz + 3 * (size_t)v[0], e[k]);
-    dmk_cross(e[0], e[1], normal);
-    const double area = 0.5 * dmk_distance(normal, (const double[3]){0});
+    double n[3];
+    dmk_area_vector(m->xyz + 3 * (size_t)v[0], m->xyz + 3 * (size_t)v[1], m->xyz + 3 * (size_t)v[2],
+                    n);
+    const double area = 0.5 * dmk_distance(n, (const double[3]){0});
     return area > 0 ? area : m->area[t];
 }
 

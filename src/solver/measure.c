@@ -120,6 +120,19 @@ static int check_even(const check *k, const dmk_measure *m)
     return check_one(k, "the even part, number", 0, m->uniform, anywhere);
 }
 
+/* `part` of both measures, number `begin` first. */
+static int check_both(check *k, const dmk_measure *const both[2], int begin,
+                      int (*part)(const check *, const dmk_measure *))
+{
+    int rc = DMK_OK;
+    for (int i = 0; i < 2 && rc == DMK_OK; i++) {
+        const dmk_measure *m = both[i ^ begin];
+        k->name = i ^ begin ? "second" : "first";
+        if (m) rc = part(k, m);
+    }
+    return rc;
+}
+
 int dmk_measure_check(dmk_context *ctx, const dmk_mesh *mesh, const dmk_measure *from,
                       const dmk_measure *to, int32_t *component)
 {
@@ -137,18 +150,11 @@ int dmk_measure_check(dmk_context *ctx, const dmk_mesh *mesh, const dmk_measure 
         const int32_t c = dmk_mesh_component(mesh, t);
         for (int k = 0; k < 3; k++) of_vertex[mesh->triangle[3 * (size_t)t + (size_t)k]] = c;
     }
-    check k = {ctx, mesh, of_vertex, "first", !to, component};
+    const dmk_measure *both[2] = {from, to};
+    check k = {ctx, mesh, of_vertex, NULL, !to, component};
     /* Masses show which component it is, before points that take them, and before the even parts, which take any. */
-    const bool second_first = to && dmk_measure_is_free(from);
-    k.name = "second";
-    if (second_first) DMK_TRY(check_measure(&k, to));
-    k.name = "first";
-    DMK_TRY(check_measure(&k, from));
-    k.name = "second";
-    if (to && !second_first) DMK_TRY(check_measure(&k, to));
-    if (to) DMK_TRY(check_even(&k, to));
-    k.name = "first";
-    DMK_TRY(check_even(&k, from));
+    DMK_TRY(check_both(&k, both, to && dmk_measure_is_free(from), check_measure));
+    DMK_TRY(check_both(&k, both, 0, check_even));
     if (*component < 0) rc = dmk_fail(ctx, DMK_E_ARG, "the measures have no mass anywhere");
 done:
     free(of_vertex);

@@ -21,19 +21,10 @@ static const int max_flip_passes = 20;
 
 /* ---- geometry -------------------------------------------------------------------------------- */
 
-/* (b - a) x (c - a): along the normal, of length twice the area. */
-static void area_vector(const double a[3], const double b[3], const double c[3], double n[3])
-{
-    double p[3], q[3];
-    dmk_subtract(b, a, p);
-    dmk_subtract(c, a, q);
-    dmk_cross(p, q, n);
-}
-
 static double double_area(const double a[3], const double b[3], const double c[3])
 {
     double n[3];
-    area_vector(a, b, c, n);
+    dmk_area_vector(a, b, c, n);
     return sqrt(dmk_dot(n, n));
 }
 
@@ -42,7 +33,7 @@ double dmk_relax_facing(const dmk_body *body, const double a[3], const double b[
 {
     double n[3], g[3], middle[3];
     for (int k = 0; k < 3; k++) middle[k] = (a[k] + b[k] + c[k]) / 3.0;
-    area_vector(a, b, c, n);
+    dmk_area_vector(a, b, c, n);
     dmk_body_normal(body, middle, g);
     double length = sqrt(dmk_dot(n, n));
     return length > 0 ? dmk_dot(n, g) / length : -1;

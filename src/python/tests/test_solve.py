@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import dmkcl
+from dmkcl import _result
 
 
 def test_certificate_holds_the_torus_cost(result):
@@ -88,6 +89,12 @@ def test_gradient_of_caps_is_bounded():
     mesh = dmkcl.Mesh(np.array(x, float), np.array(faces, np.int32))
     length = np.linalg.norm(dmkcl.CutLocus(mesh).solve(vertex=0).gradient, axis=1)
     assert length.max() < 1.01 and length.min() > 0.5
+    # The cap that is as flat as the solver leaves it: half and twice of what its sides are longer by.
+    for longer, slope in ((0.7e-6, 1), (1.4e-6, 5)):
+        height = np.sqrt((1 + longer) ** 2 - 1) / 2
+        steep = np.array([[0.0, 5, 0]])
+        _result._limit_caps(np.array([[[0, 0, 0], [1, 0, 0], [0.5, height, 0]]]), steep)
+        assert np.allclose(steep, [[0, slope, 0]])
 
 
 def test_the_same_source_three_ways(torus, solver, result):
