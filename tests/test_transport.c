@@ -890,6 +890,11 @@ static void other_components_and_unused_vertices(void **state)
     b[4] = 0;
     b[6] = 1;
     refuse(&p, &from, &to, "vertex 6");
+    /* Points that take masses are behind these, whichever measure they are. */
+    static const dmk_point apart = {1, {1, 0, 0}};
+    const dmk_measure free_point = {.n_atoms = 1, .atoms = &apart};
+    refuse(&p, &free_point, &from, "first measure: atom 0 lies on component 1");
+    refuse(&p, &from, &free_point, "second measure: atom 0 lies on component 1");
     problem_free(&p);
 }
 
