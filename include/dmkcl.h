@@ -804,7 +804,7 @@ int dmk_path_compute(dmk_context *context, const dmk_mesh *mesh, const dmk_resul
  * locus that crosses fewer than three edges of a sphere becomes a slit of two edges of the mesh itself, at the farthest
  * vertex; a disk without a cut locus stays as it is. The mesh begins with the component's vertices in the
  * input's order. *origin (NULL: not wanted) gives for each vertex of the
- * cut mesh the vertex of `mesh` at the same place, or -1 for new points; freed with free().
+ * cut mesh the vertex of the geodesics' mesh at the same place, or -1 for new points; freed with free().
  * *plane (NULL: not wanted): 2 coordinates for each vertex of the cut mesh, the logarithmic map, that is the
  * distance times the direction at the source (a full turn is 2 pi, as in dmk_locus_vertex.angle), on the locus' two
  * sides each its own; freed with free(). Directions are
@@ -812,10 +812,15 @@ int dmk_path_compute(dmk_context *context, const dmk_mesh *mesh, const dmk_resul
  * around triangles that would turn over or be flat in the plane, as behind saddle vertices of the polyhedron: there
  * they are averaged over neighbours, or such that these triangles lie the right way round. Some stay on scans, and
  * around a slit, where few vertices stand around the whole circle and the sides between them dip below the next ring
- * (on a sphere of 1,280 triangles 24). Distances are exact at vertices of `mesh`; at new points they are those of the
- * nearest corner's family on that side, some 0.1 mean edges short where a saddle vertex keeps it from the point. Where
- * the first cut locus of the result was traced with the same strength, on
- * the mesh itself, it is not traced again. */
+ * (on a sphere of 1,280 triangles 24). Distances are exact at vertices of that mesh; at new points they are those of
+ * the nearest corner's family on that side, some 0.1 mean edges short where a saddle vertex keeps it from the point.
+ * *locus (NULL: not wanted): the cut locus itself, as dmk_geodesics_locus has it, which need not be traced twice then.
+ * DMK_E_ARG as there, and for geodesics from several sources. Needs no device. */
+int dmk_geodesics_cut(dmk_context *context, const dmk_geodesics *geodesics,
+                      const dmk_locus_options *options, dmk_mesh **cut, int32_t **origin,
+                      double **plane, dmk_locus **locus);
+/* The same by a result's geodesics. Where the first cut locus of the result was traced with the same strength it is
+ * not traced again. */
 int dmk_cut(dmk_context *context, const dmk_mesh *mesh, const dmk_result *result,
             const dmk_locus_options *options, dmk_mesh **cut, int32_t **origin, double **plane);
 /* Write a cut mesh with its plane coordinates: OBJ with them as vt, VTP with them as the point array `plane`,

@@ -290,6 +290,10 @@ static bool may_be(const char *function, const char *argument, bool null)
         "dmk_device_open options",
         "dmk_locus_compute options",
         "dmk_geodesics_locus options",
+        "dmk_geodesics_cut options",
+        "dmk_geodesics_cut origin",
+        "dmk_geodesics_cut plane",
+        "dmk_geodesics_cut locus",
         "dmk_cut options",
         "dmk_cut origin",
         "dmk_mesh_repair repair",
@@ -428,6 +432,8 @@ static void options_may_be_missing(void **state)
     bench_ok(&good.b, dmk_cut(good.b.ctx, p->mesh, result, NULL, &cut, NULL, NULL));
     assert_memory_equal(dmk_result_density(result, NULL), problem_mu(p),
                         problem_triangles(p) * sizeof(double));
+    dmk_mesh_destroy(&cut);
+    bench_ok(&good.b, dmk_geodesics_cut(good.b.ctx, geodesics, NULL, &cut, NULL, NULL, NULL));
     dmk_mesh_destroy(&cut);
     dmk_geodesics_destroy(&geodesics);
     dmk_locus_destroy(&locus);

@@ -106,27 +106,40 @@ static void a_slit_is_at_the_farthest_vertex(void **state)
     dmk_mesh_destroy(&m);
 }
 
+typedef struct disk {
+    dmk_mesh *mesh;
+    int32_t *origin;
+    double *plane;
+} disk;
+
+static void free_disk(disk *d)
+{
+    dmk_mesh_destroy(&d->mesh);
+    free(d->origin);
+    free(d->plane);
+}
+
+static void assert_same_disk(const disk *a, const disk *b)
+{
+    const size_t n = (size_t)b->mesh->n_vertices, m = (size_t)b->mesh->n_triangles;
+    assert_int_equal(a->mesh->n_vertices, n);
+    assert_int_equal(a->mesh->n_triangles, m);
+    assert_memory_equal(a->mesh->xyz, b->mesh->xyz, 3 * n * sizeof(double));
+    assert_memory_equal(a->mesh->triangle, b->mesh->triangle, 3 * m * sizeof(int32_t));
+    assert_memory_equal(a->plane, b->plane, 2 * n * sizeof(double));
+    assert_memory_equal(a->origin, b->origin, n * sizeof(int32_t));
+}
+
 /* Both results are cut alike, whatever was traced of them before. */
 static void check_same(dmk_context *ctx, const dmk_mesh *m, const dmk_result *result,
                        const dmk_result *fresh, const dmk_locus_options *o)
 {
-    const dmk_result *of[2] = {result, fresh};
-    dmk_mesh *cut[2];
-    int32_t *origin[2];
-    double *plane[2];
-    for (int i = 0; i < 2; i++)
-        assert_int_equal(dmk_cut(ctx, m, of[i], o, &cut[i], &origin[i], &plane[i]), DMK_OK);
-    const size_t n = (size_t)cut[1]->n_vertices;
-    assert_int_equal(cut[0]->n_vertices, n);
-    assert_int_equal(cut[0]->n_triangles, cut[1]->n_triangles);
-    assert_memory_equal(cut[0]->xyz, cut[1]->xyz, 3 * n * sizeof(double));
-    assert_memory_equal(plane[0], plane[1], 2 * n * sizeof(double));
-    assert_memory_equal(origin[0], origin[1], n * sizeof(int32_t));
-    for (int i = 0; i < 2; i++) {
-        dmk_mesh_destroy(&cut[i]);
-        free(origin[i]);
-        free(plane[i]);
-    }
+    disk a, b;
+    assert_int_equal(dmk_cut(ctx, m, result, o, &a.mesh, &a.origin, &a.plane), DMK_OK);
+    assert_int_equal(dmk_cut(ctx, m, fresh, o, &b.mesh, &b.origin, &b.plane), DMK_OK);
+    assert_same_disk(&a, &b);
+    free_disk(&a);
+    free_disk(&b);
 }
 
 /* The cut runs along the locus that was traced before, if that is of the strength that it asks for. */
@@ -171,6 +184,83 @@ static void the_seam_is_taken_over(void **state)
 {
     check_seam(*state, 6000);
     check_seam(*state, 600);
+}
+
+/* Tori of 600 triangles beside each other, behind vertices of no triangle. */
+static dmk_mesh *make_tori(dmk_context *ctx, size_t n_tori, size_t n_unused)
+{
+    dmk_surface_options torus;
+    dmk_mesh *one, *all;
+    dmk_surface_options_init(&torus, sizeof torus);
+    torus.name = "torus";
+    torus.n_triangles = 600;
+    assert_int_equal(dmk_mesh_surface(ctx, &torus, &one), DMK_OK);
+    const size_t n = (size_t)one->n_vertices, m = (size_t)one->n_triangles;
+    double *xyz = calloc(3 * (n_tori * n + n_unused), sizeof *xyz);
+    int32_t *triangle = calloc(3 * n_tori * m, sizeof *triangle);
+    for (size_t i = 0; i < 3 * n_tori * n; i++)
+        xyz[3 * n_unused + i] = one->xyz[i % (3 * n)] + (i % 3 ? 0 : 9 * (double)(i / (3 * n)));
+    for (size_t i = 0; i < 3 * n_tori * m; i++)
+        triangle[i] = one->triangle[i % (3 * m)] + (int32_t)(n_unused + i / (3 * m) * n);
+    assert_int_equal(dmk_mesh_create(ctx, n_tori * n + n_unused, xyz, n_tori * m, triangle, &all),
+                     DMK_OK);
+    dmk_mesh_destroy(&one);
+    free(xyz);
+    free(triangle);
+    return all;
+}
+
+/* By geodesics alone, from triangle 17: of the mesh with more on it the disk is that of its result, bit for bit. */
+static void cut_geodesics(dmk_context *ctx, size_t n_tori, size_t n_unused)
+{
+    static const dmk_point source[2] = {{17, {0.3, 0.3, 0.4}}, {30, {0.3, 0.3, 0.4}}};
+    dmk_mesh *m = make_tori(ctx, n_tori, n_unused);
+    dmk_geodesics *g, *two;
+    dmk_locus *line, *same;
+    disk d;
+    assert_int_equal(dmk_geodesics_create(ctx, m, 1, source, NULL, &g), DMK_OK);
+    assert_int_equal(dmk_geodesics_cut(ctx, g, NULL, &d.mesh, &d.origin, &d.plane, &line), DMK_OK);
+    assert_int_equal(dmk_geodesics_locus(ctx, g, NULL, &same), DMK_OK);
+    assert_memory_equal(&line->info, &same->info, sizeof line->info);
+    assert_memory_equal(line->vertex, same->vertex, line->info.n_vertices * sizeof *line->vertex);
+    if (n_tori > 1 || n_unused > 0) {
+        disk of_result, untraced;
+        dmk_result *result;
+        double *zero = calloc((size_t)m->n_triangles + (size_t)m->n_edges, sizeof *zero);
+        uint8_t *acl = calloc((size_t)m->n_triangles, sizeof *acl);
+        const dmk_result_data data = {zero, zero, zero, zero, acl, .source = source[0]};
+        assert_int_equal(dmk_result_restore(ctx, m, &data, &result), DMK_OK);
+        assert_int_equal(
+            dmk_cut(ctx, m, result, NULL, &of_result.mesh, &of_result.origin, &of_result.plane),
+            DMK_OK);
+        assert_same_disk(&d, &of_result);
+        assert_int_equal(dmk_geodesics_cut(ctx, g, NULL, &untraced.mesh, &untraced.origin,
+                                           &untraced.plane, NULL),
+                         DMK_OK);
+        assert_same_disk(&d, &untraced);
+        free_disk(&of_result);
+        free_disk(&untraced);
+        dmk_result_destroy(&result);
+        free(zero);
+        free(acl);
+    }
+    assert_int_equal(dmk_geodesics_create(ctx, m, 2, source, NULL, &two), DMK_OK);
+    dmk_mesh *none = NULL;
+    assert_int_equal(dmk_geodesics_cut(ctx, two, NULL, &none, NULL, NULL, NULL), DMK_E_ARG);
+    assert_null(none);
+    free_disk(&d);
+    dmk_locus_destroy(&line);
+    dmk_locus_destroy(&same);
+    dmk_geodesics_destroy(&g);
+    dmk_geodesics_destroy(&two);
+    dmk_mesh_destroy(&m);
+}
+
+static void geodesics_are_cut_as_their_results(void **state)
+{
+    cut_geodesics(*state, 1, 0);
+    cut_geodesics(*state, 1, 1);
+    cut_geodesics(*state, 2, 0);
 }
 
 /* New points that lie nearer to the source in the plane than any path leads. */
@@ -224,9 +314,11 @@ static void shadows_are_no_nearer(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_thinnest_triangle_is_named), cmocka_unit_test(only_disks_are_cuts),
-        cmocka_unit_test(a_slit_is_at_the_farthest_vertex),
-        cmocka_unit_test(the_seam_is_taken_over), cmocka_unit_test(shadows_are_no_nearer)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(the_thinnest_triangle_is_named),
+                                       cmocka_unit_test(only_disks_are_cuts),
+                                       cmocka_unit_test(a_slit_is_at_the_farthest_vertex),
+                                       cmocka_unit_test(the_seam_is_taken_over),
+                                       cmocka_unit_test(shadows_are_no_nearer),
+                                       cmocka_unit_test(geodesics_are_cut_as_their_results)};
     return cmocka_run_group_tests_name("cut", tests, context_setup, context_teardown);
 }

@@ -236,7 +236,7 @@ echo '3,0,0 1' > "$work/here.txt"
 check 'FORMATS.md knows the names of all reports' python3 -c '
 import json, re, sys
 rows = re.findall(r"(?m)^\| (`[^|]*`) \| ([^|]*) \| ", open("src/io/FORMATS.md").read().split("## What a report holds")[1].split("\n## ")[0])
-wide = {"batch": "solve", "cut": "solve", "dry": "solve --dry-run", "distance-locus": "distance --locus"}
+wide = {"batch": "solve", "dry": "solve --dry-run", "distance-locus": "distance --locus"}
 kinds = "solve batch cut path distance distance-locus transport info devices dry".split()
 names = {kind: set() for kind in kinds}
 for kind in kinds:

@@ -77,13 +77,23 @@ static int find_component(dmk_context *ctx, const dmk_geodesics *g, int32_t *com
     return DMK_OK;
 }
 
-/* Of several components: its rules count in mean edges, which are not to be those of the others. */
-static int trace_on_component(dmk_context *ctx, const dmk_geodesics *g, int32_t component,
-                              const dmk_locus_options *chosen, dmk_locus **locus)
+/* The sources' component by itself, in an order of its own: the rules of the locus count in mean edges, which are not
+ * to be those of the others. Where it is all of the mesh these are the geodesics that were given, without an order. */
+typedef struct part {
+    dmk_order order;
+    dmk_geodesics *own;
+    const dmk_geodesics *geodesics; /* own, or those given */
+} part;
+
+static void free_part(part *p)
+{
+    dmk_geodesics_destroy(&p->own);
+    dmk_order_free(&p->order);
+}
+
+static int measure_part(dmk_context *ctx, const dmk_geodesics *g, int32_t component, part *p)
 {
     int rc;
-    dmk_order order = {0};
-    dmk_geodesics *own = NULL;
     dmk_point *source = NULL;
     double *offset = NULL;
     dmk_geodesics_options options;
@@ -91,7 +101,7 @@ static int trace_on_component(dmk_context *ctx, const dmk_geodesics *g, int32_t 
     dmk_geodesics_options_init(&options, sizeof options);
     options.exact = !g->error;
     options.tolerance = g->tolerance;
-    DMK_TRY(dmk_order_create(ctx, g->mesh, component, &order));
+    DMK_TRY(dmk_order_create(ctx, g->mesh, component, &p->order));
     DMK_TRY(DMK_NEW(ctx, source, n));
     DMK_TRY(DMK_NEW(ctx, offset, n));
     for (size_t i = 0; i < n; i++) {
@@ -99,15 +109,37 @@ static int trace_on_component(dmk_context *ctx, const dmk_geodesics *g, int32_t 
         offset[i] = g->source[i].offset;
     }
     options.offset = offset;
-    DMK_TRY(renumber_points(ctx, g->mesh, &order, n, source));
-    DMK_TRY(dmk_geodesics_compute(ctx, order.mesh, order.triangle_old, n, source, &options, &own));
-    DMK_TRY(dmk_locus_trace(ctx, own, chosen, locus, NULL));
-    dmk_locus_renumber(*locus, order.triangle_old, NULL);
+    DMK_TRY(renumber_points(ctx, g->mesh, &p->order, n, source));
+    DMK_TRY(dmk_geodesics_compute(ctx, p->order.mesh, p->order.triangle_old, n, source, &options,
+                                  &p->own));
+    p->geodesics = p->own;
 done:
-    dmk_geodesics_destroy(&own);
-    dmk_order_free(&order);
     free(source);
     free(offset);
+    return rc;
+}
+
+static int take_part(dmk_context *ctx, const dmk_geodesics *g, part *p)
+{
+    int rc;
+    int32_t component = 0;
+    *p = (part){.geodesics = g};
+    DMK_TRY(dmk_mesh_check_edges(ctx, g->mesh));
+    if (g->n_lines > 0)
+        return dmk_fail(ctx, DMK_E_ARG,
+                        "the cut locus of lines and borders is not traced: give points as sources");
+    DMK_TRY(find_component(ctx, g, &component));
+    if (g->mesh->n_components > 1 || g->mesh->info.n_unused_vertices > 0)
+        rc = measure_part(ctx, g, component, p);
+done:
+    return rc;
+}
+
+static int trace_part(dmk_context *ctx, const part *p, const dmk_locus_options *chosen,
+                      dmk_locus **locus, dmk_seam **seam)
+{
+    const int rc = dmk_locus_trace(ctx, p->geodesics, chosen, locus, seam);
+    if (rc == DMK_OK && p->own) dmk_locus_renumber(*locus, p->order.triangle_old, NULL);
     return rc;
 }
 
@@ -115,21 +147,16 @@ int dmk_geodesics_locus(dmk_context *ctx, const dmk_geodesics *geodesics,
                         const dmk_locus_options *options, dmk_locus **locus)
 {
     int rc;
-    int32_t component = 0;
+    part p = {0};
     dmk_locus_options chosen;
     if (dmk_missing(ctx, "geodesics", geodesics, "locus", locus)) return DMK_E_ARG;
     DMK_TRY(take_options(ctx, options, &chosen));
-    DMK_TRY(dmk_mesh_check_edges(ctx, geodesics->mesh));
-    if (geodesics->n_lines > 0)
-        return dmk_fail(ctx, DMK_E_ARG,
-                        "the cut locus of lines and borders is not traced: give points as sources");
-    DMK_TRY(find_component(ctx, geodesics, &component));
     DMK_TRY(dmk_stage_begin(ctx, "locus"));
-    rc = geodesics->mesh->n_components > 1
-             ? trace_on_component(ctx, geodesics, component, &chosen, locus)
-             : dmk_locus_trace(ctx, geodesics, &chosen, locus, NULL);
+    DMK_TRY(take_part(ctx, geodesics, &p));
+    rc = trace_part(ctx, &p, &chosen, locus, NULL);
 done:
     dmk_stage_end(ctx);
+    free_part(&p);
     return rc;
 }
 
@@ -236,33 +263,35 @@ static int check_disk(dmk_context *ctx, const dmk_mesh *cut)
                     (long long)cut->info.euler, cut->info.n_border_loops, cut->info.n_components);
 }
 
-int dmk_cut(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *result,
-            const dmk_locus_options *options, dmk_mesh **cut, int32_t **origin, double **plane)
+/* What a cut hands over. */
+typedef struct cut_out {
+    dmk_mesh **mesh;
+    int32_t **origin; /* NULL: not wanted */
+    double **plane;   /* NULL: not wanted */
+} cut_out;
+
+/* seam: NULL where the locus is still to be traced. */
+static int open_disk(dmk_context *ctx, const dmk_geodesics *g, const dmk_seam *seam,
+                     const dmk_locus_options *chosen, const dmk_order *order, const cut_out *out)
 {
     int rc;
     dmk_mesh *open = NULL;
     int32_t *old = NULL;
     double *flat = NULL;
-    dmk_locus_options chosen;
-    if (dmk_missing(ctx, "mesh", mesh, "result", result, "cut", cut)) return DMK_E_ARG;
-    DMK_TRY(take_options(ctx, options, &chosen));
-    DMK_TRY(check_mesh(ctx, mesh, result));
     DMK_TRY(dmk_stage_begin(ctx, "cut"));
-    const dmk_order *order = &result->order->order;
-    const dmk_seam *seam = dmk_result_seam(result);
-    if (seam && seam->asked == chosen.strength)
-        DMK_TRY(dmk_seam_cut(ctx, result->geodesics, seam, order, &open, &old, &flat));
+    if (seam)
+        DMK_TRY(dmk_seam_cut(ctx, g, seam, order, &open, &old, &flat));
     else
-        DMK_TRY(dmk_locus_cut(ctx, result->geodesics, &chosen, order, &open, &old, &flat));
+        DMK_TRY(dmk_locus_cut(ctx, g, chosen, order, &open, &old, &flat));
     DMK_TRY(check_disk(ctx, open));
-    *cut = open;
+    *out->mesh = open;
     open = NULL;
-    if (origin) {
-        *origin = old;
+    if (out->origin) {
+        *out->origin = old;
         old = NULL;
     }
-    if (plane) {
-        *plane = flat;
+    if (out->plane) {
+        *out->plane = flat;
         flat = NULL;
     }
 done:
@@ -270,6 +299,52 @@ done:
     dmk_mesh_destroy(&open);
     free(old);
     free(flat);
+    return rc;
+}
+
+int dmk_cut(dmk_context *ctx, const dmk_mesh *mesh, const dmk_result *result,
+            const dmk_locus_options *options, dmk_mesh **cut, int32_t **origin, double **plane)
+{
+    int rc;
+    dmk_locus_options chosen;
+    const cut_out out = {cut, origin, plane};
+    if (dmk_missing(ctx, "mesh", mesh, "result", result, "cut", cut)) return DMK_E_ARG;
+    DMK_TRY(take_options(ctx, options, &chosen));
+    DMK_TRY(check_mesh(ctx, mesh, result));
+    const dmk_seam *seam = dmk_result_seam(result);
+    if (seam && seam->asked != chosen.strength) seam = NULL;
+    rc = open_disk(ctx, result->geodesics, seam, &chosen, &result->order->order, &out);
+done:
+    return rc;
+}
+
+int dmk_geodesics_cut(dmk_context *ctx, const dmk_geodesics *geodesics,
+                      const dmk_locus_options *options, dmk_mesh **cut, int32_t **origin,
+                      double **plane, dmk_locus **locus)
+{
+    int rc;
+    part p = {0};
+    dmk_seam *seam = NULL;
+    dmk_locus *line = NULL;
+    dmk_locus_options chosen;
+    const cut_out out = {cut, origin, plane};
+    if (dmk_missing(ctx, "geodesics", geodesics, "cut", cut)) return DMK_E_ARG;
+    DMK_TRY(take_options(ctx, options, &chosen));
+    DMK_TRY(dmk_stage_begin(ctx, "locus"));
+    DMK_TRY(take_part(ctx, geodesics, &p));
+    if (geodesics->n_sources > 1)
+        return dmk_fail(ctx, DMK_E_ARG,
+                        "the cut locus of %d sources parts the surface: give one source",
+                        geodesics->n_sources);
+    if (locus) DMK_TRY(trace_part(ctx, &p, &chosen, &line, &seam));
+    DMK_TRY(open_disk(ctx, p.geodesics, seam, &chosen, p.own ? &p.order : NULL, &out));
+    if (locus) *locus = line;
+    line = NULL;
+done:
+    dmk_stage_end(ctx);
+    dmk_locus_destroy(&line);
+    free(seam);
+    free_part(&p);
     return rc;
 }
 

@@ -34,14 +34,15 @@ typedef struct outcome {
     const cut_request *request;
     const dmk_mesh *cut;
     size_t flipped;
+    double seconds; /* for distance, cut locus and cut */
 } outcome;
 
 static void report_cut(cli_json *json, const solve_run *run, const void *data)
 {
     const outcome *t = data;
     dmk_mesh_info info;
-    (void)run;
     dmk_mesh_get_info(t->cut, &info);
+    solve_report_locus(json, run->locus);
     json_open(json, "cut", '{');
     json_integer(json, "n_vertices", (int64_t)info.n_vertices);
     json_integer(json, "n_triangles", (int64_t)info.n_triangles);
@@ -51,23 +52,37 @@ static void report_cut(cli_json *json, const solve_run *run, const void *data)
     solve_report_names(json, "out", &t->request->solve.out);
     solve_report_names(json, "picture", &t->request->picture);
     json_close(json, '{');
+    json_open(json, "seconds", '{');
+    json_number(json, "read", run->seconds.read);
+    json_number(json, "cut", t->seconds);
+    json_number(json, "write", run->seconds.write);
+    json_number(json, "total", cli_seconds() - run->seconds.begin);
+    json_close(json, '{');
 }
 
 static int cut_open(const cut_request *request, solve_run *run, dmk_mesh **cut, double **plane)
 {
-    int code = solve_compute(&request->solve, run);
-    if (code != EXIT_OK) return code;
-    int rc = dmk_cut(run->context, run->mesh, run->result, &request->solve.trace, cut, NULL, plane);
-    const double mark = cli_seconds();
+    dmk_geodesics *geodesics = NULL;
+    int rc = dmk_geodesics_create(run->context, run->mesh, 1, &run->source, NULL, &geodesics);
+    if (rc == DMK_OK) rc = solve_go_on();
+    if (rc == DMK_OK)
+        rc = dmk_geodesics_cut(run->context, geodesics, &request->solve.trace, cut, NULL, plane,
+                               &run->locus);
+    dmk_geodesics_destroy(&geodesics);
+    return rc == DMK_OK ? EXIT_OK : solve_fail(run, rc);
+}
+
+static int write_files(const cut_request *request, solve_run *run, const dmk_mesh *cut,
+                       const double *plane)
+{
+    int rc = DMK_OK, code = EXIT_OK;
     for (int i = 0; i < request->solve.out.n && rc == DMK_OK; i++) {
         rc = solve_go_on();
         if (rc == DMK_OK)
-            rc = dmk_cut_write(run->context, *cut, *plane, cli_path(request->solve.out.path[i]));
+            rc = dmk_cut_write(run->context, cut, plane, cli_path(request->solve.out.path[i]));
     }
     for (int i = 0; i < request->picture.n && rc == DMK_OK && code == EXIT_OK; i++)
-        code = cli_draw_plane(*cut, *plane, request->picture.path[i]);
-    run->seconds.write = cli_seconds() - mark;
-    run->seconds.total = cli_seconds() - run->seconds.begin;
+        code = cli_draw_plane(cut, plane, request->picture.path[i]);
     cli_progress_end(&run->progress);
     return rc == DMK_OK ? code : solve_fail(run, rc);
 }
@@ -78,10 +93,14 @@ static int run_cut(const cut_request *request)
     dmk_mesh *cut = NULL;
     double *plane = NULL;
     int code = solve_begin(&request->solve, &run);
+    const double mark = cli_seconds();
     if (code == EXIT_OK) code = cut_open(request, &run, &cut, &plane);
+    const double made = cli_seconds();
+    if (code == EXIT_OK) code = write_files(request, &run, cut, plane);
+    run.seconds.write = cli_seconds() - made;
     const size_t flipped = dmk_cut_flipped(cut, plane);
     if (code == EXIT_OK && request->solve.report) {
-        const outcome t = {request, cut, flipped};
+        const outcome t = {request, cut, flipped, made - mark};
         code = solve_report_more(&request->solve, &run, report_cut, &t);
     }
     if (code == EXIT_OK && solve_prints_summary(&request->solve)) {
@@ -131,13 +150,13 @@ static int parse(cut_request *request, const char *out_help, int argc, char **ar
     solve_add(&table, out, sizeof out / sizeof *out);
     solve_add_strength(&table, &request->solve);
     solve_add_report(&table, &request->solve);
-    solve_add_device(&table, &request->solve);
+    solve_add_host(&table, &request->solve);
     const cli_syntax syntax = {
         .command = "cut",
         .usage = "MESH (--source X,Y,Z | --vertex I) (--out FILE | --picture FILE) [OPTIONS]",
         .summary =
             "Cut the surface MESH open along the cut locus of the source: a disk, with one border\n"
-            "loop and Euler characteristic 1.",
+            "loop and Euler characteristic 1. Needs no OpenCL device.",
         .operand = "MESH",
         .notes =
             "Triangles that the cut locus crosses are split, so that it runs along edges, and its\n"
@@ -172,7 +191,7 @@ int cmd_cut(int argc, char **argv)
     cli_suffixes(CLI_MESH, suffixes, sizeof suffixes);
     snprintf(help, sizeof help, "the mesh file to write; may be given again:\n%s", suffixes);
     solve_request_init(&request.solve, "cut");
-    request.solve.once = true;
+    request.solve.bare = true;
     int code = parse(&request, help, argc, argv);
     if (code != CLI_GO_ON) return code;
     code = check_request(&request);

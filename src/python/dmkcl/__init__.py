@@ -8,6 +8,7 @@
 """
 
 from . import surfaces
+from ._cut import Cut
 from ._device import devices
 from ._geodesics import Geodesics, Path, distance
 from ._lib import (
@@ -26,7 +27,7 @@ from ._locus import Locus
 from ._mesh import Mesh, Point
 from ._progress import Progress
 from ._read import Repaired, read, repair
-from ._result import Certificate, Cut, Result, Tangent
+from ._result import Certificate, Result, Tangent
 from ._solver import CutLocus, cut_open, shortest_path, solve_meshes, transport
 from ._transport import Measure, Transport
 

@@ -54,6 +54,13 @@ def _rows(pointer: Any, n: int, dtype: np.dtype) -> NDArray[Any]:
     return np.frombuffer(ffi.buffer(pointer, n * dtype.itemsize), dtype)
 
 
+def locus_options(strength: float) -> Any:
+    options = ffi.new("dmk_locus_options *")
+    lib.dmk_locus_options_init(options, ffi.sizeof(options[0]))
+    options.strength = amount("strength", strength)
+    return options
+
+
 class Locus:
     """The cut locus: k vertices on the surface, joined by edges.
 
@@ -84,9 +91,7 @@ class Locus:
 
     def __init__(self, mesh: Optional[Mesh], of: Handle, strength: float = 0):
         """Of a result on a mesh, or, where that is None, of geodesics."""
-        options = ffi.new("dmk_locus_options *")
-        lib.dmk_locus_options_init(options, ffi.sizeof(options[0]))
-        options.strength = amount("strength", strength)
+        options = locus_options(strength)
         self._handle: Optional[Handle] = Handle("dmk_locus")
         with Context() as context:
             if mesh is None:

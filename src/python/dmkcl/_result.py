@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple, Optional, Sequence, SupportsIndex, 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ._cut import Cut, cut_by
 from ._geodesics import Path, traced
 from ._lib import ArgumentError, Context, Handle, copy_struct, count, ffi, lib, named_seconds, path_bytes, view, whole
 from ._locus import Locus
@@ -58,28 +59,6 @@ class Certificate(NamedTuple):
     lower: float
     upper: float
     gap: float
-
-
-class _CutArrays(NamedTuple):
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int32]
-    origin: NDArray[np.int32]
-
-
-class Cut(_CutArrays):
-    """A surface cut open. vertices: (n, 3); faces: (m, 3); origin: (n,) the vertex of the input at
-    the same place, -1 for points of the cut locus. The input's vertices keep their order.
-
-    plane: (n, 2) the logarithmic map, distance times direction at the source (a full turn is 2 pi, as
-    in `Tangent`), on the two sides of the cut each its own: texture coordinates. Around triangles that would turn over or be flat in
-    the plane directions are averaged, or such that these lie the right way round, and vertices that their paths reach across the cut
-    have the direction of their side. Distances are exact at the input's vertices; at others they are those of the nearest
-    corner's family on that side, which is some 0.1 mean edges short where another saddle vertex keeps it from the point."""
-
-    plane: NDArray[np.float64]
-
-    def __repr__(self) -> str:
-        return f"<dmkcl.Cut: {len(self.vertices)} vertices, {count(len(self.faces), 'triangle')}>"
 
 
 class Tangent(NamedTuple):
@@ -298,37 +277,11 @@ class Result:
         return paths.found[0]
 
     def cut_open(self) -> Cut:
-        """The source's component cut open along its cut locus: a disk with one border loop.
-
-        Triangles that the locus crosses are split, so that it runs along edges, and its points are
-        vertices once for each side. Edges are bisected before where the locus is traced on finer
-        triangles, as on meshes of fewer than 5,000, which have some 2,000 to 5,000 then. A locus
-        that is one point becomes a slit of two edges.
-        MeshError if cutting did not produce a disk; a finer mesh may help.
-        """
-        options = ffi.new("dmk_locus_options *")
-        lib.dmk_locus_options_init(options, ffi.sizeof(options[0]))
-        options.strength = self._strength
-        handle = Handle("dmk_mesh")
-        origin, plane = ffi.new("int32_t **"), ffi.new("double **")
-        with Context() as context:
-            context.check(
-                lib.dmk_cut(
-                    context.pointer,
-                    self.mesh._pointer,
-                    self._pointer,
-                    options,
-                    handle.box,
-                    origin,
-                    plane,
-                )
-            )
-        owned = ffi.gc(origin[0], lib.free), ffi.gc(plane[0], lib.free)
-        vertices, faces = Mesh._adopt(handle)
-        n = len(vertices)
-        cut = Cut(vertices, faces, np.frombuffer(ffi.buffer(owned[0], 4 * n), np.int32).copy())
-        cut.plane = np.frombuffer(ffi.buffer(owned[1], 16 * n), np.float64).reshape(n, 2).copy()
-        return cut
+        """The source's component cut open along its cut locus, a disk with one border loop: `Geodesics.cut_open`."""
+        return cut_by(
+            self._strength,
+            lambda context, *out: lib.dmk_cut(context, self.mesh._pointer, self._pointer, *out),
+        )
 
     # ---- out ----------------------------------------------------------------------------------
 

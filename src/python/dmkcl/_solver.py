@@ -19,6 +19,7 @@ from typing import (
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ._cut import Cut
 from ._device import open_device
 from ._geodesics import Geodesics
 from ._lib import (
@@ -29,7 +30,7 @@ from ._mesh import Mesh, Point, PointsLike, pack_points
 from ._optional import optional
 from ._progress import ProgressOption, Watch
 from ._read import MeshLike, as_mesh, named, warn_of_pieces
-from ._result import Cut, Result
+from ._result import Result
 from ._transport import Measure, MeasureLike, Transport, check_measures, pack, solve_measures
 
 #: A vertex number, a point x, y, z, or a `Point`.
@@ -632,9 +633,10 @@ def cut_open(
     *,
     strength: float = 0,
 ) -> Cut:
-    """The surface cut open along the cut locus of a source (vertex number or point): a disk. See
-    `Result.cut_open`, and `CutLocus.solve` for the strength."""
-    return CutLocus(vertices, faces).solve(**_one_place(source), strength=strength).cut_open()
+    """The surface cut open along the cut locus of a source (vertex number or point): a disk. Needs no device; see
+    `Geodesics.cut_open`, and `CutLocus.solve` for the strength."""
+    mesh = as_mesh(vertices, faces)
+    return Geodesics(mesh, mesh._take(**_one_place(source))).cut_open(strength=strength)
 
 
 def transport(

@@ -5,8 +5,8 @@ import numpy as np
 import dmkcl
 
 torus = dmkcl.surfaces.torus(refine=1)
-result = dmkcl.CutLocus(torus).solve(point=(3, 0, 0))
-vertices, faces, origin = result.cut_open()
+geodesics = dmkcl.Geodesics(torus, point=(3, 0, 0))
+vertices, faces, origin = geodesics.cut_open()
 
 disk = dmkcl.Mesh(vertices, faces)
 print("before:", torus)
@@ -14,5 +14,5 @@ print("after: ", disk)
 disk.write("disk.obj")
 
 # Values at the vertices go along; those on the seam are new.
-distance = np.where(origin >= 0, result.distance[origin], np.nan)
+distance = np.where(origin >= 0, geodesics.distance[origin], np.nan)
 print(f"{np.isnan(distance).sum()} vertices on the two sides of the seam")

@@ -360,7 +360,14 @@ def test_functions_like_those_of_potpourri3d(torus, result):
     path = dmkcl.shortest_path(V, F, 0, 100)
     assert np.allclose(path, result.path(vertex=100).points)
     assert np.allclose(dmkcl.shortest_path(V, F, V[0], V[100])[-1], V[100])
-    assert np.array_equal(dmkcl.cut_open(V, F, 0).faces, result.cut_open().faces)
+    cut, same = dmkcl.cut_open(V, F, 0), result.cut_open()
+    n = len(V)
+    assert np.array_equal(cut.origin[:n], same.origin[:n])
+    assert np.allclose(np.linalg.norm(cut.plane[:n], axis=1), result.distance)
+    assert (len(cut.vertices), len(cut.faces)) == (len(same.vertices), len(same.faces))
+    assert np.array_equal(dmkcl.Geodesics(torus, 0).cut_open().faces, cut.faces)
+    with pytest.raises(dmkcl.ArgumentError, match="of 2 sources parts the surface"):
+        dmkcl.Geodesics(torus, sources=[0, 7]).cut_open()
     with pytest.raises(dmkcl.ArgumentError):
         at.shortest_path([1, 2], 3)
     with pytest.raises(dmkcl.ArgumentError):
