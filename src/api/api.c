@@ -329,13 +329,13 @@ int dmk_geodesics_cut(dmk_context *ctx, const dmk_geodesics *geodesics,
     dmk_locus_options chosen;
     const cut_out out = {cut, origin, plane};
     if (dmk_missing(ctx, "geodesics", geodesics, "cut", cut)) return DMK_E_ARG;
-    DMK_TRY(take_options(ctx, options, &chosen));
-    DMK_TRY(dmk_stage_begin(ctx, "locus"));
-    DMK_TRY(take_part(ctx, geodesics, &p));
     if (geodesics->n_sources > 1)
         return dmk_fail(ctx, DMK_E_ARG,
                         "the cut locus of %d sources parts the surface: give one source",
                         geodesics->n_sources);
+    DMK_TRY(take_options(ctx, options, &chosen));
+    DMK_TRY(dmk_stage_begin(ctx, "locus"));
+    DMK_TRY(take_part(ctx, geodesics, &p));
     if (locus) DMK_TRY(trace_part(ctx, &p, &chosen, &line, &seam));
     DMK_TRY(open_disk(ctx, p.geodesics, seam, &chosen, p.own ? &p.order : NULL, &out));
     if (locus) *locus = line;

@@ -229,21 +229,33 @@ done:
     return rc;
 }
 
+/* Of the result, and of geodesics with the cut locus. */
 static int cut_open(uint64_t *h)
 {
     int rc;
-    dmk_mesh *cut = NULL;
+    dmk_mesh *cut = NULL, *same = NULL;
+    dmk_geodesics *g = NULL;
+    dmk_locus *locus = NULL;
     int32_t *origin = NULL;
+    double *plane = NULL;
+    dmk_point source;
     dmk_mesh_info info;
-    dmk_locus_options options;
-    dmk_locus_options_init(&options, sizeof options);
-    TRY(dmk_cut(ctx, mesh, solved, &options, &cut, &origin, NULL));
+    TRY(dmk_cut(ctx, mesh, solved, NULL, &cut, &origin, NULL));
+    TRY(dmk_mesh_vertex_point(ctx, mesh, 0, &source));
+    TRY(dmk_geodesics_create(ctx, mesh, 1, &source, NULL, &g));
+    TRY(dmk_geodesics_cut(ctx, g, NULL, &same, NULL, &plane, &locus));
     dmk_mesh_get_info(cut, &info);
     *h = digest(1, dmk_mesh_triangles(cut), 3 * info.n_triangles * sizeof(int32_t));
+    dmk_mesh_get_info(same, &info);
+    *h = digest(*h, plane, 2 * info.n_vertices * sizeof *plane);
     TRY(dmk_mesh_write(ctx, cut, file[0]));
 done:
     dmk_mesh_destroy(&cut);
+    dmk_mesh_destroy(&same);
+    dmk_geodesics_destroy(&g);
+    dmk_locus_destroy(&locus);
     free(origin);
+    free(plane);
     return rc;
 }
 
