@@ -162,6 +162,9 @@ awk 'BEGIN { n = 10; print "OFF"; print (n + 1)^2, 2 * n * n, 0
     for (j = 0; j < n; j++) for (i = 0; i < n; i++) { a = j * (n + 1) + i
         print 3, a, a + 1, a + n + 2; print 3, a, a + n + 2, a + n + 1 } }' > "$work/square.off"
 cut square 5,5,0
+gunzip -c tests/data/once/spike-81.off.gz > "$work/needles.off"
+check 'cut: needles at which a solve ends in vain' output_has 'Euler characteristic 1, 1 border loop$' \
+    "$tool" cut "$work/needles.off" --vertex 0 --out "$work/x.obj"
 check 'a disk stays as it is' output_has '121 vertices, 200 triangles' \
     "$tool" info "$work/cut_square.off"
 tap_end
