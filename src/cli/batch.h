@@ -7,9 +7,9 @@
 
 typedef struct batch_mesh {
     char *path;
-    char *name;      /* of its files: the path within the folder, without suffixes */
-    int64_t bytes;   /* of the file; -1: unknown */
-    char digest[33]; /* of its content, hexadecimal; "" if it could not be read, or is a pipe */
+    char *name;                   /* of its files: the path within the folder, without suffixes */
+    int64_t bytes;                /* of the file; -1: unknown */
+    char digest[CLI_DIGEST_SIZE]; /* of its content; "" if it could not be read, or is a pipe */
 } batch_mesh;
 
 typedef struct batch_list {
@@ -53,9 +53,6 @@ typedef struct batch_entry {
     size_t mesh, source; /* numbers */
     const char *wanted;  /* how the source was chosen: "vertex 0" */
 } batch_entry;
-
-/* Hexadecimal digest of a file's content; false if it cannot be read, or only once, as a pipe. */
-bool batch_digest_file(const char *path, char digest[33]);
 
 /* Open the report of `request` for appending, locked against others; with `resume` read what is in it. */
 int batch_record_open(const batch_request *request, const batch_list *list, batch_record **record);

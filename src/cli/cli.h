@@ -301,6 +301,21 @@ void cli_warn_away(dmk_context *context, const dmk_mesh *mesh, const double xyz[
 double cli_offset(dmk_context *context, const dmk_mesh *mesh, const double xyz[3],
                   const dmk_point *point);
 
+/* ---- digest.c ------------------------------------------------------------------------------- */
+
+enum { CLI_DIGEST_SIZE = 33 }; /* hexadecimal, with its end */
+
+/* Two chains of multiplications and shifts with different odd factors: against changes by chance, not against forgers.
+ * Begins as {0}. */
+typedef struct cli_digest {
+    uint64_t a, b;
+} cli_digest;
+
+void cli_digest_add(cli_digest *d, const char *bytes, size_t n);
+void cli_digest_print(const cli_digest *d, char hex[CLI_DIGEST_SIZE]);
+/* Of a file's content; false and "" if it cannot be read, or only once, as a pipe. */
+bool cli_digest_file(const char *path, char hex[CLI_DIGEST_SIZE]);
+
 /* ---- heap.c --------------------------------------------------------------------------------- */
 
 /* Let freed memory be used again rather than go back to the system at once, for fresh pages cost time: 0.09 of

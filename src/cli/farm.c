@@ -81,7 +81,7 @@ static void check_mesh(worker *w, size_t k)
     farm *f = w->farm;
     batch_mesh *mesh = &f->list->mesh[k];
     /* Without one all its lines go, for its reader will say why. */
-    batch_digest_file(mesh->path, mesh->digest);
+    cli_digest_file(mesh->path, mesh->digest);
     pthread_mutex_lock(&f->printing);
     for (size_t i = 0; i < f->n_sources; i++) {
         char wanted[WANTED_SIZE], text[96];
@@ -288,7 +288,7 @@ static void do_mesh(worker *w, size_t k)
         atomic_store(&f->stop, true);
         return;
     }
-    if (!mesh->digest[0]) batch_digest_file(mesh->path, mesh->digest);
+    if (!mesh->digest[0]) cli_digest_file(mesh->path, mesh->digest);
     const bool large = stat(mesh->path, &file) == 0 && file.st_size >= LARGE;
     if (large) pthread_mutex_lock(&f->large);
     dmk_context_set_threads(w->context, large || f->list->n == 1 ? f->threads : 1);

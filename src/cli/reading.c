@@ -1,5 +1,5 @@
 /* Mesh files as the commands read them: with --repair or without, and what is reported of them. */
-#include "batch.h"
+#include "cli.h"
 #include "ranks.h"
 
 #include <math.h>
@@ -21,7 +21,7 @@ static sight look_at(const char *path, bool closely)
     if (stat(path, &file) != 0 || !S_ISREG(file.st_mode)) return s;
     s = (sight){(int64_t)file.st_ino, (int64_t)file.st_size, (int64_t)file.st_mtim.tv_sec,
                 (int64_t)file.st_mtim.tv_nsec, "?"};
-    if (closely) batch_digest_file(path, s.digest);
+    if (closely) cli_digest_file(path, s.digest);
     return s;
 }
 

@@ -5,7 +5,6 @@
 
 #include <errno.h>
 #include <fcntl.h>
-#include <inttypes.h>
 #include <limits.h>
 #include <pthread.h>
 #include <stdlib.h>
@@ -18,7 +17,7 @@
 typedef struct seen {
     char *name, *wanted;
     int64_t source;
-    char digest[33], options[33];
+    char digest[CLI_DIGEST_SIZE], options[CLI_DIGEST_SIZE];
     bool failed, drop;
     double gap;           /* NAN: none reported */
     size_t begin, length; /* in the text */
@@ -31,95 +30,37 @@ struct batch_record {
     int fd;
     cli_file stream; /* whose `fd` is, where the report is no regular file */
     pthread_mutex_t lock;
-    char options[33]; /* digest of all that changes a result */
-    char *text;       /* of the report as it was */
-    size_t size;      /* of the text */
-    bool torn;        /* it has parts of lines, or blank ones */
+    char options[CLI_DIGEST_SIZE]; /* digest of all that changes a result */
+    char *text;                    /* of the report as it was */
+    size_t size;                   /* of the text */
+    bool torn;                     /* it has parts of lines, or blank ones */
     seen *line;
     size_t n, room;
 };
 
-/* ---- digests -------------------------------------------------------------------------------- */
+/* ---- what a line must agree with ------------------------------------------------------------ */
 
-/* Two chains of multiplications and shifts with different odd factors: against changes by chance, not
- * against forgers. */
-typedef struct digest {
-    uint64_t a, b;
-} digest;
-
-static void digest_word(digest *d, uint64_t word)
+static void digest_names(cli_digest *d, const cli_files *files)
 {
-    d->a = (d->a ^ word) * 0x9e3779b97f4a7c15ULL;
-    d->a ^= d->a >> 29;
-    d->b = (d->b + word) * 0xd6e8feb86659fd93ULL;
-    d->b ^= d->b >> 32;
-}
-
-static void digest_bytes(digest *d, const char *bytes, size_t n)
-{
-    uint64_t word;
-    for (; n >= sizeof word; n -= sizeof word, bytes += sizeof word) {
-        memcpy(&word, bytes, sizeof word);
-        digest_word(d, word);
-    }
-    word = n + 1; /* so that zeros at the end count */
-    memcpy((char *)&word + 1, bytes, n);
-    digest_word(d, word);
-}
-
-static void digest_print(const digest *d, char text[33])
-{
-    snprintf(text, 33, "%016" PRIx64 "%016" PRIx64, d->a, d->b);
-}
-
-static void digest_text(const char *text, char hex[33])
-{
-    digest d = {0};
-    digest_bytes(&d, text, strlen(text));
-    digest_print(&d, hex);
-}
-
-bool batch_digest_file(const char *path, char hex[33])
-{
-    enum { PIECE = 1 << 18 };
-    digest d = {0};
-    hex[0] = '\0';
-    FILE *file = cli_is_file(path) ? fopen(path, "rb") : NULL;
-    char *piece = malloc(PIECE);
-    bool good = file && piece;
-    for (size_t n = PIECE; good && n == PIECE;) {
-        n = fread(piece, 1, PIECE, file);
-        digest_bytes(&d, piece, n);
-        good = !ferror(file);
-    }
-    free(piece);
-    if (file) fclose(file);
-    if (good) digest_print(&d, hex);
-    return good;
-}
-
-static void add_files(char *text, size_t size, const cli_files *files)
-{
-    for (int i = 0; i < files->n; i++) {
-        const size_t used = strlen(text);
-        snprintf(text + used, size - used, " %s", files->path[i]);
-    }
-    strncat(text, ";", size - strlen(text) - 1);
+    for (int i = 0; i < files->n; i++) cli_digest_add(d, files->path[i], strlen(files->path[i]));
+    cli_digest_add(d, "", 0);
 }
 
 /* Every option of cmd_batch.c that changes a result, but the source, which a line names for itself. */
-static void digest_options(const batch_request *request, char hex[33])
+static void digest_options(const batch_request *request, char hex[CLI_DIGEST_SIZE])
 {
     const dmk_solve_options *o = &request->each.solve;
-    char text[4096];
+    cli_digest d = {0};
+    char text[512];
     snprintf(text, sizeof text, "%s %d %d %.17g %.17g %.17g %.17g %.17g %d %.17g %d %.17g %d;",
              dmk_version(), (int)o->method, (int)o->start, o->dt, o->inertia, o->tolerance,
              o->gap_tolerance, o->cg_tolerance, o->max_steps, o->threshold, request->each.single,
              request->each.trace.strength, request->each.repair);
-    add_files(text, sizeof text, &request->each.out);
-    add_files(text, sizeof text, &request->each.locus);
-    add_files(text, sizeof text, &request->each.tangent);
-    digest_text(text, hex);
+    cli_digest_add(&d, text, strlen(text));
+    digest_names(&d, &request->each.out);
+    digest_names(&d, &request->each.locus);
+    digest_names(&d, &request->each.tangent);
+    cli_digest_print(&d, hex);
 }
 
 /* ---- reading -------------------------------------------------------------------------------- */
