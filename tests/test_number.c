@@ -227,6 +227,15 @@ static void test_any_locale(void **state)
     snprintf(folder, sizeof folder, "%s/locale-XXXXXX", tmp ? tmp : "/tmp");
     assert_non_null(mkdtemp(folder));
     bool commas = use_decimal_commas(folder);
+    char file[220], said[200];
+    dmk_mesh *mesh;
+    snprintf(file, sizeof file, "%s/a.msh", folder);
+    FILE *msh = fopen(file, "w");
+    assert_non_null(msh);
+    fputs("$MeshFormat\n3.5 0 8\n$EndMeshFormat\n", msh);
+    fclose(msh);
+    assert_int_equal(dmk_mesh_read(f->ctx, file, &mesh), DMK_E_FORMAT);
+    snprintf(said, sizeof said, "%s", dmk_context_message(f->ctx) + strlen(folder));
     snprintf(command, sizeof command, "rm -r %s", folder);
     assert_int_equal(system(command), 0);
     if (!commas) skip();
@@ -244,6 +253,7 @@ static void test_any_locale(void **state)
     assert_true(fast_value == 1.5 && slow_value == 1.25e-300);
     assert_string_equal(text, "0.25");
     assert_string_equal(dmk_context_message(f->ctx), "0.5");
+    assert_string_equal(said, "/a.msh:2: version 3.5 of MSH; export version 2 or 4");
 }
 
 int main(void)

@@ -2,7 +2,6 @@
 
 #include <locale.h>
 #include <math.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,17 +12,21 @@
 #include <malloc.h>
 #endif
 
+void dmk_print_text(char *text, size_t size, const char *format, va_list args)
+{
+    const locale_t c = newlocale(LC_ALL_MASK, "C", (locale_t)0), before = uselocale(c);
+    vsnprintf(text, size, format, args);
+    uselocale(before);
+    if (c) freelocale(c);
+}
+
 int dmk_fail(dmk_context *context, int status, const char *format, ...)
 {
     if (!context) return status;
     va_list args;
-    /* Decimal points, as all numbers here have them, whatever the program's locale. */
-    const locale_t c = newlocale(LC_ALL_MASK, "C", (locale_t)0), before = uselocale(c);
     va_start(args, format);
-    vsnprintf(context->message, sizeof context->message, format, args);
+    dmk_print_text(context->message, sizeof context->message, format, args);
     va_end(args);
-    uselocale(before);
-    if (c) freelocale(c);
     return status;
 }
 

@@ -4,6 +4,7 @@
 
 #include "dmkcl.h"
 
+#include <stdarg.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -22,6 +23,9 @@ struct dmk_context {
     const char *format;      /* of files whose name has no suffix: a name in the table, or NULL */
 };
 
+/* vsnprintf with decimal points, as all numbers here have them, whatever the program's locale. */
+void dmk_print_text(char *text, size_t size, const char *format, va_list args)
+    __attribute__((format(printf, 3, 0)));
 /* Put a message in the record, unless that is NULL, and return `status`; the printf-like text says what
  * is wrong and what to do. An earlier message is replaced. */
 int dmk_fail(dmk_context *context, int status, const char *format, ...)

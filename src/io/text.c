@@ -43,7 +43,7 @@ int dmk_text_fail(const dmk_text *text, const char *format, ...)
     char what[512];
     va_list args;
     va_start(args, format);
-    vsnprintf(what, sizeof what, format, args);
+    dmk_print_text(what, sizeof what, format, args);
     va_end(args);
     size_t line = 1; /* counted only here, so that scanning need not */
     for (const char *p = text->file->data; p < text->at; p++) line += *p == '\n';
@@ -59,7 +59,7 @@ int dmk_text_fail_word(const dmk_text *text, const char *format, ...)
         word[i] = text->at[i] > ' ' && text->at[i] < 127 ? text->at[i] : '?';
     va_list args;
     va_start(args, format);
-    vsnprintf(what, sizeof what, format, args);
+    dmk_print_text(what, sizeof what, format, args);
     va_end(args);
     return dmk_text_fail(text, "'%.*s' %s", (int)n, word, what);
 }

@@ -80,7 +80,7 @@ int dmk_values_fail(const dmk_values *values, const char *format, ...)
     char what[512];
     va_list args;
     va_start(args, format);
-    vsnprintf(what, sizeof what, format, args);
+    dmk_print_text(what, sizeof what, format, args);
     va_end(args);
     if (!values->binary) return dmk_text_fail(t, "%s", what);
     return dmk_fail(t->context, DMK_E_FORMAT, "%s: byte %td: %s", t->file->path,

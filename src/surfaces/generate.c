@@ -54,10 +54,8 @@ static int choose_sizes(dmk_context *ctx, const dmk_surface_options *o, dmk_body
     }
     const char *wrong = s->check ? s->check(body->size) : NULL;
     if (wrong) {
-        char third[32] = "";
-        if (s->size[2] > 0) snprintf(third, sizeof third, ", %g", body->size[2]);
-        return dmk_fail(ctx, DMK_E_ARG, "%s with sizes %g, %g%s: %s", s->name, body->size[0],
-                        body->size[1], third, wrong);
+        return dmk_fail(ctx, DMK_E_ARG, "%s with sizes %g, %g: %s", s->name, body->size[0],
+                        body->size[1], wrong);
     }
     return DMK_OK;
 }
