@@ -201,7 +201,7 @@ static void print_summary(const transport_request *r, const transport_run *run)
     if (stats.gap > 0.01) {
         printf("%-10s %s\n", "",
                stats.n_steep > 0 ? "the lower bound is held back by triangles with |grad u| above 1"
-                                 : "a smaller --tolerance brings the bounds closer");
+                                 : "a smaller --tolerance may bring the bounds closer");
     }
     printf("%-10s %.6g on average\n", "way", info.mass > 0 ? stats.cost_upper / info.mass : 0);
     printf("%-10s the flux delivers every load within %.1g of the largest\n", "balance",

@@ -281,8 +281,8 @@ static void print_gap(const dmk_stats *stats)
     if (!(stats->gap > 0.01)) return;
     print_label("");
     if (stats->n_steep == 0) {
-        printf("the bounds are far apart as mu has not settled: a smaller --tolerance brings them "
-               "closer\n");
+        printf("the bounds are far apart as mu has not settled: a smaller --tolerance may bring "
+               "them closer\n");
         return;
     }
     printf("the lower bound is held back by %s steeper than 1, most by",
