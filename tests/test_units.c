@@ -8,7 +8,7 @@
 #include "solver/pcg.h"
 #include "solver/sell.h"
 #include "solver/solver.h"
-#include "solving.h"
+#include "iterating.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -751,6 +751,9 @@ static void the_first_step_has_none_before(void **state)
     bench_ok(&b, dmk_explicit_update(b.ctx, s, true, 1, 0, DMK_FLOOR, 0));
     bench_ok(&b, dmk_buffer_read_real(b.ctx, b.dev, DMK_OUTER, s->scalars, 1, &change));
     assert_true(change == 0);
+    const dmk_iteration o = problem_iteration(&p);
+    assert_int_equal(dmk_iteration_diverged(&o, 1, "so"), DMK_E_DIVERGED);
+    assert_non_null(strstr(dmk_context_message(b.ctx), "compute in double precision"));
     problem_free(&p);
     bench_close(&b);
 }
@@ -767,11 +770,12 @@ static void steps_that_diverge_are_told(void **state)
                        .triangle_old = x->order.triangle_old,
                        .stats = &stats,
                        .options = &options};
-    static const double change[] = {NAN, INFINITY, 2e6, 5e5, 0};
+    static const double change[] = {NAN, INFINITY, 2.5e6, 5e5, 0};
     for (size_t i = 0; i < sizeof change / sizeof *change; i++) {
         const int rc = dmk_iteration_step_done(&o, 3, 9, 4, change[i]);
         assert_int_equal(rc, i < 3 ? DMK_E_DIVERGED : DMK_OK);
         if (i < 3) assert_non_null(strstr(dmk_context_message(x->b.ctx), "diverged at step 3"));
+        if (i == 2) assert_non_null(strstr(dmk_context_message(x->b.ctx), "mu 2e+06)"));
     }
 }
 

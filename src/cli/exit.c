@@ -65,7 +65,7 @@ static const char *translate(const char *words, size_t *length)
     const phrase phrases[] = {
         {"a repair does", "--repair does"},
         {"raise max_steps or tolerance", "raise --max-steps or --tolerance"},
-        {"try a dt below", "try a --dt below"},
+        {"try a smaller dt", "try a smaller --dt"},
         {"try a smaller inertia", "try a smaller --inertia"},
         {": atom ", ": point "},
         {"unless a second measure is given", "unless --to is given"},

@@ -94,19 +94,19 @@ static bool is_strict(const dmk_iteration *o)
            (asked->tolerance > 0 && asked->tolerance < DMK_DEFAULT_TOLERANCE);
 }
 
-/* The most steps of the k-th attempt, `before` it so many; those that are asked for are all attempts' together. */
-static int steps_of(const dmk_iteration *o, int k, int before)
+/* The most steps of the k-th attempt; those that are asked for are all attempts' together. */
+static int steps_of(const dmk_iteration *o, int k)
 {
     const int asked = o->options->max_steps;
-    return asked > 0 ? asked - before : attempts[k].steps;
+    return asked > 0 ? asked - o->stats->steps : attempts[k].steps;
 }
 
 /* Whether another attempt may follow steps that ended with `rc`: not where the caller's are used up, or the change is
  * small enough for a caller who is content with more than usual, or less of it than usual is asked for and they have
  * come as near as ever. */
-static bool may_follow(const dmk_iteration *o, int rc, int before)
+static bool may_follow(const dmk_iteration *o, int rc)
 {
-    if (steps_of(o, 0, before + o->stats->steps) <= 0) return false;
+    if (steps_of(o, 0) <= 0) return false;
     if (rc == DMK_OK) return o->options->tolerance <= DMK_DEFAULT_TOLERANCE;
     if (rc == DMK_E_LIMIT) return !is_strict(o) || o->stats->change > DMK_DEFAULT_TOLERANCE;
     return rc == DMK_E_DIVERGED;
@@ -141,14 +141,15 @@ done:
 }
 
 /* The k-th attempt. *done: no other one is to follow. Bounds of a pair before are of this problem, too. */
-static int attempt(dmk_iteration *o, bool from_distance, int k, int before, pair *best, bool *done)
+static int attempt(dmk_iteration *o, bool from_distance, int k, pair *best, bool *done)
 {
     dmk_stats *stats = o->stats;
     const double upper = stats->cost_upper, lower = stats->cost_lower;
     stats->cost_upper = stats->cost_lower = 0;
-    int rc = dmk_newton(o, from_distance, attempts[k].effort, steps_of(o, k, before));
+    o->before = stats->steps;
+    int rc = dmk_newton(o, from_distance, attempts[k].effort, steps_of(o, k));
     const bool stands = k + 1 == ATTEMPTS && rc == DMK_E_LIMIT && is_strict(o);
-    *done = stands || !may_follow(o, rc, before);
+    *done = stands || !may_follow(o, rc);
     if (!*done && (rc == DMK_OK || (rc == DMK_E_LIMIT && !is_strict(o)))) {
         DMK_TRY(judge(o, rc == DMK_OK, best, done));
         rc = *done ? DMK_OK : DMK_E_LIMIT;
@@ -174,18 +175,15 @@ static int settle_for(dmk_iteration *o, const pair *best, bool done, int rc)
 
 int dmk_attempts(dmk_iteration *o, bool from_distance)
 {
-    int before = 0;
     bool done;
     pair best = {0};
-    int rc = attempt(o, from_distance, 0, before, &best, &done);
+    int rc = attempt(o, from_distance, 0, &best, &done);
     for (int k = second(o); k < ATTEMPTS && !done && !best.is_last; k++) {
-        before += o->stats->steps;
         DMK_TRY(o->restart(o->ctx, o->user));
         forget(o);
-        rc = attempt(o, from_distance, k, before, &best, &done);
+        rc = attempt(o, from_distance, k, &best, &done);
     }
     rc = settle_for(o, &best, done, rc);
-    o->stats->steps += before;
 done:
     free(best.u);
     free(best.mu);

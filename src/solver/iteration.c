@@ -128,15 +128,13 @@ done:
 /* The message for a divergence: what happened, and what the caller can change in the method asked for. */
 int dmk_iteration_diverged(const dmk_iteration *o, int step, const char *what)
 {
-    char advice[160];
-    const double dt = o->options->dt > 0 ? o->options->dt : 0.5;
-    if (o->asked == DMK_EULER)
-        snprintf(advice, sizeof advice, "try a dt below %g, or", dt);
-    else if (o->asked == DMK_INERTIAL)
-        snprintf(advice, sizeof advice, "try a smaller inertia, or");
-    else
-        snprintf(advice, sizeof advice,
-                 "Newton's steps do not converge, however well each is solved:");
+    const bool is_single = dmk_device_real(o->sys->device, DMK_OUTER) < sizeof(double);
+    const char *advice = o->asked == DMK_EULER      ? "try a smaller dt, or"
+                         : o->asked == DMK_INERTIAL ? "try a smaller inertia, or"
+                         : is_single
+                             ? "Newton's steps do not converge in single precision: compute in "
+                               "double precision, or"
+                             : "Newton's steps do not converge, however well each is solved:";
     if (!o->mesh->triangle)
         return dmk_fail(
             o->ctx, DMK_E_DIVERGED,
@@ -175,16 +173,18 @@ int dmk_iteration_step_done(dmk_iteration *o, int step, int max_steps, int itera
                             double change)
 {
     o->certified = false;
+    step += o->before;
     o->stats->steps = step;
     o->stats->change = change;
     if (!(change < 1e6)) {
         char what[64];
-        snprintf(what, sizeof what, "relative change of mu %g", change);
+        snprintf(what, sizeof what, "relative change of mu %.0e",
+                 change); /* no comma in any locale */
         return dmk_iteration_diverged(o, step, what);
     }
     dmk_progress report = {.stage = "solve",
                            .step = step,
-                           .max_steps = max_steps,
+                           .max_steps = o->before + max_steps,
                            .cg_iterations = iterations,
                            .change = change,
                            .tolerance = o->tolerance,
@@ -195,9 +195,10 @@ int dmk_iteration_step_done(dmk_iteration *o, int step, int max_steps, int itera
 
 int dmk_iteration_limit(dmk_iteration *o, int max_steps, double change)
 {
+    const int steps = o->before + max_steps;
     return dmk_fail(
         o->ctx, DMK_E_LIMIT,
         "%d step%s did not reach the tolerance: relative change of mu per unit time %.2g, "
         "wanted %.2g; raise max_steps or tolerance",
-        max_steps, max_steps == 1 ? "" : "s", change, o->tolerance);
+        steps, steps == 1 ? "" : "s", change, o->tolerance);
 }

@@ -31,6 +31,7 @@ typedef struct dmk_iteration {
     double floor;      /* mu stays above this many square roots of the element's area; */
     double mean_floor; /* in Newton's steps that do not begin at a distance: times mu's mean */
     bool between;      /* measures: see newton.c for what its steps do then */
+    int before;        /* steps of the attempts before this one */
     bool goes_on;      /* a large gap will be answered by more steps */
     bool certified;    /* stats has the bounds of the present pair */
     dmk_ready ready;   /* of A(mu) of the present mu, on the device */
@@ -88,14 +89,15 @@ int dmk_iteration_operator(dmk_iteration *o, dmk_ready wanted);
 int dmk_iteration_solve(dmk_iteration *o, double tolerance, int max_iterations);
 /* Read the first n scalars, once all that is queued is done. */
 int dmk_iteration_scalars(dmk_iteration *o, size_t n, double *sums);
-/* Report a step; a change that is not a number or too large is divergence. */
+/* Report a step, which counts from 1 in an attempt; a change that is not a number or too large is divergence. */
 int dmk_iteration_step_done(dmk_iteration *o, int step, int max_steps, int iterations,
                             double change);
 
-/* The divergence at a step, DMK_E_DIVERGED: what happened, the way out and the worst triangle. */
+/* The divergence at a step of all attempts, DMK_E_DIVERGED: what happened, the way out and the worst triangle. */
 int dmk_iteration_diverged(const dmk_iteration *o, int step, const char *what);
 
-/* The step limit came before the tolerance: DMK_E_LIMIT with the last change, or what the method compares. */
+/* The step limit of this attempt came before the tolerance: DMK_E_LIMIT with the last change, or what the method
+ * compares. */
 int dmk_iteration_limit(dmk_iteration *o, int max_steps, double change);
 /* The methods: from the start in s->mu, s->u to convergence. Newton's: at least `effort` iterations of CG in a step,
  * and at most that many steps. */
