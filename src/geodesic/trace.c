@@ -43,6 +43,8 @@ struct dmk_tracer {
     const dmk_geodesics *g;
     source_point *point; /* by triangle */
     size_t n_points;
+    int32_t vertex; /* that is the point asked for, or -1 */
+    int32_t own[2]; /* else the triangles that it lies in, or -1 */
     sight *sight;
     size_t n_sights, room, most; /* most: that are kept */
     finish best;
@@ -97,6 +99,7 @@ int dmk_tracer_create(dmk_context *ctx, const dmk_geodesics *g, dmk_tracer **tra
     dmk_tracer *t = NULL;
     DMK_TRY(DMK_NEW(ctx, t, 1));
     t->g = g;
+    t->vertex = t->own[0] = t->own[1] = -1;
     t->slack = -same_length;
     t->most = most_windows;
     DMK_TRY(DMK_NEW(ctx, t->point, 2 * (size_t)g->n_sources));
@@ -213,10 +216,20 @@ static double least(const dmk_geodesics *g, const sight *w, const behind *c)
     return dmk_max(way, d[c->vertex] / unit - doubt(g, c->vertex) + dmk_min(first, last));
 }
 
+/* No shortest way enters a triangle twice. Around a tip of 1e-6 radians they would turn three million times to come
+ * away from a point beside it. */
+static bool comes_back(const dmk_tracer *t, int32_t triangle)
+{
+    const int32_t *v = t->g->mesh->triangle + 3 * (size_t)triangle;
+    if (t->vertex < 0) return triangle == t->own[0] || triangle == t->own[1];
+    return v[0] == t->vertex || v[1] == t->vertex || v[2] == t->vertex;
+}
+
 static int keep(dmk_context *ctx, dmk_tracer *t, sight *w, const behind *c)
 {
     if (w->half < 0 || !(w->y < 0) || !(w->hi - w->lo > 1e-12 * (fabs(w->hi) + fabs(w->lo))))
         return DMK_OK;
+    if (comes_back(t, w->half / 3)) return DMK_OK;
     w->least = least(t->g, w, c);
     if (w->least > t->bound - t->slack) return DMK_OK;
     if (t->n_sights >= t->most) {
@@ -378,6 +391,9 @@ static int look_for_best(dmk_context *ctx, dmk_tracer *t, const dmk_site *site)
         t->bound = g->distance[site->vertex] / unit + same_length + doubt(g, site->vertex);
     DMK_TRY(DMK_NEW(ctx, own, (size_t)site->n_sectors + 2));
     size_t n = list_points(g, site, 0, own);
+    t->vertex = site->vertex;
+    t->own[0] = own[0].triangle;
+    t->own[1] = n > 1 ? own[1].triangle : -1;
     for (size_t i = 0; i < n; i++) look_around(t, site, own + i);
     t->n_sights = 0;
     for (int32_t k = 0; k < site->n_sectors; k++) {
