@@ -126,6 +126,7 @@ usage '--format that holds no result' "--format: off cannot hold a result, and -
     solve x.off --vertex 0 --out x --format off
 
 usage 'mesh: no --out' '--out FILE is missing' mesh torus
+usage 'a tube too thin' 'and at least a ten-thousandth of it, or too many' mesh torus --size 1e6,1e-6 --out x.off
 usage 'sizes that do not fit' '^dmkcl: torus with sizes 1, 2: the tube radius B must be smaller than A,' mesh torus --size 1,2 --out x.off
 usage 'mesh: an unknown surface' "did you mean 'torus'" mesh tours --out "$work/x.off"
 usage 'mesh: a surface like no other' 'expected one of torus, ' mesh xxxxxxxx --out "$work/x.off"

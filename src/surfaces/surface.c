@@ -53,7 +53,10 @@ static double sphere_value(const double s[3], const double x[3], double g[3])
 
 static const char *torus_check(const double s[3])
 {
-    return s[1] < s[0] ? NULL : "the tube radius b must be smaller than a, or it meets itself";
+    return s[1] < s[0] && s[1] * 10000 >= s[0]
+               ? NULL
+               : "the tube radius b must be smaller than a, or it meets itself, and at least a "
+                 "ten-thousandth of it, or too many triangles are needed";
 }
 
 /* ---- triangulations to start from ------------------------------------------------------------ */
@@ -102,7 +105,7 @@ static int torus_start(dmk_context *ctx, const dmk_body *body, dmk_patch *p)
 {
     int rc;
     const double a = body->size[0], b = body->size[1];
-    const int32_t n = (int32_t)fmin(ceil(6.0 * a / b), 1e5), m = 5;
+    const int32_t n = (int32_t)ceil(6.0 * a / b), m = 5;
     DMK_TRY(new_patch(ctx, n * m, 2 * n * m, p));
     for (int32_t i = 0; i < n; i++) {
         for (int32_t j = 0; j < m; j++) {
