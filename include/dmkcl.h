@@ -743,7 +743,8 @@ typedef struct dmk_locus_vertex {
     int32_t degree;       /* edges: 3 at most but where branches meet at a vertex of the mesh */
     double meeting_angle; /* between the minimal geodesics where they meet here, radians, 0 to pi */
     double
-        source_angle; /* between them at p, radians, a full turn being 2 pi; pi between two sources */
+        source_angle; /* between them at p, radians, a full turn being 2 pi, at a source on the border
+                         up to the angle there; pi between two sources */
     int32_t source[2]; /* numbers of the sources that they come from */
 } dmk_locus_vertex;
 
@@ -763,7 +764,8 @@ typedef struct dmk_locus_info {
 
 /* The cut locus as a graph on the surface, from a result's geodesics: where shortest paths of the polyhedron
  * from two sides meet. Every edge runs inside one triangle, and has a length. Connected with first Betti number 2g on
- * a closed surface of genus g; with borders, once each border is contracted to a point. */
+ * a closed surface of genus g; with borders, once each border is contracted to a point, where lines end on it: one that
+ * passes by a border at a vertex of the mesh is not joined to it there. */
 int dmk_locus_compute(dmk_context *context, const dmk_mesh *mesh, const dmk_result *result,
                       const dmk_locus_options *options, dmk_locus **locus);
 /* Rank `from`'s cut locus to all ranks, which call this together: *locus is there on that one, and new on the others.

@@ -38,35 +38,38 @@ static int join(dmk_context *ctx, sketch *s, int32_t a, int32_t b, double streng
     int rc = DMK_GROW(ctx, l->edge, l->info.n_edges + 1, s->edge_room);
     if (rc != DMK_OK) return rc;
     l->edge[l->info.n_edges++] = (dmk_locus_edge){{a, b}, strength};
-    l->vertex[a].strength = fmax(l->vertex[a].strength, strength);
-    l->vertex[b].strength = fmax(l->vertex[b].strength, strength);
     return DMK_OK;
 }
 
 /* The crossings kept in a triangle are joined to a vertex in it, an end point or a fork, or to each other. The vertex
- * does not depend on the strength asked for; forks with branches weaker than the default lie on straight lines. */
+ * does not depend on the strength asked for; forks with branches weaker than the default lie on straight lines. An edge
+ * has the strength up to which it is drawn: that of the weaker one of its ends. */
 static int join_triangle(dmk_context *ctx, const dmk_cotree *t, int32_t triangle, sketch *s)
 {
     int rc = DMK_OK, n = 0;
     int32_t kept[3], v = -1;
+    double worth[3] = {0};
     for (int k = 0; k < 3; k++) {
         const int32_t i = t->on[3 * triangle + k];
-        if (i >= 0 && s->number[i] >= 0) kept[n++] = i;
+        if (i < 0 || s->number[i] < 0) continue;
+        worth[n] = t->strength_of[i];
+        kept[n++] = i;
     }
     if (n == 0) return DMK_OK;
     const dmk_end_point *end = dmk_end_in(t, triangle);
     const bool is_end = end && !t->is_point && s->number[end->crossing] >= 0;
+    const double second = fmax(fmin(worth[0], worth[1]), fmin(fmax(worth[0], worth[1]), worth[2]));
     if (is_end || n == 3 || (n == 2 && dmk_is_fork(t, triangle))) {
+        const double own = is_end ? t->strength_of[end->crossing] : second;
         DMK_TRY(add_vertex(ctx, s, &v));
         if (is_end)
             dmk_place_end(t, end, &s->locus->vertex[v]);
         else
             dmk_place_fork(t, triangle, &s->locus->vertex[v]);
         for (int k = 0; k < n; k++)
-            DMK_TRY(join(ctx, s, s->number[kept[k]], v, t->strength_of[kept[k]]));
+            DMK_TRY(join(ctx, s, s->number[kept[k]], v, fmin(worth[k], own)));
     } else if (n == 2) {
-        rc = join(ctx, s, s->number[kept[0]], s->number[kept[1]],
-                  fmin(t->strength_of[kept[0]], t->strength_of[kept[1]]));
+        rc = join(ctx, s, s->number[kept[0]], s->number[kept[1]], second);
     }
 done:
     return rc;
@@ -116,7 +119,9 @@ static void merge(dmk_locus *l, int32_t *set, int32_t *number)
     for (size_t i = 0; i < 2 * l->info.n_edges; i++) {
         int32_t *v = &l->edge[i / 2].vertex[i % 2];
         *v = dmk_set_find(set, *v);
-        l->vertex[*v].degree++;
+        dmk_locus_vertex *of = &l->vertex[*v];
+        const double strength = l->edge[i / 2].strength;
+        of->strength = of->degree++ > 0 ? fmax(of->strength, strength) : strength;
     }
     for (int32_t i = 0; i < (int32_t)l->info.n_vertices; i++) {
         const dmk_locus_vertex v = l->vertex[i];
@@ -130,7 +135,7 @@ static void merge(dmk_locus *l, int32_t *set, int32_t *number)
             if (v.source_angle > was.source_angle) *of = v;
             of->place = was.place;
             of->degree = was.degree;
-            of->strength = fmax(v.strength, was.strength);
+            of->strength = was.degree > 0 ? was.strength : fmax(v.strength, was.strength);
         }
     }
     l->info.components = l->info.n_vertices = (size_t)n;

@@ -190,7 +190,6 @@ void dmk_place_end(const dmk_cotree *t, const dmk_end_point *end, dmk_locus_vert
 {
     set_place(t->geodesics->mesh, end->triangle, end->weight, v);
     set_widest(t, end->triangle, v);
-    v->strength = t->strength_of[end->crossing];
 }
 
 /* The line that leaves a crossing to one side, up to an end, a fork or the length wanted. */

@@ -73,8 +73,8 @@ class Locus:
         shortest to the other. With a larger `strength` given to `solve` the edges with less go.
     strength : (k,) that of the strongest edge at each vertex, a length
     meeting_angle : (k,) between the minimal geodesics where they meet here, radians
-    source_angle : (k,) between them at the source, radians, a full turn being 2 pi; pi between two
-        sources
+    source_angle : (k,) between them at the source, radians, a full turn being 2 pi, at a source on the border
+        up to the angle there; pi between two sources
     sources : (k, 2) numbers of the sources that they come from; of a set they differ on the borders
         of its Voronoi cells
     angle : (k, 2) directions at the source of the two outermost of them, radians; of one source
