@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Optional
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._colour import density_map
 from ._geodesics import Geodesics
@@ -45,12 +44,12 @@ def _caption(result: "Result") -> str:
     )
 
 
-def _finest(result: "Result") -> "tuple[Locus, NDArray[np.float64], tuple[float, float]]":
-    """The locus with its weak branches, too, for the slider; their strengths, -1: infinite; the slider's ends."""
+def _finest(result: "Result") -> "tuple[Locus, tuple[float, float]]":
+    """The locus with its weak branches, too, for the slider; the slider's ends."""
     low = min(0.02 * result.mesh.info["mean_edge"], result.locus.least_strength)
     locus = Locus(result.mesh, result._handle, low)
-    strength = np.where(np.isfinite(locus.edge_strength), locus.edge_strength, -1)
-    return locus, strength, (low, max(10 * low, 1.01 * float(strength.max(initial=0))))
+    finite = locus.edge_strength[np.isfinite(locus.edge_strength)]
+    return locus, (low, max(10 * low, 1.01 * float(finite.max(initial=0))))
 
 
 def _turn(result: "Result") -> float:
@@ -71,11 +70,13 @@ def _turn(result: "Result") -> float:
 
 
 def _data(result: "Result") -> "dict[str, Any]":
-    """What the viewer draws: in single precision, moved to the box's centre, its size 1."""
+    """What the viewer draws: in single precision, moved to the box's centre, its size 1, as the unit of all lengths in
+    arrays, mu and u among them."""
     mesh = result.mesh
     low, high = (np.array(mesh.info[name]) for name in ("box_min", "box_max"))
     centre, size = (low + high) / 2, float(np.linalg.norm(high - low)) or 1.0
-    locus, strength, strengths = _finest(result)
+    locus, strengths = _finest(result)
+    strength = np.where(np.isfinite(locus.edge_strength), locus.edge_strength / size, -1)  # -1: infinite
     reached = np.isfinite(result.distance)
     geodesics = Geodesics(mesh, result.source)
     arrivals = geodesics._arrivals
@@ -84,9 +85,9 @@ def _data(result: "Result") -> "dict[str, Any]":
     return {
         "xyz": _pack((mesh.vertices - centre) / size, "<f4"),
         "faces": _pack(mesh.faces, "<u4"),
-        "mu": _pack(result.density, "<f4"),
-        "distance": _pack(result.distance, "<f4"),
-        "potential": _pack(result.potential, "<f4"),
+        "mu": _pack(result.density / size, "<f4"),
+        "distance": _pack(result.distance / size, "<f4"),
+        "potential": _pack(result.potential / size, "<f4"),
         "back": _pack(arrivals["back"], "<f4"),
         "pseudo_source": _pack(arrivals["pseudo_source"], "<i4"),
         "leaving": _pack(arrivals["direction"], "<f4"),

@@ -18,6 +18,8 @@ function bytes(base64) {
     for (let i = 0; i < text.length; i++) out[i] = text.charCodeAt(i);
     return out.buffer;
 }
+// In arrays the mesh's size is the unit of all lengths, mu and u among them, as single precision needs.
+const inSizes = length => length / data.size;
 const xyz = new Float32Array(bytes(data.xyz)), faces = new Uint32Array(bytes(data.faces));
 const mu = new Float32Array(bytes(data.mu)), distance = new Float32Array(bytes(data.distance));
 const potential = new Float32Array(bytes(data.potential));
@@ -269,7 +271,7 @@ function drawRibbons(what, width, ink, least = 0, step = 0.004) {
 }
 function drawLines() {
     const ink = chosen() === "strength" ? [-1, 0, 0] : [0.84, 0.10, 0.12];
-    if (element("cut").checked) drawRibbons(cut, edges.length ? 5 : 12, ink, leastStrength());
+    if (element("cut").checked) drawRibbons(cut, edges.length ? 5 : 12, ink, inSizes(leastStrength()));
     for (const path of paths) drawRibbons(path, 4, [1, 0.75, 0.1], 0, 0.005);
     if (picked) drawRibbons(picked, 12, [0.95, 0.95, 0.95], 0, 0.006);
     drawRibbons(ball, 16, [1, 0.75, 0.1], 0, 0.007);
@@ -285,14 +287,14 @@ function draw() {
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     begin(surface, size);
     gl.uniform1i(surface.uniforms.shown, Object.keys(quantities).indexOf(chosen()));
-    gl.uniform2fv(surface.uniforms.range, scale().range);
+    gl.uniform2fv(surface.uniforms.range, scale().range.map(inSizes));
     gl.uniform1f(surface.uniforms.logarithmic, scale().isLog ? 1 : 0);
-    gl.uniform1f(surface.uniforms.spacing, element("lines").checked ? lineSpacing() : 0);
+    gl.uniform1f(surface.uniforms.spacing, element("lines").checked ? inSizes(lineSpacing()) : 0);
     gl.bindVertexArray(shape);
     gl.drawArrays(gl.TRIANGLES, 0, faces.length);
     begin(ribbon, size);
     gl.uniform2fv(ribbon.uniforms.size, size);
-    gl.uniform2fv(ribbon.uniforms.range, data.strengths);
+    gl.uniform2fv(ribbon.uniforms.range, data.strengths.map(inSizes));
     drawLines();
     if (element("hidden").checked) { // what lies behind shines through
         gl.enable(gl.BLEND);
@@ -465,7 +467,7 @@ function geodesic(v) {
     for (let k = 0; k < 10000; k++) {
         const stop = pseudoSource[v];
         const before = stop < 0 ? 0 : distance[stop];
-        points = points.concat(trace(v, (distance[v] - before) / data.size));
+        points = points.concat(trace(v, distance[v] - before));
         if (stop < 0) break;
         v = stop;
     }
@@ -475,7 +477,7 @@ function geodesic(v) {
 // Whether a branch that is shown passes through one of these triangles.
 function onLocus(triangles) {
     if (!edges.length) return locusFaces.some(f => triangles.has(f));
-    const least = leastStrength();
+    const least = inSizes(leastStrength());
     return edges.some((v, i) => triangles.has(locusFaces[v]) && strength[i >> 1] >= least);
 }
 // Corners around, whose geodesics leave the source in clearly different directions: one, or more on the locus. Near the
@@ -515,9 +517,9 @@ function pick(x, y) {
         element("picked").dataset.lengths = JSON.stringify(lines.map(long));
         picked = polyline([hit.at, hit.at]);
         element("picked").textContent = ends.length === 1
-            ? `Minimal geodesic of vertex ${ends[0]}, length ${short(distance[ends[0]])}.`
+            ? `Minimal geodesic of vertex ${ends[0]}, length ${short(data.size * distance[ends[0]])}.`
             : `On the cut locus: minimal geodesics of the vertices ${ends.join(", ")}, lengths `
-                + ends.map(v => short(distance[v])).join(", ") + ".";
+                + ends.map(v => short(data.size * distance[v])).join(", ") + ".";
     }
     ask();
 }
@@ -529,8 +531,8 @@ function showValues(x, y) {
     tip.hidden = !hit;
     if (!hit) return;
     const lines = reached(hit) ? [
-        `distance ${short(corner(hit, distance))}`, `density ${short(mu[hit.face])}`,
-        `potential ${short(corner(hit, potential))}`] : ["not joined to the source"];
+        `distance ${short(data.size * corner(hit, distance))}`, `density ${short(data.size * mu[hit.face])}`,
+        `potential ${short(data.size * corner(hit, potential))}`] : ["not joined to the source"];
     tip.replaceChildren(...[...lines, `triangle ${hit.face}`].map(line => {
         const row = document.createElement("div");
         row.textContent = line;

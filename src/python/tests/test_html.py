@@ -392,6 +392,19 @@ def test_huge_and_far_coordinates(browser, small, tmp_path):
     assert browser.complaints == []
 
 
+@needs_browser
+def test_any_unit(browser, small, tmp_path):
+    """Density, lines of equal distance and locus look the same where single precision does not hold their values."""
+    seen = []
+    for unit in (1, 1e-40, 1e40):
+        dmkcl.CutLocus(unit * small.vertices, small.faces).solve(vertex=0).export_html(tmp_path / "x.html")
+        browser.open(tmp_path / "x.html")
+        seen.append(browser.screenshot()[120:-80, :-160].astype(int))
+    for other in seen[1:]:
+        assert (abs(other - seen[0]) > 30).any(axis=2).mean() < 0.005
+    assert browser.complaints == []
+
+
 def test_nothing_is_left_of_a_failed_export(result, tmp_path):
     with pytest.raises(dmkcl.FileError, match=r"folder.x\.html: cannot write: No such file") as caught:
         result.export_html(tmp_path / "no-such-folder" / "x.html")
