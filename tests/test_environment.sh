@@ -83,9 +83,21 @@ if "$tool" devices | grep -q 'Portable Computing Language'; then
     # A driver that crashes all the same: a library in front of it whose calls do so, the one that finds devices and
     # the one that builds kernels beside the rest of the work.
     cat > "$work/crash.c" << 'EOF'
+#include <pthread.h>
 #include <stdlib.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+static void *give_up(void *unused) { abort(); }
+ssize_t write(int fd, const void *from, size_t n) /* slow, so that all threads have given up before the first has spoken */
+{
+    usleep(20000);
+    return syscall(SYS_write, fd, from, n);
+}
 int CALL(void)
 {
+    pthread_t thread;
+    for (int i = 0; getenv("HOW")[0] == 't' && i < 2; i++) pthread_create(&thread, NULL, give_up, NULL);
+    if (getenv("HOW")[0] == 't') pthread_join(thread, NULL);
     if (getenv("HOW")[0] == 'a') abort();
     if (getenv("HOW")[0] == 'e') exit(1);
     return *(volatile int *)8;
@@ -97,8 +109,14 @@ EOF
             wrong "a driver that crashes in $call" 'driver crashed while the device was opened; try without .*POCL_ODD=1' \
                 LD_PRELOAD="$work/crash.so" HOW=crash POCL_ODD=1
             wrong "a driver that gives up in $call" 'driver gave up while' LD_PRELOAD="$work/crash.so" HOW=abort
+            wrong "a driver whose threads give up in $call" 'driver gave up while' LD_PRELOAD="$work/crash.so" HOW=threads
             wrong "a driver that ends the program in $call" 'driver ended the program while' \
                 LD_PRELOAD="$work/crash.so" HOW=exit
+        done
+        gcc -shared -fPIC -DCALL=clGetPlatformIDs "$work/crash.c" -o "$work/crash.so"
+        for command in devices "batch $mesh --out-dir $work/crashed" "transport $mesh --from uniform --to uniform"; do
+            fails "a driver that crashes under ${command%% *}" 5 'driver crashed while' \
+                env LD_PRELOAD="$work/crash.so" HOW=crash "$tool" $command
         done
     else
         skip 'a driver that crashes' 'this build has a runtime that wants to be loaded first'
@@ -106,6 +124,9 @@ EOF
 else
     skip 'PoCL' 'the devices are of another driver'
 fi
+
+check 'caches that the machine has not' \
+    test -z "$(HWLOC_SYNTHETIC='pack:1 l1:1 core:1 pu:1' "$tool" devices | grep -E ' L[23]|L1 0')"
 
 # ---- inputs without an end --------------------------------------------------------------------
 

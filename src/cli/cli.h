@@ -206,7 +206,8 @@ bool cli_first_to_tell(void);
 void cli_keep_last_word(const char *word);
 /* Whether the report is still the caller's to make, in words of its own; after this it is made. */
 bool cli_has_last_word(void);
-/* dmk_device_open, with the driver's crashes named; see above. */
+/* dmk_device_list and dmk_device_open, with the driver's crashes named; see above. */
+int cli_device_list(dmk_context *context, dmk_device_info *devices, size_t capacity, size_t *n);
 int cli_device_open(dmk_context *context, const dmk_device_options *options, dmk_device **device);
 
 /* ---- terminal.c: colour, progress ----------------------------------------------------------- */

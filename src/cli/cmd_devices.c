@@ -8,7 +8,6 @@ static void print_devices(const dmk_device_info *devices, size_t n)
     char memory[CLI_TEXT_SIZE], units[CLI_TEXT_SIZE];
     printf("%sOpenCL devices%s (choose with --device N or a part of the name)\n", cli_bold(),
            cli_plain());
-    if (n == 0) printf("  none: install a driver, for instance Debian's pocl-opencl-icd\n");
     for (size_t i = 0; i < n; i++) {
         const dmk_device_info *d = &devices[i];
         printf("  %zu  %s\n", i, d->name);
@@ -22,8 +21,9 @@ static void print_devices(const dmk_device_info *devices, size_t n)
 
 static void print_machine(const dmk_machine_info *machine)
 {
-    char l1[CLI_TEXT_SIZE], l2[CLI_TEXT_SIZE], l3[CLI_TEXT_SIZE], memory[CLI_TEXT_SIZE],
-        n[4][CLI_TEXT_SIZE];
+    const uint64_t caches[] = {machine->l1, machine->l2, machine->l3}; /* 0: none, or not known */
+    const char *before = "  caches: ";
+    char memory[CLI_TEXT_SIZE], n[4][CLI_TEXT_SIZE];
     printf("%sMachine%s\n", cli_bold(), cli_plain());
     printf("  %s, %s, %s, %s, %s of memory\n",
            cli_counted(machine->packages, "package", "packages", n[0]),
@@ -31,8 +31,12 @@ static void print_machine(const dmk_machine_info *machine)
            cli_counted(machine->cores, "core", "cores", n[2]),
            cli_counted(machine->threads, "thread", "threads", n[3]),
            cli_bytes(machine->memory, memory));
-    printf("  caches: L1 %s, L2 %s, L3 %s\n", cli_bytes(machine->l1, l1),
-           cli_bytes(machine->l2, l2), cli_bytes(machine->l3, l3));
+    for (int i = 0; i < 3; i++) {
+        if (caches[i] == 0) continue;
+        printf("%sL%d %s", before, i + 1, cli_bytes(caches[i], memory));
+        before = ", ";
+    }
+    if (*before == ',') printf("\n");
 }
 
 static void print_json(const dmk_device_info *devices, size_t n, const dmk_machine_info *machine)
@@ -76,7 +80,7 @@ static int show(bool as_json)
     size_t n = 0;
     int rc = dmk_context_create(&context);
     if (rc == DMK_OK && !devices) rc = DMK_E_NOMEM;
-    if (rc == DMK_OK) rc = dmk_device_list(context, devices, CAPACITY, &n);
+    if (rc == DMK_OK) rc = cli_device_list(context, devices, CAPACITY, &n);
     if (rc == DMK_OK) rc = dmk_machine_get_info(context, &machine);
     if (n > CAPACITY) n = CAPACITY;
     if (rc != DMK_OK) {

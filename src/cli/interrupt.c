@@ -126,14 +126,22 @@ static void say_reason(const char *what)
     say(any ? "\n" : "; see that it is installed well, and that /proc and /sys are there\n");
 }
 
+static _Thread_local bool
+    asking; /* a driver; else what crashes in the main thread is the program's own */
+
+/* Threads of a driver crash together: the first one has the word, and ends the program. */
 static void on_crash(int number)
 {
+    static _Thread_local bool telling;
+    static atomic_flag told = ATOMIC_FLAG_INIT;
     const bool in_main = syscall(SYS_gettid) == getpid();
-    signal(number, SIG_DFL);
-    if (dmk_devices_opening() > 0 && !in_main) {
+    if (dmk_devices_opening() > 0 && (asking || !in_main) && !telling) {
+        telling = true;
+        while (atomic_flag_test_and_set(&told)) pause();
         say_reason(number == SIGABRT ? "gave up" : "crashed");
         _exit(EXIT_DEVICE);
     }
+    signal(number, SIG_DFL);
     raise(number);
 }
 
@@ -157,13 +165,24 @@ static void catch_crashes(void)
     }
 }
 
+int cli_device_list(dmk_context *context, dmk_device_info *devices, size_t capacity, size_t *n)
+{
+    asking = true;
+    const int rc = dmk_device_list(context, devices, capacity, n);
+    asking = false;
+    return rc;
+}
+
 /* Drivers may put handlers of their own in place when they are first asked, as PoCL's LLVM does. */
 int cli_device_open(dmk_context *context, const dmk_device_options *options, dmk_device **device)
 {
     size_t n;
-    dmk_device_list(context, NULL, 0, &n);
+    cli_device_list(context, NULL, 0, &n);
     catch_crashes();
-    return dmk_device_open(context, options, device);
+    asking = true;
+    const int rc = dmk_device_open(context, options, device);
+    asking = false;
+    return rc;
 }
 
 void cli_catch_signals(void)
