@@ -22,6 +22,9 @@ completionsdir ?= $(PREFIX)/share/bash-completion/completions
 # A blank would make two names of one, and `uninstall` would delete what the first of them names.
 FOLDERS := DESTDIR PREFIX bindir libdir includedir mandir completionsdir
 $(foreach f,$(FOLDERS),$(if $(filter 1,$(words x$($f)x)),,$(error $f='$($f)': expected a folder without blanks)))
+# Programs are to find it from anywhere, and behind DESTDIR it begins with /.
+$(foreach f,$(filter-out DESTDIR,$(FOLDERS)),$(if $(filter-out /%,$($f)),\
+    $(error $f='$($f)': expected a whole path, from / on)))
 
 B := build/$(CONFIG)
 # V=1 shows the commands instead of one word each.

@@ -123,6 +123,8 @@ for folder in DESTDIR PREFIX libdir; do
         make -s uninstall DESTDIR="$work/blank" "$folder=$work/blank/my stage"
 done
 fails 'at the end, too' 2 "DESTDIR='.* ': expected a folder without blanks" make -n --no-print-directory install DESTDIR="$work/blank/my "
+fails 'half a path is refused' 2 "PREFIX='usr': expected a whole path" \
+    make -n --no-print-directory install DESTDIR="$stage" PREFIX=usr
 check 'and nothing is deleted' test -e "$work/blank/my"
 
 check 'make uninstall' make -s uninstall PREFIX=/usr DESTDIR="$stage"
