@@ -85,6 +85,10 @@ stage=$(cd "$stage" && pwd)
 check 'completion of meshes' \
     test "$(complete_files solve '' | tr ' ' '\n' | LC_ALL=C sort | xargs)" = 'M.VTK l.obj m.msh m.off m.off.gz r.vtp'
 check 'completion of results' test "$(complete_files solve m.off --out '')" = 'p.pvtp r.vtp'
+check 'completion of lists' test "$(complete_files batch m.t)" = m.txt
+check 'completion of a suffix' test "$(complete_words batch --out .v)" = '.vtp .vtu'
+check 'completion of a folder' test "$(cd "$work" && complete_words batch --out-dir she)" = shelf
+check 'no files where an option takes a number' test -z "$(complete_files batch --sources '')"
 check 'completion of pictures' test "$(complete_files cut m.off --picture '')" = s.svg
 check 'completion of measures' test "$(complete_files transport m.off --from m.t)" = m.txt
 check 'and of a word for one' test "$(complete_files transport m.off --to un)" = uniform

@@ -29,12 +29,13 @@ _dmkcl_suffixes()
     case $2 in
     --out | --locus | --tangent | --report)
         [ "$2" = --tangent ] && { echo csv; return; }
-        [ "$2" = --report ] && { echo json; return; }
-        help=$(_dmkcl_option_help "$1" "$2")
+        [ "$2" = --report ] && { echo 'jsonl?'; return; }
+        help=$(_dmkcl_option_help "${1/batch/solve}" "$2") # which lists all
         grep -o ' \.[a-z]*' <<< "$help" | tr -d ' .' | paste -sd '|' ;;
     --sources) echo txt ;;
     --picture) echo svg ;;
     mesh) # what is read, by the README's table
+        [ "$1" = batch ] && printf 'txt|list|'
         echo 'ply|vtp|vtu|vtk|msh|off|coff|noff|obj|stl|gz' ;;
     esac
 }
@@ -61,15 +62,14 @@ _dmkcl()
     if [ "$COMP_CWORD" -eq 1 ] || [ "$COMP_CWORD:$command" = 2:help ]; then
         words="$(dmkcl --help 2> /dev/null | sed -n '/^commands:/,/^$/s/^  \([a-z]*\) .*/\1/p')"
         [ "$COMP_CWORD" -eq 1 ] && words="$words help --help --version"
-    elif [[ $before == --* && $(_dmkcl_option_help "$command" "$before") =~ ^\ *--[a-z-]+\ [A-Z] ]]
+    elif [[ $before == --* && $(_dmkcl_option_help "$command" "$before") =~ ^\ *--[a-z-]+\ ([A-Z]+) ]]
     then # the option takes a value
         words=$(_dmkcl_values "$command" "$before")
-        case $before in
-        --to) [ "$command" = transport ] && mapfile -t COMPREPLY < <(_dmkcl_files '' "$word") ;;
-        --out | --locus | --tangent | --report | --sources | --picture | --from)
-            suffixes=$(_dmkcl_suffixes "$command" "$before")
-            mapfile -t COMPREPLY < <(_dmkcl_files "$suffixes" "$word") ;;
-        --cache) mapfile -t COMPREPLY < <(compgen -d -- "$word") ;;
+        suffixes=$(_dmkcl_suffixes "$command" "$before")
+        case ${BASH_REMATCH[1]} in
+        FILE) mapfile -t COMPREPLY < <(_dmkcl_files "$suffixes" "$word") ;;
+        SUFFIX) words=.${suffixes//|/ .} ;;
+        DIR) mapfile -t COMPREPLY < <(compgen -d -- "$word") ;;
         esac
     elif [[ $word == -* ]]; then
         words=$(dmkcl "$command" --help 2> /dev/null | sed -n 's/^  \(--[a-z-]*\).*/\1/p')
