@@ -102,7 +102,8 @@ static void catch_interrupt(void)
  * memory. */
 static void say_reason(const char *what)
 {
-    static const char *const begin[] = {"POCL_", "OCL_ICD_", "OPENCL_", "LP_", "RUSTICL_"};
+    static const char *const begin[] = {"POCL_",    "OCL_ICD_",       "OPENCL_",         "LP_",
+                                        "RUSTICL_", "HWLOC_XMLFILE=", "HWLOC_SYNTHETIC="};
     struct rlimit space;
     bool any = false;
     say("dmkcl: the OpenCL driver ");

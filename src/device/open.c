@@ -109,7 +109,7 @@ static int name_platform(cl_platform_id platform, char name[128])
 static void hint_at_steering(char hint[400])
 {
     static const char *const steer[] = {"POCL_DEVICES", "OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH",
-                                        "LP_PLATFORM"};
+                                        "LP_PLATFORM",  "HWLOC_XMLFILE",   "HWLOC_SYNTHETIC"};
     hint[0] = 0;
     for (size_t i = 0; i < sizeof steer / sizeof *steer; i++) {
         const char *value = getenv(steer[i]);
