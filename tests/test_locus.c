@@ -1394,7 +1394,7 @@ static void check_cut_length(void)
         for (int32_t e = 0; e < cut->n_edges; e++)
             seam += cut->edge_triangle[2 * e + 1] < 0 ? 0.5 * cut->length[e] : 0;
         assert_true(l->info.length > 0.4);
-        if (!(fabs(seam / l->info.length - 1) < 0.06))
+        if (!(fabs(seam / l->info.length - 1) < 0.07))
             fail_msg("case %zu: %g for %g", i, seam, l->info.length);
         free(origin);
         free(plane);
@@ -1727,7 +1727,8 @@ static void check_numbering(const dmk_mesh *m, size_t n_sets, size_t n, const in
 /* Which vertex or corner has the lower number is nothing to the locus. On the bumpy sphere it would be 0.02 to 5 h:
  * which of two edges that jump alike joins the tree, to which side a crossing goes where both families or neither are
  * the shorter one, from where a fork's families and a cusp's surroundings are seen, how far out a branch is followed,
- * of several sources where directions begin; and on the torus which of three loops a fork is left out of. */
+ * of several sources where directions begin; on the torus which of three loops a fork is left out of; and on the blocks
+ * of 20 triangles, traced on finer ones, which of a ring's vertices a cusp is fitted to: 0.01 to 0.5 h. */
 static void test_numbering(void **state)
 {
     (void)state;
@@ -1740,6 +1741,11 @@ static void test_numbering(void **state)
     s = shaken(s, 0.1 * s.h, 1);
     check_numbering(s.mesh, 3, 1, (int32_t[]){0, 226, 400});
     free_scene(&s);
+    for (uint32_t random = 1; random <= 12; random++) {
+        s = shaken(cubes(2, 1, 1, (dmk_point){0, {1, 0, 0}}), 0.25, random);
+        check_numbering(s.mesh, 3, 1, (int32_t[]){0, 5, 9});
+        free_scene(&s);
+    }
 }
 
 /* From which excess on falls of d count: 5 * 0.2 h. With half of it branches of noise are as strong as the surface's on

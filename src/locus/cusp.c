@@ -69,7 +69,8 @@ static void add_normal(dmk_patch *p, int32_t triangle, double weight)
 }
 
 /* The vertices within `radius` of xyz, which lies in the triangle of half-edge h, with the source of its start, reached
- * from there ring by ring, and the mean normal around them, weighted as they are, whatever their order. */
+ * from its ends ring by ring, and the mean normal around them, weighted as they are, whatever their order. Whole rings
+ * alone: what there is room for of one would hang on how vertices are numbered. */
 static bool gather(dmk_patch *p, int32_t h, const double xyz[3], double radius)
 {
     const dmk_mesh *m = p->cotree->geodesics->mesh;
@@ -80,8 +81,10 @@ static bool gather(dmk_patch *p, int32_t h, const double xyz[3], double radius)
     p->radius = radius;
     memcpy(p->centre, xyz, sizeof p->centre);
     memset(p->normal, 0, sizeof p->normal);
-    for (int k = 0; k < 3; k++) take(p, m->triangle[h - h % 3 + k]);
-    for (int32_t i = 0; i < p->n; i++) {
+    take(p, m->triangle[dmk_next(h)]);
+    take(p, m->triangle[dmk_previous(h)]);
+    int32_t ring = p->n;
+    for (int32_t i = 0; i < ring; i++) {
         const int32_t first = star->first[p->vertex[i]];
         const double weight = weight_of(p, m->xyz + 3 * (size_t)p->vertex[i]);
         for (int32_t c = first; c >= 0;) {
@@ -91,7 +94,9 @@ static bool gather(dmk_patch *p, int32_t h, const double xyz[3], double radius)
             c = dmk_star_next(star, c);
             if (c == first) break;
         }
+        if (i + 1 == ring && p->n < MAX_VERTICES) ring = p->n;
     }
+    p->n = ring;
     const double size = sqrt(dmk_dot(p->normal, p->normal));
     if (p->n < MIN_VERTICES || !(size > 0)) return false;
     for (int k = 0; k < 3; k++) p->normal[k] /= size;
