@@ -294,6 +294,7 @@ _PHRASES = (
     (" measure: triangle ", " measure: face "),
     ("one point or line at least", "one point, curve or border at least"),
     ("give a point or line", "give a point or curve"),
+    ("the cut locus of lines and", "the cut locus of curves and"),
     ("do not ask for exact distances", "leave out exact=True"),
     ("do not ask for that", "leave out exact=True"),
 )

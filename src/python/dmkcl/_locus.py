@@ -184,7 +184,7 @@ class Locus:
     def write(self, path: "os.PathLike[str] | str") -> None:
         """Write as OBJ with l lines, VTP with point data, or CSV, by the suffix."""
         if self._handle is None:
-            raise Error("a cut locus pickled by itself cannot be written; pickle its Result")
+            raise Error("a cut locus pickled by itself cannot be written; pickle its Result or Geodesics")
         with Context() as context:
             context.check(
                 lib.dmk_locus_write(context.pointer, self._pointer, path_bytes(path))

@@ -187,7 +187,7 @@ def test_cut_locus_of_a_set(tmp_path):
 
 
 def test_cut_locus_of_a_border_is_refused(plane):
-    with pytest.raises(dmkcl.ArgumentError, match="borders is not traced"):
+    with pytest.raises(dmkcl.ArgumentError, match="of curves and borders is not traced"):
         dmkcl.Geodesics(plane, border=True).locus()
 
 
