@@ -1373,7 +1373,8 @@ static void test_cut(void **state)
     check_cut(&s, 0);
 }
 
-/* The cut of a closed surface is as long as the locus, but for what margins move, whatever its own triangles show. */
+/* The cut of a closed surface is as long as the locus, but for what margins move, and for ends inside triangles, which
+ * it does not go to: whatever the surface's own triangles show. */
 static void check_cut_length(void)
 {
     static const struct {
@@ -1394,7 +1395,7 @@ static void check_cut_length(void)
         for (int32_t e = 0; e < cut->n_edges; e++)
             seam += cut->edge_triangle[2 * e + 1] < 0 ? 0.5 * cut->length[e] : 0;
         assert_true(l->info.length > 0.4);
-        if (!(fabs(seam / l->info.length - 1) < 0.07))
+        if (!(fabs(seam - l->info.length) < 0.02 * l->info.length + 0.05 * s.h))
             fail_msg("case %zu: %g for %g", i, seam, l->info.length);
         free(origin);
         free(plane);
