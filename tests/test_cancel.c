@@ -91,6 +91,20 @@ static int sampling(problem *p)
     return dmk_mesh_sample(p->b->ctx, p->mesh, 8, 0, vertex);
 }
 
+/* 2,500 points, in pieces. */
+static int projecting(problem *p)
+{
+    enum { N = 2500 };
+    double *xyz = calloc(3 * N, sizeof *xyz);
+    dmk_point *point = calloc(N, sizeof *point);
+    assert_true(xyz && point);
+    for (int i = 0; i < N; i++) xyz[3 * i] = 3 + 0.01 * i;
+    int rc = dmk_mesh_project_all(p->b->ctx, p->mesh, N, xyz, point);
+    free(xyz);
+    free(point);
+    return rc;
+}
+
 /* What is not written to its end is not there. */
 static int writing(problem *p)
 {
@@ -108,9 +122,11 @@ static const struct {
     int least;
     bool chance; /* has threads of its own: how many questions there are is never the same */
 } stages[] = {
-    {"locus", locus, 5, false},    {"cut", cut, 10, false},        {"path", path, 2, false},
-    {"levels", levels, 5, false},  {"write", writing, 2, false},   {"read", reading, 6, false},
-    {"repair", mending, 6, false}, {"sample", sampling, 7, false},
+    {"locus", locus, 5, false},        {"cut", cut, 10, false},
+    {"path", path, 2, false},          {"levels", levels, 5, false},
+    {"write", writing, 2, false},      {"read", reading, 6, false},
+    {"repair", mending, 6, false},     {"sample", sampling, 7, false},
+    {"project", projecting, 4, false},
 };
 
 static problem small_torus(bench *b)

@@ -16,8 +16,10 @@ export PYTHONDONTWRITEBYTECODE=1 PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHEC
 # Whoever has copied the environment has another path in its scripts.
 PATH=$(dirname "$python"):$PATH
 
+# From a copy: a source distribution is put together beside the sources, where other tests look.
 make_wheel() {
-    DMKCL_BUILD=$work/b1 "$python" -m build --sdist --no-isolation -o "$work/dist" src/python && mkdir "$work/source" &&
+    mkdir "$work/clone" && cp -pr Makefile README.md LICENSE CITATION.cff include kernels src .ci "$work/clone" &&
+        DMKCL_BUILD=$work/b1 "$python" -m build --sdist --no-isolation -o "$work/dist" "$work/clone/src/python" && mkdir "$work/source" &&
         tar -xzf "$work"/dist/dmkcl-*.tar.gz -C "$work/source" --strip-components 1 &&
         DMKCL_BUILD=$work/b2 "$python" -m build --wheel --no-isolation -o "$work/dist" "$work/source"
 }

@@ -12,6 +12,8 @@
 enum { FAN = 16 };
 /* Fewer points are looked for one at a time: the boxes take as long as some ten. Speed only. */
 enum { FEW = 10 };
+/* Points between two questions whether to stop: 0.1 s, where each is as far away as the surface is wide. */
+enum { PIECE = 1000 };
 
 typedef struct finder {
     const dmk_mesh *mesh;
@@ -20,6 +22,7 @@ typedef struct finder {
     dmk_box *box, *large;
     const double *xyz;
     dmk_point *point;
+    int32_t from; /* of the points, the first one of the piece */
 } finder;
 
 static int32_t groups(int32_t n)
@@ -89,7 +92,7 @@ static void search(const finder *f, int32_t large, const double x[3], double *be
 static void find_range(int32_t begin, int32_t end, void *data)
 {
     const finder *f = data;
-    for (int32_t i = begin; i < end; i++) {
+    for (int32_t i = f->from + begin; i < f->from + end; i++) {
         const double *x = f->xyz + 3 * (size_t)i;
         double best = INFINITY;
         dmk_point *p = f->point + i;
@@ -124,7 +127,11 @@ static int find_all(dmk_context *ctx, finder *f, int32_t n)
     DMK_TRY(DMK_NEW_UNSET(ctx, f->large, (size_t)f->n_large));
     dmk_parallel(ctx, f->n_boxes, box_range, f);
     dmk_parallel(ctx, f->n_large, large_range, f);
-    dmk_parallel(ctx, n, find_range, f);
+    for (int32_t left = n; left > 0; left -= PIECE) {
+        f->from = n - left;
+        dmk_parallel(ctx, dmk_min_i(PIECE, left), find_range, f);
+        DMK_TRY(dmk_poll(ctx));
+    }
 done:
     free(f->sorted);
     free(f->box);
@@ -141,10 +148,12 @@ int dmk_mesh_project_all(dmk_context *ctx, const dmk_mesh *m, size_t n, const do
     if (n > INT32_MAX) return dmk_fail(ctx, DMK_E_ARG, "%zu points are too many", n);
     const bool few = n < FEW;
     finder f = {.mesh = m, .xyz = xyz, .point = points};
+    DMK_TRY(dmk_stage_begin(ctx, "project"));
     if (!few) DMK_TRY(find_all(ctx, &f, (int32_t)n));
     for (size_t i = 0; i < n; i++) {
         if (few || points[i].triangle < 0) DMK_TRY(project_one(ctx, m, i, xyz + 3 * i, points + i));
     }
 done:
+    dmk_stage_end(ctx);
     return rc;
 }
