@@ -742,9 +742,9 @@ typedef struct dmk_locus_vertex {
     int32_t kind;         /* dmk_locus_kind */
     int32_t degree;       /* edges: 3 at most but where branches meet at a vertex of the mesh */
     double meeting_angle; /* between the minimal geodesics where they meet here, radians, 0 to pi */
-    double
-        source_angle; /* between them at p, radians, a full turn being 2 pi, at a source on the border
-                         up to the angle there; pi between two sources */
+    /* Between them at p, radians, a full turn being 2 pi, at a source on the border up to the angle there; pi between
+     * two sources. */
+    double source_angle;
     int32_t source[2]; /* numbers of the sources that they come from */
 } dmk_locus_vertex;
 

@@ -52,12 +52,7 @@ static void report_cut(cli_json *json, const solve_run *run, const void *data)
     solve_report_names(json, "out", &t->request->solve.out);
     solve_report_names(json, "picture", &t->request->picture);
     json_close(json, '{');
-    json_open(json, "seconds", '{');
-    json_number(json, "read", run->seconds.read);
-    json_number(json, "cut", t->seconds);
-    json_number(json, "write", run->seconds.write);
-    json_number(json, "total", cli_seconds() - run->seconds.begin);
-    json_close(json, '{');
+    solve_report_seconds(json, run, "cut", t->seconds);
 }
 
 static int cut_open(const cut_request *request, solve_run *run, dmk_mesh **cut, double **plane)

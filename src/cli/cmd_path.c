@@ -55,12 +55,7 @@ static void report_path(cli_json *json, const solve_run *run, const void *data)
     json_integer(json, "n_triangles", (int64_t)path->n - 1);
     solve_report_names(json, "out", &t->request->out);
     json_close(json, '{');
-    json_open(json, "seconds", '{');
-    json_number(json, "read", run->seconds.read);
-    json_number(json, "path", t->seconds);
-    json_number(json, "write", run->seconds.write);
-    json_number(json, "total", cli_seconds() - run->seconds.begin);
-    json_close(json, '{');
+    solve_report_seconds(json, run, "path", t->seconds);
 }
 
 /* The end is looked at before the long work begins. *seconds: to find the path. */

@@ -127,8 +127,8 @@ static void say_reason(const char *what)
     say(any ? "\n" : "; see that it is installed well, and that /proc and /sys are there\n");
 }
 
-static _Thread_local bool
-    asking; /* a driver; else what crashes in the main thread is the program's own */
+/* A driver is being asked; else what crashes in the main thread is the program's own. */
+static _Thread_local bool asking;
 
 /* Threads of a driver crash together: the first one has the word, and ends the program. */
 static void on_crash(int number)

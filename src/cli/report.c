@@ -146,6 +146,16 @@ void solve_report_fields(cli_json *json, const solve_request *request, const sol
     solve_report_names(json, "tangent_out", &request->tangent);
 }
 
+void solve_report_seconds(cli_json *json, const solve_run *run, const char *stage, double seconds)
+{
+    json_open(json, "seconds", '{');
+    json_number(json, "read", run->seconds.read);
+    json_number(json, stage, seconds);
+    json_number(json, "write", run->seconds.write);
+    json_number(json, "total", cli_seconds() - run->seconds.begin);
+    json_close(json, '{');
+}
+
 static void write_report(FILE *file, bool one_line, const solve_request *request,
                          const solve_run *run, solve_more more, const void *data)
 {

@@ -1,4 +1,4 @@
-/* The run of dmkcl solve, and of the commands that begin by solving. */
+/* The run of dmkcl solve, and of the commands that begin as it does. */
 #include "solve.h"
 
 #include "ranks.h"

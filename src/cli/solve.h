@@ -1,4 +1,4 @@
-/* dmkcl solve, and the commands that begin by solving: the run that run.c makes and report.c
+/* dmkcl solve, and the commands that begin as it does: the run that run.c makes and report.c
  * describes. */
 #ifndef DMK_CLI_SOLVE_H
 #define DMK_CLI_SOLVE_H
@@ -156,6 +156,8 @@ int solve_report(const solve_request *request, const solve_run *run);
 typedef void (*solve_more)(cli_json *json, const solve_run *run, const void *data);
 int solve_report_more(const solve_request *request, const solve_run *run, solve_more more,
                       const void *data);
+/* Of a command without a solver, whose own stage takes so many of them. */
+void solve_report_seconds(cli_json *json, const solve_run *run, const char *stage, double seconds);
 /* Device, steps and bounds of a solve or a transport, which has no exact cost. */
 void solve_report_stats(cli_json *json, const dmk_device_info *device, const dmk_stats *stats,
                         bool exact);

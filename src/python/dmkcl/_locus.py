@@ -55,6 +55,7 @@ def _rows(pointer: Any, n: int, dtype: np.dtype) -> NDArray[Any]:
 
 
 def locus_options(strength: float) -> Any:
+    """The library's, with what is wrong said of `strength`."""
     options = ffi.new("dmk_locus_options *")
     lib.dmk_locus_options_init(options, ffi.sizeof(options[0]))
     options.strength = amount("strength", strength)
