@@ -171,6 +171,11 @@ awk 'NR == 2 { n = $1; m = $2; next } NR > 2 && NR <= n + 2 { x[NR - 3] = $0 }
 place() { "$tool" batch "$work/soup.off" --repair --vertex 1700 --json "$@" 2> "$work/errors" | grep -o '"xyz": [^]]*'; }
 check 'the first sample of a repaired mesh is a vertex of the file' sh -c 'test -n "$1" && test "$1" = "$2"' - \
     "$(place)" "$(place --sources 1)"
+other() { # SOURCE OPTIONS...: one report of two sources' files in one folder
+    "$tool" batch "$in/sub/b.off" --vertex "$@" --out-dir "$work/kinds" --report "$work/kinds.jsonl" > "$work/summary"
+}
+other 0 --locus .vtp && rm "$work/kinds.jsonl" && other 1 --out .vtp && other 1 --locus .vtp --resume
+check 'a locus where a result was asked for is another file' has "$work/summary" '1 solved, 0 kept'
 
 # Opposite vertices of a torus of radii 2 and 1 are 6 apart in space: the second sample lies beyond the axis.
 check 'samples are far from each other' perl -ne '
