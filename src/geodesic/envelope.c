@@ -1,5 +1,5 @@
 /* The windows of a half-edge: the lower envelope, merging, and a step into the triangle: see wave.c. */
-#include "geodesic/wave.h"
+#include "geodesic/wave_engine.h"
 
 /* Rounding, over the length of the edge, of comparisons with ways over vertices. */
 static const double rounding = 1e-9;

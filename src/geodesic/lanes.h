@@ -2,7 +2,7 @@
 #ifndef DMK_GEODESIC_LANES_H
 #define DMK_GEODESIC_LANES_H
 
-#include "geodesic/window.h"
+#include "geodesic/window_engine.h"
 
 /* While one vector of lanes computes, what the others need is on its way from memory: distances of 273k triangles, two
  * threads, vectors of 512 bits: 16 lanes 116 ms, 24 110, 32 106, 48 102, 64 103. Speed only: a lane's numbers do not

@@ -1,5 +1,5 @@
-/* What waits at half-edges: the windows of a shard and the buckets of its half-edges. See wave.h. */
-#include "geodesic/wave.h"
+/* What waits at half-edges: the windows of a shard and the buckets of its half-edges. See wave_engine.h. */
+#include "geodesic/wave_engine.h"
 
 #include <stdlib.h>
 

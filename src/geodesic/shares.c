@@ -1,6 +1,6 @@
 /* Windows that threads give each other: see window.c. A thread that has none left waits, and one that sees others wait
  * gives away half of its stack, the older half, whose windows have the farthest to go. */
-#include "geodesic/window.h"
+#include "geodesic/window_engine.h"
 
 #include "base/base.h"
 #include "base/spin.h"

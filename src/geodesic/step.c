@@ -1,5 +1,5 @@
 /* One step of a window, into the triangle above it: see window.c. */
-#include "geodesic/window.h"
+#include "geodesic/window_engine.h"
 
 #include "base/base.h"
 

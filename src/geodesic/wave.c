@@ -15,7 +15,7 @@
  * jump, and windows multiply. The vertex above gets a value from each window: straight if its ray
  * is in the beam, else around the interval's nearer end: always a path's length, so that no vertex
  * is missed; what it has over the straight one goes into the error's estimate. */
-#include "geodesic/wave.h"
+#include "geodesic/wave_engine.h"
 
 #include "base/heading.h"
 

@@ -13,7 +13,7 @@
  *
  * Edges that are sources send windows of parallel rays to both sides, and their vertices rays into the angles between.
  */
-#include "geodesic/window.h"
+#include "geodesic/window_engine.h"
 
 #include "base/heading.h"
 #include "base/parallel.h"

@@ -1,6 +1,6 @@
-/* What wave.c and envelope.c share. Internal to src/geodesic. */
-#ifndef DMK_GEODESIC_WAVE_H
-#define DMK_GEODESIC_WAVE_H
+/* What wave.c, envelope.c and shard.c share. Internal to src/geodesic. */
+#ifndef DMK_GEODESIC_WAVE_ENGINE_H
+#define DMK_GEODESIC_WAVE_ENGINE_H
 
 #include "geodesic/front.h"
 

@@ -1,6 +1,6 @@
-/* What window.c, lanes.c and step.c share. Internal to src/geodesic. */
-#ifndef DMK_GEODESIC_WINDOW_H
-#define DMK_GEODESIC_WINDOW_H
+/* What window.c, lanes.c, shares.c and step.c share. Internal to src/geodesic. */
+#ifndef DMK_GEODESIC_WINDOW_ENGINE_H
+#define DMK_GEODESIC_WINDOW_ENGINE_H
 
 #include "base/heap.h"
 #include "geodesic/front.h"
