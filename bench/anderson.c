@@ -11,6 +11,7 @@
  * upper bound of the cost relative to the reference's less 1, gap. As in the tool's report
  * V-cycles include one certificate's, seconds do not. Vector arithmetic is on one thread. */
 #include "solver/iteration.h"
+#include "solver/setup.h"
 #include "mesh/mollify.h"
 #include "geodesic/geodesic.h"
 #include "solver/start.h"

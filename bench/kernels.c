@@ -4,6 +4,7 @@
  * The bytes of a kernel are what kernels/ says above it. The copy reads half of them and writes the other half.
  * Kernel and copy take turns; the least of the rounds counts. */
 #include "solver/kernels.h"
+#include "solver/setup.h"
 #include "solver/iteration.h"
 
 #include <math.h>

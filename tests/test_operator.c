@@ -1,5 +1,6 @@
 /* The macro-element operators and the V-cycle against a dense assembly. */
 #include "solver/kernels.h"
+#include "solver/setup.h"
 #include "solver/iteration.h"
 
 #include <math.h>

@@ -7,6 +7,7 @@
 #include "solver/fine_graph.h"
 #include "solver/pcg.h"
 #include "solver/sell.h"
+#include "solver/setup.h"
 #include "solver/solver.h"
 #include "iterating.h"
 

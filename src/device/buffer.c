@@ -104,6 +104,12 @@ done:
     return rc;
 }
 
+int dmk_buffer_create_real(dmk_context *ctx, dmk_device *dev, dmk_program program, size_t n,
+                           dmk_buffer **buffer)
+{
+    return dmk_buffer_create(ctx, dev, n * dmk_device_real(dev, program), NULL, buffer);
+}
+
 static int fill(dmk_context *ctx, dmk_device *dev, dmk_buffer *buffer, size_t bytes,
                 const void *pattern, size_t size)
 {

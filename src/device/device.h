@@ -29,6 +29,9 @@ int dmk_device_owned(dmk_context *context, const dmk_device *device);
 /* Zeroed if `init` is NULL, and `bytes` then a multiple of 4, else a copy of it. */
 int dmk_buffer_create(dmk_context *context, dmk_device *device, size_t bytes, const void *init,
                       dmk_buffer **buffer);
+/* n numbers of the program's working type, all 0. */
+int dmk_buffer_create_real(dmk_context *context, dmk_device *device, dmk_program program, size_t n,
+                           dmk_buffer **buffer);
 void dmk_buffer_destroy(dmk_buffer **buffer);
 /* Move n buffers into a new one: each becomes a part of it, from the byte offset[i] on. */
 int dmk_buffer_gather(dmk_context *context, dmk_device *device, size_t n,

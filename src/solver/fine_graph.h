@@ -10,7 +10,8 @@
 #ifndef DMK_FINE_GRAPH_H
 #define DMK_FINE_GRAPH_H
 
-#include "solver/system.h"
+#include "levels/coarsen.h"
+#include "solver/slots.h"
 
 /* Bytes per triangle that it takes for a while, at most, beside those of a system with T: 1,090 to 1,470 were measured
  * on five meshes of 20,000 to 269,000 triangles. */

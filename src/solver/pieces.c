@@ -1,5 +1,6 @@
 /* A solve of a mesh in pieces: no rank has all of it, from its range of a file to its part of the result. */
 #include "solver/memory.h"
+#include "solver/setup.h"
 #include "solver/solver.h"
 
 #include "mesh/mollify.h"

@@ -5,6 +5,7 @@
 #include "mesh/mollify.h"
 #include "solver/acl.h"
 #include "solver/sell.h"
+#include "solver/setup.h"
 #include "solver/start.h"
 
 #include "base/parallel.h"

@@ -13,6 +13,9 @@
 #include "levels/coarsen.h"
 #include "mesh/mesh.h"
 #include "ranks/ranks.h"
+#include "solver/slots.h"
+
+#include "dmk_shared.h"
 
 struct dmk_kernels; /* kernels.h */
 
@@ -34,14 +37,13 @@ typedef struct dmk_level {
 
 enum { DMK_SYSTEM_LEVELS = DMK_MAX_LEVELS + 1 };
 
+/* A level's arrays, in the order of dmk_shared.h. */
+enum { DMK_LEVEL_ARRAYS = DMK_TAIL_FIELDS - DMK_TAIL_SLICE };
+void dmk_level_arrays(dmk_level *level, dmk_buffer **array[DMK_LEVEL_ARRAYS]);
+
 /* Rows up to which levels are done in one launch. A launch takes a GPU some 5 microseconds, in which one
  * work-group does a pass over these. */
 enum { DMK_TAIL_MOST = 4096 };
-
-/* Items and slots of a mesh's system: see the head of this file. */
-typedef struct dmk_counts {
-    int32_t n_elements, n_elements_pad, n_edges, n_vertices, vertex_row, n_rows, n_rows_pad;
-} dmk_counts;
 
 typedef struct dmk_system {
     dmk_device *device;
@@ -101,24 +103,6 @@ typedef struct dmk_system {
 
 /* What a mesh's system on this device counts. */
 dmk_counts dmk_system_counts(const dmk_device *device, const dmk_mesh *mesh);
-/* Pack an ordered, connected mesh with its hierarchy. What is
- * packed stays for all sources. The state and the work arrays, two fifths of the memory, come with
- * dmk_system_allocate and may go in between: the host's arrays for start and end have room then. */
-int dmk_system_create(dmk_context *context, dmk_device *device, const dmk_mesh *mesh,
-                      dmk_system **system);
-/* With ranks, this one's share of it, and a call on all of them. */
-typedef struct dmk_system_dealt {
-    /* Not `handed`: as soon as the share is made, if there is one; the whole mesh is not read any more, and the call
-     * may free its arrays. `handed`: when the first rank is there, which comes later than the others; they get their
-     * levels from the last one, which has nothing left to do then but what the call gives it. */
-    int (*call)(dmk_context *context, void *user, dmk_system *system);
-    void *user;
-    bool handed;
-} dmk_system_dealt;
-/* ground: the mesh, whose area need not be there if it is whole. Of a part of one that is too small to be dealt out, or
- * has no levels, nothing is made, *system stays as it is. */
-int dmk_system_deal(dmk_context *context, dmk_device *device, const dmk_ground *ground,
-                    const dmk_ranks *ranks, const dmk_system_dealt *dealt, dmk_system **system);
 void dmk_system_destroy(dmk_system **system);
 /* mu, u and f, zeroed; and with them all work arrays. Nothing to do for what is there; on failure nothing
  * is. */
@@ -139,11 +123,5 @@ int dmk_elements_write(dmk_context *context, dmk_system *system, dmk_buffer *ele
 int dmk_elements_fill(dmk_context *context, dmk_system *system, dmk_buffer *elements, double value);
 int dmk_elements_read(dmk_context *context, dmk_system *system, const dmk_buffer *elements,
                       double *whole);
-
-/* Where element t's k-th of K numbers lies. */
-static inline size_t dmk_slot(int32_t t, int k, int K)
-{
-    return (size_t)(t / 8) * 8 * (size_t)K + 8 * (size_t)k + (size_t)(t % 8);
-}
 
 #endif
