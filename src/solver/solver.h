@@ -1,4 +1,4 @@
-/* The solver's state, for those who solve with it: solver.c for a point, transport.c for measures. */
+/* The solver's state, for those who solve with it: point.c from a point, transport.c between measures. */
 #ifndef DMK_SOLVER_H
 #define DMK_SOLVER_H
 
@@ -40,7 +40,9 @@ int dmk_solver_take_options(dmk_context *context, const dmk_solve_options *given
 /* Order `component`, unless that was the last one; its system comes into being with the next call. A mesh that was
  * given is gone then. */
 int dmk_solver_order(dmk_context *context, dmk_solver *solver, int32_t component);
-int dmk_solver_pack(dmk_context *context, dmk_solver *solver);
+/* The ordered component's system, if it is not there. With ranks `call` is that of dmk_system_dealt, or NULL. */
+int dmk_solver_pack(dmk_context *context, dmk_solver *solver,
+                    int (*call)(dmk_context *context, void *user, dmk_system *system), void *user);
 /* DMK_OK if it can solve, for a density alone or more: it has a device of this process, and a mesh for that. */
 int dmk_solver_begin(dmk_context *context, dmk_solver *solver, bool density_alone);
 /* Work arrays may hold the NaN of an earlier solve that diverged: clear them. */

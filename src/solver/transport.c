@@ -234,7 +234,7 @@ int dmk_solve_measures(dmk_context *ctx, dmk_solver *s, const dmk_measure *from,
     const double began = dmk_seconds();
     const bool fresh = component != s->component || !s->system;
     DMK_TRY(dmk_solver_order(ctx, s, component));
-    DMK_TRY(dmk_solver_pack(ctx, s));
+    DMK_TRY(dmk_solver_pack(ctx, s, NULL, NULL));
     if (fresh) r->stats.seconds[DMK_STAGE_SETUP] = dmk_seconds() - began;
     DMK_TRY(dmk_poll(ctx));
     DMK_TRY(DMK_NEW(ctx, f, (size_t)s->system->whole.n_rows_pad));
