@@ -1,9 +1,17 @@
-/* Samples of a graph's vertices and the cells around them; see coarsen.h. */
-#include "levels/coarsen.h"
+/* Samples of a graph's vertices and the cells around them; see cells.h. */
+#include "levels/cells.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+
+void dmk_adjacency_free(dmk_adjacency *g)
+{
+    free(g->row);
+    free(g->to);
+    free(g->length);
+    memset(g, 0, sizeof *g);
+}
 
 /* A sample covers what lies within this many times the mean length of its own edges. The radius is
  * local, so that graded meshes are thinned out evenly. Against 1.3 (which thins out by 3.5 instead

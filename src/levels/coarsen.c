@@ -9,14 +9,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-void dmk_adjacency_free(dmk_adjacency *g)
-{
-    free(g->row);
-    free(g->to);
-    free(g->length);
-    memset(g, 0, sizeof *g);
-}
-
 void dmk_coarsening_free(dmk_coarsening *c)
 {
     free(c->coarse.edge);

@@ -1,6 +1,6 @@
 /* The levels below a mesh that is dealt out: each rank makes its part of each, down to the first that is whole on
  * all of them. */
-#include "ranks/deal.h"
+#include "ranks/part.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -1,6 +1,6 @@
 /* A mesh dealt out to ranks: runs of the Morton order, ghosts around them, and the mesh that a rank
  * packs. */
-#include "ranks/deal.h"
+#include "ranks/levels.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -362,7 +362,8 @@ int dmk_share_deal(dmk_context *ctx, dmk_share *s, const dmk_ground *g, const dm
     DMK_TRY(need_elements(ctx, s, g, s->needs));
     DMK_TRY(need_ground(ctx, s, g, s->needs));
     for (int32_t l = 0; l <= s->first_whole; l++)
-        DMK_TRY(dmk_deal_need(ctx, s, p, l, &s->needs->level_vertex[l], &s->needs->level_edge[l]));
+        DMK_TRY(
+            dmk_levels_need(ctx, s, p, l, &s->needs->level_vertex[l], &s->needs->level_edge[l]));
     DMK_TRY(create_spaces(ctx, s, s->needs));
 done:
     return rc;

@@ -1,6 +1,6 @@
 /* The last rank's hierarchy to all: to each its part of the levels that are dealt out, and all of the others. Array
  * after array from where it lies, so that nothing is made for the way. */
-#include "ranks/deal.h"
+#include "ranks/levels.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -137,7 +137,7 @@ static int deal_others(dmk_context *ctx, const dmk_share *s, const dmk_graph *g,
     dmk_mail mail = {.item = 3 * sizeof *part->other};
     for (int r = 0; makes(s) && r < maker_of(s); r++) {
         theirs.n_others = 0;
-        DMK_TRY(dmk_deal_others(ctx, s, g, level, r, &theirs));
+        DMK_TRY(dmk_levels_others(ctx, s, g, level, r, &theirs));
         for (size_t i = 0; i < (size_t)theirs.n_others; i++)
             DMK_TRY(dmk_mail_add(ctx, &mail, r, theirs.other + 3 * i));
         free(theirs.other);

@@ -1,6 +1,6 @@
 /* The coarse levels of a share: what a rank owns of a hierarchy that is whole on another one, which vertices and edges
  * it needs, and its tables. */
-#include "ranks/deal.h"
+#include "ranks/levels.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -101,8 +101,8 @@ done:
 }
 
 /* Those of earlier ranks: later ranks' have both ends behind the own vertices. */
-int dmk_deal_others(dmk_context *ctx, const dmk_share *s, const dmk_graph *g, int32_t level, int r,
-                    dmk_part *part)
+int dmk_levels_others(dmk_context *ctx, const dmk_share *s, const dmk_graph *g, int32_t level,
+                      int r, dmk_part *part)
 {
     int rc = DMK_OK;
     size_t room = 0;
@@ -134,7 +134,7 @@ static int cut_level(dmk_context *ctx, const dmk_share *s, const dmk_coarsening 
     DMK_TRY(cut_numbers(ctx, c->coarse.edge, 2 * edge[0], 2 * edge[1], &part->edge));
     DMK_TRY(cut_rows(ctx, c->galerkin_row, c->galerkin_edge, c->galerkin_coef, edge[0], edge[1],
                      &part->galerkin_row, &part->galerkin_edge, &part->galerkin_coef));
-    rc = dmk_deal_others(ctx, s, &c->coarse, level + 1, r, part);
+    rc = dmk_levels_others(ctx, s, &c->coarse, level + 1, r, part);
 done:
     return rc;
 }
@@ -201,8 +201,8 @@ done:
     return rc;
 }
 
-int dmk_deal_need(dmk_context *ctx, const dmk_share *s, const dmk_parts *p, int32_t level,
-                  dmk_list *vertex, dmk_list *edge)
+int dmk_levels_need(dmk_context *ctx, const dmk_share *s, const dmk_parts *p, int32_t level,
+                    dmk_list *vertex, dmk_list *edge)
 {
     int rc = DMK_OK;
     if (level == s->first_whole) {

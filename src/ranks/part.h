@@ -8,6 +8,18 @@
  * 10,000 takes 10 us on a device that moves 100 GB/s, as long as one message). */
 enum { DMK_GATHER_BELOW = 10000 };
 
+static inline int32_t dmk_gather_below(const dmk_share *s)
+{
+    return s->ranks.gather_below > 0 ? s->ranks.gather_below : DMK_GATHER_BELOW;
+}
+
+/* first and end from bound. */
+static inline void dmk_space_set_own(const dmk_share *s, dmk_space *space)
+{
+    space->first = space->bound[s->ranks.rank];
+    space->end = space->bound[s->ranks.rank + 1];
+}
+
 void dmk_part_free(dmk_part *part);
 
 /* A level's own vertices, and what they are linked to. */
