@@ -91,10 +91,11 @@ typedef struct dmk_vertex_stars {
     int32_t *triangle; /* 3*n_triangles: triangle * 4 + corner; within a row in increasing order */
 } dmk_vertex_stars;
 
+/* edges.c. */
 int dmk_vertex_stars_create(dmk_context *context, const dmk_mesh *mesh, dmk_vertex_stars *stars);
 void dmk_vertex_stars_free(dmk_vertex_stars *stars);
 
-/* mesh.c: take ownership of malloc'ed xyz and triangle (freed also on failure), build topology and
+/* create.c: take ownership of malloc'ed xyz and triangle (freed also on failure), build topology and
  * geometry, check (see dmk_mesh_create for what is refused). */
 int dmk_mesh_adopt(dmk_context *context, size_t n_vertices, double *xyz, size_t n_triangles,
                    int32_t *triangle, dmk_mesh **mesh);
@@ -102,7 +103,7 @@ int dmk_mesh_adopt(dmk_context *context, size_t n_vertices, double *xyz, size_t 
 int dmk_mesh_adopt_together(dmk_context *context, const dmk_ranks *ranks, size_t n_vertices,
                             double *xyz, size_t n_triangles, int32_t *triangle, dmk_mesh **mesh);
 
-/* mesh.c: the same of a mesh of which `info` is known, from checks of an earlier time: without edges. */
+/* create.c: the same of a mesh of which `info` is known, from checks of an earlier time: without edges. */
 int dmk_mesh_adopt_known(dmk_context *context, const dmk_mesh_info *info, double *xyz,
                          int32_t *triangle, dmk_mesh **mesh);
 
