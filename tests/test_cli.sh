@@ -22,6 +22,9 @@ usage() { # NAME PATTERN ARGUMENT...: a slip that the tool explains, exit code 1
 # ---- help and slips ---------------------------------------------------------------------------
 
 check '--help' output_has '^usage: dmkcl' "$tool" --help
+for word in --help help -h; do
+    check "help $word" output_has '^usage: dmkcl COMMAND' "$tool" help $word
+done
 check '--version' output_has '^dmkcl [0-9]+\.[0-9]+\.[0-9]+$' "$tool" --version
 for command in solve mesh info devices; do
     check "$command --help" output_has "^usage: dmkcl $command" "$tool" $command --help

@@ -254,7 +254,7 @@ static const struct {
     {"triangle that is a point", point_triangle, "its area is zero"},
     {"two vertices at one place", equal_places, "its area is zero"},
     {"repeated corner", repeated_corner, "a vertex is repeated"},
-    {"corner too high", too_high, "names vertex 4"},
+    {"corner too high", too_high, "names vertex 4; vertices are numbered from 0, and there are 4"},
     {"corner below 0", below_zero, "names vertex -1"},
     {"duplicate triangle", duplicate, "are duplicates"},
     {"duplicate, turned over", turned_duplicate, "are duplicates"},

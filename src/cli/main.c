@@ -93,6 +93,11 @@ static void fill_standard_streams(void)
     }
 }
 
+static bool asks_for_help(const char *word)
+{
+    return strcmp(word, "--help") == 0 || strcmp(word, "-h") == 0 || strcmp(word, "help") == 0;
+}
+
 static int run(int argc, char **argv)
 {
     if (argc < 2) {
@@ -100,8 +105,7 @@ static int run(int argc, char **argv)
     }
     const char *name = argv[1];
     char *of_command[] = {argv[0], argv[argc - 1], "--help", NULL}; /* `dmkcl help solve` */
-    const bool help =
-        strcmp(name, "--help") == 0 || strcmp(name, "-h") == 0 || strcmp(name, "help") == 0;
+    const bool help = asks_for_help(name);
     const bool version = strcmp(name, "--version") == 0;
     if (argc > 2 + help && (help || version))
         return cli_error(EXIT_USAGE, "%s: '%s' is one argument too many", name, argv[2 + help]);
@@ -109,7 +113,7 @@ static int run(int argc, char **argv)
         printf("dmkcl %s\n", dmk_version());
         return cli_flush();
     }
-    if (help && argc == 2) return print_help();
+    if (help && (argc == 2 || asks_for_help(argv[2]))) return print_help();
     if (help) {
         name = argv[2];
         argv = of_command;

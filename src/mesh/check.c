@@ -32,9 +32,10 @@ static int explain_triangle(dmk_context *ctx, const dmk_mesh *m, int32_t t)
     const int32_t *c = m->triangle + 3 * (size_t)t;
     for (int k = 0; k < 3; k++) {
         if (!names_no_vertex(m, c[k])) continue;
-        return dmk_fail(ctx, DMK_E_MESH,
-                        "triangle %d names vertex %d, but the %d vertices count from 0 to %d", t,
-                        c[k], m->n_vertices, m->n_vertices - 1);
+        return dmk_fail(
+            ctx, DMK_E_MESH,
+            "triangle %d names vertex %d; vertices are numbered from 0, and there are %d", t, c[k],
+            m->n_vertices);
     }
     return dmk_fail(
         ctx, DMK_E_MESH,

@@ -31,9 +31,10 @@ static bool triangle_is_bad(dmk_context *ctx, int64_t t, const int64_t v[3], int
 {
     for (int k = 0; k < 3; k++) {
         if (v[k] >= 0 && v[k] < n_vertices) continue;
-        dmk_fail(ctx, DMK_E_MESH,
-                 "triangle %lld names vertex %lld, but the %lld vertices count from 0 to %lld",
-                 (long long)t, (long long)v[k], (long long)n_vertices, (long long)n_vertices - 1);
+        dmk_fail(
+            ctx, DMK_E_MESH,
+            "triangle %lld names vertex %lld; vertices are numbered from 0, and there are %lld",
+            (long long)t, (long long)v[k], (long long)n_vertices);
         return true;
     }
     if (v[0] != v[1] && v[1] != v[2] && v[2] != v[0]) return false;

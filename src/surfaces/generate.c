@@ -68,8 +68,8 @@ static int choose_count(dmk_context *ctx, const dmk_surface_options *o, const dm
     const dmk_surface *s = body->surface;
     size_t n = o->n_triangles ? o->n_triangles : (size_t)s->n_triangles;
     if (n < (size_t)start->n_triangles) {
-        return dmk_fail(ctx, DMK_E_ARG, "%zu triangles are too few for this %s; ask for %d or more",
-                        n, s->name, start->n_triangles);
+        return dmk_fail(ctx, DMK_E_ARG, "this %s takes at least %d triangles, not %zu", s->name,
+                        start->n_triangles, n);
     }
     if (o->refine < 0 || o->refine > 12 || n > limit >> 2 * o->refine) {
         return dmk_fail(ctx, DMK_E_ARG,
