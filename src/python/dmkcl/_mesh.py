@@ -86,8 +86,8 @@ def _index_array(faces: ArrayLike, n_vertices: int, name: str) -> NDArray[np.int
     if outside.size:
         row = outside[0]
         raise MeshError(
-            f"{name} {row} names the vertices {index[row].tolist()}, but there are "
-            f"{n_vertices} vertices, counted from 0"
+            f"{name} {row} names the vertices {index[row].tolist()}; vertices "
+            f"are numbered from 0, and there are {n_vertices}"
         )
     return np.ascontiguousarray(index, dtype=np.int32)
 

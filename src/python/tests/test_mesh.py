@@ -71,7 +71,7 @@ def test_edges_and_face_edges(small):
         (np.eye(3) + 0j, [[0, 1, 2]], "vertices are of type complex128"),
         (np.eye(3).astype(str), [[0, 1, 2]], "vertices are of type <U32"),
         ([[0, 0, 0], [1, 0]], [[0, 1, 2]], "vertices have rows of different lengths"),
-        (np.eye(3), [[0, 1, 3]], "triangle 0 names the vertices"),
+        (np.eye(3), [[0, 1, 3]], "triangle 0 names the vertices .*numbered from 0, and there are 3"),
         (np.eye(3), [[0, 1, -1]], "triangle 0 names the vertices"),
         (np.eye(3) * np.nan, [[0, 1, 2]], "finite|NaN|nan"),
         (np.eye(3), [[0, 1, 1]], "triangle 0"),
