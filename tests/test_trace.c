@@ -1,5 +1,7 @@
 /* Paths back to the sources from within: how many windows a search keeps, and what repairs leave. */
-#include "../src/geodesic/trace.c" /* for its static functions; the library's own are then left out */
+/* For their static functions; the library's own are then left out. */
+#include "../src/geodesic/mend.c"
+#include "../src/geodesic/search.c"
 
 #include "context.h"
 

@@ -18,9 +18,9 @@ int dmk_tracer_paths(dmk_context *context, const dmk_geodesics *geodesics, size_
 int dmk_tracer_distance(dmk_context *context, dmk_tracer *tracer, const dmk_point *at,
                         double *distance);
 
-/* Distances of merged windows whose estimated error exceeds twice the tolerance, anew, the nearest first: none does
- * then, but where there is no room for all ways that may be the shortest. Not *few, and nothing is done: there are too
- * many. */
+/* mend.c: distances of merged windows whose estimated error exceeds twice the tolerance, anew, the nearest first: none
+ * does then, but where there is no room for all ways that may be the shortest. Not *few, and nothing is done: there are
+ * too many. */
 int dmk_tracer_repair(dmk_context *context, dmk_geodesics *geodesics, bool *few);
 
 #endif
