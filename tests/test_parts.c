@@ -233,8 +233,9 @@ static void compare(dmk_context *ctx, dmk_mesh *mesh)
 
 /* A square of n x n vertices. With a wave: regular, so that as far is as near in many places. Thin: every other of its
  * columns is a millionth from the next one. Crumpled: neighbours in the mesh are far from each other in space, and
- * some cells get no weight. Holed: with two borders more. */
-enum { WAVE, THIN, CRUMPLED, HOLED };
+ * some cells get no weight. Holed: with two borders more. Large: lengths that differ, and most of which are beyond
+ * what cells know of a length. */
+enum { WAVE, THIN, CRUMPLED, HOLED, LARGE };
 static dmk_mesh *square(dmk_context *ctx, int n, int kind)
 {
     dmk_mesh *mesh = NULL;
@@ -250,6 +251,7 @@ static dmk_mesh *square(dmk_context *ctx, int n, int kind)
                    : kind == WAVE   ? ((i + k) % 7) * 0.125
                                     : 0;
             if (kind == THIN && k % 2 == 1) x[1] = k - 1 + 1e-6;
+            for (int j = 0; kind == LARGE && j < 2; j++) x[j] = 1e34 * (x[j] + 0.3 * sin(i * k));
         }
     }
     for (int i = 0; i + 1 < n; i++) {
@@ -306,6 +308,7 @@ static void test_levels(void **state)
     compare(ctx, square(ctx, 60, THIN));
     compare(ctx, square(ctx, 60, CRUMPLED));
     compare(ctx, square(ctx, 60, HOLED));
+    compare(ctx, square(ctx, 60, LARGE));
     compare(ctx, cones(ctx, 4000));
 }
 

@@ -38,8 +38,7 @@ static float resistance(double conductance)
     return conductance * weak > 1 ? (float)(1 / conductance) : weak;
 }
 
-/* Sums of it are finite along any path; of meshes as large as that, only the number of steps counts. */
-static float narrow(double length)
+float dmk_narrow_length(double length)
 {
     return (float)fmin(length, 1e30);
 }
@@ -67,7 +66,7 @@ static int graph_adjacency(dmk_context *ctx, const dmk_graph *graph, const doubl
         if (resists && x == 0) continue;
         const int32_t at = fill[graph->edge[h]]++;
         g->to[at] = graph->edge[h ^ 1];
-        g->length[at] = resists ? resistance(x) : narrow(x);
+        g->length[at] = resists ? resistance(x) : dmk_narrow_length(x);
     }
 done:
     free(fill);
@@ -157,7 +156,7 @@ done:
 float dmk_link_length(const double p[3], const double q[3])
 {
     const double x = q[0] - p[0], y = q[1] - p[1], z = q[2] - p[2];
-    return narrow(sqrt(x * x + y * y + z * z));
+    return dmk_narrow_length(sqrt(x * x + y * y + z * z));
 }
 
 /* The cells' mean positions, then the lengths of their links. */

@@ -71,7 +71,9 @@ void dmk_coarsening_free(dmk_coarsening *c);
 
 /* ---- the steps of one coarsening, for coarsen.c and ranks/ only ----------------------------- */
 
-/* The length of a link of cells that lie at p and q. */
+/* An edge's length; sums of it are finite along any path, and of meshes as large as that only the steps count. */
+float dmk_narrow_length(double length);
+/* That of a link of cells that lie at p and q. */
 float dmk_link_length(const double p[3], const double q[3]);
 /* From the level h->n on, whose adjacency is `fine`, which is used up, and whose graph is that of the mesh or of
  * level[h->n - 1]; taker: or NULL; on failure *h is empty. */

@@ -67,7 +67,7 @@ static int ground_links(dmk_context *ctx, const dmk_ground *t, dmk_side *side)
             const int64_t v = vertex_of(t, e, k);
             if (dmk_space_owns(s, v))
                 side->link[fill[v - s->first]++] =
-                    (struct dmk_link){vertex_of(t, e, !k), (float)t->mesh->length[e]};
+                    (struct dmk_link){vertex_of(t, e, !k), dmk_narrow_length(t->mesh->length[e])};
         }
     }
 done:
