@@ -9,16 +9,15 @@
 /* Own vertices, those one and two links away, and the links of all but the latter. */
 typedef struct surroundings {
     dmk_space space;
-    dmk_adjacency g; /* by slots */
-    /* Ghosts by owner, and by rank the own vertices that are its ghosts: numbers of them, and slots. */
-    int32_t *n_ghosts, *n_shown, *ghost, *shown;
+    dmk_adjacency g;        /* by slots */
+    dmk_inquiry border;     /* ghosts by owner, and by rank the own vertices that are its ghosts; */
+    int32_t *ghost, *shown; /* their slots */
 } surroundings;
 
 static void surroundings_free(surroundings *a)
 {
     dmk_adjacency_free(&a->g);
-    free(a->n_ghosts);
-    free(a->n_shown);
+    dmk_inquiry_free(&a->border);
     free(a->ghost);
     free(a->shown);
     free(a->space.ghost);
@@ -110,27 +109,14 @@ static int show_own(dmk_context *ctx, const dmk_ranks *ranks, surroundings *a)
 {
     int rc;
     const dmk_space *s = &a->space;
-    dmk_mail mail = {.item = sizeof *s->ghost};
-    DMK_TRY(DMK_NEW(ctx, a->n_ghosts, (size_t)ranks->size));
-    DMK_TRY(DMK_NEW(ctx, a->n_shown, (size_t)ranks->size));
-    DMK_TRY(DMK_NEW(ctx, a->ghost, (size_t)s->n_ghosts));
-    for (int32_t i = 0; i < s->n_ghosts; i++) {
-        const int owner = dmk_owner(s->bound, ranks->size, s->ghost[i]);
-        a->n_ghosts[owner]++;
-        a->ghost[i] = dmk_space_slot(s, s->ghost[i]);
-        DMK_TRY(dmk_mail_add(ctx, &mail, owner, &s->ghost[i]));
-    }
-    DMK_TRY(dmk_mail_send(ctx, ranks, &mail));
-    DMK_TRY(DMK_NEW(ctx, a->shown, mail.n));
-    for (int r = 0; r < ranks->size; r++)
-        a->n_shown[r] = (int32_t)(mail.first[r + 1] - mail.first[r]);
-    for (size_t i = 0; i < mail.n; i++) {
-        int64_t number;
-        memcpy(&number, mail.data + i * sizeof number, sizeof number);
-        a->shown[i] = dmk_space_slot(s, number);
-    }
+    const size_t n = (size_t)s->n_ghosts;
+    DMK_TRY(dmk_ask(ctx, ranks, s->bound, n, s->ghost, &a->border));
+    const int64_t *shown = (const void *)a->border.mail.data;
+    DMK_TRY(DMK_NEW(ctx, a->ghost, n));
+    DMK_TRY(DMK_NEW(ctx, a->shown, a->border.mail.n));
+    for (size_t i = 0; i < n; i++) a->ghost[i] = dmk_space_slot(s, s->ghost[i]);
+    for (size_t i = 0; i < a->border.mail.n; i++) a->shown[i] = dmk_space_slot(s, shown[i]);
 done:
-    dmk_mail_free(&mail);
     return rc;
 }
 
@@ -147,13 +133,6 @@ done:
     return rc;
 }
 
-static int32_t sum_of(const dmk_ranks *ranks, const int32_t *n)
-{
-    int32_t sum = 0;
-    for (int r = 0; r < ranks->size; r++) sum += n[r];
-    return sum;
-}
-
 /* ---- samples ---------------------------------------------------------------------------------- */
 
 /* What rank r has covered of later ranks' vertices goes to them. */
@@ -167,17 +146,16 @@ static int tell_covered(dmk_context *ctx, const dmk_ranks *ranks, const surround
     DMK_TRY(DMK_NEW(ctx, out, (size_t)ranks->size));
     DMK_TRY(DMK_NEW(ctx, in, (size_t)ranks->size));
     DMK_TRY(DMK_NEW(ctx, sent, (size_t)a->space.n_ghosts));
-    if (r < ranks->rank) in[r] = a->n_shown[r];
+    if (r < ranks->rank) in[r] = a->border.asks[r];
     DMK_TRY(DMK_NEW(ctx, came, (size_t)in[r]));
-    for (int q = 0; q < ranks->size; at += a->n_ghosts[q++]) {
+    for (int q = 0; q < ranks->size; at += a->border.asked[q++]) {
         if (!tells || q <= r) continue;
-        out[q] = a->n_ghosts[q];
+        out[q] = a->border.asked[q];
         for (int32_t i = 0; i < out[q]; i++) sent[n++] = covered[a->ghost[at + i]];
     }
     DMK_TRY(dmk_exchange(ctx, ranks, out, in, 1, sent, came));
-    at = 0;
-    for (int q = 0; q < r; q++) at += a->n_shown[q];
-    for (int32_t i = 0; i < in[r]; i++) covered[a->shown[at + i]] |= came[i];
+    const int32_t *shown = a->shown + a->border.mail.first[r];
+    for (int32_t i = 0; i < in[r]; i++) covered[shown[i]] |= came[i];
 done:
     free(out);
     free(in);
@@ -213,12 +191,12 @@ static int tell_labels(dmk_context *ctx, const dmk_ranks *ranks, const surroundi
                        dmk_growth *w)
 {
     int rc;
-    const int32_t n = sum_of(ranks, a->n_shown);
+    const size_t n = a->border.mail.n;
     dmk_label *sent = NULL, *came = NULL;
-    DMK_TRY(DMK_NEW(ctx, sent, (size_t)n));
+    DMK_TRY(DMK_NEW(ctx, sent, n));
     DMK_TRY(DMK_NEW(ctx, came, (size_t)a->space.n_ghosts));
-    for (int32_t i = 0; i < n; i++) sent[i] = w->label[a->shown[i]];
-    DMK_TRY(dmk_exchange(ctx, ranks, a->n_shown, a->n_ghosts, sizeof *sent, sent, came));
+    for (size_t i = 0; i < n; i++) sent[i] = w->label[a->shown[i]];
+    DMK_TRY(dmk_exchange(ctx, ranks, a->border.asks, a->border.asked, sizeof *sent, sent, came));
     for (int32_t i = 0; i < a->space.n_ghosts; i++) dmk_growth_set(w, a->ghost[i], came[i]);
 done:
     free(sent);
@@ -260,9 +238,7 @@ int dmk_grow_cells(dmk_context *ctx, const dmk_ranks *ranks, const dmk_side *fin
     DMK_TRY(find_samples(ctx, ranks, &a, grown, &n));
     DMK_TRY(DMK_NEW(ctx, coarse->bound, (size_t)ranks->size + 1));
     DMK_TRY(dmk_ranks_bound(ctx, ranks, n, coarse->bound));
-    coarse->n_whole = coarse->bound[ranks->size];
-    coarse->first = coarse->bound[ranks->rank];
-    coarse->end = coarse->bound[ranks->rank + 1];
+    dmk_space_set_own(ranks, coarse);
     if (!dmk_gains_nothing(coarse->n_whole, fine->vertex->n_whole))
         rc = grow(ctx, ranks, &a, n, coarse->first, grown);
 done:

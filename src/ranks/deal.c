@@ -73,14 +73,12 @@ static int own_items(dmk_context *ctx, dmk_share *s, const dmk_ground *g)
     int rc = DMK_OK;
     dmk_space *const space[3] = {&s->element, &s->edge, &s->vertex[0]};
     const size_t n = (size_t)s->ranks.size + 1;
-    const int32_t counts[3] = {g->mesh->n_triangles, g->mesh->n_edges, g->mesh->n_vertices};
     for (int k = 0; k < 3; k++) {
         DMK_TRY(DMK_NEW(ctx, space[k]->bound, n));
         if (g->bound[k]) memcpy(space[k]->bound, g->bound[k], n * sizeof *g->bound[k]);
-        space[k]->n_whole = g->bound[k] ? g->bound[k][s->ranks.size] : counts[k];
     }
     if (!g->bound[0]) find_bounds(s, g->mesh);
-    for (int k = 0; k < 3; k++) dmk_space_set_own(s, space[k]);
+    for (int k = 0; k < 3; k++) dmk_space_set_own(&s->ranks, space[k]);
     s->level_edge[0] = s->edge;
 done:
     return rc;

@@ -199,8 +199,7 @@ static int spread_bounds(dmk_context *ctx, const dmk_share *s, dmk_space *space)
 {
     int rc;
     DMK_TRY(SPREAD(space->bound, s->ranks.size + 1));
-    space->n_whole = space->bound[s->ranks.size];
-    dmk_space_set_own(s, space);
+    dmk_space_set_own(&s->ranks, space);
 done:
     return rc;
 }

@@ -17,22 +17,16 @@ static int32_t main_vertex(const dmk_coarsening *c, int32_t a)
     return c->restrict_fine[best];
 }
 
-static int own_range(dmk_context *ctx, const dmk_share *s, int32_t n, dmk_space *space)
-{
-    space->n_whole = n;
-    return DMK_NEW(ctx, space->bound, (size_t)s->ranks.size + 1);
-}
-
 /* A rank owns as many coarse vertices as have their main vertices among its fine ones. */
 static int bound_vertices(dmk_context *ctx, dmk_share *s, const dmk_coarsening *c, int32_t level)
 {
     int rc, size = s->ranks.size;
     dmk_space *vertex = &s->vertex[level];
-    DMK_TRY(own_range(ctx, s, c->coarse.n, vertex));
+    DMK_TRY(DMK_NEW(ctx, vertex->bound, (size_t)size + 1));
     for (int32_t a = 0; a < c->coarse.n; a++)
         vertex->bound[dmk_owner(s->vertex[level - 1].bound, size, main_vertex(c, a)) + 1]++;
     for (int r = 0; r < size; r++) vertex->bound[r + 1] += vertex->bound[r];
-    dmk_space_set_own(s, vertex);
+    dmk_space_set_own(&s->ranks, vertex);
 done:
     return rc;
 }
@@ -43,12 +37,12 @@ static int bound_edges(dmk_context *ctx, dmk_share *s, const dmk_graph *g, int32
     int rc;
     int32_t k = 0;
     dmk_space *edge = &s->level_edge[level];
-    DMK_TRY(own_range(ctx, s, g->n_edges, edge));
+    DMK_TRY(DMK_NEW(ctx, edge->bound, (size_t)s->ranks.size + 1));
     for (int r = 0; r < s->ranks.size; r++) {
         while (k < g->n_edges && g->edge[2 * (size_t)k] < s->vertex[level].bound[r + 1]) k++;
         edge->bound[r + 1] = k;
     }
-    dmk_space_set_own(s, edge);
+    dmk_space_set_own(&s->ranks, edge);
 done:
     return rc;
 }

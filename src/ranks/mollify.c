@@ -10,52 +10,46 @@
 /* Edges that several ranks have: those here that others own, and those that others have of the own ones. */
 typedef struct borders {
     const dmk_ranks *ranks;
-    int32_t *n_ghosts, *n_shown, *ghost, *shown; /* by rank: numbers, and local edges */
+    dmk_inquiry by_rank;
+    size_t n_ghosts;
+    int32_t *ghost, *shown; /* local edges */
 } borders;
 
 static void borders_free(borders *b)
 {
-    free(b->n_ghosts);
-    free(b->n_shown);
+    dmk_inquiry_free(&b->by_rank);
     free(b->ghost);
     free(b->shown);
 }
 
-static int find_borders(dmk_context *ctx, const dmk_ranks *ranks, const dmk_plot *plot, borders *b)
+static int find_edges(dmk_context *ctx, const dmk_plot *plot, size_t n, const int64_t *number,
+                      int32_t **edge)
 {
     int rc;
-    const int32_t n = plot->mesh.n_edges;
-    int32_t k = 0;
-    dmk_mail mail = {.item = sizeof *plot->edge};
-    b->ranks = ranks;
-    DMK_TRY(DMK_NEW(ctx, b->n_ghosts, (size_t)ranks->size));
-    DMK_TRY(DMK_NEW(ctx, b->n_shown, (size_t)ranks->size));
-    DMK_TRY(DMK_NEW(ctx, b->ghost, (size_t)n));
-    for (int32_t e = 0; e < n; e++) {
-        const int owner = dmk_owner(plot->bound[1], ranks->size, plot->edge[e]);
-        if (owner == ranks->rank) continue;
-        b->n_ghosts[owner]++;
-        b->ghost[k++] = e;
-        DMK_TRY(dmk_mail_add(ctx, &mail, owner, &plot->edge[e]));
-    }
-    DMK_TRY(dmk_mail_send(ctx, ranks, &mail));
-    DMK_TRY(DMK_NEW(ctx, b->shown, mail.n));
-    const int64_t *number = (const void *)mail.data;
-    for (int r = 0; r < ranks->size; r++)
-        b->n_shown[r] = (int32_t)(mail.first[r + 1] - mail.first[r]);
-    /* Not all own edges are of elements here, but those that others have are. */
-    for (size_t i = 0; i < mail.n; i++)
-        b->shown[i] = (int32_t)dmk_count_below(plot->edge, (size_t)n, number[i]);
+    DMK_TRY(DMK_NEW(ctx, *edge, n));
+    for (size_t i = 0; i < n; i++)
+        (*edge)[i] = (int32_t)dmk_count_below(plot->edge, (size_t)plot->mesh.n_edges, number[i]);
 done:
-    dmk_mail_free(&mail);
     return rc;
 }
 
-static int32_t sum_of(const borders *b, const int32_t *n)
+static int find_borders(dmk_context *ctx, const dmk_ranks *ranks, const dmk_plot *plot, borders *b)
 {
-    int32_t sum = 0;
-    for (int r = 0; r < b->ranks->size; r++) sum += n[r];
-    return sum;
+    int rc = DMK_OK;
+    const int64_t *bound = plot->bound[1];
+    const dmk_space own = {.first = bound[ranks->rank], .end = bound[ranks->rank + 1]};
+    const dmk_mail *shown = &b->by_rank.mail;
+    dmk_list ghost = {0};
+    for (int32_t e = 0; e < plot->mesh.n_edges; e++)
+        DMK_TRY(dmk_list_add_ghost(ctx, &ghost, &own, plot->edge[e]));
+    b->ranks = ranks;
+    b->n_ghosts = ghost.n;
+    DMK_TRY(dmk_ask(ctx, ranks, bound, ghost.n, ghost.at, &b->by_rank));
+    DMK_TRY(find_edges(ctx, plot, ghost.n, ghost.at, &b->ghost));
+    rc = find_edges(ctx, plot, shown->n, (const void *)shown->data, &b->shown);
+done:
+    dmk_list_free(&ghost);
+    return rc;
 }
 
 /* Rank r's lengths to the owners of its edges. */
@@ -63,19 +57,20 @@ static int tell_owners(dmk_context *ctx, const borders *b, int r, double *length
 {
     int rc;
     const size_t size = (size_t)b->ranks->size;
-    const int32_t n = b->ranks->rank == r ? sum_of(b, b->n_ghosts) : 0;
-    int32_t *none = NULL, *in = NULL, at = 0;
+    const bool tells = b->ranks->rank == r;
+    const size_t n = tells ? b->n_ghosts : 0;
+    int32_t *none = NULL, *in = NULL;
     double *sent = NULL, *came = NULL;
     DMK_TRY(DMK_NEW(ctx, none, size));
     DMK_TRY(DMK_NEW(ctx, in, size));
-    if (b->ranks->rank != r) in[r] = b->n_shown[r];
-    DMK_TRY(DMK_NEW(ctx, sent, (size_t)n));
+    if (!tells) in[r] = b->by_rank.asks[r];
+    DMK_TRY(DMK_NEW(ctx, sent, n));
     DMK_TRY(DMK_NEW(ctx, came, (size_t)in[r]));
-    for (int32_t i = 0; i < n; i++) sent[i] = length[b->ghost[i]];
-    DMK_TRY(dmk_exchange(ctx, b->ranks, b->ranks->rank == r ? b->n_ghosts : none, in, sizeof *sent,
-                         sent, came));
-    for (int q = 0; q < r; q++) at += b->n_shown[q];
-    for (int32_t i = 0; i < in[r]; i++) length[b->shown[at + i]] = came[i];
+    for (size_t i = 0; i < n; i++) sent[i] = length[b->ghost[i]];
+    DMK_TRY(
+        dmk_exchange(ctx, b->ranks, tells ? b->by_rank.asked : none, in, sizeof *sent, sent, came));
+    const int32_t *shown = b->shown + b->by_rank.mail.first[r];
+    for (int32_t i = 0; i < in[r]; i++) length[shown[i]] = came[i];
 done:
     free(none);
     free(in);
@@ -88,13 +83,14 @@ done:
 static int tell_all(dmk_context *ctx, const borders *b, double *length)
 {
     int rc;
-    const int32_t n_out = sum_of(b, b->n_shown), n_in = sum_of(b, b->n_ghosts);
+    const size_t n_out = b->by_rank.mail.n, n_in = b->n_ghosts;
     double *sent = NULL, *came = NULL;
-    DMK_TRY(DMK_NEW(ctx, sent, (size_t)n_out));
-    DMK_TRY(DMK_NEW(ctx, came, (size_t)n_in));
-    for (int32_t i = 0; i < n_out; i++) sent[i] = length[b->shown[i]];
-    DMK_TRY(dmk_exchange(ctx, b->ranks, b->n_shown, b->n_ghosts, sizeof *sent, sent, came));
-    for (int32_t i = 0; i < n_in; i++) length[b->ghost[i]] = came[i];
+    DMK_TRY(DMK_NEW(ctx, sent, n_out));
+    DMK_TRY(DMK_NEW(ctx, came, n_in));
+    for (size_t i = 0; i < n_out; i++) sent[i] = length[b->shown[i]];
+    DMK_TRY(
+        dmk_exchange(ctx, b->ranks, b->by_rank.asks, b->by_rank.asked, sizeof *sent, sent, came));
+    for (size_t i = 0; i < n_in; i++) length[b->ghost[i]] = came[i];
 done:
     free(sent);
     free(came);

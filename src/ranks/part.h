@@ -13,11 +13,12 @@ static inline int32_t dmk_gather_below(const dmk_share *s)
     return s->ranks.gather_below > 0 ? s->ranks.gather_below : DMK_GATHER_BELOW;
 }
 
-/* first and end from bound. */
-static inline void dmk_space_set_own(const dmk_share *s, dmk_space *space)
+/* n_whole, first and end from bound. */
+static inline void dmk_space_set_own(const dmk_ranks *ranks, dmk_space *space)
 {
-    space->first = space->bound[s->ranks.rank];
-    space->end = space->bound[s->ranks.rank + 1];
+    space->n_whole = space->bound[ranks->size];
+    space->first = space->bound[ranks->rank];
+    space->end = space->bound[ranks->rank + 1];
 }
 
 void dmk_part_free(dmk_part *part);

@@ -293,21 +293,15 @@ void dmk_mail_free(dmk_mail *m)
 
 /* ---- what owners have ------------------------------------------------------------------------- */
 
-/* Questions that went out, and those that came. */
-typedef struct inquiry {
-    int32_t *asked, *asks; /* by rank: numbers of its own, and of the ones here */
-    dmk_mail mail;         /* the latter */
-} inquiry;
-
-static void inquiry_free(inquiry *q)
+void dmk_inquiry_free(dmk_inquiry *q)
 {
     free(q->asked);
     free(q->asks);
     dmk_mail_free(&q->mail);
 }
 
-static int ask(dmk_context *ctx, const dmk_ranks *ranks, const int64_t *bound, size_t n,
-               const int64_t *number, inquiry *q)
+int dmk_ask(dmk_context *ctx, const dmk_ranks *ranks, const int64_t *bound, size_t n,
+            const int64_t *number, dmk_inquiry *q)
 {
     int rc;
     q->mail.item = sizeof *number;
@@ -342,29 +336,35 @@ done:
 }
 
 /* Own numbers that were asked for: where they stand among the own ones. */
-static size_t asked_at(const inquiry *q, int64_t first, size_t i)
+static size_t asked_at(const dmk_inquiry *q, int64_t first, size_t i)
 {
-    int64_t number;
-    memcpy(&number, q->mail.data + i * sizeof number, sizeof number);
-    return (size_t)(number - first);
+    return (size_t)(((const int64_t *)(const void *)q->mail.data)[i] - first);
+}
+
+/* What `own` has, from number `first` on, of those that were asked for. */
+static int answer(dmk_context *ctx, const dmk_ranks *ranks, int64_t first, const dmk_inquiry *q,
+                  size_t item, const void *own, void *records)
+{
+    int rc;
+    char *answers = NULL;
+    DMK_TRY(dmk_alloc(ctx, "records", q->mail.n, item, (void **)&answers));
+    for (size_t i = 0; i < q->mail.n; i++)
+        memcpy(answers + item * i, (const char *)own + item * asked_at(q, first, i), item);
+    rc = dmk_exchange(ctx, ranks, q->asks, q->asked, item, answers, records);
+done:
+    free(answers);
+    return rc;
 }
 
 int dmk_fetch(dmk_context *ctx, const dmk_ranks *ranks, const int64_t *bound, size_t n,
               const int64_t *number, size_t item, const void *own, void *records)
 {
     int rc;
-    inquiry q = {0};
-    char *answers = NULL;
-    DMK_TRY(ask(ctx, ranks, bound, n, number, &q));
-    DMK_TRY(dmk_alloc(ctx, "records", q.mail.n, item, (void **)&answers));
-    for (size_t i = 0; i < q.mail.n; i++) {
-        memcpy(answers + item * i, (const char *)own + item * asked_at(&q, bound[ranks->rank], i),
-               item);
-    }
-    rc = dmk_exchange(ctx, ranks, q.asks, q.asked, item, answers, records);
+    dmk_inquiry q = {0};
+    DMK_TRY(dmk_ask(ctx, ranks, bound, n, number, &q));
+    rc = answer(ctx, ranks, bound[ranks->rank], &q, item, own, records);
 done:
-    inquiry_free(&q);
-    free(answers);
+    dmk_inquiry_free(&q);
     return rc;
 }
 
@@ -378,9 +378,9 @@ static void count_entries(const dmk_ranks *ranks, const int32_t *numbers, const 
     }
 }
 
-static int answer_rows(dmk_context *ctx, const dmk_ranks *ranks, int64_t first, const inquiry *q,
-                       size_t item, const int32_t *own_row, const char *own, const int32_t *length,
-                       char *entries)
+static int answer_rows(dmk_context *ctx, const dmk_ranks *ranks, int64_t first,
+                       const dmk_inquiry *q, size_t item, const int32_t *own_row, const char *own,
+                       const int32_t *length, char *entries)
 {
     int rc;
     size_t at = 0;
@@ -416,13 +416,13 @@ int dmk_fetch_rows(dmk_context *ctx, const dmk_ranks *ranks, const int64_t *boun
 {
     int rc;
     const int64_t first = bound[ranks->rank], n_own = bound[ranks->rank + 1] - first;
-    inquiry q = {0};
+    dmk_inquiry q = {0};
     int32_t *length = NULL;
     DMK_TRY(DMK_NEW(ctx, length, (size_t)n_own));
     DMK_TRY(DMK_NEW(ctx, *row, n + 1));
     for (int64_t i = 0; i < n_own; i++) length[i] = own_row[i + 1] - own_row[i];
-    DMK_TRY(dmk_fetch(ctx, ranks, bound, n, number, sizeof *length, length, *row + 1));
-    DMK_TRY(ask(ctx, ranks, bound, n, number, &q));
+    DMK_TRY(dmk_ask(ctx, ranks, bound, n, number, &q));
+    DMK_TRY(answer(ctx, ranks, first, &q, sizeof *length, length, *row + 1));
     free(length);
     length = NULL;
     DMK_TRY(DMK_NEW(ctx, length, n));
@@ -431,7 +431,7 @@ int dmk_fetch_rows(dmk_context *ctx, const dmk_ranks *ranks, const int64_t *boun
     DMK_TRY(dmk_alloc(ctx, "rows", (size_t)(*row)[n], item, entries));
     rc = answer_rows(ctx, ranks, first, &q, item, own_row, own, length, *entries);
 done:
-    inquiry_free(&q);
+    dmk_inquiry_free(&q);
     free(length);
     return rc;
 }

@@ -52,6 +52,16 @@ int dmk_mail_answer(dmk_context *context, const dmk_ranks *ranks, const dmk_mail
                     const void *answers, void *came);
 void dmk_mail_free(dmk_mail *mail);
 
+/* Numbers that this rank asks of their owners, and those that others ask of it. */
+typedef struct dmk_inquiry {
+    int32_t *asked, *asks; /* by rank: numbers of its own, and of the ones here */
+    dmk_mail mail;         /* the latter, as int64_t */
+} dmk_inquiry;
+/* n numbers in increasing order. */
+int dmk_ask(dmk_context *context, const dmk_ranks *ranks, const int64_t *bound, size_t n,
+            const int64_t *number, dmk_inquiry *inquiry);
+void dmk_inquiry_free(dmk_inquiry *inquiry);
+
 /* Of n numbers, sorted, each once, the records of `item` bytes that their owners have: of the own ones, which begin at
  * bound[rank], `own` holds them. */
 int dmk_fetch(dmk_context *context, const dmk_ranks *ranks, const int64_t *bound, size_t n,

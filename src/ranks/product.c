@@ -264,9 +264,7 @@ static int number_edges(dmk_context *ctx, const dmk_ranks *ranks, int32_t n, dmk
     dmk_mail mail = {.item = 3 * sizeof *part->other};
     DMK_TRY(DMK_NEW(ctx, edges->bound, (size_t)ranks->size + 1));
     DMK_TRY(dmk_ranks_bound(ctx, ranks, n, edges->bound));
-    edges->n_whole = edges->bound[ranks->size];
-    edges->first = edges->bound[ranks->rank];
-    edges->end = edges->bound[ranks->rank + 1];
+    dmk_space_set_own(ranks, edges);
     coarse->n_edges = n;
     DMK_TRY(DMK_NEW(ctx, coarse->edge, 3 * (size_t)n));
     for (int32_t e = 0; e < n; e++) {
