@@ -238,9 +238,9 @@ static void test_refuses_bad_indices(void **state)
     int32_t t[12];
     memcpy(t, tetra, sizeof t);
     t[7] = 99;
-    check_refused(*state, N_SPARE, tetra_xyz, 4, t, DMK_E_MESH, "triangle_2 vertex_99 0_to_7");
+    check_refused(*state, N_SPARE, tetra_xyz, 4, t, DMK_E_MESH, "triangle_2 vertex_99 there_are_8");
     t[7] = N_SPARE;
-    check_refused(*state, N_SPARE, tetra_xyz, 4, t, DMK_E_MESH, "triangle_2 vertex_8 0_to_7");
+    check_refused(*state, N_SPARE, tetra_xyz, 4, t, DMK_E_MESH, "triangle_2 vertex_8 there_are_8");
     t[7] = -1;
     check_refused(*state, N_SPARE, tetra_xyz, 4, t, DMK_E_MESH, "triangle_2 vertex_-1");
     t[7] = t[6];
