@@ -1,5 +1,6 @@
 # For test scripts: TAP results. Source it, call `check`, `fails` or `skip` for each test, end with
 # `tap_end`.
+export LC_ALL=C.UTF-8 # in others awk's numbers have commas
 tap_n=0
 : "${DMKCL_BUILD:=build/release}"
 tool=$DMKCL_BUILD/dmkcl

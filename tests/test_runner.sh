@@ -43,6 +43,12 @@ side_by_side() {
 }
 check 'tests that run side by side are added up' side_by_side
 
+german() {
+    localedef -i de_DE -f UTF-8 "$work/de_DE.UTF-8" && test 5.5 = "$(LOCPATH=$work LC_ALL=de_DE.UTF-8 \
+        bash -c '. tests/tap.sh; echo 2.75 | awk "{ print 2 * \$1 }"')"
+}
+check 'numbers have points in any locale' german
+
 # What must be no JSON.
 check 'JSON is JSON' is_json <(echo '{"a": [1, -2.5e-3, "x\\n", null]}')
 for text in '' '{"a": 1' '{"a": 1} {}' '[1]' '{"a": nan}'; do

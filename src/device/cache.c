@@ -192,7 +192,7 @@ void dmk_cache_store(dmk_device *dev, const char *options, cl_program program)
     free(binary);
 }
 
-/* Where PoCL keeps its kernels, as its manual says; "" where that is its own choice. */
+/* Where PoCL keeps its kernels, as its manual says; in /tmp, as it does, without a home. */
 static void pocl_folder(char *folder, size_t size)
 {
     const char *own = getenv("POCL_CACHE_DIR"), *base = getenv("XDG_CACHE_HOME"),
@@ -204,7 +204,7 @@ static void pocl_folder(char *folder, size_t size)
     else if (home && *home)
         snprintf(folder, size, "%s/.cache/pocl/kcache", home);
     else
-        snprintf(folder, size, "%s", "");
+        snprintf(folder, size, "/tmp/pocl/kcache");
 }
 
 /* Whether a file of so many bytes has room in the folder: 0 or errno. */
@@ -234,7 +234,6 @@ int dmk_cache_check_pocl(dmk_context *ctx)
     enum { ROOM = 4 << 20 }; /* bytes: all kernels for one device are 1.1 to 1.5 MB */
     char folder[512];
     pocl_folder(folder, sizeof folder);
-    if (!*folder) return DMK_OK;
     int error = make_folders(folder) == 0 ? try_room(folder, ROOM) : errno;
     if (error == 0) return DMK_OK;
     return dmk_fail(ctx, DMK_E_DEVICE,

@@ -2,6 +2,7 @@
 # tried and `finish` at the end. Prints what failed, and at last "# tried N: failed M".
 # CHECK_SHORT=1 asks for a form that continuous integration has time for.
 set -u
+export LC_ALL=C.UTF-8 # in others awk's numbers have commas
 build=${DMKCL_BUILD:-build/release}
 short=${CHECK_SHORT:-}
 tried=0 failed=0
