@@ -474,6 +474,12 @@ static void test_results_in_pieces(void **state)
     dmk_mesh_destroy(&back);
     remove_file(f, "a&b\"<_0000.vtp");
     remove_file(f, "a&b\"<.pvtp");
+    /* Of a name that XML cannot hold, or gives back as another one, viewers would find no piece. */
+    assert_int_equal(dmk_fields_write(f->ctx, &fields, path_of(f, "a\tb.pvtp")), DMK_E_ARG);
+    assert_int_equal(dmk_fields_write(f->ctx, &fields, path_of(f, "a\xff.pvtp")), DMK_E_ARG);
+    assert_non_null(
+        strstr(dmk_context_message(f->ctx), "only in UTF-8 without control characters"));
+    assert_int_equal(count_files(f), 0);
     dmk_mesh_destroy(&m);
 }
 

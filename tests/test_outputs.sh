@@ -172,6 +172,12 @@ refused 'many sources on the standard output' "--sources writes a file for each 
 refused 'a stream of a format that cannot hold it' "--format: off cannot hold a result, and --out: '-' has no suffix" \
     distance "$mesh" --vertex 0 --out - --format off
 ln -s /dev/null "$work/null.pvtp"
+for name in 'l\344' 'tab\t' 'line\n' 'cut\342\202'; do
+    refused "an index that XML cannot hold: $name" 'names its pieces, and can do so only in UTF-8 without control characters' \
+        solve "$mesh" --vertex 0 --out "$work/$(printf "${name}_").pvtp"
+done
+mkdir "$work/$(printf 'l\344')"
+check 'whatever the folder is called' "$tool" mesh "$mesh" --quiet --out "$work/$(printf 'l\344/\342\202\254 &').pvtp"
 refused 'several files in one stream' 'PVTP is several files' solve "$mesh" --vertex 0 --out "$work/null.pvtp"
 fails 'the standard output is full' 2 'the standard output: cannot write' bash -c "'$tool' mesh '$mesh' --out - > /dev/full"
 check 'the reader has gone' bash -c "set -o pipefail; '$tool' mesh torus --refine 1 --quiet --out - | head -c 1; test \$? -eq 141"

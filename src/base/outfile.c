@@ -283,3 +283,31 @@ void dmk_outfile_piece(const char *path, int k, char *name, size_t size)
 {
     snprintf(name, size, "%.*s_%04d.vtp", (int)(strlen(path) - strlen(".pvtp")), path, k);
 }
+
+bool dmk_outfile_can_index(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    for (const char *c = slash ? slash + 1 : path; *c;) {
+        const int n = dmk_utf8_length(c);
+        if (n == 0 || (unsigned char)*c < 0x20) return false;
+        c += n;
+    }
+    return true;
+}
+
+int dmk_utf8_length(const char *text)
+{
+    const unsigned char *c = (const unsigned char *)text;
+    const int n = c[0] < 0x80   ? 1
+                  : c[0] < 0xc2 ? 0
+                  : c[0] < 0xe0 ? 2
+                  : c[0] < 0xf0 ? 3
+                  : c[0] < 0xf5 ? 4
+                                : 0;
+    for (int i = 1; i < n; i++) {
+        if (c[i] < 0x80 || c[i] > 0xbf) return 0;
+    }
+    if ((c[0] == 0xe0 && c[1] < 0xa0) || (c[0] == 0xed && c[1] > 0x9f)) return 0;
+    if ((c[0] == 0xf0 && c[1] < 0x90) || (c[0] == 0xf4 && c[1] > 0x8f)) return 0;
+    return n;
+}

@@ -50,5 +50,10 @@ enum {
 }; /* bytes that the name of a piece may be longer than that of the whole */
 /* The name of piece k of a file in pieces: "dir/NAME.pvtp" -> "dir/NAME_0003.vtp". */
 void dmk_outfile_piece(const char *path, int k, char *name, size_t size);
+/* Whether an index in XML can name the pieces of `path`: their names are UTF-8 without control characters. */
+bool dmk_outfile_can_index(const char *path);
+/* Bytes of the UTF-8 character at `text`; 0 if none begins there (RFC 3629: no longer form than needed, no
+ * surrogates, nothing above U+10FFFF). */
+int dmk_utf8_length(const char *text);
 
 #endif

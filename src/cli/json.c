@@ -5,25 +5,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* Bytes of the UTF-8 character at `text`; 0 if none begins there (RFC 3629: no longer form than needed, no
- * surrogates, nothing above U+10FFFF). */
-static int utf8_length(const char *text)
-{
-    const unsigned char *c = (const unsigned char *)text;
-    const int n = c[0] < 0x80   ? 1
-                  : c[0] < 0xc2 ? 0
-                  : c[0] < 0xe0 ? 2
-                  : c[0] < 0xf0 ? 3
-                  : c[0] < 0xf5 ? 4
-                                : 0;
-    for (int i = 1; i < n; i++) {
-        if (c[i] < 0x80 || c[i] > 0xbf) return 0;
-    }
-    if ((c[0] == 0xe0 && c[1] < 0xa0) || (c[0] == 0xed && c[1] > 0x9f)) return 0;
-    if ((c[0] == 0xf0 && c[1] < 0x90) || (c[0] == 0xf4 && c[1] > 0x8f)) return 0;
-    return n;
-}
-
 /* File names are bytes; JSON is UTF-8: a byte that is not becomes U+DC80 .. U+DCFF, from which Python's
  * os.fsencode and the like give it back. */
 static void quote(FILE *file, const char *text)
@@ -31,7 +12,7 @@ static void quote(FILE *file, const char *text)
     fputc('"', file);
     for (; *text; text++) {
         const unsigned char c = (unsigned char)*text;
-        const int n = utf8_length(text);
+        const int n = dmk_utf8_length(text);
         if (n == 0) {
             fprintf(file, "\\udc%02x", c);
         } else if (n > 1) {

@@ -223,6 +223,20 @@ int cli_check_report(const char *path)
                      path);
 }
 
+static int check_pieces(const char *option, const char *path, bool stream)
+{
+    if (stream) {
+        return cli_error(EXIT_USAGE, "--%s: '%s': PVTP is several files, and this is one stream",
+                         option, path);
+    }
+    if (dmk_outfile_can_index(path)) return EXIT_OK;
+    return cli_error(
+        EXIT_USAGE,
+        "--%s: '%s': a PVTP file names its pieces, and can do so only in UTF-8 without "
+        "control characters; choose another name",
+        option, path);
+}
+
 static int check_suffix(const char *option, const char *path, cli_what what, const char *format)
 {
     static const char *const words[] = {"a mesh", "a result", "lines", "a tangent cut locus",
@@ -233,9 +247,9 @@ static int check_suffix(const char *option, const char *path, cli_what what, con
     cli_suffixes(what, suffixes, sizeof suffixes);
     const bool by_name = format && find_format(format, &chosen) && format_holds(&chosen, what);
     const bool stream = cli_is_stream(path);
-    if (stream && has_suffix(path, ".pvtp")) {
-        return cli_error(EXIT_USAGE, "--%s: '%s': PVTP is several files, and this is one stream",
-                         option, path);
+    if (has_suffix(path, ".pvtp")) {
+        const int code = check_pieces(option, path, stream);
+        if (code != EXIT_OK) return code;
     }
     if (has_suffix(path, suffixes)) return EXIT_OK;
     if (format && !by_name) {

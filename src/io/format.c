@@ -129,9 +129,17 @@ static int find_writer(dmk_context *ctx, const char *path, int what, const dmk_f
     const bool stream = dmk_outfile_is_stream(path);
     if (!*path) return dmk_fail(ctx, DMK_E_ARG, "'': expected the name of a file");
     *format = find_by_suffix(path, what);
-    if (*format && stream && (*format)->write_mesh == dmk_pvtp_write) {
-        return dmk_fail(ctx, DMK_E_ARG, "%s: PVTP is several files, and this is a pipe or device",
-                        path);
+    if (*format && (*format)->write_mesh == dmk_pvtp_write) {
+        if (stream) {
+            return dmk_fail(ctx, DMK_E_ARG,
+                            "%s: PVTP is several files, and this is a pipe or device", path);
+        }
+        if (!dmk_outfile_can_index(path)) {
+            return dmk_fail(ctx, DMK_E_ARG,
+                            "%s: a PVTP file names its pieces, and can do so only in UTF-8 without "
+                            "control characters; choose another name",
+                            path);
+        }
     }
     if (!*format && ctx->format) *format = find_by_name(ctx->format);
     if (!*format && stream) *format = find_by_name("VTP");
