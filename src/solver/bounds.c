@@ -70,7 +70,6 @@ static double steepness(const double l[3], double area, const double x[3])
 /* q of triangle t of the packed mesh m: the mean over its four parts. */
 static double q_of(const dmk_iteration *o, const dmk_mesh *m, int32_t t, const double *x)
 {
-    static const int part[4][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}, {3, 4, 5}};
     const double unit = o->sys->unit;
     double l[3], value[6], sum = 0;
     for (int k = 0; k < 3; k++) {
@@ -80,7 +79,8 @@ static double q_of(const dmk_iteration *o, const dmk_mesh *m, int32_t t, const d
         value[3 + k] = x[m->triangle_edge[h]];
     }
     for (int p = 0; p < 4; p++) {
-        const double at[3] = {value[part[p][0]], value[part[p][1]], value[part[p][2]]};
+        const int *node = dmk_quarter[p];
+        const double at[3] = {value[node[0]], value[node[1]], value[node[2]]};
         sum += 0.25 * steepness(l, 0.25 * m->area[t] / (unit * unit), at);
     }
     return sum;

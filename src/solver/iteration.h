@@ -137,6 +137,8 @@ void dmk_right_hand_side(const dmk_mesh *mesh, const dmk_system *system, const d
  * which are left out (NULL: none). The source: its triangle, or -1 where it is not here, and weights. */
 void dmk_fill_right_hand_side(const dmk_mesh *mesh, const dmk_space *elements, int32_t vertex_row,
                               double unit, int32_t source, const double weight[3], double *f);
+/* Triangles of T/2 in one of T, by the nodes v0 v1 v2 m0 m1 m2; the middle one last. */
+static const int dmk_quarter[4][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}, {3, 4, 5}};
 /* The weights of the six macro-element nodes (v0 v1 v2 m0 m1 m2) at a point. */
 void dmk_point_weights(const double bary[3], double weight[6]);
 

@@ -131,6 +131,17 @@ static dmk_range elements(const dmk_system *s)
     return items(s->n_elements);
 }
 
+/* T's vertices, and the first slice of theirs among the rows. */
+static dmk_range vertices(const dmk_system *s)
+{
+    return items(s->level[0].n);
+}
+
+static int32_t first_slice(const dmk_system *s)
+{
+    return s->vertex_row / DMK_WIDTH;
+}
+
 /* With the padding, where what short rows read of its elements must be 0, and their memory had another
  * use before. */
 static dmk_range padded_elements(const dmk_system *s)
@@ -433,10 +444,9 @@ int dmk_restrict_rows(dmk_context *ctx, dmk_system *s, const dmk_buffer *rhs)
     int rc;
     dmk_level *l = &s->level[0];
     DMK_TRY(dmk_send(ctx, dmk_ship_rows(s->share, DMK_INNER, rhs)));
-    rc =
-        RUN(DMK_INNER, restrict_midpoints, items(l->n), DMK_INT(l->n), DMK_INT(s->vertex_row),
-            DMK_BUF(l->slice), DMK_BUF(l->number), DMK_BUF(rhs), DMK_INT(s->vertex_row / DMK_WIDTH),
-            DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out), DMK_BUF(l->rhs));
+    rc = RUN(DMK_INNER, restrict_midpoints, vertices(s), DMK_INT(l->n), DMK_INT(s->vertex_row),
+             DMK_BUF(l->slice), DMK_BUF(l->number), DMK_BUF(rhs), DMK_INT(first_slice(s)),
+             DMK_BUF(s->slice), DMK_BUF(s->slot), DMK_BUF(s->out), DMK_BUF(l->rhs));
 done:
     return rc;
 }
@@ -561,7 +571,7 @@ int dmk_graph_refresh(dmk_context *ctx, dmk_system *s, int32_t level)
     if (of_mesh)
         DMK_TRY(RUN(DMK_INNER, mesh_refresh, range, DMK_INT(l->n), DMK_BUF(l->slice),
                     DMK_BUF(l->number), DMK_BUF(l->edge), DMK_BUF(l->weight),
-                    DMK_INT(s->vertex_row / DMK_WIDTH), DMK_BUF(s->slice), DMK_BUF(s->slot),
+                    DMK_INT(first_slice(s)), DMK_BUF(s->slice), DMK_BUF(s->slot),
                     DMK_BUF(s->diag_coarse), DMK_BUF(l->inv_diag), EDGES_OF(next, n_edges)));
     else
         DMK_TRY(RUN(DMK_INNER, graph_refresh, range, DMK_INT(l->n), DMK_BUF(l->slice),
@@ -693,17 +703,6 @@ done:
 }
 
 /* ---- nested.cl ------------------------------------------------------------------------------- */
-
-/* T's vertices, and the first slice of theirs among the rows. */
-static dmk_range vertices(const dmk_system *s)
-{
-    return items(s->level[0].n);
-}
-
-static int32_t first_slice(const dmk_system *s)
-{
-    return s->vertex_row / DMK_WIDTH;
-}
 
 int dmk_nested_load(dmk_context *ctx, dmk_system *s)
 {

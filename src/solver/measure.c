@@ -186,13 +186,13 @@ static void add(const load *l, int32_t t, const double w[6], double factor)
 /* A density that is linear on triangle t, d at its corners times the triangle's area. */
 static void add_linear(const load *l, int32_t t, const double d[3])
 {
-    static const int sub[4][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}, {3, 4, 5}};
     const double node[6] = {
         d[0], d[1], d[2], 0.5 * (d[1] + d[2]), 0.5 * (d[2] + d[0]), 0.5 * (d[0] + d[1])};
     double w[6] = {0};
     for (int s = 0; s < 4; s++) {
-        const double sum = node[sub[s][0]] + node[sub[s][1]] + node[sub[s][2]];
-        for (int k = 0; k < 3; k++) w[sub[s][k]] += (sum + node[sub[s][k]]) / 48;
+        const int *at = dmk_quarter[s];
+        const double sum = node[at[0]] + node[at[1]] + node[at[2]];
+        for (int k = 0; k < 3; k++) w[at[k]] += (sum + node[at[k]]) / 48;
     }
     add(l, t, w, 1);
 }

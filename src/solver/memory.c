@@ -16,8 +16,8 @@ enum {
     PER_TRIANGLE_PACKED = 266, /* operator, rows, hierarchy */
     PER_TRIANGLE_STATE = 212,  /* state and work arrays */
     SINGLE_SAVES = 72,
-    PER_TRIANGLE_HOST =
-        300, /* the mesh as given and in order, geodesics, maps, working space, result */
+    PER_TRIANGLE_HOST = 300, /* the mesh twice, geodesics, maps, working space, result */
+    PER_TRIANGLE_MESH = 80,  /* of these the mesh as given, which is there before a solve */
     PER_TRIANGLE_EXACT = 96, /* three strides of exact windows, while the system is packed */
     FIXED_HOST = 90 << 20    /* OpenCL drivers with their compilers, the kernels */
 };
@@ -103,7 +103,8 @@ int dmk_memory_check(dmk_context *ctx, const dmk_device *device, int64_t n_trian
     dmk_device_get_info(device, &info);
     dmk_solve_memory((size_t)n_triangles, dmk_device_real(device, DMK_OUTER) == sizeof(float), &m);
     /* The mesh and the drivers have theirs already. */
-    uint64_t taken = FIXED_HOST + (uint64_t)n_triangles * 80, available = available_memory();
+    uint64_t taken = FIXED_HOST + (uint64_t)n_triangles * PER_TRIANGLE_MESH,
+             available = available_memory();
     uint64_t host = m.host > taken ? m.host - taken : 0;
     const bool same = strcmp(info.type, "CPU") == 0;
     if (!same && info.memory > 0 && m.device > info.memory) {

@@ -11,9 +11,9 @@
 #include <pthread.h>
 #include <stdlib.h>
 
-/* Triangles with an element bound above 2.5 (see stiffness_bound in density.cl): flatter than a right angle by far. Few
- * do no harm, as a flat triangle damps its own nodes only. Those with an angle below 5 degrees. And the largest
- * cotangent. */
+/* Triangles with an element bound above 2.5 (stiffness_bound in density.cl), of which the squared sines sum up to less
+ * than 1.25: flatter than a right angle by far. Few do no harm, as a flat triangle damps its own nodes only. Those with
+ * an angle below 5 degrees. And the largest cotangent. */
 typedef struct needles {
     const dmk_mesh *mesh;
     int32_t begin, end; /* of its triangles */
@@ -33,9 +33,7 @@ static void needle_range(int32_t begin, int32_t end, void *data)
         dmk_cots(m, t, c);
         sharpest = dmk_max(sharpest, dmk_max(fabs(c[0]), dmk_max(fabs(c[1]), fabs(c[2]))));
         n_sharp += dmk_is_needle(c);
-        if (c[0] >= 0 && c[1] >= 0 && c[2] >= 0) continue; /* s is 2 or more */
-        const double s = 1 / (1 + c[0] * c[0]) + 1 / (1 + c[1] * c[1]) + 1 / (1 + c[2] * c[2]);
-        n_flat += 1.5 + sqrt(dmk_max(2.25 - s, 0)) > 2.5;
+        n_flat += 1 / (1 + c[0] * c[0]) + 1 / (1 + c[1] * c[1]) + 1 / (1 + c[2] * c[2]) < 1.25;
     }
     pthread_mutex_lock(&f->lock);
     f->n_flat += n_flat;
