@@ -24,9 +24,8 @@
  * tell each other those: the fewest with which a work-group of a GPU has as many to add in turn as before. */
 #define DMK_SUM_SHORT 8192
 #define DMK_SUM_BLOCK (DMK_SUM_SHORT / DMK_GROUP)
-#define DMK_DENSE                                                                                  \
-    160 /* rows of the coarsest level that one work-group inverts; there are up to 96, or more
-                         where coarsening stalls */
+/* Rows of the coarsest level that one work-group inverts; there are up to 96, or more where coarsening stalls. */
+#define DMK_DENSE 160
 
 /* The Galerkin tables' coefficients are whole numbers of 1 / this: the square of DMK_WEIGHT_PARTS. */
 #define DMK_GALERKIN_PARTS 16384

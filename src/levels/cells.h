@@ -13,9 +13,9 @@ enum { DMK_HUB = DMK_SHORT_LIST };
 typedef struct dmk_adjacency {
     int32_t n;
     int32_t *row; /* n + 1 */
-    int32_t
-        *to; /* row[n]: neighbours, in increasing order below the mesh until there are cells; then
-                      those of hubs are in the order of their distance */
+    /* row[n]: neighbours, in increasing order below the mesh until there are cells; then those of hubs are in the
+     * order of their distance */
+    int32_t *to;
     float *length; /* row[n]: distance of the two positions in space, or resistance */
     bool resists;  /* the latter */
 } dmk_adjacency;
@@ -48,7 +48,7 @@ int dmk_cells_sample(dmk_context *context, const dmk_adjacency *graph, int32_t f
 typedef struct dmk_label {
     float distance;
     int32_t
-        steps; /* edges on the way: a sample stays in its own cell, even if all edges are too short for floats */
+        steps; /* edges on the way: a sample keeps its cell, even if all are too short for floats */
     int64_t cell;
 } dmk_label;
 

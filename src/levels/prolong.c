@@ -27,8 +27,7 @@ typedef struct points {
 /* For each point p a point s q_i + t q_k of the star, with its squared distance from p, less the constant p.p. */
 typedef struct nearest {
     double distance2[ABREAST], s[ABREAST], t[ABREAST];
-    double
-        at[ABREAST]; /* spoke i = k, or n_spokes and a triangle; a double, as wide as the others */
+    double at[ABREAST]; /* spoke i = k, or n_spokes and a triangle; as wide as the others */
 } nearest;
 
 /* The surroundings of one cell c, all relative to the position of c. Arrays grow as needed. */

@@ -26,8 +26,8 @@ void dmk_part_free(dmk_part *part);
 /* A level's own vertices, and what they are linked to. */
 typedef struct dmk_side {
     const dmk_space *vertex; /* of which only the bounds are used */
-    int32_t *
-        row; /* own vertices' neighbours: with the links' lengths, in the order of a dmk_adjacency */
+    /* Own vertices' neighbours: with the links' lengths, in the order of a dmk_adjacency. */
+    int32_t *row;
     struct dmk_link {
         int64_t to;
         float length;

@@ -58,10 +58,10 @@ typedef struct dmk_share {
     dmk_mesh mesh;                    /* what is packed */
     dmk_halo rows, vertices[DMK_SHARE_LEVELS], level_edges[DMK_SHARE_LEVELS];
     struct dmk_needs *needs; /* what the halos bring, until they are made */
-    dmk_split elements,
-        graph[DMK_SHARE_LEVELS]; /* of launches over T, and over a dealt level's vertices */
+    /* Of launches over T, and over a dealt level's vertices. */
+    dmk_split elements, graph[DMK_SHARE_LEVELS];
     dmk_buffer *staging;
-    char *host; /* as long */
+    char *host; /* four times as long: see halo.c */
     size_t staging_bytes;
     dmk_traffic traffic;
 } dmk_share;
@@ -98,9 +98,9 @@ typedef struct dmk_part {
     int32_t *galerkin_row; /* by own coarse edge */
     int64_t *galerkin_edge;
     float *galerkin_coef;
-    int64_t *
-        other; /* 3 for each of n_others coarse edges of other ranks at own coarse vertices: its number and ends */
     int32_t n_others;
+    int64_t
+        *other; /* 3 for each coarse edge of other ranks at own coarse vertices: number and ends */
 } dmk_part;
 
 /* The levels down to share->first_whole in parts, the ones from there on whole. */

@@ -35,8 +35,7 @@ typedef struct corner {
 /* The half-edge from or to the vertex. */
 typedef struct spoke {
     int64_t other, opposite, half;
-    int32_t
-        corner; /* 2 * corner, + 1 for the edge to the previous vertex, which runs to this one */
+    int32_t corner; /* 2 * corner, + 1 for the edge to the previous vertex, which runs here */
 } spoke;
 
 /* What the sender of a corner learns: the edges to the next and the previous vertex, of which this is the smaller

@@ -49,8 +49,7 @@ typedef struct convergence {
     gathering *at;     /* vertices */
     gathering *spread; /* vertices: means around them */
     gathering *mean;   /* triangles: of their corners */
-    double *
-        fine; /* vertices: the density within FINE, then what that is above the one within COARSE, as x */
+    double *fine;  /* vertices: the density within FINE, then x: that above the one within COARSE */
     double *crest; /* triangles: x; NULL without mu */
     double mean_area;
     uint8_t *acl;

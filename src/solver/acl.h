@@ -7,8 +7,8 @@
 /* A result on the ordered mesh, in its units. */
 typedef struct dmk_acl_input {
     const dmk_mesh *mesh; /* with the metric that was computed with */
-    const double *
-        mu; /* n_triangles; NULL: unknown, or no length (then no threshold, and no crests: acl.c) */
+    /* n_triangles; NULL: unknown, or no length (then no threshold, and no crests: acl.c) */
+    const double *mu;
     const double *u;     /* n_vertices */
     const double *u_mid; /* n_edges */
 } dmk_acl_input;

@@ -40,8 +40,8 @@ enum { SOLVES = 4 };
 typedef struct search {
     double upper, least, tolerance;
     int solves;
-    double *own,
-        *solved; /* rows: the iteration's u, and the one that solves A(mu) u = f best; NULL: it is the first */
+    /* Rows: the iteration's u, and the one that solves A(mu) u = f best; NULL: it is the first. */
+    double *own, *solved;
     bool delivered; /* the flux is there, if it is wanted */
 } search;
 

@@ -30,10 +30,10 @@ bool dmk_fine_graph_pays(int32_t n_triangles, int64_t n_needles, double sharpest
 typedef struct dmk_fine_graph {
     int32_t n_edges, elements_at;
     int32_t *edge; /* 2 * n_edges: rows; twice the same where there is no such element */
-    int32_t
-        *slot; /* 2 * dmk_padded(3 * mesh edges): the shares of edge i at dmk_slot(i, 0 or 1, 2) */
-    dmk_hierarchy
-        hierarchy; /* level[0] is from the rows; none if the mesh does not become coarse enough */
+    /* 2 * dmk_padded(3 * mesh edges): the shares of edge i at dmk_slot(i, 0 or 1, 2). */
+    int32_t *slot;
+    /* Its level[0] is from the rows; none if the mesh does not become coarse enough. */
+    dmk_hierarchy hierarchy;
 } dmk_fine_graph;
 
 /* Of an ordered, connected mesh. */

@@ -168,10 +168,10 @@ int dmk_band_map(dmk_context *context, dmk_system *s, const dmk_bands *bands, co
 
 /* The repair of a potential under way. */
 typedef struct dmk_repair_work {
-    dmk_buffer *u, *before; /* rows, real; before: without the momentum */
-    dmk_buffer *mark;       /* per element: its slots in out_real are not 0 */
-    dmk_buffer *ring,
-        *moved; /* per row: ring around the hot ones; stamp of the last that moved it */
+    dmk_buffer *u, *before;      /* rows, real; before: without the momentum */
+    dmk_buffer *mark;            /* per element: its slots in out_real are not 0 */
+    dmk_buffer *ring;            /* per row: the ring around the hot ones that it is of */
+    dmk_buffer *moved;           /* and the stamp of the last sweep that moved it */
     dmk_buffer *elements, *rows; /* the lists */
     dmk_buffer *count;           /* their lengths on the device, and here: */
     int32_t n_elements, n_rows;

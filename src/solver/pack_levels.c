@@ -42,7 +42,6 @@ done:
     return rc;
 }
 
-/* A graph's rows: neighbours with their edge numbers. Edges from a row to itself are none. */
 int dmk_pack_graph(const packer *p, int32_t n, int32_t n_edges, const int32_t *edge_vertex,
                    dmk_level *l)
 {
@@ -187,7 +186,6 @@ done:
     return rc;
 }
 
-/* The hierarchy's level i, which is the system's next one, and the transfer to it. */
 int dmk_pack_level(const packer *p, dmk_hierarchy *h, int32_t i)
 {
     int rc;
@@ -202,7 +200,6 @@ done:
     return rc;
 }
 
-/* What follows from all levels. */
 int dmk_pack_coarsest(const packer *p, const dmk_hierarchy *h)
 {
     int rc;

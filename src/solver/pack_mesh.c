@@ -112,7 +112,7 @@ static void corner_slot_range(int32_t begin, int32_t end, void *data)
 }
 
 /* Rows of T/2, midpoints in two columns, then vertices: where the elements leave what each row sums up.
- * Edges and vertices of T find theirs among 3 numbers per element by these slots, see density.cl. */
+ * Edges and vertices of T find theirs among 3 numbers per element by these slots: CORNER_PLACE in multigrid.cl. */
 static int pack_slots(const packer *p)
 {
     int rc;

@@ -222,7 +222,7 @@ done:
     return rc;
 }
 
-/* Own numbers from slot `first` on, (x - base) times the unit. */
+/* x becomes (x - base) times the unit. */
 static void scale(int64_t n, double base, double unit, double *x)
 {
     for (int64_t i = 0; i < n; i++) x[i] = (x[i] - base) * unit;

@@ -38,8 +38,7 @@ typedef struct repair {
     double mark;  /* the gap when it was first half of the mark before */
     int marked;   /* sweeps until then */
     double upper; /* bound of the cost */
-    double
-        delta; /* u is scaled by 1 - delta first, to have room; what moves goes to 1 - delta / 2 */
+    double delta; /* u is scaled by 1 - delta, to have room; what moves goes to 1 - delta / 2 */
     double theta; /* Nesterov's */
 } repair;
 

@@ -21,9 +21,8 @@ struct dmk_solver {
     int32_t node[6];    /* whole rows of the source's nodes */
     dmk_pieces *pieces; /* in place of a mesh, of which there are the counts alone; */
     dmk_mesh counts;
-    dmk_plot
-        plot; /* then this rank's share of the component in order: its mesh until it is packed */
-    bool planted; /* it is that, and no rank has an order */
+    dmk_plot plot; /* then this rank's share of the component in order, until it is packed */
+    bool planted;  /* it is that, and no rank has an order */
 };
 
 /* pieces.c: the component of a triangle of the input in order, of which each rank has its share; or all of a small one,

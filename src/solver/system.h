@@ -85,8 +85,7 @@ typedef struct dmk_system {
     bool of_needles; /* levels without T pay */
     /* Without T level 0 is T/2's graph, whose vectors are those of the rows: see fine_graph.h. */
     bool without_T;
-    dmk_buffer *weight_wide,
-        *rank_one_real; /* then: Newton's coefficients in the outer precision */
+    dmk_buffer *weight_wide, *rank_one_real; /* then: coefficients in the outer precision */
     int32_t elements_at;
     dmk_buffer *share_slot;
     /* Levels from this one on are done by one work-group in one launch (n_levels: none): their arrays are parts
@@ -96,9 +95,9 @@ typedef struct dmk_system {
     int32_t n_coarse_edges;      /* of the coarsest level, for its inverse */
     int32_t *coarse_edge_vertex; /* 2 per edge */
     dmk_buffer *coarse_inverse;  /* n_pad columns */
-    dmk_buffer
-        *dense; /* n * n numbers to find it in; NULL: the host does, where the device has no double
-                          precision or n is too large for one work-group */
+    /* n * n numbers to find it in; NULL: the host does, where the device has no double precision or n is too large
+     * for one work-group. */
+    dmk_buffer *dense;
 } dmk_system;
 
 /* What a mesh's system on this device counts. */

@@ -12,15 +12,15 @@ typedef struct dmk_tree {
     dmk_share *share;              /* NULL: the whole mesh; else a rank's own items, and ghosts */
     const dmk_mesh *mesh;          /* of which edges and their ends are read; connected */
     int32_t vertices[2], edges[2]; /* the own ones: first, and end */
-    int (*bin)(const void *user,
-               int32_t edge); /* of an own edge; low ones come into the tree first */
+    /* Of an own edge; low ones come into the tree first. */
+    int (*bin)(const void *user, int32_t edge);
     const void *user;
-    double *load,
-        *error; /* vertices: what each has to send, 0 in all, and a bound of the rounding in it; they are
-                             used up, and those of ghosts not read */
-    double *sent,
-        *carried; /* edges, all 0: of own ones in the tree the flow from the first end to the second, and
-                               the errors that go with it */
+    /* Vertices: what each has to send, 0 in all, and a bound of the rounding in it; they are used up, and those of
+     * ghosts not read. */
+    double *load, *error;
+    /* Edges, all 0: of own ones in the tree the flow from the first end to the second, and the errors that go with
+     * it. */
+    double *sent, *carried;
     /* Of dmk_tree_grow, freed by dmk_tree_free: own edges, those of the own forest first, and by vertices. */
     int32_t *order, n_chosen, *degree;
 } dmk_tree;
