@@ -79,6 +79,10 @@ int dmk_grow(dmk_context *context, const char *what, size_t wanted, size_t size,
 #define DMK_GROW(context, pointer, wanted, capacity)                                               \
     dmk_grow((context), #pointer, (wanted), sizeof *(pointer), &(capacity), (void **)&(pointer))
 
+/* Of triples, which are counted: at least 3 * wanted items. */
+#define DMK_GROW_TRIPLES(context, pointer, wanted, capacity)                                       \
+    dmk_grow((context), #pointer, (wanted), 3 * sizeof *(pointer), &(capacity), (void **)&(pointer))
+
 /* DMK_NEW without zeroing, for arrays of one item or more that are filled at once; the pointer is NULL before. */
 #define DMK_NEW_UNSET(context, pointer, count)                                                     \
     dmk_grow((context), #pointer, (count), sizeof *(pointer), (size_t[]){0}, (void **)&(pointer))

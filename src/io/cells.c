@@ -27,15 +27,8 @@ dmk_cell dmk_cell_of_vtk(int64_t type)
 
 int dmk_corners_resize(dmk_context *ctx, dmk_corners *corners, size_t n)
 {
-    if (n > corners->room) {
-        const size_t room = n < 16 ? 16 : 2 * n;
-        int32_t *bigger = realloc(corners->vertex, room * sizeof *bigger);
-        if (!bigger) return dmk_fail(ctx, DMK_E_NOMEM, "out of memory: a cell of %zu corners", n);
-        corners->vertex = bigger;
-        corners->room = room;
-    }
     corners->n = n;
-    return DMK_OK;
+    return DMK_GROW(ctx, corners->vertex, n, corners->room);
 }
 
 const char *dmk_cell_refusal(dmk_cell cell, size_t n)

@@ -57,7 +57,10 @@ bool dmk_text_is_in_any_case(const dmk_text *text, const char *word);
 bool dmk_text_take(dmk_text *text, const char *word);
 /* Whether a word ends at p: a blank, line end, comment or backslash stands there, or nothing. */
 bool dmk_text_ends(const dmk_text *text, const char *p);
-/* Read a number that ends with its word; `what` names it in the error. */
+/* A number that ends with its word, at text->at, and then go behind it; false if there is none. */
+bool dmk_text_take_number(dmk_text *text, double *value);
+bool dmk_text_take_integer(dmk_text *text, int64_t *value);
+/* The same, or fail; `what` names it in the error. */
 int dmk_text_number(dmk_text *text, const char *what, double *value);
 int dmk_text_integer(dmk_text *text, const char *what, int64_t *value);
 

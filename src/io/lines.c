@@ -110,19 +110,3 @@ void dmk_chunks_free(struct dmk_chunks **chunks)
     free(c->begin);
     free(c);
 }
-
-bool dmk_line_number(dmk_text *t, double *value)
-{
-    const char *p = t->at;
-    if (!dmk_number_read(&t->numbers, &p, t->end, value) || !dmk_text_ends(t, p)) return false;
-    t->at = p;
-    return true;
-}
-
-bool dmk_line_integer(dmk_text *t, int64_t *value)
-{
-    const char *p = t->at;
-    if (!dmk_integer_read(&p, t->end, value) || !dmk_text_ends(t, p)) return false;
-    t->at = p;
-    return true;
-}

@@ -29,8 +29,4 @@ int dmk_lines_take(dmk_context *context, const dmk_lines *lines, struct dmk_chun
                    bool *plain);
 void dmk_chunks_free(struct dmk_chunks **chunks);
 
-/* A number that ends with its word, at t; false if there is none. */
-bool dmk_line_number(dmk_text *t, double *value);
-bool dmk_line_integer(dmk_text *t, int64_t *value);
-
 #endif

@@ -132,14 +132,10 @@ static int add_room(msh *m, int64_t n)
                                (long long)n, left);
     }
     const size_t need = m->soup->n_vertices + (size_t)n;
-    if (need <= m->vertex_room) return DMK_OK;
-    const size_t room = need > 2 * m->vertex_room ? need : 2 * m->vertex_room;
-    double *xyz = realloc(m->soup->xyz, 3 * room * sizeof *xyz);
-    if (xyz) m->soup->xyz = xyz;
-    node *nodes = realloc(m->node, room * sizeof *nodes);
-    if (nodes) m->node = nodes;
-    rc = xyz && nodes ? DMK_OK : dmk_fail(ctx, DMK_E_NOMEM, "out of memory: %zu nodes", room);
-    m->vertex_room = rc == DMK_OK ? room : m->vertex_room;
+    size_t room = m->vertex_room;
+    DMK_TRY(DMK_GROW_TRIPLES(ctx, m->soup->xyz, need, room));
+    rc = DMK_GROW(ctx, m->node, need, m->vertex_room);
+done:
     return rc;
 }
 

@@ -107,7 +107,7 @@ static bool take_line(dmk_text *t, int kind, size_t i, const dmk_lines *lines)
         int64_t v;
         if (!dmk_text_more(t)) return false;
         if (kind == VERTEX) {
-            if (!dmk_line_number(t, &lines->soup->xyz[3 * i + k])) return false;
+            if (!dmk_text_take_number(t, &lines->soup->xyz[3 * i + k])) return false;
             continue;
         }
         const char *p = t->at, *word_end = t->at + dmk_text_word(t);

@@ -123,9 +123,9 @@ static int check_end(dmk_text t, const dmk_soup *soup, int64_t n_faces)
     int64_t n = 0, v;
     if (!dmk_text_seek(&t)) return DMK_OK;
     const char *line = t.at;
-    if (!dmk_line_integer(&t, &n) || n < 3) return DMK_OK;
+    if (!dmk_text_take_integer(&t, &n) || n < 3) return DMK_OK;
     for (int64_t k = 0; k < n; k++) {
-        if (!dmk_text_more(&t) || !dmk_line_integer(&t, &v)) return DMK_OK;
+        if (!dmk_text_more(&t) || !dmk_text_take_integer(&t, &v)) return DMK_OK;
         if (v < 0 || (uint64_t)v >= soup->n_vertices) return DMK_OK;
     }
     t.at = line;
@@ -151,13 +151,13 @@ static bool take_line(dmk_text *t, int kind, size_t i, const dmk_lines *lines)
     int64_t v[4];
     if (i < soup->n_vertices) {
         for (size_t k = 0; k < 3; k++) {
-            if (!dmk_text_more(t) || !dmk_line_number(t, &soup->xyz[3 * i + k])) return false;
+            if (!dmk_text_more(t) || !dmk_text_take_number(t, &soup->xyz[3 * i + k])) return false;
         }
         return h->extras || !dmk_text_more(t);
     }
     i -= soup->n_vertices;
     for (size_t k = 0; k < 4; k++) {
-        if (!dmk_text_more(t) || !dmk_line_integer(t, &v[k])) return false;
+        if (!dmk_text_more(t) || !dmk_text_take_integer(t, &v[k])) return false;
         if (k > 0 && (v[k] < 0 || (uint64_t)v[k] >= soup->n_vertices)) return false;
         if (k > 0) soup->triangle[3 * i + k - 1] = (int32_t)v[k];
     }

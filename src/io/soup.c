@@ -14,20 +14,6 @@ void dmk_soup_free(dmk_soup *soup)
     memset(soup, 0, sizeof *soup);
 }
 
-/* Room for one more triangle at least. */
-static int grow(dmk_context *ctx, dmk_soup *soup)
-{
-    if (soup->n_triangles < soup->triangle_room) return DMK_OK;
-    size_t room = soup->triangle_room < 1024 ? 1024 : 2 * soup->triangle_room;
-    int32_t *bigger = realloc(soup->triangle, 3 * room * sizeof *bigger);
-    if (!bigger) {
-        return dmk_fail(ctx, DMK_E_NOMEM, "out of memory: %zu triangles of the file", room);
-    }
-    soup->triangle = bigger;
-    soup->triangle_room = room;
-    return DMK_OK;
-}
-
 /* The last triangle is the next one of a polygon. */
 static int count_fan(dmk_context *ctx, dmk_soup *soup, size_t corner)
 {
@@ -44,7 +30,7 @@ done:
 int dmk_soup_corner(dmk_context *ctx, dmk_soup *soup, size_t corner, int32_t fan[2], int32_t vertex)
 {
     if (corner >= 2) {
-        int rc = grow(ctx, soup);
+        int rc = DMK_GROW_TRIPLES(ctx, soup->triangle, soup->n_triangles + 1, soup->triangle_room);
         if (rc == DMK_OK && soup->n_triangles % POLLED == 0) rc = dmk_poll(ctx);
         if (rc != DMK_OK) return rc;
         int32_t *t = soup->triangle + 3 * soup->n_triangles++;

@@ -38,16 +38,10 @@ typedef struct corners {
     size_t room; /* of soup->xyz, in vertices */
 } corners;
 
-static int corners_grow(dmk_context *ctx, corners *c, size_t room)
+static int corners_grow(dmk_context *ctx, corners *c, size_t n)
 {
-    if (room > INT32_MAX) {
-        return dmk_fail(ctx, DMK_E_MESH, "more than %d corners of triangles", INT32_MAX);
-    }
-    double *xyz = realloc(c->soup->xyz, 3 * room * sizeof *xyz);
-    if (!xyz) return dmk_fail(ctx, DMK_E_NOMEM, "out of memory: %zu corners of the file", room);
-    c->soup->xyz = xyz;
-    c->room = room;
-    return DMK_OK;
+    if (n <= INT32_MAX) return DMK_GROW_TRIPLES(ctx, c->soup->xyz, n, c->room);
+    return dmk_fail(ctx, DMK_E_MESH, "more than %d corners of triangles", INT32_MAX);
 }
 
 static int add_corner(dmk_context *ctx, corners *c, size_t corner, int32_t fan[2],
@@ -55,7 +49,7 @@ static int add_corner(dmk_context *ctx, corners *c, size_t corner, int32_t fan[2
 {
     int rc = DMK_OK;
     dmk_soup *soup = c->soup;
-    if (soup->n_vertices == c->room) DMK_TRY(corners_grow(ctx, c, 2 * c->room + 1024));
+    DMK_TRY(corners_grow(ctx, c, soup->n_vertices + 1));
     memcpy(soup->xyz + 3 * soup->n_vertices, x, 3 * sizeof *x);
     rc = dmk_soup_corner(ctx, soup, corner, fan, (int32_t)soup->n_vertices++);
 done:
@@ -68,7 +62,7 @@ static int read_binary(dmk_context *ctx, const dmk_file *f, corners *c)
 {
     int rc = DMK_OK;
     uint32_t n = decode32(f->data + 80);
-    DMK_TRY(corners_grow(ctx, c, 3 * (size_t)n + 1)); /* room for none is no room */
+    DMK_TRY(corners_grow(ctx, c, 3 * (size_t)n));
     for (uint32_t t = 0; t < n; t++) {
         const char *p = f->data + HEADER_BYTES + (size_t)t * RECORD_BYTES + 12;
         int32_t fan[2] = {0, 0};

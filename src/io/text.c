@@ -140,22 +140,30 @@ static int fail_word(const dmk_text *text, const char *what, const char *wanted)
     return dmk_text_fail_word(text, "where %s is expected: write %s", what, wanted);
 }
 
-int dmk_text_number(dmk_text *text, const char *what, double *value)
+bool dmk_text_take_number(dmk_text *text, double *value)
 {
     const char *p = text->at;
-    if (!dmk_number_read(&text->numbers, &p, text->end, value) || !dmk_text_ends(text, p)) {
-        return fail_word(text, what, "a finite decimal number");
-    }
+    if (!dmk_number_read(&text->numbers, &p, text->end, value) || !dmk_text_ends(text, p))
+        return false;
     text->at = p;
-    return DMK_OK;
+    return true;
+}
+
+bool dmk_text_take_integer(dmk_text *text, int64_t *value)
+{
+    const char *p = text->at;
+    if (!dmk_integer_read(&p, text->end, value) || !dmk_text_ends(text, p)) return false;
+    text->at = p;
+    return true;
+}
+
+int dmk_text_number(dmk_text *text, const char *what, double *value)
+{
+    if (dmk_text_take_number(text, value)) return DMK_OK;
+    return fail_word(text, what, "a finite decimal number");
 }
 
 int dmk_text_integer(dmk_text *text, const char *what, int64_t *value)
 {
-    const char *p = text->at;
-    if (!dmk_integer_read(&p, text->end, value) || !dmk_text_ends(text, p)) {
-        return fail_word(text, what, "an integer");
-    }
-    text->at = p;
-    return DMK_OK;
+    return dmk_text_take_integer(text, value) ? DMK_OK : fail_word(text, what, "an integer");
 }

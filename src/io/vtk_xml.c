@@ -106,16 +106,10 @@ static void open_file(walk *w, const char **attribute)
 static void open_piece(walk *w, const char **attribute)
 {
     dmk_vtk_tags *tags = w->tags;
-    if (tags->n_pieces == tags->room) {
-        const size_t room = tags->room ? 2 * tags->room : 4;
-        dmk_vtk_piece *bigger = realloc(tags->piece, room * sizeof *bigger);
-        if (!bigger) {
-            w->rc = dmk_fail(w->context, DMK_E_NOMEM, "out of memory: %zu pieces", room);
-            XML_StopParser(w->parser, XML_FALSE);
-            return;
-        }
-        tags->piece = bigger;
-        tags->room = room;
+    w->rc = DMK_GROW(w->context, tags->piece, tags->n_pieces + 1, tags->room);
+    if (w->rc != DMK_OK) {
+        XML_StopParser(w->parser, XML_FALSE);
+        return;
     }
     dmk_vtk_piece *p = &tags->piece[tags->n_pieces++];
     *p = (dmk_vtk_piece){.n_points = find_count(w, attribute, "NumberOfPoints"),
