@@ -8,9 +8,15 @@ build=$1
 shift
 
 # Nothing outside the build folder is touched: kernel caches live here while tests run, and longer with
-# KEEP_SCRATCH=1.
+# KEEP_SCRATCH=1. Where that has a blank, which PREFIX and LD_PRELOAD do not take, it is elsewhere.
 scratch=$PWD/$build/scratch
 [ "${KEEP_SCRATCH:-}" ] || rm -rf "$scratch"
+case $scratch in
+*[[:space:]]*)
+    scratch=$(mktemp -d /tmp/dmkcl-tests.XXXXXX) || exit 1
+    trap 'rm -rf "$scratch"' EXIT
+    ;;
+esac
 mkdir -p "$scratch/tmp" "$scratch/cache/pocl" || exit 1
 export TMPDIR="$scratch/tmp" XDG_CACHE_HOME="$scratch/cache" POCL_CACHE_DIR="$scratch/cache/pocl"
 export DMKCL_BUILD="$build" CMOCKA_MESSAGE_OUTPUT=TAP

@@ -211,8 +211,8 @@ static bool use_decimal_commas(const char *folder)
 {
     char command[300];
     if (setlocale(LC_ALL, "de_DE.UTF-8")) return true;
-    snprintf(command, sizeof command, "localedef -i de_DE -f UTF-8 %s/de_DE.UTF-8 >/dev/null 2>&1",
-             folder);
+    snprintf(command, sizeof command,
+             "localedef -i de_DE -f UTF-8 '%s'/de_DE.UTF-8 >/dev/null 2>&1", folder);
     int status = system(command);
     (void)status;
     setenv("LOCPATH", folder, 1);
@@ -236,7 +236,7 @@ static void test_any_locale(void **state)
     fclose(msh);
     assert_int_equal(dmk_mesh_read(f->ctx, file, &mesh), DMK_E_FORMAT);
     snprintf(said, sizeof said, "%s", dmk_context_message(f->ctx) + strlen(folder));
-    snprintf(command, sizeof command, "rm -r %s", folder);
+    snprintf(command, sizeof command, "rm -r '%s'", folder);
     assert_int_equal(system(command), 0);
     if (!commas) skip();
     char here[8], slow[32] = "1.25e-300";

@@ -43,6 +43,13 @@ side_by_side() {
 }
 check 'tests that run side by side are added up' side_by_side
 
+no_blanks() {
+    mkdir "$work/a b" && ln -s "$PWD/tests" "$work/a b/tests" || return
+    echo 'echo 1..1; case $TMPDIR in *" "*) echo not ok 1 - a ;; *) echo ok 1 - a ;; esac' > "$work/a b/x.sh"
+    test "$(cd "$work/a b" && sh tests/run.sh build x.sh | tail -n 1)" = '1 passed, 0 failed'
+}
+check 'files of tests are where there are no blanks' no_blanks
+
 german() {
     localedef -i de_DE -f UTF-8 "$work/de_DE.UTF-8" && test 5.5 = "$(LOCPATH=$work LC_ALL=de_DE.UTF-8 \
         bash -c '. tests/tap.sh; echo 2.75 | awk "{ print 2 * \$1 }"')"

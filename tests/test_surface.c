@@ -432,7 +432,7 @@ static void bad_options_are_refused(void **state)
     refuse(f->ctx, &o, "smaller than a");
     o = good;
     o.n_triangles = 10;
-    refuse(f->ctx, &o, "too few");
+    refuse(f->ctx, &o, "at least 120 triangles, not 10");
     o = options_of(&surfaces[2], 0);
     o.size[0] = 1e6; /* needles only */
     refuse(f->ctx, &o, "ask for more");
