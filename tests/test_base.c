@@ -2,7 +2,9 @@
 #include "base/dense.h"
 #include "base/graph.h"
 #include "base/heading.h"
+#include "base/heap.h"
 #include "base/sort.h"
+#include "io/values.h"
 #include "mesh/mesh.h"
 #include "context.h"
 
@@ -55,7 +57,7 @@ static void graphs_are_lines(void **state)
 {
     (void)state;
     static const int32_t end[][2] = {{7, 8}, {0, 1}, {0, 2}, {8, 9}, {3, 0},
-                                     {0, 4}, {4, 5}, {6, 3}, {9, 7}, {3, 6}};
+                                     {4, 5}, {0, 4}, {6, 3}, {9, 7}, {3, 6}};
     static const int32_t line[] = {0, 1,      /**/ 0, 2, /**/ 0, 3, /**/ 0, 4,
                                    5, /**/ 3, 6,      3, /**/ 7, 8, 9,      7};
     static const int32_t begin[] = {0, 2, 4, 6, 9, 12, 16};
@@ -75,6 +77,35 @@ static void graphs_are_lines(void **state)
 }
 
 /* On one thread and on several; of the digit in the middle one item alone has another value. */
+/* By number where keys are equal, in whatever order they came. */
+static void heaps_give_the_least(void **state)
+{
+    enum { N = 60 };
+    (void)state;
+    dmk_heap heap = {0};
+    for (int32_t i = 0; i < N; i++) {
+        const int32_t item = i * 37 % N;
+        assert_int_equal(dmk_heap_push(ctx, &heap, (double)(item / 10), item), DMK_OK);
+    }
+    for (int32_t i = 0; i < N; i++) assert_int_equal(dmk_heap_pop(&heap).item, i);
+    assert_int_equal(heap.n, 0);
+    dmk_heap_free(&heap);
+}
+
+/* Of numbers that 63 bits do not hold there is none. */
+static void numbers_of_files_are_integers(void **state)
+{
+    static const double none[] = {9.3e18, -9.3e18, INFINITY, NAN};
+    const uint64_t large = UINT64_C(1) << 63, fits = large - 1;
+    const double whole = -9007199254740991.0;
+    (void)state;
+    for (size_t i = 0; i < sizeof none / sizeof *none; i++)
+        assert_true(dmk_decode_integer(DMK_FLOAT64, (const char *)&none[i], false) == -1);
+    assert_true(dmk_decode_integer(DMK_FLOAT64, (const char *)&whole, false) == -9007199254740991);
+    assert_true(dmk_decode_integer(DMK_UINT64, (const char *)&large, false) == -1);
+    assert_true(dmk_decode_integer(DMK_UINT64, (const char *)&fits, false) == INT64_MAX);
+}
+
 static void keyed_items_keep_their_order(void **state)
 {
     (void)state;
@@ -266,6 +297,8 @@ int main(void)
         cmocka_unit_test(angles_are_arc_tangents),
         cmocka_unit_test(keyed_items_keep_their_order),
         cmocka_unit_test(graphs_are_lines),
+        cmocka_unit_test(heaps_give_the_least),
+        cmocka_unit_test(numbers_of_files_are_integers),
         cmocka_unit_test(laplacians_are_inverted),
         cmocka_unit_test(loose_unknowns_are_left_out),
         cmocka_unit_test(a_missing_context_has_no_message),

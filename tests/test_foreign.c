@@ -217,11 +217,11 @@ static void test_binary_msh(void **state)
     }
 }
 
-/* Strings with their lengths in 1, 2, 4 and 8 bytes, and nine bits in two bytes. */
+/* Strings with their lengths in 1, 2, 4 and 8 bytes, the first no length itself, and nine bits in two bytes. */
 static void add_field(bytes *b)
 {
     static const char data[] = "\xc3"
-                               "a b\xc0\x80\x01\n\x40\0\0\x02\n\n\0\0\0\0\0\0\0\x01"
+                               "? b\xc0\x80\x01\n\x40\0\0\x02\n\n\0\0\0\0\0\0\0\x01"
                                "5\n"
                                "bits 3 3 bit\nPO\nsigned 2 1 signed_char\n56\n";
     add(b, "FIELD f 3\nnames 1 5 string\n");

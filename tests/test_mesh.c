@@ -241,8 +241,12 @@ static void test_refuses_bad_indices(void **state)
     check_refused(*state, N_SPARE, tetra_xyz, 4, t, DMK_E_MESH, "triangle_2 vertex_99 there_are_8");
     t[7] = N_SPARE;
     check_refused(*state, N_SPARE, tetra_xyz, 4, t, DMK_E_MESH, "triangle_2 vertex_8 there_are_8");
-    t[7] = -1;
-    check_refused(*state, N_SPARE, tetra_xyz, 4, t, DMK_E_MESH, "triangle_2 vertex_-1");
+    for (int k = 6; k < 9; k++) {
+        memcpy(t, tetra, sizeof t);
+        t[k] = -1;
+        check_refused(*state, N_SPARE, tetra_xyz, 4, t, DMK_E_MESH, "triangle_2 vertex_-1");
+    }
+    memcpy(t, tetra, sizeof t);
     t[7] = t[6];
     check_refused(*state, N_SPARE, tetra_xyz, 4, t, DMK_E_MESH, "triangle_2 degenerate repeated");
     check_refused(*state, N_SPARE, tetra_xyz, 0, t, DMK_E_MESH, "nothing_to_solve");

@@ -37,7 +37,7 @@ def run(command):
     if words[0] == "show":
         path = os.path.join(work, words[1])
         return ["| " + line for line in show(path)] if os.path.exists(path) else ["not there"]
-    process = subprocess.run(["sh", "-c", re.sub(r"\bdmkcl\b", tool, command)], cwd=work, stdin=subprocess.DEVNULL,
+    process = subprocess.run(["sh", "-c", re.sub(r"\bdmkcl\b", shlex.quote(tool), command)], cwd=work, stdin=subprocess.DEVNULL,
                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, timeout=60)
     return ([f"= {process.returncode}"] + ["| " + line for line in masked(process.stdout)] +
             ["! " + line for line in masked(process.stderr)])
