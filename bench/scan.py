@@ -3,9 +3,9 @@
 
 usage: scan.py [--program DMKCL] [--meshes FOLDER] [--names bear,camel,...] [--stability] [--store FOLDER]
                [--out FILE.csv]
-    scan.py --meshes /usr/share/doc/libcgal-demo/examples --out bench/results/scan.csv
+    scan.py --out bench/results/scan.csv
     scan.py --meshes tests/data --names rough --stability --store tests/data --out bench/results/scan.csv
-The meshes are those of Debian's libcgal-demo (data/meshes), three sources each. The judge: exact distances
+The meshes are those of Debian's libcgal-demo, where `make bench` puts them, three sources each. The judge: exact distances
 on the polyhedron by pygeodesic, on the mesh cut 1:4 without moving it, so that the gradient of the distance
 is known on four pieces of each triangle; across a piece of the cut locus it jumps. Lengths in h, the mean edge.
   false    share of the locus' length farther than 3 h from all edges across which the gradient turns by more
@@ -227,7 +227,7 @@ def write_tables(path, rows):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--program", default=os.path.join(accuracy.HERE, "../build/release/dmkcl"))
-    parser.add_argument("--meshes", default="/usr/share/doc/libcgal-demo/examples/data/meshes")
+    parser.add_argument("--meshes", default=os.path.join(accuracy.HERE, "../build/bench/real"))
     parser.add_argument("--names", default=NAMES)
     parser.add_argument("--stability", action="store_true")
     parser.add_argument("--store")
