@@ -449,6 +449,11 @@ void dmk_solve_memory(size_t n_triangles, int single_precision, dmk_memory *memo
  * bytes a triangle more; after dmk_mesh_forget_edges that is not known, and not counted. */
 void dmk_mesh_memory(const dmk_mesh *mesh, int single_precision, dmk_memory *memory);
 
+/* A triangle with sides a >= b >= c is solved as if b + c - a were this part of a at least, unless that would be felt
+ * in the area of the whole. Then single precision, in which the preconditioner works, can tell it from a degenerate
+ * one, and a distance changes by a millionth of the sides it runs along at most. */
+#define DMK_MOLLIFICATION 1e-6
+
 /* A solver for many sources on one mesh: the first solve packs the mesh (the source's connected
  * component) for `device` and sets up its multigrid hierarchy, which the next ones find ready. Both
  * must outlive the solver. Without a device (NULL) it does now what needs none on a mesh of one component, so that

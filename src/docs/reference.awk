@@ -50,7 +50,7 @@ in_comment {
     in_comment = $0 !~ /\*\//
     next
 }
-/^#/ && !/^#define DMK_VERSION/ { next }
+/^#/ && !/^#define DMK_/ { next }
 /^extern "C"|^}$/ { next }
 /^$/ { end_piece(); next }
 {

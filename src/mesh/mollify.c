@@ -1,15 +1,12 @@
 /* Needles and caps have cotangents of any size, and with them the operator's coefficients. A triangle with
- * sides a >= b >= c has b + c - a = 0 if it is degenerate; here that is brought up to a millionth of a.
- * Then single precision, in which the preconditioner works, can tell the triangle from a degenerate one,
- * and a distance changes by a millionth of the sides it runs along at most. (Lengths alone make the
- * operator, so no vertex moves.) */
+ * sides a >= b >= c has b + c - a = 0 if it is degenerate; here that is brought up to DMK_MOLLIFICATION a.
+ * (Lengths alone make the operator, so no vertex moves.) */
 #include "mesh/mollify.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-static const double mollification = 1e-6;
 /* Nothing to do where no cotangent is larger: b + c - a is then above 5e-6 a, but for obtuse triangles
  * that are small beside their longest side and do no harm. */
 static const double harmless = 300;
@@ -20,7 +17,7 @@ static const double area_slack = 1e-4;
 /* How much b + c - a falls short; e sorted. */
 static double lacks(const double *length, const int32_t e[3])
 {
-    return mollification * length[e[0]] - (length[e[2]] - (length[e[0]] - length[e[1]]));
+    return DMK_MOLLIFICATION * length[e[0]] - (length[e[2]] - (length[e[0]] - length[e[1]]));
 }
 
 bool dmk_needs_no_mollifying(const dmk_mesh *m, int32_t begin, int32_t end)

@@ -11,9 +11,11 @@ BUILD = Path(os.environ["DMKCL_OBJECTS"])
 
 
 def declarations(text):
-    """The header as cffi reads it: no comments, no preprocessor but `#define NAME NUMBER`."""
+    """The header as cffi reads it: no comments, no preprocessor but `#define NAME NUMBER` of whole numbers; others are
+    constants."""
     text = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
     text = re.sub(r"#ifdef __cplusplus.*?#endif", "", text, flags=re.DOTALL)
+    text = re.sub(r"^#define (\w+) \d\S*[.e]\S+$", r"static const double \1;", text, flags=re.M)
     lines = [
         line
         for line in text.splitlines()

@@ -39,7 +39,7 @@ def _limit_caps(x: NDArray[np.float64], gradient: NDArray[np.float64]) -> None:
     side = np.roll(x, -1, axis=1) - x
     length = np.linalg.norm(side, axis=2)
     longest = length.max(axis=1)
-    caps = np.flatnonzero(length.sum(axis=1) - 2 * longest < 1e-6 * longest)  # as in src/mesh/mollify.c
+    caps = np.flatnonzero(length.sum(axis=1) - 2 * longest < lib.DMK_MOLLIFICATION * longest)
     along = side[caps, length[caps].argmax(axis=1)] / longest[caps, None]
     part = (gradient[caps] * along).sum(axis=1, keepdims=True) * along
     rest = gradient[caps] - part
