@@ -5,7 +5,7 @@ from __future__ import annotations
 import operator
 import os
 from functools import cached_property
-from typing import Any, Callable, Iterator, NamedTuple, Optional, Sequence, SupportsIndex, Union
+from typing import Any, Callable, Iterator, NamedTuple, Optional, Protocol, Sequence, SupportsIndex, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,8 +27,14 @@ class Point(NamedTuple):
     xyz: "tuple[float, float, float]"
 
 
+class _Array(Protocol):
+    """What NumPy takes for an array."""
+
+    def __array__(self) -> "NDArray[Any]": ...
+
+
 #: (k, 3) points x, y, z; or a list of these and of `Point`.
-PointsLike = Union[ArrayLike, Sequence[Union[ArrayLike, Point]]]
+PointsLike = Union[_Array, Sequence[Union[ArrayLike, Point]]]
 
 
 def each_place(points: PointsLike, nearest: "Callable[[Any], list[Point]]") -> "list[Point]":

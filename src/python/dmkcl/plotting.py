@@ -258,12 +258,14 @@ def _add_locus(plotter: Any, result: "Result", radius: float) -> None:
         _add_ball(plotter, lines.points[0], 2 * radius, LOCUS_COLOUR)
 
 
-def _axes(given: Any, **new: Any) -> Any:
+def _axes(given: Any, projection: str) -> Any:
     """These axes, or of None new ones."""
     if given is None:
-        return optional("matplotlib.pyplot").figure().add_subplot(**new)
+        return optional("matplotlib.pyplot").figure().add_subplot(projection=projection)
     if not isinstance(given, optional("matplotlib.axes").Axes):
         raise ArgumentError(f"ax = {given!r}: expected axes of Matplotlib")
+    if given.name != projection:
+        raise ArgumentError(f'ax = {given!r}: expected axes with projection="{projection}", not "{given.name}"')
     return given
 
 
@@ -273,12 +275,12 @@ def plot_tangent(
     """Draw the tangent cut locus with Matplotlib: directions and lengths at the source.
 
     The disk inside is the part of the tangent plane that the exponential map lays on the surface
-    once. Polar axes: angle at the source, scaled to a full turn, radius in the unit of the coordinates. With a
-    border, where geodesics end at it, the line has gaps. line_options: of Axes.plot, as {"lw": 2}. Returns
-    the axes.
+    once. Polar axes, new ones or `ax`: angle at the source, scaled to a full turn, radius in the unit of the
+    coordinates. With a border, where geodesics end at it, the line has gaps. line_options: of Axes.plot, as
+    {"lw": 2}. Returns the axes.
     """
     more = _dictionary("line_options", line_options, {"lw": 2})
-    ax = _axes(ax, projection="polar")
+    ax = _axes(ax, "polar")
     angle, time, _ = result.tangent
     if len(angle) == 0:
         return ax
@@ -304,7 +306,7 @@ def plot_history(result: "Result", *, ax: Any = None) -> Any:
     The gap is known after the last step, and after each one if `gap` was given to solve. Returns
     the axes.
     """
-    ax = _axes(ax)
+    ax = _axes(ax, "rectilinear")
     history, certificate = result.history, result.certificate
     ax.semilogy(
         history["step"], history["change"], "o-", color="#1f5a96", label="relative change of mu"
@@ -330,6 +332,8 @@ def plot_history(result: "Result", *, ax: Any = None) -> Any:
         f"cost between {certificate.lower:.7g} and {certificate.upper:.7g} "
         f"(gap {100 * certificate.gap:.2g} %)"
     )
-    ax.xaxis.get_major_locator().set_params(integer=True)
+    steps = ax.xaxis.get_major_locator()
+    if isinstance(steps, optional("matplotlib.ticker").MaxNLocator):  # and no choice of the user's own
+        steps.set_params(integer=True)
     ax.legend()
     return ax

@@ -133,6 +133,32 @@ def test_axes_and_lines_that_are_wrong(result, kind, given, words):
     matplotlib.pyplot.close("all")
 
 
+def test_axes_of_another_kind_are_refused(result):
+    """On others than polar ones the disk would be cut off along a chord."""
+    from matplotlib import pyplot
+
+    flat, polar = pyplot.figure().add_subplot(), pyplot.figure().add_subplot(projection="polar")
+    with pytest.raises(dmkcl.ArgumentError, match='expected axes with projection="polar", not "rectilinear"'):
+        result.plot_tangent(ax=flat)
+    with pytest.raises(dmkcl.ArgumentError, match='expected axes with projection="rectilinear", not "polar"'):
+        result.plot_history(ax=polar)
+    assert not flat.lines and not polar.lines
+    assert result.plot_tangent(ax=polar) is polar
+    pyplot.close("all")
+
+
+def test_the_history_keeps_the_ticks_of_its_axes(result):
+    from matplotlib import pyplot
+
+    _, (own, logarithmic) = pyplot.subplots(2)
+    own.set_xticks([1, 2.5])
+    logarithmic.set_xscale("log")
+    for axes in own, logarithmic:
+        assert result.plot_history(ax=axes) is axes
+    assert list(own.get_xticks()) == [1, 2.5] and logarithmic.get_xscale() == "log"
+    pyplot.close("all")
+
+
 def test_the_scale_of_a_plot(result):
     data = result.to_pyvista()
     given = plotting._colour_settings(data, "mu", False, None, np.array([-1, 2]))

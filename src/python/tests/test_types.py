@@ -29,6 +29,9 @@ dmkcl.cut_open("a.off", strength=0.1)
 place = solver.mesh.at_face(3)
 dmkcl.shortest_path("a.off", None, place, 99)
 solver.solve(point=place).path(point=place)
+solver.solve_many(points=[(3, 0, 0), place])
+dmkcl.Geodesics(solver.mesh, points=[place, [1, 0, 0], np.zeros(3)]).at(((1, 0, 0), (0, 1.5, 0)))
+dmkcl.Measure(points=np.zeros((2, 3))) == dmkcl.Measure(points=[place])
 """
 
 
@@ -66,7 +69,7 @@ def test_right_programs_pass_and_typos_do_not(mypy, tmp_path):
     assert done.returncode == 0, done.stdout
     for right, wrong in (
         ("tolerance", "tolerence"), ('"euler"', '"oiler"'), ("float", "str"), ("contours", "contour"), ("gap", "gab"),
-        ("strength", "strenght"),
+        ("strength", "strenght"), ("points=[place]", "points=3"),
     ):  # fmt: skip
         path = tmp_path / f"{wrong.strip(chr(34))}.py"  # mypy knows a file by its size and second
         path.write_text(RIGHT.replace(right, wrong))
