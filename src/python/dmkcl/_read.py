@@ -125,12 +125,12 @@ def repair(vertices: "Union[ArrayLike, MeshLike]", faces: Optional[ArrayLike] = 
 
 def _by_meshio(path: str) -> "tuple[Any, Any]":
     import meshio
-    from meshio._helpers import _filetypes_from_path, reader_map
 
     # Not by meshio.read, which prints why a reader failed, and ends the program.
-    for kind in _filetypes_from_path(Path(path)):
+    known = meshio.extension_to_filetypes.items()
+    for kind in [kind for suffix, kinds in known if path.lower().endswith(suffix) for kind in kinds]:
         try:
-            mesh = reader_map[kind](path)
+            mesh = getattr(meshio, kind.partition("-")[0]).read(path)
         except meshio.ReadError:
             continue
         return from_meshio(mesh)

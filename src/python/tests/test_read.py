@@ -110,6 +110,17 @@ def test_errors(tmp_path):
         dmkcl.read(bad)
 
 
+def test_every_reader_of_meshio_has_a_public_name(tmp_path, small, monkeypatch):
+    kinds = {kind for kinds in meshio.extension_to_filetypes.values() for kind in kinds}
+    readers = {kind for kind in kinds if callable(getattr(getattr(meshio, kind.partition("-")[0]), "read", None))}
+    assert kinds - readers == {"svg"}  # which is only written
+    path = tmp_path / "small.MESH"
+    meshio.write(path, meshio.Mesh(small.vertices, [("triangle", small.faces)]), file_format="medit")
+    for name in "reader_map", "_filetypes_from_path":
+        monkeypatch.delattr(f"meshio._helpers.{name}", raising=False)
+    assert np.array_equal(dmkcl.read(path).faces, small.faces)
+
+
 def test_errors_have_the_name_as_it_is(tmp_path):
     path = tmp_path / "a--repair --b.off"
     with pytest.raises(dmkcl.FileError, match=f"{path}"):
